@@ -1,0 +1,33 @@
+#pragma once
+
+#include <iosfwd>
+#include <string>
+#include <vector>
+
+#include "common/base/status.h"
+#include "common/scene/material.h"
+
+namespace quarry {
+
+/// The `NAME.materials.json` that may stand beside `NAME.ply`: what the face properties `material_index` and
+/// `part_index` refer to.
+///   {"materials": [{"name": "steel", "diffuse": [r,g,b], "specular": [..], "emission": [..], "reflectance": [..],
+///                   "transmittance": [..], "shininess": n, "ior": n, "fresnel": false}, ...],
+///    "parts": ["boiler 1", ...]}
+/// Every member of a material but the name may be left out; "parts" too.
+struct MaterialLibrary {
+  std::vector<Material> materials;
+  std::vector<std::string> parts;
+};
+
+/// Writes `library` as above; the same bytes for the same library.
+void WriteMaterialJson(const MaterialLibrary& library, std::ostream& out);
+
+/// Reads `path`. Values outside a Material's ranges are clamped.
+/// Errors: cannot be opened, not JSON (with the byte), a member of the wrong kind (named).
+Result<MaterialLibrary> ReadMaterialJson(const std::string& path);
+
+/// The path of the material file that belongs to `model_path`: its extension replaced by ".materials.json".
+std::string MaterialJsonPath(const std::string& model_path);
+
+}  // namespace quarry

@@ -1,0 +1,58 @@
+#pragma once
+
+#include <cstdint>
+#include <glm/vec2.hpp>
+#include <glm/vec3.hpp>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "common/base/status.h"
+#include "common/scene/material.h"
+
+namespace quarry {
+
+/// One corner of a polygon: indices into the streams of the file at hand, from 0. `normal` and `uv` may be kNoIndex.
+struct Corner {
+  uint32_t position = kNoIndex;
+  uint32_t normal = kNoIndex;
+  uint32_t uv = kNoIndex;
+};
+
+/// Eight-bit sRGB-free vertex colour: value / 255 multiplies the material's diffuse, linear.
+struct Rgba8 {
+  uint8_t r = 255, g = 255, b = 255, a = 255;
+};
+
+/// Receives one model file after another as a stream, in file order; holds nothing per element for the importer.
+/// Within a file positions, normals and uvs are numbered from 0 in the order given. A polygon may refer to
+/// elements that come later in the same file (OBJ allows it); the sink checks the indices when the file ends.
+/// Not thread-safe. An error ends the import: the importer returns it unchanged.
+class ModelSink {
+ public:
+  virtual ~ModelSink() = default;
+
+  /// Starts a file; `name` (without folders) is the part of faces that have none of their own.
+  virtual Status BeginFile(std::string_view name) = 0;
+  /// Ends it. Errors: a corner index beyond the elements given.
+  virtual Status EndFile() = 0;
+
+  /// Registers a material, a part; returns its index in the scene. Equal part names within a file are one part.
+  virtual uint32_t AddMaterial(const Material& material) = 0;
+  virtual uint32_t AddPart(std::string_view name) = 0;
+
+  /// Positions may be NaN or infinite: triangles with such corners are dropped and counted by the sink.
+  virtual Status AddPosition(const glm::dvec3& position, const Rgba8& color) = 0;
+  virtual Status AddNormal(const glm::vec3& normal) = 0;
+  virtual Status AddUv(const glm::vec2& uv) = 0;
+
+  /// A polygon of 3 or more corners, split by the sink into the fan (0,1,2), (0,2,3), ...; each triangle gets
+  /// the next triangle id. Fewer than 3 corners add nothing. kNoIndex as material means the default material,
+  /// as part the file's own.
+  virtual Status AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t part) = 0;
+
+  /// One line for the person at the terminal, and counted in the statistics (a missing MTL, say).
+  virtual void Warn(std::string message) = 0;
+};
+
+}  // namespace quarry
