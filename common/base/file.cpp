@@ -1,0 +1,134 @@
+#include "common/base/file.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <utility>
+
+namespace quarry {
+namespace {
+
+constexpr size_t kBufferBytes = 1 << 20;
+
+Status WriteAll(int fd, const std::string& path, const char* bytes, size_t size, int64_t offset) {
+  while (size > 0) {
+    const ssize_t n = offset < 0 ? ::write(fd, bytes, size) : ::pwrite(fd, bytes, size, offset);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) return Fail(fmt::format("{}: cannot write: {}", path, ErrnoText(n < 0 ? errno : ENOSPC)));
+    bytes += n;
+    size -= static_cast<size_t>(n);
+    if (offset >= 0) offset += n;
+  }
+  return {};
+}
+
+}  // namespace
+
+Result<InputFile> InputFile::Open(const std::string& path) {
+  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (fd < 0) return Fail(fmt::format("{}: cannot open: {}", path, ErrnoText(errno)));
+  InputFile file(path, fd, 0);
+  struct stat info {};
+  if (::fstat(fd, &info) != 0) return Fail(fmt::format("{}: cannot examine: {}", path, ErrnoText(errno)));
+  if (S_ISDIR(info.st_mode)) return Fail(fmt::format("{}: is a folder, not a file", path));
+  file.size_ = static_cast<uint64_t>(info.st_size);
+  return file;
+}
+
+InputFile::InputFile(InputFile&& other) noexcept
+    : path_(std::move(other.path_)), fd_(std::exchange(other.fd_, -1)), size_(other.size_) {}
+
+InputFile& InputFile::operator=(InputFile&& other) noexcept {
+  std::swap(path_, other.path_);
+  std::swap(fd_, other.fd_);
+  std::swap(size_, other.size_);
+  return *this;
+}
+
+InputFile::~InputFile() {
+  if (fd_ >= 0) ::close(fd_);
+}
+
+Status InputFile::ReadAt(uint64_t offset, std::span<std::byte> out) const {
+  size_t done = 0;
+  while (done < out.size()) {
+    const ssize_t n =
+        ::pread(fd_, out.data() + done, out.size() - done, static_cast<off_t>(offset + done));
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return Fail(fmt::format("{}: cannot read at byte {}: {}", path_, offset, ErrnoText(errno)));
+    if (n == 0)
+      return Fail(fmt::format("{}: truncated: {} bytes wanted at byte {}, the file ends at {}", path_, out.size(),
+                              offset, offset + done));
+    done += static_cast<size_t>(n);
+  }
+  return {};
+}
+
+OutputFile::OutputFile(std::string path, std::string temporary, int fd)
+    : path_(std::move(path)), temporary_(std::move(temporary)), fd_(fd) {
+  buffer_.reserve(kBufferBytes);
+}
+
+Result<OutputFile> OutputFile::Create(const std::string& path) {
+  std::string temporary = fmt::format("{}.tmp-{}", path, ::getpid());
+  const int fd = ::open(temporary.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  if (fd < 0) return Fail(fmt::format("{}: cannot write: {}", path, ErrnoText(errno)));
+  return OutputFile(path, std::move(temporary), fd);
+}
+
+OutputFile::OutputFile(OutputFile&& other) noexcept
+    : path_(std::move(other.path_)),
+      temporary_(std::move(other.temporary_)),
+      fd_(std::exchange(other.fd_, -1)),
+      size_(other.size_),
+      buffer_(std::move(other.buffer_)) {}
+
+OutputFile::~OutputFile() {
+  if (fd_ < 0) return;
+  ::close(fd_);
+  ::unlink(temporary_.c_str());
+}
+
+Status OutputFile::Flush() {
+  QUARRY_TRY(WriteAll(fd_, path_, buffer_.data(), buffer_.size(), -1));
+  buffer_.clear();
+  return {};
+}
+
+Status OutputFile::Write(std::span<const std::byte> bytes) {
+  size_ += bytes.size();
+  if (buffer_.size() + bytes.size() > kBufferBytes) QUARRY_TRY(Flush());
+  if (bytes.size() >= kBufferBytes)
+    return WriteAll(fd_, path_, reinterpret_cast<const char*>(bytes.data()), bytes.size(), -1);
+  buffer_.append(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  return {};
+}
+
+Status OutputFile::WriteAt(uint64_t offset, std::span<const std::byte> bytes) {
+  QUARRY_TRY(Flush());
+  return WriteAll(fd_, path_, reinterpret_cast<const char*>(bytes.data()), bytes.size(),
+                  static_cast<int64_t>(offset));
+}
+
+Status OutputFile::Commit() {
+  QUARRY_TRY(Flush());
+  // Some devices (/dev/full, pipes) refuse fsync; what matters is that a disk that can does.
+  if (::fsync(fd_) != 0 && errno != EINVAL && errno != EROFS)
+    return Fail(fmt::format("{}: cannot write: {}", path_, ErrnoText(errno)));
+  if (::rename(temporary_.c_str(), path_.c_str()) != 0)
+    return Fail(fmt::format("{}: cannot write: {}", path_, ErrnoText(errno)));
+  ::close(std::exchange(fd_, -1));
+  return {};
+}
+
+Status WriteFileAtomically(const std::string& path, std::span<const std::byte> bytes) {
+  QUARRY_ASSIGN(OutputFile file, OutputFile::Create(path));
+  QUARRY_TRY(file.Write(bytes));
+  return file.Commit();
+}
+
+}  // namespace quarry

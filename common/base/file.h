@@ -1,0 +1,71 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+
+#include "common/base/status.h"
+
+namespace quarry {
+
+/// A file opened for reading with pread; never mapped. Movable; closes when destroyed.
+/// Thread-safe after Open: reads carry their own offset.
+class InputFile {
+ public:
+  /// Errors: cannot be opened, is a folder.
+  static Result<InputFile> Open(const std::string& path);
+  InputFile(InputFile&& other) noexcept;
+  InputFile& operator=(InputFile&& other) noexcept;
+  ~InputFile();
+
+  const std::string& path() const { return path_; }
+  /// Bytes in the file when it was opened.
+  uint64_t size() const { return size_; }
+
+  /// Fills `out` from `offset`. Errors: read error; fewer bytes there (the file is truncated).
+  Status ReadAt(uint64_t offset, std::span<std::byte> out) const;
+
+ private:
+  InputFile(std::string path, int fd, uint64_t size) : path_(std::move(path)), fd_(fd), size_(size) {}
+  std::string path_;
+  int fd_ = -1;
+  uint64_t size_ = 0;
+};
+
+/// A file written under a temporary name beside `path` and renamed over it by Commit(); removed when destroyed
+/// before that, so that no reader ever sees half of it. The temporary's name ends in ".tmp-PID".
+/// Not thread-safe.
+class OutputFile {
+ public:
+  static Result<OutputFile> Create(const std::string& path);
+  OutputFile(OutputFile&& other) noexcept;
+  OutputFile& operator=(OutputFile&& other) noexcept = delete;
+  ~OutputFile();
+
+  /// Appends, buffered. Errors: disk full and other write errors.
+  Status Write(std::span<const std::byte> bytes);
+  Status Write(const void* bytes, size_t size) {
+    return Write(std::span(static_cast<const std::byte*>(bytes), size));
+  }
+  /// Overwrites bytes written before, at `offset`.
+  Status WriteAt(uint64_t offset, std::span<const std::byte> bytes);
+  /// Bytes appended so far.
+  uint64_t size() const { return size_; }
+  /// Flushes, fsyncs, renames. The object is finished after it.
+  Status Commit();
+
+ private:
+  OutputFile(std::string path, std::string temporary, int fd);
+  Status Flush();
+  std::string path_;
+  std::string temporary_;
+  int fd_ = -1;
+  uint64_t size_ = 0;
+  std::string buffer_;
+};
+
+/// Writes `text` to `path` by way of an OutputFile.
+Status WriteFileAtomically(const std::string& path, std::span<const std::byte> bytes);
+
+}  // namespace quarry

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <bit>
+#include <cstdint>
+
+#include "common/math/host_device.h"
+
+namespace quarry {
+
+/// A node of either tree, 8 bytes, as stored. Inner: the split plane, and both children side by side (near or far,
+/// one step). Leaf: a range of references in a voxel's tree; a voxel (count 1) or nothing (count 0) in the
+/// top-level tree.
+struct KdNode {
+  uint32_t payload = 0;  ///< inner: the split's float bits; leaf: first reference, or voxel
+  uint32_t link = 3;     ///< bits 0-1: axis, 3 for a leaf; bits 2-31: index of the left child, or count
+
+  static constexpr uint32_t kMaxLink = 0x3FFFFFFFu;
+
+  static KdNode Inner(int axis, float split, uint32_t left) {
+    return {std::bit_cast<uint32_t>(split), left << 2 | static_cast<uint32_t>(axis)};
+  }
+  static KdNode Leaf(uint32_t first, uint32_t count) { return {first, count << 2 | 3u}; }
+
+  QUARRY_HOST_DEVICE bool is_leaf() const { return (link & 3u) == 3u; }
+  QUARRY_HOST_DEVICE int axis() const { return static_cast<int>(link & 3u); }
+  QUARRY_HOST_DEVICE float split() const { return std::bit_cast<float>(payload); }
+  QUARRY_HOST_DEVICE uint32_t left() const { return link >> 2; }
+  QUARRY_HOST_DEVICE uint32_t first() const { return payload; }
+  QUARRY_HOST_DEVICE uint32_t count() const { return link >> 2; }
+
+  bool operator==(const KdNode&) const = default;
+};
+static_assert(sizeof(KdNode) == 8, "stored");
+
+}  // namespace quarry

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <cstdint>
+#include <glm/vec3.hpp>
+#include <limits>
+
+#include "common/math/host_device.h"
+
+namespace quarry {
+
+inline constexpr float kInfinity = std::numeric_limits<float>::infinity();
+inline constexpr uint32_t kNoTriangle = 0xFFFFFFFFu;
+inline constexpr uint32_t kNoVoxel = 0xFFFFFFFFu;
+
+/// The nearest hit known so far, or none (`triangle == kNoTriangle`).
+struct Hit {
+  float t = kInfinity;              ///< multiples of |direction|
+  uint32_t triangle = kNoTriangle;  ///< scene-wide triangle id
+  float b1 = 0, b2 = 0;             ///< barycentric weights of the second and third vertex
+  uint32_t voxel = kNoVoxel;        ///< a voxel that holds the triangle (the one it was found in)
+  uint32_t local = 0;               ///< the triangle's index in that voxel
+
+  /// The order that defines the hit of a ray, without reference to any tree: least (t, id).
+  QUARRY_HOST_DEVICE bool Precedes(float other_t, uint32_t other_triangle) const {
+    return t < other_t || (t == other_t && triangle < other_triangle);
+  }
+};
+
+/// A ray on its way, whole: suspended anywhere, it resumes from these values alone.
+/// Requires: |direction| about 1; the origin within the scene's bounds grown by a tenth of their extent
+/// (PrimaryRay and shading see to it: the reference padding's error bound rests on it).
+struct Ray {
+  glm::vec3 origin{0};
+  float t = 0;  ///< reached so far: nothing before it needs another look
+  glm::vec3 direction{0, 0, 1};
+  float t_max = kInfinity;  ///< hits at or beyond it do not count
+  Hit hit;
+  uint32_t chain = 0;  ///< voxels already done in the chain of the top-level leaf at `t`
+};
+
+}  // namespace quarry

@@ -1,0 +1,81 @@
+#pragma once
+
+#include <bit>
+#include <cmath>
+#include <cstdint>
+
+#include "common/math/host_device.h"
+
+// Elementary functions of our own, so that pixels do not depend on a machine's libm: one source for CPU and CUDA.
+// Only +, -, *, / and fma are used, in a fixed order, in double. Accuracy: 2e-10 relative (tested) over the stated
+// domains, far below what a pixel shows. sqrt is exact by IEEE 754 and taken from the hardware.
+
+namespace quarry {
+
+/// 2^x for x in [-1000, 1000]; clamped outside.
+QUARRY_HOST_DEVICE inline double Exp2(double x) {
+  x = x < -1000 ? -1000 : (x > 1000 ? 1000 : x);
+  const double whole = static_cast<double>(static_cast<int64_t>(x < 0 ? x - 0.5 : x + 0.5));
+  const double y = (x - whole) * 0.693147180559945309417;  // |y| <= 0.35: Taylor to the 11th power is exact enough
+  double p = 1.0;
+  for (int k = 11; k >= 1; --k) p = p * (y / k) + 1.0;
+  return p * std::bit_cast<double>((static_cast<int64_t>(whole) + 1023) << 52);
+}
+
+/// log2(x) for normal positive x; -1100 for x <= 0 and subnormals.
+QUARRY_HOST_DEVICE inline double Log2(double x) {
+  if (!(x >= 2.3e-308)) return -1100;
+  const uint64_t bits = std::bit_cast<uint64_t>(x);
+  int64_t exponent = static_cast<int64_t>(bits >> 52) - 1023;
+  double m = std::bit_cast<double>((bits & 0xFFFFFFFFFFFFFull) | 0x3FF0000000000000ull);  // [1, 2)
+  if (m > 1.41421356237309504880) {
+    m *= 0.5;
+    ++exponent;
+  }
+  const double z = (m - 1) / (m + 1);  // |z| <= 0.172; log(m) = 2 atanh(z)
+  const double z2 = z * z;
+  double p = 0;
+  for (int k = 17; k >= 1; k -= 2) p = p * z2 + 1.0 / k;
+  return static_cast<double>(exponent) + 2 * z * p * 1.44269504088896340736;
+}
+
+/// x^y for x >= 0; 0^y is 0 for y > 0 and 1 for y == 0.
+QUARRY_HOST_DEVICE inline double Pow(double x, double y) {
+  if (y == 0) return 1;
+  if (!(x > 0)) return 0;
+  return Exp2(y * Log2(x));
+}
+
+/// sin and cos of x in radians, |x| <= 1e5.
+QUARRY_HOST_DEVICE inline void SinCos(double x, double& sine, double& cosine) {
+  const double quarters = x * 0.63661977236758134308;
+  const int64_t n = static_cast<int64_t>(quarters < 0 ? quarters - 0.5 : quarters + 0.5);
+  const double r = (x - static_cast<double>(n) * 1.57079632673412561417) -
+                   static_cast<double>(n) * 6.07710050650619224932e-11;  // pi/2 in two parts
+  const double r2 = r * r;
+  double s = 1, c = 1;
+  for (int k = 14; k >= 2; k -= 2) {
+    s = 1 - s * r2 / (k * (k + 1));
+    c = 1 - c * r2 / (k * (k - 1));
+  }
+  s *= r;
+  const bool swap = n & 1;
+  sine = ((n & 2) ? -1.0 : 1.0) * (swap ? c : s);
+  cosine = (((n + 1) & 2) ? -1.0 : 1.0) * (swap ? s : c);
+}
+
+/// tan of half of `degrees`, degrees in (0, 179].
+QUARRY_HOST_DEVICE inline double TanHalfDegrees(double degrees) {
+  double s = 0, c = 1;
+  SinCos(degrees * (3.14159265358979323846 / 360.0), s, c);
+  return s / c;
+}
+
+/// The sRGB encoding of a linear value in [0, 1] (IEC 61966-2-1); clamped outside, NaN is 0.
+QUARRY_HOST_DEVICE inline double EncodeSrgb(double linear) {
+  if (!(linear > 0)) return 0;
+  if (linear >= 1) return 1;
+  return linear <= 0.0031308 ? 12.92 * linear : 1.055 * Pow(linear, 1 / 2.4) - 0.055;
+}
+
+}  // namespace quarry

@@ -1,0 +1,29 @@
+#pragma once
+
+#include <cstdint>
+
+#include "common/math/host_device.h"
+
+namespace quarry {
+
+/// Radiance summed in 64-bit fixed point: the sum does not depend on the order of its terms.
+/// Resolution 2^-32; a term is clamped to [0, 2^20], NaN counts as 0; the sum saturates at 2^30. Saturation keeps
+/// the order irrelevant because terms are never negative.
+class FixedRadiance {
+ public:
+  QUARRY_HOST_DEVICE void Add(float value) {
+    const float term = value > 0 ? (value < 0x1p20f ? value : 0x1p20f) : 0.0f;
+    sum_ += static_cast<int64_t>(static_cast<double>(term) * 0x1p32);
+    sum_ = sum_ < kMax ? sum_ : kMax;
+  }
+  /// The sum over `count` samples.
+  QUARRY_HOST_DEVICE float Mean(uint32_t count) const {
+    return static_cast<float>(static_cast<double>(sum_) * 0x1p-32 / static_cast<double>(count));
+  }
+
+ private:
+  static constexpr int64_t kMax = int64_t{1} << 62;
+  int64_t sum_ = 0;
+};
+
+}  // namespace quarry

@@ -1,0 +1,222 @@
+#include "common/voxel/catalog.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace quarry {
+namespace {
+
+constexpr size_t kMetaBytes = 192;
+constexpr size_t kVoxelBytes = 48;
+constexpr size_t kMaterialBytes = 76;
+
+const Section* Find(const std::vector<Section>& sections, SectionType type) {
+  for (const Section& s : sections)
+    if (s.type == type) return &s;
+  return nullptr;
+}
+
+bool Finite(const glm::vec3& v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
+
+Result<SceneMeta> DecodeMeta(std::span<const std::byte> bytes) {
+  ByteReader in(bytes);
+  SceneMeta m;
+  m.bounds_lower = in.GetVec3<glm::vec3>();
+  m.bounds_upper = in.GetVec3<glm::vec3>();
+  m.root_lower = in.GetVec3<glm::vec3>();
+  m.root_upper = in.GetVec3<glm::vec3>();
+  m.padding = in.Get<float>();
+  m.up_axis = in.Get<uint32_t>();
+  m.offset = in.GetVec3<glm::dvec3>();
+  m.unit_in_metres = in.Get<double>();
+  m.input_triangles = in.Get<uint64_t>();
+  m.dropped_degenerate = in.Get<uint64_t>();
+  m.dropped_not_finite = in.Get<uint64_t>();
+  m.stored_references = in.Get<uint64_t>();
+  m.voxel_size = in.Get<uint32_t>();
+  m.largest_decoded = in.Get<uint32_t>();
+  m.largest_stored = in.Get<uint32_t>();
+  m.lz4_version = in.Get<uint32_t>();
+  if (!in.ok() || bytes.size() != kMetaBytes) return Fail("the META section has the wrong size");
+  if (!Finite(m.root_lower) || !Finite(m.root_upper) || !std::isfinite(m.padding) || m.up_axis > 2 ||
+      m.largest_decoded > kMaxBlockBytes)
+    return Fail("the META section holds values that cannot be");
+  return m;
+}
+
+Status DecodeTopTree(std::span<const std::byte> bytes, Catalog& catalog) {
+  if (bytes.empty() || bytes.size() % sizeof(KdNode) != 0 || bytes.size() / sizeof(KdNode) > KdNode::kMaxLink)
+    return Fail("the TOPT section has the wrong size");
+  catalog.top_nodes = ByteReader(bytes).GetArray<KdNode>(bytes.size() / sizeof(KdNode));
+  for (size_t i = 0; i < catalog.top_nodes.size(); ++i) {
+    const KdNode& n = catalog.top_nodes[i];
+    const bool valid = n.is_leaf()
+                           ? n.count() == 0 || (n.count() == 1 && n.first() < catalog.voxels.size())
+                           : n.left() > i && n.left() + 1 < catalog.top_nodes.size() && std::isfinite(n.split());
+    if (!valid) return Fail(fmt::format("the TOPT section's node {} leads nowhere", i));
+  }
+  return {};
+}
+
+Status CheckVoxel(const VoxelEntry& v, size_t index, size_t count, const SceneMeta& meta) {
+  for (const BlockEntry& b : v.blocks)
+    if (b.decoded > meta.largest_decoded || b.stored > meta.largest_stored || b.stored > b.decoded ||
+        (b.stored == 0) != (b.decoded == 0) || b.offset > uint64_t{1} << 62)
+      return Fail(fmt::format("the VDIR section's voxel {} has a size or place that cannot be", index));
+  if (v.blocks[0].stored == 0) return Fail(fmt::format("the VDIR section's voxel {} is empty", index));
+  // Chains run forward, so that following one always ends.
+  if (v.next_in_chain != kNoIndex && (v.next_in_chain <= index || v.next_in_chain >= count))
+    return Fail(fmt::format("the VDIR section's voxel {} continues in a voxel that cannot be", index));
+  return {};
+}
+
+Status DecodeDirectory(std::span<const std::byte> bytes, Catalog& catalog) {
+  const size_t count = bytes.size() / kVoxelBytes;
+  if (bytes.size() % kVoxelBytes != 0 || count > 0x7FFFFFFF) return Fail("the VDIR section has the wrong size");
+  ByteReader in(bytes);
+  catalog.voxels.resize(count);
+  catalog.next_in_chain.resize(count);
+  for (size_t i = 0; i < count; ++i) {
+    VoxelEntry& v = catalog.voxels[i];
+    v.blocks[0].offset = in.Get<uint64_t>();
+    for (BlockEntry& b : v.blocks) {
+      b.stored = in.Get<uint32_t>();
+      b.decoded = in.Get<uint32_t>();
+      b.checksum = in.Get<uint64_t>();
+    }
+    v.blocks[1].offset = v.blocks[0].offset + v.blocks[0].stored;
+    v.triangles = in.Get<uint32_t>();
+    v.next_in_chain = in.Get<uint32_t>();
+    QUARRY_TRY(CheckVoxel(v, i, count, catalog.meta));
+    catalog.next_in_chain[i] = v.next_in_chain;
+  }
+  return {};
+}
+
+Status DecodeMaterials(std::span<const std::byte> bytes, Catalog& catalog) {
+  ByteReader in(bytes);
+  const auto count = in.Get<uint32_t>();
+  if (!in.ok() || count > 65536 || in.remaining() != count * kMaterialBytes)
+    return Fail("the MATL section has the wrong size");
+  catalog.materials.resize(count);
+  for (Material& m : catalog.materials) {
+    in.Get<uint32_t>();  // the name, in STRS
+    for (glm::vec3* color : {&m.diffuse, &m.specular, &m.emission, &m.reflectance, &m.transmittance})
+      *color = in.GetVec3<glm::vec3>();
+    m.shininess = in.Get<float>();
+    m.ior = in.Get<float>();
+    m.fresnel = in.Get<uint32_t>() != 0;
+  }
+  return {};
+}
+
+}  // namespace
+
+std::string FormatSceneId(const SceneId& id) {
+  std::string text;
+  for (uint8_t byte : id) text += fmt::format("{:02x}", byte);
+  return text;
+}
+
+Bytes EncodeMeta(const SceneMeta& m) {
+  ByteWriter out;
+  out.PutVec3(m.bounds_lower);
+  out.PutVec3(m.bounds_upper);
+  out.PutVec3(m.root_lower);
+  out.PutVec3(m.root_upper);
+  out.Put(m.padding);
+  out.Put(m.up_axis);
+  out.PutVec3(m.offset);
+  out.Put(m.unit_in_metres);
+  out.Put(m.input_triangles);
+  out.Put(m.dropped_degenerate);
+  out.Put(m.dropped_not_finite);
+  out.Put(m.stored_references);
+  out.Put(m.voxel_size);
+  out.Put(m.largest_decoded);
+  out.Put(m.largest_stored);
+  out.Put(m.lz4_version);
+  Bytes bytes = out.Take();
+  bytes.resize(kMetaBytes);
+  return bytes;
+}
+
+Bytes EncodeTopTree(const std::vector<KdNode>& nodes) {
+  ByteWriter out;
+  out.PutArray(std::span(nodes));
+  return out.Take();
+}
+
+Bytes EncodeDirectory(const std::vector<VoxelEntry>& voxels) {
+  ByteWriter out;
+  for (const VoxelEntry& v : voxels) {
+    out.Put(v.blocks[0].offset);
+    for (const BlockEntry& b : v.blocks) {
+      out.Put(b.stored);
+      out.Put(b.decoded);
+      out.Put(b.checksum);
+    }
+    out.Put(v.triangles);
+    out.Put(v.next_in_chain);
+  }
+  return out.Take();
+}
+
+Bytes EncodeMaterials(const std::vector<Material>& materials, std::string& strings) {
+  ByteWriter out;
+  out.Put(static_cast<uint32_t>(materials.size()));
+  for (const Material& m : materials) {
+    out.Put(static_cast<uint32_t>(strings.size()));
+    strings.append(m.name).push_back('\0');
+    for (const glm::vec3* color : {&m.diffuse, &m.specular, &m.emission, &m.reflectance, &m.transmittance})
+      out.PutVec3(*color);
+    out.Put(m.shininess);
+    out.Put(m.ior);
+    out.Put(m.fresnel ? uint32_t{1} : uint32_t{0});
+  }
+  return out.Take();
+}
+
+Result<Catalog> DecodeCatalog(const SceneId& id, const std::vector<Section>& sections) {
+  const SectionType needed[] = {SectionType::kMeta, SectionType::kDirectory, SectionType::kTopTree,
+                                SectionType::kMaterials};
+  for (SectionType type : needed)
+    if (!Find(sections, type)) return Fail("a section that every scene needs is missing");
+  Catalog catalog;
+  catalog.id = id;
+  QUARRY_ASSIGN(catalog.meta, DecodeMeta(Find(sections, SectionType::kMeta)->bytes));
+  QUARRY_TRY(DecodeDirectory(Find(sections, SectionType::kDirectory)->bytes, catalog));
+  QUARRY_TRY(DecodeTopTree(Find(sections, SectionType::kTopTree)->bytes, catalog));
+  QUARRY_TRY(DecodeMaterials(Find(sections, SectionType::kMaterials)->bytes, catalog));
+  return catalog;
+}
+
+Bytes PackSections(const std::vector<Section>& sections) {
+  ByteWriter out;
+  for (const Section& s : sections) {
+    out.Put(static_cast<uint32_t>(s.type));
+    out.Put(static_cast<uint64_t>(s.bytes.size()));
+    out.Put(Checksum(s.bytes));
+    out.PutArray(std::span(s.bytes));
+  }
+  return out.Take();
+}
+
+Result<std::vector<Section>> UnpackSections(std::span<const std::byte> bytes) {
+  std::vector<Section> sections;
+  ByteReader in(bytes);
+  while (in.remaining() > 0) {
+    const auto type = static_cast<SectionType>(in.Get<uint32_t>());
+    const auto size = in.Get<uint64_t>();
+    const auto checksum = in.Get<uint64_t>();
+    const auto content = in.GetSpan(size);
+    if (!in.ok()) return Fail("the scene's catalog is cut short");
+    if (Checksum(content) != checksum) return Fail("the scene's catalog is damaged (checksum)");
+    sections.push_back({type, Bytes(content.begin(), content.end())});
+  }
+  return sections;
+}
+
+}  // namespace quarry
