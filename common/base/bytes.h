@@ -33,10 +33,12 @@ class ByteWriter {
     bytes_.resize(at + sizeof value);
     std::memcpy(bytes_.data() + at, &value, sizeof value);
   }
-  template <class T>
-  void PutArray(std::span<const T> values) {
-    static_assert(std::is_trivially_copyable_v<T>);
-    const auto raw = std::as_bytes(values);
+  /// `values`: anything contiguous of trivially copyable elements.
+  template <class Range>
+  void PutArray(const Range& values) {
+    const std::span elements(values);
+    static_assert(std::is_trivially_copyable_v<typename decltype(elements)::element_type>);
+    const auto raw = std::as_bytes(elements);
     bytes_.insert(bytes_.end(), raw.begin(), raw.end());
   }
   template <class V>

@@ -145,7 +145,7 @@ Bytes EncodeMeta(const SceneMeta& m) {
 
 Bytes EncodeTopTree(const std::vector<KdNode>& nodes) {
   ByteWriter out;
-  out.PutArray(std::span(nodes));
+  out.PutArray(nodes);
   return out.Take();
 }
 
@@ -199,7 +199,7 @@ Bytes PackSections(const std::vector<Section>& sections) {
     out.Put(static_cast<uint32_t>(s.type));
     out.Put(static_cast<uint64_t>(s.bytes.size()));
     out.Put(Checksum(s.bytes));
-    out.PutArray(std::span(s.bytes));
+    out.PutArray(s.bytes);
   }
   return out.Take();
 }

@@ -64,13 +64,13 @@ Bytes LayOutHot(const HotVoxel& v) {
   out.Put(static_cast<uint32_t>(v.nodes.size()));
   out.Put(static_cast<uint32_t>(v.references.size()));
   for (int i = 0; i < 3; ++i) out.Put(uint32_t{0});
-  out.PutArray(std::span(v.nodes));
-  out.PutArray(std::span(v.vertices));
-  out.PutArray(std::span(v.triangle_ids));
-  out.PutArray(std::span(v.parts));
-  out.PutArray(std::span(v.materials));
-  out.PutArray(std::span(v.corners));
-  out.PutArray(std::span(v.references));
+  out.PutArray(v.nodes);
+  out.PutArray(v.vertices);
+  out.PutArray(v.triangle_ids);
+  out.PutArray(v.parts);
+  out.PutArray(v.materials);
+  out.PutArray(v.corners);
+  out.PutArray(v.references);
   return out.Take();
 }
 
@@ -110,8 +110,8 @@ Bytes LayOutShading(const ShadingVoxel& v) {
   out.Put(static_cast<uint32_t>(v.corners.size() / 3));
   out.Put(static_cast<uint32_t>(v.vertices.size()));
   out.Put(uint32_t{0});
-  out.PutArray(std::span(v.vertices));
-  out.PutArray(std::span(v.corners));
+  out.PutArray(v.vertices);
+  out.PutArray(v.corners);
   return out.Take();
 }
 

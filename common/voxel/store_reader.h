@@ -1,0 +1,64 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "common/base/bytes.h"
+#include "common/base/file.h"
+#include "common/base/status.h"
+#include "common/voxel/catalog.h"
+
+namespace quarry {
+
+/// A scene store opened for reading (pread, never mapped). Opening reads and checks all but the blocks.
+/// Thread-safe after Open.
+class StoreReader {
+ public:
+  /// Errors: not a store, another format version (both named), truncated or longer than it says, damaged (the
+  /// section named), a critical section of an unknown type.
+  static Result<StoreReader> Open(const std::string& path);
+
+  const std::string& path() const { return file_.path(); }
+  uint64_t size() const { return file_.size(); }
+  const Catalog& catalog() const { return catalog_; }
+  /// The catalog's sections as stored, to send on.
+  const std::vector<Section>& catalog_sections() const { return catalog_sections_; }
+  const std::vector<std::string>& material_names() const { return material_names_; }
+  const std::vector<std::string>& parts() const { return parts_; }
+
+  /// Bytes of one stored block, its checksum verified.
+  /// Errors: no such block; read error; damaged (the byte offset named).
+  Result<Bytes> ReadBlock(uint32_t block_id) const;
+
+  /// Reads every block and decodes it; also that blocks fill their section without a gap.
+  /// `progress(done, total)` is called now and then with voxels.
+  template <class Progress>
+  Status Verify(Progress&& progress) const {
+    uint64_t end = blocks_begin_;
+    for (uint32_t v = 0; v < catalog_.voxels.size(); ++v) {
+      QUARRY_TRY(VerifyVoxel(v, end));
+      progress(v + 1, catalog_.voxels.size());
+    }
+    return CheckBlocksEnd(end);
+  }
+
+ private:
+  explicit StoreReader(InputFile file) : file_(std::move(file)) {}
+  Status ReadHeader();
+  Status ReadSections(std::span<const std::byte> table, uint32_t count);
+  Status DecodeNames(const std::vector<Section>& sections);
+  Status VerifyVoxel(uint32_t voxel, uint64_t& end) const;
+  Status CheckBlocksEnd(uint64_t end) const;
+
+  InputFile file_;
+  SceneId id_{};
+  Catalog catalog_;
+  std::vector<Section> catalog_sections_;
+  std::vector<std::string> material_names_;
+  std::vector<std::string> parts_;
+  uint64_t blocks_begin_ = 0, blocks_end_ = 0;
+};
+
+}  // namespace quarry

@@ -1,0 +1,147 @@
+#include "common/voxel/store_writer.h"
+
+#include <lz4.h>
+#include <xxhash.h>
+
+#include <algorithm>
+#include <cstring>
+
+#include "common/voxel/store_format.h"
+
+namespace quarry {
+namespace {
+
+constexpr uint32_t kSectionCount = 7;
+constexpr uint64_t kBlocksOffset = kStoreHeaderBytes + kSectionCount * kSectionEntryBytes;
+
+SceneId HashScene(const std::vector<uint64_t>& logical, const std::vector<Section>& sections) {
+  XXH3_state_t* state = XXH3_createState();
+  XXH3_128bits_reset(state);
+  XXH3_128bits_update(state, logical.data(), logical.size() * sizeof(uint64_t));
+  for (const Section& s : sections) XXH3_128bits_update(state, s.bytes.data(), s.bytes.size());
+  XXH128_canonical_t canonical;
+  XXH128_canonicalFromHash(&canonical, XXH3_128bits_digest(state));
+  XXH3_freeState(state);
+  SceneId id;
+  std::memcpy(id.data(), canonical.digest, id.size());
+  return id;
+}
+
+void PutSectionEntry(ByteWriter& out, SectionType type, uint32_t flags, uint64_t offset, uint64_t size,
+                     uint64_t checksum) {
+  out.Put(static_cast<uint32_t>(type));
+  out.Put(flags);
+  out.Put(offset);
+  out.Put(size);
+  out.Put(checksum);
+  out.Put(uint64_t{0});
+}
+
+Bytes EncodeHeader(const SceneId& id, uint64_t file_size, std::span<const std::byte> table) {
+  ByteWriter out;
+  out.PutArray(kStoreMagic);
+  out.Put(kStoreVersion);
+  out.Put(kSectionCount);
+  out.Put(file_size);
+  out.Put(kStoreHeaderBytes);
+  out.PutArray(id);
+  out.Put(Checksum(table));
+  out.Put(Checksum(out.bytes()));
+  return out.Take();
+}
+
+Bytes EncodeParts(const std::vector<std::string>& parts, std::string& strings) {
+  ByteWriter out;
+  for (const std::string& part : parts) {
+    out.Put(static_cast<uint32_t>(strings.size()));
+    strings.append(part).push_back('\0');
+  }
+  return out.Take();
+}
+
+/// What a logical content hash may see of the meta data: nothing that depends on the compressor.
+SceneMeta LogicalMeta(SceneMeta meta) {
+  meta.largest_stored = 0;
+  meta.lz4_version = 0;
+  return meta;
+}
+
+}  // namespace
+
+EncodedVoxel EncodeVoxel(std::span<const std::byte> hot, std::span<const std::byte> shading, uint32_t triangles) {
+  EncodedVoxel voxel;
+  voxel.hot = CompressBlock(hot);
+  voxel.hot_decoded = static_cast<uint32_t>(hot.size());
+  voxel.hot_logical = Checksum(hot);
+  if (!shading.empty()) {
+    voxel.shading = CompressBlock(shading);
+    voxel.shading_decoded = static_cast<uint32_t>(shading.size());
+    voxel.shading_logical = Checksum(shading);
+  }
+  voxel.triangles = triangles;
+  return voxel;
+}
+
+Result<StoreWriter> StoreWriter::Create(const std::string& path) {
+  QUARRY_ASSIGN(OutputFile file, OutputFile::Create(path));
+  StoreWriter writer(std::move(file));
+  const Bytes room(kBlocksOffset);
+  QUARRY_TRY(writer.file_.Write(room));
+  return writer;
+}
+
+Status StoreWriter::AddVoxel(const EncodedVoxel& voxel) {
+  VoxelEntry entry;
+  entry.blocks[0] = {file_.size(), static_cast<uint32_t>(voxel.hot.size()), voxel.hot_decoded, Checksum(voxel.hot)};
+  entry.blocks[1] = {file_.size() + voxel.hot.size(), static_cast<uint32_t>(voxel.shading.size()),
+                     voxel.shading_decoded, voxel.shading.empty() ? 0 : Checksum(voxel.shading)};
+  entry.triangles = voxel.triangles;
+  if (voxel.chained) entry.next_in_chain = voxel_count() + 1;
+  directory_.push_back(entry);
+  logical_.push_back(voxel.hot_logical);
+  logical_.push_back(voxel.shading_logical);
+  QUARRY_TRY(file_.Write(voxel.hot));
+  return file_.Write(voxel.shading);
+}
+
+Result<SceneId> StoreWriter::Finish(SceneMeta meta, const std::vector<KdNode>& top_nodes,
+                                    const std::vector<Material>& materials, const std::vector<std::string>& parts) {
+  for (const VoxelEntry& v : directory_) {
+    for (const BlockEntry& b : v.blocks) {
+      meta.largest_decoded = std::max(meta.largest_decoded, b.decoded);
+      meta.largest_stored = std::max(meta.largest_stored, b.stored);
+    }
+    meta.stored_references += v.triangles;
+  }
+  meta.lz4_version = LZ4_VERSION_NUMBER;
+  const uint64_t blocks_size = file_.size() - kBlocksOffset;
+
+  std::string strings;
+  std::vector<Section> sections;
+  sections.push_back({SectionType::kMeta, EncodeMeta(meta)});
+  sections.push_back({SectionType::kTopTree, EncodeTopTree(top_nodes)});
+  sections.push_back({SectionType::kDirectory, EncodeDirectory(directory_)});
+  sections.push_back({SectionType::kMaterials, EncodeMaterials(materials, strings)});
+  sections.push_back({SectionType::kParts, EncodeParts(parts, strings)});
+  const auto text = AsBytes(strings);
+  sections.push_back({SectionType::kStrings, Bytes(text.begin(), text.end())});
+
+  std::vector<Section> logical = sections;
+  logical[0].bytes = EncodeMeta(LogicalMeta(meta));
+  logical.erase(logical.begin() + 2);  // the directory: places and sizes of compressed blocks
+  const SceneId id = HashScene(logical_, logical);
+
+  ByteWriter table;
+  PutSectionEntry(table, SectionType::kBlocks, kSectionCritical | kSectionOwnChecksums, kBlocksOffset, blocks_size, 0);
+  for (const Section& s : sections) {
+    const bool names = s.type == SectionType::kParts || s.type == SectionType::kStrings;
+    PutSectionEntry(table, s.type, names ? 0 : kSectionCritical, file_.size(), s.bytes.size(), Checksum(s.bytes));
+    QUARRY_TRY(file_.Write(s.bytes));
+  }
+  QUARRY_TRY(file_.WriteAt(0, EncodeHeader(id, file_.size(), table.bytes())));
+  QUARRY_TRY(file_.WriteAt(kStoreHeaderBytes, table.bytes()));
+  QUARRY_TRY(file_.Commit());
+  return id;
+}
+
+}  // namespace quarry

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "common/base/file.h"
+#include "common/base/status.h"
+#include "common/voxel/catalog.h"
+
+namespace quarry {
+
+/// A voxel ready to be stored: compressed blocks and what the directory says of them.
+struct EncodedVoxel {
+  Bytes hot, shading;  ///< stored bytes; shading may be empty
+  uint32_t hot_decoded = 0, shading_decoded = 0;
+  uint64_t hot_logical = 0, shading_logical = 0;  ///< checksums of the decoded bytes, for the scene id
+  uint32_t triangles = 0;
+  bool chained = false;  ///< the next voxel written belongs to the same top-level leaf
+};
+
+/// Compresses a voxel's decoded blocks. Thread-safe.
+EncodedVoxel EncodeVoxel(std::span<const std::byte> hot, std::span<const std::byte> shading, uint32_t triangles);
+
+/// Writes a scene store: voxels as they come, then the rest. Nothing is at `path` before Finish succeeds.
+/// Not thread-safe.
+class StoreWriter {
+ public:
+  static Result<StoreWriter> Create(const std::string& path);
+
+  /// Appends voxel number voxel_count().
+  Status AddVoxel(const EncodedVoxel& voxel);
+  uint32_t voxel_count() const { return static_cast<uint32_t>(directory_.size()); }
+
+  /// Writes all other sections and gives the store its name. The sizes and LZ4 version in `meta` are filled in.
+  Result<SceneId> Finish(SceneMeta meta, const std::vector<KdNode>& top_nodes,
+                         const std::vector<Material>& materials, const std::vector<std::string>& parts);
+  uint64_t bytes_written() const { return file_.size(); }
+
+ private:
+  explicit StoreWriter(OutputFile file) : file_(std::move(file)) {}
+  OutputFile file_;
+  std::vector<VoxelEntry> directory_;
+  std::vector<uint64_t> logical_;  ///< decoded checksums, two a voxel
+};
+
+}  // namespace quarry
