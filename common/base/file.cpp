@@ -9,6 +9,8 @@
 #include <cstdio>
 #include <utility>
 
+#include "common/base/cleanup.h"
+
 namespace quarry {
 namespace {
 
@@ -69,7 +71,7 @@ Status InputFile::ReadAt(uint64_t offset, std::span<std::byte> out) const {
 }
 
 OutputFile::OutputFile(std::string path, std::string temporary, int fd)
-    : path_(std::move(path)), temporary_(std::move(temporary)), fd_(fd) {
+    : path_(std::move(path)), temporary_(std::move(temporary)), fd_(fd), cleanup_(RemoveOnSignal(temporary_)) {
   buffer_.reserve(kBufferBytes);
 }
 
@@ -84,6 +86,7 @@ OutputFile::OutputFile(OutputFile&& other) noexcept
     : path_(std::move(other.path_)),
       temporary_(std::move(other.temporary_)),
       fd_(std::exchange(other.fd_, -1)),
+      cleanup_(std::exchange(other.cleanup_, -1)),
       size_(other.size_),
       buffer_(std::move(other.buffer_)) {}
 
@@ -91,6 +94,7 @@ OutputFile::~OutputFile() {
   if (fd_ < 0) return;
   ::close(fd_);
   ::unlink(temporary_.c_str());
+  Forget(cleanup_);
 }
 
 Status OutputFile::Flush() {
@@ -122,6 +126,7 @@ Status OutputFile::Commit() {
   if (::rename(temporary_.c_str(), path_.c_str()) != 0)
     return Fail(fmt::format("{}: cannot write: {}", path_, ErrnoText(errno)));
   ::close(std::exchange(fd_, -1));
+  Forget(std::exchange(cleanup_, -1));
   return {};
 }
 

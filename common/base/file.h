@@ -5,6 +5,7 @@
 #include <span>
 #include <string>
 
+#include "common/base/bytes.h"
 #include "common/base/status.h"
 
 namespace quarry {
@@ -61,6 +62,7 @@ class OutputFile {
   std::string path_;
   std::string temporary_;
   int fd_ = -1;
+  int cleanup_ = -1;  ///< see RemoveOnSignal
   uint64_t size_ = 0;
   std::string buffer_;
 };

@@ -32,15 +32,16 @@ std::string ErrnoText(int error_number);
 
 }  // namespace quarry
 
-/// Leaves the calling function with the error of `expression` (a Status), if it has one.
-#define QUARRY_TRY(expression)                                                     \
-  do {                                                                             \
-    if (auto quarry_status = (expression); !quarry_status)                         \
-      return tl::unexpected<::quarry::Error>(std::move(quarry_status.error()));    \
-  } while (false)
-
 #define QUARRY_CONCAT_INNER(a, b) a##b
 #define QUARRY_CONCAT(a, b) QUARRY_CONCAT_INNER(a, b)
+
+/// Leaves the calling function with the error of `expression` (a Status), if it has one. In a lambda, give the
+/// return type: `-> Status`.
+#define QUARRY_TRY(expression)                                                                                      \
+  do {                                                                                                              \
+    if (auto QUARRY_CONCAT(quarry_status_, __LINE__) = (expression); !QUARRY_CONCAT(quarry_status_, __LINE__))      \
+      return tl::unexpected<::quarry::Error>(std::move(QUARRY_CONCAT(quarry_status_, __LINE__).error()));           \
+  } while (false)
 
 /// Declares `lhs` from the value of `expression` (a Result<T>), or leaves the calling function with its error.
 #define QUARRY_ASSIGN(lhs, expression)                                                                   \

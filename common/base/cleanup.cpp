@@ -1,0 +1,54 @@
+#include "common/base/cleanup.h"
+
+#include <signal.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cstring>
+
+namespace quarry {
+namespace {
+
+constexpr int kSlots = 16;
+constexpr size_t kPathBytes = 4096;
+
+// Plain arrays: a signal handler may touch nothing that allocates or locks.
+char paths[kSlots][kPathBytes];
+std::atomic<int> states[kSlots];  // 0 free, 1 being filled, 2 in use
+char message[512];
+
+void OnSignal(int) {
+  for (int i = 0; i < kSlots; ++i)
+    if (states[i].load() == 2) ::unlink(paths[i]);
+  (void)!::write(2, message, std::strlen(message));
+  ::_exit(1);
+}
+
+}  // namespace
+
+int RemoveOnSignal(const std::string& path) {
+  if (path.size() >= kPathBytes) return -1;
+  for (int i = 0; i < kSlots; ++i) {
+    int free = 0;
+    if (!states[i].compare_exchange_strong(free, 1)) continue;
+    std::memcpy(paths[i], path.c_str(), path.size() + 1);
+    states[i].store(2);
+    return i;
+  }
+  return -1;
+}
+
+void Forget(int handle) {
+  if (handle >= 0) states[handle].store(0);
+}
+
+void InstallSignalHandlers(const std::string& program, const std::string& kept) {
+  const std::string text = "\n" + program + ": interrupted; " + kept + "\n";
+  std::strncpy(message, text.c_str(), sizeof message - 1);
+  struct sigaction action {};
+  action.sa_handler = OnSignal;
+  for (int signal : {SIGINT, SIGTERM, SIGHUP}) ::sigaction(signal, &action, nullptr);
+  ::signal(SIGPIPE, SIG_IGN);
+}
+
+}  // namespace quarry

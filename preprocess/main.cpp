@@ -1,0 +1,106 @@
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "common/base/cleanup.h"
+#include "common/base/cpu_check.h"
+#include "common/base/file.h"
+#include "common/base/resource.h"
+#include "common/base/size.h"
+#include "common/base/version.h"
+#include "preprocess/preprocess.h"
+
+namespace quarry {
+namespace {
+
+constexpr uint64_t kLeastMemory = 64ull << 20;
+constexpr uint64_t kLeastVoxel = 4u << 10, kLargestVoxel = 4u << 20;
+
+std::string StatisticsJson(const PreprocessStatistics& s) {
+  nlohmann::ordered_json j;
+  j["scene_id"] = FormatSceneId(s.scene_id);
+  j["input_triangles"] = s.meta.input_triangles;
+  j["dropped_degenerate_triangles"] = s.meta.dropped_degenerate;
+  j["dropped_not_finite_triangles"] = s.meta.dropped_not_finite;
+  j["voxels"] = s.voxels;
+  j["top_tree_nodes"] = s.top_tree_nodes;
+  j["voxel_size_bytes"] = s.meta.voxel_size;
+  j["store_bytes"] = s.store_bytes;
+  j["warnings"] = s.warnings;
+  j["import_wall_s"] = s.import_wall_s;
+  j["build_wall_s"] = s.build_wall_s;
+  j["preprocess_wall_s"] = s.preprocess_wall_s;
+  j["triangles_per_s"] = static_cast<double>(s.meta.input_triangles) / std::max(s.preprocess_wall_s, 1e-9);
+  j["peak_rss_bytes"] = s.peak_rss_bytes;
+  return j.dump(2) + "\n";
+}
+
+void PrintSummary(const PreprocessOptions& options, const PreprocessStatistics& s) {
+  const auto kept = s.meta.input_triangles - s.meta.dropped_degenerate - s.meta.dropped_not_finite;
+  fmt::print(stderr, "{}: {} triangles in {} voxels, {} ({:.1f} bytes a triangle), {:.1f} s, peak memory {}\n",
+             options.output, kept, s.voxels, FormatSize(s.store_bytes),
+             static_cast<double>(s.store_bytes) / static_cast<double>(std::max<uint64_t>(kept, 1)),
+             s.preprocess_wall_s, FormatSize(s.peak_rss_bytes));
+  if (s.meta.dropped_degenerate + s.meta.dropped_not_finite > 0)
+    fmt::print(stderr, "dropped: {} triangles without area, {} with coordinates that are not finite\n",
+               s.meta.dropped_degenerate, s.meta.dropped_not_finite);
+}
+
+Status Run(PreprocessOptions options, const std::string& memory, const std::string& voxel_size,
+           const std::string& up, const std::string& stats) {
+  QUARRY_ASSIGN(options.memory, ParseSize(memory, "--memory"));
+  QUARRY_ASSIGN(const uint64_t voxel, ParseSize(voxel_size, "--voxel-size"));
+  if (options.memory < kLeastMemory) return BadUsage("--memory must be at least 64M");
+  if (voxel < kLeastVoxel || voxel > kLargestVoxel) return BadUsage("--voxel-size must lie between 4K and 4M");
+  if (!(options.scale > 0) || options.scale > 1e12) return BadUsage("--scale must be a positive number");
+  options.voxel_size = static_cast<uint32_t>(voxel);
+  options.up_axis = up == "y" ? 1 : 2;
+  QUARRY_ASSIGN(const PreprocessStatistics statistics, Preprocess(options));
+  if (!options.quiet) PrintSummary(options, statistics);
+  if (!stats.empty()) QUARRY_TRY(WriteFileAtomically(stats, AsBytes(StatisticsJson(statistics))));
+  return {};
+}
+
+int Main(int argc, char** argv) {
+  RequireCpu();
+  KeepHeapSmall();
+  InstallSignalHandlers("quarry-preprocess", "nothing was written");
+  PreprocessOptions options;
+  options.threads = std::max(1u, std::thread::hardware_concurrency());
+  std::string memory = "1G", voxel_size = "256K", up = "z", stats;
+  CLI::App app{"Cuts triangle models (PLY, OBJ, STL) into a scene store, out of core."};
+  app.footer(
+      "Examples:\n  quarry-preprocess plant.ply -o plant.quarry\n"
+      "  quarry-preprocess hull.stl deck.obj -o ship.quarry --memory 512M --stats ship.json");
+  app.set_version_flag("--version", std::string("quarry-preprocess ") + kVersion);
+  app.add_option("models", options.models, "Model files; several make one scene")->required();
+  app.add_option("-o,--output", options.output, "The store to write")->required();
+  app.add_option("--memory", memory, "Ceiling on resident memory, e.g. 512M")->envname("QUARRY_MEMORY")
+      ->capture_default_str();
+  app.add_option("--threads", options.threads, "Builder threads")->envname("QUARRY_THREADS")
+      ->check(CLI::Range(1, 1024))->capture_default_str();
+  app.add_option("--tmp", options.tmp_folder, "Folder for spill files (default: the output's)")
+      ->envname("QUARRY_TMP");
+  app.add_option("--voxel-size", voxel_size, "Most bytes of a decoded voxel's hot part")->capture_default_str();
+  app.add_option("--up", up, "The model's up axis")->check(CLI::IsMember({"y", "z"}))->capture_default_str();
+  app.add_option("--scale", options.scale, "Factor on all coordinates")->capture_default_str();
+  app.add_option("--stats", stats, "Write statistics as JSON to this file");
+  app.add_flag("--quiet", options.quiet, "Print errors only");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : 2;
+  }
+  const Status status = Run(options, memory, voxel_size, up, stats);
+  if (status) return 0;
+  fmt::print(stderr, "quarry-preprocess: {}\n", status.error().message);
+  return status.error().exit_status;
+}
+
+}  // namespace
+}  // namespace quarry
+
+int main(int argc, char** argv) { return quarry::Main(argc, argv); }

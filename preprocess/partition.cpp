@@ -1,0 +1,203 @@
+#include "preprocess/partition.h"
+
+#include <algorithm>
+#include <cstring>
+#include <glm/common.hpp>
+#include <limits>
+#include <numeric>
+#include <optional>
+
+#include "common/kdtree/ray.h"
+#include "preprocess/split.h"
+#include "preprocess/voxel_builder.h"
+
+namespace quarry {
+namespace {
+
+constexpr int kMaxDepth = 64;
+
+Box EmptyBox() { return {glm::vec3(kInfinity), glm::vec3(-kInfinity)}; }
+
+/// The part of `box` inside `cell` joined to `content`.
+void IncludeClipped(const Box& box, const Box& cell, Box& content) {
+  content.Include(glm::max(box.lower, cell.lower));
+  content.Include(glm::min(box.upper, cell.upper));
+}
+
+class Partitioner {
+ public:
+  Partitioner(bool has_shading, float padding, const PartitionOptions& options,
+              const std::function<Status(VoxelTask)>& emit)
+      : has_shading_(has_shading),
+        padding_(padding),
+        options_(options),
+        emit_(emit),
+        max_triangles_(MaxTrianglesPerVoxel(options.voxel_size)) {}
+
+  /// A node whose triangles lie on disk. `file` is freed before its children are split.
+  Status SplitFile(uint32_t node, SpillFile file, const Box& cell, const Box& content, int depth) {
+    if (file.count() * sizeof(TriangleRecord) <= options_.memory / 4 || file.count() <= max_triangles_)
+      return LoadAndSplit(node, std::move(file), cell, content, depth);
+    SplitHistogram histogram(content);
+    QUARRY_TRY(ForEach(file, [&](const TriangleRecord& r) -> Status {
+      histogram.Add(r.PaddedBox(padding_));
+      return Status{};
+    }));
+    const auto plane = histogram.Choose(cell);
+    if (plane.axis < 0 || depth == kMaxDepth) return ChainFile(node, file, cell);
+
+    Children child(*this, node, plane, cell);
+    std::optional<SpillFile> files[2];
+    for (auto& f : files) {
+      QUARRY_ASSIGN(f, SpillFile::Create(options_.tmp_folder, RecordBytes(has_shading_)));
+    }
+    QUARRY_TRY(ForEach(file, [&](const TriangleRecord& r) -> Status {
+      const Box box = r.PaddedBox(padding_);
+      for (int side = 0; side < 2; ++side) {
+        if (!child.Touches(box, side)) continue;
+        IncludeClipped(box, child.cell[side], child.content[side]);
+        QUARRY_TRY(files[side]->Append(&r));
+      }
+      return Status{};
+    }));
+    { const SpillFile consumed = std::move(file); }
+    for (auto& f : files) QUARRY_TRY(f->FinishWriting());
+    for (uint32_t side = 0; side < 2; ++side)
+      QUARRY_TRY(SplitFile(child.first + side, std::move(*files[side]), child.cell[side], child.content[side],
+                           depth + 1));
+    return {};
+  }
+
+  std::vector<KdNode>& nodes() { return nodes_; }
+
+ private:
+  /// The two halves of a node about to be split.
+  struct Children {
+    Children(Partitioner& p, uint32_t node, const SplitHistogram::Plane& plane, const Box& whole)
+        : axis(plane.axis), position(plane.position), first(static_cast<uint32_t>(p.nodes_.size())) {
+      p.nodes_[node] = KdNode::Inner(axis, position, first);
+      p.nodes_.resize(first + 2);
+      cell[0] = cell[1] = whole;
+      cell[0].upper[axis] = cell[1].lower[axis] = position;
+      content[0] = content[1] = EmptyBox();
+    }
+    bool Touches(const Box& box, int side) const {
+      return side == 0 ? box.lower[axis] <= position : box.upper[axis] >= position;
+    }
+    int axis;
+    float position;
+    uint32_t first;
+    Box cell[2], content[2];
+  };
+
+  template <class Visit>
+  Status ForEach(const SpillFile& file, Visit&& visit) {
+    SpillReader reader(file);
+    while (const std::byte* bytes = reader.Next()) {
+      TriangleRecord record;
+      std::memcpy(&record, bytes, file.element_bytes());
+      QUARRY_TRY(visit(record));
+    }
+    return reader.status();
+  }
+
+  Status LoadAndSplit(uint32_t node, SpillFile file, const Box& cell, const Box& content, int depth) {
+    std::vector<TriangleRecord> records;
+    records.reserve(file.count());
+    QUARRY_TRY(ForEach(file, [&](const TriangleRecord& r) -> Status {
+      records.push_back(r);
+      return Status{};
+    }));
+    { const SpillFile consumed = std::move(file); }
+    std::vector<uint32_t> all(records.size());
+    std::iota(all.begin(), all.end(), 0u);
+    return SplitInMemory(node, records, std::move(all), cell, content, depth);
+  }
+
+  Status SplitInMemory(uint32_t node, const std::vector<TriangleRecord>& records, std::vector<uint32_t> indices,
+                       const Box& cell, const Box& content, int depth) {
+    if (indices.empty()) {
+      nodes_[node] = KdNode::Leaf(0, 0);
+      return {};
+    }
+    SplitHistogram::Plane plane;
+    const bool small = indices.size() <= max_triangles_;
+    if (!small) {
+      SplitHistogram histogram(content);
+      for (uint32_t i : indices) histogram.Add(records[i].PaddedBox(padding_));
+      plane = histogram.Choose(cell);
+    }
+    if (small || plane.axis < 0 || depth == kMaxDepth) return Chain(node, records, indices, cell);
+
+    Children child(*this, node, plane, cell);
+    std::vector<uint32_t> parts[2];
+    for (uint32_t i : indices) {
+      const Box box = records[i].PaddedBox(padding_);
+      for (int side = 0; side < 2; ++side) {
+        if (!child.Touches(box, side)) continue;
+        IncludeClipped(box, child.cell[side], child.content[side]);
+        parts[side].push_back(i);
+      }
+    }
+    indices = {};
+    for (uint32_t side = 0; side < 2; ++side)
+      QUARRY_TRY(SplitInMemory(child.first + side, records, std::move(parts[side]), child.cell[side],
+                               child.content[side], depth + 1));
+    return {};
+  }
+
+  /// One voxel, or several in a chain for a pile that no plane parts.
+  Status Chain(uint32_t node, const std::vector<TriangleRecord>& records, const std::vector<uint32_t>& indices,
+               const Box& cell) {
+    nodes_[node] = KdNode::Leaf(voxels_, 1);
+    for (size_t i = 0; i < indices.size(); i += max_triangles_) {
+      const size_t end = std::min<size_t>(i + max_triangles_, indices.size());
+      VoxelTask task;
+      task.cell = cell;
+      task.chained = end < indices.size();
+      for (size_t k = i; k < end; ++k) task.triangles.push_back(records[indices[k]]);
+      QUARRY_TRY(Emit(std::move(task)));
+    }
+    return {};
+  }
+
+  Status ChainFile(uint32_t node, const SpillFile& file, const Box& cell) {
+    nodes_[node] = KdNode::Leaf(voxels_, 1);
+    VoxelTask task;
+    uint64_t left = file.count();
+    QUARRY_TRY(ForEach(file, [&](const TriangleRecord& r) -> Status {
+      task.triangles.push_back(r);
+      --left;
+      if (left > 0 && task.triangles.size() < max_triangles_) return Status{};
+      task.cell = cell;
+      task.chained = left > 0;
+      return Emit(std::exchange(task, {}));
+    }));
+    return {};
+  }
+
+  Status Emit(VoxelTask task) {
+    ++voxels_;
+    return emit_(std::move(task));
+  }
+
+  const bool has_shading_;
+  const float padding_;
+  const PartitionOptions& options_;
+  const std::function<Status(VoxelTask)>& emit_;
+  const uint32_t max_triangles_;
+  uint32_t voxels_ = 0;
+  std::vector<KdNode> nodes_{1};
+};
+
+}  // namespace
+
+Result<std::vector<KdNode>> Partition(SpillFile triangles, bool has_shading, const Box& root, const Box& content,
+                                      float padding, const PartitionOptions& options,
+                                      const std::function<Status(VoxelTask)>& emit) {
+  Partitioner partitioner(has_shading, padding, options, emit);
+  QUARRY_TRY(partitioner.SplitFile(0, std::move(triangles), root, content, 0));
+  return std::move(partitioner.nodes());
+}
+
+}  // namespace quarry

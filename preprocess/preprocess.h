@@ -1,0 +1,39 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "common/base/status.h"
+#include "common/voxel/catalog.h"
+
+namespace quarry {
+
+struct PreprocessOptions {
+  std::vector<std::string> models;
+  std::string output;
+  std::string tmp_folder;       ///< empty: the output's folder
+  uint64_t memory = 1ull << 30; ///< bytes
+  unsigned threads = 1;
+  uint32_t voxel_size = 256u << 10;  ///< bytes of a decoded hot block, at most
+  uint32_t up_axis = 2;
+  double scale = 1;
+  bool quiet = false;
+};
+
+/// What a run did; written as JSON by --stats, each name with its unit.
+struct PreprocessStatistics {
+  SceneId scene_id{};
+  SceneMeta meta;
+  uint64_t voxels = 0, warnings = 0;
+  uint64_t store_bytes = 0;
+  double import_wall_s = 0, build_wall_s = 0, preprocess_wall_s = 0;
+  uint64_t peak_rss_bytes = 0;
+  uint32_t top_tree_nodes = 0;
+};
+
+/// Makes a scene store of one or several models. Nothing is at `output` unless it succeeds.
+/// Memory: at most options.memory plus the fixed overhead stated in the README.
+Result<PreprocessStatistics> Preprocess(const PreprocessOptions& options);
+
+}  // namespace quarry
