@@ -1,0 +1,88 @@
+#include "common/protocol/frame.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "common/base/version.h"
+
+namespace quarry {
+namespace {
+
+constexpr std::string_view kPreambleMagic{"QUARRY\0\0", 8};
+constexpr uint32_t kFrameMagic = 0x31595251;  // "QRY1"
+constexpr size_t kVersionBytes = 20;
+
+struct Limits {
+  uint32_t table, raw;
+};
+
+Limits LimitsOf(MessageType type) {
+  switch (type) {
+    case MessageType::kCatalog: return {0, 0xF0000000u};
+    case MessageType::kRenderJob: return {256u << 20, 0};
+    case MessageType::kFrameSetup: return {1u << 20, 0};
+    case MessageType::kFrameDone: return {1u << 20, 0xF0000000u};
+    case MessageType::kTileDone: return {16u << 20, 1u << 20};
+    case MessageType::kBlock: return {0, 65u << 20};
+    case MessageType::kShutDown: return {0, 0};
+    default: return {64u << 10, 0};
+  }
+}
+
+}  // namespace
+
+Bytes EncodePreamble(uint32_t protocol, const std::string& version) {
+  ByteWriter out;
+  out.PutArray(kPreambleMagic);
+  out.Put(protocol);
+  std::string text = version.empty() ? kVersion : version;
+  text.resize(kVersionBytes);
+  out.PutArray(text);
+  return out.Take();
+}
+
+Status CheckPreamble(std::span<const std::byte> bytes) {
+  ByteReader in(bytes);
+  const auto magic = in.GetSpan(kPreambleMagic.size());
+  const auto protocol = in.Get<uint32_t>();
+  const auto text = AsText(in.GetSpan(kVersionBytes));
+  if (!in.done() || AsText(magic) != kPreambleMagic) return Fail("the other side is not a Quarry program");
+  if (protocol == kProtocolVersion) return {};
+  std::string version(text.substr(0, text.find('\0')));
+  std::replace_if(version.begin(), version.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
+  return Fail(fmt::format("this is Quarry {} with protocol {}, the other side is Quarry {} with protocol {}: use the "
+                          "same version everywhere",
+                          kVersion, kProtocolVersion, version, protocol));
+}
+
+Bytes EncodeFrameHeader(const Message& message) {
+  ByteWriter out;
+  out.Put(kFrameMagic);
+  out.Put(static_cast<uint16_t>(message.type));
+  out.Put(uint16_t{0});
+  out.Put(message.request);
+  out.Put(static_cast<uint32_t>(message.table.size()));
+  out.Put(static_cast<uint32_t>(message.raw.size()));
+  return out.Take();
+}
+
+Result<FrameHeader> DecodeFrameHeader(std::span<const std::byte> bytes) {
+  ByteReader in(bytes);
+  const auto magic = in.Get<uint32_t>();
+  const auto type = in.Get<uint16_t>();
+  in.Get<uint16_t>();
+  FrameHeader header{};
+  header.request = in.Get<uint64_t>();
+  header.table_bytes = in.Get<uint32_t>();
+  header.raw_bytes = in.Get<uint32_t>();
+  if (!in.done() || magic != kFrameMagic) return Fail("received bytes that are not a Quarry message");
+  if (type == 0 || type >= kMessageTypes) return Fail(fmt::format("received a message of unknown type {}", type));
+  header.type = static_cast<MessageType>(type);
+  const Limits limits = LimitsOf(header.type);
+  if (header.table_bytes > limits.table || header.raw_bytes > limits.raw)
+    return Fail(fmt::format("received a message of type {} beyond its size limit", type));
+  return header;
+}
+
+}  // namespace quarry

@@ -1,0 +1,61 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+
+#include "common/base/bytes.h"
+#include "common/base/status.h"
+
+// Bytes on the wire, whatever carries them. PROTOCOL.md gives them one by one.
+
+namespace quarry {
+
+/// Moves freely until the first release; programs of different protocol versions do not talk.
+inline constexpr uint32_t kProtocolVersion = 1;
+
+/// Each side's first bytes, of one layout for good: "QUARRY\0\0", protocol version (4), the program's version as
+/// zero-padded text (20).
+inline constexpr size_t kPreambleBytes = 32;
+Bytes EncodePreamble(uint32_t protocol = kProtocolVersion, const std::string& version = {});
+/// Errors: not Quarry at all; another protocol version (a sentence that names both).
+Status CheckPreamble(std::span<const std::byte> bytes);
+
+enum class MessageType : uint16_t {
+  kHello = 1,
+  kWelcome,
+  kFailure,
+  kCatalog,  ///< raw: the scene's packed sections
+  kRenderJob,
+  kFrameProgress,
+  kFrameDone,  ///< raw: the image file
+  kFrameSetup,
+  kTile,
+  kTileDone,  ///< raw: pixels
+  kTileFailed,
+  kAlive,
+  kBlockRequest,
+  kBlock,  ///< raw: the stored block
+  kShutDown,
+};
+inline constexpr uint16_t kMessageTypes = 16;  ///< one past the last
+
+struct Message {
+  MessageType type = MessageType::kFailure;
+  uint64_t request = 0;  ///< an answer carries its question's
+  Bytes table;           ///< a FlatBuffer, see messages.fbs; may be empty
+  Bytes raw;
+};
+
+/// Before each message: "QRY1", type (2), zero (2), request (8), table bytes (4), raw bytes (4).
+inline constexpr size_t kFrameHeaderBytes = 24;
+struct FrameHeader {
+  MessageType type;
+  uint64_t request;
+  uint32_t table_bytes, raw_bytes;
+};
+Bytes EncodeFrameHeader(const Message& message);
+/// Errors: not a frame, an unknown type, a size beyond that type's limit. Nothing may be allocated before this.
+Result<FrameHeader> DecodeFrameHeader(std::span<const std::byte> bytes);
+
+}  // namespace quarry

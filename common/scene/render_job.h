@@ -1,0 +1,73 @@
+#pragma once
+
+#include <cstdint>
+#include <glm/vec3.hpp>
+#include <string>
+#include <vector>
+
+#include "common/base/status.h"
+
+namespace quarry {
+
+enum class RenderMode : uint8_t { kRaycast = 0, kShadow = 1, kWhitted = 2, kVoxels = 3 };
+inline constexpr int kRenderModes = 4;
+
+/// Layers beside the colour, in the order they are stored for a pixel.
+enum class Aov : uint8_t { kDepth, kNormal, kUv, kPrimitive, kMaterial, kPart, kVoxel };
+inline constexpr int kAovs = 7;
+/// Name as in --aov and number of 32-bit words.
+struct AovInfo {
+  const char* name;
+  int words;
+  bool is_integer;
+};
+inline constexpr AovInfo kAovInfo[kAovs] = {{"depth", 1, false},    {"normal", 3, false}, {"uv", 2, false},
+                                            {"primitive", 1, true}, {"material", 1, true}, {"part", 1, true},
+                                            {"voxel", 1, true}};
+
+/// A pinhole or orthographic camera. Positions in scene units, double as given.
+struct CameraSpec {
+  glm::dvec3 eye{0, -1, 0}, at{0}, up{0, 0, 1};
+  double fov_degrees = 45;  ///< vertical, in (0, 179]
+  double ortho_height = 0;  ///< > 0: orthographic, this high
+};
+
+enum class LightKind : uint8_t { kSun = 0, kPoint = 1 };
+struct Light {
+  LightKind kind = LightKind::kSun;
+  glm::vec3 vector{0, 0, 1};  ///< sun: direction toward it, unit length; point: position
+  glm::vec3 radiance{1};      ///< sun: irradiance/pi at normal incidence; point: the same at distance 1
+};
+
+/// All that a picture depends on, beside the scene.
+struct RenderJob {
+  uint32_t width = 1024, height = 768;
+  uint32_t crop_x = 0, crop_y = 0, crop_width = 0, crop_height = 0;  ///< whole image when width is 0
+  RenderMode mode = RenderMode::kRaycast;
+  uint32_t spp = 1;
+  uint64_t seed = 0;
+  double exposure = 0;       ///< EV, for PNG only
+  uint32_t aov_mask = 0;     ///< bit per Aov
+  std::string format = "png";  ///< png or exr
+  std::vector<Light> lights;
+  glm::vec3 ambient{0.08f};
+  glm::vec3 background{0.55f, 0.65f, 0.8f};
+  std::vector<CameraSpec> cameras;  ///< one a frame
+  uint32_t first_frame = 0;         ///< the number of cameras[0]
+
+  bool has(Aov aov) const { return aov_mask >> static_cast<int>(aov) & 1; }
+};
+
+inline constexpr uint32_t kMaxImageSide = 65536;
+inline constexpr uint32_t kMaxSpp = 1u << 16;
+inline constexpr uint32_t kMaxLights = 1024;
+inline constexpr uint32_t kMaxFrames = 1u << 20;
+inline constexpr uint32_t kTileSize = 32;
+
+/// 32-bit words a pixel takes in tiles and frames: colour first (3 floats), then the AOVs in order.
+uint32_t WordsPerPixel(uint32_t aov_mask);
+
+/// Fills in a whole-image crop. Errors (usage): sizes, counts, directions or modes out of range; one sentence.
+Status NormalizeJob(RenderJob& job);
+
+}  // namespace quarry
