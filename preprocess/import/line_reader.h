@@ -1,0 +1,43 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+#include "preprocess/import/byte_reader.h"
+
+namespace quarry {
+
+/// Reads a text file by lines, on top of a ByteReader that outlives it. Lines end in LF or CR LF; the last
+/// may lack its end. A UTF-8 byte order mark at the file's start is passed over.
+class LineReader {
+ public:
+  /// A line, continuations included, is at most this long.
+  static constexpr size_t kLongestLine = ByteReader::kBufferBytes;
+
+  explicit LineReader(ByteReader& bytes) : bytes_(bytes) {}
+
+  /// Sets `line` to the next line without its end; valid until the next call. Returns false at the file's
+  /// end. Errors: a line over kLongestLine, a read error.
+  Result<bool> Next(std::string_view& line);
+
+  /// Like Next(), with lines that end in a backslash joined to the next by a blank. Comments ('#') are not: a
+  /// folder's name at their end would swallow a line.
+  Result<bool> NextJoined(std::string_view& line);
+
+  /// The number, from 1, of the line read last (the last of joined ones).
+  uint64_t line_number() const { return line_number_; }
+
+  /// "PATH, line N: " + `what`.
+  tl::unexpected<Error> FailHere(const std::string& what) const;
+
+ private:
+  Result<bool> JoinFollowing(std::string_view& line);
+  void SkipByteOrderMark();
+
+  ByteReader& bytes_;
+  uint64_t line_number_ = 0;
+  std::string joined_;
+};
+
+}  // namespace quarry

@@ -1,0 +1,164 @@
+#include "preprocess/import/mtl.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <optional>
+
+#include "preprocess/import/byte_reader.h"
+#include "preprocess/import/line_reader.h"
+#include "preprocess/import/text_number.h"
+
+namespace quarry {
+namespace {
+
+/// One newmtl block as written.
+struct MtlBlock {
+  std::string name;
+  glm::dvec3 kd{0.8}, ks{0}, ke{0}, tf{1};
+  std::optional<glm::dvec3> kr;
+  double ns = 0, ni = 1;
+  std::optional<double> d, tr;
+  double illum = 2;
+};
+
+/// NaN becomes `low`.
+float Clamp(double value, double low, double high) {
+  return static_cast<float>(value > low ? std::min(value, high) : low);
+}
+
+glm::vec3 ClampColor(const glm::dvec3& c, double high = 1.0) {
+  return {Clamp(c.x, 0, high), Clamp(c.y, 0, high), Clamp(c.z, 0, high)};
+}
+
+/// The table in mtl.h.
+Material ToMaterial(const MtlBlock& block) {
+  const int illum = static_cast<int>(Clamp(block.illum, 0, 10));
+  const double dissolve = Clamp(block.d ? *block.d : 1.0 - block.tr.value_or(0.0), 0, 1);
+  const bool refracts = illum == 4 || illum == 6 || illum == 7 || illum == 9;
+  const bool mirrors = illum >= 3 && illum <= 8;
+  Material material;
+  material.name = block.name;
+  material.diffuse = ClampColor(block.kd * dissolve);
+  material.specular = ClampColor(block.ks);
+  material.emission = ClampColor(block.ke, std::numeric_limits<float>::max());
+  material.reflectance = ClampColor(block.kr.value_or(mirrors ? block.ks : glm::dvec3(0)));
+  material.transmittance = glm::vec3(static_cast<float>(1.0 - dissolve));
+  material.shininess = Clamp(block.ns, 0, 10000);
+  material.fresnel = illum == 5 || illum == 7;
+  if (refracts) {
+    material.transmittance = ClampColor(block.tf * (dissolve == 1.0 ? 1.0 : 1.0 - dissolve));
+    material.ior = Clamp(block.ni, 1, 10);
+  }
+  return material;
+}
+
+class MtlParser {
+ public:
+  MtlParser(ByteReader& bytes, const std::function<void(std::string)>& warn) : lines_(bytes), warn_(warn) {}
+
+  Result<std::vector<Material>> Parse();
+
+ private:
+  void Line(std::string_view line);
+  void Begin(std::string_view name);
+  void End();
+  /// Three numbers, or one for all three.
+  bool Color(TextCursor& rest, glm::dvec3& color);
+  bool OptionalColor(TextCursor& rest, std::optional<glm::dvec3>& color);
+  bool Dissolve(TextCursor& rest);
+  bool OptionalReal(TextCursor& rest, std::optional<double>& value);
+  /// False if `keyword` is known but what follows is not understood.
+  bool Statement(std::string_view keyword, TextCursor& rest);
+
+  LineReader lines_;
+  const std::function<void(std::string)>& warn_;
+  std::vector<Material> materials_;
+  std::optional<MtlBlock> block_;
+};
+
+Result<std::vector<Material>> MtlParser::Parse() {
+  std::string_view line;
+  while (true) {
+    QUARRY_ASSIGN(const bool more, lines_.NextJoined(line));
+    if (!more) break;
+    Line(line);
+  }
+  End();
+  return std::move(materials_);
+}
+
+void MtlParser::Line(std::string_view line) {
+  TextCursor rest(line);
+  const std::string_view keyword = rest.Word();
+  if (keyword.empty() || keyword.starts_with('#')) return;
+  if (EqualsIgnoringCase(keyword, "newmtl")) return Begin(rest.Rest());
+  if (!block_ || Statement(keyword, rest)) return;
+  warn_(lines_.FailHere(fmt::format("{} is not understood and left out", Quoted(line))).value().message);
+}
+
+void MtlParser::Begin(std::string_view name) {
+  End();
+  block_.emplace();
+  block_->name = std::string(name);
+}
+
+void MtlParser::End() {
+  if (block_) materials_.push_back(ToMaterial(*block_));
+  block_.reset();
+}
+
+bool MtlParser::Statement(std::string_view keyword, TextCursor& rest) {
+  const auto is = [&](std::string_view name) { return EqualsIgnoringCase(keyword, name); };
+  if (is("Kd")) return Color(rest, block_->kd);
+  if (is("Ks")) return Color(rest, block_->ks);
+  if (is("Ke")) return Color(rest, block_->ke);
+  if (is("Tf")) return Color(rest, block_->tf);
+  if (is("Kr")) return OptionalColor(rest, block_->kr);
+  if (is("Ns")) return ParseReal(rest, block_->ns);
+  if (is("Ni")) return ParseReal(rest, block_->ni);
+  if (is("d")) return Dissolve(rest);
+  if (is("Tr")) return OptionalReal(rest, block_->tr);
+  if (is("illum")) return ParseReal(rest, block_->illum);
+  return true;
+}
+
+bool MtlParser::Color(TextCursor& rest, glm::dvec3& color) {
+  glm::dvec3 value;
+  if (!ParseReal(rest, value.x)) return false;
+  const bool grey = rest.AtEnd();
+  if (grey) value.y = value.z = value.x;
+  if (!grey && !(ParseReal(rest, value.y) && ParseReal(rest, value.z))) return false;
+  color = value;
+  return true;
+}
+
+bool MtlParser::OptionalColor(TextCursor& rest, std::optional<glm::dvec3>& color) {
+  glm::dvec3 value;
+  if (!Color(rest, value)) return false;
+  color = value;
+  return true;
+}
+
+/// "d -halo x" fades toward the silhouette; it is taken as "d x".
+bool MtlParser::Dissolve(TextCursor& rest) {
+  TextCursor after = rest;
+  if (after.Word() == "-halo") rest = after;
+  return OptionalReal(rest, block_->d);
+}
+
+bool MtlParser::OptionalReal(TextCursor& rest, std::optional<double>& value) {
+  double parsed;
+  if (!ParseReal(rest, parsed)) return false;
+  value = parsed;
+  return true;
+}
+
+}  // namespace
+
+Result<std::vector<Material>> ReadMtl(const std::string& path, const std::function<void(std::string)>& warn) {
+  QUARRY_ASSIGN(ByteReader bytes, ByteReader::Open(path));
+  return MtlParser(bytes, warn).Parse();
+}
+
+}  // namespace quarry

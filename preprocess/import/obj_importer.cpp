@@ -1,0 +1,235 @@
+// Wavefront OBJ: the polygonal part of the format. Lines of other kinds are passed over.
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "preprocess/import/formats.h"
+#include "preprocess/import/line_reader.h"
+#include "preprocess/import/obj_materials.h"
+#include "preprocess/import/text_number.h"
+
+namespace quarry {
+namespace {
+
+/// How many elements of one kind there are so far, and the farthest one referred to: a face may refer to what
+/// comes later in the file, so whether it exists is known only at the end.
+struct IndexRange {
+  const char* kind;
+  uint64_t count = 0;
+  uint64_t largest = 0;  ///< From 1; 0 is none.
+  uint64_t largest_line = 0;
+};
+
+class ObjFile {
+ public:
+  ObjFile(ByteReader& bytes, ModelSink& sink)
+      : bytes_(bytes), lines_(bytes), sink_(sink), materials_(bytes.path(), sink) {}
+
+  Result<uint64_t> Import();
+
+ private:
+  Status Line(std::string_view line);
+  Status OtherLine(std::string_view keyword, TextCursor& rest);
+  Status Position(TextCursor& rest);
+  Status Normal(TextCursor& rest);
+  Status Uv(TextCursor& rest);
+  Status Face(TextCursor& rest);
+  Status ReadCorner(TextCursor& rest, Corner& corner);
+  /// Reads one index; 0 where `optional` gives kNoIndex.
+  Status Index(TextCursor& rest, IndexRange& range, bool optional, uint32_t& index);
+  Status IndexFailure(const TextCursor& at, std::string_view trouble) const;
+  void SetPart();
+  Status CheckRange(const IndexRange& range) const;
+
+  ByteReader& bytes_;
+  LineReader lines_;
+  ModelSink& sink_;
+  ObjMaterials materials_;
+  IndexRange positions_{"vertex"}, normals_{"normal"}, uvs_{"texture coordinate"};
+  std::vector<Corner> corners_;
+  std::string object_, group_, material_name_;
+  bool part_changed_ = false, material_changed_ = false;
+  uint32_t part_ = kNoIndex, material_ = kNoIndex;
+  uint64_t triangles_ = 0, short_faces_ = 0;
+};
+
+Result<uint64_t> ObjFile::Import() {
+  std::string_view line;
+  while (true) {
+    QUARRY_ASSIGN(const bool more, lines_.NextJoined(line));
+    if (!more) break;
+    QUARRY_TRY(Line(line));
+  }
+  for (const IndexRange* range : {&positions_, &normals_, &uvs_}) QUARRY_TRY(CheckRange(*range));
+  if (short_faces_ != 0)
+    sink_.Warn(fmt::format("{}: {} faces of fewer than 3 corners left out", bytes_.path(), short_faces_));
+  return triangles_;
+}
+
+Status ObjFile::Line(std::string_view line) {
+  TextCursor rest(line);
+  const std::string_view keyword = rest.Word();
+  if (keyword == "v") return Position(rest);
+  if (keyword == "f" || keyword == "fo") return Face(rest);
+  if (keyword == "vn") return Normal(rest);
+  if (keyword == "vt") return Uv(rest);
+  if (keyword.empty() || keyword.front() == '#') return {};
+  return OtherLine(keyword, rest);
+}
+
+Status ObjFile::OtherLine(std::string_view keyword, TextCursor& rest) {
+  if (keyword == "usemtl") {
+    material_name_ = std::string(rest.Rest());
+    material_changed_ = true;
+  } else if (keyword == "mtllib") {
+    materials_.AddLibraries(rest.Rest());
+    material_changed_ = true;  // what was not found may be there now
+  } else if (keyword == "o") {
+    object_ = std::string(rest.Rest());
+    group_.clear();
+    part_changed_ = true;
+  } else if (keyword == "g") {
+    group_ = std::string(rest.Rest());
+    part_changed_ = true;
+  } else if (keyword.find('\0') != std::string_view::npos) {
+    return lines_.FailHere("holds a zero byte, so this is no text file of a model");
+  }
+  return {};
+}
+
+Status ObjFile::Position(TextCursor& rest) {
+  double value[6];
+  int count = 0;
+  while (count < 6 && !rest.AtEnd() && ParseReal(rest, value[count])) ++count;
+  if (count < 3)
+    return lines_.FailHere(rest.AtEnd() ? "a vertex needs three numbers"
+                                        : fmt::format("{} is not a number", Quoted(rest.Word())));
+  Rgba8 color;
+  if (count == 6) {  // four are x y z w: the weight of a rational curve, of no meaning to polygons
+    const auto byte = [](double c) {
+      return static_cast<uint8_t>(c > 0 ? std::min(c, 1.0) * 255 + 0.5 : 0.0);
+    };
+    color = {byte(value[3]), byte(value[4]), byte(value[5])};
+  }
+  ++positions_.count;
+  return sink_.AddPosition({value[0], value[1], value[2]}, color);
+}
+
+Status ObjFile::Normal(TextCursor& rest) {
+  glm::dvec3 normal;
+  for (int i = 0; i < 3; ++i)
+    if (!ParseReal(rest, normal[i])) return lines_.FailHere("a normal needs three numbers");
+  ++normals_.count;
+  return sink_.AddNormal(glm::vec3(normal));
+}
+
+Status ObjFile::Uv(TextCursor& rest) {
+  glm::dvec2 uv(0);
+  if (!ParseReal(rest, uv.x)) return lines_.FailHere("a texture coordinate needs a number");
+  if (!rest.AtEnd() && !ParseReal(rest, uv.y))
+    return lines_.FailHere(fmt::format("{} is not a number", Quoted(rest.Word())));
+  ++uvs_.count;
+  return sink_.AddUv(glm::vec2(uv));
+}
+
+Status ObjFile::Face(TextCursor& rest) {
+  corners_.clear();
+  while (!rest.AtEnd()) {
+    if (corners_.size() == kMaxPolygonCorners)
+      return lines_.FailHere(fmt::format("the face has more than {} corners", kMaxPolygonCorners));
+    Corner corner;
+    QUARRY_TRY(ReadCorner(rest, corner));
+    corners_.push_back(corner);
+  }
+  if (corners_.size() < 3) {
+    ++short_faces_;
+    return {};
+  }
+  if (part_changed_) SetPart();
+  if (material_changed_) material_ = material_name_.empty() ? kNoIndex : materials_.Use(material_name_);
+  material_changed_ = false;
+  triangles_ += corners_.size() - 2;
+  return sink_.AddPolygon(corners_, material_, part_);
+}
+
+/// One of v, v/vt, v//vn, v/vt/vn.
+Status ObjFile::ReadCorner(TextCursor& rest, Corner& corner) {
+  QUARRY_TRY(Index(rest, positions_, false, corner.position));
+  if (rest.next != rest.end && *rest.next == '/') {
+    ++rest.next;
+    QUARRY_TRY(Index(rest, uvs_, true, corner.uv));
+  }
+  if (rest.next != rest.end && *rest.next == '/') {
+    ++rest.next;
+    QUARRY_TRY(Index(rest, normals_, true, corner.normal));
+  }
+  if (rest.next != rest.end && !IsSpace(*rest.next)) return IndexFailure(rest, "is not part of an index");
+  return {};
+}
+
+Status ObjFile::Index(TextCursor& rest, IndexRange& range, bool optional, uint32_t& index) {
+  if (optional && (rest.next == rest.end || *rest.next == '/' || IsSpace(*rest.next))) return {};
+  const TextCursor start = rest;
+  int64_t value;
+  if (!ParseInteger(rest, value)) return IndexFailure(start, "is not an index");
+  if (value == 0 && optional) return {};  // some exporters write it for none
+  if (value == 0) return IndexFailure(start, "refers to vertex 0, but OBJ counts from 1");
+  if (value < 0) value += static_cast<int64_t>(range.count) + 1;
+  if (value <= 0)
+    return IndexFailure(start,
+                        fmt::format("reaches before the first {} of the {} so far", range.kind, range.count));
+  if (value >= int64_t{kNoIndex})
+    return IndexFailure(start, "is beyond the 4,294,967,294 elements a file may have");
+  if (static_cast<uint64_t>(value) > range.largest) {
+    range.largest = static_cast<uint64_t>(value);
+    range.largest_line = lines_.line_number();
+  }
+  index = static_cast<uint32_t>(value - 1);
+  return {};
+}
+
+Status ObjFile::IndexFailure(const TextCursor& at, std::string_view trouble) const {
+  TextCursor word = at;
+  return lines_.FailHere(fmt::format("{} in a face {}", Quoted(word.Word()), trouble));
+}
+
+void ObjFile::SetPart() {
+  std::string name = object_;
+  if (!group_.empty() && group_ != object_) name += (name.empty() ? "" : "/") + group_;
+  part_ = name.empty() ? kNoIndex : sink_.AddPart(name);
+  part_changed_ = false;
+}
+
+Status ObjFile::CheckRange(const IndexRange& range) const {
+  if (range.largest <= range.count) return {};
+  return Fail(fmt::format("{}, line {}: the face refers to {} {}, but the file has only {}", bytes_.path(),
+                          range.largest_line, range.kind, range.largest, range.count));
+}
+
+/// Words that begin the lines of OBJ files, and of few others.
+bool IsObjKeyword(std::string_view word) {
+  constexpr std::string_view kWords[] = {"v", "vn", "vt", "f", "o", "g", "s", "mtllib", "usemtl"};
+  return std::ranges::find(kWords, word) != std::end(kWords);
+}
+
+}  // namespace
+
+bool LooksLikeObj(ByteReader& bytes) {
+  bytes.Ensure(ByteReader::kBufferBytes);
+  std::string_view text = bytes.view();
+  if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
+  while (!text.empty()) {
+    const std::string_view line = text.substr(0, text.find('\n'));
+    text.remove_prefix(std::min(text.size(), line.size() + 1));
+    const std::string_view word = TextCursor(line).Word();
+    if (!word.empty() && !word.starts_with('#')) return IsObjKeyword(word);
+  }
+  return false;
+}
+
+Result<uint64_t> ImportObj(ByteReader& bytes, ModelSink& sink) { return ObjFile(bytes, sink).Import(); }
+
+}  // namespace quarry

@@ -1,0 +1,93 @@
+#include "preprocess/import/obj_materials.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "preprocess/import/mtl.h"
+#include "preprocess/import/text_number.h"
+
+namespace quarry {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A file of garbage must neither flood the terminal nor fill the memory with names.
+constexpr size_t kMostWarnings = 1000;
+
+bool EndsLibraryName(std::string_view name) {
+  return name.size() >= 4 && EqualsIgnoringCase(name.substr(name.size() - 4), ".mtl");
+}
+
+bool IsFile(const fs::path& path) {
+  std::error_code ignored;
+  return fs::is_regular_file(path, ignored);
+}
+
+}  // namespace
+
+std::vector<std::string> SplitLibraryNames(std::string_view names) {
+  std::vector<std::string> result;
+  std::string name;
+  for (size_t i = 0; i < names.size(); ++i) {
+    const bool escaped = names[i] == '\\' && i + 1 < names.size() && names[i + 1] == ' ';
+    if (escaped) ++i;
+    if (escaped || !IsBlank(names[i]) || (!name.empty() && !EndsLibraryName(name))) {
+      name += names[i];
+    } else if (!name.empty()) {
+      result.push_back(std::move(name));
+      name.clear();
+    }
+  }
+  if (!name.empty()) result.push_back(std::move(name));
+  return result;
+}
+
+ObjMaterials::ObjMaterials(const std::string& obj_path, ModelSink& sink) : obj_path_(obj_path), sink_(sink) {}
+
+void ObjMaterials::AddLibraries(std::string_view names) {
+  const std::string whole(names);
+  if (!Find(whole).empty()) return AddLibrary(whole);
+  for (const std::string& name : SplitLibraryNames(names)) AddLibrary(name);
+}
+
+void ObjMaterials::AddLibrary(const std::string& name) {
+  const fs::path path = Find(name);
+  if (path.empty())
+    return WarnOnce(fmt::format("{}: the material file {} is not there", obj_path_, Quoted(name)));
+  if (!read_.insert(path.string()).second) return;
+  auto materials = ReadMtl(path.string(), [this](const std::string& message) { WarnOnce(message); });
+  if (!materials) return WarnOnce(materials.error().message);
+  for (Material& material : *materials) {
+    std::string key = material.name;
+    entries_.try_emplace(std::move(key), Entry{std::move(material)});
+  }
+}
+
+fs::path ObjMaterials::Find(const std::string& name) const {
+  if (name.empty() || name.find('\0') != std::string::npos) return {};
+  const fs::path folder = fs::path(obj_path_).parent_path();
+  std::string slashed = name;
+  std::ranges::replace(slashed, '\\', '/');
+  for (const fs::path& candidate : {folder / name, folder / slashed, folder / fs::path(slashed).filename()})
+    if (IsFile(candidate)) return candidate;
+  return {};
+}
+
+uint32_t ObjMaterials::Use(std::string_view name) {
+  const auto found = entries_.find(name);
+  if (found == entries_.end()) {
+    WarnOnce(fmt::format("{}: the material {} is not defined, the default takes its place", obj_path_,
+                         Quoted(name)));
+    return kNoIndex;
+  }
+  Entry& entry = found->second;
+  if (entry.scene_index == kNoIndex) entry.scene_index = sink_.AddMaterial(entry.material);
+  return entry.scene_index;
+}
+
+void ObjMaterials::WarnOnce(const std::string& message) {
+  if (warned_.size() < kMostWarnings && warned_.insert(message).second) sink_.Warn(message);
+}
+
+}  // namespace quarry

@@ -1,0 +1,50 @@
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <set>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "preprocess/import/model_sink.h"
+
+namespace quarry {
+
+/// The materials that an OBJ file's mtllib lines name, given to the sink when first used. A name defined
+/// twice keeps its first meaning. Files not found are warned of once, and so are names not found.
+class ObjMaterials {
+ public:
+  ObjMaterials(const std::string& obj_path, ModelSink& sink);
+
+  /// Reads the files named by the rest of an mtllib line: one name that may hold spaces, or several, in which
+  /// "\ " stands for a space. Names are relative to the OBJ's folder; backslashes may separate folders, and a
+  /// file not found where the name says is looked for beside the OBJ.
+  void AddLibraries(std::string_view names);
+
+  /// The scene's index of the material `name`; kNoIndex, the default, if no library read so far has it.
+  uint32_t Use(std::string_view name);
+
+ private:
+  struct Entry {
+    Material material;
+    uint32_t scene_index = kNoIndex;
+  };
+
+  void AddLibrary(const std::string& name);
+  /// The existing file that `name` means, or empty.
+  std::filesystem::path Find(const std::string& name) const;
+  void WarnOnce(const std::string& message);
+
+  std::string obj_path_;
+  ModelSink& sink_;
+  std::map<std::string, Entry, std::less<>> entries_;
+  std::set<std::string> read_;    ///< Libraries done with; some exporters name theirs before every object.
+  std::set<std::string> warned_;  ///< Bounded by kMostWarnings.
+};
+
+/// The file names on an mtllib line, blanks escaped by backslashes or not: a name ends at ".mtl" before a
+/// blank.
+std::vector<std::string> SplitLibraryNames(std::string_view names);
+
+}  // namespace quarry

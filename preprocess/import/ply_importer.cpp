@@ -1,0 +1,359 @@
+// PLY after its header: the elements in file order, each row through a plan made once per element.
+// The format: Turk, "The PLY Polygon File Format", 1994.
+
+#include <fmt/format.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+#include <utility>
+
+#include "common/scene/material_json.h"
+#include "preprocess/import/formats.h"
+#include "preprocess/import/ply_plan.h"
+#include "preprocess/import/ply_rows.h"
+
+namespace quarry {
+namespace {
+
+uint8_t ColorByte(double value) {
+  return static_cast<uint8_t>(value > 0 ? std::min(value, 255.0) + 0.5 : 0.0);
+}
+
+/// What material_index and part_index stand for in the scene; `wanted` if the file has the property and the
+/// list.
+struct IndexTable {
+  bool wanted = false;
+  std::vector<uint32_t> scene_index;
+};
+
+template <typename Source>
+class PlyBody {
+ public:
+  PlyBody(const PlyHeader& header, Source source, ModelSink& sink)
+      : header_(header), source_(source), sink_(sink), path_(source_.bytes().path()) {}
+
+  Result<uint64_t> Import();
+
+ private:
+  Status LoadTables(const PlyElement& face);
+  Status Element(const PlyElement& element);
+  Status Vertices(const PlyElement& element);
+  Status Faces(const PlyElement& element);
+  Status Strips(const PlyElement& element);
+  Status OtherRows(const PlyElement& element);
+
+  /// Reads all rows of `element` by `plan` and gives each to `use` (a Status of the row).
+  template <typename Use>
+  Status Rows(const PlyElement& element, const PlyPlan& plan, Use&& use);
+  template <typename Use>
+  Status FixedRows(const PlyElement& element, const PlyPlan& plan, Use&& use);
+  template <typename Use>
+  Status RowsOneByOne(const PlyElement& element, const PlyPlan& plan, Use&& use);
+  bool ReadStep(const PlyStep& step);
+  bool ReadIndexList(const PlyStep& step);
+
+  Status Vertex(const PlyPlan& plan);
+  Status Face();
+  Status FaceCorners();
+  Result<Corner> MakeCorner(int64_t index) const;
+  Result<uint32_t> Look(const IndexTable& table, FaceSlot slot, const char* name) const;
+  Status StripList(const PlyElement& element, const PlyStep& step);
+  Status StripIndex(int64_t index);
+  tl::unexpected<Error> RowFailure(const PlyElement& element) const;
+
+  const PlyHeader& header_;
+  Source source_;
+  ModelSink& sink_;
+  const std::string& path_;
+  PlyRow row_;
+  uint64_t row_number_ = 0;
+  std::string complaint_;  ///< Why a step failed, where the source itself had nothing to object to.
+  uint64_t vertex_count_ = 0, triangles_ = 0, short_faces_ = 0;
+  bool has_normals_ = false, has_uvs_ = false;
+  IndexTable materials_, parts_;
+  std::vector<Corner> corners_;
+  Corner strip_[3];
+  uint32_t strip_length_ = 0;
+};
+
+template <typename Source>
+Result<uint64_t> PlyBody<Source>::Import() {
+  const PlyElement* vertex = header_.Find("vertex");
+  if (vertex == nullptr) return source_.FailHere("the PLY header has no element \"vertex\"");
+  vertex_count_ = vertex->count;
+  if (const PlyElement* face = header_.Find("face")) QUARRY_TRY(LoadTables(*face));
+  const PlyPlan plan = PlanVertex(*vertex);
+  if (!plan.Has(kX, kZ)) return source_.FailHere("the element \"vertex\" lacks x, y or z");
+  has_normals_ = plan.Has(kNx, kNz);
+  has_uvs_ = plan.Has(kU, kV);
+  for (const PlyElement& element : header_.elements) QUARRY_TRY(Element(element));
+  if (short_faces_ != 0)
+    sink_.Warn(fmt::format("{}: {} faces of fewer than 3 corners left out", path_, short_faces_));
+  return triangles_;
+}
+
+template <typename Source>
+Status PlyBody<Source>::LoadTables(const PlyElement& face) {
+  const PlyPlan plan = PlanFace(face);
+  const bool materials = plan.Has(kMaterial, kMaterial), parts = plan.Has(kPart, kPart);
+  if (!materials && !parts) return {};
+  const std::string path = MaterialJsonPath(path_);
+  struct stat info {};
+  if (stat(path.c_str(), &info) != 0) {
+    sink_.Warn(fmt::format("{}: has material_index or part_index, but {} is not there; they are left out",
+                           path_, path));
+    return {};
+  }
+  QUARRY_ASSIGN(const MaterialLibrary library, ReadMaterialJson(path));
+  materials_.wanted = materials;
+  for (const Material& material : library.materials)
+    if (materials) materials_.scene_index.push_back(sink_.AddMaterial(material));
+  parts_.wanted = parts && !library.parts.empty();
+  for (const std::string& part : library.parts)
+    if (parts) parts_.scene_index.push_back(sink_.AddPart(part));
+  return {};
+}
+
+template <typename Source>
+Status PlyBody<Source>::Element(const PlyElement& element) {
+  row_number_ = 0;
+  if (element.properties.empty()) return {};  // rows of nothing, however many are claimed
+  if (element.name == "vertex") return Vertices(element);
+  if (element.name == "face") return Faces(element);
+  if (element.name == "tristrips") return Strips(element);
+  return OtherRows(element);
+}
+
+template <typename Source>
+Status PlyBody<Source>::Vertices(const PlyElement& element) {
+  const PlyPlan plan = PlanVertex(element);
+  return Rows(element, plan, [&] { return Vertex(plan); });
+}
+
+template <typename Source>
+Status PlyBody<Source>::Faces(const PlyElement& element) {
+  const PlyPlan plan = PlanFace(element);
+  if (!plan.has_index_list)
+    return source_.FailHere("the element \"face\" has no list vertex_indices of an integer type");
+  return Rows(element, plan, [&] { return Face(); });
+}
+
+template <typename Source>
+Status PlyBody<Source>::OtherRows(const PlyElement& element) {
+  return Rows(element, PlanToSkip(element), [] { return Status(); });
+}
+
+template <typename Source>
+template <typename Use>
+Status PlyBody<Source>::Rows(const PlyElement& element, const PlyPlan& plan, Use&& use) {
+  if constexpr (Source::kBinary)
+    if (!plan.has_lists) return FixedRows(element, plan, use);
+  return RowsOneByOne(element, plan, use);
+}
+
+/// Binary rows without lists: values lie at fixed offsets, so a buffer full of rows goes through one loop.
+template <typename Source>
+template <typename Use>
+Status PlyBody<Source>::FixedRows(const PlyElement& element, const PlyPlan& plan, Use&& use) {
+  struct Wanted {
+    uint32_t offset;
+    PlyType type;
+    uint8_t slot;
+  };
+  std::vector<Wanted> wanted;
+  uint32_t stride = 0;
+  for (const PlyStep& step : plan.steps) {
+    if (step.target != PlyStep::kSkip) wanted.push_back({stride, step.type, step.target});
+    stride += SizeOf(step.type);
+  }
+  ByteReader& bytes = source_.bytes();
+  if (element.count > bytes.remaining() / stride)
+    return source_.FailHere(fmt::format(
+        "the header promises {} rows of {} bytes for the element {}, but the file has {} bytes left",
+        element.count, stride, element.name, bytes.remaining()));
+  if (wanted.empty() && bytes.Skip(element.count * stride)) return {};
+  for (; row_number_ < element.count; ++row_number_) {
+    if (!bytes.Ensure(stride)) return RowFailure(element);
+    const char* at = bytes.data();
+    for (const Wanted& want : wanted) row_.values[want.slot] = Source::Load(at + want.offset, want.type);
+    bytes.Consume(stride);
+    QUARRY_TRY(use());
+  }
+  return {};
+}
+
+template <typename Source>
+template <typename Use>
+Status PlyBody<Source>::RowsOneByOne(const PlyElement& element, const PlyPlan& plan, Use&& use) {
+  for (; row_number_ < element.count; ++row_number_) {
+    for (const PlyStep& step : plan.steps) {
+      if (ReadStep(step)) [[likely]]
+        continue;
+      return RowFailure(element);
+    }
+    QUARRY_TRY(use());
+  }
+  return {};
+}
+
+template <typename Source>
+bool PlyBody<Source>::ReadStep(const PlyStep& step) {
+  if (step.target == PlyStep::kIndexList) return ReadIndexList(step);
+  if (!step.count_type) {
+    double ignored;
+    return source_.Scalar(step.type, step.target == PlyStep::kSkip ? ignored : row_.values[step.target]);
+  }
+  int64_t count;
+  if (!source_.Integer(*step.count_type, count)) return false;
+  if (count < 0) complaint_ = " has a list of a negative length";
+  return count >= 0 && source_.SkipValues(step.type, static_cast<uint64_t>(count));
+}
+
+template <typename Source>
+bool PlyBody<Source>::ReadIndexList(const PlyStep& step) {
+  row_.indices.clear();
+  int64_t count;
+  if (!source_.Integer(*step.count_type, count)) return false;
+  if (count < 0 || static_cast<uint64_t>(count) > kMaxPolygonCorners) {
+    complaint_ = fmt::format(" has {} corners, where 0 to {} are possible", count, kMaxPolygonCorners);
+    return false;
+  }
+  return source_.Integers(step.type, static_cast<uint64_t>(count), row_.indices);
+}
+
+template <typename Source>
+Status PlyBody<Source>::Vertex(const PlyPlan& plan) {
+  const double* value = row_.values;
+  Rgba8 color;
+  if (plan.Has(kRed, kBlue)) {
+    color.r = ColorByte(value[kRed] * plan.color_scale[0]);
+    color.g = ColorByte(value[kGreen] * plan.color_scale[1]);
+    color.b = ColorByte(value[kBlue] * plan.color_scale[2]);
+    if (plan.Has(kAlpha, kAlpha)) color.a = ColorByte(value[kAlpha] * plan.color_scale[3]);
+  }
+  QUARRY_TRY(sink_.AddPosition({value[kX], value[kY], value[kZ]}, color));
+  if (has_normals_) QUARRY_TRY(sink_.AddNormal(glm::vec3(value[kNx], value[kNy], value[kNz])));
+  if (has_uvs_) QUARRY_TRY(sink_.AddUv(glm::vec2(value[kU], value[kV])));
+  return {};
+}
+
+template <typename Source>
+Status PlyBody<Source>::Face() {
+  if (row_.indices.size() < 3) {
+    ++short_faces_;
+    return {};
+  }
+  QUARRY_TRY(FaceCorners());
+  QUARRY_ASSIGN(const uint32_t material, Look(materials_, kMaterial, "material_index"));
+  QUARRY_ASSIGN(const uint32_t part, Look(parts_, kPart, "part_index"));
+  triangles_ += corners_.size() - 2;
+  return sink_.AddPolygon(corners_, material, part);
+}
+
+template <typename Source>
+Status PlyBody<Source>::FaceCorners() {
+  corners_.clear();
+  for (const int64_t index : row_.indices) {
+    QUARRY_ASSIGN(const Corner corner, MakeCorner(index));
+    corners_.push_back(corner);
+  }
+  return {};
+}
+
+template <typename Source>
+Result<Corner> PlyBody<Source>::MakeCorner(int64_t index) const {
+  if (index < 0 || static_cast<uint64_t>(index) >= vertex_count_ || index >= int64_t{kNoIndex})
+    return source_.FailHere(
+        fmt::format("face {} (counted from 0) refers to vertex {}, but there are {} vertices", row_number_,
+                    index, vertex_count_));
+  const auto i = static_cast<uint32_t>(index);
+  return Corner{i, has_normals_ ? i : kNoIndex, has_uvs_ ? i : kNoIndex};
+}
+
+template <typename Source>
+Result<uint32_t> PlyBody<Source>::Look(const IndexTable& table, FaceSlot slot, const char* name) const {
+  if (!table.wanted) return kNoIndex;
+  const double value = row_.values[slot];
+  const size_t size = table.scene_index.size();
+  if (value >= 0 && value < static_cast<double>(size) && value == std::floor(value)) [[likely]]
+    return table.scene_index[static_cast<size_t>(value)];
+  return source_.FailHere(fmt::format("face {} (counted from 0) has {} {}, but {} lists {}", row_number_,
+                                      name, value, MaterialJsonPath(path_), size));
+}
+
+/// A strip may be the whole model in one list, so it is read piece by piece.
+template <typename Source>
+Status PlyBody<Source>::Strips(const PlyElement& element) {
+  const PlyPlan plan = PlanFace(element);
+  for (; row_number_ < element.count; ++row_number_) {
+    strip_length_ = 0;
+    for (const PlyStep& step : plan.steps) {
+      if (step.target == PlyStep::kIndexList)
+        QUARRY_TRY(StripList(element, step));
+      else if (!ReadStep(step))
+        return RowFailure(element);
+    }
+  }
+  return {};
+}
+
+template <typename Source>
+Status PlyBody<Source>::StripList(const PlyElement& element, const PlyStep& step) {
+  int64_t left;
+  if (!source_.Integer(*step.count_type, left)) return RowFailure(element);
+  while (left > 0) {
+    const int64_t piece = std::min<int64_t>(left, 4096);
+    row_.indices.clear();
+    if (!source_.Integers(step.type, static_cast<uint64_t>(piece), row_.indices)) return RowFailure(element);
+    for (const int64_t index : row_.indices) QUARRY_TRY(StripIndex(index));
+    left -= piece;
+  }
+  return {};
+}
+
+/// -1 starts a new strip. Every other triangle turns the other way round, and is turned back; those that only
+/// join two strips, with a corner twice, are left out.
+template <typename Source>
+Status PlyBody<Source>::StripIndex(int64_t index) {
+  if (index == -1) {
+    strip_length_ = 0;
+    return {};
+  }
+  QUARRY_ASSIGN(const Corner corner, MakeCorner(index));
+  strip_[0] = strip_[1];
+  strip_[1] = strip_[2];
+  strip_[2] = corner;
+  if (++strip_length_ < 3) return {};
+  const auto [a, b, c] = std::tuple(strip_[0].position, strip_[1].position, strip_[2].position);
+  if (a == b || b == c || a == c) return {};
+  Corner triangle[] = {strip_[0], strip_[1], strip_[2]};
+  if (strip_length_ % 2 == 0) std::swap(triangle[0], triangle[1]);
+  ++triangles_;
+  return sink_.AddPolygon(triangle, kNoIndex, kNoIndex);
+}
+
+template <typename Source>
+tl::unexpected<Error> PlyBody<Source>::RowFailure(const PlyElement& element) const {
+  const std::string row =
+      fmt::format("{} {} (counted from 0) of {}", element.name, row_number_, element.count);
+  return complaint_.empty() ? source_.Failure(row) : source_.FailHere(row + complaint_);
+}
+
+}  // namespace
+
+Result<uint64_t> ImportPly(ByteReader& bytes, ModelSink& sink) {
+  QUARRY_ASSIGN(const PlyHeader header, ReadPlyHeader(bytes));
+  switch (header.encoding) {
+    case PlyEncoding::kAscii:
+      return PlyBody(header, AsciiPlySource(bytes, header.lines), sink).Import();
+    case PlyEncoding::kBinaryLittleEndian:
+      return PlyBody(header, BinaryPlySource<false>(bytes), sink).Import();
+    case PlyEncoding::kBinaryBigEndian:
+      break;
+  }
+  return PlyBody(header, BinaryPlySource<true>(bytes), sink).Import();
+}
+
+}  // namespace quarry

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <vector>
+
+#include "preprocess/import/ply_header.h"
+#include "preprocess/import/ply_rows.h"
+
+namespace quarry {
+
+/// Places in PlyRow::values for the properties of a vertex, of a face.
+enum VertexSlot : uint8_t { kX, kY, kZ, kNx, kNy, kNz, kRed, kGreen, kBlue, kAlpha, kU, kV };
+enum FaceSlot : uint8_t { kMaterial, kPart };
+
+/// The plan of one element, and which slots it fills.
+struct PlyPlan {
+  std::vector<PlyStep> steps;
+  uint32_t filled = 0;
+  double color_scale[4] = {1, 1, 1, 1};  ///< Brings red, green, blue, alpha to 0..255.
+  bool has_index_list = false;
+  bool has_lists = false;  ///< Any list at all: rows differ in size.
+
+  /// True if the slots `first` to `last` are all filled.
+  bool Has(uint8_t first, uint8_t last) const {
+    for (int slot = first; slot <= last; ++slot)
+      if (!(filled >> slot & 1)) return false;
+    return true;
+  }
+};
+
+PlyPlan PlanVertex(const PlyElement& element);
+/// Also for tristrips, which name their indices as faces do.
+PlyPlan PlanFace(const PlyElement& element);
+PlyPlan PlanToSkip(const PlyElement& element);
+
+}  // namespace quarry

@@ -1,0 +1,90 @@
+#pragma once
+
+#include <charconv>
+#include <cstdint>
+#include <limits>
+#include <string>
+#include <string_view>
+
+namespace quarry {
+
+/// Space, tab, and what stray editors leave at the ends of lines.
+inline bool IsBlank(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f'; }
+
+/// Blanks and the ends of lines.
+inline bool IsSpace(char c) { return IsBlank(c) || c == '\n'; }
+
+/// A place within one line of text.
+struct TextCursor {
+  const char* next;
+  const char* end;
+
+  explicit TextCursor(std::string_view text) : next(text.data()), end(text.data() + text.size()) {}
+
+  void SkipBlanks() {
+    while (next != end && IsBlank(*next)) ++next;
+  }
+  /// True if nothing but blanks, or a comment, is left.
+  bool AtEnd() {
+    SkipBlanks();
+    return next == end || *next == '#';
+  }
+  /// The next run of characters that are not blank; empty at the end.
+  std::string_view Word() {
+    SkipBlanks();
+    const char* begin = next;
+    while (next != end && !IsBlank(*next)) ++next;
+    return {begin, static_cast<size_t>(next - begin)};
+  }
+  /// All that is left, without blanks at either end.
+  std::string_view Rest() {
+    SkipBlanks();
+    const char* last = end;
+    while (last != next && IsBlank(last[-1])) --last;
+    return {next, static_cast<size_t>(last - next)};
+  }
+};
+
+/// Parses numbers that std::from_chars leaves aside: beyond the range of double, and the "1.#INF" and
+/// "1.#QNAN" of old Windows runtimes. False if `word` is none of these.
+bool ParseUnusualReal(std::string_view word, double& value);
+
+/// Parses one real at the cursor, after blanks, and moves behind it: any decimal syntax, a leading '+', nan,
+/// inf. False, with the cursor at the number's first character, if there is none or if it runs into other
+/// text.
+inline bool ParseReal(TextCursor& cursor, double& value) {
+  cursor.SkipBlanks();
+  const char* begin = cursor.next;
+  if (begin != cursor.end && *begin == '+') ++begin;
+  const auto [stop, error] = std::from_chars(begin, cursor.end, value);
+  if (error == std::errc() && (stop == cursor.end || IsSpace(*stop))) [[likely]] {
+    cursor.next = stop;
+    return true;
+  }
+  TextCursor rest = cursor;
+  if (!ParseUnusualReal(rest.Word(), value)) return false;
+  cursor.next = rest.next;
+  return true;
+}
+
+/// Parses one decimal integer at the cursor, without skipping blanks, and moves behind it; a leading '+' is
+/// allowed. What follows is the caller's matter. Values beyond 64 bits become the nearest that fits.
+inline bool ParseInteger(TextCursor& cursor, int64_t& value) {
+  const char* begin = cursor.next;
+  if (cursor.end - begin > 1 && *begin == '+' && begin[1] != '-') ++begin;
+  const auto [stop, error] = std::from_chars(begin, cursor.end, value);
+  if (error == std::errc::invalid_argument) return false;
+  if (error == std::errc::result_out_of_range)
+    value = *begin == '-' ? std::numeric_limits<int64_t>::min() : std::numeric_limits<int64_t>::max();
+  cursor.next = stop;
+  return true;
+}
+
+/// `text` in quotation marks for an error sentence: at most 40 characters, control and non-ASCII bytes as
+/// '?'.
+std::string Quoted(std::string_view text);
+
+/// True if the ASCII letters are the same whatever their case.
+bool EqualsIgnoringCase(std::string_view a, std::string_view b);
+
+}  // namespace quarry

@@ -1,0 +1,33 @@
+#pragma once
+
+#include <glm/vec3.hpp>
+
+#include "common/kdtree/ray.h"
+#include "common/scene/render_job.h"
+#include "common/voxel/catalog.h"
+
+namespace quarry {
+
+/// A primary ray as traversal takes it: its origin moved along the ray to the scene's box when the eye lies outside,
+/// so that the bound behind ReferencePadding holds from any distance.
+struct PrimaryRay {
+  glm::vec3 origin{0}, direction{0, 0, 1};  ///< direction of unit length
+  float t_offset = 0;                       ///< distance from the eye to origin
+  bool misses = false;                      ///< never meets the scene's box
+};
+
+/// Turns pixel positions into rays. x runs right, y down; all arithmetic in double, no libm but sqrt.
+class Camera {
+ public:
+  Camera(const CameraSpec& spec, uint32_t width, uint32_t height, const SceneMeta& scene);
+  /// (x, y) in pixels, centres at +0.5. Thread-safe.
+  PrimaryRay Shoot(double x, double y) const;
+
+ private:
+  glm::dvec3 eye_, forward_, right_, down_;  ///< right_ and down_: per pixel, on the plane at distance 1
+  double width_, height_;
+  bool orthographic_;
+  glm::dvec3 lower_, upper_;
+};
+
+}  // namespace quarry

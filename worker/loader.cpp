@@ -1,0 +1,86 @@
+#include "worker/loader.h"
+
+#include <fmt/format.h>
+
+#include <utility>
+
+namespace quarry {
+namespace {
+
+constexpr int kAttempts = 3;  // a block that arrives damaged is asked for again
+
+/// Decodes `stored` into `resident`, whose bytes have the decoded size, and checks it against the catalog.
+Status DecodeBlock(const Catalog& catalog, uint32_t block, std::span<const std::byte> stored,
+                   ResidentBlock& resident) {
+  QUARRY_TRY(DecompressBlock(stored, resident.bytes.bytes()));
+  const uint32_t triangles = catalog.voxels[block / 2].triangles;
+  if (block % 2 == static_cast<uint32_t>(BlockKind::kShading)) {
+    QUARRY_ASSIGN(resident.shading, ViewShading(resident.bytes.bytes()));
+    if (resident.shading.triangle_count != triangles) return Fail("its triangles are not those of the directory");
+    return {};
+  }
+  QUARRY_ASSIGN(resident.hot, ViewHot(resident.bytes.bytes()));
+  if (resident.hot.triangle_count != triangles) return Fail("its triangles are not those of the directory");
+  for (uint32_t i = 0; i < triangles; ++i)
+    if (resident.hot.materials[i] >= catalog.materials.size()) return Fail("it names a material that the scene lacks");
+  return {};
+}
+
+}  // namespace
+
+Loader::Loader(const Catalog& catalog, VoxelCache& cache, VoxelSource& source,
+               std::function<void(const Error&)> on_error)
+    : catalog_(catalog), cache_(cache), source_(source), on_error_(std::move(on_error)) {}
+
+void Loader::Run() {
+  while (!failed_ && !arrived_.empty() && Install(arrived_.front())) {
+    stored_bytes_ -= arrived_.front().stored.size();
+    --in_flight_;
+    arrived_.pop_front();
+  }
+  while (!failed_ && in_flight_ < kMaxInFlight && stored_bytes_ < kMaxStoredBytes) {
+    const auto block = cache_.NextToLoad();
+    if (!block) return;
+    ++in_flight_;
+    stored_bytes_ += catalog_.block(*block).stored;
+    Ask(*block, 1);
+  }
+}
+
+void Loader::Ask(uint32_t block, int attempt) {
+  source_.Fetch(block, [this, block, attempt](Result<Bytes> stored) { OnFetched(block, attempt, std::move(stored)); });
+}
+
+void Loader::OnFetched(uint32_t block, int attempt, Result<Bytes> stored) {
+  if (failed_) return;
+  if (!stored) return Fail(stored.error());
+  bytes_received_ += stored->size();
+  const BlockEntry& entry = catalog_.block(block);
+  if (stored->size() != entry.stored || Checksum(*stored) != entry.checksum) {
+    if (attempt < kAttempts) return Ask(block, attempt + 1);
+    return Fail(Error{fmt::format("block {} arrived damaged {} times (checksum)", block, kAttempts)});
+  }
+  arrived_.push_back({block, std::move(*stored)});
+  Run();
+}
+
+bool Loader::Install(const Arrived& arrived) {
+  const BlockEntry& entry = catalog_.block(arrived.block);
+  if (!cache_.Reserve(entry.decoded)) return false;
+  auto resident = std::make_unique<ResidentBlock>();
+  resident->bytes = PageBuffer(entry.decoded);
+  const Status status = DecodeBlock(catalog_, arrived.block, arrived.stored, *resident);
+  if (!status) {
+    Fail(Error{fmt::format("block {}: {}", arrived.block, status.error().message)});
+    return false;
+  }
+  cache_.Publish(arrived.block, std::move(resident));
+  return true;
+}
+
+void Loader::Fail(const Error& error) {
+  if (std::exchange(failed_, true)) return;
+  on_error_(error);
+}
+
+}  // namespace quarry

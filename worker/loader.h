@@ -1,0 +1,49 @@
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <functional>
+
+#include "common/net/voxel_source.h"
+#include "worker/voxel_cache.h"
+
+namespace quarry {
+
+/// Loads the blocks that the cache wants: asks the source, verifies, decompresses, publishes. All on one thread.
+/// Bounded: at most kMaxInFlight requests and about kMaxStoredBytes of stored bytes are on the way or waiting for room.
+class Loader {
+ public:
+  static constexpr uint32_t kMaxInFlight = 16;
+  static constexpr uint64_t kMaxStoredBytes = 2u << 20;
+
+  /// `on_error` is called once, when a block cannot be had: rendering cannot go on.
+  Loader(const Catalog& catalog, VoxelCache& cache, VoxelSource& source, std::function<void(const Error&)> on_error);
+
+  /// Asks for more while the bounds allow, and installs what waits for room. Call on the loader's thread when the
+  /// cache calls on_want or on_space.
+  void Run();
+
+  uint64_t bytes_received() const { return bytes_received_; }
+
+ private:
+  struct Arrived {
+    uint32_t block;
+    Bytes stored;
+  };
+  void OnFetched(uint32_t block, int attempt, Result<Bytes> stored);
+  void Ask(uint32_t block, int attempt);
+  bool Install(const Arrived& arrived);
+  void Fail(const Error& error);
+
+  const Catalog& catalog_;
+  VoxelCache& cache_;
+  VoxelSource& source_;
+  std::function<void(const Error&)> on_error_;
+  std::deque<Arrived> arrived_;
+  uint32_t in_flight_ = 0;
+  uint64_t stored_bytes_ = 0;
+  uint64_t bytes_received_ = 0;
+  bool failed_ = false;
+};
+
+}  // namespace quarry

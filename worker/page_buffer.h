@@ -1,0 +1,31 @@
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <utility>
+
+namespace quarry {
+
+/// Whole pages straight from the system, given back at once when destroyed, so that evicting a block makes room in
+/// fact and not only in the heap's books. Movable.
+class PageBuffer {
+ public:
+  PageBuffer() = default;
+  /// Ends the program when the system has no memory left.
+  explicit PageBuffer(size_t bytes);
+  PageBuffer(PageBuffer&& other) noexcept
+      : data_(std::exchange(other.data_, nullptr)), size_(std::exchange(other.size_, 0)) {}
+  PageBuffer& operator=(PageBuffer&& other) noexcept {
+    std::swap(data_, other.data_);
+    std::swap(size_, other.size_);
+    return *this;
+  }
+  ~PageBuffer();
+  std::span<std::byte> bytes() const { return {data_, size_}; }
+
+ private:
+  std::byte* data_ = nullptr;
+  size_t size_ = 0;
+};
+
+}  // namespace quarry

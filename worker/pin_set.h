@@ -1,0 +1,53 @@
+#pragma once
+
+#include <cstdint>
+#include <unordered_map>
+
+#include "worker/voxel_cache.h"
+
+namespace quarry {
+
+/// The blocks that one thread has pinned during a batch: each is pinned once, however many rays use it, and all are
+/// let go together. A small direct-mapped table in front spares most look-ups. Owned by one thread.
+class PinSet {
+ public:
+  explicit PinSet(VoxelCache& cache) : cache_(cache) {}
+  ~PinSet() { Release(); }
+
+  /// Null when the block is not resident.
+  const ResidentBlock* Find(uint32_t block) {
+    Recent& recent = recent_[block % kRecent];
+    if (recent.block == block && recent.resident) return recent.resident;
+    const ResidentBlock* resident = nullptr;
+    if (const auto it = pinned_.find(block); it != pinned_.end()) {
+      resident = it->second;
+    } else {
+      resident = cache_.TryPin(block);
+      if (!resident) return nullptr;
+      pinned_.emplace(block, resident);
+    }
+    recent = {block, resident};
+    return resident;
+  }
+  /// Takes over a pin that was made on this thread's behalf.
+  void Adopt(uint32_t block) {
+    if (!pinned_.emplace(block, cache_.Pinned(block)).second) cache_.Unpin(block);
+  }
+  void Release() {
+    for (const auto& [block, resident] : pinned_) cache_.Unpin(block);
+    pinned_.clear();
+    for (Recent& recent : recent_) recent = {};
+  }
+
+ private:
+  static constexpr uint32_t kRecent = 64;
+  struct Recent {
+    uint32_t block = 0;
+    const ResidentBlock* resident = nullptr;
+  };
+  VoxelCache& cache_;
+  std::unordered_map<uint32_t, const ResidentBlock*> pinned_;
+  Recent recent_[kRecent];
+};
+
+}  // namespace quarry

@@ -1,0 +1,123 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <unordered_map>
+#include <vector>
+
+#include "common/math/fixed_radiance.h"
+#include "common/protocol/messages.h"
+#include "common/voxel/catalog.h"
+#include "worker/camera.h"
+#include "worker/pin_set.h"
+#include "worker/shading.h"
+
+namespace quarry {
+
+/// What tiles of one frame share. Immutable.
+struct FrameContext {
+  FrameContext(uint64_t setup_number, const RenderJob& render_job, const Catalog& scene)
+      : setup(setup_number),
+        job(render_job),
+        catalog(scene),
+        top(scene.top_tree()),
+        camera(render_job.cameras[0], render_job.width, render_job.height, scene.meta),
+        words(WordsPerPixel(render_job.aov_mask)) {}
+  uint64_t setup;
+  RenderJob job;
+  const Catalog& catalog;
+  TopTree top;
+  Camera camera;
+  uint32_t words;
+};
+
+/// Renders one tile, never blocking: rays that need an absent block are parked until Resume names it.
+/// Ray states after Purcell et al. 2002, section 3: generate, traverse, shade, and from there new rays, each with its
+/// weight; no recursion. Every sample has one ray under way; what it has still to trace lies in a stack of bounded
+/// size in its own slot, so that memory is fixed when the tile is opened.
+/// Pixels do not depend on the order of anything: see FixedRadiance.
+/// Owned by one thread.
+class TileRenderer {
+ public:
+  static constexpr uint32_t kSlots = 1024;  ///< samples in flight, at most
+  static constexpr uint32_t kMaxDepth = 8;  ///< bounces
+
+  TileRenderer(std::shared_ptr<const FrameContext> frame, const TileOrder& order);
+
+  /// Advances up to `budget` samples until they end or park. `want(block, rays)` is called once a block that rays
+  /// have been parked on in this call.
+  template <class Want>
+  void Step(PinSet& pins, uint32_t budget, Want&& want) {
+    for (; budget > 0 && !ready_.empty(); --budget) {
+      const uint32_t slot = ready_.back();
+      ready_.pop_back();
+      Advance(slot, pins);
+    }
+    for (const auto& [block, rays] : newly_parked_) want(block, rays);
+    newly_parked_.clear();
+  }
+  /// Rays parked on `block` are ready again. Requires: the block is pinned during the next Step.
+  void Resume(uint32_t block);
+
+  bool has_ready() const { return !ready_.empty(); }
+  bool done() const { return live_ == 0; }
+  const TileOrder& order() const { return order_; }
+  const FrameContext& frame() const { return *frame_; }
+  uint64_t rays() const { return rays_; }
+  uint64_t rays_suspended() const { return rays_suspended_; }
+
+  /// The tile's pixels, row by row, words_per_pixel 32-bit words each. Requires: done().
+  Bytes Pixels() const;
+
+ private:
+  enum class Stage : uint8_t { kTraverse, kSurface, kAttributes, kShade, kLight, kShadow, kBounce, kNext };
+  struct Pending {
+    glm::vec3 origin, direction, weight;
+    uint32_t path_code;
+    uint32_t depth;
+  };
+  struct Sample {
+    Ray ray;
+    Stage stage = Stage::kTraverse;
+    uint8_t depth = 0;
+    uint16_t pixel = 0;
+    uint32_t sample = 0;
+    uint32_t path_code = kPrimaryPath;
+    uint32_t next_light = 0;
+    uint32_t pending_count = 0;
+    float t_offset = 0;
+    glm::vec3 weight{1};
+    glm::vec3 light{0};  ///< what the shadow ray brings if nothing is in its way
+    Hit hit;             ///< of the ray that is being shaded
+    Surface surface;
+    Pending pending[kMaxDepth + 1];  ///< the newest goes first, so at most one waits per depth, and two at the last
+  };
+
+  bool StartNext(uint32_t slot);
+  void Advance(uint32_t slot, PinSet& pins);
+  bool StepStage(Sample& s, PinSet& pins, uint32_t& needed);
+  bool Traverse(Sample& s, PinSet& pins, uint32_t& needed);
+  void Shade(Sample& s);
+  void NextLight(Sample& s);
+  bool Shadow(Sample& s, PinSet& pins, uint32_t& needed);
+  void Spawn(Sample& s);
+  bool NextRay(Sample& s);
+  void Begin(Sample& s, const Pending& ray);
+  void WriteAovs(const Sample& s);
+  void Add(const Sample& s, const glm::vec3& radiance);
+  glm::vec3 Offset(const Sample& s, bool outward) const;
+
+  std::shared_ptr<const FrameContext> frame_;
+  TileOrder order_;
+  std::vector<Sample> samples_;
+  std::vector<uint32_t> ready_;
+  std::unordered_map<uint32_t, std::vector<uint32_t>> parked_;
+  std::unordered_map<uint32_t, uint32_t> newly_parked_;
+  uint64_t next_sample_ = 0;  ///< over the tile's pixels, sample by sample
+  uint32_t live_ = 0;
+  uint64_t rays_ = 0, rays_suspended_ = 0;
+  std::vector<FixedRadiance> radiance_;  ///< 3 a pixel
+  std::vector<uint32_t> aovs_;           ///< words - 3 a pixel
+};
+
+}  // namespace quarry

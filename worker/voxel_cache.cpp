@@ -1,0 +1,165 @@
+#include "worker/voxel_cache.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "common/base/check.h"
+
+namespace quarry {
+
+void Mailbox::Deliver(uint32_t block) {
+  {
+    const std::lock_guard lock(mutex_);
+    delivered_.push_back(block);
+  }
+  changed_.notify_one();
+}
+
+void Mailbox::Wake() {
+  {
+    const std::lock_guard lock(mutex_);
+    woken_ = true;
+  }
+  changed_.notify_one();
+}
+
+std::vector<uint32_t> Mailbox::Take(bool wait) {
+  std::unique_lock lock(mutex_);
+  if (wait) changed_.wait(lock, [&] { return woken_ || !delivered_.empty(); });
+  woken_ = false;
+  return std::exchange(delivered_, {});
+}
+
+VoxelCache::VoxelCache(const Catalog& catalog, uint64_t budget_bytes, std::function<void()> on_want,
+                       std::function<void()> on_space)
+    : budget_(budget_bytes),
+      on_want_(std::move(on_want)),
+      on_space_(std::move(on_space)),
+      slots_(std::make_unique<Slot[]>(catalog.voxels.size() * 2)) {}
+
+VoxelCache::~VoxelCache() {
+  for (uint32_t block : residents_) delete slots_[block].resident.load();
+}
+
+const ResidentBlock* VoxelCache::TryPin(uint32_t block) {
+  Slot& slot = slots_[block];
+  uint32_t state = slot.state.load(std::memory_order_relaxed);
+  do {
+    if (!(state & kResident)) return nullptr;
+  } while (!slot.state.compare_exchange_weak(state, state + 1, std::memory_order_acquire));
+  slot.last_use.store(clock_.fetch_add(1, std::memory_order_relaxed), std::memory_order_relaxed);
+  return slot.resident.load(std::memory_order_acquire);
+}
+
+void VoxelCache::Unpin(uint32_t block) {
+  const uint32_t before = slots_[block].state.fetch_sub(1);
+  QUARRY_DCHECK((before & ~kResident) > 0);
+  if ((before & ~kResident) == 1 && starved_.exchange(false)) on_space_();
+}
+
+void VoxelCache::Want(uint32_t block, Mailbox* mailbox, uint32_t rays) {
+  {
+    const std::lock_guard lock(mutex_);
+    // Eviction and publication hold the lock too, so that this answer stands until the waiter is on the list.
+    if (!TryPin(block)) {
+      Waiting& w = waiting_[block];
+      if (w.rays == 0) w.since = std::chrono::steady_clock::now();
+      w.rays += rays;
+      if (std::find(w.mailboxes.begin(), w.mailboxes.end(), mailbox) == w.mailboxes.end())
+        w.mailboxes.push_back(mailbox);
+      mailbox = nullptr;
+    }
+  }
+  if (mailbox)
+    mailbox->Deliver(block);
+  else
+    on_want_();
+}
+
+std::optional<uint32_t> VoxelCache::NextToLoad() {
+  const std::lock_guard lock(mutex_);
+  const auto now = std::chrono::steady_clock::now();
+  std::optional<uint32_t> best;
+  double best_worth = -1;
+  for (const auto& [block, w] : waiting_) {
+    if (w.loading) continue;
+    const double waited_s = std::chrono::duration<double>(now - w.since).count();
+    const double worth = static_cast<double>(w.rays) * (waited_s + 1e-3);
+    if (worth > best_worth) {
+      best_worth = worth;
+      best = block;
+    }
+  }
+  if (best) waiting_[*best].loading = true;
+  return best;
+}
+
+bool VoxelCache::EvictOne() {
+  // A scan: a cache holds some thousand blocks, and a load costs far more than looking at them.
+  const uint32_t now = clock_.load();
+  size_t oldest = residents_.size();
+  uint32_t oldest_age = 0;
+  for (size_t i = 0; i < residents_.size(); ++i) {
+    const Slot& slot = slots_[residents_[i]];
+    const uint32_t age = now - slot.last_use.load(std::memory_order_relaxed);
+    if (slot.state.load() != kResident) continue;  // pinned
+    if (oldest == residents_.size() || age > oldest_age) {
+      oldest = i;
+      oldest_age = age;
+    }
+  }
+  if (oldest == residents_.size()) return false;
+  Slot& slot = slots_[residents_[oldest]];
+  uint32_t unpinned = kResident;
+  if (!slot.state.compare_exchange_strong(unpinned, 0)) return true;  // pinned meanwhile: look again
+  const ResidentBlock* gone = slot.resident.exchange(nullptr);
+  used_ -= gone->bytes.bytes().size();
+  ++counters_.evictions;
+  delete gone;
+  residents_[oldest] = residents_.back();
+  residents_.pop_back();
+  return true;
+}
+
+bool VoxelCache::Reserve(uint32_t decoded_bytes) {
+  const std::lock_guard lock(mutex_);
+  QUARRY_CHECK(decoded_bytes <= budget_);
+  while (used_ + decoded_bytes > budget_) {
+    if (EvictOne()) continue;
+    // Raise the flag first, then look again: a pin that goes in between is either seen here or sees the flag.
+    starved_.store(true);
+    if (!EvictOne()) return false;
+    starved_.store(false);
+  }
+  used_ += decoded_bytes;
+  return true;
+}
+
+void VoxelCache::Publish(uint32_t block, std::unique_ptr<ResidentBlock> resident) {
+  std::vector<Mailbox*> mailboxes;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto it = waiting_.find(block);
+    if (it != waiting_.end()) {
+      mailboxes = std::move(it->second.mailboxes);
+      waiting_.erase(it);
+    }
+    ++counters_.loaded;
+    counters_.bytes_loaded += resident->bytes.bytes().size();
+    Slot& slot = slots_[block];
+    slot.last_use.store(clock_.fetch_add(1));
+    slot.resident.store(resident.release(), std::memory_order_release);
+    residents_.push_back(block);
+    slot.state.store(kResident + static_cast<uint32_t>(mailboxes.size()), std::memory_order_release);
+  }
+  for (Mailbox* mailbox : mailboxes) mailbox->Deliver(block);
+}
+
+VoxelCache::Counters VoxelCache::counters() const {
+  const std::lock_guard lock(mutex_);
+  Counters c = counters_;
+  c.bytes = used_;
+  return c;
+}
+
+}  // namespace quarry
