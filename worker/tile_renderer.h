@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/math/fixed_radiance.h"
+#include "common/math/random.h"
 #include "common/protocol/messages.h"
 #include "common/voxel/catalog.h"
 #include "worker/camera.h"

@@ -1,9 +1,11 @@
 #include "common/base/cleanup.h"
 
 #include <signal.h>
+#include <sys/prctl.h>
 #include <unistd.h>
 
 #include <atomic>
+#include <cstdlib>
 #include <cstring>
 
 namespace quarry {
@@ -49,6 +51,13 @@ void InstallSignalHandlers(const std::string& program, const std::string& kept) 
   action.sa_handler = OnSignal;
   for (int signal : {SIGINT, SIGTERM, SIGHUP}) ::sigaction(signal, &action, nullptr);
   ::signal(SIGPIPE, SIG_IGN);
+}
+
+void EndWithParent() {
+  const char* parent = std::getenv("QUARRY_PARENT");
+  if (!parent) return;
+  ::prctl(PR_SET_PDEATHSIG, SIGTERM);
+  if (::getppid() != std::atoi(parent)) ::_exit(1);  // it died before the line above
 }
 
 }  // namespace quarry

@@ -14,4 +14,8 @@ void Forget(int handle);
 /// is kept) on standard error, and ends with status 1. SIGPIPE is ignored: writes report it.
 void InstallSignalHandlers(const std::string& program, const std::string& kept);
 
+/// Called by a program that another one may have started for itself alone (environment QUARRY_PARENT set to that
+/// one's process id): it is ended by the system when that one dies, however it dies.
+void EndWithParent();
+
 }  // namespace quarry

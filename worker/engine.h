@@ -1,0 +1,55 @@
+#pragma once
+
+#include <atomic>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+#include "common/protocol/messages.h"
+#include "worker/tile_renderer.h"
+#include "worker/voxel_cache.h"
+
+namespace quarry {
+
+/// The compute threads. Each owns the tiles it has opened and their rays outright; they share the cache and a queue of
+/// tiles. Methods may be called from any thread.
+class Engine {
+ public:
+  /// Tiles a thread works on at once: when the rays of one all wait, it goes on with another.
+  static constexpr size_t kOpenTiles = 3;
+  /// `on_tile` is called on a compute thread.
+  using OnTile = std::function<void(const TileDone&, Bytes pixels)>;
+
+  Engine(const Catalog& catalog, VoxelCache& cache, unsigned threads, OnTile on_tile);
+  ~Engine();
+
+  /// Tiles of other setups are forgotten.
+  void SetFrame(const FrameSetup& setup);
+  void AddTile(const TileOrder& order);
+  /// Forgets the tiles not begun.
+  void DropTiles();
+
+  uint64_t rays() const { return rays_; }
+  uint64_t rays_suspended() const { return rays_suspended_; }
+
+ private:
+  void Run(Mailbox& mailbox);
+  std::unique_ptr<TileRenderer> OpenTile();
+  void FinishTiles(std::vector<std::unique_ptr<TileRenderer>>& tiles);
+
+  const Catalog& catalog_;
+  VoxelCache& cache_;
+  OnTile on_tile_;
+  std::atomic<uint64_t> rays_{0}, rays_suspended_{0};
+  std::mutex mutex_;  ///< frame_, queue_
+  std::shared_ptr<const FrameContext> frame_;
+  std::deque<TileOrder> queue_;
+  std::atomic<bool> stop_{false};
+  std::vector<std::unique_ptr<Mailbox>> mailboxes_;
+  std::vector<std::thread> threads_;
+};
+
+}  // namespace quarry

@@ -1,0 +1,58 @@
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <thread>
+
+#include "common/base/cleanup.h"
+#include "common/base/cpu_check.h"
+#include "common/base/resource.h"
+#include "common/base/size.h"
+#include "common/base/version.h"
+#include "worker/session.h"
+
+namespace quarry {
+namespace {
+
+Status Run(WorkerOptions options, const std::string& master, const std::string& cache) {
+  QUARRY_ASSIGN(options.master, ParseEndpoint(master, "--master"));
+  QUARRY_ASSIGN(options.cache_bytes, ParseSize(cache, "--cache"));
+  return RunWorker(options);
+}
+
+int Main(int argc, char** argv) {
+  RequireCpu();
+  KeepHeapSmall();
+  EndWithParent();
+  InstallSignalHandlers("quarry-worker", "its tiles go to other workers");
+  WorkerOptions options;
+  options.threads = std::max(1u, std::thread::hardware_concurrency());
+  options.name = fmt::format("worker-{}", ::getpid());
+  std::string master, cache = "256M";
+  CLI::App app{"Renders tiles for a master, fetching voxels on demand into a cache of fixed size."};
+  app.footer("Example:\n  quarry-worker --master 127.0.0.1:9000 --cache 512M --threads 4");
+  app.set_version_flag("--version", std::string("quarry-worker ") + kVersion);
+  app.add_option("--master", master, "The master's HOST:PORT")->required()->envname("QUARRY_MASTER");
+  app.add_option("--cache", cache, "Most bytes of decoded voxels held")->envname("QUARRY_CACHE")
+      ->capture_default_str();
+  app.add_option("--threads", options.threads, "Compute threads")->envname("QUARRY_THREADS")
+      ->check(CLI::Range(1, 1024))->capture_default_str();
+  app.add_option("--name", options.name, "Name in the master's log and statistics");
+  app.add_option("--retry", options.retry_s, "Seconds for which a master out of reach is tried again")
+      ->check(CLI::Range(0.0, 1e6))->capture_default_str();
+  app.add_flag("--quiet", options.quiet, "Print errors only");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : 2;
+  }
+  const Status status = Run(options, master, cache);
+  if (status) return 0;
+  fmt::print(stderr, "quarry-worker: {}\n", status.error().message);
+  return status.error().exit_status;
+}
+
+}  // namespace
+}  // namespace quarry
+
+int main(int argc, char** argv) { return quarry::Main(argc, argv); }
