@@ -149,20 +149,24 @@ class Session {
 
   void SendTile(const TileDone& done, Bytes pixels) {
     if (!connection_) return;  // the lease runs out, another gets the tile
+    SendCounters();            // so that a frame's statistics are complete with its last tile
     Message m = MakeMessage(MessageType::kTileDone, done);
     m.raw = std::move(pixels);
     connection_->Send(std::move(m));
   }
 
+  void SendCounters() {
+    if (!connection_ || !scene_) return;
+    const VoxelCache::Counters c = scene_->cache.counters();
+    connection_->Send(MakeMessage(
+        MessageType::kAlive,
+        Alive{c.bytes, c.loaded, c.bytes_loaded, scene_->loader.bytes_received(), c.evictions, scene_->engine.rays(),
+              scene_->engine.rays_suspended(), PeakResidentBytes()}));
+  }
+
   /// Once a second: the master takes silence for death.
   void SendAlive() {
-    if (connection_ && scene_) {
-      const VoxelCache::Counters c = scene_->cache.counters();
-      connection_->Send(MakeMessage(
-          MessageType::kAlive,
-          Alive{c.bytes, c.loaded, c.bytes_loaded, scene_->loader.bytes_received(), c.evictions,
-                scene_->engine.rays(), scene_->engine.rays_suspended(), PeakResidentBytes()}));
-    }
+    SendCounters();
     alive_.expires_after(std::chrono::seconds(1));
     alive_.async_wait([this](const boost::system::error_code& e) {
       if (!e) SendAlive();

@@ -1,0 +1,50 @@
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+
+#include "common/base/cleanup.h"
+#include "common/base/cpu_check.h"
+#include "common/base/resource.h"
+#include "common/base/version.h"
+#include "master/server.h"
+
+namespace quarry {
+namespace {
+
+Status Run(MasterOptions options, const std::string& listen) {
+  QUARRY_ASSIGN(options.listen, ParseEndpoint(listen, "--listen"));
+  return RunMaster(options);
+}
+
+int Main(int argc, char** argv) {
+  RequireCpu();
+  KeepHeapSmall();
+  EndWithParent();
+  InstallSignalHandlers("quarry-master", "finished frames are with whoever asked for them");
+  MasterOptions options;
+  std::string listen = "127.0.0.1:9000";
+  CLI::App app{"Serves a scene's voxels, hands out tiles to workers and puts frames together."};
+  app.footer(
+      "Examples:\n  quarry-master plant.quarry --listen 127.0.0.1:9000\n"
+      "  quarry-master plant.quarry --listen 127.0.0.1:0 --serve-only");
+  app.set_version_flag("--version", std::string("quarry-master ") + kVersion);
+  app.add_option("scene", options.scene, "The scene store")->required();
+  app.add_option("--listen", listen, "HOST:PORT (loopback; port 0 takes a free one)")->envname("QUARRY_LISTEN")
+      ->capture_default_str();
+  app.add_flag("--serve-only", options.serve_only, "Serve voxels and nothing else");
+  app.add_flag("--quiet", options.quiet, "Print errors only");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : 2;
+  }
+  const Status status = Run(options, listen);
+  if (status) return 0;
+  fmt::print(stderr, "quarry-master: {}\n", status.error().message);
+  return status.error().exit_status;
+}
+
+}  // namespace
+}  // namespace quarry
+
+int main(int argc, char** argv) { return quarry::Main(argc, argv); }

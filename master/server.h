@@ -1,0 +1,24 @@
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "common/base/status.h"
+#include "common/net/connection.h"
+#include "common/voxel/store_reader.h"
+
+namespace quarry {
+
+struct MasterOptions {
+  std::string scene;
+  Endpoint listen{"127.0.0.1", 0};
+  bool serve_only = false;  ///< voxels only: no workers, no jobs
+  bool quiet = false;
+};
+
+/// Serves one scene: its catalog and voxels to workers, jobs from clients, tiles to workers. Returns only with an error
+/// (the store cannot be opened, the port is in use); a signal ends it otherwise. Once it listens it prints
+/// "listening HOST:PORT" on standard output.
+Status RunMaster(const MasterOptions& options);
+
+}  // namespace quarry
