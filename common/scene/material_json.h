@@ -11,13 +11,28 @@ namespace quarry {
 
 /// The `NAME.materials.json` that may stand beside `NAME.ply`: what the face properties `material_index` and
 /// `part_index` refer to.
-///   {"materials": [{"name": "steel", "diffuse": [r,g,b], "specular": [..], "emission": [..], "reflectance": [..],
+///   {"materials": [{"name": "steel", "diffuse": [r,g,b], "specular": [..], "emission": [..], "reflectance":
+///   [..],
 ///                   "transmittance": [..], "shininess": n, "ior": n, "fresnel": false}, ...],
 ///    "parts": ["boiler 1", ...]}
 /// Every member of a material but the name may be left out; "parts" too.
 struct MaterialLibrary {
   std::vector<Material> materials;
   std::vector<std::string> parts;
+};
+
+/// Writes the same form piece by piece, for a writer whose part names do not fit its memory.
+class MaterialJsonStream {
+ public:
+  /// `out` must outlive the stream; the caller checks its state after Finish().
+  MaterialJsonStream(const std::vector<Material>& materials, std::ostream& out);
+  void AddPart(const std::string& name);
+  /// Completes the JSON; call it once, last.
+  void Finish();
+
+ private:
+  std::ostream& out_;
+  bool first_ = true;
 };
 
 /// Writes `library` as above; the same bytes for the same library.

@@ -1,0 +1,163 @@
+#include "common/scene/material_json.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <fstream>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <ostream>
+
+namespace quarry {
+namespace {
+
+// Keys in the order of writing, and numbers in single precision, so that 0.8f is written "0.8" and read back
+// to the same bits.
+using Json =
+    nlohmann::basic_json<nlohmann::ordered_map, std::vector, std::string, bool, int64_t, uint64_t, float>;
+
+Json ToJson(const glm::vec3& v) { return Json::array({v.x, v.y, v.z}); }
+
+Json ToJson(const Material& material) {
+  Json json;
+  json["name"] = material.name;
+  json["diffuse"] = ToJson(material.diffuse);
+  json["specular"] = ToJson(material.specular);
+  json["emission"] = ToJson(material.emission);
+  json["reflectance"] = ToJson(material.reflectance);
+  json["transmittance"] = ToJson(material.transmittance);
+  json["shininess"] = material.shininess;
+  json["ior"] = material.ior;
+  json["fresnel"] = material.fresnel;
+  return json;
+}
+
+// A name may hold any bytes (it may come from a model file); those that are not UTF-8 become U+FFFD.
+std::string Text(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
+
+std::string Where(size_t index, const char* member) { return fmt::format("materials[{}].{}", index, member); }
+
+/// What reading one material needs to say what is wrong with it.
+struct Member {
+  const std::string& path;
+  size_t index;
+  const char* name;
+
+  tl::unexpected<Error> Wrong(const char* expected) const {
+    return Fail(
+        fmt::format("{}: {} must be {}; correct it, or leave it out.", path, Where(index, name), expected));
+  }
+};
+
+Status ReadNumber(const Json& json, const Member& member, float low, float high, float& value) {
+  const auto found = json.find(member.name);
+  if (found == json.end()) return {};
+  if (!found->is_number()) return member.Wrong("a number");
+  value = std::clamp(found->get<float>(), low, high);
+  return {};
+}
+
+Status ReadColour(const Json& json, const Member& member, float high, glm::vec3& value) {
+  const auto found = json.find(member.name);
+  if (found == json.end()) return {};
+  if (!found->is_array() || found->size() != 3) return member.Wrong("an array of three numbers");
+  for (int axis = 0; axis < 3; ++axis) {
+    const Json& component = (*found)[axis];
+    if (!component.is_number()) return member.Wrong("an array of three numbers");
+    value[axis] = std::clamp(component.get<float>(), 0.0f, high);
+  }
+  return {};
+}
+
+Result<Material> ReadMaterial(const Json& json, const std::string& path, size_t index) {
+  if (!json.is_object()) return Fail(fmt::format("{}: materials[{}] must be an object.", path, index));
+  constexpr float kLargest = std::numeric_limits<float>::max();
+  Material material;
+  const auto member = [&](const char* name) { return Member{path, index, name}; };
+  if (const auto name = json.find("name"); name != json.end()) {
+    if (!name->is_string()) return member("name").Wrong("a string");
+    material.name = name->get<std::string>();
+  }
+  QUARRY_TRY(ReadColour(json, member("diffuse"), 1.0f, material.diffuse));
+  QUARRY_TRY(ReadColour(json, member("specular"), 1.0f, material.specular));
+  QUARRY_TRY(ReadColour(json, member("emission"), kLargest, material.emission));
+  QUARRY_TRY(ReadColour(json, member("reflectance"), 1.0f, material.reflectance));
+  QUARRY_TRY(ReadColour(json, member("transmittance"), 1.0f, material.transmittance));
+  QUARRY_TRY(ReadNumber(json, member("shininess"), 0.0f, 10000.0f, material.shininess));
+  QUARRY_TRY(ReadNumber(json, member("ior"), 1.0f, 10.0f, material.ior));
+  if (const auto fresnel = json.find("fresnel"); fresnel != json.end()) {
+    if (!fresnel->is_boolean()) return member("fresnel").Wrong("true or false");
+    material.fresnel = fresnel->get<bool>();
+  }
+  return material;
+}
+
+Result<Json> ParseFile(const std::string& path) {
+  errno = 0;
+  std::ifstream file(path, std::ios::binary);
+  if (!file) return Fail(fmt::format("{}: cannot be opened: {}.", path, ErrnoText(errno)));
+  try {
+    return Json::parse(file);
+  } catch (const Json::parse_error& error) {
+    return Fail(fmt::format("{}: not valid JSON at byte {}; write the file again.", path, error.byte));
+  } catch (const Json::exception& error) {  // A number too large for single precision.
+    return Fail(fmt::format("{}: not readable as JSON ({}); correct it.", path, error.what()));
+  }
+}
+
+}  // namespace
+
+MaterialJsonStream::MaterialJsonStream(const std::vector<Material>& materials, std::ostream& out)
+    : out_(out) {
+  out_ << "{\"materials\": [";
+  const char* separator = "\n  ";
+  for (const Material& material : materials) {
+    out_ << separator << Text(ToJson(material));
+    separator = ",\n  ";
+  }
+  out_ << "],\n\"parts\": [";
+}
+
+void MaterialJsonStream::AddPart(const std::string& name) {
+  out_ << (first_ ? "\n  " : ",\n  ") << Text(Json(name));
+  first_ = false;
+}
+
+void MaterialJsonStream::Finish() { out_ << "]}\n"; }
+
+void WriteMaterialJson(const MaterialLibrary& library, std::ostream& out) {
+  MaterialJsonStream stream(library.materials, out);
+  for (const std::string& part : library.parts) stream.AddPart(part);
+  stream.Finish();
+}
+
+Result<MaterialLibrary> ReadMaterialJson(const std::string& path) {
+  QUARRY_ASSIGN(const Json json, ParseFile(path));
+  if (!json.is_object()) return Fail(fmt::format("{}: must hold one JSON object.", path));
+  MaterialLibrary library;
+  if (const auto materials = json.find("materials"); materials != json.end()) {
+    if (!materials->is_array()) return Fail(fmt::format("{}: materials must be an array.", path));
+    for (size_t i = 0; i < materials->size(); ++i) {
+      QUARRY_ASSIGN(Material material, ReadMaterial((*materials)[i], path, i));
+      library.materials.push_back(std::move(material));
+    }
+  }
+  if (const auto parts = json.find("parts"); parts != json.end()) {
+    if (!parts->is_array()) return Fail(fmt::format("{}: parts must be an array.", path));
+    for (size_t i = 0; i < parts->size(); ++i) {
+      if (!(*parts)[i].is_string()) return Fail(fmt::format("{}: parts[{}] must be a string.", path, i));
+      library.parts.push_back((*parts)[i].get<std::string>());
+    }
+  }
+  return library;
+}
+
+std::string MaterialJsonPath(const std::string& model_path) {
+  const size_t name = model_path.find_last_of('/') + 1;  // npos + 1 is 0: no folder.
+  const size_t dot = model_path.find_last_of('.');
+  const bool has_extension = dot != std::string::npos && dot > name;
+  return (has_extension ? model_path.substr(0, dot) : model_path) + ".materials.json";
+}
+
+}  // namespace quarry

@@ -1,0 +1,132 @@
+#include "common/scene/material_json.h"
+
+#include <unistd.h>
+
+#include <catch2/catch.hpp>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+namespace quarry {
+namespace {
+
+/// A file in the temporary folder that goes away with the test.
+struct TemporaryFile {
+  explicit TemporaryFile(const std::string& text)
+      : path(std::filesystem::temp_directory_path() / ("quarry_material_json_" + std::to_string(getpid()))) {
+    std::ofstream(path, std::ios::binary) << text;
+  }
+  ~TemporaryFile() { std::filesystem::remove(path); }
+  std::filesystem::path path;
+};
+
+Result<MaterialLibrary> Read(const std::string& text) {
+  const TemporaryFile file(text);
+  return ReadMaterialJson(file.path);
+}
+
+std::string Write(const MaterialLibrary& library) {
+  std::ostringstream out;
+  WriteMaterialJson(library, out);
+  return out.str();
+}
+
+MaterialLibrary Example() {
+  MaterialLibrary library;
+  Material glass;
+  glass.name = "glass \"clear\"";
+  glass.diffuse = {0.1f, 0.2f, 0.3f};
+  glass.specular = {0.4f, 0.5f, 0.6f};
+  glass.emission = {7.5f, 1e-20f, 3e20f};
+  glass.reflectance = {0.11f, 0.22f, 0.33f};
+  glass.transmittance = {0.7f, 0.8f, 0.9f};
+  glass.shininess = 123.456f;
+  glass.ior = 1.5f;
+  glass.fresnel = true;
+  library.materials = {glass, Material{}};
+  library.parts = {"boiler 1", "Kessel \xC3\xBC\n2", ""};
+  return library;
+}
+
+TEST_CASE("MaterialJsonRoundTripsEveryMember") {
+  const MaterialLibrary library = Example();
+  const auto read = Read(Write(library));
+  REQUIRE(read);
+  CHECK(read->materials == library.materials);
+  CHECK(read->parts == library.parts);
+}
+
+TEST_CASE("MaterialJsonIsDeterministicShortAndInFixedOrder") {
+  MaterialLibrary library;
+  library.materials.resize(1);
+  library.materials[0].name = "steel";
+  CHECK(Write(library) == Write(library));
+  CHECK(Write(library) ==
+        "{\"materials\": [\n  {\"name\":\"steel\",\"diffuse\":[0.8,0.8,0.8],\"specular\":[0.0,0.0,0.0],"
+        "\"emission\":[0.0,0.0,0.0],\"reflectance\":[0.0,0.0,0.0],\"transmittance\":[0.0,0.0,0.0],"
+        "\"shininess\":0.0,\"ior\":1.0,\"fresnel\":false}],\n\"parts\": []}\n");
+}
+
+TEST_CASE("MaterialJsonMembersMayBeLeftOut") {
+  const auto read = Read(R"({"materials": [{"name": "plain"}, {"ior": 2}]})");
+  REQUIRE(read);
+  Material plain;
+  plain.name = "plain";
+  REQUIRE(read->materials.size() == 2);
+  CHECK(read->materials[0] == plain);
+  CHECK(read->materials[1].ior == 2.0f);
+  CHECK(read->parts.empty());
+  CHECK(Read("{}"));
+}
+
+TEST_CASE("MaterialJsonClampsToRanges") {
+  const auto read =
+      Read(R"({"materials": [{"diffuse": [-1, 2, 0.5], "emission": [-1, 20, 0], "shininess": 1e9,
+                             "ior": 0.5}, {"ior": 99, "shininess": -3}]})");
+  REQUIRE(read);
+  CHECK(read->materials[0].diffuse == glm::vec3(0.0f, 1.0f, 0.5f));
+  CHECK(read->materials[0].emission == glm::vec3(0.0f, 20.0f, 0.0f));
+  CHECK(read->materials[0].shininess == 10000.0f);
+  CHECK(read->materials[0].ior == 1.0f);
+  CHECK(read->materials[1].ior == 10.0f);
+  CHECK(read->materials[1].shininess == 0.0f);
+}
+
+TEST_CASE("MaterialJsonNamesWhatIsWrong") {
+  const auto message = [](const std::string& text) {
+    const auto read = Read(text);
+    REQUIRE_FALSE(read);
+    CHECK(read.error().exit_status == 1);
+    return read.error().message;
+  };
+  using Catch::Contains;
+  CHECK_THAT(message("{\"materials\": [}"), Contains("byte 16"));
+  CHECK_THAT(message(""), Contains("byte"));
+  CHECK_THAT(message("[]"), Contains("object"));
+  CHECK_THAT(message(R"({"materials": 3})"), Contains("materials"));
+  CHECK_THAT(message(R"({"materials": [3]})"), Contains("materials[0]"));
+  CHECK_THAT(message(R"({"materials": [{}, {"diffuse": [1, 2]}]})"), Contains("materials[1].diffuse"));
+  CHECK_THAT(message(R"({"materials": [{"specular": [1, 2, "x"]}]})"), Contains("materials[0].specular"));
+  CHECK_THAT(message(R"({"materials": [{"ior": "x"}]})"), Contains("materials[0].ior"));
+  CHECK_THAT(message(R"({"materials": [{"name": 1}]})"), Contains("materials[0].name"));
+  CHECK_THAT(message(R"({"materials": [{"fresnel": 1}]})"), Contains("materials[0].fresnel"));
+  CHECK_THAT(message(R"({"materials": [{"ior": 1e99}]})"), Contains("JSON"));
+  CHECK_THAT(message(R"({"parts": [1]})"), Contains("parts[0]"));
+  CHECK_THAT(message(R"({"parts": {}})"), Contains("parts"));
+}
+
+TEST_CASE("MaterialJsonOfAMissingFileSaysSo") {
+  const auto read = ReadMaterialJson("/nonexistent/model.materials.json");
+  REQUIRE_FALSE(read);
+  CHECK_THAT(read.error().message, Catch::Contains("No such file"));
+}
+
+TEST_CASE("MaterialJsonPathReplacesTheExtension") {
+  CHECK(MaterialJsonPath("plant.ply") == "plant.materials.json");
+  CHECK(MaterialJsonPath("a.b/plant.v2.ply") == "a.b/plant.v2.materials.json");
+  CHECK(MaterialJsonPath("a.b/plant") == "a.b/plant.materials.json");
+  CHECK(MaterialJsonPath(".hidden") == ".hidden.materials.json");
+}
+
+}  // namespace
+}  // namespace quarry
