@@ -36,7 +36,7 @@ class City : public Scene {
  public:
   explicit City(const SceneOptions& options) : options_(options) {
     const double n = static_cast<double>(options.triangles);
-    const double building = std::clamp(500 * std::pow(n / 1e6, 0.35), 45.0, 8000.0);
+    const double building = std::clamp(1200 * std::pow(n / 1e6, 0.4), 45.0, 16000.0);
     const double blocks = 0.95 * n / (building * 8);
     columns_ = std::max(1, static_cast<int>(std::sqrt(blocks) + 0.5));
     rows_ = std::max(1, static_cast<int>(blocks / columns_));

@@ -17,7 +17,7 @@ using glm::vec3;
 enum ForestMaterial : uint16_t { kGround, kBark, kLeaf, kNeedle, kPond, kForestMaterials };
 
 /// Half the width of the ride that is kept free of trees for the camera.
-constexpr float kRide = 2.5f, kSpacing = 6.0f;
+constexpr float kRide = 5.0f, kSpacing = 5.0f;
 
 class Forest : public Scene {
  public:
@@ -25,7 +25,7 @@ class Forest : public Scene {
       : options_(options),
         side_(Side(options)),
         field_(options.seed, kSpacing * static_cast<float>(side_),
-               0.12f * kSpacing * static_cast<float>(side_)) {}
+               0.035f * kSpacing * static_cast<float>(side_)) {}
 
   std::vector<Material> Materials() const override {
     std::vector<Material> m(kForestMaterials);
@@ -156,10 +156,10 @@ class Forest : public Scene {
 
   void DrawTree(Builder& b, uint64_t index, Budget budget) const {
     Random random(options_.seed, 10, index);
-    float x = kSpacing * (static_cast<float>(index % side_) + random.Uniform(0.1f, 0.9f));
+    const float x = kSpacing * (static_cast<float>(index % side_) + random.Uniform(0.1f, 0.9f));
     const float y = kSpacing * (static_cast<float>(index / side_) + random.Uniform(0.1f, 0.9f));
     const float ride = 0.5f * field_.extent();
-    if (std::abs(x - ride) < kRide + 1.5f) x = ride + (x < ride ? -1.0f : 1.0f) * (kRide + 1.5f);
+    if (std::abs(x - ride) < kRide || Height(x, y) < 0.2f) return;  // The next trees take its share.
     b.Part(fmt::format("tree {}", index));
     const double all = static_cast<double>(budget.Room());
     const bool conifer = random.Chance(0.4f);
@@ -176,7 +176,7 @@ class Forest : public Scene {
                   0};
     const double tips = std::pow(conifer ? 4.0 : 3.0, depth);
     growth.leaves_per_tip = std::max(2, static_cast<int>(0.3 * all / tips));
-    growth.leaf_size = glm::clamp(static_cast<float>(9.0 / std::sqrt(all)), 0.06f, 0.9f);
+    growth.leaf_size = glm::clamp(static_cast<float>(13.0 / std::sqrt(all)), 0.06f, 1.2f);
     const vec3 foot = OnGround(x, y) - vec3(0, 0, 0.3f);
     const float length = random.Uniform(2.2f, 3.8f);
     const vec3 lean(random.Uniform(-0.1f, 0.1f), random.Uniform(-0.1f, 0.1f), 1);

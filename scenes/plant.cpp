@@ -77,7 +77,7 @@ class PowerPlant : public Scene {
 
   void Draw(Builder& builder) const override {
     const double n = static_cast<double>(options_.triangles);
-    Plant plant{builder, options_.seed, n, std::max(13.0, 160 * std::pow(n / 1e6, 0.36))};
+    Plant plant{builder, options_.seed, n, std::max(13.0, 115 * std::pow(n / 1e6, 0.36))};
     const double smallness = std::pow(1000.0 / n, 0.3);
     double share = 0;
     for (const Stage& stage : kStages) {

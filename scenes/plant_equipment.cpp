@@ -14,7 +14,7 @@ using glm::vec2;
 using glm::vec3;
 
 constexpr float kClear = 0.45f;    ///< From the edge of a bay to what stands in it: columns, railings.
-constexpr float kHeadroom = 7.2f;  ///< From floor to girders.
+constexpr float kHeadroom = 7.9f;  ///< From floor to the floor above.
 
 /// A bay to be filled.
 struct Site {
@@ -38,7 +38,7 @@ void DrawBundle(Plant& plant, const Site& site, float u0, float u1, float low, B
   const auto count = static_cast<uint64_t>(static_cast<double>(budget.Room()) / cost);
   if (count == 0) return;
   const float side = kBay - 2 * kClear, wide = side * (u1 - u0);
-  const float pitch = std::min(1.2f, std::sqrt(wide * side / static_cast<float>(count)));
+  const float pitch = std::min(0.9f, std::sqrt(wide * side / static_cast<float>(count)));
   const auto columns = std::max<uint64_t>(1, static_cast<uint64_t>(wide / pitch));
   const uint64_t rows = (count + columns - 1) / columns;
   const float du = (u1 - u0) / static_cast<float>(columns), dv = 1.0f / static_cast<float>(rows);
@@ -50,7 +50,7 @@ void DrawBundle(Plant& plant, const Site& site, float u0, float u1, float low, B
     const float radius = room * random.Uniform(0.08f, 0.26f);
     // The jog stays in the pipe's own cell of the grid.
     const vec3 jog(room * random.Uniform(-0.2f, 0.2f), room * random.Uniform(-0.2f, 0.2f), 0.5f * room);
-    const vec3 foot = site.At(u, v, low), top = site.At(u, v, kHeadroom - random.Uniform(0.0f, 0.4f));
+    const vec3 foot = site.At(u, v, low), top = site.At(u, v, kHeadroom);
     const vec3 bend = glm::mix(foot, top, random.Uniform(0.2f, 0.7f));
     const std::array<vec3, 4> bent{foot, bend, bend + jog, vec3(bend.x + jog.x, bend.y + jog.y, top.z)};
     const std::array<vec3, 2> straight{foot, top};

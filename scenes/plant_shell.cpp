@@ -191,7 +191,7 @@ void DrawChimney(Plant& plant, double triangles) {
 
 void DrawRoofVents(Plant& plant, Budget budget) {
   for (int i = 0; i < 40 && budget.Room() > 0; ++i) {
-    const double share = budget.Share(static_cast<uint64_t>(40 - i));
+    const double share = std::min(budget.Share(static_cast<uint64_t>(40 - i)), 3 * plant.item);
     if (share < 40) continue;
     Random random(plant.seed, 31, static_cast<uint64_t>(i));
     const vec3 foot(3.0f + 4.8f * static_cast<float>(i % 10), 5.0f + 10.0f * static_cast<float>(i / 10),
@@ -209,7 +209,7 @@ void DrawRoofVents(Plant& plant, Budget budget) {
 void DrawStorageTanks(Plant& plant, Budget budget) {
   constexpr std::array<vec3, 4> kPlaces{vec3(-35, 62, 9), {-8, 70, 7.5f}, {22, 68, 8}, {95, 75, 12}};
   for (size_t i = 0; i < kPlaces.size(); ++i) {
-    const double share = budget.Share(kPlaces.size() - i);
+    const double share = std::min(budget.Share(kPlaces.size() - i), 8 * plant.item);
     if (share < 30) return;
     Random random(plant.seed, 32, i);
     const float r = kPlaces[i].z, h = r * random.Uniform(1.0f, 1.6f);

@@ -176,7 +176,10 @@ namespace {
 struct Carrier {
   vec3 x, y, z;
   explicit Carrier(const Frame& frame) : x(frame.x), y(frame.y), z(frame.z) {}
+  /// Requires: `direction` is of unit length and not opposite to z.
   void Turn(const vec3& direction) {
+    // The smallest rotation from z to `direction`; projecting x instead fails where the path turns along x.
+    x -= (z + direction) * (glm::dot(x, direction) / (1.0f + glm::dot(z, direction)));
     z = direction;
     x = glm::normalize(x - z * glm::dot(x, z));
     y = glm::cross(z, x);

@@ -13,6 +13,12 @@ namespace quarry::scenes {
 using glm::vec2;
 using glm::vec3;
 
+namespace {
+
+constexpr float kSnowLine = 380.0f;
+
+}  // namespace
+
 float HeightField::Noise(float x, float y, uint32_t octave) const {
   const float fx = std::floor(x), fy = std::floor(y);
   const auto value = [&](float i, float j) {
@@ -52,8 +58,9 @@ void HeightField::Draw(Builder& b, double triangles, uint16_t material) const {
     const float h = z / height_;
     vec3 colour = glm::mix(kTints[0], kTints[1], glm::smoothstep(0.0f, 0.06f, h));
     colour = glm::mix(colour, kTints[2], glm::smoothstep(0.5f, 1.0f, slope));
-    return glm::mix(colour, kTints[3],
-                    glm::smoothstep(0.62f, 0.75f, h) * (1.0f - glm::smoothstep(0.9f, 1.5f, slope)));
+    const float snow =
+        glm::smoothstep(kSnowLine, 1.2f * kSnowLine, z) * (1.0f - glm::smoothstep(0.9f, 1.5f, slope));
+    return glm::mix(colour, kTints[3], snow);
   };
   float z = 0;
   TiledSurface(
@@ -73,7 +80,7 @@ enum TerrainMaterial : uint16_t { kGround, kWater, kStone };
 
 class Terrain : public Scene {
  public:
-  explicit Terrain(const SceneOptions& options) : options_(options), field_(options.seed, 4000.0f, 900.0f) {}
+  explicit Terrain(const SceneOptions& options) : options_(options), field_(options.seed, 4000.0f, 650.0f) {}
 
   std::vector<Material> Materials() const override {
     std::vector<Material> materials(3);
