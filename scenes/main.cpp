@@ -1,0 +1,133 @@
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <functional>
+
+#include "scenes/scene.h"
+
+namespace quarry::scenes {
+namespace {
+
+volatile std::sig_atomic_t interrupted = 0;
+
+void OnSignal(int) { interrupted = 1; }
+
+/// Temporaries are removed on the way out, so the signals only ask to stop; a file too large for its limit is
+/// an error of write() like any other.
+void CatchSignals() {
+  struct sigaction action {};
+  action.sa_handler = OnSignal;
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+  sigaction(SIGHUP, &action, nullptr);
+  std::signal(SIGXFSZ, SIG_IGN);
+}
+
+/// One line that renews itself on a terminal, a plain line now and then elsewhere.
+class Progress {
+ public:
+  explicit Progress(bool quiet) : quiet_(quiet), terminal_(isatty(STDERR_FILENO) != 0) {}
+
+  Status operator()(uint64_t done, uint64_t total) {
+    if (interrupted) return Fail("Interrupted; nothing was kept.");
+    const auto now = Clock::now();
+    if (quiet_ || now < next_) return {};
+    next_ = now + std::chrono::milliseconds(terminal_ ? 200 : 5000);
+    const double part = static_cast<double>(done) / static_cast<double>(total);
+    const double elapsed = std::chrono::duration<double>(now - start_).count();
+    const double left = part > 0 ? elapsed / part - elapsed : 0;
+    fmt::print(stderr, "{}{:3.0f} %, about {:.0f} s left{}", terminal_ ? "\r" : "", 100 * part, left,
+               terminal_ ? "   " : "\n");
+    return {};
+  }
+
+  void Done(const std::string& path, uint64_t triangles) {
+    if (quiet_) return;
+    const double elapsed = std::chrono::duration<double>(Clock::now() - start_).count();
+    fmt::print(stderr, "{}{}: {} triangles in {:.1f} s\n", terminal_ ? "\r" : "", path, triangles, elapsed);
+  }
+
+  /// Leaves the renewed line, so that an error has its own.
+  void Break() {
+    if (!quiet_ && terminal_) fmt::print(stderr, "\n");
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  bool quiet_, terminal_;
+  Clock::time_point start_ = Clock::now();
+  Clock::time_point next_ = start_ + std::chrono::milliseconds(500);
+};
+
+struct Arguments {
+  std::string kind, output;
+  SceneOptions options;
+  bool quiet = false;
+};
+
+const char* Describe(const std::string& kind) {
+  if (kind == "plant") return "a power plant: pipes, boilers, tanks, gratings, most of them hidden";
+  if (kind == "city") return "blocks of buildings of many shapes with recessed windows";
+  if (kind == "terrain") return "a fractal mountain range with a lake";
+  if (kind == "forest") return "hills with trees, no two alike";
+  return "a Cornell box with a mirror ball and a glass ball";
+}
+
+void DeclareArguments(CLI::App& app, Arguments& arguments) {
+  app.require_subcommand(1);
+  app.footer(
+      "Examples:\n"
+      "  quarry-scene plant --triangles 12500000 -o plant.ply\n"
+      "  quarry-scene forest --triangles 300000 --seed 7 -o forest.obj\n"
+      "Beside OUT.ply stand OUT.materials.json and OUT.path.json (a walk of 60 cameras); beside OUT.obj, "
+      "OUT.mtl.\n"
+      "The same kind, count and seed give the same bytes.");
+  for (const std::string& kind : SceneKinds()) {
+    CLI::App* scene = app.add_subcommand(kind, Describe(kind));
+    scene->add_option("--triangles", arguments.options.triangles, "How many triangles, 1000 to 1000000000")
+        ->required()
+        ->check(CLI::Range(kFewestTriangles, kMostTriangles));
+    scene->add_option("--seed", arguments.options.seed, "Another seed, another scene of the kind")
+        ->capture_default_str();
+    scene->add_option("-o,--output", arguments.output, "OUT.ply (binary) or OUT.obj")->required();
+    scene->add_flag("--quiet", arguments.quiet, "Show no progress");
+    scene->footer(fmt::format("Example: quarry-scene {0} --triangles 1000000 -o {0}.ply", kind));
+    scene->callback([&arguments, kind] { arguments.kind = kind; });
+  }
+}
+
+int Run(const Arguments& arguments) {
+  CatchSignals();
+  Progress progress(arguments.quiet);
+  const auto scene = MakeScene(arguments.kind, arguments.options);
+  const Status written = WriteScene(*scene, arguments.options, arguments.output, std::ref(progress));
+  if (!written) {
+    progress.Break();
+    fmt::print(stderr, "quarry-scene: {}\n", written.error().message);
+    return written.error().exit_status;
+  }
+  progress.Done(arguments.output, arguments.options.triangles);
+  return 0;
+}
+
+}  // namespace
+}  // namespace quarry::scenes
+
+int main(int argc, char** argv) {
+  quarry::scenes::Arguments arguments;
+  CLI::App app("Writes procedural scenes of any size as PLY or OBJ files.", "quarry-scene");
+  quarry::scenes::DeclareArguments(app, arguments);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::Success& help) {
+    return app.exit(help);
+  } catch (const CLI::Error& error) {
+    fmt::print(stderr, "quarry-scene: {}; see quarry-scene --help.\n", error.what());
+    return 2;
+  }
+  return quarry::scenes::Run(arguments);
+}
