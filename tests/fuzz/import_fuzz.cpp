@@ -3,7 +3,9 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdlib>
+#include <filesystem>
 #include <string>
 
 #include "preprocess/import/importer.h"
@@ -41,7 +43,8 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   if (size == 0) return 0;
   constexpr const char* kExtensions[] = {".ply", ".obj", ".stl", ""};
   // The importers read files; this one lives in memory, under a link whose name has the extension.
-  const std::string link = "/tmp/quarry-import-fuzz-" + std::to_string(getpid()) + kExtensions[data[0] % 4];
+  const std::string name = "quarry-import-fuzz-" + std::to_string(getpid()) + kExtensions[data[0] % 4];
+  const std::string link = (std::filesystem::temp_directory_path() / name).string();
   const int fd = memfd_create("model", 0);
   if (fd < 0 || write(fd, data + 1, size - 1) != static_cast<ssize_t>(size - 1)) std::abort();
   unlink(link.c_str());

@@ -55,8 +55,9 @@ const std::map<std::string, Expectation> kDifferent = {
      {", line 1: \"-4\" in a face reaches before the first"}},
     {"tinyobjloader/issue-140-zero-face-idx.obj", {", line 16: \"0/0/0\" in a face refers to vertex 0"}},
     {"tobj/invalid_index.obj", {", line 12: the face refers to vertex 7, but the file has only 6"}},
-    // The script wants "facet normal", which these leave out in places.
+    // The last facet has four corners, which the script takes for one triangle.
     {"slicertestmodels/broken/cube_and_plane.stl", {"", 14}},
+    // The script wants "facet normal", which this file leaves out.
     {"slicertestmodels/broken/vertical_line.stl", {"", 1}},
     // The script passes over triangle strips.
     {"tinyply/elephant.ply", {"", 39290}},
