@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -21,6 +22,8 @@ struct IndexRange {
   uint64_t count = 0;
   uint64_t largest = 0;  ///< From 1; 0 is none.
   uint64_t largest_line = 0;
+  std::optional<uint64_t> total;  ///< In the whole file, once CountAhead() has been needed.
+  uint64_t dangling = 0;          ///< Corners that named an element which is not in the file.
 };
 
 class ObjFile {
@@ -38,10 +41,16 @@ class ObjFile {
   Status Uv(TextCursor& rest);
   Status Face(TextCursor& rest);
   Status ReadCorner(TextCursor& rest, Corner& corner);
-  /// Reads one index; 0 where `optional` gives kNoIndex.
+  /// Reads one index. `optional` ones are kNoIndex where there is none, or 0, or one that the file does not
+  /// have: exporters leave out normals but not the faces' references to them.
   Status Index(TextCursor& rest, IndexRange& range, bool optional, uint32_t& index);
   Status IndexFailure(const TextCursor& at, std::string_view trouble) const;
   void SetPart();
+  /// Reads the rest of the file once more, to learn how many normals and texture coordinates there will be.
+  Status CountAhead();
+  /// Whether the file has the element numbered `value`, now or later.
+  Result<bool> Exists(IndexRange& range, uint64_t value);
+  void WarnOfDangling(const IndexRange& range);
   Status CheckRange(const IndexRange& range) const;
 
   ByteReader& bytes_;
@@ -63,7 +72,9 @@ Result<uint64_t> ObjFile::Import() {
     if (!more) break;
     QUARRY_TRY(Line(line));
   }
-  for (const IndexRange* range : {&positions_, &normals_, &uvs_}) QUARRY_TRY(CheckRange(*range));
+  QUARRY_TRY(CheckRange(positions_));
+  WarnOfDangling(normals_);
+  WarnOfDangling(uvs_);
   if (short_faces_ != 0)
     sink_.Warn(fmt::format("{}: {} faces of fewer than 3 corners left out", bytes_.path(), short_faces_));
   return triangles_;
@@ -183,12 +194,38 @@ Status ObjFile::Index(TextCursor& rest, IndexRange& range, bool optional, uint32
                         fmt::format("reaches before the first {} of the {} so far", range.kind, range.count));
   if (value >= int64_t{kNoIndex})
     return IndexFailure(start, "is beyond the 4,294,967,294 elements a file may have");
+  if (optional && static_cast<uint64_t>(value) > range.count) [[unlikely]] {
+    QUARRY_ASSIGN(const bool exists, Exists(range, static_cast<uint64_t>(value)));
+    if (!exists) return {};
+  }
   if (static_cast<uint64_t>(value) > range.largest) {
     range.largest = static_cast<uint64_t>(value);
     range.largest_line = lines_.line_number();
   }
   index = static_cast<uint32_t>(value - 1);
   return {};
+}
+
+Result<bool> ObjFile::Exists(IndexRange& range, uint64_t value) {
+  if (!range.total) QUARRY_TRY(CountAhead());
+  if (value > *range.total) ++range.dangling;
+  return value <= *range.total;
+}
+
+Status ObjFile::CountAhead() {
+  normals_.total = normals_.count;
+  uvs_.total = uvs_.count;
+  QUARRY_ASSIGN(ByteReader ahead, ByteReader::Open(bytes_.path()));
+  if (!ahead.Skip(bytes_.offset())) return {};
+  LineReader lines(ahead);
+  std::string_view line;
+  while (true) {
+    QUARRY_ASSIGN(const bool more, lines.NextJoined(line));
+    if (!more) return {};
+    const std::string_view keyword = TextCursor(line).Word();
+    *normals_.total += keyword == "vn";
+    *uvs_.total += keyword == "vt";
+  }
 }
 
 Status ObjFile::IndexFailure(const TextCursor& at, std::string_view trouble) const {
@@ -201,6 +238,12 @@ void ObjFile::SetPart() {
   if (!group_.empty() && group_ != object_) name += (name.empty() ? "" : "/") + group_;
   part_ = name.empty() ? kNoIndex : sink_.AddPart(name);
   part_changed_ = false;
+}
+
+void ObjFile::WarnOfDangling(const IndexRange& range) {
+  if (range.dangling == 0) return;
+  sink_.Warn(fmt::format("{}: {} corners refer to a {} that is not among the {} in the file; left out",
+                         bytes_.path(), range.dangling, range.kind, range.count));
 }
 
 Status ObjFile::CheckRange(const IndexRange& range) const {

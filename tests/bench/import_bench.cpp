@@ -1,0 +1,66 @@
+// Speed of the importers, to a sink that keeps nothing: import_bench FILE...
+// Prints the median and the spread of kRuns readings of each file, in MB (10^6 bytes) of file per second.
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+
+#include "preprocess/import/importer.h"
+
+#ifndef NDEBUG
+#error "benchmarks are built with the release preset"
+#endif
+
+namespace {
+
+using namespace quarry;
+
+constexpr int kRuns = 5;
+
+struct NullSink : ModelSink {
+  uint64_t triangles = 0;
+
+  Status BeginFile(std::string_view) override { return {}; }
+  Status EndFile() override { return {}; }
+  uint32_t AddMaterial(const Material&) override { return 0; }
+  uint32_t AddPart(std::string_view) override { return 0; }
+  Status AddPosition(const glm::dvec3&, const Rgba8&) override { return {}; }
+  Status AddNormal(const glm::vec3&) override { return {}; }
+  Status AddUv(const glm::vec2&) override { return {}; }
+  Status AddPolygon(std::span<const Corner> corners, uint32_t, uint32_t) override {
+    triangles += corners.size() - 2;
+    return {};
+  }
+  void Warn(std::string) override {}
+};
+
+Status Measure(const std::string& path) {
+  std::vector<double> speeds;
+  uint64_t triangles = 0;
+  for (int run = 0; run < kRuns; ++run) {
+    NullSink sink;
+    const auto start = std::chrono::steady_clock::now();
+    QUARRY_TRY(ImportModel(path, sink));
+    const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
+    speeds.push_back(static_cast<double>(std::filesystem::file_size(path)) / 1e6 / wall.count());
+    triangles = sink.triangles;
+  }
+  std::ranges::sort(speeds);
+  fmt::print("{}: {} triangles, {:.0f} MB/s (median of {}, {:.0f} to {:.0f})\n", path, triangles,
+             speeds[kRuns / 2], kRuns, speeds.front(), speeds.back());
+  return {};
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  for (int i = 1; i < argc; ++i) {
+    if (const Status status = Measure(argv[i]); !status) {
+      fmt::print(stderr, "{}\n", status.error().message);
+      return status.error().exit_status;
+    }
+  }
+  return argc > 1 ? 0 : 2;
+}

@@ -1,0 +1,59 @@
+#include "tests/fuzz/import_fuzz.h"
+
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <string>
+
+#include "preprocess/import/importer.h"
+
+namespace {
+
+using namespace quarry;
+
+/// Keeps counts only, and stops the program where the importer breaks ModelSink's contract.
+struct CountingSink : ModelSink {
+  uint64_t positions = 0, normals = 0, uvs = 0;
+  Corner largest{0, 0, 0};
+
+  Status BeginFile(std::string_view) override { return {}; }
+  Status EndFile() override { return {}; }
+  uint32_t AddMaterial(const Material&) override { return 0; }
+  uint32_t AddPart(std::string_view) override { return 0; }
+  Status AddPosition(const glm::dvec3&, const Rgba8&) override { return ++positions, Status(); }
+  Status AddNormal(const glm::vec3&) override { return ++normals, Status(); }
+  Status AddUv(const glm::vec2&) override { return ++uvs, Status(); }
+  Status AddPolygon(std::span<const Corner> corners, uint32_t, uint32_t) override {
+    if (corners.size() < 3) std::abort();
+    for (const Corner& corner : corners) {
+      if (corner.position == kNoIndex) std::abort();
+      largest.position = std::max(largest.position, corner.position);
+    }
+    return {};
+  }
+  void Warn(std::string) override {}
+};
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  if (size == 0) return 0;
+  constexpr const char* kExtensions[] = {".ply", ".obj", ".stl", ""};
+  // The importers read files; this one lives in memory, under a link whose name has the extension.
+  const std::string name = "quarry-import-fuzz-" + std::to_string(getpid()) + kExtensions[data[0] % 4];
+  const std::string link = (std::filesystem::temp_directory_path() / name).string();
+  const int fd = memfd_create("model", 0);
+  if (fd < 0 || write(fd, data + 1, size - 1) != static_cast<ssize_t>(size - 1)) std::abort();
+  unlink(link.c_str());
+  if (symlink(("/proc/self/fd/" + std::to_string(fd)).c_str(), link.c_str()) != 0) std::abort();
+  CountingSink sink;
+  const Status status = ImportModel(link, sink);
+  if (status && sink.largest.position >= sink.positions) std::abort();
+  if (!status && status.error().message.empty()) std::abort();
+  unlink(link.c_str());
+  close(fd);
+  return 0;
+}

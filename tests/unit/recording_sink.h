@@ -1,0 +1,112 @@
+#pragma once
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "preprocess/import/importer.h"
+#include "preprocess/import/model_sink.h"
+
+namespace quarry {
+
+/// Keeps all that an importer gives, and checks the contract of ModelSink.
+struct RecordingSink : ModelSink {
+  struct Polygon {
+    std::vector<Corner> corners;
+    uint32_t material, part;
+  };
+
+  std::string name;
+  std::vector<Material> materials;
+  std::vector<std::string> parts, warnings;
+  std::vector<glm::dvec3> positions;
+  std::vector<Rgba8> colors;
+  std::vector<glm::vec3> normals;
+  std::vector<glm::vec2> uvs;
+  std::vector<Polygon> polygons;
+  uint64_t triangles = 0;
+  bool ended = false;
+
+  Status BeginFile(std::string_view file) override {
+    name = file;
+    return {};
+  }
+  Status EndFile() override {
+    ended = true;
+    for (const Polygon& polygon : polygons)
+      for (const Corner& corner : polygon.corners)
+        if (corner.position >= positions.size() || !Within(corner.normal, normals.size()) ||
+            !Within(corner.uv, uvs.size()))
+          return Fail("a corner index beyond the elements given");
+    return {};
+  }
+  uint32_t AddMaterial(const Material& material) override {
+    materials.push_back(material);
+    return static_cast<uint32_t>(materials.size() - 1);
+  }
+  uint32_t AddPart(std::string_view part) override {
+    for (size_t i = 0; i < parts.size(); ++i)
+      if (parts[i] == part) return static_cast<uint32_t>(i);
+    parts.emplace_back(part);
+    return static_cast<uint32_t>(parts.size() - 1);
+  }
+  Status AddPosition(const glm::dvec3& position, const Rgba8& color) override {
+    positions.push_back(position);
+    colors.push_back(color);
+    return {};
+  }
+  Status AddNormal(const glm::vec3& normal) override {
+    normals.push_back(normal);
+    return {};
+  }
+  Status AddUv(const glm::vec2& uv) override {
+    uvs.push_back(uv);
+    return {};
+  }
+  Status AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t part) override {
+    polygons.push_back({{corners.begin(), corners.end()}, material, part});
+    if (corners.size() >= 3) triangles += corners.size() - 2;
+    return {};
+  }
+  void Warn(std::string message) override { warnings.push_back(std::move(message)); }
+
+  static bool Within(uint32_t index, size_t count) { return index == kNoIndex || index < count; }
+};
+
+/// A folder of its own that goes with its files.
+class TempFolder {
+ public:
+  TempFolder() {
+    std::string pattern = (std::filesystem::temp_directory_path() / "quarry-import-XXXXXX").string();
+    path_ = mkdtemp(pattern.data());
+  }
+  ~TempFolder() { std::filesystem::remove_all(path_); }
+  std::string Write(const std::string& name, std::string_view content) const {
+    std::ofstream(path_ / name, std::ios::binary) << content;
+    return (path_ / name).string();
+  }
+  std::string Path(const std::string& name) const { return (path_ / name).string(); }
+
+ private:
+  std::filesystem::path path_;
+};
+
+/// Imports `content` as a file of that name; the error's sentence without the folder, or "" if it went well.
+inline std::string ImportText(const std::string& name, std::string_view content, ModelSink& sink) {
+  const TempFolder folder;
+  const Status status = ImportModel(folder.Write(name, content), sink);
+  if (status) return "";
+  std::string message = status.error().message;
+  const std::string prefix = folder.Path("");
+  for (size_t at; (at = message.find(prefix)) != std::string::npos;) message.erase(at, prefix.size());
+  return message;
+}
+
+inline std::string ErrorOf(const std::string& name, std::string_view content) {
+  RecordingSink sink;
+  return ImportText(name, content, sink);
+}
+
+}  // namespace quarry
