@@ -1,0 +1,96 @@
+#include "deploy/info_command.h"
+
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+
+#include "common/base/progress.h"
+#include "common/base/size.h"
+#include "common/voxel/store_reader.h"
+
+namespace quarry {
+namespace {
+
+struct Totals {
+  uint64_t hot_decoded = 0, shading_decoded = 0, stored = 0, chained = 0;
+};
+
+Totals Sum(const Catalog& catalog) {
+  Totals t;
+  for (const VoxelEntry& v : catalog.voxels) {
+    t.hot_decoded += v.blocks[0].decoded;
+    t.shading_decoded += v.blocks[1].decoded;
+    t.stored += v.blocks[0].stored + v.blocks[1].stored;
+    t.chained += v.next_in_chain != kNoIndex;
+  }
+  return t;
+}
+
+nlohmann::ordered_json Describe(const StoreReader& store) {
+  const Catalog& c = store.catalog();
+  const SceneMeta& m = c.meta;
+  const Totals t = Sum(c);
+  nlohmann::ordered_json j;
+  j["scene_id"] = FormatSceneId(c.id);
+  j["store_bytes"] = store.size();
+  j["input_triangles"] = m.input_triangles;
+  j["dropped_degenerate_triangles"] = m.dropped_degenerate;
+  j["dropped_not_finite_triangles"] = m.dropped_not_finite;
+  j["voxels"] = c.voxels.size();
+  j["chained_voxels"] = t.chained;
+  j["stored_triangle_references"] = m.stored_references;
+  j["top_tree_nodes"] = c.top_nodes.size();
+  j["voxel_size_bytes"] = m.voxel_size;
+  j["largest_decoded_bytes"] = m.largest_decoded;
+  j["largest_stored_bytes"] = m.largest_stored;
+  j["hot_decoded_bytes"] = t.hot_decoded;
+  j["shading_decoded_bytes"] = t.shading_decoded;
+  j["blocks_stored_bytes"] = t.stored;
+  j["bounds_lower"] = {m.bounds_lower.x, m.bounds_lower.y, m.bounds_lower.z};
+  j["bounds_upper"] = {m.bounds_upper.x, m.bounds_upper.y, m.bounds_upper.z};
+  j["up_axis"] = m.up_axis == 1 ? "y" : "z";
+  j["offset"] = {m.offset.x, m.offset.y, m.offset.z};
+  j["lz4_version"] = m.lz4_version;
+  j["materials"] = store.material_names();
+  j["parts"] = store.parts();
+  return j;
+}
+
+}  // namespace
+
+Status PrintInfo(const std::string& scene, bool json) {
+  QUARRY_ASSIGN(const StoreReader store, StoreReader::Open(scene));
+  const auto j = Describe(store);
+  if (json) {
+    fmt::print("{}\n", j.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace));
+    return {};
+  }
+  const Catalog& c = store.catalog();
+  const Totals t = Sum(c);
+  const auto kept = c.meta.input_triangles - c.meta.dropped_degenerate - c.meta.dropped_not_finite;
+  fmt::print("{}\n  scene      {}\n", scene, FormatSceneId(c.id));
+  fmt::print("  triangles  {} ({} degenerate and {} not finite dropped)\n", kept, c.meta.dropped_degenerate,
+             c.meta.dropped_not_finite);
+  fmt::print("  voxels     {} (replication {:.2f}, largest block {})\n", c.voxels.size(),
+             static_cast<double>(c.meta.stored_references) / static_cast<double>(std::max<uint64_t>(kept, 1)),
+             FormatSize(c.meta.largest_decoded));
+  fmt::print("  size       {} stored, {} hot and {} shading once decoded\n", FormatSize(store.size()),
+             FormatSize(t.hot_decoded), FormatSize(t.shading_decoded));
+  fmt::print("  bounds     {:g} {:g} {:g} to {:g} {:g} {:g}, {} up\n", c.meta.bounds_lower.x, c.meta.bounds_lower.y,
+             c.meta.bounds_lower.z, c.meta.bounds_upper.x, c.meta.bounds_upper.y, c.meta.bounds_upper.z,
+             c.meta.up_axis == 1 ? "y" : "z");
+  fmt::print("  materials  {}\n  parts      {}\n", store.material_names().size(), store.parts().size());
+  return {};
+}
+
+Status Verify(const std::string& scene, bool quiet) {
+  QUARRY_ASSIGN(const StoreReader store, StoreReader::Open(scene));
+  Progress progress(quiet);
+  progress.Begin("verifying " + scene);
+  QUARRY_TRY(store.Verify([&](uint64_t done, uint64_t total) { progress.Update(done, total); }));
+  progress.End();
+  progress.Say(fmt::format("{}: {} voxels, every byte as it should be", scene, store.catalog().voxels.size()));
+  return {};
+}
+
+}  // namespace quarry

@@ -1,0 +1,213 @@
+#include "deploy/render_command.h"
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "common/base/file.h"
+#include "common/base/progress.h"
+#include "common/voxel/store_reader.h"
+#include "deploy/client.h"
+#include "deploy/cluster.h"
+#include "deploy/default_view.h"
+#include "deploy/model_cache.h"
+#include "deploy/scene_files.h"
+
+namespace quarry {
+namespace {
+
+Status ParseMode(const std::string& text, RenderJob& job) {
+  const char* const names[kRenderModes] = {"raycast", "shadow", "whitted", "voxels"};
+  for (int m = 0; m < kRenderModes; ++m)
+    if (text == names[m]) {
+      job.mode = static_cast<RenderMode>(m);
+      return {};
+    }
+  return BadUsage(fmt::format("--mode is one of raycast, shadow, whitted, voxels, not '{}'", text));
+}
+
+Status ParseAovs(const std::string& text, RenderJob& job) {
+  size_t at = 0;
+  while (at < text.size()) {
+    const size_t comma = std::min(text.find(',', at), text.size());
+    const std::string name = text.substr(at, comma - at);
+    at = comma + 1;
+    int found = -1;
+    for (int a = 0; a < kAovs; ++a)
+      if (name == kAovInfo[a].name) found = a;
+    if (found < 0)
+      return BadUsage(
+          fmt::format("--aov knows depth, normal, uv, primitive, material, part and voxel, not '{}'", name));
+    job.aov_mask |= 1u << found;
+  }
+  if (job.aov_mask && job.format != "exr") return BadUsage("--aov needs an .exr output");
+  return {};
+}
+
+Status ParseImage(const RenderArguments& a, RenderJob& job) {
+  const std::string extension = std::filesystem::path(a.output).extension().string();
+  job.format = extension.empty() ? "" : extension.substr(1);
+  if (job.format != "png" && job.format != "exr")
+    return BadUsage(fmt::format("{}: images are written as .png or .exr", a.output));
+  int end = 0;
+  if (std::sscanf(a.size.c_str(), "%ux%u%n", &job.width, &job.height, &end) != 2 ||
+      end != static_cast<int>(a.size.size()))
+    return BadUsage(fmt::format("--size is not WxH: '{}'", a.size));
+  if (!a.crop.empty() &&
+      (std::sscanf(a.crop.c_str(), "%u,%u,%u,%u%n", &job.crop_x, &job.crop_y, &job.crop_width, &job.crop_height,
+                   &end) != 4 ||
+       end != static_cast<int>(a.crop.size()) || job.crop_width == 0))
+    return BadUsage(fmt::format("--crop is not x,y,w,h: '{}'", a.crop));
+  job.spp = a.spp;
+  job.seed = a.seed;
+  job.exposure = a.exposure;
+  QUARRY_TRY(ParseMode(a.mode, job));
+  return ParseAovs(a.aov, job);
+}
+
+Status ParseLights(const RenderArguments& a, const SceneMeta& scene, RenderJob& job) {
+  if (!a.lights.empty()) QUARRY_TRY(ReadLights(a.lights, job));
+  if (!a.sun.empty()) {
+    QUARRY_ASSIGN(const glm::dvec3 sun, ParseVector(a.sun, "--sun"));
+    job.lights.push_back({LightKind::kSun, glm::vec3(sun), glm::vec3(0.9f)});
+  }
+  if (job.lights.empty() && a.lights.empty()) job.lights.push_back(DefaultSun(scene.up_axis));
+  return {};
+}
+
+/// "12" or "0-59" into a range of the path's frames.
+Status ParseFrames(const std::string& text, size_t count, size_t& first, size_t& last) {
+  first = 0;
+  last = count - 1;
+  if (text.empty()) return {};
+  unsigned a = 0, b = 0;
+  int end = 0;
+  const int n = std::sscanf(text.c_str(), "%u-%u%n", &a, &b, &end);
+  if (n == 1) b = a;
+  if (n < 1 || b < a) return BadUsage(fmt::format("--frames is not A-B: '{}'", text));
+  if (b >= count) return BadUsage(fmt::format("--frames {}: the camera path has frames 0 to {}", text, count - 1));
+  first = a;
+  last = b;
+  return {};
+}
+
+Status ParseCameras(const RenderArguments& a, const SceneMeta& scene, RenderJob& job) {
+  if (!a.camera_path.empty()) {
+    QUARRY_ASSIGN(const auto path, ReadCameraPath(a.camera_path));
+    size_t first = 0, last = 0;
+    QUARRY_TRY(ParseFrames(a.frames, path.size(), first, last));
+    job.first_frame = static_cast<uint32_t>(first);
+    job.cameras.assign(path.begin() + static_cast<std::ptrdiff_t>(first),
+                       path.begin() + static_cast<std::ptrdiff_t>(last) + 1);
+    return {};
+  }
+  if (!a.frames.empty()) return BadUsage("--frames needs --camera-path");
+  CameraSpec camera = DefaultView(scene, static_cast<double>(job.width) / job.height, a.fov);
+  if (!a.at.empty()) {
+    QUARRY_ASSIGN(camera.at, ParseVector(a.at, "--at"));
+  }
+  if (!a.eye.empty()) {
+    QUARRY_ASSIGN(camera.eye, ParseVector(a.eye, "--eye"));
+  }
+  if (!a.up.empty()) {
+    QUARRY_ASSIGN(camera.up, ParseVector(a.up, "--up"));
+  }
+  camera.ortho_height = a.ortho;
+  job.cameras = {camera};
+  return {};
+}
+
+/// out.png, or out.0007.png for frame 7 of a path.
+std::string FramePath(const RenderArguments& a, uint32_t frame) {
+  if (a.camera_path.empty()) return a.output;
+  const std::filesystem::path path(a.output);
+  return (path.parent_path() / fmt::format("{}.{:04}{}", path.stem().string(), frame, path.extension().string()))
+      .string();
+}
+
+Status WriteStatistics(const RenderArguments& a, const nlohmann::ordered_json& frames, double wall_s) {
+  if (a.stats.empty()) return {};
+  nlohmann::ordered_json j;
+  j["render_wall_s"] = wall_s;
+  j["frames"] = frames;
+  return WriteFileAtomically(a.stats, AsBytes(j.dump(2) + "\n"));
+}
+
+}  // namespace
+
+void AddRenderOptions(CLI::App& c, RenderArguments& a) {
+  c.add_option("scene", a.scene, "A scene store, or a model to be preprocessed first")->required();
+  c.add_option("-o,--output", a.output, "The picture: .png or .exr")->required();
+  c.add_option("--workers", a.workers, "Worker processes")->check(CLI::Range(1, 256))->capture_default_str();
+  c.add_option("--threads", a.threads, "Threads per worker (default: the processors shared out)")
+      ->check(CLI::Range(1, 1024));
+  c.add_option("--cache", a.cache, "Decoded voxels held per worker")->envname("QUARRY_CACHE")->capture_default_str();
+  c.add_option("--size", a.size, "Width x height in pixels")->capture_default_str();
+  c.add_option("--crop", a.crop, "Only this part: x,y,w,h");
+  c.add_option("--eye", a.eye, "Camera position x,y,z (default: frames the model)");
+  c.add_option("--at", a.at, "Point looked at x,y,z");
+  c.add_option("--up", a.up, "Up vector x,y,z");
+  c.add_option("--fov", a.fov, "Vertical field of view in degrees")->capture_default_str();
+  c.add_option("--ortho", a.ortho, "Orthographic, this high in scene units");
+  c.add_option("--camera-path", a.camera_path, "Camera path; writes out.####.png");
+  c.add_option("--frames", a.frames, "Frames A-B of the path");
+  c.add_option("--mode", a.mode, "raycast, shadow, whitted or voxels")->capture_default_str();
+  c.add_option("--sun", a.sun, "Direction toward the sun x,y,z");
+  c.add_option("--lights", a.lights, "Lights, ambient and background as JSON");
+  c.add_option("--spp", a.spp, "Samples per pixel")->capture_default_str();
+  c.add_option("--seed", a.seed, "Seed of the sample pattern")->capture_default_str();
+  c.add_option("--exposure", a.exposure, "Exposure of PNGs in EV")->capture_default_str();
+  c.add_option("--aov", a.aov, "Layers of EXRs: depth,normal,uv,primitive,material,part,voxel");
+  c.add_option("--stats", a.stats, "Write statistics as JSON to this file");
+  c.add_option("--master", a.master, "Use the cluster of the master at HOST:PORT")->envname("QUARRY_MASTER");
+  c.add_flag("--quiet", a.quiet, "Print errors only");
+}
+
+Status Render(const RenderArguments& a) {
+  const auto start = std::chrono::steady_clock::now();
+  RenderJob job;
+  QUARRY_TRY(ParseImage(a, job));
+  QUARRY_ASSIGN(const std::string scene, StoreFor(a.scene, a.quiet));
+  QUARRY_ASSIGN(const StoreReader store, StoreReader::Open(scene));
+  QUARRY_TRY(ParseLights(a, store.catalog().meta, job));
+  QUARRY_TRY(ParseCameras(a, store.catalog().meta, job));
+  QUARRY_TRY(NormalizeJob(job));
+  // The first output's place first: an unwritable one should not cost a frame.
+  QUARRY_TRY(OutputFile::Create(FramePath(a, job.first_frame)).map([](auto&&) {}));
+
+  std::unique_ptr<LocalCluster> cluster;
+  Endpoint master;
+  if (a.master.empty()) {
+    QUARRY_ASSIGN(cluster, LocalCluster::Start({scene, a.workers, a.threads, a.cache}));
+    master = cluster->master();
+  } else {
+    QUARRY_ASSIGN(master, ParseEndpoint(a.master, "--master"));
+  }
+
+  Progress progress(a.quiet);
+  progress.Begin(fmt::format("rendering {}", a.output));
+  nlohmann::ordered_json frames = nlohmann::ordered_json::array();
+  RenderCallbacks callbacks;
+  callbacks.check = [&]() -> Status { return cluster ? cluster->Check() : Status{}; };
+  callbacks.on_progress = [&](const FrameProgress& p) {
+    const uint64_t done = uint64_t{p.frame - job.first_frame} * p.tiles + p.tiles_done;
+    progress.Update(done, uint64_t{p.tiles} * job.cameras.size());
+  };
+  callbacks.on_frame = [&](const FrameDone& done, const Bytes& image) -> Status {
+    frames.push_back(nlohmann::ordered_json::parse(done.statistics, nullptr, false));
+    return WriteFileAtomically(FramePath(a, done.frame), image);
+  };
+  QUARRY_TRY(RenderRemotely(master, store.catalog().id, job, callbacks));
+  progress.Update(1, 1);
+  progress.End();
+  const double wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  progress.Say(fmt::format("{}: {} frame{}, {:.1f} s", FramePath(a, job.first_frame), job.cameras.size(),
+                           job.cameras.size() == 1 ? "" : "s", wall_s));
+  return WriteStatistics(a, frames, wall_s);
+}
+
+}  // namespace quarry
