@@ -4,25 +4,34 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
-#include <string_view>
-#include <unordered_map>
 
 namespace quarry {
 namespace {
 
-/// Numbers values by first appearance; equal means equal bits.
+/// Numbers values by first appearance; equal means equal bits. Open addressing, at most half full.
 template <class T>
 class Interner {
  public:
+  explicit Interner(size_t most) : table_(std::bit_ceil(most * 2 + 2), kFree) {}
+
   uint16_t Index(const T& value, std::vector<T>& values) {
-    const std::string_view key(reinterpret_cast<const char*>(&value), sizeof value);
-    const auto [it, added] = index_.emplace(std::string(key), static_cast<uint16_t>(values.size()));
-    if (added) values.push_back(value);
-    return it->second;
+    uint32_t words[sizeof(T) / 4];
+    std::memcpy(words, &value, sizeof value);
+    uint64_t hash = 0;
+    for (uint32_t word : words) hash = (hash ^ word) * 0x9E3779B97F4A7C15ull;
+    size_t at = (hash >> 32) & (table_.size() - 1);
+    while (table_[at] != kFree && std::memcmp(&values[table_[at]], &value, sizeof value) != 0)
+      at = (at + 1) & (table_.size() - 1);
+    if (table_[at] == kFree) {
+      table_[at] = static_cast<uint32_t>(values.size());
+      values.push_back(value);
+    }
+    return static_cast<uint16_t>(table_[at]);
   }
 
  private:
-  std::unordered_map<std::string, uint16_t> index_;
+  static constexpr uint32_t kFree = 0xFFFFFFFFu;
+  std::vector<uint32_t> table_;  ///< indices into the values
 };
 
 ShadingVertex Sanitized(ShadingVertex v) {
@@ -34,7 +43,7 @@ ShadingVertex Sanitized(ShadingVertex v) {
 
 Bytes BuildShading(std::span<const TriangleRecord> triangles) {
   ShadingVoxel voxel;
-  Interner<ShadingVertex> interner;
+  Interner<ShadingVertex> interner(triangles.size() * 3);
   for (const TriangleRecord& t : triangles)
     for (const ShadingVertex& v : t.shading) voxel.corners.push_back(interner.Index(Sanitized(v), voxel.vertices));
   return LayOutShading(voxel);
@@ -52,7 +61,7 @@ uint32_t MaxTrianglesPerVoxel(uint32_t voxel_size) {
 EncodedVoxel BuildVoxel(std::span<const TriangleRecord> triangles, const Box& cell, float padding, bool has_shading,
                         uint32_t voxel_size) {
   HotVoxel voxel;
-  Interner<glm::vec3> interner;
+  Interner<glm::vec3> interner(triangles.size() * 3);
   std::vector<Box> boxes;
   boxes.reserve(triangles.size());
   for (const TriangleRecord& t : triangles) {

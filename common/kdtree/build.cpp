@@ -12,141 +12,177 @@ namespace {
 
 constexpr int kBins = 32;
 constexpr int kMaxDepth = 48;
-constexpr uint32_t kExactBelow = 12;  // sweep all box ends instead of bins
+constexpr uint32_t kExactBelow = 8;  // so few: sweep all box ends instead of bins
+
+constexpr float kFloatInfinity = std::numeric_limits<float>::infinity();
 
 struct Split {
-  float cost = std::numeric_limits<float>::infinity();
+  float cost = kFloatInfinity;
   float position = 0;
   int axis = -1;
 };
 
-class Builder {
+/// The SAH cost of planes across one axis of a cell, in traversal steps.
+class AxisCost {
  public:
-  Builder(std::span<const Box> boxes, const SahCosts& costs, size_t max_bytes, uint32_t leaf_size)
-      : boxes_(boxes), costs_(costs), max_bytes_(max_bytes), leaf_size_(leaf_size) {}
-
-  /// False when the tree outgrew max_bytes.
-  bool Build(const Box& cell) {
-    std::vector<uint16_t> all;
-    for (uint32_t i = 0; i < boxes_.size(); ++i)
-      if (Touches(boxes_[i], cell)) all.push_back(static_cast<uint16_t>(i));
-    tree_.nodes.resize(1);
-    return BuildNode(0, cell, std::move(all), kMaxDepth);
+  AxisCost(const Box& cell, int axis, const SahCosts& costs)
+      : lower_(cell.lower[axis]), upper_(cell.upper[axis]), costs_(costs) {
+    const float e1 = cell.extent((axis + 1) % 3), e2 = cell.extent((axis + 2) % 3);
+    cap_ = e1 * e2;
+    rim_ = e1 + e2;
+    scale_ = costs.intersect / std::max(cap_ + (upper_ - lower_) * rim_, 1e-37f);
   }
-  KdTree& tree() { return tree_; }
-
- private:
-  static bool Touches(const Box& b, const Box& cell) {
-    for (int a = 0; a < 3; ++a)
-      if (b.lower[a] > cell.upper[a] || b.upper[a] < cell.lower[a]) return false;
-    return true;
-  }
-
-  bool Fits() const { return tree_.nodes.size() * 8 + tree_.references.size() * 2 <= max_bytes_; }
-
-  bool MakeLeaf(uint32_t node, const std::vector<uint16_t>& triangles) {
-    tree_.nodes[node] = KdNode::Leaf(static_cast<uint32_t>(tree_.references.size()),
-                                     static_cast<uint32_t>(triangles.size()));
-    tree_.references.insert(tree_.references.end(), triangles.begin(), triangles.end());
-    return Fits();
-  }
-
-  bool BuildNode(uint32_t node, const Box& cell, std::vector<uint16_t> triangles, int depth) {
-    const auto count = static_cast<uint32_t>(triangles.size());
-    if (count <= leaf_size_ || depth == 0) return MakeLeaf(node, triangles);
-    const Split split = count < kExactBelow ? BestExact(cell, triangles) : BestBinned(cell, triangles);
-    if (split.axis < 0 || split.cost >= costs_.intersect * static_cast<float>(count))
-      return MakeLeaf(node, triangles);
-
-    std::vector<uint16_t> left, right;
-    for (uint16_t i : triangles) {
-      if (boxes_[i].lower[split.axis] <= split.position) left.push_back(i);
-      if (boxes_[i].upper[split.axis] >= split.position) right.push_back(i);
-    }
-    triangles = {};
-    const auto first_child = static_cast<uint32_t>(tree_.nodes.size());
-    tree_.nodes[node] = KdNode::Inner(split.axis, split.position, first_child);
-    tree_.nodes.resize(first_child + 2);
-    if (!Fits()) return false;
-    Box left_cell = cell, right_cell = cell;
-    left_cell.upper[split.axis] = right_cell.lower[split.axis] = split.position;
-    return BuildNode(first_child, left_cell, std::move(left), depth - 1) &&
-           BuildNode(first_child + 1, right_cell, std::move(right), depth - 1);
-  }
-
-  /// Cost of a plane, in traversal steps, against intersect * count for a leaf.
-  float Cost(const Box& cell, int axis, float position, uint32_t left, uint32_t right) const {
-    Box l = cell, r = cell;
-    l.upper[axis] = r.lower[axis] = position;
-    const float whole = std::max(cell.half_area(), 1e-37f);
-    const float cost = 1.0f + costs_.intersect *
-                                  (l.half_area() * static_cast<float>(left) +
-                                   r.half_area() * static_cast<float>(right)) / whole;
-    return left == 0 || right == 0 ? cost * costs_.empty_bonus : cost;
-  }
-
-  void Consider(const Box& cell, int axis, float position, uint32_t left, uint32_t right, Split& best) const {
-    if (!(position > cell.lower[axis]) || !(position < cell.upper[axis])) return;
-    const float cost = Cost(cell, axis, position, left, right);
+  /// Keeps the plane in `best` if it lies inside the cell and costs less.
+  void Consider(int axis, float position, uint32_t left, uint32_t right, Split& best) const {
+    if (!(position > lower_) || !(position < upper_)) return;
+    const float areas = (cap_ + (position - lower_) * rim_) * static_cast<float>(left) +
+                        (cap_ + (upper_ - position) * rim_) * static_cast<float>(right);
+    const float cost = (1 + areas * scale_) * (left == 0 || right == 0 ? costs_.empty_bonus : 1.0f);
     if (cost < best.cost) best = {cost, position, axis};
   }
 
-  Split BestBinned(const Box& cell, const std::vector<uint16_t>& triangles) const {
+ private:
+  float lower_, upper_, cap_, rim_, scale_;
+  const SahCosts& costs_;
+};
+
+/// One build. The triangles of the nodes on the way from the root lie in one array used as a stack, so that nothing
+/// is allocated per node.
+class Builder {
+ public:
+  Builder(std::span<const Box> boxes, const SahCosts& costs) : costs_(costs) {
+    for (int a = 0; a < 3; ++a) {
+      lower_[a].reserve(boxes.size());
+      upper_[a].reserve(boxes.size());
+      for (const Box& b : boxes) {
+        lower_[a].push_back(b.lower[a]);
+        upper_[a].push_back(b.upper[a]);
+      }
+    }
+  }
+
+  KdTree Build(const Box& cell, size_t max_bytes) {
+    for (uint32_t i = 0; i < lower_[0].size(); ++i)
+      if (Touches(i, cell)) stack_.push_back(static_cast<uint16_t>(i));
+    tree_.nodes.resize(1);
+    BuildNode(0, cell, 0, max_bytes, kMaxDepth);
+    return std::move(tree_);
+  }
+
+ private:
+  bool Touches(uint32_t i, const Box& cell) const {
+    for (int a = 0; a < 3; ++a)
+      if (lower_[a][i] > cell.upper[a] || upper_[a][i] < cell.lower[a]) return false;
+    return true;
+  }
+
+  void MakeLeaf(uint32_t node, size_t begin) {
+    tree_.nodes[node] = KdNode::Leaf(static_cast<uint32_t>(tree_.references.size()),
+                                     static_cast<uint32_t>(stack_.size() - begin));
+    tree_.references.insert(tree_.references.end(), stack_.begin() + static_cast<std::ptrdiff_t>(begin),
+                            stack_.end());
+  }
+
+  /// The node's triangles are stack_[begin, end). `budget`: bytes this subtree may take, its root's 8 included.
+  void BuildNode(uint32_t node, const Box& cell, size_t begin, size_t budget, int depth) {
+    const auto count = static_cast<uint32_t>(stack_.size() - begin);
+    if (count <= 1 || depth == 0) return MakeLeaf(node, begin);
+    const std::span<const uint16_t> triangles(stack_.data() + begin, count);
+    const Split split = count < kExactBelow ? BestExact(cell, triangles) : BestBinned(cell, triangles);
+    if (split.axis < 0 || split.cost >= costs_.intersect * static_cast<float>(count)) return MakeLeaf(node, begin);
+
+    const size_t left_begin = stack_.size();
+    PushSide(begin, left_begin, split, false);
+    const size_t left = stack_.size() - left_begin;
+    const size_t right = CountRight(begin, left_begin, split);
+    // Both children must at least fit as leaves; what is left over is shared by their numbers of triangles.
+    const size_t least = 3 * sizeof(KdNode) + 2 * (left + right);
+    if (budget < least) {
+      stack_.resize(left_begin);
+      return MakeLeaf(node, begin);
+    }
+    const size_t spare = budget - least;
+    const size_t left_spare = spare * left / std::max<size_t>(left + right, 1);
+    const auto first_child = static_cast<uint32_t>(tree_.nodes.size());
+    tree_.nodes[node] = KdNode::Inner(split.axis, split.position, first_child);
+    tree_.nodes.resize(first_child + 2);
+    Box left_cell = cell, right_cell = cell;
+    left_cell.upper[split.axis] = right_cell.lower[split.axis] = split.position;
+    BuildNode(first_child, left_cell, left_begin, sizeof(KdNode) + 2 * left + left_spare, depth - 1);
+    stack_.resize(left_begin);
+    PushSide(begin, left_begin, split, true);
+    BuildNode(first_child + 1, right_cell, left_begin, sizeof(KdNode) + 2 * right + spare - left_spare, depth - 1);
+    stack_.resize(left_begin);
+  }
+
+  void PushSide(size_t begin, size_t end, const Split& split, bool right) {
+    const std::vector<float>& ends = right ? upper_[split.axis] : lower_[split.axis];
+    for (size_t k = begin; k < end; ++k) {
+      const uint16_t i = stack_[k];
+      if (right ? ends[i] >= split.position : ends[i] <= split.position) stack_.push_back(i);
+    }
+  }
+
+  size_t CountRight(size_t begin, size_t end, const Split& split) const {
+    size_t n = 0;
+    for (size_t k = begin; k < end; ++k) n += upper_[split.axis][stack_[k]] >= split.position;
+    return n;
+  }
+
+  Split BestBinned(const Box& cell, std::span<const uint16_t> triangles) const {
     Split best;
+    const auto count = static_cast<uint32_t>(triangles.size());
     for (int axis = 0; axis < 3; ++axis) {
-      const float extent = cell.extent(axis);
+      const float base = cell.lower[axis], extent = cell.extent(axis);
       if (!(extent > 0)) continue;
       std::array<uint32_t, kBins> starts{}, ends{};
       const float scale = kBins / extent;
-      const auto bin = [&](float x) {
-        return std::clamp(static_cast<int>((x - cell.lower[axis]) * scale), 0, kBins - 1);
-      };
-      float lowest = cell.upper[axis], highest = cell.lower[axis];
+      float lowest = kFloatInfinity, highest = -kFloatInfinity;
       for (uint16_t i : triangles) {
-        ++starts[static_cast<size_t>(bin(boxes_[i].lower[axis]))];
-        ++ends[static_cast<size_t>(bin(boxes_[i].upper[axis]))];
-        lowest = std::min(lowest, boxes_[i].lower[axis]);
-        highest = std::max(highest, boxes_[i].upper[axis]);
+        const float lower = lower_[axis][i], upper = upper_[axis][i];
+        ++starts[static_cast<size_t>(std::clamp(static_cast<int>((lower - base) * scale), 0, kBins - 1))];
+        ++ends[static_cast<size_t>(std::clamp(static_cast<int>((upper - base) * scale), 0, kBins - 1))];
+        lowest = std::min(lowest, lower);
+        highest = std::max(highest, upper);
       }
+      const AxisCost cost(cell, axis, costs_);
       // Planes at the very ends of what is there cut off empty space exactly.
-      const auto count = static_cast<uint32_t>(triangles.size());
-      Consider(cell, axis, std::nextafter(lowest, -std::numeric_limits<float>::infinity()), 0, count, best);
-      Consider(cell, axis, std::nextafter(highest, std::numeric_limits<float>::infinity()), count, 0, best);
+      cost.Consider(axis, std::nextafter(lowest, -kFloatInfinity), 0, count, best);
+      cost.Consider(axis, std::nextafter(highest, kFloatInfinity), count, 0, best);
       uint32_t left = 0, right = count;
       for (int b = 0; b + 1 < kBins; ++b) {
         left += starts[static_cast<size_t>(b)];
         right -= ends[static_cast<size_t>(b)];
-        Consider(cell, axis, cell.lower[axis] + static_cast<float>(b + 1) / scale, left, right, best);
+        cost.Consider(axis, base + static_cast<float>(b + 1) / scale, left, right, best);
       }
     }
     return best;
   }
 
-  Split BestExact(const Box& cell, const std::vector<uint16_t>& triangles) const {
+  Split BestExact(const Box& cell, std::span<const uint16_t> triangles) const {
     Split best;
     for (int axis = 0; axis < 3; ++axis) {
+      const AxisCost cost(cell, axis, costs_);
+      const std::vector<float>&lower = lower_[axis], &upper = upper_[axis];
       for (uint16_t i : triangles) {
         // Just outside a box's end, so that the box lies on one side only.
-        const float planes[2] = {
-            std::nextafter(boxes_[i].lower[axis], -std::numeric_limits<float>::infinity()),
-            std::nextafter(boxes_[i].upper[axis], std::numeric_limits<float>::infinity())};
+        const float planes[2] = {std::nextafter(lower[i], -kFloatInfinity), std::nextafter(upper[i], kFloatInfinity)};
         for (float plane : planes) {
           uint32_t left = 0, right = 0;
           for (uint16_t j : triangles) {
-            left += boxes_[j].lower[axis] <= plane;
-            right += boxes_[j].upper[axis] >= plane;
+            left += lower[j] <= plane;
+            right += upper[j] >= plane;
           }
-          Consider(cell, axis, plane, left, right, best);
+          cost.Consider(axis, plane, left, right, best);
         }
       }
     }
     return best;
   }
 
-  std::span<const Box> boxes_;
   const SahCosts& costs_;
-  size_t max_bytes_;
-  uint32_t leaf_size_;
+  std::vector<float> lower_[3], upper_[3];  ///< box ends by axis
+  std::vector<uint16_t> stack_;
   KdTree tree_;
 };
 
@@ -154,10 +190,7 @@ class Builder {
 
 KdTree BuildKdTree(std::span<const Box> boxes, const Box& cell, const SahCosts& costs, size_t max_bytes) {
   QUARRY_CHECK(boxes.size() <= 65535);
-  for (uint32_t leaf_size = 1;; leaf_size *= 2) {
-    Builder builder(boxes, costs, max_bytes, leaf_size);
-    if (builder.Build(cell) || leaf_size >= boxes.size()) return std::move(builder.tree());
-  }
+  return Builder(boxes, costs).Build(cell, max_bytes);
 }
 
 }  // namespace quarry

@@ -36,9 +36,10 @@ struct MovedVertex {
 
 template <class L>
 QUARRY_HOST_DEVICE inline MovedVertex<L> MoveVertex(const RayFrame<L>& ray, const glm::vec3& p) {
-  const typename L::Float z = p[ray.kz] - ray.origin[ray.kz];
-  return {L::Fma(-ray.shear_x, z, p[ray.kx] - ray.origin[ray.kx]),
-          L::Fma(-ray.shear_y, z, p[ray.ky] - ray.origin[ray.ky]), z};
+  const float* at = &p.x;  // glm's own index operator is a switch
+  const typename L::Float z = at[ray.kz] - ray.origin[ray.kz];
+  return {L::Fma(-ray.shear_x, z, at[ray.kx] - ray.origin[ray.kx]),
+          L::Fma(-ray.shear_y, z, at[ray.ky] - ray.origin[ray.ky]), z};
 }
 
 /// The exact part: true with t and weights when the moved triangle a, b, c is hit at 0 < t < infinity.
