@@ -53,6 +53,8 @@ Result<Bytes> EncodeImage(const RenderJob& job, const std::vector<uint32_t>& pix
                        png ? OIIO::TypeUInt8 : OIIO::TypeFloat);
   spec.full_width = static_cast<int>(job.width);
   spec.full_height = static_cast<int>(job.height);
+  // OpenImageIO would put in the time of day; the same picture is to be the same file.
+  spec.attribute("DateTime", "2000:01:01 00:00:00");
   if (!png) {
     spec.x = static_cast<int>(job.crop_x);
     spec.y = static_cast<int>(job.crop_y);

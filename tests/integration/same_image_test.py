@@ -1,0 +1,84 @@
+"""The same picture, bit for bit, whatever the workers, threads, caches and faults (design: what must always be true)."""
+import os
+import pathlib
+import signal
+import subprocess
+import time
+import unittest
+
+from programs import BIN, Case, end
+
+TRIANGLES = int(os.environ.get("QUARRY_TEST_TRIANGLES", "1000000"))
+VIEW = ["--mode", "whitted", "--size", "512x384", "--eye", "6,6,14", "--at", "30,30,16", "--fov", "70",
+        "--aov", "depth,normal,uv,primitive,material,part,voxel"]
+
+
+class SameImage(Case):
+    def render(self, name, *arguments):
+        output = self.path(name + ".exr")
+        self.must("quarry", "render", self.scene, "-o", output, "--quiet", *VIEW, *arguments)
+        return pathlib.Path(output).read_bytes()
+
+    def test_workers_threads_caches_and_a_killed_worker(self):
+        self.scene = self.store("plant", TRIANGLES)
+        info = self.info(self.scene)
+        decoded = info["hot_decoded_bytes"] + info["shading_decoded_bytes"]
+        largest = info["largest_decoded_bytes"]
+        reference = self.render("reference", "--workers", 1, "--threads", 1, "--cache", decoded)
+        self.assertGreater(len(reference), 100000)
+        for workers in (1, 2, 4):
+            for threads in (1, 2):
+                with self.subTest(workers=workers, threads=threads):
+                    self.assertEqual(self.render("w", "--workers", workers, "--threads", threads), reference)
+        for workers, threads, cache in ((1, 2, largest), (2, 1, largest), (2, 2, decoded // 20), (1, 2, decoded)):
+            with self.subTest(workers=workers, threads=threads, cache=cache):
+                self.assertEqual(self.render("c", "--workers", workers, "--threads", threads, "--cache", cache), reference)
+        self.kill_one_worker(reference)
+        self.worker_that_starts_late(reference)
+
+    def render_with(self, address, name):
+        output = self.path(name + ".exr")
+        client = subprocess.Popen([str(BIN / "quarry"), "render", self.scene, "-o", output, "--master", address,
+                                   "--stats", self.path(name + ".json"), "--quiet", *VIEW],
+                                  stderr=subprocess.PIPE, text=True)
+        self.addCleanup(end, client)
+        return client, output
+
+    def kill_one_worker(self, reference):
+        _, address = self.start_master(self.scene)
+        victim = self.start_worker(address, "--threads", 1, "--cache", "2M")
+        # A small cache keeps the victim busy; it is stopped first, so that it surely dies with tiles in hand.
+        client, output = self.render_with(address, "killed")
+        time.sleep(0.3)
+        victim.send_signal(signal.SIGKILL)
+        self.start_worker(address, "--threads", 2)
+        self.assertEqual(client.wait(timeout=110), 0, client.stderr.read())
+        self.assertEqual(pathlib.Path(output).read_bytes(), reference)
+        stats = pathlib.Path(self.path("killed.json")).read_text()
+        self.assertNotIn('"leases_lost": 0', stats, "the worker held no tile when it was killed")
+
+    def worker_that_starts_late(self, reference):
+        _, address = self.start_master(self.scene)
+        client, output = self.render_with(address, "late")
+        time.sleep(0.5)
+        self.start_worker(address, "--threads", 1)
+        self.start_worker(address, "--threads", 1)
+        self.assertEqual(client.wait(timeout=110), 0, client.stderr.read())
+        self.assertEqual(pathlib.Path(output).read_bytes(), reference)
+
+
+class SamePrefix(Case):
+    def test_memory_and_threads_do_not_change_the_store(self):
+        model = self.path("m.ply")
+        self.must("quarry-scene", "plant", "--triangles", 300000, "-o", model, "--quiet")
+        stores = []
+        for memory, threads in (("1G", 2), ("64M", 1), ("64M", 2)):
+            store = self.path(f"s-{memory}-{threads}.quarry")
+            self.must("quarry-preprocess", model, "-o", store, "--memory", memory, "--threads", threads, "--quiet")
+            stores.append(pathlib.Path(store).read_bytes())
+        self.assertEqual(stores[0], stores[1])
+        self.assertEqual(stores[0], stores[2])
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
