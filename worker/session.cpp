@@ -78,11 +78,10 @@ class Session {
   }
 
   void OnLost(const Error& error) {
-    if (connection_) {
-      connection_.reset();
-      lost_since_ = Clock::now();
-    }
+    connection_.reset();
+    if (std::exchange(welcomed_, false)) lost_since_ = Clock::now();
     if (scene_) scene_->engine.DropTiles();
+    if (error.permanent) return End(tl::unexpected<Error>(error));
     if (std::chrono::duration<double>(Clock::now() - lost_since_).count() > options_.retry_s)
       return End(tl::unexpected<Error>(error));
     retry_.expires_after(std::chrono::milliseconds(300));
@@ -114,6 +113,7 @@ class Session {
     if (scene_ && scene_->catalog.id != welcome.scene_id)
       return Fail("the master serves another scene now; start the worker again");
     scene_id_ = welcome.scene_id;
+    welcomed_ = true;
     return {};
   }
 
@@ -186,6 +186,7 @@ class Session {
   asio::io_context io_;
   asio::steady_timer retry_, alive_;
   std::shared_ptr<Connection> connection_;
+  bool welcomed_ = false;
   Clock::time_point lost_since_;
   SceneId scene_id_{};
   std::unique_ptr<SceneState> scene_;

@@ -162,7 +162,7 @@ void TileRenderer::Shade(Sample& s) {
     }
     case RenderMode::kShadow:
     case RenderMode::kWhitted:
-      Add(s, material.diffuse * s.surface.color * frame_->job.ambient + material.emission);
+      Add(s, material.diffuse * s.surface.color * frame_->job.ambient * AmbientFactor(s.surface) + material.emission);
       s.stage = Stage::kLight;
       return;
   }

@@ -7,10 +7,12 @@
 namespace quarry {
 
 /// What went wrong, as one sentence for the person at the terminal: what, where (file, line or byte), what to do.
-/// `exit_status` is what the program should end with: 1 failed, 2 unusable arguments.
+/// `exit_status` is what the program should end with: 1 failed, 2 unusable arguments. `permanent`: trying again
+/// cannot help (the other side speaks another version, say).
 struct Error {
   std::string message;
   int exit_status = 1;
+  bool permanent = false;
 };
 
 /// The value, or the Error that kept it from being. Used for every fallible read of disk, wire and user input;

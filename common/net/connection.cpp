@@ -22,11 +22,13 @@ namespace asio = boost::asio;
 using asio::ip::tcp;
 using ErrorCode = boost::system::error_code;
 
+constexpr auto kHandshakeTime = std::chrono::seconds(10);
+
 std::string EndpointText(const tcp::endpoint& e) { return fmt::format("{}:{}", e.address().to_string(), e.port()); }
 
 class TcpConnection final : public Connection {
  public:
-  explicit TcpConnection(tcp::socket socket) : socket_(std::move(socket)) {
+  explicit TcpConnection(tcp::socket socket) : socket_(std::move(socket)), handshake_(socket_.get_executor()) {
     ErrorCode ignored;
     socket_.set_option(tcp::no_delay(true), ignored);
     const auto remote = socket_.remote_endpoint(ignored);
@@ -76,20 +78,22 @@ class TcpConnection final : public Connection {
 
   void Shut() {
     closed_ = true;
+    handshake_.cancel();
     ErrorCode ignored;
     socket_.shutdown(tcp::socket::shutdown_both, ignored);
     socket_.close(ignored);
   }
 
-  void Drop(std::string message) {
+  void Drop(std::string message, bool permanent = false) {
     if (closed_) return;
+    handshake_.cancel();
     Shut();
     outgoing_.clear();
     // Moved out first: the handler may let go of this connection.
     OnClose handler = std::move(on_close_);
     on_close_ = nullptr;
     on_message_ = nullptr;
-    if (handler) handler(Error{std::move(message)});
+    if (handler) handler(Error{std::move(message), 1, permanent});
   }
 
   void DropOn(const ErrorCode& error) {
@@ -99,10 +103,15 @@ class TcpConnection final : public Connection {
   }
 
   void ReadPreamble() {
+    handshake_.expires_after(kHandshakeTime);
+    handshake_.async_wait([self = Self()](const ErrorCode& error) {
+      if (!error) self->Drop(fmt::format("{} does not answer", self->peer_));
+    });
     asio::async_read(socket_, asio::buffer(preamble_), [self = Self()](const ErrorCode& error, size_t) {
       if (error) return self->DropOn(error);
+      self->handshake_.cancel();
       if (const Status status = CheckPreamble(self->preamble_); !status)
-        return self->Drop(fmt::format("{}: {}", self->peer_, status.error().message));
+        return self->Drop(fmt::format("{}: {}", self->peer_, status.error().message), true);
       self->ReadHeader();
     });
   }
@@ -157,6 +166,7 @@ class TcpConnection final : public Connection {
   }
 
   tcp::socket socket_;
+  asio::steady_timer handshake_;
   std::string peer_;
   OnMessage on_message_;
   OnClose on_close_;

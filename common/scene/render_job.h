@@ -50,7 +50,7 @@ struct RenderJob {
   uint32_t aov_mask = 0;     ///< bit per Aov
   std::string format = "png";  ///< png or exr
   std::vector<Light> lights;
-  glm::vec3 ambient{0.08f};
+  glm::vec3 ambient{0.2f};
   glm::vec3 background{0.55f, 0.65f, 0.8f};
   std::vector<CameraSpec> cameras;  ///< one a frame
   uint32_t first_frame = 0;         ///< the number of cameras[0]
