@@ -15,7 +15,7 @@ void Require(Status status) {
 
 }  // namespace
 
-Builder::Builder(MeshReceiver& receiver) : receiver_(receiver) {
+Builder::Builder(MeshReceiver& receiver) : receiver_(receiver), wants_positions_(receiver.WantsPositions()) {
   mesh_.vertices.reserve(2 * kPieceElements);
   mesh_.faces.reserve(3 * kPieceElements);
 }

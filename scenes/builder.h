@@ -35,6 +35,8 @@ class MeshReceiver {
   /// All pieces of a part come in a row; parts are numbered from 0 in the order they come.
   virtual Status BeginPart(uint32_t part, const std::string& name) = 0;
   virtual Status AddPiece(const Mesh& mesh, uint32_t part) = 0;
+  /// False while it looks at faces only: generators to which positions are dear may then leave them out.
+  virtual bool WantsPositions() const { return true; }
 };
 
 /// Leaves a generator early, out of any depth, when its receiver fails; caught where the generation was
@@ -62,6 +64,8 @@ class Builder {
   /// Hands on what is left; call it at the end.
   void Finish();
 
+  /// False if positions and tints do not matter for now; their number does.
+  bool wants_positions() const { return wants_positions_; }
   /// All triangles so far.
   uint64_t triangles() const { return triangles_; }
 
@@ -69,6 +73,7 @@ class Builder {
   void Flush();
 
   MeshReceiver& receiver_;
+  bool wants_positions_;
   Mesh mesh_;
   std::string part_name_;
   uint32_t part_ = 0;

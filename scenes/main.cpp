@@ -85,7 +85,7 @@ void DeclareArguments(CLI::App& app, Arguments& arguments) {
       "  quarry-scene forest --triangles 300000 --seed 7 -o forest.obj\n"
       "Beside OUT.ply stand OUT.materials.json and OUT.path.json (a walk of 60 cameras); beside OUT.obj, "
       "OUT.mtl.\n"
-      "The same kind, count and seed give the same bytes.");
+      "The same kind, count and seed give the same bytes.\n");
   for (const std::string& kind : SceneKinds()) {
     CLI::App* scene = app.add_subcommand(kind, Describe(kind));
     scene->add_option("--triangles", arguments.options.triangles, "How many triangles, 1000 to 1000000000")

@@ -72,6 +72,8 @@ class PlyWriter : public MeshWriter {
     return {};
   }
 
+  bool WantsPositions() const override { return pass_ == 0; }
+
   Status Complete() override {
     QUARRY_TRY(model_->Patch(0, Header(vertices_, faces_)));
     names_.Finish();

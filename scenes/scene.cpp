@@ -33,6 +33,7 @@ class Watched : public MeshReceiver {
     done_ += mesh.faces.size();
     return watch_(done_, total_);
   }
+  bool WantsPositions() const override { return writer_.WantsPositions(); }
 
  private:
   MeshWriter& writer_;

@@ -10,17 +10,19 @@
 
 namespace quarry::scenes {
 
-/// A grid of `columns` x `rows` quads over `point(i, j)`, cut into parts of at most 64 x 64 quads named
+inline constexpr uint64_t kSurfaceTile = 64;
+
+/// A grid of `columns` x `rows` quads over `point(i, j)`, cut into parts of at most kSurfaceTile squared
+/// quads named
 /// "`name` i,j"; 2 columns rows triangles. Neighbouring parts agree on their common edge, so the surface has
 /// no cracks. `use(i, j)` sets material and tint before each vertex row's element is added.
 template <typename Point, typename Use>
 void TiledSurface(Builder& builder, const std::string& name, uint64_t columns, uint64_t rows,
                   const Point& point, const Use& use) {
-  constexpr uint64_t kTile = 64;
-  for (uint64_t j0 = 0; j0 < rows; j0 += kTile) {
-    for (uint64_t i0 = 0; i0 < columns; i0 += kTile) {
-      const uint64_t w = std::min(kTile, columns - i0), h = std::min(kTile, rows - j0);
-      builder.Part(name + " " + std::to_string(i0 / kTile) + "," + std::to_string(j0 / kTile));
+  for (uint64_t j0 = 0; j0 < rows; j0 += kSurfaceTile) {
+    for (uint64_t i0 = 0; i0 < columns; i0 += kSurfaceTile) {
+      const uint64_t w = std::min(kSurfaceTile, columns - i0), h = std::min(kSurfaceTile, rows - j0);
+      builder.Part(name + " " + std::to_string(i0 / kSurfaceTile) + "," + std::to_string(j0 / kSurfaceTile));
       builder.BeginShape();
       uint32_t first = 0;
       for (uint64_t j = 0; j <= h; ++j)

@@ -16,20 +16,21 @@ using glm::vec3;
 namespace {
 
 constexpr float kSnowLine = 380.0f;
+/// Odd and far apart, so that different lattice points have different keys.
+constexpr uint64_t kAlongX = 0x9E3779B97F4A7C15ull, kAlongY = 0xC2B2AE3D27D4EB4Full;
 
 }  // namespace
 
 float HeightField::Noise(float x, float y, uint32_t octave) const {
   const float fx = std::floor(x), fy = std::floor(y);
-  const auto value = [&](float i, float j) {
-    const auto key =
-        static_cast<uint64_t>(static_cast<int64_t>(i)) * 0x9E3779B1u + static_cast<uint64_t>(j) * 0x85EBCA77u;
-    return static_cast<float>(Mix(key + Mix(seed_ + octave)) >> 40) * 0x1p-24f;
-  };
+  const auto i = static_cast<uint64_t>(static_cast<int64_t>(fx)),
+             j = static_cast<uint64_t>(static_cast<int64_t>(fy));
+  const uint64_t key = Mix(seed_ + octave) + i * kAlongX + j * kAlongY;
+  const auto value = [](uint64_t corner) { return static_cast<float>(Mix(corner) >> 40) * 0x1p-24f; };
   const float u = x - fx, v = y - fy;
   const float su = u * u * u * (u * (6 * u - 15) + 10), sv = v * v * v * (v * (6 * v - 15) + 10);
-  return glm::mix(glm::mix(value(fx, fy), value(fx + 1, fy), su),
-                  glm::mix(value(fx, fy + 1), value(fx + 1, fy + 1), su), sv);
+  return glm::mix(glm::mix(value(key), value(key + kAlongX), su),
+                  glm::mix(value(key + kAlongY), value(key + kAlongX + kAlongY), su), sv);
 }
 
 float HeightField::At(float x, float y) const {
@@ -49,9 +50,6 @@ float HeightField::At(float x, float y) const {
 void HeightField::Draw(Builder& b, double triangles, uint16_t material) const {
   const GridSize size = FitGrid(triangles, 1.0);
   const float dx = extent_ / static_cast<float>(size.columns), dy = extent_ / static_cast<float>(size.rows);
-  const auto height = [&](uint64_t i, uint64_t j) {
-    return At(static_cast<float>(i) * dx, static_cast<float>(j) * dy);
-  };
   static const std::array<vec3, 4> kTints{
       vec3(0.76f, 0.69f, 0.50f), {0.30f, 0.47f, 0.18f}, {0.48f, 0.44f, 0.40f}, vec3(0.95f)};
   const auto tint = [&](float z, float slope) {
@@ -62,15 +60,21 @@ void HeightField::Draw(Builder& b, double triangles, uint16_t material) const {
         glm::smoothstep(kSnowLine, 1.2f * kSnowLine, z) * (1.0f - glm::smoothstep(0.9f, 1.5f, slope));
     return glm::mix(colour, kTints[3], snow);
   };
+  // Heights are dear; the slope is taken towards the vertices before this one, kept from the tile's last row.
+  // At a tile's edges they are made anew, which gives the neighbouring tile the same tints there.
+  std::array<float, kSurfaceTile> below{};
   float z = 0;
   TiledSurface(
       b, "ground", size.columns, size.rows,
       [&](uint64_t i, uint64_t j) { return vec3(static_cast<float>(i) * dx, static_cast<float>(j) * dy, z); },
       [&](uint64_t i, uint64_t j) {
-        z = height(i, j);
-        const float x = static_cast<float>(i) * dx, y = static_cast<float>(j) * dy, step = extent_ * 0.002f;
-        const float slope = glm::length(vec2(At(x + step, y) - z, At(x, y + step) - z)) / step;
-        b.Use(material, tint(z, slope));
+        if (!b.wants_positions()) return b.Use(material);
+        const float x = static_cast<float>(i) * dx, y = static_cast<float>(j) * dy;
+        const bool left_edge = i % kSurfaceTile == 0, low_edge = j % kSurfaceTile == 0;
+        const float left = left_edge ? At(x - dx, y) : z;
+        const float low = left_edge || low_edge ? At(x, y - dy) : below[i % kSurfaceTile];
+        z = below[i % kSurfaceTile] = At(x, y);
+        b.Use(material, tint(z, glm::length(vec2((z - left) / dx, (z - low) / dy))));
       });
 }
 
