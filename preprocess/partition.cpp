@@ -15,6 +15,9 @@ namespace quarry {
 namespace {
 
 constexpr int kMaxDepth = 64;
+/// Long slivers lie in both halves of every split: beyond this growth along one path they are chained
+/// instead, so that no input makes the store explode.
+constexpr double kMaxGrowth = 10;
 
 Box EmptyBox() { return {glm::vec3(kInfinity), glm::vec3(-kInfinity)}; }
 
@@ -35,16 +38,17 @@ class Partitioner {
         max_triangles_(MaxTrianglesPerVoxel(options.voxel_size)) {}
 
   /// A node whose triangles lie on disk. `file` is freed before its children are split.
-  Status SplitFile(uint32_t node, SpillFile file, const Box& cell, const Box& content, int depth) {
+  Status SplitFile(uint32_t node, SpillFile file, const Box& cell, const Box& content, int depth,
+                   double growth) {
     if (file.count() * sizeof(TriangleRecord) <= options_.memory / 4 || file.count() <= max_triangles_)
-      return LoadAndSplit(node, std::move(file), cell, content, depth);
+      return LoadAndSplit(node, std::move(file), cell, content, depth, growth);
     SplitHistogram histogram(content);
     QUARRY_TRY(ForEach(file, [&](const TriangleRecord& r) -> Status {
       histogram.Add(r.PaddedBox(padding_));
       return Status{};
     }));
     const auto plane = histogram.Choose(cell);
-    if (plane.axis < 0 || depth == kMaxDepth) return ChainFile(node, file, cell);
+    if (MustChain(plane, depth, growth)) return ChainFile(node, file, cell);
 
     Children child(*this, node, plane, cell);
     std::optional<SpillFile> files[2];
@@ -64,7 +68,7 @@ class Partitioner {
     for (auto& f : files) QUARRY_TRY(f->FinishWriting());
     for (uint32_t side = 0; side < 2; ++side)
       QUARRY_TRY(SplitFile(child.first + side, std::move(*files[side]), child.cell[side], child.content[side],
-                           depth + 1));
+                           depth + 1, growth * plane.growth));
     return {};
   }
 
@@ -90,6 +94,10 @@ class Partitioner {
     Box cell[2], content[2];
   };
 
+  static bool MustChain(const SplitHistogram::Plane& plane, int depth, double growth) {
+    return plane.axis < 0 || depth == kMaxDepth || growth * plane.growth > kMaxGrowth;
+  }
+
   template <class Visit>
   Status ForEach(const SpillFile& file, Visit&& visit) {
     SpillReader reader(file);
@@ -101,7 +109,8 @@ class Partitioner {
     return reader.status();
   }
 
-  Status LoadAndSplit(uint32_t node, SpillFile file, const Box& cell, const Box& content, int depth) {
+  Status LoadAndSplit(uint32_t node, SpillFile file, const Box& cell, const Box& content, int depth,
+                      double growth) {
     std::vector<TriangleRecord> records;
     records.reserve(file.count());
     QUARRY_TRY(ForEach(file, [&](const TriangleRecord& r) -> Status {
@@ -111,11 +120,12 @@ class Partitioner {
     { const SpillFile consumed = std::move(file); }
     std::vector<uint32_t> all(records.size());
     std::iota(all.begin(), all.end(), 0u);
-    return SplitInMemory(node, records, std::move(all), cell, content, depth);
+    return SplitInMemory(node, records, std::move(all), cell, content, depth, growth);
   }
 
-  Status SplitInMemory(uint32_t node, const std::vector<TriangleRecord>& records, std::vector<uint32_t> indices,
-                       const Box& cell, const Box& content, int depth) {
+  Status SplitInMemory(uint32_t node, const std::vector<TriangleRecord>& records,
+                       std::vector<uint32_t> indices, const Box& cell, const Box& content, int depth,
+                       double growth) {
     if (indices.empty()) {
       nodes_[node] = KdNode::Leaf(0, 0);
       return {};
@@ -127,7 +137,7 @@ class Partitioner {
       for (uint32_t i : indices) histogram.Add(records[i].PaddedBox(padding_));
       plane = histogram.Choose(cell);
     }
-    if (small || plane.axis < 0 || depth == kMaxDepth) return Chain(node, records, indices, cell);
+    if (small || MustChain(plane, depth, growth)) return Chain(node, records, indices, cell);
 
     Children child(*this, node, plane, cell);
     std::vector<uint32_t> parts[2];
@@ -142,13 +152,13 @@ class Partitioner {
     indices = {};
     for (uint32_t side = 0; side < 2; ++side)
       QUARRY_TRY(SplitInMemory(child.first + side, records, std::move(parts[side]), child.cell[side],
-                               child.content[side], depth + 1));
+                               child.content[side], depth + 1, growth * plane.growth));
     return {};
   }
 
   /// One voxel, or several in a chain for a pile that no plane parts.
-  Status Chain(uint32_t node, const std::vector<TriangleRecord>& records, const std::vector<uint32_t>& indices,
-               const Box& cell) {
+  Status Chain(uint32_t node, const std::vector<TriangleRecord>& records,
+               const std::vector<uint32_t>& indices, const Box& cell) {
     nodes_[node] = KdNode::Leaf(voxels_, 1);
     for (size_t i = 0; i < indices.size(); i += max_triangles_) {
       const size_t end = std::min<size_t>(i + max_triangles_, indices.size());
@@ -192,11 +202,11 @@ class Partitioner {
 
 }  // namespace
 
-Result<std::vector<KdNode>> Partition(SpillFile triangles, bool has_shading, const Box& root, const Box& content,
-                                      float padding, const PartitionOptions& options,
+Result<std::vector<KdNode>> Partition(SpillFile triangles, bool has_shading, const Box& root,
+                                      const Box& content, float padding, const PartitionOptions& options,
                                       const std::function<Status(VoxelTask)>& emit) {
   Partitioner partitioner(has_shading, padding, options, emit);
-  QUARRY_TRY(partitioner.SplitFile(0, std::move(triangles), root, content, 0));
+  QUARRY_TRY(partitioner.SplitFile(0, std::move(triangles), root, content, 0, 1));
   return std::move(partitioner.nodes());
 }
 

@@ -42,15 +42,16 @@ SplitHistogram::Plane SplitHistogram::Choose(const Box& cell) const {
       l.upper[axis] = r.lower[axis] = position;
       const double cost = (HalfArea(l) * static_cast<double>(left) + HalfArea(r) * static_cast<double>(right)) *
                           (left == 0 || right == 0 ? 0.8 : 1.0);
+      const double growth = static_cast<double>(left + right) / static_cast<double>(std::max<uint64_t>(count_, 1));
       const uint64_t larger = left == 0 || right == 0 ? 0 : std::max(left, right);
       if (cost < least_cost) {
         least_cost = cost;
-        cheapest = {axis, position};
+        cheapest = {axis, position, growth};
         cheapest_larger = larger;
       }
       if (larger > 0 && larger < smallest) {
         smallest = larger;
-        most_even = {axis, position};
+        most_even = {axis, position, growth};
       }
     };
     const float empty = cell.extent(axis) * kEmptyFraction;

@@ -20,6 +20,7 @@ class SplitHistogram {
   struct Plane {
     int axis = -1;  ///< -1: no plane parts the triangles usefully; make a chain
     float position = 0;
+    double growth = 1;  ///< triangles in both children together, over those in the node
   };
   /// The plane of least SAH cost among bin borders and the ends of the content (which cut off empty space), or,
   /// when that leaves a child with nearly all triangles, the one with the smallest larger child.

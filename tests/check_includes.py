@@ -1,0 +1,57 @@
+#!/usr/bin/env python3
+"""Checks that includes point only the ways that the architecture allows. Usage: check_includes.py ROOT"""
+import pathlib
+import re
+import sys
+
+MAY_INCLUDE = {
+    "common": {"common"},
+    "preprocess": {"common", "preprocess"},
+    "worker": {"common", "worker"},
+    "master": {"common", "master"},
+    "scenes": {"common", "scenes"},
+    "deploy": {"common", "deploy"},
+}
+# Inside folders: what files under a path must not include, and why.
+MUST_NOT = [
+    ("common/kdtree/", r"boost/|openssl/|cuda|common/net/|common/protocol/", "kernels know no network and no CUDA header"),
+    ("common/math/", r"boost/|common/(net|protocol|voxel)/", "mathematics stands alone"),
+    ("common/protocol/", r"boost/|common/kdtree/|common/net/", "the protocol is bytes only"),
+    ("worker/shading", r"common/net/|common/protocol/|worker/(session|loader|voxel_cache)", "shading never sees the network"),
+    ("", r"embree", "only tests link Embree"),
+    ("common/", r"OpenImageIO|assimp", "libraries of large appetite stay out of what all programs share"),
+    ("worker/", r"OpenImageIO|assimp", "libraries of large appetite stay out of the worker"),
+]
+# Asio, Beast and OpenImageIO take seconds a file: they stay out of headers altogether.
+HEAVY = re.compile(r"boost/asio|boost/beast|boost/process|OpenImageIO|nlohmann/json\.hpp|flatbuffers|CLI/")
+INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', re.M)
+
+
+def faults(root):
+    for folder, allowed in MAY_INCLUDE.items():
+        for path in sorted((root / folder).rglob("*")):
+            if path.suffix not in {".h", ".cpp", ".cu", ".cuh"}:
+                continue
+            name = path.relative_to(root).as_posix()
+            for kind, target in INCLUDE.findall(path.read_text()):
+                first = target.split("/")[0]
+                if (first in MAY_INCLUDE or first == "tests") and first not in allowed:
+                    yield f"{name}: includes {target}: {folder}/ may include only {', '.join(sorted(allowed))}"
+                if kind == '"' and "/" in target and not (root / target).exists():
+                    yield f"{name}: includes {target}, which is not in the tree"
+                if path.suffix == ".h" and HEAVY.search(target):
+                    yield f"{name}: includes {target}: heavy headers stay out of headers"
+                for prefix, pattern, why in MUST_NOT:
+                    if name.startswith(prefix) and re.search(pattern, target):
+                        yield f"{name}: includes {target}: {why}"
+
+
+def main():
+    root = pathlib.Path(sys.argv[1])
+    found = list(faults(root))
+    print("\n".join(found) if found else "includes point only the allowed ways")
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,171 @@
+// The hit that traversal finds is the hit by definition: least (t, id) over all triangles under the same test, to the
+// last bit, through many tiny voxels, with every voxel absent at first.
+#include <bit>
+
+#include "tests/reference/scene_fixture.h"
+
+namespace quarry::test {
+namespace {
+
+Hit BruteForce(const LoadedScene& scene, const Ray& ray) {
+  const auto frame = MakeRayFrame(ray);
+  Hit best;
+  for (const StoredTriangle& t : scene.triangles())
+    TestTriangle(frame, t.vertices[0], t.vertices[1], t.vertices[2], t.id, best);
+  return best;
+}
+
+bool SameBits(const Hit& a, const Hit& b) {
+  return a.triangle == b.triangle && std::bit_cast<uint32_t>(a.t) == std::bit_cast<uint32_t>(b.t) &&
+         std::bit_cast<uint32_t>(a.b1) == std::bit_cast<uint32_t>(b.b1) &&
+         std::bit_cast<uint32_t>(a.b2) == std::bit_cast<uint32_t>(b.b2);
+}
+
+/// A ray of one of several kinds, the nasty ones among them.
+Ray MakeRay(const LoadedScene& scene, std::mt19937& random) {
+  const auto& meta = scene.catalog().meta;
+  const auto pick = [&]() -> const StoredTriangle& { return scene.triangles()[random() % scene.triangles().size()]; };
+  Ray ray;
+  ray.origin = PointInBox(random, meta.root_lower, meta.root_upper);
+  glm::vec3 target = PointInBox(random, meta.root_lower, meta.root_upper);
+  switch (random() % 8) {
+    case 0: break;
+    case 1: {  // along an axis, exactly
+      glm::vec3 d(0);
+      d[static_cast<int>(random() % 3)] = random() % 2 ? 1.0f : -1.0f;
+      target = ray.origin + d;
+      ray.direction = d;
+      return ray;
+    }
+    case 2: target = pick().vertices[random() % 3]; break;  // at a vertex
+    case 3: {                                               // at an edge
+      const auto& t = pick();
+      const float u = Uniform(random, 0, 1);
+      target = t.vertices[0] * u + t.vertices[1] * (1 - u);
+      break;
+    }
+    case 4: {  // within a triangle's plane
+      const auto& t = pick();
+      ray.origin = t.vertices[0] * 0.5f + t.vertices[1] * 0.5f;
+      target = t.vertices[2];
+      break;
+    }
+    case 5: {  // from vertex to vertex
+      ray.origin = pick().vertices[0];
+      target = pick().vertices[1];
+      break;
+    }
+    case 6: {  // along an axis through a vertex
+      ray.origin = pick().vertices[random() % 3];
+      const int axis = static_cast<int>(random() % 3);
+      ray.origin[axis] = meta.root_lower[axis];
+      glm::vec3 d(0);
+      d[axis] = 1;
+      ray.direction = d;
+      return ray;
+    }
+    default: {  // from the box's side, as Camera moves origins
+      const int axis = static_cast<int>(random() % 3);
+      ray.origin[axis] = random() % 2 ? meta.root_lower[axis] : meta.root_upper[axis];
+    }
+  }
+  ray.direction = Unit(target - ray.origin);
+  return ray;
+}
+
+/// Every voxel is absent the first time that it is asked for: the ray is suspended at each of its steps.
+TraceResult TraceSuspending(const LoadedScene& scene, Ray& ray, int& suspensions) {
+  uint32_t granted = kNoVoxel;
+  for (;;) {
+    const TraceResult result = Trace<false>(
+        scene.catalog().top_tree(),
+        [&](uint32_t v) -> const VoxelGeometry* {
+          if (std::exchange(granted, kNoVoxel) == v) return &scene.voxels()[v];
+          return nullptr;
+        },
+        ray);
+    if (result.status != TraceStatus::kNeedVoxel) return result;
+    ++suspensions;
+    REQUIRE(suspensions < 1000000);
+    granted = result.voxel;
+  }
+}
+
+void CompareAll(const LoadedScene& scene, uint32_t rays, const std::string& name) {
+  std::mt19937 random(12345);
+  uint64_t hits = 0, differences = 0, suspensions_total = 0;
+  for (uint32_t i = 0; i < rays; ++i) {
+    const Ray fresh = MakeRay(scene, random);
+    const Hit expected = BruteForce(scene, fresh);
+    Ray ray = fresh;
+    scene.TraceAll<false>(ray);
+    int suspensions = 0;
+    Ray suspended = fresh;
+    TraceSuspending(scene, suspended, suspensions);
+    suspensions_total += static_cast<uint64_t>(suspensions);
+    Ray shadow = fresh;
+    shadow.t_max = expected.triangle == kNoTriangle ? kInfinity : expected.t * (i % 2 ? 1.5f : 1.0f);
+    const bool occluded = scene.TraceAll<true>(shadow).status == TraceStatus::kHit;
+    const bool expect_occluded = expected.triangle != kNoTriangle && expected.t < shadow.t_max;
+    hits += expected.triangle != kNoTriangle;
+    const bool same = SameBits(ray.hit, expected) && SameBits(suspended.hit, expected) && occluded == expect_occluded;
+    if (!same && ++differences < 5)
+      UNSCOPED_INFO(name << " ray " << i << ": brute force " << expected.triangle << " at " << expected.t
+                         << ", traversal " << ray.hit.triangle << " at " << ray.hit.t << ", suspended "
+                         << suspended.hit.triangle << " at " << suspended.hit.t << ", occluded " << occluded);
+  }
+  WARN(name << ": " << scene.triangles().size() << " triangles, " << scene.voxels().size() << " voxels, " << rays
+            << " rays, " << hits << " hits, " << suspensions_total << " suspensions, " << differences << " differences");
+  CHECK(differences == 0);
+  CHECK(hits > rays / 50);
+}
+
+void WriteSoup(const std::string& path, const std::vector<glm::vec3>& corners) {
+  std::ofstream out(path);
+  out.precision(9);
+  for (const glm::vec3& p : corners) out << "v " << p.x << ' ' << p.y << ' ' << p.z << '\n';
+  for (size_t i = 1; i + 2 <= corners.size(); i += 3) out << "f " << i << ' ' << i + 1 << ' ' << i + 2 << '\n';
+}
+
+}  // namespace
+
+TEST_CASE("Traversal agrees with brute force to the last bit on generated scenes", "[reference]") {
+  const TemporaryFolder folder;
+  for (const std::string kind : {"cornell", "plant", "city", "forest", "terrain"}) {
+    const LoadedScene scene(GenerateScene(folder, kind, 2000), 4096);
+    CHECK(scene.voxels().size() > 20);
+    CompareAll(scene, 150000, kind);
+  }
+}
+
+TEST_CASE("Traversal agrees with brute force on slivers, piles and split planes", "[reference]") {
+  const TemporaryFolder folder;
+  std::mt19937 random(7);
+  const auto point = [&](float size) { return PointInBox(random, glm::vec3(-size), glm::vec3(size)); };
+  std::vector<glm::vec3> slivers, fan, boxes;
+  for (int i = 0; i < 700; ++i) {
+    const glm::vec3 a = point(1), b = point(1);
+    slivers.insert(slivers.end(), {a, b, a * 0.5f + b * 0.5f + point(1e-5f)});
+    fan.insert(fan.end(), {glm::vec3(0.25f), glm::vec3(0.25f) + point(1), glm::vec3(0.25f) + point(1)});
+    // Squares on a grid: coplanar neighbours, vertices on every likely split plane.
+    const glm::vec3 p(static_cast<float>(random() % 8), static_cast<float>(random() % 8), static_cast<float>(random() % 8));
+    glm::vec3 e(0), f(0);
+    e[i % 3] = 1;
+    f[(i + 1) % 3] = 1;
+    boxes.insert(boxes.end(), {p, p + e, p + e + f, p, p + e + f, p + f});
+  }
+  const auto compare = [&](const std::string& name, const std::vector<glm::vec3>& corners, uint32_t rays) {
+    const std::string path = folder.file(name + ".obj");
+    WriteSoup(path, corners);
+    const LoadedScene scene(path, 4096);
+    CompareAll(scene, rays, name);
+    return scene.catalog();
+  };
+  compare("slivers", slivers, 100000);
+  const Catalog piled = compare("fan", fan, 100000);
+  CHECK(std::any_of(piled.voxels.begin(), piled.voxels.end(), [](const VoxelEntry& v) { return v.next_in_chain != kNoIndex; }));
+  compare("boxes", boxes, 100000);
+  compare("single", {{0, 0, 0}, {1, 0, 0}, {0, 1, 0.5f}}, 50000);
+}
+
+}  // namespace quarry::test

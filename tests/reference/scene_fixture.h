@@ -1,0 +1,127 @@
+#pragma once
+
+#include <catch2/catch.hpp>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "common/kdtree/trace.h"
+#include "common/voxel/store_reader.h"
+#include "preprocess/preprocess.h"
+
+namespace quarry::test {
+
+/// A folder that goes with the object.
+class TemporaryFolder {
+ public:
+  TemporaryFolder() {
+    std::string name = (std::filesystem::temp_directory_path() / "quarry-ref-XXXXXX").string();
+    REQUIRE(mkdtemp(name.data()) != nullptr);
+    path_ = name;
+  }
+  ~TemporaryFolder() { std::filesystem::remove_all(path_); }
+  std::string file(const std::string& name) const { return path_ + "/" + name; }
+
+ private:
+  std::string path_;
+};
+
+/// A triangle as stored.
+struct StoredTriangle {
+  glm::vec3 vertices[3];
+  uint32_t id;
+};
+
+/// A model preprocessed into voxels, all of them decoded.
+class LoadedScene {
+ public:
+  LoadedScene(const std::string& model, uint32_t voxel_size) {
+    PreprocessOptions options;
+    options.models = {model};
+    options.output = folder_.file("scene.quarry");
+    options.voxel_size = voxel_size;
+    options.threads = 2;
+    options.quiet = true;
+    const auto made = Preprocess(options);
+    INFO((made ? "" : made.error().message));
+    REQUIRE(made.has_value());
+    auto store = StoreReader::Open(options.output);
+    REQUIRE(store.has_value());
+    store_ = std::make_unique<StoreReader>(std::move(*store));
+    LoadAll();
+  }
+
+  const Catalog& catalog() const { return store_->catalog(); }
+  const std::vector<VoxelGeometry>& voxels() const { return voxels_; }
+  /// Each triangle once, in the order of ids.
+  const std::vector<StoredTriangle>& triangles() const { return triangles_; }
+
+  template <bool kAnyHit>
+  TraceResult TraceAll(Ray& ray) const {
+    return Trace<kAnyHit>(catalog().top_tree(), [&](uint32_t v) { return &voxels_[v]; }, ray);
+  }
+
+ private:
+  void LoadAll() {
+    std::vector<bool> seen(catalog().meta.input_triangles);
+    for (uint32_t v = 0; v < catalog().voxels.size(); ++v) {
+      const uint32_t id = BlockId(v, BlockKind::kHot);
+      const auto stored = store_->ReadBlock(id);
+      REQUIRE(stored.has_value());
+      bytes_.emplace_back(catalog().block(id).decoded);
+      REQUIRE(DecompressBlock(*stored, bytes_.back()).has_value());
+      REQUIRE(bytes_.back().size() <= catalog().meta.voxel_size);
+      const auto view = ViewHot(bytes_.back());
+      REQUIRE(view.has_value());
+      voxels_.push_back(*view);
+      for (uint32_t t = 0; t < view->triangle_count; ++t) {
+        const uint32_t global = view->triangle_ids[t];
+        if (seen[global]) continue;
+        seen[global] = true;
+        triangles_.push_back({{view->vertex(t, 0), view->vertex(t, 1), view->vertex(t, 2)}, global});
+      }
+    }
+    std::sort(triangles_.begin(), triangles_.end(), [](const auto& a, const auto& b) { return a.id < b.id; });
+  }
+
+  TemporaryFolder folder_;
+  std::unique_ptr<StoreReader> store_;
+  std::vector<Bytes> bytes_;
+  std::vector<VoxelGeometry> voxels_;
+  std::vector<StoredTriangle> triangles_;
+};
+
+/// Runs the quarry-scene beside the tests; the model's path.
+inline std::string GenerateScene(const TemporaryFolder& folder, const std::string& kind, uint64_t triangles) {
+  const std::string path = folder.file(kind + ".ply");
+  const std::string command = std::string(QUARRY_BIN_DIR) + "/quarry-scene " + kind + " --triangles " +
+                              std::to_string(triangles) + " --quiet -o " + path;
+  REQUIRE(std::system(command.c_str()) == 0);
+  return path;
+}
+
+/// The real models, or empty when they are not there.
+inline std::string ScenesFolder() {
+  const char* given = std::getenv("QUARRY_TEST_SCENES");
+  const std::string folder = given ? given : QUARRY_SCENES_DIR;
+  return std::filesystem::exists(folder) ? folder : std::string();
+}
+
+inline float Uniform(std::mt19937& random, float low, float high) {
+  return low + (high - low) * static_cast<float>(random() >> 8) * 0x1p-24f;
+}
+
+inline glm::vec3 PointInBox(std::mt19937& random, const glm::vec3& lower, const glm::vec3& upper) {
+  return {Uniform(random, lower.x, upper.x), Uniform(random, lower.y, upper.y), Uniform(random, lower.z, upper.z)};
+}
+
+inline glm::vec3 Unit(const glm::vec3& v) {
+  const float length = std::sqrt(v.x * v.x + v.y * v.y + v.z * v.z);
+  return length > 0 ? v / length : glm::vec3(1, 0, 0);
+}
+
+}  // namespace quarry::test
