@@ -55,12 +55,13 @@ class EmbreeScene {
 };
 
 struct Classes {
-  uint64_t rays = 0, hits = 0, same_triangle = 0, same_t = 0, coplanar = 0, edge = 0, at_origin = 0, unexplained = 0, lost = 0;
+  uint64_t rays = 0, hits = 0, same_triangle = 0, edge_tie = 0, same_plane = 0, coplanar = 0, edge = 0, at_origin = 0, unexplained = 0, lost = 0;
   void Add(const Classes& o) {
     rays += o.rays;
     hits += o.hits;
     same_triangle += o.same_triangle;
-    same_t += o.same_t;
+    edge_tie += o.edge_tie;
+    same_plane += o.same_plane;
     coplanar += o.coplanar;
     edge += o.edge;
     at_origin += o.at_origin;
@@ -82,7 +83,8 @@ void Classify(const EmbreeScene::Found& e, const Hit& q, float scale, Classes& c
   }
   const float tolerance = 1e-5f;
   if (q_hit && e_hit && std::fabs(q.t - e.t) <= tolerance * std::max(q.t, e.t)) {
-    ++c.same_t;  // an edge shared, or coplanar triangles
+    // On an edge that both triangles have; or within both, which then lie on each other.
+    ++(Inside(e.u, e.v) < 1e-4f || Inside(q.b1, q.b2) < 1e-4f ? c.edge_tie : c.same_plane);
     return;
   }
   // What the nearer of the two has found is in doubt for the other: on an edge, or where the ray starts.
@@ -144,8 +146,8 @@ void Compare(const std::string& name, const std::string& model, uint32_t rays) {
   for (auto& thread : threads) thread.join();
   Classes c = parts[0];
   c.Add(parts[1]);
-  WARN(name << ": " << c.rays << " rays, " << c.hits << " hits; same triangle " << c.same_triangle << ", same t "
-            << c.same_t << ", within 1e-6 of an edge " << c.edge << ", coplanar to 1e-6 of the scene " << c.coplanar
+  WARN(name << ": " << c.rays << " rays, " << c.hits << " hits; same triangle " << c.same_triangle << ", same t: edge tie "
+            << c.edge_tie << ", coplanar " << c.same_plane << "; within 1e-6 of an edge " << c.edge << ", coplanar to 1e-6 of the scene " << c.coplanar
             << ", where the ray starts " << c.at_origin << ", unexplained " << c.unexplained << ", lost " << c.lost);
   CHECK(c.lost == 0);
   CHECK(c.unexplained == 0);
