@@ -1,0 +1,153 @@
+#include <catch2/catch.hpp>
+#include <random>
+
+#include "common/protocol/messages.h"
+
+namespace quarry {
+namespace {
+
+RenderJob MakeJob() {
+  RenderJob job;
+  job.width = 640;
+  job.height = 480;
+  job.crop_x = 1;
+  job.crop_y = 2;
+  job.crop_width = 300;
+  job.crop_height = 200;
+  job.mode = RenderMode::kWhitted;
+  job.spp = 16;
+  job.seed = 0x123456789ABCDEFull;
+  job.exposure = -1.5;
+  job.aov_mask = 0x55;
+  job.format = "exr";
+  job.lights = {{LightKind::kPoint, {1, 2, 3}, {4, 5, 6}}, {LightKind::kSun, {0, 0, 1}, {1, 1, 1}}};
+  job.ambient = {0.1f, 0.2f, 0.3f};
+  job.background = {0.4f, 0.5f, 0.6f};
+  job.cameras = {{{1, 2, 3}, {4, 5, 7}, {0, 1, 0}, 33.5, 0}, {{0, 0, 0}, {1, 0, 0}, {0, 0, 1}, 60, 12.5}};
+  job.first_frame = 7;
+  return job;
+}
+
+void CheckSame(const RenderJob& a, const RenderJob& b) {
+  CHECK(a.width == b.width);
+  CHECK(a.height == b.height);
+  CHECK(a.crop_x == b.crop_x);
+  CHECK(a.crop_y == b.crop_y);
+  CHECK(a.crop_width == b.crop_width);
+  CHECK(a.crop_height == b.crop_height);
+  CHECK(a.mode == b.mode);
+  CHECK(a.spp == b.spp);
+  CHECK(a.seed == b.seed);
+  CHECK(a.exposure == b.exposure);
+  CHECK(a.aov_mask == b.aov_mask);
+  CHECK(a.format == b.format);
+  CHECK(a.ambient == b.ambient);
+  CHECK(a.background == b.background);
+  CHECK(a.first_frame == b.first_frame);
+  REQUIRE(a.lights.size() == b.lights.size());
+  for (size_t i = 0; i < a.lights.size(); ++i) {
+    CHECK(a.lights[i].kind == b.lights[i].kind);
+    CHECK(a.lights[i].vector == b.lights[i].vector);
+    CHECK(a.lights[i].radiance == b.lights[i].radiance);
+  }
+  REQUIRE(a.cameras.size() == b.cameras.size());
+  for (size_t i = 0; i < a.cameras.size(); ++i) {
+    CHECK(a.cameras[i].eye == b.cameras[i].eye);
+    CHECK(a.cameras[i].at == b.cameras[i].at);
+    CHECK(a.cameras[i].up == b.cameras[i].up);
+    CHECK(a.cameras[i].fov_degrees == b.cameras[i].fov_degrees);
+    CHECK(a.cameras[i].ortho_height == b.cameras[i].ortho_height);
+  }
+}
+
+}  // namespace
+
+TEST_CASE("Messages come back field by field") {
+  CheckSame(MakeJob(), *DecodeRenderJob(Encode(MakeJob())));
+  RenderJob one = MakeJob();
+  one.cameras.resize(1);
+  const auto setup = DecodeFrameSetup(Encode(FrameSetup{99, one}));
+  REQUIRE(setup.has_value());
+  CHECK(setup->setup == 99);
+  CheckSame(one, setup->job);
+  const auto hello = DecodeHello(Encode(Hello{Role::kClient, "me", 5}));
+  CHECK((hello->role == Role::kClient && hello->name == "me" && hello->threads == 5));
+  Welcome w;
+  w.scene_id = {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16};
+  w.worker = 17;
+  const auto welcome = DecodeWelcome(Encode(w));
+  CHECK((welcome->scene_id == w.scene_id && welcome->worker == 17));
+  CHECK(DecodeFailure(Encode(Failure{"a sentence"}))->message == "a sentence");
+  const auto progress = DecodeFrameProgress(Encode(FrameProgress{1, 2, 3, 4}));
+  CHECK((progress->frame == 1 && progress->tiles_done == 2 && progress->tiles == 3 && progress->workers == 4));
+  const auto frame = DecodeFrameDone(Encode(FrameDone{6, "{}"}));
+  CHECK((frame->frame == 6 && frame->statistics == "{}"));
+  const auto tile = DecodeTileOrder(Encode(TileOrder{1, 2, 3, 4, 5, 6, 7}));
+  CHECK((tile->setup == 1 && tile->tile == 2 && tile->lease == 3 && tile->x == 4 && tile->y == 5 && tile->width == 6 &&
+         tile->height == 7));
+  const auto done = DecodeTileDone(Encode(TileDone{1, 2, 3, 4, 5}));
+  CHECK((done->setup == 1 && done->tile == 2 && done->lease == 3 && done->rays == 4 && done->rays_suspended == 5));
+  const auto alive = DecodeAlive(Encode(Alive{1, 2, 3, 4, 5, 6, 7, 8}));
+  CHECK((alive->cache_bytes == 1 && alive->voxels_loaded == 2 && alive->voxel_bytes_loaded == 3 &&
+         alive->voxel_bytes_received == 4 && alive->evictions == 5 && alive->rays == 6 && alive->rays_suspended == 7 &&
+         alive->peak_rss_bytes == 8));
+  CHECK(DecodeBlockRequest(Encode(BlockRequest{123}))->block == 123);
+}
+
+TEST_CASE("Values that cannot be are refused") {
+  CHECK_FALSE(DecodeTileOrder(Encode(TileOrder{1, 2, 3, 4, 5, 0, 7})).has_value());
+  CHECK_FALSE(DecodeTileOrder(Encode(TileOrder{1, 2, 3, 4, 5, 33, 7})).has_value());
+  RenderJob job = MakeJob();
+  job.spp = 0;
+  CHECK_FALSE(DecodeRenderJob(Encode(job)).has_value());
+  job = MakeJob();
+  job.cameras[0].eye = job.cameras[0].at;
+  CHECK_FALSE(DecodeRenderJob(Encode(job)).has_value());
+}
+
+TEST_CASE("Mutated messages are refused or read, never worse") {
+  std::mt19937 random(11);
+  const Bytes good[] = {Encode(MakeJob()), Encode(Hello{Role::kWorker, "w", 2}), Encode(TileOrder{1, 2, 3, 4, 5, 6, 7}),
+                        Encode(FrameDone{6, "{}"})};
+  for (int i = 0; i < 40000; ++i) {
+    Bytes bad = good[i % 4];
+    for (int k = 0; k < 1 + i % 4; ++k) bad[random() % bad.size()] = static_cast<std::byte>(random());
+    if (i % 7 == 0) bad.resize(random() % (bad.size() + 1));
+    (void)DecodeRenderJob(bad);
+    (void)DecodeFrameSetup(bad);
+    (void)DecodeHello(bad);
+    (void)DecodeTileOrder(bad);
+    (void)DecodeFrameDone(bad);
+    (void)UnpackSections(bad);
+  }
+}
+
+TEST_CASE("Frame headers are checked before anything is allocated") {
+  const Message m{MessageType::kBlock, 42, Bytes(0), Bytes(1000)};
+  const auto header = DecodeFrameHeader(EncodeFrameHeader(m));
+  REQUIRE(header.has_value());
+  CHECK((header->type == MessageType::kBlock && header->request == 42 && header->table_bytes == 0 &&
+         header->raw_bytes == 1000));
+  for (auto type : {MessageType::kHello, MessageType::kTile, MessageType::kTileDone, MessageType::kRenderJob}) {
+    Bytes bytes = EncodeFrameHeader({type, 0, {}, {}});
+    for (size_t i = 16; i < 24; ++i) bytes[i] = std::byte{0xFF};
+    CHECK_FALSE(DecodeFrameHeader(bytes).has_value());
+  }
+  Bytes unknown = EncodeFrameHeader(m);
+  unknown[4] = std::byte{200};
+  CHECK_FALSE(DecodeFrameHeader(unknown).has_value());
+  unknown[0] = std::byte{0};
+  CHECK_FALSE(DecodeFrameHeader(unknown).has_value());
+}
+
+TEST_CASE("Preambles of another version name both") {
+  CHECK(CheckPreamble(EncodePreamble()).has_value());
+  const Status other = CheckPreamble(EncodePreamble(7, "3.2.1"));
+  REQUIRE_FALSE(other.has_value());
+  CHECK(other.error().message.find("3.2.1 with protocol 7") != std::string::npos);
+  CHECK(other.error().message.find("protocol 1,") != std::string::npos);
+  CHECK_FALSE(CheckPreamble(Bytes(32)).has_value());
+  CHECK_FALSE(CheckPreamble(Bytes(3)).has_value());
+}
+
+}  // namespace quarry
