@@ -32,13 +32,12 @@ enum class MessageType : uint16_t {
   kFrameSetup,
   kTile,
   kTileDone,  ///< raw: pixels
-  kTileFailed,
   kAlive,
   kBlockRequest,
   kBlock,  ///< raw: the stored block
   kShutDown,
 };
-inline constexpr uint16_t kMessageTypes = 16;  ///< one past the last
+inline constexpr uint16_t kMessageTypes = 15;  ///< one past the last
 
 struct Message {
   MessageType type = MessageType::kFailure;
