@@ -1,6 +1,9 @@
 #pragma once
 
+#include <array>
 #include <catch2/catch.hpp>
+#include <cmath>
+#include <cstring>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>

@@ -1,0 +1,105 @@
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "worker/camera.h"
+#include "worker/shading.h"
+
+namespace quarry {
+namespace {
+
+/// A point on a horizontal floor seen at `degrees` from its normal.
+Surface Floor(double degrees) {
+  const double a = degrees * M_PI / 180;
+  Surface s;
+  s.normal = s.geometric_normal = {0, 0, 1};
+  s.view = glm::vec3(static_cast<float>(std::sin(a)), 0, static_cast<float>(std::cos(a)));
+  return s;
+}
+
+SceneMeta UnitScene() {
+  SceneMeta m;
+  m.root_lower = glm::vec3(-1);
+  m.root_upper = glm::vec3(1);
+  return m;
+}
+
+}  // namespace
+
+TEST_CASE("A diffuse floor sends back albedo times cosine") {
+  Material m;
+  m.diffuse = {0.5f, 0.25f, 1};
+  const float c = std::cos(1.0f);
+  const glm::vec3 light = Scatter(m, Floor(30), {{std::sin(1.0f), 0, c}, kInfinity, {2, 2, 2}});
+  CHECK(light.x == Approx(c));
+  CHECK(light.y == Approx(c / 2));
+  CHECK(Scatter(m, Floor(30), {{0, 0, -1}, kInfinity, {2, 2, 2}}) == glm::vec3(0));
+}
+
+TEST_CASE("A point light falls off with the square of the distance") {
+  const LightSample s = SampleLight({LightKind::kPoint, {0, 0, 3}, {18, 0, 0}}, {0, 0, 0});
+  CHECK(s.distance == Approx(3));
+  CHECK(s.radiance.x == Approx(2));
+  CHECK(s.direction.z == Approx(1));
+}
+
+TEST_CASE("Mirrors reflect at the angle of incidence") {
+  Material m;
+  m.reflectance = glm::vec3(0.9f);
+  const Bounces b = Bounce(m, Floor(40));
+  CHECK(b.reflect_direction.x == Approx(-std::sin(40 * M_PI / 180)));
+  CHECK(b.reflect_direction.z == Approx(std::cos(40 * M_PI / 180)));
+  CHECK(b.reflect_weight.x == 0.9f);
+  CHECK(b.refract_weight == glm::vec3(0));
+}
+
+TEST_CASE("Glass bends by Snell's law and reflects all beyond the critical angle") {
+  Material m;
+  m.transmittance = glm::vec3(1);
+  m.ior = 1.5f;
+  m.fresnel = true;
+  const Bounces in = Bounce(m, Floor(45));
+  CHECK(-in.refract_direction.x == Approx(std::sin(45 * M_PI / 180) / 1.5));
+  CHECK(in.refract_direction.z < 0);
+  CHECK(Bounce(m, Floor(0)).reflect_weight.x == Approx(0.04));
+  CHECK(Bounce(m, Floor(0)).refract_weight.x == Approx(0.96));
+  Surface inside = Floor(60);
+  inside.entering = false;
+  const Bounces out = Bounce(m, inside);
+  CHECK(out.refract_weight == glm::vec3(0));
+  CHECK(out.reflect_weight == glm::vec3(1));
+}
+
+TEST_CASE("Interpolated normals turn toward the viewer") {
+  const ShadingVertex vertices[] = {{{0, 0, -1}, {0, 0}, 0xFF0000FFu}, {{0, 0, -1}, {1, 0}, 0xFFFFFFFFu}};
+  const uint16_t corners[] = {0, 1, 0};
+  Surface s = Floor(20);
+  Hit hit;
+  hit.b1 = 0.5f;
+  AddAttributes({corners, vertices, 1}, hit, s);
+  CHECK(s.normal == glm::vec3(0, 0, 1));
+  CHECK(s.uv.x == 0.5f);
+  CHECK(s.color.x == 1);
+  CHECK(s.color.y == 0.5f);
+}
+
+TEST_CASE("Cameras look through pixel centres, x right and y down") {
+  CameraSpec spec;
+  spec.eye = {0, -5, 0};
+  const Camera camera(spec, 3, 3, UnitScene());
+  const PrimaryRay middle = camera.Shoot(1.5, 1.5);
+  CHECK(middle.direction == glm::vec3(0, 1, 0));
+  CHECK(middle.t_offset == 4);  // moved to the scene's box
+  CHECK(middle.origin == glm::vec3(0, -1, 0));
+  CHECK(camera.Shoot(2.5, 1.5).direction.x > 0);
+  CHECK(camera.Shoot(1.5, 2.5).direction.z < 0);
+  // The image's edges are at half the field of view.
+  const PrimaryRay top = camera.Shoot(1.5, 0);
+  CHECK(std::atan2(top.direction.z, top.direction.y) == Approx(22.5 * M_PI / 180));
+  spec.ortho_height = 2;
+  const PrimaryRay side = Camera(spec, 4, 2, UnitScene()).Shoot(3.5, 0.5);
+  CHECK(side.direction == glm::vec3(0, 1, 0));
+  CHECK(side.origin.z == 0.5f);
+  CHECK(side.misses);  // 1.5 right of the middle: outside the box
+}
+
+}  // namespace quarry
