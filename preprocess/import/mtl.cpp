@@ -15,8 +15,8 @@ namespace {
 /// One newmtl block as written.
 struct MtlBlock {
   std::string name;
-  glm::dvec3 kd{0.8}, ks{0}, ke{0}, tf{1};
-  std::optional<glm::dvec3> kr;
+  glm::dvec3 kd{0.8}, ks{0}, ke{0};
+  std::optional<glm::dvec3> kr, tf;
   double ns = 0, ni = 1;
   std::optional<double> d, tr;
   double illum = 2;
@@ -47,7 +47,9 @@ Material ToMaterial(const MtlBlock& block) {
   material.shininess = Clamp(block.ns, 0, 10000);
   material.fresnel = illum == 5 || illum == 7;
   if (refracts) {
-    material.transmittance = ClampColor(block.tf * (dissolve == 1.0 ? 1.0 : 1.0 - dissolve));
+    // Tf says by itself what passes: scaling it by 1 - d, or Kd by d, would count the same glass twice.
+    if (block.tf) material.diffuse = ClampColor(block.kd);
+    material.transmittance = ClampColor(block.tf.value_or(glm::dvec3(dissolve == 1.0 ? 1.0 : 1.0 - dissolve)));
     material.ior = Clamp(block.ni, 1, 10);
   }
   return material;
@@ -113,7 +115,7 @@ bool MtlParser::Statement(std::string_view keyword, TextCursor& rest) {
   if (is("Kd")) return Color(rest, block_->kd);
   if (is("Ks")) return Color(rest, block_->ks);
   if (is("Ke")) return Color(rest, block_->ke);
-  if (is("Tf")) return Color(rest, block_->tf);
+  if (is("Tf")) return OptionalColor(rest, block_->tf);
   if (is("Kr")) return OptionalColor(rest, block_->kr);
   if (is("Ns")) return ParseReal(rest, block_->ns);
   if (is("Ni")) return ParseReal(rest, block_->ni);
