@@ -1,9 +1,8 @@
 #include "deploy/client.h"
 
-#include <utility>
-
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/steady_timer.hpp>
+#include <utility>
 
 namespace quarry {
 namespace {
@@ -51,15 +50,22 @@ class Client {
   void OnMessage(Message m) {
     Status status;
     switch (m.type) {
-      case MessageType::kWelcome: status = OnWelcome(m); break;
-      case MessageType::kFrameProgress: status = OnProgress(m); break;
-      case MessageType::kFrameDone: status = OnFrame(std::move(m)); break;
+      case MessageType::kWelcome:
+        status = OnWelcome(m);
+        break;
+      case MessageType::kFrameProgress:
+        status = OnProgress(m);
+        break;
+      case MessageType::kFrameDone:
+        status = OnFrame(std::move(m));
+        break;
       case MessageType::kFailure: {
         const auto failure = DecodeFailure(m.table);
         status = Fail(failure ? failure->message : failure.error().message);
         break;
       }
-      default: status = Fail("the master sent a message that is not for clients");
+      default:
+        status = Fail("the master sent a message that is not for clients");
     }
     if (!status) End(std::move(status));
   }

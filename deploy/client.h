@@ -18,7 +18,8 @@ struct RenderCallbacks {
 };
 
 /// Sends `job` to the master and waits for its frames. `scene` must be the scene that the master serves.
-/// Errors: out of reach, another scene, the master's own sentence, the connection lost, and what the callbacks return.
+/// Errors: out of reach, another scene, the master's own sentence, the connection lost, and what the
+/// callbacks return.
 Status RenderRemotely(const Endpoint& master, const SceneId& scene, const RenderJob& job,
                       const RenderCallbacks& callbacks);
 

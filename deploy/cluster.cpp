@@ -3,14 +3,13 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <utility>
-
+#include <algorithm>
 #include <boost/asio/io_context.hpp>
 #include <boost/process.hpp>
-#include <algorithm>
 #include <filesystem>
 #include <mutex>
 #include <thread>
+#include <utility>
 
 namespace quarry {
 namespace {
@@ -23,8 +22,8 @@ class Child {
   Child(const std::string& program, const std::vector<std::string>& arguments)
       : environment_(boost::this_process::environment()) {
     environment_["QUARRY_PARENT"] = std::to_string(::getpid());
-    child_ = bp::child(program, bp::args(arguments), bp::std_out > out_, bp::std_err > err_, bp::std_in < bp::null,
-                       environment_);
+    child_ = bp::child(program, bp::args(arguments), bp::std_out > out_, bp::std_err > err_,
+                       bp::std_in < bp::null, environment_);
     reader_ = std::thread([this] { ReadErrors(); });
   }
   ~Child() {
@@ -84,7 +83,8 @@ Endpoint LocalCluster::master() const { return impl_->endpoint; }
 Result<std::unique_ptr<LocalCluster>> LocalCluster::Start(const Options& options) {
   auto impl = std::make_unique<Impl>();
   unsigned threads = options.threads;
-  if (threads == 0) threads = std::max(1u, std::thread::hardware_concurrency() / std::max(1u, options.workers));
+  if (threads == 0)
+    threads = std::max(1u, std::thread::hardware_concurrency() / std::max(1u, options.workers));
   try {
     impl->master = std::make_unique<Child>(
         SiblingProgram("quarry-master"),
@@ -93,14 +93,16 @@ Result<std::unique_ptr<LocalCluster>> LocalCluster::Start(const Options& options
     if (!impl->master->ReadLine(line) || line.rfind("listening ", 0) != 0) {
       while (impl->master->Running()) std::this_thread::sleep_for(std::chrono::milliseconds(5));
       std::this_thread::sleep_for(std::chrono::milliseconds(20));
-      return tl::unexpected<Error>(Error{WithoutProgram(impl->master->last_error()), impl->master->exit_status()});
+      return tl::unexpected<Error>(
+          Error{WithoutProgram(impl->master->last_error()), impl->master->exit_status()});
     }
     QUARRY_ASSIGN(impl->endpoint, ParseEndpoint(line.substr(10), "the master's address"));
     for (unsigned i = 0; i < options.workers; ++i)
       impl->workers.push_back(std::make_unique<Child>(
           SiblingProgram("quarry-worker"),
           std::vector<std::string>{"--master", line.substr(10), "--cache", options.cache, "--threads",
-                                   std::to_string(threads), "--name", fmt::format("local-{}", i + 1), "--quiet"}));
+                                   std::to_string(threads), "--name", fmt::format("local-{}", i + 1),
+                                   "--quiet"}));
   } catch (const std::exception& e) {
     return Fail(fmt::format("cannot start a program of the cluster: {}", e.what()));
   }

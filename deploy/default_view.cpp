@@ -30,8 +30,10 @@ CameraSpec DefaultView(const SceneMeta& scene, double aspect, double fov_degrees
   const double tangent_y = TanHalfDegrees(fov_degrees), tangent_x = tangent_y * aspect;
   double distance = 0;
   for (int corner = 0; corner < 8; ++corner) {
-    const glm::dvec3 p(corner & 1 ? half.x : -half.x, corner & 2 ? half.y : -half.y, corner & 4 ? half.z : -half.z);
-    const double across = std::max(std::fabs(glm::dot(p, right)) / tangent_x, std::fabs(glm::dot(p, up)) / tangent_y);
+    const glm::dvec3 p(corner & 1 ? half.x : -half.x, corner & 2 ? half.y : -half.y,
+                       corner & 4 ? half.z : -half.z);
+    const double across =
+        std::max(std::fabs(glm::dot(p, right)) / tangent_x, std::fabs(glm::dot(p, up)) / tangent_y);
     distance = std::max(distance, across + glm::dot(p, back));
   }
   if (!(distance > 0)) distance = 1;

@@ -76,9 +76,9 @@ Status PrintInfo(const std::string& scene, bool json) {
              FormatSize(c.meta.largest_decoded));
   fmt::print("  size       {} stored, {} hot and {} shading once decoded\n", FormatSize(store.size()),
              FormatSize(t.hot_decoded), FormatSize(t.shading_decoded));
-  fmt::print("  bounds     {:g} {:g} {:g} to {:g} {:g} {:g}, {} up\n", c.meta.bounds_lower.x, c.meta.bounds_lower.y,
-             c.meta.bounds_lower.z, c.meta.bounds_upper.x, c.meta.bounds_upper.y, c.meta.bounds_upper.z,
-             c.meta.up_axis == 1 ? "y" : "z");
+  fmt::print("  bounds     {:g} {:g} {:g} to {:g} {:g} {:g}, {} up\n", c.meta.bounds_lower.x,
+             c.meta.bounds_lower.y, c.meta.bounds_lower.z, c.meta.bounds_upper.x, c.meta.bounds_upper.y,
+             c.meta.bounds_upper.z, c.meta.up_axis == 1 ? "y" : "z");
   fmt::print("  materials  {}\n  parts      {}\n", store.material_names().size(), store.parts().size());
   return {};
 }
@@ -89,7 +89,8 @@ Status Verify(const std::string& scene, bool quiet) {
   progress.Begin("verifying " + scene);
   QUARRY_TRY(store.Verify([&](uint64_t done, uint64_t total) { progress.Update(done, total); }));
   progress.End();
-  progress.Say(fmt::format("{}: {} voxels, every byte as it should be", scene, store.catalog().voxels.size()));
+  progress.Say(
+      fmt::format("{}: {} voxels, every byte as it should be", scene, store.catalog().voxels.size()));
   return {};
 }
 

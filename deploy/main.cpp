@@ -18,7 +18,8 @@ namespace {
   const std::string what = argc > 2 ? argv[2] : "";
   const std::string program = SiblingProgram("quarry-bench-" + what);
   if (argc > 2) ::execv(program.c_str(), argv + 2);
-  fmt::print(stderr, "quarry: bench '{}' is not known (programs quarry-bench-* are built with the tests)\n", what);
+  fmt::print(stderr, "quarry: bench '{}' is not known (programs quarry-bench-* are built with the tests)\n",
+             what);
   std::exit(2);
 }
 

@@ -41,7 +41,8 @@ Result<std::string> StoreFor(const std::string& scene, bool quiet) {
   if (AsText(start) == kStoreMagic || fs::path(scene).extension() == ".quarry") return scene;
 
   struct stat info {};
-  if (::stat(scene.c_str(), &info) != 0) return Fail(fmt::format("{}: cannot examine: {}", scene, ErrnoText(errno)));
+  if (::stat(scene.c_str(), &info) != 0)
+    return Fail(fmt::format("{}: cannot examine: {}", scene, ErrnoText(errno)));
   const std::string folder = CacheFolder();
   std::error_code error;
   fs::create_directories(folder, error);
@@ -51,7 +52,8 @@ Result<std::string> StoreFor(const std::string& scene, bool quiet) {
   std::vector<std::string> arguments{scene, "-o", store};
   if (quiet) arguments.push_back("--quiet");
   QUARRY_ASSIGN(const int status, RunSibling("quarry-preprocess", arguments));
-  if (status != 0) return tl::unexpected<Error>(Error{fmt::format("{}: could not be preprocessed", scene), status});
+  if (status != 0)
+    return tl::unexpected<Error>(Error{fmt::format("{}: could not be preprocessed", scene), status});
   return store;
 }
 

@@ -57,10 +57,9 @@ Status ParseImage(const RenderArguments& a, RenderJob& job) {
   if (std::sscanf(a.size.c_str(), "%ux%u%n", &job.width, &job.height, &end) != 2 ||
       end != static_cast<int>(a.size.size()))
     return BadUsage(fmt::format("--size is not WxH: '{}'", a.size));
-  if (!a.crop.empty() &&
-      (std::sscanf(a.crop.c_str(), "%u,%u,%u,%u%n", &job.crop_x, &job.crop_y, &job.crop_width, &job.crop_height,
-                   &end) != 4 ||
-       end != static_cast<int>(a.crop.size()) || job.crop_width == 0))
+  if (!a.crop.empty() && (std::sscanf(a.crop.c_str(), "%u,%u,%u,%u%n", &job.crop_x, &job.crop_y,
+                                      &job.crop_width, &job.crop_height, &end) != 4 ||
+                          end != static_cast<int>(a.crop.size()) || job.crop_width == 0))
     return BadUsage(fmt::format("--crop is not x,y,w,h: '{}'", a.crop));
   job.spp = a.spp;
   job.seed = a.seed;
@@ -89,7 +88,8 @@ Status ParseFrames(const std::string& text, size_t count, size_t& first, size_t&
   const int n = std::sscanf(text.c_str(), "%u-%u%n", &a, &b, &end);
   if (n == 1) b = a;
   if (n < 1 || b < a) return BadUsage(fmt::format("--frames is not A-B: '{}'", text));
-  if (b >= count) return BadUsage(fmt::format("--frames {}: the camera path has frames 0 to {}", text, count - 1));
+  if (b >= count)
+    return BadUsage(fmt::format("--frames {}: the camera path has frames 0 to {}", text, count - 1));
   first = a;
   last = b;
   return {};
@@ -125,7 +125,8 @@ Status ParseCameras(const RenderArguments& a, const SceneMeta& scene, RenderJob&
 std::string FramePath(const RenderArguments& a, uint32_t frame) {
   if (a.camera_path.empty()) return a.output;
   const std::filesystem::path path(a.output);
-  return (path.parent_path() / fmt::format("{}.{:04}{}", path.stem().string(), frame, path.extension().string()))
+  return (path.parent_path() /
+          fmt::format("{}.{:04}{}", path.stem().string(), frame, path.extension().string()))
       .string();
 }
 
@@ -145,7 +146,9 @@ void AddRenderOptions(CLI::App& c, RenderArguments& a) {
   c.add_option("--workers", a.workers, "Worker processes")->check(CLI::Range(1, 256))->capture_default_str();
   c.add_option("--threads", a.threads, "Threads per worker (default: the processors shared out)")
       ->check(CLI::Range(1, 1024));
-  c.add_option("--cache", a.cache, "Decoded voxels held per worker")->envname("QUARRY_CACHE")->capture_default_str();
+  c.add_option("--cache", a.cache, "Decoded voxels held per worker")
+      ->envname("QUARRY_CACHE")
+      ->capture_default_str();
   c.add_option("--size", a.size, "Width x height in pixels")->capture_default_str();
   c.add_option("--crop", a.crop, "Only this part: x,y,w,h");
   c.add_option("--eye", a.eye, "Camera position x,y,z (default: frames the model)");

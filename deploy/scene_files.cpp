@@ -25,7 +25,8 @@ template <class V>
 Status ReadVector(const json& object, const char* name, const std::string& path, V& out) {
   const auto it = object.find(name);
   if (it == object.end()) return Fail(fmt::format("{}: '{}' is missing", path, name));
-  if (!it->is_array() || it->size() != 3) return Fail(fmt::format("{}: '{}' is not a list of three numbers", path, name));
+  if (!it->is_array() || it->size() != 3)
+    return Fail(fmt::format("{}: '{}' is not a list of three numbers", path, name));
   for (int a = 0; a < 3; ++a) {
     const json& value = (*it)[static_cast<size_t>(a)];
     if (!value.is_number()) return Fail(fmt::format("{}: '{}' is not a list of three numbers", path, name));
@@ -36,7 +37,8 @@ Status ReadVector(const json& object, const char* name, const std::string& path,
 
 Result<Light> ReadLight(const json& object, const std::string& path) {
   const std::string type = object.is_object() ? object.value("type", "") : "";
-  if (type != "sun" && type != "point") return Fail(fmt::format("{}: a light's type is neither sun nor point", path));
+  if (type != "sun" && type != "point")
+    return Fail(fmt::format("{}: a light's type is neither sun nor point", path));
   Light light;
   light.kind = type == "sun" ? LightKind::kSun : LightKind::kPoint;
   QUARRY_TRY(ReadVector(object, type == "sun" ? "direction" : "position", path, light.vector));
@@ -87,7 +89,8 @@ Result<std::vector<CameraSpec>> ReadCameraPath(const std::string& path) {
 Result<glm::dvec3> ParseVector(const std::string& text, const std::string& what) {
   glm::dvec3 v;
   int end = 0;
-  if (std::sscanf(text.c_str(), "%lf,%lf,%lf%n", &v.x, &v.y, &v.z, &end) == 3 && end == static_cast<int>(text.size()))
+  if (std::sscanf(text.c_str(), "%lf,%lf,%lf%n", &v.x, &v.y, &v.z, &end) == 3 &&
+      end == static_cast<int>(text.size()))
     return v;
   return BadUsage(fmt::format("{} is not x,y,z: '{}'", what, text));
 }

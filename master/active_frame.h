@@ -14,7 +14,8 @@
 
 namespace quarry {
 
-/// A job's frame under way: which tile is leased to whom, and the pixels. No clock, no network: time comes in.
+/// A job's frame under way: which tile is leased to whom, and the pixels. No clock, no network: time comes
+/// in.
 class ActiveFrame {
  public:
   /// `last_owners`: by tile, from the frame before; may be empty.

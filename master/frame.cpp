@@ -12,7 +12,8 @@ namespace {
 uint64_t Morton(uint32_t x, uint32_t y) {
   uint64_t code = 0;
   for (int bit = 0; bit < 16; ++bit)
-    code |= static_cast<uint64_t>(x >> bit & 1) << (2 * bit) | static_cast<uint64_t>(y >> bit & 1) << (2 * bit + 1);
+    code |= static_cast<uint64_t>(x >> bit & 1) << (2 * bit) | static_cast<uint64_t>(y >> bit & 1)
+                                                                   << (2 * bit + 1);
   return code;
 }
 
@@ -35,7 +36,8 @@ Status Frame::Put(uint32_t index, std::span<const std::byte> pixels) {
   const Tile& tile = tiles_[index];
   const size_t row = size_t{tile.width} * words_;
   if (pixels.size() != row * tile.height * 4)
-    return Fail(fmt::format("a tile came with {} bytes of pixels instead of {}", pixels.size(), row * tile.height * 4));
+    return Fail(fmt::format("a tile came with {} bytes of pixels instead of {}", pixels.size(),
+                            row * tile.height * 4));
   for (uint32_t y = 0; y < tile.height; ++y) {
     uint32_t* out = pixels_.data() + (size_t{tile.y - crop_y_ + y} * width_ + (tile.x - crop_x_)) * words_;
     std::memcpy(out, pixels.data() + y * row * 4, row * 4);

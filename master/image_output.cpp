@@ -27,8 +27,10 @@ std::vector<uint8_t> ToSrgb(const RenderJob& job, const std::vector<uint32_t>& p
 
 void AddChannels(const RenderJob& job, OIIO::ImageSpec& spec) {
   static const std::vector<std::string> names[kAovs] = {
-      {"depth.Z"},     {"normal.X", "normal.Y", "normal.Z"}, {"uv.U", "uv.V"}, {"primitive.id"}, {"material.id"},
-      {"part.id"}, {"voxel.id"}};
+      {"depth.Z"},      {"normal.X", "normal.Y", "normal.Z"},
+      {"uv.U", "uv.V"}, {"primitive.id"},
+      {"material.id"},  {"part.id"},
+      {"voxel.id"}};
   spec.channelnames = {"R", "G", "B"};
   spec.channelformats.assign(3, OIIO::TypeFloat);
   for (int a = 0; a < kAovs; ++a) {

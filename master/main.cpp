@@ -29,7 +29,8 @@ int Main(int argc, char** argv) {
       "  quarry-master plant.quarry --listen 127.0.0.1:0 --serve-only");
   app.set_version_flag("--version", std::string("quarry-master ") + kVersion);
   app.add_option("scene", options.scene, "The scene store")->required();
-  app.add_option("--listen", listen, "HOST:PORT (loopback; port 0 takes a free one)")->envname("QUARRY_LISTEN")
+  app.add_option("--listen", listen, "HOST:PORT (loopback; port 0 takes a free one)")
+      ->envname("QUARRY_LISTEN")
       ->capture_default_str();
   app.add_flag("--serve-only", options.serve_only, "Serve voxels and nothing else");
   app.add_flag("--quiet", options.quiet, "Print errors only");

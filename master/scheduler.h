@@ -38,13 +38,14 @@ struct Assignment {
 
 enum class SchedulingPolicy { kRandom, kLastOwner };
 
-/// A tile held this long by one worker is given to an idle one as well; the first result counts, both are the same.
+/// A tile held this long by one worker is given to an idle one as well; the first result counts, both are the
+/// same.
 inline constexpr double kStragglerAfterS = 1.0;
 
 /// Which tiles to hand out now. A pure function: no clock, no state, no order of arrival.
-/// kLastOwner: a worker first gets the tiles it rendered in the frame before; tiles without a living owner are shared
-/// out along the curve, each worker a stretch; a worker with nothing of its own left takes from the others' ends.
-/// Source: Wald & Slusallek 2001, section 6.5; stretches, stealing and stragglers are ours.
+/// kLastOwner: a worker first gets the tiles it rendered in the frame before; tiles without a living owner
+/// are shared out along the curve, each worker a stretch; a worker with nothing of its own left takes from
+/// the others' ends. Source: Wald & Slusallek 2001, section 6.5; stretches, stealing and stragglers are ours.
 std::vector<Assignment> Schedule(const Snapshot& snapshot, SchedulingPolicy policy);
 
 }  // namespace quarry

@@ -2,17 +2,16 @@
 
 #include <fmt/format.h>
 
-#include <utility>
-
+#include <algorithm>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/steady_timer.hpp>
-#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <deque>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <utility>
 
 #include "common/base/resource.h"
 #include "common/protocol/messages.h"
@@ -56,7 +55,8 @@ class Server {
   }
 
   Status Run() {
-    QUARRY_ASSIGN(listener_, Listener::Open(io_, options_.listen, [this](ConnectionPtr c) { OnConnection(c); }));
+    QUARRY_ASSIGN(listener_,
+                  Listener::Open(io_, options_.listen, [this](ConnectionPtr c) { OnConnection(c); }));
     fmt::print("listening {}:{}\n", options_.listen.host, listener_->port());
     std::fflush(stdout);
     Tick();
@@ -95,7 +95,8 @@ class Server {
       if (!status) Refuse(c, status.error().message);
       return;
     }
-    const auto hello = m.type == MessageType::kHello ? DecodeHello(m.table) : Result<Hello>(Fail("no greeting"));
+    const auto hello =
+        m.type == MessageType::kHello ? DecodeHello(m.table) : Result<Hello>(Fail("no greeting"));
     if (!hello) return Refuse(c, hello.error().message);
     if (options_.serve_only && hello->role != Role::kVoxels)
       return Refuse(c, "this server only serves voxels (--serve-only)");
@@ -187,7 +188,8 @@ class Server {
       Worker& worker = *by_id.at(a.worker);
       if (worker.setup != frame_->setup()) {
         worker.setup = frame_->setup();
-        worker.connection->Send(MakeMessage(MessageType::kFrameSetup, FrameSetup{frame_->setup(), frame_->job()}));
+        worker.connection->Send(
+            MakeMessage(MessageType::kFrameSetup, FrameSetup{frame_->setup(), frame_->job()}));
       }
       worker.connection->Send(MakeMessage(MessageType::kTile, frame_->Lease(a, Now())));
     }
@@ -295,9 +297,9 @@ class Server {
     HandOut();
     if (frame_)
       jobs_.front().client->Send(MakeMessage(
-          MessageType::kFrameProgress,
-          FrameProgress{frame_->job().first_frame, frame_->tiles_done(),
-                        static_cast<uint32_t>(frame_->frame().tiles().size()), static_cast<uint32_t>(workers_.size())}));
+          MessageType::kFrameProgress, FrameProgress{frame_->job().first_frame, frame_->tiles_done(),
+                                                     static_cast<uint32_t>(frame_->frame().tiles().size()),
+                                                     static_cast<uint32_t>(workers_.size())}));
     timer_.expires_after(kTick);
     timer_.async_wait([this](const boost::system::error_code& e) {
       if (!e) Tick();

@@ -16,9 +16,9 @@ struct MasterOptions {
   bool quiet = false;
 };
 
-/// Serves one scene: its catalog and voxels to workers, jobs from clients, tiles to workers. Returns only with an error
-/// (the store cannot be opened, the port is in use); a signal ends it otherwise. Once it listens it prints
-/// "listening HOST:PORT" on standard output.
+/// Serves one scene: its catalog and voxels to workers, jobs from clients, tiles to workers. Returns only
+/// with an error (the store cannot be opened, the port is in use); a signal ends it otherwise. Once it
+/// listens it prints "listening HOST:PORT" on standard output.
 Status RunMaster(const MasterOptions& options);
 
 }  // namespace quarry

@@ -40,7 +40,8 @@ std::string StatisticsJson(const PreprocessStatistics& s) {
 
 void PrintSummary(const PreprocessOptions& options, const PreprocessStatistics& s) {
   const auto kept = s.meta.input_triangles - s.meta.dropped_degenerate - s.meta.dropped_not_finite;
-  fmt::print(stderr, "{}: {} triangles in {} voxels, {} ({:.1f} bytes a triangle), {:.1f} s, peak memory {}\n",
+  fmt::print(stderr,
+             "{}: {} triangles in {} voxels, {} ({:.1f} bytes a triangle), {:.1f} s, peak memory {}\n",
              options.output, kept, s.voxels, FormatSize(s.store_bytes),
              static_cast<double>(s.store_bytes) / static_cast<double>(std::max<uint64_t>(kept, 1)),
              s.preprocess_wall_s, FormatSize(s.peak_rss_bytes));
@@ -54,7 +55,8 @@ Status Run(PreprocessOptions options, const std::string& memory, const std::stri
   QUARRY_ASSIGN(options.memory, ParseSize(memory, "--memory"));
   QUARRY_ASSIGN(const uint64_t voxel, ParseSize(voxel_size, "--voxel-size"));
   if (options.memory < kLeastMemory) return BadUsage("--memory must be at least 64M");
-  if (voxel < kLeastVoxel || voxel > kLargestVoxel) return BadUsage("--voxel-size must lie between 4K and 4M");
+  if (voxel < kLeastVoxel || voxel > kLargestVoxel)
+    return BadUsage("--voxel-size must lie between 4K and 4M");
   if (!(options.scale > 0) || options.scale > 1e12) return BadUsage("--scale must be a positive number");
   options.voxel_size = static_cast<uint32_t>(voxel);
   options.up_axis = up == "y" ? 1 : 2;
@@ -78,13 +80,17 @@ int Main(int argc, char** argv) {
   app.set_version_flag("--version", std::string("quarry-preprocess ") + kVersion);
   app.add_option("models", options.models, "Model files; several make one scene")->required();
   app.add_option("-o,--output", options.output, "The store to write")->required();
-  app.add_option("--memory", memory, "Ceiling on resident memory, e.g. 512M")->envname("QUARRY_MEMORY")
+  app.add_option("--memory", memory, "Ceiling on resident memory, e.g. 512M")
+      ->envname("QUARRY_MEMORY")
       ->capture_default_str();
-  app.add_option("--threads", options.threads, "Builder threads")->envname("QUARRY_THREADS")
-      ->check(CLI::Range(1, 1024))->capture_default_str();
+  app.add_option("--threads", options.threads, "Builder threads")
+      ->envname("QUARRY_THREADS")
+      ->check(CLI::Range(1, 1024))
+      ->capture_default_str();
   app.add_option("--tmp", options.tmp_folder, "Folder for spill files (default: the output's)")
       ->envname("QUARRY_TMP");
-  app.add_option("--voxel-size", voxel_size, "Most bytes of a decoded voxel's hot part")->capture_default_str();
+  app.add_option("--voxel-size", voxel_size, "Most bytes of a decoded voxel's hot part")
+      ->capture_default_str();
   app.add_option("--up", up, "The model's up axis")->check(CLI::IsMember({"y", "z"}))->capture_default_str();
   app.add_option("--scale", options.scale, "Factor on all coordinates")->capture_default_str();
   app.add_option("--stats", stats, "Write statistics as JSON to this file");

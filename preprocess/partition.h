@@ -24,13 +24,12 @@ struct VoxelTask {
   bool chained = false;  ///< the next task belongs to the same leaf
 };
 
-/// Cuts the scene into voxels, out of core: a node's triangles are streamed once to choose its plane and once to
-/// part them; triangles whose padded box touches both sides go to both. `emit` receives the voxels in the order of
-/// their numbers. Spill is freed as it is consumed. The tree depends on the triangles and voxel_size alone.
-/// Errors: disk full, and what `emit` returns.
-/// Source: Wald & Slusallek 2001, section 6.4.
-Result<std::vector<KdNode>> Partition(SpillFile triangles, bool has_shading, const Box& root, const Box& content,
-                                      float padding, const PartitionOptions& options,
+/// Cuts the scene into voxels, out of core: a node's triangles are streamed once to choose its plane and once
+/// to part them; triangles whose padded box touches both sides go to both. `emit` receives the voxels in the
+/// order of their numbers. Spill is freed as it is consumed. The tree depends on the triangles and voxel_size
+/// alone. Errors: disk full, and what `emit` returns. Source: Wald & Slusallek 2001, section 6.4.
+Result<std::vector<KdNode>> Partition(SpillFile triangles, bool has_shading, const Box& root,
+                                      const Box& content, float padding, const PartitionOptions& options,
                                       const std::function<Status(VoxelTask)>& emit);
 
 }  // namespace quarry

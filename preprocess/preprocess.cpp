@@ -20,14 +20,17 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-double SecondsSince(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+double SecondsSince(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
 
 std::string FolderOf(const std::string& path) {
   const auto parent = std::filesystem::path(path).parent_path();
   return parent.empty() ? "." : parent.string();
 }
 
-Result<ImportedScene> ImportAll(const PreprocessOptions& options, const std::string& tmp, Progress& progress) {
+Result<ImportedScene> ImportAll(const PreprocessOptions& options, const std::string& tmp,
+                                Progress& progress) {
   SpillSink sink(tmp, options.memory, options.scale,
                  [&](const std::string& text) { progress.Say("warning: " + text); });
   for (const std::string& model : options.models) {

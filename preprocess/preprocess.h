@@ -12,8 +12,8 @@ namespace quarry {
 struct PreprocessOptions {
   std::vector<std::string> models;
   std::string output;
-  std::string tmp_folder;       ///< empty: the output's folder
-  uint64_t memory = 1ull << 30; ///< bytes
+  std::string tmp_folder;        ///< empty: the output's folder
+  uint64_t memory = 1ull << 30;  ///< bytes
   unsigned threads = 1;
   uint32_t voxel_size = 256u << 10;  ///< bytes of a decoded hot block, at most
   uint32_t up_axis = 2;

@@ -56,8 +56,8 @@ Status SpillFile::Flush() {
     const ssize_t n = ::write(fd_, buffer_.data() + done, buffer_.size() - done);
     if (n < 0 && errno == EINTR) continue;
     if (n <= 0)
-      return Fail(fmt::format("{}: cannot write temporary files: {} (choose another folder with --tmp)", folder_,
-                              ErrnoText(n < 0 ? errno : ENOSPC)));
+      return Fail(fmt::format("{}: cannot write temporary files: {} (choose another folder with --tmp)",
+                              folder_, ErrnoText(n < 0 ? errno : ENOSPC)));
     done += static_cast<size_t>(n);
   }
   buffer_.clear();
@@ -77,7 +77,8 @@ Status SpillFile::Read(uint64_t first, std::span<std::byte> out) const {
     const ssize_t n = ::pread(fd_, out.data() + done, out.size() - done, static_cast<off_t>(offset + done));
     if (n < 0 && errno == EINTR) continue;
     if (n <= 0)
-      return Fail(fmt::format("{}: cannot read temporary files back: {}", folder_, ErrnoText(n < 0 ? errno : EIO)));
+      return Fail(
+          fmt::format("{}: cannot read temporary files back: {}", folder_, ErrnoText(n < 0 ? errno : EIO)));
     done += static_cast<size_t>(n);
   }
   return {};

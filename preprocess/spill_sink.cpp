@@ -116,8 +116,8 @@ Status SpillSink::AddPolygon(std::span<const Corner> corners, uint32_t material,
   face.part = part == kNoIndex ? file_part_ : part;
   for (size_t i = 2; i < corners.size(); ++i) {
     if (scene_.input_triangles + 1 >= kMaxTriangles)
-      return Fail(fmt::format("{}: more than {} triangles in all: ids are 32 bits; split the model", file_name_,
-                              kMaxTriangles - 1));
+      return Fail(fmt::format("{}: more than {} triangles in all: ids are 32 bits; split the model",
+                              file_name_, kMaxTriangles - 1));
     face.corners[0] = corners[0];
     face.corners[1] = corners[i - 1];
     face.corners[2] = corners[i];
@@ -159,8 +159,8 @@ Status SpillSink::EndFile() {
   return {};
 }
 
-/// Pass k fills in the corners whose position, normal or uv lies in window k of its stream; records that wait for a
-/// later window travel through a spill file of their own.
+/// Pass k fills in the corners whose position, normal or uv lies in window k of its stream; records that wait
+/// for a later window travel through a spill file of their own.
 Status SpillSink::Resolve() {
   const uint64_t window_bytes = std::max<uint64_t>(memory_ / 4, 1 << 20);
   const uint64_t window = std::max<uint64_t>(window_bytes / (sizeof(StoredPosition) + 12 + 8), 1024);
@@ -196,9 +196,10 @@ Status SpillSink::Resolve() {
         if (corner.position >= positions_->count() ||
             (corner.normal != kNoIndex && corner.normal >= normals_->count()) ||
             (corner.uv != kNoIndex && corner.uv >= uvs_->count()))
-          return Fail(fmt::format("{}: triangle {} refers to a vertex that the file does not have ({} vertices, {} "
-                                  "normals, {} texture coordinates)",
-                                  file_name_, face.id, positions_->count(), normals_->count(), uvs_->count()));
+          return Fail(
+              fmt::format("{}: triangle {} refers to a vertex that the file does not have ({} vertices, {} "
+                          "normals, {} texture coordinates)",
+                          file_name_, face.id, positions_->count(), normals_->count(), uvs_->count()));
         StoredPosition position;
         if (positions.Find(corner.position, position)) {
           record.vertices[c] = position.position;
@@ -219,8 +220,7 @@ Status SpillSink::Resolve() {
 Result<ImportedScene> SpillSink::Finish() {
   QUARRY_TRY(scene_.triangles->FinishWriting());
   if (scene_.materials.empty()) DefaultMaterial();
-  if (scene_.materials.size() > 65536)
-    return Fail(fmt::format("{}: more than 65536 materials", file_name_));
+  if (scene_.materials.size() > 65536) return Fail(fmt::format("{}: more than 65536 materials", file_name_));
   if (scene_.triangles->count() == 0)
     return Fail(fmt::format("{}: no triangle is left: {} degenerate, {} with coordinates that are not finite",
                             file_name_, scene_.dropped_degenerate, scene_.dropped_not_finite));

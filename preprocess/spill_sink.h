@@ -28,13 +28,14 @@ struct ImportedScene {
   std::vector<std::string> warnings;
 };
 
-/// The importers' sink: writes vertices, attributes and faces to spill files, and resolves the indices of each file
-/// when it ends, by as many sequential passes as there are windows of the vertices that fit in memory; never by
-/// random access. Degenerate and non-finite triangles are dropped and counted; their ids stay used.
+/// The importers' sink: writes vertices, attributes and faces to spill files, and resolves the indices of
+/// each file when it ends, by as many sequential passes as there are windows of the vertices that fit in
+/// memory; never by random access. Degenerate and non-finite triangles are dropped and counted; their ids
+/// stay used.
 class SpillSink final : public ModelSink {
  public:
-  /// At most about `memory` bytes are held while a file is resolved. Positions are multiplied by `scale`. `warn` is
-  /// called with each warning.
+  /// At most about `memory` bytes are held while a file is resolved. Positions are multiplied by `scale`.
+  /// `warn` is called with each warning.
   SpillSink(std::string folder, uint64_t memory, double scale, std::function<void(const std::string&)> warn);
 
   Status BeginFile(std::string_view name) override;

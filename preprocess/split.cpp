@@ -40,9 +40,11 @@ SplitHistogram::Plane SplitHistogram::Choose(const Box& cell) const {
       if (!(position > cell.lower[axis]) || !(position < cell.upper[axis])) return;
       Box l = cell, r = cell;
       l.upper[axis] = r.lower[axis] = position;
-      const double cost = (HalfArea(l) * static_cast<double>(left) + HalfArea(r) * static_cast<double>(right)) *
-                          (left == 0 || right == 0 ? 0.8 : 1.0);
-      const double growth = static_cast<double>(left + right) / static_cast<double>(std::max<uint64_t>(count_, 1));
+      const double cost =
+          (HalfArea(l) * static_cast<double>(left) + HalfArea(r) * static_cast<double>(right)) *
+          (left == 0 || right == 0 ? 0.8 : 1.0);
+      const double growth =
+          static_cast<double>(left + right) / static_cast<double>(std::max<uint64_t>(count_, 1));
       const uint64_t larger = left == 0 || right == 0 ? 0 : std::max(left, right);
       if (cost < least_cost) {
         least_cost = cost;

@@ -7,8 +7,8 @@
 
 namespace quarry {
 
-/// Counts of box ends over a node, at a fixed resolution on each axis. The plane chosen from it is a function of
-/// the node's triangles alone: never of the memory at hand or of whether they lie in memory or on disk.
+/// Counts of box ends over a node, at a fixed resolution on each axis. The plane chosen from it is a function
+/// of the node's triangles alone: never of the memory at hand or of whether they lie in memory or on disk.
 class SplitHistogram {
  public:
   static constexpr int kBins = 256;
@@ -22,8 +22,8 @@ class SplitHistogram {
     float position = 0;
     double growth = 1;  ///< triangles in both children together, over those in the node
   };
-  /// The plane of least SAH cost among bin borders and the ends of the content (which cut off empty space), or,
-  /// when that leaves a child with nearly all triangles, the one with the smallest larger child.
+  /// The plane of least SAH cost among bin borders and the ends of the content (which cut off empty space),
+  /// or, when that leaves a child with nearly all triangles, the one with the smallest larger child.
   Plane Choose(const Box& cell) const;
 
  private:

@@ -10,8 +10,8 @@
 
 namespace quarry {
 
-/// A triangle on its way through the preprocessor, self-contained, as spilled to disk (never stored). The last
-/// member is spilled only when the scene has any normals, uvs or colours: see RecordBytes.
+/// A triangle on its way through the preprocessor, self-contained, as spilled to disk (never stored). The
+/// last member is spilled only when the scene has any normals, uvs or colours: see RecordBytes.
 struct TriangleRecord {
   glm::vec3 vertices[3];
   uint32_t id = 0;

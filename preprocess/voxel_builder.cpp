@@ -45,7 +45,8 @@ Bytes BuildShading(std::span<const TriangleRecord> triangles) {
   ShadingVoxel voxel;
   Interner<ShadingVertex> interner(triangles.size() * 3);
   for (const TriangleRecord& t : triangles)
-    for (const ShadingVertex& v : t.shading) voxel.corners.push_back(interner.Index(Sanitized(v), voxel.vertices));
+    for (const ShadingVertex& v : t.shading)
+      voxel.corners.push_back(interner.Index(Sanitized(v), voxel.vertices));
   return LayOutShading(voxel);
 }
 
@@ -58,8 +59,8 @@ uint32_t MaxTrianglesPerVoxel(uint32_t voxel_size) {
       std::clamp<size_t>((voxel_size - std::min<size_t>(voxel_size, fixed)) / each, 1, kMaxVoxelTriangles));
 }
 
-EncodedVoxel BuildVoxel(std::span<const TriangleRecord> triangles, const Box& cell, float padding, bool has_shading,
-                        uint32_t voxel_size) {
+EncodedVoxel BuildVoxel(std::span<const TriangleRecord> triangles, const Box& cell, float padding,
+                        bool has_shading, uint32_t voxel_size) {
   HotVoxel voxel;
   Interner<glm::vec3> interner(triangles.size() * 3);
   std::vector<Box> boxes;

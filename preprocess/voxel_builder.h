@@ -8,8 +8,8 @@
 
 namespace quarry {
 
-/// Most triangles of one voxel, so that its decoded hot block never exceeds `voxel_size` bytes, even when no two
-/// triangles share a vertex and the tree is one leaf.
+/// Most triangles of one voxel, so that its decoded hot block never exceeds `voxel_size` bytes, even when no
+/// two triangles share a vertex and the tree is one leaf.
 uint32_t MaxTrianglesPerVoxel(uint32_t voxel_size);
 
 /// Builds, lays out and compresses one voxel: vertices shared again by value, a kd-tree over `cell` with what

@@ -1,11 +1,10 @@
 #include "preprocess/voxel_pipeline.h"
 
-#include <utility>
-
 #include <boost/asio/post.hpp>
 #include <boost/asio/thread_pool.hpp>
 #include <deque>
 #include <future>
+#include <utility>
 
 namespace quarry {
 

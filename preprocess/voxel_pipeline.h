@@ -9,8 +9,8 @@
 
 namespace quarry {
 
-/// Builds voxels on several threads and hands them on in the order they were added. The number in flight is bounded,
-/// so Add waits when the builders are behind. Used from one thread.
+/// Builds voxels on several threads and hands them on in the order they were added. The number in flight is
+/// bounded, so Add waits when the builders are behind. Used from one thread.
 class VoxelPipeline {
  public:
   using Build = std::function<EncodedVoxel(const VoxelTask&)>;

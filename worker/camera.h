@@ -8,8 +8,8 @@
 
 namespace quarry {
 
-/// A primary ray as traversal takes it: its origin moved along the ray to the scene's box when the eye lies outside,
-/// so that the bound behind ReferencePadding holds from any distance.
+/// A primary ray as traversal takes it: its origin moved along the ray to the scene's box when the eye lies
+/// outside, so that the bound behind ReferencePadding holds from any distance.
 struct PrimaryRay {
   glm::vec3 origin{0}, direction{0, 0, 1};  ///< direction of unit length
   float t_offset = 0;                       ///< distance from the eye to origin

@@ -5,7 +5,7 @@
 namespace quarry {
 namespace {
 
-constexpr uint32_t kBatch = 128;     // samples advanced before wants go out
+constexpr uint32_t kBatch = 128;      // samples advanced before wants go out
 constexpr int kBatchesPerPinSet = 8;  // pins are let go after so many batches, used up or not
 
 }  // namespace

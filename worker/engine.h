@@ -14,8 +14,8 @@
 
 namespace quarry {
 
-/// The compute threads. Each owns the tiles it has opened and their rays outright; they share the cache and a queue of
-/// tiles. Methods may be called from any thread.
+/// The compute threads. Each owns the tiles it has opened and their rays outright; they share the cache and a
+/// queue of tiles. Methods may be called from any thread.
 class Engine {
  public:
   /// Tiles a thread works on at once: when the rays of one all wait, it goes on with another.

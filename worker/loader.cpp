@@ -16,13 +16,15 @@ Status DecodeBlock(const Catalog& catalog, uint32_t block, std::span<const std::
   const uint32_t triangles = catalog.voxels[block / 2].triangles;
   if (block % 2 == static_cast<uint32_t>(BlockKind::kShading)) {
     QUARRY_ASSIGN(resident.shading, ViewShading(resident.bytes.bytes()));
-    if (resident.shading.triangle_count != triangles) return Fail("its triangles are not those of the directory");
+    if (resident.shading.triangle_count != triangles)
+      return Fail("its triangles are not those of the directory");
     return {};
   }
   QUARRY_ASSIGN(resident.hot, ViewHot(resident.bytes.bytes()));
   if (resident.hot.triangle_count != triangles) return Fail("its triangles are not those of the directory");
   for (uint32_t i = 0; i < triangles; ++i)
-    if (resident.hot.materials[i] >= catalog.materials.size()) return Fail("it names a material that the scene lacks");
+    if (resident.hot.materials[i] >= catalog.materials.size())
+      return Fail("it names a material that the scene lacks");
   return {};
 }
 
@@ -48,7 +50,8 @@ void Loader::Run() {
 }
 
 void Loader::Ask(uint32_t block, int attempt) {
-  source_.Fetch(block, [this, block, attempt](Result<Bytes> stored) { OnFetched(block, attempt, std::move(stored)); });
+  source_.Fetch(
+      block, [this, block, attempt](Result<Bytes> stored) { OnFetched(block, attempt, std::move(stored)); });
 }
 
 void Loader::OnFetched(uint32_t block, int attempt, Result<Bytes> stored) {

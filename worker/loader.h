@@ -9,18 +9,20 @@
 
 namespace quarry {
 
-/// Loads the blocks that the cache wants: asks the source, verifies, decompresses, publishes. All on one thread.
-/// Bounded: at most kMaxInFlight requests and about kMaxStoredBytes of stored bytes are on the way or waiting for room.
+/// Loads the blocks that the cache wants: asks the source, verifies, decompresses, publishes. All on one
+/// thread. Bounded: at most kMaxInFlight requests and about kMaxStoredBytes of stored bytes are on the way or
+/// waiting for room.
 class Loader {
  public:
   static constexpr uint32_t kMaxInFlight = 16;
   static constexpr uint64_t kMaxStoredBytes = 2u << 20;
 
   /// `on_error` is called once, when a block cannot be had: rendering cannot go on.
-  Loader(const Catalog& catalog, VoxelCache& cache, VoxelSource& source, std::function<void(const Error&)> on_error);
+  Loader(const Catalog& catalog, VoxelCache& cache, VoxelSource& source,
+         std::function<void(const Error&)> on_error);
 
-  /// Asks for more while the bounds allow, and installs what waits for room. Call on the loader's thread when the
-  /// cache calls on_want or on_space.
+  /// Asks for more while the bounds allow, and installs what waits for room. Call on the loader's thread when
+  /// the cache calls on_want or on_space.
   void Run();
 
   uint64_t bytes_received() const { return bytes_received_; }

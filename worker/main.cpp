@@ -33,13 +33,17 @@ int Main(int argc, char** argv) {
   app.footer("Example:\n  quarry-worker --master 127.0.0.1:9000 --cache 512M --threads 4");
   app.set_version_flag("--version", std::string("quarry-worker ") + kVersion);
   app.add_option("--master", master, "The master's HOST:PORT")->required()->envname("QUARRY_MASTER");
-  app.add_option("--cache", cache, "Most bytes of decoded voxels held")->envname("QUARRY_CACHE")
+  app.add_option("--cache", cache, "Most bytes of decoded voxels held")
+      ->envname("QUARRY_CACHE")
       ->capture_default_str();
-  app.add_option("--threads", options.threads, "Compute threads")->envname("QUARRY_THREADS")
-      ->check(CLI::Range(1, 1024))->capture_default_str();
+  app.add_option("--threads", options.threads, "Compute threads")
+      ->envname("QUARRY_THREADS")
+      ->check(CLI::Range(1, 1024))
+      ->capture_default_str();
   app.add_option("--name", options.name, "Name in the master's log and statistics");
   app.add_option("--retry", options.retry_s, "Seconds for which a master out of reach is tried again")
-      ->check(CLI::Range(0.0, 1e6))->capture_default_str();
+      ->check(CLI::Range(0.0, 1e6))
+      ->capture_default_str();
   app.add_flag("--quiet", options.quiet, "Print errors only");
   try {
     app.parse(argc, argv);

@@ -6,8 +6,8 @@
 
 namespace quarry {
 
-/// Whole pages straight from the system, given back at once when destroyed, so that evicting a block makes room in
-/// fact and not only in the heap's books. Movable.
+/// Whole pages straight from the system, given back at once when destroyed, so that evicting a block makes
+/// room in fact and not only in the heap's books. Movable.
 class PageBuffer {
  public:
   PageBuffer() = default;

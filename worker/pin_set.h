@@ -7,8 +7,8 @@
 
 namespace quarry {
 
-/// The blocks that one thread has pinned during a batch: each is pinned once, however many rays use it, and all are
-/// let go together. A small direct-mapped table in front spares most look-ups. Owned by one thread.
+/// The blocks that one thread has pinned during a batch: each is pinned once, however many rays use it, and
+/// all are let go together. A small direct-mapped table in front spares most look-ups. Owned by one thread.
 class PinSet {
  public:
   explicit PinSet(VoxelCache& cache) : cache_(cache) {}

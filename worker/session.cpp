@@ -2,13 +2,12 @@
 
 #include <fmt/format.h>
 
-#include <utility>
-
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <chrono>
 #include <optional>
+#include <utility>
 
 #include "common/base/resource.h"
 #include "common/base/size.h"
@@ -29,7 +28,8 @@ struct SceneState {
              std::function<void(const Error&)> on_error, Engine::OnTile on_tile)
       : catalog(std::move(scene)),
         cache(
-            catalog, options.cache_bytes, [this, &io] { ScheduleLoader(io); }, [this, &io] { ScheduleLoader(io); }),
+            catalog, options.cache_bytes, [this, &io] { ScheduleLoader(io); },
+            [this, &io] { ScheduleLoader(io); }),
         source(io, options.master, catalog.id, options.retry_s),
         loader(catalog, cache, source, std::move(on_error)),
         engine(catalog, cache, options.threads, std::move(on_tile)) {}
@@ -72,8 +72,10 @@ class Session {
     Connect(io_, options_.master, [this](Result<std::shared_ptr<Connection>> result) {
       if (!result) return OnLost(result.error());
       connection_ = std::move(*result);
-      connection_->Start([this](Message m) { OnMessage(std::move(m)); }, [this](const Error& e) { OnLost(e); });
-      connection_->Send(MakeMessage(MessageType::kHello, Hello{Role::kWorker, options_.name, options_.threads}));
+      connection_->Start([this](Message m) { OnMessage(std::move(m)); },
+                         [this](const Error& e) { OnLost(e); });
+      connection_->Send(
+          MakeMessage(MessageType::kHello, Hello{Role::kWorker, options_.name, options_.threads}));
     });
   }
 
@@ -93,17 +95,27 @@ class Session {
   void OnMessage(Message m) {
     Status status;
     switch (m.type) {
-      case MessageType::kWelcome: status = OnWelcome(m); break;
-      case MessageType::kCatalog: status = OnCatalog(m); break;
-      case MessageType::kFrameSetup: status = OnFrameSetup(m); break;
-      case MessageType::kTile: status = OnTile(m); break;
-      case MessageType::kShutDown: return End({});
+      case MessageType::kWelcome:
+        status = OnWelcome(m);
+        break;
+      case MessageType::kCatalog:
+        status = OnCatalog(m);
+        break;
+      case MessageType::kFrameSetup:
+        status = OnFrameSetup(m);
+        break;
+      case MessageType::kTile:
+        status = OnTile(m);
+        break;
+      case MessageType::kShutDown:
+        return End({});
       case MessageType::kFailure: {
         const auto failure = DecodeFailure(m.table);
         return End(failure ? Status(Fail(failure->message)) : Status(tl::unexpected<Error>(failure.error())));
       }
-      default: status = Fail(fmt::format("the master sent a message of type {}, which is not for workers",
-                                         static_cast<int>(m.type)));
+      default:
+        status = Fail(fmt::format("the master sent a message of type {}, which is not for workers",
+                                  static_cast<int>(m.type)));
     }
     if (!status) End(std::move(status));
   }
@@ -122,12 +134,14 @@ class Session {
     QUARRY_ASSIGN(const auto sections, UnpackSections(m.raw));
     QUARRY_ASSIGN(Catalog catalog, DecodeCatalog(scene_id_, sections));
     if (options_.cache_bytes < catalog.meta.largest_decoded)
-      return BadUsage(fmt::format("--cache of {} is less than the scene's largest block, {} bytes; give at least that",
-                                  FormatSize(options_.cache_bytes), catalog.meta.largest_decoded));
+      return BadUsage(
+          fmt::format("--cache of {} is less than the scene's largest block, {} bytes; give at least that",
+                      FormatSize(options_.cache_bytes), catalog.meta.largest_decoded));
     scene_ = std::make_unique<SceneState>(
         std::move(catalog), options_, io_, [this](const Error& e) { OnBlockError(e); },
         [this](const TileDone& done, Bytes pixels) {
-          asio::post(io_, [this, done, pixels = std::move(pixels)]() mutable { SendTile(done, std::move(pixels)); });
+          asio::post(
+              io_, [this, done, pixels = std::move(pixels)]() mutable { SendTile(done, std::move(pixels)); });
         });
     SendAlive();
     return {};
@@ -158,10 +172,10 @@ class Session {
   void SendCounters() {
     if (!connection_ || !scene_) return;
     const VoxelCache::Counters c = scene_->cache.counters();
-    connection_->Send(MakeMessage(
-        MessageType::kAlive,
-        Alive{c.bytes, c.loaded, c.bytes_loaded, scene_->loader.bytes_received(), c.evictions, scene_->engine.rays(),
-              scene_->engine.rays_suspended(), PeakResidentBytes()}));
+    connection_->Send(
+        MakeMessage(MessageType::kAlive,
+                    Alive{c.bytes, c.loaded, c.bytes_loaded, scene_->loader.bytes_received(), c.evictions,
+                          scene_->engine.rays(), scene_->engine.rays_suspended(), PeakResidentBytes()}));
   }
 
   /// Once a second: the master takes silence for death.

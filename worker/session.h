@@ -17,8 +17,8 @@ struct WorkerOptions {
   bool quiet = false;
 };
 
-/// Works for the master until it says to stop. Returns when it does, or with the reason why work cannot go on: the
-/// master stays out of reach, a block cannot be had, the cache is smaller than the largest block.
+/// Works for the master until it says to stop. Returns when it does, or with the reason why work cannot go
+/// on: the master stays out of reach, a block cannot be had, the cache is smaller than the largest block.
 /// After a loss of the connection the worker comes back with its cache as it was.
 Status RunWorker(const WorkerOptions& options);
 

@@ -46,15 +46,16 @@ void AddAttributes(const VoxelShading& shading, const Hit& hit, Surface& s) {
   const float b0 = 1 - hit.b1 - hit.b2;
   const auto color = [](uint32_t packed) {
     return glm::vec3(static_cast<float>(packed & 255), static_cast<float>(packed >> 8 & 255),
-                     static_cast<float>(packed >> 16 & 255)) / 255.0f;
+                     static_cast<float>(packed >> 16 & 255)) /
+           255.0f;
   };
   s.color = color(a.color) * b0 + color(b.color) * hit.b1 + color(c.color) * hit.b2;
   s.uv = a.uv * b0 + b.uv * hit.b1 + c.uv * hit.b2;
   const glm::vec3 n = a.normal * b0 + b.normal * hit.b1 + c.normal * hit.b2;
   if (!(glm::dot(n, n) > 1e-12f)) return;
   const glm::vec3 unit = Unit(n);
-  // Turned to the geometric side that is seen; where interpolation bends it away from the viewer, the geometric one
-  // stands in.
+  // Turned to the geometric side that is seen; where interpolation bends it away from the viewer, the
+  // geometric one stands in.
   const glm::vec3 turned = glm::dot(unit, s.normal) < 0 ? -unit : unit;
   if (glm::dot(turned, s.view) > 0) s.normal = turned;
 }
@@ -108,7 +109,9 @@ Bounces Bounce(const Material& material, const Surface& s) {
 
 glm::vec3 VoxelColor(uint32_t voxel) {
   const uint64_t h = Mix64(voxel + 0x9E3779B97F4A7C15ull);
-  const auto channel = [&](int shift) { return 0.25f + 0.75f * static_cast<float>(h >> shift & 255) / 255.0f; };
+  const auto channel = [&](int shift) {
+    return 0.25f + 0.75f * static_cast<float>(h >> shift & 255) / 255.0f;
+  };
   return {channel(0), channel(8), channel(16)};
 }
 

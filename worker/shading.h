@@ -57,8 +57,8 @@ glm::vec3 VoxelColor(uint32_t voxel);
 /// The headlight's part that a surface sends back.
 inline float Facing(const Surface& s) { return glm::abs(glm::dot(s.normal, s.view)); }
 
-/// How much of the ambient light a surface sends back: more where it faces the viewer, so that shapes can be told
-/// apart in shadow.
+/// How much of the ambient light a surface sends back: more where it faces the viewer, so that shapes can be
+/// told apart in shadow.
 inline float AmbientFactor(const Surface& s) { return 0.4f + 0.6f * Facing(s); }
 
 }  // namespace quarry

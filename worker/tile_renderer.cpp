@@ -41,7 +41,8 @@ bool TileRenderer::StartNext(uint32_t slot) {
   ++next_sample_;
   const uint32_t x = order_.x + s.pixel % order_.width, y = order_.y + s.pixel / order_.width;
   const glm::vec2 at = PixelSample(frame_->job.seed, y * frame_->job.width + x, s.sample);
-  const PrimaryRay primary = frame_->camera.Shoot(x + static_cast<double>(at.x), y + static_cast<double>(at.y));
+  const PrimaryRay primary =
+      frame_->camera.Shoot(x + static_cast<double>(at.x), y + static_cast<double>(at.y));
   s.t_offset = primary.t_offset;
   s.pending_count = 0;
   Begin(s, {primary.origin, primary.direction, glm::vec3(1), kPrimaryPath, 0});
@@ -162,7 +163,8 @@ void TileRenderer::Shade(Sample& s) {
     }
     case RenderMode::kShadow:
     case RenderMode::kWhitted:
-      Add(s, material.diffuse * s.surface.color * frame_->job.ambient * AmbientFactor(s.surface) + material.emission);
+      Add(s, material.diffuse * s.surface.color * frame_->job.ambient * AmbientFactor(s.surface) +
+                 material.emission);
       s.stage = Stage::kLight;
       return;
   }

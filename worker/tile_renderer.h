@@ -33,11 +33,10 @@ struct FrameContext {
 };
 
 /// Renders one tile, never blocking: rays that need an absent block are parked until Resume names it.
-/// Ray states after Purcell et al. 2002, section 3: generate, traverse, shade, and from there new rays, each with its
-/// weight; no recursion. Every sample has one ray under way; what it has still to trace lies in a stack of bounded
-/// size in its own slot, so that memory is fixed when the tile is opened.
-/// Pixels do not depend on the order of anything: see FixedRadiance.
-/// Owned by one thread.
+/// Ray states after Purcell et al. 2002, section 3: generate, traverse, shade, and from there new rays, each
+/// with its weight; no recursion. Every sample has one ray under way; what it has still to trace lies in a
+/// stack of bounded size in its own slot, so that memory is fixed when the tile is opened. Pixels do not
+/// depend on the order of anything: see FixedRadiance. Owned by one thread.
 class TileRenderer {
  public:
   static constexpr uint32_t kSlots = 1024;  ///< samples in flight, at most
@@ -45,8 +44,8 @@ class TileRenderer {
 
   TileRenderer(std::shared_ptr<const FrameContext> frame, const TileOrder& order);
 
-  /// Advances up to `budget` samples until they end or park. `want(block, rays)` is called once a block that rays
-  /// have been parked on in this call.
+  /// Advances up to `budget` samples until they end or park. `want(block, rays)` is called once a block that
+  /// rays have been parked on in this call.
   template <class Want>
   void Step(PinSet& pins, uint32_t budget, Want&& want) {
     for (; budget > 0 && !ready_.empty(); --budget) {
@@ -91,7 +90,8 @@ class TileRenderer {
     glm::vec3 light{0};  ///< what the shadow ray brings if nothing is in its way
     Hit hit;             ///< of the ray that is being shaded
     Surface surface;
-    Pending pending[kMaxDepth + 1];  ///< the newest goes first, so at most one waits per depth, and two at the last
+    Pending pending[kMaxDepth +
+                    1];  ///< the newest goes first, so at most one waits per depth, and two at the last
   };
 
   bool StartNext(uint32_t slot);

@@ -25,7 +25,8 @@ struct ResidentBlock {
   VoxelShading shading;
 };
 
-/// Where one compute thread hears of blocks it waits for. A delivered block carries a pin on the thread's behalf.
+/// Where one compute thread hears of blocks it waits for. A delivered block carries a pin on the thread's
+/// behalf.
 class Mailbox {
  public:
   void Deliver(uint32_t block);
@@ -41,15 +42,15 @@ class Mailbox {
   bool woken_ = false;
 };
 
-/// The worker's cache of decoded blocks: a byte budget, least recently used first out, pinned blocks never out.
-/// Decoded bytes in the cache never exceed the budget; a budget of the largest block is enough: a block that
-/// arrives is pinned for everyone who waits for it, all of them use it, and only then does it make room.
+/// The worker's cache of decoded blocks: a byte budget, least recently used first out, pinned blocks never
+/// out. Decoded bytes in the cache never exceed the budget; a budget of the largest block is enough: a block
+/// that arrives is pinned for everyone who waits for it, all of them use it, and only then does it make room.
 /// Thread-safe. Pinning takes no lock. A thread must not wait for a block while it holds pins.
 /// Source: Wald & Slusallek 2001, section 6.3 (explicit cache, LRU); the grants are ours.
 class VoxelCache {
  public:
-  /// `on_want` is called (outside locks, on any thread) when there is something new to load, `on_space` when a pin went
-  /// while the loader was short of space.
+  /// `on_want` is called (outside locks, on any thread) when there is something new to load, `on_space` when
+  /// a pin went while the loader was short of space.
   VoxelCache(const Catalog& catalog, uint64_t budget_bytes, std::function<void()> on_want,
              std::function<void()> on_space);
   ~VoxelCache();
@@ -58,10 +59,12 @@ class VoxelCache {
   /// The block, pinned once; null when it is not resident.
   const ResidentBlock* TryPin(uint32_t block);
   /// A block that the caller holds a pin of.
-  const ResidentBlock* Pinned(uint32_t block) const { return slots_[block].resident.load(std::memory_order_acquire); }
+  const ResidentBlock* Pinned(uint32_t block) const {
+    return slots_[block].resident.load(std::memory_order_acquire);
+  }
   void Unpin(uint32_t block);
-  /// Asks for `block` on behalf of `rays` rays. Once it is resident it is pinned for `mailbox` and delivered to it.
-  /// A block is loaded once however many ask.
+  /// Asks for `block` on behalf of `rays` rays. Once it is resident it is pinned for `mailbox` and delivered
+  /// to it. A block is loaded once however many ask.
   void Want(uint32_t block, Mailbox* mailbox, uint32_t rays);
 
   // --- the loader's thread

@@ -12,7 +12,8 @@
 
 namespace quarry {
 
-static_assert(std::endian::native == std::endian::little, "stores and the protocol are little-endian, as is x86-64");
+static_assert(std::endian::native == std::endian::little,
+              "stores and the protocol are little-endian, as is x86-64");
 
 using Bytes = std::vector<std::byte>;
 

@@ -58,20 +58,22 @@ InputFile::~InputFile() {
 Status InputFile::ReadAt(uint64_t offset, std::span<std::byte> out) const {
   size_t done = 0;
   while (done < out.size()) {
-    const ssize_t n =
-        ::pread(fd_, out.data() + done, out.size() - done, static_cast<off_t>(offset + done));
+    const ssize_t n = ::pread(fd_, out.data() + done, out.size() - done, static_cast<off_t>(offset + done));
     if (n < 0 && errno == EINTR) continue;
     if (n < 0) return Fail(fmt::format("{}: cannot read at byte {}: {}", path_, offset, ErrnoText(errno)));
     if (n == 0)
-      return Fail(fmt::format("{}: truncated: {} bytes wanted at byte {}, the file ends at {}", path_, out.size(),
-                              offset, offset + done));
+      return Fail(fmt::format("{}: truncated: {} bytes wanted at byte {}, the file ends at {}", path_,
+                              out.size(), offset, offset + done));
     done += static_cast<size_t>(n);
   }
   return {};
 }
 
 OutputFile::OutputFile(std::string path, std::string temporary, int fd)
-    : path_(std::move(path)), temporary_(std::move(temporary)), fd_(fd), cleanup_(RemoveOnSignal(temporary_)) {
+    : path_(std::move(path)),
+      temporary_(std::move(temporary)),
+      fd_(fd),
+      cleanup_(RemoveOnSignal(temporary_)) {
   buffer_.reserve(kBufferBytes);
 }
 

@@ -34,8 +34,8 @@ class InputFile {
   uint64_t size_ = 0;
 };
 
-/// A file written under a temporary name beside `path` and renamed over it by Commit(); removed when destroyed
-/// before that, so that no reader ever sees half of it. The temporary's name ends in ".tmp-PID".
+/// A file written under a temporary name beside `path` and renamed over it by Commit(); removed when
+/// destroyed before that, so that no reader ever sees half of it. The temporary's name ends in ".tmp-PID".
 /// Not thread-safe.
 class OutputFile {
  public:

@@ -6,8 +6,8 @@
 
 namespace quarry {
 
-/// Shows how long work is getting on, on standard error: a line rewritten in place on a terminal, with an estimate of
-/// the time left; a plain line every tenth otherwise; nothing when quiet. Not thread-safe.
+/// Shows how long work is getting on, on standard error: a line rewritten in place on a terminal, with an
+/// estimate of the time left; a plain line every tenth otherwise; nothing when quiet. Not thread-safe.
 class Progress {
  public:
   explicit Progress(bool quiet);

@@ -17,7 +17,8 @@ Result<uint64_t> ParseSize(std::string_view text, std::string_view what) {
   if (suffix == "M") unit = 1024.0 * 1024;
   if (suffix == "G") unit = 1024.0 * 1024 * 1024;
   if (ec != std::errc{} || unit == 0 || !(value >= 0) || value * unit > 4.6e18)
-    return BadUsage(fmt::format("{} is not a size: '{}' (give bytes, or a number with K, M or G)", what, text));
+    return BadUsage(
+        fmt::format("{} is not a size: '{}' (give bytes, or a number with K, M or G)", what, text));
   return static_cast<uint64_t>(value * unit);
 }
 

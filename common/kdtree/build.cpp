@@ -46,8 +46,8 @@ class AxisCost {
   const SahCosts& costs_;
 };
 
-/// One build. The triangles of the nodes on the way from the root lie in one array used as a stack, so that nothing
-/// is allocated per node.
+/// One build. The triangles of the nodes on the way from the root lie in one array used as a stack, so that
+/// nothing is allocated per node.
 class Builder {
  public:
   Builder(std::span<const Box> boxes, const SahCosts& costs) : costs_(costs) {
@@ -83,13 +83,15 @@ class Builder {
                             stack_.end());
   }
 
-  /// The node's triangles are stack_[begin, end). `budget`: bytes this subtree may take, its root's 8 included.
+  /// The node's triangles are stack_[begin, end). `budget`: bytes this subtree may take, its root's 8
+  /// included.
   void BuildNode(uint32_t node, const Box& cell, size_t begin, size_t budget, int depth) {
     const auto count = static_cast<uint32_t>(stack_.size() - begin);
     if (count <= 1 || depth == 0) return MakeLeaf(node, begin);
     const std::span<const uint16_t> triangles(stack_.data() + begin, count);
     const Split split = count < kExactBelow ? BestExact(cell, triangles) : BestBinned(cell, triangles);
-    if (split.axis < 0 || split.cost >= costs_.intersect * static_cast<float>(count)) return MakeLeaf(node, begin);
+    if (split.axis < 0 || split.cost >= costs_.intersect * static_cast<float>(count))
+      return MakeLeaf(node, begin);
 
     const size_t left_begin = stack_.size();
     PushSide(begin, left_begin, split, false);
@@ -111,7 +113,8 @@ class Builder {
     BuildNode(first_child, left_cell, left_begin, sizeof(KdNode) + 2 * left + left_spare, depth - 1);
     stack_.resize(left_begin);
     PushSide(begin, left_begin, split, true);
-    BuildNode(first_child + 1, right_cell, left_begin, sizeof(KdNode) + 2 * right + spare - left_spare, depth - 1);
+    BuildNode(first_child + 1, right_cell, left_begin, sizeof(KdNode) + 2 * right + spare - left_spare,
+              depth - 1);
     stack_.resize(left_begin);
   }
 
@@ -166,7 +169,8 @@ class Builder {
       const std::vector<float>&lower = lower_[axis], &upper = upper_[axis];
       for (uint16_t i : triangles) {
         // Just outside a box's end, so that the box lies on one side only.
-        const float planes[2] = {std::nextafter(lower[i], -kFloatInfinity), std::nextafter(upper[i], kFloatInfinity)};
+        const float planes[2] = {std::nextafter(lower[i], -kFloatInfinity),
+                                 std::nextafter(upper[i], kFloatInfinity)};
         for (float plane : planes) {
           uint32_t left = 0, right = 0;
           for (uint16_t j : triangles) {

@@ -42,12 +42,11 @@ struct KdTree {
   std::vector<uint16_t> references;
 };
 
-/// Builds the SAH kd-tree of one voxel. `boxes[i]` is triangle i's box, already padded; `cell` the voxel's cell.
-/// Every leaf whose cell a box touches refers to its triangle.
-/// `max_bytes` bounds nodes and references together (8 and 2 bytes each): every subtree gets its share, and what would
-/// outgrow it becomes a leaf; at the least, one leaf of all triangles.
-/// Requires: boxes.size() <= 65535. Deterministic. Thread-safe.
-/// Source: the SAH of MacDonald & Booth 1990, binned; empty bonus and no split past a cost increase.
+/// Builds the SAH kd-tree of one voxel. `boxes[i]` is triangle i's box, already padded; `cell` the voxel's
+/// cell. Every leaf whose cell a box touches refers to its triangle. `max_bytes` bounds nodes and references
+/// together (8 and 2 bytes each): every subtree gets its share, and what would outgrow it becomes a leaf; at
+/// the least, one leaf of all triangles. Requires: boxes.size() <= 65535. Deterministic. Thread-safe. Source:
+/// the SAH of MacDonald & Booth 1990, binned; empty bonus and no split past a cost increase.
 KdTree BuildKdTree(std::span<const Box> boxes, const Box& cell, const SahCosts& costs, size_t max_bytes);
 
 }  // namespace quarry

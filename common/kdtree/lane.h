@@ -8,9 +8,9 @@
 
 namespace quarry {
 
-/// The scalar instance of the kernels' lane type: one ray. A lane type names Float and Mask and gives the handful
-/// of operations below; kernels are written against these alone, so that a SIMD or CUDA instance is a new lane
-/// type and not a new kernel. Fused multiply-add is explicit: the compiler contracts nothing.
+/// The scalar instance of the kernels' lane type: one ray. A lane type names Float and Mask and gives the
+/// handful of operations below; kernels are written against these alone, so that a SIMD or CUDA instance is a
+/// new lane type and not a new kernel. Fused multiply-add is explicit: the compiler contracts nothing.
 struct ScalarLane {
   using Float = float;
   using Mask = bool;

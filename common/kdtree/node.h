@@ -7,9 +7,9 @@
 
 namespace quarry {
 
-/// A node of either tree, 8 bytes, as stored. Inner: the split plane, and both children side by side (near or far,
-/// one step). Leaf: a range of references in a voxel's tree; a voxel (count 1) or nothing (count 0) in the
-/// top-level tree.
+/// A node of either tree, 8 bytes, as stored. Inner: the split plane, and both children side by side (near or
+/// far, one step). Leaf: a range of references in a voxel's tree; a voxel (count 1) or nothing (count 0) in
+/// the top-level tree.
 struct KdNode {
   uint32_t payload = 0;  ///< inner: the split's float bits; leaf: first reference, or voxel
   uint32_t link = 3;     ///< bits 0-1: axis, 3 for a leaf; bits 2-31: index of the left child, or count

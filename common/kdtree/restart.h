@@ -11,16 +11,16 @@ namespace quarry {
 /// What a leaf's visitor says.
 enum class LeafVisit { kContinue, kStop };
 
-/// Visits the leaves of a kd-tree along a ray from `t` to `t_end`, nearest first, without a stack: kd-restart with
-/// push-down. After a leaf the descent starts again at the deepest node known to hold the whole rest of the ray.
-/// `visit(const KdNode& leaf, float t_enter, float t_exit)` returns LeafVisit.
-/// Requires: nodes[0] is the root; children of i lie beyond i and within the array (checked at decode).
-/// Returns: the t reached; t_end when no visitor stopped (t_enter of the leaf that did, otherwise).
-/// No epsilon: `plane <= t` goes to the far side, and a plane's t is the same bits each time it is computed.
-/// Source: Foley & Sugerman 2005, section 2.1 (kd-restart); Horn et al. 2007, section 3 (push-down).
+/// Visits the leaves of a kd-tree along a ray from `t` to `t_end`, nearest first, without a stack: kd-restart
+/// with push-down. After a leaf the descent starts again at the deepest node known to hold the whole rest of
+/// the ray. `visit(const KdNode& leaf, float t_enter, float t_exit)` returns LeafVisit. Requires: nodes[0] is
+/// the root; children of i lie beyond i and within the array (checked at decode). Returns: the t reached;
+/// t_end when no visitor stopped (t_enter of the leaf that did, otherwise). No epsilon: `plane <= t` goes to
+/// the far side, and a plane's t is the same bits each time it is computed. Source: Foley & Sugerman 2005,
+/// section 2.1 (kd-restart); Horn et al. 2007, section 3 (push-down).
 template <class L, class Visit>
-QUARRY_HOST_DEVICE inline float TraverseRestart(const KdNode* nodes, const RayFrame<L>& ray, float t, float t_end,
-                                                Visit&& visit) {
+QUARRY_HOST_DEVICE inline float TraverseRestart(const KdNode* nodes, const RayFrame<L>& ray, float t,
+                                                float t_end, Visit&& visit) {
   uint32_t restart = 0;
   while (t < t_end) {
     uint32_t node = restart;

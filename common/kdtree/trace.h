@@ -29,12 +29,12 @@ QUARRY_HOST_DEVICE inline void ClipToBox(const RayFrame<ScalarLane>& ray, const 
   }
 }
 
-/// Tests the triangles of one resident voxel along [t_enter, t_exit], the ray's way through its cell, and keeps
-/// the nearest in ray.hit; hits beyond t_exit are kept too. With kAnyHit the first hit before ray.t_max ends it.
-/// Never blocks or allocates. Thread-safe.
+/// Tests the triangles of one resident voxel along [t_enter, t_exit], the ray's way through its cell, and
+/// keeps the nearest in ray.hit; hits beyond t_exit are kept too. With kAnyHit the first hit before ray.t_max
+/// ends it. Never blocks or allocates. Thread-safe.
 template <bool kAnyHit, class L>
-QUARRY_HOST_DEVICE inline void TraceVoxel(const VoxelGeometry& voxel, uint32_t voxel_id, const RayFrame<L>& frame,
-                                          float t_enter, float t_exit, Ray& ray) {
+QUARRY_HOST_DEVICE inline void TraceVoxel(const VoxelGeometry& voxel, uint32_t voxel_id,
+                                          const RayFrame<L>& frame, float t_enter, float t_exit, Ray& ray) {
   TraverseRestart(voxel.nodes, frame, t_enter, t_exit, [&](const KdNode& leaf, float, float leaf_exit) {
     const uint32_t end = leaf.first() + leaf.count();
     for (uint32_t r = leaf.first(); r < end; ++r) {
@@ -54,11 +54,11 @@ QUARRY_HOST_DEVICE inline void TraceVoxel(const VoxelGeometry& voxel, uint32_t v
 }
 
 /// Traces `ray` through the two-level tree from ray.t on.
-/// `resident(uint32_t voxel)` returns `const VoxelGeometry*`, null when the voxel is not at hand; a pointer stays
-/// valid until the next call of `resident` at least.
-/// Returns: kHit (ray.hit is the least (t, id) with t < t_max; with kAnyHit: some hit), kMiss, or kNeedVoxel.
-/// Errors: none; data is validated at decode. Never blocks, allocates, locks or logs.
-/// Source: Wald & Slusallek 2001, section 6.3 (suspension at missing voxels); resuming by t is ours.
+/// `resident(uint32_t voxel)` returns `const VoxelGeometry*`, null when the voxel is not at hand; a pointer
+/// stays valid until the next call of `resident` at least. Returns: kHit (ray.hit is the least (t, id) with t
+/// < t_max; with kAnyHit: some hit), kMiss, or kNeedVoxel. Errors: none; data is validated at decode. Never
+/// blocks, allocates, locks or logs. Source: Wald & Slusallek 2001, section 6.3 (suspension at missing
+/// voxels); resuming by t is ours.
 template <bool kAnyHit, class Resident>
 QUARRY_HOST_DEVICE inline TraceResult Trace(const TopTree& top, Resident&& resident, Ray& ray) {
   const RayFrame<ScalarLane> frame = MakeRayFrame(ray);

@@ -9,14 +9,17 @@
 // The one watertight test that defines every hit in Quarry.
 //
 // Source: Woop, Benthin & Wald 2013. Differs in the arithmetic behind the edge functions:
-//  * Vertices are moved to the ray's frame in float; a vertex goes to the same place whichever triangle it serves.
-//  * The three edge functions of those float coordinates have exact signs: in float by monotone rounding whenever
-//    the two products differ after rounding, else in double, where the products are exact. So a shared edge gives
-//    the same answer in both triangles, and no ray passes between them.
-//  * What passes is evaluated again in double: each edge function then carries one rounding (2^-53 of itself), so
+//  * Vertices are moved to the ray's frame in float; a vertex goes to the same place whichever triangle it
+//  serves.
+//  * The three edge functions of those float coordinates have exact signs: in float by monotone rounding
+//  whenever
+//    the two products differ after rounding, else in double, where the products are exact. So a shared edge
+//    gives the same answer in both triangles, and no ray passes between them.
+//  * What passes is evaluated again in double: each edge function then carries one rounding (2^-53 of
+//  itself), so
 //    the barycentric weights, and t with them, are those of the moved triangle to double precision, however
-//    slender it is. The hit point o + t d therefore lies on the moved triangle, and that within the padding of
-//    the stored one (ReferencePadding): trees that pad their references by it cannot lose the hit.
+//    slender it is. The hit point o + t d therefore lies on the moved triangle, and that within the padding
+//    of the stored one (ReferencePadding): trees that pad their references by it cannot lose the hit.
 // No fused multiply-add in the edge functions: it would break their antisymmetry. Both faces count.
 
 namespace quarry {
@@ -44,8 +47,8 @@ QUARRY_HOST_DEVICE inline MovedVertex<L> MoveVertex(const RayFrame<L>& ray, cons
 
 /// The exact part: true with t and weights when the moved triangle a, b, c is hit at 0 < t < infinity.
 QUARRY_HOST_DEVICE inline bool HitMoved(const MovedVertex<ScalarLane>& a, const MovedVertex<ScalarLane>& b,
-                                        const MovedVertex<ScalarLane>& c, float direction_z, float& t, float& b1,
-                                        float& b2) {
+                                        const MovedVertex<ScalarLane>& c, float direction_z, float& t,
+                                        float& b1, float& b2) {
   const double u = static_cast<double>(c.x) * b.y - static_cast<double>(c.y) * b.x;
   const double v = static_cast<double>(a.x) * c.y - static_cast<double>(a.y) * c.x;
   const double w = static_cast<double>(b.x) * a.y - static_cast<double>(b.y) * a.x;
@@ -81,9 +84,9 @@ QUARRY_HOST_DEVICE inline bool TestTriangle(const RayFrame<ScalarLane>& ray, con
 
 /// By how much references are grown on every side when a tree is built over a scene whose coordinates reach
 /// `largest` in magnitude: an upper bound on |hit point as traversal sees it - stored triangle|, per axis.
-/// With |v - o| <= 2.2 largest: moving a vertex costs 2^-24 (2.2 + 2.2 + 4.4) largest, the direction's reciprocal,
-/// product and difference in traversal 3 * 2^-24 * 2.2 largest, rounding t another 2^-24 * 2.2 largest;
-/// together under 18 * 2^-24 largest. 2^-19 is 32 * 2^-24.
+/// With |v - o| <= 2.2 largest: moving a vertex costs 2^-24 (2.2 + 2.2 + 4.4) largest, the direction's
+/// reciprocal, product and difference in traversal 3 * 2^-24 * 2.2 largest, rounding t another 2^-24 * 2.2
+/// largest; together under 18 * 2^-24 largest. 2^-19 is 32 * 2^-24.
 QUARRY_HOST_DEVICE inline float ReferencePadding(float largest) { return largest * 0x1p-19f; }
 
 }  // namespace quarry

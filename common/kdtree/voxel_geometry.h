@@ -7,16 +7,16 @@
 
 namespace quarry {
 
-/// The hot part of a resident voxel, as kernels see it: pointers into one decoded block, valid while it is pinned.
-/// Every index was checked when the block was decoded.
+/// The hot part of a resident voxel, as kernels see it: pointers into one decoded block, valid while it is
+/// pinned. Every index was checked when the block was decoded.
 struct VoxelGeometry {
   const KdNode* nodes = nullptr;
-  const uint16_t* references = nullptr;   ///< leaves' ranges: local triangle indices
-  const uint16_t* corners = nullptr;      ///< three local vertex indices a triangle
-  const glm::vec3* vertices = nullptr;    ///< scene units, the input's precision
-  const uint32_t* triangle_ids = nullptr; ///< scene-wide ids
-  const uint16_t* materials = nullptr;    ///< a triangle's material
-  const uint32_t* parts = nullptr;        ///< a triangle's part
+  const uint16_t* references = nullptr;    ///< leaves' ranges: local triangle indices
+  const uint16_t* corners = nullptr;       ///< three local vertex indices a triangle
+  const glm::vec3* vertices = nullptr;     ///< scene units, the input's precision
+  const uint32_t* triangle_ids = nullptr;  ///< scene-wide ids
+  const uint16_t* materials = nullptr;     ///< a triangle's material
+  const uint32_t* parts = nullptr;         ///< a triangle's part
   uint32_t node_count = 0, reference_count = 0, triangle_count = 0, vertex_count = 0;
 
   const glm::vec3& vertex(uint32_t triangle, int corner) const {

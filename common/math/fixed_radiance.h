@@ -7,8 +7,8 @@
 namespace quarry {
 
 /// Radiance summed in 64-bit fixed point: the sum does not depend on the order of its terms.
-/// Resolution 2^-32; a term is clamped to [0, 2^20], NaN counts as 0; the sum saturates at 2^30. Saturation keeps
-/// the order irrelevant because terms are never negative.
+/// Resolution 2^-32; a term is clamped to [0, 2^20], NaN counts as 0; the sum saturates at 2^30. Saturation
+/// keeps the order irrelevant because terms are never negative.
 class FixedRadiance {
  public:
   QUARRY_HOST_DEVICE void Add(float value) {

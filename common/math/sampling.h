@@ -35,8 +35,8 @@ QUARRY_HOST_DEVICE inline uint32_t OwenScrambleKeepingZero(uint32_t x, uint64_t 
   return result;
 }
 
-/// Where sample `sample` of a pixel lies, in [0,1)^2. Sample 0 is the pixel's centre; the first 2^k samples are
-/// stratified in every elementary interval for any k, so `--spp n` is a prefix of any larger count.
+/// Where sample `sample` of a pixel lies, in [0,1)^2. Sample 0 is the pixel's centre; the first 2^k samples
+/// are stratified in every elementary interval for any k, so `--spp n` is a prefix of any larger count.
 QUARRY_HOST_DEVICE inline glm::vec2 PixelSample(uint64_t seed, uint32_t pixel, uint32_t sample) {
   const RandomKey key{seed, pixel, 0, 0};
   const uint32_t x = OwenScrambleKeepingZero(VanDerCorput(sample), RandomBits(key, 0)) ^ 0x80000000u;

@@ -2,18 +2,17 @@
 
 #include <fmt/format.h>
 
-#include <utility>
-
+#include <array>
+#include <atomic>
 #include <boost/asio/connect.hpp>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/read.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <boost/asio/write.hpp>
-#include <array>
-#include <atomic>
 #include <charconv>
 #include <deque>
+#include <utility>
 
 namespace quarry {
 namespace {
@@ -24,11 +23,14 @@ using ErrorCode = boost::system::error_code;
 
 constexpr auto kHandshakeTime = std::chrono::seconds(10);
 
-std::string EndpointText(const tcp::endpoint& e) { return fmt::format("{}:{}", e.address().to_string(), e.port()); }
+std::string EndpointText(const tcp::endpoint& e) {
+  return fmt::format("{}:{}", e.address().to_string(), e.port());
+}
 
 class TcpConnection final : public Connection {
  public:
-  explicit TcpConnection(tcp::socket socket) : socket_(std::move(socket)), handshake_(socket_.get_executor()) {
+  explicit TcpConnection(tcp::socket socket)
+      : socket_(std::move(socket)), handshake_(socket_.get_executor()) {
     ErrorCode ignored;
     socket_.set_option(tcp::no_delay(true), ignored);
     const auto remote = socket_.remote_endpoint(ignored);
@@ -74,7 +76,9 @@ class TcpConnection final : public Connection {
   const std::string& peer() const override { return peer_; }
 
  private:
-  std::shared_ptr<TcpConnection> Self() { return std::static_pointer_cast<TcpConnection>(shared_from_this()); }
+  std::shared_ptr<TcpConnection> Self() {
+    return std::static_pointer_cast<TcpConnection>(shared_from_this());
+  }
 
   void Shut() {
     closed_ = true;
@@ -155,14 +159,15 @@ class TcpConnection final : public Connection {
   void WriteNext() {
     if (closed_ || outgoing_.empty()) return;
     writing_ = true;
-    asio::async_write(socket_, asio::buffer(outgoing_.front()), [self = Self()](const ErrorCode& error, size_t n) {
-      self->writing_ = false;
-      if (error) return self->DropOn(error);
-      self->queued_ -= std::min<uint64_t>(self->queued_, n);
-      self->outgoing_.pop_front();
-      if (self->outgoing_.empty() && self->closing_) return self->Shut();
-      self->WriteNext();
-    });
+    asio::async_write(socket_, asio::buffer(outgoing_.front()),
+                      [self = Self()](const ErrorCode& error, size_t n) {
+                        self->writing_ = false;
+                        if (error) return self->DropOn(error);
+                        self->queued_ -= std::min<uint64_t>(self->queued_, n);
+                        self->outgoing_.pop_front();
+                        if (self->outgoing_.empty() && self->closing_) return self->Shut();
+                        self->WriteNext();
+                      });
   }
 
   tcp::socket socket_;
@@ -217,7 +222,8 @@ Result<Endpoint> ParseEndpoint(const std::string& text, const std::string& what)
     const char* end = text.data() + text.size();
     const auto [rest, error] = std::from_chars(text.data() + colon + 1, end, endpoint.port);
     endpoint.host = text.substr(0, colon);
-    if (endpoint.host.size() > 2 && endpoint.host.front() == '[') endpoint.host = endpoint.host.substr(1, colon - 2);
+    if (endpoint.host.size() > 2 && endpoint.host.front() == '[')
+      endpoint.host = endpoint.host.substr(1, colon - 2);
     if (error == std::errc{} && rest == end) return endpoint;
   }
   return BadUsage(fmt::format("{} is not HOST:PORT: '{}'", what, text));
@@ -240,12 +246,13 @@ void Connect(asio::io_context& io, const Endpoint& endpoint,
     if (!error) return done(std::make_shared<TcpConnection>(std::move(attempt->socket)));
     done(Fail(fmt::format("cannot reach {}: {}", name, attempt->timed_out ? "no answer" : error.message())));
   };
-  attempt->resolver.async_resolve(endpoint.host, std::to_string(endpoint.port),
-                                  [attempt, finish](const ErrorCode& error, tcp::resolver::results_type found) {
-                                    if (error) return finish(error);
-                                    asio::async_connect(attempt->socket, found,
-                                                        [finish](const ErrorCode& e, const tcp::endpoint&) { finish(e); });
-                                  });
+  attempt->resolver.async_resolve(
+      endpoint.host, std::to_string(endpoint.port),
+      [attempt, finish](const ErrorCode& error, tcp::resolver::results_type found) {
+        if (error) return finish(error);
+        asio::async_connect(attempt->socket, found,
+                            [finish](const ErrorCode& e, const tcp::endpoint&) { finish(e); });
+      });
 }
 
 Result<std::unique_ptr<Listener>> Listener::Open(asio::io_context& io, const Endpoint& endpoint,
@@ -256,9 +263,10 @@ Result<std::unique_ptr<Listener>> Listener::Open(asio::io_context& io, const End
   if (error || found.empty()) return Fail(fmt::format("cannot listen at {}: {}", name, error.message()));
   const tcp::endpoint address = found.begin()->endpoint();
   if (!address.address().is_loopback())
-    return BadUsage(fmt::format("will not listen at {}: connections are not encrypted yet, so only loopback addresses "
-                                "(127.0.0.1, ::1) are served; use an SSH tunnel between machines",
-                                name));
+    return BadUsage(
+        fmt::format("will not listen at {}: connections are not encrypted yet, so only loopback addresses "
+                    "(127.0.0.1, ::1) are served; use an SSH tunnel between machines",
+                    name));
   tcp::acceptor acceptor(io);
   acceptor.open(address.protocol(), error);
   if (!error) acceptor.set_option(tcp::acceptor::reuse_address(true), error);

@@ -22,16 +22,17 @@ struct Endpoint {
 /// "HOST:PORT"; "[::1]:9000" for IPv6. Errors (usage): the sentence names `what`.
 Result<Endpoint> ParseEndpoint(const std::string& text, const std::string& what);
 
-/// A connection that carries Messages. Preambles are exchanged and checked before the first. All callbacks come on
-/// the io_context's thread; Send and Close may be called from any. Kept alive by pending work; after Close no
-/// callback comes.
+/// A connection that carries Messages. Preambles are exchanged and checked before the first. All callbacks
+/// come on the io_context's thread; Send and Close may be called from any. Kept alive by pending work; after
+/// Close no callback comes.
 class Connection : public std::enable_shared_from_this<Connection> {
  public:
   using OnMessage = std::function<void(Message)>;
   using OnClose = std::function<void(const Error&)>;
 
   virtual ~Connection() = default;
-  /// Starts reading. on_close is called once when the peer goes, sends what is not a message, or a write fails.
+  /// Starts reading. on_close is called once when the peer goes, sends what is not a message, or a write
+  /// fails.
   virtual void Start(OnMessage on_message, OnClose on_close) = 0;
   /// Queues a message; messages go out in order.
   virtual void Send(Message message) = 0;
@@ -43,8 +44,8 @@ class Connection : public std::enable_shared_from_this<Connection> {
   virtual const std::string& peer() const = 0;
 };
 
-/// Connects; `done` is called once on the io_context's thread. Errors: refused, unreachable, no such host, no answer
-/// within ten seconds.
+/// Connects; `done` is called once on the io_context's thread. Errors: refused, unreachable, no such host, no
+/// answer within ten seconds.
 void Connect(boost::asio::io_context& io, const Endpoint& endpoint,
              std::function<void(Result<std::shared_ptr<Connection>>)> done);
 
@@ -55,8 +56,8 @@ class Listener {
   virtual ~Listener() = default;
   virtual uint16_t port() const = 0;
 
-  /// Port 0 takes a free one. Errors: address in use, not this machine's; an address that is not loopback is refused
-  /// (connections are not encrypted).
+  /// Port 0 takes a free one. Errors: address in use, not this machine's; an address that is not loopback is
+  /// refused (connections are not encrypted).
   static Result<std::unique_ptr<Listener>> Open(boost::asio::io_context& io, const Endpoint& endpoint,
                                                 OnConnection on_connection);
 };

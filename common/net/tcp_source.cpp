@@ -2,11 +2,10 @@
 
 #include <fmt/format.h>
 
-#include <utility>
-
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <chrono>
+#include <utility>
 
 #include "common/protocol/messages.h"
 
@@ -88,7 +87,8 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
   std::chrono::steady_clock::time_point lost_since;
 };
 
-TcpVoxelSource::TcpVoxelSource(boost::asio::io_context& io, Endpoint server, SceneId scene, double give_up_after_s)
+TcpVoxelSource::TcpVoxelSource(boost::asio::io_context& io, Endpoint server, SceneId scene,
+                               double give_up_after_s)
     : impl_(std::make_shared<Impl>(io, std::move(server), scene, give_up_after_s)) {
   impl_->Reconnect();
 }

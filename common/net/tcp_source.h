@@ -11,8 +11,8 @@
 namespace quarry {
 
 /// Blocks from a Quarry voxel server (a master, or one with --serve-only), over a connection of their own.
-/// When the connection is lost it is made again, every second for as long as `give_up_after_s`, and what was asked
-/// for is asked for once more.
+/// When the connection is lost it is made again, every second for as long as `give_up_after_s`, and what was
+/// asked for is asked for once more.
 class TcpVoxelSource final : public VoxelSource {
  public:
   TcpVoxelSource(boost::asio::io_context& io, Endpoint server, SceneId scene, double give_up_after_s);

@@ -8,9 +8,9 @@
 
 namespace quarry {
 
-/// Where stored blocks come from: a file, another process, later HTTP servers and peers. Used from one thread (the
-/// loader's io_context); `done` is called on it, at once or later, exactly once per Fetch unless the source is
-/// destroyed first. The bytes are checked by whoever asked: a source is not believed.
+/// Where stored blocks come from: a file, another process, later HTTP servers and peers. Used from one thread
+/// (the loader's io_context); `done` is called on it, at once or later, exactly once per Fetch unless the
+/// source is destroyed first. The bytes are checked by whoever asked: a source is not believed.
 class VoxelSource {
  public:
   using Done = std::function<void(Result<Bytes>)>;

@@ -19,14 +19,22 @@ struct Limits {
 
 Limits LimitsOf(MessageType type) {
   switch (type) {
-    case MessageType::kCatalog: return {0, 0xF0000000u};
-    case MessageType::kRenderJob: return {256u << 20, 0};
-    case MessageType::kFrameSetup: return {1u << 20, 0};
-    case MessageType::kFrameDone: return {1u << 20, 0xF0000000u};
-    case MessageType::kTileDone: return {16u << 20, 1u << 20};
-    case MessageType::kBlock: return {0, 65u << 20};
-    case MessageType::kShutDown: return {0, 0};
-    default: return {64u << 10, 0};
+    case MessageType::kCatalog:
+      return {0, 0xF0000000u};
+    case MessageType::kRenderJob:
+      return {256u << 20, 0};
+    case MessageType::kFrameSetup:
+      return {1u << 20, 0};
+    case MessageType::kFrameDone:
+      return {1u << 20, 0xF0000000u};
+    case MessageType::kTileDone:
+      return {16u << 20, 1u << 20};
+    case MessageType::kBlock:
+      return {0, 65u << 20};
+    case MessageType::kShutDown:
+      return {0, 0};
+    default:
+      return {64u << 10, 0};
   }
 }
 
@@ -50,10 +58,12 @@ Status CheckPreamble(std::span<const std::byte> bytes) {
   if (!in.done() || AsText(magic) != kPreambleMagic) return Fail("the other side is not a Quarry program");
   if (protocol == kProtocolVersion) return {};
   std::string version(text.substr(0, text.find('\0')));
-  std::replace_if(version.begin(), version.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
-  return Fail(fmt::format("this is Quarry {} with protocol {}, the other side is Quarry {} with protocol {}: use the "
-                          "same version everywhere",
-                          kVersion, kProtocolVersion, version, protocol));
+  std::replace_if(
+      version.begin(), version.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
+  return Fail(
+      fmt::format("this is Quarry {} with protocol {}, the other side is Quarry {} with protocol {}: use the "
+                  "same version everywhere",
+                  kVersion, kProtocolVersion, version, protocol));
 }
 
 Bytes EncodeFrameHeader(const Message& message) {
@@ -77,7 +87,8 @@ Result<FrameHeader> DecodeFrameHeader(std::span<const std::byte> bytes) {
   header.table_bytes = in.Get<uint32_t>();
   header.raw_bytes = in.Get<uint32_t>();
   if (!in.done() || magic != kFrameMagic) return Fail("received bytes that are not a Quarry message");
-  if (type == 0 || type >= kMessageTypes) return Fail(fmt::format("received a message of unknown type {}", type));
+  if (type == 0 || type >= kMessageTypes)
+    return Fail(fmt::format("received a message of unknown type {}", type));
   header.type = static_cast<MessageType>(type);
   const Limits limits = LimitsOf(header.type);
   if (header.table_bytes > limits.table || header.raw_bytes > limits.raw)

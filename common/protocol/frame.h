@@ -14,8 +14,8 @@ namespace quarry {
 /// Moves freely until the first release; programs of different protocol versions do not talk.
 inline constexpr uint32_t kProtocolVersion = 1;
 
-/// Each side's first bytes, of one layout for good: "QUARRY\0\0", protocol version (4), the program's version as
-/// zero-padded text (20).
+/// Each side's first bytes, of one layout for good: "QUARRY\0\0", protocol version (4), the program's version
+/// as zero-padded text (20).
 inline constexpr size_t kPreambleBytes = 32;
 Bytes EncodePreamble(uint32_t protocol = kProtocolVersion, const std::string& version = {});
 /// Errors: not Quarry at all; another protocol version (a sentence that names both).
@@ -54,7 +54,8 @@ struct FrameHeader {
   uint32_t table_bytes, raw_bytes;
 };
 Bytes EncodeFrameHeader(const Message& message);
-/// Errors: not a frame, an unknown type, a size beyond that type's limit. Nothing may be allocated before this.
+/// Errors: not a frame, an unknown type, a size beyond that type's limit. Nothing may be allocated before
+/// this.
 Result<FrameHeader> DecodeFrameHeader(std::span<const std::byte> bytes);
 
 }  // namespace quarry

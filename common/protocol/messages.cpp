@@ -17,8 +17,10 @@ Bytes Pack(const typename Table::NativeTableType& native) {
 
 template <class Table>
 Result<typename Table::NativeTableType> Unpack(std::span<const std::byte> bytes) {
-  flatbuffers::Verifier verifier(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size(), 16, kMaxFrames * 8);
-  if (bytes.size() < 8 || !verifier.VerifyBuffer<Table>(nullptr)) return Fail("received a message that is not well formed");
+  flatbuffers::Verifier verifier(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size(), 16,
+                                 kMaxFrames * 8);
+  if (bytes.size() < 8 || !verifier.VerifyBuffer<Table>(nullptr))
+    return Fail("received a message that is not well formed");
   typename Table::NativeTableType native;
   flatbuffers::GetRoot<Table>(bytes.data())->UnPackTo(&native);
   return native;
@@ -71,7 +73,8 @@ wire::JobT JobToWire(const RenderJob& job) {
 
 Result<RenderJob> JobFromWire(const wire::JobT& w) {
   RenderJob job;
-  bool ok = w.crop.size() == 4 && FromVector(w.ambient, job.ambient) && FromVector(w.background, job.background);
+  bool ok =
+      w.crop.size() == 4 && FromVector(w.ambient, job.ambient) && FromVector(w.background, job.background);
   if (ok) {
     job.crop_x = w.crop[0];
     job.crop_y = w.crop[1];
@@ -117,9 +120,11 @@ Bytes Encode(const Hello& m) {
 
 Result<Hello> DecodeHello(std::span<const std::byte> table) {
   QUARRY_ASSIGN(const auto w, Unpack<wire::Hello>(table));
-  if (w.role > 2 || w.name.size() > 256 || w.threads > 4096) return Fail("received a greeting that is not well formed");
+  if (w.role > 2 || w.name.size() > 256 || w.threads > 4096)
+    return Fail("received a greeting that is not well formed");
   std::string name = w.name;
-  std::replace_if(name.begin(), name.end(), [](unsigned char c) { return c < ' ' || c == 127; }, '?');
+  std::replace_if(
+      name.begin(), name.end(), [](unsigned char c) { return c < ' ' || c == 127; }, '?');
   return Hello{static_cast<Role>(w.role), std::move(name), w.threads};
 }
 

@@ -52,7 +52,8 @@ struct TileDone {
 };
 /// A worker's counters since it started.
 struct Alive {
-  uint64_t cache_bytes = 0, voxels_loaded = 0, voxel_bytes_loaded = 0, voxel_bytes_received = 0, evictions = 0;
+  uint64_t cache_bytes = 0, voxels_loaded = 0, voxel_bytes_loaded = 0, voxel_bytes_received = 0,
+           evictions = 0;
   uint64_t rays = 0, rays_suspended = 0, peak_rss_bytes = 0;
 };
 struct BlockRequest {
@@ -72,7 +73,8 @@ Bytes Encode(const TileDone& m);
 Bytes Encode(const Alive& m);
 Bytes Encode(const BlockRequest& m);
 
-/// And back: verified by FlatBuffers, then every value checked. Errors: one sentence; nothing is believed before.
+/// And back: verified by FlatBuffers, then every value checked. Errors: one sentence; nothing is believed
+/// before.
 Result<Hello> DecodeHello(std::span<const std::byte> table);
 Result<Welcome> DecodeWelcome(std::span<const std::byte> table);
 Result<Failure> DecodeFailure(std::span<const std::byte> table);

@@ -18,14 +18,17 @@ bool Nonnegative(const V& v) {
 }
 
 Status CheckCamera(const CameraSpec& c) {
-  if (!Finite(c.eye) || !Finite(c.at) || !Finite(c.up)) return BadUsage("the camera has a coordinate that is no number");
+  if (!Finite(c.eye) || !Finite(c.at) || !Finite(c.up))
+    return BadUsage("the camera has a coordinate that is no number");
   const glm::dvec3 view = c.at - c.eye;
   const glm::dvec3 side{view.y * c.up.z - view.z * c.up.y, view.z * c.up.x - view.x * c.up.z,
                         view.x * c.up.y - view.y * c.up.x};
   if (view == glm::dvec3(0)) return BadUsage("the camera's eye and the point it looks at are the same");
   if (side == glm::dvec3(0)) return BadUsage("the camera looks along its up vector; give another --up");
-  if (c.ortho_height < 0 || !std::isfinite(c.ortho_height)) return BadUsage("--ortho needs a positive height");
-  if (!(c.fov_degrees > 0) || c.fov_degrees > 179) return BadUsage("--fov must lie between 0 and 179 degrees");
+  if (c.ortho_height < 0 || !std::isfinite(c.ortho_height))
+    return BadUsage("--ortho needs a positive height");
+  if (!(c.fov_degrees > 0) || c.fov_degrees > 179)
+    return BadUsage("--fov must lie between 0 and 179 degrees");
   return {};
 }
 
@@ -40,8 +43,8 @@ uint32_t WordsPerPixel(uint32_t aov_mask) {
 
 Status NormalizeJob(RenderJob& job) {
   if (job.width == 0 || job.height == 0 || job.width > kMaxImageSide || job.height > kMaxImageSide)
-    return BadUsage(fmt::format("the image size {}x{} must lie between 1 and {} a side", job.width, job.height,
-                                kMaxImageSide));
+    return BadUsage(fmt::format("the image size {}x{} must lie between 1 and {} a side", job.width,
+                                job.height, kMaxImageSide));
   if (job.crop_width == 0) {
     job.crop_x = job.crop_y = 0;
     job.crop_width = job.width;
@@ -51,20 +54,24 @@ Status NormalizeJob(RenderJob& job) {
       job.crop_width > job.width - job.crop_x || job.crop_height > job.height - job.crop_y)
     return BadUsage("--crop must lie within the image");
   if (static_cast<uint8_t>(job.mode) >= kRenderModes) return BadUsage("that mode is not known");
-  if (job.spp == 0 || job.spp > kMaxSpp) return BadUsage(fmt::format("--spp must lie between 1 and {}", kMaxSpp));
-  if (!std::isfinite(job.exposure) || std::fabs(job.exposure) > 100) return BadUsage("--exposure must lie within 100");
+  if (job.spp == 0 || job.spp > kMaxSpp)
+    return BadUsage(fmt::format("--spp must lie between 1 and {}", kMaxSpp));
+  if (!std::isfinite(job.exposure) || std::fabs(job.exposure) > 100)
+    return BadUsage("--exposure must lie within 100");
   if (job.aov_mask >> kAovs) return BadUsage("an unknown layer was asked for");
   if (job.format != "png" && job.format != "exr") return BadUsage("images are written as .png or .exr");
   if (job.lights.size() > kMaxLights) return BadUsage(fmt::format("more than {} lights", kMaxLights));
   for (Light& light : job.lights) {
-    if (!Finite(light.vector) || !Nonnegative(light.radiance)) return BadUsage("a light has a value that cannot be");
+    if (!Finite(light.vector) || !Nonnegative(light.radiance))
+      return BadUsage("a light has a value that cannot be");
     if (light.kind != LightKind::kSun) continue;
     const float length = std::sqrt(light.vector.x * light.vector.x + light.vector.y * light.vector.y +
                                    light.vector.z * light.vector.z);
     if (!(length > 1e-18f) || !(length < 1e18f)) return BadUsage("the sun has no direction");
     light.vector /= length;
   }
-  if (!Nonnegative(job.ambient) || !Nonnegative(job.background)) return BadUsage("ambient and background must be >= 0");
+  if (!Nonnegative(job.ambient) || !Nonnegative(job.background))
+    return BadUsage("ambient and background must be >= 0");
   if (job.cameras.empty() || job.cameras.size() > kMaxFrames)
     return BadUsage(fmt::format("between 1 and {} frames can be rendered", kMaxFrames));
   for (const CameraSpec& camera : job.cameras) QUARRY_TRY(CheckCamera(camera));

@@ -21,7 +21,7 @@ struct AovInfo {
   int words;
   bool is_integer;
 };
-inline constexpr AovInfo kAovInfo[kAovs] = {{"depth", 1, false},    {"normal", 3, false}, {"uv", 2, false},
+inline constexpr AovInfo kAovInfo[kAovs] = {{"depth", 1, false},    {"normal", 3, false},  {"uv", 2, false},
                                             {"primitive", 1, true}, {"material", 1, true}, {"part", 1, true},
                                             {"voxel", 1, true}};
 
@@ -46,8 +46,8 @@ struct RenderJob {
   RenderMode mode = RenderMode::kRaycast;
   uint32_t spp = 1;
   uint64_t seed = 0;
-  double exposure = 0;       ///< EV, for PNG only
-  uint32_t aov_mask = 0;     ///< bit per Aov
+  double exposure = 0;         ///< EV, for PNG only
+  uint32_t aov_mask = 0;       ///< bit per Aov
   std::string format = "png";  ///< png or exr
   std::vector<Light> lights;
   glm::vec3 ambient{0.2f};
@@ -67,7 +67,8 @@ inline constexpr uint32_t kTileSize = 32;
 /// 32-bit words a pixel takes in tiles and frames: colour first (3 floats), then the AOVs in order.
 uint32_t WordsPerPixel(uint32_t aov_mask);
 
-/// Fills in a whole-image crop. Errors (usage): sizes, counts, directions or modes out of range; one sentence.
+/// Fills in a whole-image crop. Errors (usage): sizes, counts, directions or modes out of range; one
+/// sentence.
 Status NormalizeJob(RenderJob& job);
 
 }  // namespace quarry

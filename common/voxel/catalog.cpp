@@ -52,9 +52,9 @@ Status DecodeTopTree(std::span<const std::byte> bytes, Catalog& catalog) {
   catalog.top_nodes = ByteReader(bytes).GetArray<KdNode>(bytes.size() / sizeof(KdNode));
   for (size_t i = 0; i < catalog.top_nodes.size(); ++i) {
     const KdNode& n = catalog.top_nodes[i];
-    const bool valid = n.is_leaf()
-                           ? n.count() == 0 || (n.count() == 1 && n.first() < catalog.voxels.size())
-                           : n.left() > i && n.left() + 1 < catalog.top_nodes.size() && std::isfinite(n.split());
+    const bool valid =
+        n.is_leaf() ? n.count() == 0 || (n.count() == 1 && n.first() < catalog.voxels.size())
+                    : n.left() > i && n.left() + 1 < catalog.top_nodes.size() && std::isfinite(n.split());
     if (!valid) return Fail(fmt::format("the TOPT section's node {} leads nowhere", i));
   }
   return {};
@@ -74,7 +74,8 @@ Status CheckVoxel(const VoxelEntry& v, size_t index, size_t count, const SceneMe
 
 Status DecodeDirectory(std::span<const std::byte> bytes, Catalog& catalog) {
   const size_t count = bytes.size() / kVoxelBytes;
-  if (bytes.size() % kVoxelBytes != 0 || count > 0x7FFFFFFF) return Fail("the VDIR section has the wrong size");
+  if (bytes.size() % kVoxelBytes != 0 || count > 0x7FFFFFFF)
+    return Fail("the VDIR section has the wrong size");
   ByteReader in(bytes);
   catalog.voxels.resize(count);
   catalog.next_in_chain.resize(count);

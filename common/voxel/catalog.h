@@ -13,8 +13,8 @@
 #include "common/scene/material.h"
 #include "common/voxel/voxel_block.h"
 
-// The catalog is what every worker holds whole: facts about the scene, the top-level tree, the voxel directory and
-// the materials. It is stored as four sections and sent as the same bytes.
+// The catalog is what every worker holds whole: facts about the scene, the top-level tree, the voxel
+// directory and the materials. It is stored as four sections and sent as the same bytes.
 
 namespace quarry {
 
@@ -70,7 +70,8 @@ struct VoxelEntry {
   bool operator==(const VoxelEntry&) const = default;
 };
 
-/// 128 bits over a scene's logical content, whatever the compressor. Caches are keyed by (scene id, block id).
+/// 128 bits over a scene's logical content, whatever the compressor. Caches are keyed by (scene id, block
+/// id).
 using SceneId = std::array<uint8_t, 16>;
 std::string FormatSceneId(const SceneId& id);
 
@@ -100,8 +101,9 @@ Bytes EncodeDirectory(const std::vector<VoxelEntry>& voxels);
 /// Appends names to `strings` and refers to them.
 Bytes EncodeMaterials(const std::vector<Material>& materials, std::string& strings);
 
-/// Puts a catalog together from its four sections (others are ignored), everything checked: kernels and caches
-/// may believe it. Errors: a section missing or of the wrong size, a link, offset or size out of range.
+/// Puts a catalog together from its four sections (others are ignored), everything checked: kernels and
+/// caches may believe it. Errors: a section missing or of the wrong size, a link, offset or size out of
+/// range.
 Result<Catalog> DecodeCatalog(const SceneId& id, const std::vector<Section>& sections);
 
 /// One byte string for the wire, and back. The four sections, each as type, size, checksum, bytes.

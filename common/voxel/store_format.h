@@ -15,7 +15,9 @@ inline constexpr uint64_t kSectionEntryBytes = 40;
 inline constexpr uint32_t kMaxSections = 64;
 
 /// Section flags.
-inline constexpr uint32_t kSectionCritical = 1;      ///< a reader that does not know the type must refuse the store
-inline constexpr uint32_t kSectionOwnChecksums = 2;  ///< its parts are checksummed elsewhere (blocks: in VDIR)
+inline constexpr uint32_t kSectionCritical =
+    1;  ///< a reader that does not know the type must refuse the store
+inline constexpr uint32_t kSectionOwnChecksums =
+    2;  ///< its parts are checksummed elsewhere (blocks: in VDIR)
 
 }  // namespace quarry

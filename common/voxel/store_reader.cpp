@@ -46,9 +46,11 @@ Result<StoreReader> StoreReader::Open(const std::string& path) {
 
 Status StoreReader::ReadHeader() {
   std::byte header[kStoreHeaderBytes];
-  if (file_.size() < kStoreHeaderBytes) return Fail(fmt::format("{}: not a Quarry scene store (too short)", path()));
+  if (file_.size() < kStoreHeaderBytes)
+    return Fail(fmt::format("{}: not a Quarry scene store (too short)", path()));
   QUARRY_TRY(file_.ReadAt(0, header));
-  if (AsText(header).substr(0, 8) != kStoreMagic) return Fail(fmt::format("{}: not a Quarry scene store", path()));
+  if (AsText(header).substr(0, 8) != kStoreMagic)
+    return Fail(fmt::format("{}: not a Quarry scene store", path()));
   ByteReader in(std::span<const std::byte>(header).subspan(8));
   const auto version = in.Get<uint32_t>();
   const auto count = in.Get<uint32_t>();
@@ -60,11 +62,13 @@ Status StoreReader::ReadHeader() {
   if (Checksum(std::span<const std::byte>(header).first(56)) != header_checksum)
     return Fail(fmt::format("{}: the header is damaged (checksum); make the store again", path()));
   if (version != kStoreVersion)
-    return Fail(fmt::format("{}: store format version {}, this program reads version {}; make the store again "
-                            "with this quarry-preprocess",
-                            path(), version, kStoreVersion));
+    return Fail(
+        fmt::format("{}: store format version {}, this program reads version {}; make the store again "
+                    "with this quarry-preprocess",
+                    path(), version, kStoreVersion));
   if (file_size != file_.size())
-    return Fail(fmt::format("{}: {} bytes long, should be {}: truncated or added to", path(), file_.size(), file_size));
+    return Fail(fmt::format("{}: {} bytes long, should be {}: truncated or added to", path(), file_.size(),
+                            file_size));
   if (count > kMaxSections || table_offset != kStoreHeaderBytes ||
       table_offset + count * kSectionEntryBytes > file_size)
     return Fail(fmt::format("{}: the header's section table cannot be", path()));
@@ -90,7 +94,8 @@ Status StoreReader::ReadSections(std::span<const std::byte> table, uint32_t coun
       return Fail(fmt::format("{}: section {} is not where it should be", path(), TypeName(type)));
     end = offset + size;
     if (!IsKnown(type) && (flags & kSectionCritical))
-      return Fail(fmt::format("{}: needs a newer program: section {} is not known here", path(), TypeName(type)));
+      return Fail(
+          fmt::format("{}: needs a newer program: section {} is not known here", path(), TypeName(type)));
     if (type == SectionType::kBlocks) {
       blocks_begin_ = offset;
       blocks_end_ = end;
@@ -101,10 +106,13 @@ Status StoreReader::ReadSections(std::span<const std::byte> table, uint32_t coun
     if (Checksum(section.bytes) != checksum)
       return Fail(fmt::format("{}: section {} at byte {} is damaged (checksum); make the store again", path(),
                               TypeName(type), offset));
-    if (IsCatalogSection(type)) catalog_sections_.push_back(std::move(section));
-    else if (IsKnown(type)) named.push_back(std::move(section));
+    if (IsCatalogSection(type))
+      catalog_sections_.push_back(std::move(section));
+    else if (IsKnown(type))
+      named.push_back(std::move(section));
   }
-  if (end != file_.size()) return Fail(fmt::format("{}: {} bytes after the last section", path(), file_.size() - end));
+  if (end != file_.size())
+    return Fail(fmt::format("{}: {} bytes after the last section", path(), file_.size() - end));
   auto catalog = DecodeCatalog(id_, catalog_sections_);
   if (!catalog) return Fail(fmt::format("{}: {}", path(), catalog.error().message));
   catalog_ = std::move(*catalog);
@@ -140,8 +148,8 @@ Result<Bytes> StoreReader::ReadBlock(uint32_t block_id) const {
   Bytes bytes(entry.stored);
   QUARRY_TRY(file_.ReadAt(entry.offset, bytes));
   if (Checksum(bytes) != entry.checksum)
-    return Fail(fmt::format("{}: block {} at byte {} is damaged (checksum); make the store again", path(), block_id,
-                            entry.offset));
+    return Fail(fmt::format("{}: block {} at byte {} is damaged (checksum); make the store again", path(),
+                            block_id, entry.offset));
   return bytes;
 }
 
@@ -158,7 +166,8 @@ Status StoreReader::VerifyVoxel(uint32_t voxel, uint64_t& end) const {
     if (status && kind == BlockKind::kHot) status = ViewHot(decoded).map([](auto&&) {});
     if (status && kind == BlockKind::kShading) status = ViewShading(decoded).map([](auto&&) {});
     if (!status)
-      return Fail(fmt::format("{}: block {} at byte {}: {}", path(), id, entry.offset, status.error().message));
+      return Fail(
+          fmt::format("{}: block {} at byte {}: {}", path(), id, entry.offset, status.error().message));
   }
   return {};
 }

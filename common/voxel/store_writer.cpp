@@ -68,7 +68,8 @@ SceneMeta LogicalMeta(SceneMeta meta) {
 
 }  // namespace
 
-EncodedVoxel EncodeVoxel(std::span<const std::byte> hot, std::span<const std::byte> shading, uint32_t triangles) {
+EncodedVoxel EncodeVoxel(std::span<const std::byte> hot, std::span<const std::byte> shading,
+                         uint32_t triangles) {
   EncodedVoxel voxel;
   voxel.hot = CompressBlock(hot);
   voxel.hot_decoded = static_cast<uint32_t>(hot.size());
@@ -92,7 +93,8 @@ Result<StoreWriter> StoreWriter::Create(const std::string& path) {
 
 Status StoreWriter::AddVoxel(const EncodedVoxel& voxel) {
   VoxelEntry entry;
-  entry.blocks[0] = {file_.size(), static_cast<uint32_t>(voxel.hot.size()), voxel.hot_decoded, Checksum(voxel.hot)};
+  entry.blocks[0] = {file_.size(), static_cast<uint32_t>(voxel.hot.size()), voxel.hot_decoded,
+                     Checksum(voxel.hot)};
   entry.blocks[1] = {file_.size() + voxel.hot.size(), static_cast<uint32_t>(voxel.shading.size()),
                      voxel.shading_decoded, voxel.shading.empty() ? 0 : Checksum(voxel.shading)};
   entry.triangles = voxel.triangles;
@@ -105,7 +107,8 @@ Status StoreWriter::AddVoxel(const EncodedVoxel& voxel) {
 }
 
 Result<SceneId> StoreWriter::Finish(SceneMeta meta, const std::vector<KdNode>& top_nodes,
-                                    const std::vector<Material>& materials, const std::vector<std::string>& parts) {
+                                    const std::vector<Material>& materials,
+                                    const std::vector<std::string>& parts) {
   for (const VoxelEntry& v : directory_) {
     for (const BlockEntry& b : v.blocks) {
       meta.largest_decoded = std::max(meta.largest_decoded, b.decoded);
@@ -132,10 +135,12 @@ Result<SceneId> StoreWriter::Finish(SceneMeta meta, const std::vector<KdNode>& t
   const SceneId id = HashScene(logical_, logical);
 
   ByteWriter table;
-  PutSectionEntry(table, SectionType::kBlocks, kSectionCritical | kSectionOwnChecksums, kBlocksOffset, blocks_size, 0);
+  PutSectionEntry(table, SectionType::kBlocks, kSectionCritical | kSectionOwnChecksums, kBlocksOffset,
+                  blocks_size, 0);
   for (const Section& s : sections) {
     const bool names = s.type == SectionType::kParts || s.type == SectionType::kStrings;
-    PutSectionEntry(table, s.type, names ? 0 : kSectionCritical, file_.size(), s.bytes.size(), Checksum(s.bytes));
+    PutSectionEntry(table, s.type, names ? 0 : kSectionCritical, file_.size(), s.bytes.size(),
+                    Checksum(s.bytes));
     QUARRY_TRY(file_.Write(s.bytes));
   }
   QUARRY_TRY(file_.WriteAt(0, EncodeHeader(id, file_.size(), table.bytes())));

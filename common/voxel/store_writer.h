@@ -22,7 +22,8 @@ struct EncodedVoxel {
 };
 
 /// Compresses a voxel's decoded blocks. Thread-safe.
-EncodedVoxel EncodeVoxel(std::span<const std::byte> hot, std::span<const std::byte> shading, uint32_t triangles);
+EncodedVoxel EncodeVoxel(std::span<const std::byte> hot, std::span<const std::byte> shading,
+                         uint32_t triangles);
 
 /// Writes a scene store: voxels as they come, then the rest. Nothing is at `path` before Finish succeeds.
 /// Not thread-safe.
@@ -34,7 +35,8 @@ class StoreWriter {
   Status AddVoxel(const EncodedVoxel& voxel);
   uint32_t voxel_count() const { return static_cast<uint32_t>(directory_.size()); }
 
-  /// Writes all other sections and gives the store its name. The sizes and LZ4 version in `meta` are filled in.
+  /// Writes all other sections and gives the store its name. The sizes and LZ4 version in `meta` are filled
+  /// in.
   Result<SceneId> Finish(SceneMeta meta, const std::vector<KdNode>& top_nodes,
                          const std::vector<Material>& materials, const std::vector<std::string>& parts);
   uint64_t bytes_written() const { return file_.size(); }

@@ -123,7 +123,8 @@ Result<VoxelShading> ViewShading(std::span<const std::byte> bytes) {
   const auto vertex_count = in.Get<uint32_t>();
   if (!in.ok() || magic != kShadingMagic) return Fail("voxel block: not a shading block");
   if (v.triangle_count > kMaxVoxelTriangles || vertex_count > 65535 ||
-      kShadingHeader + size_t{vertex_count} * sizeof(ShadingVertex) + size_t{6} * v.triangle_count != bytes.size())
+      kShadingHeader + size_t{vertex_count} * sizeof(ShadingVertex) + size_t{6} * v.triangle_count !=
+          bytes.size())
     return Fail("voxel block: counts do not fit its size");
   size_t at = kShadingHeader;
   v.vertices = ViewArray<ShadingVertex>(bytes, at, vertex_count);
@@ -135,9 +136,9 @@ Result<VoxelShading> ViewShading(std::span<const std::byte> bytes) {
 
 Bytes CompressBlock(std::span<const std::byte> decoded) {
   Bytes stored(static_cast<size_t>(LZ4_compressBound(static_cast<int>(decoded.size()))));
-  const int size = LZ4_compress_HC(reinterpret_cast<const char*>(decoded.data()),
-                                   reinterpret_cast<char*>(stored.data()), static_cast<int>(decoded.size()),
-                                   static_cast<int>(stored.size()), kCompressionLevel);
+  const int size =
+      LZ4_compress_HC(reinterpret_cast<const char*>(decoded.data()), reinterpret_cast<char*>(stored.data()),
+                      static_cast<int>(decoded.size()), static_cast<int>(stored.size()), kCompressionLevel);
   QUARRY_CHECK(size > 0);
   if (static_cast<size_t>(size) >= decoded.size()) return Bytes(decoded.begin(), decoded.end());
   stored.resize(static_cast<size_t>(size));
@@ -149,9 +150,9 @@ Status DecompressBlock(std::span<const std::byte> stored, std::span<std::byte> o
     std::memcpy(out.data(), stored.data(), out.size());
     return {};
   }
-  const int size = LZ4_decompress_safe(reinterpret_cast<const char*>(stored.data()),
-                                       reinterpret_cast<char*>(out.data()), static_cast<int>(stored.size()),
-                                       static_cast<int>(out.size()));
+  const int size =
+      LZ4_decompress_safe(reinterpret_cast<const char*>(stored.data()), reinterpret_cast<char*>(out.data()),
+                          static_cast<int>(stored.size()), static_cast<int>(out.size()));
   if (size < 0 || static_cast<size_t>(size) != out.size())
     return Fail("voxel block: does not decompress to the size its directory entry gives");
   return {};

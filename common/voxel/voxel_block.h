@@ -12,8 +12,8 @@
 #include "common/kdtree/node.h"
 #include "common/kdtree/voxel_geometry.h"
 
-// A voxel is stored as two blocks: the hot part (tree and triangles, all that traversal touches) and the shading
-// part (normals, uv, colours). FORMAT.md gives both byte by byte. A decoded block is used in place.
+// A voxel is stored as two blocks: the hot part (tree and triangles, all that traversal touches) and the
+// shading part (normals, uv, colours). FORMAT.md gives both byte by byte. A decoded block is used in place.
 
 namespace quarry {
 

@@ -12,7 +12,8 @@
 
 namespace quarry {
 
-/// One corner of a polygon: indices into the streams of the file at hand, from 0. `normal` and `uv` may be kNoIndex.
+/// One corner of a polygon: indices into the streams of the file at hand, from 0. `normal` and `uv` may be
+/// kNoIndex.
 struct Corner {
   uint32_t position = kNoIndex;
   uint32_t normal = kNoIndex;
@@ -24,10 +25,10 @@ struct Rgba8 {
   uint8_t r = 255, g = 255, b = 255, a = 255;
 };
 
-/// Receives one model file after another as a stream, in file order; holds nothing per element for the importer.
-/// Within a file positions, normals and uvs are numbered from 0 in the order given. A polygon may refer to
-/// elements that come later in the same file (OBJ allows it); the sink checks the indices when the file ends.
-/// Not thread-safe. An error ends the import: the importer returns it unchanged.
+/// Receives one model file after another as a stream, in file order; holds nothing per element for the
+/// importer. Within a file positions, normals and uvs are numbered from 0 in the order given. A polygon may
+/// refer to elements that come later in the same file (OBJ allows it); the sink checks the indices when the
+/// file ends. Not thread-safe. An error ends the import: the importer returns it unchanged.
 class ModelSink {
  public:
   virtual ~ModelSink() = default;
@@ -37,7 +38,8 @@ class ModelSink {
   /// Ends it. Errors: a corner index beyond the elements given.
   virtual Status EndFile() = 0;
 
-  /// Registers a material, a part; returns its index in the scene. Equal part names within a file are one part.
+  /// Registers a material, a part; returns its index in the scene. Equal part names within a file are one
+  /// part.
   virtual uint32_t AddMaterial(const Material& material) = 0;
   virtual uint32_t AddPart(std::string_view name) = 0;
 

@@ -49,7 +49,8 @@ Material ToMaterial(const MtlBlock& block) {
   if (refracts) {
     // Tf says by itself what passes: scaling it by 1 - d, or Kd by d, would count the same glass twice.
     if (block.tf) material.diffuse = ClampColor(block.kd);
-    material.transmittance = ClampColor(block.tf.value_or(glm::dvec3(dissolve == 1.0 ? 1.0 : 1.0 - dissolve)));
+    material.transmittance =
+        ClampColor(block.tf.value_or(glm::dvec3(dissolve == 1.0 ? 1.0 : 1.0 - dissolve)));
     material.ior = Clamp(block.ni, 1, 10);
   }
   return material;

@@ -20,7 +20,8 @@ Image Read(const std::string& path) {
   REQUIRE(in);
   Image image{in->spec(), {}};
   const auto channels = static_cast<size_t>(image.spec.nchannels);
-  image.words.resize(static_cast<size_t>(image.spec.width) * static_cast<size_t>(image.spec.height) * channels);
+  image.words.resize(static_cast<size_t>(image.spec.width) * static_cast<size_t>(image.spec.height) *
+                     channels);
   REQUIRE(in->read_image(0, 0, 0, image.spec.nchannels, OIIO::TypeUnknown, image.words.data()));
   return image;
 }

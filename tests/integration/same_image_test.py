@@ -1,4 +1,5 @@
 """The same picture, bit for bit, whatever the workers, threads, caches and faults (design: what must always be true)."""
+import json
 import os
 import pathlib
 import signal
@@ -45,17 +46,21 @@ class SameImage(Case):
         return client, output
 
     def kill_one_worker(self, reference):
-        _, address = self.start_master(self.scene)
-        victim = self.start_worker(address, "--threads", 1, "--cache", "2M")
-        # A small cache keeps the victim busy; it is stopped first, so that it surely dies with tiles in hand.
-        client, output = self.render_with(address, "killed")
-        time.sleep(0.3)
-        victim.send_signal(signal.SIGKILL)
-        self.start_worker(address, "--threads", 2)
-        self.assertEqual(client.wait(timeout=110), 0, client.stderr.read())
-        self.assertEqual(pathlib.Path(output).read_bytes(), reference)
-        stats = pathlib.Path(self.path("killed.json")).read_text()
-        self.assertNotIn('"leases_lost": 0', stats, "the worker held no tile when it was killed")
+        # How fast the machine is decides when the victim has tiles in hand: several moments are tried until the
+        # master has counted leases lost. The picture must be right at every one of them.
+        for delay in (0.3, 0.15, 0.6, 1.2, 2.4):
+            _, address = self.start_master(self.scene)
+            victim = self.start_worker(address, "--threads", 1, "--cache", "2M")
+            client, output = self.render_with(address, "killed")
+            time.sleep(delay)
+            victim.send_signal(signal.SIGKILL)
+            self.start_worker(address, "--threads", 2)
+            self.assertEqual(client.wait(timeout=110), 0, client.stderr.read())
+            self.assertEqual(pathlib.Path(output).read_bytes(), reference)
+            stats = json.loads(pathlib.Path(self.path("killed.json")).read_text())
+            if stats["frames"][0]["leases_lost"] > 0:
+                return
+        self.fail("the worker never held a tile when it was killed")
 
     def worker_that_starts_late(self, reference):
         _, address = self.start_master(self.scene)
@@ -67,7 +72,7 @@ class SameImage(Case):
         self.assertEqual(pathlib.Path(output).read_bytes(), reference)
 
 
-class SamePrefix(Case):
+class SameStore(Case):
     def test_memory_and_threads_do_not_change_the_store(self):
         model = self.path("m.ply")
         self.must("quarry-scene", "plant", "--triangles", 300000, "-o", model, "--quiet")

@@ -17,7 +17,8 @@ Sphere MakeSphere(const glm::vec3& centre, uint32_t rings, uint32_t segments) {
   for (uint32_t r = 0; r <= rings; ++r)
     for (uint32_t k = 0; k < segments; ++k) {
       const double a = std::numbers::pi * r / rings, b = 2 * std::numbers::pi * k / segments;
-      s.vertices.push_back(centre + glm::vec3(std::sin(a) * std::cos(b), std::sin(a) * std::sin(b), std::cos(a)));
+      s.vertices.push_back(centre +
+                           glm::vec3(std::sin(a) * std::cos(b), std::sin(a) * std::sin(b), std::cos(a)));
       if (r == 0 || r == rings) s.vertices.back() = centre + glm::vec3(0, 0, r == 0 ? 1 : -1);
     }
   const auto index = [&](uint32_t r, uint32_t k) { return r * segments + k % segments; };
@@ -63,14 +64,16 @@ TEST_CASE("No ray leaves a closed mesh, through vertices and edges least of all"
       worst = std::max(worst, std::fabs(exact - static_cast<double>(ray.hit.t)));
     }
     CHECK(lost == 0);
-    CHECK(worst < 0.02);  // the mesh lies within 1 - cos(7.5 degrees / 2 * sqrt 2) of the sphere, seen slantwise
+    CHECK(worst <
+          0.02);  // the mesh lies within 1 - cos(7.5 degrees / 2 * sqrt 2) of the sphere, seen slantwise
   }
 }
 
 TEST_CASE("Distances to a box are exact", "[reference]") {
   const TemporaryFolder folder;
-  std::ofstream(folder.file("box.obj")) << "v 0 0 0\nv 4 0 0\nv 4 2 0\nv 0 2 0\nv 0 0 1\nv 4 0 1\nv 4 2 1\nv 0 2 1\n"
-                                           "f 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
+  std::ofstream(folder.file("box.obj"))
+      << "v 0 0 0\nv 4 0 0\nv 4 2 0\nv 0 2 0\nv 0 0 1\nv 4 0 1\nv 4 2 1\nv 0 2 1\n"
+         "f 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
   const LoadedScene scene(folder.file("box.obj"), 4096);
   const auto distance = [&](const glm::vec3& origin, const glm::vec3& direction) {
     Ray ray;

@@ -1,5 +1,5 @@
-// The hit that traversal finds is the hit by definition: least (t, id) over all triangles under the same test, to the
-// last bit, through many tiny voxels, with every voxel absent at first.
+// The hit that traversal finds is the hit by definition: least (t, id) over all triangles under the same
+// test, to the last bit, through many tiny voxels, with every voxel absent at first.
 #include <bit>
 
 #include "tests/reference/scene_fixture.h"
@@ -24,12 +24,15 @@ bool SameBits(const Hit& a, const Hit& b) {
 /// A ray of one of several kinds, the nasty ones among them.
 Ray MakeRay(const LoadedScene& scene, std::mt19937& random) {
   const auto& meta = scene.catalog().meta;
-  const auto pick = [&]() -> const StoredTriangle& { return scene.triangles()[random() % scene.triangles().size()]; };
+  const auto pick = [&]() -> const StoredTriangle& {
+    return scene.triangles()[random() % scene.triangles().size()];
+  };
   Ray ray;
   ray.origin = PointInBox(random, meta.root_lower, meta.root_upper);
   glm::vec3 target = PointInBox(random, meta.root_lower, meta.root_upper);
   switch (random() % 8) {
-    case 0: break;
+    case 0:
+      break;
     case 1: {  // along an axis, exactly
       glm::vec3 d(0);
       d[static_cast<int>(random() % 3)] = random() % 2 ? 1.0f : -1.0f;
@@ -37,8 +40,10 @@ Ray MakeRay(const LoadedScene& scene, std::mt19937& random) {
       ray.direction = d;
       return ray;
     }
-    case 2: target = pick().vertices[random() % 3]; break;  // at a vertex
-    case 3: {                                               // at an edge
+    case 2:
+      target = pick().vertices[random() % 3];
+      break;   // at a vertex
+    case 3: {  // at an edge
       const auto& t = pick();
       const float u = Uniform(random, 0, 1);
       target = t.vertices[0] * u + t.vertices[1] * (1 - u);
@@ -108,14 +113,16 @@ void CompareAll(const LoadedScene& scene, uint32_t rays, const std::string& name
     const bool occluded = scene.TraceAll<true>(shadow).status == TraceStatus::kHit;
     const bool expect_occluded = expected.triangle != kNoTriangle && expected.t < shadow.t_max;
     hits += expected.triangle != kNoTriangle;
-    const bool same = SameBits(ray.hit, expected) && SameBits(suspended.hit, expected) && occluded == expect_occluded;
+    const bool same =
+        SameBits(ray.hit, expected) && SameBits(suspended.hit, expected) && occluded == expect_occluded;
     if (!same && ++differences < 5)
       UNSCOPED_INFO(name << " ray " << i << ": brute force " << expected.triangle << " at " << expected.t
                          << ", traversal " << ray.hit.triangle << " at " << ray.hit.t << ", suspended "
                          << suspended.hit.triangle << " at " << suspended.hit.t << ", occluded " << occluded);
   }
-  WARN(name << ": " << scene.triangles().size() << " triangles, " << scene.voxels().size() << " voxels, " << rays
-            << " rays, " << hits << " hits, " << suspensions_total << " suspensions, " << differences << " differences");
+  WARN(name << ": " << scene.triangles().size() << " triangles, " << scene.voxels().size() << " voxels, "
+            << rays << " rays, " << hits << " hits, " << suspensions_total << " suspensions, " << differences
+            << " differences");
   CHECK(differences == 0);
   CHECK(hits > rays / 50);
 }
@@ -124,7 +131,8 @@ void WriteSoup(const std::string& path, const std::vector<glm::vec3>& corners) {
   std::ofstream out(path);
   out.precision(9);
   for (const glm::vec3& p : corners) out << "v " << p.x << ' ' << p.y << ' ' << p.z << '\n';
-  for (size_t i = 1; i + 2 <= corners.size(); i += 3) out << "f " << i << ' ' << i + 1 << ' ' << i + 2 << '\n';
+  for (size_t i = 1; i + 2 <= corners.size(); i += 3)
+    out << "f " << i << ' ' << i + 1 << ' ' << i + 2 << '\n';
 }
 
 }  // namespace
@@ -148,7 +156,8 @@ TEST_CASE("Traversal agrees with brute force on slivers, piles and split planes"
     slivers.insert(slivers.end(), {a, b, a * 0.5f + b * 0.5f + point(1e-5f)});
     fan.insert(fan.end(), {glm::vec3(0.25f), glm::vec3(0.25f) + point(1), glm::vec3(0.25f) + point(1)});
     // Squares on a grid: coplanar neighbours, vertices on every likely split plane.
-    const glm::vec3 p(static_cast<float>(random() % 8), static_cast<float>(random() % 8), static_cast<float>(random() % 8));
+    const glm::vec3 p(static_cast<float>(random() % 8), static_cast<float>(random() % 8),
+                      static_cast<float>(random() % 8));
     glm::vec3 e(0), f(0);
     e[i % 3] = 1;
     f[(i + 1) % 3] = 1;
@@ -163,7 +172,8 @@ TEST_CASE("Traversal agrees with brute force on slivers, piles and split planes"
   };
   compare("slivers", slivers, 100000);
   const Catalog piled = compare("fan", fan, 100000);
-  CHECK(std::any_of(piled.voxels.begin(), piled.voxels.end(), [](const VoxelEntry& v) { return v.next_in_chain != kNoIndex; }));
+  CHECK(std::any_of(piled.voxels.begin(), piled.voxels.end(),
+                    [](const VoxelEntry& v) { return v.next_in_chain != kNoIndex; }));
   compare("boxes", boxes, 100000);
   compare("single", {{0, 0, 0}, {1, 0, 0}, {0, 1, 0.5f}}, 50000);
 }

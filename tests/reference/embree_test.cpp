@@ -1,4 +1,5 @@
-// Against Embree 3 in robust mode: the same triangle, or the same t within 1e-5; every other ray is put in a class.
+// Against Embree 3 in robust mode: the same triangle, or the same t within 1e-5; every other ray is put in a
+// class.
 #include <embree3/rtcore.h>
 
 #include <thread>
@@ -14,8 +15,8 @@ class EmbreeScene {
       : triangles_(triangles), device_(rtcNewDevice("threads=2")), scene_(rtcNewScene(device_)) {
     rtcSetSceneFlags(scene_, RTC_SCENE_FLAG_ROBUST);
     RTCGeometry geometry = rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_TRIANGLE);
-    auto* vertices = static_cast<float*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0,
-                                                                 RTC_FORMAT_FLOAT3, 12, triangles.size() * 3));
+    auto* vertices = static_cast<float*>(rtcSetNewGeometryBuffer(
+        geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, 12, triangles.size() * 3));
     auto* indices = static_cast<uint32_t*>(
         rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 12, triangles.size()));
     for (size_t i = 0; i < triangles.size() * 3; ++i) {
@@ -40,8 +41,18 @@ class EmbreeScene {
     RTCIntersectContext context;
     rtcInitIntersectContext(&context);
     RTCRayHit r{};
-    r.ray = {ray.origin.x, ray.origin.y, ray.origin.z, 0, ray.direction.x, ray.direction.y, ray.direction.z, 0,
-             kInfinity, 0xFFFFFFFF, 0, 0};
+    r.ray = {ray.origin.x,
+             ray.origin.y,
+             ray.origin.z,
+             0,
+             ray.direction.x,
+             ray.direction.y,
+             ray.direction.z,
+             0,
+             kInfinity,
+             0xFFFFFFFF,
+             0,
+             0};
     r.hit.geomID = RTC_INVALID_GEOMETRY_ID;
     rtcIntersect1(scene_, &context, &r);
     if (r.hit.geomID == RTC_INVALID_GEOMETRY_ID) return {};
@@ -55,7 +66,8 @@ class EmbreeScene {
 };
 
 struct Classes {
-  uint64_t rays = 0, hits = 0, same_triangle = 0, edge_tie = 0, same_plane = 0, coplanar = 0, edge = 0, at_origin = 0, unexplained = 0, lost = 0;
+  uint64_t rays = 0, hits = 0, same_triangle = 0, edge_tie = 0, same_plane = 0, coplanar = 0, edge = 0,
+           at_origin = 0, unexplained = 0, lost = 0;
   void Add(const Classes& o) {
     rays += o.rays;
     hits += o.hits;
@@ -146,9 +158,11 @@ void Compare(const std::string& name, const std::string& model, uint32_t rays) {
   for (auto& thread : threads) thread.join();
   Classes c = parts[0];
   c.Add(parts[1]);
-  WARN(name << ": " << c.rays << " rays, " << c.hits << " hits; same triangle " << c.same_triangle << ", same t: edge tie "
-            << c.edge_tie << ", coplanar " << c.same_plane << "; within 1e-6 of an edge " << c.edge << ", coplanar to 1e-6 of the scene " << c.coplanar
-            << ", where the ray starts " << c.at_origin << ", unexplained " << c.unexplained << ", lost " << c.lost);
+  WARN(name << ": " << c.rays << " rays, " << c.hits << " hits; same triangle " << c.same_triangle
+            << ", same t: edge tie " << c.edge_tie << ", coplanar " << c.same_plane
+            << "; within 1e-6 of an edge " << c.edge << ", coplanar to 1e-6 of the scene " << c.coplanar
+            << ", where the ray starts " << c.at_origin << ", unexplained " << c.unexplained << ", lost "
+            << c.lost);
   CHECK(c.lost == 0);
   CHECK(c.unexplained == 0);
   CHECK(c.hits > c.rays / 10);
@@ -162,7 +176,8 @@ TEST_CASE("Embree in robust mode finds the same hits on real models", "[referenc
     std::string path = folder + "/" + name;
     if (name == "dragon" && !folder.empty())
       for (const auto& entry : std::filesystem::directory_iterator(path))
-        if (entry.path().extension() == ".ply" && entry.file_size() > (4u << 20)) path = entry.path().string();
+        if (entry.path().extension() == ".ply" && entry.file_size() > (4u << 20))
+          path = entry.path().string();
     if (folder.empty() || !std::filesystem::is_regular_file(path)) {
       WARN("skipped: " << name << " (the folder of real models is not there)");
       continue;

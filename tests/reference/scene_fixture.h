@@ -3,8 +3,8 @@
 #include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
-#include <cstring>
 #include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -65,7 +65,8 @@ class LoadedScene {
 
   template <bool kAnyHit>
   TraceResult TraceAll(Ray& ray) const {
-    return Trace<kAnyHit>(catalog().top_tree(), [&](uint32_t v) { return &voxels_[v]; }, ray);
+    return Trace<kAnyHit>(
+        catalog().top_tree(), [&](uint32_t v) { return &voxels_[v]; }, ray);
   }
 
  private:
@@ -119,7 +120,8 @@ inline float Uniform(std::mt19937& random, float low, float high) {
 }
 
 inline glm::vec3 PointInBox(std::mt19937& random, const glm::vec3& lower, const glm::vec3& upper) {
-  return {Uniform(random, lower.x, upper.x), Uniform(random, lower.y, upper.y), Uniform(random, lower.z, upper.z)};
+  return {Uniform(random, lower.x, upper.x), Uniform(random, lower.y, upper.y),
+          Uniform(random, lower.z, upper.z)};
 }
 
 inline glm::vec3 Unit(const glm::vec3& v) {

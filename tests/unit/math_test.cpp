@@ -81,7 +81,8 @@ TEST_CASE("Random bits depend on every part of their key") {
 TEST_CASE("Radiance does not depend on the order of its terms, saturation and all") {
   std::mt19937 random(5);
   std::vector<float> terms;
-  for (int i = 0; i < 3000; ++i) terms.push_back(std::ldexp(static_cast<float>(random() >> 8), static_cast<int>(random() % 44) - 44));
+  for (int i = 0; i < 3000; ++i)
+    terms.push_back(std::ldexp(static_cast<float>(random() >> 8), static_cast<int>(random() % 44) - 44));
   for (int round = 0; round < 20; ++round) {
     FixedRadiance a, b;
     for (float t : terms) a.Add(t);

@@ -14,8 +14,8 @@ TEST_CASE("A generated scene has the same materials as OBJ and as PLY") {
   REQUIRE(mkdtemp(folder.data()) != nullptr);
   for (const std::string kind : {"cornell", "plant", "city"}) {
     for (const std::string extension : {".obj", ".ply"}) {
-      const std::string command = std::string(QUARRY_BIN_DIR) + "/quarry-scene " + kind + " --triangles 20000 --quiet -o " +
-                                  folder + "/" + kind + extension;
+      const std::string command = std::string(QUARRY_BIN_DIR) + "/quarry-scene " + kind +
+                                  " --triangles 20000 --quiet -o " + folder + "/" + kind + extension;
       REQUIRE(std::system(command.c_str()) == 0);
     }
     const auto json = ReadMaterialJson(folder + "/" + kind + ".materials.json");

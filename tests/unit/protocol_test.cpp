@@ -79,18 +79,20 @@ TEST_CASE("Messages come back field by field") {
   CHECK((welcome->scene_id == w.scene_id && welcome->worker == 17));
   CHECK(DecodeFailure(Encode(Failure{"a sentence"}))->message == "a sentence");
   const auto progress = DecodeFrameProgress(Encode(FrameProgress{1, 2, 3, 4}));
-  CHECK((progress->frame == 1 && progress->tiles_done == 2 && progress->tiles == 3 && progress->workers == 4));
+  CHECK(
+      (progress->frame == 1 && progress->tiles_done == 2 && progress->tiles == 3 && progress->workers == 4));
   const auto frame = DecodeFrameDone(Encode(FrameDone{6, "{}"}));
   CHECK((frame->frame == 6 && frame->statistics == "{}"));
   const auto tile = DecodeTileOrder(Encode(TileOrder{1, 2, 3, 4, 5, 6, 7}));
-  CHECK((tile->setup == 1 && tile->tile == 2 && tile->lease == 3 && tile->x == 4 && tile->y == 5 && tile->width == 6 &&
-         tile->height == 7));
+  CHECK((tile->setup == 1 && tile->tile == 2 && tile->lease == 3 && tile->x == 4 && tile->y == 5 &&
+         tile->width == 6 && tile->height == 7));
   const auto done = DecodeTileDone(Encode(TileDone{1, 2, 3, 4, 5}));
-  CHECK((done->setup == 1 && done->tile == 2 && done->lease == 3 && done->rays == 4 && done->rays_suspended == 5));
+  CHECK((done->setup == 1 && done->tile == 2 && done->lease == 3 && done->rays == 4 &&
+         done->rays_suspended == 5));
   const auto alive = DecodeAlive(Encode(Alive{1, 2, 3, 4, 5, 6, 7, 8}));
   CHECK((alive->cache_bytes == 1 && alive->voxels_loaded == 2 && alive->voxel_bytes_loaded == 3 &&
-         alive->voxel_bytes_received == 4 && alive->evictions == 5 && alive->rays == 6 && alive->rays_suspended == 7 &&
-         alive->peak_rss_bytes == 8));
+         alive->voxel_bytes_received == 4 && alive->evictions == 5 && alive->rays == 6 &&
+         alive->rays_suspended == 7 && alive->peak_rss_bytes == 8));
   CHECK(DecodeBlockRequest(Encode(BlockRequest{123}))->block == 123);
 }
 
@@ -107,8 +109,8 @@ TEST_CASE("Values that cannot be are refused") {
 
 TEST_CASE("Mutated messages are refused or read, never worse") {
   std::mt19937 random(11);
-  const Bytes good[] = {Encode(MakeJob()), Encode(Hello{Role::kWorker, "w", 2}), Encode(TileOrder{1, 2, 3, 4, 5, 6, 7}),
-                        Encode(FrameDone{6, "{}"})};
+  const Bytes good[] = {Encode(MakeJob()), Encode(Hello{Role::kWorker, "w", 2}),
+                        Encode(TileOrder{1, 2, 3, 4, 5, 6, 7}), Encode(FrameDone{6, "{}"})};
   for (int i = 0; i < 40000; ++i) {
     Bytes bad = good[i % 4];
     for (int k = 0; k < 1 + i % 4; ++k) bad[random() % bad.size()] = static_cast<std::byte>(random());
@@ -128,7 +130,8 @@ TEST_CASE("Frame headers are checked before anything is allocated") {
   REQUIRE(header.has_value());
   CHECK((header->type == MessageType::kBlock && header->request == 42 && header->table_bytes == 0 &&
          header->raw_bytes == 1000));
-  for (auto type : {MessageType::kHello, MessageType::kTile, MessageType::kTileDone, MessageType::kRenderJob}) {
+  for (auto type :
+       {MessageType::kHello, MessageType::kTile, MessageType::kTileDone, MessageType::kRenderJob}) {
     Bytes bytes = EncodeFrameHeader({type, 0, {}, {}});
     for (size_t i = 16; i < 24; ++i) bytes[i] = std::byte{0xFF};
     CHECK_FALSE(DecodeFrameHeader(bytes).has_value());

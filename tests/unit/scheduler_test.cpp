@@ -1,9 +1,10 @@
+#include "master/scheduler.h"
+
 #include <catch2/catch.hpp>
 #include <map>
 #include <set>
 
 #include "master/active_frame.h"
-#include "master/scheduler.h"
 
 namespace quarry {
 namespace {
@@ -74,11 +75,12 @@ TEST_CASE("Results count once, under a lease that is known; a dead worker's tile
   job.cameras = {CameraSpec{}};
   REQUIRE(NormalizeJob(job).has_value());
   ActiveFrame frame(5, job, {});
-  const TileOrder first = frame.Lease({0, 1}, 0), second = frame.Lease({0, 2}, 1), other = frame.Lease({1, 1}, 1);
+  const TileOrder first = frame.Lease({0, 1}, 0), second = frame.Lease({0, 2}, 1),
+                  other = frame.Lease({1, 1}, 1);
   const Bytes pixels(32 * 32 * 3 * 4);
-  CHECK_FALSE(*frame.Finish({4, 0, first.lease, 0, 0}, pixels));   // another setup
-  CHECK_FALSE(*frame.Finish({5, 0, 999, 0, 0}, pixels));           // no such lease
-  CHECK_FALSE(*frame.Finish({5, 2, first.lease, 0, 0}, pixels));   // a lease of another tile
+  CHECK_FALSE(*frame.Finish({4, 0, first.lease, 0, 0}, pixels));  // another setup
+  CHECK_FALSE(*frame.Finish({5, 0, 999, 0, 0}, pixels));          // no such lease
+  CHECK_FALSE(*frame.Finish({5, 2, first.lease, 0, 0}, pixels));  // a lease of another tile
   CHECK_FALSE(frame.Finish({5, 0, first.lease, 0, 0}, Bytes(8)).has_value());
   CHECK(*frame.Finish({5, 0, second.lease, 10, 0}, pixels));
   CHECK_FALSE(*frame.Finish({5, 0, first.lease, 10, 0}, pixels));  // the straggler's

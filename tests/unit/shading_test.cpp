@@ -1,8 +1,9 @@
+#include "worker/shading.h"
+
 #include <catch2/catch.hpp>
 #include <cmath>
 
 #include "worker/camera.h"
-#include "worker/shading.h"
 
 namespace quarry {
 namespace {

@@ -1,9 +1,10 @@
+#include <unistd.h>
+
 #include <catch2/catch.hpp>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <random>
-#include <unistd.h>
 
 #include "common/voxel/store_format.h"
 #include "common/voxel/store_reader.h"
@@ -15,7 +16,8 @@ namespace {
 struct Folder {
   Folder() { std::filesystem::create_directories(path); }
   ~Folder() { std::filesystem::remove_all(path); }
-  std::string path = (std::filesystem::temp_directory_path() / ("quarry-store-" + std::to_string(::getpid()))).string();
+  std::string path =
+      (std::filesystem::temp_directory_path() / ("quarry-store-" + std::to_string(::getpid()))).string();
   std::string file(const std::string& name) const { return path + "/" + name; }
 };
 
@@ -177,7 +179,8 @@ TEST_CASE("Damaged blocks that pass no checksum never lead out of their bytes") 
     if (i % 5 == 0) bad.resize(random() % (bad.size() + 1));
     const auto view = ViewHot(bad);
     if (view)
-      for (uint32_t r = 0; r < view->reference_count; ++r) REQUIRE(view->references[r] < view->triangle_count);
+      for (uint32_t r = 0; r < view->reference_count; ++r)
+        REQUIRE(view->references[r] < view->triangle_count);
     (void)ViewShading(bad);
     Bytes out(300);
     (void)DecompressBlock(bad, out);

@@ -1,8 +1,9 @@
+#include "worker/voxel_cache.h"
+
 #include <catch2/catch.hpp>
 #include <thread>
 
 #include "worker/pin_set.h"
-#include "worker/voxel_cache.h"
 
 namespace quarry {
 namespace {
