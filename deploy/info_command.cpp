@@ -39,7 +39,7 @@ nlohmann::ordered_json Describe(const StoreReader& store) {
   j["voxels"] = c.voxels.size();
   j["chained_voxels"] = t.chained;
   j["stored_triangle_references"] = m.stored_references;
-  j["top_tree_nodes"] = c.top_nodes.size();
+  j["top_tree_nodes"] = c.top_node_count;
   j["voxel_size_bytes"] = m.voxel_size;
   j["largest_decoded_bytes"] = m.largest_decoded;
   j["largest_stored_bytes"] = m.largest_stored;

@@ -4,6 +4,9 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <numeric>
+
+#include "common/kdtree/treelets.h"
 
 namespace quarry {
 namespace {
@@ -53,31 +56,82 @@ Bytes BuildShading(std::span<const TriangleRecord> triangles) {
 }  // namespace
 
 uint32_t MaxTrianglesPerVoxel(uint32_t voxel_size) {
-  const size_t fixed = HotBytes(1, 0, 0, 0);
-  const size_t each = HotBytes(1, 1, 1, 3) - fixed;
+  const size_t fixed = HotBytes(kTreeletHeaderSlots, 0, 0, 0);
+  const size_t each = HotBytes(kTreeletHeaderSlots, 1, 1, 3) - fixed;
   return static_cast<uint32_t>(
       std::clamp<size_t>((voxel_size - std::min<size_t>(voxel_size, fixed)) / each, 1, kMaxVoxelTriangles));
 }
 
+namespace {
+
+/// The tree over `triangles` whose layout takes at most `room` bytes, its nodes in treelets.
+KdTree BuildTree(std::span<const TriangleRecord> triangles, const Box& cell, float padding, size_t room) {
+  std::vector<KdTriangle> vertices;
+  vertices.reserve(triangles.size());
+  for (const TriangleRecord& t : triangles)
+    vertices.push_back({{t.vertices[0], t.vertices[1], t.vertices[2]}});
+  // How much room headers take shows only in the layout.
+  for (size_t budget = room;; budget = budget / 4 * 3) {
+    KdTree tree = BuildKdTree(vertices, padding, cell, SahCosts{}, budget);
+    tree.nodes = LayOutTreelets(tree.nodes, kTreeletLevels);
+    const size_t bytes = tree.nodes.size() * sizeof(KdNode) + tree.references.size() * sizeof(uint16_t);
+    if (bytes <= room || tree.nodes.size() == kTreeletHeaderSlots) return tree;
+  }
+}
+
+/// The triangles in the order in which leaves first refer to them, which is renumbered: what one leaf needs
+/// lies together.
+std::vector<uint16_t> OrderByLeaves(std::vector<uint16_t>& references, size_t triangles) {
+  constexpr uint16_t kUnseen = 0xFFFF;
+  std::vector<uint16_t> number(triangles, kUnseen), order;
+  order.reserve(triangles);
+  const auto visit = [&](uint16_t triangle) {
+    if (number[triangle] == kUnseen) {
+      number[triangle] = static_cast<uint16_t>(order.size());
+      order.push_back(triangle);
+    }
+    return number[triangle];
+  };
+  for (uint16_t& reference : references) reference = visit(reference);
+  // The partition gave the voxel a triangle by its box; the tree has found that it does not reach the cell.
+  for (size_t i = 0; i < triangles; ++i) visit(static_cast<uint16_t>(i));
+  return order;
+}
+
+}  // namespace
+
 EncodedVoxel BuildVoxel(std::span<const TriangleRecord> triangles, const Box& cell, float padding,
                         bool has_shading, uint32_t voxel_size) {
+  const auto vertices_of = [&](HotVoxel& voxel, std::span<const uint16_t> order) {
+    Interner<glm::vec3> interner(triangles.size() * 3);
+    for (uint16_t i : order)
+      for (const glm::vec3& v : triangles[i].vertices)
+        voxel.corners.push_back(interner.Index(v, voxel.vertices));
+  };
+  std::vector<uint16_t> order(triangles.size());
+  std::iota(order.begin(), order.end(), uint16_t{0});
+  HotVoxel counted;
+  vertices_of(counted, order);
+  const size_t without_tree = HotBytes(0, 0, triangles.size(), counted.vertices.size());
+  const size_t room = voxel_size > without_tree ? voxel_size - without_tree : 0;
+
   HotVoxel voxel;
-  Interner<glm::vec3> interner(triangles.size() * 3);
-  std::vector<Box> boxes;
-  boxes.reserve(triangles.size());
-  for (const TriangleRecord& t : triangles) {
-    boxes.push_back(t.PaddedBox(padding));
-    for (const glm::vec3& v : t.vertices) voxel.corners.push_back(interner.Index(v, voxel.vertices));
+  voxel.cell = cell;
+  KdTree tree = BuildTree(triangles, cell, padding, room);
+  order = OrderByLeaves(tree.references, triangles.size());
+  voxel.nodes = std::move(tree.nodes);
+  voxel.references = std::move(tree.references);
+  vertices_of(voxel, order);
+  std::vector<TriangleRecord> ordered;
+  ordered.reserve(order.size());
+  for (uint16_t i : order) {
+    const TriangleRecord& t = triangles[i];
     voxel.triangle_ids.push_back(t.id);
     voxel.materials.push_back(static_cast<uint16_t>(t.material));
     voxel.parts.push_back(t.part);
+    if (has_shading) ordered.push_back(t);
   }
-  const size_t without_tree = HotBytes(0, 0, triangles.size(), voxel.vertices.size());
-  const size_t room = voxel_size > without_tree ? voxel_size - without_tree : 0;
-  KdTree tree = BuildKdTree(boxes, cell, SahCosts{}, room);
-  voxel.nodes = std::move(tree.nodes);
-  voxel.references = std::move(tree.references);
-  const Bytes shading = has_shading ? BuildShading(triangles) : Bytes{};
+  const Bytes shading = has_shading ? BuildShading(ordered) : Bytes{};
   return EncodeVoxel(LayOutHot(voxel), shading, static_cast<uint32_t>(triangles.size()));
 }
 

@@ -5,7 +5,8 @@
 #include <cstring>
 
 #include "common/base/check.h"
-#include "common/kdtree/trace.h"
+#include "common/kdtree/kernels.h"
+#include "common/kdtree/locate.h"
 #include "common/math/sampling.h"
 
 namespace quarry {
@@ -14,6 +15,15 @@ namespace {
 constexpr float kLeastWeight = 1.0f / 512;  // rays of less are not followed
 constexpr uint32_t kNone = 0xFFFFFFFFu;     // integer layers where nothing is hit
 
+struct TraceResult { int status; uint32_t voxel; };
+template <bool kAny> TraceResult TraceX(const TopTree& top, PinSet& pins, Ray& ray) {
+  RayPacket p; p.Set(0, ray); const uint64_t one = 1;
+  VoxelFinder finder{[](void* c, uint32_t v) -> const VoxelGeometry* { const ResidentBlock* b = static_cast<PinSet*>(c)->Find(BlockId(v, BlockKind::kHot)); return b ? &b->hot : nullptr; }, &pins};
+  static const Kernel& k = BestKernel(Grouping::kSimt);
+  (kAny ? k.any : k.closest)(top, finder, &p, &one, 1);
+  ray.t = p.t[0]; ray.chain = p.chain[0]; ray.hit = p.HitOf(0);
+  return {p.waits_for[0] != kNoVoxel ? 2 : p.triangle[0] != kNoTriangle ? 1 : 0, p.waits_for[0]};
+}
 float Largest(const glm::vec3& v) { return std::max({v.x, v.y, v.z}); }
 
 }  // namespace
@@ -125,19 +135,13 @@ bool TileRenderer::StepStage(Sample& s, PinSet& pins, uint32_t& needed) {
 }
 
 bool TileRenderer::Traverse(Sample& s, PinSet& pins, uint32_t& needed) {
-  const TraceResult result = Trace<false>(
-      frame_->top,
-      [&](uint32_t voxel) {
-        const ResidentBlock* block = pins.Find(BlockId(voxel, BlockKind::kHot));
-        return block ? &block->hot : nullptr;
-      },
-      s.ray);
-  if (result.status == TraceStatus::kNeedVoxel) {
+  const TraceResult result = TraceX<false>(frame_->top, pins, s.ray);
+  if (result.status == 2) {
     needed = BlockId(result.voxel, BlockKind::kHot);
     return false;
   }
   s.hit = s.ray.hit;
-  if (result.status == TraceStatus::kHit) {
+  if (result.status == 1) {
     s.stage = Stage::kSurface;
     return true;
   }
@@ -189,18 +193,12 @@ void TileRenderer::NextLight(Sample& s) {
 }
 
 bool TileRenderer::Shadow(Sample& s, PinSet& pins, uint32_t& needed) {
-  const TraceResult result = Trace<true>(
-      frame_->top,
-      [&](uint32_t voxel) {
-        const ResidentBlock* block = pins.Find(BlockId(voxel, BlockKind::kHot));
-        return block ? &block->hot : nullptr;
-      },
-      s.ray);
-  if (result.status == TraceStatus::kNeedVoxel) {
+  const TraceResult result = TraceX<true>(frame_->top, pins, s.ray);
+  if (result.status == 2) {
     needed = BlockId(result.voxel, BlockKind::kHot);
     return false;
   }
-  if (result.status == TraceStatus::kMiss) Add(s, s.light);
+  if (result.status == 0) Add(s, s.light);
   s.stage = Stage::kLight;
   return true;
 }

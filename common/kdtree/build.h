@@ -29,6 +29,11 @@ struct Box {
   }
 };
 
+/// A triangle to build a tree over.
+struct KdTriangle {
+  glm::vec3 vertices[3];
+};
+
 /// Costs of the surface area heuristic. `intersect` is in units of one traversal step.
 struct SahCosts {
   float intersect = 1.0f;
@@ -42,11 +47,18 @@ struct KdTree {
   std::vector<uint16_t> references;
 };
 
-/// Builds the SAH kd-tree of one voxel. `boxes[i]` is triangle i's box, already padded; `cell` the voxel's
-/// cell. Every leaf whose cell a box touches refers to its triangle. `max_bytes` bounds nodes and references
-/// together (8 and 2 bytes each): every subtree gets its share, and what would outgrow it becomes a leaf; at
-/// the least, one leaf of all triangles. Requires: boxes.size() <= 65535. Deterministic. Thread-safe. Source:
-/// the SAH of MacDonald & Booth 1990, binned; empty bonus and no split past a cost increase.
-KdTree BuildKdTree(std::span<const Box> boxes, const Box& cell, const SahCosts& costs, size_t max_bytes);
+/// No leaf lies more than this many steps below the root.
+inline constexpr int kMaxKdDepth = 48;
+
+/// Builds the SAH kd-tree of one voxel, whose cell is `cell`. `padding`: a bound, per axis, on how far from
+/// its triangle traversal may see a hit; every leaf refers to all triangles that come so near to its closed
+/// cell, and to few others: a triangle that spans a split counts on either side with the box of its part
+/// there. `max_bytes` bounds nodes and references together (8 and 2 bytes each): every subtree gets its
+/// share, and what would outgrow it becomes a leaf; at the least, one leaf of all triangles.
+/// Requires: triangles.size() <= 65535; finite vertices, |coordinate| <= 2^60. Deterministic. Thread-safe.
+/// Source: the SAH of MacDonald & Booth 1990; perfect splits of Havran & Bittner 2002; empty bonus and no
+/// split past a cost increase.
+KdTree BuildKdTree(std::span<const KdTriangle> triangles, float padding, const Box& cell,
+                   const SahCosts& costs, size_t max_bytes);
 
 }  // namespace quarry

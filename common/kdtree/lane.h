@@ -4,23 +4,89 @@
 #include <cmath>
 #include <cstdint>
 
+#include "common/kdtree/node.h"
 #include "common/math/host_device.h"
 
 namespace quarry {
 
-/// The scalar instance of the kernels' lane type: one ray. A lane type names Float and Mask and gives the
-/// handful of operations below; kernels are written against these alone, so that a SIMD or CUDA instance is a
-/// new lane type and not a new kernel. Fused multiply-add is explicit: the compiler contracts nothing.
+/// The scalar instance of the kernels' lane type: one ray. A lane type names the vectors and gives the
+/// operations below; kernels are written against these alone, so that a SIMD or CUDA instance is a new lane
+/// type and not a new kernel. Fused multiply-add is explicit: the compiler contracts nothing.
 struct ScalarLane {
+  static constexpr uint32_t kLanes = 1;
+  static constexpr uint32_t kHalves = 1;  ///< a Float widens to so many Doubles
   using Float = float;
+  using Int = uint32_t;
+  using Double = double;
+  using HalfFloat = float;  ///< a Double narrowed
   using Mask = bool;
 
+  QUARRY_HOST_DEVICE static Float Set(float x) { return x; }
+  QUARRY_HOST_DEVICE static Int SetInt(uint32_t x) { return x; }
+  QUARRY_HOST_DEVICE static Double SetDouble(double x) { return x; }
+  QUARRY_HOST_DEVICE static Float Load(const float* p) { return *p; }
+  QUARRY_HOST_DEVICE static Int LoadInt(const uint32_t* p) { return *p; }
+  QUARRY_HOST_DEVICE static void Store(Float x, float* p) { *p = x; }
+  QUARRY_HOST_DEVICE static void StoreInt(Int x, uint32_t* p) { *p = x; }
+  QUARRY_HOST_DEVICE static Float AsFloat(Int x) { return std::bit_cast<float>(x); }
+  QUARRY_HOST_DEVICE static Int AsInt(Float x) { return std::bit_cast<uint32_t>(x); }
+
   QUARRY_HOST_DEVICE static Float Fma(Float a, Float b, Float c) { return std::fma(a, b, c); }
+  QUARRY_HOST_DEVICE static Float Negate(Float a) { return -a; }
+  QUARRY_HOST_DEVICE static Float Abs(Float a) { return std::fabs(a); }
+  QUARRY_HOST_DEVICE static Float CopySign(Float magnitude, Float sign) {
+    return std::copysign(magnitude, sign);
+  }
   QUARRY_HOST_DEVICE static Float Min(Float a, Float b) { return a < b ? a : b; }
   QUARRY_HOST_DEVICE static Float Max(Float a, Float b) { return a > b ? a : b; }
   QUARRY_HOST_DEVICE static Float Select(Mask m, Float a, Float b) { return m ? a : b; }
-  QUARRY_HOST_DEVICE static bool Any(Mask m) { return m; }
-  QUARRY_HOST_DEVICE static bool All(Mask m) { return m; }
+  QUARRY_HOST_DEVICE static Int SelectInt(Mask m, Int a, Int b) { return m ? a : b; }
+
+  QUARRY_HOST_DEVICE static Mask Less(Float a, Float b) { return a < b; }
+  QUARRY_HOST_DEVICE static Mask LessEqual(Float a, Float b) { return a <= b; }
+  QUARRY_HOST_DEVICE static Mask Equal(Float a, Float b) { return a == b; }
+  QUARRY_HOST_DEVICE static Mask LessInt(Int a, Int b) { return a < b; }
+  QUARRY_HOST_DEVICE static Mask EqualInt(Int a, Int b) { return a == b; }
+  QUARRY_HOST_DEVICE static Mask HasBits(Int a, uint32_t bits) { return (a & bits) == bits; }
+  QUARRY_HOST_DEVICE static Int AndInt(Int a, Int b) { return a & b; }
+  QUARRY_HOST_DEVICE static Int AddInt(Int a, Int b) { return a + b; }
+  template <int kBits>
+  QUARRY_HOST_DEVICE static Int ShiftRight(Int a) {
+    return a >> kBits;
+  }
+
+  QUARRY_HOST_DEVICE static Mask And(Mask a, Mask b) { return a && b; }
+  QUARRY_HOST_DEVICE static Mask Or(Mask a, Mask b) { return a || b; }
+  QUARRY_HOST_DEVICE static Mask AndNot(Mask no, Mask b) { return !no && b; }  ///< b without `no`
+  QUARRY_HOST_DEVICE static Mask NoLanes() { return false; }
+  QUARRY_HOST_DEVICE static bool None(Mask m) { return !m; }
+  QUARRY_HOST_DEVICE static uint32_t Count(Mask m) { return m; }
+  QUARRY_HOST_DEVICE static uint32_t Bits(Mask m) { return m; }
+  QUARRY_HOST_DEVICE static Mask FromBits(uint32_t bits) { return bits != 0; }
+
+  template <uint32_t kHalf>
+  QUARRY_HOST_DEVICE static Double Widen(Float x) {
+    return x;
+  }
+  QUARRY_HOST_DEVICE static HalfFloat Narrow(Double x) { return static_cast<float>(x); }
+  QUARRY_HOST_DEVICE static uint32_t NegativeBits(Double x) { return x < 0; }
+  QUARRY_HOST_DEVICE static uint32_t PositiveBits(Double x) { return x > 0; }
+  QUARRY_HOST_DEVICE static Double MinDouble(Double a, Double b) { return a < b ? a : b; }
+  QUARRY_HOST_DEVICE static Double MaxDouble(Double a, Double b) { return a > b ? a : b; }
+  QUARRY_HOST_DEVICE static Float Join(HalfFloat low, HalfFloat) { return low; }
+
+  /// The nodes at `at[lane]`, as payloads and links.
+  QUARRY_HOST_DEVICE static void GatherNodes(const KdNode* const* at, Int& payload, Int& link) {
+    payload = at[0]->payload;
+    link = at[0]->link;
+  }
+  /// The four floats at each `at[lane]`.
+  QUARRY_HOST_DEVICE static void Gather4(const float* const* at, Float& x, Float& y, Float& z, Float& w) {
+    x = at[0][0];
+    y = at[0][1];
+    z = at[0][2];
+    w = at[0][3];
+  }
 };
 
 }  // namespace quarry

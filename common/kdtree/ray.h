@@ -19,11 +19,6 @@ struct Hit {
   float b1 = 0, b2 = 0;             ///< barycentric weights of the second and third vertex
   uint32_t voxel = kNoVoxel;        ///< a voxel that holds the triangle (the one it was found in)
   uint32_t local = 0;               ///< the triangle's index in that voxel
-
-  /// The order that defines the hit of a ray, without reference to any tree: least (t, id).
-  QUARRY_HOST_DEVICE bool Precedes(float other_t, uint32_t other_triangle) const {
-    return t < other_t || (t == other_t && triangle < other_triangle);
-  }
 };
 
 /// A ray on its way, whole: suspended anywhere, it resumes from these values alone.

@@ -1,41 +1,74 @@
 #pragma once
 
-#include <cmath>
-#include <glm/vec3.hpp>
-
 #include "common/kdtree/lane.h"
 #include "common/kdtree/ray.h"
 #include "common/math/host_device.h"
 
 namespace quarry {
 
-/// What traversal and triangle test derive from a ray once: reciprocals, and the shear that makes the ray the
-/// z axis. Source: Woop, Benthin & Wald 2013, "Watertight Ray/Triangle Intersection", section 3.1.
+/// What traversal and triangle test derive from rays once: reciprocals, and the shear that makes the ray the
+/// z axis of a space whose unit is the ray's own t.
+/// Source: Woop, Benthin & Wald 2013, "Watertight Ray/Triangle Intersection", section 3.1.
 template <class L>
 struct RayFrame {
   using Float = typename L::Float;
+  using Mask = typename L::Mask;
   Float origin[3];
-  Float reciprocal[3];  ///< of the direction, with components under 1e-18 replaced by 1e-18 of the same sign
-  Float shear_x, shear_y;
-  Float direction_z;  ///< the direction's largest component
-  int kx, ky, kz;     ///< kz is the axis of the largest component
+  Float reciprocal[3];  ///< of the direction, components under 1e-18 replaced by 1e-18 of the same sign
+  Float shear_x, shear_y, scale_z;
+  Mask z_is_x, z_is_y;  ///< which axis is the direction's largest; z where neither
 };
 
-QUARRY_HOST_DEVICE inline RayFrame<ScalarLane> MakeRayFrame(const Ray& ray) {
-  RayFrame<ScalarLane> f;
+/// x, y, z renamed so that the last is the ray's largest axis; cyclic, so that faces keep their side.
+template <class L>
+QUARRY_HOST_DEVICE inline void Rotate(const RayFrame<L>& frame, typename L::Float& x, typename L::Float& y,
+                                      typename L::Float& z) {
+  const auto x0 = x, y0 = y, z0 = z;
+  x = L::Select(frame.z_is_x, y0, L::Select(frame.z_is_y, z0, x0));
+  y = L::Select(frame.z_is_x, z0, L::Select(frame.z_is_y, x0, y0));
+  z = L::Select(frame.z_is_x, x0, L::Select(frame.z_is_y, y0, z0));
+}
+
+template <class L>
+QUARRY_HOST_DEVICE inline RayFrame<L> MakeRayFrame(const typename L::Float (&origin)[3],
+                                                   const typename L::Float (&direction)[3]) {
+  using Float = typename L::Float;
+  RayFrame<L> f;
+  const Float least = L::Set(1e-18f), one = L::Set(1.0f);
   for (int a = 0; a < 3; ++a) {
-    f.origin[a] = ray.origin[a];
-    const float d = ray.direction[a];
-    f.reciprocal[a] = 1.0f / (std::fabs(d) < 1e-18f ? std::copysign(1e-18f, d) : d);
+    f.origin[a] = origin[a];
+    const Float d = direction[a];
+    f.reciprocal[a] = one / L::Select(L::Less(L::Abs(d), least), L::CopySign(least, d), d);
   }
-  const float x = std::fabs(ray.direction.x), y = std::fabs(ray.direction.y), z = std::fabs(ray.direction.z);
-  f.kz = x > y ? (x > z ? 0 : 2) : (y > z ? 1 : 2);
-  f.kx = f.kz == 2 ? 0 : f.kz + 1;
-  f.ky = f.kx == 2 ? 0 : f.kx + 1;
-  f.direction_z = ray.direction[f.kz];
-  f.shear_x = ray.direction[f.kx] / f.direction_z;
-  f.shear_y = ray.direction[f.ky] / f.direction_z;
+  const Float x = L::Abs(direction[0]), y = L::Abs(direction[1]), z = L::Abs(direction[2]);
+  f.z_is_x = L::And(L::Less(y, x), L::Less(z, x));
+  f.z_is_y = L::AndNot(f.z_is_x, L::AndNot(L::Less(y, x), L::Less(z, y)));
+  Float kx = direction[0], ky = direction[1], kz = direction[2];
+  Rotate(f, kx, ky, kz);
+  f.shear_x = L::Negate(kx / kz);
+  f.shear_y = L::Negate(ky / kz);
+  f.scale_z = one / kz;
   return f;
+}
+
+QUARRY_HOST_DEVICE inline RayFrame<ScalarLane> MakeRayFrame(const Ray& ray) {
+  const float origin[3] = {ray.origin.x, ray.origin.y, ray.origin.z};
+  const float direction[3] = {ray.direction.x, ray.direction.y, ray.direction.z};
+  return MakeRayFrame<ScalarLane>(origin, direction);
+}
+
+/// The part [t_enter, t_exit] of the rays that lies in a box; empty (t_enter > t_exit) for those that miss.
+/// Rounding is taken care of by the padding of the scene's box.
+template <class L>
+QUARRY_HOST_DEVICE inline void ClipToBox(const RayFrame<L>& ray, const float (&lower)[3],
+                                         const float (&upper)[3], typename L::Float& t_enter,
+                                         typename L::Float& t_exit) {
+  for (int a = 0; a < 3; ++a) {
+    const auto t0 = (L::Set(lower[a]) - ray.origin[a]) * ray.reciprocal[a];
+    const auto t1 = (L::Set(upper[a]) - ray.origin[a]) * ray.reciprocal[a];
+    t_enter = L::Max(t_enter, L::Min(t0, t1));
+    t_exit = L::Min(t_exit, L::Max(t0, t1));
+  }
 }
 
 }  // namespace quarry

@@ -6,87 +6,140 @@
 #include "common/kdtree/ray_frame.h"
 #include "common/math/host_device.h"
 
-// The one watertight test that defines every hit in Quarry.
+// The one watertight test that defines every hit in Quarry, for any lane type.
 //
 // Source: Woop, Benthin & Wald 2013. Differs in the arithmetic behind the edge functions:
 //  * Vertices are moved to the ray's frame in float; a vertex goes to the same place whichever triangle it
-//  serves.
+//    serves.
 //  * The three edge functions of those float coordinates have exact signs: in float by monotone rounding
-//  whenever
-//    the two products differ after rounding, else in double, where the products are exact. So a shared edge
-//    gives the same answer in both triangles, and no ray passes between them.
-//  * What passes is evaluated again in double: each edge function then carries one rounding (2^-53 of
-//  itself), so
-//    the barycentric weights, and t with them, are those of the moved triangle to double precision, however
+//    whenever the two products differ after rounding, else in double, where the products are exact. So a
+//    shared edge gives the same answer in both triangles, and no ray passes between them.
+//  * What passes is evaluated again in double: each edge function then carries one rounding (2^-53 of itself),
+//    so the barycentric weights, and t with them, are those of the moved triangle to double precision, however
 //    slender it is. The hit point o + t d therefore lies on the moved triangle, and that within the padding
 //    of the stored one (ReferencePadding): trees that pad their references by it cannot lose the hit.
 // No fused multiply-add in the edge functions: it would break their antisymmetry. Both faces count.
 
 namespace quarry {
 
-/// Squared away from the sign tests: true when the moved triangle may contain the ray (float filter).
-template <class L>
-QUARRY_HOST_DEVICE inline typename L::Mask MayContain(typename L::Float u, typename L::Float v,
-                                                      typename L::Float w) {
-  return !((L::Min(u, L::Min(v, w)) < 0) && (L::Max(u, L::Max(v, w)) > 0));
-}
-
-/// One vertex in the ray's frame: sheared x and y, and the offset along kz.
+/// Vertices in the rays' frames: sheared x and y, and the offset along the largest axis.
 template <class L>
 struct MovedVertex {
   typename L::Float x, y, z;
 };
 
+/// x, y, z: a vertex less the origin, axes renamed as the frame has them.
 template <class L>
-QUARRY_HOST_DEVICE inline MovedVertex<L> MoveVertex(const RayFrame<L>& ray, const glm::vec3& p) {
-  const float* at = &p.x;  // glm's own index operator is a switch
-  const typename L::Float z = at[ray.kz] - ray.origin[ray.kz];
-  return {L::Fma(-ray.shear_x, z, at[ray.kx] - ray.origin[ray.kx]),
-          L::Fma(-ray.shear_y, z, at[ray.ky] - ray.origin[ray.ky]), z};
+QUARRY_HOST_DEVICE inline MovedVertex<L> MoveVertex(const RayFrame<L>& ray, typename L::Float x,
+                                                    typename L::Float y, typename L::Float z) {
+  return {L::Fma(ray.shear_x, z, x), L::Fma(ray.shear_y, z, y), z};
 }
 
-/// The exact part: true with t and weights when the moved triangle a, b, c is hit at 0 < t < infinity.
-QUARRY_HOST_DEVICE inline bool HitMoved(const MovedVertex<ScalarLane>& a, const MovedVertex<ScalarLane>& b,
-                                        const MovedVertex<ScalarLane>& c, float direction_z, float& t,
-                                        float& b1, float& b2) {
-  const double u = static_cast<double>(c.x) * b.y - static_cast<double>(c.y) * b.x;
-  const double v = static_cast<double>(a.x) * c.y - static_cast<double>(a.y) * c.x;
-  const double w = static_cast<double>(b.x) * a.y - static_cast<double>(b.y) * a.x;
-  if ((u < 0 || v < 0 || w < 0) && (u > 0 || v > 0 || w > 0)) return false;
-  const double determinant = u + v + w;
-  if (determinant == 0) return false;
-  t = static_cast<float>((u * a.z + v * b.z + w * c.z) / (determinant * static_cast<double>(direction_z)));
-  b1 = static_cast<float>(v / determinant);
-  b2 = static_cast<float>(w / determinant);
-  return t > 0 && t < kInfinity;
+/// The filter in float: false only where the moved triangle surely lies beside the ray.
+template <class L>
+QUARRY_HOST_DEVICE inline typename L::Mask MayContain(const MovedVertex<L>& a, const MovedVertex<L>& b,
+                                                      const MovedVertex<L>& c, typename L::Mask candidates) {
+  const auto u = c.x * b.y - c.y * b.x;
+  const auto v = a.x * c.y - a.y * c.x;
+  const auto w = b.x * a.y - b.y * a.x;
+  const auto zero = L::Set(0.0f);
+  const auto beside =
+      L::And(L::Less(L::Min(u, L::Min(v, w)), zero), L::Less(zero, L::Max(u, L::Max(v, w))));
+  return L::AndNot(beside, candidates);
 }
 
-/// Tests the triangle p0, p1, p2 with scene-wide id `triangle` and keeps it in `hit` when it precedes what is
-/// there in (t, id). Returns whether it was kept.
+/// Where the moved triangles are hit; t and weights mean something for `hit` only.
+template <class L>
+struct TriangleHit {
+  typename L::Mask hit;
+  typename L::Float t, b1, b2;
+};
+
+/// One half of the lanes, in double. `a.z`, `b.z`, `c.z` are in units of t. Returns the lanes hit, as bits.
+template <class L, uint32_t kHalf>
+QUARRY_HOST_DEVICE inline uint32_t HitHalf(const MovedVertex<L>& a, const MovedVertex<L>& b,
+                                           const MovedVertex<L>& c, typename L::HalfFloat& t,
+                                           typename L::HalfFloat& b1, typename L::HalfFloat& b2) {
+  using Double = typename L::Double;
+  const Double ax = L::template Widen<kHalf>(a.x), ay = L::template Widen<kHalf>(a.y);
+  const Double bx = L::template Widen<kHalf>(b.x), by = L::template Widen<kHalf>(b.y);
+  const Double cx = L::template Widen<kHalf>(c.x), cy = L::template Widen<kHalf>(c.y);
+  const Double u = cx * by - cy * bx;
+  const Double v = ax * cy - ay * cx;
+  const Double w = bx * ay - by * ax;
+  const uint32_t beside = L::NegativeBits(L::MinDouble(u, L::MinDouble(v, w))) &
+                          L::PositiveBits(L::MaxDouble(u, L::MaxDouble(v, w)));
+  const Double determinant = u + v + w;
+  const Double inverse = L::SetDouble(1.0) / determinant;
+  const Double at = u * L::template Widen<kHalf>(a.z) + v * L::template Widen<kHalf>(b.z) +
+                    w * L::template Widen<kHalf>(c.z);
+  t = L::Narrow(at * inverse);
+  b1 = L::Narrow(v * inverse);
+  b2 = L::Narrow(w * inverse);
+  return (L::NegativeBits(determinant) | L::PositiveBits(determinant)) & ~beside;
+}
+
+/// The exact part: which of `candidates` hit the moved triangle a, b, c at t > 0.
+template <class L>
+QUARRY_HOST_DEVICE inline TriangleHit<L> HitMoved(const RayFrame<L>& ray, MovedVertex<L> a,
+                                                  MovedVertex<L> b, MovedVertex<L> c,
+                                                  typename L::Mask candidates) {
+  a.z = a.z * ray.scale_z;
+  b.z = b.z * ray.scale_z;
+  c.z = c.z * ray.scale_z;
+  typename L::HalfFloat t[L::kHalves], b1[L::kHalves], b2[L::kHalves];
+  uint32_t hit = HitHalf<L, 0>(a, b, c, t[0], b1[0], b2[0]);
+  if constexpr (L::kHalves == 2)
+    hit |= HitHalf<L, 1>(a, b, c, t[1], b1[1], b2[1]) << (L::kLanes / 2);
+  constexpr uint32_t kLast = L::kHalves - 1;
+  TriangleHit<L> out{L::FromBits(hit), L::Join(t[0], t[kLast]), L::Join(b1[0], b1[kLast]),
+                     L::Join(b2[0], b2[kLast])};
+  out.hit = L::And(L::And(out.hit, candidates), L::Less(L::Set(0.0f), out.t));
+  return out;
+}
+
+/// Where (t, triangle) precedes (best_t, best_triangle): the order that defines a ray's hit, least (t, id),
+/// without reference to any tree.
+template <class L>
+QUARRY_HOST_DEVICE inline typename L::Mask Precedes(typename L::Float t, typename L::Int triangle,
+                                                    typename L::Float best_t,
+                                                    typename L::Int best_triangle) {
+  return L::Or(L::Less(t, best_t),
+               L::And(L::Equal(t, best_t), L::LessInt(triangle, best_triangle)));
+}
+
+/// One ray against one triangle p0, p1, p2 with scene-wide id `triangle`, kept in `hit` when it precedes what
+/// is there. Returns whether it was kept. What brute force uses.
 /// Requires: finite vertices, |coordinate| <= 2^60 (the preprocessor drops others).
 QUARRY_HOST_DEVICE inline bool TestTriangle(const RayFrame<ScalarLane>& ray, const glm::vec3& p0,
                                             const glm::vec3& p1, const glm::vec3& p2, uint32_t triangle,
                                             Hit& hit) {
-  const auto a = MoveVertex(ray, p0), b = MoveVertex(ray, p1), c = MoveVertex(ray, p2);
-  const float u = c.x * b.y - c.y * b.x;
-  const float v = a.x * c.y - a.y * c.x;
-  const float w = b.x * a.y - b.y * a.x;
-  if (!MayContain<ScalarLane>(u, v, w)) return false;
-  float t, b1, b2;
-  if (!HitMoved(a, b, c, ray.direction_z, t, b1, b2)) return false;
-  if (hit.Precedes(t, triangle) || (hit.t == t && hit.triangle == triangle)) return false;
-  hit.t = t;
+  MovedVertex<ScalarLane> moved[3];
+  const glm::vec3* const points[3] = {&p0, &p1, &p2};
+  for (int i = 0; i < 3; ++i) {
+    float x = points[i]->x - ray.origin[0], y = points[i]->y - ray.origin[1],
+          z = points[i]->z - ray.origin[2];
+    Rotate<ScalarLane>(ray, x, y, z);
+    moved[i] = MoveVertex<ScalarLane>(ray, x, y, z);
+  }
+  if (!MayContain(moved[0], moved[1], moved[2], true)) return false;
+  const TriangleHit<ScalarLane> found = HitMoved(ray, moved[0], moved[1], moved[2], true);
+  if (!found.hit || !(found.t < kInfinity) ||
+      !Precedes<ScalarLane>(found.t, triangle, hit.t, hit.triangle))
+    return false;
+  hit.t = found.t;
   hit.triangle = triangle;
-  hit.b1 = b1;
-  hit.b2 = b2;
+  hit.b1 = found.b1;
+  hit.b2 = found.b2;
   return true;
 }
 
 /// By how much references are grown on every side when a tree is built over a scene whose coordinates reach
 /// `largest` in magnitude: an upper bound on |hit point as traversal sees it - stored triangle|, per axis.
-/// With |v - o| <= 2.2 largest: moving a vertex costs 2^-24 (2.2 + 2.2 + 4.4) largest, the direction's
-/// reciprocal, product and difference in traversal 3 * 2^-24 * 2.2 largest, rounding t another 2^-24 * 2.2
-/// largest; together under 18 * 2^-24 largest. 2^-19 is 32 * 2^-24.
+/// With |v - o| <= 2.2 largest: moving a vertex costs 2^-24 (2.2 + 2.2 + 4.4) largest, scaling its z (the
+/// reciprocal and the product) 2 * 2^-24 * 2.2 largest, the direction's reciprocal, product and difference in
+/// traversal 3 * 2^-24 * 2.2 largest, rounding t another 2^-24 * 2.2 largest; together under 23 * 2^-24 largest.
+/// 2^-19 is 32 * 2^-24.
 QUARRY_HOST_DEVICE inline float ReferencePadding(float largest) { return largest * 0x1p-19f; }
 
 }  // namespace quarry

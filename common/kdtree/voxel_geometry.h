@@ -4,19 +4,27 @@
 #include <glm/vec3.hpp>
 
 #include "common/kdtree/node.h"
+#include "common/kdtree/rope_leaf.h"
+#include "common/math/host_device.h"
 
 namespace quarry {
+
+/// The corners of one triangle, scene units; each may be read as four floats.
+struct TrianglePoints {
+  const float* at[3];
+};
 
 /// The hot part of a resident voxel, as kernels see it: pointers into one decoded block, valid while it is
 /// pinned. Every index was checked when the block was decoded.
 struct VoxelGeometry {
-  const KdNode* nodes = nullptr;
+  const KdNode* nodes = nullptr;           ///< in treelets, headers filled in
   const uint16_t* references = nullptr;    ///< leaves' ranges: local triangle indices
   const uint16_t* corners = nullptr;       ///< three local vertex indices a triangle
   const glm::vec3* vertices = nullptr;     ///< scene units, the input's precision
   const uint32_t* triangle_ids = nullptr;  ///< scene-wide ids
   const uint16_t* materials = nullptr;     ///< a triangle's material
   const uint32_t* parts = nullptr;         ///< a triangle's part
+  const RopeLeaf* ropes = nullptr;         ///< only where a bench has given the tree ropes
   uint32_t node_count = 0, reference_count = 0, triangle_count = 0, vertex_count = 0;
 
   const glm::vec3& vertex(uint32_t triangle, int corner) const {
@@ -24,11 +32,26 @@ struct VoxelGeometry {
   }
 };
 
+QUARRY_HOST_DEVICE inline TrianglePoints PointsOf(const VoxelGeometry& voxel, uint32_t local) {
+  const uint16_t* corner = voxel.corners + 3 * local;
+  return {{&voxel.vertices[corner[0]].x, &voxel.vertices[corner[1]].x, &voxel.vertices[corner[2]].x}};
+}
+
 /// The top-level tree, whole on every worker: leaves are voxels or empty.
 struct TopTree {
-  const KdNode* nodes = nullptr;
+  const KdNode* nodes = nullptr;            ///< in treelets, headers filled in
   const uint32_t* next_in_chain = nullptr;  ///< per voxel: the next voxel of the same leaf, or kNoVoxel
   glm::vec3 lower{0}, upper{0};             ///< the root's box: the scene's bounds, padded
+  const RopeLeaf* ropes = nullptr;          ///< only where a bench has given the tree ropes
+};
+
+/// How kernels ask for voxels: the geometry, or null when it is not resident. What it returned stays valid
+/// until the kernel returns. Called on the kernel's thread; must not block.
+struct VoxelFinder {
+  const VoxelGeometry* (*find)(void* context, uint32_t voxel);
+  void* context;
+
+  const VoxelGeometry* Find(uint32_t voxel) const { return find(context, voxel); }
 };
 
 }  // namespace quarry

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/kdtree/treelets.h"
+
 namespace quarry {
 namespace {
 
@@ -49,15 +51,26 @@ Result<SceneMeta> DecodeMeta(std::span<const std::byte> bytes) {
 Status DecodeTopTree(std::span<const std::byte> bytes, Catalog& catalog) {
   if (bytes.empty() || bytes.size() % sizeof(KdNode) != 0 || bytes.size() / sizeof(KdNode) > KdNode::kMaxLink)
     return Fail("the TOPT section has the wrong size");
-  catalog.top_nodes = ByteReader(bytes).GetArray<KdNode>(bytes.size() / sizeof(KdNode));
-  for (size_t i = 0; i < catalog.top_nodes.size(); ++i) {
-    const KdNode& n = catalog.top_nodes[i];
-    const bool valid =
-        n.is_leaf() ? n.count() == 0 || (n.count() == 1 && n.first() < catalog.voxels.size())
-                    : n.left() > i && n.left() + 1 < catalog.top_nodes.size() && std::isfinite(n.split());
+  const std::vector<KdNode> nodes = ByteReader(bytes).GetArray<KdNode>(bytes.size() / sizeof(KdNode));
+  // Every node but the root is the child of one node before it: a tree, and no smaller one than its bytes.
+  std::vector<bool> has_parent(nodes.size());
+  for (size_t i = 0; i < nodes.size(); ++i) {
+    const KdNode& n = nodes[i];
+    bool valid = (i == 0 || has_parent[i]) && (n.link & KdNode::kFlags) == 0;
+    if (n.is_leaf()) {
+      valid = valid && (n.count() == 0 || (n.count() == 1 && n.first() < catalog.voxels.size()));
+    } else {
+      const size_t left = n.left();
+      valid = valid && left > i && left + 1 < nodes.size() && std::isfinite(n.split()) && !has_parent[left] &&
+              !has_parent[left + 1];
+      if (valid) has_parent[left] = has_parent[left + 1] = true;
+    }
     if (!valid) return Fail(fmt::format("the TOPT section's node {} leads nowhere", i));
   }
-  return {};
+  catalog.top_node_count = static_cast<uint32_t>(nodes.size());
+  catalog.top_nodes = LayOutTreelets(nodes, kTreeletLevels);
+  return FillTreeletHeaders(catalog.top_nodes, kTreeletLevels,
+                            {catalog.meta.root_lower, catalog.meta.root_upper});
 }
 
 Status CheckVoxel(const VoxelEntry& v, size_t index, size_t count, const SceneMeta& meta) {

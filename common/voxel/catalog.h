@@ -78,14 +78,15 @@ std::string FormatSceneId(const SceneId& id);
 struct Catalog {
   SceneId id{};
   SceneMeta meta;
-  std::vector<KdNode> top_nodes;
+  std::vector<KdNode> top_nodes;  ///< in treelets, headers filled in
+  uint32_t top_node_count = 0;    ///< as stored, without headers
   std::vector<VoxelEntry> voxels;
   std::vector<uint32_t> next_in_chain;  ///< copied out of voxels, for the kernel
   std::vector<Material> materials;      ///< without names
 
   const BlockEntry& block(uint32_t block_id) const { return voxels[block_id / 2].blocks[block_id % 2]; }
   TopTree top_tree() const {
-    return {top_nodes.data(), next_in_chain.data(), meta.root_lower, meta.root_upper};
+    return {top_nodes.data(), next_in_chain.data(), meta.root_lower, meta.root_upper, nullptr};
   }
 };
 

@@ -9,13 +9,14 @@
 #include <cstring>
 
 #include "common/base/check.h"
+#include "common/kdtree/treelets.h"
 
 namespace quarry {
 namespace {
 
-constexpr uint32_t kHotMagic = 0x31585651;      // "QVX1"
+constexpr uint32_t kHotMagic = 0x32585651;      // "QVX2"
 constexpr uint32_t kShadingMagic = 0x31535651;  // "QVS1"
-constexpr size_t kHotHeader = 32;
+constexpr size_t kHotHeader = 64;  // the nodes begin with a cache line
 constexpr size_t kShadingHeader = 16;
 constexpr int kCompressionLevel = 9;
 
@@ -31,15 +32,11 @@ const T* ViewArray(std::span<const std::byte> bytes, size_t& at, size_t count) {
   return first;
 }
 
-Status CheckTree(const VoxelGeometry& v) {
+Status CheckLeaves(const VoxelGeometry& v) {
   for (uint32_t i = 0; i < v.node_count; ++i) {
     const KdNode& n = v.nodes[i];
-    if (n.is_leaf()) {
-      if (n.first() > v.reference_count || n.count() > v.reference_count - n.first())
-        return Fail(fmt::format("voxel block: leaf {} goes beyond the references", i));
-    } else if (n.left() <= i || n.left() + 1 >= v.node_count || !std::isfinite(n.split())) {
-      return Fail(fmt::format("voxel block: node {} has no valid children", i));
-    }
+    if (n.is_leaf() && (n.first() > v.reference_count || n.count() > v.reference_count - n.first()))
+      return Fail(fmt::format("voxel block: leaf {} goes beyond the references", i));
   }
   return {};
 }
@@ -63,7 +60,9 @@ Bytes LayOutHot(const HotVoxel& v) {
   out.Put(static_cast<uint32_t>(v.vertices.size()));
   out.Put(static_cast<uint32_t>(v.nodes.size()));
   out.Put(static_cast<uint32_t>(v.references.size()));
-  for (int i = 0; i < 3; ++i) out.Put(uint32_t{0});
+  out.PutVec3(v.cell.lower);
+  out.PutVec3(v.cell.upper);
+  for (int i = 0; i < 5; ++i) out.Put(uint32_t{0});
   out.PutArray(v.nodes);
   out.PutArray(v.vertices);
   out.PutArray(v.triangle_ids);
@@ -74,7 +73,7 @@ Bytes LayOutHot(const HotVoxel& v) {
   return out.Take();
 }
 
-Result<VoxelGeometry> ViewHot(std::span<const std::byte> bytes) {
+Result<VoxelGeometry> ViewHot(std::span<std::byte> bytes) {
   ByteReader in(bytes);
   const auto magic = in.Get<uint32_t>();
   VoxelGeometry v;
@@ -82,12 +81,14 @@ Result<VoxelGeometry> ViewHot(std::span<const std::byte> bytes) {
   v.vertex_count = in.Get<uint32_t>();
   v.node_count = in.Get<uint32_t>();
   v.reference_count = in.Get<uint32_t>();
+  const Box cell{in.GetVec3<glm::vec3>(), in.GetVec3<glm::vec3>()};
   if (!in.ok() || magic != kHotMagic) return Fail("voxel block: not a hot block");
   if (v.triangle_count > kMaxVoxelTriangles || v.vertex_count > 65535 || v.node_count == 0 ||
       v.node_count > kMaxBlockBytes / 8 || v.reference_count > kMaxBlockBytes / 2 ||
       HotBytes(v.node_count, v.reference_count, v.triangle_count, v.vertex_count) != bytes.size())
     return Fail("voxel block: counts do not fit its size");
   size_t at = kHotHeader;
+  const std::span<KdNode> nodes(reinterpret_cast<KdNode*>(bytes.data() + at), v.node_count);
   v.nodes = ViewArray<KdNode>(bytes, at, v.node_count);
   v.vertices = ViewArray<glm::vec3>(bytes, at, v.vertex_count);
   v.triangle_ids = ViewArray<uint32_t>(bytes, at, v.triangle_count);
@@ -99,7 +100,13 @@ Result<VoxelGeometry> ViewHot(std::span<const std::byte> bytes) {
     return Fail("voxel block: a corner goes beyond the vertices");
   if (!AllBelow(v.references, v.reference_count, v.triangle_count))
     return Fail("voxel block: a reference goes beyond the triangles");
-  QUARRY_TRY(CheckTree(v));
+  // Before the headers: they are floats, in slots where leaves could be seen.
+  QUARRY_TRY(CheckLeaves(v));
+  for (int a = 0; a < 3; ++a)
+    if (!std::isfinite(cell.lower[a]) || !std::isfinite(cell.upper[a]))
+      return Fail("voxel block: its cell is not finite");
+  if (const Status status = FillTreeletHeaders(nodes, kTreeletLevels, cell); !status)
+    return Fail("voxel block: " + status.error().message);
   return v;
 }
 

@@ -9,6 +9,7 @@
 
 #include "common/base/bytes.h"
 #include "common/base/status.h"
+#include "common/kdtree/build.h"
 #include "common/kdtree/node.h"
 #include "common/kdtree/voxel_geometry.h"
 
@@ -29,7 +30,8 @@ inline uint32_t BlockId(uint32_t voxel, BlockKind kind) { return voxel * 2 + sta
 
 /// What a hot block is made from.
 struct HotVoxel {
-  std::vector<KdNode> nodes;
+  Box cell;
+  std::vector<KdNode> nodes;  ///< in treelets (LayOutTreelets)
   std::vector<uint16_t> references;
   std::vector<uint16_t> corners;  ///< 3 a triangle
   std::vector<glm::vec3> vertices;
@@ -72,10 +74,10 @@ Bytes LayOutShading(const ShadingVoxel& voxel);
 /// Decoded bytes of a hot block with these counts.
 size_t HotBytes(size_t nodes, size_t references, size_t triangles, size_t vertices);
 
-/// Views a decoded block in place. `bytes` must outlive the view and be aligned to 8.
-/// Errors: any count, index or link that leads out of the block, a tree that is not one (child before parent,
-/// a leaf beyond the references). After success kernels need no further check.
-Result<VoxelGeometry> ViewHot(std::span<const std::byte> bytes);
+/// Views a decoded block in place, and fills in its tree's treelet headers. `bytes` must outlive the view and
+/// be aligned to 8. Errors: any count, index or link that leads out of the block, a tree that does not lie in
+/// treelets, a leaf beyond the references. After success kernels need no further check.
+Result<VoxelGeometry> ViewHot(std::span<std::byte> bytes);
 Result<VoxelShading> ViewShading(std::span<const std::byte> bytes);
 
 /// LZ4 HC over `decoded`; the bytes themselves when that is not smaller. Deterministic for one LZ4 version.

@@ -57,7 +57,7 @@ TEST_CASE("No ray leaves a closed mesh, through vertices and edges least of all"
       Ray ray;
       ray.origin = centre + PointInBox(random, glm::vec3(-0.5f), glm::vec3(0.5f));
       ray.direction = Unit(targets[i % 3] - ray.origin);
-      lost += scene.TraceAll<false>(ray).status != TraceStatus::kHit;
+      lost += !scene.TraceOne<false>(ray);
       const glm::dvec3 d(ray.direction), o = glm::dvec3(ray.origin) - glm::dvec3(centre);
       const double along = -(o.x * d.x + o.y * d.y + o.z * d.z);
       const double exact = along + std::sqrt(along * along - (o.x * o.x + o.y * o.y + o.z * o.z) + 1);
@@ -79,7 +79,7 @@ TEST_CASE("Distances to a box are exact", "[reference]") {
     Ray ray;
     ray.origin = origin;
     ray.direction = direction;
-    scene.TraceAll<false>(ray);
+    scene.TraceOne<false>(ray);
     return ray.hit;
   };
   CHECK(distance({1, 1, 0.5f}, {1, 0, 0}).t == 3.0f);

@@ -78,53 +78,91 @@ Ray MakeRay(const LoadedScene& scene, std::mt19937& random) {
   return ray;
 }
 
-/// Every voxel is absent the first time that it is asked for: the ray is suspended at each of its steps.
-TraceResult TraceSuspending(const LoadedScene& scene, Ray& ray, int& suspensions) {
-  uint32_t granted = kNoVoxel;
-  for (;;) {
-    const TraceResult result = Trace<false>(
-        scene.catalog().top_tree(),
-        [&](uint32_t v) -> const VoxelGeometry* {
-          if (std::exchange(granted, kNoVoxel) == v) return &scene.voxels()[v];
-          return nullptr;
-        },
-        ray);
-    if (result.status != TraceStatus::kNeedVoxel) return result;
-    ++suspensions;
-    REQUIRE(suspensions < 1000000);
-    granted = result.voxel;
+/// Voxels as a worker sees them: every one is absent the first time that it is asked for.
+struct Granting {
+  const SceneView& view;
+  std::vector<bool> granted;
+  uint64_t refused = 0;
+
+  static const VoxelGeometry* Find(void* context, uint32_t voxel) {
+    auto& self = *static_cast<Granting*>(context);
+    if (self.granted[voxel]) return &self.view.voxels()[voxel];
+    ++self.refused;
+    return nullptr;
+  }
+};
+
+/// Traces to the end; with `granting`, only the voxel that most of the packet's rays wait for is there next.
+void Trace(const SceneView& view, TraceFunction trace, std::vector<RayPacket>& packets, Granting* granting) {
+  if (!granting) return TraceAll(view, trace, packets);
+  std::vector<uint64_t> active(packets.size(), ~uint64_t{0});
+  for (int rounds = 0;; ++rounds) {
+    REQUIRE(rounds < 1000000);
+    trace(view.top(), {Granting::Find, granting}, packets.data(), active.data(),
+          static_cast<uint32_t>(packets.size()));
+    std::fill(granting->granted.begin(), granting->granted.end(), false);
+    bool any = false;
+    for (size_t p = 0; p < packets.size(); ++p) {
+      active[p] = 0;
+      for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
+        const uint32_t voxel = packets[p].waits_for[i];
+        if (voxel == kNoVoxel) continue;
+        active[p] |= uint64_t{1} << i;
+        // One voxel in three of those asked for comes at once: rays of one packet get out of step.
+        if (!any || voxel % 3 == static_cast<uint32_t>(rounds % 3)) granting->granted[voxel] = true;
+        any = true;
+      }
+    }
+    if (!any) return;
   }
 }
 
+/// Every kernel and layout, all voxels there and each absent at first, closest hit and any hit.
 void CompareAll(const LoadedScene& scene, uint32_t rays, const std::string& name) {
   std::mt19937 random(12345);
-  uint64_t hits = 0, differences = 0, suspensions_total = 0;
-  for (uint32_t i = 0; i < rays; ++i) {
-    const Ray fresh = MakeRay(scene, random);
-    const Hit expected = BruteForce(scene, fresh);
-    Ray ray = fresh;
-    scene.TraceAll<false>(ray);
-    int suspensions = 0;
-    Ray suspended = fresh;
-    TraceSuspending(scene, suspended, suspensions);
-    suspensions_total += static_cast<uint64_t>(suspensions);
-    Ray shadow = fresh;
-    shadow.t_max = expected.triangle == kNoTriangle ? kInfinity : expected.t * (i % 2 ? 1.5f : 1.0f);
-    const bool occluded = scene.TraceAll<true>(shadow).status == TraceStatus::kHit;
-    const bool expect_occluded = expected.triangle != kNoTriangle && expected.t < shadow.t_max;
-    hits += expected.triangle != kNoTriangle;
-    const bool same =
-        SameBits(ray.hit, expected) && SameBits(suspended.hit, expected) && occluded == expect_occluded;
-    if (!same && ++differences < 5)
-      UNSCOPED_INFO(name << " ray " << i << ": brute force " << expected.triangle << " at " << expected.t
-                         << ", traversal " << ray.hit.triangle << " at " << ray.hit.t << ", suspended "
-                         << suspended.hit.triangle << " at " << suspended.hit.t << ", occluded " << occluded);
+  const size_t count = rays / RayPacket::kRays;
+  std::vector<RayPacket> closest(count), any(count);
+  std::vector<Hit> expected;
+  uint64_t hits = 0;
+  for (size_t i = 0; i < count * RayPacket::kRays; ++i) {
+    const Ray ray = MakeRay(scene, random);
+    expected.push_back(BruteForce(scene, ray));
+    Ray shadow = ray;
+    shadow.t_max = expected.back().triangle == kNoTriangle ? kInfinity : expected.back().t * (i % 2 ? 1.5f : 1.0f);
+    closest[i / RayPacket::kRays].Set(i % RayPacket::kRays, ray);
+    any[i / RayPacket::kRays].Set(i % RayPacket::kRays, shadow);
+    hits += expected.back().triangle != kNoTriangle;
+  }
+  uint64_t differences = 0, refused = 0;
+  for (const Kernel& kernel : Kernels()) {
+    const SceneView& view = scene.resident().view(kernel.algorithm);
+    for (bool suspending : {false, true}) {
+      std::vector<RayPacket> found = closest, occluded = any;
+      Granting granting{view, std::vector<bool>(scene.voxels().size())};
+      Trace(view, kernel.closest, found, suspending ? &granting : nullptr);
+      Trace(view, kernel.any, occluded, suspending ? &granting : nullptr);
+      refused += granting.refused;
+      for (size_t i = 0; i < expected.size(); ++i) {
+        const auto lane = static_cast<uint32_t>(i % RayPacket::kRays);
+        const Hit hit = found[i / RayPacket::kRays].HitOf(lane);
+        const Hit shadow = occluded[i / RayPacket::kRays].HitOf(lane);
+        const bool expect = expected[i].triangle != kNoTriangle && i % 2;
+        if (SameBits(hit, expected[i]) && (shadow.triangle != kNoTriangle) == expect) continue;
+        if (++differences < 5)
+          UNSCOPED_INFO(name << " ray " << i << " by " << kernel.isa << " grouping "
+                             << static_cast<int>(kernel.grouping) << " algorithm "
+                             << static_cast<int>(kernel.algorithm) << " suspending " << suspending
+                             << ": brute force " << expected[i].triangle << " at " << expected[i].t << ", kernel "
+                             << hit.triangle << " at " << hit.t << ", occluded by " << shadow.triangle << ", expected "
+                             << expect);
+      }
+    }
   }
   WARN(name << ": " << scene.triangles().size() << " triangles, " << scene.voxels().size() << " voxels, "
-            << rays << " rays, " << hits << " hits, " << suspensions_total << " suspensions, " << differences
-            << " differences");
+            << expected.size() << " rays, " << hits << " hits, " << Kernels().size() << " kernels, " << refused
+            << " voxels refused, " << differences << " differences");
   CHECK(differences == 0);
-  CHECK(hits > rays / 50);
+  CHECK(hits > expected.size() / 50);
 }
 
 void WriteSoup(const std::string& path, const std::vector<glm::vec3>& corners) {

@@ -133,7 +133,9 @@ Ray PrimaryRay(const SceneMeta& m, std::mt19937& random) {
   ray.origin = eye;
   ray.direction = Unit(target - eye);
   float enter = 0, exit = kInfinity;
-  ClipToBox(MakeRayFrame(ray), m.root_lower, m.root_upper, enter, exit);
+  const float lower[3] = {m.root_lower.x, m.root_lower.y, m.root_lower.z};
+  const float upper[3] = {m.root_upper.x, m.root_upper.y, m.root_upper.z};
+  ClipToBox(MakeRayFrame(ray), lower, upper, enter, exit);
   ray.origin = eye + ray.direction * enter;
   return ray;
 }
@@ -151,7 +153,7 @@ void Compare(const std::string& name, const std::string& model, uint32_t rays) {
       for (uint32_t i = 0; i < rays / 2; ++i) {
         const Ray fresh = i % 2 ? RandomRay(meta, random) : PrimaryRay(meta, random);
         Ray ray = fresh;
-        scene.TraceAll<false>(ray);
+        scene.TraceOne<false>(ray);
         Classify(embree.Intersect(fresh), ray.hit, scale, parts[k]);
       }
     });

@@ -12,9 +12,9 @@
 #include <string>
 #include <vector>
 
-#include "common/kdtree/trace.h"
-#include "common/voxel/store_reader.h"
+#include "common/kdtree/triangle_test.h"
 #include "preprocess/preprocess.h"
+#include "tests/support/resident_scene.h"
 
 namespace quarry::test {
 
@@ -52,50 +52,49 @@ class LoadedScene {
     const auto made = Preprocess(options);
     INFO((made ? "" : made.error().message));
     REQUIRE(made.has_value());
-    auto store = StoreReader::Open(options.output);
-    REQUIRE(store.has_value());
-    store_ = std::make_unique<StoreReader>(std::move(*store));
-    LoadAll();
+    auto scene = ResidentScene::Load(options.output);
+    INFO((scene ? "" : scene.error().message));
+    REQUIRE(scene.has_value());
+    scene_ = std::move(*scene);
+    ListTriangles();
   }
 
-  const Catalog& catalog() const { return store_->catalog(); }
-  const std::vector<VoxelGeometry>& voxels() const { return voxels_; }
+  const Catalog& catalog() const { return scene_->catalog(); }
+  const std::vector<VoxelGeometry>& voxels() const { return scene_->voxels(); }
+  ResidentScene& resident() const { return *scene_; }
   /// Each triangle once, in the order of ids.
   const std::vector<StoredTriangle>& triangles() const { return triangles_; }
 
+  /// Traces one ray to its end; whether it hits.
   template <bool kAnyHit>
-  TraceResult TraceAll(Ray& ray) const {
-    return Trace<kAnyHit>(
-        catalog().top_tree(), [&](uint32_t v) { return &voxels_[v]; }, ray);
+  bool TraceOne(Ray& ray) const {
+    static const Kernel& kernel = BestKernel(Grouping::kSimt);
+    auto packet = std::make_unique<RayPacket>();
+    packet->Set(0, ray);
+    const uint64_t one = 1;
+    (kAnyHit ? kernel.any : kernel.closest)(scene_->view().top(), scene_->view().finder(), packet.get(), &one, 1);
+    ray.hit = packet->HitOf(0);
+    return ray.hit.triangle != kNoTriangle;
   }
 
  private:
-  void LoadAll() {
+  void ListTriangles() {
     std::vector<bool> seen(catalog().meta.input_triangles);
-    for (uint32_t v = 0; v < catalog().voxels.size(); ++v) {
-      const uint32_t id = BlockId(v, BlockKind::kHot);
-      const auto stored = store_->ReadBlock(id);
-      REQUIRE(stored.has_value());
-      bytes_.emplace_back(catalog().block(id).decoded);
-      REQUIRE(DecompressBlock(*stored, bytes_.back()).has_value());
-      REQUIRE(bytes_.back().size() <= catalog().meta.voxel_size);
-      const auto view = ViewHot(bytes_.back());
-      REQUIRE(view.has_value());
-      voxels_.push_back(*view);
-      for (uint32_t t = 0; t < view->triangle_count; ++t) {
-        const uint32_t global = view->triangle_ids[t];
+    for (const VoxelGeometry& view : voxels()) {
+      for (uint32_t t = 0; t < view.triangle_count; ++t) {
+        const uint32_t global = view.triangle_ids[t];
         if (seen[global]) continue;
         seen[global] = true;
-        triangles_.push_back({{view->vertex(t, 0), view->vertex(t, 1), view->vertex(t, 2)}, global});
+        triangles_.push_back({{view.vertex(t, 0), view.vertex(t, 1), view.vertex(t, 2)}, global});
       }
     }
+    for (uint32_t v = 0; v < catalog().voxels.size(); ++v)
+      CHECK(catalog().voxels[v].blocks[0].decoded <= catalog().meta.voxel_size);
     std::sort(triangles_.begin(), triangles_.end(), [](const auto& a, const auto& b) { return a.id < b.id; });
   }
 
   TemporaryFolder folder_;
-  std::unique_ptr<StoreReader> store_;
-  std::vector<Bytes> bytes_;
-  std::vector<VoxelGeometry> voxels_;
+  std::unique_ptr<ResidentScene> scene_;
   std::vector<StoredTriangle> triangles_;
 };
 

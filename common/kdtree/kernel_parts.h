@@ -1,0 +1,76 @@
+#pragma once
+
+#include <cstdint>
+
+#include "common/kdtree/ray_frame.h"
+#include "common/kdtree/ray_packet.h"
+#include "common/kdtree/treelet_header.h"
+#include "common/kdtree/triangle_test.h"
+#include "common/kdtree/voxel_geometry.h"
+#include "common/math/host_device.h"
+
+// What the packet and the SIMT kernel have in common.
+
+namespace quarry {
+
+/// Counts nothing and costs nothing: what renders are compiled with.
+struct NoStatistics {
+  QUARRY_HOST_DEVICE void Ray(uint32_t) {}
+  QUARRY_HOST_DEVICE void Node(uint32_t, uint32_t) {}
+  QUARRY_HOST_DEVICE void Leaf() {}
+  QUARRY_HOST_DEVICE void Triangle(uint32_t, uint32_t) {}
+  QUARRY_HOST_DEVICE void Exact() {}
+  QUARRY_HOST_DEVICE void Climb() {}
+  QUARRY_HOST_DEVICE void Voxel(uint32_t) {}
+};
+
+/// The nearest hits so far. `t` starts as the greatest t that counts.
+template <class L>
+struct RayBest {
+  typename L::Float t, b1, b2;
+  typename L::Int triangle, voxel, local;
+};
+
+/// Keeps the hits that precede what is there; returns which.
+template <class L>
+QUARRY_HOST_DEVICE inline typename L::Mask Keep(const TriangleHit<L>& hit, typename L::Int triangle,
+                                                typename L::Int voxel, typename L::Int local,
+                                                RayBest<L>& best) {
+  const auto kept = L::And(hit.hit, Precedes<L>(hit.t, triangle, best.t, best.triangle));
+  best.t = L::Select(kept, hit.t, best.t);
+  best.b1 = L::Select(kept, hit.b1, best.b1);
+  best.b2 = L::Select(kept, hit.b2, best.b2);
+  best.triangle = L::SelectInt(kept, triangle, best.triangle);
+  best.voxel = L::SelectInt(kept, voxel, best.voxel);
+  best.local = L::SelectInt(kept, local, best.local);
+  return kept;
+}
+
+/// The rays of a packet from `first` on, as many as lanes.
+template <class L>
+QUARRY_HOST_DEVICE inline RayFrame<L> LoadFrame(const RayPacket& rays, uint32_t first) {
+  const typename L::Float origin[3] = {L::Load(rays.origin[0] + first), L::Load(rays.origin[1] + first),
+                                       L::Load(rays.origin[2] + first)};
+  const typename L::Float direction[3] = {L::Load(rays.direction[0] + first),
+                                          L::Load(rays.direction[1] + first),
+                                          L::Load(rays.direction[2] + first)};
+  return MakeRayFrame<L>(origin, direction);
+}
+
+template <class L>
+QUARRY_HOST_DEVICE inline RayBest<L> LoadBest(const RayPacket& rays, uint32_t first) {
+  return {L::Load(rays.hit_t + first),       L::Load(rays.b1 + first),       L::Load(rays.b2 + first),
+          L::LoadInt(rays.triangle + first), L::LoadInt(rays.voxel + first), L::LoadInt(rays.local + first)};
+}
+
+template <class L>
+QUARRY_HOST_DEVICE inline void StoreBest(const RayBest<L>& best, RayPacket& rays, uint32_t first) {
+  L::Store(best.t, rays.hit_t + first);
+  L::Store(best.b1, rays.b1 + first);
+  L::Store(best.b2, rays.b2 + first);
+  L::StoreInt(best.triangle, rays.triangle + first);
+  L::StoreInt(best.voxel, rays.voxel + first);
+  L::StoreInt(best.local, rays.local + first);
+}
+
+}  // namespace quarry

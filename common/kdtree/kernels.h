@@ -1,0 +1,51 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string_view>
+
+#include "common/kdtree/ray_packet.h"
+#include "common/kdtree/trace_statistics.h"
+#include "common/kdtree/voxel_geometry.h"
+
+// The kernels, compiled for several instruction sets and chosen at run time. All of them find the same hits to
+// the last bit.
+
+namespace quarry {
+
+enum class Grouping {
+  kPacket,  ///< 64 rays share a node: for coherent rays
+  kSimt,    ///< each lane its own ray: for any
+};
+
+/// How the next leaf is found; the first three differ in the trees' layout alone (LayOutTreelets).
+enum class Algorithm { kRestart, kBacktrack, kTreelets, kPushDown, kRopes };
+
+/// Traces the rays that `active` names (bit i of active[p]: ray i of packets[p]) through the two-level tree,
+/// from where each has got to. Afterwards a ray's `waits_for` is the voxel without which it cannot go on (the
+/// same call goes on from there), or kNoVoxel: its hit, if any, is final. Closest-hit functions find the
+/// least (t, id); any-hit ones some hit. Other rays are not touched. Never blocks, allocates, locks or logs.
+/// Requires: data checked at decode; trees laid out as the kernel's algorithm wants. Thread-safe.
+/// Source: Wald & Slusallek 2001, section 6.3 (suspension at missing voxels); resuming by t is ours.
+using TraceFunction = void (*)(const TopTree& top, const VoxelFinder& finder, RayPacket* packets,
+                               const uint64_t* active, uint32_t count);
+using CountedTraceFunction = void (*)(const TopTree& top, const VoxelFinder& finder, RayPacket* packets,
+                                      const uint64_t* active, uint32_t count, TraceStatistics& statistics);
+
+/// One kernel for one instruction set.
+struct Kernel {
+  std::string_view isa;  ///< "scalar", "avx2", "avx512"
+  Grouping grouping;
+  Algorithm algorithm;
+  TraceFunction closest, any;
+  CountedTraceFunction counted_closest, counted_any;
+};
+
+/// All kernels that this processor can run, those with the widest vectors first.
+std::span<const Kernel> Kernels();
+
+/// The kernel that renders use for this grouping: treelets, the widest vectors. QUARRY_ISA in the environment
+/// narrows the choice to one instruction set.
+const Kernel& BestKernel(Grouping grouping);
+
+}  // namespace quarry

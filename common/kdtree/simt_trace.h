@@ -1,0 +1,497 @@
+#pragma once
+
+#include <bit>
+#include <cstdint>
+
+#include "common/kdtree/kernel_parts.h"
+#include "common/kdtree/rope_leaf.h"
+
+// Each lane follows its own ray through its own nodes; a lane whose ray ends takes the next one. The form of
+// Purcell et al. 2002 and of GPUs: it needs no coherence at all. Lanes do the same thing at the same time: all
+// those at inner nodes go down; those at leaves wait until enough of them have a triangle to test; those that
+// left a leaf climb. Several groups of lanes go in step, so that one computes while another's nodes arrive.
+
+namespace quarry {
+
+/// How a ray finds the next leaf after one that it left.
+enum class SimtWay {
+  kClimb,     ///< treelets' headers: treelet-backtrack, kd-backtrack and kd-restart, as the tree is laid out
+  kPushDown,  ///< again from the deepest node known to hold the whole rest of the ray (Horn et al. 2007)
+  kRopes,     ///< links from each face of the leaf (Popov et al. 2007); trees with ropes only
+};
+
+/// The rays of one vector. Arrays are vectors in memory, so that single lanes can be refilled.
+template <class L>
+struct alignas(64) SimtGroup {
+  static constexpr uint32_t kLanes = L::kLanes;
+  alignas(64) float origin[3][kLanes];
+  alignas(64) float reciprocal[3][kLanes];
+  alignas(64) float shear_x[kLanes];
+  alignas(64) float shear_y[kLanes];
+  alignas(64) float scale_z[kLanes];
+  alignas(64) uint32_t largest_axis[kLanes];
+  alignas(64) float t[kLanes];          ///< reached so far
+  alignas(64) float t_exit[kLanes];     ///< of the node
+  alignas(64) float t_end[kLanes];      ///< where the traversal of the present tree ends
+  alignas(64) uint32_t node[kLanes];    ///< in the present tree
+  alignas(64) uint32_t resume[kLanes];  ///< kClimb: the treelet; kPushDown: the node from which to go down again
+  alignas(64) uint32_t first[kLanes];   ///< leaf: reference to test next, or voxel
+  alignas(64) uint32_t last[kLanes];    ///< leaf: end of its references
+  alignas(64) float hit_t[kLanes];
+  alignas(64) float b1[kLanes];
+  alignas(64) float b2[kLanes];
+  alignas(64) uint32_t triangle[kLanes];
+  alignas(64) uint32_t voxel[kLanes];  ///< of the hit
+  alignas(64) uint32_t local[kLanes];  ///< of the hit
+  alignas(64) uint32_t present[kLanes];  ///< the voxel that the ray is in
+  // The present tree: the voxel's, or the top-level one.
+  const KdNode* nodes[kLanes];
+  const RopeLeaf* ropes[kLanes];
+  const uint16_t* references[kLanes];
+  const uint16_t* corners[kLanes];
+  const float* vertices[kLanes];
+  const uint32_t* triangle_ids[kLanes];
+  // Where a ray goes on at the top level.
+  float top_t[kLanes], top_exit[kLanes], scene_end[kLanes];
+  uint32_t top_resume[kLanes], chain[kLanes];
+  // Where the ray came from.
+  RayPacket* packet[kLanes];
+  uint32_t index[kLanes];
+  // Lanes by what they do next, as bits; in none of them: idle.
+  uint32_t down = 0, testing = 0, up = 0;
+  uint32_t in_voxel = 0;
+};
+
+/// Rays yet to start: bit i of masks[p] stands for ray i of packets[p].
+struct RaySource {
+  RayPacket* packets;
+  const uint64_t* masks;
+  uint32_t count, next = 0;
+  uint64_t left = 0;
+
+  QUARRY_HOST_DEVICE bool Next(RayPacket*& packet, uint32_t& index) {
+    while (left == 0) {
+      if (next == count) return false;
+      left = masks[next++];
+    }
+    packet = packets + next - 1;
+    index = static_cast<uint32_t>(std::countr_zero(left));
+    left &= left - 1;
+    return true;
+  }
+};
+
+/// The kernel. One object traces one batch.
+template <class L, SimtWay kWay, bool kAnyHit, class Statistics>
+class SimtTracer {
+ public:
+  using Float = typename L::Float;
+  using Int = typename L::Int;
+  using Mask = typename L::Mask;
+  using Group = SimtGroup<L>;
+  static constexpr uint32_t kLanes = L::kLanes;
+  static constexpr uint32_t kGroups = 4;
+  static constexpr uint32_t kAllLanes = kLanes == 32 ? ~0u : (1u << kLanes) - 1;
+
+  QUARRY_HOST_DEVICE SimtTracer(const TopTree& top, const VoxelFinder& finder, RaySource source,
+                                Statistics& statistics)
+      : top_(top), finder_(finder), source_(source), statistics_(statistics) {}
+
+  QUARRY_HOST_DEVICE void Run() {
+    for (Group& g : groups_) {
+      Idle(g);
+      Refill(g);
+    }
+    for (bool any = true; any;) {
+      any = false;
+      for (Group& g : groups_) any |= Step(g);
+    }
+  }
+
+ private:
+  /// Does what most lanes of the group wait for. False when none has a ray and there are no more.
+  QUARRY_HOST_DEVICE bool Step(Group& g) {
+    if ((g.down | g.testing | g.up) != kAllLanes) Refill(g);
+    const int down = std::popcount(g.down), testing = std::popcount(g.testing), up = std::popcount(g.up);
+    if (down >= testing && down >= up) {
+      if (down == 0) return false;
+      Down(g);
+    } else if (testing >= up) {
+      Test(g);
+    } else {
+      Climb(g);
+    }
+    return true;
+  }
+
+  /// Lanes without a ray follow valid addresses all the same.
+  QUARRY_HOST_DEVICE void Idle(Group& g) {
+    for (uint32_t i = 0; i < kLanes; ++i) {
+      g.packet[i] = nullptr;
+      for (int a = 0; a < 3; ++a) g.origin[a][i] = g.reciprocal[a][i] = 0;
+      g.shear_x[i] = g.shear_y[i] = g.scale_z[i] = 0;
+      g.t[i] = g.t_exit[i] = g.t_end[i] = g.hit_t[i] = g.b1[i] = g.b2[i] = 0;
+      g.largest_axis[i] = g.node[i] = g.resume[i] = g.first[i] = g.last[i] = 0;
+      g.triangle[i] = g.voxel[i] = g.local[i] = g.present[i] = 0;
+      g.nodes[i] = top_.nodes;
+      g.ropes[i] = top_.ropes;
+      g.references[i] = nullptr;
+    }
+  }
+
+  /// New rays into idle lanes.
+  QUARRY_HOST_DEVICE void Refill(Group& g) {
+    for (uint32_t idle = kAllLanes & ~(g.down | g.testing | g.up); idle != 0; idle &= idle - 1) {
+      const auto i = static_cast<uint32_t>(std::countr_zero(idle));
+      while (source_.Next(g.packet[i], g.index[i]))
+        if (Start(g, i)) break;
+    }
+  }
+
+  /// False when the ray has nowhere to go.
+  QUARRY_HOST_DEVICE bool Start(Group& g, uint32_t i) {
+    RayPacket& rays = *g.packet[i];
+    const uint32_t r = g.index[i];
+    statistics_.Ray(1);
+    const RayFrame<ScalarLane> frame = LoadFrame<ScalarLane>(rays, r);
+    for (int a = 0; a < 3; ++a) {
+      g.origin[a][i] = frame.origin[a];
+      g.reciprocal[a][i] = frame.reciprocal[a];
+    }
+    g.shear_x[i] = frame.shear_x;
+    g.shear_y[i] = frame.shear_y;
+    g.scale_z[i] = frame.scale_z;
+    g.largest_axis[i] = frame.z_is_x ? 0 : frame.z_is_y ? 1 : 2;
+    g.hit_t[i] = rays.hit_t[r];
+    g.b1[i] = rays.b1[r];
+    g.b2[i] = rays.b2[r];
+    g.triangle[i] = rays.triangle[r];
+    g.voxel[i] = rays.voxel[r];
+    g.local[i] = rays.local[r];
+    g.chain[i] = rays.chain[r];
+    const float lower[3] = {top_.lower.x, top_.lower.y, top_.lower.z};
+    const float upper[3] = {top_.upper.x, top_.upper.y, top_.upper.z};
+    float t = rays.t[r], t_end = g.hit_t[i];
+    ClipToBox<ScalarLane>(frame, lower, upper, t, t_end);
+    rays.waits_for[r] = kNoVoxel;
+    g.t[i] = t;
+    g.scene_end[i] = t_end;
+    if (!(t < t_end)) {
+      Finish(g, i);
+      return false;
+    }
+    g.resume[i] = 0;
+    ToTop(g, i);
+    g.node[i] = 0;
+    g.t_exit[i] = t_end;
+    g.down |= 1u << i;
+    return true;
+  }
+
+  QUARRY_HOST_DEVICE void ToTop(Group& g, uint32_t i) {
+    g.nodes[i] = top_.nodes;
+    g.ropes[i] = top_.ropes;
+    g.t_end[i] = ScalarLane::Min(g.scene_end[i], g.hit_t[i]);
+    g.in_voxel &= ~(1u << i);
+  }
+
+  QUARRY_HOST_DEVICE void Finish(Group& g, uint32_t i) {
+    RayPacket& rays = *g.packet[i];
+    const uint32_t r = g.index[i];
+    rays.t[r] = g.t[i];
+    rays.hit_t[r] = g.hit_t[i];
+    rays.triangle[r] = g.triangle[i];
+    rays.b1[r] = g.b1[i];
+    rays.b2[r] = g.b2[i];
+    rays.voxel[r] = g.voxel[i];
+    rays.local[r] = g.local[i];
+    rays.chain[r] = g.chain[i];
+  }
+
+  QUARRY_HOST_DEVICE static Mask IsAxis(Int axis, uint32_t which) {
+    return L::EqualInt(axis, L::SetInt(which));
+  }
+  QUARRY_HOST_DEVICE static Float ByAxis(Mask is_x, Mask is_y, const float (&v)[3][kLanes]) {
+    return L::Select(is_x, L::Load(v[0]), L::Select(is_y, L::Load(v[1]), L::Load(v[2])));
+  }
+
+  /// One step down for all lanes at inner nodes; those that are at leaves are sorted by what they find there.
+  QUARRY_HOST_DEVICE void Down(Group& g) {
+    statistics_.Node(static_cast<uint32_t>(std::popcount(g.down)), kLanes);
+    const KdNode* at[kLanes];
+#pragma GCC unroll 16
+    for (uint32_t i = 0; i < kLanes; ++i) at[i] = g.nodes[i] + g.node[i];
+    Int payload, link;
+    L::GatherNodes(at, payload, link);
+    const Int axis = L::AndInt(link, L::SetInt(3));
+    const Mask down = L::FromBits(g.down);
+    const Mask leaf = L::And(down, IsAxis(axis, 3));
+    const Mask inner = L::AndNot(leaf, down);
+    const Mask is_x = IsAxis(axis, 0), is_y = IsAxis(axis, 1);
+    const Float reciprocal = ByAxis(is_x, is_y, g.reciprocal);
+    const Float plane = (L::AsFloat(payload) - ByAxis(is_x, is_y, g.origin)) * reciprocal;
+    const Mask forward = L::Less(L::Set(0.0f), reciprocal);
+    Float t = L::Load(g.t), t_exit = L::Load(g.t_exit);
+    Mask in_near = L::Less(t, plane);
+    const Int left = L::template ShiftRight<KdNode::kLinkShift>(link);
+    if constexpr (kWay == SimtWay::kClimb) {
+      const Mask splits = L::And(in_near, L::Less(plane, t_exit));
+      const Mask left_empty = L::HasBits(link, KdNode::kLeftEmpty);
+      const Mask right_empty = L::HasBits(link, KdNode::kRightEmpty);
+      const Mask near_empty = L::Or(L::And(forward, left_empty), L::AndNot(forward, right_empty));
+      const Mask far_empty = L::Or(L::And(forward, right_empty), L::AndNot(forward, left_empty));
+      // Nothing on the near side: straight to the far one. Nothing on the far side: no need to stop at the plane.
+      const Mask skips = L::And(inner, L::And(splits, near_empty));
+      t = L::Select(skips, plane, t);
+      in_near = L::AndNot(skips, in_near);
+      t_exit = L::Select(L::And(L::AndNot(far_empty, inner), L::AndNot(near_empty, splits)), plane, t_exit);
+      L::Store(t, g.t);
+      L::Store(t_exit, g.t_exit);
+      const Mask begins = L::And(inner, L::HasBits(link, KdNode::kBeginsTreelet));
+      L::StoreInt(L::SelectInt(begins, left, L::LoadInt(g.resume)), g.resume);
+    }
+    const Mask right = L::Or(L::AndNot(in_near, forward), L::AndNot(forward, in_near));
+    const Int child = L::SelectInt(right, L::AddInt(left, L::SetInt(1)), left);
+    if constexpr (kWay == SimtWay::kPushDown) {
+      // While the node holds all of the rest of the ray, its t_exit is t_end.
+      const Mask whole = L::And(inner, L::Equal(t_exit, L::Load(g.t_end)));
+      const Mask splits = L::And(inner, L::And(in_near, L::Less(plane, t_exit)));
+      L::Store(L::Select(splits, plane, t_exit), g.t_exit);
+      L::StoreInt(L::SelectInt(L::AndNot(splits, whole), child, L::LoadInt(g.resume)), g.resume);
+    }
+    L::StoreInt(L::SelectInt(inner, child, L::LoadInt(g.node)), g.node);
+    if (const uint32_t arrived = L::Bits(leaf); arrived != 0) {
+      alignas(64) uint32_t firsts[kLanes], counts[kLanes];
+      L::StoreInt(payload, firsts);
+      L::StoreInt(left, counts);
+      Arrive(g, arrived, firsts, counts);
+    }
+  }
+
+  /// `arrived`: lanes at leaves whose payload and count are given.
+  QUARRY_HOST_DEVICE void Arrive(Group& g, uint32_t arrived, const uint32_t* firsts, const uint32_t* counts) {
+    g.down &= ~arrived;
+    uint32_t empty = 0;
+    for (; arrived != 0; arrived &= arrived - 1) {
+      const auto i = static_cast<uint32_t>(std::countr_zero(arrived));
+      uint32_t first = firsts[i], count = counts[i];
+      if constexpr (kWay == SimtWay::kRopes) {
+        const RopeLeaf& leaf = g.ropes[i][first];
+        float exit = kInfinity;
+        uint32_t way_out = 0;
+        for (uint32_t a = 0; a < 3; ++a) {
+          const bool forward = g.reciprocal[a][i] > 0;
+          const float face = ((forward ? leaf.upper[a] : leaf.lower[a]) - g.origin[a][i]) * g.reciprocal[a][i];
+          if (face < exit) {
+            exit = face;
+            way_out = 2 * a + (forward ? 1 : 0);
+          }
+        }
+        g.t_exit[i] = exit;
+        g.resume[i] = leaf.ropes[way_out];
+        first = leaf.first;
+        count = leaf.count;
+      }
+      const uint32_t bit = 1u << i;
+      statistics_.Leaf();
+      if (count == 0) {
+        empty |= bit;
+      } else if ((g.in_voxel & bit) != 0) {
+        g.first[i] = first;
+        g.last[i] = first + count;
+        g.testing |= bit;
+      } else {
+        g.top_t[i] = g.t[i];
+        g.top_exit[i] = ScalarLane::Min(g.t_exit[i], g.t_end[i]);
+        g.top_resume[i] = g.resume[i];
+        uint32_t voxel = first;
+        for (uint32_t skip = g.chain[i]; skip > 0 && voxel != kNoVoxel; --skip)
+          voxel = top_.next_in_chain[voxel];
+        EnterVoxel(g, i, voxel);
+      }
+    }
+    if (empty != 0) Leave(g, empty);
+  }
+
+  /// Into `voxel` of the present top-level leaf, or the next of its chain that the ray has not passed, or on.
+  QUARRY_HOST_DEVICE void EnterVoxel(Group& g, uint32_t i, uint32_t voxel) {
+    const uint32_t bit = 1u << i;
+    for (; voxel != kNoVoxel; voxel = top_.next_in_chain[voxel], ++g.chain[i]) {
+      statistics_.Voxel(1);
+      g.t[i] = g.top_t[i];
+      const VoxelGeometry* geometry = finder_.Find(voxel);
+      if (!geometry) {
+        g.packet[i]->waits_for[g.index[i]] = voxel;
+        g.in_voxel &= ~bit;
+        Finish(g, i);
+        return;
+      }
+      const float t_end = ScalarLane::Min(g.top_exit[i], g.hit_t[i]);
+      if (!(g.t[i] < t_end)) continue;
+      g.t_end[i] = g.t_exit[i] = t_end;
+      g.present[i] = voxel;
+      g.nodes[i] = geometry->nodes;
+      g.ropes[i] = geometry->ropes;
+      g.references[i] = geometry->references;
+      g.corners[i] = geometry->corners;
+      g.vertices[i] = &geometry->vertices->x;
+      g.triangle_ids[i] = geometry->triangle_ids;
+      g.in_voxel |= bit;
+      g.node[i] = g.resume[i] = 0;
+      g.down |= bit;
+      return;
+    }
+    g.chain[i] = 0;
+    g.t[i] = g.top_exit[i];
+    g.resume[i] = g.top_resume[i];
+    ToTop(g, i);
+    if (!(g.t[i] < g.t_end[i]) || (kWay == SimtWay::kRopes && g.resume[i] == kNoRope)) {
+      Finish(g, i);
+    } else if (kWay == SimtWay::kClimb) {
+      g.up |= bit;
+    } else {
+      g.node[i] = g.resume[i];
+      g.t_exit[i] = g.t_end[i];
+      g.down |= bit;
+    }
+  }
+
+  QUARRY_HOST_DEVICE void LeaveVoxel(Group& g, uint32_t i) {
+    ++g.chain[i];
+    EnterVoxel(g, i, top_.next_in_chain[g.present[i]]);
+  }
+
+  /// One triangle for each lane that has one.
+  QUARRY_HOST_DEVICE void Test(Group& g) {
+    alignas(64) uint32_t locals[kLanes], ids[kLanes];
+    const float* at[3][kLanes];
+    uint32_t some = static_cast<uint32_t>(std::countr_zero(g.testing));
+#pragma GCC unroll 16
+    for (uint32_t i = 0; i < kLanes; ++i) {
+      const uint32_t lane = (g.testing >> i & 1u) != 0 ? i : some;
+      const uint32_t local = g.references[lane][g.first[lane]];
+      const uint16_t* corner = g.corners[lane] + 3 * local;
+      locals[i] = local;
+      ids[i] = g.triangle_ids[lane][local];
+      for (int k = 0; k < 3; ++k) at[k][i] = g.vertices[lane] + 3 * corner[k];
+    }
+    const Mask testing = L::FromBits(g.testing);
+    statistics_.Triangle(static_cast<uint32_t>(std::popcount(g.testing)), kLanes);
+    const Int largest = L::LoadInt(g.largest_axis);
+    RayFrame<L> frame;
+    frame.shear_x = L::Load(g.shear_x);
+    frame.shear_y = L::Load(g.shear_y);
+    frame.scale_z = L::Load(g.scale_z);
+    frame.z_is_x = IsAxis(largest, 0);
+    frame.z_is_y = IsAxis(largest, 1);
+    MovedVertex<L> moved[3];
+    for (int k = 0; k < 3; ++k) {
+      Float x, y, z, unused;
+      L::Gather4(at[k], x, y, z, unused);
+      x = x - L::Load(g.origin[0]);
+      y = y - L::Load(g.origin[1]);
+      z = z - L::Load(g.origin[2]);
+      Rotate<L>(frame, x, y, z);
+      moved[k] = MoveVertex<L>(frame, x, y, z);
+    }
+    const Mask may = MayContain<L>(moved[0], moved[1], moved[2], testing);
+    uint32_t ended = 0;
+    if (!L::None(may)) {
+      statistics_.Exact();
+      RayBest<L> best{L::Load(g.hit_t),       L::Load(g.b1),       L::Load(g.b2),
+                      L::LoadInt(g.triangle), L::LoadInt(g.voxel), L::LoadInt(g.local)};
+      const Mask kept = Keep<L>(HitMoved<L>(frame, moved[0], moved[1], moved[2], may), L::LoadInt(ids),
+                                L::LoadInt(g.present), L::LoadInt(locals), best);
+      L::Store(best.t, g.hit_t);
+      L::Store(best.b1, g.b1);
+      L::Store(best.b2, g.b2);
+      L::StoreInt(best.triangle, g.triangle);
+      L::StoreInt(best.voxel, g.voxel);
+      L::StoreInt(best.local, g.local);
+      if (kAnyHit)
+        ended = L::Bits(kept);
+      else
+        L::Store(L::Min(L::Load(g.t_end), best.t), g.t_end);
+    }
+    const Int next = L::AddInt(L::LoadInt(g.first), L::SelectInt(testing, L::SetInt(1), L::SetInt(0)));
+    L::StoreInt(next, g.first);
+    const uint32_t done = g.testing & ~L::Bits(L::LessInt(next, L::LoadInt(g.last)));
+    g.testing &= ~(done | ended);
+    if ((done & ~ended) != 0) Leave(g, done & ~ended);
+    for (; ended != 0; ended &= ended - 1) {
+      const auto i = static_cast<uint32_t>(std::countr_zero(ended));
+      g.in_voxel &= ~(1u << i);
+      Finish(g, i);
+    }
+  }
+
+  /// `lanes` have done with their leaves: on to where the next one is looked for, or out of the tree.
+  QUARRY_HOST_DEVICE void Leave(Group& g, uint32_t lanes) {
+    const Float t_end = L::Load(g.t_end);
+    const Float t = L::Select(L::FromBits(lanes), L::Load(g.t_exit), L::Load(g.t));
+    L::Store(t, g.t);
+    uint32_t out = lanes & ~L::Bits(L::Less(t, t_end));
+    if constexpr (kWay == SimtWay::kRopes) out |= lanes & L::Bits(L::EqualInt(L::LoadInt(g.resume), L::SetInt(kNoRope)));
+    const uint32_t on = lanes & ~out;
+    if constexpr (kWay == SimtWay::kClimb) {
+      g.up |= on;
+    } else {
+      statistics_.Climb();
+      const Mask goes_on = L::FromBits(on);
+      L::StoreInt(L::SelectInt(goes_on, L::LoadInt(g.resume), L::LoadInt(g.node)), g.node);
+      L::Store(L::Select(goes_on, t_end, L::Load(g.t_exit)), g.t_exit);
+      g.down |= on;
+    }
+    for (; out != 0; out &= out - 1) {
+      const auto i = static_cast<uint32_t>(std::countr_zero(out));
+      if ((g.in_voxel >> i & 1u) != 0)
+        LeaveVoxel(g, i);
+      else
+        Finish(g, i);
+    }
+  }
+
+  /// One treelet up. Lanes whose ray is still in its box go down from its root.
+  QUARRY_HOST_DEVICE void Climb(Group& g) {
+    statistics_.Climb();
+    const Mask climbing = L::FromBits(g.up);
+    alignas(64) uint32_t headers[kLanes];
+    L::StoreInt(L::SelectInt(climbing, L::LoadInt(g.resume), L::SetInt(kTreeletHeaderSlots)), headers);
+    const float* at[kLanes];
+    const float* behind[kLanes];
+#pragma GCC unroll 16
+    for (uint32_t i = 0; i < kLanes; ++i) {
+      at[i] = HeaderOf(g.nodes[i], headers[i]).lower;
+      behind[i] = at[i] + 4;
+    }
+    Float lower[3], upper[3], parent, root;
+    L::Gather4(at, lower[0], lower[1], lower[2], upper[0]);
+    L::Gather4(behind, upper[1], upper[2], parent, root);
+    const Float t = L::Load(g.t), t_end = L::Load(g.t_end);
+    Float enter = L::Set(0.0f), exit = t_end;
+    for (int a = 0; a < 3; ++a) {
+      const Float origin = L::Load(g.origin[a]), reciprocal = L::Load(g.reciprocal[a]);
+      const Float t0 = (lower[a] - origin) * reciprocal, t1 = (upper[a] - origin) * reciprocal;
+      enter = L::Max(enter, L::Min(t0, t1));
+      exit = L::Min(exit, L::Max(t0, t1));
+    }
+    const Mask topmost = L::EqualInt(L::AsInt(parent), L::SetInt(0));
+    exit = L::Select(topmost, t_end, exit);
+    const Mask inside =
+        L::And(climbing, L::Or(topmost, L::And(L::Less(t, exit), L::LessEqual(enter, t))));
+    L::Store(L::Select(inside, exit, L::Load(g.t_exit)), g.t_exit);
+    L::StoreInt(L::SelectInt(inside, L::AsInt(root), L::LoadInt(g.node)), g.node);
+    L::StoreInt(L::SelectInt(L::AndNot(inside, climbing), L::AsInt(parent), L::LoadInt(g.resume)), g.resume);
+    const uint32_t found = L::Bits(inside);
+    g.up &= ~found;
+    g.down |= found;
+  }
+
+  const TopTree& top_;
+  const VoxelFinder& finder_;
+  RaySource source_;
+  Statistics& statistics_;
+  Group groups_[kGroups];
+};
+
+}  // namespace quarry

@@ -1,0 +1,285 @@
+// `quarry bench kernels`: the kernels against Embree, ray for ray, in one process on one core.
+#include <fmt/format.h>
+#include <sched.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "deploy/scene_files.h"
+#include "tests/bench/embree_rays.h"
+#include "tests/bench/ray_sets.h"
+#include "worker/pin_set.h"
+
+#ifndef NDEBUG
+#error "benchmarks are built with the release preset"
+#endif
+
+namespace quarry::bench {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+struct Options {
+  std::vector<std::string> stores;
+  int repetitions = 5;
+  uint32_t size = 1024;
+  std::string only;
+  bool interior = false, all = false, no_embree = false, statistics = false;
+  std::string json;
+};
+
+double Median(std::vector<double> values) {
+  std::ranges::sort(values);
+  return values[values.size() / 2];
+}
+
+void PinToOneCore() {
+  cpu_set_t set;
+  CPU_ZERO(&set);
+  CPU_SET(static_cast<size_t>(sched_getcpu()), &set);
+  sched_setaffinity(0, sizeof set, &set);
+}
+
+/// The worker's cache with every hot block in it, as kernels reach it in a render.
+class ResidentCache {
+ public:
+  static Result<std::unique_ptr<ResidentCache>> Load(const std::string& path) {
+    QUARRY_ASSIGN(StoreReader store, StoreReader::Open(path));
+    auto self = std::make_unique<ResidentCache>(std::move(store));
+    const Catalog& catalog = self->store_.catalog();
+    for (uint32_t v = 0; v < catalog.voxels.size(); ++v) {
+      const uint32_t id = BlockId(v, BlockKind::kHot);
+      QUARRY_ASSIGN(const Bytes stored, self->store_.ReadBlock(id));
+      auto block = std::make_unique<ResidentBlock>();
+      block->bytes = PageBuffer(catalog.block(id).decoded);
+      QUARRY_TRY(DecompressBlock(stored, block->bytes.bytes()));
+      QUARRY_ASSIGN(block->hot, ViewHot(block->bytes.bytes()));
+      self->cache_.Reserve(catalog.block(id).decoded);
+      self->cache_.Publish(id, std::move(block));
+    }
+    return self;
+  }
+  explicit ResidentCache(StoreReader store)
+      : store_(std::move(store)),
+        cache_(store_.catalog(), uint64_t{1} << 40, [] {}, [] {}),
+        pins_(cache_) {}
+
+  TopTree top() const { return store_.catalog().top_tree(); }
+  VoxelFinder finder() {
+    return {[](void* context, uint32_t voxel) -> const VoxelGeometry* {
+              const ResidentBlock* block = static_cast<PinSet*>(context)->Find(BlockId(voxel, BlockKind::kHot));
+              return block ? &block->hot : nullptr;
+            },
+            &pins_};
+  }
+
+ private:
+  StoreReader store_;
+  VoxelCache cache_;
+  PinSet pins_;
+};
+
+/// One way to trace a set of rays.
+struct Contender {
+  std::string name;
+  std::function<double()> run;  ///< seconds
+  std::vector<double> times;
+};
+
+std::string_view Name(Grouping g) { return g == Grouping::kPacket ? "packet" : "simt"; }
+std::string_view Name(Algorithm a) {
+  constexpr std::string_view names[] = {"restart", "backtrack", "treelets", "push-down", "ropes"};
+  return names[static_cast<int>(a)];
+}
+
+struct Check {
+  uint64_t same = 0, tie = 0, other = 0;
+};
+
+Check Compare(const RaySet& set, const std::vector<RayPacket>& found, const EmbreeRays& embree) {
+  Check c;
+  size_t index = 0;
+  for (size_t p = 0; p < found.size(); ++p)
+    for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
+      if ((set.active[p] >> i & 1) == 0) continue;
+      const Hit e = embree.Result(index++), q = found[p].HitOf(i);
+      if (set.any ? (e.triangle == kNoTriangle) == (q.triangle == kNoTriangle) : e.triangle == q.triangle)
+        ++c.same;
+      else if (!set.any && std::fabs(e.t - q.t) <= 1e-5f * std::max(e.t, q.t))
+        ++c.tie;
+      else
+        ++c.other;
+    }
+  return c;
+}
+
+class SceneBench {
+ public:
+  SceneBench(const Options& options, std::string name) : options_(options), name_(std::move(name)) {}
+
+  Status Run(const std::string& path, nlohmann::json& results) {
+    QUARRY_ASSIGN(scene_, test::ResidentScene::Load(path));
+    QUARRY_ASSIGN(cache_, ResidentCache::Load(path));
+    QUARRY_ASSIGN(const CameraSpec view, FindView(path));
+    sets_ = MakeRaySets(*scene_, options_.size, view);
+    if (!options_.no_embree) {
+      fast_ = std::make_unique<EmbreeRays>(*scene_, false);
+      robust_ = std::make_unique<EmbreeRays>(*scene_, true);
+    }
+    PinToOneCore();
+    fmt::print("{}: {} triangles, {} voxels, {:.1f} bytes a triangle decoded, replication {:.2f}\n", name_,
+               scene_->catalog().meta.input_triangles, scene_->voxels().size(),
+               static_cast<double>(scene_->decoded_bytes()) /
+                   static_cast<double>(scene_->catalog().meta.input_triangles),
+               static_cast<double>(scene_->catalog().meta.stored_references) /
+                   static_cast<double>(scene_->catalog().meta.input_triangles));
+    for (const RaySet& set : sets_) Measure(set, results);
+    return {};
+  }
+
+ private:
+  /// The first camera of a path beside the store (quarry-scene writes one), or the default view.
+  Result<CameraSpec> FindView(const std::string& store) const {
+    const std::string path = std::filesystem::path(store).replace_extension(".path.json");
+    if (!std::filesystem::exists(path)) return ViewOf(*scene_, options_.interior);
+    QUARRY_ASSIGN(const std::vector<CameraSpec> cameras, ReadCameraPath(path));
+    return cameras.at(0);
+  }
+
+  void AddKernel(const RaySet& set, const Kernel& kernel, std::vector<Contender>& contenders) {
+    const bool engine = kernel.algorithm == Algorithm::kTreelets;
+    const SceneView* view = engine ? nullptr : &scene_->view(kernel.algorithm);
+    const TraceFunction trace = set.any ? kernel.any : kernel.closest;
+    contenders.push_back({fmt::format("{} {} {}", kernel.isa, Name(kernel.grouping), Name(kernel.algorithm)),
+                          [this, &set, trace, view] {
+                            found_ = set.packets;
+                            const TopTree top = view ? view->top() : cache_->top();
+                            const VoxelFinder finder = view ? view->finder() : cache_->finder();
+                            const auto start = Clock::now();
+                            trace(top, finder, found_.data(), set.active.data(),
+                                  static_cast<uint32_t>(found_.size()));
+                            return std::chrono::duration<double>(Clock::now() - start).count();
+                          },
+                          {}});
+  }
+
+  void Measure(const RaySet& set, nlohmann::json& results) {
+    if (set.rays == 0) return;
+    std::vector<Contender> contenders;
+    for (const Kernel& kernel : Kernels()) {
+      const bool best = &kernel == &BestKernel(kernel.grouping);
+      if (!options_.only.empty() && (std::string(kernel.isa) + " " + std::string(Name(kernel.grouping)) + " " + std::string(Name(kernel.algorithm))).find(options_.only) == std::string::npos) continue;
+      if (best || options_.all) AddKernel(set, kernel, contenders);
+    }
+    const size_t ours = contenders.size();
+    for (auto [embree, kind] : {std::pair{fast_.get(), "embree"}, {robust_.get(), "embree robust"}}) {
+      if (!embree) continue;
+      embree->SetRays(set.packets, set.active, set.any, set.coherent);
+      const std::pair<EmbreeMode, const char*> modes[] = {
+          {EmbreeMode::kSingle, "single"}, {EmbreeMode::kPacket, "packet"}, {EmbreeMode::kStream, "stream"}};
+      for (auto [mode, mode_name] : modes)
+        contenders.push_back({fmt::format("{} {}", kind, mode_name),
+                              [embree = embree, mode = mode] { return embree->Trace(mode); },
+                              {}});
+    }
+    for (int r = 0; r < options_.repetitions; ++r)
+      for (Contender& c : contenders) c.times.push_back(c.run());
+    nlohmann::json j = {{"scene", name_}, {"triangles", scene_->catalog().meta.input_triangles}, {"ray", set.name},
+                        {"rays", set.rays}};
+    std::vector<double> speeds;
+    for (const Contender& c : contenders)
+      speeds.push_back(static_cast<double>(set.rays) / Median(c.times) / 1e6);
+    const auto best_of = [&](size_t from, size_t to) {
+      return *std::max_element(speeds.begin() + static_cast<std::ptrdiff_t>(from),
+                               speeds.begin() + static_cast<std::ptrdiff_t>(to));
+    };
+    j["mrays_per_s"] = best_of(0, ours);
+    if (fast_) {
+      j["embree_best_mrays_per_s"] = best_of(ours, ours + 3);
+      j["embree_robust_best_mrays_per_s"] = best_of(ours + 3, ours + 6);
+      j["embree_single_mrays_per_s"] = speeds[ours];
+    }
+    fmt::print("  {:8} {:9} rays:", set.name, set.rays);
+    for (size_t i = 0; i < contenders.size(); ++i) fmt::print(" {} {:.2f}", contenders[i].name, speeds[i]);
+    if (fast_) {
+      contenders[0].run();
+      robust_->Trace(EmbreeMode::kSingle);
+      const Check check = Compare(set, found_, *robust_);
+      j["same"] = check.same;
+      j["tie"] = check.tie;
+      j["other"] = check.other;
+      fmt::print("\n      ratio to embree best {:.2f} robust {:.2f} single {:.2f}; hits same {} tie {} other {}",
+                 best_of(0, ours) / best_of(ours, ours + 3), best_of(0, ours) / best_of(ours + 3, ours + 6),
+                 best_of(0, ours) / speeds[ours], check.same, check.tie, check.other);
+    }
+    fmt::print("\n");
+    std::fflush(stdout);
+    if (options_.statistics) PrintStatistics(set);
+    results.push_back(std::move(j));
+  }
+
+  void PrintStatistics(const RaySet& set) {
+    for (const Kernel& kernel : Kernels()) {
+      if (&kernel != &BestKernel(kernel.grouping)) continue;
+      found_ = set.packets;
+      TraceStatistics s;
+      (set.any ? kernel.counted_any : kernel.counted_closest)(cache_->top(), cache_->finder(), found_.data(),
+                                                              set.active.data(),
+                                                              static_cast<uint32_t>(found_.size()), s);
+      const auto per_ray = [&](uint64_t n) { return static_cast<double>(n) / static_cast<double>(set.rays); };
+      fmt::print("      {}: a ray: node steps {:.2f} (lanes used {:.2f}), leaves {:.2f}, triangle tests {:.2f} ({:.2f}), "
+                 "exact {:.2f}, climbs {:.2f}, voxels {:.2f}\n",
+                 Name(kernel.grouping), per_ray(s.node_steps),
+                 static_cast<double>(s.node_lanes_used) / static_cast<double>(s.node_lanes), per_ray(s.leaves),
+                 per_ray(s.triangle_tests),
+                 static_cast<double>(s.triangle_lanes_used) / static_cast<double>(s.triangle_lanes),
+                 per_ray(s.exact_tests), per_ray(s.climbs), per_ray(s.voxel_visits));
+    }
+  }
+
+  using SceneView = test::SceneView;
+  const Options& options_;
+  std::string name_;
+  std::unique_ptr<test::ResidentScene> scene_;
+  std::unique_ptr<ResidentCache> cache_;
+  std::vector<RaySet> sets_;
+  std::unique_ptr<EmbreeRays> fast_, robust_;
+  std::vector<RayPacket> found_;
+};
+
+int Main(int argc, char** argv) {
+  Options options;
+  CLI::App app("Kernels against Embree on one core: millions of rays a second.");
+  app.add_option("store", options.stores, "Stores made by quarry-preprocess")->required();
+  app.add_option("--repetitions", options.repetitions, "Medians of so many")->capture_default_str();
+  app.add_option("--size", options.size, "Pixels on a side")->capture_default_str();
+  app.add_flag("--interior", options.interior, "The eye is inside the scene's box");
+  app.add_option("--only", options.only, "Kernels whose names hold this alone");
+  app.add_flag("--all", options.all, "All kernels, not only those that renders use");
+  app.add_flag("--no-embree", options.no_embree, "Quarry alone");
+  app.add_flag("--statistics", options.statistics, "Count nodes, leaves, triangles");
+  app.add_option("--json", options.json, "Results as JSON");
+  CLI11_PARSE(app, argc, argv);
+  nlohmann::json results = nlohmann::json::array();
+  for (const std::string& store : options.stores) {
+    SceneBench bench(options, std::filesystem::path(store).stem().string());
+    if (const Status status = bench.Run(store, results); !status) {
+      fmt::print(stderr, "quarry-bench-kernels: {}\n", status.error().message);
+      return 1;
+    }
+  }
+  if (!options.json.empty()) std::ofstream(options.json) << results.dump(2) << '\n';
+  return 0;
+}
+
+}  // namespace
+}  // namespace quarry::bench
+
+int main(int argc, char** argv) { return quarry::bench::Main(argc, argv); }

@@ -1,0 +1,92 @@
+#include "tests/support/resident_scene.h"
+
+#include <sys/mman.h>
+
+#include "common/kdtree/ropes.h"
+
+namespace quarry::test {
+namespace {
+
+/// The voxel's cell, as its block has it.
+Box CellOf(const KdNode* nodes) {
+  Box cell;
+  std::memcpy(&cell, reinterpret_cast<const std::byte*>(nodes) - 44, sizeof cell);
+  return cell;
+}
+
+uint32_t LevelsOf(Algorithm algorithm) {
+  switch (algorithm) {
+    case Algorithm::kBacktrack:
+      return kBacktrackLevels;
+    case Algorithm::kTreelets:
+      return kTreeletLevels;
+    default:
+      return kRestartLevels;
+  }
+}
+
+}  // namespace
+
+Result<std::unique_ptr<ResidentScene>> ResidentScene::Load(const std::string& path) {
+  auto scene = std::make_unique<ResidentScene>();
+  QUARRY_ASSIGN(StoreReader store, StoreReader::Open(path));
+  scene->store_ = std::make_unique<StoreReader>(std::move(store));
+  const Catalog& catalog = scene->catalog();
+  scene->views_[0] = std::make_unique<SceneView>();
+  SceneView& view = *scene->views_[0];
+  view.top_ = catalog.top_tree();
+  view.voxels_.reserve(catalog.voxels.size());
+  for (uint32_t v = 0; v < catalog.voxels.size(); ++v) {
+    const uint32_t id = BlockId(v, BlockKind::kHot);
+    QUARRY_ASSIGN(const Bytes stored, scene->store_->ReadBlock(id));
+    Bytes& bytes = scene->bytes_.emplace_back(catalog.block(id).decoded);
+    QUARRY_TRY(DecompressBlock(stored, bytes));
+    QUARRY_ASSIGN(const VoxelGeometry geometry, ViewHot(bytes));
+    view.voxels_.push_back(geometry);
+    view.node_bytes_ += uint64_t{geometry.node_count} * sizeof(KdNode);
+    scene->decoded_bytes_ += bytes.size();
+  }
+  return scene;
+}
+
+const SceneView& ResidentScene::view(Algorithm algorithm) {
+  const size_t which = algorithm == Algorithm::kTreelets ? 0 : algorithm == Algorithm::kBacktrack ? 1
+                       : algorithm == Algorithm::kRopes  ? 2
+                                                         : 3;
+  if (views_[which]) return *views_[which];
+  const Catalog& c = catalog();
+  auto view = std::make_unique<SceneView>(SceneView{});
+  view->voxels_ = views_[0]->voxels_;
+  view->top_ = c.top_tree();
+  const auto lay_out = [&](const KdNode* nodes, uint32_t count, const Box& box, const KdNode*& laid,
+                           const RopeLeaf*& ropes) {
+    const std::vector<KdNode> plain = FlattenTreelets({nodes, count});
+    if (algorithm == Algorithm::kRopes) {
+      RopeTree tree = MakeRopes(plain, box);
+      view->nodes_.push_back(std::move(tree.nodes));
+      view->ropes_.push_back(std::move(tree.leaves));
+      ropes = view->ropes_.back().data();
+      view->node_bytes_ += view->ropes_.back().size() * sizeof(RopeLeaf);
+    } else {
+      view->nodes_.push_back(LayOutTreelets(plain, LevelsOf(algorithm)));
+      if (!FillTreeletHeaders(view->nodes_.back(), LevelsOf(algorithm), box)) std::abort();
+    }
+    laid = view->nodes_.back().data();
+    view->node_bytes_ += view->nodes_.back().size() * sizeof(KdNode);
+  };
+  for (size_t v = 0; v < view->voxels_.size(); ++v) {
+    VoxelGeometry& g = view->voxels_[v];
+    lay_out(g.nodes, g.node_count, CellOf(g.nodes), g.nodes, g.ropes);
+  }
+  lay_out(c.top_nodes.data(), static_cast<uint32_t>(c.top_nodes.size()), {c.meta.root_lower, c.meta.root_upper},
+          view->top_.nodes, view->top_.ropes);
+  views_[which] = std::move(view);
+  return *views_[which];
+}
+
+void ResidentScene::Drop(Algorithm algorithm) {
+  const size_t which = algorithm == Algorithm::kBacktrack ? 1 : algorithm == Algorithm::kRopes ? 2 : 3;
+  if (algorithm != Algorithm::kTreelets) views_[which].reset();
+}
+
+}  // namespace quarry::test

@@ -1,0 +1,64 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "common/kdtree/kernels.h"
+#include "common/kdtree/treelets.h"
+#include "common/voxel/store_reader.h"
+
+namespace quarry::test {
+
+/// The trees of a scene laid out as one algorithm wants them.
+class SceneView {
+ public:
+  const TopTree& top() const { return top_; }
+  /// Finds every voxel.
+  VoxelFinder finder() const {
+    return {[](void* context, uint32_t voxel) {
+              return &static_cast<const SceneView*>(context)->voxels_[voxel];
+            },
+            const_cast<SceneView*>(this)};
+  }
+  const std::vector<VoxelGeometry>& voxels() const { return voxels_; }
+  /// Of all trees in this layout.
+  uint64_t node_bytes() const { return node_bytes_; }
+
+ private:
+  friend class ResidentScene;
+  TopTree top_;
+  std::vector<VoxelGeometry> voxels_;
+  std::vector<std::vector<KdNode>> nodes_;
+  std::vector<std::vector<RopeLeaf>> ropes_;
+  uint64_t node_bytes_ = 0;
+};
+
+/// A store with all of its voxels' hot parts decoded.
+class ResidentScene {
+ public:
+  static Result<std::unique_ptr<ResidentScene>> Load(const std::string& store);
+
+  const Catalog& catalog() const { return store_->catalog(); }
+  const std::vector<VoxelGeometry>& voxels() const { return views_[0]->voxels_; }
+  uint64_t decoded_bytes() const { return decoded_bytes_; }
+  /// As stored: treelets.
+  const SceneView& view() const { return *views_[0]; }
+  /// The layout for `algorithm`; made when first asked for. Not thread-safe.
+  const SceneView& view(Algorithm algorithm);
+  void Drop(Algorithm algorithm);  ///< its memory
+
+ private:
+  std::unique_ptr<StoreReader> store_;
+  std::vector<Bytes> bytes_;
+  std::unique_ptr<SceneView> views_[5];  ///< 0: treelets
+  uint64_t decoded_bytes_ = 0;
+};
+
+/// Traces packets to their end: `active` as for TraceFunction. Every voxel must be found.
+inline void TraceAll(const SceneView& view, TraceFunction trace, std::vector<RayPacket>& packets) {
+  const std::vector<uint64_t> active(packets.size(), ~uint64_t{0});
+  trace(view.top(), view.finder(), packets.data(), active.data(), static_cast<uint32_t>(packets.size()));
+}
+
+}  // namespace quarry::test
