@@ -81,7 +81,7 @@ KdTree BuildTree(std::span<const TriangleRecord> triangles, const Box& cell, flo
 
 /// The triangles in the order in which leaves first refer to them, which is renumbered: what one leaf needs
 /// lies together.
-std::vector<uint16_t> OrderByLeaves(std::vector<uint16_t>& references, size_t triangles) {
+std::vector<uint16_t> OrderByLeaves(std::vector<uint32_t>& references, size_t triangles) {
   constexpr uint16_t kUnseen = 0xFFFF;
   std::vector<uint16_t> number(triangles, kUnseen), order;
   order.reserve(triangles);
@@ -92,7 +92,7 @@ std::vector<uint16_t> OrderByLeaves(std::vector<uint16_t>& references, size_t tr
     }
     return number[triangle];
   };
-  for (uint16_t& reference : references) reference = visit(reference);
+  for (uint32_t& reference : references) reference = visit(static_cast<uint16_t>(reference));
   // The partition gave the voxel a triangle by its box; the tree has found that it does not reach the cell.
   for (size_t i = 0; i < triangles; ++i) visit(static_cast<uint16_t>(i));
   return order;
@@ -120,7 +120,7 @@ EncodedVoxel BuildVoxel(std::span<const TriangleRecord> triangles, const Box& ce
   KdTree tree = BuildTree(triangles, cell, padding, room);
   order = OrderByLeaves(tree.references, triangles.size());
   voxel.nodes = std::move(tree.nodes);
-  voxel.references = std::move(tree.references);
+  voxel.references.assign(tree.references.begin(), tree.references.end());
   vertices_of(voxel, order);
   std::vector<TriangleRecord> ordered;
   ordered.reserve(order.size());

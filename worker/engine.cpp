@@ -5,7 +5,6 @@
 namespace quarry {
 namespace {
 
-constexpr uint32_t kBatch = 128;      // samples advanced before wants go out
 constexpr int kBatchesPerPinSet = 8;  // pins are let go after so many batches, used up or not
 
 }  // namespace
@@ -94,7 +93,7 @@ void Engine::Run(Mailbox& mailbox) {
       for (auto& tile : tiles) tile->Resume(block);
     }
     for (auto& tile : tiles)
-      tile->Step(pins, kBatch, [&](uint32_t block, uint32_t rays) { cache_.Want(block, &mailbox, rays); });
+      tile->Step(pins, [&](uint32_t block, uint32_t rays) { cache_.Want(block, &mailbox, rays); });
   }
 }
 

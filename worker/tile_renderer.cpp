@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cstring>
+#include <utility>
 
 #include "common/base/check.h"
 #include "common/kdtree/kernels.h"
@@ -15,38 +16,49 @@ namespace {
 constexpr float kLeastWeight = 1.0f / 512;  // rays of less are not followed
 constexpr uint32_t kNone = 0xFFFFFFFFu;     // integer layers where nothing is hit
 
-struct TraceResult { int status; uint32_t voxel; };
-template <bool kAny> TraceResult TraceX(const TopTree& top, PinSet& pins, Ray& ray) {
-  RayPacket p; p.Set(0, ray); const uint64_t one = 1;
-  VoxelFinder finder{[](void* c, uint32_t v) -> const VoxelGeometry* { const ResidentBlock* b = static_cast<PinSet*>(c)->Find(BlockId(v, BlockKind::kHot)); return b ? &b->hot : nullptr; }, &pins};
-  static const Kernel& k = BestKernel(Grouping::kSimt);
-  (kAny ? k.any : k.closest)(top, finder, &p, &one, 1);
-  ray.t = p.t[0]; ray.chain = p.chain[0]; ray.hit = p.HitOf(0);
-  return {p.waits_for[0] != kNoVoxel ? 2 : p.triangle[0] != kNoTriangle ? 1 : 0, p.waits_for[0]};
-}
 float Largest(const glm::vec3& v) { return std::max({v.x, v.y, v.z}); }
+
+/// The tile's pixels in 8x8 blocks, so that 64 in a row are neighbours.
+std::vector<uint16_t> PixelOrder(uint32_t width, uint32_t height) {
+  constexpr uint32_t kSide = 8;
+  std::vector<uint16_t> order;
+  for (uint32_t y0 = 0; y0 < height; y0 += kSide)
+    for (uint32_t x0 = 0; x0 < width; x0 += kSide)
+      for (uint32_t y = y0; y < std::min(y0 + kSide, height); ++y)
+        for (uint32_t x = x0; x < std::min(x0 + kSide, width); ++x)
+          order.push_back(static_cast<uint16_t>(y * width + x));
+  return order;
+}
 
 }  // namespace
 
 TileRenderer::TileRenderer(std::shared_ptr<const FrameContext> frame, const TileOrder& order)
-    : frame_(std::move(frame)), order_(order) {
+    : frame_(std::move(frame)), order_(order), pixel_order_(PixelOrder(order.width, order.height)) {
   const uint32_t pixels = order.width * order.height;
   radiance_.resize(size_t{3} * pixels);
   aovs_.resize(size_t{frame_->words - 3} * pixels);
-  samples_.resize(std::min<uint64_t>(kSlots, uint64_t{pixels} * frame_->job.spp));
-  for (uint32_t slot = 0; slot < samples_.size(); ++slot)
-    if (StartNext(slot)) {
-      ++live_;
-      ready_.push_back(slot);
-    }
+  const uint64_t samples = uint64_t{pixels} * frame_->job.spp;
+  packets_.resize(std::min<uint64_t>(kPackets, (samples + RayPacket::kRays - 1) / RayPacket::kRays));
+  samples_.resize(packets_.size() * RayPacket::kRays);
+  for (uint32_t packet = 0; packet < packets_.size(); ++packet) StartPacket(packet);
 }
 
-/// Generate: the next primary ray into `slot`; false when the tile has no more samples.
-bool TileRenderer::StartNext(uint32_t slot) {
+/// Generate: the next primary rays into a packet whose samples have ended.
+void TileRenderer::StartPacket(uint32_t packet) {
+  const uint64_t samples = uint64_t{order_.width} * order_.height * frame_->job.spp;
+  for (uint32_t i = 0; i < RayPacket::kRays && next_sample_ < samples; ++i) {
+    Start(packet * RayPacket::kRays + i);
+    ready_[packet] |= uint64_t{1} << i;
+    ++unfinished_[packet];
+    ++live_;
+  }
+  if (ready_[packet] != 0) ++ready_count_;
+}
+
+void TileRenderer::Start(uint32_t slot) {
   const uint64_t pixels = uint64_t{order_.width} * order_.height;
-  if (next_sample_ == pixels * frame_->job.spp) return false;
   Sample& s = samples_[slot];
-  s.pixel = static_cast<uint16_t>(next_sample_ % pixels);
+  s.pixel = pixel_order_[next_sample_ % pixels];
   s.sample = static_cast<uint32_t>(next_sample_ / pixels);
   ++next_sample_;
   const uint32_t x = order_.x + s.pixel % order_.width, y = order_.y + s.pixel / order_.width;
@@ -55,100 +67,167 @@ bool TileRenderer::StartNext(uint32_t slot) {
       frame_->camera.Shoot(x + static_cast<double>(at.x), y + static_cast<double>(at.y));
   s.t_offset = primary.t_offset;
   s.pending_count = 0;
-  Begin(s, {primary.origin, primary.direction, glm::vec3(1), kPrimaryPath, 0});
-  if (primary.misses) s.ray.t_max = 0;  // traversal ends at once
-  return true;
+  Begin(slot, {primary.origin, primary.direction, glm::vec3(1), kPrimaryPath, 0});
+  if (primary.misses) SetRay(slot, primary.origin, primary.direction, 0);  // traversal ends at once
 }
 
-void TileRenderer::Begin(Sample& s, const Pending& ray) {
-  s.ray = Ray{};
-  s.ray.origin = ray.origin;
-  s.ray.direction = ray.direction;
+void TileRenderer::Begin(uint32_t slot, const Pending& ray) {
+  Sample& s = samples_[slot];
+  s.origin = ray.origin;
+  s.direction = ray.direction;
   s.weight = ray.weight;
   s.path_code = ray.path_code;
   s.depth = static_cast<uint8_t>(ray.depth);
   s.stage = Stage::kTraverse;
+  SetRay(slot, ray.origin, ray.direction, kInfinity);
   ++rays_;
+}
+
+void TileRenderer::SetRay(uint32_t slot, const glm::vec3& origin, const glm::vec3& direction, float t_max) {
+  Ray ray;
+  ray.origin = origin;
+  ray.direction = direction;
+  ray.t_max = t_max;
+  packets_[slot / RayPacket::kRays].Set(slot % RayPacket::kRays, ray);
+}
+
+Ray TileRenderer::RayOf(const Sample& s) const {
+  Ray ray;
+  ray.origin = s.origin;
+  ray.direction = s.direction;
+  return ray;
 }
 
 void TileRenderer::Resume(uint32_t block) {
   const auto it = parked_.find(block);
   if (it == parked_.end()) return;
-  ready_.insert(ready_.end(), it->second.begin(), it->second.end());
+  for (uint32_t slot : it->second) {
+    uint64_t& ready = ready_[slot / RayPacket::kRays];
+    if (ready == 0) ++ready_count_;
+    ready |= uint64_t{1} << slot % RayPacket::kRays;
+  }
   parked_.erase(it);
 }
 
-void TileRenderer::Advance(uint32_t slot, PinSet& pins) {
-  Sample& s = samples_[slot];
-  for (;;) {
-    uint32_t needed = 0;
-    if (!StepStage(s, pins, needed)) {
-      parked_[needed].push_back(slot);
-      ++newly_parked_[needed];
-      ++rays_suspended_;
-      return;
-    }
-    if (s.stage != Stage::kNext || NextRay(s)) continue;
-    if (StartNext(slot)) continue;
-    --live_;
-    return;
+void TileRenderer::Park(uint32_t slot, uint32_t block) {
+  parked_[block].push_back(slot);
+  ++newly_parked_[block];
+  ++rays_suspended_;
+}
+
+/// All ready samples to their next rays; the rays traced; what they have found taken up in the next round.
+void TileRenderer::Round(PinSet& pins) {
+  const auto packets = static_cast<uint32_t>(packets_.size());
+  ready_count_ = 0;
+  for (uint32_t p = 0; p < packets; ++p) {
+    closest_[p] = any_[p] = 0;
+    for (uint64_t left = std::exchange(ready_[p], 0); left != 0; left &= left - 1)
+      Advance(p * RayPacket::kRays + static_cast<uint32_t>(std::countr_zero(left)), pins);
+  }
+  Trace(pins, closest_, false);
+  Trace(pins, any_, true);
+  for (uint32_t p = 0; p < packets; ++p) {
+    if (unfinished_[p] == 0)
+      StartPacket(p);
+    else if (ready_[p] != 0)
+      ++ready_count_;
   }
 }
 
-/// One state; false when it needs the block `needed` and nothing has changed.
-bool TileRenderer::StepStage(Sample& s, PinSet& pins, uint32_t& needed) {
+void TileRenderer::Trace(PinSet& pins, const uint64_t* active, bool any) {
+  const VoxelFinder finder{[](void* context, uint32_t voxel) -> const VoxelGeometry* {
+                             const ResidentBlock* block =
+                                 static_cast<PinSet*>(context)->Find(BlockId(voxel, BlockKind::kHot));
+                             return block ? &block->hot : nullptr;
+                           },
+                           &pins};
+  TraceRays(frame_->top, finder, packets_.data(), active, static_cast<uint32_t>(packets_.size()), any);
+  for (uint32_t p = 0; p < packets_.size(); ++p)
+    for (uint64_t left = active[p]; left != 0; left &= left - 1) {
+      const auto i = static_cast<uint32_t>(std::countr_zero(left));
+      const uint32_t slot = p * RayPacket::kRays + i, missing = packets_[p].waits_for[i];
+      if (missing != kNoVoxel) {
+        Park(slot, BlockId(missing, BlockKind::kHot));
+        continue;
+      }
+      Traced(slot);
+      ready_[p] |= uint64_t{1} << i;
+    }
+}
+
+/// The sample's ray has come to its end.
+void TileRenderer::Traced(uint32_t slot) {
+  Sample& s = samples_[slot];
+  const Hit hit = packets_[slot / RayPacket::kRays].HitOf(slot % RayPacket::kRays);
+  const bool missed = hit.triangle == kNoTriangle;
+  if (s.stage == Stage::kShadow) {
+    if (missed) Add(s, s.light);
+    s.stage = Stage::kLight;
+    return;
+  }
+  s.hit = hit;
+  s.stage = missed ? Stage::kNext : Stage::kSurface;
+  if (!missed) return;
+  if (s.path_code == kPrimaryPath && s.sample == 0) WriteAovs(s);
+  Add(s, frame_->job.background);
+}
+
+/// Stage by stage until the sample has a ray to trace, waits for a block, or ends.
+void TileRenderer::Advance(uint32_t slot, PinSet& pins) {
+  Progress progress = Progress::kGoesOn;
+  while (progress == Progress::kGoesOn) progress = StepStage(slot, pins);
+  const uint32_t packet = slot / RayPacket::kRays;
+  if (progress == Progress::kTraces)
+    (samples_[slot].stage == Stage::kShadow ? any_ : closest_)[packet] |= uint64_t{1}
+                                                                          << slot % RayPacket::kRays;
+  if (progress == Progress::kEnded) {
+    --unfinished_[packet];
+    --live_;
+  }
+}
+
+TileRenderer::Progress TileRenderer::StepStage(uint32_t slot, PinSet& pins) {
+  Sample& s = samples_[slot];
+  const auto find = [&](BlockKind kind) {
+    const uint32_t id = BlockId(s.hit.voxel, kind);
+    const ResidentBlock* block = pins.Find(id);
+    if (!block) Park(slot, id);
+    return block;
+  };
   switch (s.stage) {
     case Stage::kTraverse:
-      return Traverse(s, pins, needed);
+    case Stage::kShadow:
+      return Progress::kTraces;
     case Stage::kSurface: {
-      needed = BlockId(s.hit.voxel, BlockKind::kHot);
-      const ResidentBlock* block = pins.Find(needed);
-      if (!block) return false;
-      s.surface = MakeSurface(block->hot, s.hit, s.ray.direction);
+      const ResidentBlock* block = find(BlockKind::kHot);
+      if (!block) return Progress::kParked;
+      s.surface = MakeSurface(block->hot, s.hit, s.direction);
       const bool has_shading = frame_->catalog.voxels[s.hit.voxel].blocks[1].stored != 0;
       s.stage = has_shading ? Stage::kAttributes : Stage::kShade;
-      return true;
+      return Progress::kGoesOn;
     }
     case Stage::kAttributes: {
-      needed = BlockId(s.hit.voxel, BlockKind::kShading);
-      const ResidentBlock* block = pins.Find(needed);
-      if (!block) return false;
+      const ResidentBlock* block = find(BlockKind::kShading);
+      if (!block) return Progress::kParked;
       AddAttributes(block->shading, s.hit, s.surface);
       s.stage = Stage::kShade;
-      return true;
+      return Progress::kGoesOn;
     }
     case Stage::kShade:
       Shade(s);
-      return true;
+      return Progress::kGoesOn;
     case Stage::kLight:
-      NextLight(s);
-      return true;
-    case Stage::kShadow:
-      return Shadow(s, pins, needed);
+      NextLight(slot);
+      return Progress::kGoesOn;
     case Stage::kBounce:
       Spawn(s);
-      return true;
+      return Progress::kGoesOn;
     case Stage::kNext:
-      return true;
+      if (s.pending_count == 0) return Progress::kEnded;
+      Begin(slot, Pending(s.pending[--s.pending_count]));
+      return Progress::kTraces;
   }
-  return true;
-}
-
-bool TileRenderer::Traverse(Sample& s, PinSet& pins, uint32_t& needed) {
-  const TraceResult result = TraceX<false>(frame_->top, pins, s.ray);
-  if (result.status == 2) {
-    needed = BlockId(result.voxel, BlockKind::kHot);
-    return false;
-  }
-  s.hit = s.ray.hit;
-  if (result.status == 1) {
-    s.stage = Stage::kSurface;
-    return true;
-  }
-  if (s.path_code == kPrimaryPath && s.sample == 0) WriteAovs(s);
-  Add(s, frame_->job.background);
-  s.stage = Stage::kNext;
-  return true;
+  return Progress::kEnded;
 }
 
 void TileRenderer::Shade(Sample& s) {
@@ -161,7 +240,7 @@ void TileRenderer::Shade(Sample& s) {
       Add(s, material.diffuse * s.surface.color * Facing(s.surface) + material.emission);
       return;
     case RenderMode::kVoxels: {
-      const uint32_t voxel = LocateVoxel(frame_->top, s.ray, s.hit.t);
+      const uint32_t voxel = LocateVoxel(frame_->top, RayOf(s), s.hit.t);
       Add(s, VoxelColor(voxel) * (0.3f + 0.7f * Facing(s.surface)));
       return;
     }
@@ -175,32 +254,20 @@ void TileRenderer::Shade(Sample& s) {
 }
 
 /// A shadow ray toward the next light that can shine here, or on to the bounces.
-void TileRenderer::NextLight(Sample& s) {
+void TileRenderer::NextLight(uint32_t slot) {
+  Sample& s = samples_[slot];
   const Material& material = frame_->catalog.materials[s.surface.material];
   while (s.next_light < frame_->job.lights.size()) {
     const LightSample light = SampleLight(frame_->job.lights[s.next_light++], s.surface.position);
     s.light = Scatter(material, s.surface, light);
     if (Largest(s.light) <= 0) continue;
-    s.ray = Ray{};
-    s.ray.origin = Offset(s, glm::dot(light.direction, s.surface.geometric_normal) > 0);
-    s.ray.direction = light.direction;
-    s.ray.t_max = light.distance;
+    SetRay(slot, Offset(s, glm::dot(light.direction, s.surface.geometric_normal) > 0), light.direction,
+           light.distance);
     s.stage = Stage::kShadow;
     ++rays_;
     return;
   }
   s.stage = frame_->job.mode == RenderMode::kWhitted ? Stage::kBounce : Stage::kNext;
-}
-
-bool TileRenderer::Shadow(Sample& s, PinSet& pins, uint32_t& needed) {
-  const TraceResult result = TraceX<true>(frame_->top, pins, s.ray);
-  if (result.status == 2) {
-    needed = BlockId(result.voxel, BlockKind::kHot);
-    return false;
-  }
-  if (result.status == 0) Add(s, s.light);
-  s.stage = Stage::kLight;
-  return true;
 }
 
 /// The mirror and the transmitted ray, for later.
@@ -217,12 +284,6 @@ void TileRenderer::Spawn(Sample& s) {
   };
   push(b.refract_direction, s.weight * b.refract_weight, RefractedPath(s.path_code));
   push(b.reflect_direction, s.weight * b.reflect_weight, ReflectedPath(s.path_code));
-}
-
-bool TileRenderer::NextRay(Sample& s) {
-  if (s.pending_count == 0) return false;
-  Begin(s, Pending(s.pending[--s.pending_count]));
-  return true;
 }
 
 /// Where a ray that leaves the surface starts: clear of its own triangle by more than the test's error.
@@ -249,7 +310,7 @@ void TileRenderer::WriteAovs(const Sample& s) {
   put(Aov::kPrimitive, hit ? s.hit.triangle : kNone);
   put(Aov::kMaterial, hit ? surface.material : kNone);
   put(Aov::kPart, hit ? surface.part : kNone);
-  put(Aov::kVoxel, hit && frame_->job.has(Aov::kVoxel) ? LocateVoxel(frame_->top, s.ray, s.hit.t) : kNone);
+  put(Aov::kVoxel, hit && frame_->job.has(Aov::kVoxel) ? LocateVoxel(frame_->top, RayOf(s), s.hit.t) : kNone);
 }
 
 Bytes TileRenderer::Pixels() const {

@@ -5,6 +5,7 @@
 #include <unordered_map>
 #include <vector>
 
+#include "common/kdtree/ray_packet.h"
 #include "common/math/fixed_radiance.h"
 #include "common/math/random.h"
 #include "common/protocol/messages.h"
@@ -34,32 +35,30 @@ struct FrameContext {
 
 /// Renders one tile, never blocking: rays that need an absent block are parked until Resume names it.
 /// Ray states after Purcell et al. 2002, section 3: generate, traverse, shade, and from there new rays, each
-/// with its weight; no recursion. Every sample has one ray under way; what it has still to trace lies in a
-/// stack of bounded size in its own slot, so that memory is fixed when the tile is opened. Pixels do not
-/// depend on the order of anything: see FixedRadiance. Owned by one thread.
+/// with its weight; no recursion. Samples go in packets of 64, an 8x8 block of pixels: a packet's rays are
+/// traced and shaded together, but wait each for itself. Every sample has one ray under way; what it has
+/// still to trace lies in a stack of bounded size in its own slot, so that memory is fixed when the tile is
+/// opened. Pixels do not depend on the order of anything: see FixedRadiance. Owned by one thread.
 class TileRenderer {
  public:
-  static constexpr uint32_t kSlots = 1024;  ///< samples in flight, at most
-  static constexpr uint32_t kMaxDepth = 8;  ///< bounces
+  static constexpr uint32_t kPackets = 16;                         ///< in flight, at most
+  static constexpr uint32_t kSlots = kPackets * RayPacket::kRays;  ///< samples in flight, at most
+  static constexpr uint32_t kMaxDepth = 8;                         ///< bounces
 
   TileRenderer(std::shared_ptr<const FrameContext> frame, const TileOrder& order);
 
-  /// Advances up to `budget` samples until they end or park. `want(block, rays)` is called once a block that
-  /// rays have been parked on in this call.
+  /// Takes every ready sample to its next ray, and traces those rays. `want(block, rays)` is called once a
+  /// block that rays have been parked on in this call.
   template <class Want>
-  void Step(PinSet& pins, uint32_t budget, Want&& want) {
-    for (; budget > 0 && !ready_.empty(); --budget) {
-      const uint32_t slot = ready_.back();
-      ready_.pop_back();
-      Advance(slot, pins);
-    }
+  void Step(PinSet& pins, Want&& want) {
+    Round(pins);
     for (const auto& [block, rays] : newly_parked_) want(block, rays);
     newly_parked_.clear();
   }
   /// Rays parked on `block` are ready again. Requires: the block is pinned during the next Step.
   void Resume(uint32_t block);
 
-  bool has_ready() const { return !ready_.empty(); }
+  bool has_ready() const { return ready_count_ != 0; }
   bool done() const { return live_ == 0; }
   const TileOrder& order() const { return order_; }
   const FrameContext& frame() const { return *frame_; }
@@ -76,8 +75,8 @@ class TileRenderer {
     uint32_t path_code;
     uint32_t depth;
   };
+  /// One path; its ray is in packets_ at the same slot.
   struct Sample {
-    Ray ray;
     Stage stage = Stage::kTraverse;
     uint8_t depth = 0;
     uint16_t pixel = 0;
@@ -86,6 +85,7 @@ class TileRenderer {
     uint32_t next_light = 0;
     uint32_t pending_count = 0;
     float t_offset = 0;
+    glm::vec3 origin{0}, direction{0};  ///< of the ray that is being shaded
     glm::vec3 weight{1};
     glm::vec3 light{0};  ///< what the shadow ray brings if nothing is in its way
     Hit hit;             ///< of the ray that is being shaded
@@ -93,25 +93,36 @@ class TileRenderer {
     Pending pending[kMaxDepth +
                     1];  ///< the newest goes first, so at most one waits per depth, and two at the last
   };
+  /// Whether a sample can go on at once.
+  enum class Progress { kGoesOn, kTraces, kParked, kEnded };
 
-  bool StartNext(uint32_t slot);
+  void StartPacket(uint32_t packet);
+  void Start(uint32_t slot);
+  void Round(PinSet& pins);
+  void Trace(PinSet& pins, const uint64_t* active, bool any);
   void Advance(uint32_t slot, PinSet& pins);
-  bool StepStage(Sample& s, PinSet& pins, uint32_t& needed);
-  bool Traverse(Sample& s, PinSet& pins, uint32_t& needed);
+  Progress StepStage(uint32_t slot, PinSet& pins);
+  void Traced(uint32_t slot);
+  void Park(uint32_t slot, uint32_t block);
   void Shade(Sample& s);
-  void NextLight(Sample& s);
-  bool Shadow(Sample& s, PinSet& pins, uint32_t& needed);
+  void NextLight(uint32_t slot);
   void Spawn(Sample& s);
-  bool NextRay(Sample& s);
-  void Begin(Sample& s, const Pending& ray);
+  void Begin(uint32_t slot, const Pending& ray);
+  void SetRay(uint32_t slot, const glm::vec3& origin, const glm::vec3& direction, float t_max);
+  Ray RayOf(const Sample& s) const;
   void WriteAovs(const Sample& s);
   void Add(const Sample& s, const glm::vec3& radiance);
   glm::vec3 Offset(const Sample& s, bool outward) const;
 
   std::shared_ptr<const FrameContext> frame_;
   TileOrder order_;
+  std::vector<uint16_t> pixel_order_;  ///< of the tile, 8x8 block by block
+  std::vector<RayPacket> packets_;
   std::vector<Sample> samples_;
-  std::vector<uint32_t> ready_;
+  uint64_t ready_[kPackets] = {};               ///< samples that can go on, as bits
+  uint64_t closest_[kPackets], any_[kPackets];  ///< rays to trace in this round
+  uint32_t unfinished_[kPackets] = {};          ///< samples of the packet still under way
+  uint32_t ready_count_ = 0;                    ///< packets with ready samples, at least
   std::unordered_map<uint32_t, std::vector<uint32_t>> parked_;
   std::unordered_map<uint32_t, uint32_t> newly_parked_;
   uint64_t next_sample_ = 0;  ///< over the tile's pixels, sample by sample

@@ -226,8 +226,7 @@ class Builder {
   void MakeLeaf(uint32_t node, size_t begin) {
     tree_.nodes[node] = KdNode::Leaf(static_cast<uint32_t>(tree_.references.size()),
                                      static_cast<uint32_t>(stack_.size() - begin));
-    for (size_t k = begin; k < stack_.size(); ++k)
-      tree_.references.push_back(static_cast<uint16_t>(stack_[k].triangle));
+    for (size_t k = begin; k < stack_.size(); ++k) tree_.references.push_back(stack_[k].triangle);
     stack_.resize(begin);
   }
 
@@ -401,7 +400,7 @@ class Builder {
 
 KdTree BuildKdTree(std::span<const KdTriangle> triangles, float padding, const Box& cell,
                    const SahCosts& costs, size_t max_bytes) {
-  QUARRY_CHECK(triangles.size() <= 65535);
+  QUARRY_CHECK(triangles.size() < 0xFFFFFFFFu);
   return Builder(triangles, padding, cell, costs).Build(cell, max_bytes);
 }
 

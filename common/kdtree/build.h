@@ -36,7 +36,7 @@ struct KdTriangle {
 
 /// Costs of the surface area heuristic. `intersect` is in units of one traversal step.
 struct SahCosts {
-  float intersect = 1.0f;
+  float intersect = 0.3f;
   float empty_bonus = 0.8f;  ///< a split that cuts off an empty child costs this fraction
 };
 
@@ -44,7 +44,7 @@ struct SahCosts {
 /// ranges of `references`.
 struct KdTree {
   std::vector<KdNode> nodes;
-  std::vector<uint16_t> references;
+  std::vector<uint32_t> references;
 };
 
 /// No leaf lies more than this many steps below the root.
@@ -55,7 +55,7 @@ inline constexpr int kMaxKdDepth = 48;
 /// cell, and to few others: a triangle that spans a split counts on either side with the box of its part
 /// there. `max_bytes` bounds nodes and references together (8 and 2 bytes each): every subtree gets its
 /// share, and what would outgrow it becomes a leaf; at the least, one leaf of all triangles.
-/// Requires: triangles.size() <= 65535; finite vertices, |coordinate| <= 2^60. Deterministic. Thread-safe.
+/// Requires: triangles.size() < 2^32; finite vertices, |coordinate| <= 2^60. Deterministic. Thread-safe.
 /// Source: the SAH of MacDonald & Booth 1990; perfect splits of Havran & Bittner 2002; empty bonus and no
 /// split past a cost increase.
 KdTree BuildKdTree(std::span<const KdTriangle> triangles, float padding, const Box& cell,

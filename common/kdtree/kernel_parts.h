@@ -17,7 +17,7 @@ namespace quarry {
 struct NoStatistics {
   QUARRY_HOST_DEVICE void Ray(uint32_t) {}
   QUARRY_HOST_DEVICE void Node(uint32_t, uint32_t) {}
-  QUARRY_HOST_DEVICE void Leaf() {}
+  QUARRY_HOST_DEVICE void Leaf(uint32_t) {}
   QUARRY_HOST_DEVICE void Triangle(uint32_t, uint32_t) {}
   QUARRY_HOST_DEVICE void Exact() {}
   QUARRY_HOST_DEVICE void Climb() {}

@@ -8,14 +8,15 @@
 #include "common/kdtree/trace_statistics.h"
 #include "common/kdtree/voxel_geometry.h"
 
-// The kernels, compiled for several instruction sets and chosen at run time. All of them find the same hits to
-// the last bit.
+// The kernels, compiled for several instruction sets and chosen at run time. All of them find the same hits
+// to the last bit.
 
 namespace quarry {
 
 enum class Grouping {
   kPacket,  ///< 64 rays share a node: for coherent rays
   kSimt,    ///< each lane its own ray: for any
+  kSingle,  ///< rays one by one: for any
 };
 
 /// How the next leaf is found; the first three differ in the trees' layout alone (LayOutTreelets).
@@ -47,5 +48,10 @@ std::span<const Kernel> Kernels();
 /// The kernel that renders use for this grouping: treelets, the widest vectors. QUARRY_ISA in the environment
 /// narrows the choice to one instruction set.
 const Kernel& BestKernel(Grouping grouping);
+
+/// Traces as TraceFunction does, each packet by the kernel that suits it: packets whose rays fall into few
+/// groups of like direction go together, the rays of all others go one to a lane. The choice changes no hit.
+void TraceRays(const TopTree& top, const VoxelFinder& finder, RayPacket* packets, const uint64_t* active,
+               uint32_t count, bool any);
 
 }  // namespace quarry

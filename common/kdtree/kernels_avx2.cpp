@@ -3,6 +3,8 @@
 
 namespace quarry {
 
-void FillAvx2Kernels(Kernel (&list)[kKernelsPerIsa]) { KernelList<HWY_NAMESPACE::SimdLane>::Fill("avx2", list); }
+void FillAvx2Kernels(Kernel (&list)[kKernelsPerIsa]) {
+  KernelList<HWY_NAMESPACE::SimdLane>::Fill("avx2", list);
+}
 
 }  // namespace quarry

@@ -3,6 +3,8 @@
 
 namespace quarry {
 
-void FillAvx512Kernels(Kernel (&list)[kKernelsPerIsa]) { KernelList<HWY_NAMESPACE::SimdLane>::Fill("avx512", list); }
+void FillAvx512Kernels(Kernel (&list)[kKernelsPerIsa]) {
+  KernelList<HWY_NAMESPACE::SimdLane>::Fill("avx512", list);
+}
 
 }  // namespace quarry

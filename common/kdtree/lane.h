@@ -58,6 +58,7 @@ struct ScalarLane {
   QUARRY_HOST_DEVICE static Mask And(Mask a, Mask b) { return a && b; }
   QUARRY_HOST_DEVICE static Mask Or(Mask a, Mask b) { return a || b; }
   QUARRY_HOST_DEVICE static Mask AndNot(Mask no, Mask b) { return !no && b; }  ///< b without `no`
+  QUARRY_HOST_DEVICE static Mask Xor(Mask a, Mask b) { return a != b; }
   QUARRY_HOST_DEVICE static Mask NoLanes() { return false; }
   QUARRY_HOST_DEVICE static bool None(Mask m) { return !m; }
   QUARRY_HOST_DEVICE static uint32_t Count(Mask m) { return m; }

@@ -15,9 +15,9 @@ struct KdNode {
   uint32_t link = 3;  ///< bits 0-1: axis, 3 for a leaf; 2-4: flags; 5-31: index of the left child, or count
 
   static constexpr uint32_t kMaxLink = 0x7FFFFFFu;
-  static constexpr uint32_t kBeginsTreelet = 4;   ///< the children's pair is the first of its treelet
-  static constexpr uint32_t kLeftEmpty = 8;       ///< the left child is a leaf of nothing
-  static constexpr uint32_t kRightEmpty = 16;     ///< the right child is
+  static constexpr uint32_t kBeginsTreelet = 4;  ///< the children's pair is the first of its treelet
+  static constexpr uint32_t kLeftEmpty = 8;      ///< the left child is a leaf of nothing
+  static constexpr uint32_t kRightEmpty = 16;    ///< the right child is
   static constexpr uint32_t kFlags = kBeginsTreelet | kLeftEmpty | kRightEmpty;
   static constexpr int kLinkShift = 5;
 

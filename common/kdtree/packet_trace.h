@@ -17,9 +17,9 @@ struct PacketRays {
   static constexpr uint32_t kGroups = RayPacket::kRays / L::kLanes;
   RayFrame<L> frame[kGroups];
   RayBest<L> best[kGroups];
-  typename L::Float t[kGroups];         ///< reached so far, at the top level
-  typename L::Float t_end[kGroups];     ///< end of the ray: of the scene, t_max, or the nearest hit
-  typename L::Mask alive[kGroups];      ///< still under way
+  typename L::Float t[kGroups];      ///< reached so far, at the top level
+  typename L::Float t_end[kGroups];  ///< end of the ray: of the scene, t_max, or the nearest hit
+  typename L::Mask alive[kGroups];   ///< still under way
   typename L::Int chain[kGroups], waits_for[kGroups];
   uint32_t far_side[3];    ///< by axis: 1 where directions are positive, the side that is far
   int kx, ky, kz;          ///< axes in the rays' frames
@@ -34,10 +34,10 @@ QUARRY_HOST_DEVICE inline uint32_t CountAll(const typename L::Mask* masks) {
 }
 
 /// Visits leaves along the rays of `p` that are `alive`, from `t` to `t_end`, near ones first, each leaf once
-/// for all rays that pass it at that time. `visit(const KdNode& leaf, Mask active[], const Float t_exit[])` may lower
-/// t_end and take rays out of `active` (they stay at t) and `alive`. `nodes` lie in treelets. No epsilon: `plane <= t`
-/// goes to the far side, and a plane's t is the same bits each time it is computed.
-template <class L, class Statistics, class Visit>
+/// for all rays that pass it at that time. `visit(const KdNode& leaf, Mask active[], const Float t_exit[])`
+/// may lower t_end and take rays out of `active` (they stay at t) and `alive`. `nodes` lie in treelets. No
+/// epsilon: `plane <= t` goes to the far side, and a plane's t is the same bits each time it is computed.
+template <class L, bool kSharedOrigin, class Statistics, class Visit>
 QUARRY_HOST_DEVICE inline void TraversePacket(const KdNode* nodes, const PacketRays<L>& p,
                                               typename L::Float* t, typename L::Float* t_end,
                                               typename L::Mask* alive, Statistics& statistics,
@@ -61,12 +61,13 @@ QUARRY_HOST_DEVICE inline void TraversePacket(const KdNode* nodes, const PacketR
       const uint32_t near_child = n.left() + 1 - p.far_side[axis];
       const uint32_t far_child = n.left() + p.far_side[axis];
       if (n.begins_treelet()) treelet = n.left();
-      const Float split = L::Set(n.split());
+      // For a shared origin the difference is the same for all: once, in the same arithmetic.
+      const Float split = L::Set(kSharedOrigin ? n.split() - p.shared_origin[axis] : n.split());
       Float plane[kGroups];
       Mask in_near[kGroups], any_near = L::NoLanes();
 #pragma GCC unroll 16
       for (uint32_t g = 0; g < kGroups; ++g) {
-        plane[g] = (split - p.frame[g].origin[axis]) * p.frame[g].reciprocal[axis];
+        plane[g] = (kSharedOrigin ? split : split - p.frame[g].origin[axis]) * p.frame[g].reciprocal[axis];
         in_near[g] = L::And(active[g], L::Less(t[g], plane[g]));
         any_near = L::Or(any_near, in_near[g]);
       }
@@ -83,7 +84,8 @@ QUARRY_HOST_DEVICE inline void TraversePacket(const KdNode* nodes, const PacketR
         }
         node = L::None(any_far) ? near_child : far_child;
       } else if (n.child_empty(p.far_side[axis])) {
-        // Nothing beyond: rays that start there have done with this node, the others need not stop at the plane.
+        // Nothing beyond: rays that start there have done with this node, the others need not stop at the
+        // plane.
 #pragma GCC unroll 16
         for (uint32_t g = 0; g < kGroups; ++g) {
           t[g] = L::Select(L::AndNot(in_near[g], active[g]), t_exit[g], t[g]);
@@ -100,7 +102,7 @@ QUARRY_HOST_DEVICE inline void TraversePacket(const KdNode* nodes, const PacketR
       }
       n = nodes[node];
     }
-    statistics.Leaf();
+    statistics.Leaf(1);
     if (n.count() != 0) visit(n, active, t_exit);
     Mask any = L::NoLanes();
 #pragma GCC unroll 16
@@ -129,8 +131,12 @@ QUARRY_HOST_DEVICE inline void TraversePacket(const KdNode* nodes, const PacketR
         for (int a = 0; a < 3; ++a) {
           const float near_face = p.far_side[a] ? header.lower[a] : header.upper[a];
           const float far_face = p.far_side[a] ? header.upper[a] : header.lower[a];
-          const Float t0 = (L::Set(near_face) - p.frame[g].origin[a]) * p.frame[g].reciprocal[a];
-          const Float t1 = (L::Set(far_face) - p.frame[g].origin[a]) * p.frame[g].reciprocal[a];
+          const Float from_near = kSharedOrigin ? L::Set(near_face - p.shared_origin[a])
+                                                : L::Set(near_face) - p.frame[g].origin[a];
+          const Float from_far =
+              kSharedOrigin ? L::Set(far_face - p.shared_origin[a]) : L::Set(far_face) - p.frame[g].origin[a];
+          const Float t0 = from_near * p.frame[g].reciprocal[a];
+          const Float t1 = from_far * p.frame[g].reciprocal[a];
           enter = L::Max(enter, t0);
           exit = L::Min(exit, t1);
         }
@@ -146,10 +152,11 @@ QUARRY_HOST_DEVICE inline void TraversePacket(const KdNode* nodes, const PacketR
 
 /// Tests the triangles of one resident voxel along the rays' way through its cell, [t, t_exit], and keeps the
 /// nearest in `best`; hits beyond t_exit are kept too. With kAnyHit a ray ends at its first hit.
-template <class L, bool kAnyHit, bool kSharedOrigin, class Statistics>
-QUARRY_HOST_DEVICE inline void TraceVoxel(const VoxelGeometry& voxel, uint32_t voxel_id, PacketRays<L>& p,
-                                          const typename L::Mask* inside, const typename L::Float* t_enter,
-                                          const typename L::Float* t_exit, Statistics& statistics) {
+template <class L, bool kAnyHit, bool kSharedOrigin, class Index, class Statistics>
+QUARRY_HOST_DEVICE inline void TraceVoxel(const VoxelGeometryOf<Index>& voxel, uint32_t voxel_id,
+                                          PacketRays<L>& p, const typename L::Mask* inside,
+                                          const typename L::Float* t_enter, const typename L::Float* t_exit,
+                                          Statistics& statistics) {
   using Float = typename L::Float;
   using Mask = typename L::Mask;
   constexpr uint32_t kGroups = PacketRays<L>::kGroups;
@@ -190,12 +197,12 @@ QUARRY_HOST_DEVICE inline void TraceVoxel(const VoxelGeometry& voxel, uint32_t v
       }
     }
   };
-  TraversePacket<L>(voxel.nodes, p, t, t_end, alive, statistics, visit);
+  TraversePacket<L, kSharedOrigin>(voxel.nodes, p, t, t_end, alive, statistics, visit);
 }
 
 /// The packet's rays that are alive, through the two-level tree.
-template <class L, bool kAnyHit, bool kSharedOrigin, class Statistics>
-QUARRY_HOST_DEVICE inline void TraceRun(const TopTree& top, const VoxelFinder& finder, PacketRays<L>& p,
+template <class L, bool kAnyHit, bool kSharedOrigin, class Finder, class Statistics>
+QUARRY_HOST_DEVICE inline void TraceRun(const TopTree& top, const Finder& finder, PacketRays<L>& p,
                                         Statistics& statistics) {
   using Float = typename L::Float;
   using Mask = typename L::Mask;
@@ -210,7 +217,7 @@ QUARRY_HOST_DEVICE inline void TraceRun(const TopTree& top, const VoxelFinder& f
       }
       if (L::None(any)) continue;
       statistics.Voxel(CountAll<L>(inside));
-      if (const VoxelGeometry* geometry = finder.Find(voxel)) {
+      if (const auto* geometry = finder.Find(voxel)) {
         TraceVoxel<L, kAnyHit, kSharedOrigin>(*geometry, voxel, p, inside, p.t, t_exit, statistics);
         for (uint32_t g = 0; g < kGroups; ++g) active[g] = L::And(active[g], p.alive[g]);
         continue;
@@ -227,7 +234,7 @@ QUARRY_HOST_DEVICE inline void TraceRun(const TopTree& top, const VoxelFinder& f
       p.t_end[g] = L::Min(p.t_end[g], p.best[g].t);
     }
   };
-  TraversePacket<L>(top.nodes, p, p.t, p.t_end, p.alive, statistics, visit);
+  TraversePacket<L, kSharedOrigin>(top.nodes, p, p.t, p.t_end, p.alive, statistics, visit);
 }
 
 /// Bits of a mask of each group, as one word.
@@ -241,8 +248,8 @@ QUARRY_HOST_DEVICE inline uint64_t JoinBits(const typename L::Mask* masks) {
 
 /// Traces the rays of `rays` that `active` names (bit i: ray i), in runs that have the signs and the largest
 /// axis of their directions in common. See TraceFunction for what comes back.
-template <class L, bool kAnyHit, class Statistics>
-QUARRY_HOST_DEVICE inline void TracePacket(const TopTree& top, const VoxelFinder& finder, RayPacket& rays,
+template <class L, bool kAnyHit, class Finder, class Statistics>
+QUARRY_HOST_DEVICE inline void TracePacket(const TopTree& top, const Finder& finder, RayPacket& rays,
                                            uint64_t active, Statistics& statistics) {
   using Mask = typename L::Mask;
   constexpr uint32_t kGroups = PacketRays<L>::kGroups;
@@ -262,13 +269,13 @@ QUARRY_HOST_DEVICE inline void TracePacket(const TopTree& top, const VoxelFinder
     p.t[g] = L::Load(rays.t + at);
     p.t_end[g] = p.best[g].t;
     ClipToBox<L>(p.frame[g], lower, upper, p.t[g], p.t_end[g]);
-    alive[g] = L::And(L::FromBits(static_cast<uint32_t>(active >> at) & kLaneBits),
-                      L::Less(p.t[g], p.t_end[g]));
+    alive[g] =
+        L::And(L::FromBits(static_cast<uint32_t>(active >> at) & kLaneBits), L::Less(p.t[g], p.t_end[g]));
     elsewhere[g] = L::NoLanes();
     for (int a = 0; a < 3; ++a) {
       backward[a][g] = L::Less(p.frame[g].reciprocal[a], L::Set(0.0f));
-      elsewhere[g] =
-          L::Or(elsewhere[g], L::AndNot(L::Equal(p.frame[g].origin[a], L::Set(p.shared_origin[a])), alive[g]));
+      elsewhere[g] = L::Or(elsewhere[g],
+                           L::AndNot(L::Equal(p.frame[g].origin[a], L::Set(p.shared_origin[a])), alive[g]));
     }
     z_is_x[g] = p.frame[g].z_is_x;
     z_is_y[g] = p.frame[g].z_is_y;

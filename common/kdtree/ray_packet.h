@@ -7,22 +7,22 @@
 
 namespace quarry {
 
-/// 64 rays side by side, as kernels read and write them: what Ray holds, field by field. For a coherent packet
-/// ray i belongs to pixel (i % 8, i / 8) of an 8x8 block; for other kernels the order is free. A ray that is
-/// suspended stays here, and goes on from here. 4 KiB.
+/// 64 rays side by side, as kernels read and write them: what Ray holds, field by field. For a coherent
+/// packet ray i belongs to pixel (i % 8, i / 8) of an 8x8 block; for other kernels the order is free. A ray
+/// that is suspended stays here, and goes on from here. 4 KiB.
 struct alignas(64) RayPacket {
   static constexpr uint32_t kRays = 64;
 
   float origin[3][kRays];
   float direction[3][kRays];
-  float t[kRays];             ///< reached so far: nothing before it needs another look
-  float hit_t[kRays];         ///< of the nearest hit so far, or the greatest t at which a hit would count
-  uint32_t triangle[kRays];   ///< scene-wide id of what is hit; kNoTriangle for none
+  float t[kRays];              ///< reached so far: nothing before it needs another look
+  float hit_t[kRays];          ///< of the nearest hit so far, or the greatest t at which a hit would count
+  uint32_t triangle[kRays];    ///< scene-wide id of what is hit; kNoTriangle for none
   float b1[kRays], b2[kRays];  ///< barycentric weights of the second and third vertex
-  uint32_t voxel[kRays];      ///< a voxel that holds the triangle (the one it was found in)
-  uint32_t local[kRays];      ///< the triangle's index in that voxel
-  uint32_t chain[kRays];      ///< voxels already done in the chain of the top-level leaf at `t`
-  uint32_t waits_for[kRays];  ///< out: the voxel without which the ray cannot go on, or kNoVoxel: it is done
+  uint32_t voxel[kRays];       ///< a voxel that holds the triangle (the one it was found in)
+  uint32_t local[kRays];       ///< the triangle's index in that voxel
+  uint32_t chain[kRays];       ///< voxels already done in the chain of the top-level leaf at `t`
+  uint32_t waits_for[kRays];   ///< out: the voxel without which the ray cannot go on, or kNoVoxel: it is done
 
   void Set(uint32_t i, const Ray& ray) {
     for (int a = 0; a < 3; ++a) {
@@ -30,7 +30,9 @@ struct alignas(64) RayPacket {
       direction[a][i] = ray.direction[a];
     }
     t[i] = ray.t;
-    hit_t[i] = ray.hit.triangle != kNoTriangle ? ray.hit.t : ray.t_max > 0 ? std::nextafter(ray.t_max, 0.0f) : 0;
+    hit_t[i] = ray.hit.triangle != kNoTriangle ? ray.hit.t
+               : ray.t_max > 0                 ? std::nextafter(ray.t_max, 0.0f)
+                                               : 0;
     triangle[i] = ray.hit.triangle;
     b1[i] = ray.hit.b1;
     b2[i] = ray.hit.b2;

@@ -73,6 +73,7 @@ struct SimdLane {
   static HWY_INLINE Mask And(Mask a, Mask b) { return hn::And(a, b); }
   static HWY_INLINE Mask Or(Mask a, Mask b) { return hn::Or(a, b); }
   static HWY_INLINE Mask AndNot(Mask no, Mask b) { return hn::AndNot(no, b); }
+  static HWY_INLINE Mask Xor(Mask a, Mask b) { return hn::Xor(a, b); }
   static HWY_INLINE Mask NoLanes() { return hn::MaskFromVec(hn::Zero(FloatTag())); }
   static HWY_INLINE bool None(Mask m) { return hn::AllFalse(FloatTag(), m); }
   static HWY_INLINE uint32_t Count(Mask m) { return static_cast<uint32_t>(hn::CountTrue(FloatTag(), m)); }
@@ -94,12 +95,8 @@ struct SimdLane {
       return hn::PromoteTo(DoubleTag(), hn::UpperHalf(HalfTag(), x));
   }
   static HWY_INLINE HalfFloat Narrow(Double x) { return hn::DemoteTo(HalfTag(), x); }
-  static HWY_INLINE uint32_t NegativeBits(Double x) {
-    return DoubleBits(hn::Lt(x, hn::Zero(DoubleTag())));
-  }
-  static HWY_INLINE uint32_t PositiveBits(Double x) {
-    return DoubleBits(hn::Lt(hn::Zero(DoubleTag()), x));
-  }
+  static HWY_INLINE uint32_t NegativeBits(Double x) { return DoubleBits(hn::Lt(x, hn::Zero(DoubleTag()))); }
+  static HWY_INLINE uint32_t PositiveBits(Double x) { return DoubleBits(hn::Lt(hn::Zero(DoubleTag()), x)); }
   static HWY_INLINE Double MinDouble(Double a, Double b) { return hn::Min(a, b); }
   static HWY_INLINE Double MaxDouble(Double a, Double b) { return hn::Max(a, b); }
   static HWY_INLINE Float Join(HalfFloat low, HalfFloat high) { return hn::Combine(FloatTag(), high, low); }

@@ -5,23 +5,18 @@
 
 #include "common/kdtree/kernel_parts.h"
 #include "common/kdtree/rope_leaf.h"
+#include "common/kdtree/single_trace.h"
 
 // Each lane follows its own ray through its own nodes; a lane whose ray ends takes the next one. The form of
-// Purcell et al. 2002 and of GPUs: it needs no coherence at all. Lanes do the same thing at the same time: all
-// those at inner nodes go down; those at leaves wait until enough of them have a triangle to test; those that
-// left a leaf climb. Several groups of lanes go in step, so that one computes while another's nodes arrive.
+// Purcell et al. 2002 and of GPUs: it needs no coherence at all. Lanes do the same thing at the same time:
+// all those at inner nodes go down; those at leaves wait until enough of them have a triangle to test; those
+// that left a leaf climb. Several groups of lanes go in step, so that one computes while another's nodes
+// arrive.
 
 namespace quarry {
 
-/// How a ray finds the next leaf after one that it left.
-enum class SimtWay {
-  kClimb,     ///< treelets' headers: treelet-backtrack, kd-backtrack and kd-restart, as the tree is laid out
-  kPushDown,  ///< again from the deepest node known to hold the whole rest of the ray (Horn et al. 2007)
-  kRopes,     ///< links from each face of the leaf (Popov et al. 2007); trees with ropes only
-};
-
 /// The rays of one vector. Arrays are vectors in memory, so that single lanes can be refilled.
-template <class L>
+template <class L, class Index>
 struct alignas(64) SimtGroup {
   static constexpr uint32_t kLanes = L::kLanes;
   alignas(64) float origin[3][kLanes];
@@ -30,25 +25,26 @@ struct alignas(64) SimtGroup {
   alignas(64) float shear_y[kLanes];
   alignas(64) float scale_z[kLanes];
   alignas(64) uint32_t largest_axis[kLanes];
-  alignas(64) float t[kLanes];          ///< reached so far
-  alignas(64) float t_exit[kLanes];     ///< of the node
-  alignas(64) float t_end[kLanes];      ///< where the traversal of the present tree ends
-  alignas(64) uint32_t node[kLanes];    ///< in the present tree
-  alignas(64) uint32_t resume[kLanes];  ///< kClimb: the treelet; kPushDown: the node from which to go down again
-  alignas(64) uint32_t first[kLanes];   ///< leaf: reference to test next, or voxel
-  alignas(64) uint32_t last[kLanes];    ///< leaf: end of its references
+  alignas(64) float t[kLanes];        ///< reached so far
+  alignas(64) float t_exit[kLanes];   ///< of the node
+  alignas(64) float t_end[kLanes];    ///< where the traversal of the present tree ends
+  alignas(64) uint32_t node[kLanes];  ///< in the present tree
+  alignas(
+      64) uint32_t resume[kLanes];  ///< kClimb: the treelet; kPushDown: the node from which to go down again
+  alignas(64) uint32_t first[kLanes];  ///< leaf: reference to test next, or voxel
+  alignas(64) uint32_t last[kLanes];   ///< leaf: end of its references
   alignas(64) float hit_t[kLanes];
   alignas(64) float b1[kLanes];
   alignas(64) float b2[kLanes];
   alignas(64) uint32_t triangle[kLanes];
-  alignas(64) uint32_t voxel[kLanes];  ///< of the hit
-  alignas(64) uint32_t local[kLanes];  ///< of the hit
+  alignas(64) uint32_t voxel[kLanes];    ///< of the hit
+  alignas(64) uint32_t local[kLanes];    ///< of the hit
   alignas(64) uint32_t present[kLanes];  ///< the voxel that the ray is in
   // The present tree: the voxel's, or the top-level one.
   const KdNode* nodes[kLanes];
   const RopeLeaf* ropes[kLanes];
-  const uint16_t* references[kLanes];
-  const uint16_t* corners[kLanes];
+  const Index* references[kLanes];
+  const Index* corners[kLanes];
   const float* vertices[kLanes];
   const uint32_t* triangle_ids[kLanes];
   // Where a ray goes on at the top level.
@@ -58,7 +54,7 @@ struct alignas(64) SimtGroup {
   RayPacket* packet[kLanes];
   uint32_t index[kLanes];
   // Lanes by what they do next, as bits; in none of them: idle.
-  uint32_t down = 0, testing = 0, up = 0;
+  uint32_t down = 0, arrived = 0, testing = 0, up = 0;
   uint32_t in_voxel = 0;
 };
 
@@ -82,46 +78,47 @@ struct RaySource {
 };
 
 /// The kernel. One object traces one batch.
-template <class L, SimtWay kWay, bool kAnyHit, class Statistics>
+template <class L, Way kWay, bool kAnyHit, class Finder, class Statistics>
 class SimtTracer {
  public:
   using Float = typename L::Float;
   using Int = typename L::Int;
   using Mask = typename L::Mask;
-  using Group = SimtGroup<L>;
+  using Index = typename Finder::Index;
+  using Group = SimtGroup<L, Index>;
   static constexpr uint32_t kLanes = L::kLanes;
   static constexpr uint32_t kGroups = 4;
+  static constexpr uint32_t kWorthRefilling = (kLanes + 3) / 4;  ///< idle lanes
+  static constexpr uint32_t kWorthAVector = (kLanes + 3) / 4;  ///< lanes with a triangle to test, or a climb
   static constexpr uint32_t kAllLanes = kLanes == 32 ? ~0u : (1u << kLanes) - 1;
 
-  QUARRY_HOST_DEVICE SimtTracer(const TopTree& top, const VoxelFinder& finder, RaySource source,
+  QUARRY_HOST_DEVICE SimtTracer(const TopTree& top, const Finder& finder, RaySource source,
                                 Statistics& statistics)
       : top_(top), finder_(finder), source_(source), statistics_(statistics) {}
 
   QUARRY_HOST_DEVICE void Run() {
-    for (Group& g : groups_) {
-      Idle(g);
-      Refill(g);
-    }
-    for (bool any = true; any;) {
-      any = false;
-      for (Group& g : groups_) any |= Step(g);
+    for (Group& g : groups_) Idle(g);
+    for (;;) {
+      uint32_t live = 0;
+      for (Group& g : groups_) {
+        const uint32_t busy = g.down | g.testing | g.up;
+        if (std::popcount(busy) <= static_cast<int>(kLanes - kWorthRefilling)) Refill(g);
+        live += static_cast<uint32_t>(std::popcount(g.down | g.testing | g.up));
+      }
+      if (live == 0) return;
+      Down(live / 2);
+      for (Group& g : groups_) {
+        Arrive(g);
+        // Lanes wait for others, but not for ever: where none goes down, all the rest goes on.
+        while (g.testing != 0 && (Worth(g.testing) || g.down == 0)) Test(g);
+        while (g.up != 0 && (Worth(g.up) || g.down == 0)) Climb(g);
+      }
     }
   }
 
  private:
-  /// Does what most lanes of the group wait for. False when none has a ray and there are no more.
-  QUARRY_HOST_DEVICE bool Step(Group& g) {
-    if ((g.down | g.testing | g.up) != kAllLanes) Refill(g);
-    const int down = std::popcount(g.down), testing = std::popcount(g.testing), up = std::popcount(g.up);
-    if (down >= testing && down >= up) {
-      if (down == 0) return false;
-      Down(g);
-    } else if (testing >= up) {
-      Test(g);
-    } else {
-      Climb(g);
-    }
-    return true;
+  QUARRY_HOST_DEVICE static bool Worth(uint32_t lanes) {
+    return static_cast<uint32_t>(std::popcount(lanes)) >= kWorthAVector;
   }
 
   /// Lanes without a ray follow valid addresses all the same.
@@ -208,109 +205,132 @@ class SimtTracer {
     rays.chain[r] = g.chain[i];
   }
 
-  QUARRY_HOST_DEVICE static Mask IsAxis(Int axis, uint32_t which) {
-    return L::EqualInt(axis, L::SetInt(which));
-  }
-  QUARRY_HOST_DEVICE static Float ByAxis(Mask is_x, Mask is_y, const float (&v)[3][kLanes]) {
-    return L::Select(is_x, L::Load(v[0]), L::Select(is_y, L::Load(v[1]), L::Load(v[2])));
+  /// Lanes at inner nodes go down, until no more than `few` of all groups' lanes are still at one. At least
+  /// one step. Lanes at leaves get what those hold as first and last.
+  QUARRY_HOST_DEVICE void Down(uint32_t few) {
+    Mask down[kGroups], arrived[kGroups];
+    Int node[kGroups], resume[kGroups];
+    Float t[kGroups], t_exit[kGroups];
+    for (uint32_t g = 0; g < kGroups; ++g) {
+      down[g] = L::FromBits(groups_[g].down);
+      arrived[g] = L::NoLanes();
+      node[g] = L::LoadInt(groups_[g].node);
+      resume[g] = L::LoadInt(groups_[g].resume);
+      t[g] = L::Load(groups_[g].t);
+      t_exit[g] = L::Load(groups_[g].t_exit);
+    }
+    uint32_t left_over = 0;
+    do {
+      left_over = 0;
+#pragma GCC unroll 8
+      for (uint32_t g = 0; g < kGroups; ++g) {
+        Group& group = groups_[g];
+        statistics_.Node(L::Count(down[g]), kLanes);
+        Int payload, link;
+        GatherAt(group, node[g], payload, link);
+        const Mask is_y = L::HasBits(link, 1), is_z = L::HasBits(link, 2);
+        const Mask leaf = L::And(down[g], L::And(is_y, is_z)), inner = L::AndNot(leaf, down[g]);
+        const Float reciprocal = ByAxis(is_y, is_z, group.reciprocal);
+        const Float plane = (L::AsFloat(payload) - ByAxis(is_y, is_z, group.origin)) * reciprocal;
+        const Mask forward = L::Less(L::Set(0.0f), reciprocal);
+        const Int left = L::template ShiftRight<KdNode::kLinkShift>(link);
+        Mask in_near = L::Less(t[g], plane);
+        if constexpr (kWay == Way::kClimb) {
+          const Mask splits = L::And(inner, L::And(in_near, L::Less(plane, t_exit[g])));
+          const Mask left_empty = L::HasBits(link, KdNode::kLeftEmpty);
+          const Mask right_empty = L::HasBits(link, KdNode::kRightEmpty);
+          const Mask near_empty = L::Or(L::And(forward, left_empty), L::AndNot(forward, right_empty));
+          const Mask far_empty = L::Or(L::And(forward, right_empty), L::AndNot(forward, left_empty));
+          // Nothing on the near side: straight to the far one. Nothing on the far side: no need to stop at
+          // the plane.
+          const Mask skips = L::And(splits, near_empty);
+          t[g] = L::Select(skips, plane, t[g]);
+          in_near = L::AndNot(skips, in_near);
+          t_exit[g] = L::Select(L::AndNot(L::Or(near_empty, far_empty), splits), plane, t_exit[g]);
+          const Mask begins = L::And(inner, L::HasBits(link, KdNode::kBeginsTreelet));
+          resume[g] = L::SelectInt(begins, left, resume[g]);
+        }
+        const Mask right = L::Xor(in_near, forward);
+        const Int child = L::SelectInt(right, L::AddInt(left, L::SetInt(1)), left);
+        if constexpr (kWay == Way::kPushDown) {
+          // While the node holds all of the rest of the ray, its t_exit is t_end.
+          const Mask whole = L::And(inner, L::Equal(t_exit[g], L::Load(group.t_end)));
+          const Mask splits = L::And(inner, L::And(in_near, L::Less(plane, t_exit[g])));
+          t_exit[g] = L::Select(splits, plane, t_exit[g]);
+          resume[g] = L::SelectInt(L::AndNot(splits, whole), child, resume[g]);
+        }
+        node[g] = L::SelectInt(inner, child, node[g]);
+        L::StoreInt(L::SelectInt(leaf, payload, L::LoadInt(group.first)), group.first);
+        L::StoreInt(L::SelectInt(leaf, left, L::LoadInt(group.last)), group.last);
+        arrived[g] = L::Or(arrived[g], leaf);
+        down[g] = inner;
+        left_over += L::Count(inner);
+      }
+    } while (left_over > few);
+    for (uint32_t g = 0; g < kGroups; ++g) {
+      groups_[g].down = L::Bits(down[g]);
+      groups_[g].arrived = L::Bits(arrived[g]);
+      L::StoreInt(node[g], groups_[g].node);
+      L::StoreInt(resume[g], groups_[g].resume);
+      L::Store(t[g], groups_[g].t);
+      L::Store(t_exit[g], groups_[g].t_exit);
+    }
   }
 
-  /// One step down for all lanes at inner nodes; those that are at leaves are sorted by what they find there.
-  QUARRY_HOST_DEVICE void Down(Group& g) {
-    statistics_.Node(static_cast<uint32_t>(std::popcount(g.down)), kLanes);
+  QUARRY_HOST_DEVICE static void GatherAt(Group& g, Int node, Int& payload, Int& link) {
+    alignas(64) uint32_t index[kLanes];
+    L::StoreInt(node, index);
     const KdNode* at[kLanes];
 #pragma GCC unroll 16
-    for (uint32_t i = 0; i < kLanes; ++i) at[i] = g.nodes[i] + g.node[i];
-    Int payload, link;
+    for (uint32_t i = 0; i < kLanes; ++i) at[i] = g.nodes[i] + index[i];
     L::GatherNodes(at, payload, link);
-    const Int axis = L::AndInt(link, L::SetInt(3));
-    const Mask down = L::FromBits(g.down);
-    const Mask leaf = L::And(down, IsAxis(axis, 3));
-    const Mask inner = L::AndNot(leaf, down);
-    const Mask is_x = IsAxis(axis, 0), is_y = IsAxis(axis, 1);
-    const Float reciprocal = ByAxis(is_x, is_y, g.reciprocal);
-    const Float plane = (L::AsFloat(payload) - ByAxis(is_x, is_y, g.origin)) * reciprocal;
-    const Mask forward = L::Less(L::Set(0.0f), reciprocal);
-    Float t = L::Load(g.t), t_exit = L::Load(g.t_exit);
-    Mask in_near = L::Less(t, plane);
-    const Int left = L::template ShiftRight<KdNode::kLinkShift>(link);
-    if constexpr (kWay == SimtWay::kClimb) {
-      const Mask splits = L::And(in_near, L::Less(plane, t_exit));
-      const Mask left_empty = L::HasBits(link, KdNode::kLeftEmpty);
-      const Mask right_empty = L::HasBits(link, KdNode::kRightEmpty);
-      const Mask near_empty = L::Or(L::And(forward, left_empty), L::AndNot(forward, right_empty));
-      const Mask far_empty = L::Or(L::And(forward, right_empty), L::AndNot(forward, left_empty));
-      // Nothing on the near side: straight to the far one. Nothing on the far side: no need to stop at the plane.
-      const Mask skips = L::And(inner, L::And(splits, near_empty));
-      t = L::Select(skips, plane, t);
-      in_near = L::AndNot(skips, in_near);
-      t_exit = L::Select(L::And(L::AndNot(far_empty, inner), L::AndNot(near_empty, splits)), plane, t_exit);
-      L::Store(t, g.t);
-      L::Store(t_exit, g.t_exit);
-      const Mask begins = L::And(inner, L::HasBits(link, KdNode::kBeginsTreelet));
-      L::StoreInt(L::SelectInt(begins, left, L::LoadInt(g.resume)), g.resume);
-    }
-    const Mask right = L::Or(L::AndNot(in_near, forward), L::AndNot(forward, in_near));
-    const Int child = L::SelectInt(right, L::AddInt(left, L::SetInt(1)), left);
-    if constexpr (kWay == SimtWay::kPushDown) {
-      // While the node holds all of the rest of the ray, its t_exit is t_end.
-      const Mask whole = L::And(inner, L::Equal(t_exit, L::Load(g.t_end)));
-      const Mask splits = L::And(inner, L::And(in_near, L::Less(plane, t_exit)));
-      L::Store(L::Select(splits, plane, t_exit), g.t_exit);
-      L::StoreInt(L::SelectInt(L::AndNot(splits, whole), child, L::LoadInt(g.resume)), g.resume);
-    }
-    L::StoreInt(L::SelectInt(inner, child, L::LoadInt(g.node)), g.node);
-    if (const uint32_t arrived = L::Bits(leaf); arrived != 0) {
-      alignas(64) uint32_t firsts[kLanes], counts[kLanes];
-      L::StoreInt(payload, firsts);
-      L::StoreInt(left, counts);
-      Arrive(g, arrived, firsts, counts);
-    }
   }
 
-  /// `arrived`: lanes at leaves whose payload and count are given.
-  QUARRY_HOST_DEVICE void Arrive(Group& g, uint32_t arrived, const uint32_t* firsts, const uint32_t* counts) {
-    g.down &= ~arrived;
-    uint32_t empty = 0;
-    for (; arrived != 0; arrived &= arrived - 1) {
-      const auto i = static_cast<uint32_t>(std::countr_zero(arrived));
-      uint32_t first = firsts[i], count = counts[i];
-      if constexpr (kWay == SimtWay::kRopes) {
-        const RopeLeaf& leaf = g.ropes[i][first];
-        float exit = kInfinity;
-        uint32_t way_out = 0;
-        for (uint32_t a = 0; a < 3; ++a) {
-          const bool forward = g.reciprocal[a][i] > 0;
-          const float face = ((forward ? leaf.upper[a] : leaf.lower[a]) - g.origin[a][i]) * g.reciprocal[a][i];
-          if (face < exit) {
-            exit = face;
-            way_out = 2 * a + (forward ? 1 : 0);
-          }
-        }
-        g.t_exit[i] = exit;
-        g.resume[i] = leaf.ropes[way_out];
-        first = leaf.first;
-        count = leaf.count;
-      }
-      const uint32_t bit = 1u << i;
-      statistics_.Leaf();
-      if (count == 0) {
-        empty |= bit;
-      } else if ((g.in_voxel & bit) != 0) {
-        g.first[i] = first;
-        g.last[i] = first + count;
-        g.testing |= bit;
-      } else {
-        g.top_t[i] = g.t[i];
-        g.top_exit[i] = ScalarLane::Min(g.t_exit[i], g.t_end[i]);
-        g.top_resume[i] = g.resume[i];
-        uint32_t voxel = first;
-        for (uint32_t skip = g.chain[i]; skip > 0 && voxel != kNoVoxel; --skip)
-          voxel = top_.next_in_chain[voxel];
-        EnterVoxel(g, i, voxel);
-      }
+  QUARRY_HOST_DEVICE static Float ByAxis(Mask is_y, Mask is_z, const float (&v)[3][kLanes]) {
+    return L::Select(is_z, L::Load(v[2]), L::Select(is_y, L::Load(v[1]), L::Load(v[0])));
+  }
+
+  /// Sorts the lanes that have come to leaves by what they find there.
+  QUARRY_HOST_DEVICE void Arrive(Group& g) {
+    if (g.arrived == 0) return;
+    statistics_.Leaf(static_cast<uint32_t>(std::popcount(g.arrived)));
+    if constexpr (kWay == Way::kRopes) WayOut(g);
+    const Int count = L::LoadInt(g.last);
+    const uint32_t empty = g.arrived & L::Bits(L::EqualInt(count, L::SetInt(0)));
+    const uint32_t full = g.arrived & ~empty;
+    L::StoreInt(L::SelectInt(L::FromBits(g.arrived), L::AddInt(L::LoadInt(g.first), count), count), g.last);
+    g.arrived = 0;
+    g.testing |= full & g.in_voxel;
+    for (uint32_t at_top = full & ~g.in_voxel; at_top != 0; at_top &= at_top - 1) {
+      const auto i = static_cast<uint32_t>(std::countr_zero(at_top));
+      uint32_t voxel = g.first[i];
+      g.top_t[i] = g.t[i];
+      g.top_exit[i] = ScalarLane::Min(g.t_exit[i], g.t_end[i]);
+      g.top_resume[i] = g.resume[i];
+      for (uint32_t skip = g.chain[i]; skip > 0; --skip) voxel = top_.next_in_chain[voxel];
+      EnterVoxel(g, i, voxel);
     }
     if (empty != 0) Leave(g, empty);
+  }
+
+  /// kRopes: first and last from the leaf's record; t_exit, and what lies beyond.
+  QUARRY_HOST_DEVICE void WayOut(Group& g) {
+    for (uint32_t arrived = g.arrived; arrived != 0; arrived &= arrived - 1) {
+      const auto i = static_cast<uint32_t>(std::countr_zero(arrived));
+      const RopeLeaf& leaf = g.ropes[i][g.first[i]];
+      float exit = kInfinity;
+      uint32_t way_out = 0;
+      for (uint32_t a = 0; a < 3; ++a) {
+        const uint32_t forward = g.reciprocal[a][i] > 0 ? 1 : 0;
+        const float face = ((forward ? leaf.upper[a] : leaf.lower[a]) - g.origin[a][i]) * g.reciprocal[a][i];
+        way_out = face < exit ? 2 * a + forward : way_out;
+        exit = ScalarLane::Min(face, exit);
+      }
+      g.t_exit[i] = exit;
+      g.resume[i] = leaf.ropes[way_out];
+      g.first[i] = leaf.first;
+      g.last[i] = leaf.count;
+    }
   }
 
   /// Into `voxel` of the present top-level leaf, or the next of its chain that the ray has not passed, or on.
@@ -319,7 +339,7 @@ class SimtTracer {
     for (; voxel != kNoVoxel; voxel = top_.next_in_chain[voxel], ++g.chain[i]) {
       statistics_.Voxel(1);
       g.t[i] = g.top_t[i];
-      const VoxelGeometry* geometry = finder_.Find(voxel);
+      const auto* geometry = finder_.Find(voxel);
       if (!geometry) {
         g.packet[i]->waits_for[g.index[i]] = voxel;
         g.in_voxel &= ~bit;
@@ -345,9 +365,9 @@ class SimtTracer {
     g.t[i] = g.top_exit[i];
     g.resume[i] = g.top_resume[i];
     ToTop(g, i);
-    if (!(g.t[i] < g.t_end[i]) || (kWay == SimtWay::kRopes && g.resume[i] == kNoRope)) {
+    if (!(g.t[i] < g.t_end[i]) || (kWay == Way::kRopes && g.resume[i] == kNoRope)) {
       Finish(g, i);
-    } else if (kWay == SimtWay::kClimb) {
+    } else if (kWay == Way::kClimb) {
       g.up |= bit;
     } else {
       g.node[i] = g.resume[i];
@@ -370,10 +390,10 @@ class SimtTracer {
     for (uint32_t i = 0; i < kLanes; ++i) {
       const uint32_t lane = (g.testing >> i & 1u) != 0 ? i : some;
       const uint32_t local = g.references[lane][g.first[lane]];
-      const uint16_t* corner = g.corners[lane] + 3 * local;
+      const Index* corner = g.corners[lane] + size_t{3} * local;
       locals[i] = local;
       ids[i] = g.triangle_ids[lane][local];
-      for (int k = 0; k < 3; ++k) at[k][i] = g.vertices[lane] + 3 * corner[k];
+      for (int k = 0; k < 3; ++k) at[k][i] = g.vertices[lane] + size_t{3} * corner[k];
     }
     const Mask testing = L::FromBits(g.testing);
     statistics_.Triangle(static_cast<uint32_t>(std::popcount(g.testing)), kLanes);
@@ -382,8 +402,8 @@ class SimtTracer {
     frame.shear_x = L::Load(g.shear_x);
     frame.shear_y = L::Load(g.shear_y);
     frame.scale_z = L::Load(g.scale_z);
-    frame.z_is_x = IsAxis(largest, 0);
-    frame.z_is_y = IsAxis(largest, 1);
+    frame.z_is_x = L::EqualInt(largest, L::SetInt(0));
+    frame.z_is_y = L::EqualInt(largest, L::SetInt(1));
     MovedVertex<L> moved[3];
     for (int k = 0; k < 3; ++k) {
       Float x, y, z, unused;
@@ -431,9 +451,10 @@ class SimtTracer {
     const Float t = L::Select(L::FromBits(lanes), L::Load(g.t_exit), L::Load(g.t));
     L::Store(t, g.t);
     uint32_t out = lanes & ~L::Bits(L::Less(t, t_end));
-    if constexpr (kWay == SimtWay::kRopes) out |= lanes & L::Bits(L::EqualInt(L::LoadInt(g.resume), L::SetInt(kNoRope)));
+    if constexpr (kWay == Way::kRopes)
+      out |= lanes & L::Bits(L::EqualInt(L::LoadInt(g.resume), L::SetInt(kNoRope)));
     const uint32_t on = lanes & ~out;
-    if constexpr (kWay == SimtWay::kClimb) {
+    if constexpr (kWay == Way::kClimb) {
       g.up |= on;
     } else {
       statistics_.Climb();
@@ -477,8 +498,7 @@ class SimtTracer {
     }
     const Mask topmost = L::EqualInt(L::AsInt(parent), L::SetInt(0));
     exit = L::Select(topmost, t_end, exit);
-    const Mask inside =
-        L::And(climbing, L::Or(topmost, L::And(L::Less(t, exit), L::LessEqual(enter, t))));
+    const Mask inside = L::And(climbing, L::Or(topmost, L::And(L::Less(t, exit), L::LessEqual(enter, t))));
     L::Store(L::Select(inside, exit, L::Load(g.t_exit)), g.t_exit);
     L::StoreInt(L::SelectInt(inside, L::AsInt(root), L::LoadInt(g.node)), g.node);
     L::StoreInt(L::SelectInt(L::AndNot(inside, climbing), L::AsInt(parent), L::LoadInt(g.resume)), g.resume);
@@ -488,7 +508,7 @@ class SimtTracer {
   }
 
   const TopTree& top_;
-  const VoxelFinder& finder_;
+  const Finder& finder_;
   RaySource source_;
   Statistics& statistics_;
   Group groups_[kGroups];

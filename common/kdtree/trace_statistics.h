@@ -21,7 +21,7 @@ struct TraceStatistics {
     node_lanes_used += used;
     node_lanes += lanes;
   }
-  void Leaf() { ++leaves; }
+  void Leaf(uint32_t visits) { leaves += visits; }
   void Triangle(uint32_t used, uint32_t lanes) {
     ++triangle_tests;
     triangle_lanes_used += used;

@@ -28,9 +28,9 @@ inline constexpr uint32_t kRestartLevels = 1000;  ///< kd-restart: more levels t
 /// Requires: a valid tree.
 std::vector<KdNode> LayOutTreelets(std::span<const KdNode> nodes, uint32_t levels);
 
-/// Checks that `nodes` is just what LayOutTreelets makes of some tree with `levels`, and fills in the headers;
-/// `box` is the root's cell. After success every link leads to a node of the array and every climb ends.
-/// Errors: anything else. Leaves' payloads are the caller's to check.
+/// Checks that `nodes` is just what LayOutTreelets makes of some tree with `levels`, and fills in the
+/// headers; `box` is the root's cell. After success every link leads to a node of the array and every climb
+/// ends. Errors: anything else. Leaves' payloads are the caller's to check.
 Status FillTreeletHeaders(std::span<KdNode> nodes, uint32_t levels, const Box& box);
 
 /// The tree without treelets again: root first, children side by side, no flags.

@@ -14,10 +14,11 @@
 //  * The three edge functions of those float coordinates have exact signs: in float by monotone rounding
 //    whenever the two products differ after rounding, else in double, where the products are exact. So a
 //    shared edge gives the same answer in both triangles, and no ray passes between them.
-//  * What passes is evaluated again in double: each edge function then carries one rounding (2^-53 of itself),
-//    so the barycentric weights, and t with them, are those of the moved triangle to double precision, however
-//    slender it is. The hit point o + t d therefore lies on the moved triangle, and that within the padding
-//    of the stored one (ReferencePadding): trees that pad their references by it cannot lose the hit.
+//  * What passes is evaluated again in double: each edge function then carries one rounding (2^-53 of
+//  itself),
+//    so the barycentric weights, and t with them, are those of the moved triangle to double precision,
+//    however slender it is. The hit point o + t d therefore lies on the moved triangle, and that within the
+//    padding of the stored one (ReferencePadding): trees that pad their references by it cannot lose the hit.
 // No fused multiply-add in the edge functions: it would break their antisymmetry. Both faces count.
 
 namespace quarry {
@@ -43,8 +44,7 @@ QUARRY_HOST_DEVICE inline typename L::Mask MayContain(const MovedVertex<L>& a, c
   const auto v = a.x * c.y - a.y * c.x;
   const auto w = b.x * a.y - b.y * a.x;
   const auto zero = L::Set(0.0f);
-  const auto beside =
-      L::And(L::Less(L::Min(u, L::Min(v, w)), zero), L::Less(zero, L::Max(u, L::Max(v, w))));
+  const auto beside = L::And(L::Less(L::Min(u, L::Min(v, w)), zero), L::Less(zero, L::Max(u, L::Max(v, w))));
   return L::AndNot(beside, candidates);
 }
 
@@ -81,16 +81,19 @@ QUARRY_HOST_DEVICE inline uint32_t HitHalf(const MovedVertex<L>& a, const MovedV
 
 /// The exact part: which of `candidates` hit the moved triangle a, b, c at t > 0.
 template <class L>
-QUARRY_HOST_DEVICE inline TriangleHit<L> HitMoved(const RayFrame<L>& ray, MovedVertex<L> a,
-                                                  MovedVertex<L> b, MovedVertex<L> c,
-                                                  typename L::Mask candidates) {
+QUARRY_HOST_DEVICE inline TriangleHit<L> HitMoved(const RayFrame<L>& ray, MovedVertex<L> a, MovedVertex<L> b,
+                                                  MovedVertex<L> c, typename L::Mask candidates) {
   a.z = a.z * ray.scale_z;
   b.z = b.z * ray.scale_z;
   c.z = c.z * ray.scale_z;
-  typename L::HalfFloat t[L::kHalves], b1[L::kHalves], b2[L::kHalves];
-  uint32_t hit = HitHalf<L, 0>(a, b, c, t[0], b1[0], b2[0]);
+  // Often one half alone has candidates.
+  constexpr uint32_t kHalfLanes = L::kLanes / L::kHalves;
+  const uint32_t wanted = L::Bits(candidates);
+  typename L::HalfFloat t[L::kHalves] = {}, b1[L::kHalves] = {}, b2[L::kHalves] = {};
+  uint32_t hit = 0;
+  if ((wanted & ((1u << kHalfLanes) - 1)) != 0) hit = HitHalf<L, 0>(a, b, c, t[0], b1[0], b2[0]);
   if constexpr (L::kHalves == 2)
-    hit |= HitHalf<L, 1>(a, b, c, t[1], b1[1], b2[1]) << (L::kLanes / 2);
+    if (wanted >> kHalfLanes != 0) hit |= HitHalf<L, 1>(a, b, c, t[1], b1[1], b2[1]) << kHalfLanes;
   constexpr uint32_t kLast = L::kHalves - 1;
   TriangleHit<L> out{L::FromBits(hit), L::Join(t[0], t[kLast]), L::Join(b1[0], b1[kLast]),
                      L::Join(b2[0], b2[kLast])};
@@ -102,10 +105,8 @@ QUARRY_HOST_DEVICE inline TriangleHit<L> HitMoved(const RayFrame<L>& ray, MovedV
 /// without reference to any tree.
 template <class L>
 QUARRY_HOST_DEVICE inline typename L::Mask Precedes(typename L::Float t, typename L::Int triangle,
-                                                    typename L::Float best_t,
-                                                    typename L::Int best_triangle) {
-  return L::Or(L::Less(t, best_t),
-               L::And(L::Equal(t, best_t), L::LessInt(triangle, best_triangle)));
+                                                    typename L::Float best_t, typename L::Int best_triangle) {
+  return L::Or(L::Less(t, best_t), L::And(L::Equal(t, best_t), L::LessInt(triangle, best_triangle)));
 }
 
 /// One ray against one triangle p0, p1, p2 with scene-wide id `triangle`, kept in `hit` when it precedes what
@@ -124,8 +125,7 @@ QUARRY_HOST_DEVICE inline bool TestTriangle(const RayFrame<ScalarLane>& ray, con
   }
   if (!MayContain(moved[0], moved[1], moved[2], true)) return false;
   const TriangleHit<ScalarLane> found = HitMoved(ray, moved[0], moved[1], moved[2], true);
-  if (!found.hit || !(found.t < kInfinity) ||
-      !Precedes<ScalarLane>(found.t, triangle, hit.t, hit.triangle))
+  if (!found.hit || !(found.t < kInfinity) || !Precedes<ScalarLane>(found.t, triangle, hit.t, hit.triangle))
     return false;
   hit.t = found.t;
   hit.triangle = triangle;
@@ -138,8 +138,8 @@ QUARRY_HOST_DEVICE inline bool TestTriangle(const RayFrame<ScalarLane>& ray, con
 /// `largest` in magnitude: an upper bound on |hit point as traversal sees it - stored triangle|, per axis.
 /// With |v - o| <= 2.2 largest: moving a vertex costs 2^-24 (2.2 + 2.2 + 4.4) largest, scaling its z (the
 /// reciprocal and the product) 2 * 2^-24 * 2.2 largest, the direction's reciprocal, product and difference in
-/// traversal 3 * 2^-24 * 2.2 largest, rounding t another 2^-24 * 2.2 largest; together under 23 * 2^-24 largest.
-/// 2^-19 is 32 * 2^-24.
+/// traversal 3 * 2^-24 * 2.2 largest, rounding t another 2^-24 * 2.2 largest; together under 23 * 2^-24
+/// largest. 2^-19 is 32 * 2^-24.
 QUARRY_HOST_DEVICE inline float ReferencePadding(float largest) { return largest * 0x1p-19f; }
 
 }  // namespace quarry

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <glm/vec3.hpp>
 
@@ -15,11 +16,13 @@ struct TrianglePoints {
 };
 
 /// The hot part of a resident voxel, as kernels see it: pointers into one decoded block, valid while it is
-/// pinned. Every index was checked when the block was decoded.
-struct VoxelGeometry {
+/// pinned. Every index was checked when the block was decoded. `Index`: of triangles and vertices in the
+/// voxel.
+template <class Index>
+struct VoxelGeometryOf {
   const KdNode* nodes = nullptr;           ///< in treelets, headers filled in
-  const uint16_t* references = nullptr;    ///< leaves' ranges: local triangle indices
-  const uint16_t* corners = nullptr;       ///< three local vertex indices a triangle
+  const Index* references = nullptr;       ///< leaves' ranges: local triangle indices
+  const Index* corners = nullptr;          ///< three local vertex indices a triangle
   const glm::vec3* vertices = nullptr;     ///< scene units, the input's precision
   const uint32_t* triangle_ids = nullptr;  ///< scene-wide ids
   const uint16_t* materials = nullptr;     ///< a triangle's material
@@ -32,8 +35,11 @@ struct VoxelGeometry {
   }
 };
 
-QUARRY_HOST_DEVICE inline TrianglePoints PointsOf(const VoxelGeometry& voxel, uint32_t local) {
-  const uint16_t* corner = voxel.corners + 3 * local;
+using VoxelGeometry = VoxelGeometryOf<uint16_t>;
+
+template <class Index>
+QUARRY_HOST_DEVICE inline TrianglePoints PointsOf(const VoxelGeometryOf<Index>& voxel, uint32_t local) {
+  const Index* corner = voxel.corners + size_t{3} * local;
   return {{&voxel.vertices[corner[0]].x, &voxel.vertices[corner[1]].x, &voxel.vertices[corner[2]].x}};
 }
 
@@ -47,11 +53,14 @@ struct TopTree {
 
 /// How kernels ask for voxels: the geometry, or null when it is not resident. What it returned stays valid
 /// until the kernel returns. Called on the kernel's thread; must not block.
-struct VoxelFinder {
-  const VoxelGeometry* (*find)(void* context, uint32_t voxel);
+template <class IndexType>
+struct VoxelFinderOf {
+  using Index = IndexType;
+  const VoxelGeometryOf<Index>* (*find)(void* context, uint32_t voxel);
   void* context;
 
-  const VoxelGeometry* Find(uint32_t voxel) const { return find(context, voxel); }
+  QUARRY_HOST_DEVICE const VoxelGeometryOf<Index>* Find(uint32_t voxel) const { return find(context, voxel); }
 };
+using VoxelFinder = VoxelFinderOf<uint16_t>;
 
 }  // namespace quarry

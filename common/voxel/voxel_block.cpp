@@ -16,7 +16,7 @@ namespace {
 
 constexpr uint32_t kHotMagic = 0x32585651;      // "QVX2"
 constexpr uint32_t kShadingMagic = 0x31535651;  // "QVS1"
-constexpr size_t kHotHeader = 64;  // the nodes begin with a cache line
+constexpr size_t kHotHeader = 64;               // the nodes begin with a cache line
 constexpr size_t kShadingHeader = 16;
 constexpr int kCompressionLevel = 9;
 

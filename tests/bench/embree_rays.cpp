@@ -35,7 +35,8 @@ struct EmbreeRays::Impl {
   void Single() {
     RTCIntersectContext context;
     rtcInitIntersectContext(&context);
-    for (RTCRayHit& r : rays) any ? rtcOccluded1(scene, &context, &r.ray) : rtcIntersect1(scene, &context, &r);
+    for (RTCRayHit& r : rays)
+      any ? rtcOccluded1(scene, &context, &r.ray) : rtcIntersect1(scene, &context, &r);
   }
   void Packets() {
     RTCIntersectContext context;
@@ -75,8 +76,8 @@ EmbreeRays::EmbreeRays(const test::ResidentScene& scene, bool robust) : impl_(st
   rtcSetGeometryBuildQuality(geometry, RTC_BUILD_QUALITY_HIGH);
   auto* vertices = static_cast<glm::vec3*>(rtcSetNewGeometryBuffer(
       geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(glm::vec3), corners.size()));
-  auto* indices = static_cast<uint32_t*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0,
-                                                                 RTC_FORMAT_UINT3, 12, corners.size() / 3));
+  auto* indices = static_cast<uint32_t*>(
+      rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 12, corners.size() / 3));
   std::copy(corners.begin(), corners.end(), vertices);
   for (uint32_t i = 0; i < corners.size(); ++i) indices[i] = i;
   rtcCommitGeometry(geometry);

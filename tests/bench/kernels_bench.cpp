@@ -14,6 +14,7 @@
 
 #include "deploy/scene_files.h"
 #include "tests/bench/embree_rays.h"
+#include "tests/bench/one_level.h"
 #include "tests/bench/ray_sets.h"
 #include "worker/pin_set.h"
 
@@ -30,8 +31,8 @@ struct Options {
   std::vector<std::string> stores;
   int repetitions = 5;
   uint32_t size = 1024;
-  std::string only;
-  bool interior = false, all = false, no_embree = false, statistics = false;
+  std::string only, rays;
+  bool one_level = false, interior = false, all = false, no_embree = false, statistics = false;
   std::string json;
 };
 
@@ -68,13 +69,15 @@ class ResidentCache {
   }
   explicit ResidentCache(StoreReader store)
       : store_(std::move(store)),
-        cache_(store_.catalog(), uint64_t{1} << 40, [] {}, [] {}),
+        cache_(
+            store_.catalog(), uint64_t{1} << 40, [] {}, [] {}),
         pins_(cache_) {}
 
   TopTree top() const { return store_.catalog().top_tree(); }
   VoxelFinder finder() {
     return {[](void* context, uint32_t voxel) -> const VoxelGeometry* {
-              const ResidentBlock* block = static_cast<PinSet*>(context)->Find(BlockId(voxel, BlockKind::kHot));
+              const ResidentBlock* block =
+                  static_cast<PinSet*>(context)->Find(BlockId(voxel, BlockKind::kHot));
               return block ? &block->hot : nullptr;
             },
             &pins_};
@@ -93,7 +96,10 @@ struct Contender {
   std::vector<double> times;
 };
 
-std::string_view Name(Grouping g) { return g == Grouping::kPacket ? "packet" : "simt"; }
+std::string_view Name(Grouping g) {
+  constexpr std::string_view names[] = {"packet", "simt", "single"};
+  return names[static_cast<int>(g)];
+}
 std::string_view Name(Algorithm a) {
   constexpr std::string_view names[] = {"restart", "backtrack", "treelets", "push-down", "ropes"};
   return names[static_cast<int>(a)];
@@ -133,6 +139,7 @@ class SceneBench {
       fast_ = std::make_unique<EmbreeRays>(*scene_, false);
       robust_ = std::make_unique<EmbreeRays>(*scene_, true);
     }
+    if (options_.one_level) one_level_ = std::make_unique<OneLevelScene>(*scene_);
     PinToOneCore();
     fmt::print("{}: {} triangles, {} voxels, {:.1f} bytes a triangle decoded, replication {:.2f}\n", name_,
                scene_->catalog().meta.input_triangles, scene_->voxels().size(),
@@ -171,13 +178,37 @@ class SceneBench {
   }
 
   void Measure(const RaySet& set, nlohmann::json& results) {
-    if (set.rays == 0) return;
+    if (set.rays == 0 || (!options_.rays.empty() && options_.rays != set.name)) return;
     std::vector<Contender> contenders;
+    contenders.push_back({"engine",
+                          [this, &set] {
+                            found_ = set.packets;
+                            const auto start = Clock::now();
+                            TraceRays(cache_->top(), cache_->finder(), found_.data(), set.active.data(),
+                                      static_cast<uint32_t>(found_.size()), set.any);
+                            return std::chrono::duration<double>(Clock::now() - start).count();
+                          },
+                          {}});
     for (const Kernel& kernel : Kernels()) {
       const bool best = &kernel == &BestKernel(kernel.grouping);
-      if (!options_.only.empty() && (std::string(kernel.isa) + " " + std::string(Name(kernel.grouping)) + " " + std::string(Name(kernel.algorithm))).find(options_.only) == std::string::npos) continue;
+      if (!options_.only.empty() && (std::string(kernel.isa) + " " + std::string(Name(kernel.grouping)) +
+                                     " " + std::string(Name(kernel.algorithm)))
+                                            .find(options_.only) == std::string::npos)
+        continue;
       if (best || options_.all) AddKernel(set, kernel, contenders);
     }
+    const size_t first_one_level = contenders.size();
+    if (one_level_)
+      for (Grouping grouping : {Grouping::kPacket, Grouping::kSimt})
+        contenders.push_back({fmt::format("one level {}", Name(grouping)),
+                              [this, &set, grouping] {
+                                found_ = set.packets;
+                                const auto start = Clock::now();
+                                one_level_->Trace(found_.data(), set.active.data(),
+                                                  static_cast<uint32_t>(found_.size()), grouping, set.any);
+                                return std::chrono::duration<double>(Clock::now() - start).count();
+                              },
+                              {}});
     const size_t ours = contenders.size();
     for (auto [embree, kind] : {std::pair{fast_.get(), "embree"}, {robust_.get(), "embree robust"}}) {
       if (!embree) continue;
@@ -191,7 +222,9 @@ class SceneBench {
     }
     for (int r = 0; r < options_.repetitions; ++r)
       for (Contender& c : contenders) c.times.push_back(c.run());
-    nlohmann::json j = {{"scene", name_}, {"triangles", scene_->catalog().meta.input_triangles}, {"ray", set.name},
+    nlohmann::json j = {{"scene", name_},
+                        {"triangles", scene_->catalog().meta.input_triangles},
+                        {"ray", set.name},
                         {"rays", set.rays}};
     std::vector<double> speeds;
     for (const Contender& c : contenders)
@@ -200,7 +233,8 @@ class SceneBench {
       return *std::max_element(speeds.begin() + static_cast<std::ptrdiff_t>(from),
                                speeds.begin() + static_cast<std::ptrdiff_t>(to));
     };
-    j["mrays_per_s"] = best_of(0, ours);
+    j["mrays_per_s"] = speeds[0];
+    if (one_level_) j["one_level_mrays_per_s"] = best_of(first_one_level, ours);
     if (fast_) {
       j["embree_best_mrays_per_s"] = best_of(ours, ours + 3);
       j["embree_robust_best_mrays_per_s"] = best_of(ours + 3, ours + 6);
@@ -215,9 +249,10 @@ class SceneBench {
       j["same"] = check.same;
       j["tie"] = check.tie;
       j["other"] = check.other;
-      fmt::print("\n      ratio to embree best {:.2f} robust {:.2f} single {:.2f}; hits same {} tie {} other {}",
-                 best_of(0, ours) / best_of(ours, ours + 3), best_of(0, ours) / best_of(ours + 3, ours + 6),
-                 best_of(0, ours) / speeds[ours], check.same, check.tie, check.other);
+      fmt::print(
+          "\n      ratio to embree best {:.2f} robust {:.2f} single {:.2f}; hits same {} tie {} other {}",
+          speeds[0] / best_of(ours, ours + 3), speeds[0] / best_of(ours + 3, ours + 6),
+          speeds[0] / speeds[ours], check.same, check.tie, check.other);
     }
     fmt::print("\n");
     std::fflush(stdout);
@@ -234,13 +269,15 @@ class SceneBench {
                                                               set.active.data(),
                                                               static_cast<uint32_t>(found_.size()), s);
       const auto per_ray = [&](uint64_t n) { return static_cast<double>(n) / static_cast<double>(set.rays); };
-      fmt::print("      {}: a ray: node steps {:.2f} (lanes used {:.2f}), leaves {:.2f}, triangle tests {:.2f} ({:.2f}), "
-                 "exact {:.2f}, climbs {:.2f}, voxels {:.2f}\n",
-                 Name(kernel.grouping), per_ray(s.node_steps),
-                 static_cast<double>(s.node_lanes_used) / static_cast<double>(s.node_lanes), per_ray(s.leaves),
-                 per_ray(s.triangle_tests),
-                 static_cast<double>(s.triangle_lanes_used) / static_cast<double>(s.triangle_lanes),
-                 per_ray(s.exact_tests), per_ray(s.climbs), per_ray(s.voxel_visits));
+      fmt::print(
+          "      {}: a ray: node steps {:.2f} (lanes used {:.2f}), leaves {:.2f}, triangle tests {:.2f} "
+          "({:.2f}), "
+          "exact {:.2f}, climbs {:.2f}, voxels {:.2f}\n",
+          Name(kernel.grouping), per_ray(s.node_steps),
+          static_cast<double>(s.node_lanes_used) / static_cast<double>(s.node_lanes), per_ray(s.leaves),
+          per_ray(s.triangle_tests),
+          static_cast<double>(s.triangle_lanes_used) / static_cast<double>(s.triangle_lanes),
+          per_ray(s.exact_tests), per_ray(s.climbs), per_ray(s.voxel_visits));
     }
   }
 
@@ -251,6 +288,7 @@ class SceneBench {
   std::unique_ptr<ResidentCache> cache_;
   std::vector<RaySet> sets_;
   std::unique_ptr<EmbreeRays> fast_, robust_;
+  std::unique_ptr<OneLevelScene> one_level_;
   std::vector<RayPacket> found_;
 };
 
@@ -260,8 +298,10 @@ int Main(int argc, char** argv) {
   app.add_option("store", options.stores, "Stores made by quarry-preprocess")->required();
   app.add_option("--repetitions", options.repetitions, "Medians of so many")->capture_default_str();
   app.add_option("--size", options.size, "Pixels on a side")->capture_default_str();
+  app.add_flag("--one-level", options.one_level, "Beside them one tree over all triangles, without voxels");
   app.add_flag("--interior", options.interior, "The eye is inside the scene's box");
   app.add_option("--only", options.only, "Kernels whose names hold this alone");
+  app.add_option("--rays", options.rays, "This kind of ray alone");
   app.add_flag("--all", options.all, "All kernels, not only those that renders use");
   app.add_flag("--no-embree", options.no_embree, "Quarry alone");
   app.add_flag("--statistics", options.statistics, "Count nodes, leaves, triangles");

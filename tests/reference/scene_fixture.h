@@ -72,7 +72,8 @@ class LoadedScene {
     auto packet = std::make_unique<RayPacket>();
     packet->Set(0, ray);
     const uint64_t one = 1;
-    (kAnyHit ? kernel.any : kernel.closest)(scene_->view().top(), scene_->view().finder(), packet.get(), &one, 1);
+    (kAnyHit ? kernel.any : kernel.closest)(scene_->view().top(), scene_->view().finder(), packet.get(), &one,
+                                            1);
     ray.hit = packet->HitOf(0);
     return ray.hit.triangle != kNoTriangle;
   }

@@ -50,9 +50,10 @@ Result<std::unique_ptr<ResidentScene>> ResidentScene::Load(const std::string& pa
 }
 
 const SceneView& ResidentScene::view(Algorithm algorithm) {
-  const size_t which = algorithm == Algorithm::kTreelets ? 0 : algorithm == Algorithm::kBacktrack ? 1
-                       : algorithm == Algorithm::kRopes  ? 2
-                                                         : 3;
+  const size_t which = algorithm == Algorithm::kTreelets    ? 0
+                       : algorithm == Algorithm::kBacktrack ? 1
+                       : algorithm == Algorithm::kRopes     ? 2
+                                                            : 3;
   if (views_[which]) return *views_[which];
   const Catalog& c = catalog();
   auto view = std::make_unique<SceneView>(SceneView{});
@@ -78,8 +79,8 @@ const SceneView& ResidentScene::view(Algorithm algorithm) {
     VoxelGeometry& g = view->voxels_[v];
     lay_out(g.nodes, g.node_count, CellOf(g.nodes), g.nodes, g.ropes);
   }
-  lay_out(c.top_nodes.data(), static_cast<uint32_t>(c.top_nodes.size()), {c.meta.root_lower, c.meta.root_upper},
-          view->top_.nodes, view->top_.ropes);
+  lay_out(c.top_nodes.data(), static_cast<uint32_t>(c.top_nodes.size()),
+          {c.meta.root_lower, c.meta.root_upper}, view->top_.nodes, view->top_.ropes);
   views_[which] = std::move(view);
   return *views_[which];
 }

@@ -16,10 +16,9 @@ class SceneView {
   const TopTree& top() const { return top_; }
   /// Finds every voxel.
   VoxelFinder finder() const {
-    return {[](void* context, uint32_t voxel) {
-              return &static_cast<const SceneView*>(context)->voxels_[voxel];
-            },
-            const_cast<SceneView*>(this)};
+    return {
+        [](void* context, uint32_t voxel) { return &static_cast<const SceneView*>(context)->voxels_[voxel]; },
+        const_cast<SceneView*>(this)};
   }
   const std::vector<VoxelGeometry>& voxels() const { return voxels_; }
   /// Of all trees in this layout.

@@ -6,8 +6,8 @@
 #include <fstream>
 #include <random>
 
-#include "common/voxel/store_format.h"
 #include "common/kdtree/treelets.h"
+#include "common/voxel/store_format.h"
 #include "common/voxel/store_reader.h"
 #include "common/voxel/store_writer.h"
 
