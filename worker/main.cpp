@@ -9,12 +9,15 @@
 #include "common/base/resource.h"
 #include "common/base/size.h"
 #include "common/base/version.h"
+#include "common/kdtree/kernels.h"
 #include "worker/session.h"
 
 namespace quarry {
 namespace {
 
 Status Run(WorkerOptions options, const std::string& master, const std::string& cache) {
+  if (Kernels().empty())
+    return BadUsage("QUARRY_ISA names no instruction set that this processor has: scalar, avx2 or avx512");
   QUARRY_ASSIGN(options.master, ParseEndpoint(master, "--master"));
   QUARRY_ASSIGN(options.cache_bytes, ParseSize(cache, "--cache"));
   return RunWorker(options);
@@ -30,7 +33,10 @@ int Main(int argc, char** argv) {
   options.name = fmt::format("worker-{}", ::getpid());
   std::string master, cache = "256M";
   CLI::App app{"Renders tiles for a master, fetching voxels on demand into a cache of fixed size."};
-  app.footer("Example:\n  quarry-worker --master 127.0.0.1:9000 --cache 512M --threads 4");
+  app.footer(
+      "Example:\n  quarry-worker --master 127.0.0.1:9000 --cache 512M --threads 4\n"
+      "QUARRY_ISA=scalar|avx2|avx512 in the environment narrows the instruction sets used; pixels are the "
+      "same.");
   app.set_version_flag("--version", std::string("quarry-worker ") + kVersion);
   app.add_option("--master", master, "The master's HOST:PORT")->required()->envname("QUARRY_MASTER");
   app.add_option("--cache", cache, "Most bytes of decoded voxels held")

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import time
 import unittest
+import unittest.mock
 
 from programs import BIN, Case, end
 
@@ -34,6 +35,9 @@ class SameImage(Case):
         for workers, threads, cache in ((1, 2, largest), (2, 1, largest), (2, 2, decoded // 20), (1, 2, decoded)):
             with self.subTest(workers=workers, threads=threads, cache=cache):
                 self.assertEqual(self.render("c", "--workers", workers, "--threads", threads, "--cache", cache), reference)
+        for isa in ("scalar", "avx2"):
+            with self.subTest(isa=isa), unittest.mock.patch.dict(os.environ, QUARRY_ISA=isa):
+                self.assertEqual(self.render("i", "--workers", 1, "--threads", 2), reference)
         self.kill_one_worker(reference)
         self.worker_that_starts_late(reference)
 

@@ -112,7 +112,8 @@ TEST_CASE("A store gives back all that was put in") {
   expected.largest_stored = c.meta.largest_stored;
   expected.lz4_version = c.meta.lz4_version;
   CHECK(c.meta == expected);
-  CHECK(c.top_nodes == std::vector<KdNode>{KdNode::Leaf(0, 1)});
+  CHECK(FlattenTreelets(c.top_nodes) == std::vector<KdNode>{KdNode::Leaf(0, 1)});
+  CHECK(c.top_node_count == 1);
   REQUIRE(c.voxels.size() == 2);
   CHECK(c.voxels[0].next_in_chain == 1);
   CHECK(c.voxels[1].next_in_chain == kNoIndex);
