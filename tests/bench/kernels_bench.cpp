@@ -6,11 +6,12 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <functional>
 #include <nlohmann/json.hpp>
-#include <optional>
+#include <random>
 
 #include "deploy/scene_files.h"
 #include "tests/bench/embree_rays.h"
@@ -30,6 +31,7 @@ using Clock = std::chrono::steady_clock;
 struct Options {
   std::vector<std::string> stores;
   int repetitions = 5;
+  uint64_t identical = 0;
   uint32_t size = 1024;
   std::string only, rays;
   bool one_level = false, interior = false, all = false, no_embree = false, statistics = false;
@@ -132,6 +134,7 @@ class SceneBench {
 
   Status Run(const std::string& path, nlohmann::json& results) {
     QUARRY_ASSIGN(scene_, test::ResidentScene::Load(path));
+    if (options_.identical > 0) return CompareKernels();
     QUARRY_ASSIGN(cache_, ResidentCache::Load(path));
     QUARRY_ASSIGN(const CameraSpec view, FindView(path));
     sets_ = MakeRaySets(*scene_, options_.size, view);
@@ -260,6 +263,66 @@ class SceneBench {
     results.push_back(std::move(j));
   }
 
+  /// Every kernel against the first, the suspended rays a sixteenth of all.
+  Status CompareKernels() {
+    constexpr size_t kPackets = 1024;
+    const SceneMeta& meta = scene_->catalog().meta;
+    std::mt19937 random(77);
+    const auto point = [&] {
+      glm::vec3 p;
+      for (int a = 0; a < 3; ++a)
+        p[a] = meta.root_lower[a] +
+               (meta.root_upper[a] - meta.root_lower[a]) * static_cast<float>(random() >> 8) * 0x1p-24f;
+      return p;
+    };
+    uint64_t rays = 0, suspended = 0, hits = 0, mismatches = 0;
+    std::vector<RayPacket> fresh(kPackets);
+    for (; rays < options_.identical; rays += kPackets * RayPacket::kRays) {
+      for (RayPacket& packet : fresh) {
+        // Half of the packets fan out from one point, half are of unrelated rays.
+        const bool fan = random() % 2 != 0;
+        const glm::vec3 eye = point(), at = point();
+        for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
+          Ray ray;
+          ray.origin = fan ? eye : point();
+          const glm::vec3 to = (fan ? at + (point() - at) * 0.01f : point()) - ray.origin;
+          ray.direction = to / std::max(std::sqrt(to.x * to.x + to.y * to.y + to.z * to.z), 1e-20f);
+          packet.Set(i, ray);
+        }
+      }
+      std::vector<RayPacket> expected;
+      for (const Kernel& kernel : Kernels()) {
+        const SceneView& view = scene_->view(kernel.algorithm);
+        found_ = fresh;
+        TraceAll(view, kernel.closest, found_);
+        if (expected.empty()) expected = found_;
+        mismatches += Differences(expected, found_);
+        found_.assign(fresh.begin(), fresh.begin() + kPackets / 16);
+        TraceSuspending(view, kernel.closest, found_);
+        mismatches += Differences(expected, found_);
+        suspended += found_.size() * RayPacket::kRays;
+      }
+      for (const RayPacket& packet : expected)
+        hits += static_cast<uint64_t>(std::count_if(packet.triangle, packet.triangle + RayPacket::kRays,
+                                                    [](uint32_t id) { return id != kNoTriangle; }));
+    }
+    fmt::print("{}: {} rays, {} hits, {} kernels, {} suspended: {} mismatches\n", name_, rays, hits,
+               Kernels().size(), suspended, mismatches);
+    if (mismatches != 0) return Fail(fmt::format("{}: kernels disagree on {} rays", name_, mismatches));
+    return {};
+  }
+
+  static uint64_t Differences(const std::vector<RayPacket>& a, const std::vector<RayPacket>& b) {
+    uint64_t n = 0;
+    for (size_t p = 0; p < b.size(); ++p)
+      for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
+        const Hit x = a[p].HitOf(i), y = b[p].HitOf(i);
+        n += x.triangle != y.triangle || std::memcmp(&x.t, &y.t, 4) != 0 ||
+             std::memcmp(&x.b1, &y.b1, 4) != 0 || std::memcmp(&x.b2, &y.b2, 4) != 0;
+      }
+    return n;
+  }
+
   void PrintStatistics(const RaySet& set) {
     for (const Kernel& kernel : Kernels()) {
       if (&kernel != &BestKernel(kernel.grouping)) continue;
@@ -305,6 +368,9 @@ int Main(int argc, char** argv) {
   app.add_flag("--all", options.all, "All kernels, not only those that renders use");
   app.add_flag("--no-embree", options.no_embree, "Quarry alone");
   app.add_flag("--statistics", options.statistics, "Count nodes, leaves, triangles");
+  app.add_option(
+      "--identical", options.identical,
+      "Instead: so many random rays through every kernel, resident and suspended, hits compared bit by bit");
   app.add_option("--json", options.json, "Results as JSON");
   CLI11_PARSE(app, argc, argv);
   nlohmann::json results = nlohmann::json::array();

@@ -78,45 +78,6 @@ Ray MakeRay(const LoadedScene& scene, std::mt19937& random) {
   return ray;
 }
 
-/// Voxels as a worker sees them: every one is absent the first time that it is asked for.
-struct Granting {
-  const SceneView& view;
-  std::vector<bool> granted;
-  uint64_t refused = 0;
-
-  static const VoxelGeometry* Find(void* context, uint32_t voxel) {
-    auto& self = *static_cast<Granting*>(context);
-    if (self.granted[voxel]) return &self.view.voxels()[voxel];
-    ++self.refused;
-    return nullptr;
-  }
-};
-
-/// Traces to the end; with `granting`, only the voxel that most of the packet's rays wait for is there next.
-void Trace(const SceneView& view, TraceFunction trace, std::vector<RayPacket>& packets, Granting* granting) {
-  if (!granting) return TraceAll(view, trace, packets);
-  std::vector<uint64_t> active(packets.size(), ~uint64_t{0});
-  for (int rounds = 0;; ++rounds) {
-    REQUIRE(rounds < 1000000);
-    trace(view.top(), {Granting::Find, granting}, packets.data(), active.data(),
-          static_cast<uint32_t>(packets.size()));
-    std::fill(granting->granted.begin(), granting->granted.end(), false);
-    bool any = false;
-    for (size_t p = 0; p < packets.size(); ++p) {
-      active[p] = 0;
-      for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
-        const uint32_t voxel = packets[p].waits_for[i];
-        if (voxel == kNoVoxel) continue;
-        active[p] |= uint64_t{1} << i;
-        // One voxel in three of those asked for comes at once: rays of one packet get out of step.
-        if (!any || voxel % 3 == static_cast<uint32_t>(rounds % 3)) granting->granted[voxel] = true;
-        any = true;
-      }
-    }
-    if (!any) return;
-  }
-}
-
 /// Every kernel and layout, all voxels there and each absent at first, closest hit and any hit.
 void CompareAll(const LoadedScene& scene, uint32_t rays, const std::string& name) {
   std::mt19937 random(12345);
@@ -142,10 +103,12 @@ void CompareAll(const LoadedScene& scene, uint32_t rays, const std::string& name
       const auto part = static_cast<std::ptrdiff_t>(suspending ? (count + 15) / 16 : count);
       std::vector<RayPacket> found(closest.begin(), closest.begin() + part);
       std::vector<RayPacket> occluded(any.begin(), any.begin() + part);
-      Granting granting{view, std::vector<bool>(scene.voxels().size())};
-      Trace(view, kernel.closest, found, suspending ? &granting : nullptr);
-      Trace(view, kernel.any, occluded, suspending ? &granting : nullptr);
-      refused += granting.refused;
+      if (suspending) {
+        refused += TraceSuspending(view, kernel.closest, found) + TraceSuspending(view, kernel.any, occluded);
+      } else {
+        TraceAll(view, kernel.closest, found);
+        TraceAll(view, kernel.any, occluded);
+      }
       for (size_t i = 0; i < found.size() * RayPacket::kRays; ++i) {
         const auto lane = static_cast<uint32_t>(i % RayPacket::kRays);
         const Hit hit = found[i / RayPacket::kRays].HitOf(lane);

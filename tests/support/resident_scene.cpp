@@ -14,6 +14,20 @@ Box CellOf(const KdNode* nodes) {
   return cell;
 }
 
+/// Voxels as a worker sees them: only those granted are there.
+struct Granting {
+  const SceneView& view;
+  std::vector<bool> granted;
+  uint64_t refused = 0;
+
+  static const VoxelGeometry* Find(void* context, uint32_t voxel) {
+    auto& self = *static_cast<Granting*>(context);
+    if (self.granted[voxel]) return &self.view.voxels()[voxel];
+    ++self.refused;
+    return nullptr;
+  }
+};
+
 uint32_t LevelsOf(Algorithm algorithm) {
   switch (algorithm) {
     case Algorithm::kBacktrack:
@@ -88,6 +102,28 @@ const SceneView& ResidentScene::view(Algorithm algorithm) {
 void ResidentScene::Drop(Algorithm algorithm) {
   const size_t which = algorithm == Algorithm::kBacktrack ? 1 : algorithm == Algorithm::kRopes ? 2 : 3;
   if (algorithm != Algorithm::kTreelets) views_[which].reset();
+}
+
+uint64_t TraceSuspending(const SceneView& view, TraceFunction trace, std::vector<RayPacket>& packets) {
+  Granting granting{view, std::vector<bool>(view.voxels().size())};
+  std::vector<uint64_t> active(packets.size(), ~uint64_t{0});
+  for (uint32_t round = 0;; ++round) {
+    trace(view.top(), {Granting::Find, &granting}, packets.data(), active.data(),
+          static_cast<uint32_t>(packets.size()));
+    granting.granted.assign(view.voxels().size(), false);
+    bool any = false;
+    for (size_t p = 0; p < packets.size(); ++p) {
+      active[p] = 0;
+      for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
+        const uint32_t voxel = packets[p].waits_for[i];
+        if (voxel == kNoVoxel) continue;
+        active[p] |= uint64_t{1} << i;
+        if (!any || voxel % 3 == round % 3) granting.granted[voxel] = true;
+        any = true;
+      }
+    }
+    if (!any) return granting.refused;
+  }
 }
 
 }  // namespace quarry::test

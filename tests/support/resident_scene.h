@@ -60,4 +60,9 @@ inline void TraceAll(const SceneView& view, TraceFunction trace, std::vector<Ray
   trace(view.top(), view.finder(), packets.data(), active.data(), static_cast<uint32_t>(packets.size()));
 }
 
+/// Traces packets to their end as a worker with a cold cache does: every voxel is absent when it is first
+/// asked for, and of those that are waited for a third comes at once, so that the rays of one packet get out
+/// of step. Returns how often a voxel was refused.
+uint64_t TraceSuspending(const SceneView& view, TraceFunction trace, std::vector<RayPacket>& packets);
+
 }  // namespace quarry::test
