@@ -46,6 +46,19 @@ QUARRY_HOST_DEVICE inline typename L::Mask Keep(const TriangleHit<L>& hit, typen
   return kept;
 }
 
+/// Tests moved triangles for the lanes `active`, and keeps the nearest; returns which lanes have kept one.
+template <class L, class Statistics>
+QUARRY_HOST_DEVICE inline typename L::Mask TestMoved(const RayFrame<L>& frame, const MovedVertex<L>& a,
+                                                     const MovedVertex<L>& b, const MovedVertex<L>& c,
+                                                     typename L::Int triangle, typename L::Int voxel,
+                                                     typename L::Int local, typename L::Mask active,
+                                                     RayBest<L>& best, Statistics& statistics) {
+  const auto may = MayContain<L>(a, b, c, active);
+  if (L::None(may)) return may;
+  statistics.Exact();
+  return Keep<L>(HitMoved<L>(frame, a, b, c, may), triangle, voxel, local, best);
+}
+
 /// The rays of a packet from `first` on, as many as lanes.
 template <class L>
 QUARRY_HOST_DEVICE inline RayFrame<L> LoadFrame(const RayPacket& rays, uint32_t first) {

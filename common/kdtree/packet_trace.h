@@ -183,11 +183,9 @@ QUARRY_HOST_DEVICE inline void TraceVoxel(const VoxelGeometryOf<Index>& voxel, u
         const auto a = MoveVertex<L>(frame, offset(0, p.kx), offset(0, p.ky), offset(0, p.kz));
         const auto b = MoveVertex<L>(frame, offset(1, p.kx), offset(1, p.ky), offset(1, p.kz));
         const auto c = MoveVertex<L>(frame, offset(2, p.kx), offset(2, p.ky), offset(2, p.kz));
-        const Mask may = MayContain<L>(a, b, c, active[g]);
-        if (L::None(may)) continue;
-        statistics.Exact();
-        const Mask kept = Keep<L>(HitMoved<L>(frame, a, b, c, may), L::SetInt(voxel.triangle_ids[local]),
-                                  L::SetInt(voxel_id), L::SetInt(local), p.best[g]);
+        const Mask kept =
+            TestMoved<L>(frame, a, b, c, L::SetInt(voxel.triangle_ids[local]), L::SetInt(voxel_id),
+                         L::SetInt(local), active[g], p.best[g], statistics);
         t_end[g] = L::Min(t_end[g], p.best[g].t);
         if (kAnyHit) {
           active[g] = L::AndNot(kept, active[g]);

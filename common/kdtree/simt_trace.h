@@ -185,8 +185,10 @@ class SimtTracer {
     return true;
   }
 
+  /// The node too: every lane's is read, whether it has a ray or not.
   QUARRY_HOST_DEVICE void ToTop(Group& g, uint32_t i) {
     g.nodes[i] = top_.nodes;
+    g.node[i] = 0;
     g.ropes[i] = top_.ropes;
     g.t_end[i] = ScalarLane::Min(g.scene_end[i], g.hit_t[i]);
     g.in_voxel &= ~(1u << i);
@@ -414,14 +416,12 @@ class SimtTracer {
       Rotate<L>(frame, x, y, z);
       moved[k] = MoveVertex<L>(frame, x, y, z);
     }
-    const Mask may = MayContain<L>(moved[0], moved[1], moved[2], testing);
+    RayBest<L> best{L::Load(g.hit_t),       L::Load(g.b1),       L::Load(g.b2),
+                    L::LoadInt(g.triangle), L::LoadInt(g.voxel), L::LoadInt(g.local)};
+    const Mask kept = TestMoved<L>(frame, moved[0], moved[1], moved[2], L::LoadInt(ids),
+                                   L::LoadInt(g.present), L::LoadInt(locals), testing, best, statistics_);
     uint32_t ended = 0;
-    if (!L::None(may)) {
-      statistics_.Exact();
-      RayBest<L> best{L::Load(g.hit_t),       L::Load(g.b1),       L::Load(g.b2),
-                      L::LoadInt(g.triangle), L::LoadInt(g.voxel), L::LoadInt(g.local)};
-      const Mask kept = Keep<L>(HitMoved<L>(frame, moved[0], moved[1], moved[2], may), L::LoadInt(ids),
-                                L::LoadInt(g.present), L::LoadInt(locals), best);
+    if (!L::None(kept)) {
       L::Store(best.t, g.hit_t);
       L::Store(best.b1, g.b1);
       L::Store(best.b2, g.b2);

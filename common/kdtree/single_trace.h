@@ -126,11 +126,9 @@ QUARRY_HOST_DEVICE inline bool TraceVoxelSingle(const VoxelGeometryOf<Index>& vo
                    Rotate<ScalarLane>(ray.frame, x, y, z);
                    moved[k] = MoveVertex<ScalarLane>(ray.frame, x, y, z);
                  }
-                 if (!MayContain<ScalarLane>(moved[0], moved[1], moved[2], true)) continue;
-                 statistics.Exact();
                  const bool kept =
-                     Keep<ScalarLane>(HitMoved<ScalarLane>(ray.frame, moved[0], moved[1], moved[2], true),
-                                      voxel.triangle_ids[local], voxel_id, local, best);
+                     TestMoved<ScalarLane>(ray.frame, moved[0], moved[1], moved[2], voxel.triangle_ids[local],
+                                           voxel_id, local, true, best, statistics);
                  if (kAnyHit && kept) {
                    ended = true;
                    return false;
