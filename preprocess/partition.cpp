@@ -1,6 +1,7 @@
 #include "preprocess/partition.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <glm/common.hpp>
 #include <limits>
@@ -15,6 +16,7 @@ namespace quarry {
 namespace {
 
 constexpr int kMaxDepth = 64;
+constexpr float kEmptyFraction = 0.1f;  // of a voxel's extent: less empty space is not worth a node
 /// Long slivers lie in both halves of every split: beyond this growth along one path they are chained
 /// instead, so that no input makes the store explode.
 constexpr double kMaxGrowth = 10;
@@ -137,7 +139,11 @@ class Partitioner {
       for (uint32_t i : indices) histogram.Add(records[i].PaddedBox(padding_));
       plane = histogram.Choose(cell);
     }
-    if (small || MustChain(plane, depth, growth)) return Chain(node, records, indices, cell);
+    if (small || MustChain(plane, depth, growth)) {
+      Box rest = cell;
+      const uint32_t trimmed = Trim(node, rest, content);
+      return Chain(trimmed, records, indices, rest);
+    }
 
     Children child(*this, node, plane, cell);
     std::vector<uint32_t> parts[2];
@@ -154,6 +160,26 @@ class Partitioner {
       QUARRY_TRY(SplitInMemory(child.first + side, records, std::move(parts[side]), child.cell[side],
                                child.content[side], depth + 1, growth * plane.growth));
     return {};
+  }
+
+  /// Cuts off the empty space around the content, so that rays that pass through it need no voxel: `cell`
+  /// becomes what is left. Returns the node that is left.
+  uint32_t Trim(uint32_t node, Box& cell, const Box& content) {
+    for (int face = 0; face < 6; ++face) {
+      const int axis = face / 2;
+      const bool upper = face % 2 != 0;
+      const float gap =
+          upper ? cell.upper[axis] - content.upper[axis] : content.lower[axis] - cell.lower[axis];
+      if (!(gap > kEmptyFraction * cell.extent(axis))) continue;
+      const float plane = upper ? std::nextafter(content.upper[axis], kInfinity)
+                                : std::nextafter(content.lower[axis], -kInfinity);
+      const auto first = static_cast<uint32_t>(nodes_.size());
+      nodes_[node] = KdNode::Inner(axis, plane, first);
+      nodes_.resize(first + 2);  // empty leaves
+      node = first + (upper ? 0 : 1);
+      (upper ? cell.upper : cell.lower)[axis] = plane;
+    }
+    return node;
   }
 
   /// One voxel, or several in a chain for a pile that no plane parts.

@@ -380,8 +380,9 @@ int Main(int argc, char** argv) {
       fmt::print(stderr, "quarry-bench-kernels: {}\n", status.error().message);
       return 1;
     }
+    // After every scene: large ones take long, and what was measured is kept.
+    if (!options.json.empty()) std::ofstream(options.json) << results.dump(2) << '\n';
   }
-  if (!options.json.empty()) std::ofstream(options.json) << results.dump(2) << '\n';
   return 0;
 }
 
