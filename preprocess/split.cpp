@@ -6,7 +6,8 @@
 namespace quarry {
 namespace {
 
-constexpr double kUseful = 0.95;        // a child with more than this part of the triangles is no progress
+constexpr double kUseful = 0.95;        // a child with more than this part of the triangles is no progress,
+constexpr double kSmaller = 0.7;        // unless its surface is at most this part of the cell's
 constexpr float kEmptyFraction = 0.1f;  // of a cell's extent: less empty space is not worth a node
 
 double HalfArea(const Box& box) {
@@ -35,6 +36,7 @@ SplitHistogram::Plane SplitHistogram::Choose(const Box& cell) const {
   double least_cost = std::numeric_limits<double>::infinity();
   uint64_t smallest = std::numeric_limits<uint64_t>::max();
   uint64_t cheapest_larger = 0;
+  double cheapest_area = 0;  // of the child with more triangles
   for (int axis = 0; axis < 3; ++axis) {
     const auto consider = [&](float position, uint64_t left, uint64_t right) {
       if (!(position > cell.lower[axis]) || !(position < cell.upper[axis])) return;
@@ -50,6 +52,7 @@ SplitHistogram::Plane SplitHistogram::Choose(const Box& cell) const {
         least_cost = cost;
         cheapest = {axis, position, growth};
         cheapest_larger = larger;
+        cheapest_area = HalfArea(left > right ? l : r);
       }
       if (larger > 0 && larger < smallest) {
         smallest = larger;
@@ -69,7 +72,9 @@ SplitHistogram::Plane SplitHistogram::Choose(const Box& cell) const {
     }
   }
   const auto useful = kUseful * static_cast<double>(count_);
-  if (cheapest.axis >= 0 && static_cast<double>(cheapest_larger) <= useful) return cheapest;
+  if (cheapest.axis >= 0 &&
+      (static_cast<double>(cheapest_larger) <= useful || cheapest_area <= kSmaller * HalfArea(cell)))
+    return cheapest;
   if (most_even.axis >= 0 && static_cast<double>(smallest) <= useful) return most_even;
   return {};
 }

@@ -107,6 +107,10 @@ std::string_view Name(Algorithm a) {
   return names[static_cast<int>(a)];
 }
 
+std::string Name(const Kernel& k) {
+  return fmt::format("{} {} {}", k.isa, Name(k.grouping), Name(k.algorithm));
+}
+
 struct Check {
   uint64_t same = 0, tie = 0, other = 0;
 };
@@ -167,7 +171,7 @@ class SceneBench {
     const bool engine = kernel.algorithm == Algorithm::kTreelets;
     const SceneView* view = engine ? nullptr : &scene_->view(kernel.algorithm);
     const TraceFunction trace = set.any ? kernel.any : kernel.closest;
-    contenders.push_back({fmt::format("{} {} {}", kernel.isa, Name(kernel.grouping), Name(kernel.algorithm)),
+    contenders.push_back({Name(kernel),
                           [this, &set, trace, view] {
                             found_ = set.packets;
                             const TopTree top = view ? view->top() : cache_->top();
@@ -194,10 +198,7 @@ class SceneBench {
                           {}});
     for (const Kernel& kernel : Kernels()) {
       const bool best = &kernel == &BestKernel(kernel.grouping);
-      if (!options_.only.empty() && (std::string(kernel.isa) + " " + std::string(Name(kernel.grouping)) +
-                                     " " + std::string(Name(kernel.algorithm)))
-                                            .find(options_.only) == std::string::npos)
-        continue;
+      if (!options_.only.empty() && Name(kernel).find(options_.only) == std::string::npos) continue;
       if (best || options_.all) AddKernel(set, kernel, contenders);
     }
     const size_t first_one_level = contenders.size();
