@@ -1,7 +1,6 @@
 #include "preprocess/partition.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstring>
 #include <glm/common.hpp>
 #include <limits>
@@ -9,6 +8,7 @@
 #include <optional>
 
 #include "common/kdtree/ray.h"
+#include "common/math/next_float.h"
 #include "preprocess/split.h"
 #include "preprocess/voxel_builder.h"
 
@@ -50,7 +50,7 @@ class Partitioner {
       return Status{};
     }));
     const auto plane = histogram.Choose(cell);
-    if (MustChain(plane, depth, growth)) return ChainFile(node, file, cell);
+    if (MustChain(plane, depth, growth)) return ChainFile(node, file, cell, content);
 
     Children child(*this, node, plane, cell);
     std::optional<SpillFile> files[2];
@@ -139,11 +139,7 @@ class Partitioner {
       for (uint32_t i : indices) histogram.Add(records[i].PaddedBox(padding_));
       plane = histogram.Choose(cell);
     }
-    if (small || MustChain(plane, depth, growth)) {
-      Box rest = cell;
-      const uint32_t trimmed = Trim(node, rest, content);
-      return Chain(trimmed, records, indices, rest);
-    }
+    if (small || MustChain(plane, depth, growth)) return Chain(node, records, indices, cell, content);
 
     Children child(*this, node, plane, cell);
     std::vector<uint32_t> parts[2];
@@ -171,8 +167,7 @@ class Partitioner {
       const float gap =
           upper ? cell.upper[axis] - content.upper[axis] : content.lower[axis] - cell.lower[axis];
       if (!(gap > kEmptyFraction * cell.extent(axis))) continue;
-      const float plane = upper ? std::nextafter(content.upper[axis], kInfinity)
-                                : std::nextafter(content.lower[axis], -kInfinity);
+      const float plane = upper ? NextAbove(content.upper[axis]) : NextBelow(content.lower[axis]);
       const auto first = static_cast<uint32_t>(nodes_.size());
       nodes_[node] = KdNode::Inner(axis, plane, first);
       nodes_.resize(first + 2);  // empty leaves
@@ -184,8 +179,8 @@ class Partitioner {
 
   /// One voxel, or several in a chain for a pile that no plane parts.
   Status Chain(uint32_t node, const std::vector<TriangleRecord>& records,
-               const std::vector<uint32_t>& indices, const Box& cell) {
-    nodes_[node] = KdNode::Leaf(voxels_, 1);
+               const std::vector<uint32_t>& indices, Box cell, const Box& content) {
+    nodes_[Trim(node, cell, content)] = KdNode::Leaf(voxels_, 1);
     for (size_t i = 0; i < indices.size(); i += max_triangles_) {
       const size_t end = std::min<size_t>(i + max_triangles_, indices.size());
       VoxelTask task;
@@ -197,8 +192,9 @@ class Partitioner {
     return {};
   }
 
-  Status ChainFile(uint32_t node, const SpillFile& file, const Box& cell) {
-    nodes_[node] = KdNode::Leaf(voxels_, 1);
+  /// The same, from disk.
+  Status ChainFile(uint32_t node, const SpillFile& file, Box cell, const Box& content) {
+    nodes_[Trim(node, cell, content)] = KdNode::Leaf(voxels_, 1);
     VoxelTask task;
     uint64_t left = file.count();
     QUARRY_TRY(ForEach(file, [&](const TriangleRecord& r) -> Status {

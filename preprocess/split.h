@@ -23,7 +23,8 @@ class SplitHistogram {
     double growth = 1;  ///< triangles in both children together, over those in the node
   };
   /// The plane of least SAH cost among bin borders and the ends of the content (which cut off empty space),
-  /// or, when that leaves a child with nearly all triangles, the one with the smallest larger child.
+  /// or, when that leaves a child with nearly all triangles and not much smaller a surface, the one with the
+  /// smallest larger child.
   Plane Choose(const Box& cell) const;
 
  private:

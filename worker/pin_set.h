@@ -29,6 +29,14 @@ class PinSet {
     recent = {block, resident};
     return resident;
   }
+  /// Finds voxels' hot parts here, for a kernel on this thread.
+  VoxelFinder finder() {
+    return {[](void* pins, uint32_t voxel) -> const VoxelGeometry* {
+              const ResidentBlock* block = static_cast<PinSet*>(pins)->Find(BlockId(voxel, BlockKind::kHot));
+              return block ? &block->hot : nullptr;
+            },
+            this};
+  }
   /// Takes over a pin that was made on this thread's behalf.
   void Adopt(uint32_t block) {
     if (!pinned_.emplace(block, cache_.Pinned(block)).second) cache_.Unpin(block);

@@ -50,9 +50,7 @@ void TileRenderer::StartPacket(uint32_t packet) {
     Start(packet * RayPacket::kRays + i);
     ready_[packet] |= uint64_t{1} << i;
     ++unfinished_[packet];
-    ++live_;
   }
-  if (ready_[packet] != 0) ++ready_count_;
 }
 
 void TileRenderer::Start(uint32_t slot) {
@@ -101,11 +99,7 @@ Ray TileRenderer::RayOf(const Sample& s) const {
 void TileRenderer::Resume(uint32_t block) {
   const auto it = parked_.find(block);
   if (it == parked_.end()) return;
-  for (uint32_t slot : it->second) {
-    uint64_t& ready = ready_[slot / RayPacket::kRays];
-    if (ready == 0) ++ready_count_;
-    ready |= uint64_t{1} << slot % RayPacket::kRays;
-  }
+  for (uint32_t slot : it->second) ready_[slot / RayPacket::kRays] |= uint64_t{1} << slot % RayPacket::kRays;
   parked_.erase(it);
 }
 
@@ -118,7 +112,6 @@ void TileRenderer::Park(uint32_t slot, uint32_t block) {
 /// All ready samples to their next rays; the rays traced; what they have found taken up in the next round.
 void TileRenderer::Round(PinSet& pins) {
   const auto packets = static_cast<uint32_t>(packets_.size());
-  ready_count_ = 0;
   for (uint32_t p = 0; p < packets; ++p) {
     closest_[p] = any_[p] = 0;
     for (uint64_t left = std::exchange(ready_[p], 0); left != 0; left &= left - 1)
@@ -126,22 +119,12 @@ void TileRenderer::Round(PinSet& pins) {
   }
   Trace(pins, closest_, false);
   Trace(pins, any_, true);
-  for (uint32_t p = 0; p < packets; ++p) {
-    if (unfinished_[p] == 0)
-      StartPacket(p);
-    else if (ready_[p] != 0)
-      ++ready_count_;
-  }
+  for (uint32_t p = 0; p < packets; ++p)
+    if (unfinished_[p] == 0) StartPacket(p);
 }
 
 void TileRenderer::Trace(PinSet& pins, const uint64_t* active, bool any) {
-  const VoxelFinder finder{[](void* context, uint32_t voxel) -> const VoxelGeometry* {
-                             const ResidentBlock* block =
-                                 static_cast<PinSet*>(context)->Find(BlockId(voxel, BlockKind::kHot));
-                             return block ? &block->hot : nullptr;
-                           },
-                           &pins};
-  TraceRays(frame_->top, finder, packets_.data(), active, static_cast<uint32_t>(packets_.size()), any);
+  TraceRays(frame_->top, pins.finder(), packets_.data(), active, static_cast<uint32_t>(packets_.size()), any);
   for (uint32_t p = 0; p < packets_.size(); ++p)
     for (uint64_t left = active[p]; left != 0; left &= left - 1) {
       const auto i = static_cast<uint32_t>(std::countr_zero(left));
@@ -180,10 +163,7 @@ void TileRenderer::Advance(uint32_t slot, PinSet& pins) {
   if (progress == Progress::kTraces)
     (samples_[slot].stage == Stage::kShadow ? any_ : closest_)[packet] |= uint64_t{1}
                                                                           << slot % RayPacket::kRays;
-  if (progress == Progress::kEnded) {
-    --unfinished_[packet];
-    --live_;
-  }
+  if (progress == Progress::kEnded) --unfinished_[packet];
 }
 
 TileRenderer::Progress TileRenderer::StepStage(uint32_t slot, PinSet& pins) {

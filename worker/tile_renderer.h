@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <memory>
 #include <unordered_map>
@@ -58,8 +59,12 @@ class TileRenderer {
   /// Rays parked on `block` are ready again. Requires: the block is pinned during the next Step.
   void Resume(uint32_t block);
 
-  bool has_ready() const { return ready_count_ != 0; }
-  bool done() const { return live_ == 0; }
+  bool has_ready() const {
+    return std::ranges::any_of(ready_, [](uint64_t samples) { return samples != 0; });
+  }
+  bool done() const {
+    return std::ranges::all_of(unfinished_, [](uint32_t samples) { return samples == 0; });
+  }
   const TileOrder& order() const { return order_; }
   const FrameContext& frame() const { return *frame_; }
   uint64_t rays() const { return rays_; }
@@ -122,11 +127,9 @@ class TileRenderer {
   uint64_t ready_[kPackets] = {};               ///< samples that can go on, as bits
   uint64_t closest_[kPackets], any_[kPackets];  ///< rays to trace in this round
   uint32_t unfinished_[kPackets] = {};          ///< samples of the packet still under way
-  uint32_t ready_count_ = 0;                    ///< packets with ready samples, at least
   std::unordered_map<uint32_t, std::vector<uint32_t>> parked_;
   std::unordered_map<uint32_t, uint32_t> newly_parked_;
   uint64_t next_sample_ = 0;  ///< over the tile's pixels, sample by sample
-  uint32_t live_ = 0;
   uint64_t rays_ = 0, rays_suspended_ = 0;
   std::vector<FixedRadiance> radiance_;  ///< 3 a pixel
   std::vector<uint32_t> aovs_;           ///< words - 3 a pixel

@@ -2,12 +2,12 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 #include <cstring>
 #include <limits>
 
 #include "common/base/check.h"
+#include "common/math/next_float.h"
 
 namespace quarry {
 namespace {
@@ -16,13 +16,6 @@ constexpr int kBins = 32;
 constexpr uint32_t kExactUpTo = 32;  // references; so few: weigh every box end instead of bins
 
 constexpr float kFloatInfinity = std::numeric_limits<float>::infinity();
-
-/// The next float above or below a finite one, inline.
-float NextAbove(float x) {
-  if (x == 0) return std::numeric_limits<float>::denorm_min();
-  return std::bit_cast<float>(std::bit_cast<uint32_t>(x) + (x > 0 ? 1u : ~0u));
-}
-float NextBelow(float x) { return -NextAbove(-x); }
 
 /// A triangle in a node, with the box, grown by the padding, of its part in the node's cell. Ends beyond the
 /// cell are of no account.

@@ -1,15 +1,15 @@
 #pragma once
 
-#include <cmath>
 #include <cstdint>
 
 #include "common/kdtree/ray.h"
+#include "common/math/next_float.h"
 
 namespace quarry {
 
 /// 64 rays side by side, as kernels read and write them: what Ray holds, field by field. For a coherent
 /// packet ray i belongs to pixel (i % 8, i / 8) of an 8x8 block; for other kernels the order is free. A ray
-/// that is suspended stays here, and goes on from here. 4 KiB.
+/// that is suspended stays here, and goes on from here. 3,840 bytes.
 struct alignas(64) RayPacket {
   static constexpr uint32_t kRays = 64;
 
@@ -30,9 +30,7 @@ struct alignas(64) RayPacket {
       direction[a][i] = ray.direction[a];
     }
     t[i] = ray.t;
-    hit_t[i] = ray.hit.triangle != kNoTriangle ? ray.hit.t
-               : ray.t_max > 0                 ? std::nextafter(ray.t_max, 0.0f)
-                                               : 0;
+    hit_t[i] = ray.hit.triangle != kNoTriangle ? ray.hit.t : NextBelow(ray.t_max);
     triangle[i] = ray.hit.triangle;
     b1[i] = ray.hit.b1;
     b2[i] = ray.hit.b2;

@@ -13,6 +13,8 @@ namespace {
 constexpr size_t kMetaBytes = 192;
 constexpr size_t kVoxelBytes = 48;
 constexpr size_t kMaterialBytes = 76;
+/// In treelets, headers and alignment make of two nodes at most nine slots, and links number slots.
+constexpr size_t kMostTopNodes = KdNode::kMaxLink / 5;
 
 const Section* Find(const std::vector<Section>& sections, SectionType type) {
   for (const Section& s : sections)
@@ -49,7 +51,7 @@ Result<SceneMeta> DecodeMeta(std::span<const std::byte> bytes) {
 }
 
 Status DecodeTopTree(std::span<const std::byte> bytes, Catalog& catalog) {
-  if (bytes.empty() || bytes.size() % sizeof(KdNode) != 0 || bytes.size() / sizeof(KdNode) > KdNode::kMaxLink)
+  if (bytes.empty() || bytes.size() % sizeof(KdNode) != 0 || bytes.size() / sizeof(KdNode) > kMostTopNodes)
     return Fail("the TOPT section has the wrong size");
   const std::vector<KdNode> nodes = ByteReader(bytes).GetArray<KdNode>(bytes.size() / sizeof(KdNode));
   // Every node but the root is the child of one node before it: a tree, and no smaller one than its bytes.
