@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "common/kdtree/treelets.h"
+#include "common/kdtree/wide_tree.h"
 
 namespace quarry {
 namespace {
@@ -56,16 +57,21 @@ Bytes BuildShading(std::span<const TriangleRecord> triangles) {
 }  // namespace
 
 uint32_t MaxTrianglesPerVoxel(uint32_t voxel_size) {
-  const size_t fixed = HotBytes(kTreeletHeaderSlots, 0, 0, 0);
-  const size_t each = HotBytes(kTreeletHeaderSlots, 1, 1, 3) - fixed;
+  const size_t fixed = HotBytes(kTreeletHeaderSlots, 1, 0, 0, 0);
+  const size_t each = HotBytes(kTreeletHeaderSlots, 1, 1, 1, 3) - fixed;
   return static_cast<uint32_t>(
       std::clamp<size_t>((voxel_size - std::min<size_t>(voxel_size, fixed)) / each, 1, kMaxVoxelTriangles));
 }
 
 namespace {
 
-/// The tree over `triangles` whose layout takes at most `room` bytes, its nodes in treelets.
-KdTree BuildTree(std::span<const TriangleRecord> triangles, const Box& cell, float padding, size_t room) {
+struct VoxelTree {
+  KdTree tree;  ///< nodes in treelets
+  uint32_t wide_nodes;
+};
+
+/// The tree over `triangles` whose layout takes at most `room` bytes.
+VoxelTree BuildTree(std::span<const TriangleRecord> triangles, const Box& cell, float padding, size_t room) {
   std::vector<KdTriangle> vertices;
   vertices.reserve(triangles.size());
   for (const TriangleRecord& t : triangles)
@@ -74,8 +80,12 @@ KdTree BuildTree(std::span<const TriangleRecord> triangles, const Box& cell, flo
   for (size_t budget = room;; budget = budget / 4 * 3) {
     KdTree tree = BuildKdTree(vertices, padding, cell, SahCosts{}, budget);
     tree.nodes = LayOutTreelets(tree.nodes, kTreeletLevels);
-    const size_t bytes = tree.nodes.size() * sizeof(KdNode) + tree.references.size() * sizeof(uint16_t);
-    if (bytes <= room || tree.nodes.size() == kTreeletHeaderSlots) return tree;
+    const auto wide_nodes = static_cast<uint32_t>(
+        MakeWideTree(tree.nodes, cell, kWideLeafReferences, [](const KdNode&, const Box& box) {
+          return box;
+        }).size());
+    const size_t bytes = HotBytes(tree.nodes.size(), wide_nodes, tree.references.size(), 0, 0);
+    if (bytes <= room || tree.nodes.size() == kTreeletHeaderSlots) return {std::move(tree), wide_nodes};
   }
 }
 
@@ -112,14 +122,16 @@ EncodedVoxel BuildVoxel(std::span<const TriangleRecord> triangles, const Box& ce
   std::iota(order.begin(), order.end(), uint16_t{0});
   HotVoxel counted;
   vertices_of(counted, order);
-  const size_t without_tree = HotBytes(0, 0, triangles.size(), counted.vertices.size());
+  const size_t without_tree =
+      HotBytes(0, 0, 0, triangles.size(), counted.vertices.size()) - HotBytes(0, 0, 0, 0, 0);
   const size_t room = voxel_size > without_tree ? voxel_size - without_tree : 0;
 
   HotVoxel voxel;
   voxel.cell = cell;
-  KdTree tree = BuildTree(triangles, cell, padding, room);
+  auto [tree, wide_nodes] = BuildTree(triangles, cell, padding, room);
   order = OrderByLeaves(tree.references, triangles.size());
   voxel.nodes = std::move(tree.nodes);
+  voxel.wide_nodes = wide_nodes;
   voxel.references.assign(tree.references.begin(), tree.references.end());
   vertices_of(voxel, order);
   std::vector<TriangleRecord> ordered;

@@ -20,7 +20,7 @@ Status DecodeBlock(const Catalog& catalog, uint32_t block, std::span<const std::
       return Fail("its triangles are not those of the directory");
     return {};
   }
-  QUARRY_ASSIGN(resident.hot, ViewHot(resident.bytes.bytes()));
+  QUARRY_ASSIGN(resident.hot, ViewHot(resident.bytes.bytes(), catalog.meta.padding));
   if (resident.hot.triangle_count != triangles) return Fail("its triangles are not those of the directory");
   for (uint32_t i = 0; i < triangles; ++i)
     if (resident.hot.materials[i] >= catalog.materials.size())

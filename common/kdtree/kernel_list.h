@@ -4,109 +4,106 @@
 #include "common/kdtree/packet_trace.h"
 #include "common/kdtree/simt_trace.h"
 #include "common/kdtree/single_trace.h"
+#include "common/kdtree/wide_trace.h"
 
-// The kernels of one lane type; included by one source file per instruction set.
+// The kernels of one instruction set; included by one source file for each.
 
 namespace quarry {
 
-inline constexpr int kKernelsPerIsa = 13;
-
-template <class L, bool kAnyHit, class Finder, class Statistics>
-void TracePackets(const TopTree& top, const Finder& finder, RayPacket* packets, const uint64_t* active,
-                  uint32_t count, Statistics& statistics) {
-  for (uint32_t p = 0; p < count; ++p)
-    if (active[p] != 0) TracePacket<L, kAnyHit>(top, finder, packets[p], active[p], statistics);
-}
-
-template <class L, Way kWay, bool kAnyHit, class Finder, class Statistics>
-void TraceSimt(const TopTree& top, const Finder& finder, RayPacket* packets, const uint64_t* active,
-               uint32_t count, Statistics& statistics) {
-  SimtTracer<L, kWay, kAnyHit, Finder, Statistics>(top, finder, {packets, active, count}, statistics).Run();
-}
-
-/// Rays one by one; the lane type tells the instruction set alone.
-template <class L, Way kWay, bool kAnyHit, class Finder, class Statistics>
-void TraceSingles(const TopTree& top, const Finder& finder, RayPacket* packets, const uint64_t* active,
-                  uint32_t count, Statistics& statistics) {
-  for (uint32_t p = 0; p < count; ++p)
-    for (uint64_t left = active[p]; left != 0; left &= left - 1)
-      TraceSingle<kWay, kAnyHit>(top, finder, packets[p], static_cast<uint32_t>(std::countr_zero(left)),
-                                 statistics);
-}
-
-template <class L, Way kWay, bool kAnyHit, class Finder = VoxelFinder>
-void Singles(const TopTree& top, const Finder& finder, RayPacket* packets, const uint64_t* active,
-             uint32_t count) {
-  NoStatistics none;
-  TraceSingles<L, kWay, kAnyHit>(top, finder, packets, active, count, none);
-}
-
-template <class L, bool kAnyHit, class Finder = VoxelFinder>
-void Packets(const TopTree& top, const Finder& finder, RayPacket* packets, const uint64_t* active,
-             uint32_t count) {
-  NoStatistics none;
-  TracePackets<L, kAnyHit>(top, finder, packets, active, count, none);
-}
-
-template <class L, Way kWay, bool kAnyHit, class Finder = VoxelFinder>
-void Simt(const TopTree& top, const Finder& finder, RayPacket* packets, const uint64_t* active,
-          uint32_t count) {
-  NoStatistics none;
-  TraceSimt<L, kWay, kAnyHit>(top, finder, packets, active, count, none);
-}
-
 template <class L>
-constexpr Kernel PacketKernel(std::string_view isa, Algorithm algorithm) {
-  return {isa,
-          Grouping::kPacket,
-          algorithm,
-          Packets<L, false>,
-          Packets<L, true>,
-          TracePackets<L, false, VoxelFinder, TraceStatistics>,
-          TracePackets<L, true, VoxelFinder, TraceStatistics>};
-}
-
-template <class L, Way kWay>
-constexpr Kernel SimtKernel(std::string_view isa, Algorithm algorithm) {
-  return {isa,
-          Grouping::kSimt,
-          algorithm,
-          Simt<L, kWay, false>,
-          Simt<L, kWay, true>,
-          TraceSimt<L, kWay, false, VoxelFinder, TraceStatistics>,
-          TraceSimt<L, kWay, true, VoxelFinder, TraceStatistics>};
-}
-
-template <class L, Way kWay>
-constexpr Kernel SingleKernel(std::string_view isa, Algorithm algorithm) {
-  return {isa,
-          Grouping::kSingle,
-          algorithm,
-          Singles<L, kWay, false>,
-          Singles<L, kWay, true>,
-          TraceSingles<L, kWay, false, VoxelFinder, TraceStatistics>,
-          TraceSingles<L, kWay, true, VoxelFinder, TraceStatistics>};
-}
-
-/// The list itself, for a source file to define one of.
-template <class L>
-struct KernelList {
-  static constexpr void Fill(std::string_view isa, Kernel (&list)[kKernelsPerIsa]) {
-    list[0] = PacketKernel<L>(isa, Algorithm::kTreelets);
-    list[1] = PacketKernel<L>(isa, Algorithm::kBacktrack);
-    list[2] = PacketKernel<L>(isa, Algorithm::kRestart);
-    list[3] = SimtKernel<L, Way::kClimb>(isa, Algorithm::kTreelets);
-    list[4] = SimtKernel<L, Way::kClimb>(isa, Algorithm::kBacktrack);
-    list[5] = SimtKernel<L, Way::kClimb>(isa, Algorithm::kRestart);
-    list[6] = SimtKernel<L, Way::kPushDown>(isa, Algorithm::kPushDown);
-    list[7] = SimtKernel<L, Way::kRopes>(isa, Algorithm::kRopes);
-    list[8] = SingleKernel<L, Way::kClimb>(isa, Algorithm::kTreelets);
-    list[9] = SingleKernel<L, Way::kClimb>(isa, Algorithm::kBacktrack);
-    list[10] = SingleKernel<L, Way::kClimb>(isa, Algorithm::kRestart);
-    list[11] = SingleKernel<L, Way::kPushDown>(isa, Algorithm::kPushDown);
-    list[12] = SingleKernel<L, Way::kRopes>(isa, Algorithm::kRopes);
+struct PacketTrace {
+  template <bool kAnyHit, class Finder, class Statistics>
+  static void Run(const TopTree& top, const Finder& finder, RayPacket* packets, const uint64_t* active,
+                  uint32_t count, Statistics& statistics) {
+    for (uint32_t p = 0; p < count; ++p)
+      if (active[p] != 0) TracePacket<L, kAnyHit>(top, finder, packets[p], active[p], 1, statistics);
+  }
+  /// Takes out of `active` the rays that it has traced: runs of kLeastRun and more.
+  template <bool kAnyHit, class Finder>
+  static void RunCoherent(const TopTree& top, const Finder& finder, RayPacket* packets, uint64_t* active,
+                          uint32_t count) {
+    NoStatistics none;
+    for (uint32_t p = 0; p < count; ++p)
+      if (active[p] != 0)
+        active[p] = TracePacket<L, kAnyHit>(top, finder, packets[p], active[p], kLeastRun, none);
   }
 };
+
+template <class L, Way kWay>
+struct SimtTrace {
+  template <bool kAnyHit, class Finder, class Statistics>
+  static void Run(const TopTree& top, const Finder& finder, RayPacket* packets, const uint64_t* active,
+                  uint32_t count, Statistics& statistics) {
+    SimtTracer<L, kWay, kAnyHit, Finder, Statistics>(top, finder, {packets, active, count}, statistics).Run();
+  }
+};
+
+/// Rays one by one; the lane type tells the instruction set alone.
+template <class L, Way kWay>
+struct SingleTrace {
+  template <bool kAnyHit, class Finder, class Statistics>
+  static void Run(const TopTree& top, const Finder& finder, RayPacket* packets, const uint64_t* active,
+                  uint32_t count, Statistics& statistics) {
+    for (uint32_t p = 0; p < count; ++p)
+      for (uint64_t left = active[p]; left != 0; left &= left - 1)
+        TraceSingle<kWay, kAnyHit>(top, finder, packets[p], static_cast<uint32_t>(std::countr_zero(left)),
+                                   statistics);
+  }
+};
+
+template <class L>
+struct WideTrace {
+  template <bool kAnyHit, class Finder, class Statistics>
+  static void Run(const TopTree& top, const Finder& finder, RayPacket* packets, const uint64_t* active,
+                  uint32_t count, Statistics& statistics) {
+    WideTracer<L, kAnyHit, Finder, Statistics>(top, finder, {packets, active, count}, statistics).Run();
+  }
+};
+
+/// What renders are made with: nothing is counted.
+template <class Trace, bool kAnyHit, class Finder = VoxelFinder>
+void TraceUncounted(const TopTree& top, const Finder& finder, RayPacket* packets, const uint64_t* active,
+                    uint32_t count) {
+  NoStatistics none;
+  Trace::template Run<kAnyHit>(top, finder, packets, active, count, none);
+}
+
+template <class Trace>
+constexpr Kernel MakeKernel(std::string_view isa, Grouping grouping, Algorithm algorithm) {
+  return {isa,
+          grouping,
+          algorithm,
+          TraceUncounted<Trace, false>,
+          TraceUncounted<Trace, true>,
+          Trace::template Run<false, VoxelFinder, TraceStatistics>,
+          Trace::template Run<true, VoxelFinder, TraceStatistics>,
+          nullptr,
+          nullptr};
+}
+
+inline constexpr int kKernelsPerIsa = 14;
+
+/// `L`: lanes that are rays; `Wide`: lanes that are a wide node's children.
+template <class L, class Wide>
+constexpr void FillKernels(std::string_view isa, Kernel (&list)[kKernelsPerIsa]) {
+  Kernel* next = list;
+  const auto add = [&]<class Trace>(Grouping grouping, std::initializer_list<Algorithm> algorithms) {
+    for (Algorithm algorithm : algorithms) *next++ = MakeKernel<Trace>(isa, grouping, algorithm);
+  };
+  using enum Algorithm;
+  add.template operator()<PacketTrace<L>>(Grouping::kPacket, {kTreelets, kBacktrack, kRestart});
+  for (Kernel* k = list; k != next; ++k) {
+    k->coherent_closest = PacketTrace<L>::template RunCoherent<false, VoxelFinder>;
+    k->coherent_any = PacketTrace<L>::template RunCoherent<true, VoxelFinder>;
+  }
+  add.template operator()<WideTrace<Wide>>(Grouping::kWide, {kTreelets});
+  add.template operator()<SimtTrace<L, Way::kClimb>>(Grouping::kSimt, {kTreelets, kBacktrack, kRestart});
+  add.template operator()<SimtTrace<L, Way::kPushDown>>(Grouping::kSimt, {kPushDown});
+  add.template operator()<SimtTrace<L, Way::kRopes>>(Grouping::kSimt, {kRopes});
+  add.template operator()<SingleTrace<L, Way::kClimb>>(Grouping::kSingle, {kTreelets, kBacktrack, kRestart});
+  add.template operator()<SingleTrace<L, Way::kPushDown>>(Grouping::kSingle, {kPushDown});
+  add.template operator()<SingleTrace<L, Way::kRopes>>(Grouping::kSingle, {kRopes});
+}
 
 // What the source files define.
 void FillScalarKernels(Kernel (&list)[kKernelsPerIsa]);

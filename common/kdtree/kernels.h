@@ -15,9 +15,13 @@ namespace quarry {
 
 enum class Grouping {
   kPacket,  ///< 64 rays share a node: for coherent rays
+  kWide,    ///< each ray against eight cells or triangles at once: for any
   kSimt,    ///< each lane its own ray: for any
   kSingle,  ///< rays one by one: for any
 };
+
+/// Fewer rays of like direction than these are faster each by itself (README.md).
+inline constexpr uint32_t kLeastRun = 16;
 
 /// How the next leaf is found; the first three differ in the trees' layout alone (LayOutTreelets).
 enum class Algorithm { kRestart, kBacktrack, kTreelets, kPushDown, kRopes };
@@ -30,6 +34,10 @@ enum class Algorithm { kRestart, kBacktrack, kTreelets, kPushDown, kRopes };
 /// Source: Wald & Slusallek 2001, section 6.3 (suspension at missing voxels); resuming by t is ours.
 using TraceFunction = void (*)(const TopTree& top, const VoxelFinder& finder, RayPacket* packets,
                                const uint64_t* active, uint32_t count);
+/// The same for the rays alone that share the signs and the largest axis of their directions with enough
+/// others of their packet; those are taken out of `active`.
+using CoherentTraceFunction = void (*)(const TopTree& top, const VoxelFinder& finder, RayPacket* packets,
+                                       uint64_t* active, uint32_t count);
 using CountedTraceFunction = void (*)(const TopTree& top, const VoxelFinder& finder, RayPacket* packets,
                                       const uint64_t* active, uint32_t count, TraceStatistics& statistics);
 
@@ -40,6 +48,7 @@ struct Kernel {
   Algorithm algorithm;
   TraceFunction closest, any;
   CountedTraceFunction counted_closest, counted_any;
+  CoherentTraceFunction coherent_closest, coherent_any;  ///< of packets; others have none
 };
 
 /// All kernels that this processor can run, those with the widest vectors first.
@@ -49,8 +58,8 @@ std::span<const Kernel> Kernels();
 /// narrows the choice to one instruction set.
 const Kernel& BestKernel(Grouping grouping);
 
-/// Traces as TraceFunction does, each packet by the kernel that suits it: packets whose rays fall into few
-/// groups of like direction go together, the rays of all others go one to a lane. The choice changes no hit.
+/// Traces as TraceFunction does, each ray by the kernel that suits it: those with enough others of like
+/// direction in their packet go together, all others each by itself. The choice changes no hit.
 void TraceRays(const TopTree& top, const VoxelFinder& finder, RayPacket* packets, const uint64_t* active,
                uint32_t count, bool any);
 

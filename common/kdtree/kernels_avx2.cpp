@@ -4,7 +4,7 @@
 namespace quarry {
 
 void FillAvx2Kernels(Kernel (&list)[kKernelsPerIsa]) {
-  KernelList<HWY_NAMESPACE::SimdLane>::Fill("avx2", list);
+  FillKernels<HWY_NAMESPACE::SimdLane, HWY_NAMESPACE::WideLane>("avx2", list);
 }
 
 }  // namespace quarry

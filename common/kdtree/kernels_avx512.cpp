@@ -4,7 +4,7 @@
 namespace quarry {
 
 void FillAvx512Kernels(Kernel (&list)[kKernelsPerIsa]) {
-  KernelList<HWY_NAMESPACE::SimdLane>::Fill("avx512", list);
+  FillKernels<HWY_NAMESPACE::SimdLane, HWY_NAMESPACE::WideLane>("avx512", list);
 }
 
 }  // namespace quarry

@@ -3,6 +3,8 @@
 
 namespace quarry {
 
-void FillScalarKernels(Kernel (&list)[kKernelsPerIsa]) { KernelList<ScalarLane>::Fill("scalar", list); }
+void FillScalarKernels(Kernel (&list)[kKernelsPerIsa]) {
+  FillKernels<ScalarLane, ScalarLane>("scalar", list);
+}
 
 }  // namespace quarry

@@ -2,6 +2,7 @@
 
 #include <bit>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 
 #include "common/kdtree/node.h"
@@ -14,7 +15,8 @@ namespace quarry {
 /// type and not a new kernel. Fused multiply-add is explicit: the compiler contracts nothing.
 struct ScalarLane {
   static constexpr uint32_t kLanes = 1;
-  static constexpr uint32_t kHalves = 1;  ///< a Float widens to so many Doubles
+  static constexpr uint32_t kAllLanes = 1;  ///< as bits
+  static constexpr uint32_t kHalves = 1;    ///< a Float widens to so many Doubles
   using Float = float;
   using Int = uint32_t;
   using Double = double;
@@ -25,6 +27,7 @@ struct ScalarLane {
   QUARRY_HOST_DEVICE static Int SetInt(uint32_t x) { return x; }
   QUARRY_HOST_DEVICE static Double SetDouble(double x) { return x; }
   QUARRY_HOST_DEVICE static Float Load(const float* p) { return *p; }
+  QUARRY_HOST_DEVICE static Float LoadU(const float* p) { return *p; }  ///< not aligned
   QUARRY_HOST_DEVICE static Int LoadInt(const uint32_t* p) { return *p; }
   QUARRY_HOST_DEVICE static void Store(Float x, float* p) { *p = x; }
   QUARRY_HOST_DEVICE static void StoreInt(Int x, uint32_t* p) { *p = x; }
@@ -76,6 +79,9 @@ struct ScalarLane {
   QUARRY_HOST_DEVICE static Double MaxDouble(Double a, Double b) { return a > b ? a : b; }
   QUARRY_HOST_DEVICE static Float Join(HalfFloat low, HalfFloat) { return low; }
 
+  QUARRY_HOST_DEVICE static float Least(Float x) { return x; }
+  /// `bytes` from a cache line's start on will be wanted soon.
+  QUARRY_HOST_DEVICE static void Prefetch(const void*, size_t) {}
   /// The nodes at `at[lane]`, as payloads and links.
   QUARRY_HOST_DEVICE static void GatherNodes(const KdNode* const* at, Int& payload, Int& link) {
     payload = at[0]->payload;

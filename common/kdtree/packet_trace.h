@@ -245,13 +245,13 @@ QUARRY_HOST_DEVICE inline uint64_t JoinBits(const typename L::Mask* masks) {
 }
 
 /// Traces the rays of `rays` that `active` names (bit i: ray i), in runs that have the signs and the largest
-/// axis of their directions in common. See TraceFunction for what comes back.
+/// axis of their directions in common. Leaves runs of fewer than `least_run` rays alone, and returns those.
+/// See TraceFunction for what comes back for the others.
 template <class L, bool kAnyHit, class Finder, class Statistics>
-QUARRY_HOST_DEVICE inline void TracePacket(const TopTree& top, const Finder& finder, RayPacket& rays,
-                                           uint64_t active, Statistics& statistics) {
+QUARRY_HOST_DEVICE inline uint64_t TracePacket(const TopTree& top, const Finder& finder, RayPacket& rays,
+                                               uint64_t active, uint32_t least_run, Statistics& statistics) {
   using Mask = typename L::Mask;
   constexpr uint32_t kGroups = PacketRays<L>::kGroups;
-  constexpr uint32_t kLaneBits = L::kLanes == 1 ? 1u : (1u << L::kLanes) - 1;
   PacketRays<L> p;
   Mask alive[kGroups], backward[3][kGroups], z_is_x[kGroups], z_is_y[kGroups], elsewhere[kGroups];
   const float lower[3] = {top.lower.x, top.lower.y, top.lower.z};
@@ -268,7 +268,7 @@ QUARRY_HOST_DEVICE inline void TracePacket(const TopTree& top, const Finder& fin
     p.t_end[g] = p.best[g].t;
     ClipToBox<L>(p.frame[g], lower, upper, p.t[g], p.t_end[g]);
     alive[g] =
-        L::And(L::FromBits(static_cast<uint32_t>(active >> at) & kLaneBits), L::Less(p.t[g], p.t_end[g]));
+        L::And(L::FromBits(static_cast<uint32_t>(active >> at) & L::kAllLanes), L::Less(p.t[g], p.t_end[g]));
     elsewhere[g] = L::NoLanes();
     for (int a = 0; a < 3; ++a) {
       backward[a][g] = L::Less(p.frame[g].reciprocal[a], L::Set(0.0f));
@@ -281,6 +281,7 @@ QUARRY_HOST_DEVICE inline void TracePacket(const TopTree& top, const Finder& fin
   const bool shared_origin = JoinBits<L>(elsewhere) == 0;
   const uint64_t negative[3] = {JoinBits<L>(backward[0]), JoinBits<L>(backward[1]), JoinBits<L>(backward[2])};
   const uint64_t x_largest = JoinBits<L>(z_is_x), y_largest = JoinBits<L>(z_is_y);
+  uint64_t alone = 0;
   for (uint64_t left = JoinBits<L>(alive); left != 0;) {
     const int leader = std::countr_zero(left);
     uint64_t run = left;
@@ -291,11 +292,15 @@ QUARRY_HOST_DEVICE inline void TracePacket(const TopTree& top, const Finder& fin
     }
     run &= alike(x_largest) & alike(y_largest);
     left &= ~run;
+    if (static_cast<uint32_t>(std::popcount(run)) < least_run) {
+      alone |= run;
+      continue;
+    }
     p.kz = x_largest >> leader & 1 ? 0 : y_largest >> leader & 1 ? 1 : 2;
     p.kx = (p.kz + 1) % 3;
     p.ky = (p.kz + 2) % 3;
     for (uint32_t g = 0; g < kGroups; ++g)
-      p.alive[g] = L::FromBits(static_cast<uint32_t>(run >> (g * L::kLanes)) & kLaneBits);
+      p.alive[g] = L::FromBits(static_cast<uint32_t>(run >> (g * L::kLanes)) & L::kAllLanes);
     statistics.Ray(static_cast<uint32_t>(std::popcount(run)));
     if (shared_origin)
       TraceRun<L, kAnyHit, true>(top, finder, p, statistics);
@@ -304,12 +309,13 @@ QUARRY_HOST_DEVICE inline void TracePacket(const TopTree& top, const Finder& fin
   }
   for (uint32_t g = 0; g < kGroups; ++g) {
     const uint32_t at = g * L::kLanes;
-    const Mask mine = L::FromBits(static_cast<uint32_t>(active >> at) & kLaneBits);
-    StoreBest<L>(p.best[g], rays, at);
-    L::Store(p.t[g], rays.t + at);
+    const Mask mine = L::FromBits(static_cast<uint32_t>((active & ~alone) >> at) & L::kAllLanes);
+    StoreBest<L>(p.best[g], rays, at);  // of rays that were not traced: as they were
+    L::Store(L::Select(mine, p.t[g], L::Load(rays.t + at)), rays.t + at);
     L::StoreInt(p.chain[g], rays.chain + at);
     L::StoreInt(L::SelectInt(mine, p.waits_for[g], L::LoadInt(rays.waits_for + at)), rays.waits_for + at);
   }
+  return alone;
 }
 
 }  // namespace quarry

@@ -3,6 +3,7 @@
 // Highway's static target only; x86-64-v3 has all that its AVX2 needs but AES.
 #define HWY_COMPILE_ONLY_STATIC
 #define HWY_DISABLE_PCLMUL_AES
+#include <hwy/cache_control.h>
 #include <hwy/highway.h>
 
 #include <cstdint>
@@ -18,15 +19,16 @@ namespace HWY_NAMESPACE {  // NOLINT
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// As many rays as a float vector of this target has lanes. See ScalarLane for what the operations mean.
-struct SimdLane {
-  using FloatTag = hn::ScalableTag<float>;
-  using IntTag = hn::ScalableTag<uint32_t>;
-  using DoubleTag = hn::ScalableTag<double>;
-  using WordTag = hn::ScalableTag<uint64_t>;
-  using HalfTag = hn::Half<FloatTag>;
-  static constexpr uint32_t kLanes = HWY_LANES(float);
-  static constexpr uint32_t kHalves = 2;
+/// Vectors of `kWidth` lanes. See ScalarLane for what the operations mean.
+template <uint32_t kWidth>
+struct SimdLanes {
+  static constexpr uint32_t kLanes = kWidth;
+  static constexpr uint32_t kHalves = kLanes > HWY_LANES(double) ? 2 : 1;
+  using FloatTag = hn::FixedTag<float, kLanes>;
+  using IntTag = hn::FixedTag<uint32_t, kLanes>;
+  using DoubleTag = hn::FixedTag<double, kLanes / kHalves>;
+  using HalfTag = hn::FixedTag<float, kLanes / kHalves>;
+  static constexpr uint32_t kAllLanes = (1u << kLanes) - 1;
   using Float = hn::Vec<FloatTag>;
   using Int = hn::Vec<IntTag>;
   using Double = hn::Vec<DoubleTag>;
@@ -37,6 +39,7 @@ struct SimdLane {
   static HWY_INLINE Int SetInt(uint32_t x) { return hn::Set(IntTag(), x); }
   static HWY_INLINE Double SetDouble(double x) { return hn::Set(DoubleTag(), x); }
   static HWY_INLINE Float Load(const float* p) { return hn::Load(FloatTag(), p); }
+  static HWY_INLINE Float LoadU(const float* p) { return hn::LoadU(FloatTag(), p); }
   static HWY_INLINE Int LoadInt(const uint32_t* p) { return hn::Load(IntTag(), p); }
   static HWY_INLINE void Store(Float x, float* p) { hn::Store(x, FloatTag(), p); }
   static HWY_INLINE void StoreInt(Int x, uint32_t* p) { hn::Store(x, IntTag(), p); }
@@ -89,7 +92,9 @@ struct SimdLane {
 
   template <uint32_t kHalf>
   static HWY_INLINE Double Widen(Float x) {
-    if constexpr (kHalf == 0)
+    if constexpr (kHalves == 1)
+      return hn::PromoteTo(DoubleTag(), x);
+    else if constexpr (kHalf == 0)
       return hn::PromoteTo(DoubleTag(), hn::LowerHalf(HalfTag(), x));
     else
       return hn::PromoteTo(DoubleTag(), hn::UpperHalf(HalfTag(), x));
@@ -99,7 +104,12 @@ struct SimdLane {
   static HWY_INLINE uint32_t PositiveBits(Double x) { return DoubleBits(hn::Lt(hn::Zero(DoubleTag()), x)); }
   static HWY_INLINE Double MinDouble(Double a, Double b) { return hn::Min(a, b); }
   static HWY_INLINE Double MaxDouble(Double a, Double b) { return hn::Max(a, b); }
-  static HWY_INLINE Float Join(HalfFloat low, HalfFloat high) { return hn::Combine(FloatTag(), high, low); }
+  static HWY_INLINE Float Join(HalfFloat low, HalfFloat high) {
+    if constexpr (kHalves == 1)
+      return low;
+    else
+      return hn::Combine(FloatTag(), high, low);
+  }
 
  private:
   static HWY_INLINE auto Pair(const KdNode* const* at) {
@@ -132,6 +142,10 @@ struct SimdLane {
   }
 
  public:
+  static HWY_INLINE void Prefetch(const void* at, size_t bytes) {
+    for (size_t i = 0; i < bytes; i += 64) hwy::Prefetch(static_cast<const char*>(at) + i);
+  }
+  static HWY_INLINE float Least(Float x) { return hn::GetLane(hn::MinOfLanes(FloatTag(), x)); }
   /// By single loads: on processors whose gathers are slowed by microcode this is 2.7 times as fast (see
   /// README.md), on others no slower than a fifth.
   static HWY_INLINE void GatherNodes(const KdNode* const* at, Int& payload, Int& link) {
@@ -140,7 +154,7 @@ struct SimdLane {
     link = hn::ConcatOdd(IntTag(), high, low);
   }
   static HWY_INLINE void Gather4(const float* const* at, Float& x, Float& y, Float& z, Float& w) {
-    const DoubleTag d;
+    const hn::Repartition<double, FloatTag> d;
     const FloatTag f;
     const Float r0 = Blocks(at), r1 = Blocks(at + 1), r2 = Blocks(at + 2), r3 = Blocks(at + 3);
     const auto xy01 = hn::BitCast(d, hn::InterleaveLower(f, r0, r1));
@@ -160,6 +174,10 @@ struct SimdLane {
     return static_cast<uint32_t>(bits);
   }
 };
+/// As many rays as a float vector of this target has lanes.
+using SimdLane = SimdLanes<HWY_LANES(float)>;
+/// Eight lanes on any target, for wide nodes.
+using WideLane = SimdLanes<8>;
 static_assert(SimdLane::kLanes == 8 || SimdLane::kLanes == 16, "AVX2 or AVX-512");
 
 }  // namespace HWY_NAMESPACE

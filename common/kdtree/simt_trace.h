@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "common/kdtree/kernel_parts.h"
+#include "common/kdtree/ray_source.h"
 #include "common/kdtree/rope_leaf.h"
 #include "common/kdtree/single_trace.h"
 
@@ -58,25 +59,6 @@ struct alignas(64) SimtGroup {
   uint32_t in_voxel = 0;
 };
 
-/// Rays yet to start: bit i of masks[p] stands for ray i of packets[p].
-struct RaySource {
-  RayPacket* packets;
-  const uint64_t* masks;
-  uint32_t count, next = 0;
-  uint64_t left = 0;
-
-  QUARRY_HOST_DEVICE bool Next(RayPacket*& packet, uint32_t& index) {
-    while (left == 0) {
-      if (next == count) return false;
-      left = masks[next++];
-    }
-    packet = packets + next - 1;
-    index = static_cast<uint32_t>(std::countr_zero(left));
-    left &= left - 1;
-    return true;
-  }
-};
-
 /// The kernel. One object traces one batch.
 template <class L, Way kWay, bool kAnyHit, class Finder, class Statistics>
 class SimtTracer {
@@ -90,7 +72,6 @@ class SimtTracer {
   static constexpr uint32_t kGroups = 4;
   static constexpr uint32_t kWorthRefilling = (kLanes + 3) / 4;  ///< idle lanes
   static constexpr uint32_t kWorthAVector = (kLanes + 3) / 4;  ///< lanes with a triangle to test, or a climb
-  static constexpr uint32_t kAllLanes = kLanes == 32 ? ~0u : (1u << kLanes) - 1;
 
   QUARRY_HOST_DEVICE SimtTracer(const TopTree& top, const Finder& finder, RaySource source,
                                 Statistics& statistics)
@@ -138,7 +119,7 @@ class SimtTracer {
 
   /// New rays into idle lanes.
   QUARRY_HOST_DEVICE void Refill(Group& g) {
-    for (uint32_t idle = kAllLanes & ~(g.down | g.testing | g.up); idle != 0; idle &= idle - 1) {
+    for (uint32_t idle = L::kAllLanes & ~(g.down | g.testing | g.up); idle != 0; idle &= idle - 1) {
       const auto i = static_cast<uint32_t>(std::countr_zero(idle));
       while (source_.Next(g.packet[i], g.index[i]))
         if (Start(g, i)) break;

@@ -6,6 +6,7 @@
 
 #include "common/kdtree/node.h"
 #include "common/kdtree/rope_leaf.h"
+#include "common/kdtree/wide_node.h"
 #include "common/math/host_device.h"
 
 namespace quarry {
@@ -28,7 +29,8 @@ struct VoxelGeometryOf {
   const uint16_t* materials = nullptr;     ///< a triangle's material
   const uint32_t* parts = nullptr;         ///< a triangle's part
   const RopeLeaf* ropes = nullptr;         ///< only where a bench has given the tree ropes
-  uint32_t node_count = 0, reference_count = 0, triangle_count = 0, vertex_count = 0;
+  const WideNode* wide = nullptr;          ///< the same tree in wide nodes, derived
+  uint32_t node_count = 0, wide_count = 0, reference_count = 0, triangle_count = 0, vertex_count = 0;
 
   const glm::vec3& vertex(uint32_t triangle, int corner) const {
     return vertices[corners[3 * triangle + static_cast<uint32_t>(corner)]];
@@ -49,6 +51,7 @@ struct TopTree {
   const uint32_t* next_in_chain = nullptr;  ///< per voxel: the next voxel of the same leaf, or kNoVoxel
   glm::vec3 lower{0}, upper{0};             ///< the root's box: the scene's bounds, padded
   const RopeLeaf* ropes = nullptr;          ///< only where a bench has given the tree ropes
+  const WideNode* wide = nullptr;           ///< the same tree in wide nodes, derived
 };
 
 /// How kernels ask for voxels: the geometry, or null when it is not resident. What it returned stays valid

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "common/kdtree/treelets.h"
+#include "common/kdtree/wide_tree.h"
 
 namespace quarry {
 namespace {
@@ -71,8 +72,10 @@ Status DecodeTopTree(std::span<const std::byte> bytes, Catalog& catalog) {
   }
   catalog.top_node_count = static_cast<uint32_t>(nodes.size());
   catalog.top_nodes = LayOutTreelets(nodes, kTreeletLevels);
-  return FillTreeletHeaders(catalog.top_nodes, kTreeletLevels,
-                            {catalog.meta.root_lower, catalog.meta.root_upper});
+  const Box box{catalog.meta.root_lower, catalog.meta.root_upper};
+  // Empty space around voxels has been cut off by the partition.
+  catalog.top_wide = MakeWideTree(nodes, box, 0, [](const KdNode&, const Box& cell) { return cell; });
+  return FillTreeletHeaders(catalog.top_nodes, kTreeletLevels, box);
 }
 
 Status CheckVoxel(const VoxelEntry& v, size_t index, size_t count, const SceneMeta& meta) {

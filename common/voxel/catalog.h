@@ -78,15 +78,17 @@ std::string FormatSceneId(const SceneId& id);
 struct Catalog {
   SceneId id{};
   SceneMeta meta;
-  std::vector<KdNode> top_nodes;  ///< in treelets, headers filled in
-  uint32_t top_node_count = 0;    ///< as stored, without headers
+  std::vector<KdNode> top_nodes;   ///< in treelets, headers filled in
+  std::vector<WideNode> top_wide;  ///< the same tree in wide nodes
+  uint32_t top_node_count = 0;     ///< as stored, without headers
   std::vector<VoxelEntry> voxels;
   std::vector<uint32_t> next_in_chain;  ///< copied out of voxels, for the kernel
   std::vector<Material> materials;      ///< without names
 
   const BlockEntry& block(uint32_t block_id) const { return voxels[block_id / 2].blocks[block_id % 2]; }
   TopTree top_tree() const {
-    return {top_nodes.data(), next_in_chain.data(), meta.root_lower, meta.root_upper, nullptr};
+    return {top_nodes.data(), next_in_chain.data(), meta.root_lower, meta.root_upper,
+            nullptr,          top_wide.data()};
   }
 };
 

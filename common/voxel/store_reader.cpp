@@ -163,7 +163,8 @@ Status StoreReader::VerifyVoxel(uint32_t voxel, uint64_t& end) const {
     QUARRY_ASSIGN(const Bytes stored, ReadBlock(id));
     Bytes decoded(entry.decoded);
     Status status = DecompressBlock(stored, decoded);
-    if (status && kind == BlockKind::kHot) status = ViewHot(decoded).map([](auto&&) {});
+    if (status && kind == BlockKind::kHot)
+      status = ViewHot(decoded, catalog().meta.padding).map([](auto&&) {});
     if (status && kind == BlockKind::kShading) status = ViewShading(decoded).map([](auto&&) {});
     if (!status)
       return Fail(

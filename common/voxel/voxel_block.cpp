@@ -10,19 +10,16 @@
 
 #include "common/base/check.h"
 #include "common/kdtree/treelets.h"
+#include "common/kdtree/wide_tree.h"
 
 namespace quarry {
 namespace {
 
-constexpr uint32_t kHotMagic = 0x32585651;      // "QVX2"
+constexpr uint32_t kHotMagic = 0x33585651;      // "QVX3"
 constexpr uint32_t kShadingMagic = 0x31535651;  // "QVS1"
-constexpr size_t kHotHeader = 64;               // the nodes begin with a cache line
+constexpr size_t kHotHeader = 64;               // both kinds of nodes begin with a cache line
 constexpr size_t kShadingHeader = 16;
 constexpr int kCompressionLevel = 9;
-
-struct HotCounts {
-  uint32_t triangles, vertices, nodes, references;
-};
 
 /// Where `count` values of T lie; moves `at` past them. Sizes were checked against the block before.
 template <class T>
@@ -32,12 +29,25 @@ const T* ViewArray(std::span<const std::byte> bytes, size_t& at, size_t count) {
   return first;
 }
 
+/// Together leaves have no more references than there are, so that work on all of them ends.
 Status CheckLeaves(const VoxelGeometry& v) {
+  uint64_t total = 0;
   for (uint32_t i = 0; i < v.node_count; ++i) {
     const KdNode& n = v.nodes[i];
-    if (n.is_leaf() && (n.first() > v.reference_count || n.count() > v.reference_count - n.first()))
+    if (!n.is_leaf()) continue;
+    if (n.first() > v.reference_count || n.count() > v.reference_count - n.first() ||
+        n.count() > v.triangle_count)
       return Fail(fmt::format("voxel block: leaf {} goes beyond the references", i));
+    total += n.count();
   }
+  if (total > v.reference_count) return Fail("voxel block: leaves have references in common");
+  return {};
+}
+
+Status FillWideNodes(const VoxelGeometry& v, const Box& cell, float padding, std::span<std::byte> out) {
+  const std::vector<WideNode> wide = MakeWideTree(v, cell, padding);
+  if (wide.size() != v.wide_count) return Fail("voxel block: not as many wide nodes as its tree has");
+  std::memcpy(out.data(), wide.data(), out.size());
   return {};
 }
 
@@ -48,8 +58,9 @@ bool AllBelow(const T* values, size_t count, uint32_t limit) {
 
 }  // namespace
 
-size_t HotBytes(size_t nodes, size_t references, size_t triangles, size_t vertices) {
-  return kHotHeader + nodes * 8 + vertices * 12 + triangles * (4 + 4 + 2 + 6) + references * 2;
+size_t HotBytes(size_t nodes, size_t wide_nodes, size_t references, size_t triangles, size_t vertices) {
+  return kHotHeader + wide_nodes * sizeof(WideNode) + nodes * 8 + vertices * 12 +
+         triangles * (4 + 4 + 2 + 6) + references * 2;
 }
 
 Bytes LayOutHot(const HotVoxel& v) {
@@ -62,7 +73,9 @@ Bytes LayOutHot(const HotVoxel& v) {
   out.Put(static_cast<uint32_t>(v.references.size()));
   out.PutVec3(v.cell.lower);
   out.PutVec3(v.cell.upper);
-  for (int i = 0; i < 5; ++i) out.Put(uint32_t{0});
+  out.Put(v.wide_nodes);
+  for (int i = 0; i < 4; ++i) out.Put(uint32_t{0});
+  out.PutArray(std::vector<std::byte>(v.wide_nodes * sizeof(WideNode)));
   out.PutArray(v.nodes);
   out.PutArray(v.vertices);
   out.PutArray(v.triangle_ids);
@@ -73,7 +86,7 @@ Bytes LayOutHot(const HotVoxel& v) {
   return out.Take();
 }
 
-Result<VoxelGeometry> ViewHot(std::span<std::byte> bytes) {
+Result<VoxelGeometry> ViewHot(std::span<std::byte> bytes, float padding) {
   ByteReader in(bytes);
   const auto magic = in.Get<uint32_t>();
   VoxelGeometry v;
@@ -82,12 +95,17 @@ Result<VoxelGeometry> ViewHot(std::span<std::byte> bytes) {
   v.node_count = in.Get<uint32_t>();
   v.reference_count = in.Get<uint32_t>();
   const Box cell{in.GetVec3<glm::vec3>(), in.GetVec3<glm::vec3>()};
+  v.wide_count = in.Get<uint32_t>();
   if (!in.ok() || magic != kHotMagic) return Fail("voxel block: not a hot block");
   if (v.triangle_count > kMaxVoxelTriangles || v.vertex_count > 65535 || v.node_count == 0 ||
       v.node_count > kMaxBlockBytes / 8 || v.reference_count > kMaxBlockBytes / 2 ||
-      HotBytes(v.node_count, v.reference_count, v.triangle_count, v.vertex_count) != bytes.size())
+      v.wide_count > kMaxBlockBytes / sizeof(WideNode) ||
+      HotBytes(v.node_count, v.wide_count, v.reference_count, v.triangle_count, v.vertex_count) !=
+          bytes.size())
     return Fail("voxel block: counts do not fit its size");
   size_t at = kHotHeader;
+  const std::span<std::byte> wide = bytes.subspan(at, v.wide_count * sizeof(WideNode));
+  v.wide = ViewArray<WideNode>(bytes, at, v.wide_count);
   const std::span<KdNode> nodes(reinterpret_cast<KdNode*>(bytes.data() + at), v.node_count);
   v.nodes = ViewArray<KdNode>(bytes, at, v.node_count);
   v.vertices = ViewArray<glm::vec3>(bytes, at, v.vertex_count);
@@ -107,6 +125,7 @@ Result<VoxelGeometry> ViewHot(std::span<std::byte> bytes) {
       return Fail("voxel block: its cell is not finite");
   if (const Status status = FillTreeletHeaders(nodes, kTreeletLevels, cell); !status)
     return Fail("voxel block: " + status.error().message);
+  QUARRY_TRY(FillWideNodes(v, cell, padding, wide));
   return v;
 }
 

@@ -32,6 +32,7 @@ inline uint32_t BlockId(uint32_t voxel, BlockKind kind) { return voxel * 2 + sta
 struct HotVoxel {
   Box cell;
   std::vector<KdNode> nodes;  ///< in treelets (LayOutTreelets)
+  uint32_t wide_nodes = 0;    ///< that MakeWideTree makes of them
   std::vector<uint16_t> references;
   std::vector<uint16_t> corners;  ///< 3 a triangle
   std::vector<glm::vec3> vertices;
@@ -72,12 +73,13 @@ Bytes LayOutHot(const HotVoxel& voxel);
 Bytes LayOutShading(const ShadingVoxel& voxel);
 
 /// Decoded bytes of a hot block with these counts.
-size_t HotBytes(size_t nodes, size_t references, size_t triangles, size_t vertices);
+size_t HotBytes(size_t nodes, size_t wide_nodes, size_t references, size_t triangles, size_t vertices);
 
-/// Views a decoded block in place, and fills in its tree's treelet headers. `bytes` must outlive the view and
-/// be aligned to 8. Errors: any count, index or link that leads out of the block, a tree that does not lie in
-/// treelets, a leaf beyond the references. After success kernels need no further check.
-Result<VoxelGeometry> ViewHot(std::span<std::byte> bytes);
+/// Views a decoded block in place, and fills in what is derived: its tree's treelet headers and wide nodes,
+/// whose boxes are grown by the scene's `padding`. `bytes` must outlive the view and be aligned to 16.
+/// Errors: any count, index or link that leads out of the block, a tree that does not lie in treelets, a leaf
+/// beyond the references. After success kernels need no further check.
+Result<VoxelGeometry> ViewHot(std::span<std::byte> bytes, float padding);
 Result<VoxelShading> ViewShading(std::span<const std::byte> bytes);
 
 /// LZ4 HC over `decoded`; the bytes themselves when that is not smaller. Deterministic for one LZ4 version.

@@ -160,6 +160,4 @@ Hit EmbreeRays::Result(size_t index) const {
   return hit;
 }
 
-size_t EmbreeRays::ray_count() const { return impl_->fresh.size(); }
-
 }  // namespace quarry::bench

@@ -27,7 +27,6 @@ class EmbreeRays {
   /// What the last Trace has found for ray `index` of the active ones: id (any-hit: kNoTriangle or another)
   /// and t.
   Hit Result(size_t index) const;
-  size_t ray_count() const;
 
  private:
   struct Impl;

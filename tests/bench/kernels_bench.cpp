@@ -63,7 +63,7 @@ class ResidentCache {
       auto block = std::make_unique<ResidentBlock>();
       block->bytes = PageBuffer(catalog.block(id).decoded);
       QUARRY_TRY(DecompressBlock(stored, block->bytes.bytes()));
-      QUARRY_ASSIGN(block->hot, ViewHot(block->bytes.bytes()));
+      QUARRY_ASSIGN(block->hot, ViewHot(block->bytes.bytes(), catalog.meta.padding));
       self->cache_.Reserve(catalog.block(id).decoded);
       self->cache_.Publish(id, std::move(block));
     }
@@ -99,7 +99,7 @@ struct Contender {
 };
 
 std::string_view Name(Grouping g) {
-  constexpr std::string_view names[] = {"packet", "simt", "single"};
+  constexpr std::string_view names[] = {"packet", "wide", "simt", "single"};
   return names[static_cast<int>(g)];
 }
 std::string_view Name(Algorithm a) {
@@ -203,7 +203,7 @@ class SceneBench {
     }
     const size_t first_one_level = contenders.size();
     if (one_level_)
-      for (Grouping grouping : {Grouping::kPacket, Grouping::kSimt})
+      for (Grouping grouping : {Grouping::kPacket, Grouping::kWide})
         contenders.push_back({fmt::format("one level {}", Name(grouping)),
                               [this, &set, grouping] {
                                 found_ = set.packets;
@@ -327,9 +327,11 @@ class SceneBench {
   void PrintStatistics(const RaySet& set) {
     for (const Kernel& kernel : Kernels()) {
       if (&kernel != &BestKernel(kernel.grouping)) continue;
+      if (!options_.only.empty() && Name(kernel).find(options_.only) == std::string::npos) continue;
       found_ = set.packets;
       TraceStatistics s;
-      (set.any ? kernel.counted_any : kernel.counted_closest)(cache_->top(), cache_->finder(), found_.data(),
+      const SceneView& view = scene_->view(kernel.algorithm);
+      (set.any ? kernel.counted_any : kernel.counted_closest)(view.top(), view.finder(), found_.data(),
                                                               set.active.data(),
                                                               static_cast<uint32_t>(found_.size()), s);
       const auto per_ray = [&](uint64_t n) { return static_cast<double>(n) / static_cast<double>(set.rays); };

@@ -5,6 +5,7 @@
 #include <unordered_map>
 
 #include "common/kdtree/treelets.h"
+#include "common/kdtree/wide_tree.h"
 #include "tests/bench/one_level_kernels.h"
 
 namespace quarry::bench {
@@ -55,21 +56,20 @@ OneLevelScene::OneLevelScene(const test::ResidentScene& scene) {
   geometry_.triangle_ids = ids_.data();
   top_ = LayOutTreelets(std::vector{KdNode::Leaf(0, 1)}, kTreeletLevels);
   static constexpr uint32_t kEnd[] = {kNoVoxel};
-  tree_ = {top_.data(), kEnd, meta.root_lower, meta.root_upper, nullptr};
+  geometry_.node_count = static_cast<uint32_t>(nodes_.size());
+  wide_ = MakeWideTree(geometry_, box, meta.padding);
+  geometry_.wide = wide_.data();
+  top_wide_ = MakeWideTree(top_, box, 0, [](const KdNode&, const Box& cell) { return cell; });
+  tree_ = {top_.data(), kEnd, meta.root_lower, meta.root_upper, nullptr, top_wide_.data()};
 }
 
 void OneLevelScene::Trace(RayPacket* packets, const uint64_t* active, uint32_t count, Grouping grouping,
                           bool any) const {
-  const WideFinder finder{
+  const Finder32 finder{
       [](void* context, uint32_t) { return static_cast<const VoxelGeometryOf<uint32_t>*>(context); },
       const_cast<VoxelGeometryOf<uint32_t>*>(&geometry_)};
   const bool wide = (hwy::SupportedTargets() & HWY_AVX3) != 0;
   (wide ? TraceOneLevelAvx512 : TraceOneLevelAvx2)(tree_, finder, packets, active, count, grouping, any);
-}
-
-uint64_t OneLevelScene::bytes() const {
-  return nodes_.size() * sizeof(KdNode) + (references_.size() + corners_.size() + ids_.size()) * 4 +
-         vertices_.size() * sizeof(glm::vec3);
 }
 
 }  // namespace quarry::bench

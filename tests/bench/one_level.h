@@ -14,12 +14,12 @@ class OneLevelScene {
  public:
   explicit OneLevelScene(const test::ResidentScene& scene);
 
-  /// As TraceRays, with the same choice of kernels.
+  /// As TraceFunction, by packets or by wide nodes.
   void Trace(RayPacket* packets, const uint64_t* active, uint32_t count, Grouping grouping, bool any) const;
-  uint64_t bytes() const;
 
  private:
   std::vector<KdNode> top_, nodes_;
+  std::vector<WideNode> top_wide_, wide_;
   std::vector<uint32_t> references_, corners_, ids_;
   std::vector<glm::vec3> vertices_;
   TopTree tree_;

@@ -1,15 +1,27 @@
 #pragma once
 
-#include "common/kdtree/kernels.h"
+#include "common/kdtree/kernel_list.h"
 
 namespace quarry::bench {
 
-using WideFinder = VoxelFinderOf<uint32_t>;
+using Finder32 = VoxelFinderOf<uint32_t>;
 
-// The packet and the SIMT kernel over 32-bit indices, each from a source file for its instruction set.
-void TraceOneLevelAvx2(const TopTree& top, const WideFinder& finder, RayPacket* packets,
-                       const uint64_t* active, uint32_t count, Grouping grouping, bool any);
-void TraceOneLevelAvx512(const TopTree& top, const WideFinder& finder, RayPacket* packets,
+/// The kernels that renders use, over 32-bit indices.
+template <class L, class Wide>
+void TraceOneLevel(const TopTree& top, const Finder32& finder, RayPacket* packets, const uint64_t* active,
+                   uint32_t count, Grouping grouping, bool any) {
+  if (grouping == Grouping::kPacket)
+    (any ? TraceUncounted<PacketTrace<L>, true, Finder32>
+         : TraceUncounted<PacketTrace<L>, false, Finder32>)(top, finder, packets, active, count);
+  else
+    (any ? TraceUncounted<WideTrace<Wide>, true, Finder32>
+         : TraceUncounted<WideTrace<Wide>, false, Finder32>)(top, finder, packets, active, count);
+}
+
+// Each from a source file for its instruction set.
+void TraceOneLevelAvx2(const TopTree& top, const Finder32& finder, RayPacket* packets, const uint64_t* active,
+                       uint32_t count, Grouping grouping, bool any);
+void TraceOneLevelAvx512(const TopTree& top, const Finder32& finder, RayPacket* packets,
                          const uint64_t* active, uint32_t count, Grouping grouping, bool any);
 
 }  // namespace quarry::bench

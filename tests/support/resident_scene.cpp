@@ -7,11 +7,12 @@
 namespace quarry::test {
 namespace {
 
-/// The voxel's cell, as its block has it.
+/// The voxel's cell: the box of its tree's first treelet, or of anything for a tree of one leaf.
 Box CellOf(const KdNode* nodes) {
-  Box cell;
-  std::memcpy(&cell, reinterpret_cast<const std::byte*>(nodes) - 44, sizeof cell);
-  return cell;
+  if (nodes[0].is_leaf()) return {glm::vec3(-1e30f), glm::vec3(1e30f)};
+  const TreeletHeader& header = HeaderOf(nodes, nodes[0].left());
+  return {glm::vec3(header.lower[0], header.lower[1], header.lower[2]),
+          glm::vec3(header.upper[0], header.upper[1], header.upper[2])};
 }
 
 /// Voxels as a worker sees them: only those granted are there.
@@ -55,9 +56,8 @@ Result<std::unique_ptr<ResidentScene>> ResidentScene::Load(const std::string& pa
     QUARRY_ASSIGN(const Bytes stored, scene->store_->ReadBlock(id));
     Bytes& bytes = scene->bytes_.emplace_back(catalog.block(id).decoded);
     QUARRY_TRY(DecompressBlock(stored, bytes));
-    QUARRY_ASSIGN(const VoxelGeometry geometry, ViewHot(bytes));
+    QUARRY_ASSIGN(const VoxelGeometry geometry, ViewHot(bytes, catalog.meta.padding));
     view.voxels_.push_back(geometry);
-    view.node_bytes_ += uint64_t{geometry.node_count} * sizeof(KdNode);
     scene->decoded_bytes_ += bytes.size();
   }
   return scene;
@@ -81,13 +81,11 @@ const SceneView& ResidentScene::view(Algorithm algorithm) {
       view->nodes_.push_back(std::move(tree.nodes));
       view->ropes_.push_back(std::move(tree.leaves));
       ropes = view->ropes_.back().data();
-      view->node_bytes_ += view->ropes_.back().size() * sizeof(RopeLeaf);
     } else {
       view->nodes_.push_back(LayOutTreelets(plain, LevelsOf(algorithm)));
       if (!FillTreeletHeaders(view->nodes_.back(), LevelsOf(algorithm), box)) std::abort();
     }
     laid = view->nodes_.back().data();
-    view->node_bytes_ += view->nodes_.back().size() * sizeof(KdNode);
   };
   for (size_t v = 0; v < view->voxels_.size(); ++v) {
     VoxelGeometry& g = view->voxels_[v];
@@ -97,11 +95,6 @@ const SceneView& ResidentScene::view(Algorithm algorithm) {
           {c.meta.root_lower, c.meta.root_upper}, view->top_.nodes, view->top_.ropes);
   views_[which] = std::move(view);
   return *views_[which];
-}
-
-void ResidentScene::Drop(Algorithm algorithm) {
-  const size_t which = algorithm == Algorithm::kBacktrack ? 1 : algorithm == Algorithm::kRopes ? 2 : 3;
-  if (algorithm != Algorithm::kTreelets) views_[which].reset();
 }
 
 uint64_t TraceSuspending(const SceneView& view, TraceFunction trace, std::vector<RayPacket>& packets) {

@@ -21,8 +21,6 @@ class SceneView {
         const_cast<SceneView*>(this)};
   }
   const std::vector<VoxelGeometry>& voxels() const { return voxels_; }
-  /// Of all trees in this layout.
-  uint64_t node_bytes() const { return node_bytes_; }
 
  private:
   friend class ResidentScene;
@@ -30,7 +28,6 @@ class SceneView {
   std::vector<VoxelGeometry> voxels_;
   std::vector<std::vector<KdNode>> nodes_;
   std::vector<std::vector<RopeLeaf>> ropes_;
-  uint64_t node_bytes_ = 0;
 };
 
 /// A store with all of its voxels' hot parts decoded.
@@ -45,12 +42,11 @@ class ResidentScene {
   const SceneView& view() const { return *views_[0]; }
   /// The layout for `algorithm`; made when first asked for. Not thread-safe.
   const SceneView& view(Algorithm algorithm);
-  void Drop(Algorithm algorithm);  ///< its memory
 
  private:
   std::unique_ptr<StoreReader> store_;
   std::vector<Bytes> bytes_;
-  std::unique_ptr<SceneView> views_[5];  ///< 0: treelets
+  std::unique_ptr<SceneView> views_[4];  ///< 0: treelets
   uint64_t decoded_bytes_ = 0;
 };
 

@@ -27,6 +27,7 @@ HotVoxel MakeHot() {
   v.cell = {glm::vec3(0), glm::vec3(1)};
   v.nodes = LayOutTreelets(std::vector{KdNode::Inner(0, 0.5f, 1), KdNode::Leaf(0, 1), KdNode::Leaf(1, 2)},
                            kTreeletLevels);
+  v.wide_nodes = 1;
   v.references = {0, 0, 1};
   v.vertices = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0}};
   v.corners = {0, 1, 2, 1, 3, 2};
@@ -175,14 +176,14 @@ TEST_CASE("Another format version is named beside this one") {
 TEST_CASE("Damaged blocks that pass no checksum never lead out of their bytes") {
   const Bytes hot = LayOutHot(MakeHot()), shading = LayOutShading(MakeShading());
   Bytes whole = hot;
-  REQUIRE(ViewHot(whole).has_value());
+  REQUIRE(ViewHot(whole, 1e-6f).has_value());
   REQUIRE(ViewShading(shading).has_value());
   std::mt19937 random(3);
   for (int i = 0; i < 20000; ++i) {
     Bytes bad = i % 2 ? hot : shading;
     for (int k = 0; k < 1 + i % 3; ++k) bad[random() % bad.size()] = static_cast<std::byte>(random());
     if (i % 5 == 0) bad.resize(random() % (bad.size() + 1));
-    const auto view = ViewHot(bad);
+    const auto view = ViewHot(bad, 1e-6f);
     if (view)
       for (uint32_t r = 0; r < view->reference_count; ++r)
         REQUIRE(view->references[r] < view->triangle_count);

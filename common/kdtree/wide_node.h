@@ -1,0 +1,22 @@
+#pragma once
+
+#include <cstdint>
+
+namespace quarry {
+
+/// Up to eight cells of a kd-tree beside each other, for one ray against vectors of boxes. The boxes are cut
+/// down to what is in them; cells that hold nothing have no place. They do not overlap, so a ray passes them
+/// one after the other.
+struct alignas(16) WideNode {
+  static constexpr uint32_t kChildren = 8;
+  static constexpr uint16_t kInner = 0xFFFF;
+
+  float bounds[6][kChildren] =
+      {};                          ///< lower x y z, upper x y z; infinite, and empty, where there is no child
+  uint32_t child[kChildren] = {};  ///< the node; of a leaf: the first reference, or voxel
+  uint16_t count[kChildren] = {};  ///< of a leaf's references, or voxels; kInner: not a leaf
+  uint32_t parent = 0;             ///< node * 8 + this one's place among its children
+};
+static_assert(sizeof(WideNode) == 256);
+
+}  // namespace quarry
