@@ -16,7 +16,7 @@ class PinSet {
 
   /// Null when the block is not resident.
   const ResidentBlock* Find(uint32_t block) {
-    Recent& recent = recent_[block % kRecent];
+    Recent& recent = recent_[(block / 2 + block % 2 * (kRecent / 2)) % kRecent];
     if (recent.block == block && recent.resident) return recent.resident;
     const ResidentBlock* resident = nullptr;
     if (const auto it = pinned_.find(block); it != pinned_.end()) {
@@ -48,7 +48,7 @@ class PinSet {
   }
 
  private:
-  static constexpr uint32_t kRecent = 64;
+  static constexpr uint32_t kRecent = 1024;  // 16 KiB; scenes have hundreds of voxels in view
   struct Recent {
     uint32_t block = 0;
     const ResidentBlock* resident = nullptr;

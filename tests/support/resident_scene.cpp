@@ -2,6 +2,7 @@
 
 #include <sys/mman.h>
 
+#include "common/base/check.h"
 #include "common/kdtree/ropes.h"
 
 namespace quarry::test {
@@ -42,6 +43,20 @@ uint32_t LevelsOf(Algorithm algorithm) {
 
 }  // namespace
 
+GuardedBytes::GuardedBytes(size_t size) {
+  constexpr size_t kPage = 4096;
+  const size_t inside = (size + kPage - 1) / kPage * kPage;
+  void* memory = ::mmap(nullptr, inside + 2 * kPage, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+  QUARRY_CHECK(memory != MAP_FAILED);
+  mapping_ = {static_cast<std::byte*>(memory), inside + 2 * kPage};
+  QUARRY_CHECK(inside == 0 || ::mprotect(&mapping_[kPage], inside, PROT_READ | PROT_WRITE) == 0);
+  bytes_ = mapping_.subspan(kPage + (inside - size) / 16 * 16, size);
+}
+
+GuardedBytes::~GuardedBytes() {
+  if (!mapping_.empty()) ::munmap(mapping_.data(), mapping_.size());
+}
+
 Result<std::unique_ptr<ResidentScene>> ResidentScene::Load(const std::string& path) {
   auto scene = std::make_unique<ResidentScene>();
   QUARRY_ASSIGN(StoreReader store, StoreReader::Open(path));
@@ -54,7 +69,7 @@ Result<std::unique_ptr<ResidentScene>> ResidentScene::Load(const std::string& pa
   for (uint32_t v = 0; v < catalog.voxels.size(); ++v) {
     const uint32_t id = BlockId(v, BlockKind::kHot);
     QUARRY_ASSIGN(const Bytes stored, scene->store_->ReadBlock(id));
-    Bytes& bytes = scene->bytes_.emplace_back(catalog.block(id).decoded);
+    const std::span<std::byte> bytes = scene->bytes_.emplace_back(catalog.block(id).decoded).bytes();
     QUARRY_TRY(DecompressBlock(stored, bytes));
     QUARRY_ASSIGN(const VoxelGeometry geometry, ViewHot(bytes, catalog.meta.padding));
     view.voxels_.push_back(geometry);

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/kdtree/kernels.h"
@@ -30,7 +32,20 @@ class SceneView {
   std::vector<std::vector<RopeLeaf>> ropes_;
 };
 
-/// A store with all of its voxels' hot parts decoded.
+/// Memory between pages that nobody may touch: what reads or writes outside it ends the program.
+class GuardedBytes {
+ public:
+  explicit GuardedBytes(size_t size);
+  GuardedBytes(GuardedBytes&& other) noexcept
+      : mapping_(std::exchange(other.mapping_, {})), bytes_(std::exchange(other.bytes_, {})) {}
+  ~GuardedBytes();
+  std::span<std::byte> bytes() const { return bytes_; }
+
+ private:
+  std::span<std::byte> mapping_, bytes_;
+};
+
+/// A store with all of its voxels' hot parts decoded, each between guarded pages.
 class ResidentScene {
  public:
   static Result<std::unique_ptr<ResidentScene>> Load(const std::string& store);
@@ -45,7 +60,7 @@ class ResidentScene {
 
  private:
   std::unique_ptr<StoreReader> store_;
-  std::vector<Bytes> bytes_;
+  std::vector<GuardedBytes> bytes_;
   std::unique_ptr<SceneView> views_[4];  ///< 0: treelets
   uint64_t decoded_bytes_ = 0;
 };

@@ -193,6 +193,18 @@ TEST_CASE("Damaged blocks that pass no checksum never lead out of their bytes") 
   }
 }
 
+TEST_CASE("A hot block's counts must be those of its tree") {
+  HotVoxel more = MakeHot();
+  more.wide_nodes = 2;
+  Bytes block = LayOutHot(more);
+  CHECK(ViewHot(block, 1e-6f).error().message == "voxel block: not as many wide nodes as its tree has");
+  HotVoxel twice = MakeHot();
+  twice.nodes = LayOutTreelets(std::vector{KdNode::Inner(0, 0.5f, 1), KdNode::Leaf(1, 2), KdNode::Leaf(1, 2)},
+                               kTreeletLevels);
+  block = LayOutHot(twice);
+  CHECK(ViewHot(block, 1e-6f).error().message == "voxel block: leaves have references in common");
+}
+
 TEST_CASE("Nothing is at the final name before a store is finished") {
   const Folder folder;
   {
