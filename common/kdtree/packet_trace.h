@@ -169,23 +169,50 @@ QUARRY_HOST_DEVICE inline void TraceVoxel(const VoxelGeometryOf<Index>& voxel, u
   }
   const auto visit = [&](const KdNode& leaf, Mask* active, const Float*) {
     const uint32_t last = leaf.first() + leaf.count();
+    uint32_t groups[kGroups], count = 0;  // those with active rays
+    for (uint32_t g = 0; g < kGroups; ++g)
+      if (!L::None(active[g])) groups[count++] = g;
     for (uint32_t r = leaf.first(); r < last; ++r) {
       const uint32_t local = voxel.references[r];
       const TrianglePoints points = PointsOf(voxel, local);
-      for (uint32_t g = 0; g < kGroups; ++g) {
-        if (L::None(active[g])) continue;
+      Float corner[3][3];
+      for (int k = 0; k < 3; ++k) {
+        const int axes[3] = {p.kx, p.ky, p.kz};
+        for (int a = 0; a < 3; ++a)
+          corner[k][a] = L::Set(points.at[k][axes[a]] - (kSharedOrigin ? p.shared_origin[axes[a]] : 0.0f));
+      }
+      const auto move = [&](uint32_t g, MovedVertex<L>(&moved)[3]) {
         const RayFrame<L>& frame = p.frame[g];
-        const auto offset = [&](int corner, int axis) {
-          const float at = points.at[corner][axis];
-          return kSharedOrigin ? L::Set(at - p.shared_origin[axis]) : L::Set(at) - frame.origin[axis];
-        };
+        for (int k = 0; k < 3; ++k)
+          moved[k] = kSharedOrigin ? MoveVertex<L>(frame, corner[k][0], corner[k][1], corner[k][2])
+                                   : MoveVertex<L>(frame, corner[k][0] - frame.origin[p.kx],
+                                                   corner[k][1] - frame.origin[p.ky],
+                                                   corner[k][2] - frame.origin[p.kz]);
+      };
+      // Most triangles lie beside all rays: that is found without a branch for each group.
+      MovedVertex<L> moved[3];
+      Mask may[kGroups], any = L::NoLanes();
+      const auto filter = [&](uint32_t g) {
         statistics.Triangle(L::Count(active[g]), L::kLanes);
-        const auto a = MoveVertex<L>(frame, offset(0, p.kx), offset(0, p.ky), offset(0, p.kz));
-        const auto b = MoveVertex<L>(frame, offset(1, p.kx), offset(1, p.ky), offset(1, p.kz));
-        const auto c = MoveVertex<L>(frame, offset(2, p.kx), offset(2, p.ky), offset(2, p.kz));
+        move(g, moved);
+        may[g] = MayContain<L>(moved[0], moved[1], moved[2], active[g]);
+        any = L::Or(any, may[g]);
+      };
+      if (count == kGroups) {
+#pragma GCC unroll 16
+        for (uint32_t g = 0; g < kGroups; ++g) filter(g);
+      } else {
+        for (uint32_t k = 0; k < count; ++k) filter(groups[k]);
+      }
+      if (L::None(any)) continue;
+      for (uint32_t k = 0; k < count; ++k) {
+        const uint32_t g = groups[k];
+        if (L::None(may[g])) continue;
+        statistics.Exact();
+        move(g, moved);
         const Mask kept =
-            TestMoved<L>(frame, a, b, c, L::SetInt(voxel.triangle_ids[local]), L::SetInt(voxel_id),
-                         L::SetInt(local), active[g], p.best[g], statistics);
+            Keep<L>(HitMoved<L>(p.frame[g], moved[0], moved[1], moved[2], may[g]),
+                    L::SetInt(voxel.triangle_ids[local]), L::SetInt(voxel_id), L::SetInt(local), p.best[g]);
         t_end[g] = L::Min(t_end[g], p.best[g].t);
         if (kAnyHit) {
           active[g] = L::AndNot(kept, active[g]);
