@@ -9,7 +9,8 @@ namespace {
 
 constexpr int kAttempts = 3;  // a block that arrives damaged is asked for again
 
-/// Decodes `stored` into `resident`, whose bytes have the decoded size, and checks it against the catalog.
+}  // namespace
+
 Status DecodeBlock(const Catalog& catalog, uint32_t block, std::span<const std::byte> stored,
                    ResidentBlock& resident) {
   QUARRY_TRY(DecompressBlock(stored, resident.bytes.bytes()));
@@ -27,8 +28,6 @@ Status DecodeBlock(const Catalog& catalog, uint32_t block, std::span<const std::
       return Fail("it names a material that the scene lacks");
   return {};
 }
-
-}  // namespace
 
 Loader::Loader(const Catalog& catalog, VoxelCache& cache, VoxelSource& source,
                std::function<void(const Error&)> on_error)

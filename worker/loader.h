@@ -3,11 +3,16 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <span>
 
 #include "common/net/voxel_source.h"
 #include "worker/voxel_cache.h"
 
 namespace quarry {
+
+/// Decodes `stored` into `resident`, whose bytes have the decoded size, and checks it against the catalog.
+Status DecodeBlock(const Catalog& catalog, uint32_t block, std::span<const std::byte> stored,
+                   ResidentBlock& resident);
 
 /// Loads the blocks that the cache wants: asks the source, verifies, decompresses, publishes. All on one
 /// thread. Bounded: at most kMaxInFlight requests and about kMaxStoredBytes of stored bytes are on the way or

@@ -9,7 +9,7 @@
 #include "common/kdtree/voxel_geometry.h"
 #include "common/math/host_device.h"
 
-// What the packet and the SIMT kernel have in common.
+// What kernels have in common.
 
 namespace quarry {
 

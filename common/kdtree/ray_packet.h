@@ -11,7 +11,8 @@ namespace quarry {
 /// packet ray i belongs to pixel (i % 8, i / 8) of an 8x8 block; for other kernels the order is free. A ray
 /// that is suspended stays here, and goes on from here. 3,840 bytes.
 struct alignas(64) RayPacket {
-  static constexpr uint32_t kRays = 64;
+  static constexpr uint32_t kSide = 8;
+  static constexpr uint32_t kRays = kSide * kSide;
 
   float origin[3][kRays];
   float direction[3][kRays];

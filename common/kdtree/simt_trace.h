@@ -5,7 +5,7 @@
 
 #include "common/kdtree/kernel_parts.h"
 #include "common/kdtree/ray_source.h"
-#include "common/kdtree/rope_leaf.h"
+#include "common/kdtree/simt_group.h"
 #include "common/kdtree/single_trace.h"
 
 // Each lane follows its own ray through its own nodes; a lane whose ray ends takes the next one. The form of
@@ -15,49 +15,6 @@
 // arrive.
 
 namespace quarry {
-
-/// The rays of one vector. Arrays are vectors in memory, so that single lanes can be refilled.
-template <class L, class Index>
-struct alignas(64) SimtGroup {
-  static constexpr uint32_t kLanes = L::kLanes;
-  alignas(64) float origin[3][kLanes];
-  alignas(64) float reciprocal[3][kLanes];
-  alignas(64) float shear_x[kLanes];
-  alignas(64) float shear_y[kLanes];
-  alignas(64) float scale_z[kLanes];
-  alignas(64) uint32_t largest_axis[kLanes];
-  alignas(64) float t[kLanes];        ///< reached so far
-  alignas(64) float t_exit[kLanes];   ///< of the node
-  alignas(64) float t_end[kLanes];    ///< where the traversal of the present tree ends
-  alignas(64) uint32_t node[kLanes];  ///< in the present tree
-  alignas(
-      64) uint32_t resume[kLanes];  ///< kClimb: the treelet; kPushDown: the node from which to go down again
-  alignas(64) uint32_t first[kLanes];  ///< leaf: reference to test next, or voxel
-  alignas(64) uint32_t last[kLanes];   ///< leaf: end of its references
-  alignas(64) float hit_t[kLanes];
-  alignas(64) float b1[kLanes];
-  alignas(64) float b2[kLanes];
-  alignas(64) uint32_t triangle[kLanes];
-  alignas(64) uint32_t voxel[kLanes];    ///< of the hit
-  alignas(64) uint32_t local[kLanes];    ///< of the hit
-  alignas(64) uint32_t present[kLanes];  ///< the voxel that the ray is in
-  // The present tree: the voxel's, or the top-level one.
-  const KdNode* nodes[kLanes];
-  const RopeLeaf* ropes[kLanes];
-  const Index* references[kLanes];
-  const Index* corners[kLanes];
-  const float* vertices[kLanes];
-  const uint32_t* triangle_ids[kLanes];
-  // Where a ray goes on at the top level.
-  float top_t[kLanes], top_exit[kLanes], scene_end[kLanes];
-  uint32_t top_resume[kLanes], chain[kLanes];
-  // Where the ray came from.
-  RayPacket* packet[kLanes];
-  uint32_t index[kLanes];
-  // Lanes by what they do next, as bits; in none of them: idle.
-  uint32_t down = 0, arrived = 0, testing = 0, up = 0;
-  uint32_t in_voxel = 0;
-};
 
 /// The kernel. One object traces one batch.
 template <class L, Way kWay, bool kAnyHit, class Finder, class Statistics>
@@ -105,15 +62,8 @@ class SimtTracer {
   /// Lanes without a ray follow valid addresses all the same.
   QUARRY_HOST_DEVICE void Idle(Group& g) {
     for (uint32_t i = 0; i < kLanes; ++i) {
-      g.packet[i] = nullptr;
-      for (int a = 0; a < 3; ++a) g.origin[a][i] = g.reciprocal[a][i] = 0;
-      g.shear_x[i] = g.shear_y[i] = g.scale_z[i] = 0;
-      g.t[i] = g.t_exit[i] = g.t_end[i] = g.hit_t[i] = g.b1[i] = g.b2[i] = 0;
-      g.largest_axis[i] = g.node[i] = g.resume[i] = g.first[i] = g.last[i] = 0;
-      g.triangle[i] = g.voxel[i] = g.local[i] = g.present[i] = 0;
       g.nodes[i] = top_.nodes;
       g.ropes[i] = top_.ropes;
-      g.references[i] = nullptr;
     }
   }
 
@@ -160,7 +110,6 @@ class SimtTracer {
     }
     g.resume[i] = 0;
     ToTop(g, i);
-    g.node[i] = 0;
     g.t_exit[i] = t_end;
     g.down |= 1u << i;
     return true;

@@ -5,8 +5,7 @@
 #include "common/kdtree/kernel_parts.h"
 #include "common/kdtree/rope_leaf.h"
 
-// One ray at a time. Where a gather costs as much as its loads, this needs a third of the instructions of
-// lanes that each follow their own ray (README.md has the figures).
+// One ray at a time: the plain form of the family.
 
 namespace quarry {
 

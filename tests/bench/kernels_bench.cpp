@@ -17,6 +17,7 @@
 #include "tests/bench/embree_rays.h"
 #include "tests/bench/one_level.h"
 #include "tests/bench/ray_sets.h"
+#include "worker/loader.h"
 #include "worker/pin_set.h"
 
 #ifndef NDEBUG
@@ -62,8 +63,7 @@ class ResidentCache {
       QUARRY_ASSIGN(const Bytes stored, self->store_.ReadBlock(id));
       auto block = std::make_unique<ResidentBlock>();
       block->bytes = PageBuffer(catalog.block(id).decoded);
-      QUARRY_TRY(DecompressBlock(stored, block->bytes.bytes()));
-      QUARRY_ASSIGN(block->hot, ViewHot(block->bytes.bytes(), catalog.meta.padding));
+      QUARRY_TRY(DecodeBlock(catalog, id, stored, *block));
       self->cache_.Reserve(catalog.block(id).decoded);
       self->cache_.Publish(id, std::move(block));
     }
@@ -76,14 +76,7 @@ class ResidentCache {
         pins_(cache_) {}
 
   TopTree top() const { return store_.catalog().top_tree(); }
-  VoxelFinder finder() {
-    return {[](void* context, uint32_t voxel) -> const VoxelGeometry* {
-              const ResidentBlock* block =
-                  static_cast<PinSet*>(context)->Find(BlockId(voxel, BlockKind::kHot));
-              return block ? &block->hot : nullptr;
-            },
-            &pins_};
-  }
+  VoxelFinder finder() { return pins_.finder(); }
 
  private:
   StoreReader store_;
@@ -362,8 +355,12 @@ int Main(int argc, char** argv) {
   Options options;
   CLI::App app("Kernels against Embree on one core: millions of rays a second.");
   app.add_option("store", options.stores, "Stores made by quarry-preprocess")->required();
-  app.add_option("--repetitions", options.repetitions, "Medians of so many")->capture_default_str();
-  app.add_option("--size", options.size, "Pixels on a side")->capture_default_str();
+  app.add_option("--repetitions", options.repetitions, "Medians of so many")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  app.add_option("--size", options.size, "Pixels on a side, a multiple of 8")
+      ->check(CLI::Range(8, 16384))
+      ->capture_default_str();
   app.add_flag("--one-level", options.one_level, "Beside them one tree over all triangles, without voxels");
   app.add_flag("--interior", options.interior, "The eye is inside the scene's box");
   app.add_option("--only", options.only, "Kernels whose names hold this alone");
@@ -376,6 +373,14 @@ int Main(int argc, char** argv) {
       "Instead: so many random rays through every kernel, resident and suspended, hits compared bit by bit");
   app.add_option("--json", options.json, "Results as JSON");
   CLI11_PARSE(app, argc, argv);
+  const auto fail = [](const std::string& message) {
+    fmt::print(stderr, "quarry-bench-kernels: {}\n", message);
+    return 2;
+  };
+  if (options.size % RayPacket::kSide != 0) return fail("--size: not a multiple of 8");
+  if (Kernels().empty()) return fail("QUARRY_ISA names no instruction set that this processor has");
+  if (!options.json.empty() && !std::ofstream(options.json, std::ios::app))
+    return fail(fmt::format("{}: cannot be written", options.json));
   nlohmann::json results = nlohmann::json::array();
   for (const std::string& store : options.stores) {
     SceneBench bench(options, std::filesystem::path(store).stem().string());

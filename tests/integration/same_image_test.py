@@ -3,6 +3,7 @@ import json
 import os
 import pathlib
 import signal
+import struct
 import subprocess
 import time
 import unittest
@@ -80,6 +81,22 @@ class SameStore(Case):
     def test_memory_and_threads_do_not_change_the_store(self):
         model = self.path("m.ply")
         self.must("quarry-scene", "plant", "--triangles", 300000, "-o", model, "--quiet")
+        self.expect_one_store(model)
+
+    def test_a_pile_that_no_plane_parts_is_the_same_from_disk_and_from_memory(self):
+        """200,000 times one triangle, more than a quarter of the least memory holds; others beside it, with space."""
+        vertices = [(0, 0, 0), (3, 2, 1), (1, 3, 2), (90, 90, 90), (91, 90, 90), (90, 91, 91)]
+        faces = [(0, 1, 2)] * 200000 + [(3, 4, 5)] * 5
+        model = self.path("pile.ply")
+        with open(model, "wb") as out:
+            out.write(f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\nproperty float x\n"
+                      f"property float y\nproperty float z\nelement face {len(faces)}\n"
+                      "property list uchar int vertex_indices\nend_header\n".encode())
+            out.write(b"".join(struct.pack("<3f", *v) for v in vertices))
+            out.write(b"".join(struct.pack("<B3i", 3, *f) for f in faces))
+        self.expect_one_store(model)
+
+    def expect_one_store(self, model):
         stores = []
         for memory, threads in (("1G", 2), ("64M", 1), ("64M", 2)):
             store = self.path(f"s-{memory}-{threads}.quarry")
