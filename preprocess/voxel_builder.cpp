@@ -76,8 +76,8 @@ VoxelTree BuildTree(std::span<const TriangleRecord> triangles, const Box& cell, 
   vertices.reserve(triangles.size());
   for (const TriangleRecord& t : triangles)
     vertices.push_back({{t.vertices[0], t.vertices[1], t.vertices[2]}});
-  // How much room headers take shows only in the layout.
-  for (size_t budget = room;; budget = budget / 4 * 3) {
+  // Headers and wide nodes take about 7/9 of what the tree itself does; how much, shows only in the layout.
+  for (size_t budget = room / 16 * 9;; budget = budget / 4 * 3) {
     KdTree tree = BuildKdTree(vertices, padding, cell, SahCosts{}, budget);
     tree.nodes = LayOutTreelets(tree.nodes, kTreeletLevels);
     const auto wide_nodes = static_cast<uint32_t>(
