@@ -1,80 +1,168 @@
 #include "master/image_output.h"
 
-#include <OpenImageIO/filesystem.h>
-#include <OpenImageIO/imageio.h>
+#include <OpenEXR/ImfChannelList.h>
+#include <OpenEXR/ImfFrameBuffer.h>
+#include <OpenEXR/ImfHeader.h>
+#include <OpenEXR/ImfIO.h>
+#include <OpenEXR/ImfOutputFile.h>
 #include <fmt/format.h>
+#include <png.h>
 
+#include <algorithm>
 #include <bit>
-#include <cmath>
+#include <cstring>
+#include <limits>
 
 #include "common/math/elementary.h"
 
 namespace quarry {
 namespace {
 
-std::vector<uint8_t> ToSrgb(const RenderJob& job, const std::vector<uint32_t>& pixels) {
-  const size_t words = WordsPerPixel(job.aov_mask);
-  const double gain = Exp2(job.exposure);
-  std::vector<uint8_t> out;
-  out.reserve(pixels.size() / words * 3);
-  for (size_t p = 0; p < pixels.size(); p += words)
-    for (size_t c = 0; c < 3; ++c) {
-      const double encoded = EncodeSrgb(static_cast<double>(std::bit_cast<float>(pixels[p + c])) * gain);
-      out.push_back(static_cast<uint8_t>(encoded * 255 + 0.5));
+/// Linear values to 8 bits, sRGB: as EncodeSrgb says, but looked up.
+class SrgbEncoder {
+ public:
+  explicit SrgbEncoder(double exposure) {
+    const double gain = Exp2(exposure);
+    const auto encode = [&](uint32_t bits) {
+      return static_cast<int>(EncodeSrgb(static_cast<double>(std::bit_cast<float>(bits)) * gain) * 255 + 0.5);
+    };
+    // Positive floats are ordered as their bits are.
+    const uint32_t infinity = std::bit_cast<uint32_t>(std::numeric_limits<float>::infinity());
+    uint32_t from = 0;
+    for (int value = 1; value < 256; ++value) {
+      uint32_t to = infinity;
+      while (from < to) {
+        const uint32_t middle = from + (to - from) / 2;
+        if (encode(middle) < value)
+          from = middle + 1;
+        else
+          to = middle;
+      }
+      least_[value - 1] = from;
     }
-  return out;
+  }
+
+  uint8_t operator()(uint32_t bits) const {
+    if (bits > kLargest) return 0;  // negative, or not a number
+    return static_cast<uint8_t>(std::upper_bound(std::begin(least_), std::end(least_), bits) -
+                                std::begin(least_));
+  }
+
+ private:
+  static constexpr uint32_t kLargest = 0x7F800000;  ///< infinity
+  uint32_t least_[255];  ///< bits of the least float that becomes 1, 2, ... or more
+};
+
+void AppendPng(png_structp png, png_bytep data, size_t size) {
+  auto& file = *static_cast<Bytes*>(png_get_io_ptr(png));
+  const auto* bytes = reinterpret_cast<const std::byte*>(data);
+  file.insert(file.end(), bytes, bytes + size);
 }
 
-void AddChannels(const RenderJob& job, OIIO::ImageSpec& spec) {
-  static const std::vector<std::string> names[kAovs] = {
+/// Owns what libpng makes, whichever way the function is left.
+struct PngWriter {
+  png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, nullptr, nullptr, nullptr);
+  png_infop info = png ? png_create_info_struct(png) : nullptr;
+  ~PngWriter() { png_destroy_write_struct(&png, &info); }
+};
+
+Result<Bytes> EncodePng(const RenderJob& job, const std::vector<uint32_t>& pixels) {
+  const size_t words = WordsPerPixel(job.aov_mask);
+  const SrgbEncoder encode(job.exposure);
+  std::vector<uint8_t> rows;
+  rows.reserve(pixels.size() / words * 3);
+  for (size_t p = 0; p < pixels.size(); p += words)
+    for (size_t c = 0; c < 3; ++c) rows.push_back(encode(pixels[p + c]));
+  Bytes file;
+  const PngWriter writer;
+  if (!writer.info) return Fail("cannot encode the image: libpng does not start");
+  // libpng comes back here on errors.
+  if (setjmp(png_jmpbuf(writer.png))) return Fail("cannot encode the image as PNG");
+  png_set_write_fn(writer.png, &file, AppendPng, nullptr);
+  png_set_IHDR(writer.png, writer.info, job.crop_width, job.crop_height, 8, PNG_COLOR_TYPE_RGB,
+               PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+  png_set_sRGB(writer.png, writer.info, PNG_sRGB_INTENT_PERCEPTUAL);
+  // Rendered pictures shrink little beyond what the fast settings give.
+  png_set_compression_level(writer.png, 3);
+  png_set_filter(writer.png, 0, PNG_FILTER_SUB);
+  png_write_info(writer.png, writer.info);
+  for (size_t y = 0; y < job.crop_height; ++y)
+    png_write_row(writer.png, rows.data() + y * job.crop_width * 3);
+  png_write_end(writer.png, nullptr);
+  return file;
+}
+
+/// A file in memory.
+class MemoryStream : public Imf::OStream {
+ public:
+  explicit MemoryStream(Bytes& file) : Imf::OStream("out.exr"), file_(file) {}
+  void write(const char data[], int size) override {
+    const auto count = static_cast<size_t>(size);
+    if (file_.size() < at_ + count) file_.resize(at_ + count);
+    std::memcpy(file_.data() + at_, data, count);
+    at_ += count;
+  }
+  uint64_t tellp() override { return at_; }
+  void seekp(uint64_t at) override { at_ = at; }
+
+ private:
+  Bytes& file_;
+  size_t at_ = 0;
+};
+
+struct Channel {
+  const char* name;
+  Imf::PixelType type;
+};
+
+std::vector<Channel> ChannelsOf(const RenderJob& job) {
+  static const std::vector<const char*> names[kAovs] = {
       {"depth.Z"},      {"normal.X", "normal.Y", "normal.Z"},
       {"uv.U", "uv.V"}, {"primitive.id"},
       {"material.id"},  {"part.id"},
       {"voxel.id"}};
-  spec.channelnames = {"R", "G", "B"};
-  spec.channelformats.assign(3, OIIO::TypeFloat);
+  std::vector<Channel> channels{{"R", Imf::FLOAT}, {"G", Imf::FLOAT}, {"B", Imf::FLOAT}};
   for (int a = 0; a < kAovs; ++a) {
     if (!job.has(static_cast<Aov>(a))) continue;
-    for (const std::string& name : names[a]) {
-      spec.channelnames.push_back(name);
-      spec.channelformats.push_back(kAovInfo[a].is_integer ? OIIO::TypeUInt32 : OIIO::TypeFloat);
-    }
+    for (const char* name : names[a])
+      channels.push_back({name, kAovInfo[a].is_integer ? Imf::UINT : Imf::FLOAT});
   }
-  spec.nchannels = static_cast<int>(spec.channelnames.size());
+  return channels;
+}
+
+Result<Bytes> EncodeExr(const RenderJob& job, const std::vector<uint32_t>& pixels) {
+  const auto side = [](uint32_t n) { return static_cast<int>(n); };
+  const Imath::Box2i whole({0, 0}, {side(job.width) - 1, side(job.height) - 1});
+  const Imath::Box2i crop({side(job.crop_x), side(job.crop_y)},
+                          {side(job.crop_x + job.crop_width) - 1, side(job.crop_y + job.crop_height) - 1});
+  try {
+    Imf::Header header(whole, crop, 1, {0, 0}, 1, Imf::INCREASING_Y, Imf::ZIP_COMPRESSION);
+    Imf::FrameBuffer frame;
+    const std::vector<Channel> channels = ChannelsOf(job);
+    const size_t stride = 4 * channels.size();
+    for (size_t c = 0; c < channels.size(); ++c) {
+      header.channels().insert(channels[c].name, Imf::Channel(channels[c].type));
+      auto* first = reinterpret_cast<char*>(const_cast<uint32_t*>(pixels.data() + c));
+      frame.insert(channels[c].name,
+                   Imf::Slice::Make(channels[c].type, first, crop, stride, stride * job.crop_width));
+    }
+    Bytes file;
+    MemoryStream stream(file);
+    {
+      Imf::OutputFile out(stream, header, 0);
+      out.setFrameBuffer(frame);
+      out.writePixels(side(job.crop_height));
+    }
+    return file;
+  } catch (const std::exception& e) {
+    return Fail(fmt::format("cannot encode the image as OpenEXR: {}", e.what()));
+  }
 }
 
 }  // namespace
 
 Result<Bytes> EncodeImage(const RenderJob& job, const std::vector<uint32_t>& pixels) {
-  const bool png = job.format == "png";
-  std::vector<unsigned char> file;
-  OIIO::Filesystem::IOVecOutput memory(file);
-  auto output = OIIO::ImageOutput::create(png ? "out.png" : "out.exr");
-  if (!output) return Fail("OpenImageIO cannot write " + job.format + ": " + OIIO::geterror());
-  OIIO::ImageSpec spec(static_cast<int>(job.crop_width), static_cast<int>(job.crop_height), 3,
-                       png ? OIIO::TypeUInt8 : OIIO::TypeFloat);
-  spec.full_width = static_cast<int>(job.width);
-  spec.full_height = static_cast<int>(job.height);
-  // OpenImageIO would put in the time of day; the same picture is to be the same file.
-  spec.attribute("DateTime", "2000:01:01 00:00:00");
-  if (!png) {
-    spec.x = static_cast<int>(job.crop_x);
-    spec.y = static_cast<int>(job.crop_y);
-    spec.attribute("compression", "zip");
-    AddChannels(job, spec);
-  } else {
-    spec.full_width = spec.width;
-    spec.full_height = spec.height;
-    spec.attribute("oiio:ColorSpace", "sRGB");
-  }
-  if (!output->set_ioproxy(&memory) || !output->open(png ? "out.png" : "out.exr", spec))
-    return Fail("cannot encode the image: " + output->geterror());
-  const auto srgb = png ? ToSrgb(job, pixels) : std::vector<uint8_t>{};
-  const bool written = png ? output->write_image(OIIO::TypeUInt8, srgb.data())
-                           : output->write_image(OIIO::TypeUnknown, pixels.data());
-  if (!written || !output->close()) return Fail("cannot encode the image: " + output->geterror());
-  const auto* bytes = reinterpret_cast<const std::byte*>(file.data());
-  return Bytes(bytes, bytes + file.size());
+  return job.format == "png" ? EncodePng(job, pixels) : EncodeExr(job, pixels);
 }
 
 }  // namespace quarry

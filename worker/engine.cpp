@@ -41,22 +41,26 @@ void Engine::DropTiles() {
   queue_.clear();
 }
 
-std::unique_ptr<TileRenderer> Engine::OpenTile() {
+bool Engine::OpenTile(Tiles& tiles) {
   std::shared_ptr<const FrameContext> frame;
   TileOrder order;
   {
     const std::lock_guard lock(mutex_);
-    if (queue_.empty()) return nullptr;
+    if (queue_.empty()) return false;
     order = queue_.front();
     queue_.pop_front();
     frame = frame_;
   }
-  return std::make_unique<TileRenderer>(std::move(frame), order);
+  if (tiles.spare.empty()) tiles.spare.push_back(std::make_unique<TileRenderer>());
+  tiles.open.push_back(std::move(tiles.spare.back()));
+  tiles.spare.pop_back();
+  tiles.open.back()->Open(std::move(frame), order);
+  return true;
 }
 
-void Engine::FinishTiles(std::vector<std::unique_ptr<TileRenderer>>& tiles) {
-  for (size_t i = 0; i < tiles.size();) {
-    TileRenderer& tile = *tiles[i];
+void Engine::FinishTiles(Tiles& tiles) {
+  for (size_t i = 0; i < tiles.open.size();) {
+    TileRenderer& tile = *tiles.open[i];
     if (!tile.done()) {
       ++i;
       continue;
@@ -65,34 +69,30 @@ void Engine::FinishTiles(std::vector<std::unique_ptr<TileRenderer>>& tiles) {
     rays_ += tile.rays();
     rays_suspended_ += tile.rays_suspended();
     on_tile_({order.setup, order.tile, order.lease, tile.rays(), tile.rays_suspended()}, tile.Pixels());
-    tiles.erase(tiles.begin() + static_cast<std::ptrdiff_t>(i));
+    tiles.spare.push_back(std::move(tiles.open[i]));
+    tiles.open.erase(tiles.open.begin() + static_cast<std::ptrdiff_t>(i));
   }
 }
 
 void Engine::Run(Mailbox& mailbox) {
   PinSet pins(cache_);
-  std::vector<std::unique_ptr<TileRenderer>> tiles;
+  Tiles tiles;
   const auto any_ready = [&] {
-    for (const auto& tile : tiles)
+    for (const auto& tile : tiles.open)
       if (tile->has_ready()) return true;
     return false;
   };
   for (int batch = 0; !stop_; ++batch) {
     FinishTiles(tiles);
     bool ready = any_ready();
-    if (!ready && tiles.size() < kOpenTiles) {
-      if (auto tile = OpenTile()) {
-        tiles.push_back(std::move(tile));
-        ready = true;
-      }
-    }
+    if (!ready && tiles.open.size() < kOpenTiles) ready = OpenTile(tiles);
     // Never hold pins while waiting: another thread's block may need the room.
     if (!ready || batch % kBatchesPerPinSet == 0) pins.Release();
     for (uint32_t block : mailbox.Take(!ready)) {
       pins.Adopt(block);
-      for (auto& tile : tiles) tile->Resume(block);
+      for (auto& tile : tiles.open) tile->Resume(block);
     }
-    for (auto& tile : tiles)
+    for (auto& tile : tiles.open)
       tile->Step(pins, [&](uint32_t block, uint32_t rays) { cache_.Want(block, &mailbox, rays); });
   }
 }

@@ -37,8 +37,12 @@ class Engine {
 
  private:
   void Run(Mailbox& mailbox);
-  std::unique_ptr<TileRenderer> OpenTile();
-  void FinishTiles(std::vector<std::unique_ptr<TileRenderer>>& tiles);
+  /// A thread's renderers: those at work, and those to be used again.
+  struct Tiles {
+    std::vector<std::unique_ptr<TileRenderer>> open, spare;
+  };
+  bool OpenTile(Tiles& tiles);
+  void FinishTiles(Tiles& tiles);
 
   const Catalog& catalog_;
   VoxelCache& cache_;

@@ -18,29 +18,31 @@ constexpr uint32_t kNone = 0xFFFFFFFFu;     // integer layers where nothing is h
 
 float Largest(const glm::vec3& v) { return std::max({v.x, v.y, v.z}); }
 
-/// The tile's pixels in 8x8 blocks, so that 64 in a row are neighbours.
-std::vector<uint16_t> PixelOrder(uint32_t width, uint32_t height) {
-  constexpr uint32_t kSide = 8;
-  std::vector<uint16_t> order;
-  for (uint32_t y0 = 0; y0 < height; y0 += kSide)
-    for (uint32_t x0 = 0; x0 < width; x0 += kSide)
-      for (uint32_t y = y0; y < std::min(y0 + kSide, height); ++y)
-        for (uint32_t x = x0; x < std::min(x0 + kSide, width); ++x)
-          order.push_back(static_cast<uint16_t>(y * width + x));
-  return order;
-}
-
 }  // namespace
 
-TileRenderer::TileRenderer(std::shared_ptr<const FrameContext> frame, const TileOrder& order)
-    : frame_(std::move(frame)), order_(order), pixel_order_(PixelOrder(order.width, order.height)) {
+void TileRenderer::Open(std::shared_ptr<const FrameContext> frame, const TileOrder& order) {
+  frame_ = std::move(frame);
+  order_ = order;
+  next_sample_ = rays_ = rays_suspended_ = 0;
   const uint32_t pixels = order.width * order.height;
-  radiance_.resize(size_t{3} * pixels);
-  aovs_.resize(size_t{frame_->words - 3} * pixels);
+  OrderPixels();
+  radiance_.assign(size_t{3} * pixels, {});
+  aovs_.assign(size_t{frame_->words - 3} * pixels, 0);
   const uint64_t samples = uint64_t{pixels} * frame_->job.spp;
   packets_.resize(std::min<uint64_t>(kPackets, (samples + RayPacket::kRays - 1) / RayPacket::kRays));
   samples_.resize(packets_.size() * RayPacket::kRays);
   for (uint32_t packet = 0; packet < packets_.size(); ++packet) StartPacket(packet);
+}
+
+/// In 8x8 blocks, so that 64 in a row are neighbours.
+void TileRenderer::OrderPixels() {
+  constexpr uint32_t kSide = RayPacket::kSide;
+  pixel_order_.clear();
+  for (uint32_t y0 = 0; y0 < order_.height; y0 += kSide)
+    for (uint32_t x0 = 0; x0 < order_.width; x0 += kSide)
+      for (uint32_t y = y0; y < std::min(y0 + kSide, order_.height); ++y)
+        for (uint32_t x = x0; x < std::min(x0 + kSide, order_.width); ++x)
+          pixel_order_.push_back(static_cast<uint16_t>(y * order_.width + x));
 }
 
 /// Generate: the next primary rays into a packet whose samples have ended.
@@ -294,13 +296,17 @@ void TileRenderer::WriteAovs(const Sample& s) {
 }
 
 Bytes TileRenderer::Pixels() const {
-  ByteWriter out;
-  const size_t extra = frame_->words - 3;
-  for (size_t p = 0; p < radiance_.size() / 3; ++p) {
-    for (size_t c = 0; c < 3; ++c) out.Put(radiance_[3 * p + c].Mean(frame_->job.spp));
-    for (size_t w = 0; w < extra; ++w) out.Put(aovs_[p * extra + w]);
+  const size_t pixels = radiance_.size() / 3, extra = frame_->words - 3;
+  Bytes out(pixels * frame_->words * 4);
+  std::byte* to = out.data();
+  for (size_t p = 0; p < pixels; ++p) {
+    float color[3];
+    for (size_t c = 0; c < 3; ++c) color[c] = radiance_[3 * p + c].Mean(frame_->job.spp);
+    std::memcpy(to, color, sizeof color);
+    std::memcpy(to + sizeof color, aovs_.data() + p * extra, extra * 4);
+    to += frame_->words * 4;
   }
-  return out.Take();
+  return out;
 }
 
 }  // namespace quarry

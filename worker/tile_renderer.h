@@ -34,11 +34,11 @@ struct FrameContext {
   uint32_t words;
 };
 
-/// Renders one tile, never blocking: rays that need an absent block are parked until Resume names it.
-/// Ray states after Purcell et al. 2002, section 3: generate, traverse, shade, and from there new rays, each
-/// with its weight; no recursion. Samples go in packets of 64, an 8x8 block of pixels: a packet's rays are
-/// traced and shaded together, but wait each for itself. Every sample has one ray under way; what it has
-/// still to trace lies in a stack of bounded size in its own slot, so that memory is fixed when the tile is
+/// Renders one tile at a time, never blocking: rays that need an absent block are parked until Resume names
+/// it. Ray states after Purcell et al. 2002, section 3: generate, traverse, shade, and from there new rays,
+/// each with its weight; no recursion. Samples go in packets of 64, an 8x8 block of pixels: a packet's rays
+/// are traced and shaded together, but wait each for itself. Every sample has one ray under way; what it has
+/// still to trace lies in a stack of bounded size in its own slot, so that memory is fixed when a tile is
 /// opened. Pixels do not depend on the order of anything: see FixedRadiance. Owned by one thread.
 class TileRenderer {
  public:
@@ -46,7 +46,8 @@ class TileRenderer {
   static constexpr uint32_t kSlots = kPackets * RayPacket::kRays;  ///< samples in flight, at most
   static constexpr uint32_t kMaxDepth = 8;                         ///< bounces
 
-  TileRenderer(std::shared_ptr<const FrameContext> frame, const TileOrder& order);
+  /// Begins a tile; memory of the one before is used again. Requires: done().
+  void Open(std::shared_ptr<const FrameContext> frame, const TileOrder& order);
 
   /// Takes every ready sample to its next ray, and traces those rays. `want(block, rays)` is called once a
   /// block that rays have been parked on in this call.
@@ -101,6 +102,7 @@ class TileRenderer {
   /// Whether a sample can go on at once.
   enum class Progress { kGoesOn, kTraces, kParked, kEnded };
 
+  void OrderPixels();
   void StartPacket(uint32_t packet);
   void Start(uint32_t slot);
   void Round(PinSet& pins);

@@ -9,10 +9,12 @@
 namespace quarry {
 
 /// The bits of `v` from last to first: the van der Corput sequence, times 2^32.
-QUARRY_HOST_DEVICE inline uint32_t VanDerCorput(uint32_t v) {
-  uint32_t r = 0;
-  for (int i = 0; i < 32; ++i) r = r << 1 | (v >> i & 1);
-  return r;
+QUARRY_HOST_DEVICE inline uint32_t ReverseBits(uint32_t v) {
+  v = v >> 16 | v << 16;
+  v = (v >> 8 & 0x00FF00FFu) | (v & 0x00FF00FFu) << 8;
+  v = (v >> 4 & 0x0F0F0F0Fu) | (v & 0x0F0F0F0Fu) << 4;
+  v = (v >> 2 & 0x33333333u) | (v & 0x33333333u) << 2;
+  return (v >> 1 & 0x55555555u) | (v & 0x55555555u) << 1;
 }
 
 /// The second dimension of Sobol's (0,2)-sequence, times 2^32 (Kollig & Keller 2002).
@@ -23,25 +25,31 @@ QUARRY_HOST_DEVICE inline uint32_t Sobol2(uint32_t i) {
   return r;
 }
 
-/// Owen's nested uniform scrambling of the first 24 bits of `x` (times 2^32), with flips keyed by `key`; the
-/// branch of all zeros is never flipped, so that 0 stays 0.
-QUARRY_HOST_DEVICE inline uint32_t OwenScrambleKeepingZero(uint32_t x, uint64_t key) {
-  uint32_t result = x & 0xFFu;
-  for (int bit = 31; bit >= 8; --bit) {
-    const uint32_t prefix = bit == 31 ? 0 : x >> (bit + 1) << (bit + 1);
-    const uint64_t flip = prefix ? Mix64(key ^ prefix ^ static_cast<uint64_t>(bit) << 40) & 1 : 0;
-    result |= (x ^ static_cast<uint32_t>(flip) << bit) & (1u << bit);
-  }
-  return result;
+/// A random permutation in which a bit depends on lower bits only: Owen's nested scrambling of a number whose
+/// bits are reversed.
+/// Source: Laine & Karras 2011, section 3.1; Burley 2020, section 5; constants: Vegdahl 2021.
+QUARRY_HOST_DEVICE inline uint32_t PermuteUpward(uint32_t x, uint32_t key) {
+  x ^= x * 0x3D20ADEAu;
+  x += key;
+  x *= key >> 16 | 1;
+  x ^= x * 0x05526C56u;
+  return x ^ x * 0x53A22864u;
+}
+
+/// Owen's nested scrambling of `reversed`, which has its bits reversed, shifted so that 0 becomes 1/2; a
+/// number in [0,1).
+QUARRY_HOST_DEVICE inline float ScrambleAroundHalf(uint32_t reversed, uint32_t key) {
+  const uint32_t x = ReverseBits(PermuteUpward(reversed, key) ^ PermuteUpward(0, key)) ^ 0x80000000u;
+  return static_cast<float>(x >> 8) * 0x1p-24f;
 }
 
 /// Where sample `sample` of a pixel lies, in [0,1)^2. Sample 0 is the pixel's centre; the first 2^k samples
 /// are stratified in every elementary interval for any k, so `--spp n` is a prefix of any larger count.
 QUARRY_HOST_DEVICE inline glm::vec2 PixelSample(uint64_t seed, uint32_t pixel, uint32_t sample) {
+  if (sample == 0) return {0.5f, 0.5f};
   const RandomKey key{seed, pixel, 0, 0};
-  const uint32_t x = OwenScrambleKeepingZero(VanDerCorput(sample), RandomBits(key, 0)) ^ 0x80000000u;
-  const uint32_t y = OwenScrambleKeepingZero(Sobol2(sample), RandomBits(key, 1)) ^ 0x80000000u;
-  return {static_cast<float>(x >> 8) * 0x1p-24f, static_cast<float>(y >> 8) * 0x1p-24f};
+  return {ScrambleAroundHalf(sample, RandomBits(key, 0)),
+          ScrambleAroundHalf(ReverseBits(Sobol2(sample)), RandomBits(key, 1))};
 }
 
 }  // namespace quarry

@@ -1,10 +1,10 @@
 #include "tests/bench/embree_rays.h"
 
-#include <embree3/rtcore.h>
-
 #include <bit>
 #include <chrono>
 #include <cstring>
+
+#include "tests/bench/embree_scene.h"
 
 namespace quarry::bench {
 namespace {
@@ -23,9 +23,10 @@ struct alignas(64) Valid {
 }  // namespace
 
 struct EmbreeRays::Impl {
-  RTCDevice device = rtcNewDevice("threads=2,set_affinity=0");
-  RTCScene scene = nullptr;
-  std::vector<uint32_t> ids;
+  explicit Impl(EmbreeScene made) : owner(std::move(made)), scene(owner.scene()) {}
+
+  EmbreeScene owner;
+  RTCScene scene;
   std::vector<RTCRayHit> fresh, rays;
   std::vector<RTCRayHit16> fresh_packets, packets;
   std::vector<Valid> valid;
@@ -59,37 +60,12 @@ struct EmbreeRays::Impl {
   }
 };
 
-EmbreeRays::EmbreeRays(const test::ResidentScene& scene, bool robust) : impl_(std::make_unique<Impl>()) {
-  std::vector<bool> seen(scene.catalog().meta.input_triangles);
-  std::vector<glm::vec3> corners;
-  for (const VoxelGeometry& v : scene.voxels())
-    for (uint32_t t = 0; t < v.triangle_count; ++t) {
-      if (seen[v.triangle_ids[t]]) continue;
-      seen[v.triangle_ids[t]] = true;
-      impl_->ids.push_back(v.triangle_ids[t]);
-      for (int k = 0; k < 3; ++k) corners.push_back(v.vertex(t, k));
-    }
-  impl_->scene = rtcNewScene(impl_->device);
-  rtcSetSceneBuildQuality(impl_->scene, RTC_BUILD_QUALITY_HIGH);
-  rtcSetSceneFlags(impl_->scene, robust ? RTC_SCENE_FLAG_ROBUST : RTC_SCENE_FLAG_NONE);
-  RTCGeometry geometry = rtcNewGeometry(impl_->device, RTC_GEOMETRY_TYPE_TRIANGLE);
-  rtcSetGeometryBuildQuality(geometry, RTC_BUILD_QUALITY_HIGH);
-  auto* vertices = static_cast<glm::vec3*>(rtcSetNewGeometryBuffer(
-      geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(glm::vec3), corners.size()));
-  auto* indices = static_cast<uint32_t*>(
-      rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 12, corners.size() / 3));
-  std::copy(corners.begin(), corners.end(), vertices);
-  for (uint32_t i = 0; i < corners.size(); ++i) indices[i] = i;
-  rtcCommitGeometry(geometry);
-  rtcAttachGeometry(impl_->scene, geometry);
-  rtcReleaseGeometry(geometry);
-  rtcCommitScene(impl_->scene);
+EmbreeRays::EmbreeRays(const test::ResidentScene& scene, bool robust)
+    : impl_(
+          std::make_unique<Impl>(EmbreeScene(scene.voxels(), scene.catalog().meta.input_triangles, robust))) {
 }
 
-EmbreeRays::~EmbreeRays() {
-  rtcReleaseScene(impl_->scene);
-  rtcReleaseDevice(impl_->device);
-}
+EmbreeRays::~EmbreeRays() = default;
 
 void EmbreeRays::SetRays(const std::vector<RayPacket>& packets, const std::vector<uint64_t>& active, bool any,
                          bool coherent) {
@@ -153,7 +129,7 @@ Hit EmbreeRays::Result(size_t index) const {
     return hit;
   }
   if (r.hit.geomID == RTC_INVALID_GEOMETRY_ID) return hit;
-  hit.triangle = impl_->ids[r.hit.primID];
+  hit.triangle = impl_->owner.place(r.hit.primID).triangle;
   hit.t = r.ray.tfar;
   hit.b1 = r.hit.u;
   hit.b2 = r.hit.v;

@@ -13,10 +13,10 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
-#include "deploy/scene_files.h"
 #include "tests/bench/embree_rays.h"
 #include "tests/bench/one_level.h"
 #include "tests/bench/ray_sets.h"
+#include "tests/bench/views.h"
 #include "worker/loader.h"
 #include "worker/pin_set.h"
 
@@ -133,7 +133,7 @@ class SceneBench {
     QUARRY_ASSIGN(scene_, test::ResidentScene::Load(path));
     if (options_.identical > 0) return CompareKernels();
     QUARRY_ASSIGN(cache_, ResidentCache::Load(path));
-    QUARRY_ASSIGN(const CameraSpec view, FindView(path));
+    QUARRY_ASSIGN(const CameraSpec view, FindView(path, scene_->catalog().meta, options_.interior));
     sets_ = MakeRaySets(*scene_, options_.size, view);
     if (!options_.no_embree) {
       fast_ = std::make_unique<EmbreeRays>(*scene_, false);
@@ -152,14 +152,6 @@ class SceneBench {
   }
 
  private:
-  /// The first camera of a path beside the store (quarry-scene writes one), or the default view.
-  Result<CameraSpec> FindView(const std::string& store) const {
-    const std::string path = std::filesystem::path(store).replace_extension(".path.json");
-    if (!std::filesystem::exists(path)) return ViewOf(*scene_, options_.interior);
-    QUARRY_ASSIGN(const std::vector<CameraSpec> cameras, ReadCameraPath(path));
-    return cameras.at(0);
-  }
-
   void AddKernel(const RaySet& set, const Kernel& kernel, std::vector<Contender>& contenders) {
     const bool engine = kernel.algorithm == Algorithm::kTreelets;
     const SceneView* view = engine ? nullptr : &scene_->view(kernel.algorithm);

@@ -14,19 +14,6 @@ namespace {
 
 constexpr uint32_t kSide = 8;
 
-CameraSpec InteriorView(const SceneMeta& meta) {
-  const auto at = [&](double x, double y, double up) {
-    const glm::dvec3 part = meta.up_axis == 1 ? glm::dvec3(x, up, y) : glm::dvec3(x, y, up);
-    return glm::dvec3(meta.bounds_lower) + part * glm::dvec3(meta.bounds_upper - meta.bounds_lower);
-  };
-  CameraSpec camera;
-  camera.eye = at(0.2, 0.3, 0.6);
-  camera.at = at(0.8, 0.6, 0.3);
-  camera.up = meta.up_axis == 1 ? glm::dvec3(0, 1, 0) : glm::dvec3(0, 0, 1);
-  camera.fov_degrees = 60;
-  return camera;
-}
-
 glm::vec3 DiffuseDirection(const glm::vec3& normal, std::mt19937& random) {
   for (;;) {
     glm::vec3 p;
@@ -40,11 +27,6 @@ glm::vec3 DiffuseDirection(const glm::vec3& normal, std::mt19937& random) {
 }
 
 }  // namespace
-
-CameraSpec ViewOf(const test::ResidentScene& scene, bool interior) {
-  const SceneMeta& meta = scene.catalog().meta;
-  return interior ? InteriorView(meta) : DefaultView(meta, 1, 45);
-}
 
 std::vector<RaySet> MakeRaySets(const test::ResidentScene& scene, uint32_t size, const CameraSpec& spec) {
   const SceneMeta& meta = scene.catalog().meta;

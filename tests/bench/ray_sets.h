@@ -19,9 +19,6 @@ struct RaySet {
   uint64_t rays = 0;
 };
 
-/// The default view, or one from inside the scene's box.
-CameraSpec ViewOf(const test::ResidentScene& scene, bool interior);
-
 /// Primary rays of `size` x `size` pixels, and from what they hit: shadow rays to the sun, mirror rays and
 /// diffuse bounces.
 std::vector<RaySet> MakeRaySets(const test::ResidentScene& scene, uint32_t size, const CameraSpec& view);

@@ -1,0 +1,139 @@
+#include "tests/bench/embree_image.h"
+
+#include <algorithm>
+#include <atomic>
+#include <thread>
+
+#include "common/math/fixed_radiance.h"
+#include "common/math/sampling.h"
+#include "worker/camera.h"
+#include "worker/shading.h"
+
+namespace quarry::bench {
+namespace {
+
+constexpr float kLeastWeight = 1.0f / 512;
+constexpr uint32_t kMostBounces = 8;
+
+/// One thread's view of the frame.
+class Tracer {
+ public:
+  Tracer(const EmbreeScene& embree, const Catalog& catalog,
+         const std::vector<std::unique_ptr<ResidentBlock>>& blocks, const RenderJob& job)
+      : embree_(embree),
+        catalog_(catalog),
+        blocks_(blocks),
+        job_(job),
+        camera_(job.cameras[0], job.width, job.height, catalog.meta) {
+    rtcInitIntersectContext(&context_);
+  }
+
+  void Pixel(uint32_t x, uint32_t y, float* out) {
+    FixedRadiance radiance[3];
+    for (uint32_t sample = 0; sample < job_.spp; ++sample) {
+      const glm::vec2 at = PixelSample(job_.seed, y * job_.width + x, sample);
+      const PrimaryRay primary = camera_.Shoot(x + static_cast<double>(at.x), y + static_cast<double>(at.y));
+      if (primary.misses)
+        Add(radiance, job_.background);
+      else
+        Follow(primary.origin, primary.direction, glm::vec3(1), 0, radiance);
+    }
+    for (int c = 0; c < 3; ++c) out[c] = radiance[c].Mean(job_.spp);
+  }
+
+ private:
+  static void Add(FixedRadiance (&radiance)[3], const glm::vec3& value) {
+    for (int c = 0; c < 3; ++c) radiance[c].Add(value[c]);
+  }
+  static RTCRay MakeRay(const glm::vec3& origin, const glm::vec3& direction, float t_max) {
+    RTCRay ray{};
+    ray.org_x = origin.x;
+    ray.org_y = origin.y;
+    ray.org_z = origin.z;
+    ray.dir_x = direction.x;
+    ray.dir_y = direction.y;
+    ray.dir_z = direction.z;
+    ray.tfar = t_max;
+    ray.mask = 0xFFFFFFFFu;
+    return ray;
+  }
+
+  void Follow(const glm::vec3& origin, const glm::vec3& direction, const glm::vec3& weight, uint32_t depth,
+              FixedRadiance (&radiance)[3]) {
+    RTCRayHit r{MakeRay(origin, direction, kInfinity), {}};
+    r.hit.geomID = r.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+    rtcIntersect1(embree_.scene(), &context_, &r);
+    if (r.hit.geomID == RTC_INVALID_GEOMETRY_ID) return Add(radiance, weight * job_.background);
+    const Surface s = SurfaceOf(r, direction);
+    const Material& material = catalog_.materials[s.material];
+    if (job_.mode == RenderMode::kRaycast)
+      return Add(radiance, weight * (material.diffuse * s.color * Facing(s) + material.emission));
+    Add(radiance,
+        weight * (material.diffuse * s.color * job_.ambient * AmbientFactor(s) + material.emission));
+    for (const Light& l : job_.lights) {
+      const LightSample light = SampleLight(l, s.position);
+      const glm::vec3 scattered = Scatter(material, s, light);
+      if (Largest(scattered) <= 0) continue;
+      RTCRay shadow = MakeRay(Offset(s, light.direction), light.direction, light.distance);
+      rtcOccluded1(embree_.scene(), &context_, &shadow);
+      if (shadow.tfar >= 0) Add(radiance, weight * scattered);
+    }
+    if (job_.mode != RenderMode::kWhitted || depth >= kMostBounces) return;
+    const Bounces b = Bounce(material, s);
+    for (const auto& [way, share] :
+         {std::pair{b.reflect_direction, b.reflect_weight}, std::pair{b.refract_direction, b.refract_weight}})
+      if (Largest(weight * share) >= kLeastWeight)
+        Follow(Offset(s, way), way, weight * share, depth + 1, radiance);
+  }
+
+  Surface SurfaceOf(const RTCRayHit& r, const glm::vec3& direction) const {
+    const EmbreeScene::Place& place = embree_.place(r.hit.primID);
+    Hit hit;
+    hit.t = r.ray.tfar;
+    hit.triangle = place.triangle;
+    hit.voxel = place.voxel;
+    hit.local = place.local;
+    hit.b1 = r.hit.u;
+    hit.b2 = r.hit.v;
+    Surface s = MakeSurface(blocks_[BlockId(place.voxel, BlockKind::kHot)]->hot, hit, direction);
+    if (const auto& shading = blocks_[BlockId(place.voxel, BlockKind::kShading)])
+      AddAttributes(shading->shading, hit, s);
+    return s;
+  }
+  glm::vec3 Offset(const Surface& s, const glm::vec3& way) const {
+    const float distance = 4 * catalog_.meta.padding;
+    return s.position + s.geometric_normal * (glm::dot(way, s.geometric_normal) > 0 ? distance : -distance);
+  }
+  static float Largest(const glm::vec3& v) { return std::max({v.x, v.y, v.z}); }
+
+  const EmbreeScene& embree_;
+  const Catalog& catalog_;
+  const std::vector<std::unique_ptr<ResidentBlock>>& blocks_;
+  const RenderJob& job_;
+  Camera camera_;
+  RTCIntersectContext context_;
+};
+
+}  // namespace
+
+std::vector<float> EmbreeImage::Render(const RenderJob& job, unsigned threads) const {
+  std::vector<float> image(size_t{3} * job.width * job.height);
+  const uint32_t across = (job.width + kTileSize - 1) / kTileSize,
+                 down = (job.height + kTileSize - 1) / kTileSize;
+  std::atomic<uint32_t> next{0};
+  std::vector<std::jthread> workers;
+  for (unsigned i = 0; i < threads; ++i)
+    workers.emplace_back([&] {
+      Tracer tracer(embree_, catalog_, blocks_, job);
+      for (uint32_t tile; (tile = next++) < across * down;) {
+        const uint32_t x0 = tile % across * kTileSize, y0 = tile / across * kTileSize;
+        for (uint32_t y = y0; y < std::min(y0 + kTileSize, job.height); ++y)
+          for (uint32_t x = x0; x < std::min(x0 + kTileSize, job.width); ++x)
+            tracer.Pixel(x, y, &image[size_t{3} * (y * job.width + x)]);
+      }
+    });
+  workers.clear();
+  return image;
+}
+
+}  // namespace quarry::bench

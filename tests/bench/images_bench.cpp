@@ -1,0 +1,263 @@
+// `quarry bench images`: whole pictures on two threads against a renderer around Embree with the same
+// shading.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cmath>
+#include <condition_variable>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "common/voxel/store_reader.h"
+#include "deploy/cluster.h"
+#include "deploy/default_view.h"
+#include "tests/bench/embree_image.h"
+#include "tests/bench/views.h"
+#include "worker/engine.h"
+#include "worker/loader.h"
+
+#ifndef NDEBUG
+#error "benchmarks are built with the release preset"
+#endif
+
+namespace quarry::bench {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+constexpr unsigned kThreads = 2;
+
+struct Options {
+  std::vector<std::string> stores;
+  int repetitions = 3;
+  uint32_t size = 1024, spp = 1;
+  bool interior = false;
+  std::string json;
+};
+
+double Seconds(Clock::time_point since) {
+  return std::chrono::duration<double>(Clock::now() - since).count();
+}
+
+double Median(std::vector<double> values) {
+  std::ranges::sort(values);
+  return values[values.size() / 2];
+}
+
+/// The worker's engine in this process, all blocks in its cache.
+class EngineImage {
+ public:
+  EngineImage(const StoreReader& store, std::vector<std::unique_ptr<ResidentBlock>> blocks)
+      : cache_(
+            store.catalog(), uint64_t{1} << 40, [] {}, [] {}),
+        engine_(store.catalog(), cache_, kThreads,
+                [this](const TileDone& done, const Bytes& pixels) { Put(done, pixels); }) {
+    for (uint32_t id = 0; id < blocks.size(); ++id) {
+      if (!blocks[id]) continue;
+      cache_.Reserve(store.catalog().block(id).decoded);
+      cache_.Publish(id, std::move(blocks[id]));
+    }
+  }
+
+  const std::vector<float>& Render(const RenderJob& job) {
+    image_.assign(size_t{3} * job.width * job.height, 0);
+    width_ = job.width;
+    tiles_.clear();
+    engine_.SetFrame({++setup_, job});
+    for (uint32_t y = 0; y < job.height; y += kTileSize)
+      for (uint32_t x = 0; x < job.width; x += kTileSize)
+        tiles_.push_back({setup_, static_cast<uint32_t>(tiles_.size()), 0, x, y,
+                          std::min(kTileSize, job.width - x), std::min(kTileSize, job.height - y)});
+    left_ = tiles_.size();
+    for (const TileOrder& tile : tiles_) engine_.AddTile(tile);
+    std::unique_lock lock(mutex_);
+    done_.wait(lock, [&] { return left_ == 0; });
+    return image_;
+  }
+
+ private:
+  void Put(const TileDone& done, const Bytes& pixels) {
+    const TileOrder& tile = tiles_[done.tile];
+    const size_t row = size_t{12} * tile.width;
+    for (uint32_t y = 0; y < tile.height; ++y)
+      std::memcpy(&image_[size_t{3} * ((tile.y + y) * width_ + tile.x)], pixels.data() + y * row, row);
+    const std::lock_guard lock(mutex_);
+    if (--left_ == 0) done_.notify_one();
+  }
+
+  VoxelCache cache_;
+  uint64_t setup_ = 0;
+  uint32_t width_ = 0;
+  std::vector<TileOrder> tiles_;
+  std::vector<float> image_;
+  std::mutex mutex_;  ///< left_
+  std::condition_variable done_;
+  size_t left_ = 0;
+  Engine engine_;  // last: its threads use all of the above
+};
+
+Result<std::vector<std::unique_ptr<ResidentBlock>>> DecodeAll(const StoreReader& store) {
+  const Catalog& catalog = store.catalog();
+  std::vector<std::unique_ptr<ResidentBlock>> blocks(catalog.voxels.size() * 2);
+  for (uint32_t id = 0; id < blocks.size(); ++id) {
+    if (catalog.block(id).stored == 0) continue;
+    QUARRY_ASSIGN(const Bytes stored, store.ReadBlock(id));
+    blocks[id] = std::make_unique<ResidentBlock>();
+    blocks[id]->bytes = PageBuffer(catalog.block(id).decoded);
+    QUARRY_TRY(DecodeBlock(catalog, id, stored, *blocks[id]));
+  }
+  return blocks;
+}
+
+/// The command as a person types it: processes started, blocks fetched and decoded, a picture written.
+Result<double> TimeCommand(const std::string& store, const std::string& mode, const RenderJob& job) {
+  const CameraSpec& c = job.cameras[0];
+  const auto vector = [](const glm::dvec3& v) {
+    return fmt::format("{:.17g},{:.17g},{:.17g}", v.x, v.y, v.z);
+  };
+  const std::string picture =
+      (std::filesystem::temp_directory_path() / fmt::format("quarry-bench-{}.png", getpid())).string();
+  const auto start = Clock::now();
+  const auto rc = RunSibling("quarry", {"render",
+                                        store,
+                                        "-o",
+                                        picture,
+                                        "--quiet",
+                                        "--cache",
+                                        "8G",
+                                        "--threads",
+                                        std::to_string(kThreads),
+                                        "--mode",
+                                        mode,
+                                        "--spp",
+                                        std::to_string(job.spp),
+                                        "--size",
+                                        fmt::format("{}x{}", job.width, job.height),
+                                        "--eye",
+                                        vector(c.eye),
+                                        "--at",
+                                        vector(c.at),
+                                        "--up",
+                                        vector(c.up),
+                                        "--fov",
+                                        fmt::format("{:.17g}", c.fov_degrees)});
+  const double seconds = Seconds(start);
+  std::filesystem::remove(picture);
+  if (!rc) return tl::unexpected<Error>(rc.error());
+  if (*rc != 0) return Fail(fmt::format("{}: quarry render failed", store));
+  return seconds;
+}
+
+struct Difference {
+  size_t pixels = 0;  ///< that differ by more than half a step of 8 bits
+  double mean = 0;    ///< of |difference|, over all values
+};
+Difference Compare(const std::vector<float>& a, const std::vector<float>& b) {
+  Difference d;
+  for (size_t i = 0; i < a.size(); i += 3) {
+    bool differs = false;
+    for (size_t c = i; c < i + 3; ++c) {
+      const float difference = std::fabs(a[c] - b[c]);
+      differs |= difference > 0.5f / 255;
+      d.mean += difference / static_cast<double>(a.size());
+    }
+    d.pixels += differs;
+  }
+  return d;
+}
+
+Status RunScene(const std::string& path, const Options& options, nlohmann::json& results) {
+  QUARRY_ASSIGN(const StoreReader store, StoreReader::Open(path));
+  const Catalog& catalog = store.catalog();
+  QUARRY_ASSIGN(const auto blocks, DecodeAll(store));
+  QUARRY_ASSIGN(auto engine_blocks, DecodeAll(store));
+  std::vector<VoxelGeometry> voxels;
+  for (uint32_t v = 0; v < catalog.voxels.size(); ++v)
+    voxels.push_back(blocks[BlockId(v, BlockKind::kHot)]->hot);
+  const auto start = Clock::now();
+  const EmbreeScene embree(voxels, catalog.meta.input_triangles, true);
+  const double build_s = Seconds(start);
+  EngineImage engine(store, std::move(engine_blocks));
+  const EmbreeImage reference(embree, catalog, blocks);
+  const std::string name = std::filesystem::path(path).stem().string();
+  fmt::print("{}: {} triangles; Embree's tree (robust, best quality) takes {:.1f} s\n", name,
+             catalog.meta.input_triangles, build_s);
+  RenderJob job;
+  job.width = job.height = options.size;
+  job.spp = options.spp;
+  job.lights = {DefaultSun(catalog.meta.up_axis)};
+  QUARRY_ASSIGN(const CameraSpec view, FindView(path, catalog.meta, options.interior));
+  job.cameras = {view};
+  QUARRY_TRY(NormalizeJob(job));
+  for (const auto& [mode_name, mode] : {std::pair{"raycast", RenderMode::kRaycast},
+                                        {"shadow", RenderMode::kShadow},
+                                        {"whitted", RenderMode::kWhitted}}) {
+    job.mode = mode;
+    std::vector<double> engine_s, embree_s, command_s;
+    std::vector<float> ours, theirs;
+    for (int r = 0; r < options.repetitions; ++r) {
+      auto from = Clock::now();
+      ours = engine.Render(job);
+      engine_s.push_back(Seconds(from));
+      from = Clock::now();
+      theirs = reference.Render(job, kThreads);
+      embree_s.push_back(Seconds(from));
+      QUARRY_ASSIGN(const double command, TimeCommand(path, mode_name, job));
+      command_s.push_back(command);
+    }
+    const double a = Median(engine_s), b = Median(embree_s), c = Median(command_s);
+    const Difference d = Compare(ours, theirs);
+    fmt::print(
+        "  {:8} engine {:.3f} s, quarry render {:.3f} s, Embree {:.3f} s; Embree's time over the engine's "
+        "{:.2f}, "
+        "over the command's {:.2f}; {} of {} pixels differ, mean difference {:.1e}\n",
+        mode_name, a, c, b, b / a, b / c, d.pixels, size_t{job.width} * job.height, d.mean);
+    std::fflush(stdout);
+    results.push_back({{"scene", name},
+                       {"triangles", catalog.meta.input_triangles},
+                       {"mode", mode_name},
+                       {"engine_s", a},
+                       {"command_s", c},
+                       {"embree_s", b},
+                       {"embree_build_s", build_s},
+                       {"pixels_differ", d.pixels},
+                       {"mean_difference", d.mean}});
+  }
+  return {};
+}
+
+int Main(int argc, char** argv) {
+  Options options;
+  CLI::App app(
+      "Pictures on two threads: the worker's engine, `quarry render`, and a renderer around Embree.");
+  app.add_option("store", options.stores, "Stores made by quarry-preprocess")->required();
+  app.add_option("--repetitions", options.repetitions, "Medians of so many")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  app.add_option("--size", options.size, "Pixels on a side")
+      ->check(CLI::Range(8, 16384))
+      ->capture_default_str();
+  app.add_option("--spp", options.spp, "Samples per pixel")
+      ->check(CLI::Range(1, 4096))
+      ->capture_default_str();
+  app.add_flag("--interior", options.interior, "The eye is inside the scene's box");
+  app.add_option("--json", options.json, "Results as JSON");
+  CLI11_PARSE(app, argc, argv);
+  nlohmann::json results = nlohmann::json::array();
+  for (const std::string& store : options.stores) {
+    if (const Status status = RunScene(store, options, results); !status) {
+      fmt::print(stderr, "quarry-bench-images: {}\n", status.error().message);
+      return 1;
+    }
+    if (!options.json.empty()) std::ofstream(options.json) << results.dump(2) << '\n';
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace quarry::bench
+
+int main(int argc, char** argv) { return quarry::bench::Main(argc, argv); }
