@@ -45,13 +45,13 @@ ShadingVertex Sanitized(ShadingVertex v) {
   return v;
 }
 
-Bytes BuildShading(std::span<const TriangleRecord> triangles) {
+ShadingVoxel BuildShading(std::span<const TriangleRecord> triangles) {
   ShadingVoxel voxel;
   Interner<ShadingVertex> interner(triangles.size() * 3);
   for (const TriangleRecord& t : triangles)
     for (const ShadingVertex& v : t.shading)
       voxel.corners.push_back(interner.Index(Sanitized(v), voxel.vertices));
-  return LayOutShading(voxel);
+  return voxel;
 }
 
 }  // namespace
@@ -66,8 +66,8 @@ uint32_t MaxTrianglesPerVoxel(uint32_t voxel_size) {
 namespace {
 
 struct VoxelTree {
-  KdTree tree;  ///< nodes in treelets
-  uint32_t wide_nodes;
+  KdTree tree;
+  uint32_t node_slots, wide_nodes;
 };
 
 /// The tree over `triangles` whose layout takes at most `room` bytes.
@@ -79,13 +79,13 @@ VoxelTree BuildTree(std::span<const TriangleRecord> triangles, const Box& cell, 
   // Headers and wide nodes take about 7/9 of what the tree itself does; how much, shows only in the layout.
   for (size_t budget = room / 16 * 9;; budget = budget / 4 * 3) {
     KdTree tree = BuildKdTree(vertices, padding, cell, SahCosts{}, budget);
-    tree.nodes = LayOutTreelets(tree.nodes, kTreeletLevels);
-    const auto wide_nodes = static_cast<uint32_t>(
+    const size_t slots = TreeletLayout(kTreeletLevels).Slots(tree.nodes);
+    const size_t wide_nodes =
         MakeWideTree(tree.nodes, cell, kWideLeafReferences, [](const KdNode&, const Box& box) {
           return box;
-        }).size());
-    const size_t bytes = HotBytes(tree.nodes.size(), wide_nodes, tree.references.size(), 0, 0);
-    if (bytes <= room || tree.nodes.size() == kTreeletHeaderSlots) return {std::move(tree), wide_nodes};
+        }).size();
+    if (HotBytes(slots, wide_nodes, tree.references.size(), 0, 0) <= room || slots == kTreeletHeaderSlots)
+      return {std::move(tree), static_cast<uint32_t>(slots), static_cast<uint32_t>(wide_nodes)};
   }
 }
 
@@ -128,9 +128,10 @@ EncodedVoxel BuildVoxel(std::span<const TriangleRecord> triangles, const Box& ce
 
   HotVoxel voxel;
   voxel.cell = cell;
-  auto [tree, wide_nodes] = BuildTree(triangles, cell, padding, room);
+  auto [tree, node_slots, wide_nodes] = BuildTree(triangles, cell, padding, room);
   order = OrderByLeaves(tree.references, triangles.size());
   voxel.nodes = std::move(tree.nodes);
+  voxel.node_slots = node_slots;
   voxel.wide_nodes = wide_nodes;
   voxel.references.assign(tree.references.begin(), tree.references.end());
   vertices_of(voxel, order);
@@ -143,8 +144,9 @@ EncodedVoxel BuildVoxel(std::span<const TriangleRecord> triangles, const Box& ce
     voxel.parts.push_back(t.part);
     if (has_shading) ordered.push_back(t);
   }
-  const Bytes shading = has_shading ? BuildShading(ordered) : Bytes{};
-  return EncodeVoxel(LayOutHot(voxel), shading, static_cast<uint32_t>(triangles.size()));
+  if (!has_shading) return EncodeVoxel(voxel, nullptr);
+  const ShadingVoxel shading = BuildShading(ordered);
+  return EncodeVoxel(voxel, &shading);
 }
 
 }  // namespace quarry

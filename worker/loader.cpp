@@ -12,16 +12,15 @@ constexpr int kAttempts = 3;  // a block that arrives damaged is asked for again
 }  // namespace
 
 Status DecodeBlock(const Catalog& catalog, uint32_t block, std::span<const std::byte> stored,
-                   ResidentBlock& resident) {
-  QUARRY_TRY(DecompressBlock(stored, resident.bytes.bytes()));
+                   BlockDecoder& decoder, ResidentBlock& resident) {
   const uint32_t triangles = catalog.voxels[block / 2].triangles;
   if (block % 2 == static_cast<uint32_t>(BlockKind::kShading)) {
-    QUARRY_ASSIGN(resident.shading, ViewShading(resident.bytes.bytes()));
+    QUARRY_ASSIGN(resident.shading, decoder.Shading(stored, resident.bytes.bytes()));
     if (resident.shading.triangle_count != triangles)
       return Fail("its triangles are not those of the directory");
     return {};
   }
-  QUARRY_ASSIGN(resident.hot, ViewHot(resident.bytes.bytes(), catalog.meta.padding));
+  QUARRY_ASSIGN(resident.hot, decoder.Hot(stored, resident.bytes.bytes(), catalog.meta.padding));
   if (resident.hot.triangle_count != triangles) return Fail("its triangles are not those of the directory");
   for (uint32_t i = 0; i < triangles; ++i)
     if (resident.hot.materials[i] >= catalog.materials.size())
@@ -71,7 +70,7 @@ bool Loader::Install(const Arrived& arrived) {
   if (!cache_.Reserve(entry.decoded)) return false;
   auto resident = std::make_unique<ResidentBlock>();
   resident->bytes = PageBuffer(entry.decoded);
-  const Status status = DecodeBlock(catalog_, arrived.block, arrived.stored, *resident);
+  const Status status = DecodeBlock(catalog_, arrived.block, arrived.stored, decoder_, *resident);
   if (!status) {
     Fail(Error{fmt::format("block {}: {}", arrived.block, status.error().message)});
     return false;

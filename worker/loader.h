@@ -6,13 +6,14 @@
 #include <span>
 
 #include "common/net/voxel_source.h"
+#include "common/voxel/block_decoder.h"
 #include "worker/voxel_cache.h"
 
 namespace quarry {
 
 /// Decodes `stored` into `resident`, whose bytes have the decoded size, and checks it against the catalog.
 Status DecodeBlock(const Catalog& catalog, uint32_t block, std::span<const std::byte> stored,
-                   ResidentBlock& resident);
+                   BlockDecoder& decoder, ResidentBlock& resident);
 
 /// Loads the blocks that the cache wants: asks the source, verifies, decompresses, publishes. All on one
 /// thread. Bounded: at most kMaxInFlight requests and about kMaxStoredBytes of stored bytes are on the way or
@@ -46,6 +47,7 @@ class Loader {
   VoxelCache& cache_;
   VoxelSource& source_;
   std::function<void(const Error&)> on_error_;
+  BlockDecoder decoder_;
   std::deque<Arrived> arrived_;
   uint32_t in_flight_ = 0;
   uint64_t stored_bytes_ = 0;

@@ -8,7 +8,7 @@
 #include "common/kdtree/voxel_geometry.h"
 #include "common/scene/material.h"
 #include "common/scene/render_job.h"
-#include "common/voxel/voxel_block.h"
+#include "common/voxel/block_decoder.h"
 
 // Shading as pure functions of a hit: nothing here knows of voxels, queues or the network.
 

@@ -13,6 +13,7 @@
 
 #include "common/base/status.h"
 #include "common/kdtree/voxel_geometry.h"
+#include "common/voxel/block_decoder.h"
 #include "common/voxel/catalog.h"
 #include "worker/page_buffer.h"
 

@@ -1,7 +1,8 @@
 #include "common/kdtree/treelets.h"
 
-#include <cmath>
+#include <algorithm>
 #include <cstring>
+#include <utility>
 
 #include "common/base/check.h"
 
@@ -10,87 +11,92 @@ namespace {
 
 constexpr uint32_t kHeaderSlots = kTreeletHeaderSlots;
 
-/// A treelet still to be laid out: where its root is in the source tree and in the layout.
-struct Root {
-  uint32_t source, at;
-};
-
-/// An inner node taken into a treelet.
-struct Member {
-  uint32_t source, at, level;
-};
-
 KdNode WithoutFlags(KdNode n) {
   n.link &= ~KdNode::kFlags;
   return n;
 }
 
-bool IsEmptyLeaf(const KdNode& n) { return n.is_leaf() && n.count() == 0; }
+/// Header and pairs, up to where the next one may begin.
+size_t SlotsOfTreelet(size_t inner_nodes) {
+  return (kHeaderSlots + 2 * inner_nodes + kHeaderSlots - 1) / kHeaderSlots * kHeaderSlots;
+}
 
 }  // namespace
 
-std::vector<KdNode> LayOutTreelets(std::span<const KdNode> nodes, uint32_t levels) {
-  QUARRY_CHECK(!nodes.empty() && levels > 0);
-  std::vector<KdNode> out(kHeaderSlots, KdNode{0, 0});
-  out[0] = WithoutFlags(nodes[0]);
-  std::vector<Root> roots;
-  if (!nodes[0].is_leaf()) roots.push_back({0, 0});
-  std::vector<Member> members;
-  while (!roots.empty()) {
-    const Root root = roots.back();
-    roots.pop_back();
+size_t TreeletLayout::Slots(std::span<const KdNode> nodes) {
+  size_t slots = kHeaderSlots;
+  roots_.clear();
+  if (!nodes[0].is_leaf()) roots_.push_back({0, 0, 0, {}});
+  while (!roots_.empty()) {
+    members_.assign(1, {roots_.back().source, 0, 0, 0});
+    roots_.pop_back();
+    for (size_t m = 0; m < members_.size(); ++m) {
+      const Member member = members_[m];
+      const uint32_t left = nodes[member.source].left();
+      for (uint32_t child = left; child < left + 2; ++child) {
+        if (nodes[child].is_leaf()) continue;
+        if (member.level + 1 < levels_)
+          members_.push_back({child, 0, member.level + 1, 0});
+        else
+          roots_.push_back({child, 0, 0, {}});
+      }
+    }
+    slots += SlotsOfTreelet(members_.size());
+  }
+  return slots;
+}
+
+/// The cell of a member's child: on each face the lowest plane counts, beyond those the root's.
+Box TreeletLayout::BoxOf(std::span<const KdNode> nodes, const Root& root, uint32_t parent_side) const {
+  Box box = root.box;
+  bool set[2][3] = {};
+  for (;;) {
+    const Member& member = members_[parent_side / 2];
+    const uint32_t side = parent_side % 2;
+    const KdNode& n = nodes[member.source];
+    if (!std::exchange(set[side][n.axis()], true)) (side ? box.lower : box.upper)[n.axis()] = n.split();
+    if (member.level == 0) return box;
+    parent_side = member.parent_side;
+  }
+}
+
+bool TreeletLayout::Run(std::span<const KdNode> nodes, const Box& box, std::span<KdNode> out) {
+  if (out.size() < kHeaderSlots) return false;
+  std::fill_n(out.begin(), kHeaderSlots, KdNode{0, 0});
+  out[0] = nodes[0];
+  roots_.clear();
+  if (!nodes[0].is_leaf()) roots_.push_back({0, 0, 0, box});
+  size_t next = kHeaderSlots;
+  while (!roots_.empty()) {
+    const Root root = roots_.back();
+    roots_.pop_back();
     // Breadth first, so that the levels that most rays touch lie together.
-    const auto base =
-        static_cast<uint32_t>((out.size() + kHeaderSlots - 1) / kHeaderSlots * kHeaderSlots + kHeaderSlots);
-    out.resize(base);
-    members.assign(1, {root.source, root.at, 0});
-    const size_t first_new = roots.size();
-    for (size_t m = 0; m < members.size(); ++m) {
-      const Member member = members[m];
-      const KdNode& source = nodes[member.source];
+    const auto base = static_cast<uint32_t>(next + kHeaderSlots);
+    members_.assign(1, {root.source, root.at, 0, 0});
+    const size_t first_new = roots_.size();
+    for (size_t m = 0; m < members_.size(); ++m) {
+      const Member member = members_[m];
+      const KdNode source = nodes[member.source];
       const uint32_t pair = base + 2 * static_cast<uint32_t>(m);
-      QUARRY_CHECK(pair + 1 <= KdNode::kMaxLink);
-      out.resize(pair + 2);
+      if (pair + 2 > out.size()) return false;
       KdNode inner = KdNode::Inner(source.axis(), source.split(), pair);
       if (m == 0) inner.link |= KdNode::kBeginsTreelet;
       for (uint32_t side = 0; side < 2; ++side) {
         const uint32_t child = source.left() + side;
-        if (IsEmptyLeaf(nodes[child])) inner.link |= KdNode::kLeftEmpty << side;
-        if (nodes[child].is_leaf())
-          out[pair + side] = WithoutFlags(nodes[child]);
-        else if (member.level + 1 < levels)
-          members.push_back({child, pair + side, member.level + 1});
+        const KdNode& below = nodes[child];
+        if (below.is_leaf()) {
+          if (below.count() == 0) inner.link |= KdNode::kLeftEmpty << side;
+          out[pair + side] = below;
+          continue;
+        }
+        const uint32_t parent_side = 2 * static_cast<uint32_t>(m) + side;
+        if (member.level + 1 < levels_)
+          members_.push_back({child, pair + side, member.level + 1, parent_side});
         else
-          roots.push_back({child, pair + side});
+          roots_.push_back({child, pair + side, base, BoxOf(nodes, root, parent_side)});
       }
       out[member.at] = inner;
     }
-    // The leftmost child's treelet follows its parent.
-    for (size_t i = first_new, j = roots.size(); i + 1 < j; ++i) std::swap(roots[i], roots[--j]);
-  }
-  return out;
-}
-
-Status FillTreeletHeaders(std::span<KdNode> nodes, uint32_t levels, const Box& box) {
-  const auto fail = [] { return Fail("tree: nodes do not lie in treelets as they should"); };
-  if (nodes.size() < kHeaderSlots || nodes.size() > KdNode::kMaxLink) return fail();
-  struct Below {
-    uint32_t at, parent;
-    Box box;
-  };
-  struct Inside {
-    uint32_t at, level;
-    Box box;
-  };
-  std::vector<Below> roots;
-  if (!nodes[0].is_leaf()) roots.push_back({0, 0, box});
-  std::vector<Inside> members;
-  size_t used = kHeaderSlots;
-  while (!roots.empty()) {
-    const Below root = roots.back();
-    roots.pop_back();
-    const size_t base = (used + kHeaderSlots - 1) / kHeaderSlots * kHeaderSlots + kHeaderSlots;
-    if (base > nodes.size()) return fail();
     TreeletHeader header{};
     for (int a = 0; a < 3; ++a) {
       header.lower[a] = root.box.lower[a];
@@ -98,32 +104,23 @@ Status FillTreeletHeaders(std::span<KdNode> nodes, uint32_t levels, const Box& b
     }
     header.parent = root.parent;
     header.root = root.at;
-    std::memcpy(static_cast<void*>(&nodes[base - kHeaderSlots]), &header, sizeof header);
-    members.assign(1, {root.at, 0, root.box});
-    const size_t first_new = roots.size();
-    for (size_t m = 0; m < members.size(); ++m) {
-      const Inside member = members[m];
-      const KdNode n = nodes[member.at];
-      const size_t pair = base + 2 * m;
-      if (n.left() != pair || pair + 2 > nodes.size() || n.begins_treelet() != (m == 0) ||
-          !std::isfinite(n.split()))
-        return fail();
-      for (uint32_t side = 0; side < 2; ++side) {
-        const auto child = static_cast<uint32_t>(pair + side);
-        if (n.child_empty(side) != IsEmptyLeaf(nodes[child])) return fail();
-        if (nodes[child].is_leaf()) continue;
-        Box child_box = member.box;
-        (side ? child_box.lower : child_box.upper)[n.axis()] = n.split();
-        if (member.level + 1 < levels)
-          members.push_back({child, member.level + 1, child_box});
-        else
-          roots.push_back({child, static_cast<uint32_t>(base), child_box});
-      }
-    }
-    used = base + 2 * members.size();
-    for (size_t i = first_new, j = roots.size(); i + 1 < j; ++i) std::swap(roots[i], roots[--j]);
+    std::memcpy(static_cast<void*>(&out[next]), &header, sizeof header);
+    const size_t used = base + 2 * members_.size();
+    next += SlotsOfTreelet(members_.size());
+    if (next > out.size()) return false;
+    std::fill(out.begin() + static_cast<std::ptrdiff_t>(used),
+              out.begin() + static_cast<std::ptrdiff_t>(next), KdNode{0, 0});
+    // The leftmost child's treelet follows its parent.
+    std::reverse(roots_.begin() + static_cast<std::ptrdiff_t>(first_new), roots_.end());
   }
-  return used == nodes.size() ? Status{} : fail();
+  return next == out.size();
+}
+
+std::vector<KdNode> LayOutTreelets(std::span<const KdNode> nodes, uint32_t levels, const Box& box) {
+  TreeletLayout layout(levels);
+  std::vector<KdNode> out(layout.Slots(nodes));
+  QUARRY_CHECK(out.size() <= KdNode::kMaxLink && layout.Run(nodes, box, out));
+  return out;
 }
 
 std::vector<KdNode> FlattenTreelets(std::span<const KdNode> nodes) {

@@ -4,7 +4,6 @@
 #include <span>
 #include <vector>
 
-#include "common/base/status.h"
 #include "common/kdtree/build.h"
 #include "common/kdtree/node.h"
 #include "common/kdtree/treelet_header.h"
@@ -23,15 +22,37 @@ inline constexpr uint32_t kTreeletLevels = 4;     ///< what stores hold and kern
 inline constexpr uint32_t kBacktrackLevels = 1;   ///< kd-backtrack
 inline constexpr uint32_t kRestartLevels = 1000;  ///< kd-restart: more levels than any tree has
 
-/// Lays `nodes` (root first, children side by side, no flags) out in treelets of at most `levels` levels.
-/// Headers' boxes and links are left zero: FillTreeletHeaders derives them. Deterministic.
-/// Requires: a valid tree.
-std::vector<KdNode> LayOutTreelets(std::span<const KdNode> nodes, uint32_t levels);
+/// Lays trees out in treelets of at most `levels` levels. Deterministic; memory is kept from tree to tree.
+class TreeletLayout {
+ public:
+  explicit TreeletLayout(uint32_t levels) : levels_(levels) {}
 
-/// Checks that `nodes` is just what LayOutTreelets makes of some tree with `levels`, and fills in the
-/// headers; `box` is the root's cell. After success every link leads to a node of the array and every climb
-/// ends. Errors: anything else. Leaves' payloads are the caller's to check.
-Status FillTreeletHeaders(std::span<KdNode> nodes, uint32_t levels, const Box& box);
+  /// Slots that `nodes` (root first, children side by side, no flags) take. Requires: a valid tree.
+  size_t Slots(std::span<const KdNode> nodes);
+  /// Puts them into `out`, headers filled in; `box` is the root's cell. False when `out` has not just as many
+  /// slots as it takes. Requires: a valid tree of no more than KdNode::kMaxLink / 4 nodes.
+  bool Run(std::span<const KdNode> nodes, const Box& box, std::span<KdNode> out);
+
+ private:
+  /// A treelet still to be laid out: where its root is in the source tree and in the layout, and its parent.
+  struct Root {
+    uint32_t source, at, parent;
+    Box box;
+  };
+  /// An inner node taken into a treelet.
+  struct Member {
+    uint32_t source, at, level;
+    uint32_t parent_side;  ///< of which member this is a child, times two, and on which side
+  };
+  Box BoxOf(std::span<const KdNode> nodes, const Root& root, uint32_t parent_side) const;
+
+  uint32_t levels_;
+  std::vector<Root> roots_;
+  std::vector<Member> members_;
+};
+
+/// A tree laid out, in a vector.
+std::vector<KdNode> LayOutTreelets(std::span<const KdNode> nodes, uint32_t levels, const Box& box);
 
 /// The tree without treelets again: root first, children side by side, no flags.
 std::vector<KdNode> FlattenTreelets(std::span<const KdNode> nodes);

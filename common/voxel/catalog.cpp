@@ -71,17 +71,18 @@ Status DecodeTopTree(std::span<const std::byte> bytes, Catalog& catalog) {
     if (!valid) return Fail(fmt::format("the TOPT section's node {} leads nowhere", i));
   }
   catalog.top_node_count = static_cast<uint32_t>(nodes.size());
-  catalog.top_nodes = LayOutTreelets(nodes, kTreeletLevels);
   const Box box{catalog.meta.root_lower, catalog.meta.root_upper};
   // Empty space around voxels has been cut off by the partition.
   catalog.top_wide = MakeWideTree(nodes, box, 0, [](const KdNode&, const Box& cell) { return cell; });
-  return FillTreeletHeaders(catalog.top_nodes, kTreeletLevels, box);
+  catalog.top_nodes = LayOutTreelets(nodes, kTreeletLevels, box);
+  return {};
 }
 
 Status CheckVoxel(const VoxelEntry& v, size_t index, size_t count, const SceneMeta& meta) {
   for (const BlockEntry& b : v.blocks)
-    if (b.decoded > meta.largest_decoded || b.stored > meta.largest_stored || b.stored > b.decoded ||
-        (b.stored == 0) != (b.decoded == 0) || b.offset > uint64_t{1} << 62)
+    if (b.decoded > meta.largest_decoded || b.stored > meta.largest_stored ||
+        b.stored > b.decoded + kMostStoredOverDecoded || (b.stored == 0) != (b.decoded == 0) ||
+        b.offset > uint64_t{1} << 62)
       return Fail(fmt::format("the VDIR section's voxel {} has a size or place that cannot be", index));
   if (v.blocks[0].stored == 0) return Fail(fmt::format("the VDIR section's voxel {} is empty", index));
   // Chains run forward, so that following one always ends.

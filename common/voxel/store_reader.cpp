@@ -153,7 +153,7 @@ Result<Bytes> StoreReader::ReadBlock(uint32_t block_id) const {
   return bytes;
 }
 
-Status StoreReader::VerifyVoxel(uint32_t voxel, uint64_t& end) const {
+Status StoreReader::VerifyVoxel(uint32_t voxel, uint64_t& end, BlockDecoder& decoder) const {
   for (BlockKind kind : {BlockKind::kHot, BlockKind::kShading}) {
     const uint32_t id = BlockId(voxel, kind);
     const BlockEntry& entry = catalog_.block(id);
@@ -162,10 +162,9 @@ Status StoreReader::VerifyVoxel(uint32_t voxel, uint64_t& end) const {
     if (entry.stored == 0) continue;
     QUARRY_ASSIGN(const Bytes stored, ReadBlock(id));
     Bytes decoded(entry.decoded);
-    Status status = DecompressBlock(stored, decoded);
-    if (status && kind == BlockKind::kHot)
-      status = ViewHot(decoded, catalog().meta.padding).map([](auto&&) {});
-    if (status && kind == BlockKind::kShading) status = ViewShading(decoded).map([](auto&&) {});
+    const Status status = kind == BlockKind::kHot
+                              ? decoder.Hot(stored, decoded, catalog().meta.padding).map([](auto&&) {})
+                              : decoder.Shading(stored, decoded).map([](auto&&) {});
     if (!status)
       return Fail(
           fmt::format("{}: block {} at byte {}: {}", path(), id, entry.offset, status.error().message));

@@ -8,6 +8,7 @@
 #include "common/base/bytes.h"
 #include "common/base/file.h"
 #include "common/base/status.h"
+#include "common/voxel/block_decoder.h"
 #include "common/voxel/catalog.h"
 
 namespace quarry {
@@ -37,8 +38,9 @@ class StoreReader {
   template <class Progress>
   Status Verify(Progress&& progress) const {
     uint64_t end = blocks_begin_;
+    BlockDecoder decoder;
     for (uint32_t v = 0; v < catalog_.voxels.size(); ++v) {
-      QUARRY_TRY(VerifyVoxel(v, end));
+      QUARRY_TRY(VerifyVoxel(v, end, decoder));
       progress(v + 1, catalog_.voxels.size());
     }
     return CheckBlocksEnd(end);
@@ -49,7 +51,7 @@ class StoreReader {
   Status ReadHeader();
   Status ReadSections(std::span<const std::byte> table, uint32_t count);
   Status DecodeNames(const std::vector<Section>& sections);
-  Status VerifyVoxel(uint32_t voxel, uint64_t& end) const;
+  Status VerifyVoxel(uint32_t voxel, uint64_t& end, BlockDecoder& decoder) const;
   Status CheckBlocksEnd(uint64_t end) const;
 
   InputFile file_;

@@ -68,18 +68,21 @@ SceneMeta LogicalMeta(SceneMeta meta) {
 
 }  // namespace
 
-EncodedVoxel EncodeVoxel(std::span<const std::byte> hot, std::span<const std::byte> shading,
-                         uint32_t triangles) {
+EncodedVoxel EncodeVoxel(const HotVoxel& hot, const ShadingVoxel* shading) {
   EncodedVoxel voxel;
-  voxel.hot = CompressBlock(hot);
-  voxel.hot_decoded = static_cast<uint32_t>(hot.size());
-  voxel.hot_logical = Checksum(hot);
-  if (!shading.empty()) {
-    voxel.shading = CompressBlock(shading);
-    voxel.shading_decoded = static_cast<uint32_t>(shading.size());
-    voxel.shading_logical = Checksum(shading);
+  Bytes streams = EncodeHot(hot);
+  voxel.hot = CompressBlock(streams);
+  voxel.hot_decoded = static_cast<uint32_t>(HotBytes(hot.node_slots, hot.wide_nodes, hot.references.size(),
+                                                     hot.triangle_ids.size(), hot.vertices.size()));
+  voxel.hot_logical = Checksum(streams);
+  if (shading) {
+    streams = EncodeShading(*shading);
+    voxel.shading = CompressBlock(streams);
+    voxel.shading_decoded =
+        static_cast<uint32_t>(ShadingBytes(shading->corners.size() / 3, shading->vertices.size()));
+    voxel.shading_logical = Checksum(streams);
   }
-  voxel.triangles = triangles;
+  voxel.triangles = static_cast<uint32_t>(hot.triangle_ids.size());
   return voxel;
 }
 

@@ -9,6 +9,7 @@
 #include "common/base/file.h"
 #include "common/base/status.h"
 #include "common/voxel/catalog.h"
+#include "common/voxel/voxel_block.h"
 
 namespace quarry {
 
@@ -16,14 +17,13 @@ namespace quarry {
 struct EncodedVoxel {
   Bytes hot, shading;  ///< stored bytes; shading may be empty
   uint32_t hot_decoded = 0, shading_decoded = 0;
-  uint64_t hot_logical = 0, shading_logical = 0;  ///< checksums of the decoded bytes, for the scene id
+  uint64_t hot_logical = 0, shading_logical = 0;  ///< checksums of the streams, for the scene id
   uint32_t triangles = 0;
   bool chained = false;  ///< the next voxel written belongs to the same top-level leaf
 };
 
-/// Compresses a voxel's decoded blocks. Thread-safe.
-EncodedVoxel EncodeVoxel(std::span<const std::byte> hot, std::span<const std::byte> shading,
-                         uint32_t triangles);
+/// Encodes and compresses a voxel; `shading` null where there is none. Thread-safe.
+EncodedVoxel EncodeVoxel(const HotVoxel& hot, const ShadingVoxel* shading);
 
 /// Writes a scene store: voxels as they come, then the rest. Nothing is at `path` before Finish succeeds.
 /// Not thread-safe.
@@ -45,7 +45,7 @@ class StoreWriter {
   explicit StoreWriter(OutputFile file) : file_(std::move(file)) {}
   OutputFile file_;
   std::vector<VoxelEntry> directory_;
-  std::vector<uint64_t> logical_;  ///< decoded checksums, two a voxel
+  std::vector<uint64_t> logical_;  ///< checksums of streams, two a voxel
 };
 
 }  // namespace quarry

@@ -8,20 +8,30 @@
 #include <vector>
 
 #include "common/base/bytes.h"
-#include "common/base/status.h"
 #include "common/kdtree/build.h"
 #include "common/kdtree/node.h"
-#include "common/kdtree/voxel_geometry.h"
 
 // A voxel is stored as two blocks: the hot part (tree and triangles, all that traversal touches) and the
-// shading part (normals, uv, colours). FORMAT.md gives both byte by byte. A decoded block is used in place.
+// shading part (normals, uv, colours). A block is stored as streams of bytes that LZ4 makes small, and
+// decoded into arrays that are used in place, with all that is derived: tree nodes in treelets, wide nodes.
+// FORMAT.md gives the streams byte by byte.
 
 namespace quarry {
+
+inline constexpr uint32_t kHotMagic = 0x34585651;      // "QVX4"
+inline constexpr uint32_t kShadingMagic = 0x32535651;  // "QVS2"
+inline constexpr size_t kHotHeaderBytes = 52, kShadingHeaderBytes = 12;
+/// A node's symbol in a hot block's streams: its axis, or this and the number of its references.
+inline constexpr uint32_t kLeafSymbol = 3;
 
 /// Most triangles, vertices and references' targets of one voxel: indices are 16 bits.
 inline constexpr uint32_t kMaxVoxelTriangles = 21845;
 /// No block decodes to more than this, whatever a directory says.
 inline constexpr uint32_t kMaxBlockBytes = 64u << 20;
+
+/// A stored block may be so much larger than it is decoded: its header, and how many bytes of streams there
+/// are.
+inline constexpr uint32_t kMostStoredOverDecoded = 16;
 
 enum class BlockKind : uint32_t { kHot = 0, kShading = 1 };
 
@@ -31,10 +41,11 @@ inline uint32_t BlockId(uint32_t voxel, BlockKind kind) { return voxel * 2 + sta
 /// What a hot block is made from.
 struct HotVoxel {
   Box cell;
-  std::vector<KdNode> nodes;  ///< in treelets (LayOutTreelets)
-  uint32_t wide_nodes = 0;    ///< that MakeWideTree makes of them
-  std::vector<uint16_t> references;
-  std::vector<uint16_t> corners;  ///< 3 a triangle
+  std::vector<KdNode> nodes;         ///< as built; leaves' references lie in a row, from the leftmost leaf on
+  uint32_t node_slots = 0;           ///< that LayOutTreelets takes for them
+  uint32_t wide_nodes = 0;           ///< that MakeWideTree makes of them
+  std::vector<uint16_t> references;  ///< triangles numbered in the order in which these first name them
+  std::vector<uint16_t> corners;     ///< 3 a triangle; vertices numbered likewise
   std::vector<glm::vec3> vertices;
   std::vector<uint32_t> triangle_ids;
   std::vector<uint16_t> materials;
@@ -57,36 +68,16 @@ struct ShadingVoxel {
   std::vector<ShadingVertex> vertices;
 };
 
-/// A decoded shading block.
-struct VoxelShading {
-  const uint16_t* corners = nullptr;
-  const ShadingVertex* vertices = nullptr;
-  uint32_t triangle_count = 0;
+/// The streams of a block, before LZ4. The same voxel gives the same bytes.
+Bytes EncodeHot(const HotVoxel& voxel);
+Bytes EncodeShading(const ShadingVoxel& voxel);
 
-  const ShadingVertex& vertex(uint32_t triangle, int corner) const {
-    return vertices[corners[3 * triangle + static_cast<uint32_t>(corner)]];
-  }
-};
+/// Bytes of a decoded block with these counts.
+size_t HotBytes(size_t node_slots, size_t wide_nodes, size_t references, size_t triangles, size_t vertices);
+size_t ShadingBytes(size_t triangles, size_t vertices);
 
-/// The decoded form: what a resident block's bytes are.
-Bytes LayOutHot(const HotVoxel& voxel);
-Bytes LayOutShading(const ShadingVoxel& voxel);
-
-/// Decoded bytes of a hot block with these counts.
-size_t HotBytes(size_t nodes, size_t wide_nodes, size_t references, size_t triangles, size_t vertices);
-
-/// Views a decoded block in place, and fills in what is derived: its tree's treelet headers and wide nodes,
-/// whose boxes are grown by the scene's `padding`. `bytes` must outlive the view and be aligned to 16.
-/// Errors: any count, index or link that leads out of the block, a tree that does not lie in treelets, a leaf
-/// beyond the references. After success kernels need no further check.
-Result<VoxelGeometry> ViewHot(std::span<std::byte> bytes, float padding);
-Result<VoxelShading> ViewShading(std::span<const std::byte> bytes);
-
-/// LZ4 HC over `decoded`; the bytes themselves when that is not smaller. Deterministic for one LZ4 version.
-Bytes CompressBlock(std::span<const std::byte> decoded);
-
-/// The reverse, into `out`, whose size is the decoded size the directory gives.
-/// Errors: does not decode to exactly that many bytes. Reads and writes nothing outside the spans.
-Status DecompressBlock(std::span<const std::byte> stored, std::span<std::byte> out);
+/// LZ4 HC over `streams`, or the bytes themselves when that is not smaller; before it their number. Returns
+/// what is stored. Deterministic for one LZ4 version.
+Bytes CompressBlock(std::span<const std::byte> streams);
 
 }  // namespace quarry

@@ -102,12 +102,13 @@ class EngineImage {
 Result<std::vector<std::unique_ptr<ResidentBlock>>> DecodeAll(const StoreReader& store) {
   const Catalog& catalog = store.catalog();
   std::vector<std::unique_ptr<ResidentBlock>> blocks(catalog.voxels.size() * 2);
+  BlockDecoder decoder;
   for (uint32_t id = 0; id < blocks.size(); ++id) {
     if (catalog.block(id).stored == 0) continue;
     QUARRY_ASSIGN(const Bytes stored, store.ReadBlock(id));
     blocks[id] = std::make_unique<ResidentBlock>();
     blocks[id]->bytes = PageBuffer(catalog.block(id).decoded);
-    QUARRY_TRY(DecodeBlock(catalog, id, stored, *blocks[id]));
+    QUARRY_TRY(DecodeBlock(catalog, id, stored, decoder, *blocks[id]));
   }
   return blocks;
 }

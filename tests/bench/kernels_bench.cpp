@@ -59,12 +59,13 @@ class ResidentCache {
     QUARRY_ASSIGN(StoreReader store, StoreReader::Open(path));
     auto self = std::make_unique<ResidentCache>(std::move(store));
     const Catalog& catalog = self->store_.catalog();
+    BlockDecoder decoder;
     for (uint32_t v = 0; v < catalog.voxels.size(); ++v) {
       const uint32_t id = BlockId(v, BlockKind::kHot);
       QUARRY_ASSIGN(const Bytes stored, self->store_.ReadBlock(id));
       auto block = std::make_unique<ResidentBlock>();
       block->bytes = PageBuffer(catalog.block(id).decoded);
-      QUARRY_TRY(DecodeBlock(catalog, id, stored, *block));
+      QUARRY_TRY(DecodeBlock(catalog, id, stored, decoder, *block));
       self->cache_.Reserve(catalog.block(id).decoded);
       self->cache_.Publish(id, std::move(block));
     }

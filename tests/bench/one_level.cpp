@@ -2,6 +2,7 @@
 
 #include <hwy/targets.h>
 
+#include <algorithm>
 #include <unordered_map>
 
 #include "common/kdtree/treelets.h"
@@ -24,8 +25,7 @@ OneLevelScene::OneLevelScene(const test::ResidentScene& scene) {
     }
   const Box box{meta.root_lower, meta.root_upper};
   KdTree tree = BuildKdTree(triangles, meta.padding, box, SahCosts{}, ~size_t{0} / 2);
-  nodes_ = LayOutTreelets(tree.nodes, kTreeletLevels);
-  if (!FillTreeletHeaders(nodes_, kTreeletLevels, box)) std::abort();
+  nodes_ = LayOutTreelets(tree.nodes, kTreeletLevels, box);
   // Triangles in the order of leaves, vertices shared within runs, as voxels have them.
   std::vector<uint32_t> number(triangles.size(), kNoTriangle);
   std::unordered_map<uint64_t, std::vector<uint32_t>> known;
@@ -54,10 +54,21 @@ OneLevelScene::OneLevelScene(const test::ResidentScene& scene) {
   geometry_.corners = corners_.data();
   geometry_.vertices = vertices_.data();
   geometry_.triangle_ids = ids_.data();
-  top_ = LayOutTreelets(std::vector{KdNode::Leaf(0, 1)}, kTreeletLevels);
+  top_ = LayOutTreelets(std::vector{KdNode::Leaf(0, 1)}, kTreeletLevels, box);
   static constexpr uint32_t kEnd[] = {kNoVoxel};
   geometry_.node_count = static_cast<uint32_t>(nodes_.size());
-  wide_ = MakeWideTree(geometry_, box, meta.padding);
+  wide_ = MakeWideTree(nodes_, box, kWideLeafReferences, [&](const KdNode& leaf, const Box& cell) {
+    if (leaf.count() == 0) return cell;
+    Box around{vertices_[corners_[3 * references_[leaf.first()]]],
+               vertices_[corners_[3 * references_[leaf.first()]]]};
+    for (uint32_t r = leaf.first(); r < leaf.first() + leaf.count(); ++r)
+      for (uint32_t k = 0; k < 3; ++k) around.Include(vertices_[corners_[3 * references_[r] + k]]);
+    for (int a = 0; a < 3; ++a) {
+      around.lower[a] = std::max(around.lower[a] - meta.padding, cell.lower[a]);
+      around.upper[a] = std::min(around.upper[a] + meta.padding, cell.upper[a]);
+    }
+    return around;
+  });
   geometry_.wide = wide_.data();
   top_wide_ = MakeWideTree(top_, box, 0, [](const KdNode&, const Box& cell) { return cell; });
   tree_ = {top_.data(), kEnd, meta.root_lower, meta.root_upper, nullptr, top_wide_.data()};

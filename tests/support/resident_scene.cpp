@@ -66,12 +66,12 @@ Result<std::unique_ptr<ResidentScene>> ResidentScene::Load(const std::string& pa
   SceneView& view = *scene->views_[0];
   view.top_ = catalog.top_tree();
   view.voxels_.reserve(catalog.voxels.size());
+  BlockDecoder decoder;
   for (uint32_t v = 0; v < catalog.voxels.size(); ++v) {
     const uint32_t id = BlockId(v, BlockKind::kHot);
     QUARRY_ASSIGN(const Bytes stored, scene->store_->ReadBlock(id));
     const std::span<std::byte> bytes = scene->bytes_.emplace_back(catalog.block(id).decoded).bytes();
-    QUARRY_TRY(DecompressBlock(stored, bytes));
-    QUARRY_ASSIGN(const VoxelGeometry geometry, ViewHot(bytes, catalog.meta.padding));
+    QUARRY_ASSIGN(const VoxelGeometry geometry, decoder.Hot(stored, bytes, catalog.meta.padding));
     view.voxels_.push_back(geometry);
     scene->decoded_bytes_ += bytes.size();
   }
@@ -97,8 +97,7 @@ const SceneView& ResidentScene::view(Algorithm algorithm) {
       view->ropes_.push_back(std::move(tree.leaves));
       ropes = view->ropes_.back().data();
     } else {
-      view->nodes_.push_back(LayOutTreelets(plain, LevelsOf(algorithm)));
-      if (!FillTreeletHeaders(view->nodes_.back(), LevelsOf(algorithm), box)) std::abort();
+      view->nodes_.push_back(LayOutTreelets(plain, LevelsOf(algorithm), box));
     }
     laid = view->nodes_.back().data();
   };

@@ -8,6 +8,7 @@
 
 #include "common/kdtree/kernels.h"
 #include "common/kdtree/treelets.h"
+#include "common/voxel/block_decoder.h"
 #include "common/voxel/store_reader.h"
 
 namespace quarry::test {

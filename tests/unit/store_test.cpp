@@ -1,12 +1,17 @@
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
+#include <bit>
 #include <catch2/catch.hpp>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <random>
 
 #include "common/kdtree/treelets.h"
+#include "common/voxel/block_decoder.h"
 #include "common/voxel/store_format.h"
 #include "common/voxel/store_reader.h"
 #include "common/voxel/store_writer.h"
@@ -25,8 +30,8 @@ struct Folder {
 HotVoxel MakeHot() {
   HotVoxel v;
   v.cell = {glm::vec3(0), glm::vec3(1)};
-  v.nodes = LayOutTreelets(std::vector{KdNode::Inner(0, 0.5f, 1), KdNode::Leaf(0, 1), KdNode::Leaf(1, 2)},
-                           kTreeletLevels);
+  v.nodes = {KdNode::Inner(0, 0.5f, 1), KdNode::Leaf(0, 1), KdNode::Leaf(1, 2)};
+  v.node_slots = 12;
   v.wide_nodes = 1;
   v.references = {0, 0, 1};
   v.vertices = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0}};
@@ -71,10 +76,11 @@ std::vector<Material> MakeMaterials() {
 SceneId WriteStore(const std::string& path) {
   auto writer = StoreWriter::Create(path);
   REQUIRE(writer.has_value());
-  EncodedVoxel first = EncodeVoxel(LayOutHot(MakeHot()), LayOutShading(MakeShading()), 2);
+  const ShadingVoxel shading = MakeShading();
+  EncodedVoxel first = EncodeVoxel(MakeHot(), &shading);
   first.chained = true;
   REQUIRE(writer->AddVoxel(first).has_value());
-  REQUIRE(writer->AddVoxel(EncodeVoxel(LayOutHot(MakeHot()), {}, 2)).has_value());
+  REQUIRE(writer->AddVoxel(EncodeVoxel(MakeHot(), nullptr)).has_value());
   const auto id = writer->Finish(MakeMeta(), {KdNode::Leaf(0, 1)}, MakeMaterials(), {"valve", "pump"});
   REQUIRE(id.has_value());
   return *id;
@@ -127,9 +133,26 @@ TEST_CASE("A store gives back all that was put in") {
 
   const auto stored = store->ReadBlock(BlockId(0, BlockKind::kHot));
   REQUIRE(stored.has_value());
-  Bytes decoded(c.block(0).decoded);
-  REQUIRE(DecompressBlock(*stored, decoded).has_value());
-  CHECK(decoded == LayOutHot(MakeHot()));
+  BlockDecoder decoder;
+  Bytes hot_bytes(c.block(0).decoded), shading_bytes(c.block(1).decoded);
+  const auto hot = decoder.Hot(*stored, hot_bytes, c.meta.padding);
+  REQUIRE(hot.has_value());
+  const HotVoxel in = MakeHot();
+  CHECK(FlattenTreelets({hot->nodes, hot->node_count}) == in.nodes);
+  const auto same = [](const auto& put_in, const auto* got) {
+    return std::equal(put_in.begin(), put_in.end(), got);
+  };
+  CHECK((hot->triangle_count == 2 && hot->vertex_count == 4 && hot->reference_count == 3));
+  CHECK(same(in.references, hot->references));
+  CHECK(same(in.corners, hot->corners));
+  CHECK(same(in.vertices, hot->vertices));
+  CHECK(same(in.triangle_ids, hot->triangle_ids));
+  CHECK(same(in.materials, hot->materials));
+  CHECK(same(in.parts, hot->parts));
+  const auto shaded = decoder.Shading(*store->ReadBlock(BlockId(0, BlockKind::kShading)), shading_bytes);
+  REQUIRE(shaded.has_value());
+  CHECK(same(MakeShading().corners, shaded->corners));
+  CHECK(same(MakeShading().vertices, shaded->vertices));
   CHECK_FALSE(store->ReadBlock(99).has_value());
 }
 
@@ -173,43 +196,148 @@ TEST_CASE("Another format version is named beside this one") {
   }
 }
 
+namespace {
+
+/// A block whose streams need no LZ4 to be put in.
+Bytes Stored(const Bytes& streams) {
+  ByteWriter out;
+  out.Put(static_cast<uint32_t>(streams.size()));
+  out.PutArray(streams);
+  return out.Take();
+}
+
+size_t DecodedBytes(const HotVoxel& v) {
+  return HotBytes(v.node_slots, v.wide_nodes, v.references.size(), v.triangle_ids.size(), v.vertices.size());
+}
+
+/// The sentence that a block is refused with.
+std::string Refusal(const HotVoxel& voxel) {
+  Bytes out(DecodedBytes(voxel));
+  const auto view = BlockDecoder().Hot(Stored(EncodeHot(voxel)), out, 1e-6f);
+  return view ? "" : view.error().message;
+}
+
+}  // namespace
+
 TEST_CASE("Damaged blocks that pass no checksum never lead out of their bytes") {
-  const Bytes hot = LayOutHot(MakeHot()), shading = LayOutShading(MakeShading());
-  Bytes whole = hot;
-  REQUIRE(ViewHot(whole, 1e-6f).has_value());
-  REQUIRE(ViewShading(shading).has_value());
+  const ShadingVoxel plain = MakeShading();
+  const Bytes hot = Stored(EncodeHot(MakeHot())), shading = Stored(EncodeShading(plain));
+  const EncodedVoxel packed = EncodeVoxel(MakeHot(), &plain);
+  BlockDecoder decoder;
+  Bytes hot_out(packed.hot_decoded), shading_out(packed.shading_decoded);
+  REQUIRE(decoder.Hot(hot, hot_out, 1e-6f).has_value());
+  REQUIRE(decoder.Shading(shading, shading_out).has_value());
   std::mt19937 random(3);
-  for (int i = 0; i < 20000; ++i) {
-    Bytes bad = i % 2 ? hot : shading;
+  int survived = 0;
+  for (int i = 0; i < 40000; ++i) {
+    Bytes bad = i % 4 == 0 ? packed.hot : i % 4 == 1 ? shading : hot;
     for (int k = 0; k < 1 + i % 3; ++k) bad[random() % bad.size()] = static_cast<std::byte>(random());
     if (i % 5 == 0) bad.resize(random() % (bad.size() + 1));
-    const auto view = ViewHot(bad, 1e-6f);
-    if (view)
+    const auto view = decoder.Hot(bad, hot_out, 1e-6f);
+    if (view) {
+      ++survived;
+      REQUIRE(FlattenTreelets({view->nodes, view->node_count}).size() <= view->node_count);
       for (uint32_t r = 0; r < view->reference_count; ++r)
         REQUIRE(view->references[r] < view->triangle_count);
-    (void)ViewShading(bad);
-    Bytes out(300);
-    (void)DecompressBlock(bad, out);
+      for (uint32_t c = 0; c < 3 * view->triangle_count; ++c) REQUIRE(view->corners[c] < view->vertex_count);
+    }
+    (void)decoder.Shading(bad, shading_out);
   }
+  CHECK(survived > 1000);
 }
 
 TEST_CASE("A hot block's counts must be those of its tree") {
-  HotVoxel more = MakeHot();
-  more.wide_nodes = 2;
-  Bytes block = LayOutHot(more);
-  CHECK(ViewHot(block, 1e-6f).error().message == "voxel block: not as many wide nodes as its tree has");
-  HotVoxel twice = MakeHot();
-  twice.nodes = LayOutTreelets(std::vector{KdNode::Inner(0, 0.5f, 1), KdNode::Leaf(1, 2), KdNode::Leaf(1, 2)},
-                               kTreeletLevels);
-  block = LayOutHot(twice);
-  CHECK(ViewHot(block, 1e-6f).error().message == "voxel block: leaves have references in common");
+  CHECK(Refusal(MakeHot()).empty());
+  HotVoxel bad = MakeHot();
+  bad.wide_nodes = 2;
+  CHECK(Refusal(bad) == "voxel block: not as many wide nodes as its tree has");
+  bad = MakeHot();
+  bad.node_slots = 10;
+  CHECK(Refusal(bad) == "voxel block: not as many node slots as its tree takes");
+  bad = MakeHot();
+  bad.vertices[0].x = std::numeric_limits<float>::quiet_NaN();  // never hit, and no harm
+  CHECK(Refusal(bad).empty());
+  bad.cell.upper.x = std::numeric_limits<float>::infinity();
+  CHECK(Refusal(bad) == "voxel block: its cell is not finite");
+  bad = MakeHot();
+  bad.nodes[0] = KdNode::Inner(0, std::numeric_limits<float>::infinity(), 1);
+  CHECK(Refusal(bad) == "voxel block: a plane is not finite");
+  // Too little room, or too much.
+  Bytes out(DecodedBytes(MakeHot()));
+  for (int change : {-1, 1}) {
+    out.resize(static_cast<size_t>(static_cast<int>(out.size()) + change));
+    CHECK(BlockDecoder().Hot(Stored(EncodeHot(MakeHot())), out, 1e-6f).error().message ==
+          "voxel block: counts do not fit its size");
+    out.resize(DecodedBytes(MakeHot()));
+  }
+}
+
+TEST_CASE("Trees whose symbols are no tree are refused") {
+  const Bytes good = EncodeHot(MakeHot());
+  // The header's 52 bytes; then the symbols' low bytes: inner by x, leaf of 1, leaf of 2.
+  constexpr size_t kSymbols = 52;
+  REQUIRE(static_cast<int>(good[kSymbols]) == 0);
+  REQUIRE(static_cast<int>(good[kSymbols + 1]) == 4);
+  REQUIRE(static_cast<int>(good[kSymbols + 2]) == 5);
+  const auto refusal = [&](std::array<int, 3> symbols) {
+    Bytes streams = good, out(DecodedBytes(MakeHot()));
+    for (size_t i = 0; i < 3; ++i) streams[kSymbols + i] = static_cast<std::byte>(symbols[i]);
+    const auto view = BlockDecoder().Hot(Stored(streams), out, 1e-6f);
+    return view ? "" : view.error().message;
+  };
+  CHECK(refusal({0, 4, 5}).empty());
+  CHECK(refusal({0, 5, 4}).empty());
+  CHECK(refusal({4, 0, 5}) == "voxel block: nodes beyond the tree");
+  CHECK(refusal({0, 0, 5}) == "voxel block: more inner nodes than it has");
+  CHECK(refusal({0, 4, 0}) == "voxel block: more inner nodes than it has");
+  CHECK(refusal({0, 4, 6}) == "voxel block: leaves have not the references there are");
+  CHECK(refusal({0, 3, 3}) == "voxel block: leaves have not the references there are");
+}
+
+TEST_CASE("Blocks of random numbers come back as they were") {
+  std::mt19937 random(12);
+  for (uint32_t triangles : {1u, 2u, 63u, 3000u}) {
+    HotVoxel v = MakeHot();
+    v.references.clear();
+    v.corners.clear();
+    v.vertices.clear();
+    v.triangle_ids.clear();
+    v.materials.clear();
+    v.parts.clear();
+    for (uint32_t i = 0; i < triangles; ++i) {
+      v.triangle_ids.push_back(random());
+      v.parts.push_back(random());
+      v.materials.push_back(static_cast<uint16_t>(random()));
+      v.references.push_back(static_cast<uint16_t>(i));
+      for (int k = 0; k < 3; ++k) {
+        const bool fresh = v.vertices.empty() || random() % 2 != 0;
+        v.corners.push_back(static_cast<uint16_t>(fresh ? v.vertices.size() : random() % v.vertices.size()));
+        if (fresh)
+          v.vertices.emplace_back(std::bit_cast<float>(static_cast<uint32_t>(random())), -0.0f,
+                                  static_cast<float>(random()));
+      }
+    }
+    v.nodes = {KdNode::Inner(2, -7.25f, 1), KdNode::Leaf(0, 0), KdNode::Leaf(0, triangles)};
+    const EncodedVoxel encoded = EncodeVoxel(v, nullptr);
+    Bytes out(encoded.hot_decoded);
+    const auto hot = BlockDecoder().Hot(encoded.hot, out, 1e-6f);
+    INFO((hot ? "" : hot.error().message));
+    REQUIRE(hot.has_value());
+    CHECK(FlattenTreelets({hot->nodes, hot->node_count}) == v.nodes);
+    CHECK(std::equal(v.references.begin(), v.references.end(), hot->references));
+    CHECK(std::equal(v.corners.begin(), v.corners.end(), hot->corners));
+    CHECK(std::memcmp(v.vertices.data(), hot->vertices, v.vertices.size() * 12) == 0);
+    CHECK(std::equal(v.triangle_ids.begin(), v.triangle_ids.end(), hot->triangle_ids));
+    CHECK(std::equal(v.materials.begin(), v.materials.end(), hot->materials));
+    CHECK(std::equal(v.parts.begin(), v.parts.end(), hot->parts));
+  }
 }
 
 TEST_CASE("Nothing is at the final name before a store is finished") {
   const Folder folder;
   {
     auto writer = StoreWriter::Create(folder.file("s"));
-    REQUIRE(writer->AddVoxel(EncodeVoxel(LayOutHot(MakeHot()), {}, 2)).has_value());
+    REQUIRE(writer->AddVoxel(EncodeVoxel(MakeHot(), nullptr)).has_value());
     CHECK_FALSE(std::filesystem::exists(folder.file("s")));
   }
   CHECK(std::filesystem::is_empty(folder.path));

@@ -48,8 +48,7 @@ TEST_CASE("A tree keeps its leaves in any layout, and each climb ends at the top
   for (size_t inner : {0, 1, 2, 15, 16, 500}) {
     const std::vector<KdNode> plain = RandomTree(random, inner);
     for (uint32_t levels : {kBacktrackLevels, kTreeletLevels, kRestartLevels}) {
-      std::vector<KdNode> laid = LayOutTreelets(plain, levels);
-      REQUIRE(FillTreeletHeaders(laid, levels, kCell).has_value());
+      const std::vector<KdNode> laid = LayOutTreelets(plain, levels, kCell);
       const std::vector<KdNode> flat = FlattenTreelets(laid);
       CHECK(flat.size() == plain.size());
       for (int i = 0; i < 200; ++i) {
@@ -79,35 +78,17 @@ TEST_CASE("A tree keeps its leaves in any layout, and each climb ends at the top
   }
 }
 
-TEST_CASE("Nodes that do not lie in treelets are refused") {
+TEST_CASE("A layout takes just the slots it says") {
   std::mt19937 random(6);
-  const std::vector<KdNode> laid = LayOutTreelets(RandomTree(random, 60), kTreeletLevels);
-  std::vector<uint32_t> open{0}, inner;
-  while (!open.empty()) {
-    const uint32_t at = open.back();
-    open.pop_back();
-    if (laid[at].is_leaf()) continue;
-    inner.push_back(at);
-    open.insert(open.end(), {laid[at].left(), laid[at].left() + 1});
-  }
-  // Each bit of a link says where nodes lie, but for those of the axis.
-  for (uint32_t at : inner)
-    for (uint32_t bit = 2; bit < 32; ++bit) {
-      std::vector<KdNode> bad = laid;
-      bad[at].link ^= 1u << bit;
-      REQUIRE_FALSE(FillTreeletHeaders(bad, kTreeletLevels, kCell).has_value());
+  TreeletLayout layout(kTreeletLevels);
+  for (size_t inner : {0, 1, 2, 3, 60}) {
+    const std::vector<KdNode> plain = RandomTree(random, inner);
+    const size_t slots = layout.Slots(plain);
+    for (size_t given = 0; given < slots + 20; ++given) {
+      std::vector<KdNode> out(given);
+      REQUIRE(layout.Run(plain, kCell, out) == (given == slots));
     }
-  // What is not refused is the layout of some tree.
-  for (int i = 0; i < 20000; ++i) {
-    std::vector<KdNode> bad = laid;
-    for (int k = 0; k < 1 + i % 3; ++k) bad[random() % bad.size()].link ^= 1u << random() % 32;
-    if (!FillTreeletHeaders(bad, kTreeletLevels, kCell).has_value()) continue;
-    REQUIRE(LayOutTreelets(FlattenTreelets(bad), kTreeletLevels).size() == bad.size());
   }
-  std::vector<KdNode> cut = laid;
-  cut.resize(cut.size() - 2);
-  CHECK_FALSE(FillTreeletHeaders(cut, kTreeletLevels, kCell).has_value());
-  CHECK_FALSE(FillTreeletHeaders({}, kTreeletLevels, kCell).has_value());
 }
 
 TEST_CASE("Ropes lead across each face to the leaf beyond") {

@@ -1,6 +1,7 @@
 #include "common/kdtree/wide_tree.h"
 
 #include <catch2/catch.hpp>
+#include <functional>
 #include <random>
 
 #include "common/kdtree/kernels.h"
@@ -142,8 +143,7 @@ TEST_CASE("Every kernel follows rays through hundreds of levels") {
   }
   vertices.emplace_back();  // each may be read as four floats
   const Box cell{glm::vec3(0, -20, -20), glm::vec3(static_cast<float>(kLeaves), 20, 20)};
-  std::vector<KdNode> laid = LayOutTreelets(nodes, kTreeletLevels);
-  REQUIRE(FillTreeletHeaders(laid, kTreeletLevels, cell));
+  const std::vector<KdNode> laid = LayOutTreelets(nodes, kTreeletLevels, cell);
   VoxelGeometry voxel;
   voxel.nodes = laid.data();
   voxel.node_count = static_cast<uint32_t>(laid.size());
@@ -151,7 +151,7 @@ TEST_CASE("Every kernel follows rays through hundreds of levels") {
   voxel.corners = corners.data();
   voxel.vertices = vertices.data();
   voxel.triangle_ids = ids.data();
-  const std::vector<KdNode> top = LayOutTreelets(std::vector{KdNode::Leaf(0, 1)}, kTreeletLevels);
+  const std::vector<KdNode> top = LayOutTreelets(std::vector{KdNode::Leaf(0, 1)}, kTreeletLevels, cell);
   const std::vector<WideNode> top_wide = MakeWideTree(top, cell, 0, CellItself);
   const uint32_t no_chain = kNoVoxel;
   const TopTree tree{top.data(), &no_chain, cell.lower, cell.upper, nullptr, top_wide.data()};
@@ -167,6 +167,7 @@ TEST_CASE("Every kernel follows rays through hundreds of levels") {
   const uint64_t all = ~uint64_t{0};
   // No leaves joined. With boxes as large as their cells there is something ahead on every level, with boxes
   // around triangles on the uppermost alone.
+  using LeafBox = std::function<Box(const KdNode&, const Box&)>;
   const LeafBox around = [&](const KdNode& leaf, const Box&) {
     Box box{vertices[3 * leaf.first()], vertices[3 * leaf.first()]};
     for (uint32_t k = 1; k < 3; ++k) box.Include(vertices[3 * leaf.first() + k]);

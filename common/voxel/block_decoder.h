@@ -1,0 +1,43 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+
+#include "common/base/status.h"
+#include "common/kdtree/voxel_geometry.h"
+#include "common/voxel/voxel_block.h"
+
+namespace quarry {
+
+/// A decoded shading block.
+struct VoxelShading {
+  const uint16_t* corners = nullptr;
+  const ShadingVertex* vertices = nullptr;
+  uint32_t triangle_count = 0;
+
+  const ShadingVertex& vertex(uint32_t triangle, int corner) const {
+    return vertices[corners[3 * triangle + static_cast<uint32_t>(corner)]];
+  }
+};
+
+/// Decodes blocks; working memory, of about a block's size, is kept from one to the next. Not thread-safe.
+class BlockDecoder {
+ public:
+  BlockDecoder();
+  ~BlockDecoder();
+
+  /// Decodes a stored block into `out`, whose size is the decoded size that the directory gives, aligned to
+  /// 16; the view points into it. Boxes of wide nodes are grown by the scene's `padding`.
+  /// Errors: whatever does not decode to just `out`; any count, index or link that leads out of the block; a
+  /// tree that is none, or whose leaves have other references than there are. After success kernels need no
+  /// further check.
+  Result<VoxelGeometry> Hot(std::span<const std::byte> stored, std::span<std::byte> out, float padding);
+  Result<VoxelShading> Shading(std::span<const std::byte> stored, std::span<std::byte> out);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace quarry
