@@ -42,7 +42,8 @@ class Partitioner {
   /// A node whose triangles lie on disk. `file` is freed before its children are split.
   Status SplitFile(uint32_t node, SpillFile file, const Box& cell, const Box& content, int depth,
                    double growth) {
-    if (file.count() * sizeof(TriangleRecord) <= options_.memory / 4 || file.count() <= max_triangles_)
+    if (file.count() * (sizeof(TriangleRecord) + sizeof(Box)) <= options_.memory / 4 ||
+        file.count() <= max_triangles_)
       return LoadAndSplit(node, std::move(file), cell, content, depth, growth);
     SplitHistogram histogram(content);
     QUARRY_TRY(ForEach(file, [&](const TriangleRecord& r) -> Status {
@@ -77,6 +78,12 @@ class Partitioner {
   std::vector<KdNode>& nodes() { return nodes_; }
 
  private:
+  /// A node's triangles in memory, and their padded boxes.
+  struct Loaded {
+    std::vector<TriangleRecord> records;
+    std::vector<Box> boxes;
+  };
+
   /// The two halves of a node about to be split.
   struct Children {
     Children(Partitioner& p, uint32_t node, const SplitHistogram::Plane& plane, const Box& whole)
@@ -113,21 +120,22 @@ class Partitioner {
 
   Status LoadAndSplit(uint32_t node, SpillFile file, const Box& cell, const Box& content, int depth,
                       double growth) {
-    std::vector<TriangleRecord> records;
-    records.reserve(file.count());
+    Loaded loaded;
+    loaded.records.reserve(file.count());
+    loaded.boxes.reserve(file.count());
     QUARRY_TRY(ForEach(file, [&](const TriangleRecord& r) -> Status {
-      records.push_back(r);
+      loaded.records.push_back(r);
+      loaded.boxes.push_back(r.PaddedBox(padding_));
       return Status{};
     }));
     { const SpillFile consumed = std::move(file); }
-    std::vector<uint32_t> all(records.size());
+    std::vector<uint32_t> all(loaded.records.size());
     std::iota(all.begin(), all.end(), 0u);
-    return SplitInMemory(node, records, std::move(all), cell, content, depth, growth);
+    return SplitInMemory(node, loaded, std::move(all), cell, content, depth, growth);
   }
 
-  Status SplitInMemory(uint32_t node, const std::vector<TriangleRecord>& records,
-                       std::vector<uint32_t> indices, const Box& cell, const Box& content, int depth,
-                       double growth) {
+  Status SplitInMemory(uint32_t node, const Loaded& loaded, std::vector<uint32_t> indices, const Box& cell,
+                       const Box& content, int depth, double growth) {
     if (indices.empty()) {
       nodes_[node] = KdNode::Leaf(0, 0);
       return {};
@@ -136,15 +144,15 @@ class Partitioner {
     const bool small = indices.size() <= max_triangles_;
     if (!small) {
       SplitHistogram histogram(content);
-      for (uint32_t i : indices) histogram.Add(records[i].PaddedBox(padding_));
+      for (uint32_t i : indices) histogram.Add(loaded.boxes[i]);
       plane = histogram.Choose(cell);
     }
-    if (small || MustChain(plane, depth, growth)) return Chain(node, records, indices, cell, content);
+    if (small || MustChain(plane, depth, growth)) return Chain(node, loaded.records, indices, cell, content);
 
     Children child(*this, node, plane, cell);
     std::vector<uint32_t> parts[2];
     for (uint32_t i : indices) {
-      const Box box = records[i].PaddedBox(padding_);
+      const Box& box = loaded.boxes[i];
       for (int side = 0; side < 2; ++side) {
         if (!child.Touches(box, side)) continue;
         IncludeClipped(box, child.cell[side], child.content[side]);
@@ -153,7 +161,7 @@ class Partitioner {
     }
     indices = {};
     for (uint32_t side = 0; side < 2; ++side)
-      QUARRY_TRY(SplitInMemory(child.first + side, records, std::move(parts[side]), child.cell[side],
+      QUARRY_TRY(SplitInMemory(child.first + side, loaded, std::move(parts[side]), child.cell[side],
                                child.content[side], depth + 1, growth * plane.growth));
     return {};
   }

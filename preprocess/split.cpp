@@ -17,17 +17,23 @@ double HalfArea(const Box& box) {
 
 }  // namespace
 
-int SplitHistogram::Bin(float x, int axis) const {
-  const float extent = content_.extent(axis);
-  if (!(extent > 0)) return 0;
-  return std::clamp(static_cast<int>((x - content_.lower[axis]) / extent * kBins), 0, kBins - 1);
+SplitHistogram::SplitHistogram(const Box& content) : content_(content) {
+  for (int axis = 0; axis < 3; ++axis) {
+    const float extent = content.extent(axis);
+    bins_per_unit_[axis] = extent > 0 ? kBins / extent : 0;
+  }
+}
+
+size_t SplitHistogram::Bin(float x, int axis) const {
+  const float bin = (x - content_.lower[axis]) * bins_per_unit_[axis];
+  return static_cast<size_t>(bin > 0 ? std::min(bin, kBins - 1.0f) : 0.0f);
 }
 
 void SplitHistogram::Add(const Box& box) {
   ++count_;
   for (int axis = 0; axis < 3; ++axis) {
-    ++starts_[static_cast<size_t>(axis)][static_cast<size_t>(Bin(box.lower[axis], axis))];
-    ++ends_[static_cast<size_t>(axis)][static_cast<size_t>(Bin(box.upper[axis], axis))];
+    ++starts_[static_cast<size_t>(axis)][Bin(box.lower[axis], axis)];
+    ++ends_[static_cast<size_t>(axis)][Bin(box.upper[axis], axis)];
   }
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 
 #include "common/kdtree/build.h"
@@ -14,7 +15,7 @@ class SplitHistogram {
   static constexpr int kBins = 256;
 
   /// `content`: the bounds of the node's boxes, clipped to its cell.
-  explicit SplitHistogram(const Box& content) : content_(content) {}
+  explicit SplitHistogram(const Box& content);
   void Add(const Box& box);
 
   struct Plane {
@@ -28,8 +29,9 @@ class SplitHistogram {
   Plane Choose(const Box& cell) const;
 
  private:
-  int Bin(float x, int axis) const;
+  size_t Bin(float x, int axis) const;
   Box content_;
+  float bins_per_unit_[3];
   uint64_t count_ = 0;
   std::array<std::array<uint64_t, kBins>, 3> starts_{}, ends_{};
 };

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -27,85 +28,16 @@ struct Reference {
 };
 static_assert(sizeof(Reference) == 32, "half a cache line");
 
-/// A convex polygon: a triangle clipped by at most six planes.
-struct Polygon {
-  static constexpr int kMostPoints = 9;
-  double points[kMostPoints][3];
-  int count = 0;
-
-  explicit Polygon(const KdTriangle& t) : count(3) {
-    for (int i = 0; i < 3; ++i) {
-      points[i][0] = t.vertices[i].x;
-      points[i][1] = t.vertices[i].y;
-      points[i][2] = t.vertices[i].z;
-    }
-  }
-  double Lowest(int axis) const {
-    double x = points[0][axis];
-    for (int i = 1; i < count; ++i) x = std::min(x, points[i][axis]);
-    return x;
-  }
-  double Highest(int axis) const {
-    double x = points[0][axis];
-    for (int i = 1; i < count; ++i) x = std::max(x, points[i][axis]);
-    return x;
-  }
-
-  /// Visits the corners of the part with sign * coordinate <= sign * plane, in order (Sutherland & Hodgman
-  /// 1974).
-  template <class Visit>
-  void VisitPart(int axis, double plane, double sign, Visit&& visit) const {
-    const double* from = points[count - 1];
-    double from_beyond = (from[axis] - plane) * sign;
-    for (int i = 0; i < count; ++i) {
-      const double* to = points[i];
-      const double to_beyond = (to[axis] - plane) * sign;
-      if ((from_beyond > 0) != (to_beyond > 0)) {
-        const double s = from_beyond / (from_beyond - to_beyond);
-        double crossing[3];
-        for (int a = 0; a < 3; ++a) crossing[a] = from[a] + s * (to[a] - from[a]);
-        crossing[axis] = plane;
-        visit(crossing);
-      }
-      if (!(to_beyond > 0)) visit(to);
-      from = to;
-      from_beyond = to_beyond;
-    }
-  }
-
-  void Clip(int axis, double plane, double sign) {
-    Polygon part;
-    VisitPart(axis, plane, sign, [&](const double* p) {
-      if (part.count < kMostPoints) std::copy(p, p + 3, part.points[part.count]);
-      ++part.count;
-    });
-    // More points than a convex polygon can have come from rounding alone: unclipped is safe.
-    if (part.count <= kMostPoints) *this = part;
-  }
-
-  /// Keeps what lies in the cell grown by `growth`.
-  void Clip(const Box& cell, double growth) {
-    for (int a = 0; a < 3 && count > 0; ++a) {
-      const double lower = cell.lower[a] - growth, upper = cell.upper[a] + growth;
-      if (Lowest(a) < lower) Clip(a, lower, -1);
-      if (count > 0 && Highest(a) > upper) Clip(a, upper, 1);
-    }
-  }
-
- private:
-  Polygon() = default;
-};
+/// A point in double, and a fourth number of no account, as the compiler's own vector.
+using Point = double __attribute__((vector_size(32)));
 
 /// The box of points, in double.
 struct PointBox {
-  double lower[3] = {kFloatInfinity, kFloatInfinity, kFloatInfinity};
-  double upper[3] = {-kFloatInfinity, -kFloatInfinity, -kFloatInfinity};
+  Point lower = Point{} + kFloatInfinity, upper = Point{} - kFloatInfinity;
 
-  void Include(const double* p) {
-    for (int a = 0; a < 3; ++a) {
-      lower[a] = std::min(lower[a], p[a]);
-      upper[a] = std::max(upper[a], p[a]);
-    }
+  void Include(Point p) {
+    lower = p < lower ? p : lower;
+    upper = p > upper ? p : upper;
   }
   /// Narrows the reference to this box grown by `growth`. False when nothing is left.
   bool Narrow(Reference& r, double growth) const {
@@ -119,9 +51,93 @@ struct PointBox {
   }
 };
 
+/// A convex polygon: a triangle clipped by at most six planes.
+struct Polygon {
+  static constexpr int kMostPoints = 9;
+  Point points[kMostPoints];
+  int count = 0;
+
+  explicit Polygon(const KdTriangle& t) : count(3) {
+    for (int i = 0; i < 3; ++i) points[i] = Point{t.vertices[i].x, t.vertices[i].y, t.vertices[i].z, 0};
+  }
+  PointBox Bounds() const {
+    PointBox box;
+    for (int i = 0; i < count; ++i) box.Include(points[i]);
+    return box;
+  }
+
+  /// Visits the corners of the part with sign * coordinate <= sign * plane, in order (Sutherland & Hodgman
+  /// 1974).
+  template <class Visit>
+  void VisitPart(int axis, double plane, double sign, Visit&& visit) const {
+    Point from = points[count - 1];
+    double from_beyond = (from[axis] - plane) * sign;
+    for (int i = 0; i < count; ++i) {
+      const Point to = points[i];
+      const double to_beyond = (to[axis] - plane) * sign;
+      if ((from_beyond > 0) != (to_beyond > 0)) {
+        Point crossing = from + from_beyond / (from_beyond - to_beyond) * (to - from);
+        crossing[axis] = plane;
+        visit(crossing);
+      }
+      if (!(to_beyond > 0)) visit(to);
+      from = to;
+      from_beyond = to_beyond;
+    }
+  }
+
+  void Clip(int axis, double plane, double sign) {
+    Point part[kMostPoints];
+    int kept = 0;
+    VisitPart(axis, plane, sign, [&](Point p) {
+      if (kept < kMostPoints) part[kept] = p;
+      ++kept;
+    });
+    // More points than a convex polygon can have come from rounding alone: unclipped is safe.
+    if (kept > kMostPoints) return;
+    std::copy_n(part, kept, points);
+    count = kept;
+  }
+
+  /// Keeps what lies in the cell grown by `growth`.
+  void Clip(const Box& cell, double growth) {
+    PointBox bounds = Bounds();
+    for (int a = 0; a < 3 && count > 0; ++a) {
+      const double lower = cell.lower[a] - growth, upper = cell.upper[a] + growth;
+      const bool below = bounds.lower[a]<lower, above = bounds.upper[a]> upper;
+      if (!below && !above) continue;
+      if (below) Clip(a, lower, -1);
+      if (above && count > 0) Clip(a, upper, 1);
+      bounds = Bounds();
+    }
+  }
+};
+
 /// Eight planes at a time, as the compiler's own vectors.
 using Float8 = float __attribute__((vector_size(32)));
 using Int8 = int32_t __attribute__((vector_size(32)));
+using Float4 = float __attribute__((vector_size(16)));
+using Int4 = int32_t __attribute__((vector_size(16)));
+
+Float8 Load8(const float* values) {
+  Float8 vector;
+  std::memcpy(&vector, values, sizeof vector);
+  return vector;
+}
+/// NextAbove and NextBelow of finite numbers.
+Float8 JustAbove(Float8 x) {
+  x += 0.0f;  // no negative zero
+  Int8 bits;
+  std::memcpy(&bits, &x, sizeof bits);
+  bits += 1 + 2 * Int8(x < 0.0f);  // a true comparison is -1
+  std::memcpy(&x, &bits, sizeof bits);
+  return x;
+}
+Float8 JustBelow(Float8 x) { return -JustAbove(-x); }
+bool Any(Int8 mask) {
+  const auto words = std::bit_cast<std::array<uint64_t, 4>>(mask);
+  return (words[0] | words[1] | words[2] | words[3]) != 0;
+}
 
 struct Split {
   float cost = kFloatInfinity;
@@ -162,13 +178,14 @@ class AxisCost {
     const float cost = (1 + areas * scale_) * (left == 0 || right == 0 ? empty_bonus_ : 1.0f);
     if (cost < best.cost) best = {cost, position, axis_};
   }
-  /// The same for eight planes, all of them inside.
-  void Consider(Float8 position, Int8 left, Int8 right, Splits8& best) const {
+  Int8 Inside(Float8 position) const { return (position > lower_) & (position < upper_); }
+  /// The same for eight planes, of which those `inside` count.
+  void Consider(Float8 position, Int8 left, Int8 right, Int8 inside, Splits8& best) const {
     const Float8 areas = (cap_ + (position - lower_) * rim_) * __builtin_convertvector(left, Float8) +
                          (cap_ + (upper_ - position) * rim_) * __builtin_convertvector(right, Float8);
     const Float8 full = 1 + areas * scale_;
     const Float8 cost = ((left == 0) | (right == 0)) ? full * empty_bonus_ : full;
-    const Int8 less = cost < best.cost;
+    const Int8 less = (cost < best.cost) & inside;
     best.cost = less ? cost : best.cost;
     best.position = less ? position : best.position;
     best.axis = less ? Int8{} + axis_ : best.axis;
@@ -204,9 +221,7 @@ class Builder {
                   0};
       Polygon polygon(triangles_[i]);
       polygon.Clip(cell, growth_);
-      PointBox box;
-      for (int k = 0; k < polygon.count; ++k) box.Include(polygon.points[k]);
-      if (polygon.count > 0 && box.Narrow(r, growth_)) stack_.push_back(r);
+      if (polygon.count > 0 && polygon.Bounds().Narrow(r, growth_)) stack_.push_back(r);
     }
     tree_.nodes.resize(1);
     BuildNode(0, cell, 0, max_bytes, kMaxKdDepth);
@@ -288,37 +303,46 @@ class Builder {
   /// Narrows `r` to the part of the polygon on one side of the plane. False when there is none.
   bool NarrowToPart(const Polygon& polygon, int axis, double plane, double sign, Reference& r) const {
     PointBox box;
-    polygon.VisitPart(axis, plane, sign, [&](const double* p) { box.Include(p); });
+    polygon.VisitPart(axis, plane, sign, [&](Point p) { box.Include(p); });
     return box.Narrow(r, growth_);
   }
 
   Split BestBinned(const Box& cell, std::span<const Reference> references) const {
     Split best;
     const auto count = static_cast<uint32_t>(references.size());
+    // Three axes at a time; the fourth lane is of no account.
+    std::array<std::array<uint32_t, 4>, kBins> starts{}, ends{};
+    Float4 base{}, scale{};
     for (int axis = 0; axis < 3; ++axis) {
-      const float base = cell.lower[axis], extent = cell.extent(axis);
-      if (!(extent > 0)) continue;
-      std::array<uint32_t, kBins> starts{}, ends{};
-      const float scale = kBins / extent;
-      const auto bin = [&](float x) {
-        return static_cast<size_t>(std::min(std::max(0.0f, (x - base) * scale), kBins - 1.0f));
-      };
-      float lowest = kFloatInfinity, highest = -kFloatInfinity;
-      for (const Reference& r : references) {
-        ++starts[bin(r.lower[axis])];
-        ++ends[bin(r.upper[axis])];
-        lowest = std::min(lowest, r.lower[axis]);
-        highest = std::max(highest, r.upper[axis]);
-      }
+      base[axis] = cell.lower[axis];
+      scale[axis] = cell.extent(axis) > 0 ? kBins / cell.extent(axis) : 0.0f;
+    }
+    const auto count_bin = [&](Float4 x, std::array<std::array<uint32_t, 4>, kBins>& bins) {
+      Float4 at = (x - base) * scale;
+      at = at > 0.0f ? at : Float4{};
+      at = at < kBins - 1.0f ? at : Float4{} + (kBins - 1.0f);
+      const Int4 bin = __builtin_convertvector(at, Int4);
+      for (size_t axis = 0; axis < 3; ++axis) ++bins[static_cast<size_t>(bin[axis])][axis];
+    };
+    Float4 lowest = Float4{} + kFloatInfinity, highest = Float4{} - kFloatInfinity;
+    for (const Reference& r : references) {
+      const Float4 lower{r.lower[0], r.lower[1], r.lower[2], 0}, upper{r.upper[0], r.upper[1], r.upper[2], 0};
+      count_bin(lower, starts);
+      count_bin(upper, ends);
+      lowest = lower < lowest ? lower : lowest;
+      highest = upper > highest ? upper : highest;
+    }
+    for (int axis = 0; axis < 3; ++axis) {
+      if (!(cell.extent(axis) > 0)) continue;
       const AxisCost cost(cell, axis, costs_);
       // Planes at the very ends of what is there cut off empty space exactly.
-      cost.Consider(NextBelow(lowest), 0, count, best);
-      cost.Consider(NextAbove(highest), count, 0, best);
+      cost.Consider(NextBelow(lowest[axis]), 0, count, best);
+      cost.Consider(NextAbove(highest[axis]), count, 0, best);
       uint32_t left = 0, right = count;
-      for (int b = 0; b + 1 < kBins; ++b) {
-        left += starts[static_cast<size_t>(b)];
-        right -= ends[static_cast<size_t>(b)];
-        cost.Consider(base + static_cast<float>(b + 1) / scale, left, right, best);
+      for (size_t b = 0; b + 1 < kBins; ++b) {
+        left += starts[b][static_cast<size_t>(axis)];
+        right -= ends[b][static_cast<size_t>(axis)];
+        cost.Consider(base[axis] + static_cast<float>(b + 1) / scale[axis], left, right, best);
       }
     }
     return best.axis < 0 ? best : Shifted(cell, references, best);
@@ -355,28 +379,30 @@ class Builder {
     Splits8 best;
     for (int axis = 0; axis < 3; ++axis) {
       const AxisCost cost(cell, axis, costs_);
-      float lower[kExactUpTo], upper[kExactUpTo];
-      float planes[2 * kExactUpTo + 8];
-      size_t plane_count = 0, count = 0;
+      alignas(32) float lower[kExactUpTo + 8], upper[kExactUpTo + 8];
+      size_t count = 0;
       for (const Reference& r : references) {
         lower[count] = r.lower[axis];
         upper[count++] = r.upper[axis];
-        planes[plane_count] = NextBelow(r.lower[axis]);
-        plane_count += cost.Inside(planes[plane_count]);
-        planes[plane_count] = NextAbove(r.upper[axis]);
-        plane_count += cost.Inside(planes[plane_count]);
       }
-      if (plane_count == 0) continue;
-      for (size_t k = plane_count; k % 8 != 0; ++k) planes[k] = planes[plane_count - 1];
-      for (size_t k = 0; k < plane_count; k += 8) {
-        Float8 position;
-        std::memcpy(&position, planes + k, sizeof position);
+      // What fills the last vector gives no plane inside the cell.
+      for (size_t k = 0; k < 8; ++k) {
+        lower[count + k] = cell.lower[axis];
+        upper[count + k] = cell.upper[axis];
+      }
+      const auto consider = [&](Float8 position) {
+        const Int8 inside = cost.Inside(position);
+        if (!Any(inside)) return;
         Int8 left{}, right{};  // a true comparison is -1
         for (size_t j = 0; j < count; ++j) {
           left -= lower[j] <= position;
           right -= upper[j] >= position;
         }
-        cost.Consider(position, left, right, best);
+        cost.Consider(position, left, right, inside, best);
+      };
+      for (size_t k = 0; k < count; k += 8) {
+        consider(JustBelow(Load8(lower + k)));
+        consider(JustAbove(Load8(upper + k)));
       }
     }
     return best.Best();

@@ -12,7 +12,7 @@
 namespace quarry {
 namespace {
 
-constexpr int kCompressionLevel = 9;
+constexpr int kCompressionLevel = 5;  // 9 takes four times as long for a hundredth less
 
 /// The nodes' symbols and the planes of inner ones, a node before its children, left before right.
 void PutTree(const HotVoxel& voxel, Bytes& out) {
