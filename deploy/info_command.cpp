@@ -26,6 +26,11 @@ Totals Sum(const Catalog& catalog) {
   return t;
 }
 
+/// In the model's own coordinates.
+std::pair<glm::dvec3, glm::dvec3> ModelBounds(const SceneMeta& m) {
+  return {glm::dvec3(m.bounds_lower) + m.offset, glm::dvec3(m.bounds_upper) + m.offset};
+}
+
 nlohmann::ordered_json Describe(const StoreReader& store) {
   const Catalog& c = store.catalog();
   const SceneMeta& m = c.meta;
@@ -46,8 +51,9 @@ nlohmann::ordered_json Describe(const StoreReader& store) {
   j["hot_decoded_bytes"] = t.hot_decoded;
   j["shading_decoded_bytes"] = t.shading_decoded;
   j["blocks_stored_bytes"] = t.stored;
-  j["bounds_lower"] = {m.bounds_lower.x, m.bounds_lower.y, m.bounds_lower.z};
-  j["bounds_upper"] = {m.bounds_upper.x, m.bounds_upper.y, m.bounds_upper.z};
+  const auto [lower, upper] = ModelBounds(m);
+  j["bounds_lower"] = {lower.x, lower.y, lower.z};
+  j["bounds_upper"] = {upper.x, upper.y, upper.z};
   j["up_axis"] = m.up_axis == 1 ? "y" : "z";
   j["offset"] = {m.offset.x, m.offset.y, m.offset.z};
   j["lz4_version"] = m.lz4_version;
@@ -76,9 +82,12 @@ Status PrintInfo(const std::string& scene, bool json) {
              FormatSize(c.meta.largest_decoded));
   fmt::print("  size       {} stored, {} hot and {} shading once decoded\n", FormatSize(store.size()),
              FormatSize(t.hot_decoded), FormatSize(t.shading_decoded));
-  fmt::print("  bounds     {:g} {:g} {:g} to {:g} {:g} {:g}, {} up\n", c.meta.bounds_lower.x,
-             c.meta.bounds_lower.y, c.meta.bounds_lower.z, c.meta.bounds_upper.x, c.meta.bounds_upper.y,
-             c.meta.bounds_upper.z, c.meta.up_axis == 1 ? "y" : "z");
+  const auto [lower, upper] = ModelBounds(c.meta);
+  fmt::print("  bounds     {:.10g} {:.10g} {:.10g} to {:.10g} {:.10g} {:.10g}, {} up\n", lower.x, lower.y,
+             lower.z, upper.x, upper.y, upper.z, c.meta.up_axis == 1 ? "y" : "z");
+  if (c.meta.offset != glm::dvec3(0))
+    fmt::print("  offset     {:.10g} {:.10g} {:.10g} (stored positions are that much less)\n",
+               c.meta.offset.x, c.meta.offset.y, c.meta.offset.z);
   fmt::print("  materials  {}\n  parts      {}\n", store.material_names().size(), store.parts().size());
   return {};
 }

@@ -69,7 +69,7 @@ Status ParseImage(const RenderArguments& a, RenderJob& job) {
 }
 
 Status ParseLights(const RenderArguments& a, const SceneMeta& scene, RenderJob& job) {
-  if (!a.lights.empty()) QUARRY_TRY(ReadLights(a.lights, job));
+  if (!a.lights.empty()) QUARRY_TRY(ReadLights(a.lights, scene.offset, job));
   if (!a.sun.empty()) {
     QUARRY_ASSIGN(const glm::dvec3 sun, ParseVector(a.sun, "--sun"));
     job.lights.push_back({LightKind::kSun, glm::vec3(sun), glm::vec3(0.9f)});
@@ -103,15 +103,21 @@ Status ParseCameras(const RenderArguments& a, const SceneMeta& scene, RenderJob&
     job.first_frame = static_cast<uint32_t>(first);
     job.cameras.assign(path.begin() + static_cast<std::ptrdiff_t>(first),
                        path.begin() + static_cast<std::ptrdiff_t>(last) + 1);
+    for (CameraSpec& camera : job.cameras) {
+      camera.eye -= scene.offset;
+      camera.at -= scene.offset;
+    }
     return {};
   }
   if (!a.frames.empty()) return BadUsage("--frames needs --camera-path");
   CameraSpec camera = DefaultView(scene, static_cast<double>(job.width) / job.height, a.fov);
   if (!a.at.empty()) {
-    QUARRY_ASSIGN(camera.at, ParseVector(a.at, "--at"));
+    QUARRY_ASSIGN(const glm::dvec3 at, ParseVector(a.at, "--at"));
+    camera.at = at - scene.offset;
   }
   if (!a.eye.empty()) {
-    QUARRY_ASSIGN(camera.eye, ParseVector(a.eye, "--eye"));
+    QUARRY_ASSIGN(const glm::dvec3 eye, ParseVector(a.eye, "--eye"));
+    camera.eye = eye - scene.offset;
   }
   if (!a.up.empty()) {
     QUARRY_ASSIGN(camera.up, ParseVector(a.up, "--up"));

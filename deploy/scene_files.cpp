@@ -35,13 +35,15 @@ Status ReadVector(const json& object, const char* name, const std::string& path,
   return {};
 }
 
-Result<Light> ReadLight(const json& object, const std::string& path) {
+Result<Light> ReadLight(const json& object, const glm::dvec3& offset, const std::string& path) {
   const std::string type = object.is_object() ? object.value("type", "") : "";
   if (type != "sun" && type != "point")
     return Fail(fmt::format("{}: a light's type is neither sun nor point", path));
   Light light;
   light.kind = type == "sun" ? LightKind::kSun : LightKind::kPoint;
-  QUARRY_TRY(ReadVector(object, type == "sun" ? "direction" : "position", path, light.vector));
+  glm::dvec3 vector;
+  QUARRY_TRY(ReadVector(object, type == "sun" ? "direction" : "position", path, vector));
+  light.vector = glm::vec3(type == "sun" ? vector : vector - offset);
   QUARRY_TRY(ReadVector(object, "radiance", path, light.radiance));
   return light;
 }
@@ -54,12 +56,12 @@ const json* FindList(const json& root, const char* name) {
 
 }  // namespace
 
-Status ReadLights(const std::string& path, RenderJob& job) {
+Status ReadLights(const std::string& path, const glm::dvec3& offset, RenderJob& job) {
   QUARRY_ASSIGN(const json root, ReadJson(path));
   const json* lights = FindList(root, "lights");
   if (!lights) return Fail(fmt::format("{}: has no list 'lights'", path));
   for (const json& object : *lights) {
-    QUARRY_ASSIGN(const Light light, ReadLight(object, path));
+    QUARRY_ASSIGN(const Light light, ReadLight(object, offset, path));
     job.lights.push_back(light);
   }
   if (root.contains("ambient")) QUARRY_TRY(ReadVector(root, "ambient", path, job.ambient));

@@ -12,8 +12,9 @@ namespace quarry {
 ///   {"lights": [{"type": "sun", "direction": [x,y,z], "radiance": [r,g,b]},
 ///               {"type": "point", "position": [x,y,z], "radiance": [r,g,b]}],
 ///    "ambient": [r,g,b], "background": [r,g,b]}
-/// Fills in job.lights, and ambient and background when they are given. Errors name the file and the member.
-Status ReadLights(const std::string& path, RenderJob& job);
+/// Fills in job.lights, and ambient and background when they are given; `offset` is taken off positions.
+/// Errors name the file and the member.
+Status ReadLights(const std::string& path, const glm::dvec3& offset, RenderJob& job);
 
 /// `--camera-path FILE.json`: {"frames": [{"eye": [..], "at": [..], "up": [..], "fov": degrees}, ...]}.
 Result<std::vector<CameraSpec>> ReadCameraPath(const std::string& path);

@@ -42,6 +42,7 @@ Result<ImportedScene> ImportAll(const PreprocessOptions& options, const std::str
 
 SceneMeta MakeMeta(const ImportedScene& scene, const PreprocessOptions& options) {
   SceneMeta meta;
+  meta.offset = scene.offset;
   meta.bounds_lower = scene.bounds.lower;
   meta.bounds_upper = scene.bounds.upper;
   float largest = 0;

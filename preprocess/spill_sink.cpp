@@ -94,8 +94,21 @@ Status SpillSink::AddPosition(const glm::dvec3& position, const Rgba8& color) {
   const uint32_t packed = static_cast<uint32_t>(color.r) | static_cast<uint32_t>(color.g) << 8 |
                           static_cast<uint32_t>(color.b) << 16 | static_cast<uint32_t>(color.a) << 24;
   if (packed != 0xFFFFFFFFu) scene_.has_shading = true;
-  const StoredPosition stored{glm::vec3(position * scale_), packed};
+  const glm::dvec3 scaled = position * scale_;
+  if (!has_offset_) ChooseOffset(scaled);
+  const StoredPosition stored{glm::vec3(scaled - scene_.offset), packed};
   return positions_->Append(&stored);
+}
+
+/// By the first position, so that the rest can stream: axes on which it lies beyond kFar are moved by whole
+/// steps.
+void SpillSink::ChooseOffset(const glm::dvec3& first) {
+  constexpr double kFar = 16384, kStep = 1024, kMost = 0x1p60;
+  for (int a = 0; a < 3; ++a)
+    if (!(std::fabs(first[a]) <= kMost)) return;  // wait for one that is a place
+  has_offset_ = true;
+  for (int a = 0; a < 3; ++a)
+    if (std::fabs(first[a]) >= kFar) scene_.offset[a] = std::round(first[a] / kStep) * kStep;
 }
 
 Status SpillSink::AddNormal(const glm::vec3& normal) {

@@ -19,6 +19,7 @@ namespace quarry {
 struct ImportedScene {
   std::optional<SpillFile> triangles;  ///< TriangleRecords of RecordBytes(has_shading), in input order
   bool has_shading = false;
+  glm::dvec3 offset{0};  ///< taken off every position, after scaling
   Box bounds{glm::vec3(kInfinity), glm::vec3(-kInfinity)};
   uint64_t input_triangles = 0;
   uint64_t dropped_degenerate = 0;
@@ -30,7 +31,8 @@ struct ImportedScene {
 
 /// The importers' sink: writes vertices, attributes and faces to spill files, and resolves the indices of
 /// each file when it ends, by as many sequential passes as there are windows of the vertices that fit in
-/// memory; never by random access. Degenerate and non-finite triangles are dropped and counted; their ids
+/// memory; never by random access. A model far from the origin is brought near it, so that floats hold its
+/// positions. Degenerate and non-finite triangles are dropped and counted; their ids
 /// stay used.
 class SpillSink final : public ModelSink {
  public:
@@ -54,6 +56,7 @@ class SpillSink final : public ModelSink {
  private:
   struct Face;
   Status Resolve();
+  void ChooseOffset(const glm::dvec3& first);
   Status KeepTriangle(const TriangleRecord& record);
   uint32_t DefaultMaterial();
 
@@ -66,6 +69,7 @@ class SpillSink final : public ModelSink {
   std::unordered_map<std::string, uint32_t> file_parts_;  ///< names of the current file
   std::optional<SpillFile> positions_, normals_, uvs_, faces_;
   uint32_t default_material_ = kNoIndex;
+  bool has_offset_ = false;
   ImportedScene scene_;
 };
 

@@ -25,7 +25,8 @@ inline constexpr AovInfo kAovInfo[kAovs] = {{"depth", 1, false},    {"normal", 3
                                             {"primitive", 1, true}, {"material", 1, true}, {"part", 1, true},
                                             {"voxel", 1, true}};
 
-/// A pinhole or orthographic camera. Positions in scene units, double as given.
+/// A pinhole or orthographic camera. Positions here and in lights are the store's: the model's less its
+/// offset (SceneMeta).
 struct CameraSpec {
   glm::dvec3 eye{0, -1, 0}, at{0}, up{0, 0, 1};
   double fov_degrees = 45;  ///< vertical, in (0, 179]

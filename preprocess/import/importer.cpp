@@ -10,19 +10,24 @@
 namespace quarry {
 namespace {
 
-using Import = Result<uint64_t> (*)(ByteReader&, ModelSink&);
+using Import = Result<uint64_t> (*)(ModelReader&, ModelSink&);
 
-bool LooksLikePly(ByteReader& bytes) {
+bool LooksLikePly(ModelReader& bytes) {
   return bytes.Ensure(4) && bytes.view().starts_with("ply") && IsSpace(bytes.data()[3]);
 }
 
 /// By content first: extensions are often wrong. What is no text of a known kind goes by its extension, whose
 /// reader then says what is wrong with it. Null if neither tells.
-Import ChooseFormat(ByteReader& bytes, const std::filesystem::path& path) {
+Import ChooseFormat(ModelReader& bytes, std::filesystem::path path) {
+  if (bytes.is_packed()) path = path.stem();  // "model.obj.gz"
   if (LooksLikePly(bytes)) return ImportPly;
+  if (LooksLikeGltf(bytes)) return ImportGltf;
+  if (LooksLikeOff(bytes)) return ImportOff;
   if (LooksLikeStl(bytes)) return ImportStl;
   const std::string extension = path.extension().string();
   if (EqualsIgnoringCase(extension, ".obj")) return ImportObj;
+  if (EqualsIgnoringCase(extension, ".off")) return ImportOff;
+  if (EqualsIgnoringCase(extension, ".gltf") || EqualsIgnoringCase(extension, ".glb")) return ImportGltf;
   if (EqualsIgnoringCase(extension, ".stl")) return LooksLikeObj(bytes) ? ImportObj : ImportStl;
   if (EqualsIgnoringCase(extension, ".ply")) return LooksLikeObj(bytes) ? ImportObj : ImportPly;
   return LooksLikeObj(bytes) ? ImportObj : nullptr;
@@ -31,15 +36,16 @@ Import ChooseFormat(ByteReader& bytes, const std::filesystem::path& path) {
 }  // namespace
 
 Status ImportModel(const std::string& path, ModelSink& sink) {
-  QUARRY_ASSIGN(ByteReader bytes, ByteReader::Open(path));
-  if (bytes.size() == 0) return Fail(fmt::format("{}: is empty", path));
+  QUARRY_ASSIGN(ModelReader bytes, ModelReader::Open(path));
+  if (!bytes.Ensure(1) && !bytes.failed()) return Fail(fmt::format("{}: is empty", bytes.path()));
   const Import import = ChooseFormat(bytes, path);
-  if (bytes.read_error() != 0) return bytes.Truncated("");
+  if (bytes.failed()) return bytes.Truncated("");
   if (import == nullptr)
-    return Fail(fmt::format("{}: is neither PLY nor OBJ nor STL, the formats that are read", path));
-  QUARRY_TRY(sink.BeginFile(std::filesystem::path(path).filename().string()));
+    return Fail(
+        fmt::format("{}: is neither PLY, OBJ, STL, OFF nor glTF, the formats that are read", bytes.path()));
+  QUARRY_TRY(sink.BeginFile(std::filesystem::path(bytes.path()).filename().string()));
   QUARRY_ASSIGN(const uint64_t triangles, import(bytes, sink));
-  if (triangles == 0) return Fail(fmt::format("{}: holds no triangles", path));
+  if (triangles == 0) return Fail(fmt::format("{}: holds no triangles", bytes.path()));
   return sink.EndFile();
 }
 

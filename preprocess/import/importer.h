@@ -9,9 +9,10 @@ namespace quarry {
 
 /// Reads the model file at `path` into `sink` (BeginFile ... EndFile), choosing the format by content first
 /// and by extension second: PLY (ASCII, binary little and big endian), OBJ with its MTL files, STL (ASCII,
-/// binary). Memory: at most 4 MiB, whatever the file, plus names and materials. Errors: one sentence with the
-/// path and the line (text) or byte (binary): cannot be opened, truncated, unreadable, format not known, no
-/// triangles at all. `sink` may have been given part of the file by then.
+/// binary), OFF (ASCII), glTF 2.0 and GLB. All but glTF may be packed by gzip or zstd, or come from standard
+/// input, "-". Memory: at most 6 MiB, whatever the file, plus names and materials, and for glTF its JSON.
+/// Errors: one sentence with the path and the line (text) or byte (binary): cannot be opened, truncated,
+/// unreadable, format not known, no triangles at all. `sink` may have been given part of the file by then.
 Status ImportModel(const std::string& path, ModelSink& sink);
 
 }  // namespace quarry

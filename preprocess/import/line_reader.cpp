@@ -34,7 +34,7 @@ Result<bool> LineReader::Next(std::string_view& line) {
       return FailHere("is longer than 1 MiB, so this is no text file of a model");
     searched = seen.size();
   } while (bytes_.Ensure(searched + 1));
-  if (bytes_.read_error() != 0) return bytes_.Truncated("");
+  if (bytes_.failed()) return bytes_.Truncated("");
   line = bytes_.view();
   bytes_.Consume(line.size());
   TrimCarriageReturn(line);

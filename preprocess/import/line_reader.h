@@ -4,18 +4,18 @@
 #include <string>
 #include <string_view>
 
-#include "preprocess/import/byte_reader.h"
+#include "preprocess/import/model_reader.h"
 
 namespace quarry {
 
-/// Reads a text file by lines, on top of a ByteReader that outlives it. Lines end in LF or CR LF; the last
+/// Reads a text file by lines, on top of a ModelReader that outlives it. Lines end in LF or CR LF; the last
 /// may lack its end. A UTF-8 byte order mark at the file's start is passed over.
 class LineReader {
  public:
   /// A line, continuations included, is at most this long.
-  static constexpr size_t kLongestLine = ByteReader::kBufferBytes;
+  static constexpr size_t kLongestLine = ModelReader::kBufferBytes;
 
-  explicit LineReader(ByteReader& bytes) : bytes_(bytes) {}
+  explicit LineReader(ModelReader& bytes) : bytes_(bytes) {}
 
   /// Sets `line` to the next line without its end; valid until the next call. Returns false at the file's
   /// end. Errors: a line over kLongestLine, a read error.
@@ -35,7 +35,7 @@ class LineReader {
   Result<bool> JoinFollowing(std::string_view& line);
   void SkipByteOrderMark();
 
-  ByteReader& bytes_;
+  ModelReader& bytes_;
   uint64_t line_number_ = 0;
   std::string joined_;
 };

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <optional>
 
-#include "preprocess/import/byte_reader.h"
 #include "preprocess/import/line_reader.h"
+#include "preprocess/import/model_reader.h"
 #include "preprocess/import/text_number.h"
 
 namespace quarry {
@@ -58,7 +58,7 @@ Material ToMaterial(const MtlBlock& block) {
 
 class MtlParser {
  public:
-  MtlParser(ByteReader& bytes, const std::function<void(std::string)>& warn) : lines_(bytes), warn_(warn) {}
+  MtlParser(ModelReader& bytes, const std::function<void(std::string)>& warn) : lines_(bytes), warn_(warn) {}
 
   Result<std::vector<Material>> Parse();
 
@@ -160,7 +160,7 @@ bool MtlParser::OptionalReal(TextCursor& rest, std::optional<double>& value) {
 }  // namespace
 
 Result<std::vector<Material>> ReadMtl(const std::string& path, const std::function<void(std::string)>& warn) {
-  QUARRY_ASSIGN(ByteReader bytes, ByteReader::Open(path));
+  QUARRY_ASSIGN(ModelReader bytes, ModelReader::Open(path));
   return MtlParser(bytes, warn).Parse();
 }
 

@@ -28,7 +28,7 @@ struct IndexRange {
 
 class ObjFile {
  public:
-  ObjFile(ByteReader& bytes, ModelSink& sink)
+  ObjFile(ModelReader& bytes, ModelSink& sink)
       : bytes_(bytes), lines_(bytes), sink_(sink), materials_(bytes.path(), sink) {}
 
   Result<uint64_t> Import();
@@ -53,7 +53,7 @@ class ObjFile {
   void WarnOfDangling(const IndexRange& range);
   Status CheckRange(const IndexRange& range) const;
 
-  ByteReader& bytes_;
+  ModelReader& bytes_;
   LineReader lines_;
   ModelSink& sink_;
   ObjMaterials materials_;
@@ -215,7 +215,8 @@ Result<bool> ObjFile::Exists(IndexRange& range, uint64_t value) {
 Status ObjFile::CountAhead() {
   normals_.total = normals_.count;
   uvs_.total = uvs_.count;
-  QUARRY_ASSIGN(ByteReader ahead, ByteReader::Open(bytes_.path()));
+  if (!bytes_.can_reopen()) return {};  // what is to come cannot be known
+  QUARRY_ASSIGN(ModelReader ahead, ModelReader::Open(bytes_.path()));
   if (!ahead.Skip(bytes_.offset())) return {};
   LineReader lines(ahead);
   std::string_view line;
@@ -260,8 +261,8 @@ bool IsObjKeyword(std::string_view word) {
 
 }  // namespace
 
-bool LooksLikeObj(ByteReader& bytes) {
-  bytes.Ensure(ByteReader::kBufferBytes);
+bool LooksLikeObj(ModelReader& bytes) {
+  bytes.Ensure(ModelReader::kBufferBytes);
   std::string_view text = bytes.view();
   if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
   while (!text.empty()) {
@@ -273,6 +274,6 @@ bool LooksLikeObj(ByteReader& bytes) {
   return false;
 }
 
-Result<uint64_t> ImportObj(ByteReader& bytes, ModelSink& sink) { return ObjFile(bytes, sink).Import(); }
+Result<uint64_t> ImportObj(ModelReader& bytes, ModelSink& sink) { return ObjFile(bytes, sink).Import(); }
 
 }  // namespace quarry

@@ -30,7 +30,7 @@ std::optional<PlyType> TypeFromName(std::string_view name) {
 /// Reads the lines after "ply" one by one.
 class HeaderParser {
  public:
-  explicit HeaderParser(ByteReader& bytes) : lines_(bytes) {}
+  explicit HeaderParser(ModelReader& bytes) : lines_(bytes) {}
 
   Result<PlyHeader> Parse();
 
@@ -132,6 +132,6 @@ const PlyElement* PlyHeader::Find(std::string_view name) const {
   return found == elements.end() ? nullptr : &*found;
 }
 
-Result<PlyHeader> ReadPlyHeader(ByteReader& bytes) { return HeaderParser(bytes).Parse(); }
+Result<PlyHeader> ReadPlyHeader(ModelReader& bytes) { return HeaderParser(bytes).Parse(); }
 
 }  // namespace quarry

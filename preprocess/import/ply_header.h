@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "common/base/status.h"
-#include "preprocess/import/byte_reader.h"
+#include "preprocess/import/model_reader.h"
 
 namespace quarry {
 
@@ -46,6 +46,6 @@ struct PlyHeader {
 /// keywords are passed over; lines may end in LF or CR LF. Errors: no "ply" at the start, no or unknown
 /// format, an unknown type, a count that is none, an element named twice, no end_header; each with its line.
 /// At most 256 elements and 4096 properties.
-Result<PlyHeader> ReadPlyHeader(ByteReader& bytes);
+Result<PlyHeader> ReadPlyHeader(ModelReader& bytes);
 
 }  // namespace quarry

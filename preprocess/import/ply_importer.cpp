@@ -168,7 +168,7 @@ Status PlyBody<Source>::FixedRows(const PlyElement& element, const PlyPlan& plan
     if (step.target != PlyStep::kSkip) wanted.push_back({stride, step.type, step.target});
     stride += SizeOf(step.type);
   }
-  ByteReader& bytes = source_.bytes();
+  ModelReader& bytes = source_.bytes();
   if (element.count > bytes.remaining() / stride)
     return source_.FailHere(fmt::format(
         "the header promises {} rows of {} bytes for the element {}, but the file has {} bytes left",
@@ -343,7 +343,7 @@ tl::unexpected<Error> PlyBody<Source>::RowFailure(const PlyElement& element) con
 
 }  // namespace
 
-Result<uint64_t> ImportPly(ByteReader& bytes, ModelSink& sink) {
+Result<uint64_t> ImportPly(ModelReader& bytes, ModelSink& sink) {
   QUARRY_ASSIGN(const PlyHeader header, ReadPlyHeader(bytes));
   switch (header.encoding) {
     case PlyEncoding::kAscii:

@@ -60,7 +60,7 @@ bool AsciiPlySource::SkipValues(PlyType, uint64_t count) {
 
 tl::unexpected<Error> AsciiPlySource::Failure(const std::string& where) const {
   if (!complaint_.empty()) return FailHere(complaint_ + " in " + where);
-  if (bytes_.read_error() != 0) return bytes_.Truncated("");
+  if (bytes_.failed()) return bytes_.Truncated("");
   return FailHere("the file ends in " + where);
 }
 

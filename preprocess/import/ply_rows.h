@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "common/base/status.h"
-#include "preprocess/import/byte_reader.h"
+#include "preprocess/import/model_reader.h"
 #include "preprocess/import/ply_header.h"
 
 namespace quarry {
@@ -74,7 +74,7 @@ class BinaryPlySource {
  public:
   static constexpr bool kBinary = true;
 
-  explicit BinaryPlySource(ByteReader& bytes) : bytes_(bytes) {}
+  explicit BinaryPlySource(ModelReader& bytes) : bytes_(bytes) {}
 
   bool Scalar(PlyType type, double& value) {
     const uint32_t size = SizeOf(type);
@@ -112,12 +112,12 @@ class BinaryPlySource {
     return WithType(type, [at](auto kind) { return static_cast<double>(LoadAs<decltype(kind), kSwap>(at)); });
   }
 
-  ByteReader& bytes() { return bytes_; }
+  ModelReader& bytes() { return bytes_; }
   tl::unexpected<Error> Failure(const std::string& where) const { return bytes_.Truncated("in " + where); }
   tl::unexpected<Error> FailHere(const std::string& what) const { return bytes_.FailHere(what); }
 
  private:
-  ByteReader& bytes_;
+  ModelReader& bytes_;
 };
 
 /// The same of an ASCII body: values separated by any white space, the ends of lines included.
@@ -125,14 +125,14 @@ class AsciiPlySource {
  public:
   static constexpr bool kBinary = false;
 
-  AsciiPlySource(ByteReader& bytes, uint64_t lines_before) : bytes_(bytes), line_(lines_before + 1) {}
+  AsciiPlySource(ModelReader& bytes, uint64_t lines_before) : bytes_(bytes), line_(lines_before + 1) {}
 
   bool Scalar(PlyType type, double& value);
   bool Integer(PlyType type, int64_t& value);
   bool Integers(PlyType type, uint64_t count, std::vector<int64_t>& out);
   bool SkipValues(PlyType type, uint64_t count);
 
-  ByteReader& bytes() { return bytes_; }
+  ModelReader& bytes() { return bytes_; }
   tl::unexpected<Error> Failure(const std::string& where) const;
   tl::unexpected<Error> FailHere(const std::string& what) const;
 
@@ -143,7 +143,7 @@ class AsciiPlySource {
   /// Sets `word` to the next one and passes it; false at the end. A longer word than kLongestWord is cut.
   bool Word(std::string_view& word);
 
-  ByteReader& bytes_;
+  ModelReader& bytes_;
   uint64_t line_;
   std::string complaint_;  ///< Why the last function returned false; empty if the file ended.
 };

@@ -16,13 +16,13 @@ namespace {
 constexpr uint64_t kHeaderBytes = 84;  ///< 80 of text, 4 of count.
 constexpr uint64_t kFacetBytes = 50;   ///< Normal and three corners of 12 bytes, 2 bytes of attributes.
 
-uint64_t PromisedBytes(ByteReader& bytes) {
+uint64_t PromisedBytes(ModelReader& bytes) {
   uint32_t count;
   std::memcpy(&count, bytes.data() + kHeaderBytes - 4, sizeof count);
   return kHeaderBytes + kFacetBytes * count;
 }
 
-bool BeginsWithSolid(ByteReader& bytes) {
+bool BeginsWithSolid(ModelReader& bytes) {
   bytes.Ensure(1024);
   std::string_view text = bytes.view().substr(0, 1024);
   if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
@@ -30,12 +30,12 @@ bool BeginsWithSolid(ByteReader& bytes) {
   return text.size() >= 5 && EqualsIgnoringCase(text.substr(0, 5), "solid");
 }
 
-bool SizeIsBinary(ByteReader& bytes) {
-  return bytes.Ensure(kHeaderBytes) && PromisedBytes(bytes) == bytes.size();
+bool SizeIsBinary(ModelReader& bytes) {
+  return bytes.has_size() && bytes.Ensure(kHeaderBytes) && PromisedBytes(bytes) == bytes.size();
 }
 
 /// Programs write "solid" into binary headers too; a zero byte near the start gives them away.
-bool LooksAscii(ByteReader& bytes) {
+bool LooksAscii(ModelReader& bytes) {
   return BeginsWithSolid(bytes) && bytes.view().substr(0, 1024).find('\0') == std::string_view::npos;
 }
 
@@ -54,12 +54,12 @@ Status AddFacet(ModelSink& sink, const char* facet, uint64_t index) {
   return sink.AddPolygon(corners, kNoIndex, kNoIndex);
 }
 
-Result<uint64_t> ImportBinary(ByteReader& bytes, ModelSink& sink) {
+Result<uint64_t> ImportBinary(ModelReader& bytes, ModelSink& sink) {
   const uint64_t promised = bytes.Ensure(kHeaderBytes) ? PromisedBytes(bytes) : kHeaderBytes;
-  if (promised > bytes.size())
+  if (bytes.has_size() && promised > bytes.size())
     return Fail(fmt::format("{}: is no ASCII STL, and as a binary STL it would need {} bytes, but it has {}",
                             bytes.path(), promised, bytes.size()));
-  if (promised < bytes.size())
+  if (bytes.has_size() && promised < bytes.size())
     sink.Warn(
         fmt::format("{}: {} bytes behind the last facet left out", bytes.path(), bytes.size() - promised));
   bytes.Consume(kHeaderBytes);
@@ -69,13 +69,15 @@ Result<uint64_t> ImportBinary(ByteReader& bytes, ModelSink& sink) {
     QUARRY_TRY(AddFacet(sink, bytes.data(), i));
     bytes.Consume(kFacetBytes);
   }
+  if (!bytes.has_size() && bytes.Ensure(1))
+    sink.Warn(fmt::format("{}: bytes behind the last facet left out", bytes.path()));
   return count;
 }
 
 /// ASCII STL by words, not lines: some writers put a facet on one line. Solids with names are parts.
 class AsciiStl {
  public:
-  AsciiStl(ByteReader& bytes, ModelSink& sink) : lines_(bytes), sink_(sink) {}
+  AsciiStl(ModelReader& bytes, ModelSink& sink) : lines_(bytes), sink_(sink) {}
 
   Result<uint64_t> Import();
 
@@ -157,9 +159,9 @@ Status AsciiStl::EndFacet() {
 
 }  // namespace
 
-bool LooksLikeStl(ByteReader& bytes) { return SizeIsBinary(bytes) || LooksAscii(bytes); }
+bool LooksLikeStl(ModelReader& bytes) { return SizeIsBinary(bytes) || LooksAscii(bytes); }
 
-Result<uint64_t> ImportStl(ByteReader& bytes, ModelSink& sink) {
+Result<uint64_t> ImportStl(ModelReader& bytes, ModelSink& sink) {
   if (!SizeIsBinary(bytes) && LooksAscii(bytes)) return AsciiStl(bytes, sink).Import();
   return ImportBinary(bytes, sink);
 }

@@ -115,6 +115,40 @@ TEST_CASE("Odd files are read, or refused with the reason", "[import][odd]") {
   }
 }
 
+TEST_CASE("Odd glTF and OFF files are read, or refused with the reason", "[import][odd]") {
+  const auto scenes = ScenesFolder();
+  if (!scenes) return;
+  const std::map<std::string, Expectation> files = {
+      {"slicertestmodels/off/cube.off", {"", 12}},
+      {"tinygltf/BoundsChecking/integer-out-of-bounds.gltf", {"byteLength is no whole number"}},
+      // No scene shows these meshes.
+      {"tinygltf/BoundsChecking/invalid-buffer-index.gltf", {kEmpty}},
+      {"tinygltf/BoundsChecking/invalid-buffer-view-index.gltf", {kEmpty}},
+      {"tinygltf/BoundsChecking/invalid-primitive-indices.gltf", {kEmpty}},
+      {"tinygltf/Cube/Cube.gltf", {"", 12}},
+      {"tinygltf/Cube-texture-ext/Cube-textransform.gltf", {"", 12}},
+      {"tinygltf/CubeImageUriSpaces/CubeImageUriSpaces.gltf", {"", 12}},
+      {"tinygltf/CubeImageUriSpaces/CubeImageUriMultipleSpaces.gltf", {"", 12}},
+      {"tinygltf/Extensions-issue97/test.gltf", {"", 1}},
+      {"tinygltf/Extensions-overwrite-issue261/issue-261.gltf", {"", 12}},
+      {"tinygltf/SparseMorphTargets-issue280/singleBlendshapeCube_sparse.glb", {"", 12}},
+      {"tinygltf/regression/unassigned-skeleton.gltf", {"", 8}},
+      {"tinygltf/regression/zero-sized-bin-chunk-issue-440.glb", {"", 1}},
+      {"tinygltf/box01.glb", {"", 12}},
+  };
+  for (const auto& [path, expected] : files) {
+    if (expected.error.empty()) {
+      CheckModel(*scenes / "odd", path, expected.triangles);
+      continue;
+    }
+    CAPTURE(path);
+    RecordingSink sink;
+    const Status status = ImportModel((*scenes / "odd" / path).string(), sink);
+    REQUIRE(!status);
+    CHECK_THAT(status.error().message, Catch::Contains(expected.error));
+  }
+}
+
 TEST_CASE("Real models have the triangles they are known to have", "[import][real]") {
   const auto scenes = ScenesFolder();
   if (!scenes) return;

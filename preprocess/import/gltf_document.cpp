@@ -1,0 +1,194 @@
+#include "preprocess/import/gltf_document.h"
+
+#include <fmt/format.h>
+
+#include <cstring>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+namespace quarry {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr uint32_t kGlbMagic = 0x46546C67;     // "glTF"
+constexpr uint32_t kJsonChunk = 0x4E4F534A;    // "JSON"
+constexpr uint32_t kBinaryChunk = 0x004E4942;  // "BIN"
+
+uint32_t Word(const ModelReader& bytes, size_t at) {
+  uint32_t word;
+  std::memcpy(&word, bytes.data() + at, sizeof word);
+  return word;
+}
+
+/// The next `size` bytes as text.
+Result<std::string> TakeText(ModelReader& bytes, uint64_t size) {
+  std::string text;
+  while (text.size() < size) {
+    if (!bytes.Ensure(1)) return bytes.Truncated("within its JSON");
+    const size_t part = std::min<uint64_t>(size - text.size(), bytes.available());
+    text.append(bytes.data(), part);
+    bytes.Consume(part);
+  }
+  return text;
+}
+
+/// -1 for what is no digit of base64.
+int Base64Digit(char c) {
+  if (c >= 'A' && c <= 'Z') return c - 'A';
+  if (c >= 'a' && c <= 'z') return c - 'a' + 26;
+  if (c >= '0' && c <= '9') return c - '0' + 52;
+  return c == '+' || c == '-' ? 62 : c == '/' || c == '_' ? 63 : -1;
+}
+
+std::optional<Bytes> DecodeBase64(std::string_view text) {
+  Bytes out;
+  out.reserve(text.size() / 4 * 3);
+  uint32_t bits = 0, count = 0;
+  for (const char c : text) {
+    if (c == '=') break;
+    const int digit = Base64Digit(c);
+    if (digit < 0) return std::nullopt;
+    bits = bits << 6 | static_cast<uint32_t>(digit);
+    count += 6;
+    if (count < 8) continue;
+    count -= 8;
+    out.push_back(static_cast<std::byte>(bits >> count));
+  }
+  return out;
+}
+
+/// "%20" and the like, as URIs have them.
+std::string PercentDecoded(std::string_view uri) {
+  const auto hex = [](char c) {
+    return c >= '0' && c <= '9' ? c - '0' : (c | 32) >= 'a' && (c | 32) <= 'f' ? (c | 32) - 'a' + 10 : -1;
+  };
+  std::string out;
+  for (size_t i = 0; i < uri.size(); ++i) {
+    if (uri[i] == '%' && i + 2 < uri.size() && hex(uri[i + 1]) >= 0 && hex(uri[i + 2]) >= 0) {
+      out.push_back(static_cast<char>(hex(uri[i + 1]) * 16 + hex(uri[i + 2])));
+      i += 2;
+    } else {
+      out.push_back(uri[i]);
+    }
+  }
+  return out;
+}
+
+}  // namespace
+
+GltfDocument::GltfDocument(std::string path, std::unique_ptr<Json> json)
+    : path_(std::move(path)), json_(std::move(json)) {}
+GltfDocument::GltfDocument(GltfDocument&&) noexcept = default;
+GltfDocument::~GltfDocument() = default;
+
+tl::unexpected<Error> GltfDocument::FailAt(const std::string& what) const {
+  return Fail(fmt::format("{}: {}", path_, what));
+}
+
+Result<GltfDocument> GltfDocument::Open(ModelReader& bytes) {
+  if (!bytes.has_size())
+    return Fail(
+        fmt::format("{}: glTF is read in any order; give it as a file that is not packed", bytes.path()));
+  uint64_t json_bytes = bytes.size(), glb_begin = 0, glb_size = 0;
+  if (bytes.Ensure(20) && Word(bytes, 0) == kGlbMagic) {
+    if (Word(bytes, 4) != 2)
+      return bytes.FailHere(fmt::format("GLB version {}, of which 2 is read", Word(bytes, 4)));
+    json_bytes = Word(bytes, 12);
+    if (Word(bytes, 16) != kJsonChunk) return bytes.FailHere("the first chunk of the GLB is no JSON");
+    bytes.Consume(20);
+    glb_begin = 20 + (json_bytes + 3) / 4 * 4 + 8;
+  }
+  if (json_bytes > kMostJsonBytes || json_bytes > bytes.remaining())
+    return bytes.FailHere(fmt::format("the JSON's {} bytes go beyond the file, or are too many", json_bytes));
+  QUARRY_ASSIGN(const std::string text, TakeText(bytes, json_bytes));
+  if (glb_begin != 0) {
+    bytes.Skip(std::min<uint64_t>((4 - json_bytes % 4) % 4, bytes.remaining()));
+    if (bytes.Ensure(8) && Word(bytes, 4) == kBinaryChunk) {
+      glb_size = Word(bytes, 0);
+      if (glb_size > bytes.size() - glb_begin)
+        return bytes.FailHere(fmt::format("the binary chunk's {} bytes go beyond the file", glb_size));
+    }
+  }
+  auto json = std::make_unique<Json>();
+  try {
+    *json = Json::parse(text);
+  } catch (const Json::exception& e) {
+    return Fail(fmt::format("{}: {}", bytes.path(), e.what()));
+  }
+  GltfDocument document(bytes.path(), std::move(json));
+  document.glb_begin_ = glb_begin;
+  document.glb_size_ = glb_size;
+  if (!document.json_->is_object()) return document.FailAt("its JSON is no object");
+  const Json* asset = document.json_->contains("asset") ? &document.json_->at("asset") : nullptr;
+  if (!asset || !asset->is_object() || !asset->value("version", "").starts_with("2"))
+    return document.FailAt("is not glTF 2 (asset.version)");
+  return document;
+}
+
+Result<const Json*> GltfDocument::Find(const char* array, uint64_t index) const {
+  const auto it = json_->find(array);
+  if (it == json_->end() || !it->is_array() || index >= it->size() || !(*it)[index].is_object())
+    return FailAt(fmt::format("{}[{}] is not there", array, index));
+  return &(*it)[index];
+}
+
+Result<GltfDocument::Buffer> GltfDocument::OpenBuffer(uint64_t index) {
+  QUARRY_ASSIGN(const Json* json, Find("buffers", index));
+  const auto named = [&](const std::string& what) {
+    return FailAt(fmt::format("buffers[{}]: {}", index, what));
+  };
+  Buffer buffer;
+  if (!json->contains("uri")) {
+    if (index != 0 || glb_size_ == 0) return named("has no uri, and the file no binary chunk for it");
+    QUARRY_ASSIGN(buffer.file, InputFile::Open(path_));
+    buffer.begin = glb_begin_;
+    buffer.size = glb_size_;
+    return buffer;
+  }
+  const auto uri = json->at("uri").get<std::string>();
+  if (uri.starts_with("data:")) {
+    const size_t comma = uri.find(',');
+    if (comma == std::string::npos || uri.find(";base64") > comma)
+      return named("its data: URI is not base64");
+    auto decoded = DecodeBase64(std::string_view(uri).substr(comma + 1));
+    if (!decoded) return named("its data: URI is not base64");
+    inline_bytes_ += decoded->size();
+    if (inline_bytes_ > kMostJsonBytes) return named("too many bytes in data: URIs");
+    buffer.bytes = std::move(*decoded);
+    buffer.size = buffer.bytes.size();
+    return buffer;
+  }
+  const auto file = std::filesystem::path(path_).parent_path() / PercentDecoded(uri);
+  auto opened = InputFile::Open(file.string());
+  if (!opened) return tl::unexpected<Error>(opened.error());
+  buffer.size = opened->size();
+  buffer.file = std::move(*opened);
+  return buffer;
+}
+
+Status GltfDocument::ReadBuffer(uint64_t index, uint64_t offset, std::span<std::byte> out) {
+  QUARRY_TRY(Find("buffers", index));
+  if (buffers_.size() <= index) buffers_.resize(index + 1);
+  if (!buffers_[index]) {
+    QUARRY_ASSIGN(buffers_[index], OpenBuffer(index));
+  }
+  const Buffer& buffer = *buffers_[index];
+  if (offset > buffer.size || out.size() > buffer.size - offset)
+    return FailAt(fmt::format("buffers[{}] ends at byte {}, but bytes up to {} are wanted", index,
+                              buffer.size, offset + out.size()));
+  if (buffer.file) return buffer.file->ReadAt(buffer.begin + offset, out);
+  std::memcpy(out.data(), buffer.bytes.data() + offset, out.size());
+  return {};
+}
+
+Result<uint64_t> GltfDocument::Unsigned(const Json& object, const std::string& where, const char* key,
+                                        std::optional<uint64_t> fallback) const {
+  const auto it = object.find(key);
+  if (it == object.end() && fallback) return *fallback;
+  if (it == object.end()) return FailAt(fmt::format("{}.{} is missing", where, key));
+  if (!it->is_number_unsigned()) return FailAt(fmt::format("{}.{} is no whole number from 0 on", where, key));
+  return it->get<uint64_t>();
+}
+
+}  // namespace quarry

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "common/base/bytes.h"
+#include "common/base/file.h"
+#include "common/base/status.h"
+#include "preprocess/import/model_reader.h"
+
+namespace quarry {
+
+/// A glTF 2.0 or GLB file: its JSON in memory, its buffers where they lie. Not thread-safe.
+class GltfDocument {
+ public:
+  /// JSON of more than this, and buffers inside it of more together, are refused.
+  static constexpr uint64_t kMostJsonBytes = 256u << 20;
+
+  /// Errors: no glTF 2.0, damaged JSON (where), a chunk that goes beyond the file; a file that is packed or
+  /// comes from standard input, since buffers are read in any order.
+  static Result<GltfDocument> Open(ModelReader& bytes);
+  GltfDocument(GltfDocument&&) noexcept;
+  ~GltfDocument();
+
+  const nlohmann::json& json() const { return *json_; }
+  /// "PATH: " + `what`.
+  tl::unexpected<Error> FailAt(const std::string& what) const;
+  /// Element `index` of the top-level array `array`. Errors: it is not there.
+  Result<const nlohmann::json*> Find(const char* array, uint64_t index) const;
+
+  /// Member `key` of `object`, which is called `where`, as a whole number; `fallback` where there is none.
+  /// Errors: it is missing, of another type, negative, a fraction.
+  Result<uint64_t> Unsigned(const nlohmann::json& object, const std::string& where, const char* key,
+                            std::optional<uint64_t> fallback = std::nullopt) const;
+
+  /// Fills `out` from byte `offset` of a buffer. Errors: no such buffer, its file cannot be read, or it has
+  /// fewer bytes.
+  Status ReadBuffer(uint64_t buffer, uint64_t offset, std::span<std::byte> out);
+
+ private:
+  /// Where the bytes of a buffer are.
+  struct Buffer {
+    std::optional<InputFile> file;  ///< else in `bytes`
+    uint64_t begin = 0, size = 0;
+    Bytes bytes;
+  };
+  GltfDocument(std::string path, std::unique_ptr<nlohmann::json> json);
+  Result<Buffer> OpenBuffer(uint64_t index);
+
+  std::string path_;
+  std::unique_ptr<nlohmann::json> json_;
+  uint64_t glb_begin_ = 0, glb_size_ = 0;  ///< the GLB's binary chunk
+  uint64_t inline_bytes_ = 0;
+  std::vector<std::optional<Buffer>> buffers_;  ///< those opened so far
+};
+
+}  // namespace quarry

@@ -1,0 +1,164 @@
+// OFF, ASCII: OFF, COFF, NOFF, STOFF and their combinations. What a face's line says behind its corners (a
+// colour) is passed over.
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <vector>
+
+#include "preprocess/import/formats.h"
+#include "preprocess/import/line_reader.h"
+#include "preprocess/import/text_number.h"
+
+namespace quarry {
+namespace {
+
+/// What a vertex's line holds, by the letters before "OFF".
+struct Layout {
+  bool uv = false, color = false, normal = false, four = false, ndim = false;
+};
+
+/// The letters in the order in which the format wants them; false for anything else.
+bool ParseKeyword(std::string_view word, Layout& layout) {
+  if (!word.ends_with("OFF")) return false;
+  word.remove_suffix(3);
+  const auto take = [&](std::string_view letters) {
+    if (!word.starts_with(letters)) return false;
+    word.remove_prefix(letters.size());
+    return true;
+  };
+  layout.uv = take("ST");
+  layout.color = take("C");
+  layout.normal = take("N");
+  layout.four = take("4");
+  layout.ndim = take("n");
+  return word.empty();
+}
+
+class OffFile {
+ public:
+  OffFile(ModelReader& bytes, ModelSink& sink) : lines_(bytes), sink_(sink) {}
+
+  Result<uint64_t> Import() {
+    QUARRY_TRY(Header());
+    if (layout_.four || layout_.ndim) return lines_.FailHere("OFF of other than 3 dimensions is not read");
+    for (uint64_t i = 0; i < vertices_; ++i) QUARRY_TRY(Vertex(i));
+    for (uint64_t i = 0; i < faces_; ++i) QUARRY_TRY(Face(i));
+    return triangles_;
+  }
+
+ private:
+  /// The next line that is neither empty nor a comment.
+  Result<TextCursor> NextLine(const char* kind, uint64_t index) {
+    std::string_view line;
+    for (;;) {
+      QUARRY_ASSIGN(const bool more, lines_.Next(line));
+      if (!more) return lines_.FailHere(fmt::format("the file ends where {} {} should be", kind, index));
+      TextCursor cursor(line);
+      if (!cursor.AtEnd()) return cursor;
+    }
+  }
+
+  Status Header() {
+    QUARRY_ASSIGN(TextCursor cursor, NextLine("the counts, line", 1));
+    const TextCursor before = cursor;
+    if (!ParseKeyword(cursor.Word(), layout_)) cursor = before;  // the keyword may be left out
+    if (cursor.AtEnd()) {
+      QUARRY_ASSIGN(cursor, NextLine("the counts, line", 2));
+    }
+    if (TextCursor binary = cursor; binary.Word() == "BINARY")
+      return lines_.FailHere("binary OFF is not read; convert it to ASCII");
+    int64_t counts[2];
+    for (int64_t& count : counts) {
+      cursor.SkipBlanks();
+      if (!ParseInteger(cursor, count) || count < 0 || count > 0xFFFFFFFF)
+        return lines_.FailHere("the numbers of vertices and faces should be here");
+    }
+    vertices_ = static_cast<uint64_t>(counts[0]);
+    faces_ = static_cast<uint64_t>(counts[1]);
+    return {};
+  }
+
+  Status Vertex(uint64_t index) {
+    QUARRY_ASSIGN(TextCursor cursor, NextLine("vertex", index));
+    glm::dvec3 position;
+    for (int a = 0; a < 3; ++a)
+      if (!ParseReal(cursor, position[a])) return lines_.FailHere("a vertex needs three numbers");
+    if (layout_.normal) {
+      glm::dvec3 normal;
+      for (int a = 0; a < 3; ++a)
+        if (!ParseReal(cursor, normal[a])) return lines_.FailHere("a normal needs three numbers");
+      QUARRY_TRY(sink_.AddNormal(glm::vec3(normal)));
+    }
+    Rgba8 color;
+    if (layout_.color) QUARRY_TRY(Color(cursor, color));
+    if (layout_.uv) {
+      glm::dvec2 uv;
+      for (int a = 0; a < 2; ++a)
+        if (!ParseReal(cursor, uv[a])) return lines_.FailHere("a texture coordinate needs two numbers");
+      QUARRY_TRY(sink_.AddUv(glm::vec2(uv)));
+    }
+    return sink_.AddPosition(position, color);
+  }
+
+  /// 3 or 4 numbers: 0 to 255 where all are whole, else 0 to 1.
+  Status Color(TextCursor& cursor, Rgba8& color) {
+    double values[4] = {0, 0, 0, 1};
+    bool whole = true;
+    for (int i = 0; i < 4; ++i) {
+      if (i == 3 && (layout_.uv || cursor.AtEnd())) break;
+      TextCursor text = cursor;
+      if (!ParseReal(cursor, values[i]) || !(values[i] >= 0))
+        return lines_.FailHere("a vertex's colour needs three or four numbers");
+      whole &= text.Word().find_first_of(".eE") == std::string_view::npos;
+    }
+    const double scale = whole && *std::max_element(values, values + 3) > 1 ? 1 : 255;
+    uint8_t* const to[] = {&color.r, &color.g, &color.b};
+    for (int i = 0; i < 3; ++i) *to[i] = static_cast<uint8_t>(std::min(values[i] * scale + 0.5, 255.0));
+    return {};
+  }
+
+  Status Face(uint64_t index) {
+    QUARRY_ASSIGN(TextCursor cursor, NextLine("face", index));
+    int64_t count = 0;
+    if (!ParseInteger(cursor, count) || count < 0)
+      return lines_.FailHere("a face begins with its number of corners");
+    if (count > static_cast<int64_t>(kMaxPolygonCorners))
+      return lines_.FailHere(fmt::format("the face has more than {} corners", kMaxPolygonCorners));
+    corners_.clear();
+    for (int64_t i = 0; i < count; ++i) {
+      int64_t vertex = 0;
+      cursor.SkipBlanks();
+      if (!ParseInteger(cursor, vertex))
+        return lines_.FailHere(fmt::format("the face should have {} corners, but has {}", count, i));
+      if (vertex < 0 || static_cast<uint64_t>(vertex) >= vertices_)
+        return lines_.FailHere(
+            fmt::format("the face refers to vertex {}, but the file has only {}, from 0", vertex, vertices_));
+      const auto at = static_cast<uint32_t>(vertex);
+      corners_.push_back({at, layout_.normal ? at : kNoIndex, layout_.uv ? at : kNoIndex});
+    }
+    if (count < 3) return {};
+    triangles_ += static_cast<uint64_t>(count) - 2;
+    return sink_.AddPolygon(corners_, kNoIndex, kNoIndex);
+  }
+
+  LineReader lines_;
+  ModelSink& sink_;
+  Layout layout_;
+  uint64_t vertices_ = 0, faces_ = 0, triangles_ = 0;
+  std::vector<Corner> corners_;
+};
+
+}  // namespace
+
+bool LooksLikeOff(ModelReader& bytes) {
+  bytes.Ensure(1024);
+  const std::string_view text = bytes.view().substr(0, 1024);
+  TextCursor cursor(text.substr(0, text.find_first_of("\r\n")));
+  Layout layout;
+  return ParseKeyword(cursor.Word(), layout);
+}
+
+Result<uint64_t> ImportOff(ModelReader& bytes, ModelSink& sink) { return OffFile(bytes, sink).Import(); }
+
+}  // namespace quarry

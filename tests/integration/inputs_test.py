@@ -1,0 +1,73 @@
+"""Where models come from: pipes, packed files, far from the origin."""
+import gzip
+import pathlib
+import subprocess
+import unittest
+
+from programs import BIN, Case
+
+CUBE = [(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)]
+FACES = [(1, 3, 4, 2), (5, 6, 8, 7), (1, 2, 6, 5), (3, 7, 8, 4), (1, 5, 7, 3), (2, 4, 8, 6)]
+
+
+class Inputs(Case):
+    def cubes(self, name, origin):
+        """Cubes of 1/8, 1/64 and 1/512 at `origin`."""
+        with open(self.path(name), "w") as out:
+            for i, side in enumerate((0.125, 0.015625, 0.001953125)):
+                for c in CUBE:
+                    out.write("v " + " ".join(repr(o + (0.25 * i if a == 0 else 0) + side * c[a]) for a, o in enumerate(origin)) + "\n")
+                for f in FACES:
+                    out.write("f " + " ".join(str(8 * i + k) for k in f) + "\n")
+        return self.path(name)
+
+    def test_a_model_from_standard_input(self):
+        self.must("quarry-scene", "terrain", "--triangles", 5000, "-o", self.path("t.ply"), "--quiet")
+        content = pathlib.Path(self.path("t.ply")).read_bytes()
+        for name, piped in (("plain", content), ("packed", gzip.compress(content))):
+            with self.subTest(name):
+                done = subprocess.run([str(BIN / "quarry-preprocess"), "-", "-o", self.path(name + ".quarry"), "--quiet"],
+                                      input=piped, capture_output=True, timeout=60)
+                self.assertEqual(done.returncode, 0, done.stderr)
+                self.assertEqual(self.info(self.path(name + ".quarry"))["input_triangles"], 5000)
+        done = subprocess.run([str(BIN / "quarry-preprocess"), "-", "-o", self.path("cut.quarry"), "--quiet"],
+                              input=content[:-7], capture_output=True, timeout=60)
+        self.assertEqual(done.returncode, 1)
+        self.assertIn(b"standard input", done.stderr)
+        self.assertFalse(pathlib.Path(self.path("cut.quarry")).exists())
+
+    def test_a_packed_file_gives_the_store_of_the_plain_one(self):
+        self.must("quarry-scene", "plant", "--triangles", 20000, "-o", self.path("p.obj"), "--quiet")
+        self.must("quarry-preprocess", self.path("p.obj"), "-o", self.path("plain.quarry"), "--quiet")
+        packed = self.path("packed") + "/p.obj.gz"
+        pathlib.Path(packed).parent.mkdir()
+        pathlib.Path(packed).write_bytes(gzip.compress(pathlib.Path(self.path("p.obj")).read_bytes()))
+        for library in pathlib.Path(self.folder).glob("*.mtl"):
+            (pathlib.Path(packed).parent / library.name).write_bytes(library.read_bytes())
+        self.must("quarry-preprocess", packed, "-o", self.path("packed.quarry"), "--quiet")
+        self.assertEqual(pathlib.Path(self.path("plain.quarry")).read_bytes(),
+                         pathlib.Path(self.path("packed.quarry")).read_bytes())
+
+    def test_millimetres_survive_far_from_the_origin(self):
+        """A model in UTM metres gives the picture of the same model beside the origin, bit for bit."""
+        far = (500736.0, 5000192.0, 0.0)
+        pictures = []
+        for name, origin in (("near", (0.0, 0.0, 0.0)), ("far", far)):
+            store = self.path(name + ".quarry")
+            self.must("quarry-preprocess", self.cubes(name + ".obj", origin), "-o", store, "--quiet")
+            eye = ",".join(repr(a + b) for a, b in zip(origin, (0.25, -0.625, 0.375)))
+            at = ",".join(repr(a + b) for a, b in zip(origin, (0.25, 0.0, 0.0)))
+            picture = self.path(name + ".exr")
+            self.must("quarry", "render", store, "-o", picture, "--eye", eye, "--at", at, "--mode", "shadow", "--size", "200x150",
+                      "--aov", "depth,normal,primitive", "--quiet")
+            pictures.append(pathlib.Path(picture).read_bytes())
+            info = self.info(store)
+            for a in range(3):
+                self.assertEqual(info["bounds_lower"][a], origin[a])
+        self.assertEqual(info["offset"], list(far))
+        self.assertEqual(len(pictures[0]), len(pictures[1]))
+        self.assertEqual(pictures[0], pictures[1])
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
