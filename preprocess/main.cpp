@@ -11,6 +11,7 @@
 #include "common/base/resource.h"
 #include "common/base/size.h"
 #include "common/base/version.h"
+#include "preprocess/plan.h"
 #include "preprocess/preprocess.h"
 
 namespace quarry {
@@ -50,8 +51,35 @@ void PrintSummary(const PreprocessOptions& options, const PreprocessStatistics& 
                s.meta.dropped_degenerate, s.meta.dropped_not_finite);
 }
 
+/// glTF has a fixed up axis; judged by names alone.
+bool AllGltf(const std::vector<std::string>& models) {
+  return std::ranges::all_of(
+      models, [](const std::string& m) { return m.ends_with(".gltf") || m.ends_with(".glb"); });
+}
+
+Status PrintPlan(const PreprocessOptions& options, const std::string& stats) {
+  QUARRY_ASSIGN(const PreprocessPlan plan, MakePlan(options));
+  if (!options.quiet)
+    fmt::print(
+        "{} triangles, {} vertices{}\n  spill     {} at most, in {}\n  store     {} ({:.1f} bytes a "
+        "triangle)\n"
+        "  memory    {} at most\n  time      about {:.0f} s with {} threads\n",
+        plan.triangles, plan.vertices, plan.has_shading ? ", with normals, uv or colours" : "",
+        FormatSize(plan.spill_bytes), SpillFolder(options), FormatSize(plan.store_bytes),
+        static_cast<double>(plan.store_bytes) / static_cast<double>(plan.triangles),
+        FormatSize(plan.memory_bytes), plan.seconds, options.threads);
+  if (!stats.empty()) {
+    const nlohmann::ordered_json j = {
+        {"input_triangles", plan.triangles},   {"input_vertices", plan.vertices},
+        {"spill_bytes", plan.spill_bytes},     {"store_bytes", plan.store_bytes},
+        {"peak_rss_bytes", plan.memory_bytes}, {"preprocess_wall_s", plan.seconds}};
+    QUARRY_TRY(WriteFileAtomically(stats, AsBytes(j.dump(2) + "\n")));
+  }
+  return CheckRoom(options, plan);
+}
+
 Status Run(PreprocessOptions options, const std::string& memory, const std::string& voxel_size,
-           const std::string& up, const std::string& stats) {
+           const std::string& up, const std::string& stats, bool plan) {
   QUARRY_ASSIGN(options.memory, ParseSize(memory, "--memory"));
   QUARRY_ASSIGN(const uint64_t voxel, ParseSize(voxel_size, "--voxel-size"));
   if (options.memory < kLeastMemory) return BadUsage("--memory must be at least 64M");
@@ -59,7 +87,12 @@ Status Run(PreprocessOptions options, const std::string& memory, const std::stri
     return BadUsage("--voxel-size must lie between 4K and 4M");
   if (!(options.scale > 0) || options.scale > 1e12) return BadUsage("--scale must be a positive number");
   options.voxel_size = static_cast<uint32_t>(voxel);
-  options.up_axis = up == "y" ? 1 : 2;
+  options.up_axis = up == "y" || (up.empty() && AllGltf(options.models)) ? 1 : 2;
+  if (plan) return PrintPlan(options, stats);
+  if (RoomIsTight(options)) {
+    QUARRY_ASSIGN(const PreprocessPlan needed, MakePlan(options));
+    QUARRY_TRY(CheckRoom(options, needed));
+  }
   QUARRY_ASSIGN(const PreprocessStatistics statistics, Preprocess(options));
   if (!options.quiet) PrintSummary(options, statistics);
   if (!stats.empty()) QUARRY_TRY(WriteFileAtomically(stats, AsBytes(StatisticsJson(statistics))));
@@ -72,13 +105,18 @@ int Main(int argc, char** argv) {
   InstallSignalHandlers("quarry-preprocess", "nothing was written");
   PreprocessOptions options;
   options.threads = std::max(1u, std::thread::hardware_concurrency());
-  std::string memory = "1G", voxel_size = "256K", up = "z", stats;
-  CLI::App app{"Cuts triangle models (PLY, OBJ, STL) into a scene store, out of core."};
+  std::string memory = "1G", voxel_size = "256K", up, stats;
+  bool plan = false;
+  CLI::App app{"Cuts triangle models (PLY, OBJ, STL, OFF, glTF) into a scene store, out of core."};
   app.footer(
       "Examples:\n  quarry-preprocess plant.ply -o plant.quarry\n"
-      "  quarry-preprocess hull.stl deck.obj -o ship.quarry --memory 512M --stats ship.json");
+      "  quarry-preprocess hull.stl deck.obj -o ship.quarry --memory 512M --stats ship.json\n"
+      "  quarry-preprocess city.obj.zst -o city.quarry --plan\n"
+      "  curl -s https://models.example/scan.ply.gz | quarry-preprocess - -o scan.quarry");
   app.set_version_flag("--version", std::string("quarry-preprocess ") + kVersion);
-  app.add_option("models", options.models, "Model files; several make one scene")->required();
+  app.add_option("models", options.models,
+                 "Model files, packed by gzip or zstd or not; several make one scene; - is standard input")
+      ->required();
   app.add_option("-o,--output", options.output, "The store to write")->required();
   app.add_option("--memory", memory, "Ceiling on resident memory, e.g. 512M")
       ->envname("QUARRY_MEMORY")
@@ -91,16 +129,18 @@ int Main(int argc, char** argv) {
       ->envname("QUARRY_TMP");
   app.add_option("--voxel-size", voxel_size, "Most bytes of a decoded voxel's hot part")
       ->capture_default_str();
-  app.add_option("--up", up, "The model's up axis")->check(CLI::IsMember({"y", "z"}))->capture_default_str();
+  app.add_option("--up", up, "The models' up axis (default: y for glTF, else z)")
+      ->check(CLI::IsMember({"y", "z"}));
   app.add_option("--scale", options.scale, "Factor on all coordinates")->capture_default_str();
   app.add_option("--stats", stats, "Write statistics as JSON to this file");
+  app.add_flag("--plan", plan, "Only tell triangles, disk, memory and time, and whether the disk has room");
   app.add_flag("--quiet", options.quiet, "Print errors only");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? 0 : 2;
   }
-  const Status status = Run(options, memory, voxel_size, up, stats);
+  const Status status = Run(options, memory, voxel_size, up, stats, plan);
   if (status) return 0;
   fmt::print(stderr, "quarry-preprocess: {}\n", status.error().message);
   return status.error().exit_status;

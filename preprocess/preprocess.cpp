@@ -24,11 +24,6 @@ double SecondsSince(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-std::string FolderOf(const std::string& path) {
-  const auto parent = std::filesystem::path(path).parent_path();
-  return parent.empty() ? "." : parent.string();
-}
-
 Result<ImportedScene> ImportAll(const PreprocessOptions& options, const std::string& tmp,
                                 Progress& progress) {
   SpillSink sink(tmp, options.memory, options.scale,
@@ -61,10 +56,16 @@ SceneMeta MakeMeta(const ImportedScene& scene, const PreprocessOptions& options)
 
 }  // namespace
 
+std::string SpillFolder(const PreprocessOptions& options) {
+  if (!options.tmp_folder.empty()) return options.tmp_folder;
+  const auto parent = std::filesystem::path(options.output).parent_path();
+  return parent.empty() ? "." : parent.string();
+}
+
 Result<PreprocessStatistics> Preprocess(const PreprocessOptions& options) {
   const auto start = Clock::now();
   Progress progress(options.quiet);
-  const std::string tmp = options.tmp_folder.empty() ? FolderOf(options.output) : options.tmp_folder;
+  const std::string tmp = SpillFolder(options);
   // The output first: an unwritable place should not cost an import.
   QUARRY_ASSIGN(StoreWriter writer, StoreWriter::Create(options.output));
   QUARRY_ASSIGN(ImportedScene scene, ImportAll(options, tmp, progress));

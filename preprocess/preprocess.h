@@ -32,6 +32,9 @@ struct PreprocessStatistics {
   uint32_t top_tree_nodes = 0;
 };
 
+/// Where a run puts its temporary files.
+std::string SpillFolder(const PreprocessOptions& options);
+
 /// Makes a scene store of one or several models. Nothing is at `output` unless it succeeds.
 /// Memory: at most options.memory plus the fixed overhead stated in the README.
 Result<PreprocessStatistics> Preprocess(const PreprocessOptions& options);

@@ -91,8 +91,7 @@ uint32_t SpillSink::DefaultMaterial() {
 }
 
 Status SpillSink::AddPosition(const glm::dvec3& position, const Rgba8& color) {
-  const uint32_t packed = static_cast<uint32_t>(color.r) | static_cast<uint32_t>(color.g) << 8 |
-                          static_cast<uint32_t>(color.b) << 16 | static_cast<uint32_t>(color.a) << 24;
+  const uint32_t packed = Packed(color);
   if (packed != 0xFFFFFFFFu) scene_.has_shading = true;
   const glm::dvec3 scaled = position * scale_;
   if (!has_offset_) ChooseOffset(scaled);

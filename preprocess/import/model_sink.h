@@ -25,6 +25,12 @@ struct Rgba8 {
   uint8_t r = 255, g = 255, b = 255, a = 255;
 };
 
+/// r lowest.
+inline uint32_t Packed(const Rgba8& c) {
+  return static_cast<uint32_t>(c.r) | static_cast<uint32_t>(c.g) << 8 | static_cast<uint32_t>(c.b) << 16 |
+         static_cast<uint32_t>(c.a) << 24;
+}
+
 /// Receives one model file after another as a stream, in file order; holds nothing per element for the
 /// importer. Within a file positions, normals and uvs are numbered from 0 in the order given. A polygon may
 /// refer to elements that come later in the same file (OBJ allows it); the sink checks the indices when the

@@ -1,5 +1,7 @@
 """Where models come from: pipes, packed files, far from the origin."""
 import gzip
+import json
+import os
 import pathlib
 import subprocess
 import unittest
@@ -8,6 +10,47 @@ from programs import BIN, Case
 
 CUBE = [(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)]
 FACES = [(1, 3, 4, 2), (5, 6, 8, 7), (1, 2, 6, 5), (3, 7, 8, 4), (1, 5, 7, 3), (2, 4, 8, 6)]
+
+
+class Plan(Case):
+    """`--plan` tells beforehand what a run then takes."""
+
+    def plan(self, *arguments):
+        self.must("quarry-preprocess", *arguments, "-o", self.path("x.quarry"), "--plan", "--quiet", "--stats", self.path("plan.json"))
+        self.assertFalse(pathlib.Path(self.path("x.quarry")).exists())
+        return json.loads(pathlib.Path(self.path("plan.json")).read_text())
+
+    def test_counts_and_sizes(self):
+        for scene in ("terrain", "plant", "forest", "city"):
+            for ending in ("ply", "obj"):
+                with self.subTest(scene=scene, ending=ending):
+                    model = self.path(f"{scene}.{ending}")
+                    self.must("quarry-scene", scene, "--triangles", 200000, "-o", model, "--quiet")
+                    plan = self.plan(model)
+                    self.must("quarry-preprocess", model, "-o", self.path("made.quarry"), "--quiet", "--stats", self.path("made.json"))
+                    made = json.loads(pathlib.Path(self.path("made.json")).read_text())
+                    self.assertEqual(plan["input_triangles"], made["input_triangles"])
+                    self.assertLess(abs(plan["store_bytes"] / made["store_bytes"] - 1), 0.2)
+                    self.assertLess(made["peak_rss_bytes"], plan["peak_rss_bytes"])
+                    self.assertGreater(plan["preprocess_wall_s"], 0)
+        self.must_fail(2, "standard input", "quarry-preprocess", "-", "-o", self.path("x.quarry"), "--plan", stdin=subprocess.DEVNULL)
+
+    def test_a_disk_too_small_is_refused_before_work(self):
+        if os.geteuid() != 0:
+            self.skipTest("needs root, to mount a small disk")
+        small = self.path("small")
+        pathlib.Path(small).mkdir()
+        if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=8M", "tmpfs", small], capture_output=True).returncode != 0:
+            self.skipTest("may not mount a small disk")
+        try:
+            self.must("quarry-scene", "terrain", "--triangles", 100000, "-o", self.path("t.ply"), "--quiet")
+            for plan in ([], ["--plan"]):
+                self.must_fail(1, r"small: about .* MiB of spill are needed, but 8.00 MiB are free", "quarry-preprocess",
+                               self.path("t.ply"), "-o", self.path("x.quarry"), "--tmp", small, "--quiet", *plan)
+            self.must("quarry-scene", "terrain", "--triangles", 2000, "-o", self.path("t.ply"), "--quiet")
+            self.must("quarry-preprocess", self.path("t.ply"), "-o", self.path("x.quarry"), "--tmp", small, "--quiet")
+        finally:
+            subprocess.run(["umount", small], check=True)
 
 
 class Inputs(Case):

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <cstdint>
+
+#include "common/base/status.h"
+#include "preprocess/preprocess.h"
+
+namespace quarry {
+
+/// What a run will take, told beforehand.
+struct PreprocessPlan {
+  uint64_t triangles = 0, vertices = 0;  ///< as counted in the models; exact
+  bool has_shading = false;              ///< normals, texture coordinates or colours
+  uint64_t spill_bytes = 0;              ///< most at any time, in the folder for spill
+  uint64_t store_bytes = 0;              ///< of the store
+  uint64_t memory_bytes = 0;             ///< a bound
+  double seconds = 0;                    ///< on this machine, with nothing else to do
+};
+
+/// Reads the models twice, writing nothing but a sample: once to count, once for triangles from several
+/// places, of which voxels are built. Times and sizes follow from that sample. Errors: as Preprocess for
+/// models that cannot be read; a model from standard input.
+Result<PreprocessPlan> MakePlan(const PreprocessOptions& options);
+
+/// Whether the folders have so little room, beside the models' size, that a plan is worth its time.
+bool RoomIsTight(const PreprocessOptions& options);
+
+/// An error that names both, when the folders for the store and for spill have not the room that `plan`
+/// wants.
+Status CheckRoom(const PreprocessOptions& options, const PreprocessPlan& plan);
+
+}  // namespace quarry
