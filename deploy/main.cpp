@@ -2,6 +2,8 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <cstdio>
+#include <system_error>
 
 #include "common/base/cleanup.h"
 #include "common/base/cpu_check.h"
@@ -50,9 +52,15 @@ int Main(int argc, char** argv) {
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? 0 : 2;
   }
-  const Status status = app.got_subcommand("render") ? Render(render)
-                        : app.got_subcommand("info") ? PrintInfo(scene, json)
-                                                     : Verify(scene, quiet);
+  Status status;
+  try {
+    status = app.got_subcommand("render") ? Render(render)
+             : app.got_subcommand("info") ? PrintInfo(scene, json)
+                                          : Verify(scene, quiet);
+    std::fflush(stdout);
+  } catch (const std::system_error& e) {  // of fmt::print
+    status = Fail(fmt::format("standard output cannot be written: {}", e.code().message()));
+  }
   if (status) return 0;
   fmt::print(stderr, "quarry: {}\n", status.error().message);
   return status.error().exit_status;

@@ -203,18 +203,18 @@ Result<SampleCost> MeasureSample(const PreprocessOptions& options, const Samplin
 /// The most spill at once: while a file's indices are resolved, or when all records are parted the first
 /// time.
 uint64_t SpillPeak(const PreprocessOptions& options, const std::vector<Counts>& files, bool has_shading) {
-  uint64_t peak = 0, records = 0;
+  uint64_t peak = 0, records = 0, triangles = 0;
   for (const Counts& f : files) {
     const uint64_t raw = f.positions * 16 + f.normals * 12 + f.uvs * 8 + f.triangles * 48;
     const uint64_t longest = std::max({f.positions, f.normals, f.uvs});
     const bool several_passes = longest * 36 > options.memory / 4;
-    const uint64_t own = f.triangles * sizeof(TriangleRecord);
+    const uint64_t own = f.triangles * RecordBytes(has_shading);
     peak = std::max(peak, records + raw + own * (several_passes ? 2 : 1));
     records += own;
+    triangles += f.triangles;
   }
-  if (records <= options.memory / 4) return peak;
-  const uint64_t parted = records / sizeof(TriangleRecord) * RecordBytes(has_shading);
-  return std::max(peak, records + parted + parted / 20);
+  if (triangles * (sizeof(TriangleRecord) + sizeof(Box)) <= options.memory / 4) return peak;
+  return std::max(peak, records + records + records / 20);
 }
 
 }  // namespace
@@ -277,9 +277,9 @@ Status CheckRoom(const PreprocessOptions& options, const PreprocessPlan& plan) {
   const uint64_t wanted =
       same ? std::max(plan.spill_bytes + plan.store_bytes / 4, plan.store_bytes) : plan.spill_bytes;
   if (wanted > spill_space.available)
-    return Fail(fmt::format(
-        "{}: about {} of spill{} are needed, but {} are free; --tmp names another folder", spill.string(),
-        FormatSize(wanted), same ? " and store" : "", FormatSize(spill_space.available)));
+    return Fail(fmt::format("{}: about {} of spill{} are needed, but {} are free; --tmp names another folder",
+                            spill.string(), FormatSize(wanted), same ? " and store" : "",
+                            FormatSize(spill_space.available)));
   if (!same && plan.store_bytes > store_space.available)
     return Fail(fmt::format("{}: about {} are needed for the store, but {} are free", options.output,
                             FormatSize(plan.store_bytes), FormatSize(store_space.available)));

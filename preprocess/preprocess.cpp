@@ -6,6 +6,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "common/base/file_lock.h"
 #include "common/base/progress.h"
 #include "common/base/resource.h"
 #include "common/kdtree/triangle_test.h"
@@ -67,6 +68,7 @@ Result<PreprocessStatistics> Preprocess(const PreprocessOptions& options) {
   Progress progress(options.quiet);
   const std::string tmp = SpillFolder(options);
   // The output first: an unwritable place should not cost an import.
+  QUARRY_ASSIGN(const FileLock lock, FileLock::Take(options.output, "another quarry-preprocess"));
   QUARRY_ASSIGN(StoreWriter writer, StoreWriter::Create(options.output));
   QUARRY_ASSIGN(ImportedScene scene, ImportAll(options, tmp, progress));
   PreprocessStatistics statistics;

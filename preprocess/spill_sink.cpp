@@ -159,16 +159,30 @@ Status SpillSink::KeepTriangle(const TriangleRecord& record) {
 
 Status SpillSink::EndFile() {
   for (auto* file : {&positions_, &normals_, &uvs_, &faces_}) QUARRY_TRY((*file)->FinishWriting());
-  // Records are always whole here; Finish drops the shading half if no file had any.
-  if (!scene_.triangles) {
-    QUARRY_ASSIGN(scene_.triangles, SpillFile::Create(folder_, sizeof(TriangleRecord)));
-  }
+  QUARRY_TRY(PrepareTriangles());
   QUARRY_TRY(Resolve());
   positions_.reset();
   normals_.reset();
   uvs_.reset();
   faces_.reset();
   return {};
+}
+
+/// A place for records, with shading if any file has had some so far; those kept before are copied.
+Status SpillSink::PrepareTriangles() {
+  const size_t bytes = RecordBytes(scene_.has_shading);
+  if (scene_.triangles && scene_.triangles->element_bytes() == bytes) return {};
+  std::optional<SpillFile> before = std::move(scene_.triangles);
+  QUARRY_ASSIGN(scene_.triangles, SpillFile::Create(folder_, bytes));
+  if (!before) return {};
+  QUARRY_TRY(before->FinishWriting());
+  SpillReader records(*before);
+  while (const std::byte* kept = records.Next()) {
+    TriangleRecord record;
+    std::memcpy(&record, kept, before->element_bytes());
+    QUARRY_TRY(scene_.triangles->Append(&record));
+  }
+  return records.status();
 }
 
 /// Pass k fills in the corners whose position, normal or uv lies in window k of its stream; records that wait
@@ -186,7 +200,7 @@ Status SpillSink::Resolve() {
     QUARRY_TRY(uvs.Load(*uvs_, first, window));
     std::optional<SpillFile> next;
     if (!last) {
-      QUARRY_ASSIGN(next, SpillFile::Create(folder_, sizeof(TriangleRecord)));
+      QUARRY_ASSIGN(next, SpillFile::Create(folder_, RecordBytes(scene_.has_shading)));
     }
     SpillReader faces(*faces_);
     std::optional<SpillReader> records;
@@ -198,7 +212,7 @@ Status SpillSink::Resolve() {
       if (records) {
         const std::byte* kept = records->Next();
         if (!kept) return records->status();
-        std::memcpy(&record, kept, sizeof record);
+        std::memcpy(&record, kept, partial->element_bytes());
       }
       record.id = face.id;
       record.material = face.material;

@@ -55,6 +55,7 @@ class SpillSink final : public ModelSink {
 
  private:
   struct Face;
+  Status PrepareTriangles();
   Status Resolve();
   void ChooseOffset(const glm::dvec3& first);
   Status KeepTriangle(const TriangleRecord& record);

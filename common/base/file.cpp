@@ -28,6 +28,16 @@ Status WriteAll(int fd, const std::string& path, const char* bytes, size_t size,
   return {};
 }
 
+/// So that the new name outlasts a loss of power. File systems that cannot do it do without.
+void SyncFolderOf(const std::string& path) {
+  const size_t slash = path.rfind('/');
+  const std::string folder = slash == std::string::npos ? "." : path.substr(0, slash + 1);
+  const int fd = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (fd < 0) return;
+  ::fsync(fd);
+  ::close(fd);
+}
+
 }  // namespace
 
 Result<InputFile> InputFile::Open(const std::string& path) {
@@ -129,6 +139,7 @@ Status OutputFile::Commit() {
     return Fail(fmt::format("{}: cannot write: {}", path_, ErrnoText(errno)));
   ::close(std::exchange(fd_, -1));
   Forget(std::exchange(cleanup_, -1));
+  SyncFolderOf(path_);
   return {};
 }
 

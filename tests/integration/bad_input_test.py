@@ -117,6 +117,33 @@ class BadStores(Case):
 
 
 class BadPlaces(Case):
+    def test_two_preprocessors_on_one_output(self):
+        model, store = self.path("m.ply"), self.path("m.quarry")
+        self.must("quarry-scene", "plant", "--triangles", 300000, "-o", model, "--quiet")
+        first = subprocess.Popen([str(BIN / "quarry-preprocess"), model, "-o", store, "--quiet"])
+        self.addCleanup(first.kill)
+        while not pathlib.Path(store + ".lock").exists():
+            self.assertIsNone(first.poll())
+            time.sleep(0.002)
+        first.send_signal(signal.SIGSTOP)
+        self.must_fail(1, "another quarry-preprocess is writing it", "quarry-preprocess", model, "-o", store, "--quiet")
+        # A dead one holds nothing back, though its lock file lies there.
+        first.kill()
+        first.wait()
+        self.must("quarry-preprocess", model, "-o", store, "--quiet")
+        self.assertEqual(sorted(p.name for p in self.folder.iterdir() if "lock" in p.name), [])
+        self.must("quarry", "verify", store, "--quiet")
+
+    def test_a_reader_that_goes_away(self):
+        self.must("quarry-scene", "plant", "--triangles", 300000, "-o", self.path("m.ply"), "--quiet")
+        self.must("quarry-preprocess", self.path("m.ply"), "-o", self.path("m.quarry"), "--quiet")
+        told = subprocess.Popen([str(BIN / "quarry"), "info", self.path("m.quarry"), "--json"], stdout=subprocess.PIPE,
+                                stderr=subprocess.PIPE, text=True)
+        told.stdout.close()
+        self.assertEqual(told.wait(timeout=30), 1)
+        self.assertIn("standard output cannot be written", told.stderr.read())
+        told.stderr.close()
+
     def test_full_disk(self):
         model = self.folder / "cube.ply"
         model.write_text(CUBE)

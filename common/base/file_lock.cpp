@@ -1,0 +1,46 @@
+#include "common/base/file_lock.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+
+#include "common/base/cleanup.h"
+
+namespace quarry {
+
+Result<FileLock> FileLock::Take(const std::string& path, const std::string& holder) {
+  std::string name = path + ".lock";
+  for (;;) {
+    const int fd = ::open(name.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+    if (fd < 0) return Fail(fmt::format("{}: cannot write: {}", path, ErrnoText(errno)));
+    if (::flock(fd, LOCK_EX | LOCK_NB) != 0) {
+      const int error = errno;
+      ::close(fd);
+      if (error == EINTR) continue;
+      if (error == EWOULDBLOCK) return Fail(fmt::format("{}: {} is writing it", path, holder));
+      return Fail(fmt::format("{}: cannot lock: {}", name, ErrnoText(error)));
+    }
+    // The one before may have removed the file between our opening and locking it.
+    struct stat held {
+    }, named{};
+    if (::fstat(fd, &held) == 0 && ::stat(name.c_str(), &named) == 0 && held.st_ino == named.st_ino)
+      return FileLock(std::move(name), fd);
+    ::close(fd);
+  }
+}
+
+FileLock::FileLock(std::string name, int fd)
+    : name_(std::move(name)), fd_(fd), cleanup_(RemoveOnSignal(name_)) {}
+
+FileLock::~FileLock() {
+  if (fd_ < 0) return;
+  ::unlink(name_.c_str());
+  Forget(cleanup_);
+  ::close(fd_);
+}
+
+}  // namespace quarry
