@@ -47,28 +47,38 @@ void TileRenderer::OrderPixels() {
 
 /// Generate: the next primary rays into a packet whose samples have ended.
 void TileRenderer::StartPacket(uint32_t packet) {
-  const uint64_t samples = uint64_t{order_.width} * order_.height * frame_->job.spp;
-  for (uint32_t i = 0; i < RayPacket::kRays && next_sample_ < samples; ++i) {
-    Start(packet * RayPacket::kRays + i);
+  for (uint32_t i = 0; i < RayPacket::kRays && Start(packet * RayPacket::kRays + i); ++i) {
     ready_[packet] |= uint64_t{1} << i;
     ++unfinished_[packet];
   }
 }
 
-void TileRenderer::Start(uint32_t slot) {
-  const uint64_t pixels = uint64_t{order_.width} * order_.height;
+/// The next sample whose ray meets the scene's box; those before it are done with at once. False when there
+/// is none.
+bool TileRenderer::Start(uint32_t slot) {
+  const uint64_t pixels = uint64_t{order_.width} * order_.height, samples = pixels * frame_->job.spp;
   Sample& s = samples_[slot];
-  s.pixel = pixel_order_[next_sample_ % pixels];
-  s.sample = static_cast<uint32_t>(next_sample_ / pixels);
-  ++next_sample_;
-  const uint32_t x = order_.x + s.pixel % order_.width, y = order_.y + s.pixel / order_.width;
-  const glm::vec2 at = PixelSample(frame_->job.seed, y * frame_->job.width + x, s.sample);
-  const PrimaryRay primary =
-      frame_->camera.Shoot(x + static_cast<double>(at.x), y + static_cast<double>(at.y));
-  s.t_offset = primary.t_offset;
-  s.pending_count = 0;
-  Begin(slot, {primary.origin, primary.direction, glm::vec3(1), kPrimaryPath, 0});
-  if (primary.misses) SetRay(slot, primary.origin, primary.direction, 0);  // traversal ends at once
+  for (; next_sample_ < samples; ++next_sample_) {
+    s.pixel = pixel_order_[next_sample_ % pixels];
+    s.sample = static_cast<uint32_t>(next_sample_ / pixels);
+    const uint32_t x = order_.x + s.pixel % order_.width, y = order_.y + s.pixel / order_.width;
+    const glm::vec2 at = PixelSample(frame_->job.seed, y * frame_->job.width + x, s.sample);
+    const PrimaryRay primary =
+        frame_->camera.Shoot(x + static_cast<double>(at.x), y + static_cast<double>(at.y));
+    s.t_offset = primary.t_offset;
+    s.pending_count = 0;
+    if (!primary.misses) {
+      Begin(slot, {primary.origin, primary.direction, glm::vec3(1), kPrimaryPath, 0});
+      ++next_sample_;
+      return true;
+    }
+    ++rays_;
+    s.weight = glm::vec3(1);
+    s.path_code = kPrimaryPath;
+    s.hit = Hit{};
+    Miss(s);
+  }
+  return false;
 }
 
 void TileRenderer::Begin(uint32_t slot, const Pending& ray) {
@@ -152,7 +162,11 @@ void TileRenderer::Traced(uint32_t slot) {
   }
   s.hit = hit;
   s.stage = missed ? Stage::kNext : Stage::kSurface;
-  if (!missed) return;
+  if (missed) Miss(s);
+}
+
+/// Nothing was in the ray's way.
+void TileRenderer::Miss(const Sample& s) {
   if (s.path_code == kPrimaryPath && s.sample == 0) WriteAovs(s);
   Add(s, frame_->job.background);
 }

@@ -104,12 +104,13 @@ class TileRenderer {
 
   void OrderPixels();
   void StartPacket(uint32_t packet);
-  void Start(uint32_t slot);
+  bool Start(uint32_t slot);
   void Round(PinSet& pins);
   void Trace(PinSet& pins, const uint64_t* active, bool any);
   void Advance(uint32_t slot, PinSet& pins);
   Progress StepStage(uint32_t slot, PinSet& pins);
   void Traced(uint32_t slot);
+  void Miss(const Sample& s);
   void Park(uint32_t slot, uint32_t block);
   void Shade(Sample& s);
   void NextLight(uint32_t slot);
