@@ -20,6 +20,14 @@ namespace {
 constexpr uint64_t kLeastMemory = 64ull << 20;
 constexpr uint64_t kLeastVoxel = 4u << 10, kLargestVoxel = 4u << 20;
 
+uint64_t Kept(const PreprocessStatistics& s) {
+  return s.meta.input_triangles - s.meta.dropped_degenerate - s.meta.dropped_not_finite;
+}
+
+double Replication(const PreprocessStatistics& s) {
+  return static_cast<double>(s.stored_references) / static_cast<double>(std::max<uint64_t>(Kept(s), 1));
+}
+
 std::string StatisticsJson(const PreprocessStatistics& s) {
   nlohmann::ordered_json j;
   j["scene_id"] = FormatSceneId(s.scene_id);
@@ -27,7 +35,10 @@ std::string StatisticsJson(const PreprocessStatistics& s) {
   j["dropped_degenerate_triangles"] = s.meta.dropped_degenerate;
   j["dropped_not_finite_triangles"] = s.meta.dropped_not_finite;
   j["voxels"] = s.voxels;
+  j["stored_triangle_references"] = s.stored_references;
+  j["replication"] = Replication(s);
   j["top_tree_nodes"] = s.top_tree_nodes;
+  j["top_tree_depth"] = s.top_tree_depth;
   j["voxel_size_bytes"] = s.meta.voxel_size;
   j["store_bytes"] = s.store_bytes;
   j["warnings"] = s.warnings;
@@ -40,12 +51,15 @@ std::string StatisticsJson(const PreprocessStatistics& s) {
 }
 
 void PrintSummary(const PreprocessOptions& options, const PreprocessStatistics& s) {
-  const auto kept = s.meta.input_triangles - s.meta.dropped_degenerate - s.meta.dropped_not_finite;
   fmt::print(stderr,
-             "{}: {} triangles in {} voxels, {} ({:.1f} bytes a triangle), {:.1f} s, peak memory {}\n",
-             options.output, kept, s.voxels, FormatSize(s.store_bytes),
-             static_cast<double>(s.store_bytes) / static_cast<double>(std::max<uint64_t>(kept, 1)),
-             s.preprocess_wall_s, FormatSize(s.peak_rss_bytes));
+             "{}: {} triangles in {} voxels, {} ({:.1f} bytes a triangle)\n"
+             "replication {:.2f}, top-level tree {} levels deep; {:.1f} s ({:.2f} million triangles a "
+             "second), peak memory {}\n",
+             options.output, Kept(s), s.voxels, FormatSize(s.store_bytes),
+             static_cast<double>(s.store_bytes) / static_cast<double>(std::max<uint64_t>(Kept(s), 1)),
+             Replication(s), s.top_tree_depth, s.preprocess_wall_s,
+             static_cast<double>(s.meta.input_triangles) / std::max(s.preprocess_wall_s, 1e-9) * 1e-6,
+             FormatSize(s.peak_rss_bytes));
   if (s.meta.dropped_degenerate + s.meta.dropped_not_finite > 0)
     fmt::print(stderr, "dropped: {} triangles without area, {} with coordinates that are not finite\n",
                s.meta.dropped_degenerate, s.meta.dropped_not_finite);

@@ -55,6 +55,17 @@ SceneMeta MakeMeta(const ImportedScene& scene, const PreprocessOptions& options)
   return meta;
 }
 
+/// Steps from the root to the deepest leaf. Children lie beyond their parents.
+uint32_t DepthOf(const std::vector<KdNode>& nodes) {
+  std::vector<uint32_t> depth(nodes.size());
+  uint32_t deepest = 0;
+  for (size_t i = 0; i < nodes.size(); ++i) {
+    deepest = std::max(deepest, depth[i]);
+    if (!nodes[i].is_leaf()) depth[nodes[i].left()] = depth[nodes[i].left() + 1] = depth[i] + 1;
+  }
+  return deepest;
+}
+
 }  // namespace
 
 std::string SpillFolder(const PreprocessOptions& options) {
@@ -78,7 +89,7 @@ Result<PreprocessStatistics> Preprocess(const PreprocessOptions& options) {
   const SceneMeta meta = MakeMeta(scene, options);
   const uint64_t triangles = scene.triangles->count();
   const auto build_start = Clock::now();
-  progress.Begin(fmt::format("building voxels of {} triangles", triangles));
+  progress.Begin(fmt::format("building voxels of {} triangles", triangles), "triangles");
   const Box root{meta.root_lower, meta.root_upper};
   VoxelPipeline pipeline(
       options.threads,
@@ -100,7 +111,9 @@ Result<PreprocessStatistics> Preprocess(const PreprocessOptions& options) {
   QUARRY_TRY(pipeline.Finish());
   progress.End();
   statistics.voxels = writer.voxel_count();
+  statistics.stored_references = emitted;
   statistics.top_tree_nodes = static_cast<uint32_t>(top.size());
+  statistics.top_tree_depth = DepthOf(top);
   statistics.meta = meta;
   QUARRY_ASSIGN(statistics.scene_id, writer.Finish(statistics.meta, top, scene.materials, scene.parts));
   statistics.store_bytes = writer.bytes_written();

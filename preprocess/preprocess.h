@@ -29,7 +29,8 @@ struct PreprocessStatistics {
   uint64_t store_bytes = 0;
   double import_wall_s = 0, build_wall_s = 0, preprocess_wall_s = 0;
   uint64_t peak_rss_bytes = 0;
-  uint32_t top_tree_nodes = 0;
+  uint64_t stored_references = 0;  ///< triangles over all voxels, with replication
+  uint32_t top_tree_nodes = 0, top_tree_depth = 0;
 };
 
 /// Where a run puts its temporary files.

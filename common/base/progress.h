@@ -7,12 +7,13 @@
 namespace quarry {
 
 /// Shows how long work is getting on, on standard error: a line rewritten in place on a terminal, with an
-/// estimate of the time left; a plain line every tenth otherwise; nothing when quiet. Not thread-safe.
+/// estimate of the time left once there is something to go by; a plain line every tenth otherwise; nothing
+/// when quiet. Not thread-safe.
 class Progress {
  public:
   explicit Progress(bool quiet);
-  /// Starts a phase, e.g. "reading plant.ply".
-  void Begin(std::string phase);
+  /// Starts a phase, e.g. "reading plant.ply". With a `unit`, "triangles", the rate is shown too.
+  void Begin(std::string phase, std::string unit = "");
   /// `done` of `total` (any unit); cheap when nothing is to be shown.
   void Update(uint64_t done, uint64_t total);
   /// Ends the phase's line.
@@ -22,8 +23,10 @@ class Progress {
 
  private:
   using Clock = std::chrono::steady_clock;
+  std::string Details(uint64_t done, uint64_t total) const;
+
   bool quiet_, terminal_;
-  std::string phase_;
+  std::string phase_, unit_;
   Clock::time_point begun_, shown_;
   int tenth_ = -1;
   bool open_ = false;

@@ -33,6 +33,9 @@ class Plan(Case):
                     self.assertLess(abs(plan["store_bytes"] / made["store_bytes"] - 1), 0.2)
                     self.assertLess(made["peak_rss_bytes"], plan["peak_rss_bytes"])
                     self.assertGreater(plan["preprocess_wall_s"], 0)
+                    info = self.info(self.path("made.quarry"))
+                    self.assertEqual(made["stored_triangle_references"], info["stored_triangle_references"])
+                    self.assertGreater(made["top_tree_depth"], 2)
         self.must_fail(2, "standard input", "quarry-preprocess", "-", "-o", self.path("x.quarry"), "--plan", stdin=subprocess.DEVNULL)
 
     def test_a_disk_too_small_is_refused_before_work(self):
