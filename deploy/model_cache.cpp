@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <cerrno>
 #include <cstdlib>
@@ -49,11 +50,15 @@ Result<std::string> StoreFor(const std::string& scene, bool quiet) {
   if (error) return Fail(fmt::format("{}: cannot make this folder: {}", folder, error.message()));
   const std::string store = folder + "/" + CachedName(scene, info);
   if (fs::exists(store, error)) return store;
-  std::vector<std::string> arguments{scene, "-o", store};
+  // Under a name of our own first: another `quarry render` may be at the same model.
+  const std::string own = fmt::format("{}.{}", store, ::getpid());
+  std::vector<std::string> arguments{scene, "-o", own};
   if (quiet) arguments.push_back("--quiet");
   QUARRY_ASSIGN(const int status, RunSibling("quarry-preprocess", arguments));
   if (status != 0)
     return tl::unexpected<Error>(Error{fmt::format("{}: could not be preprocessed", scene), status});
+  fs::rename(own, store, error);
+  if (error) return Fail(fmt::format("{}: cannot be renamed: {}", own, error.message()));
   return store;
 }
 

@@ -21,6 +21,7 @@ using Clock = std::chrono::steady_clock;
 constexpr uint64_t kWindows = 8;                  // places that the sample comes from
 constexpr uint64_t kWindowVertices = 1u << 15;    // neighbours in the file, of each
 constexpr uint64_t kWindowTriangles = 1u << 14;   // at most
+constexpr uint64_t kFewest = 1000;                // triangles of a sample that tells something
 constexpr uint64_t kOverheadBytes = 44ull << 20;  // of a run beyond --memory: README
 constexpr double kMoreVertices = 1.15;            // in voxels than in files
 constexpr double kOverlap = 0.88;                 // of the threads' time is used, measured with 2
@@ -150,6 +151,7 @@ Status ReadModels(const PreprocessOptions& options, ModelSink& sink) {
 struct SampleCost {
   double seconds = 0, bytes = 0;  ///< a triangle, on one thread
 };
+constexpr SampleCost kUsual{6e-6, 13};
 
 /// Makes voxels of the sample, as a run does of all.
 Result<SampleCost> MeasureSample(const PreprocessOptions& options, const SamplingSink& sample,
@@ -183,8 +185,9 @@ Result<SampleCost> MeasureSample(const PreprocessOptions& options, const Samplin
   }
   QUARRY_TRY(file.FinishWriting());
   const auto count = static_cast<double>(file.count());
-  if (file.count() == 0)
-    return Fail("the models' triangles have no neighbours in the file: they cannot be sampled");
+  // Triangles whose corners lie far apart in the file, or nowhere: what a triangle took in the scenes
+  // measured.
+  if (file.count() < kFewest) return kUsual;
   const float padding = ReferencePadding(largest);
   bounds.lower -= glm::vec3(2 * padding);
   bounds.upper += glm::vec3(2 * padding);

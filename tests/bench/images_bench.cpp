@@ -16,6 +16,7 @@
 #include "deploy/cluster.h"
 #include "deploy/default_view.h"
 #include "tests/bench/embree_image.h"
+#include "tests/bench/median.h"
 #include "tests/bench/views.h"
 #include "worker/engine.h"
 #include "worker/loader.h"
@@ -40,11 +41,6 @@ struct Options {
 
 double Seconds(Clock::time_point since) {
   return std::chrono::duration<double>(Clock::now() - since).count();
-}
-
-double Median(std::vector<double> values) {
-  std::ranges::sort(values);
-  return values[values.size() / 2];
 }
 
 /// The worker's engine in this process, all blocks in its cache.

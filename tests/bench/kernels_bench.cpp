@@ -14,6 +14,7 @@
 #include <random>
 
 #include "tests/bench/embree_rays.h"
+#include "tests/bench/median.h"
 #include "tests/bench/one_level.h"
 #include "tests/bench/ray_sets.h"
 #include "tests/bench/views.h"
@@ -39,11 +40,6 @@ struct Options {
        statistics = false;
   std::string json;
 };
-
-double Median(std::vector<double> values) {
-  std::ranges::sort(values);
-  return values[values.size() / 2];
-}
 
 void PinToOneCore() {
   cpu_set_t set;

@@ -1,5 +1,5 @@
-// Decodes the bytes as a block, as if their checksum were right: two bytes of decoded size (in units of 16), one
-// of kind and rest of it, then what is stored.
+// Decodes the bytes as a block, as if their checksum were right: two bytes of decoded size (in units of 16),
+// one of kind and rest of it, then what is stored.
 #include <cstdint>
 #include <cstdlib>
 #include <span>

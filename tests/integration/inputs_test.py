@@ -3,6 +3,7 @@ import gzip
 import json
 import os
 import pathlib
+import struct
 import subprocess
 import unittest
 
@@ -37,6 +38,19 @@ class Plan(Case):
                     self.assertEqual(made["stored_triangle_references"], info["stored_triangle_references"])
                     self.assertGreater(made["top_tree_depth"], 2)
         self.must_fail(2, "standard input", "quarry-preprocess", "-", "-o", self.path("x.quarry"), "--plan", stdin=subprocess.DEVNULL)
+
+    def test_a_model_whose_triangles_have_no_neighbours_in_the_file(self):
+        count = 100000
+        model = self.path("scattered.ply")
+        with open(model, "wb") as out:
+            out.write(f"ply\nformat binary_little_endian 1.0\nelement vertex {3 * count}\nproperty float x\nproperty float y\n"
+                      f"property float z\nelement face {count}\nproperty list uchar int vertex_indices\nend_header\n".encode())
+            for k in range(3):
+                out.write(b"".join(struct.pack("<3f", i % 300 + (k == 1), i // 300 + (k == 2), 0) for i in range(count)))
+            out.write(b"".join(struct.pack("<B3i", 3, i, count + i, 2 * count + i) for i in range(count)))
+        plan = self.plan(model)
+        self.assertEqual(plan["input_triangles"], count)
+        self.assertGreater(plan["store_bytes"], 0)
 
     def test_a_disk_too_small_is_refused_before_work(self):
         if os.geteuid() != 0:
@@ -81,6 +95,16 @@ class Inputs(Case):
         self.assertEqual(done.returncode, 1)
         self.assertIn(b"standard input", done.stderr)
         self.assertFalse(pathlib.Path(self.path("cut.quarry")).exists())
+
+    def test_two_renders_of_one_model_at_once(self):
+        self.must("quarry-scene", "plant", "--triangles", 100000, "-o", self.path("p.ply"), "--quiet")
+        both = [subprocess.Popen([str(BIN / "quarry"), "render", self.path("p.ply"), "-o", self.path(f"{i}.png"), "--size", "64x48", "--quiet"],
+                                 stderr=subprocess.PIPE, text=True) for i in range(2)]
+        for i, one in enumerate(both):
+            _, errors = one.communicate(timeout=110)
+            self.assertEqual(one.returncode, 0, errors)
+        self.assertEqual(*(pathlib.Path(self.path(f"{i}.png")).read_bytes() for i in range(2)))
+        self.assertEqual(len(list(pathlib.Path(self.path("cache")).iterdir())), 1)
 
     def test_a_packed_file_gives_the_store_of_the_plain_one(self):
         self.must("quarry-scene", "plant", "--triangles", 20000, "-o", self.path("p.obj"), "--quiet")
