@@ -103,7 +103,7 @@ Status Run(PreprocessOptions options, const std::string& memory, const std::stri
   options.voxel_size = static_cast<uint32_t>(voxel);
   options.up_axis = up == "y" || (up.empty() && AllGltf(options.models)) ? 1 : 2;
   if (plan) return PrintPlan(options, stats);
-  if (RoomIsTight(options)) {
+  if (!options.resume && RoomIsTight(options)) {
     QUARRY_ASSIGN(const PreprocessPlan needed, MakePlan(options));
     QUARRY_TRY(CheckRoom(options, needed));
   }
@@ -115,7 +115,7 @@ Status Run(PreprocessOptions options, const std::string& memory, const std::stri
 
 int Main(int argc, char** argv) {
   RequireCpu();
-  KeepHeapSmall();
+  KeepHeapSmall(4 << 20);  // voxels are built in buffers below it, again and again
   InstallSignalHandlers("quarry-preprocess", "nothing was written");
   PreprocessOptions options;
   options.threads = std::max(1u, std::thread::hardware_concurrency());
@@ -126,6 +126,7 @@ int Main(int argc, char** argv) {
       "Examples:\n  quarry-preprocess plant.ply -o plant.quarry\n"
       "  quarry-preprocess hull.stl deck.obj -o ship.quarry --memory 512M --stats ship.json\n"
       "  quarry-preprocess city.obj.zst -o city.quarry --plan\n"
+      "  quarry-preprocess city.obj.zst -o city.quarry --resume\n"
       "  curl -s https://models.example/scan.ply.gz | quarry-preprocess - -o scan.quarry");
   app.set_version_flag("--version", std::string("quarry-preprocess ") + kVersion);
   app.add_option("models", options.models,
@@ -147,6 +148,7 @@ int Main(int argc, char** argv) {
       ->check(CLI::IsMember({"y", "z"}));
   app.add_option("--scale", options.scale, "Factor on all coordinates")->capture_default_str();
   app.add_option("--stats", stats, "Write statistics as JSON to this file");
+  app.add_flag("--resume", options.resume, "Go on with what an earlier run of the same command has left");
   app.add_flag("--plan", plan, "Only tell triangles, disk, memory and time, and whether the disk has room");
   app.add_flag("--quiet", options.quiet, "Print errors only");
   try {

@@ -1,13 +1,12 @@
 #include "preprocess/partition.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cstring>
-#include <glm/common.hpp>
-#include <limits>
 #include <numeric>
-#include <optional>
+#include <utility>
 
-#include "common/kdtree/ray.h"
 #include "common/math/next_float.h"
 #include "preprocess/split.h"
 #include "preprocess/voxel_builder.h"
@@ -15,155 +14,64 @@
 namespace quarry {
 namespace {
 
-constexpr int kMaxDepth = 64;
 constexpr float kEmptyFraction = 0.1f;  // of a voxel's extent: less empty space is not worth a node
-/// Long slivers lie in both halves of every split: beyond this growth along one path they are chained
-/// instead, so that no input makes the store explode.
-constexpr double kMaxGrowth = 10;
-
-Box EmptyBox() { return {glm::vec3(kInfinity), glm::vec3(-kInfinity)}; }
-
-/// The part of `box` inside `cell` joined to `content`.
-void IncludeClipped(const Box& box, const Box& cell, Box& content) {
-  content.Include(glm::max(box.lower, cell.lower));
-  content.Include(glm::min(box.upper, cell.upper));
-}
 
 class Partitioner {
  public:
-  Partitioner(bool has_shading, float padding, const PartitionOptions& options,
-              const std::function<Status(VoxelTask)>& emit)
-      : has_shading_(has_shading),
-        padding_(padding),
-        options_(options),
-        emit_(emit),
-        max_triangles_(MaxTrianglesPerVoxel(options.voxel_size)) {}
+  Partitioner(const PartitionOptions& options, const std::function<Status(VoxelTask)>& emit)
+      : options_(options), emit_(emit), max_triangles_(MaxTrianglesPerVoxel(options.voxel_size)) {}
 
-  /// A node whose triangles lie on disk. `file` is freed before its children are split.
-  Status SplitFile(uint32_t node, SpillFile file, const Box& cell, const Box& content, int depth,
-                   double growth) {
-    if (file.count() * (sizeof(TriangleRecord) + sizeof(Box)) <= options_.memory / 4 ||
-        file.count() <= max_triangles_)
-      return LoadAndSplit(node, std::move(file), cell, content, depth, growth);
-    SplitHistogram histogram(content);
-    QUARRY_TRY(ForEach(file, [&](const TriangleRecord& r) -> Status {
-      histogram.Add(r.PaddedBox(padding_));
-      return Status{};
-    }));
-    const auto plane = histogram.Choose(cell);
-    if (MustChain(plane, depth, growth)) return ChainFile(node, file, cell, content);
-
-    Children child(*this, node, plane, cell);
-    std::optional<SpillFile> files[2];
-    for (auto& f : files) {
-      QUARRY_ASSIGN(f, SpillFile::Create(options_.tmp_folder, RecordBytes(has_shading_)));
-    }
-    QUARRY_TRY(ForEach(file, [&](const TriangleRecord& r) -> Status {
-      const Box box = r.PaddedBox(padding_);
-      for (int side = 0; side < 2; ++side) {
-        if (!child.Touches(box, side)) continue;
-        IncludeClipped(box, child.cell[side], child.content[side]);
-        QUARRY_TRY(files[side]->Append(&r));
-      }
-      return Status{};
-    }));
-    { const SpillFile consumed = std::move(file); }
-    for (auto& f : files) QUARRY_TRY(f->FinishWriting());
-    for (uint32_t side = 0; side < 2; ++side)
-      QUARRY_TRY(SplitFile(child.first + side, std::move(*files[side]), child.cell[side], child.content[side],
-                           depth + 1, growth * plane.growth));
-    return {};
+  Status InMemory(const std::vector<TriangleRecord>& records, const Region& region) {
+    records_ = &records;
+    std::vector<KdTriangle> triangles;
+    triangles.reserve(records.size());
+    for (const TriangleRecord& r : records)
+      triangles.push_back({{r.vertices[0], r.vertices[1], r.vertices[2]}});
+    KdSplitter splitter(triangles, options_.padding, region.cell, kPartitionCosts);
+    splitter_ = &splitter;
+    references_ = splitter.ReferencesIn(region.cell);
+    return Split(0, 0, region);
   }
 
-  std::vector<KdNode>& nodes() { return nodes_; }
+  /// One voxel after the other, in a chain, straight from disk.
+  Status ChainFile(const SpillFile& file, const Region& region, const Box& content) {
+    Box cell = region.cell;
+    tree.nodes[Trim(0, cell, content)] = KdNode::Leaf(tree.voxels, 1);
+    VoxelTask task;
+    uint64_t left = file.count();
+    return ForEachRecord(file, 0, left, [&](const TriangleRecord& r) -> Status {
+      task.triangles.push_back(r);
+      --left;
+      if (left > 0 && task.triangles.size() < max_triangles_) return Status{};
+      task.cell = cell;
+      task.chained = left > 0;
+      return Emit(std::exchange(task, {}));
+    });
+  }
+
+  TopSubtree tree;
 
  private:
-  /// A node's triangles in memory, and their padded boxes.
-  struct Loaded {
-    std::vector<TriangleRecord> records;
-    std::vector<Box> boxes;
-  };
-
-  /// The two halves of a node about to be split.
-  struct Children {
-    Children(Partitioner& p, uint32_t node, const SplitHistogram::Plane& plane, const Box& whole)
-        : axis(plane.axis), position(plane.position), first(static_cast<uint32_t>(p.nodes_.size())) {
-      p.nodes_[node] = KdNode::Inner(axis, position, first);
-      p.nodes_.resize(first + 2);
-      cell[0] = cell[1] = whole;
-      cell[0].upper[axis] = cell[1].lower[axis] = position;
-      content[0] = content[1] = EmptyBox();
-    }
-    bool Touches(const Box& box, int side) const {
-      return side == 0 ? box.lower[axis] <= position : box.upper[axis] >= position;
-    }
-    int axis;
-    float position;
-    uint32_t first;
-    Box cell[2], content[2];
-  };
-
-  static bool MustChain(const SplitHistogram::Plane& plane, int depth, double growth) {
-    return plane.axis < 0 || depth == kMaxDepth || growth * plane.growth > kMaxGrowth;
-  }
-
-  template <class Visit>
-  Status ForEach(const SpillFile& file, Visit&& visit) {
-    SpillReader reader(file);
-    while (const std::byte* bytes = reader.Next()) {
-      TriangleRecord record;
-      std::memcpy(&record, bytes, file.element_bytes());
-      QUARRY_TRY(visit(record));
-    }
-    return reader.status();
-  }
-
-  Status LoadAndSplit(uint32_t node, SpillFile file, const Box& cell, const Box& content, int depth,
-                      double growth) {
-    Loaded loaded;
-    loaded.records.reserve(file.count());
-    loaded.boxes.reserve(file.count());
-    QUARRY_TRY(ForEach(file, [&](const TriangleRecord& r) -> Status {
-      loaded.records.push_back(r);
-      loaded.boxes.push_back(r.PaddedBox(padding_));
-      return Status{};
-    }));
-    { const SpillFile consumed = std::move(file); }
-    std::vector<uint32_t> all(loaded.records.size());
-    std::iota(all.begin(), all.end(), 0u);
-    return SplitInMemory(node, loaded, std::move(all), cell, content, depth, growth);
-  }
-
-  Status SplitInMemory(uint32_t node, const Loaded& loaded, std::vector<uint32_t> indices, const Box& cell,
-                       const Box& content, int depth, double growth) {
-    if (indices.empty()) {
-      nodes_[node] = KdNode::Leaf(0, 0);
+  /// The node's references are those from `begin` on, and are gone afterwards.
+  Status Split(uint32_t node, size_t begin, const Region& region) {
+    const std::span<const KdReference> references = std::span(references_).subspan(begin);
+    const size_t count = references.size();
+    if (count == 0) {
+      tree.nodes[node] = KdNode::Leaf(0, 0);
       return {};
     }
-    SplitHistogram::Plane plane;
-    const bool small = indices.size() <= max_triangles_;
-    if (!small) {
-      SplitHistogram histogram(content);
-      for (uint32_t i : indices) histogram.Add(loaded.boxes[i]);
-      plane = histogram.Choose(cell);
-    }
-    if (small || MustChain(plane, depth, growth)) return Chain(node, loaded.records, indices, cell, content);
+    const SplitPlane plane =
+        count <= max_triangles_ ? SplitPlane{} : ChoosePlane(*splitter_, references, region.cell);
+    if (MustChain(plane, region.depth, region.growth)) return Chain(node, begin, region.cell);
 
-    Children child(*this, node, plane, cell);
-    std::vector<uint32_t> parts[2];
-    for (uint32_t i : indices) {
-      const Box& box = loaded.boxes[i];
-      for (int side = 0; side < 2; ++side) {
-        if (!child.Touches(box, side)) continue;
-        IncludeClipped(box, child.cell[side], child.content[side]);
-        parts[side].push_back(i);
-      }
-    }
-    indices = {};
-    for (uint32_t side = 0; side < 2; ++side)
-      QUARRY_TRY(SplitInMemory(child.first + side, loaded, std::move(parts[side]), child.cell[side],
-                               child.content[side], depth + 1, growth * plane.growth));
-    return {};
+    const auto first = static_cast<uint32_t>(tree.nodes.size());
+    tree.nodes[node] = KdNode::Inner(plane.axis, plane.position, first);
+    tree.nodes.resize(first + 2);
+    const SplitCells child(region.cell, plane);
+    const size_t middle = splitter_->Divide(references_, begin, region.cell, {0, plane.position, plane.axis});
+    const double growth = region.growth * plane.growth;
+    QUARRY_TRY(Split(first, middle, {child.cell[0], region.depth + 1, growth}));
+    return Split(first + 1, begin, {child.cell[1], region.depth + 1, growth});
   }
 
   /// Cuts off the empty space around the content, so that rays that pass through it need no voxel: `cell`
@@ -176,9 +84,9 @@ class Partitioner {
           upper ? cell.upper[axis] - content.upper[axis] : content.lower[axis] - cell.lower[axis];
       if (!(gap > kEmptyFraction * cell.extent(axis))) continue;
       const float plane = upper ? NextAbove(content.upper[axis]) : NextBelow(content.lower[axis]);
-      const auto first = static_cast<uint32_t>(nodes_.size());
-      nodes_[node] = KdNode::Inner(axis, plane, first);
-      nodes_.resize(first + 2);  // empty leaves
+      const auto first = static_cast<uint32_t>(tree.nodes.size());
+      tree.nodes[node] = KdNode::Inner(axis, plane, first);
+      tree.nodes.resize(first + 2);  // empty leaves
       node = first + (upper ? 0 : 1);
       (upper ? cell.upper : cell.lower)[axis] = plane;
     }
@@ -186,58 +94,99 @@ class Partitioner {
   }
 
   /// One voxel, or several in a chain for a pile that no plane parts.
-  Status Chain(uint32_t node, const std::vector<TriangleRecord>& records,
-               const std::vector<uint32_t>& indices, Box cell, const Box& content) {
-    nodes_[Trim(node, cell, content)] = KdNode::Leaf(voxels_, 1);
-    for (size_t i = 0; i < indices.size(); i += max_triangles_) {
-      const size_t end = std::min<size_t>(i + max_triangles_, indices.size());
+  Status Chain(uint32_t node, size_t begin, Box cell) {
+    const std::span<const KdReference> references = std::span(references_).subspan(begin);
+    tree.nodes[Trim(node, cell, ContentOf(references, cell))] = KdNode::Leaf(tree.voxels, 1);
+    for (size_t i = 0; i < references.size(); i += max_triangles_) {
+      const size_t end = std::min<size_t>(i + max_triangles_, references.size());
       VoxelTask task;
       task.cell = cell;
-      task.chained = end < indices.size();
-      for (size_t k = i; k < end; ++k) task.triangles.push_back(records[indices[k]]);
+      task.chained = end < references.size();
+      task.triangles.reserve(end - i);
+      for (size_t k = i; k < end; ++k) task.triangles.push_back((*records_)[references[k].triangle]);
       QUARRY_TRY(Emit(std::move(task)));
     }
-    return {};
-  }
-
-  /// The same, from disk.
-  Status ChainFile(uint32_t node, const SpillFile& file, Box cell, const Box& content) {
-    nodes_[Trim(node, cell, content)] = KdNode::Leaf(voxels_, 1);
-    VoxelTask task;
-    uint64_t left = file.count();
-    QUARRY_TRY(ForEach(file, [&](const TriangleRecord& r) -> Status {
-      task.triangles.push_back(r);
-      --left;
-      if (left > 0 && task.triangles.size() < max_triangles_) return Status{};
-      task.cell = cell;
-      task.chained = left > 0;
-      return Emit(std::exchange(task, {}));
-    }));
+    references_.resize(begin);
     return {};
   }
 
   Status Emit(VoxelTask task) {
-    ++voxels_;
+    ++tree.voxels;
     return emit_(std::move(task));
   }
 
-  const bool has_shading_;
-  const float padding_;
   const PartitionOptions& options_;
   const std::function<Status(VoxelTask)>& emit_;
   const uint32_t max_triangles_;
-  uint32_t voxels_ = 0;
-  std::vector<KdNode> nodes_{1};
+  const std::vector<TriangleRecord>* records_ = nullptr;
+  KdSplitter* splitter_ = nullptr;
+  std::vector<KdReference> references_;  ///< of the nodes still to do, a stack
 };
+
+Result<std::vector<TriangleRecord>> Load(const SpillFile& file) {
+  std::vector<TriangleRecord> records;
+  records.reserve(file.count());
+  QUARRY_TRY(ForEachRecord(file, 0, file.count(), [&](const TriangleRecord& r) -> Status {
+    records.push_back(r);
+    return Status{};
+  }));
+  return records;
+}
 
 }  // namespace
 
-Result<std::vector<KdNode>> Partition(SpillFile triangles, bool has_shading, const Box& root,
-                                      const Box& content, float padding, const PartitionOptions& options,
-                                      const std::function<Status(VoxelTask)>& emit) {
-  Partitioner partitioner(has_shading, padding, options, emit);
-  QUARRY_TRY(partitioner.SplitFile(0, std::move(triangles), root, content, 0, 1));
-  return std::move(partitioner.nodes());
+Result<TopSubtree> PartitionInMemory(const std::vector<TriangleRecord>& triangles, const Region& region,
+                                     const PartitionOptions& options,
+                                     const std::function<Status(VoxelTask)>& emit) {
+  Partitioner partitioner(options, emit);
+  QUARRY_TRY(partitioner.InMemory(triangles, region));
+  return std::move(partitioner.tree);
+}
+
+Result<TopSubtree> PartitionFile(const SpillFile& triangles, const Region& region, const Box& content,
+                                 const PartitionOptions& options,
+                                 const std::function<Status(VoxelTask)>& emit) {
+  if (triangles.count() <= kMostInMemory) {
+    QUARRY_ASSIGN(const std::vector<TriangleRecord> records, Load(triangles));
+    return PartitionInMemory(records, region, options, emit);
+  }
+  TriangleSample sample;
+  QUARRY_TRY(ForEachRecord(triangles, 0, triangles.count(), [&](const TriangleRecord& r) -> Status {
+    sample.Add(r);
+    return Status{};
+  }));
+  const uint64_t weight = sample.weight();
+  const RegionTree parts = ChooseRegions(sample.TakeTriangles(), weight, options.padding, region);
+  if (parts.regions.size() == 1) {
+    Partitioner partitioner(options, emit);
+    QUARRY_TRY(partitioner.ChainFile(triangles, region, content));
+    return std::move(partitioner.tree);
+  }
+  QUARRY_ASSIGN(RegionFiles files, RegionFiles::Open(parts, options.spill_prefix, triangles.element_bytes(),
+                                                     options.memory, 0, {}, {}));
+  QUARRY_TRY(files.Add(triangles, 0, triangles.count(), options.padding, [](uint64_t) {}));
+  QUARRY_TRY(files.FinishWriting());
+  TopSubtree tree{parts.nodes, 0};
+  PartitionOptions inner = options;
+  for (size_t i = 0; i < parts.regions.size(); ++i) {
+    inner.spill_prefix = fmt::format("{}{}-", options.spill_prefix, i);
+    QUARRY_ASSIGN(const TopSubtree part,
+                  PartitionFile(files.file(i), parts.regions[i], files.contents()[i], inner, emit));
+    files.file(i).Remove();
+    Graft(part, parts.leaves[i], tree.voxels, tree.nodes);
+    tree.voxels += part.voxels;
+  }
+  return tree;
+}
+
+void Graft(const TopSubtree& part, uint32_t at, uint32_t first_voxel, std::vector<KdNode>& nodes) {
+  const auto moved = static_cast<uint32_t>(nodes.size()) - 1;  // the part's node 1 goes to the end
+  const auto place = [&](KdNode node) {
+    if (!node.is_leaf()) return KdNode::Inner(node.axis(), node.split(), node.left() + moved);
+    return node.count() == 0 ? node : KdNode::Leaf(node.first() + first_voxel, node.count());
+  };
+  nodes[at] = place(part.nodes[0]);
+  for (size_t i = 1; i < part.nodes.size(); ++i) nodes.push_back(place(part.nodes[i]));
 }
 
 }  // namespace quarry

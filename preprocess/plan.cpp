@@ -11,6 +11,7 @@
 #include "common/kdtree/triangle_test.h"
 #include "preprocess/import/importer.h"
 #include "preprocess/partition.h"
+#include "preprocess/split.h"
 #include "preprocess/voxel_builder.h"
 
 namespace quarry {
@@ -18,11 +19,12 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr uint64_t kWindows = 8;                  // places that the sample comes from
-constexpr uint64_t kWindowVertices = 1u << 15;    // neighbours in the file, of each
-constexpr uint64_t kWindowTriangles = 1u << 14;   // at most
+constexpr uint64_t kWindows = 4;                  // places that the sample comes from
+constexpr uint64_t kWindowVertices = 1u << 16;    // neighbours in the file, of each
+constexpr uint64_t kWindowTriangles = 1u << 15;   // at most
 constexpr uint64_t kFewest = 1000;                // triangles of a sample that tells something
 constexpr uint64_t kOverheadBytes = 44ull << 20;  // of a run beyond --memory: README
+constexpr double kMoreBytes = 1.08;               // a triangle of all than of a sample, which has fewer copies
 constexpr double kMoreVertices = 1.15;            // in voxels than in files
 constexpr double kOverlap = 0.88;                 // of the threads' time is used, measured with 2
 
@@ -156,9 +158,8 @@ constexpr SampleCost kUsual{6e-6, 13};
 /// Makes voxels of the sample, as a run does of all.
 Result<SampleCost> MeasureSample(const PreprocessOptions& options, const SamplingSink& sample,
                                  bool has_shading) {
-  const std::string tmp = SpillFolder(options);
-  QUARRY_ASSIGN(SpillFile file, SpillFile::Create(tmp, sizeof(TriangleRecord)));
-  Box bounds{glm::vec3(kInfinity), glm::vec3(-kInfinity)};
+  std::vector<TriangleRecord> records;
+  Box bounds = EmptyBox();
   float largest = 0;
   for (const SamplingSink::Triangle& t : sample.triangles) {
     TriangleRecord record;
@@ -171,7 +172,7 @@ Result<SampleCost> MeasureSample(const PreprocessOptions& options, const Samplin
       whole &= vertex != nullptr;
       if (!vertex) continue;
       record.vertices[k] = vertex->position;
-      record.shading[k].color = Packed(vertex->color);
+      record.colors[k] = Packed(vertex->color);
     }
     const Box box = record.PaddedBox(0);
     for (int a = 0; a < 3; ++a) {
@@ -181,43 +182,38 @@ Result<SampleCost> MeasureSample(const PreprocessOptions& options, const Samplin
     if (!whole) continue;
     bounds.Include(box.lower);
     bounds.Include(box.upper);
-    QUARRY_TRY(file.Append(&record));
+    records.push_back(record);
   }
-  QUARRY_TRY(file.FinishWriting());
-  const auto count = static_cast<double>(file.count());
+  const auto count = static_cast<double>(records.size());
   // Triangles whose corners lie far apart in the file, or nowhere: what a triangle took in the scenes
   // measured.
-  if (file.count() < kFewest) return kUsual;
+  if (records.size() < kFewest) return kUsual;
   const float padding = ReferencePadding(largest);
   bounds.lower -= glm::vec3(2 * padding);
   bounds.upper += glm::vec3(2 * padding);
   double bytes = 0;
   const auto start = Clock::now();
-  QUARRY_TRY(Partition(std::move(file), has_shading, bounds, bounds, padding,
-                       {tmp, options.memory, options.voxel_size}, [&](const VoxelTask& task) -> Status {
-                         const EncodedVoxel voxel =
-                             BuildVoxel(task.triangles, task.cell, padding, has_shading, options.voxel_size);
-                         bytes += static_cast<double>(voxel.hot.size() + voxel.shading.size());
-                         return {};
-                       }));
+  const PartitionOptions partition{padding, options.voxel_size, options.memory, ""};
+  QUARRY_TRY(PartitionInMemory(records, {bounds}, partition, [&](const VoxelTask& task) -> Status {
+    const EncodedVoxel voxel =
+        BuildVoxel(task.triangles, task.cell, padding, has_shading, options.voxel_size);
+    bytes += static_cast<double>(voxel.hot.size() + voxel.shading.size());
+    return {};
+  }));
   return SampleCost{SecondsSince(start) / count, bytes / count};
 }
 
-/// The most spill at once: while a file's indices are resolved, or when all records are parted the first
-/// time.
-uint64_t SpillPeak(const PreprocessOptions& options, const std::vector<Counts>& files, bool has_shading) {
-  uint64_t peak = 0, records = 0, triangles = 0;
+/// The most spill at once: while a file is imported, or when all triangles have been parted: a slice of them
+/// is in both places, and those that touch several regions in each.
+uint64_t SpillPeak(const std::vector<Counts>& files, Attributes attributes) {
+  uint64_t peak = 0, triangles = 0;
+  const uint64_t record = RecordBytes(attributes);
   for (const Counts& f : files) {
-    const uint64_t raw = f.positions * 16 + f.normals * 12 + f.uvs * 8 + f.triangles * 48;
-    const uint64_t longest = std::max({f.positions, f.normals, f.uvs});
-    const bool several_passes = longest * 36 > options.memory / 4;
-    const uint64_t own = f.triangles * RecordBytes(has_shading);
-    peak = std::max(peak, records + raw + own * (several_passes ? 2 : 1));
-    records += own;
     triangles += f.triangles;
+    peak = std::max(peak, triangles * record + f.positions * 16 + f.normals * 12 + f.uvs * 8);
   }
-  if (triangles * (sizeof(TriangleRecord) + sizeof(Box)) <= options.memory / 4) return peak;
-  return std::max(peak, records + records + records / 20);
+  if (triangles <= kMostInMemory) return peak;
+  return std::max(peak, (triangles + triangles / 20 + std::min(triangles, kPartedAtOnce)) * record);
 }
 
 }  // namespace
@@ -245,8 +241,12 @@ Result<PreprocessPlan> MakePlan(const PreprocessOptions& options) {
   const auto triangles = static_cast<double>(plan.triangles);
   // The sample has no normals and texture coordinates: nearly all bits of those are random.
   const double shading = (static_cast<double>(normals) * 9 + static_cast<double>(uvs) * 6) * kMoreVertices;
-  plan.store_bytes = static_cast<uint64_t>(triangles * cost.bytes + shading);
-  plan.spill_bytes = SpillPeak(options, counted.files, plan.has_shading);
+  plan.store_bytes = static_cast<uint64_t>(triangles * cost.bytes * kMoreBytes + shading);
+  const Attributes attributes = uvs                 ? Attributes::kUvs
+                                : normals           ? Attributes::kNormals
+                                : counted.has_color ? Attributes::kColors
+                                                    : Attributes::kNone;
+  plan.spill_bytes = SpillPeak(counted.files, attributes);
   plan.memory_bytes = options.memory + kOverheadBytes;
   const double threads = options.threads > 1 ? kOverlap * options.threads : 1;
   plan.seconds = 2 * reading_s + triangles * cost.seconds / threads;

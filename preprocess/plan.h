@@ -18,9 +18,8 @@ struct PreprocessPlan {
 };
 
 /// Reads the models twice, writing nothing but a sample: once to count, once for triangles from several
-/// places, of which voxels are built. Times and sizes follow from that sample, or from usual ones where it is too small.
-/// Errors: as Preprocess for
-/// models that cannot be read; a model from standard input.
+/// places, of which voxels are built. Times and sizes follow from that sample, or from usual ones where it is
+/// too small. Errors: as Preprocess for models that cannot be read; a model from standard input.
 Result<PreprocessPlan> MakePlan(const PreprocessOptions& options);
 
 /// Whether the folders have so little room, beside the models' size, that a plan is worth its time.

@@ -1,40 +1,117 @@
 #include "preprocess/preprocess.h"
 
 #include <fmt/format.h>
+#include <lz4.h>
+#include <sys/stat.h>
 
 #include <chrono>
 #include <cmath>
 #include <filesystem>
+#include <numeric>
+#include <optional>
 
 #include "common/base/file_lock.h"
 #include "common/base/progress.h"
 #include "common/base/resource.h"
+#include "common/base/version.h"
 #include "common/kdtree/triangle_test.h"
 #include "preprocess/import/importer.h"
 #include "preprocess/partition.h"
 #include "preprocess/spill_sink.h"
+#include "preprocess/split.h"
 #include "preprocess/voxel_builder.h"
 #include "preprocess/voxel_pipeline.h"
+#include "preprocess/work_folder.h"
 
 namespace quarry {
 namespace {
 
 using Clock = std::chrono::steady_clock;
 
+constexpr double kSecondsToNote = 1;  // work that may be lost is about this much, or one unit
+
 double SecondsSince(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-Result<ImportedScene> ImportAll(const PreprocessOptions& options, const std::string& tmp,
-                                Progress& progress) {
-  SpillSink sink(tmp, options.memory, options.scale,
-                 [&](const std::string& text) { progress.Say("warning: " + text); });
-  for (const std::string& model : options.models) {
-    progress.Say(fmt::format("reading {}", model));
-    QUARRY_TRY(ImportModel(model, sink));
-  }
-  return sink.Finish();
+/// A model as it must be found again by a run that goes on after it.
+std::string Identity(const std::string& model) {
+  struct stat info {};
+  if (model == "-" || ::stat(model.c_str(), &info) != 0) return model;
+  return fmt::format("{} of {} bytes, changed at {}.{:09}", model, info.st_size, info.st_mtim.tv_sec,
+                     info.st_mtim.tv_nsec);
 }
+
+std::string Command(const PreprocessOptions& options) {
+  return fmt::format("version {}\nLZ4 {}\n--voxel-size {}\n--scale {}\n--up {}\n", kVersion,
+                     LZ4_VERSION_NUMBER, options.voxel_size, options.scale, options.up_axis == 1 ? "y" : "z");
+}
+
+/// Imports what the notes do not have.
+class Import {
+ public:
+  Import(const PreprocessOptions& options, WorkFolder& work, Progress& progress)
+      : options_(options),
+        work_(work),
+        progress_(progress),
+        sink_(work.spill_folder(), options.memory, options.scale,
+              [&](const std::string& text) { progress_.Say("warning: " + text); }) {}
+
+  Result<ImportedScene> Run() {
+    QUARRY_ASSIGN(const size_t done, Restore());
+    auto noted = Clock::now();
+    for (size_t i = done; i < options_.models.size(); ++i) {
+      progress_.Say(fmt::format("reading {}", options_.models[i]));
+      identities_ += Identity(options_.models[i]) + '\n';
+      QUARRY_TRY(ImportModel(options_.models[i], sink_));
+      const bool last = i + 1 == options_.models.size();
+      if (last ? !sink_.spills() : SecondsSince(noted) < kSecondsToNote) continue;
+      ByteWriter note;
+      note.Put(static_cast<uint32_t>(i + 1));
+      note.Put(static_cast<uint32_t>(identities_.size()));
+      note.PutArray(identities_);
+      QUARRY_ASSIGN(const Bytes state, sink_.Save());
+      note.PutArray(state);
+      QUARRY_TRY(work_.Add(NoteKind::kImported, note.Take()));
+      noted = Clock::now();
+    }
+    return sink_.Finish();
+  }
+
+ private:
+  /// The number of models that need not be read again.
+  Result<size_t> Restore() {
+    const Note* last = nullptr;
+    bool all = false;
+    for (const Note& note : work_.notes()) {
+      if (note.kind == NoteKind::kImported) last = &note;
+      all |= note.kind == NoteKind::kRegions;
+    }
+    if (!last) {
+      if (options_.resume) progress_.Say("nothing is there to go on with: beginning anew");
+      return 0;
+    }
+    ByteReader in(last->bytes);
+    const auto models = in.Get<uint32_t>();
+    identities_ = AsText(in.GetSpan(in.Get<uint32_t>()));
+    std::string now;
+    for (size_t i = 0; i < models && i < options_.models.size(); ++i)
+      now += Identity(options_.models[i]) + '\n';
+    if (!in.ok() || now != identities_ || (all && models != options_.models.size()))
+      return Fail(fmt::format(
+          "{}: was begun with other models, or they have changed since; begin anew without --resume",
+          work_.path()));
+    progress_.Say(fmt::format("going on with {}", work_.path()));
+    QUARRY_TRY(sink_.Restore(in.GetSpan(in.remaining()), !all));
+    return models;
+  }
+
+  const PreprocessOptions& options_;
+  WorkFolder& work_;
+  Progress& progress_;
+  SpillSink sink_;
+  std::string identities_;
+};
 
 SceneMeta MakeMeta(const ImportedScene& scene, const PreprocessOptions& options) {
   SceneMeta meta;
@@ -55,15 +132,231 @@ SceneMeta MakeMeta(const ImportedScene& scene, const PreprocessOptions& options)
   return meta;
 }
 
-/// Steps from the root to the deepest leaf. Children lie beyond their parents.
-uint32_t DepthOf(const std::vector<KdNode>& nodes) {
-  std::vector<uint32_t> depth(nodes.size());
-  uint32_t deepest = 0;
-  for (size_t i = 0; i < nodes.size(); ++i) {
-    deepest = std::max(deepest, depth[i]);
-    if (!nodes[i].is_leaf()) depth[nodes[i].left()] = depth[nodes[i].left() + 1] = depth[i] + 1;
+/// From triangles to voxels in the store: all at once when memory holds them; else parted into regions on
+/// disk, then region by region.
+class Build {
+ public:
+  Build(const PreprocessOptions& options, WorkFolder& work, Progress& progress, ImportedScene& scene)
+      : options_(options), work_(work), progress_(progress), scene_(scene), meta_(MakeMeta(scene, options)) {
+    whole_.cell = {meta_.root_lower, meta_.root_upper};
+    partition_.padding = meta_.padding;
+    partition_.voxel_size = options.voxel_size;
+    partition_.memory = options.memory / 4;
+    partition_.spill_prefix = work.spill_folder() + "/region-";
   }
-  return deepest;
+
+  Status Run() {
+    const uint64_t triangles = scene_.triangles->count();
+    if (triangles > kMostInMemory) {
+      QUARRY_TRY(TakeNotes());
+      QUARRY_TRY(Part());
+    } else {
+      tree_ = {{KdNode{}}, {whole_}, {0}};
+    }
+    QUARRY_ASSIGN(StoreWriter writer,
+                  StoreWriter::Continue(options_.output, work_.store(), std::move(stored_)));
+    writer_.emplace(std::move(writer));
+    for (const VoxelEntry& v : writer_->directory()) emitted_ += v.triangles;
+    // Progress is told by what has been read: what is built has copies.
+    uint64_t all = triangles, before = 0;
+    if (files_) {
+      const std::vector<uint64_t> counts = files_->counts();
+      all = std::accumulate(counts.begin(), counts.end(), uint64_t{0});
+      before = std::accumulate(counts.begin(), counts.begin() + static_cast<ptrdiff_t>(parts_.size()),
+                               uint64_t{0});
+    }
+    progress_.Begin(fmt::format("building voxels of {} triangles", triangles), "triangles");
+    VoxelPipeline pipeline(
+        options_.threads,
+        [&](const VoxelTask& task) {
+          EncodedVoxel voxel = BuildVoxel(task.triangles, task.cell, meta_.padding,
+                                          scene_.attributes != Attributes::kNone, options_.voxel_size);
+          voxel.chained = task.chained;
+          return voxel;
+        },
+        [&](const EncodedVoxel& voxel) { return writer_->AddVoxel(voxel); });
+    noted_at_ = Clock::now();
+    for (size_t i = parts_.size(); i < tree_.regions.size(); ++i) {
+      const SpillFile& file = files_ ? files_->file(i) : *scene_.triangles;
+      const Box content = files_ ? files_->contents()[i] : whole_.cell;
+      PartitionOptions inner = partition_;
+      inner.spill_prefix += fmt::format("{}-", i);
+      uint64_t emitted = 0;
+      QUARRY_ASSIGN(TopSubtree part,
+                    PartitionFile(file, tree_.regions[i], content, inner, [&](VoxelTask task) {
+                      emitted += task.triangles.size();
+                      progress_.Update(before + std::min(emitted, file.count()), all);
+                      return pipeline.Add(std::move(task));
+                    }));
+      emitted_ += emitted;
+      before += file.count();
+      parts_.push_back(std::move(part));
+      if (files_) QUARRY_TRY(NoteBuilt());
+    }
+    QUARRY_TRY(pipeline.Finish());
+    progress_.End();
+    return {};
+  }
+
+  Status Finish(PreprocessStatistics& statistics) {
+    std::vector<KdNode> top = tree_.nodes;
+    uint32_t voxels = 0;
+    for (size_t i = 0; i < parts_.size(); ++i) {
+      Graft(parts_[i], tree_.leaves[i], voxels, top);
+      voxels += parts_[i].voxels;
+    }
+    statistics.voxels = writer_->voxel_count();
+    statistics.stored_references = emitted_;
+    statistics.top_tree_nodes = static_cast<uint32_t>(top.size());
+    statistics.top_tree_depth = DepthOf(top);
+    statistics.meta = meta_;
+    QUARRY_ASSIGN(statistics.scene_id, writer_->Finish(meta_, top, scene_.materials, scene_.parts));
+    statistics.store_bytes = writer_->bytes_written();
+    return {};
+  }
+
+ private:
+  /// Steps from the root to the deepest leaf. Children lie beyond their parents.
+  static uint32_t DepthOf(const std::vector<KdNode>& nodes) {
+    std::vector<uint32_t> depth(nodes.size());
+    uint32_t deepest = 0;
+    for (size_t i = 0; i < nodes.size(); ++i) {
+      deepest = std::max(deepest, depth[i]);
+      if (!nodes[i].is_leaf()) depth[nodes[i].left()] = depth[nodes[i].left() + 1] = depth[i] + 1;
+    }
+    return deepest;
+  }
+
+  /// What an earlier run has done of this.
+  Status TakeNotes() {
+    for (const Note& note : work_.notes()) {
+      ByteReader in(note.bytes);
+      if (note.kind == NoteKind::kRegions) {
+        const auto nodes = in.Get<uint32_t>(), regions = in.Get<uint32_t>();
+        tree_ = {in.GetArray<KdNode>(nodes), in.GetArray<Region>(regions), in.GetArray<uint32_t>(regions)};
+      } else if (note.kind == NoteKind::kParted) {
+        parted_ = in.Get<uint64_t>();
+        counts_ = in.GetArray<uint64_t>(tree_.regions.size());
+        contents_ = in.GetArray<Box>(tree_.regions.size());
+      } else if (note.kind == NoteKind::kBuilt) {
+        TopSubtree part;
+        part.voxels = in.Get<uint32_t>();
+        part.nodes = in.GetArray<KdNode>(in.Get<uint32_t>());
+        for (const VoxelEntry& v : in.GetArray<VoxelEntry>(part.voxels)) stored_.directory.push_back(v);
+        for (const uint64_t v : in.GetArray<uint64_t>(2 * part.voxels)) stored_.logical.push_back(v);
+        parts_.push_back(std::move(part));
+      } else {
+        continue;
+      }
+      if (!in.done()) return Fail(fmt::format("{}: its journal cannot be read", work_.path()));
+    }
+    if (!stored_.directory.empty()) {
+      const BlockEntry& hot = stored_.directory.back().blocks[0];
+      stored_.bytes = hot.offset + hot.stored + stored_.directory.back().blocks[1].stored;
+    }
+    noted_regions_ = parts_.size();
+    noted_voxels_ = static_cast<uint32_t>(stored_.directory.size());
+    return {};
+  }
+
+  Status ChooseTree() {
+    const uint64_t weight = scene_.sample.weight();
+    tree_ = ChooseRegions(scene_.sample.TakeTriangles(), weight, meta_.padding, whole_);
+    ByteWriter note;
+    note.Put(static_cast<uint32_t>(tree_.nodes.size()));
+    note.Put(static_cast<uint32_t>(tree_.regions.size()));
+    note.PutArray(tree_.nodes);
+    note.PutArray(tree_.regions);
+    note.PutArray(tree_.leaves);
+    return work_.Add(NoteKind::kRegions, note.Take());
+  }
+
+  /// Hands all triangles out to the files of their regions. The spill they come from shrinks meanwhile.
+  Status Part() {
+    if (tree_.regions.empty()) QUARRY_TRY(ChooseTree());
+    QUARRY_ASSIGN(files_, RegionFiles::Open(tree_, partition_.spill_prefix, RecordBytes(scene_.attributes),
+                                            partition_.memory, noted_regions_, counts_, contents_));
+    const uint64_t triangles = scene_.triangles->count();
+    progress_.Begin("parting triangles", "triangles");
+    while (parted_ < triangles) {
+      const uint64_t end = std::min(parted_ + kPartedAtOnce, triangles);
+      QUARRY_TRY(files_->Add(*scene_.triangles, parted_, end, meta_.padding,
+                             [&](uint64_t done) { progress_.Update(done, triangles); }));
+      QUARRY_TRY(files_->Sync());
+      ByteWriter note;
+      note.Put(end);
+      note.PutArray(files_->counts());
+      note.PutArray(files_->contents());
+      QUARRY_TRY(work_.Add(NoteKind::kParted, note.Take()));
+      scene_.triangles->Discard(parted_, end);
+      parted_ = end;
+    }
+    progress_.End();
+    scene_.triangles->Remove();
+    return files_->FinishWriting();
+  }
+
+  /// Notes the regions whose voxels have all been delivered, once that is worth a synchronisation.
+  Status NoteBuilt() {
+    if (SecondsSince(noted_at_) < kSecondsToNote) return {};
+    if (noted_voxels_ + parts_[noted_regions_].voxels > writer_->voxel_count()) return {};
+    QUARRY_TRY(writer_->Sync());
+    while (noted_regions_ < parts_.size() &&
+           noted_voxels_ + parts_[noted_regions_].voxels <= writer_->voxel_count()) {
+      const TopSubtree& part = parts_[noted_regions_];
+      ByteWriter note;
+      note.Put(part.voxels);
+      note.Put(static_cast<uint32_t>(part.nodes.size()));
+      note.PutArray(part.nodes);
+      note.PutArray(std::span(writer_->directory()).subspan(noted_voxels_, part.voxels));
+      note.PutArray(std::span(writer_->logical()).subspan(2 * noted_voxels_, 2 * part.voxels));
+      QUARRY_TRY(work_.Add(NoteKind::kBuilt, note.Take()));
+      files_->file(noted_regions_).Remove();
+      noted_voxels_ += part.voxels;
+      ++noted_regions_;
+    }
+    noted_at_ = Clock::now();
+    return {};
+  }
+
+  const PreprocessOptions& options_;
+  WorkFolder& work_;
+  Progress& progress_;
+  ImportedScene& scene_;
+  const SceneMeta meta_;
+  Region whole_;
+  PartitionOptions partition_;
+
+  RegionTree tree_;
+  std::optional<RegionFiles> files_;  ///< unless there is but one region
+  uint64_t parted_ = 0;
+  std::vector<uint64_t> counts_;  ///< of an earlier run, as contents_
+  std::vector<Box> contents_;
+
+  std::optional<StoreWriter> writer_;
+  StoreProgress stored_;
+  std::vector<TopSubtree> parts_;  ///< of the regions that have been split into voxels
+  uint64_t emitted_ = 0;
+  size_t noted_regions_ = 0;
+  uint32_t noted_voxels_ = 0;
+  Clock::time_point noted_at_;
+};
+
+Result<PreprocessStatistics> RunIn(WorkFolder& work, const PreprocessOptions& options) {
+  const auto start = Clock::now();
+  Progress progress(options.quiet);
+  QUARRY_ASSIGN(ImportedScene scene, Import(options, work, progress).Run());
+  PreprocessStatistics statistics;
+  statistics.import_wall_s = SecondsSince(start);
+  statistics.warnings = scene.warnings.size();
+  const auto build_start = Clock::now();
+  Build build(options, work, progress, scene);
+  QUARRY_TRY(build.Run());
+  QUARRY_TRY(build.Finish(statistics));
+  statistics.build_wall_s = SecondsSince(build_start);
+  statistics.preprocess_wall_s = SecondsSince(start);
+  statistics.peak_rss_bytes = PeakResidentBytes();
+  return statistics;
 }
 
 }  // namespace
@@ -75,51 +368,16 @@ std::string SpillFolder(const PreprocessOptions& options) {
 }
 
 Result<PreprocessStatistics> Preprocess(const PreprocessOptions& options) {
-  const auto start = Clock::now();
-  Progress progress(options.quiet);
-  const std::string tmp = SpillFolder(options);
   // The output first: an unwritable place should not cost an import.
   QUARRY_ASSIGN(const FileLock lock, FileLock::Take(options.output, "another quarry-preprocess"));
-  QUARRY_ASSIGN(StoreWriter writer, StoreWriter::Create(options.output));
-  QUARRY_ASSIGN(ImportedScene scene, ImportAll(options, tmp, progress));
-  PreprocessStatistics statistics;
-  statistics.import_wall_s = SecondsSince(start);
-  statistics.warnings = scene.warnings.size();
-
-  const SceneMeta meta = MakeMeta(scene, options);
-  const uint64_t triangles = scene.triangles->count();
-  const auto build_start = Clock::now();
-  progress.Begin(fmt::format("building voxels of {} triangles", triangles), "triangles");
-  const Box root{meta.root_lower, meta.root_upper};
-  VoxelPipeline pipeline(
-      options.threads,
-      [&](const VoxelTask& task) {
-        EncodedVoxel voxel =
-            BuildVoxel(task.triangles, task.cell, meta.padding, scene.has_shading, options.voxel_size);
-        voxel.chained = task.chained;
-        return voxel;
-      },
-      [&](const EncodedVoxel& voxel) { return writer.AddVoxel(voxel); });
-  uint64_t emitted = 0;
-  QUARRY_ASSIGN(const std::vector<KdNode> top,
-                Partition(std::move(*scene.triangles), scene.has_shading, root, root, meta.padding,
-                          {tmp, options.memory, options.voxel_size}, [&](VoxelTask task) {
-                            emitted += task.triangles.size();
-                            progress.Update(std::min(emitted, triangles), triangles);
-                            return pipeline.Add(std::move(task));
-                          }));
-  QUARRY_TRY(pipeline.Finish());
-  progress.End();
-  statistics.voxels = writer.voxel_count();
-  statistics.stored_references = emitted;
-  statistics.top_tree_nodes = static_cast<uint32_t>(top.size());
-  statistics.top_tree_depth = DepthOf(top);
-  statistics.meta = meta;
-  QUARRY_ASSIGN(statistics.scene_id, writer.Finish(statistics.meta, top, scene.materials, scene.parts));
-  statistics.store_bytes = writer.bytes_written();
-  statistics.build_wall_s = SecondsSince(build_start);
-  statistics.preprocess_wall_s = SecondsSince(start);
-  statistics.peak_rss_bytes = PeakResidentBytes();
+  QUARRY_ASSIGN(WorkFolder work,
+                WorkFolder::Open(options.output, options.tmp_folder, Command(options), options.resume));
+  auto statistics = RunIn(work, options);
+  if (statistics)
+    work.Remove();
+  else if (work.kept() && statistics.error().message.find("--resume") == std::string::npos)
+    statistics.error().message +=
+        fmt::format("; what is done is kept in {}: the same command with --resume goes on", work.path());
   return statistics;
 }
 

@@ -18,6 +18,7 @@ struct PreprocessOptions {
   uint32_t voxel_size = 256u << 10;  ///< bytes of a decoded hot block, at most
   uint32_t up_axis = 2;
   double scale = 1;
+  bool resume = false;  ///< go on with what an earlier run of the same options has left
   bool quiet = false;
 };
 
@@ -36,8 +37,9 @@ struct PreprocessStatistics {
 /// Where a run puts its temporary files.
 std::string SpillFolder(const PreprocessOptions& options);
 
-/// Makes a scene store of one or several models. Nothing is at `output` unless it succeeds.
-/// Memory: at most options.memory plus the fixed overhead stated in the README.
+/// Makes a scene store of one or several models. Nothing is at `output` unless it succeeds; what is on the
+/// way is in "OUTPUT.work", and in a folder of that name in tmp_folder. Memory: at most options.memory plus
+/// the fixed overhead stated in the README.
 Result<PreprocessStatistics> Preprocess(const PreprocessOptions& options);
 
 }  // namespace quarry

@@ -2,7 +2,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <functional>
 #include <span>
 #include <string>
 #include <vector>
@@ -11,15 +10,21 @@
 
 namespace quarry {
 
-/// A temporary file of fixed-size elements, appended to and read back from its start. It has no name from the
-/// moment it exists, so a killed run leaves nothing behind; its disk space is freed when the object goes.
-/// Memory: one buffer of kBufferBytes while writing or reading. Not thread-safe.
+/// A temporary file of fixed-size elements, appended to and read back. Either without a name from the moment
+/// it exists, so that a killed run leaves nothing behind, and freed with the object; or with a name, for runs
+/// that go on after being killed: then it holds no descriptor between calls (there may be thousands), and
+/// lies there until Remove. Memory: one buffer while writing or reading. Not thread-safe.
 class SpillFile {
  public:
   static constexpr size_t kBufferBytes = 1 << 20;
 
-  /// `folder` must exist. Errors: cannot create.
+  /// Without a name. `folder` must exist. Errors: cannot create.
   static Result<SpillFile> Create(const std::string& folder, size_t element_bytes);
+  /// The file `path`, made if need be, cut to its first `count` elements. Errors: cannot create; has fewer.
+  static Result<SpillFile> Open(const std::string& path, size_t element_bytes, uint64_t count,
+                                size_t buffer_bytes = kBufferBytes);
+  /// The file `path` with `count` elements, if it is still there: reading will tell.
+  static SpillFile Left(const std::string& path, size_t element_bytes, uint64_t count);
   SpillFile(SpillFile&& other) noexcept;
   SpillFile& operator=(SpillFile&& other) noexcept;
   ~SpillFile();
@@ -29,26 +34,41 @@ class SpillFile {
 
   /// Appends the first element_bytes() bytes at `element`. Errors: disk full.
   Status Append(const void* element);
-  /// Writes what is buffered and frees the buffer. Required before reading.
+  /// Writes what is buffered: required before what was appended is read.
+  Status Flush();
+  /// The same, and frees the buffer.
   Status FinishWriting();
+  /// Flushes; what was appended outlasts a loss of power.
+  Status Sync();
   /// Reads elements [first, first + out.size() / element_bytes) into `out`.
   Status Read(uint64_t first, std::span<std::byte> out) const;
+  /// Gives back the disk space of elements [first, last), where the file system can. They must not be read
+  /// again.
+  void Discard(uint64_t first, uint64_t last) const;
+  /// Deletes a file with a name.
+  void Remove() const;
 
  private:
-  SpillFile(int fd, std::string folder, size_t element_bytes)
-      : fd_(fd), folder_(std::move(folder)), element_bytes_(element_bytes) {}
-  Status Flush();
-  int fd_ = -1;
-  std::string folder_;
-  size_t element_bytes_ = 0;
+  SpillFile(int fd, std::string place, bool named, size_t element_bytes, size_t buffer_bytes)
+      : fd_(fd),
+        place_(std::move(place)),
+        named_(named),
+        element_bytes_(element_bytes),
+        buffer_bytes_(buffer_bytes) {}
+  int fd_ = -1;        ///< of a file without a name
+  std::string place_;  ///< path of one with, folder of one without
+  bool named_ = false;
+  size_t element_bytes_ = 0, buffer_bytes_ = 0;
   uint64_t count_ = 0;
   std::vector<std::byte> buffer_;
 };
 
-/// Walks a SpillFile's elements in order with one buffer.
+/// Walks a SpillFile's elements [first, last) in order with one buffer.
 class SpillReader {
  public:
-  explicit SpillReader(const SpillFile& file) : file_(file) {}
+  explicit SpillReader(const SpillFile& file) : SpillReader(file, 0, file.count()) {}
+  SpillReader(const SpillFile& file, uint64_t first, uint64_t last)
+      : file_(file), next_(first), last_(last) {}
   /// The next element's bytes, valid until the next call; null at the end or after an error (see status()).
   const std::byte* Next();
   const Status& status() const { return status_; }
@@ -56,7 +76,8 @@ class SpillReader {
  private:
   const SpillFile& file_;
   std::vector<std::byte> buffer_;
-  uint64_t next_ = 0;  ///< first element not yet in the buffer
+  uint64_t next_;  ///< first element not yet in the buffer
+  uint64_t last_;
   size_t at_ = 0, filled_ = 0;
   Status status_;
 };

@@ -8,14 +8,6 @@
 
 namespace quarry {
 
-/// One triangle with its indices not yet resolved.
-struct SpillSink::Face {
-  Corner corners[3];
-  uint32_t id = 0;
-  uint32_t material = 0;
-  uint32_t part = 0;
-};
-
 namespace {
 
 struct StoredPosition {
@@ -24,6 +16,9 @@ struct StoredPosition {
 };
 
 constexpr float kLargestCoordinate = 0x1p60f;
+// What pages may be loaded for: a store's time for some triangles, not for every one.
+constexpr uint32_t kFacesPerLoad = 64, kMostLoads = 4096;
+constexpr size_t kBatchFaces = 8192;
 constexpr uint64_t kMaxTriangles = 0xFFFFFFFFull;  // ids are 32 bits; the last is "none"
 
 bool IsUsable(const glm::vec3& p) {
@@ -62,15 +57,21 @@ SpillSink::SpillSink(std::string folder, uint64_t memory, double scale,
                      std::function<void(const std::string&)> warn)
     : folder_(std::move(folder)), memory_(memory), scale_(scale), warn_(std::move(warn)) {}
 
+SpillSink::~SpillSink() {
+  if (under_way_.valid()) under_way_.wait();
+}
+
 Status SpillSink::BeginFile(std::string_view name) {
   file_name_ = name;
   file_part_ = kNoIndex;
   file_parts_.clear();
-  QUARRY_ASSIGN(positions_, SpillFile::Create(folder_, sizeof(StoredPosition)));
-  QUARRY_ASSIGN(normals_, SpillFile::Create(folder_, sizeof(glm::vec3)));
-  QUARRY_ASSIGN(uvs_, SpillFile::Create(folder_, sizeof(glm::vec2)));
-  QUARRY_ASSIGN(faces_, SpillFile::Create(folder_, sizeof(Face)));
-  return {};
+  loads_left_ = kMostLoads;
+  faces_to_next_load_ = kFacesPerLoad;
+  QUARRY_ASSIGN(positions_, PagedFile::Create(folder_, sizeof(StoredPosition)));
+  QUARRY_ASSIGN(normals_, PagedFile::Create(folder_, sizeof(glm::vec3)));
+  QUARRY_ASSIGN(uvs_, PagedFile::Create(folder_, sizeof(glm::vec2)));
+  QUARRY_ASSIGN(waiting_, SpillFile::Create(folder_, sizeof(Face)));
+  return scene_.triangles ? Status{} : OpenTriangles();
 }
 
 uint32_t SpillSink::AddMaterial(const Material& material) {
@@ -90,9 +91,36 @@ uint32_t SpillSink::DefaultMaterial() {
   return default_material_;
 }
 
+std::string SpillSink::TrianglesPath() const {
+  return fmt::format("{}/triangles-{}", folder_, static_cast<int>(scene_.attributes));
+}
+
+Status SpillSink::OpenTriangles() {
+  QUARRY_ASSIGN(scene_.triangles, SpillFile::Open(TrianglesPath(), RecordBytes(scene_.attributes), 0));
+  return {};
+}
+
+/// Records have room for attributes once there are some; those kept before are copied.
+Status SpillSink::Found(Attributes attributes) {
+  scene_.attributes = attributes;
+  SpillFile before = std::move(*scene_.triangles);
+  QUARRY_TRY(before.FinishWriting());
+  QUARRY_TRY(OpenTriangles());
+  SpillReader records(before);
+  while (const std::byte* kept = records.Next()) {
+    TriangleRecord record;
+    std::memcpy(&record, kept, before.element_bytes());
+    QUARRY_TRY(scene_.triangles->Append(&record));
+  }
+  if (!saved_) before.Remove();  // else it is what Restore will look for
+  return records.status();
+}
+
 Status SpillSink::AddPosition(const glm::dvec3& position, const Rgba8& color) {
+  QUARRY_TRY(Settle());
   const uint32_t packed = Packed(color);
-  if (packed != 0xFFFFFFFFu) scene_.has_shading = true;
+  if (packed != 0xFFFFFFFFu && scene_.attributes < Attributes::kColors)
+    QUARRY_TRY(Found(Attributes::kColors));
   const glm::dvec3 scaled = position * scale_;
   if (!has_offset_) ChooseOffset(scaled);
   const StoredPosition stored{glm::vec3(scaled - scene_.offset), packed};
@@ -111,12 +139,14 @@ void SpillSink::ChooseOffset(const glm::dvec3& first) {
 }
 
 Status SpillSink::AddNormal(const glm::vec3& normal) {
-  scene_.has_shading = true;
+  QUARRY_TRY(Settle());
+  if (scene_.attributes < Attributes::kNormals) QUARRY_TRY(Found(Attributes::kNormals));
   return normals_->Append(&normal);
 }
 
 Status SpillSink::AddUv(const glm::vec2& uv) {
-  scene_.has_shading = true;
+  QUARRY_TRY(Settle());
+  if (scene_.attributes < Attributes::kUvs) QUARRY_TRY(Found(Attributes::kUvs));
   return uvs_->Append(&uv);
 }
 
@@ -134,7 +164,40 @@ Status SpillSink::AddPolygon(std::span<const Corner> corners, uint32_t material,
     face.corners[1] = corners[i - 1];
     face.corners[2] = corners[i];
     face.id = static_cast<uint32_t>(scene_.input_triangles++);
-    QUARRY_TRY(faces_->Append(&face));
+    gathered_.push_back(face);
+    if (gathered_.size() == kBatchFaces) QUARRY_TRY(HandOver());
+  }
+  return {};
+}
+
+/// Gives the gathered faces to the other thread.
+Status SpillSink::HandOver() {
+  if (under_way_.valid()) QUARRY_TRY(under_way_.get());
+  batch_.clear();
+  std::swap(batch_, gathered_);
+  under_way_ = std::async(std::launch::async, [this] { return ResolveBatch(); });
+  return {};
+}
+
+/// Afterwards all faces so far are resolved, or wait.
+Status SpillSink::Settle() {
+  if (!gathered_.empty()) QUARRY_TRY(HandOver());
+  return under_way_.valid() ? under_way_.get() : Status{};
+}
+
+Status SpillSink::ResolveBatch() {
+  for (const Face& face : batch_) {
+    if (--faces_to_next_load_ == 0) {
+      faces_to_next_load_ = kFacesPerLoad;
+      loads_left_ = std::min(loads_left_ + 1, kMostLoads);
+    }
+    TriangleRecord record;
+    bool resolved = ResolveFromMemory(face, record);
+    if (!resolved && loads_left_ > 0) {
+      QUARRY_TRY(LoadPages(face));
+      resolved = ResolveFromMemory(face, record);
+    }
+    QUARRY_TRY(resolved ? KeepTriangle(record) : waiting_->Append(&face));
   }
   return {};
 }
@@ -153,56 +216,83 @@ Status SpillSink::KeepTriangle(const TriangleRecord& record) {
     ++scene_.dropped_degenerate;
     return {};
   }
-  for (const glm::vec3& v : record.vertices) scene_.bounds.Include(v);
+  const Box box = record.PaddedBox(0);
+  scene_.bounds.Include(box.lower);
+  scene_.bounds.Include(box.upper);
+  scene_.sample.Add(record);
   return scene_.triangles->Append(&record);
 }
 
 Status SpillSink::EndFile() {
-  for (auto* file : {&positions_, &normals_, &uvs_, &faces_}) QUARRY_TRY((*file)->FinishWriting());
-  QUARRY_TRY(PrepareTriangles());
-  QUARRY_TRY(Resolve());
+  QUARRY_TRY(Settle());
+  QUARRY_TRY(ResolveWaiting());
   positions_.reset();
   normals_.reset();
   uvs_.reset();
-  faces_.reset();
+  waiting_.reset();
   return {};
 }
 
-/// A place for records, with shading if any file has had some so far; those kept before are copied.
-Status SpillSink::PrepareTriangles() {
-  const size_t bytes = RecordBytes(scene_.has_shading);
-  if (scene_.triangles && scene_.triangles->element_bytes() == bytes) return {};
-  std::optional<SpillFile> before = std::move(scene_.triangles);
-  QUARRY_ASSIGN(scene_.triangles, SpillFile::Create(folder_, bytes));
-  if (!before) return {};
-  QUARRY_TRY(before->FinishWriting());
-  SpillReader records(*before);
-  while (const std::byte* kept = records.Next()) {
-    TriangleRecord record;
-    std::memcpy(&record, kept, before->element_bytes());
-    QUARRY_TRY(scene_.triangles->Append(&record));
+/// False: an element is not in memory, or has not come yet.
+bool SpillSink::ResolveFromMemory(const Face& face, TriangleRecord& record) {
+  const auto find = [](PagedFile& file, uint32_t index, auto& value) {
+    const std::byte* found = index < file.count() ? file.Find(index) : nullptr;
+    if (found) std::memcpy(&value, found, sizeof value);
+    return found != nullptr;
+  };
+  for (int c = 0; c < 3; ++c) {
+    const Corner& corner = face.corners[c];
+    StoredPosition position;
+    if (!find(*positions_, corner.position, position)) return false;
+    record.vertices[c] = position.position;
+    record.colors[c] = position.color;
+    if (corner.normal != kNoIndex && !find(*normals_, corner.normal, record.normals[c])) return false;
+    if (corner.uv != kNoIndex && !find(*uvs_, corner.uv, record.uvs[c])) return false;
   }
-  return records.status();
+  record.id = face.id;
+  record.material = face.material;
+  record.part = face.part;
+  return true;
+}
+
+/// Brings the pages of a triangle's corners to memory, while loads are left.
+Status SpillSink::LoadPages(const Face& face) {
+  const auto load = [&](PagedFile& file, uint32_t index) -> Status {
+    if (index >= file.count() || file.Find(index) || loads_left_ == 0) return {};
+    --loads_left_;
+    return file.Load(index);
+  };
+  for (const Corner& corner : face.corners) {
+    QUARRY_TRY(load(*positions_, corner.position));
+    QUARRY_TRY(load(*normals_, corner.normal));
+    QUARRY_TRY(load(*uvs_, corner.uv));
+  }
+  return {};
 }
 
 /// Pass k fills in the corners whose position, normal or uv lies in window k of its stream; records that wait
 /// for a later window travel through a spill file of their own.
-Status SpillSink::Resolve() {
+Status SpillSink::ResolveWaiting() {
+  QUARRY_TRY(waiting_->FinishWriting());
+  if (waiting_->count() == 0) return {};
+  QUARRY_ASSIGN(const SpillFile all_positions, std::move(*positions_).Finish());
+  QUARRY_ASSIGN(const SpillFile all_normals, std::move(*normals_).Finish());
+  QUARRY_ASSIGN(const SpillFile all_uvs, std::move(*uvs_).Finish());
   const uint64_t window_bytes = std::max<uint64_t>(memory_ / 4, 1 << 20);
   const uint64_t window = std::max<uint64_t>(window_bytes / (sizeof(StoredPosition) + 12 + 8), 1024);
-  const uint64_t longest = std::max({positions_->count(), normals_->count(), uvs_->count()});
+  const uint64_t longest = std::max({all_positions.count(), all_normals.count(), all_uvs.count()});
   std::optional<SpillFile> partial;
   for (uint64_t first = 0; first == 0 || first < longest; first += window) {
     const bool last = first + window >= longest;
     Window positions, normals, uvs;
-    QUARRY_TRY(positions.Load(*positions_, first, window));
-    QUARRY_TRY(normals.Load(*normals_, first, window));
-    QUARRY_TRY(uvs.Load(*uvs_, first, window));
+    QUARRY_TRY(positions.Load(all_positions, first, window));
+    QUARRY_TRY(normals.Load(all_normals, first, window));
+    QUARRY_TRY(uvs.Load(all_uvs, first, window));
     std::optional<SpillFile> next;
     if (!last) {
-      QUARRY_ASSIGN(next, SpillFile::Create(folder_, RecordBytes(scene_.has_shading)));
+      QUARRY_ASSIGN(next, SpillFile::Create(folder_, RecordBytes(scene_.attributes)));
     }
-    SpillReader faces(*faces_);
+    SpillReader faces(*waiting_);
     std::optional<SpillReader> records;
     if (partial) records.emplace(*partial);
     while (const std::byte* bytes = faces.Next()) {
@@ -219,20 +309,20 @@ Status SpillSink::Resolve() {
       record.part = face.part;
       for (int c = 0; c < 3; ++c) {
         const Corner& corner = face.corners[c];
-        if (corner.position >= positions_->count() ||
-            (corner.normal != kNoIndex && corner.normal >= normals_->count()) ||
-            (corner.uv != kNoIndex && corner.uv >= uvs_->count()))
+        if (corner.position >= all_positions.count() ||
+            (corner.normal != kNoIndex && corner.normal >= all_normals.count()) ||
+            (corner.uv != kNoIndex && corner.uv >= all_uvs.count()))
           return Fail(
               fmt::format("{}: triangle {} refers to a vertex that the file does not have ({} vertices, {} "
                           "normals, {} texture coordinates)",
-                          file_name_, face.id, positions_->count(), normals_->count(), uvs_->count()));
+                          file_name_, face.id, all_positions.count(), all_normals.count(), all_uvs.count()));
         StoredPosition position;
         if (positions.Find(corner.position, position)) {
           record.vertices[c] = position.position;
-          record.shading[c].color = position.color;
+          record.colors[c] = position.color;
         }
-        normals.Find(corner.normal, record.shading[c].normal);
-        uvs.Find(corner.uv, record.shading[c].uv);
+        normals.Find(corner.normal, record.normals[c]);
+        uvs.Find(corner.uv, record.uvs[c]);
       }
       QUARRY_TRY(last ? KeepTriangle(record) : next->Append(&record));
     }
@@ -241,6 +331,77 @@ Status SpillSink::Resolve() {
     partial = std::move(next);
   }
   return {};
+}
+
+Result<Bytes> SpillSink::Save() {
+  QUARRY_TRY(scene_.triangles->Sync());
+  saved_ = true;
+  ByteWriter out;
+  out.Put(static_cast<uint8_t>(scene_.attributes));
+  out.Put<uint8_t>(has_offset_);
+  out.PutVec3(scene_.offset);
+  out.PutVec3(scene_.bounds.lower);
+  out.PutVec3(scene_.bounds.upper);
+  for (const uint64_t n : {scene_.triangles->count(), scene_.input_triangles, scene_.dropped_degenerate,
+                           scene_.dropped_not_finite})
+    out.Put(n);
+  out.Put(default_material_);
+  const auto put_text = [&](const std::string& text) {
+    out.Put(static_cast<uint32_t>(text.size()));
+    out.PutArray(text);
+  };
+  out.Put(static_cast<uint32_t>(scene_.materials.size()));
+  for (const Material& m : scene_.materials) {
+    put_text(m.name);
+    for (const glm::vec3& v : {m.diffuse, m.specular, m.emission, m.reflectance, m.transmittance})
+      out.PutVec3(v);
+    out.Put(m.shininess);
+    out.Put(m.ior);
+    out.Put<uint8_t>(m.fresnel);
+  }
+  for (const auto* texts : {&scene_.parts, &scene_.warnings}) {
+    out.Put(static_cast<uint32_t>(texts->size()));
+    for (const std::string& text : *texts) put_text(text);
+  }
+  return out.Take();
+}
+
+Status SpillSink::Restore(std::span<const std::byte> saved, bool sample_again) {
+  ByteReader in(saved);
+  scene_.attributes = static_cast<Attributes>(std::min<uint8_t>(in.Get<uint8_t>(), 3));
+  has_offset_ = in.Get<uint8_t>() != 0;
+  scene_.offset = in.GetVec3<glm::dvec3>();
+  scene_.bounds.lower = in.GetVec3<glm::vec3>();
+  scene_.bounds.upper = in.GetVec3<glm::vec3>();
+  const auto count = in.Get<uint64_t>();
+  scene_.input_triangles = in.Get<uint64_t>();
+  scene_.dropped_degenerate = in.Get<uint64_t>();
+  scene_.dropped_not_finite = in.Get<uint64_t>();
+  default_material_ = in.Get<uint32_t>();
+  const auto get_text = [&] { return std::string(AsText(in.GetSpan(in.Get<uint32_t>()))); };
+  for (auto n = in.Get<uint32_t>(); n > 0 && in.ok(); --n) {
+    Material m;
+    m.name = get_text();
+    for (glm::vec3* v : {&m.diffuse, &m.specular, &m.emission, &m.reflectance, &m.transmittance})
+      *v = in.GetVec3<glm::vec3>();
+    m.shininess = in.Get<float>();
+    m.ior = in.Get<float>();
+    m.fresnel = in.Get<uint8_t>() != 0;
+    scene_.materials.push_back(std::move(m));
+  }
+  for (auto* texts : {&scene_.parts, &scene_.warnings})
+    for (auto n = in.Get<uint32_t>(); n > 0 && in.ok(); --n) texts->push_back(get_text());
+  if (!in.done()) return Fail(fmt::format("{}: what was saved of the import cannot be read", folder_));
+  saved_ = true;
+  if (!sample_again) {
+    scene_.triangles = SpillFile::Left(TrianglesPath(), RecordBytes(scene_.attributes), count);
+    return {};
+  }
+  QUARRY_ASSIGN(scene_.triangles, SpillFile::Open(TrianglesPath(), RecordBytes(scene_.attributes), count));
+  return ForEachRecord(*scene_.triangles, 0, count, [&](const TriangleRecord& r) -> Status {
+    scene_.sample.Add(r);
+    return Status{};
+  });
 }
 
 Result<ImportedScene> SpillSink::Finish() {

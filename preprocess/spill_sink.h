@@ -2,14 +2,19 @@
 
 #include <cstdint>
 #include <functional>
+#include <future>
 #include <optional>
 #include <string>
 #include <unordered_map>
 #include <vector>
 
+#include "common/base/bytes.h"
 #include "common/kdtree/build.h"
 #include "common/kdtree/ray.h"
 #include "preprocess/import/model_sink.h"
+#include "preprocess/paged_file.h"
+#include "preprocess/regions.h"
+#include "preprocess/sample.h"
 #include "preprocess/spill_file.h"
 #include "preprocess/triangle_record.h"
 
@@ -17,8 +22,9 @@ namespace quarry {
 
 /// Everything the importers gave, ready for the partition.
 struct ImportedScene {
-  std::optional<SpillFile> triangles;  ///< TriangleRecords of RecordBytes(has_shading), in input order
-  bool has_shading = false;
+  std::optional<SpillFile> triangles;  ///< TriangleRecords of RecordBytes(attributes), in input order
+  TriangleSample sample;               ///< of them
+  Attributes attributes = Attributes::kNone;
   glm::dvec3 offset{0};  ///< taken off every position, after scaling
   Box bounds{glm::vec3(kInfinity), glm::vec3(-kInfinity)};
   uint64_t input_triangles = 0;
@@ -29,16 +35,19 @@ struct ImportedScene {
   std::vector<std::string> warnings;
 };
 
-/// The importers' sink: writes vertices, attributes and faces to spill files, and resolves the indices of
-/// each file when it ends, by as many sequential passes as there are windows of the vertices that fit in
+/// The importers' sink. Vertices go to paged files; a triangle is resolved as it comes, when its corners lie
+/// in pages at hand or worth loading. Those that wait (their vertices are far apart, or come later) are
+/// resolved when the file ends, by as many sequential passes as there are windows of the vertices that fit in
 /// memory; never by random access. A model far from the origin is brought near it, so that floats hold its
-/// positions. Degenerate and non-finite triangles are dropped and counted; their ids
-/// stay used.
+/// positions. Degenerate and non-finite triangles are dropped and counted; their ids stay used.
 class SpillSink final : public ModelSink {
  public:
-  /// At most about `memory` bytes are held while a file is resolved. Positions are multiplied by `scale`.
-  /// `warn` is called with each warning.
+  /// Triangles go to files "FOLDER/triangles-..." with a name, which outlive the process; `memory`: bytes
+  /// that windows may take. Positions are multiplied by `scale`. `warn` is called with each warning.
   SpillSink(std::string folder, uint64_t memory, double scale, std::function<void(const std::string&)> warn);
+
+  ~SpillSink() override;
+  SpillSink(const SpillSink&) = delete;
 
   Status BeginFile(std::string_view name) override;
   Status EndFile() override;
@@ -50,13 +59,35 @@ class SpillSink final : public ModelSink {
   Status AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t part) override;
   void Warn(std::string message) override;
 
+  /// Between files: makes the triangles outlast a loss of power, and returns what Restore needs to go on from
+  /// here.
+  Result<Bytes> Save();
+  /// Before the first file: goes on where Save was called. With `sample_again` triangles are cut to those,
+  /// and read once to sample them; else they may be gone already. Errors: the triangles are not there.
+  Status Restore(std::span<const std::byte> saved, bool sample_again);
+  /// Whether there are more triangles than are split in memory.
+  bool spills() const { return scene_.triangles && scene_.triangles->count() > kMostInMemory; }
+
   /// After the last file. Requires: no error before.
   Result<ImportedScene> Finish();
 
  private:
-  struct Face;
-  Status PrepareTriangles();
-  Status Resolve();
+  /// One triangle with its indices not yet resolved.
+  struct Face {
+    Corner corners[3];
+    uint32_t id = 0;
+    uint32_t material = 0;
+    uint32_t part = 0;
+  };
+  std::string TrianglesPath() const;
+  Status OpenTriangles();
+  Status Found(Attributes attributes);
+  Status Settle();
+  Status HandOver();
+  Status ResolveBatch();
+  bool ResolveFromMemory(const Face& face, TriangleRecord& record);
+  Status LoadPages(const Face& face);
+  Status ResolveWaiting();
   void ChooseOffset(const glm::dvec3& first);
   Status KeepTriangle(const TriangleRecord& record);
   uint32_t DefaultMaterial();
@@ -68,9 +99,15 @@ class SpillSink final : public ModelSink {
   std::string file_name_;
   uint32_t file_part_ = kNoIndex;
   std::unordered_map<std::string, uint32_t> file_parts_;  ///< names of the current file
-  std::optional<SpillFile> positions_, normals_, uvs_, faces_;
+  std::optional<PagedFile> positions_, normals_, uvs_;
+  std::optional<SpillFile> waiting_;
+  /// Faces are resolved in batches by another thread, which alone touches what follows, scene_'s triangles
+  /// and the pages while one is under way.
+  std::vector<Face> gathered_, batch_;
+  std::future<Status> under_way_;
+  uint32_t loads_left_ = 0, faces_to_next_load_ = 0;
   uint32_t default_material_ = kNoIndex;
-  bool has_offset_ = false;
+  bool has_offset_ = false, saved_ = false;
   ImportedScene scene_;
 };
 

@@ -15,6 +15,19 @@ double HalfArea(const Box& box) {
   return x * y + y * z + z * x;
 }
 
+/// Whether a plane that gives `left` and `right` of `count` triangles is worth a node.
+bool PartsUsefully(const SplitPlane& plane, uint64_t left, uint64_t right, uint64_t count, const Box& cell) {
+  if (left == 0 || right == 0) return true;  // empty space is cut off
+  if (static_cast<double>(std::max(left, right)) <= kUseful * static_cast<double>(count)) return true;
+  Box larger = cell;
+  (left > right ? larger.upper : larger.lower)[plane.axis] = plane.position;
+  return HalfArea(larger) <= kSmaller * HalfArea(cell);
+}
+
+Box BoxOf(const KdReference& r) {
+  return {glm::vec3(r.lower[0], r.lower[1], r.lower[2]), glm::vec3(r.upper[0], r.upper[1], r.upper[2])};
+}
+
 }  // namespace
 
 SplitHistogram::SplitHistogram(const Box& content) : content_(content) {
@@ -37,12 +50,11 @@ void SplitHistogram::Add(const Box& box) {
   }
 }
 
-SplitHistogram::Plane SplitHistogram::Choose(const Box& cell) const {
-  Plane cheapest, most_even;
+SplitPlane SplitHistogram::Choose(const Box& cell) const {
+  SplitPlane cheapest, most_even;
+  bool useful = false;
   double least_cost = std::numeric_limits<double>::infinity();
   uint64_t smallest = std::numeric_limits<uint64_t>::max();
-  uint64_t cheapest_larger = 0;
-  double cheapest_area = 0;  // of the child with more triangles
   for (int axis = 0; axis < 3; ++axis) {
     const auto consider = [&](float position, uint64_t left, uint64_t right) {
       if (!(position > cell.lower[axis]) || !(position < cell.upper[axis])) return;
@@ -57,8 +69,7 @@ SplitHistogram::Plane SplitHistogram::Choose(const Box& cell) const {
       if (cost < least_cost) {
         least_cost = cost;
         cheapest = {axis, position, growth};
-        cheapest_larger = larger;
-        cheapest_area = HalfArea(left > right ? l : r);
+        useful = PartsUsefully(cheapest, left, right, count_, cell);
       }
       if (larger > 0 && larger < smallest) {
         smallest = larger;
@@ -77,12 +88,33 @@ SplitHistogram::Plane SplitHistogram::Choose(const Box& cell) const {
       consider(position, left, right);
     }
   }
-  const auto useful = kUseful * static_cast<double>(count_);
-  if (cheapest.axis >= 0 &&
-      (static_cast<double>(cheapest_larger) <= useful || cheapest_area <= kSmaller * HalfArea(cell)))
-    return cheapest;
-  if (most_even.axis >= 0 && static_cast<double>(smallest) <= useful) return most_even;
-  return {};
+  if (useful) return cheapest;
+  const bool parts =
+      most_even.axis >= 0 && static_cast<double>(smallest) <= kUseful * static_cast<double>(count_);
+  return parts ? most_even : SplitPlane{};
+}
+
+SplitPlane ChoosePlane(const KdSplitter& splitter, std::span<const KdReference> references, const Box& cell) {
+  const KdSplit best = splitter.Best(cell, references);
+  if (best.axis >= 0) {
+    size_t counts[2] = {0, 0};
+    for (const KdReference& r : references) {
+      counts[0] += r.lower[best.axis] <= best.position;
+      counts[1] += r.upper[best.axis] >= best.position;
+    }
+    const double both = static_cast<double>(counts[0] + counts[1]);
+    const SplitPlane plane{best.axis, best.position, both / static_cast<double>(references.size())};
+    if (PartsUsefully(plane, counts[0], counts[1], references.size(), cell)) return plane;
+  }
+  SplitHistogram histogram(ContentOf(references, cell));
+  for (const KdReference& r : references) histogram.Add(BoxOf(r));
+  return histogram.Choose(cell);
+}
+
+Box ContentOf(std::span<const KdReference> references, const Box& cell) {
+  Box content = EmptyBox();
+  for (const KdReference& r : references) IncludeClipped(BoxOf(r), cell, content);
+  return content;
 }
 
 }  // namespace quarry

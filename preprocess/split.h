@@ -3,10 +3,23 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <glm/common.hpp>
+#include <span>
 
 #include "common/kdtree/build.h"
+#include "common/kdtree/ray.h"
 
 namespace quarry {
+
+/// As in a voxel's tree, but triangles in several voxels cost store and time, so planes avoid them: one in
+/// eight of the copies is left on the plant, and SAH costs are no higher.
+inline constexpr SahCosts kPartitionCosts{.duplicate = 4};
+
+struct SplitPlane {
+  int axis = -1;  ///< -1: no plane parts the triangles usefully; make a chain
+  float position = 0;
+  double growth = 1;  ///< triangles in both children together, over those in the node
+};
 
 /// Counts of box ends over a node, at a fixed resolution on each axis. The plane chosen from it is a function
 /// of the node's triangles alone: never of the memory at hand or of whether they lie in memory or on disk.
@@ -18,15 +31,10 @@ class SplitHistogram {
   explicit SplitHistogram(const Box& content);
   void Add(const Box& box);
 
-  struct Plane {
-    int axis = -1;  ///< -1: no plane parts the triangles usefully; make a chain
-    float position = 0;
-    double growth = 1;  ///< triangles in both children together, over those in the node
-  };
   /// The plane of least SAH cost among bin borders and the ends of the content (which cut off empty space),
   /// or, when that leaves a child with nearly all triangles and not much smaller a surface, the one with the
   /// smallest larger child.
-  Plane Choose(const Box& cell) const;
+  SplitPlane Choose(const Box& cell) const;
 
  private:
   size_t Bin(float x, int axis) const;
@@ -34,6 +42,38 @@ class SplitHistogram {
   float bins_per_unit_[3];
   uint64_t count_ = 0;
   std::array<std::array<uint64_t, kBins>, 3> starts_{}, ends_{};
+};
+
+inline constexpr int kMaxTopDepth = 64;  ///< of the top-level tree, before empty space is cut off its leaves
+/// Long slivers lie in both halves of every split: beyond this growth along one path they are chained
+/// instead, so that no input makes the store explode.
+inline constexpr double kMaxGrowth = 10;
+
+inline bool MustChain(const SplitPlane& plane, int depth, double growth) {
+  return plane.axis < 0 || depth >= kMaxTopDepth || growth * plane.growth > kMaxGrowth;
+}
+
+/// The plane that the tree of a voxel would have, if it parts the triangles usefully; else one that parts
+/// them evenly, if there is one.
+SplitPlane ChoosePlane(const KdSplitter& splitter, std::span<const KdReference> references, const Box& cell);
+
+inline Box EmptyBox() { return {glm::vec3(kInfinity), glm::vec3(-kInfinity)}; }
+
+/// The part of `box` inside `cell` joined to `content`.
+inline void IncludeClipped(const Box& box, const Box& cell, Box& content) {
+  content.Include(glm::max(box.lower, cell.lower));
+  content.Include(glm::min(box.upper, cell.upper));
+}
+
+/// Bounds of the boxes of `references`, clipped to `cell`.
+Box ContentOf(std::span<const KdReference> references, const Box& cell);
+
+/// The two halves of a cell.
+struct SplitCells {
+  SplitCells(const Box& whole, const SplitPlane& plane) : cell{whole, whole} {
+    cell[0].upper[plane.axis] = cell[1].lower[plane.axis] = plane.position;
+  }
+  Box cell[2];
 };
 
 }  // namespace quarry

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
@@ -10,14 +11,19 @@
 
 namespace quarry {
 
-/// A triangle on its way through the preprocessor, self-contained, as spilled to disk (never stored). The
-/// last member is spilled only when the scene has any normals, uvs or colours: see RecordBytes.
+/// What a scene's triangles have beside positions, each with all that come before it.
+enum class Attributes : uint8_t { kNone, kColors, kNormals, kUvs };
+
+/// A triangle on its way through the preprocessor, self-contained, as spilled to disk (never stored): as much
+/// of it as the scene has attributes for, see RecordBytes.
 struct TriangleRecord {
   glm::vec3 vertices[3];
   uint32_t id = 0;
   uint32_t part = 0;
   uint32_t material = 0;
-  ShadingVertex shading[3];
+  uint32_t colors[3] = {0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu};  ///< as ShadingVertex has them
+  glm::vec3 normals[3] = {};
+  glm::vec2 uvs[3] = {};
 
   /// The triangle's box, grown by `padding` on every side.
   Box PaddedBox(float padding) const {
@@ -29,9 +35,21 @@ struct TriangleRecord {
     return box;
   }
 };
-static_assert(std::is_trivially_copyable_v<TriangleRecord> && sizeof(TriangleRecord) == 48 + 72);
+static_assert(std::is_trivially_copyable_v<TriangleRecord> && sizeof(TriangleRecord) == 120);
 
 /// Bytes of a record in spill files.
-inline size_t RecordBytes(bool has_shading) { return has_shading ? sizeof(TriangleRecord) : 48; }
+inline size_t RecordBytes(Attributes attributes) {
+  switch (attributes) {
+    case Attributes::kNone:
+      return offsetof(TriangleRecord, colors);
+    case Attributes::kColors:
+      return offsetof(TriangleRecord, normals);
+    case Attributes::kNormals:
+      return offsetof(TriangleRecord, uvs);
+    case Attributes::kUvs:
+      break;
+  }
+  return sizeof(TriangleRecord);
+}
 
 }  // namespace quarry

@@ -6,6 +6,7 @@
 #include <cstring>
 #include <numeric>
 
+#include "common/kdtree/prune.h"
 #include "common/kdtree/treelets.h"
 #include "common/kdtree/wide_tree.h"
 
@@ -49,8 +50,9 @@ ShadingVoxel BuildShading(std::span<const TriangleRecord> triangles) {
   ShadingVoxel voxel;
   Interner<ShadingVertex> interner(triangles.size() * 3);
   for (const TriangleRecord& t : triangles)
-    for (const ShadingVertex& v : t.shading)
-      voxel.corners.push_back(interner.Index(Sanitized(v), voxel.vertices));
+    for (int k = 0; k < 3; ++k)
+      voxel.corners.push_back(
+          interner.Index(Sanitized({t.normals[k], t.uvs[k], t.colors[k]}), voxel.vertices));
   return voxel;
 }
 
@@ -65,6 +67,10 @@ uint32_t MaxTrianglesPerVoxel(uint32_t voxel_size) {
 
 namespace {
 
+constexpr uint16_t kUnseen = 0xFFFF;
+// Steps: a quarter of the bytes goes for a fiftieth of the SAH cost, see common/kdtree/README.md.
+constexpr float kByteWorth = 0.02f;
+
 struct VoxelTree {
   KdTree tree;
   uint32_t node_slots, wide_nodes;
@@ -76,23 +82,27 @@ VoxelTree BuildTree(std::span<const TriangleRecord> triangles, const Box& cell, 
   vertices.reserve(triangles.size());
   for (const TriangleRecord& t : triangles)
     vertices.push_back({{t.vertices[0], t.vertices[1], t.vertices[2]}});
+  const SahCosts costs{.byte = kByteWorth};
   // Headers and wide nodes take about 7/9 of what the tree itself does; how much, shows only in the layout.
-  for (size_t budget = room / 16 * 9;; budget = budget / 4 * 3) {
-    KdTree tree = BuildKdTree(vertices, padding, cell, SahCosts{}, budget);
+  KdTree tree = BuildKdTree(vertices, padding, cell, costs, room);
+  for (size_t most_bytes = room / 16 * 9;;) {
+    PruneKdTree(tree, cell, costs, most_bytes);
     const size_t slots = TreeletLayout(kTreeletLevels).Slots(tree.nodes);
     const size_t wide_nodes =
         MakeWideTree(tree.nodes, cell, kWideLeafReferences, [](const KdNode&, const Box& box) {
           return box;
         }).size();
-    if (HotBytes(slots, wide_nodes, tree.references.size(), 0, 0) <= room || slots == kTreeletHeaderSlots)
+    const size_t taken = HotBytes(slots, wide_nodes, tree.references.size(), 0, 0);
+    if (taken <= room || slots == kTreeletHeaderSlots)
       return {std::move(tree), static_cast<uint32_t>(slots), static_cast<uint32_t>(wide_nodes)};
+    const size_t bytes = tree.nodes.size() * sizeof(KdNode) + tree.references.size() * 2;
+    most_bytes = bytes * room / taken - bytes / 128;
   }
 }
 
 /// The triangles in the order in which leaves first refer to them, which is renumbered: what one leaf needs
 /// lies together.
 std::vector<uint16_t> OrderByLeaves(std::vector<uint32_t>& references, size_t triangles) {
-  constexpr uint16_t kUnseen = 0xFFFF;
   std::vector<uint16_t> number(triangles, kUnseen), order;
   order.reserve(triangles);
   const auto visit = [&](uint16_t triangle) {
@@ -112,33 +122,36 @@ std::vector<uint16_t> OrderByLeaves(std::vector<uint32_t>& references, size_t tr
 
 EncodedVoxel BuildVoxel(std::span<const TriangleRecord> triangles, const Box& cell, float padding,
                         bool has_shading, uint32_t voxel_size) {
-  const auto vertices_of = [&](HotVoxel& voxel, std::span<const uint16_t> order) {
-    Interner<glm::vec3> interner(triangles.size() * 3);
-    for (uint16_t i : order)
-      for (const glm::vec3& v : triangles[i].vertices)
-        voxel.corners.push_back(interner.Index(v, voxel.vertices));
-  };
-  std::vector<uint16_t> order(triangles.size());
-  std::iota(order.begin(), order.end(), uint16_t{0});
-  HotVoxel counted;
-  vertices_of(counted, order);
-  const size_t without_tree =
-      HotBytes(0, 0, 0, triangles.size(), counted.vertices.size()) - HotBytes(0, 0, 0, 0, 0);
+  Interner<glm::vec3> interner(triangles.size() * 3);
+  std::vector<glm::vec3> vertices;
+  std::vector<uint16_t> corners;
+  corners.reserve(triangles.size() * 3);
+  for (const TriangleRecord& t : triangles)
+    for (const glm::vec3& v : t.vertices) corners.push_back(interner.Index(v, vertices));
+  const size_t without_tree = HotBytes(0, 0, 0, triangles.size(), vertices.size()) - HotBytes(0, 0, 0, 0, 0);
   const size_t room = voxel_size > without_tree ? voxel_size - without_tree : 0;
 
   HotVoxel voxel;
   voxel.cell = cell;
   auto [tree, node_slots, wide_nodes] = BuildTree(triangles, cell, padding, room);
-  order = OrderByLeaves(tree.references, triangles.size());
+  const std::vector<uint16_t> order = OrderByLeaves(tree.references, triangles.size());
   voxel.nodes = std::move(tree.nodes);
   voxel.node_slots = node_slots;
   voxel.wide_nodes = wide_nodes;
   voxel.references.assign(tree.references.begin(), tree.references.end());
-  vertices_of(voxel, order);
   std::vector<TriangleRecord> ordered;
   ordered.reserve(order.size());
+  std::vector<uint16_t> number(vertices.size(), kUnseen);  // of vertices, in the order of triangles
   for (uint16_t i : order) {
     const TriangleRecord& t = triangles[i];
+    for (size_t k = 0; k < 3; ++k) {
+      const uint16_t vertex = corners[3 * size_t{i} + k];
+      if (number[vertex] == kUnseen) {
+        number[vertex] = static_cast<uint16_t>(voxel.vertices.size());
+        voxel.vertices.push_back(vertices[vertex]);
+      }
+      voxel.corners.push_back(number[vertex]);
+    }
     voxel.triangle_ids.push_back(t.id);
     voxel.materials.push_back(static_cast<uint16_t>(t.material));
     voxel.parts.push_back(t.part);

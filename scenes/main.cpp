@@ -94,6 +94,7 @@ void DeclareArguments(CLI::App& app, Arguments& arguments) {
     scene->add_option("--seed", arguments.options.seed, "Another seed, another scene of the kind")
         ->capture_default_str();
     scene->add_option("-o,--output", arguments.output, "OUT.ply (binary) or OUT.obj")->required();
+    scene->add_flag("!--no-colors", arguments.options.colors, "Positions, materials and parts only");
     scene->add_flag("--quiet", arguments.quiet, "Show no progress");
     scene->footer(fmt::format("Example: quarry-scene {0} --triangles 1000000 -o {0}.ply", kind));
     scene->callback([&arguments, kind] { arguments.kind = kind; });

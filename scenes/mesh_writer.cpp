@@ -12,12 +12,12 @@
 namespace quarry::scenes {
 
 Result<std::unique_ptr<MeshWriter>> OpenMeshWriter(const std::string& path,
-                                                   const std::vector<Material>& materials) {
+                                                   const std::vector<Material>& materials, bool colors) {
   std::string extension = std::filesystem::path(path).extension();
   std::transform(extension.begin(), extension.end(), extension.begin(),
                  [](unsigned char c) { return std::tolower(c); });
-  if (extension == ".ply") return OpenPlyWriter(path, materials);
-  if (extension == ".obj") return OpenObjWriter(path, materials);
+  if (extension == ".ply") return OpenPlyWriter(path, materials, colors);
+  if (extension == ".obj") return OpenObjWriter(path, materials, colors);
   return BadUsage(fmt::format("{}: the name must end in .ply or .obj, which chooses the format.", path));
 }
 

@@ -22,15 +22,15 @@ class MeshWriter : public MeshReceiver {
 };
 
 /// A writer by the extension of `path`:
-/// .ply: binary little-endian; vertices float x y z, uchar red green blue; faces list uchar uint
-/// vertex_indices,
+/// .ply: binary little-endian; vertices float x y z and, with `colors`, uchar red green blue; faces list
+/// uchar uint vertex_indices,
 ///       ushort material_index, uint part_index; beside it NAME.materials.json
 ///       (common/scene/material_json.h). The format wants all vertices before the first face and no face is
 ///       kept, hence two passes.
-/// .obj: `v x y z r g b`, one group per part, beside it NAME.mtl; one pass.
+/// .obj: `v x y z r g b` or `v x y z`, one group per part, beside it NAME.mtl; one pass.
 /// Errors: another extension (unusable argument), files that cannot be made.
 Result<std::unique_ptr<MeshWriter>> OpenMeshWriter(const std::string& path,
-                                                   const std::vector<Material>& materials);
+                                                   const std::vector<Material>& materials, bool colors);
 
 /// `path` with its extension replaced by `extension` (with its dot).
 std::string WithExtension(const std::string& path, const std::string& extension);

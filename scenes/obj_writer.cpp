@@ -41,8 +41,12 @@ std::string MtlEntry(const Material& m) {
 class ObjWriter : public MeshWriter {
  public:
   ObjWriter(std::unique_ptr<OutputFile> model, std::unique_ptr<OutputFile> mtl, const std::string& mtl_name,
-            const std::vector<Material>& materials)
-      : model_(std::move(model)), mtl_(std::move(mtl)), mtl_name_(mtl_name), materials_(materials) {}
+            const std::vector<Material>& materials, bool colors)
+      : model_(std::move(model)),
+        mtl_(std::move(mtl)),
+        mtl_name_(mtl_name),
+        materials_(materials),
+        colors_(colors) {}
 
   int passes() const override { return 1; }
 
@@ -75,8 +79,11 @@ class ObjWriter : public MeshWriter {
     QUARRY_ASSIGN(char* out, model_->Reserve(kLongestLine));
     const auto channel = [](uint8_t value) { return static_cast<float>(value) / 255.0f; };
     // Positions in the shortest form that reads back to the same bits; colours to the nearest of 256 steps.
-    char* end = fmt::format_to(out, FMT_COMPILE("v {} {} {} {:.4g} {:.4g} {:.4g}\n"), v.position.x,
-                               v.position.y, v.position.z, channel(v.r), channel(v.g), channel(v.b));
+    char* end = fmt::format_to(out, FMT_COMPILE("v {} {} {}"), v.position.x, v.position.y, v.position.z);
+    if (colors_)
+      end =
+          fmt::format_to(end, FMT_COMPILE(" {:.4g} {:.4g} {:.4g}"), channel(v.r), channel(v.g), channel(v.b));
+    *end++ = '\n';
     model_->Advance(static_cast<size_t>(end - out));
     return {};
   }
@@ -97,6 +104,7 @@ class ObjWriter : public MeshWriter {
   std::unique_ptr<OutputFile> model_, mtl_;
   std::string mtl_name_;
   std::vector<Material> materials_;
+  bool colors_;
   uint32_t material_ = kNoIndex;
   uint64_t vertices_ = 0;
 };
@@ -110,12 +118,12 @@ std::string MtlText(const std::vector<Material>& materials) {
 }
 
 Result<std::unique_ptr<MeshWriter>> OpenObjWriter(const std::string& path,
-                                                  const std::vector<Material>& materials) {
+                                                  const std::vector<Material>& materials, bool colors) {
   const std::string mtl_path = WithExtension(path, ".mtl");
   QUARRY_ASSIGN(auto model, OutputFile::Create(path));
   QUARRY_ASSIGN(auto mtl, OutputFile::Create(mtl_path));
   return std::make_unique<ObjWriter>(std::move(model), std::move(mtl),
-                                     std::filesystem::path(mtl_path).filename(), materials);
+                                     std::filesystem::path(mtl_path).filename(), materials, colors);
 }
 
 }  // namespace quarry::scenes

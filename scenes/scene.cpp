@@ -77,7 +77,7 @@ std::unique_ptr<Scene> MakeScene(const std::string& kind, const SceneOptions& op
 
 Status WriteScene(const Scene& scene, const SceneOptions& options, const std::string& path,
                   const WatchProgress& watch) {
-  QUARRY_ASSIGN(const auto writer, OpenMeshWriter(path, scene.Materials()));
+  QUARRY_ASSIGN(const auto writer, OpenMeshWriter(path, scene.Materials(), options.colors));
   QUARRY_ASSIGN(const auto way, OutputFile::Create(WithExtension(path, ".path.json")));
   QUARRY_TRY(way->Write(CameraPathJson(scene.Path())));
   QUARRY_TRY(way->Close());

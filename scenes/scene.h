@@ -19,6 +19,7 @@ inline constexpr uint64_t kMostTriangles = 1000000000;
 struct SceneOptions {
   uint64_t triangles = 1000000;
   uint64_t seed = 1;
+  bool colors = true;  ///< of vertices
 };
 
 /// A procedural scene: a pure function of its options. z is up, units are metres.

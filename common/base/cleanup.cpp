@@ -17,12 +17,16 @@ constexpr size_t kPathBytes = 4096;
 // Plain arrays: a signal handler may touch nothing that allocates or locks.
 char paths[kSlots][kPathBytes];
 std::atomic<int> states[kSlots];  // 0 free, 1 being filled, 2 in use
-char message[512];
+constexpr size_t kMessageBytes = 2 * kPathBytes;
+char messages[2][kMessageBytes];
+std::atomic<int> message{0};
+std::string program_name;
 
 void OnSignal(int) {
   for (int i = 0; i < kSlots; ++i)
-    if (states[i].load() == 2) ::unlink(paths[i]);
-  (void)!::write(2, message, std::strlen(message));
+    if (states[i].load() == 2 && ::unlink(paths[i]) != 0) ::rmdir(paths[i]);
+  const char* text = messages[message.load()];
+  (void)!::write(2, text, std::strlen(text));
   ::_exit(1);
 }
 
@@ -45,12 +49,19 @@ void Forget(int handle) {
 }
 
 void InstallSignalHandlers(const std::string& program, const std::string& kept) {
-  const std::string text = "\n" + program + ": interrupted; " + kept + "\n";
-  std::strncpy(message, text.c_str(), sizeof message - 1);
+  program_name = program;
+  TellOnSignal(kept);
   struct sigaction action {};
   action.sa_handler = OnSignal;
   for (int signal : {SIGINT, SIGTERM, SIGHUP}) ::sigaction(signal, &action, nullptr);
   ::signal(SIGPIPE, SIG_IGN);
+}
+
+void TellOnSignal(const std::string& kept) {
+  const std::string text = "\n" + program_name + ": interrupted; " + kept + "\n";
+  const int next = 1 - message.load();
+  std::strncpy(messages[next], text.c_str(), kMessageBytes - 1);
+  message.store(next);
 }
 
 void EndWithParent() {

@@ -4,8 +4,9 @@
 
 namespace quarry {
 
-/// Names a temporary file to be removed should a signal end the program. Returns a handle for Forget; -1 when
-/// all slots are taken (then only normal ends remove it). Thread-safe.
+/// Names a temporary file, or a folder that will be empty by then, to be removed should a signal end the
+/// program. Returns a handle for Forget; -1 when all slots are taken (then only normal ends remove it).
+/// Thread-safe.
 int RemoveOnSignal(const std::string& path);
 /// The file is gone or has its final name. Handles of -1 are ignored.
 void Forget(int handle);
@@ -13,6 +14,9 @@ void Forget(int handle);
 /// On SIGINT, SIGTERM and SIGHUP: removes what RemoveOnSignal named, prints "PROGRAM: interrupted; " and
 /// `kept` (what is kept) on standard error, and ends with status 1. SIGPIPE is ignored: writes report it.
 void InstallSignalHandlers(const std::string& program, const std::string& kept);
+
+/// From now on a signal's line says that `kept` is kept. A program may call it a few times.
+void TellOnSignal(const std::string& kept);
 
 /// Called by a program that another one may have started for itself alone (environment QUARRY_PARENT set to
 /// that one's process id): it is ended by the system when that one dies, however it dies.

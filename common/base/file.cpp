@@ -28,7 +28,8 @@ Status WriteAll(int fd, const std::string& path, const char* bytes, size_t size,
   return {};
 }
 
-/// So that the new name outlasts a loss of power. File systems that cannot do it do without.
+}  // namespace
+
 void SyncFolderOf(const std::string& path) {
   const size_t slash = path.rfind('/');
   const std::string folder = slash == std::string::npos ? "." : path.substr(0, slash + 1);
@@ -37,8 +38,6 @@ void SyncFolderOf(const std::string& path) {
   ::fsync(fd);
   ::close(fd);
 }
-
-}  // namespace
 
 Result<InputFile> InputFile::Open(const std::string& path) {
   const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
@@ -79,11 +78,12 @@ Status InputFile::ReadAt(uint64_t offset, std::span<std::byte> out) const {
   return {};
 }
 
-OutputFile::OutputFile(std::string path, std::string temporary, int fd)
+OutputFile::OutputFile(std::string path, std::string temporary, int fd, bool kept)
     : path_(std::move(path)),
       temporary_(std::move(temporary)),
       fd_(fd),
-      cleanup_(RemoveOnSignal(temporary_)) {
+      kept_(kept),
+      cleanup_(kept ? -1 : RemoveOnSignal(temporary_)) {
   buffer_.reserve(kBufferBytes);
 }
 
@@ -91,13 +91,29 @@ Result<OutputFile> OutputFile::Create(const std::string& path) {
   std::string temporary = fmt::format("{}.tmp-{}", path, ::getpid());
   const int fd = ::open(temporary.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
   if (fd < 0) return Fail(fmt::format("{}: cannot write: {}", path, ErrnoText(errno)));
-  return OutputFile(path, std::move(temporary), fd);
+  return OutputFile(path, std::move(temporary), fd, false);
+}
+
+Result<OutputFile> OutputFile::Continue(const std::string& path, std::string temporary, uint64_t size) {
+  const int fd = ::open(temporary.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+  if (fd < 0) return Fail(fmt::format("{}: cannot write: {}", temporary, ErrnoText(errno)));
+  OutputFile file(path, std::move(temporary), fd, true);
+  struct stat info {};
+  const auto end = static_cast<off_t>(size);
+  if (::fstat(fd, &info) != 0 || info.st_size < end)
+    return Fail(
+        fmt::format("{}: is shorter than when it was left; begin anew without --resume", file.temporary_));
+  if (::ftruncate(fd, end) != 0 || ::lseek(fd, end, SEEK_SET) != end)
+    return Fail(fmt::format("{}: cannot write: {}", file.temporary_, ErrnoText(errno)));
+  file.size_ = size;
+  return file;
 }
 
 OutputFile::OutputFile(OutputFile&& other) noexcept
     : path_(std::move(other.path_)),
       temporary_(std::move(other.temporary_)),
       fd_(std::exchange(other.fd_, -1)),
+      kept_(other.kept_),
       cleanup_(std::exchange(other.cleanup_, -1)),
       size_(other.size_),
       buffer_(std::move(other.buffer_)) {}
@@ -105,7 +121,7 @@ OutputFile::OutputFile(OutputFile&& other) noexcept
 OutputFile::~OutputFile() {
   if (fd_ < 0) return;
   ::close(fd_);
-  ::unlink(temporary_.c_str());
+  if (!kept_) ::unlink(temporary_.c_str());
   Forget(cleanup_);
 }
 
@@ -130,11 +146,16 @@ Status OutputFile::WriteAt(uint64_t offset, std::span<const std::byte> bytes) {
                   static_cast<int64_t>(offset));
 }
 
-Status OutputFile::Commit() {
+Status OutputFile::Sync() {
   QUARRY_TRY(Flush());
   // Some devices (/dev/full, pipes) refuse fsync; what matters is that a disk that can does.
   if (::fsync(fd_) != 0 && errno != EINVAL && errno != EROFS)
     return Fail(fmt::format("{}: cannot write: {}", path_, ErrnoText(errno)));
+  return {};
+}
+
+Status OutputFile::Commit() {
+  QUARRY_TRY(Sync());
   if (::rename(temporary_.c_str(), path_.c_str()) != 0)
     return Fail(fmt::format("{}: cannot write: {}", path_, ErrnoText(errno)));
   ::close(std::exchange(fd_, -1));

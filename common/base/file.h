@@ -40,6 +40,9 @@ class InputFile {
 class OutputFile {
  public:
   static Result<OutputFile> Create(const std::string& path);
+  /// One that outlives the process under the name `temporary`, on the same file system, so that a later one
+  /// can go on with its first `size` bytes. Errors also: it has fewer.
+  static Result<OutputFile> Continue(const std::string& path, std::string temporary, uint64_t size);
   OutputFile(OutputFile&& other) noexcept;
   OutputFile& operator=(OutputFile&& other) noexcept = delete;
   ~OutputFile();
@@ -53,19 +56,26 @@ class OutputFile {
   Status WriteAt(uint64_t offset, std::span<const std::byte> bytes);
   /// Bytes appended so far.
   uint64_t size() const { return size_; }
+  /// What was appended outlasts a loss of power.
+  Status Sync();
   /// Flushes, fsyncs, renames. The object is finished after it.
   Status Commit();
 
  private:
-  OutputFile(std::string path, std::string temporary, int fd);
+  OutputFile(std::string path, std::string temporary, int fd, bool kept);
   Status Flush();
   std::string path_;
   std::string temporary_;
   int fd_ = -1;
-  int cleanup_ = -1;  ///< see RemoveOnSignal
+  bool kept_ = false;  ///< outlives the object
+  int cleanup_ = -1;   ///< see RemoveOnSignal
   uint64_t size_ = 0;
   std::string buffer_;
 };
+
+/// So that names made in the folder of `path` outlast a loss of power. File systems that cannot do it do
+/// without.
+void SyncFolderOf(const std::string& path);
 
 /// Writes `text` to `path` by way of an OutputFile.
 Status WriteFileAtomically(const std::string& path, std::span<const std::byte> bytes);

@@ -19,9 +19,9 @@ uint64_t PeakResidentBytes() {
   return 0;
 }
 
-void KeepHeapSmall() {
-  ::mallopt(M_MMAP_THRESHOLD, 128 << 10);
-  ::mallopt(M_TRIM_THRESHOLD, 256 << 10);
+void KeepHeapSmall(size_t large) {
+  ::mallopt(M_MMAP_THRESHOLD, static_cast<int>(large));
+  ::mallopt(M_TRIM_THRESHOLD, static_cast<int>(2 * large));
   ::mallopt(M_ARENA_MAX, 2);
 }
 

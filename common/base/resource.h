@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
 namespace quarry {
@@ -7,8 +8,9 @@ namespace quarry {
 /// Peak resident memory of this process so far (VmHWM), in bytes.
 uint64_t PeakResidentBytes();
 
-/// Tells the allocator to give large buffers back to the system at once, and to keep few arenas, so that
-/// resident memory follows what is in use. Call first in main.
-void KeepHeapSmall();
+/// Tells the allocator to give buffers of `large` bytes and more back to the system at once, and to keep few
+/// arenas, so that resident memory follows what is in use; each such buffer costs page faults. Call first in
+/// main.
+void KeepHeapSmall(size_t large = 128 << 10);
 
 }  // namespace quarry

@@ -16,17 +16,9 @@ namespace {
 constexpr int kBins = 32;
 constexpr uint32_t kExactUpTo = 32;  // references; so few: weigh every box end instead of bins
 
-constexpr float kFloatInfinity = std::numeric_limits<float>::infinity();
+constexpr float kHopeOfMore = 2.0f;  // what a split must gain at once of what it must gain in the end
 
-/// A triangle in a node, with the box, grown by the padding, of its part in the node's cell. Ends beyond the
-/// cell are of no account.
-struct Reference {
-  float lower[3];
-  uint32_t triangle;
-  float upper[3];
-  uint32_t unused;
-};
-static_assert(sizeof(Reference) == 32, "half a cache line");
+constexpr float kFloatInfinity = std::numeric_limits<float>::infinity();
 
 /// A point in double, and a fourth number of no account, as the compiler's own vector.
 using Point = double __attribute__((vector_size(32)));
@@ -40,7 +32,7 @@ struct PointBox {
     upper = p > upper ? p : upper;
   }
   /// Narrows the reference to this box grown by `growth`. False when nothing is left.
-  bool Narrow(Reference& r, double growth) const {
+  bool Narrow(KdReference& r, double growth) const {
     bool any = true;
     for (int a = 0; a < 3; ++a) {
       r.lower[a] = std::max(r.lower[a], static_cast<float>(lower[a] - growth));
@@ -99,6 +91,33 @@ struct Polygon {
     count = kept;
   }
 
+  /// The boxes of the part up to `left` and of the part from `right` on, which is not beyond it.
+  void BoundParts(int axis, double left, double right, PointBox parts[2]) const {
+    if (count == 0) return;
+    Point from = points[count - 1];
+    for (int i = 0; i < count; ++i) {
+      const Point to = points[i];
+      const double a = from[axis], b = to[axis];
+      const bool crosses_left = (a > left) != (b > left), crosses_right = (a < right) != (b < right);
+      if (crosses_left || crosses_right) {
+        const Point slope = (to - from) / (b - a);
+        if (crosses_left) {
+          Point crossing = from + (left - a) * slope;
+          crossing[axis] = left;
+          parts[0].Include(crossing);
+        }
+        if (crosses_right) {
+          Point crossing = from + (right - a) * slope;
+          crossing[axis] = right;
+          parts[1].Include(crossing);
+        }
+      }
+      if (!(b > left)) parts[0].Include(to);
+      if (!(b < right)) parts[1].Include(to);
+      from = to;
+    }
+  }
+
   /// Keeps what lies in the cell grown by `growth`.
   void Clip(const Box& cell, double growth) {
     PointBox bounds = Bounds();
@@ -139,20 +158,14 @@ bool Any(Int8 mask) {
   return (words[0] | words[1] | words[2] | words[3]) != 0;
 }
 
-struct Split {
-  float cost = kFloatInfinity;
-  float position = 0;
-  int axis = -1;
-};
-
 /// The best of every eighth plane.
 struct Splits8 {
   Float8 cost = Float8{} + kFloatInfinity;
   Float8 position{};
   Int8 axis = Int8{} - 1;
 
-  Split Best() const {
-    Split best;
+  KdSplit Best() const {
+    KdSplit best;
     for (int lane = 0; lane < 8; ++lane)
       if (cost[lane] < best.cost) best = {cost[lane], position[lane], axis[lane]};
     return best;
@@ -162,8 +175,13 @@ struct Splits8 {
 /// The SAH cost of planes across one axis of a cell, in traversal steps.
 class AxisCost {
  public:
-  AxisCost(const Box& cell, int axis, const SahCosts& costs)
-      : axis_(axis), lower_(cell.lower[axis]), upper_(cell.upper[axis]), empty_bonus_(costs.empty_bonus) {
+  AxisCost(const Box& cell, int axis, const SahCosts& costs, size_t references)
+      : axis_(axis),
+        lower_(cell.lower[axis]),
+        upper_(cell.upper[axis]),
+        empty_bonus_(costs.empty_bonus),
+        duplicate_(costs.duplicate),
+        per_reference_(1 / static_cast<float>(references)) {
     const float e1 = cell.extent((axis + 1) % 3), e2 = cell.extent((axis + 2) % 3);
     cap_ = e1 * e2;
     rim_ = e1 + e2;
@@ -171,11 +189,13 @@ class AxisCost {
   }
   bool Inside(float position) const { return position > lower_ && position < upper_; }
   /// Keeps the plane in `best` if it lies inside the cell and costs less.
-  void Consider(float position, uint32_t left, uint32_t right, Split& best) const {
+  void Consider(float position, uint32_t left, uint32_t right, KdSplit& best) const {
     if (!Inside(position)) return;
     const float areas = (cap_ + (position - lower_) * rim_) * static_cast<float>(left) +
                         (cap_ + (upper_ - position) * rim_) * static_cast<float>(right);
-    const float cost = (1 + areas * scale_) * (left == 0 || right == 0 ? empty_bonus_ : 1.0f);
+    const float both = static_cast<float>(left + right) * per_reference_;
+    const float cost = (1 + areas * scale_) * (left == 0 || right == 0 ? empty_bonus_ : 1.0f) *
+                       (1 + duplicate_ * (both - 1));
     if (cost < best.cost) best = {cost, position, axis_};
   }
   Int8 Inside(Float8 position) const { return (position > lower_) & (position < upper_); }
@@ -193,36 +213,182 @@ class AxisCost {
 
  private:
   int axis_;
-  float lower_, upper_, empty_bonus_, cap_, rim_, scale_;
+  float lower_, upper_, empty_bonus_, duplicate_, per_reference_, cap_, rim_, scale_;
 };
+
+}  // namespace
+
+KdSplitter::KdSplitter(std::span<const KdTriangle> triangles, float padding, const Box& cell,
+                       const SahCosts& costs)
+    : triangles_(triangles), costs_(costs) {
+  // A rounding to float is at most 2^-24 of a coordinate, clipping in double far less: this covers both.
+  float largest = padding;
+  for (int a = 0; a < 3; ++a)
+    largest = std::max({largest, std::fabs(cell.lower[a]), std::fabs(cell.upper[a])});
+  for (const KdTriangle& t : triangles)
+    for (const glm::vec3& v : t.vertices)
+      largest = std::max({largest, std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)});
+  growth_ = static_cast<double>(padding) + static_cast<double>(largest) * 0x1p-22;
+}
+
+std::vector<KdReference> KdSplitter::ReferencesIn(const Box& cell) const {
+  std::vector<KdReference> references;
+  references.reserve(triangles_.size() * 2);
+  for (uint32_t i = 0; i < triangles_.size(); ++i) {
+    KdReference r{{-kFloatInfinity, -kFloatInfinity, -kFloatInfinity},
+                  i,
+                  {kFloatInfinity, kFloatInfinity, kFloatInfinity},
+                  0};
+    Polygon polygon(triangles_[i]);
+    polygon.Clip(cell, growth_);
+    if (polygon.count > 0 && polygon.Bounds().Narrow(r, growth_)) references.push_back(r);
+  }
+  return references;
+}
+
+KdSplit KdSplitter::Best(const Box& cell, std::span<const KdReference> references) const {
+  return references.size() <= kExactUpTo ? BestExact(cell, references) : BestBinned(cell, references);
+}
+
+size_t KdSplitter::Divide(std::vector<KdReference>& references, size_t begin, const Box& cell,
+                          const KdSplit& split) {
+  left_.clear();
+  size_t right_end = begin;
+  for (size_t k = begin; k < references.size(); ++k) {
+    KdReference r = references[k];
+    if (r.upper[split.axis] < split.position) {
+      left_.push_back(r);
+    } else if (r.lower[split.axis] > split.position) {
+      references[right_end++] = r;
+    } else {
+      KdReference right = r;
+      Polygon polygon(triangles_[r.triangle]);
+      polygon.Clip(cell, growth_);
+      PointBox parts[2];
+      polygon.BoundParts(split.axis, split.position + growth_, split.position - growth_, parts);
+      if (parts[0].Narrow(r, growth_)) left_.push_back(r);
+      if (parts[1].Narrow(right, growth_)) references[right_end++] = right;
+    }
+  }
+  references.resize(right_end);
+  references.insert(references.end(), left_.begin(), left_.end());
+  return right_end;
+}
+
+KdSplit KdSplitter::BestBinned(const Box& cell, std::span<const KdReference> references) const {
+  KdSplit best;
+  const auto count = static_cast<uint32_t>(references.size());
+  // Three axes at a time; the fourth lane is of no account.
+  std::array<std::array<uint32_t, 4>, kBins> starts{}, ends{};
+  Float4 base{}, scale{};
+  for (int axis = 0; axis < 3; ++axis) {
+    base[axis] = cell.lower[axis];
+    scale[axis] = cell.extent(axis) > 0 ? kBins / cell.extent(axis) : 0.0f;
+  }
+  const auto count_bin = [&](Float4 x, std::array<std::array<uint32_t, 4>, kBins>& bins) {
+    Float4 at = (x - base) * scale;
+    at = at > 0.0f ? at : Float4{};
+    at = at < kBins - 1.0f ? at : Float4{} + (kBins - 1.0f);
+    const Int4 bin = __builtin_convertvector(at, Int4);
+    for (size_t axis = 0; axis < 3; ++axis) ++bins[static_cast<size_t>(bin[axis])][axis];
+  };
+  Float4 lowest = Float4{} + kFloatInfinity, highest = Float4{} - kFloatInfinity;
+  for (const KdReference& r : references) {
+    const Float4 lower{r.lower[0], r.lower[1], r.lower[2], 0}, upper{r.upper[0], r.upper[1], r.upper[2], 0};
+    count_bin(lower, starts);
+    count_bin(upper, ends);
+    lowest = lower < lowest ? lower : lowest;
+    highest = upper > highest ? upper : highest;
+  }
+  for (int axis = 0; axis < 3; ++axis) {
+    if (!(cell.extent(axis) > 0)) continue;
+    const AxisCost cost(cell, axis, costs_, references.size());
+    // Planes at the very ends of what is there cut off empty space exactly.
+    cost.Consider(NextBelow(lowest[axis]), 0, count, best);
+    cost.Consider(NextAbove(highest[axis]), count, 0, best);
+    uint32_t left = 0, right = count;
+    for (size_t b = 0; b + 1 < kBins; ++b) {
+      left += starts[b][static_cast<size_t>(axis)];
+      right -= ends[b][static_cast<size_t>(axis)];
+      cost.Consider(base[axis] + static_cast<float>(b + 1) / scale[axis], left, right, best);
+    }
+  }
+  return best.axis < 0 ? best : Shifted(cell, references, best);
+}
+
+/// The split moved to the nearest box end on either side, if that is cheaper: between box ends the cost is
+/// linear.
+KdSplit KdSplitter::Shifted(const Box& cell, std::span<const KdReference> references,
+                            const KdSplit& split) const {
+  float below = -kFloatInfinity, above = kFloatInfinity;
+  uint32_t left = 0, right = 0;
+  for (const KdReference& r : references) {
+    const float lower = r.lower[split.axis], upper = r.upper[split.axis];
+    left += lower <= split.position;
+    right += upper >= split.position;
+    if (lower <= split.position)
+      below = std::max(below, lower);
+    else
+      above = std::min(above, lower);
+    if (upper < split.position)
+      below = std::max(below, upper);
+    else
+      above = std::min(above, upper);
+  }
+  KdSplit best;
+  const AxisCost cost(cell, split.axis, costs_, references.size());
+  cost.Consider(split.position, left, right, best);
+  if (below > -kFloatInfinity) cost.Consider(NextAbove(below), left, right, best);
+  if (above < kFloatInfinity) cost.Consider(NextBelow(above), left, right, best);
+  return best;
+}
+
+/// Weighs the planes just outside every box end, so that the box lies on one side only.
+KdSplit KdSplitter::BestExact(const Box& cell, std::span<const KdReference> references) const {
+  Splits8 best;
+  for (int axis = 0; axis < 3; ++axis) {
+    const AxisCost cost(cell, axis, costs_, references.size());
+    alignas(32) float lower[kExactUpTo + 8], upper[kExactUpTo + 8];
+    size_t count = 0;
+    for (const KdReference& r : references) {
+      lower[count] = r.lower[axis];
+      upper[count++] = r.upper[axis];
+    }
+    // What fills the last vector gives no plane inside the cell.
+    for (size_t k = 0; k < 8; ++k) {
+      lower[count + k] = cell.lower[axis];
+      upper[count + k] = cell.upper[axis];
+    }
+    const auto consider = [&](Float8 position) {
+      const Int8 inside = cost.Inside(position);
+      if (!Any(inside)) return;
+      Int8 left{}, right{};  // a true comparison is -1
+      for (size_t j = 0; j < count; ++j) {
+        left -= lower[j] <= position;
+        right -= upper[j] >= position;
+      }
+      cost.Consider(position, left, right, inside, best);
+    };
+    for (size_t k = 0; k < count; k += 8) {
+      consider(JustBelow(Load8(lower + k)));
+      consider(JustAbove(Load8(upper + k)));
+    }
+  }
+  return best.Best();
+}
+
+namespace {
 
 /// One build. The references of the nodes still to do lie in one array used as a stack, a node's in its
 /// parent's place, so that nothing is allocated per node.
 class Builder {
  public:
   Builder(std::span<const KdTriangle> triangles, float padding, const Box& cell, const SahCosts& costs)
-      : triangles_(triangles), costs_(costs) {
-    // A rounding to float is at most 2^-24 of a coordinate, clipping in double far less: this covers both.
-    float largest = padding;
-    for (int a = 0; a < 3; ++a)
-      largest = std::max({largest, std::fabs(cell.lower[a]), std::fabs(cell.upper[a])});
-    for (const KdTriangle& t : triangles)
-      for (const glm::vec3& v : t.vertices)
-        largest = std::max({largest, std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)});
-    growth_ = static_cast<double>(padding) + static_cast<double>(largest) * 0x1p-22;
-  }
+      : splitter_(triangles, padding, cell, costs), costs_(costs) {}
 
   KdTree Build(const Box& cell, size_t max_bytes) {
-    stack_.reserve(triangles_.size() * 2);
-    for (uint32_t i = 0; i < triangles_.size(); ++i) {
-      Reference r{{-kFloatInfinity, -kFloatInfinity, -kFloatInfinity},
-                  i,
-                  {kFloatInfinity, kFloatInfinity, kFloatInfinity},
-                  0};
-      Polygon polygon(triangles_[i]);
-      polygon.Clip(cell, growth_);
-      if (polygon.count > 0 && polygon.Bounds().Narrow(r, growth_)) stack_.push_back(r);
-    }
+    stack_ = splitter_.ReferencesIn(cell);
+    least_gain_ = ByteWorth(costs_, cell, stack_.size()) * kHopeOfMore * 2 * sizeof(KdNode);
     tree_.nodes.resize(1);
     BuildNode(0, cell, 0, max_bytes, kMaxKdDepth);
     return std::move(tree_);
@@ -243,16 +409,16 @@ class Builder {
   void BuildNode(uint32_t node, const Box& cell, size_t begin, size_t budget, int depth) {
     const auto count = static_cast<uint32_t>(stack_.size() - begin);
     if (count <= 1 || depth == 0) return MakeLeaf(node, begin);
-    const std::span<const Reference> references(stack_.data() + begin, count);
-    const Split split = count <= kExactUpTo ? BestExact(cell, references) : BestBinned(cell, references);
-    if (split.axis < 0 || split.cost >= costs_.intersect * static_cast<float>(count))
-      return MakeLeaf(node, begin);
+    const std::span<const KdReference> references(stack_.data() + begin, count);
+    const KdSplit split = splitter_.Best(cell, references);
+    const float gain = costs_.intersect * static_cast<float>(count) - split.cost;
+    if (split.axis < 0 || !(gain > 0) || gain * cell.half_area() < least_gain_) return MakeLeaf(node, begin);
     // Both children must at least fit as leaves.
     if (budget < 2 * sizeof(KdNode) + 2 * CountBoth(references, split)) return MakeLeaf(node, begin);
 
     Box left_cell = cell, right_cell = cell;
     left_cell.upper[split.axis] = right_cell.lower[split.axis] = split.position;
-    const size_t middle = Divide(begin, cell, split);
+    const size_t middle = splitter_.Divide(stack_, begin, cell, split);
     const size_t left = stack_.size() - middle, right = middle - begin;
     const auto first_child = static_cast<uint32_t>(tree_.nodes.size());
     tree_.nodes[node] = KdNode::Inner(split.axis, split.position, first_child);
@@ -267,155 +433,26 @@ class Builder {
     BuildNode(first_child + 1, right_cell, begin, budget - (BytesUsed() - before), depth - 1);
   }
 
-  static size_t CountBoth(std::span<const Reference> references, const Split& split) {
+  static size_t CountBoth(std::span<const KdReference> references, const KdSplit& split) {
     size_t n = references.size();
-    for (const Reference& r : references)
+    for (const KdReference& r : references)
       n += r.lower[split.axis] <= split.position && r.upper[split.axis] >= split.position;
     return n;
   }
 
-  /// Replaces the references from `begin` on by those of the right child, then those of the left, which begin
-  /// at the index returned.
-  size_t Divide(size_t begin, const Box& cell, const Split& split) {
-    left_.clear();
-    size_t right_end = begin;
-    for (size_t k = begin; k < stack_.size(); ++k) {
-      Reference r = stack_[k];
-      if (r.upper[split.axis] < split.position) {
-        left_.push_back(r);
-      } else if (r.lower[split.axis] > split.position) {
-        stack_[right_end++] = r;
-      } else {
-        Reference right = r;
-        Polygon polygon(triangles_[r.triangle]);
-        polygon.Clip(cell, growth_);
-        if (polygon.count == 0) continue;
-        if (NarrowToPart(polygon, split.axis, split.position + growth_, 1, r)) left_.push_back(r);
-        if (NarrowToPart(polygon, split.axis, split.position - growth_, -1, right))
-          stack_[right_end++] = right;
-      }
-    }
-    stack_.resize(right_end);
-    stack_.insert(stack_.end(), left_.begin(), left_.end());
-    return right_end;
-  }
-
-  /// Narrows `r` to the part of the polygon on one side of the plane. False when there is none.
-  bool NarrowToPart(const Polygon& polygon, int axis, double plane, double sign, Reference& r) const {
-    PointBox box;
-    polygon.VisitPart(axis, plane, sign, [&](Point p) { box.Include(p); });
-    return box.Narrow(r, growth_);
-  }
-
-  Split BestBinned(const Box& cell, std::span<const Reference> references) const {
-    Split best;
-    const auto count = static_cast<uint32_t>(references.size());
-    // Three axes at a time; the fourth lane is of no account.
-    std::array<std::array<uint32_t, 4>, kBins> starts{}, ends{};
-    Float4 base{}, scale{};
-    for (int axis = 0; axis < 3; ++axis) {
-      base[axis] = cell.lower[axis];
-      scale[axis] = cell.extent(axis) > 0 ? kBins / cell.extent(axis) : 0.0f;
-    }
-    const auto count_bin = [&](Float4 x, std::array<std::array<uint32_t, 4>, kBins>& bins) {
-      Float4 at = (x - base) * scale;
-      at = at > 0.0f ? at : Float4{};
-      at = at < kBins - 1.0f ? at : Float4{} + (kBins - 1.0f);
-      const Int4 bin = __builtin_convertvector(at, Int4);
-      for (size_t axis = 0; axis < 3; ++axis) ++bins[static_cast<size_t>(bin[axis])][axis];
-    };
-    Float4 lowest = Float4{} + kFloatInfinity, highest = Float4{} - kFloatInfinity;
-    for (const Reference& r : references) {
-      const Float4 lower{r.lower[0], r.lower[1], r.lower[2], 0}, upper{r.upper[0], r.upper[1], r.upper[2], 0};
-      count_bin(lower, starts);
-      count_bin(upper, ends);
-      lowest = lower < lowest ? lower : lowest;
-      highest = upper > highest ? upper : highest;
-    }
-    for (int axis = 0; axis < 3; ++axis) {
-      if (!(cell.extent(axis) > 0)) continue;
-      const AxisCost cost(cell, axis, costs_);
-      // Planes at the very ends of what is there cut off empty space exactly.
-      cost.Consider(NextBelow(lowest[axis]), 0, count, best);
-      cost.Consider(NextAbove(highest[axis]), count, 0, best);
-      uint32_t left = 0, right = count;
-      for (size_t b = 0; b + 1 < kBins; ++b) {
-        left += starts[b][static_cast<size_t>(axis)];
-        right -= ends[b][static_cast<size_t>(axis)];
-        cost.Consider(base[axis] + static_cast<float>(b + 1) / scale[axis], left, right, best);
-      }
-    }
-    return best.axis < 0 ? best : Shifted(cell, references, best);
-  }
-
-  /// The split moved to the nearest box end on either side, if that is cheaper: between box ends the cost is
-  /// linear.
-  Split Shifted(const Box& cell, std::span<const Reference> references, const Split& split) const {
-    float below = -kFloatInfinity, above = kFloatInfinity;
-    uint32_t left = 0, right = 0;
-    for (const Reference& r : references) {
-      const float lower = r.lower[split.axis], upper = r.upper[split.axis];
-      left += lower <= split.position;
-      right += upper >= split.position;
-      if (lower <= split.position)
-        below = std::max(below, lower);
-      else
-        above = std::min(above, lower);
-      if (upper < split.position)
-        below = std::max(below, upper);
-      else
-        above = std::min(above, upper);
-    }
-    Split best;
-    const AxisCost cost(cell, split.axis, costs_);
-    cost.Consider(split.position, left, right, best);
-    if (below > -kFloatInfinity) cost.Consider(NextAbove(below), left, right, best);
-    if (above < kFloatInfinity) cost.Consider(NextBelow(above), left, right, best);
-    return best;
-  }
-
-  /// Weighs the planes just outside every box end, so that the box lies on one side only.
-  Split BestExact(const Box& cell, std::span<const Reference> references) const {
-    Splits8 best;
-    for (int axis = 0; axis < 3; ++axis) {
-      const AxisCost cost(cell, axis, costs_);
-      alignas(32) float lower[kExactUpTo + 8], upper[kExactUpTo + 8];
-      size_t count = 0;
-      for (const Reference& r : references) {
-        lower[count] = r.lower[axis];
-        upper[count++] = r.upper[axis];
-      }
-      // What fills the last vector gives no plane inside the cell.
-      for (size_t k = 0; k < 8; ++k) {
-        lower[count + k] = cell.lower[axis];
-        upper[count + k] = cell.upper[axis];
-      }
-      const auto consider = [&](Float8 position) {
-        const Int8 inside = cost.Inside(position);
-        if (!Any(inside)) return;
-        Int8 left{}, right{};  // a true comparison is -1
-        for (size_t j = 0; j < count; ++j) {
-          left -= lower[j] <= position;
-          right -= upper[j] >= position;
-        }
-        cost.Consider(position, left, right, inside, best);
-      };
-      for (size_t k = 0; k < count; k += 8) {
-        consider(JustBelow(Load8(lower + k)));
-        consider(JustAbove(Load8(upper + k)));
-      }
-    }
-    return best.Best();
-  }
-
-  std::span<const KdTriangle> triangles_;
+  KdSplitter splitter_;
   const SahCosts& costs_;
-  double growth_;  ///< the padding, and what rounding may add
-  std::vector<Reference> stack_, left_;
+  float least_gain_ = 0;  ///< of SAH cost, times area, for a node to be split
+  std::vector<KdReference> stack_;
   KdTree tree_;
 };
 
 }  // namespace
+
+float ByteWorth(const SahCosts& costs, const Box& root, size_t triangles) {
+  const float share = std::cbrt(static_cast<float>(std::max<size_t>(triangles, 1)));
+  return costs.byte * root.half_area() / (share * share);
+}
 
 KdTree BuildKdTree(std::span<const KdTriangle> triangles, float padding, const Box& cell,
                    const SahCosts& costs, size_t max_bytes) {

@@ -94,6 +94,16 @@ Result<StoreWriter> StoreWriter::Create(const std::string& path) {
   return writer;
 }
 
+Result<StoreWriter> StoreWriter::Continue(const std::string& path, const std::string& temporary,
+                                          StoreProgress progress) {
+  QUARRY_ASSIGN(OutputFile file, OutputFile::Continue(path, temporary, progress.bytes));
+  StoreWriter writer(std::move(file));
+  writer.directory_ = std::move(progress.directory);
+  writer.logical_ = std::move(progress.logical);
+  if (progress.bytes == 0) QUARRY_TRY(writer.file_.Write(Bytes(kBlocksOffset)));
+  return writer;
+}
+
 Status StoreWriter::AddVoxel(const EncodedVoxel& voxel) {
   VoxelEntry entry;
   entry.blocks[0] = {file_.size(), static_cast<uint32_t>(voxel.hot.size()), voxel.hot_decoded,

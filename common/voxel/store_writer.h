@@ -25,11 +25,22 @@ struct EncodedVoxel {
 /// Encodes and compresses a voxel; `shading` null where there is none. Thread-safe.
 EncodedVoxel EncodeVoxel(const HotVoxel& hot, const ShadingVoxel* shading);
 
+/// What a StoreWriter has of its voxels beside the file, and goes on from.
+struct StoreProgress {
+  uint64_t bytes = 0;  ///< of the file; 0: none yet
+  std::vector<VoxelEntry> directory;
+  std::vector<uint64_t> logical;  ///< checksums of streams, two a voxel
+};
+
 /// Writes a scene store: voxels as they come, then the rest. Nothing is at `path` before Finish succeeds.
 /// Not thread-safe.
 class StoreWriter {
  public:
   static Result<StoreWriter> Create(const std::string& path);
+  /// One whose file lies at `temporary` until it is finished, and outlives the process; `progress` is what an
+  /// earlier one had when it was last synchronised.
+  static Result<StoreWriter> Continue(const std::string& path, const std::string& temporary,
+                                      StoreProgress progress);
 
   /// Appends voxel number voxel_count().
   Status AddVoxel(const EncodedVoxel& voxel);
@@ -40,6 +51,10 @@ class StoreWriter {
   Result<SceneId> Finish(SceneMeta meta, const std::vector<KdNode>& top_nodes,
                          const std::vector<Material>& materials, const std::vector<std::string>& parts);
   uint64_t bytes_written() const { return file_.size(); }
+  /// Makes the voxels so far outlast a loss of power.
+  Status Sync() { return file_.Sync(); }
+  const std::vector<VoxelEntry>& directory() const { return directory_; }
+  const std::vector<uint64_t>& logical() const { return logical_; }
 
  private:
   explicit StoreWriter(OutputFile file) : file_(std::move(file)) {}

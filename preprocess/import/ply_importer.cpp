@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <tuple>
 #include <utility>
 
@@ -37,6 +38,11 @@ class PlyBody {
   Result<uint64_t> Import();
 
  private:
+  /// Of "model.ply.gz" too that of "model.ply".
+  std::string LibraryPath() {
+    return MaterialJsonPath(
+        source_.bytes().is_packed() ? std::filesystem::path(path_).replace_extension().string() : path_);
+  }
   Status LoadTables(const PlyElement& face);
   Status Element(const PlyElement& element);
   Status Vertices(const PlyElement& element);
@@ -51,14 +57,19 @@ class PlyBody {
   Status FixedRows(const PlyElement& element, const PlyPlan& plan, Use&& use);
   template <typename Use>
   Status RowsOneByOne(const PlyElement& element, const PlyPlan& plan, Use&& use);
+  bool ReadTriangle(const PlyPlan& plan);
   bool ReadStep(const PlyStep& step);
   bool ReadIndexList(const PlyStep& step);
 
   Status Vertex(const PlyPlan& plan);
   Status Face();
-  Status FaceCorners();
-  Result<Corner> MakeCorner(int64_t index) const;
-  Result<uint32_t> Look(const IndexTable& table, FaceSlot slot, const char* name) const;
+  bool IsVertex(int64_t index) const {
+    return index >= 0 && static_cast<uint64_t>(index) < vertex_count_ && index < int64_t{kNoIndex};
+  }
+  tl::unexpected<Error> NoVertex(int64_t index) const;
+  Corner MakeCorner(int64_t index) const;
+  bool Look(const IndexTable& table, FaceSlot slot, uint32_t& index) const;
+  tl::unexpected<Error> NotListed(const IndexTable& table, FaceSlot slot, const char* name);
   Status StripList(const PlyElement& element, const PlyStep& step);
   Status StripIndex(int64_t index);
   tl::unexpected<Error> RowFailure(const PlyElement& element) const;
@@ -99,7 +110,7 @@ Status PlyBody<Source>::LoadTables(const PlyElement& face) {
   const PlyPlan plan = PlanFace(face);
   const bool materials = plan.Has(kMaterial, kMaterial), parts = plan.Has(kPart, kPart);
   if (!materials && !parts) return {};
-  const std::string path = MaterialJsonPath(path_);
+  const std::string path = LibraryPath();
   struct stat info {};
   if (stat(path.c_str(), &info) != 0) {
     sink_.Warn(fmt::format("{}: has material_index or part_index, but {} is not there; they are left out",
@@ -188,14 +199,39 @@ template <typename Source>
 template <typename Use>
 Status PlyBody<Source>::RowsOneByOne(const PlyElement& element, const PlyPlan& plan, Use&& use) {
   for (; row_number_ < element.count; ++row_number_) {
-    for (const PlyStep& step : plan.steps) {
-      if (ReadStep(step)) [[likely]]
-        continue;
-      return RowFailure(element);
-    }
+    if (!ReadTriangle(plan))
+      for (const PlyStep& step : plan.steps) {
+        if (ReadStep(step)) [[likely]]
+          continue;
+        return RowFailure(element);
+      }
     QUARRY_TRY(use());
   }
   return {};
+}
+
+/// A row of the usual form at once: a byte 3, three indices of 32 bits, scalars. False, and nothing is read,
+/// if the row is of another.
+template <typename Source>
+bool PlyBody<Source>::ReadTriangle(const PlyPlan& plan) {
+  if constexpr (!Source::kBinary) {
+    return false;
+  } else {
+    if (plan.triangle_bytes == 0 || !source_.bytes().Ensure(plan.triangle_bytes)) return false;
+    const char* at = source_.bytes().data();
+    if (*at != 3) return false;
+    const PlyType type = plan.steps[0].type;
+    row_.indices.resize(3);
+    for (size_t k = 0; k < 3; ++k) row_.indices[k] = static_cast<int64_t>(Source::Load(at + 1 + 4 * k, type));
+    at += 13;
+    for (size_t i = 1; i < plan.steps.size(); ++i) {
+      const PlyStep& step = plan.steps[i];
+      if (step.target != PlyStep::kSkip) row_.values[step.target] = Source::Load(at, step.type);
+      at += SizeOf(step.type);
+    }
+    source_.bytes().Consume(plan.triangle_bytes);
+    return true;
+  }
 }
 
 template <typename Source>
@@ -245,42 +281,47 @@ Status PlyBody<Source>::Face() {
     ++short_faces_;
     return {};
   }
-  QUARRY_TRY(FaceCorners());
-  QUARRY_ASSIGN(const uint32_t material, Look(materials_, kMaterial, "material_index"));
-  QUARRY_ASSIGN(const uint32_t part, Look(parts_, kPart, "part_index"));
+  corners_.clear();
+  for (const int64_t index : row_.indices) {
+    if (!IsVertex(index)) return NoVertex(index);
+    corners_.push_back(MakeCorner(index));
+  }
+  uint32_t material, part;
+  if (!Look(materials_, kMaterial, material)) return NotListed(materials_, kMaterial, "material_index");
+  if (!Look(parts_, kPart, part)) return NotListed(parts_, kPart, "part_index");
   triangles_ += corners_.size() - 2;
   return sink_.AddPolygon(corners_, material, part);
 }
 
 template <typename Source>
-Status PlyBody<Source>::FaceCorners() {
-  corners_.clear();
-  for (const int64_t index : row_.indices) {
-    QUARRY_ASSIGN(const Corner corner, MakeCorner(index));
-    corners_.push_back(corner);
-  }
-  return {};
+tl::unexpected<Error> PlyBody<Source>::NoVertex(int64_t index) const {
+  return source_.FailHere(
+      fmt::format("face {} (counted from 0) refers to vertex {}, but there are {} vertices", row_number_,
+                  index, vertex_count_));
 }
 
 template <typename Source>
-Result<Corner> PlyBody<Source>::MakeCorner(int64_t index) const {
-  if (index < 0 || static_cast<uint64_t>(index) >= vertex_count_ || index >= int64_t{kNoIndex})
-    return source_.FailHere(
-        fmt::format("face {} (counted from 0) refers to vertex {}, but there are {} vertices", row_number_,
-                    index, vertex_count_));
+Corner PlyBody<Source>::MakeCorner(int64_t index) const {
   const auto i = static_cast<uint32_t>(index);
   return Corner{i, has_normals_ ? i : kNoIndex, has_uvs_ ? i : kNoIndex};
 }
 
+/// False: the row's value names nothing in the table.
 template <typename Source>
-Result<uint32_t> PlyBody<Source>::Look(const IndexTable& table, FaceSlot slot, const char* name) const {
-  if (!table.wanted) return kNoIndex;
+bool PlyBody<Source>::Look(const IndexTable& table, FaceSlot slot, uint32_t& index) const {
+  index = kNoIndex;
+  if (!table.wanted) return true;
   const double value = row_.values[slot];
-  const size_t size = table.scene_index.size();
-  if (value >= 0 && value < static_cast<double>(size) && value == std::floor(value)) [[likely]]
-    return table.scene_index[static_cast<size_t>(value)];
+  const auto at = static_cast<size_t>(value >= 0 && value < 0x1p32 ? value : 0x1p32);
+  if (at >= table.scene_index.size() || static_cast<double>(at) != value) return false;
+  index = table.scene_index[at];
+  return true;
+}
+
+template <typename Source>
+tl::unexpected<Error> PlyBody<Source>::NotListed(const IndexTable& table, FaceSlot slot, const char* name) {
   return source_.FailHere(fmt::format("face {} (counted from 0) has {} {}, but {} lists {}", row_number_,
-                                      name, value, MaterialJsonPath(path_), size));
+                                      name, row_.values[slot], LibraryPath(), table.scene_index.size()));
 }
 
 /// A strip may be the whole model in one list, so it is read piece by piece.
@@ -321,7 +362,8 @@ Status PlyBody<Source>::StripIndex(int64_t index) {
     strip_length_ = 0;
     return {};
   }
-  QUARRY_ASSIGN(const Corner corner, MakeCorner(index));
+  if (!IsVertex(index)) return NoVertex(index);
+  const Corner corner = MakeCorner(index);
   strip_[0] = strip_[1];
   strip_[1] = strip_[2];
   strip_[2] = corner;

@@ -79,7 +79,18 @@ PlyPlan PlanVertex(const PlyElement& element) {
   return plan;
 }
 
-PlyPlan PlanFace(const PlyElement& element) { return MakePlan(element, kFaceSlots, true); }
+PlyPlan PlanFace(const PlyElement& element) {
+  PlyPlan plan = MakePlan(element, kFaceSlots, true);
+  if (plan.steps.empty() || plan.steps[0].target != PlyStep::kIndexList) return plan;
+  if (SizeOf(*plan.steps[0].count_type) != 1 || SizeOf(plan.steps[0].type) != 4) return plan;
+  uint32_t bytes = 1 + 3 * 4;
+  for (size_t i = 1; i < plan.steps.size(); ++i) {
+    if (plan.steps[i].count_type) return plan;
+    bytes += SizeOf(plan.steps[i].type);
+  }
+  plan.triangle_bytes = bytes;
+  return plan;
+}
 
 PlyPlan PlanToSkip(const PlyElement& element) { return MakePlan(element, {}, false); }
 

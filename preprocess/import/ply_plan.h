@@ -20,6 +20,9 @@ struct PlyPlan {
   double color_scale[4] = {1, 1, 1, 1};  ///< Brings red, green, blue, alpha to 0..255.
   bool has_index_list = false;
   bool has_lists = false;  ///< Any list at all: rows differ in size.
+  /// Of a face's row with three corners where the list comes first, counted by a byte, of 32-bit indices, and
+  /// is the only one; else 0.
+  uint32_t triangle_bytes = 0;
 
   /// True if the slots `first` to `last` are all filled.
   bool Has(uint8_t first, uint8_t last) const {

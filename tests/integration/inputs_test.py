@@ -57,12 +57,12 @@ class Plan(Case):
             self.skipTest("needs root, to mount a small disk")
         small = self.path("small")
         pathlib.Path(small).mkdir()
-        if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=8M", "tmpfs", small], capture_output=True).returncode != 0:
+        if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=4M", "tmpfs", small], capture_output=True).returncode != 0:
             self.skipTest("may not mount a small disk")
         try:
             self.must("quarry-scene", "terrain", "--triangles", 100000, "-o", self.path("t.ply"), "--quiet")
             for plan in ([], ["--plan"]):
-                self.must_fail(1, r"small: about .* MiB of spill are needed, but 8.00 MiB are free", "quarry-preprocess",
+                self.must_fail(1, r"small: about .* MiB of spill are needed, but 4.00 MiB are free", "quarry-preprocess",
                                self.path("t.ply"), "-o", self.path("x.quarry"), "--tmp", small, "--quiet", *plan)
             self.must("quarry-scene", "terrain", "--triangles", 2000, "-o", self.path("t.ply"), "--quiet")
             self.must("quarry-preprocess", self.path("t.ply"), "-o", self.path("x.quarry"), "--tmp", small, "--quiet")

@@ -290,7 +290,7 @@ TEST_CASE("AnErrorOnTheWayLeavesNoFile", "[scenes]") {
 }
 
 TEST_CASE("AnUnknownExtensionIsAnUnusableArgument", "[scenes]") {
-  const auto writer = OpenMeshWriter("scene.stl", {});
+  const auto writer = OpenMeshWriter("scene.stl", {}, true);
   REQUIRE_FALSE(writer);
   CHECK(writer.error().exit_status == 2);
 }

@@ -1,5 +1,7 @@
 #include "preprocess/spill_sink.h"
 
+#include <stdlib.h>
+
 #include <catch2/catch.hpp>
 #include <cstring>
 #include <filesystem>
@@ -36,8 +38,17 @@ std::vector<TriangleRecord> Records(const ImportedScene& scene) {
   return all;
 }
 
-SpillSink MakeSink(uint64_t memory) {
-  return SpillSink(std::filesystem::temp_directory_path().string(), memory, 1, [](const std::string&) {});
+/// A folder of its own, gone with the object.
+struct Folder {
+  Folder() : path((std::filesystem::temp_directory_path() / "quarry-sink-XXXXXX").string()) {
+    REQUIRE(::mkdtemp(path.data()));
+  }
+  ~Folder() { std::filesystem::remove_all(path); }
+  std::string path;
+};
+
+SpillSink MakeSink(const Folder& folder, uint64_t memory) {
+  return SpillSink(folder.path, memory, 1, [](const std::string&) {});
 }
 
 }  // namespace
@@ -46,43 +57,114 @@ TEST_CASE("Triangles are spilled without shading until a file has some") {
   // Little memory: indices are resolved in several passes.
   for (uint64_t memory : {uint64_t{1} << 20, uint64_t{1} << 30}) {
     constexpr uint32_t kCount = 40000;
-    SpillSink sink = MakeSink(memory);
+    const Folder folder;
+    SpillSink sink = MakeSink(folder, memory);
     AddFile(sink, kCount, 0, false, false);
     AddFile(sink, 10, 1e4, true, false);
     AddFile(sink, 10, 2e4, false, true);
     const auto scene = sink.Finish();
     REQUIRE(scene.has_value());
-    CHECK(scene->has_shading);
-    CHECK(scene->triangles->element_bytes() == sizeof(TriangleRecord));
+    CHECK(scene->attributes == Attributes::kNormals);
+    CHECK(scene->triangles->element_bytes() == sizeof(TriangleRecord) - 24);
     const std::vector<TriangleRecord> records = Records(*scene);
     REQUIRE(records.size() == kCount + 20);
     for (uint32_t i = 0; i < records.size(); ++i) REQUIRE(records[i].id == i);
     CHECK(records[kCount - 1].vertices[1].x == static_cast<float>(kCount));
-    CHECK(records[kCount - 1].shading[2].color == 0xFFFFFFFFu);
-    CHECK(records[kCount].shading[0].color == kRed);
-    CHECK(records[kCount].shading[0].normal == glm::vec3(0));
-    CHECK(records[kCount + 10].shading[1].normal == glm::vec3(0, 0, 1));
+    CHECK(records[kCount - 1].colors[2] == 0xFFFFFFFFu);
+    CHECK(records[kCount].colors[0] == kRed);
+    CHECK(records[kCount].normals[0] == glm::vec3(0));
+    CHECK(records[kCount + 10].normals[1] == glm::vec3(0, 0, 1));
   }
-  SpillSink plain = MakeSink(1 << 20);
+  const Folder folder;
+  SpillSink plain = MakeSink(folder, 1 << 20);
   AddFile(plain, 40000, 0, false, false);
   AddFile(plain, 5, 0, false, false);
   const auto scene = plain.Finish();
   REQUIRE(scene.has_value());
-  CHECK_FALSE(scene->has_shading);
+  CHECK(scene->attributes == Attributes::kNone);
   CHECK(scene->triangles->element_bytes() == 48);
   CHECK(Records(*scene).size() == 40005);
 }
 
 TEST_CASE("A model far from the origin is brought near it, by whole steps") {
-  SpillSink sink = MakeSink(1 << 20);
+  const Folder folder;
+  SpillSink sink = MakeSink(folder, 1 << 20);
   AddFile(sink, 3, 500736.25, false, false);
   const auto scene = sink.Finish();
   REQUIRE(scene.has_value());
   CHECK(scene->offset == glm::dvec3(500736, 0, 0));
   CHECK(Records(*scene)[0].vertices[0] == glm::vec3(0.25f, 0, 0));
-  SpillSink near = MakeSink(1 << 20);
+  SpillSink near = MakeSink(folder, 1 << 20);
   AddFile(near, 3, 16383, false, false);
   CHECK(near.Finish()->offset == glm::dvec3(0));
+}
+
+TEST_CASE("Triangles whose vertices lie far apart, or come later, are the same in the end") {
+  // More vertices than pages hold; every triangle's corners come from three places, in no order.
+  constexpr uint32_t kVertices = 3 << 20, kFaces = 200000;
+  const auto position = [](uint32_t i) { return glm::dvec3(i % 1024, i / 1024 % 1024, i / (1024 * 1024)); };
+  const auto corner = [](uint32_t face, uint32_t k) {
+    return (face * 2654435761u + k * 40503u * 97u) % kVertices;
+  };
+  for (uint64_t memory : {uint64_t{1} << 20, uint64_t{1} << 28}) {
+    for (const bool faces_first : {false, true}) {
+      const Folder folder;
+      SpillSink sink = MakeSink(folder, memory);
+      REQUIRE(sink.BeginFile("f"));
+      const auto vertices = [&] {
+        for (uint32_t i = 0; i < kVertices; ++i) REQUIRE(sink.AddPosition(position(i), Rgba8{}));
+      };
+      if (!faces_first) vertices();
+      for (uint32_t f = 0; f < kFaces; ++f) {
+        Corner corners[3];
+        for (uint32_t k = 0; k < 3; ++k) corners[k].position = corner(f, k);
+        REQUIRE(sink.AddPolygon(corners, kNoIndex, kNoIndex));
+      }
+      if (faces_first) vertices();
+      REQUIRE(sink.EndFile());
+      const auto scene = sink.Finish();
+      REQUIRE(scene.has_value());
+      std::vector<TriangleRecord> records = Records(*scene);
+      REQUIRE(records.size() + scene->dropped_degenerate == kFaces);
+      size_t wrong = 0;
+      for (const TriangleRecord& r : records)
+        for (uint32_t k = 0; k < 3; ++k) wrong += r.vertices[k] != glm::vec3(position(corner(r.id, k)));
+      CHECK(wrong == 0);
+    }
+  }
+}
+
+TEST_CASE("An import goes on where it was saved") {
+  const Folder folder;
+  Bytes saved;
+  {
+    SpillSink sink = MakeSink(folder, 1 << 20);
+    sink.AddMaterial({.name = "steel", .diffuse = {0.1f, 0.2f, 0.3f}, .ior = 1.5f, .fresnel = true});
+    AddFile(sink, 1000, 500736.25, true, false);
+    auto state = sink.Save();
+    REQUIRE(state.has_value());
+    saved = *state;
+    AddFile(sink, 77, 0, false, true);  // lost with the process
+  }
+  SpillSink sink = MakeSink(folder, 1 << 20);
+  REQUIRE(sink.Restore(saved, true));
+  AddFile(sink, 10, 500000, false, false);
+  const auto scene = sink.Finish();
+  REQUIRE(scene.has_value());
+  CHECK(scene->attributes == Attributes::kColors);
+  CHECK(scene->offset == glm::dvec3(500736, 0, 0));
+  CHECK(scene->input_triangles == 1010);
+  CHECK(scene->materials[0] ==
+        Material{.name = "steel", .diffuse = {0.1f, 0.2f, 0.3f}, .ior = 1.5f, .fresnel = true});
+  CHECK(scene->parts == std::vector<std::string>{"f", "f"});
+  const std::vector<TriangleRecord> records = Records(*scene);
+  REQUIRE(records.size() == 1010);
+  for (uint32_t i = 0; i < records.size(); ++i) REQUIRE(records[i].id == i);
+  CHECK(records[1005].vertices[0].x == 500005 - 500736);
+
+  SpillSink other = MakeSink(folder, 1 << 20);
+  saved.resize(saved.size() - 1);
+  CHECK_FALSE(other.Restore(saved, true).has_value());
 }
 
 }  // namespace quarry

@@ -1,0 +1,57 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "preprocess/spill_file.h"
+
+namespace quarry {
+
+/// Elements appended in order and found again by their index: all of them on disk, pages used lately in
+/// memory. Models name vertices near those they named before, so that nearly every look is met from memory;
+/// what is not is the caller's to decide: a page costs a read. Memory: kSlots pages at most, whatever
+/// --memory is, so that what is found does not depend on it. Not thread-safe.
+class PagedFile {
+ public:
+  static constexpr uint32_t kPageElements = 4096;
+  static constexpr uint32_t kSlots = 256;
+
+  /// `folder` must exist. Errors: cannot create.
+  static Result<PagedFile> Create(const std::string& folder, size_t element_bytes);
+
+  uint64_t count() const { return count_; }
+  /// Errors: disk full.
+  Status Append(const void* element);
+  /// The element, valid until the next Append or Load; null if its page is not in memory.
+  /// Requires: index < count().
+  const std::byte* Find(uint32_t index) {
+    const uint32_t slot = slot_of_page_[index / kPageElements];
+    if (slot == kNone) return nullptr;
+    slots_[slot].used = true;
+    return slots_[slot].bytes.data() + index % kPageElements * file_.element_bytes();
+  }
+  /// Brings the page of `index` to memory, in place of one not used lately. Requires: index < count().
+  Status Load(uint32_t index);
+  /// No more is appended: after this the file may be read. Frees all pages.
+  Result<SpillFile> Finish() &&;
+
+ private:
+  static constexpr uint32_t kNone = 0xFFFFFFFFu;
+  struct Slot {
+    std::vector<std::byte> bytes;
+    uint32_t page = kNone;
+    bool used = false;
+  };
+  explicit PagedFile(SpillFile file) : file_(std::move(file)) {}
+  uint32_t FreeSlot();
+  void Place(uint32_t page);
+
+  SpillFile file_;
+  uint64_t count_ = 0;
+  std::vector<uint32_t> slot_of_page_;
+  std::vector<Slot> slots_;
+  uint32_t hand_ = 0;
+};
+
+}  // namespace quarry

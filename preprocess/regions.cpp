@@ -1,0 +1,155 @@
+#include "preprocess/regions.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstring>
+#include <future>
+
+#include "preprocess/split.h"
+
+namespace quarry {
+namespace {
+
+constexpr uint64_t kRoutedAtOnce = 64 << 10;
+
+class RegionChooser {
+ public:
+  RegionChooser(const std::vector<KdTriangle>& sample, uint64_t weight, float padding, const Region& whole)
+      : splitter_(sample, padding, whole.cell, kPartitionCosts), weight_(weight) {
+    references_ = splitter_.ReferencesIn(whole.cell);
+    Split(0, 0, whole);
+  }
+
+  RegionTree tree{{KdNode{}}, {}, {}};
+
+ private:
+  /// The node's references are those from `begin` on, and are gone afterwards.
+  void Split(uint32_t node, size_t begin, const Region& region) {
+    const std::span<const KdReference> references = std::span(references_).subspan(begin);
+    const SplitPlane plane = references.size() * weight_ <= kRegionTriangles
+                                 ? SplitPlane{}
+                                 : ChoosePlane(splitter_, references, region.cell);
+    if (MustChain(plane, region.depth, region.growth)) {
+      tree.nodes[node] = KdNode::Leaf(static_cast<uint32_t>(tree.regions.size()), 1);
+      tree.regions.push_back(region);
+      tree.leaves.push_back(node);
+      references_.resize(begin);
+      return;
+    }
+    const SplitCells child(region.cell, plane);
+    const auto first = static_cast<uint32_t>(tree.nodes.size());
+    tree.nodes[node] = KdNode::Inner(plane.axis, plane.position, first);
+    tree.nodes.resize(first + 2);
+    const size_t middle = splitter_.Divide(references_, begin, region.cell, {0, plane.position, plane.axis});
+    const double growth = region.growth * plane.growth;
+    Split(first, middle, {child.cell[0], region.depth + 1, growth});
+    Split(first + 1, begin, {child.cell[1], region.depth + 1, growth});
+  }
+
+  KdSplitter splitter_;
+  const uint64_t weight_;
+  std::vector<KdReference> references_;  ///< of the nodes still to do, a stack
+};
+
+}  // namespace
+
+RegionTree ChooseRegions(const std::vector<KdTriangle>& sample, uint64_t weight, float padding,
+                         const Region& whole) {
+  return std::move(RegionChooser(sample, weight, padding, whole).tree);
+}
+
+Result<RegionFiles> RegionFiles::Open(const RegionTree& tree, const std::string& prefix, size_t record_bytes,
+                                      uint64_t memory, size_t gone, const std::vector<uint64_t>& counts,
+                                      const std::vector<Box>& contents) {
+  const size_t regions = tree.regions.size();
+  const auto buffer = std::clamp<size_t>(memory / regions, 4096, 256 << 10);
+  RegionFiles files(tree);
+  files.files_.reserve(regions);
+  for (size_t i = 0; i < regions; ++i) {
+    QUARRY_ASSIGN(SpillFile file, SpillFile::Open(fmt::format("{}{}", prefix, i), record_bytes,
+                                                  counts.empty() || i < gone ? 0 : counts[i], buffer));
+    files.files_.push_back(std::move(file));
+  }
+  files.contents_ = contents.empty() ? std::vector<Box>(regions, EmptyBox()) : contents;
+  return files;
+}
+
+RegionFiles::Routed RegionFiles::Route(const SpillFile& triangles, uint64_t first, uint64_t count,
+                                       float padding) {
+  Routed routed;
+  const size_t size = triangles.element_bytes();
+  routed.records.resize(count * size);
+  routed.status = triangles.Read(first, routed.records);
+  if (!routed.status) return routed;
+  routed.places.reserve(count + count / 4);
+  for (uint32_t i = 0; i < count; ++i) {
+    TriangleRecord record;
+    std::memcpy(&record, &routed.records[i * size], size);
+    const Box box = record.PaddedBox(padding);
+    uint32_t waiting[kMaxTopDepth + 1];
+    int open = 0;
+    waiting[open++] = 0;
+    while (open > 0) {
+      const KdNode node = tree_->nodes[waiting[--open]];
+      if (node.is_leaf()) {
+        IncludeClipped(box, tree_->regions[node.first()].cell, contents_[node.first()]);
+        routed.places.push_back({node.first(), i});
+        continue;
+      }
+      if (box.upper[node.axis()] >= node.split()) waiting[open++] = node.left() + 1;
+      if (box.lower[node.axis()] <= node.split()) waiting[open++] = node.left();
+    }
+  }
+  return routed;
+}
+
+Status RegionFiles::Add(const SpillFile& triangles, uint64_t first, uint64_t last, float padding,
+                        const std::function<void(uint64_t)>& progress) {
+  const auto route = [&, padding](uint64_t from) {
+    const uint64_t count = std::min(kRoutedAtOnce, last - from);
+    return std::async(std::launch::async,
+                      [=, this, &triangles] { return Route(triangles, from, count, padding); });
+  };
+  if (first >= last) return {};
+  std::future<Routed> next = route(first);
+  while (first < last) {
+    const Routed routed = next.get();
+    QUARRY_TRY(routed.status);
+    first += routed.records.size() / triangles.element_bytes();
+    if (first < last) next = route(first);
+    for (const auto& [region, record] : routed.places)
+      QUARRY_TRY(files_[region].Append(&routed.records[record * triangles.element_bytes()]));
+    progress(first);
+  }
+  return {};
+}
+
+Status RegionFiles::FinishWriting() {
+  for (SpillFile& file : files_) QUARRY_TRY(file.FinishWriting());
+  return {};
+}
+
+Status RegionFiles::Sync() {
+  for (SpillFile& file : files_) QUARRY_TRY(file.Sync());
+  return {};
+}
+
+std::vector<uint64_t> RegionFiles::counts() const {
+  std::vector<uint64_t> counts;
+  for (const SpillFile& file : files_) counts.push_back(file.count());
+  return counts;
+}
+
+Status ForEachRecord(const SpillFile& file, uint64_t first, uint64_t last,
+                     const std::function<Status(const TriangleRecord&)>& visit) {
+  SpillReader reader(file, first, last);
+  while (const std::byte* bytes = reader.Next()) {
+    TriangleRecord record;
+    std::memcpy(&record, bytes, file.element_bytes());
+    QUARRY_TRY(visit(record));
+  }
+  return reader.status();
+}
+
+}  // namespace quarry

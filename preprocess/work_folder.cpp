@@ -1,0 +1,182 @@
+#include "preprocess/work_folder.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <filesystem>
+#include <sstream>
+#include <utility>
+
+#include "common/base/cleanup.h"
+#include "common/base/file.h"
+
+namespace quarry {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr uint32_t kCommand = 0;  // the first note of every journal
+constexpr uint32_t kHeaderBytes = 16;
+
+Bytes Framed(uint32_t kind, std::span<const std::byte> bytes) {
+  ByteWriter out;
+  out.Put(kind);
+  out.Put(static_cast<uint32_t>(bytes.size()));
+  out.Put(Checksum(bytes) ^ kind);
+  out.PutArray(bytes);
+  return out.Take();
+}
+
+/// The notes of a journal up to the first that is torn; `whole`: bytes up to there.
+std::vector<Note> ReadNotes(std::span<const std::byte> journal, size_t& whole) {
+  std::vector<Note> notes;
+  for (whole = 0; journal.size() - whole >= kHeaderBytes;) {
+    ByteReader in(journal.subspan(whole));
+    const auto kind = in.Get<uint32_t>();
+    const auto size = in.Get<uint32_t>();
+    const auto checksum = in.Get<uint64_t>();
+    const auto bytes = in.GetSpan(size);
+    if (!in.ok() || (Checksum(bytes) ^ kind) != checksum) break;
+    notes.push_back({static_cast<NoteKind>(kind), Bytes(bytes.begin(), bytes.end())});
+    whole += kHeaderBytes + size;
+  }
+  return notes;
+}
+
+/// The first line of `now` that `then` has otherwise.
+std::string FirstDifference(const std::string& then, const std::string& now) {
+  std::istringstream a(then), b(now);
+  std::string x, y;
+  while (std::getline(b, y))
+    if (!std::getline(a, x) || x != y) return fmt::format("\"{}\", now \"{}\"", x, y);
+  return "more options";
+}
+
+/// What a run makes in its folders, and nothing else.
+void RemoveFiles(const std::string& folder) {
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(folder, error)) {
+    const std::string name = entry.path().filename().string();
+    if (name == "journal" || name == "store" || name.starts_with("triangles-") || name.starts_with("region-"))
+      fs::remove(entry.path(), error);
+  }
+  fs::remove(folder, error);  // if it is empty
+}
+
+Status MakeFolder(const std::string& path) {
+  if (::mkdir(path.c_str(), 0755) != 0 && errno != EEXIST)
+    return Fail(fmt::format("{}: cannot write: {}", path, ErrnoText(errno)));
+  return {};
+}
+
+}  // namespace
+
+Result<WorkFolder> WorkFolder::Open(const std::string& output, const std::string& spill,
+                                    const std::string& command, bool resume) {
+  WorkFolder folder;
+  folder.path_ = output + ".work";
+  folder.spill_ =
+      spill.empty() ? folder.path_ : fmt::format("{}/{}.work", spill, fs::path(output).filename().string());
+  if (resume) {
+    QUARRY_ASSIGN(const bool going_on, folder.GoOn(command));
+    if (going_on) return folder;
+  }
+  QUARRY_TRY(folder.Begin(command));
+  return folder;
+}
+
+WorkFolder::WorkFolder(WorkFolder&& other) noexcept
+    : path_(std::move(other.path_)),
+      spill_(std::move(other.spill_)),
+      journal_(std::exchange(other.journal_, -1)),
+      notes_(std::move(other.notes_)),
+      kept_(other.kept_),
+      cleanups_(std::move(other.cleanups_)) {}
+
+WorkFolder::~WorkFolder() {
+  if (journal_ >= 0 && !kept_) Remove();
+  if (journal_ >= 0) ::close(journal_);
+}
+
+Status WorkFolder::Begin(const std::string& command) {
+  RemoveFiles(path_);
+  if (spill_ != path_) RemoveFiles(spill_);
+  QUARRY_TRY(MakeFolder(path_));
+  if (Status made = MakeFolder(spill_); !made) {
+    RemoveFiles(path_);
+    return made;
+  }
+  HoldOnSignal();
+  const std::string name = path_ + "/journal";
+  journal_ = ::open(name.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_APPEND | O_CLOEXEC, 0644);
+  if (journal_ < 0) return Fail(fmt::format("{}: cannot write: {}", name, ErrnoText(errno)));
+  const Bytes begun = Framed(kCommand, AsBytes(command));
+  if (::write(journal_, begun.data(), begun.size()) != static_cast<ssize_t>(begun.size()))
+    return Fail(fmt::format("{}: cannot write: {}", name, ErrnoText(errno ? errno : ENOSPC)));
+  return {};
+}
+
+/// False: there is nothing to go on with.
+Result<bool> WorkFolder::GoOn(const std::string& command) {
+  const std::string name = path_ + "/journal";
+  if (::access(name.c_str(), F_OK) != 0) return false;
+  QUARRY_ASSIGN(const InputFile file, InputFile::Open(name));
+  Bytes bytes(file.size());
+  QUARRY_TRY(file.ReadAt(0, bytes));
+  size_t whole = 0;
+  notes_ = ReadNotes(bytes, whole);
+  if (notes_.size() < 2) return false;
+  const std::string then(AsText(notes_[0].bytes));
+  if (then != command)
+    return Fail(fmt::format("{}: was begun with {}; repeat that, or begin anew without --resume", path_,
+                            FirstDifference(then, command)));
+  notes_.erase(notes_.begin());
+  journal_ = ::open(name.c_str(), O_RDWR | O_APPEND | O_CLOEXEC);
+  if (journal_ < 0 || ::ftruncate(journal_, static_cast<off_t>(whole)) != 0)
+    return Fail(fmt::format("{}: cannot write: {}", name, ErrnoText(errno)));
+  KeepOnSignal();
+  return true;
+}
+
+Status WorkFolder::Add(NoteKind kind, const Bytes& bytes) {
+  const Bytes framed = Framed(static_cast<uint32_t>(kind), bytes);
+  const std::string name = path_ + "/journal";
+  size_t done = 0;
+  while (done < framed.size()) {
+    const ssize_t n = ::write(journal_, framed.data() + done, framed.size() - done);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) return Fail(fmt::format("{}: cannot write: {}", name, ErrnoText(n < 0 ? errno : ENOSPC)));
+    done += static_cast<size_t>(n);
+  }
+  if (::fsync(journal_) != 0 && errno != EINVAL && errno != EROFS)
+    return Fail(fmt::format("{}: cannot write: {}", name, ErrnoText(errno)));
+  if (!kept_) SyncFolderOf(name);
+  KeepOnSignal();
+  return {};
+}
+
+void WorkFolder::HoldOnSignal() {
+  for (const char* file : {"/journal", "/store"}) cleanups_.push_back(RemoveOnSignal(path_ + file));
+  for (const char* file : {"/triangles-0", "/triangles-1", "/triangles-2", "/triangles-3", ""})
+    cleanups_.push_back(RemoveOnSignal(spill_ + file));
+  if (spill_ != path_) cleanups_.push_back(RemoveOnSignal(path_));
+}
+
+void WorkFolder::KeepOnSignal() {
+  if (std::exchange(kept_, true)) return;
+  for (const int cleanup : std::exchange(cleanups_, {})) Forget(cleanup);
+  TellOnSignal("what is done is kept in " + path_ + ": the same command with --resume goes on");
+}
+
+void WorkFolder::Remove() {
+  RemoveFiles(spill_);
+  if (path_ != spill_) RemoveFiles(path_);
+  for (const int cleanup : std::exchange(cleanups_, {})) Forget(cleanup);
+  kept_ = true;
+}
+
+}  // namespace quarry
