@@ -121,7 +121,7 @@ int Main(int argc, char** argv) {
   options.threads = std::max(1u, std::thread::hardware_concurrency());
   std::string memory = "1G", voxel_size = "256K", up, stats;
   bool plan = false;
-  CLI::App app{"Cuts triangle models (PLY, OBJ, STL, OFF, glTF) into a scene store, out of core."};
+  CLI::App app{"Cuts triangle models (PLY, OBJ, STL, OFF, NFF, AFF, glTF) into a scene store, out of core."};
   app.footer(
       "Examples:\n  quarry-preprocess plant.ply -o plant.quarry\n"
       "  quarry-preprocess hull.stl deck.obj -o ship.quarry --memory 512M --stats ship.json\n"

@@ -12,11 +12,15 @@ namespace quarry {
 namespace {
 
 constexpr uint64_t kRoutedAtOnce = 64 << 10;
+// What is empty to a sample is full of triangles that jut out a little beyond those sampled: nothing is cut
+// off.
+constexpr SahCosts kSampleCosts{.empty_bonus = kInfinity, .duplicate = kPartitionCosts.duplicate};
 
 class RegionChooser {
  public:
   RegionChooser(const std::vector<KdTriangle>& sample, uint64_t weight, float padding, const Region& whole)
-      : splitter_(sample, padding, whole.cell, kPartitionCosts), weight_(weight) {
+      : splitter_(sample, padding, whole.cell, weight == 1 ? kPartitionCosts : kSampleCosts),
+        weight_(weight) {
     references_ = splitter_.ReferencesIn(whole.cell);
     Split(0, 0, whole);
   }

@@ -12,7 +12,7 @@ namespace quarry {
 /// ones depends on their ids alone, never on the order they come in. Memory: kMost triangles.
 class TriangleSample {
  public:
-  static constexpr size_t kMost = 512 << 10;
+  static constexpr size_t kMost = 256 << 10;
 
   void Add(const TriangleRecord& record) {
     if ((Mix(record.id) & (weight_ - 1)) == 0) Keep(record);

@@ -252,12 +252,12 @@ KdSplit KdSplitter::Best(const Box& cell, std::span<const KdReference> reference
 
 size_t KdSplitter::Divide(std::vector<KdReference>& references, size_t begin, const Box& cell,
                           const KdSplit& split) {
-  left_.clear();
-  size_t right_end = begin;
+  if (left_.size() < references.size() - begin) left_.resize(references.size() - begin);
+  size_t left_end = 0, right_end = begin;
   for (size_t k = begin; k < references.size(); ++k) {
     KdReference r = references[k];
     if (r.upper[split.axis] < split.position) {
-      left_.push_back(r);
+      left_[left_end++] = r;
     } else if (r.lower[split.axis] > split.position) {
       references[right_end++] = r;
     } else {
@@ -266,26 +266,31 @@ size_t KdSplitter::Divide(std::vector<KdReference>& references, size_t begin, co
       polygon.Clip(cell, growth_);
       PointBox parts[2];
       polygon.BoundParts(split.axis, split.position + growth_, split.position - growth_, parts);
-      if (parts[0].Narrow(r, growth_)) left_.push_back(r);
+      if (parts[0].Narrow(r, growth_)) left_[left_end++] = r;
       if (parts[1].Narrow(right, growth_)) references[right_end++] = right;
     }
   }
   references.resize(right_end);
-  references.insert(references.end(), left_.begin(), left_.end());
+  references.insert(references.end(), left_.begin(), left_.begin() + static_cast<ptrdiff_t>(left_end));
   return right_end;
 }
 
+/// All three axes at a time; the fourth lane is of no account.
 KdSplit KdSplitter::BestBinned(const Box& cell, std::span<const KdReference> references) const {
-  KdSplit best;
-  const auto count = static_cast<uint32_t>(references.size());
-  // Three axes at a time; the fourth lane is of no account.
-  std::array<std::array<uint32_t, 4>, kBins> starts{}, ends{};
-  Float4 base{}, scale{};
+  const auto count = static_cast<int32_t>(references.size());
+  std::array<std::array<int32_t, 4>, kBins> starts{}, ends{};
+  Float4 base{}, upper_end{}, scale{}, width{}, cap{}, rim{};
   for (int axis = 0; axis < 3; ++axis) {
+    const float extent = cell.extent(axis);
+    const float e1 = cell.extent((axis + 1) % 3), e2 = cell.extent((axis + 2) % 3);
     base[axis] = cell.lower[axis];
-    scale[axis] = cell.extent(axis) > 0 ? kBins / cell.extent(axis) : 0.0f;
+    upper_end[axis] = cell.upper[axis];
+    scale[axis] = extent > 0 ? kBins / extent : 0.0f;
+    width[axis] = extent / kBins;
+    cap[axis] = e1 * e2;
+    rim[axis] = e1 + e2;
   }
-  const auto count_bin = [&](Float4 x, std::array<std::array<uint32_t, 4>, kBins>& bins) {
+  const auto count_bin = [&](Float4 x, std::array<std::array<int32_t, 4>, kBins>& bins) {
     Float4 at = (x - base) * scale;
     at = at > 0.0f ? at : Float4{};
     at = at < kBins - 1.0f ? at : Float4{} + (kBins - 1.0f);
@@ -300,19 +305,38 @@ KdSplit KdSplitter::BestBinned(const Box& cell, std::span<const KdReference> ref
     lowest = lower < lowest ? lower : lowest;
     highest = upper > highest ? upper : highest;
   }
+  const float cell_area = cap[0] + cell.extent(0) * rim[0];
+  const float per_area = costs_.intersect / std::max(cell_area, 1e-37f);
+  Float4 least = Float4{} + kFloatInfinity, best_position{};
+  const auto consider = [&](Float4 position, Int4 left, Int4 right) {
+    const Float4 lefts = __builtin_convertvector(left, Float4),
+                 rights = __builtin_convertvector(right, Float4);
+    const Float4 areas =
+        (cap + (position - base) * rim) * lefts + (cap + (upper_end - position) * rim) * rights;
+    Float4 cost = 1 + areas * per_area;
+    cost = ((left == 0) | (right == 0)) ? cost * costs_.empty_bonus : cost;
+    cost *= 1 + costs_.duplicate * ((lefts + rights) / static_cast<float>(count) - 1);
+    const Int4 less = (cost < least) & (position > base) & (position < upper_end);
+    least = less ? cost : least;
+    best_position = less ? position : best_position;
+  };
+  // Planes at the very ends of what is there cut off empty space exactly.
+  Float4 below{}, above{};
   for (int axis = 0; axis < 3; ++axis) {
-    if (!(cell.extent(axis) > 0)) continue;
-    const AxisCost cost(cell, axis, costs_, references.size());
-    // Planes at the very ends of what is there cut off empty space exactly.
-    cost.Consider(NextBelow(lowest[axis]), 0, count, best);
-    cost.Consider(NextAbove(highest[axis]), count, 0, best);
-    uint32_t left = 0, right = count;
-    for (size_t b = 0; b + 1 < kBins; ++b) {
-      left += starts[b][static_cast<size_t>(axis)];
-      right -= ends[b][static_cast<size_t>(axis)];
-      cost.Consider(base[axis] + static_cast<float>(b + 1) / scale[axis], left, right, best);
-    }
+    below[axis] = NextBelow(lowest[axis]);
+    above[axis] = NextAbove(highest[axis]);
   }
+  consider(below, Int4{}, Int4{} + count);
+  consider(above, Int4{} + count, Int4{});
+  Int4 left{}, right = Int4{} + count;
+  for (size_t b = 0; b + 1 < kBins; ++b) {
+    left += std::bit_cast<Int4>(starts[b]);
+    right -= std::bit_cast<Int4>(ends[b]);
+    consider(base + static_cast<float>(b + 1) * width, left, right);
+  }
+  KdSplit best;
+  for (int axis = 0; axis < 3; ++axis)
+    if (least[axis] < best.cost) best = {least[axis], best_position[axis], axis};
   return best.axis < 0 ? best : Shifted(cell, references, best);
 }
 

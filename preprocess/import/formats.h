@@ -18,11 +18,14 @@ Result<uint64_t> ImportObj(ModelReader& bytes, ModelSink& sink);
 Result<uint64_t> ImportStl(ModelReader& bytes, ModelSink& sink);
 Result<uint64_t> ImportOff(ModelReader& bytes, ModelSink& sink);
 Result<uint64_t> ImportGltf(ModelReader& bytes, ModelSink& sink);
+/// NFF and AFF.
+Result<uint64_t> ImportNff(ModelReader& bytes, ModelSink& sink);
 
 /// True if the bytes available look like an STL file, ASCII or binary, judging by content alone.
 bool LooksLikeStl(ModelReader& bytes);
-/// True if they begin as OFF, as a GLB or the JSON of a glTF does.
+/// True if they begin as OFF, as a GLB or the JSON of a glTF, as NFF does.
 bool LooksLikeOff(ModelReader& bytes);
+bool LooksLikeNff(ModelReader& bytes);
 bool LooksLikeGltf(ModelReader& bytes);
 /// True if they look like the text of an OBJ file.
 bool LooksLikeObj(ModelReader& bytes);

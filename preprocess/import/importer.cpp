@@ -23,10 +23,12 @@ Import ChooseFormat(ModelReader& bytes, std::filesystem::path path) {
   if (LooksLikePly(bytes)) return ImportPly;
   if (LooksLikeGltf(bytes)) return ImportGltf;
   if (LooksLikeOff(bytes)) return ImportOff;
+  if (LooksLikeNff(bytes)) return ImportNff;
   if (LooksLikeStl(bytes)) return ImportStl;
   const std::string extension = path.extension().string();
   if (EqualsIgnoringCase(extension, ".obj")) return ImportObj;
   if (EqualsIgnoringCase(extension, ".off")) return ImportOff;
+  if (EqualsIgnoringCase(extension, ".nff") || EqualsIgnoringCase(extension, ".aff")) return ImportNff;
   if (EqualsIgnoringCase(extension, ".gltf") || EqualsIgnoringCase(extension, ".glb")) return ImportGltf;
   if (EqualsIgnoringCase(extension, ".stl")) return LooksLikeObj(bytes) ? ImportObj : ImportStl;
   if (EqualsIgnoringCase(extension, ".ply")) return LooksLikeObj(bytes) ? ImportObj : ImportPly;
@@ -42,7 +44,7 @@ Status ImportModel(const std::string& path, ModelSink& sink) {
   if (bytes.failed()) return bytes.Truncated("");
   if (import == nullptr)
     return Fail(
-        fmt::format("{}: is neither PLY, OBJ, STL, OFF nor glTF, the formats that are read", bytes.path()));
+        fmt::format("{}: is neither PLY, OBJ, STL, OFF, NFF, AFF nor glTF, the formats that are read", bytes.path()));
   QUARRY_TRY(sink.BeginFile(std::filesystem::path(bytes.path()).filename().string()));
   QUARRY_ASSIGN(const uint64_t triangles, import(bytes, sink));
   if (triangles == 0) return Fail(fmt::format("{}: holds no triangles", bytes.path()));

@@ -41,9 +41,9 @@ struct CountingSink : ModelSink {
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   if (size == 0) return 0;
-  constexpr const char* kExtensions[] = {".ply", ".obj", ".stl", "", ".off", ".gltf"};
+  constexpr const char* kExtensions[] = {".ply", ".obj", ".stl", "", ".off", ".gltf", ".nff"};
   // The importers read files; this one lives in memory, under a link whose name has the extension.
-  const std::string name = "quarry-import-fuzz-" + std::to_string(getpid()) + kExtensions[data[0] % 6];
+  const std::string name = "quarry-import-fuzz-" + std::to_string(getpid()) + kExtensions[data[0] % 7];
   const std::string link = (std::filesystem::temp_directory_path() / name).string();
   const int fd = memfd_create("model", 0);
   if (fd < 0 || write(fd, data + 1, size - 1) != static_cast<ssize_t>(size - 1)) std::abort();
