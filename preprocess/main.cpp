@@ -2,6 +2,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <thread>
 
@@ -11,6 +12,7 @@
 #include "common/base/resource.h"
 #include "common/base/size.h"
 #include "common/base/version.h"
+#include "preprocess/import/text_number.h"
 #include "preprocess/plan.h"
 #include "preprocess/preprocess.h"
 
@@ -65,10 +67,13 @@ void PrintSummary(const PreprocessOptions& options, const PreprocessStatistics& 
                s.meta.dropped_degenerate, s.meta.dropped_not_finite);
 }
 
-/// glTF has a fixed up axis; judged by names alone.
-bool AllGltf(const std::vector<std::string>& models) {
-  return std::ranges::all_of(
-      models, [](const std::string& m) { return m.ends_with(".gltf") || m.ends_with(".glb"); });
+/// glTF has a fixed up axis, and Assimp turns what it reads to the same; judged by names alone.
+bool AllHaveYUp(const std::vector<std::string>& models) {
+  return std::ranges::none_of(models, [](const std::string& m) {
+    const std::string extension = std::filesystem::path(m).extension().string();
+    const char* const z_up[] = {"", ".ply", ".obj", ".stl", ".off", ".nff", ".aff", ".gz", ".zst"};
+    return std::ranges::any_of(z_up, [&](const char* e) { return EqualsIgnoringCase(extension, e); });
+  });
 }
 
 Status PrintPlan(const PreprocessOptions& options, const std::string& stats) {
@@ -101,7 +106,7 @@ Status Run(PreprocessOptions options, const std::string& memory, const std::stri
     return BadUsage("--voxel-size must lie between 4K and 4M");
   if (!(options.scale > 0) || options.scale > 1e12) return BadUsage("--scale must be a positive number");
   options.voxel_size = static_cast<uint32_t>(voxel);
-  options.up_axis = up == "y" || (up.empty() && AllGltf(options.models)) ? 1 : 2;
+  options.up_axis = up == "y" || (up.empty() && AllHaveYUp(options.models)) ? 1 : 2;
   if (plan) return PrintPlan(options, stats);
   if (!options.resume && RoomIsTight(options)) {
     QUARRY_ASSIGN(const PreprocessPlan needed, MakePlan(options));
@@ -121,7 +126,9 @@ int Main(int argc, char** argv) {
   options.threads = std::max(1u, std::thread::hardware_concurrency());
   std::string memory = "1G", voxel_size = "256K", up, stats;
   bool plan = false;
-  CLI::App app{"Cuts triangle models (PLY, OBJ, STL, OFF, NFF, AFF, glTF) into a scene store, out of core."};
+  CLI::App app{
+      "Cuts triangle models (PLY, OBJ, STL, OFF, NFF, AFF, glTF; others by Assimp) into a scene store, out "
+      "of core."};
   app.footer(
       "Examples:\n  quarry-preprocess plant.ply -o plant.quarry\n"
       "  quarry-preprocess hull.stl deck.obj -o ship.quarry --memory 512M --stats ship.json\n"
@@ -133,7 +140,8 @@ int Main(int argc, char** argv) {
                  "Model files, packed by gzip or zstd or not; several make one scene; - is standard input")
       ->required();
   app.add_option("-o,--output", options.output, "The store to write")->required();
-  app.add_option("--memory", memory, "Ceiling on resident memory, e.g. 512M")
+  app.add_option("--memory", memory,
+                 "Ceiling on resident memory, e.g. 512M; of Assimp's own too, which holds models whole")
       ->envname("QUARRY_MEMORY")
       ->capture_default_str();
   app.add_option("--threads", options.threads, "Builder threads")
@@ -144,7 +152,7 @@ int Main(int argc, char** argv) {
       ->envname("QUARRY_TMP");
   app.add_option("--voxel-size", voxel_size, "Most bytes of a decoded voxel's hot part")
       ->capture_default_str();
-  app.add_option("--up", up, "The models' up axis (default: y for glTF, else z)")
+  app.add_option("--up", up, "The models' up axis (default: y for glTF and what Assimp reads, else z)")
       ->check(CLI::IsMember({"y", "z"}));
   app.add_option("--scale", options.scale, "Factor on all coordinates")->capture_default_str();
   app.add_option("--stats", stats, "Write statistics as JSON to this file");

@@ -1,6 +1,7 @@
 #include "preprocess/plan.h"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
@@ -24,9 +25,9 @@ constexpr uint64_t kWindowVertices = 1u << 16;    // neighbours in the file, of 
 constexpr uint64_t kWindowTriangles = 1u << 15;   // at most
 constexpr uint64_t kFewest = 1000;                // triangles of a sample that tells something
 constexpr uint64_t kOverheadBytes = 44ull << 20;  // of a run beyond --memory: README
-constexpr double kMoreBytes = 1.08;               // a triangle of all than of a sample, which has fewer copies
-constexpr double kMoreVertices = 1.15;            // in voxels than in files
-constexpr double kOverlap = 0.88;                 // of the threads' time is used, measured with 2
+constexpr double kMoreBytes = 1.08;     // a triangle of all than of a sample, which has fewer copies
+constexpr double kMoreVertices = 1.15;  // in voxels than in files
+constexpr double kOverlap = 0.88;       // of the threads' time is used, measured with 2
 
 double SecondsSince(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
@@ -145,7 +146,8 @@ class SamplingSink : public ModelSink {
 Status ReadModels(const PreprocessOptions& options, ModelSink& sink) {
   for (const std::string& model : options.models) {
     if (model == "-") return BadUsage("--plan reads models twice, which standard input does not allow");
-    QUARRY_TRY(ImportModel(model, sink));
+    const std::string prefix = fmt::format("{}/quarry-foreign-{}", SpillFolder(options), ::getpid());
+    QUARRY_TRY(ImportModel(model, sink, ForeignFormatsOf(options, prefix)));
   }
   return {};
 }

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <lz4.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <chrono>
 #include <cmath>
@@ -63,7 +64,8 @@ class Import {
     for (size_t i = done; i < options_.models.size(); ++i) {
       progress_.Say(fmt::format("reading {}", options_.models[i]));
       identities_ += Identity(options_.models[i]) + '\n';
-      QUARRY_TRY(ImportModel(options_.models[i], sink_));
+      QUARRY_TRY(ImportModel(options_.models[i], sink_,
+                             ForeignFormatsOf(options_, work_.spill_folder() + "/foreign")));
       const bool last = i + 1 == options_.models.size();
       if (last ? !sink_.spills() : SecondsSince(noted) < kSecondsToNote) continue;
       ByteWriter note;
@@ -360,6 +362,14 @@ Result<PreprocessStatistics> RunIn(WorkFolder& work, const PreprocessOptions& op
 }
 
 }  // namespace
+
+ForeignFormats ForeignFormatsOf(const PreprocessOptions& options, const std::string& prefix) {
+  std::error_code error;
+  const auto program =
+      std::filesystem::read_symlink("/proc/self/exe", error).replace_filename("quarry-import-assimp");
+  if (error || ::access(program.c_str(), X_OK) != 0) return {};
+  return {program.string(), prefix, options.memory};
+}
 
 std::string SpillFolder(const PreprocessOptions& options) {
   if (!options.tmp_folder.empty()) return options.tmp_folder;

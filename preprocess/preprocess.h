@@ -6,6 +6,7 @@
 
 #include "common/base/status.h"
 #include "common/voxel/catalog.h"
+#include "preprocess/import/foreign.h"
 
 namespace quarry {
 
@@ -33,6 +34,9 @@ struct PreprocessStatistics {
   uint64_t stored_references = 0;  ///< triangles over all voxels, with replication
   uint32_t top_tree_nodes = 0, top_tree_depth = 0;
 };
+
+/// How a run reads formats that Quarry has no reader for: by the program beside its own, if that is there.
+ForeignFormats ForeignFormatsOf(const PreprocessOptions& options, const std::string& prefix);
 
 /// Where a run puts its temporary files.
 std::string SpillFolder(const PreprocessOptions& options);

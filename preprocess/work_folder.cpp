@@ -61,7 +61,8 @@ void RemoveFiles(const std::string& folder) {
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(folder, error)) {
     const std::string name = entry.path().filename().string();
-    if (name == "journal" || name == "store" || name.starts_with("triangles-") || name.starts_with("region-"))
+    if (name == "journal" || name == "store" || name.starts_with("triangles-") ||
+        name.starts_with("region-") || name.starts_with("foreign."))
       fs::remove(entry.path(), error);
   }
   fs::remove(folder, error);  // if it is empty

@@ -37,15 +37,22 @@ Import ChooseFormat(ModelReader& bytes, std::filesystem::path path) {
 
 }  // namespace
 
-Status ImportModel(const std::string& path, ModelSink& sink) {
+Status ImportModel(const std::string& path, ModelSink& sink, const ForeignFormats& foreign) {
   QUARRY_ASSIGN(ModelReader bytes, ModelReader::Open(path));
   if (!bytes.Ensure(1) && !bytes.failed()) return Fail(fmt::format("{}: is empty", bytes.path()));
   const Import import = ChooseFormat(bytes, path);
   if (bytes.failed()) return bytes.Truncated("");
-  if (import == nullptr)
-    return Fail(
-        fmt::format("{}: is neither PLY, OBJ, STL, OFF, NFF, AFF nor glTF, the formats that are read", bytes.path()));
-  QUARRY_TRY(sink.BeginFile(std::filesystem::path(bytes.path()).filename().string()));
+  const std::string name = std::filesystem::path(bytes.path()).filename().string();
+  if (import == nullptr && (foreign.program.empty() || !bytes.can_reopen() || bytes.is_packed()))
+    return Fail(fmt::format("{}: is neither PLY, OBJ, STL, OFF, NFF, AFF nor glTF, the formats that are read",
+                            bytes.path()));
+  QUARRY_TRY(sink.BeginFile(name));
+  if (import == nullptr) {
+    QUARRY_ASSIGN(const ForeignModel converted, ForeignModel::Convert(path, foreign));
+    QUARRY_ASSIGN(ModelReader ply, ModelReader::Open(converted.ply()));
+    QUARRY_TRY(ImportPly(ply, sink));
+    return sink.EndFile();
+  }
   QUARRY_ASSIGN(const uint64_t triangles, import(bytes, sink));
   if (triangles == 0) return Fail(fmt::format("{}: holds no triangles", bytes.path()));
   return sink.EndFile();

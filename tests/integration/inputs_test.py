@@ -70,6 +70,43 @@ class Plan(Case):
             subprocess.run(["umount", small], check=True)
 
 
+DAE = """<?xml version="1.0" encoding="utf-8"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><asset><up_axis>Y_UP</up_axis></asset>
+<library_effects><effect id="fx"><profile_COMMON><technique sid="t"><lambert><diffuse><color>0.8 0.1 0.2 1</color></diffuse>
+</lambert></technique></profile_COMMON></effect></library_effects>
+<library_materials><material id="red" name="red"><instance_effect url="#fx"/></material></library_materials>
+<library_geometries><geometry id="g" name="quad"><mesh><source id="p"><float_array id="pa" count="12">0 0 0 1 0 0 1 1 0 0 1 0</float_array>
+<technique_common><accessor source="#pa" count="4" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>
+<param name="Z" type="float"/></accessor></technique_common></source><vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+<polylist material="m" count="1"><input semantic="VERTEX" source="#v" offset="0"/><vcount>4</vcount><p>0 1 2 3</p></polylist>
+</mesh></geometry></library_geometries><library_visual_scenes><visual_scene id="s">%s</visual_scene></library_visual_scenes>
+<scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
+NODE = """<node id="%s" name="%s"><translate>%s</translate><instance_geometry url="#g"><bind_material><technique_common>
+<instance_material symbol="m" target="#red"/></technique_common></bind_material></instance_geometry></node>"""
+
+
+class Foreign(Case):
+    """What Quarry has no reader for, by way of Assimp."""
+
+    def test_collada(self):
+        if not (BIN / "quarry-import-assimp").exists():
+            self.skipTest("quarry-import-assimp was not built: Assimp is not there")
+        model = self.folder / "two.dae"
+        model.write_text(DAE % (NODE % ("a", "left", "5 0 0") + NODE % ("b", "right", "0 7 2")))
+        self.must("quarry-preprocess", model, "-o", self.path("two.quarry"), "--quiet")
+        info = self.info(self.path("two.quarry"))
+        self.assertEqual(info["input_triangles"], 4)
+        self.assertEqual(info["bounds_lower"], [0, 0, 0])
+        self.assertEqual(info["bounds_upper"], [6, 8, 2])
+        plan = self.must("quarry-preprocess", model, "-o", self.path("x.quarry"), "--plan", "--quiet")
+        self.assertEqual(plan.returncode, 0)
+        for name, content in (("junk.fbx", os.urandom(5000)), ("a.txt", b"hello"), ("cut.dae", model.read_bytes()[:900])):
+            with self.subTest(name=name):
+                (self.folder / name).write_bytes(content)
+                self.must_fail(1, name + ": Assimp", "quarry-preprocess", self.folder / name, "-o", self.path("x.quarry"), "--quiet")
+        self.assertEqual(sorted(p.name for p in self.folder.iterdir()), ["a.txt", "cut.dae", "junk.fbx", "two.dae", "two.quarry"])
+
+
 class Inputs(Case):
     def cubes(self, name, origin):
         """Cubes of 1/8, 1/64 and 1/512 at `origin`."""

@@ -1,0 +1,163 @@
+// quarry-import-assimp MODEL OUT.ply BYTES: reads a model in any format that Assimp knows, within BYTES of
+// address space beyond what the program itself takes, and writes it as PLY with NAME.materials.json beside
+// it, for quarry-preprocess, which starts it. A process of its own, since Assimp holds models whole and may
+// fail as it likes.
+
+#include <assimp/postprocess.h>
+#include <assimp/scene.h>
+#include <fmt/format.h>
+#include <sys/resource.h>
+
+#include <assimp/Importer.hpp>
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+#include <new>
+#include <vector>
+
+#include "common/base/file.h"
+#include "common/scene/material_json.h"
+
+namespace quarry {
+namespace {
+
+constexpr rlim_t kOwnBytes = 512u << 20;  // libraries, stacks, buffers
+
+/// A mesh where a node puts it.
+struct Placed {
+  const aiMesh* mesh;
+  aiMatrix4x4 to_world;
+  uint32_t part;
+};
+
+void Place(const aiScene& scene, const aiNode& node, const aiMatrix4x4& parent, std::vector<Placed>& placed,
+           std::vector<std::string>& parts) {
+  const aiMatrix4x4 to_world = parent * node.mTransformation;
+  if (node.mNumMeshes > 0) parts.emplace_back(node.mName.C_Str());
+  for (unsigned i = 0; i < node.mNumMeshes; ++i)
+    placed.push_back({scene.mMeshes[node.mMeshes[i]], to_world, static_cast<uint32_t>(parts.size() - 1)});
+  for (unsigned i = 0; i < node.mNumChildren; ++i) Place(scene, *node.mChildren[i], to_world, placed, parts);
+}
+
+Material Converted(const aiMaterial& from) {
+  Material m;
+  aiString name;
+  if (from.Get(AI_MATKEY_NAME, name) == aiReturn_SUCCESS) m.name = name.C_Str();
+  const auto color = [&](const char* key, unsigned type, unsigned index, glm::vec3& to) {
+    aiColor3D value;
+    if (from.Get(key, type, index, value) == aiReturn_SUCCESS) to = {value.r, value.g, value.b};
+  };
+  color(AI_MATKEY_COLOR_DIFFUSE, m.diffuse);
+  color(AI_MATKEY_COLOR_SPECULAR, m.specular);
+  color(AI_MATKEY_COLOR_EMISSIVE, m.emission);
+  float opacity = 1;
+  from.Get(AI_MATKEY_SHININESS, m.shininess);
+  if (from.Get(AI_MATKEY_OPACITY, opacity) == aiReturn_SUCCESS && opacity < 1) {
+    m.transmittance = glm::vec3(1 - opacity);
+    from.Get(AI_MATKEY_REFRACTI, m.ior);
+  }
+  return m;  // whoever reads the file clamps
+}
+
+template <class T>
+void Put(std::string& out, T value) {
+  out.append(reinterpret_cast<const char*>(&value), sizeof value);
+}
+
+Status WritePly(const std::vector<Placed>& placed, const std::string& path) {
+  uint64_t vertices = 0, faces = 0;
+  bool normals = true, uvs = false;
+  for (const Placed& p : placed) {
+    vertices += p.mesh->mNumVertices;
+    for (unsigned f = 0; f < p.mesh->mNumFaces; ++f) faces += p.mesh->mFaces[f].mNumIndices == 3;
+    normals &= p.mesh->HasNormals();
+    uvs |= p.mesh->HasTextureCoords(0);
+  }
+  if (faces == 0) return Fail("holds no triangles");
+  if (vertices > 0xFFFFFFFFull) return Fail("has more vertices than 32 bits count");
+  QUARRY_ASSIGN(OutputFile file, OutputFile::Create(path));
+  std::string text = fmt::format(
+      "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty "
+      "float z\n{}{}"
+      "element face {}\nproperty list uchar uint vertex_indices\nproperty uint material_index\nproperty uint "
+      "part_index\nend_header\n",
+      vertices, normals ? "property float nx\nproperty float ny\nproperty float nz\n" : "",
+      uvs ? "property float u\nproperty float v\n" : "", faces);
+  for (const Placed& p : placed) {
+    aiMatrix3x3 turn(p.to_world);
+    turn.Inverse().Transpose();
+    for (unsigned i = 0; i < p.mesh->mNumVertices; ++i) {
+      const aiVector3D v = p.to_world * p.mesh->mVertices[i];
+      for (const float x : {v.x, v.y, v.z}) Put(text, x);
+      if (normals) {
+        const aiVector3D n = (turn * p.mesh->mNormals[i]).NormalizeSafe();
+        for (const float x : {n.x, n.y, n.z}) Put(text, x);
+      }
+      if (uvs) {
+        const bool has = p.mesh->HasTextureCoords(0);
+        Put(text, has ? p.mesh->mTextureCoords[0][i].x : 0.0f);
+        Put(text, has ? p.mesh->mTextureCoords[0][i].y : 0.0f);
+      }
+      if (text.size() < 1 << 16) continue;
+      QUARRY_TRY(file.Write(AsBytes(text)));
+      text.clear();
+    }
+  }
+  uint32_t first = 0;
+  for (const Placed& p : placed) {
+    for (unsigned f = 0; f < p.mesh->mNumFaces; ++f) {
+      const aiFace& face = p.mesh->mFaces[f];
+      if (face.mNumIndices != 3) continue;
+      Put(text, uint8_t{3});
+      for (unsigned k = 0; k < 3; ++k) Put(text, first + face.mIndices[k]);
+      Put(text, p.mesh->mMaterialIndex);
+      Put(text, p.part);
+    }
+    first += p.mesh->mNumVertices;
+    QUARRY_TRY(file.Write(AsBytes(text)));
+    text.clear();
+  }
+  QUARRY_TRY(file.Write(AsBytes(text)));
+  return file.Commit();
+}
+
+Status Run(const std::string& model, const std::string& out, rlim_t memory) {
+  const rlimit limit{memory + kOwnBytes, memory + kOwnBytes};
+  ::setrlimit(RLIMIT_AS, &limit);
+  Assimp::Importer importer;
+  const aiScene* scene = importer.ReadFile(
+      model, aiProcess_Triangulate | aiProcess_SortByPType | aiProcess_JoinIdenticalVertices);
+  if (!scene || !scene->mRootNode)
+    return Fail(fmt::format("{}: Assimp cannot read it: {}", model, importer.GetErrorString()));
+  std::vector<Placed> placed;
+  MaterialLibrary library;
+  Place(*scene, *scene->mRootNode, aiMatrix4x4(), placed, library.parts);
+  for (unsigned i = 0; i < scene->mNumMaterials; ++i)
+    library.materials.push_back(Converted(*scene->mMaterials[i]));
+  if (const Status written = WritePly(placed, out); !written)
+    return Fail(fmt::format("{}: {}", model, written.error().message));
+  std::ofstream json(MaterialJsonPath(out));
+  WriteMaterialJson(library, json);
+  if (!json.flush()) return Fail(fmt::format("{}: cannot be written", MaterialJsonPath(out)));
+  return {};
+}
+
+}  // namespace
+}  // namespace quarry
+
+int main(int argc, char** argv) {
+  if (argc != 4) {
+    fmt::print(stderr, "quarry-import-assimp MODEL OUT.ply BYTES: started by quarry-preprocess\n");
+    return 2;
+  }
+  try {
+    const auto status = quarry::Run(argv[1], argv[2], std::strtoull(argv[3], nullptr, 10));
+    if (status) return 0;
+    fmt::print(stderr, "{}\n", status.error().message);
+  } catch (const std::bad_alloc&) {
+    fmt::print(stderr, "{}: needs more than --memory: Assimp holds a model whole\n", argv[1]);
+  } catch (const std::exception& e) {
+    fmt::print(stderr, "{}: Assimp cannot read it: {}\n", argv[1], e.what());
+  }
+  return 1;
+}
