@@ -1,0 +1,193 @@
+#include "preprocess/partition.h"
+
+#include <stdlib.h>
+
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cstring>
+#include <filesystem>
+#include <random>
+
+#include "common/kdtree/prune.h"
+#include "preprocess/paged_file.h"
+#include "preprocess/sample.h"
+#include "preprocess/voxel_builder.h"
+
+namespace quarry {
+namespace {
+
+constexpr float kPadding = 1e-4f;
+const Region kCube{{glm::vec3(-0.1f), glm::vec3(1.1f)}};
+
+std::vector<TriangleRecord> Triangles(uint32_t count, float size) {
+  std::mt19937 random(3);
+  const auto unit = [&] { return static_cast<float>(random()) * 0x1p-32f; };
+  std::vector<TriangleRecord> all(count);
+  for (uint32_t i = 0; i < count; ++i) {
+    const glm::vec3 at(unit() * (1 - size), unit() * (1 - size), unit() * (1 - size));
+    for (glm::vec3& v : all[i].vertices) v = at + size * glm::vec3(unit(), unit(), unit());
+    all[i].id = i;
+  }
+  return all;
+}
+
+std::vector<KdTriangle> Vertices(const std::vector<TriangleRecord>& records) {
+  std::vector<KdTriangle> triangles;
+  for (const TriangleRecord& r : records)
+    triangles.push_back({{r.vertices[0], r.vertices[1], r.vertices[2]}});
+  return triangles;
+}
+
+/// The leaf's payload where `p` lies.
+KdNode LeafAt(const std::vector<KdNode>& nodes, const glm::vec3& p) {
+  KdNode node = nodes[0];
+  while (!node.is_leaf()) node = nodes[node.left() + (p[node.axis()] > node.split())];
+  return node;
+}
+
+glm::vec3 Centre(const KdTriangle& t) { return (t.vertices[0] + t.vertices[1] + t.vertices[2]) / 3.0f; }
+
+}  // namespace
+
+TEST_CASE("Pruned trees are small enough and lose no triangle") {
+  const auto triangles = Vertices(Triangles(3000, 0.05f));
+  const KdTree whole = BuildKdTree(triangles, kPadding, kCube.cell, SahCosts{}, ~size_t{0} / 2);
+  const size_t bytes = whole.nodes.size() * 8 + whole.references.size() * 2;
+  for (const size_t most : {bytes, bytes / 2, bytes / 4, size_t{0}}) {
+    KdTree tree = whole;
+    PruneKdTree(tree, kCube.cell, SahCosts{}, most);
+    const size_t left = tree.nodes.size() * 8 + tree.references.size() * 2;
+    CHECK((left <= most || tree.nodes.size() == 1));
+    CHECK(left >= most / 2);  // no more than need be
+    size_t lost = 0, twice = 0;
+    for (uint32_t i = 0; i < triangles.size(); ++i) {
+      const KdNode leaf = LeafAt(tree.nodes, Centre(triangles[i]));
+      const auto first = tree.references.begin() + leaf.first();
+      const auto found = std::count(first, first + leaf.count(), i);
+      lost += found == 0;
+      twice += found > 1;
+    }
+    CHECK(lost == 0);
+    CHECK(twice == 0);
+  }
+  // What costs nothing goes even where there is room.
+  KdTree tree = whole;
+  PruneKdTree(tree, kCube.cell, SahCosts{.byte = 0.02f}, ~size_t{0});
+  CHECK(tree.nodes.size() < whole.nodes.size());
+}
+
+TEST_CASE("A sample is the same whatever the order") {
+  std::vector<TriangleRecord> records = Triangles(1, 1);
+  const auto sizes = [&](bool backwards) {
+    TriangleSample sample;
+    constexpr uint32_t kCount = 3u << 20;
+    double sum = 0;
+    for (uint32_t i = 0; i < kCount; ++i) {
+      records[0].id = backwards ? kCount - 1 - i : i;
+      records[0].vertices[0].x = static_cast<float>(records[0].id);
+      sample.Add(records[0]);
+    }
+    const uint64_t weight = sample.weight();
+    const auto taken = sample.TakeTriangles();
+    for (const KdTriangle& t : taken) sum += static_cast<double>(t.vertices[0].x);
+    CHECK(taken.size() <= TriangleSample::kMost);
+    CHECK(static_cast<double>(taken.size() * weight) == Approx(kCount).epsilon(0.02));
+    return std::pair(taken.size(), sum);
+  };
+  CHECK(sizes(false) == sizes(true));
+}
+
+TEST_CASE("Regions hold every triangle that touches their cells, in order, and go on where they were left") {
+  std::string folder = (std::filesystem::temp_directory_path() / "quarry-regions-XXXXXX").string();
+  REQUIRE(::mkdtemp(folder.data()));
+  const auto records = Triangles(400000, 0.02f);
+  auto spill = SpillFile::Open(folder + "/all", RecordBytes(Attributes::kNone), 0);
+  REQUIRE(spill.has_value());
+  for (const TriangleRecord& r : records) REQUIRE(spill->Append(&r));
+  REQUIRE(spill->FinishWriting());
+  const RegionTree tree = ChooseRegions(Vertices(records), 1, kPadding, kCube);
+  REQUIRE(tree.regions.size() > 2);
+  const auto nothing = [](uint64_t) {};
+  std::vector<uint64_t> counts;
+  std::vector<Box> contents;
+  {
+    auto files = RegionFiles::Open(tree, folder + "/r-", spill->element_bytes(), 1 << 20, 0, {}, {});
+    REQUIRE(files.has_value());
+    REQUIRE(files->Add(*spill, 0, 150000, kPadding, nothing));
+    REQUIRE(files->Sync());
+    counts = files->counts();
+    contents = files->contents();
+    REQUIRE(files->Add(*spill, 150000, 170000, kPadding, nothing));  // lost
+    REQUIRE(files->FinishWriting());
+  }
+  auto files = RegionFiles::Open(tree, folder + "/r-", spill->element_bytes(), 1 << 20, 0, counts, contents);
+  REQUIRE(files.has_value());
+  REQUIRE(files->Add(*spill, 150000, records.size(), kPadding, nothing));
+  REQUIRE(files->FinishWriting());
+  std::vector<bool> seen(records.size());
+  for (size_t i = 0; i < tree.regions.size(); ++i) {
+    const Box& cell = tree.regions[i].cell;
+    uint32_t next = 0;
+    size_t wrong = 0;
+    REQUIRE(ForEachRecord(files->file(i), 0, files->file(i).count(), [&](const TriangleRecord& r) -> Status {
+      const Box box = r.PaddedBox(kPadding);
+      for (int a = 0; a < 3; ++a) wrong += box.lower[a] > cell.upper[a] || box.upper[a] < cell.lower[a];
+      wrong += r.id < next || r.vertices[1] != records[r.id].vertices[1];
+      next = r.id + 1;
+      seen[r.id] = true;
+      return {};
+    }));
+    CHECK(wrong == 0);
+  }
+  CHECK(std::count(seen.begin(), seen.end(), false) == 0);
+  std::filesystem::remove_all(folder);
+}
+
+TEST_CASE("The partition gives voxels of the size allowed, none twice, every triangle in its own") {
+  const auto records = Triangles(60000, 0.02f);
+  std::vector<VoxelTask> tasks;
+  const PartitionOptions options{kPadding, 64 << 10, 0, ""};
+  const auto tree = PartitionInMemory(records, kCube, options, [&](VoxelTask task) -> Status {
+    tasks.push_back(std::move(task));
+    return {};
+  });
+  REQUIRE(tree.has_value());
+  REQUIRE(tasks.size() == tree->voxels);
+  for (const VoxelTask& task : tasks) REQUIRE(task.triangles.size() <= MaxTrianglesPerVoxel(64 << 10));
+  size_t lost = 0;
+  const auto triangles = Vertices(records);
+  for (uint32_t i = 0; i < records.size(); ++i) {
+    const KdNode leaf = LeafAt(tree->nodes, Centre(triangles[i]));
+    bool found = false;
+    if (leaf.count() > 0)
+      for (const TriangleRecord& r : tasks[leaf.first()].triangles) found |= r.id == i;
+    lost += !found;
+  }
+  CHECK(lost == 0);
+}
+
+TEST_CASE("Paged files give back what was appended, from memory or disk") {
+  auto file = PagedFile::Create(std::filesystem::temp_directory_path().string(), sizeof(uint64_t));
+  REQUIRE(file.has_value());
+  constexpr uint32_t kCount = PagedFile::kPageElements * (PagedFile::kSlots + 40) + 7;
+  for (uint64_t i = 0; i < kCount; ++i) REQUIRE(file->Append(&i));
+  CHECK(file->Find(kCount - 1));
+  CHECK_FALSE(file->Find(0));
+  std::mt19937 random(5);
+  size_t wrong = 0;
+  for (int i = 0; i < 20000; ++i) {
+    const auto index = static_cast<uint32_t>(random() % kCount);
+    if (!file->Find(index)) REQUIRE(file->Load(index));
+    uint64_t value = 0;
+    std::memcpy(&value, file->Find(index), sizeof value);
+    wrong += value != index;
+    if (i % 100 == 0) {  // the last page grows and stays
+      const uint64_t next = file->count();
+      REQUIRE(file->Append(&next));
+      wrong += !file->Find(static_cast<uint32_t>(next));
+    }
+  }
+  CHECK(wrong == 0);
+}
+
+}  // namespace quarry
