@@ -2,6 +2,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <thread>
@@ -76,6 +77,28 @@ bool AllHaveYUp(const std::vector<std::string>& models) {
   });
 }
 
+/// "MODEL=x,y,z[,turn[,scale]]"
+Status ParsePlacement(const std::string& text, PreprocessOptions& options) {
+  const auto wrong = [&](const char* what) { return BadUsage(fmt::format("--place {}: {}", text, what)); };
+  const size_t equals = text.rfind('=');
+  if (equals == std::string::npos) return wrong("MODEL=x,y,z[,turn[,scale]] is wanted");
+  const std::string model = text.substr(0, equals);
+  if (std::ranges::find(options.models, model) == options.models.end())
+    return wrong("the model must be one of those given, spelt alike");
+  std::string list = text.substr(equals + 1);
+  std::ranges::replace(list, ',', ' ');
+  TextCursor cursor(list);
+  double values[5] = {0, 0, 0, 0, 1};
+  int count = 0;
+  for (; count < 5 && !cursor.AtEnd(); ++count)
+    if (!ParseReal(cursor, values[count]) || !(std::abs(values[count]) < 1e15))
+      return wrong("five numbers at most are wanted");
+  if (count < 3 || !cursor.AtEnd()) return wrong("three to five numbers are wanted");
+  if (!(values[4] > 0)) return wrong("the scale must be positive");
+  options.placements[model] = {values[4], values[3], {values[0], values[1], values[2]}};
+  return {};
+}
+
 Status PrintPlan(const PreprocessOptions& options, const std::string& stats) {
   QUARRY_ASSIGN(const PreprocessPlan plan, MakePlan(options));
   if (!options.quiet)
@@ -98,7 +121,8 @@ Status PrintPlan(const PreprocessOptions& options, const std::string& stats) {
 }
 
 Status Run(PreprocessOptions options, const std::string& memory, const std::string& voxel_size,
-           const std::string& up, const std::string& stats, bool plan) {
+           const std::string& up, const std::string& stats, const std::vector<std::string>& places,
+           bool plan) {
   QUARRY_ASSIGN(options.memory, ParseSize(memory, "--memory"));
   QUARRY_ASSIGN(const uint64_t voxel, ParseSize(voxel_size, "--voxel-size"));
   if (options.memory < kLeastMemory) return BadUsage("--memory must be at least 64M");
@@ -107,6 +131,7 @@ Status Run(PreprocessOptions options, const std::string& memory, const std::stri
   if (!(options.scale > 0) || options.scale > 1e12) return BadUsage("--scale must be a positive number");
   options.voxel_size = static_cast<uint32_t>(voxel);
   options.up_axis = up == "y" || (up.empty() && AllHaveYUp(options.models)) ? 1 : 2;
+  for (const std::string& place : places) QUARRY_TRY(ParsePlacement(place, options));
   if (plan) return PrintPlan(options, stats);
   if (!options.resume && RoomIsTight(options)) {
     QUARRY_ASSIGN(const PreprocessPlan needed, MakePlan(options));
@@ -125,6 +150,7 @@ int Main(int argc, char** argv) {
   PreprocessOptions options;
   options.threads = std::max(1u, std::thread::hardware_concurrency());
   std::string memory = "1G", voxel_size = "256K", up, stats;
+  std::vector<std::string> places;
   bool plan = false;
   CLI::App app{
       "Cuts triangle models (PLY, OBJ, STL, OFF, NFF, AFF, glTF; others by Assimp) into a scene store, out "
@@ -132,6 +158,7 @@ int Main(int argc, char** argv) {
   app.footer(
       "Examples:\n  quarry-preprocess plant.ply -o plant.quarry\n"
       "  quarry-preprocess hull.stl deck.obj -o ship.quarry --memory 512M --stats ship.json\n"
+      "  quarry-preprocess hall.obj robot.ply -o cell.quarry --place robot.ply=2.5,0,0.1,90\n"
       "  quarry-preprocess city.obj.zst -o city.quarry --plan\n"
       "  quarry-preprocess city.obj.zst -o city.quarry --resume\n"
       "  curl -s https://models.example/scan.ply.gz | quarry-preprocess - -o scan.quarry");
@@ -155,6 +182,9 @@ int Main(int argc, char** argv) {
   app.add_option("--up", up, "The models' up axis (default: y for glTF and what Assimp reads, else z)")
       ->check(CLI::IsMember({"y", "z"}));
   app.add_option("--scale", options.scale, "Factor on all coordinates")->capture_default_str();
+  app.add_option("--place", places,
+                 "Puts one model elsewhere: MODEL=x,y,z[,turn[,scale]], scaled, turned by degrees about the "
+                 "up axis, moved");
   app.add_option("--stats", stats, "Write statistics as JSON to this file");
   app.add_flag("--resume", options.resume, "Go on with what an earlier run of the same command has left");
   app.add_flag("--plan", plan, "Only tell triangles, disk, memory and time, and whether the disk has room");
@@ -164,7 +194,7 @@ int Main(int argc, char** argv) {
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? 0 : 2;
   }
-  const Status status = Run(options, memory, voxel_size, up, stats, plan);
+  const Status status = Run(options, memory, voxel_size, up, stats, places, plan);
   if (status) return 0;
   fmt::print(stderr, "quarry-preprocess: {}\n", status.error().message);
   return status.error().exit_status;

@@ -44,8 +44,13 @@ std::string Identity(const std::string& model) {
 }
 
 std::string Command(const PreprocessOptions& options) {
-  return fmt::format("version {}\nLZ4 {}\n--voxel-size {}\n--scale {}\n--up {}\n", kVersion,
-                     LZ4_VERSION_NUMBER, options.voxel_size, options.scale, options.up_axis == 1 ? "y" : "z");
+  std::string command =
+      fmt::format("version {}\nLZ4 {}\n--voxel-size {}\n--scale {}\n--up {}\n", kVersion, LZ4_VERSION_NUMBER,
+                  options.voxel_size, options.scale, options.up_axis == 1 ? "y" : "z");
+  for (const auto& [model, p] : options.placements)
+    command += fmt::format("--place {}={},{},{},{},{}\n", model, p.translation.x, p.translation.y,
+                           p.translation.z, p.turn_degrees, p.scale);
+  return command;
 }
 
 /// Imports what the notes do not have.
@@ -64,6 +69,9 @@ class Import {
     for (size_t i = done; i < options_.models.size(); ++i) {
       progress_.Say(fmt::format("reading {}", options_.models[i]));
       identities_ += Identity(options_.models[i]) + '\n';
+      const auto placement = options_.placements.find(options_.models[i]);
+      sink_.Place(placement == options_.placements.end() ? Placement{} : placement->second,
+                  static_cast<int>(options_.up_axis));
       QUARRY_TRY(ImportModel(options_.models[i], sink_,
                              ForeignFormatsOf(options_, work_.spill_folder() + "/foreign")));
       const bool last = i + 1 == options_.models.size();

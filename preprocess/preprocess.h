@@ -1,12 +1,14 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <string>
 #include <vector>
 
 #include "common/base/status.h"
 #include "common/voxel/catalog.h"
 #include "preprocess/import/foreign.h"
+#include "preprocess/spill_sink.h"
 
 namespace quarry {
 
@@ -19,6 +21,7 @@ struct PreprocessOptions {
   uint32_t voxel_size = 256u << 10;  ///< bytes of a decoded hot block, at most
   uint32_t up_axis = 2;
   double scale = 1;
+  std::map<std::string, Placement> placements;  ///< of some models, by the path given
   bool resume = false;  ///< go on with what an earlier run of the same options has left
   bool quiet = false;
 };

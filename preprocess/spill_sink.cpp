@@ -57,6 +57,18 @@ SpillSink::SpillSink(std::string folder, uint64_t memory, double scale,
                      std::function<void(const std::string&)> warn)
     : folder_(std::move(folder)), memory_(memory), scale_(scale), warn_(std::move(warn)) {}
 
+void SpillSink::Place(const Placement& placement, int up_axis) {
+  placed_ = true;
+  const double angle = placement.turn_degrees * 3.14159265358979323846 / 180;
+  const double c = std::cos(angle) * placement.scale, s = std::sin(angle) * placement.scale;
+  const int a = (up_axis + 1) % 3, b = (up_axis + 2) % 3;
+  turn_ = glm::dmat3(placement.scale);
+  turn_[a][a] = turn_[b][b] = c;
+  turn_[a][b] = s;
+  turn_[b][a] = -s;
+  translation_ = placement.translation;
+}
+
 SpillSink::~SpillSink() {
   if (under_way_.valid()) under_way_.wait();
 }
@@ -121,7 +133,7 @@ Status SpillSink::AddPosition(const glm::dvec3& position, const Rgba8& color) {
   const uint32_t packed = Packed(color);
   if (packed != 0xFFFFFFFFu && scene_.attributes < Attributes::kColors)
     QUARRY_TRY(Found(Attributes::kColors));
-  const glm::dvec3 scaled = position * scale_;
+  const glm::dvec3 scaled = (placed_ ? turn_ * position + translation_ : position) * scale_;
   if (!has_offset_) ChooseOffset(scaled);
   const StoredPosition stored{glm::vec3(scaled - scene_.offset), packed};
   return positions_->Append(&stored);
@@ -141,7 +153,8 @@ void SpillSink::ChooseOffset(const glm::dvec3& first) {
 Status SpillSink::AddNormal(const glm::vec3& normal) {
   QUARRY_TRY(Settle());
   if (scene_.attributes < Attributes::kNormals) QUARRY_TRY(Found(Attributes::kNormals));
-  return normals_->Append(&normal);
+  const glm::vec3 turned = placed_ ? glm::vec3(turn_ * glm::dvec3(normal)) : normal;
+  return normals_->Append(&turned);
 }
 
 Status SpillSink::AddUv(const glm::vec2& uv) {

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <functional>
 #include <future>
+#include <glm/mat3x3.hpp>
 #include <optional>
 #include <string>
 #include <unordered_map>
@@ -35,6 +36,12 @@ struct ImportedScene {
   std::vector<std::string> warnings;
 };
 
+/// Where a model is put: scaled, turned counter-clockwise about the up axis, moved.
+struct Placement {
+  double scale = 1, turn_degrees = 0;
+  glm::dvec3 translation{0};
+};
+
 /// The importers' sink. Vertices go to paged files; a triangle is resolved as it comes, when its corners lie
 /// in pages at hand or worth loading. Those that wait (their vertices are far apart, or come later) are
 /// resolved when the file ends, by as many sequential passes as there are windows of the vertices that fit in
@@ -43,8 +50,12 @@ struct ImportedScene {
 class SpillSink final : public ModelSink {
  public:
   /// Triangles go to files "FOLDER/triangles-..." with a name, which outlive the process; `memory`: bytes
-  /// that windows may take. Positions are multiplied by `scale`. `warn` is called with each warning.
+  /// that windows may take. Positions are multiplied by `scale`, after what Place says. `warn` is called with
+  /// each warning.
   SpillSink(std::string folder, uint64_t memory, double scale, std::function<void(const std::string&)> warn);
+
+  /// For the files that begin after this. `up_axis`: 1 or 2.
+  void Place(const Placement& placement, int up_axis);
 
   ~SpillSink() override;
   SpillSink(const SpillSink&) = delete;
@@ -95,6 +106,9 @@ class SpillSink final : public ModelSink {
   std::string folder_;
   uint64_t memory_;
   double scale_;
+  glm::dmat3 turn_{1};  ///< and the placement's scale
+  glm::dvec3 translation_{0};
+  bool placed_ = false;
   std::function<void(const std::string&)> warn_;
   std::string file_name_;
   uint32_t file_part_ = kNoIndex;

@@ -5,6 +5,7 @@
 #include <catch2/catch.hpp>
 #include <cstring>
 #include <filesystem>
+#include <glm/geometric.hpp>
 
 namespace quarry {
 namespace {
@@ -165,6 +166,27 @@ TEST_CASE("An import goes on where it was saved") {
   SpillSink other = MakeSink(folder, 1 << 20);
   saved.resize(saved.size() - 1);
   CHECK_FALSE(other.Restore(saved, true).has_value());
+}
+
+TEST_CASE("A model is scaled, turned and moved to its place") {
+  const Folder folder;
+  SpillSink sink = MakeSink(folder, 1 << 20);
+  AddFile(sink, 1, 0, false, false);
+  sink.Place({2, 90, {10, 20, 30}}, 2);
+  AddFile(sink, 1, 0, false, true);
+  sink.Place({1, 90, {0, 0, 0}}, 1);
+  AddFile(sink, 1, 0, false, true);
+  const auto scene = sink.Finish();
+  REQUIRE(scene.has_value());
+  const auto records = Records(*scene);
+  const auto close = [](const glm::vec3& a, const glm::vec3& b) { return glm::length(a - b) < 1e-5f; };
+  CHECK(close(records[0].vertices[1], {1, 0, 0}));
+  CHECK(close(records[1].vertices[0], {10, 20, 30}));
+  CHECK(close(records[1].vertices[1], {10, 22, 30}));
+  CHECK(close(records[1].vertices[2], {8, 20, 30}));
+  CHECK(close(records[2].vertices[1], {0, 0, -1}));  // x turns to -z about y
+  CHECK(close(records[2].vertices[2], {0, 1, 0}));
+  CHECK(close(records[2].normals[0], {1, 0, 0}));
 }
 
 }  // namespace quarry
