@@ -15,6 +15,7 @@
 #include <new>
 #include <vector>
 
+#include "common/base/cleanup.h"
 #include "common/base/file.h"
 #include "common/scene/material_json.h"
 
@@ -150,6 +151,8 @@ int main(int argc, char** argv) {
     fmt::print(stderr, "quarry-import-assimp MODEL OUT.ply BYTES: started by quarry-preprocess\n");
     return 2;
   }
+  quarry::InstallSignalHandlers("quarry-import-assimp", "nothing was written");
+  quarry::EndWithParent();
   try {
     const auto status = quarry::Run(argv[1], argv[2], std::strtoull(argv[3], nullptr, 10));
     if (status) return 0;

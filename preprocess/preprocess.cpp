@@ -1,7 +1,6 @@
 #include "preprocess/preprocess.h"
 
 #include <fmt/format.h>
-#include <lz4.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -11,11 +10,13 @@
 #include <numeric>
 #include <optional>
 
+#include "common/base/cleanup.h"
 #include "common/base/file_lock.h"
 #include "common/base/progress.h"
 #include "common/base/resource.h"
 #include "common/base/version.h"
 #include "common/kdtree/triangle_test.h"
+#include "common/voxel/voxel_block.h"
 #include "preprocess/import/importer.h"
 #include "preprocess/partition.h"
 #include "preprocess/spill_sink.h"
@@ -44,9 +45,9 @@ std::string Identity(const std::string& model) {
 }
 
 std::string Command(const PreprocessOptions& options) {
-  std::string command =
-      fmt::format("version {}\nLZ4 {}\n--voxel-size {}\n--scale {}\n--up {}\n", kVersion, LZ4_VERSION_NUMBER,
-                  options.voxel_size, options.scale, options.up_axis == 1 ? "y" : "z");
+  std::string command = fmt::format("version {}\nLZ4 {}\n--tmp {}\n--voxel-size {}\n--scale {}\n--up {}\n",
+                                    kVersion, CompressorVersion(), options.tmp_folder, options.voxel_size,
+                                    options.scale, options.up_axis == 1 ? "y" : "z");
   for (const auto& [model, p] : options.placements)
     command += fmt::format("--place {}={},{},{},{},{}\n", model, p.translation.x, p.translation.y,
                            p.translation.z, p.turn_degrees, p.scale);
@@ -391,9 +392,10 @@ Result<PreprocessStatistics> Preprocess(const PreprocessOptions& options) {
   QUARRY_ASSIGN(WorkFolder work,
                 WorkFolder::Open(options.output, options.tmp_folder, Command(options), options.resume));
   auto statistics = RunIn(work, options);
-  if (statistics)
+  if (statistics) {
     work.Remove();
-  else if (work.kept() && statistics.error().message.find("--resume") == std::string::npos)
+    TellOnSignal(options.output + " is written");
+  } else if (work.kept() && statistics.error().message.find("--resume") == std::string::npos)
     statistics.error().message +=
         fmt::format("; what is done is kept in {}: the same command with --resume goes on", work.path());
   return statistics;

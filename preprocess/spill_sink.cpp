@@ -16,7 +16,7 @@ struct StoredPosition {
 };
 
 constexpr float kLargestCoordinate = 0x1p60f;
-// What pages may be loaded for: a store's time for some triangles, not for every one.
+// A page may be read for so many faces that came; what is saved up has a bound.
 constexpr uint32_t kFacesPerLoad = 64, kMostLoads = 4096;
 constexpr size_t kBatchFaces = 8192;
 constexpr uint64_t kMaxTriangles = 0xFFFFFFFFull;  // ids are 32 bits; the last is "none"

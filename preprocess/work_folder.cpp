@@ -68,6 +68,14 @@ void RemoveFiles(const std::string& folder) {
   fs::remove(folder, error);  // if it is empty
 }
 
+/// Outputs of one name in different folders may share `spill`.
+std::string SpillFolderFor(const std::string& output, const std::string& spill) {
+  std::error_code error;
+  const std::string whole = fs::weakly_canonical(output, error).string();
+  return fmt::format("{}/{}-{:016x}.work", spill, fs::path(output).filename().string(),
+                     Checksum(AsBytes(error ? output : whole)));
+}
+
 Status MakeFolder(const std::string& path) {
   if (::mkdir(path.c_str(), 0755) != 0 && errno != EEXIST)
     return Fail(fmt::format("{}: cannot write: {}", path, ErrnoText(errno)));
@@ -80,8 +88,7 @@ Result<WorkFolder> WorkFolder::Open(const std::string& output, const std::string
                                     const std::string& command, bool resume) {
   WorkFolder folder;
   folder.path_ = output + ".work";
-  folder.spill_ =
-      spill.empty() ? folder.path_ : fmt::format("{}/{}.work", spill, fs::path(output).filename().string());
+  folder.spill_ = spill.empty() ? folder.path_ : SpillFolderFor(output, spill);
   if (resume) {
     QUARRY_ASSIGN(const bool going_on, folder.GoOn(command));
     if (going_on) return folder;
@@ -105,7 +112,7 @@ WorkFolder::~WorkFolder() {
 
 Status WorkFolder::Begin(const std::string& command) {
   RemoveFiles(path_);
-  if (spill_ != path_) RemoveFiles(spill_);
+  RemoveFiles(spill_);
   QUARRY_TRY(MakeFolder(path_));
   if (Status made = MakeFolder(spill_); !made) {
     RemoveFiles(path_);

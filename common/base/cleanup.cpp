@@ -24,7 +24,9 @@ std::string program_name;
 
 void OnSignal(int) {
   for (int i = 0; i < kSlots; ++i)
-    if (states[i].load() == 2 && ::unlink(paths[i]) != 0) ::rmdir(paths[i]);
+    if (states[i].load() == 2) ::unlink(paths[i]);
+  for (int i = 0; i < kSlots; ++i)
+    if (states[i].load() == 2) ::rmdir(paths[i]);  // empty only now
   const char* text = messages[message.load()];
   (void)!::write(2, text, std::strlen(text));
   ::_exit(1);

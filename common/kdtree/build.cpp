@@ -16,7 +16,8 @@ namespace {
 constexpr int kBins = 32;
 constexpr uint32_t kExactUpTo = 32;  // references; so few: weigh every box end instead of bins
 
-constexpr float kHopeOfMore = 2.0f;  // what a split must gain at once of what it must gain in the end
+// What a split must gain at once, in what its nodes are worth: those that gain less are mostly pruned.
+constexpr float kGainAtOnce = 2.0f;
 
 constexpr float kFloatInfinity = std::numeric_limits<float>::infinity();
 
@@ -412,7 +413,7 @@ class Builder {
 
   KdTree Build(const Box& cell, size_t max_bytes) {
     stack_ = splitter_.ReferencesIn(cell);
-    least_gain_ = ByteWorth(costs_, cell, stack_.size()) * kHopeOfMore * 2 * sizeof(KdNode);
+    least_gain_ = ByteWorth(costs_, cell, stack_.size()) * kGainAtOnce * 2 * sizeof(KdNode);
     tree_.nodes.resize(1);
     BuildNode(0, cell, 0, max_bytes, kMaxKdDepth);
     return std::move(tree_);

@@ -1,6 +1,5 @@
 #include "common/voxel/store_writer.h"
 
-#include <lz4.h>
 #include <xxhash.h>
 
 #include <algorithm>
@@ -129,7 +128,7 @@ Result<SceneId> StoreWriter::Finish(SceneMeta meta, const std::vector<KdNode>& t
     }
     meta.stored_references += v.triangles;
   }
-  meta.lz4_version = LZ4_VERSION_NUMBER;
+  meta.lz4_version = CompressorVersion();
   const uint64_t blocks_size = file_.size() - kBlocksOffset;
 
   std::string strings;

@@ -1,5 +1,6 @@
 #include "common/voxel/voxel_block.h"
 
+#include <lz4.h>
 #include <lz4hc.h>
 
 #include <algorithm>
@@ -12,7 +13,8 @@
 namespace quarry {
 namespace {
 
-constexpr int kCompressionLevel = 3;  // 5 gives a fiftieth less for a tenth of all preprocessing, 9 a thirtieth
+// 5 gives a fiftieth less for a tenth of all preprocessing.
+constexpr int kCompressionLevel = 3;
 
 /// The nodes' symbols and the planes of inner ones, a node before its children, left before right.
 void PutTree(const HotVoxel& voxel, Bytes& out) {
@@ -102,6 +104,8 @@ Bytes EncodeShading(const ShadingVoxel& v) {
   PutFromNewest(v.corners, out);
   return out;
 }
+
+uint32_t CompressorVersion() { return static_cast<uint32_t>(LZ4_versionNumber()); }
 
 Bytes CompressBlock(std::span<const std::byte> streams) {
   Bytes packed(static_cast<size_t>(LZ4_compressBound(static_cast<int>(streams.size()))));

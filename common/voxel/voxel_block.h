@@ -76,6 +76,9 @@ Bytes EncodeShading(const ShadingVoxel& voxel);
 size_t HotBytes(size_t node_slots, size_t wide_nodes, size_t references, size_t triangles, size_t vertices);
 size_t ShadingBytes(size_t triangles, size_t vertices);
 
+/// Of the LZ4 at hand, as LZ4_VERSION_NUMBER counts: other versions may give other bytes.
+uint32_t CompressorVersion();
+
 /// LZ4 HC over `streams`, or the bytes themselves when that is not smaller; before it their number. Returns
 /// what is stored. Deterministic for one LZ4 version.
 Bytes CompressBlock(std::span<const std::byte> streams);

@@ -104,6 +104,13 @@ class Foreign(Case):
             with self.subTest(name=name):
                 (self.folder / name).write_bytes(content)
                 self.must_fail(1, name + ": Assimp", "quarry-preprocess", self.folder / name, "-o", self.path("x.quarry"), "--quiet")
+        # More than the process may take.
+        quads = "".join(NODE % (f"n{i}", "part", f"{i} 0 0") for i in range(400000))
+        (self.folder / "big.dae").write_text(DAE % quads)
+        del quads
+        self.must_fail(1, "big.dae: needs more than --memory|big.dae: Assimp", "quarry-preprocess", self.folder / "big.dae", "-o",
+                       self.path("x.quarry"), "--quiet", "--memory", "64M")
+        (self.folder / "big.dae").unlink()
         self.assertEqual(sorted(p.name for p in self.folder.iterdir()), ["a.txt", "cut.dae", "junk.fbx", "two.dae", "two.quarry"])
 
 

@@ -121,6 +121,20 @@ class Resume(Case):
         self.assertIn("nothing was written", run.communicate()[1])
         self.assertEqual(sorted(p.name for p in self.folder.iterdir() if p.name.startswith("plant.quarry")), [])
 
+    def test_two_outputs_of_one_name_share_a_folder_for_spill(self):
+        self.make(400000)
+        whole = self.whole()
+        stores = [self.folder / name / "x.quarry" for name in ("a", "b")]
+        runs = []
+        for store in stores:
+            store.parent.mkdir()
+            runs.append(subprocess.Popen([str(BIN / "quarry-preprocess"), self.model, "-o", str(store), "--tmp", str(self.folder), "--quiet"]))
+        for run in runs:
+            self.assertEqual(run.wait(timeout=120), 0)
+        for store in stores:
+            self.assertTrue(store.read_bytes() == whole)
+        self.assertEqual([p.name for p in self.folder.iterdir() if "work" in p.name], [])
+
     def test_a_journal_torn_or_damaged(self):
         self.make(600000)
         whole = self.whole()
