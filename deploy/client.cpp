@@ -1,8 +1,14 @@
 #include "deploy/client.h"
 
+#include <fmt/format.h>
+
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/steady_timer.hpp>
+#include <chrono>
+#include <deque>
 #include <utility>
+
+#include "common/protocol/messages.h"
 
 namespace quarry {
 namespace {
@@ -11,40 +17,85 @@ namespace asio = boost::asio;
 
 class Client {
  public:
-  Client(const SceneId& scene, const RenderJob& job, const RenderCallbacks& callbacks)
-      : scene_(scene), job_(job), callbacks_(callbacks), timer_(io_), frames_left_(job.cameras.size()) {}
+  Client(const Endpoint& master, const SceneId& scene, const RenderJob& job, const RenderCallbacks& callbacks,
+         double retry_s)
+      : master_(master),
+        scene_(scene),
+        job_(job),
+        callbacks_(callbacks),
+        retry_s_(retry_s),
+        timer_(io_),
+        retry_(io_) {}
 
-  Status Run(const Endpoint& master) {
-    Connect(io_, master, [this](Result<std::shared_ptr<Connection>> result) {
-      if (!result) return End(tl::unexpected<Error>(result.error()));
-      connection_ = std::move(*result);
-      connection_->Start([this](Message m) { OnMessage(std::move(m)); },
-                         [this](const Error& e) { OnLost(e); });
-      connection_->Send(MakeMessage(MessageType::kHello, Hello{Role::kClient, "quarry", 0}));
-    });
+  Status Run() {
+    Reach();
     Tick();
     io_.run();
     return outcome_;
   }
 
  private:
+  using Clock = std::chrono::steady_clock;
+  static double SecondsSince(Clock::time_point t) {
+    return std::chrono::duration<double>(Clock::now() - t).count();
+  }
+
+  void Reach() {
+    Connect(io_, master_, [this](Result<std::shared_ptr<Connection>> result) {
+      if (!result) return OnLost(result.error());
+      connection_ = std::move(*result);
+      received_ = 0;
+      heard_ = Clock::now();
+      connection_->Start([this](Message m) { OnMessage(std::move(m)); },
+                         [this](const Error& e) { OnLost(e); });
+      connection_->Send(MakeMessage(MessageType::kHello, Hello{Role::kClient, "quarry", 0}));
+    });
+  }
+
   void End(Status outcome) {
     outcome_ = std::move(outcome);
     io_.stop();
   }
 
-  /// When the master has died, its own words say more than the broken connection.
+  /// When the master of a local cluster has died, its own words say more than the broken connection.
   void OnLost(const Error& error) {
-    const Status why = callbacks_.check();
-    End(why ? Status(tl::unexpected<Error>(error)) : why);
+    if (connection_) connection_->Close();
+    connection_.reset();
+    if (Status why = callbacks_.check(); !why) return End(std::move(why));
+    if (std::exchange(welcomed_, false)) {
+      lost_ = Clock::now();
+      callbacks_.say(fmt::format("lost the master, trying for {:.0f} s: {}", retry_s_, error.message));
+    }
+    if (error.permanent || !was_welcomed_ || SecondsSince(lost_) > retry_s_)
+      return End(tl::unexpected<Error>(error));
+    retry_.expires_after(std::chrono::milliseconds(300));
+    retry_.async_wait([this](const boost::system::error_code& e) {
+      if (!e) Reach();
+    });
   }
 
   void Tick() {
     if (Status status = callbacks_.check(); !status) return End(std::move(status));
+    if (Status status = StoreFrames(); !status) return End(std::move(status));
+    Heartbeat();
     timer_.expires_after(std::chrono::milliseconds(200));
     timer_.async_wait([this](const boost::system::error_code& e) {
       if (!e) Tick();
     });
+  }
+
+  void Heartbeat() {
+    if (!connection_) return;
+    if (SecondsSince(pinged_) > kHeartbeatS) {
+      pinged_ = Clock::now();
+      connection_->Send({MessageType::kPing, 0, {}, {}});
+    }
+    if (const uint64_t received = connection_->received_bytes(); received != received_) {
+      received_ = received;
+      heard_ = Clock::now();
+    }
+    if (SecondsSince(heard_) > kSilenceS)
+      OnLost(Error{fmt::format("the master has been silent for {:.0f} s", kSilenceS)});
   }
 
   void OnMessage(Message m) {
@@ -58,6 +109,8 @@ class Client {
         break;
       case MessageType::kFrameDone:
         status = OnFrame(std::move(m));
+        break;
+      case MessageType::kPing:
         break;
       case MessageType::kFailure: {
         const auto failure = DecodeFailure(m.table);
@@ -73,7 +126,9 @@ class Client {
   Status OnWelcome(const Message& m) {
     QUARRY_ASSIGN(const Welcome welcome, DecodeWelcome(m.table));
     if (welcome.scene_id != scene_) return Fail("the master serves another scene than the one named");
-    connection_->Send(MakeMessage(MessageType::kRenderJob, job_));
+    welcomed_ = was_welcomed_ = true;
+    connection_->Send(MakeMessage(MessageType::kRenderJob,
+                                  JobRequest{job_, static_cast<uint32_t>(stored_ + frames_.size())}));
     return {};
   }
 
@@ -85,27 +140,52 @@ class Client {
 
   Status OnFrame(Message m) {
     QUARRY_ASSIGN(const FrameDone done, DecodeFrameDone(m.table));
-    QUARRY_TRY(callbacks_.on_frame(done, std::move(m.raw)));
-    if (--frames_left_ == 0) End({});
+    frames_.push_back({done, std::move(m.raw)});
+    return StoreFrames();
+  }
+
+  /// Hands on the frames that have come, in order.
+  Status StoreFrames() {
+    while (!frames_.empty()) {
+      if (failing_ && SecondsSince(tried_) < 1) return {};
+      tried_ = Clock::now();
+      if (Status status = callbacks_.on_frame(frames_.front().first, frames_.front().second); !status) {
+        if (!std::exchange(failing_, true)) {
+          failing_since_ = Clock::now();
+          callbacks_.say(fmt::format("{}; trying again for {:.0f} s", status.error().message, retry_s_));
+        }
+        return SecondsSince(failing_since_) > retry_s_ ? status : Status{};
+      }
+      failing_ = false;
+      frames_.pop_front();
+      ++stored_;
+    }
+    if (stored_ == job_.cameras.size()) End({});
     return {};
   }
 
+  const Endpoint& master_;
   const SceneId& scene_;
   const RenderJob& job_;
   const RenderCallbacks& callbacks_;
+  const double retry_s_;
   asio::io_context io_;
-  asio::steady_timer timer_;
+  asio::steady_timer timer_, retry_;
   std::shared_ptr<Connection> connection_;
-  size_t frames_left_;
+  std::deque<std::pair<FrameDone, Bytes>> frames_;  ///< come, and not yet stored
+  size_t stored_ = 0;
+  bool welcomed_ = false, was_welcomed_ = false, failing_ = false;
+  Clock::time_point lost_, pinged_, heard_, tried_, failing_since_;
+  uint64_t received_ = 0;  ///< bytes, when it last changed
   Status outcome_;
 };
 
 }  // namespace
 
 Status RenderRemotely(const Endpoint& master, const SceneId& scene, const RenderJob& job,
-                      const RenderCallbacks& callbacks) {
-  Client client(scene, job, callbacks);
-  return client.Run(master);
+                      const RenderCallbacks& callbacks, double retry_s) {
+  Client client(master, scene, job, callbacks, retry_s);
+  return client.Run();
 }
 
 }  // namespace quarry

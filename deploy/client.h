@@ -11,16 +11,19 @@ namespace quarry {
 
 struct RenderCallbacks {
   std::function<void(const FrameProgress&)> on_progress;
-  /// A finished frame: the image file's bytes. An error ends the job.
-  std::function<Status(const FrameDone&, Bytes image)> on_frame;
+  /// A finished frame: the image file's bytes. An error is tried again every second (a full disk may get
+  /// space), and ends the job after RenderRemotely's `retry_s`.
+  std::function<Status(const FrameDone&, const Bytes& image)> on_frame;
   /// Called a few times a second: an error ends the job (a process that it needs has died, say).
   std::function<Status()> check;
+  /// A line for the person: the master is out of reach, say, and is tried again.
+  std::function<void(const std::string&)> say;
 };
 
-/// Sends `job` to the master and waits for its frames. `scene` must be the scene that the master serves.
-/// Errors: out of reach, another scene, the master's own sentence, the connection lost, and what the
-/// callbacks return.
+/// Sends `job` to the master and waits for its frames. `scene` must be the scene that the master serves. When
+/// the connection is lost it is made again, and the frames not here are asked for again. Errors: out of reach
+/// at first, or for `retry_s` later; another scene, the master's own sentence, and what the callbacks return.
 Status RenderRemotely(const Endpoint& master, const SceneId& scene, const RenderJob& job,
-                      const RenderCallbacks& callbacks);
+                      const RenderCallbacks& callbacks, double retry_s);
 
 }  // namespace quarry

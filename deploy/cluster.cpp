@@ -102,7 +102,7 @@ Result<std::unique_ptr<LocalCluster>> LocalCluster::Start(const Options& options
           SiblingProgram("quarry-worker"),
           std::vector<std::string>{"--master", line.substr(10), "--cache", options.cache, "--threads",
                                    std::to_string(threads), "--name", fmt::format("local-{}", i + 1),
-                                   "--quiet"}));
+                                   "--peers", "off", "--quiet"}));
   } catch (const std::exception& e) {
     return Fail(fmt::format("cannot start a program of the cluster: {}", e.what()));
   }

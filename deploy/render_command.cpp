@@ -173,6 +173,9 @@ void AddRenderOptions(CLI::App& c, RenderArguments& a) {
   c.add_option("--aov", a.aov, "Layers of EXRs: depth,normal,uv,primitive,material,part,voxel");
   c.add_option("--stats", a.stats, "Write statistics as JSON to this file");
   c.add_option("--master", a.master, "Use the cluster of the master at HOST:PORT")->envname("QUARRY_MASTER");
+  c.add_option("--retry", a.retry_s, "Seconds for which a lost master or a full disk is tried again")
+      ->check(CLI::Range(0.0, 1e6))
+      ->capture_default_str();
   c.add_flag("--quiet", a.quiet, "Print errors only");
 }
 
@@ -210,7 +213,8 @@ Status Render(const RenderArguments& a) {
     frames.push_back(nlohmann::ordered_json::parse(done.statistics, nullptr, false));
     return WriteFileAtomically(FramePath(a, done.frame), image);
   };
-  QUARRY_TRY(RenderRemotely(master, store.catalog().id, job, callbacks));
+  callbacks.say = [&](const std::string& line) { progress.Say(line); };
+  QUARRY_TRY(RenderRemotely(master, store.catalog().id, job, callbacks, a.retry_s));
   progress.Update(1, 1);
   progress.End();
   const double wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

@@ -22,6 +22,7 @@ struct RenderArguments {
   uint64_t seed = 0;
   double exposure = 0;
   std::string stats, master;
+  double retry_s = 60;
   bool quiet = false;
 };
 

@@ -1,25 +1,64 @@
 #include "master/active_frame.h"
 
+#include <algorithm>
+
 namespace quarry {
 
-ActiveFrame::ActiveFrame(uint64_t setup, const RenderJob& job, std::vector<uint32_t> last_owners)
+ActiveFrame::ActiveFrame(uint64_t setup, const RenderJob& job, const ActiveFrame* before)
     : setup_(setup),
       job_(job),
       frame_(job),
-      last_owners_(std::move(last_owners)),
+      last_owners_(frame_.tiles().size(), kNoWorker),
+      plan_(frame_.tiles().size(), kNoWorker),
       owners_(frame_.tiles().size(), kNoWorker),
-      tile_done_(frame_.tiles().size()) {
-  last_owners_.resize(frame_.tiles().size(), kNoWorker);
+      expected_(frame_.tiles().size()),
+      traces_(frame_.tiles().size()),
+      tile_done_(frame_.tiles().size()),
+      holders_(frame_.tiles().size()),
+      open_tiles_(static_cast<uint32_t>(frame_.tiles().size())) {
+  if (!before) return;
+  expected_ = Predict(before->Trace(), job, frame_.tiles());
+  // Tiles of the same place: only images of the same size have them.
+  if (before->job_.width == job.width && before->job_.height == job.height &&
+      before->owners_.size() == owners_.size())
+    for (size_t t = 0; t < owners_.size(); ++t)
+      last_owners_[t] = before->owners_[t] != kNoWorker ? before->owners_[t] : before->plan_[t];
+}
+
+void ActiveFrame::MakePlan(const std::vector<PlannedWorker>& workers,
+                           const std::vector<uint32_t>& block_bytes, SchedulingPolicy policy) {
+  PlanInput in;
+  in.workers = workers;
+  in.block_bytes = &block_bytes;
+  in.frame = job_.first_frame;
+  double known_s = 0;
+  size_t known = 0;
+  for (const TileTrace& trace : expected_)
+    if (trace.known) {
+      known_s += trace.cost_s;
+      ++known;
+    }
+  // A tile that nothing is known of costs what the others do; a tile that costs nothing costs a little all
+  // the same.
+  const double usual_s = known > 0 && known_s > 0 ? known_s / static_cast<double>(known) : 1;
+  for (size_t t = 0; t < expected_.size(); ++t) {
+    const TileTrace& trace = expected_[t];
+    in.tiles.push_back({last_owners_[t], trace.known ? &trace.blocks : nullptr,
+                        trace.known ? trace.cost_s + usual_s / 16 : usual_s});
+  }
+  plan_ = Plan(in, policy);
 }
 
 Snapshot ActiveFrame::MakeSnapshot(std::vector<WorkerView> workers, double now_s) const {
   Snapshot s;
   s.workers = std::move(workers);
   s.now_s = now_s;
+  // Late is what takes much longer than tiles take here.
+  if (tiles_done_ > 0) s.straggler_after_s = std::max(s.straggler_after_s, 4 * tile_time_s_ / tiles_done_);
   s.tiles.resize(tile_done_.size());
   for (size_t t = 0; t < s.tiles.size(); ++t) {
     s.tiles[t].done = tile_done_[t];
-    s.tiles[t].last_owner = last_owners_[t];
+    s.tiles[t].owner = plan_[t];
   }
   for (const auto& [id, lease] : leases_) {
     TileView& tile = s.tiles[lease.tile];
@@ -33,32 +72,59 @@ Snapshot ActiveFrame::MakeSnapshot(std::vector<WorkerView> workers, double now_s
 TileOrder ActiveFrame::Lease(const Assignment& a, double now_s) {
   const uint64_t lease = next_lease_++;
   leases_[lease] = {a.tile, a.worker, now_s};
+  if (holders_[a.tile]++ == 0) --open_tiles_;
   const Frame::Tile& tile = frame_.tiles()[a.tile];
-  return {setup_, a.tile, lease, tile.x, tile.y, tile.width, tile.height};
+  return {setup_, a.tile, lease, tile.x, tile.y, tile.width, tile.height, {}, {}};
 }
 
-Result<bool> ActiveFrame::Finish(const TileDone& done, std::span<const std::byte> pixels) {
+Result<bool> ActiveFrame::Finish(const TileDone& done, std::span<const std::byte> pixels, double now_s) {
   const auto it = leases_.find(done.lease);
   if (done.setup != setup_ || it == leases_.end() || it->second.tile != done.tile) return false;
-  owners_[done.tile] = it->second.worker;
+  const LeaseRecord lease = it->second;
+  --holders_[done.tile];
   leases_.erase(it);
   if (tile_done_[done.tile]) return false;
-  QUARRY_TRY(frame_.Put(done.tile, pixels));
+  if (Status put = frame_.Put(done.tile, pixels); !put) {
+    open_tiles_ += holders_[done.tile] == 0;
+    return tl::unexpected<Error>(put.error());
+  }
+  owners_[done.tile] = lease.worker;
   tile_done_[done.tile] = true;
   ++tiles_done_;
+  tile_time_s_ += now_s - lease.since_s;
   rays_ += done.rays;
   rays_suspended_ += done.rays_suspended;
+  TileTrace& trace = traces_[done.tile];
+  trace = {{}, done.depth, static_cast<double>(done.compute_us) * 1e-6, true};
+  traced_ += done.blocks.size();
+  if (traced_ <= kMostTraced) trace.blocks = done.blocks;
   return true;
 }
 
 void ActiveFrame::Forget(uint32_t worker) {
-  leases_lost_ += std::erase_if(leases_, [&](const auto& entry) { return entry.second.worker == worker; });
+  for (auto it = leases_.begin(); it != leases_.end();) {
+    if (it->second.worker != worker) {
+      ++it;
+      continue;
+    }
+    ++leases_lost_;
+    const uint32_t tile = it->second.tile;
+    if (--holders_[tile] == 0 && !tile_done_[tile]) ++open_tiles_;
+    it = leases_.erase(it);
+  }
 }
 
 uint32_t ActiveFrame::Held(uint32_t worker) const {
   uint32_t held = 0;
   for (const auto& [id, lease] : leases_) held += lease.worker == worker;
   return held;
+}
+
+FrameTrace ActiveFrame::Trace() const {
+  FrameTrace trace{job_, frame_.tiles(), traces_};
+  for (size_t t = 0; t < traces_.size(); ++t)
+    if (!traces_[t].known) trace.traces[t] = expected_[t];
+  return trace;
 }
 
 }  // namespace quarry

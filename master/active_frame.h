@@ -1,14 +1,11 @@
 #pragma once
 
-#include <chrono>
 #include <cstdint>
 #include <map>
-#include <memory>
-#include <optional>
-#include <string>
 #include <vector>
 
 #include "common/protocol/messages.h"
+#include "master/footprint.h"
 #include "master/frame.h"
 #include "master/scheduler.h"
 
@@ -18,33 +15,49 @@ namespace quarry {
 /// in.
 class ActiveFrame {
  public:
-  /// `last_owners`: by tile, from the frame before; may be empty.
-  ActiveFrame(uint64_t setup, const RenderJob& job, std::vector<uint32_t> last_owners);
+  /// `before`: the frame before as far as it has come, or null.
+  ActiveFrame(uint64_t setup, const RenderJob& job, const ActiveFrame* before);
 
   uint64_t setup() const { return setup_; }
   const RenderJob& job() const { return job_; }
   const Frame& frame() const { return frame_; }
+  /// Requires: done(). Leaves what the next frame's plan needs.
+  std::vector<uint32_t> TakePixels() { return frame_.TakePixels(); }
   uint32_t tiles_done() const { return tiles_done_; }
   bool done() const { return tiles_done_ == frame_.tiles().size(); }
   uint64_t rays() const { return rays_; }
   uint64_t rays_suspended() const { return rays_suspended_; }
   uint64_t leases_lost() const { return leases_lost_; }
+  /// Tiles that nobody has.
+  uint32_t open_tiles() const { return open_tiles_; }
 
-  /// What the scheduler may look at.
+  /// Plans who is to have which tile; again whenever workers come and go. `workers`: all there are.
+  void MakePlan(const std::vector<PlannedWorker>& workers, const std::vector<uint32_t>& block_bytes,
+                SchedulingPolicy policy);
+  /// What handing out may look at.
   Snapshot MakeSnapshot(std::vector<WorkerView> workers, double now_s) const;
   /// Leases a tile to a worker.
   TileOrder Lease(const Assignment& assignment, double now_s);
+  /// What the tile is expected to touch; empty while not known.
+  const std::vector<uint32_t>& Expected(uint32_t tile) const { return expected_[tile].blocks; }
   /// A result. False when it was dropped: another setup, an unknown lease, or a tile that is done.
   /// Errors: pixels that do not fit.
-  Result<bool> Finish(const TileDone& done, std::span<const std::byte> pixels);
+  Result<bool> Finish(const TileDone& done, std::span<const std::byte> pixels, double now_s);
   /// The worker is gone: its leases end.
   void Forget(uint32_t worker);
   /// Tiles leased to the worker and not done.
   uint32_t Held(uint32_t worker) const;
 
-  std::vector<uint32_t> owners() const { return owners_; }
+  /// Who rendered which tile, kNoWorker where nobody has.
+  const std::vector<uint32_t>& owners() const { return owners_; }
+  /// What rendering has shown; for a tile under way, what was expected of it.
+  FrameTrace Trace() const;
 
  private:
+  /// Footprints beyond so many blocks in all are not kept: pictures of many million tiles have no use for
+  /// them.
+  static constexpr size_t kMostTraced = 16u << 20;
+
   struct LeaseRecord {
     uint32_t tile, worker;
     double since_s;
@@ -52,11 +65,15 @@ class ActiveFrame {
   uint64_t setup_;
   RenderJob job_;
   Frame frame_;
-  std::vector<uint32_t> last_owners_, owners_;
+  std::vector<uint32_t> last_owners_, plan_, owners_;
+  std::vector<TileTrace> expected_, traces_;
+  size_t traced_ = 0;
   std::vector<bool> tile_done_;
+  std::vector<uint32_t> holders_;  ///< leases by tile
   std::map<uint64_t, LeaseRecord> leases_;
   uint64_t next_lease_ = 1;
-  uint32_t tiles_done_ = 0;
+  uint32_t tiles_done_ = 0, open_tiles_ = 0;
+  double tile_time_s_ = 0;  ///< from lease to result, summed over tiles done
   uint64_t rays_ = 0, rays_suspended_ = 0, leases_lost_ = 0;
 };
 

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "common/protocol/messages.h"
@@ -26,6 +27,8 @@ class Frame {
 
   /// Rows of the crop, words_per_pixel() 32-bit words a pixel.
   const std::vector<uint32_t>& pixels() const { return pixels_; }
+  /// Takes them out. Put must not be called after.
+  std::vector<uint32_t> TakePixels() { return std::move(pixels_); }
 
  private:
   uint32_t crop_x_, crop_y_, width_, words_;

@@ -11,8 +11,9 @@
 namespace quarry {
 namespace {
 
-Status Run(MasterOptions options, const std::string& listen) {
+Status Run(MasterOptions options, const std::string& listen, const std::string& schedule) {
   QUARRY_ASSIGN(options.listen, ParseEndpoint(listen, "--listen"));
+  QUARRY_ASSIGN(options.policy, ParsePolicy(schedule));
   return RunMaster(options);
 }
 
@@ -22,24 +23,35 @@ int Main(int argc, char** argv) {
   EndWithParent();
   InstallSignalHandlers("quarry-master", "finished frames are with whoever asked for them");
   MasterOptions options;
-  std::string listen = "127.0.0.1:9000";
+  std::string listen = "127.0.0.1:9000", schedule = "footprint";
   CLI::App app{"Serves a scene's voxels, hands out tiles to workers and puts frames together."};
   app.footer(
       "Examples:\n  quarry-master plant.quarry --listen 127.0.0.1:9000\n"
-      "  quarry-master plant.quarry --listen 127.0.0.1:0 --serve-only");
+      "  quarry-master plant.quarry --listen 127.0.0.1:0 --serve-only\n"
+      "  quarry-master plant.quarry --source 127.0.0.1:9001 --source 127.0.0.1:9002 --spool jobs");
   app.set_version_flag("--version", std::string("quarry-master ") + kVersion);
   app.add_option("scene", options.scene, "The scene store")->required();
   app.add_option("--listen", listen, "HOST:PORT (loopback; port 0 takes a free one)")
       ->envname("QUARRY_LISTEN")
       ->capture_default_str();
   app.add_flag("--serve-only", options.serve_only, "Serve voxels and nothing else");
+  app.add_option("--source", options.sources,
+                 "Where workers get voxels; several share the load: master, HOST:PORT of one with "
+                 "--serve-only, file:PATH")
+      ->envname("QUARRY_SOURCE");
+  app.add_option("--schedule", schedule, "Which worker gets which tile: footprint, last-owner or random")
+      ->capture_default_str();
+  app.add_option("--spool", options.spool,
+                 "Keep jobs and finished frames in this folder: started again, the master goes on with them");
+  app.add_option("--trace", options.trace,
+                 "Write what each tile touched and cost to this file, a JSON object a line");
   app.add_flag("--quiet", options.quiet, "Print errors only");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? 0 : 2;
   }
-  const Status status = Run(options, listen);
+  const Status status = Run(options, listen, schedule);
   if (status) return 0;
   fmt::print(stderr, "quarry-master: {}\n", status.error().message);
   return status.error().exit_status;

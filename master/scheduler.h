@@ -1,23 +1,78 @@
 #pragma once
 
-#include <chrono>
 #include <cstdint>
+#include <string>
 #include <vector>
+
+#include "common/base/status.h"
+
+// Which worker renders which tile. Pure functions of a snapshot: no clock, no state, no order of arrival.
 
 namespace quarry {
 
 inline constexpr uint32_t kNoWorker = 0xFFFFFFFFu;
 
-/// A tile of the frame at hand, as scheduling sees it.
-struct TileView {
-  bool done = false;
-  uint32_t last_owner = kNoWorker;  ///< who rendered this tile in the frame before
-  uint32_t holders = 0;             ///< leases on it now
-  uint32_t holder = kNoWorker;      ///< the newest lease's worker
-  double leased_at_s = 0;           ///< when that lease was given
+enum class SchedulingPolicy {
+  kRandom,     ///< any worker, another each frame
+  kLastOwner,  ///< who rendered the tile in the frame before (Wald & Slusallek 2001, section 6.5)
+  kFootprint   ///< who holds most of what the tile is expected to touch
+};
+/// "random", "last-owner" or "footprint". Errors (usage): none of these.
+Result<SchedulingPolicy> ParsePolicy(const std::string& text);
+
+// --- planning a frame
+
+/// The blocks that one worker holds, as far as the master knows.
+class BlockSet {
+ public:
+  void Set(uint32_t block, bool here);
+  bool Has(uint32_t block) const {
+    return block / 64 < words_.size() && words_[block / 64] >> block % 64 & 1;
+  }
+  void Clear() { words_.clear(); }
+
+ private:
+  std::vector<uint64_t> words_;
 };
 
-/// A worker, as scheduling sees it; its position in the snapshot is not its id.
+struct PlannedTile {
+  uint32_t last_owner = kNoWorker;                ///< id of the worker that rendered it in the frame before
+  const std::vector<uint32_t>* blocks = nullptr;  ///< expected to be touched; null: not known
+  double cost = 1;                                ///< expected, in any unit
+};
+struct PlannedWorker {
+  uint32_t id = kNoWorker;
+  double speed = 1;  ///< relative to the others
+  const BlockSet* holds = nullptr;
+};
+struct PlanInput {
+  std::vector<PlannedTile> tiles;  ///< in the order of the frame's space-filling curve
+  std::vector<PlannedWorker> workers;
+  const std::vector<uint32_t>* block_bytes = nullptr;  ///< by block; for kFootprint
+  uint64_t frame = 0;                                  ///< for kRandom
+};
+
+/// A footprint plan may give one worker so much more than its share of the expected cost.
+inline constexpr double kPlanSlack = 0.15;
+
+/// The worker (id) that should have each tile; kNoWorker for all when there are no workers. Tiles that a
+/// policy knows nothing of are shared out along the curve, each worker a stretch. kFootprint goes through the
+/// tiles from the clearest case to the least clear, gives each to the worker that holds or has been promised
+/// most bytes of it, and keeps every worker's expected cost near its share.
+std::vector<uint32_t> Plan(const PlanInput& input, SchedulingPolicy policy);
+
+// --- handing out
+
+/// A tile of the frame at hand, as handing out sees it.
+struct TileView {
+  bool done = false;
+  uint32_t owner = kNoWorker;   ///< as planned
+  uint32_t holders = 0;         ///< leases on it now
+  uint32_t holder = kNoWorker;  ///< the newest lease's worker
+  double leased_at_s = 0;       ///< when that lease was given
+};
+
+/// A worker, as handing out sees it; its position in the snapshot is not its id.
 struct WorkerView {
   uint32_t id = kNoWorker;
   uint32_t free_slots = 0;  ///< tiles it may still be given
@@ -27,6 +82,7 @@ struct Snapshot {
   std::vector<TileView> tiles;  ///< in the order of the frame's space-filling curve
   std::vector<WorkerView> workers;
   double now_s = 0;
+  double straggler_after_s = 1;  ///< a tile held this long is given to an idle worker as well
 };
 
 struct Assignment {
@@ -36,16 +92,9 @@ struct Assignment {
   bool operator==(const Assignment&) const = default;
 };
 
-enum class SchedulingPolicy { kRandom, kLastOwner };
-
-/// A tile held this long by one worker is given to an idle one as well; the first result counts, both are the
-/// same.
-inline constexpr double kStragglerAfterS = 1.0;
-
-/// Which tiles to hand out now. A pure function: no clock, no state, no order of arrival.
-/// kLastOwner: a worker first gets the tiles it rendered in the frame before; tiles without a living owner
-/// are shared out along the curve, each worker a stretch; a worker with nothing of its own left takes from
-/// the others' ends. Source: Wald & Slusallek 2001, section 6.5; stretches, stealing and stragglers are ours.
-std::vector<Assignment> Schedule(const Snapshot& snapshot, SchedulingPolicy policy);
+/// Which tiles to hand out now: a worker first gets its own; one with nothing of its own left takes from the
+/// end of whoever has most. When nothing is left, the oldest stragglers go to those still idle, each to one
+/// more worker; the first result counts, both are the same.
+std::vector<Assignment> Schedule(const Snapshot& snapshot);
 
 }  // namespace quarry

@@ -4,19 +4,30 @@
 
 #include <algorithm>
 #include <boost/asio/io_context.hpp>
+#include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
+#include <boost/asio/thread_pool.hpp>
 #include <chrono>
 #include <cstdio>
 #include <deque>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <random>
 #include <set>
+#include <thread>
 #include <utility>
 
 #include "common/base/resource.h"
+#include "common/net/file_source.h"
+#include "common/net/source_set.h"
 #include "common/protocol/messages.h"
 #include "master/active_frame.h"
 #include "master/image_output.h"
+#include "master/job.h"
+#include "master/roster.h"
+#include "master/spool.h"
+#include "master/tile_log.h"
 
 namespace quarry {
 namespace {
@@ -25,33 +36,44 @@ namespace asio = boost::asio;
 using Clock = std::chrono::steady_clock;
 using ConnectionPtr = std::shared_ptr<Connection>;
 
-constexpr double kSilenceIsDeathS = 8;  // workers speak every second
 constexpr auto kTick = std::chrono::milliseconds(250);
 constexpr uint64_t kMaxQueuedBytes = 256u << 20;  // a peer that does not read is dropped beyond this
+constexpr uint64_t kFullQueueBytes = 32u << 20;   // no further frames are queued for a client beyond this
+constexpr size_t kFramesAtOnce = 2;   // the next begins when the last tile of the one before is handed out
+constexpr int kMostEncoding = 4;      // frames on their way to the disk; no other begins beyond this
+constexpr double kClientGraceS = 20;  // a job without a spool waits so long for its client to come back
+constexpr double kLogEveryS = 10;
+constexpr uint32_t kMostFailures = 3;  // workers that fail before the job is given up
 
-struct Worker {
-  ConnectionPtr connection;
-  uint32_t id = 0;
-  std::string name;
-  uint32_t threads = 1;
-  double heard_s = 0;
-  uint64_t setup = 0;  ///< the last it was told of
-  Alive counters;
-  uint32_t tiles = 0;
+/// A frame being rendered.
+struct Rendering {
+  std::shared_ptr<Job> job;
+  size_t index = 0;  ///< of the job's frames
+  std::unique_ptr<ActiveFrame> frame;
+  double start_s = 0;
+  uint64_t bytes_served_before = 0;
 };
 
-/// A client's job, frame after frame.
-struct Job {
-  ConnectionPtr client;
-  RenderJob job;
-  size_t next_camera = 0;
+/// When a connection was last heard of.
+struct Pulse {
+  double heard_s = 0;
+  uint64_t received = 0;
 };
 
 class Server {
  public:
-  Server(const MasterOptions& options, StoreReader store)
-      : options_(options), store_(std::move(store)), timer_(io_), start_(Clock::now()) {
-    packed_catalog_ = PackSections(store_.catalog_sections());
+  Server(const MasterOptions& options, StoreReader store, std::optional<Spool> spool,
+         std::optional<TileLog> tile_log)
+      : options_(options),
+        source_(io_, std::move(store)),
+        spool_(std::move(spool)),
+        tile_log_(std::move(tile_log)),
+        timer_(io_),
+        start_(Clock::now()),
+        next_setup_((uint64_t{std::random_device{}()} << 24) + 1) {
+    const Catalog& catalog = source_.store().catalog();
+    packed_catalog_ = PackSections(source_.store().catalog_sections());
+    for (uint32_t b = 0; b < catalog.voxels.size() * 2; ++b) block_bytes_.push_back(catalog.block(b).stored);
   }
 
   Status Run() {
@@ -59,6 +81,7 @@ class Server {
                   Listener::Open(io_, options_.listen, [this](ConnectionPtr c) { OnConnection(c); }));
     fmt::print("listening {}:{}\n", options_.listen.host, listener_->port());
     std::fflush(stdout);
+    if (spool_) TakeUpJobs();
     Tick();
     io_.run();
     return {};
@@ -69,12 +92,13 @@ class Server {
   void Log(const std::string& text) const {
     if (!options_.quiet) fmt::print(stderr, "quarry-master: {}\n", text);
   }
+  const Catalog& catalog() const { return source_.store().catalog(); }
 
   // --- connections
 
   void OnConnection(const ConnectionPtr& c) {
     newcomers_.insert(c);
-    c->Start([this, c](Message m) { OnHello(c, m); },
+    c->Start([this, c](const Message& m) { OnAny(c, m); },
              [this, c](const Error& e) {
                newcomers_.erase(c);
                OnGone(c, e);
@@ -88,248 +112,480 @@ class Server {
     OnGone(c, Error{sentence});
   }
 
-  /// Every message after the first: by role. `c` keeps itself alive by its handlers.
-  void OnHello(const ConnectionPtr& c, const Message& m) {
-    if (const auto it = roles_.find(c.get()); it != roles_.end()) {
-      const Status status = OnMessage(c, it->second, m);
-      if (!status) Refuse(c, status.error().message);
-      return;
-    }
-    const auto hello =
-        m.type == MessageType::kHello ? DecodeHello(m.table) : Result<Hello>(Fail("no greeting"));
-    if (!hello) return Refuse(c, hello.error().message);
-    if (options_.serve_only && hello->role != Role::kVoxels)
-      return Refuse(c, "this server only serves voxels (--serve-only)");
-    newcomers_.erase(c);
-    roles_[c.get()] = hello->role;
-    Welcome welcome{store_.catalog().id, 0};
-    if (hello->role == Role::kWorker) welcome.worker = AddWorker(c, *hello);
-    c->Send(MakeMessage(MessageType::kWelcome, welcome));
-    if (hello->role == Role::kWorker) {
-      c->Send({MessageType::kCatalog, 0, {}, packed_catalog_});
-      HandOut();
-    }
+  void OnAny(const ConnectionPtr& c, const Message& m) {
+    const auto role = roles_.find(c.get());
+    const Status status = role != roles_.end() ? OnMessage(c, role->second, m) : OnHello(c, m);
+    if (!status) Refuse(c, status.error().message);
   }
 
+  Status OnHello(const ConnectionPtr& c, const Message& m) {
+    if (m.type != MessageType::kHello) return Fail("no greeting");
+    QUARRY_ASSIGN(const Hello hello, DecodeHello(m.table));
+    if (options_.serve_only && hello.role != Role::kVoxels)
+      return Fail("this server only serves voxels (--serve-only)");
+    newcomers_.erase(c);
+    roles_[c.get()] = hello.role;
+    if (hello.role != Role::kVoxels) pulses_[c] = {Now(), 0};
+    Welcome welcome{catalog().id, 0, options_.sources};
+    if (hello.role == Role::kWorker) welcome.worker = AddWorker(c, hello);
+    c->Send(MakeMessage(MessageType::kWelcome, welcome));
+    if (hello.role == Role::kWorker) {
+      c->Send({MessageType::kCatalog, 0, {}, packed_catalog_});
+      WorkersChanged();
+    }
+    return {};
+  }
+
+  /// Every message after the first: by role.
   Status OnMessage(const ConnectionPtr& c, Role role, const Message& m) {
     if (c->queued_bytes() > kMaxQueuedBytes) return Fail("you do not read what you asked for");
+    if (m.type == MessageType::kPing) return {};
     if (role == Role::kVoxels && m.type == MessageType::kBlockRequest) return OnBlockRequest(c, m);
-    if (role == Role::kClient && m.type == MessageType::kRenderJob) return OnRenderJob(c, m);
-    if (role == Role::kWorker && workers_.contains(c.get())) {
-      Worker& worker = workers_[c.get()];
-      worker.heard_s = Now();
-      if (m.type == MessageType::kTileDone) return OnTileDone(worker, m);
-      if (m.type == MessageType::kFailure) return OnWorkerFailure(worker, m);
-      if (m.type == MessageType::kAlive) {
-        QUARRY_ASSIGN(worker.counters, DecodeAlive(m.table));
-        return {};
+    if (role == Role::kClient && m.type == MessageType::kRenderJob) return OnJobRequest(c, m);
+    WorkerRecord* worker = role == Role::kWorker ? roster_.Find(c.get()) : nullptr;
+    if (worker && m.type == MessageType::kTileDone) return OnTileDone(*worker, m);
+    if (worker && m.type == MessageType::kFailure) return OnWorkerFailure(*worker, m);
+    if (worker && m.type == MessageType::kHello) return OnServesAt(*worker, m);
+    if (worker && m.type == MessageType::kAlive) {
+      QUARRY_ASSIGN(const Alive alive, DecodeAlive(m.table));
+      Roster::Update(*worker, alive);
+      if (alive.whole) {  // it has the scene now, or has come back with its cache
+        worker->has_scene = true;
+        WorkersChanged();
       }
+      return {};
     }
     return Fail(fmt::format("a message of type {} does not belong here", static_cast<int>(m.type)));
   }
 
   void OnGone(const ConnectionPtr& c, const Error& error) {
     roles_.erase(c.get());
-    if (const auto it = workers_.find(c.get()); it != workers_.end()) {
-      const uint32_t id = it->second.id;
-      Log(fmt::format("worker {} is gone: {}", it->second.name, error.message));
-      workers_.erase(it);
-      if (frame_) frame_->Forget(id);
-      HandOut();
+    pulses_.erase(c);
+    if (const WorkerRecord* worker = roster_.Find(c.get())) {
+      const uint32_t id = worker->id;
+      Log(fmt::format("worker {} is gone: {}", worker->name, error.message));
+      roster_.Remove(c.get());
+      for (Rendering& r : renderings_) r.frame->Forget(id);
+      WorkersChanged();
       return;
     }
-    if (!jobs_.empty() && jobs_.front().client == c) frame_.reset();
-    std::erase_if(jobs_, [&](const Job& job) { return job.client == c; });
-    if (!frame_) NextFrame();
+    for (auto& job : jobs_)
+      if (std::erase_if(job->clients, [&](const Job::Client& client) { return client.connection == c; }) > 0)
+        job->alone_since_s = Now();
   }
 
   // --- voxels
 
   Status OnBlockRequest(const ConnectionPtr& c, const Message& m) {
     QUARRY_ASSIGN(const BlockRequest request, DecodeBlockRequest(m.table));
-    auto block = store_.ReadBlock(request.block);
-    if (block) {
+    source_.Fetch(request.block, [this, c, id = m.request](Result<Bytes> block) {
+      if (!block) return c->Send(MakeMessage(MessageType::kFailure, Failure{block.error().message}, id));
       voxel_bytes_served_ += block->size();
-      c->Send({MessageType::kBlock, m.request, {}, std::move(*block)});
-    } else {
-      c->Send(MakeMessage(MessageType::kFailure, Failure{block.error().message}, m.request));
-    }
+      c->Send({MessageType::kBlock, id, {}, std::move(*block)});
+    });
     return {};
   }
 
   // --- workers and tiles
 
   uint32_t AddWorker(const ConnectionPtr& c, const Hello& hello) {
-    Worker worker;
-    worker.connection = c;
-    worker.id = next_worker_++;
-    worker.name = hello.name;
-    worker.threads = std::max(1u, hello.threads);
-    worker.heard_s = Now();
+    // The same worker on a connection that is not yet known to be lost.
+    if (const WorkerRecord* old = roster_.FindInstance(hello.instance)) {
+      const ConnectionPtr lost = old->connection;
+      Refuse(lost, "you are here a second time");
+    }
+    const WorkerRecord& worker = roster_.Add(c, hello);
     Log(fmt::format("worker {} has joined with {} threads", worker.name, worker.threads));
-    workers_[c.get()] = worker;
     return worker.id;
   }
 
-  /// Tiles a worker may hold: enough that none of its threads idles while an answer is on its way.
-  static uint32_t Credit(const Worker& worker) { return worker.threads * 2 + 2; }
-
-  void HandOut() {
-    if (!frame_ || frame_->done()) return;
-    std::vector<WorkerView> views;
-    std::map<uint32_t, Worker*> by_id;
-    for (auto& [key, worker] : workers_) by_id[worker.id] = &worker;
-    for (auto& [id, worker] : by_id) {
-      const uint32_t held = frame_->Held(id);
-      views.push_back({id, Credit(*worker) > held ? Credit(*worker) - held : 0});
-    }
-    const auto snapshot = frame_->MakeSnapshot(std::move(views), Now());
-    for (const Assignment& a : Schedule(snapshot, SchedulingPolicy::kLastOwner)) {
-      Worker& worker = *by_id.at(a.worker);
-      if (worker.setup != frame_->setup()) {
-        worker.setup = frame_->setup();
-        worker.connection->Send(
-            MakeMessage(MessageType::kFrameSetup, FrameSetup{frame_->setup(), frame_->job()}));
-      }
-      worker.connection->Send(MakeMessage(MessageType::kTile, frame_->Lease(a, Now())));
-    }
-  }
-
-  Status OnTileDone(Worker& worker, const Message& m) {
-    QUARRY_ASSIGN(const TileDone done, DecodeTileDone(m.table));
-    if (!frame_) return {};
-    QUARRY_ASSIGN(const bool kept, frame_->Finish(done, m.raw));
-    if (kept) ++worker.tiles;
-    if (frame_->done()) {
-      FinishFrame();
-    } else {
-      HandOut();
-    }
+  /// A worker says at which port it serves others.
+  Status OnServesAt(WorkerRecord& worker, const Message& m) {
+    QUARRY_ASSIGN(const Hello hello, DecodeHello(m.table));
+    worker.SetServesAt(hello.serves_at);
     return {};
   }
 
-  Status OnWorkerFailure(Worker& worker, const Message& m) {
+  void WorkersChanged() {
+    const Peers peers = roster_.MakePeers();
+    for (auto& [id, worker] : roster_.all())
+      if (worker.has_scene) worker.connection->Send(MakeMessage(MessageType::kPeers, peers));
+    for (Rendering& r : renderings_) r.frame->MakePlan(roster_.ForPlan(), block_bytes_, options_.policy);
+    HandOutSoon();
+  }
+
+  /// Once for all the messages at hand.
+  void HandOutSoon() {
+    if (std::exchange(handing_out_, true)) return;
+    asio::post(io_, [this] {
+      handing_out_ = false;
+      HandOut();
+    });
+  }
+
+  void HandOut() {
+    do {
+      for (Rendering& r : renderings_) HandOut(*r.frame);
+    } while (StartFrame());
+  }
+
+  void HandOut(ActiveFrame& frame) {
+    if (frame.done()) return;
+    std::vector<WorkerView> views;
+    bool any = false;
+    for (const auto& [id, worker] : roster_.all()) {
+      uint32_t held = 0;
+      for (const Rendering& r : renderings_) held += r.frame->Held(id);
+      views.push_back({id, worker.Credit() > held ? worker.Credit() - held : 0});
+      any |= views.back().free_slots > 0;
+    }
+    if (!any) return;
+    for (const Assignment& a : Schedule(frame.MakeSnapshot(std::move(views), Now()))) {
+      WorkerRecord& worker = *roster_.FindById(a.worker);
+      if (worker.setups.insert(frame.setup()).second) {
+        const uint64_t oldest = renderings_.front().frame->setup();
+        worker.connection->Send(
+            MakeMessage(MessageType::kFrameSetup, FrameSetup{frame.setup(), frame.job(), oldest}));
+        worker.setups.erase(worker.setups.begin(), worker.setups.lower_bound(oldest));
+      }
+      worker.connection->Send(MakeMessage(MessageType::kTile, OrderFor(frame, a, worker)));
+    }
+  }
+
+  /// With what the tile is expected to touch and the worker lacks.
+  TileOrder OrderFor(ActiveFrame& frame, const Assignment& a, const WorkerRecord& worker) {
+    TileOrder order = frame.Lease(a, Now());
+    for (const uint32_t block : frame.Expected(a.tile)) {
+      if (worker.holds.Has(block) || order.blocks.size() == kMaxTileHints) continue;
+      order.blocks.push_back(block);
+      order.holders.push_back(roster_.HolderOf(block, worker.id));
+    }
+    return order;
+  }
+
+  Status OnTileDone(WorkerRecord& worker, const Message& m) {
+    QUARRY_ASSIGN(const TileDone done, DecodeTileDone(m.table));
+    HandOutSoon();
+    for (Rendering& r : renderings_) {
+      if (r.frame->setup() != done.setup) continue;
+      QUARRY_ASSIGN(const bool kept, r.frame->Finish(done, m.raw, Now()));
+      worker.tiles += kept;
+      if (kept && tile_log_) tile_log_->Tile(*r.frame, done, worker.name);
+      if (r.frame->done()) FinishFrame(done.setup);
+      return {};
+    }
+    return {};  // of a frame that is over
+  }
+
+  /// A worker cannot get a block. Others may; when none is left, or several have said so, the job cannot be
+  /// done.
+  Status OnWorkerFailure(const WorkerRecord& worker, const Message& m) {
     QUARRY_ASSIGN(const Failure failure, DecodeFailure(m.table));
-    const std::string name = worker.name;
-    if (!jobs_.empty()) FailJob(failure.message);
+    if (!renderings_.empty() && (++failures_ >= kMostFailures || roster_.all().size() == 1))
+      FailJob(renderings_.front().job, failure.message);
+    Log(fmt::format("worker {} gives up: {}", worker.name, failure.message));
     return Fail(failure.message);
   }
 
   // --- jobs and frames
 
-  Status OnRenderJob(const ConnectionPtr& c, const Message& m) {
-    QUARRY_ASSIGN(RenderJob job, DecodeRenderJob(m.table));
-    jobs_.push_back({c, std::move(job)});
-    if (!frame_) NextFrame();
+  void TakeUpJobs() {
+    for (Spool::Found& found : spool_->Jobs([this](const std::string& line) { Log(line); })) {
+      auto job = std::make_shared<Job>(found.id, std::move(found.job));
+      for (size_t f = 0; f < found.finished.size(); ++f)
+        if (found.finished[f]) job->states[f] = Job::FrameState::kFinished;
+      Log(fmt::format("going on with job {}: {} of {} frames are done", job->id,
+                      std::count(found.finished.begin(), found.finished.end(), true), found.finished.size()));
+      jobs_.push_back(std::move(job));
+    }
+  }
+
+  Status OnJobRequest(const ConnectionPtr& c, const Message& m) {
+    QUARRY_ASSIGN(JobRequest request, DecodeJobRequest(m.table));
+    const std::string id = JobId(catalog().id, request.job);
+    auto job = std::find_if(jobs_.begin(), jobs_.end(), [&](const auto& j) { return j->id == id; });
+    if (job == jobs_.end()) {
+      jobs_.push_back(std::make_shared<Job>(id, std::move(request.job)));
+      job = std::prev(jobs_.end());
+      if (spool_) QUARRY_TRY(spool_->Begin(id, (*job)->job));
+    }
+    (*job)->clients.push_back({c, request.have});
+    Deliver(**job);
+    HandOutSoon();
     return {};
   }
 
-  void FailJob(const std::string& sentence) {
-    const ConnectionPtr client = jobs_.front().client;
-    frame_.reset();
-    jobs_.pop_front();
-    client->Send(MakeMessage(MessageType::kFailure, Failure{sentence}));
-    NextFrame();
+  void FailJob(const std::shared_ptr<Job>& job, const std::string& sentence) {
+    for (const Job::Client& client : job->clients)
+      client.connection->Send(MakeMessage(MessageType::kFailure, Failure{sentence}));
+    RemoveJob(job);
   }
 
-  void NextFrame() {
-    if (frame_ || jobs_.empty()) return;
-    Job& job = jobs_.front();
-    RenderJob one = job.job;
-    one.cameras = {job.job.cameras[job.next_camera]};
-    one.first_frame = job.job.first_frame + static_cast<uint32_t>(job.next_camera);
-    ++job.next_camera;
-    frame_ = std::make_unique<ActiveFrame>(next_setup_++, one, std::exchange(owners_, {}));
-    frame_start_s_ = Now();
-    frame_bytes_start_ = voxel_bytes_served_;
-    for (auto& [key, worker] : workers_) worker.tiles = 0;
-    HandOut();
+  void RemoveJob(const std::shared_ptr<Job>& job) {
+    std::erase_if(renderings_, [&](const Rendering& r) { return r.job == job; });
+    if (spool_) spool_->Remove(job->id);
+    std::erase(jobs_, job);
   }
 
-  void FinishFrame() {
-    owners_ = frame_->owners();
-    Job& job = jobs_.front();
-    auto image = EncodeImage(frame_->job(), frame_->frame().pixels());
-    if (!image) return FailJob(image.error().message);
-    Message m = MakeMessage(MessageType::kFrameDone, FrameDone{frame_->job().first_frame, FrameStatistics()});
-    m.raw = std::move(*image);
-    job.client->Send(std::move(m));
-    frame_.reset();
-    if (job.next_camera == job.job.cameras.size()) jobs_.pop_front();
-    NextFrame();
+  /// The next frame, once nothing of those under way is left to hand out. False when none begins.
+  bool StartFrame() {
+    if (renderings_.size() >= kFramesAtOnce || encoding_ >= kMostEncoding || roster_.all().empty())
+      return false;
+    if (!renderings_.empty() && renderings_.back().frame->open_tiles() > 0) return false;
+    for (const auto& job : jobs_) {
+      const size_t index = job->NextToDo();
+      if (index == job->states.size()) continue;
+      RenderJob one = job->job;
+      one.cameras = {job->job.cameras[index]};
+      one.first_frame = job->job.first_frame + static_cast<uint32_t>(index);
+      const ActiveFrame* before = renderings_.empty() ? previous_.get() : renderings_.back().frame.get();
+      auto frame = std::make_unique<ActiveFrame>(next_setup_++, one, before);
+      frame->MakePlan(roster_.ForPlan(), block_bytes_, options_.policy);
+      if (tile_log_) tile_log_->Frame(*frame);
+      job->states[index] = Job::FrameState::kActive;
+      failures_ = 0;
+      renderings_.push_back({job, index, std::move(frame), Now(), voxel_bytes_served_});
+      return true;
+    }
+    return false;
   }
 
-  std::string FrameStatistics() const {
+  /// The image is made, and written, on a thread of its own.
+  void FinishFrame(uint64_t setup) {
+    const auto it = std::find_if(renderings_.begin(), renderings_.end(),
+                                 [&](const Rendering& r) { return r.frame->setup() == setup; });
+    Rendering done = std::move(*it);
+    renderings_.erase(it);
+    ++encoding_;
+    asio::post(encoder_, [this, job = done.job, index = done.index, one = done.frame->job(),
+                          pixels = done.frame->TakePixels(), statistics = FrameStatistics(done)]() mutable {
+      auto image = EncodeImage(one, pixels);
+      if (image && spool_) WriteToSpool(*job, index, *image);
+      asio::post(io_,
+                 [this, job, index, image = std::move(image), statistics = std::move(statistics)]() mutable {
+                   OnImage(job, index, std::move(image), std::move(statistics));
+                 });
+    });
+    previous_ = std::move(done.frame);
+    HandOutSoon();
+  }
+
+  /// Until it is there: a full disk may get space.
+  void WriteToSpool(const Job& job, size_t index, const Bytes& image) const {
+    for (bool told = false;; told = true) {
+      const Status status = spool_->WriteFrame(job.id, job.job, index, image);
+      if (status) return;
+      if (!told) Log(status.error().message + "; trying every second");
+      std::this_thread::sleep_for(std::chrono::seconds(1));
+    }
+  }
+
+  void OnImage(const std::shared_ptr<Job>& job, size_t index, Result<Bytes> image, std::string statistics) {
+    --encoding_;
+    HandOutSoon();
+    if (std::find(jobs_.begin(), jobs_.end(), job) == jobs_.end()) return;
+    if (!image) return FailJob(job, image.error().message);
+    job->states[index] = Job::FrameState::kFinished;
+    job->finished[index] = {std::move(*image), std::move(statistics)};
+    Deliver(*job);
+  }
+
+  /// Sends finished frames on, in order; lets go of a job that everyone has.
+  void Deliver(Job& job) {
+    size_t needed = job.states.size();
+    for (Job::Client& client : job.clients) {
+      while (client.next < job.states.size() && job.states[client.next] == Job::FrameState::kFinished &&
+             client.connection->queued_bytes() < kFullQueueBytes && SendFrame(job, client))
+        ++client.next;
+      needed = std::min(needed, client.next);
+    }
+    if (job.clients.empty()) needed = 0;
+    for (size_t f = 0; f < (spool_ ? job.states.size() : needed); ++f) job.finished[f].image = {};
+    if (needed < job.states.size()) return;
+    RemoveJob(*std::find_if(jobs_.begin(), jobs_.end(), [&](const auto& j) { return j.get() == &job; }));
+  }
+
+  /// False when the image is not there any more: the frame is rendered again.
+  bool SendFrame(Job& job, const Job::Client& client) {
+    const size_t f = client.next;
+    Bytes image = job.finished[f].image;
+    if (image.empty() && spool_) {
+      auto read = spool_->ReadFrame(job.id, job.job, f);
+      if (read) image = std::move(*read);
+    }
+    if (image.empty()) {
+      job.states[f] = Job::FrameState::kToDo;
+      HandOutSoon();
+      return false;
+    }
+    const std::string statistics = job.finished[f].statistics.empty() ? "{}" : job.finished[f].statistics;
+    Message m = MakeMessage(MessageType::kFrameDone,
+                            FrameDone{job.job.first_frame + static_cast<uint32_t>(f), statistics});
+    m.raw = std::move(image);
+    client.connection->Send(std::move(m));
+    return true;
+  }
+
+  // --- statistics
+
+  std::string FrameStatistics(const Rendering& r) const {
     nlohmann::ordered_json j;
-    j["frame"] = frame_->job().first_frame;
-    j["frame_wall_s"] = Now() - frame_start_s_;
-    j["tiles"] = frame_->frame().tiles().size();
-    j["rays"] = frame_->rays();
-    j["rays_suspended"] = frame_->rays_suspended();
-    j["leases_lost"] = frame_->leases_lost();
-    j["voxel_bytes_served"] = voxel_bytes_served_ - frame_bytes_start_;
+    j["frame"] = r.frame->job().first_frame;
+    j["frame_wall_s"] = Now() - r.start_s;
+    j["frame_start_s"] = r.start_s;
+    j["tiles"] = r.frame->frame().tiles().size();
+    j["rays"] = r.frame->rays();
+    j["rays_suspended"] = r.frame->rays_suspended();
+    j["leases_lost"] = r.frame->leases_lost();
+    j["voxel_bytes_served"] = voxel_bytes_served_ - r.bytes_served_before;
     j["master_peak_rss_bytes"] = PeakResidentBytes();
     j["workers"] = nlohmann::ordered_json::array();
-    for (const auto& [key, w] : workers_) {
-      nlohmann::ordered_json one;
-      one["name"] = w.name;
-      one["tiles"] = w.tiles;
-      one["cache_bytes"] = w.counters.cache_bytes;
-      one["voxel_blocks_loaded"] = w.counters.voxels_loaded;
-      one["voxel_bytes_loaded"] = w.counters.voxel_bytes_loaded;
-      one["voxel_bytes_received"] = w.counters.voxel_bytes_received;
-      one["evictions"] = w.counters.evictions;
-      one["rays"] = w.counters.rays;
-      one["rays_suspended"] = w.counters.rays_suspended;
-      one["peak_rss_bytes"] = w.counters.peak_rss_bytes;
-      j["workers"].push_back(one);
-    }
+    for (const auto& [id, worker] : roster_.all()) j["workers"].push_back(WorkerStatistics(worker));
     return j.dump();
+  }
+
+  static nlohmann::ordered_json WorkerStatistics(const WorkerRecord& w) {
+    static const char* const kinds[kSourceKinds] = {"file", "tcp", "http", "peer", "disk", "memory"};
+    const Alive& c = w.counters;
+    nlohmann::ordered_json j;
+    j["name"] = w.name;
+    j["tiles"] = w.tiles;
+    j["cache_bytes"] = c.cache_bytes;
+    j["voxel_blocks_loaded"] = c.voxels_loaded;
+    j["voxel_bytes_loaded"] = c.voxel_bytes_loaded;
+    j["voxel_bytes_received"] = c.voxel_bytes_received;
+    for (size_t k = 0; k < kSourceKinds; ++k)
+      j[fmt::format("voxel_bytes_from_{}", kinds[k])] = c.bytes_from[k];
+    j["evictions"] = c.evictions;
+    j["rays"] = c.rays;
+    j["rays_suspended"] = c.rays_suspended;
+    j["compute_s"] = static_cast<double>(c.compute_us) * 1e-6;
+    j["stall_s"] = static_cast<double>(c.stall_us) * 1e-6;
+    j["source_retries"] = c.retries;
+    j["source_hedges"] = c.hedges;
+    j["blocks_damaged"] = c.damaged;
+    j["prefetched_bytes"] = c.prefetched_bytes;
+    j["prefetch_wasted_bytes"] = c.prefetch_wasted_bytes;
+    j["peak_rss_bytes"] = c.peak_rss_bytes;
+    return j;
+  }
+
+  void LogProgress() {
+    if (renderings_.empty()) return;
+    Alive sum;
+    for (const auto& [id, w] : roster_.all()) {
+      sum.rays += w.counters.rays;
+      sum.voxel_bytes_received += w.counters.voxel_bytes_received;
+      sum.stall_us += w.counters.stall_us;
+      sum.compute_us += w.counters.compute_us;
+    }
+    const Rendering& r = renderings_.front();
+    Log(
+        fmt::format("frame {}: {} of {} tiles; {} workers, {:.1f} million rays, {:.1f} MB of voxels "
+                    "received, {:.1f} s of "
+                    "computing, {:.1f} s of waiting so far",
+                    r.frame->job().first_frame, r.frame->tiles_done(), r.frame->frame().tiles().size(),
+                    roster_.all().size(), static_cast<double>(sum.rays) * 1e-6,
+                    static_cast<double>(sum.voxel_bytes_received) * 1e-6,
+                    static_cast<double>(sum.compute_us) * 1e-6, static_cast<double>(sum.stall_us) * 1e-6));
   }
 
   // --- time
 
   void Tick() {
-    std::vector<ConnectionPtr> dead;
-    for (const auto& [key, worker] : workers_)
-      if (Now() - worker.heard_s > kSilenceIsDeathS) dead.push_back(worker.connection);
-    for (const ConnectionPtr& c : dead) Refuse(c, fmt::format("silent for {:.0f} seconds", kSilenceIsDeathS));
+    DropSilent();
+    DropAbandoned();
     HandOut();
-    if (frame_)
-      jobs_.front().client->Send(MakeMessage(
-          MessageType::kFrameProgress, FrameProgress{frame_->job().first_frame, frame_->tiles_done(),
-                                                     static_cast<uint32_t>(frame_->frame().tiles().size()),
-                                                     static_cast<uint32_t>(workers_.size())}));
+    for (const auto& job : std::vector(jobs_.begin(), jobs_.end())) Deliver(*job);
+    SendProgress();
+    if (Now() - pinged_s_ >= kHeartbeatS) {
+      pinged_s_ = Now();
+      for (const auto& [c, pulse] : pulses_) c->Send({MessageType::kPing, 0, {}, {}});
+    }
+    if (Now() - logged_s_ >= kLogEveryS) {
+      logged_s_ = Now();
+      LogProgress();
+    }
     timer_.expires_after(kTick);
     timer_.async_wait([this](const boost::system::error_code& e) {
       if (!e) Tick();
     });
   }
 
+  void DropSilent() {
+    // A master that was itself stopped has not listened meanwhile.
+    const double now_s = Now();
+    const bool slept = now_s - ticked_s_ > kSilenceS / 2;
+    ticked_s_ = now_s;
+    std::vector<ConnectionPtr> dead;
+    for (auto& [c, pulse] : pulses_) {
+      if (slept || c->received_bytes() != pulse.received) pulse = {now_s, c->received_bytes()};
+      if (now_s - pulse.heard_s > kSilenceS) dead.push_back(c);
+    }
+    for (const ConnectionPtr& c : dead) Refuse(c, fmt::format("silent for {:.0f} seconds", kSilenceS));
+  }
+
+  /// Jobs whose client has gone for good, unless they are kept on disk.
+  void DropAbandoned() {
+    if (spool_) return;
+    std::vector<std::shared_ptr<Job>> gone;
+    for (const auto& job : jobs_)
+      if (job->clients.empty() && Now() - job->alone_since_s > kClientGraceS) gone.push_back(job);
+    for (const auto& job : gone) RemoveJob(job);
+  }
+
+  void SendProgress() {
+    std::set<const Job*> told;
+    for (const Rendering& r : renderings_) {
+      if (!told.insert(r.job.get()).second) continue;
+      const FrameProgress progress{r.frame->job().first_frame, r.frame->tiles_done(),
+                                   static_cast<uint32_t>(r.frame->frame().tiles().size()),
+                                   static_cast<uint32_t>(roster_.all().size())};
+      for (const Job::Client& client : r.job->clients)
+        client.connection->Send(MakeMessage(MessageType::kFrameProgress, progress));
+    }
+  }
+
   const MasterOptions& options_;
-  StoreReader store_;
-  Bytes packed_catalog_;
   asio::io_context io_;
+  FileVoxelSource source_;
+  std::optional<Spool> spool_;
+  std::optional<TileLog> tile_log_;
+  Bytes packed_catalog_;
+  std::vector<uint32_t> block_bytes_;  ///< stored, by block
   asio::steady_timer timer_;
   Clock::time_point start_;
   std::unique_ptr<Listener> listener_;
   std::set<ConnectionPtr> newcomers_;
   std::map<const Connection*, Role> roles_;
-  std::map<const Connection*, Worker> workers_;
-  uint32_t next_worker_ = 1;
-  std::deque<Job> jobs_;
-  std::unique_ptr<ActiveFrame> frame_;
-  std::vector<uint32_t> owners_;
-  uint64_t next_setup_ = 1;
-  double frame_start_s_ = 0;
-  uint64_t voxel_bytes_served_ = 0, frame_bytes_start_ = 0;
+  std::map<ConnectionPtr, Pulse> pulses_;  ///< of workers and clients
+  Roster roster_;
+  std::deque<std::shared_ptr<Job>> jobs_;
+  std::deque<Rendering> renderings_;
+  std::unique_ptr<ActiveFrame> previous_;  ///< the last one finished, without its pixels
+  bool handing_out_ = false;
+  int encoding_ = 0;       ///< frames on their way from the last tile to Job::finished
+  uint32_t failures_ = 0;  ///< workers that could not go on with the frames at hand
+  uint64_t next_setup_;    ///< from a random start: results for another master's frames are known by it
+  uint64_t voxel_bytes_served_ = 0;
+  double ticked_s_ = 0, pinged_s_ = 0, logged_s_ = 0;
+  asio::thread_pool encoder_{1};  ///< last: what it runs uses all of the above
 };
 
 }  // namespace
 
 Status RunMaster(const MasterOptions& options) {
+  for (const std::string& source : options.sources) QUARRY_TRY(ParseSource(source));
   QUARRY_ASSIGN(StoreReader store, StoreReader::Open(options.scene));
-  Server server(options, std::move(store));
+  std::optional<Spool> spool;
+  if (!options.spool.empty()) {
+    QUARRY_ASSIGN(spool, Spool::Open(options.spool, store.catalog().id));
+  }
+  std::optional<TileLog> tile_log;
+  if (!options.trace.empty()) {
+    QUARRY_ASSIGN(tile_log, TileLog::Create(options.trace));
+  }
+  Server server(options, std::move(store), std::move(spool), std::move(tile_log));
   return server.Run();
 }
 

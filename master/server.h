@@ -2,17 +2,23 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "common/base/status.h"
 #include "common/net/connection.h"
 #include "common/voxel/store_reader.h"
+#include "master/scheduler.h"
 
 namespace quarry {
 
 struct MasterOptions {
   std::string scene;
   Endpoint listen{"127.0.0.1", 0};
-  bool serve_only = false;  ///< voxels only: no workers, no jobs
+  bool serve_only = false;           ///< voxels only: no workers, no jobs
+  std::vector<std::string> sources;  ///< where workers get voxels, as ParseSource has them; empty: here
+  SchedulingPolicy policy = SchedulingPolicy::kFootprint;
+  std::string spool;  ///< folder that keeps jobs and finished frames; empty: none is kept
+  std::string trace;  ///< file for what each tile touched and cost; empty: none
   bool quiet = false;
 };
 

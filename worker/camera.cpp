@@ -3,38 +3,19 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/math/elementary.h"
-
 namespace quarry {
-namespace {
-
-glm::dvec3 Cross(const glm::dvec3& a, const glm::dvec3& b) {
-  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-}
-
-glm::dvec3 Unit(const glm::dvec3& v) { return v / std::sqrt(v.x * v.x + v.y * v.y + v.z * v.z); }
-
-}  // namespace
 
 Camera::Camera(const CameraSpec& spec, uint32_t width, uint32_t height, const SceneMeta& scene)
-    : eye_(spec.eye),
-      forward_(Unit(spec.at - spec.eye)),
+    : view_(MakeViewBasis(spec, height)),
       width_(width),
       height_(height),
-      orthographic_(spec.ortho_height > 0),
       lower_(scene.root_lower),
-      upper_(scene.root_upper) {
-  const glm::dvec3 right = Unit(Cross(forward_, spec.up));
-  const double view_height = orthographic_ ? spec.ortho_height : 2 * TanHalfDegrees(spec.fov_degrees);
-  const double pixel = view_height / height_;
-  right_ = right * pixel;
-  down_ = Cross(forward_, right) * pixel;
-}
+      upper_(scene.root_upper) {}
 
 PrimaryRay Camera::Shoot(double x, double y) const {
-  const glm::dvec3 across = right_ * (x - width_ / 2) + down_ * (y - height_ / 2);
-  const glm::dvec3 origin = orthographic_ ? eye_ + across : eye_;
-  const glm::dvec3 direction = orthographic_ ? forward_ : Unit(forward_ + across);
+  const glm::dvec3 across = view_.right * (x - width_ / 2) + view_.down * (y - height_ / 2);
+  const glm::dvec3 origin = view_.orthographic ? view_.eye + across : view_.eye;
+  const glm::dvec3 direction = view_.orthographic ? view_.forward : Unit(view_.forward + across);
   double enter = 0, exit = 1e300;
   for (int a = 0; a < 3; ++a) {
     const double d = std::fabs(direction[a]) < 1e-18 ? 1e-18 : direction[a];

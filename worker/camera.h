@@ -3,7 +3,7 @@
 #include <glm/vec3.hpp>
 
 #include "common/kdtree/ray.h"
-#include "common/scene/render_job.h"
+#include "common/scene/view_basis.h"
 #include "common/voxel/catalog.h"
 
 namespace quarry {
@@ -24,9 +24,8 @@ class Camera {
   PrimaryRay Shoot(double x, double y) const;
 
  private:
-  glm::dvec3 eye_, forward_, right_, down_;  ///< right_ and down_: per pixel, on the plane at distance 1
+  ViewBasis view_;
   double width_, height_;
-  bool orthographic_;
   glm::dvec3 lower_, upper_;
 };
 

@@ -1,6 +1,9 @@
 #include "worker/engine.h"
 
+#include <chrono>
 #include <utility>
+
+#include "common/base/resource.h"
 
 namespace quarry {
 namespace {
@@ -23,21 +26,23 @@ Engine::~Engine() {
 
 void Engine::SetFrame(const FrameSetup& setup) {
   const std::lock_guard lock(mutex_);
-  frame_ = std::make_shared<const FrameContext>(setup.setup, setup.job, catalog_);
-  queue_.clear();
+  frames_[setup.setup] = std::make_shared<const FrameContext>(setup.setup, setup.job, catalog_);
+  std::erase_if(frames_, [&](const auto& frame) { return frame.first < setup.oldest; });
+  std::erase_if(queue_, [&](const TileOrder& order) { return order.setup < setup.oldest; });
 }
 
 void Engine::AddTile(const TileOrder& order) {
   {
     const std::lock_guard lock(mutex_);
-    if (!frame_ || frame_->setup != order.setup) return;
+    if (!frames_.contains(order.setup)) return;
     queue_.push_back(order);
   }
   for (auto& mailbox : mailboxes_) mailbox->Wake();
 }
 
-void Engine::DropTiles() {
+void Engine::DropFrames() {
   const std::lock_guard lock(mutex_);
+  frames_.clear();
   queue_.clear();
 }
 
@@ -47,20 +52,20 @@ bool Engine::OpenTile(Tiles& tiles) {
   {
     const std::lock_guard lock(mutex_);
     if (queue_.empty()) return false;
-    order = queue_.front();
+    order = std::move(queue_.front());
     queue_.pop_front();
-    frame = frame_;
+    frame = frames_.at(order.setup);
   }
   if (tiles.spare.empty()) tiles.spare.push_back(std::make_unique<TileRenderer>());
-  tiles.open.push_back(std::move(tiles.spare.back()));
+  tiles.open.push_back({std::move(tiles.spare.back())});
   tiles.spare.pop_back();
-  tiles.open.back()->Open(std::move(frame), order);
+  tiles.open.back().renderer->Open(std::move(frame), order);
   return true;
 }
 
 void Engine::FinishTiles(Tiles& tiles) {
   for (size_t i = 0; i < tiles.open.size();) {
-    TileRenderer& tile = *tiles.open[i];
+    TileRenderer& tile = *tiles.open[i].renderer;
     if (!tile.done()) {
       ++i;
       continue;
@@ -68,10 +73,25 @@ void Engine::FinishTiles(Tiles& tiles) {
     const TileOrder& order = tile.order();
     rays_ += tile.rays();
     rays_suspended_ += tile.rays_suspended();
-    on_tile_({order.setup, order.tile, order.lease, tile.rays(), tile.rays_suspended()}, tile.Pixels());
-    tiles.spare.push_back(std::move(tiles.open[i]));
+    TileDone done{order.setup, order.tile, order.lease, tile.rays(), tile.rays_suspended()};
+    done.compute_us = tiles.open[i].compute_us;
+    done.depth = tile.depth();
+    done.blocks = tile.TakeTouched();
+    on_tile_(done, tile.Pixels());
+    tiles.spare.push_back(std::move(tiles.open[i].renderer));
     tiles.open.erase(tiles.open.begin() + static_cast<std::ptrdiff_t>(i));
   }
+}
+
+/// With `wait`, sleeps until there is something to do; `stalled` says that this is for want of blocks.
+std::vector<uint32_t> Engine::TakeBlocks(Mailbox& mailbox, bool wait, bool stalled) {
+  const auto start = std::chrono::steady_clock::now();
+  auto blocks = mailbox.Take(wait);
+  if (wait && stalled)
+    stall_us_ += static_cast<uint64_t>(
+        std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::steady_clock::now() - start)
+            .count());
+  return blocks;
 }
 
 void Engine::Run(Mailbox& mailbox) {
@@ -79,7 +99,7 @@ void Engine::Run(Mailbox& mailbox) {
   Tiles tiles;
   const auto any_ready = [&] {
     for (const auto& tile : tiles.open)
-      if (tile->has_ready()) return true;
+      if (tile.renderer->has_ready()) return true;
     return false;
   };
   for (int batch = 0; !stop_; ++batch) {
@@ -88,12 +108,17 @@ void Engine::Run(Mailbox& mailbox) {
     if (!ready && tiles.open.size() < kOpenTiles) ready = OpenTile(tiles);
     // Never hold pins while waiting: another thread's block may need the room.
     if (!ready || batch % kBatchesPerPinSet == 0) pins.Release();
-    for (uint32_t block : mailbox.Take(!ready)) {
+    for (uint32_t block : TakeBlocks(mailbox, !ready, !tiles.open.empty())) {
       pins.Adopt(block);
-      for (auto& tile : tiles.open) tile->Resume(block);
+      for (auto& tile : tiles.open) tile.renderer->Resume(block);
     }
-    for (auto& tile : tiles.open)
-      tile->Step(pins, [&](uint32_t block, uint32_t rays) { cache_.Want(block, &mailbox, rays); });
+    for (auto& tile : tiles.open) {
+      const uint64_t start_us = ThreadTimeUs();
+      tile.renderer->Step(pins, [&](uint32_t block, uint32_t rays) { cache_.Want(block, &mailbox, rays); });
+      const uint64_t spent_us = ThreadTimeUs() - start_us;
+      tile.compute_us += spent_us;
+      compute_us_ += spent_us;
+    }
   }
 }
 

@@ -3,6 +3,7 @@
 #include <atomic>
 #include <deque>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <thread>
@@ -26,30 +27,40 @@ class Engine {
   Engine(const Catalog& catalog, VoxelCache& cache, unsigned threads, OnTile on_tile);
   ~Engine();
 
-  /// Tiles of other setups are forgotten.
+  /// A frame whose tiles may come. Frames before `oldest` are over: their tiles not begun are forgotten.
   void SetFrame(const FrameSetup& setup);
   void AddTile(const TileOrder& order);
-  /// Forgets the tiles not begun.
-  void DropTiles();
+  /// Forgets all frames and the tiles not begun.
+  void DropFrames();
 
   uint64_t rays() const { return rays_; }
   uint64_t rays_suspended() const { return rays_suspended_; }
+  /// Microseconds, summed over the threads: of processor time for rays, and of waiting with tiles at hand but
+  /// all their rays suspended.
+  uint64_t compute_us() const { return compute_us_; }
+  uint64_t stall_us() const { return stall_us_; }
 
  private:
   void Run(Mailbox& mailbox);
   /// A thread's renderers: those at work, and those to be used again.
   struct Tiles {
-    std::vector<std::unique_ptr<TileRenderer>> open, spare;
+    struct Open {
+      std::unique_ptr<TileRenderer> renderer;
+      uint64_t compute_us = 0;
+    };
+    std::vector<Open> open;
+    std::vector<std::unique_ptr<TileRenderer>> spare;
   };
   bool OpenTile(Tiles& tiles);
+  std::vector<uint32_t> TakeBlocks(Mailbox& mailbox, bool wait, bool stalled);
   void FinishTiles(Tiles& tiles);
 
   const Catalog& catalog_;
   VoxelCache& cache_;
   OnTile on_tile_;
-  std::atomic<uint64_t> rays_{0}, rays_suspended_{0};
-  std::mutex mutex_;  ///< frame_, queue_
-  std::shared_ptr<const FrameContext> frame_;
+  std::atomic<uint64_t> rays_{0}, rays_suspended_{0}, compute_us_{0}, stall_us_{0};
+  std::mutex mutex_;                                                ///< frames_, queue_
+  std::map<uint64_t, std::shared_ptr<const FrameContext>> frames_;  ///< by setup
   std::deque<TileOrder> queue_;
   std::atomic<bool> stop_{false};
   std::vector<std::unique_ptr<Mailbox>> mailboxes_;

@@ -5,11 +5,6 @@
 #include <utility>
 
 namespace quarry {
-namespace {
-
-constexpr int kAttempts = 3;  // a block that arrives damaged is asked for again
-
-}  // namespace
 
 Status DecodeBlock(const Catalog& catalog, uint32_t block, std::span<const std::byte> stored,
                    BlockDecoder& decoder, ResidentBlock& resident) {
@@ -43,24 +38,13 @@ void Loader::Run() {
     if (!block) return;
     ++in_flight_;
     stored_bytes_ += catalog_.block(*block).stored;
-    Ask(*block, 1);
+    source_.Fetch(*block, [this, id = *block](Result<Bytes> stored) { OnFetched(id, std::move(stored)); });
   }
 }
 
-void Loader::Ask(uint32_t block, int attempt) {
-  source_.Fetch(
-      block, [this, block, attempt](Result<Bytes> stored) { OnFetched(block, attempt, std::move(stored)); });
-}
-
-void Loader::OnFetched(uint32_t block, int attempt, Result<Bytes> stored) {
+void Loader::OnFetched(uint32_t block, Result<Bytes> stored) {
   if (failed_) return;
   if (!stored) return Fail(stored.error());
-  bytes_received_ += stored->size();
-  const BlockEntry& entry = catalog_.block(block);
-  if (stored->size() != entry.stored || Checksum(*stored) != entry.checksum) {
-    if (attempt < kAttempts) return Ask(block, attempt + 1);
-    return Fail(Error{fmt::format("block {} arrived damaged {} times (checksum)", block, kAttempts)});
-  }
   arrived_.push_back({block, std::move(*stored)});
   Run();
 }

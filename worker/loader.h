@@ -15,9 +15,9 @@ namespace quarry {
 Status DecodeBlock(const Catalog& catalog, uint32_t block, std::span<const std::byte> stored,
                    BlockDecoder& decoder, ResidentBlock& resident);
 
-/// Loads the blocks that the cache wants: asks the source, verifies, decompresses, publishes. All on one
-/// thread. Bounded: at most kMaxInFlight requests and about kMaxStoredBytes of stored bytes are on the way or
-/// waiting for room.
+/// Loads the blocks that the cache wants: asks the source (whose bytes are verified), decompresses,
+/// publishes. All on one thread. Bounded: at most kMaxInFlight requests and about kMaxStoredBytes of stored
+/// bytes are on the way or waiting for room.
 class Loader {
  public:
   static constexpr uint32_t kMaxInFlight = 16;
@@ -27,19 +27,19 @@ class Loader {
   Loader(const Catalog& catalog, VoxelCache& cache, VoxelSource& source,
          std::function<void(const Error&)> on_error);
 
+  /// True while nothing that a ray waits for is on its way.
+  bool idle() const { return in_flight_ == 0; }
+
   /// Asks for more while the bounds allow, and installs what waits for room. Call on the loader's thread when
   /// the cache calls on_want or on_space.
   void Run();
-
-  uint64_t bytes_received() const { return bytes_received_; }
 
  private:
   struct Arrived {
     uint32_t block;
     Bytes stored;
   };
-  void OnFetched(uint32_t block, int attempt, Result<Bytes> stored);
-  void Ask(uint32_t block, int attempt);
+  void OnFetched(uint32_t block, Result<Bytes> stored);
   bool Install(const Arrived& arrived);
   void Fail(const Error& error);
 
@@ -51,7 +51,6 @@ class Loader {
   std::deque<Arrived> arrived_;
   uint32_t in_flight_ = 0;
   uint64_t stored_bytes_ = 0;
-  uint64_t bytes_received_ = 0;
   bool failed_ = false;
 };
 

@@ -47,7 +47,17 @@ int Main(int argc, char** argv) {
       ->check(CLI::Range(1, 1024))
       ->capture_default_str();
   app.add_option("--name", options.name, "Name in the master's log and statistics");
-  app.add_option("--retry", options.retry_s, "Seconds for which a master out of reach is tried again")
+  app.add_option("--source", options.sources,
+                 "Where voxels come from, instead of what the master says; several share the load: master, "
+                 "HOST:PORT, "
+                 "file:PATH")
+      ->envname("QUARRY_SOURCE");
+  app.add_option(
+         "--peers", options.peers,
+         "Serve voxels to other workers at HOST:PORT; auto: at the address that reaches the master; off")
+      ->capture_default_str();
+  app.add_option("--retry", options.retry_s,
+                 "Seconds for which a master or a voxel out of reach is tried again")
       ->check(CLI::Range(0.0, 1e6))
       ->capture_default_str();
   app.add_flag("--quiet", options.quiet, "Print errors only");

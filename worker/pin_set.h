@@ -2,22 +2,33 @@
 
 #include <cstdint>
 #include <unordered_map>
+#include <vector>
 
 #include "worker/voxel_cache.h"
 
 namespace quarry {
 
 /// The blocks that one thread has pinned during a batch: each is pinned once, however many rays use it, and
-/// all are let go together. A small direct-mapped table in front spares most look-ups. Owned by one thread.
+/// all are let go together. A small direct-mapped table in front spares most look-ups, and notes for each
+/// reader (a tile) which blocks it has been in. Owned by one thread.
 class PinSet {
  public:
   explicit PinSet(VoxelCache& cache) : cache_(cache) {}
   ~PinSet() { Release(); }
 
-  /// Null when the block is not resident.
+  /// From now on blocks found are appended to `touched`, each once or more. `reader`: a number from
+  /// NewReader, another for each list.
+  void LogTo(std::vector<uint32_t>& touched, uint32_t reader) {
+    touched_ = &touched;
+    reader_ = reader;
+  }
+  uint32_t NewReader() { return ++readers_; }
+
+  /// Null when the block is not resident. Requires: LogTo was called.
   const ResidentBlock* Find(uint32_t block) {
     Recent& recent = recent_[(block / 2 + block % 2 * (kRecent / 2)) % kRecent];
-    if (recent.block == block && recent.resident) return recent.resident;
+    const uint64_t key = uint64_t{reader_} << 32 | block;
+    if (recent.key == key) return recent.resident;
     const ResidentBlock* resident = nullptr;
     if (const auto it = pinned_.find(block); it != pinned_.end()) {
       resident = it->second;
@@ -26,7 +37,8 @@ class PinSet {
       if (!resident) return nullptr;
       pinned_.emplace(block, resident);
     }
-    recent = {block, resident};
+    touched_->push_back(block);
+    recent = {key, resident};
     return resident;
   }
   /// Finds voxels' hot parts here, for a kernel on this thread.
@@ -50,12 +62,14 @@ class PinSet {
  private:
   static constexpr uint32_t kRecent = 1024;  // 16 KiB; scenes have hundreds of voxels in view
   struct Recent {
-    uint32_t block = 0;
+    uint64_t key = 0;  ///< reader, block
     const ResidentBlock* resident = nullptr;
   };
   VoxelCache& cache_;
   std::unordered_map<uint32_t, const ResidentBlock*> pinned_;
   Recent recent_[kRecent];
+  std::vector<uint32_t>* touched_ = nullptr;
+  uint32_t reader_ = 0, readers_ = 0;
 };
 
 }  // namespace quarry

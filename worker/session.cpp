@@ -6,13 +6,13 @@
 #include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <chrono>
-#include <optional>
+#include <random>
 #include <utility>
 
 #include "common/base/resource.h"
 #include "common/base/size.h"
-#include "common/net/tcp_source.h"
 #include "common/protocol/messages.h"
+#include "worker/block_supply.h"
 #include "worker/engine.h"
 #include "worker/loader.h"
 
@@ -24,40 +24,64 @@ using Clock = std::chrono::steady_clock;
 
 /// What exists once the scene is known, in the order it must be built; taken down in reverse.
 struct SceneState {
-  SceneState(Catalog scene, const WorkerOptions& options, asio::io_context& io,
-             std::function<void(const Error&)> on_error, Engine::OnTile on_tile)
+  SceneState(Catalog scene, const WorkerOptions& options, asio::io_context& io, Engine::OnTile on_tile)
       : catalog(std::move(scene)),
+        stored_bytes(
+            StoredCache::ShareOf(options.cache_bytes, DecodedBytes(catalog), catalog.meta.largest_decoded)),
         cache(
-            catalog, options.cache_bytes, [this, &io] { ScheduleLoader(io); },
-            [this, &io] { ScheduleLoader(io); }),
-        source(io, options.master, catalog.id, options.retry_s),
-        loader(catalog, cache, source, std::move(on_error)),
-        engine(catalog, cache, options.threads, std::move(on_tile)) {}
+            catalog, options.cache_bytes - stored_bytes, [this, &io] { ScheduleLoader(io); },
+            [this, &io] { ScheduleLoader(io); },
+            [this](uint32_t block, bool here) { holdings.Set(block, Holdings::kDecoded, here); }),
+        make_engine([this, &options, on_tile = std::move(on_tile)] {
+          return std::make_unique<Engine>(catalog, cache, options.threads, on_tile);
+        }) {}
+
+  /// Once it is known where blocks come from.
+  void Begin(std::unique_ptr<BlockSupply> blocks, std::function<void(const Error&)> on_error) {
+    supply = std::move(blocks);
+    loader = std::make_unique<Loader>(catalog, cache, supply->source(), std::move(on_error));
+    engine = make_engine();
+  }
 
   /// Any number of calls before the loader runs make it run once.
   void ScheduleLoader(asio::io_context& io) {
     if (scheduled.exchange(true)) return;
     asio::post(io, [this] {
       scheduled = false;
-      loader.Run();
+      loader->Run();
+      supply->Prefetch();
     });
   }
 
+  static uint64_t DecodedBytes(const Catalog& catalog) {
+    uint64_t bytes = 0;
+    for (const VoxelEntry& voxel : catalog.voxels) bytes += voxel.blocks[0].decoded + voxel.blocks[1].decoded;
+    return bytes;
+  }
+
   Catalog catalog;
+  Holdings holdings;
   std::atomic<bool> scheduled{false};
+  const uint64_t stored_bytes;
   VoxelCache cache;
-  TcpVoxelSource source;
-  Loader loader;
-  Engine engine;
+  std::function<std::unique_ptr<Engine>()> make_engine;
+  std::unique_ptr<BlockSupply> supply;
+  std::unique_ptr<Loader> loader;
+  std::unique_ptr<Engine> engine;
 };
 
 class Session {
  public:
-  explicit Session(const WorkerOptions& options) : options_(options), retry_(io_), alive_(io_) {}
+  explicit Session(const WorkerOptions& options)
+      : options_(options),
+        retry_(io_),
+        alive_(io_),
+        instance_(std::random_device{}() | 1ull << 32 | uint64_t{std::random_device{}()} << 33) {}
 
   Status Run() {
     lost_since_ = Clock::now();
     TryConnect();
+    Heartbeat();
     io_.run();
     return outcome_;
   }
@@ -74,15 +98,29 @@ class Session {
       connection_ = std::move(*result);
       connection_->Start([this](Message m) { OnMessage(std::move(m)); },
                          [this](const Error& e) { OnLost(e); });
-      connection_->Send(
-          MakeMessage(MessageType::kHello, Hello{Role::kWorker, options_.name, options_.threads}));
+      received_ = 0;
+      heard_ = Clock::now();
+      connection_->Send(MakeMessage(MessageType::kHello, Hello{Role::kWorker, options_.name, options_.threads,
+                                                               instance_, serves_at()}));
     });
   }
 
+  uint16_t serves_at() const { return scene_ ? scene_->supply->serves_at() : uint16_t{0}; }
+  void Log(const std::string& text) const {
+    if (!options_.quiet) fmt::print(stderr, "quarry-worker: {}: {}\n", options_.name, text);
+  }
+
   void OnLost(const Error& error) {
+    if (connection_) connection_->Close();
     connection_.reset();
-    if (std::exchange(welcomed_, false)) lost_since_ = Clock::now();
-    if (scene_) scene_->engine.DropTiles();
+    if (std::exchange(welcomed_, false)) {
+      lost_since_ = Clock::now();
+      Log(fmt::format("lost the master, trying for {:.0f} s: {}", options_.retry_s, error.message));
+    }
+    if (scene_) {
+      scene_->engine->DropFrames();
+      scene_->supply->ClearExpected();
+    }
     if (error.permanent) return End(tl::unexpected<Error>(error));
     if (std::chrono::duration<double>(Clock::now() - lost_since_).count() > options_.retry_s)
       return End(tl::unexpected<Error>(error));
@@ -107,6 +145,11 @@ class Session {
       case MessageType::kTile:
         status = OnTile(m);
         break;
+      case MessageType::kPeers:
+        status = OnPeers(m);
+        break;
+      case MessageType::kPing:
+        break;
       case MessageType::kShutDown:
         return End({});
       case MessageType::kFailure: {
@@ -125,65 +168,137 @@ class Session {
     if (scene_ && scene_->catalog.id != welcome.scene_id)
       return Fail("the master serves another scene now; start the worker again");
     scene_id_ = welcome.scene_id;
+    worker_ = welcome.worker;
+    if (sources_.empty()) sources_ = options_.sources.empty() ? welcome.sources : options_.sources;
     welcomed_ = true;
     return {};
   }
 
   Status OnCatalog(const Message& m) {
-    if (scene_) return {};  // a reconnection: the cache stays warm
+    if (scene_) return SendCounters(true), Status{};  // a reconnection: the cache stays warm
     QUARRY_ASSIGN(const auto sections, UnpackSections(m.raw));
     QUARRY_ASSIGN(Catalog catalog, DecodeCatalog(scene_id_, sections));
     if (options_.cache_bytes < catalog.meta.largest_decoded)
       return BadUsage(
           fmt::format("--cache of {} is less than the scene's largest block, {} bytes; give at least that",
                       FormatSize(options_.cache_bytes), catalog.meta.largest_decoded));
-    scene_ = std::make_unique<SceneState>(
-        std::move(catalog), options_, io_, [this](const Error& e) { OnBlockError(e); },
-        [this](const TileDone& done, Bytes pixels) {
+    auto scene = std::make_unique<SceneState>(
+        std::move(catalog), options_, io_, [this](const TileDone& done, Bytes pixels) {
           asio::post(
               io_, [this, done, pixels = std::move(pixels)]() mutable { SendTile(done, std::move(pixels)); });
         });
-    SendAlive();
+    SupplyOptions supply_options{options_.master,
+                                 sources_,
+                                 scene->stored_bytes,
+                                 options_.retry_s,
+                                 [this](const std::string& line) { Log(line); },
+                                 [state = scene.get()] { return state->loader->idle(); }};
+    QUARRY_ASSIGN(auto supply, BlockSupply::Open(io_, scene->catalog, supply_options, scene->holdings));
+    if (options_.peers != "off" && scene->stored_bytes > 0) {
+      Endpoint endpoint{connection_->local_host(), 0};
+      if (options_.peers != "auto") {
+        QUARRY_ASSIGN(endpoint, ParseEndpoint(options_.peers, "--peers"));
+      }
+      QUARRY_TRY(supply->Serve(endpoint));
+    }
+    scene->Begin(std::move(supply), [this](const Error& e) { OnBlockError(e); });
+    scene_ = std::move(scene);
+    // Known only now: the port at which others are served.
+    connection_->Send(MakeMessage(
+        MessageType::kHello, Hello{Role::kWorker, options_.name, options_.threads, instance_, serves_at()}));
+    SendCounters(true);
+    return {};
+  }
+
+  Status OnPeers(const Message& m) {
+    if (!scene_) return Fail("the master named other workers before it gave the scene");
+    QUARRY_ASSIGN(Peers peers, DecodePeers(m.table));
+    for (size_t i = 0; i < peers.workers.size(); ++i)
+      if (peers.workers[i] == worker_) {
+        peers.workers.erase(peers.workers.begin() + static_cast<std::ptrdiff_t>(i));
+        peers.endpoints.erase(peers.endpoints.begin() + static_cast<std::ptrdiff_t>(i));
+        break;
+      }
+    scene_->supply->SetPeers(peers);
     return {};
   }
 
   Status OnFrameSetup(const Message& m) {
     if (!scene_) return Fail("the master set up a frame before it gave the scene");
     QUARRY_ASSIGN(const FrameSetup setup, DecodeFrameSetup(m.table));
-    scene_->engine.SetFrame(setup);
+    scene_->engine->SetFrame(setup);
     return {};
   }
 
   Status OnTile(const Message& m) {
     if (!scene_) return Fail("the master gave a tile before it gave the scene");
     QUARRY_ASSIGN(const TileOrder order, DecodeTileOrder(m.table));
-    scene_->engine.AddTile(order);
+    scene_->supply->Expect(order);
+    scene_->engine->AddTile(order);
+    scene_->ScheduleLoader(io_);
     return {};
   }
 
   void SendTile(const TileDone& done, Bytes pixels) {
     if (!connection_) return;  // the lease runs out, another gets the tile
-    SendCounters();            // so that a frame's statistics are complete with its last tile
+    SendCounters(false);       // so that a frame's statistics are complete with its last tile
     Message m = MakeMessage(MessageType::kTileDone, done);
     m.raw = std::move(pixels);
     connection_->Send(std::move(m));
   }
 
-  void SendCounters() {
-    if (!connection_ || !scene_) return;
+  /// `whole`: all blocks held are named, not only the changes.
+  void SendCounters(bool whole) {
+    if (!connection_ || !welcomed_ || !scene_) return;
     const VoxelCache::Counters c = scene_->cache.counters();
-    connection_->Send(
-        MakeMessage(MessageType::kAlive,
-                    Alive{c.bytes, c.loaded, c.bytes_loaded, scene_->loader.bytes_received(), c.evictions,
-                          scene_->engine.rays(), scene_->engine.rays_suspended(), PeakResidentBytes()}));
+    Alive alive{c.bytes,
+                c.loaded,
+                c.bytes_loaded,
+                0,
+                c.evictions,
+                scene_->engine->rays(),
+                scene_->engine->rays_suspended(),
+                peak_rss_};
+    alive.whole = whole;
+    if (whole) {
+      alive.cached = scene_->holdings.TakeAll();
+    } else {
+      auto changes = scene_->holdings.TakeChanges();
+      alive.cached = std::move(changes.come);
+      alive.dropped = std::move(changes.gone);
+    }
+    const SourceSet::Counters& from = scene_->supply->counters();
+    const StoredCache::Counters& stored = scene_->supply->stored();
+    alive.bytes_from = from.bytes_from;
+    for (const uint64_t bytes : alive.bytes_from) alive.voxel_bytes_received += bytes;
+    alive.bytes_from[static_cast<size_t>(SourceKind::kMemory)] = stored.hit_bytes;
+    alive.retries = from.retries;
+    alive.hedges = from.hedges;
+    alive.damaged = from.damaged;
+    alive.stall_us = scene_->engine->stall_us();
+    alive.compute_us = scene_->engine->compute_us();
+    alive.prefetched_bytes = stored.prefetched_bytes;
+    alive.prefetch_wasted_bytes = stored.prefetch_wasted_bytes;
+    connection_->Send(MakeMessage(MessageType::kAlive, alive));
   }
 
-  /// Once a second: the master takes silence for death.
-  void SendAlive() {
-    SendCounters();
-    alive_.expires_after(std::chrono::seconds(1));
+  /// Says that this worker lives, and looks whether the master does.
+  void Heartbeat() {
+    peak_rss_ = PeakResidentBytes();
+    SendCounters(false);
+    if (connection_ && !scene_) connection_->Send({MessageType::kPing, 0, {}, {}});
+    if (connection_) {
+      if (const uint64_t received = connection_->received_bytes(); received != received_) {
+        received_ = received;
+        heard_ = Clock::now();
+      }
+      const double silent_s = std::chrono::duration<double>(Clock::now() - heard_).count();
+      if (silent_s > kSilenceS)
+        OnLost(Error{fmt::format("the master has been silent for {:.0f} s", silent_s)});
+    }
+    alive_.expires_after(std::chrono::milliseconds(static_cast<int>(kHeartbeatS * 1000)));
     alive_.async_wait([this](const boost::system::error_code& e) {
-      if (!e) SendAlive();
+      if (!e) Heartbeat();
     });
   }
 
@@ -201,8 +316,13 @@ class Session {
   asio::steady_timer retry_, alive_;
   std::shared_ptr<Connection> connection_;
   bool welcomed_ = false;
-  Clock::time_point lost_since_;
+  Clock::time_point lost_since_, heard_;
+  uint64_t received_ = 0;  ///< bytes, when it last changed
+  const uint64_t instance_;
+  uint32_t worker_ = 0;  ///< the master's number for this one
+  uint64_t peak_rss_ = 0;
   SceneId scene_id_{};
+  std::vector<std::string> sources_;
   std::unique_ptr<SceneState> scene_;
   Status outcome_;
 };

@@ -2,6 +2,7 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "common/base/status.h"
 #include "common/net/connection.h"
@@ -13,13 +14,18 @@ struct WorkerOptions {
   uint64_t cache_bytes = 256ull << 20;
   unsigned threads = 1;
   std::string name;
-  double retry_s = 10;  ///< how long an unreachable master is tried for, at first and after a loss
+  double retry_s =
+      60;  ///< how long an unreachable master, or a block, is tried for, at first and after a loss
+  std::vector<std::string> sources;  ///< where blocks come from; empty: as the master says
+  std::string peers =
+      "auto";  ///< where other workers are served: HOST:PORT, "auto" (where the master is reached), "off"
   bool quiet = false;
 };
 
 /// Works for the master until it says to stop. Returns when it does, or with the reason why work cannot go
-/// on: the master stays out of reach, a block cannot be had, the cache is smaller than the largest block.
-/// After a loss of the connection the worker comes back with its cache as it was.
+/// on: the master stays out of reach, a block cannot be had, the cache is smaller than the largest block. A
+/// master that sends nothing for kSilenceS seconds is taken for lost. After a loss of the connection the
+/// worker comes back with its cache as it was.
 Status RunWorker(const WorkerOptions& options);
 
 }  // namespace quarry

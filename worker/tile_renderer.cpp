@@ -24,6 +24,9 @@ void TileRenderer::Open(std::shared_ptr<const FrameContext> frame, const TileOrd
   frame_ = std::move(frame);
   order_ = order;
   next_sample_ = rays_ = rays_suspended_ = 0;
+  reader_ = depths_ = 0;
+  depth_sum_ = 0;
+  touched_.clear();
   const uint32_t pixels = order.width * order.height;
   OrderPixels();
   radiance_.assign(size_t{3} * pixels, {});
@@ -162,7 +165,15 @@ void TileRenderer::Traced(uint32_t slot) {
   }
   s.hit = hit;
   s.stage = missed ? Stage::kNext : Stage::kSurface;
-  if (missed) Miss(s);
+  if (missed) return Miss(s);
+  if (s.path_code != kPrimaryPath || s.sample != 0) return;
+  depth_sum_ += s.t_offset + hit.t;
+  ++depths_;
+}
+
+void TileRenderer::TidyTouched() {
+  std::sort(touched_.begin(), touched_.end());
+  touched_.erase(std::unique(touched_.begin(), touched_.end()), touched_.end());
 }
 
 /// Nothing was in the ray's way.

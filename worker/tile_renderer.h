@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "common/kdtree/ray_packet.h"
@@ -53,7 +54,10 @@ class TileRenderer {
   /// block that rays have been parked on in this call.
   template <class Want>
   void Step(PinSet& pins, Want&& want) {
+    if (reader_ == 0) reader_ = pins.NewReader();
+    pins.LogTo(touched_, reader_);
     Round(pins);
+    if (touched_.size() > kMostTouched) TidyTouched();
     for (const auto& [block, rays] : newly_parked_) want(block, rays);
     newly_parked_.clear();
   }
@@ -70,6 +74,14 @@ class TileRenderer {
   const FrameContext& frame() const { return *frame_; }
   uint64_t rays() const { return rays_; }
   uint64_t rays_suspended() const { return rays_suspended_; }
+
+  /// Blocks that its rays have been in, ascending.
+  std::vector<uint32_t> TakeTouched() {
+    TidyTouched();
+    return std::exchange(touched_, {});
+  }
+  /// Mean along the primary rays that hit, 0 where none did.
+  float depth() const { return depths_ == 0 ? 0 : static_cast<float>(depth_sum_ / depths_); }
 
   /// The tile's pixels, row by row, words_per_pixel 32-bit words each. Requires: done().
   Bytes Pixels() const;
@@ -99,6 +111,8 @@ class TileRenderer {
     Pending pending[kMaxDepth +
                     1];  ///< the newest goes first, so at most one waits per depth, and two at the last
   };
+  static constexpr size_t kMostTouched = 1u << 14;  ///< then repetitions go
+
   /// Whether a sample can go on at once.
   enum class Progress { kGoesOn, kTraces, kParked, kEnded };
 
@@ -110,6 +124,7 @@ class TileRenderer {
   void Advance(uint32_t slot, PinSet& pins);
   Progress StepStage(uint32_t slot, PinSet& pins);
   void Traced(uint32_t slot);
+  void TidyTouched();
   void Miss(const Sample& s);
   void Park(uint32_t slot, uint32_t block);
   void Shade(Sample& s);
@@ -134,6 +149,10 @@ class TileRenderer {
   std::unordered_map<uint32_t, uint32_t> newly_parked_;
   uint64_t next_sample_ = 0;  ///< over the tile's pixels, sample by sample
   uint64_t rays_ = 0, rays_suspended_ = 0;
+  uint32_t reader_ = 0;            ///< see PinSet::LogTo; 0: none yet
+  std::vector<uint32_t> touched_;  ///< blocks, with repetitions
+  double depth_sum_ = 0;
+  uint32_t depths_ = 0;
   std::vector<FixedRadiance> radiance_;  ///< 3 a pixel
   std::vector<uint32_t> aovs_;           ///< words - 3 a pixel
 };

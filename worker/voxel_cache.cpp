@@ -31,10 +31,11 @@ std::vector<uint32_t> Mailbox::Take(bool wait) {
 }
 
 VoxelCache::VoxelCache(const Catalog& catalog, uint64_t budget_bytes, std::function<void()> on_want,
-                       std::function<void()> on_space)
+                       std::function<void()> on_space, std::function<void(uint32_t, bool)> on_change)
     : budget_(budget_bytes),
       on_want_(std::move(on_want)),
       on_space_(std::move(on_space)),
+      on_change_(std::move(on_change)),
       slots_(std::make_unique<Slot[]>(catalog.voxels.size() * 2)) {}
 
 VoxelCache::~VoxelCache() {
@@ -116,6 +117,7 @@ bool VoxelCache::EvictOne() {
   used_ -= gone->bytes.bytes().size();
   ++counters_.evictions;
   delete gone;
+  if (on_change_) on_change_(residents_[oldest], false);
   residents_[oldest] = residents_.back();
   residents_.pop_back();
   return true;
@@ -150,6 +152,7 @@ void VoxelCache::Publish(uint32_t block, std::unique_ptr<ResidentBlock> resident
     slot.last_use.store(clock_.fetch_add(1));
     slot.resident.store(resident.release(), std::memory_order_release);
     residents_.push_back(block);
+    if (on_change_) on_change_(block, true);
     slot.state.store(kResident + static_cast<uint32_t>(mailboxes.size()), std::memory_order_release);
   }
   for (Mailbox* mailbox : mailboxes) mailbox->Deliver(block);

@@ -51,9 +51,10 @@ class Mailbox {
 class VoxelCache {
  public:
   /// `on_want` is called (outside locks, on any thread) when there is something new to load, `on_space` when
-  /// a pin went while the loader was short of space.
+  /// a pin went while the loader was short of space. `on_change` is called on the loader's thread when a
+  /// block has come (true) or gone.
   VoxelCache(const Catalog& catalog, uint64_t budget_bytes, std::function<void()> on_want,
-             std::function<void()> on_space);
+             std::function<void()> on_space, std::function<void(uint32_t, bool)> on_change = {});
   ~VoxelCache();
 
   // --- compute threads
@@ -98,6 +99,7 @@ class VoxelCache {
 
   const uint64_t budget_;
   std::function<void()> on_want_, on_space_;
+  std::function<void(uint32_t, bool)> on_change_;
   std::unique_ptr<Slot[]> slots_;
   std::atomic<uint32_t> clock_{0};
   std::atomic<bool> starved_{false};

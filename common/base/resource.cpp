@@ -1,6 +1,7 @@
 #include "common/base/resource.h"
 
 #include <malloc.h>
+#include <time.h>
 
 #include <fstream>
 #include <string>
@@ -17,6 +18,12 @@ uint64_t PeakResidentBytes() {
     return kib * 1024;
   }
   return 0;
+}
+
+uint64_t ThreadTimeUs() {
+  timespec t{};
+  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return static_cast<uint64_t>(t.tv_sec) * 1000000 + static_cast<uint64_t>(t.tv_nsec) / 1000;
 }
 
 void KeepHeapSmall(size_t large) {

@@ -8,6 +8,9 @@ namespace quarry {
 /// Peak resident memory of this process so far (VmHWM), in bytes.
 uint64_t PeakResidentBytes();
 
+/// Microseconds of processor time that the calling thread has had.
+uint64_t ThreadTimeUs();
+
 /// Tells the allocator to give buffers of `large` bytes and more back to the system at once, and to keep few
 /// arenas, so that resident memory follows what is in use; each such buffer costs page faults. Call first in
 /// main.

@@ -24,7 +24,8 @@ using ErrorCode = boost::system::error_code;
 constexpr auto kHandshakeTime = std::chrono::seconds(10);
 
 std::string EndpointText(const tcp::endpoint& e) {
-  return fmt::format("{}:{}", e.address().to_string(), e.port());
+  const std::string host = e.address().to_string();
+  return e.address().is_v6() ? fmt::format("[{}]:{}", host, e.port()) : fmt::format("{}:{}", host, e.port());
 }
 
 class TcpConnection final : public Connection {
@@ -73,7 +74,12 @@ class TcpConnection final : public Connection {
   }
 
   uint64_t queued_bytes() const override { return queued_; }
+  uint64_t received_bytes() const override { return received_; }
   const std::string& peer() const override { return peer_; }
+  std::string local_host() const override {
+    ErrorCode ignored;
+    return socket_.local_endpoint(ignored).address().to_string();
+  }
 
  private:
   std::shared_ptr<TcpConnection> Self() {
@@ -121,34 +127,40 @@ class TcpConnection final : public Connection {
   }
 
   void ReadHeader() {
-    asio::async_read(socket_, asio::buffer(header_), [self = Self()](const ErrorCode& error, size_t) {
+    asio::async_read(socket_, asio::buffer(header_), [self = Self()](const ErrorCode& error, size_t n) {
       if (error) return self->DropOn(error);
+      self->received_ += n;
       const auto header = DecodeFrameHeader(self->header_);
       if (!header) return self->Drop(fmt::format("{}: {}", self->peer_, header.error().message));
       self->incoming_ = {header->type, header->request, Bytes(header->table_bytes), {}};
       self->raw_bytes_ = header->raw_bytes;
+      self->raw_have_ = 0;
       self->ReadTable();
     });
   }
 
   void ReadTable() {
-    asio::async_read(socket_, asio::buffer(incoming_.table), [self = Self()](const ErrorCode& error, size_t) {
-      if (error) return self->DropOn(error);
-      self->ReadRaw();
-    });
+    asio::async_read(socket_, asio::buffer(incoming_.table),
+                     [self = Self()](const ErrorCode& error, size_t n) {
+                       if (error) return self->DropOn(error);
+                       self->received_ += n;
+                       self->ReadRaw();
+                     });
   }
 
   /// A large payload is allocated as it arrives, so that a claimed size alone costs nothing.
   void ReadRaw() {
     constexpr size_t kStep = 16 << 20;
-    const size_t have = incoming_.raw.size();
-    if (have == raw_bytes_) return Deliver();
-    incoming_.raw.resize(std::min<size_t>(raw_bytes_, have + kStep));
-    asio::async_read(socket_, asio::buffer(incoming_.raw.data() + have, incoming_.raw.size() - have),
-                     [self = Self()](const ErrorCode& error, size_t) {
-                       if (error) return self->DropOn(error);
-                       self->ReadRaw();
-                     });
+    if (raw_have_ == raw_bytes_) return Deliver();
+    if (raw_have_ == incoming_.raw.size())
+      incoming_.raw.resize(std::min<size_t>(raw_bytes_, incoming_.raw.size() + kStep));
+    socket_.async_read_some(asio::buffer(incoming_.raw.data() + raw_have_, incoming_.raw.size() - raw_have_),
+                            [self = Self()](const ErrorCode& error, size_t n) {
+                              if (error) return self->DropOn(error);
+                              self->received_ += n;
+                              self->raw_have_ += n;
+                              self->ReadRaw();
+                            });
   }
 
   void Deliver() {
@@ -178,7 +190,8 @@ class TcpConnection final : public Connection {
   std::array<std::byte, kPreambleBytes> preamble_{};
   std::array<std::byte, kFrameHeaderBytes> header_{};
   Message incoming_;
-  size_t raw_bytes_ = 0;
+  size_t raw_bytes_ = 0, raw_have_ = 0;
+  uint64_t received_ = 0;
   std::deque<Bytes> outgoing_;
   std::atomic<uint64_t> queued_{0};
   bool writing_ = false, closing_ = false, closed_ = false;

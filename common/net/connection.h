@@ -40,8 +40,12 @@ class Connection : public std::enable_shared_from_this<Connection> {
   virtual void Close() = 0;
   /// Bytes queued and not yet handed to the system.
   virtual uint64_t queued_bytes() const = 0;
+  /// Bytes that have come so far: whether a slow peer is a dead one. From the io_context's thread.
+  virtual uint64_t received_bytes() const = 0;
   /// "127.0.0.1:40312", for logs.
   virtual const std::string& peer() const = 0;
+  /// This side's address, without a port.
+  virtual std::string local_host() const = 0;
 };
 
 /// Connects; `done` is called once on the io_context's thread. Errors: refused, unreachable, no such host, no

@@ -5,6 +5,7 @@
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <chrono>
+#include <unordered_map>
 #include <utility>
 
 #include "common/protocol/messages.h"
@@ -16,57 +17,68 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
     uint32_t block;
     Done done;
   };
-  Impl(boost::asio::io_context& context, Endpoint e, SceneId id, double limit)
-      : io(context), server(std::move(e)), scene(id), give_up_after(limit), timer(context) {}
+  Impl(boost::asio::io_context& context, Endpoint e, SceneId id)
+      : io(context), server(std::move(e)), scene(id), watch(context) {}
 
-  void Reconnect() {
+  void Reach() {
+    reaching = true;
     Connect(io, server, [self = shared_from_this()](Result<std::shared_ptr<Connection>> result) {
+      self->reaching = false;
       if (self->stopped) return;
       if (!result) return self->Lost(result.error());
       self->connection = *result;
       self->connection->Start([self](Message m) { self->OnMessage(std::move(m)); },
                               [self](const Error& e) { self->Lost(e); });
       self->connection->Send(MakeMessage(MessageType::kHello, Hello{Role::kVoxels, "voxels", 0}));
+      self->Watch(0);
+    });
+  }
+
+  /// Looks every so often whether anything has come.
+  void Watch(uint64_t received_before) {
+    watch.expires_after(
+        std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::duration<double>(kStallS)));
+    watch.async_wait([self = shared_from_this(), received_before](const boost::system::error_code& e) {
+      if (e || self->stopped || !self->connection) return;
+      const uint64_t received = self->connection->received_bytes();
+      if (received == received_before && !self->waiting.empty() && self->owes)
+        return self->Lost(
+            Error{fmt::format("{}:{} has stopped answering", self->server.host, self->server.port)});
+      self->owes = !self->waiting.empty();
+      self->Watch(received);
     });
   }
 
   void Lost(const Error& error) {
     if (stopped) return;
+    if (connection) connection->Close();
     connection.reset();
-    ready = false;
-    const auto now = std::chrono::steady_clock::now();
-    if (!lost) lost_since = now;
-    lost = true;
-    if (std::chrono::duration<double>(now - lost_since).count() > give_up_after) return FailAll(error);
-    timer.expires_after(std::chrono::seconds(1));
-    timer.async_wait([self = shared_from_this()](const boost::system::error_code& e) {
-      if (!e && !self->stopped) self->Reconnect();
-    });
-  }
-
-  void FailAll(const Error& error) {
-    auto all = std::exchange(waiting, {});
-    for (auto& [request, w] : all) w.done(tl::unexpected<Error>(error));
+    ready = owes = false;
+    watch.cancel();
+    for (auto& [request, w] : std::exchange(waiting, {})) w.done(tl::unexpected<Error>(error));
   }
 
   void OnMessage(Message m) {
+    if (stopped || !connection) return;
     if (m.type == MessageType::kWelcome) return OnWelcome(m);
     const auto it = waiting.find(m.request);
-    if (it == waiting.end()) return;
+    if (it == waiting.end()) {
+      const auto failure = DecodeFailure(m.table);
+      if (m.type == MessageType::kFailure && failure) Lost(Error{failure->message});
+      return;
+    }
     Done done = std::move(it->second.done);
     waiting.erase(it);
     if (m.type == MessageType::kBlock) return done(std::move(m.raw));
     const auto failure = DecodeFailure(m.table);
-    done(Fail(failure ? failure->message : "the voxel server gave an answer that is not one"));
+    done(tl::unexpected<Error>(
+        Error{failure ? failure->message : "the voxel server gave an answer that is not one", 1, true}));
   }
 
   void OnWelcome(const Message& m) {
     const auto welcome = DecodeWelcome(m.table);
-    if (!welcome || welcome->scene_id != scene) {
-      connection->Close();
-      return FailAll(Error{"the voxel server has another scene now"});
-    }
-    lost = false;
+    if (!welcome || welcome->scene_id != scene)
+      return Lost(Error{fmt::format("{}:{} serves another scene", server.host, server.port)});
     ready = true;
     for (const auto& [request, w] : waiting) Ask(request, w.block);
   }
@@ -78,24 +90,20 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
   boost::asio::io_context& io;
   Endpoint server;
   SceneId scene;
-  double give_up_after;
-  boost::asio::steady_timer timer;
+  boost::asio::steady_timer watch;
   std::shared_ptr<Connection> connection;
   std::unordered_map<uint64_t, Waiting> waiting;
   uint64_t next_request = 1;
-  bool ready = false, lost = false, stopped = false;
-  std::chrono::steady_clock::time_point lost_since;
+  bool reaching = false, ready = false, stopped = false;
+  bool owes = false;  ///< requests were waiting when the watch last looked
 };
 
-TcpVoxelSource::TcpVoxelSource(boost::asio::io_context& io, Endpoint server, SceneId scene,
-                               double give_up_after_s)
-    : impl_(std::make_shared<Impl>(io, std::move(server), scene, give_up_after_s)) {
-  impl_->Reconnect();
-}
+TcpVoxelSource::TcpVoxelSource(boost::asio::io_context& io, Endpoint server, SceneId scene)
+    : impl_(std::make_shared<Impl>(io, std::move(server), scene)) {}
 
 TcpVoxelSource::~TcpVoxelSource() {
   impl_->stopped = true;
-  impl_->timer.cancel();
+  impl_->watch.cancel();
   impl_->waiting.clear();
   if (impl_->connection) impl_->connection->Close();
 }
@@ -103,7 +111,8 @@ TcpVoxelSource::~TcpVoxelSource() {
 void TcpVoxelSource::Fetch(uint32_t block, Done done) {
   const uint64_t request = impl_->next_request++;
   impl_->waiting.emplace(request, Impl::Waiting{block, std::move(done)});
-  if (impl_->ready) impl_->Ask(request, block);
+  if (impl_->ready) return impl_->Ask(request, block);
+  if (!impl_->connection && !impl_->reaching) impl_->Reach();
 }
 
 }  // namespace quarry

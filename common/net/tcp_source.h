@@ -1,8 +1,6 @@
 #pragma once
 
 #include <memory>
-#include <string>
-#include <unordered_map>
 
 #include "common/net/connection.h"
 #include "common/net/voxel_source.h"
@@ -10,12 +8,14 @@
 
 namespace quarry {
 
-/// Blocks from a Quarry voxel server (a master, or one with --serve-only), over a connection of their own.
-/// When the connection is lost it is made again, every second for as long as `give_up_after_s`, and what was
-/// asked for is asked for once more.
+/// Blocks from a Quarry voxel server: a master, one with --serve-only, or another worker. One connection,
+/// made with the first request and made again with the first after a loss; requests are pipelined. Whatever
+/// is wrong with the server or the way to it fails all that wait, at once: whoever asks decides what next. A
+/// server that sends not a byte for kStallS seconds while it owes an answer is taken for lost.
 class TcpVoxelSource final : public VoxelSource {
  public:
-  TcpVoxelSource(boost::asio::io_context& io, Endpoint server, SceneId scene, double give_up_after_s);
+  static constexpr double kStallS = 5;
+  TcpVoxelSource(boost::asio::io_context& io, Endpoint server, SceneId scene);
   ~TcpVoxelSource() override;
   void Fetch(uint32_t block, Done done) override;
 

@@ -24,7 +24,10 @@ Limits LimitsOf(MessageType type) {
     case MessageType::kRenderJob:
       return {256u << 20, 0};
     case MessageType::kFrameSetup:
+    case MessageType::kPeers:
       return {1u << 20, 0};
+    case MessageType::kAlive:
+      return {16u << 20, 0};
     case MessageType::kFrameDone:
       return {1u << 20, 0xF0000000u};
     case MessageType::kTileDone:
@@ -32,6 +35,7 @@ Limits LimitsOf(MessageType type) {
     case MessageType::kBlock:
       return {0, 65u << 20};
     case MessageType::kShutDown:
+    case MessageType::kPing:
       return {0, 0};
     default:
       return {64u << 10, 0};

@@ -12,7 +12,7 @@
 namespace quarry {
 
 /// Moves freely until the first release; programs of different protocol versions do not talk.
-inline constexpr uint32_t kProtocolVersion = 1;
+inline constexpr uint32_t kProtocolVersion = 2;
 
 /// Each side's first bytes, of one layout for good: "QUARRY\0\0", protocol version (4), the program's version
 /// as zero-padded text (20).
@@ -36,8 +36,14 @@ enum class MessageType : uint16_t {
   kBlockRequest,
   kBlock,  ///< raw: the stored block
   kShutDown,
+  kPeers,
+  kPing,  ///< nothing in it: the sender lives
 };
-inline constexpr uint16_t kMessageTypes = 15;  ///< one past the last
+inline constexpr uint16_t kMessageTypes = 17;  ///< one past the last
+
+/// Masters, workers and clients send something at least so often, and take for lost who sends not a byte for
+/// so long.
+inline constexpr double kHeartbeatS = 1, kSilenceS = 6;
 
 struct Message {
   MessageType type = MessageType::kFailure;

@@ -115,6 +115,8 @@ Bytes Encode(const Hello& m) {
   w.role = static_cast<uint8_t>(m.role);
   w.name = m.name;
   w.threads = m.threads;
+  w.instance = m.instance;
+  w.serves_at = m.serves_at;
   return Pack<wire::Hello>(w);
 }
 
@@ -125,13 +127,14 @@ Result<Hello> DecodeHello(std::span<const std::byte> table) {
   std::string name = w.name;
   std::replace_if(
       name.begin(), name.end(), [](unsigned char c) { return c < ' ' || c == 127; }, '?');
-  return Hello{static_cast<Role>(w.role), std::move(name), w.threads};
+  return Hello{static_cast<Role>(w.role), std::move(name), w.threads, w.instance, w.serves_at};
 }
 
 Bytes Encode(const Welcome& m) {
   wire::WelcomeT w;
   w.scene_id.assign(m.scene_id.begin(), m.scene_id.end());
   w.worker = m.worker;
+  w.sources = m.sources;
   return Pack<wire::Welcome>(w);
 }
 
@@ -141,6 +144,7 @@ Result<Welcome> DecodeWelcome(std::span<const std::byte> table) {
   if (w.scene_id.size() != m.scene_id.size()) return Fail("received a welcome that is not well formed");
   std::copy(w.scene_id.begin(), w.scene_id.end(), m.scene_id.begin());
   m.worker = w.worker;
+  m.sources = w.sources;
   return m;
 }
 
@@ -155,11 +159,21 @@ Result<Failure> DecodeFailure(std::span<const std::byte> table) {
   return Failure{w.message};
 }
 
-Bytes Encode(const RenderJob& m) { return Pack<wire::Job>(JobToWire(m)); }
+Bytes Encode(const JobRequest& m) {
+  wire::JobRequestT w;
+  w.job = std::make_unique<wire::JobT>(JobToWire(m.job));
+  w.have = m.have;
+  return Pack<wire::JobRequest>(w);
+}
 
-Result<RenderJob> DecodeRenderJob(std::span<const std::byte> table) {
-  QUARRY_ASSIGN(const auto w, Unpack<wire::Job>(table));
-  return JobFromWire(w);
+Result<JobRequest> DecodeJobRequest(std::span<const std::byte> table) {
+  QUARRY_ASSIGN(const auto w, Unpack<wire::JobRequest>(table));
+  if (!w.job) return Fail("received a request without a job");
+  JobRequest m;
+  QUARRY_ASSIGN(m.job, JobFromWire(*w.job));
+  m.have = w.have;
+  if (m.have > m.job.cameras.size()) return Fail("received a request for fewer frames than none");
+  return m;
 }
 
 Bytes Encode(const FrameProgress& m) {
@@ -191,6 +205,7 @@ Result<FrameDone> DecodeFrameDone(std::span<const std::byte> table) {
 Bytes Encode(const FrameSetup& m) {
   wire::FrameSetupT w;
   w.setup = m.setup;
+  w.oldest = m.oldest;
   w.job = std::make_unique<wire::JobT>(JobToWire(m.job));
   return Pack<wire::FrameSetup>(w);
 }
@@ -200,6 +215,7 @@ Result<FrameSetup> DecodeFrameSetup(std::span<const std::byte> table) {
   if (!w.job) return Fail("received a frame without a job");
   FrameSetup m;
   m.setup = w.setup;
+  m.oldest = w.oldest;
   QUARRY_ASSIGN(m.job, JobFromWire(*w.job));
   return m;
 }
@@ -213,15 +229,17 @@ Bytes Encode(const TileOrder& m) {
   w.y = m.y;
   w.width = m.width;
   w.height = m.height;
+  w.blocks = m.blocks;
+  w.holders = m.holders;
   return Pack<wire::TileOrder>(w);
 }
 
 Result<TileOrder> DecodeTileOrder(std::span<const std::byte> table) {
   QUARRY_ASSIGN(const auto w, Unpack<wire::TileOrder>(table));
   if (w.width == 0 || w.height == 0 || w.width > kTileSize || w.height > kTileSize || w.x >= kMaxImageSide ||
-      w.y >= kMaxImageSide)
+      w.y >= kMaxImageSide || w.blocks.size() > kMaxTileHints || w.holders.size() != w.blocks.size())
     return Fail("received a tile that cannot be");
-  return TileOrder{w.setup, w.tile, w.lease, w.x, w.y, w.width, w.height};
+  return TileOrder{w.setup, w.tile, w.lease, w.x, w.y, w.width, w.height, w.blocks, w.holders};
 }
 
 Bytes Encode(const TileDone& m) {
@@ -231,12 +249,31 @@ Bytes Encode(const TileDone& m) {
   w.lease = m.lease;
   w.rays = m.rays;
   w.rays_suspended = m.rays_suspended;
+  w.compute_us = m.compute_us;
+  w.depth = m.depth;
+  w.blocks = m.blocks;
   return Pack<wire::TileDone>(w);
 }
 
 Result<TileDone> DecodeTileDone(std::span<const std::byte> table) {
   QUARRY_ASSIGN(const auto w, Unpack<wire::TileDone>(table));
-  return TileDone{w.setup, w.tile, w.lease, w.rays, w.rays_suspended};
+  if (w.blocks.size() > kMaxTileBlocks || !(w.depth >= 0))
+    return Fail("received a tile's result that cannot be");
+  return TileDone{w.setup, w.tile, w.lease, w.rays, w.rays_suspended, w.compute_us, w.depth, w.blocks};
+}
+
+Bytes Encode(const Peers& m) {
+  wire::PeersT w;
+  w.workers = m.workers;
+  w.endpoints = m.endpoints;
+  return Pack<wire::Peers>(w);
+}
+
+Result<Peers> DecodePeers(std::span<const std::byte> table) {
+  QUARRY_ASSIGN(const auto w, Unpack<wire::Peers>(table));
+  if (w.workers.size() != w.endpoints.size())
+    return Fail("received a list of workers that is not well formed");
+  return Peers{w.workers, w.endpoints};
 }
 
 Bytes Encode(const Alive& m) {
@@ -249,13 +286,44 @@ Bytes Encode(const Alive& m) {
   w.rays = m.rays;
   w.rays_suspended = m.rays_suspended;
   w.peak_rss_bytes = m.peak_rss_bytes;
+  w.whole = m.whole;
+  w.cached = m.cached;
+  w.dropped = m.dropped;
+  w.bytes_from.assign(m.bytes_from.begin(), m.bytes_from.end());
+  w.retries = m.retries;
+  w.hedges = m.hedges;
+  w.damaged = m.damaged;
+  w.stall_us = m.stall_us;
+  w.compute_us = m.compute_us;
+  w.prefetched_bytes = m.prefetched_bytes;
+  w.prefetch_wasted_bytes = m.prefetch_wasted_bytes;
   return Pack<wire::Alive>(w);
 }
 
 Result<Alive> DecodeAlive(std::span<const std::byte> table) {
-  QUARRY_ASSIGN(const auto w, Unpack<wire::Alive>(table));
-  return Alive{w.cache_bytes, w.voxels_loaded, w.voxel_bytes_loaded, w.voxel_bytes_received,
-               w.evictions,   w.rays,          w.rays_suspended,     w.peak_rss_bytes};
+  QUARRY_ASSIGN(auto w, Unpack<wire::Alive>(table));
+  Alive m;
+  if (w.bytes_from.size() != m.bytes_from.size()) return Fail("received counters that are not well formed");
+  m.cache_bytes = w.cache_bytes;
+  m.voxels_loaded = w.voxels_loaded;
+  m.voxel_bytes_loaded = w.voxel_bytes_loaded;
+  m.voxel_bytes_received = w.voxel_bytes_received;
+  m.evictions = w.evictions;
+  m.rays = w.rays;
+  m.rays_suspended = w.rays_suspended;
+  m.peak_rss_bytes = w.peak_rss_bytes;
+  m.whole = w.whole;
+  m.cached = std::move(w.cached);
+  m.dropped = std::move(w.dropped);
+  std::copy(w.bytes_from.begin(), w.bytes_from.end(), m.bytes_from.begin());
+  m.retries = w.retries;
+  m.hedges = w.hedges;
+  m.damaged = w.damaged;
+  m.stall_us = w.stall_us;
+  m.compute_us = w.compute_us;
+  m.prefetched_bytes = w.prefetched_bytes;
+  m.prefetch_wasted_bytes = w.prefetch_wasted_bytes;
+  return m;
 }
 
 Bytes Encode(const BlockRequest& m) {

@@ -163,7 +163,7 @@ class BadPlaces(Case):
             self.must_fail(1, r"No space left|KiB are free", "quarry-preprocess", big, "-o", small / "x.quarry", "--quiet")
             self.must_fail(1, r"No space left|KiB are free", "quarry-preprocess", big, "-o", self.path("y.quarry"), "--tmp", small,
                            "--quiet")
-            self.must_fail(1, r"No space left", "quarry", "render", store, "-o", small / "x.exr", "--quiet")
+            self.must_fail(1, r"No space left", "quarry", "render", store, "-o", small / "x.exr", "--retry", 0, "--quiet")
             self.must_fail(1, r"[Nn]o space left", "quarry-scene", "city", "--triangles", 20000, "-o", small / "c.ply",
                            "--quiet")
             self.assertEqual(list(small.iterdir()), [])

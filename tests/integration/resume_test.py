@@ -64,14 +64,15 @@ class Resume(Case):
                 run.kill()
                 kills += 1
                 run.wait()
-            went_on += "going on with" in run.stderr.read()
+            told = run.stderr.read()
+            went_on += "going on with" in told
             if run.returncode == 0:
                 self.must_be(whole)
                 if kills >= KILLS:
                     break
                 pathlib.Path(self.store).unlink()
             else:
-                self.assertEqual(run.returncode, -signal.SIGKILL)
+                self.assertEqual(run.returncode, -signal.SIGKILL, told)
                 if pathlib.Path(self.store).exists():  # all but the tidying was done
                     self.assertTrue(pathlib.Path(self.store).read_bytes() == whole)
                     pathlib.Path(self.store).unlink()

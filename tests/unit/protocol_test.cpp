@@ -1,3 +1,5 @@
+#include <fmt/format.h>
+
 #include <catch2/catch.hpp>
 #include <random>
 
@@ -63,7 +65,7 @@ void CheckSame(const RenderJob& a, const RenderJob& b) {
 }  // namespace
 
 TEST_CASE("Messages come back field by field") {
-  CheckSame(MakeJob(), *DecodeRenderJob(Encode(MakeJob())));
+  CheckSame(MakeJob(), DecodeJobRequest(Encode(JobRequest{MakeJob(), 0}))->job);
   RenderJob one = MakeJob();
   one.cameras.resize(1);
   const auto setup = DecodeFrameSetup(Encode(FrameSetup{99, one}));
@@ -101,21 +103,21 @@ TEST_CASE("Values that cannot be are refused") {
   CHECK_FALSE(DecodeTileOrder(Encode(TileOrder{1, 2, 3, 4, 5, 33, 7})).has_value());
   RenderJob job = MakeJob();
   job.spp = 0;
-  CHECK_FALSE(DecodeRenderJob(Encode(job)).has_value());
+  CHECK_FALSE(DecodeJobRequest(Encode(JobRequest{job, 0})).has_value());
   job = MakeJob();
   job.cameras[0].eye = job.cameras[0].at;
-  CHECK_FALSE(DecodeRenderJob(Encode(job)).has_value());
+  CHECK_FALSE(DecodeJobRequest(Encode(JobRequest{job, 0})).has_value());
 }
 
 TEST_CASE("Mutated messages are refused or read, never worse") {
   std::mt19937 random(11);
-  const Bytes good[] = {Encode(MakeJob()), Encode(Hello{Role::kWorker, "w", 2}),
+  const Bytes good[] = {Encode(JobRequest{MakeJob(), 0}), Encode(Hello{Role::kWorker, "w", 2}),
                         Encode(TileOrder{1, 2, 3, 4, 5, 6, 7}), Encode(FrameDone{6, "{}"})};
   for (int i = 0; i < 40000; ++i) {
     Bytes bad = good[i % 4];
     for (int k = 0; k < 1 + i % 4; ++k) bad[random() % bad.size()] = static_cast<std::byte>(random());
     if (i % 7 == 0) bad.resize(random() % (bad.size() + 1));
-    (void)DecodeRenderJob(bad);
+    (void)DecodeJobRequest(bad);
     (void)DecodeFrameSetup(bad);
     (void)DecodeHello(bad);
     (void)DecodeTileOrder(bad);
@@ -148,7 +150,7 @@ TEST_CASE("Preambles of another version name both") {
   const Status other = CheckPreamble(EncodePreamble(7, "3.2.1"));
   REQUIRE_FALSE(other.has_value());
   CHECK(other.error().message.find("3.2.1 with protocol 7") != std::string::npos);
-  CHECK(other.error().message.find("protocol 1,") != std::string::npos);
+  CHECK(other.error().message.find(fmt::format("protocol {},", kProtocolVersion)) != std::string::npos);
   CHECK_FALSE(CheckPreamble(Bytes(32)).has_value());
   CHECK_FALSE(CheckPreamble(Bytes(3)).has_value());
 }

@@ -25,35 +25,33 @@ std::map<uint32_t, std::set<uint32_t>> ByWorker(const std::vector<Assignment>& a
 }  // namespace
 
 TEST_CASE("Without history each worker gets a stretch of the curve") {
-  const auto got = ByWorker(Schedule(MakeSnapshot(8, {{1, 4}, {2, 4}}), SchedulingPolicy::kLastOwner));
+  const auto got = ByWorker(Schedule(MakeSnapshot(8, {{1, 4}, {2, 4}})));
   CHECK(got.at(1) == std::set<uint32_t>{0, 1, 2, 3});
   CHECK(got.at(2) == std::set<uint32_t>{4, 5, 6, 7});
 }
 
 TEST_CASE("A worker gets back the tiles it rendered last") {
   Snapshot s = MakeSnapshot(6, {{1, 3}, {2, 3}});
-  for (uint32_t t = 0; t < 6; ++t) s.tiles[t].last_owner = t % 2 ? 1 : 2;
-  const auto got = ByWorker(Schedule(s, SchedulingPolicy::kLastOwner));
+  for (uint32_t t = 0; t < 6; ++t) s.tiles[t].owner = t % 2 ? 1 : 2;
+  const auto got = ByWorker(Schedule(s));
   CHECK(got.at(1) == std::set<uint32_t>{1, 3, 5});
   CHECK(got.at(2) == std::set<uint32_t>{0, 2, 4});
 }
 
 TEST_CASE("Credit is never exceeded and no tile is given twice") {
-  for (auto policy : {SchedulingPolicy::kLastOwner, SchedulingPolicy::kRandom}) {
-    const auto assignments = Schedule(MakeSnapshot(100, {{1, 3}, {2, 0}, {3, 5}}), policy);
-    const auto got = ByWorker(assignments);
-    CHECK(assignments.size() == 8);
-    CHECK(got.at(1).size() == 3);
-    CHECK(got.count(2) == 0);
-    CHECK(got.at(3).size() == 5);
-    for (uint32_t t : got.at(1)) CHECK(got.at(3).count(t) == 0);
-  }
+  const auto assignments = Schedule(MakeSnapshot(100, {{1, 3}, {2, 0}, {3, 5}}));
+  const auto got = ByWorker(assignments);
+  CHECK(assignments.size() == 8);
+  CHECK(got.at(1).size() == 3);
+  CHECK(got.count(2) == 0);
+  CHECK(got.at(3).size() == 5);
+  for (uint32_t t : got.at(1)) CHECK(got.at(3).count(t) == 0);
 }
 
 TEST_CASE("A worker with nothing left takes from the other's end") {
   Snapshot s = MakeSnapshot(10, {{1, 0}, {2, 2}});
-  for (auto& tile : s.tiles) tile.last_owner = 1;
-  const auto got = ByWorker(Schedule(s, SchedulingPolicy::kLastOwner));
+  for (auto& tile : s.tiles) tile.owner = 1;
+  const auto got = ByWorker(Schedule(s));
   CHECK(got.at(2) == std::set<uint32_t>{8, 9});
 }
 
@@ -61,12 +59,12 @@ TEST_CASE("Stragglers go to an idle worker once, never to their holder") {
   Snapshot s = MakeSnapshot(3, {{1, 5}, {2, 5}});
   s.now_s = 10;
   s.tiles[0].done = true;
-  s.tiles[1] = {false, kNoWorker, 1, 1, 10 - 2 * kStragglerAfterS};
-  s.tiles[2] = {false, kNoWorker, 1, 1, 10 - kStragglerAfterS / 2};
-  CHECK(Schedule(s, SchedulingPolicy::kLastOwner) == std::vector<Assignment>{{1, 2}});
+  s.tiles[1] = {false, kNoWorker, 1, 1, 10 - 2 * s.straggler_after_s};
+  s.tiles[2] = {false, kNoWorker, 1, 1, 10 - s.straggler_after_s / 2};
+  CHECK(Schedule(s) == std::vector<Assignment>{{1, 2}});
   s.tiles[1].holders = 2;
-  CHECK(Schedule(s, SchedulingPolicy::kLastOwner).empty());
-  CHECK(Schedule(MakeSnapshot(3, {}), SchedulingPolicy::kLastOwner).empty());
+  CHECK(Schedule(s).empty());
+  CHECK(Schedule(MakeSnapshot(3, {})).empty());
 }
 
 TEST_CASE("Results count once, under a lease that is known; a dead worker's tiles are open again") {
@@ -74,16 +72,16 @@ TEST_CASE("Results count once, under a lease that is known; a dead worker's tile
   job.width = job.height = 64;
   job.cameras = {CameraSpec{}};
   REQUIRE(NormalizeJob(job).has_value());
-  ActiveFrame frame(5, job, {});
+  ActiveFrame frame(5, job, nullptr);
   const TileOrder first = frame.Lease({0, 1}, 0), second = frame.Lease({0, 2}, 1),
                   other = frame.Lease({1, 1}, 1);
   const Bytes pixels(32 * 32 * 3 * 4);
-  CHECK_FALSE(*frame.Finish({4, 0, first.lease, 0, 0}, pixels));  // another setup
-  CHECK_FALSE(*frame.Finish({5, 0, 999, 0, 0}, pixels));          // no such lease
-  CHECK_FALSE(*frame.Finish({5, 2, first.lease, 0, 0}, pixels));  // a lease of another tile
-  CHECK_FALSE(frame.Finish({5, 0, first.lease, 0, 0}, Bytes(8)).has_value());
-  CHECK(*frame.Finish({5, 0, second.lease, 10, 0}, pixels));
-  CHECK_FALSE(*frame.Finish({5, 0, first.lease, 10, 0}, pixels));  // the straggler's
+  CHECK_FALSE(*frame.Finish({4, 0, first.lease, 0, 0}, pixels, 2));  // another setup
+  CHECK_FALSE(*frame.Finish({5, 0, 999, 0, 0}, pixels, 2));          // no such lease
+  CHECK_FALSE(*frame.Finish({5, 2, first.lease, 0, 0}, pixels, 2));  // a lease of another tile
+  CHECK_FALSE(frame.Finish({5, 0, first.lease, 0, 0}, Bytes(8), 2).has_value());
+  CHECK(*frame.Finish({5, 0, second.lease, 10, 0}, pixels, 2));
+  CHECK_FALSE(*frame.Finish({5, 0, first.lease, 10, 0}, pixels, 2));  // the straggler's
   CHECK(frame.tiles_done() == 1);
   CHECK(frame.rays() == 10);
   CHECK(frame.owners()[0] == 2);
@@ -93,7 +91,7 @@ TEST_CASE("Results count once, under a lease that is known; a dead worker's tile
   CHECK(frame.leases_lost() == 1);
   CHECK_FALSE(frame.MakeSnapshot({}, 2).tiles[1].done);
   CHECK(frame.MakeSnapshot({}, 2).tiles[1].holders == 0);
-  CHECK_FALSE(*frame.Finish({5, 1, other.lease, 0, 0}, pixels));
+  CHECK_FALSE(*frame.Finish({5, 1, other.lease, 0, 0}, pixels, 2));
 }
 
 }  // namespace quarry

@@ -103,10 +103,16 @@ TEST_CASE("APinSetHoldsOnePinABlock") {
   REQUIRE(f.Load(1));
   {
     PinSet pins(f.cache);
+    std::vector<uint32_t> touched, other;
+    pins.LogTo(touched, pins.NewReader());
     const ResidentBlock* first = pins.Find(1);
     CHECK(first != nullptr);
     CHECK(pins.Find(1) == first);
     CHECK(pins.Find(2) == nullptr);
+    CHECK(touched == std::vector<uint32_t>{1});
+    pins.LogTo(other, pins.NewReader());
+    CHECK(pins.Find(1) == first);
+    CHECK(other == std::vector<uint32_t>{1});
     f.cache.TryPin(1);
     pins.Adopt(1);  // gives the second pin back
     CHECK_FALSE(f.Load(2));

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <glm/vec3.hpp>
+
+#include "common/math/elementary.h"
+#include "common/scene/render_job.h"
+
+namespace quarry {
+
+/// A camera as vectors: a pixel at (x, y) looks along forward + right * (x - width / 2) + down * (y - height
+/// / 2), or, orthographic, along forward from the eye moved by the rest.
+struct ViewBasis {
+  glm::dvec3 eye, forward;  ///< forward has unit length
+  glm::dvec3 right, down;   ///< one pixel's step, at distance 1 of the eye
+  bool orthographic;
+};
+
+inline double Dot(const glm::dvec3& a, const glm::dvec3& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+inline glm::dvec3 Cross(const glm::dvec3& a, const glm::dvec3& b) {
+  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+inline glm::dvec3 Unit(const glm::dvec3& v) { return v / std::sqrt(Dot(v, v)); }
+
+inline ViewBasis MakeViewBasis(const CameraSpec& spec, uint32_t height) {
+  ViewBasis view;
+  view.eye = spec.eye;
+  view.forward = Unit(spec.at - spec.eye);
+  view.orthographic = spec.ortho_height > 0;
+  const glm::dvec3 right = Unit(Cross(view.forward, spec.up));
+  const double pixel =
+      (view.orthographic ? spec.ortho_height : 2 * TanHalfDegrees(spec.fov_degrees)) / height;
+  view.right = right * pixel;
+  view.down = Cross(view.forward, right) * pixel;
+  return view;
+}
+
+}  // namespace quarry

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "common/net/connection.h"
+#include "common/protocol/messages.h"
+
+namespace quarry {
+
+/// A client's job: which frames are to do, under way, finished, and who waits for them. A finished frame's
+/// image is kept until every client has it (or for good in a spool).
+struct Job {
+  enum class FrameState : uint8_t { kToDo, kActive, kFinished };
+  struct Finished {
+    Bytes image;             ///< empty once it is on disk and sent
+    std::string statistics;  ///< JSON
+  };
+  struct Client {
+    std::shared_ptr<Connection> connection;
+    size_t next = 0;  ///< the frame that it gets next
+  };
+
+  std::string id;  ///< see JobId
+  RenderJob job;
+  std::vector<FrameState> states;
+  std::vector<Finished> finished;
+  std::vector<Client> clients;
+  double alone_since_s = 0;  ///< when its last client went
+
+  Job(std::string name, RenderJob render_job)
+      : id(std::move(name)),
+        job(std::move(render_job)),
+        states(job.cameras.size(), FrameState::kToDo),
+        finished(job.cameras.size()) {}
+  bool Complete() const;
+  /// The first frame to do, or states.size().
+  size_t NextToDo() const;
+};
+
+}  // namespace quarry

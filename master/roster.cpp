@@ -1,0 +1,97 @@
+#include "master/roster.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace quarry {
+namespace {
+
+constexpr size_t kMostKnown = 1u << 16;
+
+}  // namespace
+
+/// At the host that its connection comes from.
+void WorkerRecord::SetServesAt(uint16_t port) {
+  const std::string& peer = connection->peer();
+  serves_at = port == 0 ? std::string() : fmt::format("{}:{}", peer.substr(0, peer.rfind(':')), port);
+}
+
+WorkerRecord& Roster::Add(const std::shared_ptr<Connection>& connection, const Hello& hello) {
+  if (known_.size() > kMostKnown) known_.clear();
+  const auto [known, fresh] = known_.try_emplace(hello.instance, next_id_);
+  if (fresh) ++next_id_;
+  WorkerRecord& worker = workers_[known->second];
+  worker.connection = connection;
+  worker.id = known->second;
+  worker.instance = hello.instance;
+  worker.name = hello.name;
+  worker.threads = std::max(1u, hello.threads);
+  worker.SetServesAt(hello.serves_at);
+  ids_[connection.get()] = worker.id;
+  return worker;
+}
+
+void Roster::Remove(const Connection* connection) {
+  const auto it = ids_.find(connection);
+  if (it == ids_.end()) return;
+  workers_.erase(it->second);
+  ids_.erase(it);
+}
+
+WorkerRecord* Roster::Find(const Connection* connection) {
+  const auto it = ids_.find(connection);
+  return it == ids_.end() ? nullptr : &workers_.at(it->second);
+}
+
+WorkerRecord* Roster::FindById(uint32_t id) {
+  const auto it = workers_.find(id);
+  return it == workers_.end() ? nullptr : &it->second;
+}
+
+WorkerRecord* Roster::FindInstance(uint64_t instance) {
+  const auto it = known_.find(instance);
+  return it == known_.end() ? nullptr : FindById(it->second);
+}
+
+void Roster::Update(WorkerRecord& worker, const Alive& alive) {
+  worker.counters = alive;
+  if (alive.whole) worker.holds.Clear();
+  for (const uint32_t block : alive.cached) worker.holds.Set(block, true);
+  for (const uint32_t block : alive.dropped) worker.holds.Set(block, false);
+  worker.counters.cached.clear();
+  worker.counters.dropped.clear();
+}
+
+Peers Roster::MakePeers() const {
+  Peers peers;
+  for (const auto& [id, worker] : workers_) {
+    if (worker.serves_at.empty()) continue;
+    peers.workers.push_back(id);
+    peers.endpoints.push_back(worker.serves_at);
+  }
+  return peers;
+}
+
+std::vector<PlannedWorker> Roster::ForPlan() const {
+  std::vector<PlannedWorker> out;
+  for (const auto& [id, worker] : workers_)
+    out.push_back({id, static_cast<double>(worker.threads), &worker.holds});
+  return out;
+}
+
+uint32_t Roster::HolderOf(uint32_t block, uint32_t but) const {
+  // From a place that depends on the block, so that its holders share the work.
+  const auto start = workers_.lower_bound(block % (next_id_ + 1));
+  const auto fits = [&](const auto& entry) {
+    return entry.first != but && !entry.second.serves_at.empty() && entry.second.holds.Has(block);
+  };
+  auto found = std::find_if(start, workers_.end(), fits);
+  if (found == workers_.end()) {
+    found = std::find_if(workers_.begin(), start, fits);
+    if (found == start) return 0;
+  }
+  return found->first;
+}
+
+}  // namespace quarry

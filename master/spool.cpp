@@ -1,0 +1,129 @@
+#include "master/spool.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "common/base/file.h"
+
+namespace quarry {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr size_t kMostJobBytes = 256u << 20;
+
+/// What master was killed while writing.
+void RemoveTemporaries(const fs::path& folder) {
+  std::error_code ignored;
+  for (const auto& entry : fs::directory_iterator(folder, ignored))
+    if (entry.path().filename().string().find(".tmp-") != std::string::npos)
+      fs::remove(entry.path(), ignored);
+}
+
+Result<Bytes> ReadAll(const std::string& path, uint64_t most) {
+  QUARRY_ASSIGN(const InputFile file, InputFile::Open(path));
+  if (file.size() > most) return Fail(fmt::format("{}: is larger than it can be", path));
+  Bytes bytes(file.size());
+  QUARRY_TRY(file.ReadAt(0, bytes));
+  return bytes;
+}
+
+/// Checksum, scene, job.
+Bytes PackJob(const SceneId& scene, const RenderJob& job) {
+  ByteWriter out;
+  out.PutArray(scene);
+  out.PutArray(Encode(JobRequest{job, 0}));
+  const Bytes content = out.Take();
+  ByteWriter file;
+  file.Put(Checksum(content));
+  file.PutArray(content);
+  return file.Take();
+}
+
+Result<RenderJob> UnpackJob(const SceneId& scene, std::span<const std::byte> file, bool& other_scene) {
+  ByteReader in(file);
+  const auto checksum = in.Get<uint64_t>();
+  if (file.size() < 8 + scene.size() || Checksum(file.subspan(8)) != checksum)
+    return Fail("is damaged (checksum)");
+  const auto id = in.GetSpan(scene.size());
+  other_scene = !std::equal(id.begin(), id.end(), std::as_bytes(std::span(scene)).begin());
+  QUARRY_ASSIGN(JobRequest request, DecodeJobRequest(file.subspan(8 + scene.size())));
+  return std::move(request.job);
+}
+
+}  // namespace
+
+std::string JobId(const SceneId& scene, const RenderJob& job) {
+  const Bytes packed = PackJob(scene, job);
+  return fmt::format("{:016x}", Checksum(packed));
+}
+
+std::string Spool::JobPath(const std::string& id) const { return folder_ + "/" + id + "/job"; }
+
+std::string Spool::FramePath(const std::string& id, const RenderJob& job, size_t frame) const {
+  return fmt::format("{}/{}/{:04}.{}", folder_, id, job.first_frame + frame, job.format);
+}
+
+Result<Spool> Spool::Open(const std::string& folder, const SceneId& scene) {
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) return Fail(fmt::format("{}: cannot be made: {}", folder, error.message()));
+  QUARRY_ASSIGN(FileLock lock, FileLock::Take(folder + "/jobs", "another quarry-master"));
+  for (const auto& entry : fs::directory_iterator(folder, error))
+    if (entry.is_directory()) RemoveTemporaries(entry.path());
+  if (error) return Fail(fmt::format("{}: cannot be read: {}", folder, error.message()));
+  return Spool(folder, scene, std::move(lock));
+}
+
+std::vector<Spool::Found> Spool::Jobs(const std::function<void(const std::string&)>& log) const {
+  std::vector<std::pair<fs::file_time_type, Found>> jobs;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(folder_, error)) {
+    Found found{entry.path().filename().string(), {}, {}};
+    if (!entry.is_directory() || !fs::exists(JobPath(found.id))) continue;
+    bool other_scene = false;
+    auto bytes = ReadAll(JobPath(found.id), kMostJobBytes);
+    auto job = bytes ? UnpackJob(scene_, *bytes, other_scene)
+                     : Result<RenderJob>(tl::unexpected<Error>(bytes.error()));
+    if (!job) {
+      log(fmt::format("{}: {}", JobPath(found.id), job.error().message));
+      continue;
+    }
+    if (other_scene) continue;
+    found.job = std::move(*job);
+    for (size_t f = 0; f < found.job.cameras.size(); ++f)
+      found.finished.push_back(fs::exists(FramePath(found.id, found.job, f)));
+    std::error_code ignored;
+    jobs.push_back({fs::last_write_time(JobPath(found.id), ignored), std::move(found)});
+  }
+  std::sort(jobs.begin(), jobs.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  std::vector<Found> out;
+  for (auto& [time, found] : jobs) out.push_back(std::move(found));
+  return out;
+}
+
+Status Spool::Begin(const std::string& id, const RenderJob& job) const {
+  std::error_code error;
+  fs::create_directories(folder_ + "/" + id, error);
+  if (error) return Fail(fmt::format("{}/{}: cannot be made: {}", folder_, id, error.message()));
+  SyncFolderOf(folder_ + "/" + id);
+  return WriteFileAtomically(JobPath(id), PackJob(scene_, job));
+}
+
+Status Spool::WriteFrame(const std::string& id, const RenderJob& job, size_t frame,
+                         std::span<const std::byte> image) const {
+  return WriteFileAtomically(FramePath(id, job, frame), image);
+}
+
+Result<Bytes> Spool::ReadFrame(const std::string& id, const RenderJob& job, size_t frame) const {
+  return ReadAll(FramePath(id, job, frame), 0xF0000000u);
+}
+
+void Spool::Remove(const std::string& id) const {
+  std::error_code ignored;
+  fs::remove_all(folder_ + "/" + id, ignored);
+}
+
+}  // namespace quarry

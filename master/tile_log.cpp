@@ -1,0 +1,38 @@
+#include "master/tile_log.h"
+
+#include <fmt/format.h>
+
+#include <cerrno>
+#include <nlohmann/json.hpp>
+
+namespace quarry {
+
+Result<TileLog> TileLog::Create(const std::string& path) {
+  TileLog log;
+  log.file_.reset(std::fopen(path.c_str(), "w"));
+  if (!log.file_) return Fail(fmt::format("{}: cannot be written: {}", path, ErrnoText(errno)));
+  return log;
+}
+
+void TileLog::Frame(const ActiveFrame& frame) {
+  const RenderJob& job = frame.job();
+  const CameraSpec& c = job.cameras[0];
+  const auto vector = [](const glm::dvec3& v) { return nlohmann::json{v.x, v.y, v.z}; };
+  const nlohmann::ordered_json j = {
+      {"frame", job.first_frame}, {"width", job.width}, {"height", job.height}, {"eye", vector(c.eye)},
+      {"at", vector(c.at)},       {"up", vector(c.up)}, {"fov", c.fov_degrees}, {"ortho", c.ortho_height}};
+  std::fprintf(file_.get(), "%s\n", j.dump().c_str());
+}
+
+void TileLog::Tile(const ActiveFrame& frame, const TileDone& done, const std::string& worker) {
+  const nlohmann::ordered_json j = {{"frame", frame.job().first_frame},
+                                    {"tile", done.tile},
+                                    {"worker", worker},
+                                    {"compute_us", done.compute_us},
+                                    {"rays", done.rays},
+                                    {"depth", done.depth},
+                                    {"blocks", done.blocks}};
+  std::fprintf(file_.get(), "%s\n", j.dump().c_str());
+}
+
+}  // namespace quarry

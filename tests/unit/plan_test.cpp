@@ -1,0 +1,174 @@
+#include <catch2/catch.hpp>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <set>
+
+#include "master/footprint.h"
+#include "master/scheduler.h"
+#include "master/spool.h"
+
+namespace quarry {
+namespace {
+
+struct PlanFixture {
+  std::vector<std::vector<uint32_t>> blocks;
+  std::vector<BlockSet> holds;
+  std::vector<uint32_t> bytes = std::vector<uint32_t>(1000, 100);
+  PlanInput in;
+
+  PlanFixture(size_t tiles, size_t workers) : blocks(tiles), holds(workers) {
+    for (size_t t = 0; t < tiles; ++t) in.tiles.push_back({kNoWorker, &blocks[t], 1});
+    for (uint32_t w = 0; w < workers; ++w) in.workers.push_back({w + 1, 1, &holds[w]});
+    in.block_bytes = &bytes;
+  }
+};
+
+RenderJob Looking(glm::dvec3 eye, glm::dvec3 at) {
+  RenderJob job;
+  job.width = 320;
+  job.height = 256;
+  CameraSpec camera;
+  camera.eye = eye;
+  camera.at = at;
+  camera.up = {0, 0, 1};
+  job.cameras = {camera};
+  REQUIRE(NormalizeJob(job).has_value());
+  return job;
+}
+
+}  // namespace
+
+TEST_CASE("Footprint gives tiles to who holds their blocks, whoever rendered them last") {
+  PlanFixture f(4, 2);
+  for (uint32_t t = 0; t < 4; ++t) {
+    f.blocks[t] = {10 * t, 10 * t + 1};
+    f.in.tiles[t].last_owner = t < 2 ? 1 : 2;
+    f.holds[t < 2 ? 1 : 0].Set(10 * t, true);  // the view has moved: what 1 rendered is with 2
+  }
+  CHECK(Plan(f.in, SchedulingPolicy::kLastOwner) == std::vector<uint32_t>{1, 1, 2, 2});
+  CHECK(Plan(f.in, SchedulingPolicy::kFootprint) == std::vector<uint32_t>{2, 2, 1, 1});
+}
+
+TEST_CASE("Footprint keeps expected costs near equal, though one worker holds everything") {
+  PlanFixture f(100, 4);
+  for (uint32_t t = 0; t < 100; ++t) {
+    f.blocks[t] = {t};
+    f.holds[0].Set(t, true);
+  }
+  std::map<uint32_t, int> tiles;
+  for (const uint32_t w : Plan(f.in, SchedulingPolicy::kFootprint)) ++tiles[w];
+  CHECK(tiles.size() == 4);
+  for (const auto& [w, n] : tiles) CHECK(n <= 25 * (1 + kPlanSlack));
+}
+
+TEST_CASE("A tile goes where its blocks have been promised") {
+  PlanFixture f(4, 2);
+  f.blocks = {{5}, {6}, {7}, {1, 5}};
+  f.holds[1].Set(1, true);
+  const auto plan = Plan(f.in, SchedulingPolicy::kFootprint);
+  CHECK(plan[3] == 2);  // holds a block of it
+  CHECK(plan[0] == 2);  // will have 5 by then, though the stretch is the other's
+  CHECK(plan[1] == 1);
+}
+
+TEST_CASE("Every policy plans every tile for a worker that is there; the same for the same input") {
+  for (const auto policy :
+       {SchedulingPolicy::kRandom, SchedulingPolicy::kLastOwner, SchedulingPolicy::kFootprint}) {
+    PlanFixture f(50, 3);
+    f.in.tiles[7].last_owner = 99;  // gone
+    f.in.tiles[8].blocks = nullptr;
+    const auto plan = Plan(f.in, policy);
+    std::set<uint32_t> used(plan.begin(), plan.end());
+    CHECK(used == std::set<uint32_t>{1, 2, 3});
+    CHECK(Plan(f.in, policy) == plan);
+    f.in.workers.clear();
+    CHECK(Plan(f.in, policy) == std::vector<uint32_t>(50, kNoWorker));
+  }
+}
+
+TEST_CASE("Random plans differ from frame to frame") {
+  PlanFixture f(50, 3);
+  const auto first = Plan(f.in, SchedulingPolicy::kRandom);
+  f.in.frame = 1;
+  CHECK(Plan(f.in, SchedulingPolicy::kRandom) != first);
+}
+
+TEST_CASE("A tile's blocks follow what it saw when the camera turns") {
+  FrameTrace before;
+  before.job = Looking({0, 0, 0}, {0, 10, 0});
+  before.tiles = Frame(before.job).tiles();
+  before.traces.resize(before.tiles.size());
+  size_t middle = 0;
+  for (size_t t = 0; t < before.tiles.size(); ++t) {
+    before.traces[t] = {{static_cast<uint32_t>(t)}, 10, 0.5, true};
+    if (before.tiles[t].x == 160 && before.tiles[t].y == 128) middle = t;
+  }
+  const auto same = Predict(before, before.job, before.tiles);
+  for (size_t t = 0; t < same.size(); ++t) {
+    CHECK(std::find(same[t].blocks.begin(), same[t].blocks.end(), t) != same[t].blocks.end());
+    CHECK(same[t].cost_s == Approx(0.5).epsilon(0.1));
+  }
+  // To the right: what was in the middle moves to the left of the image; at the right edge nothing is known.
+  const RenderJob turned = Looking({0, 0, 0}, {3, 10, 0});
+  const auto next = Predict(before, turned, before.tiles);
+  bool seen_left = false;
+  for (size_t t = 0; t < next.size(); ++t) {
+    const bool has = std::find(next[t].blocks.begin(), next[t].blocks.end(), middle) != next[t].blocks.end();
+    if (has) CHECK(before.tiles[t].x < 160);
+    seen_left |= has;
+    if (before.tiles[t].x == 288) CHECK_FALSE(next[t].known);
+  }
+  CHECK(seen_left);
+  // Turned round, nothing is.
+  for (const TileTrace& trace : Predict(before, Looking({0, 0, 0}, {0, -10, 0}), before.tiles))
+    CHECK_FALSE(trace.known);
+}
+
+TEST_CASE("A spool gives back jobs and frames, and leaves other scenes' and damaged ones alone") {
+  const std::string folder = (std::filesystem::temp_directory_path() / "quarry-spool-test").string();
+  std::filesystem::remove_all(folder);
+  SceneId scene{}, other{};
+  other[0] = 1;
+  RenderJob job = Looking({0, 0, 0}, {0, 1, 0});
+  job.cameras.push_back(job.cameras[0]);
+  job.first_frame = 40;
+  const std::string id = JobId(scene, job);
+  CHECK(JobId(other, job) != id);
+  std::vector<std::string> log;
+  const auto jobs = [&](const SceneId& of) {
+    const auto spool = Spool::Open(folder, of);
+    REQUIRE(spool.has_value());
+    return spool->Jobs([&](const std::string& line) { log.push_back(line); });
+  };
+  {
+    const auto spool = Spool::Open(folder, scene);
+    REQUIRE(spool.has_value());
+    CHECK_THAT(Spool::Open(folder, scene).error().message, Catch::Contains("another quarry-master"));
+    CHECK(spool->Begin(id, job).has_value());
+    const Bytes image(1000, std::byte{7});
+    CHECK(spool->WriteFrame(id, job, 1, image).has_value());
+    CHECK(*spool->ReadFrame(id, job, 1) == image);
+    CHECK_FALSE(spool->ReadFrame(id, job, 0).has_value());
+    std::ofstream(folder + "/" + id + "/0040.png.tmp-1") << "half";
+  }
+  auto found = jobs(scene);
+  REQUIRE(found.size() == 1);
+  CHECK(found[0].id == id);
+  CHECK(found[0].finished == std::vector<bool>{false, true});
+  CHECK(JobId(scene, found[0].job) == id);
+  CHECK_FALSE(std::filesystem::exists(folder + "/" + id + "/0040.png.tmp-1"));
+  CHECK(jobs(other).empty());
+  CHECK(log.empty());
+  {
+    std::fstream file(folder + "/" + id + "/job", std::ios::in | std::ios::out | std::ios::binary);
+    file.seekp(60);
+    file.put('x');
+  }
+  CHECK(jobs(scene).empty());
+  REQUIRE(log.size() == 1);
+  CHECK_THAT(log[0], Catch::Contains("damaged"));
+  std::filesystem::remove_all(folder);
+}
+
+}  // namespace quarry

@@ -1,0 +1,72 @@
+#include "worker/block_supply.h"
+
+#include <fmt/format.h>
+
+#include <utility>
+
+#include "common/net/file_source.h"
+#include "common/net/tcp_source.h"
+
+namespace quarry {
+
+BlockSupply::BlockSupply(boost::asio::io_context& io, const Catalog& catalog, const SupplyOptions& options,
+                         Holdings& holdings)
+    : io_(io),
+      catalog_(catalog),
+      holdings_(holdings),
+      idle_(options.idle),
+      sources_(io, catalog, options.give_up_after_s, options.log),
+      stored_(sources_, options.stored_bytes, holdings),
+      server_(catalog.id, stored_) {}
+
+Result<std::unique_ptr<BlockSupply>> BlockSupply::Open(boost::asio::io_context& io, const Catalog& catalog,
+                                                       const SupplyOptions& options, Holdings& holdings) {
+  std::unique_ptr<BlockSupply> supply(new BlockSupply(io, catalog, options, holdings));
+  for (const std::string& text : options.sources) QUARRY_TRY(supply->Add(text, options.master));
+  if (options.sources.empty()) QUARRY_TRY(supply->Add("master", options.master));
+  return supply;
+}
+
+Status BlockSupply::Add(const std::string& text, const Endpoint& master) {
+  QUARRY_ASSIGN(const SourceSpec spec, ParseSource(text));
+  switch (spec.kind) {
+    case SourceKind::kFile: {
+      QUARRY_ASSIGN(StoreReader store, StoreReader::Open(spec.place));
+      if (store.catalog().id != catalog_.id)
+        return Fail(fmt::format("{}: is another scene than the master's", spec.place));
+      sources_.Add(spec.kind, text, std::make_unique<FileVoxelSource>(io_, std::move(store)));
+      return {};
+    }
+    case SourceKind::kTcp:
+      sources_.Add(spec.kind, text,
+                   std::make_unique<TcpVoxelSource>(io_, spec.master ? master : spec.server, catalog_.id));
+      return {};
+    default:
+      return BadUsage(fmt::format("--source {}: is not a kind that this program has", text));
+  }
+}
+
+void BlockSupply::SetPeers(const Peers& peers) {
+  sources_.SetPeers(peers, [this](const Endpoint& endpoint) {
+    return std::make_unique<TcpVoxelSource>(io_, endpoint, catalog_.id);
+  });
+}
+
+void BlockSupply::Expect(const TileOrder& order) {
+  for (size_t i = 0; i < order.blocks.size(); ++i) {
+    const uint32_t block = order.blocks[i];
+    if (block / 2 >= catalog_.voxels.size() || catalog_.block(block).stored == 0) continue;
+    if (order.holders[i] != 0) sources_.SetHolder(block, order.holders[i]);
+    if (expected_.size() < kMostExpected) expected_.push_back(block);
+  }
+}
+
+void BlockSupply::Prefetch() {
+  while (!expected_.empty() && stored_.prefetching() < kMostPrefetching && idle_()) {
+    const uint32_t block = expected_.front();
+    expected_.pop_front();
+    if (!holdings_.Has(block)) stored_.Prefetch(block, [this] { Prefetch(); });
+  }
+}
+
+}  // namespace quarry

@@ -1,0 +1,64 @@
+#pragma once
+
+#include <deque>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "common/net/source_set.h"
+#include "worker/peer_server.h"
+#include "worker/stored_cache.h"
+
+namespace quarry {
+
+struct SupplyOptions {
+  Endpoint master;
+  std::vector<std::string> sources;  ///< as ParseSource has them
+  uint64_t stored_bytes = 0;         ///< of the StoredCache
+  double give_up_after_s = 60;
+  std::function<void(const std::string&)> log;
+  std::function<bool()> idle;  ///< whether no ray waits for a block on its way
+};
+
+/// Where a worker's blocks come from: its stored ones, other workers, the scene's sources; and what it gives
+/// to other workers. Used from the io_context's thread.
+class BlockSupply {
+ public:
+  /// Errors: a source that cannot be (a file that is not the scene, an address that is none).
+  static Result<std::unique_ptr<BlockSupply>> Open(boost::asio::io_context& io, const Catalog& catalog,
+                                                   const SupplyOptions& options, Holdings& holdings);
+
+  VoxelSource& source() { return stored_; }
+  /// Serves other workers from now on. Errors: as Listener::Open's.
+  Status Serve(const Endpoint& endpoint) { return server_.Listen(io_, endpoint); }
+  uint16_t serves_at() const { return server_.port(); }
+
+  void SetPeers(const Peers& peers);
+  /// What a tile is expected to need.
+  void Expect(const TileOrder& order);
+  /// While the link is idle, fetches what is expected to be needed.
+  void Prefetch();
+  /// Forgets what was expected.
+  void ClearExpected() { expected_.clear(); }
+
+  const SourceSet::Counters& counters() const { return sources_.counters(); }
+  const StoredCache::Counters& stored() const { return stored_.counters(); }
+
+ private:
+  static constexpr size_t kMostExpected = 1u << 14, kMostPrefetching = 4;
+  BlockSupply(boost::asio::io_context& io, const Catalog& catalog, const SupplyOptions& options,
+              Holdings& holdings);
+  Status Add(const std::string& text, const Endpoint& master);
+
+  boost::asio::io_context& io_;
+  const Catalog& catalog_;
+  Holdings& holdings_;
+  std::function<bool()> idle_;
+  SourceSet sources_;
+  StoredCache stored_;
+  PeerServer server_;
+  std::deque<uint32_t> expected_;
+};
+
+}  // namespace quarry

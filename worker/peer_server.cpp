@@ -1,0 +1,51 @@
+#include "worker/peer_server.h"
+
+#include "common/protocol/messages.h"
+
+namespace quarry {
+
+Status PeerServer::Listen(boost::asio::io_context& io, const Endpoint& endpoint) {
+  QUARRY_ASSIGN(listener_,
+                Listener::Open(io, endpoint, [this](std::shared_ptr<Connection> c) { OnConnection(c); }));
+  return {};
+}
+
+PeerServer::~PeerServer() {
+  for (const auto& c : newcomers_) c->Close();
+  for (const auto& c : peers_) c->Close();
+}
+
+void PeerServer::OnConnection(const std::shared_ptr<Connection>& c) {
+  if (newcomers_.size() + peers_.size() >= kMostConnections) return;  // and with the last reference it closes
+  newcomers_.insert(c);
+  c->Start([this, c](const Message& m) { OnMessage(c, m); },
+           [this, c](const Error&) {
+             newcomers_.erase(c);
+             peers_.erase(c);
+           });
+}
+
+void PeerServer::OnMessage(const std::shared_ptr<Connection>& c, const Message& m) {
+  if (newcomers_.contains(c)) {
+    const auto hello = DecodeHello(m.table);
+    if (m.type != MessageType::kHello || !hello || hello->role != Role::kVoxels) return Drop(c);
+    newcomers_.erase(c);
+    peers_.insert(c);
+    return c->Send(MakeMessage(MessageType::kWelcome, Welcome{scene_, 0, {}}));
+  }
+  const auto request = DecodeBlockRequest(m.table);
+  if (m.type != MessageType::kBlockRequest || !request || c->queued_bytes() > kMaxQueuedBytes) return Drop(c);
+  if (const Bytes* block = blocks_.Find(request->block)) {
+    bytes_served_ += block->size();
+    return c->Send({MessageType::kBlock, m.request, {}, *block});
+  }
+  c->Send(MakeMessage(MessageType::kFailure, Failure{"this worker does not have the block"}, m.request));
+}
+
+void PeerServer::Drop(const std::shared_ptr<Connection>& c) {
+  newcomers_.erase(c);
+  peers_.erase(c);
+  c->Close();
+}
+
+}  // namespace quarry
