@@ -11,6 +11,7 @@ Result<TileLog> TileLog::Create(const std::string& path) {
   TileLog log;
   log.file_.reset(std::fopen(path.c_str(), "w"));
   if (!log.file_) return Fail(fmt::format("{}: cannot be written: {}", path, ErrnoText(errno)));
+  std::setvbuf(log.file_.get(), nullptr, _IOLBF, 1 << 16);  // whole lines, however the master ends
   return log;
 }
 

@@ -1,0 +1,121 @@
+"""Clusters for the experiments: a master, voxel servers and workers, on loopback or each in a network namespace with a
+link and a processor of its own."""
+import json
+import os
+import pathlib
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+
+BIN = pathlib.Path(os.environ.get("QUARRY_BIN", pathlib.Path(__file__).parents[2] / "build/release/bin"))
+
+
+class Cluster:
+    """Processes that were started together, and end together. Use with `with`."""
+
+    def __init__(self, store, place=None):
+        self.store, self.place, self.processes = store, place, []
+        self.folder = tempfile.TemporaryDirectory(prefix="quarry-cluster-")
+        self.options = []
+        if place:
+            secret = pathlib.Path(self.folder.name) / "secret"
+            secret.write_bytes(os.urandom(32).hex().encode())
+            secret.chmod(0o600)
+            self.options = ["--secret-file", str(secret)]
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        for process in reversed(self.processes):
+            if process.poll() is None:
+                process.send_signal(signal.SIGCONT)
+                process.terminate()
+        for process in self.processes:
+            try:
+                process.wait(timeout=10)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+            process.stdout.close()
+        self.folder.cleanup()
+
+    def start(self, host, program, *arguments, options=None):
+        """Starts a program at a host of the place (loopback without one), its log in the cluster's folder."""
+        command = [str(BIN / program), *map(str, arguments), *(self.options if options is None else options)]
+        if self.place:
+            command = self.place.command(host, command)
+        log = open(pathlib.Path(self.folder.name) / f"{host}-{len(self.processes)}.log", "wb")
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log, text=True)
+        log.close()
+        if self.place:
+            self.place.adopt(host, process)
+        self.processes.append(process)
+        return process
+
+    def listen_at(self, host):
+        return (self.place.address(host) if self.place else "127.0.0.1") + ":0"
+
+    def server(self, host, *arguments):
+        """A master or a voxel server; returns its address."""
+        process = self.start(host, "quarry-master", self.store, "--listen", self.listen_at(host), *arguments)
+        match = re.match(r"listening (\S+)", process.stdout.readline())
+        if not match:
+            raise RuntimeError(f"{host} does not listen: {self.logs()}")
+        return match.group(1)
+
+    def worker(self, host, master, *arguments):
+        return self.start(host, "quarry-worker", "--master", master, "--name", host, "--threads", 1, *arguments)
+
+    def render(self, host, master, output, stats, *arguments):
+        """Renders and returns the statistics of its frames."""
+        process = self.start(host, "quarry", "render", self.store, "-o", output, "--master", master, "--stats", stats, "--quiet",
+                             *arguments)
+        if process.wait() != 0:
+            raise RuntimeError(f"the render failed: {self.logs()}")
+        return json.loads(pathlib.Path(stats).read_text())
+
+    def logs(self):
+        return "\n".join(path.name + ": " + path.read_text(errors="replace")[-800:]
+                         for path in sorted(pathlib.Path(self.folder.name).glob("*.log")))
+
+
+def info(store):
+    return json.loads(subprocess.run([str(BIN / "quarry"), "info", store, "--json"], check=True, capture_output=True).stdout)
+
+
+def received_bytes(stats):
+    """Bytes of voxels that have come to the workers, all together, up to the last frame."""
+    return sum(worker["voxel_bytes_received"] for worker in stats["frames"][-1]["workers"])
+
+
+def path_of_frames(path, frames, output):
+    """A camera path made of some of another's frames."""
+    cameras = json.loads(pathlib.Path(path).read_text())
+    cameras["frames"] = [cameras["frames"][f] for f in frames]
+    pathlib.Path(output).write_text(json.dumps(cameras))
+    return output
+
+
+def read_tile_log(path):
+    """(frames, tiles) of a file written by --trace."""
+    frames, tiles = [], []
+    for line in open(path):
+        entry = json.loads(line)
+        (tiles if "tile" in entry else frames).append(entry)
+    return frames, tiles
+
+
+def say(text):
+    print(text, file=sys.stderr, flush=True)
+
+
+def wait_for(condition, limit_s, what):
+    end = time.monotonic() + limit_s
+    while not condition():
+        if time.monotonic() > end:
+            raise RuntimeError(f"{what}: not within {limit_s} s")
+        time.sleep(0.05)
