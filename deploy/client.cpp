@@ -14,8 +14,8 @@ class Client {
   Client(const SceneId& scene, const RenderJob& job, const RenderCallbacks& callbacks)
       : scene_(scene), job_(job), callbacks_(callbacks), timer_(io_), frames_left_(job.cameras.size()) {}
 
-  Status Run(const Endpoint& master) {
-    Connect(io_, master, [this](Result<std::shared_ptr<Connection>> result) {
+  Status Run(const Endpoint& master, const Security& security) {
+    Connect(io_, master, security, [this](Result<std::shared_ptr<Connection>> result) {
       if (!result) return End(tl::unexpected<Error>(result.error()));
       connection_ = std::move(*result);
       connection_->Start([this](Message m) { OnMessage(std::move(m)); },
@@ -102,10 +102,10 @@ class Client {
 
 }  // namespace
 
-Status RenderRemotely(const Endpoint& master, const SceneId& scene, const RenderJob& job,
-                      const RenderCallbacks& callbacks) {
+Status RenderRemotely(const Endpoint& master, const Security& security, const SceneId& scene,
+                      const RenderJob& job, const RenderCallbacks& callbacks) {
   Client client(scene, job, callbacks);
-  return client.Run(master);
+  return client.Run(master, security);
 }
 
 }  // namespace quarry

@@ -17,10 +17,10 @@ struct RenderCallbacks {
   std::function<Status()> check;
 };
 
-/// Sends `job` to the master and waits for its frames. `scene` must be the scene that the master serves.
-/// Errors: out of reach, another scene, the master's own sentence, the connection lost, and what the
-/// callbacks return.
-Status RenderRemotely(const Endpoint& master, const SceneId& scene, const RenderJob& job,
-                      const RenderCallbacks& callbacks);
+/// Connects as `security` says, sends `job` to the master and waits for its frames. `scene` must be the scene
+/// that the master serves. Errors: out of reach, another scene, the master's own sentence, the connection
+/// lost, and what the callbacks return.
+Status RenderRemotely(const Endpoint& master, const Security& security, const SceneId& scene,
+                      const RenderJob& job, const RenderCallbacks& callbacks);
 
 }  // namespace quarry

@@ -10,6 +10,7 @@
 
 #include "common/base/file.h"
 #include "common/base/progress.h"
+#include "common/net/security_options.h"
 #include "common/voxel/store_reader.h"
 #include "deploy/client.h"
 #include "deploy/cluster.h"
@@ -173,6 +174,7 @@ void AddRenderOptions(CLI::App& c, RenderArguments& a) {
   c.add_option("--aov", a.aov, "Layers of EXRs: depth,normal,uv,primitive,material,part,voxel");
   c.add_option("--stats", a.stats, "Write statistics as JSON to this file");
   c.add_option("--master", a.master, "Use the cluster of the master at HOST:PORT")->envname("QUARRY_MASTER");
+  AddSecurityOptions(c, a.security);
   c.add_flag("--quiet", a.quiet, "Print errors only");
 }
 
@@ -180,6 +182,9 @@ Status Render(const RenderArguments& a) {
   const auto start = std::chrono::steady_clock::now();
   RenderJob job;
   QUARRY_TRY(ParseImage(a, job));
+  // The environment speaks of the cluster that --master names, not of one for this command alone.
+  const SecurityOptions security_options = a.master.empty() ? a.security : WithEnvironment(a.security);
+  QUARRY_ASSIGN(const Security security, Security::ForClient(security_options));
   QUARRY_ASSIGN(const std::string scene, StoreFor(a.scene, a.quiet));
   QUARRY_ASSIGN(const StoreReader store, StoreReader::Open(scene));
   QUARRY_TRY(ParseLights(a, store.catalog().meta, job));
@@ -191,7 +196,7 @@ Status Render(const RenderArguments& a) {
   std::unique_ptr<LocalCluster> cluster;
   Endpoint master;
   if (a.master.empty()) {
-    QUARRY_ASSIGN(cluster, LocalCluster::Start({scene, a.workers, a.threads, a.cache}));
+    QUARRY_ASSIGN(cluster, LocalCluster::Start({scene, a.workers, a.threads, a.cache, security_options}));
     master = cluster->master();
   } else {
     QUARRY_ASSIGN(master, ParseEndpoint(a.master, "--master"));
@@ -210,7 +215,7 @@ Status Render(const RenderArguments& a) {
     frames.push_back(nlohmann::ordered_json::parse(done.statistics, nullptr, false));
     return WriteFileAtomically(FramePath(a, done.frame), image);
   };
-  QUARRY_TRY(RenderRemotely(master, store.catalog().id, job, callbacks));
+  QUARRY_TRY(RenderRemotely(master, security, store.catalog().id, job, callbacks));
   progress.Update(1, 1);
   progress.End();
   const double wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

@@ -3,6 +3,7 @@
 #include <string>
 
 #include "common/base/status.h"
+#include "common/net/security.h"
 
 namespace CLI {
 class App;
@@ -22,6 +23,7 @@ struct RenderArguments {
   uint64_t seed = 0;
   double exposure = 0;
   std::string stats, master;
+  SecurityOptions security;
   bool quiet = false;
 };
 

@@ -55,8 +55,8 @@ class Server {
   }
 
   Status Run() {
-    QUARRY_ASSIGN(listener_,
-                  Listener::Open(io_, options_.listen, [this](ConnectionPtr c) { OnConnection(c); }));
+    QUARRY_ASSIGN(listener_, Listener::Open(io_, options_.listen, options_.security,
+                                            [this](ConnectionPtr c) { OnConnection(c); }));
     fmt::print("listening {}:{}\n", options_.listen.host, listener_->port());
     std::fflush(stdout);
     Tick();
@@ -85,7 +85,7 @@ class Server {
     c->Send(MakeMessage(MessageType::kFailure, Failure{sentence}));
     c->Close();
     newcomers_.erase(c);
-    OnGone(c, Error{sentence});
+    OnGone(c, Error{fmt::format("{} is dropped: {}", c->peer(), sentence)});
   }
 
   /// Every message after the first: by role. `c` keeps itself alive by its handlers.
@@ -138,6 +138,7 @@ class Server {
       HandOut();
       return;
     }
+    Log(error.message);
     if (!jobs_.empty() && jobs_.front().client == c) frame_.reset();
     std::erase_if(jobs_, [&](const Job& job) { return job.client == c; });
     if (!frame_) NextFrame();

@@ -12,6 +12,7 @@ namespace quarry {
 struct MasterOptions {
   std::string scene;
   Endpoint listen{"127.0.0.1", 0};
+  Security security;        ///< of every connection
   bool serve_only = false;  ///< voxels only: no workers, no jobs
   bool quiet = false;
 };

@@ -30,7 +30,7 @@ struct SceneState {
         cache(
             catalog, options.cache_bytes, [this, &io] { ScheduleLoader(io); },
             [this, &io] { ScheduleLoader(io); }),
-        source(io, options.master, catalog.id, options.retry_s),
+        source(io, options.master, options.security, catalog.id, options.retry_s),
         loader(catalog, cache, source, std::move(on_error)),
         engine(catalog, cache, options.threads, std::move(on_tile)) {}
 
@@ -69,7 +69,7 @@ class Session {
   }
 
   void TryConnect() {
-    Connect(io_, options_.master, [this](Result<std::shared_ptr<Connection>> result) {
+    Connect(io_, options_.master, options_.security, [this](Result<std::shared_ptr<Connection>> result) {
       if (!result) return OnLost(result.error());
       connection_ = std::move(*result);
       connection_->Start([this](Message m) { OnMessage(std::move(m)); },

@@ -10,6 +10,7 @@ namespace quarry {
 
 struct WorkerOptions {
   Endpoint master;
+  Security security;  ///< of every connection
   uint64_t cache_bytes = 256ull << 20;
   unsigned threads = 1;
   std::string name;

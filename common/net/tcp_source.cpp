@@ -16,11 +16,16 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
     uint32_t block;
     Done done;
   };
-  Impl(boost::asio::io_context& context, Endpoint e, SceneId id, double limit)
-      : io(context), server(std::move(e)), scene(id), give_up_after(limit), timer(context) {}
+  Impl(boost::asio::io_context& context, Endpoint e, Security s, SceneId id, double limit)
+      : io(context),
+        server(std::move(e)),
+        security(std::move(s)),
+        scene(id),
+        give_up_after(limit),
+        timer(context) {}
 
   void Reconnect() {
-    Connect(io, server, [self = shared_from_this()](Result<std::shared_ptr<Connection>> result) {
+    Connect(io, server, security, [self = shared_from_this()](Result<std::shared_ptr<Connection>> result) {
       if (self->stopped) return;
       if (!result) return self->Lost(result.error());
       self->connection = *result;
@@ -37,7 +42,8 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
     const auto now = std::chrono::steady_clock::now();
     if (!lost) lost_since = now;
     lost = true;
-    if (std::chrono::duration<double>(now - lost_since).count() > give_up_after) return FailAll(error);
+    if (error.permanent || std::chrono::duration<double>(now - lost_since).count() > give_up_after)
+      return FailAll(error);
     timer.expires_after(std::chrono::seconds(1));
     timer.async_wait([self = shared_from_this()](const boost::system::error_code& e) {
       if (!e && !self->stopped) self->Reconnect();
@@ -77,6 +83,7 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
 
   boost::asio::io_context& io;
   Endpoint server;
+  Security security;
   SceneId scene;
   double give_up_after;
   boost::asio::steady_timer timer;
@@ -87,9 +94,9 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
   std::chrono::steady_clock::time_point lost_since;
 };
 
-TcpVoxelSource::TcpVoxelSource(boost::asio::io_context& io, Endpoint server, SceneId scene,
+TcpVoxelSource::TcpVoxelSource(boost::asio::io_context& io, Endpoint server, Security security, SceneId scene,
                                double give_up_after_s)
-    : impl_(std::make_shared<Impl>(io, std::move(server), scene, give_up_after_s)) {
+    : impl_(std::make_shared<Impl>(io, std::move(server), std::move(security), scene, give_up_after_s)) {
   impl_->Reconnect();
 }
 

@@ -15,7 +15,8 @@ namespace quarry {
 /// asked for is asked for once more.
 class TcpVoxelSource final : public VoxelSource {
  public:
-  TcpVoxelSource(boost::asio::io_context& io, Endpoint server, SceneId scene, double give_up_after_s);
+  TcpVoxelSource(boost::asio::io_context& io, Endpoint server, Security security, SceneId scene,
+                 double give_up_after_s);
   ~TcpVoxelSource() override;
   void Fetch(uint32_t block, Done done) override;
 
