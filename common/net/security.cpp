@@ -179,7 +179,7 @@ bool IsAboutCertificate(int alert) {
 }
 
 std::string CertificateText(SSL* connection) {
-  return fmt::format("its certificate does not fit: {}",
+  return fmt::format("shows a certificate that does not fit: {}",
                      X509_verify_cert_error_string(SSL_get_verify_result(connection)));
 }
 
