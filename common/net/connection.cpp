@@ -1,3 +1,6 @@
+// Longer than most: listener and connecting both make the template that plain and TLS connections share, and
+// Asio stays out of headers.
+
 #include "common/net/connection.h"
 
 #include <fmt/format.h>

@@ -1,6 +1,5 @@
 #include "common/net/connection.h"
 
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <boost/asio/connect.hpp>
