@@ -17,9 +17,10 @@ namespace asio = boost::asio;
 
 class Client {
  public:
-  Client(const Endpoint& master, const SceneId& scene, const RenderJob& job, const RenderCallbacks& callbacks,
-         double retry_s)
+  Client(const Endpoint& master, const Security& security, const SceneId& scene, const RenderJob& job,
+         const RenderCallbacks& callbacks, double retry_s)
       : master_(master),
+        security_(security),
         scene_(scene),
         job_(job),
         callbacks_(callbacks),
@@ -41,7 +42,7 @@ class Client {
   }
 
   void Reach() {
-    Connect(io_, master_, [this](Result<std::shared_ptr<Connection>> result) {
+    Connect(io_, master_, security_, [this](Result<std::shared_ptr<Connection>> result) {
       if (!result) return OnLost(result.error());
       connection_ = std::move(*result);
       received_ = 0;
@@ -165,6 +166,7 @@ class Client {
   }
 
   const Endpoint& master_;
+  const Security& security_;
   const SceneId& scene_;
   const RenderJob& job_;
   const RenderCallbacks& callbacks_;
@@ -182,9 +184,9 @@ class Client {
 
 }  // namespace
 
-Status RenderRemotely(const Endpoint& master, const SceneId& scene, const RenderJob& job,
-                      const RenderCallbacks& callbacks, double retry_s) {
-  Client client(master, scene, job, callbacks, retry_s);
+Status RenderRemotely(const Endpoint& master, const Security& security, const SceneId& scene,
+                      const RenderJob& job, const RenderCallbacks& callbacks, double retry_s) {
+  Client client(master, security, scene, job, callbacks, retry_s);
   return client.Run();
 }
 

@@ -22,6 +22,7 @@ class Child {
   Child(const std::string& program, const std::vector<std::string>& arguments)
       : environment_(boost::this_process::environment()) {
     environment_["QUARRY_PARENT"] = std::to_string(::getpid());
+    for (const SecurityOptionName& name : SecurityOptionNames()) environment_.erase(name.variable);
     child_ = bp::child(program, bp::args(arguments), bp::std_out > out_, bp::std_err > err_,
                        bp::std_in < bp::null, environment_);
     reader_ = std::thread([this] { ReadErrors(); });
@@ -85,10 +86,17 @@ Result<std::unique_ptr<LocalCluster>> LocalCluster::Start(const Options& options
   unsigned threads = options.threads;
   if (threads == 0)
     threads = std::max(1u, std::thread::hardware_concurrency() / std::max(1u, options.workers));
+  std::vector<std::string> for_all{"--quiet"};
+  for (const SecurityOptionName& name : SecurityOptionNames())
+    if (const std::string& value = options.security.*name.field; !value.empty())
+      for_all.insert(for_all.end(), {name.flag, value});
+  const auto with = [&](std::vector<std::string> arguments) {
+    arguments.insert(arguments.end(), for_all.begin(), for_all.end());
+    return arguments;
+  };
   try {
-    impl->master = std::make_unique<Child>(
-        SiblingProgram("quarry-master"),
-        std::vector<std::string>{options.scene, "--listen", "127.0.0.1:0", "--quiet"});
+    impl->master = std::make_unique<Child>(SiblingProgram("quarry-master"),
+                                           with({options.scene, "--listen", "127.0.0.1:0"}));
     std::string line;
     if (!impl->master->ReadLine(line) || line.rfind("listening ", 0) != 0) {
       while (impl->master->Running()) std::this_thread::sleep_for(std::chrono::milliseconds(5));
@@ -100,9 +108,8 @@ Result<std::unique_ptr<LocalCluster>> LocalCluster::Start(const Options& options
     for (unsigned i = 0; i < options.workers; ++i)
       impl->workers.push_back(std::make_unique<Child>(
           SiblingProgram("quarry-worker"),
-          std::vector<std::string>{"--master", line.substr(10), "--cache", options.cache, "--threads",
-                                   std::to_string(threads), "--name", fmt::format("local-{}", i + 1),
-                                   "--peers", "off", "--quiet"}));
+          with({"--master", line.substr(10), "--cache", options.cache, "--threads", std::to_string(threads),
+                "--name", fmt::format("local-{}", i + 1), "--peers", "off"})));
   } catch (const std::exception& e) {
     return Fail(fmt::format("cannot start a program of the cluster: {}", e.what()));
   }

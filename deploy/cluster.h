@@ -18,6 +18,7 @@ class LocalCluster {
     unsigned workers = 1;
     unsigned threads = 0;  ///< per worker; 0: the machine's processors shared out
     std::string cache = "256M";
+    SecurityOptions security;  ///< as given to this command; what the environment says is for other clusters
   };
   /// Waits for the master to listen. Errors: a program cannot be started; the master's own sentence.
   static Result<std::unique_ptr<LocalCluster>> Start(const Options& options);

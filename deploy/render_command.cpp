@@ -10,6 +10,7 @@
 
 #include "common/base/file.h"
 #include "common/base/progress.h"
+#include "common/net/security_options.h"
 #include "common/voxel/store_reader.h"
 #include "deploy/client.h"
 #include "deploy/cluster.h"
@@ -176,6 +177,7 @@ void AddRenderOptions(CLI::App& c, RenderArguments& a) {
   c.add_option("--retry", a.retry_s, "Seconds for which a lost master or a full disk is tried again")
       ->check(CLI::Range(0.0, 1e6))
       ->capture_default_str();
+  AddSecurityOptions(c, a.security);
   c.add_flag("--quiet", a.quiet, "Print errors only");
 }
 
@@ -183,6 +185,9 @@ Status Render(const RenderArguments& a) {
   const auto start = std::chrono::steady_clock::now();
   RenderJob job;
   QUARRY_TRY(ParseImage(a, job));
+  // The environment speaks of the cluster that --master names, not of one for this command alone.
+  const SecurityOptions security_options = a.master.empty() ? a.security : WithEnvironment(a.security);
+  QUARRY_ASSIGN(const Security security, Security::ForClient(security_options));
   QUARRY_ASSIGN(const std::string scene, StoreFor(a.scene, a.quiet));
   QUARRY_ASSIGN(const StoreReader store, StoreReader::Open(scene));
   QUARRY_TRY(ParseLights(a, store.catalog().meta, job));
@@ -194,7 +199,7 @@ Status Render(const RenderArguments& a) {
   std::unique_ptr<LocalCluster> cluster;
   Endpoint master;
   if (a.master.empty()) {
-    QUARRY_ASSIGN(cluster, LocalCluster::Start({scene, a.workers, a.threads, a.cache}));
+    QUARRY_ASSIGN(cluster, LocalCluster::Start({scene, a.workers, a.threads, a.cache, security_options}));
     master = cluster->master();
   } else {
     QUARRY_ASSIGN(master, ParseEndpoint(a.master, "--master"));
@@ -214,7 +219,7 @@ Status Render(const RenderArguments& a) {
     return WriteFileAtomically(FramePath(a, done.frame), image);
   };
   callbacks.say = [&](const std::string& line) { progress.Say(line); };
-  QUARRY_TRY(RenderRemotely(master, store.catalog().id, job, callbacks, a.retry_s));
+  QUARRY_TRY(RenderRemotely(master, security, store.catalog().id, job, callbacks, a.retry_s));
   progress.Update(1, 1);
   progress.End();
   const double wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

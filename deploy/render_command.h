@@ -3,6 +3,7 @@
 #include <string>
 
 #include "common/base/status.h"
+#include "common/net/security.h"
 
 namespace CLI {
 class App;
@@ -23,6 +24,7 @@ struct RenderArguments {
   double exposure = 0;
   std::string stats, master;
   double retry_s = 60;
+  SecurityOptions security;
   bool quiet = false;
 };
 

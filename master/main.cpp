@@ -6,14 +6,17 @@
 #include "common/base/cpu_check.h"
 #include "common/base/resource.h"
 #include "common/base/version.h"
+#include "common/net/security_options.h"
 #include "master/server.h"
 
 namespace quarry {
 namespace {
 
-Status Run(MasterOptions options, const std::string& listen, const std::string& schedule) {
+Status Run(MasterOptions options, const SecurityOptions& security, const std::string& listen,
+           const std::string& schedule) {
   QUARRY_ASSIGN(options.listen, ParseEndpoint(listen, "--listen"));
   QUARRY_ASSIGN(options.policy, ParsePolicy(schedule));
+  QUARRY_ASSIGN(options.security, Security::ForServer(WithEnvironment(security)));
   return RunMaster(options);
 }
 
@@ -23,15 +26,18 @@ int Main(int argc, char** argv) {
   EndWithParent();
   InstallSignalHandlers("quarry-master", "finished frames are with whoever asked for them");
   MasterOptions options;
+  SecurityOptions security;
   std::string listen = "127.0.0.1:9000", schedule = "footprint";
   CLI::App app{"Serves a scene's voxels, hands out tiles to workers and puts frames together."};
   app.footer(
       "Examples:\n  quarry-master plant.quarry --listen 127.0.0.1:9000\n"
       "  quarry-master plant.quarry --listen 127.0.0.1:0 --serve-only\n"
-      "  quarry-master plant.quarry --source 127.0.0.1:9001 --source 127.0.0.1:9002 --spool jobs");
+      "  quarry-master plant.quarry --source 127.0.0.1:9001 --source 127.0.0.1:9002 --spool jobs\n"
+      "  quarry-master plant.quarry --listen 0.0.0.0:9000 --secret-file quarry.secret");
   app.set_version_flag("--version", std::string("quarry-master ") + kVersion);
   app.add_option("scene", options.scene, "The scene store")->required();
-  app.add_option("--listen", listen, "HOST:PORT (loopback; port 0 takes a free one)")
+  app.add_option("--listen", listen,
+                 "HOST:PORT (port 0 takes a free one; beyond loopback only with a secret or certificates)")
       ->envname("QUARRY_LISTEN")
       ->capture_default_str();
   app.add_flag("--serve-only", options.serve_only, "Serve voxels and nothing else");
@@ -45,13 +51,14 @@ int Main(int argc, char** argv) {
                  "Keep jobs and finished frames in this folder: started again, the master goes on with them");
   app.add_option("--trace", options.trace,
                  "Write what each tile touched and cost to this file, a JSON object a line");
+  AddSecurityOptions(app, security);
   app.add_flag("--quiet", options.quiet, "Print errors only");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? 0 : 2;
   }
-  const Status status = Run(options, listen, schedule);
+  const Status status = Run(options, security, listen, schedule);
   if (status) return 0;
   fmt::print(stderr, "quarry-master: {}\n", status.error().message);
   return status.error().exit_status;

@@ -77,8 +77,8 @@ class Server {
   }
 
   Status Run() {
-    QUARRY_ASSIGN(listener_,
-                  Listener::Open(io_, options_.listen, [this](ConnectionPtr c) { OnConnection(c); }));
+    QUARRY_ASSIGN(listener_, Listener::Open(io_, options_.listen, options_.security,
+                                            [this](ConnectionPtr c) { OnConnection(c); }));
     fmt::print("listening {}:{}\n", options_.listen.host, listener_->port());
     std::fflush(stdout);
     if (spool_) TakeUpJobs();
@@ -109,7 +109,7 @@ class Server {
     c->Send(MakeMessage(MessageType::kFailure, Failure{sentence}));
     c->Close();
     newcomers_.erase(c);
-    OnGone(c, Error{sentence});
+    OnGone(c, Error{fmt::format("{} is dropped: {}", c->peer(), sentence)});
   }
 
   void OnAny(const ConnectionPtr& c, const Message& m) {
@@ -172,6 +172,7 @@ class Server {
     for (auto& job : jobs_)
       if (std::erase_if(job->clients, [&](const Job::Client& client) { return client.connection == c; }) > 0)
         job->alone_since_s = Now();
+    Log(error.message);
   }
 
   // --- voxels

@@ -19,6 +19,7 @@ struct MasterOptions {
   SchedulingPolicy policy = SchedulingPolicy::kFootprint;
   std::string spool;  ///< folder that keeps jobs and finished frames; empty: none is kept
   std::string trace;  ///< file for what each tile touched and cost; empty: none
+  Security security;  ///< of every connection
   bool quiet = false;
 };
 

@@ -15,6 +15,8 @@ BlockSupply::BlockSupply(boost::asio::io_context& io, const Catalog& catalog, co
       catalog_(catalog),
       holdings_(holdings),
       idle_(options.idle),
+      security_(options.security),
+      serving_(options.serving),
       sources_(io, catalog, options.give_up_after_s, options.log),
       stored_(sources_, options.stored_bytes, holdings),
       server_(catalog.id, stored_) {}
@@ -38,8 +40,9 @@ Status BlockSupply::Add(const std::string& text, const Endpoint& master) {
       return {};
     }
     case SourceKind::kTcp:
-      sources_.Add(spec.kind, text,
-                   std::make_unique<TcpVoxelSource>(io_, spec.master ? master : spec.server, catalog_.id));
+      sources_.Add(
+          spec.kind, text,
+          std::make_unique<TcpVoxelSource>(io_, spec.master ? master : spec.server, security_, catalog_.id));
       return {};
     default:
       return BadUsage(fmt::format("--source {}: is not a kind that this program has", text));
@@ -48,7 +51,7 @@ Status BlockSupply::Add(const std::string& text, const Endpoint& master) {
 
 void BlockSupply::SetPeers(const Peers& peers) {
   sources_.SetPeers(peers, [this](const Endpoint& endpoint) {
-    return std::make_unique<TcpVoxelSource>(io_, endpoint, catalog_.id);
+    return std::make_unique<TcpVoxelSource>(io_, endpoint, security_, catalog_.id);
   });
 }
 

@@ -14,6 +14,7 @@ namespace quarry {
 
 struct SupplyOptions {
   Endpoint master;
+  Security security, serving;        ///< toward masters and servers; toward workers that ask
   std::vector<std::string> sources;  ///< as ParseSource has them
   uint64_t stored_bytes = 0;         ///< of the StoredCache
   double give_up_after_s = 60;
@@ -31,7 +32,7 @@ class BlockSupply {
 
   VoxelSource& source() { return stored_; }
   /// Serves other workers from now on. Errors: as Listener::Open's.
-  Status Serve(const Endpoint& endpoint) { return server_.Listen(io_, endpoint); }
+  Status Serve(const Endpoint& endpoint) { return server_.Listen(io_, endpoint, serving_); }
   uint16_t serves_at() const { return server_.port(); }
 
   void SetPeers(const Peers& peers);
@@ -55,6 +56,7 @@ class BlockSupply {
   const Catalog& catalog_;
   Holdings& holdings_;
   std::function<bool()> idle_;
+  const Security security_, serving_;
   SourceSet sources_;
   StoredCache stored_;
   PeerServer server_;

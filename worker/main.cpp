@@ -10,15 +10,24 @@
 #include "common/base/size.h"
 #include "common/base/version.h"
 #include "common/kdtree/kernels.h"
+#include "common/net/security_options.h"
 #include "worker/session.h"
 
 namespace quarry {
 namespace {
 
-Status Run(WorkerOptions options, const std::string& master, const std::string& cache) {
+Status Run(WorkerOptions options, const SecurityOptions& security, const std::string& master,
+           const std::string& cache) {
   if (Kernels().empty())
     return BadUsage("QUARRY_ISA names no instruction set that this processor has: scalar, avx2 or avx512");
   QUARRY_ASSIGN(options.master, ParseEndpoint(master, "--master"));
+  QUARRY_ASSIGN(options.security, Security::ForClient(WithEnvironment(security)));
+  if (auto serving = Security::ForServer(WithEnvironment(security)))
+    options.serving = std::move(*serving);
+  else if (options.peers == "auto")
+    options.peers = "off";
+  else if (options.peers != "off")
+    return tl::unexpected<Error>(serving.error());
   QUARRY_ASSIGN(options.cache_bytes, ParseSize(cache, "--cache"));
   return RunWorker(options);
 }
@@ -29,6 +38,7 @@ int Main(int argc, char** argv) {
   EndWithParent();
   InstallSignalHandlers("quarry-worker", "its tiles go to other workers");
   WorkerOptions options;
+  SecurityOptions security;
   options.threads = std::max(1u, std::thread::hardware_concurrency());
   options.name = fmt::format("worker-{}", ::getpid());
   std::string master, cache = "256M";
@@ -60,13 +70,14 @@ int Main(int argc, char** argv) {
                  "Seconds for which a master or a voxel out of reach is tried again")
       ->check(CLI::Range(0.0, 1e6))
       ->capture_default_str();
+  AddSecurityOptions(app, security);
   app.add_flag("--quiet", options.quiet, "Print errors only");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? 0 : 2;
   }
-  const Status status = Run(options, master, cache);
+  const Status status = Run(options, security, master, cache);
   if (status) return 0;
   fmt::print(stderr, "quarry-worker: {}\n", status.error().message);
   return status.error().exit_status;

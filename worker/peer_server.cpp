@@ -4,9 +4,9 @@
 
 namespace quarry {
 
-Status PeerServer::Listen(boost::asio::io_context& io, const Endpoint& endpoint) {
-  QUARRY_ASSIGN(listener_,
-                Listener::Open(io, endpoint, [this](std::shared_ptr<Connection> c) { OnConnection(c); }));
+Status PeerServer::Listen(boost::asio::io_context& io, const Endpoint& endpoint, const Security& security) {
+  QUARRY_ASSIGN(listener_, Listener::Open(io, endpoint, security,
+                                          [this](std::shared_ptr<Connection> c) { OnConnection(c); }));
   return {};
 }
 

@@ -18,7 +18,7 @@ class PeerServer {
 
   PeerServer(const SceneId& scene, StoredCache& blocks) : scene_(scene), blocks_(blocks) {}
   /// Errors: as Listener::Open's.
-  Status Listen(boost::asio::io_context& io, const Endpoint& endpoint);
+  Status Listen(boost::asio::io_context& io, const Endpoint& endpoint, const Security& security);
   uint16_t port() const { return listener_ ? listener_->port() : 0; }
   uint64_t bytes_served() const { return bytes_served_; }
   ~PeerServer();

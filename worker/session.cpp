@@ -93,7 +93,7 @@ class Session {
   }
 
   void TryConnect() {
-    Connect(io_, options_.master, [this](Result<std::shared_ptr<Connection>> result) {
+    Connect(io_, options_.master, options_.security, [this](Result<std::shared_ptr<Connection>> result) {
       if (!result) return OnLost(result.error());
       connection_ = std::move(*result);
       connection_->Start([this](Message m) { OnMessage(std::move(m)); },
@@ -188,6 +188,8 @@ class Session {
               io_, [this, done, pixels = std::move(pixels)]() mutable { SendTile(done, std::move(pixels)); });
         });
     SupplyOptions supply_options{options_.master,
+                                 options_.security,
+                                 options_.serving,
                                  sources_,
                                  scene->stored_bytes,
                                  options_.retry_s,

@@ -11,14 +11,16 @@ namespace quarry {
 
 struct WorkerOptions {
   Endpoint master;
+  Security security;  ///< of the connections to the master, to voxel servers and to other workers
+  Security serving;   ///< of other workers' connections to this one
   uint64_t cache_bytes = 256ull << 20;
   unsigned threads = 1;
   std::string name;
-  double retry_s =
-      60;  ///< how long an unreachable master, or a block, is tried for, at first and after a loss
+  double retry_s = 60;               ///< how long a master or a block out of reach is tried for
   std::vector<std::string> sources;  ///< where blocks come from; empty: as the master says
-  std::string peers =
-      "auto";  ///< where other workers are served: HOST:PORT, "auto" (where the master is reached), "off"
+  /// Where other workers are served: HOST:PORT, "auto" (where the master is reached, unless certificates are
+  /// in use and this worker has none to show), "off".
+  std::string peers = "auto";
   bool quiet = false;
 };
 

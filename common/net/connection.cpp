@@ -1,6 +1,10 @@
+// Longer than most: listener and connecting both make the template that plain and TLS connections share, and
+// Asio stays out of headers.
+
 #include "common/net/connection.h"
 
 #include <fmt/format.h>
+#include <openssl/ssl.h>
 
 #include <array>
 #include <atomic>
@@ -8,10 +12,12 @@
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/read.hpp>
+#include <boost/asio/ssl.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <boost/asio/write.hpp>
 #include <charconv>
 #include <deque>
+#include <type_traits>
 #include <utility>
 
 namespace quarry {
@@ -21,37 +27,81 @@ namespace asio = boost::asio;
 using asio::ip::tcp;
 using ErrorCode = boost::system::error_code;
 
-constexpr auto kHandshakeTime = std::chrono::seconds(10);
+constexpr auto kOpeningTime = std::chrono::seconds(10);  // for handshake, preamble and greeting together
+constexpr auto kClosingTime = std::chrono::seconds(10);  // for what is queued
+constexpr auto kNotifyTime = std::chrono::seconds(1);    // for TLS's farewell
+constexpr size_t kMaxNewcomers = 64;
+constexpr size_t kMaxGreetingBytes = 64 << 10;
+
+using TlsStream = asio::ssl::stream<tcp::socket>;
 
 std::string EndpointText(const tcp::endpoint& e) {
   const std::string host = e.address().to_string();
   return e.address().is_v6() ? fmt::format("[{}]:{}", host, e.port()) : fmt::format("{}:{}", host, e.port());
 }
 
-class TcpConnection final : public Connection {
+template <class Stream>
+Stream MakeStream(tcp::socket socket, const Security& security) {
+  if constexpr (std::is_same_v<Stream, TlsStream>) {
+    SSL_CTX_up_ref(security.context());
+    asio::ssl::context context(security.context());
+    return TlsStream(std::move(socket), context);
+  } else {
+    return socket;
+  }
+}
+
+/// A TLS record where a preamble should be: an alert or a handshake.
+bool IsTlsRecord(std::span<const std::byte> bytes) {
+  return bytes.size() >= 2 && (bytes[0] == std::byte{0x15} || bytes[0] == std::byte{0x16}) &&
+         bytes[1] == std::byte{3};
+}
+
+/// What a listener still does with a connection that it has handed out.
+class AcceptedConnection : public Connection {
  public:
-  explicit TcpConnection(tcp::socket socket)
-      : socket_(std::move(socket)), handshake_(socket_.get_executor()) {
+  /// Open, and its first message has not come yet.
+  virtual bool newcomer() const = 0;
+  /// Closes at once and tells on_close.
+  virtual void Drop(std::string message, bool permanent) = 0;
+};
+
+/// Stream: tcp::socket, or TlsStream, which differs in the handshake at its start and the farewell at its
+/// end. `host`: whom a client wants to reach; empty at the side that has accepted.
+template <class Stream>
+class StreamConnection final : public AcceptedConnection {
+  static constexpr bool kTls = std::is_same_v<Stream, TlsStream>;
+
+ public:
+  StreamConnection(tcp::socket socket, Security security, std::string host)
+      : stream_(MakeStream<Stream>(std::move(socket), security)),
+        security_(std::move(security)),
+        host_(std::move(host)),
+        deadline_(stream_.get_executor()) {
     ErrorCode ignored;
-    socket_.set_option(tcp::no_delay(true), ignored);
-    const auto remote = socket_.remote_endpoint(ignored);
+    stream_.lowest_layer().set_option(tcp::no_delay(true), ignored);
+    const auto remote = stream_.lowest_layer().remote_endpoint(ignored);
     peer_ = ignored ? "?" : EndpointText(remote);
   }
 
   void Start(OnMessage on_message, OnClose on_close) override {
     on_message_ = std::move(on_message);
     on_close_ = std::move(on_close);
-    asio::post(socket_.get_executor(), [self = Self()] {
-      self->outgoing_.push_front(EncodePreamble());
-      if (!self->writing_) self->WriteNext();
-      self->ReadPreamble();
+    asio::post(stream_.get_executor(), [self = Self()] {
+      if (self->closed_) return;
+      self->SetDeadline(kOpeningTime);
+      if constexpr (kTls) {
+        self->Handshake();
+      } else {
+        self->Greet();
+      }
     });
   }
 
   void Send(Message message) override {
     const uint64_t bytes = kFrameHeaderBytes + message.table.size() + message.raw.size();
     queued_ += bytes;
-    asio::post(socket_.get_executor(), [self = Self(), bytes, message = std::move(message)]() mutable {
+    asio::post(stream_.get_executor(), [self = Self(), bytes, message = std::move(message)]() mutable {
       if (self->closed_ || self->closing_) {
         self->queued_ -= bytes;
         return;
@@ -65,73 +115,141 @@ class TcpConnection final : public Connection {
   }
 
   void Close() override {
-    asio::post(socket_.get_executor(), [self = Self()] {
+    asio::post(stream_.get_executor(), [self = Self()] {
+      if (self->closed_ || self->closing_) return;
       self->closing_ = true;
       self->on_message_ = nullptr;
       self->on_close_ = nullptr;
-      if (!self->writing_ && self->outgoing_.empty()) self->Shut();
+      self->SetDeadline(kClosingTime);
+      if (!self->writing_ && self->outgoing_.empty()) self->SayFarewell();
     });
   }
 
-  uint64_t queued_bytes() const override { return queued_; }
-  uint64_t received_bytes() const override { return received_; }
-  const std::string& peer() const override { return peer_; }
-  std::string local_host() const override {
-    ErrorCode ignored;
-    return socket_.local_endpoint(ignored).address().to_string();
-  }
-
- private:
-  std::shared_ptr<TcpConnection> Self() {
-    return std::static_pointer_cast<TcpConnection>(shared_from_this());
-  }
-
-  void Shut() {
-    closed_ = true;
-    handshake_.cancel();
-    ErrorCode ignored;
-    socket_.shutdown(tcp::socket::shutdown_both, ignored);
-    socket_.close(ignored);
-  }
-
-  void Drop(std::string message, bool permanent = false) {
+  void Drop(std::string message, bool permanent) override {
     if (closed_) return;
-    handshake_.cancel();
     Shut();
     outgoing_.clear();
     // Moved out first: the handler may let go of this connection.
     OnClose handler = std::move(on_close_);
     on_close_ = nullptr;
     on_message_ = nullptr;
-    if (handler) handler(Error{std::move(message), 1, permanent});
+    if (handler) handler(Error{fmt::format("{} {}", peer_, message), 1, permanent});
+  }
+
+  bool newcomer() const override { return !closed_ && !greeted_; }
+  uint64_t queued_bytes() const override { return queued_; }
+  uint64_t received_bytes() const override { return received_; }
+  std::string local_host() const override {
+    ErrorCode ignored;
+    return stream_.lowest_layer().local_endpoint(ignored).address().to_string();
+  }
+  const std::string& peer() const override { return peer_; }
+
+ private:
+  std::shared_ptr<StreamConnection> Self() {
+    return std::static_pointer_cast<StreamConnection>(shared_from_this());
+  }
+  bool accepted() const { return host_.empty(); }
+
+  /// Until the greeting: the other side is dropped. After Close: what is not sent by then is not sent.
+  void SetDeadline(std::chrono::seconds time) {
+    deadline_.expires_after(time);
+    deadline_.async_wait([self = Self()](const ErrorCode& error) {
+      if (error || (self->greeted_ && !self->closing_)) return;
+      self->Drop("does not answer", false);
+    });
+  }
+
+  void SetGreeted() {
+    if (std::exchange(greeted_, true) || closing_) return;
+    deadline_.cancel();
+  }
+
+  void Shut() {
+    closed_ = true;
+    deadline_.cancel();
+    ErrorCode ignored;
+    stream_.lowest_layer().shutdown(tcp::socket::shutdown_both, ignored);
+    stream_.lowest_layer().close(ignored);
+  }
+
+  /// Everything is sent. A TLS connection tells so; the other side need not answer.
+  void SayFarewell() {
+    if constexpr (kTls) {
+      if (ready_) {
+        SetDeadline(kNotifyTime);
+        return stream_.async_shutdown([self = Self()](const ErrorCode&) { self->Shut(); });
+      }
+    }
+    Shut();
   }
 
   void DropOn(const ErrorCode& error) {
-    Drop(error == asio::error::eof || error == asio::error::connection_reset
-             ? fmt::format("{} closed the connection", peer_)
-             : fmt::format("connection to {}: {}", peer_, error.message()));
+    if (error == asio::error::eof || error == asio::error::connection_reset ||
+        error == asio::error::broken_pipe || error == asio::ssl::error::stream_truncated)
+      return Drop("closed the connection", false);
+    if constexpr (kTls) {
+      // A client learns here, after its own handshake, that the server does not take its certificate.
+      if (!greeted_ && error.category() == asio::error::get_ssl_category()) return DropOnHandshake(error);
+    }
+    Drop(fmt::format("is lost: {}", error.message()), false);
   }
 
-  void ReadPreamble() {
-    handshake_.expires_after(kHandshakeTime);
-    handshake_.async_wait([self = Self()](const ErrorCode& error) {
-      if (!error) self->Drop(fmt::format("{} does not answer", self->peer_));
-    });
-    asio::async_read(socket_, asio::buffer(preamble_), [self = Self()](const ErrorCode& error, size_t) {
+  // --- the beginning
+
+  void Handshake() {
+    const auto side = accepted() ? asio::ssl::stream_base::server : asio::ssl::stream_base::client;
+    if (!accepted()) security_.ExpectHost(stream_.native_handle(), host_);
+    stream_.async_handshake(side, [self = Self()](const ErrorCode& error) {
+      if (self->closed_) return;
       if (error) return self->DropOn(error);
-      self->handshake_.cancel();
+      if (!self->security_.Proved(self->stream_.native_handle()))
+        return self->Drop("has finished the TLS handshake without proving itself", true);
+      self->Greet();
+    });
+  }
+
+  void DropOnHandshake(const ErrorCode& error) {
+    const auto code = static_cast<uint32_t>(error.value());
+    // OpenSSL says nothing to who does not speak TLS; a person at a Quarry program without it should know
+    // why.
+    constexpr std::array<unsigned char, 7> kAlert = {0x15, 3, 3, 0, 2, 2, 70};  // fatal, protocol version
+    ErrorCode ignored;
+    if (accepted() && Security::IsNotTls(code)) stream_.next_layer().send(asio::buffer(kAlert), 0, ignored);
+    Drop(security_.Explain(stream_.native_handle(), code), true);
+  }
+
+  void Greet() {
+    ready_ = true;
+    outgoing_.push_front(EncodePreamble());
+    WriteNext();
+    asio::async_read(stream_, asio::buffer(preamble_), [self = Self()](const ErrorCode& error, size_t n) {
+      if (self->closed_) return;
+      if (!kTls && IsTlsRecord(std::span(self->preamble_).first(n)))
+        return self->Drop(
+            self->accepted()
+                ? "speaks TLS; this side was started without --secret-file or certificates"
+                : "asks for TLS; give --secret-file, or --tls-ca, --tls-cert and --tls-key, as it "
+                  "was started with",
+            true);
+      if (error) return self->DropOn(error);
       if (const Status status = CheckPreamble(self->preamble_); !status)
-        return self->Drop(fmt::format("{}: {}", self->peer_, status.error().message), true);
+        return self->Drop(fmt::format("cannot be understood: {}", status.error().message), true);
+      if (!self->accepted()) self->SetGreeted();
       self->ReadHeader();
     });
   }
 
+  // --- reading
+
   void ReadHeader() {
-    asio::async_read(socket_, asio::buffer(header_), [self = Self()](const ErrorCode& error, size_t n) {
+    asio::async_read(stream_, asio::buffer(header_), [self = Self()](const ErrorCode& error, size_t n) {
       if (error) return self->DropOn(error);
       self->received_ += n;
       const auto header = DecodeFrameHeader(self->header_);
-      if (!header) return self->Drop(fmt::format("{}: {}", self->peer_, header.error().message));
+      if (!header) return self->Drop(fmt::format("cannot be understood: {}", header.error().message), false);
+      if (!self->greeted_ && uint64_t{header->table_bytes} + header->raw_bytes > kMaxGreetingBytes)
+        return self->Drop("began with a message that is too large for a greeting", false);
       self->incoming_ = {header->type, header->request, Bytes(header->table_bytes), {}};
       self->raw_bytes_ = header->raw_bytes;
       self->raw_have_ = 0;
@@ -140,7 +258,7 @@ class TcpConnection final : public Connection {
   }
 
   void ReadTable() {
-    asio::async_read(socket_, asio::buffer(incoming_.table),
+    asio::async_read(stream_, asio::buffer(incoming_.table),
                      [self = Self()](const ErrorCode& error, size_t n) {
                        if (error) return self->DropOn(error);
                        self->received_ += n;
@@ -154,7 +272,7 @@ class TcpConnection final : public Connection {
     if (raw_have_ == raw_bytes_) return Deliver();
     if (raw_have_ == incoming_.raw.size())
       incoming_.raw.resize(std::min<size_t>(raw_bytes_, incoming_.raw.size() + kStep));
-    socket_.async_read_some(asio::buffer(incoming_.raw.data() + raw_have_, incoming_.raw.size() - raw_have_),
+    stream_.async_read_some(asio::buffer(incoming_.raw.data() + raw_have_, incoming_.raw.size() - raw_have_),
                             [self = Self()](const ErrorCode& error, size_t n) {
                               if (error) return self->DropOn(error);
                               self->received_ += n;
@@ -164,26 +282,34 @@ class TcpConnection final : public Connection {
   }
 
   void Deliver() {
+    SetGreeted();
     if (on_message_) on_message_(std::exchange(incoming_, {}));
     if (!closed_ && !closing_) ReadHeader();
   }
 
+  // --- writing
+
   void WriteNext() {
-    if (closed_ || outgoing_.empty()) return;
+    if (!ready_ || closed_ || outgoing_.empty()) return;
     writing_ = true;
-    asio::async_write(socket_, asio::buffer(outgoing_.front()),
+    asio::async_write(stream_, asio::buffer(outgoing_.front()),
                       [self = Self()](const ErrorCode& error, size_t n) {
                         self->writing_ = false;
+                        if (self->closed_) return;
+                        // Who does not want this side may have said why: reading tells.
+                        if (error && !self->greeted_ && !self->closing_) return;
                         if (error) return self->DropOn(error);
                         self->queued_ -= std::min<uint64_t>(self->queued_, n);
                         self->outgoing_.pop_front();
-                        if (self->outgoing_.empty() && self->closing_) return self->Shut();
+                        if (self->outgoing_.empty() && self->closing_) return self->SayFarewell();
                         self->WriteNext();
                       });
   }
 
-  tcp::socket socket_;
-  asio::steady_timer handshake_;
+  Stream stream_;
+  const Security security_;
+  const std::string host_;
+  asio::steady_timer deadline_;
   std::string peer_;
   OnMessage on_message_;
   OnClose on_close_;
@@ -194,13 +320,24 @@ class TcpConnection final : public Connection {
   uint64_t received_ = 0;
   std::deque<Bytes> outgoing_;
   std::atomic<uint64_t> queued_{0};
+  bool ready_ = false;    ///< past the handshake: bytes may go out
+  bool greeted_ = false;  ///< the preamble has come; at the side that accepted, the first message too
   bool writing_ = false, closing_ = false, closed_ = false;
 };
 
+std::shared_ptr<AcceptedConnection> MakeConnection(tcp::socket socket, const Security& security,
+                                                   const std::string& host) {
+  if (security.tls()) return std::make_shared<StreamConnection<TlsStream>>(std::move(socket), security, host);
+  return std::make_shared<StreamConnection<tcp::socket>>(std::move(socket), security, host);
+}
+
 class TcpListener final : public Listener {
  public:
-  TcpListener(tcp::acceptor acceptor, OnConnection on_connection)
-      : acceptor_(std::move(acceptor)), on_connection_(std::move(on_connection)) {
+  TcpListener(tcp::acceptor acceptor, Security security, OnConnection on_connection)
+      : acceptor_(std::move(acceptor)),
+        pause_(acceptor_.get_executor()),
+        security_(std::move(security)),
+        on_connection_(std::move(on_connection)) {
     Accept();
   }
   uint16_t port() const override { return acceptor_.local_endpoint().port(); }
@@ -209,12 +346,41 @@ class TcpListener final : public Listener {
   void Accept() {
     acceptor_.async_accept([this](const ErrorCode& error, tcp::socket socket) {
       if (error == asio::error::operation_aborted) return;
-      if (!error) on_connection_(std::make_shared<TcpConnection>(std::move(socket)));
+      if (error) return AcceptLater();
+      DropOldNewcomers();
+      auto connection = MakeConnection(std::move(socket), security_, {});
+      newcomers_.push_back(connection);
+      on_connection_(connection);
       Accept();
     });
   }
+
+  /// No more files may be opened, say.
+  void AcceptLater() {
+    pause_.expires_after(std::chrono::milliseconds(100));
+    pause_.async_wait([this](const ErrorCode& error) {
+      if (!error) Accept();
+    });
+  }
+
+  /// Makes place for one more: whoever has been silent for longest goes.
+  void DropOldNewcomers() {
+    std::erase_if(newcomers_, [](const std::weak_ptr<AcceptedConnection>& weak) {
+      const auto connection = weak.lock();
+      return !connection || !connection->newcomer();
+    });
+    while (newcomers_.size() >= kMaxNewcomers) {
+      const auto oldest = newcomers_.front().lock();
+      newcomers_.pop_front();
+      if (oldest) oldest->Drop(fmt::format("is dropped: {} others wait to be greeted", kMaxNewcomers), false);
+    }
+  }
+
   tcp::acceptor acceptor_;
+  asio::steady_timer pause_;
+  Security security_;
   OnConnection on_connection_;
+  std::deque<std::weak_ptr<AcceptedConnection>> newcomers_;
 };
 
 /// One attempt to connect, with its time limit.
@@ -242,7 +408,7 @@ Result<Endpoint> ParseEndpoint(const std::string& text, const std::string& what)
   return BadUsage(fmt::format("{} is not HOST:PORT: '{}'", what, text));
 }
 
-void Connect(asio::io_context& io, const Endpoint& endpoint,
+void Connect(asio::io_context& io, const Endpoint& endpoint, const Security& security,
              std::function<void(Result<std::shared_ptr<Connection>>)> done) {
   auto attempt = std::make_shared<Attempt>(io);
   const std::string name = fmt::format("{}:{}", endpoint.host, endpoint.port);
@@ -254,9 +420,10 @@ void Connect(asio::io_context& io, const Endpoint& endpoint,
     ErrorCode ignored;
     attempt->socket.close(ignored);
   });
-  auto finish = [attempt, name, done = std::move(done)](const ErrorCode& error) {
+  auto finish = [attempt, name, security, host = endpoint.host,
+                 done = std::move(done)](const ErrorCode& error) {
     attempt->timer.cancel();
-    if (!error) return done(std::make_shared<TcpConnection>(std::move(attempt->socket)));
+    if (!error) return done(MakeConnection(std::move(attempt->socket), security, host));
     done(Fail(fmt::format("cannot reach {}: {}", name, attempt->timed_out ? "no answer" : error.message())));
   };
   attempt->resolver.async_resolve(
@@ -269,16 +436,17 @@ void Connect(asio::io_context& io, const Endpoint& endpoint,
 }
 
 Result<std::unique_ptr<Listener>> Listener::Open(asio::io_context& io, const Endpoint& endpoint,
-                                                 OnConnection on_connection) {
+                                                 const Security& security, OnConnection on_connection) {
   const std::string name = fmt::format("{}:{}", endpoint.host, endpoint.port);
   ErrorCode error;
   const auto found = tcp::resolver(io).resolve(endpoint.host, std::to_string(endpoint.port), error);
   if (error || found.empty()) return Fail(fmt::format("cannot listen at {}: {}", name, error.message()));
   const tcp::endpoint address = found.begin()->endpoint();
-  if (!address.address().is_loopback())
+  if (!security.tls() && !address.address().is_loopback())
     return BadUsage(
-        fmt::format("will not listen at {}: connections are not encrypted yet, so only loopback addresses "
-                    "(127.0.0.1, ::1) are served; use an SSH tunnel between machines",
+        fmt::format("will not listen at {}, which is not a loopback address, without encryption; give "
+                    "--secret-file F, the same on every machine ('openssl rand -hex 32' makes a secret), or "
+                    "--tls-cert, --tls-key and --tls-ca",
                     name));
   tcp::acceptor acceptor(io);
   acceptor.open(address.protocol(), error);
@@ -286,7 +454,7 @@ Result<std::unique_ptr<Listener>> Listener::Open(asio::io_context& io, const End
   if (!error) acceptor.bind(address, error);
   if (!error) acceptor.listen(asio::socket_base::max_listen_connections, error);
   if (error) return Fail(fmt::format("cannot listen at {}: {}", name, error.message()));
-  return std::make_unique<TcpListener>(std::move(acceptor), std::move(on_connection));
+  return std::make_unique<TcpListener>(std::move(acceptor), security, std::move(on_connection));
 }
 
 }  // namespace quarry

@@ -65,9 +65,8 @@ struct SourceView {
   double mean_answer_s = 0;  ///< 0 while not known
   bool open = true;          ///< not waiting after a failure, and not asked for this block already
 };
-/// The first open source in `order`, unless another open one answers in less than half its time and saves more than
-/// kWorthS. `order`
-/// names sources by index. Returns -1 when none is open.
+/// The first open source in `order`, unless another open one answers in less than half its time and saves
+/// more than kWorthS. `order` names sources by index. Returns -1 when none is open.
 inline constexpr double kWorthS = 2e-3;
 int ChooseSource(std::span<const uint32_t> order, std::span<const SourceView> sources);
 

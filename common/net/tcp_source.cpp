@@ -17,12 +17,12 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
     uint32_t block;
     Done done;
   };
-  Impl(boost::asio::io_context& context, Endpoint e, SceneId id)
-      : io(context), server(std::move(e)), scene(id), watch(context) {}
+  Impl(boost::asio::io_context& context, Endpoint e, Security s, SceneId id)
+      : io(context), server(std::move(e)), security(std::move(s)), scene(id), watch(context) {}
 
   void Reach() {
     reaching = true;
-    Connect(io, server, [self = shared_from_this()](Result<std::shared_ptr<Connection>> result) {
+    Connect(io, server, security, [self = shared_from_this()](Result<std::shared_ptr<Connection>> result) {
       self->reaching = false;
       if (self->stopped) return;
       if (!result) return self->Lost(result.error());
@@ -89,6 +89,7 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
 
   boost::asio::io_context& io;
   Endpoint server;
+  Security security;
   SceneId scene;
   boost::asio::steady_timer watch;
   std::shared_ptr<Connection> connection;
@@ -98,8 +99,8 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
   bool owes = false;  ///< requests were waiting when the watch last looked
 };
 
-TcpVoxelSource::TcpVoxelSource(boost::asio::io_context& io, Endpoint server, SceneId scene)
-    : impl_(std::make_shared<Impl>(io, std::move(server), scene)) {}
+TcpVoxelSource::TcpVoxelSource(boost::asio::io_context& io, Endpoint server, Security security, SceneId scene)
+    : impl_(std::make_shared<Impl>(io, std::move(server), std::move(security), scene)) {}
 
 TcpVoxelSource::~TcpVoxelSource() {
   impl_->stopped = true;

@@ -15,7 +15,7 @@ namespace quarry {
 class TcpVoxelSource final : public VoxelSource {
  public:
   static constexpr double kStallS = 5;
-  TcpVoxelSource(boost::asio::io_context& io, Endpoint server, SceneId scene);
+  TcpVoxelSource(boost::asio::io_context& io, Endpoint server, Security security, SceneId scene);
   ~TcpVoxelSource() override;
   void Fetch(uint32_t block, Done done) override;
 

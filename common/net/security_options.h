@@ -1,0 +1,15 @@
+#pragma once
+
+#include "common/net/security.h"
+
+namespace CLI {
+class App;
+}
+
+namespace quarry {
+
+/// --secret-file, --tls-cert, --tls-key and --tls-ca of a program, into `options`. What the environment says
+/// is added after parsing, by WithEnvironment.
+void AddSecurityOptions(CLI::App& command, SecurityOptions& options);
+
+}  // namespace quarry

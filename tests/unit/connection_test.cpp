@@ -1,0 +1,240 @@
+#include "common/net/connection.h"
+
+#include <unistd.h>
+
+#include <boost/asio/connect.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/read.hpp>
+#include <boost/asio/write.hpp>
+#include <catch2/catch.hpp>
+#include <chrono>
+#include <cstdlib>
+#include <fstream>
+#include <optional>
+
+#include "common/protocol/messages.h"
+
+namespace quarry {
+namespace {
+
+namespace asio = boost::asio;
+using asio::ip::tcp;
+using ConnectionPtr = std::shared_ptr<Connection>;
+
+SecurityOptions Secret(char fill) {
+  char path[] = "/tmp/quarry-secret-XXXXXX";
+  const int fd = ::mkstemp(path);  // of mode 600
+  REQUIRE(fd >= 0);
+  const std::string text(32, fill);
+  REQUIRE(::write(fd, text.data(), text.size()) == 32);
+  ::close(fd);
+  return {path, {}, {}, {}};
+}
+
+Security WithSecret(char fill, bool server) {
+  const SecurityOptions options = Secret(fill);
+  const auto security = server ? Security::ForServer(options) : Security::ForClient(options);
+  ::unlink(options.secret_file.c_str());
+  REQUIRE(security.has_value());
+  return *security;
+}
+
+/// One end of a connection and what has come to it.
+struct End {
+  ConnectionPtr connection;
+  std::vector<Message> messages;
+  std::optional<Error> closed;
+
+  void Start(ConnectionPtr c) {
+    connection = std::move(c);
+    connection->Start([this](Message m) { messages.push_back(std::move(m)); },
+                      [this](const Error& e) { closed = e; });
+  }
+};
+
+/// A listener and those who connect to it; each side on an io_context of its own, so that one can stand
+/// still.
+struct Network {
+  explicit Network(Security security) {
+    auto opened = Listener::Open(server_io, {"127.0.0.1", 0}, security, [this](ConnectionPtr c) {
+      accepted.push_back(std::make_unique<End>());
+      accepted.back()->Start(std::move(c));
+    });
+    REQUIRE(opened.has_value());
+    listener = std::move(*opened);
+  }
+
+  /// Runs both sides until `done`, or for a minute.
+  template <class Done>
+  bool Run(Done done) {
+    const auto end = std::chrono::steady_clock::now() + std::chrono::minutes(1);
+    while (!done() && std::chrono::steady_clock::now() < end) {
+      server_io.restart();
+      client_io.restart();
+      server_io.run_for(std::chrono::milliseconds(1));
+      client_io.run_for(std::chrono::milliseconds(1));
+    }
+    return done();
+  }
+
+  End& ConnectTo(const Security& security) {
+    clients.push_back(std::make_unique<End>());
+    End& end = *clients.back();
+    Connect(client_io, {"127.0.0.1", listener->port()}, security, [&end](Result<ConnectionPtr> c) {
+      if (c) {
+        end.Start(*c);
+      } else {
+        end.closed = c.error();
+      }
+    });
+    return end;
+  }
+
+  asio::io_context server_io, client_io;
+  std::vector<std::unique_ptr<End>> accepted, clients;
+  std::unique_ptr<Listener> listener;
+};
+
+Message Greeting() { return MakeMessage(MessageType::kHello, Hello{Role::kVoxels, "test", 0}); }
+
+Message Block(size_t size, uint64_t request) {
+  Message m{MessageType::kBlock, request, {}, Bytes(size)};
+  for (size_t i = 0; i < size; ++i) m.raw[i] = static_cast<std::byte>(i * 31 + request);
+  return m;
+}
+
+}  // namespace
+
+TEST_CASE("Messages come as they were sent, plain and by TLS") {
+  const bool tls = GENERATE(false, true);
+  Network network(tls ? WithSecret('a', true) : Security());
+  End& client = network.ConnectTo(tls ? WithSecret('a', false) : Security());
+  REQUIRE(network.Run([&] { return client.connection && !network.accepted.empty(); }));
+  End& server = *network.accepted[0];
+  client.connection->Send(Greeting());
+  for (uint64_t i = 0; i < 4; ++i) {
+    client.connection->Send(Block(20'000'000 + i, i));
+    server.connection->Send(Block(3'000'000 + i, i));
+  }
+  REQUIRE(network.Run([&] { return server.messages.size() == 5 && client.messages.size() == 4; }));
+  CHECK(DecodeHello(server.messages[0].table)->name == "test");
+  for (uint64_t i = 0; i < 4; ++i) {
+    CHECK(
+        (server.messages[i + 1].request == i && server.messages[i + 1].raw == Block(20'000'000 + i, i).raw));
+    CHECK((client.messages[i].request == i && client.messages[i].raw == Block(3'000'000 + i, i).raw));
+  }
+  CHECK(client.connection->queued_bytes() == 0);
+}
+
+TEST_CASE("Close sends what is queued first") {
+  const bool tls = GENERATE(false, true);
+  Network network(tls ? WithSecret('a', true) : Security());
+  End& client = network.ConnectTo(tls ? WithSecret('a', false) : Security());
+  REQUIRE(network.Run([&] { return client.connection != nullptr; }));
+  client.connection->Send(Greeting());
+  client.connection->Send(Block(40'000'000, 7));
+  client.connection->Close();
+  REQUIRE(network.Run([&] { return network.accepted.size() == 1 && network.accepted[0]->closed; }));
+  REQUIRE(network.accepted[0]->messages.size() == 2);
+  CHECK(network.accepted[0]->messages[1].raw == Block(40'000'000, 7).raw);
+  CHECK_THAT(network.accepted[0]->closed->message, Catch::Contains("closed the connection"));
+  CHECK_FALSE(client.closed);
+}
+
+TEST_CASE("Close does not wait for a peer that no longer answers or reads") {
+  const auto [tls, queued] = GENERATE(table<bool, size_t>({{false, 0}, {true, 0}, {true, 60'000'000}}));
+  Network network(tls ? WithSecret('a', true) : Security());
+  End& client = network.ConnectTo(tls ? WithSecret('a', false) : Security());
+  REQUIRE(network.Run([&] { return client.connection != nullptr; }));
+  client.connection->Send(Greeting());
+  REQUIRE(
+      network.Run([&] { return network.accepted.size() == 1 && network.accepted[0]->messages.size() == 1; }));
+  // From here on the client's side stands still.
+  End& server = *network.accepted[0];
+  const std::weak_ptr<Connection> watched = server.connection;
+  if (queued) server.connection->Send(Block(queued, 1));
+  server.connection->Close();
+  server.connection.reset();
+  const auto end = std::chrono::steady_clock::now() + std::chrono::minutes(1);
+  while (!watched.expired() && std::chrono::steady_clock::now() < end) {
+    network.server_io.restart();
+    network.server_io.run_for(std::chrono::milliseconds(5));
+  }
+  CHECK(watched.expired());
+}
+
+TEST_CASE("Sides that do not fit together part for good, and others go on") {
+  const Security secret = WithSecret('a', true);
+  struct Case {
+    Security server, client;
+    const char *at_server, *at_client;
+  };
+  const Case cases[] = {
+      {secret, WithSecret('b', false), "has another secret", "does not take this side's secret"},
+      {secret, Security(), "does not speak TLS", "asks for TLS"},
+      {Security(), WithSecret('a', false), "speaks TLS", "does not speak TLS"},
+  };
+  for (const Case& c : cases) {
+    INFO(c.at_server);
+    Network network(c.server);
+    End& stranger = network.ConnectTo(c.client);
+    REQUIRE(network.Run([&] { return stranger.connection != nullptr; }));
+    stranger.connection->Send(Greeting());
+    End& friendly = network.ConnectTo(c.server.tls() ? WithSecret('a', false) : Security());
+    REQUIRE(network.Run([&] { return friendly.connection != nullptr; }));
+    friendly.connection->Send(Greeting());
+    REQUIRE(network.Run([&] {
+      return network.accepted.size() == 2 && network.accepted[0]->closed && stranger.closed &&
+             network.accepted[1]->messages.size() == 1;
+    }));
+    CHECK_THAT(network.accepted[0]->closed->message, Catch::Contains(c.at_server));
+    CHECK_THAT(stranger.closed->message, Catch::Contains(c.at_client));
+    CHECK(stranger.closed->permanent);
+    CHECK(network.accepted[0]->messages.empty());
+    CHECK(stranger.messages.empty());
+    CHECK_FALSE(friendly.closed);
+  }
+}
+
+TEST_CASE("Of more than 64 that have not greeted the oldest is dropped") {
+  Network network{Security()};
+  std::vector<tcp::socket> idle;
+  End& greeted = network.ConnectTo({});
+  REQUIRE(network.Run([&] { return greeted.connection != nullptr; }));
+  greeted.connection->Send(Greeting());
+  REQUIRE(
+      network.Run([&] { return network.accepted.size() == 1 && network.accepted[0]->messages.size() == 1; }));
+  for (size_t i = 0; i < 66; ++i) {
+    idle.emplace_back(network.client_io);
+    idle.back().connect({asio::ip::make_address("127.0.0.1"), network.listener->port()});
+    REQUIRE(network.Run([&] { return network.accepted.size() == i + 2; }));
+  }
+  CHECK_FALSE(network.accepted[0]->closed);
+  for (size_t i = 1; i < network.accepted.size(); ++i) {
+    INFO(i);
+    CHECK(network.accepted[i]->closed.has_value() == (i <= 2));
+  }
+}
+
+TEST_CASE("A first message too large for a greeting is not read") {
+  Network network{Security()};
+  tcp::socket peer(network.client_io);
+  peer.connect({asio::ip::make_address("127.0.0.1"), network.listener->port()});
+  Message claim{MessageType::kRenderJob, 1, Bytes(1 << 20), {}};
+  asio::write(peer, asio::buffer(EncodePreamble()));
+  asio::write(peer, asio::buffer(EncodeFrameHeader(claim)));
+  REQUIRE(network.Run([&] { return network.accepted.size() == 1 && network.accepted[0]->closed; }));
+  CHECK_THAT(network.accepted[0]->closed->message, Catch::Contains("too large for a greeting"));
+}
+
+TEST_CASE("Beyond loopback a listener needs a secret") {
+  asio::io_context io;
+  const auto plain = Listener::Open(io, {"0.0.0.0", 0}, {}, [](const ConnectionPtr&) {});
+  REQUIRE_FALSE(plain.has_value());
+  CHECK(plain.error().exit_status == 2);
+  CHECK_THAT(plain.error().message, Catch::Contains("--secret-file"));
+  CHECK(Listener::Open(io, {"0.0.0.0", 0}, WithSecret('a', true), [](const ConnectionPtr&) {}).has_value());
+}
+
+}  // namespace quarry
