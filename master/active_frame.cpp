@@ -13,9 +13,7 @@ ActiveFrame::ActiveFrame(uint64_t setup, const RenderJob& job, const ActiveFrame
       owners_(frame_.tiles().size(), kNoWorker),
       expected_(frame_.tiles().size()),
       traces_(frame_.tiles().size()),
-      tile_done_(frame_.tiles().size()),
-      holders_(frame_.tiles().size()),
-      open_tiles_(static_cast<uint32_t>(frame_.tiles().size())) {
+      tile_done_(frame_.tiles().size()) {
   if (!before) return;
   expected_ = Predict(before->Trace(), job, frame_.tiles());
   // Tiles of the same place: only images of the same size have them.
@@ -44,6 +42,7 @@ void ActiveFrame::MakePlan(const std::vector<PlannedWorker>& workers,
   for (size_t t = 0; t < expected_.size(); ++t) {
     const TileTrace& trace = expected_[t];
     in.tiles.push_back({last_owners_[t], trace.known ? &trace.blocks : nullptr,
+                        trace.known ? &trace.chances : nullptr,
                         trace.known ? trace.cost_s + usual_s / 16 : usual_s});
   }
   plan_ = Plan(in, policy);
@@ -72,7 +71,6 @@ Snapshot ActiveFrame::MakeSnapshot(std::vector<WorkerView> workers, double now_s
 TileOrder ActiveFrame::Lease(const Assignment& a, double now_s) {
   const uint64_t lease = next_lease_++;
   leases_[lease] = {a.tile, a.worker, now_s};
-  if (holders_[a.tile]++ == 0) --open_tiles_;
   const Frame::Tile& tile = frame_.tiles()[a.tile];
   return {setup_, a.tile, lease, tile.x, tile.y, tile.width, tile.height, {}, {}};
 }
@@ -81,13 +79,9 @@ Result<bool> ActiveFrame::Finish(const TileDone& done, std::span<const std::byte
   const auto it = leases_.find(done.lease);
   if (done.setup != setup_ || it == leases_.end() || it->second.tile != done.tile) return false;
   const LeaseRecord lease = it->second;
-  --holders_[done.tile];
   leases_.erase(it);
   if (tile_done_[done.tile]) return false;
-  if (Status put = frame_.Put(done.tile, pixels); !put) {
-    open_tiles_ += holders_[done.tile] == 0;
-    return tl::unexpected<Error>(put.error());
-  }
+  QUARRY_TRY(frame_.Put(done.tile, pixels));
   owners_[done.tile] = lease.worker;
   tile_done_[done.tile] = true;
   ++tiles_done_;
@@ -95,23 +89,14 @@ Result<bool> ActiveFrame::Finish(const TileDone& done, std::span<const std::byte
   rays_ += done.rays;
   rays_suspended_ += done.rays_suspended;
   TileTrace& trace = traces_[done.tile];
-  trace = {{}, done.depth, static_cast<double>(done.compute_us) * 1e-6, true};
+  trace = {{}, {}, done.depth, static_cast<double>(done.compute_us) * 1e-6, true};
   traced_ += done.blocks.size();
   if (traced_ <= kMostTraced) trace.blocks = done.blocks;
   return true;
 }
 
 void ActiveFrame::Forget(uint32_t worker) {
-  for (auto it = leases_.begin(); it != leases_.end();) {
-    if (it->second.worker != worker) {
-      ++it;
-      continue;
-    }
-    ++leases_lost_;
-    const uint32_t tile = it->second.tile;
-    if (--holders_[tile] == 0 && !tile_done_[tile]) ++open_tiles_;
-    it = leases_.erase(it);
-  }
+  leases_lost_ += std::erase_if(leases_, [&](const auto& entry) { return entry.second.worker == worker; });
 }
 
 uint32_t ActiveFrame::Held(uint32_t worker) const {

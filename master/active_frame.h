@@ -28,8 +28,6 @@ class ActiveFrame {
   uint64_t rays() const { return rays_; }
   uint64_t rays_suspended() const { return rays_suspended_; }
   uint64_t leases_lost() const { return leases_lost_; }
-  /// Tiles that nobody has.
-  uint32_t open_tiles() const { return open_tiles_; }
 
   /// Plans who is to have which tile; again whenever workers come and go. `workers`: all there are.
   void MakePlan(const std::vector<PlannedWorker>& workers, const std::vector<uint32_t>& block_bytes,
@@ -38,8 +36,8 @@ class ActiveFrame {
   Snapshot MakeSnapshot(std::vector<WorkerView> workers, double now_s) const;
   /// Leases a tile to a worker.
   TileOrder Lease(const Assignment& assignment, double now_s);
-  /// What the tile is expected to touch; empty while not known.
-  const std::vector<uint32_t>& Expected(uint32_t tile) const { return expected_[tile].blocks; }
+  /// What the tile is expected to touch.
+  const TileTrace& Expected(uint32_t tile) const { return expected_[tile]; }
   /// A result. False when it was dropped: another setup, an unknown lease, or a tile that is done.
   /// Errors: pixels that do not fit.
   Result<bool> Finish(const TileDone& done, std::span<const std::byte> pixels, double now_s);
@@ -69,10 +67,9 @@ class ActiveFrame {
   std::vector<TileTrace> expected_, traces_;
   size_t traced_ = 0;
   std::vector<bool> tile_done_;
-  std::vector<uint32_t> holders_;  ///< leases by tile
   std::map<uint64_t, LeaseRecord> leases_;
   uint64_t next_lease_ = 1;
-  uint32_t tiles_done_ = 0, open_tiles_ = 0;
+  uint32_t tiles_done_ = 0;
   double tile_time_s_ = 0;  ///< from lease to result, summed over tiles done
   uint64_t rays_ = 0, rays_suspended_ = 0, leases_lost_ = 0;
 };

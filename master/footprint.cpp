@@ -59,11 +59,23 @@ double Overlap(double a0, double a1, double b0, double b1) {
   return std::max(0.0, std::min(a1, b1) - std::max(a0, b0));
 }
 
-void Merge(std::vector<uint32_t>& into, const std::vector<uint32_t>& more) {
-  std::vector<uint32_t> both;
-  both.reserve(into.size() + more.size());
-  std::set_union(into.begin(), into.end(), more.begin(), more.end(), std::back_inserter(both));
-  into = std::move(both);
+/// Adds blocks to a tile's, each as likely as the part of the tile on which they fall.
+void Merge(TileTrace& into, const TileTrace& from, float part) {
+  std::vector<uint32_t> blocks;
+  std::vector<float> chances;
+  size_t a = 0, b = 0;
+  while (a < into.blocks.size() || b < from.blocks.size()) {
+    const uint32_t ours = a < into.blocks.size() ? into.blocks[a] : ~0u;
+    const uint32_t theirs = b < from.blocks.size() ? from.blocks[b] : ~0u;
+    float chance = 0;
+    if (ours <= theirs) chance += into.chances[a++];
+    if (theirs <= ours) chance += part * (from.chances.empty() ? 1 : from.chances[b]);
+    b += theirs <= ours;
+    blocks.push_back(std::min(ours, theirs));
+    chances.push_back(std::min(1.0f, chance));
+  }
+  into.blocks = std::move(blocks);
+  into.chances = std::move(chances);
 }
 
 /// Tiles by their place in the image.
@@ -119,7 +131,7 @@ std::vector<TileTrace> Predict(const FrameTrace& before, const RenderJob& next,
       const double pixels = Overlap(r.x0, r.x1, tile.x, tile.x + tile.width) *
                             Overlap(r.y0, r.y1, tile.y, tile.y + tile.height);
       if (pixels < 1) return;
-      Merge(out[t].blocks, trace.blocks);
+      Merge(out[t], trace, static_cast<float>(pixels / (tile.width * tile.height)));
       out[t].cost_s += trace.cost_s * std::min(1.0, pixels / area);
       out[t].known = true;
       covered[t] += pixels;

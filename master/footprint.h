@@ -11,6 +11,7 @@ namespace quarry {
 /// What rendering a tile has shown: the blocks it touched, how far away what it saw was, what it cost.
 struct TileTrace {
   std::vector<uint32_t> blocks;  ///< ascending; empty while not known
+  std::vector<float> chances;    ///< of each, that it is touched; empty: all were
   float depth = 0;               ///< mean along the primary rays that hit, 0: none did
   double cost_s = 0;             ///< processor time
   bool known = false;

@@ -65,12 +65,15 @@ class FootprintPlan {
     for (const uint32_t w : found_) held_[w] = 0;
     found_.clear();
     if (!in_.tiles[tile].blocks) return;
-    for (const uint32_t block : *in_.tiles[tile].blocks) {
+    const PlannedTile& planned = in_.tiles[tile];
+    for (size_t i = 0; i < planned.blocks->size(); ++i) {
+      const uint32_t block = (*planned.blocks)[i];
+      const double chance = planned.chances && !planned.chances->empty() ? (*planned.chances)[i] : 1;
       const uint32_t bytes =
           in_.block_bytes && block < in_.block_bytes->size() ? std::max(1u, (*in_.block_bytes)[block]) : 1;
       for (const uint32_t w : holders_.Of(block)) {
         if (held_[w] == 0) found_.push_back(w);
-        held_[w] += bytes;
+        held_[w] += bytes * chance;
       }
     }
   }
@@ -148,13 +151,14 @@ std::vector<std::deque<uint32_t>> Belongings(const Snapshot& s) {
   return own;
 }
 
-/// An open tile for worker `w`: its own first, else the last of whoever has most left.
-bool Take(std::vector<std::deque<uint32_t>>& own, size_t w, uint32_t& tile) {
+/// An open tile for worker `w`: its own first, else, if it may, the last of whoever has most left.
+bool Take(std::vector<std::deque<uint32_t>>& own, size_t w, Stealing stealing, uint32_t& tile) {
   if (!own[w].empty()) {
     tile = own[w].front();
     own[w].pop_front();
     return true;
   }
+  if (stealing == Stealing::kNo) return false;
   const auto most = std::max_element(own.begin(), own.end(),
                                      [](const auto& a, const auto& b) { return a.size() < b.size(); });
   if (most->empty()) return false;
@@ -197,7 +201,7 @@ std::vector<uint32_t> Plan(const PlanInput& in, SchedulingPolicy policy) {
   return plan;
 }
 
-std::vector<Assignment> Schedule(const Snapshot& s) {
+std::vector<Assignment> Schedule(const Snapshot& s, Stealing stealing) {
   std::vector<Assignment> out;
   if (s.workers.empty() || s.tiles.empty()) return out;
   auto own = Belongings(s);
@@ -208,12 +212,13 @@ std::vector<Assignment> Schedule(const Snapshot& s) {
     gave = false;
     for (size_t w = 0; w < s.workers.size(); ++w) {
       uint32_t tile = 0;
-      if (free[w] == 0 || !Take(own, w, tile)) continue;
+      if (free[w] == 0 || !Take(own, w, stealing, tile)) continue;
       out.push_back({tile, s.workers[w].id});
       --free[w];
       gave = true;
     }
   }
+  if (stealing == Stealing::kNo) return out;
   // Nothing open is left: the oldest stragglers go to those still idle, once each.
   std::vector<uint32_t> late;
   for (uint32_t t = 0; t < s.tiles.size(); ++t)

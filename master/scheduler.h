@@ -38,6 +38,7 @@ class BlockSet {
 struct PlannedTile {
   uint32_t last_owner = kNoWorker;                ///< id of the worker that rendered it in the frame before
   const std::vector<uint32_t>* blocks = nullptr;  ///< expected to be touched; null: not known
+  const std::vector<float>* chances = nullptr;    ///< of each; null or empty: 1
   double cost = 1;                                ///< expected, in any unit
 };
 struct PlannedWorker {
@@ -92,9 +93,12 @@ struct Assignment {
   bool operator==(const Assignment&) const = default;
 };
 
-/// Which tiles to hand out now: a worker first gets its own; one with nothing of its own left takes from the
-/// end of whoever has most. When nothing is left, the oldest stragglers go to those still idle, each to one
-/// more worker; the first result counts, both are the same.
-std::vector<Assignment> Schedule(const Snapshot& snapshot);
+/// Whether workers may take what is planned for others.
+enum class Stealing { kNo, kYes };
+
+/// Which tiles to hand out now: a worker gets its own. With kYes, one with nothing of its own left takes from
+/// the end of whoever has most; when nothing is left, the oldest stragglers go to those still idle, each to
+/// one more worker; the first result counts, both are the same.
+std::vector<Assignment> Schedule(const Snapshot& snapshot, Stealing stealing);
 
 }  // namespace quarry

@@ -41,6 +41,7 @@ constexpr uint64_t kMaxQueuedBytes = 256u << 20;  // a peer that does not read i
 constexpr uint64_t kFullQueueBytes = 32u << 20;   // no further frames are queued for a client beyond this
 constexpr size_t kFramesAtOnce = 2;   // the next begins when the last tile of the one before is handed out
 constexpr int kMostEncoding = 4;      // frames on their way to the disk; no other begins beyond this
+constexpr float kLeastChance = 0.5;   // that a tile touches a block, for the block to be fetched ahead
 constexpr double kClientGraceS = 20;  // a job without a spool waits so long for its client to come back
 constexpr double kLogEveryS = 10;
 constexpr uint32_t kMostFailures = 3;  // workers that fail before the job is given up
@@ -224,24 +225,36 @@ class Server {
     });
   }
 
+  /// First everyone's own tiles, of this frame and the next; what is planned for others only when there is no
+  /// more of that: it costs bytes.
   void HandOut() {
     do {
-      for (Rendering& r : renderings_) HandOut(*r.frame);
-    } while (StartFrame());
+      for (Rendering& r : renderings_) HandOut(*r.frame, Stealing::kNo);
+    } while (SomeoneIsFree() && StartFrame());
+    for (Rendering& r : renderings_) HandOut(*r.frame, Stealing::kYes);
   }
 
-  void HandOut(ActiveFrame& frame) {
+  uint32_t FreeSlots(const WorkerRecord& worker) const {
+    uint32_t held = 0;
+    for (const Rendering& r : renderings_) held += r.frame->Held(worker.id);
+    return worker.Credit() > held ? worker.Credit() - held : 0;
+  }
+
+  bool SomeoneIsFree() const {
+    return std::any_of(roster_.all().begin(), roster_.all().end(),
+                       [&](const auto& entry) { return FreeSlots(entry.second) > 0; });
+  }
+
+  void HandOut(ActiveFrame& frame, Stealing stealing) {
     if (frame.done()) return;
     std::vector<WorkerView> views;
     bool any = false;
     for (const auto& [id, worker] : roster_.all()) {
-      uint32_t held = 0;
-      for (const Rendering& r : renderings_) held += r.frame->Held(id);
-      views.push_back({id, worker.Credit() > held ? worker.Credit() - held : 0});
+      views.push_back({id, FreeSlots(worker)});
       any |= views.back().free_slots > 0;
     }
     if (!any) return;
-    for (const Assignment& a : Schedule(frame.MakeSnapshot(std::move(views), Now()))) {
+    for (const Assignment& a : Schedule(frame.MakeSnapshot(std::move(views), Now()), stealing)) {
       WorkerRecord& worker = *roster_.FindById(a.worker);
       if (worker.setups.insert(frame.setup()).second) {
         const uint64_t oldest = renderings_.front().frame->setup();
@@ -256,8 +269,11 @@ class Server {
   /// With what the tile is expected to touch and the worker lacks.
   TileOrder OrderFor(ActiveFrame& frame, const Assignment& a, const WorkerRecord& worker) {
     TileOrder order = frame.Lease(a, Now());
-    for (const uint32_t block : frame.Expected(a.tile)) {
-      if (worker.holds.Has(block) || order.blocks.size() == kMaxTileHints) continue;
+    const TileTrace& expected = frame.Expected(a.tile);
+    for (size_t i = 0; i < expected.blocks.size(); ++i) {
+      const uint32_t block = expected.blocks[i];
+      if (expected.chances[i] < kLeastChance || worker.holds.Has(block)) continue;
+      if (order.blocks.size() == kMaxTileHints) break;
       order.blocks.push_back(block);
       order.holders.push_back(roster_.HolderOf(block, worker.id));
     }
@@ -328,11 +344,10 @@ class Server {
     std::erase(jobs_, job);
   }
 
-  /// The next frame, once nothing of those under way is left to hand out. False when none begins.
+  /// The next frame. False when none begins.
   bool StartFrame() {
     if (renderings_.size() >= kFramesAtOnce || encoding_ >= kMostEncoding || roster_.all().empty())
       return false;
-    if (!renderings_.empty() && renderings_.back().frame->open_tiles() > 0) return false;
     for (const auto& job : jobs_) {
       const size_t index = job->NextToDo();
       if (index == job->states.size()) continue;

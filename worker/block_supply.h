@@ -44,7 +44,7 @@ class BlockSupply {
   void ClearExpected() { expected_.clear(); }
 
   const SourceSet::Counters& counters() const { return sources_.counters(); }
-  const StoredCache::Counters& stored() const { return stored_.counters(); }
+  StoredCache::Counters stored() const { return stored_.counters(); }
 
  private:
   static constexpr size_t kMostExpected = 1u << 14, kMostPrefetching = 4;

@@ -270,7 +270,7 @@ class Session {
       alive.dropped = std::move(changes.gone);
     }
     const SourceSet::Counters& from = scene_->supply->counters();
-    const StoredCache::Counters& stored = scene_->supply->stored();
+    const StoredCache::Counters stored = scene_->supply->stored();
     alive.bytes_from = from.bytes_from;
     for (const uint64_t bytes : alive.bytes_from) alive.voxel_bytes_received += bytes;
     alive.bytes_from[static_cast<size_t>(SourceKind::kMemory)] = stored.hit_bytes;

@@ -21,7 +21,7 @@ void StoredCache::Fetch(uint32_t block, Done done) {
 }
 
 bool StoredCache::Prefetch(uint32_t block, std::function<void()> then) {
-  if (unused_bytes_ >= budget_ / 4 || entries_.contains(block) || prefetching_.contains(block)) return false;
+  if (!index_.TakesAhead() || index_.Has(block) || prefetching_.contains(block)) return false;
   prefetching_[block];
   inner_.Fetch(block, [this, block, then = std::move(then)](const Result<Bytes>& result) {
     OnPrefetched(block, result);
@@ -40,42 +40,17 @@ void StoredCache::OnPrefetched(uint32_t block, const Result<Bytes>& result) {
   for (const Done& done : waiting) done(result);
 }
 
-const Bytes* StoredCache::Find(uint32_t block) {
-  const auto it = entries_.find(block);
-  if (it == entries_.end()) return nullptr;
-  Entry& entry = it->second;
-  by_use_.splice(by_use_.begin(), entry.unused ? unused_ : by_use_, entry.use);
-  if (std::exchange(entry.unused, false)) unused_bytes_ -= entry.bytes.size();
-  return &entry.bytes;
-}
+const Bytes* StoredCache::Find(uint32_t block) { return index_.Use(block) ? &bytes_.at(block) : nullptr; }
 
 void StoredCache::Keep(uint32_t block, const Bytes& bytes, bool prefetched) {
-  if (bytes.size() > budget_ || entries_.contains(block)) return;
-  while (used_ + bytes.size() > budget_) {
-    // What nobody has asked for goes first, but not for more of the like.
-    const bool take_unused = by_use_.empty() || (!prefetched && !unused_.empty());
-    Evict(take_unused ? unused_ : by_use_);
+  std::vector<uint32_t> evicted;
+  if (!index_.Insert(block, bytes.size(), prefetched, evicted)) return;
+  for (const uint32_t gone : evicted) {
+    bytes_.erase(gone);
+    holdings_.Set(gone, Holdings::kStored, false);
   }
-  used_ += bytes.size();
-  if (prefetched) unused_bytes_ += bytes.size();
-  auto& list = prefetched ? unused_ : by_use_;
-  list.push_front(block);
-  entries_[block] = {bytes, list.begin(), prefetched};
+  bytes_[block] = bytes;
   holdings_.Set(block, Holdings::kStored, true);
-}
-
-void StoredCache::Evict(std::list<uint32_t>& from) {
-  const uint32_t oldest = from.back();
-  from.pop_back();
-  const auto it = entries_.find(oldest);
-  const uint64_t bytes = it->second.bytes.size();
-  used_ -= bytes;
-  if (it->second.unused) {
-    unused_bytes_ -= bytes;
-    counters_.prefetch_wasted_bytes += bytes;
-  }
-  entries_.erase(it);
-  holdings_.Set(oldest, Holdings::kStored, false);
 }
 
 uint64_t StoredCache::ShareOf(uint64_t cache_bytes, uint64_t all_decoded, uint64_t largest_decoded) {

@@ -18,7 +18,7 @@ struct PlanFixture {
   PlanInput in;
 
   PlanFixture(size_t tiles, size_t workers) : blocks(tiles), holds(workers) {
-    for (size_t t = 0; t < tiles; ++t) in.tiles.push_back({kNoWorker, &blocks[t], 1});
+    for (size_t t = 0; t < tiles; ++t) in.tiles.push_back({kNoWorker, &blocks[t], nullptr, 1});
     for (uint32_t w = 0; w < workers; ++w) in.workers.push_back({w + 1, 1, &holds[w]});
     in.block_bytes = &bytes;
   }
@@ -101,7 +101,7 @@ TEST_CASE("A tile's blocks follow what it saw when the camera turns") {
   before.traces.resize(before.tiles.size());
   size_t middle = 0;
   for (size_t t = 0; t < before.tiles.size(); ++t) {
-    before.traces[t] = {{static_cast<uint32_t>(t)}, 10, 0.5, true};
+    before.traces[t] = {{static_cast<uint32_t>(t)}, {}, 10, 0.5, true};
     if (before.tiles[t].x == 160 && before.tiles[t].y == 128) middle = t;
   }
   const auto same = Predict(before, before.job, before.tiles);

@@ -25,7 +25,7 @@ std::map<uint32_t, std::set<uint32_t>> ByWorker(const std::vector<Assignment>& a
 }  // namespace
 
 TEST_CASE("Without history each worker gets a stretch of the curve") {
-  const auto got = ByWorker(Schedule(MakeSnapshot(8, {{1, 4}, {2, 4}})));
+  const auto got = ByWorker(Schedule(MakeSnapshot(8, {{1, 4}, {2, 4}}), Stealing::kYes));
   CHECK(got.at(1) == std::set<uint32_t>{0, 1, 2, 3});
   CHECK(got.at(2) == std::set<uint32_t>{4, 5, 6, 7});
 }
@@ -33,13 +33,13 @@ TEST_CASE("Without history each worker gets a stretch of the curve") {
 TEST_CASE("A worker gets back the tiles it rendered last") {
   Snapshot s = MakeSnapshot(6, {{1, 3}, {2, 3}});
   for (uint32_t t = 0; t < 6; ++t) s.tiles[t].owner = t % 2 ? 1 : 2;
-  const auto got = ByWorker(Schedule(s));
+  const auto got = ByWorker(Schedule(s, Stealing::kYes));
   CHECK(got.at(1) == std::set<uint32_t>{1, 3, 5});
   CHECK(got.at(2) == std::set<uint32_t>{0, 2, 4});
 }
 
 TEST_CASE("Credit is never exceeded and no tile is given twice") {
-  const auto assignments = Schedule(MakeSnapshot(100, {{1, 3}, {2, 0}, {3, 5}}));
+  const auto assignments = Schedule(MakeSnapshot(100, {{1, 3}, {2, 0}, {3, 5}}), Stealing::kYes);
   const auto got = ByWorker(assignments);
   CHECK(assignments.size() == 8);
   CHECK(got.at(1).size() == 3);
@@ -51,8 +51,9 @@ TEST_CASE("Credit is never exceeded and no tile is given twice") {
 TEST_CASE("A worker with nothing left takes from the other's end") {
   Snapshot s = MakeSnapshot(10, {{1, 0}, {2, 2}});
   for (auto& tile : s.tiles) tile.owner = 1;
-  const auto got = ByWorker(Schedule(s));
+  const auto got = ByWorker(Schedule(s, Stealing::kYes));
   CHECK(got.at(2) == std::set<uint32_t>{8, 9});
+  CHECK(Schedule(s, Stealing::kNo).empty());
 }
 
 TEST_CASE("Stragglers go to an idle worker once, never to their holder") {
@@ -61,10 +62,10 @@ TEST_CASE("Stragglers go to an idle worker once, never to their holder") {
   s.tiles[0].done = true;
   s.tiles[1] = {false, kNoWorker, 1, 1, 10 - 2 * s.straggler_after_s};
   s.tiles[2] = {false, kNoWorker, 1, 1, 10 - s.straggler_after_s / 2};
-  CHECK(Schedule(s) == std::vector<Assignment>{{1, 2}});
+  CHECK(Schedule(s, Stealing::kYes) == std::vector<Assignment>{{1, 2}});
   s.tiles[1].holders = 2;
-  CHECK(Schedule(s).empty());
-  CHECK(Schedule(MakeSnapshot(3, {})).empty());
+  CHECK(Schedule(s, Stealing::kYes).empty());
+  CHECK(Schedule(MakeSnapshot(3, {}), Stealing::kYes).empty());
 }
 
 TEST_CASE("Results count once, under a lease that is known; a dead worker's tiles are open again") {
