@@ -112,4 +112,42 @@ FrameTrace ActiveFrame::Trace() const {
   return trace;
 }
 
+namespace {
+
+std::vector<WorkerView> FreeSlots(const std::vector<ActiveFrame*>& frames, const std::vector<Hand>& hands) {
+  std::vector<WorkerView> views;
+  for (const Hand& hand : hands) {
+    uint32_t held = 0;
+    for (const ActiveFrame* frame : frames) held += frame->Held(hand.worker);
+    views.push_back({hand.worker, hand.credit > held ? hand.credit - held : 0});
+  }
+  return views;
+}
+
+bool AnyFree(const std::vector<WorkerView>& views) {
+  return std::any_of(views.begin(), views.end(), [](const WorkerView& view) { return view.free_slots > 0; });
+}
+
+}  // namespace
+
+std::vector<HandedTile> HandOut(std::vector<ActiveFrame*> frames, const std::vector<Hand>& hands,
+                                double now_s, const std::function<ActiveFrame*()>& start_next) {
+  std::vector<HandedTile> out;
+  const auto hand_out = [&](ActiveFrame& frame, Stealing stealing) {
+    auto views = FreeSlots(frames, hands);
+    if (frame.done() || !AnyFree(views)) return;
+    for (const Assignment& a : Schedule(frame.MakeSnapshot(std::move(views), now_s), stealing))
+      out.push_back({&frame, a.worker, frame.Lease(a, now_s)});
+  };
+  for (ActiveFrame* frame : frames) hand_out(*frame, Stealing::kNo);
+  while (AnyFree(FreeSlots(frames, hands))) {
+    ActiveFrame* next = start_next();
+    if (!next) break;
+    frames.push_back(next);
+    hand_out(*next, Stealing::kNo);
+  }
+  for (ActiveFrame* frame : frames) hand_out(*frame, Stealing::kYes);
+  return out;
+}
+
 }  // namespace quarry

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <vector>
 
@@ -73,5 +74,21 @@ class ActiveFrame {
   double tile_time_s_ = 0;  ///< from lease to result, summed over tiles done
   uint64_t rays_ = 0, rays_suspended_ = 0, leases_lost_ = 0;
 };
+
+/// A worker that tiles are handed out to.
+struct Hand {
+  uint32_t worker = kNoWorker;
+  uint32_t credit = 0;  ///< tiles it may have at once, over all frames
+};
+struct HandedTile {
+  ActiveFrame* frame;
+  uint32_t worker;
+  TileOrder order;
+};
+/// Hands out what can be: first everyone's own tiles, of the frames under way in their order and of others
+/// that `start_next` begins (null: none begins); what is planned for others only when there is no more of
+/// that, for it costs bytes.
+std::vector<HandedTile> HandOut(std::vector<ActiveFrame*> frames, const std::vector<Hand>& hands,
+                                double now_s, const std::function<ActiveFrame*()>& start_next);
 
 }  // namespace quarry

@@ -225,59 +225,34 @@ class Server {
     });
   }
 
-  /// First everyone's own tiles, of this frame and the next; what is planned for others only when there is no
-  /// more of that: it costs bytes.
   void HandOut() {
-    do {
-      for (Rendering& r : renderings_) HandOut(*r.frame, Stealing::kNo);
-    } while (SomeoneIsFree() && StartFrame());
-    for (Rendering& r : renderings_) HandOut(*r.frame, Stealing::kYes);
-  }
-
-  uint32_t FreeSlots(const WorkerRecord& worker) const {
-    uint32_t held = 0;
-    for (const Rendering& r : renderings_) held += r.frame->Held(worker.id);
-    return worker.Credit() > held ? worker.Credit() - held : 0;
-  }
-
-  bool SomeoneIsFree() const {
-    return std::any_of(roster_.all().begin(), roster_.all().end(),
-                       [&](const auto& entry) { return FreeSlots(entry.second) > 0; });
-  }
-
-  void HandOut(ActiveFrame& frame, Stealing stealing) {
-    if (frame.done()) return;
-    std::vector<WorkerView> views;
-    bool any = false;
-    for (const auto& [id, worker] : roster_.all()) {
-      views.push_back({id, FreeSlots(worker)});
-      any |= views.back().free_slots > 0;
-    }
-    if (!any) return;
-    for (const Assignment& a : Schedule(frame.MakeSnapshot(std::move(views), Now()), stealing)) {
-      WorkerRecord& worker = *roster_.FindById(a.worker);
-      if (worker.setups.insert(frame.setup()).second) {
-        const uint64_t oldest = renderings_.front().frame->setup();
+    std::vector<ActiveFrame*> frames;
+    for (Rendering& r : renderings_) frames.push_back(r.frame.get());
+    std::vector<Hand> hands;
+    for (const auto& [id, worker] : roster_.all()) hands.push_back({id, worker.Credit()});
+    for (HandedTile& tile :
+         quarry::HandOut(std::move(frames), hands, Now(), [this] { return StartFrame(); })) {
+      WorkerRecord& worker = *roster_.FindById(tile.worker);
+      const uint64_t setup = tile.order.setup, oldest = renderings_.front().frame->setup();
+      if (worker.setups.insert(setup).second) {
         worker.connection->Send(
-            MakeMessage(MessageType::kFrameSetup, FrameSetup{frame.setup(), frame.job(), oldest}));
+            MakeMessage(MessageType::kFrameSetup, FrameSetup{setup, tile.frame->job(), oldest}));
         worker.setups.erase(worker.setups.begin(), worker.setups.lower_bound(oldest));
       }
-      worker.connection->Send(MakeMessage(MessageType::kTile, OrderFor(frame, a, worker)));
+      AddHints(tile, worker);
+      worker.connection->Send(MakeMessage(MessageType::kTile, tile.order));
     }
   }
 
-  /// With what the tile is expected to touch and the worker lacks.
-  TileOrder OrderFor(ActiveFrame& frame, const Assignment& a, const WorkerRecord& worker) {
-    TileOrder order = frame.Lease(a, Now());
-    const TileTrace& expected = frame.Expected(a.tile);
-    for (size_t i = 0; i < expected.blocks.size(); ++i) {
+  /// What the tile is expected to touch and the worker lacks.
+  void AddHints(HandedTile& tile, const WorkerRecord& worker) const {
+    const TileTrace& expected = tile.frame->Expected(tile.order.tile);
+    for (size_t i = 0; i < expected.blocks.size() && tile.order.blocks.size() < kMaxTileHints; ++i) {
       const uint32_t block = expected.blocks[i];
       if (expected.chances[i] < kLeastChance || worker.holds.Has(block)) continue;
-      if (order.blocks.size() == kMaxTileHints) break;
-      order.blocks.push_back(block);
-      order.holders.push_back(roster_.HolderOf(block, worker.id));
+      tile.order.blocks.push_back(block);
+      tile.order.holders.push_back(roster_.HolderOf(block, worker.id));
     }
-    return order;
   }
 
   Status OnTileDone(WorkerRecord& worker, const Message& m) {
@@ -344,10 +319,9 @@ class Server {
     std::erase(jobs_, job);
   }
 
-  /// The next frame. False when none begins.
-  bool StartFrame() {
-    if (renderings_.size() >= kFramesAtOnce || encoding_ >= kMostEncoding || roster_.all().empty())
-      return false;
+  /// The next frame. Null when none begins.
+  ActiveFrame* StartFrame() {
+    if (renderings_.size() >= kFramesAtOnce || encoding_ >= kMostEncoding) return nullptr;
     for (const auto& job : jobs_) {
       const size_t index = job->NextToDo();
       if (index == job->states.size()) continue;
@@ -361,9 +335,9 @@ class Server {
       job->states[index] = Job::FrameState::kActive;
       failures_ = 0;
       renderings_.push_back({job, index, std::move(frame), Now(), voxel_bytes_served_});
-      return true;
+      return renderings_.back().frame.get();
     }
-    return false;
+    return nullptr;
   }
 
   /// The image is made, and written, on a thread of its own.

@@ -1,0 +1,457 @@
+// A cluster in simulated time: the real scheduler (Predict, Plan, Schedule, HandOut), the real choice of
+// sources and the real cache of stored blocks, on a walk that was traced once (quarry-master --trace). What
+// is modelled is the rest: a worker's processor computes tiles and decodes blocks one thing at a time; a tile
+// needs its blocks in waves, as rays come to them; blocks go over links that are busy with one at a time.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <deque>
+#include <fstream>
+#include <functional>
+#include <map>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <queue>
+#include <set>
+
+#include "common/base/file.h"
+#include "common/base/size.h"
+#include "common/math/random.h"
+#include "common/net/source_policy.h"
+#include "common/voxel/store_reader.h"
+#include "master/active_frame.h"
+#include "worker/stored_cache.h"
+
+namespace quarry {
+namespace {
+
+using Json = nlohmann::json;
+
+struct SimOptions {
+  std::string store, trace, json;
+  std::vector<unsigned> workers{1, 2, 4, 8};
+  unsigned servers = 1;
+  bool peers = false, warm = false;
+  std::string policy = "footprint", cache = "64M";
+  double worker_mbit = 100, server_mbit = 1000, share = 1, decode_gb_s = 0.6, latency_s = 4e-4, tile_us = 60;
+  unsigned waves = 6, frames = 0, step = 1;
+};
+
+/// The walk as it was rendered once.
+struct Walk {
+  struct Tile {
+    double compute_s = 0;
+    float depth = 0;
+    std::vector<uint32_t> blocks;
+  };
+  std::vector<RenderJob> jobs;
+  std::vector<std::vector<Tile>> tiles;  ///< by frame
+};
+
+Result<Walk> ReadWalk(const SimOptions& o) {
+  std::ifstream file(o.trace);
+  if (!file) return Fail(fmt::format("{}: cannot be read", o.trace));
+  std::map<uint32_t, std::pair<RenderJob, std::map<uint32_t, Walk::Tile>>> frames;
+  std::string line;
+  while (std::getline(file, line)) {
+    const Json j = Json::parse(line, nullptr, false);
+    if (j.is_discarded()) continue;  // the last line of a master that was ended
+    auto& [job, tiles] = frames[j["frame"].get<uint32_t>()];
+    if (!j.contains("tile")) {
+      const auto vector = [&](const char* key) { return glm::dvec3(j[key][0], j[key][1], j[key][2]); };
+      job.width = j["width"];
+      job.height = j["height"];
+      CameraSpec camera{vector("eye"), vector("at"), vector("up"), j["fov"], j["ortho"]};
+      job.cameras = {camera};
+      job.first_frame = j["frame"];
+      QUARRY_TRY(NormalizeJob(job));
+      continue;
+    }
+    tiles[j["tile"].get<uint32_t>()] = {j["compute_us"].get<double>() * 1e-6, j["depth"].get<float>(),
+                                        j["blocks"].get<std::vector<uint32_t>>()};
+  }
+  Walk walk;
+  for (auto& [number, frame] : frames) {
+    if (number % o.step != 0 || (o.frames > 0 && walk.jobs.size() == o.frames)) continue;
+    walk.jobs.push_back(frame.first);
+    walk.tiles.emplace_back();
+    for (auto& [t, tile] : frame.second) walk.tiles.back().push_back(std::move(tile));
+    if (walk.tiles.back().size() != Frame(frame.first).tiles().size())
+      return Fail(fmt::format("{}: frame {} lacks tiles", o.trace, number));
+  }
+  if (walk.jobs.empty()) return Fail(fmt::format("{}: has no frames", o.trace));
+  return walk;
+}
+
+/// What happens when: the earliest first, those of one moment in the order in which they were made.
+class Clock {
+ public:
+  double now_s() const { return now_s_; }
+  void At(double s, std::function<void()> what) { events_.push({s, next_++, std::move(what)}); }
+  void Run() {
+    while (!events_.empty()) {
+      Event event = events_.top();
+      events_.pop();
+      now_s_ = event.s;
+      event.what();
+    }
+  }
+
+ private:
+  struct Event {
+    double s;
+    uint64_t number;
+    std::function<void()> what;
+    bool operator<(const Event& other) const { return s != other.s ? s > other.s : number > other.number; }
+  };
+  std::priority_queue<Event> events_;
+  uint64_t next_ = 0;
+  double now_s_ = 0;
+};
+
+/// Something that does one thing at a time: a link, a processor.
+struct Serial {
+  double free_s = 0, busy_s = 0;
+  /// When what takes `s` and may begin at `from` is done.
+  double Take(double from, double s) {
+    busy_s += s;
+    return free_s = std::max(free_s, from) + s;
+  }
+};
+
+class Simulation {
+ public:
+  Simulation(const SimOptions& o, const Walk& walk, const Catalog& catalog,
+             const std::vector<uint32_t>& block_bytes, unsigned workers)
+      : o_(o), walk_(walk), catalog_(catalog), block_bytes_(block_bytes), policy_(*ParsePolicy(o.policy)) {
+    uint64_t decoded = 0;
+    for (const VoxelEntry& v : catalog.voxels) decoded += v.blocks[0].decoded + v.blocks[1].decoded;
+    const uint64_t cache = *ParseSize(o.cache, "--cache");
+    const uint64_t stored = StoredCache::ShareOf(cache, decoded, catalog.meta.largest_decoded);
+    for (uint32_t w = 0; w < workers; ++w)
+      workers_.push_back(std::make_unique<Worker>(w + 1, stored, cache - stored, o.servers + workers));
+    for (unsigned s = 0; s < o.servers; ++s) {
+      servers_.emplace_back();
+      keys_.push_back(Mix64(s + 1));
+    }
+  }
+
+  /// Seconds of the walk. With `warm`, of a second one after it.
+  double Run() {
+    double start_s = 0;
+    for (int pass = 0; pass <= (o_.warm ? 1 : 0); ++pass) {
+      next_frame_ = 0;
+      bytes_ = peer_bytes_ = 0;
+      start_s = clock_.now_s();
+      HandOutTiles();
+      clock_.Run();
+    }
+    return last_done_s_ - start_s;
+  }
+  uint64_t bytes() const { return bytes_; }
+  uint64_t peer_bytes() const { return peer_bytes_; }
+  double compute_s() const {
+    double sum = 0;
+    for (const auto& w : workers_) sum += w->processor.busy_s;
+    return sum;
+  }
+  double server_busy_s() const {
+    double most = 0;
+    for (const Serial& s : servers_) most = std::max(most, s.busy_s);
+    return most;
+  }
+
+ private:
+  struct Tile {
+    ActiveFrame* frame;
+    TileOrder order;
+    const Walk::Tile* traced;
+    std::vector<uint32_t> blocks;  ///< in the order in which its rays come to them
+    size_t wave_end = 0, left_in_wave = 0;
+    double slice_s = 0;
+  };
+  struct Worker {
+    Worker(uint32_t number, uint64_t stored_bytes, uint64_t decoded_bytes, size_t sources)
+        : id(number), stored(stored_bytes), decoded(decoded_bytes), answers(sources) {}
+    uint32_t id;
+    StoredIndex stored, decoded;
+    Serial processor, down, up;
+    BlockSet holds;
+    std::vector<AnswerTime> answers;  ///< of servers, then workers
+    std::deque<std::shared_ptr<Tile>> queue, open;
+    std::map<uint32_t, std::vector<std::shared_ptr<Tile>>> waiting;
+    std::deque<uint32_t> wanted;
+    unsigned in_flight = 0;
+  };
+  static constexpr size_t kOpenTiles = 3;
+  static constexpr unsigned kMaxInFlight = 16;
+
+  // --- the master
+
+  ActiveFrame* StartFrame() {
+    if (frames_.size() >= 2 || next_frame_ == walk_.jobs.size()) return nullptr;
+    const ActiveFrame* before = frames_.empty() ? previous_.get() : frames_.back().get();
+    frames_.push_back(std::make_unique<ActiveFrame>(next_setup_++, walk_.jobs[next_frame_], before));
+    index_[frames_.back().get()] = next_frame_++;
+    std::vector<PlannedWorker> planned;
+    for (const auto& w : workers_) planned.push_back({w->id, 1, &w->holds});
+    frames_.back()->MakePlan(planned, block_bytes_, policy_);
+    return frames_.back().get();
+  }
+
+  void HandOutTiles() {
+    std::vector<ActiveFrame*> frames;
+    for (const auto& f : frames_) frames.push_back(f.get());
+    std::vector<Hand> hands;
+    for (const auto& w : workers_) hands.push_back({w->id, 4});
+    for (HandedTile& handed :
+         HandOut(std::move(frames), hands, clock_.now_s(), [this] { return StartFrame(); })) {
+      auto tile = std::make_shared<Tile>();
+      tile->frame = handed.frame;
+      tile->order = handed.order;
+      tile->traced = &walk_.tiles[index_.at(handed.frame)][handed.order.tile];
+      const double there_s = master_.Take(clock_.now_s(), o_.tile_us * 1e-6) + o_.latency_s / 2;
+      clock_.At(there_s, [this, tile, w = workers_[handed.worker - 1].get()] {
+        w->queue.push_back(tile);
+        OpenTiles(*w);
+      });
+    }
+  }
+
+  void Finish(Worker& w, const std::shared_ptr<Tile>& tile) {
+    TileDone done{tile->order.setup, tile->order.tile, tile->order.lease};
+    done.compute_us = static_cast<uint64_t>(tile->traced->compute_s * 1e6);
+    done.depth = tile->traced->depth;
+    done.blocks = tile->traced->blocks;
+    const auto it =
+        std::find_if(frames_.begin(), frames_.end(), [&](const auto& f) { return f->setup() == done.setup; });
+    if (it != frames_.end()) {
+      const Bytes pixels(size_t{tile->order.width} * tile->order.height * 12);
+      (void)(*it)->Finish(done, pixels, clock_.now_s());
+      if ((*it)->done()) {
+        last_done_s_ = clock_.now_s();
+        index_.erase(it->get());
+        previous_ = std::move(*it);
+        frames_.erase(it);
+      }
+    }
+    (void)w;
+    HandOutTiles();
+  }
+
+  // --- a worker
+
+  void OpenTiles(Worker& w) {
+    while (w.open.size() < kOpenTiles && !w.queue.empty()) {
+      auto tile = w.queue.front();
+      w.queue.pop_front();
+      w.open.push_back(tile);
+      tile->blocks = tile->traced->blocks;
+      // Which block rays come to first is not traced: any order, the same every time.
+      std::sort(tile->blocks.begin(), tile->blocks.end(), [&](uint32_t a, uint32_t b) {
+        return Mix64(a * 2654435761u + tile->order.tile) < Mix64(b * 2654435761u + tile->order.tile);
+      });
+      tile->slice_s =
+          tile->traced->compute_s / o_.share / std::max<double>(1, static_cast<double>(tile->blocks.size()));
+      NextWave(w, tile);
+    }
+  }
+
+  void NextWave(Worker& w, const std::shared_ptr<Tile>& tile) {
+    if (tile->wave_end == tile->blocks.size()) {
+      const double s = tile->blocks.empty() ? tile->traced->compute_s / o_.share : 0;
+      clock_.At(w.processor.Take(clock_.now_s(), s), [this, &w, tile] {
+        std::erase(w.open, tile);
+        const double there_s = master_.Take(clock_.now_s() + o_.latency_s / 2, o_.tile_us * 1e-6);
+        clock_.At(there_s, [this, &w, tile] { Finish(w, tile); });
+        OpenTiles(w);
+      });
+      return;
+    }
+    const size_t begin = tile->wave_end;
+    tile->wave_end = std::min(tile->blocks.size(), begin + (tile->blocks.size() + o_.waves - 1) / o_.waves);
+    tile->left_in_wave = tile->wave_end - begin;
+    for (size_t i = begin; i < tile->wave_end; ++i) Need(w, tile, tile->blocks[i]);
+  }
+
+  void Need(Worker& w, const std::shared_ptr<Tile>& tile, uint32_t block) {
+    if (w.decoded.Use(block)) return Slice(w, tile);
+    auto& waiting = w.waiting[block];
+    waiting.push_back(tile);
+    if (waiting.size() > 1) return;
+    w.wanted.push_back(block);
+    Load(w);
+  }
+
+  /// A part of the tile's rays, those that go through one block.
+  void Slice(Worker& w, const std::shared_ptr<Tile>& tile) {
+    clock_.At(w.processor.Take(clock_.now_s(), tile->slice_s), [this, &w, tile] {
+      if (--tile->left_in_wave == 0) NextWave(w, tile);
+    });
+  }
+
+  void Load(Worker& w) {
+    while (w.in_flight < kMaxInFlight && !w.wanted.empty()) {
+      const uint32_t block = w.wanted.front();
+      w.wanted.pop_front();
+      ++w.in_flight;
+      if (w.stored.Use(block))
+        Decode(w, block);
+      else
+        Fetch(w, block);
+    }
+  }
+
+  void Fetch(Worker& w, uint32_t block) {
+    std::vector<uint32_t> order;
+    if (o_.peers)
+      for (const auto& other : workers_)
+        if (other.get() != &w && other->stored.Has(block)) {
+          order.push_back(o_.servers + other->id - 1);
+          break;
+        }
+    for (const uint32_t home : HomeOrder(block, keys_)) order.push_back(home);
+    std::vector<SourceView> views(o_.servers + workers_.size(), {0, false});
+    for (const uint32_t s : order) views[s] = {w.answers[s].mean_s(), true};
+    const auto source = static_cast<uint32_t>(ChooseSource(order, views));
+    const bool peer = source >= o_.servers;
+    const double bytes = block_bytes_[block] + 24.0, asked_s = clock_.now_s();
+    Serial& up = peer ? workers_[source - o_.servers]->up : servers_[source];
+    const double up_mbit = peer ? o_.worker_mbit : o_.server_mbit;
+    const double sent_s = up.Take(asked_s + o_.latency_s / 2, bytes * 8e-6 / up_mbit);
+    // The slower of two links in a row decides; what is queued in each comes first.
+    const double come_s =
+        std::max(sent_s, w.down.Take(sent_s - bytes * 8e-6 / up_mbit, bytes * 8e-6 / o_.worker_mbit)) +
+        o_.latency_s / 2;
+    bytes_ += block_bytes_[block];
+    if (peer) peer_bytes_ += block_bytes_[block];
+    clock_.At(come_s, [this, &w, block, source, asked_s] {
+      w.answers[source].Add(clock_.now_s() - asked_s);
+      std::vector<uint32_t> gone;
+      w.stored.Insert(block, block_bytes_[block], false, gone);
+      Told(w, gone);
+      Decode(w, block);
+    });
+  }
+
+  void Decode(Worker& w, uint32_t block) {
+    const uint32_t decoded = catalog_.block(block).decoded;
+    clock_.At(w.processor.Take(clock_.now_s(), decoded / (o_.decode_gb_s * 1e9) / o_.share),
+              [this, &w, block, decoded] {
+                std::vector<uint32_t> gone;
+                w.decoded.Insert(block, decoded, false, gone);
+                gone.push_back(block);
+                Told(w, gone);
+                --w.in_flight;
+                for (const auto& tile : std::exchange(w.waiting[block], {})) Slice(w, tile);
+                w.waiting.erase(block);
+                Load(w);
+              });
+  }
+
+  /// What the master knows of these blocks.
+  static void Told(Worker& w, const std::vector<uint32_t>& blocks) {
+    for (const uint32_t b : blocks) w.holds.Set(b, w.stored.Has(b) || w.decoded.Has(b));
+  }
+
+  const SimOptions& o_;
+  const Walk& walk_;
+  const Catalog& catalog_;
+  const std::vector<uint32_t>& block_bytes_;
+  const SchedulingPolicy policy_;
+  Clock clock_;
+  std::vector<std::unique_ptr<Worker>> workers_;
+  std::deque<Serial> servers_;
+  std::vector<uint64_t> keys_;
+  Serial master_;
+  std::deque<std::unique_ptr<ActiveFrame>> frames_;
+  std::unique_ptr<ActiveFrame> previous_;
+  std::map<const ActiveFrame*, size_t> index_;
+  size_t next_frame_ = 0;
+  uint64_t next_setup_ = 1, bytes_ = 0, peer_bytes_ = 0;
+  double last_done_s_ = 0;
+};
+
+Status Run(const SimOptions& o) {
+  QUARRY_TRY(ParsePolicy(o.policy));
+  QUARRY_TRY(ParseSize(o.cache, "--cache"));
+  QUARRY_ASSIGN(const StoreReader store, StoreReader::Open(o.store));
+  QUARRY_ASSIGN(const Walk walk, ReadWalk(o));
+  std::vector<uint32_t> bytes;
+  for (uint32_t b = 0; b < store.catalog().voxels.size() * 2; ++b)
+    bytes.push_back(store.catalog().block(b).stored);
+  std::set<uint32_t> touched;
+  for (const auto& frame : walk.tiles)
+    for (const auto& tile : frame) touched.insert(tile.blocks.begin(), tile.blocks.end());
+  uint64_t touched_bytes = 0;
+  for (const uint32_t b : touched) touched_bytes += bytes[b];
+  fmt::print("{} frames of {} tiles, {:.1f} MB touched\n", walk.jobs.size(), walk.tiles[0].size(),
+             touched_bytes * 1e-6);
+  fmt::print("workers  seconds  speed-up  MB loaded  from peers  processors busy  busiest server\n");
+  Json rows = Json::array();
+  double one_s = 0;
+  for (const unsigned workers : o.workers) {
+    Simulation simulation(o, walk, store.catalog(), bytes, workers);
+    const double s = simulation.Run();
+    if (one_s == 0) one_s = s * workers;  // the first count's, if it is not one
+    fmt::print("{:7}  {:7.2f}  {:8.2f}  {:9.1f}  {:10.1f}  {:14.0f}%  {:13.0f}%\n", workers, s, one_s / s,
+               simulation.bytes() * 1e-6, simulation.peer_bytes() * 1e-6,
+               100 * simulation.compute_s() / workers / s, 100 * simulation.server_busy_s() / s);
+    rows.push_back({{"workers", workers},
+                    {"servers", o.servers},
+                    {"peers", o.peers},
+                    {"policy", o.policy},
+                    {"seconds", s},
+                    {"voxel_bytes_received", simulation.bytes()},
+                    {"voxel_bytes_from_peer", simulation.peer_bytes()},
+                    {"touched_bytes", touched_bytes}});
+  }
+  if (o.json.empty()) return {};
+  return WriteFileAtomically(o.json, AsBytes(rows.dump(2) + "\n"));
+}
+
+int Main(int argc, char** argv) {
+  SimOptions o;
+  CLI::App app{"Runs the real scheduler, source and cache policies on a traced walk in simulated time."};
+  app.footer(
+      "Example:\n  quarry bench simulate plant.quarry walk.trace --workers 1,8,64,256 --servers 4 --peers");
+  app.add_option("store", o.store, "The scene store")->required();
+  app.add_option("trace", o.trace, "What quarry-master --trace wrote")->required();
+  app.add_option("--workers", o.workers, "Worker counts, one run each")
+      ->delimiter(',')
+      ->capture_default_str();
+  app.add_option("--servers", o.servers, "Voxel servers")->check(CLI::Range(1, 64))->capture_default_str();
+  app.add_flag("--peers", o.peers, "Workers serve each other");
+  app.add_flag("--warm", o.warm, "Time the walk's second pass");
+  app.add_option("--schedule", o.policy, "footprint, last-owner or random")->capture_default_str();
+  app.add_option("--cache", o.cache, "Each worker's")->capture_default_str();
+  app.add_option("--worker-mbit", o.worker_mbit, "Each worker's link")->capture_default_str();
+  app.add_option("--server-mbit", o.server_mbit, "Each server's link")->capture_default_str();
+  app.add_option("--share", o.share, "Each worker's part of the core that the trace was made on")
+      ->capture_default_str();
+  app.add_option("--decode", o.decode_gb_s, "Decoding, GB of decoded bytes a second on a whole core")
+      ->capture_default_str();
+  app.add_option("--latency", o.latency_s, "Seconds from a request to its answer's first byte")
+      ->capture_default_str();
+  app.add_option("--tile-us", o.tile_us, "Microseconds of the master for each message about a tile")
+      ->capture_default_str();
+  app.add_option("--waves", o.waves, "In how many steps rays come to a tile's blocks")->capture_default_str();
+  app.add_option("--frames", o.frames, "Only the first so many");
+  app.add_option("--step", o.step, "Only every so many-th frame: a faster walk")->capture_default_str();
+  app.add_option("--json", o.json, "Write the figures to this file");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : 2;
+  }
+  const Status status = Run(o);
+  if (status) return 0;
+  fmt::print(stderr, "quarry-bench-simulate: {}\n", status.error().message);
+  return status.error().exit_status;
+}
+
+}  // namespace
+}  // namespace quarry
+
+int main(int argc, char** argv) { return quarry::Main(argc, argv); }
