@@ -21,8 +21,12 @@ constexpr std::string_view kAlgorithm = "AWS4-HMAC-SHA256";
 using Digest = std::array<unsigned char, 32>;
 
 std::string Hex(const Digest& digest) {
+  constexpr std::string_view kDigits = "0123456789abcdef";
   std::string text;
-  for (const unsigned char c : digest) text += fmt::format("{:02x}", c);
+  for (const unsigned char c : digest) {
+    text += kDigits[c >> 4];
+    text += kDigits[c & 15];
+  }
   return text;
 }
 
@@ -58,7 +62,10 @@ std::string Canonical(std::string_view encoded, bool keep_slashes) {
     }
     const bool plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
                        c == '-' || c == '.' || c == '_' || c == '~' || (c == '/' && keep_slashes);
-    out += plain ? std::string(1, static_cast<char>(c)) : fmt::format("%{:02X}", c);
+    if (plain)
+      out += static_cast<char>(c);
+    else
+      out += fmt::format("%{:02X}", c);
   }
   return out;
 }

@@ -34,7 +34,7 @@ Result<HttpLocation> ParseHttpLocation(const std::string& url, const std::string
 /// How a server is asked.
 struct HttpOptions {
   std::vector<HttpHeader> headers;    ///< added to each request
-  std::optional<AwsCredentials> aws;  ///< each request is signed with them
+  std::optional<AwsCredentials> aws;  ///< each request is signed with them; no other Authorization then
   std::string tls_ca;                 ///< PEM file of the authorities believed; empty: the system's
   std::function<std::time_t()> now;   ///< the time of signatures; null: the system's clock
   uint32_t connections = 6;           ///< at once

@@ -2,12 +2,14 @@
 
 #include <fmt/format.h>
 
+#include <atomic>
 #include <boost/asio/io_context.hpp>
 #include <catch2/catch.hpp>
 #include <chrono>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <mutex>
 #include <optional>
 #include <thread>
 #include <utility>
@@ -130,8 +132,10 @@ bool SkippedWithoutNginx() {
 
 TEST_CASE("Requests carry headers and signatures, at the time that is given") {
   const Scene scene;
+  std::mutex mutex;
   std::vector<std::string> heads;
   FaultServer server([&](const FaultServer::Request& r) -> FaultServer::Answer {
+    const std::lock_guard lock(mutex);
     heads.push_back(r.head);
     return {FaultServer::Part(r, scene.bytes)};
   });
@@ -142,6 +146,7 @@ TEST_CASE("Requests carry headers and signatures, at the time that is given") {
   boost::asio::io_context io;
   HttpVoxelSource source(io, Location(server.url()), scene.catalog(), options);
   REQUIRE(FetchOne(io, source, 0).has_value());
+  const std::lock_guard lock(mutex);
   REQUIRE(heads.size() == 3);
   const BlockEntry& block = scene.catalog().block(0);
   const std::string& head = heads[2];
@@ -178,10 +183,8 @@ TEST_CASE("Connections are few, kept and used again") {
 
 TEST_CASE("A kept connection that the server closed is made again without a word") {
   const Scene scene(20);
-  int requests = 0;
   // It promises to keep them, and closes each after three answers.
   FaultServer server([&](const FaultServer::Request& r) -> FaultServer::Answer {
-    ++requests;
     return {FaultServer::Part(r, scene.bytes), r.on_connection == 2 ? Then::kClose : Then::kKeep};
   });
   boost::asio::io_context io;
@@ -198,7 +201,7 @@ TEST_CASE("A kept connection that the server closed is made again without a word
 
 TEST_CASE("A server that closes every connection without an answer is asked twice, not for ever") {
   const Scene scene;
-  int requests = 0;
+  std::atomic<int> requests = 0;
   FaultServer server([&](const FaultServer::Request& r) -> FaultServer::Answer {
     ++requests;
     if (r.number < 2) return {FaultServer::Part(r, scene.bytes)};
@@ -385,16 +388,22 @@ TEST_CASE("A server that is not there is an error that may pass") {
 
 TEST_CASE("A file that is not the scene's store is refused before a block is asked for") {
   const Scene scene, other(8, 2), longer(9);
+  std::mutex mutex;
   std::string served;
-  int requests = 0;
+  const auto serve = [&](std::string file) {
+    const std::lock_guard lock(mutex);
+    served = std::move(file);
+  };
+  std::atomic<int> requests = 0;
   FaultServer server([&](const FaultServer::Request& r) -> FaultServer::Answer {
     ++requests;
+    const std::lock_guard lock(mutex);
     return {FaultServer::Part(r, served)};
   });
   boost::asio::io_context io;
   HttpVoxelSource source(io, Location(server.url()), scene.catalog(), Patient());
   const auto refusal = [&](std::string file) {
-    served = std::move(file);
+    serve(std::move(file));
     requests = 0;
     const auto got = FetchOne(io, source, 0);
     REQUIRE(!got.has_value());
@@ -415,7 +424,7 @@ TEST_CASE("A file that is not the scene's store is refused before a block is ask
   damaged[kStoreHeaderBytes + 8] ^= 1;
   CHECK_THAT(refusal(damaged), Contains("section table is damaged"));
   // Once the right one is there, it is taken.
-  served = scene.bytes;
+  serve(scene.bytes);
   CheckAllBlocks(io, source, *scene.store);
 }
 
