@@ -16,6 +16,7 @@
 #include <utility>
 
 #include "common/base/check.h"
+#include "common/base/cleanup.h"
 
 namespace quarry {
 namespace {
@@ -148,6 +149,7 @@ CacheFolder::~CacheFolder() {
   if (writer_.empty()) return;
   std::error_code ignored;
   fs::remove_all(writer_, ignored);
+  Forget(cleanup_);
 }
 
 std::string CacheFolder::BlockPath(const SceneId& scene, uint32_t block) const {
@@ -165,6 +167,7 @@ Status CacheFolder::Open() {
 Status CacheFolder::BecomeWriter() {
   writer_.clear();
   lock_.reset();
+  Forget(std::exchange(cleanup_, -1));
   const std::string name = fmt::format("{}/{}{}", folder_, kWriterPrefix, RandomName());
   // The lock before the folder: whoever sees the folder sees that it is in use.
   QUARRY_ASSIGN(FileLock lock, FileLock::Take(name, "another process"));
@@ -172,6 +175,7 @@ Status CacheFolder::BecomeWriter() {
     return Fail(fmt::format("{}: cannot write: {}", folder_, ErrnoText(errno)));
   lock_.emplace(std::move(lock));
   writer_ = name;
+  cleanup_ = RemoveOnSignal(writer_);
   return {};
 }
 

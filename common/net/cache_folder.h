@@ -86,6 +86,7 @@ class CacheFolder {
   uint64_t budget_;
   std::string writer_;  ///< the folder of temporaries; empty: none
   std::optional<FileLock> lock_;
+  int cleanup_ = -1;  ///< see RemoveOnSignal
   uint64_t temporaries_ = 0;
   uint64_t written_ = 0;     ///< bytes since the last sweep
   uint64_t next_sweep_ = 0;  ///< bytes after which one is due

@@ -5,13 +5,10 @@
 #include <atomic>
 #include <boost/asio/io_context.hpp>
 #include <catch2/catch.hpp>
-#include <chrono>
 #include <cstdlib>
-#include <filesystem>
 #include <fstream>
 #include <mutex>
 #include <optional>
-#include <thread>
 #include <utility>
 
 #include "common/voxel/store_format.h"
