@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "common/net/file_source.h"
+#include "common/net/http_source.h"
 #include "common/net/tcp_source.h"
 
 namespace quarry {
@@ -17,8 +18,12 @@ BlockSupply::BlockSupply(boost::asio::io_context& io, const Catalog& catalog, co
       idle_(options.idle),
       security_(options.security),
       serving_(options.serving),
+      http_(options.http),
       sources_(io, catalog, options.give_up_after_s, options.log),
-      stored_(sources_, options.stored_bytes, holdings),
+      disk_(options.disk_cache
+                ? std::make_unique<DiskCachedSource>(io, sources_, *options.disk_cache, catalog, options.log)
+                : nullptr),
+      stored_(disk_ ? static_cast<VoxelSource&>(*disk_) : sources_, options.stored_bytes, holdings),
       server_(catalog.id, stored_) {}
 
 Result<std::unique_ptr<BlockSupply>> BlockSupply::Open(boost::asio::io_context& io, const Catalog& catalog,
@@ -44,8 +49,13 @@ Status BlockSupply::Add(const std::string& text, const Endpoint& master) {
           spec.kind, text,
           std::make_unique<TcpVoxelSource>(io_, spec.master ? master : spec.server, security_, catalog_.id));
       return {};
-    default:
-      return BadUsage(fmt::format("--source {}: is not a kind that this program has", text));
+    default: {
+      QUARRY_ASSIGN(HttpLocation location, ParseHttpLocation(spec.place, "--source"));
+      const std::string name = location.text();
+      sources_.Add(spec.kind, name,
+                   std::make_unique<HttpVoxelSource>(io_, std::move(location), catalog_, http_));
+      return {};
+    }
   }
 }
 

@@ -3,9 +3,12 @@
 #include <deque>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "common/net/disk_cache.h"
+#include "common/net/http_options.h"
 #include "common/net/source_set.h"
 #include "worker/peer_server.h"
 #include "worker/stored_cache.h"
@@ -17,12 +20,14 @@ struct SupplyOptions {
   Security security, serving;        ///< toward masters and servers; toward workers that ask
   std::vector<std::string> sources;  ///< as ParseSource has them
   uint64_t stored_bytes = 0;         ///< of the StoredCache
+  std::optional<DiskCacheLocation> disk_cache;
+  HttpOptions http;
   double give_up_after_s = 60;
   std::function<void(const std::string&)> log;
   std::function<bool()> idle;  ///< whether no ray waits for a block on its way
 };
 
-/// Where a worker's blocks come from: its stored ones, other workers, the scene's sources; and what it gives
+/// Where a worker's blocks come from: its stored ones, its disk, other workers, the scene's sources; and what it gives
 /// to other workers. Used from the io_context's thread.
 class BlockSupply {
  public:
@@ -44,6 +49,7 @@ class BlockSupply {
   void ClearExpected() { expected_.clear(); }
 
   const SourceSet::Counters& counters() const { return sources_.counters(); }
+  uint64_t bytes_from_disk() const { return disk_ ? disk_->counters().bytes_read : 0; }
   StoredCache::Counters stored() const { return stored_.counters(); }
 
  private:
@@ -57,7 +63,9 @@ class BlockSupply {
   Holdings& holdings_;
   std::function<bool()> idle_;
   const Security security_, serving_;
+  const HttpOptions http_;
   SourceSet sources_;
+  std::unique_ptr<DiskCachedSource> disk_;  ///< in front of them, or null
   StoredCache stored_;
   PeerServer server_;
   std::deque<uint32_t> expected_;

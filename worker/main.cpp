@@ -10,25 +10,49 @@
 #include "common/base/size.h"
 #include "common/base/version.h"
 #include "common/kdtree/kernels.h"
+#include "common/net/source_set.h"
 #include "common/net/security_options.h"
 #include "worker/session.h"
 
 namespace quarry {
 namespace {
 
-Status Run(WorkerOptions options, const SecurityOptions& security, const std::string& master,
-           const std::string& cache) {
+/// Options that are parsed once all are known.
+struct Texts {
+  std::string master, cache = "256M", disk_cache, http_header_file, aws;
+  SecurityOptions security;
+};
+
+Status ReadSourceOptions(const Texts& texts, WorkerOptions& options) {
+  if (!texts.disk_cache.empty()) {
+    QUARRY_ASSIGN(options.disk_cache, ParseDiskCache(texts.disk_cache, "--disk-cache"));
+  }
+  if (!texts.http_header_file.empty()) {
+    QUARRY_ASSIGN(options.http.headers, ReadHttpHeaders(texts.http_header_file));
+  }
+  if (!texts.aws.empty()) {
+    QUARRY_ASSIGN(options.http.aws,
+                  texts.aws == "env" ? AwsCredentialsFromEnvironment() : ReadAwsCredentials(texts.aws));
+  }
+  options.http.tls_ca = WithEnvironment(texts.security).tls_ca;
+  for (const std::string& source : options.sources) QUARRY_TRY(ParseSource(source));
+  return {};
+}
+
+Status Run(WorkerOptions options, const Texts& texts) {
   if (Kernels().empty())
     return BadUsage("QUARRY_ISA names no instruction set that this processor has: scalar, avx2 or avx512");
-  QUARRY_ASSIGN(options.master, ParseEndpoint(master, "--master"));
-  QUARRY_ASSIGN(options.security, Security::ForClient(WithEnvironment(security)));
-  if (auto serving = Security::ForServer(WithEnvironment(security)))
+  const SecurityOptions security = WithEnvironment(texts.security);
+  QUARRY_ASSIGN(options.master, ParseEndpoint(texts.master, "--master"));
+  QUARRY_ASSIGN(options.security, Security::ForClient(security));
+  if (auto serving = Security::ForServer(security))
     options.serving = std::move(*serving);
   else if (options.peers == "auto")
     options.peers = "off";
   else if (options.peers != "off")
     return tl::unexpected<Error>(serving.error());
-  QUARRY_ASSIGN(options.cache_bytes, ParseSize(cache, "--cache"));
+  QUARRY_ASSIGN(options.cache_bytes, ParseSize(texts.cache, "--cache"));
+  QUARRY_TRY(ReadSourceOptions(texts, options));
   return RunWorker(options);
 }
 
@@ -38,18 +62,20 @@ int Main(int argc, char** argv) {
   EndWithParent();
   InstallSignalHandlers("quarry-worker", "its tiles go to other workers");
   WorkerOptions options;
-  SecurityOptions security;
+  Texts texts;
   options.threads = std::max(1u, std::thread::hardware_concurrency());
   options.name = fmt::format("worker-{}", ::getpid());
-  std::string master, cache = "256M";
   CLI::App app{"Renders tiles for a master, fetching voxels on demand into a cache of fixed size."};
   app.footer(
       "Example:\n  quarry-worker --master 127.0.0.1:9000 --cache 512M --threads 4\n"
+      "  quarry-worker --master 10.0.0.1:9000 --secret-file quarry.secret --source "
+      "http://10.0.0.9/plant.quarry "
+      "--disk-cache /var/tmp/quarry:20G\n"
       "QUARRY_ISA=scalar|avx2|avx512 in the environment narrows the instruction sets used; pixels are the "
       "same.");
   app.set_version_flag("--version", std::string("quarry-worker ") + kVersion);
-  app.add_option("--master", master, "The master's HOST:PORT")->required()->envname("QUARRY_MASTER");
-  app.add_option("--cache", cache, "Most bytes of decoded voxels held")
+  app.add_option("--master", texts.master, "The master's HOST:PORT")->required()->envname("QUARRY_MASTER");
+  app.add_option("--cache", texts.cache, "Most bytes of voxels held, decoded and stored")
       ->envname("QUARRY_CACHE")
       ->capture_default_str();
   app.add_option("--threads", options.threads, "Compute threads")
@@ -59,9 +85,16 @@ int Main(int argc, char** argv) {
   app.add_option("--name", options.name, "Name in the master's log and statistics");
   app.add_option("--source", options.sources,
                  "Where voxels come from, instead of what the master says; several share the load: master, "
-                 "HOST:PORT, "
-                 "file:PATH")
+                 "HOST:PORT, file:PATH, http://... or https://...")
       ->envname("QUARRY_SOURCE");
+  app.add_option("--disk-cache", texts.disk_cache,
+                 "Keep voxels in a folder, DIR:BYTES, which workers on this machine may share")
+      ->envname("QUARRY_DISK_CACHE");
+  app.add_option("--http-header-file", texts.http_header_file,
+                 "Lines 'Name: value' to be sent to HTTP servers; readable by its owner alone");
+  app.add_option(
+      "--http-aws", texts.aws,
+      "Sign requests to HTTP servers for S3: a JSON file of credentials, or env for AWS_* variables");
   app.add_option(
          "--peers", options.peers,
          "Serve voxels to other workers at HOST:PORT; auto: at the address that reaches the master; off")
@@ -70,14 +103,14 @@ int Main(int argc, char** argv) {
                  "Seconds for which a master or a voxel out of reach is tried again")
       ->check(CLI::Range(0.0, 1e6))
       ->capture_default_str();
-  AddSecurityOptions(app, security);
+  AddSecurityOptions(app, texts.security);
   app.add_flag("--quiet", options.quiet, "Print errors only");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? 0 : 2;
   }
-  const Status status = Run(options, security, master, cache);
+  const Status status = Run(options, texts);
   if (status) return 0;
   fmt::print(stderr, "quarry-worker: {}\n", status.error().message);
   return status.error().exit_status;

@@ -192,6 +192,8 @@ class Session {
                                  options_.serving,
                                  sources_,
                                  scene->stored_bytes,
+                                 options_.disk_cache,
+                                 options_.http,
                                  options_.retry_s,
                                  [this](const std::string& line) { Log(line); },
                                  [state = scene.get()] { return state->loader->idle(); }};
@@ -274,6 +276,7 @@ class Session {
     alive.bytes_from = from.bytes_from;
     for (const uint64_t bytes : alive.bytes_from) alive.voxel_bytes_received += bytes;
     alive.bytes_from[static_cast<size_t>(SourceKind::kMemory)] = stored.hit_bytes;
+    alive.bytes_from[static_cast<size_t>(SourceKind::kDisk)] = scene_->supply->bytes_from_disk();
     alive.retries = from.retries;
     alive.hedges = from.hedges;
     alive.damaged = from.damaged;

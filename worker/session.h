@@ -1,11 +1,14 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "common/base/status.h"
 #include "common/net/connection.h"
+#include "common/net/disk_cache.h"
+#include "common/net/http_options.h"
 
 namespace quarry {
 
@@ -18,6 +21,8 @@ struct WorkerOptions {
   std::string name;
   double retry_s = 60;               ///< how long a master or a block out of reach is tried for
   std::vector<std::string> sources;  ///< where blocks come from; empty: as the master says
+  std::optional<DiskCacheLocation> disk_cache;
+  HttpOptions http;  ///< how HTTP servers are asked
   /// Where other workers are served: HOST:PORT, "auto" (where the master is reached, unless certificates are
   /// in use and this worker has none to show), "off".
   std::string peers = "auto";

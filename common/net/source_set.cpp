@@ -19,6 +19,10 @@ namespace {
 constexpr auto kTick = std::chrono::milliseconds(50);
 constexpr size_t kMostHints = 1u << 16;  // a hint forgotten costs a request to a server
 
+bool Contains(const std::vector<uint32_t>& list, uint32_t value) {
+  return std::find(list.begin(), list.end(), value) != list.end();
+}
+
 uint64_t KeyOf(const std::string& name) { return Checksum(AsBytes(name)); }
 
 }  // namespace
@@ -53,6 +57,7 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
     std::unique_ptr<VoxelSource> source;
     BackOff back_off;
     AnswerTime answers;
+    bool has_refused = false;  ///< and that has been told
   };
   /// A block that has been asked for and is not here.
   struct Fetching {
@@ -60,7 +65,8 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
     Done done;
     double since_s, asked_s = 0;
     std::vector<uint32_t> asked;  ///< origins (by id) that owe an answer
-    int failures = 0, damaged = 0, refused = 0;
+    int failures = 0, damaged = 0;
+    std::vector<uint32_t> refused_by;  ///< origins that have nothing to give for this block
     std::string last_error;
   };
 
@@ -88,8 +94,8 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
     std::vector<SourceView> views(next_origin, {0, false});
     for (const uint32_t o : order) {
       const Origin& origin = *origins.at(o);
-      views[o] = {origin.answers.mean_s(), origin.back_off.Open(now_s) &&
-                                               std::find(f.asked.begin(), f.asked.end(), o) == f.asked.end()};
+      views[o] = {origin.answers.mean_s(),
+                  origin.back_off.Open(now_s) && !Contains(f.refused_by, o) && !Contains(f.asked, o)};
     }
     const int chosen = ChooseSource(order, views);
     if (chosen < 0) return false;
@@ -138,9 +144,13 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
       return;
     }
     ++f.failures;
-    f.refused += refused;
+    if (refused) {
+      if (!std::exchange(o->second->has_refused, true))
+        log(fmt::format("{} refuses: {}", o->second->name, result.error().message));
+      f.refused_by.push_back(from);
+    }
     f.last_error = result.error().message;
-    if (f.damaged + f.refused >= kMostDamaged) return GiveUp(id);
+    if (f.damaged >= kMostDamaged || f.refused_by.size() == homes.size()) return GiveUp(id);
     if (f.asked.empty()) Again(id, f);
   }
 

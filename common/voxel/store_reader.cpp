@@ -2,9 +2,10 @@
 
 #include <fmt/format.h>
 
-#include <cstring>
+#include <algorithm>
 
 #include "common/voxel/store_format.h"
+#include "common/voxel/store_header.h"
 
 namespace quarry {
 namespace {
@@ -45,38 +46,17 @@ Result<StoreReader> StoreReader::Open(const std::string& path) {
 }
 
 Status StoreReader::ReadHeader() {
-  std::byte header[kStoreHeaderBytes];
-  if (file_.size() < kStoreHeaderBytes)
-    return Fail(fmt::format("{}: not a Quarry scene store (too short)", path()));
-  QUARRY_TRY(file_.ReadAt(0, header));
-  if (AsText(header).substr(0, 8) != kStoreMagic)
-    return Fail(fmt::format("{}: not a Quarry scene store", path()));
-  ByteReader in(std::span<const std::byte>(header).subspan(8));
-  const auto version = in.Get<uint32_t>();
-  const auto count = in.Get<uint32_t>();
-  const auto file_size = in.Get<uint64_t>();
-  const auto table_offset = in.Get<uint64_t>();
-  std::memcpy(id_.data(), in.GetSpan(16).data(), 16);
-  const auto table_checksum = in.Get<uint64_t>();
-  const auto header_checksum = in.Get<uint64_t>();
-  if (Checksum(std::span<const std::byte>(header).first(56)) != header_checksum)
-    return Fail(fmt::format("{}: the header is damaged (checksum); make the store again", path()));
-  if (version != kStoreVersion)
-    return Fail(
-        fmt::format("{}: store format version {}, this program reads version {}; make the store again "
-                    "with this quarry-preprocess",
-                    path(), version, kStoreVersion));
-  if (file_size != file_.size())
+  Bytes bytes(std::min(kStoreHeaderBytes, file_.size()));
+  QUARRY_TRY(file_.ReadAt(0, bytes));
+  QUARRY_ASSIGN(const StoreHeader header, DecodeStoreHeader(bytes, path()));
+  if (header.file_size != file_.size())
     return Fail(fmt::format("{}: {} bytes long, should be {}: truncated or added to", path(), file_.size(),
-                            file_size));
-  if (count > kMaxSections || table_offset != kStoreHeaderBytes ||
-      table_offset + count * kSectionEntryBytes > file_size)
-    return Fail(fmt::format("{}: the header's section table cannot be", path()));
-  Bytes table(count * kSectionEntryBytes);
-  QUARRY_TRY(file_.ReadAt(table_offset, table));
-  if (Checksum(table) != table_checksum)
-    return Fail(fmt::format("{}: the section table is damaged (checksum); make the store again", path()));
-  return ReadSections(table, count);
+                            header.file_size));
+  id_ = header.id;
+  Bytes table(header.table_bytes());
+  QUARRY_TRY(file_.ReadAt(kStoreHeaderBytes, table));
+  QUARRY_TRY(CheckStoreTable(header, table, path()));
+  return ReadSections(table, header.sections);
 }
 
 Status StoreReader::ReadSections(std::span<const std::byte> table, uint32_t count) {

@@ -167,7 +167,7 @@ TEST_CASE("A block that every source refuses is given up at once") {
   const auto result = f.Get(3);
   REQUIRE_FALSE(result.has_value());
   CHECK(result.error().message == "out of order");
-  CHECK(f.asked[0].size() + f.asked[1].size() == SourceSet::kMostDamaged);
+  CHECK(f.asked[0].size() + f.asked[1].size() == 2);
 }
 
 TEST_CASE("While nobody answers blocks wait, and come when one is back") {

@@ -1,0 +1,58 @@
+#pragma once
+
+#include <catch2/catch.hpp>
+#include <cstdint>
+#include <random>
+#include <string>
+
+#include "common/voxel/store_reader.h"
+#include "common/voxel/store_writer.h"
+
+namespace quarry::test {
+
+/// Writes a store of `voxels` voxels in one chain, about 4 KiB a block that does not compress, every third
+/// with a shading block; other seeds make other scenes.
+inline void WriteSmallStore(const std::string& path, uint32_t voxels, uint32_t seed = 1) {
+  constexpr uint32_t kVertices = 300;
+  auto writer = StoreWriter::Create(path);
+  REQUIRE(writer.has_value());
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<float> coordinate(0, 1);
+  for (uint32_t v = 0; v < voxels; ++v) {
+    HotVoxel hot;
+    hot.cell = {glm::vec3(0), glm::vec3(1)};
+    hot.nodes = {KdNode::Inner(0, 0.5f, 1), KdNode::Leaf(0, 1), KdNode::Leaf(1, 2)};
+    hot.node_slots = 12;
+    hot.wide_nodes = 1;
+    hot.references = {0, 0, 1};
+    for (uint32_t i = 0; i < kVertices; ++i)
+      hot.vertices.push_back({coordinate(random), coordinate(random), coordinate(random)});
+    hot.corners = {0, 1, 2, 1, 3, 2};
+    hot.triangle_ids = {2 * v, 2 * v + 1};
+    hot.materials = {0, 0};
+    hot.parts = {0, 0};
+    ShadingVoxel shading;
+    shading.corners = {0, 1, 0, 1, 1, 0};
+    shading.vertices = {{{0, 0, 1}, {coordinate(random), 0.25f}, 0xFF0000FFu},
+                        {{0, 1, 0}, {0, 1}, 0xFF00FF00u}};
+    EncodedVoxel encoded = EncodeVoxel(hot, v % 3 == 0 ? &shading : nullptr);
+    encoded.chained = v + 1 < voxels;
+    REQUIRE(writer->AddVoxel(encoded).has_value());
+  }
+  SceneMeta meta;
+  meta.bounds_upper = meta.root_upper = glm::vec3(1);
+  meta.padding = 1e-6f;
+  meta.input_triangles = 2 * voxels;
+  meta.voxel_size = 1 << 16;
+  REQUIRE(writer->Finish(meta, {KdNode::Leaf(0, 1)}, {Material{"paint"}}, {"part"}).has_value());
+}
+
+/// The blocks that the directory has.
+inline std::vector<uint32_t> BlocksOf(const Catalog& catalog) {
+  std::vector<uint32_t> blocks;
+  for (uint32_t b = 0; b < 2 * catalog.voxels.size(); ++b)
+    if (catalog.block(b).stored > 0) blocks.push_back(b);
+  return blocks;
+}
+
+}  // namespace quarry::test

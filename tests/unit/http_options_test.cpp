@@ -1,0 +1,171 @@
+#include "common/net/http_options.h"
+
+#include <sys/stat.h>
+
+#include <catch2/catch.hpp>
+#include <cstdlib>
+#include <fstream>
+
+#include "common/net/http_answer.h"
+#include "tests/support/temporary_folder.h"
+
+namespace quarry {
+namespace {
+
+using Catch::Matchers::Contains;
+
+void WriteText(const std::string& path, const std::string& text) {
+  std::ofstream(path, std::ios::binary) << text;
+  ::chmod(path.c_str(), 0600);
+}
+
+HttpLocation Location(const std::string& url) {
+  auto location = ParseHttpLocation(url, "the address");
+  REQUIRE(location.has_value());
+  return *location;
+}
+
+}  // namespace
+
+TEST_CASE("Addresses of HTTP servers are taken apart") {
+  const HttpLocation plain = Location("http://store.example/a/b.quarry?x=1");
+  CHECK(
+      (!plain.tls && plain.host == "store.example" && plain.port == 80 && plain.target == "/a/b.quarry?x=1"));
+  CHECK(plain.authority() == "store.example");
+  CHECK(plain.text() == "http://store.example/a/b.quarry?…");
+  const HttpLocation secure = Location("HTTPS://[::1]:8443/s");
+  CHECK((secure.tls && secure.host == "::1" && secure.port == 8443));
+  CHECK(secure.authority() == "[::1]:8443");
+  CHECK(Location("https://h/s").port == 443);
+  for (const char* bad :
+       {"", "http", "ftp://h/s", "http://", "http:///s", "http://h", "http://h:0/s", "http://h:99999/s",
+        "http://h:/s", "http://h:8x/s", "http://user:secret@h/s", "http://h/s#f", "http://h/a b",
+        "http://h/a\r\nX: y", "http://h\r\n/s", "http://[::1/s", "http://[h]x/s", "http://h/\xc3\xa4"}) {
+    INFO(bad);
+    const auto location = ParseHttpLocation(bad, "--source");
+    REQUIRE(!location.has_value());
+    CHECK(location.error().exit_status == 2);
+    CHECK(location.error().message.find("secret") == std::string::npos);
+  }
+}
+
+TEST_CASE("Headers come from a file that only its owner reads") {
+  const test::TemporaryFolder folder;
+  const std::string path = folder.file("headers");
+  WriteText(path, "# token of the test\n\nAuthorization: Bearer abc.def \r\nX-Team:a b\n");
+  const auto headers = ReadHttpHeaders(path);
+  REQUIRE(headers.has_value());
+  CHECK(*headers == std::vector<HttpHeader>{{"Authorization", "Bearer abc.def"}, {"X-Team", "a b"}});
+  for (const mode_t mode : {0640, 0604, 0622}) {
+    ::chmod(path.c_str(), mode);
+    const auto refused = ReadHttpHeaders(path);
+    REQUIRE(!refused.has_value());
+    CHECK_THAT(refused.error().message, Contains("chmod 600"));
+  }
+  ::chmod(path.c_str(), 0600);
+  for (const std::string bad :
+       {"no colon secret", ": secret", "Na me: secret", "A: secret\rHost: b", "A: secret\x01",
+        "Range: secret", "hOsT: secret", "Transfer-Encoding: secret", "A\r: secret"}) {
+    INFO(bad);
+    WriteText(path, "A: b\n" + bad + "\n");
+    const auto refused = ReadHttpHeaders(path);
+    REQUIRE(!refused.has_value());
+    CHECK(refused.error().exit_status == 2);
+    CHECK_THAT(refused.error().message, Contains("line 2"));
+    CHECK(refused.error().message.find("secret") == std::string::npos);
+  }
+  WriteText(path, std::string(70'000, '#'));
+  CHECK(!ReadHttpHeaders(path).has_value());
+  CHECK(!ReadHttpHeaders(folder.path()).has_value());
+  CHECK(!ReadHttpHeaders(folder.file("none")).has_value());
+}
+
+TEST_CASE("AWS credentials come from a file or the environment") {
+  const test::TemporaryFolder folder;
+  const std::string path = folder.file("aws.json");
+  WriteText(
+      path,
+      R"({"Version": 1, "AccessKeyId": "A", "SecretAccessKey": "S", "SessionToken": "T", "Region": "r"})");
+  const auto from_file = ReadAwsCredentials(path);
+  REQUIRE(from_file.has_value());
+  CHECK(*from_file == AwsCredentials{"r", "A", "S", "T"});
+  ::chmod(path.c_str(), 0644);
+  CHECK(!ReadAwsCredentials(path).has_value());
+  for (const char* bad : {"", "[]", "{", R"({"AccessKeyId": "A", "Region": "r"})",
+                          R"({"AccessKeyId": "A\nB", "SecretAccessKey": "S", "Region": "r"})",
+                          R"({"AccessKeyId": 1, "SecretAccessKey": "S", "Region": "r"})"}) {
+    INFO(bad);
+    WriteText(path, bad);
+    const auto refused = ReadAwsCredentials(path);
+    REQUIRE(!refused.has_value());
+    CHECK(refused.error().exit_status == 2);
+  }
+  ::setenv("AWS_ACCESS_KEY_ID", "A", 1);
+  ::setenv("AWS_SECRET_ACCESS_KEY", "S", 1);
+  ::unsetenv("AWS_SESSION_TOKEN");
+  ::unsetenv("AWS_REGION");
+  const auto missing = AwsCredentialsFromEnvironment();
+  REQUIRE(!missing.has_value());
+  CHECK_THAT(missing.error().message, Contains("AWS_REGION"));
+  ::setenv("AWS_REGION", "r", 1);
+  const auto from_environment = AwsCredentialsFromEnvironment();
+  REQUIRE(from_environment.has_value());
+  CHECK(*from_environment == AwsCredentials{"r", "A", "S", ""});
+  for (const char* name : {"AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_REGION"}) ::unsetenv(name);
+}
+
+// Examples of "Signature Calculations for the Authorization Header" in the S3 API reference: 24 May 2013.
+TEST_CASE("Signatures are those that Amazon publishes") {
+  const AwsCredentials credentials{"us-east-1", "AKIAIOSFODNN7EXAMPLE",
+                                   "wJalrXUtnFEMI/K7MDENG/bPxRfiCYEXAMPLEKEY", ""};
+  constexpr std::time_t kThen = 1369353600;
+  struct Example {
+    std::string target;
+    std::vector<HttpHeader> headers;
+    std::string names, signature;
+  };
+  const std::string host = "examplebucket.s3.amazonaws.com";
+  const std::string names = "host;x-amz-content-sha256;x-amz-date";
+  for (const Example& e : std::vector<Example>{
+           {"/test.txt",
+            {{"Range", "bytes=0-9"}},
+            "host;range;x-amz-content-sha256;x-amz-date",
+            "f0e8bdb87c964420e857bd35b5d6ed310bd44f0170aba48dd91039c6036bdb41"},
+           {"/?lifecycle", {}, names, "fea454ca298b7da1c68078a5d1bdbfbbe0d65c699e0f91ac7a200a0136783543"},
+           {"/?max-keys=2&prefix=J",
+            {},
+            names,
+            "34b48302e7b5fa45bde8084f4b7868a86f0a534bc59db6670ed5711ef69dc6f7"},
+           {"/?prefix=J&max-keys=2",
+            {},
+            names,
+            "34b48302e7b5fa45bde8084f4b7868a86f0a534bc59db6670ed5711ef69dc6f7"}}) {
+    INFO(e.target);
+    const auto added = SignAwsRequest({host, e.target, e.headers}, credentials, kThen);
+    CHECK(added ==
+          std::vector<HttpHeader>{
+              {"x-amz-content-sha256", "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855"},
+              {"x-amz-date", "20130524T000000Z"},
+              {"Authorization",
+               "AWS4-HMAC-SHA256 Credential=AKIAIOSFODNN7EXAMPLE/20130524/us-east-1/s3/"
+               "aws4_request,SignedHeaders=" +
+                   e.names + ",Signature=" + e.signature}});
+  }
+}
+
+TEST_CASE("A path means the same to a signature however it is encoded, and a token is signed") {
+  const AwsCredentials credentials{"r", "A", "S", "token"};
+  const auto sign = [&](const std::string& target) {
+    return SignAwsRequest({"h", target, {}}, credentials, 0);
+  };
+  CHECK(sign("/a%2Db/~c%20d") == sign("/a-b/%7ec%20d"));
+  CHECK(sign("/a+b") == sign("/a%2bb"));
+  CHECK(sign("/a") != sign("/b"));
+  CHECK(sign("/100%") == sign("/100%25"));
+  const auto added = sign("/a");
+  REQUIRE(added.size() == 4);
+  CHECK(added[2] == HttpHeader{"x-amz-security-token", "token"});
+  CHECK_THAT(added[3].value, Contains("host;x-amz-content-sha256;x-amz-date;x-amz-security-token"));
+}
+
+}  // namespace quarry

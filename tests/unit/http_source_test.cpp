@@ -1,0 +1,566 @@
+#include "common/net/http_source.h"
+
+#include <fmt/format.h>
+
+#include <atomic>
+#include <boost/asio/io_context.hpp>
+#include <catch2/catch.hpp>
+#include <cstdlib>
+#include <fstream>
+#include <mutex>
+#include <optional>
+#include <utility>
+
+#include "common/voxel/store_format.h"
+#include "tests/support/fault_server.h"
+#include "tests/support/nginx.h"
+#include "tests/support/small_store.h"
+#include "tests/support/temporary_folder.h"
+
+namespace quarry {
+namespace {
+
+using Catch::Matchers::Contains;
+using test::FaultServer;
+using test::Nginx;
+using Then = FaultServer::Then;
+
+std::string ReadFile(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+HttpLocation Location(const std::string& url) {
+  auto location = ParseHttpLocation(url, "the address");
+  REQUIRE(location.has_value());
+  return *location;
+}
+
+/// A store on disk, and its bytes for servers made up here.
+struct Scene {
+  explicit Scene(uint32_t voxels = 8, uint32_t seed = 1) {
+    test::WriteSmallStore(path, voxels, seed);
+    auto opened = StoreReader::Open(path);
+    REQUIRE(opened.has_value());
+    store.emplace(std::move(*opened));
+    bytes = ReadFile(path);
+  }
+  const Catalog& catalog() const { return store->catalog(); }
+
+  test::TemporaryFolder folder;
+  std::string path = folder.file("scene.quarry");
+  std::optional<StoreReader> store;
+  std::string bytes;
+};
+
+/// Short limits, so that tests of servers that fall silent are done soon.
+HttpOptions Patient(double seconds = 60) {
+  HttpOptions options;
+  options.connect_s = options.first_byte_s = options.stall_s = seconds;
+  return options;
+}
+
+/// Fetches `blocks` at once, and runs until each is there.
+std::vector<Result<Bytes>> FetchAll(boost::asio::io_context& io, VoxelSource& source,
+                                    const std::vector<uint32_t>& blocks) {
+  std::vector<std::optional<Result<Bytes>>> got(blocks.size());
+  for (size_t i = 0; i < blocks.size(); ++i)
+    source.Fetch(blocks[i], [&got, i](Result<Bytes> bytes) {
+      REQUIRE(!got[i]);
+      got[i] = std::move(bytes);
+    });
+  io.restart();
+  io.run();
+  std::vector<Result<Bytes>> results;
+  for (auto& g : got) {
+    REQUIRE(g);
+    results.push_back(std::move(*g));
+  }
+  return results;
+}
+
+Result<Bytes> FetchOne(boost::asio::io_context& io, VoxelSource& source, uint32_t block) {
+  return FetchAll(io, source, {block})[0];
+}
+
+/// Every block through `source` is what the store's reader reads.
+void CheckAllBlocks(boost::asio::io_context& io, VoxelSource& source, const StoreReader& store) {
+  const auto blocks = test::BlocksOf(store.catalog());
+  REQUIRE(!blocks.empty());
+  const auto got = FetchAll(io, source, blocks);
+  for (size_t i = 0; i < blocks.size(); ++i) {
+    INFO("block " << blocks[i] << (got[i] ? "" : ": " + got[i].error().message));
+    REQUIRE(got[i].has_value());
+    REQUIRE(*got[i] == store.ReadBlock(blocks[i]).value());
+  }
+}
+
+/// The error of fetching block 0 from a server that answers the requests for blocks with `fault`, and those
+/// of the check rightly.
+Error FaultOfBlock(
+    const std::function<FaultServer::Answer(const FaultServer::Request&, const std::string&)>& fault,
+    double seconds = 60) {
+  const Scene scene;
+  const uint64_t first_block = scene.catalog().block(0).offset;
+  FaultServer server([&](const FaultServer::Request& r) -> FaultServer::Answer {
+    if (r.first >= first_block) return fault(r, scene.bytes);
+    return {FaultServer::Part(r, scene.bytes)};
+  });
+  boost::asio::io_context io;
+  HttpVoxelSource source(io, Location(server.url()), scene.catalog(), Patient(seconds));
+  const auto got = FetchOne(io, source, 0);
+  REQUIRE(!got.has_value());
+  CHECK_THAT(got.error().message, Contains(server.url()));
+  CHECK(got.error().message.find('\n') == std::string::npos);
+  return got.error();
+}
+
+Error FaultOfBlock(const std::string& answer, Then then = Then::kKeep, double seconds = 60) {
+  return FaultOfBlock([&](const auto&, const auto&) { return FaultServer::Answer{answer, then}; }, seconds);
+}
+
+bool SkippedWithoutNginx() {
+  if (!Nginx::Program().empty()) return false;
+  WARN("skipped: nginx is not installed (deploy/install installs nginx-light)");
+  return true;
+}
+
+}  // namespace
+
+TEST_CASE("Requests carry headers and signatures, at the time that is given") {
+  const Scene scene;
+  std::mutex mutex;
+  std::vector<std::string> heads;
+  FaultServer server([&](const FaultServer::Request& r) -> FaultServer::Answer {
+    const std::lock_guard lock(mutex);
+    heads.push_back(r.head);
+    return {FaultServer::Part(r, scene.bytes)};
+  });
+  HttpOptions options = Patient();
+  options.headers = {{"X-Team", "a b"}, {"x-amz-request-payer", "requester"}};
+  options.aws = AwsCredentials{"eu", "KEY", "SECRET", "TOKEN"};
+  options.now = [] { return std::time_t{1369353600}; };
+  boost::asio::io_context io;
+  HttpVoxelSource source(io, Location(server.url()), scene.catalog(), options);
+  REQUIRE(FetchOne(io, source, 0).has_value());
+  const std::lock_guard lock(mutex);
+  REQUIRE(heads.size() == 3);
+  const BlockEntry& block = scene.catalog().block(0);
+  const std::string& head = heads[2];
+  const std::string range = fmt::format("bytes={}-{}", block.offset, block.offset + block.stored - 1);
+  CHECK_THAT(head, Contains("GET /store HTTP/1.1\r\n") && Contains("Range: " + range + "\r\n"));
+  CHECK_THAT(head, Contains("X-Team: a b\r\n") && Contains("x-amz-date: 20130524T000000Z\r\n"));
+  CHECK_THAT(head, Contains("x-amz-security-token: TOKEN\r\n"));
+  const auto added = SignAwsRequest({fmt::format("127.0.0.1:{}", server.port()),
+                                     "/store",
+                                     {{"range", range}, {"x-amz-request-payer", "requester"}}},
+                                    *options.aws, 1369353600);
+  CHECK_THAT(head, Contains("Authorization: " + added.back().value + "\r\n"));
+}
+
+TEST_CASE("Connections are few, kept and used again") {
+  const Scene scene(20);
+  FaultServer server([&](const FaultServer::Request& r) -> FaultServer::Answer {
+    return {FaultServer::Part(r, scene.bytes)};
+  });
+  HttpOptions options = Patient();
+  options.connections = 3;
+  boost::asio::io_context io;
+  HttpVoxelSource source(io, Location(server.url()), scene.catalog(), options);
+  CheckAllBlocks(io, source, *scene.store);
+  CheckAllBlocks(io, source, *scene.store);
+  const auto counters = source.counters();
+  const auto blocks = test::BlocksOf(scene.catalog());
+  CHECK(counters.http.connections <= 3);
+  CHECK(counters.http.requests == 2 * blocks.size() + 2);  // and header and table, once
+  uint64_t stored = 0;
+  for (const uint32_t b : blocks) stored += scene.catalog().block(b).stored;
+  CHECK(counters.bytes_received == 2 * stored);
+}
+
+TEST_CASE("A kept connection that the server closed is made again without a word") {
+  const Scene scene(20);
+  // It promises to keep them, and closes each after three answers.
+  FaultServer server([&](const FaultServer::Request& r) -> FaultServer::Answer {
+    return {FaultServer::Part(r, scene.bytes), r.on_connection == 2 ? Then::kClose : Then::kKeep};
+  });
+  boost::asio::io_context io;
+  HttpVoxelSource source(io, Location(server.url()), scene.catalog(), Patient());
+  for (const uint32_t block : test::BlocksOf(scene.catalog())) {
+    const auto got = FetchOne(io, source, block);
+    INFO("block " << block << (got ? "" : ": " + got.error().message));
+    REQUIRE(got.has_value());
+    REQUIRE(*got == scene.store->ReadBlock(block).value());
+  }
+  CHECK(source.counters().http.stale > 0);
+  CHECK(source.counters().http.connections > 2);
+}
+
+TEST_CASE("A server that closes every connection without an answer is asked twice, not for ever") {
+  const Scene scene;
+  std::atomic<int> requests = 0;
+  FaultServer server([&](const FaultServer::Request& r) -> FaultServer::Answer {
+    ++requests;
+    if (r.number < 2) return {FaultServer::Part(r, scene.bytes)};
+    return {"", Then::kClose};
+  });
+  boost::asio::io_context io;
+  HttpVoxelSource source(io, Location(server.url()), scene.catalog(), Patient());
+  const auto got = FetchOne(io, source, 0);
+  REQUIRE(!got.has_value());
+  CHECK(!got.error().permanent);
+  CHECK_THAT(got.error().message, Contains("without an answer"));
+  CHECK(requests == 4);
+}
+
+TEST_CASE("A server that says it will close is not asked again on that connection") {
+  const Scene scene;
+  FaultServer server([&](const FaultServer::Request& r) -> FaultServer::Answer {
+    std::string answer = FaultServer::Part(r, scene.bytes);
+    answer.insert(answer.find("\r\n") + 2, "Connection: close\r\n");
+    return {answer, Then::kClose};
+  });
+  boost::asio::io_context io;
+  HttpVoxelSource source(io, Location(server.url()), scene.catalog(), Patient());
+  CheckAllBlocks(io, source, *scene.store);
+  CHECK(source.counters().http.stale == 0);
+}
+
+TEST_CASE("Statuses become sentences, permanent where asking again cannot help") {
+  struct Case {
+    std::string status, sentence;
+    bool permanent;
+  };
+  for (const Case& c :
+       std::vector<Case>{{"200 OK", "does not serve ranges", true},
+                         {"204 No Content", "204", true},
+                         {"302 Found\r\nLocation: http://elsewhere/", "302 Found: redirections", true},
+                         {"401 Unauthorized", "401 Unauthorized", true},
+                         {"403 Forbidden", "403 Forbidden", true},
+                         {"404 Not Found", "404 Not Found", true},
+                         {"408 Request Timeout", "408", false},
+                         {"416 Range Not Satisfiable", "416 Range Not Satisfiable", true},
+                         {"429 Too Many Requests", "429 Too Many Requests", false},
+                         {"500 Internal Server Error", "500 Internal Server Error", false},
+                         {"503 <script>", "503 Service Unavailable", false},
+                         {"599 What", "599", false}}) {
+    INFO(c.status);
+    const Error error = FaultOfBlock("HTTP/1.1 " + c.status + "\r\nContent-Length: 4\r\n\r\nbody");
+    CHECK_THAT(error.message, Contains(c.sentence));
+    CHECK(error.permanent == c.permanent);
+  }
+}
+
+TEST_CASE("After a 503 the next request is answered") {
+  const Scene scene;
+  FaultServer server([&](const FaultServer::Request& r) -> FaultServer::Answer {
+    if (r.number % 3 == 0) return {"HTTP/1.1 503 Busy\r\nContent-Length: 0\r\n\r\n"};
+    return {FaultServer::Part(r, scene.bytes)};
+  });
+  boost::asio::io_context io;
+  HttpVoxelSource source(io, Location(server.url()), scene.catalog(), Patient());
+  int failed = 0;
+  for (int i = 0; i < 10; ++i) {
+    const auto got = FetchOne(io, source, 2);
+    if (!got) {
+      ++failed;
+      CHECK(!got.error().permanent);
+      continue;
+    }
+    CHECK(*got == scene.store->ReadBlock(2).value());
+  }
+  CHECK(failed > 0);
+  CHECK(failed < 10);
+}
+
+TEST_CASE("Answers with another range than the one asked for are refused") {
+  const auto answer = [](const std::string& range) {
+    return FaultOfBlock([range](const FaultServer::Request& r, const std::string& file) {
+      const uint64_t size = r.last - r.first + 1;
+      return FaultServer::Answer{
+          fmt::format(
+              "HTTP/1.1 206 Partial Content\r\nContent-Length: {}\r\n{}\r\n", size,
+              fmt::format(fmt::runtime(range), r.first, r.last, r.first + 1, r.last + 1, file.size())) +
+              file.substr(r.first, size),
+          Then::kKeep};
+    });
+  };
+  for (const char* range :
+       {"", "Content-Range: bytes {2}-{3}/{4}\r\n", "Content-Range: bytes {0}-{3}/{4}\r\n",
+        "Content-Range: bytes {0}-{1}/{1}\r\n", "Content-Range: bytes {0}-{1}\r\n",
+        "Content-Range: bytes {0}-{1}/{4}x\r\n", "Content-Range: items {0}-{1}/{4}\r\n",
+        "Content-Range: bytes 99999999999999999999-{1}/{4}\r\n", "Content-Range: bytes */{4}\r\n"}) {
+    INFO(range);
+    CHECK_THAT(answer(range).message, Contains("another range"));
+  }
+  const Error encoded = answer("Content-Range: bytes {0}-{1}/{4}\r\nContent-Encoding: gzip\r\n");
+  CHECK_THAT(encoded.message, Contains("encoded"));
+  CHECK(encoded.permanent);
+  const Error grown = answer("Content-Range: bytes {0}-{1}/9999999\r\n");
+  CHECK_THAT(grown.message, Contains("another than it was"));
+  CHECK(grown.permanent);
+}
+
+TEST_CASE("Bodies that are cut, too long, stalled or garbage are errors, not blocks") {
+  const auto part = [](const FaultServer::Request& r, const std::string& file) {
+    return FaultServer::Part(r, file);
+  };
+  const Error cut = FaultOfBlock([&](const auto& r, const auto& file) {
+    const std::string whole = part(r, file);
+    return FaultServer::Answer{whole.substr(0, whole.size() - 10), Then::kClose};
+  });
+  CHECK_THAT(cut.message, Contains("breaks off"));
+  CHECK(!cut.permanent);
+
+  const Error stalled = FaultOfBlock(
+      [&](const auto& r, const auto& file) {
+        const std::string whole = part(r, file);
+        return FaultServer::Answer{whole.substr(0, whole.size() - 10), Then::kStall};
+      },
+      0.3);
+  CHECK_THAT(stalled.message, Contains("stalls"));
+  CHECK(!stalled.permanent);
+
+  const auto chunked = [&](const std::string& chunks, Then then) {
+    return FaultOfBlock([&](const FaultServer::Request& r, const std::string& file) {
+      return FaultServer::Answer{fmt::format("HTTP/1.1 206 Partial Content\r\nTransfer-Encoding: chunked\r\n"
+                                             "Content-Range: bytes {}-{}/{}\r\n\r\n{}",
+                                             r.first, r.last, file.size(), chunks),
+                                 then};
+    });
+  };
+  CHECK_THAT(chunked("10\r\n0123456789abcdef\r\n0\r\n\r\n", Then::kKeep).message, Contains("breaks off"));
+  CHECK_THAT(chunked("zzz\r\n", Then::kKeep).message, Contains("not HTTP"));
+  std::string large = "20000\r\n" + std::string(0x20000, 'x') + "\r\n0\r\n\r\n";
+  CHECK_THAT(chunked(large, Then::kKeep).message, Contains("more than was asked for"));
+
+  const Error longer = FaultOfBlock([&](const FaultServer::Request& r, const std::string& file) {
+    std::string whole = part(r, file);
+    const std::string length = fmt::format("Content-Length: {}", r.last - r.first + 1);
+    whole.replace(whole.find(length), length.size(), "Content-Length: 99999999999");
+    return FaultServer::Answer{whole, Then::kKeep};
+  });
+  CHECK(!longer.permanent);
+
+  CHECK_THAT(FaultOfBlock("\x16\x03\x01 garbage\r\n\r\n").message, Contains("not HTTP"));
+  CHECK_THAT(FaultOfBlock("SSH-2.0-OpenSSH\r\n", Then::kStall, 0.3).message, Contains("not HTTP"));
+  CHECK_THAT(FaultOfBlock("HTTP/1.1 206 Part", Then::kStall, 0.3).message, Contains("does not answer"));
+  CHECK_THAT(FaultOfBlock("", Then::kStall, 0.3).message, Contains("does not answer"));
+  CHECK_THAT(FaultOfBlock("HTTP/1.1 206 Part", Then::kClose).message, Contains("breaks off"));
+  const std::string huge = "HTTP/1.1 206 Partial Content\r\nX: " + std::string(100'000, 'x') + "\r\n\r\n";
+  CHECK_THAT(FaultOfBlock(huge).message, Contains("head of more than 8 KiB"));
+}
+
+TEST_CASE("Bytes sent after an answer are not taken for the next") {
+  const Scene scene;
+  FaultServer server([&](const FaultServer::Request& r) -> FaultServer::Answer {
+    return {FaultServer::Part(r, scene.bytes) + "HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\n\r\n"};
+  });
+  boost::asio::io_context io;
+  HttpVoxelSource source(io, Location(server.url()), scene.catalog(), Patient());
+  for (const uint32_t block : test::BlocksOf(scene.catalog())) {
+    const auto got = FetchOne(io, source, block);
+    // Where the surplus comes in a segment of its own it may meet the next request: an error then, never a
+    // wrong block.
+    if (got) CHECK(*got == scene.store->ReadBlock(block).value());
+  }
+}
+
+TEST_CASE("A server that is not there is an error that may pass") {
+  const Scene scene;
+  uint16_t port;
+  {
+    const FaultServer server([](const auto&) { return FaultServer::Answer{}; });
+    port = server.port();
+  }
+  boost::asio::io_context io;
+  HttpVoxelSource source(io, Location(fmt::format("http://127.0.0.1:{}/s", port)), scene.catalog(),
+                         Patient());
+  for (const auto& got : FetchAll(io, source, {0, 2, 4})) {
+    REQUIRE(!got.has_value());
+    CHECK_THAT(got.error().message, Contains("cannot be reached"));
+    CHECK(!got.error().permanent);
+  }
+}
+
+TEST_CASE("A file that is not the scene's store is refused before a block is asked for") {
+  const Scene scene, other(8, 2), longer(9);
+  std::mutex mutex;
+  std::string served;
+  const auto serve = [&](std::string file) {
+    const std::lock_guard lock(mutex);
+    served = std::move(file);
+  };
+  std::atomic<int> requests = 0;
+  FaultServer server([&](const FaultServer::Request& r) -> FaultServer::Answer {
+    ++requests;
+    const std::lock_guard lock(mutex);
+    return {FaultServer::Part(r, served)};
+  });
+  boost::asio::io_context io;
+  HttpVoxelSource source(io, Location(server.url()), scene.catalog(), Patient());
+  const auto refusal = [&](std::string file) {
+    serve(std::move(file));
+    requests = 0;
+    const auto got = FetchOne(io, source, 0);
+    REQUIRE(!got.has_value());
+    CHECK(got.error().permanent);
+    CHECK(requests <= 2);
+    CHECK_THAT(got.error().message, Contains(server.url()));
+    return got.error().message;
+  };
+  CHECK_THAT(refusal(other.bytes),
+             Contains(FormatSceneId(other.catalog().id)) && Contains(FormatSceneId(scene.catalog().id)));
+  CHECK_THAT(refusal(longer.bytes), Contains("another scene"));
+  CHECK_THAT(refusal(std::string(5000, 'x')), Contains("not a Quarry scene store"));
+  CHECK_THAT(refusal(scene.bytes + "x"), Contains("truncated or added to"));
+  std::string damaged = scene.bytes;
+  damaged[40] ^= 1;
+  CHECK_THAT(refusal(damaged), Contains("header is damaged"));
+  damaged = scene.bytes;
+  damaged[kStoreHeaderBytes + 8] ^= 1;
+  CHECK_THAT(refusal(damaged), Contains("section table is damaged"));
+  // Once the right one is there, it is taken.
+  serve(scene.bytes);
+  CheckAllBlocks(io, source, *scene.store);
+}
+
+TEST_CASE("The same scene in another layout is told from the catalog's") {
+  const Scene scene;
+  Catalog moved = scene.catalog();
+  for (VoxelEntry& v : moved.voxels)
+    for (BlockEntry& b : v.blocks) b.offset += 8;
+  FaultServer server([&](const FaultServer::Request& r) -> FaultServer::Answer {
+    return {FaultServer::Part(r, scene.bytes)};
+  });
+  boost::asio::io_context io;
+  HttpVoxelSource source(io, Location(server.url()), moved, Patient());
+  const auto got = FetchOne(io, source, 0);
+  REQUIRE(!got.has_value());
+  CHECK(got.error().permanent);
+  CHECK_THAT(got.error().message, Contains("compressed in another way"));
+}
+
+TEST_CASE("Blocks that the catalog lacks are errors, and a source that ends calls nobody") {
+  const Scene scene;
+  FaultServer server([&](const FaultServer::Request& r) -> FaultServer::Answer {
+    return {FaultServer::Part(r, scene.bytes)};
+  });
+  boost::asio::io_context io;
+  auto source = std::make_unique<HttpVoxelSource>(io, Location(server.url()), scene.catalog(), Patient());
+  for (const uint32_t none : {3u, 16u, ~0u}) {
+    const auto got = FetchOne(io, *source, none);
+    REQUIRE(!got.has_value());
+    CHECK(got.error().permanent);
+  }
+  REQUIRE(FetchOne(io, *source, 0).has_value());
+  bool ended = false;
+  for (uint32_t i = 0; i < 8; ++i) source->Fetch(2 * i, [&](const auto&) { CHECK(!ended); });
+  io.restart();
+  io.poll();
+  source.reset();
+  ended = true;
+  io.restart();
+  io.run();
+
+  // From within a callback, too.
+  source = std::make_unique<HttpVoxelSource>(io, Location(server.url()), scene.catalog(), Patient());
+  int called = 0;
+  for (uint32_t i = 0; i < 8; ++i)
+    source->Fetch(2 * i, [&](const auto&) {
+      ++called;
+      source.reset();
+    });
+  io.restart();
+  io.run();
+  CHECK(called == 1);
+}
+
+TEST_CASE("Every block comes through nginx as it is in the store") {
+  if (SkippedWithoutNginx()) return;
+  const Scene scene(60);
+  const auto nginx =
+      Nginx::Start(scene.folder.file("nginx"), scene.folder.path(),
+                   "location /closing/ { alias " + scene.folder.path() +
+                       "/; keepalive_requests 3; }\n"
+                       "location /protected/ { alias " +
+                       scene.folder.path() +
+                       "/;\n"
+                       "  if ($http_authorization != \"Bearer secret-of-the-test\") { return 403; } }\n"
+                       "location /whole/ { alias " +
+                       scene.folder.path() + "/; max_ranges 0; }\n");
+  REQUIRE(nginx.has_value());
+  const std::string base = fmt::format("http://127.0.0.1:{}", (*nginx)->port());
+  boost::asio::io_context io;
+  {
+    HttpVoxelSource source(io, Location(base + "/scene.quarry"), scene.catalog(), Patient());
+    CheckAllBlocks(io, source, *scene.store);
+    CHECK(source.counters().http.connections <= HttpOptions().connections);
+  }
+  {
+    HttpVoxelSource source(io, Location(base + "/closing/scene.quarry"), scene.catalog(), Patient());
+    CheckAllBlocks(io, source, *scene.store);
+  }
+  const auto fault = [&](const std::string& path, HttpOptions options = Patient()) {
+    HttpVoxelSource source(io, Location(base + path), scene.catalog(), std::move(options));
+    const auto got = FetchOne(io, source, 0);
+    REQUIRE(!got.has_value());
+    CHECK(got.error().permanent);
+    return got.error().message;
+  };
+  CHECK_THAT(fault("/none.quarry"), Contains("/none.quarry: answers 404 Not Found"));
+  CHECK_THAT(fault("/whole/scene.quarry"), Contains("does not serve ranges"));
+  CHECK_THAT(fault("/protected/scene.quarry"), Contains("403 Forbidden"));
+  HttpOptions options = Patient();
+  options.headers = {{"Authorization", "Bearer wrong-token"}};
+  CHECK_THAT(fault("/protected/scene.quarry", options), Contains("403") && !Contains("wrong-token"));
+  options.headers = {{"Authorization", "Bearer secret-of-the-test"}};
+  HttpVoxelSource source(io, Location(base + "/protected/scene.quarry"), scene.catalog(), options);
+  CheckAllBlocks(io, source, *scene.store);
+}
+
+TEST_CASE("Blocks come by https from a server whose certificate is believed, and from no other") {
+  if (SkippedWithoutNginx()) return;
+  if (std::system("openssl version >/dev/null 2>&1") != 0) {
+    WARN("skipped: the openssl program is not installed");
+    return;
+  }
+  const Scene scene(30);
+  const std::string pem = scene.folder.file("server.pem"), certificate = scene.folder.file("certificate.pem");
+  REQUIRE(std::system(
+              fmt::format("cd {} && openssl req -x509 -newkey rsa:2048 -nodes -days 2 -subj /CN=localhost "
+                          "-addext subjectAltName=DNS:localhost -keyout key.pem -out certificate.pem "
+                          "2>/dev/null && cat certificate.pem key.pem > server.pem",
+                          scene.folder.path())
+                  .c_str()) == 0);
+  const auto nginx = Nginx::Start(scene.folder.file("nginx"), scene.folder.path(), "", pem);
+  REQUIRE(nginx.has_value());
+  const auto url = [&](const std::string& host) {
+    return Location(fmt::format("https://{}:{}/scene.quarry", host, (*nginx)->port()));
+  };
+  boost::asio::io_context io;
+  HttpOptions options = Patient();
+  options.tls_ca = certificate;
+  {
+    HttpVoxelSource source(io, url("localhost"), scene.catalog(), options);
+    CheckAllBlocks(io, source, *scene.store);
+    CHECK(source.counters().http.connections <= options.connections);
+  }
+  const auto fault = [&](const HttpLocation& location, const HttpOptions& how) {
+    HttpVoxelSource source(io, location, scene.catalog(), how);
+    const auto got = FetchOne(io, source, 0);
+    REQUIRE(!got.has_value());
+    CHECK(got.error().permanent);
+    return got.error().message;
+  };
+  CHECK_THAT(fault(url("127.0.0.1"), options), Contains("not for 127.0.0.1"));
+  CHECK_THAT(fault(url("localhost"), Patient()), Contains("not believed"));
+  options.tls_ca = scene.folder.file("none.pem");
+  CHECK_THAT(fault(url("localhost"), options), Contains("none.pem"));
+  // Plain HTTP to the same port is told by nginx, and is no TLS.
+  HttpLocation plain = url("localhost");
+  plain.tls = false;
+  CHECK_THAT(fault(plain, Patient()), Contains("400 Bad Request"));
+}
+
+}  // namespace quarry
