@@ -23,11 +23,24 @@ ActiveFrame::ActiveFrame(uint64_t setup, const RenderJob& job, const ActiveFrame
       last_owners_[t] = before->owners_[t] != kNoWorker ? before->owners_[t] : before->plan_[t];
 }
 
+void ActiveFrame::AddPromised(std::map<uint32_t, BlockSet>& holds) const {
+  std::vector<uint32_t> owners = plan_;
+  for (const auto& [id, lease] : leases_) owners[lease.tile] = lease.worker;
+  for (size_t t = 0; t < owners.size(); ++t) {
+    const auto worker = holds.find(owners[t]);
+    if (tile_done_[t] || worker == holds.end()) continue;
+    for (size_t i = 0; i < expected_[t].blocks.size(); ++i)
+      if (expected_[t].chances[i] >= 0.5f) worker->second.Set(expected_[t].blocks[i], true);
+  }
+}
+
 void ActiveFrame::MakePlan(const std::vector<PlannedWorker>& workers,
-                           const std::vector<uint32_t>& block_bytes, SchedulingPolicy policy) {
+                           const std::vector<uint32_t>& block_bytes, double seconds_per_byte,
+                           SchedulingPolicy policy) {
   PlanInput in;
   in.workers = workers;
   in.block_bytes = &block_bytes;
+  in.seconds_per_byte = seconds_per_byte;
   in.frame = job_.first_frame;
   double known_s = 0;
   size_t known = 0;
@@ -38,12 +51,13 @@ void ActiveFrame::MakePlan(const std::vector<PlannedWorker>& workers,
     }
   // A tile that nothing is known of costs what the others do; a tile that costs nothing costs a little all
   // the same.
-  const double usual_s = known > 0 && known_s > 0 ? known_s / static_cast<double>(known) : 1;
+  usual_cost_s_ = known > 0 && known_s > 0 ? known_s / static_cast<double>(known) : 0.01;
   for (size_t t = 0; t < expected_.size(); ++t) {
     const TileTrace& trace = expected_[t];
     in.tiles.push_back({last_owners_[t], trace.known ? &trace.blocks : nullptr,
-                        trace.known ? &trace.chances : nullptr,
-                        trace.known ? trace.cost_s + usual_s / 16 : usual_s});
+                        trace.known ? &trace.chances : nullptr, frame_.tiles()[t].x / kTileSize,
+                        frame_.tiles()[t].y / kTileSize,
+                        trace.known ? trace.cost_s + usual_cost_s_ / 16 : usual_cost_s_});
   }
   plan_ = Plan(in, policy);
 }
@@ -58,6 +72,7 @@ Snapshot ActiveFrame::MakeSnapshot(std::vector<WorkerView> workers, double now_s
   for (size_t t = 0; t < s.tiles.size(); ++t) {
     s.tiles[t].done = tile_done_[t];
     s.tiles[t].owner = plan_[t];
+    s.tiles[t].cost_s = expected_[t].known ? expected_[t].cost_s : usual_cost_s_;
   }
   for (const auto& [id, lease] : leases_) {
     TileView& tile = s.tiles[lease.tile];
@@ -130,13 +145,18 @@ bool AnyFree(const std::vector<WorkerView>& views) {
 
 }  // namespace
 
-std::vector<HandedTile> HandOut(std::vector<ActiveFrame*> frames, const std::vector<Hand>& hands,
-                                double now_s, const std::function<ActiveFrame*()>& start_next) {
+std::vector<HandedTile> HandOut(
+    std::vector<ActiveFrame*> frames, const std::vector<Hand>& hands, double now_s,
+    const std::function<double(const ActiveFrame&, uint32_t tile, uint32_t worker)>& fetch_s,
+    const std::function<ActiveFrame*()>& start_next) {
   std::vector<HandedTile> out;
   const auto hand_out = [&](ActiveFrame& frame, Stealing stealing) {
     auto views = FreeSlots(frames, hands);
     if (frame.done() || !AnyFree(views)) return;
-    for (const Assignment& a : Schedule(frame.MakeSnapshot(std::move(views), now_s), stealing))
+    Snapshot snapshot = frame.MakeSnapshot(std::move(views), now_s);
+    if (fetch_s)
+      snapshot.fetch_s = [&](uint32_t tile, uint32_t worker) { return fetch_s(frame, tile, worker); };
+    for (const Assignment& a : Schedule(snapshot, stealing))
       out.push_back({&frame, a.worker, frame.Lease(a, now_s)});
   };
   for (ActiveFrame* frame : frames) hand_out(*frame, Stealing::kNo);
@@ -146,7 +166,8 @@ std::vector<HandedTile> HandOut(std::vector<ActiveFrame*> frames, const std::vec
     frames.push_back(next);
     hand_out(*next, Stealing::kNo);
   }
-  for (ActiveFrame* frame : frames) hand_out(*frame, Stealing::kYes);
+  if (!getenv("NOSTEAL"))
+    for (ActiveFrame* frame : frames) hand_out(*frame, Stealing::kYes);
   return out;
 }
 

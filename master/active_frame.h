@@ -30,9 +30,12 @@ class ActiveFrame {
   uint64_t rays_suspended() const { return rays_suspended_; }
   uint64_t leases_lost() const { return leases_lost_; }
 
+  /// Adds what tiles not done are expected to bring to the workers that have or are to have them. `holds`: by
+  /// worker.
+  void AddPromised(std::map<uint32_t, BlockSet>& holds) const;
   /// Plans who is to have which tile; again whenever workers come and go. `workers`: all there are.
   void MakePlan(const std::vector<PlannedWorker>& workers, const std::vector<uint32_t>& block_bytes,
-                SchedulingPolicy policy);
+                double seconds_per_byte, SchedulingPolicy policy);
   /// What handing out may look at.
   Snapshot MakeSnapshot(std::vector<WorkerView> workers, double now_s) const;
   /// Leases a tile to a worker.
@@ -66,6 +69,7 @@ class ActiveFrame {
   Frame frame_;
   std::vector<uint32_t> last_owners_, plan_, owners_;
   std::vector<TileTrace> expected_, traces_;
+  double usual_cost_s_ = 1;  ///< of a tile
   size_t traced_ = 0;
   std::vector<bool> tile_done_;
   std::map<uint64_t, LeaseRecord> leases_;
@@ -88,7 +92,11 @@ struct HandedTile {
 /// Hands out what can be: first everyone's own tiles, of the frames under way in their order and of others
 /// that `start_next` begins (null: none begins); what is planned for others only when there is no more of
 /// that, for it costs bytes.
-std::vector<HandedTile> HandOut(std::vector<ActiveFrame*> frames, const std::vector<Hand>& hands,
-                                double now_s, const std::function<ActiveFrame*()>& start_next);
+/// `fetch_s`: seconds that a worker is expected to fetch for a frame's tile; none: what is nearest to hand is
+/// taken.
+std::vector<HandedTile> HandOut(
+    std::vector<ActiveFrame*> frames, const std::vector<Hand>& hands, double now_s,
+    const std::function<double(const ActiveFrame&, uint32_t tile, uint32_t worker)>& fetch_s,
+    const std::function<ActiveFrame*()>& start_next);
 
 }  // namespace quarry

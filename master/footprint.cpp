@@ -113,6 +113,14 @@ class Grid {
 
 }  // namespace
 
+double ExpectedBytes(const TileTrace& tile, const BlockSet& holds, const std::vector<uint32_t>& block_bytes) {
+  double bytes = 0;
+  for (size_t i = 0; i < tile.blocks.size(); ++i)
+    if (tile.blocks[i] < block_bytes.size() && !holds.Has(tile.blocks[i]))
+      bytes += block_bytes[tile.blocks[i]] * static_cast<double>(tile.chances.empty() ? 1 : tile.chances[i]);
+  return bytes;
+}
+
 std::vector<TileTrace> Predict(const FrameTrace& before, const RenderJob& next,
                                const std::vector<Frame::Tile>& tiles) {
   std::vector<TileTrace> out(tiles.size());

@@ -5,6 +5,7 @@
 
 #include "common/scene/render_job.h"
 #include "master/frame.h"
+#include "master/scheduler.h"
 
 namespace quarry {
 
@@ -16,6 +17,10 @@ struct TileTrace {
   double cost_s = 0;             ///< processor time
   bool known = false;
 };
+
+/// Bytes of the tile's blocks that are not in `holds`, each as likely as it is. `block_bytes`: stored, by
+/// block.
+double ExpectedBytes(const TileTrace& tile, const BlockSet& holds, const std::vector<uint32_t>& block_bytes);
 
 /// A frame's tiles as they were rendered.
 struct FrameTrace {

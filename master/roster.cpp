@@ -73,11 +73,14 @@ Peers Roster::MakePeers() const {
   return peers;
 }
 
-std::vector<PlannedWorker> Roster::ForPlan() const {
-  std::vector<PlannedWorker> out;
-  for (const auto& [id, worker] : workers_)
-    out.push_back({id, static_cast<double>(worker.threads), &worker.holds});
-  return out;
+double Roster::SecondsPerByte() const {
+  constexpr double kUsual = 8e-8, kKnownBytes = 1 << 20;
+  double bytes = 0, s = 0;
+  for (const auto& [id, worker] : workers_) {
+    bytes += static_cast<double>(worker.counters.voxel_bytes_received);
+    s += static_cast<double>(worker.counters.fetch_us) * 1e-6;
+  }
+  return bytes < kKnownBytes ? kUsual : s / bytes;
 }
 
 uint32_t Roster::HolderOf(uint32_t block, uint32_t but) const {

@@ -51,7 +51,9 @@ class Roster {
   static void Update(WorkerRecord& worker, const Alive& alive);
   /// Which workers serve others, and where.
   Peers MakePeers() const;
-  std::vector<PlannedWorker> ForPlan() const;
+  /// Seconds in which a byte of voxels comes to a worker while it waits for some, measured over all; 100
+  /// Mbit/s while not known.
+  double SecondsPerByte() const;
   /// A worker other than `but` that holds the block and serves it, or 0; another one for another block.
   uint32_t HolderOf(uint32_t block, uint32_t but) const;
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -39,7 +40,8 @@ struct PlannedTile {
   uint32_t last_owner = kNoWorker;                ///< id of the worker that rendered it in the frame before
   const std::vector<uint32_t>* blocks = nullptr;  ///< expected to be touched; null: not known
   const std::vector<float>* chances = nullptr;    ///< of each; null or empty: 1
-  double cost = 1;                                ///< expected, in any unit
+  uint32_t column = 0, row = 0;                   ///< of the grid of tiles
+  double cost_s = 1;                              ///< computing expected, seconds
 };
 struct PlannedWorker {
   uint32_t id = kNoWorker;
@@ -50,16 +52,16 @@ struct PlanInput {
   std::vector<PlannedTile> tiles;  ///< in the order of the frame's space-filling curve
   std::vector<PlannedWorker> workers;
   const std::vector<uint32_t>* block_bytes = nullptr;  ///< by block; for kFootprint
+  double seconds_per_byte = 1e-7;                      ///< of fetching, at one worker; for kFootprint
   uint64_t frame = 0;                                  ///< for kRandom
 };
 
-/// A footprint plan may give one worker so much more than its share of the expected cost.
-inline constexpr double kPlanSlack = 0.15;
+/// A footprint plan leaves workers' expected times so far apart rather than move another tile.
+inline constexpr double kPlanSlack = 0.1;
 
 /// The worker (id) that should have each tile; kNoWorker for all when there are no workers. Tiles that a
-/// policy knows nothing of are shared out along the curve, each worker a stretch. kFootprint goes through the
-/// tiles from the clearest case to the least clear, gives each to the worker that holds or has been promised
-/// most bytes of it, and keeps every worker's expected cost near its share.
+/// policy knows nothing of are shared out along the curve, each worker a stretch. kFootprint keeps the time
+/// that the slowest worker is expected to take short, computing and fetching together.
 std::vector<uint32_t> Plan(const PlanInput& input, SchedulingPolicy policy);
 
 // --- handing out
@@ -71,6 +73,7 @@ struct TileView {
   uint32_t holders = 0;         ///< leases on it now
   uint32_t holder = kNoWorker;  ///< the newest lease's worker
   double leased_at_s = 0;       ///< when that lease was given
+  double cost_s = 0;            ///< computing expected
 };
 
 /// A worker, as handing out sees it; its position in the snapshot is not its id.
@@ -84,6 +87,8 @@ struct Snapshot {
   std::vector<WorkerView> workers;
   double now_s = 0;
   double straggler_after_s = 1;  ///< a tile held this long is given to an idle worker as well
+  /// Seconds that a worker (id) is expected to fetch for a tile; none: 0.
+  std::function<double(uint32_t tile, uint32_t worker)> fetch_s;
 };
 
 struct Assignment {
@@ -96,9 +101,10 @@ struct Assignment {
 /// Whether workers may take what is planned for others.
 enum class Stealing { kNo, kYes };
 
-/// Which tiles to hand out now: a worker gets its own. With kYes, one with nothing of its own left takes from
-/// the end of whoever has most; when nothing is left, the oldest stragglers go to those still idle, each to
-/// one more worker; the first result counts, both are the same.
+/// Which tiles to hand out now: a worker gets its own. With kYes, one with nothing of its own left takes what
+/// another will come to latest: the tile for which that one's open work exceeds most what the tile would cost
+/// the taker, and only while it does. When nothing is left, the oldest stragglers go to those still idle,
+/// each to one more worker; the first result counts, both are the same.
 std::vector<Assignment> Schedule(const Snapshot& snapshot, Stealing stealing);
 
 }  // namespace quarry

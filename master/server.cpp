@@ -212,8 +212,19 @@ class Server {
     const Peers peers = roster_.MakePeers();
     for (auto& [id, worker] : roster_.all())
       if (worker.has_scene) worker.connection->Send(MakeMessage(MessageType::kPeers, peers));
-    for (Rendering& r : renderings_) r.frame->MakePlan(roster_.ForPlan(), block_bytes_, options_.policy);
+    for (size_t r = 0; r < renderings_.size(); ++r) MakePlan(r);
     HandOutSoon();
+  }
+
+  /// Of one of the frames under way, which comes after those before it.
+  void MakePlan(size_t rendering) {
+    std::map<uint32_t, BlockSet> holds;
+    for (const auto& [id, worker] : roster_.all()) holds[id] = worker.holds;
+    for (size_t r = 0; r < rendering; ++r) renderings_[r].frame->AddPromised(holds);
+    std::vector<PlannedWorker> workers;
+    for (const auto& [id, worker] : roster_.all())
+      workers.push_back({id, static_cast<double>(worker.threads), &holds[id]});
+    renderings_[rendering].frame->MakePlan(workers, block_bytes_, roster_.SecondsPerByte(), options_.policy);
   }
 
   /// Once for all the messages at hand.
@@ -230,8 +241,14 @@ class Server {
     for (Rendering& r : renderings_) frames.push_back(r.frame.get());
     std::vector<Hand> hands;
     for (const auto& [id, worker] : roster_.all()) hands.push_back({id, worker.Credit()});
+    std::function<double(const ActiveFrame&, uint32_t, uint32_t)> fetch_s;
+    if (options_.policy == SchedulingPolicy::kFootprint)
+      fetch_s = [this, per_byte = roster_.SecondsPerByte()](const ActiveFrame& frame, uint32_t tile,
+                                                            uint32_t worker) {
+        return ExpectedBytes(frame.Expected(tile), roster_.FindById(worker)->holds, block_bytes_) * per_byte;
+      };
     for (HandedTile& tile :
-         quarry::HandOut(std::move(frames), hands, Now(), [this] { return StartFrame(); })) {
+         quarry::HandOut(std::move(frames), hands, Now(), fetch_s, [this] { return StartFrame(); })) {
       WorkerRecord& worker = *roster_.FindById(tile.worker);
       const uint64_t setup = tile.order.setup, oldest = renderings_.front().frame->setup();
       if (worker.setups.insert(setup).second) {
@@ -330,11 +347,11 @@ class Server {
       one.first_frame = job->job.first_frame + static_cast<uint32_t>(index);
       const ActiveFrame* before = renderings_.empty() ? previous_.get() : renderings_.back().frame.get();
       auto frame = std::make_unique<ActiveFrame>(next_setup_++, one, before);
-      frame->MakePlan(roster_.ForPlan(), block_bytes_, options_.policy);
       if (tile_log_) tile_log_->Frame(*frame);
       job->states[index] = Job::FrameState::kActive;
       failures_ = 0;
       renderings_.push_back({job, index, std::move(frame), Now(), voxel_bytes_served_});
+      MakePlan(renderings_.size() - 1);
       return renderings_.back().frame.get();
     }
     return nullptr;
@@ -449,6 +466,7 @@ class Server {
     j["evictions"] = c.evictions;
     j["rays"] = c.rays;
     j["rays_suspended"] = c.rays_suspended;
+    j["fetch_s"] = static_cast<double>(c.fetch_us) * 1e-6;
     j["compute_s"] = static_cast<double>(c.compute_us) * 1e-6;
     j["stall_s"] = static_cast<double>(c.stall_us) * 1e-6;
     j["source_retries"] = c.retries;

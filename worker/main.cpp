@@ -10,8 +10,8 @@
 #include "common/base/size.h"
 #include "common/base/version.h"
 #include "common/kdtree/kernels.h"
-#include "common/net/source_set.h"
 #include "common/net/security_options.h"
+#include "common/net/source_set.h"
 #include "worker/session.h"
 
 namespace quarry {

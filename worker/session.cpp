@@ -277,6 +277,7 @@ class Session {
     for (const uint64_t bytes : alive.bytes_from) alive.voxel_bytes_received += bytes;
     alive.bytes_from[static_cast<size_t>(SourceKind::kMemory)] = stored.hit_bytes;
     alive.bytes_from[static_cast<size_t>(SourceKind::kDisk)] = scene_->supply->bytes_from_disk();
+    alive.fetch_us = from.busy_us;
     alive.retries = from.retries;
     alive.hedges = from.hedges;
     alive.damaged = from.damaged;

@@ -131,6 +131,9 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
     Fetching& f = it->second;
     std::erase(f.asked, from);
     if (good) {
+      const double now_s = Now();
+      counters.busy_us += static_cast<uint64_t>((now_s - std::max(f.since_s, busy_until_s)) * 1e6);
+      busy_until_s = now_s;
       if (o != origins.end()) counters.bytes_from[static_cast<size_t>(o->second->kind)] += result->size();
       holders.erase(block);
       Done done = std::move(f.done);
@@ -231,6 +234,7 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
   uint64_t next_fetch = 1;
   RetryBudget budget;
   Counters counters;
+  double busy_until_s = 0;  ///< what counters.busy_us goes up to
 };
 
 SourceSet::SourceSet(boost::asio::io_context& io, const Catalog& catalog, double give_up_after_s,

@@ -34,6 +34,7 @@ class SourceSet final : public VoxelSource {
   struct Counters {
     std::array<uint64_t, kSourceKinds> bytes_from{};
     uint64_t retries = 0, hedges = 0, damaged = 0;
+    uint64_t busy_us = 0;  ///< in which blocks were on their way, up to the last that has come
   };
   /// `log`: one line when a source fails that did not, and when it is back. A fetch ends with an error when
   /// no source has given the block for `give_up_after_s`, or it has come damaged or been refused kMostDamaged

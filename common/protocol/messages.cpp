@@ -295,6 +295,7 @@ Bytes Encode(const Alive& m) {
   w.damaged = m.damaged;
   w.stall_us = m.stall_us;
   w.compute_us = m.compute_us;
+  w.fetch_us = m.fetch_us;
   w.prefetched_bytes = m.prefetched_bytes;
   w.prefetch_wasted_bytes = m.prefetch_wasted_bytes;
   return Pack<wire::Alive>(w);
@@ -321,6 +322,7 @@ Result<Alive> DecodeAlive(std::span<const std::byte> table) {
   m.damaged = w.damaged;
   m.stall_us = w.stall_us;
   m.compute_us = w.compute_us;
+  m.fetch_us = w.fetch_us;
   m.prefetched_bytes = w.prefetched_bytes;
   m.prefetch_wasted_bytes = w.prefetch_wasted_bytes;
   return m;

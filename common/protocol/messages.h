@@ -84,6 +84,7 @@ struct Alive {
   std::array<uint64_t, kSourceKinds> bytes_from{};
   uint64_t retries = 0, hedges = 0, damaged = 0;
   uint64_t stall_us = 0, compute_us = 0;  ///< summed over the compute threads
+  uint64_t fetch_us = 0;                  ///< in which blocks were on their way from a source
   uint64_t prefetched_bytes = 0, prefetch_wasted_bytes = 0;
 };
 struct BlockRequest {

@@ -18,7 +18,7 @@ struct PlanFixture {
   PlanInput in;
 
   PlanFixture(size_t tiles, size_t workers) : blocks(tiles), holds(workers) {
-    for (size_t t = 0; t < tiles; ++t) in.tiles.push_back({kNoWorker, &blocks[t], nullptr, 1});
+    for (size_t t = 0; t < tiles; ++t) in.tiles.push_back({kNoWorker, &blocks[t], nullptr, static_cast<uint32_t>(2 * t), 0, 1});
     for (uint32_t w = 0; w < workers; ++w) in.workers.push_back({w + 1, 1, &holds[w]});
     in.block_bytes = &bytes;
   }
