@@ -166,8 +166,7 @@ std::vector<HandedTile> HandOut(
     frames.push_back(next);
     hand_out(*next, Stealing::kNo);
   }
-  if (!getenv("NOSTEAL"))
-    for (ActiveFrame* frame : frames) hand_out(*frame, Stealing::kYes);
+  for (ActiveFrame* frame : frames) hand_out(*frame, Stealing::kYes);
   return out;
 }
 

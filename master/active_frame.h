@@ -79,6 +79,9 @@ class ActiveFrame {
   uint64_t rays_ = 0, rays_suspended_ = 0, leases_lost_ = 0;
 };
 
+/// Frames under way at once: the next begins when workers run out of their own tiles of the one before.
+inline constexpr size_t kFramesAtOnce = 2;
+
 /// A worker that tiles are handed out to.
 struct Hand {
   uint32_t worker = kNoWorker;

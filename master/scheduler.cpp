@@ -52,7 +52,8 @@ class FootprintPlan {
   }
 
  private:
-  static constexpr double kUnknownShared = 0.2;  ///< part of an unknown tile's bytes that a neighbour has too
+  static constexpr double kUnknownShared =
+      0.24;                                      ///< part of an unknown tile's bytes that a neighbour has too
   static constexpr size_t kMostWork = 8u << 20;  ///< blocks looked at while levelling
   static constexpr size_t kTargets = 8;  ///< workers that a tile may be moved to: those with least to do
   static constexpr uint32_t kNone = 0xFFFFFFFFu;
@@ -139,22 +140,21 @@ class FootprintPlan {
   void ToHolders() {
     for (uint32_t t = 0; t < owner_.size(); ++t)
       if (const uint32_t w = MostHolding(t); w != kNone) Give(t, w);
-    bool any = blocks_ > 0, gave = true;
-    while (gave) {
-      gave = false;
-      for (uint32_t t = 0; t < owner_.size(); ++t) {
-        if (owner_[t] != kNone) continue;
-        uint32_t owner = any ? Neighbour(t) : static_cast<uint32_t>(uint64_t{t} * workers_ / owner_.size());
-        if (owner == kNone) continue;
-        Give(t, owner);
-        gave = true;
-      }
-      // Nobody holds anything of anything: stretches of the curve.
-      if (!gave && any && std::find(owner_.begin(), owner_.end(), kNone) != owner_.end()) {
-        any = false;
-        gave = true;
-      }
-    }
+    // Then ring by ring around those.
+    for (auto ring = NextRing(); !ring.empty(); ring = NextRing())
+      for (const auto& [tile, worker] : ring) Give(tile, worker);
+    // Nobody holds anything of anything: stretches of the curve.
+    for (uint32_t t = 0; t < owner_.size(); ++t)
+      if (owner_[t] == kNone) Give(t, static_cast<uint32_t>(uint64_t{t} * workers_ / owner_.size()));
+  }
+
+  /// Tiles without an owner next to some that have one, and the one with least to do.
+  std::vector<std::pair<uint32_t, uint32_t>> NextRing() const {
+    std::vector<std::pair<uint32_t, uint32_t>> ring;
+    for (uint32_t t = 0; t < owner_.size(); ++t)
+      if (owner_[t] == kNone)
+        if (const uint32_t worker = Neighbour(t); worker != kNone) ring.push_back({t, worker});
+    return ring;
   }
 
   uint32_t MostHolding(uint32_t tile) const {
@@ -257,7 +257,7 @@ class Thief {
       for (size_t i = own_[v].size(); i-- > first;) {
         const uint32_t t = own_[v][i];
         const double fetch_s = s_.fetch_s ? s_.fetch_s(t, s_.workers[w].id) : 0;
-        const double gain_s = backlog_s_[v] - s_.tiles[t].cost_s - fetch_s;
+        const double gain_s = backlog_s_[v] - s_.tiles[t].cost_s - kFetchWeight * fetch_s;
         if (victim < own_.size() && gain_s <= most_s) continue;
         if (s_.fetch_s && gain_s < 0) continue;
         most_s = gain_s;
@@ -274,6 +274,7 @@ class Thief {
 
  private:
   static constexpr size_t kLooked = 16;
+  static constexpr double kFetchWeight = 3;  ///< bytes fetched twice also take room twice
   const Snapshot& s_;
   std::vector<std::deque<uint32_t>>& own_;
   std::vector<double> backlog_s_;

@@ -57,7 +57,7 @@ struct PlanInput {
 };
 
 /// A footprint plan leaves workers' expected times so far apart rather than move another tile.
-inline constexpr double kPlanSlack = 0.1;
+inline constexpr double kPlanSlack = 0.4;
 
 /// The worker (id) that should have each tile; kNoWorker for all when there are no workers. Tiles that a
 /// policy knows nothing of are shared out along the curve, each worker a stretch. kFootprint keeps the time

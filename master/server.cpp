@@ -39,7 +39,6 @@ using ConnectionPtr = std::shared_ptr<Connection>;
 constexpr auto kTick = std::chrono::milliseconds(250);
 constexpr uint64_t kMaxQueuedBytes = 256u << 20;  // a peer that does not read is dropped beyond this
 constexpr uint64_t kFullQueueBytes = 32u << 20;   // no further frames are queued for a client beyond this
-constexpr size_t kFramesAtOnce = 2;   // the next begins when the last tile of the one before is handed out
 constexpr int kMostEncoding = 4;      // frames on their way to the disk; no other begins beyond this
 constexpr float kLeastChance = 0.5;   // that a tile touches a block, for the block to be fetched ahead
 constexpr double kClientGraceS = 20;  // a job without a spool waits so long for its client to come back

@@ -190,7 +190,7 @@ class Simulation {
   // --- the master
 
   ActiveFrame* StartFrame() {
-    if (frames_.size() >= size_t(getenv("FR") ? atoi(getenv("FR")) : 2) || next_frame_ == walk_.jobs.size()) return nullptr;
+    if (frames_.size() >= kFramesAtOnce || next_frame_ == walk_.jobs.size()) return nullptr;
     const ActiveFrame* before = frames_.empty() ? previous_.get() : frames_.back().get();
     frames_.push_back(std::make_unique<ActiveFrame>(next_setup_++, walk_.jobs[next_frame_], before));
     index_[frames_.back().get()] = next_frame_++;
@@ -200,25 +200,6 @@ class Simulation {
     std::vector<PlannedWorker> planned;
     for (const auto& w : workers_) planned.push_back({w->id, o_.share, &holds[w->id]});
     frames_.back()->MakePlan(planned, block_bytes_, 8e-6 / o_.worker_mbit, policy_);
-    if (getenv("DBG")) {
-      const auto snap = frames_.back()->MakeSnapshot({}, 0);
-      const auto& tiles = walk_.tiles[next_frame_ - 1];
-      std::vector<std::set<uint32_t>> need(workers_.size() + 1), pneed(workers_.size() + 1);
-      std::vector<double> comp(workers_.size() + 1);
-      std::set<uint32_t> all; int unknown = 0;
-      for (size_t t = 0; t < tiles.size(); ++t) {
-        const uint32_t w = snap.tiles[t].owner;
-        comp[w] += tiles[t].compute_s;
-        for (auto b : tiles[t].blocks) { all.insert(b); if (!workers_[w-1]->holds.Has(b)) need[w].insert(b); }
-        const auto& e = frames_.back()->Expected(t);
-        if (!e.known) ++unknown;
-        for (size_t i = 0; i < e.blocks.size(); ++i) if (!workers_[w-1]->holds.Has(e.blocks[i])) pneed[w].insert(e.blocks[i]);
-      }
-      size_t tot = 0, fresh = 0;
-      for (auto b : all) { bool h = false; for (auto& w : workers_) h |= w->holds.Has(b); fresh += !h; }
-      std::string line; for (size_t w = 1; w < need.size(); ++w) { tot += need[w].size(); line += fmt::format(" {}({})/{:.1f}ms", need[w].size(), pneed[w].size(), comp[w]*1e3); }
-      fmt::print("frame {}: union {} fresh {} load {} unknown {}:{}\n", next_frame_ - 1, all.size(), fresh, tot, unknown, line);
-    }
     return frames_.back().get();
   }
 
@@ -230,7 +211,8 @@ class Simulation {
     std::function<double(const ActiveFrame&, uint32_t, uint32_t)> fetch_s;
     if (policy_ == SchedulingPolicy::kFootprint)
       fetch_s = [this](const ActiveFrame& frame, uint32_t tile, uint32_t worker) {
-        return ExpectedBytes(frame.Expected(tile), workers_[worker - 1]->holds, block_bytes_) * 8e-6 / o_.worker_mbit;
+        return ExpectedBytes(frame.Expected(tile), workers_[worker - 1]->holds, block_bytes_) * 8e-6 /
+               o_.worker_mbit;
       };
     for (HandedTile& handed :
          HandOut(std::move(frames), hands, clock_.now_s(), fetch_s, [this] { return StartFrame(); })) {
