@@ -135,7 +135,13 @@ class Client {
 
   Status OnProgress(const Message& m) {
     QUARRY_ASSIGN(const FrameProgress progress, DecodeFrameProgress(m.table));
-    callbacks_.on_progress(progress);
+    if (progress.workers > 0)
+      alone_ = {};
+    else if (alone_ == Clock::time_point{})
+      alone_ = Clock::now();
+    if (progress.workers == 0 && SecondsSince(alone_) > 5 && !std::exchange(told_alone_, true))
+      callbacks_.say("the master has no workers; waiting for some");
+    if (progress.tiles > 0) callbacks_.on_progress(progress);
     return {};
   }
 
@@ -176,7 +182,8 @@ class Client {
   std::shared_ptr<Connection> connection_;
   std::deque<std::pair<FrameDone, Bytes>> frames_;  ///< come, and not yet stored
   size_t stored_ = 0;
-  bool welcomed_ = false, was_welcomed_ = false, failing_ = false;
+  bool welcomed_ = false, was_welcomed_ = false, failing_ = false, told_alone_ = false;
+  Clock::time_point alone_;  ///< since when the master has no workers; zero: it has some
   Clock::time_point lost_, pinged_, heard_, tried_, failing_since_;
   uint64_t received_ = 0;  ///< bytes, when it last changed
   Status outcome_;

@@ -543,6 +543,12 @@ class Server {
 
   void SendProgress() {
     std::set<const Job*> told;
+    if (roster_.all().empty())  // so that who waits knows why
+      for (const auto& job : jobs_)
+        for (const Job::Client& client : job->clients)
+          client.connection->Send(
+              MakeMessage(MessageType::kFrameProgress,
+                          FrameProgress{job->job.first_frame + static_cast<uint32_t>(client.next), 0, 0, 0}));
     for (const Rendering& r : renderings_) {
       if (!told.insert(r.job.get()).second) continue;
       const FrameProgress progress{r.frame->job().first_frame, r.frame->tiles_done(),

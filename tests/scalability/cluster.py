@@ -19,7 +19,7 @@ class Cluster:
     def __init__(self, store, place=None):
         self.store, self.place, self.processes = store, place, []
         self.folder = tempfile.TemporaryDirectory(prefix="quarry-cluster-")
-        self.options = []
+        self.options, self.may_end = [], []
         if place:
             secret = pathlib.Path(self.folder.name) / "secret"
             secret.write_bytes(os.urandom(32).hex().encode())
@@ -74,7 +74,13 @@ class Cluster:
         """Renders and returns the statistics of its frames."""
         process = self.start(host, "quarry", "render", self.store, "-o", output, "--master", master, "--stats", stats, "--quiet",
                              *arguments)
-        if process.wait() != 0:
+        while process.poll() is None:
+            time.sleep(0.02)
+            ended = [p for p in self.processes if p is not process and p.poll() is not None and p.returncode != 0
+                     and p not in self.may_end]
+            if ended:
+                raise RuntimeError(f"a program has ended: {self.logs()}")
+        if process.returncode != 0:
             raise RuntimeError(f"the render failed: {self.logs()}")
         return json.loads(pathlib.Path(stats).read_text())
 

@@ -1,0 +1,95 @@
+"""Machines on this one: a network namespace each, joined by a bridge, with a link of limited rate (tc tbf, both ways) and
+a limited share of a processor (cgroup v1 or v2). Needs root."""
+import os
+import pathlib
+import shutil
+import subprocess
+
+PERIOD_US = 10000  # of the processor's limit: short, so that a share is a slower processor and not a stuttering one
+
+
+def why_not():
+    """Why no place can be made here, or None."""
+    if os.geteuid() != 0:
+        return "network namespaces and cgroups need root"
+    if not shutil.which("ip") or not shutil.which("tc"):
+        return "ip and tc (iproute2) are not installed"
+    if not pathlib.Path("/sys/fs/cgroup/cpu").is_dir() and not pathlib.Path("/sys/fs/cgroup/cgroup.controllers").exists():
+        return "no cgroup file system with a cpu controller"
+    return None
+
+
+def run(*command):
+    subprocess.run(command, check=True, capture_output=True)
+
+
+class Place:
+    """Hosts by name; make() adds one. Use with `with`."""
+
+    def __init__(self, name="qy"):
+        self.name, self.bridge, self.hosts = f"{name}{os.getpid() % 10000}", f"{name}{os.getpid() % 10000}b", {}
+        self.v1 = pathlib.Path("/sys/fs/cgroup/cpu")
+        self.v2 = pathlib.Path("/sys/fs/cgroup")
+
+    def __enter__(self):
+        run("ip", "link", "add", self.bridge, "type", "bridge")
+        run("ip", "link", "set", self.bridge, "up")
+        return self
+
+    def __exit__(self, *_):
+        for name, host in self.hosts.items():
+            subprocess.run(["ip", "netns", "del", host["space"]], capture_output=True)
+            if host["group"]:
+                try:
+                    host["group"].rmdir()
+                except OSError:
+                    pass
+        subprocess.run(["ip", "link", "del", self.bridge], capture_output=True)
+
+    def make(self, name, mbit, share=None):
+        """A host with a link of `mbit` and, when given, `share` of one processor."""
+        number = len(self.hosts) + 1
+        space, outside, inside = f"{self.name}n{number}", f"{self.name}v{number}", f"{self.name}w{number}"
+        address = f"10.77.{os.getpid() % 250}.{number}"
+        run("ip", "netns", "add", space)
+        run("ip", "link", "add", outside, "type", "veth", "peer", "name", inside)
+        run("ip", "link", "set", inside, "netns", space)
+        run("ip", "link", "set", outside, "master", self.bridge)
+        run("ip", "link", "set", outside, "up")
+        run("ip", "-n", space, "addr", "add", f"{address}/24", "dev", inside)
+        run("ip", "-n", space, "link", "set", inside, "up")
+        run("ip", "-n", space, "link", "set", "lo", "up")
+        # A burst of a few milliseconds; packets that wait longer than a tenth of a second are dropped, as by a switch.
+        burst = max(65536, int(mbit * 1e6 / 8 * 0.002))
+        limit = ["tbf", "rate", f"{mbit}mbit", "burst", str(burst), "latency", "100ms"]
+        run("tc", "qdisc", "add", "dev", outside, "root", *limit)
+        run("ip", "netns", "exec", space, "tc", "qdisc", "add", "dev", inside, "root", *limit)
+        self.hosts[name] = {"space": space, "address": address, "group": self.limit(f"{self.name}-{number}", share)}
+
+    def limit(self, name, share):
+        if share is None:
+            return None
+        if self.v1.is_dir():
+            group = self.v1 / name
+            group.mkdir()
+            (group / "cpu.cfs_period_us").write_text(str(PERIOD_US))
+            (group / "cpu.cfs_quota_us").write_text(str(int(PERIOD_US * share)))
+        else:
+            group = self.v2 / name
+            (self.v2 / "cgroup.subtree_control").write_text("+cpu")
+            group.mkdir()
+            (group / "cpu.max").write_text(f"{int(PERIOD_US * share)} {PERIOD_US}")
+        return group
+
+    def address(self, name):
+        return self.hosts[name]["address"]
+
+    def command(self, name, command):
+        """The command as it runs at the host: in its namespace and, from its first instruction, in its group."""
+        group = self.hosts[name]["group"]
+        inside = ["ip", "netns", "exec", self.hosts[name]["space"], *command]
+        # The group first: a namespace has another /sys.
+        return ["sh", "-c", f'echo $$ > {group}/cgroup.procs && exec "$@"', "sh", *inside] if group else inside
+
+    def adopt(self, name, process):
+        """Nothing to do: the process has entered its group by itself."""
