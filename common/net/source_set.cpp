@@ -17,6 +17,7 @@ namespace quarry {
 namespace {
 
 constexpr auto kTick = std::chrono::milliseconds(50);
+constexpr double kOversleptS = 2;        // a tick so late has not been waited for but slept through
 constexpr size_t kMostHints = 1u << 16;  // a hint forgotten costs a request to a server
 
 uint64_t KeyOf(const std::string& name) { return Checksum(AsBytes(name)); }
@@ -173,8 +174,13 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
 
   void Tick() {
     const double now_s = Now();
+    // The time for which this process was itself stopped is nobody's fault.
+    const double overslept_s = now_s - tick_due_s;
     std::vector<uint64_t> ids;
-    for (const auto& [id, f] : fetching) ids.push_back(id);
+    for (auto& [id, f] : fetching) {
+      if (overslept_s > kOversleptS) f.since_s = std::min(now_s, f.since_s + overslept_s);
+      ids.push_back(id);
+    }
     for (const uint64_t id : ids) {
       const auto it = fetching.find(id);
       if (it == fetching.end()) continue;
@@ -199,6 +205,7 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
     armed = !fetching.empty();
     if (!armed) return;
     timer.expires_after(kTick);
+    tick_due_s = Now() + std::chrono::duration<double>(kTick).count();
     timer.async_wait([self = weak_from_this()](const boost::system::error_code& e) {
       if (const auto impl = self.lock(); impl && !e) impl->Tick();
     });
@@ -210,6 +217,7 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
   std::function<void(const std::string&)> log;
   boost::asio::steady_timer timer;
   bool armed = false;
+  double tick_due_s = 0;
   std::unordered_map<uint32_t, std::unique_ptr<Origin>> origins;  ///< by id
   uint32_t next_origin = 0;
   std::vector<uint32_t> homes;                     ///< ids of the sources proper
