@@ -155,6 +155,8 @@ class Server {
     if (worker && m.type == MessageType::kHello) return OnServesAt(*worker, m);
     if (worker && m.type == MessageType::kAlive) {
       QUARRY_ASSIGN(const Alive alive, DecodeAlive(m.table));
+      QUARRY_TRY(CheckBlocks(alive.cached));
+      QUARRY_TRY(CheckBlocks(alive.dropped));
       Roster::Update(*worker, alive);
       if (alive.whole) {  // it has the scene now, or has come back with its cache
         worker->has_scene = true;
@@ -195,6 +197,13 @@ class Server {
   }
 
   // --- workers and tiles
+
+  /// Sets of blocks are as large as the largest number in them.
+  Status CheckBlocks(const std::vector<uint32_t>& blocks) const {
+    for (const uint32_t block : blocks)
+      if (block >= block_bytes_.size()) return Fail(fmt::format("block {}: there is none", block));
+    return {};
+  }
 
   uint32_t AddWorker(const ConnectionPtr& c, const Hello& hello) {
     // The same worker on a connection that is not yet known to be lost.
@@ -273,6 +282,7 @@ class Server {
 
   Status OnTileDone(WorkerRecord& worker, const Message& m) {
     QUARRY_ASSIGN(const TileDone done, DecodeTileDone(m.table));
+    QUARRY_TRY(CheckBlocks(done.blocks));
     HandOutSoon();
     for (Rendering& r : renderings_) {
       if (r.frame->setup() != done.setup) continue;

@@ -17,8 +17,9 @@ namespace quarry {
 namespace {
 
 constexpr auto kTick = std::chrono::milliseconds(50);
-constexpr double kOversleptS = 2;        // a tick so late has not been waited for but slept through
-constexpr size_t kMostHints = 1u << 16;  // a hint forgotten costs a request to a server
+constexpr double kOversleptS = 2;                // a tick so late has not been waited for but slept through
+constexpr double kMuteS = 1, kMuteAtFirstS = 3;  // without any answer owed: see Origin::Mute
+constexpr size_t kMostHints = 1u << 16;          // a hint forgotten costs a request to a server
 
 uint64_t KeyOf(const std::string& name) { return Checksum(AsBytes(name)); }
 
@@ -54,6 +55,16 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
     std::unique_ptr<VoxelSource> source;
     BackOff back_off;
     AnswerTime answers;
+    uint32_t owed = 0;   ///< answers
+    double heard_s = 0;  ///< when the last one came, or when it began to owe one
+
+    /// Long without any answer that it owes: its machine or the way to it is gone, and nothing has said so
+    /// yet.
+    bool Mute(double now_s) const {
+      const double most_s =
+          answers.mean_s() > 0 ? std::max(kMuteS, 2 * answers.HedgeAfterS()) : kMuteAtFirstS;
+      return owed > 0 && now_s - heard_s > most_s;
+    }
   };
   /// A block that has been asked for and is not here.
   struct Fetching {
@@ -87,15 +98,20 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
     const double now_s = Now();
     const std::vector<uint32_t> order = OrderFor(f.block);
     std::vector<SourceView> views(next_origin, {0, false});
-    for (const uint32_t o : order) {
-      const Origin& origin = *origins.at(o);
-      views[o] = {origin.answers.mean_s(), origin.back_off.Open(now_s) &&
-                                               std::find(f.asked.begin(), f.asked.end(), o) == f.asked.end()};
+    int chosen = -1;
+    for (const bool mute_too : {false, true}) {  // one that is mute only when there is no other
+      for (const uint32_t o : order) {
+        const Origin& origin = *origins.at(o);
+        views[o] = {origin.answers.mean_s(),
+                    origin.back_off.Open(now_s) && (mute_too || !origin.Mute(now_s)) &&
+                        std::find(f.asked.begin(), f.asked.end(), o) == f.asked.end()};
+      }
+      if (chosen < 0) chosen = ChooseSource(order, views);
     }
-    const int chosen = ChooseSource(order, views);
     if (chosen < 0) return false;
     const auto origin = static_cast<uint32_t>(chosen);
     f.asked.push_back(origin);
+    if (origins.at(origin)->owed++ == 0) origins.at(origin)->heard_s = now_s;
     f.asked_s = now_s;
     // A reference must not outlive this: the answer may come at once.
     origins.at(origin)->source->Fetch(f.block, [self = weak_from_this(), id, origin, now_s](Result<Bytes> r) {
@@ -108,6 +124,10 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
     const auto o = origins.find(from);
     const auto it = fetching.find(id);
     const bool wanted = it != fetching.end();
+    if (o != origins.end()) {
+      --o->second->owed;
+      o->second->heard_s = Now();
+    }
     const uint32_t block = wanted ? it->second.block : 0;
     bool good = result.has_value();
     if (good && wanted) {
@@ -194,6 +214,11 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
           Again(id, f);
       } else if (f.asked.size() < origins.size()) {
         const auto o = origins.find(f.asked.back());
+        // Whom a mute source owes an answer asks the next one, which is no more than if it had failed.
+        if (o != origins.end() && o->second->Mute(now_s)) {
+          counters.retries += Ask(id, f);
+          continue;
+        }
         if (o != origins.end() && now_s - f.asked_s < o->second->answers.HedgeAfterS()) continue;
         if (budget.Spend(now_s) && Ask(id, f)) ++counters.hedges;
       }
