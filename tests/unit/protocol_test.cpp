@@ -110,6 +110,18 @@ TEST_CASE("Values that cannot be are refused") {
   CHECK_FALSE(DecodeJobRequest(Encode(JobRequest{job, 0})).has_value());
 }
 
+TEST_CASE("A job is the same however many programs it has passed through") {
+  // A master that goes on from its spool has read it once more than one that was never stopped.
+  std::mt19937 random(5);
+  std::uniform_real_distribution<float> any(-1, 1);
+  for (int i = 0; i < 2000; ++i) {
+    RenderJob job = MakeJob();
+    job.lights = {{LightKind::kSun, {any(random), any(random), any(random)}, {1, 1, 1}}};
+    const Bytes once = Encode(JobRequest{DecodeJobRequest(Encode(JobRequest{job, 0}))->job, 0});
+    CHECK(Encode(JobRequest{DecodeJobRequest(once)->job, 0}) == once);
+  }
+}
+
 TEST_CASE("Mutated messages are refused or read, never worse") {
   std::mt19937 random(11);
   const Bytes good[] = {Encode(JobRequest{MakeJob(), 0}), Encode(Hello{Role::kWorker, "w", 2}),
