@@ -47,8 +47,15 @@ class Client {
       connection_ = std::move(*result);
       received_ = 0;
       heard_ = Clock::now();
-      connection_->Start([this](Message m) { OnMessage(std::move(m)); },
-                         [this](const Error& e) { OnLost(e); });
+      // What is still on its way from a connection given up is no concern of the next one.
+      const Connection* const mine = connection_.get();
+      connection_->Start(
+          [this, mine](Message m) {
+            if (mine == connection_.get()) OnMessage(std::move(m));
+          },
+          [this, mine](const Error& e) {
+            if (mine == connection_.get()) OnLost(e);
+          });
       connection_->Send(MakeMessage(MessageType::kHello, Hello{Role::kClient, "quarry", 0}));
     });
   }
@@ -58,7 +65,8 @@ class Client {
     io_.stop();
   }
 
-  /// When the master of a local cluster has died, its own words say more than the broken connection.
+  /// When the master of a local cluster has died, its own words say more than the broken connection. Who has
+  /// been welcomed once fits the master: what looks like a misfit later is damage on the way, or passes.
   void OnLost(const Error& error) {
     if (connection_) connection_->Close();
     connection_.reset();
@@ -67,8 +75,7 @@ class Client {
       lost_ = Clock::now();
       callbacks_.say(fmt::format("lost the master, trying for {:.0f} s: {}", retry_s_, error.message));
     }
-    if (error.permanent || !was_welcomed_ || SecondsSince(lost_) > retry_s_)
-      return End(tl::unexpected<Error>(error));
+    if (!was_welcomed_ || SecondsSince(lost_) > retry_s_) return End(tl::unexpected<Error>(error));
     retry_.expires_after(std::chrono::milliseconds(300));
     retry_.async_wait([this](const boost::system::error_code& e) {
       if (!e) Reach();
@@ -86,6 +93,8 @@ class Client {
   }
 
   void Heartbeat() {
+    // A client that was itself stopped has not listened meanwhile.
+    if (SecondsSince(std::exchange(looked_, Clock::now())) > kSilenceS / 2) heard_ = Clock::now();
     if (!connection_) return;
     if (SecondsSince(pinged_) > kHeartbeatS) {
       pinged_ = Clock::now();
@@ -126,7 +135,12 @@ class Client {
 
   Status OnWelcome(const Message& m) {
     QUARRY_ASSIGN(const Welcome welcome, DecodeWelcome(m.table));
-    if (welcome.scene_id != scene_) return Fail("the master serves another scene than the one named");
+    if (welcome.scene_id != scene_) {
+      const std::string sentence = "the master serves another scene than the one named";
+      if (!was_welcomed_) return Fail(sentence);
+      OnLost(Error{sentence});
+      return {};
+    }
     welcomed_ = was_welcomed_ = true;
     connection_->Send(MakeMessage(MessageType::kRenderJob,
                                   JobRequest{job_, static_cast<uint32_t>(stored_ + frames_.size())}));
@@ -147,6 +161,8 @@ class Client {
 
   Status OnFrame(Message m) {
     QUARRY_ASSIGN(const FrameDone done, DecodeFrameDone(m.table));
+    if (const size_t expected = job_.first_frame + stored_ + frames_.size(); done.frame != expected)
+      return Fail(fmt::format("the master sent frame {} where {} was expected", done.frame, expected));
     frames_.push_back({done, std::move(m.raw)});
     return StoreFrames();
   }
@@ -184,7 +200,7 @@ class Client {
   size_t stored_ = 0;
   bool welcomed_ = false, was_welcomed_ = false, failing_ = false, told_alone_ = false;
   Clock::time_point alone_;  ///< since when the master has no workers; zero: it has some
-  Clock::time_point lost_, pinged_, heard_, tried_, failing_since_;
+  Clock::time_point lost_, pinged_, heard_, looked_, tried_, failing_since_;
   uint64_t received_ = 0;  ///< bytes, when it last changed
   Status outcome_;
 };

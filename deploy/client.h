@@ -22,8 +22,9 @@ struct RenderCallbacks {
 
 /// Connects as `security` says, sends `job` to the master and waits for its frames. `scene` must be the scene
 /// that the master serves. When the connection is lost it is made again, and the frames not here are asked
-/// for again. Errors: out of reach at first, or for `retry_s` later; another scene, the master's own
-/// sentence, and what the callbacks return.
+/// for again. Errors: out of reach at first, a side that does not fit, or another scene; all that for
+/// `retry_s` after the master has been reached once; the master's own sentence, and what the callbacks
+/// return.
 Status RenderRemotely(const Endpoint& master, const Security& security, const SceneId& scene,
                       const RenderJob& job, const RenderCallbacks& callbacks, double retry_s);
 

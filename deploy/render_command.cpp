@@ -215,8 +215,9 @@ Status Render(const RenderArguments& a) {
     progress.Update(done, uint64_t{p.tiles} * job.cameras.size());
   };
   callbacks.on_frame = [&](const FrameDone& done, const Bytes& image) -> Status {
+    QUARRY_TRY(WriteFileAtomically(FramePath(a, done.frame), image));
     frames.push_back(nlohmann::ordered_json::parse(done.statistics, nullptr, false));
-    return WriteFileAtomically(FramePath(a, done.frame), image);
+    return {};
   };
   callbacks.say = [&](const std::string& line) { progress.Say(line); };
   QUARRY_TRY(RenderRemotely(master, security, store.catalog().id, job, callbacks, a.retry_s));

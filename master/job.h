@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <deque>
 #include <memory>
@@ -29,7 +30,8 @@ struct Job {
   std::vector<FrameState> states;
   std::vector<Finished> finished;
   std::vector<Client> clients;
-  double alone_since_s = 0;  ///< when its last client went
+  double alone_since_s = 0;       ///< when its last client went
+  std::atomic<bool> over{false};  ///< nobody wants it any more, wherever it is still at work
 
   Job(std::string name, RenderJob render_job)
       : id(std::move(name)),

@@ -112,6 +112,13 @@ class Server {
     OnGone(c, Error{fmt::format("{} is dropped: {}", c->peer(), sentence)});
   }
 
+  /// Without a sentence: whoever it is may come back.
+  void Lose(const ConnectionPtr& c, const std::string& why) {
+    c->Close();
+    newcomers_.erase(c);
+    OnGone(c, Error{fmt::format("{} is dropped: {}", c->peer(), why)});
+  }
+
   void OnAny(const ConnectionPtr& c, const Message& m) {
     const auto role = roles_.find(c.get());
     const Status status = role != roles_.end() ? OnMessage(c, role->second, m) : OnHello(c, m);
@@ -138,7 +145,7 @@ class Server {
 
   /// Every message after the first: by role.
   Status OnMessage(const ConnectionPtr& c, Role role, const Message& m) {
-    if (c->queued_bytes() > kMaxQueuedBytes) return Fail("you do not read what you asked for");
+    if (c->queued_bytes() > kMaxQueuedBytes) return Lose(c, "it does not read what it asked for"), Status{};
     if (m.type == MessageType::kPing) return {};
     if (role == Role::kVoxels && m.type == MessageType::kBlockRequest) return OnBlockRequest(c, m);
     if (role == Role::kClient && m.type == MessageType::kRenderJob) return OnJobRequest(c, m);
@@ -148,6 +155,8 @@ class Server {
     if (worker && m.type == MessageType::kHello) return OnServesAt(*worker, m);
     if (worker && m.type == MessageType::kAlive) {
       QUARRY_ASSIGN(const Alive alive, DecodeAlive(m.table));
+      QUARRY_TRY(CheckBlocks(alive.cached));
+      QUARRY_TRY(CheckBlocks(alive.dropped));
       Roster::Update(*worker, alive);
       if (alive.whole) {  // it has the scene now, or has come back with its cache
         worker->has_scene = true;
@@ -188,6 +197,13 @@ class Server {
   }
 
   // --- workers and tiles
+
+  /// Sets of blocks are as large as the largest number in them.
+  Status CheckBlocks(const std::vector<uint32_t>& blocks) const {
+    for (const uint32_t block : blocks)
+      if (block >= block_bytes_.size()) return Fail(fmt::format("block {}: there is none", block));
+    return {};
+  }
 
   uint32_t AddWorker(const ConnectionPtr& c, const Hello& hello) {
     // The same worker on a connection that is not yet known to be lost.
@@ -273,6 +289,7 @@ class Server {
 
   Status OnTileDone(WorkerRecord& worker, const Message& m) {
     QUARRY_ASSIGN(const TileDone done, DecodeTileDone(m.table));
+    QUARRY_TRY(CheckBlocks(done.blocks));
     HandOutSoon();
     for (Rendering& r : renderings_) {
       if (r.frame->setup() != done.setup) continue;
@@ -315,7 +332,12 @@ class Server {
     if (job == jobs_.end()) {
       jobs_.push_back(std::make_shared<Job>(id, std::move(request.job)));
       job = std::prev(jobs_.end());
-      if (spool_) QUARRY_TRY(spool_->Begin(id, (*job)->job));
+      // What its client has need not be made again; should another one ask for it, it is.
+      std::fill_n((*job)->states.begin(), request.have, Job::FrameState::kFinished);
+      if (spool_)
+        asio::post(encoder_, [this, begun = *job] {
+          WriteToSpool(*begun, [&] { return spool_->Begin(begun->id, begun->job); });
+        });
     }
     (*job)->clients.push_back({c, request.have});
     Deliver(**job);
@@ -331,6 +353,7 @@ class Server {
 
   void RemoveJob(const std::shared_ptr<Job>& job) {
     std::erase_if(renderings_, [&](const Rendering& r) { return r.job == job; });
+    job->over = true;
     if (spool_) spool_->Remove(job->id);
     std::erase(jobs_, job);
   }
@@ -366,7 +389,8 @@ class Server {
     asio::post(encoder_, [this, job = done.job, index = done.index, one = done.frame->job(),
                           pixels = done.frame->TakePixels(), statistics = FrameStatistics(done)]() mutable {
       auto image = EncodeImage(one, pixels);
-      if (image && spool_) WriteToSpool(*job, index, *image);
+      if (image && spool_)
+        WriteToSpool(*job, [&] { return spool_->WriteFrame(job->id, job->job, index, *image); });
       asio::post(io_,
                  [this, job, index, image = std::move(image), statistics = std::move(statistics)]() mutable {
                    OnImage(job, index, std::move(image), std::move(statistics));
@@ -376,14 +400,16 @@ class Server {
     HandOutSoon();
   }
 
-  /// Until it is there: a full disk may get space.
-  void WriteToSpool(const Job& job, size_t index, const Bytes& image) const {
-    for (bool told = false;; told = true) {
-      const Status status = spool_->WriteFrame(job.id, job.job, index, image);
-      if (status) return;
+  /// Does it until it is done: a full disk may get space. Nothing more for a job that is over.
+  template <class Write>
+  void WriteToSpool(const Job& job, Write write) const {
+    for (bool told = false; !job.over; told = true) {
+      const Status status = write();
+      if (status) break;
       if (!told) Log(status.error().message + "; trying every second");
       std::this_thread::sleep_for(std::chrono::seconds(1));
     }
+    if (job.over) spool_->Remove(job.id);  // it may have ended while this was at work
   }
 
   void OnImage(const std::shared_ptr<Job>& job, size_t index, Result<Bytes> image, std::string statistics) {
@@ -529,7 +555,7 @@ class Server {
       if (slept || c->received_bytes() != pulse.received) pulse = {now_s, c->received_bytes()};
       if (now_s - pulse.heard_s > kSilenceS) dead.push_back(c);
     }
-    for (const ConnectionPtr& c : dead) Refuse(c, fmt::format("silent for {:.0f} seconds", kSilenceS));
+    for (const ConnectionPtr& c : dead) Lose(c, fmt::format("silent for {:.0f} seconds", kSilenceS));
   }
 
   /// Jobs whose client has gone for good, unless they are kept on disk.

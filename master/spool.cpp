@@ -14,7 +14,11 @@ namespace fs = std::filesystem;
 
 constexpr size_t kMostJobBytes = 256u << 20;
 
-/// What master was killed while writing.
+bool IsJobFolder(const std::string& name) {
+  return name.size() == 16 && name.find_first_not_of("0123456789abcdef") == std::string::npos;
+}
+
+/// What a master was killed while writing.
 void RemoveTemporaries(const fs::path& folder) {
   std::error_code ignored;
   for (const auto& entry : fs::directory_iterator(folder, ignored))
@@ -71,8 +75,15 @@ Result<Spool> Spool::Open(const std::string& folder, const SceneId& scene) {
   fs::create_directories(folder, error);
   if (error) return Fail(fmt::format("{}: cannot be made: {}", folder, error.message()));
   QUARRY_ASSIGN(FileLock lock, FileLock::Take(folder + "/jobs", "another quarry-master"));
+  std::vector<fs::path> folders;
   for (const auto& entry : fs::directory_iterator(folder, error))
-    if (entry.is_directory()) RemoveTemporaries(entry.path());
+    if (entry.is_directory() && IsJobFolder(entry.path().filename().string()))
+      folders.push_back(entry.path());
+  for (const fs::path& path : folders) {
+    RemoveTemporaries(path);
+    std::error_code ignored;
+    if (!fs::exists(path / "job")) fs::remove_all(path, ignored);  // killed while beginning or removing it
+  }
   if (error) return Fail(fmt::format("{}: cannot be read: {}", folder, error.message()));
   return Spool(folder, scene, std::move(lock));
 }
@@ -123,6 +134,7 @@ Result<Bytes> Spool::ReadFrame(const std::string& id, const RenderJob& job, size
 
 void Spool::Remove(const std::string& id) const {
   std::error_code ignored;
+  fs::remove(JobPath(id), ignored);  // first: a master that is killed meanwhile must not do it all again
   fs::remove_all(folder_ + "/" + id, ignored);
 }
 

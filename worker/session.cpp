@@ -96,8 +96,15 @@ class Session {
     Connect(io_, options_.master, options_.security, [this](Result<std::shared_ptr<Connection>> result) {
       if (!result) return OnLost(result.error());
       connection_ = std::move(*result);
-      connection_->Start([this](Message m) { OnMessage(std::move(m)); },
-                         [this](const Error& e) { OnLost(e); });
+      // What is still on its way from a connection given up is no concern of the next one.
+      const Connection* const mine = connection_.get();
+      connection_->Start(
+          [this, mine](Message m) {
+            if (mine == connection_.get()) OnMessage(std::move(m));
+          },
+          [this, mine](const Error& e) {
+            if (mine == connection_.get()) OnLost(e);
+          });
       received_ = 0;
       heard_ = Clock::now();
       connection_->Send(MakeMessage(MessageType::kHello, Hello{Role::kWorker, options_.name, options_.threads,
@@ -121,7 +128,9 @@ class Session {
       scene_->engine->DropFrames();
       scene_->supply->ClearExpected();
     }
-    if (error.permanent) return End(tl::unexpected<Error>(error));
+    // Who has been welcomed once fits the master: what looks like a misfit later is damage on the way, or
+    // passes.
+    if (error.permanent && !was_welcomed_) return End(tl::unexpected<Error>(error));
     if (std::chrono::duration<double>(Clock::now() - lost_since_).count() > options_.retry_s)
       return End(tl::unexpected<Error>(error));
     retry_.expires_after(std::chrono::milliseconds(300));
@@ -170,7 +179,7 @@ class Session {
     scene_id_ = welcome.scene_id;
     worker_ = welcome.worker;
     if (sources_.empty()) sources_ = options_.sources.empty() ? welcome.sources : options_.sources;
-    welcomed_ = true;
+    welcomed_ = was_welcomed_ = true;
     return {};
   }
 
@@ -290,6 +299,10 @@ class Session {
 
   /// Says that this worker lives, and looks whether the master does.
   void Heartbeat() {
+    // A worker that was itself stopped has not listened meanwhile.
+    const Clock::time_point now = Clock::now();
+    if (std::chrono::duration<double>(now - std::exchange(looked_, now)).count() > kSilenceS / 2)
+      heard_ = now;
     peak_rss_ = PeakResidentBytes();
     SendCounters(false);
     if (connection_ && !scene_) connection_->Send({MessageType::kPing, 0, {}, {}});
@@ -321,8 +334,8 @@ class Session {
   asio::io_context io_;
   asio::steady_timer retry_, alive_;
   std::shared_ptr<Connection> connection_;
-  bool welcomed_ = false;
-  Clock::time_point lost_since_, heard_;
+  bool welcomed_ = false, was_welcomed_ = false;
+  Clock::time_point lost_since_, heard_, looked_;
   uint64_t received_ = 0;  ///< bytes, when it last changed
   const uint64_t instance_;
   uint32_t worker_ = 0;  ///< the master's number for this one

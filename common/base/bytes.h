@@ -110,5 +110,7 @@ class ByteReader {
 
 /// XXH3, 64 bits: the checksum of every section and block.
 uint64_t Checksum(std::span<const std::byte> bytes);
+/// Of both, one after the other.
+uint64_t Checksum(std::span<const std::byte> first, std::span<const std::byte> second);
 
 }  // namespace quarry

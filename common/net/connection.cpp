@@ -4,7 +4,9 @@
 #include "common/net/connection.h"
 
 #include <fmt/format.h>
+#include <netinet/tcp.h>
 #include <openssl/ssl.h>
+#include <sys/socket.h>
 
 #include <array>
 #include <atomic>
@@ -38,6 +40,16 @@ using TlsStream = asio::ssl::stream<tcp::socket>;
 std::string EndpointText(const tcp::endpoint& e) {
   const std::string host = e.address().to_string();
   return e.address().is_v6() ? fmt::format("[{}]:{}", host, e.port()) : fmt::format("{}:{}", host, e.port());
+}
+
+/// A peer that vanishes without a farewell (its machine, the way to it) is noticed in half a minute, also
+/// where nothing is ever sent to it unasked.
+void KeepAlive(int socket) {
+  const int on = 1, idle_s = 15, interval_s = 5, count = 3;
+  ::setsockopt(socket, SOL_SOCKET, SO_KEEPALIVE, &on, sizeof on);
+  ::setsockopt(socket, IPPROTO_TCP, TCP_KEEPIDLE, &idle_s, sizeof idle_s);
+  ::setsockopt(socket, IPPROTO_TCP, TCP_KEEPINTVL, &interval_s, sizeof interval_s);
+  ::setsockopt(socket, IPPROTO_TCP, TCP_KEEPCNT, &count, sizeof count);
 }
 
 template <class Stream>
@@ -80,6 +92,7 @@ class StreamConnection final : public AcceptedConnection {
         deadline_(stream_.get_executor()) {
     ErrorCode ignored;
     stream_.lowest_layer().set_option(tcp::no_delay(true), ignored);
+    KeepAlive(stream_.lowest_layer().native_handle());
     const auto remote = stream_.lowest_layer().remote_endpoint(ignored);
     peer_ = ignored ? "?" : EndpointText(remote);
   }
@@ -251,7 +264,7 @@ class StreamConnection final : public AcceptedConnection {
       if (!self->greeted_ && uint64_t{header->table_bytes} + header->raw_bytes > kMaxGreetingBytes)
         return self->Drop("began with a message that is too large for a greeting", false);
       self->incoming_ = {header->type, header->request, Bytes(header->table_bytes), {}};
-      self->raw_bytes_ = header->raw_bytes;
+      self->incoming_header_ = *header;
       self->raw_have_ = 0;
       self->ReadTable();
     });
@@ -269,9 +282,10 @@ class StreamConnection final : public AcceptedConnection {
   /// A large payload is allocated as it arrives, so that a claimed size alone costs nothing.
   void ReadRaw() {
     constexpr size_t kStep = 16 << 20;
-    if (raw_have_ == raw_bytes_) return Deliver();
+    const size_t raw_bytes = incoming_header_.raw_bytes;
+    if (raw_have_ == raw_bytes) return Deliver();
     if (raw_have_ == incoming_.raw.size())
-      incoming_.raw.resize(std::min<size_t>(raw_bytes_, incoming_.raw.size() + kStep));
+      incoming_.raw.resize(std::min(raw_bytes, incoming_.raw.size() + kStep));
     stream_.async_read_some(asio::buffer(incoming_.raw.data() + raw_have_, incoming_.raw.size() - raw_have_),
                             [self = Self()](const ErrorCode& error, size_t n) {
                               if (error) return self->DropOn(error);
@@ -282,6 +296,8 @@ class StreamConnection final : public AcceptedConnection {
   }
 
   void Deliver() {
+    if (const Status status = CheckContent(incoming_header_, incoming_); !status)
+      return Drop(fmt::format("cannot be understood: {}", status.error().message), false);
     SetGreeted();
     if (on_message_) on_message_(std::exchange(incoming_, {}));
     if (!closed_ && !closing_) ReadHeader();
@@ -316,7 +332,8 @@ class StreamConnection final : public AcceptedConnection {
   std::array<std::byte, kPreambleBytes> preamble_{};
   std::array<std::byte, kFrameHeaderBytes> header_{};
   Message incoming_;
-  size_t raw_bytes_ = 0, raw_have_ = 0;
+  FrameHeader incoming_header_{};
+  size_t raw_have_ = 0;
   uint64_t received_ = 0;
   std::deque<Bytes> outgoing_;
   std::atomic<uint64_t> queued_{0};

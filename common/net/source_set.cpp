@@ -17,7 +17,9 @@ namespace quarry {
 namespace {
 
 constexpr auto kTick = std::chrono::milliseconds(50);
-constexpr size_t kMostHints = 1u << 16;  // a hint forgotten costs a request to a server
+constexpr double kOversleptS = 2;                // a tick so late has not been waited for but slept through
+constexpr double kMuteS = 1, kMuteAtFirstS = 3;  // without any answer owed: see Origin::Mute
+constexpr size_t kMostHints = 1u << 16;          // a hint forgotten costs a request to a server
 
 bool Contains(const std::vector<uint32_t>& list, uint32_t value) {
   return std::find(list.begin(), list.end(), value) != list.end();
@@ -58,6 +60,16 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
     BackOff back_off;
     AnswerTime answers;
     bool has_refused = false;  ///< and that has been told
+    uint32_t owed = 0;   ///< answers
+    double heard_s = 0;  ///< when the last one came, or when it began to owe one
+
+    /// Long without any answer that it owes: its machine or the way to it is gone, and nothing has said so
+    /// yet.
+    bool Mute(double now_s) const {
+      const double most_s =
+          answers.mean_s() > 0 ? std::max(kMuteS, 2 * answers.HedgeAfterS()) : kMuteAtFirstS;
+      return owed > 0 && now_s - heard_s > most_s;
+    }
   };
   /// A block that has been asked for and is not here.
   struct Fetching {
@@ -92,15 +104,20 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
     const double now_s = Now();
     const std::vector<uint32_t> order = OrderFor(f.block);
     std::vector<SourceView> views(next_origin, {0, false});
-    for (const uint32_t o : order) {
-      const Origin& origin = *origins.at(o);
-      views[o] = {origin.answers.mean_s(),
-                  origin.back_off.Open(now_s) && !Contains(f.refused_by, o) && !Contains(f.asked, o)};
+    int chosen = -1;
+    for (const bool mute_too : {false, true}) {  // one that is mute only when there is no other
+      for (const uint32_t o : order) {
+        const Origin& origin = *origins.at(o);
+        views[o] = {origin.answers.mean_s(),
+                    origin.back_off.Open(now_s) && (mute_too || !origin.Mute(now_s)) &&
+                        !Contains(f.refused_by, o) && !Contains(f.asked, o)};
+      }
+      if (chosen < 0) chosen = ChooseSource(order, views);
     }
-    const int chosen = ChooseSource(order, views);
     if (chosen < 0) return false;
     const auto origin = static_cast<uint32_t>(chosen);
     f.asked.push_back(origin);
+    if (origins.at(origin)->owed++ == 0) origins.at(origin)->heard_s = now_s;
     f.asked_s = now_s;
     // A reference must not outlive this: the answer may come at once.
     origins.at(origin)->source->Fetch(f.block, [self = weak_from_this(), id, origin, now_s](Result<Bytes> r) {
@@ -113,6 +130,10 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
     const auto o = origins.find(from);
     const auto it = fetching.find(id);
     const bool wanted = it != fetching.end();
+    if (o != origins.end()) {
+      --o->second->owed;
+      o->second->heard_s = Now();
+    }
     const uint32_t block = wanted ? it->second.block : 0;
     bool good = result.has_value();
     if (good && wanted) {
@@ -186,8 +207,13 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
 
   void Tick() {
     const double now_s = Now();
+    // The time for which this process was itself stopped is nobody's fault.
+    const double overslept_s = now_s - tick_due_s;
     std::vector<uint64_t> ids;
-    for (const auto& [id, f] : fetching) ids.push_back(id);
+    for (auto& [id, f] : fetching) {
+      if (overslept_s > kOversleptS) f.since_s = std::min(now_s, f.since_s + overslept_s);
+      ids.push_back(id);
+    }
     for (const uint64_t id : ids) {
       const auto it = fetching.find(id);
       if (it == fetching.end()) continue;
@@ -201,6 +227,11 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
           Again(id, f);
       } else if (f.asked.size() < origins.size()) {
         const auto o = origins.find(f.asked.back());
+        // Whom a mute source owes an answer asks the next one, which is no more than if it had failed.
+        if (o != origins.end() && o->second->Mute(now_s)) {
+          counters.retries += Ask(id, f);
+          continue;
+        }
         if (o != origins.end() && now_s - f.asked_s < o->second->answers.HedgeAfterS()) continue;
         if (budget.Spend(now_s) && Ask(id, f)) ++counters.hedges;
       }
@@ -212,6 +243,7 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
     armed = !fetching.empty();
     if (!armed) return;
     timer.expires_after(kTick);
+    tick_due_s = Now() + std::chrono::duration<double>(kTick).count();
     timer.async_wait([self = weak_from_this()](const boost::system::error_code& e) {
       if (const auto impl = self.lock(); impl && !e) impl->Tick();
     });
@@ -223,6 +255,7 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
   std::function<void(const std::string&)> log;
   boost::asio::steady_timer timer;
   bool armed = false;
+  double tick_due_s = 0;
   std::unordered_map<uint32_t, std::unique_ptr<Origin>> origins;  ///< by id
   uint32_t next_origin = 0;
   std::vector<uint32_t> homes;                     ///< ids of the sources proper

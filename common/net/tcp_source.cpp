@@ -55,7 +55,10 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
     connection.reset();
     ready = owes = false;
     watch.cancel();
-    for (auto& [request, w] : std::exchange(waiting, {})) w.done(tl::unexpected<Error>(error));
+    // Nothing about the way to a server is permanent for a block: bits that flip in a handshake look like
+    // another secret, and a server may be replaced.
+    for (auto& [request, w] : std::exchange(waiting, {}))
+      w.done(tl::unexpected<Error>(Error{error.message, error.exit_status}));
   }
 
   void OnMessage(Message m) {

@@ -78,6 +78,8 @@ Bytes EncodeFrameHeader(const Message& message) {
   out.Put(message.request);
   out.Put(static_cast<uint32_t>(message.table.size()));
   out.Put(static_cast<uint32_t>(message.raw.size()));
+  out.Put(Checksum(message.table, message.raw));
+  out.Put(Checksum(out.bytes()));
   return out.Take();
 }
 
@@ -90,7 +92,11 @@ Result<FrameHeader> DecodeFrameHeader(std::span<const std::byte> bytes) {
   header.request = in.Get<uint64_t>();
   header.table_bytes = in.Get<uint32_t>();
   header.raw_bytes = in.Get<uint32_t>();
+  header.checksum = in.Get<uint64_t>();
+  const auto own_checksum = in.Get<uint64_t>();
   if (!in.done() || magic != kFrameMagic) return Fail("received bytes that are not a Quarry message");
+  if (Checksum(bytes.first(kFrameHeaderBytes - sizeof own_checksum)) != own_checksum)
+    return Fail("received a message that was damaged on its way (checksum of its header)");
   if (type == 0 || type >= kMessageTypes)
     return Fail(fmt::format("received a message of unknown type {}", type));
   header.type = static_cast<MessageType>(type);
@@ -98,6 +104,12 @@ Result<FrameHeader> DecodeFrameHeader(std::span<const std::byte> bytes) {
   if (header.table_bytes > limits.table || header.raw_bytes > limits.raw)
     return Fail(fmt::format("received a message of type {} beyond its size limit", type));
   return header;
+}
+
+Status CheckContent(const FrameHeader& header, const Message& message) {
+  if (Checksum(message.table, message.raw) == header.checksum) return {};
+  return Fail(fmt::format("received a message of type {} that was damaged on its way (checksum)",
+                          static_cast<int>(header.type)));
 }
 
 }  // namespace quarry

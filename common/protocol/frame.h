@@ -12,7 +12,7 @@
 namespace quarry {
 
 /// Moves freely until the first release; programs of different protocol versions do not talk.
-inline constexpr uint32_t kProtocolVersion = 2;
+inline constexpr uint32_t kProtocolVersion = 3;
 
 /// Each side's first bytes, of one layout for good: "QUARRY\0\0", protocol version (4), the program's version
 /// as zero-padded text (20).
@@ -52,16 +52,21 @@ struct Message {
   Bytes raw;
 };
 
-/// Before each message: "QRY1", type (2), zero (2), request (8), table bytes (4), raw bytes (4).
-inline constexpr size_t kFrameHeaderBytes = 24;
+/// Before each message: "QRY1", type (2), zero (2), request (8), table bytes (4), raw bytes (4), checksum of
+/// table and raw (8), checksum of the 32 bytes before (8). A byte that changed on its way is noticed whatever
+/// it belongs to; a changed length before it is waited for.
+inline constexpr size_t kFrameHeaderBytes = 40;
 struct FrameHeader {
   MessageType type;
   uint64_t request;
   uint32_t table_bytes, raw_bytes;
+  uint64_t checksum;  ///< of table and raw
 };
 Bytes EncodeFrameHeader(const Message& message);
-/// Errors: not a frame, an unknown type, a size beyond that type's limit. Nothing may be allocated before
-/// this.
+/// Errors: not a frame, damaged, an unknown type, a size beyond that type's limit. Nothing may be allocated
+/// before this.
 Result<FrameHeader> DecodeFrameHeader(std::span<const std::byte> bytes);
+/// Whether table and raw are those that the header was made for. Error: they are not.
+Status CheckContent(const FrameHeader& header, const Message& message);
 
 }  // namespace quarry

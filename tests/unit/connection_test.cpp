@@ -13,6 +13,7 @@
 #include <fstream>
 #include <optional>
 
+#include "common/net/tcp_source.h"
 #include "common/protocol/messages.h"
 
 namespace quarry {
@@ -226,6 +227,43 @@ TEST_CASE("A first message too large for a greeting is not read") {
   asio::write(peer, asio::buffer(EncodeFrameHeader(claim)));
   REQUIRE(network.Run([&] { return network.accepted.size() == 1 && network.accepted[0]->closed; }));
   CHECK_THAT(network.accepted[0]->closed->message, Catch::Contains("too large for a greeting"));
+}
+
+TEST_CASE("A message with a changed bit drops the connection and is not delivered") {
+  const Message greeting = Greeting();
+  Bytes good = EncodePreamble();
+  for (const Bytes& part : {EncodeFrameHeader(greeting), greeting.table})
+    good.insert(good.end(), part.begin(), part.end());
+  // In the magic, the type, a length, a checksum and the content.
+  for (const size_t at : {0, 4, 16, 21, 26, 33, 45}) {
+    INFO(at);
+    Network network{Security()};
+    tcp::socket peer(network.client_io);
+    peer.connect({asio::ip::make_address("127.0.0.1"), network.listener->port()});
+    Bytes bad = good;
+    bad[kPreambleBytes + at] ^= std::byte{2};
+    asio::write(peer, asio::buffer(bad));
+    REQUIRE(network.Run([&] { return network.accepted.size() == 1 && network.accepted[0]->closed; }));
+    CHECK_THAT(network.accepted[0]->closed->message,
+               Catch::Contains(at == 0 ? "not a Quarry message" : "damaged on its way"));
+    CHECK_FALSE(network.accepted[0]->closed->permanent);
+    CHECK(network.accepted[0]->messages.empty());
+  }
+}
+
+TEST_CASE("Nothing on the way to a voxel server is final for a block") {
+  // Flipped bits in a handshake look like another secret.
+  Network network(WithSecret('a', true));
+  for (const auto& [security, sentence] :
+       {std::pair(WithSecret('b', false), "secret"), std::pair(Security(), "asks for TLS")}) {
+    TcpVoxelSource source(network.client_io, {"127.0.0.1", network.listener->port()}, security, SceneId{});
+    std::optional<Result<Bytes>> got;
+    source.Fetch(3, [&](Result<Bytes> r) { got = std::move(r); });
+    REQUIRE(network.Run([&] { return got.has_value(); }));
+    REQUIRE_FALSE(got->has_value());
+    CHECK_THAT(got->error().message, Catch::Contains(sentence));
+    CHECK_FALSE(got->error().permanent);
+  }
 }
 
 TEST_CASE("Beyond loopback a listener needs a secret") {

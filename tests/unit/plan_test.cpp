@@ -167,6 +167,11 @@ TEST_CASE("A spool gives back jobs and frames, and leaves other scenes' and dama
     CHECK(*spool->ReadFrame(id, job, 1) == image);
     CHECK_FALSE(spool->ReadFrame(id, job, 0).has_value());
     std::ofstream(folder + "/" + id + "/0040.png.tmp-1") << "half";
+    // A job that a master was killed while beginning or removing; and what is not the master's.
+    for (const char* name : {"/0123456789abcdef", "/of somebody else"}) {
+      std::filesystem::create_directory(folder + name);
+      std::ofstream(folder + name + "/0003.png") << "x";
+    }
   }
   auto found = jobs(scene);
   REQUIRE(found.size() == 1);
@@ -174,6 +179,8 @@ TEST_CASE("A spool gives back jobs and frames, and leaves other scenes' and dama
   CHECK(found[0].finished == std::vector<bool>{false, true});
   CHECK(JobId(scene, found[0].job) == id);
   CHECK_FALSE(std::filesystem::exists(folder + "/" + id + "/0040.png.tmp-1"));
+  CHECK_FALSE(std::filesystem::exists(folder + "/0123456789abcdef"));
+  CHECK(std::filesystem::exists(folder + "/of somebody else/0003.png"));
   CHECK(jobs(other).empty());
   CHECK(log.empty());
   {

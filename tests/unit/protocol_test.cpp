@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <catch2/catch.hpp>
+#include <cstring>
 #include <random>
 
 #include "common/protocol/messages.h"
@@ -109,6 +110,18 @@ TEST_CASE("Values that cannot be are refused") {
   CHECK_FALSE(DecodeJobRequest(Encode(JobRequest{job, 0})).has_value());
 }
 
+TEST_CASE("A job is the same however many programs it has passed through") {
+  // A master that goes on from its spool has read it once more than one that was never stopped.
+  std::mt19937 random(5);
+  std::uniform_real_distribution<float> any(-1, 1);
+  for (int i = 0; i < 2000; ++i) {
+    RenderJob job = MakeJob();
+    job.lights = {{LightKind::kSun, {any(random), any(random), any(random)}, {1, 1, 1}}};
+    const Bytes once = Encode(JobRequest{DecodeJobRequest(Encode(JobRequest{job, 0}))->job, 0});
+    CHECK(Encode(JobRequest{DecodeJobRequest(once)->job, 0}) == once);
+  }
+}
+
 TEST_CASE("Mutated messages are refused or read, never worse") {
   std::mt19937 random(11);
   const Bytes good[] = {Encode(JobRequest{MakeJob(), 0}), Encode(Hello{Role::kWorker, "w", 2}),
@@ -126,6 +139,13 @@ TEST_CASE("Mutated messages are refused or read, never worse") {
   }
 }
 
+/// With its own checksum made right again.
+Bytes Sealed(Bytes header) {
+  const uint64_t checksum = Checksum(std::span(header).first(kFrameHeaderBytes - 8));
+  std::memcpy(header.data() + kFrameHeaderBytes - 8, &checksum, 8);
+  return header;
+}
+
 TEST_CASE("Frame headers are checked before anything is allocated") {
   const Message m{MessageType::kBlock, 42, Bytes(0), Bytes(1000)};
   const auto header = DecodeFrameHeader(EncodeFrameHeader(m));
@@ -136,13 +156,42 @@ TEST_CASE("Frame headers are checked before anything is allocated") {
        {MessageType::kHello, MessageType::kTile, MessageType::kTileDone, MessageType::kRenderJob}) {
     Bytes bytes = EncodeFrameHeader({type, 0, {}, {}});
     for (size_t i = 16; i < 24; ++i) bytes[i] = std::byte{0xFF};
-    CHECK_FALSE(DecodeFrameHeader(bytes).has_value());
+    const auto oversized = DecodeFrameHeader(Sealed(bytes));
+    REQUIRE_FALSE(oversized.has_value());
+    CHECK(oversized.error().message.find("size limit") != std::string::npos);
   }
   Bytes unknown = EncodeFrameHeader(m);
   unknown[4] = std::byte{200};
-  CHECK_FALSE(DecodeFrameHeader(unknown).has_value());
+  const auto refused = DecodeFrameHeader(Sealed(unknown));
+  REQUIRE_FALSE(refused.has_value());
+  CHECK(refused.error().message.find("unknown type") != std::string::npos);
   unknown[0] = std::byte{0};
-  CHECK_FALSE(DecodeFrameHeader(unknown).has_value());
+  CHECK_FALSE(DecodeFrameHeader(Sealed(unknown)).has_value());
+}
+
+TEST_CASE("A byte of a message that changes on its way is noticed, wherever it is") {
+  Message m{MessageType::kTileDone, 7, Encode(TileDone{1, 2, 3}), Bytes(300)};
+  const Bytes good = EncodeFrameHeader(m);
+  const auto header = DecodeFrameHeader(good);
+  REQUIRE(header.has_value());
+  CHECK(CheckContent(*header, m).has_value());
+  for (size_t i = 0; i < good.size(); ++i)
+    for (int bit = 0; bit < 8; ++bit) {
+      Bytes bad = good;
+      bad[i] ^= static_cast<std::byte>(1 << bit);
+      CHECK_FALSE(DecodeFrameHeader(bad).has_value());
+    }
+  for (Bytes* part : {&m.table, &m.raw})
+    for (std::byte& byte : *part) {
+      byte ^= std::byte{16};
+      CHECK_FALSE(CheckContent(*header, m).has_value());
+      byte ^= std::byte{16};
+    }
+  // Nor may a byte move from one part to the other.
+  Message moved = m;
+  moved.raw.insert(moved.raw.begin(), moved.table.back());
+  moved.table.pop_back();
+  CHECK_FALSE(DecodeFrameHeader(EncodeFrameHeader(moved))->table_bytes == header->table_bytes);
 }
 
 TEST_CASE("Preambles of another version name both") {

@@ -193,6 +193,25 @@ TEST_CASE("A late answer is asked for elsewhere as well") {
   CHECK(f.set->counters().hedges > 0);
 }
 
+TEST_CASE("A source that has gone mute holds up nobody for longer than it takes to notice") {
+  SetFixture f({Mood::kAnswers, Mood::kAnswers});
+  for (uint32_t b = 0; b < 40; ++b) CHECK(*f.Get(b) == Content(b));
+  f.moods[0] = Mood::kSilent;
+  // Many more at once than the budget has retries for.
+  const auto start = std::chrono::steady_clock::now();
+  size_t come = 0;
+  for (uint32_t round = 0; round < 2; ++round)
+    for (uint32_t b = 0; b < 100; ++b)
+      f.set->Fetch(b, [&come, b](Result<Bytes> r) { come += r.has_value() && *r == Content(b); });
+  f.io.restart();
+  while (come < 200) f.io.run_one();
+  CHECK(std::chrono::steady_clock::now() - start < std::chrono::seconds(3));
+  // From now on nobody asks it.
+  const size_t asked = f.asked[0].size();
+  for (uint32_t b = 0; b < 100; ++b) CHECK(*f.Get(b) == Content(b));
+  CHECK(f.asked[0].size() == asked);
+}
+
 TEST_CASE("A worker that is said to hold a block is asked first, and its refusal costs no retry") {
   SetFixture f({Mood::kAnswers});
   Mood peer_mood = Mood::kAnswers;
