@@ -12,6 +12,8 @@
 #include <bit>
 #include <cstring>
 #include <limits>
+#include <optional>
+#include <utility>
 
 #include "common/math/elementary.h"
 
@@ -68,7 +70,10 @@ struct PngWriter {
 
 Result<Bytes> EncodePng(const RenderJob& job, const std::vector<uint32_t>& pixels) {
   const size_t words = WordsPerPixel(job.aov_mask);
-  const SrgbEncoder encode(job.exposure);
+  // Its table takes as long to make as a small picture: it is kept from frame to frame.
+  thread_local std::optional<std::pair<double, SrgbEncoder>> kept;
+  if (!kept || kept->first != job.exposure) kept.emplace(job.exposure, SrgbEncoder(job.exposure));
+  const SrgbEncoder& encode = kept->second;
   std::vector<uint8_t> rows;
   rows.reserve(pixels.size() / words * 3);
   for (size_t p = 0; p < pixels.size(); p += words)

@@ -193,7 +193,7 @@ class FootprintPlan {
           const uint32_t w = by_time[i];
           const double fetch_s = FetchTime(t, w), s = time_s_[w] + fetch_s + ComputeTime(t, w);
           work += uses_[t].size() + 1;
-          if (s >= time_s_[most] * (1 - kPlanSlack)) continue;
+          if (s >= time_s_[most] * (1 - (fetch_s > 0 ? kPlanSlack : kFreeSlack))) continue;
           if (chosen != kNone && (fetch_s > least_fetch_s || (fetch_s == least_fetch_s && s >= then_s)))
             continue;
           chosen = t;

@@ -56,8 +56,9 @@ struct PlanInput {
   uint64_t frame = 0;                                  ///< for kRandom
 };
 
-/// A footprint plan leaves workers' expected times so far apart rather than move another tile.
-inline constexpr double kPlanSlack = 0.4;
+/// A footprint plan leaves workers' expected times so far apart rather than move another tile: one for which
+/// something has to be fetched, and one that costs nothing.
+inline constexpr double kPlanSlack = 0.4, kFreeSlack = 0.05;
 
 /// The worker (id) that should have each tile; kNoWorker for all when there are no workers. Tiles that a
 /// policy knows nothing of are shared out along the curve, each worker a stretch. kFootprint keeps the time

@@ -10,6 +10,12 @@ namespace {
 
 constexpr int kBatchesPerPinSet = 8;  // pins are let go after so many batches, used up or not
 
+uint64_t MicrosecondsSince(std::chrono::steady_clock::time_point start) {
+  return static_cast<uint64_t>(
+      std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::steady_clock::now() - start)
+          .count());
+}
+
 }  // namespace
 
 Engine::Engine(const Catalog& catalog, VoxelCache& cache, unsigned threads, OnTile on_tile)
@@ -87,10 +93,7 @@ void Engine::FinishTiles(Tiles& tiles) {
 std::vector<uint32_t> Engine::TakeBlocks(Mailbox& mailbox, bool wait, bool stalled) {
   const auto start = std::chrono::steady_clock::now();
   auto blocks = mailbox.Take(wait);
-  if (wait && stalled)
-    stall_us_ += static_cast<uint64_t>(
-        std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::steady_clock::now() - start)
-            .count());
+  if (wait && stalled) stall_us_ += MicrosecondsSince(start);
   return blocks;
 }
 
@@ -114,10 +117,12 @@ void Engine::Run(Mailbox& mailbox) {
     }
     for (auto& tile : tiles.open) {
       const uint64_t start_us = ThreadTimeUs();
+      const auto start = std::chrono::steady_clock::now();
       tile.renderer->Step(pins, [&](uint32_t block, uint32_t rays) { cache_.Want(block, &mailbox, rays); });
-      const uint64_t spent_us = ThreadTimeUs() - start_us;
-      tile.compute_us += spent_us;
-      compute_us_ += spent_us;
+      // What a tile costs is time as it passes: a processor that is shared, or held to a part, is a slower
+      // one.
+      tile.compute_us += MicrosecondsSince(start);
+      compute_us_ += ThreadTimeUs() - start_us;
     }
   }
 }

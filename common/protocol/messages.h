@@ -62,7 +62,7 @@ struct TileDone {
   uint32_t tile = 0;
   uint64_t lease = 0;
   uint64_t rays = 0, rays_suspended = 0;
-  uint64_t compute_us = 0;       ///< processor time
+  uint64_t compute_us = 0;       ///< time spent on it, waiting for blocks not counted
   float depth = 0;               ///< mean along the primary rays that hit, 0 where none does
   std::vector<uint32_t> blocks;  ///< that its rays have been in, ascending
 };
