@@ -34,12 +34,21 @@ void PeerServer::OnMessage(const std::shared_ptr<Connection>& c, const Message& 
     return c->Send(MakeMessage(MessageType::kWelcome, Welcome{scene_, 0, {}}));
   }
   const auto request = DecodeBlockRequest(m.table);
-  if (m.type != MessageType::kBlockRequest || !request || c->queued_bytes() > kMaxQueuedBytes) return Drop(c);
-  if (const Bytes* block = blocks_.Find(request->block)) {
+  if (m.type != MessageType::kBlockRequest || !request || c->queued_bytes() > 2 * kMaxQueuedBytes)
+    return Drop(c);
+  const Bytes* block = QueuedBytes() < kMaxQueuedBytes ? blocks_.Find(request->block) : nullptr;
+  if (block) {
     bytes_served_ += block->size();
     return c->Send({MessageType::kBlock, m.request, {}, *block});
   }
-  c->Send(MakeMessage(MessageType::kFailure, Failure{"this worker does not have the block"}, m.request));
+  c->Send(MakeMessage(MessageType::kFailure,
+                      Failure{"this worker does not have the block, or too much to send"}, m.request));
+}
+
+uint64_t PeerServer::QueuedBytes() const {
+  uint64_t bytes = 0;
+  for (const auto& c : peers_) bytes += c->queued_bytes();
+  return bytes;
 }
 
 void PeerServer::Drop(const std::shared_ptr<Connection>& c) {

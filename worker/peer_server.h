@@ -14,7 +14,8 @@ namespace quarry {
 class PeerServer {
  public:
   static constexpr size_t kMostConnections = 256;
-  static constexpr uint64_t kMaxQueuedBytes = 8u << 20;  ///< a peer that does not read is dropped beyond this
+  /// To all together: beyond this blocks are refused, and who asks on and on without reading is dropped.
+  static constexpr uint64_t kMaxQueuedBytes = 8u << 20;
 
   PeerServer(const SceneId& scene, StoredCache& blocks) : scene_(scene), blocks_(blocks) {}
   /// Errors: as Listener::Open's.
@@ -27,6 +28,7 @@ class PeerServer {
   void OnConnection(const std::shared_ptr<Connection>& c);
   void OnMessage(const std::shared_ptr<Connection>& c, const Message& m);
   void Drop(const std::shared_ptr<Connection>& c);
+  uint64_t QueuedBytes() const;
 
   const SceneId scene_;
   StoredCache& blocks_;

@@ -143,6 +143,8 @@ class Simulation {
     for (int pass = 0; pass <= (o_.warm ? 1 : 0); ++pass) {
       next_frame_ = 0;
       bytes_ = peer_bytes_ = 0;
+      for (const auto& w : workers_) w->processor.busy_s = 0;
+      for (Serial& s : servers_) s.busy_s = 0;
       start_s = clock_.now_s();
       HandOutTiles();
       clock_.Run();
