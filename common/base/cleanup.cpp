@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <cerrno>
 #include <cstdlib>
 #include <cstring>
 
@@ -23,10 +24,16 @@ std::atomic<int> message{0};
 std::string program_name;
 
 void OnSignal(int) {
-  for (int i = 0; i < kSlots; ++i)
-    if (states[i].load() == 2) ::unlink(paths[i]);
-  for (int i = 0; i < kSlots; ++i)
-    if (states[i].load() == 2) ::rmdir(paths[i]);  // empty only now
+  // Other threads run on and may make a file meanwhile: a folder that is not empty is tried again.
+  bool again = true;
+  for (int round = 0; again && round < 1000; ++round) {
+    again = false;
+    for (int i = 0; i < kSlots; ++i)
+      if (states[i].load() == 2) ::unlink(paths[i]);
+    for (int i = 0; i < kSlots; ++i)
+      if (states[i].load() == 2 && ::rmdir(paths[i]) != 0 && (errno == ENOTEMPTY || errno == EEXIST))
+        again = true;
+  }
   const char* text = messages[message.load()];
   (void)!::write(2, text, std::strlen(text));
   ::_exit(1);
