@@ -123,7 +123,7 @@ class BadPlaces(Case):
         self.must("quarry-scene", "plant", "--triangles", 300000, "-o", model, "--quiet")
         first = subprocess.Popen([str(BIN / "quarry-preprocess"), model, "-o", store, "--quiet"])
         self.addCleanup(first.kill)
-        while not pathlib.Path(store + ".lock").exists():
+        while not pathlib.Path(store + ".work").exists():  # made under the lock; the lock's file comes before the lock
             self.assertIsNone(first.poll())
             time.sleep(0.002)
         first.send_signal(signal.SIGSTOP)
