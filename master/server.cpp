@@ -23,6 +23,7 @@
 #include "common/net/source_set.h"
 #include "common/protocol/messages.h"
 #include "master/active_frame.h"
+#include "master/block_service.h"
 #include "master/image_output.h"
 #include "master/job.h"
 #include "master/roster.h"
@@ -147,7 +148,7 @@ class Server {
   Status OnMessage(const ConnectionPtr& c, Role role, const Message& m) {
     if (c->queued_bytes() > kMaxQueuedBytes) return Lose(c, "it does not read what it asked for"), Status{};
     if (m.type == MessageType::kPing) return {};
-    if (role == Role::kVoxels && m.type == MessageType::kBlockRequest) return OnBlockRequest(c, m);
+    if (role == Role::kVoxels && m.type == MessageType::kBlockRequest) return blocks_.Answer(c, m);
     if (role == Role::kClient && m.type == MessageType::kRenderJob) return OnJobRequest(c, m);
     WorkerRecord* worker = role == Role::kWorker ? roster_.Find(c.get()) : nullptr;
     if (worker && m.type == MessageType::kTileDone) return OnTileDone(*worker, m);
@@ -182,18 +183,6 @@ class Server {
       if (std::erase_if(job->clients, [&](const Job::Client& client) { return client.connection == c; }) > 0)
         job->alone_since_s = Now();
     Log(error.message);
-  }
-
-  // --- voxels
-
-  Status OnBlockRequest(const ConnectionPtr& c, const Message& m) {
-    QUARRY_ASSIGN(const BlockRequest request, DecodeBlockRequest(m.table));
-    source_.Fetch(request.block, [this, c, id = m.request](Result<Bytes> block) {
-      if (!block) return c->Send(MakeMessage(MessageType::kFailure, Failure{block.error().message}, id));
-      voxel_bytes_served_ += block->size();
-      c->Send({MessageType::kBlock, id, {}, std::move(*block)});
-    });
-    return {};
   }
 
   // --- workers and tiles
@@ -372,7 +361,7 @@ class Server {
       if (tile_log_) tile_log_->Frame(*frame);
       job->states[index] = Job::FrameState::kActive;
       failures_ = 0;
-      renderings_.push_back({job, index, std::move(frame), Now(), voxel_bytes_served_});
+      renderings_.push_back({job, index, std::move(frame), Now(), blocks_.bytes_served()});
       MakePlan(renderings_.size() - 1);
       return renderings_.back().frame.get();
     }
@@ -469,7 +458,7 @@ class Server {
     j["rays"] = r.frame->rays();
     j["rays_suspended"] = r.frame->rays_suspended();
     j["leases_lost"] = r.frame->leases_lost();
-    j["voxel_bytes_served"] = voxel_bytes_served_ - r.bytes_served_before;
+    j["voxel_bytes_served"] = blocks_.bytes_served() - r.bytes_served_before;
     j["master_peak_rss_bytes"] = PeakResidentBytes();
     j["workers"] = nlohmann::ordered_json::array();
     for (const auto& [id, worker] : roster_.all()) j["workers"].push_back(WorkerStatistics(worker));
@@ -588,6 +577,7 @@ class Server {
   const MasterOptions& options_;
   asio::io_context io_;
   FileVoxelSource source_;
+  BlockService blocks_{source_};
   std::optional<Spool> spool_;
   std::optional<TileLog> tile_log_;
   Bytes packed_catalog_;
@@ -606,7 +596,6 @@ class Server {
   int encoding_ = 0;       ///< frames on their way from the last tile to Job::finished
   uint32_t failures_ = 0;  ///< workers that could not go on with the frames at hand
   uint64_t next_setup_;    ///< from a random start: results for another master's frames are known by it
-  uint64_t voxel_bytes_served_ = 0;
   double ticked_s_ = 0, pinged_s_ = 0, logged_s_ = 0;
   asio::thread_pool encoder_{1};  ///< last: what it runs uses all of the above
 };

@@ -5,6 +5,7 @@
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <chrono>
+#include <deque>
 #include <unordered_map>
 #include <utility>
 
@@ -54,6 +55,8 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
     if (connection) connection->Close();
     connection.reset();
     ready = owes = false;
+    asked = 0;
+    unasked.clear();
     watch.cancel();
     // Nothing about the way to a server is permanent for a block: bits that flip in a handshake look like
     // another secret, and a server may be replaced.
@@ -65,13 +68,15 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
     if (stopped || !connection) return;
     if (m.type == MessageType::kWelcome) return OnWelcome(m);
     const auto it = waiting.find(m.request);
-    if (it == waiting.end()) {
+    if (it == waiting.end() || (!unasked.empty() && m.request >= unasked.front())) {
       const auto failure = DecodeFailure(m.table);
       if (m.type == MessageType::kFailure && failure) Lost(Error{failure->message});
       return;
     }
     Done done = std::move(it->second.done);
     waiting.erase(it);
+    --asked;
+    AskMore();
     if (m.type == MessageType::kBlock) return done(std::move(m.raw));
     const auto failure = DecodeFailure(m.table);
     done(tl::unexpected<Error>(
@@ -83,11 +88,17 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
     if (!welcome || welcome->scene_id != scene)
       return Lost(Error{fmt::format("{}:{} serves another scene", server.host, server.port)});
     ready = true;
-    for (const auto& [request, w] : waiting) Ask(request, w.block);
+    AskMore();
   }
 
-  void Ask(uint64_t request, uint32_t block) {
-    connection->Send(MakeMessage(MessageType::kBlockRequest, BlockRequest{block}, request));
+  /// As much as one may ask for at once, the oldest first.
+  void AskMore() {
+    for (; asked < kMostBlockRequests && !unasked.empty(); unasked.pop_front()) {
+      const uint64_t request = unasked.front();
+      ++asked;
+      connection->Send(
+          MakeMessage(MessageType::kBlockRequest, BlockRequest{waiting.at(request).block}, request));
+    }
   }
 
   boost::asio::io_context& io;
@@ -96,7 +107,9 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
   SceneId scene;
   boost::asio::steady_timer watch;
   std::shared_ptr<Connection> connection;
-  std::unordered_map<uint64_t, Waiting> waiting;
+  std::unordered_map<uint64_t, Waiting> waiting;  ///< by request
+  std::deque<uint64_t> unasked;                   ///< of those, the ones still to be sent, ascending
+  uint32_t asked = 0;                             ///< how many of them have been sent
   uint64_t next_request = 1;
   bool reaching = false, ready = false, stopped = false;
   bool owes = false;  ///< requests were waiting when the watch last looked
@@ -115,7 +128,8 @@ TcpVoxelSource::~TcpVoxelSource() {
 void TcpVoxelSource::Fetch(uint32_t block, Done done) {
   const uint64_t request = impl_->next_request++;
   impl_->waiting.emplace(request, Impl::Waiting{block, std::move(done)});
-  if (impl_->ready) return impl_->Ask(request, block);
+  impl_->unasked.push_back(request);
+  if (impl_->ready) return impl_->AskMore();
   if (!impl_->connection && !impl_->reaching) impl_->Reach();
 }
 

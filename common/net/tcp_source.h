@@ -9,9 +9,10 @@
 namespace quarry {
 
 /// Blocks from a Quarry voxel server: a master, one with --serve-only, or another worker. One connection,
-/// made with the first request and made again with the first after a loss; requests are pipelined. Whatever
-/// is wrong with the server or the way to it fails all that wait, at once: whoever asks decides what next. A
-/// server that sends not a byte for kStallS seconds while it owes an answer is taken for lost.
+/// made with the first request and made again with the first after a loss; requests are pipelined,
+/// kMostBlockRequests at most; more wait for answers to those. Whatever is wrong with the server or the way
+/// to it fails all that wait, at once: whoever asks decides what next. A server that sends not a byte for
+/// kStallS seconds while it owes an answer is taken for lost.
 class TcpVoxelSource final : public VoxelSource {
  public:
   static constexpr double kStallS = 5;

@@ -90,6 +90,8 @@ struct Alive {
 struct BlockRequest {
   uint32_t block = 0;
 };
+/// Of a connection, while their answers have not gone out; who asks for more is dropped.
+inline constexpr uint32_t kMostBlockRequests = 1024;
 
 /// One function a message: the table's bytes, to be put into Message::table.
 Bytes Encode(const Hello& m);

@@ -10,11 +10,13 @@
 #include <catch2/catch.hpp>
 #include <chrono>
 #include <cstdlib>
+#include <deque>
 #include <fstream>
 #include <optional>
 
 #include "common/net/tcp_source.h"
 #include "common/protocol/messages.h"
+#include "master/block_service.h"
 
 namespace quarry {
 namespace {
@@ -103,6 +105,21 @@ Message Block(size_t size, uint64_t request) {
   Message m{MessageType::kBlock, request, {}, Bytes(size)};
   for (size_t i = 0; i < size; ++i) m.raw[i] = static_cast<std::byte>(i * 31 + request);
   return m;
+}
+
+/// Answers when the test says so.
+struct HeldSource final : VoxelSource {
+  std::deque<Done> asked;
+  void Fetch(uint32_t, Done done) override { asked.push_back(std::move(done)); }
+  void AnswerOne() {
+    const Done done = std::move(asked.front());
+    asked.pop_front();
+    done(Bytes(10));
+  }
+};
+
+Message Request(uint32_t block) {
+  return MakeMessage(MessageType::kBlockRequest, BlockRequest{block}, block + 1);
 }
 
 }  // namespace
@@ -264,6 +281,59 @@ TEST_CASE("Nothing on the way to a voxel server is final for a block") {
     CHECK_THAT(got->error().message, Catch::Contains(sentence));
     CHECK_FALSE(got->error().permanent);
   }
+}
+
+TEST_CASE("However many blocks are wanted, a server is asked for no more at once than it takes") {
+  constexpr size_t kWanted = 3 * kMostBlockRequests + 7;
+  Network network{Security()};
+  TcpVoxelSource source(network.client_io, {"127.0.0.1", network.listener->port()}, {}, SceneId{});
+  size_t came = 0;
+  for (uint32_t b = 0; b < kWanted; ++b)
+    source.Fetch(b, [&](const Result<Bytes>& r) { came += r.has_value(); });
+  REQUIRE(
+      network.Run([&] { return network.accepted.size() == 1 && network.accepted[0]->messages.size() == 1; }));
+  End& server = *network.accepted[0];
+  server.connection->Send(MakeMessage(MessageType::kWelcome, Welcome{SceneId{}, 0, {}}));
+  HeldSource held;
+  BlockService service(held);
+  size_t taken = 1;  // without the greeting
+  const auto serve = [&] {
+    for (; taken < server.messages.size(); ++taken)
+      REQUIRE(service.Answer(server.connection, server.messages[taken]).has_value());
+    return held.asked.size();
+  };
+  REQUIRE(network.Run([&] { return serve() == kMostBlockRequests; }));
+  // One more only for one that has been answered.
+  for (size_t i = 0; i < 20; ++i) {
+    held.AnswerOne();
+    REQUIRE(network.Run([&] { return came == i + 1 && serve() == kMostBlockRequests; }));
+  }
+  REQUIRE(network.Run([&] {
+    if (serve() > 0) held.AnswerOne();
+    return came == kWanted;
+  }));
+  CHECK(service.bytes_served() == 10 * kWanted);
+  CHECK(server.messages.size() == kWanted + 1);
+}
+
+TEST_CASE("Who asks for more blocks at once than it may is told so") {
+  Network network{Security()};
+  for (int i = 0; i < 2; ++i) {
+    End& client = network.ConnectTo({});
+    REQUIRE(network.Run([&] { return client.connection != nullptr; }));
+  }
+  REQUIRE(network.Run([&] { return network.accepted.size() == 2; }));
+  const ConnectionPtr greedy = network.accepted[0]->connection, other = network.accepted[1]->connection;
+  HeldSource held;
+  BlockService service(held);
+  for (uint32_t b = 0; b < kMostBlockRequests; ++b) REQUIRE(service.Answer(greedy, Request(b)).has_value());
+  const Status status = service.Answer(greedy, Request(7));
+  REQUIRE_FALSE(status.has_value());
+  CHECK_THAT(status.error().message, Catch::Contains("more than 1024 blocks"));
+  CHECK(service.Answer(other, Request(7)).has_value());
+  held.AnswerOne();
+  CHECK(service.Answer(greedy, Request(7)).has_value());
+  CHECK_FALSE(service.Answer(greedy, Request(7)).has_value());
 }
 
 TEST_CASE("Beyond loopback a listener needs a secret") {
