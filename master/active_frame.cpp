@@ -30,7 +30,7 @@ void ActiveFrame::AddPromised(std::map<uint32_t, BlockSet>& holds) const {
     const auto worker = holds.find(owners[t]);
     if (tile_done_[t] || worker == holds.end()) continue;
     for (size_t i = 0; i < expected_[t].blocks.size(); ++i)
-      if (expected_[t].chances[i] >= 0.5f) worker->second.Set(expected_[t].blocks[i], true);
+      if (expected_[t].chances[i] >= kLeastChance) worker->second.Set(expected_[t].blocks[i], true);
   }
 }
 
@@ -114,10 +114,8 @@ void ActiveFrame::Forget(uint32_t worker) {
   leases_lost_ += std::erase_if(leases_, [&](const auto& entry) { return entry.second.worker == worker; });
 }
 
-uint32_t ActiveFrame::Held(uint32_t worker) const {
-  uint32_t held = 0;
-  for (const auto& [id, lease] : leases_) held += lease.worker == worker;
-  return held;
+void ActiveFrame::AddHeld(std::unordered_map<uint32_t, uint32_t>& held) const {
+  for (const auto& [id, lease] : leases_) ++held[lease.worker];
 }
 
 FrameTrace ActiveFrame::Trace() const {
@@ -129,19 +127,31 @@ FrameTrace ActiveFrame::Trace() const {
 
 namespace {
 
-std::vector<WorkerView> FreeSlots(const std::vector<ActiveFrame*>& frames, const std::vector<Hand>& hands) {
-  std::vector<WorkerView> views;
-  for (const Hand& hand : hands) {
-    uint32_t held = 0;
-    for (const ActiveFrame* frame : frames) held += frame->Held(hand.worker);
-    views.push_back({hand.worker, hand.credit > held ? hand.credit - held : 0});
+/// Workers and the tiles that they may still be given.
+class Slots {
+ public:
+  Slots(const std::vector<ActiveFrame*>& frames, const std::vector<Hand>& hands) {
+    std::unordered_map<uint32_t, uint32_t> held;
+    for (const ActiveFrame* frame : frames) frame->AddHeld(held);
+    for (const Hand& hand : hands) {
+      const uint32_t has = held[hand.worker], slots = hand.credit > has ? hand.credit - has : 0;
+      places_[hand.worker] = views_.size();
+      views_.push_back({hand.worker, slots});
+      free_ += slots;
+    }
   }
-  return views;
-}
+  bool any() const { return free_ > 0; }
+  const std::vector<WorkerView>& views() const { return views_; }
+  void Give(uint32_t worker) {
+    --views_[places_.at(worker)].free_slots;
+    --free_;
+  }
 
-bool AnyFree(const std::vector<WorkerView>& views) {
-  return std::any_of(views.begin(), views.end(), [](const WorkerView& view) { return view.free_slots > 0; });
-}
+ private:
+  std::vector<WorkerView> views_;
+  std::unordered_map<uint32_t, size_t> places_;
+  uint64_t free_ = 0;
+};
 
 }  // namespace
 
@@ -150,17 +160,19 @@ std::vector<HandedTile> HandOut(
     const std::function<double(const ActiveFrame&, uint32_t tile, uint32_t worker)>& fetch_s,
     const std::function<ActiveFrame*()>& start_next) {
   std::vector<HandedTile> out;
+  Slots slots(frames, hands);
   const auto hand_out = [&](ActiveFrame& frame, Stealing stealing) {
-    auto views = FreeSlots(frames, hands);
-    if (frame.done() || !AnyFree(views)) return;
-    Snapshot snapshot = frame.MakeSnapshot(std::move(views), now_s);
+    if (frame.done() || !slots.any()) return;
+    Snapshot snapshot = frame.MakeSnapshot(slots.views(), now_s);
     if (fetch_s)
       snapshot.fetch_s = [&](uint32_t tile, uint32_t worker) { return fetch_s(frame, tile, worker); };
-    for (const Assignment& a : Schedule(snapshot, stealing))
+    for (const Assignment& a : Schedule(snapshot, stealing)) {
       out.push_back({&frame, a.worker, frame.Lease(a, now_s)});
+      slots.Give(a.worker);
+    }
   };
   for (ActiveFrame* frame : frames) hand_out(*frame, Stealing::kNo);
-  while (AnyFree(FreeSlots(frames, hands))) {
+  while (slots.any()) {
     ActiveFrame* next = start_next();
     if (!next) break;
     frames.push_back(next);

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <unordered_map>
 #include <vector>
 
 #include "common/protocol/messages.h"
@@ -47,8 +48,8 @@ class ActiveFrame {
   Result<bool> Finish(const TileDone& done, std::span<const std::byte> pixels, double now_s);
   /// The worker is gone: its leases end.
   void Forget(uint32_t worker);
-  /// Tiles leased to the worker and not done.
-  uint32_t Held(uint32_t worker) const;
+  /// Adds to each worker's number how many tiles are leased to it.
+  void AddHeld(std::unordered_map<uint32_t, uint32_t>& held) const;
 
   /// Who rendered which tile, kNoWorker where nobody has.
   const std::vector<uint32_t>& owners() const { return owners_; }

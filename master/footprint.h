@@ -9,6 +9,10 @@
 
 namespace quarry {
 
+/// With this chance a tile counts as touching a block: it is reckoned to bring the block to its worker, and
+/// the worker is told to fetch it ahead.
+inline constexpr float kLeastChance = 0.5f;
+
 /// What rendering a tile has shown: the blocks it touched, how far away what it saw was, what it cost.
 struct TileTrace {
   std::vector<uint32_t> blocks;  ///< ascending; empty while not known

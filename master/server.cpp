@@ -41,7 +41,6 @@ constexpr auto kTick = std::chrono::milliseconds(250);
 constexpr uint64_t kMaxQueuedBytes = 256u << 20;  // a peer that does not read is dropped beyond this
 constexpr uint64_t kFullQueueBytes = 32u << 20;   // no further frames are queued for a client beyond this
 constexpr int kMostEncoding = 4;      // frames on their way to the disk; no other begins beyond this
-constexpr float kLeastChance = 0.5;   // that a tile touches a block, for the block to be fetched ahead
 constexpr double kClientGraceS = 20;  // a job without a spool waits so long for its client to come back
 constexpr double kLogEveryS = 10;
 constexpr uint32_t kMostFailures = 3;  // workers that fail before the job is given up

@@ -1,8 +1,11 @@
 #include "master/scheduler.h"
 
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <map>
 #include <set>
+#include <unordered_map>
+#include <utility>
 
 #include "master/active_frame.h"
 
@@ -56,6 +59,16 @@ TEST_CASE("A worker with nothing left takes from the other's end") {
   CHECK(Schedule(s, Stealing::kNo).empty());
 }
 
+TEST_CASE("Of many others it takes from who has most left") {
+  Snapshot s = MakeSnapshot(230, {});
+  for (uint32_t w = 1; w <= 100; ++w) s.workers.push_back({w, w == 1 ? 2u : 0u});
+  for (uint32_t t = 0; t < 230; ++t) {
+    s.tiles[t].owner = t < 198 ? 2 + t / 2 : 57;
+    s.tiles[t].cost_s = 1;
+  }
+  CHECK(Schedule(s, Stealing::kYes) == std::vector<Assignment>{{229, 1}, {228, 1}});
+}
+
 TEST_CASE("Stragglers go to an idle worker once, never to their holder") {
   Snapshot s = MakeSnapshot(3, {{1, 5}, {2, 5}});
   s.now_s = 10;
@@ -66,6 +79,28 @@ TEST_CASE("Stragglers go to an idle worker once, never to their holder") {
   s.tiles[1].holders = 2;
   CHECK(Schedule(s, Stealing::kYes).empty());
   CHECK(Schedule(MakeSnapshot(3, {}), Stealing::kYes).empty());
+}
+
+TEST_CASE("What a worker holds of one frame it is not given of the next") {
+  RenderJob job;
+  job.width = job.height = 64;
+  job.cameras = {CameraSpec{}};
+  REQUIRE(NormalizeJob(job).has_value());
+  ActiveFrame first(1, job, nullptr), second(2, job, &first);
+  bool begun = false;
+  const auto next = [&] { return std::exchange(begun, true) ? nullptr : &second; };
+  const auto count = [](const std::vector<HandedTile>& tiles, const ActiveFrame& frame) {
+    return std::count_if(tiles.begin(), tiles.end(), [&](const HandedTile& t) { return t.frame == &frame; });
+  };
+  const auto given = HandOut({&first}, {{1, 6}}, 0, {}, next);
+  CHECK(given.size() == 6);
+  CHECK(count(given, first) == 4);
+  CHECK(HandOut({&first, &second}, {{1, 6}}, 0, {}, next).empty());
+  const TileOrder& order = given[0].order;
+  REQUIRE(*first.Finish({1, order.tile, order.lease}, Bytes(32 * 32 * 3 * 4), 1));
+  const auto more = HandOut({&first, &second}, {{1, 6}}, 1, {}, next);
+  CHECK(more.size() == 1);
+  CHECK(count(more, second) == 1);
 }
 
 TEST_CASE("Results count once, under a lease that is known; a dead worker's tiles are open again") {
@@ -86,9 +121,14 @@ TEST_CASE("Results count once, under a lease that is known; a dead worker's tile
   CHECK(frame.tiles_done() == 1);
   CHECK(frame.rays() == 10);
   CHECK(frame.owners()[0] == 2);
-  CHECK(frame.Held(1) == 1);
+  const auto held = [&](uint32_t worker) {
+    std::unordered_map<uint32_t, uint32_t> all;
+    frame.AddHeld(all);
+    return all[worker];
+  };
+  CHECK(held(1) == 1);
   frame.Forget(1);
-  CHECK(frame.Held(1) == 0);
+  CHECK(held(1) == 0);
   CHECK(frame.leases_lost() == 1);
   CHECK_FALSE(frame.MakeSnapshot({}, 2).tiles[1].done);
   CHECK(frame.MakeSnapshot({}, 2).tiles[1].holders == 0);
