@@ -57,7 +57,8 @@ struct PlanInput {
 };
 
 /// A footprint plan leaves workers' expected times so far apart rather than move another tile: one for which
-/// something has to be fetched, and one that costs nothing.
+/// something has to be fetched, and one that costs nothing. The best of those tried by `quarry bench
+/// simulate` (tests/scalability/README.md).
 inline constexpr double kPlanSlack = 0.4, kFreeSlack = 0.05;
 
 /// The worker (id) that should have each tile; kNoWorker for all when there are no workers. Tiles that a

@@ -211,12 +211,17 @@ class Server {
     return {};
   }
 
+  /// Once for all that come or go at the same time, for plans take their time.
   void WorkersChanged() {
+    workers_changed_ = true;
+    HandOutSoon();
+  }
+
+  void TellAndPlan() {
     const Peers peers = roster_.MakePeers();
     for (auto& [id, worker] : roster_.all())
       if (worker.has_scene) worker.connection->Send(MakeMessage(MessageType::kPeers, peers));
     for (size_t r = 0; r < renderings_.size(); ++r) MakePlan(r);
-    HandOutSoon();
   }
 
   /// Of one of the frames under way, which comes after those before it.
@@ -240,6 +245,7 @@ class Server {
   }
 
   void HandOut() {
+    if (std::exchange(workers_changed_, false)) TellAndPlan();
     std::vector<ActiveFrame*> frames;
     for (Rendering& r : renderings_) frames.push_back(r.frame.get());
     std::vector<Hand> hands;
@@ -591,10 +597,11 @@ class Server {
   std::deque<std::shared_ptr<Job>> jobs_;
   std::deque<Rendering> renderings_;
   std::unique_ptr<ActiveFrame> previous_;  ///< the last one finished, without its pixels
-  bool handing_out_ = false;
-  int encoding_ = 0;       ///< frames on their way from the last tile to Job::finished
-  uint32_t failures_ = 0;  ///< workers that could not go on with the frames at hand
-  uint64_t next_setup_;    ///< from a random start: results for another master's frames are known by it
+  bool handing_out_ = false;               ///< it is about to
+  bool workers_changed_ = false;           ///< and neither plans nor workers know
+  int encoding_ = 0;                       ///< frames on their way from the last tile to Job::finished
+  uint32_t failures_ = 0;                  ///< workers that could not go on with the frames at hand
+  uint64_t next_setup_;  ///< from a random start: results for another master's frames are known by it
   double ticked_s_ = 0, pinged_s_ = 0, logged_s_ = 0;
   asio::thread_pool encoder_{1};  ///< last: what it runs uses all of the above
 };

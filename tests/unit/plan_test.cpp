@@ -74,6 +74,43 @@ TEST_CASE("A tile of which nobody has anything goes with its neighbours, of whic
   CHECK(Plan(f.in, SchedulingPolicy::kFootprint) == std::vector<uint32_t>{2, 2, 2, 1, 1, 1});
 }
 
+TEST_CASE("Unknown tiles of a large picture go to whoever is nearest") {
+  constexpr uint32_t kColumns = 100, kRows = 80;
+  PlanFixture f(kColumns * kRows, 4);
+  for (uint32_t t = 0; t < f.blocks.size(); ++t) {
+    f.in.tiles[t].column = t % kColumns;
+    f.in.tiles[t].row = t / kColumns;
+    f.in.tiles[t].blocks = nullptr;
+  }
+  const uint32_t corners[] = {0, kColumns - 1, kColumns * (kRows - 1), kColumns * kRows - 1};
+  for (uint32_t w = 0; w < 4; ++w) {
+    f.blocks[corners[w]] = {w};
+    f.in.tiles[corners[w]].blocks = &f.blocks[corners[w]];
+    f.holds[w].Set(w, true);
+  }
+  const auto plan = Plan(f.in, SchedulingPolicy::kFootprint);
+  size_t right = 0;
+  for (uint32_t t = 0; t < plan.size(); ++t)
+    right += plan[t] == 1u + (t % kColumns >= kColumns / 2 ? 1 : 0) + (t / kColumns >= kRows / 2 ? 2 : 0);
+  CHECK(right == plan.size());
+}
+
+TEST_CASE("A large picture is shared out among many, though one has everything, or all have") {
+  const bool all = GENERATE(false, true);
+  PlanFixture f(4096, 128);
+  for (uint32_t t = 0; t < 4096; ++t) {
+    f.blocks[t] = {t / 4 % 1000, t / 7 % 1000};
+    f.in.tiles[t].column = t % 64;
+    f.in.tiles[t].row = t / 64;
+  }
+  for (uint32_t b = 0; b < 1000; ++b)
+    for (uint32_t w = 0; w < (all ? 128u : 1u); ++w) f.holds[w].Set(b, true);
+  std::map<uint32_t, int> tiles;
+  for (const uint32_t w : Plan(f.in, SchedulingPolicy::kFootprint)) ++tiles[w];
+  CHECK(tiles.size() == 128);
+  for (const auto& [w, n] : tiles) CHECK(n <= 3 * 4096 / 128);
+}
+
 TEST_CASE("Computing is levelled only where that is worth the bytes") {
   PlanFixture f(8, 2);
   for (uint32_t t = 0; t < 8; ++t) {
