@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "common/voxel/store_format.h"
 #include "common/voxel/store_header.h"
@@ -27,6 +28,11 @@ std::string TypeName(SectionType type) {
     name += c >= ' ' && c <= '~' ? c : '?';
   }
   return name;
+}
+
+/// Trying again cannot help.
+tl::unexpected<Error> FailForGood(std::string sentence) {
+  return tl::unexpected<Error>(Error{std::move(sentence), 1, true});
 }
 
 /// The zero-terminated string at `offset` of `strings`, or empty.
@@ -121,15 +127,15 @@ Status StoreReader::DecodeNames(const std::vector<Section>& sections) {
 
 Result<Bytes> StoreReader::ReadBlock(uint32_t block_id) const {
   if (block_id / 2 >= catalog_.voxels.size() || catalog_.block(block_id).stored == 0)
-    return Fail(fmt::format("{}: there is no block {}", path(), block_id));
+    return FailForGood(fmt::format("{}: there is no block {}", path(), block_id));
   const BlockEntry& entry = catalog_.block(block_id);
   if (entry.offset < blocks_begin_ || entry.stored > blocks_end_ - entry.offset || entry.offset > blocks_end_)
-    return Fail(fmt::format("{}: block {} is not where it should be", path(), block_id));
+    return FailForGood(fmt::format("{}: block {} is not where it should be", path(), block_id));
   Bytes bytes(entry.stored);
   QUARRY_TRY(file_.ReadAt(entry.offset, bytes));
   if (Checksum(bytes) != entry.checksum)
-    return Fail(fmt::format("{}: block {} at byte {} is damaged (checksum); make the store again", path(),
-                            block_id, entry.offset));
+    return FailForGood(fmt::format("{}: block {} at byte {} is damaged (checksum); make the store again",
+                                   path(), block_id, entry.offset));
   return bytes;
 }
 

@@ -30,7 +30,7 @@ class StoreReader {
   const std::vector<std::string>& parts() const { return parts_; }
 
   /// Bytes of one stored block, its checksum verified.
-  /// Errors: no such block; read error; damaged (the byte offset named).
+  /// Errors: a read error; permanent: no such block, or a damaged one (the byte offset named).
   Result<Bytes> ReadBlock(uint32_t block_id) const;
 
   /// Reads every block and decodes it; also that blocks fill their section without a gap.

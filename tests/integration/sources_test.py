@@ -60,6 +60,29 @@ class Sources(Case):
         _, address = self.start_master(self.scene)
         self.must_fail(1, r"other\.quarry: is another scene", "quarry-worker", "--master", address, "--source", "file:" + other)
 
+    def damaged(self):
+        """A copy whose blocks are wrong, but for some at either end."""
+        store = bytearray(pathlib.Path(self.scene).read_bytes())
+        for at in range(len(store) // 4, len(store) * 3 // 4, 1000):
+            store[at] ^= 1
+        path = self.path("damaged.quarry")
+        pathlib.Path(path).write_bytes(store)
+        return path
+
+    def test_a_damaged_file_gives_way_to_another_source(self):
+        sums = self.render("g", [["--source", "file:" + self.damaged(), "--source", "master"]])
+        self.assertGreater(sums["voxel_bytes_from_tcp"], 0)
+
+    def test_a_damaged_file_alone_ends_the_job_soon(self):
+        _, address = self.start_master(self.scene)
+        worker = self.start_worker(address, "--source", "file:" + self.damaged(), "--quiet")
+        start = time.monotonic()
+        self.must_fail(1, r"damaged\.quarry: block \d+ at byte \d+ is damaged", "quarry", "render", self.scene, "-o", self.path("no.png"),
+                       "--master", address, "--quiet", *VIEW, *self.walk)
+        self.assertEqual(worker.wait(timeout=30), 1)
+        self.assertRegex(worker.stderr.read(), r"^quarry-worker: .*is damaged \(checksum\); make the store again\n$")
+        self.assertLess(time.monotonic() - start, 30)  # and not a minute, as when a source does not answer
+
     def test_two_servers_share_and_one_may_die(self):
         servers = [self.start_master(self.scene, "--serve-only") for _ in range(2)]
         sources = [option for _, address in servers for option in ("--source", address)]

@@ -153,7 +153,26 @@ TEST_CASE("A store gives back all that was put in") {
   REQUIRE(shaded.has_value());
   CHECK(same(MakeShading().corners, shaded->corners));
   CHECK(same(MakeShading().vertices, shaded->vertices));
-  CHECK_FALSE(store->ReadBlock(99).has_value());
+  REQUIRE_FALSE(store->ReadBlock(99).has_value());
+  CHECK(store->ReadBlock(99).error().permanent);
+}
+
+TEST_CASE("Whoever reads a damaged block is told that another try is no use") {
+  const Folder folder;
+  WriteStore(folder.file("s"));
+  const auto store = StoreReader::Open(folder.file("s"));
+  REQUIRE(store.has_value());
+  auto bytes = ReadFile(folder.file("s"));
+  const BlockEntry& entry = store->catalog().block(0);
+  bytes[entry.offset + entry.stored / 2] ^= 1;
+  WriteFile(folder.file("bad"), bytes);
+  const auto bad = StoreReader::Open(folder.file("bad"));
+  REQUIRE(bad.has_value());
+  const auto block = bad->ReadBlock(0);
+  REQUIRE_FALSE(block.has_value());
+  CHECK_THAT(block.error().message, Catch::Contains("damaged (checksum)"));
+  CHECK(block.error().permanent);
+  CHECK(bad->ReadBlock(1).has_value());
 }
 
 TEST_CASE("Every byte of a store that is flipped is found") {
