@@ -6,28 +6,23 @@
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
-#include <boost/asio/thread_pool.hpp>
 #include <chrono>
 #include <cstdio>
 #include <deque>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <random>
 #include <set>
-#include <thread>
 #include <utility>
 
-#include "common/base/resource.h"
 #include "common/net/file_source.h"
 #include "common/net/source_set.h"
 #include "common/protocol/messages.h"
 #include "master/active_frame.h"
 #include "master/block_service.h"
-#include "master/image_output.h"
-#include "master/job.h"
+#include "master/jobs.h"
 #include "master/roster.h"
-#include "master/spool.h"
+#include "master/statistics.h"
 #include "master/tile_log.h"
 
 namespace quarry {
@@ -39,16 +34,12 @@ using ConnectionPtr = std::shared_ptr<Connection>;
 
 constexpr auto kTick = std::chrono::milliseconds(250);
 constexpr uint64_t kMaxQueuedBytes = 256u << 20;  // a peer that does not read is dropped beyond this
-constexpr uint64_t kFullQueueBytes = 32u << 20;   // no further frames are queued for a client beyond this
-constexpr int kMostEncoding = 4;      // frames on their way to the disk; no other begins beyond this
-constexpr double kClientGraceS = 20;  // a job without a spool waits so long for its client to come back
 constexpr double kLogEveryS = 10;
 constexpr uint32_t kMostFailures = 3;  // workers that fail before the job is given up
 
 /// A frame being rendered.
 struct Rendering {
-  std::shared_ptr<Job> job;
-  size_t index = 0;  ///< of the job's frames
+  Jobs::Begun part;  ///< of a job
   std::unique_ptr<ActiveFrame> frame;
   double start_s = 0;
   uint64_t bytes_served_before = 0;
@@ -66,14 +57,19 @@ class Server {
          std::optional<TileLog> tile_log)
       : options_(options),
         source_(io_, std::move(store)),
-        spool_(std::move(spool)),
         tile_log_(std::move(tile_log)),
         timer_(io_),
         start_(Clock::now()),
-        next_setup_((uint64_t{std::random_device{}()} << 24) + 1) {
-    const Catalog& catalog = source_.store().catalog();
+        next_setup_((uint64_t{std::random_device{}()} << 24) + 1),
+        jobs_(io_, catalog().id, std::move(spool),
+              {[this] { HandOutSoon(); },
+               [this](const Job& job) {
+                 std::erase_if(renderings_, [&](const Rendering& r) { return r.part.job.get() == &job; });
+               },
+               [this](const std::string& line) { Log(line); }}) {
     packed_catalog_ = PackSections(source_.store().catalog_sections());
-    for (uint32_t b = 0; b < catalog.voxels.size() * 2; ++b) block_bytes_.push_back(catalog.block(b).stored);
+    for (uint32_t b = 0; b < catalog().voxels.size() * 2; ++b)
+      block_bytes_.push_back(catalog().block(b).stored);
   }
 
   Status Run() {
@@ -81,7 +77,7 @@ class Server {
                                             [this](ConnectionPtr c) { OnConnection(c); }));
     fmt::print("listening {}:{}\n", options_.listen.host, listener_->port());
     std::fflush(stdout);
-    if (spool_) TakeUpJobs();
+    jobs_.TakeUp();
     Tick();
     io_.run();
     return {};
@@ -148,7 +144,11 @@ class Server {
     if (c->queued_bytes() > kMaxQueuedBytes) return Lose(c, "it does not read what it asked for"), Status{};
     if (m.type == MessageType::kPing) return {};
     if (role == Role::kVoxels && m.type == MessageType::kBlockRequest) return blocks_.Answer(c, m);
-    if (role == Role::kClient && m.type == MessageType::kRenderJob) return OnJobRequest(c, m);
+    if (role == Role::kClient && m.type == MessageType::kRenderJob) {
+      QUARRY_ASSIGN(JobRequest request, DecodeJobRequest(m.table));
+      jobs_.Ask(c, std::move(request));
+      return {};
+    }
     WorkerRecord* worker = role == Role::kWorker ? roster_.Find(c.get()) : nullptr;
     if (worker && m.type == MessageType::kTileDone) return OnTileDone(*worker, m);
     if (worker && m.type == MessageType::kFailure) return OnWorkerFailure(*worker, m);
@@ -178,9 +178,7 @@ class Server {
       WorkersChanged();
       return;
     }
-    for (auto& job : jobs_)
-      if (std::erase_if(job->clients, [&](const Job::Client& client) { return client.connection == c; }) > 0)
-        job->alone_since_s = Now();
+    jobs_.ForgetClient(c, Now());
     Log(error.message);
   }
 
@@ -301,229 +299,46 @@ class Server {
   Status OnWorkerFailure(const WorkerRecord& worker, const Message& m) {
     QUARRY_ASSIGN(const Failure failure, DecodeFailure(m.table));
     if (!renderings_.empty() && (++failures_ >= kMostFailures || roster_.all().size() == 1))
-      FailJob(renderings_.front().job, failure.message);
+      jobs_.Fail(renderings_.front().part.job, failure.message);
     Log(fmt::format("worker {} gives up: {}", worker.name, failure.message));
     return Fail(failure.message);
   }
 
-  // --- jobs and frames
-
-  void TakeUpJobs() {
-    for (Spool::Found& found : spool_->Jobs([this](const std::string& line) { Log(line); })) {
-      auto job = std::make_shared<Job>(found.id, std::move(found.job));
-      for (size_t f = 0; f < found.finished.size(); ++f)
-        if (found.finished[f]) job->states[f] = Job::FrameState::kFinished;
-      Log(fmt::format("going on with job {}: {} of {} frames are done", job->id,
-                      std::count(found.finished.begin(), found.finished.end(), true), found.finished.size()));
-      jobs_.push_back(std::move(job));
-    }
-  }
-
-  Status OnJobRequest(const ConnectionPtr& c, const Message& m) {
-    QUARRY_ASSIGN(JobRequest request, DecodeJobRequest(m.table));
-    const std::string id = JobId(catalog().id, request.job);
-    auto job = std::find_if(jobs_.begin(), jobs_.end(), [&](const auto& j) { return j->id == id; });
-    if (job == jobs_.end()) {
-      jobs_.push_back(std::make_shared<Job>(id, std::move(request.job)));
-      job = std::prev(jobs_.end());
-      // What its client has need not be made again; should another one ask for it, it is.
-      std::fill_n((*job)->states.begin(), request.have, Job::FrameState::kFinished);
-      if (spool_)
-        asio::post(encoder_, [this, begun = *job] {
-          WriteToSpool(*begun, [&] { return spool_->Begin(begun->id, begun->job); });
-        });
-    }
-    (*job)->clients.push_back({c, request.have});
-    Deliver(**job);
-    HandOutSoon();
-    return {};
-  }
-
-  void FailJob(const std::shared_ptr<Job>& job, const std::string& sentence) {
-    for (const Job::Client& client : job->clients)
-      client.connection->Send(MakeMessage(MessageType::kFailure, Failure{sentence}));
-    RemoveJob(job);
-  }
-
-  void RemoveJob(const std::shared_ptr<Job>& job) {
-    std::erase_if(renderings_, [&](const Rendering& r) { return r.job == job; });
-    job->over = true;
-    if (spool_) spool_->Remove(job->id);
-    std::erase(jobs_, job);
-  }
+  // --- frames
 
   /// The next frame. Null when none begins.
   ActiveFrame* StartFrame() {
-    if (renderings_.size() >= kFramesAtOnce || encoding_ >= kMostEncoding) return nullptr;
-    for (const auto& job : jobs_) {
-      const size_t index = job->NextToDo();
-      if (index == job->states.size()) continue;
-      RenderJob one = job->job;
-      one.cameras = {job->job.cameras[index]};
-      one.first_frame = job->job.first_frame + static_cast<uint32_t>(index);
-      const ActiveFrame* before = renderings_.empty() ? previous_.get() : renderings_.back().frame.get();
-      auto frame = std::make_unique<ActiveFrame>(next_setup_++, one, before);
-      if (tile_log_) tile_log_->Frame(*frame);
-      job->states[index] = Job::FrameState::kActive;
-      failures_ = 0;
-      renderings_.push_back({job, index, std::move(frame), Now(), blocks_.bytes_served()});
-      MakePlan(renderings_.size() - 1);
-      return renderings_.back().frame.get();
-    }
-    return nullptr;
+    if (renderings_.size() >= kFramesAtOnce) return nullptr;
+    auto part = jobs_.Begin();
+    if (!part) return nullptr;
+    const ActiveFrame* before = renderings_.empty() ? previous_.get() : renderings_.back().frame.get();
+    auto frame = std::make_unique<ActiveFrame>(next_setup_++, part->one, before);
+    if (tile_log_) tile_log_->Frame(*frame);
+    failures_ = 0;
+    renderings_.push_back({std::move(*part), std::move(frame), Now(), blocks_.bytes_served()});
+    MakePlan(renderings_.size() - 1);
+    return renderings_.back().frame.get();
   }
 
-  /// The image is made, and written, on a thread of its own.
   void FinishFrame(uint64_t setup) {
     const auto it = std::find_if(renderings_.begin(), renderings_.end(),
                                  [&](const Rendering& r) { return r.frame->setup() == setup; });
     Rendering done = std::move(*it);
     renderings_.erase(it);
-    ++encoding_;
-    asio::post(encoder_, [this, job = done.job, index = done.index, one = done.frame->job(),
-                          pixels = done.frame->TakePixels(), statistics = FrameStatistics(done)]() mutable {
-      auto image = EncodeImage(one, pixels);
-      if (image && spool_)
-        WriteToSpool(*job, [&] { return spool_->WriteFrame(job->id, job->job, index, *image); });
-      asio::post(io_,
-                 [this, job, index, image = std::move(image), statistics = std::move(statistics)]() mutable {
-                   OnImage(job, index, std::move(image), std::move(statistics));
-                 });
-    });
+    const FrameTimes times{done.start_s, Now(), blocks_.bytes_served() - done.bytes_served_before};
+    jobs_.Finish(std::move(done.part), done.frame->TakePixels(),
+                 FrameStatistics(*done.frame, times, roster_));
     previous_ = std::move(done.frame);
     HandOutSoon();
-  }
-
-  /// Does it until it is done: a full disk may get space. Nothing more for a job that is over.
-  template <class Write>
-  void WriteToSpool(const Job& job, Write write) const {
-    for (bool told = false; !job.over; told = true) {
-      const Status status = write();
-      if (status) break;
-      if (!told) Log(status.error().message + "; trying every second");
-      std::this_thread::sleep_for(std::chrono::seconds(1));
-    }
-    if (job.over) spool_->Remove(job.id);  // it may have ended while this was at work
-  }
-
-  void OnImage(const std::shared_ptr<Job>& job, size_t index, Result<Bytes> image, std::string statistics) {
-    --encoding_;
-    HandOutSoon();
-    if (std::find(jobs_.begin(), jobs_.end(), job) == jobs_.end()) return;
-    if (!image) return FailJob(job, image.error().message);
-    job->states[index] = Job::FrameState::kFinished;
-    job->finished[index] = {std::move(*image), std::move(statistics)};
-    Deliver(*job);
-  }
-
-  /// Sends finished frames on, in order; lets go of a job that everyone has.
-  void Deliver(Job& job) {
-    size_t needed = job.states.size();
-    for (Job::Client& client : job.clients) {
-      while (client.next < job.states.size() && job.states[client.next] == Job::FrameState::kFinished &&
-             client.connection->queued_bytes() < kFullQueueBytes && SendFrame(job, client))
-        ++client.next;
-      needed = std::min(needed, client.next);
-    }
-    if (job.clients.empty()) needed = 0;
-    for (size_t f = 0; f < (spool_ ? job.states.size() : needed); ++f) job.finished[f].image = {};
-    if (needed < job.states.size()) return;
-    RemoveJob(*std::find_if(jobs_.begin(), jobs_.end(), [&](const auto& j) { return j.get() == &job; }));
-  }
-
-  /// False when the image is not there any more: the frame is rendered again.
-  bool SendFrame(Job& job, const Job::Client& client) {
-    const size_t f = client.next;
-    Bytes image = job.finished[f].image;
-    if (image.empty() && spool_) {
-      auto read = spool_->ReadFrame(job.id, job.job, f);
-      if (read) image = std::move(*read);
-    }
-    if (image.empty()) {
-      job.states[f] = Job::FrameState::kToDo;
-      HandOutSoon();
-      return false;
-    }
-    const std::string statistics = job.finished[f].statistics.empty() ? "{}" : job.finished[f].statistics;
-    Message m = MakeMessage(MessageType::kFrameDone,
-                            FrameDone{job.job.first_frame + static_cast<uint32_t>(f), statistics});
-    m.raw = std::move(image);
-    client.connection->Send(std::move(m));
-    return true;
-  }
-
-  // --- statistics
-
-  std::string FrameStatistics(const Rendering& r) const {
-    nlohmann::ordered_json j;
-    j["frame"] = r.frame->job().first_frame;
-    j["frame_wall_s"] = Now() - r.start_s;
-    j["frame_start_s"] = r.start_s;
-    j["tiles"] = r.frame->frame().tiles().size();
-    j["rays"] = r.frame->rays();
-    j["rays_suspended"] = r.frame->rays_suspended();
-    j["leases_lost"] = r.frame->leases_lost();
-    j["voxel_bytes_served"] = blocks_.bytes_served() - r.bytes_served_before;
-    j["master_peak_rss_bytes"] = PeakResidentBytes();
-    j["workers"] = nlohmann::ordered_json::array();
-    for (const auto& [id, worker] : roster_.all()) j["workers"].push_back(WorkerStatistics(worker));
-    return j.dump();
-  }
-
-  static nlohmann::ordered_json WorkerStatistics(const WorkerRecord& w) {
-    static const char* const kinds[kSourceKinds] = {"file", "tcp", "http", "peer", "disk", "memory"};
-    const Alive& c = w.counters;
-    nlohmann::ordered_json j;
-    j["name"] = w.name;
-    j["tiles"] = w.tiles;
-    j["cache_bytes"] = c.cache_bytes;
-    j["voxel_blocks_loaded"] = c.voxels_loaded;
-    j["voxel_bytes_loaded"] = c.voxel_bytes_loaded;
-    j["voxel_bytes_received"] = c.voxel_bytes_received;
-    for (size_t k = 0; k < kSourceKinds; ++k)
-      j[fmt::format("voxel_bytes_from_{}", kinds[k])] = c.bytes_from[k];
-    j["evictions"] = c.evictions;
-    j["rays"] = c.rays;
-    j["rays_suspended"] = c.rays_suspended;
-    j["fetch_s"] = static_cast<double>(c.fetch_us) * 1e-6;
-    j["compute_s"] = static_cast<double>(c.compute_us) * 1e-6;
-    j["stall_s"] = static_cast<double>(c.stall_us) * 1e-6;
-    j["source_retries"] = c.retries;
-    j["source_hedges"] = c.hedges;
-    j["blocks_damaged"] = c.damaged;
-    j["prefetched_bytes"] = c.prefetched_bytes;
-    j["prefetch_wasted_bytes"] = c.prefetch_wasted_bytes;
-    j["peak_rss_bytes"] = c.peak_rss_bytes;
-    return j;
-  }
-
-  void LogProgress() {
-    if (renderings_.empty()) return;
-    Alive sum;
-    for (const auto& [id, w] : roster_.all()) {
-      sum.rays += w.counters.rays;
-      sum.voxel_bytes_received += w.counters.voxel_bytes_received;
-      sum.stall_us += w.counters.stall_us;
-      sum.compute_us += w.counters.compute_us;
-    }
-    const Rendering& r = renderings_.front();
-    Log(
-        fmt::format("frame {}: {} of {} tiles; {} workers, {:.1f} million rays, {:.1f} MB of voxels "
-                    "received, {:.1f} s of "
-                    "computing, {:.1f} s of waiting so far",
-                    r.frame->job().first_frame, r.frame->tiles_done(), r.frame->frame().tiles().size(),
-                    roster_.all().size(), static_cast<double>(sum.rays) * 1e-6,
-                    static_cast<double>(sum.voxel_bytes_received) * 1e-6,
-                    static_cast<double>(sum.compute_us) * 1e-6, static_cast<double>(sum.stall_us) * 1e-6));
   }
 
   // --- time
 
   void Tick() {
     DropSilent();
-    DropAbandoned();
+    jobs_.DropAbandoned(Now());
     HandOut();
-    for (const auto& job : std::vector(jobs_.begin(), jobs_.end())) Deliver(*job);
+    jobs_.Deliver();
     SendProgress();
     if (Now() - pinged_s_ >= kHeartbeatS) {
       pinged_s_ = Now();
@@ -531,7 +346,7 @@ class Server {
     }
     if (Now() - logged_s_ >= kLogEveryS) {
       logged_s_ = Now();
-      LogProgress();
+      if (!renderings_.empty()) Log(ProgressLine(*renderings_.front().frame, roster_));
     }
     timer_.expires_after(kTick);
     timer_.async_wait([this](const boost::system::error_code& e) {
@@ -552,29 +367,20 @@ class Server {
     for (const ConnectionPtr& c : dead) Lose(c, fmt::format("silent for {:.0f} seconds", kSilenceS));
   }
 
-  /// Jobs whose client has gone for good, unless they are kept on disk.
-  void DropAbandoned() {
-    if (spool_) return;
-    std::vector<std::shared_ptr<Job>> gone;
-    for (const auto& job : jobs_)
-      if (job->clients.empty() && Now() - job->alone_since_s > kClientGraceS) gone.push_back(job);
-    for (const auto& job : gone) RemoveJob(job);
-  }
-
   void SendProgress() {
     std::set<const Job*> told;
     if (roster_.all().empty())  // so that who waits knows why
-      for (const auto& job : jobs_)
+      for (const auto& job : jobs_.all())
         for (const Job::Client& client : job->clients)
           client.connection->Send(
               MakeMessage(MessageType::kFrameProgress,
                           FrameProgress{job->job.first_frame + static_cast<uint32_t>(client.next), 0, 0, 0}));
     for (const Rendering& r : renderings_) {
-      if (!told.insert(r.job.get()).second) continue;
+      if (!told.insert(r.part.job.get()).second) continue;
       const FrameProgress progress{r.frame->job().first_frame, r.frame->tiles_done(),
                                    static_cast<uint32_t>(r.frame->frame().tiles().size()),
                                    static_cast<uint32_t>(roster_.all().size())};
-      for (const Job::Client& client : r.job->clients)
+      for (const Job::Client& client : r.part.job->clients)
         client.connection->Send(MakeMessage(MessageType::kFrameProgress, progress));
     }
   }
@@ -583,7 +389,6 @@ class Server {
   asio::io_context io_;
   FileVoxelSource source_;
   BlockService blocks_{source_};
-  std::optional<Spool> spool_;
   std::optional<TileLog> tile_log_;
   Bytes packed_catalog_;
   std::vector<uint32_t> block_bytes_;  ///< stored, by block
@@ -594,16 +399,14 @@ class Server {
   std::map<const Connection*, Role> roles_;
   std::map<ConnectionPtr, Pulse> pulses_;  ///< of workers and clients
   Roster roster_;
-  std::deque<std::shared_ptr<Job>> jobs_;
   std::deque<Rendering> renderings_;
   std::unique_ptr<ActiveFrame> previous_;  ///< the last one finished, without its pixels
   bool handing_out_ = false;               ///< it is about to
   bool workers_changed_ = false;           ///< and neither plans nor workers know
-  int encoding_ = 0;                       ///< frames on their way from the last tile to Job::finished
   uint32_t failures_ = 0;                  ///< workers that could not go on with the frames at hand
   uint64_t next_setup_;  ///< from a random start: results for another master's frames are known by it
   double ticked_s_ = 0, pinged_s_ = 0, logged_s_ = 0;
-  asio::thread_pool encoder_{1};  ///< last: what it runs uses all of the above
+  Jobs jobs_;  ///< last: it tells of all of the above
 };
 
 }  // namespace

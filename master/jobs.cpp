@@ -1,0 +1,184 @@
+#include "master/jobs.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/thread_pool.hpp>
+#include <chrono>
+#include <thread>
+#include <utility>
+
+#include "master/image_output.h"
+
+namespace quarry {
+namespace {
+
+namespace asio = boost::asio;
+
+constexpr uint64_t kFullQueueBytes = 32u << 20;  // no further frames are queued for a client beyond this
+constexpr int kMostEncoding = 4;      // frames on their way to the disk; no other begins beyond this
+constexpr double kClientGraceS = 20;  // a job without a spool waits so long for its client to come back
+
+}  // namespace
+
+Jobs::Jobs(asio::io_context& io, const SceneId& scene, std::optional<Spool> spool, Callbacks callbacks)
+    : io_(io),
+      scene_(scene),
+      spool_(std::move(spool)),
+      callbacks_(std::move(callbacks)),
+      encoder_(std::make_unique<asio::thread_pool>(1)) {}
+
+Jobs::~Jobs() = default;
+
+void Jobs::TakeUp() {
+  if (!spool_) return;
+  for (Spool::Found& found : spool_->Jobs(callbacks_.log)) {
+    auto job = std::make_shared<Job>(found.id, std::move(found.job));
+    for (size_t f = 0; f < found.finished.size(); ++f)
+      if (found.finished[f]) job->states[f] = Job::FrameState::kFinished;
+    callbacks_.log(fmt::format("going on with job {}: {} of {} frames are done", job->id,
+                               std::count(found.finished.begin(), found.finished.end(), true),
+                               found.finished.size()));
+    jobs_.push_back(std::move(job));
+  }
+}
+
+void Jobs::Ask(const std::shared_ptr<Connection>& client, JobRequest request) {
+  const std::string id = JobId(scene_, request.job);
+  const auto found = std::find_if(jobs_.begin(), jobs_.end(), [&](const auto& j) { return j->id == id; });
+  std::shared_ptr<Job> job;
+  if (found != jobs_.end()) {
+    job = *found;
+  } else {
+    job = std::make_shared<Job>(id, std::move(request.job));
+    jobs_.push_back(job);
+    // What its client has need not be made again; should another one ask for it, it is.
+    std::fill_n(job->states.begin(), request.have, Job::FrameState::kFinished);
+    if (spool_)
+      asio::post(*encoder_,
+                 [this, job] { WriteToSpool(*job, [&] { return spool_->Begin(job->id, job->job); }); });
+  }
+  job->clients.push_back({client, request.have});
+  Deliver(job);
+  callbacks_.on_work();
+}
+
+void Jobs::ForgetClient(const std::shared_ptr<Connection>& client, double now_s) {
+  for (const auto& job : jobs_)
+    if (std::erase_if(job->clients, [&](const Job::Client& c) { return c.connection == client; }) > 0)
+      job->alone_since_s = now_s;
+}
+
+std::optional<Jobs::Begun> Jobs::Begin() {
+  if (encoding_ >= kMostEncoding) return std::nullopt;
+  for (const auto& job : jobs_) {
+    const size_t index = job->NextToDo();
+    if (index == job->states.size()) continue;
+    job->states[index] = Job::FrameState::kActive;
+    RenderJob one = job->job;
+    one.cameras = {job->job.cameras[index]};
+    one.first_frame = job->job.first_frame + static_cast<uint32_t>(index);
+    return Begun{job, index, std::move(one)};
+  }
+  return std::nullopt;
+}
+
+void Jobs::Finish(Begun frame, std::vector<uint32_t> pixels, std::string statistics) {
+  ++encoding_;
+  asio::post(*encoder_, [this, frame = std::move(frame), pixels = std::move(pixels),
+                         statistics = std::move(statistics)]() mutable {
+    auto image = EncodeImage(frame.one, pixels);
+    if (image && spool_)
+      WriteToSpool(*frame.job,
+                   [&] { return spool_->WriteFrame(frame.job->id, frame.job->job, frame.index, *image); });
+    asio::post(io_, [this, job = frame.job, index = frame.index, image = std::move(image),
+                     statistics = std::move(statistics)]() mutable {
+      OnImage(job, index, std::move(image), std::move(statistics));
+    });
+  });
+}
+
+/// Does it until it is done: a full disk may get space. Nothing more for a job that is over.
+template <class Write>
+void Jobs::WriteToSpool(const Job& job, Write write) const {
+  for (bool told = false; !job.over; told = true) {
+    const Status status = write();
+    if (status) break;
+    if (!told) callbacks_.log(status.error().message + "; trying every second");
+    std::this_thread::sleep_for(std::chrono::seconds(1));
+  }
+  if (job.over) spool_->Remove(job.id);  // it may have ended while this was at work
+}
+
+void Jobs::OnImage(const std::shared_ptr<Job>& job, size_t index, Result<Bytes> image,
+                   std::string statistics) {
+  --encoding_;
+  callbacks_.on_work();
+  if (std::find(jobs_.begin(), jobs_.end(), job) == jobs_.end()) return;
+  if (!image) return Fail(job, image.error().message);
+  job->states[index] = Job::FrameState::kFinished;
+  job->finished[index] = {std::move(*image), std::move(statistics)};
+  Deliver(job);
+}
+
+void Jobs::Fail(std::shared_ptr<Job> job, const std::string& sentence) {
+  for (const Job::Client& client : job->clients)
+    client.connection->Send(MakeMessage(MessageType::kFailure, Failure{sentence}));
+  Remove(std::move(job));
+}
+
+void Jobs::Remove(std::shared_ptr<Job> job) {
+  callbacks_.on_over(*job);
+  job->over = true;
+  if (spool_) spool_->Remove(job->id);
+  std::erase(jobs_, job);
+}
+
+void Jobs::Deliver() {
+  for (const auto& job : std::vector(jobs_.begin(), jobs_.end())) Deliver(job);
+}
+
+/// Sends finished frames on, in order; lets go of a job that everyone has.
+void Jobs::Deliver(const std::shared_ptr<Job>& job) {
+  size_t needed = job->states.size();
+  for (Job::Client& client : job->clients) {
+    while (client.next < job->states.size() && job->states[client.next] == Job::FrameState::kFinished &&
+           client.connection->queued_bytes() < kFullQueueBytes && SendFrame(*job, client))
+      ++client.next;
+    needed = std::min(needed, client.next);
+  }
+  if (job->clients.empty()) needed = 0;
+  for (size_t f = 0; f < (spool_ ? job->states.size() : needed); ++f) job->finished[f].image = {};
+  if (needed == job->states.size()) Remove(job);
+}
+
+/// False when the image is not there any more: the frame is rendered again.
+bool Jobs::SendFrame(Job& job, const Job::Client& client) {
+  const size_t f = client.next;
+  Bytes image = job.finished[f].image;
+  if (image.empty() && spool_) {
+    auto read = spool_->ReadFrame(job.id, job.job, f);
+    if (read) image = std::move(*read);
+  }
+  if (image.empty()) {
+    job.states[f] = Job::FrameState::kToDo;
+    callbacks_.on_work();
+    return false;
+  }
+  const std::string statistics = job.finished[f].statistics.empty() ? "{}" : job.finished[f].statistics;
+  Message m = MakeMessage(MessageType::kFrameDone,
+                          FrameDone{job.job.first_frame + static_cast<uint32_t>(f), statistics});
+  m.raw = std::move(image);
+  client.connection->Send(std::move(m));
+  return true;
+}
+
+void Jobs::DropAbandoned(double now_s) {
+  if (spool_) return;
+  for (const auto& job : std::vector(jobs_.begin(), jobs_.end()))
+    if (job->clients.empty() && now_s - job->alone_since_s > kClientGraceS) Remove(job);
+}
+
+}  // namespace quarry

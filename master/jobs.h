@@ -1,0 +1,76 @@
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "master/job.h"
+#include "master/spool.h"
+
+namespace boost::asio {
+class io_context;
+class thread_pool;
+}  // namespace boost::asio
+
+namespace quarry {
+
+/// What clients have asked for, from the request to the last frame that is sent. Images are encoded, and
+/// written to the spool if there is one, on a thread of its own; the rest is used from the io_context's
+/// thread. Time comes in.
+class Jobs {
+ public:
+  struct Callbacks {
+    std::function<void()> on_work;            ///< a frame may be begun
+    std::function<void(const Job&)> on_over;  ///< nobody wants the job any more
+    std::function<void(const std::string&)> log;
+  };
+  Jobs(boost::asio::io_context& io, const SceneId& scene, std::optional<Spool> spool, Callbacks callbacks);
+  ~Jobs();
+
+  /// Goes on with those in the spool.
+  void TakeUp();
+  /// A client wants a job, of which it may have some frames. The same one asked for again is the same.
+  void Ask(const std::shared_ptr<Connection>& client, JobRequest request);
+  void ForgetClient(const std::shared_ptr<Connection>& client, double now_s);
+  const std::deque<std::shared_ptr<Job>>& all() const { return jobs_; }
+
+  struct Begun {
+    std::shared_ptr<Job> job;
+    size_t index = 0;  ///< of the job's frames
+    RenderJob one;     ///< the job with this frame only
+  };
+  /// The next frame to do, which is under way from now on. None: nothing is to do, or too many are on their
+  /// way to the disk.
+  std::optional<Begun> Begin();
+  /// A frame's pixels are all there.
+  void Finish(Begun frame, std::vector<uint32_t> pixels, std::string statistics);
+  /// It cannot be done: its clients are told.
+  void Fail(std::shared_ptr<Job> job, const std::string& sentence);
+
+  /// Sends finished frames to clients that have room for more.
+  void Deliver();
+  /// Ends jobs whose client has gone for good, unless they are kept on disk.
+  void DropAbandoned(double now_s);
+
+ private:
+  void Remove(std::shared_ptr<Job> job);
+  template <class Write>
+  void WriteToSpool(const Job& job, Write write) const;
+  void OnImage(const std::shared_ptr<Job>& job, size_t index, Result<Bytes> image, std::string statistics);
+  void Deliver(const std::shared_ptr<Job>& job);
+  bool SendFrame(Job& job, const Job::Client& client);
+
+  boost::asio::io_context& io_;
+  const SceneId scene_;
+  const std::optional<Spool> spool_;
+  const Callbacks callbacks_;
+  std::deque<std::shared_ptr<Job>> jobs_;
+  int encoding_ = 0;  ///< frames on their way from the last tile to Job::finished
+  std::unique_ptr<boost::asio::thread_pool> encoder_;  ///< last: what it runs uses all of the above
+};
+
+}  // namespace quarry
