@@ -27,8 +27,8 @@ struct SupplyOptions {
   std::function<bool()> idle;  ///< whether no ray waits for a block on its way
 };
 
-/// Where a worker's blocks come from: its stored ones, its disk, other workers, the scene's sources; and what it gives
-/// to other workers. Used from the io_context's thread.
+/// Where a worker's blocks come from: its stored ones, its disk, other workers, the scene's sources; and what
+/// it gives to other workers. Used from the io_context's thread.
 class BlockSupply {
  public:
   /// Errors: a source that cannot be (a file that is not the scene, an address that is none).

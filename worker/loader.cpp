@@ -28,11 +28,27 @@ Loader::Loader(const Catalog& catalog, VoxelCache& cache, VoxelSource& source,
     : catalog_(catalog), cache_(cache), source_(source), on_error_(std::move(on_error)) {}
 
 void Loader::Run() {
-  while (!failed_ && !arrived_.empty() && Install(arrived_.front())) {
+  // A source that has the block at hand answers within Fetch: what comes meanwhile is installed by the loop.
+  if (std::exchange(running_, true)) return;
+  bool room = true;
+  do {
+    room = InstallArrived();
+    AskForMore();
+  } while (room && !failed_ && !arrived_.empty());
+  running_ = false;
+}
+
+bool Loader::InstallArrived() {
+  while (!failed_ && !arrived_.empty()) {
+    if (!Install(arrived_.front())) return false;
     stored_bytes_ -= arrived_.front().stored.size();
     --in_flight_;
     arrived_.pop_front();
   }
+  return true;
+}
+
+void Loader::AskForMore() {
   while (!failed_ && in_flight_ < kMaxInFlight && stored_bytes_ < kMaxStoredBytes) {
     const auto block = cache_.NextToLoad();
     if (!block) return;

@@ -39,6 +39,9 @@ class Loader {
     uint32_t block;
     Bytes stored;
   };
+  /// False when one waits for room in the cache.
+  bool InstallArrived();
+  void AskForMore();
   void OnFetched(uint32_t block, Result<Bytes> stored);
   bool Install(const Arrived& arrived);
   void Fail(const Error& error);
@@ -52,6 +55,7 @@ class Loader {
   uint32_t in_flight_ = 0;
   uint64_t stored_bytes_ = 0;
   bool failed_ = false;
+  bool running_ = false;
 };
 
 }  // namespace quarry

@@ -73,10 +73,7 @@ struct SceneState {
 class Session {
  public:
   explicit Session(const WorkerOptions& options)
-      : options_(options),
-        retry_(io_),
-        alive_(io_),
-        instance_(std::random_device{}() | 1ull << 32 | uint64_t{std::random_device{}()} << 33) {}
+      : options_(options), retry_(io_), alive_(io_), instance_(NewInstance()) {}
 
   Status Run() {
     lost_since_ = Clock::now();
@@ -87,6 +84,12 @@ class Session {
   }
 
  private:
+  /// What tells this run of this worker from every other; never 0, which stands for none.
+  static uint64_t NewInstance() {
+    std::random_device random;
+    return uint64_t{random()} << 32 | random() | 1;
+  }
+
   void End(Status outcome) {
     outcome_ = std::move(outcome);
     io_.stop();
@@ -208,11 +211,12 @@ class Session {
                                  [state = scene.get()] { return state->loader->idle(); }};
     QUARRY_ASSIGN(auto supply, BlockSupply::Open(io_, scene->catalog, supply_options, scene->holdings));
     if (options_.peers != "off" && scene->stored_bytes > 0) {
-      Endpoint endpoint{connection_->local_host(), 0};
       if (options_.peers != "auto") {
-        QUARRY_ASSIGN(endpoint, ParseEndpoint(options_.peers, "--peers"));
+        QUARRY_ASSIGN(const Endpoint endpoint, ParseEndpoint(options_.peers, "--peers"));
+        QUARRY_TRY(supply->Serve(endpoint));
+      } else if (const Status status = supply->Serve({connection_->local_host(), 0}); !status) {
+        Log(fmt::format("does not serve other workers: {}", status.error().message));
       }
-      QUARRY_TRY(supply->Serve(endpoint));
     }
     scene->Begin(std::move(supply), [this](const Error& e) { OnBlockError(e); });
     scene_ = std::move(scene);

@@ -11,9 +11,9 @@
 namespace quarry {
 
 /// Stored (compressed) blocks in memory, in front of another source: least recently used first out, within a
-/// byte budget. A fifth of the size of the decoded ones, it holds much more of the scene than the cache of
-/// those, for a decompression a hit; it is what other workers are served from, and where blocks go that are
-/// fetched ahead of need. Used from one thread.
+/// byte budget. Stored blocks are several times smaller (a plant's an eighth), so that it holds much more of
+/// the scene than the cache of decoded ones, for a decompression a hit; it is what other workers are served
+/// from, and where blocks go that are fetched ahead of need. Used from one thread.
 class StoredCache final : public VoxelSource {
  public:
   struct Counters {

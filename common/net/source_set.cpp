@@ -60,8 +60,8 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
     BackOff back_off;
     AnswerTime answers;
     bool has_refused = false;  ///< and that has been told
-    uint32_t owed = 0;   ///< answers
-    double heard_s = 0;  ///< when the last one came, or when it began to owe one
+    uint32_t owed = 0;         ///< answers
+    double heard_s = 0;        ///< when the last one came, or when it began to owe one
 
     /// Long without any answer that it owes: its machine or the way to it is gone, and nothing has said so
     /// yet.
@@ -108,9 +108,9 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
     for (const bool mute_too : {false, true}) {  // one that is mute only when there is no other
       for (const uint32_t o : order) {
         const Origin& origin = *origins.at(o);
-        views[o] = {origin.answers.mean_s(),
-                    origin.back_off.Open(now_s) && (mute_too || !origin.Mute(now_s)) &&
-                        !Contains(f.refused_by, o) && !Contains(f.asked, o)};
+        views[o] = {origin.answers.mean_s(), origin.back_off.Open(now_s) &&
+                                                 (mute_too || !origin.Mute(now_s)) &&
+                                                 !Contains(f.refused_by, o) && !Contains(f.asked, o)};
       }
       if (chosen < 0) chosen = ChooseSource(order, views);
     }

@@ -172,7 +172,8 @@ Result<JobRequest> DecodeJobRequest(std::span<const std::byte> table) {
   JobRequest m;
   QUARRY_ASSIGN(m.job, JobFromWire(*w.job));
   m.have = w.have;
-  if (m.have > m.job.cameras.size()) return Fail("received a request for fewer frames than none");
+  if (m.have > m.job.cameras.size())
+    return Fail("received a request that has more frames already than its job has");
   return m;
 }
 

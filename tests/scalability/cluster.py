@@ -106,6 +106,15 @@ def path_of_frames(path, frames, output):
     return output
 
 
+def processor_s(processes):
+    """Seconds of processor time that processes have used, all together."""
+    ticks = 0
+    for process in processes:
+        fields = pathlib.Path(f"/proc/{process.pid}/stat").read_text().rsplit(")", 1)[1].split()
+        ticks += int(fields[11]) + int(fields[12])
+    return ticks / os.sysconf("SC_CLK_TCK")
+
+
 def read_tile_log(path):
     """(frames, tiles) of a file written by --trace."""
     frames, tiles = [], []

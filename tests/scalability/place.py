@@ -39,11 +39,10 @@ class Place:
     def __exit__(self, *_):
         for name, host in self.hosts.items():
             subprocess.run(["ip", "netns", "del", host["space"]], capture_output=True)
-            if host["group"]:
-                try:
-                    host["group"].rmdir()
-                except OSError:
-                    pass
+            try:
+                host["group"].rmdir()
+            except OSError:
+                pass
         subprocess.run(["ip", "link", "del", self.bridge], capture_output=True)
 
     def make(self, name, mbit, share=None):
@@ -64,20 +63,21 @@ class Place:
         limit = ["tbf", "rate", f"{mbit}mbit", "burst", str(burst), "latency", "100ms"]
         run("tc", "qdisc", "add", "dev", outside, "root", *limit)
         run("ip", "netns", "exec", space, "tc", "qdisc", "add", "dev", inside, "root", *limit)
-        self.hosts[name] = {"space": space, "address": address, "number": number, "group": self.limit(f"{self.name}-{number}", share)}
+        self.hosts[name] = {"space": space, "address": address, "number": number, "limited": share is not None,
+                            "group": self.limit(f"{self.name}-{number}", share)}
 
     def limit(self, name, share):
-        if share is None:
-            return None
-        if self.v1.is_dir():
-            group = self.v1 / name
-            group.mkdir()
+        """A group that comes before what else runs on this machine: a host has what it is given, no more and no less."""
+        v1 = self.v1.is_dir()
+        group = (self.v1 if v1 else self.v2) / name
+        if not v1:
+            (self.v2 / "cgroup.subtree_control").write_text("+cpu")
+        group.mkdir()
+        (group / ("cpu.shares" if v1 else "cpu.weight")).write_text(str(100000 if v1 else 9000))
+        if share is not None and v1:
             (group / "cpu.cfs_period_us").write_text(str(PERIOD_US))
             (group / "cpu.cfs_quota_us").write_text(str(int(PERIOD_US * share)))
-        else:
-            group = self.v2 / name
-            (self.v2 / "cgroup.subtree_control").write_text("+cpu")
-            group.mkdir()
+        elif share is not None:
             (group / "cpu.max").write_text(f"{int(PERIOD_US * share)} {PERIOD_US}")
         return group
 
@@ -86,15 +86,13 @@ class Place:
 
     def command(self, name, command):
         """The command as it runs at the host: in its namespace and, from its first instruction, in its group."""
-        group = self.hosts[name]["group"]
-        inside = ["ip", "netns", "exec", self.hosts[name]["space"], *command]
-        # The group first: a namespace has another /sys.
-        if not group:
-            return inside
+        host = self.hosts[name]
+        inside = ["ip", "netns", "exec", host["space"], *command]
         # On one processor, as its limit is: the kernel hands limits out in slices to each processor, and what one does not
         # use is lost to the others.
-        processor = str(self.hosts[name]["number"] % os.cpu_count())
-        return ["sh", "-c", f'echo $$ > {group}/cgroup.procs && exec taskset -c {processor} "$@"', "sh", *inside]
+        processors = str(host["number"] % os.cpu_count()) if host["limited"] else f"0-{os.cpu_count() - 1}"
+        # The group first: a namespace has another /sys.
+        return ["sh", "-c", f'echo $$ > {host["group"]}/cgroup.procs && exec taskset -c {processors} "$@"', "sh", *inside]
 
     def adopt(self, name, process):
         """Nothing to do: the process has entered its group by itself."""
