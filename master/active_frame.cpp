@@ -15,7 +15,6 @@ ActiveFrame::ActiveFrame(uint64_t setup, const RenderJob& job, const ActiveFrame
       traces_(frame_.tiles().size()),
       tile_done_(frame_.tiles().size()) {
   if (!before) return;
-  expected_ = Predict(before->Trace(), job, frame_.tiles());
   // Tiles of the same place: only images of the same size have them.
   if (before->job_.width == job.width && before->job_.height == job.height &&
       before->owners_.size() == owners_.size())
@@ -23,12 +22,29 @@ ActiveFrame::ActiveFrame(uint64_t setup, const RenderJob& job, const ActiveFrame
       last_owners_[t] = before->owners_[t] != kNoWorker ? before->owners_[t] : before->plan_[t];
 }
 
-void ActiveFrame::AddPromised(std::map<uint32_t, BlockSet>& holds) const {
-  std::vector<uint32_t> owners = plan_;
-  for (const auto& [id, lease] : leases_) owners[lease.tile] = lease.worker;
-  for (size_t t = 0; t < owners.size(); ++t) {
-    const auto worker = holds.find(owners[t]);
+void ActiveFrame::Foresee(const ActiveFrame& before, CoarseRays* rays) {
+  expected_ = Predict(before.Trace(), job_, frame_.tiles(), rays);
+}
+
+std::vector<uint32_t> ActiveFrame::Holders() const {
+  std::vector<uint32_t> holders = owners_;
+  for (const auto& [id, lease] : leases_)
+    if (holders[lease.tile] == kNoWorker) holders[lease.tile] = lease.worker;
+  return holders;
+}
+
+double ActiveFrame::CostOf(size_t tile) const {
+  // A tile that nothing is known of costs what the others do; a tile that costs nothing costs a little all
+  // the same.
+  return expected_[tile].known ? expected_[tile].cost_s + usual_cost_s_ / 16 : usual_cost_s_;
+}
+
+void ActiveFrame::AddPromised(std::map<uint32_t, BlockSet>& holds, std::map<uint32_t, double>& busy_s) const {
+  const std::vector<uint32_t> holders = Holders();
+  for (size_t t = 0; t < holders.size(); ++t) {
+    const auto worker = holds.find(holders[t] != kNoWorker ? holders[t] : plan_[t]);
     if (tile_done_[t] || worker == holds.end()) continue;
+    busy_s[worker->first] += CostOf(t);
     for (size_t i = 0; i < expected_[t].blocks.size(); ++i)
       if (expected_[t].chances[i] >= kLeastChance) worker->second.Set(expected_[t].blocks[i], true);
   }
@@ -49,15 +65,13 @@ void ActiveFrame::MakePlan(const std::vector<PlannedWorker>& workers,
       known_s += trace.cost_s;
       ++known;
     }
-  // A tile that nothing is known of costs what the others do; a tile that costs nothing costs a little all
-  // the same.
   usual_cost_s_ = known > 0 && known_s > 0 ? known_s / static_cast<double>(known) : 0.01;
+  const std::vector<uint32_t> holders = Holders();
   for (size_t t = 0; t < expected_.size(); ++t) {
     const TileTrace& trace = expected_[t];
-    in.tiles.push_back({last_owners_[t], trace.known ? &trace.blocks : nullptr,
+    in.tiles.push_back({holders[t], last_owners_[t], trace.known ? &trace.blocks : nullptr,
                         trace.known ? &trace.chances : nullptr, frame_.tiles()[t].x / kTileSize,
-                        frame_.tiles()[t].y / kTileSize,
-                        trace.known ? trace.cost_s + usual_cost_s_ / 16 : usual_cost_s_});
+                        frame_.tiles()[t].y / kTileSize, tile_done_[t] ? 0 : CostOf(t)});
   }
   plan_ = Plan(in, policy);
 }
@@ -104,7 +118,7 @@ Result<bool> ActiveFrame::Finish(const TileDone& done, std::span<const std::byte
   rays_ += done.rays;
   rays_suspended_ += done.rays_suspended;
   TileTrace& trace = traces_[done.tile];
-  trace = {{}, {}, done.depth, static_cast<double>(done.compute_us) * 1e-6, true};
+  trace = {{}, {}, done.depths, {}, static_cast<double>(done.compute_us) * 1e-6, true};
   traced_ += done.blocks.size();
   if (traced_ <= kMostTraced) trace.blocks = done.blocks;
   return true;
@@ -123,6 +137,31 @@ FrameTrace ActiveFrame::Trace() const {
   for (size_t t = 0; t < traces_.size(); ++t)
     if (!traces_[t].known) trace.traces[t] = expected_[t];
   return trace;
+}
+
+bool MayBegin(std::span<ActiveFrame* const> frames) {
+  constexpr size_t kAlways = 2, kMost = 6;
+  constexpr uint64_t kPixels = 1u << 20;  // of all beyond two
+  if (frames.size() < kAlways) return true;
+  uint64_t pixels = 0;
+  for (const ActiveFrame* frame : frames) pixels += uint64_t{frame->job().width} * frame->job().height;
+  return frames.size() < kMost && pixels < kPixels;
+}
+
+void PlanFrames(std::span<ActiveFrame* const> frames, const ActiveFrame* previous,
+                const std::map<uint32_t, double>& speeds, std::map<uint32_t, BlockSet> holds,
+                const std::vector<uint32_t>& block_bytes, double seconds_per_byte, SchedulingPolicy policy,
+                CoarseRays* rays) {
+  std::map<uint32_t, double> busy_s;
+  const ActiveFrame* before = previous;
+  for (ActiveFrame* frame : frames) {
+    if (before) frame->Foresee(*before, rays);
+    std::vector<PlannedWorker> workers;
+    for (const auto& [id, speed] : speeds) workers.push_back({id, speed, busy_s[id], &holds[id]});
+    frame->MakePlan(workers, block_bytes, seconds_per_byte, policy);
+    frame->AddPromised(holds, busy_s);
+    before = frame;
+  }
 }
 
 namespace {

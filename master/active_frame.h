@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <span>
 #include <unordered_map>
 #include <vector>
 
@@ -17,7 +18,7 @@ namespace quarry {
 /// in.
 class ActiveFrame {
  public:
-  /// `before`: the frame before as far as it has come, or null.
+  /// `before`: the frame before, of which it is remembered who had which tile, or null.
   ActiveFrame(uint64_t setup, const RenderJob& job, const ActiveFrame* before);
 
   uint64_t setup() const { return setup_; }
@@ -31,10 +32,13 @@ class ActiveFrame {
   uint64_t rays_suspended() const { return rays_suspended_; }
   uint64_t leases_lost() const { return leases_lost_; }
 
-  /// Adds what tiles not done are expected to bring to the workers that have or are to have them. `holds`: by
-  /// worker.
-  void AddPromised(std::map<uint32_t, BlockSet>& holds) const;
-  /// Plans who is to have which tile; again whenever workers come and go. `workers`: all there are.
+  /// Reckons what its tiles will touch from what the frame before has shown by now. `rays`: as Predict's.
+  void Foresee(const ActiveFrame& before, CoarseRays* rays);
+  /// Adds what tiles not done are expected to bring to the workers that have or are to have them, and the
+  /// time they take. Both by worker.
+  void AddPromised(std::map<uint32_t, BlockSet>& holds, std::map<uint32_t, double>& busy_s) const;
+  /// Plans who is to have the tiles that nobody has; again whenever something has changed. `workers`: all
+  /// there are.
   void MakePlan(const std::vector<PlannedWorker>& workers, const std::vector<uint32_t>& block_bytes,
                 double seconds_per_byte, SchedulingPolicy policy);
   /// What handing out may look at.
@@ -57,6 +61,9 @@ class ActiveFrame {
   FrameTrace Trace() const;
 
  private:
+  /// Who has, or had, each tile; kNoWorker: nobody yet.
+  std::vector<uint32_t> Holders() const;
+  double CostOf(size_t tile) const;
   /// Footprints beyond so many blocks in all are not kept: pictures of many million tiles have no use for
   /// them.
   static constexpr size_t kMostTraced = 16u << 20;
@@ -80,8 +87,16 @@ class ActiveFrame {
   uint64_t rays_ = 0, rays_suspended_ = 0, leases_lost_ = 0;
 };
 
-/// Frames under way at once: the next begins when workers run out of their own tiles of the one before.
-inline constexpr size_t kFramesAtOnce = 2;
+/// Whether another frame may begin beside these: two may always be under way, so that no worker idles at a
+/// frame's end; of small ones several, so that one that waits for voxels has other tiles to go on with.
+bool MayBegin(std::span<ActiveFrame* const> frames);
+
+/// Foresees and plans the frames under way, the oldest first, each with what those before it bring.
+/// `previous`: the last one finished, or null. `holds`: what each worker has.
+void PlanFrames(std::span<ActiveFrame* const> frames, const ActiveFrame* previous,
+                const std::map<uint32_t, double>& speeds, std::map<uint32_t, BlockSet> holds,
+                const std::vector<uint32_t>& block_bytes, double seconds_per_byte, SchedulingPolicy policy,
+                CoarseRays* rays);
 
 /// A worker that tiles are handed out to.
 struct Hand {

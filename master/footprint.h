@@ -4,23 +4,29 @@
 #include <vector>
 
 #include "common/scene/render_job.h"
+#include "master/coarse_rays.h"
 #include "master/frame.h"
 #include "master/scheduler.h"
 
 namespace quarry {
 
-/// With this chance a tile counts as touching a block: it is reckoned to bring the block to its worker, and
-/// the worker is told to fetch it ahead.
-inline constexpr float kLeastChance = 0.5f;
-
-/// What rendering a tile has shown: the blocks it touched, how far away what it saw was, what it cost.
+/// What rendering a tile has shown: the blocks it touched, how far its rays saw, what it cost. Or what is
+/// expected of one.
 struct TileTrace {
-  std::vector<uint32_t> blocks;  ///< ascending; empty while not known
-  std::vector<float> chances;    ///< of each, that it is touched; empty: all were
-  float depth = 0;               ///< mean along the primary rays that hit, 0: none did
-  double cost_s = 0;             ///< processor time
+  std::vector<uint32_t> blocks;     ///< ascending; empty while not known
+  std::vector<float> chances;       ///< of each, that it is touched; empty: all were
+  std::vector<float> depths;        ///< as TileDone has them, at most; empty while not known
+  std::vector<float> least_depths;  ///< at least, negative where that is not known; empty: just depths
+  double cost_s = 0;                ///< processor time
   bool known = false;
 };
+
+/// The chance that a tile touches a block to which rays come only if they go as far as they may.
+inline constexpr float kMaybe = 0.6f;
+/// With this chance a tile counts as touching a block: it is reckoned to bring the block to its worker.
+inline constexpr float kLeastChance = 0.5f;
+/// With this chance the worker is told to fetch it ahead.
+inline constexpr float kHintChance = 0.9f;
 
 /// Bytes of the tile's blocks that are not in `holds`, each as likely as it is. `block_bytes`: stored, by
 /// block.
@@ -33,11 +39,13 @@ struct FrameTrace {
   std::vector<TileTrace> traces;
 };
 
-/// What the tiles of the next frame are expected to touch and to cost: every tile of the frame before, a
+/// What the tiles of the next frame are expected to touch and to cost. Every tile of the frame before, a
 /// rectangle at its depth, is seen from the next camera, and each tile that it falls on gets its blocks and
-/// its share of the cost. Tiles on which nothing falls stay unknown. Source: Wald & Slusallek 2001,
-/// section 6.5 proposes to follow the camera by reprojection; the rest is ours.
+/// its share of the cost; tiles on which nothing falls stay unknown. What primary rays touch is known better:
+/// coarse ones (`rays`, or null) go as far as the frame before saw there, and come also to what nobody has
+/// touched yet. Source: Wald & Slusallek 2001, section 6.5 proposes coarse rays for the next view; how far
+/// they go, and reprojection, are ours.
 std::vector<TileTrace> Predict(const FrameTrace& before, const RenderJob& next,
-                               const std::vector<Frame::Tile>& tiles);
+                               const std::vector<Frame::Tile>& tiles, CoarseRays* rays);
 
 }  // namespace quarry

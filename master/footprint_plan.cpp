@@ -32,8 +32,8 @@ class FootprintPlan {
         owner_(in.tiles.size(), kNone),
         place_(in.tiles.size()),
         charged_s_(in.tiles.size()),
-        tiles_of_(workers_),
-        time_s_(workers_) {
+        tiles_of_(workers_) {
+    for (const PlannedWorker& worker : in.workers) time_s_.push_back(worker.busy_s);
     FindNeighbours();
     FindUses();
     FindHolders();
@@ -147,10 +147,14 @@ class FootprintPlan {
   double Cost(uint32_t tile, uint32_t worker) { return ComputeTime(tile, worker) + FetchTime(tile, worker); }
 
   void Give(uint32_t tile, uint32_t worker) {
-    charged_s_[tile] = Cost(tile, worker);
-    owner_[tile] = worker;
     place_[tile] = static_cast<uint32_t>(tiles_of_[worker].size());
     tiles_of_[worker].push_back(tile);
+    Charge(tile, worker);
+  }
+
+  void Charge(uint32_t tile, uint32_t worker) {
+    charged_s_[tile] = Cost(tile, worker);
+    owner_[tile] = worker;
     time_s_[worker] += charged_s_[tile];
     for (const Use& use : uses_[tile]) {
       auto& given = given_[use.block];
@@ -200,10 +204,22 @@ class FootprintPlan {
 
   // --- first
 
+  /// Tiles that somebody has already are none of his that may be moved.
+  void LeaveFixed(std::vector<uint32_t>& given) {
+    std::unordered_map<uint32_t, uint32_t> index;
+    for (uint32_t w = 0; w < workers_; ++w) index[in_.workers[w].id] = w;
+    for (uint32_t t = 0; t < owner_.size(); ++t)
+      if (const auto w = index.find(in_.tiles[t].fixed_owner); w != index.end()) {
+        Charge(t, w->second);
+        given.push_back(t);
+      }
+  }
+
   void ToHolders() {
     std::vector<uint32_t> given;
+    LeaveFixed(given);
     for (uint32_t t = 0; t < owner_.size(); ++t)
-      if (const uint32_t w = MostHolding(t); w != kNone) {
+      if (const uint32_t w = owner_[t] == kNone ? MostHolding(t) : kNone; w != kNone) {
         Give(t, w);
         given.push_back(t);
       }

@@ -37,6 +37,7 @@ class BlockSet {
 };
 
 struct PlannedTile {
+  uint32_t fixed_owner = kNoWorker;               ///< id of the worker that has it already; it stays there
   uint32_t last_owner = kNoWorker;                ///< id of the worker that rendered it in the frame before
   const std::vector<uint32_t>* blocks = nullptr;  ///< expected to be touched; null: not known
   const std::vector<float>* chances = nullptr;    ///< of each; null or empty: 1
@@ -45,7 +46,8 @@ struct PlannedTile {
 };
 struct PlannedWorker {
   uint32_t id = kNoWorker;
-  double speed = 1;  ///< relative to the others
+  double speed = 1;   ///< relative to the others
+  double busy_s = 0;  ///< before it comes to these tiles
   const BlockSet* holds = nullptr;
 };
 struct PlanInput {

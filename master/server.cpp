@@ -57,6 +57,7 @@ class Server {
          std::optional<TileLog> tile_log)
       : options_(options),
         source_(io_, std::move(store)),
+        rays_(source_.store().catalog()),
         tile_log_(std::move(tile_log)),
         timer_(io_),
         start_(Clock::now()),
@@ -219,18 +220,25 @@ class Server {
     const Peers peers = roster_.MakePeers();
     for (auto& [id, worker] : roster_.all())
       if (worker.has_scene) worker.connection->Send(MakeMessage(MessageType::kPeers, peers));
-    for (size_t r = 0; r < renderings_.size(); ++r) MakePlan(r);
+    MakePlans();
   }
 
-  /// Of one of the frames under way, which comes after those before it.
-  void MakePlan(size_t rendering) {
+  std::vector<ActiveFrame*> Frames() const {
+    std::vector<ActiveFrame*> frames;
+    for (const Rendering& r : renderings_) frames.push_back(r.frame.get());
+    return frames;
+  }
+
+  /// Of all frames under way: whenever one begins or ends, and when workers come and go.
+  void MakePlans() {
+    std::map<uint32_t, double> speeds;
     std::map<uint32_t, BlockSet> holds;
-    for (const auto& [id, worker] : roster_.all()) holds[id] = worker.holds;
-    for (size_t r = 0; r < rendering; ++r) renderings_[r].frame->AddPromised(holds);
-    std::vector<PlannedWorker> workers;
-    for (const auto& [id, worker] : roster_.all())
-      workers.push_back({id, static_cast<double>(worker.threads), &holds[id]});
-    renderings_[rendering].frame->MakePlan(workers, block_bytes_, roster_.SecondsPerByte(), options_.policy);
+    for (const auto& [id, worker] : roster_.all()) {
+      speeds[id] = worker.threads;
+      holds[id] = worker.holds;
+    }
+    PlanFrames(Frames(), previous_.get(), speeds, std::move(holds), block_bytes_, roster_.SecondsPerByte(),
+               options_.policy, &rays_);
   }
 
   /// Once for all the messages at hand.
@@ -244,8 +252,6 @@ class Server {
 
   void HandOut() {
     if (std::exchange(workers_changed_, false)) TellAndPlan();
-    std::vector<ActiveFrame*> frames;
-    for (Rendering& r : renderings_) frames.push_back(r.frame.get());
     std::vector<Hand> hands;
     for (const auto& [id, worker] : roster_.all()) hands.push_back({id, worker.Credit()});
     std::function<double(const ActiveFrame&, uint32_t, uint32_t)> fetch_s;
@@ -255,7 +261,7 @@ class Server {
         return ExpectedBytes(frame.Expected(tile), roster_.FindById(worker)->holds, block_bytes_) * per_byte;
       };
     for (HandedTile& tile :
-         quarry::HandOut(std::move(frames), hands, Now(), fetch_s, [this] { return StartFrame(); })) {
+         quarry::HandOut(Frames(), hands, Now(), fetch_s, [this] { return StartFrame(); })) {
       WorkerRecord& worker = *roster_.FindById(tile.worker);
       const uint64_t setup = tile.order.setup, oldest = renderings_.front().frame->setup();
       if (worker.setups.insert(setup).second) {
@@ -273,7 +279,7 @@ class Server {
     const TileTrace& expected = tile.frame->Expected(tile.order.tile);
     for (size_t i = 0; i < expected.blocks.size() && tile.order.blocks.size() < kMaxTileHints; ++i) {
       const uint32_t block = expected.blocks[i];
-      if (expected.chances[i] < kLeastChance || worker.holds.Has(block)) continue;
+      if (expected.chances[i] < kHintChance || worker.holds.Has(block)) continue;
       tile.order.blocks.push_back(block);
       tile.order.holders.push_back(roster_.HolderOf(block, worker.id));
     }
@@ -308,7 +314,7 @@ class Server {
 
   /// The next frame. Null when none begins.
   ActiveFrame* StartFrame() {
-    if (renderings_.size() >= kFramesAtOnce) return nullptr;
+    if (!MayBegin(Frames())) return nullptr;
     auto part = jobs_.Begin();
     if (!part) return nullptr;
     const ActiveFrame* before = renderings_.empty() ? previous_.get() : renderings_.back().frame.get();
@@ -316,7 +322,7 @@ class Server {
     if (tile_log_) tile_log_->Frame(*frame);
     failures_ = 0;
     renderings_.push_back({std::move(*part), std::move(frame), Now(), blocks_.bytes_served()});
-    MakePlan(renderings_.size() - 1);
+    MakePlans();
     return renderings_.back().frame.get();
   }
 
@@ -329,6 +335,7 @@ class Server {
     jobs_.Finish(std::move(done.part), done.frame->TakePixels(),
                  FrameStatistics(*done.frame, times, roster_));
     previous_ = std::move(done.frame);
+    MakePlans();
     HandOutSoon();
   }
 
@@ -388,6 +395,7 @@ class Server {
   const MasterOptions& options_;
   asio::io_context io_;
   FileVoxelSource source_;
+  CoarseRays rays_;
   BlockService blocks_{source_};
   std::optional<TileLog> tile_log_;
   Bytes packed_catalog_;

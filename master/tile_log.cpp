@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <cerrno>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 namespace quarry {
@@ -14,6 +15,18 @@ Result<TileLog> TileLog::Create(const std::string& path) {
   std::setvbuf(log.file_.get(), nullptr, _IOLBF, 1 << 16);  // whole lines, however the master ends
   return log;
 }
+
+namespace {
+
+/// JSON has no infinity: null.
+nlohmann::json Depths(const std::vector<float>& depths) {
+  auto out = nlohmann::json::array();
+  for (const float depth : depths)
+    out.push_back(std::isfinite(depth) ? nlohmann::json(depth) : nlohmann::json());
+  return out;
+}
+
+}  // namespace
 
 void TileLog::Frame(const ActiveFrame& frame) {
   const RenderJob& job = frame.job();
@@ -31,7 +44,7 @@ void TileLog::Tile(const ActiveFrame& frame, const TileDone& done, const std::st
                                     {"worker", worker},
                                     {"compute_us", done.compute_us},
                                     {"rays", done.rays},
-                                    {"depth", done.depth},
+                                    {"depths", Depths(done.depths)},
                                     {"blocks", done.blocks}};
   std::fprintf(file_.get(), "%s\n", j.dump().c_str());
 }

@@ -81,7 +81,7 @@ void Engine::FinishTiles(Tiles& tiles) {
     rays_suspended_ += tile.rays_suspended();
     TileDone done{order.setup, order.tile, order.lease, tile.rays(), tile.rays_suspended()};
     done.compute_us = tiles.open[i].compute_us;
-    done.depth = tile.depth();
+    done.depths = tile.depths();
     done.blocks = tile.TakeTouched();
     on_tile_(done, tile.Pixels());
     tiles.spare.push_back(std::move(tiles.open[i].renderer));

@@ -24,8 +24,8 @@ void TileRenderer::Open(std::shared_ptr<const FrameContext> frame, const TileOrd
   frame_ = std::move(frame);
   order_ = order;
   next_sample_ = rays_ = rays_suspended_ = 0;
-  reader_ = depths_ = 0;
-  depth_sum_ = 0;
+  reader_ = 0;
+  depths_.assign(size_t{DepthCells(order.width)} * DepthCells(order.height), 0);
   touched_.clear();
   const uint32_t pixels = order.width * order.height;
   OrderPixels();
@@ -166,9 +166,13 @@ void TileRenderer::Traced(uint32_t slot) {
   s.hit = hit;
   s.stage = missed ? Stage::kNext : Stage::kSurface;
   if (missed) return Miss(s);
-  if (s.path_code != kPrimaryPath || s.sample != 0) return;
-  depth_sum_ += s.t_offset + hit.t;
-  ++depths_;
+  if (s.path_code == kPrimaryPath) SawTo(s, s.t_offset + hit.t);
+}
+
+void TileRenderer::SawTo(const Sample& s, float depth) {
+  const uint32_t x = s.pixel % order_.width, y = s.pixel / order_.width;
+  float& farthest = depths_[y / kDepthCell * DepthCells(order_.width) + x / kDepthCell];
+  farthest = std::max(farthest, depth);
 }
 
 void TileRenderer::TidyTouched() {
@@ -178,7 +182,10 @@ void TileRenderer::TidyTouched() {
 
 /// Nothing was in the ray's way.
 void TileRenderer::Miss(const Sample& s) {
-  if (s.path_code == kPrimaryPath && s.sample == 0) WriteAovs(s);
+  if (s.path_code == kPrimaryPath) {
+    SawTo(s, kInfinity);
+    if (s.sample == 0) WriteAovs(s);
+  }
   Add(s, frame_->job.background);
 }
 

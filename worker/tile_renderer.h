@@ -11,8 +11,8 @@
 #include "common/math/fixed_radiance.h"
 #include "common/math/random.h"
 #include "common/protocol/messages.h"
+#include "common/scene/camera.h"
 #include "common/voxel/catalog.h"
-#include "worker/camera.h"
 #include "worker/pin_set.h"
 #include "worker/shading.h"
 
@@ -25,7 +25,8 @@ struct FrameContext {
         job(render_job),
         catalog(scene),
         top(scene.top_tree()),
-        camera(render_job.cameras[0], render_job.width, render_job.height, scene.meta),
+        camera(render_job.cameras[0], render_job.width, render_job.height, scene.meta.root_lower,
+               scene.meta.root_upper),
         words(WordsPerPixel(render_job.aov_mask)) {}
   uint64_t setup;
   RenderJob job;
@@ -80,8 +81,8 @@ class TileRenderer {
     TidyTouched();
     return std::exchange(touched_, {});
   }
-  /// Mean along the primary rays that hit, 0 where none did.
-  float depth() const { return depths_ == 0 ? 0 : static_cast<float>(depth_sum_ / depths_); }
+  /// By depth cell, row by row: how far the farthest primary ray goes, infinity where one hits nothing.
+  const std::vector<float>& depths() const { return depths_; }
 
   /// The tile's pixels, row by row, words_per_pixel 32-bit words each. Requires: done().
   Bytes Pixels() const;
@@ -126,6 +127,7 @@ class TileRenderer {
   void Traced(uint32_t slot);
   void TidyTouched();
   void Miss(const Sample& s);
+  void SawTo(const Sample& s, float depth);
   void Park(uint32_t slot, uint32_t block);
   void Shade(Sample& s);
   void NextLight(uint32_t slot);
@@ -151,8 +153,7 @@ class TileRenderer {
   uint64_t rays_ = 0, rays_suspended_ = 0;
   uint32_t reader_ = 0;            ///< see PinSet::LogTo; 0: none yet
   std::vector<uint32_t> touched_;  ///< blocks, with repetitions
-  double depth_sum_ = 0;
-  uint32_t depths_ = 0;
+  std::vector<float> depths_;
   std::vector<FixedRadiance> radiance_;  ///< 3 a pixel
   std::vector<uint32_t> aovs_;           ///< words - 3 a pixel
 };

@@ -251,16 +251,18 @@ Bytes Encode(const TileDone& m) {
   w.rays = m.rays;
   w.rays_suspended = m.rays_suspended;
   w.compute_us = m.compute_us;
-  w.depth = m.depth;
+  w.depths = m.depths;
   w.blocks = m.blocks;
   return Pack<wire::TileDone>(w);
 }
 
 Result<TileDone> DecodeTileDone(std::span<const std::byte> table) {
   QUARRY_ASSIGN(const auto w, Unpack<wire::TileDone>(table));
-  if (w.blocks.size() > kMaxTileBlocks || !(w.depth >= 0))
+  constexpr size_t kCells = kTileSize / kDepthCell;
+  if (w.blocks.size() > kMaxTileBlocks || w.depths.size() > kCells * kCells ||
+      !std::ranges::all_of(w.depths, [](float depth) { return depth >= 0; }))
     return Fail("received a tile's result that cannot be");
-  return TileDone{w.setup, w.tile, w.lease, w.rays, w.rays_suspended, w.compute_us, w.depth, w.blocks};
+  return TileDone{w.setup, w.tile, w.lease, w.rays, w.rays_suspended, w.compute_us, w.depths, w.blocks};
 }
 
 Bytes Encode(const Peers& m) {

@@ -56,14 +56,17 @@ struct TileOrder {
   std::vector<uint32_t> holders;  ///< for each of them a worker that has it, or 0; a hint
 };
 inline constexpr size_t kMaxTileBlocks = 1u << 20;  ///< blocks that a message about a tile may name
-inline constexpr size_t kMaxTileHints = 4096;       ///< blocks that a tile order may name
+/// Pixels on a side of the squares of which a tile says how far they saw; infinity where a ray hits nothing.
+inline constexpr uint32_t kDepthCell = 4;
+inline constexpr uint32_t DepthCells(uint32_t pixels) { return (pixels + kDepthCell - 1) / kDepthCell; }
+inline constexpr size_t kMaxTileHints = 4096;  ///< blocks that a tile order may name
 struct TileDone {
   uint64_t setup = 0;
   uint32_t tile = 0;
   uint64_t lease = 0;
   uint64_t rays = 0, rays_suspended = 0;
   uint64_t compute_us = 0;       ///< time spent on it, waiting for blocks not counted
-  float depth = 0;               ///< mean along the primary rays that hit, 0 where none does
+  std::vector<float> depths;     ///< of its depth cells, row by row: where the farthest primary ray ends
   std::vector<uint32_t> blocks;  ///< that its rays have been in, ascending
 };
 /// Which workers serve blocks to others.

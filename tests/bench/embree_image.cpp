@@ -6,7 +6,7 @@
 
 #include "common/math/fixed_radiance.h"
 #include "common/math/sampling.h"
-#include "worker/camera.h"
+#include "common/scene/camera.h"
 #include "worker/shading.h"
 
 namespace quarry::bench {
@@ -24,7 +24,7 @@ class Tracer {
         catalog_(catalog),
         blocks_(blocks),
         job_(job),
-        camera_(job.cameras[0], job.width, job.height, catalog.meta) {
+        camera_(job.cameras[0], job.width, job.height, catalog.meta.root_lower, catalog.meta.root_upper) {
     rtcInitIntersectContext(&context_);
   }
 

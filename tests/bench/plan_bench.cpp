@@ -77,7 +77,7 @@ class Bench {
       const TileOrder order = first_.Lease({t, owner + 1}, 0);
       TileDone done{1, t, order.lease};
       done.compute_us = static_cast<uint64_t>(4000 * std::exp2(4 * any(random_) - 2));
-      done.depth = 10;
+      done.depths.assign(size_t{DepthCells(order.width)} * DepthCells(order.height), 10.0f);
       done.blocks = blocks[t];
       for (const uint32_t b : blocks[t]) own_[owner].Set(b, true);
       if (!first_.Finish(done, Bytes(size_t{order.width} * order.height * 12), 0))
@@ -99,10 +99,11 @@ class Bench {
       if (holding == Holding::kAll || (holding == Holding::kOne && w == 0)) holds[w] = all_;
     }
     std::vector<PlannedWorker> planned;
-    for (uint32_t w = 0; w < workers_; ++w) planned.push_back({w + 1, 1, &holds[w]});
+    for (uint32_t w = 0; w < workers_; ++w) planned.push_back({w + 1, 1, 0, &holds[w]});
     Figures figures;
     for (int r = 0; r < repetitions; ++r) {
       ActiveFrame frame(2, next_, holding == Holding::kNothing ? nullptr : &first_);
+      if (holding != Holding::kNothing) frame.Foresee(first_, nullptr);
       const auto start = Clock::now();
       frame.MakePlan(planned, bytes_, kSecondsPerByte, SchedulingPolicy::kFootprint);
       figures.plan_s.push_back(Seconds(start));

@@ -6,7 +6,7 @@
 #include <random>
 
 #include "deploy/default_view.h"
-#include "worker/camera.h"
+#include "common/scene/camera.h"
 #include "worker/shading.h"
 
 namespace quarry::bench {
@@ -30,7 +30,7 @@ glm::vec3 DiffuseDirection(const glm::vec3& normal, std::mt19937& random) {
 
 std::vector<RaySet> MakeRaySets(const test::ResidentScene& scene, uint32_t size, const CameraSpec& spec) {
   const SceneMeta& meta = scene.catalog().meta;
-  const Camera camera(spec, size, size, meta);
+  const Camera camera(spec, size, size, meta.root_lower, meta.root_upper);
   RaySet primary{"primary", false, true, {}, {}, 0};
   const size_t packets = size_t{size / kSide} * (size / kSide);
   primary.packets.resize(packets);

@@ -21,6 +21,8 @@
 #include "common/net/source_policy.h"
 #include "common/voxel/store_reader.h"
 #include "master/active_frame.h"
+#include "worker/engine.h"
+#include "worker/loader.h"
 #include "worker/stored_cache.h"
 
 namespace quarry {
@@ -34,7 +36,8 @@ struct SimOptions {
   unsigned servers = 1;
   bool peers = false, warm = false;
   std::string policy = "footprint", cache = "64M";
-  double worker_mbit = 100, server_mbit = 1000, share = 1, decode_gb_s = 0.6, latency_s = 4e-4, tile_us = 60;
+  double worker_mbit = 100, server_mbit = 1000, share = 1, decode_gb_s = 0.6, latency_s = 4e-4, tile_us = 60,
+         overhead_us = 0;
   unsigned waves = 6, frames = 0, step = 1;
 };
 
@@ -42,12 +45,20 @@ struct SimOptions {
 struct Walk {
   struct Tile {
     double compute_s = 0;
-    float depth = 0;
+    std::vector<float> depths;
     std::vector<uint32_t> blocks;
   };
   std::vector<RenderJob> jobs;
   std::vector<std::vector<Tile>> tiles;  ///< by frame
 };
+
+/// As TileLog writes them: null where rays hit nothing.
+std::vector<float> Depths(const Json& j) {
+  std::vector<float> depths;
+  for (const Json& depth : j)
+    depths.push_back(depth.is_null() ? std::numeric_limits<float>::infinity() : depth.get<float>());
+  return depths;
+}
 
 Result<Walk> ReadWalk(const SimOptions& o) {
   std::ifstream file(o.trace);
@@ -68,7 +79,7 @@ Result<Walk> ReadWalk(const SimOptions& o) {
       QUARRY_TRY(NormalizeJob(job));
       continue;
     }
-    tiles[j["tile"].get<uint32_t>()] = {j["compute_us"].get<double>() * 1e-6, j["depth"].get<float>(),
+    tiles[j["tile"].get<uint32_t>()] = {j["compute_us"].get<double>() * 1e-6, Depths(j["depths"]),
                                         j["blocks"].get<std::vector<uint32_t>>()};
   }
   Walk walk;
@@ -124,7 +135,12 @@ class Simulation {
  public:
   Simulation(const SimOptions& o, const Walk& walk, const Catalog& catalog,
              const std::vector<uint32_t>& block_bytes, unsigned workers)
-      : o_(o), walk_(walk), catalog_(catalog), block_bytes_(block_bytes), policy_(*ParsePolicy(o.policy)) {
+      : o_(o),
+        walk_(walk),
+        catalog_(catalog),
+        rays_(catalog),
+        block_bytes_(block_bytes),
+        policy_(*ParsePolicy(o.policy)) {
     uint64_t decoded = 0;
     for (const VoxelEntry& v : catalog.voxels) decoded += v.blocks[0].decoded + v.blocks[1].decoded;
     const uint64_t cache = *ParseSize(o.cache, "--cache");
@@ -153,6 +169,18 @@ class Simulation {
   }
   uint64_t bytes() const { return bytes_; }
   uint64_t peer_bytes() const { return peer_bytes_; }
+  /// Of the bytes that tiles touched, those that were expected; and of those that workers were told to fetch
+  /// ahead, those touched.
+  double foreseen() const { return double(foreseen_bytes_) / double(std::max<uint64_t>(1, touched_bytes_)); }
+  double fulfilled() const {
+    uint64_t hinted = 0, fulfilled = 0;
+    for (const auto& w : workers_)
+      for (const uint32_t b : w->hinted) {
+        hinted += block_bytes_[b];
+        if (w->touched.contains(b)) fulfilled += block_bytes_[b];
+      }
+    return static_cast<double>(fulfilled) / static_cast<double>(std::max<uint64_t>(1, hinted));
+  }
   double compute_s() const {
     double sum = 0;
     for (const auto& w : workers_) sum += w->processor.busy_s;
@@ -184,30 +212,38 @@ class Simulation {
     std::deque<std::shared_ptr<Tile>> queue, open;
     std::map<uint32_t, std::vector<std::shared_ptr<Tile>>> waiting;
     std::deque<uint32_t> wanted;
+    std::set<uint32_t> hinted, touched;
     unsigned in_flight = 0;
   };
-  static constexpr size_t kOpenTiles = 3;
-  static constexpr unsigned kMaxInFlight = 16;
-
   // --- the master
 
   ActiveFrame* StartFrame() {
-    if (frames_.size() >= kFramesAtOnce || next_frame_ == walk_.jobs.size()) return nullptr;
+    if (!MayBegin(Frames()) || next_frame_ == walk_.jobs.size()) return nullptr;
     const ActiveFrame* before = frames_.empty() ? previous_.get() : frames_.back().get();
     frames_.push_back(std::make_unique<ActiveFrame>(next_setup_++, walk_.jobs[next_frame_], before));
     index_[frames_.back().get()] = next_frame_++;
-    std::map<uint32_t, BlockSet> holds;
-    for (const auto& w : workers_) holds[w->id] = w->holds;
-    for (size_t f = 0; f + 1 < frames_.size(); ++f) frames_[f]->AddPromised(holds);
-    std::vector<PlannedWorker> planned;
-    for (const auto& w : workers_) planned.push_back({w->id, o_.share, &holds[w->id]});
-    frames_.back()->MakePlan(planned, block_bytes_, 8e-6 / o_.worker_mbit, policy_);
+    MakePlans();
     return frames_.back().get();
   }
 
-  void HandOutTiles() {
+  std::vector<ActiveFrame*> Frames() const {
     std::vector<ActiveFrame*> frames;
     for (const auto& f : frames_) frames.push_back(f.get());
+    return frames;
+  }
+
+  void MakePlans() {
+    std::map<uint32_t, double> speeds;
+    std::map<uint32_t, BlockSet> holds;
+    for (const auto& w : workers_) {
+      speeds[w->id] = o_.share;
+      holds[w->id] = w->holds;
+    }
+    PlanFrames(Frames(), previous_.get(), speeds, std::move(holds), block_bytes_, 8e-6 / o_.worker_mbit,
+               policy_, &rays_);
+  }
+
+  void HandOutTiles() {
     std::vector<Hand> hands;
     for (const auto& w : workers_) hands.push_back({w->id, 4});
     std::function<double(const ActiveFrame&, uint32_t, uint32_t)> fetch_s;
@@ -217,10 +253,14 @@ class Simulation {
                o_.worker_mbit;
       };
     for (HandedTile& handed :
-         HandOut(std::move(frames), hands, clock_.now_s(), fetch_s, [this] { return StartFrame(); })) {
+         HandOut(Frames(), hands, clock_.now_s(), fetch_s, [this] { return StartFrame(); })) {
       auto tile = std::make_shared<Tile>();
       tile->frame = handed.frame;
       tile->order = handed.order;
+      const TileTrace& expected = handed.frame->Expected(handed.order.tile);
+      for (size_t i = 0; i < expected.blocks.size(); ++i)
+        if (expected.chances[i] >= kHintChance && !workers_[handed.worker - 1]->holds.Has(expected.blocks[i]))
+          workers_[handed.worker - 1]->hinted.insert(expected.blocks[i]);
       tile->traced = &walk_.tiles[index_.at(handed.frame)][handed.order.tile];
       const double there_s = master_.Take(clock_.now_s(), o_.tile_us * 1e-6) + o_.latency_s / 2;
       clock_.At(there_s, [this, tile, w = workers_[handed.worker - 1].get()] {
@@ -230,14 +270,28 @@ class Simulation {
     }
   }
 
+  /// How well it was known what the tile would touch.
+  void Compare(Worker& w, const Tile& tile) {
+    const std::set<uint32_t> touched(tile.traced->blocks.begin(), tile.traced->blocks.end());
+    for (const uint32_t b : touched) touched_bytes_ += block_bytes_[b];
+    w.touched.insert(touched.begin(), touched.end());
+    const TileTrace& expected = tile.frame->Expected(tile.order.tile);
+    for (size_t i = 0; i < expected.blocks.size(); ++i) {
+      if (expected.chances[i] < kLeastChance) continue;
+      const uint32_t b = expected.blocks[i];
+      if (touched.contains(b)) foreseen_bytes_ += block_bytes_[b];
+    }
+  }
+
   void Finish(Worker& w, const std::shared_ptr<Tile>& tile) {
     TileDone done{tile->order.setup, tile->order.tile, tile->order.lease};
     done.compute_us = static_cast<uint64_t>(tile->traced->compute_s * 1e6);
-    done.depth = tile->traced->depth;
+    done.depths = tile->traced->depths;
     done.blocks = tile->traced->blocks;
     const auto it =
         std::find_if(frames_.begin(), frames_.end(), [&](const auto& f) { return f->setup() == done.setup; });
     if (it != frames_.end()) {
+      Compare(w, *tile);
       const Bytes pixels(size_t{tile->order.width} * tile->order.height * 12);
       (void)(*it)->Finish(done, pixels, clock_.now_s());
       if ((*it)->done()) {
@@ -245,16 +299,20 @@ class Simulation {
         index_.erase(it->get());
         previous_ = std::move(*it);
         frames_.erase(it);
+        MakePlans();
       }
     }
-    (void)w;
     HandOutTiles();
   }
 
   // --- a worker
 
+  double ComputeTime(const Tile& tile) const {
+    return (tile.traced->compute_s + o_.overhead_us * 1e-6) / o_.share;
+  }
+
   void OpenTiles(Worker& w) {
-    while (w.open.size() < kOpenTiles && !w.queue.empty()) {
+    while (w.open.size() < Engine::kOpenTiles && !w.queue.empty()) {
       auto tile = w.queue.front();
       w.queue.pop_front();
       w.open.push_back(tile);
@@ -263,15 +321,14 @@ class Simulation {
       std::sort(tile->blocks.begin(), tile->blocks.end(), [&](uint32_t a, uint32_t b) {
         return Mix64(a * 2654435761u + tile->order.tile) < Mix64(b * 2654435761u + tile->order.tile);
       });
-      tile->slice_s =
-          tile->traced->compute_s / o_.share / std::max<double>(1, static_cast<double>(tile->blocks.size()));
+      tile->slice_s = ComputeTime(*tile) / std::max<double>(1, static_cast<double>(tile->blocks.size()));
       NextWave(w, tile);
     }
   }
 
   void NextWave(Worker& w, const std::shared_ptr<Tile>& tile) {
     if (tile->wave_end == tile->blocks.size()) {
-      const double s = tile->blocks.empty() ? tile->traced->compute_s / o_.share : 0;
+      const double s = tile->blocks.empty() ? ComputeTime(*tile) : 0;
       clock_.At(w.processor.Take(clock_.now_s(), s), [this, &w, tile] {
         std::erase(w.open, tile);
         const double there_s = master_.Take(clock_.now_s() + o_.latency_s / 2, o_.tile_us * 1e-6);
@@ -303,7 +360,7 @@ class Simulation {
   }
 
   void Load(Worker& w) {
-    while (w.in_flight < kMaxInFlight && !w.wanted.empty()) {
+    while (w.in_flight < Loader::kMaxInFlight && !w.wanted.empty()) {
       const uint32_t block = w.wanted.front();
       w.wanted.pop_front();
       ++w.in_flight;
@@ -369,6 +426,7 @@ class Simulation {
   const SimOptions& o_;
   const Walk& walk_;
   const Catalog& catalog_;
+  CoarseRays rays_;
   const std::vector<uint32_t>& block_bytes_;
   const SchedulingPolicy policy_;
   Clock clock_;
@@ -381,6 +439,7 @@ class Simulation {
   std::map<const ActiveFrame*, size_t> index_;
   size_t next_frame_ = 0;
   uint64_t next_setup_ = 1, bytes_ = 0, peer_bytes_ = 0;
+  uint64_t touched_bytes_ = 0, foreseen_bytes_ = 0;
   double last_done_s_ = 0;
 };
 
@@ -399,16 +458,19 @@ Status Run(const SimOptions& o) {
   for (const uint32_t b : touched) touched_bytes += bytes[b];
   fmt::print("{} frames of {} tiles, {:.1f} MB touched\n", walk.jobs.size(), walk.tiles[0].size(),
              touched_bytes * 1e-6);
-  fmt::print("workers  seconds  speed-up  MB loaded  from peers  processors busy  busiest server\n");
+  fmt::print(
+      "workers  seconds  speed-up  MB loaded  from peers  processors busy  busiest server  foreseen  "
+      "fulfilled\n");
   Json rows = Json::array();
   double one_s = 0;
   for (const unsigned workers : o.workers) {
     Simulation simulation(o, walk, store.catalog(), bytes, workers);
     const double s = simulation.Run();
     if (one_s == 0) one_s = s * workers;  // the first count's, if it is not one
-    fmt::print("{:7}  {:7.2f}  {:8.2f}  {:9.1f}  {:10.1f}  {:14.0f}%  {:13.0f}%\n", workers, s, one_s / s,
-               simulation.bytes() * 1e-6, simulation.peer_bytes() * 1e-6,
-               100 * simulation.compute_s() / workers / s, 100 * simulation.server_busy_s() / s);
+    fmt::print("{:7}  {:7.2f}  {:8.2f}  {:9.1f}  {:10.1f}  {:14.0f}%  {:13.0f}%  {:7.0f}%  {:8.0f}%\n",
+               workers, s, one_s / s, simulation.bytes() * 1e-6, simulation.peer_bytes() * 1e-6,
+               100 * simulation.compute_s() / workers / s, 100 * simulation.server_busy_s() / s,
+               100 * simulation.foreseen(), 100 * simulation.fulfilled());
     rows.push_back({{"workers", workers},
                     {"servers", o.servers},
                     {"peers", o.peers},
@@ -446,6 +508,9 @@ int Main(int argc, char** argv) {
   app.add_option("--latency", o.latency_s, "Seconds from a request to its answer's first byte")
       ->capture_default_str();
   app.add_option("--tile-us", o.tile_us, "Microseconds of the master for each message about a tile")
+      ->capture_default_str();
+  app.add_option("--overhead-us", o.overhead_us,
+                 "Microseconds of a whole core that a tile costs a worker beside tracing")
       ->capture_default_str();
   app.add_option("--waves", o.waves, "In how many steps rays come to a tile's blocks")->capture_default_str();
   app.add_option("--frames", o.frames, "Only the first so many");

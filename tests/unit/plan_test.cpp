@@ -4,7 +4,6 @@
 #include <map>
 #include <set>
 
-#include "master/footprint.h"
 #include "master/scheduler.h"
 #include "master/spool.h"
 
@@ -19,8 +18,8 @@ struct PlanFixture {
 
   PlanFixture(size_t tiles, size_t workers) : blocks(tiles), holds(workers) {
     for (size_t t = 0; t < tiles; ++t)
-      in.tiles.push_back({kNoWorker, &blocks[t], nullptr, static_cast<uint32_t>(2 * t), 0, 1});
-    for (uint32_t w = 0; w < workers; ++w) in.workers.push_back({w + 1, 1, &holds[w]});
+      in.tiles.push_back({kNoWorker, kNoWorker, &blocks[t], nullptr, static_cast<uint32_t>(2 * t), 0, 1});
+    for (uint32_t w = 0; w < workers; ++w) in.workers.push_back({w + 1, 1, 0, &holds[w]});
     in.block_bytes = &bytes;
   }
 };
@@ -147,35 +146,16 @@ TEST_CASE("Random plans differ from frame to frame") {
   CHECK(Plan(f.in, SchedulingPolicy::kRandom) != first);
 }
 
-TEST_CASE("A tile's blocks follow what it saw when the camera turns") {
-  FrameTrace before;
-  before.job = Looking({0, 0, 0}, {0, 10, 0});
-  before.tiles = Frame(before.job).tiles();
-  before.traces.resize(before.tiles.size());
-  size_t middle = 0;
-  for (size_t t = 0; t < before.tiles.size(); ++t) {
-    before.traces[t] = {{static_cast<uint32_t>(t)}, {}, 10, 0.5, true};
-    if (before.tiles[t].x == 160 && before.tiles[t].y == 128) middle = t;
-  }
-  const auto same = Predict(before, before.job, before.tiles);
-  for (size_t t = 0; t < same.size(); ++t) {
-    CHECK(std::find(same[t].blocks.begin(), same[t].blocks.end(), t) != same[t].blocks.end());
-    CHECK(same[t].cost_s == Approx(0.5).epsilon(0.1));
-  }
-  // To the right: what was in the middle moves to the left of the image; at the right edge nothing is known.
-  const RenderJob turned = Looking({0, 0, 0}, {3, 10, 0});
-  const auto next = Predict(before, turned, before.tiles);
-  bool seen_left = false;
-  for (size_t t = 0; t < next.size(); ++t) {
-    const bool has = std::find(next[t].blocks.begin(), next[t].blocks.end(), middle) != next[t].blocks.end();
-    if (has) CHECK(before.tiles[t].x < 160);
-    seen_left |= has;
-    if (before.tiles[t].x == 288) CHECK_FALSE(next[t].known);
-  }
-  CHECK(seen_left);
-  // Turned round, nothing is.
-  for (const TileTrace& trace : Predict(before, Looking({0, 0, 0}, {0, -10, 0}), before.tiles))
-    CHECK_FALSE(trace.known);
+TEST_CASE("Tiles that somebody has stay there, and count") {
+  PlanFixture f(8, 2);
+  for (uint32_t t = 0; t < 8; ++t) f.blocks[t] = {t};
+  for (uint32_t t = 0; t < 3; ++t) f.in.tiles[t].fixed_owner = 2;
+  f.in.seconds_per_byte = 1e-9;
+  const auto plan = Plan(f.in, SchedulingPolicy::kFootprint);
+  CHECK(std::vector<uint32_t>(plan.begin(), plan.begin() + 3) == std::vector<uint32_t>(3, 2));
+  CHECK(std::count(plan.begin() + 3, plan.end(), 1) >= 3);  // of five: the others have three already
+  f.in.workers[0].busy_s = 100;                             // with other frames
+  CHECK(Plan(f.in, SchedulingPolicy::kFootprint) == std::vector<uint32_t>(8, 2));
 }
 
 TEST_CASE("A spool gives back jobs and frames, and leaves other scenes' and damaged ones alone") {

@@ -3,7 +3,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
-#include "worker/camera.h"
+#include "common/scene/camera.h"
 
 namespace quarry {
 namespace {
@@ -15,13 +15,6 @@ Surface Floor(double degrees) {
   s.normal = s.geometric_normal = {0, 0, 1};
   s.view = glm::vec3(static_cast<float>(std::sin(a)), 0, static_cast<float>(std::cos(a)));
   return s;
-}
-
-SceneMeta UnitScene() {
-  SceneMeta m;
-  m.root_lower = glm::vec3(-1);
-  m.root_upper = glm::vec3(1);
-  return m;
 }
 
 }  // namespace
@@ -86,7 +79,7 @@ TEST_CASE("Interpolated normals turn toward the viewer") {
 TEST_CASE("Cameras look through pixel centres, x right and y down") {
   CameraSpec spec;
   spec.eye = {0, -5, 0};
-  const Camera camera(spec, 3, 3, UnitScene());
+  const Camera camera(spec, 3, 3, glm::vec3(-1), glm::vec3(1));
   const PrimaryRay middle = camera.Shoot(1.5, 1.5);
   CHECK(middle.direction == glm::vec3(0, 1, 0));
   CHECK(middle.t_offset == 4);  // moved to the scene's box
@@ -97,7 +90,7 @@ TEST_CASE("Cameras look through pixel centres, x right and y down") {
   const PrimaryRay top = camera.Shoot(1.5, 0);
   CHECK(std::atan2(top.direction.z, top.direction.y) == Approx(22.5 * M_PI / 180));
   spec.ortho_height = 2;
-  const PrimaryRay side = Camera(spec, 4, 2, UnitScene()).Shoot(3.5, 0.5);
+  const PrimaryRay side = Camera(spec, 4, 2, glm::vec3(-1), glm::vec3(1)).Shoot(3.5, 0.5);
   CHECK(side.direction == glm::vec3(0, 1, 0));
   CHECK(side.origin.z == 0.5f);
   CHECK(side.misses);  // 1.5 right of the middle: outside the box

@@ -1,16 +1,13 @@
-#include "worker/camera.h"
+#include "common/scene/camera.h"
 
 #include <algorithm>
 #include <cmath>
 
 namespace quarry {
 
-Camera::Camera(const CameraSpec& spec, uint32_t width, uint32_t height, const SceneMeta& scene)
-    : view_(MakeViewBasis(spec, height)),
-      width_(width),
-      height_(height),
-      lower_(scene.root_lower),
-      upper_(scene.root_upper) {}
+Camera::Camera(const CameraSpec& spec, uint32_t width, uint32_t height, const glm::vec3& lower,
+               const glm::vec3& upper)
+    : view_(MakeViewBasis(spec, height)), width_(width), height_(height), lower_(lower), upper_(upper) {}
 
 PrimaryRay Camera::Shoot(double x, double y) const {
   const glm::dvec3 across = view_.right * (x - width_ / 2) + view_.down * (y - height_ / 2);

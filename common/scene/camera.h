@@ -2,9 +2,7 @@
 
 #include <glm/vec3.hpp>
 
-#include "common/kdtree/ray.h"
 #include "common/scene/view_basis.h"
-#include "common/voxel/catalog.h"
 
 namespace quarry {
 
@@ -19,7 +17,9 @@ struct PrimaryRay {
 /// Turns pixel positions into rays. x runs right, y down; all arithmetic in double, no libm but sqrt.
 class Camera {
  public:
-  Camera(const CameraSpec& spec, uint32_t width, uint32_t height, const SceneMeta& scene);
+  /// `lower`, `upper`: the scene's box.
+  Camera(const CameraSpec& spec, uint32_t width, uint32_t height, const glm::vec3& lower,
+         const glm::vec3& upper);
   /// (x, y) in pixels, centres at +0.5. Thread-safe.
   PrimaryRay Shoot(double x, double y) const;
 

@@ -1,0 +1,65 @@
+#include "master/coarse_rays.h"
+
+#include <algorithm>
+
+#include "common/kdtree/kernels.h"
+#include "common/kdtree/treelets.h"
+#include "common/kdtree/wide_tree.h"
+
+namespace quarry {
+
+CoarseRays::CoarseRays(const Catalog& catalog) : catalog_(catalog), seen_(catalog.voxels.size()) {
+  const KdNode leaf = KdNode::Leaf(0, 0);
+  const std::span<const KdNode> tree(&leaf, 1);
+  const Box box{catalog.meta.root_lower, catalog.meta.root_upper};
+  TreeletLayout layout(kTreeletLevels);
+  nodes_.resize(layout.Slots(tree));
+  layout.Run(tree, box, nodes_);
+  wide_ = MakeWideTree(tree, box, kWideLeafReferences, [](const KdNode&, const Box& cell) { return cell; });
+  empty_.nodes = nodes_.data();
+  empty_.node_count = static_cast<uint32_t>(nodes_.size());
+  empty_.wide = wide_.data();
+  empty_.wide_count = static_cast<uint32_t>(wide_.size());
+}
+
+Camera CoarseRays::MakeCamera(const RenderJob& job) const {
+  return {job.cameras[0], job.width, job.height, catalog_.meta.root_lower, catalog_.meta.root_upper};
+}
+
+std::vector<uint32_t> CoarseRays::Blocks(const Camera& camera, const Frame::Tile& tile,
+                                         std::span<const float> depths) {
+  RayPacket packet;
+  uint64_t active = 0;
+  for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
+    const double x = (i % RayPacket::kSide + 0.5) * tile.width / RayPacket::kSide;
+    const double y = (i / RayPacket::kSide + 0.5) * tile.height / RayPacket::kSide;
+    const auto cell = static_cast<uint32_t>(y) / kDepthCell * DepthCells(tile.width) +
+                      static_cast<uint32_t>(x) / kDepthCell;
+    const PrimaryRay primary = camera.Shoot(tile.x + x, tile.y + y);
+    if (primary.misses || depths[cell] <= primary.t_offset) continue;
+    Ray ray;
+    ray.origin = primary.origin;
+    ray.direction = primary.direction;
+    ray.t_max = depths[cell] - primary.t_offset;
+    packet.Set(i, ray);
+    active |= uint64_t{1} << i;
+  }
+  found_.clear();
+  const VoxelFinder finder{[](void* self, uint32_t voxel) -> const VoxelGeometry* {
+                             auto& rays = *static_cast<CoarseRays*>(self);
+                             if (!rays.seen_[voxel]) rays.found_.push_back(voxel);
+                             rays.seen_[voxel] = true;
+                             return &rays.empty_;
+                           },
+                           this};
+  TraceRays(catalog_.top_tree(), finder, &packet, &active, 1, false);
+  std::vector<uint32_t> blocks;
+  for (const uint32_t voxel : found_) {
+    seen_[voxel] = false;
+    blocks.push_back(BlockId(voxel, BlockKind::kHot));
+  }
+  std::sort(blocks.begin(), blocks.end());
+  return blocks;
+}
+
+}  // namespace quarry
