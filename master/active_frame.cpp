@@ -23,6 +23,14 @@ ActiveFrame::ActiveFrame(uint64_t setup, const RenderJob& job, const ActiveFrame
 }
 
 void ActiveFrame::Foresee(const ActiveFrame& before, CoarseRays* rays) {
+  const bool same = before.setup_ == foreseen_from_ && before.reckoning_ == foreseen_reckoning_;
+  if (same && 4 * (before.tiles_done_ - foreseen_done_) < before.tile_done_.size() &&
+      (!before.done() || foreseen_done_ == before.tiles_done_))
+    return;
+  foreseen_from_ = before.setup_;
+  foreseen_reckoning_ = before.reckoning_;
+  foreseen_done_ = before.tiles_done_;
+  ++reckoning_;
   expected_ = Predict(before.Trace(), job_, frame_.tiles(), rays);
 }
 
@@ -153,9 +161,12 @@ void PlanFrames(std::span<ActiveFrame* const> frames, const ActiveFrame* previou
                 const std::vector<uint32_t>& block_bytes, double seconds_per_byte, SchedulingPolicy policy,
                 CoarseRays* rays) {
   std::map<uint32_t, double> busy_s;
+  constexpr size_t kForeseen = 3;
   const ActiveFrame* before = previous;
+  size_t n = 0;
   for (ActiveFrame* frame : frames) {
-    if (before) frame->Foresee(*before, rays);
+    // Those after these come to it in their turn; the newest has nothing yet.
+    if (before && (n++ < kForeseen || frame == frames.back())) frame->Foresee(*before, rays);
     std::vector<PlannedWorker> workers;
     for (const auto& [id, speed] : speeds) workers.push_back({id, speed, busy_s[id], &holds[id]});
     frame->MakePlan(workers, block_bytes, seconds_per_byte, policy);

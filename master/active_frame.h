@@ -32,7 +32,8 @@ class ActiveFrame {
   uint64_t rays_suspended() const { return rays_suspended_; }
   uint64_t leases_lost() const { return leases_lost_; }
 
-  /// Reckons what its tiles will touch from what the frame before has shown by now. `rays`: as Predict's.
+  /// Reckons what its tiles will touch from what the frame before has shown by now, if that is much more than
+  /// the last time. `rays`: as Predict's.
   void Foresee(const ActiveFrame& before, CoarseRays* rays);
   /// Adds what tiles not done are expected to bring to the workers that have or are to have them, and the
   /// time they take. Both by worker.
@@ -79,6 +80,9 @@ class ActiveFrame {
   std::vector<TileTrace> expected_, traces_;
   double usual_cost_s_ = 1;  ///< of a tile
   size_t traced_ = 0;
+  /// What expected_ was reckoned from: the frame, its own reckoning, and its tiles done.
+  uint64_t foreseen_from_ = 0, foreseen_reckoning_ = 0, reckoning_ = 0;
+  uint32_t foreseen_done_ = 0;
   std::vector<bool> tile_done_;
   std::map<uint64_t, LeaseRecord> leases_;
   uint64_t next_lease_ = 1;

@@ -26,24 +26,39 @@ Camera CoarseRays::MakeCamera(const RenderJob& job) const {
   return {job.cameras[0], job.width, job.height, catalog_.meta.root_lower, catalog_.meta.root_upper};
 }
 
-std::vector<uint32_t> CoarseRays::Blocks(const Camera& camera, const Frame::Tile& tile,
-                                         std::span<const float> depths) {
-  RayPacket packet;
-  uint64_t active = 0;
+CoarseRays::Reached CoarseRays::Blocks(const Camera& camera, const Frame::Tile& tile,
+                                       std::span<const float> least, std::span<const float> most) {
+  RayPacket near, far;
+  uint64_t near_rays = 0, far_rays = 0;
+  bool same = true;
   for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
     const double x = (i % RayPacket::kSide + 0.5) * tile.width / RayPacket::kSide;
     const double y = (i / RayPacket::kSide + 0.5) * tile.height / RayPacket::kSide;
     const auto cell = static_cast<uint32_t>(y) / kDepthCell * DepthCells(tile.width) +
                       static_cast<uint32_t>(x) / kDepthCell;
+    if (most[cell] < 0) continue;
     const PrimaryRay primary = camera.Shoot(tile.x + x, tile.y + y);
-    if (primary.misses || depths[cell] <= primary.t_offset) continue;
+    if (primary.misses) continue;
     Ray ray;
     ray.origin = primary.origin;
     ray.direction = primary.direction;
-    ray.t_max = depths[cell] - primary.t_offset;
-    packet.Set(i, ray);
-    active |= uint64_t{1} << i;
+    const auto add = [&](RayPacket& packet, uint64_t& rays, float depth) {
+      ray.t_max = depth - primary.t_offset;
+      if (ray.t_max <= 0) return;
+      packet.Set(i, ray);
+      rays |= uint64_t{1} << i;
+    };
+    add(far, far_rays, most[cell]);
+    add(near, near_rays, least[cell]);
+    same = same && least[cell] == most[cell];
   }
+  Reached reached;
+  reached.maybe = Trace(far, far_rays);
+  reached.surely = same ? reached.maybe : Trace(near, near_rays);
+  return reached;
+}
+
+std::vector<uint32_t> CoarseRays::Trace(RayPacket& packet, uint64_t active) {
   found_.clear();
   const VoxelFinder finder{[](void* self, uint32_t voxel) -> const VoxelGeometry* {
                              auto& rays = *static_cast<CoarseRays*>(self);

@@ -4,6 +4,7 @@
 #include <span>
 #include <vector>
 
+#include "common/kdtree/ray_packet.h"
 #include "common/kdtree/voxel_geometry.h"
 #include "common/scene/camera.h"
 #include "common/voxel/catalog.h"
@@ -20,11 +21,17 @@ class CoarseRays {
   explicit CoarseRays(const Catalog& catalog);
 
   Camera MakeCamera(const RenderJob& job) const;
-  /// Hot blocks of the voxels that 8x8 rays through the tile come to, ascending. `depths`: by depth cell, how
-  /// far from the eye a ray goes at most.
-  std::vector<uint32_t> Blocks(const Camera& camera, const Frame::Tile& tile, std::span<const float> depths);
+  struct Reached {
+    std::vector<uint32_t> surely, maybe;  ///< hot blocks, ascending; all of the first are in the second too
+  };
+  /// What 8x8 rays through the tile come to. `least`, `most`: by depth cell, how far from the eye a ray goes
+  /// at least and at most; negative: not at all.
+  Reached Blocks(const Camera& camera, const Frame::Tile& tile, std::span<const float> least,
+                 std::span<const float> most);
 
  private:
+  std::vector<uint32_t> Trace(RayPacket& packet, uint64_t active);
+
   const Catalog& catalog_;
   std::vector<KdNode> nodes_;  ///< of an empty voxel
   std::vector<WideNode> wide_;

@@ -39,24 +39,29 @@ void FillHoles(std::vector<float>& depths, const PixelGrid& cells) {
 DepthRange NextDepths(const FrameTrace& before, const Reprojection& reprojection, const PixelGrid& cells) {
   DepthRange out{std::vector<float>(cells.size(), kUnknownDepth),
                  std::vector<float>(cells.size(), kUnknownDepth)};
+  // A cell, as a square at one depth.
+  const auto splat = [&](const Frame::Tile& pixels, float depth, auto&& use) {
+    Reprojection::Seen seen;
+    if (!reprojection.Position(pixels.x + pixels.width / 2.0, pixels.y + pixels.height / 2.0, depth, seen))
+      return;
+    const double x = seen.scale * pixels.width / 2, y = seen.scale * pixels.height / 2;
+    cells.Each({seen.x - x, seen.y - y, seen.x + x, seen.y + y},
+               [&](size_t cell, double covered) { use(cell, covered, seen.depth); });
+  };
+  const auto nearer = [&](size_t cell, double covered, float depth) {
+    float& least = out.least[cell];
+    if (covered >= kCoversSome) least = least == kUnknownDepth ? depth : std::min(least, depth);
+  };
   for (size_t t = 0; t < before.tiles.size(); ++t) {
     const TileTrace& trace = before.traces[t];
     if (trace.depths.empty()) continue;
     EachDepthCell(before.tiles[t], [&](size_t c, const Frame::Tile& pixels) {
-      PixelBounds far, near;
       const float most = trace.depths[c], least = trace.least_depths.empty() ? most : trace.least_depths[c];
-      if (reprojection.Rectangle(pixels, static_cast<double>(most), far)) {
-        const float now = reprojection.Depth(pixels, most);
-        cells.Each(far, [&](size_t cell, double covered) {
-          if (covered >= kCoversHalf) out.most[cell] = std::max(out.most[cell], now);
-        });
-      }
-      if (least == kUnknownDepth || !reprojection.Rectangle(pixels, static_cast<double>(least), near)) return;
-      const float now = reprojection.Depth(pixels, least);
-      cells.Each(near, [&](size_t cell, double covered) {
-        float& nearest = out.least[cell];
-        if (covered >= kCoversSome) nearest = nearest == kUnknownDepth ? now : std::min(nearest, now);
+      splat(pixels, most, [&](size_t cell, double covered, float depth) {
+        if (covered >= kCoversHalf) out.most[cell] = std::max(out.most[cell], depth);
+        if (least == most) nearer(cell, covered, depth);
       });
+      if (least != most && least != kUnknownDepth) splat(pixels, least, nearer);
     });
   }
   FillHoles(out.most, cells);

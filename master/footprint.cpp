@@ -31,8 +31,8 @@ void Merge(TileTrace& into, const TileTrace& from, float part) {
 
 /// Takes over what coarse rays come to: `sure`ly, or at most. Of hot blocks that they do not come to, those
 /// stay that rays of other kinds may have touched.
-void TakeCoarse(TileTrace& tile, const std::vector<uint32_t>& sure, const std::vector<uint32_t>& most,
-                bool other_kinds) {
+void TakeCoarse(TileTrace& tile, const CoarseRays::Reached& reached, bool other_kinds) {
+  const auto& [sure, most] = reached;
   std::vector<uint32_t> blocks;
   std::vector<float> chances;
   size_t a = 0, b = 0;
@@ -120,8 +120,7 @@ std::vector<TileTrace> Predict(const FrameTrace& before, const RenderJob& next,
       least.push_back(std::min(range.least[cell], range.most[cell]));
     });
     if (std::ranges::any_of(most, [](float depth) { return depth == kUnknownDepth; })) continue;
-    TakeCoarse(out[t], rays->Blocks(camera, tiles[t], least), rays->Blocks(camera, tiles[t], most),
-               next.mode != RenderMode::kRaycast);
+    TakeCoarse(out[t], rays->Blocks(camera, tiles[t], least, most), next.mode != RenderMode::kRaycast);
     out[t].depths = std::move(most);
     out[t].least_depths = std::move(least);
   }

@@ -28,8 +28,14 @@ class Reprojection {
 
   /// Where `to` sees a rectangle of `from` that is `depth` away. False when it lies behind.
   bool Rectangle(const Frame::Tile& pixels, double depth, PixelBounds& bounds) const;
-  /// How far from `to` the middle of a rectangle of `from` is that is `depth` away; infinity stays so.
-  float Depth(const Frame::Tile& pixels, float depth) const;
+  /// A pixel position of `from` as `to` sees it.
+  struct Seen {
+    double x, y;
+    double scale;  ///< of what is there: pixels of `to` for one of `from`
+    float depth;   ///< distance from the eye; infinity stays so
+  };
+  /// False when it lies behind.
+  bool Position(double x, double y, float depth, Seen& seen) const;
 
  private:
   glm::dvec3 PointAt(double x, double y, double depth) const;

@@ -96,7 +96,9 @@ TEST_CASE("Coarse rays come to the voxels before what they may reach") {
   const RenderJob job = Looking({0, -20, 0}, {0, 10, 0});
   const Camera camera = rays.MakeCamera(job);
   const Frame::Tile tile{160, 128, 32, 32};
-  const auto blocks = [&](float depth) { return rays.Blocks(camera, tile, Depths(tile, depth)); };
+  const auto blocks = [&](float depth) {
+    return rays.Blocks(camera, tile, Depths(tile, depth), Depths(tile, depth)).surely;
+  };
   CHECK(blocks(5).empty());  // before the scene
   CHECK(blocks(15) == std::vector<uint32_t>{0});
   CHECK(blocks(35) == std::vector<uint32_t>{0, 2, 4});
@@ -104,7 +106,9 @@ TEST_CASE("Coarse rays come to the voxels before what they may reach") {
   // Each ray for itself: one cell that sees farther is enough.
   std::vector<float> depths = Depths(tile, 15);
   depths[9] = 25;
-  CHECK(rays.Blocks(camera, tile, depths) == std::vector<uint32_t>{0, 2});
+  const auto reached = rays.Blocks(camera, tile, Depths(tile, 15), depths);
+  CHECK(reached.surely == std::vector<uint32_t>{0});
+  CHECK(reached.maybe == std::vector<uint32_t>{0, 2});
 }
 
 TEST_CASE("What a camera comes nearer to is nearer; what comes into view is as far as what is beside it") {
