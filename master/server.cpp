@@ -345,13 +345,14 @@ class Server {
     return {};
   }
 
-  void FailJob(const std::shared_ptr<Job>& job, const std::string& sentence) {
+  // By value: whoever calls holds the job in one of the lists that it is taken out of.
+  void FailJob(std::shared_ptr<Job> job, const std::string& sentence) {
     for (const Job::Client& client : job->clients)
       client.connection->Send(MakeMessage(MessageType::kFailure, Failure{sentence}));
-    RemoveJob(job);
+    RemoveJob(std::move(job));
   }
 
-  void RemoveJob(const std::shared_ptr<Job>& job) {
+  void RemoveJob(std::shared_ptr<Job> job) {
     std::erase_if(renderings_, [&](const Rendering& r) { return r.job == job; });
     job->over = true;
     if (spool_) spool_->Remove(job->id);
