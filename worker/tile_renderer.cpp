@@ -335,7 +335,8 @@ Bytes TileRenderer::Pixels() const {
     float color[3];
     for (size_t c = 0; c < 3; ++c) color[c] = radiance_[3 * p + c].Mean(frame_->job.spp);
     std::memcpy(to, color, sizeof color);
-    std::memcpy(to + sizeof color, aovs_.data() + p * extra, extra * 4);
+    if (extra > 0)  // without layers there is nothing that could be pointed at
+      std::memcpy(to + sizeof color, aovs_.data() + p * extra, extra * 4);
     to += frame_->words * 4;
   }
   return out;

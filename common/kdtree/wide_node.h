@@ -11,8 +11,9 @@ struct alignas(16) WideNode {
   static constexpr uint32_t kChildren = 8;
   static constexpr uint16_t kInner = 0xFFFF;
 
-  float bounds[6][kChildren] =
-      {};                          ///< lower x y z, upper x y z; infinite, and empty, where there is no child
+  /// The children's lower x, one after the other, lower y, z, upper x, y, z; infinite, and empty, where there
+  /// is no child.
+  float bounds[6 * kChildren] = {};
   uint32_t child[kChildren] = {};  ///< the node; of a leaf: the first reference, or voxel
   uint16_t count[kChildren] = {};  ///< of a leaf's references, or voxels; kInner: not a leaf
   uint32_t parent = 0;             ///< node * 8 + this one's place among its children

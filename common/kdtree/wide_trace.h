@@ -181,7 +181,7 @@ class WideTracer {
 
   /// Which of the node's cells the ray has yet to pass, and where.
   QUARRY_HOST_DEVICE void Look(Slot& s) {
-    const float* bounds = s.nodes[s.at].bounds[0];
+    const float* bounds = s.nodes[s.at].bounds;
     statistics_.Node(1, 1);
     Float enter[kVectors];
     Float least = L::Set(kInfinity);
@@ -269,8 +269,8 @@ class WideTracer {
       const WideNode& node = s.nodes[s.at];
       float exit = s.t_end;
       for (uint32_t a = 0; a < 3; ++a)
-        exit = ScalarLane::Min(exit,
-                               (node.bounds[0][s.far_face[a] + place] - s.origin[a][0]) * s.reciprocal[a][0]);
+        exit =
+            ScalarLane::Min(exit, (node.bounds[s.far_face[a] + place] - s.origin[a][0]) * s.reciprocal[a][0]);
       s.t = ScalarLane::Max(s.t, exit);
       if (s.t < s.t_end) return Next::kLook;
       break;

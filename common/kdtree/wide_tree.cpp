@@ -64,9 +64,9 @@ void WideTreeMaker::Close(Subtree& subtree) {
   Box box{glm::vec3(kInfinity), glm::vec3(-kInfinity)};
   for (uint32_t i = 0; i < subtree.size; ++i) {
     const Child& child = subtree.children[i];
-    for (int a = 0; a < 3; ++a) {
-      node.bounds[a][i] = child.box.lower[a];
-      node.bounds[a + 3][i] = child.box.upper[a];
+    for (uint32_t a = 0; a < 3; ++a) {
+      node.bounds[a * WideNode::kChildren + i] = child.box.lower[a];
+      node.bounds[(a + 3) * WideNode::kChildren + i] = child.box.upper[a];
     }
     node.child[i] = child.child;
     node.count[i] = child.count;
@@ -74,9 +74,9 @@ void WideTreeMaker::Close(Subtree& subtree) {
     Extend(box, child.box);
   }
   for (uint32_t i = subtree.size; i < WideNode::kChildren; ++i)
-    for (int a = 0; a < 3; ++a) {
-      node.bounds[a][i] = kInfinity;
-      node.bounds[a + 3][i] = -kInfinity;
+    for (uint32_t a = 0; a < 3; ++a) {
+      node.bounds[a * WideNode::kChildren + i] = kInfinity;
+      node.bounds[(a + 3) * WideNode::kChildren + i] = -kInfinity;
     }
   subtree.size = 1;
   subtree.children[0] = {box, at, WideNode::kInner};

@@ -185,8 +185,8 @@ void CacheFolder::RemoveDeadWriters() {
   for (std::string& name : writers)
     if (name.ends_with(kLock)) name.resize(name.size() - kLock.size());
   std::ranges::sort(writers);
-  const auto repeated = std::ranges::unique(writers);
-  writers.erase(repeated.begin(), repeated.end());
+  // Not std::ranges::unique: clang 14, which builds the fuzz programs, cannot compile what it gives.
+  writers.erase(std::unique(writers.begin(), writers.end()), writers.end());
   for (const std::string& name : writers) {
     const std::string path = folder_ + "/" + name;
     const auto lock = FileLock::Take(path, "a living writer");  // removed with the object

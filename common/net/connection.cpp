@@ -17,7 +17,6 @@
 #include <boost/asio/ssl.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <boost/asio/write.hpp>
-#include <charconv>
 #include <deque>
 #include <type_traits>
 #include <utility>
@@ -128,6 +127,7 @@ class StreamConnection final : public AcceptedConnection {
   }
 
   void Close() override {
+    close_asked_ = true;
     asio::post(stream_.get_executor(), [self = Self()] {
       if (self->closed_ || self->closing_) return;
       self->closing_ = true;
@@ -146,7 +146,7 @@ class StreamConnection final : public AcceptedConnection {
     OnClose handler = std::move(on_close_);
     on_close_ = nullptr;
     on_message_ = nullptr;
-    if (handler) handler(Error{fmt::format("{} {}", peer_, message), 1, permanent});
+    if (handler && !close_asked_) handler(Error{fmt::format("{} {}", peer_, message), 1, permanent});
   }
 
   bool newcomer() const override { return !closed_ && !greeted_; }
@@ -299,7 +299,7 @@ class StreamConnection final : public AcceptedConnection {
     if (const Status status = CheckContent(incoming_header_, incoming_); !status)
       return Drop(fmt::format("cannot be understood: {}", status.error().message), false);
     SetGreeted();
-    if (on_message_) on_message_(std::exchange(incoming_, {}));
+    if (on_message_ && !close_asked_) on_message_(std::exchange(incoming_, {}));
     if (!closed_ && !closing_) ReadHeader();
   }
 
@@ -337,7 +337,8 @@ class StreamConnection final : public AcceptedConnection {
   uint64_t received_ = 0;
   std::deque<Bytes> outgoing_;
   std::atomic<uint64_t> queued_{0};
-  bool ready_ = false;    ///< past the handshake: bytes may go out
+  std::atomic<bool> close_asked_{false};  ///< what has come already is not told any more
+  bool ready_ = false;                    ///< past the handshake: bytes may go out
   bool greeted_ = false;  ///< the preamble has come; at the side that accepted, the first message too
   bool writing_ = false, closing_ = false, closed_ = false;
 };
@@ -410,20 +411,6 @@ struct Attempt {
 };
 
 }  // namespace
-
-Result<Endpoint> ParseEndpoint(const std::string& text, const std::string& what) {
-  const size_t colon = text.rfind(':');
-  Endpoint endpoint;
-  if (colon != std::string::npos && colon > 0) {
-    const char* end = text.data() + text.size();
-    const auto [rest, error] = std::from_chars(text.data() + colon + 1, end, endpoint.port);
-    endpoint.host = text.substr(0, colon);
-    if (endpoint.host.size() > 2 && endpoint.host.front() == '[')
-      endpoint.host = endpoint.host.substr(1, colon - 2);
-    if (error == std::errc{} && rest == end) return endpoint;
-  }
-  return BadUsage(fmt::format("{} is not HOST:PORT: '{}'", what, text));
-}
 
 void Connect(asio::io_context& io, const Endpoint& endpoint, const Security& security,
              std::function<void(Result<std::shared_ptr<Connection>>)> done) {

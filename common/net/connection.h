@@ -25,7 +25,7 @@ Result<Endpoint> ParseEndpoint(const std::string& text, const std::string& what)
 
 /// A connection that carries Messages, plain or by TLS. The handshake of TLS comes first, then preambles are
 /// exchanged and checked, then messages. All callbacks come on the io_context's thread; Send and Close may be
-/// called from any. Kept alive by pending work; after Close no callback comes.
+/// called from any. Kept alive by pending work; after Close, called from that thread, no callback comes.
 class Connection : public std::enable_shared_from_this<Connection> {
  public:
   using OnMessage = std::function<void(Message)>;

@@ -1,5 +1,7 @@
 #include "common/protocol/messages.h"
 
+#include <flatbuffers/util.h>
+
 #include <algorithm>
 
 #include "messages_generated.h"
@@ -108,6 +110,24 @@ Result<RenderJob> JobFromWire(const wire::JobT& w) {
   return job;
 }
 
+/// What another program says is printed, and written as JSON: UTF-8 that moves no cursor.
+std::string Legible(const std::string& text) {
+  std::string legible;
+  const char* at = text.c_str();
+  while (at < text.c_str() + text.size()) {
+    const char* next = at;
+    const int code = flatbuffers::FromUTF8(&next);  // a sequence that is none, or cut off, is -1
+    if (code < ' ' || (code >= 0x7f && code < 0xa0)) {
+      legible += '?';
+      ++at;
+    } else {
+      legible.append(at, next);
+      at = next;
+    }
+  }
+  return legible;
+}
+
 }  // namespace
 
 Bytes Encode(const Hello& m) {
@@ -124,10 +144,7 @@ Result<Hello> DecodeHello(std::span<const std::byte> table) {
   QUARRY_ASSIGN(const auto w, Unpack<wire::Hello>(table));
   if (w.role > 2 || w.name.size() > 256 || w.threads > 4096)
     return Fail("received a greeting that is not well formed");
-  std::string name = w.name;
-  std::replace_if(
-      name.begin(), name.end(), [](unsigned char c) { return c < ' ' || c == 127; }, '?');
-  return Hello{static_cast<Role>(w.role), std::move(name), w.threads, w.instance, w.serves_at};
+  return Hello{static_cast<Role>(w.role), Legible(w.name), w.threads, w.instance, w.serves_at};
 }
 
 Bytes Encode(const Welcome& m) {
@@ -156,7 +173,8 @@ Bytes Encode(const Failure& m) {
 
 Result<Failure> DecodeFailure(std::span<const std::byte> table) {
   QUARRY_ASSIGN(const auto w, Unpack<wire::Failure>(table));
-  return Failure{w.message};
+  if (w.message.empty()) return Fail("received a failure without a reason");
+  return Failure{Legible(w.message)};
 }
 
 Bytes Encode(const JobRequest& m) {

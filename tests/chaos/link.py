@@ -13,8 +13,10 @@ class Link:
     cut()       ends every connection in the middle of what it carries next
     flip        chance for each piece of data that one bit of it changes"""
 
-    def __init__(self, name, listen, target, random, rate=None):
+    def __init__(self, name, listen, target, random, rate=None, comes_from=None):
+        """`comes_from`: the host that the target sees connections come from."""
         self.name, self.listen, self.target, self.random = name, listen, target, random
+        self.comes_from = (comes_from, 0) if comes_from else None
         self.usual_rate = self.rate = rate
         self.delay_s, self.flip = 0, 0
         self.bytes, self.flipped, self.cuts = 0, 0, 0
@@ -81,7 +83,7 @@ class _Pair:
         self.writers = [writer]
 
     async def run(self):
-        reader, writer = await asyncio.open_connection(*self.link.target, limit=1 << 16)
+        reader, writer = await asyncio.open_connection(*self.link.target, limit=1 << 16, local_addr=self.link.comes_from)
         self.writers.append(writer)
         self.link._pairs.add(self)
         pumps = [asyncio.create_task(self._pump(self.reader, writer)), asyncio.create_task(self._pump(reader, self.writer))]

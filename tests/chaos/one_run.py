@@ -20,6 +20,7 @@ GRACE_S, RECOVERY_S = 20, 17
 UNDISTURBED_S = 120  # for the undisturbed one itself
 MARK = "QUARRY_CHAOS_RUN"
 OUTPUT_DISK, SPOOL_DISK = "1M", "1M"
+LEAST_FROM_PEERS = 20000  # bytes: that workers ask each other at all
 LINK_RATE = 300000  # bytes a second: slow enough that a walk takes some seconds, most of them on the way
 
 
@@ -38,7 +39,9 @@ class Run:
         self.workers = [f"worker-{i + 1}" for i in range(r.randint(2, 3))]
         self.servers = [f"server-{i + 1}" for i in range(r.randint(1, 2))]
         self.master_serves = r.random() < 0.3
-        links = ["to-client", *("to-" + name for name in self.workers), *("to-" + name for name in self.servers)]
+        # Tiles given at random make workers ask each other for what the other one has; the undisturbed run must show that they do.
+        self.schedule = r.choice(("footprint", "random")) if seed else "random"
+        links = ["to-client", *("to-" + name for name in self.workers + self.servers), *("peers-to-" + name for name in self.workers)]
         self.faults = faults.draw(r, self.workers, self.servers, links, able)
         kinds = {fault.kind for fault in self.faults}
         self.output = disk.Disk(str(self.folder / "out"), OUTPUT_DISK) if "full-output" in kinds else None
@@ -47,7 +50,8 @@ class Run:
             (self.folder / name).mkdir(exist_ok=True)
         self.clock = clock.Clock(str(self.folder / "clock")) if "clock" in kinds else None
         self.programs, self.links, self.wrong, self.events = {}, {}, [], []
-        self.host = f"127.{1 + os.getpid() % 250}.{1 + seed // 250 % 250}.{1 + seed % 250}"
+        # The programs' address; and the one that workers have for others, as behind a router that passes connections on.
+        self.host, self.outside = (f"127.{1 + os.getpid() % 250}.{1 + n // 250 % 250}.{1 + n % 250}" for n in (2 * seed, 2 * seed + 1))
 
     @property
     def limit_s(self):
@@ -76,10 +80,11 @@ class Run:
                                       self._environment(), restart)
         await self.programs[name].start()
 
-    async def _link(self, name, port, target_port):
-        link = self.links[name] = Link(name, (self.host, port), (self.host, target_port), self.random, LINK_RATE)
+    async def _link(self, name, port, target_port, host=None, comes_from=None):
+        host = host or self.host
+        link = self.links[name] = Link(name, (host, port), (self.host, target_port), self.random, LINK_RATE, comes_from)
         await link.open()
-        return f"{self.host}:{port}"
+        return f"{host}:{port}"
 
     async def _listens(self, port):
         while True:
@@ -95,11 +100,14 @@ class Run:
             await self._program(name, "quarry-master", self.stage.store, "--listen", f"{self.host}:{9001 + i}", "--serve-only")
             sources.append(await self._link("to-" + name, 9301 + i, 9001 + i))
         await self._program("master", "quarry-master", self.stage.store, "--listen", f"{self.host}:9000", "--spool", self.folder / "spool",
-                            *(part for source in sources for part in ("--source", source)))
+                            "--schedule", self.schedule, *(part for source in sources for part in ("--source", source)))
         await self._listens(9000)
         for i, name in enumerate(self.workers):
-            address = await self._link("to-" + name, 9201 + i, 9000)
-            await self._program(name, "quarry-worker", "--master", address, "--name", name, "--threads", 1, "--cache", CACHE)
+            # The master takes the worker to be where its connection comes from, and tells the others so: there the link to it listens.
+            address = await self._link("to-" + name, 9201 + i, 9000, comes_from=self.outside)
+            await self._link("peers-to-" + name, 9401 + i, 9401 + i, host=self.outside)
+            await self._program(name, "quarry-worker", "--master", address, "--name", name, "--threads", 1, "--cache", CACHE, "--peers",
+                                f"{self.host}:{9401 + i}")
         address = await self._link("to-client", 9100, 9000)
         await self._program("client", "quarry", "render", self.stage.store, *self.stage.render_options(self.mode), "-o",
                             self.folder / "out/f.png", "--master", address, restart=False)
@@ -145,9 +153,10 @@ class Run:
         self._check()
         restarts = sum(len(program.own_ends) for program in self.programs.values())
         return {"seed": self.seed, "result": "wrong" if self.wrong else "ok", "seconds": round(seconds, 2), "limit_s": round(self.limit_s),
-                "mode": self.mode, "tls": self.tls, "workers": len(self.workers), "servers": len(self.servers),
+                "mode": self.mode, "schedule": self.schedule, "tls": self.tls, "workers": len(self.workers), "servers": len(self.servers),
                 "faults": [str(fault) for fault in self.faults], "met": sum("healed" not in event for event in self.events),
-                "bits_flipped": sum(link.flipped for link in self.links.values()), "own_ends": restarts, "wrong": self.wrong}
+                "bits_flipped": sum(link.flipped for link in self.links.values()), "bytes_of_peers": self._bytes_of_peers(),
+                "own_ends": restarts, "wrong": self.wrong}
 
     async def _end(self):
         for program in reversed(list(self.programs.values())):
@@ -157,6 +166,9 @@ class Run:
             await link.close()
 
     # --- afterwards
+
+    def _bytes_of_peers(self):
+        return sum(link.bytes for name, link in self.links.items() if name.startswith("peers-to-"))
 
     def _check(self):
         images = {path.name: path for path in (self.folder / "out").iterdir()}
@@ -168,6 +180,8 @@ class Run:
                 self.wrong.append(f"{name} is not the undisturbed image")
         if left := [str(path.relative_to(self.folder)) for path in (self.folder / "spool").rglob("*") if path.name != "jobs.lock"]:
             self.wrong.append(f"left in the spool: {left}")
+        if not self.faults and self._bytes_of_peers() < LEAST_FROM_PEERS:
+            self.wrong.append(f"only {self._bytes_of_peers()} bytes between workers")
         if left := left_over(self.mark):
             self.wrong.append(f"processes left: {left}")
         # A worker that was started amid flipped bits may take the master for a stranger, as one may whose master has changed its scene:

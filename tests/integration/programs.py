@@ -8,7 +8,9 @@ import tempfile
 import unittest
 
 BIN = pathlib.Path(os.environ.get("QUARRY_BIN", pathlib.Path(__file__).parents[2] / "build/release/bin"))
-TIMEOUT_S = 120
+# For programs that were built to be slow: with sanitizers, say.
+PATIENCE = float(os.environ.get("QUARRY_TEST_PATIENCE", "1"))
+TIMEOUT_S = 120 * PATIENCE
 
 
 class Case(unittest.TestCase):

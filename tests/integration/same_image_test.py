@@ -9,7 +9,7 @@ import time
 import unittest
 import unittest.mock
 
-from programs import BIN, Case, end
+from programs import BIN, TIMEOUT_S, Case, end
 
 TRIANGLES = int(os.environ.get("QUARRY_TEST_TRIANGLES", "1000000"))
 VIEW = ["--mode", "whitted", "--size", "512x384", "--eye", "6,6,14", "--at", "30,30,16", "--fov", "70",
@@ -60,7 +60,7 @@ class SameImage(Case):
             time.sleep(delay)
             victim.send_signal(signal.SIGKILL)
             self.start_worker(address, "--threads", 2)
-            self.assertEqual(client.wait(timeout=110), 0, client.stderr.read())
+            self.assertEqual(client.wait(timeout=TIMEOUT_S - 10), 0, client.stderr.read())
             self.assertEqual(pathlib.Path(output).read_bytes(), reference)
             stats = json.loads(pathlib.Path(self.path("killed.json")).read_text())
             if stats["frames"][0]["leases_lost"] > 0:
@@ -73,7 +73,7 @@ class SameImage(Case):
         time.sleep(0.5)
         self.start_worker(address, "--threads", 1)
         self.start_worker(address, "--threads", 1)
-        self.assertEqual(client.wait(timeout=110), 0, client.stderr.read())
+        self.assertEqual(client.wait(timeout=TIMEOUT_S - 10), 0, client.stderr.read())
         self.assertEqual(pathlib.Path(output).read_bytes(), reference)
 
 

@@ -10,7 +10,7 @@ import subprocess
 import time
 import unittest
 
-from programs import BIN, Case, end
+from programs import BIN, TIMEOUT_S, Case, end
 
 VIEW = ["--mode", "shadow", "--size", "320x240"]
 
@@ -36,7 +36,7 @@ class Sources(Case):
 
     def finish(self, client, name):
         """The statistics of the last frame, once all are there and right."""
-        self.assertEqual(client.wait(timeout=110), 0, client.stderr.read())
+        self.assertEqual(client.wait(timeout=TIMEOUT_S - 10), 0, client.stderr.read())
         self.assertTrue(self.frames(name) == self.reference, "other pictures than from one local cluster")
         return json.loads(pathlib.Path(self.path(name + ".json")).read_text())["frames"][-1]
 

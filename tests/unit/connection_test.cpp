@@ -12,6 +12,7 @@
 #include <cstdlib>
 #include <deque>
 #include <fstream>
+#include <functional>
 #include <optional>
 
 #include "common/net/tcp_source.h"
@@ -48,11 +49,16 @@ struct End {
   ConnectionPtr connection;
   std::vector<Message> messages;
   std::optional<Error> closed;
+  std::function<void()> on_message = [] {};
 
   void Start(ConnectionPtr c) {
     connection = std::move(c);
-    connection->Start([this](Message m) { messages.push_back(std::move(m)); },
-                      [this](const Error& e) { closed = e; });
+    connection->Start(
+        [this](Message m) {
+          messages.push_back(std::move(m));
+          on_message();
+        },
+        [this](const Error& e) { closed = e; });
   }
 };
 
@@ -158,6 +164,23 @@ TEST_CASE("Close sends what is queued first") {
   CHECK(network.accepted[0]->messages[1].raw == Block(40'000'000, 7).raw);
   CHECK_THAT(network.accepted[0]->closed->message, Catch::Contains("closed the connection"));
   CHECK_FALSE(client.closed);
+}
+
+TEST_CASE("After Close nothing comes, not even what is here already") {
+  Network network{Security()};
+  for (int i = 0; i < 2; ++i) network.ConnectTo({});
+  int turns = 0;  // until all that comes before a greeting has been read
+  REQUIRE(network.Run([&] { return network.accepted.size() == 2 && ++turns > 20; }));
+  End &first = *network.accepted[0], &second = *network.accepted[1];
+  first.on_message = [&] { second.connection->Close(); };
+  second.on_message = [&] { first.connection->Close(); };
+  for (const auto& client : network.clients) client->connection->Send(Greeting());
+  // Both are here before the server's side looks.
+  network.client_io.restart();
+  network.client_io.run_for(std::chrono::milliseconds(50));
+  network.server_io.restart();
+  network.server_io.run_for(std::chrono::milliseconds(100));
+  CHECK(first.messages.size() + second.messages.size() == 1);
 }
 
 TEST_CASE("Close does not wait for a peer that no longer answers or reads") {

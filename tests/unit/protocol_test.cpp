@@ -81,6 +81,15 @@ TEST_CASE("Messages come back field by field") {
   const auto welcome = DecodeWelcome(Encode(w));
   CHECK((welcome->scene_id == w.scene_id && welcome->worker == 17));
   CHECK(DecodeFailure(Encode(Failure{"a sentence"}))->message == "a sentence");
+  CHECK(DecodeFailure(Encode(Failure{"\33[2Ja\nb\xc3\xa4"}))->message == "?[2Ja?b\xc3\xa4");
+  CHECK_FALSE(DecodeFailure(Encode(Failure{""})).has_value());
+  for (const auto& [given, name] :
+       {std::pair("J\xc3\xbcrgen \xe2\x82\xac", "J\xc3\xbcrgen \xe2\x82\xac"), std::pair("a\xff\xc3", "a??"),
+        std::pair("\xed\xa0\x80|\xc0\xaf", "???|??"),
+        std::pair("\xc2\x9b"
+                  "2J\x7f",
+                  "??2J?")})
+    CHECK(DecodeHello(Encode(Hello{Role::kWorker, given, 1}))->name == name);
   const auto progress = DecodeFrameProgress(Encode(FrameProgress{1, 2, 3, 4}));
   CHECK(
       (progress->frame == 1 && progress->tiles_done == 2 && progress->tiles == 3 && progress->workers == 4));

@@ -14,9 +14,13 @@ constexpr Box kCell{glm::vec3(0), glm::vec3(8)};
 
 Box CellItself(const KdNode&, const Box& cell) { return cell; }
 
+float Bound(const WideNode& node, int face, uint32_t i) {
+  return node.bounds[static_cast<uint32_t>(face) * WideNode::kChildren + i];
+}
+
 bool Holds(const WideNode& node, uint32_t i, const glm::vec3& p) {
   for (int a = 0; a < 3; ++a)
-    if (p[a] < node.bounds[a][i] || p[a] >= node.bounds[a + 3][i]) return false;
+    if (p[a] < Bound(node, a, i) || p[a] >= Bound(node, a + 3, i)) return false;
   return true;
 }
 
@@ -74,7 +78,7 @@ TEST_CASE("Wide nodes have the tree's leaves, each in one place") {
       for (uint32_t n = 0; n < wide.size(); ++n) {
         uint32_t children = 0;
         for (uint32_t i = 0; i < WideNode::kChildren; ++i) {
-          children += wide[n].bounds[0][i] < wide[n].bounds[3][i];
+          children += Bound(wide[n], 0, i) < Bound(wide[n], 3, i);
           if (wide[n].count[i] != WideNode::kInner) continue;
           REQUIRE(wide[n].child[i] > n);
           REQUIRE(wide[wide[n].child[i]].parent == n * WideNode::kChildren + i);

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "common/protocol/messages.h"
+#include "common/voxel/store_reader.h"
+
+/// What the programs that fuzz sessions share: bytes read as a play, and parts of messages made from them.
+namespace quarry::fuzz {
+
+/// The fuzz program's bytes, from the first to the last; zeroes after them.
+class Script {
+ public:
+  Script(const uint8_t* data, size_t size) : at_(data), end_(data + size) {}
+  bool over() const { return at_ == end_; }
+  uint8_t Byte() { return over() ? 0 : *at_++; }
+  uint32_t Below(uint32_t n) { return Byte() % n; }
+  /// Mostly small; now and then any.
+  uint32_t Number();
+  std::string Text();
+  Bytes Some();
+
+ private:
+  const uint8_t *at_, *end_;
+};
+
+/// The store that QUARRY_FUZZ_STORE names; without one the program ends. Opened once.
+const std::string& StorePath();
+StoreReader& Store();
+
+/// A picture of a few tiles.
+RenderJob AnyJob(Script& script);
+/// A message of any type: its table one that fits, one of another type, or no table at all. None of them asks
+/// for a picture that would take all memory or a day, which is no finding here.
+Message AnyMessage(Script& script);
+
+/// The other sides behave from now on, so that what is under test must come to an end: says what did not, and
+/// aborts.
+[[noreturn]] void NeverEnds(const char* what);
+
+/// With QUARRY_WRITE_SEEDS=FOLDER writes these there and ends.
+void OfferSeeds(const std::vector<std::vector<uint8_t>>& seeds);
+
+}  // namespace quarry::fuzz
