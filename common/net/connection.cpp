@@ -128,11 +128,9 @@ class StreamConnection final : public AcceptedConnection {
 
   void Close() override {
     close_asked_ = true;
-    asio::post(stream_.get_executor(), [self = Self()] {
+    asio::post(stream_.get_executor(), [self = Self(), release = Release(Self())] {
       if (self->closed_ || self->closing_) return;
       self->closing_ = true;
-      self->on_message_ = nullptr;
-      self->on_close_ = nullptr;
       self->SetDeadline(kClosingTime);
       if (!self->writing_ && self->outgoing_.empty()) self->SayFarewell();
     });
@@ -163,6 +161,22 @@ class StreamConnection final : public AcceptedConnection {
     return std::static_pointer_cast<StreamConnection>(shared_from_this());
   }
   bool accepted() const { return host_.empty(); }
+
+  /// Lets go of the callbacks at its end: they may hold what holds this connection. Part of a handler, so
+  /// that it also happens when the io_context ends before the handler's turn.
+  class Release {
+   public:
+    explicit Release(std::shared_ptr<StreamConnection> connection) : connection_(std::move(connection)) {}
+    Release(Release&&) = default;
+    ~Release() {
+      if (!connection_) return;
+      connection_->on_message_ = nullptr;
+      connection_->on_close_ = nullptr;
+    }
+
+   private:
+    std::shared_ptr<StreamConnection> connection_;
+  };
 
   /// Until the greeting: the other side is dropped. After Close: what is not sent by then is not sent.
   void SetDeadline(std::chrono::seconds time) {

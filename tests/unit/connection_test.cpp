@@ -183,6 +183,24 @@ TEST_CASE("After Close nothing comes, not even what is here already") {
   CHECK(first.messages.size() + second.messages.size() == 1);
 }
 
+TEST_CASE("A connection that is closed goes, though nobody runs its io_context any more") {
+  Network network{Security()};
+  std::weak_ptr<Connection> watched;
+  {
+    asio::io_context io;
+    Connect(io, {"127.0.0.1", network.listener->port()}, {}, [&](Result<ConnectionPtr> c) {
+      REQUIRE(c.has_value());
+      watched = *c;
+      // Held by itself, as by who waits for its answers.
+      (*c)->Start([c = *c](const Message&) {}, [c = *c](const Error&) {});
+    });
+    while (watched.expired()) io.run_one();
+    io.run_for(std::chrono::milliseconds(5));
+    watched.lock()->Close();
+  }
+  CHECK(watched.expired());
+}
+
 TEST_CASE("Close does not wait for a peer that no longer answers or reads") {
   const auto [tls, queued] = GENERATE(table<bool, size_t>({{false, 0}, {true, 0}, {true, 60'000'000}}));
   Network network(tls ? WithSecret('a', true) : Security());
