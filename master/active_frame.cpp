@@ -23,6 +23,7 @@ ActiveFrame::ActiveFrame(uint64_t setup, const RenderJob& job, const ActiveFrame
 }
 
 void ActiveFrame::Foresee(const ActiveFrame& before, CoarseRays* rays) {
+  if (large() && reckoning_ > 0) return;
   const bool same = before.setup_ == foreseen_from_ && before.reckoning_ == foreseen_reckoning_;
   if (same && 4 * (before.tiles_done_ - foreseen_done_) < before.tile_done_.size() &&
       (!before.done() || foreseen_done_ == before.tiles_done_))
@@ -31,7 +32,7 @@ void ActiveFrame::Foresee(const ActiveFrame& before, CoarseRays* rays) {
   foreseen_reckoning_ = before.reckoning_;
   foreseen_done_ = before.tiles_done_;
   ++reckoning_;
-  expected_ = Predict(before.Trace(), job_, frame_.tiles(), rays);
+  expected_ = Predict(before.Trace(), job_, frame_.tiles(), large() ? nullptr : rays);
 }
 
 std::vector<uint32_t> ActiveFrame::Holders() const {
@@ -82,6 +83,7 @@ void ActiveFrame::MakePlan(const std::vector<PlannedWorker>& workers,
                         frame_.tiles()[t].y / kTileSize, tile_done_[t] ? 0 : CostOf(t)});
   }
   plan_ = Plan(in, policy);
+  planned_ = true;
 }
 
 Snapshot ActiveFrame::MakeSnapshot(std::vector<WorkerView> workers, double now_s) const {
@@ -156,7 +158,7 @@ bool MayBegin(std::span<ActiveFrame* const> frames) {
   return frames.size() < kMost && pixels < kPixels;
 }
 
-void PlanFrames(std::span<ActiveFrame* const> frames, const ActiveFrame* previous,
+void PlanFrames(std::span<ActiveFrame* const> frames, const ActiveFrame* previous, PlanNews news,
                 const std::map<uint32_t, double>& speeds, std::map<uint32_t, BlockSet> holds,
                 const std::vector<uint32_t>& block_bytes, double seconds_per_byte, SchedulingPolicy policy,
                 CoarseRays* rays) {
@@ -167,9 +169,11 @@ void PlanFrames(std::span<ActiveFrame* const> frames, const ActiveFrame* previou
   for (ActiveFrame* frame : frames) {
     // Those after these come to it in their turn; the newest has nothing yet.
     if (before && (n++ < kForeseen || frame == frames.back())) frame->Foresee(*before, rays);
-    std::vector<PlannedWorker> workers;
-    for (const auto& [id, speed] : speeds) workers.push_back({id, speed, busy_s[id], &holds[id]});
-    frame->MakePlan(workers, block_bytes, seconds_per_byte, policy);
+    if (news == PlanNews::kWorkers || !frame->large() || !frame->planned()) {
+      std::vector<PlannedWorker> workers;
+      for (const auto& [id, speed] : speeds) workers.push_back({id, speed, busy_s[id] / speed, &holds[id]});
+      frame->MakePlan(workers, block_bytes, seconds_per_byte, policy);
+    }
     frame->AddPromised(holds, busy_s);
     before = frame;
   }

@@ -33,15 +33,17 @@ class ActiveFrame {
   uint64_t leases_lost() const { return leases_lost_; }
 
   /// Reckons what its tiles will touch from what the frame before has shown by now, if that is much more than
-  /// the last time. `rays`: as Predict's.
+  /// the last time; of a large one once, and without `rays`. `rays`: as Predict's.
   void Foresee(const ActiveFrame& before, CoarseRays* rays);
   /// Adds what tiles not done are expected to bring to the workers that have or are to have them, and the
   /// time they take. Both by worker.
   void AddPromised(std::map<uint32_t, BlockSet>& holds, std::map<uint32_t, double>& busy_s) const;
-  /// Plans who is to have the tiles that nobody has; again whenever something has changed. `workers`: all
-  /// there are.
+  /// Plans who is to have the tiles that nobody has. `workers`: all there are.
   void MakePlan(const std::vector<PlannedWorker>& workers, const std::vector<uint32_t>& block_bytes,
                 double seconds_per_byte, SchedulingPolicy policy);
+  /// Whether planning it takes so long that it is done once, unless workers come or go.
+  bool large() const { return tile_done_.size() > kMostForeseen; }
+  bool planned() const { return planned_; }
   /// What handing out may look at.
   Snapshot MakeSnapshot(std::vector<WorkerView> workers, double now_s) const;
   /// Leases a tile to a worker.
@@ -62,6 +64,9 @@ class ActiveFrame {
   FrameTrace Trace() const;
 
  private:
+  /// Foreseeing takes about 50 us a tile of the thread that hands tiles out, and workers have many tiles each
+  /// of a large picture: there is less to win.
+  static constexpr size_t kMostForeseen = 512;
   /// Who has, or had, each tile; kNoWorker: nobody yet.
   std::vector<uint32_t> Holders() const;
   double CostOf(size_t tile) const;
@@ -83,6 +88,7 @@ class ActiveFrame {
   /// What expected_ was reckoned from: the frame, its own reckoning, and its tiles done.
   uint64_t foreseen_from_ = 0, foreseen_reckoning_ = 0, reckoning_ = 0;
   uint32_t foreseen_done_ = 0;
+  bool planned_ = false;
   std::vector<bool> tile_done_;
   std::map<uint64_t, LeaseRecord> leases_;
   uint64_t next_lease_ = 1;
@@ -95,9 +101,12 @@ class ActiveFrame {
 /// frame's end; of small ones several, so that one that waits for voxels has other tiles to go on with.
 bool MayBegin(std::span<ActiveFrame* const> frames);
 
+/// What has changed since frames were planned.
+enum class PlanNews { kFrames, kWorkers };
+
 /// Foresees and plans the frames under way, the oldest first, each with what those before it bring.
 /// `previous`: the last one finished, or null. `holds`: what each worker has.
-void PlanFrames(std::span<ActiveFrame* const> frames, const ActiveFrame* previous,
+void PlanFrames(std::span<ActiveFrame* const> frames, const ActiveFrame* previous, PlanNews news,
                 const std::map<uint32_t, double>& speeds, std::map<uint32_t, BlockSet> holds,
                 const std::vector<uint32_t>& block_bytes, double seconds_per_byte, SchedulingPolicy policy,
                 CoarseRays* rays);

@@ -70,6 +70,7 @@ std::vector<TileTrace> FollowTiles(const FrameTrace& before, const Reprojection&
                                    const std::vector<Frame::Tile>& tiles) {
   std::vector<TileTrace> out(tiles.size());
   std::vector<double> covered(tiles.size());  // pixels of each tile that something falls on
+  std::vector<double> largest(tiles.size());  // of them, those of the rectangle that covers most
   const PixelGrid grid(tiles, kTileSize);
   std::vector<size_t> index(grid.size());
   for (size_t t = 0; t < tiles.size(); ++t) index[grid.At(tiles[t].x, tiles[t].y)] = t;
@@ -78,6 +79,7 @@ std::vector<TileTrace> FollowTiles(const FrameTrace& before, const Reprojection&
     PixelBounds r;
     if (!trace.known || !reprojection.Rectangle(before.tiles[b], TileDepth(trace), r)) continue;
     const double area = std::max(1.0, r.area());
+    const auto depth = static_cast<float>(TileDepth(trace));
     grid.Each(r, [&](size_t at, double pixels) {
       if (pixels < 1) return;
       const size_t t = index[at];
@@ -85,6 +87,9 @@ std::vector<TileTrace> FollowTiles(const FrameTrace& before, const Reprojection&
       out[t].cost_s += trace.cost_s * std::min(1.0, pixels / area);
       out[t].known = true;
       covered[t] += pixels;
+      if (pixels > largest[t])
+        out[t].depths.assign(size_t{DepthCells(tiles[t].width)} * DepthCells(tiles[t].height), depth);
+      largest[t] = std::max(largest[t], pixels);
     });
   }
   // A tile that is only half covered costs as much in its other half.

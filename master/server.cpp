@@ -220,7 +220,7 @@ class Server {
     const Peers peers = roster_.MakePeers();
     for (auto& [id, worker] : roster_.all())
       if (worker.has_scene) worker.connection->Send(MakeMessage(MessageType::kPeers, peers));
-    MakePlans();
+    MakePlans(PlanNews::kWorkers);
   }
 
   std::vector<ActiveFrame*> Frames() const {
@@ -230,15 +230,15 @@ class Server {
   }
 
   /// Of all frames under way: whenever one begins or ends, and when workers come and go.
-  void MakePlans() {
+  void MakePlans(PlanNews news) {
     std::map<uint32_t, double> speeds;
     std::map<uint32_t, BlockSet> holds;
     for (const auto& [id, worker] : roster_.all()) {
       speeds[id] = worker.threads;
       holds[id] = worker.holds;
     }
-    PlanFrames(Frames(), previous_.get(), speeds, std::move(holds), block_bytes_, roster_.SecondsPerByte(),
-               options_.policy, &rays_);
+    PlanFrames(Frames(), previous_.get(), news, speeds, std::move(holds), block_bytes_,
+               roster_.SecondsPerByte(), options_.policy, &rays_);
   }
 
   /// Once for all the messages at hand.
@@ -322,7 +322,7 @@ class Server {
     if (tile_log_) tile_log_->Frame(*frame);
     failures_ = 0;
     renderings_.push_back({std::move(*part), std::move(frame), Now(), blocks_.bytes_served()});
-    MakePlans();
+    MakePlans(PlanNews::kFrames);
     return renderings_.back().frame.get();
   }
 
@@ -335,7 +335,7 @@ class Server {
     jobs_.Finish(std::move(done.part), done.frame->TakePixels(),
                  FrameStatistics(*done.frame, times, roster_));
     previous_ = std::move(done.frame);
-    MakePlans();
+    MakePlans(PlanNews::kFrames);
     HandOutSoon();
   }
 

@@ -239,8 +239,8 @@ class Simulation {
       speeds[w->id] = o_.share;
       holds[w->id] = w->holds;
     }
-    PlanFrames(Frames(), previous_.get(), speeds, std::move(holds), block_bytes_, 8e-6 / o_.worker_mbit,
-               policy_, &rays_);
+    PlanFrames(Frames(), previous_.get(), PlanNews::kFrames, speeds, std::move(holds), block_bytes_,
+               8e-6 / o_.worker_mbit, policy_, &rays_);
   }
 
   void HandOutTiles() {
