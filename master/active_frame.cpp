@@ -120,6 +120,9 @@ Result<bool> ActiveFrame::Finish(const TileDone& done, std::span<const std::byte
   const LeaseRecord lease = it->second;
   leases_.erase(it);
   if (tile_done_[done.tile]) return false;
+  const Frame::Tile& tile = frame_.tiles()[done.tile];
+  if (done.depths.size() != size_t{DepthCells(tile.width)} * DepthCells(tile.height))
+    return Fail("a tile came with more or fewer depths than it has cells");
   QUARRY_TRY(frame_.Put(done.tile, pixels));
   owners_[done.tile] = lease.worker;
   tile_done_[done.tile] = true;

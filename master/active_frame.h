@@ -51,7 +51,7 @@ class ActiveFrame {
   /// What the tile is expected to touch.
   const TileTrace& Expected(uint32_t tile) const { return expected_[tile]; }
   /// A result. False when it was dropped: another setup, an unknown lease, or a tile that is done.
-  /// Errors: pixels that do not fit.
+  /// Errors: pixels or depths that do not fit.
   Result<bool> Finish(const TileDone& done, std::span<const std::byte> pixels, double now_s);
   /// The worker is gone: its leases end.
   void Forget(uint32_t worker);

@@ -106,7 +106,7 @@ class Cast {
         return c.Come(MakeMessage(MessageType::kRenderJob, JobRequest{std::move(job), have}));
       }
       case kAnswer:
-        return Answer(peer, script_.Below(6), script_.Byte());
+        return Answer(peer, script_.Below(7), script_.Byte());
       case kAnswerAll:
         return AnswerAll(peer);
       case kAlive: {
@@ -140,14 +140,14 @@ class Cast {
     }
   }
 
-  /// The oldest tile that it was given. `how`: 0 to 2 right; else another lease, pixels too few, then once
-  /// more.
+  /// The oldest tile that it was given. `how`: 0 to 2 right; else another lease, pixels or depths too few,
+  /// once more.
   void Answer(Peer& peer, uint32_t how, uint8_t fill) {
     if (peer.orders.empty()) return;
     const TileOrder order = peer.orders.front();
     if (how != 5) peer.orders.pop_front();
-    TileDone done{order.setup, order.tile,   order.lease + (how == 3), 10, 1,
-                  50,          fill / 16.0f, {fill % 4u, fill / 4u}};
+    TileDone done{order.setup, order.tile, order.lease + (how == 3), 10, 1, 50, {}, {fill % 4u, fill / 4u}};
+    done.depths.assign(size_t{DepthCells(order.width)} * DepthCells(order.height) - (how == 6), fill / 16.0f);
     if (how == 2) done.blocks.clear();
     Message m = MakeMessage(MessageType::kTileDone, done);
     m.raw.resize(size_t{order.width} * order.height * peer.words[order.setup] * 4 - (how == 4),

@@ -99,7 +99,7 @@ void WriteSeeds(const std::string& folder) {
                                     Encode(FrameDone{1, "{}"}),
                                     Encode(FrameSetup{5, SmallJob(), 4}),
                                     Encode(TileOrder{5, 1, 2, 0, 0, 32, 32, {7, 8}, {0, 3}}),
-                                    Encode(TileDone{5, 1, 2, 100, 10, 50, 1.5f, {7, 8}}),
+                                    Encode(TileDone{5, 1, 2, 100, 10, 50, {1.5f}, {7, 8}}),
                                     Encode(Peers{{1, 2}, {"127.0.0.1:1", "127.0.0.1:2"}}),
                                     Encode(alive),
                                     Encode(BlockRequest{12}),

@@ -110,7 +110,7 @@ Bytes AnyTable(Script& script) {
                              script.Number(),
                              script.Number(),
                              script.Number(),
-                             1,
+                             std::vector<float>(script.Below(70), 1.0f),
                              {script.Number()}});
     case 9:
       return Encode(Peers{{script.Number(), script.Number()}, {"127.0.0.1:1", script.Text()}});

@@ -19,6 +19,11 @@ Snapshot MakeSnapshot(size_t tiles, std::vector<WorkerView> workers) {
   return s;
 }
 
+/// Of a whole tile.
+std::vector<float> Depths() {
+  return std::vector<float>(size_t{DepthCells(kTileSize)} * DepthCells(kTileSize), 1.0f);
+}
+
 std::map<uint32_t, std::set<uint32_t>> ByWorker(const std::vector<Assignment>& assignments) {
   std::map<uint32_t, std::set<uint32_t>> out;
   for (const Assignment& a : assignments) out[a.worker].insert(a.tile);
@@ -97,7 +102,7 @@ TEST_CASE("What a worker holds of one frame it is not given of the next") {
   CHECK(count(given, first) == 4);
   CHECK(HandOut({&first, &second}, {{1, 6}}, 0, {}, next).empty());
   const TileOrder& order = given[0].order;
-  REQUIRE(*first.Finish({1, order.tile, order.lease}, Bytes(32 * 32 * 3 * 4), 1));
+  REQUIRE(*first.Finish({1, order.tile, order.lease, 0, 0, 0, Depths()}, Bytes(32 * 32 * 3 * 4), 1));
   const auto more = HandOut({&first, &second}, {{1, 6}}, 1, {}, next);
   CHECK(more.size() == 1);
   CHECK(count(more, second) == 1);
@@ -115,9 +120,11 @@ TEST_CASE("Results count once, under a lease that is known; a dead worker's tile
   CHECK_FALSE(*frame.Finish({4, 0, first.lease, 0, 0}, pixels, 2));  // another setup
   CHECK_FALSE(*frame.Finish({5, 0, 999, 0, 0}, pixels, 2));          // no such lease
   CHECK_FALSE(*frame.Finish({5, 2, first.lease, 0, 0}, pixels, 2));  // a lease of another tile
-  CHECK_FALSE(frame.Finish({5, 0, first.lease, 0, 0}, Bytes(8), 2).has_value());
-  CHECK(*frame.Finish({5, 0, second.lease, 10, 0}, pixels, 2));
-  CHECK_FALSE(*frame.Finish({5, 0, first.lease, 10, 0}, pixels, 2));  // the straggler's
+  CHECK_FALSE(frame.Finish({5, 0, first.lease, 0, 0, 0, Depths()}, Bytes(8), 2).has_value());
+  const TileOrder third = frame.Lease({0, 3}, 1);
+  CHECK_FALSE(frame.Finish({5, 0, third.lease, 0, 0, 0, {1, 2, 3}}, pixels, 2).has_value());
+  CHECK(*frame.Finish({5, 0, second.lease, 10, 0, 0, Depths()}, pixels, 2));
+  CHECK_FALSE(*frame.Finish({5, 0, first.lease, 10, 0, 0, Depths()}, pixels, 2));  // the straggler's
   CHECK(frame.tiles_done() == 1);
   CHECK(frame.rays() == 10);
   CHECK(frame.owners()[0] == 2);
