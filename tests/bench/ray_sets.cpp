@@ -5,8 +5,8 @@
 #include <glm/geometric.hpp>
 #include <random>
 
-#include "deploy/default_view.h"
 #include "common/scene/camera.h"
+#include "deploy/default_view.h"
 #include "worker/shading.h"
 
 namespace quarry::bench {

@@ -132,6 +132,8 @@ class Cast {
   int steps_ = 0;
 };
 
+}  // namespace
+
 std::vector<std::vector<uint8_t>> Seeds() {
   return {
       {},
@@ -144,14 +146,7 @@ std::vector<std::vector<uint8_t>> Seeds() {
       {kWelcome, 0, kProgress, 3, 0, 4, 0, kTime, 4, kProgress, 3, 0, 4, 0, kAny, 5, 0, 5, 3, 0}};
 }
 
-}  // namespace
 }  // namespace quarry::fuzz
-
-extern "C" int LLVMFuzzerInitialize(int*, char***) {
-  quarry::fuzz::OfferSeeds(quarry::fuzz::Seeds());
-  (void)quarry::fuzz::Store();
-  return 0;
-}
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace quarry;

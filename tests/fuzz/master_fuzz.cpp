@@ -193,6 +193,8 @@ class Cast {
   int steps_ = 0;
 };
 
+}  // namespace
+
 std::vector<std::vector<uint8_t>> Seeds() {
   // The first two bytes are the policy and what else the master is told. Then two clients, each with a job,
   // and a worker that answers, or fails with tiles of both in its hands. A job (see AnyJob): sides, no crop,
@@ -218,14 +220,7 @@ std::vector<std::vector<uint8_t>> Seeds() {
   return seeds;
 }
 
-}  // namespace
 }  // namespace quarry::fuzz
-
-extern "C" int LLVMFuzzerInitialize(int*, char***) {
-  quarry::fuzz::OfferSeeds(quarry::fuzz::Seeds());
-  (void)quarry::fuzz::Store();
-  return 0;
-}
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace quarry;

@@ -40,7 +40,7 @@ Message AnyMessage(Script& script);
 /// aborts.
 [[noreturn]] void NeverEnds(const char* what);
 
-/// With QUARRY_WRITE_SEEDS=FOLDER writes these there and ends.
-void OfferSeeds(const std::vector<std::vector<uint8_t>>& seeds);
+/// Each program's own plays to begin with. With QUARRY_WRITE_SEEDS=FOLDER it writes them there and ends.
+std::vector<std::vector<uint8_t>> Seeds();
 
 }  // namespace quarry::fuzz

@@ -257,6 +257,8 @@ class Cast {
   int steps_ = 0;
 };
 
+}  // namespace
+
 std::vector<std::vector<uint8_t>> Seeds() {
   std::vector<std::vector<uint8_t>> seeds = {{0, 0}};
   // Cache and threads; a greeting, the scene, a frame of 64x64 (see AnyJob), tiles, and how voxels come
@@ -273,14 +275,7 @@ std::vector<std::vector<uint8_t>> Seeds() {
   return seeds;
 }
 
-}  // namespace
 }  // namespace quarry::fuzz
-
-extern "C" int LLVMFuzzerInitialize(int*, char***) {
-  quarry::fuzz::OfferSeeds(quarry::fuzz::Seeds());
-  (void)quarry::fuzz::Store();
-  return 0;
-}
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace quarry;

@@ -1,0 +1,89 @@
+#include "tests/scalability/traced_walk.h"
+
+#include <fmt/format.h>
+
+#include <fstream>
+#include <limits>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "common/protocol/messages.h"
+#include "master/frame.h"
+
+namespace quarry {
+namespace {
+
+using Json = nlohmann::json;
+using Frames = std::map<uint32_t, std::pair<RenderJob, std::map<uint32_t, TracedWalk::Tile>>>;
+
+/// As TileLog writes them: null where rays hit nothing.
+std::vector<float> Depths(const Json& j) {
+  std::vector<float> depths;
+  for (const Json& depth : j)
+    depths.push_back(depth.is_null() ? std::numeric_limits<float>::infinity() : depth.get<float>());
+  return depths;
+}
+
+Status AddLine(const Json& j, Frames& frames) {
+  auto& [job, tiles] = frames[j.at("frame").get<uint32_t>()];
+  if (j.contains("tile")) {
+    tiles[j.at("tile").get<uint32_t>()] = {j.at("compute_us").get<double>() * 1e-6, Depths(j.at("depths")),
+                                           j.at("blocks").get<std::vector<uint32_t>>()};
+    return {};
+  }
+  const auto vector = [&](const char* key) {
+    return glm::dvec3(j.at(key).at(0), j.at(key).at(1), j.at(key).at(2));
+  };
+  job.width = j.at("width");
+  job.height = j.at("height");
+  job.cameras = {{vector("eye"), vector("at"), vector("up"), j.at("fov"), j.at("ortho")}};
+  job.first_frame = j.at("frame");
+  return NormalizeJob(job);
+}
+
+/// Whether a master could have got this from its workers.
+Status CheckFrame(const std::vector<TracedWalk::Tile>& tiles, const Frame& frame, const Catalog& catalog) {
+  if (tiles.size() != frame.tiles().size()) return Fail("lacks tiles");
+  for (size_t t = 0; t < tiles.size(); ++t) {
+    if (tiles[t].depths.size() !=
+        size_t{DepthCells(frame.tiles()[t].width)} * DepthCells(frame.tiles()[t].height))
+      return Fail("has a tile whose depths do not fit");
+    for (const uint32_t block : tiles[t].blocks)
+      if (block >= 2 * catalog.voxels.size()) return Fail("touches blocks that the store has not");
+  }
+  return {};
+}
+
+}  // namespace
+
+Result<TracedWalk> ReadTracedWalk(const std::string& path, const Catalog& catalog, unsigned step,
+                                  unsigned frames) {
+  std::ifstream file(path);
+  if (!file) return Fail(fmt::format("{}: cannot be read", path));
+  Frames found;
+  std::string line;
+  for (size_t number = 1; std::getline(file, line); ++number) {
+    const Json j = Json::parse(line, nullptr, false);
+    if (j.is_discarded() && file.peek() == EOF) break;  // of a master that was ended
+    try {
+      if (const Status status = AddLine(j, found); !status)
+        return Fail(fmt::format("{}:{}: {}", path, number, status.error().message));
+    } catch (const Json::exception&) {
+      return Fail(fmt::format("{}:{}: not what quarry-master --trace writes", path, number));
+    }
+  }
+  TracedWalk walk;
+  for (auto& [number, frame] : found) {
+    if (number % step != 0 || (frames > 0 && walk.jobs.size() == frames)) continue;
+    if (frame.first.cameras.empty()) return Fail(fmt::format("{}: frame {} has no camera", path, number));
+    walk.jobs.push_back(frame.first);
+    walk.tiles.emplace_back();
+    for (auto& [t, tile] : frame.second) walk.tiles.back().push_back(std::move(tile));
+    if (const Status status = CheckFrame(walk.tiles.back(), Frame(frame.first), catalog); !status)
+      return Fail(fmt::format("{}: frame {} {}", path, number, status.error().message));
+  }
+  if (walk.jobs.empty()) return Fail(fmt::format("{}: has no frames", path));
+  return walk;
+}
+
+}  // namespace quarry
