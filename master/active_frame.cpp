@@ -22,17 +22,20 @@ ActiveFrame::ActiveFrame(uint64_t setup, const RenderJob& job, const ActiveFrame
       last_owners_[t] = before->owners_[t] != kNoWorker ? before->owners_[t] : before->plan_[t];
 }
 
-void ActiveFrame::Foresee(const ActiveFrame& before, CoarseRays* rays) {
-  if (large() && reckoning_ > 0) return;
-  const bool same = before.setup_ == foreseen_from_ && before.reckoning_ == foreseen_reckoning_;
-  if (same && 4 * (before.tiles_done_ - foreseen_done_) < before.tile_done_.size() &&
-      (!before.done() || foreseen_done_ == before.tiles_done_))
-    return;
-  foreseen_from_ = before.setup_;
-  foreseen_reckoning_ = before.reckoning_;
-  foreseen_done_ = before.tiles_done_;
+void ActiveFrame::Foresee(const ActiveFrame* before, CoarseRays* rays) {
+  if (reckoning_ > 0 && (large() || !before)) return;
+  if (before) {
+    const bool same = before->setup_ == foreseen_from_ && before->reckoning_ == foreseen_reckoning_;
+    if (same && 4 * (before->tiles_done_ - foreseen_done_) < before->tile_done_.size() &&
+        (!before->done() || foreseen_done_ == before->tiles_done_))
+      return;
+    foreseen_from_ = before->setup_;
+    foreseen_reckoning_ = before->reckoning_;
+    foreseen_done_ = before->tiles_done_;
+  }
   ++reckoning_;
-  expected_ = Predict(before.Trace(), job_, frame_.tiles(), large() ? nullptr : rays);
+  expected_ = Predict(before ? before->Trace() : FrameTrace{job_, {}, {}}, job_, frame_.tiles(),
+                      large() ? nullptr : rays);
 }
 
 std::vector<uint32_t> ActiveFrame::Holders() const {
@@ -45,7 +48,7 @@ std::vector<uint32_t> ActiveFrame::Holders() const {
 double ActiveFrame::CostOf(size_t tile) const {
   // A tile that nothing is known of costs what the others do; a tile that costs nothing costs a little all
   // the same.
-  return expected_[tile].known ? expected_[tile].cost_s + usual_cost_s_ / 16 : usual_cost_s_;
+  return expected_[tile].cost_s > 0 ? expected_[tile].cost_s + usual_cost_s_ / 16 : usual_cost_s_;
 }
 
 void ActiveFrame::AddPromised(std::map<uint32_t, BlockSet>& holds, std::map<uint32_t, double>& busy_s) const {
@@ -70,11 +73,11 @@ void ActiveFrame::MakePlan(const std::vector<PlannedWorker>& workers,
   double known_s = 0;
   size_t known = 0;
   for (const TileTrace& trace : expected_)
-    if (trace.known) {
+    if (trace.cost_s > 0) {
       known_s += trace.cost_s;
       ++known;
     }
-  usual_cost_s_ = known > 0 && known_s > 0 ? known_s / static_cast<double>(known) : 0.01;
+  usual_cost_s_ = known > 0 ? known_s / static_cast<double>(known) : 0.01;
   const std::vector<uint32_t> holders = Holders();
   for (size_t t = 0; t < expected_.size(); ++t) {
     const TileTrace& trace = expected_[t];
@@ -96,7 +99,7 @@ Snapshot ActiveFrame::MakeSnapshot(std::vector<WorkerView> workers, double now_s
   for (size_t t = 0; t < s.tiles.size(); ++t) {
     s.tiles[t].done = tile_done_[t];
     s.tiles[t].owner = plan_[t];
-    s.tiles[t].cost_s = expected_[t].known ? expected_[t].cost_s : usual_cost_s_;
+    s.tiles[t].cost_s = expected_[t].cost_s > 0 ? expected_[t].cost_s : usual_cost_s_;
   }
   for (const auto& [id, lease] : leases_) {
     TileView& tile = s.tiles[lease.tile];
@@ -154,7 +157,7 @@ FrameTrace ActiveFrame::Trace() const {
 
 bool MayBegin(std::span<ActiveFrame* const> frames) {
   constexpr size_t kAlways = 2, kMost = 6;
-  constexpr uint64_t kPixels = 1u << 20;  // of all beyond two
+  constexpr uint64_t kPixels = 1u << 20;  // of those under way, for a third
   if (frames.size() < kAlways) return true;
   uint64_t pixels = 0;
   for (const ActiveFrame* frame : frames) pixels += uint64_t{frame->job().width} * frame->job().height;
@@ -171,7 +174,7 @@ void PlanFrames(std::span<ActiveFrame* const> frames, const ActiveFrame* previou
   size_t n = 0;
   for (ActiveFrame* frame : frames) {
     // Those after these come to it in their turn; the newest has nothing yet.
-    if (before && (n++ < kForeseen || frame == frames.back())) frame->Foresee(*before, rays);
+    if (n++ < kForeseen || frame == frames.back()) frame->Foresee(before, rays);
     if (news == PlanNews::kWorkers || !frame->large() || !frame->planned()) {
       std::vector<PlannedWorker> workers;
       for (const auto& [id, speed] : speeds) workers.push_back({id, speed, busy_s[id] / speed, &holds[id]});

@@ -32,9 +32,9 @@ class ActiveFrame {
   uint64_t rays_suspended() const { return rays_suspended_; }
   uint64_t leases_lost() const { return leases_lost_; }
 
-  /// Reckons what its tiles will touch from what the frame before has shown by now, if that is much more than
-  /// the last time; of a large one once, and without `rays`. `rays`: as Predict's.
-  void Foresee(const ActiveFrame& before, CoarseRays* rays);
+  /// Reckons what its tiles will touch from what the frame before (null: there is none) has shown by now, if
+  /// that is much more than the last time; of a large one once, and without `rays`. `rays`: as Predict's.
+  void Foresee(const ActiveFrame* before, CoarseRays* rays);
   /// Adds what tiles not done are expected to bring to the workers that have or are to have them, and the
   /// time they take. Both by worker.
   void AddPromised(std::map<uint32_t, BlockSet>& holds, std::map<uint32_t, double>& busy_s) const;
@@ -64,8 +64,8 @@ class ActiveFrame {
   FrameTrace Trace() const;
 
  private:
-  /// Foreseeing takes about 50 us a tile of the thread that hands tiles out, and workers have many tiles each
-  /// of a large picture: there is less to win.
+  /// Foreseeing takes time of the thread that hands tiles out (`quarry bench simulate` prints it), and
+  /// workers have many tiles each of a large picture: there is less to win.
   static constexpr size_t kMostForeseen = 512;
   /// Who has, or had, each tile; kNoWorker: nobody yet.
   std::vector<uint32_t> Holders() const;

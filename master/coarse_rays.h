@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <span>
 #include <vector>
 
@@ -21,16 +22,18 @@ class CoarseRays {
   explicit CoarseRays(const Catalog& catalog);
 
   Camera MakeCamera(const RenderJob& job) const;
-  struct Reached {
-    std::vector<uint32_t> surely, maybe;  ///< hot blocks, ascending; all of the first are in the second too
-  };
+  /// Hot blocks, each with the chance that a ray comes to it.
+  using Chances = std::map<uint32_t, float>;
   /// What 8x8 rays through the tile come to. `least`, `most`: by depth cell, how far from the eye a ray goes
-  /// at least and at most; negative: not at all.
-  Reached Blocks(const Camera& camera, const Frame::Tile& tile, std::span<const float> least,
+  /// at least and at most; negative: that is not known, and each voxel on its way may be the last.
+  Chances Blocks(const Camera& camera, const Frame::Tile& tile, std::span<const float> least,
                  std::span<const float> most);
 
  private:
-  std::vector<uint32_t> Trace(RayPacket& packet, uint64_t active);
+  /// The voxels that rays come to; of a single ray in their order.
+  std::span<const uint32_t> Trace(RayPacket& packet, uint64_t active);
+  void AddPacket(RayPacket& packet, uint64_t active, float chance, Chances& chances);
+  void AddUnknown(const Ray& ray, Chances& chances);
 
   const Catalog& catalog_;
   std::vector<KdNode> nodes_;  ///< of an empty voxel

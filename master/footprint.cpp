@@ -29,36 +29,27 @@ void Merge(TileTrace& into, const TileTrace& from, float part) {
   into.chances = std::move(chances);
 }
 
-/// Takes over what coarse rays come to: `sure`ly, or at most. Of hot blocks that they do not come to, those
-/// stay that rays of other kinds may have touched.
-void TakeCoarse(TileTrace& tile, const CoarseRays::Reached& reached, bool other_kinds) {
-  const auto& [sure, most] = reached;
-  std::vector<uint32_t> blocks;
-  std::vector<float> chances;
-  size_t a = 0, b = 0;
-  while (a < tile.blocks.size() || b < most.size()) {
-    const uint32_t block =
-        std::min(a < tile.blocks.size() ? tile.blocks[a] : kEnd, b < most.size() ? most[b] : kEnd);
-    float chance = 0;
-    if (a < tile.blocks.size() && tile.blocks[a] == block) {
-      if (other_kinds || block % 2 == static_cast<uint32_t>(BlockKind::kShading)) chance = tile.chances[a];
-      ++a;
-    }
-    if (b < most.size() && most[b] == block) {
-      chance = std::max(chance, std::binary_search(sure.begin(), sure.end(), block) ? 1 : kMaybe);
-      ++b;
-    }
-    if (chance == 0) continue;
-    blocks.push_back(block);
-    chances.push_back(chance);
+/// Takes over what coarse rays come to. Of hot blocks that they do not come to, those stay, with `others`,
+/// that other rays may touch.
+void TakeCoarse(TileTrace& tile, const CoarseRays::Chances& reached, bool others) {
+  CoarseRays::Chances chances = reached;
+  for (size_t i = 0; i < tile.blocks.size(); ++i) {
+    const uint32_t block = tile.blocks[i];
+    if (!others && block % 2 == static_cast<uint32_t>(BlockKind::kHot)) continue;
+    float& chance = chances[block];
+    chance = std::max(chance, tile.chances[i]);
   }
-  tile.blocks = std::move(blocks);
-  tile.chances = std::move(chances);
+  tile.blocks.clear();
+  tile.chances.clear();
+  for (const auto& [block, chance] : chances) {
+    tile.blocks.push_back(block);
+    tile.chances.push_back(chance);
+  }
+  tile.known = true;
 }
 
 /// What a tile saw, as one rectangle: the middle one of its cells' depths.
 double TileDepth(const TileTrace& trace) {
-  if (trace.depths.empty()) return kFarAway;
   std::vector<float> depths = trace.depths;
   const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
   std::nth_element(depths.begin(), middle, depths.end());
@@ -77,7 +68,7 @@ std::vector<TileTrace> FollowTiles(const FrameTrace& before, const Reprojection&
   for (size_t b = 0; b < before.tiles.size(); ++b) {
     const TileTrace& trace = before.traces[b];
     PixelBounds r;
-    if (!trace.known || !reprojection.Rectangle(before.tiles[b], TileDepth(trace), r)) continue;
+    if (trace.depths.empty() || !reprojection.Rectangle(before.tiles[b], TileDepth(trace), r)) continue;
     const double area = std::max(1.0, r.area());
     const auto depth = static_cast<float>(TileDepth(trace));
     grid.Each(r, [&](size_t at, double pixels) {
@@ -124,8 +115,10 @@ std::vector<TileTrace> Predict(const FrameTrace& before, const RenderJob& next,
       most.push_back(range.most[cell]);
       least.push_back(std::min(range.least[cell], range.most[cell]));
     });
-    if (std::ranges::any_of(most, [](float depth) { return depth == kUnknownDepth; })) continue;
-    TakeCoarse(out[t], rays->Blocks(camera, tiles[t], least, most), next.mode != RenderMode::kRaycast);
+    const bool seen = std::ranges::none_of(most, [](float depth) { return depth == kUnknownDepth; });
+    TakeCoarse(out[t], rays->Blocks(camera, tiles[t], least, most),
+               !seen || next.mode != RenderMode::kRaycast);
+    if (!seen) continue;
     out[t].depths = std::move(most);
     out[t].least_depths = std::move(least);
   }

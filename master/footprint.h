@@ -17,12 +17,10 @@ struct TileTrace {
   std::vector<float> chances;       ///< of each, that it is touched; empty: all were
   std::vector<float> depths;        ///< as TileDone has them, at most; empty while not known
   std::vector<float> least_depths;  ///< at least, negative where that is not known; empty: just depths
-  double cost_s = 0;                ///< processor time
-  bool known = false;
+  double cost_s = 0;                ///< processor time; 0 while not known
+  bool known = false;               ///< its blocks are
 };
 
-/// The chance that a tile touches a block to which rays come only if they go as far as they may.
-inline constexpr float kMaybe = 0.6f;
 /// With this chance a tile counts as touching a block: it is reckoned to bring the block to its worker.
 inline constexpr float kLeastChance = 0.5f;
 /// With this chance the worker is told to fetch it ahead.
@@ -43,8 +41,8 @@ struct FrameTrace {
 /// rectangle at its depth, is seen from the next camera, and each tile that it falls on gets its blocks and
 /// its share of the cost; tiles on which nothing falls stay unknown. What primary rays touch is known better:
 /// coarse ones (`rays`, or null) go as far as the frame before saw there, and come also to what nobody has
-/// touched yet. Source: Wald & Slusallek 2001, section 6.5 proposes coarse rays for the next view; how far
-/// they go, and reprojection, are ours.
+/// touched yet; where it saw nothing, chances tell how far they go. Source: Wald & Slusallek 2001,
+/// section 6.5 proposes coarse rays for the next view; how far they go, and reprojection, are ours.
 std::vector<TileTrace> Predict(const FrameTrace& before, const RenderJob& next,
                                const std::vector<Frame::Tile>& tiles, CoarseRays* rays);
 

@@ -17,10 +17,14 @@ constexpr uint32_t kNone = 0xFFFFFFFFu;
 constexpr double kUnknownShared = 0.24;
 /// Workers that a tile may be moved to: those with least to do.
 constexpr size_t kTargets = 8;
-/// Blocks looked at while levelling: a plan takes no longer than that.
-constexpr size_t kMostLooks = 8u << 20;
+/// Blocks looked at while levelling, and after that while gathering: a plan takes no longer than that.
+constexpr size_t kMostLooks = 8u << 20, kMostGatherLooks = 1u << 20;
 /// Tiles, of a stretch that is worth it; so many at its beginning tell who gets it.
 constexpr size_t kLeastStretch = 8;
+/// How much more than the busiest somebody may have to do so that less is fetched; and how often all tiles
+/// are looked at for that. As kUnknownShared was.
+constexpr double kGatherSlack = 1.3;
+constexpr int kGatherPasses = 8;
 
 class FootprintPlan {
  public:
@@ -44,6 +48,7 @@ class FootprintPlan {
     for (uint32_t w = 0; w < workers_; ++w) by_time_.insert({time_s_[w], w});
     Spread();
     Level();
+    Gather();
     std::vector<uint32_t> plan;
     for (const uint32_t w : owner_) plan.push_back(in_.workers[w].id);
     return plan;
@@ -363,6 +368,69 @@ class FootprintPlan {
     }
   }
 
+  /// What its worker would not have to fetch but for the tile, seconds.
+  double FetchedFor(uint32_t tile) {
+    double s = 0;
+    for (const Use& use : uses_[tile]) {
+      ++looks_;
+      const uint32_t worker = owner_[tile];
+      if (!Holds(worker, use.block) && FindGiven(given_[use.block], worker)->tiles == 1) s += use.fetch_s;
+    }
+    return s;
+  }
+
+  /// Others that have, or have been given, something that the tile uses, each once.
+  void FindSharers(uint32_t tile) {
+    sharers_.clear();
+    for (const Use& use : uses_[tile]) {
+      for (const Given& given : given_[use.block]) sharers_.push_back(given.worker);
+      for (size_t word = 0; word < words(); ++word)
+        for (uint64_t bits = holders_[use.block * words() + word]; bits != 0; bits &= bits - 1)
+          sharers_.push_back(static_cast<uint32_t>(64 * word) +
+                             static_cast<uint32_t>(std::countr_zero(bits)));
+    }
+    looks_ += sharers_.size();
+    std::sort(sharers_.begin(), sharers_.end());
+    sharers_.erase(std::unique(sharers_.begin(), sharers_.end()), sharers_.end());
+    std::erase(sharers_, owner_[tile]);
+  }
+
+  /// At last tiles go where less has to be fetched for them, from the busiest first, as long as nobody comes
+  /// to have more to do than the busiest had; a part more, where that saves as much time as computing the
+  /// tile takes.
+  void Gather() {
+    const double busiest_s = by_time_.rbegin()->first;
+    looks_ = 0;
+    for (size_t moves = 0; moves < owner_.size() && GatherOne(busiest_s); ++moves) {
+    }
+  }
+
+  bool GatherOne(double busiest_s) {
+    for (auto it = by_time_.rbegin(); it != by_time_.rend() && looks_ < kMostGatherLooks; ++it) {
+      uint32_t chosen = kNone, target = kNone;
+      double most_saved_s = 0;
+      for (const uint32_t t : tiles_of_[it->second]) {
+        const double fetched_s = FetchedFor(t);
+        if (fetched_s <= most_saved_s) continue;
+        FindSharers(t);
+        for (const uint32_t w : sharers_) {
+          const double compute_s = ComputeTime(t, w);
+          const double fetch_s = FetchTime(t, w, fetched_s - most_saved_s), saved_s = fetched_s - fetch_s;
+          if (saved_s <= most_saved_s ||
+              time_s_[w] + fetch_s + compute_s > (saved_s < compute_s ? 1 : kGatherSlack) * busiest_s)
+            continue;
+          chosen = t;
+          target = w;
+          most_saved_s = saved_s;
+        }
+      }
+      if (chosen == kNone) continue;
+      Move(chosen, target);
+      return true;
+    }
+    return false;
+  }
+
   const PlanInput& in_;
   const uint32_t workers_;
   std::vector<std::array<uint32_t, 4>> neighbours_;
@@ -380,6 +448,7 @@ class FootprintPlan {
   std::vector<std::vector<uint32_t>> tiles_of_;  ///< by worker, in any order
   std::vector<double> time_s_;                   ///< by worker
   std::set<std::pair<double, uint32_t>> by_time_;  ///< workers
+  std::vector<uint32_t> sharers_;                  ///< of the tile that is looked at
 };
 
 }  // namespace

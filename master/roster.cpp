@@ -78,7 +78,8 @@ double Roster::SecondsPerByte() const {
   double bytes = 0, s = 0;
   for (const auto& [id, worker] : workers_) {
     bytes += static_cast<double>(worker.counters.voxel_bytes_received);
-    s += static_cast<double>(worker.counters.fetch_us) * 1e-6;
+    s += (static_cast<double>(worker.counters.fetch_us) + static_cast<double>(worker.counters.decode_us)) *
+         1e-6;
   }
   return bytes < kKnownBytes ? kUsual : s / bytes;
 }

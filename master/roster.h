@@ -51,7 +51,7 @@ class Roster {
   static void Update(WorkerRecord& worker, const Alive& alive);
   /// Which workers serve others, and where.
   Peers MakePeers() const;
-  /// Seconds in which a byte of voxels comes to a worker while it waits for some, measured over all; 100
+  /// Seconds that a stored byte of voxels takes a worker to fetch and to decode, measured over all; 100
   /// Mbit/s while not known.
   double SecondsPerByte() const;
   /// A worker other than `but` that holds the block and serves it, or 0; another one for another block.

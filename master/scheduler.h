@@ -54,8 +54,8 @@ struct PlanInput {
   std::vector<PlannedTile> tiles;  ///< in the order of the frame's space-filling curve
   std::vector<PlannedWorker> workers;
   const std::vector<uint32_t>* block_bytes = nullptr;  ///< by block; for kFootprint
-  double seconds_per_byte = 1e-7;                      ///< of fetching, at one worker; for kFootprint
-  uint64_t frame = 0;                                  ///< for kRandom
+  double seconds_per_byte = 1e-7;  ///< of fetching and decoding, at one worker; for kFootprint
+  uint64_t frame = 0;              ///< for kRandom
 };
 
 /// A footprint plan leaves workers' expected times so far apart rather than move another tile: one for which

@@ -24,6 +24,7 @@ nlohmann::ordered_json WorkerStatistics(const WorkerRecord& w) {
   j["rays"] = c.rays;
   j["rays_suspended"] = c.rays_suspended;
   j["fetch_s"] = static_cast<double>(c.fetch_us) * 1e-6;
+  j["decode_s"] = static_cast<double>(c.decode_us) * 1e-6;
   j["compute_s"] = static_cast<double>(c.compute_us) * 1e-6;
   j["stall_s"] = static_cast<double>(c.stall_us) * 1e-6;
   j["source_retries"] = c.retries;

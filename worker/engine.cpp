@@ -10,12 +10,6 @@ namespace {
 
 constexpr int kBatchesPerPinSet = 8;  // pins are let go after so many batches, used up or not
 
-uint64_t MicrosecondsSince(std::chrono::steady_clock::time_point start) {
-  return static_cast<uint64_t>(
-      std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::steady_clock::now() - start)
-          .count());
-}
-
 }  // namespace
 
 Engine::Engine(const Catalog& catalog, VoxelCache& cache, unsigned threads, OnTile on_tile)

@@ -4,6 +4,8 @@
 
 #include <utility>
 
+#include "common/base/resource.h"
+
 namespace quarry {
 
 Status DecodeBlock(const Catalog& catalog, uint32_t block, std::span<const std::byte> stored,
@@ -70,7 +72,9 @@ bool Loader::Install(const Arrived& arrived) {
   if (!cache_.Reserve(entry.decoded)) return false;
   auto resident = std::make_unique<ResidentBlock>();
   resident->bytes = PageBuffer(entry.decoded);
+  const auto start = std::chrono::steady_clock::now();
   const Status status = DecodeBlock(catalog_, arrived.block, arrived.stored, decoder_, *resident);
+  decode_us_ += MicrosecondsSince(start);
   if (!status) {
     Fail(Error{fmt::format("block {}: {}", arrived.block, status.error().message)});
     return false;

@@ -29,6 +29,8 @@ class Loader {
 
   /// True while nothing that a ray waits for is on its way.
   bool idle() const { return in_flight_ == 0; }
+  /// Microseconds spent decoding, as time passes: of a processor that is shared too.
+  uint64_t decode_us() const { return decode_us_; }
 
   /// Asks for more while the bounds allow, and installs what waits for room. Call on the loader's thread when
   /// the cache calls on_want or on_space.
@@ -53,7 +55,7 @@ class Loader {
   BlockDecoder decoder_;
   std::deque<Arrived> arrived_;
   uint32_t in_flight_ = 0;
-  uint64_t stored_bytes_ = 0;
+  uint64_t stored_bytes_ = 0, decode_us_ = 0;
   bool failed_ = false;
   bool running_ = false;
 };

@@ -26,6 +26,11 @@ uint64_t ThreadTimeUs() {
   return static_cast<uint64_t>(t.tv_sec) * 1000000 + static_cast<uint64_t>(t.tv_nsec) / 1000;
 }
 
+uint64_t MicrosecondsSince(std::chrono::steady_clock::time_point start) {
+  const auto passed = std::chrono::steady_clock::now() - start;
+  return static_cast<uint64_t>(std::chrono::duration_cast<std::chrono::microseconds>(passed).count());
+}
+
 void KeepHeapSmall(size_t large) {
   ::mallopt(M_MMAP_THRESHOLD, static_cast<int>(large));
   ::mallopt(M_TRIM_THRESHOLD, static_cast<int>(2 * large));

@@ -319,6 +319,7 @@ Bytes Encode(const Alive& m) {
   w.fetch_us = m.fetch_us;
   w.prefetched_bytes = m.prefetched_bytes;
   w.prefetch_wasted_bytes = m.prefetch_wasted_bytes;
+  w.decode_us = m.decode_us;
   return Pack<wire::Alive>(w);
 }
 
@@ -346,6 +347,7 @@ Result<Alive> DecodeAlive(std::span<const std::byte> table) {
   m.fetch_us = w.fetch_us;
   m.prefetched_bytes = w.prefetched_bytes;
   m.prefetch_wasted_bytes = w.prefetch_wasted_bytes;
+  m.decode_us = w.decode_us;
   return m;
 }
 

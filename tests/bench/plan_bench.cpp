@@ -103,7 +103,7 @@ class Bench {
     Figures figures;
     for (int r = 0; r < repetitions; ++r) {
       ActiveFrame frame(2, next_, holding == Holding::kNothing ? nullptr : &first_);
-      if (holding != Holding::kNothing) frame.Foresee(first_, nullptr);
+      if (holding != Holding::kNothing) frame.Foresee(&first_, nullptr);
       const auto start = Clock::now();
       frame.MakePlan(planned, bytes_, kSecondsPerByte, SchedulingPolicy::kFootprint);
       figures.plan_s.push_back(Seconds(start));

@@ -119,6 +119,7 @@ Bytes AnyTable(Script& script) {
       alive.whole = script.Below(2) == 0;
       alive.voxel_bytes_received = script.Number();
       alive.fetch_us = script.Number();
+      alive.decode_us = script.Number();
       for (uint32_t n = script.Below(8); n > 0; --n) alive.cached.push_back(script.Number());
       for (uint32_t n = script.Below(8); n > 0; --n) alive.dropped.push_back(script.Number());
       return Encode(alive);
@@ -167,14 +168,16 @@ void NeverEnds(const char* what) {
   std::abort();
 }
 
-void OfferSeeds(const std::vector<std::vector<uint8_t>>& seeds) {
+}  // namespace quarry::fuzz
+
+extern "C" int LLVMFuzzerInitialize(int*, char***) {
+  (void)quarry::fuzz::Store();
   const char* folder = std::getenv("QUARRY_WRITE_SEEDS");
-  if (!folder) return;
+  if (!folder) return 0;
+  const auto seeds = quarry::fuzz::Seeds();
   for (size_t i = 0; i < seeds.size(); ++i) {
     std::ofstream file(folder + ("/seed-" + std::to_string(i)), std::ios::binary);
     file.write(reinterpret_cast<const char*>(seeds[i].data()), static_cast<std::streamsize>(seeds[i].size()));
   }
   std::exit(0);
 }
-
-}  // namespace quarry::fuzz

@@ -5,9 +5,10 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <deque>
-#include <fstream>
 #include <functional>
 #include <map>
 #include <memory>
@@ -21,6 +22,7 @@
 #include "common/net/source_policy.h"
 #include "common/voxel/store_reader.h"
 #include "master/active_frame.h"
+#include "tests/scalability/traced_walk.h"
 #include "worker/engine.h"
 #include "worker/loader.h"
 #include "worker/stored_cache.h"
@@ -39,60 +41,23 @@ struct SimOptions {
   double worker_mbit = 100, server_mbit = 1000, share = 1, decode_gb_s = 0.6, latency_s = 4e-4, tile_us = 60,
          overhead_us = 0;
   unsigned waves = 6, frames = 0, step = 1;
+  std::string loading = "suspend";
 };
 
-/// The walk as it was rendered once.
-struct Walk {
-  struct Tile {
-    double compute_s = 0;
-    std::vector<float> depths;
-    std::vector<uint32_t> blocks;
-  };
-  std::vector<RenderJob> jobs;
-  std::vector<std::vector<Tile>> tiles;  ///< by frame
+/// What a worker does while a voxel comes.
+enum class Loading {
+  kSuspend,  ///< goes on with other rays; as Quarry does
+  kWait,     ///< nothing: one tile, one voxel after the other
+  kMap       ///< nothing, and the voxel is decoded bytes of a file mapped over the network, piece by piece
 };
+/// Of a mapped file, as NFS clients read ahead by default.
+constexpr double kMappedPiece = 128 << 10;
 
-/// As TileLog writes them: null where rays hit nothing.
-std::vector<float> Depths(const Json& j) {
-  std::vector<float> depths;
-  for (const Json& depth : j)
-    depths.push_back(depth.is_null() ? std::numeric_limits<float>::infinity() : depth.get<float>());
-  return depths;
-}
-
-Result<Walk> ReadWalk(const SimOptions& o) {
-  std::ifstream file(o.trace);
-  if (!file) return Fail(fmt::format("{}: cannot be read", o.trace));
-  std::map<uint32_t, std::pair<RenderJob, std::map<uint32_t, Walk::Tile>>> frames;
-  std::string line;
-  while (std::getline(file, line)) {
-    const Json j = Json::parse(line, nullptr, false);
-    if (j.is_discarded()) continue;  // the last line of a master that was ended
-    auto& [job, tiles] = frames[j["frame"].get<uint32_t>()];
-    if (!j.contains("tile")) {
-      const auto vector = [&](const char* key) { return glm::dvec3(j[key][0], j[key][1], j[key][2]); };
-      job.width = j["width"];
-      job.height = j["height"];
-      CameraSpec camera{vector("eye"), vector("at"), vector("up"), j["fov"], j["ortho"]};
-      job.cameras = {camera};
-      job.first_frame = j["frame"];
-      QUARRY_TRY(NormalizeJob(job));
-      continue;
-    }
-    tiles[j["tile"].get<uint32_t>()] = {j["compute_us"].get<double>() * 1e-6, Depths(j["depths"]),
-                                        j["blocks"].get<std::vector<uint32_t>>()};
-  }
-  Walk walk;
-  for (auto& [number, frame] : frames) {
-    if (number % o.step != 0 || (o.frames > 0 && walk.jobs.size() == o.frames)) continue;
-    walk.jobs.push_back(frame.first);
-    walk.tiles.emplace_back();
-    for (auto& [t, tile] : frame.second) walk.tiles.back().push_back(std::move(tile));
-    if (walk.tiles.back().size() != Frame(frame.first).tiles().size())
-      return Fail(fmt::format("{}: frame {} lacks tiles", o.trace, number));
-  }
-  if (walk.jobs.empty()) return Fail(fmt::format("{}: has no frames", o.trace));
-  return walk;
+Result<Loading> ParseLoading(const std::string& text) {
+  if (text == "suspend") return Loading::kSuspend;
+  if (text == "wait") return Loading::kWait;
+  if (text == "map") return Loading::kMap;
+  return BadUsage(fmt::format("--loading is suspend, wait or map, not '{}'", text));
 }
 
 /// What happens when: the earliest first, those of one moment in the order in which they were made.
@@ -133,18 +98,23 @@ struct Serial {
 
 class Simulation {
  public:
-  Simulation(const SimOptions& o, const Walk& walk, const Catalog& catalog,
+  Simulation(const SimOptions& o, const TracedWalk& walk, const Catalog& catalog,
              const std::vector<uint32_t>& block_bytes, unsigned workers)
       : o_(o),
         walk_(walk),
         catalog_(catalog),
         rays_(catalog),
         block_bytes_(block_bytes),
-        policy_(*ParsePolicy(o.policy)) {
-    uint64_t decoded = 0;
+        policy_(*ParsePolicy(o.policy)),
+        loading_(*ParseLoading(o.loading)) {
+    uint64_t decoded = 0, in_store = 0;
     for (const VoxelEntry& v : catalog.voxels) decoded += v.blocks[0].decoded + v.blocks[1].decoded;
+    for (const uint32_t bytes : block_bytes) in_store += bytes;
+    seconds_per_byte_ = 8e-6 / o.worker_mbit + static_cast<double>(decoded) / static_cast<double>(in_store) /
+                                                   (o.decode_gb_s * 1e9) / o.share;
     const uint64_t cache = *ParseSize(o.cache, "--cache");
-    const uint64_t stored = StoredCache::ShareOf(cache, decoded, catalog.meta.largest_decoded);
+    const uint64_t stored =
+        loading_ == Loading::kMap ? 0 : StoredCache::ShareOf(cache, decoded, catalog.meta.largest_decoded);
     for (uint32_t w = 0; w < workers; ++w)
       workers_.push_back(std::make_unique<Worker>(w + 1, stored, cache - stored, o.servers + workers));
     for (unsigned s = 0; s < o.servers; ++s) {
@@ -159,7 +129,7 @@ class Simulation {
     for (int pass = 0; pass <= (o_.warm ? 1 : 0); ++pass) {
       next_frame_ = 0;
       bytes_ = peer_bytes_ = 0;
-      for (const auto& w : workers_) w->processor.busy_s = 0;
+      for (const auto& w : workers_) w->processor.busy_s = w->down.busy_s = 0;
       for (Serial& s : servers_) s.busy_s = 0;
       start_s = clock_.now_s();
       HandOutTiles();
@@ -181,6 +151,16 @@ class Simulation {
       }
     return static_cast<double>(fulfilled) / static_cast<double>(std::max<uint64_t>(1, hinted));
   }
+  /// Real seconds of this machine that foreseeing and planning took, a frame.
+  double planning_s() const {
+    return planning_s_ / static_cast<double>(walk_.jobs.size()) / (o_.warm ? 2 : 1);
+  }
+  /// What a worker needs at least, of its processor or its link, the most of any.
+  double least_s() const {
+    double most = 0;
+    for (const auto& w : workers_) most = std::max({most, w->processor.busy_s, w->down.busy_s});
+    return most;
+  }
   double compute_s() const {
     double sum = 0;
     for (const auto& w : workers_) sum += w->processor.busy_s;
@@ -196,7 +176,7 @@ class Simulation {
   struct Tile {
     ActiveFrame* frame;
     TileOrder order;
-    const Walk::Tile* traced;
+    const TracedWalk::Tile* traced;
     std::vector<uint32_t> blocks;  ///< in the order in which its rays come to them
     size_t wave_end = 0, left_in_wave = 0;
     double slice_s = 0;
@@ -239,8 +219,10 @@ class Simulation {
       speeds[w->id] = o_.share;
       holds[w->id] = w->holds;
     }
+    const auto start = std::chrono::steady_clock::now();
     PlanFrames(Frames(), previous_.get(), PlanNews::kFrames, speeds, std::move(holds), block_bytes_,
-               8e-6 / o_.worker_mbit, policy_, &rays_);
+               seconds_per_byte_, policy_, &rays_);
+    planning_s_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   }
 
   void HandOutTiles() {
@@ -249,8 +231,8 @@ class Simulation {
     std::function<double(const ActiveFrame&, uint32_t, uint32_t)> fetch_s;
     if (policy_ == SchedulingPolicy::kFootprint)
       fetch_s = [this](const ActiveFrame& frame, uint32_t tile, uint32_t worker) {
-        return ExpectedBytes(frame.Expected(tile), workers_[worker - 1]->holds, block_bytes_) * 8e-6 /
-               o_.worker_mbit;
+        return ExpectedBytes(frame.Expected(tile), workers_[worker - 1]->holds, block_bytes_) *
+               seconds_per_byte_;
       };
     for (HandedTile& handed :
          HandOut(Frames(), hands, clock_.now_s(), fetch_s, [this] { return StartFrame(); })) {
@@ -312,7 +294,8 @@ class Simulation {
   }
 
   void OpenTiles(Worker& w) {
-    while (w.open.size() < Engine::kOpenTiles && !w.queue.empty()) {
+    const size_t most = loading_ == Loading::kSuspend ? Engine::kOpenTiles : 1;
+    while (w.open.size() < most && !w.queue.empty()) {
       auto tile = w.queue.front();
       w.queue.pop_front();
       w.open.push_back(tile);
@@ -337,8 +320,9 @@ class Simulation {
       });
       return;
     }
-    const size_t begin = tile->wave_end;
-    tile->wave_end = std::min(tile->blocks.size(), begin + (tile->blocks.size() + o_.waves - 1) / o_.waves);
+    const size_t begin = tile->wave_end, all = tile->blocks.size();
+    tile->wave_end =
+        loading_ == Loading::kSuspend ? std::min(all, begin + (all + o_.waves - 1) / o_.waves) : begin + 1;
     tile->left_in_wave = tile->wave_end - begin;
     for (size_t i = begin; i < tile->wave_end; ++i) Need(w, tile, tile->blocks[i]);
   }
@@ -384,16 +368,19 @@ class Simulation {
     for (const uint32_t s : order) views[s] = {w.answers[s].mean_s(), true};
     const auto source = static_cast<uint32_t>(ChooseSource(order, views));
     const bool peer = source >= o_.servers;
-    const double bytes = block_bytes_[block] + 24.0, asked_s = clock_.now_s();
+    const double decoded = catalog_.block(block).decoded, asked_s = clock_.now_s();
+    const double bytes = loading_ == Loading::kMap ? decoded : block_bytes_[block] + 24.0;
+    const double pieces = loading_ == Loading::kMap ? std::ceil(decoded / kMappedPiece) : 1;
     Serial& up = peer ? workers_[source - o_.servers]->up : servers_[source];
     const double up_mbit = peer ? o_.worker_mbit : o_.server_mbit;
     const double sent_s = up.Take(asked_s + o_.latency_s / 2, bytes * 8e-6 / up_mbit);
     // The slower of two links in a row decides; what is queued in each comes first.
     const double come_s =
         std::max(sent_s, w.down.Take(sent_s - bytes * 8e-6 / up_mbit, bytes * 8e-6 / o_.worker_mbit)) +
-        o_.latency_s / 2;
-    bytes_ += block_bytes_[block];
-    if (peer) peer_bytes_ += block_bytes_[block];
+        o_.latency_s * (pieces - 0.5);
+    const auto came = loading_ == Loading::kMap ? static_cast<uint64_t>(decoded) : block_bytes_[block];
+    bytes_ += came;
+    if (peer) peer_bytes_ += came;
     clock_.At(come_s, [this, &w, block, source, asked_s] {
       w.answers[source].Add(clock_.now_s() - asked_s);
       std::vector<uint32_t> gone;
@@ -405,17 +392,17 @@ class Simulation {
 
   void Decode(Worker& w, uint32_t block) {
     const uint32_t decoded = catalog_.block(block).decoded;
-    clock_.At(w.processor.Take(clock_.now_s(), decoded / (o_.decode_gb_s * 1e9) / o_.share),
-              [this, &w, block, decoded] {
-                std::vector<uint32_t> gone;
-                w.decoded.Insert(block, decoded, false, gone);
-                gone.push_back(block);
-                Told(w, gone);
-                --w.in_flight;
-                for (const auto& tile : std::exchange(w.waiting[block], {})) Slice(w, tile);
-                w.waiting.erase(block);
-                Load(w);
-              });
+    const double decode_s = loading_ == Loading::kMap ? 0 : decoded / (o_.decode_gb_s * 1e9) / o_.share;
+    clock_.At(w.processor.Take(clock_.now_s(), decode_s), [this, &w, block, decoded] {
+      std::vector<uint32_t> gone;
+      w.decoded.Insert(block, decoded, false, gone);
+      gone.push_back(block);
+      Told(w, gone);
+      --w.in_flight;
+      for (const auto& tile : std::exchange(w.waiting[block], {})) Slice(w, tile);
+      w.waiting.erase(block);
+      Load(w);
+    });
   }
 
   /// What the master knows of these blocks.
@@ -424,11 +411,13 @@ class Simulation {
   }
 
   const SimOptions& o_;
-  const Walk& walk_;
+  const TracedWalk& walk_;
   const Catalog& catalog_;
   CoarseRays rays_;
   const std::vector<uint32_t>& block_bytes_;
   const SchedulingPolicy policy_;
+  const Loading loading_;
+  double seconds_per_byte_;  ///< stored: fetching and decoding
   Clock clock_;
   std::vector<std::unique_ptr<Worker>> workers_;
   std::deque<Serial> servers_;
@@ -441,13 +430,15 @@ class Simulation {
   uint64_t next_setup_ = 1, bytes_ = 0, peer_bytes_ = 0;
   uint64_t touched_bytes_ = 0, foreseen_bytes_ = 0;
   double last_done_s_ = 0;
+  double planning_s_ = 0;  ///< real time, not simulated
 };
 
 Status Run(const SimOptions& o) {
   QUARRY_TRY(ParsePolicy(o.policy));
+  QUARRY_TRY(ParseLoading(o.loading));
   QUARRY_TRY(ParseSize(o.cache, "--cache"));
   QUARRY_ASSIGN(const StoreReader store, StoreReader::Open(o.store));
-  QUARRY_ASSIGN(const Walk walk, ReadWalk(o));
+  QUARRY_ASSIGN(const TracedWalk walk, ReadTracedWalk(o.trace, store.catalog(), o.step, o.frames));
   std::vector<uint32_t> bytes;
   for (uint32_t b = 0; b < store.catalog().voxels.size() * 2; ++b)
     bytes.push_back(store.catalog().block(b).stored);
@@ -459,25 +450,32 @@ Status Run(const SimOptions& o) {
   fmt::print("{} frames of {} tiles, {:.1f} MB touched\n", walk.jobs.size(), walk.tiles[0].size(),
              touched_bytes * 1e-6);
   fmt::print(
-      "workers  seconds  speed-up  MB loaded  from peers  processors busy  busiest server  foreseen  "
-      "fulfilled\n");
+      "workers  seconds  speed-up  MB loaded  from peers  processors busy  busiest server  overlap  foreseen "
+      " "
+      "fulfilled  ms planning a frame\n");
   Json rows = Json::array();
   double one_s = 0;
   for (const unsigned workers : o.workers) {
     Simulation simulation(o, walk, store.catalog(), bytes, workers);
     const double s = simulation.Run();
     if (one_s == 0) one_s = s * workers;  // the first count's, if it is not one
-    fmt::print("{:7}  {:7.2f}  {:8.2f}  {:9.1f}  {:10.1f}  {:14.0f}%  {:13.0f}%  {:7.0f}%  {:8.0f}%\n",
-               workers, s, one_s / s, simulation.bytes() * 1e-6, simulation.peer_bytes() * 1e-6,
-               100 * simulation.compute_s() / workers / s, 100 * simulation.server_busy_s() / s,
-               100 * simulation.foreseen(), 100 * simulation.fulfilled());
+    fmt::print(
+        "{:7}  {:7.2f}  {:8.2f}  {:9.1f}  {:10.1f}  {:14.0f}%  {:13.0f}%  {:7.2f}  {:7.0f}%  {:8.0f}%  "
+        "{:19.1f}\n",
+        workers, s, one_s / s, simulation.bytes() * 1e-6, simulation.peer_bytes() * 1e-6,
+        100 * simulation.compute_s() / workers / s, 100 * simulation.server_busy_s() / s,
+        simulation.least_s() / s, 100 * simulation.foreseen(), 100 * simulation.fulfilled(),
+        1e3 * simulation.planning_s());
     rows.push_back({{"workers", workers},
                     {"servers", o.servers},
                     {"peers", o.peers},
                     {"policy", o.policy},
+                    {"loading", o.loading},
                     {"seconds", s},
+                    {"overlap", simulation.least_s() / s},
                     {"voxel_bytes_received", simulation.bytes()},
                     {"voxel_bytes_from_peer", simulation.peer_bytes()},
+                    {"planning_s_a_frame", simulation.planning_s()},
                     {"touched_bytes", touched_bytes}});
   }
   if (o.json.empty()) return {};
@@ -498,6 +496,10 @@ int Main(int argc, char** argv) {
   app.add_flag("--peers", o.peers, "Workers serve each other");
   app.add_flag("--warm", o.warm, "Time the walk's second pass");
   app.add_option("--schedule", o.policy, "footprint, last-owner or random")->capture_default_str();
+  app.add_option("--loading", o.loading,
+                 "What a worker does while a voxel comes: suspend (goes on with other rays), wait (nothing), "
+                 "map (nothing, and voxels are decoded bytes of a file mapped over the network)")
+      ->capture_default_str();
   app.add_option("--cache", o.cache, "Each worker's")->capture_default_str();
   app.add_option("--worker-mbit", o.worker_mbit, "Each worker's link")->capture_default_str();
   app.add_option("--server-mbit", o.server_mbit, "Each server's link")->capture_default_str();

@@ -7,24 +7,14 @@
 #include "common/kdtree/treelets.h"
 #include "common/kdtree/wide_tree.h"
 #include "master/depth_range.h"
+#include "tests/support/looking.h"
 
 namespace quarry {
 namespace {
 
-constexpr float kNothing = std::numeric_limits<float>::infinity();
+using test::Looking;
 
-RenderJob Looking(glm::dvec3 eye, glm::dvec3 at) {
-  RenderJob job;
-  job.width = 320;
-  job.height = 256;
-  CameraSpec camera;
-  camera.eye = eye;
-  camera.at = at;
-  camera.up = {0, 0, 1};
-  job.cameras = {camera};
-  REQUIRE(NormalizeJob(job).has_value());
-  return job;
-}
+constexpr float kNothing = std::numeric_limits<float>::infinity();
 
 std::vector<float> Depths(const Frame::Tile& tile, float depth) {
   return std::vector<float>(size_t{DepthCells(tile.width)} * DepthCells(tile.height), depth);
@@ -96,19 +86,40 @@ TEST_CASE("Coarse rays come to the voxels before what they may reach") {
   const RenderJob job = Looking({0, -20, 0}, {0, 10, 0});
   const Camera camera = rays.MakeCamera(job);
   const Frame::Tile tile{160, 128, 32, 32};
+  using Chances = CoarseRays::Chances;
   const auto blocks = [&](float depth) {
-    return rays.Blocks(camera, tile, Depths(tile, depth), Depths(tile, depth)).surely;
+    return rays.Blocks(camera, tile, Depths(tile, depth), Depths(tile, depth));
   };
   CHECK(blocks(5).empty());  // before the scene
-  CHECK(blocks(15) == std::vector<uint32_t>{0});
-  CHECK(blocks(35) == std::vector<uint32_t>{0, 2, 4});
-  CHECK(blocks(kNothing) == std::vector<uint32_t>{0, 2, 4, 6});
+  CHECK(blocks(15) == Chances{{0, 1}});
+  CHECK(blocks(35) == Chances{{0, 1}, {2, 1}, {4, 1}});
+  CHECK(blocks(kNothing) == Chances{{0, 1}, {2, 1}, {4, 1}, {6, 1}});
   // Each ray for itself: one cell that sees farther is enough.
   std::vector<float> depths = Depths(tile, 15);
   depths[9] = 25;
-  const auto reached = rays.Blocks(camera, tile, Depths(tile, 15), depths);
-  CHECK(reached.surely == std::vector<uint32_t>{0});
-  CHECK(reached.maybe == std::vector<uint32_t>{0, 2});
+  Chances reached = rays.Blocks(camera, tile, Depths(tile, 15), depths);
+  CHECK(reached.size() == 2);
+  CHECK(reached[0] == 1);
+  CHECK(reached[2] < 1);
+  CHECK(reached[2] > 0.5f);
+  // How far is not known: as far as it goes, with ever less of a chance.
+  reached = blocks(kUnknownDepth);
+  CHECK(reached.size() == 4);
+  CHECK(reached[0] == 1);
+  for (uint32_t block = 2; block < 8; block += 2) CHECK(reached[block] < reached[block - 2]);
+}
+
+TEST_CASE("The first frame of a walk is foreseen by coarse rays alone, without costs") {
+  const Catalog catalog = FourInARow();
+  CoarseRays rays(catalog);
+  const RenderJob job = Looking({0, -20, 0}, {0, 10, 0});
+  const auto tiles = Frame(job).tiles();
+  for (const TileTrace& trace : Predict({job, {}, {}}, job, tiles, &rays)) {
+    CHECK(trace.known);
+    CHECK(trace.cost_s == 0);
+    CHECK(trace.depths.empty());
+  }
+  for (const TileTrace& trace : Predict({job, {}, {}}, job, tiles, nullptr)) CHECK_FALSE(trace.known);
 }
 
 TEST_CASE("What a camera comes nearer to is nearer; what comes into view is as far as what is beside it") {

@@ -6,9 +6,12 @@
 
 #include "master/scheduler.h"
 #include "master/spool.h"
+#include "tests/support/looking.h"
 
 namespace quarry {
 namespace {
+
+using test::Looking;
 
 struct PlanFixture {
   std::vector<std::vector<uint32_t>> blocks;
@@ -23,19 +26,6 @@ struct PlanFixture {
     in.block_bytes = &bytes;
   }
 };
-
-RenderJob Looking(glm::dvec3 eye, glm::dvec3 at) {
-  RenderJob job;
-  job.width = 320;
-  job.height = 256;
-  CameraSpec camera;
-  camera.eye = eye;
-  camera.at = at;
-  camera.up = {0, 0, 1};
-  job.cameras = {camera};
-  REQUIRE(NormalizeJob(job).has_value());
-  return job;
-}
 
 }  // namespace
 
@@ -122,6 +112,19 @@ TEST_CASE("Computing is levelled only where that is worth the bytes") {
   f.in.seconds_per_byte = 1e-9;
   const auto plan = Plan(f.in, SchedulingPolicy::kFootprint);
   CHECK(std::count(plan.begin(), plan.end(), 2) >= 2);
+}
+
+TEST_CASE("Tiles that share what has to be fetched come together where that saves time") {
+  // Two of each block, far apart along the curve; nobody has anything but the first two.
+  PlanFixture f(8, 2);
+  for (uint32_t t = 0; t < 8; ++t) f.blocks[t] = {10 + t % 4};
+  f.holds[0].Set(10, true);
+  f.holds[1].Set(11, true);
+  for (PlannedTile& tile : f.in.tiles) tile.cost_s = 1e-3;
+  f.in.seconds_per_byte = 1e-4;  // 10 ms a block
+  const auto plan = Plan(f.in, SchedulingPolicy::kFootprint);
+  for (uint32_t t = 0; t < 4; ++t) CHECK(plan[t] == plan[t + 4]);
+  CHECK(std::count(plan.begin(), plan.end(), 1) == 4);
 }
 
 TEST_CASE("Every policy plans every tile for a worker that is there; the same for the same input") {

@@ -1,0 +1,125 @@
+#include "master/active_frame.h"
+
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <set>
+
+#include "tests/support/looking.h"
+
+namespace quarry {
+namespace {
+
+using test::Looking;
+
+/// Two workers of like speed, blocks of 1000 bytes each.
+struct Cluster {
+  std::map<uint32_t, double> speeds = {{1, 1}, {2, 1}};
+  std::map<uint32_t, BlockSet> holds = {{1, {}}, {2, {}}};
+  std::vector<uint32_t> block_bytes = std::vector<uint32_t>(4096, 1000);
+
+  void Plan(std::vector<ActiveFrame*> frames, const ActiveFrame* previous, PlanNews news) {
+    PlanFrames(frames, previous, news, speeds, holds, block_bytes, 1e-6, SchedulingPolicy::kFootprint,
+               nullptr);
+  }
+};
+
+/// Who each tile is planned for.
+std::vector<uint32_t> Planned(const ActiveFrame& frame) {
+  std::vector<uint32_t> workers;
+  for (const TileView& tile : frame.MakeSnapshot({}, 0).tiles) workers.push_back(tile.owner);
+  return workers;
+}
+
+/// All tiles rendered by who is planned for them, each having touched the block of its own number, 10 away.
+void Render(ActiveFrame& frame) {
+  const auto owners = Planned(frame);
+  for (uint32_t t = 0; t < owners.size(); ++t) {
+    const TileOrder order = frame.Lease({t, owners[t]}, 0);
+    TileDone done{frame.setup(), t, order.lease, 0, 0, 10000};
+    done.depths.assign(size_t{DepthCells(order.width)} * DepthCells(order.height), 10);
+    done.blocks = {t};
+    const Bytes pixels(size_t{order.width} * order.height * frame.frame().words_per_pixel() * 4);
+    REQUIRE(*frame.Finish(done, pixels, 1));
+  }
+}
+
+}  // namespace
+
+TEST_CASE("Two frames may always be under way, of small ones six, of a million pixels no third") {
+  const RenderJob small = Looking({0, 0, 0}, {0, 10, 0}), large = Looking({0, 0, 0}, {0, 10, 0}, 1280, 720);
+  std::vector<ActiveFrame> small_ones(6, ActiveFrame(1, small, nullptr)),
+      large_ones(2, ActiveFrame(1, large, nullptr));
+  std::vector<ActiveFrame*> frames;
+  for (ActiveFrame& frame : small_ones) {
+    CHECK(MayBegin(frames));
+    frames.push_back(&frame);
+  }
+  CHECK_FALSE(MayBegin(frames));
+  frames = {&large_ones[0]};
+  CHECK(MayBegin(frames));
+  frames.push_back(&large_ones[1]);
+  CHECK_FALSE(MayBegin(frames));
+}
+
+TEST_CASE("A frame under way is planned with what those before it are to bring") {
+  const RenderJob job = Looking({0, 0, 0}, {0, 10, 0});
+  Cluster cluster;
+  ActiveFrame shown(1, job, nullptr);
+  cluster.Plan({&shown}, nullptr, PlanNews::kFrames);
+  Render(shown);
+  // Nobody holds anything now: who gets a tile of the second frame follows from the first one's plan alone.
+  ActiveFrame first(2, job, &shown), second(3, job, &first);
+  // Worker 2 has what every odd tile of the first touches.
+  for (uint32_t b = 1; b < shown.owners().size(); b += 2) cluster.holds[2].Set(b, true);
+  cluster.Plan({&first, &second}, &shown, PlanNews::kFrames);
+  const auto of_first = Planned(first), of_second = Planned(second);
+  CHECK(std::set<uint32_t>(of_first.begin(), of_first.end()) == std::set<uint32_t>{1, 2});
+  size_t alike = 0;
+  for (size_t t = 0; t < of_first.size(); ++t) alike += of_first[t] == of_second[t];
+  CHECK(alike >= of_first.size() - 4);  // with what the first brings it costs nothing; but all are levelled
+  // By itself it goes by what is there.
+  ActiveFrame alone(4, job, &shown);
+  for (uint32_t b = 0; b < of_first.size(); ++b) cluster.holds[of_first[b] == 1 ? 2 : 1].Set(b, true);
+  cluster.Plan({&alone}, &shown, PlanNews::kFrames);
+  alike = 0;
+  for (size_t t = 0; t < of_first.size(); ++t) alike += of_first[t] == Planned(alone)[t];
+  CHECK(alike < of_first.size() / 2);
+}
+
+TEST_CASE("A large frame is planned once, and again when workers come or go") {
+  const RenderJob job = Looking({0, 0, 0}, {0, 10, 0}, 1024, 768);
+  Cluster cluster;
+  ActiveFrame frame(1, job, nullptr);
+  REQUIRE(frame.large());
+  cluster.Plan({&frame}, nullptr, PlanNews::kFrames);
+  REQUIRE(frame.planned());
+  const auto plan = Planned(frame);
+  CHECK(std::count(plan.begin(), plan.end(), 1) > 0);
+  cluster.speeds.erase(1);
+  cluster.Plan({&frame}, nullptr, PlanNews::kFrames);
+  CHECK(Planned(frame) == plan);
+  cluster.Plan({&frame}, nullptr, PlanNews::kWorkers);
+  CHECK(Planned(frame) == std::vector<uint32_t>(plan.size(), 2));
+  ActiveFrame small(2, Looking({0, 0, 0}, {0, 10, 0}), nullptr);
+  cluster.Plan({&small}, nullptr, PlanNews::kFrames);
+  cluster.speeds = {{3, 1}};
+  cluster.Plan({&small}, nullptr, PlanNews::kFrames);
+  const auto now = Planned(small);
+  CHECK(now == std::vector<uint32_t>(now.size(), 3));
+}
+
+TEST_CASE("A large frame is foreseen once") {
+  const RenderJob job = Looking({0, 0, 0}, {0, 10, 0}, 1024, 768);
+  Cluster cluster;
+  ActiveFrame before(1, job, nullptr), next(2, job, &before);
+  cluster.Plan({&before, &next}, nullptr, PlanNews::kFrames);
+  CHECK_FALSE(next.Expected(0).known);
+  Render(before);
+  cluster.Plan({&next}, &before, PlanNews::kFrames);
+  CHECK_FALSE(next.Expected(0).known);  // it was foreseen when nothing was done yet
+  ActiveFrame after(3, job, &before);
+  cluster.Plan({&after}, &before, PlanNews::kFrames);
+  CHECK(after.Expected(0).known);
+}
+
+}  // namespace quarry
