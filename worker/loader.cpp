@@ -69,7 +69,7 @@ bool Loader::Install(const Arrived& arrived) {
   const BlockEntry& entry = catalog_.block(arrived.block);
   if (!cache_.Reserve(entry.decoded)) return false;
   auto resident = std::make_unique<ResidentBlock>();
-  resident->bytes = PageBuffer(entry.decoded);
+  resident->bytes = cache_.TakePages(entry.decoded);
   const Status status = DecodeBlock(catalog_, arrived.block, arrived.stored, decoder_, *resident);
   if (!status) {
     Fail(Error{fmt::format("block {}: {}", arrived.block, status.error().message)});
