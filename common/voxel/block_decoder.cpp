@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
 #include "common/voxel/byte_planes.h"
 #include "common/voxel/tree_completion.h"

@@ -4,7 +4,6 @@
 #include <lz4hc.h>
 
 #include <algorithm>
-#include <cstring>
 
 #include "common/base/check.h"
 #include "common/kdtree/treelets.h"
