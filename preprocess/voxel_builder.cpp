@@ -100,21 +100,35 @@ VoxelTree BuildTree(std::span<const TriangleRecord> triangles, const Box& cell, 
   }
 }
 
+/// Where each leaf's references begin, and the end of all.
+std::vector<uint32_t> LeafBounds(const KdTree& tree) {
+  std::vector<uint32_t> bounds{static_cast<uint32_t>(tree.references.size())};
+  for (const KdNode& n : tree.nodes)
+    if (n.is_leaf() && n.count() != 0) bounds.push_back(n.first());
+  std::ranges::sort(bounds);
+  return bounds;
+}
+
 /// The triangles in the order in which leaves first refer to them, which is renumbered: what one leaf needs
-/// lies together.
-std::vector<uint16_t> OrderByLeaves(std::vector<uint32_t>& references, size_t triangles) {
+/// lies together. Each leaf refers to triangles that came before first, in order, then to its own: so there
+/// are long runs of either, which is small and quick to decode.
+std::vector<uint16_t> OrderByLeaves(KdTree& tree, size_t triangles) {
   std::vector<uint16_t> number(triangles, kUnseen), order;
   order.reserve(triangles);
-  const auto visit = [&](uint16_t triangle) {
-    if (number[triangle] == kUnseen) {
-      number[triangle] = static_cast<uint16_t>(order.size());
-      order.push_back(triangle);
+  const std::vector<uint32_t> bounds = LeafBounds(tree);
+  for (size_t i = 0; i + 1 < bounds.size(); ++i) {
+    const auto first = tree.references.begin() + bounds[i], end = tree.references.begin() + bounds[i + 1];
+    const auto fresh = std::stable_partition(first, end, [&](uint32_t t) { return number[t] != kUnseen; });
+    for (auto reference = fresh; reference != end; ++reference) {
+      number[*reference] = static_cast<uint16_t>(order.size());
+      order.push_back(static_cast<uint16_t>(*reference));
     }
-    return number[triangle];
-  };
-  for (uint32_t& reference : references) reference = visit(static_cast<uint16_t>(reference));
+    std::transform(first, end, first, [&](uint32_t t) { return number[t]; });
+    std::sort(first, fresh);
+  }
   // The partition gave the voxel a triangle by its box; the tree has found that it does not reach the cell.
-  for (size_t i = 0; i < triangles; ++i) visit(static_cast<uint16_t>(i));
+  for (size_t t = 0; t < triangles; ++t)
+    if (number[t] == kUnseen) order.push_back(static_cast<uint16_t>(t));
   return order;
 }
 
@@ -134,7 +148,7 @@ EncodedVoxel BuildVoxel(std::span<const TriangleRecord> triangles, const Box& ce
   HotVoxel voxel;
   voxel.cell = cell;
   auto [tree, node_slots, wide_nodes] = BuildTree(triangles, cell, padding, room);
-  const std::vector<uint16_t> order = OrderByLeaves(tree.references, triangles.size());
+  const std::vector<uint16_t> order = OrderByLeaves(tree, triangles.size());
   voxel.nodes = std::move(tree.nodes);
   voxel.node_slots = node_slots;
   voxel.wide_nodes = wide_nodes;

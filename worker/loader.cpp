@@ -71,8 +71,8 @@ bool Loader::Install(const Arrived& arrived) {
   const BlockEntry& entry = catalog_.block(arrived.block);
   if (!cache_.Reserve(entry.decoded)) return false;
   auto resident = std::make_unique<ResidentBlock>();
-  resident->bytes = PageBuffer(entry.decoded);
   const auto start = std::chrono::steady_clock::now();
+  resident->bytes = cache_.TakePages(entry.decoded);
   const Status status = DecodeBlock(catalog_, arrived.block, arrived.stored, decoder_, *resident);
   decode_us_ += MicrosecondsSince(start);
   if (!status) {

@@ -22,6 +22,9 @@ class PageBuffer {
   }
   ~PageBuffer();
   std::span<std::byte> bytes() const { return {data_, size_}; }
+  /// Makes it another size, perhaps elsewhere; what was in it is lost. Pages that it has are kept as far as
+  /// they are needed: getting them anew takes the system as long as decoding a block into them.
+  void Resize(size_t bytes);
 
  private:
   std::byte* data_ = nullptr;

@@ -113,9 +113,11 @@ bool VoxelCache::EvictOne() {
   Slot& slot = slots_[residents_[oldest]];
   uint32_t unpinned = kResident;
   if (!slot.state.compare_exchange_strong(unpinned, 0)) return true;  // pinned meanwhile: look again
-  const ResidentBlock* gone = slot.resident.exchange(nullptr);
+  ResidentBlock* gone = slot.resident.exchange(nullptr);
   used_ -= gone->bytes.bytes().size();
   ++counters_.evictions;
+  spare_ = PageBuffer();
+  spare_ = std::move(gone->bytes);
   delete gone;
   if (on_change_) on_change_(residents_[oldest], false);
   residents_[oldest] = residents_.back();
@@ -135,6 +137,12 @@ bool VoxelCache::Reserve(uint32_t decoded_bytes) {
   }
   used_ += decoded_bytes;
   return true;
+}
+
+PageBuffer VoxelCache::TakePages(uint32_t decoded_bytes) {
+  if (spare_.bytes().empty()) return PageBuffer(decoded_bytes);
+  spare_.Resize(decoded_bytes);
+  return std::move(spare_);
 }
 
 void VoxelCache::Publish(uint32_t block, std::unique_ptr<ResidentBlock> resident) {

@@ -74,6 +74,8 @@ class VoxelCache {
   std::optional<uint32_t> NextToLoad();
   /// Makes room for a block. False: too much is pinned; on_space is called when trying again may help.
   bool Reserve(uint32_t decoded_bytes);
+  /// Memory for the block for which room was reserved: that of the last one that had to go, or new.
+  PageBuffer TakePages(uint32_t decoded_bytes);
   /// Puts in a block for which room was reserved, and delivers it to all that wait.
   void Publish(uint32_t block, std::unique_ptr<ResidentBlock> resident);
 
@@ -87,7 +89,7 @@ class VoxelCache {
   struct Slot {
     std::atomic<uint32_t> state{0};  ///< kResident, and pins in the bits below
     std::atomic<uint32_t> last_use{0};
-    std::atomic<const ResidentBlock*> resident{nullptr};
+    std::atomic<ResidentBlock*> resident{nullptr};
   };
   struct Waiting {
     std::vector<Mailbox*> mailboxes;
@@ -97,6 +99,7 @@ class VoxelCache {
   };
   bool EvictOne();
 
+  PageBuffer spare_;  ///< the loader's: of the last block that went, until another takes its place
   const uint64_t budget_;
   std::function<void()> on_want_, on_space_;
   std::function<void(uint32_t, bool)> on_change_;

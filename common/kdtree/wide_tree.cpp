@@ -1,104 +1,109 @@
 #include "common/kdtree/wide_tree.h"
 
 #include <algorithm>
-#include <limits>
 
 #include "common/base/check.h"
 
 namespace quarry {
 namespace {
 
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
+constexpr size_t kInitialChildren = 256;
 
-void Extend(Box& box, const Box& other) {
-  for (int a = 0; a < 3; ++a) {
-    box.lower[a] = std::min(box.lower[a], other.lower[a]);
-    box.upper[a] = std::max(box.upper[a], other.upper[a]);
+constexpr uint32_t kLanes = 4;
+
+/// Puts the faces across one axis of four boxes, each in a row.
+void PutRows(Float8 faces, uint32_t axis, uint32_t first, WideNode& node) {
+  const Box8 rows{faces};
+  const Float4 lower = rows.lower(), upper = rows.upper();
+  std::memcpy(node.bounds + axis * WideNode::kChildren + first, &lower, sizeof lower);
+  std::memcpy(node.bounds + (axis + 3) * WideNode::kChildren + first, &upper, sizeof upper);
+}
+
+void PutBounds(const Box8* const (&boxes)[WideNode::kChildren], WideNode& node) {
+  for (uint32_t i = 0; i < WideNode::kChildren; i += kLanes) {
+    const Float8 a = boxes[i]->faces, b = boxes[i + 1]->faces, c = boxes[i + 2]->faces,
+                 d = boxes[i + 3]->faces;
+    const Float8 ab = __builtin_shufflevector(a, b, 0, 8, 1, 9, 4, 12, 5, 13),
+                 cd = __builtin_shufflevector(c, d, 0, 8, 1, 9, 4, 12, 5, 13),
+                 ab_z = __builtin_shufflevector(a, b, 2, 10, 3, 11, 6, 14, 7, 15),
+                 cd_z = __builtin_shufflevector(c, d, 2, 10, 3, 11, 6, 14, 7, 15);
+    PutRows(__builtin_shufflevector(ab, cd, 0, 1, 8, 9, 4, 5, 12, 13), 0, i, node);
+    PutRows(__builtin_shufflevector(ab, cd, 2, 3, 10, 11, 6, 7, 14, 15), 1, i, node);
+    PutRows(__builtin_shufflevector(ab_z, cd_z, 0, 1, 8, 9, 4, 5, 12, 13), 2, i, node);
   }
 }
 
 }  // namespace
 
-void WideTreeMaker::Leaf(const Box& box, uint32_t first, uint32_t count) {
-  QUARRY_CHECK(count < WideNode::kInner);
-  if (done_count_ == 0) out_.clear();
-  if (done_count_ == done_.size()) done_.emplace_back();
-  Subtree& subtree = done_[done_count_++];
-  subtree.size = count != 0 ? 1 : 0;
-  subtree.children[0] = {box, first, static_cast<uint16_t>(count)};
-  // Every inner node of which this was the last part is whole.
-  while (!right_next_.empty() && right_next_.back()) {
-    right_next_.pop_back();
-    JoinLastTwo();
+void WideTreeMaker::Begin(std::span<WideNode> nodes) {
+  QUARRY_CHECK(!nodes.empty());
+  child_count_ = 0;
+  sizes_.clear();
+  nodes_ = nodes;
+  free_ = nodes.size();
+  full_ = false;
+}
+
+void WideTreeMaker::MakeChildRoom() {
+  child_room_ = std::max(kInitialChildren, 2 * child_room_);
+  children_.resize(child_room_);
+}
+
+/// Joins subtrees that have too many children together: the larger one becomes a node of its own, so that
+/// most nodes have five children or more.
+void WideTreeMaker::MakeRoom(uint32_t right) {
+  uint32_t& left = sizes_.back();
+  while (left + right > WideNode::kChildren) {
+    uint32_t& larger = left >= right ? left : right;
+    Child* const end = children_.data() + child_count_;
+    Child* const first = end - right - (&larger == &left ? left : 0);
+    *first = Close({first, larger});
+    // Left: what is to its right moves up to it.
+    if (&larger == &left) std::copy(end - right, end, first + 1);
+    child_count_ -= larger - 1;
+    larger = 1;
   }
-  if (!right_next_.empty()) right_next_.back() = true;
+  left += right;
 }
 
-void WideTreeMaker::JoinLastTwo() {
-  Subtree &left = done_[done_count_ - 2], &right = done_[done_count_ - 1];
-  if (!JoinLeaves(left, right)) {
-    // The larger one becomes a node of its own, so that most nodes have five children or more.
-    while (left.size + right.size > WideNode::kChildren) Close(left.size >= right.size ? left : right);
-    std::copy_n(right.children, right.size, left.children + left.size);
-    left.size += right.size;
+/// Makes a node of the children; as a child itself.
+WideTreeMaker::Child WideTreeMaker::Close(std::span<const Child> children) {
+  if (free_ == 0) {
+    full_ = true;
+    ++free_;
   }
-  --done_count_;
-}
-
-bool WideTreeMaker::JoinLeaves(Subtree& left, const Subtree& right) const {
-  if (left.size != 1 || right.size != 1) return false;
-  Child& a = left.children[0];
-  const Child& b = right.children[0];
-  if (a.count == WideNode::kInner || b.count == WideNode::kInner || a.child + a.count != b.child ||
-      uint32_t{a.count} + b.count > most_in_leaf_)
-    return false;
-  a.count = static_cast<uint16_t>(a.count + b.count);
-  Extend(a.box, b.box);
-  return true;
-}
-
-/// Makes a node of the children, which is then the only one.
-void WideTreeMaker::Close(Subtree& subtree) {
-  const auto at = static_cast<uint32_t>(out_.size());
-  WideNode& node = out_.emplace_back();
-  Box box{glm::vec3(kInfinity), glm::vec3(-kInfinity)};
-  for (uint32_t i = 0; i < subtree.size; ++i) {
-    const Child& child = subtree.children[i];
-    for (uint32_t a = 0; a < 3; ++a) {
-      node.bounds[a * WideNode::kChildren + i] = child.box.lower[a];
-      node.bounds[(a + 3) * WideNode::kChildren + i] = child.box.upper[a];
-    }
+  const auto at = static_cast<uint32_t>(--free_);
+  WideNode& node = nodes_[at] = {};
+  const Box8 empty = Box8::Empty();
+  Box8 box = empty;
+  const Box8* boxes[WideNode::kChildren];
+  std::fill_n(boxes, WideNode::kChildren, &empty);
+  for (uint32_t i = 0; i < children.size(); ++i) {
+    const Child& child = children[i];
+    boxes[i] = &child.box;
+    box.Include(child.box);
     node.child[i] = child.child;
-    node.count[i] = child.count;
-    if (child.count == WideNode::kInner) out_[child.child].parent = at * WideNode::kChildren + i;
-    Extend(box, child.box);
+    node.count[i] = static_cast<uint16_t>(child.count);
+    if (child.count == WideNode::kInner) nodes_[child.child].parent = at * WideNode::kChildren + i;
   }
-  for (uint32_t i = subtree.size; i < WideNode::kChildren; ++i)
-    for (uint32_t a = 0; a < 3; ++a) {
-      node.bounds[a * WideNode::kChildren + i] = kInfinity;
-      node.bounds[(a + 3) * WideNode::kChildren + i] = -kInfinity;
-    }
-  subtree.size = 1;
-  subtree.children[0] = {box, at, WideNode::kInner};
+  PutBounds(boxes, node);
+  return {box, at, WideNode::kInner};
 }
 
-void WideTreeMaker::PutRootFirst() {
-  const auto last = static_cast<uint32_t>(out_.size() - 1);
-  std::reverse(out_.begin(), out_.end());
-  for (WideNode& node : out_) {
-    node.parent += (last - 2 * (node.parent / WideNode::kChildren)) * WideNode::kChildren;
+size_t WideTreeMaker::Finish() {
+  QUARRY_CHECK(sizes_.size() == 1);
+  Close({children_.data(), sizes_.back()});
+  if (full_) return 0;
+  // The root was last. What was left free before it is not known to its children.
+  const auto unused = static_cast<uint32_t>(free_);
+  if (unused == 0) return nodes_.size();
+  for (WideNode& node : nodes_.subspan(unused)) {
+    node.parent -= unused * WideNode::kChildren;
     for (uint32_t i = 0; i < WideNode::kChildren; ++i)
-      if (node.count[i] == WideNode::kInner) node.child[i] = last - node.child[i];
+      if (node.count[i] == WideNode::kInner) node.child[i] -= unused;
   }
-  out_[0].parent = 0;
-}
-
-std::span<const WideNode> WideTreeMaker::Finish() {
-  QUARRY_CHECK(done_count_ == 1 && right_next_.empty());
-  Close(done_[0]);
-  done_count_ = 0;
-  PutRootFirst();
-  return out_;
+  nodes_[unused].parent = 0;
+  return nodes_.size() - unused;
 }
 
 }  // namespace quarry

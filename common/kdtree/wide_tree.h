@@ -4,6 +4,7 @@
 #include <span>
 #include <vector>
 
+#include "common/kdtree/box8.h"
 #include "common/kdtree/build.h"
 #include "common/kdtree/node.h"
 #include "common/kdtree/wide_node.h"
@@ -13,42 +14,66 @@ namespace quarry {
 /// References that leaves side by side have at most when they become one: a vector of triangles.
 inline constexpr uint32_t kWideLeafReferences = 8;
 
-/// Gathers a kd-tree into wide nodes. The tree comes node by node, each before its children, left before
-/// right. Neighbouring leaves with no more than `most_in_leaf` references together become one where those lie
-/// in a row; 0 for trees whose leaves are no ranges. Deterministic; how many nodes there are does not depend
-/// on boxes. Can be used again and again: memory is kept.
+/// Gathers a kd-tree into wide nodes. The tree's leaves come from left to right, and once both sides of an
+/// inner node have come, they are joined. Neighbouring leaves with no more than `most_in_leaf` references
+/// together become one where those lie in a row; 0 for trees whose leaves are no ranges. Deterministic; how
+/// many nodes there are does not depend on boxes. Can be used again and again: memory is kept.
 class WideTreeMaker {
  public:
   explicit WideTreeMaker(uint32_t most_in_leaf) : most_in_leaf_(most_in_leaf) {}
 
-  void Inner() { right_next_.push_back(false); }
+  /// Nodes are put into `nodes` from its end on. Requires: at least one.
+  void Begin(std::span<WideNode> nodes);
   /// `box`: of what is in the leaf, no larger than its cell. Requires: count < 65,535.
-  void Leaf(const Box& box, uint32_t first, uint32_t count);
-  /// The nodes, the root first; valid until the next tree begins. Requires: a whole tree came.
-  std::span<const WideNode> Finish();
+  void Leaf(const Box8& box, uint32_t first, uint32_t count) {
+    if (child_count_ == child_room_) MakeChildRoom();
+    // A leaf of nothing is a subtree without children.
+    children_[child_count_] = {box, first, count};
+    const uint32_t size = count != 0 ? 1 : 0;
+    child_count_ += size;
+    sizes_.push_back(size);
+  }
+  /// The two subtrees that came last become one.
+  void Join() {
+    const uint32_t right = sizes_.back();
+    sizes_.pop_back();
+    uint32_t& left = sizes_.back();
+    if (left == 1 && right == 1 && JoinLeaves()) return;
+    if (left + right > WideNode::kChildren) return MakeRoom(right);
+    left += right;
+  }
+  /// Closes the root. How many nodes there are, at the end of those given: the root first, parents before
+  /// children. 0 when they had no room. Requires: all inner nodes were joined.
+  size_t Finish();
 
  private:
   struct Child {
-    Box box;
-    uint32_t child;
-    uint16_t count;
-  };
-  /// What a subtree puts into a wide node: itself as one leaf or node, or the children it has so far.
-  struct Subtree {
-    uint32_t size;
-    Child children[WideNode::kChildren];
+    Box8 box;
+    uint32_t child, count;
   };
 
-  void JoinLastTwo();
-  bool JoinLeaves(Subtree& left, const Subtree& right) const;
-  void Close(Subtree& subtree);
-  void PutRootFirst();
+  /// Whether the last two children, leaves, are now one.
+  bool JoinLeaves() {
+    Child& a = children_[child_count_ - 2];
+    const Child& b = children_[child_count_ - 1];
+    // The sum of counts of which one is no leaf's is too large.
+    if (a.count + b.count > most_in_leaf_ || a.child + a.count != b.child) return false;
+    a.box.Include(b.box);
+    a.count += b.count;
+    --child_count_;
+    return true;
+  }
+  void MakeChildRoom();
+  void MakeRoom(uint32_t right);
+  Child Close(std::span<const Child> children);
 
   uint32_t most_in_leaf_;
-  std::vector<bool> right_next_;  ///< inner nodes not yet whole: whether their left side is
-  std::vector<Subtree> done_;     ///< left below right; only the first done_count_ count
-  size_t done_count_ = 0;
-  std::vector<WideNode> out_;  ///< children first, until Finish
+  std::vector<Child> children_;  ///< of all subtrees, one behind the other; only the first child_count_ count
+  size_t child_count_ = 0, child_room_ = 0;
+  std::vector<uint32_t> sizes_;  ///< how many children each subtree has
+  std::span<WideNode> nodes_;
+  size_t free_ = 0;  ///< of nodes_, how many are not yet made
+  bool full_ = false;
 };
 
 /// The tree `nodes` (in any order, root first, children side by side) in wide nodes; `cell` is the root's.
@@ -57,27 +82,32 @@ template <class LeafBox>
 std::vector<WideNode> MakeWideTree(std::span<const KdNode> nodes, const Box& cell, uint32_t most_in_leaf,
                                    LeafBox&& leaf_box) {
   struct Visit {
-    uint32_t node;
+    uint32_t node, level;
     Box cell;
   };
   WideTreeMaker maker(most_in_leaf);
-  std::vector<Visit> visits{{0, cell}};
+  // A node has five children or more, but for the root.
+  std::vector<WideNode> wide(nodes.size() / 4 + 1);
+  maker.Begin(wide);
+  std::vector<Visit> visits{{0, 0, cell}};
   while (!visits.empty()) {
     const Visit visit = visits.back();
     visits.pop_back();
     const KdNode& n = nodes[visit.node];
     if (n.is_leaf()) {
-      maker.Leaf(leaf_box(n, visit.cell), n.first(), n.count());
+      maker.Leaf(Box8::Of(leaf_box(n, visit.cell)), n.first(), n.count());
+      // All inner nodes below the parent of what comes next are whole.
+      for (uint32_t level = visits.empty() ? 0 : visits.back().level; level < visit.level; ++level)
+        maker.Join();
       continue;
     }
-    maker.Inner();
-    Visit left{n.left(), visit.cell}, right{n.left() + 1, visit.cell};
+    Visit left{n.left(), visit.level + 1, visit.cell}, right{n.left() + 1, visit.level + 1, visit.cell};
     left.cell.upper[n.axis()] = right.cell.lower[n.axis()] = n.split();
     visits.push_back(right);
     visits.push_back(left);
   }
-  const std::span<const WideNode> wide = maker.Finish();
-  return {wide.begin(), wide.end()};
+  wide.erase(wide.begin(), wide.end() - static_cast<std::ptrdiff_t>(maker.Finish()));
+  return wide;
 }
 
 }  // namespace quarry

@@ -11,7 +11,9 @@ inline uint32_t OrderedBits(float x) {
   return (bits & 0x80000000u) != 0 ? ~bits : bits | 0x80000000u;
 }
 inline float FromOrderedBits(uint32_t ordered) {
-  return std::bit_cast<float>((ordered & 0x80000000u) != 0 ? ordered & 0x7FFFFFFFu : ~ordered);
+  // All bits flipped of those below zero, the sign alone of the others.
+  const auto negative = static_cast<uint32_t>(~(static_cast<int32_t>(ordered) >> 31));
+  return std::bit_cast<float>(ordered ^ (negative | 0x80000000u));
 }
 
 }  // namespace quarry

@@ -4,11 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
-#include "common/kdtree/treelets.h"
-#include "common/kdtree/wide_tree.h"
 #include "common/voxel/byte_planes.h"
+#include "common/voxel/tree_completion.h"
+#include "common/voxel/tree_streams.h"
 
 namespace quarry {
 namespace {
@@ -27,8 +26,8 @@ struct HotCounts {
   /// Each small enough that sums of sizes cannot overflow.
   bool sane() const {
     return triangles <= kMaxVoxelTriangles && vertices <= 65535 && references <= kMaxBlockBytes / 2 &&
-           inner_nodes <= kMaxBlockBytes / 8 && node_slots <= kMaxBlockBytes / 8 &&
-           wide_nodes <= kMaxBlockBytes / sizeof(WideNode) && nodes() < node_slots;
+           inner_nodes <= kMostInnerNodes && node_slots <= kMaxBlockBytes / 8 &&
+           wide_nodes <= kMaxBlockBytes / sizeof(WideNode) && wide_nodes > 0 && nodes() < node_slots;
   }
 };
 
@@ -62,41 +61,19 @@ class ArrayPlacer {
   size_t at_ = 0;
 };
 
-// --- decoding: derived parts
-
-/// A vertex, and what follows it, as the compiler's own vector.
-using Float4 = float __attribute__((vector_size(16)));
-
-Float4 LoadFour(const glm::vec3& v) {
-  Float4 four;
-  std::memcpy(&four, &v, sizeof four);
-  return four;
-}
-Float4 Less(Float4 a, Float4 b) { return a < b ? a : b; }
-Float4 More(Float4 a, Float4 b) { return a > b ? a : b; }
-
-struct Box4 {
-  Float4 lower, upper;
-};
-
 }  // namespace
 
 struct BlockDecoder::Impl {
-  Bytes streams;
-  std::vector<uint16_t> symbol;
-  std::vector<uint32_t> plane, column;
-  TreeletLayout layout{kTreeletLevels};
-  std::vector<KdNode> tree;  // root first, children side by side
-  /// Where right children are to come, and their cells.
-  std::vector<uint32_t> right_next;
-  std::vector<Box> right_cells;
-  std::vector<Box4> boxes;  // of triangles
-  WideTreeMaker wide{kWideLeafReferences};
+  Bytes room;
+  std::span<std::byte> streams;  ///< of the block at hand
+  std::vector<uint32_t> column;
+  TreeReader tree;
+  TreeCompletion completion;
 
   Status Decompress(std::span<const std::byte> stored, size_t most);
-  Status ReadTree(const HotCounts& counts, std::span<const std::byte> symbols,
-                  std::span<const std::byte> planes);
-  Status FillWideNodes(const VoxelGeometry& v, const Box& cell, float padding, WideNode* out);
+  const uint32_t* ReadColumns(std::span<const std::byte> columns, size_t count);
+  void ReadVertices(std::span<const std::byte> columns, std::span<glm::vec3> vertices);
+  void ReadShading(std::span<const std::byte> columns, std::span<ShadingVertex> vertices);
 };
 
 BlockDecoder::BlockDecoder() : impl_(std::make_unique<Impl>()) {}
@@ -108,7 +85,9 @@ Status BlockDecoder::Impl::Decompress(std::span<const std::byte> stored, size_t 
   const auto packed = in.GetSpan(in.remaining());
   if (!in.ok() || size > most + kMostStoredOverDecoded)
     return Fail("voxel block: more bytes than the directory's entry allows");
-  streams.resize(size);
+  // Never smaller: bytes that come anew would be cleared.
+  if (room.size() < size) room.resize(size);
+  streams = {room.data(), size};
   if (packed.size() == size) {
     std::ranges::copy(packed, streams.begin());
     return {};
@@ -120,90 +99,30 @@ Status BlockDecoder::Impl::Decompress(std::span<const std::byte> stored, size_t 
   return {};
 }
 
-Status BlockDecoder::Impl::ReadTree(const HotCounts& counts, std::span<const std::byte> symbols,
-                                    std::span<const std::byte> planes) {
-  symbol.resize(counts.nodes());
-  plane.resize(counts.inner_nodes);
-  ReadPlanes<uint16_t>(symbols, symbol);
-  ReadPlanes<uint32_t>(planes, plane);
-  tree.resize(counts.nodes());
-  right_next.clear();
-  uint32_t inner = 0, next = 1, at = 0, last[3] = {};
-  uint64_t references = 0;
-  for (size_t i = 0; i < counts.nodes(); ++i) {
-    const uint32_t s = symbol[i];
-    if (s < kLeafSymbol) {
-      if (inner == counts.inner_nodes) return Fail("voxel block: more inner nodes than it has");
-      last[s] += UndoZigZag(plane[inner++]);
-      const float split = FromOrderedBits(last[s]);
-      if (!std::isfinite(split)) return Fail("voxel block: a plane is not finite");
-      tree[at] = KdNode::Inner(static_cast<int>(s), split, next);
-      right_next.push_back(next + 1);
-      at = next;
-      next += 2;
-      continue;
-    }
-    const uint32_t count = s - kLeafSymbol;
-    tree[at] = KdNode::Leaf(count == 0 ? 0 : static_cast<uint32_t>(references), count);
-    references += count;
-    if (right_next.empty()) {
-      // So many leaves were there as inner nodes and one: all nodes have come.
-      if (i + 1 != counts.nodes()) return Fail("voxel block: nodes beyond the tree");
-      break;
-    }
-    at = right_next.back();
-    right_next.pop_back();
-  }
-  if (!right_next.empty() || inner != counts.inner_nodes) return Fail("voxel block: the tree has no end");
-  if (references != counts.references) return Fail("voxel block: leaves have not the references there are");
-  return {};
+/// Undoes the differences of columns of `count` values each; they lie one behind the other.
+const uint32_t* BlockDecoder::Impl::ReadColumns(std::span<const std::byte> columns, size_t count) {
+  const size_t bytes = count * sizeof(uint32_t), values = columns.size() / sizeof(uint32_t);
+  if (column.size() < values) column.resize(values);
+  for (size_t at = 0; at < values; at += count)
+    ReadDifferences(columns.subspan(at * sizeof(uint32_t), bytes), {column.data() + at, count});
+  return column.data();
 }
 
-Status BlockDecoder::Impl::FillWideNodes(const VoxelGeometry& v, const Box& cell, float padding,
-                                         WideNode* out) {
-  boxes.resize(v.triangle_count);
-  for (uint32_t t = 0; t < v.triangle_count; ++t) {
-    const Float4 a = LoadFour(v.vertex(t, 0)), b = LoadFour(v.vertex(t, 1)), c = LoadFour(v.vertex(t, 2));
-    boxes[t] = {Less(Less(a, b), c) - padding, More(More(a, b), c) + padding};
-  }
-  right_next.clear();
-  right_cells.clear();
-  Box here = cell;
-  for (uint32_t at = 0;;) {
-    const KdNode& n = tree[at];
-    if (!n.is_leaf()) {
-      wide.Inner();
-      right_next.push_back(n.left() + 1);
-      right_cells.push_back(here);
-      right_cells.back().lower[n.axis()] = n.split();
-      here.upper[n.axis()] = n.split();
-      at = n.left();
-      continue;
-    }
-    Box box = here;
-    if (n.count() != 0) {
-      const uint16_t* reference = v.references + n.first();
-      Box4 all = boxes[reference[0]];
-      for (uint32_t r = 1; r < n.count(); ++r) {
-        all.lower = Less(all.lower, boxes[reference[r]].lower);
-        all.upper = More(all.upper, boxes[reference[r]].upper);
-      }
-      for (int a = 0; a < 3; ++a) {
-        box.lower[a] = std::max(all.lower[a], here.lower[a]);
-        box.upper[a] = std::min(all.upper[a], here.upper[a]);
-      }
-    }
-    wide.Leaf(box, n.first(), n.count());
-    if (right_next.empty()) break;
-    at = right_next.back();
-    here = right_cells.back();
-    right_next.pop_back();
-    right_cells.pop_back();
-  }
-  const std::span<const WideNode> made = wide.Finish();
-  if (made.size() != v.wide_count) return Fail("voxel block: not as many wide nodes as its tree has");
-  std::ranges::copy(made, out);
-  return {};
+void BlockDecoder::Impl::ReadVertices(std::span<const std::byte> columns, std::span<glm::vec3> vertices) {
+  const size_t count = vertices.size();
+  const uint32_t *x = ReadColumns(columns, count), *y = x + count, *z = y + count;
+  for (size_t i = 0; i < count; ++i)
+    vertices[i] = {FromOrderedBits(x[i]), FromOrderedBits(y[i]), FromOrderedBits(z[i])};
+}
+
+void BlockDecoder::Impl::ReadShading(std::span<const std::byte> columns, std::span<ShadingVertex> vertices) {
+  const size_t count = vertices.size();
+  const uint32_t *x = ReadColumns(columns, count), *y = x + count, *z = y + count, *u = z + count,
+                 *v = u + count, *color = v + count;
+  for (size_t i = 0; i < count; ++i)
+    vertices[i] = {{FromOrderedBits(x[i]), FromOrderedBits(y[i]), FromOrderedBits(z[i])},
+                   {FromOrderedBits(u[i]), FromOrderedBits(v[i])},
+                   color[i]};
 }
 
 Result<VoxelGeometry> BlockDecoder::Hot(std::span<const std::byte> stored, std::span<std::byte> out,
@@ -236,17 +155,14 @@ Result<VoxelGeometry> BlockDecoder::Hot(std::span<const std::byte> stored, std::
 
   StreamCutter cut(impl_->streams, kHotHeaderBytes);
   const auto symbols = cut.Next(counts.nodes() * 2);
-  QUARRY_TRY(impl_->ReadTree(counts, symbols, cut.Next(size_t{counts.inner_nodes} * 4)));
-  impl_->column.resize(counts.vertices);
-  for (int a = 0; a < 3; ++a) {
-    ReadDifferences<uint32_t>(cut.Next(size_t{counts.vertices} * 4), impl_->column);
-    for (uint32_t i = 0; i < counts.vertices; ++i) vertices[i][a] = FromOrderedBits(impl_->column[i]);
-  }
+  QUARRY_TRY(impl_->tree.Read(symbols, cut.Next(size_t{counts.inner_nodes} * 4), counts.references,
+                              {nodes, counts.node_slots}));
+  impl_->ReadVertices(cut.Next(size_t{counts.vertices} * 12), {vertices, counts.vertices});
   if (!ReadFromNewest(cut.Next(size_t{counts.triangles} * 6), {corners, size_t{3} * counts.triangles},
                       counts.vertices))
     return Fail("voxel block: a corner goes beyond the vertices");
   for (uint32_t* values : {ids, parts})
-    ReadDifferences<uint32_t>(cut.Next(size_t{counts.triangles} * 4), {values, counts.triangles});
+    ReadDifferences(cut.Next(size_t{counts.triangles} * 4), {values, counts.triangles});
   ReadPlanes<uint16_t>(cut.Next(size_t{counts.triangles} * 2), {materials, counts.triangles});
   if (!ReadFromNewest(cut.Next(size_t{counts.references} * 2), {references, counts.references},
                       counts.triangles))
@@ -266,9 +182,7 @@ Result<VoxelGeometry> BlockDecoder::Hot(std::span<const std::byte> stored, std::
   v.reference_count = counts.references;
   v.triangle_count = counts.triangles;
   v.vertex_count = counts.vertices;
-  if (!impl_->layout.Run(impl_->tree, cell, {nodes, counts.node_slots}))
-    return Fail("voxel block: not as many node slots as its tree takes");
-  QUARRY_TRY(impl_->FillWideNodes(v, cell, padding, wide));
+  QUARRY_TRY(impl_->completion.Run(v, cell, padding, {nodes, counts.node_slots}, {wide, counts.wide_nodes}));
   return v;
 }
 
@@ -286,16 +200,7 @@ Result<VoxelShading> BlockDecoder::Shading(std::span<const std::byte> stored, st
   auto* vertices = place.Next<ShadingVertex>(vertex_count);
   auto* corners = place.Next<uint16_t>(size_t{3} * triangles);
   StreamCutter cut(impl_->streams, kShadingHeaderBytes);
-  impl_->column.resize(vertex_count);
-  const auto read = [&](auto&& put) {
-    ReadDifferences<uint32_t>(cut.Next(size_t{vertex_count} * 4), impl_->column);
-    for (uint32_t i = 0; i < vertex_count; ++i) put(vertices[i], impl_->column[i]);
-  };
-  for (int a = 0; a < 3; ++a)
-    read([a](ShadingVertex& v, uint32_t value) { v.normal[a] = FromOrderedBits(value); });
-  for (int a = 0; a < 2; ++a)
-    read([a](ShadingVertex& v, uint32_t value) { v.uv[a] = FromOrderedBits(value); });
-  read([](ShadingVertex& v, uint32_t value) { v.color = value; });
+  impl_->ReadShading(cut.Next(size_t{vertex_count} * sizeof(ShadingVertex)), {vertices, vertex_count});
   if (!ReadFromNewest(cut.Next(size_t{triangles} * 6), {corners, size_t{3} * triangles}, vertex_count))
     return Fail("voxel block: a corner goes beyond the shading vertices");
   return VoxelShading{corners, vertices, triangles};

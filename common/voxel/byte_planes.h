@@ -35,17 +35,56 @@ void PutPlanes(std::span<const T> values, Bytes& out) {
     for (const T value : values) out.push_back(static_cast<std::byte>(value >> (8 * byte)));
 }
 
-/// The reverse of PutPlanes, into `values`. Requires: `bytes` holds just so many.
+/// Four and eight numbers, as the compiler's own vectors.
+using UInt4 = uint32_t __attribute__((vector_size(16)));
+using UShort8 = uint16_t __attribute__((vector_size(16)));
+using Byte16 = uint8_t __attribute__((vector_size(16)));
+
+/// Eight bytes as numbers of 16 bits.
+inline UShort8 Widened(const uint8_t* bytes) {
+  uint8_t __attribute__((vector_size(8))) eight;
+  std::memcpy(&eight, bytes, sizeof eight);
+  return __builtin_convertvector(eight, UShort8);
+}
+
+/// Sixteen numbers of 32 bits, four a vector, of their planes.
+struct UInt16x {
+  UInt4 four[4];
+};
+inline UInt16x JoinPlanes(const uint8_t* plane, size_t count) {
+  Byte16 bytes[4];
+  for (size_t b = 0; b < 4; ++b) std::memcpy(&bytes[b], plane + b * count, sizeof bytes[b]);
+  constexpr auto kLow = [](auto a, auto b) {
+    return __builtin_shufflevector(a, b, 0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23);
+  };
+  constexpr auto kHigh = [](auto a, auto b) {
+    return __builtin_shufflevector(a, b, 8, 24, 9, 25, 10, 26, 11, 27, 12, 28, 13, 29, 14, 30, 15, 31);
+  };
+  constexpr auto kLowPairs = [](auto a, auto b) {
+    return reinterpret_cast<UInt4>(__builtin_shufflevector(
+        reinterpret_cast<UShort8>(a), reinterpret_cast<UShort8>(b), 0, 8, 1, 9, 2, 10, 3, 11));
+  };
+  constexpr auto kHighPairs = [](auto a, auto b) {
+    return reinterpret_cast<UInt4>(__builtin_shufflevector(
+        reinterpret_cast<UShort8>(a), reinterpret_cast<UShort8>(b), 4, 12, 5, 13, 6, 14, 7, 15));
+  };
+  const Byte16 low01 = kLow(bytes[0], bytes[1]), low23 = kLow(bytes[2], bytes[3]);
+  const Byte16 high01 = kHigh(bytes[0], bytes[1]), high23 = kHigh(bytes[2], bytes[3]);
+  return {{kLowPairs(low01, low23), kHighPairs(low01, low23), kLowPairs(high01, high23),
+           kHighPairs(high01, high23)}};
+}
+
+/// The reverse of PutPlanes, from the value `first` on. Requires: `bytes` holds just so many.
 template <class T>
-void ReadPlanes(std::span<const std::byte> bytes, std::span<T> values) {
+void ReadPlanes(std::span<const std::byte> bytes, std::span<T> values, size_t first = 0) {
   const size_t count = values.size();
   const auto* plane = reinterpret_cast<const uint8_t*>(bytes.data());
   T* __restrict out = values.data();
   if constexpr (sizeof(T) == 2) {
-    for (size_t i = 0; i < count; ++i) out[i] = static_cast<T>(plane[i] | plane[count + i] << 8);
+    for (size_t i = first; i < count; ++i) out[i] = static_cast<T>(plane[i] | plane[count + i] << 8);
   } else {
     static_assert(sizeof(T) == 4);
-    for (size_t i = 0; i < count; ++i)
+    for (size_t i = first; i < count; ++i)
       out[i] = static_cast<T>(plane[i]) | static_cast<T>(plane[count + i]) << 8 |
                static_cast<T>(plane[2 * count + i]) << 16 | static_cast<T>(plane[3 * count + i]) << 24;
   }
@@ -65,11 +104,26 @@ void PutDifferences(std::span<const T> values, Bytes& out) {
 }
 
 /// The reverse, into `values`.
-template <class T>
-void ReadDifferences(std::span<const std::byte> bytes, std::span<T> values) {
-  ReadPlanes(bytes, values);
-  T last = 0;
-  for (T& value : values) value = last = static_cast<T>(last + UndoZigZag(value));
+inline void ReadDifferences(std::span<const std::byte> bytes, std::span<uint32_t> values) {
+  constexpr size_t kStep = 16, kLanes = 4;
+  const size_t count = values.size(), whole = count / kStep * kStep;
+  const auto* plane = reinterpret_cast<const uint8_t*>(bytes.data());
+  UInt4 last{};  // in all lanes
+  for (size_t i = 0; i < whole; i += kStep) {
+    const UInt16x zigzag = JoinPlanes(plane + i, count);
+    for (size_t k = 0; k < kStep / kLanes; ++k) {
+      const UInt4 zero{};
+      UInt4 sums = (zigzag.four[k] >> 1) ^ -(zigzag.four[k] & 1);
+      sums += __builtin_shufflevector(zero, sums, 0, 4, 5, 6);
+      sums += __builtin_shufflevector(zero, sums, 0, 1, 4, 5);
+      const UInt4 here = sums + last;
+      last += __builtin_shufflevector(sums, sums, 3, 3, 3, 3);
+      std::memcpy(&values[i + k * kLanes], &here, sizeof here);
+    }
+  }
+  ReadPlanes(bytes, values, whole);
+  uint32_t sum = last[0];
+  for (size_t i = whole; i < count; ++i) values[i] = sum += UndoZigZag(values[i]);
 }
 
 /// For indices numbered by first appearance: how far below the next new number each is, 0 for a new one.
@@ -86,13 +140,30 @@ inline void PutFromNewest(std::span<const uint16_t> indices, Bytes& out) {
 
 /// The reverse, into `indices`. False when one is not below `limit`.
 inline bool ReadFromNewest(std::span<const std::byte> bytes, std::span<uint16_t> indices, uint32_t limit) {
-  ReadPlanes(bytes, indices);
-  uint16_t next = 0, largest = 0;
-  for (uint16_t& index : indices) {
-    const uint16_t below = index;
-    index = static_cast<uint16_t>(next - below);
+  constexpr size_t kLanes = 8;
+  const size_t count = indices.size(), whole = count / kLanes * kLanes;
+  const auto* plane = reinterpret_cast<const uint8_t*>(bytes.data());
+  UShort8 nexts{}, largests{};
+  for (size_t i = 0; i < whole; i += kLanes) {
+    const UShort8 zero{}, below = Widened(plane + i) | Widened(plane + count + i) << 8;
+    const UShort8 fresh = reinterpret_cast<UShort8>(below == 0) & 1;
+    UShort8 sums = fresh;
+    sums += __builtin_shufflevector(zero, sums, 0, 8, 9, 10, 11, 12, 13, 14);
+    sums += __builtin_shufflevector(zero, sums, 0, 1, 8, 9, 10, 11, 12, 13);
+    sums += __builtin_shufflevector(zero, sums, 0, 1, 2, 3, 8, 9, 10, 11);
+    const UShort8 index = nexts + (sums - fresh - below);
+    nexts += __builtin_shufflevector(sums, sums, 7, 7, 7, 7, 7, 7, 7, 7);
+    largests = index > largests ? index : largests;
+    std::memcpy(&indices[i], &index, sizeof index);
+  }
+  ReadPlanes(bytes, indices, whole);
+  uint16_t next = nexts[0], largest = 0;
+  for (size_t lane = 0; lane < kLanes; ++lane) largest = std::max<uint16_t>(largest, largests[lane]);
+  for (size_t i = whole; i < count; ++i) {
+    const uint16_t below = indices[i];
+    indices[i] = static_cast<uint16_t>(next - below);
     next = static_cast<uint16_t>(next + (below == 0));
-    largest = std::max(largest, index);
+    largest = std::max(largest, indices[i]);
   }
   return indices.empty() || largest < limit;
 }

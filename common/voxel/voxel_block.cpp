@@ -4,11 +4,12 @@
 #include <lz4hc.h>
 
 #include <algorithm>
-#include <cstring>
 
 #include "common/base/check.h"
+#include "common/kdtree/treelets.h"
 #include "common/kdtree/wide_node.h"
 #include "common/voxel/byte_planes.h"
+#include "common/voxel/tree_streams.h"
 
 namespace quarry {
 namespace {
@@ -16,32 +17,22 @@ namespace {
 // 5 gives a fiftieth less for a tenth of all preprocessing.
 constexpr int kCompressionLevel = 3;
 
-/// The nodes' symbols and the planes of inner ones, a node before its children, left before right.
-void PutTree(const HotVoxel& voxel, Bytes& out) {
-  std::vector<uint16_t> symbols;
-  std::vector<uint32_t> planes;
+/// Leaves' references lie in a row, from the leftmost leaf on: decoders count on it.
+void CheckReferences(const HotVoxel& voxel) {
+  uint32_t references = 0;
   std::vector<uint32_t> visits{0};
-  uint32_t references = 0, last[3] = {};
   while (!visits.empty()) {
     const KdNode& n = voxel.nodes[visits.back()];
     visits.pop_back();
     if (n.is_leaf()) {
       QUARRY_CHECK(n.count() == 0 || n.first() == references);
-      QUARRY_CHECK(n.count() + kLeafSymbol <= 0xFFFF);
       references += n.count();
-      symbols.push_back(static_cast<uint16_t>(n.count() + kLeafSymbol));
-      continue;
+    } else {
+      visits.push_back(n.left() + 1);
+      visits.push_back(n.left());
     }
-    symbols.push_back(static_cast<uint16_t>(n.axis()));
-    const uint32_t plane = OrderedBits(n.split());
-    planes.push_back(ZigZag(plane - last[n.axis()]));
-    last[n.axis()] = plane;
-    visits.push_back(n.left() + 1);
-    visits.push_back(n.left());
   }
   QUARRY_CHECK(references == voxel.references.size());
-  PutPlanes<uint16_t>(symbols, out);
-  PutPlanes<uint32_t>(planes, out);
 }
 
 void PutVertices(std::span<const glm::vec3> vertices, Bytes& out) {
@@ -65,6 +56,7 @@ size_t ShadingBytes(size_t triangles, size_t vertices) {
 
 Bytes EncodeHot(const HotVoxel& v) {
   QUARRY_CHECK(v.triangle_ids.size() <= kMaxVoxelTriangles && v.vertices.size() <= 65535);
+  CheckReferences(v);
   ByteWriter header;
   header.Put(kHotMagic);
   header.Put(static_cast<uint32_t>(v.triangle_ids.size()));
@@ -76,7 +68,7 @@ Bytes EncodeHot(const HotVoxel& v) {
   header.PutVec3(v.cell.lower);
   header.PutVec3(v.cell.upper);
   Bytes out = header.Take();
-  PutTree(v, out);
+  PutTree(LayOutTreelets(v.nodes, kTreeletLevels, v.cell), out);
   PutVertices(v.vertices, out);
   PutFromNewest(v.corners, out);
   PutDifferences<uint32_t>(v.triangle_ids, out);

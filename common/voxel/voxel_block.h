@@ -18,11 +18,9 @@
 
 namespace quarry {
 
-inline constexpr uint32_t kHotMagic = 0x34585651;      // "QVX4"
+inline constexpr uint32_t kHotMagic = 0x35585651;      // "QVX5"
 inline constexpr uint32_t kShadingMagic = 0x32535651;  // "QVS2"
 inline constexpr size_t kHotHeaderBytes = 52, kShadingHeaderBytes = 12;
-/// A node's symbol in a hot block's streams: its axis, or this and the number of its references.
-inline constexpr uint32_t kLeafSymbol = 3;
 
 /// Most triangles, vertices and references' targets of one voxel: indices are 16 bits.
 inline constexpr uint32_t kMaxVoxelTriangles = 21845;

@@ -307,8 +307,8 @@ TEST_CASE("Trees whose symbols are no tree are refused") {
   CHECK(refusal({0, 4, 5}).empty());
   CHECK(refusal({0, 5, 4}).empty());
   CHECK(refusal({4, 0, 5}) == "voxel block: nodes beyond the tree");
-  CHECK(refusal({0, 0, 5}) == "voxel block: more inner nodes than it has");
-  CHECK(refusal({0, 4, 0}) == "voxel block: more inner nodes than it has");
+  for (const std::array<int, 3> other : {std::array{0, 0, 5}, {0, 4, 0}, {4, 4, 5}})
+    CHECK(refusal(other) == "voxel block: not as many inner nodes as planes");
   CHECK(refusal({0, 4, 6}) == "voxel block: leaves have not the references there are");
   CHECK(refusal({0, 3, 3}) == "voxel block: leaves have not the references there are");
 }

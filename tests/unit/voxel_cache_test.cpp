@@ -18,7 +18,7 @@ struct Fixture {
   bool Load(uint32_t block) {
     if (!cache.Reserve(kBlock)) return false;
     auto resident = std::make_unique<ResidentBlock>();
-    resident->bytes = PageBuffer(kBlock);
+    resident->bytes = cache.TakePages(kBlock);
     cache.Publish(block, std::move(resident));
     return true;
   }
@@ -48,6 +48,28 @@ TEST_CASE("TheLeastRecentlyUsedGoesFirst") {
   f.cache.Unpin(1);
   CHECK(f.cache.counters().evictions == 1);
   CHECK(f.cache.counters().bytes == 2 * kBlock);
+}
+
+TEST_CASE("ABlockThatGoesLeavesItsPagesToTheNext") {
+  Fixture f(kBlock);
+  REQUIRE(f.Load(1));
+  const std::byte* pages = f.cache.TryPin(1)->bytes.bytes().data();
+  f.cache.Unpin(1);
+  REQUIRE(f.Load(2));
+  const ResidentBlock* next = f.cache.TryPin(2);
+  CHECK(next->bytes.bytes().data() == pages);
+  CHECK(next->bytes.bytes().size() == kBlock);
+  f.cache.Unpin(2);
+}
+
+TEST_CASE("PagesTakeAnySize") {
+  PageBuffer buffer, neighbour(5000);
+  for (size_t bytes : {0u, 1u, 4096u, 4097u, 300000u, 1u, 70000u, 0u, 8192u}) {
+    buffer.Resize(bytes);
+    REQUIRE(buffer.bytes().size() == bytes);
+    for (std::byte& b : buffer.bytes()) b = std::byte{7};
+  }
+  for (const std::byte b : neighbour.bytes()) REQUIRE(b == std::byte{0});
 }
 
 TEST_CASE("PinnedBlocksStay") {
