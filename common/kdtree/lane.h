@@ -94,6 +94,18 @@ struct ScalarLane {
     z = at[0][2];
     w = at[0][3];
   }
+  /// The corners of triangles at `at(lane)`, their coordinates renamed, cyclically, so that `last` is z. Each
+  /// corner may be read as four floats.
+  template <class At>
+  QUARRY_HOST_DEVICE static void GatherCorners(At&& at, uint32_t last, Float (&x)[3], Float (&y)[3],
+                                               Float (&z)[3]) {
+    const auto points = at(0);
+    for (uint32_t k = 0; k < 3; ++k) {
+      x[k] = points.at[k][(last + 1) % 3];
+      y[k] = points.at[k][(last + 2) % 3];
+      z[k] = points.at[k][last];
+    }
+  }
 };
 
 }  // namespace quarry

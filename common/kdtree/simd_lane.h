@@ -154,9 +154,39 @@ struct SimdLanes {
     link = hn::ConcatOdd(IntTag(), high, low);
   }
   static HWY_INLINE void Gather4(const float* const* at, Float& x, Float& y, Float& z, Float& w) {
+    Transpose(Blocks(at), Blocks(at + 1), Blocks(at + 2), Blocks(at + 3), x, y, z, w);
+  }
+  /// Lane by lane and not corner by corner: so the places of eight triangles need not be kept somewhere.
+  template <class At>
+  static HWY_INLINE void GatherCorners(At&& at, uint32_t last, Float (&x)[3], Float (&y)[3], Float (&z)[3]) {
+    static_assert(kLanes == 8);
+    alignas(16) static constexpr uint8_t kOrder[3][16] = {
+        {4, 5, 6, 7, 8, 9, 10, 11, 0, 1, 2, 3, 12, 13, 14, 15},
+        {8, 9, 10, 11, 0, 1, 2, 3, 4, 5, 6, 7, 12, 13, 14, 15},
+        {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15}};
+    const hn::Repartition<uint8_t, FloatTag> bytes;
+    const auto order = hn::LoadDup128(bytes, kOrder[last]);
+    Float block[3][4];
+#pragma GCC unroll 4
+    for (uint32_t i = 0; i < 4; ++i) {
+      const auto low = at(i), high = at(i + 4);
+#pragma GCC unroll 3
+      for (uint32_t k = 0; k < 3; ++k)
+        block[k][i] = hn::BitCast(
+            FloatTag(), hn::TableLookupBytes(hn::BitCast(bytes, BlockPair(low.at[k], high.at[k])), order));
+    }
+#pragma GCC unroll 3
+    for (uint32_t k = 0; k < 3; ++k) {
+      Float unused;
+      Transpose(block[k][0], block[k][1], block[k][2], block[k][3], x[k], y[k], z[k], unused);
+    }
+  }
+
+ private:
+  static HWY_INLINE void Transpose(Float r0, Float r1, Float r2, Float r3, Float& x, Float& y, Float& z,
+                                   Float& w) {
     const hn::Repartition<double, FloatTag> d;
     const FloatTag f;
-    const Float r0 = Blocks(at), r1 = Blocks(at + 1), r2 = Blocks(at + 2), r3 = Blocks(at + 3);
     const auto xy01 = hn::BitCast(d, hn::InterleaveLower(f, r0, r1));
     const auto xy23 = hn::BitCast(d, hn::InterleaveLower(f, r2, r3));
     const auto zw01 = hn::BitCast(d, hn::InterleaveUpper(f, r0, r1));
@@ -166,8 +196,6 @@ struct SimdLanes {
     z = hn::BitCast(f, hn::InterleaveLower(d, zw01, zw23));
     w = hn::BitCast(f, hn::InterleaveUpper(d, zw01, zw23));
   }
-
- private:
   static HWY_INLINE uint32_t DoubleBits(hn::Mask<DoubleTag> m) {
     uint64_t bits = 0;
     hn::StoreMaskBits(DoubleTag(), m, reinterpret_cast<uint8_t*>(&bits));

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <initializer_list>
 #include <limits>
 
 #include "common/kdtree/kernel_parts.h"
@@ -14,70 +15,67 @@
 
 namespace quarry {
 
-/// A ray under way. Numbers that are compared with vectors lie there as vectors.
+/// Where a ray passes the cells of a wide node.
+struct alignas(64) WideCells {
+  float enters[WideNode::kChildren];  ///< infinite for those that it misses or has passed
+  float exits[WideNode::kChildren];
+};
+
+/// A ray under way.
 template <class L, class Index>
 struct alignas(64) WideSlot {
-  alignas(64) float origin[3][L::kLanes], reciprocal[3][L::kLanes];
-  alignas(64) float enters[WideNode::kChildren];
-  float exits[WideNode::kChildren];    ///< where it passes the cells of the node that it is at
-  uint32_t ahead, nearest;             ///< cells that it has yet to pass, as bits; the first of them
-  uint32_t near_face[3], far_face[3];  ///< where in a wide node's bounds
-  float t, t_end;                      ///< reached so far; where the present tree ends for it
-  const WideNode* nodes;               ///< of the present tree
-  uint32_t at;
+  WideCells top_cells, voxel_cells;     ///< of the nodes that it is at in the two trees
+  WideCells* cells;                     ///< those of the present tree
+  const WideNode* nodes;                ///< the present tree's
+  const WideNode* node;                 ///< that it is at
+  const VoxelGeometryOf<Index>* voxel;  ///< null: at the top level
+  float reciprocal[3], shift[3];        ///< it meets a plane p at p * reciprocal + shift
+  uint32_t near_face[3], far_face[3];   ///< where in a wide node's bounds
+  float t, t_end;                       ///< reached so far; where the present tree ends for it
   int64_t
       trail;  ///< bit i: the node i + 1 levels up has cells ahead; the sign stands for all above the others
-  const VoxelGeometryOf<Index>* voxel;  ///< null: at the top level
+  uint32_t ahead, nearest;  ///< its node's cells that it has yet to pass, as bits; the first of them
   uint32_t voxel_id;
-  float shear_x, shear_y, scale_z;
-  bool z_is_x, z_is_y;
+  // The leaf whose triangles are to be tested.
+  uint32_t first, count;
+  float leaf_exit;
+  // Its frame: axes renamed, cyclically, so that the direction's largest is the last.
+  uint32_t last_axis;
+  float origin[3], shear_x, shear_y, scale_z;
   RayBest<ScalarLane> best;
   // Where it goes on at the top level.
   float top_t, top_exit, scene_end;
-  uint32_t top_at, chain;
+  uint32_t chain;
+  const WideNode* top_node;
   int64_t top_trail;
-  bool top_ahead;
   // Where it came from.
   RayPacket* packet;
   uint32_t index;
 };
 
-/// Tests `count` references from `first` on, as many triangles at a time as lanes, and keeps the nearest hit.
+/// Tests the triangles of the leaf that the ray is in, as many at a time as lanes, and keeps the nearest hit.
 /// Returns whether one was kept.
 template <class L, class Index, class Statistics>
-QUARRY_HOST_DEVICE inline bool TestRange(WideSlot<L, Index>& s, uint32_t first, uint32_t count,
-                                         Statistics& statistics) {
+QUARRY_HOST_DEVICE inline bool TestLeaf(WideSlot<L, Index>& s, Statistics& statistics) {
   using Float = typename L::Float;
   const VoxelGeometryOf<Index>& voxel = *s.voxel;
   RayFrame<L> frame;
-  for (uint32_t a = 0; a < 3; ++a) frame.origin[a] = L::Load(s.origin[a]);
+  for (uint32_t a = 0; a < 3; ++a) frame.origin[a] = L::Set(s.origin[a]);
   frame.shear_x = L::Set(s.shear_x);
   frame.shear_y = L::Set(s.shear_y);
   frame.scale_z = L::Set(s.scale_z);
-  frame.z_is_x = L::FromBits(s.z_is_x ? L::kAllLanes : 0);
-  frame.z_is_y = L::FromBits(s.z_is_y ? L::kAllLanes : 0);
   bool any = false;
-  for (const uint32_t end = first + count; first < end; first += L::kLanes) {
-    const uint32_t lanes = end - first < L::kLanes ? end - first : L::kLanes;
-    uint32_t local[L::kLanes];
-    const float* at[3][L::kLanes];
-#pragma GCC unroll 16
-    for (uint32_t i = 0; i < L::kLanes; ++i) {
-      local[i] = voxel.references[first + (i < lanes ? i : 0)];
-      const TrianglePoints points = PointsOf(voxel, local[i]);
-      for (int k = 0; k < 3; ++k) at[k][i] = points.at[k];
-    }
+  for (uint32_t done = 0; done < s.count; done += L::kLanes) {
+    const Index* local = voxel.references + s.first + done;
+    const uint32_t lanes = s.count - done < L::kLanes ? s.count - done : L::kLanes;
     statistics.Triangle(lanes, L::kLanes);
+    Float x[3], y[3], z[3];
+    const auto points = [&](uint32_t i) { return PointsOf(voxel, local[i < lanes ? i : 0]); };
+    L::GatherCorners(points, s.last_axis, x, y, z);
     MovedVertex<L> moved[3];
-    for (int k = 0; k < 3; ++k) {
-      Float x, y, z, unused;
-      L::Gather4(at[k], x, y, z, unused);
-      x = x - frame.origin[0];
-      y = y - frame.origin[1];
-      z = z - frame.origin[2];
-      Rotate<L>(frame, x, y, z);
-      moved[k] = MoveVertex<L>(frame, x, y, z);
-    }
+#pragma GCC unroll 3
+    for (int k = 0; k < 3; ++k)
+      moved[k] = MoveVertex<L>(frame, x[k] - frame.origin[0], y[k] - frame.origin[1], z[k] - frame.origin[2]);
     const auto may = MayContain<L>(moved[0], moved[1], moved[2], L::FromBits((1u << lanes) - 1));
     if (L::None(may)) continue;
     statistics.Exact();
@@ -104,7 +102,7 @@ class WideTracer {
   using Float = typename L::Float;
   using Index = typename Finder::Index;
   using Slot = WideSlot<L, Index>;
-  static constexpr uint32_t kSlots = 8;
+  static constexpr uint32_t kSlots = 16;
   static constexpr int64_t kManyLevels = std::numeric_limits<int64_t>::min();
   static constexpr uint32_t kVectors = WideNode::kChildren / L::kLanes;
 
@@ -112,25 +110,23 @@ class WideTracer {
                                 Statistics& statistics)
       : top_(top), finder_(finder), source_(source), statistics_(statistics) {}
 
+  /// A ray is at a node or at a leaf. All do a step of the one kind, then all of the other, so that what one
+  /// waits for arrives while the processor computes for others.
   QUARRY_HOST_DEVICE void Run() {
-    uint32_t live = 0;
-    while (live < kSlots && Start(slots_[live])) ++live;
-    while (live != 0) {
-      // First all that has no branches, so that the processor computes for one ray while it waits for
-      // another.
-      for (uint32_t i = 0; i < live; ++i) Look(slots_[i]);
-      for (uint32_t i = 0; i < live;) {
-        if (Go(slots_[i])) {
-          ++i;
-          continue;
-        }
-        Finish(slots_[i]);
-        if (Start(slots_[i])) {
-          ++i;
-          continue;
-        }
-        slots_[i] = slots_[--live];
-      }
+    for (Slot& s : slots_)
+      if (Start(s)) at_node_[nodes_++] = &s;
+    while (nodes_ + leaves_ != 0) {
+      // Whoever goes on takes a place in these lists that has been read.
+      const uint32_t nodes = nodes_;
+      nodes_ = 0;
+      // First all that has no branches: one that is guessed wrong costs less where its reason is at hand.
+      for (uint32_t i = 0; i < nodes; ++i) Look(*at_node_[i]);
+      for (uint32_t i = 0; i < nodes; ++i) Go(*at_node_[i], Take(*at_node_[i]));
+      const uint32_t leaves = leaves_;
+      leaves_ = 0;
+      for (uint32_t i = 0; i < leaves; ++i) AwaitCorners(*at_leaf_[i]);
+      for (uint32_t i = 0; i < leaves; ++i) AwaitVertices(*at_leaf_[i]);
+      for (uint32_t i = 0; i < leaves; ++i) Go(*at_leaf_[i], Test(*at_leaf_[i]));
     }
   }
 
@@ -142,8 +138,8 @@ class WideTracer {
       RayPacket& rays = *s.packet;
       const RayFrame<ScalarLane> frame = LoadFrame<ScalarLane>(rays, s.index);
       for (uint32_t a = 0; a < 3; ++a) {
-        L::Store(L::Set(frame.origin[a]), s.origin[a]);
-        L::Store(L::Set(frame.reciprocal[a]), s.reciprocal[a]);
+        s.reciprocal[a] = frame.reciprocal[a];
+        s.shift[a] = -(frame.origin[a] * frame.reciprocal[a]);
         const bool forward = frame.reciprocal[a] > 0;
         s.near_face[a] = (forward ? a : a + 3) * WideNode::kChildren;
         s.far_face[a] = (forward ? a + 3 : a) * WideNode::kChildren;
@@ -151,8 +147,8 @@ class WideTracer {
       s.shear_x = frame.shear_x;
       s.shear_y = frame.shear_y;
       s.scale_z = frame.scale_z;
-      s.z_is_x = frame.z_is_x;
-      s.z_is_y = frame.z_is_y;
+      s.last_axis = frame.z_is_x ? 0 : frame.z_is_y ? 1 : 2;
+      for (uint32_t a = 0; a < 3; ++a) s.origin[a] = frame.origin[(s.last_axis + 1 + a) % 3];
       s.best = LoadBest<ScalarLane>(rays, s.index);
       s.chain = rays.chain[s.index];
       rays.waits_for[s.index] = kNoVoxel;
@@ -162,8 +158,8 @@ class WideTracer {
       s.scene_end = s.best.t;
       ClipToBox<ScalarLane>(frame, lower, upper, s.t, s.scene_end);
       s.t_end = s.scene_end;
-      s.nodes = top_.wide;
-      s.at = 0;
+      s.nodes = s.node = top_.wide;
+      s.cells = &s.top_cells;
       s.trail = 0;
       s.voxel = nullptr;
       if (s.t < s.t_end) return true;
@@ -179,100 +175,142 @@ class WideTracer {
     StoreBest<ScalarLane>(s.best, rays, s.index);
   }
 
-  /// Which of the node's cells the ray has yet to pass, and where.
+  /// Which of its node's cells the ray has yet to pass, and where.
   QUARRY_HOST_DEVICE void Look(Slot& s) {
-    const float* bounds = s.nodes[s.at].bounds;
+    const float* bounds = s.node->bounds;
     statistics_.Node(1, 1);
-    Float enter[kVectors];
-    Float least = L::Set(kInfinity);
-    uint32_t ahead = 0, nearest = 0;
-    for (uint32_t v = 0; v < kVectors; ++v) {
-      const uint32_t lane = v * L::kLanes;
-      enter[v] = L::Set(s.t);
-      Float exit = L::Set(s.t_end);
+    for (uint32_t lane = 0; lane < WideNode::kChildren; lane += L::kLanes) {
+      Float enter = L::Set(s.t), exit = L::Set(s.t_end);
 #pragma GCC unroll 3
       for (uint32_t a = 0; a < 3; ++a) {
-        const Float origin = L::Load(s.origin[a]), reciprocal = L::Load(s.reciprocal[a]);
-        enter[v] = L::Max(enter[v], (L::LoadU(bounds + s.near_face[a] + lane) - origin) * reciprocal);
-        exit = L::Min(exit, (L::LoadU(bounds + s.far_face[a] + lane) - origin) * reciprocal);
+        const Float reciprocal = L::Set(s.reciprocal[a]), shift = L::Set(s.shift[a]);
+        enter = L::Max(enter, L::Fma(L::LoadU(bounds + s.near_face[a] + lane), reciprocal, shift));
+        exit = L::Min(exit, L::Fma(L::LoadU(bounds + s.far_face[a] + lane), reciprocal, shift));
       }
-      const auto passes = L::Less(enter[v], exit);
-      ahead |= L::Bits(passes) << lane;
-      L::Store(enter[v], s.enters + lane);
-      L::Store(exit, s.exits + lane);
-      enter[v] = L::Select(passes, enter[v], L::Set(kInfinity));
+      L::Store(L::Select(L::Less(enter, exit), enter, L::Set(kInfinity)), s.cells->enters + lane);
+      L::Store(exit, s.cells->exits + lane);
+    }
+    Choose(s);
+  }
+
+  /// Which of the cells that the ray has yet to pass come before its end, and the first of them.
+  QUARRY_HOST_DEVICE void Choose(Slot& s) {
+    Float enter[kVectors], least = L::Set(kInfinity);
+    for (uint32_t v = 0; v < kVectors; ++v) {
+      enter[v] = L::Load(s.cells->enters + v * L::kLanes);
       least = L::Min(least, enter[v]);
     }
     least = L::Set(L::Least(least));
-    for (uint32_t v = 0; v < kVectors; ++v) nearest |= L::Bits(L::Equal(enter[v], least)) << (v * L::kLanes);
+    uint32_t ahead = 0, nearest = 0;
+    for (uint32_t v = 0; v < kVectors; ++v) {
+      ahead |= L::Bits(L::Less(enter[v], L::Set(s.t_end))) << (v * L::kLanes);
+      nearest |= L::Bits(L::Equal(enter[v], least)) << (v * L::kLanes);
+    }
     s.ahead = ahead;
     s.nearest = static_cast<uint32_t>(std::countr_zero(nearest));
   }
 
-  enum class Next { kLook, kUp, kLeaveVoxel, kEnd };
+  enum class Next { kNode, kLeaf, kCells, kUp, kLeaveVoxel, kEnd };
 
-  /// On to where there is something to look at; false where the ray ends or waits.
-  QUARRY_HOST_DEVICE bool Go(Slot& s) {
-    Next next = Take(s);
+  /// On to where there is something to look at or to test; with another ray where this one ends or waits.
+  QUARRY_HOST_DEVICE void Go(Slot& s, Next next) {
     for (;;) {
-      if (next == Next::kLook) return true;
-      if (next == Next::kUp)
-        next = Up(s);
-      else if (next == Next::kLeaveVoxel)
-        next = LeaveVoxel(s);
-      else
-        return false;
+      switch (next) {
+        case Next::kNode:
+          at_node_[nodes_++] = &s;
+          return;
+        case Next::kLeaf:
+          at_leaf_[leaves_++] = &s;
+          return;
+        case Next::kCells:
+          Choose(s);
+          next = Take(s);
+          break;
+        case Next::kUp:
+          next = Up(s);
+          break;
+        case Next::kLeaveVoxel:
+          next = LeaveVoxel(s);
+          break;
+        case Next::kEnd:
+          Finish(s);
+          if (!Start(s)) return;
+          next = Next::kNode;
+      }
     }
   }
 
   /// Into the nearest of the cells ahead.
   QUARRY_HOST_DEVICE Next Take(Slot& s) {
     if (s.ahead == 0) return Next::kUp;
+    const uint32_t i = s.nearest;
     const bool more = (s.ahead & (s.ahead - 1)) != 0;
-    const WideNode& node = s.nodes[s.at];
-    const uint32_t i = s.nearest, child = node.child[i], count = node.count[i];
+    const uint32_t child = s.node->child[i], count = s.node->count[i];
     if (count == WideNode::kInner) {
       s.trail = static_cast<int64_t>(static_cast<uint64_t>(s.trail) << 1) | (s.trail & kManyLevels) |
                 (more ? 1 : 0);
-      s.at = child;
-      L::Prefetch(s.nodes + child, sizeof(WideNode));
-      return Next::kLook;
+      s.node = s.nodes + child;
+      L::Prefetch(s.node, sizeof(WideNode));
+      return Next::kNode;
     }
     statistics_.Leaf(1);
     if (s.voxel) {
-      const bool kept = TestRange<L>(s, child, count, statistics_);
-      if (kAnyHit && kept) return Next::kEnd;
-      s.t_end = ScalarLane::Min(s.t_end, s.best.t);
-      s.t = s.exits[i];
-      if (!(s.t < s.t_end)) return Next::kLeaveVoxel;
-      return more ? Next::kLook : Next::kUp;
+      s.cells->enters[i] = kInfinity;
+      s.first = child;
+      s.count = count;
+      s.leaf_exit = s.cells->exits[i];
+      L::Prefetch(s.voxel->references + child, 1);
+      return Next::kLeaf;
     }
-    s.top_t = s.enters[i];
-    s.top_exit = s.exits[i];
-    s.top_at = s.at;
+    s.top_t = s.cells->enters[i];
+    s.top_exit = s.cells->exits[i];
+    s.cells->enters[i] = kInfinity;
+    s.top_node = s.node;
     s.top_trail = s.trail;
-    s.top_ahead = more;
     uint32_t voxel = child;
     for (uint32_t skip = s.chain; skip > 0; --skip) voxel = top_.next_in_chain[voxel];
     return EnterVoxel(s, voxel);
   }
 
+  // What a leaf's triangles take is asked for one load after the other; of neighbours, which lie side by
+  // side, for some.
+
+  QUARRY_HOST_DEVICE void AwaitCorners(const Slot& s) {
+    for (const uint32_t i : {0u, s.count / 2, s.count - 1})
+      L::Prefetch(s.voxel->corners + size_t{3} * s.voxel->references[s.first + i], 1);
+  }
+
+  QUARRY_HOST_DEVICE void AwaitVertices(const Slot& s) {
+    constexpr uint32_t kMost = 16;
+    const Index* local = s.voxel->references + s.first;
+    for (uint32_t i = 0; i < s.count && i < kMost; i += 2)
+      L::Prefetch(s.voxel->vertices + s.voxel->corners[size_t{3} * local[i]], 1);
+  }
+
+  /// Past the leaf that the ray is at.
+  QUARRY_HOST_DEVICE Next Test(Slot& s) {
+    const bool kept = TestLeaf<L>(s, statistics_);
+    if (kAnyHit && kept) return Next::kEnd;
+    s.t_end = ScalarLane::Min(s.t_end, s.best.t);
+    s.t = s.leaf_exit;
+    return s.t < s.t_end ? Next::kCells : Next::kLeaveVoxel;
+  }
+
   /// To the lowest node that has cells ahead, past the one that the ray was in.
   QUARRY_HOST_DEVICE Next Up(Slot& s) {
-    while (s.trail != 0 && s.at != 0) {
+    while (s.trail != 0 && s.node != s.nodes) {
       statistics_.Climb();
-      const uint32_t parent = s.nodes[s.at].parent, place = parent % WideNode::kChildren;
+      const uint32_t parent = s.node->parent, place = parent % WideNode::kChildren;
       const bool ahead = (s.trail & 1) != 0;
-      s.at = parent / WideNode::kChildren;
+      s.node = s.nodes + parent / WideNode::kChildren;
       s.trail >>= 1;
       if (!ahead) continue;
-      const WideNode& node = s.nodes[s.at];
       float exit = s.t_end;
       for (uint32_t a = 0; a < 3; ++a)
-        exit =
-            ScalarLane::Min(exit, (node.bounds[s.far_face[a] + place] - s.origin[a][0]) * s.reciprocal[a][0]);
+        exit = ScalarLane::Min(
+            exit, ScalarLane::Fma(s.node->bounds[s.far_face[a] + place], s.reciprocal[a], s.shift[a]));
       s.t = ScalarLane::Max(s.t, exit);
-      if (s.t < s.t_end) return Next::kLook;
+      if (s.t < s.t_end) return Next::kNode;
       break;
     }
     return s.voxel ? Next::kLeaveVoxel : Next::kEnd;
@@ -292,21 +330,21 @@ class WideTracer {
       if (!(s.t < s.t_end)) continue;
       s.voxel = geometry;
       s.voxel_id = voxel;
-      s.nodes = geometry->wide;
-      s.at = 0;
+      s.nodes = s.node = geometry->wide;
+      s.cells = &s.voxel_cells;
       s.trail = 0;
       L::Prefetch(s.nodes, sizeof(WideNode));
-      return Next::kLook;
+      return Next::kNode;
     }
     s.chain = 0;
     s.t = s.top_exit;
     s.t_end = ScalarLane::Min(s.scene_end, s.best.t);
     s.voxel = nullptr;
     s.nodes = top_.wide;
-    s.at = s.top_at;
+    s.node = s.top_node;
+    s.cells = &s.top_cells;
     s.trail = s.top_trail;
-    if (!(s.t < s.t_end)) return Next::kEnd;
-    return s.top_ahead ? Next::kLook : Next::kUp;
+    return s.t < s.t_end ? Next::kCells : Next::kEnd;
   }
 
   QUARRY_HOST_DEVICE Next LeaveVoxel(Slot& s) {
@@ -318,6 +356,8 @@ class WideTracer {
   const Finder& finder_;
   RaySource source_;
   Statistics& statistics_;
+  uint32_t nodes_ = 0, leaves_ = 0;
+  Slot *at_node_[kSlots], *at_leaf_[kSlots];
   Slot slots_[kSlots];
 };
 

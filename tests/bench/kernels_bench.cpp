@@ -71,7 +71,9 @@ class ResidentCache {
       : store_(std::move(store)),
         cache_(
             store_.catalog(), uint64_t{1} << 40, [] {}, [] {}),
-        pins_(cache_) {}
+        pins_(cache_) {
+    pins_.LogTo(touched_, pins_.NewReader());
+  }
 
   TopTree top() const { return store_.catalog().top_tree(); }
   VoxelFinder finder() { return pins_.finder(); }
@@ -79,6 +81,7 @@ class ResidentCache {
  private:
   StoreReader store_;
   VoxelCache cache_;
+  std::vector<uint32_t> touched_;  ///< what pins_ notes, as in a render
   PinSet pins_;
 };
 
