@@ -6,6 +6,7 @@
 #include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <chrono>
+#include <optional>
 #include <random>
 #include <utility>
 
@@ -121,6 +122,7 @@ class Session {
   }
 
   void OnLost(const Error& error) {
+    if (gives_up_) return End(tl::unexpected<Error>(*gives_up_));
     if (connection_) connection_->Close();
     connection_.reset();
     if (std::exchange(welcomed_, false)) {
@@ -143,6 +145,7 @@ class Session {
   }
 
   void OnMessage(Message m) {
+    if (gives_up_) return;
     Status status;
     switch (m.type) {
       case MessageType::kWelcome:
@@ -329,10 +332,12 @@ class Session {
   void OnBlockError(const Error& error) {
     if (!connection_) return End(tl::unexpected<Error>(error));
     connection_->Send(MakeMessage(MessageType::kFailure, Failure{error.message}));
-    connection_->Close();
-    // Leave the message time to go out; then end.
-    retry_.expires_after(std::chrono::milliseconds(200));
-    retry_.async_wait([this, error](const boost::system::error_code&) { End(tl::unexpected<Error>(error)); });
+    // The master answers by closing the connection, when it has read that.
+    gives_up_ = error;
+    retry_.expires_after(std::chrono::seconds(10));
+    retry_.async_wait([this](const boost::system::error_code& e) {
+      if (!e) End(tl::unexpected<Error>(*gives_up_));
+    });
   }
 
   const WorkerOptions& options_;
@@ -340,6 +345,7 @@ class Session {
   asio::steady_timer retry_, alive_;
   std::shared_ptr<Connection> connection_;
   bool welcomed_ = false, was_welcomed_ = false;
+  std::optional<Error> gives_up_;  ///< a block that cannot be had
   Clock::time_point lost_since_, heard_, looked_;
   uint64_t received_ = 0;  ///< bytes, when it last changed
   const uint64_t instance_;

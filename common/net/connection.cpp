@@ -30,7 +30,7 @@ using ErrorCode = boost::system::error_code;
 
 constexpr auto kOpeningTime = std::chrono::seconds(10);  // for handshake, preamble and greeting together
 constexpr auto kClosingTime = std::chrono::seconds(10);  // for what is queued
-constexpr auto kNotifyTime = std::chrono::seconds(1);    // for TLS's farewell
+constexpr auto kNotifyTime = std::chrono::seconds(1);    // for the other side to close too
 constexpr size_t kMaxNewcomers = 64;
 constexpr size_t kMaxGreetingBytes = 64 << 10;
 
@@ -114,7 +114,7 @@ class StreamConnection final : public AcceptedConnection {
     const uint64_t bytes = kFrameHeaderBytes + message.table.size() + message.raw.size();
     queued_ += bytes;
     asio::post(stream_.get_executor(), [self = Self(), bytes, message = std::move(message)]() mutable {
-      if (self->closed_ || self->closing_) {
+      if (self->closed_ || self->closing_ || self->cannot_write_) {
         self->queued_ -= bytes;
         return;
       }
@@ -160,6 +160,12 @@ class StreamConnection final : public AcceptedConnection {
   std::shared_ptr<StreamConnection> Self() {
     return std::static_pointer_cast<StreamConnection>(shared_from_this());
   }
+  tcp::socket& Socket() {
+    if constexpr (kTls)
+      return stream_.next_layer();
+    else
+      return stream_;
+  }
   bool accepted() const { return host_.empty(); }
 
   /// Lets go of the callbacks at its end: they may hold what holds this connection. Part of a handler, so
@@ -178,11 +184,12 @@ class StreamConnection final : public AcceptedConnection {
     std::shared_ptr<StreamConnection> connection_;
   };
 
-  /// Until the greeting: the other side is dropped. After Close: what is not sent by then is not sent.
+  /// Until the greeting: the other side is dropped. After Close: what is not sent by then is not sent. When
+  /// nothing can be written any more: the other side has said nothing more.
   void SetDeadline(std::chrono::seconds time) {
     deadline_.expires_after(time);
     deadline_.async_wait([self = Self()](const ErrorCode& error) {
-      if (error || (self->greeted_ && !self->closing_)) return;
+      if (error || (self->greeted_ && !self->closing_ && !self->cannot_write_)) return;
       self->Drop("does not answer", false);
     });
   }
@@ -200,18 +207,35 @@ class StreamConnection final : public AcceptedConnection {
     stream_.lowest_layer().close(ignored);
   }
 
-  /// Everything is sent. A TLS connection tells so; the other side need not answer.
+  /// Everything is sent; a TLS connection tells so. What still comes is read until the other side has closed
+  /// too: a socket closed with bytes unread takes back what is on its way.
   void SayFarewell() {
-    if constexpr (kTls) {
-      if (ready_) {
-        SetDeadline(kNotifyTime);
-        return stream_.async_shutdown([self = Self()](const ErrorCode&) { self->Shut(); });
-      }
-    }
-    Shut();
+    if (!ready_) return Shut();
+    parting_ = true;
+    SetDeadline(kNotifyTime);
+    if constexpr (kTls)
+      stream_.async_shutdown([self = Self()](const ErrorCode&) { self->EndSending(); });
+    else
+      EndSending();
+  }
+
+  void EndSending() {
+    if (closed_) return;
+    ErrorCode ignored;
+    stream_.lowest_layer().shutdown(tcp::socket::shutdown_send, ignored);
+    ReadRest();
+  }
+
+  void ReadRest() {
+    Socket().async_read_some(asio::buffer(rest_), [self = Self()](const ErrorCode& error, size_t) {
+      if (self->closed_) return;
+      if (error) return self->Shut();
+      self->ReadRest();
+    });
   }
 
   void DropOn(const ErrorCode& error) {
+    if (parting_) return;
     if (error == asio::error::eof || error == asio::error::connection_reset ||
         error == asio::error::broken_pipe || error == asio::ssl::error::stream_truncated)
       return Drop("closed the connection", false);
@@ -319,15 +343,20 @@ class StreamConnection final : public AcceptedConnection {
 
   // --- writing
 
+  void StopWriting() {
+    cannot_write_ = true;
+    SetDeadline(kNotifyTime);
+  }
+
   void WriteNext() {
-    if (!ready_ || closed_ || outgoing_.empty()) return;
+    if (!ready_ || closed_ || cannot_write_ || outgoing_.empty()) return;
     writing_ = true;
     asio::async_write(stream_, asio::buffer(outgoing_.front()),
                       [self = Self()](const ErrorCode& error, size_t n) {
                         self->writing_ = false;
                         if (self->closed_) return;
-                        // Who does not want this side may have said why: reading tells.
-                        if (error && !self->greeted_ && !self->closing_) return;
+                        // Who does not want this side any more may have said why: reading tells, and ends.
+                        if (error && !self->closing_) return self->StopWriting();
                         if (error) return self->DropOn(error);
                         self->queued_ -= std::min<uint64_t>(self->queued_, n);
                         self->outgoing_.pop_front();
@@ -354,7 +383,9 @@ class StreamConnection final : public AcceptedConnection {
   std::atomic<bool> close_asked_{false};  ///< what has come already is not told any more
   bool ready_ = false;                    ///< past the handshake: bytes may go out
   bool greeted_ = false;  ///< the preamble has come; at the side that accepted, the first message too
-  bool writing_ = false, closing_ = false, closed_ = false;
+  std::array<std::byte, 4096> rest_;  ///< of what comes when nobody listens any more
+  bool writing_ = false, cannot_write_ = false;
+  bool closing_ = false, parting_ = false, closed_ = false;
 };
 
 std::shared_ptr<AcceptedConnection> MakeConnection(tcp::socket socket, const Security& security,

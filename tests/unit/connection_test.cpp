@@ -166,6 +166,27 @@ TEST_CASE("Close sends what is queued first") {
   CHECK_FALSE(client.closed);
 }
 
+TEST_CASE("A last word is heard, though its sender has closed before all that was sent to it had come") {
+  const bool tls = GENERATE(false, true);
+  Network network(tls ? WithSecret('a', true) : Security());
+  End& client = network.ConnectTo(tls ? WithSecret('a', false) : Security());
+  REQUIRE(network.Run([&] { return client.connection != nullptr; }));
+  client.connection->Send(Greeting());
+  REQUIRE(
+      network.Run([&] { return network.accepted.size() == 1 && network.accepted[0]->messages.size() == 1; }));
+  End& server = *network.accepted[0];
+  for (int i = 0; i < 20; ++i) server.connection->Send(Block(1'000'000, 1));
+  network.server_io.restart();
+  network.server_io.run_for(std::chrono::milliseconds(50));
+  client.connection->Send(Block(1000, 3));
+  client.connection->Close();
+  network.client_io.restart();
+  network.client_io.run_for(std::chrono::milliseconds(50));
+  REQUIRE(network.Run([&] { return server.closed.has_value(); }));
+  REQUIRE(server.messages.size() == 2);
+  CHECK(server.messages[1].raw == Block(1000, 3).raw);
+}
+
 TEST_CASE("After Close nothing comes, not even what is here already") {
   Network network{Security()};
   for (int i = 0; i < 2; ++i) network.ConnectTo({});
