@@ -120,9 +120,9 @@ class StreamConnection final : public AcceptedConnection {
       }
       Bytes head = EncodeFrameHeader(message);
       head.insert(head.end(), message.table.begin(), message.table.end());
-      self->outgoing_.push_back(std::move(head));
-      if (!message.raw.empty()) self->outgoing_.push_back(std::move(message.raw));
-      if (!self->writing_) self->WriteNext();
+      self->Queue(std::move(head));
+      if (!message.raw.empty()) self->Queue(std::move(message.raw));
+      self->WriteSoon();
     });
   }
 
@@ -343,6 +343,25 @@ class StreamConnection final : public AcceptedConnection {
 
   // --- writing
 
+  /// Small parts go out together: a call of the system takes longer than copying them.
+  void Queue(Bytes part) {
+    constexpr size_t kTogether = 64 << 10;
+    const bool may_grow = outgoing_.size() > (writing_ ? 1u : 0u);
+    if (may_grow && outgoing_.back().size() + part.size() <= kTogether)
+      outgoing_.back().insert(outgoing_.back().end(), part.begin(), part.end());
+    else
+      outgoing_.push_back(std::move(part));
+  }
+
+  /// When what else has been asked for in this turn is queued as well.
+  void WriteSoon() {
+    if (writing_ || std::exchange(write_planned_, true)) return;
+    asio::post(stream_.get_executor(), [self = Self()] {
+      self->write_planned_ = false;
+      if (!self->writing_) self->WriteNext();
+    });
+  }
+
   void StopWriting() {
     cannot_write_ = true;
     SetDeadline(kNotifyTime);
@@ -384,7 +403,7 @@ class StreamConnection final : public AcceptedConnection {
   bool ready_ = false;                    ///< past the handshake: bytes may go out
   bool greeted_ = false;  ///< the preamble has come; at the side that accepted, the first message too
   std::array<std::byte, 4096> rest_;  ///< of what comes when nobody listens any more
-  bool writing_ = false, cannot_write_ = false;
+  bool write_planned_ = false, writing_ = false, cannot_write_ = false;
   bool closing_ = false, parting_ = false, closed_ = false;
 };
 

@@ -1,5 +1,6 @@
 """Machines on this one: a network namespace each, joined by a bridge, with a link of limited rate (tc tbf, both ways) and
 a limited share of a processor (cgroup v1 or v2). Needs root."""
+import itertools
 import os
 import pathlib
 import shutil
@@ -26,8 +27,12 @@ def run(*command):
 class Place:
     """Hosts by name; make() adds one. Use with `with`."""
 
-    def __init__(self, name="qy"):
-        self.name, self.bridge, self.hosts = f"{name}{os.getpid() % 10000}", f"{name}{os.getpid() % 10000}b", {}
+    made = itertools.count()
+
+    def __init__(self):
+        # Never a name twice: the kernel takes its time to let go of what was there before.
+        self.name = f"qy{os.getpid() % 10000}p{next(self.made)}"
+        self.bridge, self.hosts, self.spaces = self.name + "b", {}, []
         self.v1 = pathlib.Path("/sys/fs/cgroup/cpu")
         self.v2 = pathlib.Path("/sys/fs/cgroup")
 
@@ -37,8 +42,9 @@ class Place:
         return self
 
     def __exit__(self, *_):
-        for name, host in self.hosts.items():
-            subprocess.run(["ip", "netns", "del", host["space"]], capture_output=True)
+        for space in self.spaces:
+            subprocess.run(["ip", "netns", "del", space], capture_output=True)
+        for host in self.hosts.values():
             try:
                 host["group"].rmdir()
             except OSError:
@@ -51,6 +57,7 @@ class Place:
         space, outside, inside = f"{self.name}n{number}", f"{self.name}v{number}", f"{self.name}w{number}"
         address = f"10.77.{os.getpid() % 250}.{number}"
         run("ip", "netns", "add", space)
+        self.spaces.append(space)
         run("ip", "link", "add", outside, "type", "veth", "peer", "name", inside)
         run("ip", "link", "set", inside, "netns", space)
         run("ip", "link", "set", outside, "master", self.bridge)
