@@ -173,10 +173,9 @@ void PlanFrames(std::span<ActiveFrame* const> frames, const ActiveFrame* previou
   const ActiveFrame* before = previous;
   size_t n = 0;
   for (ActiveFrame* frame : frames) {
-    const bool stays = news == PlanNews::kBegun && frame->planned();
     // Those after these come to it in their turn; the newest has nothing yet.
-    if (!stays && (n++ < kForeseen || frame == frames.back())) frame->Foresee(before, rays);
-    if (!stays && (news == PlanNews::kWorkers || !frame->large() || !frame->planned())) {
+    if (n++ < kForeseen || frame == frames.back()) frame->Foresee(before, rays);
+    if (news == PlanNews::kWorkers || !frame->large() || !frame->planned()) {
       std::vector<PlannedWorker> workers;
       for (const auto& [id, speed] : speeds) workers.push_back({id, speed, busy_s[id] / speed, &holds[id]});
       frame->MakePlan(workers, block_bytes, seconds_per_byte, policy);

@@ -101,9 +101,8 @@ class ActiveFrame {
 /// frame's end; of small ones several, so that one that waits for voxels has other tiles to go on with.
 bool MayBegin(std::span<ActiveFrame* const> frames);
 
-/// What has changed since frames were planned: one more has begun, of which alone there is to plan; one is
-/// done, and the others may know better now; workers have come or gone.
-enum class PlanNews { kBegun, kDone, kWorkers };
+/// What has changed since frames were planned.
+enum class PlanNews { kFrames, kWorkers };
 
 /// Foresees and plans the frames under way, the oldest first, each with what those before it bring.
 /// `previous`: the last one finished, or null. `holds`: what each worker has.

@@ -322,7 +322,7 @@ class Server {
     if (tile_log_) tile_log_->Frame(*frame);
     failures_ = 0;
     renderings_.push_back({std::move(*part), std::move(frame), Now(), blocks_.bytes_served()});
-    MakePlans(PlanNews::kBegun);
+    MakePlans(PlanNews::kFrames);
     return renderings_.back().frame.get();
   }
 
@@ -335,7 +335,7 @@ class Server {
     jobs_.Finish(std::move(done.part), done.frame->TakePixels(),
                  FrameStatistics(*done.frame, times, roster_));
     previous_ = std::move(done.frame);
-    MakePlans(PlanNews::kDone);
+    MakePlans(PlanNews::kFrames);
     HandOutSoon();
   }
 

@@ -202,7 +202,7 @@ class Simulation {
     const ActiveFrame* before = frames_.empty() ? previous_.get() : frames_.back().get();
     frames_.push_back(std::make_unique<ActiveFrame>(next_setup_++, walk_.jobs[next_frame_], before));
     index_[frames_.back().get()] = next_frame_++;
-    MakePlans(PlanNews::kBegun);
+    MakePlans();
     return frames_.back().get();
   }
 
@@ -212,7 +212,7 @@ class Simulation {
     return frames;
   }
 
-  void MakePlans(PlanNews news) {
+  void MakePlans() {
     std::map<uint32_t, double> speeds;
     std::map<uint32_t, BlockSet> holds;
     for (const auto& w : workers_) {
@@ -220,8 +220,8 @@ class Simulation {
       holds[w->id] = w->holds;
     }
     const auto start = std::chrono::steady_clock::now();
-    PlanFrames(Frames(), previous_.get(), news, speeds, std::move(holds), block_bytes_, seconds_per_byte_,
-               policy_, &rays_);
+    PlanFrames(Frames(), previous_.get(), PlanNews::kFrames, speeds, std::move(holds), block_bytes_,
+               seconds_per_byte_, policy_, &rays_);
     planning_s_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   }
 
@@ -281,7 +281,7 @@ class Simulation {
         index_.erase(it->get());
         previous_ = std::move(*it);
         frames_.erase(it);
-        MakePlans(PlanNews::kDone);
+        MakePlans();
       }
     }
     HandOutTiles();

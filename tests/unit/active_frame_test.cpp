@@ -65,13 +65,13 @@ TEST_CASE("A frame under way is planned with what those before it are to bring")
   const RenderJob job = Looking({0, 0, 0}, {0, 10, 0});
   Cluster cluster;
   ActiveFrame shown(1, job, nullptr);
-  cluster.Plan({&shown}, nullptr, PlanNews::kDone);
+  cluster.Plan({&shown}, nullptr, PlanNews::kFrames);
   Render(shown);
   // Nobody holds anything now: who gets a tile of the second frame follows from the first one's plan alone.
   ActiveFrame first(2, job, &shown), second(3, job, &first);
   // Worker 2 has what every odd tile of the first touches.
   for (uint32_t b = 1; b < shown.owners().size(); b += 2) cluster.holds[2].Set(b, true);
-  cluster.Plan({&first, &second}, &shown, PlanNews::kDone);
+  cluster.Plan({&first, &second}, &shown, PlanNews::kFrames);
   const auto of_first = Planned(first), of_second = Planned(second);
   CHECK(std::set<uint32_t>(of_first.begin(), of_first.end()) == std::set<uint32_t>{1, 2});
   size_t alike = 0;
@@ -80,7 +80,7 @@ TEST_CASE("A frame under way is planned with what those before it are to bring")
   // By itself it goes by what is there.
   ActiveFrame alone(4, job, &shown);
   for (uint32_t b = 0; b < of_first.size(); ++b) cluster.holds[of_first[b] == 1 ? 2 : 1].Set(b, true);
-  cluster.Plan({&alone}, &shown, PlanNews::kDone);
+  cluster.Plan({&alone}, &shown, PlanNews::kFrames);
   alike = 0;
   for (size_t t = 0; t < of_first.size(); ++t) alike += of_first[t] == Planned(alone)[t];
   CHECK(alike < of_first.size() / 2);
@@ -91,19 +91,19 @@ TEST_CASE("A large frame is planned once, and again when workers come or go") {
   Cluster cluster;
   ActiveFrame frame(1, job, nullptr);
   REQUIRE(frame.large());
-  cluster.Plan({&frame}, nullptr, PlanNews::kDone);
+  cluster.Plan({&frame}, nullptr, PlanNews::kFrames);
   REQUIRE(frame.planned());
   const auto plan = Planned(frame);
   CHECK(std::count(plan.begin(), plan.end(), 1) > 0);
   cluster.speeds.erase(1);
-  cluster.Plan({&frame}, nullptr, PlanNews::kDone);
+  cluster.Plan({&frame}, nullptr, PlanNews::kFrames);
   CHECK(Planned(frame) == plan);
   cluster.Plan({&frame}, nullptr, PlanNews::kWorkers);
   CHECK(Planned(frame) == std::vector<uint32_t>(plan.size(), 2));
   ActiveFrame small(2, Looking({0, 0, 0}, {0, 10, 0}), nullptr);
-  cluster.Plan({&small}, nullptr, PlanNews::kDone);
+  cluster.Plan({&small}, nullptr, PlanNews::kFrames);
   cluster.speeds = {{3, 1}};
-  cluster.Plan({&small}, nullptr, PlanNews::kDone);
+  cluster.Plan({&small}, nullptr, PlanNews::kFrames);
   const auto now = Planned(small);
   CHECK(now == std::vector<uint32_t>(now.size(), 3));
 }
@@ -112,13 +112,13 @@ TEST_CASE("A large frame is foreseen once") {
   const RenderJob job = Looking({0, 0, 0}, {0, 10, 0}, 1024, 768);
   Cluster cluster;
   ActiveFrame before(1, job, nullptr), next(2, job, &before);
-  cluster.Plan({&before, &next}, nullptr, PlanNews::kDone);
+  cluster.Plan({&before, &next}, nullptr, PlanNews::kFrames);
   CHECK_FALSE(next.Expected(0).known);
   Render(before);
-  cluster.Plan({&next}, &before, PlanNews::kDone);
+  cluster.Plan({&next}, &before, PlanNews::kFrames);
   CHECK_FALSE(next.Expected(0).known);  // it was foreseen when nothing was done yet
   ActiveFrame after(3, job, &before);
-  cluster.Plan({&after}, &before, PlanNews::kDone);
+  cluster.Plan({&after}, &before, PlanNews::kFrames);
   CHECK(after.Expected(0).known);
 }
 
