@@ -270,6 +270,12 @@ class Session {
   /// `whole`: all blocks held are named, not only the changes.
   void SendCounters(bool whole) {
     if (!connection_ || !welcomed_ || !scene_) return;
+    // Asking the system takes longer than all else here.
+    constexpr auto kOften = std::chrono::milliseconds(50);
+    if (whole || Clock::now() - peak_asked_ > kOften) {
+      peak_asked_ = Clock::now();
+      peak_rss_ = PeakResidentBytes();
+    }
     const VoxelCache::Counters c = scene_->cache.counters();
     Alive alive{c.bytes,
                 c.loaded,
@@ -311,7 +317,6 @@ class Session {
     const Clock::time_point now = Clock::now();
     if (std::chrono::duration<double>(now - std::exchange(looked_, now)).count() > kSilenceS / 2)
       heard_ = now;
-    peak_rss_ = PeakResidentBytes();
     SendCounters(false);
     if (connection_ && !scene_) connection_->Send({MessageType::kPing, 0, {}, {}});
     if (connection_) {
@@ -351,6 +356,7 @@ class Session {
   const uint64_t instance_;
   uint32_t worker_ = 0;  ///< the master's number for this one
   uint64_t peak_rss_ = 0;
+  Clock::time_point peak_asked_;
   SceneId scene_id_{};
   std::vector<std::string> sources_;
   std::unique_ptr<SceneState> scene_;
