@@ -73,15 +73,18 @@ Peers Roster::MakePeers() const {
   return peers;
 }
 
-double Roster::SecondsPerByte() const {
-  constexpr double kUsual = 8e-8, kKnownBytes = 1 << 20;
-  double bytes = 0, s = 0;
+double Roster::SecondsPerByte(double decoded) const {
+  constexpr double kUsualFetch = 8e-8, kKnownBytes = 1 << 20;
+  double received = 0, fetch_s = 0, loaded = 0, decode_s = 0;
   for (const auto& [id, worker] : workers_) {
-    bytes += static_cast<double>(worker.counters.voxel_bytes_received);
-    s += (static_cast<double>(worker.counters.fetch_us) + static_cast<double>(worker.counters.decode_us)) *
-         1e-6;
+    const Alive& c = worker.counters;
+    received += static_cast<double>(c.voxel_bytes_received);
+    fetch_s += static_cast<double>(c.fetch_us) * 1e-6;
+    loaded += static_cast<double>(c.voxel_bytes_loaded);
+    decode_s += static_cast<double>(c.decode_us) * 1e-6;
   }
-  return bytes < kKnownBytes ? kUsual : s / bytes;
+  return (received < kKnownBytes ? kUsualFetch : fetch_s / received) +
+         (loaded < kKnownBytes ? 0 : decode_s / loaded) * decoded;
 }
 
 uint32_t Roster::HolderOf(uint32_t block, uint32_t but) const {

@@ -51,9 +51,10 @@ class Roster {
   static void Update(WorkerRecord& worker, const Alive& alive);
   /// Which workers serve others, and where.
   Peers MakePeers() const;
-  /// Seconds that a stored byte of voxels takes a worker to fetch and to decode, measured over all; 100
-  /// Mbit/s while not known.
-  double SecondsPerByte() const;
+  /// Seconds that a stored byte of voxels takes a worker to fetch and to decode, measured over all; while not
+  /// known, 100 Mbit/s and nothing. `decoded`: bytes that a stored byte becomes. What comes once may be
+  /// decoded again and again, so each is measured by its own bytes.
+  double SecondsPerByte(double decoded) const;
   /// A worker other than `but` that holds the block and serves it, or 0; another one for another block.
   uint32_t HolderOf(uint32_t block, uint32_t but) const;
 

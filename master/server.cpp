@@ -69,8 +69,13 @@ class Server {
                },
                [this](const std::string& line) { Log(line); }}) {
     packed_catalog_ = PackSections(source_.store().catalog_sections());
-    for (uint32_t b = 0; b < catalog().voxels.size() * 2; ++b)
+    uint64_t stored = 0, decoded = 0;
+    for (uint32_t b = 0; b < catalog().voxels.size() * 2; ++b) {
       block_bytes_.push_back(catalog().block(b).stored);
+      stored += catalog().block(b).stored;
+      decoded += catalog().block(b).decoded;
+    }
+    if (stored > 0) decoded_per_stored_ = static_cast<double>(decoded) / static_cast<double>(stored);
   }
 
   Status Run() {
@@ -238,7 +243,7 @@ class Server {
       holds[id] = worker.holds;
     }
     PlanFrames(Frames(), previous_.get(), news, speeds, std::move(holds), block_bytes_,
-               roster_.SecondsPerByte(), options_.policy, &rays_);
+               roster_.SecondsPerByte(decoded_per_stored_), options_.policy, &rays_);
   }
 
   /// Once for all the messages at hand.
@@ -256,8 +261,8 @@ class Server {
     for (const auto& [id, worker] : roster_.all()) hands.push_back({id, worker.Credit()});
     std::function<double(const ActiveFrame&, uint32_t, uint32_t)> fetch_s;
     if (options_.policy == SchedulingPolicy::kFootprint)
-      fetch_s = [this, per_byte = roster_.SecondsPerByte()](const ActiveFrame& frame, uint32_t tile,
-                                                            uint32_t worker) {
+      fetch_s = [this, per_byte = roster_.SecondsPerByte(decoded_per_stored_)](
+                    const ActiveFrame& frame, uint32_t tile, uint32_t worker) {
         return ExpectedBytes(frame.Expected(tile), roster_.FindById(worker)->holds, block_bytes_) * per_byte;
       };
     for (HandedTile& tile :
@@ -400,6 +405,7 @@ class Server {
   std::optional<TileLog> tile_log_;
   Bytes packed_catalog_;
   std::vector<uint32_t> block_bytes_;  ///< stored, by block
+  double decoded_per_stored_ = 1;      ///< bytes, of all blocks
   asio::steady_timer timer_;
   Clock::time_point start_;
   std::unique_ptr<Listener> listener_;

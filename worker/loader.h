@@ -29,7 +29,7 @@ class Loader {
 
   /// True while nothing that a ray waits for is on its way.
   bool idle() const { return in_flight_ == 0; }
-  /// Microseconds spent decoding, as time passes: of a processor that is shared too.
+  /// Microseconds spent decoding, memory for it included, as time passes: of a processor that is shared too.
   uint64_t decode_us() const { return decode_us_; }
 
   /// Asks for more while the bounds allow, and installs what waits for room. Call on the loader's thread when

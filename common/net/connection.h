@@ -40,7 +40,8 @@ class Connection : public std::enable_shared_from_this<Connection> {
   virtual void Start(OnMessage on_message, OnClose on_close) = 0;
   /// Queues a message; messages go out in order.
   virtual void Send(Message message) = 0;
-  /// Sends what is queued, for ten seconds at most, then closes.
+  /// Sends what is queued, for ten seconds at most, then closes: what still comes is read, and dropped, until
+  /// the other side has closed too, a second at most, so that it hears all that was sent.
   virtual void Close() = 0;
   /// Bytes queued and not yet handed to the system.
   virtual uint64_t queued_bytes() const = 0;

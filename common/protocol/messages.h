@@ -89,7 +89,7 @@ struct Alive {
   uint64_t stall_us = 0, compute_us = 0;  ///< summed over the compute threads
   uint64_t fetch_us = 0;                  ///< in which blocks were on their way from a source
   uint64_t prefetched_bytes = 0, prefetch_wasted_bytes = 0;
-  uint64_t decode_us = 0;  ///< in which blocks were decoded
+  uint64_t decode_us = 0;  ///< in which blocks were decoded, memory for them included
 };
 struct BlockRequest {
   uint32_t block = 0;

@@ -3,13 +3,11 @@
 // its own.
 
 #include <fmt/format.h>
-#include <sys/resource.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <boost/asio/executor_work_guard.hpp>
 #include <boost/asio/io_context.hpp>
-#include <chrono>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -18,6 +16,7 @@
 #include "common/net/connection.h"
 #include "common/protocol/messages.h"
 #include "tests/bench/median.h"
+#include "tests/bench/stopwatch.h"
 
 #ifndef NDEBUG
 #error "benchmarks are built with the release preset"
@@ -26,25 +25,11 @@
 namespace quarry::bench {
 namespace {
 
-using Clock = std::chrono::steady_clock;
 using ConnectionPtr = std::shared_ptr<Connection>;
 
 constexpr int kRepetitions = 5;
 constexpr size_t kWindow = 64;  // requests on the way
 constexpr int kConnections = 200;
-
-double Seconds(Clock::time_point since) {
-  return std::chrono::duration<double>(Clock::now() - since).count();
-}
-
-double CpuSeconds() {
-  rusage u{};
-  ::getrusage(RUSAGE_SELF, &u);
-  const auto s = [](const timeval& t) {
-    return static_cast<double>(t.tv_sec) + static_cast<double>(t.tv_usec) / 1e6;
-  };
-  return s(u.ru_utime) + s(u.ru_stime);
-}
 
 /// Answers each greeting with a Welcome and each request with the same block, on a thread of its own.
 class BlockServer {
@@ -117,7 +102,7 @@ Figures Measure(const Security& server_security, const Security& client_security
       const auto ask = [&] { c.Send(MakeMessage(MessageType::kBlockRequest, BlockRequest{0}, ++asked)); };
       if (m.type == MessageType::kWelcome) {
         start = Clock::now();
-        cpu = CpuSeconds();
+        cpu = ProcessSeconds();
         while (asked < std::min(kWindow, blocks)) ask();
         return true;
       }
@@ -125,7 +110,7 @@ Figures Measure(const Security& server_security, const Security& client_security
       if (++received < blocks) return true;
       const double bytes = static_cast<double>(blocks * block_bytes);
       figures.bytes_per_s.push_back(bytes / Seconds(start));
-      figures.cpu_s_per_gigabyte.push_back((CpuSeconds() - cpu) / (bytes / 1e9));
+      figures.cpu_s_per_gigabyte.push_back((ProcessSeconds() - cpu) / (bytes / 1e9));
       return false;
     });
   }

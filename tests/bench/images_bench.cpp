@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <chrono>
 #include <cmath>
 #include <condition_variable>
 #include <cstdlib>
@@ -17,6 +16,7 @@
 #include "deploy/default_view.h"
 #include "tests/bench/embree_image.h"
 #include "tests/bench/median.h"
+#include "tests/bench/stopwatch.h"
 #include "tests/bench/views.h"
 #include "worker/engine.h"
 #include "worker/loader.h"
@@ -28,7 +28,6 @@
 namespace quarry::bench {
 namespace {
 
-using Clock = std::chrono::steady_clock;
 constexpr unsigned kThreads = 2;
 
 struct Options {
@@ -38,10 +37,6 @@ struct Options {
   bool interior = false;
   std::string json;
 };
-
-double Seconds(Clock::time_point since) {
-  return std::chrono::duration<double>(Clock::now() - since).count();
-}
 
 /// The worker's engine in this process, all blocks in its cache.
 class EngineImage {

@@ -4,7 +4,6 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
@@ -17,6 +16,7 @@
 #include "tests/bench/median.h"
 #include "tests/bench/one_level.h"
 #include "tests/bench/ray_sets.h"
+#include "tests/bench/stopwatch.h"
 #include "tests/bench/views.h"
 #include "worker/loader.h"
 #include "worker/pin_set.h"
@@ -27,8 +27,6 @@
 
 namespace quarry::bench {
 namespace {
-
-using Clock = std::chrono::steady_clock;
 
 struct Options {
   std::vector<std::string> stores;
@@ -165,7 +163,7 @@ class SceneBench {
                             const auto start = Clock::now();
                             trace(top, finder, found_.data(), set.active.data(),
                                   static_cast<uint32_t>(found_.size()));
-                            return std::chrono::duration<double>(Clock::now() - start).count();
+                            return Seconds(start);
                           },
                           {}});
   }
@@ -179,7 +177,7 @@ class SceneBench {
                             const auto start = Clock::now();
                             TraceRays(cache_->top(), cache_->finder(), found_.data(), set.active.data(),
                                       static_cast<uint32_t>(found_.size()), set.any);
-                            return std::chrono::duration<double>(Clock::now() - start).count();
+                            return Seconds(start);
                           },
                           {}});
     for (const Kernel& kernel : Kernels()) {
@@ -196,7 +194,7 @@ class SceneBench {
                                 const auto start = Clock::now();
                                 one_level_->Trace(found_.data(), set.active.data(),
                                                   static_cast<uint32_t>(found_.size()), grouping, set.any);
-                                return std::chrono::duration<double>(Clock::now() - start).count();
+                                return Seconds(start);
                               },
                               {}});
     const size_t ours = contenders.size();

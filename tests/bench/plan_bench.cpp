@@ -5,7 +5,6 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <chrono>
 #include <cmath>
 #include <deque>
 #include <fstream>
@@ -15,6 +14,7 @@
 
 #include "master/active_frame.h"
 #include "tests/bench/median.h"
+#include "tests/bench/stopwatch.h"
 
 #ifndef NDEBUG
 #error "benchmarks are built with the release preset"
@@ -23,15 +23,10 @@
 namespace quarry::bench {
 namespace {
 
-using Clock = std::chrono::steady_clock;
 constexpr double kSecondsPerByte = 8e-8;  // 100 Mbit/s
 constexpr uint32_t kBlockBytes = 17000;
 constexpr int kBatch = 16;   // results that come between two turns of handing out
 constexpr double kEndS = 3;  // what has not been handed out by then is left
-
-double Seconds(Clock::time_point since) {
-  return std::chrono::duration<double>(Clock::now() - since).count();
-}
 
 /// Who holds what when the second frame is planned.
 enum class Holding { kOwn, kAll, kOne, kNothing };

@@ -3,13 +3,11 @@
 // loader of a worker has; then one at a time.
 
 #include <fmt/format.h>
-#include <sys/resource.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
-#include <chrono>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -24,6 +22,7 @@
 #include "common/net/tcp_source.h"
 #include "deploy/cluster.h"
 #include "tests/bench/median.h"
+#include "tests/bench/stopwatch.h"
 #include "tests/support/nginx.h"
 #include "tests/support/temporary_folder.h"
 
@@ -35,25 +34,10 @@ namespace quarry::bench {
 namespace {
 
 namespace asio = boost::asio;
-using Clock = std::chrono::steady_clock;
 
 constexpr int kRepetitions = 7;
 constexpr uint32_t kInFlight = 16;
 constexpr size_t kAlone = 500;  // blocks fetched one at a time
-
-double Seconds(Clock::time_point since) {
-  return std::chrono::duration<double>(Clock::now() - since).count();
-}
-
-/// Processor seconds of this process.
-double CpuSeconds() {
-  rusage usage{};
-  ::getrusage(RUSAGE_SELF, &usage);
-  const auto seconds = [](const timeval& t) {
-    return static_cast<double>(t.tv_sec) + static_cast<double>(t.tv_usec) * 1e-6;
-  };
-  return seconds(usage.ru_utime) + seconds(usage.ru_stime);
-}
 
 /// Fetches a list of blocks, a number of them in flight, and checks what comes.
 class Fetching {
@@ -124,11 +108,11 @@ class SourcesBench {
       }
       if (!source) source = make(io);
       Fetching all(io, *source, catalog_, blocks_);
-      const double cpu_before = CpuSeconds();
+      const double cpu_before = ProcessSeconds();
       const auto begin = Clock::now();
       QUARRY_TRY(all.Run(kInFlight));
       times.push_back(Seconds(begin));
-      cpu.push_back(CpuSeconds() - cpu_before);
+      cpu.push_back(ProcessSeconds() - cpu_before);
       if (before) continue;
       std::vector<uint32_t> some = blocks_;
       some.resize(std::min(kAlone, some.size()));

@@ -3,13 +3,13 @@
 // thread. 20 M triangles take about 6 GB.
 
 #include <fmt/format.h>
-#include <time.h>
 
 #include <CLI/CLI.hpp>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "common/base/resource.h"
 #include "common/kdtree/treelets.h"
 #include "common/voxel/store_reader.h"
 #include "tests/bench/median.h"
@@ -18,11 +18,7 @@ namespace quarry::bench {
 namespace {
 
 /// Of this thread's processor: other work on the machine counts for nothing.
-double ProcessorSeconds() {
-  timespec now{};
-  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + static_cast<double>(now.tv_nsec) * 1e-9;
-}
+double ProcessorSeconds() { return static_cast<double>(ThreadTimeUs()) * 1e-6; }
 
 constexpr double kMega = 1e6;
 constexpr int kRepetitions = 5;

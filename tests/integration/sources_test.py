@@ -7,12 +7,53 @@ import shutil
 import signal
 import socket
 import subprocess
+import threading
 import time
 import unittest
 
 from programs import BIN, TIMEOUT_S, Case, end
 
 VIEW = ["--mode", "shadow", "--size", "320x240"]
+
+
+class Wire:
+    """One connection to a master, by way of this process, which keeps from the master all that the worker says from
+    `unheard` on."""
+
+    def __init__(self, address, unheard):
+        host, port = address.rsplit(":", 1)
+        self._unheard = unheard
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self._master = socket.create_connection((host, int(port)))
+        self._worker = None
+        self.address = "127.0.0.1:%d" % self._listener.getsockname()[1]
+        threading.Thread(target=self._run, daemon=True).start()
+
+    def _run(self):
+        self._worker, _ = self._listener.accept()
+        threading.Thread(target=self._answer, daemon=True).start()
+        said, heard = b"", True
+        while data := self._read(self._worker):
+            said = said[-len(self._unheard):] + data
+            heard = heard and self._unheard not in said
+            if heard:
+                self._master.sendall(data)
+
+    def _answer(self):
+        while data := self._read(self._master):
+            self._worker.sendall(data)
+
+    @staticmethod
+    def _read(side):
+        try:
+            return side.recv(65536)
+        except OSError:
+            return b""
+
+    def close(self):
+        for side in (self._listener, self._master, self._worker):
+            if side:
+                side.close()
 
 
 class Sources(Case):
@@ -51,6 +92,7 @@ class Sources(Case):
     def test_a_file_beside_the_worker(self):
         sums = self.render("f", [["--source", "file:" + self.scene]])
         self.assertGreater(sums["voxel_bytes_from_file"], 0)
+        self.assertGreater(sums["decode_s"], 0)
         self.assertEqual(sums["voxel_bytes_from_tcp"], 0)
 
     def test_another_scene_s_file_is_refused(self):
@@ -82,6 +124,17 @@ class Sources(Case):
         self.assertEqual(worker.wait(timeout=30), 1)
         self.assertRegex(worker.stderr.read(), r"^quarry-worker: .*is damaged \(checksum\); make the store again\n$")
         self.assertLess(time.monotonic() - start, 30)  # and not a minute, as when a source does not answer
+
+    def test_a_worker_that_gives_up_unheard_ends_all_the_same(self):
+        _, address = self.start_master(self.scene)
+        wire = Wire(address, unheard=b"is damaged")
+        worker = self.start_worker(wire.address, "--source", "file:" + self.damaged(), "--quiet")
+        self.addCleanup(wire.close)
+        client = self.client(address, "unheard")
+        self.assertEqual(worker.wait(timeout=TIMEOUT_S / 2), 1)
+        self.assertRegex(worker.stderr.read(), r"^quarry-worker: .*is damaged \(checksum\); make the store again\n$")
+        self.start_worker(address, "--quiet")
+        self.finish(client, "unheard")
 
     def test_two_servers_share_and_one_may_die(self):
         servers = [self.start_master(self.scene, "--serve-only") for _ in range(2)]

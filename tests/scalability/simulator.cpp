@@ -13,7 +13,6 @@
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <queue>
 #include <set>
 
 #include "common/base/file.h"
@@ -22,6 +21,7 @@
 #include "common/net/source_policy.h"
 #include "common/voxel/store_reader.h"
 #include "master/active_frame.h"
+#include "tests/scalability/simulated_time.h"
 #include "tests/scalability/traced_walk.h"
 #include "worker/engine.h"
 #include "worker/loader.h"
@@ -59,42 +59,6 @@ Result<Loading> ParseLoading(const std::string& text) {
   if (text == "map") return Loading::kMap;
   return BadUsage(fmt::format("--loading is suspend, wait or map, not '{}'", text));
 }
-
-/// What happens when: the earliest first, those of one moment in the order in which they were made.
-class Clock {
- public:
-  double now_s() const { return now_s_; }
-  void At(double s, std::function<void()> what) { events_.push({s, next_++, std::move(what)}); }
-  void Run() {
-    while (!events_.empty()) {
-      Event event = events_.top();
-      events_.pop();
-      now_s_ = event.s;
-      event.what();
-    }
-  }
-
- private:
-  struct Event {
-    double s;
-    uint64_t number;
-    std::function<void()> what;
-    bool operator<(const Event& other) const { return s != other.s ? s > other.s : number > other.number; }
-  };
-  std::priority_queue<Event> events_;
-  uint64_t next_ = 0;
-  double now_s_ = 0;
-};
-
-/// Something that does one thing at a time: a link, a processor.
-struct Serial {
-  double free_s = 0, busy_s = 0;
-  /// When what takes `s` and may begin at `from` is done.
-  double Take(double from, double s) {
-    busy_s += s;
-    return free_s = std::max(free_s, from) + s;
-  }
-};
 
 class Simulation {
  public:

@@ -1,0 +1,48 @@
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <functional>
+#include <queue>
+#include <utility>
+#include <vector>
+
+namespace quarry {
+
+/// What happens when: the earliest first, those of one moment in the order in which they were made.
+class Clock {
+ public:
+  double now_s() const { return now_s_; }
+  void At(double s, std::function<void()> what) { events_.push({s, next_++, std::move(what)}); }
+  void Run() {
+    while (!events_.empty()) {
+      Event event = events_.top();
+      events_.pop();
+      now_s_ = event.s;
+      event.what();
+    }
+  }
+
+ private:
+  struct Event {
+    double s;
+    uint64_t number;
+    std::function<void()> what;
+    bool operator<(const Event& other) const { return s != other.s ? s > other.s : number > other.number; }
+  };
+  std::priority_queue<Event> events_;
+  uint64_t next_ = 0;
+  double now_s_ = 0;
+};
+
+/// Something that does one thing at a time: a link, a processor.
+struct Serial {
+  double free_s = 0, busy_s = 0;
+  /// When what takes `s` and may begin at `from` is done.
+  double Take(double from, double s) {
+    busy_s += s;
+    return free_s = std::max(free_s, from) + s;
+  }
+};
+
+}  // namespace quarry

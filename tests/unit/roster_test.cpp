@@ -1,0 +1,56 @@
+#include "master/roster.h"
+
+#include <catch2/catch.hpp>
+
+namespace quarry {
+namespace {
+
+struct Somebody final : Connection {
+  void Start(OnMessage, OnClose) override {}
+  void Send(Message) override {}
+  void Close() override {}
+  uint64_t queued_bytes() const override { return 0; }
+  uint64_t received_bytes() const override { return 0; }
+  std::string local_host() const override { return "here"; }
+  const std::string& peer() const override { return name; }
+  std::string name = "there:1";
+};
+
+/// Counters of a worker that has received, fetched, loaded and decoded so much.
+Alive Counted(uint64_t received, uint64_t fetch_us, uint64_t loaded, uint64_t decode_us) {
+  Alive alive;
+  alive.voxel_bytes_received = received;
+  alive.fetch_us = fetch_us;
+  alive.voxel_bytes_loaded = loaded;
+  alive.decode_us = decode_us;
+  return alive;
+}
+
+WorkerRecord& Joined(Roster& roster, uint64_t instance) {
+  return roster.Add(std::make_shared<Somebody>(), Hello{Role::kWorker, "w", 1, instance, 0});
+}
+
+}  // namespace
+
+TEST_CASE("What is not known of fetching is 100 Mbit/s, of decoding nothing", "[roster]") {
+  Roster roster;
+  CHECK(roster.SecondsPerByte(7) == Approx(8e-8));
+  Roster::Update(Joined(roster, 1), Counted(1000, 900'000, 7000, 900'000));
+  CHECK(roster.SecondsPerByte(7) == Approx(8e-8));
+}
+
+TEST_CASE("A stored byte costs what fetching it and decoding it once takes", "[roster]") {
+  Roster roster;
+  WorkerRecord& worker = Joined(roster, 1);
+  // 2 MB in 1 s; decoded seven times over, 140 MB, in 0.7 s.
+  Roster::Update(worker, Counted(2'000'000, 1'000'000, 140'000'000, 700'000));
+  CHECK(roster.SecondsPerByte(10) == Approx(5e-7 + 5e-8));
+  CHECK(roster.SecondsPerByte(5) == Approx(5e-7 + 2.5e-8));
+  // Another one, whose disk cache is warm, has received nothing.
+  Roster::Update(Joined(roster, 2), Counted(0, 0, 60'000'000, 1'300'000));
+  CHECK(roster.SecondsPerByte(10) == Approx(5e-7 + 1e-7));
+  Roster::Update(worker, Counted(0, 0, 140'000'000, 700'000));
+  CHECK(roster.SecondsPerByte(10) == Approx(8e-8 + 1e-7));
+}
+
+}  // namespace quarry
