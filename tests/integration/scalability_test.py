@@ -46,15 +46,23 @@ class Scalability(Case):
 
     @unittest.skipIf(why_not(), f"{why_not()}")
     def test_speedup_in_a_place_of_its_own(self):
-        plot = self.path("speedup.png")
+        plot, frames_plot, frames_csv = self.path("speedup.png"), self.path("frames.png"), self.path("frames.csv")
         rows = self.experiment("speedup", "--workers", "1,2", "--modes", "raycast", "--setups", "1,2p", "--frames", FRAMES,
-                               "--plot", plot)
+                               "--plot", plot, "--frames-plot", frames_plot, "--frames-csv", frames_csv)
         self.assertEqual([(r["servers"], r["workers"], r["caches"]) for r in rows],
                          [(s, w, c) for s in "12" for w in "12" for c in ("cold", "warm")])
         for row in rows:
             if row["caches"] == "cold":
                 self.assertGreater(float(row["megabytes_loaded"]), 0)
-        self.assertEqual(pathlib.Path(plot).read_bytes()[:4], b"\x89PNG")
+        for path in (plot, frames_plot):
+            self.assertEqual(pathlib.Path(path).read_bytes()[:4], b"\x89PNG")
+        with open(frames_csv, newline="") as file:
+            frames = list(csv.DictReader(file))
+        for row in rows:
+            of = [f for f in frames if all(f[key] == row[key] for key in ("servers", "peers", "workers", "caches"))]
+            self.assertEqual([int(f["frame"]) for f in of], list(range(FRAMES)))
+            self.assertAlmostEqual(float(of[-1]["done_s"]), float(row["seconds"]), delta=0.01)
+            self.assertAlmostEqual(sum(float(f["megabytes_received"]) for f in of), float(row["megabytes_loaded"]), delta=0.2)
 
     def test_a_traced_walk_is_simulated(self):
         trace, table = self.path("walk.trace"), self.path("simulated.json")
