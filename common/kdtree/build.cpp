@@ -45,71 +45,94 @@ struct PointBox {
 };
 
 /// A convex polygon: a triangle clipped by at most six planes.
-struct Polygon {
-  static constexpr int kMostPoints = 9;
-  Point points[kMostPoints];
-  int count = 0;
-
-  explicit Polygon(const KdTriangle& t) : count(3) {
-    for (int i = 0; i < 3; ++i) points[i] = Point{t.vertices[i].x, t.vertices[i].y, t.vertices[i].z, 0};
+class Polygon {
+ public:
+  explicit Polygon(const KdTriangle& t) {
+    for (int i = 0; i < 3; ++i) points_[i] = Point{t.vertices[i].x, t.vertices[i].y, t.vertices[i].z, 0};
   }
+  bool empty() const { return count_ == 0; }
   PointBox Bounds() const {
     PointBox box;
-    for (int i = 0; i < count; ++i) box.Include(points[i]);
+    for (int i = 0; i < count_; ++i) box.Include(points_[i]);
     return box;
   }
 
-  /// Visits the corners of the part with sign * coordinate <= sign * plane, in order (Sutherland & Hodgman
-  /// 1974).
-  template <class Visit>
-  void VisitPart(int axis, double plane, double sign, Visit&& visit) const {
-    Point from = points[count - 1];
-    double from_beyond = (from[axis] - plane) * sign;
-    for (int i = 0; i < count; ++i) {
-      const Point to = points[i];
-      const double to_beyond = (to[axis] - plane) * sign;
-      if ((from_beyond > 0) != (to_beyond > 0)) {
-        Point crossing = from + from_beyond / (from_beyond - to_beyond) * (to - from);
-        crossing[axis] = plane;
-        visit(crossing);
-      }
-      if (!(to_beyond > 0)) visit(to);
-      from = to;
-      from_beyond = to_beyond;
-    }
-  }
-
-  void Clip(int axis, double plane, double sign) {
-    Point part[kMostPoints];
-    int kept = 0;
-    VisitPart(axis, plane, sign, [&](Point p) {
-      if (kept < kMostPoints) part[kept] = p;
-      ++kept;
-    });
-    // More points than a convex polygon can have come from rounding alone: unclipped is safe.
-    if (kept > kMostPoints) return;
-    std::copy_n(part, kept, points);
-    count = kept;
+  /// Keeps what lies in the cell grown by `growth`.
+  void Clip(const Box& cell, double growth) {
+    PointBox bounds = Bounds();
+    ClipAcross<0>(cell, growth, bounds);
+    ClipAcross<1>(cell, growth, bounds);
+    ClipAcross<2>(cell, growth, bounds);
   }
 
   /// The boxes of the part up to `left` and of the part from `right` on, which is not beyond it.
   void BoundParts(int axis, double left, double right, PointBox parts[2]) const {
-    if (count == 0) return;
-    Point from = points[count - 1];
-    for (int i = 0; i < count; ++i) {
-      const Point to = points[i];
-      const double a = from[axis], b = to[axis];
+    if (axis == 0) return BoundParts<0>(left, right, parts);
+    if (axis == 1) return BoundParts<1>(left, right, parts);
+    BoundParts<2>(left, right, parts);
+  }
+
+ private:
+  static constexpr int kMostPoints = 9;
+
+  template <int kAxis>
+  void ClipAcross(const Box& cell, double growth, PointBox& bounds) {
+    const double lower = cell.lower[kAxis] - growth, upper = cell.upper[kAxis] + growth;
+    const bool below = bounds.lower[kAxis]<lower, above = bounds.upper[kAxis]> upper;
+    if (!below && !above) return;
+    if (below) Clip<kAxis>(lower, -1);
+    if (above) Clip<kAxis>(upper, 1);
+    bounds = Bounds();
+  }
+
+  /// Keeps the part with sign * coordinate <= sign * plane (Sutherland & Hodgman 1974).
+  template <int kAxis>
+  void Clip(double plane, double sign) {
+    if (empty()) return;
+    Point* const part = points_ == room_[0] ? room_[1] : room_[0];
+    int kept = 0;
+    const auto keep = [&](Point p) {
+      if (kept < kMostPoints) part[kept] = p;
+      ++kept;
+    };
+    Point from = points_[count_ - 1];
+    double from_beyond = (from[kAxis] - plane) * sign;
+    for (int i = 0; i < count_; ++i) {
+      const Point to = points_[i];
+      const double to_beyond = (to[kAxis] - plane) * sign;
+      if ((from_beyond > 0) != (to_beyond > 0)) {
+        Point crossing = from + from_beyond / (from_beyond - to_beyond) * (to - from);
+        crossing[kAxis] = plane;
+        keep(crossing);
+      }
+      if (!(to_beyond > 0)) keep(to);
+      from = to;
+      from_beyond = to_beyond;
+    }
+    // More points than a convex polygon can have come from rounding alone: unclipped is safe.
+    if (kept > kMostPoints) return;
+    points_ = part;
+    count_ = kept;
+  }
+
+  template <int kAxis>
+  void BoundParts(double left, double right, PointBox parts[2]) const {
+    if (empty()) return;
+    Point from = points_[count_ - 1];
+    for (int i = 0; i < count_; ++i) {
+      const Point to = points_[i];
+      const double a = from[kAxis], b = to[kAxis];
       const bool crosses_left = (a > left) != (b > left), crosses_right = (a < right) != (b < right);
       if (crosses_left || crosses_right) {
         const Point slope = (to - from) / (b - a);
         if (crosses_left) {
           Point crossing = from + (left - a) * slope;
-          crossing[axis] = left;
+          crossing[kAxis] = left;
           parts[0].Include(crossing);
         }
         if (crosses_right) {
           Point crossing = from + (right - a) * slope;
-          crossing[axis] = right;
+          crossing[kAxis] = right;
           parts[1].Include(crossing);
         }
       }
@@ -119,18 +142,9 @@ struct Polygon {
     }
   }
 
-  /// Keeps what lies in the cell grown by `growth`.
-  void Clip(const Box& cell, double growth) {
-    PointBox bounds = Bounds();
-    for (int a = 0; a < 3 && count > 0; ++a) {
-      const double lower = cell.lower[a] - growth, upper = cell.upper[a] + growth;
-      const bool below = bounds.lower[a]<lower, above = bounds.upper[a]> upper;
-      if (!below && !above) continue;
-      if (below) Clip(a, lower, -1);
-      if (above && count > 0) Clip(a, upper, 1);
-      bounds = Bounds();
-    }
-  }
+  Point room_[2][kMostPoints];
+  Point* points_ = room_[0];
+  int count_ = 3;
 };
 
 /// Eight planes at a time, as the compiler's own vectors.
@@ -242,7 +256,7 @@ std::vector<KdReference> KdSplitter::ReferencesIn(const Box& cell) const {
                   0};
     Polygon polygon(triangles_[i]);
     polygon.Clip(cell, growth_);
-    if (polygon.count > 0 && polygon.Bounds().Narrow(r, growth_)) references.push_back(r);
+    if (!polygon.empty() && polygon.Bounds().Narrow(r, growth_)) references.push_back(r);
   }
   return references;
 }
