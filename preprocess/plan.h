@@ -17,9 +17,9 @@ struct PreprocessPlan {
   double seconds = 0;                    ///< on this machine, with nothing else to do
 };
 
-/// Reads the models twice, writing nothing but a sample: once to count, once for triangles from several
-/// places, of which voxels are built. Times and sizes follow from that sample, or from usual ones where it is
-/// too small. Errors: as Preprocess for models that cannot be read; a model from standard input.
+/// Reads the models up to three times, writing nothing: to count, for the triangles in several cubes, and for
+/// corners of those that lie elsewhere. What is in the cubes is built (plan_sample.h); times and sizes follow
+/// from that. Errors: as Preprocess for models that cannot be read; a model from standard input.
 Result<PreprocessPlan> MakePlan(const PreprocessOptions& options);
 
 /// Whether the folders have so little room, beside the models' size, that a plan is worth its time.
