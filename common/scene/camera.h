@@ -27,6 +27,7 @@ class Camera {
   ViewBasis view_;
   double width_, height_;
   glm::dvec3 lower_, upper_;
+  bool all_start_inside_;  ///< rays, in the box: none has to be moved
 };
 
 }  // namespace quarry
