@@ -13,15 +13,23 @@ namespace {
 
 struct Totals {
   uint64_t hot_decoded = 0, shading_decoded = 0, stored = 0, chained = 0;
+  uint64_t pages = 0, pages_stored = 0, pages_decoded = 0;
 };
 
-Totals Sum(const Catalog& catalog) {
+Totals Sum(const StoreReader& store) {
   Totals t;
-  for (const VoxelEntry& v : catalog.voxels) {
+  for (const VoxelEntry& v : store.catalog().voxels) {
     t.hot_decoded += v.blocks[0].decoded;
     t.shading_decoded += v.blocks[1].decoded;
     t.stored += v.blocks[0].stored + v.blocks[1].stored;
     t.chained += v.next_in_chain != kNoIndex;
+  }
+  for (const Texture& texture : store.textures()) {
+    t.pages += texture.pages.size();
+    for (const BlockEntry& page : texture.pages) {
+      t.pages_stored += page.stored;
+      t.pages_decoded += page.decoded;
+    }
   }
   return t;
 }
@@ -31,10 +39,20 @@ std::pair<glm::dvec3, glm::dvec3> ModelBounds(const SceneMeta& m) {
   return {glm::dvec3(m.bounds_lower) + m.offset, glm::dvec3(m.bounds_upper) + m.offset};
 }
 
+nlohmann::ordered_json DescribeTexture(const Texture& texture) {
+  const char* const formats[] = {"srgb8", "linear8", "half"};
+  return {{"name", texture.name},
+          {"width", texture.layout.width},
+          {"height", texture.layout.height},
+          {"channels", texture.layout.channels},
+          {"format", formats[static_cast<size_t>(texture.layout.format)]},
+          {"pages", texture.pages.size()}};
+}
+
 nlohmann::ordered_json Describe(const StoreReader& store) {
   const Catalog& c = store.catalog();
   const SceneMeta& m = c.meta;
-  const Totals t = Sum(c);
+  const Totals t = Sum(store);
   nlohmann::ordered_json j;
   j["scene_id"] = FormatSceneId(c.id);
   j["store_bytes"] = store.size();
@@ -59,6 +77,11 @@ nlohmann::ordered_json Describe(const StoreReader& store) {
   j["lz4_version"] = m.lz4_version;
   j["materials"] = store.material_names();
   j["parts"] = store.parts();
+  j["texture_pages"] = t.pages;
+  j["texture_stored_bytes"] = t.pages_stored;
+  j["texture_decoded_bytes"] = t.pages_decoded;
+  j["textures"] = nlohmann::ordered_json::array();
+  for (const Texture& texture : store.textures()) j["textures"].push_back(DescribeTexture(texture));
   return j;
 }
 
@@ -72,7 +95,7 @@ Status PrintInfo(const std::string& scene, bool json) {
     return {};
   }
   const Catalog& c = store.catalog();
-  const Totals t = Sum(c);
+  const Totals t = Sum(store);
   const auto kept = c.meta.input_triangles - c.meta.dropped_degenerate - c.meta.dropped_not_finite;
   fmt::print("{}\n  scene      {}\n", scene, FormatSceneId(c.id));
   fmt::print("  triangles  {} ({} degenerate and {} not finite dropped)\n", kept, c.meta.dropped_degenerate,
@@ -89,6 +112,9 @@ Status PrintInfo(const std::string& scene, bool json) {
     fmt::print("  offset     {:.10g} {:.10g} {:.10g} (stored positions are that much less)\n",
                c.meta.offset.x, c.meta.offset.y, c.meta.offset.z);
   fmt::print("  materials  {}\n  parts      {}\n", store.material_names().size(), store.parts().size());
+  if (t.pages > 0)
+    fmt::print("  textures   {} in {} pages, {} stored, {} once decoded\n", store.textures().size(), t.pages,
+               FormatSize(t.pages_stored), FormatSize(t.pages_decoded));
   return {};
 }
 
@@ -99,7 +125,8 @@ Status Verify(const std::string& scene, bool quiet) {
   QUARRY_TRY(store.Verify([&](uint64_t done, uint64_t total) { progress.Update(done, total); }));
   progress.End();
   progress.Say(
-      fmt::format("{}: {} voxels, every byte as it should be", scene, store.catalog().voxels.size()));
+      fmt::format("{}: {} voxels{}, every byte as it should be", scene, store.catalog().voxels.size(),
+                  store.textures().empty() ? "" : fmt::format(", {} textures", store.textures().size())));
   return {};
 }
 

@@ -146,6 +146,15 @@ Status OutputFile::WriteAt(uint64_t offset, std::span<const std::byte> bytes) {
                   static_cast<int64_t>(offset));
 }
 
+Status OutputFile::Shorten(uint64_t size) {
+  QUARRY_TRY(Flush());
+  const auto end = static_cast<off_t>(size);
+  if (::ftruncate(fd_, end) != 0 || ::lseek(fd_, end, SEEK_SET) != end)
+    return Fail(fmt::format("{}: cannot write: {}", path_, ErrnoText(errno)));
+  size_ = size;
+  return {};
+}
+
 Status OutputFile::Sync() {
   QUARRY_TRY(Flush());
   // Some devices (/dev/full, pipes) refuse fsync; what matters is that a disk that can does.

@@ -54,6 +54,8 @@ class OutputFile {
   }
   /// Overwrites bytes written before, at `offset`.
   Status WriteAt(uint64_t offset, std::span<const std::byte> bytes);
+  /// Takes back what was appended beyond the first `size` bytes.
+  Status Shorten(uint64_t size);
   /// Bytes appended so far.
   uint64_t size() const { return size_; }
   /// What was appended outlasts a loss of power.

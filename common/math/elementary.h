@@ -79,4 +79,11 @@ QUARRY_HOST_DEVICE inline double EncodeSrgb(double linear) {
   return linear <= 0.0031308 ? 12.92 * linear : 1.055 * Pow(linear, 1 / 2.4) - 0.055;
 }
 
+/// The linear value of an sRGB encoding in [0, 1]; clamped outside, NaN is 0.
+QUARRY_HOST_DEVICE inline double DecodeSrgb(double encoded) {
+  if (!(encoded > 0)) return 0;
+  if (encoded >= 1) return 1;
+  return encoded <= 0.04045 ? encoded / 12.92 : Pow((encoded + 0.055) / 1.055, 2.4);
+}
+
 }  // namespace quarry

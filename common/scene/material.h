@@ -1,13 +1,46 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <glm/vec3.hpp>
+#include <glm/vec4.hpp>
 #include <string>
+#include <vector>
 
 namespace quarry {
 
 /// No index: a corner without a normal, a face without a part.
 inline constexpr uint32_t kNoIndex = 0xFFFFFFFFu;
+
+/// What a texture says of a surface; the material's own value stands where there is none.
+enum class TextureUse : uint32_t {
+  kDiffuse,         ///< colour, linear once decoded
+  kSpecular,        ///< colour
+  kEmission,        ///< colour
+  kOpacity,         ///< the texture's last channel: 1 is opaque
+  kNormal,          ///< a direction in tangent space: 2 rgb - 1
+  kBump,            ///< heights; some files name normal maps so, which are blue on the average
+  kMetalRoughness,  ///< green: roughness, blue: metalness, as in glTF
+};
+inline constexpr uint32_t kTextureUses = 7;
+
+/// What a texture shows beyond its borders.
+enum class TextureWrap : uint32_t { kRepeat, kClamp, kMirror };
+inline constexpr uint32_t kTextureWraps = 3;
+
+/// One texture as one material uses it. (s, t) = transform * (u, v, 1); (0, 0) is the corner of the image's
+/// first texel, t runs down its rows. The value is `factor` times the texel (alpha its last channel):
+/// `factor` stands in the place of the material's own value, and holds what that has been mixed from.
+struct TextureBinding {
+  TextureUse use = TextureUse::kDiffuse;
+  uint32_t texture = kNoIndex;
+  TextureWrap wrap_s = TextureWrap::kRepeat, wrap_t = TextureWrap::kRepeat;
+  std::array<float, 6> transform{1, 0, 0, 0, 1, 0};  ///< two rows of three
+  glm::vec4 factor{1};  ///< kNormal, kBump: the first is their strength; kMetalRoughness: green and blue
+  float cutoff = 0;     ///< kOpacity: less is not there at all, all else opaque; 0: as it says
+
+  bool operator==(const TextureBinding&) const = default;
+};
 
 /// How a surface scatters light. Colours are linear RGB; each component of diffuse, specular, reflectance and
 /// transmittance lies in [0,1] (importers clamp), emission in [0,inf).
@@ -21,6 +54,7 @@ struct Material {
   float shininess = 0.0f;         ///< Blinn-Phong exponent, [0, 10000].
   float ior = 1.0f;               ///< Index of refraction, [1, 10]; 1 passes straight through.
   bool fresnel = false;           ///< Schlick's weights shift reflectance and transmittance with the angle.
+  std::vector<TextureBinding> textures;  ///< at most one a use, by rising use
 
   bool operator==(const Material&) const = default;
 };

@@ -20,15 +20,17 @@ namespace quarry {
 
 /// Section types; FORMAT.md says what each holds.
 enum class SectionType : uint32_t {
-  kMeta = 0x4154454D,       // "META"
-  kTopTree = 0x54504F54,    // "TOPT"
-  kDirectory = 0x52494456,  // "VDIR"
-  kMaterials = 0x4C54414D,  // "MATL"
-  kParts = 0x54524150,      // "PART"
-  kStrings = 0x53525453,    // "STRS"
-  kBlocks = 0x534B4C42,     // "BLKS"
-  kProxies = 0x584F5250,    // "PROX", reserved
-  kTextures = 0x50584554,   // "TEXP", reserved
+  kMeta = 0x4154454D,              // "META"
+  kTopTree = 0x54504F54,           // "TOPT"
+  kDirectory = 0x52494456,         // "VDIR"
+  kMaterials = 0x4C54414D,         // "MATL"
+  kParts = 0x54524150,             // "PART"
+  kStrings = 0x53525453,           // "STRS"
+  kBlocks = 0x534B4C42,            // "BLKS"
+  kProxies = 0x584F5250,           // "PROX", reserved
+  kTexturePages = 0x50584554,      // "TEXP"
+  kTextureDirectory = 0x44584554,  // "TEXD"
+  kMaterialTextures = 0x5845544D,  // "MTEX"
 };
 
 /// Facts about a scene.

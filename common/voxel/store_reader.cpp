@@ -7,6 +7,7 @@
 
 #include "common/voxel/store_format.h"
 #include "common/voxel/store_header.h"
+#include "common/voxel/texture_page.h"
 
 namespace quarry {
 namespace {
@@ -18,7 +19,9 @@ bool IsCatalogSection(SectionType type) {
 
 bool IsKnown(SectionType type) {
   return IsCatalogSection(type) || type == SectionType::kParts || type == SectionType::kStrings ||
-         type == SectionType::kBlocks || type == SectionType::kProxies || type == SectionType::kTextures;
+         type == SectionType::kBlocks || type == SectionType::kProxies ||
+         type == SectionType::kTexturePages || type == SectionType::kTextureDirectory ||
+         type == SectionType::kMaterialTextures;
 }
 
 std::string TypeName(SectionType type) {
@@ -33,13 +36,6 @@ std::string TypeName(SectionType type) {
 /// Trying again cannot help.
 tl::unexpected<Error> FailForGood(std::string sentence) {
   return tl::unexpected<Error>(Error{std::move(sentence), 1, true});
-}
-
-/// The zero-terminated string at `offset` of `strings`, or empty.
-std::string StringAt(std::string_view strings, uint32_t offset) {
-  if (offset >= strings.size()) return {};
-  const std::string_view rest = strings.substr(offset);
-  return std::string(rest.substr(0, rest.find('\0')));
 }
 
 }  // namespace
@@ -85,6 +81,9 @@ Status StoreReader::ReadSections(std::span<const std::byte> table, uint32_t coun
     if (type == SectionType::kBlocks) {
       blocks_begin_ = offset;
       blocks_end_ = end;
+    } else if (type == SectionType::kTexturePages) {
+      pages_begin_ = offset;
+      pages_end_ = end;
     }
     if (flags & kSectionOwnChecksums) continue;
     Section section{type, Bytes(size)};
@@ -102,7 +101,10 @@ Status StoreReader::ReadSections(std::span<const std::byte> table, uint32_t coun
   auto catalog = DecodeCatalog(id_, catalog_sections_);
   if (!catalog) return Fail(fmt::format("{}: {}", path(), catalog.error().message));
   catalog_ = std::move(*catalog);
-  return DecodeNames(named);
+  QUARRY_TRY(DecodeNames(named));
+  const Status textures = DecodeTextureSections(named);
+  if (!textures) return Fail(fmt::format("{}: {}", path(), textures.error().message));
+  return {};
 }
 
 Status StoreReader::DecodeNames(const std::vector<Section>& sections) {
@@ -125,6 +127,24 @@ Status StoreReader::DecodeNames(const std::vector<Section>& sections) {
   return {};
 }
 
+Status StoreReader::DecodeTextureSections(const std::vector<Section>& sections) {
+  std::string_view strings;
+  const Section *directory = nullptr, *uses = nullptr;
+  for (const Section& s : sections) {
+    if (s.type == SectionType::kStrings) strings = AsText(s.bytes);
+    if (s.type == SectionType::kTextureDirectory) directory = &s;
+    if (s.type == SectionType::kMaterialTextures) uses = &s;
+  }
+  if (directory) {
+    QUARRY_ASSIGN(textures_, DecodeTextures(directory->bytes, strings, pages_begin_, pages_end_));
+  }
+  if (uses) {
+    QUARRY_ASSIGN(material_textures_,
+                  DecodeMaterialTextures(uses->bytes, catalog_.materials.size(), textures_.size()));
+  }
+  return {};
+}
+
 Result<Bytes> StoreReader::ReadBlock(uint32_t block_id) const {
   if (block_id / 2 >= catalog_.voxels.size() || catalog_.block(block_id).stored == 0)
     return FailForGood(fmt::format("{}: there is no block {}", path(), block_id));
@@ -137,6 +157,46 @@ Result<Bytes> StoreReader::ReadBlock(uint32_t block_id) const {
     return FailForGood(fmt::format("{}: block {} at byte {} is damaged (checksum); make the store again",
                                    path(), block_id, entry.offset));
   return bytes;
+}
+
+Result<Bytes> StoreReader::ReadPage(uint32_t texture, uint32_t page) const {
+  if (texture >= textures_.size() || page >= textures_[texture].pages.size())
+    return FailForGood(fmt::format("{}: there is no page {} of texture {}", path(), page, texture));
+  const auto damaged = [&](const std::string& how) {
+    return FailForGood(fmt::format("{}: page {} of texture {} ({}) at byte {}: {}; make the store again",
+                                   path(), page, texture, textures_[texture].name,
+                                   textures_[texture].pages[page].offset, how));
+  };
+  const BlockEntry& entry = textures_[texture].pages[page];
+  Bytes stored(entry.stored);
+  QUARRY_TRY(file_.ReadAt(entry.offset, stored));
+  if (Checksum(stored) != entry.checksum) return damaged("is damaged (checksum)");
+  const TexelLayout& layout = textures_[texture].layout;
+  Result<Bytes> texels = DecodePage(TextureShape(layout.width, layout.height), layout, page, stored);
+  if (!texels) return damaged(texels.error().message);
+  return texels;
+}
+
+Status StoreReader::VerifyTexture(uint32_t texture) const {
+  for (uint32_t p = 0; p < textures_[texture].pages.size(); ++p)
+    QUARRY_TRY(ReadPage(texture, p).map([](auto&&) {}));
+  return {};
+}
+
+/// Pages lie in the order in which they were full.
+Status StoreReader::CheckPagesFill() const {
+  std::vector<std::pair<uint64_t, uint64_t>> places;
+  for (const Texture& t : textures_)
+    for (const BlockEntry& page : t.pages) places.emplace_back(page.offset, page.offset + page.stored);
+  std::ranges::sort(places);
+  uint64_t end = pages_begin_;
+  for (const auto& [first, last] : places) {
+    if (first != end)
+      return Fail(fmt::format("{}: the page at byte {} is not where it should be", path(), first));
+    end = last;
+  }
+  if (end == pages_end_) return {};
+  return Fail(fmt::format("{}: the pages end at byte {}, their section at {}", path(), end, pages_end_));
 }
 
 Status StoreReader::VerifyVoxel(uint32_t voxel, uint64_t& end, BlockDecoder& decoder) const {

@@ -5,18 +5,23 @@
 #include <algorithm>
 #include <cstring>
 
+#include "common/base/check.h"
 #include "common/voxel/store_format.h"
+#include "common/voxel/texture_page.h"
 
 namespace quarry {
 namespace {
 
-constexpr uint32_t kSectionCount = 7;
+constexpr uint32_t kSectionCount = 10;
 constexpr uint64_t kBlocksOffset = kStoreHeaderBytes + kSectionCount * kSectionEntryBytes;
 
-SceneId HashScene(const std::vector<uint64_t>& logical, const std::vector<Section>& sections) {
+SceneId HashScene(const std::vector<uint64_t>& logical, const std::vector<WrittenTexture>& textures,
+                  const std::vector<Section>& sections) {
   XXH3_state_t* state = XXH3_createState();
   XXH3_128bits_reset(state);
   XXH3_128bits_update(state, logical.data(), logical.size() * sizeof(uint64_t));
+  for (const WrittenTexture& t : textures)
+    XXH3_128bits_update(state, t.logical.data(), t.logical.size() * sizeof(uint64_t));
   for (const Section& s : sections) XXH3_128bits_update(state, s.bytes.data(), s.bytes.size());
   XXH128_canonical_t canonical;
   XXH128_canonicalFromHash(&canonical, XXH3_128bits_digest(state));
@@ -85,6 +90,12 @@ EncodedVoxel EncodeVoxel(const HotVoxel& hot, const ShadingVoxel* shading) {
   return voxel;
 }
 
+EncodedPage EncodeTexturePage(const TextureShape& shape, const TexelLayout& layout, uint32_t page,
+                              std::span<const std::byte> texels) {
+  const Bytes streams = EncodePage(shape, layout, page, texels);
+  return {CompressBlock(streams), static_cast<uint32_t>(texels.size()), Checksum(streams)};
+}
+
 Result<StoreWriter> StoreWriter::Create(const std::string& path) {
   QUARRY_ASSIGN(OutputFile file, OutputFile::Create(path));
   StoreWriter writer(std::move(file));
@@ -99,6 +110,7 @@ Result<StoreWriter> StoreWriter::Continue(const std::string& path, const std::st
   StoreWriter writer(std::move(file));
   writer.directory_ = std::move(progress.directory);
   writer.logical_ = std::move(progress.logical);
+  writer.textures_ = std::move(progress.textures);
   if (progress.bytes == 0) QUARRY_TRY(writer.file_.Write(Bytes(kBlocksOffset)));
   return writer;
 }
@@ -118,6 +130,27 @@ Status StoreWriter::AddVoxel(const EncodedVoxel& voxel) {
   return file_.Write(voxel.shading);
 }
 
+void StoreWriter::BeginTexture(std::string name, const TexelLayout& layout) {
+  const uint32_t pages = TextureShape(layout.width, layout.height).pages();
+  texture_begin_ = file_.size();
+  textures_.push_back(
+      {{std::move(name), layout, std::vector<BlockEntry>(pages)}, std::vector<uint64_t>(pages)});
+}
+
+Status StoreWriter::AddPage(uint32_t page, const EncodedPage& encoded) {
+  WrittenTexture& t = textures_.back();
+  QUARRY_CHECK(t.texture.pages[page].stored == 0);
+  t.texture.pages[page] = {file_.size(), static_cast<uint32_t>(encoded.stored.size()), encoded.decoded,
+                           Checksum(encoded.stored)};
+  t.logical[page] = encoded.logical;
+  return file_.Write(encoded.stored);
+}
+
+Status StoreWriter::DropTexture() {
+  textures_.pop_back();
+  return file_.Shorten(texture_begin_);
+}
+
 Result<SceneId> StoreWriter::Finish(SceneMeta meta, const std::vector<KdNode>& top_nodes,
                                     const std::vector<Material>& materials,
                                     const std::vector<std::string>& parts) {
@@ -129,7 +162,14 @@ Result<SceneId> StoreWriter::Finish(SceneMeta meta, const std::vector<KdNode>& t
     meta.stored_references += v.triangles;
   }
   meta.lz4_version = CompressorVersion();
-  const uint64_t blocks_size = file_.size() - kBlocksOffset;
+  uint64_t blocks_end = kBlocksOffset;
+  if (!directory_.empty()) {
+    const auto& [hot, shading] = directory_.back().blocks;
+    blocks_end = hot.offset + hot.stored + shading.stored;
+  }
+  const uint64_t pages_size = file_.size() - blocks_end;
+  std::vector<Texture> textures;
+  for (const WrittenTexture& t : textures_) textures.push_back(t.texture);
 
   std::string strings;
   std::vector<Section> sections;
@@ -138,20 +178,25 @@ Result<SceneId> StoreWriter::Finish(SceneMeta meta, const std::vector<KdNode>& t
   sections.push_back({SectionType::kDirectory, EncodeDirectory(directory_)});
   sections.push_back({SectionType::kMaterials, EncodeMaterials(materials, strings)});
   sections.push_back({SectionType::kParts, EncodeParts(parts, strings)});
+  Bytes texture_directory = EncodeTextures(textures, strings);
   const auto text = AsBytes(strings);
   sections.push_back({SectionType::kStrings, Bytes(text.begin(), text.end())});
+  sections.push_back({SectionType::kTextureDirectory, std::move(texture_directory)});
+  sections.push_back({SectionType::kMaterialTextures, EncodeMaterialTextures(materials)});
 
   std::vector<Section> logical = sections;
   logical[0].bytes = EncodeMeta(LogicalMeta(meta));
+  logical[6].bytes = EncodeTextureFacts(textures);
   logical.erase(logical.begin() + 2);  // the directory: places and sizes of compressed blocks
-  const SceneId id = HashScene(logical_, logical);
+  const SceneId id = HashScene(logical_, textures_, logical);
 
   ByteWriter table;
   PutSectionEntry(table, SectionType::kBlocks, kSectionCritical | kSectionOwnChecksums, kBlocksOffset,
-                  blocks_size, 0);
+                  blocks_end - kBlocksOffset, 0);
+  PutSectionEntry(table, SectionType::kTexturePages, kSectionOwnChecksums, blocks_end, pages_size, 0);
   for (const Section& s : sections) {
-    const bool names = s.type == SectionType::kParts || s.type == SectionType::kStrings;
-    PutSectionEntry(table, s.type, names ? 0 : kSectionCritical, file_.size(), s.bytes.size(),
+    const bool critical = &s < &sections[4];  // names and textures may be passed over
+    PutSectionEntry(table, s.type, critical ? kSectionCritical : 0, file_.size(), s.bytes.size(),
                     Checksum(s.bytes));
     QUARRY_TRY(file_.Write(s.bytes));
   }

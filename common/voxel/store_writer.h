@@ -9,6 +9,7 @@
 #include "common/base/file.h"
 #include "common/base/status.h"
 #include "common/voxel/catalog.h"
+#include "common/voxel/texture_sections.h"
 #include "common/voxel/voxel_block.h"
 
 namespace quarry {
@@ -25,15 +26,33 @@ struct EncodedVoxel {
 /// Encodes and compresses a voxel; `shading` null where there is none. Thread-safe.
 EncodedVoxel EncodeVoxel(const HotVoxel& hot, const ShadingVoxel* shading);
 
-/// What a StoreWriter has of its voxels beside the file, and goes on from.
+/// A page ready to be stored.
+struct EncodedPage {
+  Bytes stored;
+  uint32_t decoded = 0;  ///< bytes of its texels
+  uint64_t logical = 0;  ///< checksum of the streams
+};
+
+/// Encodes and compresses a page, see EncodePage. Thread-safe.
+EncodedPage EncodeTexturePage(const TextureShape& shape, const TexelLayout& layout, uint32_t page,
+                              std::span<const std::byte> texels);
+
+/// A texture as it is written: with the checksums of its pages' streams, for the scene id.
+struct WrittenTexture {
+  Texture texture;
+  std::vector<uint64_t> logical;
+};
+
+/// What a StoreWriter has of its voxels and textures beside the file, and goes on from.
 struct StoreProgress {
   uint64_t bytes = 0;  ///< of the file; 0: none yet
   std::vector<VoxelEntry> directory;
   std::vector<uint64_t> logical;  ///< checksums of streams, two a voxel
+  std::vector<WrittenTexture> textures;
 };
 
-/// Writes a scene store: voxels as they come, then the rest. Nothing is at `path` before Finish succeeds.
-/// Not thread-safe.
+/// Writes a scene store: voxels as they come, then textures, then the rest. Nothing is at `path` before
+/// Finish succeeds. Not thread-safe.
 class StoreWriter {
  public:
   static Result<StoreWriter> Create(const std::string& path);
@@ -46,12 +65,19 @@ class StoreWriter {
   Status AddVoxel(const EncodedVoxel& voxel);
   uint32_t voxel_count() const { return static_cast<uint32_t>(directory_.size()); }
 
+  /// After the last voxel: begins a texture, whose pages then come in any order, each once.
+  void BeginTexture(std::string name, const TexelLayout& layout);
+  Status AddPage(uint32_t page, const EncodedPage& encoded);
+  /// Takes back the texture begun last, should it turn out that it cannot be finished.
+  Status DropTexture();
+  const std::vector<WrittenTexture>& textures() const { return textures_; }
+
   /// Writes all other sections and gives the store its name. The sizes and LZ4 version in `meta` are filled
   /// in.
   Result<SceneId> Finish(SceneMeta meta, const std::vector<KdNode>& top_nodes,
                          const std::vector<Material>& materials, const std::vector<std::string>& parts);
   uint64_t bytes_written() const { return file_.size(); }
-  /// Makes the voxels so far outlast a loss of power.
+  /// Makes the voxels and textures so far outlast a loss of power.
   Status Sync() { return file_.Sync(); }
   const std::vector<VoxelEntry>& directory() const { return directory_; }
   const std::vector<uint64_t>& logical() const { return logical_; }
@@ -61,6 +87,8 @@ class StoreWriter {
   OutputFile file_;
   std::vector<VoxelEntry> directory_;
   std::vector<uint64_t> logical_;  ///< checksums of streams, two a voxel
+  std::vector<WrittenTexture> textures_;
+  uint64_t texture_begin_ = 0;  ///< bytes of the file when the last texture was begun
 };
 
 }  // namespace quarry

@@ -1,0 +1,170 @@
+#include "common/voxel/texture_page.h"
+
+#include <lz4.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <cstring>
+#include <vector>
+
+#include "common/base/check.h"
+
+namespace quarry {
+namespace {
+
+/// A rectangle of the page, from its first texel on.
+struct Block {
+  uint32_t width, height;
+  size_t first;
+};
+
+std::vector<Block> BlocksOf(const TextureShape& shape, uint32_t page) {
+  if (page + 1 != shape.pages()) {
+    const TextureShape::Part part = shape.PartOf(page);
+    return {{part.width, part.height, 0}};
+  }
+  std::vector<Block> blocks;
+  for (auto l = shape.tail(); l < shape.levels().size(); ++l)
+    blocks.push_back({shape.levels()[l].width, shape.levels()[l].height, shape.TailOffset(l)});
+  return blocks;
+}
+
+/// Of left, above and above left the one nearest to left + above - above left. Source: Paeth, Image file
+/// compression made easy, in Graphics Gems II, 1991.
+int Nearest(int left, int above, int corner) {
+  const int a = std::abs(above - corner), b = std::abs(left - corner),
+            c = std::abs(left + above - 2 * corner);
+  return a <= b && a <= c ? left : b <= c ? above : corner;
+}
+
+/// What the neighbours before it foretell of value `at` of a channel of `block`.
+template <class Sample>
+int Foretold(const Sample* values, const Block& block, uint32_t x, uint32_t y) {
+  const size_t at = block.first + size_t{y} * block.width + x;
+  if (x == 0) return y == 0 ? 0 : values[at - block.width];
+  if (y == 0) return values[at - 1];
+  return Nearest(values[at - 1], values[at - block.width], values[at - block.width - 1]);
+}
+
+/// Halves as integers of the same order, so that small differences are small numbers.
+uint16_t Ordered(uint16_t half) { return half & 0x8000u ? ~half : half | 0x8000u; }
+uint16_t Unordered(uint16_t value) { return value & 0x8000u ? value & 0x7FFFu : ~value; }
+
+/// 0, -1, 1, -2, ... become 0, 1, 2, 3, ...
+uint16_t Zigzag(uint16_t v) { return static_cast<uint16_t>(v << 1 ^ (v & 0x8000u ? 0xFFFFu : 0)); }
+uint16_t Unzigzag(uint16_t v) { return static_cast<uint16_t>(v >> 1 ^ (v & 1 ? 0xFFFFu : 0)); }
+
+/// Plane by plane: the channels of `texels`, and back.
+template <class Sample>
+std::vector<Sample> Channels(std::span<const std::byte> texels, uint32_t channels) {
+  const size_t count = texels.size() / (sizeof(Sample) * channels);
+  std::vector<Sample> planes(count * channels);
+  for (size_t i = 0; i < count; ++i) {
+    for (uint32_t c = 0; c < channels; ++c) {
+      Sample value;
+      std::memcpy(&value, &texels[(i * channels + c) * sizeof value], sizeof value);
+      if constexpr (sizeof(Sample) == 2) value = Ordered(value);
+      planes[c * count + i] = value;
+    }
+  }
+  return planes;
+}
+
+template <class Sample>
+void PutSample(Sample difference, size_t at, size_t all, Bytes& out) {
+  if constexpr (sizeof(Sample) == 2) {
+    difference = Zigzag(difference);
+    out[all + at] = static_cast<std::byte>(difference >> 8);  // all high bytes behind all low ones
+  }
+  out[at] = static_cast<std::byte>(difference);
+}
+
+template <class Sample>
+Sample TakeSample(std::span<const std::byte> streams, size_t at, size_t all) {
+  if constexpr (sizeof(Sample) == 2)
+    return Unzigzag(static_cast<Sample>(static_cast<Sample>(streams[at]) |
+                                        static_cast<Sample>(static_cast<Sample>(streams[all + at]) << 8)));
+  return static_cast<Sample>(streams[at]);
+}
+
+template <class Sample>
+Bytes Encode(const std::vector<Block>& blocks, uint32_t channels, std::span<const std::byte> texels) {
+  const std::vector<Sample> planes = Channels<Sample>(texels, channels);
+  const size_t all = planes.size(), count = all / channels;
+  std::vector<Sample> differences(all);
+  for (uint32_t c = 0; c < channels; ++c) {
+    const Sample* values = &planes[c * count];
+    for (const Block& block : blocks)
+      for (uint32_t y = 0; y < block.height; ++y)
+        for (uint32_t x = 0; x < block.width; ++x) {
+          const size_t at = block.first + size_t{y} * block.width + x;
+          differences[c * count + at] = static_cast<Sample>(values[at] - Foretold(values, block, x, y));
+        }
+  }
+  Bytes out(all * sizeof(Sample));
+  for (size_t i = 0; i < all; ++i) {
+    // What surprises in one channel does so in the next.
+    const Sample before = i < count ? Sample{0} : differences[i - count];
+    PutSample(static_cast<Sample>(differences[i] - before), i, all, out);
+  }
+  return out;
+}
+
+template <class Sample>
+Bytes Decode(const std::vector<Block>& blocks, uint32_t channels, std::span<const std::byte> streams) {
+  const size_t all = streams.size() / sizeof(Sample), count = all / channels;
+  std::vector<Sample> differences(all), values(count);
+  for (size_t i = 0; i < all; ++i)
+    differences[i] = static_cast<Sample>(TakeSample<Sample>(streams, i, all) +
+                                         (i < count ? Sample{0} : differences[i - count]));
+  Bytes texels(streams.size());
+  for (uint32_t c = 0; c < channels; ++c) {
+    for (const Block& block : blocks)
+      for (uint32_t y = 0; y < block.height; ++y)
+        for (uint32_t x = 0; x < block.width; ++x) {
+          const size_t at = block.first + size_t{y} * block.width + x;
+          values[at] =
+              static_cast<Sample>(differences[c * count + at] + Foretold(values.data(), block, x, y));
+        }
+    for (size_t i = 0; i < count; ++i) {
+      Sample value = values[i];
+      if constexpr (sizeof(Sample) == 2) value = Unordered(value);
+      std::memcpy(&texels[(i * channels + c) * sizeof value], &value, sizeof value);
+    }
+  }
+  return texels;
+}
+
+}  // namespace
+
+Bytes EncodePage(const TextureShape& shape, const TexelLayout& layout, uint32_t page,
+                 std::span<const std::byte> texels) {
+  QUARRY_CHECK(page < shape.pages() && texels.size() == shape.TexelsOf(page) * layout.texel_bytes());
+  const std::vector<Block> blocks = BlocksOf(shape, page);
+  return layout.format == TexelFormat::kHalf ? Encode<uint16_t>(blocks, layout.channels, texels)
+                                             : Encode<uint8_t>(blocks, layout.channels, texels);
+}
+
+Result<Bytes> DecodePage(const TextureShape& shape, const TexelLayout& layout, uint32_t page,
+                         std::span<const std::byte> stored) {
+  QUARRY_CHECK(page < shape.pages());
+  const size_t size = size_t{shape.TexelsOf(page)} * layout.texel_bytes();
+  ByteReader in(stored);
+  if (in.Get<uint32_t>() != size) return Fail("texture page: other than as many bytes as its texels take");
+  const auto packed = in.GetSpan(in.remaining());
+  Bytes streams(size);
+  if (packed.size() == size) {
+    std::ranges::copy(packed, streams.begin());
+  } else {
+    const int got = LZ4_decompress_safe(
+        reinterpret_cast<const char*>(packed.data()), reinterpret_cast<char*>(streams.data()),
+        static_cast<int>(std::min<size_t>(packed.size(), 1u << 30)), static_cast<int>(size));
+    if (got < 0 || static_cast<size_t>(got) != size)
+      return Fail("texture page: LZ4 finds no such bytes in it");
+  }
+  const std::vector<Block> blocks = BlocksOf(shape, page);
+  return layout.format == TexelFormat::kHalf ? Decode<uint16_t>(blocks, layout.channels, streams)
+                                             : Decode<uint8_t>(blocks, layout.channels, streams);
+}
+
+}  // namespace quarry
