@@ -43,6 +43,12 @@ std::string StatisticsJson(const PreprocessStatistics& s) {
   j["top_tree_nodes"] = s.top_tree_nodes;
   j["top_tree_depth"] = s.top_tree_depth;
   j["voxel_size_bytes"] = s.meta.voxel_size;
+  j["textures"] = s.textures.textures;
+  j["images_left_out"] = s.textures.left_out;
+  j["texture_pages"] = s.textures.pages;
+  j["texture_stored_bytes"] = s.textures.stored_bytes;
+  j["texture_decoded_bytes"] = s.textures.decoded_bytes;
+  j["texture_wall_s"] = s.textures.wall_s;
   j["store_bytes"] = s.store_bytes;
   j["warnings"] = s.warnings;
   j["import_wall_s"] = s.import_wall_s;
@@ -59,10 +65,14 @@ void PrintSummary(const PreprocessOptions& options, const PreprocessStatistics& 
              "replication {:.2f}, top-level tree {} levels deep; {:.1f} s ({:.2f} million triangles a "
              "second), peak memory {}\n",
              options.output, Kept(s), s.voxels, FormatSize(s.store_bytes),
-             static_cast<double>(s.store_bytes) / static_cast<double>(std::max<uint64_t>(Kept(s), 1)),
+             static_cast<double>(s.store_bytes - s.textures.stored_bytes) /
+                 static_cast<double>(std::max<uint64_t>(Kept(s), 1)),
              Replication(s), s.top_tree_depth, s.preprocess_wall_s,
              static_cast<double>(s.meta.input_triangles) / std::max(s.preprocess_wall_s, 1e-9) * 1e-6,
              FormatSize(s.peak_rss_bytes));
+  if (s.textures.textures > 0)
+    fmt::print(stderr, "{} textures in {} pages, {} stored, {} once decoded\n", s.textures.textures,
+               s.textures.pages, FormatSize(s.textures.stored_bytes), FormatSize(s.textures.decoded_bytes));
   if (s.meta.dropped_degenerate + s.meta.dropped_not_finite > 0)
     fmt::print(stderr, "dropped: {} triangles without area, {} with coordinates that are not finite\n",
                s.meta.dropped_degenerate, s.meta.dropped_not_finite);
@@ -105,16 +115,20 @@ Status PrintPlan(const PreprocessOptions& options, const std::string& stats) {
     fmt::print(
         "{} triangles, {} vertices{}\n  spill     {} at most, in {}\n  store     {} ({:.1f} bytes a "
         "triangle)\n"
-        "  memory    {} at most\n  time      about {:.0f} s with {} threads\n",
+        "{}  memory    {} at most\n  time      about {:.0f} s with {} threads\n",
         plan.triangles, plan.vertices, plan.has_shading ? ", with normals, uv or colours" : "",
         FormatSize(plan.spill_bytes), SpillFolder(options), FormatSize(plan.store_bytes),
-        static_cast<double>(plan.store_bytes) / static_cast<double>(plan.triangles),
+        static_cast<double>(plan.store_bytes - plan.texture_bytes) / static_cast<double>(plan.triangles),
+        plan.texture_bytes ? fmt::format("  textures  {} of it\n", FormatSize(plan.texture_bytes)) : "",
         FormatSize(plan.memory_bytes), plan.seconds, options.threads);
   if (!stats.empty()) {
-    const nlohmann::ordered_json j = {
-        {"input_triangles", plan.triangles},   {"input_vertices", plan.vertices},
-        {"spill_bytes", plan.spill_bytes},     {"store_bytes", plan.store_bytes},
-        {"peak_rss_bytes", plan.memory_bytes}, {"preprocess_wall_s", plan.seconds}};
+    const nlohmann::ordered_json j = {{"input_triangles", plan.triangles},
+                                      {"input_vertices", plan.vertices},
+                                      {"spill_bytes", plan.spill_bytes},
+                                      {"store_bytes", plan.store_bytes},
+                                      {"texture_stored_bytes", plan.texture_bytes},
+                                      {"peak_rss_bytes", plan.memory_bytes},
+                                      {"preprocess_wall_s", plan.seconds}};
     QUARRY_TRY(WriteFileAtomically(stats, AsBytes(j.dump(2) + "\n")));
   }
   return CheckRoom(options, plan);
@@ -186,6 +200,7 @@ int Main(int argc, char** argv) {
                  "Puts one model elsewhere: MODEL=x,y,z[,turn[,scale]], scaled, turned by degrees about the "
                  "up axis, moved");
   app.add_option("--stats", stats, "Write statistics as JSON to this file");
+  app.add_flag("!--no-textures", options.textures, "Leave out the images that materials name");
   app.add_flag("--resume", options.resume, "Go on with what an earlier run of the same command has left");
   app.add_flag("--plan", plan, "Only tell triangles, disk, memory and time, and whether the disk has room");
   app.add_flag("--quiet", options.quiet, "Print errors only");

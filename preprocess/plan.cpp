@@ -11,6 +11,7 @@
 #include "common/base/size.h"
 #include "preprocess/import/importer.h"
 #include "preprocess/plan_sample.h"
+#include "preprocess/plan_textures.h"
 #include "preprocess/regions.h"
 
 namespace quarry {
@@ -35,10 +36,15 @@ struct Counts {
 
 class CountingSink : public IgnoringSink {
  public:
+  /// Images that models hold as text are put into the file `images_path`.
+  CountingSink(bool textures, std::string images_path)
+      : images(std::move(images_path)), textures_(textures) {}
   Status BeginFile(std::string_view) override {
     files.emplace_back();
     return {};
   }
+  bool takes_textures() const override { return textures_; }
+  Result<uint32_t> AddTexture(TextureImage image) override { return images.Add(std::move(image)); }
   Status AddPosition(const glm::dvec3& position, const Rgba8& color) override {
     ++files.back().positions;
     files.back().vertices.Add(position);
@@ -60,11 +66,16 @@ class CountingSink : public IgnoringSink {
 
   std::vector<Counts> files;
   bool has_color = false;
+  ImageList images;
+
+ private:
+  bool textures_;
 };
 
 Status ReadModels(const PreprocessOptions& options, ModelSink& sink) {
   for (const std::string& model : options.models) {
-    if (model == "-") return BadUsage("--plan reads models more than once, which standard input does not allow");
+    if (model == "-")
+      return BadUsage("--plan reads models more than once, which standard input does not allow");
     const std::string prefix = fmt::format("{}/quarry-foreign-{}", SpillFolder(options), ::getpid());
     QUARRY_TRY(ImportModel(model, sink, ForeignFormatsOf(options, prefix)));
   }
@@ -87,7 +98,8 @@ uint64_t SpillPeak(const std::vector<Counts>& files, Attributes attributes) {
 }  // namespace
 
 Result<PreprocessPlan> MakePlan(const PreprocessOptions& options) {
-  CountingSink counted;
+  const TemporaryFile images(fmt::format("{}/quarry-images-{}", SpillFolder(options), ::getpid()));
+  CountingSink counted(options.textures, images.path());
   const auto start = Clock::now();
   QUARRY_TRY(ReadModels(options, counted));
   const double reading_s = SecondsSince(start);
@@ -118,10 +130,14 @@ Result<PreprocessPlan> MakePlan(const PreprocessOptions& options) {
                                 : counted.has_color ? Attributes::kColors
                                                     : Attributes::kNone;
   plan.spill_bytes = SpillPeak(counted.files, attributes);
+  QUARRY_ASSIGN(const PlannedTextures textures, PlanTextures(options, counted.images));
+  plan.texture_bytes = textures.stored_bytes;
+  plan.store_bytes += plan.texture_bytes;
   plan.memory_bytes = options.memory + kOverheadBytes;
   const double record_s = kImportSeconds + (plan.triangles > kMostInMemory ? kPartingSeconds : 0);
-  plan.seconds =
-      reading_s + triangles * (static_cast<double>(RecordBytes(attributes)) * record_s + cost.seconds);
+  plan.seconds = reading_s +
+                 triangles * (static_cast<double>(RecordBytes(attributes)) * record_s + cost.seconds) +
+                 textures.seconds;
   return plan;
 }
 

@@ -12,7 +12,8 @@ struct PreprocessPlan {
   uint64_t triangles = 0, vertices = 0;  ///< as counted in the models; exact
   bool has_shading = false;              ///< normals, texture coordinates or colours
   uint64_t spill_bytes = 0;              ///< most at any time, in the folder for spill
-  uint64_t store_bytes = 0;              ///< of the store
+  uint64_t store_bytes = 0;              ///< of the store, textures among them
+  uint64_t texture_bytes = 0;            ///< of textures, by the sizes that images say they have
   uint64_t memory_bytes = 0;             ///< a bound
   double seconds = 0;                    ///< on this machine, with nothing else to do
 };

@@ -1,7 +1,6 @@
 #include "preprocess/preprocess.h"
 
 #include <fmt/format.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <chrono>
@@ -17,6 +16,7 @@
 #include "common/base/version.h"
 #include "common/kdtree/triangle_test.h"
 #include "common/voxel/voxel_block.h"
+#include "preprocess/file_identity.h"
 #include "preprocess/import/importer.h"
 #include "preprocess/partition.h"
 #include "preprocess/spill_sink.h"
@@ -36,18 +36,11 @@ double SecondsSince(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-/// A model as it must be found again by a run that goes on after it.
-std::string Identity(const std::string& model) {
-  struct stat info {};
-  if (model == "-" || ::stat(model.c_str(), &info) != 0) return model;
-  return fmt::format("{} of {} bytes, changed at {}.{:09}", model, info.st_size, info.st_mtim.tv_sec,
-                     info.st_mtim.tv_nsec);
-}
-
 std::string Command(const PreprocessOptions& options) {
-  std::string command = fmt::format("version {}\nLZ4 {}\n--tmp {}\n--voxel-size {}\n--scale {}\n--up {}\n",
-                                    kVersion, CompressorVersion(), options.tmp_folder, options.voxel_size,
-                                    options.scale, options.up_axis == 1 ? "y" : "z");
+  std::string command =
+      fmt::format("version {}\nLZ4 {}\n--tmp {}\n--voxel-size {}\n--scale {}\n--up {}\n{}", kVersion,
+                  CompressorVersion(), options.tmp_folder, options.voxel_size, options.scale,
+                  options.up_axis == 1 ? "y" : "z", options.textures ? "" : "--no-textures\n");
   for (const auto& [model, p] : options.placements)
     command += fmt::format("--place {}={},{},{},{},{}\n", model, p.translation.x, p.translation.y,
                            p.translation.z, p.turn_degrees, p.scale);
@@ -61,15 +54,16 @@ class Import {
       : options_(options),
         work_(work),
         progress_(progress),
-        sink_(work.spill_folder(), options.memory, options.scale,
-              [&](const std::string& text) { progress_.Say("warning: " + text); }) {}
+        sink_(
+            work.spill_folder(), options.memory, options.scale,
+            [&](const std::string& text) { progress_.Say("warning: " + text); }, options.textures) {}
 
   Result<ImportedScene> Run() {
     QUARRY_ASSIGN(const size_t done, Restore());
     auto noted = Clock::now();
     for (size_t i = done; i < options_.models.size(); ++i) {
       progress_.Say(fmt::format("reading {}", options_.models[i]));
-      identities_ += Identity(options_.models[i]) + '\n';
+      identities_ += FileIdentity(options_.models[i]) + '\n';
       const auto placement = options_.placements.find(options_.models[i]);
       sink_.Place(placement == options_.placements.end() ? Placement{} : placement->second,
                   static_cast<int>(options_.up_axis));
@@ -107,7 +101,7 @@ class Import {
     identities_ = AsText(in.GetSpan(in.Get<uint32_t>()));
     std::string now;
     for (size_t i = 0; i < models && i < options_.models.size(); ++i)
-      now += Identity(options_.models[i]) + '\n';
+      now += FileIdentity(options_.models[i]) + '\n';
     if (!in.ok() || now != identities_ || (all && models != options_.models.size()))
       return Fail(fmt::format(
           "{}: was begun with other models, or they have changed since; begin anew without --resume",
@@ -148,7 +142,13 @@ SceneMeta MakeMeta(const ImportedScene& scene, const PreprocessOptions& options)
 class Build {
  public:
   Build(const PreprocessOptions& options, WorkFolder& work, Progress& progress, ImportedScene& scene)
-      : options_(options), work_(work), progress_(progress), scene_(scene), meta_(MakeMeta(scene, options)) {
+      : options_(options),
+        work_(work),
+        progress_(progress),
+        scene_(scene),
+        meta_(MakeMeta(scene, options)),
+        textures_(scene.images, ImageDecodingOf(options), options.threads,
+                  [&](const std::string& text) { progress_.Say("warning: " + text); }) {
     whole_.cell = {meta_.root_lower, meta_.root_upper};
     partition_.padding = meta_.padding;
     partition_.voxel_size = options.voxel_size;
@@ -206,7 +206,10 @@ class Build {
     }
     QUARRY_TRY(pipeline.Finish());
     progress_.End();
-    return {};
+    if (files_ && !scene_.images.empty()) QUARRY_TRY(NoteBuilt(true));
+    return textures_.Run(*writer_, progress_, [&](const Bytes& note) {
+      return work_.kept() ? work_.Add(NoteKind::kTextures, note) : Status{};
+    });
   }
 
   Status Finish(PreprocessStatistics& statistics) {
@@ -221,6 +224,9 @@ class Build {
     statistics.top_tree_nodes = static_cast<uint32_t>(top.size());
     statistics.top_tree_depth = DepthOf(top);
     statistics.meta = meta_;
+    statistics.textures = textures_.Statistics(*writer_);
+    statistics.warnings += statistics.textures.left_out;
+    textures_.Renumber(scene_.materials);
     QUARRY_ASSIGN(statistics.scene_id, writer_->Finish(meta_, top, scene_.materials, scene_.parts));
     statistics.store_bytes = writer_->bytes_written();
     return {};
@@ -256,6 +262,10 @@ class Build {
         for (const VoxelEntry& v : in.GetArray<VoxelEntry>(part.voxels)) stored_.directory.push_back(v);
         for (const uint64_t v : in.GetArray<uint64_t>(2 * part.voxels)) stored_.logical.push_back(v);
         parts_.push_back(std::move(part));
+      } else if (note.kind == NoteKind::kTextures) {
+        if (!textures_.TakeNote(note.bytes, stored_.textures))
+          return Fail(fmt::format("{}: its journal cannot be read", work_.path()));
+        continue;
       } else {
         continue;
       }
@@ -265,6 +275,9 @@ class Build {
       const BlockEntry& hot = stored_.directory.back().blocks[0];
       stored_.bytes = hot.offset + hot.stored + stored_.directory.back().blocks[1].stored;
     }
+    for (const WrittenTexture& t : stored_.textures)
+      for (const BlockEntry& page : t.texture.pages)
+        stored_.bytes = std::max(stored_.bytes, page.offset + page.stored);
     noted_regions_ = parts_.size();
     noted_voxels_ = static_cast<uint32_t>(stored_.directory.size());
     return {};
@@ -308,8 +321,8 @@ class Build {
   }
 
   /// Notes the regions whose voxels have all been delivered, once that is worth a synchronisation.
-  Status NoteBuilt() {
-    if (SecondsSince(noted_at_) < kSecondsToNote) return {};
+  Status NoteBuilt(bool now = false) {
+    if (noted_regions_ == parts_.size() || (!now && SecondsSince(noted_at_) < kSecondsToNote)) return {};
     if (noted_voxels_ + parts_[noted_regions_].voxels > writer_->voxel_count()) return {};
     QUARRY_TRY(writer_->Sync());
     while (noted_regions_ < parts_.size() &&
@@ -344,6 +357,7 @@ class Build {
   std::vector<uint64_t> counts_;  ///< of an earlier run, as contents_
   std::vector<Box> contents_;
 
+  TextureStage textures_;
   std::optional<StoreWriter> writer_;
   StoreProgress stored_;
   std::vector<TopSubtree> parts_;  ///< of the regions that have been split into voxels
@@ -370,14 +384,23 @@ Result<PreprocessStatistics> RunIn(WorkFolder& work, const PreprocessOptions& op
   return statistics;
 }
 
+/// The path of a program in this one's folder; empty if it is not there.
+std::string ProgramBeside(const char* name) {
+  std::error_code error;
+  const auto program = std::filesystem::read_symlink("/proc/self/exe", error).replace_filename(name);
+  return error || ::access(program.c_str(), X_OK) != 0 ? "" : program.string();
+}
+
 }  // namespace
 
 ForeignFormats ForeignFormatsOf(const PreprocessOptions& options, const std::string& prefix) {
-  std::error_code error;
-  const auto program =
-      std::filesystem::read_symlink("/proc/self/exe", error).replace_filename("quarry-import-assimp");
-  if (error || ::access(program.c_str(), X_OK) != 0) return {};
-  return {program.string(), prefix, options.memory};
+  const std::string program = ProgramBeside("quarry-import-assimp");
+  if (program.empty()) return {};
+  return {program, prefix, options.memory};
+}
+
+ImageDecoding ImageDecodingOf(const PreprocessOptions& options) {
+  return {ProgramBeside("quarry-import-image"), options.memory};
 }
 
 std::string SpillFolder(const PreprocessOptions& options) {

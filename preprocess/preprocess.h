@@ -9,6 +9,7 @@
 #include "common/voxel/catalog.h"
 #include "preprocess/import/foreign.h"
 #include "preprocess/spill_sink.h"
+#include "preprocess/texture/texture_stage.h"
 
 namespace quarry {
 
@@ -22,6 +23,7 @@ struct PreprocessOptions {
   uint32_t up_axis = 2;
   double scale = 1;
   std::map<std::string, Placement> placements;  ///< of some models, by the path given
+  bool textures = true;                         ///< carry the images that materials name
   bool resume = false;  ///< go on with what an earlier run of the same options has left
   bool quiet = false;
 };
@@ -36,10 +38,13 @@ struct PreprocessStatistics {
   uint64_t peak_rss_bytes = 0;
   uint64_t stored_references = 0;  ///< triangles over all voxels, with replication
   uint32_t top_tree_nodes = 0, top_tree_depth = 0;
+  TextureStatistics textures;
 };
 
 /// How a run reads formats that Quarry has no reader for: by the program beside its own, if that is there.
 ForeignFormats ForeignFormatsOf(const PreprocessOptions& options, const std::string& prefix);
+/// And images.
+ImageDecoding ImageDecodingOf(const PreprocessOptions& options);
 
 /// Where a run puts its temporary files.
 std::string SpillFolder(const PreprocessOptions& options);

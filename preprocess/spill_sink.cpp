@@ -6,6 +6,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "preprocess/saved_tables.h"
+
 namespace quarry {
 
 namespace {
@@ -54,8 +56,13 @@ struct Window {
 }  // namespace
 
 SpillSink::SpillSink(std::string folder, uint64_t memory, double scale,
-                     std::function<void(const std::string&)> warn)
-    : folder_(std::move(folder)), memory_(memory), scale_(scale), warn_(std::move(warn)) {}
+                     std::function<void(const std::string&)> warn, bool textures)
+    : folder_(std::move(folder)),
+      memory_(memory),
+      scale_(scale),
+      warn_(std::move(warn)),
+      textures_(textures),
+      images_(folder_ + "/images") {}
 
 void SpillSink::Place(const Placement& placement, int up_axis) {
   placed_ = true;
@@ -359,23 +366,10 @@ Result<Bytes> SpillSink::Save() {
                            scene_.dropped_not_finite})
     out.Put(n);
   out.Put(default_material_);
-  const auto put_text = [&](const std::string& text) {
-    out.Put(static_cast<uint32_t>(text.size()));
-    out.PutArray(text);
-  };
-  out.Put(static_cast<uint32_t>(scene_.materials.size()));
-  for (const Material& m : scene_.materials) {
-    put_text(m.name);
-    for (const glm::vec3& v : {m.diffuse, m.specular, m.emission, m.reflectance, m.transmittance})
-      out.PutVec3(v);
-    out.Put(m.shininess);
-    out.Put(m.ior);
-    out.Put<uint8_t>(m.fresnel);
-  }
-  for (const auto* texts : {&scene_.parts, &scene_.warnings}) {
-    out.Put(static_cast<uint32_t>(texts->size()));
-    for (const std::string& text : *texts) put_text(text);
-  }
+  PutMaterials(scene_.materials, out);
+  PutTexts(scene_.parts, out);
+  PutTexts(scene_.warnings, out);
+  QUARRY_TRY(images_.Save(out));
   return out.Take();
 }
 
@@ -391,19 +385,10 @@ Status SpillSink::Restore(std::span<const std::byte> saved, bool sample_again) {
   scene_.dropped_degenerate = in.Get<uint64_t>();
   scene_.dropped_not_finite = in.Get<uint64_t>();
   default_material_ = in.Get<uint32_t>();
-  const auto get_text = [&] { return std::string(AsText(in.GetSpan(in.Get<uint32_t>()))); };
-  for (auto n = in.Get<uint32_t>(); n > 0 && in.ok(); --n) {
-    Material m;
-    m.name = get_text();
-    for (glm::vec3* v : {&m.diffuse, &m.specular, &m.emission, &m.reflectance, &m.transmittance})
-      *v = in.GetVec3<glm::vec3>();
-    m.shininess = in.Get<float>();
-    m.ior = in.Get<float>();
-    m.fresnel = in.Get<uint8_t>() != 0;
-    scene_.materials.push_back(std::move(m));
-  }
-  for (auto* texts : {&scene_.parts, &scene_.warnings})
-    for (auto n = in.Get<uint32_t>(); n > 0 && in.ok(); --n) texts->push_back(get_text());
+  scene_.materials = GetMaterials(in);
+  scene_.parts = GetTexts(in);
+  scene_.warnings = GetTexts(in);
+  QUARRY_TRY(images_.Restore(in));
   if (!in.done()) return Fail(fmt::format("{}: what was saved of the import cannot be read", folder_));
   saved_ = true;
   if (!sample_again) {
@@ -424,6 +409,7 @@ Result<ImportedScene> SpillSink::Finish() {
   if (scene_.triangles->count() == 0)
     return Fail(fmt::format("{}: no triangle is left: {} degenerate, {} with coordinates that are not finite",
                             file_name_, scene_.dropped_degenerate, scene_.dropped_not_finite));
+  QUARRY_ASSIGN(scene_.images, images_.Finish());
   return std::move(scene_);
 }
 

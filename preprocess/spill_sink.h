@@ -12,6 +12,7 @@
 #include "common/base/bytes.h"
 #include "common/kdtree/build.h"
 #include "common/kdtree/ray.h"
+#include "preprocess/image_list.h"
 #include "preprocess/import/model_sink.h"
 #include "preprocess/paged_file.h"
 #include "preprocess/regions.h"
@@ -34,6 +35,7 @@ struct ImportedScene {
   std::vector<Material> materials;  ///< at least one
   std::vector<std::string> parts;   ///< at least one
   std::vector<std::string> warnings;
+  std::vector<TextureImage> images;  ///< that bindings of the materials name; all lie in files
 };
 
 /// Where a model is put: scaled, turned counter-clockwise about the up axis, moved.
@@ -51,8 +53,9 @@ class SpillSink final : public ModelSink {
  public:
   /// Triangles go to files "FOLDER/triangles-..." with a name, which outlive the process; `memory`: bytes
   /// that windows may take. Positions are multiplied by `scale`, after what Place says. `warn` is called with
-  /// each warning.
-  SpillSink(std::string folder, uint64_t memory, double scale, std::function<void(const std::string&)> warn);
+  /// each warning. Without `textures` materials get none.
+  SpillSink(std::string folder, uint64_t memory, double scale, std::function<void(const std::string&)> warn,
+            bool textures = true);
 
   /// For the files that begin after this. `up_axis`: 1 or 2.
   void Place(const Placement& placement, int up_axis);
@@ -64,6 +67,8 @@ class SpillSink final : public ModelSink {
   Status EndFile() override;
   uint32_t AddMaterial(const Material& material) override;
   uint32_t AddPart(std::string_view name) override;
+  bool takes_textures() const override { return textures_; }
+  Result<uint32_t> AddTexture(TextureImage image) override { return images_.Add(std::move(image)); }
   Status AddPosition(const glm::dvec3& position, const Rgba8& color) override;
   Status AddNormal(const glm::vec3& normal) override;
   Status AddUv(const glm::vec2& uv) override;
@@ -110,6 +115,8 @@ class SpillSink final : public ModelSink {
   glm::dvec3 translation_{0};
   bool placed_ = false;
   std::function<void(const std::string&)> warn_;
+  bool textures_;
+  ImageList images_;
   std::string file_name_;
   uint32_t file_part_ = kNoIndex;
   std::unordered_map<std::string, uint32_t> file_parts_;  ///< names of the current file

@@ -61,7 +61,7 @@ void RemoveFiles(const std::string& folder) {
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(folder, error)) {
     const std::string name = entry.path().filename().string();
-    if (name == "journal" || name == "store" || name.starts_with("triangles-") ||
+    if (name == "journal" || name == "store" || name == "images" || name.starts_with("triangles-") ||
         name.starts_with("region-") || name.starts_with("foreign."))
       fs::remove(entry.path(), error);
   }
@@ -169,7 +169,7 @@ Status WorkFolder::Add(NoteKind kind, const Bytes& bytes) {
 
 void WorkFolder::HoldOnSignal() {
   for (const char* file : {"/journal", "/store"}) cleanups_.push_back(RemoveOnSignal(path_ + file));
-  for (const char* file : {"/triangles-0", "/triangles-1", "/triangles-2", "/triangles-3", ""})
+  for (const char* file : {"/triangles-0", "/triangles-1", "/triangles-2", "/triangles-3", "/images", ""})
     cleanups_.push_back(RemoveOnSignal(spill_ + file));
   if (spill_ != path_) cleanups_.push_back(RemoveOnSignal(path_));
 }

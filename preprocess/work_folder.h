@@ -15,6 +15,7 @@ enum class NoteKind : uint32_t {
   kRegions,       ///< the tree of regions
   kParted,        ///< so many triangles are in the files of their regions
   kBuilt,         ///< the next region's voxels are in the store
+  kTextures,      ///< and so many images
 };
 
 struct Note {

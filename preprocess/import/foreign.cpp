@@ -7,13 +7,10 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <string_view>
 #include <utility>
-#include <vector>
 
 #include "common/base/cleanup.h"
-
-extern char** environ;
+#include "preprocess/import/child_environment.h"
 
 namespace quarry {
 namespace {
@@ -60,15 +57,10 @@ Result<ForeignModel> ForeignModel::Convert(const std::string& model, const Forei
   const std::string ply = converted.ply(), memory = std::to_string(formats.memory);
   char* arguments[] = {const_cast<char*>(formats.program.c_str()), const_cast<char*>(model.c_str()),
                        const_cast<char*>(ply.c_str()), const_cast<char*>(memory.c_str()), nullptr};
-  std::vector<char*> environment;
-  for (char** variable = environ; *variable; ++variable)
-    if (!std::string_view(*variable).starts_with("QUARRY_PARENT=")) environment.push_back(*variable);
-  std::string parent = fmt::format("QUARRY_PARENT={}", ::getpid());  // it ends with us: EndWithParent
-  environment.push_back(parent.data());
-  environment.push_back(nullptr);
+  ChildEnvironment environment;
   pid_t child = -1;
   const int error =
-      ::posix_spawn(&child, formats.program.c_str(), &actions, nullptr, arguments, environment.data());
+      ::posix_spawn(&child, formats.program.c_str(), &actions, nullptr, arguments, environment.get());
   ::posix_spawn_file_actions_destroy(&actions);
   ::close(ends[1]);
   const std::string complaint = error == 0 ? ReadAll(ends[0]) : "";

@@ -58,7 +58,8 @@ std::optional<Bytes> DecodeBase64(std::string_view text) {
   return out;
 }
 
-/// "%20" and the like, as URIs have them.
+}  // namespace
+
 std::string PercentDecoded(std::string_view uri) {
   const auto hex = [](char c) {
     return c >= '0' && c <= '9' ? c - '0' : (c | 32) >= 'a' && (c | 32) <= 'f' ? (c | 32) - 'a' + 10 : -1;
@@ -74,8 +75,6 @@ std::string PercentDecoded(std::string_view uri) {
   }
   return out;
 }
-
-}  // namespace
 
 GltfDocument::GltfDocument(std::string path, std::unique_ptr<Json> json)
     : path_(std::move(path)), json_(std::move(json)) {}
@@ -148,14 +147,7 @@ Result<GltfDocument::Buffer> GltfDocument::OpenBuffer(uint64_t index) {
   }
   const auto uri = json->at("uri").get<std::string>();
   if (uri.starts_with("data:")) {
-    const size_t comma = uri.find(',');
-    if (comma == std::string::npos || uri.find(";base64") > comma)
-      return named("its data: URI is not base64");
-    auto decoded = DecodeBase64(std::string_view(uri).substr(comma + 1));
-    if (!decoded) return named("its data: URI is not base64");
-    inline_bytes_ += decoded->size();
-    if (inline_bytes_ > kMostJsonBytes) return named("too many bytes in data: URIs");
-    buffer.bytes = std::move(*decoded);
+    QUARRY_ASSIGN(buffer.bytes, ReadDataUri(uri, fmt::format("buffers[{}]", index)));
     buffer.size = buffer.bytes.size();
     return buffer;
   }
@@ -167,19 +159,41 @@ Result<GltfDocument::Buffer> GltfDocument::OpenBuffer(uint64_t index) {
   return buffer;
 }
 
-Status GltfDocument::ReadBuffer(uint64_t index, uint64_t offset, std::span<std::byte> out) {
+Result<Bytes> GltfDocument::ReadDataUri(const std::string& uri, const std::string& where) {
+  const auto named = [&](const char* what) { return FailAt(fmt::format("{}: {}", where, what)); };
+  const size_t comma = uri.find(',');
+  if (comma == std::string::npos || uri.find(";base64") > comma) return named("its data: URI is not base64");
+  auto decoded = DecodeBase64(std::string_view(uri).substr(comma + 1));
+  if (!decoded) return named("its data: URI is not base64");
+  inline_bytes_ += decoded->size();
+  if (inline_bytes_ > kMostJsonBytes) return named("too many bytes in data: URIs");
+  return std::move(*decoded);
+}
+
+Result<const GltfDocument::Buffer*> GltfDocument::Reach(uint64_t index, uint64_t offset, uint64_t size) {
   QUARRY_TRY(Find("buffers", index));
   if (buffers_.size() <= index) buffers_.resize(index + 1);
   if (!buffers_[index]) {
     QUARRY_ASSIGN(buffers_[index], OpenBuffer(index));
   }
   const Buffer& buffer = *buffers_[index];
-  if (offset > buffer.size || out.size() > buffer.size - offset)
+  if (offset > buffer.size || size > buffer.size - offset)
     return FailAt(fmt::format("buffers[{}] ends at byte {}, but bytes up to {} are wanted", index,
-                              buffer.size, offset + out.size()));
-  if (buffer.file) return buffer.file->ReadAt(buffer.begin + offset, out);
-  std::memcpy(out.data(), buffer.bytes.data() + offset, out.size());
+                              buffer.size, offset + size));
+  return &buffer;
+}
+
+Status GltfDocument::ReadBuffer(uint64_t index, uint64_t offset, std::span<std::byte> out) {
+  QUARRY_ASSIGN(const Buffer* buffer, Reach(index, offset, out.size()));
+  if (buffer->file) return buffer->file->ReadAt(buffer->begin + offset, out);
+  std::memcpy(out.data(), buffer->bytes.data() + offset, out.size());
   return {};
+}
+
+Result<GltfDocument::Range> GltfDocument::RangeOf(uint64_t index, uint64_t offset, uint64_t size) {
+  QUARRY_ASSIGN(const Buffer* buffer, Reach(index, offset, size));
+  if (buffer->file) return Range{buffer->file->path(), buffer->begin + offset, {}};
+  return Range{{}, 0, std::span(buffer->bytes).subspan(offset, size)};
 }
 
 Result<uint64_t> GltfDocument::Unsigned(const Json& object, const std::string& where, const char* key,

@@ -6,6 +6,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/base/bytes.h"
@@ -27,6 +28,7 @@ class GltfDocument {
   GltfDocument(GltfDocument&&) noexcept;
   ~GltfDocument();
 
+  const std::string& path() const { return path_; }
   const nlohmann::json& json() const { return *json_; }
   /// "PATH: " + `what`.
   tl::unexpected<Error> FailAt(const std::string& what) const;
@@ -42,6 +44,18 @@ class GltfDocument {
   /// fewer bytes.
   Status ReadBuffer(uint64_t buffer, uint64_t offset, std::span<std::byte> out);
 
+  /// Bytes of a buffer: where in which file they are, or themselves (valid until another buffer is opened) if
+  /// the JSON holds them.
+  struct Range {
+    std::string file;
+    uint64_t offset = 0;
+    std::span<const std::byte> content;
+  };
+  Result<Range> RangeOf(uint64_t buffer, uint64_t offset, uint64_t size);
+
+  /// What a data: URI holds; `where` names it. Errors: it is not base64; too many bytes in all such URIs.
+  Result<Bytes> ReadDataUri(const std::string& uri, const std::string& where);
+
  private:
   /// Where the bytes of a buffer are.
   struct Buffer {
@@ -51,6 +65,8 @@ class GltfDocument {
   };
   GltfDocument(std::string path, std::unique_ptr<nlohmann::json> json);
   Result<Buffer> OpenBuffer(uint64_t index);
+  /// The buffer, opened. Errors: also that it ends before byte `offset` + `size`.
+  Result<const Buffer*> Reach(uint64_t index, uint64_t offset, uint64_t size);
 
   std::string path_;
   std::unique_ptr<nlohmann::json> json_;
@@ -58,5 +74,8 @@ class GltfDocument {
   uint64_t inline_bytes_ = 0;
   std::vector<std::optional<Buffer>> buffers_;  ///< those opened so far
 };
+
+/// "%20" and the like, as URIs have them.
+std::string PercentDecoded(std::string_view uri);
 
 }  // namespace quarry

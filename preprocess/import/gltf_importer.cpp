@@ -1,5 +1,5 @@
 // glTF 2.0 and GLB: the triangles of a scene's nodes, each where its transforms put it. Instances are
-// expanded. Skins and morph targets stay in their rest pose; textures are not read.
+// expanded. Skins and morph targets stay in their rest pose.
 
 #include <fmt/format.h>
 
@@ -14,6 +14,7 @@
 
 #include "preprocess/import/formats.h"
 #include "preprocess/import/gltf_accessor.h"
+#include "preprocess/import/gltf_material.h"
 
 namespace quarry {
 namespace {
@@ -31,67 +32,6 @@ const std::set<std::string, std::less<>> kUnderstood = {
     "KHR_materials_sheen",      "KHR_materials_volume",      "KHR_materials_variants",
     "KHR_texture_basisu",       "EXT_texture_webp",          "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_anisotropy", "KHR_materials_iridescence", "KHR_xmp_json_ld"};
-
-/// Up to `count` numbers of member `key` over what `values` holds.
-template <class Vector>
-void ReadNumbers(const Json& object, const char* key, int count, Vector& values) {
-  const auto it = object.find(key);
-  if (it == object.end() || !it->is_array()) return;
-  for (int i = 0; i < count && i < static_cast<int>(it->size()); ++i)
-    values[i] = (*it)[static_cast<size_t>(i)].get<typename Vector::value_type>();
-}
-
-const Json& Member(const Json& object, const char* key) {
-  static const Json kEmpty = Json::object();
-  const auto it = object.find(key);
-  return it != object.end() && it->is_object() ? *it : kEmpty;
-}
-
-glm::vec3 Clamped(const glm::vec3& v) {
-  glm::vec3 out;
-  for (int a = 0; a < 3; ++a) out[a] = v[a] > 0 ? std::min(v[a], 1.0f) : 0.0f;
-  return out;
-}
-
-/// Metal and roughness as mirror and highlight: what is smooth mirrors as its base colour says if it is
-/// metal, else by Fresnel; what is rough has a highlight of the same width.
-Material ToMaterial(const Json& json, size_t index) {
-  Material m;
-  m.name = json.value("name", "");
-  if (m.name.empty()) m.name = fmt::format("material {}", index);
-  const Json& pbr = Member(json, "pbrMetallicRoughness");
-  glm::vec4 base(1);
-  ReadNumbers(pbr, "baseColorFactor", 4, base);
-  const auto factor = [](const Json& object, const char* key, float fallback) {
-    const auto value = object.value(key, fallback);
-    return value >= 0 ? std::min(value, 1.0f) : 0.0f;
-  };
-  const float metallic = factor(pbr, "metallicFactor", 1), roughness = factor(pbr, "roughnessFactor", 1);
-  const Json& extensions = Member(json, "extensions");
-  const float transmission =
-      factor(Member(extensions, "KHR_materials_transmission"), "transmissionFactor", 0);
-  const bool blend = json.value("alphaMode", "OPAQUE") == "BLEND";
-  const float alpha = blend ? std::clamp(base.a, 0.0f, 1.0f) : 1;
-  const glm::vec3 color = Clamped(glm::vec3(base));
-  m.diffuse = color * ((1 - metallic) * alpha * (1 - transmission));
-  m.transmittance = glm::vec3(1 - alpha) + color * (alpha * (1 - metallic) * transmission);
-  const float smooth = (1 - roughness) * (1 - roughness);
-  m.reflectance = color * (metallic * smooth);
-  m.specular = color * (metallic * (1 - smooth)) + glm::vec3(0.04f * (1 - metallic));
-  const float width = std::max(roughness * roughness, 0.02f);
-  m.shininess = std::clamp(2 / (width * width) - 2, 0.0f, 10000.0f);
-  m.ior = transmission > 0
-              ? std::clamp(Member(extensions, "KHR_materials_ior").value("ior", 1.5f), 1.0f, 10.0f)
-              : 1;
-  m.fresnel = transmission > 0;
-  if (m.fresnel) m.reflectance = Clamped(m.reflectance + glm::vec3(1 - metallic) * smooth);
-  glm::vec3 emission(0);
-  ReadNumbers(json, "emissiveFactor", 3, emission);
-  const float strength =
-      Member(extensions, "KHR_materials_emissive_strength").value("emissiveStrength", 1.0f);
-  for (int a = 0; a < 3; ++a) m.emission[a] = std::max(Clamped(emission)[a] * std::max(strength, 0.0f), 0.0f);
-  return m;
-}
 
 /// A node's own transform.
 Result<glm::dmat4> LocalTransform(const GltfDocument& document, const Json& node, uint64_t index) {
@@ -119,9 +59,13 @@ class GltfImport {
 
   Result<uint64_t> Run() {
     QUARRY_TRY(CheckExtensions());
-    if (const auto it = json().find("materials"); it != json().end() && it->is_array())
-      for (const Json& material : *it)
-        materials_.push_back(sink_.AddMaterial(ToMaterial(material, materials_.size())));
+    GltfTextures textures(document_, sink_);
+    if (const auto it = json().find("materials"); it != json().end() && it->is_array()) {
+      for (const Json& json : *it) {
+        QUARRY_ASSIGN(const Material material, ToMaterial(json, materials_.size(), textures));
+        materials_.push_back(sink_.AddMaterial(material));
+      }
+    }
     QUARRY_ASSIGN(const std::vector<uint64_t> roots, Roots());
     for (const uint64_t root : roots) stack_.push_back({root, glm::dmat4(1)});
     std::reverse(stack_.begin(), stack_.end());

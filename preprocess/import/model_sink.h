@@ -9,6 +9,7 @@
 
 #include "common/base/status.h"
 #include "common/scene/material.h"
+#include "preprocess/import/texture_image.h"
 
 namespace quarry {
 
@@ -48,6 +49,12 @@ class ModelSink {
   /// part.
   virtual uint32_t AddMaterial(const Material& material) = 0;
   virtual uint32_t AddPart(std::string_view name) = 0;
+
+  /// Whether textures are wanted; if not, importers look for no image and give none.
+  virtual bool takes_textures() const = 0;
+  /// Registers an image for materials that come after; returns the index for their bindings. The same bytes
+  /// of the same file for the same use have one. Errors: more than kMaxTextures; disk full.
+  virtual Result<uint32_t> AddTexture(TextureImage image) = 0;
 
   /// Positions may be NaN or infinite: triangles with such corners are dropped and counted by the sink.
   virtual Status AddPosition(const glm::dvec3& position, const Rgba8& color) = 0;

@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <limits>
+#include <map>
 #include <optional>
 
 #include "preprocess/import/line_reader.h"
@@ -15,11 +17,11 @@ namespace {
 /// One newmtl block as written.
 struct MtlBlock {
   std::string name;
-  glm::dvec3 kd{0.8}, ks{0}, ke{0};
-  std::optional<glm::dvec3> kr, tf;
+  std::optional<glm::dvec3> kd, ks, ke, kr, tf;
   double ns = 0, ni = 1;
   std::optional<double> d, tr;
   double illum = 2;
+  std::map<TextureUse, MtlTexture> textures;
 };
 
 /// NaN becomes `low`.
@@ -31,24 +33,29 @@ glm::vec3 ClampColor(const glm::dvec3& c, double high = 1.0) {
   return {Clamp(c.x, 0, high), Clamp(c.y, 0, high), Clamp(c.z, 0, high)};
 }
 
+double DissolveOf(const MtlBlock& block) {
+  return Clamp(block.d ? *block.d : 1.0 - block.tr.value_or(0.0), 0, 1);
+}
+
 /// The table in mtl.h.
 Material ToMaterial(const MtlBlock& block) {
   const int illum = static_cast<int>(Clamp(block.illum, 0, 10));
-  const double dissolve = Clamp(block.d ? *block.d : 1.0 - block.tr.value_or(0.0), 0, 1);
+  const double dissolve = DissolveOf(block);
+  const glm::dvec3 kd = block.kd.value_or(glm::dvec3(0.8)), ks = block.ks.value_or(glm::dvec3(0));
   const bool refracts = illum == 4 || illum == 6 || illum == 7 || illum == 9;
   const bool mirrors = illum >= 3 && illum <= 8;
   Material material;
   material.name = block.name;
-  material.diffuse = ClampColor(block.kd * dissolve);
-  material.specular = ClampColor(block.ks);
-  material.emission = ClampColor(block.ke, std::numeric_limits<float>::max());
-  material.reflectance = ClampColor(block.kr.value_or(mirrors ? block.ks : glm::dvec3(0)));
+  material.diffuse = ClampColor(kd * dissolve);
+  material.specular = ClampColor(ks);
+  material.emission = ClampColor(block.ke.value_or(glm::dvec3(0)), std::numeric_limits<float>::max());
+  material.reflectance = ClampColor(block.kr.value_or(mirrors ? ks : glm::dvec3(0)));
   material.transmittance = glm::vec3(static_cast<float>(1.0 - dissolve));
   material.shininess = Clamp(block.ns, 0, 10000);
   material.fresnel = illum == 5 || illum == 7;
   if (refracts) {
     // Tf says by itself what passes: scaling it by 1 - d, or Kd by d, would count the same glass twice.
-    if (block.tf) material.diffuse = ClampColor(block.kd);
+    if (block.tf) material.diffuse = ClampColor(kd);
     material.transmittance =
         ClampColor(block.tf.value_or(glm::dvec3(dissolve == 1.0 ? 1.0 : 1.0 - dissolve)));
     material.ior = Clamp(block.ni, 1, 10);
@@ -56,19 +63,44 @@ Material ToMaterial(const MtlBlock& block) {
   return material;
 }
 
+/// With the colour that the texture multiplies.
+MtlTexture Completed(MtlTexture texture, const MtlBlock& block) {
+  const auto color = [&](const std::optional<glm::dvec3>& own, double high) {
+    texture.binding.factor *= glm::vec4(ClampColor(own.value_or(glm::dvec3(1)), high), 1);
+  };
+  switch (texture.binding.use) {
+    case TextureUse::kDiffuse:
+      color(block.kd, 1);
+      texture.binding.factor.a = static_cast<float>(DissolveOf(block));
+      break;
+    case TextureUse::kSpecular:
+      color(block.ks, 1);
+      break;
+    case TextureUse::kEmission:
+      color(block.ke, 1e30);
+      break;
+    case TextureUse::kOpacity:
+      texture.binding.factor *= static_cast<float>(DissolveOf(block));
+      break;
+    default:
+      break;
+  }
+  return texture;
+}
+
 class MtlParser {
  public:
   MtlParser(ModelReader& bytes, const std::function<void(std::string)>& warn) : lines_(bytes), warn_(warn) {}
 
-  Result<std::vector<Material>> Parse();
+  Result<std::vector<MtlMaterial>> Parse();
 
  private:
   void Line(std::string_view line);
   void Begin(std::string_view name);
   void End();
   /// Three numbers, or one for all three.
-  bool Color(TextCursor& rest, glm::dvec3& color);
-  bool OptionalColor(TextCursor& rest, std::optional<glm::dvec3>& color);
+  bool Color(TextCursor& rest, std::optional<glm::dvec3>& color);
+  bool Texture(TextCursor& rest, MtlTexture texture);
   bool Dissolve(TextCursor& rest);
   bool OptionalReal(TextCursor& rest, std::optional<double>& value);
   /// False if `keyword` is known but what follows is not understood.
@@ -76,11 +108,11 @@ class MtlParser {
 
   LineReader lines_;
   const std::function<void(std::string)>& warn_;
-  std::vector<Material> materials_;
+  std::vector<MtlMaterial> materials_;
   std::optional<MtlBlock> block_;
 };
 
-Result<std::vector<Material>> MtlParser::Parse() {
+Result<std::vector<MtlMaterial>> MtlParser::Parse() {
   std::string_view line;
   while (true) {
     QUARRY_ASSIGN(const bool more, lines_.NextJoined(line));
@@ -107,7 +139,11 @@ void MtlParser::Begin(std::string_view name) {
 }
 
 void MtlParser::End() {
-  if (block_) materials_.push_back(ToMaterial(*block_));
+  if (block_) {
+    materials_.push_back({ToMaterial(*block_), {}});
+    for (const auto& [use, texture] : block_->textures)
+      materials_.back().textures.push_back(Completed(texture, *block_));
+  }
   block_.reset();
 }
 
@@ -116,29 +152,35 @@ bool MtlParser::Statement(std::string_view keyword, TextCursor& rest) {
   if (is("Kd")) return Color(rest, block_->kd);
   if (is("Ks")) return Color(rest, block_->ks);
   if (is("Ke")) return Color(rest, block_->ke);
-  if (is("Tf")) return OptionalColor(rest, block_->tf);
-  if (is("Kr")) return OptionalColor(rest, block_->kr);
+  if (is("Tf")) return Color(rest, block_->tf);
+  if (is("Kr")) return Color(rest, block_->kr);
   if (is("Ns")) return ParseReal(rest, block_->ns);
   if (is("Ni")) return ParseReal(rest, block_->ni);
   if (is("d")) return Dissolve(rest);
   if (is("Tr")) return OptionalReal(rest, block_->tr);
   if (is("illum")) return ParseReal(rest, block_->illum);
+  if (const auto texture = MtlTextureFor(keyword)) return Texture(rest, *texture);
   return true;
 }
 
-bool MtlParser::Color(TextCursor& rest, glm::dvec3& color) {
+bool MtlParser::Texture(TextCursor& rest, MtlTexture texture) {
+  if (!ParseMtlTexture(rest, texture)) return false;
+  texture.line = lines_.line_number();
+  if (!texture.left_out.empty())
+    warn_(
+        lines_.FailHere(fmt::format("{} of the image {} is left out", texture.left_out, Quoted(texture.file)))
+            .value()
+            .message);
+  block_->textures.insert_or_assign(texture.binding.use, texture);
+  return true;
+}
+
+bool MtlParser::Color(TextCursor& rest, std::optional<glm::dvec3>& color) {
   glm::dvec3 value;
   if (!ParseReal(rest, value.x)) return false;
   const bool grey = rest.AtEnd();
   if (grey) value.y = value.z = value.x;
   if (!grey && !(ParseReal(rest, value.y) && ParseReal(rest, value.z))) return false;
-  color = value;
-  return true;
-}
-
-bool MtlParser::OptionalColor(TextCursor& rest, std::optional<glm::dvec3>& color) {
-  glm::dvec3 value;
-  if (!Color(rest, value)) return false;
   color = value;
   return true;
 }
@@ -159,7 +201,8 @@ bool MtlParser::OptionalReal(TextCursor& rest, std::optional<double>& value) {
 
 }  // namespace
 
-Result<std::vector<Material>> ReadMtl(const std::string& path, const std::function<void(std::string)>& warn) {
+Result<std::vector<MtlMaterial>> ReadMtl(const std::string& path,
+                                         const std::function<void(std::string)>& warn) {
   QUARRY_ASSIGN(ModelReader bytes, ModelReader::Open(path));
   return MtlParser(bytes, warn).Parse();
 }

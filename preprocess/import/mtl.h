@@ -6,8 +6,16 @@
 
 #include "common/base/status.h"
 #include "common/scene/material.h"
+#include "preprocess/import/mtl_texture.h"
 
 namespace quarry {
+
+/// A material of an MTL file. Its bindings lack their textures: they are in `textures`, one a use, by rising
+/// use, and complete but for that.
+struct MtlMaterial {
+  Material material;
+  std::vector<MtlTexture> textures;
+};
 
 /// Reads the materials of the MTL file at `path`, in file order.
 /// Kd, Ks, Ke, Ns give diffuse, specular, emission and shininess. With d the dissolve (Tr = 1 - d; d wins
@@ -21,9 +29,11 @@ namespace quarry {
 ///   7          Kr, else Ks  Tf, see below        Ni   yes
 ///   9          Kr           Tf, see below        Ni   no
 /// Tf not given is 1-d, or 1 where d is 1. Kr not given is 0. Diffuse is Kd times d, or Kd where Tf is used.
-/// Ka, textures and unknown words are passed over; values are clamped to the ranges of Material. A line that
-/// cannot be understood is passed over, with a sentence to `warn`. Errors: cannot be opened or read; a line
-/// of more than 1 MiB.
-Result<std::vector<Material>> ReadMtl(const std::string& path, const std::function<void(std::string)>& warn);
+/// Textures: see ParseMtlTexture; where a colour has one but is not given itself, it is 1. Of several for one
+/// use the last counts. Ka and unknown words are passed over; values are clamped to the ranges of Material. A
+/// line that cannot be understood is passed over, with a sentence to `warn`. Errors: cannot be opened or
+/// read; a line of more than 1 MiB.
+Result<std::vector<MtlMaterial>> ReadMtl(const std::string& path,
+                                         const std::function<void(std::string)>& warn);
 
 }  // namespace quarry

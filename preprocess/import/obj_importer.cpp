@@ -160,8 +160,13 @@ Status ObjFile::Face(TextCursor& rest) {
     return {};
   }
   if (part_changed_) SetPart();
-  if (material_changed_) material_ = material_name_.empty() ? kNoIndex : materials_.Use(material_name_);
-  material_changed_ = false;
+  if (material_changed_) {
+    material_ = kNoIndex;
+    if (!material_name_.empty()) {
+      QUARRY_ASSIGN(material_, materials_.Use(material_name_));
+    }
+    material_changed_ = false;
+  }
   triangles_ += corners_.size() - 2;
   return sink_.AddPolygon(corners_, material_, part_);
 }

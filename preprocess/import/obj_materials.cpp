@@ -2,9 +2,7 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-
-#include "preprocess/import/mtl.h"
+#include "preprocess/import/find_file.h"
 #include "preprocess/import/text_number.h"
 
 namespace quarry {
@@ -17,11 +15,6 @@ constexpr size_t kMostWarnings = 1000;
 
 bool EndsLibraryName(std::string_view name) {
   return name.size() >= 4 && EqualsIgnoringCase(name.substr(name.size() - 4), ".mtl");
-}
-
-bool IsFile(const fs::path& path) {
-  std::error_code ignored;
-  return fs::is_regular_file(path, ignored);
 }
 
 }  // namespace
@@ -58,23 +51,17 @@ void ObjMaterials::AddLibrary(const std::string& name) {
   if (!read_.insert(path.string()).second) return;
   auto materials = ReadMtl(path.string(), [this](const std::string& message) { WarnOnce(message); });
   if (!materials) return WarnOnce(materials.error().message);
-  for (Material& material : *materials) {
-    std::string key = material.name;
-    entries_.try_emplace(std::move(key), Entry{std::move(material)});
+  for (MtlMaterial& material : *materials) {
+    std::string key = material.material.name;
+    entries_.try_emplace(std::move(key), Entry{std::move(material), path.string()});
   }
 }
 
 fs::path ObjMaterials::Find(const std::string& name) const {
-  if (name.empty() || name.find('\0') != std::string::npos) return {};
-  const fs::path folder = fs::path(obj_path_).parent_path();
-  std::string slashed = name;
-  std::ranges::replace(slashed, '\\', '/');
-  for (const fs::path& candidate : {folder / name, folder / slashed, folder / fs::path(slashed).filename()})
-    if (IsFile(candidate)) return candidate;
-  return {};
+  return FindFile(fs::path(obj_path_).parent_path(), name);
 }
 
-uint32_t ObjMaterials::Use(std::string_view name) {
+Result<uint32_t> ObjMaterials::Use(std::string_view name) {
   const auto found = entries_.find(name);
   if (found == entries_.end()) {
     WarnOnce(fmt::format("{}: the material {} is not defined, the default takes its place", obj_path_,
@@ -82,8 +69,31 @@ uint32_t ObjMaterials::Use(std::string_view name) {
     return kNoIndex;
   }
   Entry& entry = found->second;
-  if (entry.scene_index == kNoIndex) entry.scene_index = sink_.AddMaterial(entry.material);
+  if (entry.scene_index == kNoIndex) QUARRY_TRY(GiveToSink(entry));
   return entry.scene_index;
+}
+
+Status ObjMaterials::GiveToSink(Entry& entry) {
+  Material& material = entry.material.material;
+  for (const MtlTexture& texture : entry.material.textures) {
+    if (!sink_.takes_textures()) break;
+    const fs::path file = FindFile(fs::path(entry.library).parent_path(), texture.file);
+    if (file.empty()) {
+      WarnOnce(fmt::format("{}, line {}: the image {} is not there; the material does without", entry.library,
+                           texture.line, Quoted(texture.file)));
+      continue;
+    }
+    TextureImage image;
+    image.file = file.string();
+    image.name = texture.file;
+    image.model = entry.library;
+    image.color = texture.color;
+    image.pick = texture.pick;
+    material.textures.push_back(texture.binding);
+    QUARRY_ASSIGN(material.textures.back().texture, sink_.AddTexture(std::move(image)));
+  }
+  entry.scene_index = sink_.AddMaterial(material);
+  return {};
 }
 
 void ObjMaterials::WarnOnce(const std::string& message) {

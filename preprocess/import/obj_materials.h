@@ -8,11 +8,13 @@
 #include <vector>
 
 #include "preprocess/import/model_sink.h"
+#include "preprocess/import/mtl.h"
 
 namespace quarry {
 
 /// The materials that an OBJ file's mtllib lines name, given to the sink when first used. A name defined
-/// twice keeps its first meaning. Files not found are warned of once, and so are names not found.
+/// twice keeps its first meaning. Files not found are warned of once, and so are names not found, and images
+/// of the materials used: without theirs the material's own values stand.
 class ObjMaterials {
  public:
   ObjMaterials(const std::string& obj_path, ModelSink& sink);
@@ -23,17 +25,20 @@ class ObjMaterials {
   void AddLibraries(std::string_view names);
 
   /// The scene's index of the material `name`; kNoIndex, the default, if no library read so far has it.
-  uint32_t Use(std::string_view name);
+  /// Errors: the sink's.
+  Result<uint32_t> Use(std::string_view name);
 
  private:
   struct Entry {
-    Material material;
+    MtlMaterial material;
+    std::string library;  ///< path of its MTL file
     uint32_t scene_index = kNoIndex;
   };
 
   void AddLibrary(const std::string& name);
   /// The existing file that `name` means, or empty.
   std::filesystem::path Find(const std::string& name) const;
+  Status GiveToSink(Entry& entry);
   void WarnOnce(const std::string& message);
 
   std::string obj_path_;

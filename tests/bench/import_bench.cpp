@@ -26,6 +26,8 @@ struct NullSink : ModelSink {
   Status EndFile() override { return {}; }
   uint32_t AddMaterial(const Material&) override { return 0; }
   uint32_t AddPart(std::string_view) override { return 0; }
+  bool takes_textures() const override { return false; }
+  Result<uint32_t> AddTexture(TextureImage) override { return kNoIndex; }
   Status AddPosition(const glm::dvec3&, const Rgba8&) override { return {}; }
   Status AddNormal(const glm::vec3&) override { return {}; }
   Status AddUv(const glm::vec2&) override { return {}; }

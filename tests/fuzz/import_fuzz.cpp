@@ -23,6 +23,11 @@ struct CountingSink : ModelSink {
   Status EndFile() override { return {}; }
   uint32_t AddMaterial(const Material&) override { return 0; }
   uint32_t AddPart(std::string_view) override { return 0; }
+  bool takes_textures() const override { return true; }
+  Result<uint32_t> AddTexture(TextureImage image) override {
+    if (image.model.empty() || image.file.empty() == image.content.empty()) std::abort();
+    return 0;
+  }
   Status AddPosition(const glm::dvec3&, const Rgba8&) override { return ++positions, Status(); }
   Status AddNormal(const glm::vec3&) override { return ++normals, Status(); }
   Status AddUv(const glm::vec2&) override { return ++uvs, Status(); }

@@ -10,6 +10,7 @@ namespace {
 
 struct Read {
   std::vector<Material> materials;
+  std::vector<std::vector<MtlTexture>> textures;
   std::vector<std::string> warnings;
 };
 
@@ -19,7 +20,10 @@ Read ReadText(const std::string& text) {
   auto result = ReadMtl(folder.Write("a.mtl", text),
                         [&](std::string message) { read.warnings.push_back(std::move(message)); });
   REQUIRE(result);
-  read.materials = std::move(*result);
+  for (MtlMaterial& m : *result) {
+    read.materials.push_back(std::move(m.material));
+    read.textures.push_back(std::move(m.textures));
+  }
   return read;
 }
 

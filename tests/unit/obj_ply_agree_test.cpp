@@ -23,7 +23,7 @@ TEST_CASE("A generated scene has the same materials as OBJ and as PLY") {
     REQUIRE(json.has_value());
     REQUIRE(mtl.has_value());
     std::map<std::string, Material> by_name;
-    for (const Material& m : *mtl) by_name[m.name] = m;
+    for (const MtlMaterial& m : *mtl) by_name[m.material.name] = m.material;
     for (const Material& m : json->materials) {
       INFO(kind << ": " << m.name);
       REQUIRE(by_name.count(m.name) == 1);

@@ -20,6 +20,7 @@ struct RecordingSink : ModelSink {
 
   std::string name;
   std::vector<Material> materials;
+  std::vector<TextureImage> images;
   std::vector<std::string> parts, warnings;
   std::vector<glm::dvec3> positions;
   std::vector<Rgba8> colors;
@@ -51,6 +52,11 @@ struct RecordingSink : ModelSink {
       if (parts[i] == part) return static_cast<uint32_t>(i);
     parts.emplace_back(part);
     return static_cast<uint32_t>(parts.size() - 1);
+  }
+  bool takes_textures() const override { return true; }
+  Result<uint32_t> AddTexture(TextureImage image) override {
+    images.push_back(std::move(image));
+    return static_cast<uint32_t>(images.size() - 1);
   }
   Status AddPosition(const glm::dvec3& position, const Rgba8& color) override {
     positions.push_back(position);

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "common/base/bytes.h"
+
+namespace quarry {
+
+/// Which of an image's channels a texture has.
+enum class TexturePick : uint32_t {
+  kColor,          ///< grey or RGB
+  kColorAndAlpha,  ///< alpha too, if there is one
+  kScalar,         ///< alpha if there is one, else luminance: masks come in both ways
+  kLuminance,
+  kRed,
+  kGreen,
+  kBlue,
+};
+inline constexpr uint32_t kTexturePicks = 7;
+
+/// An image as a model refers to it: bytes of a file, or bytes that the model itself holds as text. Nothing
+/// of it has been decoded.
+struct TextureImage {
+  static constexpr uint64_t kToTheEnd = ~uint64_t{0};
+
+  std::string file;                       ///< path; empty: `content` is the image
+  uint64_t offset = 0, size = kToTheEnd;  ///< of the image in the file
+  Bytes content;
+  std::string name;   ///< as the model calls it
+  std::string model;  ///< path of the file that refers to it
+  bool color = true;  ///< 8 and 16 bits hold sRGB; else numbers
+  TexturePick pick = TexturePick::kColor;
+};
+
+}  // namespace quarry

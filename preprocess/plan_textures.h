@@ -1,0 +1,35 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "common/base/status.h"
+#include "preprocess/image_list.h"
+#include "preprocess/preprocess.h"
+
+namespace quarry {
+
+/// What a scene's images will take.
+struct PlannedTextures {
+  uint64_t stored_bytes = 0;  ///< of pages
+  double seconds = 0;
+};
+
+/// By the sizes that the images' headers say; images that cannot be read take nothing. Errors: the program
+/// that reads them is not there, or was ended.
+Result<PlannedTextures> PlanTextures(const PreprocessOptions& options, ImageList& list);
+
+/// A file that may be made meanwhile, and goes with the object.
+class TemporaryFile {
+ public:
+  explicit TemporaryFile(std::string path);
+  ~TemporaryFile();
+  TemporaryFile(const TemporaryFile&) = delete;
+  const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+  int cleanup_;  ///< see RemoveOnSignal
+};
+
+}  // namespace quarry

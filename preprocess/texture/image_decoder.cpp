@@ -1,0 +1,188 @@
+#include "preprocess/texture/image_decoder.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <csignal>
+#include <utility>
+#include <vector>
+
+#include "common/voxel/texture_shape.h"
+#include "preprocess/import/child_environment.h"
+
+namespace quarry {
+namespace {
+
+bool ReadAll(int fd, std::span<std::byte> out) {
+  for (size_t done = 0; done < out.size();) {
+    const ssize_t n = ::read(fd, out.data() + done, out.size() - done);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) return false;
+    done += static_cast<size_t>(n);
+  }
+  return true;
+}
+
+bool WriteAll(int fd, std::span<const std::byte> bytes) {
+  for (size_t done = 0; done < bytes.size();) {
+    const ssize_t n = ::write(fd, bytes.data() + done, bytes.size() - done);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) return false;
+    done += static_cast<size_t>(n);
+  }
+  return true;
+}
+
+/// "FILE, image NAME of MODEL", or shorter where that says the same.
+std::string NameOf(const TextureImage& image) {
+  return image.file.ends_with(image.name) ? fmt::format("{} (of {})", image.file, image.model)
+                                          : fmt::format("{}, image {}", image.model, image.name);
+}
+
+tl::unexpected<Error> Refused(const TextureImage& image, const std::string& why) {
+  return Fail(fmt::format("{}: cannot be read as an image: {}", NameOf(image), why));
+}
+
+}  // namespace
+
+Status ImageDecoder::Start() {
+  if (child_ > 0) return {};
+  if (decoding_.program.empty())
+    return Fail(
+        "quarry-import-image is not beside this program, so images cannot be read; --no-textures does "
+        "without");
+  int in[2], out[2];
+  if (::pipe2(in, O_CLOEXEC) != 0) return Fail(fmt::format("a pipe: {}", ErrnoText(errno)));
+  if (::pipe2(out, O_CLOEXEC) != 0) {
+    const int error = errno;
+    ::close(in[0]);
+    ::close(in[1]);
+    return Fail(fmt::format("a pipe: {}", ErrnoText(error)));
+  }
+  posix_spawn_file_actions_t actions;
+  ::posix_spawn_file_actions_init(&actions);
+  ::posix_spawn_file_actions_adddup2(&actions, in[0], 0);
+  ::posix_spawn_file_actions_adddup2(&actions, out[1], 1);
+  const std::string memory = std::to_string(decoding_.memory);
+  char* arguments[] = {decoding_.program.data(), const_cast<char*>(memory.c_str()), nullptr};
+  ChildEnvironment environment;
+  const int error =
+      ::posix_spawn(&child_, decoding_.program.c_str(), &actions, nullptr, arguments, environment.get());
+  ::posix_spawn_file_actions_destroy(&actions);
+  ::close(in[0]);
+  ::close(out[1]);
+  to_ = in[1];
+  from_ = out[0];
+  if (error == 0) return {};
+  child_ = -1;
+  Stop();
+  return Fail(fmt::format("{}: cannot be started: {}", decoding_.program, ErrnoText(error)));
+}
+
+void ImageDecoder::Stop() {
+  for (int* fd : {&to_, &from_})
+    if (*fd >= 0) ::close(std::exchange(*fd, -1));
+  if (child_ <= 0) return;
+  while (::waitpid(child_, nullptr, 0) < 0 && errno == EINTR) {
+  }
+  child_ = -1;
+}
+
+/// The helper is gone, which tells what it died of.
+tl::unexpected<Error> ImageDecoder::Ended(const TextureImage& image) {
+  int status = 0;
+  while (::waitpid(child_, &status, 0) < 0 && errno == EINTR) {
+  }
+  child_ = -1;
+  Stop();
+  const int signal = WIFSIGNALED(status) ? WTERMSIG(status) : 0;
+  // Who is short of memory ends others so, and so does a person.
+  fatal_ = signal == SIGKILL || signal == SIGTERM || signal == SIGINT || signal == SIGHUP;
+  if (fatal_)
+    return Fail(fmt::format("{}: the process that decodes it was ended by signal {}", NameOf(image), signal));
+  return Refused(image, "the decoder has crashed on it");
+}
+
+Status ImageDecoder::Ask(ImageMessage kind, const TextureImage& image) {
+  fatal_ = true;
+  QUARRY_TRY(Start());
+  fatal_ = false;
+  ByteWriter request;
+  request.Put(static_cast<uint32_t>(kind));
+  request.Put(static_cast<uint32_t>(16 + image.file.size()));
+  request.Put(image.offset);
+  request.Put(image.size);
+  request.PutArray(image.file);
+  return WriteAll(to_, request.bytes()) ? Status{} : Ended(image);
+}
+
+Result<ImageDecoder::Message> ImageDecoder::Receive(const TextureImage& image) {
+  std::byte header[kImageHeaderBytes];
+  if (!ReadAll(from_, header)) return Ended(image);
+  ByteReader in(header);
+  Message message{static_cast<ImageMessage>(in.Get<uint32_t>()), {}};
+  const auto size = in.Get<uint32_t>();
+  if (size > kMostImageMessage) return Ended(image);
+  message.bytes.resize(size);
+  if (!ReadAll(from_, message.bytes)) return Ended(image);
+  if (message.kind == ImageMessage::kTooLarge) {
+    fatal_ = true;
+    return Fail(fmt::format("{}: needs more than --memory to be decoded: {}; give more, or --no-textures",
+                            NameOf(image), AsText(message.bytes)));
+  }
+  if (message.kind == ImageMessage::kRefused) return Refused(image, std::string(AsText(message.bytes)));
+  return message;
+}
+
+Result<ImageFacts> ImageDecoder::ReceiveFacts(const TextureImage& image) {
+  QUARRY_ASSIGN(const Message message, Receive(image));
+  ByteReader in(message.bytes);
+  ImageFacts facts;
+  for (uint32_t* fact : {&facts.width, &facts.height, &facts.channels, &facts.real, &facts.encoded})
+    *fact = in.Get<uint32_t>();
+  // A decoder that was led astray may say anything.
+  if (message.kind != ImageMessage::kFacts || !in.done() || facts.channels - 1 > 3 ||
+      facts.width - 1 >= kMaxTextureSide || facts.height - 1 >= kMaxTextureSide) {
+    Stop();
+    return Refused(image, "the decoder says what cannot be");
+  }
+  return facts;
+}
+
+Status ImageDecoder::Decode(const TextureImage& image, const OnFacts& on_facts, const OnRow& on_row) {
+  QUARRY_TRY(Ask(ImageMessage::kDecode, image));
+  QUARRY_ASSIGN(const ImageFacts facts, ReceiveFacts(image));
+  const auto given = [&](Status status) {
+    fatal_ = !status;
+    if (!status) Stop();  // with rows under way
+    return status;
+  };
+  QUARRY_TRY(given(on_facts(facts)));
+  uint64_t rows = 0;
+  for (;;) {
+    QUARRY_ASSIGN(const Message message, Receive(image));
+    if (message.kind == ImageMessage::kEnd && rows == facts.height) return {};
+    const uint64_t count = message.bytes.size() / facts.row_bytes();
+    if (message.kind != ImageMessage::kRows || count * facts.row_bytes() != message.bytes.size() ||
+        rows + count > facts.height) {
+      Stop();
+      return Refused(image, "the decoder gives other rows than it has said");
+    }
+    rows += count;
+    for (uint64_t r = 0; r < count; ++r)
+      QUARRY_TRY(given(on_row(std::span(message.bytes).subspan(r * facts.row_bytes(), facts.row_bytes()))));
+  }
+}
+
+Result<ImageFacts> ImageDecoder::LookAt(const TextureImage& image) {
+  QUARRY_TRY(Ask(ImageMessage::kLookAt, image));
+  QUARRY_ASSIGN(const ImageFacts facts, ReceiveFacts(image));
+  QUARRY_TRY(Receive(image).map([](auto&&) {}));  // the end
+  return facts;
+}
+
+}  // namespace quarry

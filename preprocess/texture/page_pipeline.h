@@ -1,0 +1,42 @@
+#pragma once
+
+#include <cstdint>
+#include <future>
+#include <span>
+#include <vector>
+
+#include "common/base/bytes.h"
+#include "common/base/status.h"
+#include "common/voxel/store_writer.h"
+
+namespace quarry {
+
+/// Encodes the pages of the writer's last texture by `threads` threads while more come, and writes them in
+/// the order in which they came. Memory: two batches of pages. Not thread-safe.
+class PagePipeline {
+ public:
+  PagePipeline(StoreWriter& writer, unsigned threads) : writer_(writer), threads_(threads) {}
+  ~PagePipeline();
+  PagePipeline(const PagePipeline&) = delete;
+
+  /// Errors: those of an earlier page: disk full.
+  Status Add(uint32_t page, std::span<const std::byte> texels);
+  /// All pages so far are in the writer.
+  Status Finish();
+
+ private:
+  struct Task {
+    uint32_t page = 0;
+    Bytes texels;
+    EncodedPage encoded;
+  };
+  Status HandOver();
+  Status EncodeBatch();
+
+  StoreWriter& writer_;
+  unsigned threads_;
+  std::vector<Task> gathered_, batch_;  ///< the batch is another thread's while one is under way
+  std::future<Status> under_way_;
+};
+
+}  // namespace quarry

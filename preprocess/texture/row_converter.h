@@ -1,0 +1,38 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "common/base/bytes.h"
+#include "common/voxel/texture_shape.h"
+#include "preprocess/import/texture_image.h"
+#include "preprocess/texture/image_protocol.h"
+
+namespace quarry {
+
+/// From an image's rows as decoded to those of a texture: the channels that it wants, as stored. Images of 8
+/// bits stay as they are, sRGB-encoded or not by their use; deeper ones become half floats in linear light
+/// (whole numbers of colour are sRGB-encoded before, floats never).
+class RowConverter {
+ public:
+  RowConverter(const ImageFacts& facts, bool color, TexturePick pick);
+
+  const TexelLayout& layout() const { return layout_; }
+  /// The stored texels of a row; valid until the next call. Requires: facts.row_bytes() bytes.
+  std::span<const std::byte> Convert(std::span<const std::byte> row);
+
+ private:
+  template <class Sample>
+  void Pick(std::span<const std::byte> row, std::vector<Sample>& out) const;
+
+  ImageFacts facts_;
+  TexturePick pick_;
+  bool decode_ = false;  ///< deep colours that are sRGB-encoded
+  TexelLayout layout_;
+  Bytes texels_;
+  std::vector<float> reals_;
+  std::vector<uint8_t> bytes_;
+};
+
+}  // namespace quarry

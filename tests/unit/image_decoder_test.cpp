@@ -1,0 +1,242 @@
+#include "preprocess/texture/image_decoder.h"
+
+#include <OpenImageIO/imageio.h>
+
+#include <catch2/catch.hpp>
+#include <csignal>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <random>
+
+#include "tests/support/temporary_folder.h"
+
+namespace quarry {
+namespace {
+
+using test::TemporaryFolder;
+
+ImageDecoding Helper(uint64_t memory = 256u << 20) {
+  ::signal(SIGPIPE, SIG_IGN);
+  return {std::string(QUARRY_BIN_DIR) + "/quarry-import-image", memory};
+}
+
+TextureImage ImageIn(const std::string& file) {
+  TextureImage image;
+  image.file = file;
+  image.name = std::filesystem::path(file).filename().string();
+  image.model = "model.mtl";
+  return image;
+}
+
+/// Texel (x, y), channel c, of every image here: 8 bits.
+uint8_t Pattern(int x, int y, int c) {
+  return static_cast<uint8_t>(c == 3 ? 255 - x : x * 2 + y * 2 + c * 25);
+}
+
+void WriteImage(const std::string& path, int width, int height, int channels, OIIO::TypeDesc type,
+                int tile = 0) {
+  auto out = OIIO::ImageOutput::create(path);
+  REQUIRE(out);
+  OIIO::ImageSpec spec(width, height, channels, type);
+  spec.tile_width = spec.tile_height = tile;
+  spec["oiio:UnassociatedAlpha"] = 1;
+  REQUIRE(out->open(path, spec));
+  std::vector<uint8_t> texels;
+  for (int y = 0; y < height; ++y)
+    for (int x = 0; x < width; ++x)
+      for (int c = 0; c < channels; ++c) texels.push_back(Pattern(x, y, c));
+  REQUIRE(out->write_image(OIIO::TypeDesc::UINT8, texels.data()));
+  REQUIRE(out->close());
+}
+
+struct Decoded {
+  ImageFacts facts;
+  Bytes rows;
+  std::string error;
+};
+
+Decoded Decode(ImageDecoder& decoder, const TextureImage& image) {
+  Decoded decoded;
+  const Status status = decoder.Decode(
+      image,
+      [&](const ImageFacts& facts) -> Status {
+        decoded.facts = facts;
+        return {};
+      },
+      [&](std::span<const std::byte> row) -> Status {
+        decoded.rows.insert(decoded.rows.end(), row.begin(), row.end());
+        return {};
+      });
+  if (!status) decoded.error = status.error().message;
+  return decoded;
+}
+
+std::string ReadText(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+}  // namespace
+
+TEST_CASE("Images of the formats that are read", "[texture][decoder]") {
+  const TemporaryFolder folder;
+  ImageDecoder decoder(Helper());
+  struct Kind {
+    const char* name;
+    int channels;
+    OIIO::TypeDesc type;
+    int off;  ///< of 255, that a lossy format may be
+    int tile = 0;
+  };
+  using Type = OIIO::TypeDesc;
+  for (const Kind& kind : {Kind{"a.png", 3, Type::UINT8, 0}, Kind{"grey.png", 1, Type::UINT8, 0},
+                           Kind{"alpha.png", 4, Type::UINT8, 0}, Kind{"both.png", 2, Type::UINT8, 0},
+                           Kind{"deep.png", 3, Type::UINT16, 0}, Kind{"a.jpg", 3, Type::UINT8, 40},
+                           Kind{"a.tga", 3, Type::UINT8, 0}, Kind{"alpha.tga", 4, Type::UINT8, 0},
+                           Kind{"a.bmp", 3, Type::UINT8, 0}, Kind{"a.tif", 3, Type::UINT8, 0},
+                           Kind{"tiled.tif", 3, Type::UINT8, 0, 16}, Kind{"deep.tif", 1, Type::UINT16, 0},
+                           Kind{"a.exr", 3, Type::HALF, 1}, Kind{"tiled.exr", 4, Type::FLOAT, 1, 32},
+                           Kind{"a.hdr", 3, Type::FLOAT, 3}, Kind{"a.ppm", 3, Type::UINT8, 0},
+                           Kind{"a.webp", 3, Type::UINT8, 60}}) {
+    CAPTURE(kind.name);
+    const std::string path = folder.file(kind.name);
+    WriteImage(path, 50, 37, kind.channels, kind.type, kind.tile);
+    for (const bool inside : {false, true}) {
+      CAPTURE(inside);
+      TextureImage image = ImageIn(path);
+      if (inside) {  // as a GLB has it
+        image.size = std::filesystem::file_size(path);
+        image.offset = 1001;
+        std::ofstream(path + ".glb", std::ios::binary)
+            << std::string(1001, 'x') << ReadText(path) << std::string(500, 'y');
+        image.file = path + ".glb";
+        if (path.ends_with(".tga")) continue;  // nothing in it tells what it is
+      }
+      const Decoded decoded = Decode(decoder, image);
+      REQUIRE(decoded.error == "");
+      CHECK(decoded.facts.width == 50);
+      CHECK(decoded.facts.height == 37);
+      CHECK(decoded.facts.channels == static_cast<uint32_t>(kind.channels));
+      CHECK(decoded.facts.real == (kind.type.size() > 1));
+      CHECK(decoded.facts.encoded == (kind.type == Type::UINT16));
+      REQUIRE(decoded.rows.size() == 37 * decoded.facts.row_bytes());
+      const auto value = [&](size_t i) {
+        if (!decoded.facts.real) return static_cast<double>(decoded.rows[i]);
+        float real;
+        std::memcpy(&real, &decoded.rows[i * 4], 4);
+        return static_cast<double>(real) * 255;
+      };
+      double worst = 0;
+      for (int y = 0; y < 37; ++y)
+        for (int x = 0; x < 50; ++x)
+          for (int c = 0; c < kind.channels; ++c) {
+            // Grey and alpha: alpha is the second.
+            const int of = kind.channels == 2 && c == 1 ? 1 : c;
+            const size_t at =
+                (static_cast<size_t>(y) * 50 + static_cast<size_t>(x)) * static_cast<size_t>(kind.channels) +
+                static_cast<size_t>(c);
+            worst = std::max(worst, std::fabs(value(at) - Pattern(x, y, of)));
+          }
+      CHECK(worst <= kind.off + 0.01);
+    }
+  }
+}
+
+TEST_CASE("What is no image, or half of one, is a sentence that names it and its model",
+          "[texture][decoder]") {
+  const TemporaryFolder folder;
+  ImageDecoder decoder(Helper());
+  const auto refused = [&](const std::string& name, const std::string& content) {
+    std::ofstream(folder.file(name), std::ios::binary) << content;
+    const std::string error = Decode(decoder, ImageIn(folder.file(name))).error;
+    CHECK_FALSE(decoder.is_fatal());
+    CHECK(error.find(folder.file(name) + " (of model.mtl): cannot be read as an image: ") == 0);
+    CHECK(error.find('\n') == std::string::npos);
+    return error;
+  };
+  CHECK(refused("text.png", "this is no image").find("is none of the images that are read") !=
+        std::string::npos);
+  CHECK(refused("empty.jpg", "").find("is none of the images") != std::string::npos);
+  // Formats that OpenImageIO knows, and that are no textures.
+  CHECK(refused("page.gif", "GIF89a and so on").find("is none of the images") != std::string::npos);
+  WriteImage(folder.file("whole.png"), 200, 200, 3, OIIO::TypeDesc::UINT8);
+  const std::string whole = ReadText(folder.file("whole.png"));
+  refused("cut.png", whole.substr(0, whole.size() / 2));
+  refused("start.png", whole.substr(0, 20));
+  // Sides that cannot be: the header's, with its own checksum right.
+  WriteImage(folder.file("wide.ppm"), 2, 2, 3, OIIO::TypeDesc::UINT8);
+  CHECK(refused("wide.ppm", "P6\n40000 2\n255\n" + std::string(240000, 'a')).find("40000 x 2 pixels large") !=
+        std::string::npos);
+  CHECK(Decode(decoder, ImageIn(folder.file("not there.png"))).error.find("not there.png") !=
+        std::string::npos);
+  // And goes on.
+  CHECK(Decode(decoder, ImageIn(folder.file("whole.png"))).error == "");
+  CHECK(decoder.LookAt(ImageIn(folder.file("whole.png")))->width == 200);
+  CHECK_FALSE(decoder.LookAt(ImageIn(folder.file("text.png"))));
+}
+
+TEST_CASE("Damaged images never harm who wants them decoded", "[texture][decoder]") {
+  const TemporaryFolder folder;
+  ImageDecoder decoder(Helper());
+  std::mt19937 random(3);
+  int refused = 0, read = 0;
+  for (const char* name : {"a.png", "a.jpg", "a.tif", "a.exr", "a.tga", "a.hdr", "a.bmp", "a.webp"}) {
+    const std::string path = folder.file(name);
+    WriteImage(path, 64, 40, 3, OIIO::TypeDesc::UINT8);
+    const std::string whole = ReadText(path);
+    for (int i = 0; i < 20; ++i) {
+      std::string bad = whole;
+      for (int k = 0; k < 4; ++k) bad[random() % bad.size()] = static_cast<char>(random());
+      if (i % 3 == 0) bad.resize(random() % bad.size());
+      std::ofstream(path, std::ios::binary) << bad;
+      const Decoded decoded = Decode(decoder, ImageIn(path));
+      CHECK_FALSE(decoder.is_fatal());
+      ++(decoded.error.empty() ? read : refused);
+      if (decoded.error.empty())
+        CHECK(decoded.rows.size() == decoded.facts.height * decoded.facts.row_bytes());
+    }
+  }
+  CHECK(refused > 40);
+  CHECK(refused + read == 160);
+}
+
+TEST_CASE("A decoder that crashes costs one image, one that is short of memory ends the run",
+          "[texture][decoder]") {
+  const TemporaryFolder folder;
+  WriteImage(folder.file("a.png"), 20, 20, 3, OIIO::TypeDesc::UINT8);
+  Helper();
+  ImageDecoder crashing({"/bin/false", 1 << 20});
+  CHECK(Decode(crashing, ImageIn(folder.file("a.png"))).error.find("the decoder has crashed on it") !=
+        std::string::npos);
+  CHECK_FALSE(crashing.is_fatal());
+  ImageDecoder missing({folder.file("not there"), 1 << 20});
+  CHECK(Decode(missing, ImageIn(folder.file("a.png"))).error.find("cannot be started") != std::string::npos);
+  CHECK(missing.is_fatal());
+  ImageDecoder none({"", 1 << 20});
+  CHECK(Decode(none, ImageIn(folder.file("a.png"))).error.find("--no-textures") != std::string::npos);
+  CHECK(none.is_fatal());
+  // TGA is held whole by its decoder.
+  WriteImage(folder.file("large.tga"), 6000, 6000, 3, OIIO::TypeDesc::UINT8);
+  ImageDecoder small(Helper(32 << 20));
+  const std::string error = Decode(small, ImageIn(folder.file("large.tga"))).error;
+  CHECK(error.find("needs more than --memory to be decoded") != std::string::npos);
+  CHECK(small.is_fatal());
+  ImageDecoder large(Helper(512 << 20));
+  CHECK(Decode(large, ImageIn(folder.file("large.tga"))).error == "");
+}
+
+TEST_CASE("An error of who takes the rows ends the image, and the next one is as ever",
+          "[texture][decoder]") {
+  const TemporaryFolder folder;
+  WriteImage(folder.file("a.png"), 2000, 2000, 3, OIIO::TypeDesc::UINT8);
+  ImageDecoder decoder(Helper());
+  const Status status = decoder.Decode(
+      ImageIn(folder.file("a.png")), [](const ImageFacts&) { return Status{}; },
+      [](std::span<const std::byte>) -> Status { return Fail("disk full"); });
+  CHECK(status.error().message == "disk full");
+  CHECK(decoder.is_fatal());
+  CHECK(Decode(decoder, ImageIn(folder.file("a.png"))).rows.size() == 2000 * 2000 * 3);
+}
+
+}  // namespace quarry
