@@ -1,11 +1,9 @@
 #include "preprocess/preprocess.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <chrono>
 #include <cmath>
-#include <filesystem>
 #include <numeric>
 #include <optional>
 
@@ -384,30 +382,7 @@ Result<PreprocessStatistics> RunIn(WorkFolder& work, const PreprocessOptions& op
   return statistics;
 }
 
-/// The path of a program in this one's folder; empty if it is not there.
-std::string ProgramBeside(const char* name) {
-  std::error_code error;
-  const auto program = std::filesystem::read_symlink("/proc/self/exe", error).replace_filename(name);
-  return error || ::access(program.c_str(), X_OK) != 0 ? "" : program.string();
-}
-
 }  // namespace
-
-ForeignFormats ForeignFormatsOf(const PreprocessOptions& options, const std::string& prefix) {
-  const std::string program = ProgramBeside("quarry-import-assimp");
-  if (program.empty()) return {};
-  return {program, prefix, options.memory};
-}
-
-ImageDecoding ImageDecodingOf(const PreprocessOptions& options) {
-  return {ProgramBeside("quarry-import-image"), options.memory};
-}
-
-std::string SpillFolder(const PreprocessOptions& options) {
-  if (!options.tmp_folder.empty()) return options.tmp_folder;
-  const auto parent = std::filesystem::path(options.output).parent_path();
-  return parent.empty() ? "." : parent.string();
-}
 
 Result<PreprocessStatistics> Preprocess(const PreprocessOptions& options) {
   // The output first: an unwritable place should not cost an import.

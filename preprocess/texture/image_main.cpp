@@ -7,6 +7,7 @@
 #include <OpenImageIO/imageio.h>
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <malloc.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
@@ -30,6 +31,8 @@
 namespace quarry {
 namespace {
 
+/// Of what OpenImageIO takes for any image: a buffer of 64 MB, of which it touches a row.
+constexpr uint64_t kOwnBytes = 96u << 20;
 constexpr uint64_t kRowsBytes = 1u << 20;  // of a message, about
 
 /// What the address space holds already.
@@ -261,13 +264,15 @@ int Main(uint64_t memory) {
   if (out < 0 || nowhere < 0) return 1;
   ::dup2(nowhere, 1);  // libraries print what they like
   ::dup2(nowhere, 2);
+  ::mallopt(M_ARENA_MAX, 1);  // each takes 128 MB of address space
   OIIO::attribute("threads", 1);
   OIIO::attribute("exr_threads", -1);
   OIIO::attribute("plugin_searchpath", "");
   OIIO::attribute("limits:imagesize_MB", 16384);  // kMaxTextureSide squared, four floats
   OIIO::attribute("limits:channels", 64);
   OIIO::ImageInput::create("png");  // what is loaded at the first image counts as the program's own
-  const rlimit limit{VirtualBytes() + memory, VirtualBytes() + memory};
+  const uint64_t most = VirtualBytes() + kOwnBytes + memory;
+  const rlimit limit{most, most};
   ::setrlimit(RLIMIT_AS, &limit);
   for (;;) {
     std::byte header[kImageHeaderBytes];

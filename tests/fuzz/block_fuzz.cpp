@@ -1,15 +1,36 @@
 // Decodes the bytes as a block, as if their checksum were right: two bytes of decoded size (in units of 16),
-// one of kind and rest of it, then what is stored.
+// one of kind and rest of it, then what is stored. Or as a page of a texture: its sides less 1, kind with
+// channels and format, then what is stored.
 #include <cstdint>
 #include <cstdlib>
 #include <span>
 
 #include "common/voxel/block_decoder.h"
+#include "common/voxel/texture_page.h"
+
+namespace {
+
+void DecodeAsPages(const uint8_t* head, std::span<const std::byte> stored) {
+  const quarry::TexelLayout layout{
+      head[0] + 1u, head[1] + 1u, 1u + (head[2] & 3u),
+      static_cast<quarry::TexelFormat>((head[2] >> 2 & 3u) % quarry::kTexelFormats)};
+  const quarry::TextureShape shape(layout.width, layout.height);
+  for (const uint32_t page : {0u, shape.pages() - 1}) {
+    const auto texels = quarry::DecodePage(shape, layout, page, stored);
+    if (texels && texels->size() != shape.TexelsOf(page) * layout.texel_bytes()) std::abort();
+  }
+}
+
+}  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   if (size < 3) return 0;
   const size_t decoded = (size_t{data[0]} | size_t{data[1]} << 8) * 16 + (data[2] & 15);
   const auto stored = std::as_bytes(std::span(data + 3, size - 3));
+  if ((data[2] & 32) != 0) {
+    DecodeAsPages(data, stored);
+    return 0;
+  }
   // Just as large as it says, so that the sanitizer sees a byte too many.
   void* memory = std::aligned_alloc(16, (decoded + 15) / 16 * 16 + 16);
   const std::span<std::byte> out(static_cast<std::byte*>(memory), decoded);

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "preprocess/import/foreign.h"
+#include "preprocess/spill_sink.h"
+#include "preprocess/texture/image_decoder.h"
+
+namespace quarry {
+
+struct PreprocessOptions {
+  std::vector<std::string> models;
+  std::string output;
+  std::string tmp_folder;        ///< empty: the output's folder
+  uint64_t memory = 1ull << 30;  ///< bytes
+  unsigned threads = 1;
+  uint32_t voxel_size = 256u << 10;  ///< bytes of a decoded hot block, at most
+  uint32_t up_axis = 2;
+  double scale = 1;
+  std::map<std::string, Placement> placements;  ///< of some models, by the path given
+  bool textures = true;                         ///< carry the images that materials name
+  bool resume = false;  ///< go on with what an earlier run of the same options has left
+  bool quiet = false;
+};
+
+/// How a run reads formats that Quarry has no reader for: by the program beside its own, if that is there.
+ForeignFormats ForeignFormatsOf(const PreprocessOptions& options, const std::string& prefix);
+/// And images.
+ImageDecoding ImageDecodingOf(const PreprocessOptions& options);
+
+/// Where a run puts its temporary files.
+std::string SpillFolder(const PreprocessOptions& options);
+
+}  // namespace quarry

@@ -1,0 +1,254 @@
+"""Images that models name, in the store: where they come from, what is wrong with them, the same bytes always."""
+import array
+import base64
+import json
+import os
+import pathlib
+import random
+import shutil
+import struct
+import subprocess
+import unittest
+import zlib
+
+from programs import BIN, Case
+
+SCENES = pathlib.Path(__file__).parents[3] / "shared/scenes"
+
+
+def png(width, height, row, channels=3):
+    """A PNG of 8 bits; `row(y)` gives a row's bytes."""
+    rows = b"".join(b"\0" + row(y) for y in range(height))
+    kind = {1: 0, 2: 4, 3: 2, 4: 6}[channels]
+
+    def chunk(name, data):
+        return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+
+    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, kind, 0, 0, 0)) +
+            chunk(b"IDAT", zlib.compress(rows, 1)) + chunk(b"IEND", b""))
+
+
+def noise(width, height, seed, channels=3):
+    chance = random.Random(seed)
+    return png(width, height, lambda y: chance.randbytes(width * channels), channels)
+
+
+def smooth(width, height, channels=3):
+    return png(width, height, lambda y: bytes((x + y * 3 + c * 50) % 256 for x in range(width) for c in range(channels)), channels)
+
+
+SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
+
+
+def glb(columns, images, materials, textures):
+    """A grid of columns squared squares; `images` are bytes (put into the buffer) or uri strings."""
+    side = columns + 1
+    positions = array.array("f", (v for y in range(side) for x in range(side) for v in (x, y, (x * y) % 7 / 10)))
+    uvs = array.array("f", (v for y in range(side) for x in range(side) for v in (x / columns, y / columns)))
+    indices = array.array("I")
+    for y in range(columns):
+        for x in range(columns):
+            a = y * side + x
+            indices.extend((a, a + 1, a + side, a + 1, a + side + 1, a + side))
+    buffer, views = b"", []
+
+    def view(data):
+        nonlocal buffer
+        views.append({"buffer": 0, "byteOffset": len(buffer), "byteLength": len(data)})
+        buffer += data + b"\0" * (-len(data) % 4)
+        return len(views) - 1
+
+    def accessor(data, kind, component, count):
+        return {"bufferView": view(data.tobytes()), "componentType": component, "count": count, "type": kind}
+
+    accessors = [accessor(positions, "VEC3", 5126, side * side), accessor(uvs, "VEC2", 5126, side * side),
+                 accessor(indices, "SCALAR", 5125, len(indices))]
+    document = {"asset": {"version": "2.0"}, "accessors": accessors, "materials": materials, "textures": textures,
+                "images": [{"uri": i} if isinstance(i, str) else {"bufferView": view(i), "mimeType": "image/png"} for i in images],
+                "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0}]}],
+                "nodes": [{"mesh": 0}], "bufferViews": views, "buffers": [{"byteLength": len(buffer)}]}
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    return (b"glTF" + struct.pack("<III", 2, 28 + len(text) + len(buffer), len(text)) + b"JSON" + text +
+            struct.pack("<I", len(buffer)) + b"BIN\0" + buffer)
+
+
+def data_uri(content):
+    return "data:image/png;base64," + base64.b64encode(content).decode()
+
+
+class Textures(Case):
+    def preprocess(self, model, name, *arguments):
+        store = self.path(name)
+        done = self.must("quarry-preprocess", model, "-o", store, "--stats", self.path("stats.json"), *arguments)
+        self.must("quarry", "verify", store)
+        self.statistics = json.loads(pathlib.Path(self.path("stats.json")).read_text())
+        self.told = done.stderr
+        return pathlib.Path(store).read_bytes()
+
+    def write_obj(self):
+        (self.folder / "maps").mkdir()
+        (self.folder / "maps/wood floor.png").write_bytes(smooth(300, 133))
+        (self.folder / "maps/mask.png").write_bytes(smooth(65, 64, 2))
+        (self.folder / "glow.png").write_bytes(noise(70, 10, 1))
+        (self.folder / "s.mtl").write_text(
+            "newmtl floor\nKd 1 0.5 0.5\nmap_Kd -s 2 2 maps\\wood floor.png\nmap_d maps/mask.png\nbump -bm 0.5 maps/wood floor.png\n"
+            "newmtl lamp\nmap_Ke glow.png\nmap_Kd gone.png\n")
+        (self.folder / "s.obj").write_text("mtllib s.mtl\n" + SQUARE + "usemtl floor\nf 1/1 2/2 3/3\nusemtl lamp\nf 1/1 3/3 4/4\n")
+        return self.path("s.obj")
+
+    def same_bytes_always(self, model):
+        stores = {self.preprocess(model, "s.quarry", "--threads", threads, "--memory", memory)
+                  for threads in (1, 2) for memory in ("128M", "1G")}
+        self.assertEqual(len(stores), 1)
+        return stores.pop()
+
+    def test_an_obj(self):
+        model = self.write_obj()
+        self.same_bytes_always(model)
+        self.assertEqual(self.statistics["warnings"], 1)
+        self.assertIn('s.mtl, line 8: the image "gone.png" is not there; the material does without', self.told)
+        info = self.info(self.path("s.quarry"))
+        # 300 x 133: 5 x 3 pages, 150 x 66: 3 x 2, 75 x 33: 2 x 1, the rest in one.
+        found = [(t["name"], t["width"], t["height"], t["channels"], t["format"], t["pages"]) for t in info["textures"]]
+        self.assertEqual(found, [("maps\\wood floor.png", 300, 133, 3, "srgb8", 24),
+                                 ("maps/mask.png", 65, 64, 1, "linear8", 3),
+                                 ("maps/wood floor.png", 300, 133, 3, "linear8", 24),
+                                 ("glow.png", 70, 10, 3, "srgb8", 3)])
+        self.assertEqual(info["texture_pages"], self.statistics["texture_pages"])
+
+    def test_the_store_does_not_depend_on_where_models_lie(self):
+        here = self.preprocess(self.write_obj(), "here.quarry")
+        (self.folder / "elsewhere").mkdir()
+        for name in ("s.obj", "s.mtl", "glow.png", "maps"):
+            shutil.move(self.path(name), self.path("elsewhere/" + name))
+        self.assertEqual(here, self.preprocess(self.path("elsewhere/s.obj"), "there.quarry"))
+
+    def test_a_glb(self):
+        (self.folder / "a b.png").write_bytes(smooth(80, 80, 4))
+        both = {"index": 0, "extensions": {"KHR_texture_transform": {"scale": [2, 2]}}}
+        materials = [{"name": "m", "alphaMode": "MASK", "pbrMetallicRoughness": {"baseColorTexture": both, "metallicRoughnessTexture": {"index": 1}},
+                      "emissiveTexture": {"index": 2}, "emissiveFactor": [1, 1, 1], "normalTexture": {"index": 1}}]
+        model = self.folder / "m.glb"
+        model.write_bytes(glb(8, ["a%20b.png", noise(33, 65, 5), data_uri(noise(9, 5, 6))], materials,
+                              [{"source": 0}, {"source": 1}, {"source": 2}]))
+        self.same_bytes_always(model)
+        info = self.info(self.path("s.quarry"))
+        self.assertEqual([(t["name"], t["width"], t["channels"], t["format"]) for t in info["textures"]],
+                         [("a b.png", 80, 4, "srgb8"), ("images[2]", 9, 3, "srgb8"), ("images[1]", 33, 3, "linear8")])
+        self.assertEqual(self.statistics["warnings"], 0)
+        self.assertEqual([p.name for p in self.folder.iterdir() if "work" in p.name], [])
+
+    def test_without_textures(self):
+        model = self.write_obj()
+        without = self.preprocess(model, "without.quarry", "--no-textures")
+        self.assertEqual(self.statistics["warnings"], 0)
+        self.assertEqual(self.info(self.path("without.quarry"))["textures"], [])
+        lines = (self.folder / "s.mtl").read_text().splitlines()
+        (self.folder / "s.mtl").write_text("".join(line + "\n" for line in lines if "map_" not in line and "bump" not in line))
+        self.assertEqual(without, self.preprocess(model, "never.quarry"))
+
+    def test_pictures_are_those_without_textures_as_yet(self):
+        model = self.write_obj()
+        pictures = []
+        for name, more in (("with", []), ("without", ["--no-textures"])):
+            self.preprocess(model, name + ".quarry", *more)
+            self.must("quarry", "render", self.path(name + ".quarry"), "-o", self.path(name + ".png"), "--size", "64x48", "--workers", 2,
+                      "--mode", "whitted", "--quiet")
+            pictures.append(pathlib.Path(self.path(name + ".png")).read_bytes())
+        self.assertEqual(*pictures)
+
+    def test_an_image_that_cannot_be_read_is_left_out(self):
+        model = self.write_obj()
+        whole = (self.folder / "maps/wood floor.png").read_bytes()
+        cut = noise(600, 600, 3)
+        for content in (b"", b"no image at all", whole[:40], cut[:len(cut) // 2], whole[:16] + struct.pack(">II", 90000, 90000) + whole[24:]):
+            (self.folder / "maps/wood floor.png").write_bytes(content)
+            self.preprocess(model, "s.quarry")
+            self.assertEqual(self.statistics["images_left_out"], 2)  # as colour, and as heights
+            self.assertEqual(self.statistics["warnings"], 3)
+            self.assertRegex(self.told, r"warning: \S*maps/wood floor.png \(of \S*s.mtl\): cannot be read as an image: .*; materials do without")
+            self.assertEqual([t["name"] for t in self.info(self.path("s.quarry"))["textures"]], ["maps/mask.png", "glow.png"])
+
+    def test_an_image_larger_than_memory(self):
+        # 192 MiB of texels.
+        (self.folder / "large.png").write_bytes(png(16384, 4096, lambda y: bytes((y % 256, 7, 9)) * 16384))
+        (self.folder / "s.mtl").write_text("newmtl m\nmap_Kd large.png\n")
+        (self.folder / "s.obj").write_text("mtllib s.mtl\n" + SQUARE + "usemtl m\nf 1/1 2/2 3/3\n")
+        self.preprocess(self.path("s.obj"), "s.quarry", "--memory", "64M", "--threads", 2)
+        self.assertEqual(self.statistics["textures"], 1)
+        self.assertGreater(self.statistics["texture_decoded_bytes"], 192 << 20)
+        self.assertLess(self.statistics["peak_rss_bytes"], (64 + 44) << 20)
+
+    def test_a_plan_counts_images(self):
+        model = self.write_obj()
+        (self.folder / "maps/wood floor.png").write_bytes(smooth(1000, 700))
+        self.must("quarry-preprocess", model, "-o", self.path("x.quarry"), "--plan", "--quiet", "--stats", self.path("plan.json"))
+        plan = json.loads(pathlib.Path(self.path("plan.json")).read_text())
+        self.assertEqual(list(self.folder.glob("quarry-images-*")), [])
+        texels = 2 * 1000 * 700 * 3 * 4 / 3
+        self.assertGreater(plan["texture_stored_bytes"], 0.2 * texels)
+        self.assertLess(plan["texture_stored_bytes"], texels)
+        self.assertGreater(plan["store_bytes"], plan["texture_stored_bytes"])
+
+    def test_a_real_model(self):
+        model = SCENES / "sibenik/sibenik.obj"
+        if not model.exists():
+            self.skipTest("../shared/scenes is not there")
+        self.preprocess(model, "sibenik.quarry")
+        self.assertEqual(self.statistics["textures"], 5)
+        self.assertEqual(self.statistics["warnings"], 0)
+
+
+class Resumed(Case):
+    """Runs that end while they carry images."""
+
+    def setUp(self):
+        super().setUp()
+        self.model, self.store = self.path("m.glb"), self.path("m.quarry")
+        names = []
+        for i in range(6):
+            names.append(f"{i}.png")
+            (self.folder / names[-1]).write_bytes(noise(1500, 1500, i))
+        images = [data_uri(noise(700, 700, 10)), *names[:3], data_uri(noise(700, 700, 11)), *names[3:]]
+        materials = [{"name": f"m{i}", "pbrMetallicRoughness": {"baseColorTexture": {"index": i}}} for i in range(len(images))]
+        pathlib.Path(self.model).write_bytes(glb(380, images, materials, [{"source": i} for i in range(len(images))]))
+
+    def killed(self, after):
+        run = subprocess.Popen([str(BIN / "quarry-preprocess"), self.model, "-o", self.store, "--memory", "64M"],
+                               stderr=subprocess.PIPE, text=True)
+        self.addCleanup(run.stderr.close)
+        self.addCleanup(run.wait)
+        self.addCleanup(run.kill)
+        for line in run.stderr:
+            if after in line:
+                break
+        else:
+            self.fail(f"never says {after!r}")
+        run.kill()
+        run.wait()
+        self.assertTrue(pathlib.Path(self.store + ".work").is_dir())
+
+    def test_killed_and_resumed(self):
+        self.must("quarry-preprocess", self.model, "-o", self.path("whole.quarry"), "--quiet")
+        whole = pathlib.Path(self.path("whole.quarry")).read_bytes()
+        for after in ("building voxels", "carrying 8 images: 10 %", "carrying 8 images: 60 %", "carrying 8 images: 80 %"):
+            with self.subTest(after=after):
+                self.killed(after)
+                again = self.must("quarry-preprocess", self.model, "-o", self.store, "--memory", "64M", "--resume")
+                self.assertIn("going on with", again.stderr)
+                self.assertTrue(pathlib.Path(self.store).read_bytes() == whole)
+                self.assertEqual([p.name for p in self.folder.iterdir() if "work" in p.name or "lock" in p.name], [])
+                pathlib.Path(self.store).unlink()
+
+    def test_a_changed_image_is_not_gone_on_with(self):
+        self.killed("carrying 8 images: 10 %")
+        os.utime(self.path("5.png"), (1, 1))
+        self.must_fail(1, r"5\.png: this image has changed since the run was begun", "quarry-preprocess", self.model, "-o", self.store,
+                       "--memory", "64M", "--resume")
+        self.must_fail(1, r"was begun with .*--no-textures", "quarry-preprocess", self.model, "-o",
+                       self.store, "--memory", "64M", "--resume", "--no-textures")
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
