@@ -240,6 +240,14 @@ class Decoding {
   bool with_alpha_ = false;
 };
 
+/// Whether a decoder means that it had not enough: OpenImageIO catches what is thrown, and its libraries give
+/// sentences of their own.
+bool OfMemory(const std::string& why) {
+  for (const char* word : {"alloc", "memory", "Memory", "No space"})
+    if (why.find(word) != std::string::npos) return true;
+  return false;
+}
+
 void Answer(int out, ImageMessage kind, std::span<const std::byte> request) {
   ByteReader in(request);
   const auto offset = in.Get<uint64_t>(), size = in.Get<uint64_t>();
@@ -247,11 +255,8 @@ void Answer(int out, ImageMessage kind, std::span<const std::byte> request) {
   try {
     const Status done = Decoding(out).Run(path, offset, size, kind == ImageMessage::kLookAt);
     if (done) return Send(out, ImageMessage::kEnd, {});
-    // OpenImageIO catches what its libraries throw, and says so.
     const std::string& why = done.error().message;
-    const bool room =
-        why.find("bad_alloc") == std::string::npos && why.find("out of memory") == std::string::npos;
-    Send(out, room ? ImageMessage::kRefused : ImageMessage::kTooLarge, AsBytes(why));
+    Send(out, OfMemory(why) ? ImageMessage::kTooLarge : ImageMessage::kRefused, AsBytes(why));
   } catch (const std::bad_alloc&) {
     Send(out, ImageMessage::kTooLarge, AsBytes("the decoder holds it whole"));
   } catch (const std::exception& e) {

@@ -191,7 +191,8 @@ TEST_CASE("Damaged images never harm who wants them decoded", "[texture][decoder
       if (i % 3 == 0) bad.resize(random() % bad.size());
       std::ofstream(path, std::ios::binary) << bad;
       const Decoded decoded = Decode(decoder, ImageIn(path));
-      CHECK_FALSE(decoder.is_fatal());
+      // Unless it claims to be so large that its decoder takes too much for it.
+      CHECK(decoder.is_fatal() == (decoded.error.find("more than --memory") != std::string::npos));
       ++(decoded.error.empty() ? read : refused);
       if (decoded.error.empty())
         CHECK(decoded.rows.size() == decoded.facts.height * decoded.facts.row_bytes());
@@ -217,7 +218,7 @@ TEST_CASE("A decoder that crashes costs one image, one that is short of memory e
   CHECK(Decode(none, ImageIn(folder.file("a.png"))).error.find("--no-textures") != std::string::npos);
   CHECK(none.is_fatal());
   // TGA is held whole by its decoder.
-  WriteImage(folder.file("large.tga"), 6000, 6000, 3, OIIO::TypeDesc::UINT8);
+  WriteImage(folder.file("large.tga"), 8000, 8000, 3, OIIO::TypeDesc::UINT8);
   ImageDecoder small(Helper(32 << 20));
   const std::string error = Decode(small, ImageIn(folder.file("large.tga"))).error;
   CHECK(error.find("needs more than --memory to be decoded") != std::string::npos);
