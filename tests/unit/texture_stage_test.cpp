@@ -1,0 +1,60 @@
+#include <catch2/catch.hpp>
+#include <csignal>
+#include <fstream>
+
+#include "common/voxel/store_reader.h"
+#include "preprocess/preprocess.h"
+#include "tests/support/temporary_folder.h"
+
+namespace quarry {
+namespace {
+
+void Write(const std::string& path, const std::string& content) {
+  std::ofstream(path, std::ios::binary) << content;
+}
+
+}  // namespace
+
+TEST_CASE("From a model to texels: what is in the image is in the store, the upper row first", "[texture]") {
+  ::signal(SIGPIPE, SIG_IGN);
+  const test::TemporaryFolder folder;
+  std::string texels;
+  for (char c = 0; c < 45; ++c) texels.push_back(static_cast<char>(5 * c));
+  Write(folder.file("five.ppm"), "P6 5 3 255\n" + texels);
+  Write(folder.file("broken.ppm"), "P6 5 3 255\nx");
+  Write(folder.file("a.mtl"),
+        "newmtl bare\nnewmtl both\nmap_Ks broken.ppm\nmap_Kd -clamp on five.ppm\nmap_Ke five.ppm\n"
+        "newmtl again\nmap_Kd five.ppm\n");
+  Write(folder.file("a.obj"),
+        "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl bare\nf 1 2 3\nusemtl both\nf 1/1 2/1 3/1\n"
+        "usemtl again\nf 3/1 2/1 1/1\n");
+  PreprocessOptions options;
+  options.models = {folder.file("a.obj")};
+  options.output = folder.file("a.quarry");
+  options.quiet = true;
+  const auto statistics = Preprocess(options);
+  REQUIRE(statistics);
+  CHECK(statistics->textures.textures == 1);  // one image, three uses
+  CHECK(statistics->textures.left_out == 1);
+  CHECK(statistics->warnings == 1);
+
+  const auto store = StoreReader::Open(options.output);
+  REQUIRE(store);
+  REQUIRE(store->textures().size() == 1);
+  CHECK(store->textures()[0].name == "five.ppm");
+  CHECK(store->textures()[0].layout == TexelLayout{5, 3, 3, TexelFormat::kSrgb8});
+  const Bytes page = store->ReadPage(0, 0).value();
+  REQUIRE(page.size() == (15 + 2 + 1) * 3);
+  CHECK(std::string(AsText(page)).substr(0, 45) == texels);
+  const auto& uses = store->material_textures();
+  REQUIRE(uses.size() == 3);
+  CHECK(store->material_names() == std::vector<std::string>{"bare", "both", "again"});
+  CHECK((uses[0].material == 1 && uses[0].binding.use == TextureUse::kDiffuse));
+  CHECK(uses[0].binding.wrap_s == TextureWrap::kClamp);
+  CHECK((uses[1].material == 1 && uses[1].binding.use == TextureUse::kEmission));
+  CHECK((uses[2].material == 2 && uses[2].binding.use == TextureUse::kDiffuse));
+  CHECK(uses[2].binding.wrap_s == TextureWrap::kRepeat);
+  for (const MaterialTexture& use : uses) CHECK(use.binding.texture == 0);
+}
+
+}  // namespace quarry
