@@ -121,6 +121,7 @@ Result<std::vector<Texture>> DecodeTextures(std::span<const std::byte> bytes, st
   if (!in.ok() || count > kMaxTextures || in.remaining() / kTextureBytes < count)
     return Fail("the TEXD section has the wrong size");
   std::vector<Texture> textures(count);
+  uint64_t pages = 0;
   for (size_t i = 0; i < count; ++i) {
     TexelLayout& layout = textures[i].layout;
     textures[i].name = StringAt(strings, in.Get<uint32_t>());
@@ -130,7 +131,9 @@ Result<std::vector<Texture>> DecodeTextures(std::span<const std::byte> bytes, st
     layout.format = static_cast<TexelFormat>(in.Get<uint32_t>());
     if (const Status sane = CheckTexelLayout(layout); !sane)
       return Fail(fmt::format("the TEXD section's texture {} has {}", i, sane.error().message));
+    pages += TextureShape(layout.width, layout.height).pages();
   }
+  if (pages > kMaxPages) return Fail("the TEXD section has more pages than there may be");
   for (size_t i = 0; i < count; ++i)
     if (const Status read = ReadPages(in, textures[i], begin, end); !read)
       return Fail(fmt::format("the TEXD section's texture {} has {}", i, read.error().message));

@@ -64,7 +64,7 @@ Result<Material> ToMaterial(const Json& json, size_t index, GltfTextures& textur
   glm::vec3 emission(0);
   ReadNumbers(json, "emissiveFactor", 3, emission);
   const float strength =
-      Member(extensions, "KHR_materials_emissive_strength").value("emissiveStrength", 1.0f);
+      Bounded(Member(extensions, "KHR_materials_emissive_strength").value("emissiveStrength", 1.0f));
   for (int a = 0; a < 3; ++a) m.emission[a] = std::max(Clamped(emission)[a] * std::max(strength, 0.0f), 0.0f);
 
   const std::string alpha_mode = json.value("alphaMode", "OPAQUE");

@@ -83,6 +83,9 @@ Result<TextureImage> GltfTextures::Locate(uint64_t index) {
     }
     const std::string name = PercentDecoded(uri);
     image.name = name;
+    if (std::filesystem::path(name).is_absolute())
+      return document_.FailAt(
+          fmt::format("the image {} is named by an absolute path; the material does without", Quoted(name)));
     const auto file = FindFile(std::filesystem::path(document_.path()).parent_path(), name);
     if (file.empty())
       return document_.FailAt(
@@ -125,10 +128,21 @@ Result<uint64_t> GltfTextures::Complete(const Json& info, TextureBinding& bindin
   return sampled.image;
 }
 
+/// What is of another type than it should be costs the texture alone.
+template <class Read>
+std::invoke_result_t<Read> GltfTextures::Guarded(Read&& read) const {
+  try {
+    return read();
+  } catch (const Json::exception& e) {
+    return document_.FailAt(
+        fmt::format("a texture or its image cannot be read ({}); the material does without", e.what()));
+  }
+}
+
 Status GltfTextures::Add(const Json& info, TextureBinding binding, bool color, TexturePick pick,
                          Material& material) {
   if (!info.contains("index") || !sink_.takes_textures()) return {};
-  const Result<uint64_t> image_index = Complete(info, binding);
+  const Result<uint64_t> image_index = Guarded([&] { return Complete(info, binding); });
   if (!image_index) {
     WarnOnce(image_index.error().message);
     return {};
@@ -136,7 +150,7 @@ Status GltfTextures::Add(const Json& info, TextureBinding binding, bool color, T
   const auto key = std::tuple(*image_index, color, pick);
   auto given = given_.find(key);
   if (given == given_.end()) {
-    Result<TextureImage> image = Locate(*image_index);
+    Result<TextureImage> image = Guarded([&] { return Locate(*image_index); });
     if (!image) {
       WarnOnce(image.error().message);
       return {};
@@ -147,7 +161,7 @@ Status GltfTextures::Add(const Json& info, TextureBinding binding, bool color, T
     given = given_.emplace(key, texture).first;
   }
   binding.texture = given->second;
-  material.textures.push_back(binding);
+  material.textures.push_back(Bounded(binding));
   return {};
 }
 

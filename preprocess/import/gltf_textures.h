@@ -7,6 +7,7 @@
 #include <set>
 #include <string>
 #include <tuple>
+#include <type_traits>
 
 #include "preprocess/import/gltf_document.h"
 #include "preprocess/import/model_sink.h"
@@ -35,6 +36,8 @@ class GltfTextures {
   /// Fills in all of `binding` but its texture; returns the image. Errors: why the material does without it.
   Result<uint64_t> Complete(const nlohmann::json& info, TextureBinding& binding) const;
   Result<TextureImage> Locate(uint64_t index);
+  template <class Read>
+  std::invoke_result_t<Read> Guarded(Read&& read) const;
   void WarnOnce(const std::string& message);
 
   GltfDocument& document_;

@@ -58,7 +58,11 @@ std::optional<bool> Option(std::string_view name, TextCursor& rest, Options& opt
   if (is("-t")) return UpToThree(rest, options.turbulence);
   if (is("-mm")) return UpToThree(rest, options.range);
   if (is("-bm")) return ParseReal(rest, options.bump);
-  if (is("-imfchan")) return Channel(rest.Word(), texture.pick);
+  if (is("-imfchan")) {
+    const std::string_view channel = rest.Word();
+    if (EqualsIgnoringCase(channel, "z")) texture.left_out = "-imfchan z";
+    return texture.left_out == "-imfchan z" || Channel(channel, texture.pick);
+  }
   if (is("-clamp")) {
     options.clamp = IsOn(rest.Word());
     return true;
@@ -120,7 +124,8 @@ bool ParseMtlTexture(TextCursor& rest, MtlTexture& texture) {
       static_cast<float>(options.offset[0]), 0,
       static_cast<float>(-options.scale[1]), static_cast<float>(1 - options.offset[1])};
   if (options.clamp) texture.binding.wrap_s = texture.binding.wrap_t = TextureWrap::kClamp;
-  texture.binding.factor = glm::vec4(static_cast<float>(options.range[1] * options.bump));
+  const bool relief = texture.binding.use == TextureUse::kBump || texture.binding.use == TextureUse::kNormal;
+  texture.binding.factor = glm::vec4(static_cast<float>(options.range[1] * (relief ? options.bump : 1)));
   if (options.turbulence[0] != 0 || options.turbulence[1] != 0) texture.left_out = "-t";
   if (options.range[0] != 0) texture.left_out = "the base of -mm";
   return true;

@@ -89,7 +89,7 @@ Status ObjMaterials::GiveToSink(Entry& entry) {
     image.model = entry.library;
     image.color = texture.color;
     image.pick = texture.pick;
-    material.textures.push_back(texture.binding);
+    material.textures.push_back(Bounded(texture.binding));
     QUARRY_ASSIGN(material.textures.back().texture, sink_.AddTexture(std::move(image)));
   }
   entry.scene_index = sink_.AddMaterial(material);

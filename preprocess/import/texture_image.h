@@ -4,6 +4,7 @@
 #include <string>
 
 #include "common/base/bytes.h"
+#include "common/scene/material.h"
 
 namespace quarry {
 
@@ -32,5 +33,17 @@ struct TextureImage {
   bool color = true;  ///< 8 and 16 bits hold sRGB; else numbers
   TexturePick pick = TexturePick::kColor;
 };
+
+/// What a store takes of a number that a model gives: none beyond 1e30 either way, 0 for what is none.
+inline float Bounded(float value) {
+  constexpr float kMost = 1e30f;
+  return value >= -kMost ? (value < kMost ? value : kMost) : value < 0 ? -kMost : 0;
+}
+inline TextureBinding Bounded(TextureBinding binding) {
+  for (float& value : binding.transform) value = Bounded(value);
+  for (int i = 0; i < 4; ++i) binding.factor[i] = Bounded(binding.factor[i]);
+  binding.cutoff = Bounded(binding.cutoff);
+  return binding;
+}
 
 }  // namespace quarry

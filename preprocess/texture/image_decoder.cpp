@@ -11,31 +11,12 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/descriptor.h"
 #include "common/voxel/texture_shape.h"
 #include "preprocess/import/child_environment.h"
 
 namespace quarry {
 namespace {
-
-bool ReadAll(int fd, std::span<std::byte> out) {
-  for (size_t done = 0; done < out.size();) {
-    const ssize_t n = ::read(fd, out.data() + done, out.size() - done);
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) return false;
-    done += static_cast<size_t>(n);
-  }
-  return true;
-}
-
-bool WriteAll(int fd, std::span<const std::byte> bytes) {
-  for (size_t done = 0; done < bytes.size();) {
-    const ssize_t n = ::write(fd, bytes.data() + done, bytes.size() - done);
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) return false;
-    done += static_cast<size_t>(n);
-  }
-  return true;
-}
 
 /// "FILE, image NAME of MODEL", or shorter where that says the same.
 std::string NameOf(const TextureImage& image) {
@@ -87,6 +68,7 @@ void ImageDecoder::Stop() {
   for (int* fd : {&to_, &from_})
     if (*fd >= 0) ::close(std::exchange(*fd, -1));
   if (child_ <= 0) return;
+  ::kill(child_, SIGKILL);  // it may be at work on what nobody wants any more
   while (::waitpid(child_, nullptr, 0) < 0 && errno == EINTR) {
   }
   child_ = -1;
@@ -95,10 +77,16 @@ void ImageDecoder::Stop() {
 /// The helper is gone, which tells what it died of.
 tl::unexpected<Error> ImageDecoder::Ended(const TextureImage& image) {
   int status = 0;
+  for (int* fd : {&to_, &from_}) ::close(std::exchange(*fd, -1));
   while (::waitpid(child_, &status, 0) < 0 && errno == EINTR) {
   }
   child_ = -1;
-  Stop();
+  if (!answered_ && WIFEXITED(status)) {
+    fatal_ = true;
+    return Fail(
+        fmt::format("{}: the process that decodes it, {}, has ended before its first answer (status {})",
+                    NameOf(image), decoding_.program, WEXITSTATUS(status)));
+  }
   const int signal = WIFSIGNALED(status) ? WTERMSIG(status) : 0;
   // Who is short of memory ends others so, and so does a person.
   fatal_ = signal == SIGKILL || signal == SIGTERM || signal == SIGINT || signal == SIGHUP;
@@ -126,9 +114,13 @@ Result<ImageDecoder::Message> ImageDecoder::Receive(const TextureImage& image) {
   ByteReader in(header);
   Message message{static_cast<ImageMessage>(in.Get<uint32_t>()), {}};
   const auto size = in.Get<uint32_t>();
-  if (size > kMostImageMessage) return Ended(image);
+  if (size > kMostImageMessage) {
+    Stop();
+    return Refused(image, "the decoder says what cannot be");
+  }
   message.bytes.resize(size);
   if (!ReadAll(from_, message.bytes)) return Ended(image);
+  answered_ = true;
   if (message.kind == ImageMessage::kTooLarge) {
     fatal_ = true;
     return Fail(fmt::format("{}: needs more than --memory to be decoded: {}; give more, or --no-textures",

@@ -21,7 +21,7 @@ struct ImageDecoding {
 };
 
 /// The helper process that decodes images, started with the first of them and again after one that it crashed
-/// on. Not thread-safe.
+/// on. Requires: SIGPIPE is ignored. Not thread-safe.
 class ImageDecoder {
  public:
   explicit ImageDecoder(ImageDecoding decoding) : decoding_(std::move(decoding)) {}
@@ -37,8 +37,8 @@ class ImageDecoder {
   /// The facts alone, from the image's header.
   Result<ImageFacts> LookAt(const TextureImage& image);
 
-  /// Whether the last error is no fault of the image: memory does not do, the helper was ended or cannot be
-  /// started, a callback failed.
+  /// Whether the last error is no fault of the image: memory does not do, the helper was ended, or cannot be
+  /// started, or has never answered; a callback failed.
   bool is_fatal() const { return fatal_; }
 
  private:
@@ -56,6 +56,7 @@ class ImageDecoder {
   ImageDecoding decoding_;
   pid_t child_ = -1;
   int to_ = -1, from_ = -1;
+  bool answered_ = false;  ///< anything, ever: the program works
   bool fatal_ = false;
 };
 

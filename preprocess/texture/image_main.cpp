@@ -13,17 +13,19 @@
 
 #include <algorithm>
 #include <cctype>
-#include <cerrno>
 #include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <new>
 #include <optional>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include "common/base/bytes.h"
 #include "common/base/cleanup.h"
+#include "common/base/descriptor.h"
 #include "common/base/file.h"
 #include "common/voxel/texture_shape.h"
 #include "preprocess/texture/image_protocol.h"
@@ -44,32 +46,12 @@ uint64_t VirtualBytes() {
 
 // --- messages
 
-bool ReadAll(int fd, std::span<std::byte> out) {
-  for (size_t done = 0; done < out.size();) {
-    const ssize_t n = ::read(fd, out.data() + done, out.size() - done);
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) return false;
-    done += static_cast<size_t>(n);
-  }
-  return true;
-}
-
-/// Who wants the answer is gone: nothing is left to do.
-void WriteAll(int fd, std::span<const std::byte> bytes) {
-  for (size_t done = 0; done < bytes.size();) {
-    const ssize_t n = ::write(fd, bytes.data() + done, bytes.size() - done);
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) std::_Exit(1);
-    done += static_cast<size_t>(n);
-  }
-}
-
 void Send(int fd, ImageMessage kind, std::span<const std::byte> bytes) {
   ByteWriter header;
   header.Put(static_cast<uint32_t>(kind));
   header.Put(static_cast<uint32_t>(bytes.size()));
-  WriteAll(fd, header.bytes());
-  WriteAll(fd, bytes);
+  // Who wants the answer is gone: nothing is left to do.
+  if (!WriteAll(fd, header.bytes()) || !WriteAll(fd, bytes)) std::_Exit(1);
 }
 
 // --- images
@@ -168,6 +150,12 @@ class Decoding {
     config["oiio:UnassociatedAlpha"] = 1;
     if (part.size() != whole) QUARRY_TRY(ReadFrom(part, format));
     if (!input_->open(path, spec, config)) return Fail(Refusal(input_->geterror()));
+    if (format == "openexr" && (spec.x != spec.full_x || spec.y != spec.full_y ||
+                                spec.width != spec.full_width || spec.height != spec.full_height))
+      return Fail("has data for another window than the one it shows");
+    // The hint does not reach the one reader, and the other format has no other colours.
+    multiplied_ = format == "webp" || format == "openexr" ||
+                  (format == "tiff" && spec.get_int_attribute("oiio:UnassociatedAlpha") == 0);
     return {};
   }
 
@@ -198,6 +186,32 @@ class Decoding {
     Send(out_, ImageMessage::kFacts, facts.bytes());
   }
 
+  /// Takes alpha out of the colours again.
+  void SendRows(Bytes& rows, size_t begin, size_t end) {
+    const std::span part = std::span(rows).subspan(begin, end - begin);
+    if (multiplied_ && with_alpha_) facts_.real ? Divide<float>(part) : Divide<uint8_t>(part);
+    Send(out_, ImageMessage::kRows, part);
+  }
+
+  template <class Sample>
+  void Divide(std::span<std::byte> rows) const {
+    constexpr bool kReal = std::is_same_v<Sample, float>;
+    Sample texel[4];
+    const size_t size = facts_.channels * sizeof(Sample), colors = facts_.channels - 1;
+    for (size_t at = 0; at < rows.size(); at += size) {
+      std::memcpy(texel, &rows[at], size);
+      const Sample alpha = texel[colors];
+      if (!(alpha > 0)) continue;
+      for (size_t c = 0; c < colors; ++c) {
+        if constexpr (kReal)
+          texel[c] /= alpha;
+        else
+          texel[c] = static_cast<Sample>(std::min((texel[c] * 255 + alpha / 2) / alpha, 255));
+      }
+      std::memcpy(&rows[at], texel, size);
+    }
+  }
+
   OIIO::TypeDesc type() const { return facts_.real ? OIIO::TypeDesc::FLOAT : OIIO::TypeDesc::UINT8; }
 
   Status Scanlines() {
@@ -209,7 +223,7 @@ class Decoding {
       rows.resize(facts_.row_bytes() * static_cast<uint64_t>(end - y));
       if (!input_->read_scanlines(0, 0, y, end, 0, 0, static_cast<int>(facts_.channels), type(), rows.data()))
         return Fail(Refusal(input_->geterror()));
-      Send(out_, ImageMessage::kRows, rows);
+      SendRows(rows, 0, rows.size());
     }
     return {};
   }
@@ -226,8 +240,7 @@ class Decoding {
         return Fail(Refusal(input_->geterror()));
       const uint64_t step = std::max<uint64_t>(kRowsBytes / facts_.row_bytes(), 1) * facts_.row_bytes();
       for (uint64_t at = 0; at < rows.size(); at += step)
-        Send(out_, ImageMessage::kRows,
-             std::span(rows).subspan(at, std::min<uint64_t>(step, rows.size() - at)));
+        SendRows(rows, at, std::min<uint64_t>(at + step, rows.size()));
     }
     return {};
   }
@@ -237,8 +250,16 @@ class Decoding {
   std::optional<OIIO::Filesystem::IOMemReader> memory_;
   std::unique_ptr<OIIO::ImageInput> input_;
   ImageFacts facts_;
-  bool with_alpha_ = false;
+  bool with_alpha_ = false, multiplied_ = false;  ///< colours, by alpha
 };
+
+/// Libraries put the path into their sentences, where it would be read for what it does not say.
+std::string WithoutPath(std::string why, const std::string& path) {
+  for (const std::string& name : {path + ": ", path})
+    for (size_t at = why.find(name); !name.empty() && at != std::string::npos; at = why.find(name, at))
+      why.erase(at, name.size());
+  return why;
+}
 
 /// Whether a decoder means that it had not enough: OpenImageIO catches what is thrown, and its libraries give
 /// sentences of their own.
@@ -255,12 +276,12 @@ void Answer(int out, ImageMessage kind, std::span<const std::byte> request) {
   try {
     const Status done = Decoding(out).Run(path, offset, size, kind == ImageMessage::kLookAt);
     if (done) return Send(out, ImageMessage::kEnd, {});
-    const std::string& why = done.error().message;
+    const std::string why = WithoutPath(done.error().message, path);
     Send(out, OfMemory(why) ? ImageMessage::kTooLarge : ImageMessage::kRefused, AsBytes(why));
   } catch (const std::bad_alloc&) {
     Send(out, ImageMessage::kTooLarge, AsBytes("the decoder holds it whole"));
   } catch (const std::exception& e) {
-    Send(out, ImageMessage::kRefused, AsBytes(Refusal(e.what())));
+    Send(out, ImageMessage::kRefused, AsBytes(WithoutPath(Refusal(e.what()), path)));
   }
 }
 

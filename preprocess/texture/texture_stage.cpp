@@ -40,6 +40,7 @@ Status TextureStage::TakeNote(std::span<const std::byte> note, std::vector<Writt
     t.texture.pages = in.GetArray<BlockEntry>(pages);
     t.logical = in.GetArray<uint64_t>(pages);
     numbers_.push_back(static_cast<uint32_t>(textures.size()));
+    pages_ += pages;
     textures.push_back(std::move(t));
   }
   noted_ = numbers_.size();
@@ -91,6 +92,11 @@ Status TextureStage::Carry(const TextureImage& image, StoreWriter& writer) {
   std::optional<MipBuilder> mips;
   PagePipeline pages(writer, threads_);
   const auto on_facts = [&](const ImageFacts& facts) -> Status {
+    const uint32_t more = TextureShape(facts.width, facts.height).pages();
+    if (more > kMaxPages - pages_)
+      return Fail(
+          fmt::format("{}, image {}: with it, textures have more than {} pages; --no-textures does without",
+                      image.model, image.name, kMaxPages));
     converter.emplace(facts, image.color, image.pick);
     writer.BeginTexture(image.name, converter->layout());
     mips.emplace(converter->layout(), [&pages](uint32_t page, std::span<const std::byte> texels) {
@@ -104,6 +110,7 @@ Status TextureStage::Carry(const TextureImage& image, StoreWriter& writer) {
   if (!carried && decoder_.is_fatal()) return carried;
   if (carried) {
     numbers_.push_back(static_cast<uint32_t>(writer.textures().size() - 1));
+    pages_ += static_cast<uint32_t>(writer.textures().back().texture.pages.size());
     return {};
   }
   if (mips) QUARRY_TRY(writer.DropTexture());

@@ -39,11 +39,12 @@ class TextureStage {
   Status Run(StoreWriter& writer, Progress& progress, const std::function<Status(const Bytes&)>& note);
   /// Numbers the textures of bindings as the store does; bindings of images left out go.
   void Renumber(std::vector<Material>& materials) const;
+  /// What was done since the last note, as a note.
+  Bytes TakeUnnoted(const StoreWriter& writer);
   TextureStatistics Statistics(const StoreWriter& writer) const;
 
  private:
   Status Carry(const TextureImage& image, StoreWriter& writer);
-  Bytes TakeUnnoted(const StoreWriter& writer);
 
   const std::vector<TextureImage>& images_;
   ImageDecoder decoder_;
@@ -51,6 +52,7 @@ class TextureStage {
   Warn warn_;
   std::vector<uint32_t> numbers_;  ///< of the images done: the store's texture, or kNoIndex
   size_t noted_ = 0;
+  uint32_t pages_ = 0;  ///< of the images done
   double wall_s_ = 0;
 };
 

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <string>
@@ -21,7 +22,13 @@ struct CountingSink : ModelSink {
 
   Status BeginFile(std::string_view) override { return {}; }
   Status EndFile() override { return {}; }
-  uint32_t AddMaterial(const Material&) override { return 0; }
+  uint32_t AddMaterial(const Material& material) override {
+    for (const TextureBinding& b : material.textures)
+      for (const float value :
+           {b.factor.x, b.factor.y, b.factor.z, b.factor.w, b.cutoff, b.transform[0], b.transform[5]})
+        if (!std::isfinite(value)) std::abort();
+    return 0;
+  }
   uint32_t AddPart(std::string_view) override { return 0; }
   bool takes_textures() const override { return true; }
   Result<uint32_t> AddTexture(TextureImage image) override {

@@ -1,6 +1,7 @@
 #include <catch2/catch.hpp>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "preprocess/import/mtl_texture.h"
@@ -55,6 +56,8 @@ TEST_CASE("MTL textures: names with blanks, quotes and options before them", "[i
   CHECK(Parsed("map_Kd", "-s 2 x.png").binding.transform[0] == 2);
   CHECK(Parsed("map_Kd", "-t 1 1 1 x.png").left_out == "-t");
   CHECK(Parsed("map_Kd", "-mm 0.1 1 x.png").left_out == "the base of -mm");
+  CHECK(Parsed("map_Kd", "-imfchan z x.png").left_out == "-imfchan z");
+  CHECK(Parsed("map_Kd", "-bm 0.25 x.png").binding.factor.x == 1);  // heights alone are multiplied
   CHECK(Parsed("map_d", "x.png").pick == TexturePick::kScalar);
   CHECK_FALSE(Parsed("map_d", "x.png").color);
   CHECK(Refused(""));
@@ -296,4 +299,31 @@ TEST_CASE("glTF: what cannot be carried is one warning each", "[import][texture]
                d.json["textures"][0]["sampler"] = 0;
              }),
              Contains("a sampler's wrapS of 1 is none"));
+  CHECK_THAT(warning([](Document& d) { d.json["images"][0]["uri"] = 7; }),
+             Contains("a texture or its image cannot be read"));
+  CHECK_THAT(warning([](Document& d) { d.json["images"][0]["uri"] = "/etc/hostname"; }),
+             Contains("\"/etc/hostname\" is named by an absolute path"));
+}
+
+TEST_CASE("glTF, MTL: numbers beyond all bounds are ones that a store takes", "[import][texture]") {
+  const TempFolder folder;
+  folder.Write("a.png", "x");
+  Document d;
+  d.json["images"] = {{{"uri", "a.png"}}};
+  Json& m = d.json["materials"][0];
+  m["emissiveTexture"] = {{"index", 0}};
+  m["emissiveFactor"] = {1, 1, 1};
+  m["extensions"]["KHR_materials_emissive_strength"]["emissiveStrength"] = 1e300;
+  m["normalTexture"] = {{"index", 0}, {"scale", -1e300}};
+  const RecordingSink gltf = d.Import(folder);
+  CHECK(BindingOf(gltf.materials[0], TextureUse::kEmission).factor.x == 1e30f);
+  CHECK(BindingOf(gltf.materials[0], TextureUse::kNormal).factor.x == -1e30f);
+  CHECK(gltf.materials[0].emission.x == 1e30f);
+
+  folder.Write("a.mtl", "newmtl m\nbump -bm 1e20 -mm 0 1e20 a.png\nKe 0\nmap_Ke -mm 0 1e30 a.png\n");
+  RecordingSink obj;
+  REQUIRE(ImportModel(folder.Write("a.obj", std::string("mtllib a.mtl\n") + kTriangle), obj));
+  REQUIRE(obj.materials[0].textures.size() == 2);
+  CHECK(BindingOf(obj.materials[0], TextureUse::kBump).factor.x == 1e30f);
+  CHECK(Bounded(std::numeric_limits<float>::quiet_NaN()) == 0);
 }

@@ -1,5 +1,8 @@
+#include "preprocess/texture/texture_stage.h"
+
 #include <catch2/catch.hpp>
 #include <csignal>
+#include <filesystem>
 #include <fstream>
 
 #include "common/voxel/store_reader.h"
@@ -55,6 +58,53 @@ TEST_CASE("From a model to texels: what is in the image is in the store, the upp
   CHECK((uses[2].material == 2 && uses[2].binding.use == TextureUse::kDiffuse));
   CHECK(uses[2].binding.wrap_s == TextureWrap::kRepeat);
   for (const MaterialTexture& use : uses) CHECK(use.binding.texture == 0);
+}
+
+TEST_CASE("Images that a note says are done are not carried again", "[texture]") {
+  ::signal(SIGPIPE, SIG_IGN);
+  const test::TemporaryFolder folder;
+  Write(folder.file("a.ppm"), "P6 2 1 255\nabcdef");
+  Write(folder.file("b.ppm"), "P6 2 1 255\n");
+  Write(folder.file("c.ppm"), "P6 1 1 255\nxyz");
+  std::vector<TextureImage> images(3);
+  for (size_t i = 0; i < 3; ++i) {
+    images[i].name = std::string(1, static_cast<char>('a' + i)) + ".ppm";
+    images[i].file = folder.file(images[i].name);
+    images[i].model = "m";
+  }
+  const ImageDecoding decoding{std::string(QUARRY_BIN_DIR) + "/quarry-import-image", 64 << 20};
+  auto writer = StoreWriter::Create(folder.file("s.quarry"));
+  REQUIRE(writer);
+  Progress progress(true);
+  int warnings = 0;
+  const auto warn = [&](const std::string&) { ++warnings; };
+  TextureStage first(images, decoding, 1, warn);
+  REQUIRE(first.Run(*writer, progress, [](const Bytes&) { return Status(); }));
+  CHECK(warnings == 1);
+  const Bytes note = first.TakeUnnoted(*writer);
+  CHECK(first.TakeUnnoted(*writer).empty());
+
+  // Nothing of them is there any more.
+  for (const TextureImage& image : images) std::filesystem::remove(image.file);
+  TextureStage again(images, decoding, 1, warn);
+  std::vector<WrittenTexture> textures;
+  REQUIRE(again.TakeNote(note, textures));
+  REQUIRE(textures.size() == 2);
+  CHECK((textures[0].texture.name == "a.ppm" && textures[1].texture.name == "c.ppm"));
+  CHECK(textures[0].texture.layout == TexelLayout{2, 1, 3, TexelFormat::kSrgb8});
+  REQUIRE(again.Run(*writer, progress, [](const Bytes&) { return Status(); }));
+  CHECK(warnings == 1);
+  Material material;
+  for (uint32_t i = 0; i < 3; ++i) {
+    TextureBinding binding;
+    binding.texture = i;
+    material.textures.push_back(binding);
+  }
+  std::vector<Material> materials{material};
+  again.Renumber(materials);
+  REQUIRE(materials[0].textures.size() == 2);
+  CHECK((materials[0].textures[0].texture == 0 && materials[0].textures[1].texture == 1));
+  CHECK_FALSE(TextureStage(images, decoding, 1, warn).TakeNote(std::span(note).first(20), textures));
 }
 
 }  // namespace quarry
