@@ -56,12 +56,14 @@ std::string FirstDifference(const std::string& then, const std::string& now) {
   return "more options";
 }
 
-/// What a run makes in its folders, and nothing else.
+/// What a run makes in its folders, and nothing else. Where the journal is, what it speaks of is too: it goes
+/// first.
 void RemoveFiles(const std::string& folder) {
   std::error_code error;
+  fs::remove(folder + "/journal", error);
   for (const auto& entry : fs::directory_iterator(folder, error)) {
     const std::string name = entry.path().filename().string();
-    if (name == "journal" || name == "store" || name == "images" || name.starts_with("triangles-") ||
+    if (name == "store" || name == "images" || name.starts_with("triangles-") ||
         name.starts_with("region-") || name.starts_with("foreign."))
       fs::remove(entry.path(), error);
   }
@@ -137,7 +139,14 @@ Result<bool> WorkFolder::GoOn(const std::string& command) {
   QUARRY_TRY(file.ReadAt(0, bytes));
   size_t whole = 0;
   notes_ = ReadNotes(bytes, whole);
-  if (notes_.size() < 2) return false;
+  const bool building = std::any_of(notes_.begin(), notes_.end(),
+                                    [](const Note& note) { return note.kind == NoteKind::kBuilt; });
+  // Killed between naming the whole store and tidying up: nothing is left to do, nor to go on with.
+  const bool named = building && ::access(store().c_str(), F_OK) != 0;
+  if (notes_.size() < 2 || named) {
+    notes_.clear();
+    return false;
+  }
   const std::string then(AsText(notes_[0].bytes));
   if (then != command)
     return Fail(fmt::format("{}: was begun with {}; repeat that, or begin anew without --resume", path_,
@@ -181,8 +190,8 @@ void WorkFolder::KeepOnSignal() {
 }
 
 void WorkFolder::Remove() {
-  RemoveFiles(spill_);
-  if (path_ != spill_) RemoveFiles(path_);
+  RemoveFiles(path_);
+  if (path_ != spill_) RemoveFiles(spill_);
   for (const int cleanup : std::exchange(cleanups_, {})) Forget(cleanup);
   kept_ = true;
 }

@@ -96,6 +96,21 @@ class Resume(Case):
                 self.assertIn("beginning anew" if phase == "import" else "going on with", told)
                 self.must_be(whole)
 
+    def test_a_kill_before_tidying_up(self):
+        """The store has its name, and the journal still speaks of what has become the store."""
+        self.make(1000000)
+        whole = self.whole()
+        run = self.start("--quiet", "--threads", 1)
+        self.wait_for(lambda: (self.work / "store").exists() and not (self.work / "region-0").exists(), run)
+        run.kill()
+        run.wait()
+        (self.work / "store").rename(self.store)
+        again = self.start("--resume")
+        told = again.communicate()[1]
+        self.assertEqual(again.returncode, 0, told)
+        self.assertIn("beginning anew", told)
+        self.must_be(whole)
+
     def test_an_interrupt_says_what_is_kept(self):
         self.make(600000)
         run = self.start("--quiet")

@@ -1,0 +1,79 @@
+#include "preprocess/work_folder.h"
+
+#include <fcntl.h>
+#include <sys/inotify.h>
+#include <unistd.h>
+
+#include <catch2/catch.hpp>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "tests/support/temporary_folder.h"
+
+namespace quarry::test {
+namespace {
+
+/// The names deleted from `folder` while `act` runs, in order.
+template <typename Act>
+std::vector<std::string> DeletedFrom(const std::string& folder, Act act) {
+  const int watch = ::inotify_init1(IN_NONBLOCK | IN_CLOEXEC);
+  REQUIRE(watch >= 0);
+  REQUIRE(::inotify_add_watch(watch, folder.c_str(), IN_DELETE) >= 0);
+  act();
+  std::vector<std::string> names;
+  alignas(inotify_event) char events[4096];
+  for (ssize_t size; (size = ::read(watch, events, sizeof(events))) > 0;)
+    for (ssize_t at = 0; at < size;) {
+      const auto* event = reinterpret_cast<const inotify_event*>(events + at);
+      if (event->len > 0) names.emplace_back(event->name);
+      at += static_cast<ssize_t>(sizeof(inotify_event) + event->len);
+    }
+  ::close(watch);
+  return names;
+}
+
+WorkFolder OpenFor(const TemporaryFolder& folder, bool resume) {
+  auto work = WorkFolder::Open(folder.file("x.quarry"), "", "--voxel-size 1", resume);
+  REQUIRE(work);
+  return std::move(*work);
+}
+
+void Make(const WorkFolder& work, std::initializer_list<const char*> names) {
+  for (const char* name : names) std::ofstream(work.path() + "/" + name) << "something";
+}
+
+TEST_CASE("WorkFolder removes its journal before what the journal speaks of") {
+  const TemporaryFolder folder;
+  std::vector<std::string> deleted;
+  WorkFolder work = OpenFor(folder, false);
+  Make(work, {"region-0", "region-1", "triangles-0", "store"});
+  REQUIRE(work.Add(NoteKind::kParted, Bytes(8)));
+  SECTION("when the run is over") {
+    deleted = DeletedFrom(work.path(), [&] { work.Remove(); });
+  }
+  SECTION("when another begins anew") {
+    deleted = DeletedFrom(work.path(), [&] { OpenFor(folder, false).Remove(); });
+  }
+  REQUIRE(deleted.size() >= 5);
+  CHECK(deleted[0] == "journal");
+}
+
+TEST_CASE("WorkFolder goes on with what is noted, unless the store has got its name already") {
+  const TemporaryFolder folder;
+  {
+    WorkFolder work = OpenFor(folder, false);
+    Make(work, {"store"});
+    REQUIRE(work.Add(NoteKind::kParted, Bytes(8)));
+    REQUIRE(work.Add(NoteKind::kBuilt, Bytes(8)));
+  }
+  SECTION("noted") { CHECK(OpenFor(folder, true).notes().size() == 2); }
+  SECTION("named") {
+    std::filesystem::remove(folder.file("x.quarry.work/store"));
+    CHECK(OpenFor(folder, true).notes().empty());
+  }
+}
+
+}  // namespace
+}  // namespace quarry::test
