@@ -8,6 +8,7 @@
 #include <deque>
 #include <utility>
 
+#include "common/base/resource.h"
 #include "common/protocol/messages.h"
 
 namespace quarry {
@@ -37,9 +38,6 @@ class Client {
 
  private:
   using Clock = std::chrono::steady_clock;
-  static double SecondsSince(Clock::time_point t) {
-    return std::chrono::duration<double>(Clock::now() - t).count();
-  }
 
   void Reach() {
     Connect(io_, master_, security_, [this](Result<std::shared_ptr<Connection>> result) {

@@ -10,6 +10,7 @@
 
 #include "common/base/file.h"
 #include "common/base/progress.h"
+#include "common/base/resource.h"
 #include "common/net/security_options.h"
 #include "common/voxel/store_reader.h"
 #include "deploy/client.h"
@@ -223,7 +224,7 @@ Status Render(const RenderArguments& a) {
   QUARRY_TRY(RenderRemotely(master, security, store.catalog().id, job, callbacks, a.retry_s));
   progress.Update(1, 1);
   progress.End();
-  const double wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  const double wall_s = SecondsSince(start);
   progress.Say(fmt::format("{}: {} frame{}, {:.1f} s", FramePath(a, job.first_frame), job.cameras.size(),
                            job.cameras.size() == 1 ? "" : "s", wall_s));
   return WriteStatistics(a, frames, wall_s);

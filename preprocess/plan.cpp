@@ -8,11 +8,13 @@
 #include <filesystem>
 #include <vector>
 
+#include "common/base/resource.h"
 #include "common/base/size.h"
 #include "preprocess/import/importer.h"
 #include "preprocess/plan_sample.h"
 #include "preprocess/plan_textures.h"
 #include "preprocess/regions.h"
+#include "preprocess/temporary_file.h"
 
 namespace quarry {
 namespace {
@@ -23,10 +25,6 @@ constexpr uint64_t kOverheadBytes = 44ull << 20;  // of a run beyond --memory: R
 // Of a triangle's record, a byte: resolving and spilling it when it is imported; handing it out to regions,
 // and taking it back from there. Processors are the limit, not disks. preprocess/README.md
 constexpr double kImportSeconds = 3e-9, kPartingSeconds = 6.5e-9;
-
-double SecondsSince(Clock::time_point start) {
-  return std::chrono::duration<double>(Clock::now() - start).count();
-}
 
 /// Counts, of one file after the other.
 struct Counts {

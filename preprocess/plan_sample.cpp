@@ -7,6 +7,7 @@
 #include <glm/common.hpp>
 #include <limits>
 
+#include "common/base/resource.h"
 #include "common/kdtree/triangle_test.h"
 #include "preprocess/partition.h"
 #include "preprocess/split.h"
@@ -240,8 +241,7 @@ Result<SampleCost> MeasureWindows(const PreprocessOptions& options, std::span<co
                                  [&](VoxelTask task) { return pipeline.Add(std::move(task)); }));
   }
   QUARRY_TRY(pipeline.Finish());
-  const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
-  return SampleCost{taken.count() / static_cast<double>(owned), bytes / static_cast<double>(owned)};
+  return SampleCost{SecondsSince(start) / static_cast<double>(owned), bytes / static_cast<double>(owned)};
 }
 
 }  // namespace quarry

@@ -1,8 +1,5 @@
 #include "preprocess/plan_textures.h"
 
-#include <unistd.h>
-
-#include "common/base/cleanup.h"
 #include "preprocess/texture/row_converter.h"
 
 namespace quarry {
@@ -28,13 +25,6 @@ Result<PlannedTextures> PlanTextures(const PreprocessOptions& options, ImageList
   }
   bytes *= kMoreLevels;
   return PlannedTextures{static_cast<uint64_t>(bytes * kStoredTexels), bytes * kTexelSeconds};
-}
-
-TemporaryFile::TemporaryFile(std::string path) : path_(std::move(path)), cleanup_(RemoveOnSignal(path_)) {}
-
-TemporaryFile::~TemporaryFile() {
-  ::unlink(path_.c_str());
-  Forget(cleanup_);
 }
 
 }  // namespace quarry

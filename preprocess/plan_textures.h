@@ -19,17 +19,4 @@ struct PlannedTextures {
 /// that reads them is not there, or was ended.
 Result<PlannedTextures> PlanTextures(const PreprocessOptions& options, ImageList& list);
 
-/// A file that may be made meanwhile, and goes with the object.
-class TemporaryFile {
- public:
-  explicit TemporaryFile(std::string path);
-  ~TemporaryFile();
-  TemporaryFile(const TemporaryFile&) = delete;
-  const std::string& path() const { return path_; }
-
- private:
-  std::string path_;
-  int cleanup_;  ///< see RemoveOnSignal
-};
-
 }  // namespace quarry

@@ -30,10 +30,6 @@ using Clock = std::chrono::steady_clock;
 
 constexpr double kSecondsToNote = 1;  // work that may be lost is about this much, or one unit
 
-double SecondsSince(Clock::time_point start) {
-  return std::chrono::duration<double>(Clock::now() - start).count();
-}
-
 std::string Command(const PreprocessOptions& options) {
   std::string command =
       fmt::format("version {}\nLZ4 {}\n--tmp {}\n--voxel-size {}\n--scale {}\n--up {}\n{}", kVersion,

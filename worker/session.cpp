@@ -136,8 +136,7 @@ class Session {
     // Who has been welcomed once fits the master: what looks like a misfit later is damage on the way, or
     // passes.
     if (error.permanent && !was_welcomed_) return End(tl::unexpected<Error>(error));
-    if (std::chrono::duration<double>(Clock::now() - lost_since_).count() > options_.retry_s)
-      return End(tl::unexpected<Error>(error));
+    if (SecondsSince(lost_since_) > options_.retry_s) return End(tl::unexpected<Error>(error));
     retry_.expires_after(std::chrono::milliseconds(300));
     retry_.async_wait([this](const boost::system::error_code& e) {
       if (!e) TryConnect();
@@ -324,7 +323,7 @@ class Session {
         received_ = received;
         heard_ = Clock::now();
       }
-      const double silent_s = std::chrono::duration<double>(Clock::now() - heard_).count();
+      const double silent_s = SecondsSince(heard_);
       if (silent_s > kSilenceS)
         OnLost(Error{fmt::format("the master has been silent for {:.0f} s", silent_s)});
     }

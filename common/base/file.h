@@ -54,7 +54,8 @@ class OutputFile {
   }
   /// Overwrites bytes written before, at `offset`.
   Status WriteAt(uint64_t offset, std::span<const std::byte> bytes);
-  /// Takes back what was appended beyond the first `size` bytes.
+  /// Takes back what was appended beyond the first `size` bytes. Requires: size <= size(). Errors: write
+  /// errors.
   Status Shorten(uint64_t size);
   /// Bytes appended so far.
   uint64_t size() const { return size_; }

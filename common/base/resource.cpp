@@ -31,6 +31,10 @@ uint64_t MicrosecondsSince(std::chrono::steady_clock::time_point start) {
   return static_cast<uint64_t>(std::chrono::duration_cast<std::chrono::microseconds>(passed).count());
 }
 
+double SecondsSince(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
 void KeepHeapSmall(size_t large) {
   ::mallopt(M_MMAP_THRESHOLD, static_cast<int>(large));
   ::mallopt(M_TRIM_THRESHOLD, static_cast<int>(2 * large));

@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "common/base/check.h"
+#include "common/kdtree/clipped_triangle.h"
 #include "common/math/next_float.h"
 
 namespace quarry {
@@ -21,131 +22,16 @@ constexpr float kGainAtOnce = 2.0f;
 
 constexpr float kFloatInfinity = std::numeric_limits<float>::infinity();
 
-/// A point in double, and a fourth number of no account, as the compiler's own vector.
-using Point = double __attribute__((vector_size(32)));
-
-/// The box of points, in double.
-struct PointBox {
-  Point lower = Point{} + kFloatInfinity, upper = Point{} - kFloatInfinity;
-
-  void Include(Point p) {
-    lower = p < lower ? p : lower;
-    upper = p > upper ? p : upper;
+/// Narrows the reference to the box grown by `growth`. False when nothing is left.
+bool Narrow(const PointBox& box, double growth, KdReference& r) {
+  bool any = true;
+  for (int a = 0; a < 3; ++a) {
+    r.lower[a] = std::max(r.lower[a], static_cast<float>(box.lower[a] - growth));
+    r.upper[a] = std::min(r.upper[a], static_cast<float>(box.upper[a] + growth));
+    any &= r.lower[a] <= r.upper[a];
   }
-  /// Narrows the reference to this box grown by `growth`. False when nothing is left.
-  bool Narrow(KdReference& r, double growth) const {
-    bool any = true;
-    for (int a = 0; a < 3; ++a) {
-      r.lower[a] = std::max(r.lower[a], static_cast<float>(lower[a] - growth));
-      r.upper[a] = std::min(r.upper[a], static_cast<float>(upper[a] + growth));
-      any &= r.lower[a] <= r.upper[a];
-    }
-    return any;
-  }
-};
-
-/// A convex polygon: a triangle clipped by at most six planes.
-class Polygon {
- public:
-  explicit Polygon(const KdTriangle& t) {
-    for (int i = 0; i < 3; ++i) points_[i] = Point{t.vertices[i].x, t.vertices[i].y, t.vertices[i].z, 0};
-  }
-  bool empty() const { return count_ == 0; }
-  PointBox Bounds() const {
-    PointBox box;
-    for (int i = 0; i < count_; ++i) box.Include(points_[i]);
-    return box;
-  }
-
-  /// Keeps what lies in the cell grown by `growth`.
-  void Clip(const Box& cell, double growth) {
-    PointBox bounds = Bounds();
-    ClipAcross<0>(cell, growth, bounds);
-    ClipAcross<1>(cell, growth, bounds);
-    ClipAcross<2>(cell, growth, bounds);
-  }
-
-  /// The boxes of the part up to `left` and of the part from `right` on, which is not beyond it.
-  void BoundParts(int axis, double left, double right, PointBox parts[2]) const {
-    if (axis == 0) return BoundParts<0>(left, right, parts);
-    if (axis == 1) return BoundParts<1>(left, right, parts);
-    BoundParts<2>(left, right, parts);
-  }
-
- private:
-  static constexpr int kMostPoints = 9;
-
-  template <int kAxis>
-  void ClipAcross(const Box& cell, double growth, PointBox& bounds) {
-    const double lower = cell.lower[kAxis] - growth, upper = cell.upper[kAxis] + growth;
-    const bool below = bounds.lower[kAxis]<lower, above = bounds.upper[kAxis]> upper;
-    if (!below && !above) return;
-    if (below) Clip<kAxis>(lower, -1);
-    if (above) Clip<kAxis>(upper, 1);
-    bounds = Bounds();
-  }
-
-  /// Keeps the part with sign * coordinate <= sign * plane (Sutherland & Hodgman 1974).
-  template <int kAxis>
-  void Clip(double plane, double sign) {
-    if (empty()) return;
-    Point* const part = points_ == room_[0] ? room_[1] : room_[0];
-    int kept = 0;
-    const auto keep = [&](Point p) {
-      if (kept < kMostPoints) part[kept] = p;
-      ++kept;
-    };
-    Point from = points_[count_ - 1];
-    double from_beyond = (from[kAxis] - plane) * sign;
-    for (int i = 0; i < count_; ++i) {
-      const Point to = points_[i];
-      const double to_beyond = (to[kAxis] - plane) * sign;
-      if ((from_beyond > 0) != (to_beyond > 0)) {
-        Point crossing = from + from_beyond / (from_beyond - to_beyond) * (to - from);
-        crossing[kAxis] = plane;
-        keep(crossing);
-      }
-      if (!(to_beyond > 0)) keep(to);
-      from = to;
-      from_beyond = to_beyond;
-    }
-    // More points than a convex polygon can have come from rounding alone: unclipped is safe.
-    if (kept > kMostPoints) return;
-    points_ = part;
-    count_ = kept;
-  }
-
-  template <int kAxis>
-  void BoundParts(double left, double right, PointBox parts[2]) const {
-    if (empty()) return;
-    Point from = points_[count_ - 1];
-    for (int i = 0; i < count_; ++i) {
-      const Point to = points_[i];
-      const double a = from[kAxis], b = to[kAxis];
-      const bool crosses_left = (a > left) != (b > left), crosses_right = (a < right) != (b < right);
-      if (crosses_left || crosses_right) {
-        const Point slope = (to - from) / (b - a);
-        if (crosses_left) {
-          Point crossing = from + (left - a) * slope;
-          crossing[kAxis] = left;
-          parts[0].Include(crossing);
-        }
-        if (crosses_right) {
-          Point crossing = from + (right - a) * slope;
-          crossing[kAxis] = right;
-          parts[1].Include(crossing);
-        }
-      }
-      if (!(b > left)) parts[0].Include(to);
-      if (!(b < right)) parts[1].Include(to);
-      from = to;
-    }
-  }
-
-  Point room_[2][kMostPoints];
-  Point* points_ = room_[0];
-  int count_ = 3;
-};
+  return any;
+}
 
 /// Eight planes at a time, as the compiler's own vectors.
 using Float8 = float __attribute__((vector_size(32)));
@@ -254,9 +140,9 @@ std::vector<KdReference> KdSplitter::ReferencesIn(const Box& cell) const {
                   i,
                   {kFloatInfinity, kFloatInfinity, kFloatInfinity},
                   0};
-    Polygon polygon(triangles_[i]);
+    ClippedTriangle polygon(triangles_[i]);
     polygon.Clip(cell, growth_);
-    if (!polygon.empty() && polygon.Bounds().Narrow(r, growth_)) references.push_back(r);
+    if (!polygon.empty() && Narrow(polygon.Bounds(), growth_, r)) references.push_back(r);
   }
   return references;
 }
@@ -277,12 +163,12 @@ size_t KdSplitter::Divide(std::vector<KdReference>& references, size_t begin, co
       references[right_end++] = r;
     } else {
       KdReference right = r;
-      Polygon polygon(triangles_[r.triangle]);
+      ClippedTriangle polygon(triangles_[r.triangle]);
       polygon.Clip(cell, growth_);
       PointBox parts[2];
       polygon.BoundParts(split.axis, split.position + growth_, split.position - growth_, parts);
-      if (parts[0].Narrow(r, growth_)) left_[left_end++] = r;
-      if (parts[1].Narrow(right, growth_)) references[right_end++] = right;
+      if (Narrow(parts[0], growth_, r)) left_[left_end++] = r;
+      if (Narrow(parts[1], growth_, right)) references[right_end++] = right;
     }
   }
   references.resize(right_end);

@@ -65,7 +65,8 @@ class StoreWriter {
   Status AddVoxel(const EncodedVoxel& voxel);
   uint32_t voxel_count() const { return static_cast<uint32_t>(directory_.size()); }
 
-  /// After the last voxel: begins a texture, whose pages then come in any order, each once.
+  /// After the last voxel: begins a texture, whose pages then come in any order, each once. Requires: a
+  /// layout that CheckTexelLayout takes.
   void BeginTexture(std::string name, const TexelLayout& layout);
   Status AddPage(uint32_t page, const EncodedPage& encoded);
   /// Takes back the texture begun last, should it turn out that it cannot be finished.

@@ -9,8 +9,9 @@
 namespace quarry {
 
 /// The streams of a page, before LZ4: for each channel the differences from what its neighbours foretell.
-/// `texels`: as many as the page has, channels together, halves as two bytes, lower first. The same texels
-/// give the same bytes, as many as there were.
+/// Requires: `texels` has as many as the page, texel_bytes() each: row by row, channels together, halves as
+/// two bytes, lower first. The same texels give the same bytes, as many as there were. Thread-safe. Source:
+/// the predictor is Paeth's (PNG, 1996).
 Bytes EncodePage(const TextureShape& shape, const TexelLayout& layout, uint32_t page,
                  std::span<const std::byte> texels);
 

@@ -15,8 +15,6 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr size_t kMostWarnings = 1000;
-
 Result<TextureWrap> WrapOf(const GltfDocument& document, const Json& sampler, const char* key) {
   QUARRY_ASSIGN(const uint64_t wrap, document.Unsigned(sampler, "a sampler", key, 10497));
   switch (wrap) {
@@ -144,7 +142,7 @@ Status GltfTextures::Add(const Json& info, TextureBinding binding, bool color, T
   if (!info.contains("index") || !sink_.takes_textures()) return {};
   const Result<uint64_t> image_index = Guarded([&] { return Complete(info, binding); });
   if (!image_index) {
-    WarnOnce(image_index.error().message);
+    warn_(image_index.error().message);
     return {};
   }
   const auto key = std::tuple(*image_index, color, pick);
@@ -152,7 +150,7 @@ Status GltfTextures::Add(const Json& info, TextureBinding binding, bool color, T
   if (given == given_.end()) {
     Result<TextureImage> image = Guarded([&] { return Locate(*image_index); });
     if (!image) {
-      WarnOnce(image.error().message);
+      warn_(image.error().message);
       return {};
     }
     image->color = color;
@@ -163,10 +161,6 @@ Status GltfTextures::Add(const Json& info, TextureBinding binding, bool color, T
   binding.texture = given->second;
   material.textures.push_back(Bounded(binding));
   return {};
-}
-
-void GltfTextures::WarnOnce(const std::string& message) {
-  if (warned_.size() < kMostWarnings && warned_.insert(message).second) sink_.Warn(message);
 }
 
 }  // namespace quarry

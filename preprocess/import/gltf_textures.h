@@ -4,13 +4,13 @@
 #include <map>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
-#include <set>
 #include <string>
 #include <tuple>
 #include <type_traits>
 
 #include "preprocess/import/gltf_document.h"
 #include "preprocess/import/model_sink.h"
+#include "preprocess/import/warn_once.h"
 
 namespace quarry {
 
@@ -19,7 +19,7 @@ namespace quarry {
 /// than the first) is warned of once and left out.
 class GltfTextures {
  public:
-  GltfTextures(GltfDocument& document, ModelSink& sink) : document_(document), sink_(sink) {}
+  GltfTextures(GltfDocument& document, ModelSink& sink) : document_(document), sink_(sink), warn_(sink) {}
 
   /// Adds to `material` the texture that `info` (a textureInfo; nothing is added if it names none) gives for
   /// `binding`, whose texture, wraps and transform are filled in. Errors: the sink's.
@@ -38,12 +38,11 @@ class GltfTextures {
   Result<TextureImage> Locate(uint64_t index);
   template <class Read>
   std::invoke_result_t<Read> Guarded(Read&& read) const;
-  void WarnOnce(const std::string& message);
 
   GltfDocument& document_;
   ModelSink& sink_;
+  WarnOnce warn_;
   std::map<std::tuple<uint64_t, bool, TexturePick>, uint32_t> given_;  ///< by image and use
-  std::set<std::string> warned_;
 };
 
 }  // namespace quarry

@@ -10,9 +10,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A file of garbage must neither flood the terminal nor fill the memory with names.
-constexpr size_t kMostWarnings = 1000;
-
 bool EndsLibraryName(std::string_view name) {
   return name.size() >= 4 && EqualsIgnoringCase(name.substr(name.size() - 4), ".mtl");
 }
@@ -36,7 +33,8 @@ std::vector<std::string> SplitLibraryNames(std::string_view names) {
   return result;
 }
 
-ObjMaterials::ObjMaterials(const std::string& obj_path, ModelSink& sink) : obj_path_(obj_path), sink_(sink) {}
+ObjMaterials::ObjMaterials(const std::string& obj_path, ModelSink& sink)
+    : obj_path_(obj_path), sink_(sink), warn_(sink) {}
 
 void ObjMaterials::AddLibraries(std::string_view names) {
   const std::string whole(names);
@@ -47,10 +45,10 @@ void ObjMaterials::AddLibraries(std::string_view names) {
 void ObjMaterials::AddLibrary(const std::string& name) {
   const fs::path path = Find(name);
   if (path.empty())
-    return WarnOnce(fmt::format("{}: the material file {} is not there", obj_path_, Quoted(name)));
+    return warn_(fmt::format("{}: the material file {} is not there", obj_path_, Quoted(name)));
   if (!read_.insert(path.string()).second) return;
-  auto materials = ReadMtl(path.string(), [this](const std::string& message) { WarnOnce(message); });
-  if (!materials) return WarnOnce(materials.error().message);
+  auto materials = ReadMtl(path.string(), [this](const std::string& message) { warn_(message); });
+  if (!materials) return warn_(materials.error().message);
   for (MtlMaterial& material : *materials) {
     std::string key = material.material.name;
     entries_.try_emplace(std::move(key), Entry{std::move(material), path.string()});
@@ -64,8 +62,8 @@ fs::path ObjMaterials::Find(const std::string& name) const {
 Result<uint32_t> ObjMaterials::Use(std::string_view name) {
   const auto found = entries_.find(name);
   if (found == entries_.end()) {
-    WarnOnce(fmt::format("{}: the material {} is not defined, the default takes its place", obj_path_,
-                         Quoted(name)));
+    warn_(fmt::format("{}: the material {} is not defined, the default takes its place", obj_path_,
+                      Quoted(name)));
     return kNoIndex;
   }
   Entry& entry = found->second;
@@ -79,8 +77,8 @@ Status ObjMaterials::GiveToSink(Entry& entry) {
     if (!sink_.takes_textures()) break;
     const fs::path file = FindFile(fs::path(entry.library).parent_path(), texture.file);
     if (file.empty()) {
-      WarnOnce(fmt::format("{}, line {}: the image {} is not there; the material does without", entry.library,
-                           texture.line, Quoted(texture.file)));
+      warn_(fmt::format("{}, line {}: the image {} is not there; the material does without", entry.library,
+                        texture.line, Quoted(texture.file)));
       continue;
     }
     TextureImage image;
@@ -94,10 +92,6 @@ Status ObjMaterials::GiveToSink(Entry& entry) {
   }
   entry.scene_index = sink_.AddMaterial(material);
   return {};
-}
-
-void ObjMaterials::WarnOnce(const std::string& message) {
-  if (warned_.size() < kMostWarnings && warned_.insert(message).second) sink_.Warn(message);
 }
 
 }  // namespace quarry

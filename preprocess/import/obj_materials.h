@@ -9,6 +9,7 @@
 
 #include "preprocess/import/model_sink.h"
 #include "preprocess/import/mtl.h"
+#include "preprocess/import/warn_once.h"
 
 namespace quarry {
 
@@ -39,13 +40,12 @@ class ObjMaterials {
   /// The existing file that `name` means, or empty.
   std::filesystem::path Find(const std::string& name) const;
   Status GiveToSink(Entry& entry);
-  void WarnOnce(const std::string& message);
 
   std::string obj_path_;
   ModelSink& sink_;
+  WarnOnce warn_;
   std::map<std::string, Entry, std::less<>> entries_;
-  std::set<std::string> read_;    ///< Libraries done with; some exporters name theirs before every object.
-  std::set<std::string> warned_;  ///< Bounded by kMostWarnings.
+  std::set<std::string> read_;  ///< Libraries done with; some exporters name theirs before every object.
 };
 
 /// The file names on an mtllib line, blanks escaped by backslashes or not: a name ends at ".mtl" before a

@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 
+#include "common/base/resource.h"
 #include "preprocess/texture/mip_builder.h"
 #include "preprocess/texture/page_pipeline.h"
 #include "preprocess/texture/row_converter.h"
@@ -16,10 +17,6 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr double kSecondsToNote = 1;
-
-double SecondsSince(Clock::time_point start) {
-  return std::chrono::duration<double>(Clock::now() - start).count();
-}
 
 }  // namespace
 

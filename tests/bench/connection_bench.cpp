@@ -109,7 +109,7 @@ Figures Measure(const Security& server_security, const Security& client_security
       if (asked < blocks) ask();
       if (++received < blocks) return true;
       const double bytes = static_cast<double>(blocks * block_bytes);
-      figures.bytes_per_s.push_back(bytes / Seconds(start));
+      figures.bytes_per_s.push_back(bytes / SecondsSince(start));
       figures.cpu_s_per_gigabyte.push_back((ProcessSeconds() - cpu) / (bytes / 1e9));
       return false;
     });
@@ -117,7 +117,7 @@ Figures Measure(const Security& server_security, const Security& client_security
   for (int i = 0; i < kConnections; ++i) {
     const auto start = Clock::now();
     Converse(server.port(), client_security, [&](Connection&, const Message&) {
-      figures.connect_s.push_back(Seconds(start));
+      figures.connect_s.push_back(SecondsSince(start));
       return false;
     });
   }

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cstring>
 
+#include "common/base/resource.h"
 #include "tests/bench/embree_scene.h"
 
 namespace quarry::bench {
@@ -118,7 +119,7 @@ double EmbreeRays::Trace(EmbreeMode mode) {
   if (mode == EmbreeMode::kSingle) impl_->Single();
   if (mode == EmbreeMode::kPacket) impl_->Packets();
   if (mode == EmbreeMode::kStream) impl_->Stream();
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return SecondsSince(start);
 }
 
 Hit EmbreeRays::Result(size_t index) const {

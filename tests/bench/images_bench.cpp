@@ -136,7 +136,7 @@ Result<double> TimeCommand(const std::string& store, const std::string& mode, co
                                         vector(c.up),
                                         "--fov",
                                         fmt::format("{:.17g}", c.fov_degrees)});
-  const double seconds = Seconds(start);
+  const double seconds = SecondsSince(start);
   std::filesystem::remove(picture);
   if (!rc) return tl::unexpected<Error>(rc.error());
   if (*rc != 0) return Fail(fmt::format("{}: quarry render failed", store));
@@ -171,7 +171,7 @@ Status RunScene(const std::string& path, const Options& options, nlohmann::json&
     voxels.push_back(blocks[BlockId(v, BlockKind::kHot)]->hot);
   const auto start = Clock::now();
   const EmbreeScene embree(voxels, catalog.meta.input_triangles, true);
-  const double build_s = Seconds(start);
+  const double build_s = SecondsSince(start);
   EngineImage engine(store, std::move(engine_blocks));
   const EmbreeImage reference(embree, catalog, blocks);
   const std::string name = std::filesystem::path(path).stem().string();
@@ -193,10 +193,10 @@ Status RunScene(const std::string& path, const Options& options, nlohmann::json&
     for (int r = 0; r < options.repetitions; ++r) {
       auto from = Clock::now();
       ours = engine.Render(job);
-      engine_s.push_back(Seconds(from));
+      engine_s.push_back(SecondsSince(from));
       from = Clock::now();
       theirs = reference.Render(job, kThreads);
-      embree_s.push_back(Seconds(from));
+      embree_s.push_back(SecondsSince(from));
       QUARRY_ASSIGN(const double command, TimeCommand(path, mode_name, job));
       command_s.push_back(command);
     }

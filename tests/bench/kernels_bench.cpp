@@ -163,7 +163,7 @@ class SceneBench {
                             const auto start = Clock::now();
                             trace(top, finder, found_.data(), set.active.data(),
                                   static_cast<uint32_t>(found_.size()));
-                            return Seconds(start);
+                            return SecondsSince(start);
                           },
                           {}});
   }
@@ -177,7 +177,7 @@ class SceneBench {
                             const auto start = Clock::now();
                             TraceRays(cache_->top(), cache_->finder(), found_.data(), set.active.data(),
                                       static_cast<uint32_t>(found_.size()), set.any);
-                            return Seconds(start);
+                            return SecondsSince(start);
                           },
                           {}});
     for (const Kernel& kernel : Kernels()) {
@@ -194,7 +194,7 @@ class SceneBench {
                                 const auto start = Clock::now();
                                 one_level_->Trace(found_.data(), set.active.data(),
                                                   static_cast<uint32_t>(found_.size()), grouping, set.any);
-                                return Seconds(start);
+                                return SecondsSince(start);
                               },
                               {}});
     const size_t ours = contenders.size();

@@ -101,7 +101,7 @@ class Bench {
       if (holding != Holding::kNothing) frame.Foresee(&first_, nullptr);
       const auto start = Clock::now();
       frame.MakePlan(planned, bytes_, kSecondsPerByte, SchedulingPolicy::kFootprint);
-      figures.plan_s.push_back(Seconds(start));
+      figures.plan_s.push_back(SecondsSince(start));
       if (r == 0) Judge(frame, holds, figures);
       HandOutAll(frame, holds, figures);
     }
@@ -150,12 +150,12 @@ class Bench {
           },
           [] { return nullptr; });
       out.insert(out.end(), handed.begin(), handed.end());
-      return Seconds(start);
+      return SecondsSince(start);
     };
     figures.hand_out_s.push_back(hand_out());
     const Bytes pixels(size_t{kTileSize} * kTileSize * 12);
     const auto begun = Clock::now();
-    while (!frame.done() && !out.empty() && Seconds(begun) < kEndS) {
+    while (!frame.done() && !out.empty() && SecondsSince(begun) < kEndS) {
       for (int i = 0; i < kBatch && !out.empty(); ++i) {
         const TileOrder order = out.front().order;
         out.pop_front();

@@ -111,7 +111,7 @@ class SourcesBench {
       const double cpu_before = ProcessSeconds();
       const auto begin = Clock::now();
       QUARRY_TRY(all.Run(kInFlight));
-      times.push_back(Seconds(begin));
+      times.push_back(SecondsSince(begin));
       cpu.push_back(ProcessSeconds() - cpu_before);
       if (before) continue;
       std::vector<uint32_t> some = blocks_;
@@ -119,7 +119,7 @@ class SourcesBench {
       Fetching one(io, *source, catalog_, some);
       const auto begin_alone = Clock::now();
       QUARRY_TRY(one.Run(1));
-      alone.push_back(Seconds(begin_alone) / static_cast<double>(some.size()));
+      alone.push_back(SecondsSince(begin_alone) / static_cast<double>(some.size()));
     }
     figures_.push_back({name, Median(times), *std::ranges::max_element(times),
                         *std::ranges::min_element(times), Median(cpu), alone.empty() ? 0 : Median(alone)});

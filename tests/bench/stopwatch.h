@@ -4,13 +4,11 @@
 
 #include <chrono>
 
+#include "common/base/resource.h"
+
 namespace quarry::bench {
 
 using Clock = std::chrono::steady_clock;
-
-inline double Seconds(Clock::time_point since) {
-  return std::chrono::duration<double>(Clock::now() - since).count();
-}
 
 /// Processor seconds that this process has had.
 inline double ProcessSeconds() {

@@ -39,6 +39,21 @@ class Plan(Case):
                     self.assertGreater(made["top_tree_depth"], 2)
         self.must_fail(2, "standard input", "quarry-preprocess", "-", "-o", self.path("x.quarry"), "--plan", stdin=subprocess.DEVNULL)
 
+    def test_models_of_nothing_and_of_one_place(self):
+        empty = self.path("empty.ply")
+        header = "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\nelement face {}\n" \
+                 "property list uchar int vertex_indices\nend_header\n"
+        pathlib.Path(empty).write_text(header.format(0, 0))
+        for option in ([], ["--plan"]):
+            self.must_fail(1, r"empty\.ply: holds no triangles", "quarry-preprocess", empty, "-o", self.path("x.quarry"), *option)
+        # More than one region's, all but a few of them in one place: a window without extent.
+        count = 300000
+        heap = self.path("heap.ply")
+        pathlib.Path(heap).write_text(header.format(5, count) + "0 0 0\n1e-3 0 0\n0 1e-3 0\n1000 1000 0\nnan 0 0\n" +
+                                      "3 0 1 2\n" * (count - 2) + "3 0 1 3\n3 0 1 4\n")
+        self.assertEqual(self.plan(heap)["input_triangles"], count)
+        self.must("quarry-preprocess", heap, "-o", self.path("heap.quarry"), "--quiet")
+
     def test_a_model_whose_triangles_have_no_neighbours_in_the_file(self):
         count = 100000
         model = self.path("scattered.ply")

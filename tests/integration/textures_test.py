@@ -8,6 +8,7 @@ import random
 import shutil
 import struct
 import subprocess
+import time
 import unittest
 import zlib
 
@@ -240,6 +241,39 @@ class Resumed(Case):
                 self.assertTrue(pathlib.Path(self.store).read_bytes() == whole)
                 self.assertEqual([p.name for p in self.folder.iterdir() if "work" in p.name or "lock" in p.name], [])
                 pathlib.Path(self.store).unlink()
+
+    def test_images_that_are_noted_are_not_carried_again(self):
+        # So large that a note, one a second, comes long before the end.
+        for i in range(6):
+            (self.folder / f"{i}.png").write_bytes(self.large(i))
+        run = subprocess.Popen([str(BIN / "quarry-preprocess"), self.model, "-o", self.store, "--memory", "64M"],
+                               stderr=subprocess.PIPE, text=True)
+        self.addCleanup(run.stderr.close)
+        self.addCleanup(run.wait)
+        self.addCleanup(run.kill)
+        self.assertTrue(any("carrying 8 images" in line for line in run.stderr))
+        journal = pathlib.Path(self.store + ".work/journal")
+        before = journal.stat().st_size
+        while journal.stat().st_size == before:
+            self.assertIsNone(run.poll(), "it has ended without a note")
+            time.sleep(0.01)
+        run.kill()
+        run.wait()
+        # What the notes say is done is not looked at: the file is another one, as far as can be seen the same.
+        path = self.folder / "0.png"
+        told, content = path.stat(), path.read_bytes()
+        other = self.large(77)[:len(content)].ljust(len(content), b"\0")
+        path.write_bytes(other)
+        os.utime(path, ns=(told.st_atime_ns, told.st_mtime_ns))
+        self.must("quarry-preprocess", self.model, "-o", self.store, "--memory", "64M", "--resume")
+        path.write_bytes(content)
+        self.must("quarry-preprocess", self.model, "-o", self.path("whole.quarry"), "--quiet")
+        self.assertTrue(pathlib.Path(self.store).read_bytes() == pathlib.Path(self.path("whole.quarry")).read_bytes())
+
+    @staticmethod
+    def large(seed, side=2500):
+        base = random.Random(seed).randbytes(8 * side)
+        return png(side, side, lambda y: base[y % side:y % side + 3 * side])
 
     def test_a_changed_image_is_not_gone_on_with(self):
         self.killed("carrying 8 images: 10 %")

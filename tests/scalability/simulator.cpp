@@ -16,6 +16,7 @@
 #include <set>
 
 #include "common/base/file.h"
+#include "common/base/resource.h"
 #include "common/base/size.h"
 #include "common/math/random.h"
 #include "common/net/source_policy.h"
@@ -186,7 +187,7 @@ class Simulation {
     const auto start = std::chrono::steady_clock::now();
     PlanFrames(Frames(), previous_.get(), PlanNews::kFrames, speeds, std::move(holds), block_bytes_,
                seconds_per_byte_, policy_, &rays_);
-    planning_s_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    planning_s_ += SecondsSince(start);
   }
 
   void HandOutTiles() {

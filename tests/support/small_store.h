@@ -2,13 +2,49 @@
 
 #include <catch2/catch.hpp>
 #include <cstdint>
+#include <fstream>
+#include <iterator>
 #include <random>
 #include <string>
+#include <vector>
 
 #include "common/voxel/store_reader.h"
 #include "common/voxel/store_writer.h"
 
 namespace quarry::test {
+
+/// A voxel of two triangles, a square of side 1, with a tree of two leaves; ids, materials and parts are to
+/// be set by who uses it.
+inline HotVoxel TwoTriangles() {
+  HotVoxel v;
+  v.cell = {glm::vec3(0), glm::vec3(1)};
+  v.nodes = {KdNode::Inner(0, 0.5f, 1), KdNode::Leaf(0, 1), KdNode::Leaf(1, 2)};
+  v.node_slots = 12;
+  v.wide_nodes = 1;
+  v.references = {0, 0, 1};
+  v.vertices = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0}};
+  v.corners = {0, 1, 2, 1, 3, 2};
+  v.triangle_ids = {0, 1};
+  v.materials = {0, 0};
+  v.parts = {0, 0};
+  return v;
+}
+
+/// What goes wrong when the store is opened and read whole; empty when nothing does.
+inline std::string FaultOf(const std::string& path) {
+  const auto store = StoreReader::Open(path);
+  if (!store) return store.error().message;
+  const Status status = store->Verify([](uint64_t, uint64_t) {});
+  return status ? "" : status.error().message;
+}
+
+inline std::vector<char> ReadFile(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+inline void WriteFile(const std::string& path, const std::vector<char>& bytes) {
+  std::ofstream(path, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+}
 
 /// Writes a store of `voxels` voxels in one chain, about 4 KiB a block that does not compress, every third
 /// with a shading block; other seeds make other scenes.
@@ -19,18 +55,11 @@ inline void WriteSmallStore(const std::string& path, uint32_t voxels, uint32_t s
   std::mt19937 random(seed);
   std::uniform_real_distribution<float> coordinate(0, 1);
   for (uint32_t v = 0; v < voxels; ++v) {
-    HotVoxel hot;
-    hot.cell = {glm::vec3(0), glm::vec3(1)};
-    hot.nodes = {KdNode::Inner(0, 0.5f, 1), KdNode::Leaf(0, 1), KdNode::Leaf(1, 2)};
-    hot.node_slots = 12;
-    hot.wide_nodes = 1;
-    hot.references = {0, 0, 1};
+    HotVoxel hot = TwoTriangles();
+    hot.vertices.clear();
     for (uint32_t i = 0; i < kVertices; ++i)
       hot.vertices.push_back({coordinate(random), coordinate(random), coordinate(random)});
-    hot.corners = {0, 1, 2, 1, 3, 2};
     hot.triangle_ids = {2 * v, 2 * v + 1};
-    hot.materials = {0, 0};
-    hot.parts = {0, 0};
     ShadingVoxel shading;
     shading.corners = {0, 1, 0, 1, 1, 0};
     shading.vertices = {{{0, 0, 1}, {coordinate(random), 0.25f}, 0xFF0000FFu},

@@ -281,4 +281,51 @@ TEST_CASE("An error of who takes the rows ends the image, and the next one is as
   CHECK(Decode(decoder, ImageIn(folder.file("a.png"))).rows.size() == 2000 * 2000 * 3);
 }
 
+TEST_CASE("A helper that says what cannot be, and lives on, is not waited for", "[texture][decoder]") {
+  const TemporaryFolder folder;
+  Helper();
+  const std::string program = folder.file("astray");
+  // Rows of four gigabytes.
+  std::ofstream(program) << "#!/bin/sh\nprintf '\\004\\000\\000\\000\\377\\377\\377\\377'\nexec sleep 1000\n";
+  std::filesystem::permissions(program, std::filesystem::perms::owner_all);
+  ImageDecoder decoder({program, 1 << 20});
+  CHECK(Decode(decoder, ImageIn(folder.file("a.png"))).error.find("the decoder says what cannot be") !=
+        std::string::npos);
+  CHECK_FALSE(decoder.is_fatal());
+}
+
+TEST_CASE("An image below a folder whose name is of memory is refused as any other", "[texture][decoder]") {
+  const TemporaryFolder folder;
+  std::filesystem::create_directory(folder.file("memory alloc"));
+  ImageDecoder decoder(Helper());
+  for (const char* name : {"a.jpg", "a.png", "a.tif", "gone.png"}) {
+    CAPTURE(name);
+    const std::string path = folder.file("memory alloc/") + name;
+    if (name != std::string("gone.png")) {
+      WriteImage(path, 200, 150, 3, OIIO::TypeDesc::UINT8);
+      std::filesystem::resize_file(path, std::filesystem::file_size(path) / 2);
+    }
+    const Decoded decoded = Decode(decoder, ImageIn(path));
+    CHECK_FALSE(decoder.is_fatal());
+    CHECK(decoded.error.find("needs more than --memory") == std::string::npos);
+    // The path once, at the beginning.
+    CHECK(decoded.error.rfind("memory alloc") == decoded.error.find("memory alloc"));
+  }
+}
+
+TEST_CASE("An EXR that shows another window than it has data for is refused", "[texture][decoder]") {
+  const TemporaryFolder folder;
+  OIIO::ImageSpec spec(4, 4, 3, OIIO::TypeDesc::HALF);
+  spec.x = 2;
+  spec.full_width = spec.full_height = 8;
+  auto out = OIIO::ImageOutput::create("a.exr");
+  REQUIRE(out);
+  REQUIRE(out->open(folder.file("a.exr"), spec));
+  REQUIRE(out->write_image(OIIO::TypeDesc::FLOAT, std::vector<float>(48).data()));
+  REQUIRE(out->close());
+  ImageDecoder decoder(Helper());
+  CHECK(Decode(decoder, ImageIn(folder.file("a.exr"))).error.find("another window") != std::string::npos);
+  CHECK_FALSE(decoder.is_fatal());
+}
+
 }  // namespace quarry

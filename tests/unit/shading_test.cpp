@@ -76,6 +76,28 @@ TEST_CASE("Interpolated normals turn toward the viewer") {
   CHECK(s.color.y == 0.5f);
 }
 
+TEST_CASE("Rays of an eye in the scene's box start there; of one beyond it, at the box") {
+  CameraSpec spec;
+  spec.eye = {0.25, -0.5, 0.125};
+  spec.at = {3, 2, 1};
+  const Camera inside(spec, 8, 8, glm::vec3(-1), glm::vec3(1));
+  for (int i = 0; i < 64; ++i) {
+    const PrimaryRay ray = inside.Shoot(i % 8 + 0.5, i / 8 + 0.5);
+    CHECK_FALSE(ray.misses);
+    CHECK(ray.t_offset == 0);
+    CHECK(ray.origin == glm::vec3(spec.eye));
+    // The same as through a box that the eye just misses, but for where it starts.
+    const Camera outside(spec, 8, 8, glm::vec3(0.5f, -4, -4), glm::vec3(4));
+    CHECK(ray.direction == outside.Shoot(i % 8 + 0.5, i / 8 + 0.5).direction);
+  }
+  const Camera outside(spec, 1, 1, glm::vec3(0.5f, -4, -4), glm::vec3(4));
+  const PrimaryRay ray = outside.Shoot(0.5, 0.5);
+  CHECK(ray.t_offset > 0);
+  CHECK(ray.origin.x == Approx(0.5));
+  spec.eye.x = -1;  // in a face of the box: that counts as inside
+  CHECK_FALSE(Camera(spec, 1, 1, glm::vec3(-1), glm::vec3(1)).Shoot(0.5, 0.5).misses);
+}
+
 TEST_CASE("Cameras look through pixel centres, x right and y down") {
   CameraSpec spec;
   spec.eye = {0, -5, 0};

@@ -15,9 +15,14 @@
 #include "common/voxel/store_format.h"
 #include "common/voxel/store_reader.h"
 #include "common/voxel/store_writer.h"
+#include "tests/support/small_store.h"
 
 namespace quarry {
 namespace {
+
+using test::FaultOf;
+using test::ReadFile;
+using test::WriteFile;
 
 struct Folder {
   Folder() { std::filesystem::create_directories(path); }
@@ -28,14 +33,7 @@ struct Folder {
 };
 
 HotVoxel MakeHot() {
-  HotVoxel v;
-  v.cell = {glm::vec3(0), glm::vec3(1)};
-  v.nodes = {KdNode::Inner(0, 0.5f, 1), KdNode::Leaf(0, 1), KdNode::Leaf(1, 2)};
-  v.node_slots = 12;
-  v.wide_nodes = 1;
-  v.references = {0, 0, 1};
-  v.vertices = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0}};
-  v.corners = {0, 1, 2, 1, 3, 2};
+  HotVoxel v = test::TwoTriangles();
   v.triangle_ids = {7, 8};
   v.materials = {0, 1};
   v.parts = {0, 1};
@@ -86,23 +84,6 @@ SceneId WriteStore(const std::string& path) {
   return *id;
 }
 
-std::vector<char> ReadFile(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
-
-void WriteFile(const std::string& path, const std::vector<char>& bytes) {
-  std::ofstream(path, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-}
-
-/// The sentence of whatever goes wrong when the store is opened and read whole; empty when nothing does.
-std::string Fault(const std::string& path) {
-  const auto store = StoreReader::Open(path);
-  if (!store) return store.error().message;
-  const Status status = store->Verify([](uint64_t, uint64_t) {});
-  return status ? "" : status.error().message;
-}
-
 }  // namespace
 
 TEST_CASE("A store gives back all that was put in") {
@@ -110,7 +91,7 @@ TEST_CASE("A store gives back all that was put in") {
   const SceneId id = WriteStore(folder.file("s"));
   const auto store = StoreReader::Open(folder.file("s"));
   REQUIRE(store.has_value());
-  CHECK(Fault(folder.file("s")).empty());
+  CHECK(FaultOf(folder.file("s")).empty());
   const Catalog& c = store->catalog();
   CHECK(c.id == id);
   SceneMeta expected = MakeMeta();
@@ -184,7 +165,7 @@ TEST_CASE("Every byte of a store that is flipped is found") {
     bad[at] = static_cast<char>(bad[at] ^ (1 << at % 8));
     WriteFile(folder.file("bad"), bad);
     INFO("byte " << at);
-    const std::string fault = Fault(folder.file("bad"));
+    const std::string fault = FaultOf(folder.file("bad"));
     CHECK(fault.find("bad: ") != std::string::npos);
   }
 }
@@ -196,7 +177,7 @@ TEST_CASE("Truncated stores are refused at every length") {
   while (!bytes.empty()) {
     bytes.pop_back();
     WriteFile(folder.file("bad"), bytes);
-    REQUIRE_FALSE(Fault(folder.file("bad")).empty());
+    REQUIRE_FALSE(FaultOf(folder.file("bad")).empty());
   }
 }
 
@@ -209,7 +190,7 @@ TEST_CASE("Another format version is named beside this one") {
     const uint64_t checksum = Checksum(std::as_bytes(std::span(bytes).first(56)));
     std::memcpy(bytes.data() + 56, &checksum, 8);
     WriteFile(folder.file("other"), bytes);
-    const std::string fault = Fault(folder.file("other"));
+    const std::string fault = FaultOf(folder.file("other"));
     CHECK(fault.find("version " + std::to_string(version) + ", this program reads version " +
                      std::to_string(kStoreVersion)) != std::string::npos);
   }

@@ -6,26 +6,21 @@
 #include "common/voxel/store_reader.h"
 #include "common/voxel/store_writer.h"
 #include "common/voxel/texture_page.h"
+#include "tests/support/small_store.h"
 #include "tests/support/temporary_folder.h"
 
 namespace quarry {
 namespace {
 
+using test::FaultOf;
+using test::ReadFile;
 using test::TemporaryFolder;
+using test::WriteFile;
 
 EncodedVoxel OneVoxel() {
-  HotVoxel v;
-  v.cell = {glm::vec3(0), glm::vec3(1)};
-  v.nodes = {KdNode::Inner(0, 0.5f, 1), KdNode::Leaf(0, 1), KdNode::Leaf(1, 2)};
-  v.node_slots = 12;
-  v.wide_nodes = 1;
-  v.references = {0, 0, 1};
-  v.vertices = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0}};
-  v.corners = {0, 1, 2, 1, 3, 2};
-  v.triangle_ids = {0, 1};
-  v.materials = {0, 1};
-  v.parts = {0, 0};
-  return EncodeVoxel(v, nullptr);
+  HotVoxel voxel = test::TwoTriangles();
+  voxel.materials = {0, 1};
+  return EncodeVoxel(voxel, nullptr);
 }
 
 Bytes TexelsOf(const TextureShape& shape, const TexelLayout& layout, uint32_t page, uint32_t seed) {
@@ -80,22 +75,6 @@ SceneId WriteStore(const std::string& path, uint32_t seed = 1,
   return *id;
 }
 
-std::vector<char> ReadFile(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
-void WriteFile(const std::string& path, const std::vector<char>& bytes) {
-  std::ofstream(path, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-}
-
-/// What is wrong with the store; "" if nothing is.
-std::string Fault(const std::string& path) {
-  const auto store = StoreReader::Open(path);
-  if (!store) return store.error().message;
-  const Status status = store->Verify([](uint64_t, uint64_t) {});
-  return status ? "" : status.error().message;
-}
-
 }  // namespace
 
 TEST_CASE("A store gives back its textures, page by page", "[texture][store]") {
@@ -121,7 +100,7 @@ TEST_CASE("A store gives back its textures, page by page", "[texture][store]") {
   CHECK(uses[0] == MaterialTexture{0, painted[0].textures[0]});
   CHECK(uses[1] == MaterialTexture{1, painted[1].textures[0]});
   CHECK(uses[2] == MaterialTexture{1, painted[1].textures[1]});
-  CHECK(Fault(folder.file("s")) == "");
+  CHECK(FaultOf(folder.file("s")) == "");
   CHECK(store->ReadPage(0, 99).error().message.find("there is no page 99 of texture 0") != std::string::npos);
   CHECK(store->ReadPage(2, 0).error().permanent);
 }
@@ -145,7 +124,7 @@ TEST_CASE("A damaged page is named with its texture and byte", "[texture][store]
   auto bytes = ReadFile(folder.file("s"));
   bytes[page.offset + page.stored / 2] ^= 1;
   WriteFile(folder.file("bad"), bytes);
-  const std::string fault = Fault(folder.file("bad"));
+  const std::string fault = FaultOf(folder.file("bad"));
   CHECK(fault.find("page 3 of texture 0 (wood.png) at byte " + std::to_string(page.offset) +
                    ": is damaged (checksum)") != std::string::npos);
   const auto bad = StoreReader::Open(folder.file("bad"));
@@ -218,8 +197,21 @@ TEST_CASE("A store with textures: one flipped byte anywhere is found", "[texture
     bytes[at] = static_cast<char>(bytes[at] ^ (1 << random() % 8));
     WriteFile(folder.file("bad"), bytes);
     CAPTURE(at);
-    REQUIRE_FALSE(Fault(folder.file("bad")).empty());
+    REQUIRE_FALSE(FaultOf(folder.file("bad")).empty());
   }
+}
+
+TEST_CASE("A directory of more pages than there may be is refused before any is read", "[texture][store]") {
+  const auto fault = [](uint32_t textures) {
+    ByteWriter out;
+    out.Put(textures);
+    for (uint32_t i = 0; i < textures; ++i)
+      for (const uint32_t word : {0u, kMaxTextureSide, kMaxTextureSide, 3u, 0u}) out.Put(word);
+    return DecodeTextures(out.bytes(), "name", 0, 100).error().message;
+  };
+  const uint32_t pages = TextureShape(kMaxTextureSide, kMaxTextureSide).pages(), most = kMaxPages / pages;
+  CHECK(fault(most + 1) == "the TEXD section has more pages than there may be");
+  CHECK(fault(most).find("the TEXD section's texture 0 has") == 0);
 }
 
 }  // namespace quarry
