@@ -233,11 +233,21 @@ QUARRY_HOST_DEVICE inline void TraceRun(const TopTree& top, const Finder& finder
   using Mask = typename L::Mask;
   constexpr uint32_t kGroups = PacketRays<L>::kGroups;
   const auto visit = [&](const KdNode& leaf, Mask* active, const Float* t_exit) {
-    uint32_t position = 0;  // in the chain; rays that wait for a later voxel have done those before
-    for (uint32_t voxel = leaf.first(); voxel != kNoVoxel; voxel = top.next_in_chain[voxel], ++position) {
+    uint32_t last = leaf.first();
+    while (top.next_in_chain[last] != kNoVoxel) last = top.next_in_chain[last];
+    for (uint32_t g = 0; g < kGroups; ++g) {
+      // Rays that have waited go on where they did if that is in this chain: see GoOnInChain.
+      const Mask elsewhere =
+          L::Or(L::LessInt(p.chain[g], L::SetInt(leaf.first())), L::LessInt(L::SetInt(last), p.chain[g]));
+      p.chain[g] = L::SelectInt(L::And(elsewhere, active[g]), L::SetInt(0), p.chain[g]);
+    }
+    for (uint32_t voxel = leaf.first(); voxel != kNoVoxel; voxel = top.next_in_chain[voxel]) {
       Mask inside[kGroups], any = L::NoLanes();
+      const VoxelBounds& bounds = top.bounds[voxel];
       for (uint32_t g = 0; g < kGroups; ++g) {
-        inside[g] = L::AndNot(L::LessInt(L::SetInt(position), p.chain[g]), active[g]);
+        inside[g] =
+            L::And(L::AndNot(L::LessInt(L::SetInt(voxel), p.chain[g]), active[g]),
+                   Meets<L>(p.frame[g], bounds.lower, bounds.upper, p.t[g], L::Min(t_exit[g], p.best[g].t)));
         any = L::Or(any, inside[g]);
       }
       if (L::None(any)) continue;
@@ -249,7 +259,7 @@ QUARRY_HOST_DEVICE inline void TraceRun(const TopTree& top, const Finder& finder
       }
       for (uint32_t g = 0; g < kGroups; ++g) {
         p.waits_for[g] = L::SelectInt(inside[g], L::SetInt(voxel), p.waits_for[g]);
-        p.chain[g] = L::SelectInt(inside[g], L::SetInt(position), p.chain[g]);
+        p.chain[g] = L::SelectInt(inside[g], L::SetInt(voxel), p.chain[g]);
         active[g] = L::AndNot(inside[g], active[g]);
         p.alive[g] = L::AndNot(inside[g], p.alive[g]);
       }

@@ -30,7 +30,7 @@ struct Ray {
   glm::vec3 direction{0, 0, 1};
   float t_max = kInfinity;  ///< hits at or beyond it do not count
   Hit hit;
-  uint32_t chain = 0;  ///< voxels already done in the chain of the top-level leaf at `t`
+  uint32_t chain = 0;  ///< the voxel of a chain to go on with at `t`; 0: with the first
 };
 
 }  // namespace quarry

@@ -71,4 +71,13 @@ QUARRY_HOST_DEVICE inline void ClipToBox(const RayFrame<L>& ray, const float (&l
   }
 }
 
+/// Which of the rays come to a box between t_enter and t_exit.
+template <class L>
+QUARRY_HOST_DEVICE inline typename L::Mask Meets(const RayFrame<L>& ray, const float (&lower)[3],
+                                                 const float (&upper)[3], typename L::Float t_enter,
+                                                 typename L::Float t_exit) {
+  ClipToBox<L>(ray, lower, upper, t_enter, t_exit);
+  return L::LessEqual(t_enter, t_exit);
+}
+
 }  // namespace quarry

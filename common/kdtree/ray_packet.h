@@ -22,7 +22,7 @@ struct alignas(64) RayPacket {
   float b1[kRays], b2[kRays];  ///< barycentric weights of the second and third vertex
   uint32_t voxel[kRays];       ///< a voxel that holds the triangle (the one it was found in)
   uint32_t local[kRays];       ///< the triangle's index in that voxel
-  uint32_t chain[kRays];       ///< voxels already done in the chain of the top-level leaf at `t`
+  uint32_t chain[kRays];       ///< the voxel of a chain to go on with at `t`; 0: with the first
   uint32_t waits_for[kRays];   ///< out: the voxel without which the ray cannot go on, or kNoVoxel: it is done
 
   void Set(uint32_t i, const Ray& ray) {

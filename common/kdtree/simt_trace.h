@@ -235,12 +235,10 @@ class SimtTracer {
     g.testing |= full & g.in_voxel;
     for (uint32_t at_top = full & ~g.in_voxel; at_top != 0; at_top &= at_top - 1) {
       const auto i = static_cast<uint32_t>(std::countr_zero(at_top));
-      uint32_t voxel = g.first[i];
       g.top_t[i] = g.t[i];
       g.top_exit[i] = ScalarLane::Min(g.t_exit[i], g.t_end[i]);
       g.top_resume[i] = g.resume[i];
-      for (uint32_t skip = g.chain[i]; skip > 0; --skip) voxel = top_.next_in_chain[voxel];
-      EnterVoxel(g, i, voxel);
+      EnterVoxel(g, i, GoOnInChain(top_, g.first[i], g.chain[i]));
     }
     if (empty != 0) Leave(g, empty);
   }
@@ -265,15 +263,16 @@ class SimtTracer {
     }
   }
 
-  /// Into `voxel` of the present top-level leaf, or the next of its chain that the ray has not passed, or on.
+  /// Into `voxel` of the present top-level leaf, or the next of its chain that the ray meets, or on.
   QUARRY_HOST_DEVICE void EnterVoxel(Group& g, uint32_t i, uint32_t voxel) {
     const uint32_t bit = 1u << i;
-    for (; voxel != kNoVoxel; voxel = top_.next_in_chain[voxel], ++g.chain[i]) {
-      statistics_.Voxel(1);
+    for (; voxel != kNoVoxel; voxel = top_.next_in_chain[voxel]) {
       g.t[i] = g.top_t[i];
+      if (!Meets(g, i, top_.bounds[voxel])) continue;
+      statistics_.Voxel(1);
       const auto* geometry = finder_.Find(voxel);
       if (!geometry) {
-        g.packet[i]->waits_for[g.index[i]] = voxel;
+        g.packet[i]->waits_for[g.index[i]] = g.chain[i] = voxel;
         g.in_voxel &= ~bit;
         Finish(g, i);
         return;
@@ -308,8 +307,19 @@ class SimtTracer {
     }
   }
 
+  /// Whether the ray comes to a voxel within the present top-level leaf, before its hit.
+  QUARRY_HOST_DEVICE static bool Meets(const Group& g, uint32_t i, const VoxelBounds& bounds) {
+    float enter = g.top_t[i], exit = ScalarLane::Min(g.top_exit[i], g.hit_t[i]);
+    for (uint32_t a = 0; a < 3; ++a) {
+      const float t0 = (bounds.lower[a] - g.origin[a][i]) * g.reciprocal[a][i];
+      const float t1 = (bounds.upper[a] - g.origin[a][i]) * g.reciprocal[a][i];
+      enter = ScalarLane::Max(enter, ScalarLane::Min(t0, t1));
+      exit = ScalarLane::Min(exit, ScalarLane::Max(t0, t1));
+    }
+    return enter <= exit;
+  }
+
   QUARRY_HOST_DEVICE void LeaveVoxel(Group& g, uint32_t i) {
-    ++g.chain[i];
     EnterVoxel(g, i, top_.next_in_chain[g.present[i]]);
   }
 

@@ -157,12 +157,15 @@ QUARRY_HOST_DEVICE inline void TraceSingle(const TopTree& top, const Finder& fin
     t = Walk<kWay>(
         top.nodes, top.ropes, ray, t, t_end, statistics,
         [&](uint32_t voxel, uint32_t, float enter, float exit) {
-          for (uint32_t skip = chain; skip > 0; --skip) voxel = top.next_in_chain[voxel];
-          for (; voxel != kNoVoxel; voxel = top.next_in_chain[voxel], ++chain) {
+          for (voxel = GoOnInChain(top, voxel, chain); voxel != kNoVoxel; voxel = top.next_in_chain[voxel]) {
+            const VoxelBounds& bounds = top.bounds[voxel];
+            if (!Meets<ScalarLane>(ray.frame, bounds.lower, bounds.upper, enter,
+                                   ScalarLane::Min(exit, best.t)))
+              continue;
             statistics.Voxel(1);
             const auto* geometry = finder.Find(voxel);
             if (!geometry) {
-              missing = voxel;
+              missing = chain = voxel;
               return false;
             }
             if (!TraceVoxelSingle<kWay, kAnyHit>(*geometry, voxel, ray, enter, exit, best, statistics))

@@ -45,10 +45,16 @@ QUARRY_HOST_DEVICE inline TrianglePoints PointsOf(const VoxelGeometryOf<Index>& 
   return {{&voxel.vertices[corner[0]].x, &voxel.vertices[corner[1]].x, &voxel.vertices[corner[2]].x}};
 }
 
-/// The top-level tree, whole on every worker: leaves are voxels or empty.
+/// The box of a voxel's triangles, grown by the scene's padding: any hit that traversal may see lies in it.
+struct VoxelBounds {
+  float lower[3], upper[3];
+};
+
+/// The top-level tree, whole on every worker: leaves are voxels, chains of them, or empty.
 struct TopTree {
   const KdNode* nodes = nullptr;            ///< in treelets, headers filled in
   const uint32_t* next_in_chain = nullptr;  ///< per voxel: the next voxel of the same leaf, or kNoVoxel
+  const VoxelBounds* bounds = nullptr;      ///< per voxel: rays that pass beside it need not visit it
   glm::vec3 lower{0}, upper{0};             ///< the root's box: the scene's bounds, padded
   const RopeLeaf* ropes = nullptr;          ///< only where a bench has given the tree ropes
   const WideNode* wide = nullptr;           ///< the same tree in wide nodes, derived

@@ -267,9 +267,7 @@ class WideTracer {
     s.cells->enters[i] = kInfinity;
     s.top_node = s.node;
     s.top_trail = s.trail;
-    uint32_t voxel = child;
-    for (uint32_t skip = s.chain; skip > 0; --skip) voxel = top_.next_in_chain[voxel];
-    return EnterVoxel(s, voxel);
+    return EnterVoxel(s, GoOnInChain(top_, child, s.chain));
   }
 
   // What a leaf's triangles take is asked for one load after the other; of neighbours, which lie side by
@@ -316,14 +314,15 @@ class WideTracer {
     return s.voxel ? Next::kLeaveVoxel : Next::kEnd;
   }
 
-  /// Into `voxel` of the present top-level leaf, or the next of its chain that is not behind a hit, or on.
+  /// Into `voxel` of the present top-level leaf, or the next of its chain that the ray meets, or on.
   QUARRY_HOST_DEVICE Next EnterVoxel(Slot& s, uint32_t voxel) {
-    for (; voxel != kNoVoxel; voxel = top_.next_in_chain[voxel], ++s.chain) {
-      statistics_.Voxel(1);
+    for (; voxel != kNoVoxel; voxel = top_.next_in_chain[voxel]) {
       s.t = s.top_t;
+      if (!Meets(s, top_.bounds[voxel])) continue;
+      statistics_.Voxel(1);
       const auto* geometry = finder_.Find(voxel);
       if (!geometry) {
-        s.packet->waits_for[s.index] = voxel;
+        s.packet->waits_for[s.index] = s.chain = voxel;
         return Next::kEnd;
       }
       s.t_end = ScalarLane::Min(s.top_exit, s.best.t);
@@ -347,10 +346,19 @@ class WideTracer {
     return s.t < s.t_end ? Next::kCells : Next::kEnd;
   }
 
-  QUARRY_HOST_DEVICE Next LeaveVoxel(Slot& s) {
-    ++s.chain;
-    return EnterVoxel(s, top_.next_in_chain[s.voxel_id]);
+  /// Whether the ray comes to a voxel within the present top-level leaf, before its hit.
+  QUARRY_HOST_DEVICE static bool Meets(const Slot& s, const VoxelBounds& bounds) {
+    float enter = s.top_t, exit = ScalarLane::Min(s.top_exit, s.best.t);
+    for (uint32_t a = 0; a < 3; ++a) {
+      const float t0 = ScalarLane::Fma(bounds.lower[a], s.reciprocal[a], s.shift[a]);
+      const float t1 = ScalarLane::Fma(bounds.upper[a], s.reciprocal[a], s.shift[a]);
+      enter = ScalarLane::Max(enter, ScalarLane::Min(t0, t1));
+      exit = ScalarLane::Min(exit, ScalarLane::Max(t0, t1));
+    }
+    return enter <= exit;
   }
+
+  QUARRY_HOST_DEVICE Next LeaveVoxel(Slot& s) { return EnterVoxel(s, top_.next_in_chain[s.voxel_id]); }
 
   const TopTree& top_;
   const Finder& finder_;

@@ -25,9 +25,10 @@ struct HotCounts {
   size_t decoded_bytes() const { return HotBytes(node_slots, wide_nodes, references, triangles, vertices); }
   /// Each small enough that sums of sizes cannot overflow.
   bool sane() const {
-    return triangles <= kMaxVoxelTriangles && vertices <= 65535 && references <= kMaxBlockBytes / 2 &&
-           inner_nodes <= kMostInnerNodes && node_slots <= kMaxBlockBytes / 8 &&
-           wide_nodes <= kMaxBlockBytes / sizeof(WideNode) && wide_nodes > 0 && nodes() < node_slots;
+    return triangles > 0 && triangles <= kMaxVoxelTriangles && vertices > 0 && vertices <= 65535 &&
+           references <= kMaxBlockBytes / 2 && inner_nodes <= kMostInnerNodes &&
+           node_slots <= kMaxBlockBytes / 8 && wide_nodes <= kMaxBlockBytes / sizeof(WideNode) &&
+           wide_nodes > 0 && nodes() < node_slots;
   }
 };
 

@@ -12,7 +12,7 @@ namespace quarry {
 namespace {
 
 constexpr size_t kMetaBytes = 192;
-constexpr size_t kVoxelBytes = 48;
+constexpr size_t kVoxelBytes = 72;
 constexpr size_t kMaterialBytes = 76;
 /// In treelets, headers and alignment make of two nodes at most nine slots, and links number slots.
 constexpr size_t kMostTopNodes = KdNode::kMaxLink / 5;
@@ -45,8 +45,8 @@ Result<SceneMeta> DecodeMeta(std::span<const std::byte> bytes) {
   m.largest_stored = in.Get<uint32_t>();
   m.lz4_version = in.Get<uint32_t>();
   if (!in.ok() || bytes.size() != kMetaBytes) return Fail("the META section has the wrong size");
-  if (!Finite(m.root_lower) || !Finite(m.root_upper) || !std::isfinite(m.padding) || m.up_axis > 2 ||
-      m.largest_decoded > kMaxBlockBytes)
+  if (!Finite(m.root_lower) || !Finite(m.root_upper) || !std::isfinite(m.padding) || m.padding < 0 ||
+      m.up_axis > 2 || m.largest_decoded > kMaxBlockBytes)
     return Fail("the META section holds values that cannot be");
   return m;
 }
@@ -57,11 +57,17 @@ Status DecodeTopTree(std::span<const std::byte> bytes, Catalog& catalog) {
   const std::vector<KdNode> nodes = ByteReader(bytes).GetArray<KdNode>(bytes.size() / sizeof(KdNode));
   // Every node but the root is the child of one node before it: a tree, and no smaller one than its bytes.
   std::vector<bool> has_parent(nodes.size());
+  // Every voxel is in one leaf: named by it, or in the chain that begins with one that is.
+  std::vector<bool> in_leaf(catalog.voxels.size());
+  for (size_t v = 0; v + 1 < catalog.voxels.size(); ++v)
+    if (catalog.voxels[v].next_in_chain != kNoIndex) in_leaf[v + 1] = true;
   for (size_t i = 0; i < nodes.size(); ++i) {
     const KdNode& n = nodes[i];
     bool valid = (i == 0 || has_parent[i]) && (n.link & KdNode::kFlags) == 0;
     if (n.is_leaf()) {
-      valid = valid && (n.count() == 0 || (n.count() == 1 && n.first() < catalog.voxels.size()));
+      valid = valid && (n.count() == 0 ||
+                        (n.count() == 1 && n.first() < catalog.voxels.size() && !in_leaf[n.first()]));
+      if (valid && n.count() == 1) in_leaf[n.first()] = true;
     } else {
       const size_t left = n.left();
       valid = valid && left > i && left + 1 < nodes.size() && std::isfinite(n.split()) && !has_parent[left] &&
@@ -85,9 +91,12 @@ Status CheckVoxel(const VoxelEntry& v, size_t index, size_t count, const SceneMe
         b.offset > uint64_t{1} << 62)
       return Fail(fmt::format("the VDIR section's voxel {} has a size or place that cannot be", index));
   if (v.blocks[0].stored == 0) return Fail(fmt::format("the VDIR section's voxel {} is empty", index));
-  // Chains run forward, so that following one always ends.
-  if (v.next_in_chain != kNoIndex && (v.next_in_chain <= index || v.next_in_chain >= count))
+  if (v.next_in_chain != kNoIndex && (v.next_in_chain != index + 1 || v.next_in_chain >= count))
     return Fail(fmt::format("the VDIR section's voxel {} continues in a voxel that cannot be", index));
+  for (int a = 0; a < 3; ++a)
+    if (!(v.bounds_lower[a] <= v.bounds_upper[a]) || !(v.bounds_lower[a] >= meta.root_lower[a]) ||
+        !(v.bounds_upper[a] <= meta.root_upper[a]))
+      return Fail(fmt::format("the VDIR section's voxel {} lies where it cannot", index));
   return {};
 }
 
@@ -98,6 +107,7 @@ Status DecodeDirectory(std::span<const std::byte> bytes, Catalog& catalog) {
   ByteReader in(bytes);
   catalog.voxels.resize(count);
   catalog.next_in_chain.resize(count);
+  catalog.bounds.resize(count);
   for (size_t i = 0; i < count; ++i) {
     VoxelEntry& v = catalog.voxels[i];
     v.blocks[0].offset = in.Get<uint64_t>();
@@ -109,8 +119,14 @@ Status DecodeDirectory(std::span<const std::byte> bytes, Catalog& catalog) {
     v.blocks[1].offset = v.blocks[0].offset + v.blocks[0].stored;
     v.triangles = in.Get<uint32_t>();
     v.next_in_chain = in.Get<uint32_t>();
+    v.bounds_lower = in.GetVec3<glm::vec3>();
+    v.bounds_upper = in.GetVec3<glm::vec3>();
     QUARRY_TRY(CheckVoxel(v, i, count, catalog.meta));
     catalog.next_in_chain[i] = v.next_in_chain;
+    for (int a = 0; a < 3; ++a) {
+      catalog.bounds[i].lower[a] = v.bounds_lower[a] - catalog.meta.padding;
+      catalog.bounds[i].upper[a] = v.bounds_upper[a] + catalog.meta.padding;
+    }
   }
   return {};
 }
@@ -180,6 +196,8 @@ Bytes EncodeDirectory(const std::vector<VoxelEntry>& voxels) {
     }
     out.Put(v.triangles);
     out.Put(v.next_in_chain);
+    out.PutVec3(v.bounds_lower);
+    out.PutVec3(v.bounds_upper);
   }
   return out.Take();
 }

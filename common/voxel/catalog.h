@@ -63,11 +63,12 @@ struct BlockEntry {
   bool operator==(const BlockEntry&) const = default;
 };
 
-/// One voxel as the directory knows it. Stored in 48 bytes; 24 * 2 + 8 in memory.
+/// One voxel as the directory knows it. Stored in 72 bytes.
 struct VoxelEntry {
   BlockEntry blocks[2];  ///< by BlockKind; shading follows hot in the file
   uint32_t triangles = 0;
-  uint32_t next_in_chain = kNoIndex;  ///< the next voxel of the same top-level leaf
+  uint32_t next_in_chain = kNoIndex;           ///< the next voxel of the same top-level leaf
+  glm::vec3 bounds_lower{0}, bounds_upper{0};  ///< of its triangles, whole
 
   bool operator==(const VoxelEntry&) const = default;
 };
@@ -85,11 +86,12 @@ struct Catalog {
   uint32_t top_node_count = 0;     ///< as stored, without headers
   std::vector<VoxelEntry> voxels;
   std::vector<uint32_t> next_in_chain;  ///< copied out of voxels, for the kernel
+  std::vector<VoxelBounds> bounds;      ///< likewise, grown by the padding
   std::vector<Material> materials;      ///< without names
 
   const BlockEntry& block(uint32_t block_id) const { return voxels[block_id / 2].blocks[block_id % 2]; }
   TopTree top_tree() const {
-    return {top_nodes.data(), next_in_chain.data(), meta.root_lower, meta.root_upper,
+    return {top_nodes.data(), next_in_chain.data(), bounds.data(), meta.root_lower, meta.root_upper,
             nullptr,          top_wide.data()};
   }
 };

@@ -208,14 +208,26 @@ Status StoreReader::VerifyVoxel(uint32_t voxel, uint64_t& end, BlockDecoder& dec
     if (entry.stored == 0) continue;
     QUARRY_ASSIGN(const Bytes stored, ReadBlock(id));
     Bytes decoded(entry.decoded);
-    const Status status = kind == BlockKind::kHot
-                              ? decoder.Hot(stored, decoded, catalog().meta.padding).map([](auto&&) {})
-                              : decoder.Shading(stored, decoded).map([](auto&&) {});
+    const Status status =
+        kind == BlockKind::kHot
+            ? decoder.Hot(stored, decoded, catalog().meta.padding).and_then([&](const VoxelGeometry& v) {
+                return CheckBounds(v, voxel);
+              })
+            : decoder.Shading(stored, decoded).map([](auto&&) {});
     if (!status)
       return Fail(
           fmt::format("{}: block {} at byte {}: {}", path(), id, entry.offset, status.error().message));
   }
   return {};
+}
+
+/// What the directory says of where a voxel lies is true.
+Status StoreReader::CheckBounds(const VoxelGeometry& geometry, uint32_t voxel) const {
+  const VoxelEntry& entry = catalog_.voxels[voxel];
+  Box box{geometry.vertices[0], geometry.vertices[0]};
+  for (uint32_t v = 1; v < geometry.vertex_count; ++v) box.Include(geometry.vertices[v]);
+  if (box.lower == entry.bounds_lower && box.upper == entry.bounds_upper) return {};
+  return Fail("its triangles lie elsewhere than the VDIR section says");
 }
 
 Status StoreReader::CheckBlocksEnd(uint64_t end) const {

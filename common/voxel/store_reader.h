@@ -69,6 +69,7 @@ class StoreReader {
   Status ReadSections(std::span<const std::byte> table, uint32_t count);
   Status DecodeNames(const std::vector<Section>& sections);
   Status VerifyVoxel(uint32_t voxel, uint64_t& end, BlockDecoder& decoder) const;
+  Status CheckBounds(const VoxelGeometry& geometry, uint32_t voxel) const;
   Status CheckBlocksEnd(uint64_t end) const;
   Status DecodeTextureSections(const std::vector<Section>& sections);
   Status VerifyTexture(uint32_t texture) const;

@@ -63,6 +63,12 @@ Bytes EncodeParts(const std::vector<std::string>& parts, std::string& strings) {
   return out.Take();
 }
 
+Box BoundsOf(std::span<const glm::vec3> points) {
+  Box box{points[0], points[0]};
+  for (const glm::vec3& p : points) box.Include(p);
+  return box;
+}
+
 /// What a logical content hash may see of the meta data: nothing that depends on the compressor.
 SceneMeta LogicalMeta(SceneMeta meta) {
   meta.largest_stored = 0;
@@ -87,6 +93,9 @@ EncodedVoxel EncodeVoxel(const HotVoxel& hot, const ShadingVoxel* shading) {
     voxel.shading_logical = Checksum(streams);
   }
   voxel.triangles = static_cast<uint32_t>(hot.triangle_ids.size());
+  const Box bounds = BoundsOf(hot.vertices);
+  voxel.bounds_lower = bounds.lower;
+  voxel.bounds_upper = bounds.upper;
   return voxel;
 }
 
@@ -122,6 +131,8 @@ Status StoreWriter::AddVoxel(const EncodedVoxel& voxel) {
   entry.blocks[1] = {file_.size() + voxel.hot.size(), static_cast<uint32_t>(voxel.shading.size()),
                      voxel.shading_decoded, voxel.shading.empty() ? 0 : Checksum(voxel.shading)};
   entry.triangles = voxel.triangles;
+  entry.bounds_lower = voxel.bounds_lower;
+  entry.bounds_upper = voxel.bounds_upper;
   if (voxel.chained) entry.next_in_chain = voxel_count() + 1;
   directory_.push_back(entry);
   logical_.push_back(voxel.hot_logical);

@@ -20,7 +20,8 @@ struct EncodedVoxel {
   uint32_t hot_decoded = 0, shading_decoded = 0;
   uint64_t hot_logical = 0, shading_logical = 0;  ///< checksums of the streams, for the scene id
   uint32_t triangles = 0;
-  bool chained = false;  ///< the next voxel written belongs to the same top-level leaf
+  glm::vec3 bounds_lower{0}, bounds_upper{0};  ///< of the triangles
+  bool chained = false;                        ///< the next voxel written belongs to the same top-level leaf
 };
 
 /// Encodes and compresses a voxel; `shading` null where there is none. Thread-safe.

@@ -22,6 +22,7 @@ class OneLevelScene {
   std::vector<WideNode> top_wide_, wide_;
   std::vector<uint32_t> references_, corners_, ids_;
   std::vector<glm::vec3> vertices_;
+  VoxelBounds bounds_;
   TopTree tree_;
   VoxelGeometryOf<uint32_t> geometry_;
 };

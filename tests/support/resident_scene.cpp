@@ -111,13 +111,14 @@ const SceneView& ResidentScene::view(Algorithm algorithm) {
   return *views_[which];
 }
 
-uint64_t TraceSuspending(const SceneView& view, TraceFunction trace, std::vector<RayPacket>& packets) {
+uint64_t TraceSuspending(const SceneView& view, std::span<const TraceFunction> traces,
+                         std::vector<RayPacket>& packets) {
   Granting granting{view, std::vector<bool>(view.voxels().size())};
   std::vector<uint64_t> active(packets.size(), ~uint64_t{0});
   for (uint32_t round = 0;; ++round) {
-    trace(view.top(), {Granting::Find, &granting}, packets.data(), active.data(),
-          static_cast<uint32_t>(packets.size()));
-    granting.granted.assign(view.voxels().size(), false);
+    traces[round % traces.size()](view.top(), {Granting::Find, &granting}, packets.data(), active.data(),
+                                  static_cast<uint32_t>(packets.size()));
+    if (traces.size() == 1) granting.granted.assign(view.voxels().size(), false);
     bool any = false;
     for (size_t p = 0; p < packets.size(); ++p) {
       active[p] = 0;

@@ -35,6 +35,7 @@ Catalog FourInARow() {
   catalog.top_wide = MakeWideTree(nodes, box, 0, [](const KdNode&, const Box& cell) { return cell; });
   catalog.voxels.resize(4);
   catalog.next_in_chain.assign(4, kNoIndex);
+  catalog.bounds.assign(4, {{-20, -10, -20}, {20, 30, 20}});
   return catalog;
 }
 

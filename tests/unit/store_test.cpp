@@ -156,6 +156,50 @@ TEST_CASE("Whoever reads a damaged block is told that another try is no use") {
   CHECK(bad->ReadBlock(1).has_value());
 }
 
+TEST_CASE("A store whose directory lies of where voxels are is found out") {
+  const Folder folder;
+  // What is wrong with a store of two voxels, of which the first was changed before it was written.
+  const auto fault = [&](auto change, std::vector<KdNode> top) {
+    auto writer = StoreWriter::Create(folder.file("s"));
+    REQUIRE(writer.has_value());
+    EncodedVoxel voxel = EncodeVoxel(MakeHot(), nullptr);
+    change(voxel);
+    REQUIRE(writer->AddVoxel(voxel).has_value());
+    REQUIRE(writer->AddVoxel(EncodeVoxel(MakeHot(), nullptr)).has_value());
+    REQUIRE(writer->Finish(MakeMeta(), top, MakeMaterials(), {"valve", "pump"}).has_value());
+    return FaultOf(folder.file("s"));
+  };
+  const std::vector<KdNode> leaf{KdNode::Leaf(0, 1)};
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  CHECK(fault([](EncodedVoxel&) {}, leaf).empty());
+  CHECK_THAT(fault([](EncodedVoxel& v) { v.bounds_upper.y = 0.5f; }, leaf),
+             Catch::Contains("lie elsewhere than the VDIR section says"));
+  CHECK_THAT(fault([](EncodedVoxel& v) { v.bounds_lower.x = 2; }, leaf),
+             Catch::Contains("lies where it cannot"));
+  CHECK_THAT(fault([](EncodedVoxel& v) { v.bounds_upper.z = 2; }, leaf),
+             Catch::Contains("lies where it cannot"));
+  CHECK_THAT(fault([&](EncodedVoxel& v) { v.bounds_lower.z = nan; }, leaf),
+             Catch::Contains("lies where it cannot"));
+  // In two leaves; and within another's chain.
+  const std::vector<KdNode> twice{KdNode::Inner(0, 0.5f, 1), KdNode::Leaf(0, 1), KdNode::Leaf(0, 1)},
+      within{KdNode::Inner(0, 0.5f, 1), KdNode::Leaf(0, 1), KdNode::Leaf(1, 1)};
+  CHECK(fault([](EncodedVoxel&) {}, within).empty());
+  CHECK_THAT(fault([](EncodedVoxel&) {}, twice), Catch::Contains("leads nowhere"));
+  CHECK_THAT(fault([](EncodedVoxel& v) { v.chained = true; }, within), Catch::Contains("leads nowhere"));
+}
+
+TEST_CASE("A hot block of nothing is refused") {
+  HotVoxel nothing;
+  nothing.cell = {glm::vec3(0), glm::vec3(1)};
+  nothing.nodes = {KdNode::Leaf(0, 0)};
+  nothing.node_slots = 4;
+  nothing.wide_nodes = 1;
+  const Bytes stored = CompressBlock(EncodeHot(nothing));
+  Bytes decoded(HotBytes(nothing.node_slots, nothing.wide_nodes, 0, 0, 0));
+  BlockDecoder decoder;
+  CHECK_FALSE(decoder.Hot(stored, decoded, 0).has_value());
+}
+
 TEST_CASE("Every byte of a store that is flipped is found") {
   const Folder folder;
   WriteStore(folder.file("s"));

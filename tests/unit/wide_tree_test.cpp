@@ -158,7 +158,9 @@ TEST_CASE("Every kernel follows rays through hundreds of levels") {
   const std::vector<KdNode> top = LayOutTreelets(std::vector{KdNode::Leaf(0, 1)}, kTreeletLevels, cell);
   const std::vector<WideNode> top_wide = MakeWideTree(top, cell, 0, CellItself);
   const uint32_t no_chain = kNoVoxel;
-  const TopTree tree{top.data(), &no_chain, cell.lower, cell.upper, nullptr, top_wide.data()};
+  const VoxelBounds bounds{{cell.lower.x, cell.lower.y, cell.lower.z},
+                           {cell.upper.x, cell.upper.y, cell.upper.z}};
+  const TopTree tree{top.data(), &no_chain, &bounds, cell.lower, cell.upper, nullptr, top_wide.data()};
   const VoxelFinder finder{[](void* v, uint32_t) { return static_cast<const VoxelGeometry*>(v); }, &voxel};
   std::vector<RayPacket> rays(1);
   for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
