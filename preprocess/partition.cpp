@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "common/math/next_float.h"
+#include "preprocess/pile.h"
 #include "preprocess/split.h"
 #include "preprocess/voxel_builder.h"
 
@@ -13,6 +14,16 @@ namespace quarry {
 namespace {
 
 constexpr float kEmptyFraction = 0.1f;  // of a voxel's extent: less empty space is not worth a node
+
+Result<std::vector<TriangleRecord>> Load(const SpillFile& file, uint64_t first, uint64_t last) {
+  std::vector<TriangleRecord> records;
+  records.reserve(last - first);
+  QUARRY_TRY(ForEachRecord(file, first, last, [&](const TriangleRecord& r) -> Status {
+    records.push_back(r);
+    return Status{};
+  }));
+  return records;
+}
 
 class Partitioner {
  public:
@@ -28,23 +39,27 @@ class Partitioner {
     KdSplitter splitter(triangles, options_.padding, region.cell, kPartitionCosts);
     splitter_ = &splitter;
     references_ = splitter.ReferencesIn(region.cell);
-    return Split(0, 0, region);
+    max_growth_ = MaxGrowthInRegion(references_.size(), max_triangles_);
+    return Split(0, 0, {region.cell, region.depth, 1});
   }
 
-  /// One voxel after the other, in a chain, straight from disk.
+  /// A pile too large for memory: as many triangles at a time as fit, as they lie in the file.
   Status ChainFile(const SpillFile& file, const Region& region, const Box& content) {
     Box cell = region.cell;
     tree.nodes[Trim(0, cell, content)] = KdNode::Leaf(tree.voxels, 1);
-    VoxelTask task;
-    uint64_t left = file.count();
-    return ForEachRecord(file, 0, left, [&](const TriangleRecord& r) -> Status {
-      task.triangles.push_back(r);
-      --left;
-      if (left > 0 && task.triangles.size() < max_triangles_) return Status{};
-      task.cell = cell;
-      task.chained = left > 0;
-      return Emit(std::exchange(task, {}));
-    });
+    for (uint64_t first = 0; first < file.count();) {
+      const uint64_t last = std::min(first + kMostInMemory, file.count());
+      QUARRY_ASSIGN(const std::vector<TriangleRecord> records, Load(file, first, last));
+      references_.clear();
+      for (uint32_t i = 0; i < records.size(); ++i) {
+        const Box box = records[i].PaddedBox(options_.padding);
+        references_.push_back(
+            {{box.lower.x, box.lower.y, box.lower.z}, i, {box.upper.x, box.upper.y, box.upper.z}, 0});
+      }
+      QUARRY_TRY(EmitPile(records, references_, cell, last < file.count()));
+      first = last;
+    }
+    return {};
   }
 
   TopSubtree tree;
@@ -60,7 +75,7 @@ class Partitioner {
     }
     const SplitPlane plane =
         count <= max_triangles_ ? SplitPlane{} : ChoosePlane(*splitter_, references, region.cell);
-    if (MustChain(plane, region.depth, region.growth)) return Chain(node, begin, region.cell);
+    if (IsPile(plane, region.depth, region.growth, max_growth_)) return Chain(node, begin, region.cell);
 
     const auto first = static_cast<uint32_t>(tree.nodes.size());
     tree.nodes[node] = KdNode::Inner(plane.axis, plane.position, first);
@@ -91,20 +106,27 @@ class Partitioner {
     return node;
   }
 
-  /// One voxel, or several in a chain for a pile that no plane parts.
+  /// One voxel, or several in a chain for a pile that no plane parts well.
   Status Chain(uint32_t node, size_t begin, Box cell) {
-    const std::span<const KdReference> references = std::span(references_).subspan(begin);
+    const std::span<KdReference> references = std::span(references_).subspan(begin);
     tree.nodes[Trim(node, cell, ContentOf(references, cell))] = KdNode::Leaf(tree.voxels, 1);
-    for (size_t i = 0; i < references.size(); i += max_triangles_) {
-      const size_t end = std::min<size_t>(i + max_triangles_, references.size());
+    QUARRY_TRY(EmitPile(*records_, references, cell, false));
+    references_.resize(begin);
+    return {};
+  }
+
+  /// The voxels of a pile, or, with `more` to come, of a part of it.
+  Status EmitPile(const std::vector<TriangleRecord>& records, std::span<KdReference> pile, const Box& cell,
+                  bool more) {
+    size_t first = 0;
+    for (const size_t end : PartPile(pile, cell, max_triangles_)) {
       VoxelTask task;
       task.cell = cell;
-      task.chained = end < references.size();
-      task.triangles.reserve(end - i);
-      for (size_t k = i; k < end; ++k) task.triangles.push_back((*records_)[references[k].triangle]);
+      task.chained = more || end < pile.size();
+      task.triangles.reserve(end - first);
+      for (; first < end; ++first) task.triangles.push_back(records[pile[first].triangle]);
       QUARRY_TRY(Emit(std::move(task)));
     }
-    references_.resize(begin);
     return {};
   }
 
@@ -116,20 +138,11 @@ class Partitioner {
   const PartitionOptions& options_;
   const std::function<Status(VoxelTask)>& emit_;
   const uint32_t max_triangles_;
+  double max_growth_ = 1;
   const std::vector<TriangleRecord>* records_ = nullptr;
   KdSplitter* splitter_ = nullptr;
   std::vector<KdReference> references_;  ///< of the nodes still to do, a stack
 };
-
-Result<std::vector<TriangleRecord>> Load(const SpillFile& file) {
-  std::vector<TriangleRecord> records;
-  records.reserve(file.count());
-  QUARRY_TRY(ForEachRecord(file, 0, file.count(), [&](const TriangleRecord& r) -> Status {
-    records.push_back(r);
-    return Status{};
-  }));
-  return records;
-}
 
 }  // namespace
 
@@ -145,7 +158,7 @@ Result<TopSubtree> PartitionFile(const SpillFile& triangles, const Region& regio
                                  const PartitionOptions& options,
                                  const std::function<Status(VoxelTask)>& emit) {
   if (triangles.count() <= kMostInMemory) {
-    QUARRY_ASSIGN(const std::vector<TriangleRecord> records, Load(triangles));
+    QUARRY_ASSIGN(const std::vector<TriangleRecord> records, Load(triangles, 0, triangles.count()));
     return PartitionInMemory(records, region, options, emit);
   }
   TriangleSample sample;

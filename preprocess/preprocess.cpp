@@ -13,6 +13,7 @@
 #include "common/base/resource.h"
 #include "common/base/version.h"
 #include "common/kdtree/triangle_test.h"
+#include "common/voxel/store_format.h"
 #include "common/voxel/voxel_block.h"
 #include "preprocess/file_identity.h"
 #include "preprocess/import/importer.h"
@@ -32,9 +33,9 @@ constexpr double kSecondsToNote = 1;  // work that may be lost is about this muc
 
 std::string Command(const PreprocessOptions& options) {
   std::string command =
-      fmt::format("version {}\nLZ4 {}\n--tmp {}\n--voxel-size {}\n--scale {}\n--up {}\n{}", kVersion,
-                  CompressorVersion(), options.tmp_folder, options.voxel_size, options.scale,
-                  options.up_axis == 1 ? "y" : "z", options.textures ? "" : "--no-textures\n");
+      fmt::format("version {}\nformat {}\nLZ4 {}\n--tmp {}\n--voxel-size {}\n--scale {}\n--up {}\n{}",
+                  kVersion, kStoreVersion, CompressorVersion(), options.tmp_folder, options.voxel_size,
+                  options.scale, options.up_axis == 1 ? "y" : "z", options.textures ? "" : "--no-textures\n");
   for (const auto& [model, p] : options.placements)
     command += fmt::format("--place {}={},{},{},{},{}\n", model, p.translation.x, p.translation.y,
                            p.translation.z, p.turn_degrees, p.scale);

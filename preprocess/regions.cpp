@@ -34,7 +34,7 @@ class RegionChooser {
     const SplitPlane plane = references.size() * weight_ <= kRegionTriangles
                                  ? SplitPlane{}
                                  : ChoosePlane(splitter_, references, region.cell);
-    if (MustChain(plane, region.depth, region.growth)) {
+    if (IsPile(plane, region.depth, region.growth, kMaxGrowthOfRegions)) {
       tree.nodes[node] = KdNode::Leaf(static_cast<uint32_t>(tree.regions.size()), 1);
       tree.regions.push_back(region);
       tree.leaves.push_back(node);

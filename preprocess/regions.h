@@ -37,7 +37,7 @@ inline constexpr uint64_t kPartedAtOnce = 8 << 20;
 
 /// Cuts `whole` into regions of about kRegionTriangles, by the planes that a kd-tree over a sample of its
 /// triangles would have, each standing for `weight` of them. One region, when no plane parts
-/// it usefully.
+/// it usefully, or planes would cut too many.
 RegionTree ChooseRegions(const std::vector<KdTriangle>& sample, uint64_t weight, float padding,
                          const Region& whole);
 

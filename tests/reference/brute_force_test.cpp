@@ -1,6 +1,9 @@
 // The hit that traversal finds is the hit by definition: least (t, id) over all triangles under the same
 // test, to the last bit, through many tiny voxels, with every voxel absent at first.
+#include <fmt/format.h>
+
 #include <bit>
+#include <utility>
 
 #include "tests/reference/scene_fixture.h"
 
@@ -96,35 +99,45 @@ void CompareAll(const LoadedScene& scene, uint32_t rays, const std::string& name
     hits += expected.back().triangle != kNoTriangle;
   }
   uint64_t differences = 0, refused = 0;
+  const auto compare = [&](const std::vector<RayPacket>& found, const std::vector<RayPacket>& occluded,
+                           const std::string& by) {
+    for (size_t i = 0; i < found.size() * RayPacket::kRays; ++i) {
+      const auto lane = static_cast<uint32_t>(i % RayPacket::kRays);
+      const Hit hit = found[i / RayPacket::kRays].HitOf(lane);
+      const Hit shadow = occluded[i / RayPacket::kRays].HitOf(lane);
+      const bool expect = expected[i].triangle != kNoTriangle && i % 2;
+      if (SameBits(hit, expected[i]) && (shadow.triangle != kNoTriangle) == expect) continue;
+      if (++differences < 5)
+        UNSCOPED_INFO(name << " ray " << i << " by " << by << ": brute force " << expected[i].triangle
+                           << " at " << expected[i].t << ", kernel " << hit.triangle << " at " << hit.t
+                           << ", occluded by " << shadow.triangle << ", expected " << expect);
+    }
+  };
+  // Suspended rays come again a dozen times each: a sixteenth of them.
+  const auto part = static_cast<std::ptrdiff_t>((count + 15) / 16);
+  std::vector<TraceFunction> all_closest, all_any;
   for (const Kernel& kernel : Kernels()) {
     const SceneView& view = scene.resident().view(kernel.algorithm);
-    for (bool suspending : {false, true}) {
-      // Suspended rays come again a dozen times each: a sixteenth of them.
-      const auto part = static_cast<std::ptrdiff_t>(suspending ? (count + 15) / 16 : count);
-      std::vector<RayPacket> found(closest.begin(), closest.begin() + part);
-      std::vector<RayPacket> occluded(any.begin(), any.begin() + part);
-      if (suspending) {
-        refused += TraceSuspending(view, kernel.closest, found) + TraceSuspending(view, kernel.any, occluded);
-      } else {
-        TraceAll(view, kernel.closest, found);
-        TraceAll(view, kernel.any, occluded);
-      }
-      for (size_t i = 0; i < found.size() * RayPacket::kRays; ++i) {
-        const auto lane = static_cast<uint32_t>(i % RayPacket::kRays);
-        const Hit hit = found[i / RayPacket::kRays].HitOf(lane);
-        const Hit shadow = occluded[i / RayPacket::kRays].HitOf(lane);
-        const bool expect = expected[i].triangle != kNoTriangle && i % 2;
-        if (SameBits(hit, expected[i]) && (shadow.triangle != kNoTriangle) == expect) continue;
-        if (++differences < 5)
-          UNSCOPED_INFO(name << " ray " << i << " by " << kernel.isa << " grouping "
-                             << static_cast<int>(kernel.grouping) << " algorithm "
-                             << static_cast<int>(kernel.algorithm) << " suspending " << suspending
-                             << ": brute force " << expected[i].triangle << " at " << expected[i].t
-                             << ", kernel " << hit.triangle << " at " << hit.t << ", occluded by "
-                             << shadow.triangle << ", expected " << expect);
-      }
-    }
+    const std::string by = fmt::format("{} grouping {} algorithm {}", kernel.isa,
+                                       static_cast<int>(kernel.grouping), static_cast<int>(kernel.algorithm));
+    std::vector<RayPacket> found = closest, occluded = any;
+    TraceAll(view, kernel.closest, found);
+    TraceAll(view, kernel.any, occluded);
+    compare(found, occluded, by);
+    found.assign(closest.begin(), closest.begin() + part);
+    occluded.assign(any.begin(), any.begin() + part);
+    refused += TraceSuspending(view, kernel.closest, found) + TraceSuspending(view, kernel.any, occluded);
+    compare(found, occluded, by + " suspending");
+    if (kernel.algorithm != Algorithm::kTreelets) continue;
+    all_closest.push_back(kernel.closest);
+    all_any.push_back(kernel.any);
   }
+  // A ray that has waited may be gone on with by another kernel.
+  const SceneView& view = scene.resident().view(Algorithm::kTreelets);
+  std::vector<RayPacket> found(closest.begin(), closest.begin() + part);
+  std::vector<RayPacket> occluded(any.begin(), any.begin() + part);
+  refused += TraceSuspending(view, all_closest, found) + TraceSuspending(view, all_any, occluded);
+  compare(found, occluded, "kernels in turn");
   WARN(name << ": " << scene.triangles().size() << " triangles, " << scene.voxels().size() << " voxels, "
             << expected.size() << " rays, " << hits << " hits, " << Kernels().size() << " kernels, "
             << refused << " voxels refused, " << differences << " differences");
@@ -155,7 +168,7 @@ TEST_CASE("Traversal agrees with brute force on slivers, piles and split planes"
   const TemporaryFolder folder;
   std::mt19937 random(7);
   const auto point = [&](float size) { return PointInBox(random, glm::vec3(-size), glm::vec3(size)); };
-  std::vector<glm::vec3> slivers, fan, boxes;
+  std::vector<glm::vec3> slivers, fan, boxes, bars;
   for (int i = 0; i < 700; ++i) {
     const glm::vec3 a = point(1), b = point(1);
     slivers.insert(slivers.end(), {a, b, a * 0.5f + b * 0.5f + point(1e-5f)});
@@ -176,9 +189,22 @@ TEST_CASE("Traversal agrees with brute force on slivers, piles and split planes"
     return scene.catalog();
   };
   compare("slivers", slivers, 32000);
-  const Catalog piled = compare("fan", fan, 32000);
-  CHECK(std::any_of(piled.voxels.begin(), piled.voxels.end(),
-                    [](const VoxelEntry& v) { return v.next_in_chain != kNoIndex; }));
+  // Bars that cross: every plane cuts half of them.
+  for (int i = 0; i < 240; ++i) {
+    const glm::vec3 at(0.02f * static_cast<float>(i), 0, 0.001f * static_cast<float>(i % 7));
+    const auto turned = [&](glm::vec3 p) { return i % 2 != 0 ? glm::vec3(p.y, p.x, p.z) : p; };
+    for (const glm::vec3 side : {glm::vec3(0.008f, 0, 0), glm::vec3(0, 0, 0.05f)}) {
+      const glm::vec3 a = turned(at), b = turned(at + side), c = turned(at + glm::vec3(0, 4.8f, 0)),
+                      d = turned(at + side + glm::vec3(0, 4.8f, 0));
+      bars.insert(bars.end(), {a, b, c, b, d, c});
+    }
+  }
+  for (const auto& [name, corners] : {std::pair("fan", fan), std::pair("bars", bars)}) {
+    const Catalog piled = compare(name, corners, 32000);
+    CHECK(std::any_of(piled.voxels.begin(), piled.voxels.end(),
+                      [](const VoxelEntry& v) { return v.next_in_chain != kNoIndex; }));
+    CHECK(piled.meta.stored_references < piled.meta.input_triangles * 3 / 2);
+  }
   compare("boxes", boxes, 32000);
   compare("single", {{0, 0, 0}, {1, 0, 0}, {0, 1, 0.5f}}, 16000);
 }
