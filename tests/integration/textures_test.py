@@ -187,10 +187,26 @@ class Textures(Case):
         self.must("quarry-preprocess", model, "-o", self.path("x.quarry"), "--plan", "--quiet", "--stats", self.path("plan.json"))
         plan = json.loads(pathlib.Path(self.path("plan.json")).read_text())
         self.assertEqual(list(self.folder.glob("quarry-images-*")), [])
-        texels = 2 * 1000 * 700 * 3 * 4 / 3
-        self.assertGreater(plan["texture_stored_bytes"], 0.2 * texels)
-        self.assertLess(plan["texture_stored_bytes"], texels)
+        self.assertGreater(plan["texture_stored_bytes"], 0)
         self.assertGreater(plan["store_bytes"], plan["texture_stored_bytes"])
+
+    def test_a_plan_samples_images(self):
+        """Some that shrink and some that do not: of the pages that come, what was planned within a fifth; one image cannot be read."""
+        materials = ""
+        for i in range(20):
+            image = noise(300, 200, i) if i % 3 == 0 else smooth(500, 100 + 20 * i)
+            if i == 7:
+                image = image[:len(image) // 2]
+            (self.folder / f"{i}.png").write_bytes(image)
+            materials += f"newmtl m{i}\nmap_Kd {i}.png\n"
+        (self.folder / "m.mtl").write_text(materials)
+        model = self.folder / "m.obj"
+        model.write_text("mtllib m.mtl\n" + SQUARE + "".join(f"usemtl m{i}\nf 1/1 2/2 3/3\n" for i in range(20)))
+        told = {}
+        for name, more in (("plan", ["--plan"]), ("made", [])):
+            self.must("quarry-preprocess", model, "-o", self.path("x.quarry"), "--quiet", "--stats", self.path(name), *more)
+            told[name] = json.loads(pathlib.Path(self.path(name)).read_text())["texture_stored_bytes"]
+        self.assertLess(abs(told["plan"] / told["made"] - 1), 0.2, told)
 
     def test_a_real_model(self):
         model = SCENES / "sibenik/sibenik.obj"
