@@ -5,15 +5,12 @@
 #include <algorithm>
 #include <utility>
 
-#include "common/math/next_float.h"
 #include "preprocess/pile.h"
 #include "preprocess/split.h"
 #include "preprocess/voxel_builder.h"
 
 namespace quarry {
 namespace {
-
-constexpr float kEmptyFraction = 0.1f;  // of a voxel's extent: less empty space is not worth a node
 
 Result<std::vector<TriangleRecord>> Load(const SpillFile& file, uint64_t first, uint64_t last) {
   std::vector<TriangleRecord> records;
@@ -46,7 +43,7 @@ class Partitioner {
   /// A pile too large for memory: as many triangles at a time as fit, as they lie in the file.
   Status ChainFile(const SpillFile& file, const Region& region, const Box& content) {
     Box cell = region.cell;
-    tree.nodes[Trim(0, cell, content)] = KdNode::Leaf(tree.voxels, 1);
+    tree.nodes[CutOffEmptySpace(tree.nodes, 0, cell, content)] = KdNode::Leaf(tree.voxels, 1);
     for (uint64_t first = 0; first < file.count();) {
       const uint64_t last = std::min(first + kMostInMemory, file.count());
       QUARRY_ASSIGN(const std::vector<TriangleRecord> records, Load(file, first, last));
@@ -87,29 +84,11 @@ class Partitioner {
     return Split(first + 1, begin, {child.cell[1], region.depth + 1, growth});
   }
 
-  /// Cuts off the empty space around the content, so that rays that pass through it need no voxel: `cell`
-  /// becomes what is left. Returns the node that is left.
-  uint32_t Trim(uint32_t node, Box& cell, const Box& content) {
-    for (int face = 0; face < 6; ++face) {
-      const int axis = face / 2;
-      const bool upper = face % 2 != 0;
-      const float gap =
-          upper ? cell.upper[axis] - content.upper[axis] : content.lower[axis] - cell.lower[axis];
-      if (!(gap > kEmptyFraction * cell.extent(axis))) continue;
-      const float plane = upper ? NextAbove(content.upper[axis]) : NextBelow(content.lower[axis]);
-      const auto first = static_cast<uint32_t>(tree.nodes.size());
-      tree.nodes[node] = KdNode::Inner(axis, plane, first);
-      tree.nodes.resize(first + 2);  // empty leaves
-      node = first + (upper ? 0 : 1);
-      (upper ? cell.upper : cell.lower)[axis] = plane;
-    }
-    return node;
-  }
-
   /// One voxel, or several in a chain for a pile that no plane parts well.
   Status Chain(uint32_t node, size_t begin, Box cell) {
     const std::span<KdReference> references = std::span(references_).subspan(begin);
-    tree.nodes[Trim(node, cell, ContentOf(references, cell))] = KdNode::Leaf(tree.voxels, 1);
+    tree.nodes[CutOffEmptySpace(tree.nodes, node, cell, ContentOf(references, cell))] =
+        KdNode::Leaf(tree.voxels, 1);
     QUARRY_TRY(EmitPile(*records_, references, cell, false));
     references_.resize(begin);
     return {};
@@ -167,7 +146,7 @@ Result<TopSubtree> PartitionFile(const SpillFile& triangles, const Region& regio
     return Status{};
   }));
   const uint64_t weight = sample.weight();
-  const RegionTree parts = ChooseRegions(sample.TakeTriangles(), weight, options.padding, region);
+  RegionTree parts = ChooseRegions(sample.TakeTriangles(), weight, options.padding, region);
   if (parts.regions.size() == 1) {
     Partitioner partitioner(options, emit);
     QUARRY_TRY(partitioner.ChainFile(triangles, region, content));
@@ -177,6 +156,7 @@ Result<TopSubtree> PartitionFile(const SpillFile& triangles, const Region& regio
                                                      options.memory, 0, {}, {}));
   QUARRY_TRY(files.Add(triangles, 0, triangles.count(), options.padding, [](uint64_t) {}));
   QUARRY_TRY(files.FinishWriting());
+  CutOffEmptySpace(files.contents(), region.cell, parts);
   TopSubtree tree{parts.nodes, 0};
   PartitionOptions inner = options;
   for (size_t i = 0; i < parts.regions.size(); ++i) {

@@ -18,6 +18,7 @@
 #include "preprocess/file_identity.h"
 #include "preprocess/import/importer.h"
 #include "preprocess/partition.h"
+#include "preprocess/regions.h"
 #include "preprocess/spill_sink.h"
 #include "preprocess/split.h"
 #include "preprocess/voxel_builder.h"
@@ -312,6 +313,7 @@ class Build {
     }
     progress_.End();
     scene_.triangles->Remove();
+    CutOffEmptySpace(files_->contents(), whole_.cell, tree_);
     return files_->FinishWriting();
   }
 

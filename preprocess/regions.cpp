@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstring>
 #include <future>
+#include <utility>
 
 #include "preprocess/split.h"
 
@@ -61,6 +62,48 @@ class RegionChooser {
 RegionTree ChooseRegions(const std::vector<KdTriangle>& sample, uint64_t weight, float padding,
                          const Region& whole) {
   return std::move(RegionChooser(sample, weight, padding, whole).tree);
+}
+
+void CutOffEmptySpace(const std::vector<Box>& contents, const Box& whole, RegionTree& tree) {
+  const std::vector<KdNode> before = std::exchange(tree.nodes, {KdNode{}});
+  // Children lie beyond their parents.
+  std::vector<Box> content(before.size(), EmptyBox());
+  for (size_t i = before.size(); i-- > 0;) {
+    const KdNode& n = before[i];
+    if (n.is_leaf()) {
+      if (n.count() != 0) content[i] = contents[n.first()];
+      continue;
+    }
+    for (const Box& side : {content[n.left()], content[n.left() + 1]}) {
+      if (!(side.lower.x <= side.upper.x)) continue;
+      content[i].Include(side.lower);
+      content[i].Include(side.upper);
+    }
+  }
+  struct Visit {
+    uint32_t from, to;
+    Box cell;
+  };
+  std::vector<Visit> visits{{0, 0, whole}};
+  while (!visits.empty()) {
+    Visit v = visits.back();
+    visits.pop_back();
+    const KdNode& n = before[v.from];
+    if (content[v.from].lower.x <= content[v.from].upper.x)
+      v.to = CutOffEmptySpace(tree.nodes, v.to, v.cell, content[v.from]);
+    if (n.is_leaf()) {
+      tree.nodes[v.to] = n;
+      tree.leaves[n.first()] = v.to;
+      tree.regions[n.first()].cell = v.cell;
+      continue;
+    }
+    const auto first = static_cast<uint32_t>(tree.nodes.size());
+    tree.nodes[v.to] = KdNode::Inner(n.axis(), n.split(), first);
+    tree.nodes.resize(first + 2);
+    const SplitCells child(v.cell, {n.axis(), n.split()});
+    visits.push_back({n.left() + 1, first + 1, child.cell[1]});
+    visits.push_back({n.left(), first, child.cell[0]});
+  }
 }
 
 Result<RegionFiles> RegionFiles::Open(const RegionTree& tree, const std::string& prefix, size_t record_bytes,

@@ -41,6 +41,10 @@ inline constexpr uint64_t kPartedAtOnce = 8 << 20;
 RegionTree ChooseRegions(const std::vector<KdTriangle>& sample, uint64_t weight, float padding,
                          const Region& whole);
 
+/// Cuts off the empty space around regions, and groups of them, whose triangles lie in `contents` (EmptyBox()
+/// where there are none): the sample did not know of it. `whole` is the root's cell.
+void CutOffEmptySpace(const std::vector<Box>& contents, const Box& whole, RegionTree& tree);
+
 /// Triangles handed out to the regions that their padded boxes touch, on disk: all regions at once, so that
 /// every triangle is read and written once whatever the size of the model. Not thread-safe.
 class RegionFiles {

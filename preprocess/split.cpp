@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <limits>
 
+#include "common/math/next_float.h"
+
 namespace quarry {
 namespace {
 
@@ -109,6 +111,22 @@ SplitPlane ChoosePlane(const KdSplitter& splitter, std::span<const KdReference> 
   SplitHistogram histogram(ContentOf(references, cell));
   for (const KdReference& r : references) histogram.Add(BoxOf(r));
   return histogram.Choose(cell);
+}
+
+uint32_t CutOffEmptySpace(std::vector<KdNode>& nodes, uint32_t node, Box& cell, const Box& content) {
+  for (int face = 0; face < 6; ++face) {
+    const int axis = face / 2;
+    const bool upper = face % 2 != 0;
+    const float gap = upper ? cell.upper[axis] - content.upper[axis] : content.lower[axis] - cell.lower[axis];
+    if (!(gap > kEmptyFraction * cell.extent(axis))) continue;
+    const float plane = upper ? NextAbove(content.upper[axis]) : NextBelow(content.lower[axis]);
+    const auto first = static_cast<uint32_t>(nodes.size());
+    nodes[node] = KdNode::Inner(axis, plane, first);
+    nodes.resize(first + 2);  // empty leaves
+    node = first + (upper ? 0 : 1);
+    (upper ? cell.upper : cell.lower)[axis] = plane;
+  }
+  return node;
 }
 
 Box ContentOf(std::span<const KdReference> references, const Box& cell) {

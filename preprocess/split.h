@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <glm/common.hpp>
 #include <span>
+#include <vector>
 
 #include "common/kdtree/build.h"
 #include "common/kdtree/ray.h"
@@ -75,6 +76,11 @@ inline void IncludeClipped(const Box& box, const Box& cell, Box& content) {
 
 /// Bounds of the boxes of `references`, clipped to `cell`.
 Box ContentOf(std::span<const KdReference> references, const Box& cell);
+
+/// Cuts off the empty space around `content`, so that rays that pass through it need no voxel: `cell`, that
+/// of `node`, becomes what is left. Nodes are added at the end of `nodes`; returns the one that is left, to
+/// be set.
+uint32_t CutOffEmptySpace(std::vector<KdNode>& nodes, uint32_t node, Box& cell, const Box& content);
 
 /// The two halves of a cell.
 struct SplitCells {

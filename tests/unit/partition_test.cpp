@@ -6,11 +6,13 @@
 #include <catch2/catch.hpp>
 #include <cstring>
 #include <filesystem>
+#include <glm/vector_relational.hpp>
 #include <random>
 
 #include "common/kdtree/prune.h"
 #include "preprocess/paged_file.h"
 #include "preprocess/sample.h"
+#include "preprocess/split.h"
 #include "preprocess/voxel_builder.h"
 
 namespace quarry {
@@ -95,6 +97,45 @@ TEST_CASE("A sample is the same whatever the order") {
     return std::pair(taken.size(), sum);
   };
   CHECK(sizes(false) == sizes(true));
+}
+
+TEST_CASE("Empty space around regions and groups of them is cut off, and nothing else") {
+  // Four regions in a row along x; the two at the end hold little, the second nothing.
+  const Box whole{glm::vec3(0), glm::vec3(8, 8, 8)};
+  RegionTree tree;
+  tree.nodes = {KdNode::Inner(0, 4, 1), KdNode::Inner(0, 2, 3), KdNode::Inner(0, 6, 5), KdNode::Leaf(0, 1),
+                KdNode::Leaf(1, 1),     KdNode::Leaf(2, 1),     KdNode::Leaf(3, 1)};
+  tree.leaves = {3, 4, 5, 6};
+  for (float x : {0.0f, 2.0f, 4.0f, 6.0f})
+    tree.regions.push_back({{glm::vec3(x, 0, 0), glm::vec3(x + 2, 8, 8)}});
+  const std::vector<Box> contents{
+      {glm::vec3(0), glm::vec3(2, 8, 8)}, EmptyBox(), {{4.1f, 1, 2}, {6, 2, 3}}, {{6, 1, 2}, {6.5f, 2, 3}}};
+  CutOffEmptySpace(contents, whole, tree);
+  std::mt19937 random(5);
+  const auto within = [](const Box& box, const glm::vec3& p) {
+    return glm::all(glm::lessThanEqual(box.lower, p)) && glm::all(glm::lessThanEqual(p, box.upper));
+  };
+  size_t wrong = 0, empty = 0;
+  for (int i = 0; i < 10000; ++i) {
+    const glm::vec3 p = 8.0f * 0x1p-32f * glm::vec3(random(), random(), random());
+    uint32_t node = 0;
+    while (!tree.nodes[node].is_leaf()) {
+      const KdNode& n = tree.nodes[node];
+      node = n.left() + (p[n.axis()] > n.split() ? 1 : 0);
+    }
+    const KdNode& leaf = tree.nodes[node];
+    const auto at =
+        std::find_if(contents.begin(), contents.end(), [&](const Box& b) { return within(b, p); });
+    if (leaf.count() == 0) {
+      ++empty;
+      wrong += at != contents.end();
+    } else {
+      wrong += tree.leaves[leaf.first()] != node || !within(tree.regions[leaf.first()].cell, p);
+      wrong += at != contents.end() && at - contents.begin() != leaf.first();
+    }
+  }
+  CHECK(wrong == 0);
+  CHECK(empty > 4900);  // most of the right half
 }
 
 TEST_CASE("Regions hold every triangle that touches their cells, in order, and go on where they were left") {
