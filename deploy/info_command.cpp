@@ -18,11 +18,13 @@ struct Totals {
 
 Totals Sum(const StoreReader& store) {
   Totals t;
+  bool in_chain = false;  // with the voxel before
   for (const VoxelEntry& v : store.catalog().voxels) {
     t.hot_decoded += v.blocks[0].decoded;
     t.shading_decoded += v.blocks[1].decoded;
     t.stored += v.blocks[0].stored + v.blocks[1].stored;
-    t.chained += v.next_in_chain != kNoIndex;
+    t.chained += in_chain || v.next_in_chain != kNoIndex;
+    in_chain = v.next_in_chain != kNoIndex;
   }
   for (const Texture& texture : store.textures()) {
     t.pages += texture.pages.size();

@@ -31,6 +31,13 @@ struct Box {
   }
 };
 
+/// The least box around `points`, of which there are some.
+inline Box BoundsOf(std::span<const glm::vec3> points) {
+  Box box{points[0], points[0]};
+  for (const glm::vec3& p : points) box.Include(p);
+  return box;
+}
+
 /// A triangle to build a tree over.
 struct KdTriangle {
   glm::vec3 vertices[3];

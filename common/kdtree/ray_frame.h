@@ -57,18 +57,26 @@ QUARRY_HOST_DEVICE inline RayFrame<ScalarLane> MakeRayFrame(const Ray& ray) {
   return MakeRayFrame<ScalarLane>(origin, direction);
 }
 
+/// The part of [t_enter, t_exit] between the planes of a box; `t_of(plane, axis)` is where rays meet a plane.
+template <class L, class PlaneT>
+QUARRY_HOST_DEVICE inline void ClipToSlabs(const float (&lower)[3], const float (&upper)[3], PlaneT t_of,
+                                           typename L::Float& t_enter, typename L::Float& t_exit) {
+  for (int a = 0; a < 3; ++a) {
+    const auto t0 = t_of(lower[a], a);
+    const auto t1 = t_of(upper[a], a);
+    t_enter = L::Max(t_enter, L::Min(t0, t1));
+    t_exit = L::Min(t_exit, L::Max(t0, t1));
+  }
+}
+
 /// The part [t_enter, t_exit] of the rays that lies in a box; empty (t_enter > t_exit) for those that miss.
 /// Rounding is taken care of by the padding of the scene's box.
 template <class L>
 QUARRY_HOST_DEVICE inline void ClipToBox(const RayFrame<L>& ray, const float (&lower)[3],
                                          const float (&upper)[3], typename L::Float& t_enter,
                                          typename L::Float& t_exit) {
-  for (int a = 0; a < 3; ++a) {
-    const auto t0 = (L::Set(lower[a]) - ray.origin[a]) * ray.reciprocal[a];
-    const auto t1 = (L::Set(upper[a]) - ray.origin[a]) * ray.reciprocal[a];
-    t_enter = L::Max(t_enter, L::Min(t0, t1));
-    t_exit = L::Min(t_exit, L::Max(t0, t1));
-  }
+  const auto t_of = [&](float plane, int a) { return (L::Set(plane) - ray.origin[a]) * ray.reciprocal[a]; };
+  ClipToSlabs<L>(lower, upper, t_of, t_enter, t_exit);
 }
 
 /// Which of the rays come to a box between t_enter and t_exit.

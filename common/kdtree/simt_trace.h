@@ -310,12 +310,8 @@ class SimtTracer {
   /// Whether the ray comes to a voxel within the present top-level leaf, before its hit.
   QUARRY_HOST_DEVICE static bool Meets(const Group& g, uint32_t i, const VoxelBounds& bounds) {
     float enter = g.top_t[i], exit = ScalarLane::Min(g.top_exit[i], g.hit_t[i]);
-    for (uint32_t a = 0; a < 3; ++a) {
-      const float t0 = (bounds.lower[a] - g.origin[a][i]) * g.reciprocal[a][i];
-      const float t1 = (bounds.upper[a] - g.origin[a][i]) * g.reciprocal[a][i];
-      enter = ScalarLane::Max(enter, ScalarLane::Min(t0, t1));
-      exit = ScalarLane::Min(exit, ScalarLane::Max(t0, t1));
-    }
+    const auto t_of = [&](float plane, int a) { return (plane - g.origin[a][i]) * g.reciprocal[a][i]; };
+    ClipToSlabs<ScalarLane>(bounds.lower, bounds.upper, t_of, enter, exit);
     return enter <= exit;
   }
 

@@ -349,12 +349,8 @@ class WideTracer {
   /// Whether the ray comes to a voxel within the present top-level leaf, before its hit.
   QUARRY_HOST_DEVICE static bool Meets(const Slot& s, const VoxelBounds& bounds) {
     float enter = s.top_t, exit = ScalarLane::Min(s.top_exit, s.best.t);
-    for (uint32_t a = 0; a < 3; ++a) {
-      const float t0 = ScalarLane::Fma(bounds.lower[a], s.reciprocal[a], s.shift[a]);
-      const float t1 = ScalarLane::Fma(bounds.upper[a], s.reciprocal[a], s.shift[a]);
-      enter = ScalarLane::Max(enter, ScalarLane::Min(t0, t1));
-      exit = ScalarLane::Min(exit, ScalarLane::Max(t0, t1));
-    }
+    const auto t_of = [&](float plane, int a) { return ScalarLane::Fma(plane, s.reciprocal[a], s.shift[a]); };
+    ClipToSlabs<ScalarLane>(bounds.lower, bounds.upper, t_of, enter, exit);
     return enter <= exit;
   }
 

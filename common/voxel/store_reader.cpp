@@ -224,8 +224,7 @@ Status StoreReader::VerifyVoxel(uint32_t voxel, uint64_t& end, BlockDecoder& dec
 /// What the directory says of where a voxel lies is true.
 Status StoreReader::CheckBounds(const VoxelGeometry& geometry, uint32_t voxel) const {
   const VoxelEntry& entry = catalog_.voxels[voxel];
-  Box box{geometry.vertices[0], geometry.vertices[0]};
-  for (uint32_t v = 1; v < geometry.vertex_count; ++v) box.Include(geometry.vertices[v]);
+  const Box box = BoundsOf({geometry.vertices, geometry.vertex_count});
   if (box.lower == entry.bounds_lower && box.upper == entry.bounds_upper) return {};
   return Fail("its triangles lie elsewhere than the VDIR section says");
 }

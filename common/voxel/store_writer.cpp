@@ -63,12 +63,6 @@ Bytes EncodeParts(const std::vector<std::string>& parts, std::string& strings) {
   return out.Take();
 }
 
-Box BoundsOf(std::span<const glm::vec3> points) {
-  Box box{points[0], points[0]};
-  for (const glm::vec3& p : points) box.Include(p);
-  return box;
-}
-
 /// What a logical content hash may see of the meta data: nothing that depends on the compressor.
 SceneMeta LogicalMeta(SceneMeta meta) {
   meta.largest_stored = 0;

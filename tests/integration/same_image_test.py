@@ -16,6 +16,30 @@ VIEW = ["--mode", "whitted", "--size", "512x384", "--eye", "6,6,14", "--at", "30
         "--aov", "depth,normal,uv,primitive,material,part,voxel"]
 
 
+def write_ply(path, vertices, faces):
+    with open(path, "wb") as out:
+        out.write(f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\nproperty float x\n"
+                  f"property float y\nproperty float z\nelement face {len(faces)}\n"
+                  "property list uchar int vertex_indices\nend_header\n".encode())
+        out.write(b"".join(struct.pack("<3f", *v) for v in vertices))
+        out.write(b"".join(struct.pack("<B3i", 3, *f) for f in faces))
+
+
+def crossing_bars(bars, layers):
+    """Square bars of 1 x 1 x `bars`, every other place empty, each layer across the one below."""
+    vertices, faces = [], []
+    for layer in range(layers):
+        for bar in range(bars // 2):
+            first = len(vertices)
+            for corner in range(8):
+                along, across, up = corner & 1, corner >> 1 & 1, corner >> 2
+                x, y = along * bars, 2 * bar + across
+                vertices.append((x, y, layer + up) if layer % 2 == 0 else (y, x, layer + up))
+            for a, b, c, d in ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5)):
+                faces += [(first + a, first + b, first + c), (first + a, first + c, first + d)]
+    return vertices, faces
+
+
 class SameImage(Case):
     def render(self, name, *arguments):
         output = self.path(name + ".exr")
@@ -77,6 +101,24 @@ class SameImage(Case):
         self.assertEqual(pathlib.Path(output).read_bytes(), reference)
 
 
+class PilesOfVoxels(Case):
+    def test_crossing_bars_at_a_cache_of_one_block(self):
+        """Layers of crossing bars, in chains of voxels whose boxes overlap: rays wait for one after the other, within one leaf."""
+        model, scene = self.path("bars.ply"), self.path("bars.quarry")
+        write_ply(model, *crossing_bars(400, 4))
+        self.must("quarry-preprocess", model, "-o", scene, "--voxel-size", "8K", "--quiet")
+        info = self.info(scene)
+        self.assertGreater(info["chained_voxels"], 20)
+        images = set()
+        for threads, cache in ((1, info["hot_decoded_bytes"]), (1, info["largest_decoded_bytes"]), (2, info["largest_decoded_bytes"])):
+            image = self.path("bars.exr")
+            self.must("quarry", "render", scene, "-o", image, "--quiet", "--mode", "whitted", "--size", "256x192", "--eye", "-90,-60,90",
+                      "--at", "200,200,0", "--aov", "depth,primitive", "--workers", 1, "--threads", threads, "--cache", cache)
+            images.add(pathlib.Path(image).read_bytes())
+        self.assertEqual(len(images), 1)
+        self.assertGreater(len(images.pop()), 50000)
+
+
 class SameStore(Case):
     def test_memory_and_threads_do_not_change_the_store(self):
         model = self.path("m.ply")
@@ -88,12 +130,7 @@ class SameStore(Case):
         vertices = [(0, 0, 0), (3, 2, 1), (1, 3, 2), (90, 90, 90), (91, 90, 90), (90, 91, 91)]
         faces = [(0, 1, 2)] * 200000 + [(3, 4, 5)] * 5
         model = self.path("pile.ply")
-        with open(model, "wb") as out:
-            out.write(f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\nproperty float x\n"
-                      f"property float y\nproperty float z\nelement face {len(faces)}\n"
-                      "property list uchar int vertex_indices\nend_header\n".encode())
-            out.write(b"".join(struct.pack("<3f", *v) for v in vertices))
-            out.write(b"".join(struct.pack("<B3i", 3, *f) for f in faces))
+        write_ply(model, vertices, faces)
         self.expect_one_store(model)
 
     def expect_one_store(self, model):

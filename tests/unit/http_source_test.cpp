@@ -5,95 +5,26 @@
 #include <atomic>
 #include <boost/asio/io_context.hpp>
 #include <catch2/catch.hpp>
-#include <cstdlib>
-#include <fstream>
+#include <memory>
 #include <mutex>
-#include <optional>
 #include <utility>
 
 #include "common/voxel/store_format.h"
 #include "tests/support/fault_server.h"
-#include "tests/support/nginx.h"
-#include "tests/support/small_store.h"
-#include "tests/support/temporary_folder.h"
+#include "tests/support/http_fetches.h"
 
 namespace quarry {
 namespace {
 
 using Catch::Matchers::Contains;
+using test::CheckAllBlocks;
 using test::FaultServer;
-using test::Nginx;
+using test::FetchAll;
+using test::FetchOne;
+using test::Location;
+using test::Patient;
+using Scene = test::ServedScene;
 using Then = FaultServer::Then;
-
-std::string ReadFile(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
-
-HttpLocation Location(const std::string& url) {
-  auto location = ParseHttpLocation(url, "the address");
-  REQUIRE(location.has_value());
-  return *location;
-}
-
-/// A store on disk, and its bytes for servers made up here.
-struct Scene {
-  explicit Scene(uint32_t voxels = 8, uint32_t seed = 1) {
-    test::WriteSmallStore(path, voxels, seed);
-    auto opened = StoreReader::Open(path);
-    REQUIRE(opened.has_value());
-    store.emplace(std::move(*opened));
-    bytes = ReadFile(path);
-  }
-  const Catalog& catalog() const { return store->catalog(); }
-
-  test::TemporaryFolder folder;
-  std::string path = folder.file("scene.quarry");
-  std::optional<StoreReader> store;
-  std::string bytes;
-};
-
-/// Short limits, so that tests of servers that fall silent are done soon.
-HttpOptions Patient(double seconds = 60) {
-  HttpOptions options;
-  options.connect_s = options.first_byte_s = options.stall_s = seconds;
-  return options;
-}
-
-/// Fetches `blocks` at once, and runs until each is there.
-std::vector<Result<Bytes>> FetchAll(boost::asio::io_context& io, VoxelSource& source,
-                                    const std::vector<uint32_t>& blocks) {
-  std::vector<std::optional<Result<Bytes>>> got(blocks.size());
-  for (size_t i = 0; i < blocks.size(); ++i)
-    source.Fetch(blocks[i], [&got, i](Result<Bytes> bytes) {
-      REQUIRE(!got[i]);
-      got[i] = std::move(bytes);
-    });
-  io.restart();
-  io.run();
-  std::vector<Result<Bytes>> results;
-  for (auto& g : got) {
-    REQUIRE(g);
-    results.push_back(std::move(*g));
-  }
-  return results;
-}
-
-Result<Bytes> FetchOne(boost::asio::io_context& io, VoxelSource& source, uint32_t block) {
-  return FetchAll(io, source, {block})[0];
-}
-
-/// Every block through `source` is what the store's reader reads.
-void CheckAllBlocks(boost::asio::io_context& io, VoxelSource& source, const StoreReader& store) {
-  const auto blocks = test::BlocksOf(store.catalog());
-  REQUIRE(!blocks.empty());
-  const auto got = FetchAll(io, source, blocks);
-  for (size_t i = 0; i < blocks.size(); ++i) {
-    INFO("block " << blocks[i] << (got[i] ? "" : ": " + got[i].error().message));
-    REQUIRE(got[i].has_value());
-    REQUIRE(*got[i] == store.ReadBlock(blocks[i]).value());
-  }
-}
 
 /// The error of fetching block 0 from a server that answers the requests for blocks with `fault`, and those
 /// of the check rightly.
@@ -117,12 +48,6 @@ Error FaultOfBlock(
 
 Error FaultOfBlock(const std::string& answer, Then then = Then::kKeep, double seconds = 60) {
   return FaultOfBlock([&](const auto&, const auto&) { return FaultServer::Answer{answer, then}; }, seconds);
-}
-
-bool SkippedWithoutNginx() {
-  if (!Nginx::Program().empty()) return false;
-  WARN("skipped: nginx is not installed (deploy/install installs nginx-light)");
-  return true;
 }
 
 }  // namespace
@@ -474,93 +399,6 @@ TEST_CASE("Blocks that the catalog lacks are errors, and a source that ends call
   io.restart();
   io.run();
   CHECK(called == 1);
-}
-
-TEST_CASE("Every block comes through nginx as it is in the store") {
-  if (SkippedWithoutNginx()) return;
-  const Scene scene(60);
-  const auto nginx =
-      Nginx::Start(scene.folder.file("nginx"), scene.folder.path(),
-                   "location /closing/ { alias " + scene.folder.path() +
-                       "/; keepalive_requests 3; }\n"
-                       "location /protected/ { alias " +
-                       scene.folder.path() +
-                       "/;\n"
-                       "  if ($http_authorization != \"Bearer secret-of-the-test\") { return 403; } }\n"
-                       "location /whole/ { alias " +
-                       scene.folder.path() + "/; max_ranges 0; }\n");
-  REQUIRE(nginx.has_value());
-  const std::string base = fmt::format("http://127.0.0.1:{}", (*nginx)->port());
-  boost::asio::io_context io;
-  {
-    HttpVoxelSource source(io, Location(base + "/scene.quarry"), scene.catalog(), Patient());
-    CheckAllBlocks(io, source, *scene.store);
-    CHECK(source.counters().http.connections <= HttpOptions().connections);
-  }
-  {
-    HttpVoxelSource source(io, Location(base + "/closing/scene.quarry"), scene.catalog(), Patient());
-    CheckAllBlocks(io, source, *scene.store);
-  }
-  const auto fault = [&](const std::string& path, HttpOptions options = Patient()) {
-    HttpVoxelSource source(io, Location(base + path), scene.catalog(), std::move(options));
-    const auto got = FetchOne(io, source, 0);
-    REQUIRE(!got.has_value());
-    CHECK(got.error().permanent);
-    return got.error().message;
-  };
-  CHECK_THAT(fault("/none.quarry"), Contains("/none.quarry: answers 404 Not Found"));
-  CHECK_THAT(fault("/whole/scene.quarry"), Contains("does not serve ranges"));
-  CHECK_THAT(fault("/protected/scene.quarry"), Contains("403 Forbidden"));
-  HttpOptions options = Patient();
-  options.headers = {{"Authorization", "Bearer wrong-token"}};
-  CHECK_THAT(fault("/protected/scene.quarry", options), Contains("403") && !Contains("wrong-token"));
-  options.headers = {{"Authorization", "Bearer secret-of-the-test"}};
-  HttpVoxelSource source(io, Location(base + "/protected/scene.quarry"), scene.catalog(), options);
-  CheckAllBlocks(io, source, *scene.store);
-}
-
-TEST_CASE("Blocks come by https from a server whose certificate is believed, and from no other") {
-  if (SkippedWithoutNginx()) return;
-  if (std::system("openssl version >/dev/null 2>&1") != 0) {
-    WARN("skipped: the openssl program is not installed");
-    return;
-  }
-  const Scene scene(30);
-  const std::string pem = scene.folder.file("server.pem"), certificate = scene.folder.file("certificate.pem");
-  REQUIRE(std::system(
-              fmt::format("cd {} && openssl req -x509 -newkey rsa:2048 -nodes -days 2 -subj /CN=localhost "
-                          "-addext subjectAltName=DNS:localhost -keyout key.pem -out certificate.pem "
-                          "2>/dev/null && cat certificate.pem key.pem > server.pem",
-                          scene.folder.path())
-                  .c_str()) == 0);
-  const auto nginx = Nginx::Start(scene.folder.file("nginx"), scene.folder.path(), "", pem);
-  REQUIRE(nginx.has_value());
-  const auto url = [&](const std::string& host) {
-    return Location(fmt::format("https://{}:{}/scene.quarry", host, (*nginx)->port()));
-  };
-  boost::asio::io_context io;
-  HttpOptions options = Patient();
-  options.tls_ca = certificate;
-  {
-    HttpVoxelSource source(io, url("localhost"), scene.catalog(), options);
-    CheckAllBlocks(io, source, *scene.store);
-    CHECK(source.counters().http.connections <= options.connections);
-  }
-  const auto fault = [&](const HttpLocation& location, const HttpOptions& how) {
-    HttpVoxelSource source(io, location, scene.catalog(), how);
-    const auto got = FetchOne(io, source, 0);
-    REQUIRE(!got.has_value());
-    CHECK(got.error().permanent);
-    return got.error().message;
-  };
-  CHECK_THAT(fault(url("127.0.0.1"), options), Contains("not for 127.0.0.1"));
-  CHECK_THAT(fault(url("localhost"), Patient()), Contains("not believed"));
-  options.tls_ca = scene.folder.file("none.pem");
-  CHECK_THAT(fault(url("localhost"), options), Contains("none.pem"));
-  // Plain HTTP to the same port is told by nginx, and is no TLS.
-  HttpLocation plain = url("localhost");
-  plain.tls = false;
-  CHECK_THAT(fault(plain, Patient()), Contains("400 Bad Request"));
 }
 
 }  // namespace quarry

@@ -1,0 +1,123 @@
+#pragma once
+
+#include <fmt/format.h>
+
+#include <boost/asio/io_context.hpp>
+#include <catch2/catch.hpp>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "common/net/disk_cache.h"
+#include "tests/support/small_store.h"
+#include "tests/support/temporary_folder.h"
+
+namespace quarry::test {
+
+inline constexpr uint64_t kPlenty = 1 << 30;  ///< bytes of a cache that never evicts
+
+/// A small store, and the blocks that it has.
+struct CacheScene {
+  explicit CacheScene(uint32_t voxels = 20, uint32_t seed = 1) {
+    WriteSmallStore(folder.file("s"), voxels, seed);
+    auto opened = StoreReader::Open(folder.file("s"));
+    REQUIRE(opened.has_value());
+    store.emplace(std::move(*opened));
+    blocks = BlocksOf(catalog());
+  }
+  const Catalog& catalog() const { return store->catalog(); }
+  const SceneId& id() const { return catalog().id; }
+
+  TemporaryFolder folder;
+  std::optional<StoreReader> store;
+  std::vector<uint32_t> blocks;
+};
+
+/// The store itself, counting; or a sentence when `fault` is set, or bytes that are not the block's.
+struct CountingSource final : VoxelSource {
+  explicit CountingSource(const StoreReader& s) : store(s) {}
+  void Fetch(uint32_t block, Done done) override {
+    ++fetched;
+    if (fault) return done(Fail("the test's fault"));
+    if (wrong) return done(Bytes(store.catalog().block(block).stored));
+    done(store.ReadBlock(block));
+  }
+  const StoreReader& store;
+  uint64_t fetched = 0;
+  bool fault = false, wrong = false;
+};
+
+/// A cached source over a folder of its own or another's, for as long as it lives.
+struct Cached {
+  Cached(const CacheScene& s, const std::string& folder, uint64_t budget = kPlenty)
+      : scene(s),
+        inner(*s.store),
+        source(std::in_place, io, inner, DiskCacheLocation{folder, budget}, s.catalog(),
+               [this](const std::string& line) { log.push_back(line); }) {}
+
+  Result<Bytes> Fetch(uint32_t block) {
+    std::optional<Result<Bytes>> got;
+    const auto here = std::this_thread::get_id();
+    source->Fetch(block, [&](Result<Bytes> bytes) {
+      CHECK(std::this_thread::get_id() == here);
+      REQUIRE(!got);
+      got = std::move(bytes);
+    });
+    io.restart();
+    io.run();
+    REQUIRE(got);
+    return std::move(*got);
+  }
+
+  /// Fetches all blocks, each after the other, and checks them.
+  void FetchAll() {
+    for (const uint32_t block : scene.blocks) {
+      const auto got = Fetch(block);
+      REQUIRE(got.has_value());
+      REQUIRE(*got == scene.store->ReadBlock(block).value());
+    }
+  }
+
+  /// What it came to, all that was queued written.
+  DiskCachedSource::Counters End() {
+    source->Close();
+    return source->counters();
+  }
+
+  const CacheScene& scene;
+  boost::asio::io_context io;
+  CountingSource inner;
+  std::vector<std::string> log;
+  std::optional<DiskCachedSource> source;
+};
+
+inline std::string PathOf(const CacheScene& scene, const std::string& folder, uint32_t block) {
+  return fmt::format("{}/{}/{}", folder, FormatSceneId(scene.id()), block);
+}
+
+/// Blocks in the folder, over all scenes, and their bytes in whole blocks of the disk.
+struct Held {
+  uint64_t files = 0, bytes = 0, writers = 0, other = 0;
+};
+inline Held HeldBy(const std::string& folder) {
+  Held held;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
+    const std::string name = entry.path().filename().string(),
+                      parent = entry.path().parent_path().filename().string();
+    if (name.starts_with("writer-") && entry.is_directory()) ++held.writers;
+    if (!entry.is_regular_file() || name.ends_with(".lock")) continue;
+    if (parent.size() == 32) {
+      ++held.files;
+      held.bytes += (entry.file_size() + 4095) / 4096 * 4096;
+    } else {
+      ++held.other;
+    }
+  }
+  return held;
+}
+
+}  // namespace quarry::test
