@@ -1,6 +1,9 @@
 #include "preprocess/plan_textures.h"
 
+#include <algorithm>
+#include <filesystem>
 #include <optional>
+#include <system_error>
 #include <vector>
 
 #include "common/voxel/store_writer.h"
@@ -19,8 +22,16 @@ constexpr uint32_t kEncodedPages = 4;        // one in so many is encoded
 
 struct Sized {
   const TextureImage* image;
-  double bytes;  ///< of texels of its own level
+  double bytes;          ///< of texels of its own level
+  double file_part = 0;  ///< bytes of its file, over those
 };
+
+double FileBytes(const TextureImage& image) {
+  if (image.size != TextureImage::kToTheEnd) return static_cast<double>(image.size);
+  std::error_code none;
+  const uintmax_t bytes = std::filesystem::file_size(image.file, none);
+  return none ? 0 : static_cast<double>(bytes);
+}
 
 /// Bytes of pages, over those of their texels. None: it cannot be decoded. Errors: see
 /// ImageDecoder::is_fatal.
@@ -55,9 +66,12 @@ Result<std::optional<double>> MeasureRatio(ImageDecoder& decoder, const TextureI
 }
 
 /// Those that are decoded of images that together have `bytes`, and how much each stands for: all, or, of
-/// more than kSamples, one wherever so many bytes are passed, so that the chance of each is its share.
-std::vector<Sized> Sample(const std::vector<Sized>& images, double bytes) {
+/// more than kSamples, in the order of how much their files shrink them, one wherever so many bytes are
+/// passed: so that the chance of each is its share, and every kind has its own.
+std::vector<Sized> Sample(std::vector<Sized> images, double bytes) {
   if (images.size() <= kSamples) return images;
+  std::stable_sort(images.begin(), images.end(),
+                   [](const Sized& a, const Sized& b) { return a.file_part < b.file_part; });
   const double each = bytes / kSamples;
   std::vector<Sized> sample;
   double passed = 0, next = each / 2;
@@ -65,7 +79,7 @@ std::vector<Sized> Sample(const std::vector<Sized>& images, double bytes) {
     passed += i.bytes;
     double stands_for = 0;
     for (; next < passed; next += each) stands_for += each;
-    if (stands_for > 0) sample.push_back({i.image, stands_for});
+    if (stands_for > 0) sample.push_back({i.image, stands_for, i.file_part});
   }
   return sample;
 }
@@ -82,8 +96,9 @@ Result<PlannedTextures> PlanTextures(const PreprocessOptions& options, ImageList
     if (!facts && decoder.is_fatal()) return tl::unexpected<Error>(facts.error());
     if (!facts) continue;
     const TexelLayout layout = RowConverter(*facts, image.color, image.pick).layout();
-    sized.push_back({&image, static_cast<double>(layout.width) * layout.height * layout.texel_bytes()});
-    bytes += sized.back().bytes;
+    const double texels = static_cast<double>(layout.width) * layout.height * layout.texel_bytes();
+    sized.push_back({&image, texels, FileBytes(image) / texels});
+    bytes += texels;
   }
   double stored = 0, measured = 0;
   for (const Sized& sample : Sample(sized, bytes)) {
