@@ -13,9 +13,8 @@ namespace quarry {
 namespace {
 
 constexpr uint64_t kRoutedAtOnce = 64 << 10;
-// What is empty to a sample is full of triangles that jut out a little beyond those sampled: nothing is cut
-// off.
-constexpr SahCosts kSampleCosts{.empty_bonus = kInfinity, .duplicate = kPartitionCosts.duplicate};
+// Triangles jut out a little beyond those sampled: planes do not keep to these.
+constexpr SahCosts kSampleCosts{.duplicate = kPartitionCosts.duplicate, .sampled = true};
 
 class RegionChooser {
  public:

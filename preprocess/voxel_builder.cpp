@@ -68,8 +68,8 @@ uint32_t MaxTrianglesPerVoxel(uint32_t voxel_size) {
 namespace {
 
 constexpr uint16_t kUnseen = 0xFFFF;
-// Steps: a quarter of the bytes goes for a fiftieth of the SAH cost, see common/kdtree/README.md.
-constexpr float kByteWorth = 0.02f;
+// Steps: a fifth of the bytes goes for a fiftieth of the SAH cost, see common/kdtree/README.md.
+constexpr float kByteWorth = 0.015f;
 
 struct VoxelTree {
   KdTree tree;

@@ -148,7 +148,8 @@ std::vector<KdReference> KdSplitter::ReferencesIn(const Box& cell) const {
 }
 
 KdSplit KdSplitter::Best(const Box& cell, std::span<const KdReference> references) const {
-  return references.size() <= kExactUpTo ? BestExact(cell, references) : BestBinned(cell, references);
+  const bool exact = references.size() <= kExactUpTo && !costs_.sampled;
+  return exact ? BestExact(cell, references) : BestBinned(cell, references);
 }
 
 size_t KdSplitter::Divide(std::vector<KdReference>& references, size_t begin, const Box& cell,
@@ -222,13 +223,15 @@ KdSplit KdSplitter::BestBinned(const Box& cell, std::span<const KdReference> ref
     best_position = less ? position : best_position;
   };
   // Planes at the very ends of what is there cut off empty space exactly.
-  Float4 below{}, above{};
-  for (int axis = 0; axis < 3; ++axis) {
-    below[axis] = NextBelow(lowest[axis]);
-    above[axis] = NextAbove(highest[axis]);
+  if (!costs_.sampled) {
+    Float4 below{}, above{};
+    for (int axis = 0; axis < 3; ++axis) {
+      below[axis] = NextBelow(lowest[axis]);
+      above[axis] = NextAbove(highest[axis]);
+    }
+    consider(below, Int4{}, Int4{} + count);
+    consider(above, Int4{} + count, Int4{});
   }
-  consider(below, Int4{}, Int4{} + count);
-  consider(above, Int4{} + count, Int4{});
   Int4 left{}, right = Int4{} + count;
   for (size_t b = 0; b + 1 < kBins; ++b) {
     left += std::bit_cast<Int4>(starts[b]);
@@ -238,7 +241,7 @@ KdSplit KdSplitter::BestBinned(const Box& cell, std::span<const KdReference> ref
   KdSplit best;
   for (int axis = 0; axis < 3; ++axis)
     if (least[axis] < best.cost) best = {least[axis], best_position[axis], axis};
-  return best.axis < 0 ? best : Shifted(cell, references, best);
+  return best.axis < 0 || costs_.sampled ? best : Shifted(cell, references, best);
 }
 
 /// The split moved to the nearest box end on either side, if that is cheaper: between box ends the cost is
