@@ -158,7 +158,7 @@ int main(int argc, char** argv) {
     if (status) return 0;
     fmt::print(stderr, "{}\n", status.error().message);
   } catch (const std::bad_alloc&) {
-    fmt::print(stderr, "{}: needs more than --memory: Assimp holds a model whole\n", argv[1]);
+    fmt::print(stderr, "{}: needs more than --memory: Assimp holds a model whole, in up to 50 times its bytes\n", argv[1]);
   } catch (const std::exception& e) {
     fmt::print(stderr, "{}: Assimp cannot read it: {}\n", argv[1], e.what());
   }

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <filesystem>
+#include <system_error>
 
 #include "preprocess/import/formats.h"
 #include "preprocess/import/text_number.h"
@@ -35,6 +36,17 @@ Import ChooseFormat(ModelReader& bytes, std::filesystem::path path) {
   return LooksLikeObj(bytes) ? ImportObj : nullptr;
 }
 
+/// Told beforehand, where it may not do: what Assimp needs.
+void WarnOfMemory(const std::string& path, uint64_t memory, ModelSink& sink) {
+  std::error_code none;
+  const uintmax_t bytes = std::filesystem::file_size(path, none);
+  if (none || bytes <= memory / kForeignBytesPerByte) return;
+  sink.Warn(
+      fmt::format("{}: is read by Assimp, which holds a model whole: in up to {} times its bytes, {} MiB; it "
+                  "may take {} MiB",
+                  path, kForeignBytesPerByte, (bytes * kForeignBytesPerByte) >> 20, memory >> 20));
+}
+
 }  // namespace
 
 Status ImportModel(const std::string& path, ModelSink& sink, const ForeignFormats& foreign) {
@@ -48,6 +60,7 @@ Status ImportModel(const std::string& path, ModelSink& sink, const ForeignFormat
                             bytes.path()));
   QUARRY_TRY(sink.BeginFile(name));
   if (import == nullptr) {
+    WarnOfMemory(path, foreign.memory, sink);
     QUARRY_ASSIGN(const ForeignModel converted, ForeignModel::Convert(path, foreign));
     QUARRY_ASSIGN(ModelReader ply, ModelReader::Open(converted.ply()));
     QUARRY_TRY(ImportPly(ply, sink));

@@ -123,8 +123,9 @@ class Foreign(Case):
         quads = "".join(NODE % (f"n{i}", "part", f"{i} 0 0") for i in range(400000))
         (self.folder / "big.dae").write_text(DAE % quads)
         del quads
-        self.must_fail(1, "big.dae: needs more than --memory|big.dae: Assimp", "quarry-preprocess", self.folder / "big.dae", "-o",
-                       self.path("x.quarry"), "--quiet", "--memory", "64M")
+        refused = self.must_fail(1, "big.dae: needs more than --memory|big.dae: Assimp", "quarry-preprocess", self.folder / "big.dae", "-o",
+                                 self.path("x.quarry"), "--memory", "64M")
+        self.assertRegex(refused.stderr, r"big.dae: is read by Assimp, which holds a model whole: in up to 50 times its bytes, \d+ MiB; it may take 64 MiB")
         (self.folder / "big.dae").unlink()
         self.assertEqual(sorted(p.name for p in self.folder.iterdir()), ["a.txt", "cut.dae", "junk.fbx", "two.dae", "two.quarry"])
 
