@@ -6,7 +6,6 @@
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
 #include <fmt/format.h>
-#include <sys/resource.h>
 
 #include <assimp/Importer.hpp>
 #include <cstdlib>
@@ -15,14 +14,16 @@
 #include <new>
 #include <vector>
 
+#include "common/base/address_space.h"
 #include "common/base/cleanup.h"
 #include "common/base/file.h"
 #include "common/scene/material_json.h"
+#include "preprocess/import/foreign.h"
 
 namespace quarry {
 namespace {
 
-constexpr rlim_t kOwnBytes = 512u << 20;  // libraries, stacks, buffers
+constexpr uint64_t kOwnBytes = 512u << 20;  // libraries, stacks, buffers
 
 /// A mesh where a node puts it.
 struct Placed {
@@ -122,9 +123,8 @@ Status WritePly(const std::vector<Placed>& placed, const std::string& path) {
   return file.Commit();
 }
 
-Status Run(const std::string& model, const std::string& out, rlim_t memory) {
-  const rlimit limit{memory + kOwnBytes, memory + kOwnBytes};
-  ::setrlimit(RLIMIT_AS, &limit);
+Status Run(const std::string& model, const std::string& out, uint64_t memory) {
+  LimitAddressSpace(kOwnBytes + memory);
   Assimp::Importer importer;
   const aiScene* scene = importer.ReadFile(
       model, aiProcess_Triangulate | aiProcess_SortByPType | aiProcess_JoinIdenticalVertices);
@@ -158,7 +158,9 @@ int main(int argc, char** argv) {
     if (status) return 0;
     fmt::print(stderr, "{}\n", status.error().message);
   } catch (const std::bad_alloc&) {
-    fmt::print(stderr, "{}: needs more than --memory: Assimp holds a model whole, in up to 50 times its bytes\n", argv[1]);
+    fmt::print(stderr,
+               "{}: needs more than --memory: Assimp holds a model whole, in up to {} times its bytes\n",
+               argv[1], quarry::kForeignBytesPerByte);
   } catch (const std::exception& e) {
     fmt::print(stderr, "{}: Assimp cannot read it: {}\n", argv[1], e.what());
   }

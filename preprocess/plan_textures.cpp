@@ -79,7 +79,7 @@ std::vector<Sized> Sample(std::vector<Sized> images, double bytes) {
     passed += i.bytes;
     double stands_for = 0;
     for (; next < passed; next += each) stands_for += each;
-    if (stands_for > 0) sample.push_back({i.image, stands_for, i.file_part});
+    if (stands_for > 0) sample.push_back({i.image, stands_for});
   }
   return sample;
 }

@@ -36,13 +36,14 @@ inline constexpr uint64_t kMostInMemory = 256 << 10;
 inline constexpr uint64_t kPartedAtOnce = 8 << 20;
 
 /// Cuts `whole` into regions of about kRegionTriangles, by the planes that a kd-tree over a sample of its
-/// triangles would have, each standing for `weight` of them. One region, when no plane parts
+/// triangles would have, each standing for `weight` of them; if that is more than 1, at borders of bins,
+/// since the others reach beyond those of the sample. One region, when no plane parts
 /// it usefully, or planes would cut too many.
 RegionTree ChooseRegions(const std::vector<KdTriangle>& sample, uint64_t weight, float padding,
                          const Region& whole);
 
 /// Cuts off the empty space around regions, and groups of them, whose triangles lie in `contents` (EmptyBox()
-/// where there are none): the sample did not know of it. `whole` is the root's cell.
+/// where there are none): the sample knew of some of it at most. `whole` is the root's cell.
 void CutOffEmptySpace(const std::vector<Box>& contents, const Box& whole, RegionTree& tree);
 
 /// Triangles handed out to the regions that their padded boxes touch, on disk: all regions at once, so that

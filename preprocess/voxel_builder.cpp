@@ -68,7 +68,7 @@ uint32_t MaxTrianglesPerVoxel(uint32_t voxel_size) {
 namespace {
 
 constexpr uint16_t kUnseen = 0xFFFF;
-// Steps: a fifth of the bytes goes for a fiftieth of the SAH cost, see common/kdtree/README.md.
+// Steps: a quarter of the bytes goes for a sixtieth of the SAH cost, see common/kdtree/README.md.
 constexpr float kByteWorth = 0.015f;
 
 struct VoxelTree {

@@ -49,7 +49,7 @@ struct SahCosts {
   float empty_bonus = 0.8f;  ///< a split that cuts off an empty child costs this fraction
   float duplicate = 0;       ///< a split that puts all triangles on both sides costs more by this factor
   float byte = 0;            ///< what a byte of the tree is worth, see ByteWorth
-  bool sampled = false;  ///< the triangles are some of many: planes do not keep to the ends of their boxes
+  bool sampled = false;      ///< the triangles are some of many: planes lie at bin borders, not at box ends
 };
 
 /// The SAH cost, times area, that a byte must save in a tree of so many triangles: `costs.byte` traversal

@@ -14,8 +14,8 @@ struct ForeignFormats {
   uint64_t memory = 0;  ///< bytes that it may take
 };
 
-/// Memory that Assimp takes, over a file's bytes, at most of those measured: COLLADA, X, PLY and OBJ
-/// (preprocess/README.md).
+/// Memory that Assimp takes, over a file's bytes: the most of COLLADA, X, PLY and OBJ as measured
+/// (preprocess/README.md). What is packed within itself may take more.
 inline constexpr uint64_t kForeignBytesPerByte = 50;
 
 /// A model as PLY with its materials beside it, in files that go with the object.

@@ -6,15 +6,14 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <malloc.h>
-#include <sys/resource.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cstdlib>
-#include <fstream>
 #include <new>
 #include <string>
 
+#include "common/base/address_space.h"
 #include "common/base/bytes.h"
 #include "common/base/cleanup.h"
 #include "common/base/descriptor.h"
@@ -26,13 +25,6 @@ namespace {
 
 /// Of what OpenImageIO takes for any image: a buffer of 64 MB, of which it touches a row.
 constexpr uint64_t kOwnBytes = 96u << 20;
-
-/// What the address space holds already.
-uint64_t VirtualBytes() {
-  uint64_t pages = 0;
-  std::ifstream("/proc/self/statm") >> pages;
-  return pages * static_cast<uint64_t>(::sysconf(_SC_PAGESIZE));
-}
 
 void Send(int fd, ImageMessage kind, std::span<const std::byte> bytes) {
   ByteWriter header;
@@ -91,9 +83,7 @@ int Main(uint64_t memory) {
   ::dup2(nowhere, 2);
   ::mallopt(M_ARENA_MAX, 1);  // each takes 128 MB of address space
   PrepareDecoding();          // what it loads counts as the program's own
-  const uint64_t most = VirtualBytes() + kOwnBytes + memory;
-  const rlimit limit{most, most};
-  ::setrlimit(RLIMIT_AS, &limit);
+  LimitAddressSpace(kOwnBytes + memory);
   for (;;) {
     std::byte header[kImageHeaderBytes];
     if (!ReadAll(0, header)) return 0;

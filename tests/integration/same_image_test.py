@@ -132,6 +132,8 @@ class SameStore(Case):
         model = self.path("pile.ply")
         write_ply(model, vertices, faces)
         self.expect_one_store(model)
+        info = self.info(self.path("s-1G-2.quarry"))
+        self.assertEqual(info["chained_voxels"], info["voxels"] - 1)  # all but that of those beside it
 
     def expect_one_store(self, model):
         stores = []

@@ -6,11 +6,12 @@
 
 #include <boost/asio/io_context.hpp>
 #include <catch2/catch.hpp>
+#include <cerrno>
 #include <chrono>
 #include <filesystem>
 #include <fstream>
 #include <thread>
-#include <utility>
+#include <vector>
 
 #include "common/net/cache_folder.h"
 #include "common/net/disk_cache.h"

@@ -3,17 +3,14 @@
 #include <fcntl.h>
 #include <sys/stat.h>
 
-#include <boost/asio/io_context.hpp>
-#include <boost/asio/post.hpp>
 #include <catch2/catch.hpp>
 #include <chrono>
 #include <filesystem>
 #include <fstream>
-#include <optional>
+#include <limits>
 #include <utility>
 
 #include "common/net/cache_folder.h"
-#include "common/net/file_source.h"
 #include "tests/support/cached_store.h"
 
 namespace quarry {

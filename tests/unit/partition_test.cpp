@@ -4,10 +4,12 @@
 
 #include <algorithm>
 #include <catch2/catch.hpp>
+#include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <glm/vector_relational.hpp>
 #include <random>
+#include <tuple>
 
 #include "common/kdtree/prune.h"
 #include "preprocess/paged_file.h"
@@ -136,6 +138,52 @@ TEST_CASE("Empty space around regions and groups of them is cut off, and nothing
   }
   CHECK(wrong == 0);
   CHECK(empty > 4900);  // most of the right half
+}
+
+TEST_CASE("Planes chosen from a sample lie at borders of bins, and part it into regions") {
+  constexpr uint64_t kWeight = 1024;
+  std::vector<TriangleRecord> spread = Triangles(8000, 0.02f), clusters = spread, outlier = spread,
+                              flat = spread;
+  for (uint32_t i = 0; i < spread.size(); ++i)
+    for (glm::vec3& v : clusters[i].vertices) v = v * 0.2f + glm::vec3(i % 2 == 0 ? 0.0f : 0.7f);
+  for (uint32_t i = 1; i < spread.size(); ++i)
+    for (glm::vec3& v : outlier[i].vertices) v *= 0.01f;
+  for (TriangleRecord& r : flat)
+    for (glm::vec3& v : r.vertices) v.z = 0.5f;
+  for (const auto& [name, records, bins] :
+       {std::tuple("spread", spread, true), std::tuple("clusters", clusters, true),
+        std::tuple("outlier", outlier, false), std::tuple("flat", flat, false)}) {
+    INFO(name);
+    const RegionTree tree = ChooseRegions(Vertices(records), kWeight, kPadding, kCube);
+    CHECK(tree.regions.size() > records.size() * kWeight / kRegionTriangles);
+    CHECK(tree.regions.size() < 200);
+    size_t beside_borders = 0;
+    const auto walk = [&](const auto& self, uint32_t at, const Box& cell) -> void {
+      const KdNode n = tree.nodes[at];
+      if (n.is_leaf()) {
+        const Region& region = tree.regions[n.first()];
+        CHECK((region.cell.lower == cell.lower && region.cell.upper == cell.upper));
+        CHECK(region.depth <= kMaxTopDepth);
+        uint64_t inside = 0;
+        for (const TriangleRecord& r : records) {
+          const Box box = r.PaddedBox(kPadding);
+          inside += glm::all(glm::lessThanEqual(box.lower, cell.upper)) &&
+                    glm::all(glm::lessThanEqual(cell.lower, box.upper));
+        }
+        CHECK(inside * kWeight <=
+              kRegionTriangles + kRegionTriangles / 4);  // boxes reach a little further than triangles
+        return;
+      }
+      REQUIRE((n.split() > cell.lower[n.axis()] && n.split() < cell.upper[n.axis()]));
+      const float place = (n.split() - cell.lower[n.axis()]) / cell.extent(n.axis()) * 32;
+      beside_borders += std::fabs(place - std::round(place)) > 1e-3f;
+      const SplitCells child(cell, {n.axis(), n.split()});
+      self(self, n.left(), child.cell[0]);
+      self(self, n.left() + 1, child.cell[1]);
+    };
+    walk(walk, 0, kCube.cell);
+    if (bins) CHECK(beside_borders == 0);
+  }
 }
 
 TEST_CASE("Regions hold every triangle that touches their cells, in order, and go on where they were left") {
