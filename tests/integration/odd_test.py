@@ -2,9 +2,10 @@
 import os
 import pathlib
 import subprocess
+import threading
 import unittest
 
-from programs import BIN, PATIENCE, Case
+from programs import BIN, PATIENCE, TIMEOUT_S, Case
 
 ODD = pathlib.Path(__file__).parents[3] / "shared/scenes/odd"
 MODELS = {".ply", ".obj", ".stl", ".off", ".gltf", ".glb", ".3mf", ".amf"}
@@ -21,9 +22,12 @@ class Odd(Case):
             with self.subTest(model=str(model.relative_to(ODD))):
                 run = subprocess.Popen([BIN / "quarry-preprocess", model, "-o", self.path("x.quarry"), "--memory", "128M", "--quiet"],
                                        stderr=subprocess.PIPE, text=True)
+                hangs = threading.Timer(TIMEOUT_S, run.kill)
+                hangs.start()
                 told = run.stderr.read()
                 _, status, used = os.wait4(run.pid, 0)
                 run.returncode = os.waitstatus_to_exitcode(status)
+                hangs.cancel()
                 run.stderr.close()
                 self.assertIn(run.returncode, (0, 1), told)
                 self.assertEqual(pathlib.Path(self.path("x.quarry")).exists(), run.returncode == 0)
