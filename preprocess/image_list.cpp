@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include "common/voxel/texture_shape.h"
-#include "preprocess/file_identity.h"
+#include "preprocess/import/file_identity.h"
 #include "preprocess/saved_tables.h"
 
 namespace quarry {

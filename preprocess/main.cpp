@@ -201,6 +201,10 @@ int Main(int argc, char** argv) {
                  "up axis, moved");
   app.add_option("--stats", stats, "Write statistics as JSON to this file");
   app.add_flag("!--no-textures", options.textures, "Leave out the images that materials name");
+  app.add_option("--checkpoint", options.checkpoint_seconds,
+                 "Seconds of work, about, that are done again by --resume after a kill")
+      ->check(CLI::Range(0.0, 86400.0))
+      ->capture_default_str();
   app.add_flag("--resume", options.resume, "Go on with what an earlier run of the same command has left");
   app.add_flag("--plan", plan, "Only tell triangles, disk, memory and time, and whether the disk has room");
   app.add_flag("--quiet", options.quiet, "Print errors only");

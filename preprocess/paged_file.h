@@ -4,6 +4,7 @@
 #include <span>
 #include <vector>
 
+#include "common/base/bytes.h"
 #include "preprocess/spill_file.h"
 
 namespace quarry {
@@ -17,8 +18,13 @@ class PagedFile {
   static constexpr uint32_t kPageElements = 4096;
   static constexpr uint32_t kSlots = 256;
 
-  /// `folder` must exist. Errors: cannot create.
-  static Result<PagedFile> Create(const std::string& folder, size_t element_bytes);
+  /// In the file `path`, which is made or emptied. Errors: cannot create.
+  static Result<PagedFile> Create(const std::string& path, size_t element_bytes);
+  /// One that goes on where Save was called, with the same pages in memory. Errors: the file is shorter than
+  /// it was then; what was saved cannot be read.
+  static Result<PagedFile> Restore(const std::string& path, size_t element_bytes, ByteReader& saved);
+  /// Makes what was appended outlast a loss of power, and appends what Restore needs to `out`.
+  Status Save(ByteWriter& out);
 
   uint64_t count() const { return count_; }
   /// Errors: disk full.
@@ -33,8 +39,10 @@ class PagedFile {
   }
   /// Brings the page of `index` to memory, in place of one not used lately. Requires: index < count().
   Status Load(uint32_t index);
-  /// No more is appended: after this the file may be read. Frees all pages.
-  Result<SpillFile> Finish() &&;
+  /// No more is appended: frees all pages. After this file() may be read.
+  Status FinishWriting();
+  const SpillFile& file() const { return file_; }
+  SpillFile TakeFile() && { return std::move(file_); }
 
  private:
   static constexpr uint32_t kNone = 0xFFFFFFFFu;
@@ -44,6 +52,7 @@ class PagedFile {
     bool used = false;
   };
   explicit PagedFile(SpillFile file) : file_(std::move(file)) {}
+  Status Fill(Slot& slot) const;
   uint32_t FreeSlot();
   void Place(uint32_t page);
 

@@ -15,7 +15,7 @@
 #include "common/kdtree/triangle_test.h"
 #include "common/voxel/store_format.h"
 #include "common/voxel/voxel_block.h"
-#include "preprocess/file_identity.h"
+#include "preprocess/import/file_identity.h"
 #include "preprocess/import/importer.h"
 #include "preprocess/partition.h"
 #include "preprocess/regions.h"
@@ -30,13 +30,14 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr double kSecondsToNote = 1;  // work that may be lost is about this much, or one unit
+/// Of notes, and of whatever a result depends on that no option says.
+constexpr int kJournalVersion = 2;
 
 std::string Command(const PreprocessOptions& options) {
-  std::string command =
-      fmt::format("version {}\nformat {}\nLZ4 {}\n--tmp {}\n--voxel-size {}\n--scale {}\n--up {}\n{}",
-                  kVersion, kStoreVersion, CompressorVersion(), options.tmp_folder, options.voxel_size,
-                  options.scale, options.up_axis == 1 ? "y" : "z", options.textures ? "" : "--no-textures\n");
+  std::string command = fmt::format(
+      "version {}\nformat {}\njournal {}\nLZ4 {}\n--tmp {}\n--voxel-size {}\n--scale {}\n--up {}\n{}",
+      kVersion, kStoreVersion, kJournalVersion, CompressorVersion(), options.tmp_folder, options.voxel_size,
+      options.scale, options.up_axis == 1 ? "y" : "z", options.textures ? "" : "--no-textures\n");
   for (const auto& [model, p] : options.placements)
     command += fmt::format("--place {}={},{},{},{},{}\n", model, p.translation.x, p.translation.y,
                            p.translation.z, p.turn_degrees, p.scale);
@@ -52,36 +53,45 @@ class Import {
         progress_(progress),
         sink_(
             work.spill_folder(), options.memory, options.scale,
-            [&](const std::string& text) { progress_.Say("warning: " + text); }, options.textures) {}
+            [&](const std::string& text) { progress_.Say("warning: " + text); }, options.textures) {
+    sink_.NoteEvery(options.checkpoint_seconds, [this] { return AddNote(); });
+  }
 
   Result<ImportedScene> Run() {
-    QUARRY_ASSIGN(const size_t done, Restore());
-    auto noted = Clock::now();
-    for (size_t i = done; i < options_.models.size(); ++i) {
+    QUARRY_TRY(Restore());
+    for (size_t i = models_; i < options_.models.size(); ++i) {
       progress_.Say(fmt::format("reading {}", options_.models[i]));
-      identities_ += FileIdentity(options_.models[i]) + '\n';
+      if (!sink_.in_file()) identities_ += FileIdentity(options_.models[i]) + '\n';
       const auto placement = options_.placements.find(options_.models[i]);
       sink_.Place(placement == options_.placements.end() ? Placement{} : placement->second,
                   static_cast<int>(options_.up_axis));
       QUARRY_TRY(ImportModel(options_.models[i], sink_,
                              ForeignFormatsOf(options_, work_.spill_folder() + "/foreign")));
-      const bool last = i + 1 == options_.models.size();
-      if (last ? !sink_.spills() : SecondsSince(noted) < kSecondsToNote) continue;
-      ByteWriter note;
-      note.Put(static_cast<uint32_t>(i + 1));
-      note.Put(static_cast<uint32_t>(identities_.size()));
-      note.PutArray(identities_);
-      QUARRY_ASSIGN(const Bytes state, sink_.Save());
-      note.PutArray(state);
-      QUARRY_TRY(work_.Add(NoteKind::kImported, note.Take()));
-      noted = Clock::now();
+      ++models_;
+      const bool last = models_ == options_.models.size();
+      if ((last ? sink_.spills() : SecondsSince(noted_at_) >= options_.checkpoint_seconds) ||
+          sink_.must_note())
+        QUARRY_TRY(AddNote());
     }
     return sink_.Finish();
   }
 
  private:
-  /// The number of models that need not be read again.
-  Result<size_t> Restore() {
+  Status AddNote() {
+    ByteWriter note;
+    note.Put(models_);
+    note.Put(models_ + uint32_t{sink_.in_file()});
+    note.Put(static_cast<uint32_t>(identities_.size()));
+    note.PutArray(identities_);
+    QUARRY_ASSIGN(const Bytes state, sink_.Save());
+    note.PutArray(state);
+    QUARRY_TRY(work_.Add(NoteKind::kImported, note.Take()));
+    sink_.Noted();
+    noted_at_ = Clock::now();
+    return {};
+  }
+
+  Status Restore() {
     const Note* last = nullptr;
     bool all = false;
     for (const Note& note : work_.notes()) {
@@ -90,28 +100,30 @@ class Import {
     }
     if (!last) {
       if (options_.resume) progress_.Say("nothing is there to go on with: beginning anew");
-      return 0;
+      return {};
     }
     ByteReader in(last->bytes);
-    const auto models = in.Get<uint32_t>();
+    models_ = in.Get<uint32_t>();
+    const auto begun = in.Get<uint32_t>();
     identities_ = AsText(in.GetSpan(in.Get<uint32_t>()));
     std::string now;
-    for (size_t i = 0; i < models && i < options_.models.size(); ++i)
+    for (size_t i = 0; i < begun && i < options_.models.size(); ++i)
       now += FileIdentity(options_.models[i]) + '\n';
-    if (!in.ok() || now != identities_ || (all && models != options_.models.size()))
+    if (!in.ok() || now != identities_ || begun < models_ || (all && models_ != options_.models.size()))
       return Fail(fmt::format(
           "{}: was begun with other models, or they have changed since; begin anew without --resume",
           work_.path()));
     progress_.Say(fmt::format("going on with {}", work_.path()));
-    QUARRY_TRY(sink_.Restore(in.GetSpan(in.remaining()), !all));
-    return models;
+    return sink_.Restore(in.GetSpan(in.remaining()), all);
   }
 
   const PreprocessOptions& options_;
   WorkFolder& work_;
   Progress& progress_;
   SpillSink sink_;
-  std::string identities_;
+  uint32_t models_ = 0;     ///< wholly read
+  std::string identities_;  ///< of those, and the one being read
+  Clock::time_point noted_at_ = Clock::now();
 };
 
 SceneMeta MakeMeta(const ImportedScene& scene, const PreprocessOptions& options) {
@@ -288,7 +300,9 @@ class Build {
     note.PutArray(tree_.nodes);
     note.PutArray(tree_.regions);
     note.PutArray(tree_.leaves);
-    return work_.Add(NoteKind::kRegions, note.Take());
+    QUARRY_TRY(work_.Add(NoteKind::kRegions, note.Take()));
+    SpillSink::RemoveSavedSample(work_.spill_folder());
+    return {};
   }
 
   /// Hands all triangles out to the files of their regions. The spill they come from shrinks meanwhile.
@@ -319,7 +333,8 @@ class Build {
 
   /// Notes the regions whose voxels have all been delivered, once that is worth a synchronisation.
   Status NoteBuilt(bool now = false) {
-    if (noted_regions_ == parts_.size() || (!now && SecondsSince(noted_at_) < kSecondsToNote)) return {};
+    if (noted_regions_ == parts_.size() || (!now && SecondsSince(noted_at_) < options_.checkpoint_seconds))
+      return {};
     if (noted_voxels_ + parts_[noted_regions_].voxels > writer_->voxel_count()) return {};
     QUARRY_TRY(writer_->Sync());
     while (noted_regions_ < parts_.size() &&

@@ -22,6 +22,7 @@ struct PreprocessOptions {
   double scale = 1;
   std::map<std::string, Placement> placements;  ///< of some models, by the path given
   bool textures = true;                         ///< carry the images that materials name
+  double checkpoint_seconds = 5;                ///< of work that is done again after a kill, or one unit
   bool resume = false;  ///< go on with what an earlier run of the same options has left
   bool quiet = false;
 };

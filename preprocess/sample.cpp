@@ -1,5 +1,6 @@
 #include "preprocess/sample.h"
 
+#include <bit>
 #include <utility>
 
 namespace quarry {
@@ -20,6 +21,24 @@ void TriangleSample::Keep(const TriangleRecord& record) {
   }
   triangles_.push_back({{record.vertices[0], record.vertices[1], record.vertices[2]}});
   hashes_.push_back(hash);
+}
+
+Bytes TriangleSample::Save() const {
+  ByteWriter out;
+  out.Put(weight_);
+  out.Put(static_cast<uint32_t>(triangles_.size()));
+  out.PutArray(triangles_);
+  out.PutArray(hashes_);
+  return out.Take();
+}
+
+bool TriangleSample::Restore(std::span<const std::byte> saved) {
+  ByteReader in(saved);
+  weight_ = in.Get<uint32_t>();
+  const auto count = in.Get<uint32_t>();
+  triangles_ = in.GetArray<KdTriangle>(count);
+  hashes_ = in.GetArray<uint32_t>(count);
+  return in.done() && count <= kMost && std::has_single_bit(weight_);
 }
 
 std::vector<KdTriangle> TriangleSample::TakeTriangles() {

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "common/base/bytes.h"
 #include "common/kdtree/build.h"
 #include "preprocess/triangle_record.h"
 
@@ -20,6 +21,10 @@ class TriangleSample {
   /// Triangles that one of them stands for: 1 while all are kept, then a power of two.
   uint64_t weight() const { return weight_; }
   std::vector<KdTriangle> TakeTriangles();
+
+  Bytes Save() const;
+  /// False: the bytes are none of Save's.
+  bool Restore(std::span<const std::byte> saved);
 
  private:
   /// The finalizer of MurmurHash3 (Appleby 2011).

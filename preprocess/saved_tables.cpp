@@ -1,18 +1,9 @@
 #include "preprocess/saved_tables.h"
 
 #include "common/voxel/texture_sections.h"
+#include "preprocess/import/checkpoint.h"
 
 namespace quarry {
-namespace {
-
-void PutText(const std::string& text, ByteWriter& out) {
-  out.Put(static_cast<uint32_t>(text.size()));
-  out.PutArray(text);
-}
-std::string GetText(ByteReader& in) { return std::string(AsText(in.GetSpan(in.Get<uint32_t>()))); }
-
-}  // namespace
-
 void PutMaterials(const std::vector<Material>& materials, ByteWriter& out) {
   out.Put(static_cast<uint32_t>(materials.size()));
   for (const Material& m : materials) {

@@ -2,13 +2,11 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <stdlib.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
-#include <utility>
 
 namespace quarry {
 namespace {
@@ -28,78 +26,40 @@ tl::unexpected<Error> CannotRead(const std::string& place, int error) {
                           error == ENOENT ? "; begin anew without --resume" : ""));
 }
 
-/// The descriptor given, or one of the named file that is closed in the end.
+/// One that is closed in the end.
 class Descriptor {
  public:
-  Descriptor(int fd, const std::string& path, int flags)
-      : own_(fd < 0), fd_(own_ ? ::open(path.c_str(), flags | O_CLOEXEC) : fd) {}
+  Descriptor(const std::string& path, int flags) : fd_(::open(path.c_str(), flags | O_CLOEXEC, 0644)) {}
   ~Descriptor() {
-    if (own_ && fd_ >= 0) ::close(fd_);
+    if (fd_ >= 0) ::close(fd_);
   }
   Descriptor(const Descriptor&) = delete;
   int get() const { return fd_; }
 
  private:
-  bool own_;
   int fd_;
 };
 
 }  // namespace
 
-Result<SpillFile> SpillFile::Create(const std::string& folder, size_t element_bytes) {
-  std::string name = folder + "/quarry-spill-XXXXXX";
-  const int fd = ::mkostemp(name.data(), O_CLOEXEC | O_APPEND);
-  if (fd < 0) return CannotMake(folder);
-  ::unlink(name.c_str());
-  return SpillFile(fd, folder, false, element_bytes, kBufferBytes);
-}
-
 Result<SpillFile> SpillFile::Open(const std::string& path, size_t element_bytes, uint64_t count,
                                   size_t buffer_bytes) {
-  const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
-  if (fd < 0) return CannotMake(path);
+  const Descriptor made(path, O_RDWR | O_CREAT);
+  if (made.get() < 0) return CannotMake(path);
   struct stat info {};
   const auto size = static_cast<off_t>(count * element_bytes);
-  const bool whole = ::fstat(fd, &info) == 0 && info.st_size >= size;
-  const bool cut = whole && (info.st_size == size || ::ftruncate(fd, size) == 0);
-  const int error = errno;
-  ::close(fd);
-  if (!whole)
+  if (::fstat(made.get(), &info) != 0 || info.st_size < size)
     return Fail(fmt::format("{}: is shorter than when it was left; begin anew without --resume", path));
-  if (!cut) return CannotWrite(path, error);
+  if (info.st_size != size && ::ftruncate(made.get(), size) != 0) return CannotWrite(path, errno);
   SpillFile file = Left(path, element_bytes, count);
   file.buffer_bytes_ = buffer_bytes;
   return file;
 }
 
 SpillFile SpillFile::Left(const std::string& path, size_t element_bytes, uint64_t count) {
-  SpillFile file(-1, path, true, element_bytes, kBufferBytes);
+  SpillFile file(path, element_bytes, kBufferBytes);
   file.count_ = count;
   return file;
-}
-
-SpillFile::SpillFile(SpillFile&& other) noexcept
-    : fd_(std::exchange(other.fd_, -1)),
-      place_(std::move(other.place_)),
-      named_(std::exchange(other.named_, false)),
-      element_bytes_(other.element_bytes_),
-      buffer_bytes_(other.buffer_bytes_),
-      count_(other.count_),
-      buffer_(std::move(other.buffer_)) {}
-
-SpillFile& SpillFile::operator=(SpillFile&& other) noexcept {
-  std::swap(fd_, other.fd_);
-  std::swap(place_, other.place_);
-  std::swap(named_, other.named_);
-  std::swap(element_bytes_, other.element_bytes_);
-  std::swap(buffer_bytes_, other.buffer_bytes_);
-  std::swap(count_, other.count_);
-  std::swap(buffer_, other.buffer_);
-  return *this;
-}
-
-SpillFile::~SpillFile() {
-  if (fd_ >= 0) ::close(fd_);
 }
 
 Status SpillFile::Append(const void* element) {
@@ -115,13 +75,13 @@ Status SpillFile::Append(const void* element) {
 
 Status SpillFile::Flush() {
   if (buffer_.empty()) return {};
-  const Descriptor file(fd_, place_, O_WRONLY | O_APPEND);
-  if (file.get() < 0) return CannotWrite(place_, errno);
+  const Descriptor file(path_, O_WRONLY | O_APPEND);
+  if (file.get() < 0) return CannotWrite(path_, errno);
   size_t done = 0;
   while (done < buffer_.size()) {
     const ssize_t n = ::write(file.get(), buffer_.data() + done, buffer_.size() - done);
     if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) return CannotWrite(place_, n < 0 ? errno : ENOSPC);
+    if (n <= 0) return CannotWrite(path_, n < 0 ? errno : ENOSPC);
     done += static_cast<size_t>(n);
   }
   buffer_.clear();
@@ -136,37 +96,35 @@ Status SpillFile::FinishWriting() {
 
 Status SpillFile::Sync() {
   QUARRY_TRY(Flush());
-  const Descriptor file(fd_, place_, O_WRONLY);
-  if (file.get() < 0 || (::fdatasync(file.get()) != 0 && errno != EINVAL)) return CannotWrite(place_, errno);
+  const Descriptor file(path_, O_WRONLY);
+  if (file.get() < 0 || (::fdatasync(file.get()) != 0 && errno != EINVAL)) return CannotWrite(path_, errno);
   return {};
 }
 
 Status SpillFile::Read(uint64_t first, std::span<std::byte> out) const {
-  const Descriptor file(fd_, place_, O_RDONLY);
-  if (file.get() < 0) return CannotRead(place_, errno);
+  const Descriptor file(path_, O_RDONLY);
+  if (file.get() < 0) return CannotRead(path_, errno);
   size_t done = 0;
   const uint64_t offset = first * element_bytes_;
   while (done < out.size()) {
     const ssize_t n =
         ::pread(file.get(), out.data() + done, out.size() - done, static_cast<off_t>(offset + done));
     if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) return CannotRead(place_, n < 0 ? errno : EIO);
+    if (n <= 0) return CannotRead(path_, n < 0 ? errno : EIO);
     done += static_cast<size_t>(n);
   }
   return {};
 }
 
 void SpillFile::Discard(uint64_t first, uint64_t last) const {
-  const Descriptor file(fd_, place_, O_WRONLY);
+  const Descriptor file(path_, O_WRONLY);
   if (file.get() < 0 || last <= first) return;
   (void)!::fallocate(file.get(), FALLOC_FL_PUNCH_HOLE | FALLOC_FL_KEEP_SIZE,
                      static_cast<off_t>(first * element_bytes_),
                      static_cast<off_t>((last - first) * element_bytes_));
 }
 
-void SpillFile::Remove() const {
-  if (named_) ::unlink(place_.c_str());
-}
+void SpillFile::Remove() const { ::unlink(path_.c_str()); }
 
 const std::byte* SpillReader::Next() {
   const size_t size = file_.element_bytes();

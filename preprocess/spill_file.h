@@ -10,24 +10,20 @@
 
 namespace quarry {
 
-/// A temporary file of fixed-size elements, appended to and read back. Either without a name from the moment
-/// it exists, so that a killed run leaves nothing behind, and freed with the object; or with a name, for runs
-/// that go on after being killed: then it holds no descriptor between calls (there may be thousands), and
-/// lies there until Remove. Memory: one buffer while writing or reading. Not thread-safe.
+/// A temporary file of fixed-size elements, appended to and read back. It outlives the process, for runs that
+/// go on after being killed, and lies there until Remove; holds no descriptor between calls (there may be
+/// thousands). Memory: one buffer while writing or reading. Not thread-safe.
 class SpillFile {
  public:
   static constexpr size_t kBufferBytes = 1 << 20;
 
-  /// Without a name. `folder` must exist. Errors: cannot create.
-  static Result<SpillFile> Create(const std::string& folder, size_t element_bytes);
   /// The file `path`, made if need be, cut to its first `count` elements. Errors: cannot create; has fewer.
   static Result<SpillFile> Open(const std::string& path, size_t element_bytes, uint64_t count,
                                 size_t buffer_bytes = kBufferBytes);
   /// The file `path` with `count` elements, if it is still there: reading will tell.
   static SpillFile Left(const std::string& path, size_t element_bytes, uint64_t count);
-  SpillFile(SpillFile&& other) noexcept;
-  SpillFile& operator=(SpillFile&& other) noexcept;
-  ~SpillFile();
+  SpillFile(SpillFile&&) noexcept = default;
+  SpillFile& operator=(SpillFile&&) noexcept = default;
 
   uint64_t count() const { return count_; }
   size_t element_bytes() const { return element_bytes_; }
@@ -45,19 +41,13 @@ class SpillFile {
   /// Gives back the disk space of elements [first, last), where the file system can. They must not be read
   /// again.
   void Discard(uint64_t first, uint64_t last) const;
-  /// Deletes a file with a name.
+  /// Deletes the file.
   void Remove() const;
 
  private:
-  SpillFile(int fd, std::string place, bool named, size_t element_bytes, size_t buffer_bytes)
-      : fd_(fd),
-        place_(std::move(place)),
-        named_(named),
-        element_bytes_(element_bytes),
-        buffer_bytes_(buffer_bytes) {}
-  int fd_ = -1;        ///< of a file without a name
-  std::string place_;  ///< path of one with, folder of one without
-  bool named_ = false;
+  SpillFile(std::string path, size_t element_bytes, size_t buffer_bytes)
+      : path_(std::move(path)), element_bytes_(element_bytes), buffer_bytes_(buffer_bytes) {}
+  std::string path_;
   size_t element_bytes_ = 0, buffer_bytes_ = 0;
   uint64_t count_ = 0;
   std::vector<std::byte> buffer_;

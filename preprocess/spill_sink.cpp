@@ -1,11 +1,14 @@
 #include "preprocess/spill_sink.h"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <utility>
 
+#include "common/base/file.h"
 #include "preprocess/saved_tables.h"
 
 namespace quarry {
@@ -80,17 +83,52 @@ SpillSink::~SpillSink() {
   if (under_way_.valid()) under_way_.wait();
 }
 
+void SpillSink::NoteEvery(double seconds, std::function<Status()> note) {
+  note_seconds_ = seconds;
+  note_ = std::move(note);
+}
+
+std::string SpillSink::FilePath(const char* stream) const {
+  return fmt::format("{}/import-{}", folder_, stream);
+}
+
 Status SpillSink::BeginFile(std::string_view name) {
   file_name_ = name;
+  if (in_file_) return {};  // restored
+  in_file_ = true;
+  reads_once_ = false;
   file_part_ = kNoIndex;
+  first_part_ = static_cast<uint32_t>(scene_.parts.size());
   file_parts_.clear();
   loads_left_ = kMostLoads;
   faces_to_next_load_ = kFacesPerLoad;
-  QUARRY_ASSIGN(positions_, PagedFile::Create(folder_, sizeof(StoredPosition)));
-  QUARRY_ASSIGN(normals_, PagedFile::Create(folder_, sizeof(glm::vec3)));
-  QUARRY_ASSIGN(uvs_, PagedFile::Create(folder_, sizeof(glm::vec2)));
-  QUARRY_ASSIGN(waiting_, SpillFile::Create(folder_, sizeof(Face)));
+  resolved_ = 0;
+  asked_at_ = scene_.input_triangles;
+  QUARRY_ASSIGN(positions_, PagedFile::Create(FilePath("positions"), sizeof(StoredPosition)));
+  QUARRY_ASSIGN(normals_, PagedFile::Create(FilePath("normals"), sizeof(glm::vec3)));
+  QUARRY_ASSIGN(uvs_, PagedFile::Create(FilePath("uvs"), sizeof(glm::vec2)));
+  QUARRY_ASSIGN(waiting_, SpillFile::Open(FilePath("waiting"), sizeof(Face), 0));
   return scene_.triangles ? Status{} : OpenTriangles();
+}
+
+bool SpillSink::CheckpointDue() {
+  constexpr uint64_t kToLookAgain = 4096;
+  const uint64_t given = positions_->count() + scene_.input_triangles;
+  if (given - asked_at_ < kToLookAgain || !note_ || reads_once_) return false;
+  asked_at_ = given;
+  const std::chrono::duration<double> since = std::chrono::steady_clock::now() - noted_at_;
+  return since.count() >= note_seconds_;
+}
+
+Status SpillSink::Checkpoint(const Bytes& state) {
+  importer_state_ = state;
+  return Note();
+}
+
+Status SpillSink::Note() {
+  QUARRY_TRY(note_());
+  file_noted_ = true;
+  return {};
 }
 
 uint32_t SpillSink::AddMaterial(const Material& material) {
@@ -110,6 +148,10 @@ uint32_t SpillSink::DefaultMaterial() {
   return default_material_;
 }
 
+std::string SpillSink::PartialPath() const { return FilePath(partial_number_ ? "partial-1" : "partial-0"); }
+std::string SpillSink::SamplePath(const std::string& folder, int number) {
+  return fmt::format("{}/import-sample-{}", folder, number);
+}
 std::string SpillSink::TrianglesPath() const {
   return fmt::format("{}/triangles-{}", folder_, static_cast<int>(scene_.attributes));
 }
@@ -131,8 +173,12 @@ Status SpillSink::Found(Attributes attributes) {
     std::memcpy(&record, kept, before.element_bytes());
     QUARRY_TRY(scene_.triangles->Append(&record));
   }
-  if (!saved_) before.Remove();  // else it is what Restore will look for
-  return records.status();
+  QUARRY_TRY(records.status());
+  if (noted_)
+    superseded_.push_back(std::move(before));  // what Restore would look for
+  else
+    before.Remove();
+  return {};
 }
 
 Status SpillSink::AddPosition(const glm::dvec3& position, const Rgba8& color) {
@@ -223,6 +269,7 @@ Status SpillSink::ResolveBatch() {
 }
 
 void SpillSink::Warn(std::string message) {
+  if (goes_on_ && std::ranges::find(scene_.warnings, message) != scene_.warnings.end()) return;
   warn_(message);
   scene_.warnings.push_back(std::move(message));
 }
@@ -246,10 +293,14 @@ Status SpillSink::KeepTriangle(const TriangleRecord& record) {
 Status SpillSink::EndFile() {
   QUARRY_TRY(Settle());
   QUARRY_TRY(ResolveWaiting());
-  positions_.reset();
-  normals_.reset();
-  uvs_.reset();
-  waiting_.reset();
+  for (std::optional<PagedFile>* stream : {&positions_, &normals_, &uvs_})
+    superseded_.push_back(std::move(**stream).TakeFile());
+  superseded_.push_back(std::move(*waiting_));
+  if (partial_) superseded_.push_back(std::move(*partial_));
+  partial_.reset();
+  in_file_ = has_all_ = goes_on_ = false;
+  importer_state_.clear();
+  if (!std::exchange(file_noted_, false)) RemoveSuperseded();
   return {};
 }
 
@@ -290,72 +341,85 @@ Status SpillSink::LoadPages(const Face& face) {
   return {};
 }
 
-/// Pass k fills in the corners whose position, normal or uv lies in window k of its stream; records that wait
-/// for a later window travel through a spill file of their own.
+/// One pass over those that wait for each window of the streams that fits in memory.
 Status SpillSink::ResolveWaiting() {
+  constexpr uint64_t kWorthNotes = 1 << 20;
   QUARRY_TRY(waiting_->FinishWriting());
   if (waiting_->count() == 0) return {};
-  QUARRY_ASSIGN(const SpillFile all_positions, std::move(*positions_).Finish());
-  QUARRY_ASSIGN(const SpillFile all_normals, std::move(*normals_).Finish());
-  QUARRY_ASSIGN(const SpillFile all_uvs, std::move(*uvs_).Finish());
+  const bool noted = note_ && !reads_once_ && waiting_->count() >= kWorthNotes;
+  if (!std::exchange(has_all_, true)) {
+    for (PagedFile* stream : {&*positions_, &*normals_, &*uvs_}) QUARRY_TRY(stream->FinishWriting());
+    if (noted) QUARRY_TRY(Note());
+  }
   const uint64_t window_bytes = std::max<uint64_t>(memory_ / 4, 1 << 20);
   const uint64_t window = std::max<uint64_t>(window_bytes / (sizeof(StoredPosition) + 12 + 8), 1024);
-  const uint64_t longest = std::max({all_positions.count(), all_normals.count(), all_uvs.count()});
-  std::optional<SpillFile> partial;
-  for (uint64_t first = 0; first == 0 || first < longest; first += window) {
-    const bool last = first + window >= longest;
-    Window positions, normals, uvs;
-    QUARRY_TRY(positions.Load(all_positions, first, window));
-    QUARRY_TRY(normals.Load(all_normals, first, window));
-    QUARRY_TRY(uvs.Load(all_uvs, first, window));
-    std::optional<SpillFile> next;
-    if (!last) {
-      QUARRY_ASSIGN(next, SpillFile::Create(folder_, RecordBytes(scene_.attributes)));
-    }
-    SpillReader faces(*waiting_);
-    std::optional<SpillReader> records;
-    if (partial) records.emplace(*partial);
-    while (const std::byte* bytes = faces.Next()) {
-      Face face;
-      std::memcpy(&face, bytes, sizeof face);
-      TriangleRecord record;
-      if (records) {
-        const std::byte* kept = records->Next();
-        if (!kept) return records->status();
-        std::memcpy(&record, kept, partial->element_bytes());
-      }
-      record.id = face.id;
-      record.material = face.material;
-      record.part = face.part;
-      for (int c = 0; c < 3; ++c) {
-        const Corner& corner = face.corners[c];
-        if (corner.position >= all_positions.count() ||
-            (corner.normal != kNoIndex && corner.normal >= all_normals.count()) ||
-            (corner.uv != kNoIndex && corner.uv >= all_uvs.count()))
-          return Fail(
-              fmt::format("{}: triangle {} refers to a vertex that the file does not have ({} vertices, {} "
-                          "normals, {} texture coordinates)",
-                          file_name_, face.id, all_positions.count(), all_normals.count(), all_uvs.count()));
-        StoredPosition position;
-        if (positions.Find(corner.position, position)) {
-          record.vertices[c] = position.position;
-          record.colors[c] = position.color;
-        }
-        normals.Find(corner.normal, record.normals[c]);
-        uvs.Find(corner.uv, record.uvs[c]);
-      }
-      QUARRY_TRY(last ? KeepTriangle(record) : next->Append(&record));
-    }
-    QUARRY_TRY(faces.status());
-    if (next) QUARRY_TRY(next->FinishWriting());
-    partial = std::move(next);
+  const uint64_t longest = std::max({positions_->count(), normals_->count(), uvs_->count()});
+  for (;;) {
+    QUARRY_TRY(ResolveWindow(window, resolved_ + window >= longest));
+    resolved_ += window;
+    if (resolved_ >= longest) return {};
+    if (noted) QUARRY_TRY(Note());
   }
+}
+
+/// Fills in the corners whose position, normal or uv lies in the next window of its stream; records that wait
+/// for a later one travel through files of their own, two by turns.
+Status SpillSink::ResolveWindow(uint64_t window, bool last) {
+  const SpillFile &all_positions = positions_->file(), &all_normals = normals_->file(),
+                  &all_uvs = uvs_->file();
+  Window positions, normals, uvs;
+  QUARRY_TRY(positions.Load(all_positions, resolved_, window));
+  QUARRY_TRY(normals.Load(all_normals, resolved_, window));
+  QUARRY_TRY(uvs.Load(all_uvs, resolved_, window));
+  std::optional<SpillFile> next;
+  if (!last) {
+    partial_number_ ^= 1;
+    QUARRY_ASSIGN(next, SpillFile::Open(PartialPath(), RecordBytes(scene_.attributes), 0));
+  }
+  SpillReader faces(*waiting_);
+  std::optional<SpillReader> records;
+  if (partial_) records.emplace(*partial_);
+  while (const std::byte* bytes = faces.Next()) {
+    Face face;
+    std::memcpy(&face, bytes, sizeof face);
+    TriangleRecord record;
+    if (records) {
+      const std::byte* kept = records->Next();
+      if (!kept) return records->status();
+      std::memcpy(&record, kept, partial_->element_bytes());
+    }
+    record.id = face.id;
+    record.material = face.material;
+    record.part = face.part;
+    for (int c = 0; c < 3; ++c) {
+      const Corner& corner = face.corners[c];
+      if (corner.position >= all_positions.count() ||
+          (corner.normal != kNoIndex && corner.normal >= all_normals.count()) ||
+          (corner.uv != kNoIndex && corner.uv >= all_uvs.count()))
+        return Fail(
+            fmt::format("{}: triangle {} refers to a vertex that the file does not have ({} vertices, {} "
+                        "normals, {} texture coordinates)",
+                        file_name_, face.id, all_positions.count(), all_normals.count(), all_uvs.count()));
+      StoredPosition position;
+      if (positions.Find(corner.position, position)) {
+        record.vertices[c] = position.position;
+        record.colors[c] = position.color;
+      }
+      normals.Find(corner.normal, record.normals[c]);
+      uvs.Find(corner.uv, record.uvs[c]);
+    }
+    QUARRY_TRY(last ? KeepTriangle(record) : next->Append(&record));
+  }
+  QUARRY_TRY(faces.status());
+  if (next) QUARRY_TRY(next->FinishWriting());
+  if (partial_ && last) partial_->Remove();
+  partial_ = std::move(next);
   return {};
 }
 
 Result<Bytes> SpillSink::Save() {
+  QUARRY_TRY(Settle());
   QUARRY_TRY(scene_.triangles->Sync());
-  saved_ = true;
   ByteWriter out;
   out.Put(static_cast<uint8_t>(scene_.attributes));
   out.Put<uint8_t>(has_offset_);
@@ -370,10 +434,70 @@ Result<Bytes> SpillSink::Save() {
   PutTexts(scene_.parts, out);
   PutTexts(scene_.warnings, out);
   QUARRY_TRY(images_.Save(out));
+  QUARRY_TRY(SaveSample(out));
+  out.Put<uint8_t>(in_file_);
+  if (in_file_) QUARRY_TRY(SaveFile(out));
+  SyncFolderOf(FilePath(""));
   return out.Take();
 }
 
-Status SpillSink::Restore(std::span<const std::byte> saved, bool sample_again) {
+/// What the file at hand has given that is no triangle yet.
+Status SpillSink::SaveFile(ByteWriter& out) {
+  out.Put(file_part_);
+  out.Put(first_part_);
+  out.Put(loads_left_);
+  out.Put(faces_to_next_load_);
+  for (PagedFile* stream : {&*positions_, &*normals_, &*uvs_}) QUARRY_TRY(stream->Save(out));
+  QUARRY_TRY(waiting_->Sync());
+  out.Put(waiting_->count());
+  out.Put<uint8_t>(has_all_);
+  out.Put(resolved_);
+  out.Put<uint8_t>(partial_.has_value());
+  out.Put(partial_number_);
+  if (partial_) QUARRY_TRY(partial_->Sync());
+  out.Put(static_cast<uint32_t>(importer_state_.size()));
+  out.PutArray(importer_state_);
+  return {};
+}
+
+/// The sample is written anew each time, to one of two files by turns, so that the one noted stays.
+Status SpillSink::SaveSample(ByteWriter& out) {
+  sample_number_ ^= 1;
+  const Bytes sample = scene_.sample.Save();
+  out.Put(sample_number_);
+  out.Put(Checksum(sample));
+  return WriteFileAtomically(SamplePath(folder_, sample_number_), sample);
+}
+
+Status SpillSink::RestoreSample(ByteReader& in, bool needed) {
+  sample_number_ = in.Get<uint8_t>() & 1;
+  const auto checksum = in.Get<uint64_t>();
+  if (!needed) return {};
+  const std::string path = SamplePath(folder_, sample_number_);
+  QUARRY_ASSIGN(const InputFile file, InputFile::Open(path));
+  Bytes sample(file.size());
+  QUARRY_TRY(file.ReadAt(0, sample));
+  if (Checksum(sample) != checksum || !scene_.sample.Restore(sample))
+    return Fail(fmt::format("{}: has been changed; begin anew without --resume", path));
+  return {};
+}
+
+void SpillSink::RemoveSavedSample(const std::string& folder) {
+  for (const int number : {0, 1}) ::unlink(SamplePath(folder, number).c_str());
+}
+
+void SpillSink::Noted() {
+  noted_ = true;
+  noted_at_ = std::chrono::steady_clock::now();
+  RemoveSuperseded();
+}
+
+void SpillSink::RemoveSuperseded() {
+  for (const SpillFile& file : superseded_) file.Remove();
+  superseded_.clear();
+}
+
+Status SpillSink::Restore(std::span<const std::byte> saved, bool all) {
   ByteReader in(saved);
   scene_.attributes = static_cast<Attributes>(std::min<uint8_t>(in.Get<uint8_t>(), 3));
   has_offset_ = in.Get<uint8_t>() != 0;
@@ -389,17 +513,43 @@ Status SpillSink::Restore(std::span<const std::byte> saved, bool sample_again) {
   scene_.parts = GetTexts(in);
   scene_.warnings = GetTexts(in);
   QUARRY_TRY(images_.Restore(in));
+  QUARRY_TRY(RestoreSample(in, !all));
+  in_file_ = in.Get<uint8_t>() != 0;
+  if (in_file_) QUARRY_TRY(RestoreFile(in));
   if (!in.done()) return Fail(fmt::format("{}: what was saved of the import cannot be read", folder_));
-  saved_ = true;
-  if (!sample_again) {
-    scene_.triangles = SpillFile::Left(TrianglesPath(), RecordBytes(scene_.attributes), count);
-    return {};
+  noted_ = true;
+  const size_t bytes = RecordBytes(scene_.attributes);
+  if (all) {
+    scene_.triangles = SpillFile::Left(TrianglesPath(), bytes, count);
+  } else {
+    QUARRY_ASSIGN(scene_.triangles, SpillFile::Open(TrianglesPath(), bytes, count));
   }
-  QUARRY_ASSIGN(scene_.triangles, SpillFile::Open(TrianglesPath(), RecordBytes(scene_.attributes), count));
-  return ForEachRecord(*scene_.triangles, 0, count, [&](const TriangleRecord& r) -> Status {
-    scene_.sample.Add(r);
-    return Status{};
-  });
+  return {};
+}
+
+Status SpillSink::RestoreFile(ByteReader& in) {
+  file_noted_ = goes_on_ = true;
+  file_part_ = in.Get<uint32_t>();
+  first_part_ = in.Get<uint32_t>();
+  for (uint32_t i = first_part_; i < scene_.parts.size(); ++i) file_parts_.emplace(scene_.parts[i], i);
+  loads_left_ = in.Get<uint32_t>();
+  faces_to_next_load_ = in.Get<uint32_t>();
+  QUARRY_ASSIGN(positions_, PagedFile::Restore(FilePath("positions"), sizeof(StoredPosition), in));
+  QUARRY_ASSIGN(normals_, PagedFile::Restore(FilePath("normals"), sizeof(glm::vec3), in));
+  QUARRY_ASSIGN(uvs_, PagedFile::Restore(FilePath("uvs"), sizeof(glm::vec2), in));
+  const auto waiting = in.Get<uint64_t>();
+  QUARRY_ASSIGN(waiting_, SpillFile::Open(FilePath("waiting"), sizeof(Face), waiting));
+  has_all_ = in.Get<uint8_t>() != 0;
+  resolved_ = in.Get<uint64_t>();
+  const bool partial = in.Get<uint8_t>() != 0;
+  partial_number_ = in.Get<uint8_t>() & 1;
+  if (partial) {
+    QUARRY_ASSIGN(partial_, SpillFile::Open(PartialPath(), RecordBytes(scene_.attributes), waiting));
+  }
+  const std::span<const std::byte> state = in.GetSpan(in.Get<uint32_t>());
+  importer_state_.assign(state.begin(), state.end());
+  asked_at_ = positions_->count() + scene_.input_triangles;
+  return {};
 }
 
 Result<ImportedScene> SpillSink::Finish() {

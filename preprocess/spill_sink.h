@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <future>
@@ -49,13 +50,18 @@ struct Placement {
 /// resolved when the file ends, by as many sequential passes as there are windows of the vertices that fit in
 /// memory; never by random access. A model far from the origin is brought near it, so that floats hold its
 /// positions. Degenerate and non-finite triangles are dropped and counted; their ids stay used.
+/// All of it lies in files "FOLDER/triangles-..." and "FOLDER/import-...", which outlive the process, so that
+/// another can go on from the last note.
 class SpillSink final : public ModelSink {
  public:
-  /// Triangles go to files "FOLDER/triangles-..." with a name, which outlive the process; `memory`: bytes
-  /// that windows may take. Positions are multiplied by `scale`, after what Place says. `warn` is called with
-  /// each warning. Without `textures` materials get none.
+  /// `memory`: bytes that windows may take. Positions are multiplied by `scale`, after what Place says.
+  /// `warn` is called with each warning. Without `textures` materials get none.
   SpillSink(std::string folder, uint64_t memory, double scale, std::function<void(const std::string&)> warn,
             bool textures = true);
+
+  /// So many seconds after the last note, `note` is called in the middle of a file: it keeps what Save gives,
+  /// where a later process finds it. Without this, none is made.
+  void NoteEvery(double seconds, std::function<Status()> note);
 
   /// For the files that begin after this. `up_axis`: 1 or 2.
   void Place(const Placement& placement, int up_axis);
@@ -74,18 +80,30 @@ class SpillSink final : public ModelSink {
   Status AddUv(const glm::vec2& uv) override;
   Status AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t part) override;
   void Warn(std::string message) override;
+  void ReadsOnce() override { reads_once_ = true; }
+  bool CheckpointDue() override;
+  Status Checkpoint(const Bytes& state) override;
+  std::span<const std::byte> LastCheckpoint() const override { return importer_state_; }
+  bool HasAll() const override { return has_all_; }
 
-  /// Between files: makes the triangles outlast a loss of power, and returns what Restore needs to go on from
-  /// here.
+  /// Makes what came so far outlast a loss of power, and returns what Restore needs to go on from here.
   Result<Bytes> Save();
-  /// Before the first file: goes on where Save was called. With `sample_again` triangles are cut to those,
-  /// and read once to sample them; else they may be gone already. Errors: the triangles are not there.
-  Status Restore(std::span<const std::byte> saved, bool sample_again);
+  /// What Save returned last is on disk: gives back the files that only earlier notes speak of.
+  void Noted();
+  /// Whether a note must follow before the next file begins, or the triangles are read.
+  bool must_note() const { return !superseded_.empty(); }
+  /// Before the first file: goes on where Save was called. With `all` it was called after the last file, and
+  /// the triangles have been handed out since: they may be gone. Errors: files are not there.
+  Status Restore(std::span<const std::byte> saved, bool all);
+  /// Whether what was restored lies within a file, which then is the first to begin.
+  bool in_file() const { return in_file_; }
   /// Whether there are more triangles than are split in memory.
   bool spills() const { return scene_.triangles && scene_.triangles->count() > kMostInMemory; }
 
   /// After the last file. Requires: no error before.
   Result<ImportedScene> Finish();
+  /// No later process will want the sample that a sink has saved in `folder`.
+  static void RemoveSavedSample(const std::string& folder);
 
  private:
   /// One triangle with its indices not yet resolved.
@@ -95,7 +113,16 @@ class SpillSink final : public ModelSink {
     uint32_t material = 0;
     uint32_t part = 0;
   };
+  std::string FilePath(const char* stream) const;
   std::string TrianglesPath() const;
+  Status Note();
+  std::string PartialPath() const;
+  static std::string SamplePath(const std::string& folder, int number);
+  Status SaveFile(ByteWriter& out);
+  Status RestoreFile(ByteReader& in);
+  Status SaveSample(ByteWriter& out);
+  Status RestoreSample(ByteReader& in, bool needed);
+  void RemoveSuperseded();
   Status OpenTriangles();
   Status Found(Attributes attributes);
   Status Settle();
@@ -104,6 +131,7 @@ class SpillSink final : public ModelSink {
   bool ResolveFromMemory(const Face& face, TriangleRecord& record);
   Status LoadPages(const Face& face);
   Status ResolveWaiting();
+  Status ResolveWindow(uint64_t window, bool last);
   void ChooseOffset(const glm::dvec3& first);
   Status KeepTriangle(const TriangleRecord& record);
   uint32_t DefaultMaterial();
@@ -118,18 +146,34 @@ class SpillSink final : public ModelSink {
   bool textures_;
   ImageList images_;
   std::string file_name_;
-  uint32_t file_part_ = kNoIndex;
+  bool in_file_ = false;
+  uint32_t file_part_ = kNoIndex, first_part_ = 0;        ///< of the current file
   std::unordered_map<std::string, uint32_t> file_parts_;  ///< names of the current file
   std::optional<PagedFile> positions_, normals_, uvs_;
   std::optional<SpillFile> waiting_;
+  /// Of resolving those that wait: elements in the windows before, and what they gave.
+  bool has_all_ = false;
+  uint64_t resolved_ = 0;
+  std::optional<SpillFile> partial_;
+  uint8_t partial_number_ = 0;
   /// Faces are resolved in batches by another thread, which alone touches what follows, scene_'s triangles
   /// and the pages while one is under way.
   std::vector<Face> gathered_, batch_;
   std::future<Status> under_way_;
   uint32_t loads_left_ = 0, faces_to_next_load_ = 0;
   uint32_t default_material_ = kNoIndex;
-  bool has_offset_ = false, saved_ = false;
+  bool has_offset_ = false;
   ImportedScene scene_;
+
+  double note_seconds_ = 0;
+  std::function<Status()> note_;
+  std::chrono::steady_clock::time_point noted_at_ = std::chrono::steady_clock::now();
+  uint64_t asked_at_ = 0;  ///< elements given when CheckpointDue last looked at the clock
+  bool reads_once_ = false, goes_on_ = false;
+  Bytes importer_state_;
+  bool noted_ = false, file_noted_ = false;  ///< ever; within the current file
+  uint8_t sample_number_ = 0;
+  std::vector<SpillFile> superseded_;
 };
 
 }  // namespace quarry

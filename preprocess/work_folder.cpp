@@ -64,7 +64,7 @@ void RemoveFiles(const std::string& folder) {
   for (const auto& entry : fs::directory_iterator(folder, error)) {
     const std::string name = entry.path().filename().string();
     if (name == "store" || name == "images" || name.starts_with("triangles-") ||
-        name.starts_with("region-") || name.starts_with("foreign."))
+        name.starts_with("region-") || name.starts_with("import-") || name.starts_with("foreign."))
       fs::remove(entry.path(), error);
   }
   fs::remove(folder, error);  // if it is empty
@@ -178,7 +178,10 @@ Status WorkFolder::Add(NoteKind kind, const Bytes& bytes) {
 
 void WorkFolder::HoldOnSignal() {
   for (const char* file : {"/journal", "/store"}) cleanups_.push_back(RemoveOnSignal(path_ + file));
-  for (const char* file : {"/triangles-0", "/triangles-1", "/triangles-2", "/triangles-3", "/images", ""})
+  for (const char* file :
+       {"/triangles-0", "/triangles-1", "/triangles-2", "/triangles-3", "/import-positions",
+        "/import-normals", "/import-uvs", "/import-waiting", "/import-partial-0", "/import-partial-1",
+        "/import-sample-0", "/import-sample-1", "/images", ""})
     cleanups_.push_back(RemoveOnSignal(spill_ + file));
   if (spill_ != path_) cleanups_.push_back(RemoveOnSignal(path_));
 }

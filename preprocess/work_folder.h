@@ -11,7 +11,7 @@ namespace quarry {
 
 /// What a run has done so far.
 enum class NoteKind : uint32_t {
-  kImported = 1,  ///< so many models, and the sink's state after them
+  kImported = 1,  ///< so many models, and perhaps a part of the next: the sink's state
   kRegions,       ///< the tree of regions
   kParted,        ///< so many triangles are in the files of their regions
   kBuilt,         ///< the next region's voxels are in the store

@@ -12,7 +12,7 @@
 namespace quarry {
 namespace {
 
-constexpr int kSlots = 16;
+constexpr int kSlots = 32;
 constexpr size_t kPathBytes = 4096;
 
 // Plain arrays: a signal handler may touch nothing that allocates or locks.

@@ -12,6 +12,7 @@
 #include <optional>
 #include <set>
 
+#include "preprocess/import/checkpoint.h"
 #include "preprocess/import/formats.h"
 #include "preprocess/import/gltf_accessor.h"
 #include "preprocess/import/gltf_material.h"
@@ -59,13 +60,8 @@ class GltfImport {
 
   Result<uint64_t> Run() {
     QUARRY_TRY(CheckExtensions());
-    GltfTextures textures(document_, sink_);
-    if (const auto it = json().find("materials"); it != json().end() && it->is_array()) {
-      for (const Json& json : *it) {
-        QUARRY_ASSIGN(const Material material, ToMaterial(json, materials_.size(), textures));
-        materials_.push_back(sink_.AddMaterial(material));
-      }
-    }
+    QUARRY_ASSIGN(const bool goes_on, GoOnFromCheckpoint(sink_, document_.path(), *this));
+    if (!goes_on) QUARRY_TRY(Materials());
     QUARRY_ASSIGN(const std::vector<uint64_t> roots, Roots());
     for (const uint64_t root : roots) stack_.push_back({root, glm::dmat4(1)});
     std::reverse(stack_.begin(), stack_.end());
@@ -81,6 +77,19 @@ class GltfImport {
     return triangles_;
   }
 
+  /// Between primitives.
+  void Save(ByteWriter& out) const {
+    for (const uint64_t n : {primitives_, positions_, normals_, uvs_, triangles_, left_out_}) out.Put(n);
+    out.Put(static_cast<uint32_t>(materials_.size()));
+    out.PutArray(materials_);
+  }
+  Status Restore(ByteReader& in) {
+    for (uint64_t* n : {&given_, &positions_, &normals_, &uvs_, &triangles_, &left_out_})
+      *n = in.Get<uint64_t>();
+    materials_ = in.GetArray<uint32_t>(in.Get<uint32_t>());
+    return {};
+  }
+
  private:
   struct Visit {
     uint64_t node;
@@ -88,6 +97,17 @@ class GltfImport {
   };
 
   const Json& json() const { return document_.json(); }
+
+  Status Materials() {
+    const auto it = json().find("materials");
+    if (it == json().end() || !it->is_array()) return {};
+    GltfTextures textures(document_, sink_);
+    for (const Json& json : *it) {
+      QUARRY_ASSIGN(const Material material, ToMaterial(json, materials_.size(), textures));
+      materials_.push_back(sink_.AddMaterial(material));
+    }
+    return {};
+  }
 
   Status CheckExtensions() const {
     const auto it = json().find("extensionsRequired");
@@ -140,8 +160,11 @@ class GltfImport {
     const uint32_t part = name.empty() ? kNoIndex : sink_.AddPart(name);
     if (!mesh->contains("primitives") || !mesh->at("primitives").is_array())
       return document_.FailAt(fmt::format("meshes[{}] has no primitives", mesh_index));
-    for (const Json& primitive : mesh->at("primitives"))
+    for (const Json& primitive : mesh->at("primitives")) {
+      if (primitives_++ < given_) continue;
       QUARRY_TRY(Primitive(primitive, fmt::format("meshes[{}]", mesh_index), world, part));
+      QUARRY_TRY(CheckpointIfDue(sink_, *this));
+    }
     return {};
   }
 
@@ -275,6 +298,7 @@ class GltfImport {
   std::vector<uint32_t> materials_;
   std::vector<Visit> stack_;
   std::set<uint64_t> visited_;
+  uint64_t primitives_ = 0, given_ = 0;             ///< met so far; up to the last checkpoint
   uint64_t positions_ = 0, normals_ = 0, uvs_ = 0;  ///< given by primitives before
   bool has_normals_ = false, has_uvs_ = false;      ///< the primitive at hand
   uint64_t triangles_ = 0, left_out_ = 0;

@@ -59,6 +59,8 @@ Status ImportModel(const std::string& path, ModelSink& sink, const ForeignFormat
     return Fail(fmt::format("{}: is neither PLY, OBJ, STL, OFF, NFF, AFF nor glTF, the formats that are read",
                             bytes.path()));
   QUARRY_TRY(sink.BeginFile(name));
+  if (sink.HasAll()) return sink.EndFile();
+  if (import == nullptr || !bytes.can_reopen()) sink.ReadsOnce();
   if (import == nullptr) {
     WarnOfMemory(path, foreign.memory, sink);
     QUARRY_ASSIGN(const ForeignModel converted, ForeignModel::Convert(path, foreign));

@@ -27,6 +27,8 @@ class LineReader {
 
   /// The number, from 1, of the line read last (the last of joined ones).
   uint64_t line_number() const { return line_number_; }
+  /// The next line is the one after that number.
+  void GoOnAfterLine(uint64_t number) { line_number_ = number; }
 
   /// "PATH, line N: " + `what`.
   tl::unexpected<Error> FailHere(const std::string& what) const;

@@ -51,6 +51,8 @@ class ModelReader {
   void Consume(size_t count) { begin_ += count; }
   /// Passes over `count` bytes; false if the file has fewer.
   bool Skip(uint64_t count);
+  /// Goes on at byte `offset`. Errors: that lies before the next unread byte, or beyond the file's end.
+  Status SkipTo(uint64_t offset);
 
   /// The error for a model that ended too early: "PATH, byte N: the file ends " + `where`; or the read error.
   tl::unexpected<Error> Truncated(const std::string& where) const;

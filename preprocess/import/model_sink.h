@@ -7,6 +7,7 @@
 #include <string>
 #include <string_view>
 
+#include "common/base/bytes.h"
 #include "common/base/status.h"
 #include "common/scene/material.h"
 #include "preprocess/import/texture_image.h"
@@ -68,6 +69,20 @@ class ModelSink {
 
   /// One line for the person at the terminal, and counted in the statistics (a missing MTL, say).
   virtual void Warn(std::string message) = 0;
+
+  /// After BeginFile: the file cannot be read a second time, or not to the same effect, so that checkpoints
+  /// would be of no use.
+  virtual void ReadsOnce() {}
+  /// Importers of files that may be huge ask this between elements; it is cheap. True: Checkpoint is due.
+  virtual bool CheckpointDue() { return false; }
+  /// Makes what was given so far outlast the process, along with `state`, from which the importer can go on.
+  /// Errors: disk full.
+  virtual Status Checkpoint(const Bytes& /*state*/) { return {}; }
+  /// After BeginFile: the state of the last checkpoint that an earlier process made in this file; empty:
+  /// there is none. What was given before it must not be given again.
+  virtual std::span<const std::byte> LastCheckpoint() const { return {}; }
+  /// After BeginFile: an earlier process was given all of the file, and did not come to the end of EndFile.
+  virtual bool HasAll() const { return false; }
 };
 
 }  // namespace quarry

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "preprocess/import/checkpoint.h"
 #include "preprocess/import/formats.h"
 #include "preprocess/import/line_reader.h"
 #include "preprocess/import/obj_materials.h"
@@ -24,6 +25,16 @@ struct IndexRange {
   uint64_t largest_line = 0;
   std::optional<uint64_t> total;  ///< In the whole file, once CountAhead() has been needed.
   uint64_t dangling = 0;          ///< Corners that named an element which is not in the file.
+
+  void Save(ByteWriter& out) const {
+    for (const uint64_t n : {count, largest, largest_line, total.value_or(kNotCounted), dangling}) out.Put(n);
+  }
+  void Restore(ByteReader& in) {
+    for (uint64_t* n : {&count, &largest, &largest_line}) *n = in.Get<uint64_t>();
+    if (const auto counted = in.Get<uint64_t>(); counted != kNotCounted) total = counted;
+    dangling = in.Get<uint64_t>();
+  }
+  static constexpr uint64_t kNotCounted = ~uint64_t{0};
 };
 
 class ObjFile {
@@ -32,6 +43,8 @@ class ObjFile {
       : bytes_(bytes), lines_(bytes), sink_(sink), materials_(bytes.path(), sink) {}
 
   Result<uint64_t> Import();
+  void Save(ByteWriter& out) const;
+  Status Restore(ByteReader& in);
 
  private:
   Status Line(std::string_view line);
@@ -66,8 +79,10 @@ class ObjFile {
 };
 
 Result<uint64_t> ObjFile::Import() {
+  QUARRY_TRY(GoOnFromCheckpoint(sink_, bytes_.path(), *this));
   std::string_view line;
   while (true) {
+    QUARRY_TRY(CheckpointIfDue(sink_, *this));
     QUARRY_ASSIGN(const bool more, lines_.NextJoined(line));
     if (!more) break;
     QUARRY_TRY(Line(line));
@@ -78,6 +93,31 @@ Result<uint64_t> ObjFile::Import() {
   if (short_faces_ != 0)
     sink_.Warn(fmt::format("{}: {} faces of fewer than 3 corners left out", bytes_.path(), short_faces_));
   return triangles_;
+}
+
+void ObjFile::Save(ByteWriter& out) const {
+  for (const uint64_t n : {bytes_.offset(), lines_.line_number(), triangles_, short_faces_}) out.Put(n);
+  for (const IndexRange* range : {&positions_, &normals_, &uvs_}) range->Save(out);
+  for (const std::string* name : {&object_, &group_, &material_name_}) PutText(*name, out);
+  out.Put<uint8_t>(part_changed_);
+  out.Put<uint8_t>(material_changed_);
+  out.Put(part_);
+  out.Put(material_);
+  materials_.Save(out);
+}
+
+Status ObjFile::Restore(ByteReader& in) {
+  QUARRY_TRY(bytes_.SkipTo(in.Get<uint64_t>()));
+  lines_.GoOnAfterLine(in.Get<uint64_t>());
+  triangles_ = in.Get<uint64_t>();
+  short_faces_ = in.Get<uint64_t>();
+  for (IndexRange* range : {&positions_, &normals_, &uvs_}) range->Restore(in);
+  for (std::string* name : {&object_, &group_, &material_name_}) *name = GetText(in);
+  part_changed_ = in.Get<uint8_t>() != 0;
+  material_changed_ = in.Get<uint8_t>() != 0;
+  part_ = in.Get<uint32_t>();
+  material_ = in.Get<uint32_t>();
+  return materials_.Restore(in);
 }
 
 Status ObjFile::Line(std::string_view line) {

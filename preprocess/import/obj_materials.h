@@ -29,6 +29,11 @@ class ObjMaterials {
   /// Errors: the sink's.
   Result<uint32_t> Use(std::string_view name);
 
+  /// Which libraries have been read, and which materials the sink has.
+  void Save(ByteWriter& out) const;
+  /// Reads the libraries again. Errors: one has changed.
+  Status Restore(ByteReader& in);
+
  private:
   struct Entry {
     MtlMaterial material;
@@ -37,6 +42,7 @@ class ObjMaterials {
   };
 
   void AddLibrary(const std::string& name);
+  void ReadLibrary(const std::string& path);
   /// The existing file that `name` means, or empty.
   std::filesystem::path Find(const std::string& name) const;
   Status GiveToSink(Entry& entry);
@@ -45,7 +51,8 @@ class ObjMaterials {
   ModelSink& sink_;
   WarnOnce warn_;
   std::map<std::string, Entry, std::less<>> entries_;
-  std::set<std::string> read_;  ///< Libraries done with; some exporters name theirs before every object.
+  std::vector<std::string> read_;  ///< paths of libraries, in the order of their reading
+  std::set<std::string> known_;    ///< the same; some exporters name theirs before every object
 };
 
 /// The file names on an mtllib line, blanks escaped by backslashes or not: a name ends at ".mtl" before a

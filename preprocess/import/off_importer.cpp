@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "preprocess/import/checkpoint.h"
 #include "preprocess/import/formats.h"
 #include "preprocess/import/line_reader.h"
 #include "preprocess/import/text_number.h"
@@ -37,14 +38,28 @@ bool ParseKeyword(std::string_view word, Layout& layout) {
 
 class OffFile {
  public:
-  OffFile(ModelReader& bytes, ModelSink& sink) : lines_(bytes), sink_(sink) {}
+  OffFile(ModelReader& bytes, ModelSink& sink) : bytes_(bytes), lines_(bytes), sink_(sink) {}
 
   Result<uint64_t> Import() {
     QUARRY_TRY(Header());
     if (layout_.four || layout_.ndim) return lines_.FailHere("OFF of other than 3 dimensions is not read");
-    for (uint64_t i = 0; i < vertices_; ++i) QUARRY_TRY(Vertex(i));
-    for (uint64_t i = 0; i < faces_; ++i) QUARRY_TRY(Face(i));
+    QUARRY_TRY(GoOnFromCheckpoint(sink_, bytes_.path(), *this));
+    for (; read_ < vertices_ + faces_; ++read_) {
+      QUARRY_TRY(CheckpointIfDue(sink_, *this));
+      QUARRY_TRY(read_ < vertices_ ? Vertex(read_) : Face(read_ - vertices_));
+    }
     return triangles_;
+  }
+
+  void Save(ByteWriter& out) const {
+    for (const uint64_t n : {bytes_.offset(), lines_.line_number(), read_, triangles_}) out.Put(n);
+  }
+  Status Restore(ByteReader& in) {
+    QUARRY_TRY(bytes_.SkipTo(in.Get<uint64_t>()));
+    lines_.GoOnAfterLine(in.Get<uint64_t>());
+    read_ = in.Get<uint64_t>();
+    triangles_ = in.Get<uint64_t>();
+    return {};
   }
 
  private:
@@ -142,10 +157,12 @@ class OffFile {
     return sink_.AddPolygon(corners_, kNoIndex, kNoIndex);
   }
 
+  ModelReader& bytes_;
   LineReader lines_;
   ModelSink& sink_;
   Layout layout_;
   uint64_t vertices_ = 0, faces_ = 0, triangles_ = 0;
+  uint64_t read_ = 0;  ///< of both, one after the other
   std::vector<Corner> corners_;
 };
 

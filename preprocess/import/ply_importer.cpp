@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "common/scene/material_json.h"
+#include "preprocess/import/checkpoint.h"
 #include "preprocess/import/formats.h"
 #include "preprocess/import/ply_plan.h"
 #include "preprocess/import/ply_rows.h"
@@ -27,6 +28,16 @@ uint8_t ColorByte(double value) {
 struct IndexTable {
   bool wanted = false;
   std::vector<uint32_t> scene_index;
+
+  void Save(ByteWriter& out) const {
+    out.Put<uint8_t>(wanted);
+    out.Put(static_cast<uint32_t>(scene_index.size()));
+    out.PutArray(scene_index);
+  }
+  void Restore(ByteReader& in) {
+    wanted = in.Get<uint8_t>() != 0;
+    scene_index = in.GetArray<uint32_t>(in.Get<uint32_t>());
+  }
 };
 
 template <typename Source>
@@ -36,6 +47,8 @@ class PlyBody {
       : header_(header), source_(source), sink_(sink), path_(source_.bytes().path()) {}
 
   Result<uint64_t> Import();
+  void Save(ByteWriter& out) const;
+  Status Restore(ByteReader& in);
 
  private:
   /// Of "model.ply.gz" too that of "model.ply".
@@ -79,8 +92,9 @@ class PlyBody {
   ModelSink& sink_;
   const std::string& path_;
   PlyRow row_;
-  uint64_t row_number_ = 0;
-  std::string complaint_;  ///< Why a step failed, where the source itself had nothing to object to.
+  size_t element_ = 0;       ///< being read
+  uint64_t row_number_ = 0;  ///< of it
+  std::string complaint_;    ///< Why a step failed, where the source itself had nothing to object to.
   uint64_t vertex_count_ = 0, triangles_ = 0, short_faces_ = 0;
   bool has_normals_ = false, has_uvs_ = false;
   IndexTable materials_, parts_;
@@ -94,15 +108,41 @@ Result<uint64_t> PlyBody<Source>::Import() {
   const PlyElement* vertex = header_.Find("vertex");
   if (vertex == nullptr) return source_.FailHere("the PLY header has no element \"vertex\"");
   vertex_count_ = vertex->count;
-  if (const PlyElement* face = header_.Find("face")) QUARRY_TRY(LoadTables(*face));
   const PlyPlan plan = PlanVertex(*vertex);
   if (!plan.Has(kX, kZ)) return source_.FailHere("the element \"vertex\" lacks x, y or z");
   has_normals_ = plan.Has(kNx, kNz);
   has_uvs_ = plan.Has(kU, kV);
-  for (const PlyElement& element : header_.elements) QUARRY_TRY(Element(element));
+  QUARRY_ASSIGN(const bool goes_on, GoOnFromCheckpoint(sink_, path_, *this));
+  if (const PlyElement* face = header_.Find("face"); face && !goes_on) QUARRY_TRY(LoadTables(*face));
+  for (; element_ < header_.elements.size(); ++element_) {
+    QUARRY_TRY(Element(header_.elements[element_]));
+    row_number_ = 0;
+  }
   if (short_faces_ != 0)
     sink_.Warn(fmt::format("{}: {} faces of fewer than 3 corners left out", path_, short_faces_));
   return triangles_;
+}
+
+template <typename Source>
+void PlyBody<Source>::Save(ByteWriter& out) const {
+  for (const uint64_t n :
+       {source_.bytes().offset(), source_.line(), uint64_t{element_}, row_number_, triangles_, short_faces_})
+    out.Put(n);
+  materials_.Save(out);
+  parts_.Save(out);
+}
+
+template <typename Source>
+Status PlyBody<Source>::Restore(ByteReader& in) {
+  QUARRY_TRY(source_.bytes().SkipTo(in.Get<uint64_t>()));
+  source_.GoOnAtLine(in.Get<uint64_t>());
+  element_ = in.Get<uint64_t>();
+  row_number_ = in.Get<uint64_t>();
+  triangles_ = in.Get<uint64_t>();
+  short_faces_ = in.Get<uint64_t>();
+  materials_.Restore(in);
+  parts_.Restore(in);
+  return {};
 }
 
 template <typename Source>
@@ -129,7 +169,6 @@ Status PlyBody<Source>::LoadTables(const PlyElement& face) {
 
 template <typename Source>
 Status PlyBody<Source>::Element(const PlyElement& element) {
-  row_number_ = 0;
   if (element.properties.empty()) return {};  // rows of nothing, however many are claimed
   if (element.name == "vertex") return Vertices(element);
   if (element.name == "face") return Faces(element);
@@ -180,12 +219,13 @@ Status PlyBody<Source>::FixedRows(const PlyElement& element, const PlyPlan& plan
     stride += SizeOf(step.type);
   }
   ModelReader& bytes = source_.bytes();
-  if (element.count > bytes.remaining() / stride)
+  if (element.count - row_number_ > bytes.remaining() / stride)
     return source_.FailHere(fmt::format(
         "the header promises {} rows of {} bytes for the element {}, but the file has {} bytes left",
-        element.count, stride, element.name, bytes.remaining()));
+        element.count - row_number_, stride, element.name, bytes.remaining()));
   if (wanted.empty() && bytes.Skip(element.count * stride)) return {};
   for (; row_number_ < element.count; ++row_number_) {
+    QUARRY_TRY(CheckpointIfDue(sink_, *this));
     if (!bytes.Ensure(stride)) return RowFailure(element);
     const char* at = bytes.data();
     for (const Wanted& want : wanted) row_.values[want.slot] = Source::Load(at + want.offset, want.type);
@@ -199,6 +239,7 @@ template <typename Source>
 template <typename Use>
 Status PlyBody<Source>::RowsOneByOne(const PlyElement& element, const PlyPlan& plan, Use&& use) {
   for (; row_number_ < element.count; ++row_number_) {
+    QUARRY_TRY(CheckpointIfDue(sink_, *this));
     if (!ReadTriangle(plan))
       for (const PlyStep& step : plan.steps) {
         if (ReadStep(step)) [[likely]]
@@ -329,6 +370,7 @@ template <typename Source>
 Status PlyBody<Source>::Strips(const PlyElement& element) {
   const PlyPlan plan = PlanFace(element);
   for (; row_number_ < element.count; ++row_number_) {
+    QUARRY_TRY(CheckpointIfDue(sink_, *this));
     strip_length_ = 0;
     for (const PlyStep& step : plan.steps) {
       if (step.target == PlyStep::kIndexList)

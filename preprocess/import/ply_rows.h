@@ -112,7 +112,10 @@ class BinaryPlySource {
     return WithType(type, [at](auto kind) { return static_cast<double>(LoadAs<decltype(kind), kSwap>(at)); });
   }
 
-  ModelReader& bytes() { return bytes_; }
+  ModelReader& bytes() const { return bytes_; }
+  /// Of text.
+  uint64_t line() const { return 0; }
+  void GoOnAtLine(uint64_t) {}
   tl::unexpected<Error> Failure(const std::string& where) const { return bytes_.Truncated("in " + where); }
   tl::unexpected<Error> FailHere(const std::string& what) const { return bytes_.FailHere(what); }
 
@@ -132,7 +135,9 @@ class AsciiPlySource {
   bool Integers(PlyType type, uint64_t count, std::vector<int64_t>& out);
   bool SkipValues(PlyType type, uint64_t count);
 
-  ModelReader& bytes() { return bytes_; }
+  ModelReader& bytes() const { return bytes_; }
+  uint64_t line() const { return line_; }
+  void GoOnAtLine(uint64_t line) { line_ = line; }
   tl::unexpected<Error> Failure(const std::string& where) const;
   tl::unexpected<Error> FailHere(const std::string& what) const;
 

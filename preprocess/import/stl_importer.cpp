@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "preprocess/import/checkpoint.h"
 #include "preprocess/import/formats.h"
 #include "preprocess/import/line_reader.h"
 #include "preprocess/import/text_number.h"
@@ -54,6 +55,22 @@ Status AddFacet(ModelSink& sink, const char* facet, uint64_t index) {
   return sink.AddPolygon(corners, kNoIndex, kNoIndex);
 }
 
+/// How many facets of a binary file have been read.
+struct FacetsRead {
+  ModelReader& bytes;
+  uint64_t count = 0;
+
+  void Save(ByteWriter& out) const {
+    out.Put(bytes.offset());
+    out.Put(count);
+  }
+  Status Restore(ByteReader& in) {
+    QUARRY_TRY(bytes.SkipTo(in.Get<uint64_t>()));
+    count = in.Get<uint64_t>();
+    return {};
+  }
+};
+
 Result<uint64_t> ImportBinary(ModelReader& bytes, ModelSink& sink) {
   const uint64_t promised = bytes.Ensure(kHeaderBytes) ? PromisedBytes(bytes) : kHeaderBytes;
   if (bytes.has_size() && promised > bytes.size())
@@ -64,7 +81,10 @@ Result<uint64_t> ImportBinary(ModelReader& bytes, ModelSink& sink) {
         fmt::format("{}: {} bytes behind the last facet left out", bytes.path(), bytes.size() - promised));
   bytes.Consume(kHeaderBytes);
   const uint64_t count = (promised - kHeaderBytes) / kFacetBytes;
-  for (uint64_t i = 0; i < count; ++i) {
+  FacetsRead read{bytes};
+  QUARRY_TRY(GoOnFromCheckpoint(sink, bytes.path(), read));
+  for (uint64_t& i = read.count; i < count; ++i) {
+    QUARRY_TRY(CheckpointIfDue(sink, read));
     if (!bytes.Ensure(kFacetBytes)) return bytes.Truncated(fmt::format("in facet {} of {}", i, count));
     QUARRY_TRY(AddFacet(sink, bytes.data(), i));
     bytes.Consume(kFacetBytes);
@@ -77,9 +97,22 @@ Result<uint64_t> ImportBinary(ModelReader& bytes, ModelSink& sink) {
 /// ASCII STL by words, not lines: some writers put a facet on one line. Solids with names are parts.
 class AsciiStl {
  public:
-  AsciiStl(ModelReader& bytes, ModelSink& sink) : lines_(bytes), sink_(sink) {}
+  AsciiStl(ModelReader& bytes, ModelSink& sink) : bytes_(bytes), lines_(bytes), sink_(sink) {}
 
   Result<uint64_t> Import();
+  /// Between facets.
+  void Save(ByteWriter& out) const {
+    for (const uint64_t n : {bytes_.offset(), lines_.line_number(), positions_, triangles_}) out.Put(n);
+    out.Put(part_);
+  }
+  Status Restore(ByteReader& in) {
+    QUARRY_TRY(bytes_.SkipTo(in.Get<uint64_t>()));
+    lines_.GoOnAfterLine(in.Get<uint64_t>());
+    positions_ = in.Get<uint64_t>();
+    triangles_ = in.Get<uint64_t>();
+    part_ = in.Get<uint32_t>();
+    return {};
+  }
 
  private:
   Status Line(std::string_view line);
@@ -87,6 +120,7 @@ class AsciiStl {
   Status Vertex(TextCursor& rest);
   Status EndFacet();
 
+  ModelReader& bytes_;
   LineReader lines_;
   ModelSink& sink_;
   std::vector<Corner> corners_;
@@ -96,8 +130,10 @@ class AsciiStl {
 };
 
 Result<uint64_t> AsciiStl::Import() {
+  QUARRY_TRY(GoOnFromCheckpoint(sink_, bytes_.path(), *this));
   std::string_view line;
   while (true) {
+    if (!in_facet_) QUARRY_TRY(CheckpointIfDue(sink_, *this));
     QUARRY_ASSIGN(const bool more, lines_.Next(line));
     if (!more) break;
     QUARRY_TRY(Line(line));

@@ -16,6 +16,7 @@
 #include "preprocess/sample.h"
 #include "preprocess/split.h"
 #include "preprocess/voxel_builder.h"
+#include "tests/support/temporary_folder.h"
 
 namespace quarry {
 namespace {
@@ -256,7 +257,8 @@ TEST_CASE("The partition gives voxels of the size allowed, none twice, every tri
 }
 
 TEST_CASE("Paged files give back what was appended, from memory or disk") {
-  auto file = PagedFile::Create(std::filesystem::temp_directory_path().string(), sizeof(uint64_t));
+  const test::TemporaryFolder folder;
+  auto file = PagedFile::Create(folder.file("paged"), sizeof(uint64_t));
   REQUIRE(file.has_value());
   constexpr uint32_t kCount = PagedFile::kPageElements * (PagedFile::kSlots + 40) + 7;
   for (uint64_t i = 0; i < kCount; ++i) REQUIRE(file->Append(&i));

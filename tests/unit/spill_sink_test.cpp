@@ -145,10 +145,11 @@ TEST_CASE("An import goes on where it was saved") {
     auto state = sink.Save();
     REQUIRE(state.has_value());
     saved = *state;
+    sink.Noted();
     AddFile(sink, 77, 0, false, true);  // lost with the process
   }
   SpillSink sink = MakeSink(folder, 1 << 20);
-  REQUIRE(sink.Restore(saved, true));
+  REQUIRE(sink.Restore(saved, false));
   AddFile(sink, 10, 500000, false, false);
   const auto scene = sink.Finish();
   REQUIRE(scene.has_value());
@@ -165,7 +166,7 @@ TEST_CASE("An import goes on where it was saved") {
 
   SpillSink other = MakeSink(folder, 1 << 20);
   saved.resize(saved.size() - 1);
-  CHECK_FALSE(other.Restore(saved, true).has_value());
+  CHECK_FALSE(other.Restore(saved, false).has_value());
 }
 
 TEST_CASE("A model is scaled, turned and moved to its place") {

@@ -1,4 +1,4 @@
-#include "preprocess/file_identity.h"
+#include "preprocess/import/file_identity.h"
 
 #include <fmt/format.h>
 #include <sys/stat.h>

@@ -1,0 +1,308 @@
+// Imports that are killed at every checkpoint give what one gives that nothing disturbs.
+
+#include <fmt/format.h>
+
+#include <catch2/catch.hpp>
+#include <cstring>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "common/base/file.h"
+#include "preprocess/import/importer.h"
+#include "preprocess/spill_sink.h"
+#include "tests/support/temporary_folder.h"
+
+namespace quarry {
+namespace {
+
+constexpr uint32_t kSide = 110;  // vertices along one side of a grid: several times what makes a sink look up
+
+uint32_t At(uint32_t x, uint32_t y) { return y * kSide + x; }
+
+/// The grid's triangles, each with a few thousand others between its vertices' first use and its own.
+template <class Use>
+void ForEachTriangle(Use&& use) {
+  for (uint32_t y = 0; y + 1 < kSide; ++y)
+    for (uint32_t x = 0; x + 1 < kSide; ++x) {
+      use(At(x, y), At(x + 1, y), At(x + 1, y + 1));
+      use(At(x, y), At(x + 1, y + 1), At(x, y + 1));
+    }
+}
+constexpr uint32_t kTriangles = 2 * (kSide - 1) * (kSide - 1);
+
+glm::vec3 Position(uint32_t vertex) {
+  const auto x = static_cast<float>(vertex % kSide), y = static_cast<float>(vertex / kSide);
+  return {x, y, static_cast<float>(vertex * 2654435761u % 97) / 64.0f};
+}
+
+template <class T>
+void Put(std::string& out, T value) {
+  out.append(reinterpret_cast<const char*>(&value), sizeof value);
+}
+
+void Write(const std::string& path, const std::string& text) {
+  REQUIRE(WriteFileAtomically(path, AsBytes(text)));
+}
+
+std::string PlyHeader(const char* format) {
+  return fmt::format(
+      "ply\nformat {} 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n"
+      "property uchar red\nproperty uchar green\nproperty uchar blue\nelement face {}\n"
+      "property list uchar int vertex_indices\nproperty int material_index\nproperty int part_index\n"
+      "end_header\n",
+      format, kSide * kSide, kTriangles);
+}
+
+void WritePly(const std::string& path, bool binary) {
+  std::string ply = PlyHeader(binary ? "binary_little_endian" : "ascii");
+  for (uint32_t v = 0; v < kSide * kSide; ++v) {
+    const glm::vec3 p = Position(v);
+    const auto red = static_cast<uint8_t>(v);
+    if (binary) {
+      Put(ply, p);
+      for (const uint8_t c : {red, uint8_t{7}, uint8_t{9}}) Put(ply, c);
+    } else {
+      ply += fmt::format("{} {} {} {} 7 9\n", p.x, p.y, p.z, red);
+    }
+  }
+  uint32_t face = 0;
+  ForEachTriangle([&](uint32_t a, uint32_t b, uint32_t c) {
+    const uint32_t material = face++ % 2, part = face % 3;
+    if (binary) {
+      Put(ply, uint8_t{3});
+      for (const uint32_t i : {a, b, c, material, part}) Put(ply, i);
+    } else {
+      ply += fmt::format("3 {} {} {} {} {}\n", a, b, c, material, part);
+    }
+  });
+  Write(path, ply);
+  Write(path.substr(0, path.size() - 4) + ".materials.json",
+        R"({"materials": [{"name": "a"}, {"name": "b"}], "parts": ["p", "q", "r"]})");
+}
+
+void WriteStl(const std::string& path, bool binary) {
+  std::string stl = binary ? std::string(80, 'x') : "solid grid\n";
+  if (binary) Put(stl, kTriangles);
+  ForEachTriangle([&](uint32_t a, uint32_t b, uint32_t c) {
+    if (binary) Put(stl, glm::vec3(0));
+    if (!binary) stl += "facet normal 0 0 1\nouter loop\n";
+    for (const uint32_t v : {a, b, c}) {
+      const glm::vec3 p = Position(v);
+      if (binary)
+        Put(stl, p);
+      else
+        stl += fmt::format("vertex {} {} {}\n", p.x, p.y, p.z);
+    }
+    if (binary) Put(stl, uint16_t{0});
+    if (!binary) stl += "endloop\nendfacet\n";
+  });
+  Write(path, stl);
+}
+
+void WriteOff(const std::string& path) {
+  std::string off = fmt::format("OFF\n{} {} 0\n", kSide * kSide, kTriangles);
+  for (uint32_t v = 0; v < kSide * kSide; ++v)
+    off += fmt::format("{} {} {}\n", Position(v).x, Position(v).y, Position(v).z);
+  ForEachTriangle([&](uint32_t a, uint32_t b, uint32_t c) { off += fmt::format("3 {} {} {}\n", a, b, c); });
+  Write(path, off);
+}
+
+/// With all that an OBJ's reader must remember: two libraries, of which the first that names a material has
+/// its say; a material that no library has; groups within objects; normals that come later, or never; indices
+/// from the end; faces of two corners.
+void WriteObj(const std::string& path) {
+  std::string obj = "mtllib a.mtl\nmtllib b.mtl\nmtllib missing.mtl\n";
+  for (uint32_t v = 0; v < kSide * kSide; ++v)
+    obj += fmt::format("v {} {} {}\nvt {} 0.5\n", Position(v).x, Position(v).y, Position(v).z, v % 16 / 16.0);
+  uint32_t face = 0;
+  ForEachTriangle([&](uint32_t a, uint32_t b, uint32_t c) {
+    if (face % 3000 == 0) obj += fmt::format("o object{}\n", face / 6000);
+    if (face % 2000 == 0) obj += fmt::format("g group{}\n", face / 2000 % 3);
+    if (face % 1500 == 0) obj += fmt::format("usemtl m{}\n", face / 1500 % 4);
+    if (face % 5000 == 1) obj += "f 1 2\nvn 0 0 1\n";
+    const int64_t end = -int64_t{kSide * kSide};
+    if (face % 2 == 0)
+      obj += fmt::format("f {0}/{0} {1}/{1} {2}/{2}\n", a + 1, b + 1, c + 1);
+    else
+      obj += fmt::format("f {}//{} {}//9999999 {}\n", end + a, face % 3 + 1, end + b, end + c);
+    ++face;
+  });
+  Write(path, obj);
+  const std::string folder = std::filesystem::path(path).parent_path().string();
+  Write(folder + "/a.mtl", "newmtl m0\nKd 1 0 0\nnewmtl m1\nKd 0 1 0\n");
+  Write(folder + "/b.mtl", "newmtl m1\nKd 0 0 1\nnewmtl m2\nKd 1 1 0\nNonsense\n");
+}
+
+/// Each of six nodes has a mesh of two primitives.
+void WriteGltf(const std::string& path) {
+  std::string buffer;
+  for (uint32_t v = 0; v < kSide * kSide; ++v) Put(buffer, Position(v));
+  const size_t positions = buffer.size();
+  ForEachTriangle([&](uint32_t a, uint32_t b, uint32_t c) {
+    for (const uint32_t i : {a, b, c}) Put(buffer, i);
+  });
+  nlohmann::json gltf = {
+      {"asset", {{"version", "2.0"}}},
+      {"buffers", {{{"uri", "grid.bin"}, {"byteLength", buffer.size()}}}},
+      {"bufferViews",
+       {{{"buffer", 0}, {"byteLength", positions}},
+        {{"buffer", 0}, {"byteOffset", positions}, {"byteLength", buffer.size() - positions}}}},
+      {"accessors",
+       {{{"bufferView", 0}, {"componentType", 5126}, {"count", kSide * kSide}, {"type", "VEC3"}},
+        {{"bufferView", 1}, {"componentType", 5125}, {"count", 3 * kTriangles}, {"type", "SCALAR"}}}},
+      {"materials", {{{"name", "a"}}, {{"name", "b"}}}},
+      {"meshes",
+       {{{"primitives",
+          {{{"attributes", {{"POSITION", 0}}}, {"indices", 1}, {"material", 0}},
+           {{"attributes", {{"POSITION", 0}}}, {"indices", 1}, {"material", 1}}}}}}}};
+  for (int i = 0; i < 6; ++i)
+    gltf["nodes"].push_back(
+        {{"mesh", 0}, {"name", fmt::format("node{}", i / 2)}, {"translation", {i, 0, 100 * i}}});
+  Write(path, gltf.dump());
+  Write(std::filesystem::path(path).parent_path().string() + "/grid.bin", buffer);
+}
+
+/// What a store is made of.
+struct Outcome {
+  std::vector<std::string> records, parts, warnings;
+  std::vector<Material> materials;
+  std::vector<KdTriangle> sample;
+  uint64_t input_triangles = 0;
+};
+
+Outcome OutcomeOf(ImportedScene scene) {
+  Outcome outcome;
+  SpillReader reader(*scene.triangles);
+  while (const std::byte* bytes = reader.Next())
+    outcome.records.emplace_back(reinterpret_cast<const char*>(bytes), scene.triangles->element_bytes());
+  REQUIRE(reader.status());
+  outcome.parts = scene.parts;
+  outcome.warnings = scene.warnings;
+  outcome.materials = scene.materials;
+  outcome.sample = scene.sample.TakeTriangles();
+  outcome.input_triangles = scene.input_triangles;
+  return outcome;
+}
+
+void MustBeTheSame(const Outcome& a, const Outcome& b) {
+  CHECK((a.records == b.records));
+  CHECK(a.parts == b.parts);
+  CHECK(a.warnings == b.warnings);
+  CHECK((a.materials == b.materials));
+  REQUIRE(a.sample.size() == b.sample.size());
+  CHECK(std::memcmp(a.sample.data(), b.sample.data(), a.sample.size() * sizeof(KdTriangle)) == 0);
+  CHECK(a.input_triangles == b.input_triangles);
+}
+
+constexpr uint64_t kMemory = 64ull << 20;
+
+SpillSink MakeSink(const std::string& folder) {
+  return SpillSink(folder, kMemory, 1, [](const std::string&) {});
+}
+
+template <class Give>
+Outcome Undisturbed(Give&& give) {
+  const test::TemporaryFolder folder;
+  SpillSink sink = MakeSink(folder.path());
+  REQUIRE(give(sink));
+  auto scene = sink.Finish();
+  REQUIRE(scene.has_value());
+  return OutcomeOf(std::move(*scene));
+}
+
+/// Every process gets as far as one note, and dies with all that it has not written: its sink's buffers.
+template <class Give>
+Outcome KilledAtEveryNote(Give&& give, size_t& kills) {
+  const test::TemporaryFolder folder;
+  Bytes saved;
+  for (kills = 0;; ++kills) {
+    REQUIRE(kills < 1000);
+    SpillSink sink = MakeSink(folder.path());
+    if (!saved.empty()) REQUIRE(sink.Restore(saved, false));
+    sink.NoteEvery(0, [&]() -> Status {
+      QUARRY_ASSIGN(saved, sink.Save());
+      return Fail("killed");
+    });
+    const Status given = give(sink);
+    if (!given) {
+      REQUIRE(given.error().message == "killed");
+      continue;
+    }
+    auto scene = sink.Finish();
+    REQUIRE(scene.has_value());
+    return OutcomeOf(std::move(*scene));
+  }
+}
+
+void MustGoOn(const std::string& path, size_t least_kills) {
+  INFO(path);
+  const auto give = [&](SpillSink& sink) { return ImportModel(path, sink); };
+  const Outcome whole = Undisturbed(give);
+  size_t kills = 0;
+  const Outcome pieces = KilledAtEveryNote(give, kills);
+  CHECK(kills >= least_kills);
+  MustBeTheSame(pieces, whole);
+}
+
+}  // namespace
+
+TEST_CASE("Imports of every format go on from every checkpoint", "[import][resume]") {
+  const test::TemporaryFolder folder;
+  for (const bool binary : {true, false}) {
+    const std::string name = binary ? "binary" : "text";
+    WritePly(folder.file(name + ".ply"), binary);
+    MustGoOn(folder.file(name + ".ply"), 6);
+    WriteStl(folder.file(name + ".stl"), binary);
+    MustGoOn(folder.file(name + ".stl"), 10);
+  }
+  WriteOff(folder.file("x.off"));
+  MustGoOn(folder.file("x.off"), 6);
+  WriteObj(folder.file("x.obj"));
+  MustGoOn(folder.file("x.obj"), 6);
+  WriteGltf(folder.file("x.gltf"));
+  MustGoOn(folder.file("x.gltf"), 11);
+}
+
+TEST_CASE("A checkpoint of an OBJ does not go on with another material library", "[import][resume]") {
+  const test::TemporaryFolder folder, work;
+  WriteObj(folder.file("x.obj"));
+  Bytes saved;
+  {
+    SpillSink sink = MakeSink(work.path());
+    sink.NoteEvery(0, [&]() -> Status {
+      QUARRY_ASSIGN(saved, sink.Save());
+      return Fail("killed");
+    });
+    REQUIRE_FALSE(ImportModel(folder.file("x.obj"), sink).has_value());
+  }
+  Write(folder.file("b.mtl"), "newmtl m2\n");
+  SpillSink sink = MakeSink(work.path());
+  REQUIRE(sink.Restore(saved, false));
+  const Status status = ImportModel(folder.file("x.obj"), sink);
+  REQUIRE_FALSE(status.has_value());
+  CHECK(status.error().message.find("b.mtl: has changed since the run was begun") != std::string::npos);
+}
+
+TEST_CASE("Windows over faces that waited go on from the last", "[import][resume]") {
+  // Faces before their vertices, enough of them to be worth notes, in several windows.
+  constexpr uint32_t kVertices = 1500000, kFaces = (1 << 20) + 1000;
+  const auto give = [&](SpillSink& sink) -> Status {
+    QUARRY_TRY(sink.BeginFile("f"));
+    if (sink.HasAll()) return sink.EndFile();
+    for (uint32_t f = 0; f < kFaces; ++f) {
+      Corner corners[3];
+      for (uint32_t k = 0; k < 3; ++k) corners[k].position = (f * 2654435761u + k * 4000037u) % kVertices;
+      QUARRY_TRY(sink.AddPolygon(corners, kNoIndex, kNoIndex));
+    }
+    for (uint32_t v = 0; v < kVertices; ++v)
+      QUARRY_TRY(sink.AddPosition(glm::dvec3(v % 1024, v / 1024, v % 7), Rgba8{}));
+    return sink.EndFile();
+  };
+  const Outcome whole = Undisturbed(give);
+  size_t kills = 0;
+  const Outcome pieces = KilledAtEveryNote(give, kills);
+  CHECK(kills == 4);
+  MustBeTheSame(pieces, whole);
+}
+
+}  // namespace quarry
