@@ -148,6 +148,8 @@ Status Run(PreprocessOptions options, const std::string& memory, const std::stri
   for (const std::string& place : places) QUARRY_TRY(ParsePlacement(place, options));
   if (plan) return PrintPlan(options, stats);
   if (!options.resume && RoomIsTight(options)) {
+    if (!options.quiet)
+      fmt::print(stderr, "reading the model beforehand, to see whether the disk has room (see --plan)\n");
     QUARRY_ASSIGN(const PreprocessPlan needed, MakePlan(options));
     QUARRY_TRY(CheckRoom(options, needed));
   }

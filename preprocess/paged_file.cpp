@@ -9,7 +9,7 @@
 namespace quarry {
 
 Result<PagedFile> PagedFile::Create(const std::string& path, size_t element_bytes) {
-  QUARRY_ASSIGN(SpillFile file, SpillFile::Open(path, element_bytes, 0));
+  QUARRY_ASSIGN(SpillFile file, SpillFile::Open(path, element_bytes, 0, {.pack_from = SpillFile::kPackNone}));
   return PagedFile(std::move(file));
 }
 
@@ -27,7 +27,8 @@ Status PagedFile::Save(ByteWriter& out) {
 
 Result<PagedFile> PagedFile::Restore(const std::string& path, size_t element_bytes, ByteReader& saved) {
   const auto count = saved.Get<uint64_t>();
-  QUARRY_ASSIGN(SpillFile spill, SpillFile::Open(path, element_bytes, count));
+  QUARRY_ASSIGN(SpillFile spill,
+                SpillFile::Open(path, element_bytes, count, {.pack_from = SpillFile::kPackNone}));
   PagedFile file(std::move(spill));
   file.count_ = count;
   file.slot_of_page_.assign((count + kPageElements - 1) / kPageElements, kNone);
@@ -85,7 +86,7 @@ Status PagedFile::Append(const void* element) {
 Status PagedFile::Load(uint32_t index) {
   const uint32_t page = index / kPageElements;
   if (slot_of_page_[page] != kNone) return {};
-  QUARRY_TRY(file_.Flush());
+  if ((page + 1ull) * kPageElements > file_.flushed()) QUARRY_TRY(file_.Flush());
   Place(page);
   return Fill(slots_[slot_of_page_[page]]);
 }

@@ -81,16 +81,18 @@ Status ReadModels(const PreprocessOptions& options, ModelSink& sink) {
 }
 
 /// The most spill at once: while a file is imported, or when all triangles have been parted: a slice of them
-/// is in both places, and those that touch several regions in each.
-uint64_t SpillPeak(const std::vector<Counts>& files, Attributes attributes) {
-  uint64_t peak = 0, triangles = 0;
-  const uint64_t record = RecordBytes(attributes);
+/// is in both places, and those that touch several regions in each. `record`: bytes of a triangle's, packed.
+uint64_t SpillPeak(const std::vector<Counts>& files, double record) {
+  double peak = 0, triangles = 0;
   for (const Counts& f : files) {
-    triangles += f.triangles;
-    peak = std::max(peak, triangles * record + f.positions * 16 + f.normals * 12 + f.uvs * 8);
+    triangles += static_cast<double>(f.triangles);
+    peak = std::max(peak,
+                    triangles * record + static_cast<double>(f.positions * 16 + f.normals * 12 + f.uvs * 8));
   }
-  if (triangles <= kMostInMemory) return peak;
-  return std::max(peak, (triangles + triangles / 20 + std::min(triangles, kPartedAtOnce)) * record);
+  if (triangles <= kMostInMemory) return static_cast<uint64_t>(peak);
+  constexpr double kSample = TriangleSample::kMost * (sizeof(KdTriangle) + 4);  // saved for --resume
+  const double parting = 1.05 * triangles + std::min(triangles, static_cast<double>(kPartedAtOnce));
+  return static_cast<uint64_t>(std::max(peak, parting * record) + kSample);
 }
 
 }  // namespace
@@ -112,7 +114,11 @@ Result<PreprocessPlan> MakePlan(const PreprocessOptions& options) {
     uvs += f.uvs;
     if (f.triangles > counted.files[largest].triangles) largest = i;
   }
-  plan.has_shading = counted.has_color || normals + uvs != 0;
+  const Attributes attributes = uvs                 ? Attributes::kUvs
+                                : normals           ? Attributes::kNormals
+                                : counted.has_color ? Attributes::kColors
+                                                    : Attributes::kNone;
+  plan.has_shading = attributes != Attributes::kNone;
   const Counts& of = counted.files[largest];
   const std::vector<SampleWindow> windows = ChooseWindows(of.vertices, of.triangles);
   WindowSink content(largest, windows, of.positions);
@@ -120,22 +126,17 @@ Result<PreprocessPlan> MakePlan(const PreprocessOptions& options) {
   CornerSink corners(largest, content);
   if (corners.wants_any()) QUARRY_TRY(ReadModels(options, corners));
   QUARRY_ASSIGN(const SampleCost cost,
-                MeasureWindows(options, windows, of.vertices, content, corners, plan.has_shading));
+                MeasureWindows(options, windows, of.vertices, content, corners, attributes));
   const auto triangles = static_cast<double>(plan.triangles);
   plan.store_bytes = static_cast<uint64_t>(triangles * cost.bytes);
-  const Attributes attributes = uvs                 ? Attributes::kUvs
-                                : normals           ? Attributes::kNormals
-                                : counted.has_color ? Attributes::kColors
-                                                    : Attributes::kNone;
-  plan.spill_bytes = SpillPeak(counted.files, attributes);
+  const auto record_bytes = static_cast<double>(RecordBytes(attributes));
+  plan.spill_bytes = SpillPeak(counted.files, record_bytes * cost.spilled);
   QUARRY_ASSIGN(const PlannedTextures textures, PlanTextures(options, counted.images));
   plan.texture_bytes = textures.stored_bytes;
   plan.store_bytes += plan.texture_bytes;
   plan.memory_bytes = options.memory + kOverheadBytes;
   const double record_s = kImportSeconds + (plan.triangles > kMostInMemory ? kPartingSeconds : 0);
-  plan.seconds = reading_s +
-                 triangles * (static_cast<double>(RecordBytes(attributes)) * record_s + cost.seconds) +
-                 textures.seconds;
+  plan.seconds = reading_s + triangles * (record_bytes * record_s + cost.seconds) + textures.seconds;
   return plan;
 }
 

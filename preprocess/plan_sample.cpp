@@ -4,12 +4,15 @@
 #include <bit>
 #include <chrono>
 #include <cmath>
+#include <cstring>
 #include <glm/common.hpp>
 #include <limits>
 
+#include "common/base/bytes.h"
 #include "common/base/resource.h"
 #include "common/kdtree/triangle_test.h"
 #include "preprocess/partition.h"
+#include "preprocess/spill_file.h"
 #include "preprocess/split.h"
 #include "preprocess/voxel_builder.h"
 #include "preprocess/voxel_pipeline.h"
@@ -192,9 +195,26 @@ bool CornerSink::Resolve(const WindowSink::Triangle& triangle, glm::dvec3 (&posi
   return true;
 }
 
+namespace {
+
+/// What spill files make of a byte of these records.
+double SpilledShare(const std::vector<std::vector<TriangleRecord>>& records, Attributes attributes) {
+  const size_t size = RecordBytes(attributes);
+  uint64_t all = 0, packed = 0;
+  for (const std::vector<TriangleRecord>& some : records) {
+    Bytes bytes(some.size() * size);
+    for (size_t i = 0; i < some.size(); ++i) std::memcpy(&bytes[i * size], &some[i], size);
+    all += bytes.size();
+    packed += SpillFile::PackedBytes(bytes);
+  }
+  return static_cast<double>(packed) / static_cast<double>(all);
+}
+
+}  // namespace
+
 Result<SampleCost> MeasureWindows(const PreprocessOptions& options, std::span<const SampleWindow> windows,
                                   const VertexSample& vertices, const WindowSink& content,
-                                  const CornerSink& corners, bool has_shading) {
+                                  const CornerSink& corners, Attributes attributes) {
   const Placing place(vertices, options.scale);
   const float padding = ReferencePadding(place.largest());
   std::vector<std::vector<TriangleRecord>> records(windows.size());
@@ -217,12 +237,14 @@ Result<SampleCost> MeasureWindows(const PreprocessOptions& options, std::span<co
   }
   // Triangles whose corners lie nowhere, or come after them.
   if (owned < kFewest) return kUsual;
+  const double spilled = SpilledShare(records, attributes);
   double bytes = 0;
   const auto start = std::chrono::steady_clock::now();
   VoxelPipeline pipeline(
       options.threads,
       [&](const VoxelTask& task) {
-        return BuildVoxel(task.triangles, task.cell, padding, has_shading, options.voxel_size);
+        return BuildVoxel(task.triangles, task.cell, padding, attributes != Attributes::kNone,
+                          options.voxel_size);
       },
       [&](const EncodedVoxel& voxel) {
         bytes += static_cast<double>(voxel.hot.size() + voxel.shading.size());
@@ -241,7 +263,8 @@ Result<SampleCost> MeasureWindows(const PreprocessOptions& options, std::span<co
                                  [&](VoxelTask task) { return pipeline.Add(std::move(task)); }));
   }
   QUARRY_TRY(pipeline.Finish());
-  return SampleCost{SecondsSince(start) / static_cast<double>(owned), bytes / static_cast<double>(owned)};
+  return SampleCost{SecondsSince(start) / static_cast<double>(owned), bytes / static_cast<double>(owned),
+                    spilled};
 }
 
 }  // namespace quarry

@@ -153,15 +153,16 @@ class CornerSink : public IgnoringSink {
   Picked<glm::vec2> uvs_;
 };
 
-/// What a triangle takes: of building, with as many threads as a run has, and of the store.
+/// What a triangle takes: of building, with as many threads as a run has, and of the store; and a byte of its
+/// record, in spill files.
 struct SampleCost {
-  double seconds = 0, bytes = 0;
+  double seconds = 0, bytes = 0, spilled = 0.5;
 };
 
 /// Builds voxels of what is in the windows; where they hold too little, what a triangle took in the scenes
 /// measured. `vertices`: those that windows were chosen from.
 Result<SampleCost> MeasureWindows(const PreprocessOptions& options, std::span<const SampleWindow> windows,
                                   const VertexSample& vertices, const WindowSink& content,
-                                  const CornerSink& corners, bool has_shading);
+                                  const CornerSink& corners, Attributes attributes);
 
 }  // namespace quarry

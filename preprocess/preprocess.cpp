@@ -300,9 +300,7 @@ class Build {
     note.PutArray(tree_.nodes);
     note.PutArray(tree_.regions);
     note.PutArray(tree_.leaves);
-    QUARRY_TRY(work_.Add(NoteKind::kRegions, note.Take()));
-    SpillSink::RemoveSavedSample(work_.spill_folder());
-    return {};
+    return work_.Add(NoteKind::kRegions, note.Take());
   }
 
   /// Hands all triangles out to the files of their regions. The spill they come from shrinks meanwhile.

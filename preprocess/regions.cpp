@@ -109,12 +109,16 @@ Result<RegionFiles> RegionFiles::Open(const RegionTree& tree, const std::string&
                                       uint64_t memory, size_t gone, const std::vector<uint64_t>& counts,
                                       const std::vector<Box>& contents) {
   const size_t regions = tree.regions.size();
-  const auto buffer = std::clamp<size_t>(memory / regions, 4096, 256 << 10);
   RegionFiles files(tree);
+  SpillFile::Options options;
+  options.block_bytes = std::clamp<size_t>(memory / regions, 4096, 256 << 10);
+  options.writer = files.writer_.get();
+  const bool large = regions * kRegionTriangles * record_bytes >= SpillFile::kPackLarge;
+  options.pack_from = large ? SpillFile::kPackAll : SpillFile::kPackNone;
   files.files_.reserve(regions);
   for (size_t i = 0; i < regions; ++i) {
     QUARRY_ASSIGN(SpillFile file, SpillFile::Open(fmt::format("{}{}", prefix, i), record_bytes,
-                                                  counts.empty() || i < gone ? 0 : counts[i], buffer));
+                                                  counts.empty() || i < gone ? 0 : counts[i], options));
     files.files_.push_back(std::move(file));
   }
   files.contents_ = contents.empty() ? std::vector<Box>(regions, EmptyBox()) : contents;
@@ -177,6 +181,9 @@ Status RegionFiles::FinishWriting() {
 }
 
 Status RegionFiles::Sync() {
+  for (SpillFile& file : files_) QUARRY_TRY(file.Flush());
+  QUARRY_TRY(writer_->Wait());
+  for (const SpillFile& file : files_) file.BeginSync();
   for (SpillFile& file : files_) QUARRY_TRY(file.Sync());
   return {};
 }

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -81,6 +82,7 @@ class RegionFiles {
   Routed Route(const SpillFile& triangles, uint64_t first, uint64_t count, float padding);
   const RegionTree* tree_;
   std::vector<SpillFile> files_;
+  std::unique_ptr<SpillWriter> writer_ = std::make_unique<SpillWriter>();  ///< of files_: ends before them
   std::vector<Box> contents_;
 };
 

@@ -1,6 +1,5 @@
 #include "preprocess/sample.h"
 
-#include <bit>
 #include <utility>
 
 namespace quarry {
@@ -23,22 +22,18 @@ void TriangleSample::Keep(const TriangleRecord& record) {
   hashes_.push_back(hash);
 }
 
-Bytes TriangleSample::Save() const {
-  ByteWriter out;
+void TriangleSample::Save(ByteWriter& out) const {
   out.Put(weight_);
   out.Put(static_cast<uint32_t>(triangles_.size()));
-  out.PutArray(triangles_);
   out.PutArray(hashes_);
-  return out.Take();
+  out.PutArray(triangles_);
 }
 
-bool TriangleSample::Restore(std::span<const std::byte> saved) {
-  ByteReader in(saved);
+void TriangleSample::Restore(ByteReader& in) {
   weight_ = in.Get<uint32_t>();
   const auto count = in.Get<uint32_t>();
-  triangles_ = in.GetArray<KdTriangle>(count);
   hashes_ = in.GetArray<uint32_t>(count);
-  return in.done() && count <= kMost && std::has_single_bit(weight_);
+  triangles_ = in.GetArray<KdTriangle>(count);
 }
 
 std::vector<KdTriangle> TriangleSample::TakeTriangles() {

@@ -22,9 +22,8 @@ class TriangleSample {
   uint64_t weight() const { return weight_; }
   std::vector<KdTriangle> TakeTriangles();
 
-  Bytes Save() const;
-  /// False: the bytes are none of Save's.
-  bool Restore(std::span<const std::byte> saved);
+  void Save(ByteWriter& out) const;
+  void Restore(ByteReader& in);
 
  private:
   /// The finalizer of MurmurHash3 (Appleby 2011).

@@ -1,7 +1,6 @@
 #include "preprocess/spill_sink.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
@@ -148,16 +147,20 @@ uint32_t SpillSink::DefaultMaterial() {
   return default_material_;
 }
 
-std::string SpillSink::PartialPath() const { return FilePath(partial_number_ ? "partial-1" : "partial-0"); }
-std::string SpillSink::SamplePath(const std::string& folder, int number) {
-  return fmt::format("{}/import-sample-{}", folder, number);
-}
+std::string SpillSink::PartialPath(int number) const { return FilePath(number ? "partial-1" : "partial-0"); }
+std::string SpillSink::StatePath() const { return FilePath(state_number_ ? "state-1" : "state-0"); }
 std::string SpillSink::TrianglesPath() const {
   return fmt::format("{}/triangles-{}", folder_, static_cast<int>(scene_.attributes));
 }
 
+Result<SpillFile> SpillSink::OpenTrianglesFile(uint64_t count) {
+  SpillFile::Options options;
+  options.writer = &writer_;
+  return SpillFile::Open(TrianglesPath(), RecordBytes(scene_.attributes), count, options);
+}
+
 Status SpillSink::OpenTriangles() {
-  QUARRY_ASSIGN(scene_.triangles, SpillFile::Open(TrianglesPath(), RecordBytes(scene_.attributes), 0));
+  QUARRY_ASSIGN(scene_.triangles, OpenTrianglesFile(0));
   return {};
 }
 
@@ -293,14 +296,20 @@ Status SpillSink::KeepTriangle(const TriangleRecord& record) {
 Status SpillSink::EndFile() {
   QUARRY_TRY(Settle());
   QUARRY_TRY(ResolveWaiting());
+  const bool noted = std::exchange(file_noted_, false);
+  const auto done_with = [&](SpillFile file) {
+    if (noted)
+      superseded_.push_back(std::move(file));
+    else
+      file.Remove();
+  };
   for (std::optional<PagedFile>* stream : {&positions_, &normals_, &uvs_})
-    superseded_.push_back(std::move(**stream).TakeFile());
-  superseded_.push_back(std::move(*waiting_));
-  if (partial_) superseded_.push_back(std::move(*partial_));
+    done_with(std::move(**stream).TakeFile());
+  done_with(std::move(*waiting_));
+  if (partial_) done_with(std::move(*partial_));
   partial_.reset();
   in_file_ = has_all_ = goes_on_ = false;
   importer_state_.clear();
-  if (!std::exchange(file_noted_, false)) RemoveSuperseded();
   return {};
 }
 
@@ -359,6 +368,7 @@ Status SpillSink::ResolveWaiting() {
     resolved_ += window;
     if (resolved_ >= longest) return {};
     if (noted) QUARRY_TRY(Note());
+    SpillFile::Left(PartialPath(partial_number_ ^ 1), 1, 0).Remove();  // the pass before it
   }
 }
 
@@ -374,7 +384,7 @@ Status SpillSink::ResolveWindow(uint64_t window, bool last) {
   std::optional<SpillFile> next;
   if (!last) {
     partial_number_ ^= 1;
-    QUARRY_ASSIGN(next, SpillFile::Open(PartialPath(), RecordBytes(scene_.attributes), 0));
+    QUARRY_ASSIGN(next, SpillFile::Open(PartialPath(partial_number_), RecordBytes(scene_.attributes), 0));
   }
   SpillReader faces(*waiting_);
   std::optional<SpillReader> records;
@@ -412,8 +422,7 @@ Status SpillSink::ResolveWindow(uint64_t window, bool last) {
   }
   QUARRY_TRY(faces.status());
   if (next) QUARRY_TRY(next->FinishWriting());
-  if (partial_ && last) partial_->Remove();
-  partial_ = std::move(next);
+  if (next) partial_ = std::move(next);
   return {};
 }
 
@@ -434,11 +443,16 @@ Result<Bytes> SpillSink::Save() {
   PutTexts(scene_.parts, out);
   PutTexts(scene_.warnings, out);
   QUARRY_TRY(images_.Save(out));
-  QUARRY_TRY(SaveSample(out));
   out.Put<uint8_t>(in_file_);
   if (in_file_) QUARRY_TRY(SaveFile(out));
-  SyncFolderOf(FilePath(""));
-  return out.Take();
+  scene_.sample.Save(out);
+  state_number_ ^= 1;
+  QUARRY_TRY(WriteFileAtomically(StatePath(), out.bytes()));
+  SyncFolderOf(StatePath());  // the other files' names
+  ByteWriter note;
+  note.Put(state_number_);
+  note.Put(Checksum(out.bytes()));
+  return note.Take();
 }
 
 /// What the file at hand has given that is no triangle yet.
@@ -460,45 +474,24 @@ Status SpillSink::SaveFile(ByteWriter& out) {
   return {};
 }
 
-/// The sample is written anew each time, to one of two files by turns, so that the one noted stays.
-Status SpillSink::SaveSample(ByteWriter& out) {
-  sample_number_ ^= 1;
-  const Bytes sample = scene_.sample.Save();
-  out.Put(sample_number_);
-  out.Put(Checksum(sample));
-  return WriteFileAtomically(SamplePath(folder_, sample_number_), sample);
-}
-
-Status SpillSink::RestoreSample(ByteReader& in, bool needed) {
-  sample_number_ = in.Get<uint8_t>() & 1;
-  const auto checksum = in.Get<uint64_t>();
-  if (!needed) return {};
-  const std::string path = SamplePath(folder_, sample_number_);
-  QUARRY_ASSIGN(const InputFile file, InputFile::Open(path));
-  Bytes sample(file.size());
-  QUARRY_TRY(file.ReadAt(0, sample));
-  if (Checksum(sample) != checksum || !scene_.sample.Restore(sample))
-    return Fail(fmt::format("{}: has been changed; begin anew without --resume", path));
-  return {};
-}
-
-void SpillSink::RemoveSavedSample(const std::string& folder) {
-  for (const int number : {0, 1}) ::unlink(SamplePath(folder, number).c_str());
-}
-
 void SpillSink::Noted() {
   noted_ = true;
   noted_at_ = std::chrono::steady_clock::now();
-  RemoveSuperseded();
-}
-
-void SpillSink::RemoveSuperseded() {
   for (const SpillFile& file : superseded_) file.Remove();
   superseded_.clear();
 }
 
 Status SpillSink::Restore(std::span<const std::byte> saved, bool all) {
-  ByteReader in(saved);
+  ByteReader note(saved);
+  state_number_ = note.Get<uint8_t>() & 1;
+  const auto checksum = note.Get<uint64_t>();
+  QUARRY_ASSIGN(const InputFile file, InputFile::Open(StatePath()));
+  Bytes state(file.size());
+  QUARRY_TRY(file.ReadAt(0, state));
+  if (!note.done() || Checksum(state) != checksum)
+    return Fail(
+        fmt::format("{}: is not what was saved of the import; begin anew without --resume", StatePath()));
+  ByteReader in(state);
   scene_.attributes = static_cast<Attributes>(std::min<uint8_t>(in.Get<uint8_t>(), 3));
   has_offset_ = in.Get<uint8_t>() != 0;
   scene_.offset = in.GetVec3<glm::dvec3>();
@@ -513,16 +506,15 @@ Status SpillSink::Restore(std::span<const std::byte> saved, bool all) {
   scene_.parts = GetTexts(in);
   scene_.warnings = GetTexts(in);
   QUARRY_TRY(images_.Restore(in));
-  QUARRY_TRY(RestoreSample(in, !all));
   in_file_ = in.Get<uint8_t>() != 0;
   if (in_file_) QUARRY_TRY(RestoreFile(in));
+  scene_.sample.Restore(in);
   if (!in.done()) return Fail(fmt::format("{}: what was saved of the import cannot be read", folder_));
   noted_ = true;
-  const size_t bytes = RecordBytes(scene_.attributes);
   if (all) {
-    scene_.triangles = SpillFile::Left(TrianglesPath(), bytes, count);
+    scene_.triangles = SpillFile::Left(TrianglesPath(), RecordBytes(scene_.attributes), count);
   } else {
-    QUARRY_ASSIGN(scene_.triangles, SpillFile::Open(TrianglesPath(), bytes, count));
+    QUARRY_ASSIGN(scene_.triangles, OpenTrianglesFile(count));
   }
   return {};
 }
@@ -544,7 +536,8 @@ Status SpillSink::RestoreFile(ByteReader& in) {
   const bool partial = in.Get<uint8_t>() != 0;
   partial_number_ = in.Get<uint8_t>() & 1;
   if (partial) {
-    QUARRY_ASSIGN(partial_, SpillFile::Open(PartialPath(), RecordBytes(scene_.attributes), waiting));
+    QUARRY_ASSIGN(partial_,
+                  SpillFile::Open(PartialPath(partial_number_), RecordBytes(scene_.attributes), waiting));
   }
   const std::span<const std::byte> state = in.GetSpan(in.Get<uint32_t>());
   importer_state_.assign(state.begin(), state.end());

@@ -86,7 +86,8 @@ class SpillSink final : public ModelSink {
   std::span<const std::byte> LastCheckpoint() const override { return importer_state_; }
   bool HasAll() const override { return has_all_; }
 
-  /// Makes what came so far outlast a loss of power, and returns what Restore needs to go on from here.
+  /// Makes what came so far outlast a loss of power, and returns what Restore needs to go on from here: a few
+  /// bytes. Names and materials may be many: they and the sample are written to one of two files by turns.
   Result<Bytes> Save();
   /// What Save returned last is on disk: gives back the files that only earlier notes speak of.
   void Noted();
@@ -102,8 +103,6 @@ class SpillSink final : public ModelSink {
 
   /// After the last file. Requires: no error before.
   Result<ImportedScene> Finish();
-  /// No later process will want the sample that a sink has saved in `folder`.
-  static void RemoveSavedSample(const std::string& folder);
 
  private:
   /// One triangle with its indices not yet resolved.
@@ -116,13 +115,11 @@ class SpillSink final : public ModelSink {
   std::string FilePath(const char* stream) const;
   std::string TrianglesPath() const;
   Status Note();
-  std::string PartialPath() const;
-  static std::string SamplePath(const std::string& folder, int number);
+  std::string PartialPath(int number) const;
+  std::string StatePath() const;
   Status SaveFile(ByteWriter& out);
   Status RestoreFile(ByteReader& in);
-  Status SaveSample(ByteWriter& out);
-  Status RestoreSample(ByteReader& in, bool needed);
-  void RemoveSuperseded();
+  Result<SpillFile> OpenTrianglesFile(uint64_t count);
   Status OpenTriangles();
   Status Found(Attributes attributes);
   Status Settle();
@@ -164,6 +161,7 @@ class SpillSink final : public ModelSink {
   uint32_t default_material_ = kNoIndex;
   bool has_offset_ = false;
   ImportedScene scene_;
+  SpillWriter writer_;  ///< of its triangles: ends before them
 
   double note_seconds_ = 0;
   std::function<Status()> note_;
@@ -172,7 +170,7 @@ class SpillSink final : public ModelSink {
   bool reads_once_ = false, goes_on_ = false;
   Bytes importer_state_;
   bool noted_ = false, file_noted_ = false;  ///< ever; within the current file
-  uint8_t sample_number_ = 0;
+  uint8_t state_number_ = 0;
   std::vector<SpillFile> superseded_;
 };
 

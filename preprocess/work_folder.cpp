@@ -181,7 +181,7 @@ void WorkFolder::HoldOnSignal() {
   for (const char* file :
        {"/triangles-0", "/triangles-1", "/triangles-2", "/triangles-3", "/import-positions",
         "/import-normals", "/import-uvs", "/import-waiting", "/import-partial-0", "/import-partial-1",
-        "/import-sample-0", "/import-sample-1", "/images", ""})
+        "/import-state-0", "/import-state-1", "/images", ""})
     cleanups_.push_back(RemoveOnSignal(spill_ + file));
   if (spill_ != path_) cleanups_.push_back(RemoveOnSignal(path_));
 }

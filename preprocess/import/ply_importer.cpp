@@ -19,6 +19,8 @@
 namespace quarry {
 namespace {
 
+constexpr uint64_t kRowsPerLook = 256;  // whether a checkpoint is due
+
 uint8_t ColorByte(double value) {
   return static_cast<uint8_t>(value > 0 ? std::min(value, 255.0) + 0.5 : 0.0);
 }
@@ -225,7 +227,7 @@ Status PlyBody<Source>::FixedRows(const PlyElement& element, const PlyPlan& plan
         element.count - row_number_, stride, element.name, bytes.remaining()));
   if (wanted.empty() && bytes.Skip(element.count * stride)) return {};
   for (; row_number_ < element.count; ++row_number_) {
-    QUARRY_TRY(CheckpointIfDue(sink_, *this));
+    if (row_number_ % kRowsPerLook == 0) QUARRY_TRY(CheckpointIfDue(sink_, *this));
     if (!bytes.Ensure(stride)) return RowFailure(element);
     const char* at = bytes.data();
     for (const Wanted& want : wanted) row_.values[want.slot] = Source::Load(at + want.offset, want.type);
@@ -239,7 +241,7 @@ template <typename Source>
 template <typename Use>
 Status PlyBody<Source>::RowsOneByOne(const PlyElement& element, const PlyPlan& plan, Use&& use) {
   for (; row_number_ < element.count; ++row_number_) {
-    QUARRY_TRY(CheckpointIfDue(sink_, *this));
+    if (row_number_ % kRowsPerLook == 0) QUARRY_TRY(CheckpointIfDue(sink_, *this));
     if (!ReadTriangle(plan))
       for (const PlyStep& step : plan.steps) {
         if (ReadStep(step)) [[likely]]

@@ -14,8 +14,9 @@
 namespace quarry {
 namespace {
 
-constexpr uint64_t kHeaderBytes = 84;  ///< 80 of text, 4 of count.
-constexpr uint64_t kFacetBytes = 50;   ///< Normal and three corners of 12 bytes, 2 bytes of attributes.
+constexpr uint64_t kHeaderBytes = 84;     ///< 80 of text, 4 of count.
+constexpr uint64_t kFacetsPerLook = 256;  ///< whether a checkpoint is due
+constexpr uint64_t kFacetBytes = 50;      ///< Normal and three corners of 12 bytes, 2 bytes of attributes.
 
 uint64_t PromisedBytes(ModelReader& bytes) {
   uint32_t count;
@@ -84,7 +85,7 @@ Result<uint64_t> ImportBinary(ModelReader& bytes, ModelSink& sink) {
   FacetsRead read{bytes};
   QUARRY_TRY(GoOnFromCheckpoint(sink, bytes.path(), read));
   for (uint64_t& i = read.count; i < count; ++i) {
-    QUARRY_TRY(CheckpointIfDue(sink, read));
+    if (i % kFacetsPerLook == 0) QUARRY_TRY(CheckpointIfDue(sink, read));
     if (!bytes.Ensure(kFacetBytes)) return bytes.Truncated(fmt::format("in facet {} of {}", i, count));
     QUARRY_TRY(AddFacet(sink, bytes.data(), i));
     bytes.Consume(kFacetBytes);

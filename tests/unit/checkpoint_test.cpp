@@ -6,6 +6,7 @@
 #include <cstring>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "common/base/file.h"
 #include "preprocess/import/importer.h"
@@ -210,11 +211,13 @@ Outcome Undisturbed(Give&& give) {
   return OutcomeOf(std::move(*scene));
 }
 
-/// Every process gets as far as one note, and dies with all that it has not written: its sink's buffers.
+/// Every process gets as far as one note, and dies with all that it has not written: its sink's buffers. One
+/// more dies behind the last, where a note between files would be.
 template <class Give>
 Outcome KilledAtEveryNote(Give&& give, size_t& kills) {
   const test::TemporaryFolder folder;
   Bytes saved;
+  bool died_at_end = false;
   for (kills = 0;; ++kills) {
     REQUIRE(kills < 1000);
     SpillSink sink = MakeSink(folder.path());
@@ -228,6 +231,7 @@ Outcome KilledAtEveryNote(Give&& give, size_t& kills) {
       REQUIRE(given.error().message == "killed");
       continue;
     }
+    if (!std::exchange(died_at_end, true)) continue;
     auto scene = sink.Finish();
     REQUIRE(scene.has_value());
     return OutcomeOf(std::move(*scene));
@@ -301,7 +305,7 @@ TEST_CASE("Windows over faces that waited go on from the last", "[import][resume
   const Outcome whole = Undisturbed(give);
   size_t kills = 0;
   const Outcome pieces = KilledAtEveryNote(give, kills);
-  CHECK(kills == 4);
+  CHECK(kills == 5);
   MustBeTheSame(pieces, whole);
 }
 
