@@ -88,6 +88,11 @@ tl::unexpected<Error> ImageDecoder::Ended(const TextureImage& image) {
                     NameOf(image), decoding_.program, WEXITSTATUS(status)));
   }
   const int signal = WIFSIGNALED(status) ? WTERMSIG(status) : 0;
+  if (signal == SIGXCPU) {  // left out, it would make the store depend on how fast the machine is
+    fatal_ = true;
+    return Fail(
+        fmt::format("{}: took its decoder more than ten minutes; --no-textures does without", NameOf(image)));
+  }
   // Who is short of memory ends others so, and so does a person.
   fatal_ = signal == SIGKILL || signal == SIGTERM || signal == SIGINT || signal == SIGHUP;
   if (fatal_)

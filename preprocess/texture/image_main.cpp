@@ -6,6 +6,7 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <malloc.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -25,6 +26,7 @@ namespace {
 
 /// Of what OpenImageIO takes for any image: a buffer of 64 MB, of which it touches a row.
 constexpr uint64_t kOwnBytes = 96u << 20;
+constexpr rlim_t kMostSecondsOfImage = 600;
 
 void Send(int fd, ImageMessage kind, std::span<const std::byte> bytes) {
   ByteWriter header;
@@ -76,6 +78,16 @@ void Answer(int out, ImageMessage kind, std::span<const std::byte> request) {
   }
 }
 
+/// Of processor, from now on; then SIGXCPU ends the process. A decoder that goes round in circles must not
+/// hold up a run for ever.
+void LimitTime(rlim_t seconds) {
+  rusage used{};
+  ::getrusage(RUSAGE_SELF, &used);
+  const rlimit limit{static_cast<rlim_t>(used.ru_utime.tv_sec + used.ru_stime.tv_sec) + 1 + seconds,
+                     RLIM_INFINITY};
+  ::setrlimit(RLIMIT_CPU, &limit);
+}
+
 int Main(uint64_t memory) {
   const int out = ::dup(1), nowhere = ::open("/dev/null", O_WRONLY);
   if (out < 0 || nowhere < 0) return 1;
@@ -91,6 +103,7 @@ int Main(uint64_t memory) {
     const auto kind = static_cast<ImageMessage>(in.Get<uint32_t>());
     Bytes request(std::min(in.Get<uint32_t>(), kMostImageMessage));
     if (!ReadAll(0, request)) return 0;
+    LimitTime(kMostSecondsOfImage);
     Answer(out, kind, request);
   }
 }

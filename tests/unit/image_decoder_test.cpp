@@ -1,9 +1,12 @@
 #include "preprocess/texture/image_decoder.h"
 
 #include <OpenImageIO/imageio.h>
+#include <fmt/format.h>
+#include <unistd.h>
 
 #include <catch2/catch.hpp>
 #include <csignal>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -266,6 +269,25 @@ TEST_CASE("A decoder that crashes costs one image, one that is short of memory e
   CHECK(small.is_fatal());
   ImageDecoder large(Helper(512 << 20));
   CHECK(Decode(large, ImageIn(folder.file("large.tga"))).error == "");
+}
+
+TEST_CASE("A decoder that finds no end is ended, and the run with it", "[texture][decoder]") {
+  const TemporaryFolder folder;
+  WriteImage(folder.file("a.png"), 20, 20, 3, OIIO::TypeDesc::UINT8);
+  ImageDecoder decoder(Helper());
+  REQUIRE(Decode(decoder, ImageIn(folder.file("a.png"))).error == "");
+  const std::string limit = fmt::format(
+      "test $(prlimit --cpu -o SOFT --noheadings --pid $(pgrep -n -P {} quarry-import)) -gt 500", ::getpid());
+  CHECK(std::system(limit.c_str()) == 0);
+  const std::string program = folder.file("circling");
+  std::ofstream(program) << "#!/bin/sh\nkill -XCPU $$\n";
+  std::filesystem::permissions(program, std::filesystem::perms::owner_all);
+  ImageDecoder circling({program, 1 << 20});
+  // Its first answer never comes, but what ended it is known.
+  CHECK(
+      Decode(circling, ImageIn(folder.file("a.png"))).error.find("took its decoder more than ten minutes") !=
+      std::string::npos);
+  CHECK(circling.is_fatal());
 }
 
 TEST_CASE("An error of who takes the rows ends the image, and the next one is as ever",
