@@ -81,18 +81,26 @@ Status ReadModels(const PreprocessOptions& options, ModelSink& sink) {
 }
 
 /// The most spill at once: while a file is imported, or when all triangles have been parted: a slice of them
-/// is in both places, and those that touch several regions in each. `record`: bytes of a triangle's, packed.
-uint64_t SpillPeak(const std::vector<Counts>& files, double record) {
+/// is in both places, and those that touch several regions in each. `record`: bytes of a triangle's; `share`:
+/// of them when packed.
+uint64_t SpillPeak(const std::vector<Counts>& files, double record, double share) {
+  constexpr auto kLarge = static_cast<double>(SpillFile::kPackLarge);
+  // The file of triangles is packed beyond its first bytes, those of regions all or not at all.
+  const auto in_file = [&](double n) {
+    return std::min(n * record, kLarge) + std::max(n * record - kLarge, 0.0) * share;
+  };
   double peak = 0, triangles = 0;
   for (const Counts& f : files) {
     triangles += static_cast<double>(f.triangles);
     peak = std::max(peak,
-                    triangles * record + static_cast<double>(f.positions * 16 + f.normals * 12 + f.uvs * 8));
+                    in_file(triangles) + static_cast<double>(f.positions * 16 + f.normals * 12 + f.uvs * 8));
   }
   if (triangles <= kMostInMemory) return static_cast<uint64_t>(peak);
   constexpr double kSample = TriangleSample::kMost * (sizeof(KdTriangle) + 4);  // saved for --resume
-  const double parting = 1.05 * triangles + std::min(triangles, static_cast<double>(kPartedAtOnce));
-  return static_cast<uint64_t>(std::max(peak, parting * record) + kSample);
+  const double slice = std::min(triangles, static_cast<double>(kPartedAtOnce));
+  const double regions = 1.05 * triangles * record * (triangles * record > kLarge ? share : 1);
+  return static_cast<uint64_t>(std::max(peak, in_file(triangles) - in_file(triangles - slice) + regions) +
+                               kSample);
 }
 
 }  // namespace
@@ -130,7 +138,7 @@ Result<PreprocessPlan> MakePlan(const PreprocessOptions& options) {
   const auto triangles = static_cast<double>(plan.triangles);
   plan.store_bytes = static_cast<uint64_t>(triangles * cost.bytes);
   const auto record_bytes = static_cast<double>(RecordBytes(attributes));
-  plan.spill_bytes = SpillPeak(counted.files, record_bytes * cost.spilled);
+  plan.spill_bytes = SpillPeak(counted.files, record_bytes, cost.spilled);
   QUARRY_ASSIGN(const PlannedTextures textures, PlanTextures(options, counted.images));
   plan.texture_bytes = textures.stored_bytes;
   plan.store_bytes += plan.texture_bytes;

@@ -309,6 +309,8 @@ class Build {
     QUARRY_ASSIGN(files_, RegionFiles::Open(tree_, partition_.spill_prefix, RecordBytes(scene_.attributes),
                                             partition_.memory, noted_regions_, counts_, contents_));
     const uint64_t triangles = scene_.triangles->count();
+    // A kill may have come between a note and this.
+    if (parted_ > 0 && parted_ < triangles) scene_.triangles->Discard(0, parted_);
     progress_.Begin("parting triangles", "triangles");
     while (parted_ < triangles) {
       const uint64_t end = std::min(parted_ + kPartedAtOnce, triangles);

@@ -7,6 +7,7 @@
 #include <future>
 #include <utility>
 
+#include "common/base/file.h"
 #include "preprocess/split.h"
 
 namespace quarry {
@@ -110,6 +111,7 @@ Result<RegionFiles> RegionFiles::Open(const RegionTree& tree, const std::string&
                                       const std::vector<Box>& contents) {
   const size_t regions = tree.regions.size();
   RegionFiles files(tree);
+  files.prefix_ = prefix;
   SpillFile::Options options;
   options.block_bytes = std::clamp<size_t>(memory / regions, 4096, 256 << 10);
   options.writer = files.writer_.get();
@@ -184,6 +186,7 @@ Status RegionFiles::Sync() {
   for (SpillFile& file : files_) QUARRY_TRY(file.Flush());
   QUARRY_TRY(writer_->Wait());
   for (const SpillFile& file : files_) file.BeginSync();
+  SyncFolderOf(prefix_);
   for (SpillFile& file : files_) QUARRY_TRY(file.Sync());
   return {};
 }

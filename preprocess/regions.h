@@ -81,6 +81,7 @@ class RegionFiles {
   explicit RegionFiles(const RegionTree& tree) : tree_(&tree) {}
   Routed Route(const SpillFile& triangles, uint64_t first, uint64_t count, float padding);
   const RegionTree* tree_;
+  std::string prefix_;
   std::vector<SpillFile> files_;
   std::unique_ptr<SpillWriter> writer_ = std::make_unique<SpillWriter>();  ///< of files_: ends before them
   std::vector<Box> contents_;

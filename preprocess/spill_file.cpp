@@ -103,35 +103,44 @@ Result<SpillFile> SpillFile::Open(const std::string& path, size_t element_bytes,
   const Descriptor made(path, O_RDWR | O_CREAT);
   if (made.get() < 0) return CannotMake(path);
   SpillFile file(path, element_bytes, options);
-  if (!file.FindBlocks(made.get(), count))
+  if (!file.content_->FindBlocks(made.get(), count))
     return Fail(fmt::format("{}: is shorter than when it was left; begin anew without --resume", path));
   if (::ftruncate(made.get(), static_cast<off_t>(file.content_->bytes)) != 0) return CannotWrite(path, errno);
+  file.content_->ForgetBlocks();
+  file.count_ = count;
   return file;
 }
 
 SpillFile SpillFile::Left(const std::string& path, size_t element_bytes, uint64_t count) {
   SpillFile file(path, element_bytes, Options());
-  const Descriptor left(path, O_RDONLY);
-  if (left.get() < 0 || !file.FindBlocks(left.get(), count)) file.content_->blocks.clear();
   file.count_ = count;
   return file;
 }
 
-/// The blocks of the first `count` elements.
-Status SpillFile::FindBlocks(int fd, uint64_t count) {
+Status SpillFile::Content::FindBlocks(int fd, uint64_t count) {
   struct stat info {};
-  if (::fstat(fd, &info) != 0) return CannotRead(content_->path, errno);
-  while (count_ < count) {
+  if (::fstat(fd, &info) != 0) return CannotRead(path, errno);
+  blocks.clear();
+  uint64_t element = 0, offset = 0;
+  while (element < count) {
     BlockHeader header;
-    QUARRY_TRY(ReadHeader(fd, content_->path, content_->bytes, header));
-    const uint64_t end = content_->bytes + sizeof header + header.stored;
-    if (header.elements == 0 || header.elements > count - count_ || end > static_cast<uint64_t>(info.st_size))
-      return Damaged(content_->path);
-    content_->blocks.push_back({count_, content_->bytes});
-    count_ += header.elements;
-    content_->bytes = end;
+    QUARRY_TRY(ReadHeader(fd, path, offset, header));
+    const uint64_t size = header.elements * element_bytes, end = offset + sizeof header + header.stored;
+    if (header.elements == 0 || header.elements > count - element || size > kBlockBytes ||
+        header.stored > size || end > static_cast<uint64_t>(info.st_size))
+      return Damaged(path);
+    blocks.push_back({element, offset});
+    element += header.elements;
+    offset = end;
   }
+  bytes = offset;
+  has_table = true;
   return {};
+}
+
+void SpillFile::Content::ForgetBlocks() {
+  blocks = {};
+  has_table = false;
 }
 
 Status SpillFile::Append(const void* element) {
@@ -166,7 +175,7 @@ Status SpillFile::Content::Write(uint64_t first, std::span<const std::byte> elem
   const Descriptor file(path, O_WRONLY | O_APPEND);
   if (file.get() < 0) return CannotWrite(path, errno);
   QUARRY_TRY(WriteAll(file.get(), path, {block.get(), sizeof header + stored}));
-  blocks.push_back({first, bytes});
+  if (has_table) blocks.push_back({first, bytes});
   bytes += sizeof header + stored;
   return {};
 }
@@ -212,6 +221,7 @@ size_t SpillFile::BlockOf(uint64_t element) const {
 Status SpillFile::Read(uint64_t first, std::span<std::byte> out) const {
   const Descriptor file(content_->path, O_RDONLY);
   if (file.get() < 0) return CannotRead(content_->path, errno);
+  if (!content_->has_table) QUARRY_TRY(content_->FindBlocks(file.get(), flushed()));
   while (!out.empty()) {
     if (first >= flushed()) return CannotRead(content_->path, EIO);
     const size_t i = BlockOf(first);
@@ -245,8 +255,9 @@ Status SpillFile::ReadBlock(int fd, size_t i, size_t skipped, std::span<std::byt
 }
 
 void SpillFile::Discard(uint64_t first, uint64_t last) const {
-  const Descriptor file(content_->path, O_WRONLY);
+  const Descriptor file(content_->path, O_RDWR);
   if (file.get() < 0) return;
+  if (!content_->has_table && !content_->FindBlocks(file.get(), flushed())) return;
   for (size_t i = 0; i < content_->blocks.size(); ++i) {
     if (EndOf(i) <= first || EndOf(i) > last) continue;
     // All but the headers, by which a later run finds its way.
@@ -257,7 +268,10 @@ void SpillFile::Discard(uint64_t first, uint64_t last) const {
   }
 }
 
-void SpillFile::Remove() const { ::unlink(content_->path.c_str()); }
+void SpillFile::Remove() const {
+  ::unlink(content_->path.c_str());
+  content_->ForgetBlocks();
+}
 
 uint64_t SpillFile::PackedBytes(std::span<const std::byte> elements) {
   std::vector<char> packed(static_cast<size_t>(LZ4_compressBound(kBlockBytes)));
@@ -271,6 +285,9 @@ const std::byte* SpillReader::Next() {
   const size_t size = file_.element_bytes();
   if (at_ == filled_) {
     if (next_ >= last_ || !status_) return nullptr;
+    buffer_.resize(size);
+    if (!file_.content_->has_table) status_ = file_.Read(next_, buffer_);  // finds the blocks
+    if (!status_) return nullptr;
     const uint64_t n = std::min(file_.EndOf(file_.BlockOf(next_)), last_) - next_;
     buffer_.resize(n * size);
     status_ = file_.Read(next_, buffer_);

@@ -15,7 +15,7 @@ namespace quarry {
 /// A temporary file of fixed-size elements, appended to and read back, in blocks; those beyond a certain
 /// length of the file are packed by LZ4. It outlives the process, for runs that go on after being killed, and
 /// lies there until Remove; holds no descriptor between calls (there may be thousands). Memory: one block
-/// while writing, 16 bytes for each block. Not thread-safe.
+/// while writing; once it has been read, 16 bytes for each. Not thread-safe.
 class SpillFile {
  public:
   /// Of a block that is full, at most.
@@ -63,7 +63,7 @@ class SpillFile {
   /// Gives back the disk space of the blocks of elements [first, last), where the file system can. They must
   /// not be read again, nor those before.
   void Discard(uint64_t first, uint64_t last) const;
-  /// Deletes the file.
+  /// Deletes the file, and forgets where its blocks were.
   void Remove() const;
 
   /// What `elements` would take in a file that is packed, in bytes.
@@ -81,12 +81,15 @@ class SpillFile {
     size_t element_bytes = 0;
     uint64_t pack_from = 0;
     uint64_t bytes = 0;
-    std::vector<Block> blocks;
+    bool has_table = false;     ///< since it was first read
+    std::vector<Block> blocks;  ///< all, if so
 
     Status Write(uint64_t first, std::span<const std::byte> elements);
+    /// The blocks of the first `count` elements. Errors: they are not there.
+    Status FindBlocks(int fd, uint64_t count);
+    void ForgetBlocks();
   };
   SpillFile(std::string path, size_t element_bytes, const Options& options);
-  Status FindBlocks(int fd, uint64_t count);
   Status Settle() const;
   size_t BlockOf(uint64_t element) const;
   uint64_t EndOf(size_t block) const;

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
+#include <span>
 #include <utility>
 
 #include "common/base/file.h"
@@ -98,6 +100,7 @@ Status SpillSink::BeginFile(std::string_view name) {
   reads_once_ = false;
   file_part_ = kNoIndex;
   first_part_ = static_cast<uint32_t>(scene_.parts.size());
+  first_warning_ = static_cast<uint32_t>(scene_.warnings.size());
   file_parts_.clear();
   loads_left_ = kMostLoads;
   faces_to_next_load_ = kFacesPerLoad;
@@ -272,7 +275,8 @@ Status SpillSink::ResolveBatch() {
 }
 
 void SpillSink::Warn(std::string message) {
-  if (goes_on_ && std::ranges::find(scene_.warnings, message) != scene_.warnings.end()) return;
+  const auto told = std::span(scene_.warnings).subspan(first_warning_);
+  if (goes_on_ && std::ranges::find(told, message) != told.end()) return;
   warn_(message);
   scene_.warnings.push_back(std::move(message));
 }
@@ -447,10 +451,10 @@ Result<Bytes> SpillSink::Save() {
   if (in_file_) QUARRY_TRY(SaveFile(out));
   scene_.sample.Save(out);
   state_number_ ^= 1;
-  QUARRY_TRY(WriteFileAtomically(StatePath(), out.bytes()));
-  SyncFolderOf(StatePath());  // the other files' names
+  QUARRY_TRY(WriteFileAtomically(StatePath(), out.bytes()));  // which makes all names in the folder last
   ByteWriter note;
   note.Put(state_number_);
+  note.Put(uint64_t{out.bytes().size()});
   note.Put(Checksum(out.bytes()));
   return note.Take();
 }
@@ -459,6 +463,7 @@ Result<Bytes> SpillSink::Save() {
 Status SpillSink::SaveFile(ByteWriter& out) {
   out.Put(file_part_);
   out.Put(first_part_);
+  out.Put(first_warning_);
   out.Put(loads_left_);
   out.Put(faces_to_next_load_);
   for (PagedFile* stream : {&*positions_, &*normals_, &*uvs_}) QUARRY_TRY(stream->Save(out));
@@ -484,11 +489,11 @@ void SpillSink::Noted() {
 Status SpillSink::Restore(std::span<const std::byte> saved, bool all) {
   ByteReader note(saved);
   state_number_ = note.Get<uint8_t>() & 1;
-  const auto checksum = note.Get<uint64_t>();
+  const auto size = note.Get<uint64_t>(), checksum = note.Get<uint64_t>();
   QUARRY_ASSIGN(const InputFile file, InputFile::Open(StatePath()));
-  Bytes state(file.size());
+  Bytes state(note.done() && file.size() == size ? size : 0);
   QUARRY_TRY(file.ReadAt(0, state));
-  if (!note.done() || Checksum(state) != checksum)
+  if (state.empty() || Checksum(state) != checksum)
     return Fail(
         fmt::format("{}: is not what was saved of the import; begin anew without --resume", StatePath()));
   ByteReader in(state);
@@ -509,20 +514,40 @@ Status SpillSink::Restore(std::span<const std::byte> saved, bool all) {
   in_file_ = in.Get<uint8_t>() != 0;
   if (in_file_) QUARRY_TRY(RestoreFile(in));
   scene_.sample.Restore(in);
-  if (!in.done()) return Fail(fmt::format("{}: what was saved of the import cannot be read", folder_));
+  if (!in.done())
+    return Fail(
+        fmt::format("{}: what was saved of the import cannot be read; begin anew without --resume", folder_));
   noted_ = true;
   if (all) {
     scene_.triangles = SpillFile::Left(TrianglesPath(), RecordBytes(scene_.attributes), count);
+    scene_.sample = {};
   } else {
     QUARRY_ASSIGN(scene_.triangles, OpenTrianglesFile(count));
   }
+  RemoveStale();
   return {};
+}
+
+/// What a kill between a note and the removal of what it superseded has left.
+void SpillSink::RemoveStale() const {
+  std::vector<std::string> kept = {StatePath(), TrianglesPath()};
+  if (in_file_)
+    for (const char* stream : {"positions", "normals", "uvs", "waiting"}) kept.push_back(FilePath(stream));
+  if (partial_) kept.push_back(PartialPath(partial_number_));
+  std::error_code error;
+  for (const auto& entry : std::filesystem::directory_iterator(folder_, error)) {
+    const std::string name = entry.path().filename().string();
+    const bool ours = name.starts_with("import-") || name.starts_with("triangles-");
+    if (ours && std::ranges::find(kept, fmt::format("{}/{}", folder_, name)) == kept.end())
+      std::filesystem::remove(entry.path(), error);
+  }
 }
 
 Status SpillSink::RestoreFile(ByteReader& in) {
   file_noted_ = goes_on_ = true;
   file_part_ = in.Get<uint32_t>();
   first_part_ = in.Get<uint32_t>();
+  first_warning_ = std::min(in.Get<uint32_t>(), static_cast<uint32_t>(scene_.warnings.size()));
   for (uint32_t i = first_part_; i < scene_.parts.size(); ++i) file_parts_.emplace(scene_.parts[i], i);
   loads_left_ = in.Get<uint32_t>();
   faces_to_next_load_ = in.Get<uint32_t>();

@@ -59,8 +59,9 @@ class SpillSink final : public ModelSink {
   SpillSink(std::string folder, uint64_t memory, double scale, std::function<void(const std::string&)> warn,
             bool textures = true);
 
-  /// So many seconds after the last note, `note` is called in the middle of a file: it keeps what Save gives,
-  /// where a later process finds it. Without this, none is made.
+  /// So many seconds after the last note, `note` is called in the middle of a file, and between passes over
+  /// many faces that wait: it keeps what Save gives, where a later process finds it. Without this, none is
+  /// made.
   void NoteEvery(double seconds, std::function<Status()> note);
 
   /// For the files that begin after this. `up_axis`: 1 or 2.
@@ -117,6 +118,7 @@ class SpillSink final : public ModelSink {
   Status Note();
   std::string PartialPath(int number) const;
   std::string StatePath() const;
+  void RemoveStale() const;
   Status SaveFile(ByteWriter& out);
   Status RestoreFile(ByteReader& in);
   Result<SpillFile> OpenTrianglesFile(uint64_t count);
@@ -144,7 +146,8 @@ class SpillSink final : public ModelSink {
   ImageList images_;
   std::string file_name_;
   bool in_file_ = false;
-  uint32_t file_part_ = kNoIndex, first_part_ = 0;        ///< of the current file
+  uint32_t file_part_ = kNoIndex;                         ///< of the current file's own name
+  uint32_t first_part_ = 0, first_warning_ = 0;           ///< of the current file
   std::unordered_map<std::string, uint32_t> file_parts_;  ///< names of the current file
   std::optional<PagedFile> positions_, normals_, uvs_;
   std::optional<SpillFile> waiting_;

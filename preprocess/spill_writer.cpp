@@ -21,6 +21,7 @@ Status SpillWriter::Give(std::vector<std::byte>& block, Write write) {
   if (!spare_.empty()) {
     block = std::move(spare_.back());
     spare_.pop_back();
+    spare_bytes_ -= block.capacity();
     block.clear();
   }
   const Status status = status_;
@@ -49,7 +50,10 @@ void SpillWriter::Run() {
     lock.lock();
     if (!written) status_ = std::move(written);
     waiting_ -= job.block.size();
-    spare_.push_back(std::move(job.block));
+    if (spare_bytes_ + job.block.capacity() <= kMostWaiting) {
+      spare_bytes_ += job.block.capacity();
+      spare_.push_back(std::move(job.block));
+    }
     busy_ = false;
     changed_.notify_all();
   }

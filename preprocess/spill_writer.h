@@ -14,7 +14,8 @@
 namespace quarry {
 
 /// Writes blocks on a thread of its own, in the order given, so that who makes them need not wait for packing
-/// and for the disk. Memory: kMostWaiting bytes of blocks, and one. Thread-safe.
+/// and for the disk. Memory: kMostWaiting bytes of blocks and one that wait, and as many to be used again.
+/// Thread-safe.
 class SpillWriter {
  public:
   static constexpr size_t kMostWaiting = 4 << 20;
@@ -42,7 +43,7 @@ class SpillWriter {
   std::condition_variable changed_;
   std::deque<Job> jobs_;
   std::vector<std::vector<std::byte>> spare_;
-  size_t waiting_ = 0;  ///< bytes
+  size_t waiting_ = 0, spare_bytes_ = 0;  ///< of the jobs' blocks; that spare ones have room for
   bool busy_ = false, ends_ = false;
   Status status_;
   std::thread thread_;

@@ -171,7 +171,8 @@ Status WorkFolder::Add(NoteKind kind, const Bytes& bytes) {
   }
   if (::fsync(journal_) != 0 && errno != EINVAL && errno != EROFS)
     return Fail(fmt::format("{}: cannot write: {}", name, ErrnoText(errno)));
-  if (!kept_) SyncFolderOf(name);
+  if (!kept_)
+    for (const std::string& made : {name, path_, spill_}) SyncFolderOf(made);
   KeepOnSignal();
   return {};
 }

@@ -29,7 +29,9 @@ Result<bool> GoOnFromCheckpoint(const ModelSink& sink, const std::string& path, 
   if (sink.LastCheckpoint().empty()) return false;
   ByteReader state(sink.LastCheckpoint());
   QUARRY_TRY(importer.Restore(state));
-  if (!state.done()) return Fail(fmt::format("{}: what an earlier run noted of it cannot be read", path));
+  if (!state.done())
+    return Fail(
+        fmt::format("{}: what an earlier run noted of it cannot be read; begin anew without --resume", path));
   return true;
 }
 

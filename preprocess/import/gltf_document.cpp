@@ -6,6 +6,8 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "preprocess/import/file_identity.h"
+
 namespace quarry {
 namespace {
 
@@ -157,6 +159,19 @@ Result<GltfDocument::Buffer> GltfDocument::OpenBuffer(uint64_t index) {
   buffer.size = opened->size();
   buffer.file = std::move(*opened);
   return buffer;
+}
+
+std::string GltfDocument::BufferFiles() const {
+  std::string files;
+  const auto buffers = json_->find("buffers");
+  if (buffers == json_->end() || !buffers->is_array()) return files;
+  for (const Json& buffer : *buffers) {
+    const std::string uri = buffer.is_object() ? buffer.value("uri", "") : "";
+    if (uri.empty() || uri.starts_with("data:")) continue;
+    const auto file = std::filesystem::path(path_).parent_path() / PercentDecoded(uri);
+    files += FileIdentity(file.string()) + '\n';
+  }
+  return files;
 }
 
 Result<Bytes> GltfDocument::ReadDataUri(const std::string& uri, const std::string& where) {

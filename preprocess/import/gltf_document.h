@@ -53,6 +53,9 @@ class GltfDocument {
   };
   Result<Range> RangeOf(uint64_t buffer, uint64_t offset, uint64_t size);
 
+  /// Which files the buffers lie in, and what they are like: another text when one has changed.
+  std::string BufferFiles() const;
+
   /// What a data: URI holds; `where` names it. Errors: it is not base64; too many bytes in all such URIs.
   Result<Bytes> ReadDataUri(const std::string& uri, const std::string& where);
 

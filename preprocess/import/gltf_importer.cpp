@@ -82,11 +82,16 @@ class GltfImport {
     for (const uint64_t n : {primitives_, positions_, normals_, uvs_, triangles_, left_out_}) out.Put(n);
     out.Put(static_cast<uint32_t>(materials_.size()));
     out.PutArray(materials_);
+    PutText(document_.BufferFiles(), out);
   }
   Status Restore(ByteReader& in) {
     for (uint64_t* n : {&given_, &positions_, &normals_, &uvs_, &triangles_, &left_out_})
       *n = in.Get<uint64_t>();
     materials_ = in.GetArray<uint32_t>(in.Get<uint32_t>());
+    if (GetText(in) != document_.BufferFiles())
+      return Fail(fmt::format(
+          "{}: a file of its buffers has changed since the run was begun; begin anew without --resume",
+          document_.path()));
     return {};
   }
 

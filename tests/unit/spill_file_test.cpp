@@ -1,9 +1,14 @@
 #include "preprocess/spill_file.h"
 
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
 #include <catch2/catch.hpp>
 #include <cstring>
 #include <filesystem>
 #include <random>
+#include <utility>
 
 #include "tests/support/temporary_folder.h"
 
@@ -87,7 +92,14 @@ TEST_CASE("Spill files give back what was appended, packed or not, written here 
         // Another process finds it; what it gave back is gone, and what follows that is not.
         SpillFile left = SpillFile::Left(path, sizeof(Element), kCount);
         CHECK(WrongIn(left, 0, kCount) == 0);
+        const auto room = [&] {
+          struct stat info {};
+          REQUIRE(::stat(path.c_str(), &info) == 0);
+          return info.st_blocks;
+        };
+        const auto before = room();
         left.Discard(0, kCount / 2);
+        if (block == 100000 && !packed) CHECK(room() < before * 3 / 4);
         const SpillFile again = SpillFile::Left(path, sizeof(Element), kCount);
         CHECK(WrongIn(again, kCount / 2, kCount) == 0);
         left.Remove();
@@ -147,6 +159,37 @@ TEST_CASE("A damaged spill file is told from a whole one where it is packed") {
   CHECK_FALSE(file->Read(0, std::as_writable_bytes(std::span(read))).has_value());
   std::filesystem::resize_file(path, std::filesystem::file_size(path) + 10);  // zeros
   CHECK_FALSE(file->Read(0, std::as_writable_bytes(std::span(read))).has_value());
+}
+
+TEST_CASE("Headers of a spill file's blocks are not believed", "[resume]") {
+  const test::TemporaryFolder folder;
+  const std::string path = folder.file("spill");
+  {
+    auto file = SpillFile::Open(path, sizeof(Element), 0);
+    REQUIRE(file.has_value());
+    AppendUpTo(*file, 1000);
+    REQUIRE(file->Sync());
+  }
+  const auto damage = [&](uint32_t elements, uint32_t stored) {
+    const int fd = ::open(path.c_str(), O_WRONLY);
+    const uint32_t header[] = {elements, stored};
+    REQUIRE(::pwrite(fd, header, sizeof header, 0) == sizeof header);
+    ::close(fd);
+  };
+  Element element;
+  const auto out = std::as_writable_bytes(std::span(&element, 1));
+  constexpr uint32_t kMany = 400'000'000;
+  for (const auto& [elements, stored] :
+       {std::pair{kMany, 100u}, {0u, 48000u}, {1000u, 48001u}, {1000u, ~0u}, {10u, 48000u}}) {
+    damage(elements, stored);
+    CHECK_FALSE(SpillFile::Open(path, sizeof(Element), kMany).has_value());
+    const SpillFile left = SpillFile::Left(path, sizeof(Element), kMany);
+    CHECK_FALSE(left.Read(0, out).has_value());
+    SpillReader reader(left);
+    CHECK(reader.Next() == nullptr);
+    CHECK_FALSE(reader.status().has_value());
+    left.Discard(0, kMany);
+  }
 }
 
 TEST_CASE("A writer that fails says so to all who wait for it") {
