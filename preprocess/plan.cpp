@@ -96,11 +96,12 @@ uint64_t SpillPeak(const std::vector<Counts>& files, double record, double share
                     in_file(triangles) + static_cast<double>(f.positions * 16 + f.normals * 12 + f.uvs * 8));
   }
   if (triangles <= kMostInMemory) return static_cast<uint64_t>(peak);
-  constexpr double kSample = TriangleSample::kMost * (sizeof(KdTriangle) + 4);  // saved for --resume
+  double sample = triangles;  // saved for --resume
+  while (sample > TriangleSample::kMost) sample /= 2;
   const double slice = std::min(triangles, static_cast<double>(kPartedAtOnce));
   const double regions = 1.05 * triangles * record * (triangles * record > kLarge ? share : 1);
   return static_cast<uint64_t>(std::max(peak, in_file(triangles) - in_file(triangles - slice) + regions) +
-                               kSample);
+                               sample * (sizeof(KdTriangle) + 4));
 }
 
 }  // namespace

@@ -251,10 +251,13 @@ Status SpillSink::HandOver() {
   return {};
 }
 
-/// Afterwards all faces so far are resolved, or wait.
+/// Afterwards all faces so far are resolved, or wait. What is left is done here: many files change between
+/// vertices and faces every few lines.
 Status SpillSink::Settle() {
-  if (!gathered_.empty()) QUARRY_TRY(HandOver());
-  return under_way_.valid() ? under_way_.get() : Status{};
+  if (under_way_.valid()) QUARRY_TRY(under_way_.get());
+  batch_.clear();
+  std::swap(batch_, gathered_);
+  return ResolveBatch();
 }
 
 Status SpillSink::ResolveBatch() {
