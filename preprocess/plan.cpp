@@ -23,7 +23,7 @@ using Clock = std::chrono::steady_clock;
 
 constexpr uint64_t kOverheadBytes = 44ull << 20;  // of a run beyond --memory: README
 // Of a triangle's record, a byte: resolving and spilling it when it is imported; handing it out to regions,
-// and taking it back from there. Processors are the limit, not disks. preprocess/README.md
+// and taking it back from there. Fitted to models that the page cache holds: preprocess/README.md
 constexpr double kImportSeconds = 3e-9, kPartingSeconds = 6.5e-9;
 
 /// Counts, of one file after the other.

@@ -272,12 +272,14 @@ class Build {
         parts_.push_back(std::move(part));
       } else if (note.kind == NoteKind::kTextures) {
         if (!textures_.TakeNote(note.bytes, stored_.textures))
-          return Fail(fmt::format("{}: its journal cannot be read", work_.path()));
+          return Fail(
+              fmt::format("{}: its journal cannot be read; begin anew without --resume", work_.path()));
         continue;
       } else {
         continue;
       }
-      if (!in.done()) return Fail(fmt::format("{}: its journal cannot be read", work_.path()));
+      if (!in.done())
+        return Fail(fmt::format("{}: its journal cannot be read; begin anew without --resume", work_.path()));
     }
     if (!stored_.directory.empty()) {
       const BlockEntry& hot = stored_.directory.back().blocks[0];

@@ -10,6 +10,8 @@
 #include <cerrno>
 #include <cstring>
 
+#include "common/base/descriptor.h"
+
 namespace quarry {
 namespace {
 
@@ -26,6 +28,10 @@ tl::unexpected<Error> CannotWrite(const std::string& place, int error) {
 tl::unexpected<Error> CannotRead(const std::string& place, int error) {
   return Fail(fmt::format("{}: cannot read temporary files back: {}{}", place, ErrnoText(error),
                           error == ENOENT ? "; begin anew without --resume" : ""));
+}
+
+tl::unexpected<Error> Damaged(const std::string& path) {
+  return Fail(fmt::format("{}: a temporary file has been changed; begin anew without --resume", path));
 }
 
 /// One that is closed in the end.
@@ -53,7 +59,8 @@ Status ReadAt(int fd, const std::string& path, uint64_t offset, std::span<char> 
   while (done < out.size()) {
     const ssize_t n = ::pread(fd, out.data() + done, out.size() - done, static_cast<off_t>(offset + done));
     if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) return CannotRead(path, n < 0 ? errno : EIO);
+    if (n < 0) return CannotRead(path, errno);
+    if (n == 0) return Damaged(path);
     done += static_cast<size_t>(n);
   }
   return {};
@@ -61,17 +68,6 @@ Status ReadAt(int fd, const std::string& path, uint64_t offset, std::span<char> 
 
 Status ReadHeader(int fd, const std::string& path, uint64_t offset, BlockHeader& header) {
   return ReadAt(fd, path, offset, {reinterpret_cast<char*>(&header), sizeof header});
-}
-
-Status WriteAll(int fd, const std::string& path, std::span<const char> bytes) {
-  size_t done = 0;
-  while (done < bytes.size()) {
-    const ssize_t n = ::write(fd, bytes.data() + done, bytes.size() - done);
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) return CannotWrite(path, n < 0 ? errno : ENOSPC);
-    done += static_cast<size_t>(n);
-  }
-  return {};
 }
 
 /// Returns how many bytes of `out` are taken.
@@ -83,10 +79,6 @@ size_t Pack(std::span<const std::byte> elements, bool packs, std::span<char> out
   if (stored > 0 && static_cast<size_t>(stored) < elements.size()) return static_cast<size_t>(stored);
   std::memcpy(out.data(), elements.data(), elements.size());
   return elements.size();
-}
-
-tl::unexpected<Error> Damaged(const std::string& path) {
-  return Fail(fmt::format("{}: a temporary file has been changed; begin anew without --resume", path));
 }
 
 }  // namespace
@@ -174,7 +166,8 @@ Status SpillFile::Content::Write(uint64_t first, std::span<const std::byte> elem
   std::memcpy(block.get(), &header, sizeof header);
   const Descriptor file(path, O_WRONLY | O_APPEND);
   if (file.get() < 0) return CannotWrite(path, errno);
-  QUARRY_TRY(WriteAll(file.get(), path, {block.get(), sizeof header + stored}));
+  if (!WriteAll(file.get(), std::as_bytes(std::span(block.get(), sizeof header + stored))))
+    return CannotWrite(path, errno);
   if (has_table) blocks.push_back({first, bytes});
   bytes += sizeof header + stored;
   return {};
@@ -223,7 +216,7 @@ Status SpillFile::Read(uint64_t first, std::span<std::byte> out) const {
   if (file.get() < 0) return CannotRead(content_->path, errno);
   if (!content_->has_table) QUARRY_TRY(content_->FindBlocks(file.get(), flushed()));
   while (!out.empty()) {
-    if (first >= flushed()) return CannotRead(content_->path, EIO);
+    if (first >= flushed()) return Damaged(content_->path);
     const size_t i = BlockOf(first);
     const size_t skipped = (first - content_->blocks[i].first) * content_->element_bytes;
     const std::span<std::byte> part =

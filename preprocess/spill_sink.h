@@ -98,7 +98,7 @@ class SpillSink final : public ModelSink {
   /// the triangles have been handed out since: they may be gone. Errors: files are not there.
   Status Restore(std::span<const std::byte> saved, bool all);
   /// Whether what was restored lies within a file, which then is the first to begin.
-  bool in_file() const { return in_file_; }
+  bool in_file() const { return positions_.has_value(); }
   /// Whether there are more triangles than are split in memory.
   bool spills() const { return scene_.triangles && scene_.triangles->count() > kMostInMemory; }
 
@@ -112,6 +112,10 @@ class SpillSink final : public ModelSink {
     uint32_t id = 0;
     uint32_t material = 0;
     uint32_t part = 0;
+  };
+  struct StoredPosition {
+    glm::vec3 position;
+    uint32_t color;
   };
   std::string FilePath(const char* stream) const;
   std::string TrianglesPath() const;
@@ -145,8 +149,7 @@ class SpillSink final : public ModelSink {
   bool textures_;
   ImageList images_;
   std::string file_name_;
-  bool in_file_ = false;
-  uint32_t file_part_ = kNoIndex;                         ///< of the current file's own name
+  uint32_t file_part_ = kNoIndex;                         ///< the part of the current file's own name
   uint32_t first_part_ = 0, first_warning_ = 0;           ///< of the current file
   std::unordered_map<std::string, uint32_t> file_parts_;  ///< names of the current file
   std::optional<PagedFile> positions_, normals_, uvs_;
@@ -156,9 +159,10 @@ class SpillSink final : public ModelSink {
   uint64_t resolved_ = 0;
   std::optional<SpillFile> partial_;
   uint8_t partial_number_ = 0;
-  /// Faces are resolved in batches by another thread, which alone touches what follows, scene_'s triangles
-  /// and the pages while one is under way.
-  std::vector<Face> gathered_, batch_;
+  std::vector<Face> gathered_;
+  /// Faces are resolved in batches by another thread: while one is under way it alone touches the batch, the
+  /// pages, what may be loaded, and of scene_ triangles, sample, bounds and what was dropped.
+  std::vector<Face> batch_;
   std::future<Status> under_way_;
   uint32_t loads_left_ = 0, faces_to_next_load_ = 0;
   uint32_t default_material_ = kNoIndex;

@@ -329,7 +329,7 @@ TEST_CASE("The pages in memory, and what may still be loaded, are the same after
       QUARRY_TRY(sink.AddPosition(glm::dvec3(vertex % 1024, vertex / 1024, vertex % 7), Rgba8{}));
     }
     for (; face < kFaces; ++face) {
-      QUARRY_TRY(look());
+      if (face % 1001 == 0) QUARRY_TRY(look());  // out of step with what else is counted
       Corner corners[3];
       for (uint32_t k = 0; k < 3; ++k)
         corners[k].position = (face / 3 * 2654435761u + (face % 5 == 0 ? k * 4000037u : k)) % kVertices;

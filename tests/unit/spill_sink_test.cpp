@@ -5,7 +5,9 @@
 #include <catch2/catch.hpp>
 #include <cstring>
 #include <filesystem>
+#include <fstream>
 #include <glm/geometric.hpp>
+#include <set>
 
 namespace quarry {
 namespace {
@@ -165,8 +167,48 @@ TEST_CASE("An import goes on where it was saved") {
   CHECK(records[1005].vertices[0].x == 500005 - 500736);
 
   SpillSink other = MakeSink(folder, 1 << 20);
-  saved.resize(saved.size() - 1);
-  CHECK_FALSE(other.Restore(saved, false).has_value());
+  Bytes shorter(saved.begin(), saved.end() - 1);
+  CHECK_FALSE(other.Restore(shorter, false).has_value());
+}
+
+TEST_CASE(
+    "What a kill has left that no note speaks of goes, and without what one speaks of nothing goes on") {
+  const Folder folder;
+  const auto file = [&](const char* name) { return folder.path + "/" + name; };
+  Bytes saved;
+  {
+    SpillSink sink = MakeSink(folder, 1 << 20);
+    AddFile(sink, 1000, 0, true, false);
+    auto state = sink.Save();
+    REQUIRE(state.has_value());
+    saved = *state;
+    sink.Noted();
+  }
+  for (const char* stale : {"import-positions", "import-partial-1", "import-state-0", "import-state-1.tmp-7",
+                            "triangles-0", "triangles-3"})
+    std::ofstream(file(stale)) << "stale";
+  std::ofstream(file("images")) << "not the sink's to remove";
+  {
+    SpillSink sink = MakeSink(folder, 1 << 20);
+    REQUIRE(sink.Restore(saved, false));
+  }
+  std::set<std::string> left;
+  for (const auto& entry : std::filesystem::directory_iterator(folder.path))
+    left.insert(entry.path().filename().string());
+  CHECK(left == std::set<std::string>{"images", "import-state-1", "triangles-1"});
+
+  const auto refused = [&] {
+    SpillSink sink = MakeSink(folder, 1 << 20);
+    const Status status = sink.Restore(saved, false);
+    return !status && status.error().message.find("begin anew without --resume") != std::string::npos;
+  };
+  std::filesystem::rename(file("triangles-1"), file("elsewhere"));
+  CHECK(refused());
+  std::filesystem::rename(file("elsewhere"), file("triangles-1"));
+  std::filesystem::resize_file(file("import-state-1"), 100);
+  CHECK(refused());
+  std::filesystem::remove(file("import-state-1"));
+  CHECK(refused());
 }
 
 TEST_CASE("A model is scaled, turned and moved to its place") {
