@@ -18,14 +18,17 @@ struct PacketTrace {
     for (uint32_t p = 0; p < count; ++p)
       if (active[p] != 0) TracePacket<L, kAnyHit>(top, finder, packets[p], active[p], 1, statistics);
   }
-  /// Takes out of `active` the rays that it has traced: runs of kLeastRun and more.
+  /// Takes out of `active` the rays that it has traced: runs of kLeastRun and more. The next packet is asked
+  /// for meanwhile: packets of more than a few tiles come from memory.
   template <bool kAnyHit, class Finder>
   static void RunCoherent(const TopTree& top, const Finder& finder, RayPacket* packets, uint64_t* active,
                           uint32_t count) {
     NoStatistics none;
-    for (uint32_t p = 0; p < count; ++p)
+    for (uint32_t p = 0; p < count; ++p) {
+      if (p + 1 < count) L::Prefetch(&packets[p + 1], sizeof(RayPacket));
       if (active[p] != 0)
         active[p] = TracePacket<L, kAnyHit>(top, finder, packets[p], active[p], kLeastRun, none);
+    }
   }
 };
 

@@ -24,7 +24,8 @@ struct NoStatistics {
   QUARRY_HOST_DEVICE void Voxel(uint32_t) {}
 };
 
-/// The nearest hits so far. `t` starts as the greatest t that counts.
+/// The nearest hits so far. `t` starts as the greatest t that counts. Of a ray that ends at any hit, `t` and
+/// `triangle` alone mean something.
 template <class L>
 struct RayBest {
   typename L::Float t, b1, b2;
@@ -41,15 +42,16 @@ QUARRY_HOST_DEVICE inline uint32_t GoOnInChain(const TopTree& top, uint32_t firs
 }
 
 /// Keeps the hits that precede what is there; returns which.
-template <class L>
+template <class L, bool kAnyHit = false>
 QUARRY_HOST_DEVICE inline typename L::Mask Keep(const TriangleHit<L>& hit, typename L::Int triangle,
                                                 typename L::Int voxel, typename L::Int local,
                                                 RayBest<L>& best) {
   const auto kept = L::And(hit.hit, Precedes<L>(hit.t, triangle, best.t, best.triangle));
   best.t = L::Select(kept, hit.t, best.t);
+  best.triangle = L::SelectInt(kept, triangle, best.triangle);
+  if (kAnyHit) return kept;
   best.b1 = L::Select(kept, hit.b1, best.b1);
   best.b2 = L::Select(kept, hit.b2, best.b2);
-  best.triangle = L::SelectInt(kept, triangle, best.triangle);
   best.voxel = L::SelectInt(kept, voxel, best.voxel);
   best.local = L::SelectInt(kept, local, best.local);
   return kept;
@@ -79,18 +81,26 @@ QUARRY_HOST_DEVICE inline RayFrame<L> LoadFrame(const RayPacket& rays, uint32_t 
   return MakeRayFrame<L>(origin, direction);
 }
 
-template <class L>
+template <class L, bool kAnyHit = false>
 QUARRY_HOST_DEVICE inline RayBest<L> LoadBest(const RayPacket& rays, uint32_t first) {
-  return {L::Load(rays.hit_t + first),       L::Load(rays.b1 + first),       L::Load(rays.b2 + first),
-          L::LoadInt(rays.triangle + first), L::LoadInt(rays.voxel + first), L::LoadInt(rays.local + first)};
+  RayBest<L> best;
+  best.t = L::Load(rays.hit_t + first);
+  best.triangle = L::LoadInt(rays.triangle + first);
+  if (kAnyHit) return best;
+  best.b1 = L::Load(rays.b1 + first);
+  best.b2 = L::Load(rays.b2 + first);
+  best.voxel = L::LoadInt(rays.voxel + first);
+  best.local = L::LoadInt(rays.local + first);
+  return best;
 }
 
-template <class L>
+template <class L, bool kAnyHit = false>
 QUARRY_HOST_DEVICE inline void StoreBest(const RayBest<L>& best, RayPacket& rays, uint32_t first) {
   L::Store(best.t, rays.hit_t + first);
+  L::StoreInt(best.triangle, rays.triangle + first);
+  if (kAnyHit) return;
   L::Store(best.b1, rays.b1 + first);
   L::Store(best.b2, rays.b2 + first);
-  L::StoreInt(best.triangle, rays.triangle + first);
   L::StoreInt(best.voxel, rays.voxel + first);
   L::StoreInt(best.local, rays.local + first);
 }

@@ -29,9 +29,10 @@ enum class Algorithm { kRestart, kBacktrack, kTreelets, kPushDown, kRopes };
 /// Traces the rays that `active` names (bit i of active[p]: ray i of packets[p]) through the two-level tree,
 /// from where each has got to. Afterwards a ray's `waits_for` is the voxel without which it cannot go on (the
 /// same call goes on from there), or kNoVoxel: its hit, if any, is final. Closest-hit functions find the
-/// least (t, id); any-hit ones some hit. Other rays are not touched. Never blocks, allocates, locks or logs.
-/// Requires: data checked at decode; trees laid out as the kernel's algorithm wants. Thread-safe.
-/// Source: Wald & Slusallek 2001, section 6.3 (suspension at missing voxels); resuming by t is ours.
+/// least (t, id); any-hit ones some hit, of which `triangle` and `hit_t` alone are kept. Other rays are not
+/// touched. Never blocks, allocates, locks or logs. Requires: data checked at decode; trees laid out as the
+/// kernel's algorithm wants. Thread-safe. Source: Wald & Slusallek 2001, section 6.3 (suspension at missing
+/// voxels); resuming by t is ours.
 using TraceFunction = void (*)(const TopTree& top, const VoxelFinder& finder, RayPacket* packets,
                                const uint64_t* active, uint32_t count);
 /// The same for the rays alone that share the signs and the largest axis of their directions with enough

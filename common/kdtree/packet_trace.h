@@ -210,9 +210,9 @@ QUARRY_HOST_DEVICE inline void TraceVoxel(const VoxelGeometryOf<Index>& voxel, u
         if (L::None(may[g])) continue;
         statistics.Exact();
         move(g, moved);
-        const Mask kept =
-            Keep<L>(HitMoved<L>(p.frame[g], moved[0], moved[1], moved[2], may[g]),
-                    L::SetInt(voxel.triangle_ids[local]), L::SetInt(voxel_id), L::SetInt(local), p.best[g]);
+        const Mask kept = Keep<L, kAnyHit>(HitMoved<L>(p.frame[g], moved[0], moved[1], moved[2], may[g]),
+                                           L::SetInt(voxel.triangle_ids[local]), L::SetInt(voxel_id),
+                                           L::SetInt(local), p.best[g]);
         t_end[g] = L::Min(t_end[g], p.best[g].t);
         if (kAnyHit) {
           active[g] = L::AndNot(kept, active[g]);
@@ -298,7 +298,7 @@ QUARRY_HOST_DEVICE inline uint64_t TracePacket(const TopTree& top, const Finder&
   for (uint32_t g = 0; g < kGroups; ++g) {
     const uint32_t at = g * L::kLanes;
     p.frame[g] = LoadFrame<L>(rays, at);
-    p.best[g] = LoadBest<L>(rays, at);
+    p.best[g] = LoadBest<L, kAnyHit>(rays, at);
     p.chain[g] = L::LoadInt(rays.chain + at);
     p.waits_for[g] = L::SetInt(kNoVoxel);
     p.t[g] = L::Load(rays.t + at);
@@ -347,7 +347,7 @@ QUARRY_HOST_DEVICE inline uint64_t TracePacket(const TopTree& top, const Finder&
   for (uint32_t g = 0; g < kGroups; ++g) {
     const uint32_t at = g * L::kLanes;
     const Mask mine = L::FromBits(static_cast<uint32_t>((active & ~alone) >> at) & L::kAllLanes);
-    StoreBest<L>(p.best[g], rays, at);  // of rays that were not traced: as they were
+    StoreBest<L, kAnyHit>(p.best[g], rays, at);  // of rays that were not traced: as they were
     L::Store(L::Select(mine, p.t[g], L::Load(rays.t + at)), rays.t + at);
     L::StoreInt(p.chain[g], rays.chain + at);
     L::StoreInt(L::SelectInt(mine, p.waits_for[g], L::LoadInt(rays.waits_for + at)), rays.waits_for + at);

@@ -55,7 +55,7 @@ struct alignas(64) WideSlot {
 
 /// Tests the triangles of the leaf that the ray is in, as many at a time as lanes, and keeps the nearest hit.
 /// Returns whether one was kept.
-template <class L, class Index, class Statistics>
+template <class L, bool kAnyHit, class Index, class Statistics>
 QUARRY_HOST_DEVICE inline bool TestLeaf(WideSlot<L, Index>& s, Statistics& statistics) {
   using Float = typename L::Float;
   const VoxelGeometryOf<Index>& voxel = *s.voxel;
@@ -88,8 +88,8 @@ QUARRY_HOST_DEVICE inline bool TestLeaf(WideSlot<L, Index>& s, Statistics& stati
     L::Store(found.b2, b2);
     for (; hits != 0; hits &= hits - 1) {
       const auto i = static_cast<uint32_t>(std::countr_zero(hits));
-      any |= Keep<ScalarLane>({true, t[i], b1[i], b2[i]}, voxel.triangle_ids[local[i]], s.voxel_id, local[i],
-                              s.best);
+      any |= Keep<ScalarLane, kAnyHit>({true, t[i], b1[i], b2[i]}, voxel.triangle_ids[local[i]], s.voxel_id,
+                                       local[i], s.best);
     }
   }
   return any;
@@ -149,7 +149,7 @@ class WideTracer {
       s.scale_z = frame.scale_z;
       s.last_axis = frame.z_is_x ? 0 : frame.z_is_y ? 1 : 2;
       for (uint32_t a = 0; a < 3; ++a) s.origin[a] = frame.origin[(s.last_axis + 1 + a) % 3];
-      s.best = LoadBest<ScalarLane>(rays, s.index);
+      s.best = LoadBest<ScalarLane, kAnyHit>(rays, s.index);
       s.chain = rays.chain[s.index];
       rays.waits_for[s.index] = kNoVoxel;
       const float lower[3] = {top_.lower.x, top_.lower.y, top_.lower.z};
@@ -172,7 +172,7 @@ class WideTracer {
     RayPacket& rays = *s.packet;
     rays.t[s.index] = s.t;
     rays.chain[s.index] = s.chain;
-    StoreBest<ScalarLane>(s.best, rays, s.index);
+    StoreBest<ScalarLane, kAnyHit>(s.best, rays, s.index);
   }
 
   /// Which of its node's cells the ray has yet to pass, and where.
@@ -287,7 +287,7 @@ class WideTracer {
 
   /// Past the leaf that the ray is at.
   QUARRY_HOST_DEVICE Next Test(Slot& s) {
-    const bool kept = TestLeaf<L>(s, statistics_);
+    const bool kept = TestLeaf<L, kAnyHit>(s, statistics_);
     if (kAnyHit && kept) return Next::kEnd;
     s.t_end = ScalarLane::Min(s.t_end, s.best.t);
     s.t = s.leaf_exit;
