@@ -25,7 +25,7 @@ struct PacketTrace {
                           uint32_t count) {
     NoStatistics none;
     for (uint32_t p = 0; p < count; ++p) {
-      if (p + 1 < count) L::Prefetch(&packets[p + 1], sizeof(RayPacket));
+      if (p + 1 < count && active[p + 1] != 0) L::Prefetch(&packets[p + 1], sizeof(RayPacket));
       if (active[p] != 0)
         active[p] = TracePacket<L, kAnyHit>(top, finder, packets[p], active[p], kLeastRun, none);
     }
