@@ -13,6 +13,7 @@
 #include <random>
 
 #include "tests/bench/embree_rays.h"
+#include "tests/bench/grazing.h"
 #include "tests/bench/median.h"
 #include "tests/bench/one_level.h"
 #include "tests/bench/ray_sets.h"
@@ -103,11 +104,30 @@ std::string Name(const Kernel& k) {
   return fmt::format("{} {} {}", k.isa, Name(k.grouping), Name(k.algorithm));
 }
 
+/// Rays for which Quarry and Embree have found the same triangle; two at the same t, but for rounding; one of
+/// which that the other has not seen the ray passes the border too closely for single precision; what else.
 struct Check {
-  uint64_t same = 0, tie = 0, other = 0;
+  uint64_t same = 0, tie = 0, grazing = 0, other = 0;
 };
 
-Check Compare(const RaySet& set, const std::vector<RayPacket>& found, const EmbreeRays& embree) {
+/// Whether the ray grazes the nearer of the triangles hit, which the other program has not seen.
+bool GrazesNearer(const test::ResidentScene& scene, const RayPacket& rays, uint32_t i, const Hit& a,
+                  const Hit& b) {
+  const uint32_t id =
+      a.triangle != kNoTriangle && !(b.triangle != kNoTriangle && b.t < a.t) ? a.triangle : b.triangle;
+  Ray ray;
+  for (int axis = 0; axis < 3; ++axis) {
+    ray.origin[axis] = rays.origin[axis][i];
+    ray.direction[axis] = rays.direction[axis][i];
+  }
+  for (const VoxelGeometry& v : scene.voxels())
+    for (uint32_t t = 0; t < v.triangle_count; ++t)
+      if (v.triangle_ids[t] == id) return Grazes(ray, {v.vertex(t, 0), v.vertex(t, 1), v.vertex(t, 2)});
+  return false;
+}
+
+Check Compare(const test::ResidentScene& scene, const RaySet& set, const std::vector<RayPacket>& found,
+              const EmbreeRays& embree) {
   Check c;
   size_t index = 0;
   for (size_t p = 0; p < found.size(); ++p)
@@ -119,7 +139,7 @@ Check Compare(const RaySet& set, const std::vector<RayPacket>& found, const Embr
       else if (!set.any && std::fabs(e.t - q.t) <= 1e-5f * std::max(e.t, q.t))
         ++c.tie;
       else
-        ++c.other;
+        ++(GrazesNearer(scene, set.packets[p], i, e, q) ? c.grazing : c.other);
     }
   return c;
 }
@@ -147,6 +167,7 @@ class SceneBench {
                static_cast<double>(scene_->catalog().meta.stored_references) /
                    static_cast<double>(scene_->catalog().meta.input_triangles));
     for (const RaySet& set : sets_) Measure(set, results);
+    if (others_ != 0) return Fail(fmt::format("{}: {} rays hit what Embree does not see", name_, others_));
     return {};
   }
 
@@ -234,14 +255,17 @@ class SceneBench {
     if (robust_) {
       contenders[0].run();
       robust_->Trace(EmbreeMode::kSingle);
-      const Check check = Compare(set, found_, *robust_);
+      const Check check = Compare(*scene_, set, found_, *robust_);
       j["same"] = check.same;
       j["tie"] = check.tie;
+      j["grazing"] = check.grazing;
+      others_ += check.other;
       j["other"] = check.other;
       fmt::print("\n      ratio to embree robust {:.2f}", speeds[0] / best_of(robust, robust + 3));
       if (fast_)
         fmt::print(" best {:.2f} single {:.2f}", speeds[0] / best_of(ours, robust), speeds[0] / speeds[ours]);
-      fmt::print("; hits same {} tie {} other {}", check.same, check.tie, check.other);
+      fmt::print("; hits same {} tie {} grazing {} other {}", check.same, check.tie, check.grazing,
+                 check.other);
     }
     fmt::print("\n");
     std::fflush(stdout);
@@ -338,6 +362,7 @@ class SceneBench {
   std::unique_ptr<test::ResidentScene> scene_;
   std::unique_ptr<ResidentCache> cache_;
   std::vector<RaySet> sets_;
+  uint64_t others_ = 0;  ///< rays whose hits differ from Embree's for no reason known
   std::unique_ptr<EmbreeRays> fast_, robust_;
   std::unique_ptr<OneLevelScene> one_level_;
   std::vector<RayPacket> found_;
@@ -375,16 +400,17 @@ int Main(int argc, char** argv) {
   if (!options.json.empty() && !std::ofstream(options.json, std::ios::app))
     return fail(fmt::format("{}: cannot be written", options.json));
   nlohmann::json results = nlohmann::json::array();
+  int exit_status = 0;
   for (const std::string& store : options.stores) {
     SceneBench bench(options, std::filesystem::path(store).stem().string());
-    if (const Status status = bench.Run(store, results); !status) {
-      fmt::print(stderr, "quarry-bench-kernels: {}\n", status.error().message);
-      return 1;
-    }
+    const Status status = bench.Run(store, results);
     // After every scene: large ones take long, and what was measured is kept.
     if (!options.json.empty()) std::ofstream(options.json) << results.dump(2) << '\n';
+    if (status) continue;
+    fmt::print(stderr, "quarry-bench-kernels: {}\n", status.error().message);
+    exit_status = 1;
   }
-  return 0;
+  return exit_status;
 }
 
 }  // namespace
