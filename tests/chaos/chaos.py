@@ -52,21 +52,24 @@ async def run_all(stage, seeds, able, jobs, keep):
     return await asyncio.gather(*(one(seed) for seed in seeds))
 
 
+def seeds_of(text):
+    ranges = [part.partition("-") for part in text.split(",")]
+    return [seed for first, _, last in ranges for seed in range(int(first), int(last or first) + 1)]
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", default="1-8", help="A-B or one")
+    parser.add_argument("--seeds", type=seeds_of, default="1-8", help="as 1-8 or 3,16-20")
     parser.add_argument("--jobs", type=int, default=1, help="runs at once")
     parser.add_argument("--kinds", default=",".join(faults.KINDS), help="only these faults (changes what a seed draws)")
     parser.add_argument("--keep", action="store_true", help="keep each run's folder")
     a = parser.parse_args()
-    first, _, last = a.seeds.partition("-")
-    seeds = range(int(first), int(last or first) + 1)
     if unknown := set(a.kinds.split(",")) - set(faults.KINDS):
         parser.error(f"no such fault: {', '.join(sorted(unknown))}; there are {', '.join(faults.KINDS)}")
     folder = pathlib.Path(tempfile.mkdtemp(prefix="quarry-chaos-"))
     try:
         able = kinds_here(a.kinds.split(","))
-        results = asyncio.run(run_all(Stage(folder), seeds, able, a.jobs, a.keep))
+        results = asyncio.run(run_all(Stage(folder), a.seeds, able, a.jobs, a.keep))
     finally:
         if a.keep:
             print(f"chaos: kept {folder}", file=sys.stderr)
