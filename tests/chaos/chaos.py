@@ -52,14 +52,14 @@ async def run_all(stage, seeds, able, jobs, keep):
     return await asyncio.gather(*(one(seed) for seed in seeds))
 
 
-def seeds_of(text):
+def seeds(text):
     ranges = [part.partition("-") for part in text.split(",")]
     return [seed for first, _, last in ranges for seed in range(int(first), int(last or first) + 1)]
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=seeds_of, default="1-8", help="as 1-8 or 3,16-20")
+    parser.add_argument("--seeds", type=seeds, default="1-8", help="as 1-8 or 3,16-20")
     parser.add_argument("--jobs", type=int, default=1, help="runs at once")
     parser.add_argument("--kinds", default=",".join(faults.KINDS), help="only these faults (changes what a seed draws)")
     parser.add_argument("--keep", action="store_true", help="keep each run's folder")
