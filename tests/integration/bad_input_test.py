@@ -9,7 +9,7 @@ import subprocess
 import time
 import unittest
 
-from programs import BIN, Case, end
+from programs import BIN, PATIENCE, Case, end
 
 CUBE = """ply
 format ascii 1.0
@@ -289,8 +289,11 @@ class Interrupted(Case):
         scene = self.store("plant", 50000)
         self.interrupt("quarry", "render", scene, "-o", out / "x.png", "--size", "4096x4096", "--spp", "64", "--quiet")
         self.assertEqual(list(out.iterdir()), [])
-        time.sleep(0.5)
-        running = subprocess.run(["pgrep", "-f", scene], capture_output=True, text=True).stdout.split()
+        # One that was only about to begin sees then that its parent is gone.
+        running, until = [None], time.monotonic() + 2 * PATIENCE
+        while running and time.monotonic() < until:
+            time.sleep(0.1)
+            running = subprocess.run(["pgrep", "-f", scene], capture_output=True, text=True).stdout.split()
         self.assertEqual(running, [], "processes of the cluster are still there")
 
     def test_a_killed_preprocessor_leaves_no_store(self):
