@@ -126,6 +126,13 @@ bool GrazesNearer(const test::ResidentScene& scene, const RayPacket& rays, uint3
   return false;
 }
 
+/// Of shadow rays Embree does not tell which triangle stops them: what it alone has hit is not explained.
+bool MayGraze(const test::ResidentScene& scene, const RaySet& set, size_t packet, uint32_t i,
+              const Hit& embree, const Hit& quarry) {
+  if (set.any && quarry.triangle == kNoTriangle) return false;
+  return GrazesNearer(scene, set.packets[packet], i, set.any ? Hit{} : embree, quarry);
+}
+
 Check Compare(const test::ResidentScene& scene, const RaySet& set, const std::vector<RayPacket>& found,
               const EmbreeRays& embree) {
   Check c;
@@ -139,7 +146,7 @@ Check Compare(const test::ResidentScene& scene, const RaySet& set, const std::ve
       else if (!set.any && std::fabs(e.t - q.t) <= 1e-5f * std::max(e.t, q.t))
         ++c.tie;
       else
-        ++(GrazesNearer(scene, set.packets[p], i, e, q) ? c.grazing : c.other);
+        ++(MayGraze(scene, set, p, i, e, q) ? c.grazing : c.other);
     }
   return c;
 }
@@ -167,7 +174,9 @@ class SceneBench {
                static_cast<double>(scene_->catalog().meta.stored_references) /
                    static_cast<double>(scene_->catalog().meta.input_triangles));
     for (const RaySet& set : sets_) Measure(set, results);
-    if (others_ != 0) return Fail(fmt::format("{}: {} rays hit what Embree does not see", name_, others_));
+    if (others_ != 0)
+      return Fail(
+          fmt::format("{}: {} hits differ from Embree's, and their rays graze nothing", name_, others_));
     return {};
   }
 

@@ -54,7 +54,10 @@ async def run_all(stage, seeds, able, jobs, keep):
 
 def seeds(text):
     ranges = [part.partition("-") for part in text.split(",")]
-    return [seed for first, _, last in ranges for seed in range(int(first), int(last or first) + 1)]
+    numbers = [seed for first, _, last in ranges for seed in range(int(first), int(last or first) + 1)]
+    if not numbers:
+        raise ValueError("none")
+    return numbers
 
 
 def main():

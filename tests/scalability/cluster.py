@@ -70,6 +70,12 @@ class Cluster:
     def worker(self, host, master, *arguments):
         return self.start(host, "quarry-worker", "--master", master, "--name", host, "--threads", 1, *arguments)
 
+    def await_workers(self, count):
+        """Until a master that is not --quiet has seen so many; on a slow processor it takes them seconds to begin."""
+        joined = re.compile(rb"worker \S+ has joined")
+        wait_for(lambda: sum(len(joined.findall(log.read_bytes())) for log in pathlib.Path(self.folder.name).glob("*.log")) >= count,
+                 60, f"{count} workers")
+
     def render(self, host, master, output, stats, *arguments):
         """Renders and returns the statistics of its frames."""
         process = self.start(host, "quarry", "render", self.store, "-o", output, "--master", master, "--stats", stats, "--quiet",
@@ -93,9 +99,24 @@ def info(store):
     return json.loads(subprocess.run([str(BIN / "quarry"), "info", store, "--json"], check=True, capture_output=True).stdout)
 
 
+def end_s(frame):
+    """When a frame was done."""
+    return frame["frame_start_s"] + frame["frame_wall_s"]
+
+
+def last_frame(stats):
+    """The frame that was done last: frames overlap, and it need not be the last of the path."""
+    return max(stats["frames"], key=end_s)
+
+
+def walk_s(stats):
+    """Seconds from the first frame's start until all were done."""
+    return end_s(last_frame(stats)) - stats["frames"][0]["frame_start_s"]
+
+
 def received_bytes(stats):
-    """Bytes of voxels that have come to the workers, all together, up to the last frame."""
-    return sum(worker["voxel_bytes_received"] for worker in stats["frames"][-1]["workers"])
+    """Bytes of voxels that have come to the workers, all together, until all frames were done."""
+    return sum(worker["voxel_bytes_received"] for worker in last_frame(stats)["workers"])
 
 
 def path_of_frames(path, frames, output):
