@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <random>
 
@@ -33,6 +34,7 @@ struct Options {
   std::vector<std::string> stores;
   int repetitions = 5;
   uint64_t identical = 0;
+  RayOrder order = RayOrder::kPixels;
   uint32_t size = 1024;
   std::string only, rays;
   bool one_level = false, interior = false, all = false, no_embree = false, robust_only = false,
@@ -161,6 +163,7 @@ class SceneBench {
     QUARRY_ASSIGN(cache_, ResidentCache::Load(path));
     QUARRY_ASSIGN(const CameraSpec view, FindView(path, scene_->catalog().meta, options_.interior));
     sets_ = MakeRaySets(*scene_, options_.size, view);
+    for (RaySet& set : sets_) Reorder(set, options_.order, scene_->catalog().meta);
     if (!options_.no_embree) {
       if (!options_.robust_only) fast_ = std::make_unique<EmbreeRays>(*scene_, false);
       robust_ = std::make_unique<EmbreeRays>(*scene_, true);
@@ -391,6 +394,14 @@ int Main(int argc, char** argv) {
   app.add_flag("--interior", options.interior, "The eye is inside the scene's box");
   app.add_option("--only", options.only, "Kernels whose names hold this alone");
   app.add_option("--rays", options.rays, "This kind of ray alone");
+  const std::map<std::string, RayOrder> orders{{"pixels", RayOrder::kPixels},
+                                               {"place", RayOrder::kPlace},
+                                               {"octant", RayOrder::kOctant},
+                                               {"place-octant", RayOrder::kPlaceOctant},
+                                               {"octant-place", RayOrder::kOctantPlace}};
+  app.add_option("--order", options.order, "Put rays in another order first; sorting is not counted")
+      ->transform(CLI::Transformer(orders))
+      ->option_text("pixels | place | octant | place-octant | octant-place");
   app.add_flag("--all", options.all, "All kernels, not only those that renders use");
   app.add_flag("--no-embree", options.no_embree, "Quarry alone");
   app.add_flag("--robust-only", options.robust_only, "Embree in robust mode alone: half of its memory");
