@@ -208,6 +208,7 @@ class Sources(Case):
         server = subprocess.Popen([nginx, "-c", str(configuration), "-p", str(self.folder)], stdout=subprocess.PIPE,
                                   stderr=subprocess.PIPE, text=True)
         self.addCleanup(end, server)
+        self.addCleanup(server.wait, timeout=30)  # for its own processes to end; killed, it leaves them behind
         self.addCleanup(server.terminate)
         for _ in range(100):
             with socket.socket() as probe:
