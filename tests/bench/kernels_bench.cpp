@@ -17,6 +17,7 @@
 #include "tests/bench/grazing.h"
 #include "tests/bench/median.h"
 #include "tests/bench/one_level.h"
+#include "tests/bench/ray_order.h"
 #include "tests/bench/ray_sets.h"
 #include "tests/bench/stopwatch.h"
 #include "tests/bench/views.h"
@@ -399,9 +400,10 @@ int Main(int argc, char** argv) {
                                                {"octant", RayOrder::kOctant},
                                                {"place-octant", RayOrder::kPlaceOctant},
                                                {"octant-place", RayOrder::kOctantPlace}};
-  app.add_option("--order", options.order, "Put rays in another order first; sorting is not counted")
-      ->transform(CLI::Transformer(orders))
-      ->option_text("pixels | place | octant | place-octant | octant-place");
+  std::string order = "pixels";
+  app.add_option("--order", order, "Put rays in another order first; sorting is not counted")
+      ->check(CLI::IsMember(orders))
+      ->capture_default_str();
   app.add_flag("--all", options.all, "All kernels, not only those that renders use");
   app.add_flag("--no-embree", options.no_embree, "Quarry alone");
   app.add_flag("--robust-only", options.robust_only, "Embree in robust mode alone: half of its memory");
@@ -411,6 +413,7 @@ int Main(int argc, char** argv) {
       "Instead: so many random rays through every kernel, resident and suspended, hits compared bit by bit");
   app.add_option("--json", options.json, "Results as JSON");
   CLI11_PARSE(app, argc, argv);
+  options.order = orders.at(order);
   const auto fail = [](const std::string& message) {
     fmt::print(stderr, "quarry-bench-kernels: {}\n", message);
     return 2;

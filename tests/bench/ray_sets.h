@@ -23,11 +23,4 @@ struct RaySet {
 /// diffuse bounces.
 std::vector<RaySet> MakeRaySets(const test::ResidentScene& scene, uint32_t size, const CameraSpec& view);
 
-/// What rays are put in order by before they are traced: where they begin, along a Morton curve, or the signs
-/// and the largest axis of their directions; the first named counts most.
-enum class RayOrder { kPixels, kPlace, kOctant, kPlaceOctant, kOctantPlace };
-/// The rays of `set` that are traced in another order, in full packets. `kPlaceOctant`: by octant within the
-/// cells of a grid of 16 a side.
-void Reorder(RaySet& set, RayOrder order, const SceneMeta& meta);
-
 }  // namespace quarry::bench

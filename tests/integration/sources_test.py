@@ -116,7 +116,7 @@ class Sources(Case):
         sums = self.render("g", [["--source", "file:" + self.damaged(), "--source", "master"]])
         self.assertGreater(sums["voxel_bytes_from_tcp"], 0)
 
-    def test_a_damaged_file_alone_ends_the_job_soon(self):
+    def test_a_damaged_file_alone_ends_the_job_with_its_name(self):
         _, address = self.start_master(self.scene)
         worker = self.start_worker(address, "--source", "file:" + self.damaged(), "--quiet")
         self.must_fail(1, r"damaged\.quarry: block \d+ at byte \d+ is damaged", "quarry", "render", self.scene, "-o", self.path("no.png"),

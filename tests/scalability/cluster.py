@@ -104,14 +104,19 @@ def end_s(frame):
     return frame["frame_start_s"] + frame["frame_wall_s"]
 
 
+def start_s(stats):
+    """When the frame that was begun first was begun."""
+    return min(frame["frame_start_s"] for frame in stats["frames"])
+
+
 def last_frame(stats):
     """The frame that was done last: frames overlap, and it need not be the last of the path."""
     return max(stats["frames"], key=end_s)
 
 
 def walk_s(stats):
-    """Seconds from the first frame's start until all were done."""
-    return end_s(last_frame(stats)) - stats["frames"][0]["frame_start_s"]
+    """Seconds from the first start of a frame until all were done."""
+    return end_s(last_frame(stats)) - start_s(stats)
 
 
 def received_bytes(stats):
