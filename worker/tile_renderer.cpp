@@ -18,6 +18,26 @@ constexpr uint32_t kNone = 0xFFFFFFFFu;     // integer layers where nothing is h
 
 float Largest(const glm::vec3& v) { return std::max({v.x, v.y, v.z}); }
 
+/// Calls body(i) for each lane i of a packet that is meant.
+template <class Body>
+void ForEachLane(uint64_t lanes, Body&& body) {
+  for (; lanes != 0; lanes &= lanes - 1) body(static_cast<uint32_t>(std::countr_zero(lanes)));
+}
+
+/// The lanes where values[i] is `value`.
+uint64_t LanesWith(uint32_t value, const uint32_t (&values)[RayPacket::kRays]) {
+  uint64_t lanes = 0;
+  for (uint32_t i = 0; i < RayPacket::kRays; ++i) lanes |= uint64_t{values[i] == value} << i;
+  return lanes;
+}
+
+/// The lanes without light.
+uint64_t DarkLanes(const Vectors& light) {
+  uint64_t lanes = 0;
+  for (int i = 0; i < SamplePacket::kLanes; ++i) lanes |= uint64_t{Largest(light[i]) <= 0} << i;
+  return lanes;
+}
+
 }  // namespace
 
 void TileRenderer::Open(std::shared_ptr<const FrameContext> frame, const TileOrder& order) {
@@ -33,82 +53,76 @@ void TileRenderer::Open(std::shared_ptr<const FrameContext> frame, const TileOrd
   aovs_.assign(size_t{frame_->words - 3} * pixels, 0);
   const uint64_t samples = uint64_t{pixels} * frame_->job.spp;
   packets_.resize(std::min<uint64_t>(kPackets, (samples + RayPacket::kRays - 1) / RayPacket::kRays));
-  samples_.resize(packets_.size() * RayPacket::kRays);
+  samples_.resize(packets_.size());
+  if (frame_->job.mode == RenderMode::kWhitted)
+    pending_.resize(packets_.size() * RayPacket::kRays * kMostPending);
   for (uint32_t packet = 0; packet < packets_.size(); ++packet) StartPacket(packet);
 }
 
 /// In 8x8 blocks, so that 64 in a row are neighbours.
 void TileRenderer::OrderPixels() {
   constexpr uint32_t kSide = RayPacket::kSide;
-  pixel_order_.clear();
+  places_.clear();
   for (uint32_t y0 = 0; y0 < order_.height; y0 += kSide)
     for (uint32_t x0 = 0; x0 < order_.width; x0 += kSide)
       for (uint32_t y = y0; y < std::min(y0 + kSide, order_.height); ++y)
         for (uint32_t x = x0; x < std::min(x0 + kSide, order_.width); ++x)
-          pixel_order_.push_back(static_cast<uint16_t>(y * order_.width + x));
+          places_.push_back({static_cast<uint16_t>(y * order_.width + x), static_cast<uint8_t>(x),
+                             static_cast<uint8_t>(y)});
 }
 
-/// Generate: the next primary rays into a packet whose samples have ended.
+/// Generate: the next primary rays that meet the scene's box into a packet whose samples have ended.
 void TileRenderer::StartPacket(uint32_t packet) {
-  for (uint32_t i = 0; i < RayPacket::kRays && Start(packet * RayPacket::kRays + i); ++i) {
-    ready_[packet] |= uint64_t{1} << i;
-    ++unfinished_[packet];
-  }
+  const uint64_t samples = uint64_t{places_.size()} * frame_->job.spp;
+  uint64_t started = 0;
+  while (started == 0 && next_sample_ < samples) started = StartSamples(packet);
+  SamplePacket& s = samples_[packet];
+  std::fill_n(s.at, SamplePacket::kStages, 0);
+  s.at[SamplePacket::kTraverse] = ready_[packet] = unfinished_[packet] = started;
 }
 
-/// The next sample whose ray meets the scene's box; those before it are done with at once. False when there
-/// is none.
-bool TileRenderer::Start(uint32_t slot) {
-  const uint64_t pixels = uint64_t{order_.width} * order_.height, samples = pixels * frame_->job.spp;
-  Sample& s = samples_[slot];
-  for (; next_sample_ < samples; ++next_sample_) {
-    s.pixel = pixel_order_[next_sample_ % pixels];
-    s.sample = static_cast<uint32_t>(next_sample_ / pixels);
-    const uint32_t x = order_.x + s.pixel % order_.width, y = order_.y + s.pixel / order_.width;
-    const glm::vec2 at = PixelSample(frame_->job.seed, y * frame_->job.width + x, s.sample);
-    const PrimaryRay primary =
-        frame_->camera.Shoot(x + static_cast<double>(at.x), y + static_cast<double>(at.y));
-    s.t_offset = primary.t_offset;
-    s.pending_count = 0;
-    if (!primary.misses) {
-      Begin(slot, {primary.origin, primary.direction, glm::vec3(1), kPrimaryPath, 0});
-      ++next_sample_;
-      return true;
+/// The next samples; those whose rays miss the scene's box are done with at once. Returns the others.
+uint64_t TileRenderer::StartSamples(uint32_t packet) {
+  SamplePacket& s = samples_[packet];
+  const uint64_t samples = uint64_t{places_.size()} * frame_->job.spp;
+  const auto count = static_cast<uint32_t>(std::min<uint64_t>(RayPacket::kRays, samples - next_sample_));
+  auto sample = static_cast<uint32_t>(next_sample_ / places_.size());
+  auto place = static_cast<uint32_t>(next_sample_ % places_.size());
+  const uint32_t across = DepthCells(order_.width);
+  double x[RayPacket::kRays] = {}, y[RayPacket::kRays] = {};
+  for (uint32_t i = 0; i < count; ++i) {
+    const Place& p = places_[place];
+    const uint32_t px = order_.x + p.x, py = order_.y + p.y;
+    const glm::vec2 at = PixelSample(frame_->job.seed, py * frame_->job.width + px, sample);
+    x[i] = px + static_cast<double>(at.x);
+    y[i] = py + static_cast<double>(at.y);
+    s.pixel[i] = p.pixel;
+    s.depth_cell[i] = static_cast<uint16_t>(p.y / kDepthCell * across + p.x / kDepthCell);
+    s.sample[i] = sample;
+    if (++place == places_.size()) {
+      place = 0;
+      ++sample;
     }
-    ++rays_;
-    s.weight = glm::vec3(1);
-    s.path_code = kPrimaryPath;
-    s.hit = Hit{};
-    Miss(s);
   }
-  return false;
-}
-
-void TileRenderer::Begin(uint32_t slot, const Pending& ray) {
-  Sample& s = samples_[slot];
-  s.origin = ray.origin;
-  s.direction = ray.direction;
-  s.weight = ray.weight;
-  s.path_code = ray.path_code;
-  s.depth = static_cast<uint8_t>(ray.depth);
-  s.stage = Stage::kTraverse;
-  SetRay(slot, ray.origin, ray.direction, kInfinity);
-  ++rays_;
-}
-
-void TileRenderer::SetRay(uint32_t slot, const glm::vec3& origin, const glm::vec3& direction, float t_max) {
-  Ray ray;
-  ray.origin = origin;
-  ray.direction = direction;
-  ray.t_max = t_max;
-  packets_[slot / RayPacket::kRays].Set(slot % RayPacket::kRays, ray);
-}
-
-Ray TileRenderer::RayOf(const Sample& s) const {
-  Ray ray;
-  ray.origin = s.origin;
-  ray.direction = s.direction;
-  return ray;
+  next_sample_ += count;
+  rays_ += count;
+  PrimaryRays& primary = gathered_->primary;
+  frame_->camera.Shoot(x, y, primary);
+  packets_[packet].SetAll(primary.origin, primary.direction);
+  std::copy_n(primary.t_offset, RayPacket::kRays, s.t_offset);
+  std::fill_n(s.weight.x, RayPacket::kRays, 1.0f);
+  std::fill_n(s.weight.y, RayPacket::kRays, 1.0f);
+  std::fill_n(s.weight.z, RayPacket::kRays, 1.0f);
+  std::fill_n(s.path_code, RayPacket::kRays, kPrimaryPath);
+  std::fill_n(s.depth, RayPacket::kRays, 0);
+  std::fill_n(s.pending_count, RayPacket::kRays, 0);
+  uint64_t started = 0;
+  for (uint32_t i = 0; i < count; ++i)
+    if (primary.misses[i])
+      Miss(packet, i);
+    else
+      started |= uint64_t{1} << i;
+  return started;
 }
 
 void TileRenderer::Resume(uint32_t block) {
@@ -118,8 +132,8 @@ void TileRenderer::Resume(uint32_t block) {
   parked_.erase(it);
 }
 
-void TileRenderer::Park(uint32_t slot, uint32_t block) {
-  parked_[block].push_back(slot);
+void TileRenderer::Park(uint32_t packet, uint32_t lane, uint32_t block) {
+  parked_[block].push_back(packet * RayPacket::kRays + lane);
   ++newly_parked_[block];
   ++rays_suspended_;
 }
@@ -127,11 +141,7 @@ void TileRenderer::Park(uint32_t slot, uint32_t block) {
 /// All ready samples to their next rays; the rays traced; what they have found taken up in the next round.
 void TileRenderer::Round(PinSet& pins) {
   const auto packets = static_cast<uint32_t>(packets_.size());
-  for (uint32_t p = 0; p < packets; ++p) {
-    closest_[p] = any_[p] = 0;
-    for (uint64_t left = std::exchange(ready_[p], 0); left != 0; left &= left - 1)
-      Advance(p * RayPacket::kRays + static_cast<uint32_t>(std::countr_zero(left)), pins);
-  }
+  for (uint32_t p = 0; p < packets; ++p) Advance(p, pins);
   Trace(pins, closest_, false);
   Trace(pins, any_, true);
   for (uint32_t p = 0; p < packets; ++p)
@@ -140,39 +150,34 @@ void TileRenderer::Round(PinSet& pins) {
 
 void TileRenderer::Trace(PinSet& pins, const uint64_t* active, bool any) {
   TraceRays(frame_->top, pins.finder(), packets_.data(), active, static_cast<uint32_t>(packets_.size()), any);
-  for (uint32_t p = 0; p < packets_.size(); ++p)
-    for (uint64_t left = active[p]; left != 0; left &= left - 1) {
-      const auto i = static_cast<uint32_t>(std::countr_zero(left));
-      const uint32_t slot = p * RayPacket::kRays + i, missing = packets_[p].waits_for[i];
-      if (missing != kNoVoxel) {
-        Park(slot, BlockId(missing, BlockKind::kHot));
-        continue;
-      }
-      Traced(slot);
-      ready_[p] |= uint64_t{1} << i;
-    }
-}
-
-/// The sample's ray has come to its end.
-void TileRenderer::Traced(uint32_t slot) {
-  Sample& s = samples_[slot];
-  const Hit hit = packets_[slot / RayPacket::kRays].HitOf(slot % RayPacket::kRays);
-  const bool missed = hit.triangle == kNoTriangle;
-  if (s.stage == Stage::kShadow) {
-    if (missed) Add(s, s.light);
-    s.stage = Stage::kLight;
-    return;
+  for (uint32_t p = 0; p < packets_.size(); ++p) {
+    if (active[p] == 0) continue;
+    const uint64_t waiting = active[p] & ~LanesWith(kNoVoxel, packets_[p].waits_for);
+    ForEachLane(waiting, [&](uint32_t i) { Park(p, i, BlockId(packets_[p].waits_for[i], BlockKind::kHot)); });
+    Traced(p, active[p] & ~waiting, any);
   }
-  s.hit = hit;
-  s.stage = missed ? Stage::kNext : Stage::kSurface;
-  if (missed) return Miss(s);
-  if (s.path_code == kPrimaryPath) SawTo(s, s.t_offset + hit.t);
 }
 
-void TileRenderer::SawTo(const Sample& s, float depth) {
-  const uint32_t x = s.pixel % order_.width, y = s.pixel / order_.width;
-  float& farthest = depths_[y / kDepthCell * DepthCells(order_.width) + x / kDepthCell];
-  farthest = std::max(farthest, depth);
+/// The rays of `lanes` have come to their ends.
+void TileRenderer::Traced(uint32_t packet, uint64_t lanes, bool any) {
+  SamplePacket& s = samples_[packet];
+  const RayPacket& rays = packets_[packet];
+  ready_[packet] |= lanes;
+  const uint64_t missed = lanes & LanesWith(kNoTriangle, rays.triangle), hit = lanes & ~missed;
+  if (any) {
+    Add(packet, missed, s.light);
+    return s.Move(lanes, SamplePacket::kShadow, SamplePacket::kLight);
+  }
+  s.Move(hit, SamplePacket::kTraverse, SamplePacket::kSurface);
+  s.Move(missed, SamplePacket::kTraverse, SamplePacket::kNext);
+  ForEachLane(missed, [&](uint32_t i) { Miss(packet, i); });
+  ForEachLane(hit, [&](uint32_t i) {
+    if (s.path_code[i] == kPrimaryPath) SawTo(s.depth_cell[i], s.t_offset[i] + rays.hit_t[i]);
+  });
+}
+
+void TileRenderer::SawTo(uint32_t depth_cell, float depth) {
+  depths_[depth_cell] = std::max(depths_[depth_cell], depth);
 }
 
 void TileRenderer::TidyTouched() {
@@ -181,150 +186,241 @@ void TileRenderer::TidyTouched() {
 }
 
 /// Nothing was in the ray's way.
-void TileRenderer::Miss(const Sample& s) {
-  if (s.path_code == kPrimaryPath) {
-    SawTo(s, kInfinity);
-    if (s.sample == 0) WriteAovs(s);
+void TileRenderer::Miss(uint32_t packet, uint32_t lane) {
+  const SamplePacket& s = samples_[packet];
+  if (s.path_code[lane] == kPrimaryPath) {
+    SawTo(s.depth_cell[lane], kInfinity);
+    if (s.sample[lane] == 0) WriteAovs(packet, lane);
   }
-  Add(s, frame_->job.background);
+  Add(s.pixel[lane], s.weight[static_cast<int>(lane)] * frame_->job.background);
 }
 
-/// Stage by stage until the sample has a ray to trace, waits for a block, or ends.
-void TileRenderer::Advance(uint32_t slot, PinSet& pins) {
-  Progress progress = Progress::kGoesOn;
-  while (progress == Progress::kGoesOn) progress = StepStage(slot, pins);
-  const uint32_t packet = slot / RayPacket::kRays;
-  if (progress == Progress::kTraces)
-    (samples_[slot].stage == Stage::kShadow ? any_ : closest_)[packet] |= uint64_t{1}
-                                                                          << slot % RayPacket::kRays;
-  if (progress == Progress::kEnded) --unfinished_[packet];
+/// The packet's ready samples stage by stage, until each has a ray to trace, waits for a block, or has ended.
+void TileRenderer::Advance(uint32_t packet, PinSet& pins) {
+  SamplePacket& s = samples_[packet];
+  uint64_t ready = std::exchange(ready_[packet], 0);
+  closest_[packet] = any_[packet] = 0;
+  if (ready == 0) return;
+  ready &= ~FindSurfaces(packet, ready & s.at[SamplePacket::kSurface], pins);
+  ready &= ~FindAttributes(packet, ready & s.at[SamplePacket::kAttributes], pins);
+  Shade(packet, ready & s.at[SamplePacket::kShade]);
+  NextLights(packet, ready & s.at[SamplePacket::kLight]);
+  Spawn(packet, ready & s.at[SamplePacket::kBounce]);
+  TakeNext(packet, ready & s.at[SamplePacket::kNext]);
+  closest_[packet] = ready & s.at[SamplePacket::kTraverse];
+  any_[packet] = ready & s.at[SamplePacket::kShadow];
 }
 
-TileRenderer::Progress TileRenderer::StepStage(uint32_t slot, PinSet& pins) {
-  Sample& s = samples_[slot];
-  const auto find = [&](BlockKind kind) {
-    const uint32_t id = BlockId(s.hit.voxel, kind);
-    const ResidentBlock* block = pins.Find(id);
-    if (!block) Park(slot, id);
-    return block;
+/// Returns the lanes that wait for their voxel.
+uint64_t TileRenderer::FindSurfaces(uint32_t packet, uint64_t lanes, PinSet& pins) {
+  if (lanes == 0) return 0;
+  SamplePacket& s = samples_[packet];
+  const RayPacket& rays = packets_[packet];
+  uint64_t waiting = 0, shaded = 0;
+  uint32_t voxel = kNoVoxel;  // the last lane's, which is mostly this one's
+  const ResidentBlock* block = nullptr;
+  bool has_shading = false;
+  ForEachLane(lanes, [&](uint32_t i) {
+    const uint64_t bit = uint64_t{1} << i;
+    if (rays.voxel[i] != voxel) {
+      voxel = rays.voxel[i];
+      block = pins.Find(BlockId(voxel, BlockKind::kHot));
+      has_shading = frame_->catalog.voxels[voxel].blocks[1].stored != 0;
+    }
+    if (!block) {
+      Park(packet, i, BlockId(voxel, BlockKind::kHot));
+      waiting |= bit;
+      return;
+    }
+    const uint32_t local = rays.local[i];
+    gathered_->triangles.Take(static_cast<int>(i), block->hot, local);
+    s.surface.material[i] = block->hot.materials[local];
+    s.surface.part[i] = block->hot.parts[local];
+    if (has_shading) shaded |= bit;
+  });
+  lanes &= ~waiting;
+  MakeSurfaces(gathered_->triangles, rays, lanes, s.surface);
+  s.Move(lanes & shaded, SamplePacket::kSurface, SamplePacket::kAttributes);
+  s.Move(lanes & ~shaded, SamplePacket::kSurface, SamplePacket::kShade);
+  return waiting;
+}
+
+/// Returns the lanes that wait for their voxel's shading.
+uint64_t TileRenderer::FindAttributes(uint32_t packet, uint64_t lanes, PinSet& pins) {
+  if (lanes == 0) return 0;
+  SamplePacket& s = samples_[packet];
+  const RayPacket& rays = packets_[packet];
+  uint64_t waiting = 0;
+  uint32_t voxel = kNoVoxel;
+  const ResidentBlock* block = nullptr;
+  ForEachLane(lanes, [&](uint32_t i) {
+    if (rays.voxel[i] != voxel) {
+      voxel = rays.voxel[i];
+      block = pins.Find(BlockId(voxel, BlockKind::kShading));
+    }
+    if (block) return gathered_->attributes.Take(static_cast<int>(i), block->shading, rays.local[i]);
+    Park(packet, i, BlockId(voxel, BlockKind::kShading));
+    waiting |= uint64_t{1} << i;
+  });
+  lanes &= ~waiting;
+  AddAttributes(gathered_->attributes, rays, lanes, s.surface);
+  s.Move(lanes, SamplePacket::kAttributes, SamplePacket::kShade);
+  return waiting;
+}
+
+void TileRenderer::Shade(uint32_t packet, uint64_t lanes) {
+  if (lanes == 0) return;
+  SamplePacket& s = samples_[packet];
+  if (frame_->job.aov_mask != 0)
+    ForEachLane(lanes, [&](uint32_t i) {
+      if (s.path_code[i] == kPrimaryPath && s.sample[i] == 0) WriteAovs(packet, i);
+    });
+  const RenderMode mode = frame_->job.mode;
+  const bool lit = mode == RenderMode::kShadow || mode == RenderMode::kWhitted;
+  if (mode == RenderMode::kVoxels) {
+    ShadeVoxels(packet, lanes);
+  } else {
+    Vectors& radiance = gathered_->radiance;
+    ForEachMaterial(s.surface, lanes, [&](uint32_t material, uint64_t same) {
+      if (lit)
+        Ambient(frame_->catalog.materials[material], frame_->job.ambient, s.surface, same, radiance);
+      else
+        Headlight(frame_->catalog.materials[material], s.surface, same, radiance);
+    });
+    Add(packet, lanes, radiance);
+  }
+  s.Move(lanes, SamplePacket::kShade, lit ? SamplePacket::kLight : SamplePacket::kNext);
+  if (lit) ForEachLane(lanes, [&](uint32_t i) { s.next_light[i] = 0; });
+}
+
+void TileRenderer::ShadeVoxels(uint32_t packet, uint64_t lanes) {
+  const SamplePacket& s = samples_[packet];
+  ForEachLane(lanes, [&](uint32_t i) {
+    const uint32_t voxel = LocateVoxel(frame_->top, RayOf(packet, i), packets_[packet].hit_t[i]);
+    const auto lane = static_cast<int>(i);
+    Add(s.pixel[i], s.weight[lane] * (VoxelColor(voxel) * (0.3f + 0.7f * Facing(s.surface[lane]))));
+  });
+}
+
+/// Shadow rays toward the next light that can shine on each, or on to the bounces.
+void TileRenderer::NextLights(uint32_t packet, uint64_t lanes) {
+  if (lanes == 0) return;
+  SamplePacket& s = samples_[packet];
+  const auto lights = static_cast<uint32_t>(frame_->job.lights.size());
+  LightPacket& samples = gathered_->light;
+  uint64_t shone_on = 0;
+  for (uint32_t light = 0; light < lights; ++light) {
+    const uint64_t here = lanes & ~shone_on & LanesWith(light, s.next_light);
+    if (here == 0) continue;
+    ForEachMaterial(s.surface, here, [&](uint32_t material, uint64_t same) {
+      Scatter(frame_->catalog.materials[material], frame_->job.lights[light], s.surface, same, samples,
+              s.light);
+    });
+    shone_on |= here & ~DarkLanes(s.light);
+    ForEachLane(here, [&](uint32_t i) { ++s.next_light[i]; });
+    LeaveSurfaces(s.surface, samples.direction, samples.distance, OffsetFromSurfaces(), here & shone_on,
+                  packets_[packet]);
+  }
+  rays_ += static_cast<uint64_t>(std::popcount(shone_on));
+  s.Move(shone_on, SamplePacket::kLight, SamplePacket::kShadow);
+  s.Move(lanes & ~shone_on, SamplePacket::kLight,
+         frame_->job.mode == RenderMode::kWhitted ? SamplePacket::kBounce : SamplePacket::kNext);
+}
+
+/// The mirror and the transmitted rays, for later.
+void TileRenderer::Spawn(uint32_t packet, uint64_t lanes) {
+  if (lanes == 0) return;
+  SamplePacket& s = samples_[packet];
+  const auto spawn = [&](const Material& material, uint32_t i) {
+    if (s.depth[i] >= kMaxDepth) return;
+    const Surface surface = s.surface[static_cast<int>(i)];
+    const glm::vec3 weight = s.weight[static_cast<int>(i)];
+    const Bounces b = Bounce(material, surface);
+    const auto push = [&](const glm::vec3& direction, const glm::vec3& share, uint32_t path_code) {
+      if (Largest(weight * share) < kLeastWeight) return;
+      QUARRY_DCHECK(s.pending_count[i] <= kMaxDepth);
+      const glm::vec3 origin =
+          LeaveSurface(surface.position, surface.geometric_normal, direction, OffsetFromSurfaces());
+      PendingOf(packet, i)[s.pending_count[i]++] = {origin, direction, weight * share, path_code,
+                                                    s.depth[i] + 1u};
+    };
+    push(b.refract_direction, b.refract_weight, RefractedPath(s.path_code[i]));
+    push(b.reflect_direction, b.reflect_weight, ReflectedPath(s.path_code[i]));
   };
-  switch (s.stage) {
-    case Stage::kTraverse:
-    case Stage::kShadow:
-      return Progress::kTraces;
-    case Stage::kSurface: {
-      const ResidentBlock* block = find(BlockKind::kHot);
-      if (!block) return Progress::kParked;
-      s.surface = MakeSurface(block->hot, s.hit, s.direction);
-      const bool has_shading = frame_->catalog.voxels[s.hit.voxel].blocks[1].stored != 0;
-      s.stage = has_shading ? Stage::kAttributes : Stage::kShade;
-      return Progress::kGoesOn;
-    }
-    case Stage::kAttributes: {
-      const ResidentBlock* block = find(BlockKind::kShading);
-      if (!block) return Progress::kParked;
-      AddAttributes(block->shading, s.hit, s.surface);
-      s.stage = Stage::kShade;
-      return Progress::kGoesOn;
-    }
-    case Stage::kShade:
-      Shade(s);
-      return Progress::kGoesOn;
-    case Stage::kLight:
-      NextLight(slot);
-      return Progress::kGoesOn;
-    case Stage::kBounce:
-      Spawn(s);
-      return Progress::kGoesOn;
-    case Stage::kNext:
-      if (s.pending_count == 0) return Progress::kEnded;
-      Begin(slot, Pending(s.pending[--s.pending_count]));
-      return Progress::kTraces;
+  ForEachMaterial(s.surface, lanes, [&](uint32_t id, uint64_t same) {
+    const Material& material = frame_->catalog.materials[id];
+    if (CanBounce(material)) ForEachLane(same, [&](uint32_t i) { spawn(material, i); });
+  });
+  s.Move(lanes, SamplePacket::kBounce, SamplePacket::kNext);
+}
+
+/// The newest of the rays that were put off; without any a sample has ended.
+void TileRenderer::TakeNext(uint32_t packet, uint64_t lanes) {
+  SamplePacket& s = samples_[packet];
+  uint64_t begun = 0;
+  ForEachLane(lanes, [&](uint32_t i) {
+    if (s.pending_count[i] == 0) return;
+    const Pending& next = PendingOf(packet, i)[--s.pending_count[i]];
+    s.weight.Set(static_cast<int>(i), next.weight);
+    s.path_code[i] = next.path_code;
+    s.depth[i] = static_cast<uint8_t>(next.depth);
+    Ray ray;
+    ray.origin = next.origin;
+    ray.direction = next.direction;
+    packets_[packet].Set(i, ray);
+    begun |= uint64_t{1} << i;
+  });
+  rays_ += static_cast<uint64_t>(std::popcount(begun));
+  s.Move(begun, SamplePacket::kNext, SamplePacket::kTraverse);
+  s.at[SamplePacket::kNext] &= ~lanes;
+  unfinished_[packet] &= ~(lanes & ~begun);
+}
+
+/// How far off its surface a ray begins that leaves it.
+float TileRenderer::OffsetFromSurfaces() const { return 4 * frame_->catalog.meta.padding; }
+
+Ray TileRenderer::RayOf(uint32_t packet, uint32_t lane) const {
+  const RayPacket& rays = packets_[packet];
+  Ray ray;
+  for (int a = 0; a < 3; ++a) {
+    ray.origin[a] = rays.origin[a][lane];
+    ray.direction[a] = rays.direction[a][lane];
   }
-  return Progress::kEnded;
+  return ray;
 }
 
-void TileRenderer::Shade(Sample& s) {
-  if (s.path_code == kPrimaryPath && s.sample == 0) WriteAovs(s);
-  const Material& material = frame_->catalog.materials[s.surface.material];
-  s.next_light = 0;
-  s.stage = Stage::kNext;
-  switch (frame_->job.mode) {
-    case RenderMode::kRaycast:
-      Add(s, material.diffuse * s.surface.color * Facing(s.surface) + material.emission);
-      return;
-    case RenderMode::kVoxels: {
-      const uint32_t voxel = LocateVoxel(frame_->top, RayOf(s), s.hit.t);
-      Add(s, VoxelColor(voxel) * (0.3f + 0.7f * Facing(s.surface)));
-      return;
-    }
-    case RenderMode::kShadow:
-    case RenderMode::kWhitted:
-      Add(s, material.diffuse * s.surface.color * frame_->job.ambient * AmbientFactor(s.surface) +
-                 material.emission);
-      s.stage = Stage::kLight;
-      return;
-  }
+void TileRenderer::Add(uint32_t pixel, const glm::vec3& radiance) {
+  FixedRadiance* to = &radiance_[size_t{3} * pixel];
+  to[0].Add(radiance.x);
+  to[1].Add(radiance.y);
+  to[2].Add(radiance.z);
 }
 
-/// A shadow ray toward the next light that can shine here, or on to the bounces.
-void TileRenderer::NextLight(uint32_t slot) {
-  Sample& s = samples_[slot];
-  const Material& material = frame_->catalog.materials[s.surface.material];
-  while (s.next_light < frame_->job.lights.size()) {
-    const LightSample light = SampleLight(frame_->job.lights[s.next_light++], s.surface.position);
-    s.light = Scatter(material, s.surface, light);
-    if (Largest(s.light) <= 0) continue;
-    SetRay(slot, Offset(s, glm::dot(light.direction, s.surface.geometric_normal) > 0), light.direction,
-           light.distance);
-    s.stage = Stage::kShadow;
-    ++rays_;
-    return;
-  }
-  s.stage = frame_->job.mode == RenderMode::kWhitted ? Stage::kBounce : Stage::kNext;
+void TileRenderer::Add(uint32_t packet, uint64_t lanes, const Vectors& radiance) {
+  const SamplePacket& s = samples_[packet];
+  ForEachLane(lanes, [&](uint32_t i) {
+    const auto lane = static_cast<int>(i);
+    Add(s.pixel[i], s.weight[lane] * radiance[lane]);
+  });
 }
 
-/// The mirror and the transmitted ray, for later.
-void TileRenderer::Spawn(Sample& s) {
-  s.stage = Stage::kNext;
-  if (s.depth >= kMaxDepth) return;
-  const Bounces b = Bounce(frame_->catalog.materials[s.surface.material], s.surface);
-  const glm::vec3& n = s.surface.geometric_normal;
-  const auto push = [&](const glm::vec3& direction, const glm::vec3& weight, uint32_t path_code) {
-    if (Largest(weight) < kLeastWeight) return;
-    QUARRY_DCHECK(s.pending_count <= kMaxDepth);
-    s.pending[s.pending_count++] = {Offset(s, glm::dot(direction, n) > 0), direction, weight, path_code,
-                                    s.depth + 1u};
-  };
-  push(b.refract_direction, s.weight * b.refract_weight, RefractedPath(s.path_code));
-  push(b.reflect_direction, s.weight * b.reflect_weight, ReflectedPath(s.path_code));
-}
-
-/// Where a ray that leaves the surface starts: clear of its own triangle by more than the test's error.
-glm::vec3 TileRenderer::Offset(const Sample& s, bool outward) const {
-  const float distance = 4 * frame_->catalog.meta.padding;
-  return s.surface.position + s.surface.geometric_normal * (outward ? distance : -distance);
-}
-
-void TileRenderer::Add(const Sample& s, const glm::vec3& radiance) {
-  for (int c = 0; c < 3; ++c)
-    radiance_[3 * size_t{s.pixel} + static_cast<size_t>(c)].Add(s.weight[c] * radiance[c]);
-}
-
-void TileRenderer::WriteAovs(const Sample& s) {
-  uint32_t* out = aovs_.data() + size_t{frame_->words - 3} * s.pixel;
-  const bool hit = s.hit.triangle != kNoTriangle;
+void TileRenderer::WriteAovs(uint32_t packet, uint32_t lane) {
+  const SamplePacket& s = samples_[packet];
+  const Hit hit = packets_[packet].HitOf(lane);
+  uint32_t* out = aovs_.data() + size_t{frame_->words - 3} * s.pixel[lane];
+  const bool is_hit = hit.triangle != kNoTriangle;
   const auto put = [&](Aov aov, auto... values) {
     if (frame_->job.has(aov)) ((*out++ = std::bit_cast<uint32_t>(values)), ...);
   };
-  const Surface surface = hit ? s.surface : Surface{};
-  put(Aov::kDepth, hit ? s.t_offset + s.hit.t : kInfinity);
+  const Surface surface = is_hit ? s.surface[static_cast<int>(lane)] : Surface{};
+  put(Aov::kDepth, is_hit ? s.t_offset[lane] + hit.t : kInfinity);
   put(Aov::kNormal, surface.normal.x, surface.normal.y, surface.normal.z);
   put(Aov::kUv, surface.uv.x, surface.uv.y);
-  put(Aov::kPrimitive, hit ? s.hit.triangle : kNone);
-  put(Aov::kMaterial, hit ? surface.material : kNone);
-  put(Aov::kPart, hit ? surface.part : kNone);
-  put(Aov::kVoxel, hit && frame_->job.has(Aov::kVoxel) ? LocateVoxel(frame_->top, RayOf(s), s.hit.t) : kNone);
+  put(Aov::kPrimitive, is_hit ? hit.triangle : kNone);
+  put(Aov::kMaterial, is_hit ? surface.material : kNone);
+  put(Aov::kPart, is_hit ? surface.part : kNone);
+  put(Aov::kVoxel,
+      is_hit && frame_->job.has(Aov::kVoxel) ? LocateVoxel(frame_->top, RayOf(packet, lane), hit.t) : kNone);
 }
 
 Bytes TileRenderer::Pixels() const {

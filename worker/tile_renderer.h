@@ -14,7 +14,7 @@
 #include "common/scene/camera.h"
 #include "common/voxel/catalog.h"
 #include "worker/pin_set.h"
-#include "worker/shading.h"
+#include "worker/shading_packet.h"
 
 namespace quarry {
 
@@ -34,6 +34,32 @@ struct FrameContext {
   TopTree top;
   Camera camera;
   uint32_t words;
+};
+
+/// The samples of a packet, field by field; the ray that each has under way is in a RayPacket at the same
+/// lane.
+struct SamplePacket {
+  /// What a sample is about to do; each step is taken for all samples of a packet together.
+  enum Stage { kTraverse, kSurface, kAttributes, kShade, kLight, kShadow, kBounce, kNext, kStages };
+  static constexpr int kLanes = RayPacket::kRays;
+
+  uint64_t at[kStages];  ///< lanes, by stage
+  SurfacePacket surface;
+  Vectors weight;
+  Vectors light;  ///< what the shadow ray brings if nothing is in its way
+  float t_offset[kLanes];
+  uint32_t sample[kLanes];
+  uint32_t path_code[kLanes];
+  uint32_t next_light[kLanes];
+  uint16_t pixel[kLanes];
+  uint16_t depth_cell[kLanes];
+  uint8_t depth[kLanes];
+  uint8_t pending_count[kLanes];
+
+  void Move(uint64_t lanes, Stage from, Stage to) {
+    at[from] &= ~lanes;
+    at[to] |= lanes;
+  }
 };
 
 /// Renders one tile at a time, never blocking: rays that need an absent block are parked until Resume names
@@ -69,7 +95,7 @@ class TileRenderer {
     return std::ranges::any_of(ready_, [](uint64_t samples) { return samples != 0; });
   }
   bool done() const {
-    return std::ranges::all_of(unfinished_, [](uint32_t samples) { return samples == 0; });
+    return std::ranges::all_of(unfinished_, [](uint64_t samples) { return samples == 0; });
   }
   const TileOrder& order() const { return order_; }
   const FrameContext& frame() const { return *frame_; }
@@ -88,65 +114,65 @@ class TileRenderer {
   Bytes Pixels() const;
 
  private:
-  enum class Stage : uint8_t { kTraverse, kSurface, kAttributes, kShade, kLight, kShadow, kBounce, kNext };
+  /// A pixel of the tile, in the order that samples are taken in.
+  struct Place {
+    uint16_t pixel;
+    uint8_t x, y;  ///< in the tile
+  };
   struct Pending {
     glm::vec3 origin, direction, weight;
     uint32_t path_code;
     uint32_t depth;
   };
-  /// One path; its ray is in packets_ at the same slot.
-  struct Sample {
-    Stage stage = Stage::kTraverse;
-    uint8_t depth = 0;
-    uint16_t pixel = 0;
-    uint32_t sample = 0;
-    uint32_t path_code = kPrimaryPath;
-    uint32_t next_light = 0;
-    uint32_t pending_count = 0;
-    float t_offset = 0;
-    glm::vec3 origin{0}, direction{0};  ///< of the ray that is being shaded
-    glm::vec3 weight{1};
-    glm::vec3 light{0};  ///< what the shadow ray brings if nothing is in its way
-    Hit hit;             ///< of the ray that is being shaded
-    Surface surface;
-    Pending pending[kMaxDepth +
-                    1];  ///< the newest goes first, so at most one waits per depth, and two at the last
-  };
+  static constexpr size_t kMostPending =
+      kMaxDepth + 1;  ///< the newest goes first, so at most one waits per depth, and two at the last
   static constexpr size_t kMostTouched = 1u << 14;  ///< then repetitions go
-
-  /// Whether a sample can go on at once.
-  enum class Progress { kGoesOn, kTraces, kParked, kEnded };
+  /// Rooms for what is gathered from voxels, used by one packet after the other.
+  struct Gathered {
+    TrianglePacket triangles;
+    AttributePacket attributes;
+    LightPacket light;
+    Vectors radiance;
+    PrimaryRays primary;
+  };
 
   void OrderPixels();
   void StartPacket(uint32_t packet);
-  bool Start(uint32_t slot);
+  uint64_t StartSamples(uint32_t packet);
   void Round(PinSet& pins);
   void Trace(PinSet& pins, const uint64_t* active, bool any);
-  void Advance(uint32_t slot, PinSet& pins);
-  Progress StepStage(uint32_t slot, PinSet& pins);
-  void Traced(uint32_t slot);
+  void Traced(uint32_t packet, uint64_t lanes, bool any);
+  void Advance(uint32_t packet, PinSet& pins);
+  uint64_t FindSurfaces(uint32_t packet, uint64_t lanes, PinSet& pins);
+  uint64_t FindAttributes(uint32_t packet, uint64_t lanes, PinSet& pins);
+  void Shade(uint32_t packet, uint64_t lanes);
+  void NextLights(uint32_t packet, uint64_t lanes);
+  void Spawn(uint32_t packet, uint64_t lanes);
+  void TakeNext(uint32_t packet, uint64_t lanes);
   void TidyTouched();
-  void Miss(const Sample& s);
-  void SawTo(const Sample& s, float depth);
-  void Park(uint32_t slot, uint32_t block);
-  void Shade(Sample& s);
-  void NextLight(uint32_t slot);
-  void Spawn(Sample& s);
-  void Begin(uint32_t slot, const Pending& ray);
-  void SetRay(uint32_t slot, const glm::vec3& origin, const glm::vec3& direction, float t_max);
-  Ray RayOf(const Sample& s) const;
-  void WriteAovs(const Sample& s);
-  void Add(const Sample& s, const glm::vec3& radiance);
-  glm::vec3 Offset(const Sample& s, bool outward) const;
+  void Miss(uint32_t packet, uint32_t lane);
+  void SawTo(uint32_t depth_cell, float depth);
+  void Park(uint32_t packet, uint32_t lane, uint32_t block);
+  void ShadeVoxels(uint32_t packet, uint64_t lanes);
+  Ray RayOf(uint32_t packet, uint32_t lane) const;
+  void WriteAovs(uint32_t packet, uint32_t lane);
+  float OffsetFromSurfaces() const;
+  void Add(uint32_t packet, uint64_t lanes, const Vectors& radiance);
+  void Add(uint32_t pixel, const glm::vec3& radiance);
+  Pending* PendingOf(uint32_t packet, uint32_t lane) {
+    return pending_.data() + (packet * size_t{RayPacket::kRays} + lane) * kMostPending;
+  }
 
   std::shared_ptr<const FrameContext> frame_;
   TileOrder order_;
-  std::vector<uint16_t> pixel_order_;  ///< of the tile, 8x8 block by block
+  std::vector<Place> places_;  ///< 8x8 block by block
   std::vector<RayPacket> packets_;
-  std::vector<Sample> samples_;
+  std::vector<SamplePacket> samples_;
+  std::vector<Pending> pending_;  ///< only where rays bounce
+  std::unique_ptr<Gathered> gathered_ = std::make_unique<Gathered>();
   uint64_t ready_[kPackets] = {};               ///< samples that can go on, as bits
   uint64_t closest_[kPackets], any_[kPackets];  ///< rays to trace in this round
-  uint32_t unfinished_[kPackets] = {};          ///< samples of the packet still under way
+  uint64_t unfinished_[kPackets] = {};          ///< samples of the packet still under way
   std::unordered_map<uint32_t, std::vector<uint32_t>> parked_;
   std::unordered_map<uint32_t, uint32_t> newly_parked_;
   uint64_t next_sample_ = 0;  ///< over the tile's pixels, sample by sample

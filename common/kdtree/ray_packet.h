@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 
 #include "common/kdtree/ray.h"
@@ -39,6 +40,18 @@ struct alignas(64) RayPacket {
     local[i] = ray.hit.local;
     chain[i] = ray.chain;
     waits_for[i] = kNoVoxel;
+  }
+  /// New rays in all lanes, to infinity.
+  void SetAll(const float (&origins)[3][kRays], const float (&directions)[3][kRays]) {
+    for (int a = 0; a < 3; ++a) {
+      std::copy_n(origins[a], kRays, origin[a]);
+      std::copy_n(directions[a], kRays, direction[a]);
+    }
+    std::fill_n(t, kRays, 0.0f);
+    std::fill_n(hit_t, kRays, NextBelow(kInfinity));
+    std::fill_n(triangle, kRays, kNoTriangle);
+    std::fill_n(chain, kRays, 0u);
+    std::fill_n(waits_for, kRays, kNoVoxel);
   }
   Hit HitOf(uint32_t i) const {
     if (triangle[i] == kNoTriangle) return {};

@@ -1,6 +1,5 @@
 #include "common/scene/camera.h"
 
-#include <algorithm>
 #include <cmath>
 #include <glm/vector_relational.hpp>
 
@@ -16,24 +15,58 @@ Camera::Camera(const CameraSpec& spec, uint32_t width, uint32_t height, const gl
       all_start_inside_(!view_.orthographic && glm::all(glm::lessThanEqual(lower_, view_.eye)) &&
                         glm::all(glm::lessThanEqual(view_.eye, upper_))) {}
 
-PrimaryRay Camera::Shoot(double x, double y) const {
+/// Chooses instead of branching, so that a loop of these becomes vector instructions.
+template <bool kOrthographic, bool kClip>
+inline PrimaryRay Camera::ShootAs(double x, double y) const {
   const glm::dvec3 across = view_.right * (x - width_ / 2) + view_.down * (y - height_ / 2);
-  const glm::dvec3 origin = view_.orthographic ? view_.eye + across : view_.eye;
-  const glm::dvec3 direction = view_.orthographic ? view_.forward : Unit(view_.forward + across);
-  if (all_start_inside_) return {glm::vec3(origin), glm::vec3(direction), 0, false};
+  const glm::dvec3 origin = kOrthographic ? view_.eye + across : view_.eye;
+  const glm::dvec3 direction = kOrthographic ? view_.forward : Unit(view_.forward + across);
+  if constexpr (!kClip) return {glm::vec3(origin), glm::vec3(direction), 0, false};
   double enter = 0, exit = 1e300;
-  for (int a = 0; a < 3; ++a) {
-    const double d = std::fabs(direction[a]) < 1e-18 ? 1e-18 : direction[a];
-    const double t0 = (lower_[a] - origin[a]) / d, t1 = (upper_[a] - origin[a]) / d;
-    enter = std::max(enter, std::min(t0, t1));
-    exit = std::min(exit, std::max(t0, t1));
-  }
+  const auto clip = [&](double o, double along, double lower, double upper) {
+    const double d = std::fabs(along) < 1e-18 ? 1e-18 : along;
+    const double t0 = (lower - o) / d, t1 = (upper - o) / d;
+    const double first = t1 < t0 ? t1 : t0, last = t0 < t1 ? t1 : t0;
+    enter = enter < first ? first : enter;
+    exit = last < exit ? last : exit;
+  };
+  clip(origin.x, direction.x, lower_.x, upper_.x);
+  clip(origin.y, direction.y, lower_.y, upper_.y);
+  clip(origin.z, direction.z, lower_.z, upper_.z);
+  return {glm::vec3(origin + direction * enter), glm::vec3(direction), static_cast<float>(enter),
+          enter > exit};
+}
+
+/// Calls body with the camera's case as template arguments: <orthographic, rays have to be clipped>.
+template <class Body>
+inline void Camera::Choose(Body&& body) const {
+  if (all_start_inside_) return body.template operator()<false, false>();
+  if (view_.orthographic) return body.template operator()<true, true>();
+  body.template operator()<false, true>();
+}
+
+PrimaryRay Camera::Shoot(double x, double y) const {
   PrimaryRay ray;
-  ray.misses = enter > exit;
-  ray.t_offset = static_cast<float>(enter);
-  ray.origin = glm::vec3(origin + direction * enter);
-  ray.direction = glm::vec3(direction);
+  Choose([&]<bool kOrthographic, bool kClip>() { ray = ShootAs<kOrthographic, kClip>(x, y); });
   return ray;
+}
+
+void Camera::Shoot(const double (&x)[PrimaryRays::kCount], const double (&y)[PrimaryRays::kCount],
+                   PrimaryRays& rays) const {
+  Choose([&, camera = *this]<bool kOrthographic, bool kClip>() {
+#pragma GCC ivdep
+    for (int i = 0; i < PrimaryRays::kCount; ++i) {
+      const PrimaryRay ray = camera.ShootAs<kOrthographic, kClip>(x[i], y[i]);
+      rays.origin[0][i] = ray.origin.x;
+      rays.origin[1][i] = ray.origin.y;
+      rays.origin[2][i] = ray.origin.z;
+      rays.direction[0][i] = ray.direction.x;
+      rays.direction[1][i] = ray.direction.y;
+      rays.direction[2][i] = ray.direction.z;
+      rays.t_offset[i] = ray.t_offset;
+      rays.misses[i] = ray.misses;
+    }
+  });
 }
 
 }  // namespace quarry

@@ -14,6 +14,14 @@ struct PrimaryRay {
   bool misses = false;                      ///< never meets the scene's box
 };
 
+/// Primary rays side by side, field by field.
+struct PrimaryRays {
+  static constexpr int kCount = 64;
+  float origin[3][kCount], direction[3][kCount];
+  float t_offset[kCount];
+  uint32_t misses[kCount];  ///< 0 or 1
+};
+
 /// Turns pixel positions into rays. x runs right, y down; all arithmetic in double, no libm but sqrt.
 class Camera {
  public:
@@ -22,8 +30,16 @@ class Camera {
          const glm::vec3& upper);
   /// (x, y) in pixels, centres at +0.5. Thread-safe.
   PrimaryRay Shoot(double x, double y) const;
+  /// The same rays, many at once.
+  void Shoot(const double (&x)[PrimaryRays::kCount], const double (&y)[PrimaryRays::kCount],
+             PrimaryRays& rays) const;
 
  private:
+  template <bool kOrthographic, bool kClip>
+  PrimaryRay ShootAs(double x, double y) const;
+  template <class Body>
+  void Choose(Body&& body) const;
+
   ViewBasis view_;
   double width_, height_;
   glm::dvec3 lower_, upper_;
