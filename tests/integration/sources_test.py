@@ -75,6 +75,13 @@ class Sources(Case):
         self.addCleanup(end, client)
         return client
 
+    def await_frame(self, name):
+        """Until the walk's first picture is there, so that workers have met their sources; the others are to come."""
+        until = time.monotonic() + TIMEOUT_S
+        while not self.frames(name):
+            self.assertLess(time.monotonic(), until, "no frame")
+            time.sleep(0.005)
+
     def finish(self, client, name):
         """The statistics of the frame that was done last, once all are there and right."""
         self.assertEqual(client.wait(timeout=TIMEOUT_S - 10), 0, client.stderr.read())
@@ -144,7 +151,7 @@ class Sources(Case):
         _, address = self.start_master(self.scene, *sources)
         self.start_worker(address, "--threads", 1, "--cache", "2M", "--quiet")
         client = self.client(address, "one")
-        time.sleep(0.3)
+        self.await_frame("one")
         servers[0][0].send_signal(signal.SIGKILL)
         self.finish(client, "one")
 
@@ -154,7 +161,7 @@ class Sources(Case):
         _, address = self.start_master(self.scene, *sources)
         self.start_worker(address, "--threads", 1, "--cache", "2M", "--quiet")
         client = self.client(address, "stopped")
-        time.sleep(0.3)
+        self.await_frame("stopped")
         servers[0][0].send_signal(signal.SIGSTOP)
         last = self.finish(client, "stopped")
         self.assertGreater(last["workers"][0]["source_hedges"] + last["workers"][0]["source_retries"], 0)
