@@ -85,6 +85,17 @@ class Scalability(Case):
         row = json.loads(pathlib.Path(table).read_text())[0]
         self.assertEqual(row["voxel_bytes_received"], row["touched_bytes"])
 
+    def test_suspending_waiting_and_mapping_load_the_same_walk(self):
+        table = self.path("loading.json")
+        frames = path_of_frames(self.walk, range(FRAMES), self.path("frames.json"))
+        said = self.must("quarry", "bench", "loading", self.scene, frames, "--mbit", "800", "--latency-ms", "0.1", "--json", table)
+        rows = {row["loading"]: row for row in json.loads(pathlib.Path(table).read_text())}
+        # Each voxel that is touched comes once, whoever waits for it; of a mapped file, what is decoded.
+        self.assertGreater(rows["suspend"]["bytes"], 0)
+        self.assertEqual(rows["suspend"]["bytes"], rows["wait"]["bytes"])
+        if "skipped: userfaultfd" not in said.stdout:
+            self.assertGreater(rows["map"]["bytes"], rows["wait"]["bytes"])
+
     def test_a_damaged_trace_is_refused_with_its_line(self):
         trace = self.folder / "walk.trace"
         for text, sentence in (('{"frame": 0}\n', r"walk\.trace:1: not what quarry-master --trace writes"),

@@ -1,0 +1,314 @@
+// `quarry bench loading`: what suspending rays buys. A walk on one core by the worker's engine, along a line
+// of a given latency and bandwidth, cold and warm: with suspended rays; with a loader that the thread waits
+// for, one voxel after the other; and with the decoded store mapped into memory as from a file server.
+#include <fmt/format.h>
+#include <sched.h>
+
+#include <CLI/CLI.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <condition_variable>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <thread>
+#include <utility>
+
+#include "common/voxel/store_reader.h"
+#include "deploy/default_view.h"
+#include "deploy/scene_files.h"
+#include "tests/bench/stopwatch.h"
+#include "tests/scalability/line.h"
+#include "tests/scalability/mapped_blocks.h"
+#include "worker/engine.h"
+#include "worker/loader.h"
+
+#ifndef NDEBUG
+#error "benchmarks are built with the release preset"
+#endif
+
+namespace quarry::bench {
+namespace {
+
+namespace asio = boost::asio;
+
+struct Options {
+  std::string store, path, json, mode = "raycast";
+  std::vector<double> latencies_ms{0.4, 5}, mbits{25, 100, 400};
+  uint32_t width = 320, height = 240;
+};
+
+/// The whole process on one core: what a worker with one thread has.
+void PinToOneCore() {
+  cpu_set_t set;
+  CPU_ZERO(&set);
+  CPU_SET(static_cast<size_t>(sched_getcpu()), &set);
+  sched_setaffinity(0, sizeof set, &set);
+}
+
+/// Blocks of a store along a line.
+class LineSource : public VoxelSource {
+ public:
+  /// `io`: calls back there; null: Fetch itself waits.
+  LineSource(const StoreReader& store, Line& line, asio::io_context* io)
+      : store_(store), line_(line), io_(io) {}
+
+  void Fetch(uint32_t block, Done done) override {
+    const auto here = line_.Ask(store_.catalog().block(block).stored);
+    if (!io_) {
+      std::this_thread::sleep_until(here);
+      return done(store_.ReadBlock(block));
+    }
+    auto timer = std::make_shared<asio::steady_timer>(*io_, here);
+    timer->async_wait([this, block, timer, done = std::move(done)](const boost::system::error_code& e) {
+      if (!e) done(store_.ReadBlock(block));
+    });
+  }
+
+ private:
+  const StoreReader& store_;
+  Line& line_;
+  asio::io_context* io_;
+};
+
+/// Of a frame of the walk.
+struct FrameCost {
+  double compute_s = 0;          ///< tracing and shading
+  std::vector<uint32_t> blocks;  ///< touched here and in no frame before
+};
+
+/// The worker's engine with one thread.
+class Walker {
+ public:
+  enum class Loading { kSuspend, kWait, kMap };
+
+  Walker(const StoreReader& store, Line& line, Loading loading)
+      : store_(store),
+        loading_(loading),
+        source_(store, line, loading == Loading::kSuspend ? &io_ : nullptr),
+        cache_(
+            store.catalog(), uint64_t{1} << 40, [this] { Load(); }, [this] { Load(); }),
+        loader_(store.catalog(), cache_, source_, [this](const Error& e) { Give(e); }),
+        engine_(store.catalog(), cache_, 1, [this](const TileDone& done, const Bytes&) { Put(done); }) {
+    if (loading == Loading::kSuspend) loader_thread_ = std::thread([this] { io_.run(); });
+  }
+  ~Walker() {
+    work_.reset();
+    io_.stop();
+    if (loader_thread_.joinable()) loader_thread_.join();
+  }
+
+  void Publish(std::vector<std::unique_ptr<ResidentBlock>> blocks) {
+    for (uint32_t id = 0; id < blocks.size(); ++id)
+      if (blocks[id]) cache_.Publish(id, std::move(blocks[id]));
+  }
+
+  /// Renders a frame for each camera, one tile after the other, rays of up to three under way. Returns
+  /// seconds.
+  Result<double> Walk(RenderJob job, const std::vector<CameraSpec>& cameras, std::vector<FrameCost>& costs) {
+    costs.assign(cameras.size(), {});
+    costs_ = &costs;
+    seen_.clear();
+    uint32_t tile = 0;
+    std::vector<TileOrder> tiles;
+    const uint64_t first = setup_ + 1;
+    for (const CameraSpec& camera : cameras) {
+      job.cameras = {camera};
+      engine_.SetFrame({++setup_, job, first});
+      for (uint32_t y = 0; y < job.height; y += kTileSize)
+        for (uint32_t x = 0; x < job.width; x += kTileSize)
+          tiles.push_back({setup_,
+                           tile++,
+                           0,
+                           x,
+                           y,
+                           std::min(kTileSize, job.width - x),
+                           std::min(kTileSize, job.height - y),
+                           {},
+                           {}});
+    }
+    first_ = first;
+    left_ = tiles.size();
+    const auto start = Clock::now();
+    for (const TileOrder& order : tiles) engine_.AddTile(order);
+    std::unique_lock lock(mutex_);
+    done_.wait(lock, [&] { return left_ == 0 || error_; });
+    if (error_) return tl::unexpected<Error>(*error_);
+    return SecondsSince(start);
+  }
+
+ private:
+  /// Called where a thread wants a block: it loads it itself, or has it loaded.
+  void Load() {
+    if (loading_ == Loading::kSuspend)
+      asio::post(io_, [this] { loader_.Run(); });
+    else
+      loader_.Run();
+  }
+  void Give(const Error& error) {
+    const std::lock_guard lock(mutex_);
+    error_ = error;
+    done_.notify_one();
+  }
+  void Put(const TileDone& done) {
+    FrameCost& cost = (*costs_)[done.setup - first_];
+    cost.compute_s += static_cast<double>(done.compute_us) * 1e-6;
+    for (const uint32_t block : done.blocks)
+      if (seen_.insert(block).second) cost.blocks.push_back(block);
+    const std::lock_guard lock(mutex_);
+    if (--left_ == 0) done_.notify_one();
+  }
+
+  const StoreReader& store_;
+  const Loading loading_;
+  asio::io_context io_;
+  asio::executor_work_guard<asio::io_context::executor_type> work_{io_.get_executor()};
+  LineSource source_;
+  VoxelCache cache_;
+  Loader loader_;
+  std::thread loader_thread_;
+  uint64_t setup_ = 0, first_ = 0;
+  std::vector<FrameCost>* costs_ = nullptr;
+  std::set<uint32_t> seen_;
+  std::mutex mutex_;  ///< left_, error_
+  std::condition_variable done_;
+  size_t left_ = 0;
+  std::optional<Error> error_;
+  Engine engine_;  // last: its thread uses all of the above
+};
+
+class Bench {
+ public:
+  Bench(const Options& options, const StoreReader& store, std::vector<CameraSpec> cameras, RenderJob job)
+      : options_(options), store_(store), cameras_(std::move(cameras)), job_(std::move(job)) {}
+
+  Status Run(nlohmann::json& results) {
+    fmt::print("{:>8} {:>7} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8}\n", "mbit/s", "ms", "loading", "cold s",
+               "warm s", "MB", "limit s", "overlap");
+    const std::string no_map = MappedBlocks::WhyNot();
+    for (const double mbit : options_.mbits)
+      for (const double latency_ms : options_.latencies_ms)
+        for (const auto& [name, loading] : {std::pair{"suspend", Walker::Loading::kSuspend},
+                                            {"wait", Walker::Loading::kWait},
+                                            {"map", Walker::Loading::kMap}}) {
+          if (loading == Walker::Loading::kMap && !no_map.empty()) {
+            fmt::print("{:8} {:7} {:>8} skipped: {}\n", mbit, latency_ms, name, no_map);
+            continue;
+          }
+          Line line(latency_ms * 1e-3, mbit * 1e6 / 8);
+          QUARRY_ASSIGN(nlohmann::json row, Measure(line, loading, mbit * 1e6 / 8));
+          row["mbit_per_s"] = mbit;
+          row["latency_ms"] = latency_ms;
+          row["loading"] = name;
+          fmt::print("{:8} {:7} {:>8} {:8.2f} {:8.2f} {:8.1f} {:8.2f} {:8.2f}\n", mbit, latency_ms, name,
+                     row["cold_s"].get<double>(), row["warm_s"].get<double>(),
+                     row["bytes"].get<double>() / 1e6, row["limit_s"].get<double>(),
+                     row["overlap"].get<double>());
+          std::fflush(stdout);
+          results.push_back(std::move(row));
+        }
+    return {};
+  }
+
+ private:
+  /// The walk cold and warm. The limit: over its frames, the larger of what the processor needs (its part of
+  /// the warm walk, and decoding what it is the first to touch) and what the line needs for those blocks.
+  Result<nlohmann::json> Measure(Line& line, Walker::Loading loading, double bytes_per_s) {
+    std::unique_ptr<MappedBlocks> mapped;
+    if (loading == Walker::Loading::kMap) {
+      QUARRY_ASSIGN(mapped, MappedBlocks::Make(store_, line));
+    }
+    Walker walker(store_, line, loading);
+    if (mapped) walker.Publish(mapped->TakeBlocks());
+    std::vector<FrameCost> cold, warm;
+    QUARRY_ASSIGN(const double cold_s, walker.Walk(job_, cameras_, cold));
+    const uint64_t bytes = line.bytes();
+    QUARRY_ASSIGN(const double warm_s, walker.Walk(job_, cameras_, warm));
+    double compute_s = 0, stored = 0, limit_s = 0;
+    for (const FrameCost& frame : warm) compute_s += frame.compute_s;
+    for (const FrameCost& frame : cold)
+      for (const uint32_t block : frame.blocks) stored += store_.catalog().block(block).stored;
+    for (size_t f = 0; f < cold.size(); ++f) {
+      double frame_bytes = 0, decode_s = 0;
+      for (const uint32_t block : cold[f].blocks) {
+        frame_bytes += store_.catalog().block(block).stored;
+        if (loading == Walker::Loading::kMap) continue;
+        QUARRY_ASSIGN(const double block_s, DecodeSeconds(block));
+        decode_s += block_s;
+      }
+      // Of a mapped file other bytes come: as many as came, shared out alike.
+      frame_bytes *= static_cast<double>(bytes) / stored;
+      limit_s += std::max(warm_s * warm[f].compute_s / compute_s + decode_s, frame_bytes / bytes_per_s);
+    }
+    return nlohmann::json{{"cold_s", cold_s},
+                          {"warm_s", warm_s},
+                          {"bytes", bytes},
+                          {"limit_s", limit_s},
+                          {"overlap", limit_s / cold_s}};
+  }
+
+  /// Measured once for each block.
+  Result<double> DecodeSeconds(uint32_t block) {
+    const auto known = decode_s_.find(block);
+    if (known != decode_s_.end()) return known->second;
+    QUARRY_ASSIGN(const Bytes stored, store_.ReadBlock(block));
+    const uint64_t start_us = ThreadTimeUs();
+    ResidentBlock resident;
+    resident.bytes = PageBuffer(store_.catalog().block(block).decoded);
+    QUARRY_TRY(DecodeBlock(store_.catalog(), block, stored, decoder_, resident));
+    return decode_s_[block] = static_cast<double>(ThreadTimeUs() - start_us) * 1e-6;
+  }
+
+  const Options& options_;
+  const StoreReader& store_;
+  std::vector<CameraSpec> cameras_;
+  RenderJob job_;
+  BlockDecoder decoder_;
+  std::map<uint32_t, double> decode_s_;
+};
+
+Status RunBench(const Options& options, nlohmann::json& results) {
+  QUARRY_ASSIGN(const StoreReader store, StoreReader::Open(options.store));
+  QUARRY_ASSIGN(std::vector<CameraSpec> cameras, ReadCameraPath(options.path));
+  RenderJob job;
+  job.width = options.width;
+  job.height = options.height;
+  job.mode = options.mode == "whitted" ? RenderMode::kWhitted : RenderMode::kRaycast;
+  if (job.mode == RenderMode::kWhitted) job.lights = {DefaultSun(store.catalog().meta.up_axis)};
+  job.cameras = {cameras.front()};
+  QUARRY_TRY(NormalizeJob(job));
+  PinToOneCore();
+  return Bench(options, store, std::move(cameras), std::move(job)).Run(results);
+}
+
+int Main(int argc, char** argv) {
+  Options options;
+  CLI::App app("A walk with suspended rays, with a loader that is waited for, and through mapped memory.");
+  app.add_option("store", options.store, "A store made by quarry-preprocess")->required();
+  app.add_option("path", options.path, "Its camera path (JSON)")->required();
+  app.add_option("--mbit", options.mbits, "Bandwidths of the line, Mbit/s")
+      ->delimiter(',')
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  app.add_option("--latency-ms", options.latencies_ms, "Its latencies, milliseconds")
+      ->delimiter(',')
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  app.add_option("--mode", options.mode, "raycast or whitted")
+      ->check(CLI::IsMember({"raycast", "whitted"}))
+      ->capture_default_str();
+  app.add_option("--json", options.json, "Results as JSON");
+  CLI11_PARSE(app, argc, argv);
+  nlohmann::json results = nlohmann::json::array();
+  const Status status = RunBench(options, results);
+  if (!options.json.empty()) std::ofstream(options.json) << results.dump(2) << '\n';
+  if (status) return 0;
+  fmt::print(stderr, "quarry-bench-loading: {}\n", status.error().message);
+  return 1;
+}
+
+}  // namespace
+}  // namespace quarry::bench
+
+int main(int argc, char** argv) { return quarry::bench::Main(argc, argv); }

@@ -1,0 +1,132 @@
+#include "tests/scalability/mapped_blocks.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <linux/userfaultfd.h>
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <sys/ioctl.h>
+#include <sys/mman.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
+#include "worker/loader.h"
+
+namespace quarry::bench {
+namespace {
+
+Error SystemError(const char* what) { return Error{fmt::format("{}: {}", what, std::strerror(errno))}; }
+
+Result<std::span<std::byte>> Map(size_t bytes) {
+  void* at =
+      ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+  if (at == MAP_FAILED) return tl::unexpected<Error>(SystemError("no memory for the decoded store"));
+  return std::span(static_cast<std::byte*>(at), bytes);
+}
+
+}  // namespace
+
+std::string MappedBlocks::WhyNot() {
+  const auto descriptor = static_cast<int>(::syscall(SYS_userfaultfd, O_CLOEXEC));
+  if (descriptor < 0) return SystemError("userfaultfd").message;
+  ::close(descriptor);
+  return {};
+}
+
+Result<std::unique_ptr<MappedBlocks>> MappedBlocks::Make(const StoreReader& store, Line& line) {
+  std::unique_ptr<MappedBlocks> self(new MappedBlocks(line));
+  QUARRY_TRY(self->Decode(store));
+  QUARRY_TRY(self->HandFaultsOn());
+  return self;
+}
+
+MappedBlocks::~MappedBlocks() {
+  if (server_.joinable()) {
+    const uint64_t one = 1;
+    if (::write(stop_, &one, sizeof one) == sizeof one) server_.join();
+  }
+  for (const int descriptor : {faults_, stop_})
+    if (descriptor >= 0) ::close(descriptor);
+  for (const auto& mapping : {region_, file_})
+    if (!mapping.empty()) ::munmap(mapping.data(), mapping.size());
+}
+
+/// Into the region, then into the file that it is to be read from.
+Status MappedBlocks::Decode(const StoreReader& store) {
+  constexpr size_t kAlignment = 64;
+  const Catalog& catalog = store.catalog();
+  const auto room = [&](uint32_t id) {
+    return (size_t{catalog.block(id).decoded} + kAlignment - 1) / kAlignment * kAlignment;
+  };
+  const auto count = static_cast<uint32_t>(catalog.voxels.size() * 2);
+  size_t bytes = 0;
+  for (uint32_t id = 0; id < count; ++id) bytes += room(id);
+  bytes = (bytes + kChunk - 1) / kChunk * kChunk;
+  QUARRY_ASSIGN(region_, Map(bytes));
+  QUARRY_ASSIGN(file_, Map(bytes));
+  blocks_.resize(count);
+  BlockDecoder decoder;
+  size_t at = 0;
+  for (uint32_t id = 0; id < count; ++id) {
+    const BlockEntry& entry = catalog.block(id);
+    if (entry.stored == 0) continue;
+    QUARRY_ASSIGN(const Bytes stored, store.ReadBlock(id));
+    const std::span out = region_.subspan(at, entry.decoded);
+    blocks_[id] = std::make_unique<ResidentBlock>();
+    if (id % 2 == static_cast<uint32_t>(BlockKind::kShading)) {
+      QUARRY_ASSIGN(blocks_[id]->shading, decoder.Shading(stored, out));
+    } else {
+      QUARRY_ASSIGN(blocks_[id]->hot, decoder.Hot(stored, out, catalog.meta.padding));
+    }
+    at += room(id);
+  }
+  std::memcpy(file_.data(), region_.data(), bytes);
+  return {};
+}
+
+Status MappedBlocks::HandFaultsOn() {
+  if (::madvise(region_.data(), region_.size(), MADV_DONTNEED) != 0)
+    return tl::unexpected<Error>(SystemError("madvise"));
+  faults_ = static_cast<int>(::syscall(SYS_userfaultfd, O_CLOEXEC | O_NONBLOCK));
+  stop_ = ::eventfd(0, EFD_CLOEXEC);
+  uffdio_api api{};
+  api.api = UFFD_API;
+  uffdio_register where{};
+  where.range = {reinterpret_cast<uintptr_t>(region_.data()), region_.size()};
+  where.mode = UFFDIO_REGISTER_MODE_MISSING;
+  if (faults_ < 0 || stop_ < 0 || ::ioctl(faults_, UFFDIO_API, &api) != 0 ||
+      ::ioctl(faults_, UFFDIO_REGISTER, &where) != 0)
+    return tl::unexpected<Error>(SystemError("userfaultfd"));
+  server_ = std::thread([this] { Serve(); });
+  return {};
+}
+
+void MappedBlocks::Serve() {
+  const auto base = reinterpret_cast<uintptr_t>(region_.data());
+  pollfd wanted[2] = {{faults_, POLLIN, 0}, {stop_, POLLIN, 0}};
+  for (;;) {
+    if (::poll(wanted, 2, -1) < 0) continue;
+    if (wanted[1].revents != 0) return;
+    uffd_msg message;
+    if (::read(faults_, &message, sizeof message) != sizeof message || message.event != UFFD_EVENT_PAGEFAULT)
+      continue;
+    const size_t first = (message.arg.pagefault.address - base) / kChunk * kChunk;
+    std::this_thread::sleep_until(line_.Ask(kChunk));
+    uffdio_copy copy{};
+    copy.dst = base + first;
+    copy.src = reinterpret_cast<uintptr_t>(file_.data()) + first;
+    copy.len = kChunk;
+    // Another thread may have waited for the same chunk: then it is there, and only has to be told.
+    if (::ioctl(faults_, UFFDIO_COPY, &copy) != 0) {
+      uffdio_range range{base + first, kChunk};
+      ::ioctl(faults_, UFFDIO_WAKE, &range);
+    }
+  }
+}
+
+}  // namespace quarry::bench
