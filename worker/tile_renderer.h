@@ -70,9 +70,8 @@ struct SamplePacket {
 /// opened. Pixels do not depend on the order of anything: see FixedRadiance. Owned by one thread.
 class TileRenderer {
  public:
-  static constexpr uint32_t kPackets = 16;                         ///< in flight, at most
-  static constexpr uint32_t kSlots = kPackets * RayPacket::kRays;  ///< samples in flight, at most
-  static constexpr uint32_t kMaxDepth = 8;                         ///< bounces
+  static constexpr uint32_t kPackets = 16;  ///< in flight, at most
+  static constexpr uint32_t kMaxDepth = 8;  ///< bounces
 
   /// Begins a tile; memory of the one before is used again. Requires: done().
   void Open(std::shared_ptr<const FrameContext> frame, const TileOrder& order);
@@ -119,6 +118,7 @@ class TileRenderer {
     uint16_t pixel;
     uint8_t x, y;  ///< in the tile
   };
+  static_assert(kTileSize <= 256);
   struct Pending {
     glm::vec3 origin, direction, weight;
     uint32_t path_code;
