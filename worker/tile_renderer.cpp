@@ -13,10 +13,7 @@
 namespace quarry {
 namespace {
 
-constexpr float kLeastWeight = 1.0f / 512;  // rays of less are not followed
-constexpr uint32_t kNone = 0xFFFFFFFFu;     // integer layers where nothing is hit
-
-float Largest(const glm::vec3& v) { return std::max({v.x, v.y, v.z}); }
+constexpr uint32_t kNone = 0xFFFFFFFFu;  // integer layers where nothing is hit
 
 /// Calls body(i) for each lane i of a packet that is meant.
 template <class Body>
@@ -318,8 +315,8 @@ void TileRenderer::NextLights(uint32_t packet, uint64_t lanes) {
     });
     shone_on |= here & ~DarkLanes(s.light);
     ForEachLane(here, [&](uint32_t i) { ++s.next_light[i]; });
-    LeaveSurfaces(s.surface, samples.direction, samples.distance, OffsetFromSurfaces(), here & shone_on,
-                  packets_[packet]);
+    LeaveSurfaces(s.surface, samples.direction, samples.distance,
+                  OffsetFromSurfaces(frame_->catalog.meta.padding), here & shone_on, packets_[packet]);
   }
   rays_ += static_cast<uint64_t>(std::popcount(shone_on));
   s.Move(shone_on, SamplePacket::kLight, SamplePacket::kShadow);
@@ -332,15 +329,15 @@ void TileRenderer::Spawn(uint32_t packet, uint64_t lanes) {
   if (lanes == 0) return;
   SamplePacket& s = samples_[packet];
   const auto spawn = [&](const Material& material, uint32_t i) {
-    if (s.depth[i] >= kMaxDepth) return;
+    if (s.depth[i] >= kMostBounces) return;
     const Surface surface = s.surface[static_cast<int>(i)];
     const glm::vec3 weight = s.weight[static_cast<int>(i)];
     const Bounces b = Bounce(material, surface);
     const auto push = [&](const glm::vec3& direction, const glm::vec3& share, uint32_t path_code) {
       if (Largest(weight * share) < kLeastWeight) return;
-      QUARRY_DCHECK(s.pending_count[i] <= kMaxDepth);
-      const glm::vec3 origin =
-          LeaveSurface(surface.position, surface.geometric_normal, direction, OffsetFromSurfaces());
+      QUARRY_DCHECK(s.pending_count[i] <= kMostBounces);
+      const glm::vec3 origin = LeaveSurface(surface.position, surface.geometric_normal, direction,
+                                            OffsetFromSurfaces(frame_->catalog.meta.padding));
       PendingOf(packet, i)[s.pending_count[i]++] = {origin, direction, weight * share, path_code,
                                                     s.depth[i] + 1u};
     };
@@ -375,9 +372,6 @@ void TileRenderer::TakeNext(uint32_t packet, uint64_t lanes) {
   s.at[SamplePacket::kNext] &= ~lanes;
   unfinished_[packet] &= ~(lanes & ~begun);
 }
-
-/// How far off its surface a ray begins that leaves it.
-float TileRenderer::OffsetFromSurfaces() const { return 4 * frame_->catalog.meta.padding; }
 
 Ray TileRenderer::RayOf(uint32_t packet, uint32_t lane) const {
   const RayPacket& rays = packets_[packet];

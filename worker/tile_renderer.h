@@ -71,7 +71,6 @@ struct SamplePacket {
 class TileRenderer {
  public:
   static constexpr uint32_t kPackets = 16;  ///< in flight, at most
-  static constexpr uint32_t kMaxDepth = 8;  ///< bounces
 
   /// Begins a tile; memory of the one before is used again. Requires: done().
   void Open(std::shared_ptr<const FrameContext> frame, const TileOrder& order);
@@ -125,7 +124,7 @@ class TileRenderer {
     uint32_t depth;
   };
   static constexpr size_t kMostPending =
-      kMaxDepth + 1;  ///< the newest goes first, so at most one waits per depth, and two at the last
+      kMostBounces + 1;  ///< the newest goes first, so at most one waits per depth, and two at the last
   static constexpr size_t kMostTouched = 1u << 14;  ///< then repetitions go
   /// Rooms for what is gathered from voxels, used by one packet after the other.
   struct Gathered {
@@ -156,7 +155,6 @@ class TileRenderer {
   void ShadeVoxels(uint32_t packet, uint64_t lanes);
   Ray RayOf(uint32_t packet, uint32_t lane) const;
   void WriteAovs(uint32_t packet, uint32_t lane);
-  float OffsetFromSurfaces() const;
   void Add(uint32_t packet, uint64_t lanes, const Vectors& radiance);
   void Add(uint32_t pixel, const glm::vec3& radiance);
   Pending* PendingOf(uint32_t packet, uint32_t lane) {

@@ -12,9 +12,6 @@
 namespace quarry::bench {
 namespace {
 
-constexpr float kLeastWeight = 1.0f / 512;
-constexpr uint32_t kMostBounces = 8;
-
 /// One thread's view of the frame.
 class Tracer {
  public:
@@ -101,10 +98,8 @@ class Tracer {
     return s;
   }
   glm::vec3 Offset(const Surface& s, const glm::vec3& way) const {
-    const float distance = 4 * catalog_.meta.padding;
-    return s.position + s.geometric_normal * (glm::dot(way, s.geometric_normal) > 0 ? distance : -distance);
+    return LeaveSurface(s.position, s.geometric_normal, way, OffsetFromSurfaces(catalog_.meta.padding));
   }
-  static float Largest(const glm::vec3& v) { return std::max({v.x, v.y, v.z}); }
 
   const EmbreeScene& embree_;
   const Catalog& catalog_;
