@@ -87,6 +87,12 @@ double Roster::SecondsPerByte(double decoded) const {
          (loaded < kKnownBytes ? 0 : decode_s / loaded) * decoded;
 }
 
+double Roster::DecodeSeconds() const {
+  double s = 0;
+  for (const auto& [id, worker] : workers_) s += static_cast<double>(worker.counters.decode_us) * 1e-6;
+  return s;
+}
+
 uint32_t Roster::HolderOf(uint32_t block, uint32_t but) const {
   // From a place that depends on the block, so that its holders share the work.
   const auto start = workers_.lower_bound(block % (next_id_ + 1));

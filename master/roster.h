@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <map>
 #include <memory>
@@ -29,8 +30,10 @@ struct WorkerRecord {
 
   void SetServesAt(uint16_t port);  ///< 0: it does not serve others
 
-  /// Tiles it may have at once: enough that none of its threads idles while an answer is on its way.
-  uint32_t Credit() const { return threads * 2 + 2; }
+  /// Tiles it may have at once.
+  uint32_t Credit() const {
+    return std::clamp(counters.tiles_wanted, FewestTiles(threads), MostTiles(threads));
+  }
 };
 
 /// The workers that are here. One that comes back after a loss keeps its id. Not thread-safe.
@@ -55,6 +58,8 @@ class Roster {
   /// known, 100 Mbit/s and nothing. `decoded`: bytes that a stored byte becomes. What comes once may be
   /// decoded again and again, so each is measured by its own bytes.
   double SecondsPerByte(double decoded) const;
+  /// Of all that are here, since each began.
+  double DecodeSeconds() const;
   /// A worker other than `but` that holds the block and serves it, or 0; another one for another block.
   uint32_t HolderOf(uint32_t block, uint32_t but) const;
 

@@ -13,7 +13,7 @@ constexpr int kBatchesPerPinSet = 8;  // pins are let go after so many batches, 
 }  // namespace
 
 Engine::Engine(const Catalog& catalog, VoxelCache& cache, unsigned threads, OnTile on_tile)
-    : catalog_(catalog), cache_(cache), on_tile_(std::move(on_tile)) {
+    : catalog_(catalog), cache_(cache), on_tile_(std::move(on_tile)), window_(threads) {
   for (unsigned i = 0; i < threads; ++i) mailboxes_.push_back(std::make_unique<Mailbox>());
   for (auto& mailbox : mailboxes_) threads_.emplace_back([this, &mailbox] { Run(*mailbox); });
 }
@@ -51,7 +51,10 @@ bool Engine::OpenTile(Tiles& tiles) {
   TileOrder order;
   {
     const std::lock_guard lock(mutex_);
-    if (queue_.empty()) return false;
+    if (queue_.empty()) {
+      if (!tiles.open.empty()) window_.Starved();
+      return false;
+    }
     order = std::move(queue_.front());
     queue_.pop_front();
     frame = frames_.at(order.setup);
@@ -77,6 +80,10 @@ void Engine::FinishTiles(Tiles& tiles) {
     done.compute_us = tiles.open[i].compute_us;
     done.depths = tile.depths();
     done.blocks = tile.TakeTouched();
+    {
+      const std::lock_guard lock(mutex_);
+      window_.Finished();
+    }
     on_tile_(done, tile.Pixels());
     tiles.spare.push_back(std::move(tiles.open[i].renderer));
     tiles.open.erase(tiles.open.begin() + static_cast<std::ptrdiff_t>(i));
@@ -102,7 +109,7 @@ void Engine::Run(Mailbox& mailbox) {
   for (int batch = 0; !stop_; ++batch) {
     FinishTiles(tiles);
     bool ready = any_ready();
-    if (!ready && tiles.open.size() < kOpenTiles) ready = OpenTile(tiles);
+    if (!ready && tiles.open.size() < kMostOpenTiles) ready = OpenTile(tiles);
     // Never hold pins while waiting: another thread's block may need the room.
     if (!ready || batch % kBatchesPerPinSet == 0) pins.Release();
     for (uint32_t block : TakeBlocks(mailbox, !ready, !tiles.open.empty())) {

@@ -11,6 +11,7 @@
 
 #include "common/protocol/messages.h"
 #include "worker/tile_renderer.h"
+#include "worker/tile_window.h"
 #include "worker/voxel_cache.h"
 
 namespace quarry {
@@ -19,8 +20,8 @@ namespace quarry {
 /// queue of tiles. Methods may be called from any thread.
 class Engine {
  public:
-  /// Tiles a thread works on at once: when the rays of one all wait, it goes on with another.
-  static constexpr size_t kOpenTiles = 3;
+  /// Tiles a thread works on at once, at most: when the rays of one all wait, it goes on with another.
+  static constexpr size_t kMostOpenTiles = 8;
   /// `on_tile` is called on a compute thread.
   using OnTile = std::function<void(const TileDone&, Bytes pixels)>;
 
@@ -39,6 +40,11 @@ class Engine {
   /// all their rays suspended.
   uint64_t compute_us() const { return compute_us_; }
   uint64_t stall_us() const { return stall_us_; }
+  /// How many tiles to have here.
+  uint32_t tiles_wanted() const {
+    const std::lock_guard lock(mutex_);
+    return window_.wanted();
+  }
 
  private:
   void Run(Mailbox& mailbox);
@@ -59,9 +65,10 @@ class Engine {
   VoxelCache& cache_;
   OnTile on_tile_;
   std::atomic<uint64_t> rays_{0}, rays_suspended_{0}, compute_us_{0}, stall_us_{0};
-  std::mutex mutex_;                                                ///< frames_, queue_
+  mutable std::mutex mutex_;                                        ///< frames_, queue_, window_
   std::map<uint64_t, std::shared_ptr<const FrameContext>> frames_;  ///< by setup
   std::deque<TileOrder> queue_;
+  TileWindow window_;
   std::atomic<bool> stop_{false};
   std::vector<std::unique_ptr<Mailbox>> mailboxes_;
   std::vector<std::thread> threads_;

@@ -300,6 +300,7 @@ class Session {
     alive.bytes_from[static_cast<size_t>(SourceKind::kDisk)] = scene_->supply->bytes_from_disk();
     alive.fetch_us = from.busy_us;
     alive.decode_us = scene_->loader->decode_us();
+    alive.tiles_wanted = scene_->engine->tiles_wanted();
     alive.retries = from.retries;
     alive.hedges = from.hedges;
     alive.damaged = from.damaged;

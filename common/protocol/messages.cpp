@@ -320,6 +320,7 @@ Bytes Encode(const Alive& m) {
   w.prefetched_bytes = m.prefetched_bytes;
   w.prefetch_wasted_bytes = m.prefetch_wasted_bytes;
   w.decode_us = m.decode_us;
+  w.tiles_wanted = m.tiles_wanted;
   return Pack<wire::Alive>(w);
 }
 
@@ -348,6 +349,7 @@ Result<Alive> DecodeAlive(std::span<const std::byte> table) {
   m.prefetched_bytes = w.prefetched_bytes;
   m.prefetch_wasted_bytes = w.prefetch_wasted_bytes;
   m.decode_us = w.decode_us;
+  m.tiles_wanted = w.tiles_wanted;
   return m;
 }
 

@@ -89,8 +89,12 @@ struct Alive {
   uint64_t stall_us = 0, compute_us = 0;  ///< summed over the compute threads
   uint64_t fetch_us = 0;                  ///< in which blocks were on their way from a source
   uint64_t prefetched_bytes = 0, prefetch_wasted_bytes = 0;
-  uint64_t decode_us = 0;  ///< in which blocks were decoded, memory for them included
+  uint64_t decode_us = 0;     ///< in which blocks were decoded, memory for them included
+  uint32_t tiles_wanted = 0;  ///< to have at once; 0: the usual
 };
+/// Tiles that a worker is to have at once when it has not said how many, and the most it may ask for.
+inline uint32_t FewestTiles(uint32_t threads) { return threads * 2 + 2; }
+inline uint32_t MostTiles(uint32_t threads) { return threads * 8 + 2; }
 struct BlockRequest {
   uint32_t block = 0;
 };

@@ -105,6 +105,9 @@ TEST_CASE("Messages come back field by field") {
   CHECK((alive->cache_bytes == 1 && alive->voxels_loaded == 2 && alive->voxel_bytes_loaded == 3 &&
          alive->voxel_bytes_received == 4 && alive->evictions == 5 && alive->rays == 6 &&
          alive->rays_suspended == 7 && alive->peak_rss_bytes == 8));
+  Alive wants;
+  wants.tiles_wanted = 9;
+  CHECK(DecodeAlive(Encode(wants))->tiles_wanted == 9);
   CHECK(DecodeBlockRequest(Encode(BlockRequest{123}))->block == 123);
 }
 
