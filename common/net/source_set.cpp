@@ -90,13 +90,20 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
     return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
   }
 
-  /// Origins in the order in which this block asks them: a worker said to hold it, then homes.
+  /// Origins in the order in which this block asks them: homes, then a worker said to hold it. Who serves
+  /// while it renders is slower, until many ask the homes.
   std::vector<uint32_t> OrderFor(uint32_t block) const {
     std::vector<uint32_t> order;
+    for (const uint32_t home : HomeOrder(block, keys)) order.push_back(homes[home]);
     if (const auto hint = holders.find(block); hint != holders.end())
       if (const auto peer = peers.find(hint->second); peer != peers.end()) order.push_back(peer->second);
-    for (const uint32_t home : HomeOrder(block, keys)) order.push_back(homes[home]);
     return order;
+  }
+
+  /// Of a worker that has not been asked yet: as the others. Each that is asked costs both a TLS handshake.
+  double ExpectedAnswer(const Origin& origin) const {
+    if (origin.kind == SourceKind::kPeer && origin.answers.mean_s() == 0) return peer_answers.mean_s();
+    return origin.answers.mean_s();
   }
 
   /// Asks one more source. False when none may be asked now.
@@ -108,9 +115,9 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
     for (const bool mute_too : {false, true}) {  // one that is mute only when there is no other
       for (const uint32_t o : order) {
         const Origin& origin = *origins.at(o);
-        views[o] = {origin.answers.mean_s(), origin.back_off.Open(now_s) &&
-                                                 (mute_too || !origin.Mute(now_s)) &&
-                                                 !Contains(f.refused_by, o) && !Contains(f.asked, o)};
+        views[o] = {ExpectedAnswer(origin), origin.back_off.Open(now_s) &&
+                                                (mute_too || !origin.Mute(now_s)) &&
+                                                !Contains(f.refused_by, o) && !Contains(f.asked, o)};
       }
       if (chosen < 0) chosen = ChooseSource(order, views);
     }
@@ -183,6 +190,7 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
     const double now_s = Now();
     if (good) {
       origin.answers.Add(now_s - asked_s);
+      if (origin.kind == SourceKind::kPeer) peer_answers.Add(now_s - asked_s);
       if (origin.back_off.failures() > 1) log(fmt::format("{} answers again", origin.name));
       return origin.back_off.Succeeded();
     }
@@ -263,6 +271,7 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
   std::map<uint32_t, uint32_t> peers;              ///< worker to origin
   std::map<uint32_t, std::string> peer_endpoints;  ///< worker to HOST:PORT
   std::unordered_map<uint32_t, uint32_t> holders;  ///< block to worker
+  AnswerTime peer_answers;                         ///< of all workers
   std::map<uint64_t, Fetching> fetching;           ///< oldest first
   uint64_t next_fetch = 1;
   RetryBudget budget;

@@ -167,12 +167,14 @@ class Sources(Case):
         self.assertGreater(last["workers"][0]["source_hedges"] + last["workers"][0]["source_retries"], 0)
 
     def test_other_workers(self):
-        # The second worker starts when the first has all; small decoded caches keep both asking.
-        master, address = self.start_master(self.scene)
+        # The second worker starts when the first has all and the server has stopped; small decoded caches keep both asking.
+        server, source = self.start_master(self.scene, "--serve-only")
+        _, address = self.start_master(self.scene, "--source", source)
         self.start_worker(address, "--threads", 1, "--cache", "64M", "--quiet")
         self.finish(self.client(address, "a"), "a")
         for path in self.folder.glob("a.*"):
             path.unlink()
+        server.send_signal(signal.SIGSTOP)
         self.start_worker(address, "--threads", 1, "--cache", "64M", "--quiet")
         time.sleep(1)
         sums = {}
