@@ -63,24 +63,26 @@ class SameImage(Case):
         for isa in ("scalar", "avx2"):
             with self.subTest(isa=isa), unittest.mock.patch.dict(os.environ, QUARRY_ISA=isa):
                 self.assertEqual(self.render("i", "--workers", 1, "--threads", 2), reference)
-        self.kill_one_worker(reference)
+        self.kill_one_worker()
         self.worker_that_starts_late(reference)
 
-    def render_with(self, address, name):
+    def render_with(self, address, name, *arguments):
         output = self.path(name + ".exr")
         client = subprocess.Popen([str(BIN / "quarry"), "render", self.scene, "-o", output, "--master", address,
-                                   "--stats", self.path(name + ".json"), "--quiet", *VIEW],
+                                   "--stats", self.path(name + ".json"), "--quiet", *VIEW, *map(str, arguments)],
                                   stderr=subprocess.PIPE, text=True)
         self.addCleanup(end, client)
         return client, output
 
-    def kill_one_worker(self, reference):
+    def kill_one_worker(self):
         # How fast the machine is decides when the victim has tiles in hand: several moments are tried until the
-        # master has counted leases lost. The picture must be right at every one of them.
+        # master has counted leases lost, of a picture that takes long. It must be right at every one of them.
+        samples = ("--spp", 8)
+        reference = self.render("reference", "--workers", 1, "--threads", 2, *samples)
         for delay in (0.3, 0.15, 0.6, 1.2, 2.4):
             _, address = self.start_master(self.scene)
             victim = self.start_worker(address, "--threads", 1, "--cache", "2M")
-            client, output = self.render_with(address, "killed")
+            client, output = self.render_with(address, "killed", *samples)
             time.sleep(delay)
             victim.send_signal(signal.SIGKILL)
             self.start_worker(address, "--threads", 2)
