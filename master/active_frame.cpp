@@ -1,6 +1,7 @@
 #include "master/active_frame.h"
 
 #include <algorithm>
+#include <utility>
 
 namespace quarry {
 
@@ -22,11 +23,18 @@ ActiveFrame::ActiveFrame(uint64_t setup, const RenderJob& job, const ActiveFrame
       last_owners_[t] = before->owners_[t] != kNoWorker ? before->owners_[t] : before->plan_[t];
 }
 
-void ActiveFrame::Foresee(const ActiveFrame* before, CoarseRays* rays) {
-  if (reckoning_ > 0 && (large() || !before)) return;
+void ActiveFrame::Learn(std::shared_ptr<const CoarseFrame> coarse) {
+  coarse_ = std::move(coarse);
+  has_news_ = true;
+  planned_ = false;
+}
+
+void ActiveFrame::Foresee(const ActiveFrame* before) {
+  const bool news = std::exchange(has_news_, false);
+  if (!news && reckoning_ > 0 && (large() || !before)) return;
   if (before) {
     const bool same = before->setup_ == foreseen_from_ && before->reckoning_ == foreseen_reckoning_;
-    if (same && 4 * (before->tiles_done_ - foreseen_done_) < before->tile_done_.size() &&
+    if (!news && same && 4 * (before->tiles_done_ - foreseen_done_) < before->tile_done_.size() &&
         (!before->done() || foreseen_done_ == before->tiles_done_))
       return;
     foreseen_from_ = before->setup_;
@@ -34,8 +42,8 @@ void ActiveFrame::Foresee(const ActiveFrame* before, CoarseRays* rays) {
     foreseen_done_ = before->tiles_done_;
   }
   ++reckoning_;
-  expected_ = Predict(before ? before->Trace() : FrameTrace{job_, {}, {}}, job_, frame_.tiles(),
-                      large() ? nullptr : rays);
+  expected_ =
+      Predict(before ? before->Trace() : FrameTrace{job_, {}, {}}, job_, frame_.tiles(), coarse_.get());
 }
 
 std::vector<uint32_t> ActiveFrame::Holders() const {
@@ -46,9 +54,8 @@ std::vector<uint32_t> ActiveFrame::Holders() const {
 }
 
 double ActiveFrame::CostOf(size_t tile) const {
-  // A tile that nothing is known of costs what the others do; a tile that costs nothing costs a little all
-  // the same.
-  return expected_[tile].cost_s > 0 ? expected_[tile].cost_s + usual_cost_s_ / 16 : usual_cost_s_;
+  // A tile that nothing is known of costs what the others do.
+  return tile_s_ + (expected_[tile].cost_s > 0 ? expected_[tile].cost_s : usual_cost_s_);
 }
 
 void ActiveFrame::AddPromised(std::map<uint32_t, BlockSet>& holds, std::map<uint32_t, double>& busy_s) const {
@@ -62,13 +69,12 @@ void ActiveFrame::AddPromised(std::map<uint32_t, BlockSet>& holds, std::map<uint
   }
 }
 
-void ActiveFrame::MakePlan(const std::vector<PlannedWorker>& workers,
-                           const std::vector<uint32_t>& block_bytes, double seconds_per_byte,
+void ActiveFrame::MakePlan(const std::vector<PlannedWorker>& workers, const PlanCosts& costs,
                            SchedulingPolicy policy) {
   PlanInput in;
   in.workers = workers;
-  in.block_bytes = &block_bytes;
-  in.seconds_per_byte = seconds_per_byte;
+  in.block_bytes = &costs.block_bytes;
+  in.seconds_per_byte = costs.seconds_per_byte;
   in.frame = job_.first_frame;
   double known_s = 0;
   size_t known = 0;
@@ -78,6 +84,8 @@ void ActiveFrame::MakePlan(const std::vector<PlannedWorker>& workers,
       ++known;
     }
   usual_cost_s_ = known > 0 ? known_s / static_cast<double>(known) : 0.01;
+  // None is for nothing, even while nothing is known of what it takes beside.
+  tile_s_ = std::max(costs.tile_s, usual_cost_s_ / 16);
   const std::vector<uint32_t> holders = Holders();
   for (size_t t = 0; t < expected_.size(); ++t) {
     const TileTrace& trace = expected_[t];
@@ -99,7 +107,7 @@ Snapshot ActiveFrame::MakeSnapshot(std::vector<WorkerView> workers, double now_s
   for (size_t t = 0; t < s.tiles.size(); ++t) {
     s.tiles[t].done = tile_done_[t];
     s.tiles[t].owner = plan_[t];
-    s.tiles[t].cost_s = expected_[t].cost_s > 0 ? expected_[t].cost_s : usual_cost_s_;
+    s.tiles[t].cost_s = CostOf(t);
   }
   for (const auto& [id, lease] : leases_) {
     TileView& tile = s.tiles[lease.tile];
@@ -134,7 +142,7 @@ Result<bool> ActiveFrame::Finish(const TileDone& done, std::span<const std::byte
   rays_ += done.rays;
   rays_suspended_ += done.rays_suspended;
   TileTrace& trace = traces_[done.tile];
-  trace = {{}, {}, done.depths, {}, static_cast<double>(done.compute_us) * 1e-6, true};
+  trace = {{}, {}, done.depths, static_cast<double>(done.compute_us) * 1e-6, true};
   traced_ += done.blocks.size();
   if (traced_ <= kMostTraced) trace.blocks = done.blocks;
   return true;
@@ -166,19 +174,18 @@ bool MayBegin(std::span<ActiveFrame* const> frames) {
 
 void PlanFrames(std::span<ActiveFrame* const> frames, const ActiveFrame* previous, PlanNews news,
                 const std::map<uint32_t, double>& speeds, std::map<uint32_t, BlockSet> holds,
-                const std::vector<uint32_t>& block_bytes, double seconds_per_byte, SchedulingPolicy policy,
-                CoarseRays* rays) {
+                const PlanCosts& costs, SchedulingPolicy policy) {
   std::map<uint32_t, double> busy_s;
   constexpr size_t kForeseen = 3;
   const ActiveFrame* before = previous;
   size_t n = 0;
   for (ActiveFrame* frame : frames) {
     // Those after these come to it in their turn; the newest has nothing yet.
-    if (n++ < kForeseen || frame == frames.back()) frame->Foresee(before, rays);
+    if (n++ < kForeseen || frame == frames.back()) frame->Foresee(before);
     if (news == PlanNews::kWorkers || !frame->large() || !frame->planned()) {
       std::vector<PlannedWorker> workers;
       for (const auto& [id, speed] : speeds) workers.push_back({id, speed, busy_s[id] / speed, &holds[id]});
-      frame->MakePlan(workers, block_bytes, seconds_per_byte, policy);
+      frame->MakePlan(workers, costs, policy);
     }
     frame->AddPromised(holds, busy_s);
     before = frame;

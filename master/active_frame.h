@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <memory>
 #include <span>
 #include <unordered_map>
 #include <vector>
@@ -13,6 +14,13 @@
 #include "master/scheduler.h"
 
 namespace quarry {
+
+/// What plans reckon with.
+struct PlanCosts {
+  const std::vector<uint32_t>& block_bytes;  ///< stored, by block
+  double seconds_per_byte;                   ///< of fetching and decoding, at one worker
+  double tile_s;                             ///< of a tile beside tracing, on one thread
+};
 
 /// A job's frame under way: which tile is leased to whom, and the pixels. No clock, no network: time comes
 /// in.
@@ -32,15 +40,19 @@ class ActiveFrame {
   uint64_t rays_suspended() const { return rays_suspended_; }
   uint64_t leases_lost() const { return leases_lost_; }
 
+  /// What coarse rays come to; the next Foresee and plan go by it.
+  void Learn(std::shared_ptr<const CoarseFrame> coarse);
+  /// Whether there are tiles that nobody has had yet.
+  bool has_open_tiles() const { return tiles_done_ + leases_.size() < tile_done_.size(); }
+  bool learned() const { return coarse_ != nullptr; }
   /// Reckons what its tiles will touch from what the frame before (null: there is none) has shown by now, if
-  /// that is much more than the last time; of a large one once, and without `rays`. `rays`: as Predict's.
-  void Foresee(const ActiveFrame* before, CoarseRays* rays);
+  /// that is much more than the last time, and from what has been learned; of a large one once each.
+  void Foresee(const ActiveFrame* before);
   /// Adds what tiles not done are expected to bring to the workers that have or are to have them, and the
   /// time they take. Both by worker.
   void AddPromised(std::map<uint32_t, BlockSet>& holds, std::map<uint32_t, double>& busy_s) const;
   /// Plans who is to have the tiles that nobody has. `workers`: all there are.
-  void MakePlan(const std::vector<PlannedWorker>& workers, const std::vector<uint32_t>& block_bytes,
-                double seconds_per_byte, SchedulingPolicy policy);
+  void MakePlan(const std::vector<PlannedWorker>& workers, const PlanCosts& costs, SchedulingPolicy policy);
   /// Whether planning it takes so long that it is done once, unless workers come or go.
   bool large() const { return tile_done_.size() > kMostForeseen; }
   bool planned() const { return planned_; }
@@ -83,12 +95,15 @@ class ActiveFrame {
   Frame frame_;
   std::vector<uint32_t> last_owners_, plan_, owners_;
   std::vector<TileTrace> expected_, traces_;
-  double usual_cost_s_ = 1;  ///< of a tile
+  double usual_cost_s_ = 1;  ///< of tracing a tile
+  double tile_s_ = 0;        ///< beside that
   size_t traced_ = 0;
   /// What expected_ was reckoned from: the frame, its own reckoning, and its tiles done.
   uint64_t foreseen_from_ = 0, foreseen_reckoning_ = 0, reckoning_ = 0;
   uint32_t foreseen_done_ = 0;
   bool planned_ = false;
+  std::shared_ptr<const CoarseFrame> coarse_;
+  bool has_news_ = false;  ///< coarse_ has come since the last reckoning
   std::vector<bool> tile_done_;
   std::map<uint64_t, LeaseRecord> leases_;
   uint64_t next_lease_ = 1;
@@ -108,8 +123,7 @@ enum class PlanNews { kFrames, kWorkers };
 /// `previous`: the last one finished, or null. `holds`: what each worker has.
 void PlanFrames(std::span<ActiveFrame* const> frames, const ActiveFrame* previous, PlanNews news,
                 const std::map<uint32_t, double>& speeds, std::map<uint32_t, BlockSet> holds,
-                const std::vector<uint32_t>& block_bytes, double seconds_per_byte, SchedulingPolicy policy,
-                CoarseRays* rays);
+                const PlanCosts& costs, SchedulingPolicy policy);
 
 /// A worker that tiles are handed out to.
 struct Hand {

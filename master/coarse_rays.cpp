@@ -1,106 +1,192 @@
 #include "master/coarse_rays.h"
 
 #include <algorithm>
+#include <bit>
+#include <utility>
 
+#include "common/base/check.h"
 #include "common/kdtree/kernels.h"
-#include "common/kdtree/treelets.h"
-#include "common/kdtree/wide_tree.h"
 
 namespace quarry {
 namespace {
 
-/// The chance that a tile touches a block to which rays come only if they go as far as they may.
-constexpr float kMaybe = 0.6f;
-/// The chance that a ray ends in a voxel to which it comes; and what is not worth knowing. The best of those
-/// tried by `quarry bench simulate` (tests/scalability).
-constexpr float kEndsThere = 0.2f, kLeastWorth = 0.05f;
+/// Of a tile: of small pictures more, whose tiles are few.
+uint32_t RaysASide(const RenderJob& job) {
+  constexpr uint64_t kSmall = 512 * kTileSize * kTileSize;
+  return uint64_t{job.crop_width} * job.crop_height <= kSmall ? 2 * RayPacket::kSide : RayPacket::kSide;
+}
 
 }  // namespace
 
-CoarseRays::CoarseRays(const Catalog& catalog) : catalog_(catalog), seen_(catalog.voxels.size()) {
-  const KdNode leaf = KdNode::Leaf(0, 0);
-  const std::span<const KdNode> tree(&leaf, 1);
-  const Box box{catalog.meta.root_lower, catalog.meta.root_upper};
-  TreeletLayout layout(kTreeletLevels);
-  nodes_.resize(layout.Slots(tree));
-  layout.Run(tree, box, nodes_);
-  wide_ = MakeWideTree(tree, box, kWideLeafReferences, [](const KdNode&, const Box& cell) { return cell; });
-  empty_.nodes = nodes_.data();
-  empty_.node_count = static_cast<uint32_t>(nodes_.size());
-  empty_.wide = wide_.data();
-  empty_.wide_count = static_cast<uint32_t>(wide_.size());
+struct CoarseRays::Voxel {
+  std::unique_ptr<WideNode[]> room;  ///< of decoded bytes, aligned as wide nodes are
+  uint64_t bytes = 0;
+  VoxelGeometry geometry;
+  std::list<uint32_t>::iterator place;
+};
+
+CoarseRays::CoarseRays(const StoreReader& store, uint64_t cache_bytes)
+    : store_(store),
+      catalog_(store.catalog()),
+      most_bytes_(cache_bytes),
+      voxels_(catalog_.voxels.size()),
+      is_touched_(2 * catalog_.voxels.size()) {
+  QUARRY_CHECK(cache_bytes >= catalog_.meta.largest_decoded);
 }
 
-Camera CoarseRays::MakeCamera(const RenderJob& job) const {
-  return {job.cameras[0], job.width, job.height, catalog_.meta.root_lower, catalog_.meta.root_upper};
-}
+CoarseRays::~CoarseRays() = default;
 
-CoarseRays::Chances CoarseRays::Blocks(const Camera& camera, const Frame::Tile& tile,
-                                       std::span<const float> least, std::span<const float> most) {
-  RayPacket near, far;
-  uint64_t near_rays = 0, far_rays = 0;
-  Chances chances;
-  for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
-    const uint32_t column = i % RayPacket::kSide, row = i / RayPacket::kSide;
-    const double x = (column + 0.5) * tile.width / RayPacket::kSide;
-    const double y = (row + 0.5) * tile.height / RayPacket::kSide;
-    const auto cell = static_cast<uint32_t>(y) / kDepthCell * DepthCells(tile.width) +
-                      static_cast<uint32_t>(x) / kDepthCell;
+Result<CoarseTile> CoarseRays::Trace(const RenderJob& job, const Frame::Tile& tile) {
+  const Camera camera(job.cameras[0], job.width, job.height, catalog_.meta.root_lower,
+                      catalog_.meta.root_upper);
+  const uint32_t side = RaysASide(job);
+  CoarseTile out;
+  for (const uint32_t block : touched_) is_touched_[block] = false;
+  touched_.clear();
+  sent_.clear();
+  for (uint32_t i = 0; i < side * side; ++i) {
+    // Block by block of 8x8, as packets want them.
+    const uint32_t block = i / RayPacket::kRays, blocks = side / RayPacket::kSide;
+    const uint32_t column = block % blocks * RayPacket::kSide + i % RayPacket::kSide;
+    const uint32_t row = block / blocks * RayPacket::kSide + i % RayPacket::kRays / RayPacket::kSide;
+    const double x = (column + 0.5) * tile.width / side, y = (row + 0.5) * tile.height / side;
     const PrimaryRay primary = camera.Shoot(tile.x + x, tile.y + y);
-    if (primary.misses) continue;
     Ray ray;
     ray.origin = primary.origin;
     ray.direction = primary.direction;
-    if (most[cell] < 0) {
-      // They go one by one, which takes longer: every other one of a row, and every other row.
-      if (column % 2 == 0 && row % 2 == 0) AddUnknown(ray, chances);
-      continue;
+    if (primary.misses) continue;
+    sent_.push_back({ray, glm::vec3(1)});
+    out.depths.push_back(primary.t_offset);
+  }
+  for (uint32_t bounces = 0; !sent_.empty(); ++bounces) {
+    next_.clear();
+    for (size_t at = 0; at < sent_.size(); at += RayPacket::kRays) {
+      const auto some = std::span(sent_).subspan(at, std::min<size_t>(RayPacket::kRays, sent_.size() - at));
+      RayPacket packet;
+      for (uint32_t i = 0; i < some.size(); ++i) packet.Set(i, some[i].ray);
+      QUARRY_TRY(TraceToEnd(packet, ~uint64_t{0} >> (RayPacket::kRays - some.size()), false));
+      for (uint32_t i = 0; bounces == 0 && i < some.size(); ++i)
+        out.depths[at + i] += packet.triangle[i] == kNoTriangle ? kInfinity : packet.hit_t[i];
+      QUARRY_TRY(SendOn(job, packet, some, bounces < kMostBounces));
     }
-    const auto add = [&](RayPacket& packet, uint64_t& rays, float depth) {
-      ray.t_max = depth - primary.t_offset;
-      if (ray.t_max <= 0) return;
-      packet.Set(i, ray);
-      rays |= uint64_t{1} << i;
-    };
-    add(far, far_rays, most[cell]);
-    add(near, near_rays, least[cell]);
+    std::swap(sent_, next_);
   }
-  AddPacket(far, far_rays, kMaybe, chances);
-  AddPacket(near, near_rays, 1, chances);
-  return chances;
+  out.depths.resize(size_t{side} * side, kInfinity);
+  std::ranges::sort(touched_);
+  out.blocks = touched_;
+  return out;
 }
 
-void CoarseRays::AddPacket(RayPacket& packet, uint64_t active, float chance, Chances& chances) {
-  for (const uint32_t voxel : Trace(packet, active)) {
-    float& known = chances[BlockId(voxel, BlockKind::kHot)];
-    known = std::max(known, chance);
-  }
+void CoarseRays::Touch(uint32_t block) {
+  if (!is_touched_[block]) touched_.push_back(block);
+  is_touched_[block] = true;
 }
 
-void CoarseRays::AddUnknown(const Ray& ray, Chances& chances) {
-  RayPacket packet;
-  packet.Set(0, ray);
-  float chance = 1;
-  for (const uint32_t voxel : Trace(packet, 1)) {
-    float& known = chances[BlockId(voxel, BlockKind::kHot)];
-    known = std::max(known, chance);
-    chance *= 1 - kEndsThere;
-    if (chance < kLeastWorth) return;
-  }
+/// The voxel, if it is here.
+const VoxelGeometry* CoarseRays::Find(uint32_t voxel) {
+  Touch(BlockId(voxel, BlockKind::kHot));
+  Voxel* here = voxels_[voxel].get();
+  if (!here) return nullptr;
+  order_.splice(order_.begin(), order_, here->place);
+  return &here->geometry;
 }
 
-std::span<const uint32_t> CoarseRays::Trace(RayPacket& packet, uint64_t active) {
-  found_.clear();
+/// Loads what rays wait for until none does.
+Status CoarseRays::TraceToEnd(RayPacket& packet, uint64_t active, bool any) {
   const VoxelFinder finder{[](void* self, uint32_t voxel) -> const VoxelGeometry* {
-                             auto& rays = *static_cast<CoarseRays*>(self);
-                             if (!rays.seen_[voxel]) rays.found_.push_back(voxel);
-                             rays.seen_[voxel] = true;
-                             return &rays.empty_;
+                             return static_cast<CoarseRays*>(self)->Find(voxel);
                            },
                            this};
-  TraceRays(catalog_.top_tree(), finder, &packet, &active, 1, false);
-  for (const uint32_t voxel : found_) seen_[voxel] = false;
-  return found_;
+  while (active != 0) {
+    TraceRays(catalog_.top_tree(), finder, &packet, &active, 1, any);
+    uint64_t waiting = 0;
+    for (uint64_t rays = active; rays != 0; rays &= rays - 1) {
+      const auto i = static_cast<uint32_t>(std::countr_zero(rays));
+      if (packet.waits_for[i] == kNoVoxel) continue;
+      waiting |= uint64_t{1} << i;
+      QUARRY_ASSIGN([[maybe_unused]] const VoxelGeometry* here, Load(packet.waits_for[i]));
+    }
+    active = waiting;
+  }
+  return {};
+}
+
+/// The voxel, from the cache or into it. Valid until the next call.
+Result<const VoxelGeometry*> CoarseRays::Load(uint32_t voxel) {
+  if (const VoxelGeometry* here = Find(voxel)) return here;
+  const uint32_t block = BlockId(voxel, BlockKind::kHot);
+  QUARRY_ASSIGN(const Bytes stored, store_.ReadBlock(block));
+  auto loaded = std::make_unique<Voxel>();
+  loaded->bytes = catalog_.block(block).decoded;
+  while (used_bytes_ + loaded->bytes > most_bytes_) {
+    used_bytes_ -= voxels_[order_.back()]->bytes;
+    voxels_[order_.back()].reset();
+    order_.pop_back();
+  }
+  loaded->room =
+      std::make_unique_for_overwrite<WideNode[]>((loaded->bytes + sizeof(WideNode) - 1) / sizeof(WideNode));
+  const std::span<std::byte> room{reinterpret_cast<std::byte*>(loaded->room.get()), loaded->bytes};
+  QUARRY_ASSIGN(loaded->geometry, decoder_.Hot(stored, room, catalog_.meta.padding));
+  order_.push_front(voxel);
+  loaded->place = order_.begin();
+  used_bytes_ += loaded->bytes;
+  voxels_[voxel] = std::move(loaded);
+  return &voxels_[voxel]->geometry;
+}
+
+/// Rays to the lights from what was hit, traced at once; those that go on by mirrors and through glass, for
+/// the next round. Also shading blocks.
+Status CoarseRays::SendOn(const RenderJob& job, const RayPacket& packet, std::span<const Sent> sent,
+                          bool bounce) {
+  std::vector<Surface> surfaces;
+  for (uint32_t i = 0; i < sent.size(); ++i) {
+    const Hit hit = packet.HitOf(i);
+    if (hit.triangle == kNoTriangle) continue;
+    const uint32_t shading = BlockId(hit.voxel, BlockKind::kShading);
+    if (job.mode != RenderMode::kVoxels && catalog_.block(shading).stored > 0) Touch(shading);
+    if (job.mode != RenderMode::kShadow && job.mode != RenderMode::kWhitted) continue;
+    QUARRY_ASSIGN(const VoxelGeometry* voxel, Load(hit.voxel));
+    surfaces.push_back(MakeSurface(*voxel, hit, sent[i].ray.direction));
+    if (job.mode == RenderMode::kWhitted && bounce) Bounced(sent[i], surfaces.back());
+  }
+  return SendToLights(job, surfaces);
+}
+
+Status CoarseRays::SendToLights(const RenderJob& job, std::span<const Surface> surfaces) {
+  for (const Light& light : job.lights) {
+    RayPacket packet;
+    uint64_t active = 0;
+    for (uint32_t i = 0; i < surfaces.size(); ++i) {
+      const Surface& surface = surfaces[i];
+      const LightSample to = SampleLight(light, surface.position);
+      if (glm::dot(surface.normal, to.direction) <= 0) continue;
+      Ray ray;
+      ray.origin = LeaveSurface(surface.position, surface.geometric_normal, to.direction,
+                                OffsetFromSurfaces(catalog_.meta.padding));
+      ray.direction = to.direction;
+      ray.t_max = to.distance;
+      packet.Set(i, ray);
+      active |= uint64_t{1} << i;
+    }
+    QUARRY_TRY(TraceToEnd(packet, active, true));
+  }
+  return {};
+}
+
+void CoarseRays::Bounced(const Sent& sent, const Surface& surface) {
+  const Material& material = catalog_.materials[surface.material];
+  if (!CanBounce(material)) return;
+  const Bounces b = Bounce(material, surface);
+  const auto push = [&](const glm::vec3& direction, const glm::vec3& share) {
+    if (Largest(sent.weight * share) < kLeastWeight) return;
+    Ray ray;
+    ray.origin = LeaveSurface(surface.position, surface.geometric_normal, direction,
+                              OffsetFromSurfaces(catalog_.meta.padding));
+    ray.direction = direction;
+    next_.push_back({ray, sent.weight * share});
+  };
+  push(b.refract_direction, b.refract_weight);
+  push(b.reflect_direction, b.reflect_weight);
 }
 
 }  // namespace quarry

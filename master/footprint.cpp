@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "master/depth_range.h"
 #include "master/reprojection.h"
 
 namespace quarry {
@@ -27,25 +26,6 @@ void Merge(TileTrace& into, const TileTrace& from, float part) {
   }
   into.blocks = std::move(blocks);
   into.chances = std::move(chances);
-}
-
-/// Takes over what coarse rays come to. Of hot blocks that they do not come to, those stay, with `others`,
-/// that other rays may touch.
-void TakeCoarse(TileTrace& tile, const CoarseRays::Chances& reached, bool others) {
-  CoarseRays::Chances chances = reached;
-  for (size_t i = 0; i < tile.blocks.size(); ++i) {
-    const uint32_t block = tile.blocks[i];
-    if (!others && block % 2 == static_cast<uint32_t>(BlockKind::kHot)) continue;
-    float& chance = chances[block];
-    chance = std::max(chance, tile.chances[i]);
-  }
-  tile.blocks.clear();
-  tile.chances.clear();
-  for (const auto& [block, chance] : chances) {
-    tile.blocks.push_back(block);
-    tile.chances.push_back(chance);
-  }
-  tile.known = true;
 }
 
 /// What a tile saw, as one rectangle: the middle one of its cells' depths.
@@ -101,26 +81,14 @@ double ExpectedBytes(const TileTrace& tile, const BlockSet& holds, const std::ve
 }
 
 std::vector<TileTrace> Predict(const FrameTrace& before, const RenderJob& next,
-                               const std::vector<Frame::Tile>& tiles, CoarseRays* rays) {
-  const Reprojection reprojection(before.job, next);
-  std::vector<TileTrace> out = FollowTiles(before, reprojection, tiles);
-  if (!rays) return out;
-  const PixelGrid cells(tiles, kDepthCell);
-  const DepthRange range = NextDepths(before, reprojection, cells);
-  const Camera camera = rays->MakeCamera(next);
+                               const std::vector<Frame::Tile>& tiles, const CoarseFrame* coarse) {
+  std::vector<TileTrace> out = FollowTiles(before, Reprojection(before.job, next), tiles);
+  if (!coarse || coarse->empty()) return out;
   for (size_t t = 0; t < tiles.size(); ++t) {
-    std::vector<float> least, most;
-    EachDepthCell(tiles[t], [&](size_t, const Frame::Tile& pixels) {
-      const size_t cell = cells.At(pixels.x, pixels.y);
-      most.push_back(range.most[cell]);
-      least.push_back(std::min(range.least[cell], range.most[cell]));
-    });
-    const bool seen = std::ranges::none_of(most, [](float depth) { return depth == kUnknownDepth; });
-    TakeCoarse(out[t], rays->Blocks(camera, tiles[t], least, most),
-               !seen || next.mode != RenderMode::kRaycast);
-    if (!seen) continue;
-    out[t].depths = std::move(most);
-    out[t].least_depths = std::move(least);
+    out[t].blocks = (*coarse)[t].blocks;
+    out[t].chances.assign(out[t].blocks.size(), 1);
+    out[t].depths = (*coarse)[t].depths;
+    out[t].known = true;
   }
   return out;
 }

@@ -13,12 +13,11 @@ namespace quarry {
 /// What rendering a tile has shown: the blocks it touched, how far its rays saw, what it cost. Or what is
 /// expected of one.
 struct TileTrace {
-  std::vector<uint32_t> blocks;     ///< ascending; empty while not known
-  std::vector<float> chances;       ///< of each, that it is touched; empty: all were
-  std::vector<float> depths;        ///< as TileDone has them, at most; empty while not known
-  std::vector<float> least_depths;  ///< at least, negative where that is not known; empty: just depths
-  double cost_s = 0;                ///< processor time; 0 while not known
-  bool known = false;               ///< its blocks are
+  std::vector<uint32_t> blocks;  ///< ascending; empty while not known
+  std::vector<float> chances;    ///< of each, that it is touched; empty: all were
+  std::vector<float> depths;     ///< of parts of it, how far from the eye they are; empty while not known
+  double cost_s = 0;             ///< processor time; 0 while not known
+  bool known = false;            ///< its blocks are
 };
 
 /// With this chance a tile counts as touching a block: it is reckoned to bring the block to its worker.
@@ -39,11 +38,10 @@ struct FrameTrace {
 
 /// What the tiles of the next frame are expected to touch and to cost. Every tile of the frame before, a
 /// rectangle at its depth, is seen from the next camera, and each tile that it falls on gets its blocks and
-/// its share of the cost; tiles on which nothing falls stay unknown. What primary rays touch is known better:
-/// coarse ones (`rays`, or null) go as far as the frame before saw there, and come also to what nobody has
-/// touched yet; where it saw nothing, chances tell how far they go. Source: Wald & Slusallek 2001,
-/// section 6.5 proposes coarse rays for the next view; how far they go, and reprojection, are ours.
+/// its share of the cost; tiles on which nothing falls stay unknown. What coarse rays (`coarse`, or null)
+/// come to is known better, and takes the blocks' place. Source: Wald & Slusallek 2001, section 6.5 proposes
+/// coarse rays for the next view; reprojection is ours.
 std::vector<TileTrace> Predict(const FrameTrace& before, const RenderJob& next,
-                               const std::vector<Frame::Tile>& tiles, CoarseRays* rays);
+                               const std::vector<Frame::Tile>& tiles, const CoarseFrame* coarse);
 
 }  // namespace quarry

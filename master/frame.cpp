@@ -19,16 +19,25 @@ uint64_t Morton(uint32_t x, uint32_t y) {
 
 }  // namespace
 
-Frame::Frame(const RenderJob& job)
-    : crop_x_(job.crop_x), crop_y_(job.crop_y), width_(job.crop_width), words_(WordsPerPixel(job.aov_mask)) {
+std::vector<Frame::Tile> Frame::TilesOf(const RenderJob& job) {
+  std::vector<Tile> tiles;
   for (uint32_t y = 0; y < job.crop_height; y += kTileSize)
     for (uint32_t x = 0; x < job.crop_width; x += kTileSize)
-      tiles_.push_back({job.crop_x + x, job.crop_y + y, std::min(kTileSize, job.crop_width - x),
-                        std::min(kTileSize, job.crop_height - y)});
-  std::stable_sort(tiles_.begin(), tiles_.end(), [&](const Tile& a, const Tile& b) {
-    return Morton((a.x - crop_x_) / kTileSize, (a.y - crop_y_) / kTileSize) <
-           Morton((b.x - crop_x_) / kTileSize, (b.y - crop_y_) / kTileSize);
+      tiles.push_back({job.crop_x + x, job.crop_y + y, std::min(kTileSize, job.crop_width - x),
+                       std::min(kTileSize, job.crop_height - y)});
+  std::stable_sort(tiles.begin(), tiles.end(), [&](const Tile& a, const Tile& b) {
+    return Morton((a.x - job.crop_x) / kTileSize, (a.y - job.crop_y) / kTileSize) <
+           Morton((b.x - job.crop_x) / kTileSize, (b.y - job.crop_y) / kTileSize);
   });
+  return tiles;
+}
+
+Frame::Frame(const RenderJob& job)
+    : crop_x_(job.crop_x),
+      crop_y_(job.crop_y),
+      width_(job.crop_width),
+      words_(WordsPerPixel(job.aov_mask)),
+      tiles_(TilesOf(job)) {
   pixels_.resize(size_t{job.crop_width} * job.crop_height * words_);
 }
 

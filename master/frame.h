@@ -13,12 +13,15 @@ namespace quarry {
 /// Not thread-safe.
 class Frame {
  public:
-  /// Requires: a normalized job.
-  explicit Frame(const RenderJob& job);
-
   struct Tile {
     uint32_t x, y, width, height;  ///< in the image
   };
+  /// Those of a normalized job.
+  static std::vector<Tile> TilesOf(const RenderJob& job);
+
+  /// Requires: a normalized job.
+  explicit Frame(const RenderJob& job);
+
   const std::vector<Tile>& tiles() const { return tiles_; }
   uint32_t words_per_pixel() const { return words_; }
 

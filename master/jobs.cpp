@@ -77,12 +77,17 @@ std::optional<Jobs::Begun> Jobs::Begin() {
     const size_t index = job->NextToDo();
     if (index == job->states.size()) continue;
     job->states[index] = Job::FrameState::kActive;
-    RenderJob one = job->job;
-    one.cameras = {job->job.cameras[index]};
-    one.first_frame = job->job.first_frame + static_cast<uint32_t>(index);
-    return Begun{job, index, std::move(one)};
+    return Begun{job, index, job->One(index)};
   }
   return std::nullopt;
+}
+
+std::vector<Jobs::Begun> Jobs::Upcoming(size_t most) const {
+  std::vector<Begun> upcoming;
+  for (const auto& job : jobs_)
+    for (size_t index = job->NextToDo(); index < job->states.size() && upcoming.size() < most; ++index)
+      if (job->states[index] == Job::FrameState::kToDo) upcoming.push_back({job, index, job->One(index)});
+  return upcoming;
 }
 
 void Jobs::Finish(Begun frame, std::vector<uint32_t> pixels, std::string statistics) {

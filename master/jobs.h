@@ -46,6 +46,8 @@ class Jobs {
   /// The next frame to do, which is under way from now on. None: nothing is to do, or too many are on their
   /// way to the disk.
   std::optional<Begun> Begin();
+  /// Those that are to be begun next, in their order.
+  std::vector<Begun> Upcoming(size_t most) const;
   /// A frame's pixels are all there.
   void Finish(Begun frame, std::vector<uint32_t> pixels, std::string statistics);
   /// It cannot be done: its clients are told.

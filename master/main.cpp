@@ -5,6 +5,7 @@
 #include "common/base/cleanup.h"
 #include "common/base/cpu_check.h"
 #include "common/base/resource.h"
+#include "common/base/size.h"
 #include "common/base/version.h"
 #include "common/net/security_options.h"
 #include "master/server.h"
@@ -13,9 +14,10 @@ namespace quarry {
 namespace {
 
 Status Run(MasterOptions options, const SecurityOptions& security, const std::string& listen,
-           const std::string& schedule) {
+           const std::string& schedule, const std::string& foresight) {
   QUARRY_ASSIGN(options.listen, ParseEndpoint(listen, "--listen"));
   QUARRY_ASSIGN(options.policy, ParsePolicy(schedule));
+  QUARRY_ASSIGN(options.foresight_bytes, ParseSize(foresight, "--foresight"));
   QUARRY_ASSIGN(options.security, Security::ForServer(WithEnvironment(security)));
   return RunMaster(options);
 }
@@ -27,7 +29,7 @@ int Main(int argc, char** argv) {
   InstallSignalHandlers("quarry-master", "finished frames are with whoever asked for them");
   MasterOptions options;
   SecurityOptions security;
-  std::string listen = "127.0.0.1:9000", schedule = "footprint";
+  std::string listen = "127.0.0.1:9000", schedule = "footprint", foresight = "256M";
   CLI::App app{"Serves a scene's voxels, hands out tiles to workers and puts frames together."};
   app.footer(
       "Examples:\n  quarry-master plant.quarry --listen 127.0.0.1:9000\n"
@@ -47,6 +49,9 @@ int Main(int argc, char** argv) {
       ->envname("QUARRY_SOURCE");
   app.add_option("--schedule", schedule, "Which worker gets which tile: footprint, last-owner or random")
       ->capture_default_str();
+  app.add_option("--foresight", foresight,
+                 "Memory for voxels with which to foresee, by coarse rays, what tiles will need; 0: none")
+      ->capture_default_str();
   app.add_option("--spool", options.spool,
                  "Keep jobs and finished frames in this folder: started again, the master goes on with them");
   app.add_option("--trace", options.trace,
@@ -58,7 +63,7 @@ int Main(int argc, char** argv) {
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? 0 : 2;
   }
-  const Status status = Run(options, security, listen, schedule);
+  const Status status = Run(options, security, listen, schedule, foresight);
   if (status) return 0;
   fmt::print(stderr, "quarry-master: {}\n", status.error().message);
   return status.error().exit_status;

@@ -49,21 +49,6 @@ bool Reprojection::Rectangle(const Frame::Tile& pixels, double depth, PixelBound
   return any;
 }
 
-bool Reprojection::Position(double x, double y, float depth, Seen& seen) const {
-  const glm::dvec3 point = PointAt(x, y, std::min(static_cast<double>(depth), kFarAway));
-  if (!Project(point, seen.x, seen.y)) return false;
-  const glm::dvec3 v = point - to_view_.eye;
-  const double ahead = Dot(v, to_view_.forward);
-  const double before = Dot(point - from_view_.eye, from_view_.forward);
-  seen.scale = std::sqrt(Dot(from_view_.right, from_view_.right) / Dot(to_view_.right, to_view_.right)) *
-               (from_view_.orthographic ? 1 : before) / (to_view_.orthographic ? 1 : ahead);
-  if (static_cast<double>(depth) > kFarAway)
-    seen.depth = depth;
-  else
-    seen.depth = static_cast<float>(to_view_.orthographic ? ahead : std::sqrt(Dot(v, v)));
-  return true;
-}
-
 PixelGrid::PixelGrid(const std::vector<Frame::Tile>& tiles, uint32_t side) : side_(side) {
   for (const Frame::Tile& tile : tiles) {
     x0_ = std::min(x0_, tile.x);

@@ -28,14 +28,6 @@ class Reprojection {
 
   /// Where `to` sees a rectangle of `from` that is `depth` away. False when it lies behind.
   bool Rectangle(const Frame::Tile& pixels, double depth, PixelBounds& bounds) const;
-  /// A pixel position of `from` as `to` sees it.
-  struct Seen {
-    double x, y;
-    double scale;  ///< of what is there: pixels of `to` for one of `from`
-    float depth;   ///< distance from the eye; infinity stays so
-  };
-  /// False when it lies behind.
-  bool Position(double x, double y, float depth, Seen& seen) const;
 
  private:
   glm::dvec3 PointAt(double x, double y, double depth) const;
@@ -45,7 +37,7 @@ class Reprojection {
   const ViewBasis from_view_, to_view_;
 };
 
-/// The squares that an image, or a crop of it, is cut into: tiles, or depth cells.
+/// The tiles that an image, or a crop of it, is cut into, by place.
 class PixelGrid {
  public:
   PixelGrid(const std::vector<Frame::Tile>& tiles, uint32_t side);

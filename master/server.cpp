@@ -13,17 +13,21 @@
 #include <optional>
 #include <random>
 #include <set>
+#include <unordered_map>
 #include <utility>
 
+#include "common/base/size.h"
 #include "common/net/file_source.h"
 #include "common/net/source_set.h"
 #include "common/protocol/messages.h"
 #include "master/active_frame.h"
 #include "master/block_service.h"
+#include "master/foresight.h"
 #include "master/jobs.h"
 #include "master/roster.h"
 #include "master/statistics.h"
 #include "master/tile_log.h"
+#include "master/tile_overhead.h"
 
 namespace quarry {
 namespace {
@@ -57,7 +61,6 @@ class Server {
          std::optional<TileLog> tile_log)
       : options_(options),
         source_(io_, std::move(store)),
-        rays_(source_.store().catalog()),
         tile_log_(std::move(tile_log)),
         timer_(io_),
         start_(Clock::now()),
@@ -76,6 +79,9 @@ class Server {
       decoded += catalog().block(b).decoded;
     }
     if (stored > 0) decoded_per_stored_ = static_cast<double>(decoded) / static_cast<double>(stored);
+    if (options.foresight_bytes > 0 && options.policy == SchedulingPolicy::kFootprint && !options.serve_only)
+      foresight_ = std::make_unique<Foresight>(source_.store(), options.foresight_bytes,
+                                               [this] { asio::post(io_, [this] { OnForeseen(); }); });
   }
 
   Status Run() {
@@ -234,16 +240,65 @@ class Server {
     return frames;
   }
 
+  /// Has those under way foreseen, and those that come next, so that they are when they begin.
+  void AskForesight() {
+    constexpr size_t kAhead = 3, kMostTiles = 4096;
+    std::vector<Foresight::Wish> wishes;
+    const auto add = [&](const Jobs::Begun& frame) {
+      const uint64_t pixels = uint64_t{frame.one.crop_width} * frame.one.crop_height;
+      if (pixels <= kMostTiles * kTileSize * kTileSize)
+        wishes.push_back({frame.job->id, frame.index, frame.one});
+    };
+    // One worker gets all tiles, whatever they touch.
+    if (roster_.all().size() > 1) {
+      for (const Rendering& r : renderings_)
+        if (!r.frame->learned() && r.frame->has_open_tiles()) add(r.part);
+      for (const Jobs::Begun& next : jobs_.Upcoming(kAhead)) add(next);
+    }
+    foresight_->Want(std::move(wishes));
+    for (Rendering& r : renderings_)
+      if (!r.frame->learned())
+        if (auto coarse = foresight_->Find(r.part.job->id, r.part.index)) r.frame->Learn(std::move(coarse));
+  }
+
+  /// Whether the next frame, while there is another one, is to be foreseen before it begins: what is handed
+  /// out blindly is loaded by whoever gets it. Not for long: a tenth of the time, if foreseeing is slower
+  /// than rendering.
+  bool IsWorthWaiting() {
+    constexpr double kMostS = 0.5, kPart = 0.1;
+    const double now_s = Now();
+    patience_s_ = std::min(kMostS, patience_s_ + kPart * (now_s - patience_at_s_));
+    if (std::exchange(waiting_, false)) patience_s_ -= now_s - patience_at_s_;
+    patience_at_s_ = now_s;
+    if (!foresight_ || patience_s_ <= 0) return false;
+    const auto next = jobs_.Upcoming(1);
+    if (renderings_.empty()) AskForesight();
+    waiting_ = !next.empty() && foresight_->IsAtWork(next[0].job->id, next[0].index);
+    return waiting_;
+  }
+
+  /// Frames that begin later take it up by themselves.
+  void OnForeseen() {
+    HandOutSoon();
+    const bool now = std::ranges::any_of(renderings_, [this](const Rendering& r) {
+      return !r.frame->learned() && foresight_->Find(r.part.job->id, r.part.index);
+    });
+    if (now) MakePlans(PlanNews::kFrames);
+  }
+
   /// Of all frames under way: whenever one begins or ends, and when workers come and go.
   void MakePlans(PlanNews news) {
+    if (foresight_) AskForesight();
     std::map<uint32_t, double> speeds;
     std::map<uint32_t, BlockSet> holds;
     for (const auto& [id, worker] : roster_.all()) {
       speeds[id] = worker.threads;
       holds[id] = worker.holds;
     }
-    PlanFrames(Frames(), previous_.get(), news, speeds, std::move(holds), block_bytes_,
-               roster_.SecondsPerByte(decoded_per_stored_), options_.policy, &rays_);
+    overhead_.Decoded(roster_.DecodeSeconds());
+    PlanFrames(Frames(), previous_.get(), news, speeds, std::move(holds),
+               {block_bytes_, roster_.SecondsPerByte(decoded_per_stored_), overhead_.seconds()},
+               options_.policy);
   }
 
   /// Once for all the messages at hand.
@@ -277,6 +332,17 @@ class Server {
       AddHints(tile, worker);
       worker.connection->Send(MakeMessage(MessageType::kTile, tile.order));
     }
+    overhead_.Busy(Now(), BusyThreads());
+  }
+
+  /// Threads that have a tile.
+  uint32_t BusyThreads() const {
+    std::unordered_map<uint32_t, uint32_t> held;
+    for (const Rendering& r : renderings_) r.frame->AddHeld(held);
+    uint32_t busy = 0;
+    for (const auto& [id, worker] : roster_.all())
+      if (const auto it = held.find(id); it != held.end()) busy += std::min(it->second, worker.threads);
+    return busy;
   }
 
   /// What the tile is expected to touch and the worker lacks.
@@ -298,6 +364,7 @@ class Server {
       if (r.frame->setup() != done.setup) continue;
       QUARRY_ASSIGN(const bool kept, r.frame->Finish(done, m.raw, Now()));
       worker.tiles += kept;
+      if (kept) overhead_.Done(static_cast<double>(done.compute_us) * 1e-6);
       if (kept && tile_log_) tile_log_->Tile(*r.frame, done, worker.name);
       if (r.frame->done()) FinishFrame(done.setup);
       return {};
@@ -319,7 +386,7 @@ class Server {
 
   /// The next frame. Null when none begins.
   ActiveFrame* StartFrame() {
-    if (!MayBegin(Frames())) return nullptr;
+    if (!MayBegin(Frames()) || IsWorthWaiting()) return nullptr;
     auto part = jobs_.Begin();
     if (!part) return nullptr;
     const ActiveFrame* before = renderings_.empty() ? previous_.get() : renderings_.back().frame.get();
@@ -340,6 +407,7 @@ class Server {
     jobs_.Finish(std::move(done.part), done.frame->TakePixels(),
                  FrameStatistics(*done.frame, times, roster_));
     previous_ = std::move(done.frame);
+    overhead_.Fade();
     MakePlans(PlanNews::kFrames);
     HandOutSoon();
   }
@@ -400,7 +468,6 @@ class Server {
   const MasterOptions& options_;
   asio::io_context io_;
   FileVoxelSource source_;
-  CoarseRays rays_;
   BlockService blocks_{source_};
   std::optional<TileLog> tile_log_;
   Bytes packed_catalog_;
@@ -413,6 +480,7 @@ class Server {
   std::map<const Connection*, Role> roles_;
   std::map<ConnectionPtr, Pulse> pulses_;  ///< of workers and clients
   Roster roster_;
+  TileOverhead overhead_;
   std::deque<Rendering> renderings_;
   std::unique_ptr<ActiveFrame> previous_;  ///< the last one finished, without its pixels
   bool handing_out_ = false;               ///< it is about to
@@ -420,7 +488,10 @@ class Server {
   uint32_t failures_ = 0;                  ///< workers that could not go on with the frames at hand
   uint64_t next_setup_;  ///< from a random start: results for another master's frames are known by it
   double ticked_s_ = 0, pinged_s_ = 0, logged_s_ = 0;
-  Jobs jobs_;  ///< last: it tells of all of the above
+  double patience_s_ = 0, patience_at_s_ = 0;  ///< left to wait for foresight, and when that was reckoned
+  bool waiting_ = false;                       ///< for it, since then
+  Jobs jobs_;                                  ///< it tells of all of the above
+  std::unique_ptr<Foresight> foresight_;       ///< last: its thread tells too; null: there is none
 };
 
 }  // namespace
@@ -436,6 +507,11 @@ Status RunMaster(const MasterOptions& options) {
   if (!options.trace.empty()) {
     QUARRY_ASSIGN(tile_log, TileLog::Create(options.trace));
   }
+  const uint32_t largest = store.catalog().meta.largest_decoded;
+  if (options.foresight_bytes > 0 && options.foresight_bytes < largest)
+    return BadUsage(fmt::format(
+        "--foresight of {} is less than the scene's largest block, {} bytes; give at least that, or 0",
+        FormatSize(options.foresight_bytes), largest));
   Server server(options, std::move(store), std::move(spool), std::move(tile_log));
   return server.Run();
 }

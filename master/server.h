@@ -17,9 +17,10 @@ struct MasterOptions {
   bool serve_only = false;           ///< voxels only: no workers, no jobs
   std::vector<std::string> sources;  ///< where workers get voxels, as ParseSource has them; empty: here
   SchedulingPolicy policy = SchedulingPolicy::kFootprint;
-  std::string spool;  ///< folder that keeps jobs and finished frames; empty: none is kept
-  std::string trace;  ///< file for what each tile touched and cost; empty: none
-  Security security;  ///< of every connection
+  std::string spool;                      ///< folder that keeps jobs and finished frames; empty: none is kept
+  uint64_t foresight_bytes = 256u << 20;  ///< of a cache for foreseeing what tiles touch; 0: none is kept
+  std::string trace;                      ///< file for what each tile touched and cost; empty: none
+  Security security;                      ///< of every connection
   bool quiet = false;
 };
 

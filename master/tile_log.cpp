@@ -32,9 +32,13 @@ void TileLog::Frame(const ActiveFrame& frame) {
   const RenderJob& job = frame.job();
   const CameraSpec& c = job.cameras[0];
   const auto vector = [](const glm::dvec3& v) { return nlohmann::json{v.x, v.y, v.z}; };
+  auto lights = nlohmann::json::array();
+  for (const Light& light : job.lights)
+    lights.push_back({light.kind == LightKind::kSun, light.vector.x, light.vector.y, light.vector.z});
   const nlohmann::ordered_json j = {
       {"frame", job.first_frame}, {"width", job.width}, {"height", job.height}, {"eye", vector(c.eye)},
-      {"at", vector(c.at)},       {"up", vector(c.up)}, {"fov", c.fov_degrees}, {"ortho", c.ortho_height}};
+      {"at", vector(c.at)},       {"up", vector(c.up)}, {"fov", c.fov_degrees}, {"ortho", c.ortho_height},
+      {"mode", job.mode},         {"lights", lights}};
   std::fprintf(file_.get(), "%s\n", j.dump().c_str());
 }
 

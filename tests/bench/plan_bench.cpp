@@ -98,9 +98,9 @@ class Bench {
     Figures figures;
     for (int r = 0; r < repetitions; ++r) {
       ActiveFrame frame(2, next_, holding == Holding::kNothing ? nullptr : &first_);
-      if (holding != Holding::kNothing) frame.Foresee(&first_, nullptr);
+      if (holding != Holding::kNothing) frame.Foresee(&first_);
       const auto start = Clock::now();
-      frame.MakePlan(planned, bytes_, kSecondsPerByte, SchedulingPolicy::kFootprint);
+      frame.MakePlan(planned, {bytes_, kSecondsPerByte, 0}, SchedulingPolicy::kFootprint);
       figures.plan_s.push_back(SecondsSince(start));
       if (r == 0) Judge(frame, holds, figures);
       HandOutAll(frame, holds, figures);

@@ -104,7 +104,7 @@ class Walker {
       if (blocks[id]) cache_.Publish(id, std::move(blocks[id]));
   }
 
-  /// Renders a frame for each camera, one tile after the other, rays of up to three under way. Returns
+  /// Renders a frame for each camera, one tile after the other, rays of several under way. Returns
   /// seconds.
   Result<double> Walk(RenderJob job, const std::vector<CameraSpec>& cameras, std::vector<FrameCost>& costs) {
     costs.assign(cameras.size(), {});

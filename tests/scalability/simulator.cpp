@@ -14,6 +14,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <unordered_map>
 
 #include "common/base/file.h"
 #include "common/base/resource.h"
@@ -22,6 +23,7 @@
 #include "common/net/source_policy.h"
 #include "common/voxel/store_reader.h"
 #include "master/active_frame.h"
+#include "master/tile_overhead.h"
 #include "tests/scalability/simulated_time.h"
 #include "tests/scalability/traced_walk.h"
 #include "worker/engine.h"
@@ -38,7 +40,7 @@ struct SimOptions {
   std::vector<unsigned> workers{1, 2, 4, 8};
   unsigned servers = 1;
   bool peers = false, warm = false;
-  std::string policy = "footprint", cache = "64M";
+  std::string policy = "footprint", cache = "64M", foresight = "256M";
   double worker_mbit = 100, server_mbit = 1000, share = 1, decode_gb_s = 0.6, latency_s = 4e-4, tile_us = 60,
          overhead_us = 0;
   unsigned waves = 6, frames = 0, step = 1;
@@ -61,14 +63,17 @@ Result<Loading> ParseLoading(const std::string& text) {
   return BadUsage(fmt::format("--loading is suspend, wait or map, not '{}'", text));
 }
 
+/// Of each frame what coarse rays come to; it is there when the frame begins. Empty: none are sent.
+using Foreseen = std::vector<std::shared_ptr<const CoarseFrame>>;
+
 class Simulation {
  public:
-  Simulation(const SimOptions& o, const TracedWalk& walk, const Catalog& catalog,
+  Simulation(const SimOptions& o, const TracedWalk& walk, const Foreseen& foreseen, const Catalog& catalog,
              const std::vector<uint32_t>& block_bytes, unsigned workers)
       : o_(o),
         walk_(walk),
+        foreseen_(foreseen),
         catalog_(catalog),
-        rays_(catalog),
         block_bytes_(block_bytes),
         policy_(*ParsePolicy(o.policy)),
         loading_(*ParseLoading(o.loading)) {
@@ -154,11 +159,14 @@ class Simulation {
     Serial processor, down, up;
     BlockSet holds;
     std::vector<AnswerTime> answers;  ///< of servers, then workers
+    AnswerTime peer_answers;          ///< of all workers
     std::deque<std::shared_ptr<Tile>> queue, open;
     std::map<uint32_t, std::vector<std::shared_ptr<Tile>>> waiting;
     std::deque<uint32_t> wanted;
     std::set<uint32_t> hinted, touched;
     unsigned in_flight = 0;
+    TileWindow window{1};
+    size_t slices = 0;  ///< that its processor has still to compute: none while all rays wait
   };
   // --- the master
 
@@ -166,6 +174,7 @@ class Simulation {
     if (!MayBegin(Frames()) || next_frame_ == walk_.jobs.size()) return nullptr;
     const ActiveFrame* before = frames_.empty() ? previous_.get() : frames_.back().get();
     frames_.push_back(std::make_unique<ActiveFrame>(next_setup_++, walk_.jobs[next_frame_], before));
+    if (workers_.size() > 1 && !foreseen_.empty()) frames_.back()->Learn(foreseen_[next_frame_]);
     index_[frames_.back().get()] = next_frame_++;
     MakePlans();
     return frames_.back().get();
@@ -181,18 +190,18 @@ class Simulation {
     std::map<uint32_t, double> speeds;
     std::map<uint32_t, BlockSet> holds;
     for (const auto& w : workers_) {
-      speeds[w->id] = o_.share;
+      speeds[w->id] = 1;
       holds[w->id] = w->holds;
     }
     const auto start = std::chrono::steady_clock::now();
-    PlanFrames(Frames(), previous_.get(), PlanNews::kFrames, speeds, std::move(holds), block_bytes_,
-               seconds_per_byte_, policy_, &rays_);
+    PlanFrames(Frames(), previous_.get(), PlanNews::kFrames, speeds, std::move(holds),
+               {block_bytes_, seconds_per_byte_, overhead_.seconds()}, policy_);
     planning_s_ += SecondsSince(start);
   }
 
   void HandOutTiles() {
     std::vector<Hand> hands;
-    for (const auto& w : workers_) hands.push_back({w->id, 4});
+    for (const auto& w : workers_) hands.push_back({w->id, w->window.wanted()});
     std::function<double(const ActiveFrame&, uint32_t, uint32_t)> fetch_s;
     if (policy_ == SchedulingPolicy::kFootprint)
       fetch_s = [this](const ActiveFrame& frame, uint32_t tile, uint32_t worker) {
@@ -215,6 +224,9 @@ class Simulation {
         OpenTiles(*w);
       });
     }
+    std::unordered_map<uint32_t, uint32_t> held;
+    for (const auto& frame : frames_) frame->AddHeld(held);
+    overhead_.Busy(clock_.now_s(), static_cast<uint32_t>(held.size()));  // a thread each
   }
 
   /// How well it was known what the tile would touch.
@@ -232,7 +244,7 @@ class Simulation {
 
   void Finish(Worker& w, const std::shared_ptr<Tile>& tile) {
     TileDone done{tile->order.setup, tile->order.tile, tile->order.lease};
-    done.compute_us = static_cast<uint64_t>(tile->traced->compute_s * 1e6);
+    done.compute_us = static_cast<uint64_t>(tile->traced->compute_s * 1e6 / o_.share);
     done.depths = tile->traced->depths;
     done.blocks = tile->traced->blocks;
     const auto it =
@@ -241,7 +253,9 @@ class Simulation {
       Compare(w, *tile);
       const Bytes pixels(size_t{tile->order.width} * tile->order.height * 12);
       (void)(*it)->Finish(done, pixels, clock_.now_s());
+      overhead_.Done(tile->traced->compute_s / o_.share);
       if ((*it)->done()) {
+        overhead_.Fade();
         last_done_s_ = clock_.now_s();
         index_.erase(it->get());
         previous_ = std::move(*it);
@@ -259,8 +273,8 @@ class Simulation {
   }
 
   void OpenTiles(Worker& w) {
-    const size_t most = loading_ == Loading::kSuspend ? Engine::kOpenTiles : 1;
-    while (w.open.size() < most && !w.queue.empty()) {
+    const size_t most = loading_ == Loading::kSuspend ? Engine::kMostOpenTiles : 1;
+    while (w.slices == 0 && w.open.size() < most && !w.queue.empty()) {
       auto tile = w.queue.front();
       w.queue.pop_front();
       w.open.push_back(tile);
@@ -272,13 +286,17 @@ class Simulation {
       tile->slice_s = ComputeTime(*tile) / std::max<double>(1, static_cast<double>(tile->blocks.size()));
       NextWave(w, tile);
     }
+    if (w.slices == 0 && !w.open.empty() && w.open.size() < most) w.window.Starved();
   }
 
   void NextWave(Worker& w, const std::shared_ptr<Tile>& tile) {
     if (tile->wave_end == tile->blocks.size()) {
       const double s = tile->blocks.empty() ? ComputeTime(*tile) : 0;
+      ++w.slices;
       clock_.At(w.processor.Take(clock_.now_s(), s), [this, &w, tile] {
+        --w.slices;
         std::erase(w.open, tile);
+        w.window.Finished();
         const double there_s = master_.Take(clock_.now_s() + o_.latency_s / 2, o_.tile_us * 1e-6);
         clock_.At(there_s, [this, &w, tile] { Finish(w, tile); });
         OpenTiles(w);
@@ -303,8 +321,11 @@ class Simulation {
 
   /// A part of the tile's rays, those that go through one block.
   void Slice(Worker& w, const std::shared_ptr<Tile>& tile) {
+    ++w.slices;
     clock_.At(w.processor.Take(clock_.now_s(), tile->slice_s), [this, &w, tile] {
+      --w.slices;
       if (--tile->left_in_wave == 0) NextWave(w, tile);
+      OpenTiles(w);
     });
   }
 
@@ -321,16 +342,18 @@ class Simulation {
   }
 
   void Fetch(Worker& w, uint32_t block) {
-    std::vector<uint32_t> order;
+    std::vector<uint32_t> order = HomeOrder(block, keys_);
     if (o_.peers)
       for (const auto& other : workers_)
         if (other.get() != &w && other->stored.Has(block)) {
           order.push_back(o_.servers + other->id - 1);
           break;
         }
-    for (const uint32_t home : HomeOrder(block, keys_)) order.push_back(home);
     std::vector<SourceView> views(o_.servers + workers_.size(), {0, false});
-    for (const uint32_t s : order) views[s] = {w.answers[s].mean_s(), true};
+    for (const uint32_t s : order) {
+      const double known_s = w.answers[s].mean_s();
+      views[s] = {known_s == 0 && s >= o_.servers ? w.peer_answers.mean_s() : known_s, true};
+    }
     const auto source = static_cast<uint32_t>(ChooseSource(order, views));
     const bool peer = source >= o_.servers;
     const double decoded = catalog_.block(block).decoded, asked_s = clock_.now_s();
@@ -348,6 +371,7 @@ class Simulation {
     if (peer) peer_bytes_ += came;
     clock_.At(come_s, [this, &w, block, source, asked_s] {
       w.answers[source].Add(clock_.now_s() - asked_s);
+      if (source >= o_.servers) w.peer_answers.Add(clock_.now_s() - asked_s);
       std::vector<uint32_t> gone;
       w.stored.Insert(block, block_bytes_[block], false, gone);
       Told(w, gone);
@@ -358,6 +382,7 @@ class Simulation {
   void Decode(Worker& w, uint32_t block) {
     const uint32_t decoded = catalog_.block(block).decoded;
     const double decode_s = loading_ == Loading::kMap ? 0 : decoded / (o_.decode_gb_s * 1e9) / o_.share;
+    overhead_.Decoded(decoded_s_ += decode_s);
     clock_.At(w.processor.Take(clock_.now_s(), decode_s), [this, &w, block, decoded] {
       std::vector<uint32_t> gone;
       w.decoded.Insert(block, decoded, false, gone);
@@ -377,8 +402,8 @@ class Simulation {
 
   const SimOptions& o_;
   const TracedWalk& walk_;
+  const Foreseen& foreseen_;
   const Catalog& catalog_;
-  CoarseRays rays_;
   const std::vector<uint32_t>& block_bytes_;
   const SchedulingPolicy policy_;
   const Loading loading_;
@@ -388,6 +413,7 @@ class Simulation {
   std::deque<Serial> servers_;
   std::vector<uint64_t> keys_;
   Serial master_;
+  TileOverhead overhead_;
   std::deque<std::unique_ptr<ActiveFrame>> frames_;
   std::unique_ptr<ActiveFrame> previous_;
   std::map<const ActiveFrame*, size_t> index_;
@@ -395,8 +421,27 @@ class Simulation {
   uint64_t next_setup_ = 1, bytes_ = 0, peer_bytes_ = 0;
   uint64_t touched_bytes_ = 0, foreseen_bytes_ = 0;
   double last_done_s_ = 0;
+  double decoded_s_ = 0;   ///< by all workers
   double planning_s_ = 0;  ///< real time, not simulated
 };
+
+/// Also says how long that takes this machine.
+Result<Foreseen> Foresee(const StoreReader& store, uint64_t cache_bytes, const TracedWalk& walk) {
+  Foreseen foreseen;
+  if (cache_bytes == 0) return foreseen;
+  CoarseRays rays(store, std::max<uint64_t>(cache_bytes, store.catalog().meta.largest_decoded));
+  const auto start = std::chrono::steady_clock::now();
+  for (const RenderJob& job : walk.jobs) {
+    CoarseFrame frame;
+    for (const Frame::Tile& tile : Frame::TilesOf(job)) {
+      QUARRY_ASSIGN(CoarseTile traced, rays.Trace(job, tile));
+      frame.push_back(std::move(traced));
+    }
+    foreseen.push_back(std::make_shared<const CoarseFrame>(std::move(frame)));
+  }
+  fmt::print("coarse rays: {:.1f} ms a frame\n", 1e3 * SecondsSince(start) / double(walk.jobs.size()));
+  return foreseen;
+}
 
 Status Run(const SimOptions& o) {
   QUARRY_TRY(ParsePolicy(o.policy));
@@ -414,6 +459,8 @@ Status Run(const SimOptions& o) {
   for (const uint32_t b : touched) touched_bytes += bytes[b];
   fmt::print("{} frames of {} tiles, {:.1f} MB touched\n", walk.jobs.size(), walk.tiles[0].size(),
              touched_bytes * 1e-6);
+  QUARRY_ASSIGN(const uint64_t foresight_bytes, ParseSize(o.foresight, "--foresight"));
+  QUARRY_ASSIGN(const Foreseen foreseen, Foresee(store, foresight_bytes, walk));
   fmt::print(
       "workers  seconds  speed-up  MB loaded  from peers  processors busy  busiest server  overlap  foreseen "
       " "
@@ -421,7 +468,7 @@ Status Run(const SimOptions& o) {
   Json rows = Json::array();
   double one_s = 0;
   for (const unsigned workers : o.workers) {
-    Simulation simulation(o, walk, store.catalog(), bytes, workers);
+    Simulation simulation(o, walk, foreseen, store.catalog(), bytes, workers);
     const double s = simulation.Run();
     if (one_s == 0) one_s = s * workers;  // the first count's, if it is not one
     fmt::print(
@@ -466,6 +513,8 @@ int Main(int argc, char** argv) {
                  "map (nothing, and voxels are decoded bytes of a file mapped over the network)")
       ->capture_default_str();
   app.add_option("--cache", o.cache, "Each worker's")->capture_default_str();
+  app.add_option("--foresight", o.foresight, "The master's, for coarse rays; 0: none are sent")
+      ->capture_default_str();
   app.add_option("--worker-mbit", o.worker_mbit, "Each worker's link")->capture_default_str();
   app.add_option("--server-mbit", o.server_mbit, "Each server's link")->capture_default_str();
   app.add_option("--share", o.share, "Each worker's part of the core that the trace was made on")

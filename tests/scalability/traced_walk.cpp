@@ -38,6 +38,12 @@ Status AddLine(const Json& j, Frames& frames) {
   job.height = j.at("height");
   job.cameras = {{vector("eye"), vector("at"), vector("up"), j.at("fov"), j.at("ortho")}};
   job.first_frame = j.at("frame");
+  const unsigned mode = j.at("mode");
+  if (mode >= kRenderModes) return Fail("a frame of a mode that there is not");
+  job.mode = static_cast<RenderMode>(mode);
+  for (const Json& light : j.at("lights"))
+    job.lights.push_back({light.at(0) ? LightKind::kSun : LightKind::kPoint,
+                          {light.at(1).get<float>(), light.at(2).get<float>(), light.at(3).get<float>()}});
   return NormalizeJob(job);
 }
 

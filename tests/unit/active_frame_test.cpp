@@ -16,10 +16,11 @@ struct Cluster {
   std::map<uint32_t, double> speeds = {{1, 1}, {2, 1}};
   std::map<uint32_t, BlockSet> holds = {{1, {}}, {2, {}}};
   std::vector<uint32_t> block_bytes = std::vector<uint32_t>(4096, 1000);
+  double tile_s = 0;
 
   void Plan(std::vector<ActiveFrame*> frames, const ActiveFrame* previous, PlanNews news) {
-    PlanFrames(frames, previous, news, speeds, holds, block_bytes, 1e-6, SchedulingPolicy::kFootprint,
-               nullptr);
+    PlanFrames(frames, previous, news, speeds, holds, {block_bytes, 1e-6, tile_s},
+               SchedulingPolicy::kFootprint);
   }
 };
 
@@ -120,6 +121,56 @@ TEST_CASE("A large frame is foreseen once") {
   ActiveFrame after(3, job, &before);
   cluster.Plan({&after}, &before, PlanNews::kFrames);
   CHECK(after.Expected(0).known);
+}
+
+TEST_CASE("What coarse rays come to is planned with as soon as it is learned, of a large frame too") {
+  for (const uint32_t width : {320u, 1024u}) {
+    const RenderJob job = Looking({0, 0, 0}, {0, 10, 0}, width, 768);
+    Cluster cluster;
+    for (uint32_t b = 0; b < 1024; ++b) cluster.holds[1 + b % 2].Set(b, true);
+    ActiveFrame frame(1, job, nullptr);
+    CHECK_FALSE(frame.learned());
+    cluster.Plan({&frame}, nullptr, PlanNews::kFrames);
+    CHECK_FALSE(frame.Expected(0).known);
+    auto coarse = std::make_shared<CoarseFrame>();
+    for (uint32_t t = 0; t < frame.frame().tiles().size(); ++t) coarse->push_back({{t}, {10}});
+    frame.Learn(coarse);
+    CHECK(frame.learned());
+    cluster.Plan({&frame}, nullptr, PlanNews::kFrames);
+    size_t at_home = 0;
+    const auto plan = Planned(frame);
+    for (uint32_t t = 0; t < plan.size(); ++t) {
+      CHECK(frame.Expected(t).blocks == std::vector<uint32_t>{t});
+      at_home += plan[t] == 1 + t % 2;
+    }
+    CHECK(at_home == plan.size());
+  }
+}
+
+TEST_CASE("A tile costs what it takes beside tracing as well") {
+  const RenderJob job = Looking({0, 0, 0}, {0, 10, 0});
+  Cluster cluster;
+  ActiveFrame shown(1, job, nullptr);
+  cluster.Plan({&shown}, nullptr, PlanNews::kFrames);
+  Render(shown);
+  ActiveFrame next(2, job, &shown);
+  cluster.Plan({&next}, &shown, PlanNews::kFrames);
+  const double without_s = next.MakeSnapshot({}, 0).tiles[20].cost_s;
+  cluster.tile_s = 0.5;
+  cluster.Plan({&next}, &shown, PlanNews::kFrames);
+  CHECK(next.MakeSnapshot({}, 0).tiles[20].cost_s == Approx(without_s + 0.5).epsilon(0.01));
+}
+
+TEST_CASE("A frame has open tiles until all are with somebody") {
+  ActiveFrame frame(1, Looking({0, 0, 0}, {0, 10, 0}), nullptr);
+  const auto tiles = static_cast<uint32_t>(frame.frame().tiles().size());
+  for (uint32_t t = 0; t < tiles; ++t) {
+    CHECK(frame.has_open_tiles());
+    frame.Lease({t, 1}, 0);
+  }
+  CHECK_FALSE(frame.has_open_tiles());
+  frame.Forget(1);
+  CHECK(frame.has_open_tiles());
 }
 
 }  // namespace quarry
