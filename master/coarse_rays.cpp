@@ -1,5 +1,7 @@
 #include "master/coarse_rays.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <bit>
 #include <utility>
@@ -126,7 +128,9 @@ Result<const VoxelGeometry*> CoarseRays::Load(uint32_t voxel) {
   loaded->room =
       std::make_unique_for_overwrite<WideNode[]>((loaded->bytes + sizeof(WideNode) - 1) / sizeof(WideNode));
   const std::span<std::byte> room{reinterpret_cast<std::byte*>(loaded->room.get()), loaded->bytes};
-  QUARRY_ASSIGN(loaded->geometry, decoder_.Hot(stored, room, catalog_.meta.padding));
+  auto geometry = DecodeHot(decoder_, catalog_, voxel, stored, room);
+  if (!geometry) return Fail(fmt::format("{}: block {}: {}", store_.path(), block, geometry.error().message));
+  loaded->geometry = *geometry;
   order_.push_front(voxel);
   loaded->place = order_.begin();
   used_bytes_ += loaded->bytes;

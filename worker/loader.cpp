@@ -10,18 +10,12 @@ namespace quarry {
 
 Status DecodeBlock(const Catalog& catalog, uint32_t block, std::span<const std::byte> stored,
                    BlockDecoder& decoder, ResidentBlock& resident) {
-  const uint32_t triangles = catalog.voxels[block / 2].triangles;
+  const std::span<std::byte> out = resident.bytes.bytes();
   if (block % 2 == static_cast<uint32_t>(BlockKind::kShading)) {
-    QUARRY_ASSIGN(resident.shading, decoder.Shading(stored, resident.bytes.bytes()));
-    if (resident.shading.triangle_count != triangles)
-      return Fail("its triangles are not those of the directory");
-    return {};
+    QUARRY_ASSIGN(resident.shading, DecodeShading(decoder, catalog, block / 2, stored, out));
+  } else {
+    QUARRY_ASSIGN(resident.hot, DecodeHot(decoder, catalog, block / 2, stored, out));
   }
-  QUARRY_ASSIGN(resident.hot, decoder.Hot(stored, resident.bytes.bytes(), catalog.meta.padding));
-  if (resident.hot.triangle_count != triangles) return Fail("its triangles are not those of the directory");
-  for (uint32_t i = 0; i < triangles; ++i)
-    if (resident.hot.materials[i] >= catalog.materials.size())
-      return Fail("it names a material that the scene lacks");
   return {};
 }
 

@@ -207,4 +207,23 @@ Result<VoxelShading> BlockDecoder::Shading(std::span<const std::byte> stored, st
   return VoxelShading{corners, vertices, triangles};
 }
 
+Result<VoxelGeometry> DecodeHot(BlockDecoder& decoder, const Catalog& catalog, uint32_t voxel,
+                                std::span<const std::byte> stored, std::span<std::byte> out) {
+  QUARRY_ASSIGN(const VoxelGeometry hot, decoder.Hot(stored, out, catalog.meta.padding));
+  if (hot.triangle_count != catalog.voxels[voxel].triangles)
+    return Fail("its triangles are not those of the directory");
+  const auto lacks = [&](uint32_t material) { return material >= catalog.materials.size(); };
+  if (std::any_of(hot.materials, hot.materials + hot.triangle_count, lacks))
+    return Fail("it names a material that the scene lacks");
+  return hot;
+}
+
+Result<VoxelShading> DecodeShading(BlockDecoder& decoder, const Catalog& catalog, uint32_t voxel,
+                                   std::span<const std::byte> stored, std::span<std::byte> out) {
+  QUARRY_ASSIGN(const VoxelShading shading, decoder.Shading(stored, out));
+  if (shading.triangle_count != catalog.voxels[voxel].triangles)
+    return Fail("its triangles are not those of the directory");
+  return shading;
+}
+
 }  // namespace quarry

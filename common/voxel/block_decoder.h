@@ -6,6 +6,7 @@
 
 #include "common/base/status.h"
 #include "common/kdtree/voxel_geometry.h"
+#include "common/voxel/catalog.h"
 #include "common/voxel/voxel_block.h"
 
 namespace quarry {
@@ -39,5 +40,12 @@ class BlockDecoder {
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
+
+/// The blocks of a voxel of `catalog`, as above. Errors also: other triangles than the directory's; a
+/// material that the scene lacks.
+Result<VoxelGeometry> DecodeHot(BlockDecoder& decoder, const Catalog& catalog, uint32_t voxel,
+                                std::span<const std::byte> stored, std::span<std::byte> out);
+Result<VoxelShading> DecodeShading(BlockDecoder& decoder, const Catalog& catalog, uint32_t voxel,
+                                   std::span<const std::byte> stored, std::span<std::byte> out);
 
 }  // namespace quarry

@@ -210,10 +210,10 @@ Status StoreReader::VerifyVoxel(uint32_t voxel, uint64_t& end, BlockDecoder& dec
     Bytes decoded(entry.decoded);
     const Status status =
         kind == BlockKind::kHot
-            ? decoder.Hot(stored, decoded, catalog().meta.padding).and_then([&](const VoxelGeometry& v) {
+            ? DecodeHot(decoder, catalog_, voxel, stored, decoded).and_then([&](const VoxelGeometry& v) {
                 return CheckBounds(v, voxel);
               })
-            : decoder.Shading(stored, decoded).map([](auto&&) {});
+            : DecodeShading(decoder, catalog_, voxel, stored, decoded).map([](auto&&) {});
     if (!status)
       return Fail(
           fmt::format("{}: block {} at byte {}: {}", path(), id, entry.offset, status.error().message));

@@ -42,7 +42,7 @@ HotVoxel Open(float y, uint32_t first_id) {
 
 /// Four voxels in a row along y, from -10 to 30; the third holds a wall at 15, a mirror, with attributes.
 struct Row {
-  Row() {
+  explicit Row(uint16_t material = 0) {
     auto writer = StoreWriter::Create(folder.file("s"));
     REQUIRE(writer.has_value());
     const std::vector<glm::vec3> wall{{-20, 15, -20}, {20, 15, -20}, {20, 15, 20},
@@ -52,7 +52,8 @@ struct Row {
     shading.vertices = {{{0, -1, 0}, {0, 0}, 0xFFFFFFFFu}};
     for (uint32_t v = 0; v < 4; ++v) {
       const float y = 10 * static_cast<float>(v) - 10;
-      const HotVoxel hot = v == 2 ? Voxel(y, wall, 2 * v) : Open(y, 2 * v);
+      HotVoxel hot = v == 2 ? Voxel(y, wall, 2 * v) : Open(y, 2 * v);
+      if (v == 2) hot.materials[0] = material;
       REQUIRE(writer->AddVoxel(EncodeVoxel(hot, v == 2 ? &shading : nullptr)).has_value());
     }
     SceneMeta meta;
@@ -145,6 +146,16 @@ TEST_CASE("A store that is damaged meanwhile ends with its sentence", "[coarse]"
   const auto tile = rays.Trace(Looking({0, -20, 0}, {0, 10, 0}), kMiddle);
   REQUIRE_FALSE(tile.has_value());
   CHECK(tile.error().message.find(row.store->path()) != std::string::npos);
+}
+
+TEST_CASE("A voxel that names a material that the scene lacks is not believed", "[coarse]") {
+  const Row row(1);
+  CHECK_THAT(row.store->Verify([](size_t, size_t) {}).error().message,
+             Catch::Contains("it names a material that the scene lacks"));
+  CoarseRays rays(*row.store, 1 << 20);
+  const auto tile = rays.Trace(Looking({0, -20, 0}, {0, 10, 0}), kMiddle);
+  REQUIRE_FALSE(tile.has_value());
+  CHECK_THAT(tile.error().message, Catch::Contains(row.store->path()) && Catch::Contains("block 4"));
 }
 
 TEST_CASE("Frames are foreseen in the order in which they are wanted, and forgotten when they are not",
