@@ -116,15 +116,16 @@ void Engine::Run(Mailbox& mailbox) {
       pins.Adopt(block);
       for (auto& tile : tiles.open) tile.renderer->Resume(block);
     }
+    const uint64_t start_us = ThreadTimeUs();
     for (auto& tile : tiles.open) {
-      const uint64_t start_us = ThreadTimeUs();
+      if (!tile.renderer->has_ready()) continue;
       const auto start = std::chrono::steady_clock::now();
       tile.renderer->Step(pins, [&](uint32_t block, uint32_t rays) { cache_.Want(block, &mailbox, rays); });
       // What a tile costs is time as it passes: a processor that is shared, or held to a part, is a slower
       // one.
       tile.compute_us += MicrosecondsSince(start);
-      compute_us_ += ThreadTimeUs() - start_us;
     }
+    compute_us_ += ThreadTimeUs() - start_us;
   }
 }
 

@@ -78,6 +78,10 @@ int Main(int argc, char** argv) {
   app.add_option("--cache", texts.cache, "Most bytes of voxels held, decoded and stored")
       ->envname("QUARRY_CACHE")
       ->capture_default_str();
+  app.add_flag("--pretouch", options.pretouch,
+               "Get the cache's memory from the system before anything else: for virtual machines, whose "
+               "host may take "
+               "long to give it");
   app.add_option("--threads", options.threads, "Compute threads")
       ->envname("QUARRY_THREADS")
       ->check(CLI::Range(1, 1024))

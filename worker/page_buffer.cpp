@@ -2,6 +2,8 @@
 
 #include <sys/mman.h>
 
+#include <algorithm>
+
 #include "common/base/check.h"
 
 namespace quarry {
@@ -36,6 +38,17 @@ void PageBuffer::Resize(size_t bytes) {
   QUARRY_CHECK(memory != MAP_FAILED);
   data_ = static_cast<std::byte*>(memory);
   size_ = bytes;
+}
+
+PageBuffer PageBuffer::TakeFront(size_t bytes) {
+  const size_t pages = WholePages(bytes);
+  QUARRY_CHECK(pages <= WholePages(size_));
+  PageBuffer front;
+  front.data_ = data_;
+  front.size_ = bytes;
+  size_ -= std::min(pages, size_);
+  data_ = size_ > 0 ? data_ + pages : nullptr;
+  return front;
 }
 
 }  // namespace quarry

@@ -25,6 +25,8 @@ class PageBuffer {
   /// Makes it another size, perhaps elsewhere; what was in it is lost. Pages that it has are kept as far as
   /// they are needed: getting them anew takes the system as long as decoding a block into them.
   void Resize(size_t bytes);
+  /// Cuts off memory for so many bytes in front: whole pages. Requires: it has as many pages.
+  PageBuffer TakeFront(size_t bytes);
 
  private:
   std::byte* data_ = nullptr;

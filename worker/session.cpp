@@ -16,6 +16,7 @@
 #include "worker/block_supply.h"
 #include "worker/engine.h"
 #include "worker/loader.h"
+#include "worker/page_buffer.h"
 
 namespace quarry {
 namespace {
@@ -77,6 +78,10 @@ class Session {
       : options_(options), retry_(io_), alive_(io_), instance_(NewInstance()) {}
 
   Status Run() {
+    if (options_.pretouch) {
+      memory_ = PageBuffer(options_.cache_bytes);
+      Log(fmt::format("has {} of memory", FormatSize(options_.cache_bytes)));
+    }
     lost_since_ = Clock::now();
     TryConnect();
     Heartbeat();
@@ -220,6 +225,7 @@ class Session {
         Log(fmt::format("does not serve other workers: {}", status.error().message));
       }
     }
+    scene->cache.UseFirst(std::move(memory_));
     scene->Begin(std::move(supply), [this](const Error& e) { OnBlockError(e); });
     scene_ = std::move(scene);
     // Known only now: the port at which others are served.
@@ -359,6 +365,7 @@ class Session {
   Clock::time_point peak_asked_;
   SceneId scene_id_{};
   std::vector<std::string> sources_;
+  PageBuffer memory_;  ///< got beforehand, until the scene is known
   std::unique_ptr<SceneState> scene_;
   Status outcome_;
 };

@@ -17,6 +17,7 @@ struct WorkerOptions {
   Security security;  ///< of the connections to the master, to voxel servers and to other workers
   Security serving;   ///< of other workers' connections to this one
   uint64_t cache_bytes = 256ull << 20;
+  bool pretouch = false;  ///< get the cache's memory first of all
   unsigned threads = 1;
   std::string name;
   double retry_s = 60;               ///< how long a master or a block out of reach is tried for

@@ -116,6 +116,7 @@ bool VoxelCache::EvictOne() {
   ResidentBlock* gone = slot.resident.exchange(nullptr);
   used_ -= gone->bytes.bytes().size();
   ++counters_.evictions;
+  unused_ = PageBuffer();  // from here on blocks take turns
   spare_ = PageBuffer();
   spare_ = std::move(gone->bytes);
   delete gone;
@@ -140,9 +141,18 @@ bool VoxelCache::Reserve(uint32_t decoded_bytes) {
 }
 
 PageBuffer VoxelCache::TakePages(uint32_t decoded_bytes) {
-  if (spare_.bytes().empty()) return PageBuffer(decoded_bytes);
-  spare_.Resize(decoded_bytes);
-  return std::move(spare_);
+  if (!spare_.bytes().empty()) {
+    spare_.Resize(decoded_bytes);
+    return std::move(spare_);
+  }
+  if (decoded_bytes <= unused_.bytes().size()) return unused_.TakeFront(decoded_bytes);
+  unused_ = PageBuffer();
+  return PageBuffer(decoded_bytes);
+}
+
+void VoxelCache::UseFirst(PageBuffer memory) {
+  unused_ = std::move(memory);
+  if (unused_.bytes().size() > budget_) unused_.Resize(budget_);
 }
 
 void VoxelCache::Publish(uint32_t block, std::unique_ptr<ResidentBlock> resident) {

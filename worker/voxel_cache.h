@@ -74,8 +74,11 @@ class VoxelCache {
   std::optional<uint32_t> NextToLoad();
   /// Makes room for a block. False: too much is pinned; on_space is called when trying again may help.
   bool Reserve(uint32_t decoded_bytes);
-  /// Memory for the block for which room was reserved: that of the last one that had to go, or new.
+  /// Memory for the block for which room was reserved: that of the last one that had to go, what was got
+  /// beforehand, or new.
   PageBuffer TakePages(uint32_t decoded_bytes);
+  /// Memory got beforehand; what is beyond the budget goes back.
+  void UseFirst(PageBuffer memory);
   /// Puts in a block for which room was reserved, and delivers it to all that wait.
   void Publish(uint32_t block, std::unique_ptr<ResidentBlock> resident);
 
@@ -99,7 +102,8 @@ class VoxelCache {
   };
   bool EvictOne();
 
-  PageBuffer spare_;  ///< the loader's: of the last block that went, until another takes its place
+  PageBuffer spare_;   ///< the loader's: of the last block that went, until another takes its place
+  PageBuffer unused_;  ///< the loader's: what is left of the memory got beforehand
   const uint64_t budget_;
   std::function<void()> on_want_, on_space_;
   std::function<void(uint32_t, bool)> on_change_;

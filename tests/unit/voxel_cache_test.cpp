@@ -1,5 +1,6 @@
 #include "worker/voxel_cache.h"
 
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <thread>
 
@@ -70,6 +71,36 @@ TEST_CASE("PagesTakeAnySize") {
     for (std::byte& b : buffer.bytes()) b = std::byte{7};
   }
   for (const std::byte b : neighbour.bytes()) REQUIRE(b == std::byte{0});
+}
+
+TEST_CASE("MemoryGotBeforehandIsUsedFirst") {
+  constexpr size_t kPage = 4096;
+  Fixture f(3 * kPage + kBlock);
+  PageBuffer memory(5 * kPage);  // more than the budget
+  const std::byte* const begin = memory.bytes().data();
+  f.cache.UseFirst(std::move(memory));
+  for (uint32_t block = 0; block < 3; ++block) {
+    REQUIRE(f.Load(block));
+    const std::span<std::byte> bytes = f.cache.TryPin(block)->bytes.bytes();
+    CHECK(bytes.data() == begin + block * kPage);
+    CHECK(bytes.size() == kBlock);
+    std::ranges::fill(bytes, static_cast<std::byte>(block));
+    f.cache.Unpin(block);
+  }
+  // The rest of the budget is the last page's; who is in the middle leaves its own alone.
+  for (uint32_t block = 3; block < 20; ++block) REQUIRE(f.Load(block));
+  CHECK(f.cache.TryPin(2) == nullptr);
+  CHECK(f.cache.counters().bytes <= 3 * kPage + kBlock);
+}
+
+TEST_CASE("PagesAreCutOffInFront") {
+  PageBuffer all(10000);
+  const std::byte* const begin = all.bytes().data();
+  const PageBuffer one = all.TakeFront(1), two = all.TakeFront(4097);
+  CHECK(one.bytes().data() == begin);
+  CHECK(two.bytes().data() == begin + 4096);
+  CHECK(two.bytes().size() == 4097);
+  CHECK(all.bytes().empty());
 }
 
 TEST_CASE("PinnedBlocksStay") {
