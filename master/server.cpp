@@ -24,6 +24,7 @@
 #include "master/block_service.h"
 #include "master/foresight.h"
 #include "master/jobs.h"
+#include "master/patience.h"
 #include "master/roster.h"
 #include "master/statistics.h"
 #include "master/tile_log.h"
@@ -261,20 +262,12 @@ class Server {
         if (auto coarse = foresight_->Find(r.part.job->id, r.part.index)) r.frame->Learn(std::move(coarse));
   }
 
-  /// Whether the next frame, while there is another one, is to be foreseen before it begins: what is handed
-  /// out blindly is loaded by whoever gets it. Not for long: a tenth of the time, if foreseeing is slower
-  /// than rendering.
+  /// Whether the next frame is to be foreseen before it begins.
   bool IsWorthWaiting() {
-    constexpr double kMostS = 0.5, kPart = 0.1;
-    const double now_s = Now();
-    patience_s_ = std::min(kMostS, patience_s_ + kPart * (now_s - patience_at_s_));
-    if (std::exchange(waiting_, false)) patience_s_ -= now_s - patience_at_s_;
-    patience_at_s_ = now_s;
-    if (!foresight_ || patience_s_ <= 0) return false;
-    const auto next = jobs_.Upcoming(1);
+    if (!foresight_) return false;
     if (renderings_.empty()) AskForesight();
-    waiting_ = !next.empty() && foresight_->IsAtWork(next[0].job->id, next[0].index);
-    return waiting_;
+    const auto next = jobs_.Upcoming(1);
+    return patience_.Waits(Now(), !next.empty() && foresight_->IsAtWork(next[0].job->id, next[0].index));
   }
 
   /// Frames that begin later take it up by themselves.
@@ -488,10 +481,9 @@ class Server {
   uint32_t failures_ = 0;                  ///< workers that could not go on with the frames at hand
   uint64_t next_setup_;  ///< from a random start: results for another master's frames are known by it
   double ticked_s_ = 0, pinged_s_ = 0, logged_s_ = 0;
-  double patience_s_ = 0, patience_at_s_ = 0;  ///< left to wait for foresight, and when that was reckoned
-  bool waiting_ = false;                       ///< for it, since then
-  Jobs jobs_;                                  ///< it tells of all of the above
-  std::unique_ptr<Foresight> foresight_;       ///< last: its thread tells too; null: there is none
+  Patience patience_;
+  Jobs jobs_;                             ///< it tells of all of the above
+  std::unique_ptr<Foresight> foresight_;  ///< last: its thread tells too; null: there is none
 };
 
 }  // namespace

@@ -16,13 +16,22 @@ size_t WholePages(size_t bytes) {
 
 }  // namespace
 
-PageBuffer::PageBuffer(size_t bytes) : size_(bytes) {
-  if (bytes == 0) return;
+PageBuffer::PageBuffer(size_t bytes) {
+  auto got = TryGet(bytes);
+  QUARRY_CHECK(got.has_value());
+  *this = std::move(*got);
+}
+
+std::optional<PageBuffer> PageBuffer::TryGet(size_t bytes) {
+  PageBuffer buffer;
+  if (bytes == 0) return buffer;
   // All at once: a fault for each page takes the system a third longer.
   void* memory =
       ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_POPULATE, -1, 0);
-  QUARRY_CHECK(memory != MAP_FAILED);
-  data_ = static_cast<std::byte*>(memory);
+  if (memory == MAP_FAILED) return {};
+  buffer.data_ = static_cast<std::byte*>(memory);
+  buffer.size_ = bytes;
+  return buffer;
 }
 
 PageBuffer::~PageBuffer() {

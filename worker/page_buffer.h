@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <span>
 #include <utility>
 
@@ -13,6 +14,8 @@ class PageBuffer {
   PageBuffer() = default;
   /// Ends the program when the system has no memory left.
   explicit PageBuffer(size_t bytes);
+  /// Nothing when the system has no such memory.
+  static std::optional<PageBuffer> TryGet(size_t bytes);
   PageBuffer(PageBuffer&& other) noexcept
       : data_(std::exchange(other.data_, nullptr)), size_(std::exchange(other.size_, 0)) {}
   PageBuffer& operator=(PageBuffer&& other) noexcept {

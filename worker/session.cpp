@@ -79,7 +79,11 @@ class Session {
 
   Status Run() {
     if (options_.pretouch) {
-      memory_ = PageBuffer(options_.cache_bytes);
+      auto memory = PageBuffer::TryGet(options_.cache_bytes);
+      if (!memory)
+        return BadUsage(fmt::format("--pretouch: the system has no {} of memory for --cache",
+                                    FormatSize(options_.cache_bytes)));
+      memory_ = std::move(*memory);
       Log(fmt::format("has {} of memory", FormatSize(options_.cache_bytes)));
     }
     lost_since_ = Clock::now();

@@ -218,6 +218,13 @@ class BadPeers(Case):
         self.must_fail(1, r"cannot reach " + address, "quarry", "render", self.scene, "-o", self.path("x.png"), "--master",
                        address)
 
+    def test_more_memory_than_there_is(self):
+        self.must_fail(2, r"--pretouch: the system has no \S+.* of memory for --cache", "quarry-worker", "--master",
+                       f"127.0.0.1:{self.free_port()}", "--cache", "900000G", "--pretouch")
+        largest = self.info(self.scene)["largest_decoded_bytes"]
+        self.must_fail(2, f"--foresight of .* is less than the scene's largest block, {largest} bytes", "quarry-master", self.scene,
+                       "--listen", "127.0.0.1:0", "--foresight", largest - 1)
+
     def test_port_in_use_and_places_that_are_not_loopback(self):
         with socket.socket() as s:
             s.bind(("127.0.0.1", 0))
