@@ -2,6 +2,7 @@
 
 #include "common/kdtree/kernels.h"
 #include "common/kdtree/packet_trace.h"
+#include "common/kdtree/packet_wide_trace.h"
 #include "common/kdtree/simt_trace.h"
 #include "common/kdtree/single_trace.h"
 #include "common/kdtree/wide_trace.h"
@@ -10,13 +11,14 @@
 
 namespace quarry {
 
-template <class L>
+/// `Way`: through a voxel, TreeletWay or a WideWay.
+template <class L, template <class, bool, bool> class Way>
 struct PacketTrace {
   template <bool kAnyHit, class Finder, class Statistics>
   static void Run(const TopTree& top, const Finder& finder, RayPacket* packets, const uint64_t* active,
                   uint32_t count, Statistics& statistics) {
     for (uint32_t p = 0; p < count; ++p)
-      if (active[p] != 0) TracePacket<L, kAnyHit>(top, finder, packets[p], active[p], 1, statistics);
+      if (active[p] != 0) TracePacket<Way, L, kAnyHit>(top, finder, packets[p], active[p], 1, statistics);
   }
   /// Takes out of `active` the rays that it has traced: runs of kLeastRun and more. The next packet is asked
   /// for meanwhile: packets of more than a few tiles come from memory.
@@ -27,10 +29,19 @@ struct PacketTrace {
     for (uint32_t p = 0; p < count; ++p) {
       if (p + 1 < count && active[p + 1] != 0) L::Prefetch(&packets[p + 1], sizeof(RayPacket));
       if (active[p] != 0)
-        active[p] = TracePacket<L, kAnyHit>(top, finder, packets[p], active[p], kLeastRun, none);
+        active[p] = TracePacket<Way, L, kAnyHit>(top, finder, packets[p], active[p], kLeastRun, none);
     }
   }
 };
+
+/// WideWay as a way of packets of `L`.
+template <class Cells>
+struct WideWayOf {
+  template <class L, bool kAnyHit, bool kSharedOrigin>
+  using Way = WideWay<Cells, L, kAnyHit, kSharedOrigin>;
+};
+template <class L, class Cells>
+using WidePacketTrace = PacketTrace<L, WideWayOf<Cells>::template Way>;
 
 template <class L, Way kWay>
 struct SimtTrace {
@@ -84,7 +95,7 @@ constexpr Kernel MakeKernel(std::string_view isa, Grouping grouping, Algorithm a
           nullptr};
 }
 
-inline constexpr int kKernelsPerIsa = 14;
+inline constexpr int kKernelsPerIsa = 15;
 
 /// `L`: lanes that are rays; `Wide`: lanes that are a wide node's children.
 template <class L, class Wide>
@@ -94,11 +105,10 @@ constexpr void FillKernels(std::string_view isa, Kernel (&list)[kKernelsPerIsa])
     for (Algorithm algorithm : algorithms) *next++ = MakeKernel<Trace>(isa, grouping, algorithm);
   };
   using enum Algorithm;
-  add.template operator()<PacketTrace<L>>(Grouping::kPacket, {kTreelets, kBacktrack, kRestart});
-  for (Kernel* k = list; k != next; ++k) {
-    k->coherent_closest = PacketTrace<L>::template RunCoherent<false, VoxelFinder>;
-    k->coherent_any = PacketTrace<L>::template RunCoherent<true, VoxelFinder>;
-  }
+  add.template operator()<WidePacketTrace<L, Wide>>(Grouping::kWidePacket, {kTreelets});
+  list->coherent_closest = WidePacketTrace<L, Wide>::template RunCoherent<false, VoxelFinder>;
+  list->coherent_any = WidePacketTrace<L, Wide>::template RunCoherent<true, VoxelFinder>;
+  add.template operator()<PacketTrace<L, TreeletWay>>(Grouping::kPacket, {kTreelets, kBacktrack, kRestart});
   add.template operator()<WideTrace<Wide>>(Grouping::kWide, {kTreelets});
   add.template operator()<SimtTrace<L, Way::kClimb>>(Grouping::kSimt, {kTreelets, kBacktrack, kRestart});
   add.template operator()<SimtTrace<L, Way::kPushDown>>(Grouping::kSimt, {kPushDown});

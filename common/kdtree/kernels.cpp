@@ -45,7 +45,7 @@ const Kernel& BestKernel(Grouping grouping) {
 
 void TraceRays(const TopTree& top, const VoxelFinder& finder, RayPacket* packets, const uint64_t* active,
                uint32_t count, bool any) {
-  static const Kernel& together = BestKernel(Grouping::kPacket);
+  static const Kernel& together = BestKernel(Grouping::kWidePacket);
   static const Kernel& apart = BestKernel(Grouping::kWide);
   for (uint32_t first = 0; first < count; first += kBatch) {
     uint64_t left[kBatch];

@@ -14,10 +14,11 @@
 namespace quarry {
 
 enum class Grouping {
-  kPacket,  ///< 64 rays share a node: for coherent rays
-  kWide,    ///< each ray against eight cells or triangles at once: for any
-  kSimt,    ///< each lane its own ray: for any
-  kSingle,  ///< rays one by one: for any
+  kWidePacket,  ///< 64 rays share a wide node: for coherent rays
+  kPacket,      ///< 64 rays share a node: for coherent rays
+  kWide,        ///< each ray against eight cells or triangles at once: for any
+  kSimt,        ///< each lane its own ray: for any
+  kSingle,      ///< rays one by one: for any
 };
 
 /// Fewer rays of like direction than these are faster each by itself (README.md).
@@ -49,7 +50,7 @@ struct Kernel {
   Algorithm algorithm;
   TraceFunction closest, any;
   CountedTraceFunction counted_closest, counted_any;
-  CoherentTraceFunction coherent_closest, coherent_any;  ///< of packets; others have none
+  CoherentTraceFunction coherent_closest, coherent_any;  ///< of wide packets; others have none
 };
 
 /// All kernels that this processor can run, those with the widest vectors first.

@@ -3,35 +3,13 @@
 #include <bit>
 #include <cstdint>
 
-#include "common/kdtree/kernel_parts.h"
+#include "common/kdtree/packet_rays.h"
 
 // Coherent packets: 64 rays share a node. Treelet-backtrack after Foley & Sugerman 2005, section 2.2, with
 // the packets of Wald & Slusallek 2001, section 5: lanes that have nothing in a node are masked out. The rays
 // of one run have the signs of their directions in common, so the near child is the same for all.
 
 namespace quarry {
-
-/// 64 rays in groups of lanes.
-template <class L>
-struct PacketRays {
-  static constexpr uint32_t kGroups = RayPacket::kRays / L::kLanes;
-  RayFrame<L> frame[kGroups];
-  RayBest<L> best[kGroups];
-  typename L::Float t[kGroups];      ///< reached so far, at the top level
-  typename L::Float t_end[kGroups];  ///< end of the ray: of the scene, t_max, or the nearest hit
-  typename L::Mask alive[kGroups];   ///< still under way
-  typename L::Int chain[kGroups], waits_for[kGroups];
-  uint32_t far_side[3];    ///< by axis: 1 where directions are positive, the side that is far
-  int kx, ky, kz;          ///< axes in the rays' frames
-  float shared_origin[3];  ///< with kSharedOrigin
-};
-
-template <class L>
-QUARRY_HOST_DEVICE inline uint32_t CountAll(const typename L::Mask* masks) {
-  uint32_t count = 0;
-  for (uint32_t g = 0; g < PacketRays<L>::kGroups; ++g) count += L::Count(masks[g]);
-  return count;
-}
 
 /// Visits leaves along the rays of `p` that are `alive`, from `t` to `t_end`, near ones first, each leaf once
 /// for all rays that pass it at that time. `visit(const KdNode& leaf, Mask active[], const Float t_exit[])`
@@ -150,88 +128,42 @@ QUARRY_HOST_DEVICE inline void TraversePacket(const KdNode* nodes, const PacketR
   }
 }
 
-/// Tests the triangles of one resident voxel along the rays' way through its cell, [t, t_exit], and keeps the
-/// nearest in `best`; hits beyond t_exit are kept too. With kAnyHit a ray ends at its first hit.
-template <class L, bool kAnyHit, bool kSharedOrigin, class Index, class Statistics>
-QUARRY_HOST_DEVICE inline void TraceVoxel(const VoxelGeometryOf<Index>& voxel, uint32_t voxel_id,
-                                          PacketRays<L>& p, const typename L::Mask* inside,
-                                          const typename L::Float* t_enter, const typename L::Float* t_exit,
-                                          Statistics& statistics) {
-  using Float = typename L::Float;
-  using Mask = typename L::Mask;
-  constexpr uint32_t kGroups = PacketRays<L>::kGroups;
-  Float t[kGroups], t_end[kGroups];
-  Mask alive[kGroups];
-  for (uint32_t g = 0; g < kGroups; ++g) {
-    t[g] = t_enter[g];
-    t_end[g] = L::Min(t_exit[g], p.best[g].t);
-    alive[g] = inside[g];
-  }
-  const auto visit = [&](const KdNode& leaf, Mask* active, const Float*) {
-    const uint32_t last = leaf.first() + leaf.count();
-    uint32_t groups[kGroups], count = 0;  // those with active rays
-    for (uint32_t g = 0; g < kGroups; ++g)
-      if (!L::None(active[g])) groups[count++] = g;
-    for (uint32_t r = leaf.first(); r < last; ++r) {
-      const uint32_t local = voxel.references[r];
-      const TrianglePoints points = PointsOf(voxel, local);
-      Float corner[3][3];
-      for (int k = 0; k < 3; ++k) {
-        const int axes[3] = {p.kx, p.ky, p.kz};
-        for (int a = 0; a < 3; ++a)
-          corner[k][a] = L::Set(points.at[k][axes[a]] - (kSharedOrigin ? p.shared_origin[axes[a]] : 0.0f));
-      }
-      const auto move = [&](uint32_t g, MovedVertex<L>(&moved)[3]) {
-        const RayFrame<L>& frame = p.frame[g];
-        for (int k = 0; k < 3; ++k)
-          moved[k] = kSharedOrigin ? MoveVertex<L>(frame, corner[k][0], corner[k][1], corner[k][2])
-                                   : MoveVertex<L>(frame, corner[k][0] - frame.origin[p.kx],
-                                                   corner[k][1] - frame.origin[p.ky],
-                                                   corner[k][2] - frame.origin[p.kz]);
-      };
-      // Most triangles lie beside all rays: that is found without a branch for each group.
-      MovedVertex<L> moved[3];
-      Mask may[kGroups], any = L::NoLanes();
-      const auto filter = [&](uint32_t g) {
-        statistics.Triangle(L::Count(active[g]), L::kLanes);
-        move(g, moved);
-        may[g] = MayContain<L>(moved[0], moved[1], moved[2], active[g]);
-        any = L::Or(any, may[g]);
-      };
-      if (count == kGroups) {
-#pragma GCC unroll 16
-        for (uint32_t g = 0; g < kGroups; ++g) filter(g);
-      } else {
-        for (uint32_t k = 0; k < count; ++k) filter(groups[k]);
-      }
-      if (L::None(any)) continue;
-      for (uint32_t k = 0; k < count; ++k) {
-        const uint32_t g = groups[k];
-        if (L::None(may[g])) continue;
-        statistics.Exact();
-        move(g, moved);
-        const Mask kept = Keep<L, kAnyHit>(HitMoved<L>(p.frame[g], moved[0], moved[1], moved[2], may[g]),
-                                           L::SetInt(voxel.triangle_ids[local]), L::SetInt(voxel_id),
-                                           L::SetInt(local), p.best[g]);
-        t_end[g] = L::Min(t_end[g], p.best[g].t);
-        if (kAnyHit) {
-          active[g] = L::AndNot(kept, active[g]);
-          alive[g] = L::AndNot(kept, alive[g]);
-          p.alive[g] = L::AndNot(kept, p.alive[g]);
-        }
-      }
+/// The way through a voxel by the kd-tree's nodes.
+template <class L, bool kAnyHit, bool kSharedOrigin>
+class TreeletWay {
+ public:
+  QUARRY_HOST_DEVICE explicit TreeletWay(const PacketRays<L>&) {}
+
+  /// Tests the triangles of one resident voxel along the way of the rays `inside` through its cell, [t_enter,
+  /// t_exit], and keeps the nearest hits; those beyond t_exit too. With kAnyHit a ray ends at its first.
+  template <class Index, class Statistics>
+  QUARRY_HOST_DEVICE void Trace(const VoxelGeometryOf<Index>& voxel, uint32_t voxel_id, PacketRays<L>& p,
+                                const typename L::Mask* inside, const typename L::Float* t_enter,
+                                const typename L::Float* t_exit, Statistics& statistics) const {
+    constexpr uint32_t kGroups = PacketRays<L>::kGroups;
+    typename L::Float t[kGroups], t_end[kGroups];
+    typename L::Mask alive[kGroups];
+    for (uint32_t g = 0; g < kGroups; ++g) {
+      t[g] = t_enter[g];
+      t_end[g] = L::Min(t_exit[g], p.best[g].t);
+      alive[g] = inside[g];
     }
-  };
-  TraversePacket<L, kSharedOrigin>(voxel.nodes, p, t, t_end, alive, statistics, visit);
-}
+    const auto visit = [&](const KdNode& leaf, typename L::Mask* active, const typename L::Float*) {
+      TestTriangles<L, kAnyHit, kSharedOrigin>(voxel, voxel_id, leaf.first(), leaf.first() + leaf.count(), p,
+                                               active, t_end, alive, statistics);
+    };
+    TraversePacket<L, kSharedOrigin>(voxel.nodes, p, t, t_end, alive, statistics, visit);
+  }
+};
 
 /// The packet's rays that are alive, through the two-level tree.
-template <class L, bool kAnyHit, bool kSharedOrigin, class Finder, class Statistics>
+template <class Way, class L, bool kSharedOrigin, class Finder, class Statistics>
 QUARRY_HOST_DEVICE inline void TraceRun(const TopTree& top, const Finder& finder, PacketRays<L>& p,
                                         Statistics& statistics) {
   using Float = typename L::Float;
   using Mask = typename L::Mask;
   constexpr uint32_t kGroups = PacketRays<L>::kGroups;
+  const Way way(p);
   const auto visit = [&](const KdNode& leaf, Mask* active, const Float* t_exit) {
     uint32_t last = leaf.first();
     while (top.next_in_chain[last] != kNoVoxel) last = top.next_in_chain[last];
@@ -253,7 +185,7 @@ QUARRY_HOST_DEVICE inline void TraceRun(const TopTree& top, const Finder& finder
       if (L::None(any)) continue;
       statistics.Voxel(CountAll<L>(inside));
       if (const auto* geometry = finder.Find(voxel)) {
-        TraceVoxel<L, kAnyHit, kSharedOrigin>(*geometry, voxel, p, inside, p.t, t_exit, statistics);
+        way.Trace(*geometry, voxel, p, inside, p.t, t_exit, statistics);
         for (uint32_t g = 0; g < kGroups; ++g) active[g] = L::And(active[g], p.alive[g]);
         continue;
       }
@@ -272,19 +204,10 @@ QUARRY_HOST_DEVICE inline void TraceRun(const TopTree& top, const Finder& finder
   TraversePacket<L, kSharedOrigin>(top.nodes, p, p.t, p.t_end, p.alive, statistics, visit);
 }
 
-/// Bits of a mask of each group, as one word.
-template <class L>
-QUARRY_HOST_DEVICE inline uint64_t JoinBits(const typename L::Mask* masks) {
-  uint64_t bits = 0;
-  for (uint32_t g = 0; g < PacketRays<L>::kGroups; ++g)
-    bits |= static_cast<uint64_t>(L::Bits(masks[g])) << (g * L::kLanes);
-  return bits;
-}
-
 /// Traces the rays of `rays` that `active` names (bit i: ray i), in runs that have the signs and the largest
 /// axis of their directions in common. Leaves runs of fewer than `least_run` rays alone, and returns those.
 /// See TraceFunction for what comes back for the others.
-template <class L, bool kAnyHit, class Finder, class Statistics>
+template <template <class, bool, bool> class Way, class L, bool kAnyHit, class Finder, class Statistics>
 QUARRY_HOST_DEVICE inline uint64_t TracePacket(const TopTree& top, const Finder& finder, RayPacket& rays,
                                                uint64_t active, uint32_t least_run, Statistics& statistics) {
   using Mask = typename L::Mask;
@@ -298,10 +221,10 @@ QUARRY_HOST_DEVICE inline uint64_t TracePacket(const TopTree& top, const Finder&
   for (uint32_t g = 0; g < kGroups; ++g) {
     const uint32_t at = g * L::kLanes;
     p.frame[g] = LoadFrame<L>(rays, at);
-    p.best[g] = LoadBest<L, kAnyHit>(rays, at);
     p.chain[g] = L::LoadInt(rays.chain + at);
     p.waits_for[g] = L::SetInt(kNoVoxel);
     p.t[g] = L::Load(rays.t + at);
+    p.best[g] = LoadBest<L, kAnyHit>(rays, at);
     p.t_end[g] = p.best[g].t;
     ClipToBox<L>(p.frame[g], lower, upper, p.t[g], p.t_end[g]);
     alive[g] =
@@ -333,16 +256,15 @@ QUARRY_HOST_DEVICE inline uint64_t TracePacket(const TopTree& top, const Finder&
       alone |= run;
       continue;
     }
-    p.kz = x_largest >> leader & 1 ? 0 : y_largest >> leader & 1 ? 1 : 2;
-    p.kx = (p.kz + 1) % 3;
-    p.ky = (p.kz + 2) % 3;
+    const uint32_t largest = x_largest >> leader & 1 ? 0 : y_largest >> leader & 1 ? 1 : 2;
+    for (uint32_t a = 0; a < 3; ++a) p.axes[a] = (largest + 1 + a) % 3;
     for (uint32_t g = 0; g < kGroups; ++g)
       p.alive[g] = L::FromBits(static_cast<uint32_t>(run >> (g * L::kLanes)) & L::kAllLanes);
     statistics.Ray(static_cast<uint32_t>(std::popcount(run)));
     if (shared_origin)
-      TraceRun<L, kAnyHit, true>(top, finder, p, statistics);
+      TraceRun<Way<L, kAnyHit, true>, L, true>(top, finder, p, statistics);
     else
-      TraceRun<L, kAnyHit, false>(top, finder, p, statistics);
+      TraceRun<Way<L, kAnyHit, false>, L, false>(top, finder, p, statistics);
   }
   for (uint32_t g = 0; g < kGroups; ++g) {
     const uint32_t at = g * L::kLanes;

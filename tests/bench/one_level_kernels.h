@@ -10,9 +10,9 @@ using Finder32 = VoxelFinderOf<uint32_t>;
 template <class L, class Wide>
 void TraceOneLevel(const TopTree& top, const Finder32& finder, RayPacket* packets, const uint64_t* active,
                    uint32_t count, Grouping grouping, bool any) {
-  if (grouping == Grouping::kPacket)
-    (any ? TraceUncounted<PacketTrace<L>, true, Finder32>
-         : TraceUncounted<PacketTrace<L>, false, Finder32>)(top, finder, packets, active, count);
+  if (grouping == Grouping::kWidePacket)
+    (any ? TraceUncounted<WidePacketTrace<L, Wide>, true, Finder32>
+         : TraceUncounted<WidePacketTrace<L, Wide>, false, Finder32>)(top, finder, packets, active, count);
   else
     (any ? TraceUncounted<WideTrace<Wide>, true, Finder32>
          : TraceUncounted<WideTrace<Wide>, false, Finder32>)(top, finder, packets, active, count);

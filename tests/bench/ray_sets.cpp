@@ -51,7 +51,7 @@ std::vector<RaySet> MakeRaySets(const test::ResidentScene& scene, uint32_t size,
       ++primary.rays;
     }
   std::vector<RayPacket> hits = primary.packets;
-  BestKernel(Grouping::kPacket)
+  BestKernel(Grouping::kWidePacket)
       .closest(scene.view().top(), scene.view().finder(), hits.data(), primary.active.data(),
                static_cast<uint32_t>(packets));
 
