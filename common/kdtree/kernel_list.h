@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstddef>
+
 #include "common/kdtree/kernels.h"
 #include "common/kdtree/packet_trace.h"
 #include "common/kdtree/packet_wide_trace.h"
@@ -27,7 +29,8 @@ struct PacketTrace {
                           uint32_t count) {
     NoStatistics none;
     for (uint32_t p = 0; p < count; ++p) {
-      if (p + 1 < count && active[p + 1] != 0) L::Prefetch(&packets[p + 1], sizeof(RayPacket));
+      if (p + 1 < count && active[p + 1] != 0)
+        L::Prefetch(&packets[p + 1], kAnyHit ? offsetof(RayPacket, b1) : sizeof(RayPacket));
       if (active[p] != 0)
         active[p] = TracePacket<Way, L, kAnyHit>(top, finder, packets[p], active[p], kLeastRun, none);
     }

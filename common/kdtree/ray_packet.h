@@ -17,14 +17,15 @@ struct alignas(64) RayPacket {
 
   float origin[3][kRays];
   float direction[3][kRays];
-  float t[kRays];              ///< reached so far: nothing before it needs another look
-  float hit_t[kRays];          ///< of the nearest hit so far, or the greatest t at which a hit would count
-  uint32_t triangle[kRays];    ///< scene-wide id of what is hit; kNoTriangle for none
+  float t[kRays];             ///< reached so far: nothing before it needs another look
+  float hit_t[kRays];         ///< of the nearest hit so far, or the greatest t at which a hit would count
+  uint32_t triangle[kRays];   ///< scene-wide id of what is hit; kNoTriangle for none
+  uint32_t chain[kRays];      ///< the voxel of a chain to go on with at `t`; 0: with the first
+  uint32_t waits_for[kRays];  ///< out: the voxel without which the ray cannot go on, or kNoVoxel: it is done
+  // What follows means nothing where any hit ends a ray.
   float b1[kRays], b2[kRays];  ///< barycentric weights of the second and third vertex
   uint32_t voxel[kRays];       ///< a voxel that holds the triangle (the one it was found in)
   uint32_t local[kRays];       ///< the triangle's index in that voxel
-  uint32_t chain[kRays];       ///< the voxel of a chain to go on with at `t`; 0: with the first
-  uint32_t waits_for[kRays];   ///< out: the voxel without which the ray cannot go on, or kNoVoxel: it is done
 
   void Set(uint32_t i, const Ray& ray) {
     for (int a = 0; a < 3; ++a) {
