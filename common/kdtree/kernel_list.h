@@ -20,9 +20,9 @@ struct PacketTrace {
   static void Run(const TopTree& top, const Finder& finder, RayPacket* packets, const uint64_t* active,
                   uint32_t count, Statistics& statistics) {
     for (uint32_t p = 0; p < count; ++p)
-      if (active[p] != 0) TracePacket<Way, L, kAnyHit>(top, finder, packets[p], active[p], 1, statistics);
+      if (active[p] != 0) TracePacket<Way, L, kAnyHit>(top, finder, packets[p], active[p], true, statistics);
   }
-  /// Takes out of `active` the rays that it has traced: runs of kLeastRun and more. The next packet is asked
+  /// Takes out of `active` the rays that it has traced: those that stay together. The next packet is asked
   /// for meanwhile: packets of more than a few tiles come from memory.
   template <bool kAnyHit, class Finder>
   static void RunCoherent(const TopTree& top, const Finder& finder, RayPacket* packets, uint64_t* active,
@@ -32,7 +32,7 @@ struct PacketTrace {
       if (p + 1 < count && active[p + 1] != 0)
         L::Prefetch(&packets[p + 1], kAnyHit ? offsetof(RayPacket, b1) : sizeof(RayPacket));
       if (active[p] != 0)
-        active[p] = TracePacket<Way, L, kAnyHit>(top, finder, packets[p], active[p], kLeastRun, none);
+        active[p] = TracePacket<Way, L, kAnyHit>(top, finder, packets[p], active[p], false, none);
     }
   }
 };

@@ -21,9 +21,6 @@ enum class Grouping {
   kSingle,      ///< rays one by one: for any
 };
 
-/// Fewer rays of like direction than these are faster each by itself (README.md).
-inline constexpr uint32_t kLeastRun = 16;
-
 /// How the next leaf is found; the first three differ in the trees' layout alone (LayOutTreelets).
 enum class Algorithm { kRestart, kBacktrack, kTreelets, kPushDown, kRopes };
 
@@ -36,8 +33,8 @@ enum class Algorithm { kRestart, kBacktrack, kTreelets, kPushDown, kRopes };
 /// voxels); resuming by t is ours.
 using TraceFunction = void (*)(const TopTree& top, const VoxelFinder& finder, RayPacket* packets,
                                const uint64_t* active, uint32_t count);
-/// The same for the rays alone that share the signs and the largest axis of their directions with enough
-/// others of their packet; those are taken out of `active`.
+/// The same for the rays alone that share the signs and the largest axis of their directions, and the way,
+/// with enough others of their packet; those are taken out of `active`.
 using CoherentTraceFunction = void (*)(const TopTree& top, const VoxelFinder& finder, RayPacket* packets,
                                        uint64_t* active, uint32_t count);
 using CountedTraceFunction = void (*)(const TopTree& top, const VoxelFinder& finder, RayPacket* packets,

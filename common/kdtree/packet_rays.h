@@ -10,6 +10,11 @@
 
 namespace quarry {
 
+/// Fewer rays of like direction than these are faster each by itself (README.md), and so are rays of which
+/// fewer than these come to a leaf together, by the mean of a few leaves.
+inline constexpr uint32_t kLeastRun = 16;
+inline constexpr uint32_t kLeastVisitors = 4;
+
 /// The rays of a packet in groups of lanes.
 template <class L>
 struct PacketRays {
@@ -20,9 +25,18 @@ struct PacketRays {
   typename L::Float t_end[kGroups];  ///< end of the ray: of the scene, t_max, or the nearest hit
   typename L::Mask alive[kGroups];   ///< still under way
   typename L::Int chain[kGroups], waits_for[kGroups];
-  uint32_t far_side[3];    ///< by axis: 1 where directions are positive, the side that is far
-  uint32_t axes[3];        ///< in the order of the rays' frames
-  float shared_origin[3];  ///< with kSharedOrigin
+  uint32_t visits, visitors;  ///< to leaves so far; how many rays
+  uint32_t least_visitors;    ///< fewer a visit, and the rays part
+  uint64_t apart;             ///< those that have, and are yet under way
+  uint32_t far_side[3];       ///< by axis: 1 where directions are positive, the side that is far
+  uint32_t axes[3];           ///< in the order of the rays' frames
+  float shared_origin[3];     ///< with kSharedOrigin
+
+  /// Whether the rays have so little in common that each is faster by itself.
+  QUARRY_HOST_DEVICE bool parted() const {
+    return visits >= kLeastVisits && visitors < least_visitors * visits;
+  }
+  static constexpr uint32_t kLeastVisits = 8;
 };
 
 template <class L>

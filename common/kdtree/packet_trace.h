@@ -186,6 +186,11 @@ QUARRY_HOST_DEVICE inline void TraceRun(const TopTree& top, const Finder& finder
       statistics.Voxel(CountAll<L>(inside));
       if (const auto* geometry = finder.Find(voxel)) {
         way.Trace(*geometry, voxel, p, inside, p.t, t_exit, statistics);
+        if (p.parted()) {
+          p.apart |= JoinBits<L>(p.alive);
+          for (uint32_t g = 0; g < kGroups; ++g) p.alive[g] = active[g] = L::NoLanes();
+          return;
+        }
         for (uint32_t g = 0; g < kGroups; ++g) active[g] = L::And(active[g], p.alive[g]);
         continue;
       }
@@ -205,14 +210,18 @@ QUARRY_HOST_DEVICE inline void TraceRun(const TopTree& top, const Finder& finder
 }
 
 /// Traces the rays of `rays` that `active` names (bit i: ray i), in runs that have the signs and the largest
-/// axis of their directions in common. Leaves runs of fewer than `least_run` rays alone, and returns those.
-/// See TraceFunction for what comes back for the others.
+/// axis of their directions in common. Unless `all` are wanted, leaves alone runs of fewer than kLeastRun
+/// rays, and rays of runs that come to leaves by fewer than kLeastVisitors; returns those rays, which have
+/// yet to be traced. See TraceFunction for what comes back for the others.
 template <template <class, bool, bool> class Way, class L, bool kAnyHit, class Finder, class Statistics>
 QUARRY_HOST_DEVICE inline uint64_t TracePacket(const TopTree& top, const Finder& finder, RayPacket& rays,
-                                               uint64_t active, uint32_t least_run, Statistics& statistics) {
+                                               uint64_t active, bool all, Statistics& statistics) {
   using Mask = typename L::Mask;
   constexpr uint32_t kGroups = PacketRays<L>::kGroups;
+  const uint32_t least_run = all ? 1 : kLeastRun;
   PacketRays<L> p;
+  p.least_visitors = all ? 0 : kLeastVisitors;
+  p.apart = 0;
   Mask alive[kGroups], backward[3][kGroups], z_is_x[kGroups], z_is_y[kGroups], elsewhere[kGroups];
   const float lower[3] = {top.lower.x, top.lower.y, top.lower.z};
   const float upper[3] = {top.upper.x, top.upper.y, top.upper.z};
@@ -260,6 +269,7 @@ QUARRY_HOST_DEVICE inline uint64_t TracePacket(const TopTree& top, const Finder&
     for (uint32_t a = 0; a < 3; ++a) p.axes[a] = (largest + 1 + a) % 3;
     for (uint32_t g = 0; g < kGroups; ++g)
       p.alive[g] = L::FromBits(static_cast<uint32_t>(run >> (g * L::kLanes)) & L::kAllLanes);
+    p.visits = p.visitors = 0;
     statistics.Ray(static_cast<uint32_t>(std::popcount(run)));
     if (shared_origin)
       TraceRun<Way<L, kAnyHit, true>, L, true>(top, finder, p, statistics);
@@ -274,7 +284,7 @@ QUARRY_HOST_DEVICE inline uint64_t TracePacket(const TopTree& top, const Finder&
     L::StoreInt(p.chain[g], rays.chain + at);
     L::StoreInt(L::SelectInt(mine, p.waits_for[g], L::LoadInt(rays.waits_for + at)), rays.waits_for + at);
   }
-  return alone;
+  return alone | p.apart;
 }
 
 }  // namespace quarry

@@ -113,6 +113,9 @@ class WideWay {
       }
       if (L::None(any)) continue;
       statistics.Leaf(1);
+      ++p.visits;
+      p.visitors += CountAll<L>(active);
+      if (p.parted()) return;
       if (TestTriangles<L, kAnyHit, kSharedOrigin>(voxel, voxel_id, child, child + count, p, active,
                                                    rays.t_end, rays.alive, statistics))
         rays.FindLast();

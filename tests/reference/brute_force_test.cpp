@@ -2,6 +2,7 @@
 // test, to the last bit, through many tiny voxels, with every voxel absent at first.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <bit>
 #include <utility>
 
@@ -81,6 +82,24 @@ Ray MakeRay(const LoadedScene& scene, std::mt19937& random) {
   return ray;
 }
 
+/// As renders trace: each ray by the kernel that suits it.
+void ClosestByRule(const TopTree& top, const VoxelFinder& finder, RayPacket* packets, const uint64_t* active,
+                   uint32_t count) {
+  TraceRays(top, finder, packets, active, count, false);
+}
+void AnyByRule(const TopTree& top, const VoxelFinder& finder, RayPacket* packets, const uint64_t* active,
+               uint32_t count) {
+  TraceRays(top, finder, packets, active, count, true);
+}
+
+/// By the signs of the direction and its largest axis: rays of one class go as a packet.
+uint32_t ClassOf(const Ray& ray) {
+  uint32_t key = 0;
+  for (int a = 0; a < 3; ++a) key = 2 * key + (ray.direction[a] < 0 ? 1 : 0);
+  const glm::vec3 d = glm::abs(ray.direction);
+  return 3 * key + (d.x > d.y && d.x > d.z ? 0 : d.y > d.z ? 1 : 2);
+}
+
 /// Every kernel and layout, all voxels there and each absent at first, closest hit and any hit.
 void CompareAll(const LoadedScene& scene, uint32_t rays, const std::string& name) {
   std::mt19937 random(12345);
@@ -88,8 +107,13 @@ void CompareAll(const LoadedScene& scene, uint32_t rays, const std::string& name
   std::vector<RayPacket> closest(count), any(count);
   std::vector<Hit> expected;
   uint64_t hits = 0;
-  for (size_t i = 0; i < count * RayPacket::kRays; ++i) {
-    const Ray ray = MakeRay(scene, random);
+  std::vector<Ray> all;
+  for (size_t i = 0; i < count * RayPacket::kRays; ++i) all.push_back(MakeRay(scene, random));
+  // Half of them in packets of like direction.
+  std::stable_sort(all.begin() + static_cast<std::ptrdiff_t>(all.size() / 2), all.end(),
+                   [](const Ray& a, const Ray& b) { return ClassOf(a) < ClassOf(b); });
+  for (size_t i = 0; i < all.size(); ++i) {
+    const Ray ray = all[i];
     expected.push_back(BruteForce(scene, ray));
     Ray shadow = ray;
     shadow.t_max =
@@ -115,6 +139,21 @@ void CompareAll(const LoadedScene& scene, uint32_t rays, const std::string& name
   };
   // Suspended rays come again a dozen times each: a sixteenth of them.
   const auto part = static_cast<std::ptrdiff_t>((count + 15) / 16);
+  {
+    std::vector<RayPacket> found = closest, occluded = any;
+    TraceAll(scene.resident().view(Algorithm::kTreelets), ClosestByRule, found);
+    TraceAll(scene.resident().view(Algorithm::kTreelets), AnyByRule, occluded);
+    compare(found, occluded, "the rule");
+    found.assign(closest.end() - part, closest.end());
+    occluded.assign(any.end() - part, any.end());
+    const TraceFunction by_rule[2][2] = {{ClosestByRule, ClosestByRule}, {AnyByRule, AnyByRule}};
+    refused += TraceSuspending(scene.resident().view(Algorithm::kTreelets), by_rule[0], found) +
+               TraceSuspending(scene.resident().view(Algorithm::kTreelets), by_rule[1], occluded);
+    // `compare` begins with the first ray.
+    std::rotate(expected.begin(), expected.end() - part * RayPacket::kRays, expected.end());
+    compare(found, occluded, "the rule, suspending");
+    std::rotate(expected.begin(), expected.begin() + part * RayPacket::kRays, expected.end());
+  }
   std::vector<TraceFunction> all_closest, all_any;
   for (const Kernel& kernel : Kernels()) {
     const SceneView& view = scene.resident().view(kernel.algorithm);
