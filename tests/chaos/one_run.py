@@ -21,6 +21,7 @@ UNDISTURBED_S = 120  # for the undisturbed one itself
 MARK = "QUARRY_CHAOS_RUN"
 OUTPUT_DISK, SPOOL_DISK = "1M", "1M"
 LEAST_FROM_PEERS = 20000  # bytes: that workers ask each other at all
+FRAMES_BEFORE_JOIN = 3  # of the undisturbed walk's last worker
 LINK_RATE = 300000  # bytes a second: slow enough that a walk takes some seconds, most of them on the way
 
 
@@ -39,8 +40,7 @@ class Run:
         self.workers = [f"worker-{i + 1}" for i in range(r.randint(2, 3))]
         self.servers = [f"server-{i + 1}" for i in range(r.randint(1, 2))]
         self.master_serves = r.random() < 0.3
-        # Tiles given at random make workers ask each other for what the other one has; the undisturbed run must show that they do.
-        self.schedule = r.choice(("footprint", "random")) if seed else "random"
+        self.schedule = r.choice(("footprint", "random"))  # tiles given at random make workers lack what others have
         links = ["to-client", *("to-" + name for name in self.workers + self.servers), *("peers-to-" + name for name in self.workers)]
         self.faults = faults.draw(r, self.workers, self.servers, links, able)
         kinds = {fault.kind for fault in self.faults}
@@ -80,9 +80,9 @@ class Run:
                                       self._environment(), restart)
         await self.programs[name].start()
 
-    async def _link(self, name, port, target_port, host=None, comes_from=None):
+    async def _link(self, name, port, target_port, host=None, comes_from=None, rate=LINK_RATE):
         host = host or self.host
-        link = self.links[name] = Link(name, (host, port), (self.host, target_port), self.random, LINK_RATE, comes_from)
+        link = self.links[name] = Link(name, (host, port), (self.host, target_port), self.random, rate, comes_from)
         await link.open()
         return f"{host}:{port}"
 
@@ -102,15 +102,26 @@ class Run:
         await self._program("master", "quarry-master", self.stage.store, "--listen", f"{self.host}:9000", "--spool", self.folder / "spool",
                             "--schedule", self.schedule, *(part for source in sources for part in ("--source", source)))
         await self._listens(9000)
-        for i, name in enumerate(self.workers):
-            # The master takes the worker to be where its connection comes from, and tells the others so: there the link to it listens.
-            address = await self._link("to-" + name, 9201 + i, 9000, comes_from=self.outside)
-            await self._link("peers-to-" + name, 9401 + i, 9401 + i, host=self.outside)
-            await self._program(name, "quarry-worker", "--master", address, "--name", name, "--threads", 1, "--cache", CACHE, "--peers",
-                                f"{self.host}:{9401 + i}")
+        for name in self.workers if self.seed else self.workers[:-1]:
+            await self._start_worker(name)
         address = await self._link("to-client", 9100, 9000)
         await self._program("client", "quarry", "render", self.stage.store, *self.stage.render_options(self.mode), "-o",
                             self.folder / "out/f.png", "--master", address, restart=False)
+
+    async def _start_worker(self, name):
+        i = self.workers.index(name)
+        # The master takes the worker to be where its connection comes from, and tells the others so: there the link to it listens.
+        address = await self._link("to-" + name, 9201 + i, 9000, comes_from=self.outside)
+        await self._link("peers-to-" + name, 9401 + i, 9401 + i, host=self.outside, rate=LINK_RATE if self.seed else None)
+        await self._program(name, "quarry-worker", "--master", address, "--name", name, "--threads", 1, "--cache", CACHE, "--peers",
+                            f"{self.host}:{9401 + i}")
+
+    async def _join_late(self):
+        """The undisturbed walk's last worker: it lacks what the others have, and the way to them is faster than to the voxel servers,
+        so that it must ask them."""
+        while len(list((self.folder / "out").iterdir())) < FRAMES_BEFORE_JOIN:
+            await asyncio.sleep(0.02)
+        await self._start_worker(self.workers[-1])
 
     # --- the walk
 
@@ -134,7 +145,7 @@ class Run:
         hurting = None
         try:
             await self._start_cluster()
-            hurting = asyncio.create_task(self._hurt())
+            hurting = asyncio.create_task(self._hurt() if self.seed else self._join_late())
             try:
                 status = await asyncio.wait_for(self.programs["client"].process.wait(), self.limit_s)
                 if status:
