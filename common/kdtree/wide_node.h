@@ -14,6 +14,8 @@ struct alignas(16) WideNode {
   /// The children's lower x, one after the other, lower y, z, upper x, y, z; infinite, and empty, where there
   /// is no child.
   float bounds[6 * kChildren] = {};
+  /// Where in `bounds` the lower or upper bounds across an axis begin.
+  static constexpr uint32_t Face(uint32_t axis, bool upper) { return (upper ? axis + 3 : axis) * kChildren; }
   uint32_t child[kChildren] = {};  ///< the node; of a leaf: the first reference, or voxel
   uint16_t count[kChildren] = {};  ///< of a leaf's references, or voxels; kInner: not a leaf
   uint32_t parent = 0;             ///< node * 8 + this one's place among its children

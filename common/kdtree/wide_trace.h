@@ -2,11 +2,11 @@
 
 #include <cstdint>
 #include <initializer_list>
-#include <limits>
 
 #include "common/kdtree/kernel_parts.h"
 #include "common/kdtree/ray_source.h"
 #include "common/kdtree/wide_node.h"
+#include "common/kdtree/wide_trail.h"
 
 // One ray against vectors of boxes and of triangles: no lane waits for another ray, and nothing is gathered
 // node by node. Stackless: a ray that has done with a node climbs to its parent, and goes on there beyond the
@@ -32,8 +32,7 @@ struct alignas(64) WideSlot {
   float reciprocal[3], shift[3];        ///< it meets a plane p at p * reciprocal + shift
   uint32_t near_face[3], far_face[3];   ///< where in a wide node's bounds
   float t, t_end;                       ///< reached so far; where the present tree ends for it
-  int64_t
-      trail;  ///< bit i: the node i + 1 levels up has cells ahead; the sign stands for all above the others
+  WideTrail trail;
   uint32_t ahead, nearest;  ///< its node's cells that it has yet to pass, as bits; the first of them
   uint32_t voxel_id;
   // The leaf whose triangles are to be tested.
@@ -47,7 +46,7 @@ struct alignas(64) WideSlot {
   float top_t, top_exit, scene_end;
   uint32_t chain;
   const WideNode* top_node;
-  int64_t top_trail;
+  WideTrail top_trail;
   // Where it came from.
   RayPacket* packet;
   uint32_t index;
@@ -103,7 +102,6 @@ class WideTracer {
   using Index = typename Finder::Index;
   using Slot = WideSlot<L, Index>;
   static constexpr uint32_t kSlots = 16;
-  static constexpr int64_t kManyLevels = std::numeric_limits<int64_t>::min();
   static constexpr uint32_t kVectors = WideNode::kChildren / L::kLanes;
 
   QUARRY_HOST_DEVICE WideTracer(const TopTree& top, const Finder& finder, RaySource source,
@@ -141,8 +139,8 @@ class WideTracer {
         s.reciprocal[a] = frame.reciprocal[a];
         s.shift[a] = -(frame.origin[a] * frame.reciprocal[a]);
         const bool forward = frame.reciprocal[a] > 0;
-        s.near_face[a] = (forward ? a : a + 3) * WideNode::kChildren;
-        s.far_face[a] = (forward ? a + 3 : a) * WideNode::kChildren;
+        s.near_face[a] = WideNode::Face(a, !forward);
+        s.far_face[a] = WideNode::Face(a, forward);
       }
       s.shear_x = frame.shear_x;
       s.shear_y = frame.shear_y;
@@ -160,7 +158,7 @@ class WideTracer {
       s.t_end = s.scene_end;
       s.nodes = s.node = top_.wide;
       s.cells = &s.top_cells;
-      s.trail = 0;
+      s.trail = {};
       s.voxel = nullptr;
       if (s.t < s.t_end) return true;
       Finish(s);
@@ -247,8 +245,7 @@ class WideTracer {
     const bool more = (s.ahead & (s.ahead - 1)) != 0;
     const uint32_t child = s.node->child[i], count = s.node->count[i];
     if (count == WideNode::kInner) {
-      s.trail = static_cast<int64_t>(static_cast<uint64_t>(s.trail) << 1) | (s.trail & kManyLevels) |
-                (more ? 1 : 0);
+      s.trail.Down(more);
       s.node = s.nodes + child;
       L::Prefetch(s.node, sizeof(WideNode));
       return Next::kNode;
@@ -296,13 +293,11 @@ class WideTracer {
 
   /// To the lowest node that has cells ahead, past the one that the ray was in.
   QUARRY_HOST_DEVICE Next Up(Slot& s) {
-    while (s.trail != 0 && s.node != s.nodes) {
+    while (!s.trail.empty() && s.node != s.nodes) {
       statistics_.Climb();
       const uint32_t parent = s.node->parent, place = parent % WideNode::kChildren;
-      const bool ahead = (s.trail & 1) != 0;
       s.node = s.nodes + parent / WideNode::kChildren;
-      s.trail >>= 1;
-      if (!ahead) continue;
+      if (!s.trail.Up()) continue;
       float exit = s.t_end;
       for (uint32_t a = 0; a < 3; ++a)
         exit = ScalarLane::Min(
@@ -331,7 +326,7 @@ class WideTracer {
       s.voxel_id = voxel;
       s.nodes = s.node = geometry->wide;
       s.cells = &s.voxel_cells;
-      s.trail = 0;
+      s.trail = {};
       L::Prefetch(s.nodes, sizeof(WideNode));
       return Next::kNode;
     }
