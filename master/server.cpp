@@ -25,6 +25,7 @@
 #include "master/foresight.h"
 #include "master/jobs.h"
 #include "master/patience.h"
+#include "master/pulses.h"
 #include "master/roster.h"
 #include "master/statistics.h"
 #include "master/tile_log.h"
@@ -48,12 +49,6 @@ struct Rendering {
   std::unique_ptr<ActiveFrame> frame;
   double start_s = 0;
   uint64_t bytes_served_before = 0;
-};
-
-/// When a connection was last heard of.
-struct Pulse {
-  double heard_s = 0;
-  uint64_t received = 0;
 };
 
 class Server {
@@ -141,7 +136,7 @@ class Server {
       return Fail("this server only serves voxels (--serve-only)");
     newcomers_.erase(c);
     roles_[c.get()] = hello.role;
-    if (hello.role != Role::kVoxels) pulses_[c] = {Now(), 0};
+    if (hello.role != Role::kVoxels) pulses_.Add(c, Now());
     Welcome welcome{catalog().id, 0, options_.sources};
     if (hello.role == Role::kWorker) welcome.worker = AddWorker(c, hello);
     c->Send(MakeMessage(MessageType::kWelcome, welcome));
@@ -182,7 +177,7 @@ class Server {
 
   void OnGone(const ConnectionPtr& c, const Error& error) {
     roles_.erase(c.get());
-    pulses_.erase(c);
+    pulses_.Forget(c);
     if (const WorkerRecord* worker = roster_.Find(c.get())) {
       const uint32_t id = worker->id;
       Log(fmt::format("worker {} is gone: {}", worker->name, error.message));
@@ -408,15 +403,13 @@ class Server {
   // --- time
 
   void Tick() {
-    DropSilent();
+    for (const ConnectionPtr& c : pulses_.Silent(Now()))
+      Lose(c, fmt::format("silent for {:.0f} seconds", kSilenceS));
     jobs_.DropAbandoned(Now());
     HandOut();
     jobs_.Deliver();
     SendProgress();
-    if (Now() - pinged_s_ >= kHeartbeatS) {
-      pinged_s_ = Now();
-      for (const auto& [c, pulse] : pulses_) c->Send({MessageType::kPing, 0, {}, {}});
-    }
+    pulses_.Beat(Now());
     if (Now() - logged_s_ >= kLogEveryS) {
       logged_s_ = Now();
       if (!renderings_.empty()) Log(ProgressLine(*renderings_.front().frame, roster_));
@@ -425,19 +418,6 @@ class Server {
     timer_.async_wait([this](const boost::system::error_code& e) {
       if (!e) Tick();
     });
-  }
-
-  void DropSilent() {
-    // A master that was itself stopped has not listened meanwhile.
-    const double now_s = Now();
-    const bool slept = now_s - ticked_s_ > kSilenceS / 2;
-    ticked_s_ = now_s;
-    std::vector<ConnectionPtr> dead;
-    for (auto& [c, pulse] : pulses_) {
-      if (slept || c->received_bytes() != pulse.received) pulse = {now_s, c->received_bytes()};
-      if (now_s - pulse.heard_s > kSilenceS) dead.push_back(c);
-    }
-    for (const ConnectionPtr& c : dead) Lose(c, fmt::format("silent for {:.0f} seconds", kSilenceS));
   }
 
   void SendProgress() {
@@ -471,7 +451,7 @@ class Server {
   std::unique_ptr<Listener> listener_;
   std::set<ConnectionPtr> newcomers_;
   std::map<const Connection*, Role> roles_;
-  std::map<ConnectionPtr, Pulse> pulses_;  ///< of workers and clients
+  Pulses pulses_;  ///< of workers and clients
   Roster roster_;
   TileOverhead overhead_;
   std::deque<Rendering> renderings_;
@@ -480,7 +460,7 @@ class Server {
   bool workers_changed_ = false;           ///< and neither plans nor workers know
   uint32_t failures_ = 0;                  ///< workers that could not go on with the frames at hand
   uint64_t next_setup_;  ///< from a random start: results for another master's frames are known by it
-  double ticked_s_ = 0, pinged_s_ = 0, logged_s_ = 0;
+  double logged_s_ = 0;
   Patience patience_;
   Jobs jobs_;                             ///< it tells of all of the above
   std::unique_ptr<Foresight> foresight_;  ///< last: its thread tells too; null: there is none
