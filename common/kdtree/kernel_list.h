@@ -4,6 +4,7 @@
 
 #include "common/kdtree/kernels.h"
 #include "common/kdtree/packet_trace.h"
+#include "common/kdtree/packet_treelet_trace.h"
 #include "common/kdtree/packet_wide_trace.h"
 #include "common/kdtree/simt_trace.h"
 #include "common/kdtree/single_trace.h"
@@ -13,14 +14,16 @@
 
 namespace quarry {
 
-/// `Way`: through a voxel, TreeletWay or a WideWay.
-template <class L, template <class, bool, bool> class Way>
+/// `PacketWay`: TreeletWay, or a WideWay.
+template <class L, template <class, bool> class PacketWay>
 struct PacketTrace {
   template <bool kAnyHit, class Finder, class Statistics>
   static void Run(const TopTree& top, const Finder& finder, RayPacket* packets, const uint64_t* active,
                   uint32_t count, Statistics& statistics) {
+    Occluder occluder;
     for (uint32_t p = 0; p < count; ++p)
-      if (active[p] != 0) TracePacket<Way, L, kAnyHit>(top, finder, packets[p], active[p], true, statistics);
+      if (active[p] != 0)
+        TracePacket<PacketWay, L, kAnyHit>(top, finder, packets[p], active[p], true, occluder, statistics);
   }
   /// Takes out of `active` the rays that it has traced: those that stay together. The next packet is asked
   /// for meanwhile: packets of more than a few tiles come from memory.
@@ -28,11 +31,13 @@ struct PacketTrace {
   static void RunCoherent(const TopTree& top, const Finder& finder, RayPacket* packets, uint64_t* active,
                           uint32_t count) {
     NoStatistics none;
+    Occluder occluder;
     for (uint32_t p = 0; p < count; ++p) {
       if (p + 1 < count && active[p + 1] != 0)
         L::Prefetch(&packets[p + 1], kAnyHit ? offsetof(RayPacket, b1) : sizeof(RayPacket));
       if (active[p] != 0)
-        active[p] = TracePacket<Way, L, kAnyHit>(top, finder, packets[p], active[p], false, none);
+        active[p] =
+            TracePacket<PacketWay, L, kAnyHit>(top, finder, packets[p], active[p], false, occluder, none);
     }
   }
 };
@@ -40,11 +45,11 @@ struct PacketTrace {
 /// WideWay as a way of packets of `L`.
 template <class Cells>
 struct WideWayOf {
-  template <class L, bool kAnyHit, bool kSharedOrigin>
-  using Way = WideWay<Cells, L, kAnyHit, kSharedOrigin>;
+  template <class L, bool kSharedOrigin>
+  using Type = WideWay<Cells, L, kSharedOrigin>;
 };
 template <class L, class Cells>
-using WidePacketTrace = PacketTrace<L, WideWayOf<Cells>::template Way>;
+using WidePacketTrace = PacketTrace<L, WideWayOf<Cells>::template Type>;
 
 template <class L, Way kWay>
 struct SimtTrace {

@@ -10,10 +10,19 @@
 
 namespace quarry {
 
-/// Fewer rays of like direction than these are faster each by itself (README.md), and so are rays of which
-/// fewer than these come to a leaf together, by the mean of a few leaves.
+/// Fewer rays of like direction than these are faster each by itself (README.md).
 inline constexpr uint32_t kLeastRun = 16;
+/// So are rays of which fewer than these come to a leaf together,
 inline constexpr uint32_t kLeastVisitors = 4;
+/// by the mean of at least so many leaves.
+inline constexpr uint32_t kLeastVisits = 8;
+
+/// A triangle that has ended rays which any hit ends: it is likely to end the next packet's too.
+/// Source: Haines & Greenberg 1986, "The Light Buffer: A Shadow-Testing Accelerator".
+struct Occluder {
+  uint32_t voxel = kNoVoxel;  ///< kNoVoxel: none is known
+  uint32_t reference = 0;     ///< of that voxel's, to the triangle
+};
 
 /// The rays of a packet in groups of lanes.
 template <class L>
@@ -21,9 +30,10 @@ struct PacketRays {
   static constexpr uint32_t kGroups = RayPacket::kRays / L::kLanes;
   RayFrame<L> frame[kGroups];
   RayBest<L> best[kGroups];
-  typename L::Float t[kGroups];      ///< reached so far, at the top level
-  typename L::Float t_end[kGroups];  ///< end of the ray: of the scene, t_max, or the nearest hit
-  typename L::Mask alive[kGroups];   ///< still under way
+  typename L::Float t[kGroups];       ///< reached so far, at the top level
+  typename L::Float t_end[kGroups];   ///< end of the ray: of the scene, t_max, the nearest hit, or t_wait
+  typename L::Float t_wait[kGroups];  ///< where it comes to the voxel that it waits for; infinite
+  typename L::Mask alive[kGroups];    ///< still under way
   typename L::Int chain[kGroups], waits_for[kGroups];
   uint32_t visits, visitors;  ///< to leaves so far; how many rays
   uint32_t least_visitors;    ///< fewer a visit, and the rays part
@@ -31,12 +41,12 @@ struct PacketRays {
   uint32_t far_side[3];       ///< by axis: 1 where directions are positive, the side that is far
   uint32_t axes[3];           ///< in the order of the rays' frames
   float shared_origin[3];     ///< with kSharedOrigin
+  Occluder occluder;          ///< the last
 
   /// Whether the rays have so little in common that each is faster by itself.
   QUARRY_HOST_DEVICE bool parted() const {
     return visits >= kLeastVisits && visitors < least_visitors * visits;
   }
-  static constexpr uint32_t kLeastVisits = 8;
 };
 
 template <class L>
@@ -119,6 +129,7 @@ QUARRY_HOST_DEVICE inline bool TestTriangles(const VoxelGeometryOf<Index>& voxel
         t_end[g] = L::Min(t_end[g], p.best[g].t);
         kept_any = true;
         if (kAnyHit) {
+          if (!L::None(kept)) p.occluder = {voxel_id, r};
           active[g] = L::AndNot(kept, active[g]);
           alive[g] = L::AndNot(kept, alive[g]);
           p.alive[g] = L::AndNot(kept, p.alive[g]);

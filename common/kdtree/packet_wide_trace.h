@@ -2,13 +2,14 @@
 
 #include <bit>
 #include <cstdint>
-#include <limits>
 
 #include "common/kdtree/packet_rays.h"
 #include "common/kdtree/wide_node.h"
+#include "common/kdtree/wide_trail.h"
 
-// Coherent packets through wide nodes: eight cells at once against the beam of all rays, and only those that
-// it meets, one after the other, against the rays themselves.
+// Coherent packets through wide nodes: eight cells at once against the beam of all rays (by interval
+// arithmetic, as Wald, Boulos & Shirley 2007 cull boxes, "Ray Tracing Deformable Scenes using Dynamic
+// Bounding Volume Hierarchies"), and only those that it meets, one after the other, against the rays.
 
 namespace quarry {
 
@@ -43,37 +44,35 @@ QUARRY_HOST_DEVICE inline PacketBeam MakeBeam(const PacketRays<L>& p) {
     beam.origin_far[a] = forward ? lowest : highest;
     beam.least[a] = L::Least(least);
     beam.most[a] = -L::Least(most);
-    beam.near_face[a] = (forward ? a : a + 3) * WideNode::kChildren;
-    beam.far_face[a] = (forward ? a + 3 : a) * WideNode::kChildren;
+    beam.near_face[a] = WideNode::Face(a, !forward);
+    beam.far_face[a] = WideNode::Face(a, forward);
   }
   return beam;
 }
 
-/// The way through a voxel by wide nodes. `Cells`: lanes that are a node's children. Children are visited in
-/// the order of (where the beam enters, place), which never changes: that is how a packet that has climbed to
-/// a node knows which of them come next.
-template <class Cells, class L, bool kAnyHit, bool kSharedOrigin>
+/// As a way of TracePacket. `Cells`: lanes that are a node's children. Children are visited in the order of
+/// (where the beam enters, place), which never changes: that is how a packet that has climbed to a node knows
+/// which of them come next. It need not be a ray's own order.
+template <class Cells, class L, bool kSharedOrigin>
 class WideWay {
  public:
   QUARRY_HOST_DEVICE explicit WideWay(const PacketRays<L>& p) : beam_(MakeBeam(p)) {}
 
-  /// As TreeletWay::Trace.
-  template <class Index, class Statistics>
-  QUARRY_HOST_DEVICE void Trace(const VoxelGeometryOf<Index>& voxel, uint32_t voxel_id, PacketRays<L>& p,
-                                const typename L::Mask* inside, const typename L::Float* t_enter,
-                                const typename L::Float* t_exit, Statistics& statistics) const {
-    Rays rays{p, t_enter, {}, {}, 0, 0, 0};
-    auto begin = L::Set(kInfinity);
-    for (uint32_t g = 0; g < kGroups; ++g) {
-      rays.t_end[g] = L::Min(t_exit[g], p.best[g].t);
-      rays.alive[g] = inside[g];
-      begin = L::Min(begin, L::Select(inside[g], t_enter[g], begin));
-    }
-    rays.first = L::Least(begin);
+  QUARRY_HOST_DEVICE static const WideNode* NodesOf(const TopTree& top) { return top.wide; }
+  template <class Index>
+  QUARRY_HOST_DEVICE static const WideNode* NodesOf(const VoxelGeometryOf<Index>& voxel) {
+    return voxel.wide;
+  }
+
+  template <class Statistics, class Visit>
+  QUARRY_HOST_DEVICE void Traverse(const WideNode* nodes, const PacketRays<L>& p, const typename L::Float* t,
+                                   typename L::Float* t_end, typename L::Mask* alive, Statistics& statistics,
+                                   const Visit& visit) const {
+    Rays rays{p, t, t_end, alive, 0, 0, 0};
+    rays.FindFirst();
     rays.FindLast();
-    const WideNode* node = voxel.wide;
-    // Bit i: the node i + 1 levels up has cells ahead; the sign stands for all above the others.
-    int64_t trail = 0;
+    const WideNode* node = nodes;
+    WideTrail trail;
     alignas(64) float enters[WideNode::kChildren];
     statistics.Node(1, 1);
     uint32_t ahead = Look(*node, rays, enters);
@@ -81,14 +80,14 @@ class WideWay {
       const uint32_t i = Nearest(ahead, enters);
       if (ahead == 0 || !(enters[i] < rays.last)) {
         // Up, to the lowest node that has cells ahead.
-        for (bool more = false; !more; trail >>= 1) {
-          if (trail == 0 || node == voxel.wide) return;
+        for (bool more = false; !more;) {
+          if (trail.empty() || node == nodes) return;
           statistics.Climb();
-          more = (trail & 1) != 0;
-          if (!more) node = voxel.wide + node->parent / WideNode::kChildren;
+          more = trail.Up();
+          if (!more) node = nodes + node->parent / WideNode::kChildren;
         }
         const uint32_t place = node->parent % WideNode::kChildren;
-        node = voxel.wide + node->parent / WideNode::kChildren;
+        node = nodes + node->parent / WideNode::kChildren;
         statistics.Node(1, 1);
         ahead = Look(*node, rays, enters);
         ahead &= Behind(enters, place);
@@ -99,42 +98,44 @@ class WideWay {
       const Box box = BoxOf(*node, i, p);
       if (count == WideNode::kInner) {
         if (!AnyMeets(rays, box)) continue;
-        trail = static_cast<int64_t>(static_cast<uint64_t>(trail) << 1) | (trail & kManyLevels) |
-                (ahead != 0 ? 1 : 0);
-        node = voxel.wide + child;
+        trail.Down(ahead != 0);
+        node = nodes + child;
         statistics.Node(1, 1);
         ahead = Look(*node, rays, enters);
         continue;
       }
       typename L::Mask active[kGroups], any = L::NoLanes();
+      typename L::Float t_enter[kGroups], t_exit[kGroups];
       for (uint32_t g = 0; g < kGroups; ++g) {
-        active[g] = Meets(rays, box, g);
+        active[g] = Clip(rays, box, g, t_enter[g], t_exit[g]);
         any = L::Or(any, active[g]);
       }
       if (L::None(any)) continue;
       statistics.Leaf(1);
-      ++p.visits;
-      p.visitors += CountAll<L>(active);
-      if (p.parted()) return;
-      if (TestTriangles<L, kAnyHit, kSharedOrigin>(voxel, voxel_id, child, child + count, p, active,
-                                                   rays.t_end, rays.alive, statistics))
-        rays.FindLast();
+      if (!visit(child, count, active, t_enter, t_exit)) continue;
+      rays.FindLast();
+      if (rays.last == -kInfinity) return;
     }
   }
 
  private:
   static constexpr uint32_t kGroups = PacketRays<L>::kGroups;
-  static constexpr int64_t kManyLevels = std::numeric_limits<int64_t>::min();
 
-  /// The rays on their way through a voxel.
+  /// The rays on their way through a tree.
   struct Rays {
-    PacketRays<L>& p;
-    const typename L::Float* t_enter;
-    typename L::Float t_end[kGroups];
-    typename L::Mask alive[kGroups];
-    float first, last;  ///< t_enter and t_end of those that begin and end first and last
+    const PacketRays<L>& p;
+    const typename L::Float* t;
+    const typename L::Float* t_end;
+    const typename L::Mask* alive;
+    float first, last;  ///< t and t_end of those that begin and end first and last
     uint32_t coherent;  ///< a group that has met the last cell
 
+    QUARRY_HOST_DEVICE void FindFirst() {
+      auto least = L::Set(kInfinity);
+      for (uint32_t g = 0; g < kGroups; ++g) least = L::Min(least, L::Select(alive[g], t[g], least));
+      first = L::Least(least);
+    }
+    /// `last` is -infinity when there is none.
     QUARRY_HOST_DEVICE void FindLast() {
       auto least = L::Set(kInfinity);
       for (uint32_t g = 0; g < kGroups; ++g)
@@ -201,10 +202,14 @@ class WideWay {
     return nearest;
   }
 
-  /// Which rays of group g come to the box.
-  QUARRY_HOST_DEVICE static typename L::Mask Meets(const Rays& rays, const Box& box, uint32_t g) {
+  /// Which rays of group g come to the box, and where. A ray that only touches a cell has nothing in it:
+  /// cells tile space, and each t of a ray belongs to one, so that a ray which goes on comes to no leaf
+  /// before.
+  QUARRY_HOST_DEVICE static typename L::Mask Clip(const Rays& rays, const Box& box, uint32_t g,
+                                                  typename L::Float& enter, typename L::Float& exit) {
     const RayFrame<L>& frame = rays.p.frame[g];
-    auto enter = rays.t_enter[g], exit = rays.t_end[g];
+    enter = rays.t[g];
+    exit = rays.t_end[g];
 #pragma GCC unroll 3
     for (int a = 0; a < 3; ++a) {
       auto to_near = L::Set(box.near_plane[a]), to_far = L::Set(box.far_plane[a]);
@@ -215,14 +220,15 @@ class WideWay {
       enter = L::Max(enter, to_near * frame.reciprocal[a]);
       exit = L::Min(exit, to_far * frame.reciprocal[a]);
     }
-    return L::And(rays.alive[g], L::LessEqual(enter, exit));
+    return L::And(rays.alive[g], L::Less(enter, exit));
   }
 
   /// Whether any ray comes to the box. In a coherent packet the group that met the last one does.
   QUARRY_HOST_DEVICE static bool AnyMeets(Rays& rays, const Box& box) {
     for (uint32_t k = 0; k < kGroups; ++k) {
       const uint32_t g = (rays.coherent + k) % kGroups;
-      if (L::None(Meets(rays, box, g))) continue;
+      typename L::Float enter, exit;
+      if (L::None(Clip(rays, box, g, enter, exit))) continue;
       rays.coherent = g;
       return true;
     }
