@@ -101,7 +101,7 @@ class WideTracer {
   using Float = typename L::Float;
   using Index = typename Finder::Index;
   using Slot = WideSlot<L, Index>;
-  static constexpr uint32_t kSlots = 16;
+  static constexpr uint32_t kSlots = 32;
   static constexpr uint32_t kVectors = WideNode::kChildren / L::kLanes;
 
   QUARRY_HOST_DEVICE WideTracer(const TopTree& top, const Finder& finder, RaySource source,
