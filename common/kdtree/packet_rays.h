@@ -12,8 +12,9 @@ namespace quarry {
 
 /// Fewer rays of like direction than these are faster each by itself (README.md).
 inline constexpr uint32_t kLeastRun = 16;
-/// So are rays of which fewer than these come to a leaf together,
-inline constexpr uint32_t kLeastVisitors = 4;
+/// So are rays of which fewer than these come to a leaf together (sixteen lanes cost hardly more than eight),
+template <class L>
+inline constexpr uint32_t kLeastVisitors = L::kLanes > 8 ? 2 : 4;
 /// by the mean of at least so many leaves.
 inline constexpr uint32_t kLeastVisits = 8;
 

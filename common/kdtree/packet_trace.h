@@ -120,7 +120,7 @@ QUARRY_HOST_DEVICE inline uint64_t TracePacket(const TopTree& top, const Finder&
   constexpr uint32_t kGroups = PacketRays<L>::kGroups;
   const uint32_t least_run = all ? 1 : kLeastRun;
   PacketRays<L> p;
-  p.least_visitors = all ? 0 : kLeastVisitors;
+  p.least_visitors = all ? 0 : kLeastVisitors<L>;
   p.apart = 0;
   p.occluder = occluder;
   Mask alive[kGroups], backward[3][kGroups], z_is_x[kGroups], z_is_y[kGroups], elsewhere[kGroups];
