@@ -12,7 +12,7 @@ namespace quarry {
 
 /// Fewer rays of like direction than these are faster each by itself (README.md).
 inline constexpr uint32_t kLeastRun = 16;
-/// So are rays of which fewer than these come to a leaf together (sixteen lanes cost hardly more than eight),
+/// So are rays of which fewer than these come to a leaf together (README.md, by lanes),
 template <class L>
 inline constexpr uint32_t kLeastVisitors = L::kLanes > 8 ? 2 : 4;
 /// by the mean of at least so many leaves.
