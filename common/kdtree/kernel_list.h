@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 
 #include "common/kdtree/kernels.h"
@@ -8,7 +9,7 @@
 #include "common/kdtree/packet_wide_trace.h"
 #include "common/kdtree/simt_trace.h"
 #include "common/kdtree/single_trace.h"
-#include "common/kdtree/wide_trace.h"
+#include "common/kdtree/stream_trace.h"
 
 // The kernels of one instruction set; included by one source file for each.
 
@@ -73,12 +74,16 @@ struct SingleTrace {
   }
 };
 
-template <class L>
-struct WideTrace {
+template <class L, class W>
+struct StreamTrace {
   template <bool kAnyHit, class Finder, class Statistics>
   static void Run(const TopTree& top, const Finder& finder, RayPacket* packets, const uint64_t* active,
                   uint32_t count, Statistics& statistics) {
-    WideTracer<L, kAnyHit, Finder, Statistics>(top, finder, {packets, active, count}, statistics).Run();
+    static thread_local StreamMemory memory;
+    memory.Reserve(std::min(count, kStreamPackets) * RayPacket::kRays);
+    for (uint32_t first = 0; first < count; first += kStreamPackets)
+      StreamTracer<L, W, kAnyHit, Finder, Statistics>(top, finder, statistics, memory)
+          .Run(packets + first, active + first, std::min(count - first, kStreamPackets));
   }
 };
 
@@ -105,7 +110,7 @@ constexpr Kernel MakeKernel(std::string_view isa, Grouping grouping, Algorithm a
 
 inline constexpr int kKernelsPerIsa = 15;
 
-/// `L`: lanes that are rays; `Wide`: lanes that are a wide node's children.
+/// `L`: lanes that are rays; `Wide`: lanes that are a wide node's children, or a leaf's triangles.
 template <class L, class Wide>
 constexpr void FillKernels(std::string_view isa, Kernel (&list)[kKernelsPerIsa]) {
   Kernel* next = list;
@@ -117,7 +122,7 @@ constexpr void FillKernels(std::string_view isa, Kernel (&list)[kKernelsPerIsa])
   list->coherent_closest = WidePacketTrace<L, Wide>::template RunCoherent<false, VoxelFinder>;
   list->coherent_any = WidePacketTrace<L, Wide>::template RunCoherent<true, VoxelFinder>;
   add.template operator()<PacketTrace<L, TreeletWay>>(Grouping::kPacket, {kTreelets, kBacktrack, kRestart});
-  add.template operator()<WideTrace<Wide>>(Grouping::kWide, {kTreelets});
+  add.template operator()<StreamTrace<L, Wide>>(Grouping::kStream, {kTreelets});
   add.template operator()<SimtTrace<L, Way::kClimb>>(Grouping::kSimt, {kTreelets, kBacktrack, kRestart});
   add.template operator()<SimtTrace<L, Way::kPushDown>>(Grouping::kSimt, {kPushDown});
   add.template operator()<SimtTrace<L, Way::kRopes>>(Grouping::kSimt, {kRopes});

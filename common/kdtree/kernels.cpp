@@ -27,8 +27,6 @@ std::vector<Kernel> Supported() {
   return all;
 }
 
-constexpr uint32_t kBatch = 64;  // packets whose single rays go together
-
 }  // namespace
 
 std::span<const Kernel> Kernels() {
@@ -46,10 +44,10 @@ const Kernel& BestKernel(Grouping grouping) {
 void TraceRays(const TopTree& top, const VoxelFinder& finder, RayPacket* packets, const uint64_t* active,
                uint32_t count, bool any) {
   static const Kernel& together = BestKernel(Grouping::kWidePacket);
-  static const Kernel& apart = BestKernel(Grouping::kWide);
-  for (uint32_t first = 0; first < count; first += kBatch) {
-    uint64_t left[kBatch];
-    const uint32_t n = std::min(kBatch, count - first);
+  static const Kernel& apart = BestKernel(Grouping::kStream);
+  for (uint32_t first = 0; first < count; first += kStreamPackets) {
+    uint64_t left[kStreamPackets];
+    const uint32_t n = std::min(kStreamPackets, count - first);
     std::copy_n(active + first, n, left);
     (any ? together.coherent_any : together.coherent_closest)(top, finder, packets + first, left, n);
     (any ? apart.any : apart.closest)(top, finder, packets + first, left, n);

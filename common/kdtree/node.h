@@ -7,6 +7,10 @@
 
 namespace quarry {
 
+/// Nodes that are above one in a tree, at most; no tree that Quarry builds has as many. Checked where trees are
+/// read.
+inline constexpr uint32_t kMostLevels = 128;
+
 /// A node of either tree, 8 bytes. Inner: the split plane, and both children side by side (near or far, one
 /// step). Leaf: a range of references in a voxel's tree; a voxel (count 1) or nothing (count 0) in the
 /// top-level tree. The flags are set where trees are laid out in treelets (see treelets.h).

@@ -1,20 +1,21 @@
 #pragma once
 
+#include <algorithm>
 #include <bit>
 #include <cstdint>
 
 #include "common/kdtree/kernel_parts.h"
+#include "common/kdtree/triangle_block.h"
 
 // What kernels of packets have in common: 64 rays in vectors, and leaves' triangles tested for those of them
 // that come to the leaf.
 
 namespace quarry {
 
-/// Fewer rays of like direction than these are faster each by itself (README.md).
-inline constexpr uint32_t kLeastRun = 16;
-/// So are rays of which fewer than these come to a leaf together (README.md, by lanes),
-template <class L>
-inline constexpr uint32_t kLeastVisitors = L::kLanes > 8 ? 2 : 4;
+/// Fewer rays of like direction than these are faster in a stream (README.md).
+inline constexpr uint32_t kLeastRun = 24;
+/// So are rays of which fewer than these come to a leaf together (README.md),
+inline constexpr uint32_t kLeastVisitors = 3;
 /// by the mean of at least so many leaves.
 inline constexpr uint32_t kLeastVisits = 8;
 
@@ -44,7 +45,7 @@ struct PacketRays {
   float shared_origin[3];     ///< with kSharedOrigin
   Occluder occluder;          ///< the last
 
-  /// Whether the rays have so little in common that each is faster by itself.
+  /// Whether the rays have so little in common that they are faster in a stream.
   QUARRY_HOST_DEVICE bool parted() const {
     return visits >= kLeastVisits && visitors < least_visitors * visits;
   }
@@ -141,6 +142,95 @@ QUARRY_HOST_DEVICE inline bool TestTriangles(const VoxelGeometryOf<Index>& voxel
     if (!kAnyHit) continue;
     count = left;
     if (count == 0) break;
+  }
+  return kept_any;
+}
+
+/// Whether so few of the rays in each group come to a leaf of `count` triangles that it pays to test them one
+/// after the other against vectors of triangles: by instructions, about 45 for a vector of either kind, 160 to
+/// gather one of triangles, 15 for a ray.
+template <class L, class W>
+QUARRY_HOST_DEVICE inline bool FewInGroups(const typename L::Mask* active, uint32_t count) {
+  uint32_t groups = 0;
+  for (uint32_t g = 0; g < PacketRays<L>::kGroups; ++g) groups += L::None(active[g]) ? 0 : 1;
+  const uint32_t rays = CountAll<L>(active), vectors = (count + W::kLanes - 1) / W::kLanes;
+  return rays * (3 * vectors + 1) + 11 * vectors < 3 * groups * count;
+}
+
+/// As TestTriangles, ray by ray.
+template <class W, class L, bool kAnyHit, class Index, class Statistics>
+QUARRY_HOST_DEVICE inline bool TestTrianglesRayByRay(const VoxelGeometryOf<Index>& voxel, uint32_t voxel_id,
+                                                     uint32_t first, uint32_t last, PacketRays<L>& p,
+                                                     typename L::Mask* active, typename L::Float* t_end,
+                                                     typename L::Mask* alive, Statistics& statistics) {
+  constexpr uint32_t kGroups = PacketRays<L>::kGroups, kRays = RayPacket::kRays;
+  alignas(64) float origin[3][kRays], shear_x[kRays], shear_y[kRays], scale_z[kRays], best_t[kRays];
+  for (uint32_t g = 0; g < kGroups; ++g) {
+    if (L::None(active[g])) continue;
+    const uint32_t at = g * L::kLanes;
+    for (uint32_t a = 0; a < 3; ++a) L::Store(p.frame[g].origin[p.axes[a]], origin[a] + at);
+    L::Store(p.frame[g].shear_x, shear_x + at);
+    L::Store(p.frame[g].shear_y, shear_y + at);
+    L::Store(p.frame[g].scale_z, scale_z + at);
+    L::Store(p.best[g].t, best_t + at);
+  }
+  const auto block_ray = [&](uint32_t i) {
+    BlockRay<W> ray;
+    for (uint32_t a = 0; a < 3; ++a) {
+      ray.frame.origin[a] = W::Set(origin[a][i]);
+      ray.axes[a] = p.axes[a];
+    }
+    ray.frame.shear_x = W::Set(shear_x[i]);
+    ray.frame.shear_y = W::Set(shear_y[i]);
+    ray.frame.scale_z = W::Set(scale_z[i]);
+    return ray;
+  };
+  alignas(64) float b1[kRays], b2[kRays];
+  alignas(64) uint32_t triangle[kRays], local[kRays];
+  uint8_t ray[kRays];
+  uint32_t may[kRays];
+  bool kept_any = false;
+  for (uint32_t r = first; r < last; r += TriangleBlock<W>::kMost) {
+    const Index* references = voxel.references + r;
+    const TriangleBlock<W> block(voxel, references, std::min(last - r, TriangleBlock<W>::kMost));
+    uint32_t m = 0;
+    for (uint64_t left = JoinBits<L>(active); left != 0; left &= left - 1) {
+      const auto i = static_cast<uint32_t>(std::countr_zero(left));
+      ray[m] = static_cast<uint8_t>(i);
+      may[m] = block.MayHit(block_ray(i), statistics);
+      m += may[m] != 0 ? 1 : 0;
+    }
+    uint64_t hit = 0;
+    for (uint32_t k = 0; k < m; ++k) {
+      const uint32_t i = ray[k];
+      block.ForEachHit(block_ray(i), may[k], best_t[i], statistics,
+                       [&](uint32_t place, float t, float hit_b1, float hit_b2) {
+                         const uint32_t id = voxel.triangle_ids[references[place]];
+                         const bool before = (hit >> i & 1) != 0;
+                         if (before && !Precedes<ScalarLane>(t, id, best_t[i], triangle[i])) return;
+                         hit |= uint64_t{1} << i;
+                         best_t[i] = t;
+                         b1[i] = hit_b1;
+                         b2[i] = hit_b2;
+                         triangle[i] = id;
+                         local[i] = references[place];
+                         if (kAnyHit) p.occluder = {voxel_id, r + place};
+                       });
+    }
+    if (hit == 0) continue;
+    kept_any = true;
+    for (uint32_t g = 0; g < kGroups; ++g) {
+      const uint32_t at = g * L::kLanes, bits = static_cast<uint32_t>(hit >> at) & L::kAllLanes;
+      if (bits == 0) continue;
+      const TriangleHit<L> found{L::FromBits(bits), L::Load(best_t + at), L::Load(b1 + at), L::Load(b2 + at)};
+      const auto kept = Keep<L, kAnyHit>(found, L::LoadInt(triangle + at), L::SetInt(voxel_id),
+                                         L::LoadInt(local + at), p.best[g]);
+      t_end[g] = L::Min(t_end[g], p.best[g].t);
+      if (!kAnyHit) continue;
+      active[g] = L::AndNot(kept, active[g]);
+      alive[g] = L::AndNot(kept, alive[g]);
+      p.alive[g] = L::AndNot(kept, p.alive[g]);
+    }
   }
   return kept_any;
 }

@@ -7,6 +7,7 @@
 
 // Coherent packets through the two-level tree: 64 rays share a node. A way of packets has
 //   NodesOf(tree), of a TopTree or a VoxelGeometry;
+//   kHasCells, whether it has lanes `Cells` that may be triangles as well;
 //   Traverse(nodes, p, t, t_end, alive, statistics, visit), which visits all leaves along the rays of `p`
 //   that are `alive`, from `t` to `t_end`, each once for all rays that pass it at that time: bool
 //   visit(first, count, Mask active[], const Float t_enter[], const Float t_exit[]) may lower t_end, and take
@@ -56,6 +57,12 @@ QUARRY_HOST_DEVICE inline void TraceRun(const TopTree& top, const Finder& finder
       if (p.parted()) {
         for (uint32_t g = 0; g < kGroups; ++g) alive[g] = active[g] = L::NoLanes();
         return true;
+      }
+      if constexpr (PacketWay::kHasCells) {
+        using Cells = typename PacketWay::Cells;
+        if (FewInGroups<L, Cells>(active, count))
+          return TestTrianglesRayByRay<Cells, L, kAnyHit>(geometry, voxel, first, first + count, p, active,
+                                                          t_end, alive, statistics);
       }
       return TestTriangles<L, kAnyHit, kSharedOrigin>(geometry, voxel, first, first + count, p, active, t_end,
                                                       alive, statistics);
@@ -120,7 +127,7 @@ QUARRY_HOST_DEVICE inline uint64_t TracePacket(const TopTree& top, const Finder&
   constexpr uint32_t kGroups = PacketRays<L>::kGroups;
   const uint32_t least_run = all ? 1 : kLeastRun;
   PacketRays<L> p;
-  p.least_visitors = all ? 0 : kLeastVisitors<L>;
+  p.least_visitors = all ? 0 : kLeastVisitors;
   p.apart = 0;
   p.occluder = occluder;
   Mask alive[kGroups], backward[3][kGroups], z_is_x[kGroups], z_is_y[kGroups], elsewhere[kGroups];

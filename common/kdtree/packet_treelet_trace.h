@@ -14,6 +14,8 @@ namespace quarry {
 template <class L, bool kSharedOrigin>
 class TreeletWay {
  public:
+  static constexpr bool kHasCells = false;
+
   QUARRY_HOST_DEVICE explicit TreeletWay(const PacketRays<L>&) {}
 
   QUARRY_HOST_DEVICE static const KdNode* NodesOf(const TopTree& top) { return top.nodes; }

@@ -53,9 +53,12 @@ QUARRY_HOST_DEVICE inline PacketBeam MakeBeam(const PacketRays<L>& p) {
 /// As a way of TracePacket. `Cells`: lanes that are a node's children. Children are visited in the order of
 /// (where the beam enters, place), which never changes: that is how a packet that has climbed to a node knows
 /// which of them come next. It need not be a ray's own order.
-template <class Cells, class L, bool kSharedOrigin>
+template <class CellLanes, class L, bool kSharedOrigin>
 class WideWay {
  public:
+  using Cells = CellLanes;
+  static constexpr bool kHasCells = true;
+
   QUARRY_HOST_DEVICE explicit WideWay(const PacketRays<L>& p) : beam_(MakeBeam(p)) {}
 
   QUARRY_HOST_DEVICE static const WideNode* NodesOf(const TopTree& top) { return top.wide; }

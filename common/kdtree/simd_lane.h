@@ -145,6 +145,20 @@ struct SimdLanes {
   static HWY_INLINE void Prefetch(const void* at, size_t bytes) {
     for (size_t i = 0; i < bytes; i += 64) hwy::Prefetch(static_cast<const char*>(at) + i);
   }
+  /// Those of `ids` whose mask has bit `bit`. Writes a vector behind them.
+  static HWY_INLINE uint32_t Choose(const uint8_t* masks, uint32_t bit, const uint32_t* ids, uint32_t n,
+                                    uint32_t* out) {
+    const hn::FixedTag<uint8_t, kLanes> bytes;
+    const Int wanted = SetInt(1u << bit);
+    uint32_t m = 0;
+    for (uint32_t i = 0; i < n; i += kLanes) {
+      const Int mask = hn::PromoteTo(IntTag(), hn::LoadU(bytes, masks + i));
+      const auto has = hn::And(hn::Ne(hn::And(mask, wanted), hn::Zero(IntTag())), hn::FirstN(IntTag(), n - i));
+      hn::StoreU(hn::Compress(hn::LoadU(IntTag(), ids + i), has), IntTag(), out + m);
+      m += static_cast<uint32_t>(hn::CountTrue(IntTag(), has));
+    }
+    return m;
+  }
   static HWY_INLINE float Least(Float x) { return hn::GetLane(hn::MinOfLanes(FloatTag(), x)); }
   /// By single loads: on processors whose gathers are slowed by microcode this is 2.7 times as fast (see
   /// README.md), on others no slower than a fifth.

@@ -19,6 +19,13 @@ struct alignas(16) WideNode {
   uint32_t child[kChildren] = {};  ///< the node; of a leaf: the first reference, or voxel
   uint16_t count[kChildren] = {};  ///< of a leaf's references, or voxels; kInner: not a leaf
   uint32_t parent = 0;             ///< node * 8 + this one's place among its children
+  /// In which order rays that go up in z pass the children, three bits each, by octant: bit 0 set where they
+  /// go down in x, bit 1 in y. Rays of the opposite octant pass them the other way round.
+  uint8_t order[4][3] = {};
+
+  uint32_t Order(uint32_t octant) const {
+    return order[octant][0] | uint32_t{order[octant][1]} << 8 | uint32_t{order[octant][2]} << 16;
+  }
 };
 static_assert(sizeof(WideNode) == 256);
 

@@ -38,7 +38,7 @@ void PutBounds(const Box8* const (&boxes)[WideNode::kChildren], WideNode& node) 
 void WideTreeMaker::Begin(std::span<WideNode> nodes) {
   QUARRY_CHECK(!nodes.empty());
   child_count_ = 0;
-  sizes_.clear();
+  subtrees_.clear();
   nodes_ = nodes;
   free_ = nodes.size();
   full_ = false;
@@ -51,23 +51,21 @@ void WideTreeMaker::MakeChildRoom() {
 
 /// Joins subtrees that have too many children together: the larger one becomes a node of its own, so that
 /// most nodes have five children or more.
-void WideTreeMaker::MakeRoom(uint32_t right) {
-  uint32_t& left = sizes_.back();
-  while (left + right > WideNode::kChildren) {
-    uint32_t& larger = left >= right ? left : right;
+void WideTreeMaker::MakeRoom(Subtree& left, Subtree& right) {
+  while (left.size + right.size > WideNode::kChildren) {
+    Subtree& larger = left.size >= right.size ? left : right;
     Child* const end = children_.data() + child_count_;
-    Child* const first = end - right - (&larger == &left ? left : 0);
-    *first = Close({first, larger});
+    Child* const first = end - right.size - (&larger == &left ? left.size : 0);
+    *first = Close({first, larger.size}, larger.orders);
     // Left: what is to its right moves up to it.
-    if (&larger == &left) std::copy(end - right, end, first + 1);
-    child_count_ -= larger - 1;
-    larger = 1;
+    if (&larger == &left) std::copy(end - right.size, end, first + 1);
+    child_count_ -= larger.size - 1;
+    larger = {Orders{}, 1};
   }
-  left += right;
 }
 
 /// Makes a node of the children; as a child itself.
-WideTreeMaker::Child WideTreeMaker::Close(std::span<const Child> children) {
+WideTreeMaker::Child WideTreeMaker::Close(std::span<const Child> children, Orders orders) {
   if (free_ == 0) {
     full_ = true;
     ++free_;
@@ -87,12 +85,18 @@ WideTreeMaker::Child WideTreeMaker::Close(std::span<const Child> children) {
     if (child.count == WideNode::kInner) nodes_[child.child].parent = at * WideNode::kChildren + i;
   }
   PutBounds(boxes, node);
+  // Behind them the places that no child has, which makes the order one of eight.
+  constexpr uint32_t kPlaces = 0xFAC688;
+  orders |= kPlaces & ~((1u << (3 * children.size())) - 1);
+  for (uint32_t octant = 0; octant < 4; ++octant)
+    for (uint32_t byte = 0; byte < 3; ++byte)
+      node.order[octant][byte] = static_cast<uint8_t>(orders[octant] >> (8 * byte));
   return {box, at, WideNode::kInner};
 }
 
 size_t WideTreeMaker::Finish() {
-  QUARRY_CHECK(sizes_.size() == 1);
-  Close({children_.data(), sizes_.back()});
+  QUARRY_CHECK(subtrees_.size() == 1);
+  Close({children_.data(), subtrees_.back().size}, subtrees_.back().orders);
   if (full_) return 0;
   // The root was last. What was left free before it is not known to its children.
   const auto unused = static_cast<uint32_t>(free_);

@@ -31,16 +31,16 @@ class WideTreeMaker {
     children_[child_count_] = {box, first, count};
     const uint32_t size = count != 0 ? 1 : 0;
     child_count_ += size;
-    sizes_.push_back(size);
+    subtrees_.push_back({Orders{}, size});
   }
-  /// The two subtrees that came last become one.
-  void Join() {
-    const uint32_t right = sizes_.back();
-    sizes_.pop_back();
-    uint32_t& left = sizes_.back();
-    if (left == 1 && right == 1 && JoinLeaves()) return;
-    if (left + right > WideNode::kChildren) return MakeRoom(right);
-    left += right;
+  /// The two subtrees that came last, on both sides of a plane across `axis`, become one.
+  void Join(int axis) {
+    Subtree right = subtrees_.back();
+    subtrees_.pop_back();
+    Subtree& left = subtrees_.back();
+    if (left.size == 1 && right.size == 1 && JoinLeaves()) return;
+    if (left.size + right.size > WideNode::kChildren) MakeRoom(left, right);
+    left = Joined(left, right, axis);
   }
   /// Closes the root. How many nodes there are, at the end of those given: the root first, parents before
   /// children. 0 when they had no room. Requires: all inner nodes were joined.
@@ -51,6 +51,22 @@ class WideTreeMaker {
     Box8 box;
     uint32_t child, count;
   };
+
+  /// Three bits a child, by octant: see WideNode::order.
+  using Orders = uint32_t __attribute__((vector_size(16)));
+  struct Subtree {
+    Orders orders;
+    uint32_t size;  ///< children
+  };
+  static Subtree Joined(const Subtree& left, const Subtree& right, int axis) {
+    constexpr uint32_t kOnes = 0x249249;
+    using Mask = int32_t __attribute__((vector_size(16)));
+    constexpr Mask kRightFirst[3] = {{0, -1, 0, -1}, {0, 0, -1, -1}, {0, 0, 0, 0}};
+    const uint32_t left_bits = 3 * left.size, right_bits = 3 * right.size;
+    const Orders after = right.orders + left.size * (kOnes & ((1u << right_bits) - 1));
+    return {kRightFirst[axis] ? after | left.orders << right_bits : left.orders | after << left_bits,
+            left.size + right.size};
+  }
 
   /// Whether the last two children, leaves, are now one.
   bool JoinLeaves() {
@@ -64,13 +80,13 @@ class WideTreeMaker {
     return true;
   }
   void MakeChildRoom();
-  void MakeRoom(uint32_t right);
-  Child Close(std::span<const Child> children);
+  void MakeRoom(Subtree& left, Subtree& right);
+  Child Close(std::span<const Child> children, Orders orders);
 
   uint32_t most_in_leaf_;
   std::vector<Child> children_;  ///< of all subtrees, one behind the other; only the first child_count_ count
   size_t child_count_ = 0, child_room_ = 0;
-  std::vector<uint32_t> sizes_;  ///< how many children each subtree has
+  std::vector<Subtree> subtrees_;
   std::span<WideNode> nodes_;
   size_t free_ = 0;  ///< of nodes_, how many are not yet made
   bool full_ = false;
@@ -86,6 +102,7 @@ std::vector<WideNode> MakeWideTree(std::span<const KdNode> nodes, const Box& cel
     Box cell;
   };
   WideTreeMaker maker(most_in_leaf);
+  std::vector<int> axes;  ///< of the nodes above the present one
   // A node has five children or more, but for the root.
   std::vector<WideNode> wide(nodes.size() / 4 + 1);
   maker.Begin(wide);
@@ -97,10 +114,12 @@ std::vector<WideNode> MakeWideTree(std::span<const KdNode> nodes, const Box& cel
     if (n.is_leaf()) {
       maker.Leaf(Box8::Of(leaf_box(n, visit.cell)), n.first(), n.count());
       // All inner nodes below the parent of what comes next are whole.
-      for (uint32_t level = visits.empty() ? 0 : visits.back().level; level < visit.level; ++level)
-        maker.Join();
+      const uint32_t next = visits.empty() ? 0 : visits.back().level;
+      for (uint32_t level = visit.level; level > next; --level) maker.Join(axes[level - 1]);
       continue;
     }
+    axes.resize(visit.level);
+    axes.push_back(n.axis());
     Visit left{n.left(), visit.level + 1, visit.cell}, right{n.left() + 1, visit.level + 1, visit.cell};
     left.cell.upper[n.axis()] = right.cell.lower[n.axis()] = n.split();
     visits.push_back(right);

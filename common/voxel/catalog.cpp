@@ -57,6 +57,7 @@ Status DecodeTopTree(std::span<const std::byte> bytes, Catalog& catalog) {
   const std::vector<KdNode> nodes = ByteReader(bytes).GetArray<KdNode>(bytes.size() / sizeof(KdNode));
   // Every node but the root is the child of one node before it: a tree, and no smaller one than its bytes.
   std::vector<bool> has_parent(nodes.size());
+  std::vector<uint8_t> level(nodes.size());
   // Every voxel is in one leaf: named by it, or in the chain that begins with one that is.
   std::vector<bool> in_leaf(catalog.voxels.size());
   for (size_t v = 0; v + 1 < catalog.voxels.size(); ++v)
@@ -71,10 +72,13 @@ Status DecodeTopTree(std::span<const std::byte> bytes, Catalog& catalog) {
     } else {
       const size_t left = n.left();
       valid = valid && left > i && left + 1 < nodes.size() && std::isfinite(n.split()) && !has_parent[left] &&
-              !has_parent[left + 1];
-      if (valid) has_parent[left] = has_parent[left + 1] = true;
+              !has_parent[left + 1] && level[i] < kMostLevels;
+      if (valid) {
+        has_parent[left] = has_parent[left + 1] = true;
+        level[left] = level[left + 1] = static_cast<uint8_t>(level[i] + 1);
+      }
     }
-    if (!valid) return Fail(fmt::format("the TOPT section's node {} leads nowhere", i));
+    if (!valid) return Fail(fmt::format("the TOPT section's node {} leads nowhere, or too far down", i));
   }
   catalog.top_node_count = static_cast<uint32_t>(nodes.size());
   const Box box{catalog.meta.root_lower, catalog.meta.root_upper};

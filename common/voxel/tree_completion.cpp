@@ -1,5 +1,8 @@
 #include "common/voxel/tree_completion.h"
 
+#include <fmt/format.h>
+
+#include <algorithm>
 #include <cstddef>
 #include <cstring>
 
@@ -33,6 +36,8 @@ inline TreeCompletion::Visit TreeCompletion::GoDown(Visit visit, std::span<KdNod
     if (n.is_leaf()) return visit;
     // Without a branch, which could not be foretold.
     PutCell(visit.cell, n.begins_treelet() ? &slots[n.left() - kTreeletHeaderSlots] : no_header);
+    axes_.resize(visit.level);
+    axes_.push_back(static_cast<uint8_t>(n.axis()));
     ++visit.level;
     right_.push_back({visit.cell.WithLower(n.axis(), n.split()), n.left() + 1, visit.level});
     visit.cell = visit.cell.WithUpper(n.axis(), n.split());
@@ -53,10 +58,12 @@ Status TreeCompletion::Run(const VoxelGeometry& v, const Box& cell, float paddin
   right_.clear();
   right_.push_back({Box8::Of(cell), 0, 0});
   uint32_t references = 0;
+  uint32_t deepest = 0;
   while (!right_.empty()) {
     const Visit next = right_.back();
     right_.pop_back();
     const Visit leaf = GoDown(next, slots);
+    deepest = std::max(deepest, leaf.level);
     KdNode& node = slots[leaf.node];
     const uint32_t count = node.count();
     if (count != 0) {
@@ -68,8 +75,10 @@ Status TreeCompletion::Run(const VoxelGeometry& v, const Box& cell, float paddin
       wide_.Leaf(leaf.cell, 0, 0);
     }
     // All inner nodes below the parent of what comes next are whole.
-    for (uint32_t level = right_.empty() ? 0 : right_.back().level; level < leaf.level; ++level) wide_.Join();
+    const uint32_t next_level = right_.empty() ? 0 : right_.back().level;
+    for (uint32_t level = leaf.level; level > next_level; --level) wide_.Join(axes_[level - 1]);
   }
+  if (deepest > kMostLevels) return Fail(fmt::format("voxel block: its tree has more than {} levels", kMostLevels));
   if (wide_.Finish() != wide.size()) return Fail("voxel block: not as many wide nodes as its tree has");
   return {};
 }

@@ -18,7 +18,7 @@ class TreeCompletion {
  public:
   /// `voxel`: all but that, checked, `slots` its nodes and `wide` its wide nodes; four floats after the last
   /// vertex may be read. `padding`: by which boxes of triangles are grown.
-  /// Errors: a tree of other than just so many wide nodes.
+  /// Errors: a tree of other than just so many wide nodes, or of too many levels.
   Status Run(const VoxelGeometry& voxel, const Box& cell, float padding, std::span<KdNode> slots,
              std::span<WideNode> wide);
 
@@ -33,6 +33,7 @@ class TreeCompletion {
   Box8 BoxOfLeaf(const uint16_t* references, uint32_t count) const;
 
   std::vector<Box8> boxes_;   // of triangles
+  std::vector<uint8_t> axes_;  // of the nodes above the present one
   std::vector<Visit> right_;  // nodes to the right of all that was visited
   WideTreeMaker wide_{kWideLeafReferences};
 };

@@ -95,7 +95,7 @@ struct Contender {
 };
 
 std::string_view Name(Grouping g) {
-  constexpr std::string_view names[] = {"wide packet", "packet", "wide", "simt", "single"};
+  constexpr std::string_view names[] = {"wide packet", "packet", "stream", "simt", "single"};
   return names[static_cast<int>(g)];
 }
 std::string_view Name(Algorithm a) {
@@ -221,7 +221,7 @@ class SceneBench {
     }
     const size_t first_one_level = contenders.size();
     if (one_level_)
-      for (Grouping grouping : {Grouping::kWidePacket, Grouping::kWide})
+      for (Grouping grouping : {Grouping::kWidePacket, Grouping::kStream})
         contenders.push_back({fmt::format("one level {}", Name(grouping)),
                               [this, &set, grouping] {
                                 found_ = set.packets;

@@ -14,8 +14,8 @@ void TraceOneLevel(const TopTree& top, const Finder32& finder, RayPacket* packet
     (any ? TraceUncounted<WidePacketTrace<L, Wide>, true, Finder32>
          : TraceUncounted<WidePacketTrace<L, Wide>, false, Finder32>)(top, finder, packets, active, count);
   else
-    (any ? TraceUncounted<WideTrace<Wide>, true, Finder32>
-         : TraceUncounted<WideTrace<Wide>, false, Finder32>)(top, finder, packets, active, count);
+    (any ? TraceUncounted<StreamTrace<L, Wide>, true, Finder32>
+         : TraceUncounted<StreamTrace<L, Wide>, false, Finder32>)(top, finder, packets, active, count);
 }
 
 // Each from a source file for its instruction set.

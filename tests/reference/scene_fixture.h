@@ -68,7 +68,7 @@ class LoadedScene {
   /// Traces one ray to its end; whether it hits.
   template <bool kAnyHit>
   bool TraceOne(Ray& ray) const {
-    static const Kernel& kernel = BestKernel(Grouping::kWide);
+    static const Kernel& kernel = BestKernel(Grouping::kStream);
     auto packet = std::make_unique<RayPacket>();
     packet->Set(0, ray);
     const uint64_t one = 1;

@@ -73,7 +73,8 @@ Box LeafBox(const HotVoxel& v, const KdNode& leaf, const Box& cell) {
 bool SameBits(const WideNode& a, const WideNode& b) {
   return std::memcmp(a.bounds, b.bounds, sizeof a.bounds) == 0 &&
          std::memcmp(a.child, b.child, sizeof a.child) == 0 &&
-         std::memcmp(a.count, b.count, sizeof a.count) == 0 && a.parent == b.parent;
+         std::memcmp(a.count, b.count, sizeof a.count) == 0 && a.parent == b.parent &&
+         std::memcmp(a.order, b.order, sizeof a.order) == 0;
 }
 
 }  // namespace
@@ -120,6 +121,28 @@ TEST_CASE("A block refuses other counts of slots and wide nodes than its tree ha
       CHECK(decoder.Hot(encoded.hot, out, kPadding).has_value() ==
             (slots == good.node_slots && wide == wide_nodes));
     }
+}
+
+TEST_CASE("A block refuses a tree of too many levels") {
+  std::mt19937 random(23);
+  for (uint32_t levels : {kMostLevels, kMostLevels + 1}) {
+    // Each plane cuts off nothing, but for the last.
+    HotVoxel v = RandomVoxel(random, 1);
+    while (v.nodes.size() < 2 * levels + 1) {
+      const auto last = static_cast<uint32_t>(v.nodes.size() - 1);
+      v.nodes.push_back(KdNode::Leaf(0, 0));
+      v.nodes.push_back(std::exchange(v.nodes[last], KdNode::Inner(0, 0.5f, last + 1)));
+    }
+    v.node_slots = static_cast<uint32_t>(TreeletLayout(kTreeletLevels).Slots(v.nodes));
+    v.wide_nodes = static_cast<uint32_t>(
+        MakeWideTree(v.nodes, kCell, kWideLeafReferences, [](const KdNode&, const Box& b) { return b; }).size());
+    const EncodedVoxel encoded = EncodeVoxel(v, nullptr);
+    Bytes out(encoded.hot_decoded);
+    BlockDecoder decoder;
+    const auto hot = decoder.Hot(encoded.hot, out, kPadding);
+    CHECK(hot.has_value() == (levels == kMostLevels));
+    if (!hot) CHECK(hot.error().message.find("levels") != std::string::npos);
+  }
 }
 
 }  // namespace quarry

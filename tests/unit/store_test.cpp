@@ -186,6 +186,18 @@ TEST_CASE("A store whose directory lies of where voxels are is found out") {
   CHECK(fault([](EncodedVoxel&) {}, within).empty());
   CHECK_THAT(fault([](EncodedVoxel&) {}, twice), Catch::Contains("leads nowhere"));
   CHECK_THAT(fault([](EncodedVoxel& v) { v.chained = true; }, within), Catch::Contains("leads nowhere"));
+  // As many levels as may be, and one more.
+  std::vector<KdNode> deep = within;
+  while (deep.size() < 2 * kMostLevels + 1) {
+    const auto last = static_cast<uint32_t>(deep.size() - 1);
+    deep.push_back(KdNode::Leaf(0, 0));
+    deep.push_back(std::exchange(deep[last], KdNode::Inner(0, 0.5f, last + 1)));
+  }
+  CHECK(fault([](EncodedVoxel&) {}, deep).empty());
+  const auto last = static_cast<uint32_t>(deep.size() - 1);
+  deep.push_back(KdNode::Leaf(0, 0));
+  deep.push_back(std::exchange(deep[last], KdNode::Inner(0, 0.5f, last + 1)));
+  CHECK_THAT(fault([](EncodedVoxel&) {}, deep), Catch::Contains("too far down"));
 }
 
 TEST_CASE("A hot block of nothing is refused") {

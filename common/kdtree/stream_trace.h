@@ -1,0 +1,425 @@
+#pragma once
+
+#include <algorithm>
+#include <bit>
+#include <cstddef>
+#include <cstdint>
+#include <initializer_list>
+#include <memory>
+
+#include "common/kdtree/kernel_parts.h"
+#include "common/kdtree/triangle_block.h"
+#include "common/kdtree/wide_node.h"
+
+// Streams: thousands of rays of one octant go through wide nodes together. A node is looked at once for all
+// rays that come to it, one after the other against vectors of its cells; a leaf's triangles are gathered once
+// for all of them. Whoever has no company in a packet has some here, and what a ray costs beside its own boxes
+// and triangles is shared. Kd cells do not overlap, so that all rays of an octant pass a node's cells in one
+// order, which the node holds.
+//
+// The lists of the nodes above the present one are a stack, the only one in Quarry: one for all rays of a
+// stream. A ray has none, and is suspended and resumed by itself alone, as everywhere.
+// Source: Tsakok 2009, "Faster Incoherent Rays: Multi-BVH Ray Stream Tracing"; with kd cells, their order and
+// suspension ours.
+
+namespace quarry {
+
+/// Packets whose single rays make a stream, at most. More share more, but their rays fall out of the caches.
+inline constexpr uint32_t kStreamPackets = 512;
+
+/// What nodes and leaves need of a ray of a stream: one cache line.
+struct alignas(64) StreamRay {
+  float reciprocal[3], shift[3];  ///< it meets a plane p at p * reciprocal + shift
+  float t, t_end;                 ///< where it begins; where its hit, or a voxel that is missing, ends it
+  // Its frame: axes renamed, cyclically, so that the direction's largest is the last.
+  float origin[3], shear_x, shear_y, scale_z;
+  float best_t;
+  uint32_t last_axis;
+};
+
+/// The rest.
+struct alignas(32) StreamHit {
+  uint32_t triangle;
+  float b1, b2;
+  uint32_t voxel, local;
+  float t_wait;  ///< where it comes to the voxel that it waits for; infinite
+  uint32_t waits_for;
+  uint32_t source;  ///< packet * 64 + index
+};
+
+/// Where the rays of a thread's streams lie, and the lists of nodes: 104 bytes a ray, and 5 for each level of
+/// the trees that it may have come to, of which few are ever touched.
+class StreamMemory {
+ public:
+  /// Room for so many rays; kept for streams to come.
+  void Reserve(uint32_t count) {
+    if (count <= count_) return;
+    count_ = count;
+    const size_t in_lists = size_t{kLists} * (count + kSlack);
+    rays = std::make_unique_for_overwrite<StreamRay[]>(count);
+    hits = std::make_unique_for_overwrite<StreamHit[]>(count);
+    ids = std::make_unique_for_overwrite<uint32_t[]>(in_lists);
+    masks = std::make_unique_for_overwrite<uint8_t[]>(in_lists);
+  }
+
+  static constexpr uint32_t kSlack = 64;  ///< vectors may be written behind a list
+  std::unique_ptr<StreamRay[]> rays;
+  std::unique_ptr<StreamHit[]> hits;
+  std::unique_ptr<uint32_t[]> ids;
+  std::unique_ptr<uint8_t[]> masks;
+
+ private:
+  /// A list at each level of both trees, and a few beside.
+  static constexpr uint32_t kLists = 2 * kMostLevels + 8;
+  uint32_t count_ = 0;
+};
+
+/// The kernel. One object traces one stream. `L`: lanes that are rays; `W`: lanes that are a node's cells, or
+/// a leaf's triangles.
+template <class L, class W, bool kAnyHit, class Finder, class Statistics>
+class StreamTracer {
+ public:
+  using Index = typename Finder::Index;
+  using Geometry = VoxelGeometryOf<Index>;
+
+  /// Requires: room in `memory` for the rays.
+  StreamTracer(const TopTree& top, const Finder& finder, Statistics& statistics, StreamMemory& memory)
+      : top_(top),
+        finder_(finder),
+        statistics_(statistics),
+        rays_(memory.rays.get()),
+        hits_(memory.hits.get()),
+        ids_(memory.ids.get()),
+        masks_(memory.masks.get()) {}
+
+  void Run(RayPacket* packets, const uint64_t* active, uint32_t count) {
+    packets_ = packets;
+    for (uint32_t p = 0; p < count; ++p)
+      if (active[p] != 0) Start(p, active[p]);
+    for (octant_ = 0; octant_ < 8; ++octant_) RunOctant();
+    for (uint32_t i = 0; i < n_; ++i) Finish(rays_[i], hits_[i]);
+  }
+
+ private:
+  static constexpr uint32_t kSlack = StreamMemory::kSlack;
+  static constexpr uint32_t kAhead = 8;  ///< a ray is asked for so many rays before its turn
+
+  /// Takes up the rays of packet p that `active` names. Their octants, as bits, are what masks_ is first.
+  void Start(uint32_t p, uint64_t active) {
+    using Float = typename L::Float;
+    const float lower[3] = {top_.lower.x, top_.lower.y, top_.lower.z};
+    const float upper[3] = {top_.upper.x, top_.upper.y, top_.upper.z};
+    RayPacket& packet = packets_[p];
+    statistics_.Ray(static_cast<uint32_t>(std::popcount(active)));
+    for (uint32_t first = 0; first < RayPacket::kRays; first += L::kLanes) {
+      uint32_t lanes = static_cast<uint32_t>(active >> first) & L::kAllLanes;
+      if (lanes == 0) continue;
+      const RayFrame<L> frame = LoadFrame<L>(packet, first);
+      alignas(64) float fields[15][L::kLanes];
+      uint32_t negative[3];
+      for (uint32_t a = 0; a < 3; ++a) {
+        L::Store(frame.reciprocal[a], fields[a]);
+        L::Store(L::Negate(frame.origin[a] * frame.reciprocal[a]), fields[3 + a]);
+        negative[a] = L::Bits(L::Less(frame.reciprocal[a], L::Set(0.0f)));
+      }
+      const Float best_t = L::Load(packet.hit_t + first);
+      Float t = L::Load(packet.t + first), t_end = best_t;
+      ClipToBox<L>(frame, lower, upper, t, t_end);
+      L::Store(t, fields[6]);
+      L::Store(t_end, fields[7]);
+      Float x = frame.origin[0], y = frame.origin[1], z = frame.origin[2];
+      Rotate<L>(frame, x, y, z);
+      L::Store(x, fields[8]);
+      L::Store(y, fields[9]);
+      L::Store(z, fields[10]);
+      L::Store(frame.shear_x, fields[11]);
+      L::Store(frame.shear_y, fields[12]);
+      L::Store(frame.scale_z, fields[13]);
+      L::Store(best_t, fields[14]);
+      const uint32_t z_is_x = L::Bits(frame.z_is_x), z_is_y = L::Bits(frame.z_is_y);
+      for (; lanes != 0; lanes &= lanes - 1) {
+        const auto lane = static_cast<uint32_t>(std::countr_zero(lanes));
+        const uint32_t i = first + lane;
+        StreamRay& ray = rays_[n_];
+        float* const out = ray.reciprocal;
+        for (uint32_t f = 0; f < 15; ++f) out[f] = fields[f][lane];
+        ray.last_axis = z_is_x >> lane & 1 ? 0 : z_is_y >> lane & 1 ? 1 : 2;
+        StreamHit& hit = hits_[n_];
+        hit.triangle = packet.triangle[i];
+        hit.t_wait = kInfinity;
+        hit.waits_for = kNoVoxel;
+        hit.source = p * RayPacket::kRays + i;
+        if (!kAnyHit) {
+          hit.b1 = packet.b1[i];
+          hit.b2 = packet.b2[i];
+          hit.voxel = packet.voxel[i];
+          hit.local = packet.local[i];
+        }
+        const auto sign = [&](uint32_t a) { return (negative[a] >> lane & 1) << a; };
+        masks_[n_++] = static_cast<uint8_t>(1u << (sign(0) | sign(1) | sign(2)));
+      }
+    }
+  }
+
+  void Finish(const StreamRay& ray, const StreamHit& hit) {
+    RayPacket& packet = packets_[hit.source / RayPacket::kRays];
+    const uint32_t i = hit.source % RayPacket::kRays;
+    // A nearer hit may have come after.
+    const bool waits = hit.t_wait < kInfinity && hit.t_wait <= ray.best_t;
+    packet.waits_for[i] = waits ? hit.waits_for : kNoVoxel;
+    packet.t[i] = waits ? hit.t_wait : packet.t[i];
+    packet.chain[i] = waits ? hit.waits_for : packet.chain[i];
+    packet.hit_t[i] = ray.best_t;
+    packet.triangle[i] = hit.triangle;
+    if (kAnyHit) return;
+    packet.b1[i] = hit.b1;
+    packet.b2[i] = hit.b2;
+    packet.voxel[i] = hit.voxel;
+    packet.local[i] = hit.local;
+  }
+
+  void RunOctant() {
+    for (uint32_t a = 0; a < 3; ++a) {
+      const bool forward = (octant_ >> a & 1) == 0;
+      near_face_[a] = WideNode::Face(a, !forward);
+      far_face_[a] = WideNode::Face(a, forward);
+    }
+    uint32_t *const ids = ids_, *const all = ids + n_ + kSlack;
+    for (uint32_t i = 0; i < n_; ++i) all[i] = i;
+    const uint32_t count = L::Choose(masks_, octant_, all, n_, ids);
+    if (count == 0) return;
+    uint8_t* const masks = masks_;
+    ids_ += count + kSlack;
+    masks_ += n_ + kSlack;
+    Walk(TopLeaves{*this}, top_.wide, top_.wide[0], ids, count);
+    ids_ = ids;
+    masks_ = masks;
+  }
+
+  /// Which of the node's cells each ray passes. Returns those that any does.
+  uint32_t Look(const WideNode& node, const uint32_t* ids, uint32_t n, uint8_t* masks) {
+    using Float = typename W::Float;
+    constexpr uint32_t kVectors = WideNode::kChildren / W::kLanes;
+    Float near_plane[3][kVectors], far_plane[3][kVectors];
+    for (uint32_t a = 0; a < 3; ++a)
+      for (uint32_t v = 0; v < kVectors; ++v) {
+        near_plane[a][v] = W::LoadU(node.bounds + near_face_[a] + v * W::kLanes);
+        far_plane[a][v] = W::LoadU(node.bounds + far_face_[a] + v * W::kLanes);
+      }
+    uint32_t any = 0;
+    for (uint32_t i = 0; i < n; ++i) {
+      statistics_.Node(1, 1);
+      W::Prefetch(&rays_[ids[std::min(i + kAhead, n - 1)]], sizeof(StreamRay));
+      const StreamRay& ray = rays_[ids[i]];
+      uint32_t bits = 0;
+#pragma GCC unroll 8
+      for (uint32_t v = 0; v < kVectors; ++v) {
+        Float enter = W::Set(ray.t), exit = W::Set(ray.t_end);
+#pragma GCC unroll 3
+        for (uint32_t a = 0; a < 3; ++a) {
+          const Float reciprocal = W::Set(ray.reciprocal[a]), shift = W::Set(ray.shift[a]);
+          enter = W::Max(enter, W::Fma(near_plane[a][v], reciprocal, shift));
+          exit = W::Min(exit, W::Fma(far_plane[a][v], reciprocal, shift));
+        }
+        bits |= W::Bits(W::Less(enter, exit)) << (v * W::kLanes);
+      }
+      masks[i] = static_cast<uint8_t>(bits);
+      any |= bits;
+    }
+    return any;
+  }
+
+  /// Down to all leaves that the rays `ids` come to, those in front first.
+  template <class Leaves>
+  void Walk(const Leaves& leaves, const WideNode* nodes, const WideNode& node, const uint32_t* ids, uint32_t n) {
+    uint8_t* const masks = masks_;
+    const uint32_t any = Look(node, ids, n, masks);
+    masks_ += n + kSlack;
+    leaves.Await(node, any);
+    for (uint32_t left = any; left != 0; left &= left - 1) {
+      const auto c = static_cast<uint32_t>(std::countr_zero(left));
+      if (node.count[c] == WideNode::kInner) W::Prefetch(nodes + node.child[c], sizeof(WideNode));
+    }
+    const bool flip = octant_ >= 4;
+    const uint32_t order = node.Order(flip ? 7 - octant_ : octant_);
+    for (uint32_t k = 0; k < WideNode::kChildren; ++k) {
+      const uint32_t c = order >> (3 * (flip ? 7 - k : k)) & 7;
+      if ((any >> c & 1) == 0) continue;
+      uint32_t* const list = ids_;
+      const uint32_t m = L::Choose(masks, c, ids, n, list);
+      ids_ += m + kSlack;
+      if (node.count[c] == WideNode::kInner)
+        Walk(leaves, nodes, nodes[node.child[c]], list, m);
+      else
+        leaves.Visit(node, c, list, m);
+      ids_ = list;
+    }
+    masks_ = masks;
+  }
+
+  /// Where the ray comes to the node's cell c.
+  float Enter(const StreamRay& ray, const WideNode& node, uint32_t c) const {
+    float enter = ray.t;
+    for (uint32_t a = 0; a < 3; ++a)
+      enter = ScalarLane::Max(enter, ScalarLane::Fma(node.bounds[near_face_[a] + c], ray.reciprocal[a], ray.shift[a]));
+    return enter;
+  }
+
+  /// The top-level tree's.
+  struct TopLeaves {
+    StreamTracer& tracer;
+    void Await(const WideNode&, uint32_t) const {}
+    void Visit(const WideNode& node, uint32_t c, uint32_t* ids, uint32_t n) const {
+      tracer.VisitVoxels(node, c, ids, n);
+    }
+  };
+
+  void VisitVoxels(const WideNode& node, uint32_t c, const uint32_t* ids, uint32_t n) {
+    const uint32_t first = node.child[c];
+    const bool chained = top_.next_in_chain[first] != kNoVoxel;
+    uint32_t* const list = ids_;
+    for (uint32_t voxel = first; voxel != kNoVoxel; voxel = top_.next_in_chain[voxel]) {
+      const VoxelBounds& bounds = top_.bounds[voxel];
+      const Geometry* geometry = finder_.Find(voxel);
+      uint32_t m = 0;
+      for (uint32_t i = 0; i < n; ++i) {
+        StreamRay& ray = rays_[ids[i]];
+        if (chained) {
+          const StreamHit& hit = hits_[ids[i]];
+          const uint32_t from = packets_[hit.source / RayPacket::kRays].chain[hit.source % RayPacket::kRays];
+          if (GoOnInChain(top_, first, from) > voxel) continue;
+        }
+        const float t_enter = Enter(ray, node, c);
+        float enter = t_enter, exit = ray.t_end;
+        for (uint32_t a = 0; a < 3; ++a)
+          exit = ScalarLane::Min(exit, ScalarLane::Fma(node.bounds[far_face_[a] + c], ray.reciprocal[a], ray.shift[a]));
+        if (!(enter < exit)) continue;
+        const auto t_of = [&](float plane, int a) { return ScalarLane::Fma(plane, ray.reciprocal[a], ray.shift[a]); };
+        ClipToSlabs<ScalarLane>(bounds.lower, bounds.upper, t_of, enter, exit);
+        if (!(enter <= exit)) continue;
+        if (!geometry) {
+          hits_[ids[i]].waits_for = voxel;
+          hits_[ids[i]].t_wait = t_enter;
+          ray.t_end = ScalarLane::Min(ray.t_end, t_enter);
+          continue;
+        }
+        list[m++] = ids[i];
+      }
+      if (m == 0) continue;
+      statistics_.Voxel(m);
+      ids_ = list + m + kSlack;
+      Walk(VoxelLeaves{*this, *geometry, voxel}, geometry->wide, geometry->wide[0], list, m);
+      ids_ = list;
+    }
+  }
+
+  /// A voxel's.
+  struct VoxelLeaves {
+    StreamTracer& tracer;
+    const Geometry& voxel;
+    uint32_t voxel_id;
+
+    /// Asks for what the leaves' triangles take, one load after the other; of neighbours, which lie side by
+    /// side, for some.
+    void Await(const WideNode& node, uint32_t cells) const {
+      constexpr uint32_t kMost = 16;
+      uint32_t leaves = 0;
+      for (; cells != 0; cells &= cells - 1) {
+        const auto c = static_cast<uint32_t>(std::countr_zero(cells));
+        if (node.count[c] == WideNode::kInner) continue;
+        W::Prefetch(voxel.references + node.child[c], 1);
+        leaves |= 1u << c;
+      }
+      for (uint32_t left = leaves; left != 0; left &= left - 1) {
+        const auto c = static_cast<uint32_t>(std::countr_zero(left));
+        const Index* local = voxel.references + node.child[c];
+        for (const uint32_t i : {0u, node.count[c] / 2u, node.count[c] - 1u})
+          W::Prefetch(voxel.corners + size_t{3} * local[i], 1);
+      }
+      for (uint32_t left = leaves; left != 0; left &= left - 1) {
+        const auto c = static_cast<uint32_t>(std::countr_zero(left));
+        const Index* local = voxel.references + node.child[c];
+        for (uint32_t i = 0; i < node.count[c] && i < kMost; i += 2)
+          W::Prefetch(voxel.vertices + voxel.corners[size_t{3} * local[i]], 1);
+      }
+    }
+    void Visit(const WideNode& node, uint32_t c, uint32_t* ids, uint32_t n) const {
+      // Some have found something nearer meanwhile.
+      uint32_t m = 0;
+      for (uint32_t i = 0; i < n; ++i) {
+        const StreamRay& ray = tracer.rays_[ids[i]];
+        ids[m] = ids[i];
+        m += tracer.Enter(ray, node, c) < ray.t_end ? 1 : 0;
+      }
+      tracer.statistics_.Leaf(m);
+      if (m == 0) return;
+      const uint32_t count = node.count[c];
+      for (uint32_t done = 0; done < count; done += TriangleBlock<W>::kMost)
+        tracer.TestTriangles(voxel, voxel_id, voxel.references + node.child[c] + done,
+                             std::min(count - done, TriangleBlock<W>::kMost), ids, m);
+    }
+  };
+
+  static BlockRay<W> BlockRayOf(const StreamRay& ray) {
+    BlockRay<W> out;
+    for (uint32_t a = 0; a < 3; ++a) {
+      out.frame.origin[a] = W::Set(ray.origin[a]);
+      out.axes[a] = (ray.last_axis + 1 + a) % 3;
+    }
+    out.frame.shear_x = W::Set(ray.shear_x);
+    out.frame.shear_y = W::Set(ray.shear_y);
+    out.frame.scale_z = W::Set(ray.scale_z);
+    return out;
+  }
+
+  void TestTriangles(const Geometry& voxel, uint32_t voxel_id, const Index* references, uint32_t count,
+                     const uint32_t* ids, uint32_t n) {
+    const TriangleBlock<W> block(voxel, references, count);
+    // First all that has no branches.
+    uint32_t* const may = ids_;
+    uint32_t* const may_ids = may + n + kSlack;
+    uint32_t m = 0;
+    for (uint32_t i = 0; i < n; ++i) {
+      const uint32_t bits = block.MayHit(BlockRayOf(rays_[ids[i]]), statistics_);
+      W::Prefetch(voxel.triangle_ids + references[bits != 0 ? std::countr_zero(bits) : 0], 1);
+      may_ids[m] = ids[i];
+      may[m] = bits;
+      m += bits != 0 ? 1 : 0;
+    }
+    for (uint32_t i = 0; i < m; ++i) {
+      StreamRay& ray = rays_[may_ids[i]];
+      StreamHit& hit = hits_[may_ids[i]];
+      block.ForEachHit(BlockRayOf(ray), may[i], ray.best_t, statistics_,
+                       [&](uint32_t r, float t, float b1, float b2) {
+                         const uint32_t local = references[r], triangle = voxel.triangle_ids[local];
+                         if (!Precedes<ScalarLane>(t, triangle, ray.best_t, hit.triangle)) return;
+                         ray.best_t = t;
+                         hit.triangle = triangle;
+                         if (kAnyHit) {
+                           ray.t_end = -kInfinity;
+                           hit.t_wait = kInfinity;
+                           return;
+                         }
+                         ray.t_end = ScalarLane::Min(ray.t_end, t);
+                         hit.b1 = b1;
+                         hit.b2 = b2;
+                         hit.voxel = voxel_id;
+                         hit.local = local;
+                       });
+    }
+  }
+
+  const TopTree& top_;
+  const Finder& finder_;
+  Statistics& statistics_;
+  RayPacket* packets_ = nullptr;
+  StreamRay* rays_;
+  StreamHit* hits_;
+  uint32_t n_ = 0;  ///< rays
+  uint32_t octant_ = 0, near_face_[3], far_face_[3];
+  // What is free.
+  uint32_t* ids_;
+  uint8_t* masks_;
+};
+
+}  // namespace quarry
