@@ -10,6 +10,7 @@
 #include "common/kdtree/simt_trace.h"
 #include "common/kdtree/single_trace.h"
 #include "common/kdtree/stream_trace.h"
+#include "common/kdtree/wide_trace.h"
 
 // The kernels of one instruction set; included by one source file for each.
 
@@ -74,6 +75,15 @@ struct SingleTrace {
   }
 };
 
+template <class L>
+struct WideTrace {
+  template <bool kAnyHit, class Finder, class Statistics>
+  static void Run(const TopTree& top, const Finder& finder, RayPacket* packets, const uint64_t* active,
+                  uint32_t count, Statistics& statistics) {
+    WideTracer<L, kAnyHit, Finder, Statistics>(top, finder, {packets, active, count}, statistics).Run();
+  }
+};
+
 template <class L, class W>
 struct StreamTrace {
   template <bool kAnyHit, class Finder, class Statistics>
@@ -108,7 +118,7 @@ constexpr Kernel MakeKernel(std::string_view isa, Grouping grouping, Algorithm a
           nullptr};
 }
 
-inline constexpr int kKernelsPerIsa = 15;
+inline constexpr int kKernelsPerIsa = 16;
 
 /// `L`: lanes that are rays; `Wide`: lanes that are a wide node's children, or a leaf's triangles.
 template <class L, class Wide>
@@ -123,6 +133,7 @@ constexpr void FillKernels(std::string_view isa, Kernel (&list)[kKernelsPerIsa])
   list->coherent_any = WidePacketTrace<L, Wide>::template RunCoherent<true, VoxelFinder>;
   add.template operator()<PacketTrace<L, TreeletWay>>(Grouping::kPacket, {kTreelets, kBacktrack, kRestart});
   add.template operator()<StreamTrace<L, Wide>>(Grouping::kStream, {kTreelets});
+  add.template operator()<WideTrace<Wide>>(Grouping::kWide, {kTreelets});
   add.template operator()<SimtTrace<L, Way::kClimb>>(Grouping::kSimt, {kTreelets, kBacktrack, kRestart});
   add.template operator()<SimtTrace<L, Way::kPushDown>>(Grouping::kSimt, {kPushDown});
   add.template operator()<SimtTrace<L, Way::kRopes>>(Grouping::kSimt, {kRopes});

@@ -3,6 +3,7 @@
 #include <hwy/targets.h>
 
 #include <algorithm>
+#include <bit>
 #include <cstdlib>
 #include <vector>
 
@@ -27,6 +28,9 @@ std::vector<Kernel> Supported() {
   return all;
 }
 
+/// With fewer rays for each voxel of the scene a stream's have too little in common (README.md).
+constexpr uint32_t kLeastRaysAVoxel = 4;
+
 }  // namespace
 
 std::span<const Kernel> Kernels() {
@@ -44,13 +48,18 @@ const Kernel& BestKernel(Grouping grouping) {
 void TraceRays(const TopTree& top, const VoxelFinder& finder, RayPacket* packets, const uint64_t* active,
                uint32_t count, bool any) {
   static const Kernel& together = BestKernel(Grouping::kWidePacket);
-  static const Kernel& apart = BestKernel(Grouping::kStream);
+  static const Kernel& stream = BestKernel(Grouping::kStream);
+  static const Kernel& alone = BestKernel(Grouping::kWide);
   for (uint32_t first = 0; first < count; first += kStreamPackets) {
     uint64_t left[kStreamPackets];
     const uint32_t n = std::min(kStreamPackets, count - first);
     std::copy_n(active + first, n, left);
     (any ? together.coherent_any : together.coherent_closest)(top, finder, packets + first, left, n);
-    (any ? apart.any : apart.closest)(top, finder, packets + first, left, n);
+    uint64_t rays = 0;
+    for (uint32_t p = 0; p < n; ++p) rays += static_cast<uint64_t>(std::popcount(left[p]));
+    if (rays == 0) continue;
+    const Kernel& rest = rays < uint64_t{kLeastRaysAVoxel} * top.voxel_count ? alone : stream;
+    (any ? rest.any : rest.closest)(top, finder, packets + first, left, n);
   }
 }
 

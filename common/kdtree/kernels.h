@@ -16,7 +16,8 @@ namespace quarry {
 enum class Grouping {
   kWidePacket,  ///< 64 rays share a wide node: for coherent rays
   kPacket,      ///< 64 rays share a node: for coherent rays
-  kStream,      ///< thousands of rays by turns against a wide node's eight cells, or a leaf's triangles: for any
+  kStream,      ///< thousands of rays by turns against a wide node's eight cells, or triangles: for any
+  kWide,        ///< the same ray by ray, some in step: for any
   kSimt,        ///< each lane its own ray: for any
   kSingle,      ///< rays one by one: for any
 };
@@ -28,9 +29,9 @@ enum class Algorithm { kRestart, kBacktrack, kTreelets, kPushDown, kRopes };
 /// from where each has got to. Afterwards a ray's `waits_for` is the voxel without which it cannot go on (the
 /// same call goes on from there), or kNoVoxel: its hit, if any, is final. Closest-hit functions find the
 /// least (t, id); any-hit ones some hit, of which `triangle` and `hit_t` alone are kept. Other rays are not
-/// touched. Never blocks, locks or logs, nor allocates, but for a thread's first streams (StreamMemory). Requires: data checked at decode; trees laid out as the
-/// kernel's algorithm wants. Thread-safe. Source: Wald & Slusallek 2001, section 6.3 (suspension at missing
-/// voxels); resuming by t is ours.
+/// touched. Never blocks, locks or logs, nor allocates, but for a thread's first streams (StreamMemory).
+/// Requires: data checked at decode; trees laid out as the kernel's algorithm wants. Thread-safe. Source:
+/// Wald & Slusallek 2001, section 6.3 (suspension at missing voxels); resuming by t is ours.
 using TraceFunction = void (*)(const TopTree& top, const VoxelFinder& finder, RayPacket* packets,
                                const uint64_t* active, uint32_t count);
 /// The same for the rays alone that share the signs and the largest axis of their directions, and the way,
@@ -58,7 +59,8 @@ std::span<const Kernel> Kernels();
 const Kernel& BestKernel(Grouping grouping);
 
 /// Traces as TraceFunction does, each ray by the kernel that suits it: those with enough others of like
-/// direction in their packet go with these, all others in streams. The choice changes no hit.
+/// direction in their packet go with these; all others in streams, or where few would share a voxel each by
+/// itself. The choice changes no hit.
 void TraceRays(const TopTree& top, const VoxelFinder& finder, RayPacket* packets, const uint64_t* active,
                uint32_t count, bool any);
 

@@ -79,8 +79,8 @@ struct ScalarLane {
   QUARRY_HOST_DEVICE static Double MaxDouble(Double a, Double b) { return a > b ? a : b; }
   QUARRY_HOST_DEVICE static Float Join(HalfFloat low, HalfFloat) { return low; }
 
-  QUARRY_HOST_DEVICE static uint32_t Choose(const uint8_t* masks, uint32_t bit, const uint32_t* ids, uint32_t n,
-                                            uint32_t* out) {
+  QUARRY_HOST_DEVICE static uint32_t Choose(const uint8_t* masks, uint32_t bit, const uint32_t* ids,
+                                            uint32_t n, uint32_t* out) {
     uint32_t m = 0;
     for (uint32_t i = 0; i < n; ++i) {
       out[m] = ids[i];

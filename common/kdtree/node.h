@@ -7,8 +7,8 @@
 
 namespace quarry {
 
-/// Nodes that are above one in a tree, at most; no tree that Quarry builds has as many. Checked where trees are
-/// read.
+/// Nodes that are above one in a tree, at most; no tree that Quarry builds has as many. Checked where trees
+/// are read.
 inline constexpr uint32_t kMostLevels = 128;
 
 /// A node of either tree, 8 bytes. Inner: the split plane, and both children side by side (near or far, one

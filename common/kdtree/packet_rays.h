@@ -147,8 +147,8 @@ QUARRY_HOST_DEVICE inline bool TestTriangles(const VoxelGeometryOf<Index>& voxel
 }
 
 /// Whether so few of the rays in each group come to a leaf of `count` triangles that it pays to test them one
-/// after the other against vectors of triangles: by instructions, about 45 for a vector of either kind, 160 to
-/// gather one of triangles, 15 for a ray.
+/// after the other against vectors of triangles: by instructions, about 45 for a vector of either kind, 160
+/// to gather one of triangles, 15 for a ray.
 template <class L, class W>
 QUARRY_HOST_DEVICE inline bool FewInGroups(const typename L::Mask* active, uint32_t count) {
   uint32_t groups = 0;

@@ -153,7 +153,8 @@ struct SimdLanes {
     uint32_t m = 0;
     for (uint32_t i = 0; i < n; i += kLanes) {
       const Int mask = hn::PromoteTo(IntTag(), hn::LoadU(bytes, masks + i));
-      const auto has = hn::And(hn::Ne(hn::And(mask, wanted), hn::Zero(IntTag())), hn::FirstN(IntTag(), n - i));
+      const auto has =
+          hn::And(hn::Ne(hn::And(mask, wanted), hn::Zero(IntTag())), hn::FirstN(IntTag(), n - i));
       hn::StoreU(hn::Compress(hn::LoadU(IntTag(), ids + i), has), IntTag(), out + m);
       m += static_cast<uint32_t>(hn::CountTrue(IntTag(), has));
     }

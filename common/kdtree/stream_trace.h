@@ -12,12 +12,11 @@
 #include "common/kdtree/wide_node.h"
 
 // Streams: thousands of rays of one octant go through wide nodes together. A node is looked at once for all
-// rays that come to it, one after the other against vectors of its cells; a leaf's triangles are gathered once
-// for all of them. Whoever has no company in a packet has some here, and what a ray costs beside its own boxes
-// and triangles is shared. Kd cells do not overlap, so that all rays of an octant pass a node's cells in one
-// order, which the node holds.
+// rays that come to it, one after the other against vectors of its cells; a leaf's triangles are gathered
+// once for all of them, so that what a ray costs beside its own boxes and triangles is shared. Kd cells do
+// not overlap, so that all rays of an octant pass a node's cells in one order, which the node holds.
 //
-// The lists of the nodes above the present one are a stack, the only one in Quarry: one for all rays of a
+// The lists of the nodes above the present one are a stack, the only one in any kernel: one for all rays of a
 // stream. A ray has none, and is suspended and resumed by itself alone, as everywhere.
 // Source: Tsakok 2009, "Faster Incoherent Rays: Multi-BVH Ray Stream Tracing"; with kd cells, their order and
 // suspension ours.
@@ -47,7 +46,7 @@ struct alignas(32) StreamHit {
   uint32_t source;  ///< packet * 64 + index
 };
 
-/// Where the rays of a thread's streams lie, and the lists of nodes: 104 bytes a ray, and 5 for each level of
+/// Where the rays of a thread's streams lie, and the lists of nodes: 96 bytes a ray, and 5 for each level of
 /// the trees that it may have come to, of which few are ever touched.
 class StreamMemory {
  public:
@@ -231,7 +230,8 @@ class StreamTracer {
 
   /// Down to all leaves that the rays `ids` come to, those in front first.
   template <class Leaves>
-  void Walk(const Leaves& leaves, const WideNode* nodes, const WideNode& node, const uint32_t* ids, uint32_t n) {
+  void Walk(const Leaves& leaves, const WideNode* nodes, const WideNode& node, const uint32_t* ids,
+            uint32_t n) {
     uint8_t* const masks = masks_;
     const uint32_t any = Look(node, ids, n, masks);
     masks_ += n + kSlack;
@@ -261,7 +261,8 @@ class StreamTracer {
   float Enter(const StreamRay& ray, const WideNode& node, uint32_t c) const {
     float enter = ray.t;
     for (uint32_t a = 0; a < 3; ++a)
-      enter = ScalarLane::Max(enter, ScalarLane::Fma(node.bounds[near_face_[a] + c], ray.reciprocal[a], ray.shift[a]));
+      enter = ScalarLane::Max(
+          enter, ScalarLane::Fma(node.bounds[near_face_[a] + c], ray.reciprocal[a], ray.shift[a]));
     return enter;
   }
 
@@ -292,9 +293,12 @@ class StreamTracer {
         const float t_enter = Enter(ray, node, c);
         float enter = t_enter, exit = ray.t_end;
         for (uint32_t a = 0; a < 3; ++a)
-          exit = ScalarLane::Min(exit, ScalarLane::Fma(node.bounds[far_face_[a] + c], ray.reciprocal[a], ray.shift[a]));
+          exit = ScalarLane::Min(
+              exit, ScalarLane::Fma(node.bounds[far_face_[a] + c], ray.reciprocal[a], ray.shift[a]));
         if (!(enter < exit)) continue;
-        const auto t_of = [&](float plane, int a) { return ScalarLane::Fma(plane, ray.reciprocal[a], ray.shift[a]); };
+        const auto t_of = [&](float plane, int a) {
+          return ScalarLane::Fma(plane, ray.reciprocal[a], ray.shift[a]);
+        };
         ClipToSlabs<ScalarLane>(bounds.lower, bounds.upper, t_of, enter, exit);
         if (!(enter <= exit)) continue;
         if (!geometry) {

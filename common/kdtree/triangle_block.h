@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <bit>
 #include <cstdint>
 
 #include "common/kdtree/ray_frame.h"
@@ -26,7 +27,8 @@ class TriangleBlock {
 
   /// The triangles that `references` name. Requires: 1 <= count <= kMost.
   template <class Index>
-  QUARRY_HOST_DEVICE TriangleBlock(const VoxelGeometryOf<Index>& voxel, const Index* references, uint32_t count)
+  QUARRY_HOST_DEVICE TriangleBlock(const VoxelGeometryOf<Index>& voxel, const Index* references,
+                                   uint32_t count)
       : count_(count), vectors_((count + W::kLanes - 1) / W::kLanes) {
     for (uint32_t v = 0; v < vectors_; ++v) {
       const Index* local = references + v * W::kLanes;
@@ -48,7 +50,8 @@ class TriangleBlock {
       statistics.Triangle(LanesOf(v), W::kLanes);
       MovedVertex<W> moved[3];
       Move(v, ray, moved);
-      bits |= W::Bits(MayContain<W>(moved[0], moved[1], moved[2], W::FromBits(W::kAllLanes))) << (v * W::kLanes);
+      bits |= W::Bits(MayContain<W>(moved[0], moved[1], moved[2], W::FromBits(W::kAllLanes)))
+              << (v * W::kLanes);
     }
     return bits & (count_ == kMost ? ~0u : (1u << count_) - 1);
   }
@@ -79,7 +82,9 @@ class TriangleBlock {
   }
 
  private:
-  QUARRY_HOST_DEVICE uint32_t LanesOf(uint32_t v) const { return std::min(W::kLanes, count_ - v * W::kLanes); }
+  QUARRY_HOST_DEVICE uint32_t LanesOf(uint32_t v) const {
+    return std::min(W::kLanes, count_ - v * W::kLanes);
+  }
   QUARRY_HOST_DEVICE void Move(uint32_t v, const BlockRay<W>& ray, MovedVertex<W> (&moved)[3]) const {
 #pragma GCC unroll 3
     for (int k = 0; k < 3; ++k) {

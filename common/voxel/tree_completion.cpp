@@ -78,7 +78,8 @@ Status TreeCompletion::Run(const VoxelGeometry& v, const Box& cell, float paddin
     const uint32_t next_level = right_.empty() ? 0 : right_.back().level;
     for (uint32_t level = leaf.level; level > next_level; --level) wide_.Join(axes_[level - 1]);
   }
-  if (deepest > kMostLevels) return Fail(fmt::format("voxel block: its tree has more than {} levels", kMostLevels));
+  if (deepest > kMostLevels)
+    return Fail(fmt::format("voxel block: its tree has more than {} levels", kMostLevels));
   if (wide_.Finish() != wide.size()) return Fail("voxel block: not as many wide nodes as its tree has");
   return {};
 }

@@ -32,9 +32,9 @@ class TreeCompletion {
   Visit GoDown(Visit visit, std::span<KdNode> slots);
   Box8 BoxOfLeaf(const uint16_t* references, uint32_t count) const;
 
-  std::vector<Box8> boxes_;   // of triangles
+  std::vector<Box8> boxes_;    // of triangles
   std::vector<uint8_t> axes_;  // of the nodes above the present one
-  std::vector<Visit> right_;  // nodes to the right of all that was visited
+  std::vector<Visit> right_;   // nodes to the right of all that was visited
   WideTreeMaker wide_{kWideLeafReferences};
 };
 

@@ -95,7 +95,7 @@ struct Contender {
 };
 
 std::string_view Name(Grouping g) {
-  constexpr std::string_view names[] = {"wide packet", "packet", "stream", "simt", "single"};
+  constexpr std::string_view names[] = {"wide packet", "packet", "stream", "wide", "simt", "single"};
   return names[static_cast<int>(g)];
 }
 std::string_view Name(Algorithm a) {

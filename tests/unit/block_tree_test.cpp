@@ -135,7 +135,9 @@ TEST_CASE("A block refuses a tree of too many levels") {
     }
     v.node_slots = static_cast<uint32_t>(TreeletLayout(kTreeletLevels).Slots(v.nodes));
     v.wide_nodes = static_cast<uint32_t>(
-        MakeWideTree(v.nodes, kCell, kWideLeafReferences, [](const KdNode&, const Box& b) { return b; }).size());
+        MakeWideTree(v.nodes, kCell, kWideLeafReferences, [](const KdNode&, const Box& b) {
+          return b;
+        }).size());
     const EncodedVoxel encoded = EncodeVoxel(v, nullptr);
     Bytes out(encoded.hot_decoded);
     BlockDecoder decoder;

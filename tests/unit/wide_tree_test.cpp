@@ -144,7 +144,8 @@ TEST_CASE("Wide nodes know in which order rays of each octant pass their cells")
       }
 }
 
-TEST_CASE("Every kernel follows rays through as many levels as there may be, and through hundreds if it can") {
+TEST_CASE(
+    "Every kernel follows rays through as many levels as there may be, and through hundreds if it can") {
   // A chain: each plane cuts off one leaf. Only the leaf at one end is hit; rays come from the other. Streams
   // have room for no more levels than are read.
   const bool hundreds = GENERATE(false, true);
