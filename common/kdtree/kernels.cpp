@@ -29,7 +29,7 @@ std::vector<Kernel> Supported() {
 }
 
 /// With fewer rays for each voxel of the scene a stream's have too little in common (README.md).
-constexpr uint32_t kLeastRaysAVoxel = 4;
+constexpr uint32_t kLeastRaysAVoxel = 3;
 
 }  // namespace
 
