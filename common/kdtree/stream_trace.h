@@ -4,6 +4,7 @@
 #include <bit>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <initializer_list>
 #include <memory>
 
@@ -103,6 +104,9 @@ class StreamTracer {
   static constexpr uint32_t kSlack = StreamMemory::kSlack;
   static constexpr uint32_t kAhead = 8;  ///< a ray is asked for so many rays before its turn
 
+  static constexpr uint32_t kFloats = 15;
+  static_assert(offsetof(StreamRay, last_axis) == kFloats * sizeof(float));
+
   /// Takes up the rays of packet p that `active` names. Their octants, as bits, are what masks_ is first.
   void Start(uint32_t p, uint64_t active) {
     using Float = typename L::Float;
@@ -114,7 +118,7 @@ class StreamTracer {
       uint32_t lanes = static_cast<uint32_t>(active >> first) & L::kAllLanes;
       if (lanes == 0) continue;
       const RayFrame<L> frame = LoadFrame<L>(packet, first);
-      alignas(64) float fields[15][L::kLanes];
+      alignas(64) float fields[kFloats][L::kLanes];  // in the order of StreamRay's
       uint32_t negative[3];
       for (uint32_t a = 0; a < 3; ++a) {
         L::Store(frame.reciprocal[a], fields[a]);
@@ -140,8 +144,9 @@ class StreamTracer {
         const auto lane = static_cast<uint32_t>(std::countr_zero(lanes));
         const uint32_t i = first + lane;
         StreamRay& ray = rays_[n_];
-        float* const out = ray.reciprocal;
-        for (uint32_t f = 0; f < 15; ++f) out[f] = fields[f][lane];
+        float floats[kFloats];
+        for (uint32_t f = 0; f < kFloats; ++f) floats[f] = fields[f][lane];
+        std::memcpy(&ray, floats, sizeof floats);
         ray.last_axis = z_is_x >> lane & 1 ? 0 : z_is_y >> lane & 1 ? 1 : 2;
         StreamHit& hit = hits_[n_];
         hit.triangle = packet.triangle[i];
