@@ -6,9 +6,9 @@
 #include <cstdint>
 #include <cstring>
 #include <initializer_list>
-#include <memory>
 
 #include "common/kdtree/kernel_parts.h"
+#include "common/kdtree/stream_memory.h"
 #include "common/kdtree/triangle_block.h"
 #include "common/kdtree/wide_node.h"
 
@@ -26,53 +26,6 @@ namespace quarry {
 
 /// Packets whose single rays make a stream, at most. More share more, but their rays fall out of the caches.
 inline constexpr uint32_t kStreamPackets = 512;
-
-/// What nodes and leaves need of a ray of a stream: one cache line.
-struct alignas(64) StreamRay {
-  float reciprocal[3], shift[3];  ///< it meets a plane p at p * reciprocal + shift
-  float t, t_end;                 ///< where it begins; where its hit, or a voxel that is missing, ends it
-  // Its frame: axes renamed, cyclically, so that the direction's largest is the last.
-  float origin[3], shear_x, shear_y, scale_z;
-  float best_t;
-  uint32_t last_axis;
-};
-
-/// The rest.
-struct alignas(32) StreamHit {
-  uint32_t triangle;
-  float b1, b2;
-  uint32_t voxel, local;
-  float t_wait;  ///< where it comes to the voxel that it waits for; infinite
-  uint32_t waits_for;
-  uint32_t source;  ///< packet * 64 + index
-};
-
-/// Where the rays of a thread's streams lie, and the lists of nodes: 96 bytes a ray, and 5 for each level of
-/// the trees that it may have come to, of which few are ever touched.
-class StreamMemory {
- public:
-  /// Room for so many rays; kept for streams to come.
-  void Reserve(uint32_t count) {
-    if (count <= count_) return;
-    count_ = count;
-    const size_t in_lists = size_t{kLists} * (count + kSlack);
-    rays = std::make_unique_for_overwrite<StreamRay[]>(count);
-    hits = std::make_unique_for_overwrite<StreamHit[]>(count);
-    ids = std::make_unique_for_overwrite<uint32_t[]>(in_lists);
-    masks = std::make_unique_for_overwrite<uint8_t[]>(in_lists);
-  }
-
-  static constexpr uint32_t kSlack = 64;  ///< vectors may be written behind a list
-  std::unique_ptr<StreamRay[]> rays;
-  std::unique_ptr<StreamHit[]> hits;
-  std::unique_ptr<uint32_t[]> ids;
-  std::unique_ptr<uint8_t[]> masks;
-
- private:
-  /// A list at each level of both trees, and a few beside.
-  static constexpr uint32_t kLists = 2 * kMostLevels + 8;
-  uint32_t count_ = 0;
-};
 
 /// The kernel. One object traces one stream. `L`: lanes that are rays; `W`: lanes that are a node's cells, or
 /// a leaf's triangles.
