@@ -48,6 +48,7 @@ class SplitHistogram {
 };
 
 inline constexpr int kMaxTopDepth = 64;  ///< of the top-level tree, before empty space is cut off its leaves
+static_assert(kMaxTopDepth + 6 <= int{kMostLevels}, "one plane for each side that is cut off");
 /// Long triangles lie in both halves of every split, and crossing ones of some are cut by every plane: beyond
 /// this growth along one path of regions they are a pile, so that no input makes the store explode.
 inline constexpr double kMaxGrowthOfRegions = 5;

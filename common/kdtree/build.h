@@ -109,6 +109,7 @@ struct KdTree {
 
 /// No leaf lies more than this many steps below the root.
 inline constexpr int kMaxKdDepth = 48;
+static_assert(kMaxKdDepth < int{kMostLevels});
 
 /// Builds the SAH kd-tree of one voxel, whose cell is `cell`. `padding`: a bound, per axis, on how far from
 /// its triangle traversal may see a hit; every leaf refers to all triangles that come so near to its closed

@@ -89,7 +89,7 @@ struct StreamTrace {
   template <bool kAnyHit, class Finder, class Statistics>
   static void Run(const TopTree& top, const Finder& finder, RayPacket* packets, const uint64_t* active,
                   uint32_t count, Statistics& statistics) {
-    static thread_local StreamMemory memory;
+    StreamMemory& memory = StreamMemory::OfThread();
     memory.Reserve(std::min(count, kStreamPackets) * RayPacket::kRays);
     for (uint32_t first = 0; first < count; first += kStreamPackets)
       StreamTracer<L, W, kAnyHit, Finder, Statistics>(top, finder, statistics, memory)

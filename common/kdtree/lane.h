@@ -79,6 +79,8 @@ struct ScalarLane {
   QUARRY_HOST_DEVICE static Double MaxDouble(Double a, Double b) { return a > b ? a : b; }
   QUARRY_HOST_DEVICE static Float Join(HalfFloat low, HalfFloat) { return low; }
 
+  /// Puts those of `ids` into `out` whose mask has bit `bit` set, in their order; returns how many. A vector
+  /// may be read behind `masks` and `ids`, and written behind what is put. `out` is none of them.
   QUARRY_HOST_DEVICE static uint32_t Choose(const uint8_t* masks, uint32_t bit, const uint32_t* ids,
                                             uint32_t n, uint32_t* out) {
     uint32_t m = 0;

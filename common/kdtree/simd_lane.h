@@ -145,7 +145,6 @@ struct SimdLanes {
   static HWY_INLINE void Prefetch(const void* at, size_t bytes) {
     for (size_t i = 0; i < bytes; i += 64) hwy::Prefetch(static_cast<const char*>(at) + i);
   }
-  /// Those of `ids` whose mask has bit `bit`. Writes a vector behind them.
   static HWY_INLINE uint32_t Choose(const uint8_t* masks, uint32_t bit, const uint32_t* ids, uint32_t n,
                                     uint32_t* out) {
     const hn::FixedTag<uint8_t, kLanes> bytes;

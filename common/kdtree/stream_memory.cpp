@@ -12,6 +12,11 @@ constexpr uint32_t kLists = 2 * kMostLevels + 8;
 
 }  // namespace
 
+StreamMemory& StreamMemory::OfThread() {
+  static thread_local StreamMemory memory;
+  return memory;
+}
+
 StreamMemory::~StreamMemory() = default;
 
 void StreamMemory::Reserve(uint32_t count) {

@@ -29,6 +29,9 @@ struct alignas(32) StreamHit {
 /// the trees that it may have come to, of which few are ever touched.
 class StreamMemory {
  public:
+  /// The calling thread's, for streams of all kinds one after the other.
+  static StreamMemory& OfThread();
+
   StreamMemory() = default;
   StreamMemory(const StreamMemory&) = delete;
   StreamMemory& operator=(const StreamMemory&) = delete;

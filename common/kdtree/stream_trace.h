@@ -18,7 +18,8 @@
 // not overlap, so that all rays of an octant pass a node's cells in one order, which the node holds.
 //
 // The lists of the nodes above the present one are a stack, the only one in any kernel: one for all rays of a
-// stream. A ray has none, and is suspended and resumed by itself alone, as everywhere.
+// stream. A ray has none, and is suspended and resumed by itself alone, as everywhere. This is a kernel for
+// processors with caches; CUDA has those where each lane is a ray.
 // Source: Tsakok 2009, "Faster Incoherent Rays: Multi-BVH Ray Stream Tracing"; with kd cells, their order and
 // suspension ours.
 

@@ -85,8 +85,8 @@ WideTreeMaker::Child WideTreeMaker::Close(std::span<const Child> children, Order
     if (child.count == WideNode::kInner) nodes_[child.child].parent = at * WideNode::kChildren + i;
   }
   PutBounds(boxes, node);
-  // Behind them the places that no child has, which makes the order one of eight.
-  constexpr uint32_t kPlaces = 0xFAC688;
+  // Behind them the places that no child has, which makes the order one of eight: 0 to 7, three bits each.
+  constexpr uint32_t kPlaces = 076543210;
   orders |= kPlaces & ~((1u << (3 * children.size())) - 1);
   for (uint32_t octant = 0; octant < 4; ++octant)
     for (uint32_t byte = 0; byte < 3; ++byte)

@@ -59,7 +59,7 @@ class WideTreeMaker {
     uint32_t size;  ///< children
   };
   static Subtree Joined(const Subtree& left, const Subtree& right, int axis) {
-    constexpr uint32_t kOnes = 0x249249;
+    constexpr uint32_t kOnes = 011111111;  // what renumbers children by one
     using Mask = int32_t __attribute__((vector_size(16)));
     constexpr Mask kRightFirst[3] = {{0, -1, 0, -1}, {0, 0, -1, -1}, {0, 0, 0, 0}};
     const uint32_t left_bits = 3 * left.size, right_bits = 3 * right.size;

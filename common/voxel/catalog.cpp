@@ -72,13 +72,15 @@ Status DecodeTopTree(std::span<const std::byte> bytes, Catalog& catalog) {
     } else {
       const size_t left = n.left();
       valid = valid && left > i && left + 1 < nodes.size() && std::isfinite(n.split()) && !has_parent[left] &&
-              !has_parent[left + 1] && level[i] < kMostLevels;
+              !has_parent[left + 1];
+      if (valid && level[i] == kMostLevels)
+        return Fail(fmt::format("the TOPT section's tree has more than {} levels", kMostLevels));
       if (valid) {
         has_parent[left] = has_parent[left + 1] = true;
         level[left] = level[left + 1] = static_cast<uint8_t>(level[i] + 1);
       }
     }
-    if (!valid) return Fail(fmt::format("the TOPT section's node {} leads nowhere, or too far down", i));
+    if (!valid) return Fail(fmt::format("the TOPT section's node {} leads nowhere", i));
   }
   catalog.top_node_count = static_cast<uint32_t>(nodes.size());
   const Box box{catalog.meta.root_lower, catalog.meta.root_upper};

@@ -14,7 +14,7 @@ class OneLevelScene {
  public:
   explicit OneLevelScene(const test::ResidentScene& scene);
 
-  /// As TraceFunction, by packets or by wide nodes.
+  /// As TraceFunction, by packets or by streams.
   void Trace(RayPacket* packets, const uint64_t* active, uint32_t count, Grouping grouping, bool any) const;
 
  private:
