@@ -89,11 +89,31 @@ struct StreamTrace {
   template <bool kAnyHit, class Finder, class Statistics>
   static void Run(const TopTree& top, const Finder& finder, RayPacket* packets, const uint64_t* active,
                   uint32_t count, Statistics& statistics) {
-    StreamMemory& memory = StreamMemory::OfThread();
-    memory.Reserve(std::min(count, kStreamPackets) * RayPacket::kRays);
+    for (uint32_t first = 0; first < count; first += kStreamPackets) {
+      uint64_t left[kStreamPackets];
+      const uint32_t n = std::min(count - first, kStreamPackets);
+      std::copy_n(active + first, n, left);
+      RunOne<kAnyHit>(top, finder, packets + first, left, n, 0, statistics);
+    }
+  }
+  /// Takes out of `active` the rays that it has traced: those that have company in every voxel.
+  template <bool kAnyHit, class Finder>
+  static void RunCoherent(const TopTree& top, const Finder& finder, RayPacket* packets, uint64_t* active,
+                          uint32_t count) {
+    NoStatistics none;
     for (uint32_t first = 0; first < count; first += kStreamPackets)
-      StreamTracer<L, W, kAnyHit, Finder, Statistics>(top, finder, statistics, memory)
-          .Run(packets + first, active + first, std::min(count - first, kStreamPackets));
+      RunOne<kAnyHit>(top, finder, packets + first, active + first, std::min(count - first, kStreamPackets),
+                      kLeastCompany, none);
+  }
+
+ private:
+  template <bool kAnyHit, class Finder, class Statistics>
+  static void RunOne(const TopTree& top, const Finder& finder, RayPacket* packets, uint64_t* active,
+                     uint32_t count, uint32_t least_company, Statistics& statistics) {
+    StreamMemory& memory = StreamMemory::OfThread();
+    memory.Reserve(count * RayPacket::kRays);
+    StreamTracer<L, W, kAnyHit, Finder, Statistics>(top, finder, statistics, memory)
+        .Run(packets, active, count, least_company);
   }
 };
 
@@ -132,7 +152,10 @@ constexpr void FillKernels(std::string_view isa, Kernel (&list)[kKernelsPerIsa])
   list->coherent_closest = WidePacketTrace<L, Wide>::template RunCoherent<false, VoxelFinder>;
   list->coherent_any = WidePacketTrace<L, Wide>::template RunCoherent<true, VoxelFinder>;
   add.template operator()<PacketTrace<L, TreeletWay>>(Grouping::kPacket, {kTreelets, kBacktrack, kRestart});
+  Kernel& stream = *next;
   add.template operator()<StreamTrace<L, Wide>>(Grouping::kStream, {kTreelets});
+  stream.coherent_closest = StreamTrace<L, Wide>::template RunCoherent<false, VoxelFinder>;
+  stream.coherent_any = StreamTrace<L, Wide>::template RunCoherent<true, VoxelFinder>;
   add.template operator()<WideTrace<Wide>>(Grouping::kWide, {kTreelets});
   add.template operator()<SimtTrace<L, Way::kClimb>>(Grouping::kSimt, {kTreelets, kBacktrack, kRestart});
   add.template operator()<SimtTrace<L, Way::kPushDown>>(Grouping::kSimt, {kPushDown});

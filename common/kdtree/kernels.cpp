@@ -3,7 +3,6 @@
 #include <hwy/targets.h>
 
 #include <algorithm>
-#include <bit>
 #include <cstdlib>
 #include <vector>
 
@@ -27,9 +26,6 @@ std::vector<Kernel> Supported() {
   if (wanted("scalar")) add(FillScalarKernels);
   return all;
 }
-
-/// With fewer rays for each voxel of the scene a stream's have too little in common (README.md).
-constexpr uint32_t kLeastRaysAVoxel = 3;
 
 }  // namespace
 
@@ -55,11 +51,8 @@ void TraceRays(const TopTree& top, const VoxelFinder& finder, RayPacket* packets
     const uint32_t n = std::min(kStreamPackets, count - first);
     std::copy_n(active + first, n, left);
     (any ? together.coherent_any : together.coherent_closest)(top, finder, packets + first, left, n);
-    uint64_t rays = 0;
-    for (uint32_t p = 0; p < n; ++p) rays += static_cast<uint64_t>(std::popcount(left[p]));
-    if (rays == 0) continue;
-    const Kernel& rest = rays < uint64_t{kLeastRaysAVoxel} * top.voxel_count ? alone : stream;
-    (any ? rest.any : rest.closest)(top, finder, packets + first, left, n);
+    (any ? stream.coherent_any : stream.coherent_closest)(top, finder, packets + first, left, n);
+    (any ? alone.any : alone.closest)(top, finder, packets + first, left, n);
   }
 }
 

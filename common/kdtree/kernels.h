@@ -34,8 +34,9 @@ enum class Algorithm { kRestart, kBacktrack, kTreelets, kPushDown, kRopes };
 /// Wald & Slusallek 2001, section 6.3 (suspension at missing voxels); resuming by t is ours.
 using TraceFunction = void (*)(const TopTree& top, const VoxelFinder& finder, RayPacket* packets,
                                const uint64_t* active, uint32_t count);
-/// The same for the rays alone that share the signs and the largest axis of their directions, and the way,
-/// with enough others of their packet; those are taken out of `active`.
+/// The same for those rays alone that have enough company: by packets, rays of a packet that share the signs
+/// and the largest axis of their directions, and the way; in streams, rays that come to each voxel with
+/// enough others. Those are taken out of `active`; the others have yet to be traced, from where they are.
 using CoherentTraceFunction = void (*)(const TopTree& top, const VoxelFinder& finder, RayPacket* packets,
                                        uint64_t* active, uint32_t count);
 using CountedTraceFunction = void (*)(const TopTree& top, const VoxelFinder& finder, RayPacket* packets,
@@ -48,7 +49,7 @@ struct Kernel {
   Algorithm algorithm;
   TraceFunction closest, any;
   CountedTraceFunction counted_closest, counted_any;
-  CoherentTraceFunction coherent_closest, coherent_any;  ///< of wide packets; others have none
+  CoherentTraceFunction coherent_closest, coherent_any;  ///< of wide packets and streams; others have none
 };
 
 /// All kernels that this processor can run, those with the widest vectors first.
@@ -59,8 +60,8 @@ std::span<const Kernel> Kernels();
 const Kernel& BestKernel(Grouping grouping);
 
 /// Traces as TraceFunction does, each ray by the kernel that suits it: those with enough others of like
-/// direction in their packet go with these; all others in streams, or where few would share a voxel each by
-/// itself. The choice changes no hit.
+/// direction in their packet go with these, others in a stream as long as enough come to each voxel together,
+/// and those that are left each by itself. The choice changes no hit.
 void TraceRays(const TopTree& top, const VoxelFinder& finder, RayPacket* packets, const uint64_t* active,
                uint32_t count, bool any);
 

@@ -27,6 +27,8 @@ namespace quarry {
 
 /// Packets whose single rays make a stream, at most. More share more, but their rays fall out of the caches.
 inline constexpr uint32_t kStreamPackets = 512;
+/// Where fewer rays than these come to a voxel together they leave the stream (README.md).
+inline constexpr uint32_t kLeastCompany = 24;
 
 /// The kernel. One object traces one stream. `L`: lanes that are rays; `W`: lanes that are a node's cells, or
 /// a leaf's triangles.
@@ -46,12 +48,16 @@ class StreamTracer {
         ids_(memory.ids.get()),
         masks_(memory.masks.get()) {}
 
-  void Run(RayPacket* packets, const uint64_t* active, uint32_t count) {
+  /// Traces the rays that `active` names, and takes them out of it; but for those that come to a voxel with
+  /// fewer others than `least_company` - 1: they have yet to be traced from there.
+  void Run(RayPacket* packets, uint64_t* active, uint32_t count, uint32_t least_company) {
     packets_ = packets;
+    least_company_ = least_company;
     for (uint32_t p = 0; p < count; ++p)
       if (active[p] != 0) Start(p, active[p]);
     for (octant_ = 0; octant_ < 8; ++octant_) RunOctant();
-    for (uint32_t i = 0; i < n_; ++i) Finish(rays_[i], hits_[i]);
+    std::fill_n(active, count, uint64_t{0});
+    for (uint32_t i = 0; i < n_; ++i) Finish(rays_[i], hits_[i], active);
   }
 
  private:
@@ -104,9 +110,9 @@ class StreamTracer {
         ray.last_axis = z_is_x >> lane & 1 ? 0 : z_is_y >> lane & 1 ? 1 : 2;
         StreamHit& hit = hits_[n_];
         hit.triangle = packet.triangle[i];
-        hit.t_wait = kInfinity;
-        hit.waits_for = kNoVoxel;
-        hit.source = p * RayPacket::kRays + i;
+        hit.t_stop = kInfinity;
+        hit.stops_alone = 0;
+        hit.source = static_cast<uint16_t>(p * RayPacket::kRays + i);
         if (!kAnyHit) {
           hit.b1 = packet.b1[i];
           hit.b2 = packet.b2[i];
@@ -119,14 +125,16 @@ class StreamTracer {
     }
   }
 
-  void Finish(const StreamRay& ray, const StreamHit& hit) {
+  void Finish(const StreamRay& ray, const StreamHit& hit, uint64_t* left) {
     RayPacket& packet = packets_[hit.source / RayPacket::kRays];
     const uint32_t i = hit.source % RayPacket::kRays;
     // A nearer hit may have come after.
-    const bool waits = hit.t_wait < kInfinity && hit.t_wait <= ray.best_t;
-    packet.waits_for[i] = waits ? hit.waits_for : kNoVoxel;
-    packet.t[i] = waits ? hit.t_wait : packet.t[i];
-    packet.chain[i] = waits ? hit.waits_for : packet.chain[i];
+    const bool stops = hit.t_stop < kInfinity && hit.t_stop <= ray.best_t;
+    const bool alone = stops && hit.stops_alone != 0;
+    left[hit.source / RayPacket::kRays] |= uint64_t{alone} << i;
+    packet.waits_for[i] = stops && !alone ? hit.stops_at : kNoVoxel;
+    packet.t[i] = stops ? hit.t_stop : packet.t[i];
+    packet.chain[i] = stops ? hit.stops_at : packet.chain[i];
     packet.hit_t[i] = ray.best_t;
     packet.triangle[i] = hit.triangle;
     if (kAnyHit) return;
@@ -243,14 +251,13 @@ class StreamTracer {
       const Geometry* geometry = finder_.Find(voxel);
       uint32_t m = 0;
       for (uint32_t i = 0; i < n; ++i) {
-        StreamRay& ray = rays_[ids[i]];
+        const StreamRay& ray = rays_[ids[i]];
         if (chained) {
           const StreamHit& hit = hits_[ids[i]];
           const uint32_t from = packets_[hit.source / RayPacket::kRays].chain[hit.source % RayPacket::kRays];
           if (GoOnInChain(top_, first, from) > voxel) continue;
         }
-        const float t_enter = Enter(ray, node, c);
-        float enter = t_enter, exit = ray.t_end;
+        float enter = Enter(ray, node, c), exit = ray.t_end;
         for (uint32_t a = 0; a < 3; ++a)
           exit = ScalarLane::Min(
               exit, ScalarLane::Fma(node.bounds[far_face_[a] + c], ray.reciprocal[a], ray.shift[a]));
@@ -260,20 +267,28 @@ class StreamTracer {
         };
         ClipToSlabs<ScalarLane>(bounds.lower, bounds.upper, t_of, enter, exit);
         if (!(enter <= exit)) continue;
-        if (!geometry) {
-          hits_[ids[i]].waits_for = voxel;
-          hits_[ids[i]].t_wait = t_enter;
-          ray.t_end = ScalarLane::Min(ray.t_end, t_enter);
-          continue;
-        }
         list[m++] = ids[i];
       }
       if (m == 0) continue;
+      if (!geometry || m < least_company_) {
+        for (uint32_t i = 0; i < m; ++i)
+          Stop(list[i], Enter(rays_[list[i]], node, c), voxel, geometry != nullptr);
+        continue;
+      }
       statistics_.Voxel(m);
       ids_ = list + m + kSlack;
       Walk(VoxelLeaves{*this, *geometry, voxel}, geometry->wide, geometry->wide[0], list, m);
       ids_ = list;
     }
+  }
+
+  /// The ray goes on from the present top-level leaf later.
+  void Stop(uint32_t id, float t, uint32_t voxel, bool alone) {
+    StreamHit& hit = hits_[id];
+    hit.t_stop = t;
+    hit.stops_at = voxel;
+    hit.stops_alone = alone ? 1 : 0;
+    rays_[id].t_end = ScalarLane::Min(rays_[id].t_end, t);
   }
 
   /// A voxel's.
@@ -360,7 +375,7 @@ class StreamTracer {
                          hit.triangle = triangle;
                          if (kAnyHit) {
                            ray.t_end = -kInfinity;
-                           hit.t_wait = kInfinity;
+                           hit.t_stop = kInfinity;
                            return;
                          }
                          ray.t_end = ScalarLane::Min(ray.t_end, t);
@@ -379,6 +394,7 @@ class StreamTracer {
   StreamRay* rays_;
   StreamHit* hits_;
   uint32_t n_ = 0;  ///< rays
+  uint32_t least_company_ = 0;
   uint32_t octant_ = 0, near_face_[3], far_face_[3];
   // What is free.
   uint32_t* ids_;

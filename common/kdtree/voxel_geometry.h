@@ -58,7 +58,6 @@ struct TopTree {
   glm::vec3 lower{0}, upper{0};             ///< the root's box: the scene's bounds, padded
   const RopeLeaf* ropes = nullptr;          ///< only where a bench has given the tree ropes
   const WideNode* wide = nullptr;           ///< the same tree in wide nodes, derived
-  uint32_t voxel_count = 0;                 ///< in the scene: among how many rays may be spread
 };
 
 /// How kernels ask for voxels: the geometry, or null when it is not resident. What it returned stays valid

@@ -91,10 +91,8 @@ struct Catalog {
 
   const BlockEntry& block(uint32_t block_id) const { return voxels[block_id / 2].blocks[block_id % 2]; }
   TopTree top_tree() const {
-    return {top_nodes.data(), next_in_chain.data(),
-            bounds.data(),    meta.root_lower,
-            meta.root_upper,  nullptr,
-            top_wide.data(),  static_cast<uint32_t>(voxels.size())};
+    return {top_nodes.data(), next_in_chain.data(), bounds.data(), meta.root_lower, meta.root_upper,
+            nullptr,          top_wide.data()};
   }
 };
 

@@ -122,7 +122,8 @@ void CompareAll(const LoadedScene& scene, uint32_t rays, const std::string& name
     any[i / RayPacket::kRays].Set(i % RayPacket::kRays, shadow);
     hits += expected.back().triangle != kNoTriangle;
   }
-  uint64_t differences = 0, refused = 0;
+  constexpr uint32_t kFew = 4;  // packets: few enough that some of their rays come to a voxel by themselves
+  uint64_t differences = 0, refused = 0, together = 0, parted = 0;
   const auto compare = [&](const std::vector<RayPacket>& found, const std::vector<RayPacket>& occluded,
                            const std::string& by) {
     for (size_t i = 0; i < found.size() * RayPacket::kRays; ++i) {
@@ -170,6 +171,29 @@ void CompareAll(const LoadedScene& scene, uint32_t rays, const std::string& name
     if (kernel.algorithm != Algorithm::kTreelets) continue;
     all_closest.push_back(kernel.closest);
     all_any.push_back(kernel.any);
+    if (!kernel.coherent_closest) continue;
+    // Those with company by this kernel; the others go on by one that takes them all, from where they are.
+    const auto rest = std::find_if(Kernels().begin(), Kernels().end(), [&](const Kernel& other) {
+      return other.isa == kernel.isa && other.grouping == Grouping::kWide;
+    });
+    found = closest;
+    occluded = any;
+    const auto go = [&](CoherentTraceFunction with, TraceFunction without, std::vector<RayPacket>& packets,
+                        size_t first) {
+      const auto n = static_cast<uint32_t>(std::min<size_t>(kFew, count - first));
+      uint64_t left[kFew];
+      std::fill_n(left, n, ~uint64_t{0});
+      with(view.top(), view.finder(), packets.data() + first, left, n);
+      for (uint32_t i = 0; i < n && kernel.grouping == Grouping::kStream; ++i)
+        parted += static_cast<uint64_t>(std::popcount(left[i]));
+      without(view.top(), view.finder(), packets.data() + first, left, n);
+    };
+    for (size_t first = 0; first < count; first += kFew) {
+      go(kernel.coherent_closest, rest->closest, found, first);
+      go(kernel.coherent_any, rest->any, occluded, first);
+    }
+    if (kernel.grouping == Grouping::kStream) together += 2 * all.size();
+    compare(found, occluded, by + " where there is company");
   }
   // A ray that has waited may be gone on with by another kernel.
   const SceneView& view = scene.resident().view(Algorithm::kTreelets);
@@ -179,8 +203,11 @@ void CompareAll(const LoadedScene& scene, uint32_t rays, const std::string& name
   compare(found, occluded, "kernels in turn");
   WARN(name << ": " << scene.triangles().size() << " triangles, " << scene.voxels().size() << " voxels, "
             << expected.size() << " rays, " << hits << " hits, " << Kernels().size() << " kernels, "
-            << refused << " voxels refused, " << differences << " differences");
+            << refused << " voxels refused, " << parted << " rays left streams of " << together << ", "
+            << differences << " differences");
   CHECK(differences == 0);
+  CHECK(parted > 0);
+  CHECK(parted < together);
   CHECK(hits > expected.size() / 50);
 }
 
