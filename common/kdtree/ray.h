@@ -21,9 +21,12 @@ struct Hit {
   uint32_t local = 0;               ///< the triangle's index in that voxel
 };
 
+/// How far off rays may start, in units of the largest coordinate (in magnitude) of the scene.
+inline constexpr float kReach = 2;
+
 /// A ray on its way, whole: suspended anywhere, it resumes from these values alone.
-/// Requires: |direction| about 1; the origin within the scene's bounds grown by a tenth of their extent
-/// (PrimaryRay and shading see to it: the reference padding's error bound rests on it).
+/// Requires: |direction| about 1; the origin's coordinates at most kReach times the scene's largest
+/// (PrimaryRay and shading see to it: ReferencePadding rests on it).
 struct Ray {
   glm::vec3 origin{0};
   float t = 0;  ///< reached so far: nothing before it needs another look

@@ -136,12 +136,11 @@ QUARRY_HOST_DEVICE inline bool TestTriangle(const RayFrame<ScalarLane>& ray, con
 
 /// By how much references are grown on every side when a tree is built over a scene whose coordinates reach
 /// `largest` in magnitude: an upper bound on |hit point as traversal sees it - stored triangle|, per axis.
-/// With |v - o| <= 2.2 largest: moving a vertex costs 2^-24 (2.2 + 2.2 + 4.4) largest, scaling its z (the
-/// reciprocal and the product) 2 * 2^-24 * 2.2 largest, the direction's reciprocal, product and difference in
-/// traversal 3 * 2^-24 * 2.2 largest, rounding t another 2^-24 * 2.2 largest; together under 23 * 2^-24
-/// largest. 2^-19 is 32 * 2^-24. Traversal that fuses (p - o) r into p r - (o r), with r the reciprocal,
-/// rounds o r and the sum instead of difference and product: with |o| <= 1.1 largest, 2^-24 (2.2 + 1.1 + 2.2)
-/// largest.
+/// With |v - o| <= 3 largest (kReach): moving a vertex costs 2^-24 (3 + 3 + 6) largest, scaling its z (the
+/// reciprocal and the product) 2 * 2^-24 * 3 largest, the direction's reciprocal, product and difference in
+/// traversal 3 * 2^-24 * 3 largest, rounding t another 2^-24 * 3 largest; together 30 * 2^-24 largest. 2^-19
+/// is 32 * 2^-24. Traversal that fuses (p - o) r into p r - (o r), with r the reciprocal, rounds o r and the
+/// sum instead of difference and product: with |o| <= 2 largest, 2^-24 (3 + 2 + 3) largest.
 QUARRY_HOST_DEVICE inline float ReferencePadding(float largest) { return largest * 0x1p-19f; }
 
 }  // namespace quarry

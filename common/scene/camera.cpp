@@ -1,9 +1,22 @@
 #include "common/scene/camera.h"
 
 #include <cmath>
+#include <glm/common.hpp>
 #include <glm/vector_relational.hpp>
 
+#include "common/kdtree/ray.h"
+
 namespace quarry {
+namespace {
+
+/// Whether ReferencePadding holds for rays from there.
+bool IsWithinReach(const glm::dvec3& eye, const glm::vec3& lower, const glm::vec3& upper) {
+  const glm::dvec3 farthest = glm::max(glm::abs(lower), glm::abs(upper));
+  const double largest = std::fmax(std::fmax(farthest.x, farthest.y), farthest.z);
+  return glm::all(glm::lessThanEqual(glm::abs(eye), glm::dvec3(kReach * largest)));
+}
+
+}  // namespace
 
 Camera::Camera(const CameraSpec& spec, uint32_t width, uint32_t height, const glm::vec3& lower,
                const glm::vec3& upper)
@@ -13,7 +26,8 @@ Camera::Camera(const CameraSpec& spec, uint32_t width, uint32_t height, const gl
       lower_(lower),
       upper_(upper),
       all_start_inside_(!view_.orthographic && glm::all(glm::lessThanEqual(lower_, view_.eye)) &&
-                        glm::all(glm::lessThanEqual(view_.eye, upper_))) {}
+                        glm::all(glm::lessThanEqual(view_.eye, upper_))),
+      start_at_eye_(!view_.orthographic && IsWithinReach(view_.eye, lower, upper)) {}
 
 /// Chooses instead of branching, so that a loop of these becomes vector instructions.
 template <bool kOrthographic, bool kClip>
@@ -33,7 +47,8 @@ inline PrimaryRay Camera::ShootAs(double x, double y) const {
   clip(origin.x, direction.x, lower_.x, upper_.x);
   clip(origin.y, direction.y, lower_.y, upper_.y);
   clip(origin.z, direction.z, lower_.z, upper_.z);
-  return {glm::vec3(origin + direction * enter), glm::vec3(direction), static_cast<float>(enter),
+  const double start = start_at_eye_ ? 0 : enter;
+  return {glm::vec3(origin + direction * start), glm::vec3(direction), static_cast<float>(start),
           enter > exit};
 }
 

@@ -6,8 +6,9 @@
 
 namespace quarry {
 
-/// A primary ray as traversal takes it: its origin moved along the ray to the scene's box when the eye lies
-/// outside, so that the bound behind ReferencePadding holds from any distance.
+/// A primary ray as traversal takes it: its origin is the eye, or, where that is farther off than kReach
+/// allows, is moved along the ray to the scene's box, so that the bound behind ReferencePadding holds from
+/// any distance. Packets of rays that start at one point are faster.
 struct PrimaryRay {
   glm::vec3 origin{0}, direction{0, 0, 1};  ///< direction of unit length
   float t_offset = 0;                       ///< distance from the eye to origin
@@ -43,7 +44,8 @@ class Camera {
   ViewBasis view_;
   double width_, height_;
   glm::dvec3 lower_, upper_;
-  bool all_start_inside_;  ///< rays, in the box: none has to be moved
+  bool all_start_inside_;  ///< rays, in the box: they meet it
+  bool start_at_eye_;      ///< rays: none has to be moved
 };
 
 }  // namespace quarry

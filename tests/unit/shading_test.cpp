@@ -76,25 +76,38 @@ TEST_CASE("Interpolated normals turn toward the viewer") {
   CHECK(s.color.y == 0.5f);
 }
 
-TEST_CASE("Rays of an eye in the scene's box start there; of one beyond it, at the box") {
+TEST_CASE("Rays start at an eye within reach of the scene; of one farther off, at the scene's box") {
   CameraSpec spec;
   spec.eye = {0.25, -0.5, 0.125};
   spec.at = {3, 2, 1};
   const Camera inside(spec, 8, 8, glm::vec3(-1), glm::vec3(1));
+  const Camera outside(spec, 8, 8, glm::vec3(0.5f, -4, -4), glm::vec3(4));
+  bool any_misses = false;
   for (int i = 0; i < 64; ++i) {
     const PrimaryRay ray = inside.Shoot(i % 8 + 0.5, i / 8 + 0.5);
     CHECK_FALSE(ray.misses);
     CHECK(ray.t_offset == 0);
     CHECK(ray.origin == glm::vec3(spec.eye));
-    // The same as through a box that the eye just misses, but for where it starts.
-    const Camera outside(spec, 8, 8, glm::vec3(0.5f, -4, -4), glm::vec3(4));
-    CHECK(ray.direction == outside.Shoot(i % 8 + 0.5, i / 8 + 0.5).direction);
+    // The same beside a box that the eye just misses, but that rays may miss it.
+    const PrimaryRay from_outside = outside.Shoot(i % 8 + 0.5, i / 8 + 0.5);
+    CHECK(ray.direction == from_outside.direction);
+    CHECK(ray.origin == from_outside.origin);
+    CHECK(from_outside.t_offset == 0);
+    any_misses =
+        any_misses ||
+        Camera(spec, 8, 8, glm::vec3(2, 0, 0), glm::vec3(4, 1, 1)).Shoot(i % 8 + 0.5, i / 8 + 0.5).misses;
   }
-  const Camera outside(spec, 1, 1, glm::vec3(0.5f, -4, -4), glm::vec3(4));
-  const PrimaryRay ray = outside.Shoot(0.5, 0.5);
-  CHECK(ray.t_offset > 0);
-  CHECK(ray.origin.x == Approx(0.5));
-  spec.eye.x = -1;  // in a face of the box: that counts as inside
+  CHECK(any_misses);
+  // 2 is how often the largest coordinate may be taken: see kReach.
+  spec.eye = {0, -8, 0};
+  spec.at = {0, 0, 0};
+  const glm::vec3 lower(-4, -3, -3), upper(3);
+  CHECK(Camera(spec, 1, 1, lower, upper).Shoot(0.5, 0.5).origin == glm::vec3(spec.eye));
+  spec.eye.y = -8.25;
+  const PrimaryRay moved = Camera(spec, 1, 1, lower, upper).Shoot(0.5, 0.5);
+  CHECK(moved.t_offset == 5.25f);
+  CHECK(moved.origin == glm::vec3(0, -3, 0));
+  spec.eye = {-1, -0.5, 0.125};  // in a face of the box: that counts as inside
   CHECK_FALSE(Camera(spec, 1, 1, glm::vec3(-1), glm::vec3(1)).Shoot(0.5, 0.5).misses);
 }
 
