@@ -34,7 +34,7 @@ Ray MakeRay(const LoadedScene& scene, std::mt19937& random) {
   Ray ray;
   ray.origin = PointInBox(random, meta.root_lower, meta.root_upper);
   glm::vec3 target = PointInBox(random, meta.root_lower, meta.root_upper);
-  switch (random() % 8) {
+  switch (random() % 9) {
     case 0:
       break;
     case 1: {  // along an axis, exactly
@@ -64,7 +64,17 @@ Ray MakeRay(const LoadedScene& scene, std::mt19937& random) {
       target = pick().vertices[1];
       break;
     }
-    case 6: {  // along an axis through a vertex
+    case 6: {  // from as far as rays may start, at a point of an edge
+      const glm::vec3 farthest = glm::max(glm::abs(meta.bounds_lower), glm::abs(meta.bounds_upper));
+      const glm::vec3 reach(kReach * std::max({farthest.x, farthest.y, farthest.z}));
+      ray.origin = PointInBox(random, -reach, reach);
+      ray.origin[static_cast<int>(random() % 3)] = random() % 2 ? reach.x : -reach.x;
+      const auto& t = pick();
+      const float u = Uniform(random, 0, 1);
+      target = t.vertices[0] * u + t.vertices[1] * (1 - u);
+      break;
+    }
+    case 7: {  // along an axis through a vertex
       ray.origin = pick().vertices[random() % 3];
       const int axis = static_cast<int>(random() % 3);
       ray.origin[axis] = meta.root_lower[axis];
