@@ -27,16 +27,16 @@ struct PacketTrace {
       if (active[p] != 0)
         TracePacket<PacketWay, L, kAnyHit>(top, finder, packets[p], active[p], true, occluder, statistics);
   }
-  /// Takes out of `active` the rays that it has traced: those that stay together. The next packet is asked
-  /// for meanwhile: packets of more than a few tiles come from memory.
+  /// Takes out of `active` the rays that it has traced: those that stay together. The packet after the next
+  /// is asked for meanwhile: packets of more than a few tiles come from memory.
   template <bool kAnyHit, class Finder>
   static void RunCoherent(const TopTree& top, const Finder& finder, RayPacket* packets, uint64_t* active,
                           uint32_t count) {
     NoStatistics none;
     Occluder occluder;
     for (uint32_t p = 0; p < count; ++p) {
-      if (p + 1 < count && active[p + 1] != 0)
-        L::Prefetch(&packets[p + 1], kAnyHit ? offsetof(RayPacket, b1) : sizeof(RayPacket));
+      if (p + 2 < count && active[p + 2] != 0)
+        L::Prefetch(&packets[p + 2], kAnyHit ? offsetof(RayPacket, b1) : sizeof(RayPacket));
       if (active[p] != 0)
         active[p] =
             TracePacket<PacketWay, L, kAnyHit>(top, finder, packets[p], active[p], false, occluder, none);
