@@ -19,6 +19,9 @@ inline constexpr uint32_t kLeastVisitors = 3;
 /// by the mean of at least so many leaves.
 inline constexpr uint32_t kLeastVisits = 8;
 
+/// Triangles of a leaf that are tested together, at most.
+inline constexpr uint32_t kMostAtOnce = 16;
+
 /// A triangle that has ended rays which any hit ends: it is likely to end the next packet's too.
 /// Source: Haines & Greenberg 1986, "The Light Buffer: A Shadow-Testing Accelerator".
 struct Occluder {
@@ -87,61 +90,78 @@ QUARRY_HOST_DEVICE inline bool TestTriangles(const VoxelGeometryOf<Index>& voxel
     axes[a] = p.axes[a];
     shared[a] = kSharedOrigin ? p.shared_origin[axes[a]] : 0.0f;
   }
-  bool kept_any = false;
-  for (uint32_t r = first; r < last; ++r) {
-    const uint32_t local = voxel.references[r];
+  const auto corners_of = [&](uint32_t local, Float(&corner)[3][3]) {
     const TrianglePoints points = PointsOf(voxel, local);
-    Float corner[3][3];
     for (int k = 0; k < 3; ++k)
       for (int a = 0; a < 3; ++a)
         corner[k][a] = L::Set(kSharedOrigin ? points.at[k][axes[a]] - shared[a] : points.at[k][axes[a]]);
-    const auto move = [&](uint32_t g, MovedVertex<L>(&moved)[3]) {
-      const RayFrame<L>& frame = p.frame[g];
-      for (int k = 0; k < 3; ++k)
-        moved[k] = kSharedOrigin ? MoveVertex<L>(frame, corner[k][0], corner[k][1], corner[k][2])
-                                 : MoveVertex<L>(frame, corner[k][0] - frame.origin[axes[0]],
-                                                 corner[k][1] - frame.origin[axes[1]],
-                                                 corner[k][2] - frame.origin[axes[2]]);
-    };
-    // Most triangles lie beside all rays: that is found without a branch for each group.
-    MovedVertex<L> moved[3];
-    Mask may[kGroups], any = L::NoLanes();
-    const auto filter = [&](uint32_t g) {
-      statistics.Triangle(L::Count(active[g]), L::kLanes);
-      move(g, moved);
-      may[g] = MayContain<L>(moved[0], moved[1], moved[2], active[g]);
-      any = L::Or(any, may[g]);
-    };
-    if (count == kGroups) {
+  };
+  const auto move = [&](const Float(&corner)[3][3], uint32_t g, MovedVertex<L>(&moved)[3]) {
+    const RayFrame<L>& frame = p.frame[g];
+    for (int k = 0; k < 3; ++k)
+      moved[k] = kSharedOrigin ? MoveVertex<L>(frame, corner[k][0], corner[k][1], corner[k][2])
+                               : MoveVertex<L>(frame, corner[k][0] - frame.origin[axes[0]],
+                                               corner[k][1] - frame.origin[axes[1]],
+                                               corner[k][2] - frame.origin[axes[2]]);
+  };
+  bool kept_any = false;
+  for (; first < last; first += kMostAtOnce) {
+    // Most triangles lie beside all rays. Which do not is found without a branch, for a leaf at once: what
+    // follows then is one loop, whose divisions overlap.
+    uint64_t may[kMostAtOnce];
+    uint32_t reference[kMostAtOnce], triangles = 0;
+    const uint32_t end = std::min(last, first + kMostAtOnce);
+    for (uint32_t r = first; r < end; ++r) {
+      Float corner[3][3];
+      corners_of(voxel.references[r], corner);
+      uint64_t rays = 0;
+      const auto filter = [&](uint32_t g) {
+        statistics.Triangle(L::Count(active[g]), L::kLanes);
+        MovedVertex<L> moved[3];
+        move(corner, g, moved);
+        const uint32_t bits = L::Bits(MayContain<L>(moved[0], moved[1], moved[2], active[g]));
+        rays |= uint64_t{bits} << (g * L::kLanes);
+      };
+      if (count == kGroups) {
 #pragma GCC unroll 16
-      for (uint32_t g = 0; g < kGroups; ++g) filter(g);
-    } else {
-      for (uint32_t k = 0; k < count; ++k) filter(groups[k]);
-    }
-    if (L::None(any)) continue;
-    uint32_t left = 0;
-    for (uint32_t k = 0; k < count; ++k) {
-      const uint32_t g = groups[k];
-      if (!L::None(may[g])) {
-        statistics.Exact();
-        move(g, moved);
-        const Mask kept = Keep<L, kAnyHit>(HitMoved<L>(p.frame[g], moved[0], moved[1], moved[2], may[g]),
-                                           L::SetInt(voxel.triangle_ids[local]), L::SetInt(voxel_id),
-                                           L::SetInt(local), p.best[g]);
-        t_end[g] = L::Min(t_end[g], p.best[g].t);
-        kept_any = true;
-        if (kAnyHit) {
-          if (!L::None(kept)) p.occluder = {voxel_id, r};
-          active[g] = L::AndNot(kept, active[g]);
-          alive[g] = L::AndNot(kept, alive[g]);
-          p.alive[g] = L::AndNot(kept, p.alive[g]);
-        }
+        for (uint32_t g = 0; g < kGroups; ++g) filter(g);
+      } else {
+        for (uint32_t k = 0; k < count; ++k) filter(groups[k]);
       }
-      if (kAnyHit && !L::None(active[g])) groups[left++] = g;
+      may[triangles] = rays;
+      reference[triangles] = r;
+      triangles += rays != 0 ? 1 : 0;
     }
-    if (!kAnyHit) continue;
-    count = left;
-    if (count == 0) break;
+    struct {
+      uint32_t reference, group;
+    } tests[kMostAtOnce * kGroups];
+    uint32_t n = 0;
+    for (uint32_t i = 0; i < triangles; ++i)
+      for (uint32_t g = 0; g < kGroups; ++g) {
+        tests[n] = {i, g};
+        n += (may[i] >> (g * L::kLanes) & L::kAllLanes) != 0 ? 1 : 0;
+      }
+    for (uint32_t i = 0; i < n; ++i) {
+      const uint32_t g = tests[i].group, r = reference[tests[i].reference], local = voxel.references[r];
+      statistics.Exact();
+      Float corner[3][3];
+      corners_of(local, corner);
+      MovedVertex<L> moved[3];
+      move(corner, g, moved);
+      const Mask candidates =
+          L::FromBits(static_cast<uint32_t>(may[tests[i].reference] >> (g * L::kLanes)) & L::kAllLanes);
+      const Mask kept = Keep<L, kAnyHit>(HitMoved<L>(p.frame[g], moved[0], moved[1], moved[2], candidates),
+                                         L::SetInt(voxel.triangle_ids[local]), L::SetInt(voxel_id),
+                                         L::SetInt(local), p.best[g]);
+      t_end[g] = L::Min(t_end[g], p.best[g].t);
+      kept_any = true;
+      if (kAnyHit) {
+        if (!L::None(kept)) p.occluder = {voxel_id, r};
+        active[g] = L::AndNot(kept, active[g]);
+        alive[g] = L::AndNot(kept, alive[g]);
+        p.alive[g] = L::AndNot(kept, p.alive[g]);
+      }
+    }
   }
   return kept_any;
 }
