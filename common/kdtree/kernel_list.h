@@ -28,7 +28,8 @@ struct PacketTrace {
         TracePacket<PacketWay, L, kAnyHit>(top, finder, packets[p], active[p], true, occluder, statistics);
   }
   /// Takes out of `active` the rays that it has traced: those that stay together. The packet after the next
-  /// is asked for meanwhile: packets of more than a few tiles come from memory.
+  /// is asked for meanwhile: packets of more than a few tiles come from memory. (Into the first-level cache a
+  /// packet's 60 lines would come one after the other, and the present packet's loads behind them.)
   template <bool kAnyHit, class Finder>
   static void RunCoherent(const TopTree& top, const Finder& finder, RayPacket* packets, uint64_t* active,
                           uint32_t count) {
@@ -36,7 +37,7 @@ struct PacketTrace {
     Occluder occluder;
     for (uint32_t p = 0; p < count; ++p) {
       if (p + 2 < count && active[p + 2] != 0)
-        L::Prefetch(&packets[p + 2], kAnyHit ? offsetof(RayPacket, b1) : sizeof(RayPacket));
+        L::PrefetchFar(&packets[p + 2], kAnyHit ? offsetof(RayPacket, b1) : sizeof(RayPacket));
       if (active[p] != 0)
         active[p] =
             TracePacket<PacketWay, L, kAnyHit>(top, finder, packets[p], active[p], false, occluder, none);

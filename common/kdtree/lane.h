@@ -93,6 +93,8 @@ struct ScalarLane {
   QUARRY_HOST_DEVICE static float Least(Float x) { return x; }
   /// `bytes` from a cache line's start on will be wanted soon.
   QUARRY_HOST_DEVICE static void Prefetch(const void*, size_t) {}
+  /// For what is needed later, or is long: as far as the second-level cache.
+  QUARRY_HOST_DEVICE static void PrefetchFar(const void*, size_t) {}
   /// The nodes at `at[lane]`, as payloads and links.
   QUARRY_HOST_DEVICE static void GatherNodes(const KdNode* const* at, Int& payload, Int& link) {
     payload = at[0]->payload;

@@ -145,6 +145,9 @@ struct SimdLanes {
   static HWY_INLINE void Prefetch(const void* at, size_t bytes) {
     for (size_t i = 0; i < bytes; i += 64) hwy::Prefetch(static_cast<const char*>(at) + i);
   }
+  static HWY_INLINE void PrefetchFar(const void* at, size_t bytes) {
+    for (size_t i = 0; i < bytes; i += 64) __builtin_prefetch(static_cast<const char*>(at) + i, 0, 2);
+  }
   static HWY_INLINE uint32_t Choose(const uint8_t* masks, uint32_t bit, const uint32_t* ids, uint32_t n,
                                     uint32_t* out) {
     const hn::FixedTag<uint8_t, kLanes> bytes;
