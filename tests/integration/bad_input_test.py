@@ -307,7 +307,12 @@ class Interrupted(Case):
         model = self.path("plant.ply")
         self.must("quarry-scene", "plant", "--triangles", 1000000, "-o", model, "--quiet")
         child = subprocess.Popen([str(BIN / "quarry-preprocess"), model, "-o", self.path("x.quarry"), "--quiet"])
-        time.sleep(1)
+        self.addCleanup(end, child)
+        while not os.path.exists(self.path("x.quarry.work")):
+            self.assertIsNone(child.poll(), "ended before it could be killed")
+            time.sleep(0.01)
+        time.sleep(0.1)
+        self.assertIsNone(child.poll(), "ended before it could be killed")
         child.kill()
         child.wait()
         self.assertFalse(os.path.exists(self.path("x.quarry")))
