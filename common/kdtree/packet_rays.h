@@ -167,14 +167,14 @@ QUARRY_HOST_DEVICE inline bool TestTriangles(const VoxelGeometryOf<Index>& voxel
 }
 
 /// Whether so few of the rays in each group come to a leaf of `count` triangles that it pays to test them one
-/// after the other against vectors of triangles: by instructions, about 45 for a vector of either kind, 160
-/// to gather one of triangles, 15 for a ray.
+/// after the other against vectors of triangles. By instructions about 45 for a vector of triangles, 160 to
+/// gather one, 15 for a ray, and 45 for a vector of rays; the last counts for 60, by time (README.md).
 template <class L, class W>
 QUARRY_HOST_DEVICE inline bool FewInGroups(const typename L::Mask* active, uint32_t count) {
   uint32_t groups = 0;
   for (uint32_t g = 0; g < PacketRays<L>::kGroups; ++g) groups += L::None(active[g]) ? 0 : 1;
   const uint32_t rays = CountAll<L>(active), vectors = (count + W::kLanes - 1) / W::kLanes;
-  return rays * (3 * vectors + 1) + 11 * vectors < 3 * groups * count;
+  return rays * (3 * vectors + 1) + 11 * vectors < 4 * groups * count;
 }
 
 /// As TestTriangles, ray by ray.
