@@ -23,7 +23,7 @@ struct alignas(32) StreamHit {
   float t_stop;          ///< where it comes to the voxel at which it stops; infinite
   uint32_t stops_at;     ///< the voxel: it is missing, or few rays come to it
   uint16_t source;       ///< packet * 64 + index
-  uint16_t stops_alone;  ///< not 0: the voxel is there
+  uint16_t stops_alone;  ///< not 0: for want of company
 };
 
 /// Where the rays of a thread's streams lie, and the lists of nodes: 96 bytes a ray, and 5 for each level of

@@ -248,7 +248,6 @@ class StreamTracer {
     uint32_t* const list = ids_;
     for (uint32_t voxel = first; voxel != kNoVoxel; voxel = top_.next_in_chain[voxel]) {
       const VoxelBounds& bounds = top_.bounds[voxel];
-      const Geometry* geometry = finder_.Find(voxel);
       uint32_t m = 0;
       for (uint32_t i = 0; i < n; ++i) {
         const StreamRay& ray = rays_[ids[i]];
@@ -270,9 +269,11 @@ class StreamTracer {
         list[m++] = ids[i];
       }
       if (m == 0) continue;
-      if (!geometry || m < least_company_) {
-        for (uint32_t i = 0; i < m; ++i)
-          Stop(list[i], Enter(rays_[list[i]], node, c), voxel, geometry != nullptr);
+      // Only what rays come to may be asked for: who answers takes note of it.
+      const bool alone = m < least_company_;
+      const Geometry* geometry = alone ? nullptr : finder_.Find(voxel);
+      if (!geometry) {
+        for (uint32_t i = 0; i < m; ++i) Stop(list[i], Enter(rays_[list[i]], node, c), voxel, alone);
         continue;
       }
       statistics_.Voxel(m);

@@ -308,7 +308,9 @@ class Interrupted(Case):
         self.must("quarry-scene", "plant", "--triangles", 1000000, "-o", model, "--quiet")
         child = subprocess.Popen([str(BIN / "quarry-preprocess"), model, "-o", self.path("x.quarry"), "--quiet"])
         self.addCleanup(end, child)
+        until = time.monotonic() + 20 * PATIENCE
         while not os.path.exists(self.path("x.quarry.work")):
+            self.assertLess(time.monotonic(), until, "no work folder")
             self.assertIsNone(child.poll(), "ended before it could be killed")
             time.sleep(0.01)
         time.sleep(0.1)
