@@ -29,16 +29,22 @@ QUARRY_HOST_DEVICE inline void Rotate(const RayFrame<L>& frame, typename L::Floa
   z = L::Select(frame.z_is_x, x0, L::Select(frame.z_is_y, y0, z0));
 }
 
+/// A component of a direction, or what stands for it where it is too small to divide by.
+template <class L>
+QUARRY_HOST_DEVICE inline typename L::Float Divisor(typename L::Float d) {
+  const auto least = L::Set(1e-18f);
+  return L::Select(L::Less(L::Abs(d), least), L::CopySign(least, d), d);
+}
+
 template <class L>
 QUARRY_HOST_DEVICE inline RayFrame<L> MakeRayFrame(const typename L::Float (&origin)[3],
                                                    const typename L::Float (&direction)[3]) {
   using Float = typename L::Float;
   RayFrame<L> f;
-  const Float least = L::Set(1e-18f), one = L::Set(1.0f);
+  const Float one = L::Set(1.0f);
   for (int a = 0; a < 3; ++a) {
     f.origin[a] = origin[a];
-    const Float d = direction[a];
-    f.reciprocal[a] = one / L::Select(L::Less(L::Abs(d), least), L::CopySign(least, d), d);
+    f.reciprocal[a] = one / Divisor<L>(direction[a]);
   }
   const Float x = L::Abs(direction[0]), y = L::Abs(direction[1]), z = L::Abs(direction[2]);
   f.z_is_x = L::And(L::Less(y, x), L::Less(z, x));

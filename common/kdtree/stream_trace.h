@@ -6,10 +6,12 @@
 #include <cstdint>
 #include <cstring>
 #include <initializer_list>
+#include <numeric>
 
 #include "common/kdtree/kernel_parts.h"
 #include "common/kdtree/stream_memory.h"
 #include "common/kdtree/triangle_block.h"
+#include "common/kdtree/triangle_pairs.h"
 #include "common/kdtree/wide_node.h"
 
 // Streams: thousands of rays of one octant go through wide nodes together. A node is looked at once for all
@@ -25,10 +27,14 @@
 
 namespace quarry {
 
-/// Packets whose single rays make a stream, at most. More share more, but their rays fall out of the caches.
-inline constexpr uint32_t kStreamPackets = 512;
+/// Rays of a stream, at most. More share more, but fall out of the caches.
+inline constexpr uint32_t kStreamRays = 65536;
+/// The packets that they come from, at most.
+inline constexpr uint32_t kStreamPackets = 4096;
 /// Where fewer rays than these come to a voxel together they leave the stream (README.md).
-inline constexpr uint32_t kLeastCompany = 24;
+inline constexpr uint32_t kLeastCompany = 12;
+/// So do all that are left where, after so many visits of leaves, fewer than 5 / 4 rays came to each.
+inline constexpr uint32_t kFirstVisits = 64, kLeastVisitorsBy4 = 5;
 
 /// The kernel. One object traces one stream. `L`: lanes that are rays; `W`: lanes that are a node's cells, or
 /// a leaf's triangles.
@@ -53,22 +59,54 @@ class StreamTracer {
   void Run(RayPacket* packets, uint64_t* active, uint32_t count, uint32_t least_company) {
     packets_ = packets;
     least_company_ = least_company;
+    // Rays of an octant lie side by side, in the order of packets, in which they are taken up and given back.
+    uint32_t end[8] = {}, n = 0;
+    for (uint32_t p = 0; p < count; ++p) CountOctants(packets[p], active[p], end);
+    for (uint32_t& e : end) {
+      const uint32_t octants = e;
+      e = n;
+      n += octants;
+    }
+    uint32_t* const places = ids_;
+    uint32_t* place = places;
     for (uint32_t p = 0; p < count; ++p)
-      if (active[p] != 0) Start(p, active[p]);
-    for (octant_ = 0; octant_ < 8; ++octant_) RunOctant();
+      if (active[p] != 0) place = Start(p, active[p], end, place);
+    ids_ += n + kSlack;
+    for (octant_ = 0; octant_ < 8; ++octant_) RunOctant(octant_ == 0 ? 0 : end[octant_ - 1], end[octant_]);
     std::fill_n(active, count, uint64_t{0});
-    for (uint32_t i = 0; i < n_; ++i) Finish(rays_[i], hits_[i], active);
+    for (uint32_t i = 0; i < n; ++i) Finish(rays_[places[i]], hits_[places[i]], active);
   }
 
  private:
   static constexpr uint32_t kSlack = StreamMemory::kSlack;
-  static constexpr uint32_t kAhead = 8;  ///< a ray is asked for so many rays before its turn
+  static constexpr uint32_t kFewPairs = 3;  ///< so few go on ray by ray
+  static constexpr uint32_t kAhead = 16;    ///< a ray is asked for so many rays before its turn
 
   static constexpr uint32_t kFloats = 15;
   static_assert(offsetof(StreamRay, last_axis) == kFloats * sizeof(float));
 
-  /// Takes up the rays of packet p that `active` names. Their octants, as bits, are what masks_ is first.
-  void Start(uint32_t p, uint64_t active) {
+  /// Which of L's rays from `first` on go down along the axis, as bits.
+  static uint32_t Down(const RayPacket& packet, uint32_t first, uint32_t axis) {
+    return L::Bits(L::Less(Divisor<L>(L::Load(packet.direction[axis] + first)), L::Set(0.0f)));
+  }
+
+  /// Adds the rays of the packet that `active` names to those of their octants.
+  static void CountOctants(const RayPacket& packet, uint64_t active, uint32_t (&counts)[8]) {
+    for (uint32_t first = 0; first < RayPacket::kRays; first += L::kLanes) {
+      const uint32_t lanes = static_cast<uint32_t>(active >> first) & L::kAllLanes;
+      if (lanes == 0) continue;
+      const uint32_t down[3] = {Down(packet, first, 0), Down(packet, first, 1), Down(packet, first, 2)};
+      for (uint32_t octant = 0; octant < 8; ++octant) {
+        uint32_t of_octant = lanes;
+        for (uint32_t a = 0; a < 3; ++a) of_octant &= (octant >> a & 1) != 0 ? down[a] : ~down[a];
+        counts[octant] += static_cast<uint32_t>(std::popcount(of_octant));
+      }
+    }
+  }
+
+  /// Takes up the rays of packet p that `active` names, each at the next place of its octant; writes those
+  /// down from `places` on, and returns where it has stopped.
+  uint32_t* Start(uint32_t p, uint64_t active, uint32_t (&next)[8], uint32_t* places) {
     using Float = typename L::Float;
     const float lower[3] = {top_.lower.x, top_.lower.y, top_.lower.z};
     const float upper[3] = {top_.upper.x, top_.upper.y, top_.upper.z};
@@ -79,11 +117,9 @@ class StreamTracer {
       if (lanes == 0) continue;
       const RayFrame<L> frame = LoadFrame<L>(packet, first);
       alignas(64) float fields[kFloats][L::kLanes];  // in the order of StreamRay's
-      uint32_t negative[3];
       for (uint32_t a = 0; a < 3; ++a) {
         L::Store(frame.reciprocal[a], fields[a]);
         L::Store(L::Negate(frame.origin[a] * frame.reciprocal[a]), fields[3 + a]);
-        negative[a] = L::Bits(L::Less(frame.reciprocal[a], L::Set(0.0f)));
       }
       const Float best_t = L::Load(packet.hit_t + first);
       Float t = L::Load(packet.t + first), t_end = best_t;
@@ -99,30 +135,32 @@ class StreamTracer {
       L::Store(frame.shear_y, fields[12]);
       L::Store(frame.scale_z, fields[13]);
       L::Store(best_t, fields[14]);
+      const uint32_t down[3] = {Down(packet, first, 0), Down(packet, first, 1), Down(packet, first, 2)};
       const uint32_t z_is_x = L::Bits(frame.z_is_x), z_is_y = L::Bits(frame.z_is_y);
       for (; lanes != 0; lanes &= lanes - 1) {
         const auto lane = static_cast<uint32_t>(std::countr_zero(lanes));
         const uint32_t i = first + lane;
-        StreamRay& ray = rays_[n_];
+        const auto sign = [&](uint32_t a) { return (down[a] >> lane & 1) << a; };
+        const uint32_t place = *places++ = next[sign(0) | sign(1) | sign(2)]++;
+        StreamRay& ray = rays_[place];
         float floats[kFloats];
         for (uint32_t f = 0; f < kFloats; ++f) floats[f] = fields[f][lane];
         std::memcpy(&ray, floats, sizeof floats);
         ray.last_axis = z_is_x >> lane & 1 ? 0 : z_is_y >> lane & 1 ? 1 : 2;
-        StreamHit& hit = hits_[n_];
+        StreamHit& hit = hits_[place];
         hit.triangle = packet.triangle[i];
         hit.t_stop = kInfinity;
         hit.stops_alone = 0;
-        hit.source = static_cast<uint16_t>(p * RayPacket::kRays + i);
+        hit.source = p * RayPacket::kRays + i;
         if (!kAnyHit) {
           hit.b1 = packet.b1[i];
           hit.b2 = packet.b2[i];
           hit.voxel = packet.voxel[i];
           hit.local = packet.local[i];
         }
-        const auto sign = [&](uint32_t a) { return (negative[a] >> lane & 1) << a; };
-        masks_[n_++] = static_cast<uint8_t>(1u << (sign(0) | sign(1) | sign(2)));
       }
     }
+    return places;
   }
 
   void Finish(const StreamRay& ray, const StreamHit& hit, uint64_t* left) {
@@ -144,22 +182,19 @@ class StreamTracer {
     packet.local[i] = hit.local;
   }
 
-  void RunOctant() {
+  /// The rays from `begin` to `end`.
+  void RunOctant(uint32_t begin, uint32_t end) {
+    if (begin == end) return;
     for (uint32_t a = 0; a < 3; ++a) {
       const bool forward = (octant_ >> a & 1) == 0;
       near_face_[a] = WideNode::Face(a, !forward);
       far_face_[a] = WideNode::Face(a, forward);
     }
-    uint32_t *const ids = ids_, *const all = ids + n_ + kSlack;
-    for (uint32_t i = 0; i < n_; ++i) all[i] = i;
-    const uint32_t count = L::Choose(masks_, octant_, all, n_, ids);
-    if (count == 0) return;
-    uint8_t* const masks = masks_;
-    ids_ += count + kSlack;
-    masks_ += n_ + kSlack;
-    Walk(TopLeaves{*this}, top_.wide, top_.wide[0], ids, count);
-    ids_ = ids;
-    masks_ = masks;
+    uint32_t* const all = ids_;
+    std::iota(all, all + (end - begin), begin);
+    ids_ += end - begin + kSlack;
+    Walk(TopLeaves{*this}, top_.wide, top_.wide[0], all, end - begin);
+    ids_ = all;
   }
 
   /// Which of the node's cells each ray passes. Returns those that any does.
@@ -200,6 +235,7 @@ class StreamTracer {
   void Walk(const Leaves& leaves, const WideNode* nodes, const WideNode& node, const uint32_t* ids,
             uint32_t n) {
     uint8_t* const masks = masks_;
+    leaves.Expect(node);
     const uint32_t any = Look(node, ids, n, masks);
     masks_ += n + kSlack;
     leaves.Await(node, any);
@@ -236,6 +272,7 @@ class StreamTracer {
   /// The top-level tree's.
   struct TopLeaves {
     StreamTracer& tracer;
+    void Expect(const WideNode&) const {}
     void Await(const WideNode&, uint32_t) const {}
     void Visit(const WideNode& node, uint32_t c, uint32_t* ids, uint32_t n) const {
       tracer.VisitVoxels(node, c, ids, n);
@@ -247,30 +284,17 @@ class StreamTracer {
     const bool chained = top_.next_in_chain[first] != kNoVoxel;
     uint32_t* const list = ids_;
     for (uint32_t voxel = first; voxel != kNoVoxel; voxel = top_.next_in_chain[voxel]) {
-      const VoxelBounds& bounds = top_.bounds[voxel];
       uint32_t m = 0;
       for (uint32_t i = 0; i < n; ++i) {
-        const StreamRay& ray = rays_[ids[i]];
-        if (chained) {
-          const StreamHit& hit = hits_[ids[i]];
-          const uint32_t from = packets_[hit.source / RayPacket::kRays].chain[hit.source % RayPacket::kRays];
-          if (GoOnInChain(top_, first, from) > voxel) continue;
-        }
-        float enter = Enter(ray, node, c), exit = ray.t_end;
-        for (uint32_t a = 0; a < 3; ++a)
-          exit = ScalarLane::Min(
-              exit, ScalarLane::Fma(node.bounds[far_face_[a] + c], ray.reciprocal[a], ray.shift[a]));
-        if (!(enter < exit)) continue;
-        const auto t_of = [&](float plane, int a) {
-          return ScalarLane::Fma(plane, ray.reciprocal[a], ray.shift[a]);
-        };
-        ClipToSlabs<ScalarLane>(bounds.lower, bounds.upper, t_of, enter, exit);
-        if (!(enter <= exit)) continue;
-        list[m++] = ids[i];
+        // Some have found something nearer meanwhile.
+        list[m] = ids[i];
+        const bool comes = chained ? MeetsInChain(rays_[ids[i]], node, c, first, voxel, hits_[ids[i]])
+                                   : Enter(rays_[ids[i]], node, c) < rays_[ids[i]].t_end;
+        m += comes ? 1 : 0;
       }
       if (m == 0) continue;
       // Only what rays come to may be asked for: who answers takes note of it.
-      const bool alone = m < least_company_;
+      const bool alone = m < least_company_ || (least_company_ != 0 && scattered());
       const Geometry* geometry = alone ? nullptr : finder_.Find(voxel);
       if (!geometry) {
         for (uint32_t i = 0; i < m; ++i) Stop(list[i], Enter(rays_[list[i]], node, c), voxel, alone);
@@ -281,6 +305,27 @@ class StreamTracer {
       Walk(VoxelLeaves{*this, *geometry, voxel}, geometry->wide, geometry->wide[0], list, m);
       ids_ = list;
     }
+  }
+
+  /// Whether rays come to leaves one by one, though not to voxels.
+  bool scattered() const { return visits_ >= kFirstVisits && visitors_ * 4 < visits_ * kLeastVisitorsBy4; }
+
+  /// Whether a ray comes to a voxel of the chain that begins with `first`, before its end.
+  bool MeetsInChain(const StreamRay& ray, const WideNode& node, uint32_t c, uint32_t first, uint32_t voxel,
+                    const StreamHit& hit) const {
+    const uint32_t from = packets_[hit.source / RayPacket::kRays].chain[hit.source % RayPacket::kRays];
+    if (GoOnInChain(top_, first, from) > voxel) return false;
+    float enter = Enter(ray, node, c), exit = ray.t_end;
+    for (uint32_t a = 0; a < 3; ++a)
+      exit = ScalarLane::Min(exit,
+                             ScalarLane::Fma(node.bounds[far_face_[a] + c], ray.reciprocal[a], ray.shift[a]));
+    if (!(enter < exit)) return false;
+    const auto t_of = [&](float plane, int a) {
+      return ScalarLane::Fma(plane, ray.reciprocal[a], ray.shift[a]);
+    };
+    const VoxelBounds& bounds = top_.bounds[voxel];
+    ClipToSlabs<ScalarLane>(bounds.lower, bounds.upper, t_of, enter, exit);
+    return enter <= exit;
   }
 
   /// The ray goes on from the present top-level leaf later.
@@ -300,13 +345,16 @@ class StreamTracer {
 
     /// Asks for what the leaves' triangles take, one load after the other; of neighbours, which lie side by
     /// side, for some.
+    void Expect(const WideNode& node) const {
+      for (uint32_t c = 0; c < WideNode::kChildren; ++c)
+        if (node.count[c] != WideNode::kInner) W::Prefetch(voxel.references + node.child[c], 1);
+    }
     void Await(const WideNode& node, uint32_t cells) const {
       constexpr uint32_t kMost = 16;
       uint32_t leaves = 0;
       for (; cells != 0; cells &= cells - 1) {
         const auto c = static_cast<uint32_t>(std::countr_zero(cells));
         if (node.count[c] == WideNode::kInner) continue;
-        W::Prefetch(voxel.references + node.child[c], 1);
         leaves |= 1u << c;
       }
       for (uint32_t left = leaves; left != 0; left &= left - 1) {
@@ -332,6 +380,8 @@ class StreamTracer {
       }
       tracer.statistics_.Leaf(m);
       if (m == 0) return;
+      tracer.visits_ += 1;
+      tracer.visitors_ += m;
       const uint32_t count = node.count[c];
       for (uint32_t done = 0; done < count; done += TriangleBlock<W>::kMost)
         tracer.TestTriangles(voxel, voxel_id, voxel.references + node.child[c] + done,
@@ -365,27 +415,48 @@ class StreamTracer {
       may[m] = bits;
       m += bits != 0 ? 1 : 0;
     }
-    for (uint32_t i = 0; i < m; ++i) {
-      StreamRay& ray = rays_[may_ids[i]];
-      StreamHit& hit = hits_[may_ids[i]];
-      block.ForEachHit(BlockRayOf(ray), may[i], ray.best_t, statistics_,
-                       [&](uint32_t r, float t, float b1, float b2) {
-                         const uint32_t local = references[r], triangle = voxel.triangle_ids[local];
-                         if (!Precedes<ScalarLane>(t, triangle, ray.best_t, hit.triangle)) return;
-                         ray.best_t = t;
-                         hit.triangle = triangle;
-                         if (kAnyHit) {
-                           ray.t_end = -kInfinity;
-                           hit.t_stop = kInfinity;
-                           return;
-                         }
-                         ray.t_end = ScalarLane::Min(ray.t_end, t);
-                         hit.b1 = b1;
-                         hit.b2 = b2;
-                         hit.voxel = voxel_id;
-                         hit.local = local;
-                       });
+    const auto keep = [&](uint32_t id, uint32_t local, float t, float b1, float b2) {
+      Keep(id, {true, t, b1, b2}, voxel.triangle_ids[local], voxel_id, local);
+    };
+    // Then the first that each ray may hit, as many rays at a time as lanes; then the next.
+    while (m > kFewPairs) {
+      uint32_t i = 0;
+      for (; i + W::kLanes < m; i += L::kLanes)
+        TestPairs<L>(rays_, voxel, references, may_ids + i, may + i, std::min(m - i, L::kLanes), statistics_,
+                     keep);
+      if (i < m) TestPairs<W>(rays_, voxel, references, may_ids + i, may + i, m - i, statistics_, keep);
+      uint32_t left = 0;
+      for (i = 0; i < m; ++i) {
+        const uint32_t rest = may[i] & (may[i] - 1);
+        may_ids[left] = may_ids[i];
+        may[left] = rest;
+        left += rest != 0 ? 1 : 0;
+      }
+      m = left;
     }
+    for (uint32_t i = 0; i < m; ++i)
+      block.ForEachHit(
+          BlockRayOf(rays_[may_ids[i]]), may[i], rays_[may_ids[i]].best_t, statistics_,
+          [&](uint32_t r, float t, float b1, float b2) { keep(may_ids[i], references[r], t, b1, b2); });
+  }
+
+  void Keep(uint32_t id, const TriangleHit<ScalarLane>& found, uint32_t triangle, uint32_t voxel,
+            uint32_t local) {
+    StreamRay& ray = rays_[id];
+    StreamHit& hit = hits_[id];
+    if (!Precedes<ScalarLane>(found.t, triangle, ray.best_t, hit.triangle)) return;
+    ray.best_t = found.t;
+    hit.triangle = triangle;
+    if (kAnyHit) {
+      ray.t_end = -kInfinity;
+      hit.t_stop = kInfinity;
+      return;
+    }
+    ray.t_end = ScalarLane::Min(ray.t_end, found.t);
+    hit.b1 = found.b1;
+    hit.b2 = found.b2;
+    hit.voxel = voxel;
+    hit.local = local;
   }
 
   const TopTree& top_;
@@ -394,8 +465,8 @@ class StreamTracer {
   RayPacket* packets_ = nullptr;
   StreamRay* rays_;
   StreamHit* hits_;
-  uint32_t n_ = 0;  ///< rays
   uint32_t least_company_ = 0;
+  uint32_t visits_ = 0, visitors_ = 0;  ///< of leaves in voxels, and by how many rays
   uint32_t octant_ = 0, near_face_[3], far_face_[3];
   // What is free.
   uint32_t* ids_;

@@ -57,7 +57,8 @@ struct TopTree {
   const VoxelBounds* bounds = nullptr;      ///< per voxel: rays that pass beside it need not visit it
   glm::vec3 lower{0}, upper{0};             ///< the root's box: the scene's bounds, padded
   const RopeLeaf* ropes = nullptr;          ///< only where a bench has given the tree ropes
-  const WideNode* wide = nullptr;           ///< the same tree in wide nodes, derived
+  /// The same tree in wide nodes, derived; boxes cut down to the bounds of what is in them.
+  const WideNode* wide = nullptr;
 };
 
 /// How kernels ask for voxels: the geometry, or null when it is not resident. What it returned stays valid
