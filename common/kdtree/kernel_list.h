@@ -90,9 +90,9 @@ struct StreamTrace {
   template <bool kAnyHit, class Finder, class Statistics>
   static void Run(const TopTree& top, const Finder& finder, RayPacket* packets, const uint64_t* active,
                   uint32_t count, Statistics& statistics) {
-    uint64_t left[kStreamPackets];
-    for (uint32_t first = 0, n; first < count; first += n) {
-      n = PacketsOfStream(active + first, count - first);
+    for (uint32_t first = 0; first < count; first += kStreamPackets) {
+      uint64_t left[kStreamPackets];
+      const uint32_t n = std::min(count - first, kStreamPackets);
       std::copy_n(active + first, n, left);
       RunOne<kAnyHit>(top, finder, packets + first, left, n, 0, statistics);
     }
@@ -102,26 +102,17 @@ struct StreamTrace {
   static void RunCoherent(const TopTree& top, const Finder& finder, RayPacket* packets, uint64_t* active,
                           uint32_t count) {
     NoStatistics none;
-    for (uint32_t first = 0, n; first < count; first += n) {
-      n = PacketsOfStream(active + first, count - first);
-      RunOne<kAnyHit>(top, finder, packets + first, active + first, n, kLeastCompany, none);
-    }
+    for (uint32_t first = 0; first < count; first += kStreamPackets)
+      RunOne<kAnyHit>(top, finder, packets + first, active + first, std::min(count - first, kStreamPackets),
+                      kLeastCompany, none);
   }
 
  private:
-  static uint32_t PacketsOfStream(const uint64_t* active, uint32_t count) {
-    uint32_t n = 0;
-    for (int rays = 0; n < std::min(count, kStreamPackets); ++n) {
-      rays += std::popcount(active[n]);
-      if (rays > static_cast<int>(kStreamRays)) break;
-    }
-    return n;
-  }
   template <bool kAnyHit, class Finder, class Statistics>
   static void RunOne(const TopTree& top, const Finder& finder, RayPacket* packets, uint64_t* active,
                      uint32_t count, uint32_t least_company, Statistics& statistics) {
     StreamMemory& memory = StreamMemory::OfThread();
-    memory.Reserve(std::min(count * RayPacket::kRays, kStreamRays));
+    memory.Reserve(count * RayPacket::kRays);
     StreamTracer<L, W, kAnyHit, Finder, Statistics>(top, finder, statistics, memory)
         .Run(packets, active, count, least_company);
   }

@@ -3,7 +3,6 @@
 #include <hwy/targets.h>
 
 #include <algorithm>
-#include <bit>
 #include <cstdlib>
 #include <vector>
 
@@ -47,18 +46,11 @@ void TraceRays(const TopTree& top, const VoxelFinder& finder, RayPacket* packets
   static const Kernel& together = BestKernel(Grouping::kWidePacket);
   static const Kernel& stream = BestKernel(Grouping::kStream);
   static const Kernel& alone = BestKernel(Grouping::kWide);
-  // As many packets as leave enough rays to fill a stream, but while they are in the caches.
-  constexpr uint32_t kStep = 128;
-  uint64_t left[kStreamPackets];
-  for (uint32_t first = 0, n = 0; first < count; first += n, n = 0) {
-    for (uint32_t rays = 0; rays + kStep * RayPacket::kRays <= kStreamRays;) {
-      const uint32_t more = std::min({kStep, kStreamPackets - n, count - first - n});
-      if (more == 0) break;
-      std::copy_n(active + first + n, more, left + n);
-      (any ? together.coherent_any : together.coherent_closest)(top, finder, packets + first + n, left + n,
-                                                                more);
-      for (uint32_t end = n + more; n < end; ++n) rays += static_cast<uint32_t>(std::popcount(left[n]));
-    }
+  for (uint32_t first = 0; first < count; first += kStreamPackets) {
+    uint64_t left[kStreamPackets];
+    const uint32_t n = std::min(kStreamPackets, count - first);
+    std::copy_n(active + first, n, left);
+    (any ? together.coherent_any : together.coherent_closest)(top, finder, packets + first, left, n);
     (any ? stream.coherent_any : stream.coherent_closest)(top, finder, packets + first, left, n);
     (any ? alone.any : alone.closest)(top, finder, packets + first, left, n);
   }

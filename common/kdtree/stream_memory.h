@@ -20,10 +20,10 @@ struct alignas(32) StreamHit {
   uint32_t triangle;
   float b1, b2;
   uint32_t voxel, local;
-  float t_stop;              ///< where it comes to the voxel at which it stops; infinite
-  uint32_t stops_at;         ///< the voxel: it is missing, or few rays come to it
-  uint32_t source : 31;      ///< packet * 64 + index
-  uint32_t stops_alone : 1;  ///< for want of company
+  float t_stop;          ///< where it comes to the voxel at which it stops; infinite
+  uint32_t stops_at;     ///< the voxel: it is missing, or few rays come to it
+  uint16_t source;       ///< packet * 64 + index
+  uint16_t stops_alone;  ///< not 0: for want of company
 };
 
 /// Where the rays of a thread's streams lie, and the lists of nodes: 96 bytes a ray, and 5 for each level of

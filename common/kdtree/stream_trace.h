@@ -27,10 +27,8 @@
 
 namespace quarry {
 
-/// Rays of a stream, at most. More share more, but fall out of the caches.
-inline constexpr uint32_t kStreamRays = 65536;
-/// The packets that they come from, at most.
-inline constexpr uint32_t kStreamPackets = 4096;
+/// Packets whose single rays make a stream, at most. More share more, but their rays fall out of the caches.
+inline constexpr uint32_t kStreamPackets = 1024;
 /// Where fewer rays than these come to a voxel together they leave the stream (README.md).
 inline constexpr uint32_t kLeastCompany = 12;
 /// So do all that are left where, after so many visits of leaves, fewer than 5 / 4 rays came to each.
@@ -151,7 +149,7 @@ class StreamTracer {
         hit.triangle = packet.triangle[i];
         hit.t_stop = kInfinity;
         hit.stops_alone = 0;
-        hit.source = p * RayPacket::kRays + i;
+        hit.source = static_cast<uint16_t>(p * RayPacket::kRays + i);
         if (!kAnyHit) {
           hit.b1 = packet.b1[i];
           hit.b2 = packet.b2[i];
