@@ -82,6 +82,7 @@ class StreamTracer {
 
   static constexpr uint32_t kFloats = 15;
   static_assert(offsetof(StreamRay, last_axis) == kFloats * sizeof(float));
+  static_assert(kStreamPackets * RayPacket::kRays - 1 <= 0xFFFF);  // StreamHit::source
 
   /// Which of L's rays from `first` on go down along the axis, as bits.
   static uint32_t Down(const RayPacket& packet, uint32_t first, uint32_t axis) {
