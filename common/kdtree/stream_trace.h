@@ -53,12 +53,13 @@ class StreamTracer {
         masks_(memory.masks.get()) {}
 
   /// Traces the rays that `active` names, and takes them out of it; but for those that come to a voxel with
-  /// fewer others than `least_company` - 1: they have yet to be traced from there.
+  /// fewer others than `least_company` - 1, or to any voxel once leaves are found to be visited one by one:
+  /// they have yet to be traced from there. With a `least_company` of 0 none are left.
   void Run(RayPacket* packets, uint64_t* active, uint32_t count, uint32_t least_company) {
     packets_ = packets;
     least_company_ = least_company;
     // Rays of an octant lie side by side, in the order of packets, in which they are taken up and given back.
-    uint32_t end[8] = {}, n = 0;
+    uint32_t end[8] = {}, n = 0;  // of an octant: how many, then where they begin, then where they end
     for (uint32_t p = 0; p < count; ++p) CountOctants(packets[p], active[p], end);
     for (uint32_t& e : end) {
       const uint32_t octants = e;
@@ -306,7 +307,7 @@ class StreamTracer {
     }
   }
 
-  /// Whether rays come to leaves one by one, though not to voxels.
+  /// Whether rays come to leaves one by one, though to voxels together.
   bool scattered() const { return visits_ >= kFirstVisits && visitors_ * 4 < visits_ * kLeastVisitorsBy4; }
 
   /// Whether a ray comes to a voxel of the chain that begins with `first`, before its end.
@@ -342,8 +343,9 @@ class StreamTracer {
     const Geometry& voxel;
     uint32_t voxel_id;
 
-    /// Asks for what the leaves' triangles take, one load after the other; of neighbours, which lie side by
-    /// side, for some.
+    /// Asks for what the leaves' triangles take, one load after the other: the references were asked for
+    /// before the node was looked at; of neighbours, which lie side by side, for some.
+    /// Asks for the references of leaves that the node may have.
     void Expect(const WideNode& node) const {
       for (uint32_t c = 0; c < WideNode::kChildren; ++c)
         if (node.count[c] != WideNode::kInner) W::Prefetch(voxel.references + node.child[c], 1);
@@ -465,7 +467,7 @@ class StreamTracer {
   StreamRay* rays_;
   StreamHit* hits_;
   uint32_t least_company_ = 0;
-  uint32_t visits_ = 0, visitors_ = 0;  ///< of leaves in voxels, and by how many rays
+  uint64_t visits_ = 0, visitors_ = 0;  ///< of leaves in voxels, and by how many rays
   uint32_t octant_ = 0, near_face_[3], far_face_[3];
   // What is free.
   uint32_t* ids_;
