@@ -23,6 +23,7 @@ struct Box8 {
   static Box8 Of(const Box& b) {
     return {Float8{b.lower.x, b.lower.y, b.lower.z, 0, -b.upper.x, -b.upper.y, -b.upper.z, 0}};
   }
+  /// Of() undone.
   Box box() const { return {{faces[0], faces[1], faces[2]}, {-faces[4], -faces[5], -faces[6]}}; }
   /// Holds nothing, and grows to whatever is included.
   static Box8 Empty() { return {Float8{} + std::numeric_limits<float>::infinity()}; }

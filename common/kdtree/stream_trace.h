@@ -31,7 +31,8 @@ namespace quarry {
 inline constexpr uint32_t kStreamPackets = 1024;
 /// Where fewer rays than these come to a voxel together they leave the stream (README.md).
 inline constexpr uint32_t kLeastCompany = 12;
-/// So do all that are left where, after so many visits of leaves, fewer than 5 / 4 rays came to each.
+/// So do all that are left when, after kFirstVisits visits of leaves, fewer than 5 / 4 rays came to each
+/// (README.md).
 inline constexpr uint32_t kFirstVisits = 64, kLeastVisitorsBy4 = 5;
 
 /// The kernel. One object traces one stream. `L`: lanes that are rays; `W`: lanes that are a node's cells, or
@@ -343,13 +344,13 @@ class StreamTracer {
     const Geometry& voxel;
     uint32_t voxel_id;
 
-    /// Asks for what the leaves' triangles take, one load after the other: the references were asked for
-    /// before the node was looked at; of neighbours, which lie side by side, for some.
-    /// Asks for the references of leaves that the node may have.
+    /// Asks for the references of the node's leaves, before it is known which of them rays come to.
     void Expect(const WideNode& node) const {
       for (uint32_t c = 0; c < WideNode::kChildren; ++c)
         if (node.count[c] != WideNode::kInner) W::Prefetch(voxel.references + node.child[c], 1);
     }
+    /// Asks for what the leaves' triangles take beyond references, one load after the other; of neighbours,
+    /// which lie side by side, for some.
     void Await(const WideNode& node, uint32_t cells) const {
       constexpr uint32_t kMost = 16;
       uint32_t leaves = 0;

@@ -68,16 +68,9 @@ class TriangleBlock {
       MovedVertex<W> moved[3];
       Move(v, ray, moved);
       const TriangleHit<W> found = HitMoved<W>(ray.frame, moved[0], moved[1], moved[2], W::FromBits(lanes));
-      uint32_t hits = W::Bits(W::And(found.hit, W::LessEqual(found.t, W::Set(best_t))));
-      if (hits == 0) continue;
-      alignas(64) float t[W::kLanes], b1[W::kLanes], b2[W::kLanes];
-      W::Store(found.t, t);
-      W::Store(found.b1, b1);
-      W::Store(found.b2, b2);
-      for (; hits != 0; hits &= hits - 1) {
-        const auto i = static_cast<uint32_t>(std::countr_zero(hits));
-        keep(v * W::kLanes + i, t[i], b1[i], b2[i]);
-      }
+      ForEachLaneHit<W>(found, W::Set(best_t), [&](uint32_t lane, float t, float b1, float b2) {
+        keep(v * W::kLanes + lane, t, b1, b2);
+      });
     }
   }
 

@@ -50,16 +50,9 @@ inline void TestPairs(const StreamRay* rays, const VoxelGeometryOf<Index>& voxel
   statistics.Exact();
   const auto present = L::FromBits(L::kAllLanes >> (L::kLanes - n));
   const TriangleHit<L> found = HitMoved<L>(frame, moved[0], moved[1], moved[2], present);
-  uint32_t hits = L::Bits(L::And(found.hit, L::LessEqual(found.t, best_t)));
-  if (hits == 0) return;
-  alignas(64) float t[L::kLanes], b1[L::kLanes], b2[L::kLanes];
-  L::Store(found.t, t);
-  L::Store(found.b1, b1);
-  L::Store(found.b2, b2);
-  for (; hits != 0; hits &= hits - 1) {
-    const auto i = static_cast<uint32_t>(std::countr_zero(hits));
-    keep(ids[i], local[i], t[i], b1[i], b2[i]);
-  }
+  ForEachLaneHit<L>(found, best_t, [&](uint32_t lane, float t, float b1, float b2) {
+    keep(ids[lane], local[lane], t, b1, b2);
+  });
 }
 
 }  // namespace quarry

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <bit>
 #include <glm/vec3.hpp>
 
 #include "common/kdtree/ray.h"
@@ -99,6 +100,22 @@ QUARRY_HOST_DEVICE inline TriangleHit<L> HitMoved(const RayFrame<L>& ray, MovedV
                      L::Join(b2[0], b2[kLast])};
   out.hit = L::And(L::And(out.hit, candidates), L::Less(L::Set(0.0f), out.t));
   return out;
+}
+
+/// `keep(lane, t, b1, b2)` for the lanes hit no farther than `best_t`, one after the other.
+template <class L, class Keep>
+QUARRY_HOST_DEVICE inline void ForEachLaneHit(const TriangleHit<L>& found, typename L::Float best_t,
+                                              const Keep& keep) {
+  uint32_t hits = L::Bits(L::And(found.hit, L::LessEqual(found.t, best_t)));
+  if (hits == 0) return;
+  alignas(64) float t[L::kLanes], b1[L::kLanes], b2[L::kLanes];
+  L::Store(found.t, t);
+  L::Store(found.b1, b1);
+  L::Store(found.b2, b2);
+  for (; hits != 0; hits &= hits - 1) {
+    const auto lane = static_cast<uint32_t>(std::countr_zero(hits));
+    keep(lane, t[lane], b1[lane], b2[lane]);
+  }
 }
 
 /// Where (t, triangle) precedes (best_t, best_triangle): the order that defines a ray's hit, least (t, id),

@@ -79,17 +79,10 @@ QUARRY_HOST_DEVICE inline bool TestLeaf(WideSlot<L, Index>& s, Statistics& stati
     if (L::None(may)) continue;
     statistics.Exact();
     const TriangleHit<L> found = HitMoved<L>(frame, moved[0], moved[1], moved[2], may);
-    uint32_t hits = L::Bits(L::And(found.hit, L::LessEqual(found.t, L::Set(s.best.t))));
-    if (hits == 0) continue;
-    alignas(64) float t[L::kLanes], b1[L::kLanes], b2[L::kLanes];
-    L::Store(found.t, t);
-    L::Store(found.b1, b1);
-    L::Store(found.b2, b2);
-    for (; hits != 0; hits &= hits - 1) {
-      const auto i = static_cast<uint32_t>(std::countr_zero(hits));
-      any |= Keep<ScalarLane, kAnyHit>({true, t[i], b1[i], b2[i]}, voxel.triangle_ids[local[i]], s.voxel_id,
-                                       local[i], s.best);
-    }
+    ForEachLaneHit<L>(found, L::Set(s.best.t), [&](uint32_t i, float t, float b1, float b2) {
+      any |= Keep<ScalarLane, kAnyHit>({true, t, b1, b2}, voxel.triangle_ids[local[i]], s.voxel_id, local[i],
+                                       s.best);
+    });
   }
   return any;
 }

@@ -82,7 +82,7 @@ struct Catalog {
   SceneId id{};
   SceneMeta meta;
   std::vector<KdNode> top_nodes;   ///< in treelets, headers filled in
-  std::vector<WideNode> top_wide;  ///< the same tree in wide nodes
+  std::vector<WideNode> top_wide;  ///< the same in wide nodes, cut down to voxels
   uint32_t top_node_count = 0;     ///< as stored, without headers
   std::vector<VoxelEntry> voxels;
   std::vector<uint32_t> next_in_chain;  ///< copied out of voxels, for the kernel
