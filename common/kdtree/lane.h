@@ -52,6 +52,7 @@ struct ScalarLane {
   QUARRY_HOST_DEVICE static Mask EqualInt(Int a, Int b) { return a == b; }
   QUARRY_HOST_DEVICE static Mask HasBits(Int a, uint32_t bits) { return (a & bits) == bits; }
   QUARRY_HOST_DEVICE static Int AndInt(Int a, Int b) { return a & b; }
+  QUARRY_HOST_DEVICE static Int Iota() { return 0; }  ///< each lane its number
   QUARRY_HOST_DEVICE static Int AddInt(Int a, Int b) { return a + b; }
   template <int kBits>
   QUARRY_HOST_DEVICE static Int ShiftRight(Int a) {
@@ -100,12 +101,21 @@ struct ScalarLane {
     payload = at[0]->payload;
     link = at[0]->link;
   }
-  /// The four floats at each `at[lane]`.
-  QUARRY_HOST_DEVICE static void Gather4(const float* const* at, Float& x, Float& y, Float& z, Float& w) {
-    x = at[0][0];
-    y = at[0][1];
-    z = at[0][2];
-    w = at[0][3];
+  /// The four floats from `first` on at each `at[lane]`.
+  QUARRY_HOST_DEVICE static void Gather4(const float* const* at, uint32_t first, Float& x, Float& y, Float& z,
+                                         Float& w) {
+    x = at[0][first];
+    y = at[0][first + 1];
+    z = at[0][first + 2];
+    w = at[0][first + 3];
+  }
+  /// Gather4 the other way.
+  QUARRY_HOST_DEVICE static void Scatter4(float* const* at, uint32_t first, Float x, Float y, Float z,
+                                          Float w) {
+    at[0][first] = x;
+    at[0][first + 1] = y;
+    at[0][first + 2] = z;
+    at[0][first + 3] = w;
   }
   /// The corners of triangles at `at(lane)`, their coordinates renamed, cyclically, so that `last` is z. Each
   /// corner may be read as four floats.

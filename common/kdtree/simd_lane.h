@@ -67,6 +67,7 @@ struct SimdLanes {
     return EqualInt(hn::And(a, wanted), wanted);
   }
   static HWY_INLINE Int AndInt(Int a, Int b) { return hn::And(a, b); }
+  static HWY_INLINE Int Iota() { return hn::Iota(IntTag(), 0); }
   static HWY_INLINE Int AddInt(Int a, Int b) { return a + b; }
   template <int kBits>
   static HWY_INLINE Int ShiftRight(Int a) {
@@ -132,13 +133,26 @@ struct SimdLanes {
     const hn::FixedTag<float, 4> four;
     return hn::Combine(hn::FixedTag<float, 8>(), hn::LoadU(four, high), hn::LoadU(four, low));
   }
-  /// Four floats at each of at[0], at[4], ...: one block of 16 bytes each.
+  /// Four floats from `first` on at each of at[0], at[4], ...: one block of 16 bytes each.
   template <uint32_t kFloats = kLanes>
-  static HWY_INLINE auto Blocks(const float* const* at) {
+  static HWY_INLINE auto Blocks(const float* const* at, uint32_t first) {
     if constexpr (kFloats == 16)
-      return hn::Combine(hn::FixedTag<float, kFloats>(), BlockPair(at[8], at[12]), BlockPair(at[0], at[4]));
+      return hn::Combine(hn::FixedTag<float, kFloats>(), BlockPair(at[8] + first, at[12] + first),
+                         BlockPair(at[0] + first, at[4] + first));
     else
-      return BlockPair(at[0], at[4]);
+      return BlockPair(at[0] + first, at[4] + first);
+  }
+  /// Blocks the other way.
+  template <class V>
+  static HWY_INLINE void StoreBlocks(V x, float* const* at, uint32_t first) {
+    const hn::DFromV<V> d;
+    if constexpr (hn::MaxLanes(d) == 4) {
+      hn::StoreU(x, d, at[0] + first);
+    } else {
+      const hn::Half<decltype(d)> half;
+      StoreBlocks(hn::LowerHalf(half, x), at, first);
+      StoreBlocks(hn::UpperHalf(half, x), at + hn::MaxLanes(half), first);
+    }
   }
 
  public:
@@ -170,8 +184,16 @@ struct SimdLanes {
     payload = hn::ConcatEven(IntTag(), high, low);
     link = hn::ConcatOdd(IntTag(), high, low);
   }
-  static HWY_INLINE void Gather4(const float* const* at, Float& x, Float& y, Float& z, Float& w) {
-    Transpose(Blocks(at), Blocks(at + 1), Blocks(at + 2), Blocks(at + 3), x, y, z, w);
+  static HWY_INLINE void Gather4(const float* const* at, uint32_t first, Float& x, Float& y, Float& z,
+                                 Float& w) {
+    Transpose(Blocks(at, first), Blocks(at + 1, first), Blocks(at + 2, first), Blocks(at + 3, first), x, y, z,
+              w);
+  }
+  static HWY_INLINE void Scatter4(float* const* at, uint32_t first, Float x, Float y, Float z, Float w) {
+    Float r[4];
+    Transpose(x, y, z, w, r[0], r[1], r[2], r[3]);
+#pragma GCC unroll 4
+    for (uint32_t i = 0; i < 4; ++i) StoreBlocks(r[i], at + i, first);
   }
   /// Lane by lane and not corner by corner: so the places of eight triangles need not be kept somewhere.
   template <class At>

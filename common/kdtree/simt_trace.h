@@ -345,7 +345,7 @@ class SimtTracer {
     MovedVertex<L> moved[3];
     for (int k = 0; k < 3; ++k) {
       Float x, y, z, unused;
-      L::Gather4(at[k], x, y, z, unused);
+      L::Gather4(at[k], 0, x, y, z, unused);
       x = x - L::Load(g.origin[0]);
       y = y - L::Load(g.origin[1]);
       z = z - L::Load(g.origin[2]);
@@ -415,15 +415,11 @@ class SimtTracer {
     alignas(64) uint32_t headers[kLanes];
     L::StoreInt(L::SelectInt(climbing, L::LoadInt(g.resume), L::SetInt(kTreeletHeaderSlots)), headers);
     const float* at[kLanes];
-    const float* behind[kLanes];
 #pragma GCC unroll 16
-    for (uint32_t i = 0; i < kLanes; ++i) {
-      at[i] = HeaderOf(g.nodes[i], headers[i]).lower;
-      behind[i] = at[i] + 4;
-    }
+    for (uint32_t i = 0; i < kLanes; ++i) at[i] = HeaderOf(g.nodes[i], headers[i]).lower;
     Float lower[3], upper[3], parent, root;
-    L::Gather4(at, lower[0], lower[1], lower[2], upper[0]);
-    L::Gather4(behind, upper[1], upper[2], parent, root);
+    L::Gather4(at, 0, lower[0], lower[1], lower[2], upper[0]);
+    L::Gather4(at, 4, upper[1], upper[2], parent, root);
     const Float t = L::Load(g.t), t_end = L::Load(g.t_end);
     Float enter = L::Set(0.0f), exit = t_end;
     for (int a = 0; a < 3; ++a) {

@@ -13,17 +13,23 @@ struct alignas(64) StreamRay {
   float origin[3], shear_x, shear_y, scale_z;
   float best_t;
   uint32_t last_axis;
+
+  const float* floats() const { return reciprocal; }
+  float* floats() { return reciprocal; }
 };
 
 /// The rest.
 struct alignas(32) StreamHit {
+  static constexpr uint32_t kAlone = 1u << 31;
+
   uint32_t triangle;
   float b1, b2;
   uint32_t voxel, local;
-  float t_stop;          ///< where it comes to the voxel at which it stops; infinite
-  uint32_t stops_at;     ///< the voxel: it is missing, or few rays come to it
-  uint16_t source;       ///< packet * 64 + index
-  uint16_t stops_alone;  ///< not 0: for want of company
+  float t_stop;       ///< where it comes to the voxel at which it stops; infinite
+  uint32_t stops_at;  ///< the voxel: it is missing, or few rays come to it
+  uint32_t source;    ///< packet * 64 + index; kAlone in it: stops for want of company
+
+  float* floats() { return reinterpret_cast<float*>(this); }
 };
 
 /// Where the rays of a thread's streams lie, and the lists of nodes: 96 bytes a ray, and 5 for each level of

@@ -73,8 +73,9 @@ class StreamTracer {
       if (active[p] != 0) place = Start(p, active[p], end, place);
     ids_ += n + kSlack;
     for (octant_ = 0; octant_ < 8; ++octant_) RunOctant(octant_ == 0 ? 0 : end[octant_ - 1], end[octant_]);
-    std::fill_n(active, count, uint64_t{0});
-    for (uint32_t i = 0; i < n; ++i) Finish(rays_[places[i]], hits_[places[i]], active);
+    const uint32_t* of_packet = places;
+    for (uint32_t p = 0; p < count; ++p)
+      if (active[p] != 0) active[p] = Finish(p, active[p], of_packet);
   }
 
  private:
@@ -82,9 +83,7 @@ class StreamTracer {
   static constexpr uint32_t kFewPairs = 3;  ///< so few go on ray by ray
   static constexpr uint32_t kAhead = 16;    ///< a ray is asked for so many rays before its turn
 
-  static constexpr uint32_t kFloats = 15;
-  static_assert(offsetof(StreamRay, last_axis) == kFloats * sizeof(float));
-  static_assert(kStreamPackets * RayPacket::kRays - 1 <= 0xFFFF);  // StreamHit::source
+  static_assert(kStreamPackets * RayPacket::kRays <= StreamHit::kAlone);
 
   /// Which of L's rays from `first` on go down along the axis, as bits.
   static uint32_t Down(const RayPacket& packet, uint32_t first, uint32_t axis) {
@@ -105,82 +104,110 @@ class StreamTracer {
     }
   }
 
+  /// Where some rays of the stream lie, as many as lanes.
+  struct Places {
+    float *ray[L::kLanes], *hit[L::kLanes];
+  };
+
+  /// Those of the lanes that `lanes` names, at `place(lane)` one after the other; elsewhere for the others.
+  template <class PlaceOf>
+  Places PlacesOf(uint32_t lanes, const PlaceOf& place) {
+    Places at;
+    std::fill_n(at.ray, L::kLanes, no_ray_.floats());
+    std::fill_n(at.hit, L::kLanes, no_hit_.floats());
+    for (; lanes != 0; lanes &= lanes - 1) {
+      const auto lane = static_cast<uint32_t>(std::countr_zero(lanes));
+      const uint32_t i = place(lane);
+      at.ray[lane] = rays_[i].floats();
+      at.hit[lane] = hits_[i].floats();
+    }
+    return at;
+  }
+
   /// Takes up the rays of packet p that `active` names, each at the next place of its octant; writes those
   /// down from `places` on, and returns where it has stopped.
   uint32_t* Start(uint32_t p, uint64_t active, uint32_t (&next)[8], uint32_t* places) {
     using Float = typename L::Float;
+    using Int = typename L::Int;
     const float lower[3] = {top_.lower.x, top_.lower.y, top_.lower.z};
     const float upper[3] = {top_.upper.x, top_.upper.y, top_.upper.z};
-    RayPacket& packet = packets_[p];
+    const RayPacket& packet = packets_[p];
     statistics_.Ray(static_cast<uint32_t>(std::popcount(active)));
     for (uint32_t first = 0; first < RayPacket::kRays; first += L::kLanes) {
-      uint32_t lanes = static_cast<uint32_t>(active >> first) & L::kAllLanes;
+      const uint32_t lanes = static_cast<uint32_t>(active >> first) & L::kAllLanes;
       if (lanes == 0) continue;
       const RayFrame<L> frame = LoadFrame<L>(packet, first);
-      alignas(64) float fields[kFloats][L::kLanes];  // in the order of StreamRay's
+      Float shift[3];
+      Int octant = L::SetInt(0);
       for (uint32_t a = 0; a < 3; ++a) {
-        L::Store(frame.reciprocal[a], fields[a]);
-        L::Store(L::Negate(frame.origin[a] * frame.reciprocal[a]), fields[3 + a]);
+        shift[a] = L::Negate(frame.origin[a] * frame.reciprocal[a]);
+        const auto down = L::Less(frame.reciprocal[a], L::Set(0.0f));
+        octant = L::AddInt(octant, L::SelectInt(down, L::SetInt(1u << a), L::SetInt(0)));
       }
-      const Float best_t = L::Load(packet.hit_t + first);
-      Float t = L::Load(packet.t + first), t_end = best_t;
+      alignas(64) uint32_t octants[L::kLanes];
+      L::StoreInt(octant, octants);
+      const Places at = PlacesOf(lanes, [&](uint32_t lane) { return *places++ = next[octants[lane]]++; });
+
+      const RayBest<L> best = LoadBest<L, kAnyHit>(packet, first);
+      Float t = L::Load(packet.t + first), t_end = best.t;
       ClipToBox<L>(frame, lower, upper, t, t_end);
-      L::Store(t, fields[6]);
-      L::Store(t_end, fields[7]);
       Float x = frame.origin[0], y = frame.origin[1], z = frame.origin[2];
       Rotate<L>(frame, x, y, z);
-      L::Store(x, fields[8]);
-      L::Store(y, fields[9]);
-      L::Store(z, fields[10]);
-      L::Store(frame.shear_x, fields[11]);
-      L::Store(frame.shear_y, fields[12]);
-      L::Store(frame.scale_z, fields[13]);
-      L::Store(best_t, fields[14]);
-      const uint32_t down[3] = {Down(packet, first, 0), Down(packet, first, 1), Down(packet, first, 2)};
-      const uint32_t z_is_x = L::Bits(frame.z_is_x), z_is_y = L::Bits(frame.z_is_y);
-      for (; lanes != 0; lanes &= lanes - 1) {
-        const auto lane = static_cast<uint32_t>(std::countr_zero(lanes));
-        const uint32_t i = first + lane;
-        const auto sign = [&](uint32_t a) { return (down[a] >> lane & 1) << a; };
-        const uint32_t place = *places++ = next[sign(0) | sign(1) | sign(2)]++;
-        StreamRay& ray = rays_[place];
-        float floats[kFloats];
-        for (uint32_t f = 0; f < kFloats; ++f) floats[f] = fields[f][lane];
-        std::memcpy(&ray, floats, sizeof floats);
-        ray.last_axis = z_is_x >> lane & 1 ? 0 : z_is_y >> lane & 1 ? 1 : 2;
-        StreamHit& hit = hits_[place];
-        hit.triangle = packet.triangle[i];
-        hit.t_stop = kInfinity;
-        hit.stops_alone = 0;
-        hit.source = static_cast<uint16_t>(p * RayPacket::kRays + i);
-        if (!kAnyHit) {
-          hit.b1 = packet.b1[i];
-          hit.b2 = packet.b2[i];
-          hit.voxel = packet.voxel[i];
-          hit.local = packet.local[i];
-        }
-      }
+      const Int last_axis =
+          L::SelectInt(frame.z_is_x, L::SetInt(0), L::SelectInt(frame.z_is_y, L::SetInt(1), L::SetInt(2)));
+      L::Scatter4(at.ray, 0, frame.reciprocal[0], frame.reciprocal[1], frame.reciprocal[2], shift[0]);
+      L::Scatter4(at.ray, 4, shift[1], shift[2], t, t_end);
+      L::Scatter4(at.ray, 8, x, y, z, frame.shear_x);
+      L::Scatter4(at.ray, 12, frame.shear_y, frame.scale_z, best.t, L::AsFloat(last_axis));
+      const Int source = L::AddInt(L::SetInt(p * RayPacket::kRays + first), L::Iota());
+      if (kAnyHit)
+        L::Scatter4(at.hit, 0, L::AsFloat(best.triangle), t, t, t);
+      else
+        L::Scatter4(at.hit, 0, L::AsFloat(best.triangle), best.b1, best.b2, L::AsFloat(best.voxel));
+      L::Scatter4(at.hit, 4, kAnyHit ? t : L::AsFloat(best.local), L::Set(kInfinity), t, L::AsFloat(source));
     }
     return places;
   }
 
-  void Finish(const StreamRay& ray, const StreamHit& hit, uint64_t* left) {
-    RayPacket& packet = packets_[hit.source / RayPacket::kRays];
-    const uint32_t i = hit.source % RayPacket::kRays;
-    // A nearer hit may have come after.
-    const bool stops = hit.t_stop < kInfinity && hit.t_stop <= ray.best_t;
-    const bool alone = stops && hit.stops_alone != 0;
-    left[hit.source / RayPacket::kRays] |= uint64_t{alone} << i;
-    packet.waits_for[i] = stops && !alone ? hit.stops_at : kNoVoxel;
-    packet.t[i] = stops ? hit.t_stop : packet.t[i];
-    packet.chain[i] = stops ? hit.stops_at : packet.chain[i];
-    packet.hit_t[i] = ray.best_t;
-    packet.triangle[i] = hit.triangle;
-    if (kAnyHit) return;
-    packet.b1[i] = hit.b1;
-    packet.b2[i] = hit.b2;
-    packet.voxel[i] = hit.voxel;
-    packet.local[i] = hit.local;
+  /// Gives back what became of the rays of packet p that `active` names, whose places are those from `places`
+  /// on; returns which of them have yet to be traced.
+  uint64_t Finish(uint32_t p, uint64_t active, const uint32_t*& places) {
+    using Float = typename L::Float;
+    using Int = typename L::Int;
+    RayPacket& packet = packets_[p];
+    uint64_t left = 0;
+    for (uint32_t first = 0; first < RayPacket::kRays; first += L::kLanes) {
+      const uint32_t lanes = static_cast<uint32_t>(active >> first) & L::kAllLanes;
+      if (lanes == 0) continue;
+      const Places at = PlacesOf(lanes, [&](uint32_t) { return *places++; });
+      Float triangle, b1, b2, voxel, local, t_stop, stops_at, source, shear_y, scale_z, best_t, last_axis;
+      L::Gather4(at.hit, 0, triangle, b1, b2, voxel);
+      L::Gather4(at.hit, 4, local, t_stop, stops_at, source);
+      L::Gather4(at.ray, 12, shear_y, scale_z, best_t, last_axis);
+      const auto mine = L::FromBits(lanes);
+      const auto put = [&](Float value, float* to) {
+        L::Store(L::Select(mine, value, L::Load(to + first)), to + first);
+      };
+      const auto put_int = [&](Int value, uint32_t* to) {
+        L::StoreInt(L::SelectInt(mine, value, L::LoadInt(to + first)), to + first);
+      };
+      // A nearer hit may have come after.
+      const auto stops = L::And(L::Less(t_stop, L::Set(kInfinity)), L::LessEqual(t_stop, best_t));
+      const auto alone = L::And(L::And(stops, mine), L::HasBits(L::AsInt(source), StreamHit::kAlone));
+      left |= uint64_t{L::Bits(alone)} << first;
+      put_int(L::SelectInt(L::AndNot(alone, stops), L::AsInt(stops_at), L::SetInt(kNoVoxel)),
+              packet.waits_for);
+      put(L::Select(stops, t_stop, L::Load(packet.t + first)), packet.t);
+      put_int(L::SelectInt(stops, L::AsInt(stops_at), L::LoadInt(packet.chain + first)), packet.chain);
+      put(best_t, packet.hit_t);
+      put_int(L::AsInt(triangle), packet.triangle);
+      if (kAnyHit) continue;
+      put(b1, packet.b1);
+      put(b2, packet.b2);
+      put_int(L::AsInt(voxel), packet.voxel);
+      put_int(L::AsInt(local), packet.local);
+    }
+    return left;
   }
 
   /// The rays from `begin` to `end`.
@@ -314,7 +341,8 @@ class StreamTracer {
   /// Whether a ray comes to a voxel of the chain that begins with `first`, before its end.
   bool MeetsInChain(const StreamRay& ray, const WideNode& node, uint32_t c, uint32_t first, uint32_t voxel,
                     const StreamHit& hit) const {
-    const uint32_t from = packets_[hit.source / RayPacket::kRays].chain[hit.source % RayPacket::kRays];
+    const uint32_t source = hit.source & ~StreamHit::kAlone;
+    const uint32_t from = packets_[source / RayPacket::kRays].chain[source % RayPacket::kRays];
     if (GoOnInChain(top_, first, from) > voxel) return false;
     float enter = Enter(ray, node, c), exit = ray.t_end;
     for (uint32_t a = 0; a < 3; ++a)
@@ -334,7 +362,7 @@ class StreamTracer {
     StreamHit& hit = hits_[id];
     hit.t_stop = t;
     hit.stops_at = voxel;
-    hit.stops_alone = alone ? 1 : 0;
+    hit.source = (hit.source & ~StreamHit::kAlone) | (alone ? StreamHit::kAlone : 0);
     rays_[id].t_end = ScalarLane::Min(rays_[id].t_end, t);
   }
 
@@ -470,6 +498,9 @@ class StreamTracer {
   uint32_t least_company_ = 0;
   uint64_t visits_ = 0, visitors_ = 0;  ///< of leaves in voxels, and by how many rays
   uint32_t octant_ = 0, near_face_[3], far_face_[3];
+  // Where lanes without a ray read and write.
+  StreamRay no_ray_{};
+  StreamHit no_hit_{};
   // What is free.
   uint32_t* ids_;
   uint8_t* masks_;

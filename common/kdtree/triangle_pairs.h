@@ -21,29 +21,26 @@ inline void TestPairs(const StreamRay* rays, const VoxelGeometryOf<Index>& voxel
                       const uint32_t* ids, const uint32_t* may, uint32_t n, Statistics& statistics,
                       const Keep& keep) {
   using Float = typename L::Float;
-  static_assert(offsetof(StreamRay, shear_y) == offsetof(StreamRay, origin) + 4 * sizeof(float));
-  static_assert(offsetof(StreamRay, last_axis) == offsetof(StreamRay, shear_y) + 3 * sizeof(float));
-  const float *origin_at[L::kLanes], *shear_at[L::kLanes], *corner_at[3][L::kLanes];
+  const float *ray_at[L::kLanes], *corner_at[3][L::kLanes];
   uint32_t local[L::kLanes];
   for (uint32_t lane = 0; lane < L::kLanes; ++lane) {
     const uint32_t i = lane < n ? lane : 0;
     local[lane] = references[std::countr_zero(may[i])];
     L::Prefetch(voxel.triangle_ids + local[lane], 1);
-    origin_at[lane] = rays[ids[i]].origin;
-    shear_at[lane] = &rays[ids[i]].shear_y;
+    ray_at[lane] = rays[ids[i]].floats();
     const TrianglePoints points = PointsOf(voxel, local[lane]);
     for (uint32_t k = 0; k < 3; ++k) corner_at[k][lane] = points.at[k];
   }
   RayFrame<L> frame;
   Float best_t, last_axis;
-  L::Gather4(origin_at, frame.origin[0], frame.origin[1], frame.origin[2], frame.shear_x);
-  L::Gather4(shear_at, frame.shear_y, frame.scale_z, best_t, last_axis);
+  L::Gather4(ray_at, 8, frame.origin[0], frame.origin[1], frame.origin[2], frame.shear_x);
+  L::Gather4(ray_at, 12, frame.shear_y, frame.scale_z, best_t, last_axis);
   frame.z_is_x = L::EqualInt(L::AsInt(last_axis), L::SetInt(0));
   frame.z_is_y = L::EqualInt(L::AsInt(last_axis), L::SetInt(1));
   MovedVertex<L> moved[3];
   for (uint32_t k = 0; k < 3; ++k) {
     Float x, y, z, unused;
-    L::Gather4(corner_at[k], x, y, z, unused);
+    L::Gather4(corner_at[k], 0, x, y, z, unused);
     Rotate<L>(frame, x, y, z);
     moved[k] = MoveVertex<L>(frame, x - frame.origin[0], y - frame.origin[1], z - frame.origin[2]);
   }
