@@ -16,6 +16,11 @@
 
 namespace quarry {
 
+/// Where packets lately have kept together less than this share of their rays, so many are passed over for
+/// each one that is tried.
+inline constexpr float kLeastKept = 0.25f;
+inline constexpr uint32_t kPassed = 15;
+
 /// `PacketWay`: TreeletWay, or a WideWay.
 template <class L, template <class, bool> class PacketWay>
 struct PacketTrace {
@@ -35,12 +40,25 @@ struct PacketTrace {
                           uint32_t count) {
     NoStatistics none;
     Occluder occluder;
+    float kept = 1;  // of packets lately tried, what share of their rays
+    uint32_t passed = 0;
     for (uint32_t p = 0; p < count; ++p) {
+      if (active[p] == 0) continue;
+      if (kept < kLeastKept && passed < kPassed) {
+        ++passed;
+        continue;
+      }
       if (p + 2 < count && active[p + 2] != 0)
         L::PrefetchFar(&packets[p + 2], kAnyHit ? offsetof(RayPacket, b1) : sizeof(RayPacket));
-      if (active[p] != 0)
-        active[p] =
-            TracePacket<PacketWay, L, kAnyHit>(top, finder, packets[p], active[p], false, occluder, none);
+      const Untraced left =
+          TracePacket<PacketWay, L, kAnyHit>(top, finder, packets[p], active[p], false, occluder, none);
+      if (const uint64_t tried = active[p] & ~left.alone; tried != 0)
+        kept +=
+            (1 - static_cast<float>(std::popcount(left.apart)) / static_cast<float>(std::popcount(tried)) -
+             kept) /
+            8;
+      active[p] = left.alone | left.apart;
+      passed = 0;
     }
   }
 };

@@ -3,7 +3,9 @@
 #include <hwy/targets.h>
 
 #include <algorithm>
+#include <bit>
 #include <cstdlib>
+#include <numeric>
 #include <vector>
 
 #include "common/base/check.h"
@@ -27,6 +29,15 @@ std::vector<Kernel> Supported() {
   return all;
 }
 
+/// After streams that most rays have left, one after the other, so many are passed over at most.
+constexpr uint32_t kMostPassed = 7;
+
+uint32_t CountRays(const uint64_t* active, uint32_t count) {
+  return std::accumulate(active, active + count, 0u, [](uint32_t sum, uint64_t rays) {
+    return sum + static_cast<uint32_t>(std::popcount(rays));
+  });
+}
+
 }  // namespace
 
 std::span<const Kernel> Kernels() {
@@ -46,12 +57,20 @@ void TraceRays(const TopTree& top, const VoxelFinder& finder, RayPacket* packets
   static const Kernel& together = BestKernel(Grouping::kWidePacket);
   static const Kernel& stream = BestKernel(Grouping::kStream);
   static const Kernel& alone = BestKernel(Grouping::kWide);
+  uint32_t pass = 0, passed = 0;  // streams, since one was left by most of its rays
   for (uint32_t first = 0; first < count; first += kStreamPackets) {
     uint64_t left[kStreamPackets];
     const uint32_t n = std::min(kStreamPackets, count - first);
     std::copy_n(active + first, n, left);
     (any ? together.coherent_any : together.coherent_closest)(top, finder, packets + first, left, n);
-    (any ? stream.coherent_any : stream.coherent_closest)(top, finder, packets + first, left, n);
+    if (passed < pass) {
+      ++passed;
+    } else {
+      const uint32_t before = CountRays(left, n);
+      (any ? stream.coherent_any : stream.coherent_closest)(top, finder, packets + first, left, n);
+      pass = CountRays(left, n) > before / 4 * 3 ? std::min(2 * pass + 1, kMostPassed) : 0;
+      passed = 0;
+    }
     (any ? alone.any : alone.closest)(top, finder, packets + first, left, n);
   }
 }

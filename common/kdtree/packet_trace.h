@@ -114,13 +114,18 @@ QUARRY_HOST_DEVICE inline void TraceRun(const TopTree& top, const Finder& finder
   way.Traverse(PacketWay::NodesOf(top), p, p.t, p.t_end, p.alive, statistics, visit);
 }
 
+/// Rays of a packet that have yet to be traced, as bits: of runs too short, and of runs that have parted.
+struct Untraced {
+  uint64_t alone, apart;
+};
+
 /// Traces the rays of `rays` that `active` names (bit i: ray i), in runs that have the signs and the largest
 /// axis of their directions in common. Unless `all` are wanted, leaves alone runs of fewer than kLeastRun
 /// rays, and rays of runs that come to leaves by fewer than kLeastVisitors; returns those rays, which have
 /// yet to be traced. `occluder`: kept from packet to packet. See TraceFunction for what comes back for the
 /// others.
 template <template <class, bool> class PacketWay, class L, bool kAnyHit, class Finder, class Statistics>
-QUARRY_HOST_DEVICE inline uint64_t TracePacket(const TopTree& top, const Finder& finder, RayPacket& rays,
+QUARRY_HOST_DEVICE inline Untraced TracePacket(const TopTree& top, const Finder& finder, RayPacket& rays,
                                                uint64_t active, bool all, Occluder& occluder,
                                                Statistics& statistics) {
   using Mask = typename L::Mask;
@@ -160,7 +165,8 @@ QUARRY_HOST_DEVICE inline uint64_t TracePacket(const TopTree& top, const Finder&
   const uint64_t negative[3] = {JoinBits<L>(backward[0]), JoinBits<L>(backward[1]), JoinBits<L>(backward[2])};
   const uint64_t x_largest = JoinBits<L>(z_is_x), y_largest = JoinBits<L>(z_is_y);
   uint64_t alone = 0;
-  for (uint64_t left = JoinBits<L>(alive); left != 0;) {
+  const uint64_t all_alive = JoinBits<L>(alive);
+  for (uint64_t left = all_alive; left != 0;) {
     const int leader = std::countr_zero(left);
     uint64_t run = left;
     const auto alike = [&](uint64_t bits) { return bits >> leader & 1 ? bits : ~bits; };
@@ -185,6 +191,7 @@ QUARRY_HOST_DEVICE inline uint64_t TracePacket(const TopTree& top, const Finder&
     else
       TraceRun<PacketWay<L, false>, L, kAnyHit, false>(top, finder, p, statistics);
   }
+  if (all_alive != 0 && alone == all_alive) return {active, 0};
   for (uint32_t g = 0; g < kGroups; ++g) {
     const uint32_t at = g * L::kLanes;
     const Mask mine = L::FromBits(static_cast<uint32_t>((active & ~alone) >> at) & L::kAllLanes);
@@ -201,7 +208,7 @@ QUARRY_HOST_DEVICE inline uint64_t TracePacket(const TopTree& top, const Finder&
     L::StoreInt(L::SelectInt(mine, voxel, L::LoadInt(rays.waits_for + at)), rays.waits_for + at);
   }
   occluder = p.occluder;
-  return alone | p.apart;
+  return {alone, p.apart};
 }
 
 }  // namespace quarry

@@ -61,7 +61,10 @@ class StreamTracer {
     least_company_ = least_company;
     // Rays of an octant lie side by side, in the order of packets, in which they are taken up and given back.
     uint32_t end[8] = {}, n = 0;  // of an octant: how many, then where they begin, then where they end
-    for (uint32_t p = 0; p < count; ++p) CountOctants(packets[p], active[p], end);
+    for (uint32_t p = 0; p < count; ++p) {
+      if (p + 2 < count && active[p + 2] != 0) L::PrefetchFar(&packets[p + 2], sizeof(RayPacket));
+      CountOctants(packets[p], active[p], end);
+    }
     for (uint32_t& e : end) {
       const uint32_t octants = e;
       e = n;
@@ -474,7 +477,8 @@ class StreamTracer {
             uint32_t local) {
     StreamRay& ray = rays_[id];
     StreamHit& hit = hits_[id];
-    if (!Precedes<ScalarLane>(found.t, triangle, ray.best_t, hit.triangle)) return;
+    // Precedes; what there is is looked at only if it must be, since it may be far.
+    if (found.t > ray.best_t || (found.t == ray.best_t && triangle >= hit.triangle)) [[unlikely]] return;
     ray.best_t = found.t;
     hit.triangle = triangle;
     if (kAnyHit) {
