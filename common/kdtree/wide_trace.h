@@ -94,7 +94,7 @@ class WideTracer {
   using Float = typename L::Float;
   using Index = typename Finder::Index;
   using Slot = WideSlot<L, Index>;
-  static constexpr uint32_t kSlots = 32;
+  static constexpr uint32_t kSlots = 48;
   static constexpr uint32_t kVectors = WideNode::kChildren / L::kLanes;
 
   QUARRY_HOST_DEVICE WideTracer(const TopTree& top, const Finder& finder, RaySource source,
@@ -106,18 +106,22 @@ class WideTracer {
   QUARRY_HOST_DEVICE void Run() {
     for (Slot& s : slots_)
       if (Start(s)) at_node_[nodes_++] = &s;
-    while (nodes_ + leaves_ != 0) {
+    while (nodes_ + leaves_ + corners_ + tests_ != 0) {
       // Whoever goes on takes a place in these lists that has been read.
       const uint32_t nodes = nodes_;
       nodes_ = 0;
       // First all that has no branches: one that is guessed wrong costs less where its reason is at hand.
       for (uint32_t i = 0; i < nodes; ++i) Look(*at_node_[i]);
       for (uint32_t i = 0; i < nodes; ++i) Go(*at_node_[i], Take(*at_node_[i]));
-      const uint32_t leaves = leaves_;
+      // Those asked for vertices in the step before are tested; who has come meanwhile waits.
+      const uint32_t tested = tests_;
+      for (uint32_t i = 0; i < tested; ++i) to_test_[i] = at_test_[i];
+      tests_ = corners_;
+      for (uint32_t i = 0; i < corners_; ++i) AwaitVertices(*(at_test_[i] = at_corners_[i]));
+      corners_ = leaves_;
+      for (uint32_t i = 0; i < leaves_; ++i) AwaitCorners(*(at_corners_[i] = at_leaf_[i]));
       leaves_ = 0;
-      for (uint32_t i = 0; i < leaves; ++i) AwaitCorners(*at_leaf_[i]);
-      for (uint32_t i = 0; i < leaves; ++i) AwaitVertices(*at_leaf_[i]);
-      for (uint32_t i = 0; i < leaves; ++i) Go(*at_leaf_[i], Test(*at_leaf_[i]));
+      for (uint32_t i = 0; i < tested; ++i) Go(*to_test_[i], Test(*to_test_[i]));
     }
   }
 
@@ -264,15 +268,16 @@ class WideTracer {
   // side, for some.
 
   QUARRY_HOST_DEVICE void AwaitCorners(const Slot& s) {
-    for (const uint32_t i : {0u, s.count / 2, s.count - 1})
+    for (uint32_t i = 0; i < s.count && i < 16; ++i)
       L::Prefetch(s.voxel->corners + size_t{3} * s.voxel->references[s.first + i], 1);
   }
 
   QUARRY_HOST_DEVICE void AwaitVertices(const Slot& s) {
     constexpr uint32_t kMost = 16;
     const Index* local = s.voxel->references + s.first;
-    for (uint32_t i = 0; i < s.count && i < kMost; i += 2)
-      L::Prefetch(s.voxel->vertices + s.voxel->corners[size_t{3} * local[i]], 1);
+    for (uint32_t i = 0; i < s.count && i < kMost; ++i)
+      for (uint32_t k = 0; k < 3; ++k)
+        L::Prefetch(s.voxel->vertices + s.voxel->corners[size_t{3} * local[i] + k], 1);
   }
 
   /// Past the leaf that the ray is at.
@@ -348,8 +353,8 @@ class WideTracer {
   const Finder& finder_;
   RaySource source_;
   Statistics& statistics_;
-  uint32_t nodes_ = 0, leaves_ = 0;
-  Slot *at_node_[kSlots], *at_leaf_[kSlots];
+  uint32_t nodes_ = 0, leaves_ = 0, corners_ = 0, tests_ = 0;
+  Slot *at_node_[kSlots], *at_leaf_[kSlots], *at_corners_[kSlots], *at_test_[kSlots], *to_test_[kSlots];
   Slot slots_[kSlots];
 };
 
