@@ -16,10 +16,11 @@
 
 namespace quarry {
 
-/// Where packets lately have kept together less than this share of their rays, so many are passed over for
-/// each one that is tried.
+/// Where of the rays of packets lately tried less than this share has stayed together, so many packets are
+/// passed over for each one that is tried (README.md).
 inline constexpr float kLeastKept = 0.25f;
 inline constexpr uint32_t kPassed = 15;
+inline constexpr float kLately = 8;  ///< packets, whose mean that share is
 
 /// `PacketWay`: TreeletWay, or a WideWay.
 template <class L, template <class, bool> class PacketWay>
@@ -32,7 +33,8 @@ struct PacketTrace {
       if (active[p] != 0)
         TracePacket<PacketWay, L, kAnyHit>(top, finder, packets[p], active[p], true, occluder, statistics);
   }
-  /// Takes out of `active` the rays that it has traced: those that stay together. The packet after the next
+  /// Takes out of `active` the rays that it has traced: those that stay together, of packets that are not
+  /// passed over since those before them have parted. The packet after the next
   /// is asked for meanwhile: packets of more than a few tiles come from memory. (Into the first-level cache a
   /// packet's 60 lines would come one after the other, and the present packet's loads behind them.)
   template <bool kAnyHit, class Finder>
@@ -40,7 +42,7 @@ struct PacketTrace {
                           uint32_t count) {
     NoStatistics none;
     Occluder occluder;
-    float kept = 1;  // of packets lately tried, what share of their rays
+    float kept = 1;
     uint32_t passed = 0;
     for (uint32_t p = 0; p < count; ++p) {
       if (active[p] == 0) continue;
@@ -52,11 +54,10 @@ struct PacketTrace {
         L::PrefetchFar(&packets[p + 2], kAnyHit ? offsetof(RayPacket, b1) : sizeof(RayPacket));
       const Untraced left =
           TracePacket<PacketWay, L, kAnyHit>(top, finder, packets[p], active[p], false, occluder, none);
-      if (const uint64_t tried = active[p] & ~left.alone; tried != 0)
-        kept +=
-            (1 - static_cast<float>(std::popcount(left.apart)) / static_cast<float>(std::popcount(tried)) -
-             kept) /
-            8;
+      if (const uint64_t tried = active[p] & ~left.alone; tried != 0) {
+        const auto count_of = [](uint64_t rays) { return static_cast<float>(std::popcount(rays)); };
+        kept += (1 - count_of(left.apart) / count_of(tried) - kept) / kLately;
+      }
       active[p] = left.alone | left.apart;
       passed = 0;
     }

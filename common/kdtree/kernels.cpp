@@ -29,7 +29,8 @@ std::vector<Kernel> Supported() {
   return all;
 }
 
-/// After streams that most rays have left, one after the other, so many are passed over at most.
+/// After streams that three quarters of their rays have left, one, three, and so on up to so many are passed
+/// over: those rays go on by themselves at once.
 constexpr uint32_t kMostPassed = 7;
 
 uint32_t CountRays(const uint64_t* active, uint32_t count) {
@@ -68,7 +69,7 @@ void TraceRays(const TopTree& top, const VoxelFinder& finder, RayPacket* packets
     } else {
       const uint32_t before = CountRays(left, n);
       (any ? stream.coherent_any : stream.coherent_closest)(top, finder, packets + first, left, n);
-      pass = CountRays(left, n) > before / 4 * 3 ? std::min(2 * pass + 1, kMostPassed) : 0;
+      pass = 4 * CountRays(left, n) > 3 * before ? std::min(2 * pass + 1, kMostPassed) : 0;
       passed = 0;
     }
     (any ? alone.any : alone.closest)(top, finder, packets + first, left, n);

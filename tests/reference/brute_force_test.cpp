@@ -6,6 +6,7 @@
 #include <bit>
 #include <utility>
 
+#include "common/kdtree/stream_trace.h"
 #include "tests/reference/scene_fixture.h"
 
 namespace quarry::test {
@@ -289,6 +290,37 @@ TEST_CASE("Traversal agrees with brute force on slivers, piles and split planes"
   }
   compare("boxes", boxes, 32000);
   compare("single", {{0, 0, 0}, {1, 0, 0}, {0, 1, 0.5f}}, 16000);
+}
+
+TEST_CASE("Streams that most rays leave are passed over, and no hit changes", "[reference]") {
+  const TemporaryFolder folder;
+  const LoadedScene scene(GenerateScene(folder, "terrain", 400000), 4096);
+  const SceneView& view = scene.resident().view(Algorithm::kTreelets);
+  std::mt19937 random(5);
+  constexpr uint32_t kStreams = 5;
+  std::vector<RayPacket> rays(kStreams * kStreamPackets);
+  for (RayPacket& packet : rays)
+    for (uint32_t i = 0; i < RayPacket::kRays; ++i) packet.Set(i, MakeRay(scene, random));
+  {
+    std::vector<RayPacket> first(rays.begin(), rays.begin() + kStreamPackets);
+    std::vector<uint64_t> left(kStreamPackets, ~uint64_t{0});
+    BestKernel(Grouping::kStream)
+        .coherent_closest(view.top(), view.finder(), first.data(), left.data(), kStreamPackets);
+    uint64_t count = 0;
+    for (const uint64_t mask : left) count += static_cast<uint64_t>(std::popcount(mask));
+    CHECK(count > uint64_t{kStreamPackets} * RayPacket::kRays * 3 / 4);
+  }
+  std::vector<RayPacket> by_rule = rays, alone = rays;
+  TraceAll(view, ClosestByRule, by_rule);
+  TraceAll(view, BestKernel(Grouping::kWide).closest, alone);
+  uint64_t hits = 0, differences = 0;
+  for (size_t p = 0; p < rays.size(); ++p)
+    for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
+      hits += alone[p].triangle[i] != kNoTriangle ? 1 : 0;
+      differences += SameBits(by_rule[p].HitOf(i), alone[p].HitOf(i)) ? 0 : 1;
+    }
+  CHECK(hits > rays.size() * RayPacket::kRays / 4);
+  CHECK(differences == 0);
 }
 
 }  // namespace quarry::test
