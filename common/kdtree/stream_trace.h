@@ -477,7 +477,7 @@ class StreamTracer {
             uint32_t local) {
     StreamRay& ray = rays_[id];
     StreamHit& hit = hits_[id];
-    // Precedes; what there is is looked at only if it must be, since it may be far.
+    // As Precedes has it; the old triangle is looked at only if it must be, since it may be far.
     if (found.t > ray.best_t || (found.t == ray.best_t && triangle >= hit.triangle)) [[unlikely]] return;
     ray.best_t = found.t;
     hit.triangle = triangle;

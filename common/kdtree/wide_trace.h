@@ -105,27 +105,38 @@ class WideTracer {
   /// waits for arrives while the processor computes for others.
   QUARRY_HOST_DEVICE void Run() {
     for (Slot& s : slots_)
-      if (Start(s)) at_node_[nodes_++] = &s;
-    while (nodes_ + leaves_ + corners_ + tests_ != 0) {
+      if (Start(s)) nodes_.Add(&s);
+    while (nodes_.count + leaves_->count + corners_->count + vertices_->count != 0) {
       // Whoever goes on takes a place in these lists that has been read.
-      const uint32_t nodes = nodes_;
-      nodes_ = 0;
+      const uint32_t nodes = nodes_.count;
+      nodes_.count = 0;
       // First all that has no branches: one that is guessed wrong costs less where its reason is at hand.
-      for (uint32_t i = 0; i < nodes; ++i) Look(*at_node_[i]);
-      for (uint32_t i = 0; i < nodes; ++i) Go(*at_node_[i], Take(*at_node_[i]));
-      // Those asked for vertices in the step before are tested; who has come meanwhile waits.
-      const uint32_t tested = tests_;
-      for (uint32_t i = 0; i < tested; ++i) to_test_[i] = at_test_[i];
-      tests_ = corners_;
-      for (uint32_t i = 0; i < corners_; ++i) AwaitVertices(*(at_test_[i] = at_corners_[i]));
+      for (uint32_t i = 0; i < nodes; ++i) Look(*nodes_.slots[i]);
+      for (uint32_t i = 0; i < nodes; ++i) Go(*nodes_.slots[i], Take(*nodes_.slots[i]));
+      // At a leaf what comes next is asked for, one load after the other, a step ahead each: references were
+      // when a ray came to it, corners are now, vertices a step later, and after one more it is tested.
+      for (uint32_t i = 0; i < corners_->count; ++i) AwaitVertices(*corners_->slots[i]);
+      for (uint32_t i = 0; i < leaves_->count; ++i) AwaitCorners(*leaves_->slots[i]);
+      List* const tests = vertices_;
+      vertices_ = corners_;
       corners_ = leaves_;
-      for (uint32_t i = 0; i < leaves_; ++i) AwaitCorners(*(at_corners_[i] = at_leaf_[i]));
-      leaves_ = 0;
-      for (uint32_t i = 0; i < tested; ++i) Go(*to_test_[i], Test(*to_test_[i]));
+      leaves_ = tests;
+      const uint32_t count = tests->count;
+      tests->count = 0;
+      for (uint32_t i = 0; i < count; ++i) Go(*tests->slots[i], Test(*tests->slots[i]));
     }
   }
 
  private:
+  static constexpr uint32_t kMostAsked = 16;  ///< triangles of a leaf that are asked for ahead
+
+  struct List {
+    uint32_t count = 0;
+    Slot* slots[kSlots];
+
+    QUARRY_HOST_DEVICE void Add(Slot* s) { slots[count++] = s; }
+  };
+
   /// The next ray that has somewhere to go. False when there is none.
   QUARRY_HOST_DEVICE bool Start(Slot& s) {
     while (source_.Next(s.packet, s.index)) {
@@ -212,10 +223,10 @@ class WideTracer {
     for (;;) {
       switch (next) {
         case Next::kNode:
-          at_node_[nodes_++] = &s;
+          nodes_.Add(&s);
           return;
         case Next::kLeaf:
-          at_leaf_[leaves_++] = &s;
+          leaves_->Add(&s);
           return;
         case Next::kCells:
           Choose(s);
@@ -264,18 +275,15 @@ class WideTracer {
     return EnterVoxel(s, GoOnInChain(top_, child, s.chain));
   }
 
-  // What a leaf's triangles take is asked for one load after the other; of neighbours, which lie side by
-  // side, for some.
-
-  QUARRY_HOST_DEVICE void AwaitCorners(const Slot& s) {
-    for (uint32_t i = 0; i < s.count && i < 16; ++i)
-      L::Prefetch(s.voxel->corners + size_t{3} * s.voxel->references[s.first + i], 1);
+  QUARRY_HOST_DEVICE void AwaitCorners(const Slot& s) const {
+    const Index* local = s.voxel->references + s.first;
+    for (uint32_t i = 0; i < s.count && i < kMostAsked; ++i)
+      L::Prefetch(s.voxel->corners + size_t{3} * local[i], 1);
   }
 
-  QUARRY_HOST_DEVICE void AwaitVertices(const Slot& s) {
-    constexpr uint32_t kMost = 16;
+  QUARRY_HOST_DEVICE void AwaitVertices(const Slot& s) const {
     const Index* local = s.voxel->references + s.first;
-    for (uint32_t i = 0; i < s.count && i < kMost; ++i)
+    for (uint32_t i = 0; i < s.count && i < kMostAsked; ++i)
       for (uint32_t k = 0; k < 3; ++k)
         L::Prefetch(s.voxel->vertices + s.voxel->corners[size_t{3} * local[i] + k], 1);
   }
@@ -353,8 +361,9 @@ class WideTracer {
   const Finder& finder_;
   RaySource source_;
   Statistics& statistics_;
-  uint32_t nodes_ = 0, leaves_ = 0, corners_ = 0, tests_ = 0;
-  Slot *at_node_[kSlots], *at_leaf_[kSlots], *at_corners_[kSlots], *at_test_[kSlots], *to_test_[kSlots];
+  List nodes_, lists_[3];
+  // Slots at leaves: of which nothing, the corners, and the vertices have been asked for.
+  List *leaves_ = &lists_[0], *corners_ = &lists_[1], *vertices_ = &lists_[2];
   Slot slots_[kSlots];
 };
 
