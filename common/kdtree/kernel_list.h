@@ -50,8 +50,7 @@ struct PacketTrace {
         ++passed;
         continue;
       }
-      if (p + 2 < count && active[p + 2] != 0)
-        L::PrefetchFar(&packets[p + 2], kAnyHit ? offsetof(RayPacket, b1) : sizeof(RayPacket));
+      if (p + 2 < count && active[p + 2] != 0) L::PrefetchFar(&packets[p + 2], RayPacket::Bytes(kAnyHit));
       const Untraced left =
           TracePacket<PacketWay, L, kAnyHit>(top, finder, packets[p], active[p], false, occluder, none);
       if (const uint64_t tried = active[p] & ~left.alone; tried != 0) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cstddef>
 #include <cstdint>
 
 #include "common/kdtree/ray.h"
@@ -26,6 +27,9 @@ struct alignas(64) RayPacket {
   float b1[kRays], b2[kRays];  ///< barycentric weights of the second and third vertex
   uint32_t voxel[kRays];       ///< a voxel that holds the triangle (the one it was found in)
   uint32_t local[kRays];       ///< the triangle's index in that voxel
+
+  /// Those that mean something.
+  static constexpr size_t Bytes(bool any_hit) { return (any_hit ? 11 : 15) * sizeof(float[kRays]); }
 
   void Set(uint32_t i, const Ray& ray) {
     for (int a = 0; a < 3; ++a) {
@@ -59,5 +63,8 @@ struct alignas(64) RayPacket {
     return {hit_t[i], triangle[i], b1[i], b2[i], voxel[i], local[i]};
   }
 };
+
+static_assert(offsetof(RayPacket, b1) == RayPacket::Bytes(true) &&
+              sizeof(RayPacket) == RayPacket::Bytes(false));
 
 }  // namespace quarry

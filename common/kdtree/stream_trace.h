@@ -4,12 +4,12 @@
 #include <bit>
 #include <cstddef>
 #include <cstdint>
-#include <cstring>
 #include <initializer_list>
 #include <numeric>
 
 #include "common/kdtree/kernel_parts.h"
 #include "common/kdtree/stream_memory.h"
+#include "common/kdtree/stream_rays.h"
 #include "common/kdtree/triangle_block.h"
 #include "common/kdtree/triangle_pairs.h"
 #include "common/kdtree/wide_node.h"
@@ -50,6 +50,7 @@ class StreamTracer {
         statistics_(statistics),
         rays_(memory.rays.get()),
         hits_(memory.hits.get()),
+        taken_(top, memory),
         ids_(memory.ids.get()),
         masks_(memory.masks.get()) {}
 
@@ -59,26 +60,13 @@ class StreamTracer {
   void Run(RayPacket* packets, uint64_t* active, uint32_t count, uint32_t least_company) {
     packets_ = packets;
     least_company_ = least_company;
-    // Rays of an octant lie side by side, in the order of packets, in which they are taken up and given back.
-    uint32_t end[8] = {}, n = 0;  // of an octant: how many, then where they begin, then where they end
-    for (uint32_t p = 0; p < count; ++p) {
-      if (p + 2 < count && active[p + 2] != 0) L::PrefetchFar(&packets[p + 2], sizeof(RayPacket));
-      CountOctants(packets[p], active[p], end);
-    }
-    for (uint32_t& e : end) {
-      const uint32_t octants = e;
-      e = n;
-      n += octants;
-    }
+    uint32_t end[8];
     uint32_t* const places = ids_;
-    uint32_t* place = places;
-    for (uint32_t p = 0; p < count; ++p)
-      if (active[p] != 0) place = Start(p, active[p], end, place);
+    const uint32_t n = taken_.TakeUp(packets, active, count, end, places);
+    statistics_.Ray(n);
     ids_ += n + kSlack;
     for (octant_ = 0; octant_ < 8; ++octant_) RunOctant(octant_ == 0 ? 0 : end[octant_ - 1], end[octant_]);
-    const uint32_t* of_packet = places;
-    for (uint32_t p = 0; p < count; ++p)
-      if (active[p] != 0) active[p] = Finish(p, active[p], of_packet);
+    taken_.GiveBack(packets, active, count, places);
   }
 
  private:
@@ -87,131 +75,6 @@ class StreamTracer {
   static constexpr uint32_t kAhead = 16;    ///< a ray is asked for so many rays before its turn
 
   static_assert(kStreamPackets * RayPacket::kRays <= StreamHit::kAlone);
-
-  /// Which of L's rays from `first` on go down along the axis, as bits.
-  static uint32_t Down(const RayPacket& packet, uint32_t first, uint32_t axis) {
-    return L::Bits(L::Less(Divisor<L>(L::Load(packet.direction[axis] + first)), L::Set(0.0f)));
-  }
-
-  /// Adds the rays of the packet that `active` names to those of their octants.
-  static void CountOctants(const RayPacket& packet, uint64_t active, uint32_t (&counts)[8]) {
-    for (uint32_t first = 0; first < RayPacket::kRays; first += L::kLanes) {
-      const uint32_t lanes = static_cast<uint32_t>(active >> first) & L::kAllLanes;
-      if (lanes == 0) continue;
-      const uint32_t down[3] = {Down(packet, first, 0), Down(packet, first, 1), Down(packet, first, 2)};
-      for (uint32_t octant = 0; octant < 8; ++octant) {
-        uint32_t of_octant = lanes;
-        for (uint32_t a = 0; a < 3; ++a) of_octant &= (octant >> a & 1) != 0 ? down[a] : ~down[a];
-        counts[octant] += static_cast<uint32_t>(std::popcount(of_octant));
-      }
-    }
-  }
-
-  /// Where some rays of the stream lie, as many as lanes.
-  struct Places {
-    float *ray[L::kLanes], *hit[L::kLanes];
-  };
-
-  /// Those of the lanes that `lanes` names, at `place(lane)` one after the other; elsewhere for the others.
-  template <class PlaceOf>
-  Places PlacesOf(uint32_t lanes, const PlaceOf& place) {
-    Places at;
-    std::fill_n(at.ray, L::kLanes, no_ray_.floats());
-    std::fill_n(at.hit, L::kLanes, no_hit_.floats());
-    for (; lanes != 0; lanes &= lanes - 1) {
-      const auto lane = static_cast<uint32_t>(std::countr_zero(lanes));
-      const uint32_t i = place(lane);
-      at.ray[lane] = rays_[i].floats();
-      at.hit[lane] = hits_[i].floats();
-    }
-    return at;
-  }
-
-  /// Takes up the rays of packet p that `active` names, each at the next place of its octant; writes those
-  /// down from `places` on, and returns where it has stopped.
-  uint32_t* Start(uint32_t p, uint64_t active, uint32_t (&next)[8], uint32_t* places) {
-    using Float = typename L::Float;
-    using Int = typename L::Int;
-    const float lower[3] = {top_.lower.x, top_.lower.y, top_.lower.z};
-    const float upper[3] = {top_.upper.x, top_.upper.y, top_.upper.z};
-    const RayPacket& packet = packets_[p];
-    statistics_.Ray(static_cast<uint32_t>(std::popcount(active)));
-    for (uint32_t first = 0; first < RayPacket::kRays; first += L::kLanes) {
-      const uint32_t lanes = static_cast<uint32_t>(active >> first) & L::kAllLanes;
-      if (lanes == 0) continue;
-      const RayFrame<L> frame = LoadFrame<L>(packet, first);
-      Float shift[3];
-      Int octant = L::SetInt(0);
-      for (uint32_t a = 0; a < 3; ++a) {
-        shift[a] = L::Negate(frame.origin[a] * frame.reciprocal[a]);
-        const auto down = L::Less(frame.reciprocal[a], L::Set(0.0f));
-        octant = L::AddInt(octant, L::SelectInt(down, L::SetInt(1u << a), L::SetInt(0)));
-      }
-      alignas(64) uint32_t octants[L::kLanes];
-      L::StoreInt(octant, octants);
-      const Places at = PlacesOf(lanes, [&](uint32_t lane) { return *places++ = next[octants[lane]]++; });
-
-      const RayBest<L> best = LoadBest<L, kAnyHit>(packet, first);
-      Float t = L::Load(packet.t + first), t_end = best.t;
-      ClipToBox<L>(frame, lower, upper, t, t_end);
-      Float x = frame.origin[0], y = frame.origin[1], z = frame.origin[2];
-      Rotate<L>(frame, x, y, z);
-      const Int last_axis =
-          L::SelectInt(frame.z_is_x, L::SetInt(0), L::SelectInt(frame.z_is_y, L::SetInt(1), L::SetInt(2)));
-      L::Scatter4(at.ray, 0, frame.reciprocal[0], frame.reciprocal[1], frame.reciprocal[2], shift[0]);
-      L::Scatter4(at.ray, 4, shift[1], shift[2], t, t_end);
-      L::Scatter4(at.ray, 8, x, y, z, frame.shear_x);
-      L::Scatter4(at.ray, 12, frame.shear_y, frame.scale_z, best.t, L::AsFloat(last_axis));
-      const Int source = L::AddInt(L::SetInt(p * RayPacket::kRays + first), L::Iota());
-      if (kAnyHit)
-        L::Scatter4(at.hit, 0, L::AsFloat(best.triangle), t, t, t);
-      else
-        L::Scatter4(at.hit, 0, L::AsFloat(best.triangle), best.b1, best.b2, L::AsFloat(best.voxel));
-      L::Scatter4(at.hit, 4, kAnyHit ? t : L::AsFloat(best.local), L::Set(kInfinity), t, L::AsFloat(source));
-    }
-    return places;
-  }
-
-  /// Gives back what became of the rays of packet p that `active` names, whose places are those from `places`
-  /// on; returns which of them have yet to be traced.
-  uint64_t Finish(uint32_t p, uint64_t active, const uint32_t*& places) {
-    using Float = typename L::Float;
-    using Int = typename L::Int;
-    RayPacket& packet = packets_[p];
-    uint64_t left = 0;
-    for (uint32_t first = 0; first < RayPacket::kRays; first += L::kLanes) {
-      const uint32_t lanes = static_cast<uint32_t>(active >> first) & L::kAllLanes;
-      if (lanes == 0) continue;
-      const Places at = PlacesOf(lanes, [&](uint32_t) { return *places++; });
-      Float triangle, b1, b2, voxel, local, t_stop, stops_at, source, shear_y, scale_z, best_t, last_axis;
-      L::Gather4(at.hit, 0, triangle, b1, b2, voxel);
-      L::Gather4(at.hit, 4, local, t_stop, stops_at, source);
-      L::Gather4(at.ray, 12, shear_y, scale_z, best_t, last_axis);
-      const auto mine = L::FromBits(lanes);
-      const auto put = [&](Float value, float* to) {
-        L::Store(L::Select(mine, value, L::Load(to + first)), to + first);
-      };
-      const auto put_int = [&](Int value, uint32_t* to) {
-        L::StoreInt(L::SelectInt(mine, value, L::LoadInt(to + first)), to + first);
-      };
-      // A nearer hit may have come after.
-      const auto stops = L::And(L::Less(t_stop, L::Set(kInfinity)), L::LessEqual(t_stop, best_t));
-      const auto alone = L::And(L::And(stops, mine), L::HasBits(L::AsInt(source), StreamHit::kAlone));
-      left |= uint64_t{L::Bits(alone)} << first;
-      put_int(L::SelectInt(L::AndNot(alone, stops), L::AsInt(stops_at), L::SetInt(kNoVoxel)),
-              packet.waits_for);
-      put(L::Select(stops, t_stop, L::Load(packet.t + first)), packet.t);
-      put_int(L::SelectInt(stops, L::AsInt(stops_at), L::LoadInt(packet.chain + first)), packet.chain);
-      put(best_t, packet.hit_t);
-      put_int(L::AsInt(triangle), packet.triangle);
-      if (kAnyHit) continue;
-      put(b1, packet.b1);
-      put(b2, packet.b2);
-      put_int(L::AsInt(voxel), packet.voxel);
-      put_int(L::AsInt(local), packet.local);
-    }
-    return left;
-  }
 
   /// The rays from `begin` to `end`.
   void RunOctant(uint32_t begin, uint32_t end) {
@@ -478,7 +341,8 @@ class StreamTracer {
     StreamRay& ray = rays_[id];
     StreamHit& hit = hits_[id];
     // As Precedes has it; the old triangle is looked at only if it must be, since it may be far.
-    if (found.t > ray.best_t || (found.t == ray.best_t && triangle >= hit.triangle)) [[unlikely]] return;
+    if (found.t > ray.best_t || (found.t == ray.best_t && triangle >= hit.triangle)) [[unlikely]]
+      return;
     ray.best_t = found.t;
     hit.triangle = triangle;
     if (kAnyHit) {
@@ -502,9 +366,7 @@ class StreamTracer {
   uint32_t least_company_ = 0;
   uint64_t visits_ = 0, visitors_ = 0;  ///< of leaves in voxels, and by how many rays
   uint32_t octant_ = 0, near_face_[3], far_face_[3];
-  // Where lanes without a ray read and write.
-  StreamRay no_ray_{};
-  StreamHit no_hit_{};
+  StreamRays<L, kAnyHit> taken_;
   // What is free.
   uint32_t* ids_;
   uint8_t* masks_;
