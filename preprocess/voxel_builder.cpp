@@ -59,8 +59,8 @@ ShadingVoxel BuildShading(std::span<const TriangleRecord> triangles) {
 }  // namespace
 
 uint32_t MaxTrianglesPerVoxel(uint32_t voxel_size) {
-  const size_t fixed = HotBytes(kTreeletHeaderSlots, 1, 0, 0, 0);
-  const size_t each = HotBytes(kTreeletHeaderSlots, 1, 1, 1, 3) - fixed;
+  const size_t fixed = kTreeletHeaderSlots * sizeof(KdNode) + HotBytes(1, 0, 0, 0);
+  const size_t each = HotBytes(1, 1, 1, 3) - HotBytes(1, 0, 0, 0);
   return static_cast<uint32_t>(
       std::clamp<size_t>((voxel_size - std::min<size_t>(voxel_size, fixed)) / each, 1, kMaxVoxelTriangles));
 }
@@ -76,8 +76,10 @@ struct VoxelTree {
   uint32_t node_slots, wide_nodes;
 };
 
-/// The tree over `triangles` whose layout takes at most `room` bytes.
-VoxelTree BuildTree(std::span<const TriangleRecord> triangles, const Box& cell, float padding, size_t room) {
+/// The tree over `triangles` whose layout, with wide nodes, takes at most `room` bytes, and without them no
+/// more than all else, with the `others` that the voxel has.
+VoxelTree BuildTree(std::span<const TriangleRecord> triangles, const Box& cell, float padding, size_t room,
+                    size_t others) {
   std::vector<KdTriangle> vertices;
   vertices.reserve(triangles.size());
   for (const TriangleRecord& t : triangles)
@@ -92,11 +94,12 @@ VoxelTree BuildTree(std::span<const TriangleRecord> triangles, const Box& cell, 
         MakeWideTree(tree.nodes, cell, kWideLeafReferences, [](const KdNode&, const Box& box) {
           return box;
         }).size();
-    const size_t taken = HotBytes(slots, wide_nodes, tree.references.size(), 0, 0);
-    if (taken <= room || slots == kTreeletHeaderSlots)
+    const size_t of_nodes = slots * sizeof(KdNode);
+    const size_t kept = HotBytes(wide_nodes, tree.references.size(), 0, 0), taken = of_nodes + kept;
+    if ((taken <= room && of_nodes <= kept + others) || slots == kTreeletHeaderSlots)
       return {std::move(tree), static_cast<uint32_t>(slots), static_cast<uint32_t>(wide_nodes)};
     const size_t bytes = tree.nodes.size() * sizeof(KdNode) + tree.references.size() * 2;
-    most_bytes = bytes * room / taken - bytes / 128;
+    most_bytes = bytes * std::min(room, taken) / taken - bytes / 128;
   }
 }
 
@@ -142,12 +145,12 @@ EncodedVoxel BuildVoxel(std::span<const TriangleRecord> triangles, const Box& ce
   corners.reserve(triangles.size() * 3);
   for (const TriangleRecord& t : triangles)
     for (const glm::vec3& v : t.vertices) corners.push_back(interner.Index(v, vertices));
-  const size_t without_tree = HotBytes(0, 0, 0, triangles.size(), vertices.size()) - HotBytes(0, 0, 0, 0, 0);
+  const size_t without_tree = HotBytes(0, 0, triangles.size(), vertices.size());
   const size_t room = voxel_size > without_tree ? voxel_size - without_tree : 0;
 
   HotVoxel voxel;
   voxel.cell = cell;
-  auto [tree, node_slots, wide_nodes] = BuildTree(triangles, cell, padding, room);
+  auto [tree, node_slots, wide_nodes] = BuildTree(triangles, cell, padding, room, without_tree);
   const std::vector<uint16_t> order = OrderByLeaves(tree, triangles.size());
   voxel.nodes = std::move(tree.nodes);
   voxel.node_slots = node_slots;

@@ -9,12 +9,12 @@
 namespace quarry {
 
 Status DecodeBlock(const Catalog& catalog, uint32_t block, std::span<const std::byte> stored,
-                   BlockDecoder& decoder, ResidentBlock& resident) {
+                   BlockDecoder& decoder, ResidentBlock& resident, std::vector<KdNode>* tree) {
   const std::span<std::byte> out = resident.bytes.bytes();
   if (block % 2 == static_cast<uint32_t>(BlockKind::kShading)) {
     QUARRY_ASSIGN(resident.shading, DecodeShading(decoder, catalog, block / 2, stored, out));
   } else {
-    QUARRY_ASSIGN(resident.hot, DecodeHot(decoder, catalog, block / 2, stored, out));
+    QUARRY_ASSIGN(resident.hot, DecodeHot(decoder, catalog, block / 2, stored, out, tree));
   }
   return {};
 }

@@ -4,6 +4,7 @@
 #include <deque>
 #include <functional>
 #include <span>
+#include <vector>
 
 #include "common/net/voxel_source.h"
 #include "common/voxel/block_decoder.h"
@@ -12,8 +13,9 @@
 namespace quarry {
 
 /// Decodes `stored` into `resident`, whose bytes have the decoded size, and checks it against the catalog.
+/// `tree`: see BlockDecoder.
 Status DecodeBlock(const Catalog& catalog, uint32_t block, std::span<const std::byte> stored,
-                   BlockDecoder& decoder, ResidentBlock& resident);
+                   BlockDecoder& decoder, ResidentBlock& resident, std::vector<KdNode>* tree = nullptr);
 
 /// Loads the blocks that the cache wants: asks the source (whose bytes are verified), decompresses,
 /// publishes. All on one thread. Bounded: at most kMaxInFlight requests and about kMaxStoredBytes of stored

@@ -21,7 +21,7 @@ struct TrianglePoints {
 /// voxel.
 template <class Index>
 struct VoxelGeometryOf {
-  const KdNode* nodes = nullptr;           ///< in treelets, headers filled in
+  const KdNode* nodes = nullptr;           ///< in treelets, headers filled in; null in a render
   const Index* references = nullptr;       ///< leaves' ranges: local triangle indices
   const Index* corners = nullptr;          ///< three local vertex indices a triangle
   const glm::vec3* vertices = nullptr;     ///< scene units, the input's precision

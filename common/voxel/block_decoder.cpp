@@ -22,13 +22,13 @@ struct HotCounts {
     return kHotHeaderBytes + nodes() * 2 + size_t{inner_nodes} * 4 + size_t{vertices} * 12 +
            size_t{triangles} * (6 + 4 + 4 + 2) + size_t{references} * 2;
   }
-  size_t decoded_bytes() const { return HotBytes(node_slots, wide_nodes, references, triangles, vertices); }
+  size_t decoded_bytes() const { return HotBytes(wide_nodes, references, triangles, vertices); }
   /// Each small enough that sums of sizes cannot overflow.
   bool sane() const {
     return triangles > 0 && triangles <= kMaxVoxelTriangles && vertices > 0 && vertices <= 65535 &&
            references <= kMaxBlockBytes / 2 && inner_nodes <= kMostInnerNodes &&
-           node_slots <= kMaxBlockBytes / 8 && wide_nodes <= kMaxBlockBytes / sizeof(WideNode) &&
-           wide_nodes > 0 && nodes() < node_slots;
+           wide_nodes <= kMaxBlockBytes / sizeof(WideNode) && wide_nodes > 0 && nodes() < node_slots &&
+           node_slots <= decoded_bytes() / sizeof(KdNode);
   }
 };
 
@@ -69,6 +69,7 @@ struct BlockDecoder::Impl {
   std::span<std::byte> streams;  ///< of the block at hand
   std::vector<uint32_t> column;
   TreeReader tree;
+  std::vector<KdNode> nodes;  ///< of a tree that nobody wants
   TreeCompletion completion;
 
   Status Decompress(std::span<const std::byte> stored, size_t most);
@@ -84,7 +85,7 @@ Status BlockDecoder::Impl::Decompress(std::span<const std::byte> stored, size_t 
   ByteReader in(stored);
   const auto size = in.Get<uint32_t>();
   const auto packed = in.GetSpan(in.remaining());
-  if (!in.ok() || size > most + kMostStoredOverDecoded)
+  if (!in.ok() || size > MostStored(most))
     return Fail("voxel block: more bytes than the directory's entry allows");
   // Never smaller: bytes that come anew would be cleared.
   if (room.size() < size) room.resize(size);
@@ -127,7 +128,7 @@ void BlockDecoder::Impl::ReadShading(std::span<const std::byte> columns, std::sp
 }
 
 Result<VoxelGeometry> BlockDecoder::Hot(std::span<const std::byte> stored, std::span<std::byte> out,
-                                        float padding) {
+                                        float padding, std::vector<KdNode>* tree) {
   QUARRY_TRY(impl_->Decompress(stored, out.size()));
   ByteReader in(impl_->streams);
   const auto magic = in.Get<uint32_t>();
@@ -146,7 +147,6 @@ Result<VoxelGeometry> BlockDecoder::Hot(std::span<const std::byte> stored, std::
 
   ArrayPlacer place(out);
   auto* wide = place.Next<WideNode>(counts.wide_nodes);
-  auto* nodes = place.Next<KdNode>(counts.node_slots);
   auto* vertices = place.Next<glm::vec3>(counts.vertices);
   auto* ids = place.Next<uint32_t>(counts.triangles);
   auto* parts = place.Next<uint32_t>(counts.triangles);
@@ -154,10 +154,12 @@ Result<VoxelGeometry> BlockDecoder::Hot(std::span<const std::byte> stored, std::
   auto* corners = place.Next<uint16_t>(size_t{3} * counts.triangles);
   auto* references = place.Next<uint16_t>(counts.references);
 
+  std::vector<KdNode>& nodes = tree ? *tree : impl_->nodes;
+  if (tree || nodes.size() < counts.node_slots) nodes.resize(counts.node_slots);
+  const std::span<KdNode> slots(nodes.data(), counts.node_slots);
   StreamCutter cut(impl_->streams, kHotHeaderBytes);
   const auto symbols = cut.Next(counts.nodes() * 2);
-  QUARRY_TRY(impl_->tree.Read(symbols, cut.Next(size_t{counts.inner_nodes} * 4), counts.references,
-                              {nodes, counts.node_slots}));
+  QUARRY_TRY(impl_->tree.Read(symbols, cut.Next(size_t{counts.inner_nodes} * 4), counts.references, slots));
   impl_->ReadVertices(cut.Next(size_t{counts.vertices} * 12), {vertices, counts.vertices});
   if (!ReadFromNewest(cut.Next(size_t{counts.triangles} * 6), {corners, size_t{3} * counts.triangles},
                       counts.vertices))
@@ -170,7 +172,7 @@ Result<VoxelGeometry> BlockDecoder::Hot(std::span<const std::byte> stored, std::
     return Fail("voxel block: a reference goes beyond the triangles");
 
   VoxelGeometry v;
-  v.nodes = nodes;
+  v.nodes = tree ? slots.data() : nullptr;
   v.references = references;
   v.corners = corners;
   v.vertices = vertices;
@@ -178,12 +180,12 @@ Result<VoxelGeometry> BlockDecoder::Hot(std::span<const std::byte> stored, std::
   v.materials = materials;
   v.parts = parts;
   v.wide = wide;
-  v.node_count = counts.node_slots;
+  v.node_count = tree ? counts.node_slots : 0;
   v.wide_count = counts.wide_nodes;
   v.reference_count = counts.references;
   v.triangle_count = counts.triangles;
   v.vertex_count = counts.vertices;
-  QUARRY_TRY(impl_->completion.Run(v, cell, padding, {nodes, counts.node_slots}, {wide, counts.wide_nodes}));
+  QUARRY_TRY(impl_->completion.Run(v, cell, padding, slots, {wide, counts.wide_nodes}));
   return v;
 }
 
@@ -208,8 +210,9 @@ Result<VoxelShading> BlockDecoder::Shading(std::span<const std::byte> stored, st
 }
 
 Result<VoxelGeometry> DecodeHot(BlockDecoder& decoder, const Catalog& catalog, uint32_t voxel,
-                                std::span<const std::byte> stored, std::span<std::byte> out) {
-  QUARRY_ASSIGN(const VoxelGeometry hot, decoder.Hot(stored, out, catalog.meta.padding));
+                                std::span<const std::byte> stored, std::span<std::byte> out,
+                                std::vector<KdNode>* tree) {
+  QUARRY_ASSIGN(const VoxelGeometry hot, decoder.Hot(stored, out, catalog.meta.padding, tree));
   if (hot.triangle_count != catalog.voxels[voxel].triangles)
     return Fail("its triangles are not those of the directory");
   const auto lacks = [&](uint32_t material) { return material >= catalog.materials.size(); };

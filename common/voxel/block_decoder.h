@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <vector>
 
 #include "common/base/status.h"
 #include "common/kdtree/voxel_geometry.h"
@@ -29,11 +30,13 @@ class BlockDecoder {
   ~BlockDecoder();
 
   /// Decodes a stored block into `out`, whose size is the decoded size that the directory gives, aligned to
-  /// 16; the view points into it. Boxes of wide nodes are grown by the scene's `padding`.
+  /// 16; the view points into it. Boxes of wide nodes are grown by the scene's `padding`. The kd-tree itself,
+  /// for kernels that go by its nodes, is put into `tree` in treelets; without it the view has no nodes.
   /// Errors: whatever does not decode to just `out`; any count, index or link that leads out of the block; a
   /// tree that is none, or whose leaves have other references than there are. After success kernels need no
   /// further check.
-  Result<VoxelGeometry> Hot(std::span<const std::byte> stored, std::span<std::byte> out, float padding);
+  Result<VoxelGeometry> Hot(std::span<const std::byte> stored, std::span<std::byte> out, float padding,
+                            std::vector<KdNode>* tree = nullptr);
   Result<VoxelShading> Shading(std::span<const std::byte> stored, std::span<std::byte> out);
 
  private:
@@ -44,7 +47,8 @@ class BlockDecoder {
 /// The blocks of a voxel of `catalog`, as above. Errors also: other triangles than the directory's; a
 /// material that the scene lacks.
 Result<VoxelGeometry> DecodeHot(BlockDecoder& decoder, const Catalog& catalog, uint32_t voxel,
-                                std::span<const std::byte> stored, std::span<std::byte> out);
+                                std::span<const std::byte> stored, std::span<std::byte> out,
+                                std::vector<KdNode>* tree = nullptr);
 Result<VoxelShading> DecodeShading(BlockDecoder& decoder, const Catalog& catalog, uint32_t voxel,
                                    std::span<const std::byte> stored, std::span<std::byte> out);
 

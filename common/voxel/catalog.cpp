@@ -102,7 +102,7 @@ Status DecodeTopTree(std::span<const std::byte> bytes, Catalog& catalog) {
 Status CheckVoxel(const VoxelEntry& v, size_t index, size_t count, const SceneMeta& meta) {
   for (const BlockEntry& b : v.blocks)
     if (b.decoded > meta.largest_decoded || b.stored > meta.largest_stored ||
-        b.stored > b.decoded + kMostStoredOverDecoded || (b.stored == 0) != (b.decoded == 0) ||
+        b.stored > MostStored(b.decoded) || (b.stored == 0) != (b.decoded == 0) ||
         b.offset > uint64_t{1} << 62)
       return Fail(fmt::format("the VDIR section's voxel {} has a size or place that cannot be", index));
   if (v.blocks[0].stored == 0) return Fail(fmt::format("the VDIR section's voxel {} is empty", index));

@@ -76,8 +76,8 @@ EncodedVoxel EncodeVoxel(const HotVoxel& hot, const ShadingVoxel* shading) {
   EncodedVoxel voxel;
   Bytes streams = EncodeHot(hot);
   voxel.hot = CompressBlock(streams);
-  voxel.hot_decoded = static_cast<uint32_t>(HotBytes(hot.node_slots, hot.wide_nodes, hot.references.size(),
-                                                     hot.triangle_ids.size(), hot.vertices.size()));
+  voxel.hot_decoded = static_cast<uint32_t>(
+      HotBytes(hot.wide_nodes, hot.references.size(), hot.triangle_ids.size(), hot.vertices.size()));
   voxel.hot_logical = Checksum(streams);
   if (shading) {
     streams = EncodeShading(*shading);

@@ -45,9 +45,8 @@ void PutVertices(std::span<const glm::vec3> vertices, Bytes& out) {
 
 }  // namespace
 
-size_t HotBytes(size_t node_slots, size_t wide_nodes, size_t references, size_t triangles, size_t vertices) {
-  return wide_nodes * sizeof(WideNode) + node_slots * sizeof(KdNode) + vertices * 12 +
-         triangles * (4 + 4 + 2 + 6) + references * 2;
+size_t HotBytes(size_t wide_nodes, size_t references, size_t triangles, size_t vertices) {
+  return wide_nodes * sizeof(WideNode) + vertices * 12 + triangles * (4 + 4 + 2 + 6) + references * 2;
 }
 
 size_t ShadingBytes(size_t triangles, size_t vertices) {

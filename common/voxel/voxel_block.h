@@ -13,8 +13,8 @@
 
 // A voxel is stored as two blocks: the hot part (tree and triangles, all that traversal touches) and the
 // shading part (normals, uv, colours). A block is stored as streams of bytes that LZ4 makes small, and
-// decoded into arrays that are used in place, with all that is derived: tree nodes in treelets, wide nodes.
-// FORMAT.md gives the streams byte by byte.
+// decoded into arrays that are used in place, with all that is derived: wide nodes, and where somebody asks
+// for it the kd-tree in treelets. FORMAT.md gives the streams byte by byte.
 
 namespace quarry {
 
@@ -27,9 +27,9 @@ inline constexpr uint32_t kMaxVoxelTriangles = 21845;
 /// No block decodes to more than this, whatever a directory says.
 inline constexpr uint32_t kMaxBlockBytes = 64u << 20;
 
-/// A stored block may be so much larger than it is decoded: its header, and how many bytes of streams there
-/// are.
-inline constexpr uint32_t kMostStoredOverDecoded = 16;
+/// A stored block is at most twice as large as it is decoded, and so much: its streams' header, and how many
+/// bytes of streams there are. (Of a hot block's tree nothing is left but wide nodes.)
+inline constexpr uint64_t MostStored(uint64_t decoded) { return 2 * decoded + 16; }
 
 enum class BlockKind : uint32_t { kHot = 0, kShading = 1 };
 
@@ -70,8 +70,9 @@ struct ShadingVoxel {
 Bytes EncodeHot(const HotVoxel& voxel);
 Bytes EncodeShading(const ShadingVoxel& voxel);
 
-/// Bytes of a decoded block with these counts.
-size_t HotBytes(size_t node_slots, size_t wide_nodes, size_t references, size_t triangles, size_t vertices);
+/// Bytes of a decoded block with these counts. Requires of hot blocks: slots of the tree's nodes take no more
+/// than that.
+size_t HotBytes(size_t wide_nodes, size_t references, size_t triangles, size_t vertices);
 size_t ShadingBytes(size_t triangles, size_t vertices);
 
 /// Of the LZ4 at hand, as LZ4_VERSION_NUMBER counts: other versions may give other bytes.

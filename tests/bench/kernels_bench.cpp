@@ -63,7 +63,7 @@ class ResidentCache {
       QUARRY_ASSIGN(const Bytes stored, self->store_.ReadBlock(id));
       auto block = std::make_unique<ResidentBlock>();
       block->bytes = PageBuffer(catalog.block(id).decoded);
-      QUARRY_TRY(DecodeBlock(catalog, id, stored, decoder, *block));
+      QUARRY_TRY(DecodeBlock(catalog, id, stored, decoder, *block, &self->trees_.emplace_back()));
       self->cache_.Reserve(catalog.block(id).decoded);
       self->cache_.Publish(id, std::move(block));
     }
@@ -82,6 +82,7 @@ class ResidentCache {
 
  private:
   StoreReader store_;
+  std::vector<std::vector<KdNode>> trees_;  ///< for kernels that no render uses
   VoxelCache cache_;
   std::vector<uint32_t> touched_;  ///< what pins_ notes, as in a render
   PinSet pins_;

@@ -35,9 +35,10 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   void* memory = std::aligned_alloc(16, (decoded + 15) / 16 * 16 + 16);
   const std::span<std::byte> out(static_cast<std::byte*>(memory), decoded);
   static quarry::BlockDecoder decoder;
+  static std::vector<quarry::KdNode> tree;
   if ((data[2] & 16) != 0) {
     (void)decoder.Shading(stored, out);
-  } else if (const auto view = decoder.Hot(stored, out, 1e-6f)) {
+  } else if (const auto view = decoder.Hot(stored, out, 1e-6f, (data[2] & 64) != 0 ? &tree : nullptr)) {
     // What kernels rely on.
     for (uint32_t r = 0; r < view->reference_count; ++r)
       if (view->references[r] >= view->triangle_count) std::abort();

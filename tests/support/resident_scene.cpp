@@ -71,7 +71,8 @@ Result<std::unique_ptr<ResidentScene>> ResidentScene::Load(const std::string& pa
     const uint32_t id = BlockId(v, BlockKind::kHot);
     QUARRY_ASSIGN(const Bytes stored, scene->store_->ReadBlock(id));
     const std::span<std::byte> bytes = scene->bytes_.emplace_back(catalog.block(id).decoded).bytes();
-    QUARRY_ASSIGN(const VoxelGeometry geometry, decoder.Hot(stored, bytes, catalog.meta.padding));
+    QUARRY_ASSIGN(const VoxelGeometry geometry,
+                  decoder.Hot(stored, bytes, catalog.meta.padding, &view.nodes_.emplace_back()));
     view.voxels_.push_back(geometry);
     scene->decoded_bytes_ += bytes.size();
   }

@@ -92,11 +92,18 @@ TEST_CASE("A block's tree comes back in treelets and wide nodes, bit by bit") {
     v.wide_nodes = static_cast<uint32_t>(wide.size());
     const EncodedVoxel encoded = EncodeVoxel(v, nullptr);
     Bytes out(encoded.hot_decoded, std::byte{0x5A});
-    const auto hot = decoder.Hot(encoded.hot, out, kPadding);
+    std::vector<KdNode> tree{KdNode::Leaf(7, 7)};
+    const auto hot = decoder.Hot(encoded.hot, out, kPadding, &tree);
     INFO((hot ? "" : hot.error().message));
     REQUIRE(hot.has_value());
-    REQUIRE(hot->node_count == laid.size());
+    REQUIRE((hot->node_count == laid.size() && tree.size() == laid.size() && hot->nodes == tree.data()));
     CHECK(std::memcmp(hot->nodes, laid.data(), laid.size() * sizeof(KdNode)) == 0);
+    // As renders have it: all else the same, and no tree.
+    Bytes again(encoded.hot_decoded, std::byte{0xA5});
+    const auto without = decoder.Hot(encoded.hot, again, kPadding);
+    REQUIRE(without.has_value());
+    CHECK((without->nodes == nullptr && without->node_count == 0));
+    CHECK(again == out);
     REQUIRE(hot->wide_count == wide.size());
     CHECK(std::equal(wide.begin(), wide.end(), hot->wide, SameBits));
     CHECK(std::equal(v.references.begin(), v.references.end(), hot->references));
@@ -126,8 +133,15 @@ TEST_CASE("A block refuses other counts of slots and wide nodes than its tree ha
 TEST_CASE("A block refuses a tree of too many levels") {
   std::mt19937 random(23);
   for (uint32_t levels : {kMostLevels, kMostLevels + 1}) {
-    // Each plane cuts off nothing, but for the last.
+    // Each plane cuts off nothing, but for the last. Triangles that no leaf names, since a tree's nodes take
+    // no more than all else.
     HotVoxel v = RandomVoxel(random, 1);
+    for (uint32_t i = 0; i < 200; ++i) {
+      v.triangle_ids.push_back(i);
+      v.parts.push_back(0);
+      v.materials.push_back(0);
+      v.corners.insert(v.corners.end(), {0, 0, 0});
+    }
     while (v.nodes.size() < 2 * levels + 1) {
       const auto last = static_cast<uint32_t>(v.nodes.size() - 1);
       v.nodes.push_back(KdNode::Leaf(0, 0));

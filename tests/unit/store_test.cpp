@@ -116,10 +116,11 @@ TEST_CASE("A store gives back all that was put in") {
   REQUIRE(stored.has_value());
   BlockDecoder decoder;
   Bytes hot_bytes(c.block(0).decoded), shading_bytes(c.block(1).decoded);
-  const auto hot = decoder.Hot(*stored, hot_bytes, c.meta.padding);
+  std::vector<KdNode> tree;
+  const auto hot = decoder.Hot(*stored, hot_bytes, c.meta.padding, &tree);
   REQUIRE(hot.has_value());
   const HotVoxel in = MakeHot();
-  CHECK(FlattenTreelets({hot->nodes, hot->node_count}) == in.nodes);
+  CHECK(FlattenTreelets(tree) == in.nodes);
   const auto same = [](const auto& put_in, const auto* got) {
     return std::equal(put_in.begin(), put_in.end(), got);
   };
@@ -207,7 +208,7 @@ TEST_CASE("A hot block of nothing is refused") {
   nothing.node_slots = 4;
   nothing.wide_nodes = 1;
   const Bytes stored = CompressBlock(EncodeHot(nothing));
-  Bytes decoded(HotBytes(nothing.node_slots, nothing.wide_nodes, 0, 0, 0));
+  Bytes decoded(HotBytes(nothing.wide_nodes, 0, 0, 0));
   BlockDecoder decoder;
   CHECK_FALSE(decoder.Hot(stored, decoded, 0).has_value());
 }
@@ -263,7 +264,7 @@ Bytes Stored(const Bytes& streams) {
 }
 
 size_t DecodedBytes(const HotVoxel& v) {
-  return HotBytes(v.node_slots, v.wide_nodes, v.references.size(), v.triangle_ids.size(), v.vertices.size());
+  return HotBytes(v.wide_nodes, v.references.size(), v.triangle_ids.size(), v.vertices.size());
 }
 
 /// The sentence that a block is refused with.
@@ -289,10 +290,11 @@ TEST_CASE("Damaged blocks that pass no checksum never lead out of their bytes") 
     Bytes bad = i % 4 == 0 ? packed.hot : i % 4 == 1 ? shading : hot;
     for (int k = 0; k < 1 + i % 3; ++k) bad[random() % bad.size()] = static_cast<std::byte>(random());
     if (i % 5 == 0) bad.resize(random() % (bad.size() + 1));
-    const auto view = decoder.Hot(bad, hot_out, 1e-6f);
+    std::vector<KdNode> tree;
+    const auto view = decoder.Hot(bad, hot_out, 1e-6f, &tree);
     if (view) {
       ++survived;
-      REQUIRE(FlattenTreelets({view->nodes, view->node_count}).size() <= view->node_count);
+      REQUIRE(FlattenTreelets(tree).size() <= tree.size());
       for (uint32_t r = 0; r < view->reference_count; ++r)
         REQUIRE(view->references[r] < view->triangle_count);
       for (uint32_t c = 0; c < 3 * view->triangle_count; ++c) REQUIRE(view->corners[c] < view->vertex_count);
@@ -310,6 +312,9 @@ TEST_CASE("A hot block's counts must be those of its tree") {
   bad = MakeHot();
   bad.node_slots = 10;
   CHECK(Refusal(bad) == "voxel block: not as many node slots as its tree takes");
+  bad = MakeHot();
+  bad.node_slots = static_cast<uint32_t>(DecodedBytes(bad) / sizeof(KdNode)) + 1;
+  CHECK(Refusal(bad) == "voxel block: counts do not fit its size");
   bad = MakeHot();
   bad.vertices[0].x = std::numeric_limits<float>::quiet_NaN();  // never hit, and no harm
   CHECK(Refusal(bad).empty());
@@ -376,10 +381,11 @@ TEST_CASE("Blocks of random numbers come back as they were") {
     v.nodes = {KdNode::Inner(2, -7.25f, 1), KdNode::Leaf(0, 0), KdNode::Leaf(0, triangles)};
     const EncodedVoxel encoded = EncodeVoxel(v, nullptr);
     Bytes out(encoded.hot_decoded);
-    const auto hot = BlockDecoder().Hot(encoded.hot, out, 1e-6f);
+    std::vector<KdNode> tree;
+    const auto hot = BlockDecoder().Hot(encoded.hot, out, 1e-6f, &tree);
     INFO((hot ? "" : hot.error().message));
     REQUIRE(hot.has_value());
-    CHECK(FlattenTreelets({hot->nodes, hot->node_count}) == v.nodes);
+    CHECK(FlattenTreelets(tree) == v.nodes);
     CHECK(std::equal(v.references.begin(), v.references.end(), hot->references));
     CHECK(std::equal(v.corners.begin(), v.corners.end(), hot->corners));
     CHECK(std::memcmp(v.vertices.data(), hot->vertices, v.vertices.size() * 12) == 0);
