@@ -121,9 +121,8 @@ struct Untraced {
 
 /// Traces the rays of `rays` that `active` names (bit i: ray i), in runs that have the signs and the largest
 /// axis of their directions in common. Unless `all` are wanted, leaves alone runs of fewer than kLeastRun
-/// rays, and rays of runs that come to leaves by fewer than kLeastVisitors; returns those rays, which have
-/// yet to be traced. `occluder`: kept from packet to packet. See TraceFunction for what comes back for the
-/// others.
+/// rays, and rays of runs that part; returns those rays, which have yet to be traced. `occluder`: kept from
+/// packet to packet. See TraceFunction for what comes back for the others.
 template <template <class, bool> class PacketWay, class L, bool kAnyHit, class Finder, class Statistics>
 QUARRY_HOST_DEVICE inline Untraced TracePacket(const TopTree& top, const Finder& finder, RayPacket& rays,
                                                uint64_t active, bool all, Occluder& occluder,
@@ -132,7 +131,6 @@ QUARRY_HOST_DEVICE inline Untraced TracePacket(const TopTree& top, const Finder&
   constexpr uint32_t kGroups = PacketRays<L>::kGroups;
   const uint32_t least_run = all ? 1 : kLeastRun;
   PacketRays<L> p;
-  p.least_visitors = all ? 0 : kLeastVisitors;
   p.apart = 0;
   p.occluder = occluder;
   Mask alive[kGroups], backward[3][kGroups], z_is_x[kGroups], z_is_y[kGroups], elsewhere[kGroups];
@@ -162,6 +160,7 @@ QUARRY_HOST_DEVICE inline Untraced TracePacket(const TopTree& top, const Finder&
     z_is_y[g] = p.frame[g].z_is_y;
   }
   const bool shared_origin = JoinBits<L>(elsewhere) == 0;
+  p.parting = all ? kNoParting : kAnyHit || shared_origin ? kPartingSoon : kPartingOfNearest;
   const uint64_t negative[3] = {JoinBits<L>(backward[0]), JoinBits<L>(backward[1]), JoinBits<L>(backward[2])};
   const uint64_t x_largest = JoinBits<L>(z_is_x), y_largest = JoinBits<L>(z_is_y);
   uint64_t alone = 0;
