@@ -18,7 +18,7 @@ namespace quarry {
 
 /// Where of the rays of packets lately tried less than this share has stayed together, so many packets are
 /// passed over for each one that is tried (README.md).
-inline constexpr float kLeastKept = 0.5f;
+inline constexpr float kLeastKept = 0.4f;
 inline constexpr uint32_t kPassed = 15;
 inline constexpr float kLately = 8;  ///< packets, whose mean that share is
 
