@@ -14,15 +14,13 @@ namespace quarry {
 
 /// Fewer rays of like direction than these are faster in a stream (README.md).
 inline constexpr uint32_t kLeastRun = 24;
-/// So are rays of which too few come to a leaf together, by the mean of the first leaves (README.md).
-struct Parting {
-  uint32_t visits;    ///< of leaves, before rays part
-  uint32_t visitors;  ///< fewer a visit, and they do
-};
-inline constexpr Parting kPartingSoon{8, 3};
-/// Of rays from many points that look for nearest hits, as mirror rays: sooner, but not where they are short.
-inline constexpr Parting kPartingOfNearest{16, 8};
-inline constexpr Parting kNoParting{0, 0};
+/// So are rays of which fewer than these come to a leaf together (README.md),
+inline constexpr uint32_t kLeastVisitors = 3;
+/// by the mean of at least so many leaves.
+inline constexpr uint32_t kLeastVisits = 8;
+/// The same of rays from many points that look for nearest hits, as mirror rays: more are, once short ones
+/// have ended.
+inline constexpr uint32_t kLeastVisitorsOfNearest = 8, kLeastVisitsOfNearest = 16;
 
 /// Triangles of a leaf that are tested together, at most.
 inline constexpr uint32_t kMostAtOnce = 16;
@@ -46,7 +44,8 @@ struct PacketRays {
   typename L::Mask alive[kGroups];    ///< still under way
   typename L::Int chain[kGroups], waits_for[kGroups];
   uint32_t visits, visitors;  ///< to leaves so far; how many rays
-  Parting parting;            ///< when they do
+  uint32_t least_visitors;    ///< fewer a visit, and the rays part,
+  uint32_t least_visits;      ///< after so many
   uint64_t apart;             ///< those that have, and are yet under way
   uint32_t far_side[3];       ///< by axis: 1 where directions are positive, the side that is far
   uint32_t axes[3];           ///< in the order of the rays' frames
@@ -55,7 +54,7 @@ struct PacketRays {
 
   /// Whether the rays have so little in common that they are faster in a stream.
   QUARRY_HOST_DEVICE bool parted() const {
-    return visits >= parting.visits && visitors < parting.visitors * visits;
+    return visits >= least_visits && visitors < least_visitors * visits;
   }
 };
 

@@ -160,7 +160,9 @@ QUARRY_HOST_DEVICE inline Untraced TracePacket(const TopTree& top, const Finder&
     z_is_y[g] = p.frame[g].z_is_y;
   }
   const bool shared_origin = JoinBits<L>(elsewhere) == 0;
-  p.parting = all ? kNoParting : kAnyHit || shared_origin ? kPartingSoon : kPartingOfNearest;
+  const bool nearest = !kAnyHit && !shared_origin;
+  p.least_visits = nearest ? kLeastVisitsOfNearest : kLeastVisits;
+  p.least_visitors = all ? 0 : nearest ? kLeastVisitorsOfNearest : kLeastVisitors;
   const uint64_t negative[3] = {JoinBits<L>(backward[0]), JoinBits<L>(backward[1]), JoinBits<L>(backward[2])};
   const uint64_t x_largest = JoinBits<L>(z_is_x), y_largest = JoinBits<L>(z_is_y);
   uint64_t alone = 0;
