@@ -23,7 +23,8 @@ struct VoxelShading {
   }
 };
 
-/// Decodes blocks; working memory, of about a block's size, is kept from one to the next. Not thread-safe.
+/// Decodes blocks; working memory is kept from one to the next: a block's streams and its tree, each of at
+/// most about a decoded block's size. Not thread-safe.
 class BlockDecoder {
  public:
   BlockDecoder();
