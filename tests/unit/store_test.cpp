@@ -181,6 +181,13 @@ TEST_CASE("A store whose directory lies of where voxels are is found out") {
              Catch::Contains("lies where it cannot"));
   CHECK_THAT(fault([&](EncodedVoxel& v) { v.bounds_lower.z = nan; }, leaf),
              Catch::Contains("lies where it cannot"));
+  // Decoded sizes that so large a block cannot have, and the least that it can, which are not what it has.
+  const auto decodes_to = [](uint32_t less) {
+    return [=](EncodedVoxel& v) { v.hot_decoded = (static_cast<uint32_t>(v.hot.size()) - 15) / 2 - less; };
+  };
+  CHECK_THAT(fault(decodes_to(1), leaf), Catch::Contains("has a size or place that cannot be"));
+  CHECK_THAT(fault(decodes_to(0), leaf), Catch::Contains("more bytes than the directory's entry allows") ||
+                                             Catch::Contains("counts do not fit its size"));
   // In two leaves; and within another's chain.
   const std::vector<KdNode> twice{KdNode::Inner(0, 0.5f, 1), KdNode::Leaf(0, 1), KdNode::Leaf(0, 1)},
       within{KdNode::Inner(0, 0.5f, 1), KdNode::Leaf(0, 1), KdNode::Leaf(1, 1)};
