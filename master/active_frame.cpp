@@ -4,6 +4,14 @@
 #include <utility>
 
 namespace quarry {
+namespace {
+
+/// Tracing a sample, while nothing is known of it: a million a second. Too much would have first tiles shared
+/// out by their number, whatever there is to fetch for them.
+constexpr double kGuessedSampleS = 1e-6;
+constexpr double kTileSamples = double{kTileSize} * kTileSize;  // at one a pixel
+
+}  // namespace
 
 ActiveFrame::ActiveFrame(uint64_t setup, const RenderJob& job, const ActiveFrame* before)
     : setup_(setup),
@@ -83,7 +91,8 @@ void ActiveFrame::MakePlan(const std::vector<PlannedWorker>& workers, const Plan
       known_s += trace.cost_s;
       ++known;
     }
-  usual_cost_s_ = known > 0 ? known_s / static_cast<double>(known) : 0.01;
+  usual_cost_s_ =
+      known > 0 ? known_s / static_cast<double>(known) : kGuessedSampleS * kTileSamples * job_.spp;
   // None is for nothing, even while nothing is known of what it takes beside.
   tile_s_ = std::max(costs.tile_s, usual_cost_s_ / 16);
   const std::vector<uint32_t> holders = Holders();
@@ -164,7 +173,7 @@ FrameTrace ActiveFrame::Trace() const {
 }
 
 bool MayBegin(std::span<ActiveFrame* const> frames) {
-  constexpr size_t kAlways = 2, kMost = 6;
+  constexpr size_t kAlways = 2, kMost = 12;
   constexpr uint64_t kPixels = 1u << 20;  // of those under way, for a third
   if (frames.size() < kAlways) return true;
   uint64_t pixels = 0;

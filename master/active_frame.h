@@ -113,7 +113,8 @@ class ActiveFrame {
 };
 
 /// Whether another frame may begin beside these: two may always be under way, so that no worker idles at a
-/// frame's end; of small ones several, so that one that waits for voxels has other tiles to go on with.
+/// frame's end; of small ones several, so that who waits for voxels has other tiles to go on with, and the
+/// others need not wait for one that has been given too much.
 bool MayBegin(std::span<ActiveFrame* const> frames);
 
 /// What has changed since frames were planned.

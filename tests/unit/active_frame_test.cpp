@@ -46,9 +46,9 @@ void Render(ActiveFrame& frame) {
 
 }  // namespace
 
-TEST_CASE("Two frames may always be under way, of small ones six, of a million pixels no third") {
+TEST_CASE("Two frames may always be under way, of small ones twelve, of a million pixels no third") {
   const RenderJob small = Looking({0, 0, 0}, {0, 10, 0}), large = Looking({0, 0, 0}, {0, 10, 0}, 1280, 720);
-  std::vector<ActiveFrame> small_ones(6, ActiveFrame(1, small, nullptr)),
+  std::vector<ActiveFrame> small_ones(12, ActiveFrame(1, small, nullptr)),
       large_ones(2, ActiveFrame(1, large, nullptr));
   std::vector<ActiveFrame*> frames;
   for (ActiveFrame& frame : small_ones) {
