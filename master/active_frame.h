@@ -113,8 +113,9 @@ class ActiveFrame {
 };
 
 /// Whether another frame may begin beside these: two may always be under way, so that no worker idles at a
-/// frame's end; of small ones several, so that who waits for voxels has other tiles to go on with, and the
-/// others need not wait for one that has been given too much.
+/// frame's end; of small ones up to twelve, while they have less than 2^20 pixels together, so that who waits
+/// for voxels has other tiles to go on with, and the others need not wait for one that was given too much.
+/// Why twelve: tests/scalability/README.md, "Speed-up".
 bool MayBegin(std::span<ActiveFrame* const> frames);
 
 /// What has changed since frames were planned.

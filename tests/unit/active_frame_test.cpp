@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <set>
+#include <span>
 
 #include "tests/support/looking.h"
 
@@ -145,6 +146,23 @@ TEST_CASE("What coarse rays come to is planned with as soon as it is learned, of
     }
     CHECK(at_home == plan.size());
   }
+}
+
+TEST_CASE("A first plan shares out what is to be fetched, though it knows no tile's cost") {
+  const RenderJob job = Looking({0, 0, 0}, {0, 10, 0}, 320, 240);
+  Cluster cluster;
+  cluster.block_bytes.assign(4096, 5000);  // 5 ms each
+  ActiveFrame frame(1, job, nullptr);
+  auto coarse = std::make_shared<CoarseFrame>();
+  const auto tiles = static_cast<uint32_t>(frame.frame().tiles().size());
+  // The first half of the curve takes a block each; the other half but one for all.
+  for (uint32_t t = 0; t < tiles; ++t) coarse->push_back({{std::min(t, tiles / 2)}, {10}});
+  frame.Learn(coarse);
+  cluster.Plan({&frame}, nullptr, PlanNews::kFrames);
+  const auto plan = Planned(frame);
+  const auto fetching = std::span(plan).first(tiles / 2);
+  const auto of_one = static_cast<uint32_t>(std::count(fetching.begin(), fetching.end(), 1));
+  CHECK(std::max(of_one, tiles / 2 - of_one) <= tiles * 3 / 8);
 }
 
 TEST_CASE("A tile costs what it takes beside tracing as well") {
