@@ -173,7 +173,7 @@ FrameTrace ActiveFrame::Trace() const {
 }
 
 bool MayBegin(std::span<ActiveFrame* const> frames) {
-  constexpr size_t kAlways = 2, kMost = 12;
+  constexpr size_t kAlways = 2, kMost = 16;
   constexpr uint64_t kPixels = 1u << 20;  // of those under way, for a third
   if (frames.size() < kAlways) return true;
   uint64_t pixels = 0;
@@ -191,7 +191,7 @@ void PlanFrames(std::span<ActiveFrame* const> frames, const ActiveFrame* previou
   for (ActiveFrame* frame : frames) {
     // Those after these come to it in their turn; the newest has nothing yet.
     if (n++ < kForeseen || frame == frames.back()) frame->Foresee(before);
-    if (news == PlanNews::kWorkers || !frame->large() || !frame->planned()) {
+    if (news == PlanNews::kWorkers || !frame->planned_once(speeds.size()) || !frame->planned()) {
       std::vector<PlannedWorker> workers;
       for (const auto& [id, speed] : speeds) workers.push_back({id, speed, busy_s[id] / speed, &holds[id]});
       frame->MakePlan(workers, costs, policy);

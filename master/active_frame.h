@@ -53,8 +53,10 @@ class ActiveFrame {
   void AddPromised(std::map<uint32_t, BlockSet>& holds, std::map<uint32_t, double>& busy_s) const;
   /// Plans who is to have the tiles that nobody has. `workers`: all there are.
   void MakePlan(const std::vector<PlannedWorker>& workers, const PlanCosts& costs, SchedulingPolicy policy);
-  /// Whether planning it takes so long that it is done once, unless workers come or go.
+  /// Whether foreseeing it takes so long that it is done once.
   bool large() const { return tile_done_.size() > kMostForeseen; }
+  /// Whether planning it for so many workers takes so long that it is done once, unless workers come or go.
+  bool planned_once(size_t workers) const { return large() || tile_done_.size() * workers > kMostReplanned; }
   bool planned() const { return planned_; }
   /// What handing out may look at.
   Snapshot MakeSnapshot(std::vector<WorkerView> workers, double now_s) const;
@@ -79,6 +81,9 @@ class ActiveFrame {
   /// Foreseeing takes time of the thread that hands tiles out (`quarry bench simulate` prints it), and
   /// workers have many tiles each of a large picture: there is less to win.
   static constexpr size_t kMostForeseen = 512;
+  /// Tiles times workers. With more, plans are worth less than the time they take (`quarry bench simulate
+  /// --planning`).
+  static constexpr size_t kMostReplanned = 4096;
   /// Who has, or had, each tile; kNoWorker: nobody yet.
   std::vector<uint32_t> Holders() const;
   double CostOf(size_t tile) const;
@@ -113,9 +118,9 @@ class ActiveFrame {
 };
 
 /// Whether another frame may begin beside these: two may always be under way, so that no worker idles at a
-/// frame's end; of small ones up to twelve, while they have less than 2^20 pixels together, so that who waits
+/// frame's end; of small ones up to sixteen, while they have less than 2^20 pixels together, so that who waits
 /// for voxels has other tiles to go on with, and the others need not wait for one that was given too much.
-/// Why twelve: tests/scalability/README.md, "Speed-up".
+/// Why so many: tests/scalability/README.md, "Speed-up".
 bool MayBegin(std::span<ActiveFrame* const> frames);
 
 /// What has changed since frames were planned.

@@ -23,7 +23,7 @@ constexpr size_t kMostLooks = 8u << 20, kMostGatherLooks = 1u << 20;
 constexpr size_t kLeastStretch = 8;
 /// How much more than the busiest somebody may have to do so that less is fetched; and how often all tiles
 /// are looked at for that. As kUnknownShared was.
-constexpr double kGatherSlack = 1.3;
+constexpr double kGatherSlack = 1.4;
 constexpr int kGatherPasses = 8;
 
 class FootprintPlan {
@@ -120,7 +120,8 @@ class FootprintPlan {
     return holders_[block * words() + worker / 64] >> worker % 64 & 1;
   }
   double SecondsOf(uint32_t block) const {
-    return in_.seconds_per_byte * (block < in_.block_bytes->size() ? (*in_.block_bytes)[block] : 0);
+    return kFetchWeight * in_.seconds_per_byte *
+           (block < in_.block_bytes->size() ? (*in_.block_bytes)[block] : 0);
   }
 
   // --- what a tile costs, and whose it is

@@ -86,8 +86,6 @@ class Thief {
  private:
   static constexpr size_t kLooked = 16;   ///< tiles of a victim
   static constexpr size_t kVictims = 16;  ///< those with most left
-  /// Bytes fetched twice also take room twice. Chosen by `quarry bench simulate` (tests/scalability).
-  static constexpr double kFetchWeight = 3;
   const Snapshot& s_;
   std::vector<std::deque<uint32_t>>& own_;
   std::vector<double> backlog_s_;

@@ -58,10 +58,13 @@ struct PlanInput {
   uint64_t frame = 0;              ///< for kRandom
 };
 
+/// How much more than its own time a second of fetching and decoding weighs: what is fetched twice also takes
+/// room twice, and the next frames fetch it twice too. As kPlanSlack was.
+inline constexpr double kFetchWeight = 4;
 /// A footprint plan leaves workers' expected times so far apart rather than move another tile: one for which
 /// something has to be fetched, and one that costs nothing. The best of those tried by `quarry bench
 /// simulate` (tests/scalability/README.md).
-inline constexpr double kPlanSlack = 0.4, kFreeSlack = 0.05;
+inline constexpr double kPlanSlack = 0.2, kFreeSlack = 0.05;
 
 /// The worker (id) that should have each tile; kNoWorker for all when there are no workers. Tiles that a
 /// policy knows nothing of are shared out along the curve, each worker a stretch. kFootprint keeps the time

@@ -396,7 +396,8 @@ class Server {
                  FrameStatistics(*done.frame, times, roster_));
     previous_ = std::move(done.frame);
     overhead_.Fade();
-    MakePlans(PlanNews::kFrames);
+    // Where another begins, that plans them all.
+    if (!StartFrame()) MakePlans(PlanNews::kFrames);
     HandOutSoon();
   }
 

@@ -37,7 +37,7 @@ namespace quarry {
 /// Links in Mbit/s, times in seconds unless they say otherwise: the options of `quarry bench simulate`.
 struct SimulatedCluster {
   unsigned servers = 1;
-  bool peers = false, warm = false;
+  bool peers = false, warm = false, planning = false;
   std::string policy = "footprint", cache = "64M";
   double worker_mbit = 100, server_mbit = 1000, share = 1, decode_gb_s = 0.6, latency_s = 4e-4, tile_us = 60,
          overhead_us = 0;
@@ -196,7 +196,9 @@ class Simulation {
     const auto start = std::chrono::steady_clock::now();
     PlanFrames(Frames(), previous_.get(), PlanNews::kFrames, speeds, std::move(holds),
                {block_bytes_, seconds_per_byte_, overhead_.seconds()}, policy_);
-    planning_s_ += SecondsSince(start);
+    const double took_s = SecondsSince(start);
+    planning_s_ += took_s;
+    if (o_.planning) (void)master_.Take(clock_.now_s(), took_s);
   }
 
   void HandOutTiles() {
@@ -260,7 +262,7 @@ class Simulation {
         index_.erase(it->get());
         previous_ = std::move(*it);
         frames_.erase(it);
-        MakePlans();
+        if (!StartFrame()) MakePlans();
       }
     }
     HandOutTiles();

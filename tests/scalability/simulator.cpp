@@ -106,6 +106,8 @@ int Main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--servers", c.servers, "Voxel servers")->check(CLI::Range(1, 64))->capture_default_str();
   app.add_flag("--peers", c.peers, "Workers serve each other");
+  app.add_flag("--planning", c.planning,
+               "Planning keeps the master busy for as long as it takes here: no two runs are the same");
   app.add_flag("--warm", c.warm, "Time the walk's second pass");
   app.add_option("--schedule", c.policy, "footprint, last-owner or random")->capture_default_str();
   app.add_option("--loading", c.loading,

@@ -47,9 +47,9 @@ void Render(ActiveFrame& frame) {
 
 }  // namespace
 
-TEST_CASE("Two frames may always be under way, of small ones twelve, of a million pixels no third") {
-  const RenderJob small = Looking({0, 0, 0}, {0, 10, 0}), large = Looking({0, 0, 0}, {0, 10, 0}, 1280, 720);
-  std::vector<ActiveFrame> small_ones(12, ActiveFrame(1, small, nullptr)),
+TEST_CASE("Two frames may always be under way, of small ones sixteen, of a million pixels no third") {
+  const RenderJob small = Looking({0, 0, 0}, {0, 10, 0}, 256, 192), large = Looking({0, 0, 0}, {0, 10, 0}, 1280, 720);
+  std::vector<ActiveFrame> small_ones(16, ActiveFrame(1, small, nullptr)),
       large_ones(2, ActiveFrame(1, large, nullptr));
   std::vector<ActiveFrame*> frames;
   for (ActiveFrame& frame : small_ones) {
@@ -86,6 +86,22 @@ TEST_CASE("A frame under way is planned with what those before it are to bring")
   alike = 0;
   for (size_t t = 0; t < of_first.size(); ++t) alike += of_first[t] == Planned(alone)[t];
   CHECK(alike < of_first.size() / 2);
+}
+
+TEST_CASE("A frame for many workers is planned once, and again when workers come or go") {
+  Cluster cluster;
+  ActiveFrame frame(1, Looking({0, 0, 0}, {0, 10, 0}), nullptr);
+  REQUIRE_FALSE(frame.large());
+  for (uint32_t w = 3; !frame.planned_once(cluster.speeds.size() - 1); ++w) cluster.speeds[w] = 1;
+  cluster.Plan({&frame}, nullptr, PlanNews::kFrames);
+  const auto plan = Planned(frame);
+  const uint32_t gone = plan[0];
+  cluster.speeds.erase(gone);
+  cluster.Plan({&frame}, nullptr, PlanNews::kFrames);
+  CHECK(Planned(frame) == plan);
+  cluster.Plan({&frame}, nullptr, PlanNews::kWorkers);
+  const auto now = Planned(frame);
+  CHECK(std::count(now.begin(), now.end(), gone) == 0);
 }
 
 TEST_CASE("A large frame is planned once, and again when workers come or go") {
