@@ -206,11 +206,19 @@ namespace {
 /// Workers and the tiles that they may still be given.
 class Slots {
  public:
-  Slots(const std::vector<ActiveFrame*>& frames, const std::vector<Hand>& hands) {
+  Slots(const std::vector<ActiveFrame*>& frames, const std::vector<Hand>& hands, bool ending) {
     std::unordered_map<uint32_t, uint32_t> held;
-    for (const ActiveFrame* frame : frames) frame->AddHeld(held);
+    size_t open = 0;
+    for (const ActiveFrame* frame : frames) {
+      frame->AddHeld(held);
+      open += frame->open_tiles();
+    }
     for (const Hand& hand : hands) {
-      const uint32_t has = held[hand.worker], slots = hand.credit > has ? hand.credit - has : 0;
+      size_t credit = hand.credit;
+      // Half of an equal share: as many are left for whoever is done sooner.
+      if (ending) credit = std::min(credit, std::max<size_t>(hand.threads + 1, open / hands.size() / 2));
+      const uint32_t has = held[hand.worker];
+      const auto slots = static_cast<uint32_t>(credit > has ? credit - has : 0);
       places_[hand.worker] = views_.size();
       views_.push_back({hand.worker, slots});
       free_ += slots;
@@ -232,11 +240,11 @@ class Slots {
 }  // namespace
 
 std::vector<HandedTile> HandOut(
-    std::vector<ActiveFrame*> frames, const std::vector<Hand>& hands, double now_s,
+    std::vector<ActiveFrame*> frames, const std::vector<Hand>& hands, double now_s, bool ending,
     const std::function<double(const ActiveFrame&, uint32_t tile, uint32_t worker)>& fetch_s,
     const std::function<ActiveFrame*()>& start_next) {
   std::vector<HandedTile> out;
-  Slots slots(frames, hands);
+  Slots slots(frames, hands, ending);
   const auto hand_out = [&](ActiveFrame& frame, Stealing stealing) {
     if (frame.done() || !slots.any()) return;
     Snapshot snapshot = frame.MakeSnapshot(slots.views(), now_s);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -42,8 +43,10 @@ class ActiveFrame {
 
   /// What coarse rays come to; the next Foresee and plan go by it.
   void Learn(std::shared_ptr<const CoarseFrame> coarse);
-  /// Whether there are tiles that nobody has had yet.
-  bool has_open_tiles() const { return tiles_done_ + leases_.size() < tile_done_.size(); }
+  /// Tiles that nobody has or has had, but for those that two have.
+  size_t open_tiles() const {
+    return tile_done_.size() - std::min<size_t>(tile_done_.size(), tiles_done_ + leases_.size());
+  }
   bool learned() const { return coarse_ != nullptr; }
   /// Reckons what its tiles will touch from what the frame before (null: there is none) has shown by now, if
   /// that is much more than the last time, and from what has been learned; of a large one once each.
@@ -118,9 +121,9 @@ class ActiveFrame {
 };
 
 /// Whether another frame may begin beside these: two may always be under way, so that no worker idles at a
-/// frame's end; of small ones up to sixteen, while they have less than 2^20 pixels together, so that who waits
-/// for voxels has other tiles to go on with, and the others need not wait for one that was given too much.
-/// Why so many: tests/scalability/README.md, "Speed-up".
+/// frame's end; of small ones up to sixteen, while they have less than 2^20 pixels together, so that who
+/// waits for voxels has other tiles to go on with, and the others need not wait for one that was given too
+/// much. Why so many: tests/scalability/README.md, "Speed-up".
 bool MayBegin(std::span<ActiveFrame* const> frames);
 
 /// What has changed since frames were planned.
@@ -136,6 +139,7 @@ void PlanFrames(std::span<ActiveFrame* const> frames, const ActiveFrame* previou
 struct Hand {
   uint32_t worker = kNoWorker;
   uint32_t credit = 0;  ///< tiles it may have at once, over all frames
+  uint32_t threads = 1;
 };
 struct HandedTile {
   ActiveFrame* frame;
@@ -144,11 +148,12 @@ struct HandedTile {
 };
 /// Hands out what can be: first everyone's own tiles, of the frames under way in their order and of others
 /// that `start_next` begins (null: none begins); what is planned for others only when there is no more of
-/// that, for it costs bytes.
-/// `fetch_s`: seconds that a worker is expected to fetch for a frame's tile; none: what is nearest to hand is
-/// taken.
+/// that, for it costs bytes. `ending`: no other frame follows these; nobody has many tiles waiting then, for
+/// others cannot take those.
+/// `fetch_s`: what it costs to have a worker fetch for a frame's tile, seconds (see kFetchWeight); none: what
+/// is nearest to hand is taken.
 std::vector<HandedTile> HandOut(
-    std::vector<ActiveFrame*> frames, const std::vector<Hand>& hands, double now_s,
+    std::vector<ActiveFrame*> frames, const std::vector<Hand>& hands, double now_s, bool ending,
     const std::function<double(const ActiveFrame&, uint32_t tile, uint32_t worker)>& fetch_s,
     const std::function<ActiveFrame*()>& start_next);
 

@@ -65,7 +65,7 @@ class Thief {
       for (size_t i = own_[v].size(); i-- > first;) {
         const uint32_t t = own_[v][i];
         const double fetch_s = s_.fetch_s ? s_.fetch_s(t, s_.workers[w].id) : 0;
-        const double gain_s = backlog_s_[v] - s_.tiles[t].cost_s - kFetchWeight * fetch_s;
+        const double gain_s = backlog_s_[v] - s_.tiles[t].cost_s - fetch_s;
         if (victim < own_.size() && gain_s <= most_s) continue;
         if (s_.fetch_s && gain_s < 0) continue;
         most_s = gain_s;

@@ -248,7 +248,7 @@ class Server {
     // One worker gets all tiles, whatever they touch.
     if (roster_.all().size() > 1) {
       for (const Rendering& r : renderings_)
-        if (!r.frame->learned() && r.frame->has_open_tiles()) add(r.part);
+        if (!r.frame->learned() && r.frame->open_tiles() > 0) add(r.part);
       for (const Jobs::Begun& next : jobs_.Upcoming(kAhead)) add(next);
     }
     foresight_->Want(std::move(wishes));
@@ -301,15 +301,17 @@ class Server {
   void HandOut() {
     if (std::exchange(workers_changed_, false)) TellAndPlan();
     std::vector<Hand> hands;
-    for (const auto& [id, worker] : roster_.all()) hands.push_back({id, worker.Credit()});
+    for (const auto& [id, worker] : roster_.all()) hands.push_back({id, worker.Credit(), worker.threads});
+    // At the end of all there is to do, who idles has nothing better to do than fetch.
+    const bool ending = jobs_.Upcoming(1).empty();
     std::function<double(const ActiveFrame&, uint32_t, uint32_t)> fetch_s;
     if (options_.policy == SchedulingPolicy::kFootprint)
-      fetch_s = [this, per_byte = roster_.SecondsPerByte(decoded_per_stored_)](
+      fetch_s = [this, per_byte = (ending ? 1 : kFetchWeight) * roster_.SecondsPerByte(decoded_per_stored_)](
                     const ActiveFrame& frame, uint32_t tile, uint32_t worker) {
         return ExpectedBytes(frame.Expected(tile), roster_.FindById(worker)->holds, block_bytes_) * per_byte;
       };
     for (HandedTile& tile :
-         quarry::HandOut(Frames(), hands, Now(), fetch_s, [this] { return StartFrame(); })) {
+         quarry::HandOut(Frames(), hands, Now(), ending, fetch_s, [this] { return StartFrame(); })) {
       WorkerRecord& worker = *roster_.FindById(tile.worker);
       const uint64_t setup = tile.order.setup, oldest = renderings_.front().frame->setup();
       if (worker.setups.insert(setup).second) {

@@ -144,7 +144,7 @@ class Bench {
     const auto hand_out = [&] {
       const auto start = Clock::now();
       auto handed = HandOut(
-          {&frame}, hands, now_s,
+          {&frame}, hands, now_s, true,
           [&](const ActiveFrame& f, uint32_t tile, uint32_t worker) {
             return ExpectedBytes(f.Expected(tile), holds[worker - 1], bytes_) * kSecondsPerByte;
           },

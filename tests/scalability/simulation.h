@@ -203,15 +203,17 @@ class Simulation {
 
   void HandOutTiles() {
     std::vector<Hand> hands;
-    for (const auto& w : workers_) hands.push_back({w->id, w->window.wanted()});
+    for (const auto& w : workers_) hands.push_back({w->id, w->window.wanted(), 1});
+    const bool ending = next_frame_ == walk_.jobs.size();
     std::function<double(const ActiveFrame&, uint32_t, uint32_t)> fetch_s;
     if (policy_ == SchedulingPolicy::kFootprint)
-      fetch_s = [this](const ActiveFrame& frame, uint32_t tile, uint32_t worker) {
-        return ExpectedBytes(frame.Expected(tile), workers_[worker - 1]->holds, block_bytes_) *
+      fetch_s = [this, weight = ending ? 1 : kFetchWeight](const ActiveFrame& frame, uint32_t tile,
+                                                           uint32_t worker) {
+        return weight * ExpectedBytes(frame.Expected(tile), workers_[worker - 1]->holds, block_bytes_) *
                seconds_per_byte_;
       };
     for (HandedTile& handed :
-         HandOut(Frames(), hands, clock_.now_s(), fetch_s, [this] { return StartFrame(); })) {
+         HandOut(Frames(), hands, clock_.now_s(), ending, fetch_s, [this] { return StartFrame(); })) {
       auto tile = std::make_shared<Tile>();
       tile->frame = handed.frame;
       tile->order = handed.order;

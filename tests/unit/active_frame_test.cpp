@@ -48,7 +48,8 @@ void Render(ActiveFrame& frame) {
 }  // namespace
 
 TEST_CASE("Two frames may always be under way, of small ones sixteen, of a million pixels no third") {
-  const RenderJob small = Looking({0, 0, 0}, {0, 10, 0}, 256, 192), large = Looking({0, 0, 0}, {0, 10, 0}, 1280, 720);
+  const RenderJob small = Looking({0, 0, 0}, {0, 10, 0}, 256, 192),
+                  large = Looking({0, 0, 0}, {0, 10, 0}, 1280, 720);
   std::vector<ActiveFrame> small_ones(16, ActiveFrame(1, small, nullptr)),
       large_ones(2, ActiveFrame(1, large, nullptr));
   std::vector<ActiveFrame*> frames;
@@ -199,12 +200,12 @@ TEST_CASE("A frame has open tiles until all are with somebody") {
   ActiveFrame frame(1, Looking({0, 0, 0}, {0, 10, 0}), nullptr);
   const auto tiles = static_cast<uint32_t>(frame.frame().tiles().size());
   for (uint32_t t = 0; t < tiles; ++t) {
-    CHECK(frame.has_open_tiles());
+    CHECK(frame.open_tiles() > 0);
     frame.Lease({t, 1}, 0);
   }
-  CHECK_FALSE(frame.has_open_tiles());
+  CHECK_FALSE(frame.open_tiles() > 0);
   frame.Forget(1);
-  CHECK(frame.has_open_tiles());
+  CHECK(frame.open_tiles() > 0);
 }
 
 }  // namespace quarry

@@ -97,15 +97,37 @@ TEST_CASE("What a worker holds of one frame it is not given of the next") {
   const auto count = [](const std::vector<HandedTile>& tiles, const ActiveFrame& frame) {
     return std::count_if(tiles.begin(), tiles.end(), [&](const HandedTile& t) { return t.frame == &frame; });
   };
-  const auto given = HandOut({&first}, {{1, 6}}, 0, {}, next);
+  const auto given = HandOut({&first}, {{1, 6}}, 0, false, {}, next);
   CHECK(given.size() == 6);
   CHECK(count(given, first) == 4);
-  CHECK(HandOut({&first, &second}, {{1, 6}}, 0, {}, next).empty());
+  CHECK(HandOut({&first, &second}, {{1, 6}}, 0, false, {}, next).empty());
   const TileOrder& order = given[0].order;
   REQUIRE(*first.Finish({1, order.tile, order.lease, 0, 0, 0, Depths()}, Bytes(32 * 32 * 3 * 4), 1));
-  const auto more = HandOut({&first, &second}, {{1, 6}}, 1, {}, next);
+  const auto more = HandOut({&first, &second}, {{1, 6}}, 1, false, {}, next);
   CHECK(more.size() == 1);
   CHECK(count(more, second) == 1);
+}
+
+TEST_CASE(
+    "At the end of all frames nobody is given more than half a share, but what keeps its threads busy") {
+  RenderJob job;
+  job.width = 320;
+  job.height = 256;
+  job.cameras = {CameraSpec{}};
+  REQUIRE(NormalizeJob(job).has_value());
+  const auto none = [] { return nullptr; };
+  const auto given = [](const std::vector<HandedTile>& tiles, uint32_t worker) {
+    return std::count_if(tiles.begin(), tiles.end(), [&](const HandedTile& t) { return t.worker == worker; });
+  };
+  for (const bool ending : {false, true}) {
+    ActiveFrame frame(1, job, nullptr);  // 80 tiles
+    const std::vector<Hand> hands = {{1, 30, 1}, {2, 30, 24}};
+    const auto tiles = HandOut({&frame}, hands, 0, ending, {}, none);
+    CHECK(given(tiles, 1) == (ending ? 20 : 30));
+    CHECK(given(tiles, 2) == (ending ? 25 : 30));
+    // 35 are open then: 8 each, which nobody lacks.
+    CHECK(HandOut({&frame}, hands, 0, ending, {}, none).empty());
+  }
 }
 
 TEST_CASE("Results count once, under a lease that is known; a dead worker's tiles are open again") {
