@@ -216,7 +216,8 @@ class Slots {
     for (const Hand& hand : hands) {
       size_t credit = hand.credit;
       // Half of an equal share: as many are left for whoever is done sooner.
-      if (ending) credit = std::min(credit, std::max<size_t>(hand.threads + 1, open / hands.size() / 2));
+      if (ending && hands.size() > 1)
+        credit = std::min(credit, std::max<size_t>(hand.threads + 1, open / hands.size() / 2));
       const uint32_t has = held[hand.worker];
       const auto slots = static_cast<uint32_t>(credit > has ? credit - has : 0);
       places_[hand.worker] = views_.size();

@@ -127,6 +127,8 @@ TEST_CASE(
     CHECK(given(tiles, 2) == (ending ? 25 : 30));
     // 35 are open then: 8 each, which nobody lacks.
     CHECK(HandOut({&frame}, hands, 0, ending, {}, none).empty());
+    ActiveFrame alone(2, job, nullptr);  // there is nobody to leave anything to
+    CHECK(HandOut({&alone}, {{1, 80, 1}}, 0, ending, {}, none).size() == 80);
   }
 }
 
