@@ -208,16 +208,17 @@ class Slots {
  public:
   Slots(const std::vector<ActiveFrame*>& frames, const std::vector<Hand>& hands, bool ending) {
     std::unordered_map<uint32_t, uint32_t> held;
-    size_t open = 0;
+    size_t open = 0, threads = 0;
     for (const ActiveFrame* frame : frames) {
       frame->AddHeld(held);
       open += frame->open_tiles();
     }
+    for (const Hand& hand : hands) threads += hand.threads;
     for (const Hand& hand : hands) {
       size_t credit = hand.credit;
-      // Half of an equal share: as many are left for whoever is done sooner.
+      // Half of its threads' share: as many are left for whoever is done sooner.
       if (ending && hands.size() > 1)
-        credit = std::min(credit, std::max<size_t>(hand.threads + 1, open / hands.size() / 2));
+        credit = std::min(credit, std::max<size_t>(hand.threads + 1, open * hand.threads / threads / 2));
       const uint32_t has = held[hand.worker];
       const auto slots = static_cast<uint32_t>(credit > has ? credit - has : 0);
       places_[hand.worker] = views_.size();
@@ -246,11 +247,15 @@ std::vector<HandedTile> HandOut(
     const std::function<ActiveFrame*()>& start_next) {
   std::vector<HandedTile> out;
   Slots slots(frames, hands, ending);
+  // At the end, who idles has nothing better to do than fetch.
+  const double weight = ending ? 1 : kFetchWeight;
   const auto hand_out = [&](ActiveFrame& frame, Stealing stealing) {
     if (frame.done() || !slots.any()) return;
     Snapshot snapshot = frame.MakeSnapshot(slots.views(), now_s);
     if (fetch_s)
-      snapshot.fetch_s = [&](uint32_t tile, uint32_t worker) { return fetch_s(frame, tile, worker); };
+      snapshot.fetch_s = [&](uint32_t tile, uint32_t worker) {
+        return weight * fetch_s(frame, tile, worker);
+      };
     for (const Assignment& a : Schedule(snapshot, stealing)) {
       out.push_back({&frame, a.worker, frame.Lease(a, now_s)});
       slots.Give(a.worker);

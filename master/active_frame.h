@@ -138,8 +138,8 @@ void PlanFrames(std::span<ActiveFrame* const> frames, const ActiveFrame* previou
 /// A worker that tiles are handed out to.
 struct Hand {
   uint32_t worker = kNoWorker;
-  uint32_t credit = 0;  ///< tiles it may have at once, over all frames
-  uint32_t threads = 1;
+  uint32_t credit = 0;   ///< tiles it may have at once, over all frames
+  uint32_t threads = 1;  ///< at least one
 };
 struct HandedTile {
   ActiveFrame* frame;
@@ -148,10 +148,9 @@ struct HandedTile {
 };
 /// Hands out what can be: first everyone's own tiles, of the frames under way in their order and of others
 /// that `start_next` begins (null: none begins); what is planned for others only when there is no more of
-/// that, for it costs bytes. `ending`: no other frame follows these; nobody has many tiles waiting then, for
-/// others cannot take those.
-/// `fetch_s`: what it costs to have a worker fetch for a frame's tile, seconds (see kFetchWeight); none: what
-/// is nearest to hand is taken.
+/// that, for it costs bytes: those weigh kFetchWeight. `ending`: no other frame follows these; then bytes
+/// weigh no more than their time, and nobody has many tiles waiting, for others cannot take those. `fetch_s`:
+/// seconds that a worker is expected to fetch for a frame's tile; none: what is nearest to hand is taken.
 std::vector<HandedTile> HandOut(
     std::vector<ActiveFrame*> frames, const std::vector<Hand>& hands, double now_s, bool ending,
     const std::function<double(const ActiveFrame&, uint32_t tile, uint32_t worker)>& fetch_s,

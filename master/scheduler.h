@@ -94,7 +94,7 @@ struct Snapshot {
   std::vector<WorkerView> workers;
   double now_s = 0;
   double straggler_after_s = 1;  ///< a tile held this long is given to an idle worker as well
-  /// What it costs to have a worker (id) fetch for a tile, seconds; none: 0.
+  /// What it costs to have a worker (id) fetch for a tile, seconds of its time; none: 0.
   std::function<double(uint32_t tile, uint32_t worker)> fetch_s;
 };
 

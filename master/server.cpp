@@ -257,12 +257,16 @@ class Server {
         if (auto coarse = foresight_->Find(r.part.job->id, r.part.index)) r.frame->Learn(std::move(coarse));
   }
 
-  /// Whether the next frame is to be foreseen before it begins.
+  bool IsNextBeingForeseen() const {
+    const auto next = jobs_.Upcoming(1);
+    return foresight_ && !next.empty() && foresight_->IsAtWork(next[0].job->id, next[0].index);
+  }
+
+  /// Whether the next frame is to be foreseen before it begins, though a worker has nothing to do.
   bool IsWorthWaiting() {
     if (!foresight_) return false;
     if (renderings_.empty()) AskForesight();
-    const auto next = jobs_.Upcoming(1);
-    return patience_.Waits(Now(), !next.empty() && foresight_->IsAtWork(next[0].job->id, next[0].index));
+    return patience_.Waits(Now(), IsNextBeingForeseen());
   }
 
   /// Frames that begin later take it up by themselves.
@@ -302,16 +306,16 @@ class Server {
     if (std::exchange(workers_changed_, false)) TellAndPlan();
     std::vector<Hand> hands;
     for (const auto& [id, worker] : roster_.all()) hands.push_back({id, worker.Credit(), worker.threads});
-    // At the end of all there is to do, who idles has nothing better to do than fetch.
     const bool ending = jobs_.Upcoming(1).empty();
     std::function<double(const ActiveFrame&, uint32_t, uint32_t)> fetch_s;
     if (options_.policy == SchedulingPolicy::kFootprint)
-      fetch_s = [this, per_byte = (ending ? 1 : kFetchWeight) * roster_.SecondsPerByte(decoded_per_stored_)](
+      fetch_s = [this, per_byte = roster_.SecondsPerByte(decoded_per_stored_)](
                     const ActiveFrame& frame, uint32_t tile, uint32_t worker) {
         return ExpectedBytes(frame.Expected(tile), roster_.FindById(worker)->holds, block_bytes_) * per_byte;
       };
-    for (HandedTile& tile :
-         quarry::HandOut(Frames(), hands, Now(), ending, fetch_s, [this] { return StartFrame(); })) {
+    for (HandedTile& tile : quarry::HandOut(Frames(), hands, Now(), ending, fetch_s, [this] {
+           return MayBegin(Frames()) && !IsWorthWaiting() ? StartFrame() : nullptr;
+         })) {
       WorkerRecord& worker = *roster_.FindById(tile.worker);
       const uint64_t setup = tile.order.setup, oldest = renderings_.front().frame->setup();
       if (worker.setups.insert(setup).second) {
@@ -374,9 +378,8 @@ class Server {
 
   // --- frames
 
-  /// The next frame. Null when none begins.
+  /// The next frame, planned with those under way. Null when there is none.
   ActiveFrame* StartFrame() {
-    if (!MayBegin(Frames()) || IsWorthWaiting()) return nullptr;
     auto part = jobs_.Begin();
     if (!part) return nullptr;
     const ActiveFrame* before = renderings_.empty() ? previous_.get() : renderings_.back().frame.get();
@@ -398,8 +401,9 @@ class Server {
                  FrameStatistics(*done.frame, times, roster_));
     previous_ = std::move(done.frame);
     overhead_.Fade();
-    // Where another begins, that plans them all.
-    if (!StartFrame()) MakePlans(PlanNews::kFrames);
+    // Where another begins, that plans them all. Nobody idles yet: what is being foreseen can wait.
+    const bool begins = MayBegin(Frames()) && !IsNextBeingForeseen() && StartFrame();
+    if (!begins) MakePlans(PlanNews::kFrames);
     HandOutSoon();
   }
 

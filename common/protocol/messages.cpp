@@ -142,7 +142,8 @@ Bytes Encode(const Hello& m) {
 
 Result<Hello> DecodeHello(std::span<const std::byte> table) {
   QUARRY_ASSIGN(const auto w, Unpack<wire::Hello>(table));
-  if (w.role > 2 || w.name.size() > 256 || w.threads > 4096)
+  const bool idle = static_cast<Role>(w.role) == Role::kWorker && w.threads == 0;
+  if (w.role > 2 || w.name.size() > 256 || w.threads > 4096 || idle)
     return Fail("received a greeting that is not well formed");
   return Hello{static_cast<Role>(w.role), Legible(w.name), w.threads, w.instance, w.serves_at};
 }

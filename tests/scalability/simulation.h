@@ -207,9 +207,8 @@ class Simulation {
     const bool ending = next_frame_ == walk_.jobs.size();
     std::function<double(const ActiveFrame&, uint32_t, uint32_t)> fetch_s;
     if (policy_ == SchedulingPolicy::kFootprint)
-      fetch_s = [this, weight = ending ? 1 : kFetchWeight](const ActiveFrame& frame, uint32_t tile,
-                                                           uint32_t worker) {
-        return weight * ExpectedBytes(frame.Expected(tile), workers_[worker - 1]->holds, block_bytes_) *
+      fetch_s = [this](const ActiveFrame& frame, uint32_t tile, uint32_t worker) {
+        return ExpectedBytes(frame.Expected(tile), workers_[worker - 1]->holds, block_bytes_) *
                seconds_per_byte_;
       };
     for (HandedTile& handed :

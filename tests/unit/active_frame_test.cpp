@@ -93,7 +93,8 @@ TEST_CASE("A frame for many workers is planned once, and again when workers come
   Cluster cluster;
   ActiveFrame frame(1, Looking({0, 0, 0}, {0, 10, 0}), nullptr);
   REQUIRE_FALSE(frame.large());
-  for (uint32_t w = 3; !frame.planned_once(cluster.speeds.size() - 1); ++w) cluster.speeds[w] = 1;
+  for (uint32_t w = 3; w <= 100; ++w) cluster.speeds[w] = 1;
+  REQUIRE(frame.planned_once(99));
   cluster.Plan({&frame}, nullptr, PlanNews::kFrames);
   const auto plan = Planned(frame);
   const uint32_t gone = plan[0];

@@ -114,6 +114,17 @@ TEST_CASE("Computing is levelled only where that is worth the bytes") {
   CHECK(std::count(plan.begin(), plan.end(), 2) >= 2);
 }
 
+TEST_CASE("What is fetched weighs more than the time it takes") {
+  PlanFixture f(8, 2);
+  for (uint32_t t = 0; t < 8; ++t) {
+    f.blocks[t] = {t};
+    f.holds[0].Set(t, true);
+  }
+  f.in.seconds_per_byte = 5e-3;  // half a second a block; by time alone it would be shared
+  const auto plan = Plan(f.in, SchedulingPolicy::kFootprint);
+  CHECK(std::count(plan.begin(), plan.end(), 2) == 0);
+}
+
 TEST_CASE("Tiles that share what has to be fetched come together where that saves time") {
   // Two of each block, far apart along the curve; nobody has anything but the first two.
   PlanFixture f(8, 2);

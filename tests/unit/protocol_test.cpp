@@ -65,6 +65,12 @@ void CheckSame(const RenderJob& a, const RenderJob& b) {
 
 }  // namespace
 
+TEST_CASE("A worker greets with a thread at least; others have none") {
+  CHECK_FALSE(DecodeHello(Encode(Hello{Role::kWorker, "w", 0})).has_value());
+  CHECK(DecodeHello(Encode(Hello{Role::kWorker, "w", 1}))->threads == 1);
+  CHECK(DecodeHello(Encode(Hello{Role::kClient, "c", 0})).has_value());
+}
+
 TEST_CASE("Messages come back field by field") {
   CheckSame(MakeJob(), DecodeJobRequest(Encode(JobRequest{MakeJob(), 0}))->job);
   RenderJob one = MakeJob();

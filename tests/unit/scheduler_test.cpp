@@ -121,14 +121,32 @@ TEST_CASE(
   };
   for (const bool ending : {false, true}) {
     ActiveFrame frame(1, job, nullptr);  // 80 tiles
-    const std::vector<Hand> hands = {{1, 30, 1}, {2, 30, 24}};
+    const std::vector<Hand> hands = {{1, 30, 1}, {2, 30, 3}};
     const auto tiles = HandOut({&frame}, hands, 0, ending, {}, none);
-    CHECK(given(tiles, 1) == (ending ? 20 : 30));
-    CHECK(given(tiles, 2) == (ending ? 25 : 30));
-    // 35 are open then: 8 each, which nobody lacks.
+    CHECK(given(tiles, 1) == (ending ? 10 : 30));
+    CHECK(given(tiles, 2) == 30);
+    // Of the 40 open then, 5 and 15 are half a share.
     CHECK(HandOut({&frame}, hands, 0, ending, {}, none).empty());
     ActiveFrame alone(2, job, nullptr);  // there is nobody to leave anything to
     CHECK(HandOut({&alone}, {{1, 80, 1}}, 0, ending, {}, none).size() == 80);
+  }
+}
+
+TEST_CASE("Who idles fetches for another's tile at the end of all frames, but not while others follow") {
+  RenderJob job;
+  job.width = job.height = 64;  // four tiles
+  job.cameras = {CameraSpec{}};
+  REQUIRE(NormalizeJob(job).has_value());
+  const std::vector<uint32_t> bytes(1, 1000);
+  for (const bool ending : {false, true}) {
+    ActiveFrame frame(1, job, nullptr);
+    BlockSet nothing;
+    frame.MakePlan({{1, 1, 0, &nothing}}, {bytes, 1e-6, 1}, SchedulingPolicy::kFootprint);  // a second a tile
+    // The first worker has one and comes to three more; fetching for one of them takes the other 1.5 s.
+    REQUIRE(HandOut({&frame}, {{1, 1}}, 0, ending, {}, [] { return nullptr; }).size() == 1);
+    const auto fetch_s = [](const ActiveFrame&, uint32_t, uint32_t) { return 1.5; };
+    const auto taken = HandOut({&frame}, {{1, 1}, {2, 1}}, 0, ending, fetch_s, [] { return nullptr; });
+    CHECK(taken.size() == (ending ? 1 : 0));
   }
 }
 
