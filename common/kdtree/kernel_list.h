@@ -23,7 +23,7 @@ inline constexpr uint32_t kPassed = 15;
 inline constexpr float kLately = 8;  ///< packets, whose mean that share is
 
 /// `PacketWay`: TreeletWay, or a WideWay.
-template <class L, template <class, bool> class PacketWay>
+template <class L, template <class> class PacketWay>
 struct PacketTrace {
   template <bool kAnyHit, class Finder, class Statistics>
   static void Run(const TopTree& top, const Finder& finder, RayPacket* packets, const uint64_t* active,
@@ -66,8 +66,8 @@ struct PacketTrace {
 /// WideWay as a way of packets of `L`.
 template <class Cells>
 struct WideWayOf {
-  template <class L, bool kSharedOrigin>
-  using Type = WideWay<Cells, L, kSharedOrigin>;
+  template <class L>
+  using Type = WideWay<Cells, L>;
 };
 template <class L, class Cells>
 using WidePacketTrace = PacketTrace<L, WideWayOf<Cells>::template Type>;

@@ -13,7 +13,7 @@ QUARRY_HOST_DEVICE inline uint32_t LocateVoxel(const TopTree& top, const Ray& ra
   uint32_t node = 0;
   while (!top.nodes[node].is_leaf()) {
     const KdNode& n = top.nodes[node];
-    const float plane = (n.split() - frame.origin[n.axis()]) * frame.reciprocal[n.axis()];
+    const float plane = PlaneT<ScalarLane>(frame, n.split(), n.axis());
     const bool beyond = plane <= t;
     const bool right = beyond == (frame.reciprocal[n.axis()] > 0);
     node = n.left() + (right ? 1 : 0);

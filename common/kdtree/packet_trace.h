@@ -123,7 +123,7 @@ struct Untraced {
 /// axis of their directions in common. Unless `all` are wanted, leaves alone runs of fewer than kLeastRun
 /// rays, and rays of runs that part; returns those rays, which have yet to be traced. `occluder`: kept from
 /// packet to packet. See TraceFunction for what comes back for the others.
-template <template <class, bool> class PacketWay, class L, bool kAnyHit, class Finder, class Statistics>
+template <template <class> class PacketWay, class L, bool kAnyHit, class Finder, class Statistics>
 QUARRY_HOST_DEVICE inline Untraced TracePacket(const TopTree& top, const Finder& finder, RayPacket& rays,
                                                uint64_t active, bool all, Occluder& occluder,
                                                Statistics& statistics) {
@@ -188,9 +188,9 @@ QUARRY_HOST_DEVICE inline Untraced TracePacket(const TopTree& top, const Finder&
     p.visits = p.visitors = 0;
     statistics.Ray(static_cast<uint32_t>(std::popcount(run)));
     if (shared_origin)
-      TraceRun<PacketWay<L, true>, L, kAnyHit, true>(top, finder, p, statistics);
+      TraceRun<PacketWay<L>, L, kAnyHit, true>(top, finder, p, statistics);
     else
-      TraceRun<PacketWay<L, false>, L, kAnyHit, false>(top, finder, p, statistics);
+      TraceRun<PacketWay<L>, L, kAnyHit, false>(top, finder, p, statistics);
   }
   if (all_alive != 0 && alone == all_alive) return {active, 0};
   for (uint32_t g = 0; g < kGroups; ++g) {

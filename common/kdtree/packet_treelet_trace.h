@@ -11,7 +11,7 @@
 namespace quarry {
 
 /// As a way of TracePacket.
-template <class L, bool kSharedOrigin>
+template <class L>
 class TreeletWay {
  public:
   static constexpr bool kHasCells = false;
@@ -50,13 +50,12 @@ class TreeletWay {
         const uint32_t near_child = n.left() + 1 - p.far_side[axis];
         const uint32_t far_child = n.left() + p.far_side[axis];
         if (n.begins_treelet()) treelet = n.left();
-        // For a shared origin the difference is the same for all: once, in the same arithmetic.
-        const Float split = L::Set(kSharedOrigin ? n.split() - p.shared_origin[axis] : n.split());
+        const Float split = L::Set(n.split());
         Float plane[kGroups];
         Mask in_near[kGroups], any_near = L::NoLanes();
 #pragma GCC unroll 16
         for (uint32_t g = 0; g < kGroups; ++g) {
-          plane[g] = (kSharedOrigin ? split : split - p.frame[g].origin[axis]) * p.frame[g].reciprocal[axis];
+          plane[g] = PlaneT<L>(p.frame[g], split, axis);
           in_near[g] = L::And(active[g], L::Less(t[g], plane[g]));
           any_near = L::Or(any_near, in_near[g]);
         }
@@ -120,14 +119,8 @@ class TreeletWay {
           for (int a = 0; a < 3; ++a) {
             const float near_face = p.far_side[a] ? header.lower[a] : header.upper[a];
             const float far_face = p.far_side[a] ? header.upper[a] : header.lower[a];
-            const Float from_near = kSharedOrigin ? L::Set(near_face - p.shared_origin[a])
-                                                  : L::Set(near_face) - p.frame[g].origin[a];
-            const Float from_far = kSharedOrigin ? L::Set(far_face - p.shared_origin[a])
-                                                 : L::Set(far_face) - p.frame[g].origin[a];
-            const Float t0 = from_near * p.frame[g].reciprocal[a];
-            const Float t1 = from_far * p.frame[g].reciprocal[a];
-            enter = L::Max(enter, t0);
-            exit = L::Min(exit, t1);
+            enter = L::Max(enter, PlaneT<L>(p.frame[g], L::Set(near_face), a));
+            exit = L::Min(exit, PlaneT<L>(p.frame[g], L::Set(far_face), a));
           }
           active[g] = L::And(alive[g], L::And(L::Less(t[g], exit), L::LessEqual(enter, t[g])));
           t_exit[g] = exit;

@@ -53,7 +53,7 @@ QUARRY_HOST_DEVICE inline PacketBeam MakeBeam(const PacketRays<L>& p) {
 /// As a way of TracePacket. `Cells`: lanes that are a node's children. Children are visited in the order of
 /// (where the beam enters, place), which never changes: that is how a packet that has climbed to a node knows
 /// which of them come next. It need not be a ray's own order.
-template <class CellLanes, class L, bool kSharedOrigin>
+template <class CellLanes, class L>
 class WideWay {
  public:
   using Cells = CellLanes;
@@ -98,7 +98,7 @@ class WideWay {
       }
       ahead &= ~(1u << i);
       const uint32_t child = node->child[i], count = node->count[i];
-      const Box box = BoxOf(*node, i, p);
+      const Box box = BoxOf(*node, i);
       if (count == WideNode::kInner) {
         if (!AnyMeets(rays, box)) continue;
         trail.Down(ahead != 0);
@@ -147,17 +147,16 @@ class WideWay {
     }
   };
 
-  /// Planes across each axis; less the shared origin.
+  /// Planes across each axis.
   struct Box {
     float near_plane[3], far_plane[3];
   };
 
-  QUARRY_HOST_DEVICE Box BoxOf(const WideNode& node, uint32_t i, const PacketRays<L>& p) const {
+  QUARRY_HOST_DEVICE Box BoxOf(const WideNode& node, uint32_t i) const {
     Box box;
     for (uint32_t a = 0; a < 3; ++a) {
-      const float origin = kSharedOrigin ? p.shared_origin[a] : 0.0f;
-      box.near_plane[a] = node.bounds[beam_.near_face[a] + i] - origin;
-      box.far_plane[a] = node.bounds[beam_.far_face[a] + i] - origin;
+      box.near_plane[a] = node.bounds[beam_.near_face[a] + i];
+      box.far_plane[a] = node.bounds[beam_.far_face[a] + i];
     }
     return box;
   }
@@ -215,13 +214,8 @@ class WideWay {
     exit = rays.t_end[g];
 #pragma GCC unroll 3
     for (int a = 0; a < 3; ++a) {
-      auto to_near = L::Set(box.near_plane[a]), to_far = L::Set(box.far_plane[a]);
-      if (!kSharedOrigin) {
-        to_near = to_near - frame.origin[a];
-        to_far = to_far - frame.origin[a];
-      }
-      enter = L::Max(enter, to_near * frame.reciprocal[a]);
-      exit = L::Min(exit, to_far * frame.reciprocal[a]);
+      enter = L::Max(enter, PlaneT<L>(frame, L::Set(box.near_plane[a]), a));
+      exit = L::Min(exit, PlaneT<L>(frame, L::Set(box.far_plane[a]), a));
     }
     return L::And(rays.alive[g], L::Less(enter, exit));
   }

@@ -15,9 +15,20 @@ struct RayFrame {
   using Mask = typename L::Mask;
   Float origin[3];
   Float reciprocal[3];  ///< of the direction, components under 1e-18 replaced by 1e-18 of the same sign
+  Float shift[3];       ///< see PlaneT
   Float shear_x, shear_y, scale_z;
   Mask z_is_x, z_is_y;  ///< which axis is the direction's largest; z where neither
 };
+
+/// Where rays meet the plane at `plane` across `axis`, as t. Every kernel finds the cell of a ray by this
+/// arithmetic alone, at the top level and in voxels: it never decreases along a ray from plane to plane, so
+/// all kernels agree to the last bit on the cell that a ray is in at a given t. Hence a ray that one kernel
+/// has suspended goes on in the voxel that it waited for, whichever kernel takes it up.
+template <class L>
+QUARRY_HOST_DEVICE inline typename L::Float PlaneT(const RayFrame<L>& ray, typename L::Float plane,
+                                                   int axis) {
+  return L::Fma(plane, ray.reciprocal[axis], ray.shift[axis]);
+}
 
 /// x, y, z renamed so that the last is the ray's largest axis; cyclic, so that faces keep their side.
 template <class L>
@@ -45,6 +56,7 @@ QUARRY_HOST_DEVICE inline RayFrame<L> MakeRayFrame(const typename L::Float (&ori
   for (int a = 0; a < 3; ++a) {
     f.origin[a] = origin[a];
     f.reciprocal[a] = one / Divisor<L>(direction[a]);
+    f.shift[a] = L::Negate(origin[a] * f.reciprocal[a]);
   }
   const Float x = L::Abs(direction[0]), y = L::Abs(direction[1]), z = L::Abs(direction[2]);
   f.z_is_x = L::And(L::Less(y, x), L::Less(z, x));
@@ -81,7 +93,7 @@ template <class L>
 QUARRY_HOST_DEVICE inline void ClipToBox(const RayFrame<L>& ray, const float (&lower)[3],
                                          const float (&upper)[3], typename L::Float& t_enter,
                                          typename L::Float& t_exit) {
-  const auto t_of = [&](float plane, int a) { return (L::Set(plane) - ray.origin[a]) * ray.reciprocal[a]; };
+  const auto t_of = [&](float plane, int a) { return PlaneT<L>(ray, L::Set(plane), a); };
   ClipToSlabs<L>(lower, upper, t_of, t_enter, t_exit);
 }
 

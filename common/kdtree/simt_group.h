@@ -14,6 +14,7 @@ struct alignas(64) SimtGroup {
   static constexpr uint32_t kLanes = L::kLanes;
   alignas(64) float origin[3][kLanes] = {};
   alignas(64) float reciprocal[3][kLanes] = {};
+  alignas(64) float shift[3][kLanes] = {};
   alignas(64) float shear_x[kLanes] = {};
   alignas(64) float shear_y[kLanes] = {};
   alignas(64) float scale_z[kLanes] = {};

@@ -85,6 +85,7 @@ class SimtTracer {
     for (int a = 0; a < 3; ++a) {
       g.origin[a][i] = frame.origin[a];
       g.reciprocal[a][i] = frame.reciprocal[a];
+      g.shift[a][i] = frame.shift[a];
     }
     g.shear_x[i] = frame.shear_x;
     g.shear_y[i] = frame.shear_y;
@@ -163,7 +164,7 @@ class SimtTracer {
         const Mask is_y = L::HasBits(link, 1), is_z = L::HasBits(link, 2);
         const Mask leaf = L::And(down[g], L::And(is_y, is_z)), inner = L::AndNot(leaf, down[g]);
         const Float reciprocal = ByAxis(is_y, is_z, group.reciprocal);
-        const Float plane = (L::AsFloat(payload) - ByAxis(is_y, is_z, group.origin)) * reciprocal;
+        const Float plane = L::Fma(L::AsFloat(payload), reciprocal, ByAxis(is_y, is_z, group.shift));
         const Mask forward = L::Less(L::Set(0.0f), reciprocal);
         const Int left = L::template ShiftRight<KdNode::kLinkShift>(link);
         Mask in_near = L::Less(t[g], plane);
@@ -252,7 +253,8 @@ class SimtTracer {
       uint32_t way_out = 0;
       for (uint32_t a = 0; a < 3; ++a) {
         const uint32_t forward = g.reciprocal[a][i] > 0 ? 1 : 0;
-        const float face = ((forward ? leaf.upper[a] : leaf.lower[a]) - g.origin[a][i]) * g.reciprocal[a][i];
+        const float face =
+            ScalarLane::Fma(forward ? leaf.upper[a] : leaf.lower[a], g.reciprocal[a][i], g.shift[a][i]);
         way_out = face < exit ? 2 * a + forward : way_out;
         exit = ScalarLane::Min(face, exit);
       }
@@ -310,7 +312,9 @@ class SimtTracer {
   /// Whether the ray comes to a voxel within the present top-level leaf, before its hit.
   QUARRY_HOST_DEVICE static bool Meets(const Group& g, uint32_t i, const VoxelBounds& bounds) {
     float enter = g.top_t[i], exit = ScalarLane::Min(g.top_exit[i], g.hit_t[i]);
-    const auto t_of = [&](float plane, int a) { return (plane - g.origin[a][i]) * g.reciprocal[a][i]; };
+    const auto t_of = [&](float plane, int a) {
+      return ScalarLane::Fma(plane, g.reciprocal[a][i], g.shift[a][i]);
+    };
     ClipToSlabs<ScalarLane>(bounds.lower, bounds.upper, t_of, enter, exit);
     return enter <= exit;
   }
@@ -423,8 +427,8 @@ class SimtTracer {
     const Float t = L::Load(g.t), t_end = L::Load(g.t_end);
     Float enter = L::Set(0.0f), exit = t_end;
     for (int a = 0; a < 3; ++a) {
-      const Float origin = L::Load(g.origin[a]), reciprocal = L::Load(g.reciprocal[a]);
-      const Float t0 = (lower[a] - origin) * reciprocal, t1 = (upper[a] - origin) * reciprocal;
+      const Float reciprocal = L::Load(g.reciprocal[a]), shift = L::Load(g.shift[a]);
+      const Float t0 = L::Fma(lower[a], reciprocal, shift), t1 = L::Fma(upper[a], reciprocal, shift);
       enter = L::Max(enter, L::Min(t0, t1));
       exit = L::Min(exit, L::Max(t0, t1));
     }

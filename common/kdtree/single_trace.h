@@ -36,7 +36,7 @@ QUARRY_HOST_DEVICE inline float Walk(const KdNode* nodes, const RopeLeaf* ropes,
     while (!n.is_leaf()) {
       statistics.Node(1, 1);
       const int axis = n.axis();
-      const float plane = (n.split() - ray.frame.origin[axis]) * ray.frame.reciprocal[axis];
+      const float plane = PlaneT<ScalarLane>(ray.frame, n.split(), axis);
       const uint32_t far_side = ray.far_side[axis], left = n.left();
       const bool in_near = t < plane;
       uint32_t side = far_side ^ static_cast<uint32_t>(in_near);
@@ -69,7 +69,7 @@ QUARRY_HOST_DEVICE inline float Walk(const KdNode* nodes, const RopeLeaf* ropes,
       t_exit = kInfinity;
       for (uint32_t a = 0; a < 3; ++a) {
         const float face = (ray.far_side[a] != 0 ? leaf.upper[a] : leaf.lower[a]);
-        const float exit = (face - ray.frame.origin[a]) * ray.frame.reciprocal[a];
+        const float exit = PlaneT<ScalarLane>(ray.frame, face, static_cast<int>(a));
         axis = exit < t_exit ? a : axis;
         t_exit = ScalarLane::Min(exit, t_exit);
       }

@@ -106,10 +106,8 @@ class StreamRays {
       const uint32_t lanes = static_cast<uint32_t>(active >> first) & L::kAllLanes;
       if (lanes == 0) continue;
       const RayFrame<L> frame = LoadFrame<L>(packet, first);
-      Float shift[3];
       Int octant = L::SetInt(0);
       for (uint32_t a = 0; a < 3; ++a) {
-        shift[a] = L::Negate(frame.origin[a] * frame.reciprocal[a]);
         const auto down = L::Less(frame.reciprocal[a], L::Set(0.0f));
         octant = L::AddInt(octant, L::SelectInt(down, L::SetInt(1u << a), L::SetInt(0)));
       }
@@ -124,8 +122,8 @@ class StreamRays {
       Rotate<L>(frame, x, y, z);
       const Int last_axis =
           L::SelectInt(frame.z_is_x, L::SetInt(0), L::SelectInt(frame.z_is_y, L::SetInt(1), L::SetInt(2)));
-      L::Scatter4(at.ray, 0, frame.reciprocal[0], frame.reciprocal[1], frame.reciprocal[2], shift[0]);
-      L::Scatter4(at.ray, 4, shift[1], shift[2], t, t_end);
+      L::Scatter4(at.ray, 0, frame.reciprocal[0], frame.reciprocal[1], frame.reciprocal[2], frame.shift[0]);
+      L::Scatter4(at.ray, 4, frame.shift[1], frame.shift[2], t, t_end);
       L::Scatter4(at.ray, 8, x, y, z, frame.shear_x);
       L::Scatter4(at.ray, 12, frame.shear_y, frame.scale_z, best.t, L::AsFloat(last_axis));
       const Int source = L::AddInt(L::SetInt(p * RayPacket::kRays + first), L::Iota());

@@ -145,7 +145,7 @@ class WideTracer {
       const RayFrame<ScalarLane> frame = LoadFrame<ScalarLane>(rays, s.index);
       for (uint32_t a = 0; a < 3; ++a) {
         s.reciprocal[a] = frame.reciprocal[a];
-        s.shift[a] = -(frame.origin[a] * frame.reciprocal[a]);
+        s.shift[a] = frame.shift[a];
         const bool forward = frame.reciprocal[a] > 0;
         s.near_face[a] = WideNode::Face(a, !forward);
         s.far_face[a] = WideNode::Face(a, forward);
