@@ -120,7 +120,9 @@ void Engine::Run(Mailbox& mailbox) {
     for (auto& tile : tiles.open) {
       if (!tile.renderer->has_ready()) continue;
       const auto start = std::chrono::steady_clock::now();
-      tile.renderer->Step(pins, [&](uint32_t block, uint32_t rays) { cache_.Want(block, &mailbox, rays); });
+      tile.renderer->Step(pins, [&](uint32_t block, const TileRenderer::Parked& parked) {
+        cache_.Want(block, &mailbox, parked.rays, parked.octants);
+      });
       // What a tile costs is time as it passes: a processor that is shared, or held to a part, is a slower
       // one.
       tile.compute_us += MicrosecondsSince(start);

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "common/base/resource.h"
@@ -36,17 +37,24 @@ void Loader::Run() {
 
 bool Loader::InstallArrived() {
   while (!failed_ && !arrived_.empty()) {
-    if (!Install(arrived_.front())) return false;
-    stored_bytes_ -= arrived_.front().stored.size();
+    const VoxelCache::Turn turn = cache_.NextToPublish();
+    const auto next =
+        turn.any ? arrived_.begin()
+                 : std::ranges::find_if(arrived_, [&](const Arrived& a) { return a.block == turn.block; });
+    if (next == arrived_.end()) return false;
+    if (!Install(*next)) return false;
+    stored_bytes_ -= next->stored.size();
     --in_flight_;
-    arrived_.pop_front();
+    arrived_.erase(next);
   }
   return true;
 }
 
 void Loader::AskForMore() {
-  while (!failed_ && in_flight_ < kMaxInFlight && stored_bytes_ < kMaxStoredBytes) {
-    const auto block = cache_.NextToLoad();
+  while (!failed_) {
+    // The block whose turn it is may be asked for beyond the bounds: those that have arrived wait for it.
+    const bool full = in_flight_ >= kMaxInFlight || stored_bytes_ >= kMaxStoredBytes;
+    const auto block = full ? cache_.TurnToLoad() : cache_.NextToLoad();
     if (!block) return;
     ++in_flight_;
     stored_bytes_ += catalog_.block(*block).stored;

@@ -131,7 +131,10 @@ void TileRenderer::Resume(uint32_t block) {
 
 void TileRenderer::Park(uint32_t packet, uint32_t lane, uint32_t block) {
   parked_[block].push_back(packet * RayPacket::kRays + lane);
-  ++newly_parked_[block];
+  const RayPacket& rays = packets_[packet];
+  Parked& parked = newly_parked_[block];
+  ++parked.rays;
+  parked.octants |= OctantBit(rays.direction[0][lane], rays.direction[1][lane], rays.direction[2][lane]);
   ++rays_suspended_;
 }
 

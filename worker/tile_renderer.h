@@ -15,6 +15,7 @@
 #include "common/voxel/catalog.h"
 #include "worker/pin_set.h"
 #include "worker/shading_packet.h"
+#include "worker/sweep.h"
 
 namespace quarry {
 
@@ -75,15 +76,21 @@ class TileRenderer {
   /// Begins a tile; memory of the one before is used again. Requires: done().
   void Open(std::shared_ptr<const FrameContext> frame, const TileOrder& order);
 
-  /// Takes every ready sample to its next ray, and traces those rays. `want(block, rays)` is called once a
-  /// block that rays have been parked on in this call.
+  /// Rays that wait for one block.
+  struct Parked {
+    uint32_t rays = 0;
+    OctantMask octants = 0;  ///< that they point to
+  };
+
+  /// Takes every ready sample to its next ray, and traces those rays. `want(block, const Parked&)` is called
+  /// once a block that rays have been parked on in this call.
   template <class Want>
   void Step(PinSet& pins, Want&& want) {
     if (reader_ == 0) reader_ = pins.NewReader();
     pins.LogTo(touched_, reader_);
     Round(pins);
     if (touched_.size() > kMostTouched) TidyTouched();
-    for (const auto& [block, rays] : newly_parked_) want(block, rays);
+    for (const auto& [block, parked] : newly_parked_) want(block, parked);
     newly_parked_.clear();
   }
   /// Rays parked on `block` are ready again. Requires: the block is pinned during the next Step.
@@ -172,7 +179,7 @@ class TileRenderer {
   uint64_t closest_[kPackets], any_[kPackets];  ///< rays to trace in this round
   uint64_t unfinished_[kPackets] = {};          ///< samples of the packet still under way
   std::unordered_map<uint32_t, std::vector<uint32_t>> parked_;
-  std::unordered_map<uint32_t, uint32_t> newly_parked_;
+  std::unordered_map<uint32_t, Parked> newly_parked_;
   uint64_t next_sample_ = 0;  ///< over the tile's pixels, sample by sample
   uint64_t rays_ = 0, rays_suspended_ = 0;
   uint32_t reader_ = 0;            ///< see PinSet::LogTo; 0: none yet

@@ -7,9 +7,10 @@
 
 namespace quarry {
 
-void Mailbox::Deliver(uint32_t block) {
+void Mailbox::Deliver(uint32_t block, VoxelCache& from) {
   {
     const std::lock_guard lock(mutex_);
+    from_ = &from;
     delivered_.push_back(block);
   }
   changed_.notify_one();
@@ -24,19 +25,23 @@ void Mailbox::Wake() {
 }
 
 std::vector<uint32_t> Mailbox::Take(bool wait) {
+  if (in_use_ != 0) from_->Used(std::exchange(in_use_, 0));
   std::unique_lock lock(mutex_);
   if (wait) changed_.wait(lock, [&] { return woken_ || !delivered_.empty(); });
   woken_ = false;
+  in_use_ = static_cast<uint32_t>(delivered_.size());
   return std::exchange(delivered_, {});
 }
 
 VoxelCache::VoxelCache(const Catalog& catalog, uint64_t budget_bytes, std::function<void()> on_want,
                        std::function<void()> on_space, std::function<void(uint32_t, bool)> on_change)
-    : budget_(budget_bytes),
+    : catalog_(catalog),
+      budget_(budget_bytes),
       on_want_(std::move(on_want)),
       on_space_(std::move(on_space)),
       on_change_(std::move(on_change)),
-      slots_(std::make_unique<Slot[]>(catalog.voxels.size() * 2)) {}
+      slots_(std::make_unique<Slot[]>(catalog.voxels.size() * 2)),
+      order_(catalog) {}
 
 VoxelCache::~VoxelCache() {
   for (uint32_t block : residents_) delete slots_[block].resident.load();
@@ -58,27 +63,79 @@ void VoxelCache::Unpin(uint32_t block) {
   if ((before & ~kResident) == 1 && starved_.exchange(false)) on_space_();
 }
 
-void VoxelCache::Want(uint32_t block, Mailbox* mailbox, uint32_t rays) {
+void VoxelCache::Want(uint32_t block, Mailbox* mailbox, uint32_t rays, OctantMask octants) {
   {
     const std::lock_guard lock(mutex_);
     // Eviction and publication hold the lock too, so that this answer stands until the waiter is on the list.
     if (!TryPin(block)) {
       Waiting& w = waiting_[block];
-      if (w.rays == 0) w.since = std::chrono::steady_clock::now();
+      if (w.rays == 0) {
+        w.since = std::chrono::steady_clock::now();
+        wanted_bytes_ += catalog_.block(block).decoded;
+      }
       w.rays += rays;
+      w.octants |= octants;
       if (std::find(w.mailboxes.begin(), w.mailboxes.end(), mailbox) == w.mailboxes.end())
         w.mailboxes.push_back(mailbox);
       mailbox = nullptr;
+    } else {
+      ++in_use_;
     }
   }
   if (mailbox)
-    mailbox->Deliver(block);
+    mailbox->Deliver(block, *this);
   else
     on_want_();
 }
 
+void VoxelCache::Used(uint32_t blocks) {
+  bool go_on = false;
+  {
+    const std::lock_guard lock(mutex_);
+    in_use_ -= blocks;
+    go_on = in_use_ == 0 && scarce();
+  }
+  if (go_on) on_want_();
+}
+
+std::optional<Sweep::Stop> VoxelCache::NextInSweep(bool loading_too) const {
+  std::optional<Sweep::Stop> next;
+  uint64_t least = UINT64_MAX;
+  for (const auto& [block, w] : waiting_) {
+    if (w.loading && !loading_too) continue;
+    const Sweep::Stop stop{block, w.octants};
+    const uint64_t distance = sweep_.Distance(stop);
+    if (distance >= least) continue;
+    least = distance;
+    next = stop;
+  }
+  return next;
+}
+
+VoxelCache::Turn VoxelCache::NextToPublish() const {
+  const std::lock_guard lock(mutex_);
+  if (!scarce()) return {true, {}};
+  if (in_use_ != 0) return {};
+  const auto next = NextInSweep(true);
+  return {false, next ? std::optional(next->block) : std::nullopt};
+}
+
+std::optional<uint32_t> VoxelCache::TurnToLoad() {
+  const std::lock_guard lock(mutex_);
+  if (!scarce()) return {};
+  const auto next = NextInSweep(true);
+  if (!next || std::exchange(waiting_[next->block].loading, true)) return {};
+  return next->block;
+}
+
 std::optional<uint32_t> VoxelCache::NextToLoad() {
   const std::lock_guard lock(mutex_);
+  if (scarce()) {
+    const auto next = NextInSweep(false);
+    if (!next) return {};
+    waiting_[next->block].loading = true;
+    return next->block;
+  }
   const auto now = std::chrono::steady_clock::now();
   std::optional<uint32_t> best;
   double best_worth = -1;
@@ -162,6 +219,9 @@ void VoxelCache::Publish(uint32_t block, std::unique_ptr<ResidentBlock> resident
     const auto it = waiting_.find(block);
     if (it != waiting_.end()) {
       mailboxes = std::move(it->second.mailboxes);
+      sweep_.MoveTo({block, it->second.octants});
+      wanted_bytes_ -= catalog_.block(block).decoded;
+      in_use_ += static_cast<uint32_t>(mailboxes.size());
       waiting_.erase(it);
     }
     ++counters_.loaded;
@@ -173,7 +233,7 @@ void VoxelCache::Publish(uint32_t block, std::unique_ptr<ResidentBlock> resident
     if (on_change_) on_change_(block, true);
     slot.state.store(kResident + static_cast<uint32_t>(mailboxes.size()), std::memory_order_release);
   }
-  for (Mailbox* mailbox : mailboxes) mailbox->Deliver(block);
+  for (Mailbox* mailbox : mailboxes) mailbox->Deliver(block, *this);
 }
 
 VoxelCache::Counters VoxelCache::counters() const {

@@ -16,6 +16,7 @@
 #include "common/voxel/block_decoder.h"
 #include "common/voxel/catalog.h"
 #include "worker/page_buffer.h"
+#include "worker/sweep.h"
 
 namespace quarry {
 
@@ -26,14 +27,17 @@ struct ResidentBlock {
   VoxelShading shading;
 };
 
+class VoxelCache;
+
 /// Where one compute thread hears of blocks it waits for. A delivered block carries a pin on the thread's
 /// behalf.
 class Mailbox {
  public:
-  void Deliver(uint32_t block);
+  void Deliver(uint32_t block, VoxelCache& from);
   /// Makes the next Wait return (new tile, stop).
   void Wake();
-  /// Takes what was delivered; with `wait`, sleeps until there is something or Wake was called.
+  /// Takes what was delivered; with `wait`, sleeps until there is something or Wake was called. The blocks of
+  /// the Take before have been used: the rays that waited for them have gone on, as far as they could.
   std::vector<uint32_t> Take(bool wait);
 
  private:
@@ -41,6 +45,8 @@ class Mailbox {
   std::condition_variable changed_;
   std::vector<uint32_t> delivered_;
   bool woken_ = false;
+  VoxelCache* from_ = nullptr;
+  uint32_t in_use_ = 0;  ///< blocks of the last Take; the thread's
 };
 
 /// The worker's cache of decoded blocks: a byte budget, least recently used first out, pinned blocks never
@@ -65,13 +71,25 @@ class VoxelCache {
     return slots_[block].resident.load(std::memory_order_acquire);
   }
   void Unpin(uint32_t block);
-  /// Asks for `block` on behalf of `rays` rays. Once it is resident it is pinned for `mailbox` and delivered
-  /// to it. A block is loaded once however many ask.
-  void Want(uint32_t block, Mailbox* mailbox, uint32_t rays);
+  /// Asks for `block` on behalf of `rays` rays that point to `octants`. Once it is resident it is pinned for
+  /// `mailbox` and delivered to it. A block is loaded once however many ask.
+  void Want(uint32_t block, Mailbox* mailbox, uint32_t rays, OctantMask octants = kAllOctants);
+  /// Mailboxes' owners have used so many delivered blocks.
+  void Used(uint32_t blocks);
 
   // --- the loader's thread
-  /// The wanted block most worth loading next (rays waiting, times how long), now counted as being loaded.
+  /// The wanted block to ask for next, now counted as being loaded: while all wanted blocks have room beside
+  /// each other the one most worth it (rays waiting, times how long), else the next in the sweep.
   std::optional<uint32_t> NextToLoad();
+  /// The block that NextToPublish waits for, if it has not been asked for yet; now counted as being loaded.
+  std::optional<uint32_t> TurnToLoad();
+  /// Which block may be put in next. Where not all wanted blocks have room it is the next in the sweep, and
+  /// only after those before have been used: nothing then goes out that a ray at its place still needs.
+  struct Turn {
+    bool any = false;               ///< whichever is there
+    std::optional<uint32_t> block;  ///< this one, once it is there
+  };
+  Turn NextToPublish() const;
   /// Makes room for a block. False: too much is pinned; on_space is called when trying again may help.
   bool Reserve(uint32_t decoded_bytes);
   /// Memory for the block for which room was reserved: that of the last one that had to go, what was got
@@ -98,12 +116,18 @@ class VoxelCache {
     std::vector<Mailbox*> mailboxes;
     uint64_t rays = 0;
     std::chrono::steady_clock::time_point since;
+    OctantMask octants = 0;
     bool loading = false;
   };
   bool EvictOne();
+  /// Whether the wanted blocks do not have room beside each other.
+  bool scarce() const { return wanted_bytes_ > budget_ / 2; }
+  /// Of the wanted blocks, those that are being loaded too or not, the next in the sweep.
+  std::optional<Sweep::Stop> NextInSweep(bool loading_too) const;
 
   PageBuffer spare_;   ///< the loader's: of the last block that went, until another takes its place
   PageBuffer unused_;  ///< the loader's: what is left of the memory got beforehand
+  const Catalog& catalog_;
   const uint64_t budget_;
   std::function<void()> on_want_, on_space_;
   std::function<void(uint32_t, bool)> on_change_;
@@ -112,6 +136,10 @@ class VoxelCache {
   std::atomic<bool> starved_{false};
   mutable std::mutex mutex_;  ///< all below
   std::unordered_map<uint32_t, Waiting> waiting_;
+  uint64_t wanted_bytes_ = 0;  ///< of the blocks in waiting_, decoded
+  uint32_t in_use_ = 0;        ///< delivered blocks that have not been used yet
+  const VoxelOrder order_;
+  Sweep sweep_{order_};
   std::vector<uint32_t> residents_;
   uint64_t used_ = 0;
   Counters counters_;

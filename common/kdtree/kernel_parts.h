@@ -32,15 +32,6 @@ struct RayBest {
   typename L::Int triangle, voxel, local;
 };
 
-/// Where a ray goes on in the chain that begins with `first`: with `voxel`, where that is one of it. It may
-/// be another leaf's: a kernel may see the ray's `t` on the other side of a plane than the one that has set
-/// it.
-QUARRY_HOST_DEVICE inline uint32_t GoOnInChain(const TopTree& top, uint32_t first, uint32_t voxel) {
-  uint32_t at = first;
-  while (at < voxel) at = top.next_in_chain[at];  // ids ascend along a chain, to kNoVoxel
-  return at == voxel ? voxel : first;
-}
-
 /// Keeps the hits that precede what is there; returns which.
 template <class L, bool kAnyHit = false>
 QUARRY_HOST_DEVICE inline typename L::Mask Keep(const TriangleHit<L>& hit, typename L::Int triangle,

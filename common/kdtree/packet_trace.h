@@ -30,6 +30,21 @@ QUARRY_HOST_DEVICE inline bool EndAtOccluder(const Finder& finder, PacketRays<L>
   return JoinBits<L>(p.alive) == 0;
 }
 
+/// The first voxel of a leaf's chain that any of the rays `active` goes on with.
+template <class L>
+QUARRY_HOST_DEVICE inline uint32_t FirstInChain(const TopTree& top, const PacketRays<L>& p, uint32_t first,
+                                                const typename L::Mask* active) {
+  if (top.chain_end[first] == first + 1) return first;
+  uint32_t least = kNoVoxel;
+  for (uint32_t g = 0; g < PacketRays<L>::kGroups; ++g) {
+    alignas(64) uint32_t chain[L::kLanes];
+    L::StoreInt(p.chain[g], chain);
+    for (uint32_t left = L::Bits(active[g]); left != 0; left &= left - 1)
+      least = std::min(least, top.GoOnInChain(first, chain[std::countr_zero(left)]));
+  }
+  return least;
+}
+
 /// The packet's rays that are alive, through the two-level tree.
 template <class PacketWay, class L, bool kAnyHit, bool kSharedOrigin, class Finder, class Statistics>
 QUARRY_HOST_DEVICE inline void TraceRun(const TopTree& top, const Finder& finder, PacketRays<L>& p,
@@ -71,15 +86,14 @@ QUARRY_HOST_DEVICE inline void TraceRun(const TopTree& top, const Finder& finder
   };
 
   const auto visit = [&](uint32_t first, uint32_t, Mask* active, const Float* t_enter, const Float* t_exit) {
-    uint32_t last = first;
-    while (top.next_in_chain[last] != kNoVoxel) last = top.next_in_chain[last];
-    for (uint32_t voxel = first; voxel != kNoVoxel; voxel = top.next_in_chain[voxel]) {
+    const uint32_t end = top.chain_end[first];
+    for (uint32_t voxel = FirstInChain(top, p, first, active); voxel < end; ++voxel) {
       Mask inside[kGroups], any = L::NoLanes();
       const VoxelBounds& bounds = top.bounds[voxel];
       for (uint32_t g = 0; g < kGroups; ++g) {
         // Rays that have waited go on where they did if that is in this chain: see GoOnInChain.
         const Mask passed =
-            L::AndNot(L::LessInt(L::SetInt(last), p.chain[g]), L::LessInt(L::SetInt(voxel), p.chain[g]));
+            L::And(L::LessInt(p.chain[g], L::SetInt(end)), L::LessInt(L::SetInt(voxel), p.chain[g]));
         inside[g] = L::And(
             L::AndNot(passed, active[g]),
             Meets<L>(p.frame[g], bounds.lower, bounds.upper, t_enter[g], L::Min(t_exit[g], p.best[g].t)));
@@ -107,6 +121,7 @@ QUARRY_HOST_DEVICE inline void TraceRun(const TopTree& top, const Finder& finder
         p.t_wait[g] = L::Select(inside[g], t_enter[g], p.t_wait[g]);
         active[g] = L::AndNot(inside[g], active[g]);
       }
+      if (JoinBits<L>(active) == 0) break;
     }
     for (uint32_t g = 0; g < kGroups; ++g) p.t_end[g] = L::Min(p.t_end[g], L::Min(p.best[g].t, p.t_wait[g]));
     return true;

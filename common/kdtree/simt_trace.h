@@ -239,7 +239,7 @@ class SimtTracer {
       g.top_t[i] = g.t[i];
       g.top_exit[i] = ScalarLane::Min(g.t_exit[i], g.t_end[i]);
       g.top_resume[i] = g.resume[i];
-      EnterVoxel(g, i, GoOnInChain(top_, g.first[i], g.chain[i]));
+      EnterVoxel(g, i, top_.GoOnInChain(g.first[i], g.chain[i]));
     }
     if (empty != 0) Leave(g, empty);
   }
@@ -268,7 +268,7 @@ class SimtTracer {
   /// Into `voxel` of the present top-level leaf, or the next of its chain that the ray meets, or on.
   QUARRY_HOST_DEVICE void EnterVoxel(Group& g, uint32_t i, uint32_t voxel) {
     const uint32_t bit = 1u << i;
-    for (; voxel != kNoVoxel; voxel = top_.next_in_chain[voxel]) {
+    for (; voxel != kNoVoxel; voxel = top_.NextInChain(voxel)) {
       g.t[i] = g.top_t[i];
       if (!Meets(g, i, top_.bounds[voxel])) continue;
       statistics_.Voxel(1);
@@ -320,7 +320,7 @@ class SimtTracer {
   }
 
   QUARRY_HOST_DEVICE void LeaveVoxel(Group& g, uint32_t i) {
-    EnterVoxel(g, i, top_.next_in_chain[g.present[i]]);
+    EnterVoxel(g, i, top_.NextInChain(g.present[i]));
   }
 
   /// One triangle for each lane that has one.

@@ -157,7 +157,7 @@ QUARRY_HOST_DEVICE inline void TraceSingle(const TopTree& top, const Finder& fin
     t = Walk<kWay>(
         top.nodes, top.ropes, ray, t, t_end, statistics,
         [&](uint32_t voxel, uint32_t, float enter, float exit) {
-          for (voxel = GoOnInChain(top, voxel, chain); voxel != kNoVoxel; voxel = top.next_in_chain[voxel]) {
+          for (voxel = top.GoOnInChain(voxel, chain); voxel != kNoVoxel; voxel = top.NextInChain(voxel)) {
             const VoxelBounds& bounds = top.bounds[voxel];
             if (!Meets<ScalarLane>(ray.frame, bounds.lower, bounds.upper, enter,
                                    ScalarLane::Min(exit, best.t)))

@@ -173,43 +173,66 @@ class StreamTracer {
     }
   };
 
-  void VisitVoxels(const WideNode& node, uint32_t c, const uint32_t* ids, uint32_t n) {
-    const uint32_t first = node.child[c];
-    const bool chained = top_.next_in_chain[first] != kNoVoxel;
+  /// Those of the rays `ids` that come to the node's cell c before their ends, put first; returns how many.
+  uint32_t KeepComing(const WideNode& node, uint32_t c, uint32_t* ids, uint32_t n) const {
+    uint32_t m = 0;
+    for (uint32_t i = 0; i < n; ++i) {
+      // Some have found something nearer meanwhile.
+      const StreamRay& ray = rays_[ids[i]];
+      ids[m] = ids[i];
+      m += Enter(ray, node, c) < ray.t_end ? 1 : 0;
+    }
+    return m;
+  }
+
+  void VisitVoxels(const WideNode& node, uint32_t c, uint32_t* ids, uint32_t n) {
+    const uint32_t first = node.child[c], end = top_.chain_end[first];
+    n = KeepComing(node, c, ids, n);
+    if (end == first + 1) return VisitVoxel(node, c, first, ids, n);
+    uint32_t begin = end;
+    for (uint32_t i = 0; i < n; ++i) begin = std::min(begin, GoesOnAt(ids[i], first));
     uint32_t* const list = ids_;
-    for (uint32_t voxel = first; voxel != kNoVoxel; voxel = top_.next_in_chain[voxel]) {
+    for (uint32_t voxel = begin; n != 0; ++voxel) {
       uint32_t m = 0;
       for (uint32_t i = 0; i < n; ++i) {
-        // Some have found something nearer meanwhile.
         list[m] = ids[i];
-        const bool comes = chained ? MeetsInChain(rays_[ids[i]], node, c, first, voxel, hits_[ids[i]])
-                                   : Enter(rays_[ids[i]], node, c) < rays_[ids[i]].t_end;
-        m += comes ? 1 : 0;
+        m += MeetsInChain(ids[i], node, c, first, voxel) ? 1 : 0;
       }
-      if (m == 0) continue;
-      // Only what rays come to may be asked for: who answers takes note of it.
-      const bool alone = m < least_company_ || (least_company_ != 0 && scattered());
-      const Geometry* geometry = alone ? nullptr : finder_.Find(voxel);
-      if (!geometry) {
-        for (uint32_t i = 0; i < m; ++i) Stop(list[i], Enter(rays_[list[i]], node, c), voxel, alone);
-        continue;
-      }
-      statistics_.Voxel(m);
       ids_ = list + m + kSlack;
-      Walk(VoxelLeaves{*this, *geometry, voxel}, geometry->wide, geometry->wide[0], list, m);
+      VisitVoxel(node, c, voxel, list, m);
       ids_ = list;
+      if (voxel + 1 == end) break;
+      if (m != 0) n = KeepComing(node, c, ids, n);
     }
+  }
+
+  /// The rays `ids`, which come to the voxel of the present top-level leaf.
+  void VisitVoxel(const WideNode& node, uint32_t c, uint32_t voxel, const uint32_t* ids, uint32_t n) {
+    if (n == 0) return;
+    // Only what rays come to may be asked for: who answers takes note of it.
+    const bool alone = n < least_company_ || (least_company_ != 0 && scattered());
+    const Geometry* geometry = alone ? nullptr : finder_.Find(voxel);
+    if (!geometry) {
+      for (uint32_t i = 0; i < n; ++i) Stop(ids[i], Enter(rays_[ids[i]], node, c), voxel, alone);
+      return;
+    }
+    statistics_.Voxel(n);
+    Walk(VoxelLeaves{*this, *geometry, voxel}, geometry->wide, geometry->wide[0], ids, n);
   }
 
   /// Whether rays come to leaves one by one, though to voxels together.
   bool scattered() const { return visits_ >= kFirstVisits && visitors_ * 4 < visits_ * kLeastVisitorsBy4; }
 
+  /// The voxel that a ray goes on with in the chain that begins with `first`.
+  uint32_t GoesOnAt(uint32_t id, uint32_t first) const {
+    const uint32_t source = hits_[id].source & ~StreamHit::kAlone;
+    return top_.GoOnInChain(first, packets_[source / RayPacket::kRays].chain[source % RayPacket::kRays]);
+  }
+
   /// Whether a ray comes to a voxel of the chain that begins with `first`, before its end.
-  bool MeetsInChain(const StreamRay& ray, const WideNode& node, uint32_t c, uint32_t first, uint32_t voxel,
-                    const StreamHit& hit) const {
-    const uint32_t source = hit.source & ~StreamHit::kAlone;
-    const uint32_t from = packets_[source / RayPacket::kRays].chain[source % RayPacket::kRays];
-    if (GoOnInChain(top_, first, from) > voxel) return false;
+  bool MeetsInChain(uint32_t id, const WideNode& node, uint32_t c, uint32_t first, uint32_t voxel) const {
+    if (GoesOnAt(id, first) > voxel) return false;
+    const StreamRay& ray = rays_[id];
     float enter = Enter(ray, node, c), exit = ray.t_end;
     for (uint32_t a = 0; a < 3; ++a)
       exit = ScalarLane::Min(exit,

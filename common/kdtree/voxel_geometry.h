@@ -5,6 +5,7 @@
 #include <glm/vec3.hpp>
 
 #include "common/kdtree/node.h"
+#include "common/kdtree/ray.h"
 #include "common/kdtree/rope_leaf.h"
 #include "common/kdtree/wide_node.h"
 #include "common/math/host_device.h"
@@ -52,13 +53,24 @@ struct VoxelBounds {
 
 /// The top-level tree, whole on every worker: leaves are voxels, chains of them, or empty.
 struct TopTree {
-  const KdNode* nodes = nullptr;            ///< in treelets, headers filled in
-  const uint32_t* next_in_chain = nullptr;  ///< per voxel: the next voxel of the same leaf, or kNoVoxel
-  const VoxelBounds* bounds = nullptr;      ///< per voxel: rays that pass beside it need not visit it
-  glm::vec3 lower{0}, upper{0};             ///< the root's box: the scene's bounds, padded
-  const RopeLeaf* ropes = nullptr;          ///< only where a bench has given the tree ropes
+  const KdNode* nodes = nullptr;  ///< in treelets, headers filled in
+  const uint32_t* chain_end =
+      nullptr;  ///< per voxel: one past the last of its leaf, whose ids follow each other
+  const VoxelBounds* bounds = nullptr;  ///< per voxel: rays that pass beside it need not visit it
+  glm::vec3 lower{0}, upper{0};         ///< the root's box: the scene's bounds, padded
+  const RopeLeaf* ropes = nullptr;      ///< only where a bench has given the tree ropes
   /// The same tree in wide nodes, derived; boxes cut down to the bounds of what is in them.
   const WideNode* wide = nullptr;
+
+  /// The next voxel of the same leaf, or kNoVoxel.
+  QUARRY_HOST_DEVICE uint32_t NextInChain(uint32_t voxel) const {
+    return voxel + 1 < chain_end[voxel] ? voxel + 1 : kNoVoxel;
+  }
+  /// Where a ray goes on in the leaf whose first voxel is `first`: with `voxel`, the one that it has waited
+  /// for, if that is one of the leaf's.
+  QUARRY_HOST_DEVICE uint32_t GoOnInChain(uint32_t first, uint32_t voxel) const {
+    return first < voxel && voxel < chain_end[first] ? voxel : first;
+  }
 };
 
 /// How kernels ask for voxels: the geometry, or null when it is not resident. What it returned stays valid

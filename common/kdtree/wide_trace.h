@@ -272,7 +272,7 @@ class WideTracer {
     s.cells->enters[i] = kInfinity;
     s.top_node = s.node;
     s.top_trail = s.trail;
-    return EnterVoxel(s, GoOnInChain(top_, child, s.chain));
+    return EnterVoxel(s, top_.GoOnInChain(child, s.chain));
   }
 
   QUARRY_HOST_DEVICE void AwaitCorners(const Slot& s) const {
@@ -317,7 +317,7 @@ class WideTracer {
 
   /// Into `voxel` of the present top-level leaf, or the next of its chain that the ray meets, or on.
   QUARRY_HOST_DEVICE Next EnterVoxel(Slot& s, uint32_t voxel) {
-    for (; voxel != kNoVoxel; voxel = top_.next_in_chain[voxel]) {
+    for (; voxel != kNoVoxel; voxel = top_.NextInChain(voxel)) {
       s.t = s.top_t;
       if (!Meets(s, top_.bounds[voxel])) continue;
       statistics_.Voxel(1);
@@ -355,7 +355,7 @@ class WideTracer {
     return enter <= exit;
   }
 
-  QUARRY_HOST_DEVICE Next LeaveVoxel(Slot& s) { return EnterVoxel(s, top_.next_in_chain[s.voxel_id]); }
+  QUARRY_HOST_DEVICE Next LeaveVoxel(Slot& s) { return EnterVoxel(s, top_.NextInChain(s.voxel_id)); }
 
   const TopTree& top_;
   const Finder& finder_;

@@ -88,7 +88,7 @@ Status DecodeTopTree(std::span<const std::byte> bytes, Catalog& catalog) {
   const auto voxels_box = [&](const KdNode& leaf, const Box& cell) {
     if (leaf.count() == 0) return cell;
     Box8 around = Box8::Empty();
-    for (uint32_t v = leaf.first(); v != kNoIndex; v = catalog.next_in_chain[v]) {
+    for (uint32_t v = leaf.first(); v < catalog.chain_end[leaf.first()]; ++v) {
       const VoxelBounds& b = catalog.bounds[v];
       around.Include(Box8::Of({{b.lower[0], b.lower[1], b.lower[2]}, {b.upper[0], b.upper[1], b.upper[2]}}));
     }
@@ -121,7 +121,7 @@ Status DecodeDirectory(std::span<const std::byte> bytes, Catalog& catalog) {
     return Fail("the VDIR section has the wrong size");
   ByteReader in(bytes);
   catalog.voxels.resize(count);
-  catalog.next_in_chain.resize(count);
+  catalog.chain_end.resize(count);
   catalog.bounds.resize(count);
   for (size_t i = 0; i < count; ++i) {
     VoxelEntry& v = catalog.voxels[i];
@@ -137,12 +137,14 @@ Status DecodeDirectory(std::span<const std::byte> bytes, Catalog& catalog) {
     v.bounds_lower = in.GetVec3<glm::vec3>();
     v.bounds_upper = in.GetVec3<glm::vec3>();
     QUARRY_TRY(CheckVoxel(v, i, count, catalog.meta));
-    catalog.next_in_chain[i] = v.next_in_chain;
     for (int a = 0; a < 3; ++a) {
       catalog.bounds[i].lower[a] = v.bounds_lower[a] - catalog.meta.padding;
       catalog.bounds[i].upper[a] = v.bounds_upper[a] + catalog.meta.padding;
     }
   }
+  for (size_t i = count; i-- > 0;)
+    catalog.chain_end[i] =
+        catalog.voxels[i].next_in_chain != kNoIndex ? catalog.chain_end[i + 1] : static_cast<uint32_t>(i) + 1;
   return {};
 }
 

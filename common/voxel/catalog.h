@@ -85,14 +85,14 @@ struct Catalog {
   std::vector<WideNode> top_wide;  ///< the same in wide nodes, cut down to voxels
   uint32_t top_node_count = 0;     ///< as stored, without headers
   std::vector<VoxelEntry> voxels;
-  std::vector<uint32_t> next_in_chain;  ///< copied out of voxels, for the kernel
-  std::vector<VoxelBounds> bounds;      ///< likewise, grown by the padding
-  std::vector<Material> materials;      ///< without names
+  std::vector<uint32_t> chain_end;  ///< per voxel, for the kernels: see TopTree
+  std::vector<VoxelBounds> bounds;  ///< likewise, grown by the padding
+  std::vector<Material> materials;  ///< without names
 
   const BlockEntry& block(uint32_t block_id) const { return voxels[block_id / 2].blocks[block_id % 2]; }
   TopTree top_tree() const {
-    return {top_nodes.data(), next_in_chain.data(), bounds.data(), meta.root_lower, meta.root_upper,
-            nullptr,          top_wide.data()};
+    return {top_nodes.data(), chain_end.data(), bounds.data(),  meta.root_lower,
+            meta.root_upper,  nullptr,          top_wide.data()};
   }
 };
 
