@@ -32,7 +32,7 @@ struct WorkerRecord {
 
   /// Tiles it may have at once.
   uint32_t Credit() const {
-    return std::clamp(counters.tiles_wanted, FewestTiles(threads), MostTiles(threads));
+    return std::clamp(counters.tiles_wanted, FewestTiles(threads), MostTilesIfScarce(threads));
   }
 };
 

@@ -46,13 +46,19 @@ void Engine::DropFrames() {
   queue_.clear();
 }
 
+bool Engine::MayOpen(const Tiles& tiles) const {
+  if (tiles.open.size() < kMostOpenTiles) return true;
+  return cache_.scarce() &&
+         tiles.open.back().renderer->memory_bytes() * (tiles.open.size() + 1) < kOpenTileBytes;
+}
+
 bool Engine::OpenTile(Tiles& tiles) {
   std::shared_ptr<const FrameContext> frame;
   TileOrder order;
   {
     const std::lock_guard lock(mutex_);
     if (queue_.empty()) {
-      if (!tiles.open.empty()) window_.Starved();
+      if (!tiles.open.empty()) window_.Starved(cache_.scarce());
       return false;
     }
     order = std::move(queue_.front());
@@ -109,7 +115,7 @@ void Engine::Run(Mailbox& mailbox) {
   for (int batch = 0; !stop_; ++batch) {
     FinishTiles(tiles);
     bool ready = any_ready();
-    if (!ready && tiles.open.size() < kMostOpenTiles) ready = OpenTile(tiles);
+    if (!ready && MayOpen(tiles)) ready = OpenTile(tiles);
     // Never hold pins while waiting: another thread's block may need the room.
     if (!ready || batch % kBatchesPerPinSet == 0) pins.Release();
     for (uint32_t block : TakeBlocks(mailbox, !ready, !tiles.open.empty())) {

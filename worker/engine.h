@@ -22,6 +22,9 @@ class Engine {
  public:
   /// Tiles a thread works on at once, at most: when the rays of one all wait, it goes on with another.
   static constexpr size_t kMostOpenTiles = 8;
+  /// More while they take no more memory than this and blocks push each other out of the cache: a block is
+  /// loaded once for the rays of all open tiles. Bytes; of the 4 MiB a thread that a worker may take.
+  static constexpr size_t kOpenTileBytes = 7u << 19;
   /// `on_tile` is called on a compute thread.
   using OnTile = std::function<void(const TileDone&, Bytes pixels)>;
 
@@ -57,6 +60,7 @@ class Engine {
     std::vector<Open> open;
     std::vector<std::unique_ptr<TileRenderer>> spare;
   };
+  bool MayOpen(const Tiles& tiles) const;
   bool OpenTile(Tiles& tiles);
   std::vector<uint32_t> TakeBlocks(Mailbox& mailbox, bool wait, bool stalled);
   void FinishTiles(Tiles& tiles);

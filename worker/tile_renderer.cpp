@@ -420,6 +420,12 @@ void TileRenderer::WriteAovs(uint32_t packet, uint32_t lane) {
       is_hit && frame_->job.has(Aov::kVoxel) ? LocateVoxel(frame_->top, RayOf(packet, lane), hit.t) : kNone);
 }
 
+size_t TileRenderer::memory_bytes() const {
+  const auto bytes = [](const auto& v) { return v.size() * sizeof(v[0]); };
+  return bytes(places_) + bytes(packets_) + bytes(samples_) + bytes(pending_) + bytes(depths_) +
+         bytes(radiance_) + bytes(aovs_);
+}
+
 Bytes TileRenderer::Pixels() const {
   const size_t pixels = radiance_.size() / 3, extra = frame_->words - 3;
   Bytes out(pixels * frame_->words * 4);

@@ -104,6 +104,8 @@ class TileRenderer {
   }
   const TileOrder& order() const { return order_; }
   const FrameContext& frame() const { return *frame_; }
+  /// What the tile's samples and pixels take.
+  size_t memory_bytes() const;
   uint64_t rays() const { return rays_; }
   uint64_t rays_suspended() const { return rays_suspended_; }
 

@@ -74,6 +74,8 @@ class VoxelCache {
   /// Asks for `block` on behalf of `rays` rays that point to `octants`. Once it is resident it is pinned for
   /// `mailbox` and delivered to it. A block is loaded once however many ask.
   void Want(uint32_t block, Mailbox* mailbox, uint32_t rays, OctantMask octants = kAllOctants);
+  /// Whether the wanted blocks have no room beside each other: they push each other out.
+  bool scarce() const { return wanted_bytes_.load(std::memory_order_relaxed) > budget_ / 2; }
   /// Mailboxes' owners have used so many delivered blocks.
   void Used(uint32_t blocks);
 
@@ -120,8 +122,6 @@ class VoxelCache {
     bool loading = false;
   };
   bool EvictOne();
-  /// Whether the wanted blocks do not have room beside each other.
-  bool scarce() const { return wanted_bytes_ > budget_ / 2; }
   /// Of the wanted blocks, those that are being loaded too or not, the next in the sweep.
   std::optional<Sweep::Stop> NextInSweep(bool loading_too) const;
 
@@ -134,10 +134,10 @@ class VoxelCache {
   std::unique_ptr<Slot[]> slots_;
   std::atomic<uint32_t> clock_{0};
   std::atomic<bool> starved_{false};
-  mutable std::mutex mutex_;  ///< all below
+  std::atomic<uint64_t> wanted_bytes_{0};  ///< of the blocks in waiting_, decoded
+  mutable std::mutex mutex_;               ///< all below
   std::unordered_map<uint32_t, Waiting> waiting_;
-  uint64_t wanted_bytes_ = 0;  ///< of the blocks in waiting_, decoded
-  uint32_t in_use_ = 0;        ///< delivered blocks that have not been used yet
+  uint32_t in_use_ = 0;  ///< delivered blocks that have not been used yet
   const VoxelOrder order_;
   Sweep sweep_{order_};
   std::vector<uint32_t> residents_;

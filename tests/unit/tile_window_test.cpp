@@ -26,6 +26,16 @@ TEST_CASE("More tiles are wanted while threads starve, and fewer as soon as they
   CHECK(window.wanted() == MostTiles(2));
 }
 
+TEST_CASE("Where blocks push each other out of the cache, most tiles are wanted at once", "[window]") {
+  TileWindow window(2);
+  window.Starved(true);
+  CHECK(window.wanted() == MostTilesIfScarce(2));
+  window.Finished();
+  CHECK(window.wanted() == MostTilesIfScarce(2));
+  window.Finished();
+  CHECK(window.wanted() == MostTilesIfScarce(2) - 1);
+}
+
 TEST_CASE("A worker gets as many tiles as it wants, within bounds", "[window]") {
   WorkerRecord worker;
   worker.threads = 3;
@@ -33,7 +43,7 @@ TEST_CASE("A worker gets as many tiles as it wants, within bounds", "[window]") 
   worker.counters.tiles_wanted = FewestTiles(3) + 1;
   CHECK(worker.Credit() == FewestTiles(3) + 1);
   worker.counters.tiles_wanted = 1000000;
-  CHECK(worker.Credit() == MostTiles(3));
+  CHECK(worker.Credit() == MostTilesIfScarce(3));
   worker.counters.tiles_wanted = 1;
   CHECK(worker.Credit() == FewestTiles(3));
 }
