@@ -49,7 +49,8 @@ class Partitioner {
       QUARRY_ASSIGN(const std::vector<TriangleRecord> records, Load(file, first, last));
       references_.clear();
       for (uint32_t i = 0; i < records.size(); ++i) {
-        const Box box = records[i].PaddedBox(options_.padding);
+        const Box box =
+            PartIn(records[i], cell, options_.padding).value_or(records[i].PaddedBox(options_.padding));
         references_.push_back(
             {{box.lower.x, box.lower.y, box.lower.z}, i, {box.upper.x, box.upper.y, box.upper.z}, 0});
       }

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "common/base/file.h"
+#include "common/kdtree/clipped_triangle.h"
 #include "preprocess/split.h"
 
 namespace quarry {
@@ -35,7 +36,7 @@ class RegionChooser {
     const SplitPlane plane = references.size() * weight_ <= kRegionTriangles
                                  ? SplitPlane{}
                                  : ChoosePlane(splitter_, references, region.cell);
-    if (IsPile(plane, region.depth, region.growth, kMaxGrowthOfRegions)) {
+    if (IsPile(plane, region.depth, region.growth, MaxGrowthOfRegions(region.share))) {
       tree.nodes[node] = KdNode::Leaf(static_cast<uint32_t>(tree.regions.size()), 1);
       tree.regions.push_back(region);
       tree.leaves.push_back(node);
@@ -46,10 +47,13 @@ class RegionChooser {
     const auto first = static_cast<uint32_t>(tree.nodes.size());
     tree.nodes[node] = KdNode::Inner(plane.axis, plane.position, first);
     tree.nodes.resize(first + 2);
+    const size_t count = references.size();
     const size_t middle = splitter_.Divide(references_, begin, region.cell, {0, plane.position, plane.axis});
     const double growth = region.growth * plane.growth;
-    Split(first, middle, {child.cell[0], region.depth + 1, growth});
-    Split(first + 1, begin, {child.cell[1], region.depth + 1, growth});
+    const double left = static_cast<double>(references_.size() - middle) / static_cast<double>(count);
+    const double right = static_cast<double>(middle - begin) / static_cast<double>(count);
+    Split(first, middle, {child.cell[0], region.depth + 1, growth, region.share * left});
+    Split(first + 1, begin, {child.cell[1], region.depth + 1, growth, region.share * right});
   }
 
   KdSplitter splitter_;
@@ -145,8 +149,12 @@ RegionFiles::Routed RegionFiles::Route(const SpillFile& triangles, uint64_t firs
     while (open > 0) {
       const KdNode node = tree_->nodes[waiting[--open]];
       if (node.is_leaf()) {
-        IncludeClipped(box, tree_->regions[node.first()].cell, contents_[node.first()]);
-        routed.places.push_back({node.first(), i});
+        const uint32_t region = node.first();
+        const auto part = PartIn(record, tree_->regions[region].cell, padding);
+        if (!part) continue;
+        contents_[region].Include(part->lower);
+        contents_[region].Include(part->upper);
+        routed.places.push_back({region, i});
         continue;
       }
       if (box.upper[node.axis()] >= node.split()) waiting[open++] = node.left() + 1;
@@ -195,6 +203,25 @@ std::vector<uint64_t> RegionFiles::counts() const {
   std::vector<uint64_t> counts;
   for (const SpillFile& file : files_) counts.push_back(file.count());
   return counts;
+}
+
+std::optional<Box> PartIn(const TriangleRecord& triangle, const Box& cell, float padding) {
+  Box box = triangle.PaddedBox(padding);
+  const Box inner{glm::max(box.lower, cell.lower), glm::min(box.upper, cell.upper)};
+  if (inner.lower == box.lower && inner.upper == box.upper) return box;
+  // As KdSplitter cuts: the padding, and what rounding may add.
+  const double growth = padding * 1.125;
+  const KdTriangle whole{{triangle.vertices[0], triangle.vertices[1], triangle.vertices[2]}};
+  ClippedTriangle polygon(whole);
+  polygon.Clip(cell, growth);
+  if (polygon.empty()) return {};
+  const PointBox part = polygon.Bounds();
+  for (int a = 0; a < 3; ++a) {
+    box.lower[a] = std::max(inner.lower[a], static_cast<float>(part.lower[a] - growth));
+    box.upper[a] = std::min(inner.upper[a], static_cast<float>(part.upper[a] + growth));
+    if (!(box.lower[a] <= box.upper[a])) return {};
+  }
+  return box;
 }
 
 Status ForEachRecord(const SpillFile& file, uint64_t first, uint64_t last,

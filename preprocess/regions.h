@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -20,6 +21,7 @@ struct Region {
   Box cell;
   int depth = 0;      ///< of its node
   double growth = 1;  ///< of the number of triangles by replication, along its path
+  double share = 1;   ///< of all triangles, those in it
 };
 
 /// The upper part of the top-level tree. Its leaves are KdNode::Leaf(region, 1), in depth-first order.
@@ -47,8 +49,8 @@ RegionTree ChooseRegions(const std::vector<KdTriangle>& sample, uint64_t weight,
 /// where there are none): the sample knew of some of it at most. `whole` is the root's cell.
 void CutOffEmptySpace(const std::vector<Box>& contents, const Box& whole, RegionTree& tree);
 
-/// Triangles handed out to the regions that their padded boxes touch, on disk: all regions at once, so that
-/// every triangle is read and written once whatever the size of the model. Not thread-safe.
+/// Triangles handed out to the regions that they reach, but for the padding, on disk: all regions at once, so
+/// that every triangle is read and written once whatever the size of the model. Not thread-safe.
 class RegionFiles {
  public:
   /// Files PREFIX0, PREFIX1 and so on. `counts` and `contents`: what an earlier run had in them, or empty;
@@ -86,6 +88,9 @@ class RegionFiles {
   std::unique_ptr<SpillWriter> writer_ = std::make_unique<SpillWriter>();  ///< of files_: ends before them
   std::vector<Box> contents_;
 };
+
+/// The padded box of what of a triangle is in a cell, cut off at the cell; nothing if it passes beside.
+std::optional<Box> PartIn(const TriangleRecord& triangle, const Box& cell, float padding);
 
 /// Calls `visit` with the records [first, last) of a spill file.
 Status ForEachRecord(const SpillFile& file, uint64_t first, uint64_t last,

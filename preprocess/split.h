@@ -50,8 +50,12 @@ class SplitHistogram {
 inline constexpr int kMaxTopDepth = 64;  ///< of the top-level tree, before empty space is cut off its leaves
 static_assert(kMaxTopDepth + 6 <= int{kMostLevels}, "one plane for each side that is cut off");
 /// Long triangles lie in both halves of every split, and crossing ones of some are cut by every plane: beyond
-/// this growth along one path of regions they are a pile, so that no input makes the store explode.
-inline constexpr double kMaxGrowthOfRegions = 5;
+/// this growth along one path of regions they are a pile, so that no input makes the store explode. `share`:
+/// of all triangles, those in the node. Planes that thin triangles out may copy more of them: a node of a
+/// thousandth may have grown by 5, the whole by 1.5. Where planes only copy (slivers across the whole box, a
+/// fan round a vertex), a chain has fewer voxels, and rays load each once: fan and slivers of
+/// tests/bench/piles, 32M of cache.
+inline double MaxGrowthOfRegions(double share) { return std::min(5.0, 1.5 * std::pow(share, -0.175)); }
 /// And beyond this one within a region: a fifth, or, where voxels are small, a twenty-eighth a level. On the
 /// plant of 350 million, 1.22 references a triangle instead of 2.23, and rays as fast (README.md).
 inline double MaxGrowthInRegion(size_t triangles, size_t most_in_voxel) {

@@ -25,29 +25,28 @@ Loader::Loader(const Catalog& catalog, VoxelCache& cache, VoxelSource& source,
     : catalog_(catalog), cache_(cache), source_(source), on_error_(std::move(on_error)) {}
 
 void Loader::Run() {
-  // A source that has the block at hand answers within Fetch: what comes meanwhile is installed by the loop.
+  // A source that has the block at hand answers within Fetch: the loop installs it, or sees that it is not yet
+  // its turn.
+  again_ = true;
   if (std::exchange(running_, true)) return;
-  bool room = true;
-  do {
-    room = InstallArrived();
+  while (std::exchange(again_, false) && !failed_) {
+    InstallArrived();
     AskForMore();
-  } while (room && !failed_ && !arrived_.empty());
+  }
   running_ = false;
 }
 
-bool Loader::InstallArrived() {
+void Loader::InstallArrived() {
   while (!failed_ && !arrived_.empty()) {
     const VoxelCache::Turn turn = cache_.NextToPublish();
     const auto next =
         turn.any ? arrived_.begin()
                  : std::ranges::find_if(arrived_, [&](const Arrived& a) { return a.block == turn.block; });
-    if (next == arrived_.end()) return false;
-    if (!Install(*next)) return false;
+    if (next == arrived_.end() || !Install(*next)) return;
     stored_bytes_ -= next->stored.size();
     --in_flight_;
     arrived_.erase(next);
   }
-  return true;
 }
 
 void Loader::AskForMore() {

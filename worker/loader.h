@@ -43,8 +43,8 @@ class Loader {
     uint32_t block;
     Bytes stored;
   };
-  /// False when one waits for room in the cache.
-  bool InstallArrived();
+  /// Those whose turn it is, as long as the cache has room.
+  void InstallArrived();
   void AskForMore();
   void OnFetched(uint32_t block, Result<Bytes> stored);
   bool Install(const Arrived& arrived);
@@ -59,7 +59,7 @@ class Loader {
   uint32_t in_flight_ = 0;
   uint64_t stored_bytes_ = 0, decode_us_ = 0;
   bool failed_ = false;
-  bool running_ = false;
+  bool running_ = false, again_ = false;
 };
 
 }  // namespace quarry
