@@ -134,7 +134,8 @@ void CompareAll(const LoadedScene& scene, uint32_t rays, const std::string& name
     hits += expected.back().triangle != kNoTriangle;
   }
   constexpr uint32_t kFew = 4;  // packets: few enough that some of their rays come to a voxel by themselves
-  uint64_t differences = 0, refused = 0, together = 0, parted = 0;
+  uint64_t differences = 0, together = 0, parted = 0;
+  Suspensions suspended;
   const auto& voxels = scene.resident().view().voxels();
   const auto compare = [&](const std::vector<RayPacket>& found, const std::vector<RayPacket>& occluded,
                            const std::string& by) {
@@ -165,8 +166,8 @@ void CompareAll(const LoadedScene& scene, uint32_t rays, const std::string& name
     found.assign(closest.end() - part, closest.end());
     occluded.assign(any.end() - part, any.end());
     const TraceFunction by_rule[2][2] = {{ClosestByRule, ClosestByRule}, {AnyByRule, AnyByRule}};
-    refused += TraceSuspending(scene.resident().view(Algorithm::kTreelets), by_rule[0], found) +
-               TraceSuspending(scene.resident().view(Algorithm::kTreelets), by_rule[1], occluded);
+    suspended += TraceSuspending(scene.resident().view(Algorithm::kTreelets), by_rule[0], found);
+    suspended += TraceSuspending(scene.resident().view(Algorithm::kTreelets), by_rule[1], occluded);
     // `compare` begins with the first ray.
     std::rotate(expected.begin(), expected.end() - part * RayPacket::kRays, expected.end());
     compare(found, occluded, "the rule, suspending");
@@ -183,7 +184,8 @@ void CompareAll(const LoadedScene& scene, uint32_t rays, const std::string& name
     compare(found, occluded, by);
     found.assign(closest.begin(), closest.begin() + part);
     occluded.assign(any.begin(), any.begin() + part);
-    refused += TraceSuspending(view, kernel.closest, found) + TraceSuspending(view, kernel.any, occluded);
+    suspended += TraceSuspending(view, kernel.closest, found);
+    suspended += TraceSuspending(view, kernel.any, occluded);
     compare(found, occluded, by + " suspending");
     if (kernel.algorithm != Algorithm::kTreelets) continue;
     all_closest.push_back(kernel.closest);
@@ -212,17 +214,19 @@ void CompareAll(const LoadedScene& scene, uint32_t rays, const std::string& name
     if (kernel.grouping == Grouping::kStream) together += 2 * all.size();
     compare(found, occluded, by + " where there is company");
   }
-  // A ray that has waited may be gone on with by another kernel.
+  // A ray that has waited may be gone on with by another kernel, in the voxel that it waited for.
   const SceneView& view = scene.resident().view(Algorithm::kTreelets);
   std::vector<RayPacket> found(closest.begin(), closest.begin() + part);
   std::vector<RayPacket> occluded(any.begin(), any.begin() + part);
-  refused += TraceSuspending(view, all_closest, found) + TraceSuspending(view, all_any, occluded);
+  suspended += TraceSuspending(view, all_closest, found);
+  suspended += TraceSuspending(view, all_any, occluded);
   compare(found, occluded, "kernels in turn");
   WARN(name << ": " << scene.triangles().size() << " triangles, " << scene.voxels().size() << " voxels, "
             << expected.size() << " rays, " << hits << " hits, " << Kernels().size() << " kernels, "
-            << refused << " voxels refused, " << parted << " rays left streams of " << together << ", "
-            << differences << " differences");
+            << suspended.refused << " voxels refused, " << parted << " rays left streams of " << together
+            << ", " << differences << " differences");
   CHECK(differences == 0);
+  CHECK(suspended.repeated == 0);
   CHECK(parted > 0);
   CHECK(parted < together);
   CHECK(hits > expected.size() / 50);

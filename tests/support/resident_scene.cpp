@@ -2,6 +2,9 @@
 
 #include <sys/mman.h>
 
+#include <algorithm>
+#include <bit>
+
 #include "common/base/check.h"
 #include "common/kdtree/ropes.h"
 
@@ -112,26 +115,38 @@ const SceneView& ResidentScene::view(Algorithm algorithm) {
   return *views_[which];
 }
 
-uint64_t TraceSuspending(const SceneView& view, std::span<const TraceFunction> traces,
-                         std::vector<RayPacket>& packets) {
+Suspensions TraceSuspending(const SceneView& view, std::span<const TraceFunction> traces,
+                            std::vector<RayPacket>& packets) {
   Granting granting{view, std::vector<bool>(view.voxels().size())};
   std::vector<uint64_t> active(packets.size(), ~uint64_t{0});
+  std::vector<std::vector<uint32_t>> used(packets.size() *
+                                          RayPacket::kRays);  // by ray: voxels that were there
+  uint64_t repeated = 0;
   for (uint32_t round = 0;; ++round) {
     traces[round % traces.size()](view.top(), {Granting::Find, &granting}, packets.data(), active.data(),
                                   static_cast<uint32_t>(packets.size()));
-    if (traces.size() == 1) granting.granted.assign(view.voxels().size(), false);
+    granting.granted.assign(view.voxels().size(), false);
     bool any = false;
     for (size_t p = 0; p < packets.size(); ++p) {
-      active[p] = 0;
+      const uint64_t traced = std::exchange(active[p], 0);
       for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
         const uint32_t voxel = packets[p].waits_for[i];
-        if (voxel == kNoVoxel) continue;
+        if (voxel == kNoVoxel || (traced >> i & 1) == 0) continue;
+        const auto& before = used[p * RayPacket::kRays + i];
+        repeated += std::count(before.begin(), before.end(), voxel) != 0 ? 1 : 0;
         active[p] |= uint64_t{1} << i;
         if (!any || voxel % 3 == round % 3) granting.granted[voxel] = true;
         any = true;
       }
     }
-    if (!any) return granting.refused;
+    for (size_t p = 0; p < packets.size(); ++p)
+      for (uint64_t left = active[p]; left != 0; left &= left - 1) {
+        const auto i = static_cast<uint32_t>(std::countr_zero(left));
+        const uint32_t voxel = packets[p].waits_for[i];
+        if (granting.granted[voxel]) used[p * RayPacket::kRays + i].push_back(voxel);
+      }
+    // A ray that goes back and forth would do so for ever.
+    if (!any || repeated != 0) return {granting.refused, repeated};
   }
 }
 

@@ -75,11 +75,21 @@ inline void TraceAll(const SceneView& view, TraceFunction trace, std::vector<Ray
 /// Traces packets to their end as a worker with a cold cache does: every voxel is absent when it is first
 /// asked for, and of those that are waited for a third comes at once, so that the rays of one packet get out
 /// of step; once they have been traced it is absent again. With several kernels, rays that come again go on
-/// by the next; then voxels stay, since what kernels ask for may differ by a rounding. Returns how often a
-/// voxel was refused.
-uint64_t TraceSuspending(const SceneView& view, std::span<const TraceFunction> traces,
-                         std::vector<RayPacket>& packets);
-inline uint64_t TraceSuspending(const SceneView& view, TraceFunction trace, std::vector<RayPacket>& packets) {
+/// by the next.
+struct Suspensions {
+  uint64_t refused = 0;   ///< how often a voxel was not there
+  uint64_t repeated = 0;  ///< how often a ray waited again for a voxel that had been there for it
+
+  Suspensions& operator+=(const Suspensions& other) {
+    refused += other.refused;
+    repeated += other.repeated;
+    return *this;
+  }
+};
+Suspensions TraceSuspending(const SceneView& view, std::span<const TraceFunction> traces,
+                            std::vector<RayPacket>& packets);
+inline Suspensions TraceSuspending(const SceneView& view, TraceFunction trace,
+                                   std::vector<RayPacket>& packets) {
   return TraceSuspending(view, std::span(&trace, 1), packets);
 }
 

@@ -66,7 +66,7 @@ TEST_CASE("BlocksAtHandAreLoadedInALoopAndNotInARecursion") {
   Fixture f(2000);
   const Catalog& catalog = f.store->catalog();
   VoxelCache cache(
-      catalog, f.DecodedBytes(), [] {}, [] {});
+      catalog, 2 * f.DecodedBytes(), [] {}, [] {});
   ImmediateSource source(*f.store);
   Loader loader(catalog, cache, source, [](const Error& e) { FAIL(e.message); });
   Mailbox mailbox;
@@ -105,7 +105,7 @@ TEST_CASE("RequestsUnderWayAreBounded") {
   Fixture f(60);
   const Catalog& catalog = f.store->catalog();
   VoxelCache cache(
-      catalog, f.DecodedBytes(), [] {}, [] {});
+      catalog, 2 * f.DecodedBytes(), [] {}, [] {});
   PatientSource source(*f.store);
   Loader loader(catalog, cache, source, [](const Error& e) { FAIL(e.message); });
   Mailbox mailbox;
@@ -126,7 +126,7 @@ TEST_CASE("ABlockThatCannotBeHadEndsTheLoaderOnce") {
   Fixture f(4);
   const Catalog& catalog = f.store->catalog();
   VoxelCache cache(
-      catalog, f.DecodedBytes(), [] {}, [] {});
+      catalog, 2 * f.DecodedBytes(), [] {}, [] {});
   struct : VoxelSource {
     void Fetch(uint32_t, Done done) override { done(tl::unexpected<Error>(Error{"out of order"})); }
   } source;
