@@ -75,7 +75,7 @@ Status ReadModels(const PreprocessOptions& options, ModelSink& sink) {
     if (model == "-")
       return BadUsage("--plan reads models more than once, which standard input does not allow");
     const std::string prefix = fmt::format("{}/quarry-foreign-{}", SpillFolder(options), ::getpid());
-    QUARRY_TRY(ImportModel(model, sink, ForeignFormatsOf(options, prefix)));
+    QUARRY_TRY(ImportModel(model, sink, ForeignFormatsOf(options, prefix), options.unpack_limit));
   }
   return {};
 }

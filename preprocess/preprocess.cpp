@@ -66,7 +66,8 @@ class Import {
       sink_.Place(placement == options_.placements.end() ? Placement{} : placement->second,
                   static_cast<int>(options_.up_axis));
       QUARRY_TRY(ImportModel(options_.models[i], sink_,
-                             ForeignFormatsOf(options_, work_.spill_folder() + "/foreign")));
+                             ForeignFormatsOf(options_, work_.spill_folder() + "/foreign"),
+                             options_.unpack_limit));
       ++models_;
       const bool last = models_ == options_.models.size();
       if ((last ? sink_.spills() : SecondsSince(noted_at_) >= options_.checkpoint_seconds) ||

@@ -1,5 +1,6 @@
 #include "common/base/cleanup.h"
 
+#include <poll.h>
 #include <signal.h>
 #include <sys/prctl.h>
 #include <unistd.h>
@@ -23,10 +24,26 @@ char messages[2][kMessageBytes];
 std::atomic<int> message{0};
 std::string program_name;
 
-void OnSignal(int) {
+struct Left {
+  char path[kPathBytes];
+  char text[2 * kPathBytes];
+  std::atomic<bool> used;
+};
+Left lefts[2];
+
+// Either a thread that begins to hold sees `pending`, or the handler sees that it holds: both are sequentially
+// consistent. Who sees the other's goes on to End().
+std::atomic<int> held{0};
+std::atomic<bool> pending{false}, ending{false};
+thread_local int depth = 0;  // of SignalsHeld in this thread
+
+constexpr int kRounds = 50, kRoundMs = 1;
+
+void RemoveAll() {
   // Other threads run on and may make a file meanwhile: a folder that is not empty is tried again.
   bool again = true;
-  for (int round = 0; again && round < 1000; ++round) {
+  for (int round = 0; again && round < kRounds; ++round) {
+    if (round > 0) ::poll(nullptr, 0, kRoundMs);
     again = false;
     for (int i = 0; i < kSlots; ++i)
       if (states[i].load() == 2) ::unlink(paths[i]);
@@ -34,10 +51,32 @@ void OnSignal(int) {
       if (states[i].load() == 2 && ::rmdir(paths[i]) != 0 && (errno == ENOTEMPTY || errno == EEXIST))
         again = true;
   }
+}
+
+[[noreturn]] void Wait() {
+  for (;;) ::pause();
+}
+
+[[noreturn]] void End() {
+  if (ending.exchange(true)) Wait();
+  RemoveAll();
   const char* text = messages[message.load()];
+  for (const Left& left : lefts)
+    if (left.used.load() && ::access(left.path, F_OK) == 0) {
+      text = left.text;
+      break;
+    }
   (void)!::write(2, text, std::strlen(text));
   ::_exit(1);
 }
+
+void OnSignal(int) {
+  pending.store(true);
+  if (held.load() == 0) End();
+}
+
+/// The line that a signal ends with.
+std::string Line(const std::string& text) { return "\n" + program_name + ": interrupted; " + text + "\n"; }
 
 }  // namespace
 
@@ -57,6 +96,30 @@ void Forget(int handle) {
   if (handle >= 0) states[handle].store(0);
 }
 
+SignalsHeld::SignalsHeld() {
+  if (depth++ > 0) return;
+  held.fetch_add(1);
+  if (!pending.load()) return;
+  if (held.fetch_sub(1) == 1) End();
+  Wait();  // the last thread that holds ends the program
+}
+
+SignalsHeld::~SignalsHeld() {
+  if (--depth > 0) return;
+  if (held.fetch_sub(1) == 1 && pending.load()) End();
+}
+
+void TellIfLeft(const std::string& path, const std::string& left) {
+  const std::string text = Line(left);
+  for (Left& l : lefts) {
+    if (l.used.load() || path.size() >= sizeof l.path || text.size() >= sizeof l.text) continue;
+    std::memcpy(l.path, path.c_str(), path.size() + 1);
+    std::memcpy(l.text, text.c_str(), text.size() + 1);
+    l.used.store(true);
+    return;
+  }
+}
+
 void InstallSignalHandlers(const std::string& program, const std::string& kept) {
   program_name = program;
   TellOnSignal(kept);
@@ -67,7 +130,7 @@ void InstallSignalHandlers(const std::string& program, const std::string& kept) 
 }
 
 void TellOnSignal(const std::string& kept) {
-  const std::string text = "\n" + program_name + ": interrupted; " + kept + "\n";
+  const std::string text = Line(kept);
   const int next = 1 - message.load();
   std::strncpy(messages[next], text.c_str(), kMessageBytes - 1);
   message.store(next);

@@ -13,6 +13,8 @@
 #include <nlohmann/json.hpp>
 #include <string_view>
 
+#include "common/base/json_file.h"
+
 namespace quarry {
 namespace {
 
@@ -186,7 +188,9 @@ Result<std::vector<HttpHeader>> ReadHttpHeaders(const std::string& path) {
 
 Result<AwsCredentials> ReadAwsCredentials(const std::string& path) {
   QUARRY_ASSIGN(const std::string text, ReadSecretFile(path));
-  const auto json = nlohmann::json::parse(text, nullptr, false);
+  auto parsed = ParseJson<nlohmann::json>(text, path);
+  if (!parsed) return BadUsage(parsed.error().message);
+  const nlohmann::json json = std::move(*parsed);
   if (!json.is_object()) return BadUsage(fmt::format("{}: is not a JSON object", path));
   const auto value = [&](const char* name) -> std::string {
     const auto found = json.find(name);
