@@ -171,6 +171,26 @@ Result<HttpLocation> ParseHttpLocation(const std::string& url, const std::string
   return location;
 }
 
+Result<HttpServer> ParseHttpServer(const std::string& text, const std::string& what) {
+  HttpLocation location;
+  location.port = 0;
+  if (!ParseAuthority(text, location))
+    return BadUsage(fmt::format("{} is HOST or HOST:PORT, not '{}'", what, text));
+  return HttpServer{Lower(location.host), location.port};
+}
+
+HttpOptions OptionsFor(const HttpLocation& location, HttpOptions options,
+                       std::span<const HttpServer> servers) {
+  const std::string host = Lower(location.host);
+  const bool named = std::ranges::any_of(servers, [&](const HttpServer& server) {
+    return server.host == host && (server.port == 0 || server.port == location.port);
+  });
+  if (named) return options;
+  options.headers.clear();
+  options.aws.reset();
+  return options;
+}
+
 Result<std::vector<HttpHeader>> ReadHttpHeaders(const std::string& path) {
   QUARRY_ASSIGN(const std::string text, ReadSecretFile(path));
   std::vector<HttpHeader> headers;
