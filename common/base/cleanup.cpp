@@ -1,12 +1,15 @@
 #include "common/base/cleanup.h"
 
+#include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
 #include <sys/prctl.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include <atomic>
 #include <cerrno>
+#include <cstdint>
 #include <cstdlib>
 #include <cstring>
 
@@ -18,7 +21,8 @@ constexpr size_t kPathBytes = 4096;
 
 // Plain arrays: a signal handler may touch nothing that allocates or locks.
 char paths[kSlots][kPathBytes];
-std::atomic<int> states[kSlots];  // 0 free, 1 being filled, 2 in use
+enum State : int { kFree, kFilling, kFile, kFolder };
+std::atomic<int> states[kSlots];
 constexpr size_t kMessageBytes = 2 * kPathBytes;
 char messages[2][kMessageBytes];
 std::atomic<int> message{0};
@@ -39,16 +43,42 @@ thread_local int depth = 0;  // of SignalsHeld in this thread
 
 constexpr int kRounds = 50, kRoundMs = 1;
 
+/// By the system's own call: opendir() allocates.
+void EmptyFolder(const char* path) {
+  const int fd = ::open(path, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+  if (fd < 0) return;
+  struct Entry {
+    uint64_t inode;
+    int64_t next;
+    uint16_t size;
+    uint8_t type;
+    char name[1];
+  };
+  alignas(Entry) char buffer[4096];
+  for (;;) {
+    const long n = ::syscall(SYS_getdents64, fd, buffer, sizeof buffer);
+    if (n <= 0) break;
+    for (long at = 0; at < n;) {
+      const auto* entry = reinterpret_cast<const Entry*>(buffer + at);
+      ::unlinkat(fd, entry->name, 0);  // fails for folders
+      at += entry->size;
+    }
+  }
+  ::close(fd);
+}
+
 void RemoveAll() {
   // Other threads run on and may make a file meanwhile: a folder that is not empty is tried again.
   bool again = true;
   for (int round = 0; again && round < kRounds; ++round) {
     if (round > 0) ::poll(nullptr, 0, kRoundMs);
     again = false;
+    for (int i = 0; i < kSlots; ++i) {
+      if (states[i].load() == kFile) ::unlink(paths[i]);
+      if (states[i].load() == kFolder) EmptyFolder(paths[i]);
+    }
     for (int i = 0; i < kSlots; ++i)
-      if (states[i].load() == 2) ::unlink(paths[i]);
-    for (int i = 0; i < kSlots; ++i)
-      if (states[i].load() == 2 && ::rmdir(paths[i]) != 0 && (errno == ENOTEMPTY || errno == EEXIST))
+      if (states[i].load() >= kFile && ::rmdir(paths[i]) != 0 && (errno == ENOTEMPTY || errno == EEXIST))
         again = true;
   }
 }
@@ -78,22 +108,25 @@ void OnSignal(int) {
 /// The line that a signal ends with.
 std::string Line(const std::string& text) { return "\n" + program_name + ": interrupted; " + text + "\n"; }
 
-}  // namespace
-
-int RemoveOnSignal(const std::string& path) {
+int Name(const std::string& path, State state) {
   if (path.size() >= kPathBytes) return -1;
   for (int i = 0; i < kSlots; ++i) {
-    int free = 0;
-    if (!states[i].compare_exchange_strong(free, 1)) continue;
+    int free = kFree;
+    if (!states[i].compare_exchange_strong(free, kFilling)) continue;
     std::memcpy(paths[i], path.c_str(), path.size() + 1);
-    states[i].store(2);
+    states[i].store(state);
     return i;
   }
   return -1;
 }
 
+}  // namespace
+
+int RemoveOnSignal(const std::string& path) { return Name(path, kFile); }
+int RemoveFolderOnSignal(const std::string& path) { return Name(path, kFolder); }
+
 void Forget(int handle) {
-  if (handle >= 0) states[handle].store(0);
+  if (handle >= 0) states[handle].store(kFree);
 }
 
 SignalsHeld::SignalsHeld() {

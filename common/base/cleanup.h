@@ -8,6 +8,8 @@ namespace quarry {
 /// program. Returns a handle for Forget; -1 when all slots are taken (then only normal ends remove it).
 /// Thread-safe.
 int RemoveOnSignal(const std::string& path);
+/// The same of a folder with whatever files are in it; folders in it stay, and it with them.
+int RemoveFolderOnSignal(const std::string& path);
 /// The file is gone or has its final name. Handles of -1 are ignored.
 void Forget(int handle);
 
