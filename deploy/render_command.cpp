@@ -105,8 +105,8 @@ Status ParseFrames(const std::string& text, size_t count, size_t& first, size_t&
   return {};
 }
 
-/// What the files that the person names say, before there is a store: it costs minutes where a model is given.
-/// Cameras are in the model's coordinates.
+/// What the files that the person names say, before there is a store: it costs minutes where a model is
+/// given. Cameras are in the model's coordinates.
 Status ReadNamedFiles(const RenderArguments& a, RenderJob& job) {
   RenderJob unused;
   if (!a.lights.empty()) QUARRY_TRY(ReadLights(a.lights, glm::dvec3(0), unused));

@@ -14,7 +14,8 @@ namespace {
 
 using nlohmann::json;
 
-constexpr double kMostDouble = std::numeric_limits<double>::max(), kMostFloat = std::numeric_limits<float>::max();
+constexpr double kMostDouble = std::numeric_limits<double>::max(),
+                 kMostFloat = std::numeric_limits<float>::max();
 constexpr double kMostFov = 179;  // degrees
 
 /// A colour or radiance.

@@ -17,8 +17,8 @@ namespace {
 /// What is written, decided before any work.
 Status CheckOutputs(const MasterOptions& options, const SecurityOptions& security) {
   OutputGuard guard(OutputGuard::Force::kNotOffered);
-  for (const std::string* file : {&options.scene, &security.secret_file, &security.tls_cert,
-                                  &security.tls_key, &security.tls_ca})
+  for (const std::string* file :
+       {&options.scene, &security.secret_file, &security.tls_cert, &security.tls_key, &security.tls_ca})
     guard.AddInput(*file);
   if (!options.spool.empty()) QUARRY_TRY(OutputGuard::TakeFolder(options.spool));
   return options.trace.empty() ? Status{} : guard.Take(options.trace, kTraceOutput).map([](auto&&) {});

@@ -34,8 +34,8 @@ bool IsOurs(const fs::path& file) {
   return image && !frame.empty() && frame.find_first_not_of("0123456789") == std::string::npos;
 }
 
-/// A job that a master was killed while beginning or removing. A folder of somebody else's that happens to have
-/// such a name keeps what is in it.
+/// A job that a master was killed while beginning or removing. A folder of somebody else's that happens to
+/// have such a name keeps what is in it.
 void RemoveRemains(const fs::path& folder) {
   std::error_code ignored;
   for (const auto& entry : fs::directory_iterator(folder, ignored))

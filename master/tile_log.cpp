@@ -16,8 +16,9 @@ Result<TileLog> TileLog::Create(const std::string& path) {
   QUARRY_ASSIGN(const OutputPlace place, PlaceOf(path));
   TileLog log;
   // Without O_NONBLOCK, opening a FIFO would wait for a reader that may never come.
-  const int fd = ::open(place.path.c_str(),
-                        O_WRONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY | (place.stream ? 0 : O_CREAT | O_TRUNC), 0644);
+  const int fd =
+      ::open(place.path.c_str(),
+             O_WRONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY | (place.stream ? 0 : O_CREAT | O_TRUNC), 0644);
   if (fd >= 0) {
     ::fcntl(fd, F_SETFL, ::fcntl(fd, F_GETFL) & ~O_NONBLOCK);
     log.file_.reset(::fdopen(fd, "w"));

@@ -147,8 +147,8 @@ Status PrintPlan(const PreprocessOptions& options, const std::string& stats) {
 bool IsStore(std::string_view start) { return start.starts_with(kStoreMagic); }
 const OutputKind kStoreOutput{"a scene store", IsStore, false};
 
-/// What is written, decided before any work. The store's place takes the place of its name: what is on the way
-/// to it lies beside it.
+/// What is written, decided before any work. The store's place takes the place of its name: what is on the
+/// way to it lies beside it.
 Status CheckOutputs(const Texts& texts, PreprocessOptions& options) {
   OutputGuard guard(texts.force ? OutputGuard::Force::kYes : OutputGuard::Force::kNo);
   for (const std::string& model : options.models) guard.AddInput(model);
@@ -194,6 +194,7 @@ int Main(int argc, char** argv) {
   RequireCpu();
   KeepHeapSmall(4 << 20);  // voxels are built in buffers below it, again and again
   InstallSignalHandlers("quarry-preprocess", "nothing was written");
+  EndWithParent();  // quarry render's
   PreprocessOptions options;
   options.threads = std::max(1u, std::thread::hardware_concurrency());
   Texts texts;
@@ -213,7 +214,8 @@ int Main(int argc, char** argv) {
                  "Model files, packed by gzip or zstd or not; several make one scene; - is standard input")
       ->required();
   app.add_option("-o,--output", options.output, "The store to write")->required();
-  app.add_flag("--force", texts.force, "Replace the output though it holds something else; never a model that is read");
+  app.add_flag("--force", texts.force,
+               "Replace the output though it holds something else; never a model that is read");
   app.add_option("--memory", texts.memory,
                  "Ceiling on resident memory, e.g. 512M; of Assimp's own too, which holds models whole")
       ->envname("QUARRY_MEMORY")

@@ -22,8 +22,8 @@ namespace {
 // Regions that are built: three of a small model, which is half of one of a million triangles; six of a large
 // one, between whose parts costs differ.
 constexpr size_t kFewestRegions = 3, kMostRegions = 6, kRegionsPerChosen = 8;
-// Of a region that has more than this, a pile, so many are enough; more than are split in memory, so that they
-// are taken as the run takes them.
+// Of a region that has more than this, a pile, so many are enough; more than are split in memory, so that
+// they are taken as the run takes them.
 constexpr uint64_t kMostOfRegion = kMostInMemory + kMostInMemory / 4;
 constexpr uint64_t kRun = 8192;  // triangles in a row that are kept together: neighbours share vertices
 constexpr uint64_t kSharedElements = 1 << 15;  // of a file, packed to see what spill becomes

@@ -13,8 +13,8 @@
 #include "preprocess/regions.h"
 #include "preprocess/spill_sink.h"
 
-// What a model's triangles take, told from some of the regions that a run would make, chosen with the chance of
-// their triangles: what is dense, or crossed by many triangles, is met as often as it costs.
+// What a model's triangles take, told from some of the regions that a run would make, chosen with the chance
+// of their triangles: what is dense, or crossed by many triangles, is met as often as it costs.
 
 namespace quarry {
 
@@ -101,11 +101,12 @@ struct PlannedRegions {
 /// The regions of a run over these models, and which of them are to be built.
 PlannedRegions PlanRegions(TriangleSurvey& survey);
 
-/// Routes all triangles to the regions as a run does, and keeps those of the chosen ones in files in `folder`.
+/// Routes all triangles to the regions as a run does, and keeps those of the chosen ones in files in
+/// `folder`.
 class RegionSink : public ResolvingSink {
  public:
-  RegionSink(const PreprocessOptions& options, uint64_t memory, PlannedRegions& regions, Attributes attributes,
-             std::string folder);
+  RegionSink(const PreprocessOptions& options, uint64_t memory, PlannedRegions& regions,
+             Attributes attributes, std::string folder);
   /// Builds what was kept, and reckons from it. Errors: disk full.
   Result<SampleCost> Measure();
 

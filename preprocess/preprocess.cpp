@@ -9,6 +9,7 @@
 
 #include "common/base/cleanup.h"
 #include "common/base/file_lock.h"
+#include "common/base/output_path.h"
 #include "common/base/progress.h"
 #include "common/base/resource.h"
 #include "common/base/version.h"
@@ -386,6 +387,7 @@ Result<PreprocessStatistics> RunIn(WorkFolder& work, const PreprocessOptions& op
   const auto start = Clock::now();
   Progress progress(options.quiet);
   QUARRY_ASSIGN(ImportedScene scene, Import(options, work, progress).Run());
+  QUARRY_TRY(CheckNotRead(options.output));  // what models name is known now
   PreprocessStatistics statistics;
   statistics.import_wall_s = SecondsSince(start);
   statistics.warnings = scene.warnings.size();

@@ -38,9 +38,10 @@ HttpOptions BlockSupply::HttpFor(const HttpLocation& location, const SupplyOptio
   if (options.own_sources || (options.http.headers.empty() && !options.http.aws)) return options.http;
   HttpOptions http = OptionsFor(location, options.http, options.header_servers);
   if (http.headers.empty() && !http.aws)
-    options.log(fmt::format("{} is named by the master alone, and gets no headers or signatures; "
-                            "--http-header-host {} sends them",
-                            location.text(), location.authority()));
+    options.log(
+        fmt::format("{} is named by the master alone, and gets no headers or signatures; "
+                    "--http-header-host {} sends them",
+                    location.text(), location.authority()));
   return http;
 }
 
@@ -55,9 +56,9 @@ Status BlockSupply::Add(const std::string& text, const SupplyOptions& options) {
       return {};
     }
     case SourceKind::kTcp:
-      sources_.Add(
-          spec.kind, text,
-          std::make_unique<TcpVoxelSource>(io_, spec.master ? options.master : spec.server, security_, catalog_.id));
+      sources_.Add(spec.kind, text,
+                   std::make_unique<TcpVoxelSource>(io_, spec.master ? options.master : spec.server,
+                                                    security_, catalog_.id));
       return {};
     default: {
       QUARRY_ASSIGN(HttpLocation location, ParseHttpLocation(spec.place, "--source"));

@@ -102,8 +102,9 @@ int Main(int argc, char** argv) {
   app.add_option("--disk-cache", texts.disk_cache,
                  "Keep voxels in a folder, DIR:BYTES, which workers on this machine may share")
       ->envname("QUARRY_DISK_CACHE");
-  app.add_option("--http-header-file", texts.http_header_file,
-                 "Lines 'Name: value' to be sent to HTTP servers that --source names; readable by its owner alone");
+  app.add_option(
+      "--http-header-file", texts.http_header_file,
+      "Lines 'Name: value' to be sent to HTTP servers that --source names; readable by its owner alone");
   app.add_option("--http-header-host", texts.header_hosts,
                  "Send them, and signatures, also to HOST or HOST:PORT when the master alone names it");
   app.add_option(

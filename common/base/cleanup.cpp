@@ -35,8 +35,8 @@ struct Left {
 };
 Left lefts[2];
 
-// Either a thread that begins to hold sees `pending`, or the handler sees that it holds: both are sequentially
-// consistent. Who sees the other's goes on to End().
+// Either a thread that begins to hold sees `pending`, or the handler sees that it holds: both are
+// sequentially consistent. Who sees the other's goes on to End().
 std::atomic<int> held{0};
 std::atomic<bool> pending{false}, ending{false};
 thread_local int depth = 0;  // of SignalsHeld in this thread

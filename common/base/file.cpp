@@ -49,6 +49,7 @@ Result<InputFile> InputFile::Open(const std::string& path) {
   if (S_ISDIR(info.st_mode)) return Fail(fmt::format("{}: is a folder, not a file", path));
   if (!S_ISREG(info.st_mode)) return Fail(fmt::format("{}: is not a regular file", path));
   file.size_ = static_cast<uint64_t>(info.st_size);
+  NoteRead(path);
   return file;
 }
 
@@ -93,8 +94,8 @@ Result<OutputFile> OutputFile::OpenStream(const std::string& path) {
   struct stat info {};
   const bool regular = ::stat(path.c_str(), &info) == 0 && S_ISREG(info.st_mode);
   // O_APPEND: standard output that the shell sends to a file, whose other lines stay.
-  const int fd = ::open(path.c_str(),
-                        O_WRONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY | (regular ? O_APPEND : 0));
+  const int fd =
+      ::open(path.c_str(), O_WRONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY | (regular ? O_APPEND : 0));
   if (fd < 0 && errno == ENXIO)
     return Fail(fmt::format("{}: cannot write: no program reads from this FIFO", path));
   if (fd < 0) return Fail(fmt::format("{}: cannot write: {}", path, ErrnoText(errno)));
@@ -191,6 +192,7 @@ Status OutputFile::Sync() {
 }
 
 Status OutputFile::Commit() {
+  QUARRY_TRY(CheckNotRead(path_));
   QUARRY_TRY(Sync());
   if (!stream() && ::rename(temporary_.c_str(), path_.c_str()) != 0)
     return Fail(fmt::format("{}: cannot write: {}", path_, ErrnoText(errno)));

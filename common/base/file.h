@@ -37,8 +37,8 @@ class InputFile {
 
 /// A file written under a temporary name beside `path` and renamed over it by Commit(); removed when
 /// destroyed before that, so that no reader ever sees half of it. The temporary's name ends in ".tmp-PID".
-/// Where `path` goes is PlaceOf()'s matter: links are followed, and a device or FIFO is written to as it is, in
-/// the order of writing, without a temporary. Not thread-safe.
+/// Where `path` goes is PlaceOf()'s matter: links are followed, and a device or FIFO is written to as it is,
+/// in the order of writing, without a temporary. Not thread-safe.
 class OutputFile {
  public:
   /// Errors: PlaceOf's; cannot be made there; a FIFO that nobody reads from.
@@ -85,8 +85,8 @@ class OutputFile {
 /// without.
 void SyncFolderOf(const std::string& path);
 
-/// Whether an output can be made at a place of PlaceOf(): an unwritable one should not cost the work before it.
-/// A FIFO is not opened, which its reader would notice. Errors: as OutputFile::Create.
+/// Whether an output can be made at a place of PlaceOf(): an unwritable one should not cost the work before
+/// it. A FIFO is not opened, which its reader would notice. Errors: as OutputFile::Create.
 Status CheckWritable(const OutputPlace& place);
 
 /// Writes `text` to `path` by way of an OutputFile.

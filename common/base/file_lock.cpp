@@ -31,9 +31,10 @@ Result<FileLock> FileLock::Take(const std::string& path, const std::string& hold
     if (::fstat(fd, &locked) == 0 && ::stat(name.c_str(), &named) == 0 && locked.st_ino == named.st_ino) {
       if (S_ISREG(locked.st_mode) && locked.st_size == 0) return FileLock(std::move(name), fd);
       ::close(fd);  // it goes with the lock, and this one is somebody's
-      return BadUsage(fmt::format("{}: is there and is no lock of Quarry's, which would take its place; name "
-                                  "another output, or remove it first",
-                                  name));
+      return BadUsage(
+          fmt::format("{}: is there and is no lock of Quarry's, which would take its place; name "
+                      "another output, or remove it first",
+                      name));
     }
     ::close(fd);
   }

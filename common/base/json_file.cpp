@@ -163,7 +163,8 @@ template Result<FloatJson> ParseJson(std::string_view, const std::string&, const
 template Result<FloatJson> ReadJsonFile(const std::string&, const JsonLimits&);
 
 tl::unexpected<Error> JsonValue::Wrong(const std::string& what) const {
-  return Fail(key_.empty() ? fmt::format("{}: {}", *file_, what) : fmt::format("{}: {}: {}", *file_, key_, what));
+  return Fail(key_.empty() ? fmt::format("{}: {}", *file_, what)
+                           : fmt::format("{}: {}: {}", *file_, key_, what));
 }
 
 Result<std::optional<JsonValue>> JsonValue::Optional(const char* name) const {

@@ -14,9 +14,9 @@ namespace quarry {
 
 /// What a JSON text may be at most: it comes from strangers.
 struct JsonLimits {
-  uint64_t bytes = 64u << 20;  ///< of the text
-  uint32_t depth = 64;         ///< of arrays and objects in one another
-  uint64_t values = 4u << 20;  ///< in all; each takes 16 to 100 bytes of memory
+  uint64_t bytes = 64u << 20;   ///< of the text
+  uint32_t depth = 64;          ///< of arrays and objects in one another
+  uint64_t values = 4u << 20;   ///< in all; each takes 16 to 100 bytes of memory
   uint64_t members = 1u << 20;  ///< of one object; those in their order are found one by one
 };
 
@@ -34,8 +34,8 @@ Result<Json> ParseJson(std::string_view text, const std::string& name, const Jso
 template <class Json>
 Result<Json> ReadJsonFile(const std::string& path, const JsonLimits& limits = {});
 
-/// A value in a JSON file, with its place there for sentences: "FILE: frames[3].eye: WHAT". Both the value and
-/// the file's name outlive it.
+/// A value in a JSON file, with its place there for sentences: "FILE: frames[3].eye: WHAT". Both the value
+/// and the file's name outlive it.
 class JsonValue {
  public:
   JsonValue(const nlohmann::json& value, const std::string& file, std::string key = "")

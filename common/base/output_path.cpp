@@ -10,6 +10,7 @@
 #include <climits>
 #include <filesystem>
 #include <initializer_list>
+#include <mutex>
 #include <utility>
 
 namespace quarry {
@@ -43,8 +44,9 @@ bool IsStatistics(std::string_view start) {
   return BeginsObject(start, {"scene_id", "input_triangles", "render_wall_s"});
 }
 bool IsTrace(std::string_view start) { return BeginsObject(start, {"frame"}); }
-/// Of benchmarks: any JSON but a glTF model.
+/// Of benchmarks: any JSON but what programs read.
 bool IsFigures(std::string_view start) {
+  if (BeginsObject(start, {"frames", "lights", "materials"})) return false;
   const std::string_view text = WithoutBlanks(start);
   return (text.starts_with('{') || text.starts_with('[') || text.starts_with("null")) &&
          text.find("\"asset\"") == std::string_view::npos;
@@ -98,7 +100,45 @@ std::string OneSpelling(const std::string& path) {
   return error ? path : whole.string();
 }
 
+/// Files that outputs are to replace, and which of them have been read.
+struct Claim {
+  uint64_t device, inode;
+  bool read;
+};
+std::mutex claims_mutex;
+std::vector<Claim> claims;
+
+Claim* FindClaim(const struct stat& info) {
+  const auto found = std::ranges::find_if(
+      claims, [&](const Claim& c) { return c.device == info.st_dev && c.inode == info.st_ino; });
+  return found == claims.end() ? nullptr : &*found;
+}
+
+void ClaimFile(const std::string& path) {
+  struct stat info {};
+  if (::stat(path.c_str(), &info) != 0) return;
+  const std::lock_guard lock(claims_mutex);
+  if (!FindClaim(info)) claims.push_back({info.st_dev, info.st_ino, false});
+}
+
 }  // namespace
+
+void NoteRead(const std::string& path) {
+  const std::lock_guard lock(claims_mutex);
+  if (claims.empty()) return;
+  struct stat info {};
+  if (::stat(path.c_str(), &info) != 0) return;
+  if (Claim* const claim = FindClaim(info)) claim->read = true;
+}
+
+Status CheckNotRead(const std::string& path) {
+  const std::lock_guard lock(claims_mutex);
+  struct stat info {};
+  if (claims.empty() || ::stat(path.c_str(), &info) != 0) return {};
+  const Claim* const claim = FindClaim(info);
+  if (!claim || !claim->read) return {};
+  return BadUsage(fmt::format("{}: is read in this run, and would be replaced; name another file", path));
+}
 
 const OutputKind kPngOutput{"a PNG image", IsPng, true};
 const OutputKind kExrOutput{"an EXR image", IsExr, true};
@@ -143,14 +183,18 @@ Result<OutputPlace> OutputGuard::Take(const std::string& path, const OutputKind&
   std::string spelling = OneSpelling(place.path);
   for (const auto& [other, other_spelling] : outputs_)
     if (other_spelling == spelling)
-      return BadUsage(fmt::format("{}: is written twice in this run (as {}); name another file", path, other));
+      return BadUsage(
+          fmt::format("{}: is written twice in this run (as {}); name another file", path, other));
   outputs_.emplace_back(path, std::move(spelling));
   const Existing found = Look(place.path);
   const bool ours = !found.regular || found.size == 0 || (found.readable && kind.fits(found.start));
-  if (ours || force_ == Force::kYes) return place;
-  return BadUsage(fmt::format("{}: is there already and is not {}, so it is not replaced; name another file{}",
-                              path, kind.name,
-                              force_ == Force::kNo ? ", or give --force" : ", or remove it first"));
+  if (ours || force_ == Force::kYes) {
+    if (found.regular) ClaimFile(place.path);
+    return place;
+  }
+  return BadUsage(
+      fmt::format("{}: is there already and is not {}, so it is not replaced; name another file{}", path,
+                  kind.name, force_ == Force::kNo ? ", or give --force" : ", or remove it first"));
 }
 
 Status OutputGuard::TakeFolder(const std::string& path) {

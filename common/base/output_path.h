@@ -1,7 +1,9 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "common/base/status.h"
@@ -21,9 +23,9 @@ Result<OutputPlace> PlaceOf(const std::string& path);
 
 /// What a program writes: a file of the same kind may be replaced by it.
 struct OutputKind {
-  const char* name;                     ///< "a PNG image"
+  const char* name;                      ///< "a PNG image"
   bool (*fits)(std::string_view start);  ///< whether a file that begins so (some 4 KiB) is of this kind
-  bool streams;                         ///< whether it can go to a device or FIFO
+  bool streams;                          ///< whether it can go to a device or FIFO
 };
 /// The kinds that several programs know.
 extern const OutputKind kPngOutput, kExrOutput, kStatisticsOutput, kTraceOutput, kFiguresOutput;
@@ -52,5 +54,11 @@ class OutputGuard {
   std::vector<Known> inputs_;
   std::vector<std::pair<std::string, std::string>> outputs_;  ///< as given, and in one spelling
 };
+
+/// A file is read in this run: told by whoever opens what a model names, known to no guard beforehand.
+/// Thread-safe.
+void NoteRead(const std::string& path);
+/// Errors (usage): an OutputGuard has taken `path`, and the file there has been read since. Thread-safe.
+Status CheckNotRead(const std::string& path);
 
 }  // namespace quarry

@@ -50,10 +50,12 @@ struct HttpServer {
   uint16_t port = 0;  ///< 0: any
   bool operator==(const HttpServer&) const = default;
 };
-/// "HOST" (any port), "HOST:PORT" or "[ADDRESS]:PORT". Errors (usage; the sentence names `what`): none of these.
+/// "HOST" (any port), "HOST:PORT" or "[ADDRESS]:PORT". Errors (usage; the sentence names `what`): none of
+/// these.
 Result<HttpServer> ParseHttpServer(const std::string& text, const std::string& what);
 /// `options` for `location`: without headers and credentials unless it is one of `servers`.
-HttpOptions OptionsFor(const HttpLocation& location, HttpOptions options, std::span<const HttpServer> servers);
+HttpOptions OptionsFor(const HttpLocation& location, HttpOptions options,
+                       std::span<const HttpServer> servers);
 
 /// Headers from a file: lines "Name: value"; empty lines and those that begin with # are skipped.
 /// Errors (usage, naming file and line, never a value): cannot be read; others than its owner may read it;

@@ -121,8 +121,7 @@ Status CheckReadable(const std::string& path, bool key) {
   ::close(fd);
   if (!regular) return BadUsage(fmt::format("{}: is not a regular file", path));
   if (key && (info.st_mode & 077) != 0)
-    return BadUsage(
-        fmt::format("{}: others than its owner may use this private key; chmod 600 it", path));
+    return BadUsage(fmt::format("{}: others than its owner may use this private key; chmod 600 it", path));
   return {};
 }
 
@@ -211,8 +210,7 @@ Result<Bytes> ReadSecret(const std::string& path) {
   if (!file) return BadUsage(fmt::format("{}: cannot open: {}", path, ErrnoText(errno)));
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> closer(file, std::fclose);
   struct stat info {};
-  if (::fstat(fd, &info) != 0)
-    return BadUsage(fmt::format("{}: cannot examine: {}", path, ErrnoText(errno)));
+  if (::fstat(fd, &info) != 0) return BadUsage(fmt::format("{}: cannot examine: {}", path, ErrnoText(errno)));
   if (info.st_mode & 077)
     return BadUsage(fmt::format("{}: others than its owner may read this secret; chmod 600 it", path));
   Bytes secret(kMostSecret + 1);

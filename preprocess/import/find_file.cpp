@@ -20,9 +20,8 @@ std::string Slashed(std::string name) {
 }  // namespace
 
 bool LeavesFolder(const fs::path& folder, const fs::path& file) {
-  const fs::path inside = fs::path(Slashed(file.string()))
-                              .lexically_normal()
-                              .lexically_relative(folder.lexically_normal());
+  const fs::path inside =
+      fs::path(Slashed(file.string())).lexically_normal().lexically_relative(folder.lexically_normal());
   return inside.empty() || *inside.begin() == "..";
 }
 

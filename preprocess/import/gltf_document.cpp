@@ -158,8 +158,8 @@ Result<GltfDocument::Buffer> GltfDocument::OpenBuffer(uint64_t index) {
   const auto folder = std::filesystem::path(path_).parent_path(), file = folder / name;
   if (std::filesystem::path(name).is_absolute() || LeavesFolder(folder, file) ||
       name.find('\0') != std::string::npos)
-    return named(fmt::format("the uri {} leads out of the model's folder, where buffers must lie",
-                             Quoted(name)));
+    return named(
+        fmt::format("the uri {} leads out of the model's folder, where buffers must lie", Quoted(name)));
   auto opened = InputFile::Open(file.string());
   if (!opened) return tl::unexpected<Error>(opened.error());
   buffer.size = opened->size();

@@ -86,8 +86,8 @@ Result<TextureImage> GltfTextures::Locate(uint64_t index) {
           fmt::format("the image {} is named by an absolute path; the material does without", Quoted(name)));
     const auto folder = std::filesystem::path(document_.path()).parent_path();
     if (LeavesFolder(folder, folder / name))
-      return document_.FailAt(
-          fmt::format("the image {} lies outside the model's folder; the material does without", Quoted(name)));
+      return document_.FailAt(fmt::format(
+          "the image {} lies outside the model's folder; the material does without", Quoted(name)));
     const auto file = FindFile(folder, name);
     if (file.empty())
       return document_.FailAt(

@@ -10,6 +10,7 @@
 #include <cstring>
 #include <utility>
 
+#include "common/base/output_path.h"
 #include "common/base/size.h"
 
 namespace quarry {
@@ -27,6 +28,7 @@ Result<ModelReader> ModelReader::Open(const std::string& path, uint64_t unpack_l
   if (!regular && !standard_input) return Fail(fmt::format("{}: is not a regular file", path));
   if (regular && !standard_input) {
     posix_fadvise(fd, 0, 0, POSIX_FADV_SEQUENTIAL);
+    NoteRead(path);
     reader.can_reopen_ = true;
   }
   constexpr size_t kMagicBytes = 4;
@@ -107,12 +109,11 @@ bool ModelReader::MayUnpack(size_t more) {
   const uint64_t most =
       unpack_limit_ != 0 ? unpack_limit_ : std::max(kUnpackFree, kUnpackRatio * packed_bytes_);
   if (unpacked_bytes_ <= most) return true;
-  const std::string why = unpack_limit_ != 0
-                              ? std::string("--unpack-limit")
-                              : fmt::format("more than {} times its own {}, as no model does", kUnpackRatio,
-                                            FormatSize(packed_bytes_));
-  read_error_ = fmt::format("it unpacks to more than {} ({}); --unpack-limit SIZE allows more",
-                            FormatSize(most), why);
+  const std::string why = unpack_limit_ != 0 ? std::string("--unpack-limit")
+                                             : fmt::format("more than {} times its own {}, as no model does",
+                                                           kUnpackRatio, FormatSize(packed_bytes_));
+  read_error_ =
+      fmt::format("it unpacks to more than {} ({}); --unpack-limit SIZE allows more", FormatSize(most), why);
   return false;
 }
 

@@ -21,7 +21,8 @@ class ModelReader {
  public:
   static constexpr size_t kBufferBytes = 1 << 20;
   /// What a packed model may unpack to unless a limit is given: so many times its own bytes, and in any case
-  /// this much. Text of models packs to a twentieth, plain grids to a fiftieth; bombs to a thousandth and less.
+  /// this much. Text of models packs to a twentieth, plain grids to a fiftieth; bombs to a thousandth and
+  /// less.
   static constexpr uint64_t kUnpackRatio = 100, kUnpackFree = 256u << 20;
 
   /// `unpack_limit`: bytes that it may unpack to; 0: as the ratio allows. Beyond it reading fails.
@@ -87,7 +88,8 @@ class ModelReader {
   std::unique_ptr<Decompressor> decompressor_;
   std::unique_ptr<char[]> packed_;  ///< as read, from packed_begin_ on not yet unpacked
   size_t packed_begin_ = 0, packed_end_ = 0;
-  uint64_t unpack_limit_ = 0, packed_bytes_ = 0, unpacked_bytes_ = 0;  ///< the file's, or as many as have come
+  uint64_t unpack_limit_ = 0, packed_bytes_ = 0,
+           unpacked_bytes_ = 0;  ///< the file's, or as many as have come
 };
 
 }  // namespace quarry

@@ -28,8 +28,8 @@ constexpr int kMostIncludes = 32;    // files in one another
 constexpr uint32_t kMeridians = 24;  // of spheres, cones and cylinders
 constexpr uint32_t kParallels = 12;  // of spheres
 constexpr uint64_t kTrianglesOfSphere = kMeridians * (2 * kParallels - 2), kTrianglesOfCone = 2 * kMeridians;
-// Of all spheres and cones of a model: a few bytes of text become 528 triangles of some 50 bytes each on disk.
-// This many take a minute or two and 2.5 GB of spill.
+// Of all spheres and cones of a model: a few bytes of text become 528 triangles of some 50 bytes each on
+// disk. This many take a minute or two and 2.5 GB of spill.
 constexpr uint64_t kMostRoundTriangles = 50'000'000;
 constexpr uint64_t kMostInMesh = 1u << 26;
 constexpr double kPi = 3.14159265358979323846;
@@ -347,8 +347,9 @@ class NffFile {
       return words_.FailHere(fmt::format("{} files included in one another are too many", kMostIncludes));
     auto bytes = ModelReader::Open((folder_ / name).string(), scene_.unpack_limit);
     if (LeavesFolder(scene_.folder, folder_ / name))
-      scene_.warn(words_.FailHere(fmt::format("names the file {}, outside the model's folder; it is read",
-                                              (folder_ / name).string()))
+      scene_.warn(words_
+                      .FailHere(fmt::format("names the file {}, outside the model's folder; it is read",
+                                            (folder_ / name).string()))
                       .value()
                       .message);
     if (!bytes) return words_.FailHere(bytes.error().message);

@@ -85,6 +85,18 @@ class Outputs(Case):
         self.must_fail(2, "is read in this run", "quarry", "render", model, "-o", self.path("t.png"), "--force", *SMALL)
         self.assertEqual(seen(self.path("t.png")), before)
 
+    def test_what_a_model_names_is_not_replaced_by_force_either(self):
+        (self.folder / "t.ppm").write_bytes(b"P6 1 1 255\n123")
+        self.put("m.mtl", "newmtl m\nmap_Kd t.ppm\n")
+        model = self.put("m.obj", "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n")
+        for named in ("m.mtl", "t.ppm"):
+            for arguments in (["-o", self.path(named)], ["-o", self.path("y.quarry"), "--stats", self.path(named)]):
+                with self.subTest(arguments=arguments):
+                    before = seen(self.path(named))
+                    self.must_fail(2, "is read in this run", "quarry-preprocess", model, *arguments, "--force")
+                    self.assertEqual(seen(self.path(named)), before)
+        self.assertEqual([p.name for p in self.folder.iterdir() if "work" in p.name or "lock" in p.name or "tmp" in p.name], [])
+
     def test_a_file_of_another_kind_is_replaced_by_force_only(self):
         photo = self.path("photo.png")
         self.must("quarry", "render", self.scene, "-o", photo, *SMALL)

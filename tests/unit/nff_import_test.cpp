@@ -96,7 +96,7 @@ TEST_CASE("NFF: spheres and cones beyond what is made are refused with figures")
   std::string text = kHead;
   for (int i = 0; i < 94697; ++i) text += "s 0 0 0 1\n";
   CHECK(ErrorOf("a.nff", text) ==
-        "a.nff, line 94705: its first 94697 spheres and cones become 50000016 triangles (528 a sphere, 48 a "
+        "a.nff, line 94706: its first 94697 spheres and cones become 50000016 triangles (528 a sphere, 48 a "
         "cone), and at most 50000000 are made; give fewer a model, or meshes of your own");
 }
 

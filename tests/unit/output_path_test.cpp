@@ -112,7 +112,8 @@ TEST_CASE("AFileOfAnotherKindIsReplacedByForceOnly", "[outputs]") {
   OutputGuard guard(Force::kNo);
   CHECK_THAT(Refusal(guard, notes), Contains("is not a PNG image") && Contains("--force"));
   CHECK_THAT(Refusal(guard, gltf, kStatisticsOutput), Contains("is not a file of Quarry's statistics"));
-  CHECK_THAT(Refusal(guard, gltf, kFiguresOutput), Contains("is not a JSON file of figures"));
+  OutputGuard of_bench(Force::kNo);
+  CHECK_THAT(Refusal(of_bench, gltf, kFiguresOutput), Contains("is not a JSON file of figures"));
   CHECK(Refusal(guard, empty) == "");
   CHECK(Refusal(guard, png) == "");
   CHECK(Refusal(guard, stats, kStatisticsOutput) == "");
