@@ -8,7 +8,6 @@
 #include <filesystem>
 #include <limits>
 #include <nlohmann/json.hpp>
-#include <tuple>
 
 #include "common/base/file.h"
 #include "common/base/json_file.h"
@@ -68,8 +67,10 @@ Status ParseImage(const RenderArguments& a, RenderJob& job) {
   if (!a.crop.empty()) {
     if (!ParseCounts(a.crop, ",,,", crop) || crop[2] == 0)
       return BadUsage(fmt::format("--crop is not x,y,w,h in whole numbers: '{}'", a.crop));
-    std::tie(job.crop_x, job.crop_y, job.crop_width, job.crop_height) =
-        std::tie(crop[0], crop[1], crop[2], crop[3]);
+    job.crop_x = crop[0];
+    job.crop_y = crop[1];
+    job.crop_width = crop[2];
+    job.crop_height = crop[3];
   }
   job.spp = a.spp;
   job.seed = a.seed;

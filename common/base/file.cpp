@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <cstdio>
 #include <utility>
+#include <vector>
 
 #include "common/base/cleanup.h"
 
@@ -97,7 +98,7 @@ Result<OutputFile> OutputFile::OpenStream(const std::string& path) {
   const int fd =
       ::open(path.c_str(), O_WRONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY | (regular ? O_APPEND : 0));
   if (fd < 0 && errno == ENXIO)
-    return Fail(fmt::format("{}: cannot write: no program reads from this FIFO", path));
+    return BadUsage(fmt::format("{}: no program reads from this FIFO; start it first", path));
   if (fd < 0) return Fail(fmt::format("{}: cannot write: {}", path, ErrnoText(errno)));
   ::fcntl(fd, F_SETFL, ::fcntl(fd, F_GETFL) & ~O_NONBLOCK);
   return OutputFile(path, "", fd, false);
@@ -203,9 +204,11 @@ Status OutputFile::Commit() {
 }
 
 Status CheckWritable(const OutputPlace& place) {
-  if (!place.stream) return OutputFile::Create(place.path).map([](auto&&) {});
-  if (::access(place.path.c_str(), W_OK) == 0) return {};
-  return Fail(fmt::format("{}: cannot write: {}", place.path, ErrnoText(errno)));
+  QUARRY_ASSIGN(OutputFile file, OutputFile::Create(place.path));
+  // Until the program ends: closed before, a FIFO's reader would take that for its end.
+  static std::vector<OutputFile> streams;
+  if (place.stream) streams.push_back(std::move(file));
+  return {};
 }
 
 Status WriteFileAtomically(const std::string& path, std::span<const std::byte> bytes) {

@@ -86,7 +86,7 @@ class OutputFile {
 void SyncFolderOf(const std::string& path);
 
 /// Whether an output can be made at a place of PlaceOf(): an unwritable one should not cost the work before
-/// it. A FIFO is not opened, which its reader would notice. Errors: as OutputFile::Create.
+/// it. A FIFO stays open from then on. Errors: as OutputFile::Create. Not thread-safe.
 Status CheckWritable(const OutputPlace& place);
 
 /// Writes `text` to `path` by way of an OutputFile.

@@ -194,8 +194,12 @@ class Outputs(Case):
                 os.symlink(special, self.path("s.ply"))
                 self.refused([special], "is a device or FIFO", "quarry-scene", "city", "--triangles", 1000, "-o", self.path("s.ply"))
                 os.unlink(self.path("s.ply"))
-        self.must_fail(1, "no program reads from this FIFO", "quarry-preprocess", self.model, "-o", self.path("n.quarry"), "--quiet",
-                       "--stats", self.path("fifo"))
+        os.symlink("fifo", self.path("fifo.png"))
+        self.refused([self.path("fifo")], "no program reads from this FIFO", "quarry-preprocess", self.model, "-o", self.path("n.quarry"),
+                     "--quiet", "--stats", self.path("fifo"))
+        for scene in (self.scene, self.model):
+            self.refused([self.path("fifo")], "no program reads from this FIFO", "quarry", "render", scene, "-o", self.path("fifo.png"),
+                         *SMALL)
 
     def test_statistics_and_pictures_go_to_fifos_and_devices(self):
         special = self.special()
@@ -244,13 +248,13 @@ class Signals(Case):
         chance = random.Random(os.environ.get("QUARRY_TEST_SEED", "7"))
         interrupted = kept = 0
         for run in range(40):
-            more = ["--tmp", str(spill)] if run % 2 else []
+            more = (["--tmp", str(spill)] if run % 2 else []) + (["--plan"] if run % 5 == 0 else [])
             child = subprocess.Popen([str(BIN / "quarry-preprocess"), model, "-o", str(out / "x.quarry"), "--quiet", "--memory", "64M",
-                                      "--checkpoint", "0.05", *more], stderr=subprocess.PIPE, text=True)
+                                      "--checkpoint", "0.05", *more], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
             self.addCleanup(end, child)
             # As soon as there is something, or later.
             until = time.monotonic() + 10 * PATIENCE
-            while not list(out.iterdir()) and child.poll() is None and time.monotonic() < until:
+            while not list(out.iterdir()) and not list(spill.iterdir()) and child.poll() is None and time.monotonic() < until:
                 pass
             time.sleep(chance.choice([0, 0, chance.uniform(0, 0.002), chance.uniform(0, 0.05), chance.uniform(0, 1.0)]))
             child.send_signal(signal.SIGINT)
@@ -258,7 +262,7 @@ class Signals(Case):
             left = sorted(p.name for p in out.iterdir()) + sorted(p.name for p in spill.iterdir())
             with self.subTest(run=run, told=told, left=left):
                 if child.returncode == 0:  # it was faster
-                    self.assertEqual(left, ["x.quarry"])
+                    self.assertEqual(left, [] if "--plan" in more else ["x.quarry"])
                 else:
                     self.assertEqual(child.returncode, 1)
                     self.assertIn("interrupted", told)
