@@ -7,6 +7,7 @@
 #include <chrono>
 #include <filesystem>
 #include <optional>
+#include <system_error>
 #include <type_traits>
 #include <vector>
 
@@ -129,12 +130,16 @@ uint64_t SpillPeak(const std::vector<Counts>& files, double record, double share
 
 namespace {
 
-/// By regions that a run would make. Nothing: the vertices do not fit the memory.
+/// By regions that a run would make. Nothing: the vertices do not fit the memory, or some regions the disk,
+/// which may be what a plan is to find out.
 Result<std::optional<SampleCost>> CostByRegions(const PreprocessOptions& options, CountingSink& counted,
                                                 Attributes attributes) {
   if (!counted.held_all()) return std::optional<SampleCost>();
   if (counted.survey.triangles < kFewestTriangles) return std::optional(kUsualCost);
   PlannedRegions regions = PlanRegions(counted.survey);
+  std::error_code unknown;
+  const auto space = std::filesystem::space(SpillFolder(options), unknown);
+  if (!unknown && space.available < 2 * KeptBytes(regions, attributes)) return std::optional<SampleCost>();
   QUARRY_ASSIGN(const TemporaryFolder folder,
                 TemporaryFolder::Make(fmt::format("{}/quarry-plan-{}", SpillFolder(options), ::getpid())));
   RegionSink sink(options, MemoryForVertices(options), regions, attributes, folder.path());

@@ -159,6 +159,12 @@ PlannedRegions PlanRegions(TriangleSurvey& survey) {
   return plan;
 }
 
+uint64_t KeptBytes(const PlannedRegions& regions, Attributes attributes) {
+  uint64_t triangles = 0;
+  for (const uint32_t region : regions.chosen) triangles += std::min(regions.expected[region], kMostOfRegion);
+  return triangles * RecordBytes(attributes);
+}
+
 RegionSink::RegionSink(const PreprocessOptions& options, uint64_t memory, PlannedRegions& regions,
                        Attributes attributes, std::string folder)
     : ResolvingSink(options, memory, attributes != Attributes::kNone),

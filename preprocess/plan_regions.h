@@ -100,6 +100,8 @@ struct PlannedRegions {
 };
 /// The regions of a run over these models, and which of them are to be built.
 PlannedRegions PlanRegions(TriangleSurvey& survey);
+/// Bytes that a RegionSink writes for them, about.
+uint64_t KeptBytes(const PlannedRegions& regions, Attributes attributes);
 
 /// Routes all triangles to the regions as a run does, and keeps those of the chosen ones in files in
 /// `folder`.
