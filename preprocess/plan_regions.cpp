@@ -28,16 +28,19 @@ constexpr uint64_t kMostOfRegion = kMostInMemory + kMostInMemory / 4;
 constexpr uint64_t kRun = 8192;  // triangles in a row that are kept together: neighbours share vertices
 constexpr uint64_t kSharedElements = 1 << 15;  // of a file, packed to see what spill becomes
 
-/// Calls `visit` with each region that the box touches, as RegionFiles hands triangles out.
+/// Calls `visit` with each region that a triangle reaches, and the box of its part there, as RegionFiles
+/// hands triangles out.
 template <class Visit>
-void ForEachRegion(const RegionTree& tree, const Box& box, Visit&& visit) {
+void ForEachRegion(const RegionTree& tree, const TriangleRecord& record, float padding, Visit&& visit) {
+  const Box box = record.PaddedBox(padding);
   uint32_t waiting[kMaxTopDepth + 1];
   int open = 0;
   waiting[open++] = 0;
   while (open > 0) {
     const KdNode node = tree.nodes[waiting[--open]];
     if (node.is_leaf()) {
-      visit(node.first());
+      if (const auto part = PartIn(record, tree.regions[node.first()].cell, padding))
+        visit(node.first(), *part);
       continue;
     }
     if (box.upper[node.axis()] >= node.split()) waiting[open++] = node.left() + 1;
@@ -139,8 +142,8 @@ PlannedRegions PlanRegions(TriangleSurvey& survey) {
   for (const KdTriangle& t : sample) {
     TriangleRecord record;
     for (size_t k = 0; k < 3; ++k) record.vertices[k] = t.vertices[k];
-    ForEachRegion(plan.tree, record.PaddedBox(plan.padding),
-                  [&](uint32_t region) { plan.expected[region] += weight; });
+    ForEachRegion(plan.tree, record, plan.padding,
+                  [&](uint32_t region, const Box&) { plan.expected[region] += weight; });
   }
   // Equal steps through all triangles of all regions.
   const size_t choices =
@@ -184,10 +187,10 @@ RegionSink::RegionSink(const PreprocessOptions& options, uint64_t memory, Planne
 
 Status RegionSink::Take(const TriangleRecord& record) {
   ++taken_;
-  const Box box = record.PaddedBox(regions_.padding);
   Status status;
-  ForEachRegion(regions_.tree, box, [&](uint32_t region) {
-    IncludeClipped(box, regions_.tree.regions[region].cell, contents_[region]);
+  ForEachRegion(regions_.tree, record, regions_.padding, [&](uint32_t region, const Box& part) {
+    contents_[region].Include(part.lower);
+    contents_[region].Include(part.upper);
     const uint64_t number = counts_[region]++;
     if (kept_of_[region] == kNoIndex || !status) return;
     Kept& kept = kept_[kept_of_[region]];
