@@ -16,6 +16,8 @@ namespace {
 
 namespace asio = boost::asio;
 
+constexpr int kUnusableArguments = 2;  // an exit status
+
 class Client {
  public:
   Client(const Endpoint& master, const Security& security, const SceneId& scene, const RenderJob& job,
@@ -171,6 +173,8 @@ class Client {
       if (failing_ && SecondsSince(tried_) < 1) return {};
       tried_ = Clock::now();
       if (Status status = callbacks_.on_frame(frames_.front().first, frames_.front().second); !status) {
+        // A full disk may get room; a place that is no file's does not become one.
+        if (status.error().exit_status == kUnusableArguments) return status;
         if (!std::exchange(failing_, true)) {
           failing_since_ = Clock::now();
           callbacks_.say(fmt::format("{}; trying again for {:.0f} s", status.error().message, retry_s_));

@@ -12,7 +12,7 @@ namespace quarry {
 struct RenderCallbacks {
   std::function<void(const FrameProgress&)> on_progress;
   /// A finished frame: the image file's bytes. An error is tried again every second (a full disk may get
-  /// space), and ends the job after RenderRemotely's `retry_s`.
+  /// space), and ends the job after RenderRemotely's `retry_s`; one of usage ends it at once.
   std::function<Status(const FrameDone&, const Bytes& image)> on_frame;
   /// Called a few times a second: an error ends the job (a process that it needs has died, say).
   std::function<Status()> check;

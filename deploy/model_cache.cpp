@@ -9,6 +9,7 @@
 #include <filesystem>
 
 #include "common/base/file.h"
+#include "common/base/output_path.h"
 #include "common/voxel/store_format.h"
 #include "deploy/cluster.h"
 
@@ -46,6 +47,7 @@ Result<std::string> StoreFor(const std::string& scene, bool quiet) {
     return Fail(fmt::format("{}: cannot examine: {}", scene, ErrnoText(errno)));
   const std::string folder = CacheFolder();
   std::error_code error;
+  QUARRY_TRY(OutputGuard::TakeFolder(folder));
   fs::create_directories(folder, error);
   if (error) return Fail(fmt::format("{}: cannot make this folder: {}", folder, error.message()));
   const std::string store = folder + "/" + CachedName(scene, info);

@@ -3,12 +3,16 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <chrono>
-#include <cstdio>
 #include <filesystem>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "common/base/file.h"
+#include "common/base/json_file.h"
+#include "common/base/number.h"
+#include "common/base/output_path.h"
 #include "common/base/progress.h"
 #include "common/base/resource.h"
 #include "common/net/security_options.h"
@@ -55,14 +59,19 @@ Status ParseImage(const RenderArguments& a, RenderJob& job) {
   job.format = extension.empty() ? "" : extension.substr(1);
   if (job.format != "png" && job.format != "exr")
     return BadUsage(fmt::format("{}: images are written as .png or .exr", a.output));
-  int end = 0;
-  if (std::sscanf(a.size.c_str(), "%ux%u%n", &job.width, &job.height, &end) != 2 ||
-      end != static_cast<int>(a.size.size()))
-    return BadUsage(fmt::format("--size is not WxH: '{}'", a.size));
-  if (!a.crop.empty() && (std::sscanf(a.crop.c_str(), "%u,%u,%u,%u%n", &job.crop_x, &job.crop_y,
-                                      &job.crop_width, &job.crop_height, &end) != 4 ||
-                          end != static_cast<int>(a.crop.size()) || job.crop_width == 0))
-    return BadUsage(fmt::format("--crop is not x,y,w,h: '{}'", a.crop));
+  uint32_t size[2], crop[4];
+  if (!ParseCounts(a.size, "x", size))
+    return BadUsage(fmt::format("--size is not WxH in whole numbers: '{}'", a.size));
+  job.width = size[0];
+  job.height = size[1];
+  if (!a.crop.empty()) {
+    if (!ParseCounts(a.crop, ",,,", crop) || crop[2] == 0)
+      return BadUsage(fmt::format("--crop is not x,y,w,h in whole numbers: '{}'", a.crop));
+    job.crop_x = crop[0];
+    job.crop_y = crop[1];
+    job.crop_width = crop[2];
+    job.crop_height = crop[3];
+  }
   job.spp = a.spp;
   job.seed = a.seed;
   job.exposure = a.exposure;
@@ -85,33 +94,45 @@ Status ParseFrames(const std::string& text, size_t count, size_t& first, size_t&
   first = 0;
   last = count - 1;
   if (text.empty()) return {};
-  unsigned a = 0, b = 0;
-  int end = 0;
-  const int n = std::sscanf(text.c_str(), "%u-%u%n", &a, &b, &end);
-  if (n == 1) b = a;
-  if (n < 1 || b < a) return BadUsage(fmt::format("--frames is not A-B: '{}'", text));
-  if (b >= count)
+  uint32_t range[2];
+  if (ParseCounts(text, "", std::span(range, 1)))
+    range[1] = range[0];
+  else if (!ParseCounts(text, "-", range) || range[1] < range[0])
+    return BadUsage(fmt::format("--frames is not A-B in whole numbers: '{}'", text));
+  if (range[1] >= count)
     return BadUsage(fmt::format("--frames {}: the camera path has frames 0 to {}", text, count - 1));
-  first = a;
-  last = b;
+  first = range[0];
+  last = range[1];
   return {};
 }
 
-Status ParseCameras(const RenderArguments& a, const SceneMeta& scene, RenderJob& job) {
+/// What the files that the person names say, before there is a store: it costs minutes where a model is
+/// given. Cameras are in the model's coordinates.
+Status ReadNamedFiles(const RenderArguments& a, RenderJob& job) {
+  RenderJob unused;
+  if (!a.lights.empty()) QUARRY_TRY(ReadLights(a.lights, glm::dvec3(0), unused));
+  if (a.camera_path.empty()) {
+    job.cameras.resize(1);
+    return a.frames.empty() ? Status{} : BadUsage("--frames needs --camera-path");
+  }
+  QUARRY_ASSIGN(const auto path, ReadCameraPath(a.camera_path));
+  size_t first = 0, last = 0;
+  QUARRY_TRY(ParseFrames(a.frames, path.size(), first, last));
+  job.first_frame = static_cast<uint32_t>(first);
+  job.cameras.assign(path.begin() + static_cast<std::ptrdiff_t>(first),
+                     path.begin() + static_cast<std::ptrdiff_t>(last) + 1);
+  return {};
+}
+
+/// Moves cameras to where the scene is; makes the one that options describe.
+Status PlaceCameras(const RenderArguments& a, const SceneMeta& scene, RenderJob& job) {
   if (!a.camera_path.empty()) {
-    QUARRY_ASSIGN(const auto path, ReadCameraPath(a.camera_path));
-    size_t first = 0, last = 0;
-    QUARRY_TRY(ParseFrames(a.frames, path.size(), first, last));
-    job.first_frame = static_cast<uint32_t>(first);
-    job.cameras.assign(path.begin() + static_cast<std::ptrdiff_t>(first),
-                       path.begin() + static_cast<std::ptrdiff_t>(last) + 1);
     for (CameraSpec& camera : job.cameras) {
       camera.eye -= scene.offset;
       camera.at -= scene.offset;
     }
     return {};
   }
-  if (!a.frames.empty()) return BadUsage("--frames needs --camera-path");
   CameraSpec camera = DefaultView(scene, static_cast<double>(job.width) / job.height, a.fov);
   if (!a.at.empty()) {
     QUARRY_ASSIGN(const glm::dvec3 at, ParseVector(a.at, "--at"));
@@ -138,6 +159,38 @@ std::string FramePath(const RenderArguments& a, uint32_t frame) {
       .string();
 }
 
+/// Decides about everything that will be written. `model_files`: what the model is made of beside itself.
+Status CheckOutputs(const RenderArguments& a, const RenderJob& job,
+                    const std::vector<std::string>& model_files) {
+  OutputGuard guard(a.force ? OutputGuard::Force::kYes : OutputGuard::Force::kNo);
+  for (const std::string& file : model_files) guard.AddInput(file);
+  for (const std::string* file : {&a.scene, &a.camera_path, &a.lights, &a.security.secret_file,
+                                  &a.security.tls_cert, &a.security.tls_key, &a.security.tls_ca})
+    guard.AddInput(*file);
+  const OutputKind& kind = job.format == "png" ? kPngOutput : kExrOutput;
+  for (size_t i = 0; i < job.cameras.size(); ++i) {
+    const auto frame = static_cast<uint32_t>(job.first_frame + i);
+    QUARRY_ASSIGN(const OutputPlace place, guard.Take(FramePath(a, frame), kind));
+    if (i == 0) QUARRY_TRY(CheckWritable(place));
+  }
+  if (a.stats.empty()) return {};
+  QUARRY_ASSIGN(const OutputPlace stats, guard.Take(a.stats, kStatisticsOutput));
+  return CheckWritable(stats);
+}
+
+/// The images that a model names, as far as their names tell where they are.
+std::vector<std::string> ImagesOf(const std::string& model, const StoreReader& store) {
+  const auto folder = std::filesystem::path(model).parent_path();
+  std::vector<std::string> files;
+  for (const Texture& texture : store.textures()) {
+    std::string name = texture.name;
+    std::ranges::replace(name, '\\', '/');
+    files.push_back((folder / name).string());
+    files.push_back((folder / std::filesystem::path(name).filename()).string());
+  }
+  return files;
+}
+
 Status WriteStatistics(const RenderArguments& a, const nlohmann::ordered_json& frames, double wall_s) {
   if (a.stats.empty()) return {};
   nlohmann::ordered_json j;
@@ -151,9 +204,10 @@ Status WriteStatistics(const RenderArguments& a, const nlohmann::ordered_json& f
 void AddRenderOptions(CLI::App& c, RenderArguments& a) {
   c.add_option("scene", a.scene, "A scene store, or a model to be preprocessed first")->required();
   c.add_option("-o,--output", a.output, "The picture: .png or .exr")->required();
-  c.add_option("--workers", a.workers, "Worker processes")->check(CLI::Range(1, 256))->capture_default_str();
+  c.add_flag("--force", a.force, "Replace outputs that hold something else; never what is read");
+  c.add_option("--workers", a.workers, "Worker processes")->check(WholeNumber(1, 256))->capture_default_str();
   c.add_option("--threads", a.threads, "Threads per worker (default: the processors shared out)")
-      ->check(CLI::Range(1, 1024));
+      ->check(WholeNumber(1, 1024));
   c.add_option("--cache", a.cache, "Decoded voxels held per worker")
       ->envname("QUARRY_CACHE")
       ->capture_default_str();
@@ -162,21 +216,28 @@ void AddRenderOptions(CLI::App& c, RenderArguments& a) {
   c.add_option("--eye", a.eye, "Camera position x,y,z (default: frames the model)");
   c.add_option("--at", a.at, "Point looked at x,y,z");
   c.add_option("--up", a.up, "Up vector x,y,z");
-  c.add_option("--fov", a.fov, "Vertical field of view in degrees")->capture_default_str();
-  c.add_option("--ortho", a.ortho, "Orthographic, this high in scene units");
+  c.add_option("--fov", a.fov, "Vertical field of view in degrees")
+      ->check(RealNumber(0, 179))
+      ->capture_default_str();
+  c.add_option("--ortho", a.ortho, "Orthographic, this high in scene units")
+      ->check(RealNumber(0, std::numeric_limits<double>::max()));
   c.add_option("--camera-path", a.camera_path, "Camera path; writes out.####.png");
   c.add_option("--frames", a.frames, "Frames A-B of the path");
   c.add_option("--mode", a.mode, "raycast, shadow, whitted or voxels")->capture_default_str();
   c.add_option("--sun", a.sun, "Direction toward the sun x,y,z");
   c.add_option("--lights", a.lights, "Lights, ambient and background as JSON");
-  c.add_option("--spp", a.spp, "Samples per pixel")->capture_default_str();
-  c.add_option("--seed", a.seed, "Seed of the sample pattern")->capture_default_str();
-  c.add_option("--exposure", a.exposure, "Exposure of PNGs in EV")->capture_default_str();
+  c.add_option("--spp", a.spp, "Samples per pixel")->check(WholeNumber(1, kMaxSpp))->capture_default_str();
+  c.add_option("--seed", a.seed, "Seed of the sample pattern")
+      ->check(WholeNumber(0, std::numeric_limits<uint64_t>::max()))
+      ->capture_default_str();
+  c.add_option("--exposure", a.exposure, "Exposure of PNGs in EV")
+      ->check(RealNumber(-100, 100))
+      ->capture_default_str();
   c.add_option("--aov", a.aov, "Layers of EXRs: depth,normal,uv,primitive,material,part,voxel");
   c.add_option("--stats", a.stats, "Write statistics as JSON to this file");
   c.add_option("--master", a.master, "Use the cluster of the master at HOST:PORT")->envname("QUARRY_MASTER");
   c.add_option("--retry", a.retry_s, "Seconds for which a lost master or a full disk is tried again")
-      ->check(CLI::Range(0.0, 1e6))
+      ->check(RealNumber(0, 1e6))
       ->capture_default_str();
   AddSecurityOptions(c, a.security);
   c.add_flag("--quiet", a.quiet, "Print errors only");
@@ -189,13 +250,14 @@ Status Render(const RenderArguments& a) {
   // The environment speaks of the cluster that --master names, not of one for this command alone.
   const SecurityOptions security_options = a.master.empty() ? a.security : WithEnvironment(a.security);
   QUARRY_ASSIGN(const Security security, Security::ForClient(security_options));
+  QUARRY_TRY(ReadNamedFiles(a, job));
+  QUARRY_TRY(CheckOutputs(a, job, {}));
   QUARRY_ASSIGN(const std::string scene, StoreFor(a.scene, a.quiet));
   QUARRY_ASSIGN(const StoreReader store, StoreReader::Open(scene));
+  if (scene != a.scene) QUARRY_TRY(CheckOutputs(a, job, ImagesOf(a.scene, store)));
   QUARRY_TRY(ParseLights(a, store.catalog().meta, job));
-  QUARRY_TRY(ParseCameras(a, store.catalog().meta, job));
+  QUARRY_TRY(PlaceCameras(a, store.catalog().meta, job));
   QUARRY_TRY(NormalizeJob(job));
-  // The first output's place first: an unwritable one should not cost a frame.
-  QUARRY_TRY(OutputFile::Create(FramePath(a, job.first_frame)).map([](auto&&) {}));
 
   std::unique_ptr<LocalCluster> cluster;
   Endpoint master;
@@ -217,7 +279,10 @@ Status Render(const RenderArguments& a) {
   };
   callbacks.on_frame = [&](const FrameDone& done, const Bytes& image) -> Status {
     QUARRY_TRY(WriteFileAtomically(FramePath(a, done.frame), image));
-    frames.push_back(nlohmann::ordered_json::parse(done.statistics, nullptr, false));
+    // From the master, who need not be a friend.
+    auto statistics = ParseJson<nlohmann::ordered_json>(done.statistics, "the master's statistics",
+                                                        {16u << 20, 16, 1u << 20, 1000});
+    frames.push_back(statistics ? std::move(*statistics) : nlohmann::ordered_json());
     return {};
   };
   callbacks.say = [&](const std::string& line) { progress.Say(line); };

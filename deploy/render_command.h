@@ -25,12 +25,13 @@ struct RenderArguments {
   std::string stats, master;
   double retry_s = 60;
   SecurityOptions security;
-  bool quiet = false;
+  bool quiet = false, force = false;
 };
 
 void AddRenderOptions(CLI::App& command, RenderArguments& arguments);
 
-/// Renders to `output`, or `out.####.png` for a camera path: starts a cluster on this machine or uses
+/// Renders to `output`, once it is decided that nothing else is lost by it (OutputGuard), or `out.####.png`
+/// for a camera path: starts a cluster on this machine or uses
 /// --master's. A model is preprocessed first; its store is kept and used again while the model's size and
 /// time are unchanged.
 Status Render(const RenderArguments& arguments);

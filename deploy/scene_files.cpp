@@ -3,86 +3,97 @@
 #include <fmt/format.h>
 
 #include <cstdio>
-#include <fstream>
+#include <limits>
 #include <nlohmann/json.hpp>
+#include <optional>
+
+#include "common/base/json_file.h"
 
 namespace quarry {
 namespace {
 
 using nlohmann::json;
 
-Result<json> ReadJson(const std::string& path) {
-  std::ifstream file(path);
-  if (!file) return Fail(fmt::format("{}: cannot open", path));
-  try {
-    return json::parse(file);
-  } catch (const json::parse_error& e) {
-    return Fail(fmt::format("{}: not JSON: error near byte {}", path, e.byte));
-  }
-}
+constexpr double kMostDouble = std::numeric_limits<double>::max(),
+                 kMostFloat = std::numeric_limits<float>::max();
+constexpr double kMostFov = 179;  // degrees
 
-template <class V>
-Status ReadVector(const json& object, const char* name, const std::string& path, V& out) {
-  const auto it = object.find(name);
-  if (it == object.end()) return Fail(fmt::format("{}: '{}' is missing", path, name));
-  if (!it->is_array() || it->size() != 3)
-    return Fail(fmt::format("{}: '{}' is not a list of three numbers", path, name));
-  for (int a = 0; a < 3; ++a) {
-    const json& value = (*it)[static_cast<size_t>(a)];
-    if (!value.is_number()) return Fail(fmt::format("{}: '{}' is not a list of three numbers", path, name));
-    out[a] = value.get<typename V::value_type>();
-  }
+/// A colour or radiance.
+Status ReadColour(const JsonValue& value, glm::vec3& out) {
+  double numbers[3];
+  QUARRY_TRY(value.Numbers(numbers, 0, kMostFloat));
+  out = {numbers[0], numbers[1], numbers[2]};
   return {};
 }
 
-Result<Light> ReadLight(const json& object, const glm::dvec3& offset, const std::string& path) {
-  const std::string type = object.is_object() ? object.value("type", "") : "";
-  if (type != "sun" && type != "point")
-    return Fail(fmt::format("{}: a light's type is neither sun nor point", path));
+Status ReadPoint(const JsonValue& value, glm::dvec3& out) {
+  double numbers[3];
+  QUARRY_TRY(value.Numbers(numbers, -kMostDouble, kMostDouble));
+  out = {numbers[0], numbers[1], numbers[2]};
+  return {};
+}
+
+/// The same, if it is there.
+template <class V>
+Status ReadOptional(const JsonValue& object, const char* name, Status (*read)(const JsonValue&, V&), V& out) {
+  QUARRY_ASSIGN(const std::optional<JsonValue> value, object.Optional(name));
+  return value ? read(*value, out) : Status{};
+}
+
+Result<Light> ReadLight(const JsonValue& object, const glm::dvec3& offset) {
+  QUARRY_ASSIGN(const JsonValue type, object.Member("type"));
+  QUARRY_ASSIGN(const std::string kind, type.Text());
+  if (kind != "sun" && kind != "point") return type.Wrong("is neither sun nor point");
   Light light;
-  light.kind = type == "sun" ? LightKind::kSun : LightKind::kPoint;
-  glm::dvec3 vector;
-  QUARRY_TRY(ReadVector(object, type == "sun" ? "direction" : "position", path, vector));
-  light.vector = glm::vec3(type == "sun" ? vector : vector - offset);
-  QUARRY_TRY(ReadVector(object, "radiance", path, light.radiance));
+  light.kind = kind == "sun" ? LightKind::kSun : LightKind::kPoint;
+  QUARRY_ASSIGN(const JsonValue place, object.Member(kind == "sun" ? "direction" : "position"));
+  double numbers[3];
+  QUARRY_TRY(place.Numbers(numbers, -kMostFloat, kMostFloat));
+  const glm::dvec3 vector(numbers[0], numbers[1], numbers[2]);
+  light.vector = glm::vec3(kind == "sun" ? vector : vector - offset);
+  QUARRY_ASSIGN(const JsonValue radiance, object.Member("radiance"));
+  QUARRY_TRY(ReadColour(radiance, light.radiance));
   return light;
 }
 
-const json* FindList(const json& root, const char* name) {
-  if (!root.is_object()) return nullptr;
-  const auto it = root.find(name);
-  return it != root.end() && it->is_array() ? &*it : nullptr;
+Result<CameraSpec> ReadCamera(const JsonValue& object) {
+  CameraSpec camera;
+  QUARRY_ASSIGN(const JsonValue eye, object.Member("eye"));
+  QUARRY_TRY(ReadPoint(eye, camera.eye));
+  QUARRY_ASSIGN(const JsonValue at, object.Member("at"));
+  QUARRY_TRY(ReadPoint(at, camera.at));
+  QUARRY_TRY(ReadOptional(object, "up", ReadPoint, camera.up));
+  QUARRY_ASSIGN(const std::optional<JsonValue> fov, object.Optional("fov"));
+  if (!fov) return camera;
+  QUARRY_ASSIGN(camera.fov_degrees, fov->Number());
+  if (!(camera.fov_degrees > 0 && camera.fov_degrees <= kMostFov))
+    return fov->Wrong(fmt::format("must lie between 0 and {} degrees", kMostFov));
+  return camera;
 }
 
 }  // namespace
 
 Status ReadLights(const std::string& path, const glm::dvec3& offset, RenderJob& job) {
-  QUARRY_ASSIGN(const json root, ReadJson(path));
-  const json* lights = FindList(root, "lights");
-  if (!lights) return Fail(fmt::format("{}: has no list 'lights'", path));
-  for (const json& object : *lights) {
-    QUARRY_ASSIGN(const Light light, ReadLight(object, offset, path));
+  QUARRY_ASSIGN(const json root, ReadJsonFile<json>(path));
+  const JsonValue whole(root, path);
+  QUARRY_ASSIGN(const JsonValue lights, whole.Member("lights"));
+  QUARRY_ASSIGN(const std::vector<JsonValue> list, lights.List());
+  for (const JsonValue& object : list) {
+    QUARRY_ASSIGN(const Light light, ReadLight(object, offset));
     job.lights.push_back(light);
   }
-  if (root.contains("ambient")) QUARRY_TRY(ReadVector(root, "ambient", path, job.ambient));
-  if (root.contains("background")) QUARRY_TRY(ReadVector(root, "background", path, job.background));
-  return {};
+  QUARRY_TRY(ReadOptional(whole, "ambient", ReadColour, job.ambient));
+  return ReadOptional(whole, "background", ReadColour, job.background);
 }
 
 Result<std::vector<CameraSpec>> ReadCameraPath(const std::string& path) {
-  QUARRY_ASSIGN(const json root, ReadJson(path));
-  const json* frames = FindList(root, "frames");
-  if (!frames || frames->empty()) return Fail(fmt::format("{}: has no list 'frames'", path));
+  QUARRY_ASSIGN(const json root, ReadJsonFile<json>(path));
+  QUARRY_ASSIGN(const JsonValue frames, JsonValue(root, path).Member("frames"));
+  QUARRY_ASSIGN(const std::vector<JsonValue> list, frames.List());
+  if (list.empty()) return frames.Wrong("has no frame in it");
   std::vector<CameraSpec> cameras;
-  for (const json& object : *frames) {
-    CameraSpec camera;
-    QUARRY_TRY(ReadVector(object, "eye", path, camera.eye));
-    QUARRY_TRY(ReadVector(object, "at", path, camera.at));
-    if (object.contains("up")) QUARRY_TRY(ReadVector(object, "up", path, camera.up));
-    if (const auto fov = object.find("fov"); fov != object.end()) {
-      if (!fov->is_number()) return Fail(fmt::format("{}: 'fov' is not a number", path));
-      camera.fov_degrees = fov->get<double>();
-    }
+  for (const JsonValue& object : list) {
+    QUARRY_ASSIGN(const CameraSpec camera, ReadCamera(object));
     cameras.push_back(camera);
   }
   return cameras;

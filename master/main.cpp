@@ -4,6 +4,7 @@
 
 #include "common/base/cleanup.h"
 #include "common/base/cpu_check.h"
+#include "common/base/output_path.h"
 #include "common/base/resource.h"
 #include "common/base/size.h"
 #include "common/base/version.h"
@@ -13,12 +14,23 @@
 namespace quarry {
 namespace {
 
+/// What is written, decided before any work.
+Status CheckOutputs(const MasterOptions& options, const SecurityOptions& security) {
+  OutputGuard guard(OutputGuard::Force::kNotOffered);
+  for (const std::string* file :
+       {&options.scene, &security.secret_file, &security.tls_cert, &security.tls_key, &security.tls_ca})
+    guard.AddInput(*file);
+  if (!options.spool.empty()) QUARRY_TRY(OutputGuard::TakeFolder(options.spool));
+  return options.trace.empty() ? Status{} : guard.Take(options.trace, kTraceOutput).map([](auto&&) {});
+}
+
 Status Run(MasterOptions options, const SecurityOptions& security, const std::string& listen,
            const std::string& schedule, const std::string& foresight) {
   QUARRY_ASSIGN(options.listen, ParseEndpoint(listen, "--listen"));
   QUARRY_ASSIGN(options.policy, ParsePolicy(schedule));
   QUARRY_ASSIGN(options.foresight_bytes, ParseSize(foresight, "--foresight"));
   QUARRY_ASSIGN(options.security, Security::ForServer(WithEnvironment(security)));
+  QUARRY_TRY(CheckOutputs(options, WithEnvironment(security)));
   return RunMaster(options);
 }
 

@@ -26,6 +26,23 @@ void RemoveTemporaries(const fs::path& folder) {
       fs::remove(entry.path(), ignored);
 }
 
+/// A file that masters write into a job's folder.
+bool IsOurs(const fs::path& file) {
+  const std::string name = file.filename().string(), frame = file.stem().string();
+  if (name == "job" || name == "tries") return true;
+  const bool image = file.extension() == ".png" || file.extension() == ".exr";
+  return image && !frame.empty() && frame.find_first_not_of("0123456789") == std::string::npos;
+}
+
+/// A job that a master was killed while beginning or removing. A folder of somebody else's that happens to
+/// have such a name keeps what is in it.
+void RemoveRemains(const fs::path& folder) {
+  std::error_code ignored;
+  for (const auto& entry : fs::directory_iterator(folder, ignored))
+    if (entry.is_regular_file(ignored) && IsOurs(entry.path())) fs::remove(entry.path(), ignored);
+  fs::remove(folder, ignored);  // if it is empty
+}
+
 Result<Bytes> ReadAll(const std::string& path, uint64_t most) {
   QUARRY_ASSIGN(const InputFile file, InputFile::Open(path));
   if (file.size() > most) return Fail(fmt::format("{}: is larger than it can be", path));
@@ -81,8 +98,7 @@ Result<Spool> Spool::Open(const std::string& folder, const SceneId& scene) {
       folders.push_back(entry.path());
   for (const fs::path& path : folders) {
     RemoveTemporaries(path);
-    std::error_code ignored;
-    if (!fs::exists(path / "job")) fs::remove_all(path, ignored);  // killed while beginning or removing it
+    if (!fs::exists(path / "job")) RemoveRemains(path);
   }
   if (error) return Fail(fmt::format("{}: cannot be read: {}", folder, error.message()));
   return Spool(folder, scene, std::move(lock));

@@ -1,16 +1,28 @@
 #include "master/tile_log.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <cerrno>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "common/base/output_path.h"
+
 namespace quarry {
 
 Result<TileLog> TileLog::Create(const std::string& path) {
+  QUARRY_ASSIGN(const OutputPlace place, PlaceOf(path));
   TileLog log;
-  log.file_.reset(std::fopen(path.c_str(), "w"));
+  // Without O_NONBLOCK, opening a FIFO would wait for a reader that may never come.
+  const int fd =
+      ::open(place.path.c_str(),
+             O_WRONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY | (place.stream ? 0 : O_CREAT | O_TRUNC), 0644);
+  if (fd >= 0) {
+    ::fcntl(fd, F_SETFL, ::fcntl(fd, F_GETFL) & ~O_NONBLOCK);
+    log.file_.reset(::fdopen(fd, "w"));
+  }
   if (!log.file_) return Fail(fmt::format("{}: cannot be written: {}", path, ErrnoText(errno)));
   std::setvbuf(log.file_.get(), nullptr, _IOLBF, 1 << 16);  // whole lines, however the master ends
   return log;

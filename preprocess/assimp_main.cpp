@@ -3,9 +3,11 @@
 // it, for quarry-preprocess, which starts it. A process of its own, since Assimp holds models whole and may
 // fail as it likes.
 
+#include <assimp/DefaultIOSystem.h>
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
 #include <fmt/format.h>
+#include <sys/stat.h>
 
 #include <assimp/Importer.hpp>
 #include <cstdlib>
@@ -24,6 +26,16 @@ namespace quarry {
 namespace {
 
 constexpr uint64_t kOwnBytes = 512u << 20;  // libraries, stacks, buffers
+
+/// Opens regular files alone: what a model names may be a FIFO, which would keep us waiting for ever.
+class RegularFiles : public Assimp::DefaultIOSystem {
+ public:
+  Assimp::IOStream* Open(const char* path, const char* mode) override {
+    struct stat info {};
+    if (::stat(path, &info) != 0 || !S_ISREG(info.st_mode)) return nullptr;
+    return DefaultIOSystem::Open(path, mode);
+  }
+};
 
 /// A mesh where a node puts it.
 struct Placed {
@@ -126,6 +138,7 @@ Status WritePly(const std::vector<Placed>& placed, const std::string& path) {
 Status Run(const std::string& model, const std::string& out, uint64_t memory) {
   LimitAddressSpace(kOwnBytes + memory);
   Assimp::Importer importer;
+  importer.SetIOHandler(new RegularFiles);  // the importer's from now on
   const aiScene* scene = importer.ReadFile(
       model, aiProcess_Triangulate | aiProcess_SortByPType | aiProcess_JoinIdenticalVertices);
   if (!scene || !scene->mRootNode)

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "common/base/output_path.h"
 #include "common/voxel/texture_shape.h"
 #include "preprocess/import/file_identity.h"
 #include "preprocess/saved_tables.h"
@@ -32,6 +33,7 @@ Result<uint32_t> ImageList::Add(TextureImage image) {
   if (images_.size() == kMaxTextures)
     return Fail(
         fmt::format("{}: more than {} images in all; --no-textures does without", image.model, kMaxTextures));
+  NoteRead(image.file);  // by another process, later
   identities_.push_back(image.file == path_ ? "" : FileIdentity(image.file));
   images_.push_back(std::move(image));
   return it->second;

@@ -10,15 +10,25 @@
 #include "common/base/cleanup.h"
 #include "common/base/cpu_check.h"
 #include "common/base/file.h"
+#include "common/base/number.h"
+#include "common/base/output_path.h"
 #include "common/base/resource.h"
 #include "common/base/size.h"
 #include "common/base/version.h"
+#include "common/voxel/store_format.h"
 #include "preprocess/import/text_number.h"
 #include "preprocess/plan.h"
 #include "preprocess/preprocess.h"
 
 namespace quarry {
 namespace {
+
+/// Options that are parsed once all are known.
+struct Texts {
+  std::string memory = "1G", voxel_size = "256K", up, stats, unpack_limit;
+  std::vector<std::string> places;
+  bool force = false;
+};
 
 constexpr uint64_t kLeastMemory = 64ull << 20;
 constexpr uint64_t kLeastVoxel = 4u << 10, kLargestVoxel = 4u << 20;
@@ -134,18 +144,39 @@ Status PrintPlan(const PreprocessOptions& options, const std::string& stats) {
   return CheckRoom(options, plan);
 }
 
-Status Run(PreprocessOptions options, const std::string& memory, const std::string& voxel_size,
-           const std::string& up, const std::string& stats, const std::vector<std::string>& places,
-           bool plan) {
-  QUARRY_ASSIGN(options.memory, ParseSize(memory, "--memory"));
-  QUARRY_ASSIGN(const uint64_t voxel, ParseSize(voxel_size, "--voxel-size"));
+bool IsStore(std::string_view start) { return start.starts_with(kStoreMagic); }
+const OutputKind kStoreOutput{"a scene store", IsStore, false};
+
+/// What is written, decided before any work. The store's place takes the place of its name: what is on the
+/// way to it lies beside it.
+Status CheckOutputs(const Texts& texts, PreprocessOptions& options) {
+  OutputGuard guard(texts.force ? OutputGuard::Force::kYes : OutputGuard::Force::kNo);
+  for (const std::string& model : options.models) guard.AddInput(model);
+  QUARRY_ASSIGN(const OutputPlace store, guard.Take(options.output, kStoreOutput));
+  options.output = store.path;
+  QUARRY_TRY(OutputGuard::TakeFolder(options.output + ".work"));
+  if (!options.tmp_folder.empty()) QUARRY_TRY(OutputGuard::TakeFolder(options.tmp_folder));
+  if (texts.stats.empty()) return {};
+  QUARRY_ASSIGN(const OutputPlace stats, guard.Take(texts.stats, kStatisticsOutput));
+  return CheckWritable(stats);
+}
+
+Status Run(PreprocessOptions options, const Texts& texts, bool plan) {
+  const std::string &up = texts.up, &stats = texts.stats;
+  QUARRY_ASSIGN(options.memory, ParseSize(texts.memory, "--memory"));
+  QUARRY_ASSIGN(const uint64_t voxel, ParseSize(texts.voxel_size, "--voxel-size"));
+  if (!texts.unpack_limit.empty()) {
+    QUARRY_ASSIGN(options.unpack_limit, ParseSize(texts.unpack_limit, "--unpack-limit"));
+    if (options.unpack_limit == 0) return BadUsage("--unpack-limit must be positive");
+  }
   if (options.memory < kLeastMemory) return BadUsage("--memory must be at least 64M");
   if (voxel < kLeastVoxel || voxel > kLargestVoxel)
     return BadUsage("--voxel-size must lie between 4K and 4M");
   if (!(options.scale > 0) || options.scale > 1e12) return BadUsage("--scale must be a positive number");
   options.voxel_size = static_cast<uint32_t>(voxel);
   options.up_axis = up == "y" || (up.empty() && AllHaveYUp(options.models)) ? 1 : 2;
-  for (const std::string& place : places) QUARRY_TRY(ParsePlacement(place, options));
+  for (const std::string& place : texts.places) QUARRY_TRY(ParsePlacement(place, options));
+  QUARRY_TRY(CheckOutputs(texts, options));
   if (plan) return PrintPlan(options, stats);
   if (!options.resume && RoomIsTight(options)) {
     if (!options.quiet)
@@ -163,10 +194,10 @@ int Main(int argc, char** argv) {
   RequireCpu();
   KeepHeapSmall(4 << 20);  // voxels are built in buffers below it, again and again
   InstallSignalHandlers("quarry-preprocess", "nothing was written");
+  EndWithParent();  // quarry render's
   PreprocessOptions options;
   options.threads = std::max(1u, std::thread::hardware_concurrency());
-  std::string memory = "1G", voxel_size = "256K", up, stats;
-  std::vector<std::string> places;
+  Texts texts;
   bool plan = false;
   CLI::App app{
       "Cuts triangle models (PLY, OBJ, STL, OFF, NFF, AFF, glTF; others by Assimp) into a scene store, out "
@@ -183,30 +214,36 @@ int Main(int argc, char** argv) {
                  "Model files, packed by gzip or zstd or not; several make one scene; - is standard input")
       ->required();
   app.add_option("-o,--output", options.output, "The store to write")->required();
-  app.add_option("--memory", memory,
+  app.add_flag("--force", texts.force,
+               "Replace the output though it holds something else; never a model that is read");
+  app.add_option("--memory", texts.memory,
                  "Ceiling on resident memory, e.g. 512M; of Assimp's own too, which holds models whole")
       ->envname("QUARRY_MEMORY")
       ->capture_default_str();
   app.add_option("--threads", options.threads, "Builder threads")
       ->envname("QUARRY_THREADS")
-      ->check(CLI::Range(1, 1024))
+      ->check(WholeNumber(1, 1024))
       ->capture_default_str();
   app.add_option("--tmp", options.tmp_folder, "Folder for spill files (default: the output's)")
       ->envname("QUARRY_TMP");
-  app.add_option("--voxel-size", voxel_size, "Most bytes of a decoded voxel's hot part")
+  app.add_option("--voxel-size", texts.voxel_size, "Most bytes of a decoded voxel's hot part")
       ->capture_default_str();
-  app.add_option("--up", up, "The models' up axis (default: y for glTF and what Assimp reads, else z)")
+  app.add_option("--up", texts.up, "The models' up axis (default: y for glTF and what Assimp reads, else z)")
       ->check(CLI::IsMember({"y", "z"}));
-  app.add_option("--scale", options.scale, "Factor on all coordinates")->capture_default_str();
-  app.add_option("--place", places,
+  app.add_option("--scale", options.scale, "Factor on all coordinates")
+      ->check(RealNumber(1e-12, 1e12))
+      ->capture_default_str();
+  app.add_option("--place", texts.places,
                  "Puts one model elsewhere: MODEL=x,y,z[,turn[,scale]], scaled, turned by degrees about the "
                  "up axis, moved");
-  app.add_option("--stats", stats, "Write statistics as JSON to this file");
+  app.add_option("--stats", texts.stats, "Write statistics as JSON to this file");
   app.add_flag("!--no-textures", options.textures, "Leave out the images that materials name");
   app.add_option("--checkpoint", options.checkpoint_seconds,
                  "Seconds of work, about, that are done again by --resume after a kill")
-      ->check(CLI::Range(0.0, 86400.0))
+      ->check(RealNumber(0, 86400))
       ->capture_default_str();
+  app.add_option("--unpack-limit", texts.unpack_limit,
+                 "Most bytes that a packed model unpacks to (default: 100 times its own, at least 256M)");
   app.add_flag("--resume", options.resume, "Go on with what an earlier run of the same command has left");
   app.add_flag("--plan", plan, "Only tell triangles, disk, memory and time, and whether the disk has room");
   app.add_flag("--quiet", options.quiet, "Print errors only");
@@ -215,7 +252,7 @@ int Main(int argc, char** argv) {
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? 0 : 2;
   }
-  const Status status = Run(options, memory, voxel_size, up, stats, places, plan);
+  const Status status = Run(options, texts, plan);
   if (status) return 0;
   fmt::print(stderr, "quarry-preprocess: {}\n", status.error().message);
   return status.error().exit_status;

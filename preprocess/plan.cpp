@@ -6,11 +6,15 @@
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
+#include <optional>
+#include <system_error>
+#include <type_traits>
 #include <vector>
 
 #include "common/base/resource.h"
 #include "common/base/size.h"
 #include "preprocess/import/importer.h"
+#include "preprocess/plan_regions.h"
 #include "preprocess/plan_sample.h"
 #include "preprocess/plan_textures.h"
 #include "preprocess/regions.h"
@@ -26,20 +30,25 @@ constexpr uint64_t kOverheadBytes = 44ull << 20;  // of a run beyond --memory: R
 // and taking it back from there. Fitted to models that the page cache holds: preprocess/README.md
 constexpr double kImportSeconds = 3e-9, kPartingSeconds = 6.5e-9;
 
+/// The rest is for what is built.
+uint64_t MemoryForVertices(const PreprocessOptions& options) { return options.memory / 4 * 3; }
+
 /// Counts, of one file after the other.
 struct Counts {
   uint64_t positions = 0, normals = 0, uvs = 0, triangles = 0;
   VertexSample vertices;
 };
 
-class CountingSink : public IgnoringSink {
+class CountingSink final : public ResolvingSink {
  public:
   /// Images that models hold as text are put into the file `images_path`.
-  CountingSink(bool textures, std::string images_path)
-      : images(std::move(images_path)), textures_(textures) {}
-  Status BeginFile(std::string_view) override {
+  CountingSink(const PreprocessOptions& options, std::string images_path)
+      : ResolvingSink(options, MemoryForVertices(options), false),
+        images(std::move(images_path)),
+        textures_(options.textures) {}
+  Status BeginFile(std::string_view name) override {
     files.emplace_back();
-    return {};
+    return ResolvingSink::BeginFile(name);
   }
   bool takes_textures() const override { return textures_; }
   Result<uint32_t> AddTexture(TextureImage image) override { return images.Add(std::move(image)); }
@@ -47,7 +56,7 @@ class CountingSink : public IgnoringSink {
     ++files.back().positions;
     files.back().vertices.Add(position);
     has_color |= (color.r & color.g & color.b & color.a) != 255;
-    return {};
+    return ResolvingSink::AddPosition(position, color);
   }
   Status AddNormal(const glm::vec3&) override {
     ++files.back().normals;
@@ -57,33 +66,45 @@ class CountingSink : public IgnoringSink {
     ++files.back().uvs;
     return {};
   }
-  Status AddPolygon(std::span<const Corner> corners, uint32_t, uint32_t) override {
+  Status AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t part) override {
     if (corners.size() >= 3) files.back().triangles += corners.size() - 2;
-    return {};
+    return ResolvingSink::AddPolygon(corners, material, part);
   }
 
+  TriangleSurvey survey;
   std::vector<Counts> files;
   bool has_color = false;
   ImageList images;
 
  private:
-  bool textures_;
+  Status Take(const TriangleRecord& record) override {
+    const Box box = record.PaddedBox(0);
+    survey.bounds.Include(box.lower);
+    survey.bounds.Include(box.upper);
+    survey.sample.Add(record);
+    ++survey.triangles;
+    return {};
+  }
+
+  const bool textures_;
 };
 
-Status ReadModels(const PreprocessOptions& options, ModelSink& sink) {
+template <class Sink>
+Status ReadModels(const PreprocessOptions& options, Sink& sink) {
   for (const std::string& model : options.models) {
     if (model == "-")
       return BadUsage("--plan reads models more than once, which standard input does not allow");
+    if constexpr (std::is_base_of_v<ResolvingSink, Sink>) sink.Place(model);
     const std::string prefix = fmt::format("{}/quarry-foreign-{}", SpillFolder(options), ::getpid());
-    QUARRY_TRY(ImportModel(model, sink, ForeignFormatsOf(options, prefix)));
+    QUARRY_TRY(ImportModel(model, sink, ForeignFormatsOf(options, prefix), options.unpack_limit));
   }
   return {};
 }
 
 /// The most spill at once: while a file is imported, or when all triangles have been parted: a slice of them
 /// is in both places, and those that touch several regions in each. `record`: bytes of a triangle's; `share`:
-/// of them when packed.
-uint64_t SpillPeak(const std::vector<Counts>& files, double record, double share) {
+/// of them when packed; `references`: regions that a triangle lies in.
+uint64_t SpillPeak(const std::vector<Counts>& files, double record, double share, double references) {
   constexpr auto kLarge = static_cast<double>(SpillFile::kPackLarge);
   // The file of triangles is packed beyond its first bytes, those of regions all or not at all.
   const auto in_file = [&](double n) {
@@ -99,18 +120,56 @@ uint64_t SpillPeak(const std::vector<Counts>& files, double record, double share
   double sample = triangles;  // saved for --resume
   while (sample > TriangleSample::kMost) sample /= 2;
   const double slice = std::min(triangles, static_cast<double>(kPartedAtOnce));
-  const double regions = 1.05 * triangles * record * (triangles * record > kLarge ? share : 1);
+  const double parted = references * triangles * record;
+  const double regions = parted * (parted > kLarge ? share : 1);
   return static_cast<uint64_t>(std::max(peak, in_file(triangles) - in_file(triangles - slice) + regions) +
                                sample * (sizeof(KdTriangle) + 4));
 }
 
 }  // namespace
 
+namespace {
+
+/// By regions that a run would make. Nothing: the vertices do not fit the memory, or some regions the disk,
+/// which may be what a plan is to find out.
+Result<std::optional<SampleCost>> CostByRegions(const PreprocessOptions& options, CountingSink& counted,
+                                                Attributes attributes) {
+  if (!counted.held_all()) return std::optional<SampleCost>();
+  if (counted.survey.triangles < kFewestTriangles) return std::optional(kUsualCost);
+  PlannedRegions regions = PlanRegions(counted.survey);
+  std::error_code unknown;
+  const auto space = std::filesystem::space(SpillFolder(options), unknown);
+  if (!unknown && space.available < 2 * KeptBytes(regions, attributes)) return std::optional<SampleCost>();
+  QUARRY_ASSIGN(const TemporaryFolder folder,
+                TemporaryFolder::Make(fmt::format("{}/quarry-plan-{}", SpillFolder(options), ::getpid())));
+  RegionSink sink(options, MemoryForVertices(options), regions, attributes, folder.path());
+  QUARRY_TRY(ReadModels(options, sink));
+  sink.Release();
+  if (!sink.held_all()) return std::optional<SampleCost>();
+  QUARRY_ASSIGN(const SampleCost cost, sink.Measure());
+  return std::optional(cost);
+}
+
+/// By cubes around some vertices of the largest file.
+Result<SampleCost> CostByWindows(const PreprocessOptions& options, const CountingSink& counted,
+                                 size_t largest, Attributes attributes) {
+  const Counts& of = counted.files[largest];
+  const std::vector<SampleWindow> windows = ChooseWindows(of.vertices, of.triangles);
+  WindowSink content(largest, windows, of.positions);
+  QUARRY_TRY(ReadModels(options, content));
+  CornerSink corners(largest, content);
+  if (corners.wants_any()) QUARRY_TRY(ReadModels(options, corners));
+  return MeasureWindows(options, windows, of.vertices, content, corners, attributes);
+}
+
+}  // namespace
+
 Result<PreprocessPlan> MakePlan(const PreprocessOptions& options) {
   const TemporaryFile images(fmt::format("{}/quarry-images-{}", SpillFolder(options), ::getpid()));
-  CountingSink counted(options.textures, images.path());
+  CountingSink counted(options, images.path());
   const auto start = Clock::now();
   QUARRY_TRY(ReadModels(options, counted));
+  counted.Release();
   const double reading_s = SecondsSince(start);
   PreprocessPlan plan;
   size_t largest = 0;
@@ -128,23 +187,22 @@ Result<PreprocessPlan> MakePlan(const PreprocessOptions& options) {
                                 : counted.has_color ? Attributes::kColors
                                                     : Attributes::kNone;
   plan.has_shading = attributes != Attributes::kNone;
-  const Counts& of = counted.files[largest];
-  const std::vector<SampleWindow> windows = ChooseWindows(of.vertices, of.triangles);
-  WindowSink content(largest, windows, of.positions);
-  QUARRY_TRY(ReadModels(options, content));
-  CornerSink corners(largest, content);
-  if (corners.wants_any()) QUARRY_TRY(ReadModels(options, corners));
-  QUARRY_ASSIGN(const SampleCost cost,
-                MeasureWindows(options, windows, of.vertices, content, corners, attributes));
+  QUARRY_ASSIGN(const std::optional<SampleCost> by_regions, CostByRegions(options, counted, attributes));
+  SampleCost cost = by_regions.value_or(kUsualCost);
+  if (!by_regions) {
+    QUARRY_ASSIGN(cost, CostByWindows(options, counted, largest, attributes));
+  }
   const auto triangles = static_cast<double>(plan.triangles);
   plan.store_bytes = static_cast<uint64_t>(triangles * cost.bytes);
   const auto record_bytes = static_cast<double>(RecordBytes(attributes));
-  plan.spill_bytes = SpillPeak(counted.files, record_bytes, cost.spilled);
+  plan.spill_bytes = SpillPeak(counted.files, record_bytes, cost.spilled, cost.references);
   QUARRY_ASSIGN(const PlannedTextures textures, PlanTextures(options, counted.images));
   plan.texture_bytes = textures.stored_bytes;
   plan.store_bytes += plan.texture_bytes;
   plan.memory_bytes = options.memory + kOverheadBytes;
-  const double record_s = kImportSeconds + (plan.triangles > kMostInMemory ? kPartingSeconds : 0);
+  // Each reference is handed out and read once more.
+  const double record_s =
+      kImportSeconds + (plan.triangles > kMostInMemory ? kPartingSeconds * cost.references : 0);
   plan.seconds = reading_s + triangles * (record_bytes * record_s + cost.seconds) + textures.seconds;
   return plan;
 }

@@ -18,9 +18,11 @@ struct PreprocessPlan {
   double seconds = 0;                    ///< on this machine, with nothing else to do
 };
 
-/// Reads the models up to three times, writing nothing: to count, for the triangles in several cubes, and for
-/// corners of those that lie elsewhere. What is in the cubes is built (plan_sample.h); times and sizes follow
-/// from that. Errors: as Preprocess for models that cannot be read; a model from standard input.
+/// Reads the models two or three times: to count and to choose regions as a run does, and for the triangles
+/// of some regions (plan_regions.h), which lie in the spill folder meanwhile; where --memory does not hold
+/// the vertices, for the triangles in several cubes (plan_sample.h) instead. What is there is built; times
+/// and sizes follow from that. Errors: as Preprocess for models that cannot be read; a model from standard
+/// input.
 Result<PreprocessPlan> MakePlan(const PreprocessOptions& options);
 
 /// Whether the folders have so little room, beside the models' size, that a plan is worth its time.

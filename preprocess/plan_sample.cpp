@@ -23,8 +23,6 @@ namespace {
 constexpr size_t kWindows = 4;
 constexpr uint64_t kWindowTriangles = 64 << 10;
 constexpr size_t kMostTriangles = 8 * kWindows * kWindowTriangles;
-constexpr uint64_t kFewest = 1000;  // triangles that tell something
-constexpr SampleCost kUsual{3e-6, 13};
 
 double Distance(const glm::dvec3& a, const glm::dvec3& b) {
   const glm::dvec3 d = glm::abs(a - b);
@@ -236,7 +234,7 @@ Result<SampleCost> MeasureWindows(const PreprocessOptions& options, std::span<co
     }
   }
   // Triangles whose corners lie nowhere, or come after them.
-  if (owned < kFewest) return kUsual;
+  if (owned < kFewestTriangles) return kUsualCost;
   const double spilled = SpilledShare(records, attributes);
   double bytes = 0;
   const auto start = std::chrono::steady_clock::now();

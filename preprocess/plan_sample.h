@@ -154,10 +154,13 @@ class CornerSink : public IgnoringSink {
 };
 
 /// What a triangle takes: of building, with as many threads as a run has, and of the store; and a byte of its
-/// record, in spill files.
+/// record, in spill files; in how many regions it lies.
 struct SampleCost {
-  double seconds = 0, bytes = 0, spilled = 0.5;
+  double seconds = 0, bytes = 0, spilled = 0.5, references = 1.05;
 };
+/// Where too little is known.
+inline constexpr SampleCost kUsualCost{3e-6, 13};
+inline constexpr uint64_t kFewestTriangles = 1000;  ///< that tell something
 
 /// Builds voxels of what is in the windows; where they hold too little, what a triangle took in the scenes
 /// measured. `vertices`: those that windows were chosen from.

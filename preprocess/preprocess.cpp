@@ -9,6 +9,7 @@
 
 #include "common/base/cleanup.h"
 #include "common/base/file_lock.h"
+#include "common/base/output_path.h"
 #include "common/base/progress.h"
 #include "common/base/resource.h"
 #include "common/base/version.h"
@@ -66,7 +67,8 @@ class Import {
       sink_.Place(placement == options_.placements.end() ? Placement{} : placement->second,
                   static_cast<int>(options_.up_axis));
       QUARRY_TRY(ImportModel(options_.models[i], sink_,
-                             ForeignFormatsOf(options_, work_.spill_folder() + "/foreign")));
+                             ForeignFormatsOf(options_, work_.spill_folder() + "/foreign"),
+                             options_.unpack_limit));
       ++models_;
       const bool last = models_ == options_.models.size();
       if ((last ? sink_.spills() : SecondsSince(noted_at_) >= options_.checkpoint_seconds) ||
@@ -385,6 +387,7 @@ Result<PreprocessStatistics> RunIn(WorkFolder& work, const PreprocessOptions& op
   const auto start = Clock::now();
   Progress progress(options.quiet);
   QUARRY_ASSIGN(ImportedScene scene, Import(options, work, progress).Run());
+  QUARRY_TRY(CheckNotRead(options.output));  // what models name is known now
   PreprocessStatistics statistics;
   statistics.import_wall_s = SecondsSince(start);
   statistics.warnings = scene.warnings.size();

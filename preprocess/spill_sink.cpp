@@ -14,22 +14,10 @@ namespace quarry {
 
 namespace {
 
-constexpr float kLargestCoordinate = 0x1p60f;
 // A page may be read for so many faces that came; what is saved up has a bound.
 constexpr uint32_t kFacesPerLoad = 64, kMostLoads = 4096;
 constexpr size_t kBatchFaces = 8192;
 constexpr uint64_t kMaxTriangles = 0xFFFFFFFFull;  // ids are 32 bits; the last is "none"
-
-bool IsUsable(const glm::vec3& p) {
-  return std::fabs(p.x) <= kLargestCoordinate && std::fabs(p.y) <= kLargestCoordinate &&
-         std::fabs(p.z) <= kLargestCoordinate;
-}
-
-bool HasArea(const TriangleRecord& r) {
-  const glm::dvec3 a = glm::dvec3(r.vertices[1]) - glm::dvec3(r.vertices[0]);
-  const glm::dvec3 b = glm::dvec3(r.vertices[2]) - glm::dvec3(r.vertices[0]);
-  return a.y * b.z != a.z * b.y || a.z * b.x != a.x * b.z || a.x * b.y != a.y * b.x;
-}
 
 /// The part [first, first + count) of one attribute stream, held in memory.
 struct Window {
@@ -61,15 +49,30 @@ SpillSink::SpillSink(std::string folder, uint64_t memory, double scale,
       textures_(textures),
       images_(folder_ + "/images") {}
 
-void SpillSink::Place(const Placement& placement, int up_axis) {
-  placed_ = true;
+glm::dmat3 TurnOf(const Placement& placement, int up_axis) {
   const double angle = placement.turn_degrees * 3.14159265358979323846 / 180;
   const double c = std::cos(angle) * placement.scale, s = std::sin(angle) * placement.scale;
   const int a = (up_axis + 1) % 3, b = (up_axis + 2) % 3;
-  turn_ = glm::dmat3(placement.scale);
-  turn_[a][a] = turn_[b][b] = c;
-  turn_[a][b] = s;
-  turn_[b][a] = -s;
+  glm::dmat3 turn(placement.scale);
+  turn[a][a] = turn[b][b] = c;
+  turn[a][b] = s;
+  turn[b][a] = -s;
+  return turn;
+}
+
+std::optional<glm::dvec3> OffsetFor(const glm::dvec3& first) {
+  constexpr double kFar = 16384, kStep = 1024, kMost = 0x1p60;
+  glm::dvec3 offset(0);
+  for (int a = 0; a < 3; ++a) {
+    if (!(std::fabs(first[a]) <= kMost)) return std::nullopt;
+    if (std::fabs(first[a]) >= kFar) offset[a] = std::round(first[a] / kStep) * kStep;
+  }
+  return offset;
+}
+
+void SpillSink::Place(const Placement& placement, int up_axis) {
+  placed_ = true;
+  turn_ = TurnOf(placement, up_axis);
   translation_ = placement.translation;
 }
 
@@ -164,15 +167,11 @@ Status SpillSink::AddPosition(const glm::dvec3& position, const Rgba8& color) {
   return positions_->Append(&stored);
 }
 
-/// By the first position, so that the rest can stream: axes on which it lies beyond kFar are moved by whole
-/// steps.
+/// By the first position that is a place, so that the rest can stream.
 void SpillSink::ChooseOffset(const glm::dvec3& first) {
-  constexpr double kFar = 16384, kStep = 1024, kMost = 0x1p60;
-  for (int a = 0; a < 3; ++a)
-    if (!(std::fabs(first[a]) <= kMost)) return;  // wait for one that is a place
-  has_offset_ = true;
-  for (int a = 0; a < 3; ++a)
-    if (std::fabs(first[a]) >= kFar) scene_.offset[a] = std::round(first[a] / kStep) * kStep;
+  const std::optional<glm::dvec3> offset = OffsetFor(first);
+  has_offset_ = offset.has_value();
+  if (offset) scene_.offset = *offset;
 }
 
 Status SpillSink::AddNormal(const glm::vec3& normal) {
@@ -253,14 +252,10 @@ void SpillSink::Warn(std::string message) {
 }
 
 Status SpillSink::KeepTriangle(const TriangleRecord& record) {
-  if (!IsUsable(record.vertices[0]) || !IsUsable(record.vertices[1]) || !IsUsable(record.vertices[2])) {
-    ++scene_.dropped_not_finite;
-    return {};
-  }
-  if (!HasArea(record)) {
-    ++scene_.dropped_degenerate;
-    return {};
-  }
+  const TriangleFault fault = FaultOf(record);
+  scene_.dropped_not_finite += fault == TriangleFault::kNotFinite;
+  scene_.dropped_degenerate += fault == TriangleFault::kDegenerate;
+  if (fault != TriangleFault::kNone) return {};
   const Box box = record.PaddedBox(0);
   scene_.bounds.Include(box.lower);
   scene_.bounds.Include(box.upper);

@@ -45,6 +45,12 @@ struct Placement {
   glm::dvec3 translation{0};
 };
 
+/// What multiplies a placed model's positions.
+glm::dmat3 TurnOf(const Placement& placement, int up_axis);
+/// What is taken off all positions, by the first one: axes on which it lies far out are moved by whole steps.
+/// Nothing: it is no place.
+std::optional<glm::dvec3> OffsetFor(const glm::dvec3& first);
+
 /// The importers' sink. Vertices go to paged files; a triangle is resolved as it comes, when its corners lie
 /// in pages at hand or worth loading. Those that wait (their vertices are far apart, or come later) are
 /// resolved when the file ends, by as many sequential passes as there are windows of the vertices that fit in

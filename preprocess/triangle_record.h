@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <glm/vec2.hpp>
@@ -36,6 +37,20 @@ struct TriangleRecord {
   }
 };
 static_assert(std::is_trivially_copyable_v<TriangleRecord> && sizeof(TriangleRecord) == 120);
+
+/// Why a triangle is dropped.
+enum class TriangleFault { kNone, kNotFinite, kDegenerate };
+
+inline TriangleFault FaultOf(const TriangleRecord& r) {
+  constexpr float kLargestCoordinate = 0x1p60f;
+  for (const glm::vec3& p : r.vertices)
+    for (int axis = 0; axis < 3; ++axis)
+      if (!(std::fabs(p[axis]) <= kLargestCoordinate)) return TriangleFault::kNotFinite;
+  const glm::dvec3 a = glm::dvec3(r.vertices[1]) - glm::dvec3(r.vertices[0]);
+  const glm::dvec3 b = glm::dvec3(r.vertices[2]) - glm::dvec3(r.vertices[0]);
+  const bool area = a.y * b.z != a.z * b.y || a.z * b.x != a.x * b.z || a.x * b.y != a.y * b.x;
+  return area ? TriangleFault::kNone : TriangleFault::kDegenerate;
+}
 
 /// Bytes of a record in spill files.
 inline size_t RecordBytes(Attributes attributes) {

@@ -91,6 +91,10 @@ Result<WorkFolder> WorkFolder::Open(const std::string& output, const std::string
   WorkFolder folder;
   folder.path_ = output + ".work";
   folder.spill_ = spill.empty() ? folder.path_ : SpillFolderFor(output, spill);
+  const std::string left =
+      "what is done is kept in " + folder.path_ + ": the same command with --resume goes on";
+  TellIfLeft(folder.path_, left);
+  if (folder.spill_ != folder.path_) TellIfLeft(folder.spill_, left);
   if (resume) {
     QUARRY_ASSIGN(const bool going_on, folder.GoOn(command));
     if (going_on) return folder;
@@ -115,13 +119,14 @@ WorkFolder::~WorkFolder() {
 Status WorkFolder::Begin(const std::string& command) {
   RemoveFiles(path_);
   RemoveFiles(spill_);
+  const std::string name = path_ + "/journal";
+  const SignalsHeld held;
+  HoldOnSignal();
   QUARRY_TRY(MakeFolder(path_));
   if (Status made = MakeFolder(spill_); !made) {
     RemoveFiles(path_);
     return made;
   }
-  HoldOnSignal();
-  const std::string name = path_ + "/journal";
   journal_ = ::open(name.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_APPEND | O_CLOEXEC, 0644);
   if (journal_ < 0) return Fail(fmt::format("{}: cannot write: {}", name, ErrnoText(errno)));
   const Bytes begun = Framed(kCommand, AsBytes(command));
@@ -189,8 +194,8 @@ void WorkFolder::HoldOnSignal() {
 
 void WorkFolder::KeepOnSignal() {
   if (std::exchange(kept_, true)) return;
+  const SignalsHeld held;  // all of it goes, or all of it stays
   for (const int cleanup : std::exchange(cleanups_, {})) Forget(cleanup);
-  TellOnSignal("what is done is kept in " + path_ + ": the same command with --resume goes on");
 }
 
 void WorkFolder::Remove() {

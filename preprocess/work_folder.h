@@ -27,7 +27,8 @@ struct Note {
 /// another may go on with, however it ended, and the journal of notes that says how far they can be believed.
 /// A note is appended with its checksum and synchronised; what it speaks of must be on disk before. A signal,
 /// a failure or the end of a run that has no notes removes all; one that has notes leaves them on a signal or
-/// failure. Movable. Not thread-safe.
+/// failure. Whatever the moment of a signal, a folder that is left is named by the signal's line. Movable.
+/// Not thread-safe.
 class WorkFolder {
  public:
   /// `spill`: where large files go; empty: here. `command`: what the result depends on, as lines "NAME

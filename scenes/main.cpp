@@ -6,7 +6,10 @@
 #include <csignal>
 #include <cstdio>
 #include <functional>
+#include <limits>
 
+#include "common/base/number.h"
+#include "scenes/mesh_writer.h"
 #include "scenes/scene.h"
 
 namespace quarry::scenes {
@@ -66,7 +69,7 @@ class Progress {
 struct Arguments {
   std::string kind, output;
   SceneOptions options;
-  bool quiet = false;
+  bool quiet = false, force = false;
 };
 
 const char* Describe(const std::string& kind) {
@@ -90,10 +93,12 @@ void DeclareArguments(CLI::App& app, Arguments& arguments) {
     CLI::App* scene = app.add_subcommand(kind, Describe(kind));
     scene->add_option("--triangles", arguments.options.triangles, "How many triangles, 1000 to 1000000000")
         ->required()
-        ->check(CLI::Range(kFewestTriangles, kMostTriangles));
+        ->check(WholeNumber(kFewestTriangles, kMostTriangles));
     scene->add_option("--seed", arguments.options.seed, "Another seed, another scene of the kind")
+        ->check(WholeNumber(0, std::numeric_limits<uint64_t>::max()))
         ->capture_default_str();
     scene->add_option("-o,--output", arguments.output, "OUT.ply (binary) or OUT.obj")->required();
+    scene->add_flag("--force", arguments.force, "Replace files that hold something else");
     scene->add_flag("!--no-colors", arguments.options.colors, "Positions, materials and parts only");
     scene->add_flag("--quiet", arguments.quiet, "Show no progress");
     scene->footer(fmt::format("Example: quarry-scene {0} --triangles 1000000 -o {0}.ply", kind));
@@ -104,8 +109,11 @@ void DeclareArguments(CLI::App& app, Arguments& arguments) {
 int Run(const Arguments& arguments) {
   CatchSignals();
   Progress progress(arguments.quiet);
-  const auto scene = MakeScene(arguments.kind, arguments.options);
-  const Status written = WriteScene(*scene, arguments.options, arguments.output, std::ref(progress));
+  Status written = CheckSceneOutputs(arguments.output, arguments.force);
+  if (written) {
+    const auto scene = MakeScene(arguments.kind, arguments.options);
+    written = WriteScene(*scene, arguments.options, arguments.output, std::ref(progress));
+  }
   if (!written) {
     progress.Break();
     fmt::print(stderr, "quarry-scene: {}\n", written.error().message);

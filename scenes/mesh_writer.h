@@ -32,6 +32,10 @@ class MeshWriter : public MeshReceiver {
 Result<std::unique_ptr<MeshWriter>> OpenMeshWriter(const std::string& path,
                                                    const std::vector<Material>& materials, bool colors);
 
+/// Decides, before any work, whether the model at `path` and the files beside it (OUT.path.json among them)
+/// may be written. Errors (usage): another extension; OutputGuard's.
+Status CheckSceneOutputs(const std::string& path, bool force);
+
 /// `path` with its extension replaced by `extension` (with its dot).
 std::string WithExtension(const std::string& path, const std::string& extension);
 

@@ -9,6 +9,7 @@
 #include <cstring>
 
 #include "common/base/check.h"
+#include "common/base/output_path.h"
 
 namespace quarry::scenes {
 namespace {
@@ -18,12 +19,15 @@ constexpr size_t kBufferBytes = 1 << 20;
 }  // namespace
 
 Result<std::unique_ptr<OutputFile>> OutputFile::Create(const std::string& path) {
-  std::string temporary = fmt::format("{}.partial-{}", path, getpid());
+  QUARRY_ASSIGN(OutputPlace place, PlaceOf(path));
+  if (place.stream)
+    return BadUsage(fmt::format("{}: is a device or FIFO, where a regular file is to be written.", path));
+  std::string temporary = fmt::format("{}.partial-{}", place.path, getpid());
   const int descriptor = open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
   if (descriptor < 0)
     return Fail(
         fmt::format("{}: cannot be written: {}; choose another place with -o.", path, ErrnoText(errno)));
-  return std::unique_ptr<OutputFile>(new OutputFile(path, std::move(temporary), descriptor));
+  return std::unique_ptr<OutputFile>(new OutputFile(std::move(place.path), std::move(temporary), descriptor));
 }
 
 OutputFile::OutputFile(std::string path, std::string temporary, int descriptor)

@@ -15,7 +15,7 @@ namespace quarry::scenes {
 /// after an error the file can only be destroyed.
 class OutputFile {
  public:
-  /// Errors: cannot be made there.
+  /// Errors: PlaceOf's, which says where `path` goes; a device or FIFO; cannot be made there.
   static Result<std::unique_ptr<OutputFile>> Create(const std::string& path);
   /// Removes the temporary, if Commit() has not renamed it.
   ~OutputFile();

@@ -18,7 +18,6 @@ BlockSupply::BlockSupply(boost::asio::io_context& io, const Catalog& catalog, co
       idle_(options.idle),
       security_(options.security),
       serving_(options.serving),
-      http_(options.http),
       sources_(io, catalog, options.give_up_after_s, options.log),
       disk_(options.disk_cache
                 ? std::make_unique<DiskCachedSource>(io, sources_, *options.disk_cache, catalog, options.log)
@@ -29,12 +28,24 @@ BlockSupply::BlockSupply(boost::asio::io_context& io, const Catalog& catalog, co
 Result<std::unique_ptr<BlockSupply>> BlockSupply::Open(boost::asio::io_context& io, const Catalog& catalog,
                                                        const SupplyOptions& options, Holdings& holdings) {
   std::unique_ptr<BlockSupply> supply(new BlockSupply(io, catalog, options, holdings));
-  for (const std::string& text : options.sources) QUARRY_TRY(supply->Add(text, options.master));
-  if (options.sources.empty()) QUARRY_TRY(supply->Add("master", options.master));
+  for (const std::string& text : options.sources) QUARRY_TRY(supply->Add(text, options));
+  if (options.sources.empty()) QUARRY_TRY(supply->Add("master", options));
   return supply;
 }
 
-Status BlockSupply::Add(const std::string& text, const Endpoint& master) {
+/// A master is trusted with the scene, not with the tokens of this worker's owner.
+HttpOptions BlockSupply::HttpFor(const HttpLocation& location, const SupplyOptions& options) const {
+  if (options.own_sources || (options.http.headers.empty() && !options.http.aws)) return options.http;
+  HttpOptions http = OptionsFor(location, options.http, options.header_servers);
+  if (http.headers.empty() && !http.aws)
+    options.log(
+        fmt::format("{} is named by the master alone, and gets no headers or signatures; "
+                    "--http-header-host {} sends them",
+                    location.text(), location.authority()));
+  return http;
+}
+
+Status BlockSupply::Add(const std::string& text, const SupplyOptions& options) {
   QUARRY_ASSIGN(const SourceSpec spec, ParseSource(text));
   switch (spec.kind) {
     case SourceKind::kFile: {
@@ -45,15 +56,16 @@ Status BlockSupply::Add(const std::string& text, const Endpoint& master) {
       return {};
     }
     case SourceKind::kTcp:
-      sources_.Add(
-          spec.kind, text,
-          std::make_unique<TcpVoxelSource>(io_, spec.master ? master : spec.server, security_, catalog_.id));
+      sources_.Add(spec.kind, text,
+                   std::make_unique<TcpVoxelSource>(io_, spec.master ? options.master : spec.server,
+                                                    security_, catalog_.id));
       return {};
     default: {
       QUARRY_ASSIGN(HttpLocation location, ParseHttpLocation(spec.place, "--source"));
       const std::string name = location.text();
+      HttpOptions http = HttpFor(location, options);
       sources_.Add(spec.kind, name,
-                   std::make_unique<HttpVoxelSource>(io_, std::move(location), catalog_, http_));
+                   std::make_unique<HttpVoxelSource>(io_, std::move(location), catalog_, std::move(http)));
       return {};
     }
   }

@@ -19,9 +19,11 @@ struct SupplyOptions {
   Endpoint master;
   Security security, serving;        ///< toward masters and servers; toward workers that ask
   std::vector<std::string> sources;  ///< as ParseSource has them
+  bool own_sources = false;          ///< this worker's command line names them, not the master
   uint64_t stored_bytes = 0;         ///< of the StoredCache
   std::optional<DiskCacheLocation> disk_cache;
   HttpOptions http;
+  std::vector<HttpServer> header_servers;  ///< that get its headers though only the master names them
   double give_up_after_s = 60;
   std::function<void(const std::string&)> log;
   std::function<bool()> idle;  ///< whether no ray waits for a block on its way
@@ -56,14 +58,14 @@ class BlockSupply {
   static constexpr size_t kMostExpected = 1u << 14, kMostPrefetching = 4;
   BlockSupply(boost::asio::io_context& io, const Catalog& catalog, const SupplyOptions& options,
               Holdings& holdings);
-  Status Add(const std::string& text, const Endpoint& master);
+  Status Add(const std::string& text, const SupplyOptions& options);
+  HttpOptions HttpFor(const HttpLocation& location, const SupplyOptions& options) const;
 
   boost::asio::io_context& io_;
   const Catalog& catalog_;
   Holdings& holdings_;
   std::function<bool()> idle_;
   const Security security_, serving_;
-  const HttpOptions http_;
   SourceSet sources_;
   std::unique_ptr<DiskCachedSource> disk_;  ///< in front of them, or null
   StoredCache stored_;

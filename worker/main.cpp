@@ -6,6 +6,8 @@
 
 #include "common/base/cleanup.h"
 #include "common/base/cpu_check.h"
+#include "common/base/number.h"
+#include "common/base/output_path.h"
 #include "common/base/resource.h"
 #include "common/base/size.h"
 #include "common/base/version.h"
@@ -20,12 +22,14 @@ namespace {
 /// Options that are parsed once all are known.
 struct Texts {
   std::string master, cache = "256M", disk_cache, http_header_file, aws;
+  std::vector<std::string> header_hosts;
   SecurityOptions security;
 };
 
 Status ReadSourceOptions(const Texts& texts, WorkerOptions& options) {
   if (!texts.disk_cache.empty()) {
     QUARRY_ASSIGN(options.disk_cache, ParseDiskCache(texts.disk_cache, "--disk-cache"));
+    QUARRY_TRY(OutputGuard::TakeFolder(options.disk_cache->folder));
   }
   if (!texts.http_header_file.empty()) {
     QUARRY_ASSIGN(options.http.headers, ReadHttpHeaders(texts.http_header_file));
@@ -33,6 +37,10 @@ Status ReadSourceOptions(const Texts& texts, WorkerOptions& options) {
   if (!texts.aws.empty()) {
     QUARRY_ASSIGN(options.http.aws,
                   texts.aws == "env" ? AwsCredentialsFromEnvironment() : ReadAwsCredentials(texts.aws));
+  }
+  for (const std::string& host : texts.header_hosts) {
+    QUARRY_ASSIGN(HttpServer server, ParseHttpServer(host, "--http-header-host"));
+    options.header_servers.push_back(std::move(server));
   }
   options.http.tls_ca = WithEnvironment(texts.security).tls_ca;
   for (const std::string& source : options.sources) QUARRY_TRY(ParseSource(source));
@@ -84,7 +92,7 @@ int Main(int argc, char** argv) {
                "long to give it");
   app.add_option("--threads", options.threads, "Compute threads")
       ->envname("QUARRY_THREADS")
-      ->check(CLI::Range(1, 1024))
+      ->check(WholeNumber(1, 1024))
       ->capture_default_str();
   app.add_option("--name", options.name, "Name in the master's log and statistics");
   app.add_option("--source", options.sources,
@@ -94,8 +102,11 @@ int Main(int argc, char** argv) {
   app.add_option("--disk-cache", texts.disk_cache,
                  "Keep voxels in a folder, DIR:BYTES, which workers on this machine may share")
       ->envname("QUARRY_DISK_CACHE");
-  app.add_option("--http-header-file", texts.http_header_file,
-                 "Lines 'Name: value' to be sent to HTTP servers; readable by its owner alone");
+  app.add_option(
+      "--http-header-file", texts.http_header_file,
+      "Lines 'Name: value' to be sent to HTTP servers that --source names; readable by its owner alone");
+  app.add_option("--http-header-host", texts.header_hosts,
+                 "Send them, and signatures, also to HOST or HOST:PORT when the master alone names it");
   app.add_option(
       "--http-aws", texts.aws,
       "Sign requests to HTTP servers for S3: a JSON file of credentials, or env for AWS_* variables");
@@ -105,7 +116,7 @@ int Main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--retry", options.retry_s,
                  "Seconds for which a master or a voxel out of reach is tried again")
-      ->check(CLI::Range(0.0, 1e6))
+      ->check(RealNumber(0, 1e6))
       ->capture_default_str();
   AddSecurityOptions(app, texts.security);
   app.add_flag("--quiet", options.quiet, "Print errors only");

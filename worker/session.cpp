@@ -214,9 +214,11 @@ class Session {
                                  options_.security,
                                  options_.serving,
                                  sources_,
+                                 !options_.sources.empty(),
                                  scene->stored_bytes,
                                  options_.disk_cache,
                                  options_.http,
+                                 options_.header_servers,
                                  options_.retry_s,
                                  [this](const std::string& line) { Log(line); },
                                  [state = scene.get()] { return state->loader->idle(); }};

@@ -24,6 +24,8 @@ struct WorkerOptions {
   std::vector<std::string> sources;  ///< where blocks come from; empty: as the master says
   std::optional<DiskCacheLocation> disk_cache;
   HttpOptions http;  ///< how HTTP servers are asked
+  /// Which of the servers that the master names get the headers and signatures of `http`.
+  std::vector<HttpServer> header_servers;
   /// Where other workers are served: HOST:PORT, "auto" (where the master is reached, unless certificates are
   /// in use and this worker has none to show), "off".
   std::string peers = "auto";

@@ -1,11 +1,15 @@
 #include "common/base/cleanup.h"
 
+#include <fcntl.h>
+#include <poll.h>
 #include <signal.h>
 #include <sys/prctl.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include <atomic>
 #include <cerrno>
+#include <cstdint>
 #include <cstdlib>
 #include <cstring>
 
@@ -17,44 +21,136 @@ constexpr size_t kPathBytes = 4096;
 
 // Plain arrays: a signal handler may touch nothing that allocates or locks.
 char paths[kSlots][kPathBytes];
-std::atomic<int> states[kSlots];  // 0 free, 1 being filled, 2 in use
+enum State : int { kFree, kFilling, kFile, kFolder };
+std::atomic<int> states[kSlots];
 constexpr size_t kMessageBytes = 2 * kPathBytes;
 char messages[2][kMessageBytes];
 std::atomic<int> message{0};
 std::string program_name;
 
-void OnSignal(int) {
+struct Left {
+  char path[kPathBytes];
+  char text[2 * kPathBytes];
+  std::atomic<bool> used;
+};
+Left lefts[2];
+
+// Either a thread that begins to hold sees `pending`, or the handler sees that it holds: both are
+// sequentially consistent. Who sees the other's goes on to End().
+std::atomic<int> held{0};
+std::atomic<bool> pending{false}, ending{false};
+thread_local int depth = 0;  // of SignalsHeld in this thread
+
+constexpr int kRounds = 50, kRoundMs = 1;
+
+/// By the system's own call: opendir() allocates.
+void EmptyFolder(const char* path) {
+  const int fd = ::open(path, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+  if (fd < 0) return;
+  struct Entry {
+    uint64_t inode;
+    int64_t next;
+    uint16_t size;
+    uint8_t type;
+    char name[1];
+  };
+  alignas(Entry) char buffer[4096];
+  for (;;) {
+    const long n = ::syscall(SYS_getdents64, fd, buffer, sizeof buffer);
+    if (n <= 0) break;
+    for (long at = 0; at < n;) {
+      const auto* entry = reinterpret_cast<const Entry*>(buffer + at);
+      ::unlinkat(fd, entry->name, 0);  // fails for folders
+      at += entry->size;
+    }
+  }
+  ::close(fd);
+}
+
+void RemoveAll() {
   // Other threads run on and may make a file meanwhile: a folder that is not empty is tried again.
   bool again = true;
-  for (int round = 0; again && round < 1000; ++round) {
+  for (int round = 0; again && round < kRounds; ++round) {
+    if (round > 0) ::poll(nullptr, 0, kRoundMs);
     again = false;
+    for (int i = 0; i < kSlots; ++i) {
+      if (states[i].load() == kFile) ::unlink(paths[i]);
+      if (states[i].load() == kFolder) EmptyFolder(paths[i]);
+    }
     for (int i = 0; i < kSlots; ++i)
-      if (states[i].load() == 2) ::unlink(paths[i]);
-    for (int i = 0; i < kSlots; ++i)
-      if (states[i].load() == 2 && ::rmdir(paths[i]) != 0 && (errno == ENOTEMPTY || errno == EEXIST))
+      if (states[i].load() >= kFile && ::rmdir(paths[i]) != 0 && (errno == ENOTEMPTY || errno == EEXIST))
         again = true;
   }
+}
+
+[[noreturn]] void Wait() {
+  for (;;) ::pause();
+}
+
+[[noreturn]] void End() {
+  if (ending.exchange(true)) Wait();
+  RemoveAll();
   const char* text = messages[message.load()];
+  for (const Left& left : lefts)
+    if (left.used.load() && ::access(left.path, F_OK) == 0) {
+      text = left.text;
+      break;
+    }
   (void)!::write(2, text, std::strlen(text));
   ::_exit(1);
 }
 
-}  // namespace
+void OnSignal(int) {
+  pending.store(true);
+  if (held.load() == 0) End();
+}
 
-int RemoveOnSignal(const std::string& path) {
+/// The line that a signal ends with.
+std::string Line(const std::string& text) { return "\n" + program_name + ": interrupted; " + text + "\n"; }
+
+int Name(const std::string& path, State state) {
   if (path.size() >= kPathBytes) return -1;
   for (int i = 0; i < kSlots; ++i) {
-    int free = 0;
-    if (!states[i].compare_exchange_strong(free, 1)) continue;
+    int free = kFree;
+    if (!states[i].compare_exchange_strong(free, kFilling)) continue;
     std::memcpy(paths[i], path.c_str(), path.size() + 1);
-    states[i].store(2);
+    states[i].store(state);
     return i;
   }
   return -1;
 }
 
+}  // namespace
+
+int RemoveOnSignal(const std::string& path) { return Name(path, kFile); }
+int RemoveFolderOnSignal(const std::string& path) { return Name(path, kFolder); }
+
 void Forget(int handle) {
-  if (handle >= 0) states[handle].store(0);
+  if (handle >= 0) states[handle].store(kFree);
+}
+
+SignalsHeld::SignalsHeld() {
+  if (depth++ > 0) return;
+  held.fetch_add(1);
+  if (!pending.load()) return;
+  if (held.fetch_sub(1) == 1) End();
+  Wait();  // the last thread that holds ends the program
+}
+
+SignalsHeld::~SignalsHeld() {
+  if (--depth > 0) return;
+  if (held.fetch_sub(1) == 1 && pending.load()) End();
+}
+
+void TellIfLeft(const std::string& path, const std::string& left) {
+  const std::string text = Line(left);
+  for (Left& l : lefts) {
+    if (l.used.load() || path.size() >= sizeof l.path || text.size() >= sizeof l.text) continue;
+    std::memcpy(l.path, path.c_str(), path.size() + 1);
+    std::memcpy(l.text, text.c_str(), text.size() + 1);
+    l.used.store(true);
+    return;
+  }
 }
 
 void InstallSignalHandlers(const std::string& program, const std::string& kept) {
@@ -67,7 +163,7 @@ void InstallSignalHandlers(const std::string& program, const std::string& kept) 
 }
 
 void TellOnSignal(const std::string& kept) {
-  const std::string text = "\n" + program_name + ": interrupted; " + kept + "\n";
+  const std::string text = Line(kept);
   const int next = 1 - message.load();
   std::strncpy(messages[next], text.c_str(), kMessageBytes - 1);
   message.store(next);

@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <cstdio>
 #include <utility>
+#include <vector>
 
 #include "common/base/cleanup.h"
 
@@ -40,13 +41,16 @@ void SyncFolderOf(const std::string& path) {
 }
 
 Result<InputFile> InputFile::Open(const std::string& path) {
-  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  // Without O_NONBLOCK, opening a FIFO would wait for a writer that may never come.
+  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
   if (fd < 0) return Fail(fmt::format("{}: cannot open: {}", path, ErrnoText(errno)));
   InputFile file(path, fd, 0);
   struct stat info {};
   if (::fstat(fd, &info) != 0) return Fail(fmt::format("{}: cannot examine: {}", path, ErrnoText(errno)));
   if (S_ISDIR(info.st_mode)) return Fail(fmt::format("{}: is a folder, not a file", path));
+  if (!S_ISREG(info.st_mode)) return Fail(fmt::format("{}: is not a regular file", path));
   file.size_ = static_cast<uint64_t>(info.st_size);
+  NoteRead(path);
   return file;
 }
 
@@ -83,21 +87,45 @@ OutputFile::OutputFile(std::string path, std::string temporary, int fd, bool kep
       temporary_(std::move(temporary)),
       fd_(fd),
       kept_(kept),
-      cleanup_(kept ? -1 : RemoveOnSignal(temporary_)) {
+      cleanup_(kept || stream() ? -1 : RemoveOnSignal(temporary_)) {
   buffer_.reserve(kBufferBytes);
 }
 
-Result<OutputFile> OutputFile::Create(const std::string& path) {
-  std::string temporary = fmt::format("{}.tmp-{}", path, ::getpid());
-  const int fd = ::open(temporary.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+Result<OutputFile> OutputFile::OpenStream(const std::string& path) {
+  struct stat info {};
+  const bool regular = ::stat(path.c_str(), &info) == 0 && S_ISREG(info.st_mode);
+  // O_APPEND: standard output that the shell sends to a file, whose other lines stay.
+  const int fd =
+      ::open(path.c_str(), O_WRONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY | (regular ? O_APPEND : 0));
+  if (fd < 0 && errno == ENXIO)
+    return BadUsage(fmt::format("{}: no program reads from this FIFO; start it first", path));
   if (fd < 0) return Fail(fmt::format("{}: cannot write: {}", path, ErrnoText(errno)));
-  return OutputFile(path, std::move(temporary), fd, false);
+  ::fcntl(fd, F_SETFL, ::fcntl(fd, F_GETFL) & ~O_NONBLOCK);
+  return OutputFile(path, "", fd, false);
+}
+
+Result<OutputFile> OutputFile::Create(const std::string& path) {
+  QUARRY_ASSIGN(const OutputPlace place, PlaceOf(path));
+  if (place.stream) return OpenStream(place.path);
+  std::string temporary = fmt::format("{}.tmp-{}", place.path, ::getpid());
+  constexpr int kFlags = O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC;
+  const SignalsHeld held;
+  int fd = ::open(temporary.c_str(), kFlags, 0644);
+  if (fd < 0 && errno == EEXIST) {  // of a process that had our number and was killed
+    ::unlink(temporary.c_str());
+    fd = ::open(temporary.c_str(), kFlags, 0644);
+  }
+  if (fd < 0) return Fail(fmt::format("{}: cannot write: {}", path, ErrnoText(errno)));
+  return OutputFile(place.path, std::move(temporary), fd, false);
 }
 
 Result<OutputFile> OutputFile::Continue(const std::string& path, std::string temporary, uint64_t size) {
+  QUARRY_ASSIGN(const OutputPlace place, PlaceOf(path));
+  if (place.stream)
+    return BadUsage(fmt::format("{}: is a device or FIFO, and a regular file is to be written", path));
   const int fd = ::open(temporary.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
   if (fd < 0) return Fail(fmt::format("{}: cannot write: {}", temporary, ErrnoText(errno)));
-  OutputFile file(path, std::move(temporary), fd, true);
+  OutputFile file(place.path, std::move(temporary), fd, true);
   struct stat info {};
   const auto end = static_cast<off_t>(size);
   if (::fstat(fd, &info) != 0 || info.st_size < end)
@@ -121,7 +149,7 @@ OutputFile::OutputFile(OutputFile&& other) noexcept
 OutputFile::~OutputFile() {
   if (fd_ < 0) return;
   ::close(fd_);
-  if (!kept_) ::unlink(temporary_.c_str());
+  if (!kept_ && !stream()) ::unlink(temporary_.c_str());
   Forget(cleanup_);
 }
 
@@ -141,6 +169,7 @@ Status OutputFile::Write(std::span<const std::byte> bytes) {
 }
 
 Status OutputFile::WriteAt(uint64_t offset, std::span<const std::byte> bytes) {
+  if (stream()) return Fail(fmt::format("{}: cannot write: a device or FIFO has no places", path_));
   QUARRY_TRY(Flush());
   return WriteAll(fd_, path_, reinterpret_cast<const char*>(bytes.data()), bytes.size(),
                   static_cast<int64_t>(offset));
@@ -164,12 +193,21 @@ Status OutputFile::Sync() {
 }
 
 Status OutputFile::Commit() {
+  QUARRY_TRY(CheckNotRead(path_));
   QUARRY_TRY(Sync());
-  if (::rename(temporary_.c_str(), path_.c_str()) != 0)
+  if (!stream() && ::rename(temporary_.c_str(), path_.c_str()) != 0)
     return Fail(fmt::format("{}: cannot write: {}", path_, ErrnoText(errno)));
   ::close(std::exchange(fd_, -1));
   Forget(std::exchange(cleanup_, -1));
-  SyncFolderOf(path_);
+  if (!stream()) SyncFolderOf(path_);
+  return {};
+}
+
+Status CheckWritable(const OutputPlace& place) {
+  QUARRY_ASSIGN(OutputFile file, OutputFile::Create(place.path));
+  // Until the program ends: closed before, a FIFO's reader would take that for its end.
+  static std::vector<OutputFile> streams;
+  if (place.stream) streams.push_back(std::move(file));
   return {};
 }
 

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "common/base/bytes.h"
+#include "common/base/output_path.h"
 #include "common/base/status.h"
 
 namespace quarry {
@@ -14,7 +15,7 @@ namespace quarry {
 /// Thread-safe after Open: reads carry their own offset.
 class InputFile {
  public:
-  /// Errors: cannot be opened, is a folder.
+  /// Errors: cannot be opened, is a folder, or a FIFO or device (which could keep a reader waiting for ever).
   static Result<InputFile> Open(const std::string& path);
   InputFile(InputFile&& other) noexcept;
   InputFile& operator=(InputFile&& other) noexcept;
@@ -36,12 +37,14 @@ class InputFile {
 
 /// A file written under a temporary name beside `path` and renamed over it by Commit(); removed when
 /// destroyed before that, so that no reader ever sees half of it. The temporary's name ends in ".tmp-PID".
-/// Not thread-safe.
+/// Where `path` goes is PlaceOf()'s matter: links are followed, and a device or FIFO is written to as it is,
+/// in the order of writing, without a temporary. Not thread-safe.
 class OutputFile {
  public:
+  /// Errors: PlaceOf's; cannot be made there; a FIFO that nobody reads from.
   static Result<OutputFile> Create(const std::string& path);
   /// One that outlives the process under the name `temporary`, on the same file system, so that a later one
-  /// can go on with its first `size` bytes. Errors also: it has fewer.
+  /// can go on with its first `size` bytes. Errors also: it has fewer; `path` is a device or FIFO.
   static Result<OutputFile> Continue(const std::string& path, std::string temporary, uint64_t size);
   OutputFile(OutputFile&& other) noexcept;
   OutputFile& operator=(OutputFile&& other) noexcept = delete;
@@ -52,7 +55,7 @@ class OutputFile {
   Status Write(const void* bytes, size_t size) {
     return Write(std::span(static_cast<const std::byte*>(bytes), size));
   }
-  /// Overwrites bytes written before, at `offset`.
+  /// Overwrites bytes written before, at `offset`. Errors also: a device or FIFO.
   Status WriteAt(uint64_t offset, std::span<const std::byte> bytes);
   /// Takes back what was appended beyond the first `size` bytes. Requires: size <= size(). Errors: write
   /// errors.
@@ -66,9 +69,11 @@ class OutputFile {
 
  private:
   OutputFile(std::string path, std::string temporary, int fd, bool kept);
+  static Result<OutputFile> OpenStream(const std::string& path);
+  bool stream() const { return temporary_.empty(); }
   Status Flush();
   std::string path_;
-  std::string temporary_;
+  std::string temporary_;  ///< none of a device or FIFO
   int fd_ = -1;
   bool kept_ = false;  ///< outlives the object
   int cleanup_ = -1;   ///< see RemoveOnSignal
@@ -79,6 +84,10 @@ class OutputFile {
 /// So that names made in the folder of `path` outlast a loss of power. File systems that cannot do it do
 /// without.
 void SyncFolderOf(const std::string& path);
+
+/// Whether an output can be made at a place of PlaceOf(): an unwritable one should not cost the work before
+/// it. A FIFO stays open from then on. Errors: as OutputFile::Create. Not thread-safe.
+Status CheckWritable(const OutputPlace& place);
 
 /// Writes `text` to `path` by way of an OutputFile.
 Status WriteFileAtomically(const std::string& path, std::span<const std::byte> bytes);

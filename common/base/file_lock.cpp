@@ -14,8 +14,9 @@ namespace quarry {
 
 Result<FileLock> FileLock::Take(const std::string& path, const std::string& holder) {
   std::string name = path + ".lock";
+  const SignalsHeld held;
   for (;;) {
-    const int fd = ::open(name.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+    const int fd = ::open(name.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NONBLOCK | O_NOCTTY, 0644);
     if (fd < 0) return Fail(fmt::format("{}: cannot write: {}", path, ErrnoText(errno)));
     if (::flock(fd, LOCK_EX | LOCK_NB) != 0) {
       const int error = errno;
@@ -25,10 +26,16 @@ Result<FileLock> FileLock::Take(const std::string& path, const std::string& hold
       return Fail(fmt::format("{}: cannot lock: {}", name, ErrnoText(error)));
     }
     // The one before may have removed the file between our opening and locking it.
-    struct stat held {
+    struct stat locked {
     }, named{};
-    if (::fstat(fd, &held) == 0 && ::stat(name.c_str(), &named) == 0 && held.st_ino == named.st_ino)
-      return FileLock(std::move(name), fd);
+    if (::fstat(fd, &locked) == 0 && ::stat(name.c_str(), &named) == 0 && locked.st_ino == named.st_ino) {
+      if (S_ISREG(locked.st_mode) && locked.st_size == 0) return FileLock(std::move(name), fd);
+      ::close(fd);  // it goes with the lock, and this one is somebody's
+      return BadUsage(
+          fmt::format("{}: is there and is no lock of Quarry's, which would take its place; name "
+                      "another output, or remove it first",
+                      name));
+    }
     ::close(fd);
   }
 }

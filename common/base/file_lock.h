@@ -13,7 +13,7 @@ namespace quarry {
 class FileLock {
  public:
   /// Errors: another process holds it (named by `holder`, "another quarry-preprocess"); the folder cannot be
-  /// written.
+  /// written; (usage) a file of that name holds something.
   static Result<FileLock> Take(const std::string& path, const std::string& holder);
   FileLock(FileLock&& other) noexcept
       : name_(std::move(other.name_)),

@@ -13,6 +13,8 @@
 #include <nlohmann/json.hpp>
 #include <string_view>
 
+#include "common/base/json_file.h"
+
 namespace quarry {
 namespace {
 
@@ -169,6 +171,26 @@ Result<HttpLocation> ParseHttpLocation(const std::string& url, const std::string
   return location;
 }
 
+Result<HttpServer> ParseHttpServer(const std::string& text, const std::string& what) {
+  HttpLocation location;
+  location.port = 0;
+  if (!ParseAuthority(text, location))
+    return BadUsage(fmt::format("{} is HOST or HOST:PORT, not '{}'", what, text));
+  return HttpServer{Lower(location.host), location.port};
+}
+
+HttpOptions OptionsFor(const HttpLocation& location, HttpOptions options,
+                       std::span<const HttpServer> servers) {
+  const std::string host = Lower(location.host);
+  const bool named = std::ranges::any_of(servers, [&](const HttpServer& server) {
+    return server.host == host && (server.port == 0 || server.port == location.port);
+  });
+  if (named) return options;
+  options.headers.clear();
+  options.aws.reset();
+  return options;
+}
+
 Result<std::vector<HttpHeader>> ReadHttpHeaders(const std::string& path) {
   QUARRY_ASSIGN(const std::string text, ReadSecretFile(path));
   std::vector<HttpHeader> headers;
@@ -186,7 +208,9 @@ Result<std::vector<HttpHeader>> ReadHttpHeaders(const std::string& path) {
 
 Result<AwsCredentials> ReadAwsCredentials(const std::string& path) {
   QUARRY_ASSIGN(const std::string text, ReadSecretFile(path));
-  const auto json = nlohmann::json::parse(text, nullptr, false);
+  auto parsed = ParseJson<nlohmann::json>(text, path);
+  if (!parsed) return BadUsage(parsed.error().message);
+  const nlohmann::json json = std::move(*parsed);
   if (!json.is_object()) return BadUsage(fmt::format("{}: is not a JSON object", path));
   const auto value = [&](const char* name) -> std::string {
     const auto found = json.find(name);

@@ -4,6 +4,7 @@
 #include <ctime>
 #include <functional>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -42,6 +43,19 @@ struct HttpOptions {
   double first_byte_s = 20;           ///< from a request until the head of its answer is there
   double stall_s = 10;                ///< in which at least 4 KiB more, or the rest, must come
 };
+
+/// A server that may be sent headers and signatures.
+struct HttpServer {
+  std::string host;   ///< lower case; IPv6 without brackets
+  uint16_t port = 0;  ///< 0: any
+  bool operator==(const HttpServer&) const = default;
+};
+/// "HOST" (any port), "HOST:PORT" or "[ADDRESS]:PORT". Errors (usage; the sentence names `what`): none of
+/// these.
+Result<HttpServer> ParseHttpServer(const std::string& text, const std::string& what);
+/// `options` for `location`: without headers and credentials unless it is one of `servers`.
+HttpOptions OptionsFor(const HttpLocation& location, HttpOptions options,
+                       std::span<const HttpServer> servers);
 
 /// Headers from a file: lines "Name: value"; empty lines and those that begin with # are skipped.
 /// Errors (usage, naming file and line, never a value): cannot be read; others than its owner may read it;

@@ -1,5 +1,6 @@
 #include "common/net/security.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <openssl/core_names.h>
 #include <openssl/err.h>
@@ -8,6 +9,7 @@
 #include <openssl/ssl.h>
 #include <openssl/x509v3.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <cerrno>
 #include <cstdio>
@@ -109,16 +111,17 @@ Status UseSecret(SSL_CTX* context, const std::string& path, bool server) {
   return {};
 }
 
-/// Errors: not there, not for this process, a key that everybody may read.
+/// Errors: not there, not for this process, not a regular file; a key that others than its owner may use.
 Status CheckReadable(const std::string& path, bool key) {
-  std::FILE* file = std::fopen(path.c_str(), "re");
-  if (!file) return BadUsage(fmt::format("{}: cannot open: {}", path, ErrnoText(errno)));
+  // Without O_NONBLOCK, opening a FIFO would wait for a writer that may never come.
+  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+  if (fd < 0) return BadUsage(fmt::format("{}: cannot open: {}", path, ErrnoText(errno)));
   struct stat info {};
-  const bool open_to_all = key && ::fstat(::fileno(file), &info) == 0 && (info.st_mode & 007);
-  std::fclose(file);
-  if (open_to_all)
-    return BadUsage(
-        fmt::format("{}: everybody on this machine may use this private key; chmod 600 it", path));
+  const bool regular = ::fstat(fd, &info) == 0 && S_ISREG(info.st_mode);
+  ::close(fd);
+  if (!regular) return BadUsage(fmt::format("{}: is not a regular file", path));
+  if (key && (info.st_mode & 077) != 0)
+    return BadUsage(fmt::format("{}: others than its owner may use this private key; chmod 600 it", path));
   return {};
 }
 
@@ -200,12 +203,14 @@ SecurityOptions WithEnvironment(SecurityOptions options) {
 }
 
 Result<Bytes> ReadSecret(const std::string& path) {
-  std::FILE* file = std::fopen(path.c_str(), "re");
+  // A pipe of the shell may bring it; opening one that nobody writes to must not wait.
+  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+  if (fd >= 0) ::fcntl(fd, F_SETFL, ::fcntl(fd, F_GETFL) & ~O_NONBLOCK);
+  std::FILE* const file = fd >= 0 ? ::fdopen(fd, "r") : nullptr;
   if (!file) return BadUsage(fmt::format("{}: cannot open: {}", path, ErrnoText(errno)));
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> closer(file, std::fclose);
   struct stat info {};
-  if (::fstat(::fileno(file), &info) != 0)
-    return BadUsage(fmt::format("{}: cannot examine: {}", path, ErrnoText(errno)));
+  if (::fstat(fd, &info) != 0) return BadUsage(fmt::format("{}: cannot examine: {}", path, ErrnoText(errno)));
   if (info.st_mode & 077)
     return BadUsage(fmt::format("{}: others than its owner may read this secret; chmod 600 it", path));
   Bytes secret(kMostSecret + 1);

@@ -3,19 +3,21 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <fstream>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <ostream>
+
+#include "common/base/json_file.h"
 
 namespace quarry {
 namespace {
 
 // Keys in the order of writing, and numbers in single precision, so that 0.8f is written "0.8" and read back
 // to the same bits.
-using Json =
-    nlohmann::basic_json<nlohmann::ordered_map, std::vector, std::string, bool, int64_t, uint64_t, float>;
+using Json = FloatJson;
+
+/// Parts of large models are named one by one.
+constexpr JsonLimits kLimits{256u << 20, 8, 16u << 20, 1000};
 
 Json ToJson(const glm::vec3& v) { return Json::array({v.x, v.y, v.z}); }
 
@@ -93,19 +95,6 @@ Result<Material> ReadMaterial(const Json& json, const std::string& path, size_t 
   return material;
 }
 
-Result<Json> ParseFile(const std::string& path) {
-  errno = 0;
-  std::ifstream file(path, std::ios::binary);
-  if (!file) return Fail(fmt::format("{}: cannot be opened: {}.", path, ErrnoText(errno)));
-  try {
-    return Json::parse(file);
-  } catch (const Json::parse_error& error) {
-    return Fail(fmt::format("{}: not valid JSON at byte {}; write the file again.", path, error.byte));
-  } catch (const Json::exception& error) {  // A number too large for single precision.
-    return Fail(fmt::format("{}: not readable as JSON ({}); correct it.", path, error.what()));
-  }
-}
-
 }  // namespace
 
 MaterialJsonStream::MaterialJsonStream(const std::vector<Material>& materials, std::ostream& out)
@@ -133,7 +122,7 @@ void WriteMaterialJson(const MaterialLibrary& library, std::ostream& out) {
 }
 
 Result<MaterialLibrary> ReadMaterialJson(const std::string& path) {
-  QUARRY_ASSIGN(const Json json, ParseFile(path));
+  QUARRY_ASSIGN(const Json json, ReadJsonFile<Json>(path, kLimits));
   if (!json.is_object()) return Fail(fmt::format("{}: must hold one JSON object.", path));
   MaterialLibrary library;
   if (const auto materials = json.find("materials"); materials != json.end()) {

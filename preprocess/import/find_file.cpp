@@ -12,12 +12,22 @@ bool IsFile(const fs::path& path) {
   return fs::is_regular_file(path, ignored);
 }
 
+std::string Slashed(std::string name) {
+  std::ranges::replace(name, '\\', '/');
+  return name;
+}
+
 }  // namespace
+
+bool LeavesFolder(const fs::path& folder, const fs::path& file) {
+  const fs::path inside =
+      fs::path(Slashed(file.string())).lexically_normal().lexically_relative(folder.lexically_normal());
+  return inside.empty() || *inside.begin() == "..";
+}
 
 fs::path FindFile(const fs::path& folder, const std::string& name) {
   if (name.empty() || name.find('\0') != std::string::npos) return {};
-  std::string slashed = name;
-  std::ranges::replace(slashed, '\\', '/');
+  const std::string slashed = Slashed(name);
   for (const fs::path& candidate : {folder / name, folder / slashed, folder / fs::path(slashed).filename()})
     if (IsFile(candidate)) return candidate;
   return {};

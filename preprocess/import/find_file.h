@@ -10,4 +10,8 @@ namespace quarry {
 /// there is none.
 std::filesystem::path FindFile(const std::filesystem::path& folder, const std::string& name);
 
+/// Whether `file` lies outside the `folder` of a model, by the names alone. A model comes from strangers, who
+/// have no business with other files of the machine.
+bool LeavesFolder(const std::filesystem::path& folder, const std::filesystem::path& file);
+
 }  // namespace quarry

@@ -6,13 +6,19 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "common/base/json_file.h"
 #include "preprocess/import/file_identity.h"
+#include "preprocess/import/find_file.h"
+#include "preprocess/import/text_number.h"
 
 namespace quarry {
 namespace {
 
 using Json = nlohmann::json;
 
+/// Nodes in one another are by index, so that depth is of extensions alone. A large scene's arrays have
+/// millions of values.
+constexpr JsonLimits kJsonLimits{GltfDocument::kMostJsonBytes, 128, 64u << 20, 1u << 20};
 constexpr uint32_t kGlbMagic = 0x46546C67;     // "glTF"
 constexpr uint32_t kJsonChunk = 0x4E4F534A;    // "JSON"
 constexpr uint32_t kBinaryChunk = 0x004E4942;  // "BIN"
@@ -111,13 +117,8 @@ Result<GltfDocument> GltfDocument::Open(ModelReader& bytes) {
         return bytes.FailHere(fmt::format("the binary chunk's {} bytes go beyond the file", glb_size));
     }
   }
-  auto json = std::make_unique<Json>();
-  try {
-    *json = Json::parse(text);
-  } catch (const Json::exception& e) {
-    return Fail(fmt::format("{}: {}", bytes.path(), e.what()));
-  }
-  GltfDocument document(bytes.path(), std::move(json));
+  QUARRY_ASSIGN(Json json, ParseJson<Json>(text, bytes.path(), kJsonLimits));
+  GltfDocument document(bytes.path(), std::make_unique<Json>(std::move(json)));
   document.glb_begin_ = glb_begin;
   document.glb_size_ = glb_size;
   if (!document.json_->is_object()) return document.FailAt("its JSON is no object");
@@ -153,7 +154,12 @@ Result<GltfDocument::Buffer> GltfDocument::OpenBuffer(uint64_t index) {
     buffer.size = buffer.bytes.size();
     return buffer;
   }
-  const auto file = std::filesystem::path(path_).parent_path() / PercentDecoded(uri);
+  const std::string name = PercentDecoded(uri);
+  const auto folder = std::filesystem::path(path_).parent_path(), file = folder / name;
+  if (std::filesystem::path(name).is_absolute() || LeavesFolder(folder, file) ||
+      name.find('\0') != std::string::npos)
+    return named(
+        fmt::format("the uri {} leads out of the model's folder, where buffers must lie", Quoted(name)));
   auto opened = InputFile::Open(file.string());
   if (!opened) return tl::unexpected<Error>(opened.error());
   buffer.size = opened->size();

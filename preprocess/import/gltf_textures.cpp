@@ -84,7 +84,11 @@ Result<TextureImage> GltfTextures::Locate(uint64_t index) {
     if (std::filesystem::path(name).is_absolute())
       return document_.FailAt(
           fmt::format("the image {} is named by an absolute path; the material does without", Quoted(name)));
-    const auto file = FindFile(std::filesystem::path(document_.path()).parent_path(), name);
+    const auto folder = std::filesystem::path(document_.path()).parent_path();
+    if (LeavesFolder(folder, folder / name))
+      return document_.FailAt(fmt::format(
+          "the image {} lies outside the model's folder; the material does without", Quoted(name)));
+    const auto file = FindFile(folder, name);
     if (file.empty())
       return document_.FailAt(
           fmt::format("the image {} is not there; the material does without", Quoted(name)));

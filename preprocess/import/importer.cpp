@@ -49,8 +49,9 @@ void WarnOfMemory(const std::string& path, uint64_t memory, ModelSink& sink) {
 
 }  // namespace
 
-Status ImportModel(const std::string& path, ModelSink& sink, const ForeignFormats& foreign) {
-  QUARRY_ASSIGN(ModelReader bytes, ModelReader::Open(path));
+Status ImportModel(const std::string& path, ModelSink& sink, const ForeignFormats& foreign,
+                   uint64_t unpack_limit) {
+  QUARRY_ASSIGN(ModelReader bytes, ModelReader::Open(path, unpack_limit));
   if (!bytes.Ensure(1) && !bytes.failed()) return Fail(fmt::format("{}: is empty", bytes.path()));
   const Import import = ChooseFormat(bytes, path);
   if (bytes.failed()) return bytes.Truncated("");

@@ -14,7 +14,8 @@ namespace quarry {
 /// glTF may be packed by gzip or zstd, or come from standard input, "-". Memory: at most 6 MiB, whatever the
 /// file, plus names and materials, and for glTF its JSON. Errors: one sentence with the path and the line
 /// (text) or byte (binary): cannot be opened, truncated, unreadable, format not known, no triangles at all.
-/// `sink` may have been given part of the file by then.
-Status ImportModel(const std::string& path, ModelSink& sink, const ForeignFormats& foreign = {});
+/// `sink` may have been given part of the file by then. `unpack_limit`: as ModelReader::Open has it.
+Status ImportModel(const std::string& path, ModelSink& sink, const ForeignFormats& foreign = {},
+                   uint64_t unpack_limit = 0);
 
 }  // namespace quarry

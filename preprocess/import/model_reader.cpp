@@ -5,13 +5,17 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <utility>
 
+#include "common/base/output_path.h"
+#include "common/base/size.h"
+
 namespace quarry {
 
-Result<ModelReader> ModelReader::Open(const std::string& path) {
+Result<ModelReader> ModelReader::Open(const std::string& path, uint64_t unpack_limit) {
   const bool standard_input = path == "-";
   // Without O_NONBLOCK, opening a FIFO would wait for a writer that may never come.
   const int fd = standard_input ? fcntl(STDIN_FILENO, F_DUPFD_CLOEXEC, 0)
@@ -24,6 +28,7 @@ Result<ModelReader> ModelReader::Open(const std::string& path) {
   if (!regular && !standard_input) return Fail(fmt::format("{}: is not a regular file", path));
   if (regular && !standard_input) {
     posix_fadvise(fd, 0, 0, POSIX_FADV_SEQUENTIAL);
+    NoteRead(path);
     reader.can_reopen_ = true;
   }
   constexpr size_t kMagicBytes = 4;
@@ -34,6 +39,8 @@ Result<ModelReader> ModelReader::Open(const std::string& path) {
     return reader;
   }
   // What has been read is packed.
+  reader.unpack_limit_ = unpack_limit;
+  reader.packed_bytes_ = regular && !standard_input ? static_cast<uint64_t>(info.st_size) : reader.end_;
   reader.packed_ = std::exchange(reader.buffer_, std::make_unique<char[]>(kBufferBytes));
   reader.packed_end_ = std::exchange(reader.end_, 0);
   reader.file_offset_ = 0;
@@ -58,7 +65,10 @@ ModelReader::ModelReader(ModelReader&& other) noexcept
       decompressor_(std::move(other.decompressor_)),
       packed_(std::move(other.packed_)),
       packed_begin_(other.packed_begin_),
-      packed_end_(other.packed_end_) {}
+      packed_end_(other.packed_end_),
+      unpack_limit_(other.unpack_limit_),
+      packed_bytes_(other.packed_bytes_),
+      unpacked_bytes_(other.unpacked_bytes_) {}
 
 ModelReader::~ModelReader() {
   if (fd_ >= 0) close(fd_);
@@ -81,14 +91,30 @@ size_t ModelReader::ReadPacked(std::span<char> out) {
     const auto step = decompressor_->Run({packed_.get() + packed_begin_, packed_end_ - packed_begin_}, out);
     packed_begin_ += step.taken;
     read_error_ = step.error;
+    if (!MayUnpack(step.given)) return 0;
     if (step.given != 0 || !step.error.empty()) return step.given;
     if (packed_begin_ != packed_end_ && step.taken != 0) continue;
     packed_begin_ = 0;
     packed_end_ = Read({packed_.get(), kBufferBytes});
+    if (!can_reopen_) packed_bytes_ += packed_end_;
     if (packed_end_ != 0) continue;
     if (read_error_.empty() && !decompressor_->AtEnd()) read_error_ = "the packed file ends too early";
     return 0;
   }
+}
+
+/// False once that is more than the model may unpack to.
+bool ModelReader::MayUnpack(size_t more) {
+  unpacked_bytes_ += more;
+  const uint64_t most =
+      unpack_limit_ != 0 ? unpack_limit_ : std::max(kUnpackFree, kUnpackRatio * packed_bytes_);
+  if (unpacked_bytes_ <= most) return true;
+  const std::string why = unpack_limit_ != 0 ? std::string("--unpack-limit")
+                                             : fmt::format("more than {} times its own {}, as no model does",
+                                                           kUnpackRatio, FormatSize(packed_bytes_));
+  read_error_ =
+      fmt::format("it unpacks to more than {} ({}); --unpack-limit SIZE allows more", FormatSize(most), why);
+  return false;
 }
 
 bool ModelReader::Refill(size_t count) {

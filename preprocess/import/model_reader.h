@@ -20,9 +20,14 @@ namespace quarry {
 class ModelReader {
  public:
   static constexpr size_t kBufferBytes = 1 << 20;
+  /// What a packed model may unpack to unless a limit is given: so many times its own bytes, and in any case
+  /// this much. Text of models packs to a twentieth, plain grids to a fiftieth; bombs to a thousandth and
+  /// less.
+  static constexpr uint64_t kUnpackRatio = 100, kUnpackFree = 256u << 20;
 
+  /// `unpack_limit`: bytes that it may unpack to; 0: as the ratio allows. Beyond it reading fails.
   /// Errors: cannot be opened, neither a regular file nor "-".
-  static Result<ModelReader> Open(const std::string& path);
+  static Result<ModelReader> Open(const std::string& path, uint64_t unpack_limit = 0);
   ~ModelReader();
   ModelReader(ModelReader&& other) noexcept;
   ModelReader& operator=(ModelReader&&) = delete;
@@ -36,6 +41,8 @@ class ModelReader {
   /// Whether the same bytes can be opened once more.
   bool can_reopen() const { return can_reopen_; }
   bool is_packed() const { return decompressor_ != nullptr; }
+  /// As given to Open().
+  uint64_t unpack_limit() const { return unpack_limit_; }
   /// How far into the file the next unread byte lies.
   uint64_t offset() const { return file_offset_ - available(); }
   uint64_t remaining() const { return size_ > offset() ? size_ - offset() : 0; }
@@ -68,6 +75,7 @@ class ModelReader {
   bool Refill(size_t count);
   size_t Read(std::span<char> out);
   size_t ReadPacked(std::span<char> out);
+  bool MayUnpack(size_t more);
 
   std::string path_;
   int fd_;
@@ -80,6 +88,8 @@ class ModelReader {
   std::unique_ptr<Decompressor> decompressor_;
   std::unique_ptr<char[]> packed_;  ///< as read, from packed_begin_ on not yet unpacked
   size_t packed_begin_ = 0, packed_end_ = 0;
+  uint64_t unpack_limit_ = 0, packed_bytes_ = 0,
+           unpacked_bytes_ = 0;  ///< the file's, or as many as have come
 };
 
 }  // namespace quarry

@@ -14,7 +14,9 @@
 #include <map>
 #include <vector>
 
+#include "preprocess/import/find_file.h"
 #include "preprocess/import/formats.h"
+#include "preprocess/import/warn_once.h"
 #include "preprocess/import/word_reader.h"
 
 namespace quarry {
@@ -25,6 +27,10 @@ namespace fs = std::filesystem;
 constexpr int kMostIncludes = 32;    // files in one another
 constexpr uint32_t kMeridians = 24;  // of spheres, cones and cylinders
 constexpr uint32_t kParallels = 12;  // of spheres
+constexpr uint64_t kTrianglesOfSphere = kMeridians * (2 * kParallels - 2), kTrianglesOfCone = 2 * kMeridians;
+// Of all spheres and cones of a model: a few bytes of text become 528 triangles of some 50 bytes each on
+// disk. This many take a minute or two and 2.5 GB of spill.
+constexpr uint64_t kMostRoundTriangles = 50'000'000;
 constexpr uint64_t kMostInMesh = 1u << 26;
 constexpr double kPi = 3.14159265358979323846;
 
@@ -49,14 +55,19 @@ struct Animation {
 
 /// What a pass over a file and those that it includes shares.
 struct Scene {
-  explicit Scene(ModelSink& s) : sink(s) {}
+  Scene(ModelSink& s, const ModelReader& model)
+      : sink(s), warn(s), folder(fs::path(model.path()).parent_path()), unpack_limit(model.unpack_limit()) {}
   ModelSink& sink;
+  WarnOnce warn;
+  const fs::path folder;  ///< of the model itself
+  const uint64_t unpack_limit;
   bool animations_only = false;  ///< the first pass: animations come behind what they move
   double first_moment = 0;
   std::map<std::string, Animation> animations;
   std::vector<std::pair<Material, uint32_t>> materials;
   uint32_t material = kNoIndex;
   uint64_t positions = 0, normals = 0, uvs = 0, triangles = 0;
+  uint64_t round_shapes = 0, round_triangles = 0;  ///< spheres and cones, and what they become
   bool images_left_out = false;
 };
 
@@ -205,9 +216,23 @@ class NffFile {
     return AddPolygon(corners);
   }
 
+  /// The first pass refuses too many before anything is made of them.
+  Status CountRound(uint64_t triangles) {
+    ++scene_.round_shapes;
+    scene_.round_triangles += triangles;
+    if (scene_.round_triangles <= kMostRoundTriangles) return {};
+    return words_.FailHere(fmt::format(
+        "its first {} spheres and cones become {} triangles ({} a sphere, {} a cone), and at most {} are "
+        "made; give fewer a model, or meshes of your own",
+        scene_.round_shapes, scene_.round_triangles, kTrianglesOfSphere, kTrianglesOfCone,
+        kMostRoundTriangles));
+  }
+
   /// Rows of kMeridians points each, with normals, joined by quads; corners that coincide at poles give none.
   template <class At>
   Status Grid(uint32_t rows, At&& at) {
+    QUARRY_TRY(CountRound(rows > 1 ? kTrianglesOfSphere : kTrianglesOfCone));
+    if (scene_.animations_only) return {};
     const auto first = static_cast<uint32_t>(scene_.positions),
                first_normal = static_cast<uint32_t>(scene_.normals);
     for (uint32_t row = 0; row <= rows; ++row)
@@ -320,7 +345,13 @@ class NffFile {
     QUARRY_ASSIGN(const std::string name, words_.Word("a file's name"));
     if (depth_ == kMostIncludes)
       return words_.FailHere(fmt::format("{} files included in one another are too many", kMostIncludes));
-    auto bytes = ModelReader::Open((folder_ / name).string());
+    auto bytes = ModelReader::Open((folder_ / name).string(), scene_.unpack_limit);
+    if (LeavesFolder(scene_.folder, folder_ / name))
+      scene_.warn(words_
+                      .FailHere(fmt::format("names the file {}, outside the model's folder; it is read",
+                                            (folder_ / name).string()))
+                      .value()
+                      .message);
     if (!bytes) return words_.FailHere(bytes.error().message);
     const uint32_t part = scene_.animations_only ? 0 : scene_.sink.AddPart(fs::path(name).stem().string());
     return NffFile(*bytes, scene_, part, depth_ + 1).Read(transforms_.back());
@@ -440,13 +471,13 @@ bool LooksLikeNff(ModelReader& bytes) {
 }
 
 Result<uint64_t> ImportNff(ModelReader& bytes, ModelSink& sink) {
-  Scene scene(sink);
+  Scene scene(sink, bytes);
   if (bytes.can_reopen()) {
     scene.animations_only = true;
-    QUARRY_ASSIGN(ModelReader again, ModelReader::Open(bytes.path()));
+    QUARRY_ASSIGN(ModelReader again, ModelReader::Open(bytes.path(), bytes.unpack_limit()));
     QUARRY_TRY(NffFile(again, scene, kNoIndex, 0).Read(glm::dmat4(1)));
     scene.animations_only = false;
-    scene.positions = scene.normals = scene.uvs = 0;
+    scene.positions = scene.normals = scene.uvs = scene.round_shapes = scene.round_triangles = 0;
   }
   QUARRY_TRY(NffFile(bytes, scene, kNoIndex, 0).Read(glm::dmat4(1)));
   if (scene.images_left_out) sink.Warn(fmt::format("{}: its images are left out", bytes.path()));

@@ -261,7 +261,7 @@ Status ObjFile::CountAhead() {
   normals_.total = normals_.count;
   uvs_.total = uvs_.count;
   if (!bytes_.can_reopen()) return {};  // what is to come cannot be known
-  QUARRY_ASSIGN(ModelReader ahead, ModelReader::Open(bytes_.path()));
+  QUARRY_ASSIGN(ModelReader ahead, ModelReader::Open(bytes_.path(), bytes_.unpack_limit()));
   if (!ahead.Skip(bytes_.offset())) return {};
   LineReader lines(ahead);
   std::string_view line;

@@ -50,7 +50,13 @@ void ObjMaterials::AddLibrary(const std::string& name) {
   const fs::path path = Find(name);
   if (path.empty())
     return warn_(fmt::format("{}: the material file {} is not there", obj_path_, Quoted(name)));
+  WarnIfOutside(obj_path_, path);
   ReadLibrary(path.string());
+}
+
+void ObjMaterials::WarnIfOutside(const std::string& by, const fs::path& file) {
+  if (LeavesFolder(fs::path(obj_path_).parent_path(), file))
+    warn_(fmt::format("{}: names the file {}, outside the model's folder; it is read", by, file.string()));
 }
 
 void ObjMaterials::ReadLibrary(const std::string& path) {
@@ -120,6 +126,7 @@ Status ObjMaterials::GiveToSink(Entry& entry) {
                         texture.line, Quoted(texture.file)));
       continue;
     }
+    WarnIfOutside(entry.library, file);
     TextureImage image;
     image.file = file.string();
     image.name = texture.file;

@@ -46,6 +46,8 @@ class ObjMaterials {
   /// The existing file that `name` means, or empty.
   std::filesystem::path Find(const std::string& name) const;
   Status GiveToSink(Entry& entry);
+  /// Tells of a file that the model names outside its folder, and that is read all the same.
+  void WarnIfOutside(const std::string& by, const std::filesystem::path& file);
 
   std::string obj_path_;
   ModelSink& sink_;

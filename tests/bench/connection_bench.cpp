@@ -8,13 +8,13 @@
 #include <CLI/CLI.hpp>
 #include <boost/asio/executor_work_guard.hpp>
 #include <boost/asio/io_context.hpp>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <thread>
 
 #include "common/net/connection.h"
 #include "common/protocol/messages.h"
+#include "tests/bench/figures.h"
 #include "tests/bench/median.h"
 #include "tests/bench/stopwatch.h"
 
@@ -146,7 +146,7 @@ int Main(int argc, char** argv) {
       ->check(CLI::Range(1, 64 << 20))
       ->capture_default_str();
   app.add_option("--total", total, "Bytes to fetch in each of five runs")->capture_default_str();
-  app.add_option("--json", json, "Write the figures to this file");
+  app.add_option("--json", json, "Write the figures to this file")->check(bench::CheckFigures);
   CLI11_PARSE(app, argc, argv);
 
   char path[] = "/tmp/quarry-bench-secret-XXXXXX";
@@ -163,8 +163,7 @@ int Main(int argc, char** argv) {
   nlohmann::ordered_json results;
   results.push_back(Report("plain", Measure({}, {}, block_bytes, total)));
   results.push_back(Report("shared secret", Measure(*server, *client, block_bytes, total)));
-  if (!json.empty()) std::ofstream(json) << results.dump(2) << "\n";
-  return 0;
+  return bench::WriteFigures(json, results.dump(2)) ? 0 : 1;
 }
 
 }  // namespace

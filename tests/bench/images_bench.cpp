@@ -8,13 +8,13 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "common/voxel/store_reader.h"
 #include "deploy/cluster.h"
 #include "deploy/default_view.h"
 #include "tests/bench/embree_image.h"
+#include "tests/bench/figures.h"
 #include "tests/bench/median.h"
 #include "tests/bench/stopwatch.h"
 #include "tests/bench/views.h"
@@ -236,7 +236,7 @@ int Main(int argc, char** argv) {
       ->check(CLI::Range(1, 4096))
       ->capture_default_str();
   app.add_flag("--interior", options.interior, "The eye is inside the scene's box");
-  app.add_option("--json", options.json, "Results as JSON");
+  app.add_option("--json", options.json, "Results as JSON")->check(bench::CheckFigures);
   CLI11_PARSE(app, argc, argv);
   nlohmann::json results = nlohmann::json::array();
   for (const std::string& store : options.stores) {
@@ -244,7 +244,7 @@ int Main(int argc, char** argv) {
       fmt::print(stderr, "quarry-bench-images: {}\n", status.error().message);
       return 1;
     }
-    if (!options.json.empty()) std::ofstream(options.json) << results.dump(2) << '\n';
+    (void)bench::WriteFigures(options.json, results.dump(2));
   }
   return 0;
 }

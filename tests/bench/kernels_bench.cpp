@@ -7,13 +7,13 @@
 #include <cmath>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <functional>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <random>
 
 #include "tests/bench/embree_rays.h"
+#include "tests/bench/figures.h"
 #include "tests/bench/grazing.h"
 #include "tests/bench/median.h"
 #include "tests/bench/one_level.h"
@@ -417,7 +417,7 @@ int Main(int argc, char** argv) {
   app.add_option(
       "--identical", options.identical,
       "Instead: so many random rays through every kernel, resident and suspended, hits compared bit by bit");
-  app.add_option("--json", options.json, "Results as JSON");
+  app.add_option("--json", options.json, "Results as JSON")->check(bench::CheckFigures);
   CLI11_PARSE(app, argc, argv);
   options.order = orders.at(order);
   const auto fail = [](const std::string& message) {
@@ -426,15 +426,13 @@ int Main(int argc, char** argv) {
   };
   if (options.size % RayPacket::kSide != 0) return fail("--size: not a multiple of 8");
   if (Kernels().empty()) return fail("QUARRY_ISA names no instruction set that this processor has");
-  if (!options.json.empty() && !std::ofstream(options.json, std::ios::app))
-    return fail(fmt::format("{}: cannot be written", options.json));
   nlohmann::json results = nlohmann::json::array();
   int exit_status = 0;
   for (const std::string& store : options.stores) {
     SceneBench bench(options, std::filesystem::path(store).stem().string());
     const Status status = bench.Run(store, results);
     // After every scene: large ones take long, and what was measured is kept.
-    if (!options.json.empty()) std::ofstream(options.json) << results.dump(2) << '\n';
+    (void)bench::WriteFigures(options.json, results.dump(2));
     if (status) continue;
     fmt::print(stderr, "quarry-bench-kernels: {}\n", status.error().message);
     exit_status = 1;

@@ -7,12 +7,13 @@
 #include <CLI/CLI.hpp>
 #include <cmath>
 #include <deque>
-#include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <random>
 
+#include "common/base/number.h"
 #include "master/active_frame.h"
+#include "tests/bench/figures.h"
 #include "tests/bench/median.h"
 #include "tests/bench/stopwatch.h"
 
@@ -184,16 +185,17 @@ int Main(int argc, char** argv) {
   std::string json;
   app.add_option("cases", cases, "COLUMNSxROWSxWORKERS each, in tiles")->capture_default_str();
   app.add_option("--repetitions", repetitions)->check(CLI::Range(1, 1000))->capture_default_str();
-  app.add_option("--json", json, "Write the figures to this file");
+  app.add_option("--json", json, "Write the figures to this file")->check(bench::CheckFigures);
   CLI11_PARSE(app, argc, argv);
   fmt::print(
       "tiles x workers  each holds         plan ms (spread)     busiest/mean  MB to fetch  hand out ms  "
       "at the end\n");
   nlohmann::ordered_json results;
   for (const std::string& text : cases) {
-    unsigned columns = 0, rows = 0, workers = 0;
-    if (std::sscanf(text.c_str(), "%ux%ux%u", &columns, &rows, &workers) != 3 || columns * rows == 0 ||
-        workers == 0) {
+    uint32_t counts[3] = {0, 0, 0};
+    const auto& [columns, rows, workers] = counts;
+    if (!ParseCounts(text, "xx", counts) || columns == 0 || columns > 4096 || rows == 0 || rows > 4096 ||
+        workers == 0 || workers > 65536) {
       fmt::print(stderr, "a case is COLUMNSxROWSxWORKERS, not '{}'\n", text);
       return 2;
     }
@@ -216,8 +218,7 @@ int Main(int argc, char** argv) {
                          {"hand_out_at_end_s", end_s}});
     }
   }
-  if (!json.empty()) std::ofstream(json) << results.dump(2) << "\n";
-  return 0;
+  return bench::WriteFigures(json, results.dump(2)) ? 0 : 1;
 }
 
 }  // namespace

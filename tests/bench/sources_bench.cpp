@@ -10,7 +10,6 @@
 #include <boost/asio/post.hpp>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <functional>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -21,6 +20,7 @@
 #include "common/net/http_source.h"
 #include "common/net/tcp_source.h"
 #include "deploy/cluster.h"
+#include "tests/bench/figures.h"
 #include "tests/bench/median.h"
 #include "tests/bench/stopwatch.h"
 #include "tests/support/nginx.h"
@@ -236,7 +236,7 @@ int Main(int argc, char** argv) {
   std::string path, json;
   CLI::App app("What ways of having blocks cost: file, tcp, http, https, disk cache.");
   app.add_option("store", path, "A store made by quarry-preprocess")->required();
-  app.add_option("--json", json, "Results as JSON");
+  app.add_option("--json", json, "Results as JSON")->check(bench::CheckFigures);
   CLI11_PARSE(app, argc, argv);
   const auto store = StoreReader::Open(path);
   std::optional<SourcesBench> bench;
@@ -247,11 +247,7 @@ int Main(int argc, char** argv) {
     fmt::print(stderr, "quarry-bench-sources: {}\n", status.error().message);
     return 1;
   }
-  if (!json.empty() && !(std::ofstream(json) << bench->Json().dump(2) << '\n')) {
-    fmt::print(stderr, "quarry-bench-sources: {}: cannot be written\n", json);
-    return 1;
-  }
-  return 0;
+  return bench::WriteFigures(json, bench->Json().dump(2)) ? 0 : 1;
 }
 
 }  // namespace

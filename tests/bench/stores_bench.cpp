@@ -6,12 +6,12 @@
 
 #include <CLI/CLI.hpp>
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "common/base/resource.h"
 #include "common/kdtree/treelets.h"
 #include "common/voxel/store_reader.h"
+#include "tests/bench/figures.h"
 #include "tests/bench/median.h"
 
 namespace quarry::bench {
@@ -178,7 +178,7 @@ int Main(int argc, char** argv) {
   CLI::App app("What stores are worth: size, decoding, replication, SAH cost.");
   app.add_option("store", stores, "Stores made by quarry-preprocess")->required();
   app.add_flag("--one-level", one_level, "Also the SAH cost of one tree over all triangles");
-  app.add_option("--json", json, "Results as JSON");
+  app.add_option("--json", json, "Results as JSON")->check(bench::CheckFigures);
   CLI11_PARSE(app, argc, argv);
   nlohmann::ordered_json results = nlohmann::ordered_json::array();
   fmt::print("{:20} {:>10} {:>8} {:>12} {:>8} {:>12} {:>8} {:>13} {:>12} {:>10} {:>10} {:>7}\n", "store",
@@ -218,11 +218,7 @@ int Main(int argc, char** argv) {
     if (one_level) j["sah_one_level"] = f->one_level;
     results.push_back(j);
   }
-  if (!json.empty() && !(std::ofstream(json) << results.dump(2) << '\n')) {
-    fmt::print(stderr, "quarry-bench-stores: {}: cannot be written\n", json);
-    return 1;
-  }
-  return 0;
+  return bench::WriteFigures(json, results.dump(2)) ? 0 : 1;
 }
 
 }  // namespace

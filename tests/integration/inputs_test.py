@@ -1,8 +1,11 @@
 """Where models come from: pipes, packed files, far from the origin."""
+import array
 import gzip
 import json
+import math
 import os
 import pathlib
+import random
 import struct
 import subprocess
 import unittest
@@ -20,6 +23,52 @@ class Plan(Case):
         self.must("quarry-preprocess", *arguments, "-o", self.path("x.quarry"), "--plan", "--quiet", "--stats", self.path("plan.json"))
         self.assertFalse(pathlib.Path(self.path("x.quarry")).exists())
         return json.loads(pathlib.Path(self.path("plan.json")).read_text())
+
+    def odd(self, kind, n):
+        """Triangles that lie in each other's way, as PLY."""
+        chance = random.Random(1)
+        u, near = chance.random, lambda: 1e-4 * (chance.random() - 0.5)
+        values, faces = array.array("f"), ((3, 3 * i, 3 * i + 1, 3 * i + 2) for i in range(n))
+        if kind == "fan":
+            values.extend((0, 0, 0))
+            faces = ((3, 0, 1 + i, 1 + (i + 1) % n) for i in range(n))
+        for i in range(n):
+            if kind == "fan":
+                t = 2 * math.pi * i / n
+                values.extend((math.cos(t), math.sin(t), 0.1 * math.sin(7 * t)))
+            elif kind == "slivers":
+                b = (u(), u(), u())
+                values.extend((u(), u(), u(), *b, b[0] + near(), b[1] + near(), b[2] + near()))
+            elif kind == "needles":
+                a = (u(), u(), u())
+                b = list(a)
+                b[i % 3] += 0.3
+                values.extend((*a, *b, a[0] + near(), a[1] + near(), a[2] + near()))
+            elif kind == "stacked":
+                values.extend((0, 0, 0, 1, 0, 0, 0, 1, 0))
+            else:
+                values.extend(u() for _ in range(9))
+        path = self.path(kind + ".ply")
+        with open(path, "wb") as file:
+            file.write(f"ply\nformat binary_little_endian 1.0\nelement vertex {len(values) // 3}\nproperty float x\nproperty float y\n"
+                       f"property float z\nelement face {n}\nproperty list uchar uint vertex_indices\nend_header\n".encode())
+            values.tofile(file)
+            pack = struct.Struct("<BIII").pack
+            file.write(b"".join(pack(*face) for face in faces))
+        return path
+
+    def test_triangles_in_each_others_way(self):
+        # Just more than are split at once: regions are planned.
+        for kind in ("fan", "slivers", "needles", "stacked", "soup"):
+            with self.subTest(kind=kind):
+                model = self.odd(kind, 270000)
+                plan = self.plan(model)
+                self.must("quarry-preprocess", model, "-o", self.path("made.quarry"), "--quiet", "--stats", self.path("made.json"))
+                made = json.loads(pathlib.Path(self.path("made.json")).read_text())
+                self.assertEqual(plan["input_triangles"], made["input_triangles"])
+                self.assertLess(plan["store_bytes"] / made["store_bytes"], 2)
+                self.assertGreater(plan["store_bytes"] / made["store_bytes"], 0.5)
+                self.assertEqual([name for name in os.listdir(self.folder) if "quarry-plan" in name], [])
 
     def test_counts_and_sizes(self):
         for scene in ("terrain", "plant", "forest", "city"):
@@ -201,6 +250,112 @@ class Inputs(Case):
         self.assertEqual(info["offset"], list(far))
         self.assertEqual(len(pictures[0]), len(pictures[1]))
         self.assertEqual(pictures[0], pictures[1])
+
+
+class Named(Case):
+    """Files that a model names: regular ones, in its folder; nothing that keeps one waiting, or unpacks for ever."""
+
+    OBJ = "mtllib {}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n"
+
+    def put(self, name, content):
+        path = self.folder / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(content) if isinstance(content, str) else path.write_bytes(content)
+        return str(path)
+
+    def gltf(self, name, buffer, image=None):
+        content = {"asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+                   "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}], "buffers": [{"byteLength": 36, "uri": buffer}],
+                   "bufferViews": [{"buffer": 0, "byteLength": 36}],
+                   "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}]}
+        if image:
+            content |= {"materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}], "textures": [{"source": 0}],
+                        "images": [{"uri": image}]}
+            content["meshes"][0]["primitives"][0]["material"] = 0
+        return self.put(name, json.dumps(content))
+
+    def setUp(self):
+        super().setUp()
+        os.mkfifo(self.path("fifo"))
+        self.triangle = struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0)
+        self.put("secret.bin", self.triangle)
+        self.put("m/here.bin", self.triangle)
+
+    def preprocess(self, model, *more):
+        return self.run_program("quarry-preprocess", model, "-o", self.path("x.quarry"), *more)
+
+    def test_what_is_no_regular_file_is_not_waited_for(self):
+        out = self.path("x.quarry")
+        os.symlink("../fifo", self.path("m/fifo"))
+        for uri in ("fifo", "/dev/zero", "."):
+            self.must_fail(1, "regular file|is a folder|out of the model's folder", "quarry-preprocess",
+                           self.gltf("m/a.gltf", uri), "-o", out)
+        told = self.preprocess(self.gltf("m/a.gltf", "here.bin", "fifo"))
+        self.assertEqual(told.returncode, 0, told.stderr)
+        self.assertIn("is not there", told.stderr)
+        for name in ("fifo", "/dev/zero", "."):
+            told = self.preprocess(self.put("m/a.obj", self.OBJ.format(name)))
+            self.assertEqual(told.returncode, 0, told.stderr)
+            self.assertIn("is not there", told.stderr)
+            self.put("m/a.mtl", f"newmtl m\nmap_Kd {name}\n")
+            told = self.preprocess(self.put("m/a.obj", self.OBJ.format("a.mtl")))
+            self.assertEqual(told.returncode, 0, told.stderr)
+            self.assertIn("is not there", told.stderr)
+            self.must_fail(1, "regular file", "quarry-preprocess", self.put("m/a.nff", f"b 0 0 1\ni 0 {name}\n"), "-o", out)
+        os.mkfifo(self.path("m/a.materials.json"))
+        ply = ("ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n"
+               "property list uchar int vertex_indices\nproperty ushort material_index\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2 0\n")
+        told = self.preprocess(self.put("m/a.ply", ply))
+        self.assertIn("regular file", told.stderr)
+
+    def test_paths_out_of_the_folder_are_refused_in_gltf_and_told_of_elsewhere(self):
+        for uri in ("../secret.bin", "%2e%2e/secret.bin", "x/../../secret.bin", "..\\secret.bin", self.path("secret.bin")):
+            with self.subTest(uri=uri):
+                self.must_fail(1, r"buffers\[0\]: the uri .* leads out of the model's folder", "quarry-preprocess",
+                               self.gltf("m/a.gltf", uri), "-o", self.path("x.quarry"))
+                told = self.preprocess(self.gltf("m/a.gltf", "here.bin", uri))
+                self.assertEqual(told.returncode, 0, told.stderr)
+                self.assertRegex(told.stderr, "outside the model's folder; the material does without|named by an absolute path")
+        os.mkdir(self.path("m/sub"))
+        self.assertEqual(self.preprocess(self.gltf("m/a.gltf", "sub/../here.bin")).returncode, 0)
+        self.put("up.mtl", "newmtl m\nKd 1 0 0\n")
+        self.put("t.ppm", b"P6 1 1 255\n123")
+        self.put("m/sub/t.mtl", "newmtl m\nmap_Kd ../t.ppm\n")
+        self.put("m/t.ppm", b"P6 1 1 255\n123")
+        told = self.preprocess(self.put("m/a.obj", self.OBJ.format("../up.mtl")))
+        self.assertEqual(told.returncode, 0, told.stderr)
+        self.assertRegex(told.stderr, "names the file .*up.mtl, outside the model's folder; it is read")
+        told = self.preprocess(self.put("m/a.obj", self.OBJ.format("sub/t.mtl")))
+        self.assertNotIn("outside", told.stderr)
+        self.put("m/out.mtl", "newmtl m\nmap_Kd ../t.ppm\n")
+        told = self.preprocess(self.put("m/a.obj", self.OBJ.format("out.mtl")))
+        self.assertRegex(told.stderr, "names the file .*t.ppm, outside the model's folder; it is read")
+        self.put("up.nff", "b 0 0 1\np 3\n0 0 0\n1 0 0\n0 1 0\n")
+        told = self.preprocess(self.put("m/a.nff", "b 0 0 1\ni 0 ../up.nff\n"))
+        self.assertEqual(told.returncode, 0, told.stderr)
+        self.assertRegex(told.stderr, "outside the model's folder; it is read")
+
+    def test_packed_bombs(self):
+        text = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+        small = self.put("a.obj.gz", gzip.compress(text * 2000))
+        self.must_fail(1, r"a\.obj\.gz.*unpacks to more than 1\.00 KiB \(--unpack-limit\)", "quarry-preprocess", small, "-o",
+                       self.path("x.quarry"), "--unpack-limit", 1024)
+        self.assertEqual(self.preprocess(small, "--unpack-limit", len(text) * 2000).returncode, 0)
+        # Many small streams are one; each is packed well, and 400 MiB come of 0.4.
+        line = gzip.compress((b"v 0 0 0 " + b" " * 1000 + b"\n") * 1000, 9)
+        bomb = self.put("b.obj.gz", line * 400)
+        began = os.times().elapsed
+        self.must_fail(1, r"unpacks to more than 256 MiB \(more than 100 times its own .*--unpack-limit SIZE allows more",
+                       "quarry-preprocess", bomb, "-o", self.path("x.quarry"), "--quiet")
+        with open(bomb, "rb") as packed:
+            self.must_fail(1, r"unpacks to more than 256 MiB", "quarry-preprocess", "-", "-o", self.path("x.quarry"), "--quiet", stdin=packed)
+        self.assertLess(os.times().elapsed - began, 60 * PATIENCE)
+
+    def test_spheres_are_counted_before_they_are_made(self):
+        model = self.put("s.nff", "b 0 0 1\nf 1 1 1 1 0 0 0 1\n" + "".join(f"s {i % 100} {i // 100 % 100} {i // 10000} 0.4\n" for i in range(300000)))
+        self.must_fail(1, r"s\.nff, line \d+: its first 94697 spheres and cones become 50000016 triangles \(528 a sphere, 48 a cone\), "
+                       r"and at most 50000000 are made", "quarry-preprocess", model, "-o", self.path("x.quarry"), "--quiet")
+        self.assertEqual([p.name for p in self.folder.iterdir() if "x.quarry" in p.name], [])
 
 
 if __name__ == "__main__":

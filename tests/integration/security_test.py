@@ -1,4 +1,5 @@
 """TLS between the programs: by a shared secret, by certificates, and what strangers can and cannot do."""
+import http.server
 import os
 import pathlib
 import re
@@ -290,6 +291,66 @@ class Wire:
 
     def close(self):
         self.listener.close()
+
+
+class Tokens(Case):
+    """Headers go to hosts that the worker's own command line names."""
+
+    def setUp(self):
+        super().setUp()
+        self.scene = self.store("plant", 20000)
+        self.token = self.folder / "token"
+        self.token.write_text("X-Token: open sesame\n")
+        self.token.chmod(0o600)
+        self.heard = heard = []
+
+        class Handler(http.server.BaseHTTPRequestHandler):
+            def do_GET(self):
+                heard.append(self.headers.get("X-Token"))
+                self.send_error(404)
+
+            def log_message(self, *_):
+                pass
+
+        server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        self.addCleanup(server.server_close)
+        self.addCleanup(server.shutdown)
+        self.port = server.server_address[1]
+        self.url = f"http://127.0.0.1:{self.port}/plant.quarry"
+
+    def tokens(self, of_master, of_worker):
+        """What the server heard."""
+        self.heard.clear()
+        master, address = self.start_master(self.scene, *of_master)
+        worker = self.start_worker(address, "--http-header-file", self.token, *of_worker)
+        self.must("quarry", "render", self.scene, "-o", self.path("x.png"), "--master", address, *VIEW)
+        end(worker)
+        end(master)
+        self.assertTrue(self.heard)
+        return set(self.heard)
+
+    def test_tokens_stay_with_hosts_that_the_worker_names(self):
+        named, both = ["--source", self.url, "--source", "master"], ["--http-header-host", "127.0.0.1"]
+        self.assertEqual(self.tokens(named, []), {None})
+        self.assertEqual(self.tokens(named, ["--http-header-host", "elsewhere.example"]), {None})
+        self.assertEqual(self.tokens(named, ["--http-header-host", f"127.0.0.1:{self.port + 1}"]), {None})
+        self.assertEqual(self.tokens(named, both), {"open sesame"})
+        self.assertEqual(self.tokens(named, ["--http-header-host", f"127.0.0.1:{self.port}"]), {"open sesame"})
+        self.assertEqual(self.tokens([], named), {"open sesame"})
+        self.must_fail(2, "--http-header-host is HOST or HOST:PORT", "quarry-worker", "--master", "127.0.0.1:1", "--http-header-host",
+                       "http://a/b")
+
+    def test_a_private_key_that_others_may_use_is_refused(self):
+        subprocess.run(["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=localhost", "-keyout",
+                        self.path("key"), "-out", self.path("cert")], check=True, capture_output=True)
+        for mode in (0o640, 0o604, 0o620, 0o660, 0o644):
+            os.chmod(self.path("key"), mode)
+            self.must_fail(2, "others than its owner may use this private key; chmod 600", "quarry-master", self.scene, "--listen",
+                           "127.0.0.1:0", "--tls-cert", self.path("cert"), "--tls-key", self.path("key"), "--tls-ca", self.path("cert"))
+        os.mkfifo(self.path("fifo"))
+        self.must_fail(2, "is not a regular file", "quarry-master", self.scene, "--listen", "127.0.0.1:0", "--tls-cert",
+                       self.path("fifo"), "--tls-key", self.path("key"), "--tls-ca", self.path("cert"))
 
 
 if __name__ == "__main__":

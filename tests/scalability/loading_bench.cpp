@@ -9,7 +9,6 @@
 #include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <condition_variable>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <thread>
@@ -18,6 +17,7 @@
 #include "common/voxel/store_reader.h"
 #include "deploy/default_view.h"
 #include "deploy/scene_files.h"
+#include "tests/bench/figures.h"
 #include "tests/bench/stopwatch.h"
 #include "tests/scalability/line.h"
 #include "tests/scalability/mapped_blocks.h"
@@ -298,11 +298,11 @@ int Main(int argc, char** argv) {
   app.add_option("--mode", options.mode, "raycast or whitted")
       ->check(CLI::IsMember({"raycast", "whitted"}))
       ->capture_default_str();
-  app.add_option("--json", options.json, "Results as JSON");
+  app.add_option("--json", options.json, "Results as JSON")->check(bench::CheckFigures);
   CLI11_PARSE(app, argc, argv);
   nlohmann::json results = nlohmann::json::array();
   const Status status = RunBench(options, results);
-  if (!options.json.empty()) std::ofstream(options.json) << results.dump(2) << '\n';
+  (void)bench::WriteFigures(options.json, results.dump(2));
   if (status) return 0;
   fmt::print(stderr, "quarry-bench-loading: {}\n", status.error().message);
   return 1;

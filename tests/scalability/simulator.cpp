@@ -10,6 +10,7 @@
 #include "common/base/resource.h"
 #include "common/base/size.h"
 #include "common/voxel/store_reader.h"
+#include "tests/bench/figures.h"
 #include "tests/scalability/simulation.h"
 
 namespace quarry {
@@ -133,7 +134,7 @@ int Main(int argc, char** argv) {
   app.add_option("--waves", c.waves, "In how many steps rays come to a tile's blocks")->capture_default_str();
   app.add_option("--frames", o.frames, "Only the first so many");
   app.add_option("--step", o.step, "Only every so many-th frame: a faster walk")->capture_default_str();
-  app.add_option("--json", o.json, "Write the figures to this file");
+  app.add_option("--json", o.json, "Write the figures to this file")->check(bench::CheckFigures);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

@@ -49,6 +49,31 @@ TEST_CASE("Addresses of HTTP servers are taken apart") {
   }
 }
 
+TEST_CASE("Headers and signatures go to servers that are named") {
+  HttpOptions all;
+  all.headers = {{"Authorization", "secret"}};
+  all.aws.emplace();
+  all.tls_ca = "ca";
+  const auto sent = [&](const std::string& url, const std::string& server) {
+    const auto named = ParseHttpServer(server, "--http-header-host");
+    REQUIRE(named);
+    const HttpOptions options = OptionsFor(Location(url), all, std::span(&*named, 1));
+    CHECK(options.headers.empty() == !options.aws);
+    CHECK(options.tls_ca == "ca");
+    return !options.headers.empty();
+  };
+  CHECK(sent("https://Store.Example/s", "store.example"));
+  CHECK(sent("https://store.example:8443/s", "STORE.example"));
+  CHECK(sent("https://store.example:8443/s", "store.example:8443"));
+  CHECK(sent("http://[::1]:80/s", "[::1]:80"));
+  CHECK_FALSE(sent("https://store.example:8443/s", "store.example:443"));
+  CHECK_FALSE(sent("https://store.example.evil/s", "store.example"));
+  CHECK_FALSE(sent("https://a.store.example/s", "store.example"));
+  CHECK(OptionsFor(Location("https://h/s"), all, {}).headers.empty());
+  for (const char* bad : {"", "http://h", "h:0", "h:99999", "a b", "[::1"})
+    CHECK_FALSE(ParseHttpServer(bad, "--http-header-host").has_value());
+}
+
 TEST_CASE("Headers come from a file that only its owner reads") {
   const test::TemporaryFolder folder;
   const std::string path = folder.file("headers");

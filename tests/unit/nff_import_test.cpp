@@ -92,6 +92,14 @@ TEST_CASE("AFF: included files, transforms, animations at their first moment") {
   CHECK(s.warnings.size() == 1);
 }
 
+TEST_CASE("NFF: spheres and cones beyond what is made are refused with figures") {
+  std::string text = kHead;
+  for (int i = 0; i < 94697; ++i) text += "s 0 0 0 1\n";
+  CHECK(ErrorOf("a.nff", text) ==
+        "a.nff, line 94706: its first 94697 spheres and cones become 50000016 triangles (528 a sphere, 48 a "
+        "cone), and at most 50000000 are made; give fewer a model, or meshes of your own");
+}
+
 TEST_CASE("NFF and AFF that are broken are refused with the place") {
   const std::string head = "b 0 0 1\n";
   CHECK(ErrorOf("a.nff", head + "p 3\n0 0 0\n1 0 x\n") ==

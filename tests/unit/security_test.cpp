@@ -115,7 +115,8 @@ TEST_CASE("Certificate files that are not what they should be are named") {
              Catch::Contains(text + ": no certificates"));
   CHECK_THAT(UsageError(Security::ForServer({{}, text, text, text})),
              Catch::Contains(text + ": not a certificate"));
-  CHECK_THAT(UsageError(Security::ForServer({{}, text, open, text})), Catch::Contains(open + ": everybody"));
+  CHECK_THAT(UsageError(Security::ForServer({{}, text, open, text})),
+             Catch::Contains(open + ": others than its owner"));
 }
 
 TEST_CASE("Security flags beat the environment") {

@@ -1,0 +1,48 @@
+#include "common/base/number.h"
+
+#include <fmt/format.h>
+
+#include <charconv>
+
+namespace quarry {
+namespace {
+
+/// Decimal digits alone, without a zero in front: the parsers of options take that for octal.
+template <class Whole>
+bool ParseWhole(std::string_view text, Whole& out) {
+  if (text.empty() || (text.size() > 1 && text[0] == '0')) return false;
+  const char* const end = text.data() + text.size();
+  const auto [rest, error] = std::from_chars(text.data(), end, out);
+  return error == std::errc{} && rest == end;  // unsigned: a sign is none of its digits
+}
+
+}  // namespace
+
+NumberCheck WholeNumber(uint64_t least, uint64_t most) {
+  return [=](const std::string& text) -> std::string {
+    uint64_t value = 0;
+    if (ParseWhole(text, value) && value >= least && value <= most) return "";
+    return fmt::format("'{}' is not a whole number from {} to {}", text, least, most);
+  };
+}
+
+NumberCheck RealNumber(double least, double most) {
+  return [=](const std::string& text) -> std::string {
+    double value = 0;
+    const char* const end = text.data() + text.size();
+    const auto [rest, error] = std::from_chars(text.data(), end, value);
+    if (error == std::errc{} && rest == end && value >= least && value <= most) return "";
+    return fmt::format("'{}' is not a number from {} to {}", text, least, most);
+  };
+}
+
+bool ParseCounts(std::string_view text, std::string_view separators, std::span<uint32_t> out) {
+  for (size_t i = 0; i < separators.size(); ++i) {
+    const size_t at = text.find(separators[i]);
+    if (at == std::string_view::npos || !ParseWhole(text.substr(0, at), out[i])) return false;
+    text.remove_prefix(at + 1);
+  }
+  return ParseWhole(text, out[separators.size()]);
+}
+
+}  // namespace quarry

@@ -1,0 +1,208 @@
+#include "common/base/output_path.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <climits>
+#include <filesystem>
+#include <initializer_list>
+#include <mutex>
+#include <utility>
+
+namespace quarry {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kMostLinks = 40;  // as the kernel has it
+constexpr size_t kStartBytes = 4096;
+
+std::string_view WithoutBlanks(std::string_view text) {
+  const size_t first = text.find_first_not_of(" \t\r\n");
+  return text.substr(std::min(first, text.size()));
+}
+
+/// Whether a JSON object begins, with one of these members first.
+bool BeginsObject(std::string_view start, std::initializer_list<std::string_view> first_members) {
+  start = WithoutBlanks(start);
+  if (!start.starts_with('{')) return false;
+  start = WithoutBlanks(start.substr(1));
+  return std::ranges::any_of(first_members, [&](std::string_view member) {
+    return start.starts_with('"') && start.substr(1).starts_with(member) &&
+           start.substr(1 + member.size()).starts_with('"');
+  });
+}
+
+bool IsPng(std::string_view start) { return start.starts_with("\x89PNG\r\n\x1A\n"); }
+bool IsExr(std::string_view start) { return start.starts_with("\x76\x2F\x31\x01"); }
+/// Of quarry-preprocess, of its --plan, of quarry render.
+bool IsStatistics(std::string_view start) {
+  return BeginsObject(start, {"scene_id", "input_triangles", "render_wall_s"});
+}
+bool IsTrace(std::string_view start) { return BeginsObject(start, {"frame"}); }
+/// Of benchmarks: any JSON but what programs read.
+bool IsFigures(std::string_view start) {
+  if (BeginsObject(start, {"frames", "lights", "materials"})) return false;
+  const std::string_view text = WithoutBlanks(start);
+  return (text.starts_with('{') || text.starts_with('[') || text.starts_with("null")) &&
+         text.find("\"asset\"") == std::string_view::npos;
+}
+
+std::string FolderOf(const std::string& path) {
+  const size_t slash = path.rfind('/');
+  return slash == std::string::npos ? "" : path.substr(0, slash + 1);
+}
+
+/// What a chain of links ends at, whether that is there or not. Links of /proc (as /dev/stdout has them) name
+/// files that are open: they are written to, not replaced.
+Result<OutputPlace> Followed(std::string path) {
+  for (int i = 0; i < kMostLinks; ++i) {
+    char target[PATH_MAX];
+    const ssize_t size = ::readlink(path.c_str(), target, sizeof target);
+    if (size < 0) return OutputPlace{std::move(path), false};
+    if (path.starts_with("/proc/") || path.starts_with("/dev/fd/")) return OutputPlace{std::move(path), true};
+    const std::string to(target, static_cast<size_t>(size));
+    path = to.starts_with('/') ? to : FolderOf(path) + to;
+  }
+  return BadUsage(fmt::format("{}: its symbolic links lead in a circle; name another file", path));
+}
+
+/// The first bytes of a regular file that is there; nothing can be said of another.
+struct Existing {
+  bool regular = false, readable = false;
+  uint64_t size = 0;
+  std::string start;
+};
+Existing Look(const std::string& path) {
+  Existing found;
+  struct stat info {};
+  found.regular = ::stat(path.c_str(), &info) == 0 && S_ISREG(info.st_mode);
+  if (!found.regular) return found;
+  found.size = static_cast<uint64_t>(info.st_size);
+  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+  if (fd < 0) return found;
+  found.start.resize(kStartBytes);
+  const ssize_t n = ::read(fd, found.start.data(), found.start.size());
+  ::close(fd);
+  found.readable = n >= 0;
+  found.start.resize(n > 0 ? static_cast<size_t>(n) : 0);
+  return found;
+}
+
+/// One spelling of a file that need not be there.
+std::string OneSpelling(const std::string& path) {
+  std::error_code error;
+  const fs::path whole = fs::weakly_canonical(path, error);
+  return error ? path : whole.string();
+}
+
+/// Files that outputs are to replace, and which of them have been read.
+struct Claim {
+  uint64_t device, inode;
+  bool read;
+};
+std::mutex claims_mutex;
+std::vector<Claim> claims;
+
+Claim* FindClaim(const struct stat& info) {
+  const auto found = std::ranges::find_if(
+      claims, [&](const Claim& c) { return c.device == info.st_dev && c.inode == info.st_ino; });
+  return found == claims.end() ? nullptr : &*found;
+}
+
+void ClaimFile(const std::string& path) {
+  struct stat info {};
+  if (::stat(path.c_str(), &info) != 0) return;
+  const std::lock_guard lock(claims_mutex);
+  if (!FindClaim(info)) claims.push_back({info.st_dev, info.st_ino, false});
+}
+
+}  // namespace
+
+void NoteRead(const std::string& path) {
+  const std::lock_guard lock(claims_mutex);
+  if (claims.empty()) return;
+  struct stat info {};
+  if (::stat(path.c_str(), &info) != 0) return;
+  if (Claim* const claim = FindClaim(info)) claim->read = true;
+}
+
+Status CheckNotRead(const std::string& path) {
+  const std::lock_guard lock(claims_mutex);
+  struct stat info {};
+  if (claims.empty() || ::stat(path.c_str(), &info) != 0) return {};
+  const Claim* const claim = FindClaim(info);
+  if (!claim || !claim->read) return {};
+  return BadUsage(fmt::format("{}: is read in this run, and would be replaced; name another file", path));
+}
+
+const OutputKind kPngOutput{"a PNG image", IsPng, true};
+const OutputKind kExrOutput{"an EXR image", IsExr, true};
+const OutputKind kStatisticsOutput{"a file of Quarry's statistics", IsStatistics, true};
+const OutputKind kTraceOutput{"a trace of Quarry's tiles", IsTrace, true};
+const OutputKind kFiguresOutput{"a JSON file of figures", IsFigures, true};
+
+Result<OutputPlace> PlaceOf(const std::string& path) {
+  if (path.empty()) return BadUsage("an output has no name; give one");
+  struct stat info {};
+  if (::stat(path.c_str(), &info) != 0) {
+    if (errno == ELOOP)
+      return BadUsage(fmt::format("{}: its symbolic links lead in a circle; name another file", path));
+    return Followed(path);  // nothing there, or a link to nothing; what else is wrong shows in writing it
+  }
+  if (S_ISREG(info.st_mode)) return Followed(path);
+  if (S_ISCHR(info.st_mode) || S_ISFIFO(info.st_mode)) return OutputPlace{path, true};
+  if (S_ISDIR(info.st_mode))
+    return BadUsage(fmt::format("{}: is a folder, and a file is to be written; name a file in it", path));
+  return BadUsage(fmt::format("{}: is a disk or a socket, and a file is to be written; name another", path));
+}
+
+void OutputGuard::AddInput(const std::string& path) {
+  struct stat info {};
+  if (path.empty() || ::stat(path.c_str(), &info) != 0) return;
+  inputs_.push_back({path, info.st_dev, info.st_ino});
+}
+
+Result<OutputPlace> OutputGuard::Take(const std::string& path, const OutputKind& kind) {
+  QUARRY_ASSIGN(OutputPlace place, PlaceOf(path));
+  struct stat info {};
+  if (::stat(path.c_str(), &info) == 0 && S_ISREG(info.st_mode))
+    for (const Known& input : inputs_)
+      if (input.device == info.st_dev && input.inode == info.st_ino)
+        return BadUsage(fmt::format("{}: is read in this run ({}), and would be replaced; name another file",
+                                    path, input.path));
+  if (place.stream) {
+    if (kind.streams) return place;
+    return BadUsage(fmt::format("{}: is a device or FIFO, and {} is written to a regular file; name one",
+                                path, kind.name));
+  }
+  std::string spelling = OneSpelling(place.path);
+  for (const auto& [other, other_spelling] : outputs_)
+    if (other_spelling == spelling)
+      return BadUsage(
+          fmt::format("{}: is written twice in this run (as {}); name another file", path, other));
+  outputs_.emplace_back(path, std::move(spelling));
+  const Existing found = Look(place.path);
+  const bool ours = !found.regular || found.size == 0 || (found.readable && kind.fits(found.start));
+  if (ours || force_ == Force::kYes) {
+    if (found.regular) ClaimFile(place.path);
+    return place;
+  }
+  return BadUsage(
+      fmt::format("{}: is there already and is not {}, so it is not replaced; name another file{}", path,
+                  kind.name, force_ == Force::kNo ? ", or give --force" : ", or remove it first"));
+}
+
+Status OutputGuard::TakeFolder(const std::string& path) {
+  struct stat info {};
+  if (path.empty()) return BadUsage("a folder to write to has no name; give one");
+  if (::stat(path.c_str(), &info) == 0 && !S_ISDIR(info.st_mode))
+    return BadUsage(fmt::format("{}: is there and is no folder; name another", path));
+  return {};
+}
+
+}  // namespace quarry

@@ -1,0 +1,29 @@
+#pragma once
+
+#include <fmt/format.h>
+
+#include <string>
+
+#include "common/base/bytes.h"
+#include "common/base/file.h"
+#include "common/base/output_path.h"
+
+namespace quarry::bench {
+
+/// What is wrong with a benchmark's --json, told before it runs; CLI::Option::check() takes it.
+inline std::string CheckFigures(const std::string& path) {
+  OutputGuard guard(OutputGuard::Force::kNotOffered);
+  const auto place = guard.Take(path, kFiguresOutput);
+  const Status writable = place ? CheckWritable(*place) : tl::unexpected<Error>(place.error());
+  return writable ? "" : writable.error().message;
+}
+
+/// Writes figures to `path`, unless that is empty. False, and a sentence, when it cannot be done.
+inline bool WriteFigures(const std::string& path, const std::string& json) {
+  if (path.empty()) return true;
+  const Status written = WriteFileAtomically(path, AsBytes(json + "\n"));
+  if (!written) fmt::print(stderr, "{}\n", written.error().message);
+  return written.has_value();
+}
+
+}  // namespace quarry::bench

@@ -1,0 +1,67 @@
+// Gives the bytes to each reader of JSON files. The first byte chooses: camera path, lights, library of
+// materials, credentials.
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <cstdint>
+#include <cstdlib>
+#include <string>
+
+#include "common/net/http_options.h"
+#include "common/scene/material_json.h"
+#include "deploy/scene_files.h"
+
+namespace {
+
+using namespace quarry;
+
+/// A reader says what is wrong, or gives what can be used.
+template <class Value, class Check>
+void MustBeUsable(const Result<Value>& result, Check&& check) {
+  if (!result && result.error().message.empty()) std::abort();
+  if (result && !check(*result)) std::abort();
+}
+
+bool IsFinite(const glm::dvec3& v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
+
+void Read(uint8_t reader, const std::string& path) {
+  switch (reader % 4) {
+    case 0:
+      return MustBeUsable(ReadCameraPath(path), [](const std::vector<CameraSpec>& cameras) {
+        for (const CameraSpec& c : cameras)
+          if (!IsFinite(c.eye) || !IsFinite(c.at) || !IsFinite(c.up) || !(c.fov_degrees > 0)) return false;
+        return !cameras.empty();
+      });
+    case 1: {
+      RenderJob job;
+      const Status status = ReadLights(path, glm::dvec3(1e6), job);
+      if (!status && status.error().message.empty()) std::abort();
+      for (const Light& light : job.lights)
+        if (!IsFinite(light.vector) || !IsFinite(light.radiance)) std::abort();
+      return;
+    }
+    case 2:
+      return MustBeUsable(ReadMaterialJson(path), [](const MaterialLibrary& library) {
+        for (const Material& m : library.materials)
+          if (!IsFinite(m.diffuse) || !(m.ior >= 1)) return false;
+        return true;
+      });
+    default:
+      return MustBeUsable(ReadAwsCredentials(path),
+                          [](const AwsCredentials& c) { return !c.secret_key.empty(); });
+  }
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  if (size == 0) return 0;
+  const int fd = memfd_create("json", 0);
+  if (fd < 0 || write(fd, data + 1, size - 1) != static_cast<ssize_t>(size - 1)) std::abort();
+  fchmod(fd, 0600);  // credentials are their owner's alone
+  Read(data[0], "/proc/self/fd/" + std::to_string(fd));
+  close(fd);
+  return 0;
+}
