@@ -73,17 +73,32 @@ class Thief {
         place = i;
       }
     }
-    if (victim == own_.size()) return false;
-    tile = own_[victim][place];
+    if (victim == own_.size()) return TakeFromQuiet(w, tile);
+    tile = Remove(victim, place);
+    return true;
+  }
+
+ private:
+  /// Whatever it costs: a worker that does not answer does not come to it.
+  bool TakeFromQuiet(size_t w, uint32_t& tile) {
+    for (size_t v = 0; v < own_.size(); ++v) {
+      if (v == w || own_[v].empty() || s_.workers[v].quiet_s <= s_.straggler_after_s) continue;
+      tile = Remove(v, own_[v].size() - 1);
+      return true;
+    }
+    return false;
+  }
+
+  uint32_t Remove(size_t victim, size_t place) {
+    const uint32_t tile = own_[victim][place];
     own_[victim].erase(own_[victim].begin() + static_cast<std::ptrdiff_t>(place));
     const auto v = static_cast<uint32_t>(victim);
     victims_.erase({-backlog_s_[v], v});
     backlog_s_[v] -= s_.tiles[tile].cost_s;
     victims_.insert({-backlog_s_[v], v});
-    return true;
+    return tile;
   }
 
- private:
   static constexpr size_t kLooked = 16;   ///< tiles of a victim
   static constexpr size_t kVictims = 16;  ///< those with most left
   const Snapshot& s_;
@@ -91,6 +106,20 @@ class Thief {
   std::vector<double> backlog_s_;
   std::set<std::pair<double, uint32_t>> victims_;  ///< by what is left to them, the most first
 };
+
+/// Held for so long, by the newest of its holders, that somebody else should have it too.
+bool IsLate(const TileView& tile, const Snapshot& s) {
+  constexpr uint32_t kMostDoublings = 20;
+  if (tile.done || tile.holders == 0) return false;
+  const double after_s =
+      s.straggler_after_s * static_cast<double>(1u << std::min(tile.holders - 1, kMostDoublings));
+  return s.now_s - tile.leased_at_s > after_s;
+}
+
+bool Holds(const TileView& tile, uint32_t worker) {
+  return tile.holder == worker || std::find(tile.earlier_holders.begin(), tile.earlier_holders.end(),
+                                            worker) != tile.earlier_holders.end();
+}
 
 }  // namespace
 
@@ -152,16 +181,15 @@ std::vector<Assignment> Schedule(const Snapshot& s, Stealing stealing) {
     }
   }
   if (stealing == Stealing::kNo) return out;
-  // Nothing open is left: the oldest stragglers go to those still idle, once each.
+  // Nothing open is left: the oldest stragglers go to those still idle.
   std::vector<uint32_t> late;
   for (uint32_t t = 0; t < s.tiles.size(); ++t)
-    if (!s.tiles[t].done && s.tiles[t].holders == 1 && s.now_s - s.tiles[t].leased_at_s > s.straggler_after_s)
-      late.push_back(t);
+    if (IsLate(s.tiles[t], s)) late.push_back(t);
   std::stable_sort(late.begin(), late.end(),
                    [&](uint32_t a, uint32_t b) { return s.tiles[a].leased_at_s < s.tiles[b].leased_at_s; });
   for (uint32_t t : late)
     for (size_t w = 0; w < s.workers.size(); ++w) {
-      if (free[w] == 0 || s.workers[w].id == s.tiles[t].holder) continue;
+      if (free[w] == 0 || Holds(s.tiles[t], s.workers[w].id)) continue;
       out.push_back({t, s.workers[w].id});
       --free[w];
       break;

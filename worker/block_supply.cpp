@@ -45,9 +45,9 @@ Status BlockSupply::Add(const std::string& text, const Endpoint& master) {
       return {};
     }
     case SourceKind::kTcp:
-      sources_.Add(
-          spec.kind, text,
-          std::make_unique<TcpVoxelSource>(io_, spec.master ? master : spec.server, security_, catalog_.id));
+      sources_.Add(spec.kind, text,
+                   std::make_unique<TcpVoxelSource>(io_, spec.master ? master : spec.server, security_,
+                                                    catalog_.id, catalog_.meta.largest_stored));
       return {};
     default: {
       QUARRY_ASSIGN(HttpLocation location, ParseHttpLocation(spec.place, "--source"));
@@ -61,7 +61,8 @@ Status BlockSupply::Add(const std::string& text, const Endpoint& master) {
 
 void BlockSupply::SetPeers(const Peers& peers) {
   sources_.SetPeers(peers, [this](const Endpoint& endpoint) {
-    return std::make_unique<TcpVoxelSource>(io_, endpoint, security_, catalog_.id);
+    return std::make_unique<TcpVoxelSource>(io_, endpoint, security_, catalog_.id,
+                                            catalog_.meta.largest_stored);
   });
 }
 

@@ -335,7 +335,8 @@ TEST_CASE("Nothing on the way to a voxel server is final for a block") {
   Network network(WithSecret('a', true));
   for (const auto& [security, sentence] :
        {std::pair(WithSecret('b', false), "secret"), std::pair(Security(), "asks for TLS")}) {
-    TcpVoxelSource source(network.client_io, {"127.0.0.1", network.listener->port()}, security, SceneId{});
+    TcpVoxelSource source(network.client_io, {"127.0.0.1", network.listener->port()}, security, SceneId{},
+                          1000);
     std::optional<Result<Bytes>> got;
     source.Fetch(3, [&](Result<Bytes> r) { got = std::move(r); });
     REQUIRE(network.Run([&] { return got.has_value(); }));
@@ -348,7 +349,7 @@ TEST_CASE("Nothing on the way to a voxel server is final for a block") {
 TEST_CASE("However many blocks are wanted, a server is asked for no more at once than it takes") {
   constexpr size_t kWanted = 3 * kMostBlockRequests + 7;
   Network network{Security()};
-  TcpVoxelSource source(network.client_io, {"127.0.0.1", network.listener->port()}, {}, SceneId{});
+  TcpVoxelSource source(network.client_io, {"127.0.0.1", network.listener->port()}, {}, SceneId{}, 1000);
   size_t came = 0;
   for (uint32_t b = 0; b < kWanted; ++b)
     source.Fetch(b, [&](const Result<Bytes>& r) { came += r.has_value(); });
