@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <utility>
 
 namespace quarry {
@@ -70,7 +71,7 @@ void BlockService::Forget(const std::shared_ptr<Connection>& c) {
 
 std::vector<std::shared_ptr<Connection>> BlockService::Stalled() const {
   std::vector<std::shared_ptr<Connection>> stalled;
-  if (waiting_ == 0 || reading_ + Queued() < kMostBytes) return stalled;
+  if (!full_) return stalled;
   for (const Reader& reader : readers_)
     if (reader.connection->unread_s() > kPatienceS) stalled.push_back(reader.connection);
   return stalled;
@@ -89,7 +90,10 @@ uint64_t BlockService::Queued() const {
 }
 
 bool BlockService::HasRoom(const Reader& reader) const {
-  return !reader.items.empty() && reader.reading + reader.connection->queued_bytes() < kMostBytesEach;
+  if (reader.items.empty()) return false;
+  const uint64_t used = reader.reading + reader.connection->queued_bytes();
+  if (used < kLeastBytesEach) return true;
+  return used < std::min(kMostBytesEach, reader.connection->taken_bytes());
 }
 
 /// Starts what there is room for, the connections in turn. One that is too large for the room left waits
@@ -97,12 +101,14 @@ bool BlockService::HasRoom(const Reader& reader) const {
 void BlockService::Pump() {
   if (std::exchange(pumping_, true)) return;  // answers may come at once
   uint64_t used = reading_ + Queued();
+  full_ = false;
   while (waiting_ > 0) {
     auto next = readers_.begin();
     while (next != readers_.end() && !HasRoom(*next)) ++next;
     if (next == readers_.end()) break;
     const uint64_t bytes = next->items.front().bytes;
-    if (used > 0 && used + bytes > kMostBytes) break;
+    full_ = used > 0 && used + bytes > kMostBytes;
+    if (full_) break;
     const Item item = std::move(next->items.front());
     next->items.pop_front();
     --waiting_;

@@ -15,11 +15,12 @@ namespace quarry {
 
 /// Answers requests for blocks, of any number of connections, from one source, and sends what else is large;
 /// at most kMostBlockRequests of a connection at a time. Answers are read only when there is room for them:
-/// those read or queued, and not yet with the system, take kMostBytes together (and one answer more), of one
-/// connection kMostBytesEach. Connections take turns. Used from the source's thread.
+/// those read or queued, and not yet with the system, take kMostBytes together (or one answer that is
+/// larger), of one connection as much as has been taken of what was sent to it, between kLeastBytesEach and
+/// kMostBytesEach: who reads nothing gets little. Connections take turns. Used from the source's thread.
 class BlockService {
  public:
-  static constexpr uint64_t kMostBytes = 8u << 20, kMostBytesEach = 1u << 20;
+  static constexpr uint64_t kMostBytes = 8u << 20, kLeastBytesEach = 64u << 10, kMostBytesEach = 1u << 20;
   /// When there is no room, those that have taken nothing for this long are dropped: 2 s.
   static constexpr double kPatienceS = 2;
 
@@ -63,6 +64,7 @@ class BlockService {
   size_t waiting_ = 0;    ///< items
   uint64_t reading_ = 0;  ///< bytes, over all
   bool pumping_ = false;
+  bool full_ = false;  ///< the next answer waits for room
   uint64_t bytes_served_ = 0;
 };
 

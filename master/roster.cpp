@@ -55,6 +55,12 @@ WorkerRecord* Roster::FindInstance(uint64_t instance) {
   return it == known_.end() ? nullptr : FindById(it->second);
 }
 
+bool Roster::AnyProven() const {
+  return std::any_of(workers_.begin(), workers_.end(), [](const auto& entry) {
+    return entry.second.tiles > 0 && !entry.second.conduct.doubtful();
+  });
+}
+
 void Roster::Update(WorkerRecord& worker, const Alive& alive) {
   worker.counters = alive;
   if (alive.whole) worker.holds.Clear();

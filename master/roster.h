@@ -57,6 +57,8 @@ class Roster {
   const std::map<uint32_t, WorkerRecord>& all() const { return workers_; }
   std::map<uint32_t, WorkerRecord>& all() { return workers_; }
 
+  /// Whether anybody here has answered a tile and goes on answering.
+  bool AnyProven() const;
   /// Takes up counters and what has changed in the cache.
   static void Update(WorkerRecord& worker, const Alive& alive);
   /// Which workers serve others, and where.

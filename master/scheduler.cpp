@@ -107,18 +107,43 @@ class Thief {
   std::set<std::pair<double, uint32_t>> victims_;  ///< by what is left to them, the most first
 };
 
-/// Held for so long, by the newest of its holders, that somebody else should have it too.
-bool IsLate(const TileView& tile, const Snapshot& s) {
-  constexpr uint32_t kMostDoublings = 20;
-  if (tile.done || tile.holders == 0) return false;
-  const double after_s =
-      s.straggler_after_s * static_cast<double>(1u << std::min(tile.holders - 1, kMostDoublings));
-  return s.now_s - tile.leased_at_s > after_s;
-}
-
 bool Holds(const TileView& tile, uint32_t worker) {
   return tile.holder == worker || std::find(tile.earlier_holders.begin(), tile.earlier_holders.end(),
                                             worker) != tile.earlier_holders.end();
+}
+
+/// Which tiles somebody else should have too: those that only quiet workers hold; of others those that the
+/// newest holder has had for long, for twice as long with each holder more.
+std::vector<uint32_t> LateTiles(const Snapshot& s) {
+  constexpr uint32_t kMostDoublings = 20;
+  std::unordered_map<uint32_t, bool> answers;
+  for (const WorkerView& w : s.workers) answers[w.id] = w.quiet_s <= s.straggler_after_s;
+  std::vector<uint32_t> late;
+  for (uint32_t t = 0; t < s.tiles.size(); ++t) {
+    const TileView& tile = s.tiles[t];
+    if (tile.done || tile.holders == 0) continue;
+    const auto does = [&](uint32_t worker) {
+      const auto it = answers.find(worker);
+      return it == answers.end() || it->second;
+    };
+    const auto holders = static_cast<uint32_t>(
+        does(tile.holder) + std::count_if(tile.earlier_holders.begin(), tile.earlier_holders.end(), does));
+    const double after_s =
+        s.straggler_after_s * static_cast<double>(1u << std::min(std::max(holders, 1u) - 1, kMostDoublings));
+    if (holders == 0 || s.now_s - tile.leased_at_s > after_s) late.push_back(t);
+  }
+  std::stable_sort(late.begin(), late.end(),
+                   [&](uint32_t a, uint32_t b) { return s.tiles[a].leased_at_s < s.tiles[b].leased_at_s; });
+  return late;
+}
+
+/// Tiles that each worker may be given: none to those that are quiet, unless all are.
+std::vector<uint32_t> FreeSlots(const Snapshot& s) {
+  const auto answers = [&](const WorkerView& w) { return w.quiet_s <= s.straggler_after_s; };
+  const bool any = std::any_of(s.workers.begin(), s.workers.end(), answers);
+  std::vector<uint32_t> free;
+  for (const WorkerView& w : s.workers) free.push_back(any && !answers(w) ? 0 : w.free_slots);
+  return free;
 }
 
 }  // namespace
@@ -159,8 +184,7 @@ std::vector<Assignment> Schedule(const Snapshot& s, Stealing stealing) {
   std::vector<Assignment> out;
   if (s.workers.empty() || s.tiles.empty()) return out;
   auto own = Belongings(s);
-  std::vector<uint32_t> free;
-  for (const WorkerView& w : s.workers) free.push_back(w.free_slots);
+  std::vector<uint32_t> free = FreeSlots(s);
   std::optional<Thief> thief;
   if (stealing == Stealing::kYes) thief.emplace(s, own);
   const auto take = [&](size_t w, uint32_t& tile) {
@@ -182,12 +206,7 @@ std::vector<Assignment> Schedule(const Snapshot& s, Stealing stealing) {
   }
   if (stealing == Stealing::kNo) return out;
   // Nothing open is left: the oldest stragglers go to those still idle.
-  std::vector<uint32_t> late;
-  for (uint32_t t = 0; t < s.tiles.size(); ++t)
-    if (IsLate(s.tiles[t], s)) late.push_back(t);
-  std::stable_sort(late.begin(), late.end(),
-                   [&](uint32_t a, uint32_t b) { return s.tiles[a].leased_at_s < s.tiles[b].leased_at_s; });
-  for (uint32_t t : late)
+  for (const uint32_t t : LateTiles(s))
     for (size_t w = 0; w < s.workers.size(); ++w) {
       if (free[w] == 0 || Holds(s.tiles[t], s.workers[w].id)) continue;
       out.push_back({t, s.workers[w].id});

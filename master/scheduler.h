@@ -114,10 +114,11 @@ enum class Stealing { kNo, kYes };
 
 /// Which tiles to hand out now: a worker gets its own. With kYes, one with nothing of its own left takes what
 /// another will come to latest: the tile for which that one's open work exceeds most what the tile would cost
-/// the taker, and only while it does; but of a worker that is quiet, whatever it costs. When nothing is left,
-/// the oldest stragglers go to those still idle, each to one more worker at a time, and after the first each
-/// only when the newest has held it twice as long as the one before; the first result counts, all are the
-/// same. So no tile waits for any one worker, whether it holds the tile or is to get it.
+/// the taker, and only while it does; but of a worker that is quiet (for longer than straggler_after_s),
+/// whatever it costs. When nothing is left, the oldest stragglers go to those still idle, each to one more
+/// worker at a time: at once where all that hold it are quiet, else when the newest has held it for long,
+/// twice as long with each more. The first result counts, all are the same. Who is quiet is given nothing
+/// while others are not. So no tile waits for any one worker, whether it holds the tile or is to get it.
 std::vector<Assignment> Schedule(const Snapshot& snapshot, Stealing stealing);
 
 }  // namespace quarry

@@ -44,6 +44,8 @@ constexpr double kLogEveryS = 10;
 /// Of half-read messages over all connections: the largest job, and something beside it; and what workers
 /// with every block name them by, for a few at once.
 constexpr uint64_t kIncomingBytes = 14u << 20, kIncomingBytesPerBlock = 16;
+/// For a worker that has answered none, beside others that have: what it holds nobody else makes.
+constexpr uint32_t kUnprovenTiles = 4;
 constexpr uint32_t kMostFailures = 3;  // workers that fail before the job is given up
 
 /// A frame being rendered.
@@ -325,10 +327,14 @@ class Server {
   void HandOut() {
     if (std::exchange(workers_changed_, false)) TellAndPlan();
     LookAtConduct();
+    const bool any_proven = roster_.AnyProven();
     std::vector<Hand> hands;
     for (const auto& [id, worker] : roster_.all())
       if (worker.has_catalog)
-        hands.push_back({id, worker.Credit(), worker.threads, worker.conduct.quiet_s()});
+        hands.push_back(
+            {id,
+             any_proven && worker.tiles == 0 ? std::min(kUnprovenTiles, worker.Credit()) : worker.Credit(),
+             worker.threads, worker.conduct.quiet_s()});
     const bool ending = jobs_.Upcoming(1).empty();
     std::function<double(const ActiveFrame&, uint32_t, uint32_t)> fetch_s;
     if (options_.policy == SchedulingPolicy::kFootprint)

@@ -22,6 +22,9 @@ using asio::ip::tcp;
 using ErrorCode = boost::system::error_code;
 
 constexpr size_t kMaxNewcomers = 64;
+/// Between connections while one goes for each that comes: with 32 places a newcomer has 160 ms to greet.
+constexpr auto kCrowded = std::chrono::milliseconds(5);
+constexpr auto kNoFiles = std::chrono::milliseconds(100);
 constexpr auto kWatchEvery = std::chrono::seconds(1);
 /// Masters, workers and clients send something every second; one missed may be on its way.
 constexpr auto kSilent = std::chrono::seconds(3);
@@ -50,11 +53,13 @@ class TcpListener final : public Listener {
     acceptor_.async_accept([this](const ErrorCode& error, tcp::socket socket) {
       if (error == asio::error::operation_aborted) return;
       if (error) return AcceptLater(error);
-      MakeRoom();
+      const bool crowded = MakeRoom();
       auto connection = MakeConnection(io_, socket.release(), security_, {}, budget_);
       connections_.push_back(connection);
       on_connection_(connection);
-      Accept();
+      if (!crowded) return Accept();
+      // Whoever has just come needs a moment to greet before others take its place.
+      AcceptAfter(kCrowded);
     });
   }
 
@@ -65,7 +70,11 @@ class TcpListener final : public Listener {
     Forget();
     if (const ConnectionPtr idle = MostIdle())
       idle->Drop("is dropped: this process can open no more files", false);
-    pause_.expires_after(std::chrono::milliseconds(100));
+    AcceptAfter(kNoFiles);
+  }
+
+  void AcceptAfter(std::chrono::milliseconds pause) {
+    pause_.expires_after(pause);
     pause_.async_wait([this](const ErrorCode& e) {
       if (!e) Accept();
     });
@@ -90,20 +99,21 @@ class TcpListener final : public Listener {
     });
   }
 
-  /// For one more.
-  void MakeRoom() {
+  /// For one more. True when somebody had to go for it.
+  bool MakeRoom() {
     Forget();
+    const size_t before = connections_.size();
     size_t newcomers = 0;
     for (const auto& weak : connections_) newcomers += weak.lock()->newcomer();
     if (newcomers >= kMaxNewcomers)
       MostIdle()->Drop(fmt::format("is dropped: {} others wait to be greeted", kMaxNewcomers), false);
-    if (connections_.size() < options_.most_connections) return;
+    Forget();
+    if (connections_.size() < options_.most_connections) return connections_.size() < before;
     SayOnce(fmt::format("has {} connections, as many as it takes; drops idle ones for others",
                         options_.most_connections));
-    Forget();
-    if (connections_.size() < options_.most_connections) return;
     if (const ConnectionPtr idle = MostIdle())
       idle->Drop(fmt::format("is dropped: {} others are connected", options_.most_connections), false);
+    return true;
   }
 
   /// Whom it costs least to drop: the oldest that has not greeted, else of those that fetch blocks the one

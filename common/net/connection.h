@@ -48,6 +48,8 @@ class Connection : public std::enable_shared_from_this<Connection> {
   virtual void Close() = 0;
   /// Bytes queued and not yet handed to the system.
   virtual uint64_t queued_bytes() const = 0;
+  /// Bytes sent that the other side's system has taken. From the io_context's thread.
+  virtual uint64_t taken_bytes() const = 0;
   /// Seconds for which something has been queued and the other side's system has taken nothing of what was
   /// sent; looked at every second, at the side that has accepted. From the io_context's thread.
   virtual double unread_s() const = 0;

@@ -37,9 +37,10 @@ constexpr uint64_t kLeastBytesPerS = 16 << 10;
 constexpr auto kIdleTime = std::chrono::seconds(60);
 /// Without anything taken of what is queued; a process that is stopped is taken for dead earlier.
 constexpr auto kUnreadTime = std::chrono::seconds(10);
-/// Memory for a message grows with the bytes that have come: at first by this, then fourfold, then a MiB at
-/// a time. The side that has connected knows whom it asked.
-constexpr size_t kFirstStep = 16 << 10, kLargestStep = 1 << 20;
+/// Memory for a message grows with the bytes that have come: at first by this, then fourfold, then by the
+/// other at a time. Small steps keep connections that send much from holding up those that send little. The
+/// side that has connected knows whom it asked.
+constexpr size_t kFirstStep = 16 << 10, kLargestStep = 64 << 10, kTrustedStep = 1 << 20;
 
 using TlsStream = asio::ssl::stream<tcp::socket>;
 
@@ -170,11 +171,16 @@ class StreamConnection final : public AcceptedConnection {
       return Drop("is dropped: a message of its has stayed half-read for too long", false);
     if (now - heard_ > kIdleTime)
       return Drop(fmt::format("is dropped: idle for {} seconds", kIdleTime.count()), false);
-    const uint64_t taken = TakenBytes();
+    const uint64_t taken = taken_bytes();
     if (queued_ == 0 || std::exchange(taken_, taken) != taken) taken_since_ = now;
     if (now - taken_since_ > kUnreadTime) Drop("is dropped: it does not read what it asked for", false);
   }
   uint64_t queued_bytes() const override { return queued_; }
+  uint64_t taken_bytes() const override {
+    int unacknowledged = 0;
+    if (closed_ || ::ioctl(SocketNumber(), SIOCOUTQ, &unacknowledged) != 0) return written_;
+    return written_ - std::min<uint64_t>(written_, static_cast<uint64_t>(std::max(0, unacknowledged)));
+  }
   double unread_s() const override {
     return queued_ == 0 ? 0 : std::chrono::duration<double>(Clock::now() - taken_since_).count();
   }
@@ -198,12 +204,6 @@ class StreamConnection final : public AcceptedConnection {
   }
   int SocketNumber() const {
     return const_cast<StreamConnection*>(this)->stream_.lowest_layer().native_handle();
-  }
-  /// Bytes sent that the other side's system has.
-  uint64_t TakenBytes() const {
-    int unacknowledged = 0;
-    if (::ioctl(SocketNumber(), SIOCOUTQ, &unacknowledged) != 0) return written_;
-    return written_ - std::min<uint64_t>(written_, static_cast<uint64_t>(std::max(0, unacknowledged)));
   }
   bool accepted() const { return host_.empty(); }
 
@@ -378,15 +378,15 @@ class StreamConnection final : public AcceptedConnection {
   /// False: there is no memory for it, and the connection is dropped.
   bool Grow(Bytes& part, size_t whole) {
     constexpr size_t kReserved = 16 << 20;
-    const size_t first = accepted() ? kFirstStep : kLargestStep;
-    const size_t step = std::min(kLargestStep, std::max(first, 3 * part.size()));
+    const size_t step =
+        accepted() ? std::min(kLargestStep, std::max(kFirstStep, 3 * part.size())) : kTrustedStep;
     const size_t size = std::min(whole, part.size() + step);
     if (budget_ && !budget_->Take(*this, size - part.size())) {
       Drop("is dropped: half-read messages of all connections take too much memory", false);
       return false;
     }
     // Pages that nothing has been written to are no memory yet, and nothing is copied again.
-    if (part.size() >= kLargestStep && part.capacity() < whole)
+    if (part.size() >= kTrustedStep && part.capacity() < whole)
       part.reserve(std::min(whole, std::max(kReserved, 2 * part.size())));
     part.resize(size);
     return true;

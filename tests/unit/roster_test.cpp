@@ -12,6 +12,7 @@ struct Somebody final : Connection {
   void Close() override {}
   uint64_t queued_bytes() const override { return 0; }
   uint64_t received_bytes() const override { return 0; }
+  uint64_t taken_bytes() const override { return 0; }
   double unread_s() const override { return 0; }
   void SetOnSent(std::function<void()>) override {}
   std::string local_host() const override { return "here"; }
