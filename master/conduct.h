@@ -12,7 +12,7 @@ class Conduct {
   /// Once others have finished a tile that it holds, and it has held tiles for so long without an answer, it
   /// is given one tile at a time, and after the second time it is dropped. What others could finish, it
   /// could: a tile that takes everybody long makes nobody mute. Stated in PROTOCOL.md.
-  static constexpr double kDoubtfulS = 5, kMuteS = 30;
+  static constexpr double kDoubtfulS = 5, kMuteS = 20;
 
   /// To be called often: whether it holds tiles from now on.
   void Look(double now_s, bool holds) {

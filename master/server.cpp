@@ -43,7 +43,7 @@ constexpr uint64_t kMaxQueuedBytes = 256u << 20;  // a peer that does not read i
 constexpr double kLogEveryS = 10;
 /// Of half-read messages over all connections: the largest job, and something beside it; and what workers
 /// with every block name them by, for a few at once.
-constexpr uint64_t kIncomingBytes = 14u << 20, kIncomingBytesPerBlock = 16;
+constexpr uint64_t kIncomingBytes = 11u << 20, kIncomingBytesPerBlock = 16;
 /// For a worker that has answered none, beside others that have: what it holds nobody else makes.
 constexpr uint32_t kUnprovenTiles = 4;
 constexpr uint32_t kMostFailures = 3;  // workers that fail before the job is given up

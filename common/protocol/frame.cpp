@@ -24,7 +24,7 @@ Limits LimitsOf(MessageType type) {
     case MessageType::kCatalog:
       return {0, 0xF0000000u};
     case MessageType::kRenderJob:
-      return {12u << 20, 0};  // kMaxFrames cameras take 9 MiB
+      return {10u << 20, 0};  // kMaxFrames cameras take 9 MiB
     case MessageType::kFrameSetup:
     case MessageType::kPeers:
       return {1u << 20, 0};

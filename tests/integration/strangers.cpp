@@ -113,8 +113,8 @@ const std::map<std::string, std::function<void(Peer&)>> kKinds = {
     {"half-job",
      [](Peer& p) {
        p.Greet(Role::kClient);
-       p.Claim(MessageType::kRenderJob, 12u << 20, 0);
-       p.Send(Bytes(11u << 20));
+       p.Claim(MessageType::kRenderJob, 10u << 20, 0);
+       p.Send(Bytes(9u << 20));
        p.Stay();
      }},
     {"idle",

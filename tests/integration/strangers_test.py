@@ -58,7 +58,7 @@ class Strangers(Case):
     def picture(self, name, *arguments):
         output = self.path(name + ".png")
         self.must("quarry", "render", self.scene, "-o", output, *VIEW, *arguments)
-        return pathlib.Path(output).read_bytes()
+        return None if "--camera-path" in arguments else pathlib.Path(output).read_bytes()
 
     def free_port(self):
         import socket
@@ -172,9 +172,10 @@ class Strangers(Case):
         begin = time.monotonic()
         self.assertEqual(self.picture("with-mute", "--master", address), plain)
         first = time.monotonic() - begin
-        while not re.search(r"has answered nothing for 30 s", self.log()):
+        while not re.search(r"has answered nothing for 20 s", self.log()):
             self.assertLess(time.monotonic(), until, self.log()[-2000:])
-            self.picture("with-mute", "--master", address, "--seed", int(time.monotonic() * 1000) % 100000)
+            self.picture("walk", "--master", address, "--camera-path", self.path("plant.path.json"), "--seed",
+                         int(time.monotonic() * 1000) % 100000)
         print(f"strangers: beside a mute worker the first picture took {first:.1f} s; it was dropped after {time.monotonic() - begin:.1f} s")
 
 

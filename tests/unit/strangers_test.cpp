@@ -1,5 +1,3 @@
-#include <flatbuffers/flatbuffers.h>
-
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/write.hpp>
@@ -12,6 +10,7 @@
 #include "common/net/tcp_source.h"
 #include "common/protocol/messages.h"
 #include "master/block_service.h"
+#include "tests/support/shared_tables.h"
 
 // What a program that listens takes from whoever connects, and for how long.
 
@@ -20,58 +19,7 @@ namespace {
 
 namespace asio = boost::asio;
 using asio::ip::tcp;
-using flatbuffers::FlatBufferBuilder;
-using flatbuffers::Offset;
-using flatbuffers::Table;
-
-constexpr flatbuffers::voffset_t Field(int n) { return static_cast<flatbuffers::voffset_t>(4 + 2 * n); }
-
-/// A job request whose cameras are one table, named `cameras` times, with an eye of `doubles` numbers.
-Bytes SharedCameras(size_t cameras, size_t doubles) {
-  FlatBufferBuilder b;
-  const auto eye = b.CreateVector(std::vector<double>(doubles, 1.0));
-  const auto at = b.CreateVector(std::vector<double>{0, 0, 0}),
-             up = b.CreateVector(std::vector<double>{0, 0, 1});
-  auto start = b.StartTable();
-  b.AddOffset(Field(0), eye);
-  b.AddOffset(Field(1), at);
-  b.AddOffset(Field(2), up);
-  b.AddElement<double>(Field(3), 45, 0);
-  const Offset<Table> camera(b.EndTable(start));
-  const auto list = b.CreateVector(std::vector<Offset<Table>>(cameras, camera));
-  const auto crop = b.CreateVector(std::vector<uint32_t>{0, 0, 0, 0});
-  const auto grey = b.CreateVector(std::vector<float>{0, 0, 0});
-  const auto format = b.CreateString("png");
-  start = b.StartTable();
-  b.AddElement<uint32_t>(Field(0), 64, 0);
-  b.AddElement<uint32_t>(Field(1), 64, 0);
-  b.AddOffset(Field(2), crop);
-  b.AddElement<uint32_t>(Field(4), 1, 0);
-  b.AddOffset(Field(8), format);
-  b.AddOffset(Field(10), grey);
-  b.AddOffset(Field(11), grey);
-  b.AddOffset(Field(12), list);
-  const Offset<Table> job(b.EndTable(start));
-  start = b.StartTable();
-  b.AddOffset(Field(0), job);
-  b.Finish(Offset<Table>(b.EndTable(start)));
-  const auto* data = reinterpret_cast<const std::byte*>(b.GetBufferPointer());
-  return Bytes(data, data + b.GetSize());
-}
-
-/// A welcome that names one string `times` times.
-Bytes SharedSources(size_t times, size_t length) {
-  FlatBufferBuilder b;
-  const auto text = b.CreateString(std::string(length, 'x'));
-  const auto list = b.CreateVector(std::vector<Offset<flatbuffers::String>>(times, text));
-  const auto id = b.CreateVector(std::vector<uint8_t>(16));
-  const auto start = b.StartTable();
-  b.AddOffset(Field(0), id);
-  b.AddOffset(Field(2), list);
-  b.Finish(Offset<Table>(b.EndTable(start)));
-  const auto* data = reinterpret_cast<const std::byte*>(b.GetBufferPointer());
-  return Bytes(data, data + b.GetSize());
-}
+using test::SharedCameras, test::SharedSources;
 
 /// A listener, and what comes to it.
 struct Server {
@@ -156,7 +104,7 @@ TEST_CASE("Each kind of speaker may send its own messages only, and no larger on
   CHECK_FALSE(takes(Speaker::kVoxels, MessageType::kRenderJob, 100, 0));
   CHECK_FALSE(takes(Speaker::kVoxels, MessageType::kFrameDone, 0, 100));
   CHECK(takes(Speaker::kClient, MessageType::kRenderJob, 10 << 20, 0));
-  CHECK_FALSE(takes(Speaker::kClient, MessageType::kRenderJob, 13 << 20, 0));
+  CHECK_FALSE(takes(Speaker::kClient, MessageType::kRenderJob, 11 << 20, 0));
   CHECK_FALSE(takes(Speaker::kClient, MessageType::kTileDone, 100, 100));
   CHECK(takes(Speaker::kWorker, MessageType::kTileDone, 100, 52 << 10));
   CHECK_FALSE(takes(Speaker::kWorker, MessageType::kTileDone, 100, 65 << 10));
@@ -176,7 +124,7 @@ TEST_CASE("A claimed size costs nothing, and what has come of messages is bounde
   options.incoming_bytes = 4 << 20;
   Server server(options);
   const uint64_t before = PeakResidentBytes();
-  const Message job{MessageType::kRenderJob, 1, Bytes(11 << 20), {}};
+  const Message job{MessageType::kRenderJob, 1, Bytes(9 << 20), {}};
   for (int i = 0; i < 40; ++i) {
     server.Stranger();
     server.Say(job, 100);
