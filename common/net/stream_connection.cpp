@@ -386,7 +386,7 @@ class StreamConnection final : public AcceptedConnection {
       return false;
     }
     // Pages that nothing has been written to are no memory yet, and nothing is copied again.
-    if (part.size() >= kTrustedStep && part.capacity() < whole)
+    if (part.size() >= kTrustedStep && part.capacity() < size)
       part.reserve(std::min(whole, std::max(kReserved, 2 * part.size())));
     part.resize(size);
     return true;
