@@ -1,3 +1,4 @@
+// Longer than other files: one class, that puts all others of this folder together and is tested as a whole.
 #include "master/server.h"
 
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// Longer than other files: one class, whose reading, writing, beginning and end share all of its state.
 #include "common/net/stream_connection.h"
 
 #include <fmt/format.h>
