@@ -49,6 +49,7 @@ class Client {
       heard_ = Clock::now();
       // What is still on its way from a connection given up is no concern of the next one.
       const Connection* const mine = connection_.get();
+      connection_->Expect(Speaker::kMasterOfClients);
       connection_->Start(
           [this, mine](Message m) {
             if (mine == connection_.get()) OnMessage(std::move(m));

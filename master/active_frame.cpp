@@ -120,7 +120,7 @@ Snapshot ActiveFrame::MakeSnapshot(std::vector<WorkerView> workers, double now_s
   }
   for (const auto& [id, lease] : leases_) {
     TileView& tile = s.tiles[lease.tile];
-    ++tile.holders;
+    if (tile.holders++ > 0) tile.earlier_holders.push_back(tile.holder);
     tile.holder = lease.worker;
     tile.leased_at_s = lease.since_s;
   }
@@ -151,7 +151,8 @@ Result<bool> ActiveFrame::Finish(const TileDone& done, std::span<const std::byte
   rays_ += done.rays;
   rays_suspended_ += done.rays_suspended;
   TileTrace& trace = traces_[done.tile];
-  trace = {{}, {}, done.depths, static_cast<double>(done.compute_us) * 1e-6, true};
+  const double cost_s = std::min(static_cast<double>(done.compute_us) * 1e-6, now_s - lease.since_s);
+  trace = {{}, {}, done.depths, cost_s, true};
   traced_ += done.blocks.size();
   if (traced_ <= kMostTraced) trace.blocks = done.blocks;
   return true;
@@ -159,6 +160,11 @@ Result<bool> ActiveFrame::Finish(const TileDone& done, std::span<const std::byte
 
 void ActiveFrame::Forget(uint32_t worker) {
   leases_lost_ += std::erase_if(leases_, [&](const auto& entry) { return entry.second.worker == worker; });
+}
+
+void ActiveFrame::AddOutdone(std::set<uint32_t>& workers) const {
+  for (const auto& [id, lease] : leases_)
+    if (tile_done_[lease.tile]) workers.insert(lease.worker);
 }
 
 void ActiveFrame::AddHeld(std::unordered_map<uint32_t, uint32_t>& held) const {
@@ -222,7 +228,7 @@ class Slots {
       const uint32_t has = held[hand.worker];
       const auto slots = static_cast<uint32_t>(credit > has ? credit - has : 0);
       places_[hand.worker] = views_.size();
-      views_.push_back({hand.worker, slots});
+      views_.push_back({hand.worker, slots, hand.quiet_s});
       free_ += slots;
     }
   }

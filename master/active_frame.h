@@ -5,6 +5,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <set>
 #include <span>
 #include <unordered_map>
 #include <vector>
@@ -72,6 +73,11 @@ class ActiveFrame {
   Result<bool> Finish(const TileDone& done, std::span<const std::byte> pixels, double now_s);
   /// The worker is gone: its leases end.
   void Forget(uint32_t worker);
+  /// Adds those that still hold a tile which another has finished.
+  void AddOutdone(std::set<uint32_t>& workers) const;
+  /// Seconds that computing the tile took; 0 while it is not done. No more than its worker has had it,
+  /// whatever the worker says.
+  double ShownCost(uint32_t tile) const { return traces_[tile].cost_s; }
   /// Adds to each worker's number how many tiles are leased to it.
   void AddHeld(std::unordered_map<uint32_t, uint32_t>& held) const;
 
@@ -92,7 +98,7 @@ class ActiveFrame {
   double CostOf(size_t tile) const;
   /// Footprints beyond so many blocks in all are not kept: pictures of many million tiles have no use for
   /// them.
-  static constexpr size_t kMostTraced = 16u << 20;
+  static constexpr size_t kMostTraced = 2u << 20;
 
   struct LeaseRecord {
     uint32_t tile, worker;
@@ -140,6 +146,7 @@ struct Hand {
   uint32_t worker = kNoWorker;
   uint32_t credit = 0;   ///< tiles it may have at once, over all frames
   uint32_t threads = 1;  ///< at least one
+  double quiet_s = 0;    ///< see WorkerView
 };
 struct HandedTile {
   ActiveFrame* frame;

@@ -2,23 +2,121 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <utility>
 
 namespace quarry {
 
+BlockService::Reader& BlockService::ReaderOf(const std::shared_ptr<Connection>& c) {
+  const auto found = places_.find(c.get());
+  if (found != places_.end()) return *found->second;
+  readers_.push_back({c, {}, 0, 0});
+  places_[c.get()] = std::prev(readers_.end());
+  c->SetOnSent([this] {
+    if (waiting_ > 0) Pump();
+  });
+  return readers_.back();
+}
+
 Status BlockService::Answer(const std::shared_ptr<Connection>& c, const Message& m) {
   QUARRY_ASSIGN(const BlockRequest request, DecodeBlockRequest(m.table));
-  uint32_t& owed = owed_[c.get()];
-  if (owed == kMostBlockRequests)
+  Reader& reader = ReaderOf(c);
+  if (reader.owed == kMostBlockRequests)
     return Fail(fmt::format("more than {} blocks are asked for at once", kMostBlockRequests));
-  ++owed;
-  source_.Fetch(request.block, [this, c, id = m.request](Result<Bytes> block) {
-    if (const auto it = owed_.find(c.get()); --it->second == 0) owed_.erase(it);
-    if (!block) return c->Send(MakeMessage(MessageType::kFailure, Failure{block.error().message}, id));
-    bytes_served_ += block->size();
-    c->Send({MessageType::kBlock, id, {}, std::move(*block)});
-  });
+  ++reader.owed;
+  const uint64_t bytes = size_of_ ? size_of_(request.block) : 0;
+  // The service keeps the connection while it has the reader; what an answer finds gone, it drops.
+  Add(reader, {bytes, [this, c = std::weak_ptr(c), block = request.block, id = m.request, bytes] {
+                 if (const auto connection = c.lock()) Fetch(connection, block, id, bytes);
+               }});
   return {};
+}
+
+void BlockService::Fetch(const std::shared_ptr<Connection>& c, uint32_t block, uint64_t request,
+                         uint64_t bytes) {
+  ReaderOf(c).reading += bytes;
+  reading_ += bytes;
+  source_.Fetch(block, [this, weak = std::weak_ptr(c), request, bytes](Result<Bytes> result) {
+    reading_ -= bytes;
+    const auto connection = weak.lock();
+    const auto place = places_.find(connection.get());
+    if (connection && place != places_.end()) {
+      place->second->reading -= bytes;
+      --place->second->owed;
+      if (result) {
+        bytes_served_ += result->size();
+        connection->Send({MessageType::kBlock, request, {}, std::move(*result)});
+      } else {
+        connection->Send(MakeMessage(MessageType::kFailure, Failure{result.error().message}, request));
+      }
+    }
+    Pump();
+  });
+}
+
+void BlockService::Send(const std::shared_ptr<Connection>& c, uint64_t bytes, std::function<Message()> make) {
+  Add(ReaderOf(c), {bytes, [c = std::weak_ptr(c), make = std::move(make)] {
+                      if (const auto connection = c.lock()) connection->Send(make());
+                    }});
+}
+
+void BlockService::Forget(const std::shared_ptr<Connection>& c) {
+  const auto place = places_.find(c.get());
+  if (place == places_.end()) return;
+  waiting_ -= place->second->items.size();
+  readers_.erase(place->second);
+  places_.erase(place);
+  if (waiting_ > 0) Pump();
+}
+
+std::vector<std::shared_ptr<Connection>> BlockService::Stalled() const {
+  std::vector<std::shared_ptr<Connection>> stalled;
+  if (!full_) return stalled;
+  for (const Reader& reader : readers_)
+    if (reader.connection->unread_s() > kPatienceS) stalled.push_back(reader.connection);
+  return stalled;
+}
+
+void BlockService::Add(Reader& reader, Item item) {
+  reader.items.push_back(std::move(item));
+  ++waiting_;
+  Pump();
+}
+
+uint64_t BlockService::Queued() const {
+  uint64_t bytes = 0;
+  for (const Reader& reader : readers_) bytes += reader.connection->queued_bytes();
+  return bytes;
+}
+
+bool BlockService::HasRoom(const Reader& reader) const {
+  if (reader.items.empty()) return false;
+  const uint64_t used = reader.reading + reader.connection->queued_bytes();
+  if (used < kLeastBytesEach) return true;
+  return used < std::min(kMostBytesEach, reader.connection->taken_bytes());
+}
+
+/// Starts what there is room for, the connections in turn. One that is too large for the room left waits
+/// until there is, and all others behind it.
+void BlockService::Pump() {
+  if (std::exchange(pumping_, true)) return;  // answers may come at once
+  uint64_t used = reading_ + Queued();
+  full_ = false;
+  while (waiting_ > 0) {
+    auto next = readers_.begin();
+    while (next != readers_.end() && !HasRoom(*next)) ++next;
+    if (next == readers_.end()) break;
+    const uint64_t bytes = next->items.front().bytes;
+    full_ = used > 0 && used + bytes > kMostBytes;
+    if (full_) break;
+    const Item item = std::move(next->items.front());
+    next->items.pop_front();
+    --waiting_;
+    readers_.splice(readers_.end(), readers_, next);
+    used += bytes;
+    item.start();
+  }
+  pumping_ = false;
 }
 
 }  // namespace quarry

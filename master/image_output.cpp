@@ -16,6 +16,7 @@
 #include <utility>
 
 #include "common/math/elementary.h"
+#include "master/frame_memory.h"
 
 namespace quarry {
 namespace {
@@ -61,25 +62,33 @@ void AppendPng(png_structp png, png_bytep data, size_t size) {
   file.insert(file.end(), bytes, bytes + size);
 }
 
-/// Owns what libpng makes, whichever way the function is left.
+/// Owns what libpng makes, and the row that is being written, whichever way the function is left.
 struct PngWriter {
+  [[gnu::noinline]] explicit PngWriter(size_t row_bytes) : row(row_bytes) {}  // out of setjmp's sight
   png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, nullptr, nullptr, nullptr);
   png_infop info = png ? png_create_info_struct(png) : nullptr;
+  std::vector<uint8_t> row;
   ~PngWriter() { png_destroy_write_struct(&png, &info); }
 };
 
-Result<Bytes> EncodePng(const RenderJob& job, const std::vector<uint32_t>& pixels) {
+void WriteRows(PngWriter& writer, const RenderJob& job, const uint32_t* pixel, const SrgbEncoder& encode) {
   const size_t words = WordsPerPixel(job.aov_mask);
+  for (size_t y = 0; y < job.crop_height; ++y) {
+    for (size_t x = 0; x < writer.row.size(); x += 3, pixel += words)
+      for (size_t c = 0; c < 3; ++c) writer.row[x + c] = encode(pixel[c]);
+    png_write_row(writer.png, writer.row.data());
+  }
+}
+
+Result<Bytes> EncodePng(const RenderJob& job, const std::vector<uint32_t>& pixels) {
   // Its table takes as long to make as a small picture: it is kept from frame to frame.
   thread_local std::optional<std::pair<double, SrgbEncoder>> kept;
   if (!kept || kept->first != job.exposure) kept.emplace(job.exposure, SrgbEncoder(job.exposure));
   const SrgbEncoder& encode = kept->second;
-  std::vector<uint8_t> rows;
-  rows.reserve(pixels.size() / words * 3);
-  for (size_t p = 0; p < pixels.size(); p += words)
-    for (size_t c = 0; c < 3; ++c) rows.push_back(encode(pixels[p + c]));
   Bytes file;
-  const PngWriter writer;
+  file.reserve(
+      EncodedBytes(job));  // pages that nothing is written to are no memory; a copy in growing would be
+  PngWriter writer(size_t{job.crop_width} * 3);
   if (!writer.info) return Fail("cannot encode the image: libpng does not start");
   // libpng comes back here on errors.
   if (setjmp(png_jmpbuf(writer.png))) return Fail("cannot encode the image as PNG");
@@ -92,8 +101,7 @@ Result<Bytes> EncodePng(const RenderJob& job, const std::vector<uint32_t>& pixel
   png_set_compression_level(writer.png, 3);
   png_set_filter(writer.png, 0, PNG_FILTER_UP);
   png_write_info(writer.png, writer.info);
-  for (size_t y = 0; y < job.crop_height; ++y)
-    png_write_row(writer.png, rows.data() + y * job.crop_width * 3);
+  WriteRows(writer, job, pixels.data(), encode);
   png_write_end(writer.png, nullptr);
   return file;
 }
@@ -153,6 +161,7 @@ Result<Bytes> EncodeExr(const RenderJob& job, const std::vector<uint32_t>& pixel
                    Imf::Slice::Make(channels[c].type, first, crop, stride, stride * job.crop_width));
     }
     Bytes file;
+    file.reserve(EncodedBytes(job));
     MemoryStream stream(file);
     {
       Imf::OutputFile out(stream, header, 0);
@@ -168,7 +177,11 @@ Result<Bytes> EncodeExr(const RenderJob& job, const std::vector<uint32_t>& pixel
 }  // namespace
 
 Result<Bytes> EncodeImage(const RenderJob& job, const std::vector<uint32_t>& pixels) {
-  return job.format == "png" ? EncodePng(job, pixels) : EncodeExr(job, pixels);
+  auto file = job.format == "png" ? EncodePng(job, pixels) : EncodeExr(job, pixels);
+  // What was reserved counts where it is part of the heap, as for small images it is.
+  constexpr size_t kSmall = 1 << 20;
+  if (file && file->capacity() < kSmall) file->shrink_to_fit();
+  return file;
 }
 
 }  // namespace quarry

@@ -9,6 +9,7 @@
 
 #include "common/net/connection.h"
 #include "common/protocol/messages.h"
+#include "master/frame_memory.h"
 
 namespace quarry {
 
@@ -17,8 +18,9 @@ namespace quarry {
 struct Job {
   enum class FrameState : uint8_t { kToDo, kActive, kFinished };
   struct Finished {
-    Bytes image;             ///< empty once it is on disk and sent
-    std::string statistics;  ///< JSON
+    Bytes image;                      ///< empty once it is on disk and sent
+    std::string statistics;           ///< JSON
+    FrameMemory::Reservation memory;  ///< the image's
   };
   struct Client {
     std::shared_ptr<Connection> connection;
@@ -31,7 +33,10 @@ struct Job {
   std::vector<FrameState> states;
   std::vector<Finished> finished;
   std::vector<Client> clients;
-  double alone_since_s = 0;       ///< when its last client went
+  double alone_since_s = 0;  ///< when its last client went
+  /// It was under way when a master ended, and has finished no frame since: it may be why.
+  bool suspect = false;
+  bool tried = false;             ///< a frame of it has been begun by this master
   std::atomic<bool> over{false};  ///< nobody wants it any more, wherever it is still at work
 
   Job(std::string name, RenderJob render_job)

@@ -10,6 +10,7 @@
 #include <thread>
 #include <utility>
 
+#include "common/base/size.h"
 #include "master/image_output.h"
 
 namespace quarry {
@@ -17,16 +18,20 @@ namespace {
 
 namespace asio = boost::asio;
 
-constexpr uint64_t kFullQueueBytes = 32u << 20;  // no further frames are queued for a client beyond this
+constexpr uint64_t kFullQueueBytes = 32u << 20;   // no further frames are queued for a client beyond this
+constexpr uint64_t kBesideImages = 1u << 20;      // pings and progress of all clients are less
+constexpr uint64_t kMostImageBytes = 0xF0000000;  // of one message
 constexpr int kMostEncoding = 4;      // frames on their way to the disk; no other begins beyond this
 constexpr double kClientGraceS = 20;  // a job without a spool waits so long for its client to come back
 
 }  // namespace
 
-Jobs::Jobs(asio::io_context& io, const SceneId& scene, std::optional<Spool> spool, Callbacks callbacks)
+Jobs::Jobs(asio::io_context& io, const SceneId& scene, std::optional<Spool> spool, uint64_t frame_memory,
+           Callbacks callbacks)
     : io_(io),
       scene_(scene),
       spool_(std::move(spool)),
+      memory_(frame_memory),
       callbacks_(std::move(callbacks)),
       encoder_(std::make_unique<asio::thread_pool>(1)) {}
 
@@ -35,7 +40,12 @@ Jobs::~Jobs() = default;
 void Jobs::TakeUp() {
   if (!spool_) return;
   for (Spool::Found& found : spool_->Jobs(callbacks_.log)) {
+    if (const Status fits = memory_.CheckJob(found.job, JobsBytes()); !fits) {
+      callbacks_.log(fmt::format("job {} stays in the spool: {}", found.id, fits.error().message));
+      continue;
+    }
     auto job = std::make_shared<Job>(found.id, std::move(found.job));
+    job->suspect = found.tries > 0;
     for (size_t f = 0; f < found.finished.size(); ++f)
       if (found.finished[f]) job->states[f] = Job::FrameState::kFinished;
     callbacks_.log(fmt::format("going on with job {}: {} of {} frames are done", job->id,
@@ -45,14 +55,17 @@ void Jobs::TakeUp() {
   }
 }
 
-void Jobs::Ask(const std::shared_ptr<Connection>& client, JobRequest request) {
+Status Jobs::Ask(const std::shared_ptr<Connection>& client, JobRequest request) {
   const std::string id = JobId(scene_, request.job);
   const auto found = std::find_if(jobs_.begin(), jobs_.end(), [&](const auto& j) { return j->id == id; });
   std::shared_ptr<Job> job;
   if (found != jobs_.end()) {
     job = *found;
   } else {
+    QUARRY_TRY(memory_.CheckJob(request.job, JobsBytes()));
+    if (spool_) QUARRY_TRY(spool_->CheckNotSetAside(id));
     job = std::make_shared<Job>(id, std::move(request.job));
+    job->tried = true;  // the spool notes a new job's first try with it
     jobs_.push_back(job);
     // What its client has need not be made again; should another one ask for it, it is.
     std::fill_n(job->states.begin(), request.have, Job::FrameState::kFinished);
@@ -63,6 +76,13 @@ void Jobs::Ask(const std::shared_ptr<Connection>& client, JobRequest request) {
   job->clients.push_back({client, request.have});
   Deliver(job);
   callbacks_.on_work();
+  return {};
+}
+
+uint64_t Jobs::JobsBytes() const {
+  uint64_t bytes = 0;
+  for (const auto& job : jobs_) bytes += JobBytes(job->states.size());
+  return bytes;
 }
 
 void Jobs::ForgetClient(const std::shared_ptr<Connection>& client, double now_s) {
@@ -72,21 +92,66 @@ void Jobs::ForgetClient(const std::shared_ptr<Connection>& client, double now_s)
 }
 
 std::optional<Jobs::Begun> Jobs::Begin() {
-  if (encoding_ >= kMostEncoding) return std::nullopt;
+  if (encoding_ >= kMostEncoding || !suspect_.expired()) return std::nullopt;
   for (const auto& job : jobs_) {
     const size_t index = job->NextToDo();
     if (index == job->states.size()) continue;
+    if (!HasRoom(*job, index)) return std::nullopt;
+    if (job->suspect && memory_.used() > 0) return std::nullopt;
+    if (spool_ && !job->tried) spool_->NoteTry(job->id);
+    job->tried = true;
     job->states[index] = Job::FrameState::kActive;
-    return Begun{job, index, job->One(index)};
+    Begun begun{job, index, job->One(index), nullptr};
+    begun.memory = memory_.Take(FrameBytes(begun.one));
+    if (job->suspect) suspect_ = begun.memory;
+    return begun;
   }
   return std::nullopt;
+}
+
+/// Where nothing is under way that could make room, images that wait for clients do: they are made again.
+bool Jobs::HasRoom(const Job& job, size_t index) {
+  const uint64_t bytes = FrameBytes(job.One(index));
+  const auto fits = [&] { return memory_.used() + QueuedBytes() + bytes <= memory_.for_frames(); };
+  const bool under_way = encoding_ > 0 || std::ranges::any_of(jobs_, [](const auto& j) {
+                           return std::ranges::count(j->states, Job::FrameState::kActive) > 0;
+                         });
+  while (!fits() && !under_way && DropLastImage()) {
+  }
+  return fits() || !under_way;
+}
+
+bool Jobs::DropLastImage() {
+  for (auto job = jobs_.rbegin(); job != jobs_.rend(); ++job)
+    for (size_t f = (*job)->finished.size(); f-- > 0;) {
+      if ((*job)->finished[f].image.empty()) continue;
+      (*job)->finished[f] = {};
+      (*job)->states[f] = Job::FrameState::kToDo;
+      return true;
+    }
+  return false;
+}
+
+/// Of images on their way to clients.
+uint64_t Jobs::QueuedBytes() const {
+  uint64_t bytes = 0;
+  for (const auto& job : jobs_)
+    for (const Job::Client& client : job->clients) bytes += client.connection->queued_bytes();
+  return bytes;
+}
+
+bool Jobs::MaySend(uint64_t image_bytes) const {
+  const uint64_t queued = QueuedBytes();
+  return queued < kBesideImages ||
+         queued + image_bytes <= std::min(kFullQueueBytes, memory_.for_frames() / 8);
 }
 
 std::vector<Jobs::Begun> Jobs::Upcoming(size_t most) const {
   std::vector<Begun> upcoming;
   for (const auto& job : jobs_)
     for (size_t index = job->NextToDo(); index < job->states.size() && upcoming.size() < most; ++index)
-      if (job->states[index] == Job::FrameState::kToDo) upcoming.push_back({job, index, job->One(index)});
+      if (job->states[index] == Job::FrameState::kToDo)
+        upcoming.push_back({job, index, job->One(index), nullptr});
   return upcoming;
 }
 
@@ -95,11 +160,18 @@ void Jobs::Finish(Begun frame, std::vector<uint32_t> pixels, std::string statist
   asio::post(*encoder_, [this, frame = std::move(frame), pixels = std::move(pixels),
                          statistics = std::move(statistics)]() mutable {
     auto image = EncodeImage(frame.one, pixels);
+    pixels = {};
+    if (image && image->size() > kMostImageBytes)
+      image =
+          quarry::Fail(fmt::format("the picture takes {} as {}, and {} can be sent; render parts of it with "
+                                   "--crop",
+                                   FormatSize(image->size()), frame.one.format, FormatSize(kMostImageBytes)));
     if (image && spool_)
       WriteToSpool(*frame.job,
                    [&] { return spool_->WriteFrame(frame.job->id, frame.job->job, frame.index, *image); });
-    asio::post(io_, [this, job = frame.job, index = frame.index, image = std::move(image),
-                     statistics = std::move(statistics)]() mutable {
+    asio::post(io_, [this, job = frame.job, memory = frame.memory, index = frame.index,
+                     image = std::move(image), statistics = std::move(statistics)]() mutable {
+      memory.reset();
       OnImage(job, index, std::move(image), std::move(statistics));
     });
   });
@@ -124,7 +196,9 @@ void Jobs::OnImage(const std::shared_ptr<Job>& job, size_t index, Result<Bytes> 
   if (std::find(jobs_.begin(), jobs_.end(), job) == jobs_.end()) return;
   if (!image) return Fail(job, image.error().message);
   job->states[index] = Job::FrameState::kFinished;
-  job->finished[index] = {std::move(*image), std::move(statistics)};
+  job->suspect = false;
+  auto memory = memory_.Take(image->size());
+  job->finished[index] = {std::move(*image), std::move(statistics), std::move(memory)};
   Deliver(job);
 }
 
@@ -155,13 +229,18 @@ void Jobs::Deliver(const std::shared_ptr<Job>& job) {
     needed = std::min(needed, client.next);
   }
   if (job->clients.empty()) needed = 0;
-  for (size_t f = 0; f < (spool_ ? job->states.size() : needed); ++f) job->finished[f].image = {};
+  for (size_t f = 0; f < (spool_ ? job->states.size() : needed); ++f) {
+    job->finished[f].image = {};
+    job->finished[f].memory.reset();
+  }
   if (needed == job->states.size()) Remove(job);
 }
 
-/// False when the image is not there any more: the frame is rendered again.
+/// False when too much is on its way to clients; or when the image is not there any more: the frame is
+/// rendered again.
 bool Jobs::SendFrame(Job& job, const Job::Client& client) {
   const size_t f = client.next;
+  if (!MaySend(job.finished[f].image.size())) return false;
   Bytes image = job.finished[f].image;
   if (image.empty() && spool_) {
     auto read = spool_->ReadFrame(job.id, job.job, f);

@@ -25,10 +25,11 @@ Status CheckOutputs(const MasterOptions& options, const SecurityOptions& securit
 }
 
 Status Run(MasterOptions options, const SecurityOptions& security, const std::string& listen,
-           const std::string& schedule, const std::string& foresight) {
+           const std::string& schedule, const std::string& foresight, const std::string& frame_memory) {
   QUARRY_ASSIGN(options.listen, ParseEndpoint(listen, "--listen"));
   QUARRY_ASSIGN(options.policy, ParsePolicy(schedule));
   QUARRY_ASSIGN(options.foresight_bytes, ParseSize(foresight, "--foresight"));
+  QUARRY_ASSIGN(options.frame_memory, ParseSize(frame_memory, "--frame-memory"));
   QUARRY_ASSIGN(options.security, Security::ForServer(WithEnvironment(security)));
   QUARRY_TRY(CheckOutputs(options, WithEnvironment(security)));
   return RunMaster(options);
@@ -37,11 +38,13 @@ Status Run(MasterOptions options, const SecurityOptions& security, const std::st
 int Main(int argc, char** argv) {
   RequireCpu();
   KeepHeapSmall();
+  RaiseDescriptorLimit();
   EndWithParent();
   InstallSignalHandlers("quarry-master", "finished frames are with whoever asked for them");
   MasterOptions options;
   SecurityOptions security;
   std::string listen = "127.0.0.1:9000", schedule = "footprint", foresight = "256M";
+  std::string frame_memory = std::to_string(MemoryLimitBytes() / 2);
   CLI::App app{"Serves a scene's voxels, hands out tiles to workers and puts frames together."};
   app.footer(
       "Examples:\n  quarry-master plant.quarry --listen 127.0.0.1:9000\n"
@@ -64,6 +67,11 @@ int Main(int argc, char** argv) {
   app.add_option("--foresight", foresight,
                  "Memory for voxels with which to foresee, by coarse rays, what tiles will need; 0: none")
       ->capture_default_str();
+  app.add_option("--frame-memory", frame_memory,
+                 "Memory for pictures being made, with all that they take until their clients have them, and "
+                 "for the jobs; who asks for more is refused (default: half of this machine's, or of its "
+                 "cgroup's limit)")
+      ->envname("QUARRY_FRAME_MEMORY");
   app.add_option("--spool", options.spool,
                  "Keep jobs and finished frames in this folder: started again, the master goes on with them");
   app.add_option("--trace", options.trace,
@@ -75,7 +83,7 @@ int Main(int argc, char** argv) {
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? 0 : 2;
   }
-  const Status status = Run(options, security, listen, schedule, foresight);
+  const Status status = Run(options, security, listen, schedule, foresight, frame_memory);
   if (status) return 0;
   fmt::print(stderr, "quarry-master: {}\n", status.error().message);
   return status.error().exit_status;

@@ -8,6 +8,7 @@ namespace quarry {
 namespace {
 
 constexpr size_t kMostKnown = 1u << 16;
+constexpr uint32_t kMostThreads = 1024;  // as many as quarry-worker takes
 
 }  // namespace
 
@@ -26,7 +27,7 @@ WorkerRecord& Roster::Add(const std::shared_ptr<Connection>& connection, const H
   worker.id = known->second;
   worker.instance = hello.instance;
   worker.name = hello.name;
-  worker.threads = std::max(1u, hello.threads);
+  worker.threads = std::clamp(hello.threads, 1u, kMostThreads);
   worker.SetServesAt(hello.serves_at);
   ids_[connection.get()] = worker.id;
   return worker;
@@ -54,6 +55,12 @@ WorkerRecord* Roster::FindInstance(uint64_t instance) {
   return it == known_.end() ? nullptr : FindById(it->second);
 }
 
+bool Roster::AnyProven() const {
+  return std::any_of(workers_.begin(), workers_.end(), [](const auto& entry) {
+    return entry.second.tiles > 0 && !entry.second.conduct.doubtful();
+  });
+}
+
 void Roster::Update(WorkerRecord& worker, const Alive& alive) {
   worker.counters = alive;
   if (alive.whole) worker.holds.Clear();
@@ -75,13 +82,19 @@ Peers Roster::MakePeers() const {
 
 double Roster::SecondsPerByte(double decoded) const {
   constexpr double kUsualFetch = 8e-8, kKnownBytes = 1 << 20;
+  // Between 10 KB/s and 100 GB/s: what says otherwise is no counter.
+  constexpr double kLeast = 1e-11, kMost = 1e-4;
+  const auto add = [&](uint64_t bytes, uint64_t us, double& sum_bytes, double& sum_s) {
+    const auto b = static_cast<double>(bytes), s = static_cast<double>(us) * 1e-6;
+    if (s < kLeast * b || s > kMost * std::max(b, kKnownBytes)) return;
+    sum_bytes += b;
+    sum_s += s;
+  };
   double received = 0, fetch_s = 0, loaded = 0, decode_s = 0;
   for (const auto& [id, worker] : workers_) {
     const Alive& c = worker.counters;
-    received += static_cast<double>(c.voxel_bytes_received);
-    fetch_s += static_cast<double>(c.fetch_us) * 1e-6;
-    loaded += static_cast<double>(c.voxel_bytes_loaded);
-    decode_s += static_cast<double>(c.decode_us) * 1e-6;
+    add(c.voxel_bytes_received, c.fetch_us, received, fetch_s);
+    add(c.voxel_bytes_loaded, c.decode_us, loaded, decode_s);
   }
   return (received < kKnownBytes ? kUsualFetch : fetch_s / received) +
          (loaded < kKnownBytes ? 0 : decode_s / loaded) * decoded;

@@ -10,6 +10,7 @@
 
 #include "common/net/connection.h"
 #include "common/protocol/messages.h"
+#include "master/conduct.h"
 #include "master/scheduler.h"
 
 namespace quarry {
@@ -26,12 +27,18 @@ struct WorkerRecord {
   BlockSet holds;
   std::set<uint64_t> setups;  ///< frames it was told of
   uint32_t tiles = 0;         ///< done
-  bool has_scene = false;     ///< it can be told of other workers
+  bool has_catalog = false;   ///< the scene has been sent to it: it can be given tiles
+  bool has_scene = false;     ///< it has said so: it can be told of other workers
+  Conduct conduct;
 
   void SetServesAt(uint16_t port);  ///< 0: it does not serve others
 
-  /// Tiles it may have at once.
+  /// Tiles it may have at once: as many as it wants, but few while it has answered none, and one while it is
+  /// doubtful that it answers.
   uint32_t Credit() const {
+    constexpr uint32_t kUnprovenThreads = 64;
+    if (conduct.doubtful()) return 1;
+    if (tiles == 0) return FewestTiles(std::min(threads, kUnprovenThreads));
     return std::clamp(counters.tiles_wanted, FewestTiles(threads), MostTilesIfScarce(threads));
   }
 };
@@ -50,6 +57,8 @@ class Roster {
   const std::map<uint32_t, WorkerRecord>& all() const { return workers_; }
   std::map<uint32_t, WorkerRecord>& all() { return workers_; }
 
+  /// Whether anybody here has answered a tile and goes on answering.
+  bool AnyProven() const;
   /// Takes up counters and what has changed in the cache.
   static void Update(WorkerRecord& worker, const Alive& alive);
   /// Which workers serve others, and where.

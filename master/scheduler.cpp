@@ -73,17 +73,32 @@ class Thief {
         place = i;
       }
     }
-    if (victim == own_.size()) return false;
-    tile = own_[victim][place];
+    if (victim == own_.size()) return TakeFromQuiet(w, tile);
+    tile = Remove(victim, place);
+    return true;
+  }
+
+ private:
+  /// Whatever it costs: a worker that does not answer does not come to it.
+  bool TakeFromQuiet(size_t w, uint32_t& tile) {
+    for (size_t v = 0; v < own_.size(); ++v) {
+      if (v == w || own_[v].empty() || s_.workers[v].quiet_s <= s_.straggler_after_s) continue;
+      tile = Remove(v, own_[v].size() - 1);
+      return true;
+    }
+    return false;
+  }
+
+  uint32_t Remove(size_t victim, size_t place) {
+    const uint32_t tile = own_[victim][place];
     own_[victim].erase(own_[victim].begin() + static_cast<std::ptrdiff_t>(place));
     const auto v = static_cast<uint32_t>(victim);
     victims_.erase({-backlog_s_[v], v});
     backlog_s_[v] -= s_.tiles[tile].cost_s;
     victims_.insert({-backlog_s_[v], v});
-    return true;
+    return tile;
   }
 
- private:
   static constexpr size_t kLooked = 16;   ///< tiles of a victim
   static constexpr size_t kVictims = 16;  ///< those with most left
   const Snapshot& s_;
@@ -91,6 +106,45 @@ class Thief {
   std::vector<double> backlog_s_;
   std::set<std::pair<double, uint32_t>> victims_;  ///< by what is left to them, the most first
 };
+
+bool Holds(const TileView& tile, uint32_t worker) {
+  return tile.holder == worker || std::find(tile.earlier_holders.begin(), tile.earlier_holders.end(),
+                                            worker) != tile.earlier_holders.end();
+}
+
+/// Which tiles somebody else should have too: those that only quiet workers hold; of others those that the
+/// newest holder has had for long, for twice as long with each holder more.
+std::vector<uint32_t> LateTiles(const Snapshot& s) {
+  constexpr uint32_t kMostDoublings = 20;
+  std::unordered_map<uint32_t, bool> answers;
+  for (const WorkerView& w : s.workers) answers[w.id] = w.quiet_s <= s.straggler_after_s;
+  std::vector<uint32_t> late;
+  for (uint32_t t = 0; t < s.tiles.size(); ++t) {
+    const TileView& tile = s.tiles[t];
+    if (tile.done || tile.holders == 0) continue;
+    const auto does = [&](uint32_t worker) {
+      const auto it = answers.find(worker);
+      return it == answers.end() || it->second;
+    };
+    const auto holders = static_cast<uint32_t>(
+        does(tile.holder) + std::count_if(tile.earlier_holders.begin(), tile.earlier_holders.end(), does));
+    const double after_s =
+        s.straggler_after_s * static_cast<double>(1u << std::min(std::max(holders, 1u) - 1, kMostDoublings));
+    if (holders == 0 || s.now_s - tile.leased_at_s > after_s) late.push_back(t);
+  }
+  std::stable_sort(late.begin(), late.end(),
+                   [&](uint32_t a, uint32_t b) { return s.tiles[a].leased_at_s < s.tiles[b].leased_at_s; });
+  return late;
+}
+
+/// Tiles that each worker may be given: none to those that are quiet, unless all are.
+std::vector<uint32_t> FreeSlots(const Snapshot& s) {
+  const auto answers = [&](const WorkerView& w) { return w.quiet_s <= s.straggler_after_s; };
+  const bool any = std::any_of(s.workers.begin(), s.workers.end(), answers);
+  std::vector<uint32_t> free;
+  for (const WorkerView& w : s.workers) free.push_back(any && !answers(w) ? 0 : w.free_slots);
+  return free;
+}
 
 }  // namespace
 
@@ -130,8 +184,7 @@ std::vector<Assignment> Schedule(const Snapshot& s, Stealing stealing) {
   std::vector<Assignment> out;
   if (s.workers.empty() || s.tiles.empty()) return out;
   auto own = Belongings(s);
-  std::vector<uint32_t> free;
-  for (const WorkerView& w : s.workers) free.push_back(w.free_slots);
+  std::vector<uint32_t> free = FreeSlots(s);
   std::optional<Thief> thief;
   if (stealing == Stealing::kYes) thief.emplace(s, own);
   const auto take = [&](size_t w, uint32_t& tile) {
@@ -152,16 +205,10 @@ std::vector<Assignment> Schedule(const Snapshot& s, Stealing stealing) {
     }
   }
   if (stealing == Stealing::kNo) return out;
-  // Nothing open is left: the oldest stragglers go to those still idle, once each.
-  std::vector<uint32_t> late;
-  for (uint32_t t = 0; t < s.tiles.size(); ++t)
-    if (!s.tiles[t].done && s.tiles[t].holders == 1 && s.now_s - s.tiles[t].leased_at_s > s.straggler_after_s)
-      late.push_back(t);
-  std::stable_sort(late.begin(), late.end(),
-                   [&](uint32_t a, uint32_t b) { return s.tiles[a].leased_at_s < s.tiles[b].leased_at_s; });
-  for (uint32_t t : late)
+  // Nothing open is left: the oldest stragglers go to those still idle.
+  for (const uint32_t t : LateTiles(s))
     for (size_t w = 0; w < s.workers.size(); ++w) {
-      if (free[w] == 0 || s.workers[w].id == s.tiles[t].holder) continue;
+      if (free[w] == 0 || Holds(s.tiles[t], s.workers[w].id)) continue;
       out.push_back({t, s.workers[w].id});
       --free[w];
       break;

@@ -76,24 +76,28 @@ std::vector<uint32_t> Plan(const PlanInput& input, SchedulingPolicy policy);
 /// A tile of the frame at hand, as handing out sees it.
 struct TileView {
   bool done = false;
-  uint32_t owner = kNoWorker;   ///< as planned
-  uint32_t holders = 0;         ///< leases on it now
-  uint32_t holder = kNoWorker;  ///< the newest lease's worker
-  double leased_at_s = 0;       ///< when that lease was given
-  double cost_s = 0;            ///< computing expected
+  uint32_t owner = kNoWorker;             ///< as planned
+  uint32_t holders = 0;                   ///< leases on it now
+  uint32_t holder = kNoWorker;            ///< the newest lease's worker
+  double leased_at_s = 0;                 ///< when that lease was given
+  double cost_s = 0;                      ///< computing expected
+  std::vector<uint32_t> earlier_holders;  ///< workers of the leases before that, while they are on it
 };
 
 /// A worker, as handing out sees it; its position in the snapshot is not its id.
 struct WorkerView {
   uint32_t id = kNoWorker;
   uint32_t free_slots = 0;  ///< tiles it may still be given
+  double quiet_s = 0;       ///< for which it has held tiles and answered none
 };
 
 struct Snapshot {
   std::vector<TileView> tiles;  ///< in the order of the frame's space-filling curve
   std::vector<WorkerView> workers;
   double now_s = 0;
-  double straggler_after_s = 1;  ///< a tile held this long is given to an idle worker as well
+  /// A tile held this long is given to an idle worker as well; of a worker that has answered nothing for this
+  /// long, idle ones take all that is planned for it.
+  double straggler_after_s = 1;
   /// What it costs to have a worker (id) fetch for a tile, seconds of its time; none: 0.
   std::function<double(uint32_t tile, uint32_t worker)> fetch_s;
 };
@@ -110,8 +114,11 @@ enum class Stealing { kNo, kYes };
 
 /// Which tiles to hand out now: a worker gets its own. With kYes, one with nothing of its own left takes what
 /// another will come to latest: the tile for which that one's open work exceeds most what the tile would cost
-/// the taker, and only while it does. When nothing is left, the oldest stragglers go to those still idle,
-/// each to one more worker; the first result counts, both are the same.
+/// the taker, and only while it does; but of a worker that is quiet (for longer than straggler_after_s),
+/// whatever it costs. When nothing is left, the oldest stragglers go to those still idle, each to one more
+/// worker at a time: at once where all that hold it are quiet, else when the newest has held it for long,
+/// twice as long with each more. The first result counts, all are the same. Who is quiet is given nothing
+/// while others are not. So no tile waits for any one worker, whether it holds the tile or is to get it.
 std::vector<Assignment> Schedule(const Snapshot& snapshot, Stealing stealing);
 
 }  // namespace quarry

@@ -1,3 +1,4 @@
+// Longer than other files: one class, that puts all others of this folder together and is tested as a whole.
 #include "master/server.h"
 
 #include <fmt/format.h>
@@ -41,6 +42,11 @@ using ConnectionPtr = std::shared_ptr<Connection>;
 constexpr auto kTick = std::chrono::milliseconds(250);
 constexpr uint64_t kMaxQueuedBytes = 256u << 20;  // a peer that does not read is dropped beyond this
 constexpr double kLogEveryS = 10;
+/// Of half-read messages over all connections: the largest job, and something beside it; and what workers
+/// with every block name them by, for a few at once.
+constexpr uint64_t kIncomingBytes = 11u << 20, kIncomingBytesPerBlock = 16;
+/// For a worker that has answered none, beside others that have: what it holds nobody else makes.
+constexpr uint32_t kUnprovenTiles = 4;
 constexpr uint32_t kMostFailures = 3;  // workers that fail before the job is given up
 
 /// A frame being rendered.
@@ -61,7 +67,7 @@ class Server {
         timer_(io_),
         start_(Clock::now()),
         next_setup_((uint64_t{std::random_device{}()} << 24) + 1),
-        jobs_(io_, catalog().id, std::move(spool),
+        jobs_(io_, catalog().id, std::move(spool), options.frame_memory,
               {[this] { HandOutSoon(); },
                [this](const Job& job) {
                  std::erase_if(renderings_, [&](const Rendering& r) { return r.part.job.get() == &job; });
@@ -81,8 +87,12 @@ class Server {
   }
 
   Status Run() {
-    QUARRY_ASSIGN(listener_, Listener::Open(io_, options_.listen, options_.security,
-                                            [this](ConnectionPtr c) { OnConnection(c); }));
+    ListenerOptions listening;
+    listening.incoming_bytes = kIncomingBytes + kIncomingBytesPerBlock * block_bytes_.size();
+    listening.log = [this](const std::string& line) { Log(line); };
+    QUARRY_ASSIGN(listener_, Listener::Open(
+                                 io_, options_.listen, options_.security,
+                                 [this](ConnectionPtr c) { OnConnection(c); }, std::move(listening)));
     fmt::print("listening {}:{}\n", options_.listen.host, listener_->port());
     std::fflush(stdout);
     jobs_.TakeUp();
@@ -136,14 +146,19 @@ class Server {
       return Fail("this server only serves voxels (--serve-only)");
     newcomers_.erase(c);
     roles_[c.get()] = hello.role;
+    c->Expect(hello.role == Role::kWorker   ? Speaker::kWorker
+              : hello.role == Role::kVoxels ? Speaker::kVoxels
+                                            : Speaker::kClient);
     if (hello.role != Role::kVoxels) pulses_.Add(c, Now());
     Welcome welcome{catalog().id, 0, options_.sources};
     if (hello.role == Role::kWorker) welcome.worker = AddWorker(c, hello);
     c->Send(MakeMessage(MessageType::kWelcome, welcome));
-    if (hello.role == Role::kWorker) {
-      c->Send({MessageType::kCatalog, 0, {}, packed_catalog_});
-      WorkersChanged();
-    }
+    if (hello.role == Role::kWorker)
+      blocks_.Send(c, packed_catalog_.size(), [this, &connection = *c] {
+        if (WorkerRecord* worker = roster_.Find(&connection)) worker->has_catalog = true;
+        WorkersChanged();
+        return Message{MessageType::kCatalog, 0, {}, packed_catalog_};
+      });
     return {};
   }
 
@@ -154,8 +169,7 @@ class Server {
     if (role == Role::kVoxels && m.type == MessageType::kBlockRequest) return blocks_.Answer(c, m);
     if (role == Role::kClient && m.type == MessageType::kRenderJob) {
       QUARRY_ASSIGN(JobRequest request, DecodeJobRequest(m.table));
-      jobs_.Ask(c, std::move(request));
-      return {};
+      return jobs_.Ask(c, std::move(request));
     }
     WorkerRecord* worker = role == Role::kWorker ? roster_.Find(c.get()) : nullptr;
     if (worker && m.type == MessageType::kTileDone) return OnTileDone(*worker, m);
@@ -178,6 +192,7 @@ class Server {
   void OnGone(const ConnectionPtr& c, const Error& error) {
     roles_.erase(c.get());
     pulses_.Forget(c);
+    blocks_.Forget(c);
     if (const WorkerRecord* worker = roster_.Find(c.get())) {
       const uint32_t id = worker->id;
       Log(fmt::format("worker {} is gone: {}", worker->name, error.message));
@@ -194,6 +209,8 @@ class Server {
 
   /// Sets of blocks are as large as the largest number in them.
   Status CheckBlocks(const std::vector<uint32_t>& blocks) const {
+    if (blocks.size() > block_bytes_.size())
+      return Fail(fmt::format("{} blocks are named: there are {}", blocks.size(), block_bytes_.size()));
     for (const uint32_t block : blocks)
       if (block >= block_bytes_.size()) return Fail(fmt::format("block {}: there is none", block));
     return {};
@@ -283,9 +300,15 @@ class Server {
     if (foresight_) AskForesight();
     std::map<uint32_t, double> speeds;
     std::map<uint32_t, BlockSet> holds;
-    for (const auto& [id, worker] : roster_.all()) {
-      speeds[id] = worker.threads;
-      holds[id] = worker.holds;
+    const auto sound = [](const auto& entry) {
+      return entry.second.has_catalog && !entry.second.conduct.doubtful();
+    };
+    const bool any_sound = std::ranges::any_of(roster_.all(), sound);
+    for (const auto& entry : roster_.all()) {
+      const WorkerRecord& worker = entry.second;
+      if (any_sound ? !sound(entry) : !worker.has_catalog) continue;
+      speeds[worker.id] = worker.threads;
+      holds[worker.id] = worker.holds;
     }
     overhead_.Decoded(roster_.DecodeSeconds());
     PlanFrames(Frames(), previous_.get(), news, speeds, std::move(holds),
@@ -304,8 +327,15 @@ class Server {
 
   void HandOut() {
     if (std::exchange(workers_changed_, false)) TellAndPlan();
+    LookAtConduct();
+    const bool any_proven = roster_.AnyProven();
     std::vector<Hand> hands;
-    for (const auto& [id, worker] : roster_.all()) hands.push_back({id, worker.Credit(), worker.threads});
+    for (const auto& [id, worker] : roster_.all())
+      if (worker.has_catalog)
+        hands.push_back(
+            {id,
+             any_proven && worker.tiles == 0 ? std::min(kUnprovenTiles, worker.Credit()) : worker.Credit(),
+             worker.threads, worker.conduct.quiet_s()});
     const bool ending = jobs_.Upcoming(1).empty();
     std::function<double(const ActiveFrame&, uint32_t, uint32_t)> fetch_s;
     if (options_.policy == SchedulingPolicy::kFootprint)
@@ -326,17 +356,38 @@ class Server {
       AddHints(tile, worker);
       worker.connection->Send(MakeMessage(MessageType::kTile, tile.order));
     }
-    overhead_.Busy(Now(), BusyThreads());
+    overhead_.Busy(Now(), LookAtConduct());
   }
 
-  /// Threads that have a tile.
-  uint32_t BusyThreads() const {
+  /// Notes who holds tiles, and returns how many threads have one.
+  uint32_t LookAtConduct() {
     std::unordered_map<uint32_t, uint32_t> held;
     for (const Rendering& r : renderings_) r.frame->AddHeld(held);
     uint32_t busy = 0;
-    for (const auto& [id, worker] : roster_.all())
-      if (const auto it = held.find(id); it != held.end()) busy += std::min(it->second, worker.threads);
+    for (auto& [id, worker] : roster_.all()) {
+      const auto it = held.find(id);
+      worker.conduct.Look(Now(), it != held.end());
+      if (it != held.end()) busy += std::min(it->second, worker.threads);
+    }
     return busy;
+  }
+
+  /// Others have finished tiles that these workers hold.
+  void NoteOutdone(const ActiveFrame& frame) {
+    std::set<uint32_t> outdone;
+    frame.AddOutdone(outdone);
+    for (const uint32_t id : outdone)
+      if (WorkerRecord* worker = roster_.FindById(id)) worker->conduct.Outdone();
+  }
+
+  void DropMute() {
+    std::vector<ConnectionPtr> mute;
+    for (const auto& [id, worker] : roster_.all())
+      if (worker.conduct.mute()) mute.push_back(worker.connection);
+    for (const ConnectionPtr& c : mute)
+      Lose(c, fmt::format("it has answered nothing for {:.0f} s in which it held tiles, and others have "
+                          "finished those",
+                          Conduct::kMuteS));
   }
 
   /// What the tile is expected to touch and the worker lacks.
@@ -358,19 +409,22 @@ class Server {
       if (r.frame->setup() != done.setup) continue;
       QUARRY_ASSIGN(const bool kept, r.frame->Finish(done, m.raw, Now()));
       worker.tiles += kept;
-      if (kept) overhead_.Done(static_cast<double>(done.compute_us) * 1e-6);
+      worker.conduct.Answered(kept);
+      if (kept) overhead_.Done(r.frame->ShownCost(done.tile));
       if (kept && tile_log_) tile_log_->Tile(*r.frame, done, worker.name);
       if (r.frame->done()) FinishFrame(done.setup);
       return {};
     }
+    worker.conduct.Answered(false);
     return {};  // of a frame that is over
   }
 
-  /// A worker cannot get a block. Others may; when none is left, or several have said so, the job cannot be
-  /// done.
+  /// A worker cannot get a block. Others may; when none is left, or several that have answered tiles have
+  /// said so, the job cannot be done.
   Status OnWorkerFailure(const WorkerRecord& worker, const Message& m) {
     QUARRY_ASSIGN(const Failure failure, DecodeFailure(m.table));
-    if (!renderings_.empty() && (++failures_ >= kMostFailures || roster_.all().size() == 1))
+    failures_ += worker.tiles > 0;
+    if (!renderings_.empty() && (failures_ >= kMostFailures || roster_.all().size() == 1))
       jobs_.Fail(renderings_.front().part.job, failure.message);
     Log(fmt::format("worker {} gives up: {}", worker.name, failure.message));
     return Fail(failure.message);
@@ -396,6 +450,7 @@ class Server {
                                  [&](const Rendering& r) { return r.frame->setup() == setup; });
     Rendering done = std::move(*it);
     renderings_.erase(it);
+    NoteOutdone(*done.frame);
     const FrameTimes times{done.start_s, Now(), blocks_.bytes_served() - done.bytes_served_before};
     jobs_.Finish(std::move(done.part), done.frame->TakePixels(),
                  FrameStatistics(*done.frame, times, roster_));
@@ -412,6 +467,9 @@ class Server {
   void Tick() {
     for (const ConnectionPtr& c : pulses_.Silent(Now()))
       Lose(c, fmt::format("silent for {:.0f} seconds", kSilenceS));
+    for (const ConnectionPtr& c : blocks_.Stalled()) Lose(c, "it does not read what it asked for");
+    for (const Rendering& r : renderings_) NoteOutdone(*r.frame);
+    DropMute();
     jobs_.DropAbandoned(Now());
     HandOut();
     jobs_.Deliver();
@@ -448,7 +506,7 @@ class Server {
   const MasterOptions& options_;
   asio::io_context io_;
   FileVoxelSource source_;
-  BlockService blocks_{source_};
+  BlockService blocks_{source_, [this](uint32_t b) { return b < block_bytes_.size() ? block_bytes_[b] : 0; }};
   std::optional<TileLog> tile_log_;
   Bytes packed_catalog_;
   std::vector<uint32_t> block_bytes_;  ///< stored, by block

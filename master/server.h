@@ -19,6 +19,7 @@ struct MasterOptions {
   SchedulingPolicy policy = SchedulingPolicy::kFootprint;
   std::string spool;                      ///< folder that keeps jobs and finished frames; empty: none is kept
   uint64_t foresight_bytes = 256u << 20;  ///< of a cache for foreseeing what tiles touch; 0: none is kept
+  uint64_t frame_memory = 4u << 30;       ///< bytes of pictures under way and of jobs
   std::string trace;                      ///< file for what each tile touched and cost; empty: none
   Security security;                      ///< of every connection
   bool quiet = false;

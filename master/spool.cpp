@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <fstream>
 
 #include "common/base/file.h"
 
@@ -12,7 +13,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr size_t kMostJobBytes = 256u << 20;
+constexpr size_t kMostJobBytes = 16u << 20;
 
 bool IsJobFolder(const std::string& name) {
   return name.size() == 16 && name.find_first_not_of("0123456789abcdef") == std::string::npos;
@@ -76,6 +77,26 @@ Result<RenderJob> UnpackJob(const SceneId& scene, std::span<const std::byte> fil
 
 }  // namespace
 
+uint32_t Spool::Tries(const std::string& id) const {
+  std::ifstream file(TriesPath(id));
+  uint32_t tries = 0;
+  return file >> tries ? tries : 0;
+}
+
+void Spool::NoteTry(const std::string& id) const {
+  std::error_code ignored;
+  if (!fs::exists(folder_ + "/" + id, ignored)) return;  // its folder comes with a try in it, see Begin
+  (void)WriteFileAtomically(TriesPath(id), AsBytes(fmt::format("{}\n", Tries(id) + 1)));
+}
+
+Status Spool::CheckNotSetAside(const std::string& id) const {
+  std::error_code ignored;
+  if (!fs::exists(AsidePath(id), ignored)) return {};
+  return Fail(
+      fmt::format("this job has ended the master {} times and lies at {}; remove that to have it tried again",
+                  kMostTries, AsidePath(id)));
+}
+
 std::string JobId(const SceneId& scene, const RenderJob& job) {
   const Bytes packed = PackJob(scene, job);
   return fmt::format("{:016x}", Checksum(packed));
@@ -108,8 +129,8 @@ std::vector<Spool::Found> Spool::Jobs(const std::function<void(const std::string
   std::vector<std::pair<fs::file_time_type, Found>> jobs;
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(folder_, error)) {
-    Found found{entry.path().filename().string(), {}, {}};
-    if (!entry.is_directory() || !fs::exists(JobPath(found.id))) continue;
+    Found found{entry.path().filename().string(), {}, {}, 0};
+    if (!entry.is_directory() || !IsJobFolder(found.id) || !fs::exists(JobPath(found.id))) continue;
     bool other_scene = false;
     auto bytes = ReadAll(JobPath(found.id), kMostJobBytes);
     auto job = bytes ? UnpackJob(scene_, *bytes, other_scene)
@@ -119,6 +140,14 @@ std::vector<Spool::Found> Spool::Jobs(const std::function<void(const std::string
       continue;
     }
     if (other_scene) continue;
+    found.tries = Tries(found.id);
+    if (found.tries >= kMostTries) {
+      std::error_code cannot;
+      fs::rename(folder_ + "/" + found.id, AsidePath(found.id), cannot);
+      log(fmt::format("job {} has ended {} masters: it is set aside{}", found.id, found.tries,
+                      cannot ? ", where it is" : fmt::format(" as {}", AsidePath(found.id))));
+      continue;
+    }
     found.job = std::move(*job);
     for (size_t f = 0; f < found.job.cameras.size(); ++f)
       found.finished.push_back(fs::exists(FramePath(found.id, found.job, f)));
@@ -136,12 +165,17 @@ Status Spool::Begin(const std::string& id, const RenderJob& job) const {
   fs::create_directories(folder_ + "/" + id, error);
   if (error) return Fail(fmt::format("{}/{}: cannot be made: {}", folder_, id, error.message()));
   SyncFolderOf(folder_ + "/" + id);
+  // Before the job itself: a job that ends the master at once has been tried.
+  if (!fs::exists(TriesPath(id), error)) QUARRY_TRY(WriteFileAtomically(TriesPath(id), AsBytes("1\n")));
   return WriteFileAtomically(JobPath(id), PackJob(scene_, job));
 }
 
 Status Spool::WriteFrame(const std::string& id, const RenderJob& job, size_t frame,
                          std::span<const std::byte> image) const {
-  return WriteFileAtomically(FramePath(id, job, frame), image);
+  QUARRY_TRY(WriteFileAtomically(FramePath(id, job, frame), image));
+  std::error_code ignored;
+  fs::remove(TriesPath(id), ignored);
+  return {};
 }
 
 Result<Bytes> Spool::ReadFrame(const std::string& id, const RenderJob& job, size_t frame) const {

@@ -24,12 +24,21 @@ class Spool {
     std::string id;
     RenderJob job;
     std::vector<bool> finished;  ///< by frame
+    uint32_t tries = 0;  ///< masters that have begun a frame of it, and have ended before any was finished
   };
-  /// Jobs that were begun, the oldest first; a damaged one is named by `log` and left alone.
+  /// A job that so many masters have tried is set aside.
+  static constexpr uint32_t kMostTries = 3;
+  /// Jobs that were begun, the oldest first; a damaged one is named by `log` and left alone. One that has had
+  /// its tries is renamed to ID.set-aside, which `log` is told.
   std::vector<Found> Jobs(const std::function<void(const std::string&)>& log) const;
 
   /// Errors: the disk is full or cannot be written.
   Status Begin(const std::string& id, const RenderJob& job) const;
+  /// Counts a try, on disk before it returns. Where that cannot be written the try is not counted.
+  void NoteTry(const std::string& id) const;
+  /// Errors: such a job was set aside; the sentence says where it is, and what to do.
+  Status CheckNotSetAside(const std::string& id) const;
+  /// Its job's tries are forgotten with it.
   Status WriteFrame(const std::string& id, const RenderJob& job, size_t frame,
                     std::span<const std::byte> image) const;
   Result<Bytes> ReadFrame(const std::string& id, const RenderJob& job, size_t frame) const;
@@ -39,6 +48,9 @@ class Spool {
   Spool(std::string folder, const SceneId& scene, FileLock lock)
       : folder_(std::move(folder)), scene_(scene), lock_(std::make_unique<FileLock>(std::move(lock))) {}
   std::string JobPath(const std::string& id) const;
+  std::string TriesPath(const std::string& id) const { return folder_ + "/" + id + "/tries"; }
+  std::string AsidePath(const std::string& id) const { return folder_ + "/" + id + ".set-aside"; }
+  uint32_t Tries(const std::string& id) const;
   std::string FramePath(const std::string& id, const RenderJob& job, size_t frame) const;
   std::string folder_;
   SceneId scene_;

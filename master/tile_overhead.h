@@ -22,7 +22,10 @@ class TileOverhead {
     busy_s_ -= compute_s;
   }
   /// All workers, since they began, seconds; less where one has gone.
-  void Decoded(double total_s) { busy_s_ -= std::max(0.0, total_s - std::exchange(decoded_s_, total_s)); }
+  void Decoded(double total_s) {
+    busy_s_ -= std::max(0.0, total_s - std::exchange(decoded_s_, total_s));
+    busy_s_ = std::max(busy_s_, -kMostAheadS);  // what a worker says may be forged
+  }
   /// What was before counts for less: a frame is done.
   void Fade() {
     constexpr double kKept = 0.9;
@@ -33,6 +36,7 @@ class TileOverhead {
   double seconds() const { return tiles_ < 1 ? 0 : std::max(0.0, busy_s_ / tiles_); }
 
  private:
+  static constexpr double kMostAheadS = 60;  ///< that workers have told of before it is counted here
   double busy_s_ = 0, tiles_ = 0, decoded_s_ = 0, since_s_ = 0;
   uint32_t threads_ = 0;
 };

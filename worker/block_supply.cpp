@@ -58,7 +58,7 @@ Status BlockSupply::Add(const std::string& text, const SupplyOptions& options) {
     case SourceKind::kTcp:
       sources_.Add(spec.kind, text,
                    std::make_unique<TcpVoxelSource>(io_, spec.master ? options.master : spec.server,
-                                                    security_, catalog_.id));
+                                                    security_, catalog_.id, catalog_.meta.largest_stored));
       return {};
     default: {
       QUARRY_ASSIGN(HttpLocation location, ParseHttpLocation(spec.place, "--source"));
@@ -73,7 +73,8 @@ Status BlockSupply::Add(const std::string& text, const SupplyOptions& options) {
 
 void BlockSupply::SetPeers(const Peers& peers) {
   sources_.SetPeers(peers, [this](const Endpoint& endpoint) {
-    return std::make_unique<TcpVoxelSource>(io_, endpoint, security_, catalog_.id);
+    return std::make_unique<TcpVoxelSource>(io_, endpoint, security_, catalog_.id,
+                                            catalog_.meta.largest_stored);
   });
 }
 

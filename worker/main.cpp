@@ -67,6 +67,7 @@ Status Run(WorkerOptions options, const Texts& texts) {
 int Main(int argc, char** argv) {
   RequireCpu();
   KeepHeapSmall();
+  RaiseDescriptorLimit();
   EndWithParent();
   InstallSignalHandlers("quarry-worker", "its tiles go to other workers");
   WorkerOptions options;

@@ -1,12 +1,23 @@
 #include "worker/peer_server.h"
 
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+#include "common/base/resource.h"
 #include "common/protocol/messages.h"
 
 namespace quarry {
 
 Status PeerServer::Listen(boost::asio::io_context& io, const Endpoint& endpoint, const Security& security) {
-  QUARRY_ASSIGN(listener_, Listener::Open(io, endpoint, security,
-                                          [this](std::shared_ptr<Connection> c) { OnConnection(c); }));
+  // Requests are small; the worker's own connections and files need descriptors too.
+  ListenerOptions options;
+  options.incoming_bytes = 256u << 10;
+  options.most_connections = std::min<size_t>(kMostConnections, DescriptorLimit() / 4);
+  QUARRY_ASSIGN(listener_,
+                Listener::Open(
+                    io, endpoint, security, [this](std::shared_ptr<Connection> c) { OnConnection(c); },
+                    std::move(options)));
   return {};
 }
 
@@ -16,7 +27,6 @@ PeerServer::~PeerServer() {
 }
 
 void PeerServer::OnConnection(const std::shared_ptr<Connection>& c) {
-  if (newcomers_.size() + peers_.size() >= kMostConnections) return;  // and with the last reference it closes
   newcomers_.insert(c);
   c->Start([this, c](const Message& m) { OnMessage(c, m); },
            [this, c](const Error&) {
@@ -31,11 +41,15 @@ void PeerServer::OnMessage(const std::shared_ptr<Connection>& c, const Message& 
     if (m.type != MessageType::kHello || !hello || hello->role != Role::kVoxels) return Drop(c);
     newcomers_.erase(c);
     peers_.insert(c);
+    c->Expect(Speaker::kVoxels);
     return c->Send(MakeMessage(MessageType::kWelcome, Welcome{scene_, 0, {}}));
   }
+  if (m.type == MessageType::kPing) return;
   const auto request = DecodeBlockRequest(m.table);
   if (m.type != MessageType::kBlockRequest || !request || c->queued_bytes() > 2 * kMaxQueuedBytes)
     return Drop(c);
+  if (QueuedBytes() >= kMaxQueuedBytes) DropStalled();
+  if (!peers_.contains(c)) return;
   const Bytes* block = QueuedBytes() < kMaxQueuedBytes ? blocks_.Find(request->block) : nullptr;
   if (block) {
     bytes_served_ += block->size();
@@ -49,6 +63,13 @@ uint64_t PeerServer::QueuedBytes() const {
   uint64_t bytes = 0;
   for (const auto& c : peers_) bytes += c->queued_bytes();
   return bytes;
+}
+
+/// Those that hold up others.
+void PeerServer::DropStalled() {
+  constexpr double kPatienceS = 2;
+  for (const auto& c : std::vector(peers_.begin(), peers_.end()))
+    if (c->unread_s() > kPatienceS) Drop(c);
 }
 
 void PeerServer::Drop(const std::shared_ptr<Connection>& c) {

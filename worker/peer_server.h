@@ -13,8 +13,9 @@ namespace quarry {
 /// A block that is not here is refused at once. Used from the io_context's thread.
 class PeerServer {
  public:
+  /// And no more than a quarter of the descriptors that the process may open.
   static constexpr size_t kMostConnections = 256;
-  /// To all together: beyond this blocks are refused, and who asks on and on without reading is dropped.
+  /// To all together: beyond this blocks are refused, and whoever has not read for 2 s is dropped.
   static constexpr uint64_t kMaxQueuedBytes = 8u << 20;
 
   PeerServer(const SceneId& scene, StoredCache& blocks) : scene_(scene), blocks_(blocks) {}
@@ -27,6 +28,7 @@ class PeerServer {
  private:
   void OnConnection(const std::shared_ptr<Connection>& c);
   void OnMessage(const std::shared_ptr<Connection>& c, const Message& m);
+  void DropStalled();
   void Drop(const std::shared_ptr<Connection>& c);
   uint64_t QueuedBytes() const;
 

@@ -111,6 +111,7 @@ class Session {
       connection_ = std::move(*result);
       // What is still on its way from a connection given up is no concern of the next one.
       const Connection* const mine = connection_.get();
+      connection_->Expect(Speaker::kMasterOfWorkers);
       connection_->Start(
           [this, mine](Message m) {
             if (mine == connection_.get()) OnMessage(std::move(m));

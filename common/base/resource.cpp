@@ -1,8 +1,11 @@
 #include "common/base/resource.h"
 
 #include <malloc.h>
+#include <sys/resource.h>
 #include <time.h>
+#include <unistd.h>
 
+#include <algorithm>
 #include <fstream>
 #include <string>
 
@@ -18,6 +21,39 @@ uint64_t PeakResidentBytes() {
     return kib * 1024;
   }
   return 0;
+}
+
+void RaiseDescriptorLimit() {
+  rlimit limit{};
+  if (::getrlimit(RLIMIT_NOFILE, &limit) != 0 || limit.rlim_cur >= limit.rlim_max) return;
+  limit.rlim_cur = limit.rlim_max;
+  ::setrlimit(RLIMIT_NOFILE, &limit);
+}
+
+uint64_t DescriptorLimit() {
+  rlimit limit{};
+  return ::getrlimit(RLIMIT_NOFILE, &limit) == 0 ? limit.rlim_cur : 1024;
+}
+
+uint64_t MemoryLimitBytes() {
+  uint64_t bytes =
+      static_cast<uint64_t>(::sysconf(_SC_PHYS_PAGES)) * static_cast<uint64_t>(::sysconf(_SC_PAGE_SIZE));
+  // The limits of the process's group and of all above it, by either version of cgroups.
+  std::ifstream membership("/proc/self/cgroup");
+  std::string line;
+  while (std::getline(membership, line)) {
+    const size_t memory = line.find(":memory:");
+    const bool v2 = line.rfind("0::", 0) == 0;
+    if (!v2 && memory == std::string::npos) continue;
+    const std::string root = v2 ? "/sys/fs/cgroup" : "/sys/fs/cgroup/memory";
+    const std::string file = v2 ? "/memory.max" : "/memory.limit_in_bytes";
+    for (std::string group = line.substr(v2 ? 3 : memory + 8);; group.resize(group.rfind('/'))) {
+      uint64_t limit = 0;  // "max" is no number
+      if (std::ifstream(root + group + file) >> limit) bytes = std::min(bytes, limit);
+      if (group.find('/') == std::string::npos) break;
+    }
+  }
+  return bytes;
 }
 
 uint64_t ThreadTimeUs() {

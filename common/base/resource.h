@@ -9,6 +9,15 @@ namespace quarry {
 /// Peak resident memory of this process so far (VmHWM), in bytes.
 uint64_t PeakResidentBytes();
 
+/// Raises the number of files that this process may open (RLIMIT_NOFILE) as far as the system lets it: for
+/// programs that listen, whose every connection is one. Call first in main.
+void RaiseDescriptorLimit();
+/// Files that this process may open.
+uint64_t DescriptorLimit();
+
+/// Bytes of memory that this process may use: the machine's, or less where its cgroup has a limit.
+uint64_t MemoryLimitBytes();
+
 /// Microseconds of processor time that the calling thread has had.
 uint64_t ThreadTimeUs();
 /// As time passes.

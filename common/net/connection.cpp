@@ -2,13 +2,16 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <boost/asio/connect.hpp>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <deque>
 #include <utility>
+#include <vector>
 
+#include "common/base/resource.h"
 #include "common/net/stream_connection.h"
 
 namespace quarry {
@@ -19,59 +22,131 @@ using asio::ip::tcp;
 using ErrorCode = boost::system::error_code;
 
 constexpr size_t kMaxNewcomers = 64;
+/// Between connections while one goes for each that comes: with 32 places a newcomer has 160 ms to greet.
+constexpr auto kCrowded = std::chrono::milliseconds(5);
+constexpr auto kNoFiles = std::chrono::milliseconds(100);
+constexpr auto kWatchEvery = std::chrono::seconds(1);
+/// Masters, workers and clients send something every second; one missed may be on its way.
+constexpr auto kSilent = std::chrono::seconds(3);
 
 class TcpListener final : public Listener {
  public:
-  TcpListener(asio::io_context& io, tcp::acceptor acceptor, Security security, OnConnection on_connection)
+  TcpListener(asio::io_context& io, tcp::acceptor acceptor, Security security, OnConnection on_connection,
+              ListenerOptions options)
       : io_(io),
         acceptor_(std::move(acceptor)),
         pause_(acceptor_.get_executor()),
+        watch_(acceptor_.get_executor()),
         security_(std::move(security)),
-        on_connection_(std::move(on_connection)) {
+        on_connection_(std::move(on_connection)),
+        options_(std::move(options)),
+        budget_(std::make_shared<IncomingBudget>(options_.incoming_bytes)) {
     Accept();
+    Watch();
   }
   uint16_t port() const override { return acceptor_.local_endpoint().port(); }
 
  private:
+  using ConnectionPtr = std::shared_ptr<AcceptedConnection>;
+
   void Accept() {
     acceptor_.async_accept([this](const ErrorCode& error, tcp::socket socket) {
       if (error == asio::error::operation_aborted) return;
-      if (error) return AcceptLater();
-      DropOldNewcomers();
-      auto connection = MakeConnection(io_, socket.release(), security_, {});
-      newcomers_.push_back(connection);
+      if (error) return AcceptLater(error);
+      const bool crowded = MakeRoom();
+      auto connection = MakeConnection(io_, socket.release(), security_, {}, budget_);
+      connections_.push_back(connection);
       on_connection_(connection);
-      Accept();
+      if (!crowded) return Accept();
+      // Whoever has just come needs a moment to greet before others take its place.
+      AcceptAfter(kCrowded);
     });
   }
 
-  /// No more files may be opened, say.
-  void AcceptLater() {
-    pause_.expires_after(std::chrono::milliseconds(100));
-    pause_.async_wait([this](const ErrorCode& error) {
-      if (!error) Accept();
+  /// No more files may be opened, say: somebody goes, and then it is tried again.
+  void AcceptLater(const ErrorCode& error) {
+    SayOnce(fmt::format("cannot accept a connection: {}; drops idle ones (`ulimit -n` raises the limit)",
+                        error.message()));
+    Forget();
+    if (const ConnectionPtr idle = MostIdle())
+      idle->Drop("is dropped: this process can open no more files", false);
+    AcceptAfter(kNoFiles);
+  }
+
+  void AcceptAfter(std::chrono::milliseconds pause) {
+    pause_.expires_after(pause);
+    pause_.async_wait([this](const ErrorCode& e) {
+      if (!e) Accept();
     });
   }
 
-  /// Makes place for one more: whoever has been silent for longest goes.
-  void DropOldNewcomers() {
-    std::erase_if(newcomers_, [](const std::weak_ptr<AcceptedConnection>& weak) {
-      const auto connection = weak.lock();
-      return !connection || !connection->newcomer();
+  void Watch() {
+    const auto now = AcceptedConnection::Clock::now();
+    Forget();
+    for (const auto& weak : std::vector(connections_.begin(), connections_.end()))
+      if (const ConnectionPtr connection = weak.lock()) connection->Watch(now);
+    watch_.expires_after(kWatchEvery);
+    watch_.async_wait([this](const ErrorCode& e) {
+      if (!e) Watch();
     });
-    while (newcomers_.size() >= kMaxNewcomers) {
-      const auto oldest = newcomers_.front().lock();
-      newcomers_.pop_front();
-      if (oldest) oldest->Drop(fmt::format("is dropped: {} others wait to be greeted", kMaxNewcomers), false);
+  }
+
+  /// Those that are closed hold no descriptor any more.
+  void Forget() {
+    std::erase_if(connections_, [](const std::weak_ptr<AcceptedConnection>& weak) {
+      const ConnectionPtr connection = weak.lock();
+      return !connection || connection->closed();
+    });
+  }
+
+  /// For one more. True when somebody had to go for it.
+  bool MakeRoom() {
+    Forget();
+    const size_t before = connections_.size();
+    size_t newcomers = 0;
+    for (const auto& weak : connections_) newcomers += weak.lock()->newcomer();
+    if (newcomers >= kMaxNewcomers)
+      MostIdle()->Drop(fmt::format("is dropped: {} others wait to be greeted", kMaxNewcomers), false);
+    Forget();
+    if (connections_.size() < options_.most_connections) return connections_.size() < before;
+    SayOnce(fmt::format("has {} connections, as many as it takes; drops idle ones for others",
+                        options_.most_connections));
+    if (const ConnectionPtr idle = MostIdle())
+      idle->Drop(fmt::format("is dropped: {} others are connected", options_.most_connections), false);
+    return true;
+  }
+
+  /// Whom it costs least to drop: the oldest that has not greeted, else of those that fetch blocks the one
+  /// that has been silent for longest, else of all who are silent for longer than programs are. May be null.
+  ConnectionPtr MostIdle() const {
+    ConnectionPtr fetches, silent;
+    const auto longer = [](const ConnectionPtr& a, const ConnectionPtr& b) {
+      return !b || a->heard() < b->heard();
+    };
+    for (const auto& weak : connections_) {
+      const ConnectionPtr c = weak.lock();
+      if (c->newcomer()) return c;
+      if (c->fetches() && longer(c, fetches)) fetches = c;
+      if (longer(c, silent)) silent = c;
     }
+    if (fetches) return fetches;
+    if (silent && AcceptedConnection::Clock::now() - silent->heard() < kSilent) return nullptr;
+    return silent;
+  }
+
+  void SayOnce(const std::string& line) {
+    if (options_.log && !std::exchange(said_, true)) options_.log(line);
   }
 
   asio::io_context& io_;
   tcp::acceptor acceptor_;
-  asio::steady_timer pause_;
+  asio::steady_timer pause_, watch_;
   Security security_;
   OnConnection on_connection_;
-  std::deque<std::weak_ptr<AcceptedConnection>> newcomers_;
+  const ListenerOptions options_;
+  const std::shared_ptr<IncomingBudget> budget_;
+  std::deque<std::weak_ptr<AcceptedConnection>> connections_;  ///< open ones, the oldest first
+  bool said_ = false;                                          ///< that there are as many as can be
 };
 
 /// One attempt to connect, with its time limit.
@@ -101,7 +176,7 @@ void Connect(asio::io_context& io, const Endpoint& endpoint, const Security& sec
                  done = std::move(done)](const ErrorCode& error) {
     attempt->timer.cancel();
     if (!error && !attempt->timed_out)
-      return done(MakeConnection(io, attempt->socket.release(), security, host));
+      return done(MakeConnection(io, attempt->socket.release(), security, host, nullptr));
     done(Fail(fmt::format("cannot reach {}: {}", name, attempt->timed_out ? "no answer" : error.message())));
   };
   attempt->resolver.async_resolve(
@@ -114,7 +189,8 @@ void Connect(asio::io_context& io, const Endpoint& endpoint, const Security& sec
 }
 
 Result<std::unique_ptr<Listener>> Listener::Open(asio::io_context& io, const Endpoint& endpoint,
-                                                 const Security& security, OnConnection on_connection) {
+                                                 const Security& security, OnConnection on_connection,
+                                                 ListenerOptions options) {
   const std::string name = fmt::format("{}:{}", endpoint.host, endpoint.port);
   ErrorCode error;
   const auto found = tcp::resolver(io).resolve(endpoint.host, std::to_string(endpoint.port), error);
@@ -132,7 +208,10 @@ Result<std::unique_ptr<Listener>> Listener::Open(asio::io_context& io, const End
   if (!error) acceptor.bind(address, error);
   if (!error) acceptor.listen(asio::socket_base::max_listen_connections, error);
   if (error) return Fail(fmt::format("cannot listen at {}: {}", name, error.message()));
-  return std::make_unique<TcpListener>(io, std::move(acceptor), security, std::move(on_connection));
+  const size_t most = std::max<uint64_t>(8, DescriptorLimit() / 2);
+  options.most_connections = options.most_connections == 0 ? most : std::min(most, options.most_connections);
+  return std::make_unique<TcpListener>(io, std::move(acceptor), security, std::move(on_connection),
+                                       std::move(options));
 }
 
 }  // namespace quarry

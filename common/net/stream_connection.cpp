@@ -1,8 +1,11 @@
+// Longer than other files: one class, whose reading, writing, beginning and end share all of its state.
 #include "common/net/stream_connection.h"
 
 #include <fmt/format.h>
+#include <linux/sockios.h>
 #include <netinet/tcp.h>
 #include <openssl/ssl.h>
+#include <sys/ioctl.h>
 #include <sys/socket.h>
 
 #include <array>
@@ -27,7 +30,18 @@ using ErrorCode = boost::system::error_code;
 constexpr auto kOpeningTime = std::chrono::seconds(10);  // for handshake, preamble and greeting together
 constexpr auto kClosingTime = std::chrono::seconds(10);  // for what is queued
 constexpr auto kNotifyTime = std::chrono::seconds(1);    // for the other side to close too
-constexpr size_t kMaxGreetingBytes = 64 << 10;
+/// At the side that has accepted. A half-read message has this long, and as long as its bytes take at the
+/// slowest rate of a link that is still of use; chaos tests trickle slower, for eleven seconds at most.
+constexpr auto kMessageTime = std::chrono::seconds(30);
+constexpr uint64_t kLeastBytesPerS = 16 << 10;
+/// Without a byte; all of Quarry's own programs ping more often.
+constexpr auto kIdleTime = std::chrono::seconds(60);
+/// Without anything taken of what is queued; a process that is stopped is taken for dead earlier.
+constexpr auto kUnreadTime = std::chrono::seconds(10);
+/// Memory for a message grows with the bytes that have come: at first by this, then fourfold, then by the
+/// other at a time. Small steps keep connections that send much from holding up those that send little. The
+/// side that has connected knows whom it asked.
+constexpr size_t kFirstStep = 16 << 10, kLargestStep = 64 << 10, kTrustedStep = 1 << 20;
 
 using TlsStream = asio::ssl::stream<tcp::socket>;
 
@@ -70,16 +84,22 @@ class StreamConnection final : public AcceptedConnection {
   static constexpr bool kTls = std::is_same_v<Stream, TlsStream>;
 
  public:
-  StreamConnection(tcp::socket socket, Security security, std::string host)
+  StreamConnection(tcp::socket socket, Security security, std::string host,
+                   std::shared_ptr<IncomingBudget> budget)
       : stream_(MakeStream<Stream>(std::move(socket), security)),
         security_(std::move(security)),
         host_(std::move(host)),
+        budget_(std::move(budget)),
+        speaker_(accepted() ? Speaker::kStranger : Speaker::kAnyone),
         deadline_(stream_.get_executor()) {
     ErrorCode ignored;
     stream_.lowest_layer().set_option(tcp::no_delay(true), ignored);
     KeepAlive(stream_.lowest_layer().native_handle());
     const auto remote = stream_.lowest_layer().remote_endpoint(ignored);
     peer_ = ignored ? "?" : EndpointText(remote);
+  }
+  ~StreamConnection() override {
+    if (budget_) budget_->GiveBack(*this);
   }
 
   void Start(OnMessage on_message, OnClose on_close) override {
@@ -94,6 +114,11 @@ class StreamConnection final : public AcceptedConnection {
         self->Greet();
       }
     });
+  }
+
+  void Expect(Speaker speaker, uint32_t most_raw_bytes) override {
+    speaker_ = speaker;
+    most_raw_bytes_ = most_raw_bytes;
   }
 
   void Send(Message message) override {
@@ -125,16 +150,42 @@ class StreamConnection final : public AcceptedConnection {
   void Drop(std::string message, bool permanent) override {
     if (closed_) return;
     Shut();
+    if (budget_) budget_->GiveBack(*this);
     outgoing_.clear();
     // Moved out first: the handler may let go of this connection.
     OnClose handler = std::move(on_close_);
     on_close_ = nullptr;
     on_message_ = nullptr;
+    on_sent_ = nullptr;
     if (handler && !close_asked_) handler(Error{fmt::format("{} {}", peer_, message), 1, permanent});
   }
 
   bool newcomer() const override { return !closed_ && !greeted_; }
+  bool closed() const override { return closed_; }
+  bool fetches() const override { return speaker_ == Speaker::kVoxels; }
+  Clock::time_point heard() const override { return heard_; }
+  void Watch(Clock::time_point now) override {
+    if (closed_ || closing_ || !greeted_) return;
+    const auto rate_time = std::chrono::seconds(
+        (uint64_t{incoming_header_.table_bytes} + incoming_header_.raw_bytes) / kLeastBytesPerS);
+    if (reading_message_ && now - message_since_ > kMessageTime + rate_time)
+      return Drop("is dropped: a message of its has stayed half-read for too long", false);
+    if (now - heard_ > kIdleTime)
+      return Drop(fmt::format("is dropped: idle for {} seconds", kIdleTime.count()), false);
+    const uint64_t taken = taken_bytes();
+    if (queued_ == 0 || std::exchange(taken_, taken) != taken) taken_since_ = now;
+    if (now - taken_since_ > kUnreadTime) Drop("is dropped: it does not read what it asked for", false);
+  }
   uint64_t queued_bytes() const override { return queued_; }
+  uint64_t taken_bytes() const override {
+    int unacknowledged = 0;
+    if (closed_ || ::ioctl(SocketNumber(), SIOCOUTQ, &unacknowledged) != 0) return written_;
+    return written_ - std::min<uint64_t>(written_, static_cast<uint64_t>(std::max(0, unacknowledged)));
+  }
+  double unread_s() const override {
+    return queued_ == 0 ? 0 : std::chrono::duration<double>(Clock::now() - taken_since_).count();
+  }
+  void SetOnSent(std::function<void()> on_sent) override { on_sent_ = std::move(on_sent); }
   uint64_t received_bytes() const override { return received_; }
   std::string local_host() const override {
     ErrorCode ignored;
@@ -152,6 +203,9 @@ class StreamConnection final : public AcceptedConnection {
     else
       return stream_;
   }
+  int SocketNumber() const {
+    return const_cast<StreamConnection*>(this)->stream_.lowest_layer().native_handle();
+  }
   bool accepted() const { return host_.empty(); }
 
   /// Lets go of the callbacks at its end: they may hold what holds this connection. Part of a handler, so
@@ -164,6 +218,7 @@ class StreamConnection final : public AcceptedConnection {
       if (!connection_) return;
       connection_->on_message_ = nullptr;
       connection_->on_close_ = nullptr;
+      connection_->on_sent_ = nullptr;
     }
 
    private:
@@ -282,48 +337,70 @@ class StreamConnection final : public AcceptedConnection {
   void ReadHeader() {
     asio::async_read(stream_, asio::buffer(header_), [self = Self()](const ErrorCode& error, size_t n) {
       if (error) return self->DropOn(error);
-      self->received_ += n;
-      const auto header = DecodeFrameHeader(self->header_);
+      self->Heard(n);
+      const auto header = DecodeFrameHeader(self->header_, self->speaker_);
       if (!header) return self->Drop(fmt::format("cannot be understood: {}", header.error().message), false);
-      if (!self->greeted_ && uint64_t{header->table_bytes} + header->raw_bytes > kMaxGreetingBytes)
-        return self->Drop("began with a message that is too large for a greeting", false);
-      self->incoming_ = {header->type, header->request, Bytes(header->table_bytes), {}};
+      if (header->raw_bytes > self->most_raw_bytes_)
+        return self->Drop("cannot be understood: received a message larger than was asked for", false);
+      self->incoming_ = {header->type, header->request, {}, {}};
       self->incoming_header_ = *header;
-      self->raw_have_ = 0;
-      self->ReadTable();
+      self->have_ = 0;
+      self->in_raw_ = false;
+      self->reading_message_ = true;
+      self->message_since_ = self->heard_;
+      self->ReadPart();
     });
   }
 
-  void ReadTable() {
-    asio::async_read(stream_, asio::buffer(incoming_.table),
-                     [self = Self()](const ErrorCode& error, size_t n) {
-                       if (error) return self->DropOn(error);
-                       self->received_ += n;
-                       self->ReadRaw();
-                     });
+  void Heard(size_t bytes) {
+    received_ += bytes;
+    heard_ = Clock::now();
   }
 
-  /// A large payload is allocated as it arrives, so that a claimed size alone costs nothing.
-  void ReadRaw() {
-    constexpr size_t kStep = 16 << 20;
-    const size_t raw_bytes = incoming_header_.raw_bytes;
-    if (raw_have_ == raw_bytes) return Deliver();
-    if (raw_have_ == incoming_.raw.size())
-      incoming_.raw.resize(std::min(raw_bytes, incoming_.raw.size() + kStep));
-    stream_.async_read_some(asio::buffer(incoming_.raw.data() + raw_have_, incoming_.raw.size() - raw_have_),
+  /// The table, then the raw bytes. A claimed size alone costs nothing.
+  void ReadPart() {
+    Bytes& part = in_raw_ ? incoming_.raw : incoming_.table;
+    const size_t whole = in_raw_ ? incoming_header_.raw_bytes : incoming_header_.table_bytes;
+    if (have_ == whole) {
+      if (std::exchange(in_raw_, true)) return Deliver();
+      have_ = 0;
+      return ReadPart();
+    }
+    if (have_ == part.size() && !Grow(part, whole)) return;
+    stream_.async_read_some(asio::buffer(part.data() + have_, part.size() - have_),
                             [self = Self()](const ErrorCode& error, size_t n) {
                               if (error) return self->DropOn(error);
-                              self->received_ += n;
-                              self->raw_have_ += n;
-                              self->ReadRaw();
+                              self->Heard(n);
+                              self->have_ += n;
+                              self->ReadPart();
                             });
+  }
+
+  /// False: there is no memory for it, and the connection is dropped.
+  bool Grow(Bytes& part, size_t whole) {
+    constexpr size_t kReserved = 16 << 20;
+    const size_t step =
+        accepted() ? std::min(kLargestStep, std::max(kFirstStep, 3 * part.size())) : kTrustedStep;
+    const size_t size = std::min(whole, part.size() + step);
+    if (budget_ && !budget_->Take(*this, size - part.size())) {
+      Drop("is dropped: half-read messages of all connections take too much memory", false);
+      return false;
+    }
+    // Pages that nothing has been written to are no memory yet, and nothing is copied again.
+    if (part.size() >= kTrustedStep && part.capacity() < size)
+      part.reserve(std::min(whole, std::max(kReserved, 2 * part.size())));
+    part.resize(size);
+    return true;
   }
 
   void Deliver() {
     if (const Status status = CheckContent(incoming_header_, incoming_); !status)
       return Drop(fmt::format("cannot be understood: {}", status.error().message), false);
     SetGreeted();
+    reading_message_ = false;
+    if (speaker_ == Speaker::kStranger) speaker_ = Speaker::kAnyone;  // unless the receiver says who it is
     if (on_message_ && !close_asked_) on_message_(std::exchange(incoming_, {}));
+    if (budget_) budget_->GiveBack(*this);
     if (!closed_ && !closing_) ReadHeader();
   }
 
@@ -366,16 +443,21 @@ class StreamConnection final : public AcceptedConnection {
                         // Who does not want this side any more may have said why: reading tells, and ends.
                         if (error && !self->closing_) return self->StopWriting();
                         if (error) return self->DropOn(error);
+                        self->written_ += n;
                         self->queued_ -= std::min<uint64_t>(self->queued_, n);
                         self->outgoing_.pop_front();
                         if (self->outgoing_.empty() && self->closing_) return self->SayFarewell();
                         self->WriteNext();
+                        if (self->on_sent_) self->on_sent_();
                       });
   }
 
   Stream stream_;
   const Security security_;
   const std::string host_;
+  const std::shared_ptr<IncomingBudget> budget_;  ///< null at the side that has connected
+  Speaker speaker_;
+  uint32_t most_raw_bytes_ = ~uint32_t{0};
   asio::steady_timer deadline_;
   std::string peer_;
   OnMessage on_message_;
@@ -384,8 +466,15 @@ class StreamConnection final : public AcceptedConnection {
   std::array<std::byte, kFrameHeaderBytes> header_{};
   Message incoming_;
   FrameHeader incoming_header_{};
-  size_t raw_have_ = 0;
+  size_t have_ = 0;      ///< bytes of the part that is being read
+  bool in_raw_ = false;  ///< that part
+  bool reading_message_ = false;
+  Clock::time_point message_since_, heard_ = Clock::now();
   uint64_t received_ = 0;
+  uint64_t written_ = 0;  ///< bytes handed to the system
+  uint64_t taken_ = 0;    ///< of those, that had been taken when it was looked last
+  Clock::time_point taken_since_ = Clock::now();
+  std::function<void()> on_sent_;
   std::deque<Bytes> outgoing_;
   std::atomic<uint64_t> queued_{0};
   std::atomic<bool> close_asked_{false};  ///< what has come already is not told any more
@@ -399,14 +488,18 @@ class StreamConnection final : public AcceptedConnection {
 }  // namespace
 
 std::shared_ptr<AcceptedConnection> MakeConnection(asio::io_context& io, int socket, const Security& security,
-                                                   const std::string& host) {
+                                                   const std::string& host,
+                                                   std::shared_ptr<IncomingBudget> budget) {
   sockaddr_storage address{};
   socklen_t size = sizeof address;
   const bool v6 = ::getsockname(socket, reinterpret_cast<sockaddr*>(&address), &size) == 0 &&
                   address.ss_family == AF_INET6;
   tcp::socket stream(io, v6 ? tcp::v6() : tcp::v4(), socket);
-  if (security.tls()) return std::make_shared<StreamConnection<TlsStream>>(std::move(stream), security, host);
-  return std::make_shared<StreamConnection<tcp::socket>>(std::move(stream), security, host);
+  if (security.tls())
+    return std::make_shared<StreamConnection<TlsStream>>(std::move(stream), security, host,
+                                                         std::move(budget));
+  return std::make_shared<StreamConnection<tcp::socket>>(std::move(stream), security, host,
+                                                         std::move(budget));
 }
 
 }  // namespace quarry

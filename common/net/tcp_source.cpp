@@ -18,8 +18,13 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
     uint32_t block;
     Done done;
   };
-  Impl(boost::asio::io_context& context, Endpoint e, Security s, SceneId id)
-      : io(context), server(std::move(e)), security(std::move(s)), scene(id), watch(context) {}
+  Impl(boost::asio::io_context& context, Endpoint e, Security s, SceneId id, uint32_t most_bytes)
+      : io(context),
+        server(std::move(e)),
+        security(std::move(s)),
+        scene(id),
+        most_block_bytes(most_bytes),
+        watch(context) {}
 
   void Reach() {
     reaching = true;
@@ -28,6 +33,7 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
       if (self->stopped) return;
       if (!result) return self->Lost(result.error());
       self->connection = *result;
+      self->connection->Expect(Speaker::kVoxelServer, self->most_block_bytes);
       self->connection->Start([self](Message m) { self->OnMessage(std::move(m)); },
                               [self](const Error& e) { self->Lost(e); });
       self->connection->Send(MakeMessage(MessageType::kHello, Hello{Role::kVoxels, "voxels", 0}));
@@ -46,6 +52,7 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
         return self->Lost(
             Error{fmt::format("{}:{} has stopped answering", self->server.host, self->server.port)});
       self->owes = !self->waiting.empty();
+      self->connection->Send({MessageType::kPing, 0, {}, {}});
       self->Watch(received);
     });
   }
@@ -65,7 +72,7 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
   }
 
   void OnMessage(Message m) {
-    if (stopped || !connection) return;
+    if (stopped || !connection || m.type == MessageType::kPing) return;
     if (m.type == MessageType::kWelcome) return OnWelcome(m);
     const auto it = waiting.find(m.request);
     if (it == waiting.end() || (!unasked.empty() && m.request >= unasked.front())) {
@@ -105,6 +112,7 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
   Endpoint server;
   Security security;
   SceneId scene;
+  const uint32_t most_block_bytes;
   boost::asio::steady_timer watch;
   std::shared_ptr<Connection> connection;
   std::unordered_map<uint64_t, Waiting> waiting;  ///< by request
@@ -115,8 +123,9 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
   bool owes = false;  ///< requests were waiting when the watch last looked
 };
 
-TcpVoxelSource::TcpVoxelSource(boost::asio::io_context& io, Endpoint server, Security security, SceneId scene)
-    : impl_(std::make_shared<Impl>(io, std::move(server), std::move(security), scene)) {}
+TcpVoxelSource::TcpVoxelSource(boost::asio::io_context& io, Endpoint server, Security security, SceneId scene,
+                               uint32_t most_block_bytes)
+    : impl_(std::make_shared<Impl>(io, std::move(server), std::move(security), scene, most_block_bytes)) {}
 
 TcpVoxelSource::~TcpVoxelSource() {
   impl_->stopped = true;

@@ -17,12 +17,14 @@ struct Limits {
   uint32_t table, raw;
 };
 
+constexpr uint32_t kSmall = 1u << 10;  // of tables without lists
+
 Limits LimitsOf(MessageType type) {
   switch (type) {
     case MessageType::kCatalog:
       return {0, 0xF0000000u};
     case MessageType::kRenderJob:
-      return {256u << 20, 0};
+      return {10u << 20, 0};  // kMaxFrames cameras take 9 MiB
     case MessageType::kFrameSetup:
     case MessageType::kPeers:
       return {1u << 20, 0};
@@ -31,15 +33,44 @@ Limits LimitsOf(MessageType type) {
     case MessageType::kFrameDone:
       return {1u << 20, 0xF0000000u};
     case MessageType::kTileDone:
-      return {16u << 20, 1u << 20};
+      return {5u << 20, 64u << 10};  // kMaxTileBlocks; 32x32 pixels with all layers take 52 KiB
     case MessageType::kBlock:
       return {0, 65u << 20};
+    case MessageType::kHello:
+    case MessageType::kFrameProgress:
+    case MessageType::kBlockRequest:
+      return {kSmall, 0};
     case MessageType::kShutDown:
     case MessageType::kPing:
       return {0, 0};
     default:
       return {64u << 10, 0};
   }
+}
+
+bool May(Speaker speaker, MessageType type) {
+  using enum MessageType;
+  switch (speaker) {
+    case Speaker::kStranger:
+      return type == kHello;
+    case Speaker::kWorker:
+      return type == kHello || type == kTileDone || type == kAlive || type == kFailure || type == kPing;
+    case Speaker::kVoxels:
+      return type == kBlockRequest || type == kPing;
+    case Speaker::kClient:
+      return type == kRenderJob || type == kPing;
+    case Speaker::kMasterOfWorkers:
+      return type == kWelcome || type == kCatalog || type == kFrameSetup || type == kTile || type == kPeers ||
+             type == kFailure || type == kShutDown || type == kPing;
+    case Speaker::kMasterOfClients:
+      return type == kWelcome || type == kFrameProgress || type == kFrameDone || type == kFailure ||
+             type == kPing;
+    case Speaker::kVoxelServer:
+      return type == kWelcome || type == kBlock || type == kFailure || type == kPing;
+    case Speaker::kAnyone:
+      return true;
+  }
+  return false;
 }
 
 }  // namespace
@@ -83,7 +114,7 @@ Bytes EncodeFrameHeader(const Message& message) {
   return out.Take();
 }
 
-Result<FrameHeader> DecodeFrameHeader(std::span<const std::byte> bytes) {
+Result<FrameHeader> DecodeFrameHeader(std::span<const std::byte> bytes, Speaker speaker) {
   ByteReader in(bytes);
   const auto magic = in.Get<uint32_t>();
   const auto type = in.Get<uint16_t>();
@@ -100,6 +131,10 @@ Result<FrameHeader> DecodeFrameHeader(std::span<const std::byte> bytes) {
   if (type == 0 || type >= kMessageTypes)
     return Fail(fmt::format("received a message of unknown type {}", type));
   header.type = static_cast<MessageType>(type);
+  if (!May(speaker, header.type))
+    return Fail(speaker == Speaker::kStranger
+                    ? fmt::format("began with a message of type {}, which is no greeting", type)
+                    : fmt::format("received a message of type {} that does not belong here", type));
   const Limits limits = LimitsOf(header.type);
   if (header.table_bytes > limits.table || header.raw_bytes > limits.raw)
     return Fail(fmt::format("received a message of type {} beyond its size limit", type));

@@ -63,9 +63,20 @@ struct FrameHeader {
   uint64_t checksum;  ///< of table and raw
 };
 Bytes EncodeFrameHeader(const Message& message);
-/// Errors: not a frame, damaged, an unknown type, a size beyond that type's limit. Nothing may be allocated
-/// before this.
-Result<FrameHeader> DecodeFrameHeader(std::span<const std::byte> bytes);
+/// Who is at the other end, as far as this side knows: which messages may come, and how large they may be.
+enum class Speaker : uint8_t {
+  kAnyone,    ///< every type, by the type's own limit
+  kStranger,  ///< has connected and not greeted
+  kWorker,    ///< these three have greeted whoever listens, by their Role
+  kVoxels,
+  kClient,
+  kMasterOfWorkers,  ///< these three answer whoever has connected
+  kMasterOfClients,
+  kVoxelServer,
+};
+/// Errors: not a frame, damaged, an unknown type, a type that is not for `speaker` to send, a size beyond
+/// that type's limit. Nothing may be allocated before this.
+Result<FrameHeader> DecodeFrameHeader(std::span<const std::byte> bytes, Speaker speaker = Speaker::kAnyone);
 /// Whether table and raw are those that the header was made for. Error: they are not.
 Status CheckContent(const FrameHeader& header, const Message& message);
 

@@ -6,115 +6,112 @@
 
 #include "messages_generated.h"
 
+// Fields are read where they lie in the verified buffer. FlatBuffers lets any number of references name one
+// table, vector or string, so a small message can unpack to gigabytes: every count and length is checked
+// before anything is copied, and what repeats must have the bytes that it would take without sharing.
+
 namespace quarry {
 namespace {
 
-template <class Table>
-Bytes Pack(const typename Table::NativeTableType& native) {
-  flatbuffers::FlatBufferBuilder builder(256);
-  builder.Finish(Table::Pack(builder, &native));
-  const auto* data = reinterpret_cast<const std::byte*>(builder.GetBufferPointer());
-  return Bytes(data, data + builder.GetSize());
-}
+/// Bytes that a camera and a light take at least in a message: an encoder shares none of them.
+constexpr size_t kLeastCameraBytes = 96, kLeastLightBytes = 40, kLeastStringBytes = 9;
+/// The longest text of a message that is no list; a failure or a frame's statistics have less.
+constexpr size_t kMostTextBytes = 1u << 20;
 
+/// The root table, verified; null: not well formed. Points into `bytes`.
 template <class Table>
-Result<typename Table::NativeTableType> Unpack(std::span<const std::byte> bytes) {
+const Table* Root(std::span<const std::byte> bytes) {
   flatbuffers::Verifier verifier(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size(), 16,
-                                 kMaxFrames * 8);
-  if (bytes.size() < 8 || !verifier.VerifyBuffer<Table>(nullptr))
-    return Fail("received a message that is not well formed");
-  typename Table::NativeTableType native;
-  flatbuffers::GetRoot<Table>(bytes.data())->UnPackTo(&native);
-  return native;
+                                 kMaxFrames * 2);
+  if (bytes.size() < 8 || !verifier.VerifyBuffer<Table>(nullptr)) return nullptr;
+  return flatbuffers::GetRoot<Table>(bytes.data());
+}
+
+tl::unexpected<Error> NotWellFormed() { return Fail("received a message that is not well formed"); }
+
+template <class Vector>
+size_t SizeOf(const Vector* vector) {
+  return vector ? vector->size() : 0;
+}
+
+template <class T>
+std::vector<T> Copy(const flatbuffers::Vector<T>* vector) {
+  return vector ? std::vector<T>(vector->begin(), vector->end()) : std::vector<T>();
 }
 
 template <class V>
-auto ToVector(const V& v) {
-  return std::vector<typename V::value_type>{v.x, v.y, v.z};
-}
-
-template <class V>
-bool FromVector(const std::vector<typename V::value_type>& values, V& v) {
-  if (values.size() != 3) return false;
-  v = V(values[0], values[1], values[2]);
+bool Read(const flatbuffers::Vector<typename V::value_type>* values, V& v) {
+  if (SizeOf(values) != 3) return false;
+  v = V(values->Get(0), values->Get(1), values->Get(2));
   return true;
 }
 
-wire::JobT JobToWire(const RenderJob& job) {
-  wire::JobT w;
-  w.width = job.width;
-  w.height = job.height;
-  w.crop = {job.crop_x, job.crop_y, job.crop_width, job.crop_height};
-  w.mode = static_cast<uint8_t>(job.mode);
-  w.spp = job.spp;
-  w.seed = job.seed;
-  w.exposure = job.exposure;
-  w.aov_mask = job.aov_mask;
-  w.format = job.format;
-  w.ambient = ToVector(job.ambient);
-  w.background = ToVector(job.background);
-  w.first_frame = job.first_frame;
-  for (const Light& light : job.lights) {
-    auto l = std::make_unique<wire::LightT>();
-    l->kind = static_cast<uint8_t>(light.kind);
-    l->vector = ToVector(light.vector);
-    l->radiance = ToVector(light.radiance);
-    w.lights.push_back(std::move(l));
-  }
-  for (const CameraSpec& camera : job.cameras) {
-    auto c = std::make_unique<wire::CameraT>();
-    c->eye = ToVector(camera.eye);
-    c->at = ToVector(camera.at);
-    c->up = ToVector(camera.up);
-    c->fov_degrees = camera.fov_degrees;
-    c->ortho_height = camera.ortho_height;
-    w.cameras.push_back(std::move(c));
-  }
-  return w;
+/// False: they name bytes more than once, or are longer than the message.
+bool Read(const flatbuffers::Vector<flatbuffers::Offset<flatbuffers::String>>* texts, size_t message_bytes,
+          std::vector<std::string>& out) {
+  size_t bytes = 0;
+  for (size_t i = 0; i < SizeOf(texts); ++i)
+    if ((bytes += kLeastStringBytes + texts->Get(static_cast<uint32_t>(i))->size()) > message_bytes)
+      return false;
+  for (size_t i = 0; i < SizeOf(texts); ++i) out.push_back(texts->Get(static_cast<uint32_t>(i))->str());
+  return true;
 }
 
-Result<RenderJob> JobFromWire(const wire::JobT& w) {
+bool ReadLight(const wire::Light& l, Light& light) {
+  light.kind = static_cast<LightKind>(l.kind());
+  return l.kind() <= 1 && Read(l.vector(), light.vector) && Read(l.radiance(), light.radiance);
+}
+
+bool ReadCamera(const wire::Camera& c, CameraSpec& camera) {
+  camera.fov_degrees = c.fov_degrees();
+  camera.ortho_height = c.ortho_height();
+  return Read(c.eye(), camera.eye) && Read(c.at(), camera.at) && Read(c.up(), camera.up);
+}
+
+/// The job's lists, each entry with bytes of its own.
+bool ReadLists(const wire::Job& w, size_t message_bytes, RenderJob& job) {
+  const size_t lights = SizeOf(w.lights()), cameras = SizeOf(w.cameras());
+  if (lights > kMaxLights || cameras > kMaxFrames ||
+      lights * kLeastLightBytes + cameras * kLeastCameraBytes > message_bytes)
+    return false;
+  job.lights.resize(lights);
+  for (uint32_t i = 0; i < lights; ++i)
+    if (!ReadLight(*w.lights()->Get(i), job.lights[i])) return false;
+  job.cameras.resize(cameras);
+  for (uint32_t i = 0; i < cameras; ++i)
+    if (!ReadCamera(*w.cameras()->Get(i), job.cameras[i])) return false;
+  return true;
+}
+
+Result<RenderJob> ReadJob(const wire::Job& w, size_t message_bytes) {
   RenderJob job;
-  bool ok =
-      w.crop.size() == 4 && FromVector(w.ambient, job.ambient) && FromVector(w.background, job.background);
-  if (ok) {
-    job.crop_x = w.crop[0];
-    job.crop_y = w.crop[1];
-    job.crop_width = w.crop[2];
-    job.crop_height = w.crop[3];
-  }
-  job.width = w.width;
-  job.height = w.height;
-  job.mode = static_cast<RenderMode>(w.mode);
-  job.spp = w.spp;
-  job.seed = w.seed;
-  job.exposure = w.exposure;
-  job.aov_mask = w.aov_mask;
-  job.format = w.format;
-  job.first_frame = w.first_frame;
-  for (const auto& l : w.lights) {
-    Light light;
-    ok = ok && l->kind <= 1 && FromVector(l->vector, light.vector) && FromVector(l->radiance, light.radiance);
-    light.kind = static_cast<LightKind>(l->kind);
-    job.lights.push_back(light);
-  }
-  for (const auto& c : w.cameras) {
-    CameraSpec camera;
-    ok = ok && FromVector(c->eye, camera.eye) && FromVector(c->at, camera.at) && FromVector(c->up, camera.up);
-    camera.fov_degrees = c->fov_degrees;
-    camera.ortho_height = c->ortho_height;
-    job.cameras.push_back(camera);
-  }
-  if (!ok) return Fail("received a render job that is not well formed");
+  constexpr size_t kMostFormatBytes = 8;
+  if (SizeOf(w.crop()) != 4 || !Read(w.ambient(), job.ambient) || !Read(w.background(), job.background) ||
+      SizeOf(w.format()) > kMostFormatBytes || !ReadLists(w, message_bytes, job))
+    return Fail("received a render job that is not well formed");
+  job.crop_x = w.crop()->Get(0);
+  job.crop_y = w.crop()->Get(1);
+  job.crop_width = w.crop()->Get(2);
+  job.crop_height = w.crop()->Get(3);
+  job.width = w.width();
+  job.height = w.height();
+  job.mode = static_cast<RenderMode>(w.mode());
+  job.spp = w.spp();
+  job.seed = w.seed();
+  job.exposure = w.exposure();
+  job.aov_mask = w.aov_mask();
+  job.format = w.format() ? w.format()->str() : std::string();
+  job.first_frame = w.first_frame();
   QUARRY_TRY(NormalizeJob(job));
   return job;
 }
 
 /// What another program says is printed, and written as JSON: UTF-8 that moves no cursor.
-std::string Legible(const std::string& text) {
+std::string Legible(const flatbuffers::String* text) {
   std::string legible;
-  const char* at = text.c_str();
-  while (at < text.c_str() + text.size()) {
+  if (!text) return legible;
+  const char* at = text->c_str();
+  while (at < text->c_str() + text->size()) {
     const char* next = at;
     const int code = flatbuffers::FromUTF8(&next);  // a sequence that is none, or cut off, is -1
     if (code < ' ' || (code >= 0x7f && code < 0xa0)) {
@@ -130,239 +127,140 @@ std::string Legible(const std::string& text) {
 
 }  // namespace
 
-Bytes Encode(const Hello& m) {
-  wire::HelloT w;
-  w.role = static_cast<uint8_t>(m.role);
-  w.name = m.name;
-  w.threads = m.threads;
-  w.instance = m.instance;
-  w.serves_at = m.serves_at;
-  return Pack<wire::Hello>(w);
-}
-
 Result<Hello> DecodeHello(std::span<const std::byte> table) {
-  QUARRY_ASSIGN(const auto w, Unpack<wire::Hello>(table));
-  const bool idle = static_cast<Role>(w.role) == Role::kWorker && w.threads == 0;
-  if (w.role > 2 || w.name.size() > 256 || w.threads > 4096 || idle)
+  const auto* w = Root<wire::Hello>(table);
+  if (!w) return NotWellFormed();
+  const bool idle = static_cast<Role>(w->role()) == Role::kWorker && w->threads() == 0;
+  if (w->role() > 2 || SizeOf(w->name()) > 256 || w->threads() > 4096 || idle)
     return Fail("received a greeting that is not well formed");
-  return Hello{static_cast<Role>(w.role), Legible(w.name), w.threads, w.instance, w.serves_at};
-}
-
-Bytes Encode(const Welcome& m) {
-  wire::WelcomeT w;
-  w.scene_id.assign(m.scene_id.begin(), m.scene_id.end());
-  w.worker = m.worker;
-  w.sources = m.sources;
-  return Pack<wire::Welcome>(w);
+  return Hello{static_cast<Role>(w->role()), Legible(w->name()), w->threads(), w->instance(), w->serves_at()};
 }
 
 Result<Welcome> DecodeWelcome(std::span<const std::byte> table) {
-  QUARRY_ASSIGN(const auto w, Unpack<wire::Welcome>(table));
+  const auto* w = Root<wire::Welcome>(table);
+  if (!w) return NotWellFormed();
   Welcome m;
-  if (w.scene_id.size() != m.scene_id.size()) return Fail("received a welcome that is not well formed");
-  std::copy(w.scene_id.begin(), w.scene_id.end(), m.scene_id.begin());
-  m.worker = w.worker;
-  m.sources = w.sources;
+  if (SizeOf(w->scene_id()) != m.scene_id.size() || !Read(w->sources(), table.size(), m.sources))
+    return Fail("received a welcome that is not well formed");
+  std::copy(w->scene_id()->begin(), w->scene_id()->end(), m.scene_id.begin());
+  m.worker = w->worker();
   return m;
 }
 
-Bytes Encode(const Failure& m) {
-  wire::FailureT w;
-  w.message = m.message;
-  return Pack<wire::Failure>(w);
-}
-
 Result<Failure> DecodeFailure(std::span<const std::byte> table) {
-  QUARRY_ASSIGN(const auto w, Unpack<wire::Failure>(table));
-  if (w.message.empty()) return Fail("received a failure without a reason");
-  return Failure{Legible(w.message)};
-}
-
-Bytes Encode(const JobRequest& m) {
-  wire::JobRequestT w;
-  w.job = std::make_unique<wire::JobT>(JobToWire(m.job));
-  w.have = m.have;
-  return Pack<wire::JobRequest>(w);
+  const auto* w = Root<wire::Failure>(table);
+  if (!w) return NotWellFormed();
+  if (SizeOf(w->message()) == 0) return Fail("received a failure without a reason");
+  if (w->message()->size() > kMostTextBytes) return NotWellFormed();
+  return Failure{Legible(w->message())};
 }
 
 Result<JobRequest> DecodeJobRequest(std::span<const std::byte> table) {
-  QUARRY_ASSIGN(const auto w, Unpack<wire::JobRequest>(table));
-  if (!w.job) return Fail("received a request without a job");
+  const auto* w = Root<wire::JobRequest>(table);
+  if (!w) return NotWellFormed();
+  if (!w->job()) return Fail("received a request without a job");
   JobRequest m;
-  QUARRY_ASSIGN(m.job, JobFromWire(*w.job));
-  m.have = w.have;
+  QUARRY_ASSIGN(m.job, ReadJob(*w->job(), table.size()));
+  m.have = w->have();
   if (m.have > m.job.cameras.size())
     return Fail("received a request that has more frames already than its job has");
   return m;
 }
 
-Bytes Encode(const FrameProgress& m) {
-  wire::FrameProgressT w;
-  w.frame = m.frame;
-  w.tiles_done = m.tiles_done;
-  w.tiles = m.tiles;
-  w.workers = m.workers;
-  return Pack<wire::FrameProgress>(w);
-}
-
 Result<FrameProgress> DecodeFrameProgress(std::span<const std::byte> table) {
-  QUARRY_ASSIGN(const auto w, Unpack<wire::FrameProgress>(table));
-  return FrameProgress{w.frame, w.tiles_done, w.tiles, w.workers};
-}
-
-Bytes Encode(const FrameDone& m) {
-  wire::FrameDoneT w;
-  w.frame = m.frame;
-  w.statistics = m.statistics;
-  return Pack<wire::FrameDone>(w);
+  const auto* w = Root<wire::FrameProgress>(table);
+  if (!w) return NotWellFormed();
+  return FrameProgress{w->frame(), w->tiles_done(), w->tiles(), w->workers()};
 }
 
 Result<FrameDone> DecodeFrameDone(std::span<const std::byte> table) {
-  QUARRY_ASSIGN(const auto w, Unpack<wire::FrameDone>(table));
-  return FrameDone{w.frame, w.statistics};
-}
-
-Bytes Encode(const FrameSetup& m) {
-  wire::FrameSetupT w;
-  w.setup = m.setup;
-  w.oldest = m.oldest;
-  w.job = std::make_unique<wire::JobT>(JobToWire(m.job));
-  return Pack<wire::FrameSetup>(w);
+  const auto* w = Root<wire::FrameDone>(table);
+  if (!w || SizeOf(w->statistics()) > kMostTextBytes) return NotWellFormed();
+  return FrameDone{w->frame(), w->statistics() ? w->statistics()->str() : std::string()};
 }
 
 Result<FrameSetup> DecodeFrameSetup(std::span<const std::byte> table) {
-  QUARRY_ASSIGN(const auto w, Unpack<wire::FrameSetup>(table));
-  if (!w.job) return Fail("received a frame without a job");
+  const auto* w = Root<wire::FrameSetup>(table);
+  if (!w) return NotWellFormed();
+  if (!w->job()) return Fail("received a frame without a job");
   FrameSetup m;
-  m.setup = w.setup;
-  m.oldest = w.oldest;
-  QUARRY_ASSIGN(m.job, JobFromWire(*w.job));
+  m.setup = w->setup();
+  m.oldest = w->oldest();
+  QUARRY_ASSIGN(m.job, ReadJob(*w->job(), table.size()));
   return m;
-}
-
-Bytes Encode(const TileOrder& m) {
-  wire::TileOrderT w;
-  w.setup = m.setup;
-  w.tile = m.tile;
-  w.lease = m.lease;
-  w.x = m.x;
-  w.y = m.y;
-  w.width = m.width;
-  w.height = m.height;
-  w.blocks = m.blocks;
-  w.holders = m.holders;
-  return Pack<wire::TileOrder>(w);
 }
 
 Result<TileOrder> DecodeTileOrder(std::span<const std::byte> table) {
-  QUARRY_ASSIGN(const auto w, Unpack<wire::TileOrder>(table));
-  if (w.width == 0 || w.height == 0 || w.width > kTileSize || w.height > kTileSize || w.x >= kMaxImageSide ||
-      w.y >= kMaxImageSide || w.blocks.size() > kMaxTileHints || w.holders.size() != w.blocks.size())
+  const auto* w = Root<wire::TileOrder>(table);
+  if (!w) return NotWellFormed();
+  const size_t blocks = SizeOf(w->blocks());
+  if (w->width() == 0 || w->height() == 0 || w->width() > kTileSize || w->height() > kTileSize ||
+      w->x() >= kMaxImageSide || w->y() >= kMaxImageSide || blocks > kMaxTileHints ||
+      SizeOf(w->holders()) != blocks)
     return Fail("received a tile that cannot be");
-  return TileOrder{w.setup, w.tile, w.lease, w.x, w.y, w.width, w.height, w.blocks, w.holders};
-}
-
-Bytes Encode(const TileDone& m) {
-  wire::TileDoneT w;
-  w.setup = m.setup;
-  w.tile = m.tile;
-  w.lease = m.lease;
-  w.rays = m.rays;
-  w.rays_suspended = m.rays_suspended;
-  w.compute_us = m.compute_us;
-  w.depths = m.depths;
-  w.blocks = m.blocks;
-  return Pack<wire::TileDone>(w);
+  return TileOrder{w->setup(),  w->tile(),         w->lease(),        w->x(), w->y(), w->width(),
+                   w->height(), Copy(w->blocks()), Copy(w->holders())};
 }
 
 Result<TileDone> DecodeTileDone(std::span<const std::byte> table) {
-  QUARRY_ASSIGN(const auto w, Unpack<wire::TileDone>(table));
+  const auto* w = Root<wire::TileDone>(table);
+  if (!w) return NotWellFormed();
   constexpr size_t kCells = kTileSize / kDepthCell;
-  if (w.blocks.size() > kMaxTileBlocks || w.depths.size() > kCells * kCells ||
-      !std::ranges::all_of(w.depths, [](float depth) { return depth >= 0; }))
+  if (SizeOf(w->blocks()) > kMaxTileBlocks || SizeOf(w->depths()) > kCells * kCells)
     return Fail("received a tile's result that cannot be");
-  return TileDone{w.setup, w.tile, w.lease, w.rays, w.rays_suspended, w.compute_us, w.depths, w.blocks};
-}
-
-Bytes Encode(const Peers& m) {
-  wire::PeersT w;
-  w.workers = m.workers;
-  w.endpoints = m.endpoints;
-  return Pack<wire::Peers>(w);
+  std::vector<float> depths = Copy(w->depths());
+  if (!std::ranges::all_of(depths, [](float depth) { return depth >= 0; }))
+    return Fail("received a tile's result that cannot be");
+  return TileDone{w->setup(),          w->tile(),       w->lease(),        w->rays(),
+                  w->rays_suspended(), w->compute_us(), std::move(depths), Copy(w->blocks())};
 }
 
 Result<Peers> DecodePeers(std::span<const std::byte> table) {
-  QUARRY_ASSIGN(const auto w, Unpack<wire::Peers>(table));
-  if (w.workers.size() != w.endpoints.size())
+  const auto* w = Root<wire::Peers>(table);
+  Peers m;
+  if (!w || SizeOf(w->workers()) != SizeOf(w->endpoints()) ||
+      !Read(w->endpoints(), table.size(), m.endpoints))
     return Fail("received a list of workers that is not well formed");
-  return Peers{w.workers, w.endpoints};
-}
-
-Bytes Encode(const Alive& m) {
-  wire::AliveT w;
-  w.cache_bytes = m.cache_bytes;
-  w.voxels_loaded = m.voxels_loaded;
-  w.voxel_bytes_loaded = m.voxel_bytes_loaded;
-  w.voxel_bytes_received = m.voxel_bytes_received;
-  w.evictions = m.evictions;
-  w.rays = m.rays;
-  w.rays_suspended = m.rays_suspended;
-  w.peak_rss_bytes = m.peak_rss_bytes;
-  w.whole = m.whole;
-  w.cached = m.cached;
-  w.dropped = m.dropped;
-  w.bytes_from.assign(m.bytes_from.begin(), m.bytes_from.end());
-  w.retries = m.retries;
-  w.hedges = m.hedges;
-  w.damaged = m.damaged;
-  w.stall_us = m.stall_us;
-  w.compute_us = m.compute_us;
-  w.fetch_us = m.fetch_us;
-  w.prefetched_bytes = m.prefetched_bytes;
-  w.prefetch_wasted_bytes = m.prefetch_wasted_bytes;
-  w.decode_us = m.decode_us;
-  w.tiles_wanted = m.tiles_wanted;
-  return Pack<wire::Alive>(w);
-}
-
-Result<Alive> DecodeAlive(std::span<const std::byte> table) {
-  QUARRY_ASSIGN(auto w, Unpack<wire::Alive>(table));
-  Alive m;
-  if (w.bytes_from.size() != m.bytes_from.size()) return Fail("received counters that are not well formed");
-  m.cache_bytes = w.cache_bytes;
-  m.voxels_loaded = w.voxels_loaded;
-  m.voxel_bytes_loaded = w.voxel_bytes_loaded;
-  m.voxel_bytes_received = w.voxel_bytes_received;
-  m.evictions = w.evictions;
-  m.rays = w.rays;
-  m.rays_suspended = w.rays_suspended;
-  m.peak_rss_bytes = w.peak_rss_bytes;
-  m.whole = w.whole;
-  m.cached = std::move(w.cached);
-  m.dropped = std::move(w.dropped);
-  std::copy(w.bytes_from.begin(), w.bytes_from.end(), m.bytes_from.begin());
-  m.retries = w.retries;
-  m.hedges = w.hedges;
-  m.damaged = w.damaged;
-  m.stall_us = w.stall_us;
-  m.compute_us = w.compute_us;
-  m.fetch_us = w.fetch_us;
-  m.prefetched_bytes = w.prefetched_bytes;
-  m.prefetch_wasted_bytes = w.prefetch_wasted_bytes;
-  m.decode_us = w.decode_us;
-  m.tiles_wanted = w.tiles_wanted;
+  m.workers = Copy(w->workers());
   return m;
 }
 
-Bytes Encode(const BlockRequest& m) {
-  wire::BlockRequestT w;
-  w.block = m.block;
-  return Pack<wire::BlockRequest>(w);
+Result<Alive> DecodeAlive(std::span<const std::byte> table) {
+  const auto* w = Root<wire::Alive>(table);
+  if (!w) return NotWellFormed();
+  Alive m;
+  const size_t named = SizeOf(w->cached()) + SizeOf(w->dropped());
+  if (SizeOf(w->bytes_from()) != m.bytes_from.size() || named * sizeof(uint32_t) > table.size())
+    return Fail("received counters that are not well formed");
+  m.cache_bytes = w->cache_bytes();
+  m.voxels_loaded = w->voxels_loaded();
+  m.voxel_bytes_loaded = w->voxel_bytes_loaded();
+  m.voxel_bytes_received = w->voxel_bytes_received();
+  m.evictions = w->evictions();
+  m.rays = w->rays();
+  m.rays_suspended = w->rays_suspended();
+  m.peak_rss_bytes = w->peak_rss_bytes();
+  m.whole = w->whole();
+  m.cached = Copy(w->cached());
+  m.dropped = Copy(w->dropped());
+  std::copy(w->bytes_from()->begin(), w->bytes_from()->end(), m.bytes_from.begin());
+  m.retries = w->retries();
+  m.hedges = w->hedges();
+  m.damaged = w->damaged();
+  m.stall_us = w->stall_us();
+  m.compute_us = w->compute_us();
+  m.fetch_us = w->fetch_us();
+  m.prefetched_bytes = w->prefetched_bytes();
+  m.prefetch_wasted_bytes = w->prefetch_wasted_bytes();
+  m.decode_us = w->decode_us();
+  m.tiles_wanted = w->tiles_wanted();
+  return m;
 }
 
 Result<BlockRequest> DecodeBlockRequest(std::span<const std::byte> table) {
-  QUARRY_ASSIGN(const auto w, Unpack<wire::BlockRequest>(table));
-  return BlockRequest{w.block};
+  const auto* w = Root<wire::BlockRequest>(table);
+  if (!w) return NotWellFormed();
+  return BlockRequest{w->block()};
 }
 
 }  // namespace quarry

@@ -62,7 +62,9 @@ struct RenderJob {
 inline constexpr uint32_t kMaxImageSide = 65536;
 inline constexpr uint32_t kMaxSpp = 1u << 16;
 inline constexpr uint32_t kMaxLights = 1024;
-inline constexpr uint32_t kMaxFrames = 1u << 20;
+/// Of one job: three quarters of an hour at 24 a second. A job travels as one message, and whoever listens
+/// bounds what half-read messages may take.
+inline constexpr uint32_t kMaxFrames = 1u << 16;
 inline constexpr uint32_t kTileSize = 32;
 
 /// 32-bit words a pixel takes in tiles and frames: colour first (3 floats), then the AOVs in order.

@@ -140,7 +140,8 @@ class SourcesBench {
     options.threads = 1;
     QUARRY_ASSIGN(const auto cluster, LocalCluster::Start(options));
     QUARRY_TRY(Measure("tcp", [&](asio::io_context& io) {
-      return std::make_unique<TcpVoxelSource>(io, cluster->master(), Security(), catalog_.id);
+      return std::make_unique<TcpVoxelSource>(io, cluster->master(), Security(), catalog_.id,
+                                              catalog_.meta.largest_stored);
     }));
     if (!test::Nginx::Program().empty()) return MeasureNginx(folder);
     fmt::print("nginx is not installed: http is left out\n");

@@ -4,7 +4,7 @@ import contextlib
 import dataclasses
 
 KINDS = ("kill-worker", "stop-worker", "kill-server", "stop-server", "kill-master", "stop-master", "link-down", "trickle", "flip", "cut",
-         "delay", "older-server", "older-master", "full-output", "full-spool", "clock")
+         "delay", "older-server", "older-master", "full-output", "full-spool", "clock", "mute-worker", "lying-worker")
 
 SPREAD_S = 5  # within which faults begin: about what a walk takes
 
@@ -59,6 +59,14 @@ def _stop(run, fault):
 def _older(run, fault):
     program = run.programs[fault.target]
     return program.gone([run.stage.older if part == run.stage.store else part for part in program.command])
+
+
+def _bad(kind):
+    """In the worker's place one that answers no tile, or tells lies."""
+    def hurt(run, fault):
+        program = run.programs[fault.target]
+        return program.gone([str(run.stage.bad_worker), kind, *program.command])
+    return hurt
 
 
 def _down(run, fault):
@@ -117,4 +125,4 @@ async def _clock(run, fault):
 _HURT = {"kill-worker": _kill, "kill-server": _kill, "kill-master": _kill, "stop-worker": _stop, "stop-server": _stop, "stop-master": _stop,
          "link-down": _down, "trickle": _trickle, "delay": _delay, "flip": _flip, "cut": _cut, "older-server": _older,
          "older-master": _older, "full-output": lambda run, _: run.output.full(), "full-spool": lambda run, _: run.spool.full(),
-         "clock": _clock}
+         "clock": _clock, "mute-worker": _bad("mute"), "lying-worker": _bad("lie")}

@@ -13,6 +13,7 @@ MODES = ("shadow", "whitted")
 class Stage:
     def __init__(self, folder):
         self.folder = pathlib.Path(folder)
+        self.bad_worker = BIN / "quarry-test-bad-worker"
         self.store = self._store("scene", 1)
         self.older = self._store("older", 2)
         self.path = str(self.folder / "walk.json")

@@ -43,7 +43,7 @@ struct MemoryListener final : Listener {
 }  // namespace
 
 Result<std::unique_ptr<Listener>> Listener::Open(asio::io_context& io, const Endpoint&, const Security&,
-                                                 OnConnection on_connection) {
+                                                 OnConnection on_connection, ListenerOptions) {
   auto listener = std::make_unique<MemoryListener>();
   net->on_listen(io, [&io, on_connection = std::move(on_connection)] {
     auto connection = std::make_shared<fuzz::MemoryConnection>(io, Endpoint{});
@@ -94,6 +94,7 @@ void MemoryConnection::TakeSent() {
     sent_.pop_front();
     queued_ -= kFrameHeaderBytes + message.table.size() + message.raw.size();
     if (on_sent) on_sent(std::move(message));
+    if (after_sent_) after_sent_();
   }
 }
 
@@ -103,12 +104,15 @@ void MemoryConnection::Close() {
     self->closed_ = true;
     self->on_message_ = nullptr;
     self->on_close_ = nullptr;
+    self->after_sent_ = nullptr;
   });
 }
 
 void MemoryConnection::Come(Message message) {
   asio::post(io_, [self = Self(), message = std::move(message)]() mutable {
     if (self->closed_ || self->close_asked_ || !self->on_message_) return;
+    // Of what is not for the other side to send no more than the header is read.
+    if (!DecodeFrameHeader(EncodeFrameHeader(message), self->speaker_)) return self->Break(false);
     self->received_ += kFrameHeaderBytes + message.table.size() + message.raw.size();
     self->on_message_(std::move(message));
   });
@@ -119,6 +123,7 @@ void MemoryConnection::Break(bool permanent) {
     if (std::exchange(self->closed_, true)) return;
     const OnClose handler = std::exchange(self->on_close_, nullptr);
     self->on_message_ = nullptr;
+    self->after_sent_ = nullptr;
     if (handler && !self->close_asked_)
       handler(Error{"the fuzz program closed the connection", 1, permanent});
   });
@@ -134,6 +139,7 @@ void MemoryConnection::Release() {
   on_message_ = nullptr;
   on_close_ = nullptr;
   on_sent = nullptr;
+  after_sent_ = nullptr;
 }
 
 void PassTime(asio::io_context& io, double seconds) {

@@ -22,9 +22,13 @@ class MemoryConnection final : public Connection {
       : io_(io), endpoint_(std::move(endpoint)) {}
 
   void Start(OnMessage on_message, OnClose on_close) override;
+  void Expect(Speaker speaker, uint32_t) override { speaker_ = speaker; }
   void Send(Message message) override;
   void Close() override;
   uint64_t queued_bytes() const override { return queued_; }
+  uint64_t taken_bytes() const override { return reads_ ? 1u << 20 : 0; }
+  double unread_s() const override { return queued_ == 0 || reads_ ? 0 : 100; }
+  void SetOnSent(std::function<void()> on_sent) override { after_sent_ = std::move(on_sent); }
   uint64_t received_bytes() const override { return received_; }
   const std::string& peer() const override { return peer_; }
   std::string local_host() const override { return "127.0.0.1"; }
@@ -51,6 +55,8 @@ class MemoryConnection final : public Connection {
   boost::asio::io_context& io_;
   const Endpoint endpoint_;
   const std::string peer_ = "127.0.0.1:40000";
+  Speaker speaker_ = Speaker::kAnyone;
+  std::function<void()> after_sent_;
   OnMessage on_message_;
   OnClose on_close_;
   std::deque<Message> sent_;

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/protocol/messages.h"
+#include "tests/support/shared_tables.h"
 
 namespace {
 
@@ -105,12 +106,15 @@ void WriteSeeds(const std::string& folder) {
                                     Encode(BlockRequest{12}),
                                     EncodeFrameHeader(framed),
                                     PackSections({})};
-  for (size_t kind = 0; kind < seeds.size(); ++kind) {
-    std::ofstream file(folder + "/kind-" + std::to_string(kind), std::ios::binary);
+  const auto write = [&](const std::string& name, size_t kind, const Bytes& bytes) {
+    std::ofstream file(folder + "/" + name, std::ios::binary);
     file.put(static_cast<char>(kind));
-    file.write(reinterpret_cast<const char*>(seeds[kind].data()),
-               static_cast<std::streamsize>(seeds[kind].size()));
-  }
+    file.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+  };
+  for (size_t kind = 0; kind < seeds.size(); ++kind) write("kind-" + std::to_string(kind), kind, seeds[kind]);
+  // Large ones: cameras and strings that are one, named many times.
+  write("shared-cameras", 3, test::SharedCameras(60000, 15000));
+  write("shared-sources", 1, test::SharedSources(60000, 60000));
 }
 
 }  // namespace

@@ -82,6 +82,7 @@ TEST_CASE("Stragglers go to an idle worker once, never to their holder") {
   s.tiles[2] = {false, kNoWorker, 1, 1, 10 - s.straggler_after_s / 2};
   CHECK(Schedule(s, Stealing::kYes) == std::vector<Assignment>{{1, 2}});
   s.tiles[1].holders = 2;
+  s.tiles[1].earlier_holders = {2};
   CHECK(Schedule(s, Stealing::kYes).empty());
   CHECK(Schedule(MakeSnapshot(3, {}), Stealing::kYes).empty());
 }

@@ -41,6 +41,8 @@ TEST_CASE("A worker gets as many tiles as it wants, within bounds", "[window]") 
   worker.threads = 3;
   CHECK(worker.Credit() == FewestTiles(3));  // it has not said
   worker.counters.tiles_wanted = FewestTiles(3) + 1;
+  CHECK(worker.Credit() == FewestTiles(3));  // nor answered
+  worker.tiles = 1;
   CHECK(worker.Credit() == FewestTiles(3) + 1);
   worker.counters.tiles_wanted = 1000000;
   CHECK(worker.Credit() == MostTilesIfScarce(3));
