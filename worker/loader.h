@@ -19,7 +19,8 @@ Status DecodeBlock(const Catalog& catalog, uint32_t block, std::span<const std::
 
 /// Loads the blocks that the cache wants: asks the source (whose bytes are verified), decompresses,
 /// publishes. All on one thread. Bounded: at most kMaxInFlight requests and about kMaxStoredBytes of stored
-/// bytes are on the way or waiting for room.
+/// bytes are on the way or waiting for room, and one block more where it has to go before all of those (see
+/// VoxelCache::NextToPublish).
 class Loader {
  public:
   static constexpr uint32_t kMaxInFlight = 16;

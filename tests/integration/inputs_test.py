@@ -1,16 +1,17 @@
 """Where models come from: pipes, packed files, far from the origin."""
-import array
 import gzip
 import json
-import math
 import os
 import pathlib
-import random
 import struct
 import subprocess
+import sys
 import unittest
 
 from programs import BIN, PATIENCE, TIMEOUT_S, Case
+
+sys.path.append(str(pathlib.Path(__file__).parents[1] / "support"))
+import hard_models  # noqa: E402
 
 CUBE = [(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)]
 FACES = [(1, 3, 4, 2), (5, 6, 8, 7), (1, 2, 6, 5), (3, 7, 8, 4), (1, 5, 7, 3), (2, 4, 8, 6)]
@@ -24,44 +25,12 @@ class Plan(Case):
         self.assertFalse(pathlib.Path(self.path("x.quarry")).exists())
         return json.loads(pathlib.Path(self.path("plan.json")).read_text())
 
-    def odd(self, kind, n):
-        """Triangles that lie in each other's way, as PLY."""
-        chance = random.Random(1)
-        u, near = chance.random, lambda: 1e-4 * (chance.random() - 0.5)
-        values, faces = array.array("f"), ((3, 3 * i, 3 * i + 1, 3 * i + 2) for i in range(n))
-        if kind == "fan":
-            values.extend((0, 0, 0))
-            faces = ((3, 0, 1 + i, 1 + (i + 1) % n) for i in range(n))
-        for i in range(n):
-            if kind == "fan":
-                t = 2 * math.pi * i / n
-                values.extend((math.cos(t), math.sin(t), 0.1 * math.sin(7 * t)))
-            elif kind == "slivers":
-                b = (u(), u(), u())
-                values.extend((u(), u(), u(), *b, b[0] + near(), b[1] + near(), b[2] + near()))
-            elif kind == "needles":
-                a = (u(), u(), u())
-                b = list(a)
-                b[i % 3] += 0.3
-                values.extend((*a, *b, a[0] + near(), a[1] + near(), a[2] + near()))
-            elif kind == "stacked":
-                values.extend((0, 0, 0, 1, 0, 0, 0, 1, 0))
-            else:
-                values.extend(u() for _ in range(9))
-        path = self.path(kind + ".ply")
-        with open(path, "wb") as file:
-            file.write(f"ply\nformat binary_little_endian 1.0\nelement vertex {len(values) // 3}\nproperty float x\nproperty float y\n"
-                       f"property float z\nelement face {n}\nproperty list uchar uint vertex_indices\nend_header\n".encode())
-            values.tofile(file)
-            pack = struct.Struct("<BIII").pack
-            file.write(b"".join(pack(*face) for face in faces))
-        return path
-
     def test_triangles_in_each_others_way(self):
         # Just more than are split at once: regions are planned.
-        for kind in ("fan", "slivers", "needles", "stacked", "soup"):
+        for kind in hard_models.KINDS:
             with self.subTest(kind=kind):
-                model = self.odd(kind, 270000)
+                model = self.path(kind + ".ply")
+                hard_models.write(model, kind, 270000)
                 plan = self.plan(model)
                 self.must("quarry-preprocess", model, "-o", self.path("made.quarry"), "--quiet", "--stats", self.path("made.json"))
                 made = json.loads(pathlib.Path(self.path("made.json")).read_text())

@@ -1,0 +1,114 @@
+#include "worker/sweep.h"
+
+#include <catch2/catch.hpp>
+#include <memory>
+#include <vector>
+
+#include "worker/voxel_cache.h"
+
+namespace quarry {
+namespace {
+
+constexpr uint32_t kBlock = 1000;
+
+/// Voxel 0 right of a plane across x; left of it voxel 1 below a plane across z, and above it the chain of 2
+/// and 3. Each has a hot block alone, of 1000 bytes.
+Catalog FourVoxels() {
+  Catalog catalog;
+  catalog.top_nodes = {KdNode::Inner(0, 0.5f, 1), KdNode::Inner(2, 0.5f, 3), KdNode::Leaf(0, 1),
+                       KdNode::Leaf(1, 1), KdNode::Leaf(2, 1)};
+  catalog.voxels.resize(4);
+  for (VoxelEntry& voxel : catalog.voxels) voxel.blocks[0] = {0, kBlock, kBlock, 0};
+  catalog.chain_end = {1, 2, 4, 4};
+  return catalog;
+}
+
+std::vector<uint32_t> InOrder(const VoxelOrder& order, uint32_t octant) {
+  std::vector<uint32_t> voxels(4);
+  for (uint32_t v = 0; v < 4; ++v) voxels[order.place(octant, v)] = v;
+  return voxels;
+}
+
+uint32_t Hot(uint32_t voxel) { return BlockId(voxel, BlockKind::kHot); }
+
+}  // namespace
+
+TEST_CASE("Voxels stand in the order in which rays of an octant pass them, chains by their numbers",
+          "[sweep]") {
+  const VoxelOrder order(FourVoxels());
+  CHECK(InOrder(order, 0) == std::vector<uint32_t>{1, 2, 3, 0});
+  CHECK(InOrder(order, 1) == std::vector<uint32_t>{0, 1, 2, 3});  // down in x
+  CHECK(InOrder(order, 2) == InOrder(order, 0));                  // no plane across y
+  CHECK(InOrder(order, 4) == std::vector<uint32_t>{2, 3, 1, 0});  // down in z
+  CHECK(InOrder(order, 7) == std::vector<uint32_t>{0, 2, 3, 1});
+}
+
+TEST_CASE("A sweep passes through an octant, then through the next, and comes to what it has passed last",
+          "[sweep]") {
+  const VoxelOrder order(FourVoxels());
+  Sweep sweep(order);
+  const OctantMask up = OctantBit(1, 1, 1), down_x = OctantBit(-1, 1, 1);
+  CHECK(sweep.Distance({Hot(1), up}) < sweep.Distance({Hot(2), up}));
+  sweep.MoveTo({Hot(2), up});
+  CHECK(sweep.Distance({Hot(3), up}) < sweep.Distance({Hot(0), up}));
+  CHECK(sweep.Distance({Hot(0), up}) < sweep.Distance({Hot(0), down_x}));
+  CHECK(sweep.Distance({Hot(3), down_x}) < sweep.Distance({Hot(1), up}));  // passed
+  CHECK(sweep.Distance({Hot(2), up}) <= sweep.Distance({Hot(3), up}));     // not yet left
+  CHECK(sweep.Distance({Hot(1), static_cast<OctantMask>(up | down_x)}) == sweep.Distance({Hot(1), down_x}));
+  // A voxel's shading comes after its triangles.
+  CHECK(sweep.Distance({Hot(2), up}) < sweep.Distance({BlockId(2, BlockKind::kShading), up}));
+  sweep.MoveTo({Hot(3), down_x});
+  CHECK(sweep.Distance({Hot(1), up}) < sweep.Distance({Hot(0), down_x}));
+}
+
+TEST_CASE("Blocks without room beside each other come one by one, in the sweep's order", "[sweep]") {
+  const Catalog catalog = FourVoxels();
+  int wants = 0;
+  VoxelCache cache(
+      catalog, kBlock, [&] { ++wants; }, [] {});
+  Mailbox mailbox;
+  const OctantMask up = OctantBit(1, 1, 1);
+  cache.Want(Hot(0), &mailbox, 1000, up);  // most rays, but last on their way
+  cache.Want(Hot(3), &mailbox, 1, up);
+  cache.Want(Hot(1), &mailbox, 1, up);
+  CHECK(cache.scarce());
+  CHECK(cache.NextToLoad() == Hot(1));
+  CHECK(cache.NextToLoad() == Hot(3));
+  CHECK(cache.NextToPublish().block == Hot(1));
+  REQUIRE(cache.Reserve(kBlock));
+  const auto publish = [&](uint32_t block) {
+    auto resident = std::make_unique<ResidentBlock>();
+    resident->bytes = cache.TakePages(kBlock);
+    cache.Publish(block, std::move(resident));
+  };
+  publish(Hot(1));
+  // Not before the rays that waited for it have been there, and said what they want next.
+  CHECK_FALSE(cache.NextToPublish().any);
+  CHECK_FALSE(cache.NextToPublish().block.has_value());
+  REQUIRE(mailbox.Take(false) == std::vector<uint32_t>{Hot(1)});
+  CHECK_FALSE(cache.NextToPublish().block.has_value());
+  cache.Want(Hot(2), &mailbox, 1, up);
+  cache.Unpin(Hot(1));
+  const int before = wants;
+  CHECK(mailbox.Take(false).empty());
+  CHECK(wants == before + 1);
+  CHECK(cache.NextToPublish().block == Hot(2));
+  // It has not been asked for, and goes before those that have.
+  CHECK(cache.TurnToLoad() == Hot(2));
+  CHECK_FALSE(cache.TurnToLoad().has_value());
+}
+
+TEST_CASE("Where all wanted blocks have room, the one that most rays wait for comes first", "[sweep]") {
+  const Catalog catalog = FourVoxels();
+  VoxelCache cache(
+      catalog, 10 * kBlock, [] {}, [] {});
+  Mailbox mailbox;
+  cache.Want(Hot(1), &mailbox, 1, kAllOctants);
+  cache.Want(Hot(0), &mailbox, 1000000, kAllOctants);
+  CHECK_FALSE(cache.scarce());
+  CHECK(cache.NextToPublish().any);
+  CHECK(cache.NextToLoad() == Hot(0));
+  CHECK_FALSE(cache.TurnToLoad().has_value());
+}
+
+}  // namespace quarry
