@@ -186,10 +186,10 @@ TEST_CASE(
   voxel.triangle_ids = ids.data();
   const std::vector<KdNode> top = LayOutTreelets(std::vector{KdNode::Leaf(0, 1)}, kTreeletLevels, cell);
   const std::vector<WideNode> top_wide = MakeWideTree(top, cell, 0, CellItself);
-  const uint32_t no_chain = kNoVoxel;
+  const uint32_t chain_end = 1;
   const VoxelBounds bounds{{cell.lower.x, cell.lower.y, cell.lower.z},
                            {cell.upper.x, cell.upper.y, cell.upper.z}};
-  const TopTree tree{top.data(), &no_chain, &bounds, cell.lower, cell.upper, nullptr, top_wide.data()};
+  const TopTree tree{top.data(), &chain_end, &bounds, cell.lower, cell.upper, nullptr, top_wide.data()};
   const VoxelFinder finder{[](void* v, uint32_t) { return static_cast<const VoxelGeometry*>(v); }, &voxel};
   std::vector<RayPacket> rays(1);
   for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
