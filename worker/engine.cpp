@@ -47,9 +47,9 @@ void Engine::DropFrames() {
 }
 
 bool Engine::MayOpen(const Tiles& tiles) const {
-  if (tiles.open.size() < kMostOpenTiles) return true;
-  return cache_.scarce() &&
-         tiles.open.back().renderer->memory_bytes() * (tiles.open.size() + 1) < kOpenTileBytes;
+  if (tiles.open.empty()) return true;
+  if (tiles.open.size() >= kMostOpenTiles && !cache_.scarce()) return false;
+  return tiles.open.back().renderer->memory_bytes() * (tiles.open.size() + 1) <= TileBytes();
 }
 
 bool Engine::OpenTile(Tiles& tiles) {

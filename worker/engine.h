@@ -20,11 +20,13 @@ namespace quarry {
 /// queue of tiles. Methods may be called from any thread.
 class Engine {
  public:
-  /// Tiles a thread works on at once, at most: when the rays of one all wait, it goes on with another.
+  /// Tiles a thread works on at once, at most: when the rays of one all wait, it goes on with another. More
+  /// where blocks push each other out of the cache: a block is loaded once for the rays of all open tiles.
   static constexpr size_t kMostOpenTiles = 8;
-  /// More while they take no more memory than this and blocks push each other out of the cache: a block is
-  /// loaded once for the rays of all open tiles. Bytes; of the 4 MiB a thread that a worker may take.
-  static constexpr size_t kOpenTileBytes = 7u << 19;
+  /// Bytes that open tiles take, at most: a thread's, of the 4 MiB that a worker may take for it, and for all
+  /// threads together, of its 24 MiB. (A tile takes 220 KiB, of rays that bounce 650 KiB. tests/bench/piles,
+  /// frame 20: 181 loads with 3.5 MiB and nothing shared, 117 with these.)
+  static constexpr size_t kOpenTileBytes = 3u << 20, kSharedTileBytes = 5u << 20;
   /// `on_tile` is called on a compute thread.
   using OnTile = std::function<void(const TileDone&, Bytes pixels)>;
 
@@ -61,6 +63,7 @@ class Engine {
     std::vector<std::unique_ptr<TileRenderer>> spare;
   };
   bool MayOpen(const Tiles& tiles) const;
+  size_t TileBytes() const { return kOpenTileBytes + kSharedTileBytes / mailboxes_.size(); }
   bool OpenTile(Tiles& tiles);
   std::vector<uint32_t> TakeBlocks(Mailbox& mailbox, bool wait, bool stalled);
   void FinishTiles(Tiles& tiles);

@@ -96,7 +96,7 @@ struct Alive {
 inline uint32_t FewestTiles(uint32_t threads) { return threads * 2 + 2; }
 inline uint32_t MostTiles(uint32_t threads) { return threads * 8 + 2; }
 /// And where blocks push each other out of its cache.
-inline uint32_t MostTilesIfScarce(uint32_t threads) { return threads * 16 + 2; }
+inline uint32_t MostTilesIfScarce(uint32_t threads) { return threads * 16 + 24; }
 struct BlockRequest {
   uint32_t block = 0;
 };
