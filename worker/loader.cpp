@@ -25,8 +25,8 @@ Loader::Loader(const Catalog& catalog, VoxelCache& cache, VoxelSource& source,
     : catalog_(catalog), cache_(cache), source_(source), on_error_(std::move(on_error)) {}
 
 void Loader::Run() {
-  // A source that has the block at hand answers within Fetch: the loop installs it, or sees that it is not yet
-  // its turn.
+  // A source that has the block at hand answers within Fetch: the loop installs it, or sees that it is not
+  // yet its turn.
   again_ = true;
   if (std::exchange(running_, true)) return;
   while (std::exchange(again_, false) && !failed_) {
