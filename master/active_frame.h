@@ -73,7 +73,7 @@ class ActiveFrame {
   Result<bool> Finish(const TileDone& done, std::span<const std::byte> pixels, double now_s);
   /// The worker is gone: its leases end.
   void Forget(uint32_t worker);
-  /// Adds those that still hold a tile which another has finished.
+  /// Adds the workers that still hold a tile which another worker has finished.
   void AddOutdone(std::set<uint32_t>& workers) const;
   /// Seconds that computing the tile took; 0 while it is not done. No more than its worker has had it,
   /// whatever the worker says.

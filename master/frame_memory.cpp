@@ -8,7 +8,7 @@
 namespace quarry {
 namespace {
 
-/// Of a tile: its place, who has it, what was expected of it and what it showed.
+/// A tile: its place, who has it, what was expected of it and what it showed.
 constexpr uint64_t kTileBytes = 1 << 10;
 /// Of a frame, whatever its size: the encoder, and the blocks that its tiles have touched (ActiveFrame keeps
 /// two million of their numbers at most, and as many with a chance each are expected of it).

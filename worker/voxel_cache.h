@@ -124,7 +124,7 @@ class VoxelCache {
     bool loading = false;
   };
   bool EvictOne();
-  /// Of the wanted blocks, those that are being loaded too or not, the next in the sweep.
+  /// The wanted block that the sweep comes to next. `loading_too`: blocks already asked for count as well.
   std::optional<Sweep::Stop> NextInSweep(bool loading_too) const;
 
   PageBuffer spare_;   ///< the loader's: of the last block that went, until another takes its place
