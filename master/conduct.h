@@ -13,6 +13,9 @@ class Conduct {
   /// is given one tile at a time, and after the second time it is dropped. What others could finish, it
   /// could: a tile that takes everybody long makes nobody mute. Stated in PROTOCOL.md.
   static constexpr double kDoubtfulS = 5, kMuteS = 20;
+  /// For so long a worker may answer no tile before it counts as quiet: with cold caches and a slow link a
+  /// tile takes seconds, and a tile that is taken away from its worker is loaded twice.
+  static constexpr double kGraceS = 4;
 
   /// To be called often: whether it holds tiles from now on.
   void Look(double now_s, bool holds) {
@@ -33,7 +36,8 @@ class Conduct {
   /// Somebody else has finished a tile that it holds.
   void Outdone() { outdone_ = true; }
 
-  double quiet_s() const { return holds_ ? quiet_s_ : 0; }
+  /// Seconds beyond kGraceS for which it has held tiles and answered none.
+  double quiet_s() const { return holds_ ? std::max(0.0, quiet_s_ - kGraceS) : 0; }
   bool doubtful() const { return outdone_ && owing_s_ > kDoubtfulS; }
   bool mute() const { return outdone_ && owing_s_ > kMuteS; }
 

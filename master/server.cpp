@@ -47,9 +47,6 @@ constexpr double kLogEveryS = 10;
 constexpr uint64_t kIncomingBytes = 11u << 20, kIncomingBytesPerBlock = 16;
 /// For a worker that has answered none, beside others that have: what it holds nobody else makes.
 constexpr uint32_t kUnprovenTiles = 4;
-/// A worker that answers no tile for less than this is not yet taken for quiet: with cold caches and a slow
-/// link a tile may take seconds, and what is taken away from its worker is loaded twice.
-constexpr double kQuietGraceS = 4;
 constexpr uint32_t kMostFailures = 3;  // workers that fail before the job is given up
 
 /// A frame being rendered.
@@ -338,7 +335,7 @@ class Server {
         hands.push_back(
             {id,
              any_proven && worker.tiles == 0 ? std::min(kUnprovenTiles, worker.Credit()) : worker.Credit(),
-             worker.threads, std::max(0.0, worker.conduct.quiet_s() - kQuietGraceS)});
+             worker.threads, worker.conduct.quiet_s()});
     const bool ending = jobs_.Upcoming(1).empty();
     std::function<double(const ActiveFrame&, uint32_t, uint32_t)> fetch_s;
     if (options_.policy == SchedulingPolicy::kFootprint)

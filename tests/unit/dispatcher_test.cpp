@@ -118,6 +118,19 @@ TEST_CASE("A frame is done though a worker answers nothing, whether it holds til
   }
 }
 
+TEST_CASE("A worker counts as quiet once it has held tiles for the time of grace and answered none") {
+  Conduct conduct;
+  conduct.Look(0, true);
+  conduct.Look(Conduct::kGraceS, true);
+  CHECK(conduct.quiet_s() == 0);
+  conduct.Look(Conduct::kGraceS + 3, true);
+  CHECK(conduct.quiet_s() == 3);
+  conduct.Answered(true);
+  CHECK(conduct.quiet_s() == 0);
+  conduct.Look(Conduct::kGraceS + 6, true);
+  CHECK(conduct.quiet_s() == 0);
+}
+
 TEST_CASE("A tile that two silent workers hold goes to a third") {
   Scene scene({{1, 1}, {2, 1, kNever}, {3, 1, kNever}}, 64, 64);
   scene.actors[0].credit = 0;  // until both hold all four tiles, or copies of them
