@@ -11,6 +11,8 @@
 #include <thread>
 #include <utility>
 
+#include "common/base/resource.h"
+
 namespace quarry {
 namespace {
 
@@ -85,7 +87,7 @@ Result<std::unique_ptr<LocalCluster>> LocalCluster::Start(const Options& options
   auto impl = std::make_unique<Impl>();
   unsigned threads = options.threads;
   if (threads == 0)
-    threads = std::max(1u, std::thread::hardware_concurrency() / std::max(1u, options.workers));
+    threads = std::max(1u, UsableProcessors() / std::max(1u, options.workers));
   std::vector<std::string> for_all{"--quiet"};
   for (const SecurityOptionName& name : SecurityOptionNames())
     if (const std::string& value = options.security.*name.field; !value.empty())

@@ -2,38 +2,69 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
+#include <filesystem>
+#include <span>
+#include <string>
 #include <system_error>
+#include <vector>
 
 #include "common/base/cleanup.h"
+#include "common/base/command_line.h"
 #include "common/base/cpu_check.h"
 #include "common/base/version.h"
+#include "deploy/cache_command.h"
 #include "deploy/cluster.h"
 #include "deploy/info_command.h"
+#include "deploy/model_cache.h"
 #include "deploy/render_command.h"
 
 namespace quarry {
 namespace {
 
+/// The programs quarry-bench-* beside this one, without that.
+std::vector<std::string> Benches() {
+  constexpr std::string_view kPrefix = "quarry-bench-";
+  std::vector<std::string> names;
+  std::error_code error;
+  const auto folder = std::filesystem::path(SiblingProgram("quarry")).parent_path();
+  for (const auto& entry : std::filesystem::directory_iterator(folder, error))
+    if (const std::string name = entry.path().filename().string(); name.starts_with(kPrefix))
+      names.push_back(name.substr(kPrefix.size()));
+  std::ranges::sort(names);
+  return names;
+}
+
 /// `quarry bench WHAT ...` is the program quarry-bench-WHAT beside this one.
-[[noreturn]] void RunBench(int argc, char** argv) {
-  const std::string what = argc > 2 ? argv[2] : "";
-  const std::string program = SiblingProgram("quarry-bench-" + what);
-  if (argc > 2) ::execv(program.c_str(), argv + 2);
-  fmt::print(stderr, "quarry: bench '{}' is not known (programs quarry-bench-* are built with the tests)\n",
-             what);
-  std::exit(2);
+int RunBench(int argc, char** argv) {
+  const std::string what = argc > 2 ? argv[2] : "--help";
+  const std::vector<std::string> benches = Benches();
+  if (what == "--help" || what == "-h") {
+    fmt::print(
+        "Runs a benchmark program (built with the tests).\nUsage: quarry bench WHAT [ARGUMENTS]\n\n"
+        "WHAT is one of: {}\nEach has its own help.\nExample:\n  quarry bench import plant.ply\n",
+        benches.empty() ? "none is built here" : fmt::format("{}", fmt::join(benches, ", ")));
+    return argc > 2 ? 0 : 2;
+  }
+  if (std::ranges::find(benches, what) != benches.end())
+    ::execv(SiblingProgram("quarry-bench-" + what).c_str(), argv + 2);
+  const std::string nearest = Nearest(what, benches);
+  fmt::print(stderr, "quarry bench: '{}' is not known{}\n", what,
+             nearest.empty() ? "; see quarry bench --help" : fmt::format("; did you mean {}?", nearest));
+  return 2;
 }
 
 int Main(int argc, char** argv) {
   RequireCpu();
-  if (argc > 1 && std::string(argv[1]) == "bench") RunBench(argc, argv);
-  InstallSignalHandlers("quarry", "frames finished before are kept, nothing partial is left");
-  CLI::App app{"Quarry: ray tracing of triangle models larger than memory, on the machines at hand."};
+  if (argc > 1 && std::string(argv[1]) == "bench") return RunBench(argc, argv);
+  InstallSignalHandlers("quarry", kKeptOnSignal);
+  CLI::App app{"Quarry: ray tracing of triangle models larger than memory, on the machines at hand.", "quarry"};
   app.footer(
       "Examples:\n  quarry render plant.ply -o plant.png --mode whitted --workers 3\n"
       "  quarry render plant.quarry -o walk.png --camera-path plant.path.json --frames 0-59\n"
-      "  quarry info plant.quarry --json\n  quarry verify plant.quarry\n  quarry bench import plant.ply");
+      "  quarry info plant.quarry --json\n  quarry verify plant.quarry\n  quarry cache list\n"
+      "  quarry bench import plant.ply");
   app.set_version_flag("--version", std::string("quarry ") + kVersion);
   app.require_subcommand(1);
   RenderArguments render;
@@ -46,16 +77,17 @@ int Main(int argc, char** argv) {
   auto* verify = app.add_subcommand("verify", "Read and check every byte of a store");
   verify->add_option("scene", scene, "The store")->required();
   verify->add_flag("--quiet", quiet, "Print errors only");
+  CacheArguments cache;
+  auto* cache_command = app.add_subcommand("cache", "Stores that are kept of models: list, limit, clear");
+  AddCacheCommands(*cache_command, cache);
   app.add_subcommand("bench", "Run a benchmark program (built with the tests)");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
-  }
+  if (const auto ended = ParseCommandLine(app, argc, argv)) return *ended;
+  render.command_line = fmt::format("{}", fmt::join(std::span(argv, static_cast<size_t>(argc)), " "));
   Status status;
   try {
     status = app.got_subcommand("render") ? Render(render)
              : app.got_subcommand("info") ? PrintInfo(scene, json)
+             : app.got_subcommand("cache") ? RunCacheCommand(*cache_command, cache)
                                           : Verify(scene, quiet);
     std::fflush(stdout);
   } catch (const std::system_error& e) {  // of fmt::print

@@ -1,15 +1,26 @@
 #include "deploy/model_cache.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
+#include <chrono>
 #include <cstdlib>
 #include <filesystem>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <thread>
 
+#include "common/base/cleanup.h"
 #include "common/base/file.h"
+#include "common/base/file_lock.h"
+#include "common/base/json_file.h"
 #include "common/base/output_path.h"
+#include "common/base/size.h"
+#include "common/base/version.h"
 #include "common/voxel/store_format.h"
 #include "deploy/cluster.h"
 
@@ -17,51 +28,203 @@ namespace quarry {
 namespace {
 
 namespace fs = std::filesystem;
+using nlohmann::json;
 
-std::string CacheFolder() {
-  if (const char* folder = std::getenv("QUARRY_CACHE_DIR")) return folder;
-  if (const char* folder = std::getenv("XDG_CACHE_HOME")) return std::string(folder) + "/quarry";
-  if (const char* home = std::getenv("HOME")) return std::string(home) + "/.cache/quarry";
-  return "/tmp/quarry-cache";
+constexpr const char* kStoreExtension = ".quarry";
+constexpr const char* kLimitFile = "limit";
+
+std::optional<std::string> Variable(const char* name) {
+  const char* const value = std::getenv(name);
+  return value && *value ? std::optional<std::string>(value) : std::nullopt;
 }
 
-/// The store's name says what it was made from: a changed model, or another format version, has another name.
-std::string CachedName(const std::string& model, const struct stat& info) {
+/// The store's name says what it is made from: another model, importer or format has another name.
+std::string KeptName(const std::string& model) {
   std::error_code error;
-  const std::string absolute = fs::absolute(model, error).string();
-  const std::string key = fmt::format("{}|{}|{}.{}|{}", absolute, info.st_size, info.st_mtim.tv_sec,
-                                      info.st_mtim.tv_nsec, kStoreVersion);
-  return fmt::format("{}-{:016x}.quarry", fs::path(model).stem().string(), Checksum(AsBytes(key)));
+  const std::string absolute = fs::absolute(model, error).lexically_normal().string();
+  const std::string key = fmt::format("{}|{}|{}|{}", absolute, kStoreVersion, kImportVersion, kVersion);
+  return fmt::format("{}-{:016x}{}", fs::path(model).stem().string(), Checksum(AsBytes(key)), kStoreExtension);
+}
+
+/// What the preprocessor wrote beside a store: of which files it is made.
+std::string RecordOf(const std::string& store) { return store + ".json"; }
+
+/// Whether a file is as a record says that it was.
+bool IsAsRecorded(const json& input) {
+  const auto file = input.find("file"), there = input.find("there");
+  if (file == input.end() || !file->is_string() || there == input.end() || !there->is_boolean()) return false;
+  struct stat info {};
+  if (::stat(file->get_ref<const std::string&>().c_str(), &info) != 0) return !there->get<bool>();
+  const auto bytes = input.find("bytes"), changed = input.find("changed_ns");
+  return there->get<bool>() && bytes != input.end() && *bytes == static_cast<uint64_t>(info.st_size) &&
+         changed != input.end() && *changed == int64_t{info.st_mtim.tv_sec} * 1000000000 + info.st_mtim.tv_nsec;
+}
+
+/// Whether a store is there, made of files that are all as they were.
+bool IsCurrent(const std::string& store) {
+  std::error_code error;
+  if (!fs::exists(store, error) || !fs::exists(RecordOf(store), error)) return false;
+  const auto record = ReadJsonFile<json>(RecordOf(store));
+  if (!record || !record->is_object()) return false;
+  const auto inputs = record->find("inputs");
+  return inputs != record->end() && inputs->is_array() && !inputs->empty() &&
+         std::ranges::all_of(*inputs, [](const json& input) { return input.is_object() && IsAsRecorded(input); });
+}
+
+/// Waits while another process makes this store.
+Result<FileLock> AwaitTurn(const std::string& store, const std::string& model, bool quiet) {
+  for (bool told = quiet;; told = true) {
+    QUARRY_ASSIGN(std::optional<FileLock> lock, FileLock::TryTake(store + ".turn"));
+    if (lock) return std::move(*lock);
+    if (!told) fmt::print(stderr, "{}: another program is preprocessing it; waiting\n", model);
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  }
+}
+
+Status Make(const std::string& model, const std::string& store, bool quiet) {
+  std::error_code error;
+  fs::remove(RecordOf(store), error);  // it speaks of the store before
+  std::vector<std::string> arguments{model, "-o", store, "--stats", RecordOf(store), "--force", "--resume-if-fit"};
+  if (quiet) arguments.push_back("--quiet");
+  QUARRY_ASSIGN(const int status, RunSibling("quarry-preprocess", arguments));
+  if (status != 0)
+    return tl::unexpected<Error>(Error{fmt::format("{}: could not be preprocessed", model), status});
+  QUARRY_ASSIGN(const uint64_t limit, KeptStoresLimit());
+  if (limit == 0) return {};
+  // Not the one that was asked for, however large it is.
+  const uint64_t own = fs::file_size(store, error) + fs::file_size(RecordOf(store), error);
+  return ShrinkKeptStores(std::max(limit, own)).map([](auto&&) {});
+}
+
+/// A line that names the model of a record; empty when it cannot be read.
+std::string ModelOf(const std::string& store) {
+  const auto record = ReadJsonFile<json>(RecordOf(store));
+  if (!record || !record->is_object()) return "";
+  const auto models = record->find("models");
+  if (models == record->end() || !models->is_array() || models->empty() || !models->front().is_string()) return "";
+  return models->front().get<std::string>();
+}
+
+uint64_t BytesIn(const fs::path& folder) {
+  uint64_t bytes = 0;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(folder, error)) {
+    const uint64_t size = entry.file_size(error);
+    if (!error) bytes += size;
+  }
+  return bytes;
+}
+
+/// Removes a store with all that belongs to it; false: it is being made.
+Result<bool> RemoveKept(const KeptStore& kept) {
+  QUARRY_ASSIGN(const std::optional<FileLock> turn, FileLock::TryTake(kept.path + ".turn"));
+  if (!turn) return false;
+  std::error_code error;
+  fs::remove(RecordOf(kept.path), error);
+  fs::remove(kept.path, error);
+  if (!error) fs::remove_all(kept.path + ".work", error);
+  if (error) return Fail(fmt::format("{}: cannot be removed: {}", kept.path, error.message()));
+  return true;
 }
 
 }  // namespace
+
+std::string CacheFolder() {
+  if (const auto folder = Variable("QUARRY_CACHE_DIR")) return *folder;
+  if (const auto folder = Variable("XDG_CACHE_HOME")) return *folder + "/quarry";
+  if (const auto home = Variable("HOME")) return *home + "/.cache/quarry";
+  return "/tmp/quarry-cache";
+}
 
 Result<std::string> StoreFor(const std::string& scene, bool quiet) {
   QUARRY_ASSIGN(const InputFile file, InputFile::Open(scene));
   Bytes start(std::min<uint64_t>(file.size(), kStoreMagic.size()));
   QUARRY_TRY(file.ReadAt(0, start));
-  if (AsText(start) == kStoreMagic || fs::path(scene).extension() == ".quarry") return scene;
+  if (AsText(start) == kStoreMagic || fs::path(scene).extension() == kStoreExtension) return scene;
 
-  struct stat info {};
-  if (::stat(scene.c_str(), &info) != 0)
-    return Fail(fmt::format("{}: cannot examine: {}", scene, ErrnoText(errno)));
   const std::string folder = CacheFolder();
   std::error_code error;
   QUARRY_TRY(OutputGuard::TakeFolder(folder));
   fs::create_directories(folder, error);
   if (error) return Fail(fmt::format("{}: cannot make this folder: {}", folder, error.message()));
-  const std::string store = folder + "/" + CachedName(scene, info);
-  if (fs::exists(store, error)) return store;
-  // Under a name of our own first: another `quarry render` may be at the same model.
-  const std::string own = fmt::format("{}.{}", store, ::getpid());
-  std::vector<std::string> arguments{scene, "-o", own};
-  if (quiet) arguments.push_back("--quiet");
-  QUARRY_ASSIGN(const int status, RunSibling("quarry-preprocess", arguments));
-  if (status != 0)
-    return tl::unexpected<Error>(Error{fmt::format("{}: could not be preprocessed", scene), status});
-  fs::rename(own, store, error);
-  if (error) return Fail(fmt::format("{}: cannot be renamed: {}", own, error.message()));
+  const std::string store = folder + "/" + KeptName(scene);
+  QUARRY_ASSIGN(const FileLock turn, AwaitTurn(store, scene, quiet));
+  if (IsCurrent(store)) {
+    if (!quiet) fmt::print(stderr, "{}: using the store kept of it, {} (see quarry cache)\n", scene, store);
+    ::utimensat(AT_FDCWD, RecordOf(store).c_str(), nullptr, 0);  // used now
+    return store;
+  }
+  TellOnSignal("nothing was rendered");
+  QUARRY_TRY(Make(scene, store, quiet));
+  TellOnSignal(kKeptOnSignal);
   return store;
+}
+
+Result<std::vector<KeptStore>> ListKeptStores() {
+  std::vector<KeptStore> kept;
+  const std::string folder = CacheFolder();
+  std::error_code error;
+  if (!fs::exists(folder, error)) return kept;
+  std::vector<std::string> stores;
+  for (const auto& entry : fs::directory_iterator(folder, error)) {
+    std::string path = entry.path().string();
+    if (path.ends_with(".work")) path.resize(path.size() - 5);
+    if (path.ends_with(kStoreExtension)) stores.push_back(path);
+  }
+  if (error) return Fail(fmt::format("{}: cannot be listed: {}", folder, error.message()));
+  std::ranges::sort(stores);
+  stores.erase(std::unique(stores.begin(), stores.end()), stores.end());
+  for (const std::string& path : stores) {
+    KeptStore store{path, ModelOf(path)};
+    struct stat info {};
+    store.finished = ::stat(path.c_str(), &info) == 0;
+    for (const std::string& file : {path, RecordOf(path)})
+      if (::stat(file.c_str(), &info) == 0) {
+        store.bytes += static_cast<uint64_t>(info.st_size);
+        store.used_s = std::max<int64_t>(store.used_s, info.st_mtim.tv_sec);
+      }
+    store.bytes += BytesIn(path + ".work");
+    if (!store.finished && ::stat((path + ".work").c_str(), &info) == 0) store.used_s = info.st_mtim.tv_sec;
+    kept.push_back(std::move(store));
+  }
+  std::ranges::stable_sort(kept, {}, &KeptStore::used_s);
+  return kept;
+}
+
+Result<std::vector<KeptStore>> ShrinkKeptStores(uint64_t most) {
+  QUARRY_ASSIGN(const std::vector<KeptStore> kept, ListKeptStores());
+  uint64_t bytes = 0;
+  for (const KeptStore& store : kept) bytes += store.bytes;
+  std::vector<KeptStore> gone;
+  for (const KeptStore& store : kept) {
+    if (bytes <= most) break;
+    QUARRY_ASSIGN(const bool removed, RemoveKept(store));
+    if (!removed) continue;
+    bytes -= store.bytes;
+    gone.push_back(store);
+  }
+  return gone;
+}
+
+Result<uint64_t> KeptStoresLimit() {
+  const std::string path = CacheFolder() + "/" + kLimitFile;
+  std::error_code error;
+  if (!fs::exists(path, error)) return uint64_t{0};
+  QUARRY_ASSIGN(const InputFile file, InputFile::Open(path));
+  Bytes text(std::min<uint64_t>(file.size(), 64));
+  QUARRY_TRY(file.ReadAt(0, text));
+  std::string_view number = AsText(text);
+  while (number.ends_with('\n')) number.remove_suffix(1);
+  return ParseSize(number, path);
+}
+
+Status SetKeptStoresLimit(uint64_t bytes) {
+  const std::string folder = CacheFolder();
+  std::error_code error;
+  QUARRY_TRY(OutputGuard::TakeFolder(folder));
+  fs::create_directories(folder, error);
+  if (error) return Fail(fmt::format("{}: cannot make this folder: {}", folder, error.message()));
+  return WriteFileAtomically(folder + "/" + kLimitFile, AsBytes(fmt::format("{}\n", bytes)));
 }
 
 }  // namespace quarry

@@ -9,12 +9,14 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "common/base/command_line.h"
 #include "common/base/file.h"
 #include "common/base/json_file.h"
 #include "common/base/number.h"
 #include "common/base/output_path.h"
 #include "common/base/progress.h"
 #include "common/base/resource.h"
+#include "common/base/version.h"
 #include "common/net/security_options.h"
 #include "common/voxel/store_reader.h"
 #include "deploy/client.h"
@@ -27,13 +29,15 @@ namespace quarry {
 namespace {
 
 Status ParseMode(const std::string& text, RenderJob& job) {
-  const char* const names[kRenderModes] = {"raycast", "shadow", "whitted", "voxels"};
   for (int m = 0; m < kRenderModes; ++m)
-    if (text == names[m]) {
+    if (text == kRenderModeNames[m]) {
       job.mode = static_cast<RenderMode>(m);
       return {};
     }
-  return BadUsage(fmt::format("--mode is one of raycast, shadow, whitted, voxels, not '{}'", text));
+  const std::vector<std::string> all(std::begin(kRenderModeNames), std::end(kRenderModeNames));
+  const std::string nearest = Nearest(text, all);
+  return BadUsage(fmt::format("--mode is one of {}, not '{}'{}", fmt::join(all, ", "), text,
+                              nearest.empty() ? "" : fmt::format("; did you mean {}?", nearest)));
 }
 
 Status ParseAovs(const std::string& text, RenderJob& job) {
@@ -51,6 +55,20 @@ Status ParseAovs(const std::string& text, RenderJob& job) {
     job.aov_mask |= 1u << found;
   }
   if (job.aov_mask && job.format != "exr") return BadUsage("--aov needs an .exr output");
+  return {};
+}
+
+/// What was typed and would change nothing.
+Status RefuseWhatHasNoEffect(const RenderArguments& a, const RenderJob& job) {
+  const auto refuse = [&](const char* option, const std::string& where) {
+    return BadUsage(fmt::format("{} has no effect {}; leave it out", option, where));
+  };
+  if (job.mode == RenderMode::kRaycast || job.mode == RenderMode::kVoxels)
+    for (const char* option : {"--sun", "--lights"})
+      if (WasTyped(*a.command, option))
+        return refuse(option, fmt::format("in --mode {}, which has its own light", a.mode));
+  if (job.format == "exr" && WasTyped(*a.command, "--exposure"))
+    return refuse("--exposure", "on an EXR image, which holds radiance as it is");
   return {};
 }
 
@@ -76,6 +94,7 @@ Status ParseImage(const RenderArguments& a, RenderJob& job) {
   job.seed = a.seed;
   job.exposure = a.exposure;
   QUARRY_TRY(ParseMode(a.mode, job));
+  QUARRY_TRY(RefuseWhatHasNoEffect(a, job));
   return ParseAovs(a.aov, job);
 }
 
@@ -191,12 +210,38 @@ std::vector<std::string> ImagesOf(const std::string& model, const StoreReader& s
   return files;
 }
 
-Status WriteStatistics(const RenderArguments& a, const nlohmann::ordered_json& frames, double wall_s) {
+/// Over the frames that say it (those from a spool do not).
+uint64_t Total(const nlohmann::ordered_json& frames, const char* key) {
+  uint64_t sum = 0;
+  for (const auto& frame : frames)
+    if (frame.is_object() && frame.contains(key) && frame[key].is_number_unsigned())
+      sum += frame[key].get<uint64_t>();
+  return sum;
+}
+
+Status WriteStatistics(const RenderArguments& a, const RenderJob& job, const SceneId& id,
+                       const nlohmann::ordered_json& frames, double wall_s) {
   if (a.stats.empty()) return {};
   nlohmann::ordered_json j;
+  j["scene_id"] = FormatSceneId(id);  // first: statistics are known by it
+  j["scene"] = a.scene;
+  j["command"] = a.command_line;
+  j["version"] = kVersion;
+  j["host"] = HostName();
+  j["mode"] = kRenderModeNames[static_cast<size_t>(job.mode)];
+  j["width"] = job.width;
+  j["height"] = job.height;
+  j["spp"] = job.spp;
+  j["seed"] = job.seed;
+  j["frames_rendered"] = frames.size();
   j["render_wall_s"] = wall_s;
+  j["rays"] = Total(frames, "rays");
+  j["rays_suspended"] = Total(frames, "rays_suspended");
+  j["rays_per_s"] = static_cast<double>(Total(frames, "rays")) / std::max(wall_s, 1e-9);
+  j["tiles"] = Total(frames, "tiles");
+  j["leases_lost"] = Total(frames, "leases_lost");
   j["frames"] = frames;
-  return WriteFileAtomically(a.stats, AsBytes(j.dump(2) + "\n"));
+  return WriteFileAtomically(a.stats, AsBytes(j.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n"));
 }
 
 }  // namespace
@@ -207,6 +252,7 @@ void AddRenderOptions(CLI::App& c, RenderArguments& a) {
   c.add_flag("--force", a.force, "Replace outputs that hold something else; never what is read");
   c.add_option("--workers", a.workers, "Worker processes")->check(WholeNumber(1, 256))->capture_default_str();
   c.add_option("--threads", a.threads, "Threads per worker (default: the processors shared out)")
+      ->envname("QUARRY_THREADS")
       ->check(WholeNumber(1, 1024));
   c.add_option("--cache", a.cache, "Decoded voxels held per worker")
       ->envname("QUARRY_CACHE")
@@ -241,6 +287,17 @@ void AddRenderOptions(CLI::App& c, RenderArguments& a) {
       ->capture_default_str();
   AddSecurityOptions(c, a.security);
   c.add_flag("--quiet", a.quiet, "Print errors only");
+  static constexpr NoEffect kNoEffect[] = {
+      {"--eye", "--camera-path"}, {"--at", "--camera-path"},    {"--up", "--camera-path"},
+      {"--fov", "--camera-path"}, {"--ortho", "--camera-path"}, {"--fov", "--ortho"},
+      {"--workers", "--master"},  {"--threads", "--master"},    {"--cache", "--master"}};
+  RefuseWithoutEffect(c, kNoEffect);
+  c.footer(
+      "Examples:\n  quarry render plant.ply -o plant.png\n"
+      "  quarry render plant.quarry -o hall.png --eye 3,2,1.7 --at 0,0,1.7 --mode whitted --spp 16\n"
+      "  quarry render plant.quarry -o walk.exr --camera-path plant.path.json --aov depth,part\n"
+      "  quarry render plant.quarry -o plant.png --master 10.0.0.1:9000 --secret-file quarry.secret");
+  a.command = &c;
 }
 
 Status Render(const RenderArguments& a) {
@@ -292,7 +349,7 @@ Status Render(const RenderArguments& a) {
   const double wall_s = SecondsSince(start);
   progress.Say(fmt::format("{}: {} frame{}, {:.1f} s", FramePath(a, job.first_frame), job.cameras.size(),
                            job.cameras.size() == 1 ? "" : "s", wall_s));
-  return WriteStatistics(a, frames, wall_s);
+  return WriteStatistics(a, job, store.catalog().id, frames, wall_s);
 }
 
 }  // namespace quarry

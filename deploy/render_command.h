@@ -26,6 +26,8 @@ struct RenderArguments {
   double retry_s = 60;
   SecurityOptions security;
   bool quiet = false, force = false;
+  const CLI::App* command = nullptr;  ///< where they come from
+  std::string command_line;           ///< as typed
 };
 
 void AddRenderOptions(CLI::App& command, RenderArguments& arguments);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <deque>
 #include <memory>
@@ -34,6 +35,7 @@ struct Job {
   std::vector<Finished> finished;
   std::vector<Client> clients;
   double alone_since_s = 0;  ///< when its last client went
+  const std::chrono::steady_clock::time_point asked = std::chrono::steady_clock::now();
   /// It was under way when a master ended, and has finished no frame since: it may be why.
   bool suspect = false;
   bool tried = false;             ///< a frame of it has been begun by this master

@@ -10,6 +10,7 @@
 #include <thread>
 #include <utility>
 
+#include "common/base/resource.h"
 #include "common/base/size.h"
 #include "master/image_output.h"
 
@@ -23,6 +24,9 @@ constexpr uint64_t kBesideImages = 1u << 20;      // pings and progress of all c
 constexpr uint64_t kMostImageBytes = 0xF0000000;  // of one message
 constexpr int kMostEncoding = 4;      // frames on their way to the disk; no other begins beyond this
 constexpr double kClientGraceS = 20;  // a job without a spool waits so long for its client to come back
+
+/// Enough of a job's id for people.
+std::string ShortId(const std::string& id) { return id.substr(0, 8); }
 
 }  // namespace
 
@@ -61,10 +65,12 @@ Status Jobs::Ask(const std::shared_ptr<Connection>& client, JobRequest request) 
   std::shared_ptr<Job> job;
   if (found != jobs_.end()) {
     job = *found;
+    callbacks_.log(fmt::format("job {} is also for {}", ShortId(id), client->peer()));
   } else {
     QUARRY_TRY(memory_.CheckJob(request.job, JobsBytes()));
     if (spool_) QUARRY_TRY(spool_->CheckNotSetAside(id));
     job = std::make_shared<Job>(id, std::move(request.job));
+    callbacks_.log(fmt::format("job {} from {}: {}", ShortId(id), client->peer(), Describe(job->job)));
     job->tried = true;  // the spool notes a new job's first try with it
     jobs_.push_back(job);
     // What its client has need not be made again; should another one ask for it, it is.
@@ -85,10 +91,17 @@ uint64_t Jobs::JobsBytes() const {
   return bytes;
 }
 
-void Jobs::ForgetClient(const std::shared_ptr<Connection>& client, double now_s) {
-  for (const auto& job : jobs_)
-    if (std::erase_if(job->clients, [&](const Job::Client& c) { return c.connection == client; }) > 0)
+bool Jobs::ForgetClient(const std::shared_ptr<Connection>& client, double now_s) {
+  bool waited = false;
+  for (const auto& job : jobs_) {
+    const size_t frames = job->states.size();
+    if (std::erase_if(job->clients, [&](const Job::Client& c) {
+          waited |= c.connection == client && c.next < frames;
+          return c.connection == client;
+        }) > 0)
       job->alone_since_s = now_s;
+  }
+  return waited;
 }
 
 std::optional<Jobs::Begun> Jobs::Begin() {
@@ -203,6 +216,7 @@ void Jobs::OnImage(const std::shared_ptr<Job>& job, size_t index, Result<Bytes> 
 }
 
 void Jobs::Fail(std::shared_ptr<Job> job, const std::string& sentence) {
+  callbacks_.log(fmt::format("job {} cannot be done: {}", ShortId(job->id), sentence));
   for (const Job::Client& client : job->clients)
     client.connection->Send(MakeMessage(MessageType::kFailure, Failure{sentence}));
   Remove(std::move(job));
@@ -233,7 +247,10 @@ void Jobs::Deliver(const std::shared_ptr<Job>& job) {
     job->finished[f].image = {};
     job->finished[f].memory.reset();
   }
-  if (needed == job->states.size()) Remove(job);
+  if (needed < job->states.size()) return;
+  callbacks_.log(fmt::format("job {} is done, {:.1f} s after it was asked for", ShortId(job->id),
+                             SecondsSince(job->asked)));
+  Remove(job);
 }
 
 /// False when too much is on its way to clients; or when the image is not there any more: the frame is
@@ -251,9 +268,11 @@ bool Jobs::SendFrame(Job& job, const Job::Client& client) {
     callbacks_.on_work();
     return false;
   }
-  const std::string statistics = job.finished[f].statistics.empty() ? "{}" : job.finished[f].statistics;
-  Message m = MakeMessage(MessageType::kFrameDone,
-                          FrameDone{job.job.first_frame + static_cast<uint32_t>(f), statistics});
+  const auto number = job.job.first_frame + static_cast<uint32_t>(f);
+  std::string statistics = job.finished[f].statistics;
+  if (statistics.empty())  // made by a master before this one
+    statistics = fmt::format("{{\"frame\": {}, \"from_spool\": true}}", number);
+  Message m = MakeMessage(MessageType::kFrameDone, FrameDone{number, std::move(statistics)});
   m.raw = std::move(image);
   client.connection->Send(std::move(m));
   return true;
@@ -262,7 +281,11 @@ bool Jobs::SendFrame(Job& job, const Job::Client& client) {
 void Jobs::DropAbandoned(double now_s) {
   if (spool_) return;
   for (const auto& job : std::vector(jobs_.begin(), jobs_.end()))
-    if (job->clients.empty() && now_s - job->alone_since_s > kClientGraceS) Remove(job);
+    if (job->clients.empty() && now_s - job->alone_since_s > kClientGraceS) {
+      callbacks_.log(fmt::format("job {} is dropped: its client has been gone for {:.0f} s", ShortId(job->id),
+                                 kClientGraceS));
+      Remove(job);
+    }
 }
 
 }  // namespace quarry

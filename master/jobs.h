@@ -40,7 +40,8 @@ class Jobs {
   /// A client wants a job, of which it may have some frames. The same one asked for again is the same.
   /// Errors: it takes more memory than there is; it was set aside. Nothing of it is kept then.
   Status Ask(const std::shared_ptr<Connection>& client, JobRequest request);
-  void ForgetClient(const std::shared_ptr<Connection>& client, double now_s);
+  /// Whether it still had frames to come.
+  bool ForgetClient(const std::shared_ptr<Connection>& client, double now_s);
   const std::deque<std::shared_ptr<Job>>& all() const { return jobs_; }
 
   struct Begun {

@@ -3,6 +3,7 @@
 #include <CLI/CLI.hpp>
 
 #include "common/base/cleanup.h"
+#include "common/base/command_line.h"
 #include "common/base/cpu_check.h"
 #include "common/base/output_path.h"
 #include "common/base/resource.h"
@@ -45,7 +46,8 @@ int Main(int argc, char** argv) {
   SecurityOptions security;
   std::string listen = "127.0.0.1:9000", schedule = "footprint", foresight = "256M";
   std::string frame_memory = std::to_string(MemoryLimitBytes() / 2);
-  CLI::App app{"Serves a scene's voxels, hands out tiles to workers and puts frames together."};
+  CLI::App app{"Serves a scene's voxels, hands out tiles to workers and puts frames together.",
+               "quarry-master"};
   app.footer(
       "Examples:\n  quarry-master plant.quarry --listen 127.0.0.1:9000\n"
       "  quarry-master plant.quarry --listen 127.0.0.1:0 --serve-only\n"
@@ -78,11 +80,11 @@ int Main(int argc, char** argv) {
                  "Write what each tile touched and cost to this file, a JSON object a line");
   AddSecurityOptions(app, security);
   app.add_flag("--quiet", options.quiet, "Print errors only");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
-  }
+  constexpr NoEffect kNoEffect[] = {{"--schedule", "--serve-only"},     {"--foresight", "--serve-only"},
+                                    {"--frame-memory", "--serve-only"}, {"--spool", "--serve-only"},
+                                    {"--trace", "--serve-only"},        {"--source", "--serve-only"}};
+  RefuseWithoutEffect(app, kNoEffect);
+  if (const auto ended = ParseCommandLine(app, argc, argv)) return *ended;
   const Status status = Run(options, security, listen, schedule, foresight, frame_memory);
   if (status) return 0;
   fmt::print(stderr, "quarry-master: {}\n", status.error().message);

@@ -115,7 +115,7 @@ class Server {
     c->Start([this, c](const Message& m) { OnAny(c, m); },
              [this, c](const Error& e) {
                newcomers_.erase(c);
-               OnGone(c, e);
+               OnGone(c, e, false);
              });
   }
 
@@ -189,7 +189,12 @@ class Server {
     return Fail(fmt::format("a message of type {} does not belong here", static_cast<int>(m.type)));
   }
 
-  void OnGone(const ConnectionPtr& c, const Error& error) {
+  /// `dropped`: by this master. A client that has its pictures and goes, and one that only read voxels, have
+  /// ended well.
+  void OnGone(const ConnectionPtr& c, const Error& error, bool dropped = true) {
+    const auto role = roles_.find(c.get());
+    const bool ended_well = !dropped && role != roles_.end();
+    const bool was_client = ended_well && role->second == Role::kClient;
     roles_.erase(c.get());
     pulses_.Forget(c);
     blocks_.Forget(c);
@@ -201,8 +206,13 @@ class Server {
       WorkersChanged();
       return;
     }
-    jobs_.ForgetClient(c, Now());
-    Log(error.message);
+    const bool waited = jobs_.ForgetClient(c, Now());
+    if (waited)
+      Log(fmt::format("client {} is gone before its pictures were done: {}", c->peer(), error.message));
+    else if (!ended_well)
+      Log(error.message);
+    else if (was_client)
+      Log(fmt::format("client {} has ended", c->peer()));
   }
 
   // --- workers and tiles
@@ -419,12 +429,12 @@ class Server {
     return {};  // of a frame that is over
   }
 
-  /// A worker cannot get a block. Others may; when none is left, or several that have answered tiles have
+  /// A worker cannot begin, which is its own matter, or cannot get a block. Others may; when none is left, or several that have answered tiles have
   /// said so, the job cannot be done.
   Status OnWorkerFailure(const WorkerRecord& worker, const Message& m) {
     QUARRY_ASSIGN(const Failure failure, DecodeFailure(m.table));
     failures_ += worker.tiles > 0;
-    if (!renderings_.empty() && (failures_ >= kMostFailures || roster_.all().size() == 1))
+    if (worker.has_scene && !renderings_.empty() && (failures_ >= kMostFailures || roster_.all().size() == 1))
       jobs_.Fail(renderings_.front().part.job, failure.message);
     Log(fmt::format("worker {} gives up: {}", worker.name, failure.message));
     return Fail(failure.message);

@@ -5,9 +5,9 @@
 #include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
-#include <thread>
 
 #include "common/base/cleanup.h"
+#include "common/base/command_line.h"
 #include "common/base/cpu_check.h"
 #include "common/base/file.h"
 #include "common/base/number.h"
@@ -16,6 +16,7 @@
 #include "common/base/size.h"
 #include "common/base/version.h"
 #include "common/voxel/store_format.h"
+#include "preprocess/import/file_identity.h"
 #include "preprocess/import/text_number.h"
 #include "preprocess/plan.h"
 #include "preprocess/preprocess.h"
@@ -41,7 +42,7 @@ double Replication(const PreprocessStatistics& s) {
   return static_cast<double>(s.stored_references) / static_cast<double>(std::max<uint64_t>(Kept(s), 1));
 }
 
-std::string StatisticsJson(const PreprocessStatistics& s) {
+std::string StatisticsJson(const PreprocessOptions& options, const PreprocessStatistics& s) {
   nlohmann::ordered_json j;
   j["scene_id"] = FormatSceneId(s.scene_id);
   j["input_triangles"] = s.meta.input_triangles;
@@ -64,9 +65,23 @@ std::string StatisticsJson(const PreprocessStatistics& s) {
   j["import_wall_s"] = s.import_wall_s;
   j["build_wall_s"] = s.build_wall_s;
   j["preprocess_wall_s"] = s.preprocess_wall_s;
+  j["version"] = kVersion;
   j["triangles_per_s"] = static_cast<double>(s.meta.input_triangles) / std::max(s.preprocess_wall_s, 1e-9);
   j["peak_rss_bytes"] = s.peak_rss_bytes;
-  return j.dump(2) + "\n";
+  j["models"] = options.models;
+  j["inputs"] = nlohmann::ordered_json::array();
+  for (const ModelFile& file : ModelFiles()) {
+    nlohmann::ordered_json input = {{"file", file.path}, {"there", file.there}};
+    if (file.there) input.update({{"bytes", file.bytes}, {"changed_ns", file.changed_ns}});
+    j["inputs"].push_back(std::move(input));
+  }
+  return j.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+}
+
+/// What a person calls the scene.
+std::string NameOf(const PreprocessOptions& options) {
+  if (options.models.size() > 1) return fmt::format("{} models", options.models.size());
+  return options.models[0] == "-" ? "standard input" : options.models[0];
 }
 
 void PrintSummary(const PreprocessOptions& options, const PreprocessStatistics& s) {
@@ -74,7 +89,7 @@ void PrintSummary(const PreprocessOptions& options, const PreprocessStatistics& 
              "{}: {} triangles in {} voxels, {} ({:.1f} bytes a triangle)\n"
              "replication {:.2f}, top-level tree {} levels deep; {:.1f} s ({:.2f} million triangles a "
              "second), peak memory {}\n",
-             options.output, Kept(s), s.voxels, FormatSize(s.store_bytes),
+             NameOf(options), Kept(s), s.voxels, FormatSize(s.store_bytes),
              static_cast<double>(s.store_bytes - s.textures.stored_bytes) /
                  static_cast<double>(std::max<uint64_t>(Kept(s), 1)),
              Replication(s), s.top_tree_depth, s.preprocess_wall_s,
@@ -147,18 +162,22 @@ Status PrintPlan(const PreprocessOptions& options, const std::string& stats) {
 bool IsStore(std::string_view start) { return start.starts_with(kStoreMagic); }
 const OutputKind kStoreOutput{"a scene store", IsStore, false};
 
+Status TakeStatistics(const Texts& texts, OutputGuard& guard) {
+  QUARRY_ASSIGN(const OutputPlace stats, guard.Take(texts.stats, kStatisticsOutput));
+  return CheckWritable(stats);
+}
+
 /// What is written, decided before any work. The store's place takes the place of its name: what is on the
 /// way to it lies beside it.
 Status CheckOutputs(const Texts& texts, PreprocessOptions& options) {
   OutputGuard guard(texts.force ? OutputGuard::Force::kYes : OutputGuard::Force::kNo);
   for (const std::string& model : options.models) guard.AddInput(model);
+  if (options.output.empty()) return texts.stats.empty() ? Status{} : TakeStatistics(texts, guard);
   QUARRY_ASSIGN(const OutputPlace store, guard.Take(options.output, kStoreOutput));
   options.output = store.path;
   QUARRY_TRY(OutputGuard::TakeFolder(options.output + ".work"));
   if (!options.tmp_folder.empty()) QUARRY_TRY(OutputGuard::TakeFolder(options.tmp_folder));
-  if (texts.stats.empty()) return {};
-  QUARRY_ASSIGN(const OutputPlace stats, guard.Take(texts.stats, kStatisticsOutput));
-  return CheckWritable(stats);
+  return texts.stats.empty() ? Status{} : TakeStatistics(texts, guard);
 }
 
 Status Run(PreprocessOptions options, const Texts& texts, bool plan) {
@@ -178,7 +197,7 @@ Status Run(PreprocessOptions options, const Texts& texts, bool plan) {
   for (const std::string& place : texts.places) QUARRY_TRY(ParsePlacement(place, options));
   QUARRY_TRY(CheckOutputs(texts, options));
   if (plan) return PrintPlan(options, stats);
-  if (!options.resume && RoomIsTight(options)) {
+  if (options.resume == PreprocessOptions::Resume::kNo && RoomIsTight(options)) {
     if (!options.quiet)
       fmt::print(stderr, "reading the model beforehand, to see whether the disk has room (see --plan)\n");
     QUARRY_ASSIGN(const PreprocessPlan needed, MakePlan(options));
@@ -186,7 +205,7 @@ Status Run(PreprocessOptions options, const Texts& texts, bool plan) {
   }
   QUARRY_ASSIGN(const PreprocessStatistics statistics, Preprocess(options));
   if (!options.quiet) PrintSummary(options, statistics);
-  if (!stats.empty()) QUARRY_TRY(WriteFileAtomically(stats, AsBytes(StatisticsJson(statistics))));
+  if (!stats.empty()) QUARRY_TRY(WriteFileAtomically(stats, AsBytes(StatisticsJson(options, statistics))));
   return {};
 }
 
@@ -196,24 +215,25 @@ int Main(int argc, char** argv) {
   InstallSignalHandlers("quarry-preprocess", "nothing was written");
   EndWithParent();  // quarry render's
   PreprocessOptions options;
-  options.threads = std::max(1u, std::thread::hardware_concurrency());
+  options.threads = UsableProcessors();
   Texts texts;
-  bool plan = false;
+  bool plan = false, resume = false, resume_if_fit = false;
   CLI::App app{
       "Cuts triangle models (PLY, OBJ, STL, OFF, NFF, AFF, glTF; others by Assimp) into a scene store, out "
-      "of core."};
+      "of core.",
+      "quarry-preprocess"};
   app.footer(
       "Examples:\n  quarry-preprocess plant.ply -o plant.quarry\n"
       "  quarry-preprocess hull.stl deck.obj -o ship.quarry --memory 512M --stats ship.json\n"
       "  quarry-preprocess hall.obj robot.ply -o cell.quarry --place robot.ply=2.5,0,0.1,90\n"
-      "  quarry-preprocess city.obj.zst -o city.quarry --plan\n"
+      "  quarry-preprocess city.obj.zst --plan\n"
       "  quarry-preprocess city.obj.zst -o city.quarry --resume\n"
       "  curl -s https://models.example/scan.ply.gz | quarry-preprocess - -o scan.quarry");
   app.set_version_flag("--version", std::string("quarry-preprocess ") + kVersion);
   app.add_option("models", options.models,
                  "Model files, packed by gzip or zstd or not; several make one scene; - is standard input")
       ->required();
-  app.add_option("-o,--output", options.output, "The store to write")->required();
+  app.add_option("-o,--output", options.output, "The store to write; --plan does without");
   app.add_flag("--force", texts.force,
                "Replace the output though it holds something else; never a model that is read");
   app.add_option("--memory", texts.memory,
@@ -244,13 +264,22 @@ int Main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--unpack-limit", texts.unpack_limit,
                  "Most bytes that a packed model unpacks to (default: 100 times its own, at least 256M)");
-  app.add_flag("--resume", options.resume, "Go on with what an earlier run of the same command has left");
+  app.add_flag("--resume", resume, "Go on with what an earlier run of the same command has left");
+  app.add_flag("--resume-if-fit", resume_if_fit)->group("");  // quarry render's
   app.add_flag("--plan", plan, "Only tell triangles, disk, memory and time, and whether the disk has room");
   app.add_flag("--quiet", options.quiet, "Print errors only");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
+  constexpr NoEffect kNoEffect[] = {{"--resume", "--plan"}, {"--checkpoint", "--plan"}, {"--force", "--plan"}};
+  RefuseWithoutEffect(app, kNoEffect);
+  if (const auto ended = ParseCommandLine(app, argc, argv)) return *ended;
+  if (options.output.empty() && !plan) {
+    fmt::print(stderr, "quarry-preprocess: -o says which store to write, e.g. -o {}.quarry; see "
+                       "quarry-preprocess --help\n", std::filesystem::path(options.models[0]).stem().string());
+    return 2;
+  }
+  if (resume) options.resume = PreprocessOptions::Resume::kYes;
+  if (resume_if_fit) {
+    options.resume = PreprocessOptions::Resume::kIfFit;
+    options.goes_on = "the same command goes on";
   }
   const Status status = Run(options, texts, plan);
   if (status) return 0;

@@ -4,6 +4,7 @@
 
 #include <chrono>
 #include <cmath>
+#include <memory>
 #include <numeric>
 #include <optional>
 
@@ -36,8 +37,8 @@ constexpr int kJournalVersion = 3;
 
 std::string Command(const PreprocessOptions& options) {
   std::string command = fmt::format(
-      "version {}\nformat {}\njournal {}\nLZ4 {}\n--tmp {}\n--voxel-size {}\n--scale {}\n--up {}\n{}",
-      kVersion, kStoreVersion, kJournalVersion, CompressorVersion(), options.tmp_folder, options.voxel_size,
+      "version {}\nformat {}\nimport {}\njournal {}\nLZ4 {}\n--tmp {}\n--voxel-size {}\n--scale {}\n--up {}\n{}",
+      kVersion, kStoreVersion, kImportVersion, kJournalVersion, CompressorVersion(), options.tmp_folder, options.voxel_size,
       options.scale, options.up_axis == 1 ? "y" : "z", options.textures ? "" : "--no-textures\n");
   for (const auto& [model, p] : options.placements)
     command += fmt::format("--place {}={},{},{},{},{}\n", model, p.translation.x, p.translation.y,
@@ -58,8 +59,35 @@ class Import {
     sink_.NoteEvery(options.checkpoint_seconds, [this] { return AddNote(); });
   }
 
+  /// Takes over what the notes say. Errors: they do not fit these options and models.
+  Status Restore() {
+    const Note* last = nullptr;
+    bool all = false;
+    for (const Note& note : work_.notes()) {
+      if (note.kind == NoteKind::kImported) last = &note;
+      all |= note.kind == NoteKind::kRegions;
+    }
+    if (!last) {
+      if (options_.resume == PreprocessOptions::Resume::kYes)
+        progress_.Say("nothing is there to go on with: beginning anew");
+      return {};
+    }
+    ByteReader in(last->bytes);
+    models_ = in.Get<uint32_t>();
+    const auto begun = in.Get<uint32_t>();
+    identities_ = AsText(in.GetSpan(in.Get<uint32_t>()));
+    std::string now;
+    for (size_t i = 0; i < begun && i < options_.models.size(); ++i)
+      now += FileIdentity(options_.models[i]) + '\n';
+    if (!in.ok() || now != identities_ || begun < models_ || (all && models_ != options_.models.size()))
+      return Fail(fmt::format(
+          "{}: was begun with other models, or they have changed since; begin anew without --resume",
+          work_.path()));
+    progress_.Say(fmt::format("going on with {}", work_.path()));
+    return sink_.Restore(in.GetSpan(in.remaining()), all);
+  }
+
   Result<ImportedScene> Run() {
-    QUARRY_TRY(Restore());
     for (size_t i = models_; i < options_.models.size(); ++i) {
       progress_.Say(fmt::format("reading {}", options_.models[i]));
       if (!sink_.in_file()) identities_ += FileIdentity(options_.models[i]) + '\n';
@@ -91,32 +119,6 @@ class Import {
     sink_.Noted();
     noted_at_ = Clock::now();
     return {};
-  }
-
-  Status Restore() {
-    const Note* last = nullptr;
-    bool all = false;
-    for (const Note& note : work_.notes()) {
-      if (note.kind == NoteKind::kImported) last = &note;
-      all |= note.kind == NoteKind::kRegions;
-    }
-    if (!last) {
-      if (options_.resume) progress_.Say("nothing is there to go on with: beginning anew");
-      return {};
-    }
-    ByteReader in(last->bytes);
-    models_ = in.Get<uint32_t>();
-    const auto begun = in.Get<uint32_t>();
-    identities_ = AsText(in.GetSpan(in.Get<uint32_t>()));
-    std::string now;
-    for (size_t i = 0; i < begun && i < options_.models.size(); ++i)
-      now += FileIdentity(options_.models[i]) + '\n';
-    if (!in.ok() || now != identities_ || begun < models_ || (all && models_ != options_.models.size()))
-      return Fail(fmt::format(
-          "{}: was begun with other models, or they have changed since; begin anew without --resume",
-          work_.path()));
-    progress_.Say(fmt::format("going on with {}", work_.path()));
-    return sink_.Restore(in.GetSpan(in.remaining()), all);
   }
 
   const PreprocessOptions& options_;
@@ -186,7 +188,7 @@ class Build {
       before = std::accumulate(counts.begin(), counts.begin() + static_cast<ptrdiff_t>(parts_.size()),
                                uint64_t{0});
     }
-    progress_.Begin(fmt::format("building voxels of {} triangles", triangles), "triangles");
+    progress_.Begin(fmt::format("building voxels of {} triangles", triangles), "triangles", before);
     VoxelPipeline pipeline(
         options_.threads,
         [&](const VoxelTask& task) {
@@ -315,7 +317,7 @@ class Build {
     const uint64_t triangles = scene_.triangles->count();
     // A kill may have come between a note and this.
     if (parted_ > 0 && parted_ < triangles) scene_.triangles->Discard(0, parted_);
-    progress_.Begin("parting triangles", "triangles");
+    progress_.Begin("parting triangles", "triangles", parted_);
     while (parted_ < triangles) {
       const uint64_t end = std::min(parted_ + kPartedAtOnce, triangles);
       QUARRY_TRY(files_->Add(*scene_.triangles, parted_, end, meta_.padding,
@@ -383,16 +385,31 @@ class Build {
   Clock::time_point noted_at_;
 };
 
-Result<PreprocessStatistics> RunIn(WorkFolder& work, const PreprocessOptions& options) {
+/// The import of a work folder, with what an earlier run has done of it.
+struct Begun {
+  WorkFolder work;
+  std::unique_ptr<Import> import;
+};
+
+Result<std::unique_ptr<Begun>> Begin(const PreprocessOptions& options, bool resume, Progress& progress) {
+  QUARRY_ASSIGN(WorkFolder work, WorkFolder::Open(options.output, options.tmp_folder, Command(options), resume,
+                                                  options.goes_on));
+  auto begun = std::make_unique<Begun>(Begun{std::move(work), nullptr});
+  begun->import = std::make_unique<Import>(options, begun->work, progress);
+  QUARRY_TRY(begun->import->Restore());
+  return begun;
+}
+
+Result<PreprocessStatistics> RunIn(Begun& begun, const PreprocessOptions& options, Progress& progress) {
   const auto start = Clock::now();
-  Progress progress(options.quiet);
-  QUARRY_ASSIGN(ImportedScene scene, Import(options, work, progress).Run());
+  QUARRY_ASSIGN(ImportedScene scene, begun.import->Run());
+  begun.import.reset();
   QUARRY_TRY(CheckNotRead(options.output));  // what models name is known now
   PreprocessStatistics statistics;
   statistics.import_wall_s = SecondsSince(start);
   statistics.warnings = scene.warnings.size();
   const auto build_start = Clock::now();
-  Build build(options, work, progress, scene);
+  Build build(options, begun.work, progress, scene);
   QUARRY_TRY(build.Run());
   QUARRY_TRY(build.Finish(statistics));
   statistics.build_wall_s = SecondsSince(build_start);
@@ -406,15 +423,19 @@ Result<PreprocessStatistics> RunIn(WorkFolder& work, const PreprocessOptions& op
 Result<PreprocessStatistics> Preprocess(const PreprocessOptions& options) {
   // The output first: an unwritable place should not cost an import.
   QUARRY_ASSIGN(const FileLock lock, FileLock::Take(options.output, "another quarry-preprocess"));
-  QUARRY_ASSIGN(WorkFolder work,
-                WorkFolder::Open(options.output, options.tmp_folder, Command(options), options.resume));
-  auto statistics = RunIn(work, options);
+  using Resume = PreprocessOptions::Resume;
+  Progress progress(options.quiet);
+  auto opened = Begin(options, options.resume != Resume::kNo, progress);
+  if (!opened && options.resume == Resume::kIfFit) opened = Begin(options, false, progress);
+  if (!opened) return tl::unexpected<Error>(opened.error());
+  Begun& begun = **opened;
+  auto statistics = RunIn(begun, options, progress);
   if (statistics) {
-    work.Remove();
+    begun.work.Remove();
     TellOnSignal(options.output + " is written");
-  } else if (work.kept() && statistics.error().message.find("--resume") == std::string::npos)
+  } else if (begun.work.kept() && statistics.error().message.find("--resume") == std::string::npos)
     statistics.error().message +=
-        fmt::format("; what is done is kept in {}: the same command with --resume goes on", work.path());
+        fmt::format("; what is done is kept in {}: {}", begun.work.path(), options.goes_on);
   return statistics;
 }
 

@@ -23,7 +23,12 @@ struct PreprocessOptions {
   std::map<std::string, Placement> placements;  ///< of some models, by the path given
   bool textures = true;                         ///< carry the images that materials name
   double checkpoint_seconds = 5;                ///< of work that is done again after a kill, or one unit
-  bool resume = false;        ///< go on with what an earlier run of the same options has left
+  /// Whether to go on with what an earlier run of the same options has left: with kIfFit a run that cannot
+  /// go on (another version, changed models) begins anew.
+  enum class Resume { kNo, kYes, kIfFit };
+  Resume resume = Resume::kNo;
+  /// How a person goes on with what is kept.
+  std::string goes_on = "the same command with --resume goes on";
   uint64_t unpack_limit = 0;  ///< bytes that a packed model may unpack to; 0: by its own (model_reader.h)
   bool quiet = false;
 };

@@ -87,12 +87,11 @@ Status MakeFolder(const std::string& path) {
 }  // namespace
 
 Result<WorkFolder> WorkFolder::Open(const std::string& output, const std::string& spill,
-                                    const std::string& command, bool resume) {
+                                    const std::string& command, bool resume, const std::string& goes_on) {
   WorkFolder folder;
   folder.path_ = output + ".work";
   folder.spill_ = spill.empty() ? folder.path_ : SpillFolderFor(output, spill);
-  const std::string left =
-      "what is done is kept in " + folder.path_ + ": the same command with --resume goes on";
+  const std::string left = "what is done is kept in " + folder.path_ + ": " + goes_on;
   TellIfLeft(folder.path_, left);
   if (folder.spill_ != folder.path_) TellIfLeft(folder.spill_, left);
   if (resume) {

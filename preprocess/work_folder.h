@@ -32,10 +32,11 @@ struct Note {
 class WorkFolder {
  public:
   /// `spill`: where large files go; empty: here. `command`: what the result depends on, as lines "NAME
-  /// VALUE". With `resume`, goes on with what lies there; without, begins anew. Errors: cannot be written; on
+  /// VALUE". With `resume`, goes on with what lies there; without, begins anew. `goes_on`: for the sentence
+  /// that names a folder that is left, how to go on. Errors: cannot be written; on
   /// resuming, was begun by another command (the first line that differs is named).
   static Result<WorkFolder> Open(const std::string& output, const std::string& spill,
-                                 const std::string& command, bool resume);
+                                 const std::string& command, bool resume, const std::string& goes_on);
   WorkFolder(WorkFolder&& other) noexcept;
   WorkFolder& operator=(WorkFolder&&) = delete;
   ~WorkFolder();

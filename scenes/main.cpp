@@ -8,7 +8,9 @@
 #include <functional>
 #include <limits>
 
+#include "common/base/command_line.h"
 #include "common/base/number.h"
+#include "common/base/version.h"
 #include "scenes/mesh_writer.h"
 #include "scenes/scene.h"
 
@@ -130,13 +132,7 @@ int main(int argc, char** argv) {
   quarry::scenes::Arguments arguments;
   CLI::App app("Writes procedural scenes of any size as PLY or OBJ files.", "quarry-scene");
   quarry::scenes::DeclareArguments(app, arguments);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::Success& help) {
-    return app.exit(help);
-  } catch (const CLI::Error& error) {
-    fmt::print(stderr, "quarry-scene: {}; see quarry-scene --help.\n", error.what());
-    return 2;
-  }
+  app.set_version_flag("--version", std::string("quarry-scene ") + quarry::kVersion);
+  if (const auto ended = quarry::ParseCommandLine(app, argc, argv)) return *ended;
   return quarry::scenes::Run(arguments);
 }

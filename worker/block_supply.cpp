@@ -28,7 +28,11 @@ BlockSupply::BlockSupply(boost::asio::io_context& io, const Catalog& catalog, co
 Result<std::unique_ptr<BlockSupply>> BlockSupply::Open(boost::asio::io_context& io, const Catalog& catalog,
                                                        const SupplyOptions& options, Holdings& holdings) {
   std::unique_ptr<BlockSupply> supply(new BlockSupply(io, catalog, options, holdings));
-  for (const std::string& text : options.sources) QUARRY_TRY(supply->Add(text, options));
+  for (const std::string& text : options.sources)
+    if (Status added = supply->Add(text, options); !added) {
+      added.error().message = fmt::format("--source {}: {}", text, added.error().message);
+      return tl::unexpected<Error>(added.error());
+    }
   if (options.sources.empty()) QUARRY_TRY(supply->Add("master", options));
   return supply;
 }

@@ -2,9 +2,9 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
-#include <thread>
 
 #include "common/base/cleanup.h"
+#include "common/base/command_line.h"
 #include "common/base/cpu_check.h"
 #include "common/base/number.h"
 #include "common/base/output_path.h"
@@ -72,9 +72,10 @@ int Main(int argc, char** argv) {
   InstallSignalHandlers("quarry-worker", "its tiles go to other workers");
   WorkerOptions options;
   Texts texts;
-  options.threads = std::max(1u, std::thread::hardware_concurrency());
-  options.name = fmt::format("worker-{}", ::getpid());
-  CLI::App app{"Renders tiles for a master, fetching voxels on demand into a cache of fixed size."};
+  options.threads = UsableProcessors();
+  options.name = fmt::format("{}-{}", HostName(), ::getpid());
+  CLI::App app{"Renders tiles for a master, fetching voxels on demand into a cache of fixed size.",
+               "quarry-worker"};
   app.footer(
       "Example:\n  quarry-worker --master 127.0.0.1:9000 --cache 512M --threads 4\n"
       "  quarry-worker --master 10.0.0.1:9000 --secret-file quarry.secret --source "
@@ -95,7 +96,7 @@ int Main(int argc, char** argv) {
       ->envname("QUARRY_THREADS")
       ->check(WholeNumber(1, 1024))
       ->capture_default_str();
-  app.add_option("--name", options.name, "Name in the master's log and statistics");
+  app.add_option("--name", options.name, "Name in the master's log and statistics (default: HOST-PID)");
   app.add_option("--source", options.sources,
                  "Where voxels come from, instead of what the master says; several share the load: master, "
                  "HOST:PORT, file:PATH, http://... or https://...")
@@ -121,10 +122,10 @@ int Main(int argc, char** argv) {
       ->capture_default_str();
   AddSecurityOptions(app, texts.security);
   app.add_flag("--quiet", options.quiet, "Print errors only");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
+  if (const auto ended = ParseCommandLine(app, argc, argv)) return *ended;
+  if (!texts.header_hosts.empty() && texts.http_header_file.empty() && texts.aws.empty()) {
+    fmt::print(stderr, "quarry-worker: --http-header-host has no effect without --http-header-file or --http-aws\n");
+    return 2;
   }
   const Status status = Run(options, texts);
   if (status) return 0;

@@ -24,6 +24,9 @@ namespace {
 namespace asio = boost::asio;
 using Clock = std::chrono::steady_clock;
 
+/// Without a new tile for so long, the log says that the worker waits.
+constexpr double kIdleS = 10;
+
 /// What exists once the scene is known, in the order it must be built; taken down in reverse.
 struct SceneState {
   SceneState(Catalog scene, const WorkerOptions& options, asio::io_context& io, Engine::OnTile on_tile)
@@ -184,7 +187,7 @@ class Session {
         status = Fail(fmt::format("the master sent a message of type {}, which is not for workers",
                                   static_cast<int>(m.type)));
     }
-    if (!status) End(std::move(status));
+    if (!status) GiveUp(status.error());
   }
 
   Status OnWelcome(const Message& m) {
@@ -195,6 +198,7 @@ class Session {
     worker_ = welcome.worker;
     if (sources_.empty()) sources_ = options_.sources.empty() ? welcome.sources : options_.sources;
     welcomed_ = was_welcomed_ = true;
+    Log(fmt::format("has joined the master at {}:{}", options_.master.host, options_.master.port));
     return {};
   }
 
@@ -233,7 +237,7 @@ class Session {
       }
     }
     scene->cache.UseFirst(std::move(memory_));
-    scene->Begin(std::move(supply), [this](const Error& e) { OnBlockError(e); });
+    scene->Begin(std::move(supply), [this](const Error& e) { GiveUp(e); });
     scene_ = std::move(scene);
     // Known only now: the port at which others are served.
     connection_->Send(MakeMessage(
@@ -265,6 +269,9 @@ class Session {
   Status OnTile(const Message& m) {
     if (!scene_) return Fail("the master gave a tile before it gave the scene");
     QUARRY_ASSIGN(const TileOrder order, DecodeTileOrder(m.table));
+    ++tiles_;
+    given_ = Clock::now();
+    if (!std::exchange(at_work_, true)) Log("is given work");
     scene_->supply->Expect(order);
     scene_->engine->AddTile(order);
     scene_->ScheduleLoader(io_);
@@ -331,6 +338,10 @@ class Session {
     if (std::chrono::duration<double>(now - std::exchange(looked_, now)).count() > kSilenceS / 2)
       heard_ = now;
     SendCounters(false);
+    if (at_work_ && SecondsSince(given_) > kIdleS) {
+      at_work_ = false;
+      Log(fmt::format("waits for work; {} tiles so far", tiles_));
+    }
     if (connection_ && !scene_) connection_->Send({MessageType::kPing, 0, {}, {}});
     if (connection_) {
       if (const uint64_t received = connection_->received_bytes(); received != received_) {
@@ -347,7 +358,8 @@ class Session {
     });
   }
 
-  void OnBlockError(const Error& error) {
+  /// Ends, once the master has heard why.
+  void GiveUp(const Error& error) {
     if (!connection_) return End(tl::unexpected<Error>(error));
     connection_->Send(MakeMessage(MessageType::kFailure, Failure{error.message}));
     // The master answers by closing the connection, when it has read that.
@@ -363,8 +375,11 @@ class Session {
   asio::steady_timer retry_, alive_;
   std::shared_ptr<Connection> connection_;
   bool welcomed_ = false, was_welcomed_ = false;
-  std::optional<Error> gives_up_;  ///< a block that cannot be had
+  std::optional<Error> gives_up_;  ///< why work cannot go on
   Clock::time_point lost_since_, heard_, looked_;
+  Clock::time_point given_;  ///< a tile, last
+  uint64_t tiles_ = 0;
+  bool at_work_ = false;  ///< as the log says
   uint64_t received_ = 0;  ///< bytes, when it last changed
   const uint64_t instance_;
   uint32_t worker_ = 0;  ///< the master's number for this one

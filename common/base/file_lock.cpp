@@ -13,6 +13,12 @@
 namespace quarry {
 
 Result<FileLock> FileLock::Take(const std::string& path, const std::string& holder) {
+  QUARRY_ASSIGN(std::optional<FileLock> lock, TryTake(path));
+  if (!lock) return Fail(fmt::format("{}: {} is writing it", path, holder));
+  return std::move(*lock);
+}
+
+Result<std::optional<FileLock>> FileLock::TryTake(const std::string& path) {
   std::string name = path + ".lock";
   const SignalsHeld held;
   for (;;) {
@@ -22,14 +28,14 @@ Result<FileLock> FileLock::Take(const std::string& path, const std::string& hold
       const int error = errno;
       ::close(fd);
       if (error == EINTR) continue;
-      if (error == EWOULDBLOCK) return Fail(fmt::format("{}: {} is writing it", path, holder));
+      if (error == EWOULDBLOCK) return std::nullopt;
       return Fail(fmt::format("{}: cannot lock: {}", name, ErrnoText(error)));
     }
     // The one before may have removed the file between our opening and locking it.
     struct stat locked {
     }, named{};
     if (::fstat(fd, &locked) == 0 && ::stat(name.c_str(), &named) == 0 && locked.st_ino == named.st_ino) {
-      if (S_ISREG(locked.st_mode) && locked.st_size == 0) return FileLock(std::move(name), fd);
+      if (S_ISREG(locked.st_mode) && locked.st_size == 0) return std::optional(FileLock(std::move(name), fd));
       ::close(fd);  // it goes with the lock, and this one is somebody's
       return BadUsage(
           fmt::format("{}: is there and is no lock of Quarry's, which would take its place; name "

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -15,6 +16,8 @@ class FileLock {
   /// Errors: another process holds it (named by `holder`, "another quarry-preprocess"); the folder cannot be
   /// written; (usage) a file of that name holds something.
   static Result<FileLock> Take(const std::string& path, const std::string& holder);
+  /// The same; nothing where another process holds it.
+  static Result<std::optional<FileLock>> TryTake(const std::string& path);
   FileLock(FileLock&& other) noexcept
       : name_(std::move(other.name_)),
         fd_(std::exchange(other.fd_, -1)),

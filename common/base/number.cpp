@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <charconv>
+#include <cmath>
 
 namespace quarry {
 namespace {
@@ -16,13 +17,24 @@ bool ParseWhole(std::string_view text, Whole& out) {
   return error == std::errc{} && rest == end;  // unsigned: a sign is none of its digits
 }
 
+/// "; write 1000000" where the text is such a number with a suffix, as sizes have.
+std::string Written(std::string_view text) {
+  const size_t suffix = std::string_view("kmg").find(text.empty() ? ' ' : static_cast<char>(text.back() | 0x20));
+  double value = 0;
+  const char* const end = text.data() + text.size();
+  const auto [rest, error] = std::from_chars(text.data(), end, value);
+  if (suffix == std::string_view::npos || error != std::errc{} || rest + 1 != end || !(value >= 0 && value < 1e9))
+    return "";
+  return fmt::format("; write {:.0f}", value * std::pow(1000.0, static_cast<double>(suffix + 1)));
+}
+
 }  // namespace
 
 NumberCheck WholeNumber(uint64_t least, uint64_t most) {
   return [=](const std::string& text) -> std::string {
     uint64_t value = 0;
     if (ParseWhole(text, value) && value >= least && value <= most) return "";
-    return fmt::format("'{}' is not a whole number from {} to {}", text, least, most);
+    return fmt::format("'{}' is not a whole number from {} to {}{}", text, least, most, Written(text));
   };
 }
 

@@ -1,6 +1,7 @@
 #include "common/base/progress.h"
 
 #include <fmt/format.h>
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include <cstdio>
@@ -9,10 +10,11 @@ namespace quarry {
 
 Progress::Progress(bool quiet) : quiet_(quiet), terminal_(::isatty(2) != 0) {}
 
-void Progress::Begin(std::string phase, std::string unit) {
+void Progress::Begin(std::string phase, std::string unit, uint64_t before) {
   End();
   phase_ = std::move(phase);
   unit_ = std::move(unit);
+  before_ = before;
   begun_ = shown_ = Clock::now();
   tenth_ = -1;
 }
@@ -21,11 +23,15 @@ std::string Progress::Details(uint64_t done, uint64_t total) const {
   // Of less than this neither rate nor estimate means much.
   constexpr double kLeastSeconds = 0.5, kLeastFraction = 0.005;
   const double elapsed = std::chrono::duration<double>(Clock::now() - begun_).count();
-  const double fraction = static_cast<double>(done) / static_cast<double>(total);
+  if (done <= before_ || total <= before_) return "";
+  const auto made = static_cast<double>(done - before_);
+  const double fraction = made / static_cast<double>(total - before_);
   if (elapsed < kLeastSeconds || fraction < kLeastFraction) return "";
   std::string text;
-  if (!unit_.empty())
-    text = fmt::format(", {:.2f} million {}/s", static_cast<double>(done) / elapsed * 1e-6, unit_);
+  if (unit_ == "bytes")
+    text = fmt::format(", {:.0f} MB/s", made / elapsed * 1e-6);
+  else if (!unit_.empty())
+    text = fmt::format(", {:.2f} million {}/s", made / elapsed * 1e-6, unit_);
   if (done < total) text += fmt::format(", about {:.0f} s left", elapsed * (1 - fraction) / fraction);
   return text;
 }
@@ -37,7 +43,7 @@ void Progress::Update(uint64_t done, uint64_t total) {
     const auto now = Clock::now();
     if (done < total && now - shown_ < std::chrono::milliseconds(200)) return;
     shown_ = now;
-    fmt::print(stderr, "\r{}: {:3.0f} %{} \033[K", phase_, fraction * 100, Details(done, total));
+    Show(fmt::format("{:3.0f} %{}", fraction * 100, Details(done, total)));
     open_ = true;
   } else if (const int tenth = static_cast<int>(fraction * 10); tenth > tenth_) {
     tenth_ = tenth;
@@ -45,8 +51,27 @@ void Progress::Update(uint64_t done, uint64_t total) {
   }
 }
 
+/// A line that a terminal breaks is not rewritten in place: the phase's name, which holds a path, gives way.
+void Progress::Show(const std::string& rest) {
+  winsize size{};
+  const size_t columns = ::ioctl(2, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
+  const size_t room = columns > rest.size() + 4 ? columns - rest.size() - 4 : 0;
+  std::string phase = phase_;
+  if (phase.size() > room) {
+    phase.resize(room > 3 ? room - 3 : 0);
+    while (!phase.empty() && (phase.back() & 0x80) != 0) phase.pop_back();  // no half of a letter
+    phase += room > 3 ? "..." : "";
+  }
+  std::string line = fmt::format("{}: {}", phase, rest);
+  if (line.size() + 2 > columns) line.resize(columns > 2 ? columns - 2 : 0);
+  fmt::print(stderr, "\r{} \033[K", line);
+}
+
 void Progress::End() {
-  if (open_) fmt::print(stderr, "\r{}: done \033[K\n", phase_);
+  if (open_) {
+    Show("done");
+    fmt::print(stderr, "\n");
+  }
   open_ = false;
 }
 

@@ -1,13 +1,16 @@
 #include "common/base/resource.h"
 
 #include <malloc.h>
+#include <sched.h>
 #include <sys/resource.h>
 #include <time.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <fstream>
 #include <string>
+#include <thread>
 
 namespace quarry {
 
@@ -35,25 +38,64 @@ uint64_t DescriptorLimit() {
   return ::getrlimit(RLIMIT_NOFILE, &limit) == 0 ? limit.rlim_cur : 1024;
 }
 
-uint64_t MemoryLimitBytes() {
-  uint64_t bytes =
-      static_cast<uint64_t>(::sysconf(_SC_PHYS_PAGES)) * static_cast<uint64_t>(::sysconf(_SC_PAGE_SIZE));
-  // The limits of the process's group and of all above it, by either version of cgroups.
+namespace {
+
+/// Calls `look(folder, v2)` with the folder of this process's group for `controller`, and of every group above
+/// it, by either version of cgroups.
+template <class Look>
+void ForEachGroup(const std::string& controller, Look look) {
   std::ifstream membership("/proc/self/cgroup");
   std::string line;
   while (std::getline(membership, line)) {
-    const size_t memory = line.find(":memory:");
-    const bool v2 = line.rfind("0::", 0) == 0;
-    if (!v2 && memory == std::string::npos) continue;
-    const std::string root = v2 ? "/sys/fs/cgroup" : "/sys/fs/cgroup/memory";
-    const std::string file = v2 ? "/memory.max" : "/memory.limit_in_bytes";
-    for (std::string group = line.substr(v2 ? 3 : memory + 8);; group.resize(group.rfind('/'))) {
-      uint64_t limit = 0;  // "max" is no number
-      if (std::ifstream(root + group + file) >> limit) bytes = std::min(bytes, limit);
+    // "4:cpu,cpuacct:/group", or "0::/group" of version 2
+    const size_t first = line.find(':'), second = line.find(':', first + 1);
+    if (first == std::string::npos || second == std::string::npos) continue;
+    const std::string controllers = "," + line.substr(first + 1, second - first - 1) + ",";
+    const bool v2 = controllers == ",,";
+    if (!v2 && controllers.find("," + controller + ",") == std::string::npos) continue;
+    const std::string root = v2 ? "/sys/fs/cgroup" : "/sys/fs/cgroup/" + controller;
+    for (std::string group = line.substr(second + 1);; group.resize(group.rfind('/'))) {
+      look(root + group, v2);
       if (group.find('/') == std::string::npos) break;
     }
   }
+}
+
+}  // namespace
+
+uint64_t MemoryLimitBytes() {
+  uint64_t bytes =
+      static_cast<uint64_t>(::sysconf(_SC_PHYS_PAGES)) * static_cast<uint64_t>(::sysconf(_SC_PAGE_SIZE));
+  ForEachGroup("memory", [&](const std::string& group, bool v2) {
+    uint64_t limit = 0;  // "max" is no number
+    if (std::ifstream(group + (v2 ? "/memory.max" : "/memory.limit_in_bytes")) >> limit)
+      bytes = std::min(bytes, limit);
+  });
   return bytes;
+}
+
+unsigned UsableProcessors() {
+  auto processors = static_cast<double>(std::max(1u, std::thread::hardware_concurrency()));
+  // Of 8,192 processors at most; where there are more, all count.
+  cpu_set_t bound[8];
+  if (::sched_getaffinity(0, sizeof bound, bound) == 0)
+    processors = static_cast<double>(CPU_COUNT_S(sizeof bound, bound));
+  ForEachGroup("cpu", [&](const std::string& group, bool v2) {
+    double quota = 0, period = 100000;  // microseconds; "max" and -1: none
+    std::ifstream first(group + (v2 ? "/cpu.max" : "/cpu.cfs_quota_us"));
+    if (!(first >> quota) || quota <= 0) return;
+    if (v2)
+      first >> period;
+    else
+      std::ifstream(group + "/cpu.cfs_period_us") >> period;
+    if (period > 0) processors = std::min(processors, quota / period);
+  });
+  return std::max(1u, static_cast<unsigned>(std::ceil(processors)));
+}
+
+std::string HostName() {
+  char name[256] = {};
+  return ::gethostname(name, sizeof name - 1) == 0 && *name ? name : "localhost";
 }
 
 uint64_t ThreadTimeUs() {

@@ -3,6 +3,7 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <string>
 
 namespace quarry {
 
@@ -17,6 +18,13 @@ uint64_t DescriptorLimit();
 
 /// Bytes of memory that this process may use: the machine's, or less where its cgroup has a limit.
 uint64_t MemoryLimitBytes();
+
+/// Processors that this process may use: those it is bound to (sched_setaffinity), or fewer where its cgroup
+/// has a quota (rounded up). At least 1.
+unsigned UsableProcessors();
+
+/// The machine's name in its network.
+std::string HostName();
 
 /// Microseconds of processor time that the calling thread has had.
 uint64_t ThreadTimeUs();

@@ -3,22 +3,32 @@
 #include <fmt/format.h>
 
 #include <charconv>
+#include <cmath>
 
 namespace quarry {
+namespace {
+
+/// Of "K", "M", "G", "T" in either case, with or without "B" or "iB"; "B" and nothing are bytes; else 0.
+double UnitOf(std::string_view suffix) {
+  if (suffix.ends_with('B') || suffix.ends_with('b')) suffix.remove_suffix(1);
+  const bool binary = suffix.size() == 2 && suffix.ends_with('i');
+  if (binary) suffix.remove_suffix(1);
+  if (suffix.empty()) return 1;
+  const size_t power = std::string_view("kmgt").find(static_cast<char>(suffix[0] | 0x20));
+  if (suffix.size() != 1 || power == std::string_view::npos) return 0;
+  return std::exp2(10.0 * static_cast<double>(power + 1));
+}
+
+}  // namespace
 
 Result<uint64_t> ParseSize(std::string_view text, std::string_view what) {
   double value = 0;
   const char* end = text.data() + text.size();
   auto [rest, ec] = std::from_chars(text.data(), end, value);
-  std::string_view suffix(rest, static_cast<size_t>(end - rest));
-  double unit = 0;
-  if (suffix.empty()) unit = 1;
-  if (suffix == "K") unit = 1024.0;
-  if (suffix == "M") unit = 1024.0 * 1024;
-  if (suffix == "G") unit = 1024.0 * 1024 * 1024;
+  const double unit = UnitOf({rest, static_cast<size_t>(end - rest)});
   if (ec != std::errc{} || unit == 0 || !(value >= 0) || value * unit > 4.6e18)
     return BadUsage(
-        fmt::format("{} is not a size: '{}' (give bytes, or a number with K, M or G)", what, text));
+        fmt::format("{} is not a size: '{}' (give bytes, or a number with K, M, G or T)", what, text));
   return static_cast<uint64_t>(value * unit);
 }
 

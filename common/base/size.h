@@ -8,7 +8,8 @@
 
 namespace quarry {
 
-/// Bytes from "256M", "1G", "64K" or "4096" (K, M, G are powers of 2; fractions such as "1.5G" are taken).
+/// Bytes from "256M", "1G", "64k", "512MB", "2TiB" or "4096" (K, M, G, T are powers of 2 however they are
+/// written; fractions such as "1.5G" are taken).
 /// Errors (usage): not a number, another suffix, negative, beyond 2^62; the sentence names `what`.
 Result<uint64_t> ParseSize(std::string_view text, std::string_view what);
 

@@ -34,6 +34,13 @@ Status CheckCamera(const CameraSpec& c) {
 
 }  // namespace
 
+std::string Describe(const RenderJob& job) {
+  const auto plural = [](size_t n) { return n == 1 ? "" : "s"; };
+  return fmt::format("{} frame{} of {}x{}, {}, {} sample{} a pixel, {}", job.cameras.size(),
+                     plural(job.cameras.size()), job.width, job.height,
+                     kRenderModeNames[static_cast<size_t>(job.mode)], job.spp, plural(job.spp), job.format);
+}
+
 uint32_t WordsPerPixel(uint32_t aov_mask) {
   uint32_t words = 3;
   for (int a = 0; a < kAovs; ++a)
@@ -75,7 +82,11 @@ Status NormalizeJob(RenderJob& job) {
     return BadUsage("ambient and background must be >= 0");
   if (job.cameras.empty() || job.cameras.size() > kMaxFrames)
     return BadUsage(fmt::format("between 1 and {} frames can be rendered", kMaxFrames));
-  for (const CameraSpec& camera : job.cameras) QUARRY_TRY(CheckCamera(camera));
+  for (size_t i = 0; i < job.cameras.size(); ++i)
+    if (const Status right = CheckCamera(job.cameras[i]); !right) {
+      if (job.cameras.size() == 1 && job.first_frame == 0) return right;
+      return BadUsage(fmt::format("frame {}: {}", job.first_frame + i, right.error().message));
+    }
   return {};
 }
 

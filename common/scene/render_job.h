@@ -11,6 +11,8 @@ namespace quarry {
 
 enum class RenderMode : uint8_t { kRaycast = 0, kShadow = 1, kWhitted = 2, kVoxels = 3 };
 inline constexpr int kRenderModes = 4;
+/// Names as in --mode.
+inline constexpr const char* kRenderModeNames[kRenderModes] = {"raycast", "shadow", "whitted", "voxels"};
 
 /// Layers beside the colour, in the order they are stored for a pixel.
 enum class Aov : uint8_t { kDepth, kNormal, kUv, kPrimitive, kMaterial, kPart, kVoxel };
@@ -69,6 +71,9 @@ inline constexpr uint32_t kTileSize = 32;
 
 /// 32-bit words a pixel takes in tiles and frames: colour first (3 floats), then the AOVs in order.
 uint32_t WordsPerPixel(uint32_t aov_mask);
+
+/// "60 frames of 1024x768, whitted, 4 samples a pixel, png": for logs.
+std::string Describe(const RenderJob& job);
 
 /// Fills in a whole-image crop. Errors (usage): sizes, counts, directions or modes out of range; one
 /// sentence.

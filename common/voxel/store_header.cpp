@@ -36,9 +36,9 @@ Extent BlocksOf(const Catalog& catalog) {
 uint64_t StoreHeader::table_bytes() const { return sections * kSectionEntryBytes; }
 
 Result<StoreHeader> DecodeStoreHeader(std::span<const std::byte> bytes, const std::string& name) {
-  if (bytes.size() < kStoreHeaderBytes) return Refuse("{}: not a Quarry scene store (too short)", name);
   if (AsText(bytes).substr(0, kStoreMagic.size()) != kStoreMagic)
-    return Refuse("{}: not a Quarry scene store", name);
+    return Refuse("{}: not a Quarry scene store; quarry-preprocess makes one of a model", name);
+  if (bytes.size() < kStoreHeaderBytes) return Refuse("{}: not a Quarry scene store (too short)", name);
   ByteReader in(bytes.first(kStoreHeaderBytes).subspan(kStoreMagic.size()));
   StoreHeader header;
   const auto version = in.Get<uint32_t>();

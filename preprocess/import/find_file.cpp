@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "preprocess/import/file_identity.h"
+
 namespace quarry {
 namespace {
 
@@ -29,7 +31,7 @@ fs::path FindFile(const fs::path& folder, const std::string& name) {
   if (name.empty() || name.find('\0') != std::string::npos) return {};
   const std::string slashed = Slashed(name);
   for (const fs::path& candidate : {folder / name, folder / slashed, folder / fs::path(slashed).filename()})
-    if (IsFile(candidate)) return candidate;
+    if (NoteModelFile(candidate.string()); IsFile(candidate)) return candidate;
   return {};
 }
 

@@ -160,6 +160,7 @@ Result<GltfDocument::Buffer> GltfDocument::OpenBuffer(uint64_t index) {
       name.find('\0') != std::string::npos)
     return named(
         fmt::format("the uri {} leads out of the model's folder, where buffers must lie", Quoted(name)));
+  NoteModelFile(file.string());
   auto opened = InputFile::Open(file.string());
   if (!opened) return tl::unexpected<Error>(opened.error());
   buffer.size = opened->size();

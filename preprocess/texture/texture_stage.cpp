@@ -70,7 +70,7 @@ Status TextureStage::Run(StoreWriter& writer, Progress& progress,
   if (images_.empty()) return {};
   const auto start = Clock::now();
   auto noted = start;
-  progress.Begin(fmt::format("carrying {} images", images_.size()));
+  progress.Begin(fmt::format("carrying {} images", images_.size()), "", numbers_.size());
   for (size_t i = numbers_.size(); i < images_.size(); ++i) {
     QUARRY_TRY(Carry(images_[i], writer));
     progress.Update(i + 1, images_.size());

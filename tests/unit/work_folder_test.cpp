@@ -35,7 +35,7 @@ std::vector<std::string> DeletedFrom(const std::string& folder, Act act) {
 }
 
 WorkFolder OpenFor(const TemporaryFolder& folder, bool resume) {
-  auto work = WorkFolder::Open(folder.file("x.quarry"), "", "--voxel-size 1", resume);
+  auto work = WorkFolder::Open(folder.file("x.quarry"), "", "--voxel-size 1", resume, "go on");
   REQUIRE(work);
   return std::move(*work);
 }

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+
+namespace CLI {
+class App;
+}
+
+namespace quarry {
+
+/// Parses the arguments of a program whose app bears its name. --help and --version are answered on standard
+/// output, what is wrong in one sentence on standard error: with the program's name, and, where an option or
+/// a command is mistyped, with the one that comes nearest.
+/// Returns: the exit status to end with (0 or 2), or nothing where the program is to go on.
+std::optional<int> ParseCommandLine(CLI::App& app, int argc, char** argv);
+
+/// Two options of which the first has no effect where the second is given, and why.
+struct NoEffect {
+  const char* option;
+  const char* beside;
+};
+
+/// Refuses (in ParseCommandLine) an option that has no effect beside another. What the environment says is
+/// refused nowhere: it is said for many commands.
+void RefuseWithoutEffect(CLI::App& command, std::span<const NoEffect> rules);
+
+/// What option of `command` was typed, by its long name ("--eye"); what comes from the environment was not.
+bool WasTyped(const CLI::App& command, const char* option);
+
+/// The candidate that `text` was probably meant to be; empty when none comes near.
+std::string Nearest(const std::string& text, std::span<const std::string> candidates);
+
+}  // namespace quarry

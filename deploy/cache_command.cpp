@@ -1,0 +1,83 @@
+#include "deploy/cache_command.h"
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
+
+#include "common/base/size.h"
+#include "deploy/model_cache.h"
+
+namespace quarry {
+namespace {
+
+Status List(bool as_json) {
+  QUARRY_ASSIGN(const std::vector<KeptStore> kept, ListKeptStores());
+  QUARRY_ASSIGN(const uint64_t limit, KeptStoresLimit());
+  uint64_t bytes = 0;
+  for (const KeptStore& store : kept) bytes += store.bytes;
+  if (as_json) {
+    nlohmann::ordered_json j = {{"folder", CacheFolder()}, {"bytes", bytes}, {"limit_bytes", limit}};
+    j["stores"] = nlohmann::ordered_json::array();
+    for (const KeptStore& s : kept)
+      j["stores"].push_back({{"store", s.path},
+                             {"model", s.model},
+                             {"bytes", s.bytes},
+                             {"used_s", s.used_s},
+                             {"finished", s.finished}});
+    fmt::print("{}\n", j.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace));
+    return {};
+  }
+  for (const KeptStore& s : kept)
+    fmt::print("{:>9}  {:%Y-%m-%d %H:%M}  {}{}\n", FormatSize(s.bytes), fmt::localtime(s.used_s),
+               s.model.empty() ? s.path : s.model, s.finished ? "" : " (unfinished)");
+  fmt::print("{}: {} store{}, {}{}\n", CacheFolder(), kept.size(), kept.size() == 1 ? "" : "s", FormatSize(bytes),
+             limit ? fmt::format(" of {} at most", FormatSize(limit)) : ", no limit");
+  return {};
+}
+
+Status Shrink(uint64_t most) {
+  QUARRY_ASSIGN(const std::vector<KeptStore> gone, ShrinkKeptStores(most));
+  uint64_t bytes = 0;
+  for (const KeptStore& store : gone) bytes += store.bytes;
+  fmt::print("{}: removed {} store{}, {}\n", CacheFolder(), gone.size(), gone.size() == 1 ? "" : "s",
+             FormatSize(bytes));
+  return {};
+}
+
+Status Limit(const std::string& text) {
+  if (text.empty()) {
+    QUARRY_ASSIGN(const uint64_t limit, KeptStoresLimit());
+    fmt::print("{}\n", limit ? FormatSize(limit) : "no limit");
+    return {};
+  }
+  uint64_t bytes = 0;
+  if (text != "none") {
+    QUARRY_ASSIGN(bytes, ParseSize(text, "the limit"));
+  }
+  QUARRY_TRY(SetKeptStoresLimit(bytes));
+  return bytes ? Shrink(bytes) : Status{};
+}
+
+}  // namespace
+
+void AddCacheCommands(CLI::App& c, CacheArguments& a) {
+  c.require_subcommand(1);
+  c.footer(
+      "A model that is rendered is made into a store, which is kept in $QUARRY_CACHE_DIR, else "
+      "$XDG_CACHE_HOME/quarry, else ~/.cache/quarry.\n"
+      "Examples:\n  quarry cache list\n  quarry cache limit 20G\n  quarry cache clear");
+  auto* list = c.add_subcommand("list", "Tell which stores are kept, the least recently used first");
+  list->add_flag("--json", a.json, "As JSON");
+  auto* limit = c.add_subcommand("limit", "Tell or set the most bytes kept; the least recently used go first");
+  limit->add_option("bytes", a.limit, "A size such as 20G, or none");
+  c.add_subcommand("clear", "Remove all that is kept");
+}
+
+Status RunCacheCommand(const CLI::App& c, const CacheArguments& a) {
+  if (c.got_subcommand("list")) return List(a.json);
+  return c.got_subcommand("limit") ? Limit(a.limit) : Shrink(0);
+}
+
+}  // namespace quarry
