@@ -24,13 +24,13 @@ Status List(bool as_json) {
       j["stores"].push_back({{"store", s.path},
                              {"model", s.model},
                              {"bytes", s.bytes},
-                             {"used_s", s.used_s},
+                             {"used_s", static_cast<double>(s.used_ns) * 1e-9},
                              {"finished", s.finished}});
     fmt::print("{}\n", j.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace));
     return {};
   }
   for (const KeptStore& s : kept)
-    fmt::print("{:>9}  {:%Y-%m-%d %H:%M}  {}{}\n", FormatSize(s.bytes), fmt::localtime(s.used_s),
+    fmt::print("{:>9}  {:%Y-%m-%d %H:%M}  {}{}\n", FormatSize(s.bytes), fmt::localtime(s.used_ns / 1000000000),
                s.model.empty() ? s.path : s.model, s.finished ? "" : " (unfinished)");
   fmt::print("{}: {} store{}, {}{}\n", CacheFolder(), kept.size(), kept.size() == 1 ? "" : "s", FormatSize(bytes),
              limit ? fmt::format(" of {} at most", FormatSize(limit)) : ", no limit");

@@ -49,6 +49,8 @@ std::string KeptName(const std::string& model) {
 /// What the preprocessor wrote beside a store: of which files it is made.
 std::string RecordOf(const std::string& store) { return store + ".json"; }
 
+int64_t Nanoseconds(const timespec& time) { return int64_t{time.tv_sec} * 1000000000 + time.tv_nsec; }
+
 /// Whether a file is as a record says that it was.
 bool IsAsRecorded(const json& input) {
   const auto file = input.find("file"), there = input.find("there");
@@ -57,7 +59,7 @@ bool IsAsRecorded(const json& input) {
   if (::stat(file->get_ref<const std::string&>().c_str(), &info) != 0) return !there->get<bool>();
   const auto bytes = input.find("bytes"), changed = input.find("changed_ns");
   return there->get<bool>() && bytes != input.end() && *bytes == static_cast<uint64_t>(info.st_size) &&
-         changed != input.end() && *changed == int64_t{info.st_mtim.tv_sec} * 1000000000 + info.st_mtim.tv_nsec;
+         changed != input.end() && *changed == Nanoseconds(info.st_mtim);
 }
 
 /// Whether a store is there, made of files that are all as they were.
@@ -181,13 +183,13 @@ Result<std::vector<KeptStore>> ListKeptStores() {
     for (const std::string& file : {path, RecordOf(path)})
       if (::stat(file.c_str(), &info) == 0) {
         store.bytes += static_cast<uint64_t>(info.st_size);
-        store.used_s = std::max<int64_t>(store.used_s, info.st_mtim.tv_sec);
+        store.used_ns = std::max(store.used_ns, Nanoseconds(info.st_mtim));
       }
     store.bytes += BytesIn(path + ".work");
-    if (!store.finished && ::stat((path + ".work").c_str(), &info) == 0) store.used_s = info.st_mtim.tv_sec;
+    if (!store.finished && ::stat((path + ".work").c_str(), &info) == 0) store.used_ns = Nanoseconds(info.st_mtim);
     kept.push_back(std::move(store));
   }
-  std::ranges::stable_sort(kept, {}, &KeptStore::used_s);
+  std::ranges::stable_sort(kept, {}, &KeptStore::used_ns);
   return kept;
 }
 

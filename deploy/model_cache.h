@@ -27,7 +27,7 @@ struct KeptStore {
   std::string path;
   std::string model;      ///< empty: unknown
   uint64_t bytes = 0;     ///< with what lies beside it
-  int64_t used_s = 0;     ///< when it was last used, since 1970
+  int64_t used_ns = 0;    ///< when it was last used, since 1970
   bool finished = true;
 };
 

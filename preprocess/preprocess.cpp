@@ -7,6 +7,7 @@
 #include <memory>
 #include <numeric>
 #include <optional>
+#include <utility>
 
 #include "common/base/cleanup.h"
 #include "common/base/file_lock.h"
@@ -89,7 +90,13 @@ class Import {
 
   Result<ImportedScene> Run() {
     for (size_t i = models_; i < options_.models.size(); ++i) {
-      progress_.Say(fmt::format("reading {}", options_.models[i]));
+      const std::string reading = fmt::format("reading {}", options_.models[i]);
+      progress_.Say(reading);
+      // What an earlier run has read of it is passed over at once.
+      sink_.OnRead([&, begun = false](uint64_t done, uint64_t total) mutable {
+        if (!std::exchange(begun, true)) progress_.Begin(reading, "bytes", done);
+        progress_.Update(done, total);
+      });
       if (!sink_.in_file()) identities_ += FileIdentity(options_.models[i]) + '\n';
       const auto placement = options_.placements.find(options_.models[i]);
       sink_.Place(placement == options_.placements.end() ? Placement{} : placement->second,
@@ -97,6 +104,7 @@ class Import {
       QUARRY_TRY(ImportModel(options_.models[i], sink_,
                              ForeignFormatsOf(options_, work_.spill_folder() + "/foreign"),
                              options_.unpack_limit));
+      progress_.End();
       ++models_;
       const bool last = models_ == options_.models.size();
       if ((last ? sink_.spills() : SecondsSince(noted_at_) >= options_.checkpoint_seconds) ||

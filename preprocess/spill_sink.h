@@ -70,6 +70,9 @@ class SpillSink final : public ModelSink {
   /// made.
   void NoteEvery(double seconds, std::function<Status()> note);
 
+  /// As a file is read, `told` is called with the bytes read of it, and those that it has.
+  void OnRead(std::function<void(uint64_t done, uint64_t total)> told) { on_read_ = std::move(told); }
+
   /// For the files that begin after this. `up_axis`: 1 or 2.
   void Place(const Placement& placement, int up_axis);
 
@@ -87,6 +90,9 @@ class SpillSink final : public ModelSink {
   Status AddUv(const glm::vec2& uv) override;
   Status AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t part) override;
   void Warn(std::string message) override;
+  void HasRead(uint64_t done, uint64_t total) override {
+    if (on_read_) on_read_(done, total);
+  }
   void ReadsOnce() override { reads_once_ = true; }
   bool CheckpointDue() override;
   Status Checkpoint(const Bytes& state) override;
@@ -123,6 +129,7 @@ class SpillSink final : public ModelSink {
     glm::vec3 position;
     uint32_t color;
   };
+  std::function<void(uint64_t, uint64_t)> on_read_;
   std::string FilePath(const char* stream) const;
   std::string TrianglesPath() const;
   Status Note();

@@ -4,6 +4,7 @@
 #include <sys/ioctl.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdio>
 
 namespace quarry {
@@ -43,7 +44,7 @@ void Progress::Update(uint64_t done, uint64_t total) {
     const auto now = Clock::now();
     if (done < total && now - shown_ < std::chrono::milliseconds(200)) return;
     shown_ = now;
-    Show(fmt::format("{:3.0f} %{}", fraction * 100, Details(done, total)));
+    Show(fmt::format("{:3.0f} %", fraction * 100), Details(done, total));
     open_ = true;
   } else if (const int tenth = static_cast<int>(fraction * 10); tenth > tenth_) {
     tenth_ = tenth;
@@ -51,20 +52,21 @@ void Progress::Update(uint64_t done, uint64_t total) {
   }
 }
 
-/// A line that a terminal breaks is not rewritten in place: the phase's name, which holds a path, gives way.
-void Progress::Show(const std::string& rest) {
+/// A line that a terminal breaks is not rewritten in place. First the details give way, then the phase's name,
+/// which holds a path.
+void Progress::Show(const std::string& state, const std::string& details) {
   winsize size{};
-  const size_t columns = ::ioctl(2, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
-  const size_t room = columns > rest.size() + 4 ? columns - rest.size() - 4 : 0;
-  std::string phase = phase_;
-  if (phase.size() > room) {
-    phase.resize(room > 3 ? room - 3 : 0);
+  size_t columns = ::ioctl(2, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
+  columns -= std::min<size_t>(columns, 1);  // the cursor's
+  std::string line = fmt::format("{}: {}{}", phase_, state, details);
+  if (line.size() > columns) line = fmt::format("{}: {}", phase_, state);
+  if (line.size() > columns) {
+    const size_t room = columns - std::min(columns, state.size() + 5);
+    std::string phase = phase_.substr(0, room);
     while (!phase.empty() && (phase.back() & 0x80) != 0) phase.pop_back();  // no half of a letter
-    phase += room > 3 ? "..." : "";
+    line = fmt::format("{}...: {}", phase, state).substr(0, columns);
   }
-  std::string line = fmt::format("{}: {}", phase, rest);
-  if (line.size() + 2 > columns) line.resize(columns > 2 ? columns - 2 : 0);
-  fmt::print(stderr, "\r{} \033[K", line);
+  fmt::print(stderr, "\r{}\033[K", line);
 }
 
 void Progress::End() {

@@ -25,7 +25,7 @@ class Progress {
  private:
   using Clock = std::chrono::steady_clock;
   std::string Details(uint64_t done, uint64_t total) const;
-  void Show(const std::string& rest);
+  void Show(const std::string& state, const std::string& details = "");
 
   bool quiet_, terminal_;
   std::string phase_, unit_;

@@ -62,6 +62,7 @@ Status ImportModel(const std::string& path, ModelSink& sink, const ForeignFormat
   QUARRY_TRY(sink.BeginFile(name));
   if (sink.HasAll()) return sink.EndFile();
   if (import == nullptr || !bytes.can_reopen()) sink.ReadsOnce();
+  bytes.OnRead([&sink](uint64_t done, uint64_t total) { sink.HasRead(done, total); });
   if (import == nullptr) {
     WarnOfMemory(path, foreign.memory, sink);
     QUARRY_ASSIGN(const ForeignModel converted, ForeignModel::Convert(path, foreign));

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -31,6 +32,10 @@ class ModelReader {
   ~ModelReader();
   ModelReader(ModelReader&& other) noexcept;
   ModelReader& operator=(ModelReader&&) = delete;
+
+  /// From now on `told` is called as reading goes on (some 1 MiB apart): bytes of the file as it lies there,
+  /// and how many it has. Not for standard input, whose end is not known.
+  void OnRead(std::function<void(uint64_t done, uint64_t total)> told);
 
   /// For sentences: the path, or "standard input".
   const std::string& path() const { return path_; }
@@ -74,11 +79,13 @@ class ModelReader {
   ModelReader(std::string path, int fd);
   bool Refill(size_t count);
   size_t Read(std::span<char> out);
+  void Tell() const;
   size_t ReadPacked(std::span<char> out);
   bool MayUnpack(size_t more);
 
   std::string path_;
   int fd_;
+  std::function<void(uint64_t, uint64_t)> told_;
   uint64_t size_ = kNoSize;
   std::unique_ptr<char[]> buffer_;
   size_t begin_ = 0, end_ = 0;

@@ -70,6 +70,8 @@ class ModelSink {
   /// One line for the person at the terminal, and counted in the statistics (a missing MTL, say).
   virtual void Warn(std::string message) = 0;
 
+  /// How far into the file its reader is, in bytes; for progress.
+  virtual void HasRead(uint64_t /*done*/, uint64_t /*total*/) {}
   /// After BeginFile: the file cannot be read a second time, or not to the same effect, so that checkpoints
   /// would be of no use.
   virtual void ReadsOnce() {}
