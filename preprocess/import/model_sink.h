@@ -22,7 +22,7 @@ struct Corner {
   uint32_t uv = kNoIndex;
 };
 
-/// Eight-bit sRGB-free vertex colour: value / 255 multiplies the material's diffuse, linear.
+/// A colour of a vertex or face, linear: value / 255 multiplies the material's diffuse.
 struct Rgba8 {
   uint8_t r = 255, g = 255, b = 255, a = 255;
 };

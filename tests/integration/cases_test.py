@@ -119,7 +119,7 @@ TABLE = {
     "obj_crlf_continuation": Model(**SQUARE),
     # The file is a material library; the model beside it names it.
     "obj_d1_Tr1": colored(RED, mode="whitted", pixels={(0.5, 0.5): (242, 0, 0)}),
-    "obj_mrgb": colored(RED),
+    "obj_mrgb": [colored(RED), Model(warns="MRGB")],
     "obj_mtllib_case": [colored(RED), Model(warns="obj_case.mtl")],
     "obj_mtllib_spaces": colored(None, materials=["Red", "Green"], pixels={(0.75, 0.25): RED, (0.25, 0.75): GREEN}),
     "obj_trailing_nul": [Model(**SQUARE), Sentence("zero byte")],
