@@ -1,17 +1,17 @@
 #include "scenes/mesh_writer.h"
 
-#include <array>
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cctype>
 #include <filesystem>
 #include <initializer_list>
 #include <string_view>
 
 #include "common/base/output_path.h"
-#include "common/scene/material_json.h"
 #include "common/math/elementary.h"
+#include "common/scene/material_json.h"
 #include "scenes/obj_writer.h"
 #include "scenes/ply_writer.h"
 

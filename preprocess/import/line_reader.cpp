@@ -18,7 +18,8 @@ bool IsContinued(std::string_view line) {
 bool IsCommentOrName(std::string_view line) {
   if (line.starts_with('#')) return true;
   const std::string_view word = TextCursor(line).Word();
-  return word == "g" || word == "o" || EqualsIgnoringCase(word, "usemtl") || EqualsIgnoringCase(word, "newmtl");
+  return word == "g" || word == "o" || EqualsIgnoringCase(word, "usemtl") ||
+         EqualsIgnoringCase(word, "newmtl");
 }
 
 }  // namespace
@@ -33,7 +34,8 @@ bool LineReader::TakeLine(std::string_view seen, size_t searched, std::string_vi
   // The other end may come before; CR before LF belongs to it.
   const char other = end_ == '\n' ? '\r' : '\n';
   const void* earlier = line.empty() ? nullptr : std::memchr(line.data(), other, line.size());
-  const auto at = earlier != nullptr ? static_cast<size_t>(static_cast<const char*>(earlier) - line.data()) : line.size();
+  const auto at =
+      earlier != nullptr ? static_cast<size_t>(static_cast<const char*>(earlier) - line.data()) : line.size();
   if (found != nullptr && (earlier == nullptr || (other == '\r' && at + 1 == line.size()))) {
     bytes_.Consume(line.size() + 1);
     line = line.substr(0, at);

@@ -93,6 +93,8 @@ Result<uint64_t> ObjFile::Import() {
     if (!more) break;
     QUARRY_TRY(Line(line));
   }
+  if (positions_.count != 0 && triangles_ + short_faces_ == 0)
+    return NoFaces(bytes_.path(), positions_.count);
   QUARRY_TRY(CheckRange(positions_));
   WarnOfDangling(normals_);
   WarnOfDangling(uvs_);

@@ -22,6 +22,14 @@ namespace {
 
 constexpr uint64_t kRowsPerLook = 256;  // whether a checkpoint is due
 
+bool HasNoFaces(const PlyHeader& header) {
+  const auto has = [&](const char* name) {
+    const PlyElement* element = header.Find(name);
+    return element != nullptr && element->count != 0;
+  };
+  return !has("face") && !has("tristrips");
+}
+
 /// What material_index and part_index stand for in the scene; `wanted` if the file has the property and the
 /// list.
 struct IndexTable {
@@ -109,6 +117,13 @@ Result<uint64_t> PlyBody<Source>::Import() {
   if (vertex == nullptr) return source_.FailHere("the PLY header has no element \"vertex\"");
   vertex_count_ = vertex->count;
   const PlyPlan plan = PlanVertex(*vertex);
+  if (HasNoFaces(header_) &&
+      std::ranges::find(vertex->properties, "f_dc_0", &PlyProperty::name) != vertex->properties.end())
+    return Fail(
+        fmt::format("{}: holds {} Gaussian splats and no faces: there is no surface to trace; make a mesh of "
+                    "them first",
+                    path_, vertex_count_));
+  if (HasNoFaces(header_) && vertex_count_ != 0) return NoFaces(path_, vertex_count_);
   if (!plan.Has(kX, kZ)) return source_.FailHere("the element \"vertex\" lacks x, y or z");
   has_normals_ = plan.Has(kNx, kNz);
   has_uvs_ = plan.Has(kU, kV);
@@ -129,9 +144,8 @@ Result<uint64_t> PlyBody<Source>::Import() {
 
 template <typename Source>
 void PlyBody<Source>::Save(ByteWriter& out) const {
-  for (const uint64_t n :
-       {source_.bytes().offset(), source_.line(), uint64_t{element_}, row_number_, triangles_, short_faces_,
-                           long_rows_})
+  for (const uint64_t n : {source_.bytes().offset(), source_.line(), uint64_t{element_}, row_number_,
+                           triangles_, short_faces_, long_rows_})
     out.Put(n);
   materials_.Save(out);
   parts_.Save(out);

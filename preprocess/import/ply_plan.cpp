@@ -38,10 +38,19 @@ constexpr SlotName kVertexSlots[] = {{"x", kX},
                                      {"texture_v", kV},
                                      {"texture_s", kU},
                                      {"texture_t", kV}};
-constexpr SlotName kFaceSlots[] = {{"material_index", kMaterial}, {"part_index", kPart},
-                                   {"red", kRed},   {"green", kGreen}, {"blue", kBlue}, {"alpha", kAlpha},
-                                   {"r", kRed},     {"g", kGreen},     {"b", kBlue},    {"a", kAlpha},
-                                   {"diffuse_red", kRed}, {"diffuse_green", kGreen}, {"diffuse_blue", kBlue},
+constexpr SlotName kFaceSlots[] = {{"material_index", kMaterial},
+                                   {"part_index", kPart},
+                                   {"red", kRed},
+                                   {"green", kGreen},
+                                   {"blue", kBlue},
+                                   {"alpha", kAlpha},
+                                   {"r", kRed},
+                                   {"g", kGreen},
+                                   {"b", kBlue},
+                                   {"a", kAlpha},
+                                   {"diffuse_red", kRed},
+                                   {"diffuse_green", kGreen},
+                                   {"diffuse_blue", kBlue},
                                    {"diffuse_alpha", kAlpha}};
 
 /// Factor that brings a colour of `type` to 0..255.
@@ -77,9 +86,7 @@ PlyPlan MakePlan(const PlyElement& element, std::span<const SlotName> slots, boo
 
 }  // namespace
 
-PlyPlan PlanVertex(const PlyElement& element) {
-  return MakePlan(element, kVertexSlots, false);
-}
+PlyPlan PlanVertex(const PlyElement& element) { return MakePlan(element, kVertexSlots, false); }
 
 PlyPlan PlanFace(const PlyElement& element) {
   PlyPlan plan = MakePlan(element, kFaceSlots, true);

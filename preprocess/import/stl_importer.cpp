@@ -68,7 +68,8 @@ bool StreamIsBinary(ModelReader& bytes) {
   const uint64_t size = bytes.available();
   if (size < kHeaderBytes + kFacetBytes) return false;
   if (all && (size - kHeaderBytes) % kFacetBytes != 0) return false;
-  if (IsCount(CountOf(bytes)) && (all ? PromisedBytes(bytes) != size : PromisedBytes(bytes) < size)) return false;
+  if (IsCount(CountOf(bytes)) && (all ? PromisedBytes(bytes) != size : PromisedBytes(bytes) < size))
+    return false;
   for (uint64_t i = 0; i < 100 && kHeaderBytes + (i + 1) * kFacetBytes <= size; ++i)
     for (int k = 0; k < 4; ++k) {
       const glm::dvec3 p = LoadPoint(bytes.data() + kHeaderBytes + i * kFacetBytes + 12 * k);
@@ -78,8 +79,8 @@ bool StreamIsBinary(ModelReader& bytes) {
 }
 
 /// Colours of facets, in their two bytes of attributes, five bits a channel: as VisCAM has them (those with
-/// the highest bit, red highest), or as Magics has them, which announces them in the header (those without it,
-/// red lowest; others have the colour of the header).
+/// the highest bit, red highest), or as Magics has them, which announces them in the header (those without
+/// it, red lowest; others have the colour of the header).
 class FacetColors {
  public:
   explicit FacetColors(std::string_view header) {
@@ -92,7 +93,8 @@ class FacetColors {
   Rgba8 ColorOf(uint16_t attributes) const {
     const auto channel = [&](int shift) { return (attributes >> shift & 31) * 255 / 31.0; };
     if (((attributes & 0x8000) != 0) == magics_) return of_all_;
-    return magics_ ? FileColor(channel(0), channel(5), channel(10)) : FileColor(channel(10), channel(5), channel(0));
+    return magics_ ? FileColor(channel(0), channel(5), channel(10))
+                   : FileColor(channel(10), channel(5), channel(0));
   }
 
  private:
@@ -137,12 +139,13 @@ Status BinaryStl::Header() {
   const uint64_t promised = PromisedBytes(bytes_);
   if (!IsCount(CountOf(bytes_))) {
     if (bytes_.has_size() && (bytes_.size() - kHeaderBytes) % kFacetBytes != 0)
-      return Fail(fmt::format("{}: its count of facets is {}, and its size is not that of whole facets", path, count_));
+      return Fail(fmt::format("{}: its count of facets is {}, and its size is not that of whole facets", path,
+                              count_));
     counted_ = false;
     sink_.Warn(fmt::format("{}: its count of facets is {}; those up to its end are read", path, count_));
   } else if (bytes_.has_size() && promised > bytes_.size()) {
-    return Fail(fmt::format("{}: is no ASCII STL, and as a binary STL it would need {} bytes, but it has {}", path,
-                            promised, bytes_.size()));
+    return Fail(fmt::format("{}: is no ASCII STL, and as a binary STL it would need {} bytes, but it has {}",
+                            path, promised, bytes_.size()));
   } else if (bytes_.has_size() && promised < bytes_.size()) {
     QUARRY_ASSIGN(payloads_, HasPayloads());
     if (!payloads_)
@@ -173,7 +176,8 @@ Result<uint64_t> BinaryStl::Import() {
     if (read_ % kFacetsPerLook == 0) QUARRY_TRY(CheckpointIfDue(sink_, *this));
     if (!counted_ && !bytes_.Ensure(1) && !bytes_.failed()) break;
     if (!bytes_.Ensure(kFacetBytes))
-      return bytes_.Truncated(counted_ ? fmt::format("in facet {} of {}", read_, count_) : fmt::format("in facet {}", read_));
+      return bytes_.Truncated(counted_ ? fmt::format("in facet {} of {}", read_, count_)
+                                       : fmt::format("in facet {}", read_));
     QUARRY_TRY(Facet(colors));
   }
   if (counted_ && !bytes_.has_size() && bytes_.Ensure(1))
@@ -256,7 +260,9 @@ Status AsciiStl::Line(std::string_view line) {
 
 Status AsciiStl::Keyword(std::string_view word, TextCursor& rest) {
   const auto is = [&](std::string_view keyword) { return EqualsIgnoringCase(word, keyword); };
-  const auto begins = [&](std::string_view start) { return EqualsIgnoringCase(word.substr(0, start.size()), start); };
+  const auto begins = [&](std::string_view start) {
+    return EqualsIgnoringCase(word.substr(0, start.size()), start);
+  };
   if (is("vertex")) return Vertex(rest);
   if (is("end")) {  // "end loop"
     joined_ = "end" + std::string(rest.Word());
