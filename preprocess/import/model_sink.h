@@ -57,6 +57,10 @@ class ModelSink {
   /// of the same file for the same use have one. Errors: more than kMaxTextures; disk full.
   virtual Result<uint32_t> AddTexture(TextureImage image) = 0;
 
+  /// Whether the sink would know of a place in the midst of the model before it comes.
+  virtual bool WantsOrigin() const { return false; }
+  virtual void SetOrigin(const glm::dvec3& /*place*/) {}
+
   /// Positions may be NaN or infinite: triangles with such corners are dropped and counted by the sink.
   virtual Status AddPosition(const glm::dvec3& position, const Rgba8& color) = 0;
   virtual Status AddNormal(const glm::vec3& normal) = 0;
