@@ -60,12 +60,12 @@ glm::dmat3 TurnOf(const Placement& placement, int up_axis) {
   return turn;
 }
 
-std::optional<glm::dvec3> OffsetFor(const glm::dvec3& first) {
+std::optional<glm::dvec3> OffsetFor(const glm::dvec3& place) {
   constexpr double kFar = 16384, kStep = 1024, kMost = 0x1p60;
   glm::dvec3 offset(0);
   for (int a = 0; a < 3; ++a) {
-    if (!(std::fabs(first[a]) <= kMost)) return std::nullopt;
-    if (std::fabs(first[a]) >= kFar) offset[a] = std::round(first[a] / kStep) * kStep;
+    if (!(std::fabs(place[a]) <= kMost)) return std::nullopt;
+    if (std::fabs(place[a]) >= kFar) offset[a] = std::round(place[a] / kStep) * kStep;
   }
   return offset;
 }
@@ -88,6 +88,7 @@ Status SpillSink::BeginFile(std::string_view name) {
   file_name_ = name;
   if (in_file()) return {};  // restored
   reads_once_ = false;
+  face_color_ = 0xFFFFFFFFu;
   file_part_ = kNoIndex;
   first_part_ = static_cast<uint32_t>(scene_.parts.size());
   first_warning_ = static_cast<uint32_t>(scene_.warnings.size());
@@ -161,15 +162,26 @@ Status SpillSink::AddPosition(const glm::dvec3& position, const Rgba8& color) {
   const uint32_t packed = Packed(color);
   if (packed != 0xFFFFFFFFu && scene_.attributes < Attributes::kColors)
     QUARRY_TRY(Found(Attributes::kColors));
-  const glm::dvec3 scaled = (placed_ ? turn_ * position + translation_ : position) * scale_;
+  const glm::dvec3 scaled = InScene(position);
   if (!has_offset_) ChooseOffset(scaled);
-  const StoredPosition stored{glm::vec3(scaled - scene_.offset), packed};
+  const glm::dvec3 exact = scaled - scene_.offset;
+  const StoredPosition stored{glm::vec3(exact), packed};
+  for (int a = 0; a < 3; ++a) {
+    const double loss = std::fabs(exact[a] - stored.position[a]);
+    if (loss > largest_loss_) largest_loss_ = loss;
+  }
   return positions_->Append(&stored);
 }
 
-/// By the first position that is a place, so that the rest can stream.
-void SpillSink::ChooseOffset(const glm::dvec3& first) {
-  const std::optional<glm::dvec3> offset = OffsetFor(first);
+glm::dvec3 SpillSink::InScene(const glm::dvec3& position) const {
+  return (placed_ ? turn_ * position + translation_ : position) * scale_;
+}
+
+void SpillSink::SetOrigin(const glm::dvec3& place) { ChooseOffset(InScene(place)); }
+
+/// Before the first position is stored, so that the rest can stream.
+void SpillSink::ChooseOffset(const glm::dvec3& place) {
+  const std::optional<glm::dvec3> offset = OffsetFor(place);
   has_offset_ = offset.has_value();
   if (offset) scene_.offset = *offset;
 }
@@ -187,12 +199,22 @@ Status SpillSink::AddUv(const glm::vec2& uv) {
   return uvs_->Append(&uv);
 }
 
+Status SpillSink::SetFaceColor(const Rgba8& color) {
+  face_color_ = Packed(color);
+  if (face_color_ == 0xFFFFFFFFu || scene_.attributes >= Attributes::kColors) [[likely]]
+    return {};
+  QUARRY_TRY(Settle());
+  return Found(Attributes::kColors);
+}
+
 Status SpillSink::AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t part) {
   if (corners.size() < 3) return {};
   if (part == kNoIndex && file_part_ == kNoIndex) file_part_ = AddPart(file_name_);
   Face face;
   face.material = material == kNoIndex ? DefaultMaterial() : material;
   face.part = part == kNoIndex ? file_part_ : part;
+  face.color = face_color_;
+  face.following = static_cast<uint32_t>(corners.size()) - 2;
   for (size_t i = 2; i < corners.size(); ++i) {
     if (scene_.input_triangles + 1 >= kMaxTriangles)
       return Fail(fmt::format("{}: more than {} triangles in all: ids are 32 bits; split the model",
@@ -201,10 +223,10 @@ Status SpillSink::AddPolygon(std::span<const Corner> corners, uint32_t material,
     face.corners[1] = corners[i - 1];
     face.corners[2] = corners[i];
     face.id = static_cast<uint32_t>(scene_.input_triangles++);
+    --face.following;
     gathered_.push_back(face);
-    if (gathered_.size() == kBatchFaces) QUARRY_TRY(HandOver());
   }
-  return {};
+  return gathered_.size() < kBatchFaces ? Status{} : HandOver();
 }
 
 /// Gives the gathered faces to the other thread.
@@ -227,20 +249,39 @@ Status SpillSink::Settle() {
   return ResolveBatch();
 }
 
+/// A polygon's triangles are resolved all together, or wait all together: their vertices decide how it is
+/// split.
 Status SpillSink::ResolveBatch() {
-  for (const Face& face : batch_) {
-    if (--faces_to_next_load_ == 0) {
-      faces_to_next_load_ = kFacesPerLoad;
-      loads_left_ = std::min(loads_left_ + 1, kMostLoads);
+  for (size_t i = 0, end; i < batch_.size(); i = end) {
+    end = i + batch_[i].following + 1;
+    fan_.assign(end - i, TriangleRecord{});
+    bool resolved = true;
+    for (size_t k = i; k < end; ++k) {
+      QUARRY_ASSIGN(const bool found, ResolveFace(batch_[k], fan_[k - i]));
+      resolved &= found;
     }
-    TriangleRecord record;
-    bool resolved = ResolveFromMemory(face, record);
-    if (!resolved && loads_left_ > 0) {
-      QUARRY_TRY(LoadPages(face));
-      resolved = ResolveFromMemory(face, record);
-    }
-    QUARRY_TRY(resolved ? KeepTriangle(record) : waiting_->Append(&face));
+    if (resolved) QUARRY_TRY(KeepPolygon());
+    for (size_t k = i; k < end && !resolved; ++k) QUARRY_TRY(waiting_->Append(&batch_[k]));
   }
+  return {};
+}
+
+/// False: it has to wait.
+Result<bool> SpillSink::ResolveFace(const Face& face, TriangleRecord& record) {
+  if (--faces_to_next_load_ == 0) {
+    faces_to_next_load_ = kFacesPerLoad;
+    loads_left_ = std::min(loads_left_ + 1, kMostLoads);
+  }
+  if (ResolveFromMemory(face, record)) [[likely]]
+    return true;
+  if (loads_left_ == 0) return false;
+  QUARRY_TRY(LoadPages(face));
+  return ResolveFromMemory(face, record);
+}
+
+Status SpillSink::KeepPolygon() {
+  if (fan_.size() > 1) polygon_.Split(fan_);
+  for (const TriangleRecord& record : fan_) QUARRY_TRY(KeepTriangle(record));
   return {};
 }
 
@@ -298,7 +339,7 @@ bool SpillSink::ResolveFromMemory(const Face& face, TriangleRecord& record) {
     StoredPosition position;
     if (!find(*positions_, corner.position, position)) return false;
     record.vertices[c] = position.position;
-    record.colors[c] = position.color;
+    record.colors[c] = face.color == 0xFFFFFFFFu ? position.color : face.color;
     if (corner.normal != kNoIndex && !find(*normals_, corner.normal, record.normals[c])) return false;
     if (corner.uv != kNoIndex && !find(*uvs_, corner.uv, record.uvs[c])) return false;
   }
@@ -360,6 +401,7 @@ Status SpillSink::ResolveWindow(uint64_t window, bool last) {
     partial_number_ ^= 1;
     QUARRY_ASSIGN(next, SpillFile::Open(PartialPath(partial_number_), RecordBytes(scene_.attributes), 0));
   }
+  fan_.clear();
   SpillReader faces(*waiting_);
   std::optional<SpillReader> records;
   if (partial_) records.emplace(*partial_);
@@ -387,12 +429,20 @@ Status SpillSink::ResolveWindow(uint64_t window, bool last) {
       StoredPosition position;
       if (positions.Find(corner.position, position)) {
         record.vertices[c] = position.position;
-        record.colors[c] = position.color;
+        record.colors[c] = face.color == 0xFFFFFFFFu ? position.color : face.color;
       }
       normals.Find(corner.normal, record.normals[c]);
       uvs.Find(corner.uv, record.uvs[c]);
     }
-    QUARRY_TRY(last ? KeepTriangle(record) : next->Append(&record));
+    if (!last) {
+      QUARRY_TRY(next->Append(&record));
+      continue;
+    }
+    fan_.push_back(record);
+    if (face.following == 0) {
+      QUARRY_TRY(KeepPolygon());
+      fan_.clear();
+    }
   }
   QUARRY_TRY(faces.status());
   if (next) QUARRY_TRY(next->FinishWriting());
@@ -400,13 +450,33 @@ Status SpillSink::ResolveWindow(uint64_t window, bool last) {
   return {};
 }
 
+/// Floats hold a position to a share of its distance from the origin.
+void SpillSink::WarnOfLoss() {
+  constexpr double kMillimetre = 1e-3;  // of metres, as most models of wide places have
+  float reach = 0;
+  for (int a = 0; a < 3; ++a)
+    reach = std::max({reach, std::fabs(scene_.bounds.lower[a]), std::fabs(scene_.bounds.upper[a])});
+  const double step = std::nextafter(reach, kInfinity) - reach;
+  if (!(step > kMillimetre) || largest_loss_ < kMillimetre / 4) return;
+  Warn(fmt::format(
+      "{}: reaches {:.6g} units from the origin chosen for it: positions there are kept to {:.2g}; "
+      "smaller details are lost",
+      file_name_, reach, step));
+}
+
 Result<ImportedScene> SpillSink::Finish() {
   QUARRY_TRY(scene_.triangles->FinishWriting());
   if (scene_.materials.empty()) DefaultMaterial();
   if (scene_.materials.size() > 65536) return Fail(fmt::format("{}: more than 65536 materials", file_name_));
   if (scene_.triangles->count() == 0)
-    return Fail(fmt::format("{}: no triangle is left: {} degenerate, {} with coordinates that are not finite",
-                            file_name_, scene_.dropped_degenerate, scene_.dropped_not_finite));
+    return Fail(
+        fmt::format("{}: no triangle is left: {} degenerate, {} with coordinates that are not finite{}",
+                    file_name_, scene_.dropped_degenerate, scene_.dropped_not_finite,
+                    largest_loss_ < 1e-3 ? ""
+                                         : fmt::format("; positions are kept to {:.2g} so far from "
+                                                       "the origin",
+                                                       2 * largest_loss_)));
+  WarnOfLoss();
   QUARRY_ASSIGN(scene_.images, images_.Finish());
   return std::move(scene_);
 }

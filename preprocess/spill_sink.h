@@ -16,6 +16,7 @@
 #include "preprocess/image_list.h"
 #include "preprocess/import/model_sink.h"
 #include "preprocess/paged_file.h"
+#include "preprocess/polygon_fan.h"
 #include "preprocess/regions.h"
 #include "preprocess/sample.h"
 #include "preprocess/spill_file.h"
@@ -47,9 +48,9 @@ struct Placement {
 
 /// What multiplies a placed model's positions.
 glm::dmat3 TurnOf(const Placement& placement, int up_axis);
-/// What is taken off all positions, by the first one: axes on which it lies far out are moved by whole steps.
-/// Nothing: it is no place.
-std::optional<glm::dvec3> OffsetFor(const glm::dvec3& first);
+/// What is taken off all positions, by one in their midst: axes on which it lies far out are moved by whole
+/// steps. Nothing: it is no place.
+std::optional<glm::dvec3> OffsetFor(const glm::dvec3& place);
 
 /// The importers' sink. Vertices go to paged files; a triangle is resolved as it comes, when its corners lie
 /// in pages at hand or worth loading. Those that wait (their vertices are far apart, or come later) are
@@ -85,9 +86,12 @@ class SpillSink final : public ModelSink {
   uint32_t AddPart(std::string_view name) override;
   bool takes_textures() const override { return textures_; }
   Result<uint32_t> AddTexture(TextureImage image) override { return images_.Add(std::move(image)); }
+  bool WantsOrigin() const override { return !has_offset_; }
+  void SetOrigin(const glm::dvec3& place) override;
   Status AddPosition(const glm::dvec3& position, const Rgba8& color) override;
   Status AddNormal(const glm::vec3& normal) override;
   Status AddUv(const glm::vec2& uv) override;
+  Status SetFaceColor(const Rgba8& color) override;
   Status AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t part) override;
   void Warn(std::string message) override;
   void HasRead(uint64_t done, uint64_t total) override {
@@ -124,6 +128,8 @@ class SpillSink final : public ModelSink {
     uint32_t id = 0;
     uint32_t material = 0;
     uint32_t part = 0;
+    uint32_t color = 0xFFFFFFFFu;  ///< in place of its corners', if it has one
+    uint32_t following = 0;        ///< triangles of the same polygon's fan
   };
   struct StoredPosition {
     glm::vec3 position;
@@ -144,11 +150,15 @@ class SpillSink final : public ModelSink {
   Status Settle();
   Status HandOver();
   Status ResolveBatch();
+  Result<bool> ResolveFace(const Face& face, TriangleRecord& record);
+  Status KeepPolygon();
   bool ResolveFromMemory(const Face& face, TriangleRecord& record);
   Status LoadPages(const Face& face);
   Status ResolveWaiting();
   Status ResolveWindow(uint64_t window, bool last);
-  void ChooseOffset(const glm::dvec3& first);
+  glm::dvec3 InScene(const glm::dvec3& position) const;
+  void ChooseOffset(const glm::dvec3& place);
+  void WarnOfLoss();
   Status KeepTriangle(const TriangleRecord& record);
   uint32_t DefaultMaterial();
 
@@ -177,9 +187,13 @@ class SpillSink final : public ModelSink {
   /// pages, what may be loaded, and of scene_ triangles, sample, bounds and what was dropped.
   std::vector<Face> batch_;
   std::future<Status> under_way_;
+  std::vector<TriangleRecord> fan_;  ///< of the polygon that is being resolved
+  PolygonFan polygon_;
+  uint32_t face_color_ = 0xFFFFFFFFu;
   uint32_t loads_left_ = 0, faces_to_next_load_ = 0;
   uint32_t default_material_ = kNoIndex;
   bool has_offset_ = false;
+  double largest_loss_ = 0;  ///< of a coordinate, by its rounding to a float
   ImportedScene scene_;
   SpillWriter writer_;  ///< of its triangles: ends before them
 

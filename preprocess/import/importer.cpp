@@ -5,7 +5,9 @@
 #include <filesystem>
 #include <system_error>
 
+#include "preprocess/import/foreign_content.h"
 #include "preprocess/import/formats.h"
+#include "preprocess/import/origin_survey.h"
 #include "preprocess/import/text_number.h"
 
 namespace quarry {
@@ -36,6 +38,19 @@ Import ChooseFormat(ModelReader& bytes, std::filesystem::path path) {
   return LooksLikeObj(bytes) ? ImportObj : nullptr;
 }
 
+/// What the file is, if its first bytes tell, by the name that it has unpacked.
+ForeignContent ContentOf(ModelReader& bytes, std::filesystem::path path) {
+  constexpr size_t kLook = 1024;
+  if (LooksLikeStl(bytes)) return {};  // whose header is anyone's
+  if (bytes.is_packed()) path = path.stem();
+  bytes.Ensure(kLook);
+  return RecognizeForeign(bytes.view().substr(0, kLook), path.extension().string());
+}
+
+tl::unexpected<Error> IsForeign(const ModelReader& bytes, const ForeignContent& content) {
+  return Fail(fmt::format("{}: is {}; {}", bytes.path(), content.what, content.advice));
+}
+
 /// Told beforehand, where it may not do: what Assimp needs.
 void WarnOfMemory(const std::string& path, uint64_t memory, ModelSink& sink) {
   std::error_code none;
@@ -47,16 +62,38 @@ void WarnOfMemory(const std::string& path, uint64_t memory, ModelSink& sink) {
                   path, kForeignBytesPerByte, (bytes * kForeignBytesPerByte) >> 20, memory >> 20));
 }
 
+/// Reads the model's beginning beforehand. What comes in a pipe cannot be read twice: its first position
+/// serves.
+void FindOrigin(const std::string& path, uint64_t unpack_limit, Import import, ModelSink& sink) {
+  if (!sink.WantsOrigin()) return;
+  Result<ModelReader> bytes = ModelReader::Open(path, unpack_limit);
+  if (!bytes || !bytes->can_reopen()) return;
+  OriginSurvey survey;
+  (void)import(*bytes, survey);  // what is wrong with the model is said when it is read
+  if (const auto place = survey.Place()) sink.SetOrigin(*place);
+}
+
 }  // namespace
+
+tl::unexpected<Error> NoFaces(const std::string& path, uint64_t vertices) {
+  return Fail(fmt::format(
+      "{}: holds {} vertices but no faces: a point cloud, which has no surface to trace; make a mesh of "
+      "it first (MeshLab or CloudCompare, say)",
+      path, vertices));
+}
 
 Status ImportModel(const std::string& path, ModelSink& sink, const ForeignFormats& foreign,
                    uint64_t unpack_limit) {
   QUARRY_ASSIGN(ModelReader bytes, ModelReader::Open(path, unpack_limit));
   if (!bytes.Ensure(1) && !bytes.failed()) return Fail(fmt::format("{}: is empty", bytes.path()));
-  const Import import = ChooseFormat(bytes, path);
+  const ForeignContent content = ContentOf(bytes, path);
+  if (!content.what.empty() && !content.may_be_read) return IsForeign(bytes, content);
+  const Import import = content.what.empty() ? ChooseFormat(bytes, path) : nullptr;
   if (bytes.failed()) return bytes.Truncated("");
   const std::string name = std::filesystem::path(bytes.path()).filename().string();
-  if (import == nullptr && (foreign.program.empty() || !bytes.can_reopen() || bytes.is_packed()))
+  const bool by_assimp = !foreign.program.empty() && bytes.can_reopen() && !bytes.is_packed();
+  if (import == nullptr && !by_assimp && !content.what.empty()) return IsForeign(bytes, content);
+  if (import == nullptr && !by_assimp)
     return Fail(fmt::format("{}: is neither PLY, OBJ, STL, OFF, NFF, AFF nor glTF, the formats that are read",
                             bytes.path()));
   QUARRY_TRY(sink.BeginFile(name));
@@ -65,11 +102,15 @@ Status ImportModel(const std::string& path, ModelSink& sink, const ForeignFormat
   bytes.OnRead([&sink](uint64_t done, uint64_t total) { sink.HasRead(done, total); });
   if (import == nullptr) {
     WarnOfMemory(path, foreign.memory, sink);
-    QUARRY_ASSIGN(const ForeignModel converted, ForeignModel::Convert(path, foreign));
-    QUARRY_ASSIGN(ModelReader ply, ModelReader::Open(converted.ply()));
+    const Result<ForeignModel> converted = ForeignModel::Convert(path, foreign);
+    if (!converted && !content.what.empty()) return IsForeign(bytes, content);
+    if (!converted) return tl::unexpected(converted.error());
+    QUARRY_ASSIGN(ModelReader ply, ModelReader::Open(converted->ply()));
+    FindOrigin(converted->ply(), 0, ImportPly, sink);
     QUARRY_TRY(ImportPly(ply, sink));
     return sink.EndFile();
   }
+  if (bytes.can_reopen()) FindOrigin(path, unpack_limit, import, sink);
   QUARRY_ASSIGN(const uint64_t triangles, import(bytes, sink));
   if (triangles == 0) return Fail(fmt::format("{}: holds no triangles", bytes.path()));
   return sink.EndFile();
