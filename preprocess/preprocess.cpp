@@ -32,7 +32,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 /// Of notes, and of whatever a result depends on that no option says.
-constexpr int kJournalVersion = 3;
+constexpr int kJournalVersion = 4;
 
 std::string Command(const PreprocessOptions& options) {
   std::string command = fmt::format(
@@ -237,7 +237,7 @@ class Build {
     statistics.textures = textures_.Statistics(*writer_);
     statistics.warnings += statistics.textures.left_out;
     textures_.Renumber(scene_.materials);
-    QUARRY_ASSIGN(statistics.scene_id, writer_->Finish(meta_, top, scene_.materials, scene_.parts));
+    QUARRY_ASSIGN(statistics.scene_id, writer_->Finish(meta_, top, scene_.materials, scene_.parts, scene_.views));
     statistics.store_bytes = writer_->bytes_written();
     return {};
   }

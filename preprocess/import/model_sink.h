@@ -10,6 +10,7 @@
 #include "common/base/bytes.h"
 #include "common/base/status.h"
 #include "common/scene/material.h"
+#include "common/scene/scene_views.h"
 #include "preprocess/import/texture_image.h"
 
 namespace quarry {
@@ -56,6 +57,10 @@ class ModelSink {
   /// Registers an image for materials that come after; returns the index for their bindings. The same bytes
   /// of the same file for the same use have one. Errors: more than kMaxTextures; disk full.
   virtual Result<uint32_t> AddTexture(TextureImage image) = 0;
+
+  /// A camera, a light of the model, in its coordinates. More than there may be are warned of and left out.
+  virtual void AddCamera(NamedCamera /*camera*/) {}
+  virtual void AddLight(NamedLight /*light*/) {}
 
   /// Positions may be NaN or infinite: triangles with such corners are dropped and counted by the sink.
   virtual Status AddPosition(const glm::dvec3& position, const Rgba8& color) = 0;
