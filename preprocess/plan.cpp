@@ -66,6 +66,10 @@ class CountingSink final : public ResolvingSink {
     ++files.back().uvs;
     return {};
   }
+  Status SetFaceColor(const Rgba8& color) override {
+    has_color |= (color.r & color.g & color.b & color.a) != 255;
+    return ResolvingSink::SetFaceColor(color);
+  }
   Status AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t part) override {
     if (corners.size() >= 3) files.back().triangles += corners.size() - 2;
     return ResolvingSink::AddPolygon(corners, material, part);

@@ -63,6 +63,7 @@ Status ResolvingSink::BeginFile(std::string_view) {
   colors_.Clear();
   uvs_.Clear();
   held_ = 0;
+  face_color_ = 0xFFFFFFFFu;
   return {};
 }
 
@@ -104,22 +105,34 @@ bool ResolvingSink::Resolve(const Corner (&corners)[3], TriangleRecord& record) 
     if (corner.position >= positions_.size()) return false;
     record.vertices[k] = positions_[corner.position];
     if (!attributes_) continue;
-    record.colors[k] = colors_[corner.position];
+    record.colors[k] = face_color_ == 0xFFFFFFFFu ? colors_[corner.position] : face_color_;
     if (corner.normal < normals_.size()) record.normals[k] = normals_[corner.normal];
     if (corner.uv < uvs_.size()) record.uvs[k] = uvs_[corner.uv];
   }
-  return FaultOf(record) == TriangleFault::kNone;
+  return true;
+}
+
+Status ResolvingSink::SetFaceColor(const Rgba8& color) {
+  face_color_ = Packed(color);
+  return {};
 }
 
 Status ResolvingSink::AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t part) {
+  fan_.clear();
+  bool resolved = !gave_up_;
   for (size_t i = 2; i < corners.size(); ++i) {
     TriangleRecord record;
     record.id = next_id_++;
     record.material = material == kNoIndex ? 0 : material;
     record.part = part == kNoIndex ? 0 : part;
     const Corner triangle[3] = {corners[0], corners[i - 1], corners[i]};
-    if (!gave_up_ && Resolve(triangle, record)) QUARRY_TRY(Take(record));
+    resolved = resolved && Resolve(triangle, record);
+    if (resolved) fan_.push_back(record);
   }
+  if (!resolved || fan_.empty()) return {};
+  if (fan_.size() > 1) polygon_.Split(fan_);
+  for (const TriangleRecord& record : fan_)
+    if (FaultOf(record) == TriangleFault::kNone) QUARRY_TRY(Take(record));
   return {};
 }
 

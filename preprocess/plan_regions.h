@@ -10,6 +10,7 @@
 
 #include "common/base/status.h"
 #include "preprocess/plan_sample.h"
+#include "preprocess/polygon_fan.h"
 #include "preprocess/regions.h"
 #include "preprocess/spill_sink.h"
 
@@ -54,6 +55,7 @@ class ResolvingSink : public IgnoringSink {
   Status AddPosition(const glm::dvec3& position, const Rgba8& color) override;
   Status AddNormal(const glm::vec3& normal) override;
   Status AddUv(const glm::vec2& uv) override;
+  Status SetFaceColor(const Rgba8& color) override;
   Status AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t part) override;
   /// Whether the memory did for every file.
   bool held_all() const { return !gave_up_; }
@@ -79,6 +81,9 @@ class ResolvingSink : public IgnoringSink {
   Numbered<glm::vec3> positions_, normals_;
   Numbered<uint32_t> colors_;
   Numbered<glm::vec2> uvs_;
+  std::vector<TriangleRecord> fan_;  ///< of the polygon at hand
+  PolygonFan polygon_;
+  uint32_t face_color_ = 0xFFFFFFFFu;
   uint32_t next_id_ = 0;
 };
 

@@ -93,6 +93,7 @@ Status SpillSink::BeginFile(std::string_view name) {
   file_name_ = name;
   if (in_file()) return {};  // restored
   reads_once_ = false;
+  face_color_ = 0xFFFFFFFFu;
   file_part_ = kNoIndex;
   first_part_ = static_cast<uint32_t>(scene_.parts.size());
   first_warning_ = static_cast<uint32_t>(scene_.warnings.size());
@@ -239,12 +240,22 @@ Status SpillSink::AddUv(const glm::vec2& uv) {
   return uvs_->Append(&uv);
 }
 
+Status SpillSink::SetFaceColor(const Rgba8& color) {
+  face_color_ = Packed(color);
+  if (face_color_ == 0xFFFFFFFFu || scene_.attributes >= Attributes::kColors) [[likely]]
+    return {};
+  QUARRY_TRY(Settle());
+  return Found(Attributes::kColors);
+}
+
 Status SpillSink::AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t part) {
   if (corners.size() < 3) return {};
   if (part == kNoIndex && file_part_ == kNoIndex) file_part_ = AddPart(file_name_);
   Face face;
   face.material = material == kNoIndex ? DefaultMaterial() : material;
   face.part = part == kNoIndex ? file_part_ : part;
+  face.color = face_color_;
+  face.following = static_cast<uint32_t>(corners.size()) - 2;
   for (size_t i = 2; i < corners.size(); ++i) {
     if (scene_.input_triangles + 1 >= kMaxTriangles)
       return Fail(fmt::format("{}: more than {} triangles in all: ids are 32 bits; split the model",
@@ -253,10 +264,10 @@ Status SpillSink::AddPolygon(std::span<const Corner> corners, uint32_t material,
     face.corners[1] = corners[i - 1];
     face.corners[2] = corners[i];
     face.id = static_cast<uint32_t>(scene_.input_triangles++);
+    --face.following;
     gathered_.push_back(face);
-    if (gathered_.size() == kBatchFaces) QUARRY_TRY(HandOver());
   }
-  return {};
+  return gathered_.size() < kBatchFaces ? Status{} : HandOver();
 }
 
 /// Gives the gathered faces to the other thread.
@@ -279,20 +290,39 @@ Status SpillSink::Settle() {
   return ResolveBatch();
 }
 
+/// A polygon's triangles are resolved all together, or wait all together: their vertices decide how it is
+/// split.
 Status SpillSink::ResolveBatch() {
-  for (const Face& face : batch_) {
-    if (--faces_to_next_load_ == 0) {
-      faces_to_next_load_ = kFacesPerLoad;
-      loads_left_ = std::min(loads_left_ + 1, kMostLoads);
+  for (size_t i = 0, end; i < batch_.size(); i = end) {
+    end = i + batch_[i].following + 1;
+    fan_.assign(end - i, TriangleRecord{});
+    bool resolved = true;
+    for (size_t k = i; k < end; ++k) {
+      QUARRY_ASSIGN(const bool found, ResolveFace(batch_[k], fan_[k - i]));
+      resolved &= found;
     }
-    TriangleRecord record;
-    bool resolved = ResolveFromMemory(face, record);
-    if (!resolved && loads_left_ > 0) {
-      QUARRY_TRY(LoadPages(face));
-      resolved = ResolveFromMemory(face, record);
-    }
-    QUARRY_TRY(resolved ? KeepTriangle(record) : waiting_->Append(&face));
+    if (resolved) QUARRY_TRY(KeepPolygon());
+    for (size_t k = i; k < end && !resolved; ++k) QUARRY_TRY(waiting_->Append(&batch_[k]));
   }
+  return {};
+}
+
+/// False: it has to wait.
+Result<bool> SpillSink::ResolveFace(const Face& face, TriangleRecord& record) {
+  if (--faces_to_next_load_ == 0) {
+    faces_to_next_load_ = kFacesPerLoad;
+    loads_left_ = std::min(loads_left_ + 1, kMostLoads);
+  }
+  if (ResolveFromMemory(face, record)) [[likely]]
+    return true;
+  if (loads_left_ == 0) return false;
+  QUARRY_TRY(LoadPages(face));
+  return ResolveFromMemory(face, record);
+}
+
+Status SpillSink::KeepPolygon() {
+  if (fan_.size() > 1) polygon_.Split(fan_);
+  for (const TriangleRecord& record : fan_) QUARRY_TRY(KeepTriangle(record));
   return {};
 }
 
@@ -350,7 +380,7 @@ bool SpillSink::ResolveFromMemory(const Face& face, TriangleRecord& record) {
     StoredPosition position;
     if (!find(*positions_, corner.position, position)) return false;
     record.vertices[c] = position.position;
-    record.colors[c] = position.color;
+    record.colors[c] = face.color == 0xFFFFFFFFu ? position.color : face.color;
     if (corner.normal != kNoIndex && !find(*normals_, corner.normal, record.normals[c])) return false;
     if (corner.uv != kNoIndex && !find(*uvs_, corner.uv, record.uvs[c])) return false;
   }
@@ -412,6 +442,7 @@ Status SpillSink::ResolveWindow(uint64_t window, bool last) {
     partial_number_ ^= 1;
     QUARRY_ASSIGN(next, SpillFile::Open(PartialPath(partial_number_), RecordBytes(scene_.attributes), 0));
   }
+  fan_.clear();
   SpillReader faces(*waiting_);
   std::optional<SpillReader> records;
   if (partial_) records.emplace(*partial_);
@@ -439,12 +470,20 @@ Status SpillSink::ResolveWindow(uint64_t window, bool last) {
       StoredPosition position;
       if (positions.Find(corner.position, position)) {
         record.vertices[c] = position.position;
-        record.colors[c] = position.color;
+        record.colors[c] = face.color == 0xFFFFFFFFu ? position.color : face.color;
       }
       normals.Find(corner.normal, record.normals[c]);
       uvs.Find(corner.uv, record.uvs[c]);
     }
-    QUARRY_TRY(last ? KeepTriangle(record) : next->Append(&record));
+    if (!last) {
+      QUARRY_TRY(next->Append(&record));
+      continue;
+    }
+    fan_.push_back(record);
+    if (face.following == 0) {
+      QUARRY_TRY(KeepPolygon());
+      fan_.clear();
+    }
   }
   QUARRY_TRY(faces.status());
   if (next) QUARRY_TRY(next->FinishWriting());

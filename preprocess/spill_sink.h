@@ -16,6 +16,7 @@
 #include "preprocess/image_list.h"
 #include "preprocess/import/model_sink.h"
 #include "preprocess/paged_file.h"
+#include "preprocess/polygon_fan.h"
 #include "preprocess/regions.h"
 #include "preprocess/sample.h"
 #include "preprocess/spill_file.h"
@@ -88,6 +89,7 @@ class SpillSink final : public ModelSink {
   Status AddPosition(const glm::dvec3& position, const Rgba8& color) override;
   Status AddNormal(const glm::vec3& normal) override;
   Status AddUv(const glm::vec2& uv) override;
+  Status SetFaceColor(const Rgba8& color) override;
   Status AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t part) override;
   void Warn(std::string message) override;
   void ReadsOnce() override { reads_once_ = true; }
@@ -121,6 +123,8 @@ class SpillSink final : public ModelSink {
     uint32_t id = 0;
     uint32_t material = 0;
     uint32_t part = 0;
+    uint32_t color = 0xFFFFFFFFu;  ///< in place of its corners', if it has one
+    uint32_t following = 0;        ///< triangles of the same polygon's fan
   };
   struct StoredPosition {
     glm::vec3 position;
@@ -140,6 +144,8 @@ class SpillSink final : public ModelSink {
   Status Settle();
   Status HandOver();
   Status ResolveBatch();
+  Result<bool> ResolveFace(const Face& face, TriangleRecord& record);
+  Status KeepPolygon();
   bool ResolveFromMemory(const Face& face, TriangleRecord& record);
   Status LoadPages(const Face& face);
   Status ResolveWaiting();
@@ -177,6 +183,9 @@ class SpillSink final : public ModelSink {
   /// pages, what may be loaded, and of scene_ triangles, sample, bounds and what was dropped.
   std::vector<Face> batch_;
   std::future<Status> under_way_;
+  std::vector<TriangleRecord> fan_;  ///< of the polygon that is being resolved
+  PolygonFan polygon_;
+  uint32_t face_color_ = 0xFFFFFFFFu;
   uint32_t loads_left_ = 0, faces_to_next_load_ = 0;
   uint32_t default_material_ = kNoIndex;
   bool has_offset_ = false;

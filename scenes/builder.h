@@ -9,7 +9,7 @@
 
 namespace quarry::scenes {
 
-/// A vertex of a mesh; the colour multiplies the material's diffuse.
+/// A vertex of a mesh; the colour, linear, multiplies the material's diffuse.
 struct MeshVertex {
   glm::vec3 position;
   uint8_t r, g, b;

@@ -3,12 +3,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cctype>
 #include <filesystem>
 #include <initializer_list>
 #include <string_view>
 
 #include "common/base/output_path.h"
+#include "common/math/elementary.h"
 #include "common/scene/material_json.h"
 #include "scenes/obj_writer.h"
 #include "scenes/ply_writer.h"
@@ -53,6 +55,15 @@ const OutputKind kPlyOutput{"a PLY model", IsPly, false}, kObjOutput{"an OBJ mod
     kPathOutput{"a camera path", IsPath, false};
 
 }  // namespace
+
+uint8_t SrgbByte(uint8_t linear) {
+  static const std::array<uint8_t, 256> kEncoded = [] {
+    std::array<uint8_t, 256> encoded;
+    for (int i = 0; i < 256; ++i) encoded[i] = static_cast<uint8_t>(EncodeSrgb(i / 255.0) * 255 + 0.5);
+    return encoded;
+  }();
+  return kEncoded[linear];
+}
 
 Result<std::unique_ptr<MeshWriter>> OpenMeshWriter(const std::string& path,
                                                    const std::vector<Material>& materials, bool colors) {

@@ -32,6 +32,9 @@ class MeshWriter : public MeshReceiver {
 Result<std::unique_ptr<MeshWriter>> OpenMeshWriter(const std::string& path,
                                                    const std::vector<Material>& materials, bool colors);
 
+/// A vertex's colour as files have it, by usage: sRGB.
+uint8_t SrgbByte(uint8_t linear);
+
 /// Decides, before any work, whether the model at `path` and the files beside it (OUT.path.json among them)
 /// may be written. Errors (usage): another extension; OutputGuard's.
 Status CheckSceneOutputs(const std::string& path, bool force);

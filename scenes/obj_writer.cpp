@@ -77,7 +77,7 @@ class ObjWriter : public MeshWriter {
  private:
   Status WriteVertex(const MeshVertex& v) {
     QUARRY_ASSIGN(char* out, model_->Reserve(kLongestLine));
-    const auto channel = [](uint8_t value) { return static_cast<float>(value) / 255.0f; };
+    const auto channel = [](uint8_t value) { return static_cast<float>(SrgbByte(value)) / 255.0f; };
     // Positions in the shortest form that reads back to the same bits; colours to the nearest of 256 steps.
     char* end = fmt::format_to(out, FMT_COMPILE("v {} {} {}"), v.position.x, v.position.y, v.position.z);
     if (colors_)

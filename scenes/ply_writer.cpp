@@ -102,9 +102,9 @@ class PlyWriter : public MeshWriter {
       out = Put(out, vertex.position.y);
       out = Put(out, vertex.position.z);
       if (colors_) {
-        out = Put(out, vertex.r);
-        out = Put(out, vertex.g);
-        Put(out, vertex.b);
+        out = Put(out, SrgbByte(vertex.r));
+        out = Put(out, SrgbByte(vertex.g));
+        Put(out, SrgbByte(vertex.b));
       }
       model_->Advance(bytes);
     }

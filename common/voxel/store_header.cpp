@@ -36,9 +36,10 @@ Extent BlocksOf(const Catalog& catalog) {
 uint64_t StoreHeader::table_bytes() const { return sections * kSectionEntryBytes; }
 
 Result<StoreHeader> DecodeStoreHeader(std::span<const std::byte> bytes, const std::string& name) {
-  if (bytes.size() < kStoreHeaderBytes) return Refuse("{}: not a Quarry scene store (too short)", name);
+  if (bytes.size() < kStoreHeaderBytes)
+    return Refuse("{}: not a Quarry scene store (too short); a model becomes one by quarry-preprocess", name);
   if (AsText(bytes).substr(0, kStoreMagic.size()) != kStoreMagic)
-    return Refuse("{}: not a Quarry scene store", name);
+    return Refuse("{}: not a Quarry scene store; a model becomes one by quarry-preprocess", name);
   ByteReader in(bytes.first(kStoreHeaderBytes).subspan(kStoreMagic.size()));
   StoreHeader header;
   const auto version = in.Get<uint32_t>();

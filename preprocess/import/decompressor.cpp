@@ -1,7 +1,9 @@
 #include "preprocess/import/decompressor.h"
 
+#include <fmt/format.h>
 #include <zlib.h>
 #include <zstd.h>
+#include <zstd_errors.h>
 
 namespace quarry {
 namespace {
@@ -37,7 +39,14 @@ class Gunzip : public Decompressor {
 
 class Unzstd : public Decompressor {
  public:
-  Unzstd() : context_(ZSTD_createDCtx()) {}
+  explicit Unzstd(std::string_view start) : context_(ZSTD_createDCtx()) {
+    // The frame's header: its window, unless it says that the content is one segment.
+    constexpr unsigned kOneSegment = 0x20;
+    if (start.size() > 5 && (static_cast<unsigned char>(start[4]) & kOneSegment) == 0) {
+      const auto window = static_cast<unsigned char>(start[5]);
+      window_log_ = 10 + (window >> 3) + ((window & 7) != 0);
+    }
+  }
   ~Unzstd() override { ZSTD_freeDCtx(context_); }
 
   Step Run(std::span<const char> in, std::span<char> out) override {
@@ -45,7 +54,11 @@ class Unzstd : public Decompressor {
     ZSTD_outBuffer to{out.data(), out.size(), 0};
     const size_t left = ZSTD_decompressStream(context_, &to, &from);
     Step step{from.pos, to.pos, {}};
-    if (ZSTD_isError(left) != 0) step.error = std::string("damaged zstd: ") + ZSTD_getErrorName(left);
+    if (ZSTD_getErrorCode(left) == ZSTD_error_frameParameter_windowTooLarge)
+      step.error = fmt::format("its window is too large to be held here; unpack it with zstd -d --long={}",
+                               window_log_);
+    else if (ZSTD_isError(left) != 0)
+      step.error = std::string("damaged zstd: ") + ZSTD_getErrorName(left);
     if (step.taken != 0 || step.given != 0) at_end_ = left == 0;
     return step;
   }
@@ -53,6 +66,7 @@ class Unzstd : public Decompressor {
 
  private:
   ZSTD_DCtx* context_;
+  int window_log_ = 31;  // the most that zstd has
   bool at_end_ = false;
 };
 
@@ -60,7 +74,7 @@ class Unzstd : public Decompressor {
 
 std::unique_ptr<Decompressor> MakeDecompressor(std::string_view start) {
   if (start.starts_with("\x1F\x8B")) return std::make_unique<Gunzip>();
-  if (start.starts_with("\x28\xB5\x2F\xFD")) return std::make_unique<Unzstd>();
+  if (start.starts_with("\x28\xB5\x2F\xFD")) return std::make_unique<Unzstd>(start);
   return nullptr;
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 
 #include "common/base/status.h"
 #include "preprocess/import/model_reader.h"
@@ -20,6 +21,9 @@ Result<uint64_t> ImportOff(ModelReader& bytes, ModelSink& sink);
 Result<uint64_t> ImportGltf(ModelReader& bytes, ModelSink& sink);
 /// NFF and AFF.
 Result<uint64_t> ImportNff(ModelReader& bytes, ModelSink& sink);
+
+/// The error for a model of points only.
+tl::unexpected<Error> NoFaces(const std::string& path, uint64_t vertices);
 
 /// True if the bytes available look like an STL file, ASCII or binary, judging by content alone.
 bool LooksLikeStl(ModelReader& bytes);

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <system_error>
 
+#include "preprocess/import/foreign_content.h"
 #include "preprocess/import/formats.h"
 #include "preprocess/import/text_number.h"
 
@@ -36,6 +37,19 @@ Import ChooseFormat(ModelReader& bytes, std::filesystem::path path) {
   return LooksLikeObj(bytes) ? ImportObj : nullptr;
 }
 
+/// What the file is, if its first bytes tell, by the name that it has unpacked.
+ForeignContent ContentOf(ModelReader& bytes, std::filesystem::path path) {
+  constexpr size_t kLook = 1024;
+  if (LooksLikeStl(bytes)) return {};  // whose header is anyone's
+  if (bytes.is_packed()) path = path.stem();
+  bytes.Ensure(kLook);
+  return RecognizeForeign(bytes.view().substr(0, kLook), path.extension().string());
+}
+
+tl::unexpected<Error> IsForeign(const ModelReader& bytes, const ForeignContent& content) {
+  return Fail(fmt::format("{}: is {}; {}", bytes.path(), content.what, content.advice));
+}
+
 /// Told beforehand, where it may not do: what Assimp needs.
 void WarnOfMemory(const std::string& path, uint64_t memory, ModelSink& sink) {
   std::error_code none;
@@ -49,14 +63,25 @@ void WarnOfMemory(const std::string& path, uint64_t memory, ModelSink& sink) {
 
 }  // namespace
 
+tl::unexpected<Error> NoFaces(const std::string& path, uint64_t vertices) {
+  return Fail(fmt::format(
+      "{}: holds {} vertices but no faces: a point cloud, which has no surface to trace; make a mesh of "
+      "it first (MeshLab or CloudCompare, say)",
+      path, vertices));
+}
+
 Status ImportModel(const std::string& path, ModelSink& sink, const ForeignFormats& foreign,
                    uint64_t unpack_limit) {
   QUARRY_ASSIGN(ModelReader bytes, ModelReader::Open(path, unpack_limit));
   if (!bytes.Ensure(1) && !bytes.failed()) return Fail(fmt::format("{}: is empty", bytes.path()));
-  const Import import = ChooseFormat(bytes, path);
+  const ForeignContent content = ContentOf(bytes, path);
+  if (!content.what.empty() && !content.may_be_read) return IsForeign(bytes, content);
+  const Import import = content.what.empty() ? ChooseFormat(bytes, path) : nullptr;
   if (bytes.failed()) return bytes.Truncated("");
   const std::string name = std::filesystem::path(bytes.path()).filename().string();
-  if (import == nullptr && (foreign.program.empty() || !bytes.can_reopen() || bytes.is_packed()))
+  const bool by_assimp = !foreign.program.empty() && bytes.can_reopen() && !bytes.is_packed();
+  if (import == nullptr && !by_assimp && !content.what.empty()) return IsForeign(bytes, content);
+  if (import == nullptr && !by_assimp)
     return Fail(fmt::format("{}: is neither PLY, OBJ, STL, OFF, NFF, AFF nor glTF, the formats that are read",
                             bytes.path()));
   QUARRY_TRY(sink.BeginFile(name));
@@ -64,8 +89,10 @@ Status ImportModel(const std::string& path, ModelSink& sink, const ForeignFormat
   if (import == nullptr || !bytes.can_reopen()) sink.ReadsOnce();
   if (import == nullptr) {
     WarnOfMemory(path, foreign.memory, sink);
-    QUARRY_ASSIGN(const ForeignModel converted, ForeignModel::Convert(path, foreign));
-    QUARRY_ASSIGN(ModelReader ply, ModelReader::Open(converted.ply()));
+    const Result<ForeignModel> converted = ForeignModel::Convert(path, foreign);
+    if (!converted && !content.what.empty()) return IsForeign(bytes, content);
+    if (!converted) return tl::unexpected(converted.error());
+    QUARRY_ASSIGN(ModelReader ply, ModelReader::Open(converted->ply()));
     QUARRY_TRY(ImportPly(ply, sink));
     return sink.EndFile();
   }

@@ -23,7 +23,7 @@ struct Corner {
   uint32_t uv = kNoIndex;
 };
 
-/// Eight-bit sRGB-free vertex colour: value / 255 multiplies the material's diffuse, linear.
+/// A colour of a vertex or face, linear: value / 255 multiplies the material's diffuse.
 struct Rgba8 {
   uint8_t r = 255, g = 255, b = 255, a = 255;
 };
@@ -67,9 +67,11 @@ class ModelSink {
   virtual Status AddNormal(const glm::vec3& normal) = 0;
   virtual Status AddUv(const glm::vec2& uv) = 0;
 
-  /// A polygon of 3 or more corners, split by the sink into the fan (0,1,2), (0,2,3), ...; each triangle gets
-  /// the next triangle id. Fewer than 3 corners add nothing. kNoIndex as material means the default material,
-  /// as part the file's own.
+  /// The colour of polygons that follow in this file, in place of their vertices'; white: they have none.
+  virtual Status SetFaceColor(const Rgba8& /*color*/) { return {}; }
+  /// A polygon of 3 or more corners, concave or not, split by the sink into as many triangles less 2
+  /// (import/triangulation.h); each gets the next triangle id. Fewer than 3 corners add nothing. kNoIndex as
+  /// material means the default material, as part the file's own.
   virtual Status AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t part) = 0;
 
   /// One line for the person at the terminal, and counted in the statistics (a missing MTL, say).

@@ -136,7 +136,7 @@ void MtlParser::Line(std::string_view line) {
   TextCursor rest(line);
   const std::string_view keyword = rest.Word();
   if (keyword.empty() || keyword.starts_with('#')) return;
-  if (EqualsIgnoringCase(keyword, "newmtl")) return Begin(rest.Rest());
+  if (EqualsIgnoringCase(keyword, "newmtl")) return Begin(rest.Name());
   if (!block_ || Statement(keyword, rest)) return;
   warn_(lines_.FailHere(fmt::format("{} is not understood and left out", Quoted(line))).value().message);
 }

@@ -111,7 +111,7 @@ bool ParseMtlTexture(TextCursor& rest, MtlTexture& texture) {
     if (!*read) return false;
     rest = after;
   }
-  std::string_view name = rest.Rest();
+  std::string_view name = rest.Name();
   if (name.size() >= 2 && name.front() == '"' && name.back() == '"') name = name.substr(1, name.size() - 2);
   if (name.empty()) return false;
   texture.file = std::string(name);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "preprocess/import/checkpoint.h"
+#include "preprocess/import/file_color.h"
 #include "preprocess/import/formats.h"
 #include "preprocess/import/line_reader.h"
 #include "preprocess/import/obj_materials.h"
@@ -36,6 +37,9 @@ struct IndexRange {
   }
   static constexpr uint64_t kNotCounted = ~uint64_t{0};
 };
+
+/// A channel of a colour that is no less counts to 255, not to 1: from there on all do.
+constexpr double kWholeColor = 2;
 
 class ObjFile {
  public:
@@ -76,6 +80,8 @@ class ObjFile {
   bool part_changed_ = false, material_changed_ = false;
   uint32_t part_ = kNoIndex, material_ = kNoIndex;
   uint64_t triangles_ = 0, short_faces_ = 0;
+  double color_scale_ = 255;
+  bool has_painted_ = false;  ///< lines of ZBrush's
 };
 
 Result<uint64_t> ObjFile::Import() {
@@ -87,9 +93,14 @@ Result<uint64_t> ObjFile::Import() {
     if (!more) break;
     QUARRY_TRY(Line(line));
   }
+  if (positions_.count != 0 && triangles_ + short_faces_ == 0)
+    return NoFaces(bytes_.path(), positions_.count);
   QUARRY_TRY(CheckRange(positions_));
   WarnOfDangling(normals_);
   WarnOfDangling(uvs_);
+  if (has_painted_)
+    sink_.Warn(fmt::format("{}: its colours stand in comments (#MRGB, as ZBrush writes them); left out",
+                           bytes_.path()));
   if (short_faces_ != 0)
     sink_.Warn(fmt::format("{}: {} faces of fewer than 3 corners left out", bytes_.path(), short_faces_));
   return triangles_;
@@ -103,6 +114,8 @@ void ObjFile::Save(ByteWriter& out) const {
   out.Put<uint8_t>(material_changed_);
   out.Put(part_);
   out.Put(material_);
+  out.Put(color_scale_);
+  out.Put<uint8_t>(has_painted_);
   materials_.Save(out);
 }
 
@@ -117,6 +130,8 @@ Status ObjFile::Restore(ByteReader& in) {
   material_changed_ = in.Get<uint8_t>() != 0;
   part_ = in.Get<uint32_t>();
   material_ = in.Get<uint32_t>();
+  color_scale_ = in.Get<double>();
+  has_painted_ = in.Get<uint8_t>() != 0;
   return materials_.Restore(in);
 }
 
@@ -127,23 +142,27 @@ Status ObjFile::Line(std::string_view line) {
   if (keyword == "f" || keyword == "fo") return Face(rest);
   if (keyword == "vn") return Normal(rest);
   if (keyword == "vt") return Uv(rest);
-  if (keyword.empty() || keyword.front() == '#') return {};
+  if (keyword.empty()) return {};
+  if (keyword.front() == '#') {
+    has_painted_ |= keyword == "#MRGB";
+    return {};
+  }
   return OtherLine(keyword, rest);
 }
 
 Status ObjFile::OtherLine(std::string_view keyword, TextCursor& rest) {
   if (keyword == "usemtl") {
-    material_name_ = std::string(rest.Rest());
+    material_name_ = std::string(rest.Name());
     material_changed_ = true;
   } else if (keyword == "mtllib") {
-    materials_.AddLibraries(rest.Rest());
+    materials_.AddLibraries(rest.Name());
     material_changed_ = true;  // what was not found may be there now
   } else if (keyword == "o") {
-    object_ = std::string(rest.Rest());
+    object_ = std::string(rest.Name());
     group_.clear();
     part_changed_ = true;
   } else if (keyword == "g") {
-    group_ = std::string(rest.Rest());
+    group_ = std::string(rest.Name());
     part_changed_ = true;
   } else if (keyword.find('\0') != std::string_view::npos) {
     return lines_.FailHere("holds a zero byte, so this is no text file of a model");
@@ -152,18 +171,16 @@ Status ObjFile::OtherLine(std::string_view keyword, TextCursor& rest) {
 }
 
 Status ObjFile::Position(TextCursor& rest) {
-  double value[6];
+  double value[7];
   int count = 0;
-  while (count < 6 && !rest.AtEnd() && ParseReal(rest, value[count])) ++count;
+  while (count < 7 && !rest.AtEnd() && ParseReal(rest, value[count])) ++count;
   if (count < 3)
     return lines_.FailHere(rest.AtEnd() ? "a vertex needs three numbers"
                                         : fmt::format("{} is not a number", Quoted(rest.Word())));
   Rgba8 color;
-  if (count == 6) {  // four are x y z w: the weight of a rational curve, of no meaning to polygons
-    const auto byte = [](double c) {
-      return static_cast<uint8_t>(c > 0 ? std::min(c, 1.0) * 255 + 0.5 : 0.0);
-    };
-    color = {byte(value[3]), byte(value[4]), byte(value[5])};
+  if (count >= 6) {  // four are x y z w: the weight of a rational curve, of no meaning to polygons
+    if (std::max({value[3], value[4], value[5]}) >= kWholeColor) color_scale_ = 1;
+    color = FileColor(value[3] * color_scale_, value[4] * color_scale_, value[5] * color_scale_);
   }
   ++positions_.count;
   return sink_.AddPosition({value[0], value[1], value[2]}, color);
@@ -311,7 +328,7 @@ bool LooksLikeObj(ModelReader& bytes) {
   std::string_view text = bytes.view();
   if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
   while (!text.empty()) {
-    const std::string_view line = text.substr(0, text.find('\n'));
+    const std::string_view line = text.substr(0, text.find_first_of("\r\n"));
     text.remove_prefix(std::min(text.size(), line.size() + 1));
     const std::string_view word = TextCursor(line).Word();
     if (!word.empty() && !word.starts_with('#')) return IsObjKeyword(word);

@@ -1,5 +1,5 @@
-// OFF, ASCII: OFF, COFF, NOFF, STOFF and their combinations. What a face's line says behind its corners (a
-// colour) is passed over.
+// OFF, ASCII: OFF, COFF, NOFF, STOFF and their combinations. Three or four numbers behind a face's corners
+// are its colour; behind a vertex, too, though the keyword has no C.
 
 #include <fmt/format.h>
 
@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "preprocess/import/checkpoint.h"
+#include "preprocess/import/file_color.h"
 #include "preprocess/import/formats.h"
 #include "preprocess/import/line_reader.h"
 #include "preprocess/import/text_number.h"
@@ -19,8 +20,14 @@ struct Layout {
   bool uv = false, color = false, normal = false, four = false, ndim = false;
 };
 
-/// The letters in the order in which the format wants them; false for anything else.
-bool ParseKeyword(std::string_view word, Layout& layout) {
+/// Passes the keyword, which the first count may follow without a blank ("OFF4 2 0"). The letters before OFF
+/// come in the order in which the format wants them; false, and nothing is passed, for anything else.
+bool ParseKeyword(TextCursor& cursor, Layout& layout) {
+  TextCursor after = cursor;
+  std::string_view word = after.Word();
+  const size_t digits = std::min(word.find_first_of("0123456789", word.find("OFF")), word.size());
+  after.next -= word.size() - digits;
+  word = word.substr(0, digits);
   if (!word.ends_with("OFF")) return false;
   word.remove_suffix(3);
   const auto take = [&](std::string_view letters) {
@@ -33,6 +40,7 @@ bool ParseKeyword(std::string_view word, Layout& layout) {
   layout.normal = take("N");
   layout.four = take("4");
   layout.ndim = take("n");
+  if (word.empty()) cursor = after;
   return word.empty();
 }
 
@@ -43,6 +51,7 @@ class OffFile {
   Result<uint64_t> Import() {
     QUARRY_TRY(Header());
     if (layout_.four || layout_.ndim) return lines_.FailHere("OFF of other than 3 dimensions is not read");
+    if (vertices_ != 0 && faces_ == 0) return NoFaces(bytes_.path(), vertices_);
     QUARRY_TRY(GoOnFromCheckpoint(sink_, bytes_.path(), *this));
     for (; read_ < vertices_ + faces_; ++read_) {
       QUARRY_TRY(CheckpointIfDue(sink_, *this));
@@ -53,12 +62,16 @@ class OffFile {
 
   void Save(ByteWriter& out) const {
     for (const uint64_t n : {bytes_.offset(), lines_.line_number(), read_, triangles_}) out.Put(n);
+    out.Put<uint8_t>(vertex_colors_);
+    out.Put<uint8_t>(face_colors_);
   }
   Status Restore(ByteReader& in) {
     QUARRY_TRY(bytes_.SkipTo(in.Get<uint64_t>()));
     lines_.GoOnAfterLine(in.Get<uint64_t>());
     read_ = in.Get<uint64_t>();
     triangles_ = in.Get<uint64_t>();
+    vertex_colors_ = in.Get<uint8_t>() != 0;
+    face_colors_ = in.Get<uint8_t>() != 0;
     return {};
   }
 
@@ -76,8 +89,7 @@ class OffFile {
 
   Status Header() {
     QUARRY_ASSIGN(TextCursor cursor, NextLine("the counts, line", 1));
-    const TextCursor before = cursor;
-    if (!ParseKeyword(cursor.Word(), layout_)) cursor = before;  // the keyword may be left out
+    ParseKeyword(cursor, layout_);  // which may be left out
     if (cursor.AtEnd()) {
       QUARRY_ASSIGN(cursor, NextLine("the counts, line", 2));
     }
@@ -106,31 +118,42 @@ class OffFile {
       QUARRY_TRY(sink_.AddNormal(glm::vec3(normal)));
     }
     Rgba8 color;
-    if (layout_.color) QUARRY_TRY(Color(cursor, color));
+    if (layout_.color) QUARRY_TRY(VertexColor(cursor, color));
     if (layout_.uv) {
       glm::dvec2 uv;
       for (int a = 0; a < 2; ++a)
         if (!ParseReal(cursor, uv[a])) return lines_.FailHere("a texture coordinate needs two numbers");
       QUARRY_TRY(sink_.AddUv(glm::vec2(uv)));
     }
+    if (!layout_.color && OptionalColor(cursor, color)) vertex_colors_ = true;
     return sink_.AddPosition(position, color);
   }
 
-  /// 3 or 4 numbers: 0 to 255 where all are whole, else 0 to 1.
-  Status Color(TextCursor& cursor, Rgba8& color) {
+  Status VertexColor(TextCursor& cursor, Rgba8& color) {
+    vertex_colors_ = true;
+    if (ReadColor(cursor, layout_.uv ? 3 : 4, color)) return {};
+    return lines_.FailHere("a vertex's colour needs three or four numbers");
+  }
+
+  /// What is left of the line, if that is a colour.
+  static bool OptionalColor(TextCursor cursor, Rgba8& color) {
+    if (cursor.AtEnd()) return false;
+    return ReadColor(cursor, 4, color) && cursor.AtEnd();
+  }
+
+  /// 3 or, up to `most`, 4 numbers: 0 to 255 where all are whole, else 0 to 1.
+  static bool ReadColor(TextCursor& cursor, int most, Rgba8& color) {
     double values[4] = {0, 0, 0, 1};
     bool whole = true;
-    for (int i = 0; i < 4; ++i) {
-      if (i == 3 && (layout_.uv || cursor.AtEnd())) break;
+    for (int i = 0; i < most; ++i) {
+      if (i == 3 && cursor.AtEnd()) break;
       TextCursor text = cursor;
-      if (!ParseReal(cursor, values[i]) || !(values[i] >= 0))
-        return lines_.FailHere("a vertex's colour needs three or four numbers");
+      if (!ParseReal(cursor, values[i]) || !(values[i] >= 0)) return false;
       whole &= text.Word().find_first_of(".eE") == std::string_view::npos;
     }
     const double scale = whole && *std::max_element(values, values + 3) > 1 ? 1 : 255;
-    uint8_t* const to[] = {&color.r, &color.g, &color.b};
-    for (int i = 0; i < 3; ++i) *to[i] = static_cast<uint8_t>(std::min(values[i] * scale + 0.5, 255.0));
-    return {};
+    color = FileColor(values[0] * scale, values[1] * scale, values[2] * scale);
+    return true;
   }
 
   Status Face(uint64_t index) {
@@ -143,7 +166,9 @@ class OffFile {
     corners_.clear();
     for (int64_t i = 0; i < count; ++i) {
       int64_t vertex = 0;
-      cursor.SkipBlanks();
+      if (cursor.AtEnd()) {
+        QUARRY_ASSIGN(cursor, NextLine("the rest of face", index));
+      }
       if (!ParseInteger(cursor, vertex))
         return lines_.FailHere(fmt::format("the face should have {} corners, but has {}", count, i));
       if (vertex < 0 || static_cast<uint64_t>(vertex) >= vertices_)
@@ -152,6 +177,10 @@ class OffFile {
       const auto at = static_cast<uint32_t>(vertex);
       corners_.push_back({at, layout_.normal ? at : kNoIndex, layout_.uv ? at : kNoIndex});
     }
+    Rgba8 color;
+    const bool colored = !vertex_colors_ && OptionalColor(cursor, color);  // those of vertices are finer
+    if (colored || face_colors_) QUARRY_TRY(sink_.SetFaceColor(color));
+    face_colors_ |= colored;
     if (count < 3) return {};
     triangles_ += static_cast<uint64_t>(count) - 2;
     return sink_.AddPolygon(corners_, kNoIndex, kNoIndex);
@@ -162,7 +191,8 @@ class OffFile {
   ModelSink& sink_;
   Layout layout_;
   uint64_t vertices_ = 0, faces_ = 0, triangles_ = 0;
-  uint64_t read_ = 0;  ///< of both, one after the other
+  uint64_t read_ = 0;                                 ///< of both, one after the other
+  bool vertex_colors_ = false, face_colors_ = false;  ///< have been met
   std::vector<Corner> corners_;
 };
 
@@ -173,7 +203,7 @@ bool LooksLikeOff(ModelReader& bytes) {
   const std::string_view text = bytes.view().substr(0, 1024);
   TextCursor cursor(text.substr(0, text.find_first_of("\r\n")));
   Layout layout;
-  return ParseKeyword(cursor.Word(), layout);
+  return ParseKeyword(cursor, layout);
 }
 
 Result<uint64_t> ImportOff(ModelReader& bytes, ModelSink& sink) { return OffFile(bytes, sink).Import(); }

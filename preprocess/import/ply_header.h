@@ -43,7 +43,7 @@ struct PlyHeader {
 };
 
 /// Reads the header at the start of `bytes` and leaves `bytes` behind it. Comments, obj_info and unknown
-/// keywords are passed over; lines may end in LF or CR LF. Errors: no "ply" at the start, no or unknown
+/// keywords are passed over; lines may end in LF, CR LF or CR. Errors: no "ply" at the start, no or unknown
 /// format, an unknown type, a count that is none, an element named twice, no end_header; each with its line.
 /// At most 256 elements and 4096 properties.
 Result<PlyHeader> ReadPlyHeader(ModelReader& bytes);

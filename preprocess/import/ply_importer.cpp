@@ -12,6 +12,7 @@
 
 #include "common/scene/material_json.h"
 #include "preprocess/import/checkpoint.h"
+#include "preprocess/import/file_color.h"
 #include "preprocess/import/formats.h"
 #include "preprocess/import/ply_plan.h"
 #include "preprocess/import/ply_rows.h"
@@ -21,8 +22,12 @@ namespace {
 
 constexpr uint64_t kRowsPerLook = 256;  // whether a checkpoint is due
 
-uint8_t ColorByte(double value) {
-  return static_cast<uint8_t>(value > 0 ? std::min(value, 255.0) + 0.5 : 0.0);
+bool HasNoFaces(const PlyHeader& header) {
+  const auto has = [&](const char* name) {
+    const PlyElement* element = header.Find(name);
+    return element != nullptr && element->count != 0;
+  };
+  return !has("face") && !has("tristrips");
 }
 
 /// What material_index and part_index stand for in the scene; `wanted` if the file has the property and the
@@ -76,8 +81,9 @@ class PlyBody {
   bool ReadStep(const PlyStep& step);
   bool ReadIndexList(const PlyStep& step);
 
+  Rgba8 RowColor(const PlyPlan& plan) const;
   Status Vertex(const PlyPlan& plan);
-  Status Face();
+  Status Face(const PlyPlan& plan);
   bool IsVertex(int64_t index) const {
     return index >= 0 && static_cast<uint64_t>(index) < vertex_count_ && index < int64_t{kNoIndex};
   }
@@ -97,8 +103,8 @@ class PlyBody {
   size_t element_ = 0;       ///< being read
   uint64_t row_number_ = 0;  ///< of it
   std::string complaint_;    ///< Why a step failed, where the source itself had nothing to object to.
-  uint64_t vertex_count_ = 0, triangles_ = 0, short_faces_ = 0;
-  bool has_normals_ = false, has_uvs_ = false;
+  uint64_t vertex_count_ = 0, triangles_ = 0, short_faces_ = 0, long_rows_ = 0;
+  bool has_normals_ = false, has_uvs_ = false, has_colors_ = false;
   IndexTable materials_, parts_;
   std::vector<Corner> corners_;
   Corner strip_[3];
@@ -111,15 +117,26 @@ Result<uint64_t> PlyBody<Source>::Import() {
   if (vertex == nullptr) return source_.FailHere("the PLY header has no element \"vertex\"");
   vertex_count_ = vertex->count;
   const PlyPlan plan = PlanVertex(*vertex);
+  if (HasNoFaces(header_) &&
+      std::ranges::find(vertex->properties, "f_dc_0", &PlyProperty::name) != vertex->properties.end())
+    return Fail(
+        fmt::format("{}: holds {} Gaussian splats and no faces: there is no surface to trace; make a mesh of "
+                    "them first",
+                    path_, vertex_count_));
+  if (HasNoFaces(header_) && vertex_count_ != 0) return NoFaces(path_, vertex_count_);
   if (!plan.Has(kX, kZ)) return source_.FailHere("the element \"vertex\" lacks x, y or z");
   has_normals_ = plan.Has(kNx, kNz);
   has_uvs_ = plan.Has(kU, kV);
+  has_colors_ = plan.Has(kRed, kBlue);
   QUARRY_ASSIGN(const bool goes_on, GoOnFromCheckpoint(sink_, path_, *this));
   if (const PlyElement* face = header_.Find("face"); face && !goes_on) QUARRY_TRY(LoadTables(*face));
   for (; element_ < header_.elements.size(); ++element_) {
     QUARRY_TRY(Element(header_.elements[element_]));
     row_number_ = 0;
   }
+  if (long_rows_ != 0)
+    sink_.Warn(fmt::format("{}: {} lines hold more values than the header names; the rest is left out", path_,
+                           long_rows_));
   if (short_faces_ != 0)
     sink_.Warn(fmt::format("{}: {} faces of fewer than 3 corners left out", path_, short_faces_));
   return triangles_;
@@ -127,8 +144,8 @@ Result<uint64_t> PlyBody<Source>::Import() {
 
 template <typename Source>
 void PlyBody<Source>::Save(ByteWriter& out) const {
-  for (const uint64_t n :
-       {source_.bytes().offset(), source_.line(), uint64_t{element_}, row_number_, triangles_, short_faces_})
+  for (const uint64_t n : {source_.bytes().offset(), source_.line(), uint64_t{element_}, row_number_,
+                           triangles_, short_faces_, long_rows_})
     out.Put(n);
   materials_.Save(out);
   parts_.Save(out);
@@ -142,6 +159,7 @@ Status PlyBody<Source>::Restore(ByteReader& in) {
   row_number_ = in.Get<uint64_t>();
   triangles_ = in.Get<uint64_t>();
   short_faces_ = in.Get<uint64_t>();
+  long_rows_ = in.Get<uint64_t>();
   materials_.Restore(in);
   parts_.Restore(in);
   return {};
@@ -189,7 +207,7 @@ Status PlyBody<Source>::Faces(const PlyElement& element) {
   const PlyPlan plan = PlanFace(element);
   if (!plan.has_index_list)
     return source_.FailHere("the element \"face\" has no list vertex_indices of an integer type");
-  return Rows(element, plan, [&] { return Face(); });
+  return Rows(element, plan, [&] { return Face(plan); });
 }
 
 template <typename Source>
@@ -248,6 +266,7 @@ Status PlyBody<Source>::RowsOneByOne(const PlyElement& element, const PlyPlan& p
           continue;
         return RowFailure(element);
       }
+    long_rows_ += source_.EndRow();
     QUARRY_TRY(use());
   }
   return {};
@@ -303,15 +322,15 @@ bool PlyBody<Source>::ReadIndexList(const PlyStep& step) {
 }
 
 template <typename Source>
+Rgba8 PlyBody<Source>::RowColor(const PlyPlan& plan) const {
+  const auto channel = [&](int i) { return row_.values[kRed + i] * plan.color_scale[i]; };
+  return FileColor(channel(0), channel(1), channel(2), plan.Has(kAlpha, kAlpha) ? channel(3) : 255);
+}
+
+template <typename Source>
 Status PlyBody<Source>::Vertex(const PlyPlan& plan) {
   const double* value = row_.values;
-  Rgba8 color;
-  if (plan.Has(kRed, kBlue)) {
-    color.r = ColorByte(value[kRed] * plan.color_scale[0]);
-    color.g = ColorByte(value[kGreen] * plan.color_scale[1]);
-    color.b = ColorByte(value[kBlue] * plan.color_scale[2]);
-    if (plan.Has(kAlpha, kAlpha)) color.a = ColorByte(value[kAlpha] * plan.color_scale[3]);
-  }
+  const Rgba8 color = plan.Has(kRed, kBlue) ? RowColor(plan) : Rgba8{};
   QUARRY_TRY(sink_.AddPosition({value[kX], value[kY], value[kZ]}, color));
   if (has_normals_) QUARRY_TRY(sink_.AddNormal(glm::vec3(value[kNx], value[kNy], value[kNz])));
   if (has_uvs_) QUARRY_TRY(sink_.AddUv(glm::vec2(value[kU], value[kV])));
@@ -319,7 +338,7 @@ Status PlyBody<Source>::Vertex(const PlyPlan& plan) {
 }
 
 template <typename Source>
-Status PlyBody<Source>::Face() {
+Status PlyBody<Source>::Face(const PlyPlan& plan) {
   if (row_.indices.size() < 3) {
     ++short_faces_;
     return {};
@@ -333,6 +352,8 @@ Status PlyBody<Source>::Face() {
   if (!Look(materials_, kMaterial, material)) return NotListed(materials_, kMaterial, "material_index");
   if (!Look(parts_, kPart, part)) return NotListed(parts_, kPart, "part_index");
   triangles_ += corners_.size() - 2;
+  // Where vertices have colours too, theirs are finer.
+  if (!has_colors_ && plan.Has(kRed, kBlue)) QUARRY_TRY(sink_.SetFaceColor(RowColor(plan)));
   return sink_.AddPolygon(corners_, material, part);
 }
 

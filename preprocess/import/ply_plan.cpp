@@ -38,7 +38,20 @@ constexpr SlotName kVertexSlots[] = {{"x", kX},
                                      {"texture_v", kV},
                                      {"texture_s", kU},
                                      {"texture_t", kV}};
-constexpr SlotName kFaceSlots[] = {{"material_index", kMaterial}, {"part_index", kPart}};
+constexpr SlotName kFaceSlots[] = {{"material_index", kMaterial},
+                                   {"part_index", kPart},
+                                   {"red", kRed},
+                                   {"green", kGreen},
+                                   {"blue", kBlue},
+                                   {"alpha", kAlpha},
+                                   {"r", kRed},
+                                   {"g", kGreen},
+                                   {"b", kBlue},
+                                   {"a", kAlpha},
+                                   {"diffuse_red", kRed},
+                                   {"diffuse_green", kGreen},
+                                   {"diffuse_blue", kBlue},
+                                   {"diffuse_alpha", kAlpha}};
 
 /// Factor that brings a colour of `type` to 0..255.
 double ColorScale(PlyType type) {
@@ -64,6 +77,8 @@ PlyPlan MakePlan(const PlyElement& element, std::span<const SlotName> slots, boo
     }
     if (step.target < PlyRow::kMaxValues) plan.filled |= 1u << step.target;
     plan.has_lists |= property.count_type.has_value();
+    if (step.target >= kRed && step.target <= kAlpha)
+      plan.color_scale[step.target - kRed] = ColorScale(step.type);
     plan.steps.push_back(step);
   }
   return plan;
@@ -71,13 +86,7 @@ PlyPlan MakePlan(const PlyElement& element, std::span<const SlotName> slots, boo
 
 }  // namespace
 
-PlyPlan PlanVertex(const PlyElement& element) {
-  PlyPlan plan = MakePlan(element, kVertexSlots, false);
-  for (const PlyStep& step : plan.steps)
-    if (step.target >= kRed && step.target <= kAlpha)
-      plan.color_scale[step.target - kRed] = ColorScale(step.type);
-  return plan;
-}
+PlyPlan PlanVertex(const PlyElement& element) { return MakePlan(element, kVertexSlots, false); }
 
 PlyPlan PlanFace(const PlyElement& element) {
   PlyPlan plan = MakePlan(element, kFaceSlots, true);

@@ -11,7 +11,7 @@ namespace quarry {
 
 /// Places in PlyRow::values for the properties of a vertex, of a face.
 enum VertexSlot : uint8_t { kX, kY, kZ, kNx, kNy, kNz, kRed, kGreen, kBlue, kAlpha, kU, kV };
-enum FaceSlot : uint8_t { kMaterial, kPart };
+enum FaceSlot : uint8_t { kMaterial, kPart };  // and kRed to kAlpha
 
 /// The plan of one element, and which slots it fills.
 struct PlyPlan {

@@ -58,6 +58,17 @@ bool AsciiPlySource::SkipValues(PlyType, uint64_t count) {
   return true;
 }
 
+bool AsciiPlySource::EndRow() {
+  bool more = false;
+  while (bytes_.Ensure(1)) {
+    const char next = bytes_.data()[0];
+    if (next == '\n' || next == '\r') break;
+    more |= !IsSpace(next);
+    bytes_.Consume(1);
+  }
+  return more;
+}
+
 tl::unexpected<Error> AsciiPlySource::Failure(const std::string& where) const {
   if (!complaint_.empty()) return FailHere(complaint_ + " in " + where);
   if (bytes_.failed()) return bytes_.Truncated("");

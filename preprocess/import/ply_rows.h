@@ -113,6 +113,7 @@ class BinaryPlySource {
   }
 
   ModelReader& bytes() const { return bytes_; }
+  bool EndRow() { return false; }
   /// Of text.
   uint64_t line() const { return 0; }
   void GoOnAtLine(uint64_t) {}
@@ -123,7 +124,8 @@ class BinaryPlySource {
   ModelReader& bytes_;
 };
 
-/// The same of an ASCII body: values separated by any white space, the ends of lines included.
+/// The same of an ASCII body: values separated by any white space, the ends of lines included, but a row
+/// begins on a line of its own.
 class AsciiPlySource {
  public:
   static constexpr bool kBinary = false;
@@ -134,6 +136,8 @@ class AsciiPlySource {
   bool Integer(PlyType type, int64_t& value);
   bool Integers(PlyType type, uint64_t count, std::vector<int64_t>& out);
   bool SkipValues(PlyType type, uint64_t count);
+  /// Passes what the line has behind the row's last value. Returns whether there was anything.
+  bool EndRow();
 
   ModelReader& bytes() const { return bytes_; }
   uint64_t line() const { return line_; }

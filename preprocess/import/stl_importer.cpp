@@ -2,11 +2,14 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <string>
 #include <vector>
 
 #include "preprocess/import/checkpoint.h"
+#include "preprocess/import/file_color.h"
 #include "preprocess/import/formats.h"
 #include "preprocess/import/line_reader.h"
 #include "preprocess/import/text_number.h"
@@ -24,11 +27,21 @@ uint64_t PromisedBytes(ModelReader& bytes) {
   return kHeaderBytes + kFacetBytes * count;
 }
 
+/// Of facets by the header. Some programs write the header first and never the count: 0, or all bits.
+uint32_t CountOf(ModelReader& bytes) {
+  uint32_t count;
+  std::memcpy(&count, bytes.data() + kHeaderBytes - 4, sizeof count);
+  return count;
+}
+bool IsCount(uint32_t count) { return count != 0 && count != 0xFFFFFFFFu; }
+
+/// Behind comments and blanks.
 bool BeginsWithSolid(ModelReader& bytes) {
   bytes.Ensure(1024);
   std::string_view text = bytes.view().substr(0, 1024);
   if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
-  while (!text.empty() && IsSpace(text.front())) text.remove_prefix(1);
+  while (!text.empty() && (IsSpace(text.front()) || text.front() == '#'))
+    text.remove_prefix(text.front() == '#' ? std::min(text.size(), text.find_first_of("\r\n")) : 1);
   return text.size() >= 5 && EqualsIgnoringCase(text.substr(0, 5), "solid");
 }
 
@@ -47,52 +60,146 @@ glm::dvec3 LoadPoint(const char* at) {
   return {xyz[0], xyz[1], xyz[2]};
 }
 
-Status AddFacet(ModelSink& sink, const char* facet, uint64_t index) {
-  Corner corners[3];
-  for (uint32_t i = 0; i < 3; ++i) {
-    QUARRY_TRY(sink.AddPosition(LoadPoint(facet + 12 * (i + 1)), Rgba8{}));
-    corners[i].position = static_cast<uint32_t>(3 * index + i);
-  }
-  return sink.AddPolygon(corners, kNoIndex, kNoIndex);
+/// What comes in a pipe or packed has no size: its first facets tell, and its end if it lies in the buffer.
+bool StreamIsBinary(ModelReader& bytes) {
+  constexpr double kFar = 1e15;
+  if (bytes.has_size()) return false;
+  const bool all = !bytes.Ensure(ModelReader::kBufferBytes);
+  const uint64_t size = bytes.available();
+  if (size < kHeaderBytes + kFacetBytes) return false;
+  if (all && (size - kHeaderBytes) % kFacetBytes != 0) return false;
+  if (IsCount(CountOf(bytes)) && (all ? PromisedBytes(bytes) != size : PromisedBytes(bytes) < size))
+    return false;
+  for (uint64_t i = 0; i < 100 && kHeaderBytes + (i + 1) * kFacetBytes <= size; ++i)
+    for (int k = 0; k < 4; ++k) {
+      const glm::dvec3 p = LoadPoint(bytes.data() + kHeaderBytes + i * kFacetBytes + 12 * k);
+      if (!(std::fabs(p.x) < kFar && std::fabs(p.y) < kFar && std::fabs(p.z) < kFar)) return false;
+    }
+  return true;
 }
 
-/// How many facets of a binary file have been read.
-struct FacetsRead {
-  ModelReader& bytes;
-  uint64_t count = 0;
+/// Colours of facets, in their two bytes of attributes, five bits a channel: as VisCAM has them (those with
+/// the highest bit, red highest), or as Magics has them, which announces them in the header (those without
+/// it, red lowest; others have the colour of the header).
+class FacetColors {
+ public:
+  explicit FacetColors(std::string_view header) {
+    const size_t at = header.find("COLOR=");
+    if (at == std::string_view::npos || at + 9 > header.size()) return;
+    const auto channel = [&](size_t i) { return static_cast<uint8_t>(header[at + 6 + i]); };
+    magics_ = true;
+    of_all_ = FileColor(channel(0), channel(1), channel(2));
+  }
+  Rgba8 ColorOf(uint16_t attributes) const {
+    const auto channel = [&](int shift) { return (attributes >> shift & 31) * 255 / 31.0; };
+    if (((attributes & 0x8000) != 0) == magics_) return of_all_;
+    return magics_ ? FileColor(channel(0), channel(5), channel(10))
+                   : FileColor(channel(10), channel(5), channel(0));
+  }
 
-  void Save(ByteWriter& out) const {
-    out.Put(bytes.offset());
-    out.Put(count);
-  }
-  Status Restore(ByteReader& in) {
-    QUARRY_TRY(bytes.SkipTo(in.Get<uint64_t>()));
-    count = in.Get<uint64_t>();
-    return {};
-  }
+ private:
+  bool magics_ = false;
+  Rgba8 of_all_;
 };
 
-Result<uint64_t> ImportBinary(ModelReader& bytes, ModelSink& sink) {
-  const uint64_t promised = bytes.Ensure(kHeaderBytes) ? PromisedBytes(bytes) : kHeaderBytes;
-  if (bytes.has_size() && promised > bytes.size())
-    return Fail(fmt::format("{}: is no ASCII STL, and as a binary STL it would need {} bytes, but it has {}",
-                            bytes.path(), promised, bytes.size()));
-  if (bytes.has_size() && promised < bytes.size())
-    sink.Warn(
-        fmt::format("{}: {} bytes behind the last facet left out", bytes.path(), bytes.size() - promised));
-  bytes.Consume(kHeaderBytes);
-  const uint64_t count = (promised - kHeaderBytes) / kFacetBytes;
-  FacetsRead read{bytes};
-  QUARRY_TRY(GoOnFromCheckpoint(sink, bytes.path(), read));
-  for (uint64_t& i = read.count; i < count; ++i) {
-    if (i % kFacetsPerLook == 0) QUARRY_TRY(CheckpointIfDue(sink, read));
-    if (!bytes.Ensure(kFacetBytes)) return bytes.Truncated(fmt::format("in facet {} of {}", i, count));
-    QUARRY_TRY(AddFacet(sink, bytes.data(), i));
-    bytes.Consume(kFacetBytes);
+/// Binary STL, from its header on.
+class BinaryStl {
+ public:
+  BinaryStl(ModelReader& bytes, ModelSink& sink) : bytes_(bytes), sink_(sink) {}
+
+  Result<uint64_t> Import();
+  void Save(ByteWriter& out) const {
+    out.Put(bytes_.offset());
+    out.Put(read_);
   }
-  if (!bytes.has_size() && bytes.Ensure(1))
-    sink.Warn(fmt::format("{}: bytes behind the last facet left out", bytes.path()));
-  return count;
+  Status Restore(ByteReader& in) {
+    QUARRY_TRY(bytes_.SkipTo(in.Get<uint64_t>()));
+    read_ = in.Get<uint64_t>();
+    return {};
+  }
+
+ private:
+  Status Header();
+  Result<bool> HasPayloads() const;
+  Status Facet(const FacetColors& colors);
+
+  ModelReader& bytes_;
+  ModelSink& sink_;
+  uint64_t count_ = 0, read_ = 0;  ///< facets
+  bool counted_ = true;            ///< else they go on to the file's end
+  bool payloads_ = false;          ///< attributes are lengths of what follows them
+  Rgba8 color_;
+};
+
+Status BinaryStl::Header() {
+  const std::string& path = bytes_.path();
+  if (!bytes_.Ensure(kHeaderBytes))
+    return Fail(fmt::format("{}: is no ASCII STL, and too short for a binary one", path));
+  count_ = CountOf(bytes_);
+  const uint64_t promised = PromisedBytes(bytes_);
+  if (!IsCount(CountOf(bytes_))) {
+    if (bytes_.has_size() && (bytes_.size() - kHeaderBytes) % kFacetBytes != 0)
+      return Fail(fmt::format("{}: its count of facets is {}, and its size is not that of whole facets", path,
+                              count_));
+    counted_ = false;
+    sink_.Warn(fmt::format("{}: its count of facets is {}; those up to its end are read", path, count_));
+  } else if (bytes_.has_size() && promised > bytes_.size()) {
+    return Fail(fmt::format("{}: is no ASCII STL, and as a binary STL it would need {} bytes, but it has {}",
+                            path, promised, bytes_.size()));
+  } else if (bytes_.has_size() && promised < bytes_.size()) {
+    QUARRY_ASSIGN(payloads_, HasPayloads());
+    if (!payloads_)
+      sink_.Warn(fmt::format("{}: {} bytes behind the last facet left out", path, bytes_.size() - promised));
+  }
+  return {};
+}
+
+/// Whether the facets end with the file if their attributes are lengths. Reads it once more.
+Result<bool> BinaryStl::HasPayloads() const {
+  QUARRY_ASSIGN(ModelReader ahead, ModelReader::Open(bytes_.path()));
+  if (!ahead.Skip(kHeaderBytes)) return false;
+  for (uint64_t i = 0; i < count_; ++i) {
+    if (!ahead.Ensure(kFacetBytes)) return false;
+    uint16_t length;
+    std::memcpy(&length, ahead.data() + kFacetBytes - 2, sizeof length);
+    if (!ahead.Skip(kFacetBytes + length)) return false;
+  }
+  return ahead.remaining() == 0;
+}
+
+Result<uint64_t> BinaryStl::Import() {
+  QUARRY_TRY(Header());
+  const FacetColors colors(bytes_.view().substr(0, kHeaderBytes - 4));
+  bytes_.Consume(kHeaderBytes);
+  QUARRY_TRY(GoOnFromCheckpoint(sink_, bytes_.path(), *this));
+  for (; !counted_ || read_ < count_; ++read_) {
+    if (read_ % kFacetsPerLook == 0) QUARRY_TRY(CheckpointIfDue(sink_, *this));
+    if (!counted_ && !bytes_.Ensure(1) && !bytes_.failed()) break;
+    if (!bytes_.Ensure(kFacetBytes))
+      return bytes_.Truncated(counted_ ? fmt::format("in facet {} of {}", read_, count_)
+                                       : fmt::format("in facet {}", read_));
+    QUARRY_TRY(Facet(colors));
+  }
+  if (counted_ && !bytes_.has_size() && bytes_.Ensure(1))
+    sink_.Warn(fmt::format("{}: bytes behind the last facet left out", bytes_.path()));
+  return read_;
+}
+
+Status BinaryStl::Facet(const FacetColors& colors) {
+  const char* facet = bytes_.data();
+  Corner corners[3];
+  for (uint32_t i = 0; i < 3; ++i) {
+    QUARRY_TRY(sink_.AddPosition(LoadPoint(facet + 12 * (i + 1)), Rgba8{}));
+    corners[i].position = static_cast<uint32_t>(3 * read_ + i);
+  }
+  uint16_t attributes;
+  std::memcpy(&attributes, facet + kFacetBytes - 2, sizeof attributes);
+  const Rgba8 color = payloads_ ? Rgba8{} : colors.ColorOf(attributes);
+  if (Packed(color) != Packed(color_)) QUARRY_TRY(sink_.SetFaceColor(color));
+  color_ = color;
+  bytes_.Consume(kFacetBytes);
+  if (payloads_ && !bytes_.Skip(attributes)) return bytes_.Truncated(fmt::format("behind facet {}", read_));
+  return sink_.AddPolygon(corners, kNoIndex, kNoIndex);
 }
 
 /// ASCII STL by words, not lines: some writers put a facet on one line. Solids with names are parts.
@@ -128,6 +235,7 @@ class AsciiStl {
   uint64_t positions_ = 0, triangles_ = 0;
   uint32_t part_ = kNoIndex;
   bool in_facet_ = false;
+  std::string joined_;
 };
 
 Result<uint64_t> AsciiStl::Import() {
@@ -151,21 +259,29 @@ Status AsciiStl::Line(std::string_view line) {
 }
 
 Status AsciiStl::Keyword(std::string_view word, TextCursor& rest) {
-  if (EqualsIgnoringCase(word, "vertex")) return Vertex(rest);
-  if (EqualsIgnoringCase(word, "endfacet")) return EndFacet();
-  if (EqualsIgnoringCase(word, "facet")) {
+  const auto is = [&](std::string_view keyword) { return EqualsIgnoringCase(word, keyword); };
+  const auto begins = [&](std::string_view start) {
+    return EqualsIgnoringCase(word.substr(0, start.size()), start);
+  };
+  if (is("vertex")) return Vertex(rest);
+  if (is("end")) {  // "end loop"
+    joined_ = "end" + std::string(rest.Word());
+    return joined_.size() > 3 ? Keyword(joined_, rest) : Status{};
+  }
+  if (is("endfacet")) return EndFacet();
+  if (is("facet")) {
     if (in_facet_) return lines_.FailHere("a facet begins within another");
     in_facet_ = true;
-  } else if (EqualsIgnoringCase(word, "normal")) {
+  } else if (is("normal")) {
     for (int i = 0; i < 3; ++i) rest.Word();
-  } else if (EqualsIgnoringCase(word, "solid")) {
+  } else if (begins("solid")) {
+    rest.next = word.data() + 5;  // the name may follow without a blank
     const std::string_view name = rest.Rest();
     part_ = name.empty() ? kNoIndex : sink_.AddPart(name);
     rest.next = rest.end;
-  } else if (EqualsIgnoringCase(word, "endsolid") || word.starts_with('#')) {
+  } else if (begins("endsolid") || is("color") || word.starts_with('#')) {
     rest.next = rest.end;
-  } else if (!EqualsIgnoringCase(word, "outer") && !EqualsIgnoringCase(word, "loop") &&
-             !EqualsIgnoringCase(word, "endloop")) {
+  } else if (!is("outer") && !is("loop") && !is("outerloop") && !is("endloop")) {
     return lines_.FailHere(fmt::format("{} is no word of an ASCII STL", Quoted(word)));
   }
   return {};
@@ -174,7 +290,8 @@ Status AsciiStl::Keyword(std::string_view word, TextCursor& rest) {
 Status AsciiStl::Vertex(TextCursor& rest) {
   glm::dvec3 point;
   for (int i = 0; i < 3; ++i)
-    if (!ParseReal(rest, point[i])) return lines_.FailHere("a vertex needs three numbers");
+    if (!ParseReal(rest, point[i]))
+      return lines_.FailHere(fmt::format("a vertex needs three numbers, not {}", Quoted(rest.Word())));
   if (!in_facet_) return lines_.FailHere("a vertex stands outside of any facet");
   if (corners_.size() == kMaxPolygonCorners)
     return lines_.FailHere(fmt::format("the facet has more than {} corners", kMaxPolygonCorners));
@@ -196,11 +313,13 @@ Status AsciiStl::EndFacet() {
 
 }  // namespace
 
-bool LooksLikeStl(ModelReader& bytes) { return SizeIsBinary(bytes) || LooksAscii(bytes); }
+bool LooksLikeStl(ModelReader& bytes) {
+  return SizeIsBinary(bytes) || LooksAscii(bytes) || StreamIsBinary(bytes);
+}
 
 Result<uint64_t> ImportStl(ModelReader& bytes, ModelSink& sink) {
   if (!SizeIsBinary(bytes) && LooksAscii(bytes)) return AsciiStl(bytes, sink).Import();
-  return ImportBinary(bytes, sink);
+  return BinaryStl(bytes, sink).Import();
 }
 
 }  // namespace quarry

@@ -43,6 +43,14 @@ struct TextCursor {
     while (last != next && IsBlank(last[-1])) --last;
     return {next, static_cast<size_t>(last - next)};
   }
+  /// The same without a comment at its end: '#' between blanks. "Material #25" is a name.
+  std::string_view Name() {
+    const std::string_view rest = Rest();
+    for (size_t i = 0; i < rest.size(); ++i)
+      if (rest[i] == '#' && (i == 0 || IsBlank(rest[i - 1])) && (i + 1 == rest.size() || IsBlank(rest[i + 1])))
+        return TextCursor(rest.substr(0, i)).Rest();
+    return rest;
+  }
 };
 
 /// Parses numbers that std::from_chars leaves aside: beyond the range of double, and the "1.#INF" and
