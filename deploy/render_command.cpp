@@ -135,8 +135,7 @@ Result<CameraSpec> SceneCamera(const RenderArguments& a, const StoreReader& stor
     if (camera.name == a.camera) return camera.spec;
     names += fmt::format("{}'{}'", names.empty() ? "" : ", ", camera.name);
   }
-  if (names.empty())
-    return BadUsage(fmt::format("--camera '{}': {} has no cameras", a.camera, a.scene));
+  if (names.empty()) return BadUsage(fmt::format("--camera '{}': {} has no cameras", a.camera, a.scene));
   return BadUsage(fmt::format("--camera '{}': {} has no such camera, but {}", a.camera, a.scene, names));
 }
 

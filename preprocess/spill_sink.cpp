@@ -121,7 +121,7 @@ uint32_t SpillSink::AddPart(std::string_view name) {
   return it->second;
 }
 
-glm::dvec3 SpillSink::Placed(const glm::dvec3& position) const {
+glm::dvec3 SpillSink::InScene(const glm::dvec3& position) const {
   return (placed_ ? turn_ * position + translation_ : position) * scale_;
 }
 
@@ -134,9 +134,9 @@ template <class View>
 void SpillSink::Keep(View view, bool sane, size_t most, std::vector<View>& views) {
   if (!sane || views.size() >= most) {
     if (!warned_of_views_)
-      Warn(fmt::format("{}: {} is left out: {}", file_name_, view.name.empty() ? "a view" : view.name,
-                       sane ? fmt::format("a store holds {} of its kind", most)
-                            : "it holds numbers that cannot be"));
+      Warn(fmt::format(
+          "{}: {} is left out: {}", file_name_, view.name.empty() ? "a view" : view.name,
+          sane ? fmt::format("a store holds {} of its kind", most) : "it holds numbers that cannot be"));
     warned_of_views_ = true;
     return;
   }
@@ -151,7 +151,7 @@ void SpillSink::Keep(View view, bool sane, size_t most, std::vector<View>& views
 void SpillSink::AddCamera(NamedCamera camera) {
   CameraSpec& spec = camera.spec;
   const glm::dvec3 way = Turned(spec.at - spec.eye);
-  spec.eye = Placed(spec.eye);
+  spec.eye = InScene(spec.eye);
   spec.at = spec.eye + way;
   spec.up = Turned(spec.up);
   spec.ortho_height *= scale_ * Cubic(turn_);
@@ -162,7 +162,7 @@ void SpillSink::AddCamera(NamedCamera camera) {
 void SpillSink::AddLight(NamedLight light) {
   const double larger = scale_ * Cubic(turn_);
   if (light.kind == LightKind::kPoint) light.radiance *= static_cast<float>(larger * larger);
-  light.position = Placed(light.position);
+  light.position = InScene(light.position);
   light.direction = glm::vec3(glm::normalize(Turned(glm::dvec3(light.direction))));
   const bool sane = IsSane(light);
   Keep(std::move(light), sane, kMaxLights, scene_.views.lights);
@@ -214,7 +214,7 @@ Status SpillSink::AddPosition(const glm::dvec3& position, const Rgba8& color) {
   const uint32_t packed = Packed(color);
   if (packed != 0xFFFFFFFFu && scene_.attributes < Attributes::kColors)
     QUARRY_TRY(Found(Attributes::kColors));
-  const glm::dvec3 scaled = Placed(position);
+  const glm::dvec3 scaled = InScene(position);
   if (!has_offset_) ChooseOffset(scaled);
   const StoredPosition stored{glm::vec3(scaled - scene_.offset), packed};
   return positions_->Append(&stored);

@@ -153,7 +153,7 @@ class SpillSink final : public ModelSink {
   void ChooseOffset(const glm::dvec3& first);
   Status KeepTriangle(const TriangleRecord& record);
   uint32_t DefaultMaterial();
-  glm::dvec3 Placed(const glm::dvec3& position) const;
+  glm::dvec3 InScene(const glm::dvec3& position) const;
   glm::dvec3 Turned(const glm::dvec3& direction) const;
   template <class View>
   void Keep(View view, bool sane, size_t most, std::vector<View>& views);

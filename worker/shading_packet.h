@@ -72,7 +72,8 @@ void AddAttributes(const AttributePacket& attributes, const RayPacket& rays, uin
                    SurfacePacket& surfaces);
 
 /// What a surface of one material sends back of the headlight, and gives off.
-void Headlight(const Material& material, RenderMode mode, const SurfacePacket& surfaces, uint64_t lanes, Vectors& radiance);
+void Headlight(const Material& material, RenderMode mode, const SurfacePacket& surfaces, uint64_t lanes,
+               Vectors& radiance);
 /// The same of ambient light.
 void Ambient(const Material& material, RenderMode mode, const glm::vec3& ambient,
              const SurfacePacket& surfaces, uint64_t lanes, Vectors& radiance);

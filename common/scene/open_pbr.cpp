@@ -31,8 +31,7 @@ void DeriveOpenPbr(Material& m) {
   m.base_color = AtMostOne(color);
   m.base_metalness = mirrors ? mirror / (mirror + matte) : 0.0f;
   const bool highlight = m.shininess > 0 && Most(m.specular) > 0;
-  m.specular_roughness =
-      m.shininess > 0 || !(mirrors || glass) ? std::sqrt(2 / (m.shininess + 2)) : 0.0f;
+  m.specular_roughness = m.shininess > 0 || !(mirrors || glass) ? std::sqrt(2 / (m.shininess + 2)) : 0.0f;
   m.specular_weight = highlight || mirrors || glass ? 1.0f : 0.0f;
   m.specular_color = glm::vec3(1);
   m.specular_ior = glass ? m.ior : 1.5f;
@@ -77,8 +76,8 @@ bool IsSane(const Material& m) {
   constexpr float kLargest = std::numeric_limits<float>::max();
   for (int a = 0; a < 3; ++a)
     if (!Within(m.emission[a], 0, kLargest)) return false;
-  for (const float x : {m.base_metalness, m.specular_roughness, m.specular_weight, m.transmission_weight,
-                        m.geometry_opacity})
+  for (const float x :
+       {m.base_metalness, m.specular_roughness, m.specular_weight, m.transmission_weight, m.geometry_opacity})
     if (!Within(x, 0, 1)) return false;
   return Within(m.shininess, 0, 10000) && Within(m.ior, 1, 10) && Within(m.specular_ior, 1, 10) &&
          Within(m.transmission_depth, 0, kLargest);

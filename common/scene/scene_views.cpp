@@ -25,7 +25,6 @@ bool IsSane(const NamedLight& l) {
          l.radiance.z >= 0 && cosine(l.cos_inner) && cosine(l.cos_outer) && l.cos_outer <= l.cos_inner;
 }
 
-
 Light ToLight(const NamedLight& light, const glm::dvec3& offset) {
   Light out;
   out.kind = light.kind;

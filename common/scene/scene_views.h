@@ -18,11 +18,11 @@ struct NamedCamera {
 struct NamedLight {
   std::string name;
   LightKind kind = LightKind::kPoint;
-  glm::dvec3 position{0};         ///< of a point
-  glm::vec3 direction{0, 0, 1};   ///< sun: toward it; point: the axis of its cone, away from it
-  glm::vec3 radiance{1};          ///< as in Light
-  float cos_inner = 1;            ///< a cone shines in full within this
-  float cos_outer = -1;           ///< and not at all outside of this; -1: it shines to all sides
+  glm::dvec3 position{0};        ///< of a point
+  glm::vec3 direction{0, 0, 1};  ///< sun: toward it; point: the axis of its cone, away from it
+  glm::vec3 radiance{1};         ///< as in Light
+  float cos_inner = 1;           ///< a cone shines in full within this
+  float cos_outer = -1;          ///< and not at all outside of this; -1: it shines to all sides
 
   bool operator==(const NamedLight&) const = default;
 };

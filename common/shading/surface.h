@@ -97,8 +97,8 @@ inline bool CanBounce(const Material& m) {
   return m.fresnel || m.reflectance != glm::vec3(0) || m.transmittance != glm::vec3(0);
 }
 
-/// The colour by which light is scattered. Where no mirror and no transmitted ray is followed, metals, mirrors
-/// and glass show their base colour; a lack of opacity shows nothing.
+/// The colour by which light is scattered. Where no mirror and no transmitted ray is followed, metals,
+/// mirrors and glass show their base colour; a lack of opacity shows nothing.
 inline glm::vec3 Albedo(const Material& m, RenderMode mode) {
   if (m.unlit) return glm::vec3(0);
   return mode == RenderMode::kWhitted ? m.diffuse : m.base_color;

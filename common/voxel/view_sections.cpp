@@ -52,8 +52,7 @@ Result<std::vector<NamedCamera>> DecodeCameras(std::span<const std::byte> bytes,
     NamedCamera& camera = cameras[i];
     camera.name = StringAt(strings, in.Get<uint32_t>());
     in.Get<uint32_t>();
-    for (glm::dvec3* v : {&camera.spec.eye, &camera.spec.at, &camera.spec.up})
-      *v = in.GetVec3<glm::dvec3>();
+    for (glm::dvec3* v : {&camera.spec.eye, &camera.spec.at, &camera.spec.up}) *v = in.GetVec3<glm::dvec3>();
     camera.spec.fov_degrees = in.Get<double>();
     camera.spec.ortho_height = in.Get<double>();
     if (!IsSane(camera.spec)) return Fail(fmt::format("the CAMS section's camera {} cannot be", i));

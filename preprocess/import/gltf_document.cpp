@@ -193,8 +193,8 @@ std::string GltfDocument::FileNameOf(const std::string& uri) const {
   // Some exporters write names as they are: "50%20.bin".
   const auto folder = std::filesystem::path(path_).parent_path();
   std::error_code none;
-  const bool as_it_is = !std::filesystem::exists(folder / decoded, none) &&
-                        std::filesystem::exists(folder / uri, none);
+  const bool as_it_is =
+      !std::filesystem::exists(folder / decoded, none) && std::filesystem::exists(folder / uri, none);
   return as_it_is ? uri : decoded;
 }
 

@@ -59,7 +59,8 @@ class GltfDocument {
   /// Which files the buffers lie in, and what they are like: another text when one has changed.
   std::string BufferFiles() const;
 
-  /// The file that `uri` names, by the model's folder: decoded, or as it is written where that alone is there.
+  /// The file that `uri` names, by the model's folder: decoded, or as it is written where that alone is
+  /// there.
   std::string FileNameOf(const std::string& uri) const;
 
   /// What a data: URI holds; `where` names it. Errors: it is damaged; too many bytes in all such URIs.

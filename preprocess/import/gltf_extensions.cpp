@@ -16,27 +16,21 @@ namespace {
 using Json = nlohmann::json;
 
 /// Extensions that are read.
-constexpr std::string_view kRead[] = {"EXT_mesh_gpu_instancing",
-                                      "EXT_texture_webp",
-                                      "KHR_lights_punctual",
-                                      "KHR_materials_emissive_strength",
-                                      "KHR_materials_ior",
-                                      "KHR_materials_pbrSpecularGlossiness",
-                                      "KHR_materials_specular",
-                                      "KHR_materials_transmission",
-                                      "KHR_materials_unlit",
-                                      "KHR_materials_volume",
-                                      "KHR_mesh_quantization",
-                                      "KHR_node_visibility",
+constexpr std::string_view kRead[] = {"EXT_mesh_gpu_instancing", "EXT_texture_webp",
+                                      "KHR_lights_punctual",     "KHR_materials_emissive_strength",
+                                      "KHR_materials_ior",       "KHR_materials_pbrSpecularGlossiness",
+                                      "KHR_materials_specular",  "KHR_materials_transmission",
+                                      "KHR_materials_unlit",     "KHR_materials_volume",
+                                      "KHR_mesh_quantization",   "KHR_node_visibility",
                                       "KHR_texture_transform"};
 
 /// Those that cost images alone, each of which is warned of: no reason to refuse a model.
 constexpr std::string_view kTolerated[] = {"KHR_texture_basisu", "EXT_texture_avif", "MSFT_texture_dds"};
 
 /// Parts of names of extensions by which a mesh is other triangles than its accessors say, or none.
-constexpr std::string_view kOfGeometry[] = {"instancing", "displacement", "micromesh", "splat",
-                                            "voxel",      "quantized",    "subdivision", "nurbs",
-                                            "primitive_restart",          "implicit_",   "CESIUM_RTC"};
+constexpr std::string_view kOfGeometry[] = {
+    "instancing",  "displacement", "micromesh",         "splat",     "voxel",     "quantized",
+    "subdivision", "nurbs",        "primitive_restart", "implicit_", "CESIUM_RTC"};
 
 template <class List>
 bool Holds(const List& list, std::string_view name) {
@@ -44,7 +38,8 @@ bool Holds(const List& list, std::string_view name) {
 }
 
 bool ChangesGeometry(std::string_view name) {
-  return std::ranges::any_of(kOfGeometry, [&](std::string_view part) { return name.find(part) != name.npos; });
+  return std::ranges::any_of(kOfGeometry,
+                             [&](std::string_view part) { return name.find(part) != name.npos; });
 }
 
 /// Names in one of the document's two lists, each once.
@@ -72,7 +67,8 @@ Result<std::vector<std::string>> CheckGltfExtensions(const GltfDocument& documen
                       "without it",
                       Quoted(name)));
     warnings.push_back(
-        document.FailAt(fmt::format("the extension {} is not read; the model is loaded without it", Quoted(name)))
+        document
+            .FailAt(fmt::format("the extension {} is not read; the model is loaded without it", Quoted(name)))
             .value()
             .message);
   }
@@ -84,9 +80,9 @@ Status CheckNotCompressed(const GltfDocument& document, const Json& object, cons
   if (has_copy) return {};
   for (const auto& [name, value] : Member(object, "extensions").items())
     if (name.find("compression") != name.npos)
-      return document.FailAt(fmt::format(
-          "{} is compressed by the extension {}, which is not read; export the model without it", where,
-          Quoted(name)));
+      return document.FailAt(
+          fmt::format("{} is compressed by the extension {}, which is not read; export the model without it",
+                      where, Quoted(name)));
   return {};
 }
 

@@ -14,7 +14,7 @@ Result<std::vector<std::string>> CheckGltfExtensions(const GltfDocument& documen
 
 /// That nothing compressed is taken for what it stands for: `object` (a primitive or a buffer view, called
 /// `where`) names no extension that compresses it. `has_copy`: what is not compressed lies beside it.
-Status CheckNotCompressed(const GltfDocument& document, const nlohmann::json& object, const std::string& where,
-                          bool has_copy);
+Status CheckNotCompressed(const GltfDocument& document, const nlohmann::json& object,
+                          const std::string& where, bool has_copy);
 
 }  // namespace quarry

@@ -234,8 +234,8 @@ class GltfImport {
   ModelSink& sink_;
   GltfSkins skins_{document_};
   std::vector<uint32_t> materials_;
-  std::vector<glm::dmat4> joints_;  ///< of the node at hand; none: it has no skin
-  std::vector<double> weights_;     ///< of its morph targets
+  std::vector<glm::dmat4> joints_;                  ///< of the node at hand; none: it has no skin
+  std::vector<double> weights_;                     ///< of its morph targets
   uint64_t primitives_ = 0, given_ = 0;             ///< met so far; up to the last checkpoint
   uint64_t positions_ = 0, normals_ = 0, uvs_ = 0;  ///< given by primitives before
   bool has_normals_ = false, has_uvs_ = false;      ///< the primitive at hand

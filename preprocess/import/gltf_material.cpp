@@ -52,8 +52,7 @@ void ReadSpecularGlossiness(const Json& json, Material& m) {
         (std::sqrt(std::max(b * b - 4 * kDielectric * (kDielectric - s), 0.0f)) - b) / (2 * kDielectric),
         0.0f, 1.0f);
   }
-  const glm::vec3 of_matte =
-      matte * ((1 - strongest) / ((1 - kDielectric) * std::max(1 - metal, 1e-6f)));
+  const glm::vec3 of_matte = matte * ((1 - strongest) / ((1 - kDielectric) * std::max(1 - metal, 1e-6f)));
   const glm::vec3 of_mirror = (mirror - glm::vec3(kDielectric * (1 - metal))) / std::max(metal, 1e-6f);
   m.base_color = Clamped(glm::mix(of_matte, of_mirror, metal * metal));
   m.base_metalness = metal;

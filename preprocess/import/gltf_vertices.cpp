@@ -31,8 +31,8 @@ uint8_t Byte(double x) { return static_cast<uint8_t>(x > 0 ? std::min(x, 1.0) * 
 
 }  // namespace
 
-Result<GltfVertices> GltfVertices::Open(GltfDocument& document, const Json& primitive, const std::string& mesh,
-                                        std::span<const double> weights,
+Result<GltfVertices> GltfVertices::Open(GltfDocument& document, const Json& primitive,
+                                        const std::string& mesh, std::span<const double> weights,
                                         std::span<const glm::dmat4> joints) {
   GltfVertices vertices(document);
   vertices.mesh_ = mesh;
@@ -82,8 +82,8 @@ Result<glm::dmat4> GltfVertices::Skinning() {
     for (int k = 0; k < 4; ++k) {
       if (!(weight[k] > 0)) continue;
       if (!(joint[k] >= 0 && joint[k] < static_cast<double>(joints_.size())))
-        return document_->FailAt(fmt::format("{}: a vertex is moved by joint {}, but there are only {}", mesh_,
-                                             joint[k], joints_.size()));
+        return document_->FailAt(fmt::format("{}: a vertex is moved by joint {}, but there are only {}",
+                                             mesh_, joint[k], joints_.size()));
       sum += joints_[static_cast<size_t>(joint[k])] * weight[k];
       total += weight[k];
     }

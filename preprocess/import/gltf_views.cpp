@@ -64,7 +64,8 @@ Status AddLight(const GltfDocument& document, const GltfNodes::Node& node, const
   glm::vec3 color(1);
   ReadNumbers(json, "color", 3, color);
   const double intensity = json.value("intensity", 1.0);
-  light.radiance = glm::max(color, glm::vec3(0)) * Bounded(static_cast<float>(std::max(intensity, 0.0) / kPi));
+  light.radiance =
+      glm::max(color, glm::vec3(0)) * Bounded(static_cast<float>(std::max(intensity, 0.0) / kPi));
   light.position = glm::dvec3(node.world[3]);
   light.kind = type == "directional" ? LightKind::kSun : LightKind::kPoint;
   light.direction = glm::vec3(Backward(node.world));

@@ -18,6 +18,7 @@
 #include "common/scene/open_pbr.h"
 #include "preprocess/import/find_file.h"
 #include "preprocess/import/formats.h"
+#include "preprocess/import/nff_views.h"
 #include "preprocess/import/warn_once.h"
 #include "preprocess/import/word_reader.h"
 
@@ -55,12 +56,6 @@ struct Animation {
   }
 };
 
-/// A viewpoint, "v".
-struct NffView {
-  glm::dvec3 from{0}, at{0}, up{0, 0, 1};
-  double angle = 45;  ///< degrees, of the whole image
-};
-
 /// What a pass over a file and those that it includes shares.
 struct Scene {
   Scene(ModelSink& s, const ModelReader& model)
@@ -77,8 +72,7 @@ struct Scene {
   uint64_t positions = 0, normals = 0, uvs = 0, triangles = 0;
   uint64_t round_shapes = 0, round_triangles = 0;  ///< spheres and cones, and what they become
   bool images_left_out = false;
-  std::vector<NffView> views;
-  std::vector<NamedLight> lights;
+  NffViews views;
 };
 
 class NffFile {
@@ -122,7 +116,7 @@ class NffFile {
     }
     if (keyword == "l") return PointLight();
     if (keyword == "v") {
-      scene_.views.emplace_back();
+      if (scene_.views.views.size() <= kMaxSceneCameras) scene_.views.views.emplace_back();
       return SkipNumbers();
     }
     for (const char* known : {"from", "at", "up", "angle"})
@@ -134,8 +128,8 @@ class NffFile {
 
   /// A line of the view at hand.
   Status ViewLine(const std::string& keyword) {
-    if (scene_.views.empty()) scene_.views.emplace_back();
-    NffView& view = scene_.views.back();
+    if (scene_.views.views.empty()) scene_.views.views.emplace_back();
+    NffView& view = scene_.views.views.back();
     if (keyword == "angle") {
       QUARRY_ASSIGN(view.angle, words_.Number("an angle"));
       return {};
@@ -163,7 +157,8 @@ class NffFile {
       QUARRY_ASSIGN(const glm::dvec3 color, Vec3("a light's colour"));
       light.radiance = glm::max(glm::vec3(color), glm::vec3(0));
     }
-    scene_.lights.push_back(std::move(light));
+    // One more than there may be, for the sink to warn of.
+    if (scene_.views.lights.size() <= kMaxLights) scene_.views.lights.push_back(std::move(light));
     return SkipNumbers();
   }
 
@@ -501,35 +496,6 @@ class NffFile {
 
 }  // namespace
 
-namespace {
-
-/// NFF's lights do not fall off with distance, and Quarry's do: each gets what it needs to be as bright as NFF
-/// has it at the point that the view looks at. Without a colour, lights share brightness: 1 over the root of
-/// their number (Haines).
-void GiveViews(Scene& scene) {
-  const NffView view = scene.views.empty() ? NffView() : scene.views.front();
-  for (size_t i = 0; i < scene.views.size(); ++i) {
-    NamedCamera camera;
-    camera.name = fmt::format("view {}", i + 1);
-    camera.spec.eye = scene.views[i].from;
-    camera.spec.at = scene.views[i].at;
-    camera.spec.up = scene.views[i].up;
-    camera.spec.fov_degrees = std::clamp(scene.views[i].angle, 0.01, 179.0);
-    scene.sink.AddCamera(std::move(camera));
-  }
-  for (size_t i = 0; i < scene.lights.size(); ++i) {
-    NamedLight light = scene.lights[i];
-    if (light.name.empty()) light.name = fmt::format("light {}", i + 1);
-    if (light.radiance.x < 0)
-      light.radiance = glm::vec3(1 / std::sqrt(static_cast<float>(scene.lights.size())));
-    const glm::dvec3 to = light.position - view.at;
-    light.radiance *= static_cast<float>(std::max(glm::dot(to, to), 1e-12));
-    scene.sink.AddLight(std::move(light));
-  }
-}
-
-}  // namespace
-
 bool LooksLikeNff(ModelReader& bytes) {
   bytes.Ensure(4096);
   std::string_view text = bytes.view().substr(0, 4096);
@@ -555,12 +521,11 @@ Result<uint64_t> ImportNff(ModelReader& bytes, ModelSink& sink) {
     QUARRY_ASSIGN(ModelReader again, ModelReader::Open(bytes.path(), bytes.unpack_limit()));
     QUARRY_TRY(NffFile(again, scene, kNoIndex, 0).Read(glm::dmat4(1)));
     scene.animations_only = false;
-    scene.views.clear();
-    scene.lights.clear();
+    scene.views = {};
     scene.positions = scene.normals = scene.uvs = scene.round_shapes = scene.round_triangles = 0;
   }
   QUARRY_TRY(NffFile(bytes, scene, kNoIndex, 0).Read(glm::dmat4(1)));
-  GiveViews(scene);
+  GiveViews(std::move(scene.views), sink);
   if (scene.images_left_out) sink.Warn(fmt::format("{}: its images are left out", bytes.path()));
   return scene.triangles;
 }

@@ -9,52 +9,42 @@ using namespace quarry;
 
 namespace {
 
-/// Also keeps cameras and lights.
-struct ViewSink : RecordingSink {
-  std::vector<NamedCamera> cameras;
-  std::vector<NamedLight> lights;
-  void AddCamera(NamedCamera camera) override { cameras.push_back(std::move(camera)); }
-  void AddLight(NamedLight light) override { lights.push_back(std::move(light)); }
-};
-
 /// One node that shows a square, and what else `change` makes of it.
 template <class Change>
 Builder Square(Change&& change) {
   Builder b;
   const size_t position = b.Accessor(kSquare, "VEC3", 5126);
   const size_t indices = b.Accessor(std::vector<uint8_t>{0, 1, 2, 0, 2, 3}, "SCALAR", 5121);
-  b.json["meshes"] = {
-      {{"primitives", {{{"attributes", {{"POSITION", position}}}, {"indices", indices}}}}}};
+  b.json["meshes"] = {{{"primitives", {{{"attributes", {{"POSITION", position}}}, {"indices", indices}}}}}};
   b.json["nodes"] = {{{"mesh", 0}, {"translation", {10, 0, 0}}}};
   change(b);
   return b;
 }
 
-std::string Import(Builder b, ViewSink& sink) { return ImportText("m.gltf", b.Text(), sink); }
+std::string Import(Builder b, RecordingSink& sink) { return ImportText("m.gltf", b.Text(), sink); }
 
 std::string ErrorOfSquare(void (*change)(Builder&)) {
-  ViewSink sink;
+  RecordingSink sink;
   return Import(Square(change), sink);
 }
 
 }  // namespace
 
 TEST_CASE("glTF: instances of a node are placed before it", "[import][gltf]") {
-  ViewSink sink;
-  REQUIRE(Import(Square([](Builder& b) {
-                   const size_t at =
-                       b.Accessor(std::vector<float>{0, 0, 0, 0, 5, 0, 0, 0, 7}, "VEC3", 5126);
-                   const size_t scale =
-                       b.Accessor(std::vector<float>{1, 1, 1, 2, 2, 2, 1, 1, 1}, "VEC3", 5126);
-                   // Half a turn about z for the last, in normalised bytes.
-                   const size_t turn = b.Accessor(
-                       std::vector<int8_t>{0, 0, 0, 127, 0, 0, 0, 127, 0, 0, 127, 0}, "VEC4", 5120, true);
-                   b.json["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"] = {
-                       {"TRANSLATION", at}, {"SCALE", scale}, {"ROTATION", turn}};
-                   b.json["extensionsRequired"] = b.json["extensionsUsed"] = {"EXT_mesh_gpu_instancing"};
-                 }),
-                 sink)
-              .empty());
+  RecordingSink sink;
+  REQUIRE(
+      Import(Square([](Builder& b) {
+               const size_t at = b.Accessor(std::vector<float>{0, 0, 0, 0, 5, 0, 0, 0, 7}, "VEC3", 5126);
+               const size_t scale = b.Accessor(std::vector<float>{1, 1, 1, 2, 2, 2, 1, 1, 1}, "VEC3", 5126);
+               // Half a turn about z for the last, in normalised bytes.
+               const size_t turn = b.Accessor(std::vector<int8_t>{0, 0, 0, 127, 0, 0, 0, 127, 0, 0, 127, 0},
+                                              "VEC4", 5120, true);
+               b.json["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"] = {
+                   {"TRANSLATION", at}, {"SCALE", scale}, {"ROTATION", turn}};
+               b.json["extensionsRequired"] = b.json["extensionsUsed"] = {"EXT_mesh_gpu_instancing"};
+             }),
+             sink)
+          .empty());
   REQUIRE(sink.positions.size() == 12);
   CHECK(sink.polygons.size() == 6);
   CHECK(sink.positions[2] == glm::dvec3(11, 1, 0));
@@ -71,14 +61,14 @@ TEST_CASE("glTF: instances that cannot be are refused", "[import][gltf]") {
                    {"TRANSLATION", at}, {"SCALE", scale}};
              }),
              Catch::Contains("attributes of 2 and of 3 instances"));
-  CHECK_THAT(ErrorOfSquare([](Builder& b) {
-               b.json["accessors"].push_back(
-                   {{"componentType", 5126}, {"count", 1u << 31}, {"type", "VEC3"}, {"bufferView", 0}});
-               b.json["bufferViews"][0]["byteLength"] = uint64_t{12} << 31;
-               b.json["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"] = {
-                   {"TRANSLATION", 2}};
-             }),
-             Catch::Contains("shows meshes[0], of 4 vertices, 2147483648 times"));
+  CHECK_THAT(
+      ErrorOfSquare([](Builder& b) {
+        b.json["accessors"].push_back(
+            {{"componentType", 5126}, {"count", 1u << 31}, {"type", "VEC3"}, {"bufferView", 0}});
+        b.json["bufferViews"][0]["byteLength"] = uint64_t{12} << 31;
+        b.json["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"] = {{"TRANSLATION", 2}};
+      }),
+      Catch::Contains("shows meshes[0], of 4 vertices, 2147483648 times"));
 }
 
 TEST_CASE("glTF: what compresses or changes geometry and is not read ends the import", "[import][gltf]") {
@@ -99,7 +89,7 @@ TEST_CASE("glTF: what compresses or changes geometry and is not read ends the im
   CHECK_THAT(ErrorOfSquare([](Builder& b) { b.json["extensionsRequired"] = {"KHR_materials_sheen"}; }),
              Catch::Contains("needs the extension \"KHR_materials_sheen\""));
   // With a copy that is not compressed beside it, and extensions of no matter here, there is a warning each.
-  ViewSink sink;
+  RecordingSink sink;
   REQUIRE(Import(Square([](Builder& b) {
                    b.json["extensionsUsed"] = {"KHR_draco_mesh_compression", "KHR_materials_sheen",
                                                "KHR_materials_sheen", "KHR_materials_ior"};
@@ -119,8 +109,8 @@ TEST_CASE("glTF: joints move a skinned mesh, its node does not", "[import][gltf]
     const size_t joints = b.Accessor(
         std::vector<uint8_t>{0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, static_cast<uint8_t>(joint), 1, 0, 0},
         "VEC4", 5121);
-    const size_t weights = b.Accessor(
-        std::vector<float>{1, 0, 0, 0, 0, 1, 0, 0, 0.5f, 0.5f, 0, 0, 1, 0, 0, 0}, "VEC4", 5126);
+    const size_t weights =
+        b.Accessor(std::vector<float>{1, 0, 0, 0, 0, 1, 0, 0, 0.5f, 0.5f, 0, 0, 1, 0, 0, 0}, "VEC4", 5126);
     const std::vector<float> inverse{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0,  1,
                                      1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, -4, 1};
     const size_t bind = b.Accessor(inverse, "MAT4", 5126);
@@ -132,18 +122,18 @@ TEST_CASE("glTF: joints move a skinned mesh, its node does not", "[import][gltf]
     b.json["nodes"].push_back({{"translation", {0, 0, 6}}});
     b.json["skins"] = {{{"joints", {1, 2}}, {"inverseBindMatrices", bind}}};
   };
-  ViewSink sink;
+  RecordingSink sink;
   REQUIRE(Import(Square([&](Builder& b) { skinned(b, 0); }), sink).empty());
   CHECK(sink.positions[0] == glm::dvec3(0, 3, 0));
   CHECK(sink.positions[1] == glm::dvec3(1, 3, 2));
   CHECK(sink.positions[2] == glm::dvec3(1, 4, 1));
-  ViewSink none;
+  RecordingSink none;
   CHECK_THAT(Import(Square([&](Builder& b) { skinned(b, 9); }), none),
              Catch::Contains("a vertex is moved by joint 9, but there are only 2"));
 }
 
 TEST_CASE("glTF: morph targets by their weights; hidden nodes are not there", "[import][gltf]") {
-  ViewSink sink;
+  RecordingSink sink;
   REQUIRE(Import(Square([](Builder& b) {
                    const size_t up =
                        b.Accessor(std::vector<float>{0, 0, 2, 0, 0, 2, 0, 0, 2, 0, 0, 2}, "VEC3", 5126);
@@ -159,24 +149,24 @@ TEST_CASE("glTF: morph targets by their weights; hidden nodes are not there", "[
 }
 
 TEST_CASE("glTF: cameras and lights of nodes", "[import][gltf]") {
-  ViewSink sink;
-  REQUIRE(Import(Square([](Builder& b) {
-                   b.json["cameras"] = {{{"type", "perspective"}, {"perspective", {{"yfov", 1.0}}}},
-                                        {{"type", "orthographic"},
-                                         {"name", "side"},
-                                         {"orthographic", {{"xmag", 1}, {"ymag", 3}}}}};
-                   b.json["extensions"]["KHR_lights_punctual"]["lights"] = {
-                       {{"type", "directional"}, {"intensity", 3.14159274f}},
-                       {{"type", "spot"}, {"name", "lamp"}, {"spot", {{"outerConeAngle", 0.5}}}}};
-                   b.json["nodes"].push_back({{"camera", 0}, {"name", "front"}, {"translation", {0, 0, 5}}});
-                   b.json["nodes"].push_back({{"camera", 1}});
-                   for (int light : {0, 1})
-                     b.json["nodes"].push_back(
-                         {{"translation", {1, 2, 3}},
-                          {"extensions", {{"KHR_lights_punctual", {{"light", light}}}}}});
-                 }),
-                 sink)
-              .empty());
+  RecordingSink sink;
+  REQUIRE(
+      Import(
+          Square([](Builder& b) {
+            b.json["cameras"] = {
+                {{"type", "perspective"}, {"perspective", {{"yfov", 1.0}}}},
+                {{"type", "orthographic"}, {"name", "side"}, {"orthographic", {{"xmag", 1}, {"ymag", 3}}}}};
+            b.json["extensions"]["KHR_lights_punctual"]["lights"] = {
+                {{"type", "directional"}, {"intensity", 3.14159274f}},
+                {{"type", "spot"}, {"name", "lamp"}, {"spot", {{"outerConeAngle", 0.5}}}}};
+            b.json["nodes"].push_back({{"camera", 0}, {"name", "front"}, {"translation", {0, 0, 5}}});
+            b.json["nodes"].push_back({{"camera", 1}});
+            for (int light : {0, 1})
+              b.json["nodes"].push_back({{"translation", {1, 2, 3}},
+                                         {"extensions", {{"KHR_lights_punctual", {{"light", light}}}}}});
+          }),
+          sink)
+          .empty());
   REQUIRE(sink.cameras.size() == 2);
   CHECK(sink.cameras[0].name == "front");
   CHECK(sink.cameras[0].spec.eye == glm::dvec3(0, 0, 5));
@@ -197,7 +187,7 @@ TEST_CASE("glTF: cameras and lights of nodes", "[import][gltf]") {
 }
 
 TEST_CASE("glTF: metal, unlit and glossy materials", "[import][gltf]") {
-  ViewSink sink;
+  RecordingSink sink;
   REQUIRE(Import(Square([](Builder& b) {
                    const Json color = {0.5, 0.25, 1, 1};
                    b.json["materials"] = {

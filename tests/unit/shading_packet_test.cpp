@@ -159,9 +159,8 @@ TEST_CASE("Light is scattered together to the same bits as one by one") {
         const Surface s = hits.surfaces[i];
         const glm::vec3 albedo = Albedo(material, mode) * s.color, emitted = Emitted(material, s);
         CHECK(SameBits(headlight[i], meant ? albedo * Facing(s) + emitted : glm::vec3(0)));
-        CHECK(SameBits(ambient[i],
-                       meant ? albedo * glm::vec3(0.1f, 0.2f, 0.3f) * AmbientFactor(s) + emitted
-                             : glm::vec3(0)));
+        CHECK(SameBits(ambient[i], meant ? albedo * glm::vec3(0.1f, 0.2f, 0.3f) * AmbientFactor(s) + emitted
+                                         : glm::vec3(0)));
       }
     }
 }

@@ -23,7 +23,8 @@ TEST_CASE("A diffuse floor sends back albedo times cosine") {
   Material m;
   m.diffuse = {0.5f, 0.25f, 1};
   const float c = std::cos(1.0f);
-  const glm::vec3 light = Scatter(m, RenderMode::kWhitted, Floor(30), {{std::sin(1.0f), 0, c}, kInfinity, {2, 2, 2}});
+  const glm::vec3 light =
+      Scatter(m, RenderMode::kWhitted, Floor(30), {{std::sin(1.0f), 0, c}, kInfinity, {2, 2, 2}});
   CHECK(light.x == Approx(c));
   CHECK(light.y == Approx(c / 2));
   CHECK(Scatter(m, RenderMode::kWhitted, Floor(30), {{0, 0, -1}, kInfinity, {2, 2, 2}}) == glm::vec3(0));

@@ -101,8 +101,8 @@ SceneId WriteStore(const std::string& path) {
   first.chained = true;
   REQUIRE(writer->AddVoxel(first).has_value());
   REQUIRE(writer->AddVoxel(EncodeVoxel(MakeHot(), nullptr)).has_value());
-  const auto id = writer->Finish(MakeMeta(), {KdNode::Leaf(0, 1)}, MakeMaterials(), {"valve", "pump"},
-                                 MakeViews());
+  const auto id =
+      writer->Finish(MakeMeta(), {KdNode::Leaf(0, 1)}, MakeMaterials(), {"valve", "pump"}, MakeViews());
   REQUIRE(id.has_value());
   return *id;
 }
