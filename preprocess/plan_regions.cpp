@@ -77,7 +77,7 @@ void ResolvingSink::Hold(uint64_t bytes) {
 
 Status ResolvingSink::AddPosition(const glm::dvec3& position, const Rgba8& color) {
   if (gave_up_) return {};
-  const glm::dvec3 scaled = (turn_ * position + translation_) * options_.scale;
+  const glm::dvec3 scaled = InScene(position);
   if (!offset_) offset_ = OffsetFor(scaled);
   Hold(sizeof(glm::vec3) + (attributes_ ? sizeof(uint32_t) : 0));
   positions_.Add(glm::vec3(scaled - offset_.value_or(glm::dvec3(0))));

@@ -52,6 +52,8 @@ class ResolvingSink : public IgnoringSink {
   /// The next file's. Before it begins.
   void Place(const std::string& model);
   Status BeginFile(std::string_view) override;
+  bool WantsOrigin() const override { return !offset_; }
+  void SetOrigin(const glm::dvec3& place) override { offset_ = OffsetFor(InScene(place)); }
   Status AddPosition(const glm::dvec3& position, const Rgba8& color) override;
   Status AddNormal(const glm::vec3& normal) override;
   Status AddUv(const glm::vec2& uv) override;
@@ -67,6 +69,9 @@ class ResolvingSink : public IgnoringSink {
   virtual Status Take(const TriangleRecord& record) = 0;
 
  private:
+  glm::dvec3 InScene(const glm::dvec3& position) const {
+    return (turn_ * position + translation_) * options_.scale;
+  }
   bool Resolve(const Corner (&corners)[3], TriangleRecord& record) const;
   void Hold(uint64_t bytes);
 

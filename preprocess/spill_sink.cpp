@@ -65,12 +65,12 @@ glm::dmat3 TurnOf(const Placement& placement, int up_axis) {
   return turn;
 }
 
-std::optional<glm::dvec3> OffsetFor(const glm::dvec3& first) {
+std::optional<glm::dvec3> OffsetFor(const glm::dvec3& place) {
   constexpr double kFar = 16384, kStep = 1024, kMost = 0x1p60;
   glm::dvec3 offset(0);
   for (int a = 0; a < 3; ++a) {
-    if (!(std::fabs(first[a]) <= kMost)) return std::nullopt;
-    if (std::fabs(first[a]) >= kFar) offset[a] = std::round(first[a] / kStep) * kStep;
+    if (!(std::fabs(place[a]) <= kMost)) return std::nullopt;
+    if (std::fabs(place[a]) >= kFar) offset[a] = std::round(place[a] / kStep) * kStep;
   }
   return offset;
 }
@@ -216,13 +216,20 @@ Status SpillSink::AddPosition(const glm::dvec3& position, const Rgba8& color) {
     QUARRY_TRY(Found(Attributes::kColors));
   const glm::dvec3 scaled = InScene(position);
   if (!has_offset_) ChooseOffset(scaled);
-  const StoredPosition stored{glm::vec3(scaled - scene_.offset), packed};
+  const glm::dvec3 exact = scaled - scene_.offset;
+  const StoredPosition stored{glm::vec3(exact), packed};
+  for (int a = 0; a < 3; ++a) {
+    const double loss = std::fabs(exact[a] - stored.position[a]);
+    if (loss > largest_loss_) largest_loss_ = loss;
+  }
   return positions_->Append(&stored);
 }
 
-/// By the first position that is a place, so that the rest can stream.
-void SpillSink::ChooseOffset(const glm::dvec3& first) {
-  const std::optional<glm::dvec3> offset = OffsetFor(first);
+void SpillSink::SetOrigin(const glm::dvec3& place) { ChooseOffset(InScene(place)); }
+
+/// Before the first position is stored, so that the rest can stream.
+void SpillSink::ChooseOffset(const glm::dvec3& place) {
+  const std::optional<glm::dvec3> offset = OffsetFor(place);
   has_offset_ = offset.has_value();
   if (offset) scene_.offset = *offset;
 }
@@ -491,13 +498,33 @@ Status SpillSink::ResolveWindow(uint64_t window, bool last) {
   return {};
 }
 
+/// Floats hold a position to a share of its distance from the origin.
+void SpillSink::WarnOfLoss() {
+  constexpr double kMillimetre = 1e-3;  // of metres, as most models of wide places have
+  float reach = 0;
+  for (int a = 0; a < 3; ++a)
+    reach = std::max({reach, std::fabs(scene_.bounds.lower[a]), std::fabs(scene_.bounds.upper[a])});
+  const double step = std::nextafter(reach, kInfinity) - reach;
+  if (!(step > kMillimetre) || largest_loss_ < kMillimetre / 4) return;
+  Warn(fmt::format(
+      "{}: reaches {:.6g} units from the origin chosen for it: positions there are kept to {:.2g}; "
+      "smaller details are lost",
+      file_name_, reach, step));
+}
+
 Result<ImportedScene> SpillSink::Finish() {
   QUARRY_TRY(scene_.triangles->FinishWriting());
   if (scene_.materials.empty()) DefaultMaterial();
   if (scene_.materials.size() > 65536) return Fail(fmt::format("{}: more than 65536 materials", file_name_));
   if (scene_.triangles->count() == 0)
-    return Fail(fmt::format("{}: no triangle is left: {} degenerate, {} with coordinates that are not finite",
-                            file_name_, scene_.dropped_degenerate, scene_.dropped_not_finite));
+    return Fail(
+        fmt::format("{}: no triangle is left: {} degenerate, {} with coordinates that are not finite{}",
+                    file_name_, scene_.dropped_degenerate, scene_.dropped_not_finite,
+                    largest_loss_ < 1e-3 ? ""
+                                         : fmt::format("; positions are kept to {:.2g} so far from "
+                                                       "the origin",
+                                                       2 * largest_loss_)));
+  WarnOfLoss();
   QUARRY_ASSIGN(scene_.images, images_.Finish());
   return std::move(scene_);
 }

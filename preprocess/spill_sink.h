@@ -49,9 +49,9 @@ struct Placement {
 
 /// What multiplies a placed model's positions.
 glm::dmat3 TurnOf(const Placement& placement, int up_axis);
-/// What is taken off all positions, by the first one: axes on which it lies far out are moved by whole steps.
-/// Nothing: it is no place.
-std::optional<glm::dvec3> OffsetFor(const glm::dvec3& first);
+/// What is taken off all positions, by one in their midst: axes on which it lies far out are moved by whole
+/// steps. Nothing: it is no place.
+std::optional<glm::dvec3> OffsetFor(const glm::dvec3& place);
 
 /// The importers' sink. Vertices go to paged files; a triangle is resolved as it comes, when its corners lie
 /// in pages at hand or worth loading. Those that wait (their vertices are far apart, or come later) are
@@ -86,6 +86,8 @@ class SpillSink final : public ModelSink {
   Result<uint32_t> AddTexture(TextureImage image) override { return images_.Add(std::move(image)); }
   void AddCamera(NamedCamera camera) override;
   void AddLight(NamedLight light) override;
+  bool WantsOrigin() const override { return !has_offset_; }
+  void SetOrigin(const glm::dvec3& place) override;
   Status AddPosition(const glm::dvec3& position, const Rgba8& color) override;
   Status AddNormal(const glm::vec3& normal) override;
   Status AddUv(const glm::vec2& uv) override;
@@ -150,10 +152,11 @@ class SpillSink final : public ModelSink {
   Status LoadPages(const Face& face);
   Status ResolveWaiting();
   Status ResolveWindow(uint64_t window, bool last);
-  void ChooseOffset(const glm::dvec3& first);
+  glm::dvec3 InScene(const glm::dvec3& position) const;
+  void ChooseOffset(const glm::dvec3& place);
+  void WarnOfLoss();
   Status KeepTriangle(const TriangleRecord& record);
   uint32_t DefaultMaterial();
-  glm::dvec3 InScene(const glm::dvec3& position) const;
   glm::dvec3 Turned(const glm::dvec3& direction) const;
   template <class View>
   void Keep(View view, bool sane, size_t most, std::vector<View>& views);
@@ -189,6 +192,7 @@ class SpillSink final : public ModelSink {
   uint32_t loads_left_ = 0, faces_to_next_load_ = 0;
   uint32_t default_material_ = kNoIndex;
   bool has_offset_ = false;
+  double largest_loss_ = 0;  ///< of a coordinate, by its rounding to a float
   ImportedScene scene_;
   SpillWriter writer_;  ///< of its triangles: ends before them
 

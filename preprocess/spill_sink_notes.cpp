@@ -46,6 +46,7 @@ Result<Bytes> SpillSink::Save() {
   out.Put(static_cast<uint8_t>(scene_.attributes));
   out.Put<uint8_t>(has_offset_);
   out.PutVec3(scene_.offset);
+  out.Put(largest_loss_);
   out.PutVec3(scene_.bounds.lower);
   out.PutVec3(scene_.bounds.upper);
   for (const uint64_t n : {scene_.triangles->count(), scene_.input_triangles, scene_.dropped_degenerate,
@@ -109,6 +110,7 @@ Status SpillSink::Restore(std::span<const std::byte> saved, bool all) {
   scene_.attributes = static_cast<Attributes>(std::min<uint8_t>(in.Get<uint8_t>(), 3));
   has_offset_ = in.Get<uint8_t>() != 0;
   scene_.offset = in.GetVec3<glm::dvec3>();
+  largest_loss_ = in.Get<double>();
   scene_.bounds.lower = in.GetVec3<glm::vec3>();
   scene_.bounds.upper = in.GetVec3<glm::vec3>();
   const auto count = in.Get<uint64_t>();

@@ -1,6 +1,9 @@
 #include "preprocess/import/find_file.h"
 
 #include <algorithm>
+#include <system_error>
+
+#include "preprocess/import/text_number.h"
 
 namespace quarry {
 namespace {
@@ -17,6 +20,19 @@ std::string Slashed(std::string name) {
   return name;
 }
 
+/// Names written where case does not matter. The first by name, if there are several.
+fs::path FindWhateverCase(const fs::path& wanted) {
+  const std::string name = wanted.filename().string();
+  fs::path found;
+  std::error_code error;
+  for (const auto& entry :
+       fs::directory_iterator(wanted.parent_path().empty() ? "." : wanted.parent_path(), error))
+    if (EqualsIgnoringCase(entry.path().filename().string(), name) && IsFile(entry.path()) &&
+        (found.empty() || entry.path() < found))
+      found = entry.path();
+  return found;
+}
+
 }  // namespace
 
 bool LeavesFolder(const fs::path& folder, const fs::path& file) {
@@ -30,7 +46,7 @@ fs::path FindFile(const fs::path& folder, const std::string& name) {
   const std::string slashed = Slashed(name);
   for (const fs::path& candidate : {folder / name, folder / slashed, folder / fs::path(slashed).filename()})
     if (IsFile(candidate)) return candidate;
-  return {};
+  return FindWhateverCase(folder / slashed);
 }
 
 }  // namespace quarry

@@ -7,6 +7,7 @@
 
 #include "preprocess/import/foreign_content.h"
 #include "preprocess/import/formats.h"
+#include "preprocess/import/origin_survey.h"
 #include "preprocess/import/text_number.h"
 
 namespace quarry {
@@ -61,6 +62,17 @@ void WarnOfMemory(const std::string& path, uint64_t memory, ModelSink& sink) {
                   path, kForeignBytesPerByte, (bytes * kForeignBytesPerByte) >> 20, memory >> 20));
 }
 
+/// Reads the model's beginning beforehand. What comes in a pipe cannot be read twice: its first position
+/// serves.
+void FindOrigin(const std::string& path, uint64_t unpack_limit, Import import, ModelSink& sink) {
+  if (!sink.WantsOrigin()) return;
+  Result<ModelReader> bytes = ModelReader::Open(path, unpack_limit);
+  if (!bytes || !bytes->can_reopen()) return;
+  OriginSurvey survey;
+  (void)import(*bytes, survey);  // what is wrong with the model is said when it is read
+  if (const auto place = survey.Place()) sink.SetOrigin(*place);
+}
+
 }  // namespace
 
 tl::unexpected<Error> NoFaces(const std::string& path, uint64_t vertices) {
@@ -93,9 +105,11 @@ Status ImportModel(const std::string& path, ModelSink& sink, const ForeignFormat
     if (!converted && !content.what.empty()) return IsForeign(bytes, content);
     if (!converted) return tl::unexpected(converted.error());
     QUARRY_ASSIGN(ModelReader ply, ModelReader::Open(converted->ply()));
+    FindOrigin(converted->ply(), 0, ImportPly, sink);
     QUARRY_TRY(ImportPly(ply, sink));
     return sink.EndFile();
   }
+  if (bytes.can_reopen()) FindOrigin(path, unpack_limit, import, sink);
   QUARRY_ASSIGN(const uint64_t triangles, import(bytes, sink));
   if (triangles == 0) return Fail(fmt::format("{}: holds no triangles", bytes.path()));
   return sink.EndFile();

@@ -61,6 +61,9 @@ class ModelSink {
   /// A camera, a light of the model, in its coordinates. More than there may be are warned of and left out.
   virtual void AddCamera(NamedCamera /*camera*/) {}
   virtual void AddLight(NamedLight /*light*/) {}
+  /// Whether the sink would know of a place in the midst of the model before it comes.
+  virtual bool WantsOrigin() const { return false; }
+  virtual void SetOrigin(const glm::dvec3& /*place*/) {}
 
   /// Positions may be NaN or infinite: triangles with such corners are dropped and counted by the sink.
   virtual Status AddPosition(const glm::dvec3& position, const Rgba8& color) = 0;

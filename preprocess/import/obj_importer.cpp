@@ -38,8 +38,8 @@ struct IndexRange {
   static constexpr uint64_t kNotCounted = ~uint64_t{0};
 };
 
-/// A channel of a colour that is no less counts to 255, not to 1: from there on all do.
-constexpr double kWholeColor = 2;
+/// A channel of a colour beyond this counts to 255, not to 1: from there on all do.
+constexpr double kMostOfOne = 2;
 
 class ObjFile {
  public:
@@ -179,7 +179,7 @@ Status ObjFile::Position(TextCursor& rest) {
                                         : fmt::format("{} is not a number", Quoted(rest.Word())));
   Rgba8 color;
   if (count >= 6) {  // four are x y z w: the weight of a rational curve, of no meaning to polygons
-    if (std::max({value[3], value[4], value[5]}) >= kWholeColor) color_scale_ = 1;
+    if (std::max({value[3], value[4], value[5]}) > kMostOfOne) color_scale_ = 1;
     color = FileColor(value[3] * color_scale_, value[4] * color_scale_, value[5] * color_scale_);
   }
   ++positions_.count;

@@ -48,8 +48,10 @@ void ObjMaterials::AddLibraries(std::string_view names) {
 
 void ObjMaterials::AddLibrary(const std::string& name) {
   const fs::path path = Find(name);
-  if (path.empty())
+  if (path.empty()) {
+    missing_library_ = true;
     return warn_(fmt::format("{}: the material file {} is not there", obj_path_, Quoted(name)));
+  }
   WarnIfOutside(obj_path_, path);
   ReadLibrary(path.string());
 }
@@ -77,6 +79,7 @@ fs::path ObjMaterials::Find(const std::string& name) const {
 Result<uint32_t> ObjMaterials::Use(std::string_view name) {
   const auto found = entries_.find(name);
   if (found == entries_.end()) {
+    if (missing_library_) return kNoIndex;  // which has been said
     warn_(fmt::format("{}: the material {} is not defined, the default takes its place", obj_path_,
                       Quoted(name)));
     return kNoIndex;
@@ -87,6 +90,7 @@ Result<uint32_t> ObjMaterials::Use(std::string_view name) {
 }
 
 void ObjMaterials::Save(ByteWriter& out) const {
+  out.Put<uint8_t>(missing_library_);
   out.Put(static_cast<uint32_t>(read_.size()));
   for (const std::string& path : read_) {
     PutText(path, out);
@@ -102,6 +106,7 @@ void ObjMaterials::Save(ByteWriter& out) const {
 }
 
 Status ObjMaterials::Restore(ByteReader& in) {
+  missing_library_ = in.Get<uint8_t>() != 0;
   for (auto n = in.Get<uint32_t>(); n > 0 && in.ok(); --n) {
     const std::string path = GetText(in), identity = GetText(in);
     if (FileIdentity(path) != identity)

@@ -55,6 +55,7 @@ class ObjMaterials {
   std::map<std::string, Entry, std::less<>> entries_;
   std::vector<std::string> read_;  ///< paths of libraries, in the order of their reading
   std::set<std::string> known_;    ///< the same; some exporters name theirs before every object
+  bool missing_library_ = false;   ///< a material that is not defined may be of it
 };
 
 /// The file names on an mtllib line, blanks escaped by backslashes or not: a name ends at ".mtl" before a

@@ -8,8 +8,10 @@
 #include <cstdlib>
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "preprocess/import/importer.h"
+#include "preprocess/import/triangulation.h"
 
 namespace {
 
@@ -19,6 +21,8 @@ using namespace quarry;
 struct CountingSink : ModelSink {
   uint64_t positions = 0, normals = 0, uvs = 0;
   Corner largest{0, 0, 0};
+  std::vector<glm::vec3> places;
+  Triangulator triangulator;
 
   Status BeginFile(std::string_view) override { return {}; }
   Status EndFile() override { return {}; }
@@ -35,7 +39,10 @@ struct CountingSink : ModelSink {
     if (image.model.empty() || image.file.empty() == image.content.empty()) std::abort();
     return 0;
   }
-  Status AddPosition(const glm::dvec3&, const Rgba8&) override { return ++positions, Status(); }
+  Status AddPosition(const glm::dvec3& position, const Rgba8&) override {
+    places.emplace_back(position);
+    return ++positions, Status();
+  }
   Status AddNormal(const glm::vec3&) override { return ++normals, Status(); }
   Status AddUv(const glm::vec2&) override { return ++uvs, Status(); }
   Status AddPolygon(std::span<const Corner> corners, uint32_t, uint32_t) override {
@@ -44,8 +51,16 @@ struct CountingSink : ModelSink {
       if (corner.position == kNoIndex) std::abort();
       largest.position = std::max(largest.position, corner.position);
     }
+    std::vector<glm::vec3> polygon;
+    for (const Corner& corner : corners)
+      if (corner.position < places.size()) polygon.push_back(places[corner.position]);
+    const auto triangles = triangulator.Split(polygon);
+    if (!triangles.empty() && triangles.size() != polygon.size() - 2) std::abort();
+    for (const Triangulator::Triangle& t : triangles)
+      if (std::max({t.a, t.b, t.c}) >= polygon.size()) std::abort();
     return {};
   }
+  bool WantsOrigin() const override { return true; }
   void Warn(std::string) override {}
 };
 

@@ -80,8 +80,8 @@ TEST_CASE("PLY: every type, lists anywhere, faces before vertices, both byte ord
   CHECK(sink.normals[1] == glm::vec3(0, 1, 0));
   CHECK(sink.uvs[1] == glm::vec2(0.25f, 0.75f));
   CHECK(int{sink.colors[0].r} == 255);
-  CHECK(int{sink.colors[0].g} == 128);
-  CHECK(int{sink.colors[0].b} == 7);
+  CHECK(int{sink.colors[0].g} == 55);
+  CHECK(int{sink.colors[0].b} == 1);
   CHECK(int{sink.colors[0].a} == 8);
   REQUIRE(sink.polygons.size() == 1);
   CHECK(sink.polygons[0].corners[0].position == 2);

@@ -17,6 +17,7 @@ struct RecordingSink : ModelSink {
   struct Polygon {
     std::vector<Corner> corners;
     uint32_t material, part;
+    Rgba8 color;
   };
 
   std::string name;
@@ -30,6 +31,7 @@ struct RecordingSink : ModelSink {
   std::vector<glm::vec3> normals;
   std::vector<glm::vec2> uvs;
   std::vector<Polygon> polygons;
+  Rgba8 face_color;
   uint64_t triangles = 0;
   bool ended = false;
 
@@ -76,8 +78,12 @@ struct RecordingSink : ModelSink {
     uvs.push_back(uv);
     return {};
   }
+  Status SetFaceColor(const Rgba8& color) override {
+    face_color = color;
+    return {};
+  }
   Status AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t part) override {
-    polygons.push_back({{corners.begin(), corners.end()}, material, part});
+    polygons.push_back({{corners.begin(), corners.end()}, material, part, face_color});
     if (corners.size() >= 3) triangles += corners.size() - 2;
     return {};
   }

@@ -56,6 +56,43 @@ SpillSink MakeSink(const Folder& folder, uint64_t memory) {
 
 }  // namespace
 
+TEST_CASE("A concave polygon is split alike whether its vertices have come or not") {
+  const glm::dvec3 corners[] = {{2, 0, 0}, {2, 1, 0}, {1, 1, 0}, {1, 2, 0}, {0, 2, 0}, {0, 0, 0}};
+  std::vector<TriangleRecord> records[2];
+  for (const bool faces_first : {false, true}) {
+    const Folder folder;
+    SpillSink sink = MakeSink(folder, 1 << 20);
+    const auto faces = [&] {
+      REQUIRE(sink.SetFaceColor({255, 0, 0, 255}));
+      Corner ring[6];
+      for (uint32_t k = 0; k < 6; ++k) ring[k].position = k;
+      REQUIRE(sink.AddPolygon(ring, kNoIndex, kNoIndex));
+      REQUIRE(sink.SetFaceColor({}));
+      REQUIRE(sink.AddPolygon(std::span(ring).last(3), kNoIndex, kNoIndex));
+    };
+    REQUIRE(sink.BeginFile("f"));
+    if (faces_first) faces();
+    for (const glm::dvec3& p : corners) REQUIRE(sink.AddPosition(p, Rgba8{}));
+    if (!faces_first) faces();
+    REQUIRE(sink.EndFile());
+    const auto scene = sink.Finish();
+    REQUIRE(scene);
+    CHECK(scene->input_triangles == 5);
+    records[faces_first] = Records(*scene);
+  }
+  REQUIRE(records[0].size() == 5);
+  double area = 0;
+  for (size_t i = 0; i < 5; ++i) {
+    const TriangleRecord &a = records[0][i], &b = records[1][i];
+    CHECK(a.id == i);
+    CHECK(a.colors[0] == (i < 4 ? kRed : 0xFFFFFFFFu));
+    for (int k = 0; k < 3; ++k) CHECK(a.vertices[k] == b.vertices[k]);
+    if (i < 4)
+      area += glm::length(glm::cross(a.vertices[1] - a.vertices[0], a.vertices[2] - a.vertices[0])) / 2;
+  }
+  CHECK(area == Approx(3));
+}
+
 TEST_CASE("Triangles are spilled without shading until a file has some") {
   // Little memory: indices are resolved in several passes.
   for (uint64_t memory : {uint64_t{1} << 20, uint64_t{1} << 30}) {
