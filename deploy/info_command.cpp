@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "common/base/progress.h"
@@ -51,6 +52,44 @@ nlohmann::ordered_json DescribeTexture(const Texture& texture) {
           {"pages", texture.pages.size()}};
 }
 
+template <class V>
+nlohmann::ordered_json Triple(const V& v) {
+  return {v.x, v.y, v.z};
+}
+
+/// In the model's own coordinates.
+nlohmann::ordered_json DescribeCamera(const NamedCamera& camera) {
+  nlohmann::ordered_json j{{"name", camera.name},
+                           {"eye", Triple(camera.spec.eye)},
+                           {"at", Triple(camera.spec.at)},
+                           {"up", Triple(camera.spec.up)}};
+  if (camera.spec.ortho_height > 0)
+    j["ortho_height"] = camera.spec.ortho_height;
+  else
+    j["fov_degrees"] = camera.spec.fov_degrees;
+  return j;
+}
+
+nlohmann::ordered_json DescribeLight(const NamedLight& light) {
+  const bool sun = light.kind == LightKind::kSun, cone = !sun && light.cos_outer > -1;
+  nlohmann::ordered_json j{{"name", light.name}, {"type", sun ? "sun" : cone ? "spot" : "point"}};
+  if (!sun) j["position"] = Triple(light.position);
+  if (sun || cone) j["direction"] = Triple(light.direction);
+  j["radiance"] = Triple(light.radiance);
+  if (cone) j["cone_cosines"] = {light.cos_inner, light.cos_outer};
+  return j;
+}
+
+/// The names of cameras or lights, the first few of many.
+template <class View>
+std::string Names(const std::vector<View>& views) {
+  constexpr size_t kShown = 8;
+  std::string names = fmt::format("{}", views.size());
+  for (size_t i = 0; i < std::min(views.size(), kShown); ++i)
+    names += fmt::format("{}{}", i == 0 ? ": " : ", ", views[i].name);
+  return views.size() > kShown ? names + ", ..." : names;
+}
+
 nlohmann::ordered_json Describe(const StoreReader& store) {
   const Catalog& c = store.catalog();
   const SceneMeta& m = c.meta;
@@ -79,6 +118,10 @@ nlohmann::ordered_json Describe(const StoreReader& store) {
   j["lz4_version"] = m.lz4_version;
   j["materials"] = store.material_names();
   j["parts"] = store.parts();
+  j["cameras"] = nlohmann::ordered_json::array();
+  for (const NamedCamera& camera : store.views().cameras) j["cameras"].push_back(DescribeCamera(camera));
+  j["lights"] = nlohmann::ordered_json::array();
+  for (const NamedLight& light : store.views().lights) j["lights"].push_back(DescribeLight(light));
   j["texture_pages"] = t.pages;
   j["texture_stored_bytes"] = t.pages_stored;
   j["texture_decoded_bytes"] = t.pages_decoded;
@@ -114,6 +157,8 @@ Status PrintInfo(const std::string& scene, bool json) {
     fmt::print("  offset     {:.10g} {:.10g} {:.10g} (stored positions are that much less)\n",
                c.meta.offset.x, c.meta.offset.y, c.meta.offset.z);
   fmt::print("  materials  {}\n  parts      {}\n", store.material_names().size(), store.parts().size());
+  if (!store.views().cameras.empty()) fmt::print("  cameras    {}\n", Names(store.views().cameras));
+  if (!store.views().lights.empty()) fmt::print("  lights     {}\n", Names(store.views().lights));
   if (t.pages > 0)
     fmt::print("  textures   {} in {} pages, {} stored, {} once decoded\n", store.textures().size(), t.pages,
                FormatSize(t.pages_stored), FormatSize(t.pages_decoded));

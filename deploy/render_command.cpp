@@ -98,13 +98,17 @@ Status ParseImage(const RenderArguments& a, RenderJob& job) {
   return ParseAovs(a.aov, job);
 }
 
-Status ParseLights(const RenderArguments& a, const SceneMeta& scene, RenderJob& job) {
+/// Those that the person gives; else those of the scene; else a sun.
+Status ChooseLights(const RenderArguments& a, const StoreReader& store, RenderJob& job) {
+  const SceneMeta& scene = store.catalog().meta;
   if (!a.lights.empty()) QUARRY_TRY(ReadLights(a.lights, scene.offset, job));
   if (!a.sun.empty()) {
     QUARRY_ASSIGN(const glm::dvec3 sun, ParseVector(a.sun, "--sun"));
     job.lights.push_back({LightKind::kSun, glm::vec3(sun), glm::vec3(0.9f)});
   }
-  if (job.lights.empty() && a.lights.empty()) job.lights.push_back(DefaultSun(scene.up_axis));
+  if (!job.lights.empty() || !a.lights.empty()) return {};
+  for (const NamedLight& light : store.views().lights) job.lights.push_back(ToLight(light, scene.offset));
+  if (job.lights.empty()) job.lights.push_back(DefaultSun(scene.up_axis));
   return {};
 }
 
@@ -143,8 +147,20 @@ Status ReadNamedFiles(const RenderArguments& a, RenderJob& job) {
   return {};
 }
 
+/// The camera of the scene that --camera names, in the model's coordinates.
+Result<CameraSpec> SceneCamera(const RenderArguments& a, const StoreReader& store) {
+  std::string names;
+  for (const NamedCamera& camera : store.views().cameras) {
+    if (camera.name == a.camera) return camera.spec;
+    names += fmt::format("{}'{}'", names.empty() ? "" : ", ", camera.name);
+  }
+  if (names.empty()) return BadUsage(fmt::format("--camera '{}': {} has no cameras", a.camera, a.scene));
+  return BadUsage(fmt::format("--camera '{}': {} has no such camera, but {}", a.camera, a.scene, names));
+}
+
 /// Moves cameras to where the scene is; makes the one that options describe.
-Status PlaceCameras(const RenderArguments& a, const SceneMeta& scene, RenderJob& job) {
+Status PlaceCameras(const RenderArguments& a, const StoreReader& store, RenderJob& job) {
+  const SceneMeta& scene = store.catalog().meta;
   if (!a.camera_path.empty()) {
     for (CameraSpec& camera : job.cameras) {
       camera.eye -= scene.offset;
@@ -153,6 +169,11 @@ Status PlaceCameras(const RenderArguments& a, const SceneMeta& scene, RenderJob&
     return {};
   }
   CameraSpec camera = DefaultView(scene, static_cast<double>(job.width) / job.height, a.fov);
+  if (!a.camera.empty()) {
+    QUARRY_ASSIGN(camera, SceneCamera(a, store));
+    camera.eye -= scene.offset;
+    camera.at -= scene.offset;
+  }
   if (!a.at.empty()) {
     QUARRY_ASSIGN(const glm::dvec3 at, ParseVector(a.at, "--at"));
     camera.at = at - scene.offset;
@@ -164,7 +185,7 @@ Status PlaceCameras(const RenderArguments& a, const SceneMeta& scene, RenderJob&
   if (!a.up.empty()) {
     QUARRY_ASSIGN(camera.up, ParseVector(a.up, "--up"));
   }
-  camera.ortho_height = a.ortho;
+  if (a.ortho > 0 || a.camera.empty()) camera.ortho_height = a.ortho;
   job.cameras = {camera};
   return {};
 }
@@ -268,6 +289,8 @@ void AddRenderOptions(CLI::App& c, RenderArguments& a) {
   c.add_option("--ortho", a.ortho, "Orthographic, this high in scene units")
       ->check(RealNumber(0, std::numeric_limits<double>::max()));
   c.add_option("--camera-path", a.camera_path, "Camera path; writes out.####.png");
+  c.add_option("--camera", a.camera, "The camera of that name that the model brings (see quarry info)")
+      ->excludes("--camera-path");
   c.add_option("--frames", a.frames, "Frames A-B of the path");
   c.add_option("--mode", a.mode, "raycast, shadow, whitted or voxels")->capture_default_str();
   c.add_option("--sun", a.sun, "Direction toward the sun x,y,z");
@@ -312,8 +335,8 @@ Status Render(const RenderArguments& a) {
   QUARRY_ASSIGN(const std::string scene, StoreFor(a.scene, a.quiet));
   QUARRY_ASSIGN(const StoreReader store, StoreReader::Open(scene));
   if (scene != a.scene) QUARRY_TRY(CheckOutputs(a, job, ImagesOf(a.scene, store)));
-  QUARRY_TRY(ParseLights(a, store.catalog().meta, job));
-  QUARRY_TRY(PlaceCameras(a, store.catalog().meta, job));
+  QUARRY_TRY(ChooseLights(a, store, job));
+  QUARRY_TRY(PlaceCameras(a, store, job));
   QUARRY_TRY(NormalizeJob(job));
 
   std::unique_ptr<LocalCluster> cluster;

@@ -16,7 +16,7 @@ struct RenderArguments {
   std::string scene, output;
   unsigned workers = 1, threads = 0;
   std::string cache = "256M", size = "1024x768", crop;
-  std::string eye, at, up, camera_path, frames;
+  std::string eye, at, up, camera_path, camera, frames;
   double fov = 45, ortho = 0;
   std::string mode = "raycast", sun, lights, aov;
   unsigned spp = 1;

@@ -4,11 +4,14 @@
 // fail as it likes.
 
 #include <assimp/DefaultIOSystem.h>
+#include <assimp/config.h>
+#include <assimp/material.h>
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
 #include <fmt/format.h>
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <assimp/Importer.hpp>
 #include <cstdlib>
 #include <cstring>
@@ -20,6 +23,7 @@
 #include "common/base/cleanup.h"
 #include "common/base/file.h"
 #include "common/scene/material_json.h"
+#include "common/scene/open_pbr.h"
 #include "preprocess/import/foreign.h"
 
 namespace quarry {
@@ -53,23 +57,43 @@ void Place(const aiScene& scene, const aiNode& node, const aiMatrix4x4& parent, 
   for (unsigned i = 0; i < node.mNumChildren; ++i) Place(scene, *node.mChildren[i], to_world, placed, parts);
 }
 
+/// Whether a material's shading has a highlight; Assimp gives all a specular colour.
+bool HasHighlight(const aiMaterial& from) {
+  int model = aiShadingMode_Phong;
+  from.Get(AI_MATKEY_SHADING_MODEL, model);
+  return model != aiShadingMode_Flat && model != aiShadingMode_Gouraud && model != aiShadingMode_Toon &&
+         model != aiShadingMode_OrenNayar && model != aiShadingMode_Minnaert &&
+         model != aiShadingMode_NoShading;
+}
+
 Material Converted(const aiMaterial& from) {
   Material m;
   aiString name;
   if (from.Get(AI_MATKEY_NAME, name) == aiReturn_SUCCESS) m.name = name.C_Str();
+  if (m.name == AI_DEFAULT_MATERIAL_NAME) return Material{"default"};  // Assimp's own, where there is none
   const auto color = [&](const char* key, unsigned type, unsigned index, glm::vec3& to) {
     aiColor3D value;
     if (from.Get(key, type, index, value) == aiReturn_SUCCESS) to = {value.r, value.g, value.b};
   };
   color(AI_MATKEY_COLOR_DIFFUSE, m.diffuse);
-  color(AI_MATKEY_COLOR_SPECULAR, m.specular);
   color(AI_MATKEY_COLOR_EMISSIVE, m.emission);
+  if (HasHighlight(from)) {
+    color(AI_MATKEY_COLOR_SPECULAR, m.specular);
+    from.Get(AI_MATKEY_SHININESS, m.shininess);
+  }
   float opacity = 1;
-  from.Get(AI_MATKEY_SHININESS, m.shininess);
   if (from.Get(AI_MATKEY_OPACITY, opacity) == aiReturn_SUCCESS && opacity < 1) {
+    opacity = std::max(opacity, 0.0f);
+    m.diffuse *= opacity;
     m.transmittance = glm::vec3(1 - opacity);
     from.Get(AI_MATKEY_REFRACTI, m.ior);
   }
+  DeriveOpenPbr(m);
+  const bool metal = from.Get(AI_MATKEY_METALLIC_FACTOR, m.base_metalness) == aiReturn_SUCCESS;
+  if (from.Get(AI_MATKEY_ROUGHNESS_FACTOR, m.specular_roughness) != aiReturn_SUCCESS && !metal) return m;
+  color(AI_MATKEY_BASE_COLOR, m.base_color);
+  m.specular_weight = 1;
+  DeriveWhitted(m, false);
   return m;  // whoever reads the file clamps
 }
 
@@ -78,25 +102,29 @@ void Put(std::string& out, T value) {
   out.append(reinterpret_cast<const char*>(&value), sizeof value);
 }
 
+uint8_t ByteOf(float x) { return static_cast<uint8_t>(x > 0 ? std::min(x, 1.0f) * 255 + 0.5f : 0); }
+
 Status WritePly(const std::vector<Placed>& placed, const std::string& path) {
   uint64_t vertices = 0, faces = 0;
-  bool normals = true, uvs = false;
+  bool normals = true, uvs = false, colors = false;
   for (const Placed& p : placed) {
     vertices += p.mesh->mNumVertices;
     for (unsigned f = 0; f < p.mesh->mNumFaces; ++f) faces += p.mesh->mFaces[f].mNumIndices == 3;
     normals &= p.mesh->HasNormals();
     uvs |= p.mesh->HasTextureCoords(0);
+    colors |= p.mesh->HasVertexColors(0);
   }
   if (faces == 0) return Fail("holds no triangles");
   if (vertices > 0xFFFFFFFFull) return Fail("has more vertices than 32 bits count");
   QUARRY_ASSIGN(OutputFile file, OutputFile::Create(path));
   std::string text = fmt::format(
       "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty "
-      "float z\n{}{}"
+      "float z\n{}{}{}"
       "element face {}\nproperty list uchar uint vertex_indices\nproperty uint material_index\nproperty uint "
       "part_index\nend_header\n",
       vertices, normals ? "property float nx\nproperty float ny\nproperty float nz\n" : "",
-      uvs ? "property float u\nproperty float v\n" : "", faces);
+      uvs ? "property float u\nproperty float v\n" : "",
+      colors ? "property uchar red\nproperty uchar green\nproperty uchar blue\n" : "", faces);
   for (const Placed& p : placed) {
     aiMatrix3x3 turn(p.to_world);
     turn.Inverse().Transpose();
@@ -111,6 +139,10 @@ Status WritePly(const std::vector<Placed>& placed, const std::string& path) {
         const bool has = p.mesh->HasTextureCoords(0);
         Put(text, has ? p.mesh->mTextureCoords[0][i].x : 0.0f);
         Put(text, has ? p.mesh->mTextureCoords[0][i].y : 0.0f);
+      }
+      if (colors) {
+        const aiColor4D c = p.mesh->HasVertexColors(0) ? p.mesh->mColors[0][i] : aiColor4D(1, 1, 1, 1);
+        for (const float x : {c.r, c.g, c.b}) Put(text, ByteOf(x));
       }
       if (text.size() < 1 << 16) continue;
       QUARRY_TRY(file.Write(AsBytes(text)));
@@ -139,6 +171,8 @@ Status Run(const std::string& model, const std::string& out, uint64_t memory) {
   LimitAddressSpace(kOwnBytes + memory);
   Assimp::Importer importer;
   importer.SetIOHandler(new RegularFiles);  // the importer's from now on
+  // Of bones without a skin Assimp would make meshes of its own.
+  importer.SetPropertyInteger(AI_CONFIG_IMPORT_NO_SKELETON_MESHES, 1);
   const aiScene* scene = importer.ReadFile(
       model, aiProcess_Triangulate | aiProcess_SortByPType | aiProcess_JoinIdenticalVertices);
   if (!scene || !scene->mRootNode)

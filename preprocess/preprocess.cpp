@@ -247,7 +247,7 @@ class Build {
     statistics.textures = textures_.Statistics(*writer_);
     statistics.warnings += statistics.textures.left_out;
     textures_.Renumber(scene_.materials);
-    QUARRY_ASSIGN(statistics.scene_id, writer_->Finish(meta_, top, scene_.materials, scene_.parts));
+    QUARRY_ASSIGN(statistics.scene_id, writer_->Finish(meta_, top, scene_.materials, scene_.parts, scene_.views));
     statistics.store_bytes = writer_->bytes_written();
     return {};
   }

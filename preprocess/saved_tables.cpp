@@ -1,6 +1,10 @@
 #include "preprocess/saved_tables.h"
 
+#include <utility>
+
+#include "common/voxel/catalog.h"
 #include "common/voxel/texture_sections.h"
+#include "common/voxel/view_sections.h"
 #include "preprocess/import/checkpoint.h"
 
 namespace quarry {
@@ -8,14 +12,23 @@ void PutMaterials(const std::vector<Material>& materials, ByteWriter& out) {
   out.Put(static_cast<uint32_t>(materials.size()));
   for (const Material& m : materials) {
     PutText(m.name, out);
-    for (const glm::vec3& v : {m.diffuse, m.specular, m.emission, m.reflectance, m.transmittance})
-      out.PutVec3(v);
-    out.Put(m.shininess);
-    out.Put(m.ior);
-    out.Put<uint8_t>(m.fresnel);
+    PutMaterial(m, out);
     out.Put(static_cast<uint32_t>(m.textures.size()));
     for (const TextureBinding& binding : m.textures) PutBinding(binding, out);
   }
+}
+
+void PutViews(const SceneViews& views, ByteWriter& out) {
+  std::string names;
+  const Bytes cameras = EncodeCameras(views.cameras, names), lights = EncodeLights(views.lights, names);
+  PutText(names, out);
+  for (const Bytes* bytes : {&cameras, &lights}) PutText(AsText(*bytes), out);
+}
+
+SceneViews GetViews(ByteReader& in) {
+  const std::string names = GetText(in), cameras = GetText(in), lights = GetText(in);
+  return {DecodeCameras(AsBytes(cameras), names).value_or(std::vector<NamedCamera>()),
+          DecodeLights(AsBytes(lights), names).value_or(std::vector<NamedLight>())};
 }
 
 void PutTexts(const std::vector<std::string>& texts, ByteWriter& out) {
@@ -26,13 +39,9 @@ void PutTexts(const std::vector<std::string>& texts, ByteWriter& out) {
 std::vector<Material> GetMaterials(ByteReader& in) {
   std::vector<Material> materials;
   for (auto n = in.Get<uint32_t>(); n > 0 && in.ok(); --n) {
-    Material m;
-    m.name = GetText(in);
-    for (glm::vec3* v : {&m.diffuse, &m.specular, &m.emission, &m.reflectance, &m.transmittance})
-      *v = in.GetVec3<glm::vec3>();
-    m.shininess = in.Get<float>();
-    m.ior = in.Get<float>();
-    m.fresnel = in.Get<uint8_t>() != 0;
+    std::string name = GetText(in);
+    Material m = GetMaterial(in);
+    m.name = std::move(name);
     for (auto t = in.Get<uint32_t>(); t > 0 && in.ok(); --t) m.textures.push_back(GetBinding(in));
     materials.push_back(std::move(m));
   }

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <cstring>
 #include <filesystem>
+#include <glm/geometric.hpp>
+#include <glm/matrix.hpp>
 #include <span>
 #include <system_error>
 #include <utility>
@@ -37,6 +39,9 @@ struct Window {
     return true;
   }
 };
+
+/// By how much a placement makes lengths larger: the cube root of what it does to volumes.
+double Cubic(const glm::dmat3& turn) { return std::cbrt(glm::determinant(turn)); }
 
 }  // namespace
 
@@ -116,6 +121,53 @@ uint32_t SpillSink::AddPart(std::string_view name) {
   return it->second;
 }
 
+glm::dvec3 SpillSink::InScene(const glm::dvec3& position) const {
+  return (placed_ ? turn_ * position + translation_ : position) * scale_;
+}
+
+glm::dvec3 SpillSink::Turned(const glm::dvec3& direction) const {
+  return placed_ ? turn_ * direction : direction;
+}
+
+/// Under a name of its own.
+template <class View>
+void SpillSink::Keep(View view, bool sane, size_t most, std::vector<View>& views) {
+  if (!sane || views.size() >= most) {
+    if (!warned_of_views_)
+      Warn(fmt::format(
+          "{}: {} is left out: {}", file_name_, view.name.empty() ? "a view" : view.name,
+          sane ? fmt::format("a store holds {} of its kind", most) : "it holds numbers that cannot be"));
+    warned_of_views_ = true;
+    return;
+  }
+  const std::string name = view.name;
+  const auto taken = [&] {
+    return std::ranges::any_of(views, [&](const View& other) { return other.name == view.name; });
+  };
+  for (int number = 2; taken(); ++number) view.name = fmt::format("{} {}", name, number);
+  views.push_back(std::move(view));
+}
+
+void SpillSink::AddCamera(NamedCamera camera) {
+  CameraSpec& spec = camera.spec;
+  const glm::dvec3 way = Turned(spec.at - spec.eye);
+  spec.eye = InScene(spec.eye);
+  spec.at = spec.eye + way;
+  spec.up = Turned(spec.up);
+  spec.ortho_height *= scale_ * Cubic(turn_);
+  const bool sane = IsSane(spec);
+  Keep(std::move(camera), sane, kMaxSceneCameras, scene_.views.cameras);
+}
+
+void SpillSink::AddLight(NamedLight light) {
+  const double larger = scale_ * Cubic(turn_);
+  if (light.kind == LightKind::kPoint) light.radiance *= static_cast<float>(larger * larger);
+  light.position = InScene(light.position);
+  light.direction = glm::vec3(glm::normalize(Turned(glm::dvec3(light.direction))));
+  const bool sane = IsSane(light);
+  Keep(std::move(light), sane, kMaxLights, scene_.views.lights);
+}
+
 uint32_t SpillSink::DefaultMaterial() {
   if (default_material_ == kNoIndex) default_material_ = AddMaterial(Material{"default"});
   return default_material_;
@@ -171,10 +223,6 @@ Status SpillSink::AddPosition(const glm::dvec3& position, const Rgba8& color) {
     if (loss > largest_loss_) largest_loss_ = loss;
   }
   return positions_->Append(&stored);
-}
-
-glm::dvec3 SpillSink::InScene(const glm::dvec3& position) const {
-  return (placed_ ? turn_ * position + translation_ : position) * scale_;
 }
 
 void SpillSink::SetOrigin(const glm::dvec3& place) { ChooseOffset(InScene(place)); }

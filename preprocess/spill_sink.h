@@ -37,6 +37,7 @@ struct ImportedScene {
   std::vector<Material> materials;  ///< at least one
   std::vector<std::string> parts;   ///< at least one
   std::vector<std::string> warnings;
+  SceneViews views;
   std::vector<TextureImage> images;  ///< that bindings of the materials name; all lie in files
 };
 
@@ -86,6 +87,8 @@ class SpillSink final : public ModelSink {
   uint32_t AddPart(std::string_view name) override;
   bool takes_textures() const override { return textures_; }
   Result<uint32_t> AddTexture(TextureImage image) override { return images_.Add(std::move(image)); }
+  void AddCamera(NamedCamera camera) override;
+  void AddLight(NamedLight light) override;
   bool WantsOrigin() const override { return !has_offset_; }
   void SetOrigin(const glm::dvec3& place) override;
   Status AddPosition(const glm::dvec3& position, const Rgba8& color) override;
@@ -161,6 +164,9 @@ class SpillSink final : public ModelSink {
   void WarnOfLoss();
   Status KeepTriangle(const TriangleRecord& record);
   uint32_t DefaultMaterial();
+  glm::dvec3 Turned(const glm::dvec3& direction) const;
+  template <class View>
+  void Keep(View view, bool sane, size_t most, std::vector<View>& views);
 
   std::string folder_;
   uint64_t memory_;
@@ -203,6 +209,7 @@ class SpillSink final : public ModelSink {
   uint64_t asked_at_ = 0;  ///< elements given when CheckpointDue last looked at the clock
   bool reads_once_ = false, goes_on_ = false;
   Bytes importer_state_;
+  bool warned_of_views_ = false;
   bool noted_ = false, file_noted_ = false;  ///< ever; within the current file
   uint8_t state_number_ = 0;
   std::vector<SpillFile> superseded_;

@@ -56,6 +56,7 @@ Result<Bytes> SpillSink::Save() {
   PutMaterials(scene_.materials, out);
   PutTexts(scene_.parts, out);
   PutTexts(scene_.warnings, out);
+  PutViews(scene_.views, out);
   QUARRY_TRY(images_.Save(out));
   out.Put<uint8_t>(in_file());
   if (in_file()) QUARRY_TRY(SaveFile(out));
@@ -120,6 +121,7 @@ Status SpillSink::Restore(std::span<const std::byte> saved, bool all) {
   scene_.materials = GetMaterials(in);
   scene_.parts = GetTexts(in);
   scene_.warnings = GetTexts(in);
+  scene_.views = GetViews(in);
   QUARRY_TRY(images_.Restore(in));
   if (in.Get<uint8_t>() != 0) QUARRY_TRY(RestoreFile(in));
   scene_.sample.Restore(in);

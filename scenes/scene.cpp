@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "common/base/check.h"
+#include "common/scene/open_pbr.h"
 #include "scenes/mesh_writer.h"
 #include "scenes/output_file.h"
 
@@ -77,7 +78,9 @@ std::unique_ptr<Scene> MakeScene(const std::string& kind, const SceneOptions& op
 
 Status WriteScene(const Scene& scene, const SceneOptions& options, const std::string& path,
                   const WatchProgress& watch) {
-  QUARRY_ASSIGN(const auto writer, OpenMeshWriter(path, scene.Materials(), options.colors));
+  std::vector<Material> materials = scene.Materials();
+  for (Material& material : materials) DeriveOpenPbr(material);
+  QUARRY_ASSIGN(const auto writer, OpenMeshWriter(path, materials, options.colors));
   QUARRY_ASSIGN(const auto way, OutputFile::Create(WithExtension(path, ".path.json")));
   QUARRY_TRY(way->Write(CameraPathJson(scene.Path())));
   QUARRY_TRY(way->Close());

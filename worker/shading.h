@@ -52,11 +52,17 @@ template <bool kHighlight>
   return Choose(cosine > 0, weight * light.radiance, glm::vec3(0));
 }
 
+/// Radiance given off; an unlit surface gives off its vertex colours.
+inline glm::vec3 Emitted(const Material& m, const Surface& s) {
+  return m.unlit ? m.emission * s.color : m.emission;
+}
+
 inline bool HasHighlight(const Material& m) { return m.shininess > 0 && m.specular != glm::vec3(0); }
 
-inline glm::vec3 Scatter(const Material& m, const Surface& s, const LightSample& light) {
-  return HasHighlight(m) ? Scatter<true>(m.diffuse, m.specular, m.shininess, s, light)
-                         : Scatter<false>(m.diffuse, m.specular, m.shininess, s, light);
+inline glm::vec3 Scatter(const Material& m, RenderMode mode, const Surface& s, const LightSample& light) {
+  const glm::vec3 albedo = Albedo(m, mode);
+  return HasHighlight(m) ? Scatter<true>(albedo, m.specular, m.shininess, s, light)
+                         : Scatter<false>(albedo, m.specular, m.shininess, s, light);
 }
 
 /// A colour that tells one voxel from the next (Wald & Slusallek 2001, figure 11).

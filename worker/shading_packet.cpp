@@ -33,6 +33,11 @@ inline void Put(bool meant, int i, T value, T (&to)[RayPacket::kRays]) {
   to[i] = meant ? value : to[i];
 }
 
+void Unlit(const Material& material, const SurfacePacket& surfaces, uint64_t lanes, Vectors& radiance) {
+  const glm::vec3 emission = material.emission;
+  ForLanes(lanes, [&](int i, bool meant) { Put(meant, i, emission * surfaces.color[i], radiance); });
+}
+
 inline glm::vec3 DirectionOf(const RayPacket& rays, int i) {
   return {rays.direction[0][i], rays.direction[1][i], rays.direction[2][i]};
 }
@@ -71,24 +76,27 @@ void AddAttributes(const AttributePacket& attributes, const RayPacket& rays, uin
   });
 }
 
-void Headlight(const Material& material, const SurfacePacket& surfaces, uint64_t lanes, Vectors& radiance) {
-  const glm::vec3 diffuse = material.diffuse, emission = material.emission;
+void Headlight(const Material& material, RenderMode mode, const SurfacePacket& surfaces, uint64_t lanes,
+               Vectors& radiance) {
+  if (material.unlit) return Unlit(material, surfaces, lanes, radiance);
+  const glm::vec3 albedo = Albedo(material, mode), emission = material.emission;
   ForLanes(lanes, [&](int i, bool meant) {
-    Put(meant, i, diffuse * surfaces.color[i] * Facing(surfaces[i]) + emission, radiance);
+    Put(meant, i, albedo * surfaces.color[i] * Facing(surfaces[i]) + emission, radiance);
   });
 }
 
-void Ambient(const Material& material, const glm::vec3& ambient, const SurfacePacket& surfaces,
-             uint64_t lanes, Vectors& radiance) {
-  const glm::vec3 diffuse = material.diffuse, emission = material.emission, all = ambient;
+void Ambient(const Material& material, RenderMode mode, const glm::vec3& ambient,
+             const SurfacePacket& surfaces, uint64_t lanes, Vectors& radiance) {
+  if (material.unlit) return Unlit(material, surfaces, lanes, radiance);
+  const glm::vec3 albedo = Albedo(material, mode), emission = material.emission, all = ambient;
   ForLanes(lanes, [&](int i, bool meant) {
-    Put(meant, i, diffuse * surfaces.color[i] * all * AmbientFactor(surfaces[i]) + emission, radiance);
+    Put(meant, i, albedo * surfaces.color[i] * all * AmbientFactor(surfaces[i]) + emission, radiance);
   });
 }
 
-void Scatter(const Material& material, const Light& from, const SurfacePacket& surfaces, uint64_t lanes,
-             LightPacket& samples, Vectors& radiance) {
-  const glm::vec3 diffuse = material.diffuse, specular = material.specular;
+void Scatter(const Material& material, RenderMode mode, const Light& from, const SurfacePacket& surfaces,
+             uint64_t lanes, LightPacket& samples, Vectors& radiance) {
+  const glm::vec3 diffuse = Albedo(material, mode), specular = material.specular;
   const float shininess = material.shininess;
   const Light light = from;
   const auto scatter = [&]<bool kPoint, bool kHighlight>() {

@@ -72,18 +72,19 @@ void AddAttributes(const AttributePacket& attributes, const RayPacket& rays, uin
                    SurfacePacket& surfaces);
 
 /// What a surface of one material sends back of the headlight, and gives off.
-void Headlight(const Material& material, const SurfacePacket& surfaces, uint64_t lanes, Vectors& radiance);
+void Headlight(const Material& material, RenderMode mode, const SurfacePacket& surfaces, uint64_t lanes,
+               Vectors& radiance);
 /// The same of ambient light.
-void Ambient(const Material& material, const glm::vec3& ambient, const SurfacePacket& surfaces,
-             uint64_t lanes, Vectors& radiance);
+void Ambient(const Material& material, RenderMode mode, const glm::vec3& ambient,
+             const SurfacePacket& surfaces, uint64_t lanes, Vectors& radiance);
 
 /// SampleLight and Scatter, for surfaces of one material.
 struct LightPacket {
   Vectors direction;
   float distance[RayPacket::kRays];
 };
-void Scatter(const Material& material, const Light& light, const SurfacePacket& surfaces, uint64_t lanes,
-             LightPacket& samples, Vectors& radiance);
+void Scatter(const Material& material, RenderMode mode, const Light& light, const SurfacePacket& surfaces,
+             uint64_t lanes, LightPacket& samples, Vectors& radiance);
 
 /// Rays in `lanes` from the surfaces along `directions`, to `t_max`: they begin `distance` off their surface,
 /// on the side they leave it to.

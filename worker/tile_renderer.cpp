@@ -283,9 +283,9 @@ void TileRenderer::Shade(uint32_t packet, uint64_t lanes) {
     Vectors& radiance = gathered_->radiance;
     ForEachMaterial(s.surface, lanes, [&](uint32_t material, uint64_t same) {
       if (lit)
-        Ambient(frame_->catalog.materials[material], frame_->job.ambient, s.surface, same, radiance);
+        Ambient(frame_->catalog.materials[material], mode, frame_->job.ambient, s.surface, same, radiance);
       else
-        Headlight(frame_->catalog.materials[material], s.surface, same, radiance);
+        Headlight(frame_->catalog.materials[material], mode, s.surface, same, radiance);
     });
     Add(packet, lanes, radiance);
   }
@@ -313,8 +313,8 @@ void TileRenderer::NextLights(uint32_t packet, uint64_t lanes) {
     const uint64_t here = lanes & ~shone_on & LanesWith(light, s.next_light);
     if (here == 0) continue;
     ForEachMaterial(s.surface, here, [&](uint32_t material, uint64_t same) {
-      Scatter(frame_->catalog.materials[material], frame_->job.lights[light], s.surface, same, samples,
-              s.light);
+      Scatter(frame_->catalog.materials[material], frame_->job.mode, frame_->job.lights[light], s.surface,
+              same, samples, s.light);
     });
     shone_on |= here & ~DarkLanes(s.light);
     ForEachLane(here, [&](uint32_t i) { ++s.next_light[i]; });

@@ -12,7 +12,7 @@
 namespace quarry {
 
 /// Moves freely until the first release; programs of different protocol versions do not talk.
-inline constexpr uint32_t kProtocolVersion = 5;
+inline constexpr uint32_t kProtocolVersion = 6;
 
 /// Each side's first bytes, of one layout for good: "QUARRY\0\0", protocol version (4), the program's version
 /// as zero-padded text (20).

@@ -36,6 +36,9 @@ wire::JobT JobToWire(const RenderJob& job) {
     l->kind = static_cast<uint8_t>(light.kind);
     l->vector = ToVector(light.vector);
     l->radiance = ToVector(light.radiance);
+    l->axis = ToVector(light.axis);
+    l->cone_scale = light.cone_scale;
+    l->cone_offset = light.cone_offset;
     w.lights.push_back(std::move(l));
   }
   for (const CameraSpec& camera : job.cameras) {

@@ -14,7 +14,7 @@ namespace quarry {
 namespace {
 
 /// Bytes that a camera and a light take at least in a message: an encoder shares none of them.
-constexpr size_t kLeastCameraBytes = 96, kLeastLightBytes = 40, kLeastStringBytes = 9;
+constexpr size_t kLeastCameraBytes = 96, kLeastLightBytes = 56, kLeastStringBytes = 9;
 /// The longest text of a message that is no list; a failure or a frame's statistics have less.
 constexpr size_t kMostTextBytes = 1u << 20;
 
@@ -59,7 +59,10 @@ bool Read(const flatbuffers::Vector<flatbuffers::Offset<flatbuffers::String>>* t
 
 bool ReadLight(const wire::Light& l, Light& light) {
   light.kind = static_cast<LightKind>(l.kind());
-  return l.kind() <= 1 && Read(l.vector(), light.vector) && Read(l.radiance(), light.radiance);
+  light.cone_scale = l.cone_scale();
+  light.cone_offset = l.cone_offset();
+  return l.kind() <= 1 && Read(l.vector(), light.vector) && Read(l.radiance(), light.radiance) &&
+         Read(l.axis(), light.axis);
 }
 
 bool ReadCamera(const wire::Camera& c, CameraSpec& camera) {

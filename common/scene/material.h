@@ -42,8 +42,10 @@ struct TextureBinding {
   bool operator==(const TextureBinding&) const = default;
 };
 
-/// How a surface scatters light. Colours are linear RGB; each component of diffuse, specular, reflectance and
-/// transmittance lies in [0,1] (importers clamp), emission in [0,inf).
+/// How a surface scatters light, said twice: by the weights of Whitted's rays, which the modes of today go by,
+/// and by the parameters of OpenPBR under its names, of which the modes whose rays end at the first surface
+/// take the base colour. Importers that know one form derive the other (open_pbr.h). Colours are linear RGB;
+/// each component lies in [0,1] (importers clamp), of emission in [0,inf).
 struct Material {
   std::string name;
   glm::vec3 diffuse{0.8f};        ///< Lambertian albedo; vertex colours multiply it.
@@ -54,6 +56,19 @@ struct Material {
   float shininess = 0.0f;         ///< Blinn-Phong exponent, [0, 10000].
   float ior = 1.0f;               ///< Index of refraction, [1, 10]; 1 passes straight through.
   bool fresnel = false;           ///< Schlick's weights shift reflectance and transmittance with the angle.
+  bool unlit = false;             ///< No light matters; vertex colours multiply the emission instead.
+
+  glm::vec3 base_color{0.8f};          ///< Of the diffuse part, or of the metal.
+  float base_metalness = 0.0f;         ///< [0, 1]
+  float specular_roughness = 1.0f;     ///< [0, 1]; 0 is a mirror.
+  float specular_weight = 0.0f;        ///< [0, 1]; 0: no highlight on what is no metal.
+  glm::vec3 specular_color{1.0f};      ///< Tint of the highlight on what is no metal.
+  float specular_ior = 1.5f;           ///< [1, 10]; decides how much is reflected.
+  float transmission_weight = 0.0f;    ///< [0, 1]: what passes of the part that is no metal.
+  glm::vec3 transmission_color{1.0f};  ///< What is left of light after transmission_depth.
+  float transmission_depth = 0.0f;     ///< Scene units, [0, inf); 0: the surface alone is tinted.
+  float geometry_opacity = 1.0f;       ///< [0, 1]: how much of the surface is there at all.
+
   std::vector<TextureBinding> textures;  ///< at most one a use, by rising use
 
   bool operator==(const Material&) const = default;

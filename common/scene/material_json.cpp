@@ -8,6 +8,7 @@
 #include <ostream>
 
 #include "common/base/json_file.h"
+#include "common/scene/open_pbr.h"
 
 namespace quarry {
 namespace {
@@ -32,6 +33,17 @@ Json ToJson(const Material& material) {
   json["shininess"] = material.shininess;
   json["ior"] = material.ior;
   json["fresnel"] = material.fresnel;
+  json["unlit"] = material.unlit;
+  json["base_color"] = ToJson(material.base_color);
+  json["base_metalness"] = material.base_metalness;
+  json["specular_roughness"] = material.specular_roughness;
+  json["specular_weight"] = material.specular_weight;
+  json["specular_color"] = ToJson(material.specular_color);
+  json["specular_ior"] = material.specular_ior;
+  json["transmission_weight"] = material.transmission_weight;
+  json["transmission_color"] = ToJson(material.transmission_color);
+  json["transmission_depth"] = material.transmission_depth;
+  json["geometry_opacity"] = material.geometry_opacity;
   return json;
 }
 
@@ -72,6 +84,14 @@ Status ReadColour(const Json& json, const Member& member, float high, glm::vec3&
   return {};
 }
 
+Status ReadFlag(const Json& json, const Member& member, bool& value) {
+  const auto found = json.find(member.name);
+  if (found == json.end()) return {};
+  if (!found->is_boolean()) return member.Wrong("true or false");
+  value = found->get<bool>();
+  return {};
+}
+
 Result<Material> ReadMaterial(const Json& json, const std::string& path, size_t index) {
   if (!json.is_object()) return Fail(fmt::format("{}: materials[{}] must be an object.", path, index));
   constexpr float kLargest = std::numeric_limits<float>::max();
@@ -88,10 +108,23 @@ Result<Material> ReadMaterial(const Json& json, const std::string& path, size_t 
   QUARRY_TRY(ReadColour(json, member("transmittance"), 1.0f, material.transmittance));
   QUARRY_TRY(ReadNumber(json, member("shininess"), 0.0f, 10000.0f, material.shininess));
   QUARRY_TRY(ReadNumber(json, member("ior"), 1.0f, 10.0f, material.ior));
-  if (const auto fresnel = json.find("fresnel"); fresnel != json.end()) {
-    if (!fresnel->is_boolean()) return member("fresnel").Wrong("true or false");
-    material.fresnel = fresnel->get<bool>();
+  QUARRY_TRY(ReadFlag(json, member("fresnel"), material.fresnel));
+  QUARRY_TRY(ReadFlag(json, member("unlit"), material.unlit));
+  if (!json.contains("base_color")) {
+    DeriveOpenPbr(material);
+    return material;
   }
+  QUARRY_TRY(ReadColour(json, member("base_color"), 1.0f, material.base_color));
+  QUARRY_TRY(ReadNumber(json, member("base_metalness"), 0.0f, 1.0f, material.base_metalness));
+  QUARRY_TRY(ReadNumber(json, member("specular_roughness"), 0.0f, 1.0f, material.specular_roughness));
+  QUARRY_TRY(ReadNumber(json, member("specular_weight"), 0.0f, 1.0f, material.specular_weight));
+  QUARRY_TRY(ReadColour(json, member("specular_color"), 1.0f, material.specular_color));
+  QUARRY_TRY(ReadNumber(json, member("specular_ior"), 1.0f, 10.0f, material.specular_ior));
+  QUARRY_TRY(ReadNumber(json, member("transmission_weight"), 0.0f, 1.0f, material.transmission_weight));
+  QUARRY_TRY(ReadColour(json, member("transmission_color"), 1.0f, material.transmission_color));
+  QUARRY_TRY(ReadNumber(json, member("transmission_depth"), 0.0f, kLargest, material.transmission_depth));
+  QUARRY_TRY(ReadNumber(json, member("geometry_opacity"), 0.0f, 1.0f, material.geometry_opacity));
+  if (!json.contains("diffuse")) DeriveWhitted(material, true);
   return material;
 }
 

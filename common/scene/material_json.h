@@ -13,9 +13,13 @@ namespace quarry {
 /// `part_index` refer to.
 ///   {"materials": [{"name": "steel", "diffuse": [r,g,b], "specular": [..], "emission": [..], "reflectance":
 ///   [..],
-///                   "transmittance": [..], "shininess": n, "ior": n, "fresnel": false}, ...],
+///                   "transmittance": [..], "shininess": n, "ior": n, "fresnel": false, "unlit": false,
+///                   "base_color": [..], "base_metalness": n, "specular_roughness": n, "specular_weight": n,
+///                   "specular_color": [..], "specular_ior": n, "transmission_weight": n,
+///                   "transmission_color": [..], "transmission_depth": n, "geometry_opacity": n}, ...],
 ///    "parts": ["boiler 1", ...]}
-/// Every member of a material but the name may be left out; "parts" too.
+/// Every member of a material may be left out; "parts" too. Without "base_color" the members below it follow
+/// from those above it (DeriveOpenPbr), without "diffuse" those above from those below (DeriveWhitted).
 struct MaterialLibrary {
   std::vector<Material> materials;
   std::vector<std::string> parts;

@@ -69,7 +69,8 @@ Status NormalizeJob(RenderJob& job) {
   if (job.format != "png" && job.format != "exr") return BadUsage("images are written as .png or .exr");
   if (job.lights.size() > kMaxLights) return BadUsage(fmt::format("more than {} lights", kMaxLights));
   for (Light& light : job.lights) {
-    if (!Finite(light.vector) || !Nonnegative(light.radiance))
+    if (!Finite(light.vector) || !Nonnegative(light.radiance) || !Finite(light.axis) ||
+        !std::isfinite(light.cone_scale) || !std::isfinite(light.cone_offset))
       return BadUsage("a light has a value that cannot be");
     if (light.kind != LightKind::kSun) continue;
     const float length = std::sqrt(light.vector.x * light.vector.x + light.vector.y * light.vector.y +

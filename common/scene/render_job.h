@@ -40,6 +40,10 @@ struct Light {
   LightKind kind = LightKind::kSun;
   glm::vec3 vector{0, 0, 1};  ///< sun: direction toward it, unit length; point: position
   glm::vec3 radiance{1};      ///< sun: irradiance/pi at normal incidence; point: the same at distance 1
+  /// A point that shines in a cone: toward a direction of which `axis` makes up the share c (a cosine) it
+  /// shines by the square of cone_scale * c + cone_offset, held to [0, 1].
+  glm::vec3 axis{0, 0, -1};
+  float cone_scale = 0, cone_offset = 1;
 };
 
 /// All that a picture depends on, beside the scene.

@@ -27,7 +27,7 @@ Bounces Bounce(const Material& material, const Surface& s) {
   const bool transmits = material.transmittance != glm::vec3(0);
   float fresnel = 0;
   if (material.fresnel && transmits) {
-    const float f0 = (material.ior - 1) / (material.ior + 1) * ((material.ior - 1) / (material.ior + 1));
+    const float root = (material.specular_ior - 1) / (material.specular_ior + 1), f0 = root * root;
     fresnel = f0 + (1 - f0) * SchlickPower(cosine);
     b.reflect_weight = glm::vec3(fresnel);
     b.refract_weight *= 1 - fresnel;

@@ -69,7 +69,10 @@ inline LightSample SamplePoint(const Light& light, const glm::vec3& position) {
   const glm::vec3 to = light.vector - position;
   const float distance2 = std::max(glm::dot(to, to), 1e-20f);
   const float distance = std::sqrt(distance2);
-  return {to / distance, distance, light.radiance / distance2};
+  const glm::vec3 direction = to / distance;
+  const float along = light.cone_offset - glm::dot(light.axis, direction) * light.cone_scale;
+  const float cone = std::clamp(along, 0.0f, 1.0f);
+  return {direction, distance, light.radiance / distance2 * (cone * cone)};
 }
 inline LightSample SampleLight(const Light& light, const glm::vec3& position) {
   return light.kind == LightKind::kSun ? SampleSun(light) : SamplePoint(light, position);
@@ -92,6 +95,13 @@ Bounces Bounce(const Material& material, const Surface& surface);
 /// Whether it can have any weight.
 inline bool CanBounce(const Material& m) {
   return m.fresnel || m.reflectance != glm::vec3(0) || m.transmittance != glm::vec3(0);
+}
+
+/// The colour by which light is scattered. Where no mirror and no transmitted ray is followed, metals,
+/// mirrors and glass show their base colour; a lack of opacity shows nothing.
+inline glm::vec3 Albedo(const Material& m, RenderMode mode) {
+  if (m.unlit) return glm::vec3(0);
+  return mode == RenderMode::kWhitted ? m.diffuse : m.base_color;
 }
 
 /// Rays of less weight are not followed, nor those that have been turned so often.

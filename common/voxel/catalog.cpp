@@ -8,13 +8,15 @@
 #include "common/kdtree/box8.h"
 #include "common/kdtree/treelets.h"
 #include "common/kdtree/wide_tree.h"
+#include "common/scene/open_pbr.h"
 
 namespace quarry {
 namespace {
 
 constexpr size_t kMetaBytes = 192;
 constexpr size_t kVoxelBytes = 72;
-constexpr size_t kMaterialBytes = 76;
+constexpr uint32_t kFresnelFlag = 1, kUnlitFlag = 2;  // of a material
+constexpr size_t kMaterialBytes = 4 + 136;
 /// In treelets, headers and alignment make of two nodes at most nine slots, and links number slots.
 constexpr size_t kMostTopNodes = KdNode::kMaxLink / 5;
 
@@ -154,13 +156,11 @@ Status DecodeMaterials(std::span<const std::byte> bytes, Catalog& catalog) {
   if (!in.ok() || count > 65536 || in.remaining() != count * kMaterialBytes)
     return Fail("the MATL section has the wrong size");
   catalog.materials.resize(count);
-  for (Material& m : catalog.materials) {
+  for (size_t i = 0; i < catalog.materials.size(); ++i) {
     in.Get<uint32_t>();  // the name, in STRS
-    for (glm::vec3* color : {&m.diffuse, &m.specular, &m.emission, &m.reflectance, &m.transmittance})
-      *color = in.GetVec3<glm::vec3>();
-    m.shininess = in.Get<float>();
-    m.ior = in.Get<float>();
-    m.fresnel = in.Get<uint32_t>() != 0;
+    catalog.materials[i] = GetMaterial(in);
+    if (!in.ok() || !IsSane(catalog.materials[i]))
+      return Fail(fmt::format("the MATL section's material {} holds values that cannot be", i));
   }
   return {};
 }
@@ -219,17 +219,44 @@ Bytes EncodeDirectory(const std::vector<VoxelEntry>& voxels) {
   return out.Take();
 }
 
+void PutMaterial(const Material& m, ByteWriter& out) {
+  for (const glm::vec3* color : {&m.diffuse, &m.specular, &m.emission, &m.reflectance, &m.transmittance})
+    out.PutVec3(*color);
+  out.Put(m.shininess);
+  out.Put(m.ior);
+  out.Put((m.fresnel ? kFresnelFlag : 0u) | (m.unlit ? kUnlitFlag : 0u));
+  for (const glm::vec3* color : {&m.base_color, &m.specular_color, &m.transmission_color})
+    out.PutVec3(*color);
+  for (const float x : {m.base_metalness, m.specular_roughness, m.specular_weight, m.specular_ior,
+                        m.transmission_weight, m.transmission_depth, m.geometry_opacity})
+    out.Put(x);
+}
+
+Material GetMaterial(ByteReader& in) {
+  Material m;
+  for (glm::vec3* color : {&m.diffuse, &m.specular, &m.emission, &m.reflectance, &m.transmittance})
+    *color = in.GetVec3<glm::vec3>();
+  m.shininess = in.Get<float>();
+  m.ior = in.Get<float>();
+  const auto flags = in.Get<uint32_t>();
+  m.fresnel = (flags & kFresnelFlag) != 0;
+  m.unlit = (flags & kUnlitFlag) != 0;
+  for (glm::vec3* color : {&m.base_color, &m.specular_color, &m.transmission_color})
+    *color = in.GetVec3<glm::vec3>();
+  for (float* x : {&m.base_metalness, &m.specular_roughness, &m.specular_weight, &m.specular_ior,
+                   &m.transmission_weight, &m.transmission_depth, &m.geometry_opacity})
+    *x = in.Get<float>();
+  if ((flags & ~(kFresnelFlag | kUnlitFlag)) != 0) in.GetSpan(~uint64_t{0});
+  return m;
+}
+
 Bytes EncodeMaterials(const std::vector<Material>& materials, std::string& strings) {
   ByteWriter out;
   out.Put(static_cast<uint32_t>(materials.size()));
   for (const Material& m : materials) {
     out.Put(static_cast<uint32_t>(strings.size()));
     strings.append(m.name).push_back('\0');
-    for (const glm::vec3* color : {&m.diffuse, &m.specular, &m.emission, &m.reflectance, &m.transmittance})
-      out.PutVec3(*color);
-    out.Put(m.shininess);
-    out.Put(m.ior);
-    out.Put(m.fresnel ? uint32_t{1} : uint32_t{0});
+    PutMaterial(m, out);
   }
   return out.Take();
 }

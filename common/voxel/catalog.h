@@ -31,6 +31,8 @@ enum class SectionType : uint32_t {
   kTexturePages = 0x50584554,      // "TEXP"
   kTextureDirectory = 0x44584554,  // "TEXD"
   kMaterialTextures = 0x5845544D,  // "MTEX"
+  kCameras = 0x534D4143,           // "CAMS"
+  kLights = 0x4554494C,            // "LITE"
 };
 
 /// Facts about a scene.
@@ -105,6 +107,10 @@ struct Section {
 Bytes EncodeMeta(const SceneMeta& meta);
 Bytes EncodeTopTree(const std::vector<KdNode>& nodes);
 Bytes EncodeDirectory(const std::vector<VoxelEntry>& voxels);
+/// The numbers of a material, without its name and textures.
+void PutMaterial(const Material& material, ByteWriter& out);
+/// The same back, whatever they are: see IsSane. Errors: none; flags that there are not make `in` not ok().
+Material GetMaterial(ByteReader& in);
 /// Appends names to `strings` and refers to them.
 Bytes EncodeMaterials(const std::vector<Material>& materials, std::string& strings);
 

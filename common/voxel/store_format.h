@@ -8,7 +8,7 @@ namespace quarry {
 /// The first eight bytes of every scene store; the line ending shows transfers that mangled it.
 inline constexpr std::string_view kStoreMagic = "QUARRY\r\n";
 /// Moves freely until the first release.
-inline constexpr uint32_t kStoreVersion = 8;
+inline constexpr uint32_t kStoreVersion = 9;
 
 inline constexpr uint64_t kStoreHeaderBytes = 64;
 inline constexpr uint64_t kSectionEntryBytes = 40;

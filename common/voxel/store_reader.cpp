@@ -8,6 +8,7 @@
 #include "common/voxel/store_format.h"
 #include "common/voxel/store_header.h"
 #include "common/voxel/texture_page.h"
+#include "common/voxel/view_sections.h"
 
 namespace quarry {
 namespace {
@@ -21,7 +22,8 @@ bool IsKnown(SectionType type) {
   return IsCatalogSection(type) || type == SectionType::kParts || type == SectionType::kStrings ||
          type == SectionType::kBlocks || type == SectionType::kProxies ||
          type == SectionType::kTexturePages || type == SectionType::kTextureDirectory ||
-         type == SectionType::kMaterialTextures;
+         type == SectionType::kMaterialTextures || type == SectionType::kCameras ||
+         type == SectionType::kLights;
 }
 
 std::string TypeName(SectionType type) {
@@ -104,6 +106,22 @@ Status StoreReader::ReadSections(std::span<const std::byte> table, uint32_t coun
   QUARRY_TRY(DecodeNames(named));
   const Status textures = DecodeTextureSections(named);
   if (!textures) return Fail(fmt::format("{}: {}", path(), textures.error().message));
+  const Status views = DecodeViews(named);
+  if (!views) return Fail(fmt::format("{}: {}", path(), views.error().message));
+  return {};
+}
+
+Status StoreReader::DecodeViews(const std::vector<Section>& sections) {
+  std::string_view strings;
+  for (const Section& s : sections)
+    if (s.type == SectionType::kStrings) strings = AsText(s.bytes);
+  for (const Section& s : sections) {
+    if (s.type == SectionType::kCameras) {
+      QUARRY_ASSIGN(views_.cameras, DecodeCameras(s.bytes, strings));
+    } else if (s.type == SectionType::kLights) {
+      QUARRY_ASSIGN(views_.lights, DecodeLights(s.bytes, strings));
+    }
+  }
   return {};
 }
 

@@ -8,6 +8,7 @@
 #include "common/base/bytes.h"
 #include "common/base/file.h"
 #include "common/base/status.h"
+#include "common/scene/scene_views.h"
 #include "common/voxel/block_decoder.h"
 #include "common/voxel/catalog.h"
 #include "common/voxel/texture_sections.h"
@@ -34,6 +35,9 @@ class StoreReader {
   const std::vector<Texture>& textures() const { return textures_; }
   /// By rising material, then use.
   const std::vector<MaterialTexture>& material_textures() const { return material_textures_; }
+
+  /// Cameras and lights that the model brought.
+  const SceneViews& views() const { return views_; }
 
   /// Bytes of one stored block, its checksum verified.
   /// Errors: a read error; permanent: no such block, or a damaged one (the byte offset named).
@@ -72,6 +76,7 @@ class StoreReader {
   Status CheckBounds(const VoxelGeometry& geometry, uint32_t voxel) const;
   Status CheckBlocksEnd(uint64_t end) const;
   Status DecodeTextureSections(const std::vector<Section>& sections);
+  Status DecodeViews(const std::vector<Section>& sections);
   Status VerifyTexture(uint32_t texture) const;
   Status CheckPagesFill() const;
 
@@ -83,6 +88,7 @@ class StoreReader {
   std::vector<std::string> parts_;
   std::vector<Texture> textures_;
   std::vector<MaterialTexture> material_textures_;
+  SceneViews views_;
   uint64_t blocks_begin_ = 0, blocks_end_ = 0;
   uint64_t pages_begin_ = 0, pages_end_ = 0;
 };

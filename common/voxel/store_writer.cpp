@@ -8,11 +8,12 @@
 #include "common/base/check.h"
 #include "common/voxel/store_format.h"
 #include "common/voxel/texture_page.h"
+#include "common/voxel/view_sections.h"
 
 namespace quarry {
 namespace {
 
-constexpr uint32_t kSectionCount = 10;
+constexpr uint32_t kSectionCount = 12;
 constexpr uint64_t kBlocksOffset = kStoreHeaderBytes + kSectionCount * kSectionEntryBytes;
 
 SceneId HashScene(const std::vector<uint64_t>& logical, const std::vector<WrittenTexture>& textures,
@@ -158,7 +159,7 @@ Status StoreWriter::DropTexture() {
 
 Result<SceneId> StoreWriter::Finish(SceneMeta meta, const std::vector<KdNode>& top_nodes,
                                     const std::vector<Material>& materials,
-                                    const std::vector<std::string>& parts) {
+                                    const std::vector<std::string>& parts, const SceneViews& views) {
   for (const VoxelEntry& v : directory_) {
     for (const BlockEntry& b : v.blocks) {
       meta.largest_decoded = std::max(meta.largest_decoded, b.decoded);
@@ -184,10 +185,13 @@ Result<SceneId> StoreWriter::Finish(SceneMeta meta, const std::vector<KdNode>& t
   sections.push_back({SectionType::kMaterials, EncodeMaterials(materials, strings)});
   sections.push_back({SectionType::kParts, EncodeParts(parts, strings)});
   Bytes texture_directory = EncodeTextures(textures, strings);
+  Bytes cameras = EncodeCameras(views.cameras, strings), lights = EncodeLights(views.lights, strings);
   const auto text = AsBytes(strings);
   sections.push_back({SectionType::kStrings, Bytes(text.begin(), text.end())});
   sections.push_back({SectionType::kTextureDirectory, std::move(texture_directory)});
   sections.push_back({SectionType::kMaterialTextures, EncodeMaterialTextures(materials)});
+  sections.push_back({SectionType::kCameras, std::move(cameras)});
+  sections.push_back({SectionType::kLights, std::move(lights)});
 
   std::vector<Section> logical = sections;
   logical[0].bytes = EncodeMeta(LogicalMeta(meta));
@@ -200,7 +204,7 @@ Result<SceneId> StoreWriter::Finish(SceneMeta meta, const std::vector<KdNode>& t
                   blocks_end - kBlocksOffset, 0);
   PutSectionEntry(table, SectionType::kTexturePages, kSectionOwnChecksums, blocks_end, pages_size, 0);
   for (const Section& s : sections) {
-    const bool critical = &s < &sections[4];  // names and textures may be passed over
+    const bool critical = &s < &sections[4];  // names, textures and views may be passed over
     PutSectionEntry(table, s.type, critical ? kSectionCritical : 0, file_.size(), s.bytes.size(),
                     Checksum(s.bytes));
     QUARRY_TRY(file_.Write(s.bytes));

@@ -8,6 +8,7 @@
 
 #include "common/base/file.h"
 #include "common/base/status.h"
+#include "common/scene/scene_views.h"
 #include "common/voxel/catalog.h"
 #include "common/voxel/texture_sections.h"
 #include "common/voxel/voxel_block.h"
@@ -77,7 +78,8 @@ class StoreWriter {
   /// Writes all other sections and gives the store its name. The sizes and LZ4 version in `meta` are filled
   /// in.
   Result<SceneId> Finish(SceneMeta meta, const std::vector<KdNode>& top_nodes,
-                         const std::vector<Material>& materials, const std::vector<std::string>& parts);
+                         const std::vector<Material>& materials, const std::vector<std::string>& parts,
+                         const SceneViews& views = {});
   uint64_t bytes_written() const { return file_.size(); }
   /// Makes the voxels and textures so far outlast a loss of power.
   Status Sync() { return file_.Sync(); }

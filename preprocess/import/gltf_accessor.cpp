@@ -6,6 +6,8 @@
 #include <cstring>
 #include <nlohmann/json.hpp>
 
+#include "preprocess/import/gltf_extensions.h"
+
 namespace quarry {
 namespace {
 
@@ -35,6 +37,7 @@ uint32_t ComponentsOf(const std::string& type) {
   if (type == "SCALAR") return 1;
   if (type == "VEC2") return 2;
   if (type == "VEC3") return 3;
+  if (type == "MAT4") return GltfAccessor::kMostComponents;
   return type == "VEC4" ? 4 : 0;
 }
 
@@ -74,7 +77,7 @@ Status GltfAccessor::Load(const Json& json) {
   if (SizeOf(component_type) == 0) return FailAt(fmt::format("componentType {} is none", component_type));
   component_type_ = static_cast<uint32_t>(component_type);
   components_ = ComponentsOf(json.value("type", ""));
-  if (components_ == 0) return FailAt("its type is not SCALAR, VEC2, VEC3 or VEC4");
+  if (components_ == 0) return FailAt("its type is not SCALAR, VEC2, VEC3, VEC4 or MAT4");
   element_bytes_ = components_ * SizeOf(component_type);
   normalized_ = json.value("normalized", false);
   QUARRY_ASSIGN(count_, Unsigned(json, "count"));
@@ -96,6 +99,8 @@ Result<GltfAccessor::Place> GltfAccessor::FindPlace(const Json& json, uint64_t c
   QUARRY_ASSIGN(const Json* view, document_->Find("bufferViews", view_index));
   Place place;
   QUARRY_ASSIGN(place.buffer, Unsigned(*view, "buffer"));
+  QUARRY_TRY(CheckNotCompressed(*document_, *view, fmt::format("bufferViews[{}]", view_index),
+                                document_->HasBytes(place.buffer)));
   QUARRY_ASSIGN(const uint64_t begin, Unsigned(*view, "byteOffset", 0));
   QUARRY_ASSIGN(const uint64_t length, Unsigned(*view, "byteLength"));
   QUARRY_ASSIGN(place.stride, Unsigned(*view, "byteStride", size));
@@ -159,7 +164,7 @@ double GltfAccessor::Component(const std::byte* at) const {
   }
 }
 
-Status GltfAccessor::Next(double (&values)[4]) {
+Status GltfAccessor::Next(double (&values)[kMostComponents]) {
   if (next_ == chunk_end_ && !place_.nothing) {
     const uint64_t elements = std::min(count_ - next_, std::max<uint64_t>(kChunkBytes / place_.stride, 1));
     chunk_.resize((elements - 1) * place_.stride + element_bytes_);

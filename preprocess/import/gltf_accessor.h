@@ -15,6 +15,7 @@ namespace quarry {
 /// size. Normalised integers become fractions; sparse elements are put in place.
 class GltfAccessor {
  public:
+  static constexpr uint32_t kMostComponents = 16;  ///< of a matrix, column by column; only of real ones
   /// Errors name the accessor: a type that it cannot be, a number of components other than `least` to `most`,
   /// elements beyond their buffer view, a stride too small.
   static Result<GltfAccessor> Open(GltfDocument& document, uint64_t index, uint32_t least, uint32_t most);
@@ -23,7 +24,7 @@ class GltfAccessor {
   uint32_t components() const { return components_; }
   bool is_real() const;
   /// The next element's components. Requires: fewer than count() were taken.
-  Status Next(double (&values)[4]);
+  Status Next(double (&values)[kMostComponents]);
 
  private:
   /// Elements in a buffer view.

@@ -108,8 +108,9 @@ Result<GltfDocument> GltfDocument::Open(ModelReader& bytes) {
   }
   if (json_bytes > kMostJsonBytes || json_bytes > bytes.remaining())
     return bytes.FailHere(fmt::format("the JSON's {} bytes go beyond the file, or are too many", json_bytes));
-  QUARRY_ASSIGN(const std::string text, TakeText(bytes, json_bytes));
+  QUARRY_ASSIGN(std::string text, TakeText(bytes, json_bytes));
   if (glb_begin != 0) {
+    text.erase(text.find_last_not_of('\0') + 1);  // some writers pad with zeros instead of spaces
     bytes.Skip(std::min<uint64_t>((4 - json_bytes % 4) % 4, bytes.remaining()));
     if (bytes.Ensure(8) && Word(bytes, 4) == kBinaryChunk) {
       glb_size = Word(bytes, 0);
@@ -154,18 +155,24 @@ Result<GltfDocument::Buffer> GltfDocument::OpenBuffer(uint64_t index) {
     buffer.size = buffer.bytes.size();
     return buffer;
   }
-  const std::string name = PercentDecoded(uri);
-  const auto folder = std::filesystem::path(path_).parent_path(), file = folder / name;
+  const auto folder = std::filesystem::path(path_).parent_path();
+  const std::string name = FileNameOf(uri);
+  const auto file = folder / name;
   if (std::filesystem::path(name).is_absolute() || LeavesFolder(folder, file) ||
       name.find('\0') != std::string::npos)
     return named(
         fmt::format("the uri {} leads out of the model's folder, where buffers must lie", Quoted(name)));
   NoteModelFile(file.string());
   auto opened = InputFile::Open(file.string());
-  if (!opened) return tl::unexpected<Error>(opened.error());
+  if (!opened) return named(opened.error().message);
   buffer.size = opened->size();
   buffer.file = std::move(*opened);
   return buffer;
+}
+
+bool GltfDocument::HasBytes(uint64_t index) const {
+  const auto json = Find("buffers", index);
+  return json && ((*json)->contains("uri") || (index == 0 && glb_size_ != 0));
 }
 
 std::string GltfDocument::BufferFiles() const {
@@ -175,17 +182,35 @@ std::string GltfDocument::BufferFiles() const {
   for (const Json& buffer : *buffers) {
     const std::string uri = buffer.is_object() ? buffer.value("uri", "") : "";
     if (uri.empty() || uri.starts_with("data:")) continue;
-    const auto file = std::filesystem::path(path_).parent_path() / PercentDecoded(uri);
+    const auto file = std::filesystem::path(path_).parent_path() / FileNameOf(uri);
     files += FileIdentity(file.string()) + '\n';
   }
   return files;
 }
 
+std::string GltfDocument::FileNameOf(const std::string& uri) const {
+  std::string decoded = PercentDecoded(uri);
+  if (decoded == uri) return decoded;
+  // Some exporters write names as they are: "50%20.bin".
+  const auto folder = std::filesystem::path(path_).parent_path();
+  std::error_code none;
+  const bool as_it_is =
+      !std::filesystem::exists(folder / decoded, none) && std::filesystem::exists(folder / uri, none);
+  return as_it_is ? uri : decoded;
+}
+
 Result<Bytes> GltfDocument::ReadDataUri(const std::string& uri, const std::string& where) {
   const auto named = [&](const char* what) { return FailAt(fmt::format("{}: {}", where, what)); };
   const size_t comma = uri.find(',');
-  if (comma == std::string::npos || uri.find(";base64") > comma) return named("its data: URI is not base64");
-  auto decoded = DecodeBase64(std::string_view(uri).substr(comma + 1));
+  if (comma == std::string::npos) return named("its data: URI has no data");
+  const bool base64 = uri.find(";base64") < comma;
+  // Like any URI it may be percent-encoded.
+  const std::string_view data = std::string_view(uri).substr(comma + 1);
+  const bool escaped = data.find('%') != data.npos;
+  const std::string plain = escaped ? PercentDecoded(data) : "";
+  const std::string_view text = escaped ? plain : data;
+  const auto raw = AsBytes(text);
+  auto decoded = base64 ? DecodeBase64(text) : std::optional(Bytes(raw.begin(), raw.end()));
   if (!decoded) return named("its data: URI is not base64");
   inline_bytes_ += decoded->size();
   if (inline_bytes_ > kMostJsonBytes) return named("too many bytes in data: URIs");

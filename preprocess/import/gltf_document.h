@@ -44,6 +44,9 @@ class GltfDocument {
   /// fewer bytes.
   Status ReadBuffer(uint64_t buffer, uint64_t offset, std::span<std::byte> out);
 
+  /// Whether anything says where the bytes of a buffer are.
+  bool HasBytes(uint64_t buffer) const;
+
   /// Bytes of a buffer: where in which file they are, or themselves (valid until another buffer is opened) if
   /// the JSON holds them.
   struct Range {
@@ -56,7 +59,11 @@ class GltfDocument {
   /// Which files the buffers lie in, and what they are like: another text when one has changed.
   std::string BufferFiles() const;
 
-  /// What a data: URI holds; `where` names it. Errors: it is not base64; too many bytes in all such URIs.
+  /// The file that `uri` names, by the model's folder: decoded, or as it is written where that alone is
+  /// there.
+  std::string FileNameOf(const std::string& uri) const;
+
+  /// What a data: URI holds; `where` names it. Errors: it is damaged; too many bytes in all such URIs.
   Result<Bytes> ReadDataUri(const std::string& uri, const std::string& where);
 
  private:

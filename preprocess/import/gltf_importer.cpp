@@ -1,21 +1,22 @@
-// glTF 2.0 and GLB: the triangles of a scene's nodes, each where its transforms put it. Instances are
-// expanded. Skins and morph targets stay in their rest pose.
+// glTF 2.0 and GLB: the triangles of a scene's nodes, each where its transforms put it, or, with a skin, its
+// joints at rest. Instances are expanded; morph targets go by their weights at rest.
 
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <glm/gtc/matrix_inverse.hpp>
-#include <glm/gtc/quaternion.hpp>
 #include <glm/mat4x4.hpp>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <set>
 
 #include "preprocess/import/checkpoint.h"
 #include "preprocess/import/formats.h"
 #include "preprocess/import/gltf_accessor.h"
+#include "preprocess/import/gltf_extensions.h"
 #include "preprocess/import/gltf_material.h"
+#include "preprocess/import/gltf_nodes.h"
+#include "preprocess/import/gltf_vertices.h"
+#include "preprocess/import/gltf_views.h"
 
 namespace quarry {
 namespace {
@@ -25,50 +26,23 @@ using Json = nlohmann::json;
 constexpr uint32_t kGltfMagic = 0x46546C67;
 enum Mode : uint64_t { kTriangles = 4, kStrip = 5, kFan = 6 };
 
-/// Extensions that change nothing about geometry, or that are understood.
-const std::set<std::string, std::less<>> kUnderstood = {
-    "KHR_mesh_quantization",    "KHR_materials_ior",         "KHR_materials_emissive_strength",
-    "KHR_materials_unlit",      "KHR_materials_specular",    "KHR_materials_transmission",
-    "KHR_texture_transform",    "KHR_lights_punctual",       "KHR_materials_clearcoat",
-    "KHR_materials_sheen",      "KHR_materials_volume",      "KHR_materials_variants",
-    "KHR_texture_basisu",       "EXT_texture_webp",          "KHR_materials_pbrSpecularGlossiness",
-    "KHR_materials_anisotropy", "KHR_materials_iridescence", "KHR_xmp_json_ld"};
-
-/// A node's own transform.
-Result<glm::dmat4> LocalTransform(const GltfDocument& document, const Json& node, uint64_t index) {
-  glm::dmat4 m(1);
-  if (const auto it = node.find("matrix"); it != node.end()) {
-    if (!it->is_array() || it->size() != 16)
-      return document.FailAt(fmt::format("nodes[{}].matrix has not 16 numbers", index));
-    for (int i = 0; i < 16; ++i) m[i / 4][i % 4] = (*it)[static_cast<size_t>(i)].get<double>();
-    return m;
-  }
-  glm::dvec3 translation(0), scale(1);
-  glm::dvec4 rotation(0, 0, 0, 1);
-  ReadNumbers(node, "translation", 3, translation);
-  ReadNumbers(node, "rotation", 4, rotation);
-  ReadNumbers(node, "scale", 3, scale);
-  m = glm::mat4_cast(glm::dquat(rotation.w, rotation.x, rotation.y, rotation.z));
-  for (int a = 0; a < 3; ++a) m[a] *= scale[a];
-  m[3] = glm::dvec4(translation, 1);
-  return m;
-}
-
 class GltfImport {
  public:
   GltfImport(GltfDocument document, ModelSink& sink) : document_(std::move(document)), sink_(sink) {}
 
   Result<uint64_t> Run() {
-    QUARRY_TRY(CheckExtensions());
+    QUARRY_ASSIGN(const std::vector<std::string> warnings, CheckGltfExtensions(document_));
     QUARRY_ASSIGN(const bool goes_on, GoOnFromCheckpoint(sink_, document_.path(), *this));
-    if (!goes_on) QUARRY_TRY(Materials());
-    QUARRY_ASSIGN(const std::vector<uint64_t> roots, Roots());
-    for (const uint64_t root : roots) stack_.push_back({root, glm::dmat4(1)});
-    std::reverse(stack_.begin(), stack_.end());
-    while (!stack_.empty()) {
-      const Visit visit = stack_.back();
-      stack_.pop_back();
-      QUARRY_TRY(Node(visit));
+    if (!goes_on) {
+      for (const std::string& warning : warnings) sink_.Warn(warning);
+      QUARRY_TRY(Materials());
+      QUARRY_TRY(ReadGltfViews(document_, sink_));
+    }
+    QUARRY_ASSIGN(GltfNodes nodes, GltfNodes::Open(document_));
+    for (;;) {
+      QUARRY_ASSIGN(const std::optional<GltfNodes::Node> node, nodes.Next());
+      if (!node) break;
+      if (node->json->contains("mesh")) QUARRY_TRY(Node(*node));
     }
     if (left_out_ != 0)
       sink_.Warn(document_.FailAt(fmt::format("{} primitives without triangles left out", left_out_))
@@ -96,11 +70,6 @@ class GltfImport {
   }
 
  private:
-  struct Visit {
-    uint64_t node;
-    glm::dmat4 parent;
-  };
-
   const Json& json() const { return document_.json(); }
 
   Status Materials() {
@@ -114,63 +83,54 @@ class GltfImport {
     return {};
   }
 
-  Status CheckExtensions() const {
-    const auto it = json().find("extensionsRequired");
-    if (it == json().end() || !it->is_array()) return {};
-    for (const Json& name : *it)
-      if (!name.is_string() || !kUnderstood.contains(name.get<std::string>()))
-        return document_.FailAt(fmt::format(
-            "needs the extension {}, which is not read; export the model without it", name.dump()));
-    return {};
-  }
-
-  /// The nodes of the scene to show; of all nodes those that are no children, where no scene is given.
-  Result<std::vector<uint64_t>> Roots() const {
-    std::vector<uint64_t> roots;
-    if (json().contains("scenes") && !json().at("scenes").empty()) {
-      QUARRY_ASSIGN(const uint64_t scene, document_.Unsigned(json(), "glTF", "scene", 0));
-      QUARRY_ASSIGN(const Json* shown, document_.Find("scenes", scene));
-      if (shown->contains("nodes"))
-        for (const Json& node : shown->at("nodes")) roots.push_back(node.get<uint64_t>());
-      return roots;
-    }
-    if (!json().contains("nodes")) return roots;
-    std::vector<bool> child(json().at("nodes").size());
-    for (const Json& node : json().at("nodes"))
-      if (node.contains("children"))
-        for (const Json& c : node.at("children"))
-          if (c.get<uint64_t>() < child.size()) child[c.get<uint64_t>()] = true;
-    for (size_t i = 0; i < child.size(); ++i)
-      if (!child[i]) roots.push_back(i);
-    return roots;
-  }
-
-  Status Node(const Visit& visit) {
-    QUARRY_ASSIGN(const Json* node, document_.Find("nodes", visit.node));
-    if (!visited_.insert(visit.node).second)
-      return document_.FailAt(fmt::format("nodes[{}] is a child twice, or of itself", visit.node));
-    QUARRY_ASSIGN(const glm::dmat4 local, LocalTransform(document_, *node, visit.node));
-    const glm::dmat4 world = visit.parent * local;
-    if (node->contains("children")) {
-      const Json& children = node->at("children");
-      for (auto it = children.rbegin(); it != children.rend(); ++it)
-        stack_.push_back({it->get<uint64_t>(), world});
-    }
-    if (!node->contains("mesh")) return {};
-    QUARRY_ASSIGN(const uint64_t mesh_index,
-                  document_.Unsigned(*node, fmt::format("nodes[{}]", visit.node), "mesh"));
+  /// A node's mesh, once for each of its instances.
+  Status Node(const GltfNodes::Node& node) {
+    const std::string where = fmt::format("nodes[{}]", node.index);
+    QUARRY_ASSIGN(const uint64_t mesh_index, document_.Unsigned(*node.json, where, "mesh"));
     QUARRY_ASSIGN(const Json* mesh, document_.Find("meshes", mesh_index));
-    std::string name = node->value("name", "");
+    std::string name = node.json->value("name", "");
     if (name.empty()) name = mesh->value("name", "");
     const uint32_t part = name.empty() ? kNoIndex : sink_.AddPart(name);
     if (!mesh->contains("primitives") || !mesh->at("primitives").is_array())
       return document_.FailAt(fmt::format("meshes[{}] has no primitives", mesh_index));
-    for (const Json& primitive : mesh->at("primitives")) {
-      if (primitives_++ < given_) continue;
-      QUARRY_TRY(Primitive(primitive, fmt::format("meshes[{}]", mesh_index), world, part));
-      QUARRY_TRY(CheckpointIfDue(sink_, *this));
+    joints_.clear();
+    if (node.json->contains("skin")) {
+      QUARRY_ASSIGN(const uint64_t skin, document_.Unsigned(*node.json, where, "skin"));
+      QUARRY_ASSIGN(joints_, skins_.Joints(skin));
+    }
+    const Json& weights = node.json->contains("weights") ? *node.json : *mesh;
+    weights_ = weights.value("weights", std::vector<double>());
+    QUARRY_ASSIGN(GltfInstances instances, GltfInstances::Open(document_, *node.json, where));
+    const std::string mesh_name = fmt::format("meshes[{}]", mesh_index);
+    QUARRY_TRY(CheckRoom(*mesh, mesh_name, instances.count()));
+    for (uint64_t i = 0; i < instances.count(); ++i) {
+      QUARRY_ASSIGN(const glm::dmat4 instance, instances.Next());
+      for (const Json& primitive : mesh->at("primitives")) {
+        if (primitives_++ < given_) continue;
+        QUARRY_TRY(Primitive(primitive, mesh_name, node.world * instance, part));
+        QUARRY_TRY(CheckpointIfDue(sink_, *this));
+      }
     }
     return {};
+  }
+
+  /// That the vertices of all instances can be numbered, before the first is made.
+  Status CheckRoom(const Json& mesh, const std::string& name, uint64_t instances) const {
+    if (instances <= 1) return {};
+    uint64_t vertices = 0;
+    for (const Json& primitive : mesh.at("primitives")) {
+      const Json& attributes = Member(primitive, "attributes");
+      if (!attributes.contains("POSITION")) continue;
+      QUARRY_ASSIGN(const uint64_t index, document_.Unsigned(attributes, name, "POSITION"));
+      QUARRY_ASSIGN(const Json* accessor, document_.Find("accessors", index));
+      QUARRY_ASSIGN(const uint64_t count, document_.Unsigned(*accessor, "an accessor", "count"));
+      vertices += std::min<uint64_t>(count, 0xFFFFFFFF);
+    }
+    if (vertices == 0 || instances <= 0xFFFFFFFF / vertices) return {};
+    return document_.FailAt(
+        fmt::format("shows {}, of {} vertices, {} times: instances are made triangles, and of more than "
+                    "4,294,967,295 vertices that cannot be",
+                    name, vertices, instances));
   }
 
   Status Primitive(const Json& primitive, const std::string& mesh, const glm::dmat4& world, uint32_t part) {
@@ -184,7 +144,12 @@ class GltfImport {
       ++left_out_;
       return {};
     }
-    QUARRY_ASSIGN(const uint64_t vertices, Vertices(attributes, mesh, world));
+    QUARRY_ASSIGN(const uint64_t position, document_.Unsigned(attributes, mesh + ".attributes", "POSITION"));
+    QUARRY_ASSIGN(const Json* accessor, document_.Find("accessors", position));
+    QUARRY_TRY(CheckNotCompressed(document_, primitive, "a primitive of " + mesh,
+                                  accessor->contains("bufferView") || accessor->contains("sparse")));
+    QUARRY_ASSIGN(GltfVertices source, GltfVertices::Open(document_, primitive, mesh, weights_, joints_));
+    QUARRY_ASSIGN(const uint64_t vertices, Vertices(source, world));
     uint32_t material = kNoIndex;
     if (primitive.contains("material")) {
       QUARRY_ASSIGN(const uint64_t index, document_.Unsigned(primitive, mesh, "material"));
@@ -193,7 +158,7 @@ class GltfImport {
       material = materials_[index];
     }
     // A mirror image turns faces inside out.
-    const bool turned = glm::determinant(glm::dmat3(world)) < 0;
+    const bool turned = glm::determinant(glm::dmat3(source.skinned() ? joints_[0] : world)) < 0;
     QUARRY_TRY(Faces(primitive, mesh, mode, vertices, turned, material, part));
     positions_ += vertices;
     if (has_normals_) normals_ += vertices;
@@ -202,50 +167,17 @@ class GltfImport {
   }
 
   /// Gives positions, and normals, texture coordinates and colours as there are. Returns how many vertices.
-  Result<uint64_t> Vertices(const Json& attributes, const std::string& mesh, const glm::dmat4& world) {
-    const auto open = [&](const char* name, uint32_t least, uint32_t most,
-                          std::optional<GltfAccessor>& accessor) -> Status {
-      if (!attributes.contains(name)) return {};
-      QUARRY_ASSIGN(const uint64_t index, document_.Unsigned(attributes, mesh + ".attributes", name));
-      QUARRY_ASSIGN(accessor, GltfAccessor::Open(document_, index, least, most));
-      return {};
-    };
-    std::optional<GltfAccessor> position, normal, uv, color;
-    QUARRY_TRY(open("POSITION", 3, 3, position));
-    QUARRY_TRY(open("NORMAL", 3, 3, normal));
-    QUARRY_TRY(open("TEXCOORD_0", 2, 2, uv));
-    QUARRY_TRY(open("COLOR_0", 3, 4, color));
-    const uint64_t count = position->count();
-    for (const auto* other : {&normal, &uv, &color})
-      if (*other && (*other)->count() != count)
-        return document_.FailAt(
-            fmt::format("{}: attributes of {} and of {} vertices", mesh, count, (*other)->count()));
+  Result<uint64_t> Vertices(GltfVertices& source, const glm::dmat4& world) {
+    const uint64_t count = source.count();
     if (count > 0xFFFFFFFF - positions_) return document_.FailAt("has more than 4,294,967,295 vertices");
-    has_normals_ = normal.has_value();
-    has_uvs_ = uv.has_value();
+    has_normals_ = source.has_normals();
+    has_uvs_ = source.has_uvs();
     const glm::dmat3 turn = glm::inverseTranspose(glm::dmat3(world));
     for (uint64_t i = 0; i < count; ++i) {
-      double v[4] = {0, 0, 0, 1};
-      Rgba8 rgba;
-      if (color) {
-        QUARRY_TRY(color->Next(v));
-        const auto byte = [](double x) {
-          return static_cast<uint8_t>(x > 0 ? std::min(x, 1.0) * 255 + 0.5 : 0);
-        };
-        rgba = {byte(v[0]), byte(v[1]), byte(v[2]), 255};
-      }
-      if (normal) {
-        QUARRY_TRY(normal->Next(v));
-        const glm::dvec3 n = turn * glm::dvec3(v[0], v[1], v[2]);
-        const double length = std::sqrt(glm::dot(n, n));
-        QUARRY_TRY(sink_.AddNormal(length > 0 ? glm::vec3(n / length) : glm::vec3(0)));
-      }
-      if (uv) {
-        QUARRY_TRY(uv->Next(v));
-        QUARRY_TRY(sink_.AddUv({static_cast<float>(v[0]), static_cast<float>(v[1])}));
-      }
-      QUARRY_TRY(position->Next(v));
-      QUARRY_TRY(sink_.AddPosition(glm::dvec3(world * glm::dvec4(v[0], v[1], v[2], 1)), rgba));
+      QUARRY_ASSIGN(const GltfVertices::Vertex v, source.Next(world, turn));
+      if (has_normals_) QUARRY_TRY(sink_.AddNormal(v.normal));
+      if (has_uvs_) QUARRY_TRY(sink_.AddUv(v.uv));
+      QUARRY_TRY(sink_.AddPosition(v.position, v.color));
     }
     return count;
   }
@@ -264,7 +196,7 @@ class GltfImport {
     for (uint64_t i = 0; i < count; ++i) {
       uint64_t vertex = i;
       if (indices) {
-        double value[4];
+        double value[GltfAccessor::kMostComponents];
         QUARRY_TRY(indices->Next(value));
         if (!(value[0] >= 0) || value[0] >= static_cast<double>(vertices))
           return document_.FailAt(
@@ -300,9 +232,10 @@ class GltfImport {
 
   GltfDocument document_;
   ModelSink& sink_;
+  GltfSkins skins_{document_};
   std::vector<uint32_t> materials_;
-  std::vector<Visit> stack_;
-  std::set<uint64_t> visited_;
+  std::vector<glm::dmat4> joints_;                  ///< of the node at hand; none: it has no skin
+  std::vector<double> weights_;                     ///< of its morph targets
   uint64_t primitives_ = 0, given_ = 0;             ///< met so far; up to the last checkpoint
   uint64_t positions_ = 0, normals_ = 0, uvs_ = 0;  ///< given by primitives before
   bool has_normals_ = false, has_uvs_ = false;      ///< the primitive at hand

@@ -21,10 +21,11 @@ void ReadNumbers(const Json& object, const char* key, int count, Vector& values)
     values[i] = (*it)[static_cast<size_t>(i)].template get<typename Vector::value_type>();
 }
 
-/// Metal and roughness as mirror and highlight: what is smooth mirrors as its base colour says if it is
-/// metal, else by Fresnel; what is rough has a highlight of the same width. Textures: base colour (its alpha
-/// as opacity, unless that is opaque), metal and roughness, normals, emission; each binding's factor holds
-/// the glTF factors. Errors: the sink's.
+/// A material by metal and roughness, or by specular and glossiness (KHR_materials_pbrSpecularGlossiness),
+/// with what the extensions ior, specular, transmission, volume, emissive_strength and unlit say; Whitted's
+/// weights follow (DeriveWhitted: what passes is bent where it has a thickness). Textures: base colour or
+/// diffuse (its alpha as opacity, unless that is opaque), metal and roughness, normals, emission; each
+/// binding's factor holds the glTF factors. Errors: the sink's.
 Result<Material> ToMaterial(const nlohmann::json& json, size_t index, GltfTextures& textures);
 
 }  // namespace quarry

@@ -79,7 +79,7 @@ Result<TextureImage> GltfTextures::Locate(uint64_t index) {
       if (image.content.empty()) return document_.FailAt(fmt::format("images[{}] is empty", index));
       return image;
     }
-    const std::string name = PercentDecoded(uri);
+    const std::string name = document_.FileNameOf(uri);
     image.name = name;
     if (std::filesystem::path(name).is_absolute())
       return document_.FailAt(

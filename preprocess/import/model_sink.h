@@ -10,6 +10,7 @@
 #include "common/base/bytes.h"
 #include "common/base/status.h"
 #include "common/scene/material.h"
+#include "common/scene/scene_views.h"
 #include "preprocess/import/texture_image.h"
 
 namespace quarry {
@@ -57,6 +58,9 @@ class ModelSink {
   /// of the same file for the same use have one. Errors: more than kMaxTextures; disk full.
   virtual Result<uint32_t> AddTexture(TextureImage image) = 0;
 
+  /// A camera, a light of the model, in its coordinates. More than there may be are warned of and left out.
+  virtual void AddCamera(NamedCamera /*camera*/) {}
+  virtual void AddLight(NamedLight /*light*/) {}
   /// Whether the sink would know of a place in the midst of the model before it comes.
   virtual bool WantsOrigin() const { return false; }
   virtual void SetOrigin(const glm::dvec3& /*place*/) {}

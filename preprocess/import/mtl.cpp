@@ -7,6 +7,7 @@
 #include <map>
 #include <optional>
 
+#include "common/scene/open_pbr.h"
 #include "preprocess/import/line_reader.h"
 #include "preprocess/import/model_reader.h"
 #include "preprocess/import/text_number.h"
@@ -19,6 +20,7 @@ struct MtlBlock {
   std::string name;
   std::optional<glm::dvec3> kd, ks, ke, kr, tf;
   double ns = 0, ni = 1;
+  std::optional<double> pm, pr;  ///< metalness and roughness of the extension for physically based rendering
   std::optional<double> d, tr;
   double illum = 2;
   std::map<TextureUse, MtlTexture> textures;
@@ -60,6 +62,13 @@ Material ToMaterial(const MtlBlock& block) {
         ClampColor(block.tf.value_or(glm::dvec3(dissolve == 1.0 ? 1.0 : 1.0 - dissolve)));
     material.ior = Clamp(block.ni, 1, 10);
   }
+  DeriveOpenPbr(material);
+  if (!block.pm && !block.pr) return material;
+  material.base_color = ClampColor(kd);
+  material.base_metalness = Clamp(block.pm.value_or(0), 0, 1);
+  if (block.pr) material.specular_roughness = Clamp(*block.pr, 0, 1);
+  material.specular_weight = 1;
+  if (!refracts) DeriveWhitted(material, false);
   return material;
 }
 
@@ -156,6 +165,8 @@ bool MtlParser::Statement(std::string_view keyword, TextCursor& rest) {
   if (is("Kr")) return Color(rest, block_->kr);
   if (is("Ns")) return ParseReal(rest, block_->ns);
   if (is("Ni")) return ParseReal(rest, block_->ni);
+  if (is("Pm")) return OptionalReal(rest, block_->pm);
+  if (is("Pr")) return OptionalReal(rest, block_->pr);
   if (is("d")) return Dissolve(rest);
   if (is("Tr")) return OptionalReal(rest, block_->tr);
   if (is("illum")) return ParseReal(rest, block_->illum);

@@ -29,6 +29,9 @@ struct MtlMaterial {
 ///   7          Kr, else Ks  Tf, see below        Ni   yes
 ///   9          Kr           Tf, see below        Ni   no
 /// Tf not given is 1-d, or 1 where d is 1. Kr not given is 0. Diffuse is Kd times d, or Kd where Tf is used.
+/// OpenPBR's parameters follow from these (DeriveOpenPbr: roughness is sqrt(2 / (Ns + 2))). Where Pm or Pr is
+/// given, metalness and roughness of a usual extension, they say how Kd shines instead of Ks, Kr and illum,
+/// but for 4, 6, 7 and 9.
 /// Textures: see ParseMtlTexture; where a colour has one but is not given itself, it is 1. Of several for one
 /// use the last counts. Ka and unknown words are passed over; values are clamped to the ranges of Material. A
 /// line that cannot be understood is passed over, with a sentence to `warn`. Errors: cannot be opened or

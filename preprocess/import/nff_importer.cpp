@@ -1,21 +1,24 @@
 // NFF (Haines, "Neutral File Format", 1988) and AFF, which BART adds to it (Lext, Assarsson & Moller, "BART:
 // A Benchmark for Animated Ray Tracing", 2001): files included in one another, transforms, meshes. Animated
-// transforms are taken at the animation's first moment. Views, lights and images are left out: a job brings
-// its own.
+// transforms are taken at the animation's first moment. The view becomes a camera, lights become lights;
+// images are left out.
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <glm/common.hpp>
 #include <glm/ext/matrix_transform.hpp>
 #include <glm/geometric.hpp>
 #include <glm/mat4x4.hpp>
 #include <map>
 #include <vector>
 
+#include "common/scene/open_pbr.h"
 #include "preprocess/import/find_file.h"
 #include "preprocess/import/formats.h"
+#include "preprocess/import/nff_views.h"
 #include "preprocess/import/warn_once.h"
 #include "preprocess/import/word_reader.h"
 
@@ -69,6 +72,7 @@ struct Scene {
   uint64_t positions = 0, normals = 0, uvs = 0, triangles = 0;
   uint64_t round_shapes = 0, round_triangles = 0;  ///< spheres and cones, and what they become
   bool images_left_out = false;
+  NffViews views;
 };
 
 class NffFile {
@@ -110,16 +114,55 @@ class NffFile {
       transforms_.pop_back();
       return {};
     }
-    for (const char* known : {"v", "from", "at", "up", "angle", "hither", "resolution", "b", "l", "am"})
-      if (keyword == known) return SkipNumbers(keyword == "l");
+    if (keyword == "l") return PointLight();
+    if (keyword == "v") {
+      if (scene_.views.views.size() <= kMaxSceneCameras) scene_.views.views.emplace_back();
+      return SkipNumbers();
+    }
+    for (const char* known : {"from", "at", "up", "angle"})
+      if (keyword == known) return ViewLine(keyword);
+    for (const char* known : {"hither", "resolution", "b", "am"})
+      if (keyword == known) return SkipNumbers();
     return words_.FailHere(fmt::format("{} is no entity of NFF or AFF that is read", Quoted(keyword)));
   }
 
-  Status SkipNumbers(bool named) {
-    if (named) {
-      QUARRY_ASSIGN(const bool number, words_.AtNumber());
-      if (!number) words_.Skip();
+  /// A line of the view at hand.
+  Status ViewLine(const std::string& keyword) {
+    if (scene_.views.views.empty()) scene_.views.views.emplace_back();
+    NffView& view = scene_.views.views.back();
+    if (keyword == "angle") {
+      QUARRY_ASSIGN(view.angle, words_.Number("an angle"));
+      return {};
     }
+    QUARRY_ASSIGN(const glm::dvec3 v, Vec3("a point or direction of the view"));
+    if (keyword == "up")
+      view.up = glm::dvec3(transforms_.back() * glm::dvec4(v, 0));
+    else
+      (keyword == "from" ? view.from : view.at) = Point(v);
+    return {};
+  }
+
+  /// "l [NAME] x y z [r g b]".
+  Status PointLight() {
+    NamedLight light;
+    QUARRY_ASSIGN(const bool unnamed, words_.AtNumber());
+    if (!unnamed) {
+      QUARRY_ASSIGN(light.name, words_.Word("a light's name"));
+    }
+    QUARRY_ASSIGN(const glm::dvec3 position, Vec3("a light's position"));
+    light.position = Point(position);
+    light.radiance = glm::vec3(-1);  // until all are counted
+    QUARRY_ASSIGN(const bool colored, words_.AtNumber());
+    if (colored) {
+      QUARRY_ASSIGN(const glm::dvec3 color, Vec3("a light's colour"));
+      light.radiance = glm::max(glm::vec3(color), glm::vec3(0));
+    }
+    // One more than there may be, for the sink to warn of.
+    if (scene_.views.lights.size() <= kMaxLights) scene_.views.lights.push_back(std::move(light));
+    return SkipNumbers();
+  }
+
+  Status SkipNumbers() {
     for (;;) {
       QUARRY_ASSIGN(const bool number, words_.AtNumber());
       if (!number) return {};
@@ -164,6 +207,7 @@ class NffFile {
     }
     m.shininess = static_cast<float>(numbers[2] > 0 ? std::min(numbers[2], 10000.0) : 0.0);
     m.ior = static_cast<float>(numbers[4] > 1 ? std::min(numbers[4], 10.0) : 1.0);
+    DeriveOpenPbr(m);
     if (scene_.animations_only) return {};
     const auto known = std::ranges::find(scene_.materials, m, &std::pair<Material, uint32_t>::first);
     if (known != scene_.materials.end()) {
@@ -477,9 +521,11 @@ Result<uint64_t> ImportNff(ModelReader& bytes, ModelSink& sink) {
     QUARRY_ASSIGN(ModelReader again, ModelReader::Open(bytes.path(), bytes.unpack_limit()));
     QUARRY_TRY(NffFile(again, scene, kNoIndex, 0).Read(glm::dmat4(1)));
     scene.animations_only = false;
+    scene.views = {};
     scene.positions = scene.normals = scene.uvs = scene.round_shapes = scene.round_triangles = 0;
   }
   QUARRY_TRY(NffFile(bytes, scene, kNoIndex, 0).Read(glm::dmat4(1)));
+  GiveViews(std::move(scene.views), sink);
   if (scene.images_left_out) sink.Warn(fmt::format("{}: its images are left out", bytes.path()));
   return scene.triangles;
 }

@@ -63,13 +63,13 @@ class Tracer {
     if (r.hit.geomID == RTC_INVALID_GEOMETRY_ID) return Add(radiance, weight * job_.background);
     const Surface s = SurfaceOf(r, direction);
     const Material& material = catalog_.materials[s.material];
+    const glm::vec3 albedo = Albedo(material, job_.mode) * s.color;
     if (job_.mode == RenderMode::kRaycast)
-      return Add(radiance, weight * (material.diffuse * s.color * Facing(s) + material.emission));
-    Add(radiance,
-        weight * (material.diffuse * s.color * job_.ambient * AmbientFactor(s) + material.emission));
+      return Add(radiance, weight * (albedo * Facing(s) + Emitted(material, s)));
+    Add(radiance, weight * (albedo * job_.ambient * AmbientFactor(s) + Emitted(material, s)));
     for (const Light& l : job_.lights) {
       const LightSample light = SampleLight(l, s.position);
-      const glm::vec3 scattered = Scatter(material, s, light);
+      const glm::vec3 scattered = Scatter(material, job_.mode, s, light);
       if (Largest(scattered) <= 0) continue;
       RTCRay shadow = MakeRay(Offset(s, light.direction), light.direction, light.distance);
       rtcOccluded1(embree_.scene(), &context_, &shadow);

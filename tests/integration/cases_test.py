@@ -64,7 +64,7 @@ GREY = colored((115, 115, 115))
 TABLE = {
     "obj_umlaut": colored(RED, parts=["Straße"]),
     "dae_inch.dae": [Model(upper=(0.0254, 0.0254, 0)), Model(**SQUARE)],
-    "dae_transp_half": colored((255, 174, 187), mode="whitted"),
+    "dae_transp_half": colored((220, 174, 187), mode="whitted"),
     "dae_transp_rgbzero_pixel": Like('<transparent opaque="RGB_ZERO"><color>0 0 0 1</color></transparent>', ""),
     "dae_vertex_color.dae": colored(RED),
     "dae_vertex_color_pixel": colored(RED),

@@ -43,6 +43,17 @@ MaterialLibrary Example() {
   glass.shininess = 123.456f;
   glass.ior = 1.5f;
   glass.fresnel = true;
+  glass.unlit = true;
+  glass.base_color = {0.15f, 0.25f, 0.35f};
+  glass.base_metalness = 0.45f;
+  glass.specular_roughness = 0.55f;
+  glass.specular_weight = 0.65f;
+  glass.specular_color = {0.16f, 0.26f, 0.36f};
+  glass.specular_ior = 1.75f;
+  glass.transmission_weight = 0.85f;
+  glass.transmission_color = {0.17f, 0.27f, 0.37f};
+  glass.transmission_depth = 12.5f;
+  glass.geometry_opacity = 0.95f;
   library.materials = {glass, Material{}};
   library.parts = {"boiler 1", "Kessel \xC3\xBC\n2", ""};
   return library;
@@ -64,7 +75,10 @@ TEST_CASE("MaterialJsonIsDeterministicShortAndInFixedOrder") {
   CHECK(Write(library) ==
         "{\"materials\": [\n  {\"name\":\"steel\",\"diffuse\":[0.8,0.8,0.8],\"specular\":[0.0,0.0,0.0],"
         "\"emission\":[0.0,0.0,0.0],\"reflectance\":[0.0,0.0,0.0],\"transmittance\":[0.0,0.0,0.0],"
-        "\"shininess\":0.0,\"ior\":1.0,\"fresnel\":false}],\n\"parts\": []}\n");
+        "\"shininess\":0.0,\"ior\":1.0,\"fresnel\":false,\"unlit\":false,\"base_color\":[0.8,0.8,0.8],"
+        "\"base_metalness\":0.0,\"specular_roughness\":1.0,\"specular_weight\":0.0,"
+        "\"specular_color\":[1.0,1.0,1.0],\"specular_ior\":1.5,\"transmission_weight\":0.0,"
+        "\"transmission_color\":[1.0,1.0,1.0],\"transmission_depth\":0.0,\"geometry_opacity\":1.0}],\n\"parts\": []}\n");
 }
 
 TEST_CASE("MaterialJsonMembersMayBeLeftOut") {

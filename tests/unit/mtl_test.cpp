@@ -35,6 +35,22 @@ Material One(const std::string& statements) {
 
 }  // namespace
 
+TEST_CASE("MTL: metal and roughness, given or derived") {
+  const Material shiny = One("Kd 0.5 0.25 0\nKs 0.5\nNs 198\nillum 2");
+  CHECK(shiny.base_color == glm::vec3(0.5f, 0.25f, 0));
+  CHECK(shiny.base_metalness == 0);
+  CHECK(shiny.specular_roughness == Approx(0.1));
+  const Material mirror = One("Kd 0\nKs 0.75\nNs 1000\nillum 3");
+  CHECK(mirror.base_metalness == 1);
+  CHECK(mirror.base_color == glm::vec3(0.75f));
+  const Material metal = One("Kd 1 0.5 0\nPm 1\nPr 0.5");
+  CHECK((metal.base_metalness == 1 && metal.specular_roughness == 0.5f));
+  CHECK(metal.reflectance == glm::vec3(0.25f, 0.125f, 0));
+  const Material half = One("Kd 1 0.5 0\nd 0.5");
+  CHECK((half.geometry_opacity == 0.5f && half.transmission_weight == 0));
+  CHECK(half.base_color == glm::vec3(1, 0.5f, 0));
+}
+
 TEST_CASE("MTL: names, comments, clamping, defaults", "[import][mtl]") {
   const Read read = ReadText(
       "\xEF\xBB\xBF# c\r\nKd 1 1 1\r\n\tnewmtl  red paint \r\n KD 2 0.5 -1\r\nKs 0.25\r\nKe 5 nan 0\r\nNs "

@@ -18,6 +18,20 @@ RecordingSink Import(const std::string& name, const std::string& text) {
 
 }  // namespace
 
+TEST_CASE("NFF: the view is a camera, lights are as bright as they say where it looks at") {
+  const RecordingSink s = Import("a.nff", std::string(kHead) +
+                                              "l lamp 0 0 2 1 0.5 0.25\np 3\n0 0 0\n1 0 0\n1 1 0\n");
+  REQUIRE(s.cameras.size() == 1);
+  CHECK(s.cameras[0].name == "view 1");
+  CHECK(s.cameras[0].spec.eye == glm::dvec3(1, 2, 3));
+  CHECK(s.cameras[0].spec.fov_degrees == 45);
+  REQUIRE(s.lights.size() == 2);
+  CHECK(s.lights[0].position == glm::dvec3(1, 2, 3));
+  CHECK(s.lights[0].radiance.x == Approx(14 / std::sqrt(2.0)));
+  CHECK(s.lights[1].name == "lamp");
+  CHECK(s.lights[1].radiance == glm::vec3(4, 2, 1));
+}
+
 TEST_CASE("NFF: polygons, patches and fills") {
   const RecordingSink s = Import("a.nff", std::string(kHead) +
                                               "f 1 0.5 0.25 0.8 0.5 12 0 1 # a comment\n"

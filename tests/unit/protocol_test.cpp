@@ -23,7 +23,8 @@ RenderJob MakeJob() {
   job.exposure = -1.5;
   job.aov_mask = 0x55;
   job.format = "exr";
-  job.lights = {{LightKind::kPoint, {1, 2, 3}, {4, 5, 6}}, {LightKind::kSun, {0, 0, 1}, {1, 1, 1}}};
+  job.lights = {{LightKind::kPoint, {1, 2, 3}, {4, 5, 6}, {0, 1, 0}, 2.5f, -1.25f},
+                {LightKind::kSun, {0, 0, 1}, {1, 1, 1}}};
   job.ambient = {0.1f, 0.2f, 0.3f};
   job.background = {0.4f, 0.5f, 0.6f};
   job.cameras = {{{1, 2, 3}, {4, 5, 7}, {0, 1, 0}, 33.5, 0}, {{0, 0, 0}, {1, 0, 0}, {0, 0, 1}, 60, 12.5}};
@@ -52,6 +53,9 @@ void CheckSame(const RenderJob& a, const RenderJob& b) {
     CHECK(a.lights[i].kind == b.lights[i].kind);
     CHECK(a.lights[i].vector == b.lights[i].vector);
     CHECK(a.lights[i].radiance == b.lights[i].radiance);
+    CHECK(a.lights[i].axis == b.lights[i].axis);
+    CHECK((a.lights[i].cone_scale == b.lights[i].cone_scale &&
+           a.lights[i].cone_offset == b.lights[i].cone_offset));
   }
   REQUIRE(a.cameras.size() == b.cameras.size());
   for (size_t i = 0; i < a.cameras.size(); ++i) {

@@ -4,6 +4,7 @@
 #include <fstream>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "preprocess/import/importer.h"
@@ -22,6 +23,8 @@ struct RecordingSink : ModelSink {
   std::string name;
   std::vector<Material> materials;
   std::vector<TextureImage> images;
+  std::vector<NamedCamera> cameras;
+  std::vector<NamedLight> lights;
   std::vector<std::string> parts, warnings;
   std::vector<glm::dvec3> positions;
   std::vector<Rgba8> colors;
@@ -55,6 +58,8 @@ struct RecordingSink : ModelSink {
     parts.emplace_back(part);
     return static_cast<uint32_t>(parts.size() - 1);
   }
+  void AddCamera(NamedCamera camera) override { cameras.push_back(std::move(camera)); }
+  void AddLight(NamedLight light) override { lights.push_back(std::move(light)); }
   bool takes_textures() const override { return true; }
   Result<uint32_t> AddTexture(TextureImage image) override {
     images.push_back(std::move(image));

@@ -80,6 +80,7 @@ Material Shiny() {
   Material m;
   m.diffuse = {0.5f, 0.25f, 1};
   m.specular = {0.3f, 0.2f, 0.9f};
+  m.base_color = {0.75f, 0.5f, 0.875f};
   m.emission = {0, 0.125f, 0};
   m.shininess = 37;
   return m;
@@ -111,14 +112,17 @@ TEST_CASE("Light is scattered together to the same bits as one by one") {
   MakeSurfaces(hits.triangles, hits.rays, ~uint64_t{0}, hits.surfaces);
   Material dull = Shiny();
   dull.specular = glm::vec3(0);
+  Material unlit = dull;
+  unlit.unlit = true;
   const Light sun{LightKind::kSun, Unit(glm::vec3(1, 2, 3)), {2, 3, 4}},
       point{LightKind::kPoint, {0.5f, 0, 1}, {5, 4, 3}};
   for (const uint64_t lanes : kSome)
-    for (const Material& material : {Shiny(), dull}) {
+    for (const Material& material : {Shiny(), dull, unlit}) {
+      const RenderMode mode = lanes == kSome[1] ? RenderMode::kShadow : RenderMode::kWhitted;
       for (const Light& light : {sun, point}) {
         LightPacket samples{};
         Vectors scattered{};
-        Scatter(material, light, hits.surfaces, lanes, samples, scattered);
+        Scatter(material, mode, light, hits.surfaces, lanes, samples, scattered);
         RayPacket rays = hits.rays;
         LeaveSurfaces(hits.surfaces, samples.direction, samples.distance, 0.25f, lanes, rays);
         for (int i = 0; i < static_cast<int>(RayPacket::kRays); ++i) {
@@ -130,7 +134,7 @@ TEST_CASE("Light is scattered together to the same bits as one by one") {
           }
           const Surface s = hits.surfaces[i];
           const LightSample sample = SampleLight(light, s.position);
-          CHECK(SameBits(scattered[i], Scatter(material, s, sample)));
+          CHECK(SameBits(scattered[i], Scatter(material, mode, s, sample)));
           Ray ray;
           ray.origin = LeaveSurface(s.position, s.geometric_normal, sample.direction, 0.25f);
           ray.direction = sample.direction;
@@ -148,16 +152,15 @@ TEST_CASE("Light is scattered together to the same bits as one by one") {
         }
       }
       Vectors headlight{}, ambient{};
-      Headlight(material, hits.surfaces, lanes, headlight);
-      Ambient(material, {0.1f, 0.2f, 0.3f}, hits.surfaces, lanes, ambient);
+      Headlight(material, mode, hits.surfaces, lanes, headlight);
+      Ambient(material, mode, {0.1f, 0.2f, 0.3f}, hits.surfaces, lanes, ambient);
       for (int i = 0; i < static_cast<int>(RayPacket::kRays); ++i) {
         const bool meant = (lanes >> i & 1) != 0;
         const Surface s = hits.surfaces[i];
-        const glm::vec3 albedo = material.diffuse * s.color;
-        CHECK(SameBits(headlight[i], meant ? albedo * Facing(s) + material.emission : glm::vec3(0)));
-        CHECK(SameBits(ambient[i],
-                       meant ? albedo * glm::vec3(0.1f, 0.2f, 0.3f) * AmbientFactor(s) + material.emission
-                             : glm::vec3(0)));
+        const glm::vec3 albedo = Albedo(material, mode) * s.color, emitted = Emitted(material, s);
+        CHECK(SameBits(headlight[i], meant ? albedo * Facing(s) + emitted : glm::vec3(0)));
+        CHECK(SameBits(ambient[i], meant ? albedo * glm::vec3(0.1f, 0.2f, 0.3f) * AmbientFactor(s) + emitted
+                                         : glm::vec3(0)));
       }
     }
 }

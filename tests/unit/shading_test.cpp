@@ -23,10 +23,11 @@ TEST_CASE("A diffuse floor sends back albedo times cosine") {
   Material m;
   m.diffuse = {0.5f, 0.25f, 1};
   const float c = std::cos(1.0f);
-  const glm::vec3 light = Scatter(m, Floor(30), {{std::sin(1.0f), 0, c}, kInfinity, {2, 2, 2}});
+  const glm::vec3 light =
+      Scatter(m, RenderMode::kWhitted, Floor(30), {{std::sin(1.0f), 0, c}, kInfinity, {2, 2, 2}});
   CHECK(light.x == Approx(c));
   CHECK(light.y == Approx(c / 2));
-  CHECK(Scatter(m, Floor(30), {{0, 0, -1}, kInfinity, {2, 2, 2}}) == glm::vec3(0));
+  CHECK(Scatter(m, RenderMode::kWhitted, Floor(30), {{0, 0, -1}, kInfinity, {2, 2, 2}}) == glm::vec3(0));
 }
 
 TEST_CASE("A point light falls off with the square of the distance") {
@@ -34,6 +35,16 @@ TEST_CASE("A point light falls off with the square of the distance") {
   CHECK(s.distance == Approx(3));
   CHECK(s.radiance.x == Approx(2));
   CHECK(s.direction.z == Approx(1));
+}
+
+TEST_CASE("A point light may shine in a cone") {
+  Light light{LightKind::kPoint, {0, 0, 3}, {18, 18, 18}};
+  light.axis = {0, 0, -1};
+  light.cone_scale = 4;
+  light.cone_offset = -3;
+  CHECK(SampleLight(light, {0, 0, 0}).radiance.x == Approx(2));
+  CHECK(SampleLight(light, {0, 9, 0}).radiance.x == 0);
+  CHECK(SampleLight(light, {0, 0, 9}).radiance.x == 0);
 }
 
 TEST_CASE("Mirrors reflect at the angle of incidence") {
@@ -61,6 +72,21 @@ TEST_CASE("Glass bends by Snell's law and reflects all beyond the critical angle
   const Bounces out = Bounce(m, inside);
   CHECK(out.refract_weight == glm::vec3(0));
   CHECK(out.reflect_weight == glm::vec3(1));
+}
+
+TEST_CASE("A mode without mirror rays shows what mirrors, and an unlit surface in no light") {
+  Material m;
+  m.diffuse = glm::vec3(0);
+  m.base_color = {1, 0.5f, 0.25f};
+  CHECK(Albedo(m, RenderMode::kRaycast) == m.base_color);
+  CHECK(Albedo(m, RenderMode::kShadow) == m.base_color);
+  CHECK(Albedo(m, RenderMode::kWhitted) == glm::vec3(0));
+  m.unlit = true;
+  m.emission = {0.5f, 0.25f, 1};
+  CHECK(Albedo(m, RenderMode::kShadow) == glm::vec3(0));
+  Surface s = Floor(10);
+  s.color = {1, 1, 0.5f};
+  CHECK(Emitted(m, s) == glm::vec3(0.5f, 0.25f, 0.5f));
 }
 
 TEST_CASE("Interpolated normals turn toward the viewer") {

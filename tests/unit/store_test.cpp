@@ -63,12 +63,34 @@ SceneMeta MakeMeta() {
 
 std::vector<Material> MakeMaterials() {
   Material steel{"steel"};
+  steel.diffuse = {0.4f, 0.5f, 0.6f};
+  steel.specular = {0.7f, 0.8f, 0.9f};
   steel.reflectance = {0.1f, 0.2f, 0.3f};
+  steel.transmittance = {0.11f, 0.12f, 0.13f};
   steel.emission = {1, 2, 3};
   steel.shininess = 50;
   steel.ior = 1.5f;
   steel.fresnel = true;
+  steel.unlit = true;
+  steel.base_color = {0.15f, 0.25f, 0.35f};
+  steel.base_metalness = 0.45f;
+  steel.specular_roughness = 0.55f;
+  steel.specular_weight = 0.65f;
+  steel.specular_color = {0.16f, 0.26f, 0.36f};
+  steel.specular_ior = 1.75f;
+  steel.transmission_weight = 0.85f;
+  steel.transmission_color = {0.17f, 0.27f, 0.37f};
+  steel.transmission_depth = 12.5f;
+  steel.geometry_opacity = 0.95f;
   return {Material{"paint"}, steel};
+}
+
+SceneViews MakeViews() {
+  SceneViews views;
+  views.cameras = {{"front", {{1, 2, 3}, {4, 5, 6}, {0, 1, 0}, 30, 7}}};
+  views.lights = {{"lamp", LightKind::kPoint, {1, 2, 3}, {0, 0, -1}, {4, 5, 6}, 0.75f, 0.5f},
+                  {"sun", LightKind::kSun}};
+  return views;
 }
 
 SceneId WriteStore(const std::string& path) {
@@ -79,7 +101,8 @@ SceneId WriteStore(const std::string& path) {
   first.chained = true;
   REQUIRE(writer->AddVoxel(first).has_value());
   REQUIRE(writer->AddVoxel(EncodeVoxel(MakeHot(), nullptr)).has_value());
-  const auto id = writer->Finish(MakeMeta(), {KdNode::Leaf(0, 1)}, MakeMaterials(), {"valve", "pump"});
+  const auto id =
+      writer->Finish(MakeMeta(), {KdNode::Leaf(0, 1)}, MakeMaterials(), {"valve", "pump"}, MakeViews());
   REQUIRE(id.has_value());
   return *id;
 }
@@ -111,6 +134,13 @@ TEST_CASE("A store gives back all that was put in") {
   auto materials = MakeMaterials();
   for (Material& m : materials) m.name.clear();
   CHECK(c.materials == materials);
+  REQUIRE(store->views().cameras.size() == 1);
+  const auto& [name, front] = store->views().cameras[0];
+  const CameraSpec given = MakeViews().cameras[0].spec;
+  CHECK(name == "front");
+  CHECK((front.eye == given.eye && front.at == given.at && front.up == given.up));
+  CHECK((front.fov_degrees == 30 && front.ortho_height == 7));
+  CHECK(store->views().lights == MakeViews().lights);
 
   const auto stored = store->ReadBlock(BlockId(0, BlockKind::kHot));
   REQUIRE(stored.has_value());
