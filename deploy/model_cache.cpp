@@ -162,6 +162,16 @@ Result<std::string> StoreFor(const std::string& scene, bool quiet) {
   return store;
 }
 
+std::vector<std::string> FilesOfKept(const std::string& store) {
+  std::vector<std::string> files;
+  const auto record = ReadJsonFile<json>(RecordOf(store));
+  if (!record || !record->is_object() || !record->contains("inputs")) return files;
+  for (const json& input : (*record)["inputs"])
+    if (input.is_object() && input.contains("file") && input["file"].is_string())
+      files.push_back(input["file"].get<std::string>());
+  return files;
+}
+
 Result<std::vector<KeptStore>> ListKeptStores() {
   std::vector<KeptStore> kept;
   const std::string folder = CacheFolder();

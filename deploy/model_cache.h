@@ -22,6 +22,9 @@ std::string CacheFolder();
 /// Errors: no such file; the preprocessor's, in its words and with its status.
 Result<std::string> StoreFor(const std::string& scene, bool quiet);
 
+/// The files that a kept store was made from: the model, and those that it names.
+std::vector<std::string> FilesOfKept(const std::string& store);
+
 /// One store in the cache folder, or what is left of making one.
 struct KeptStore {
   std::string path;

@@ -218,19 +218,6 @@ Status CheckOutputs(const RenderArguments& a, const RenderJob& job,
   return CheckWritable(stats);
 }
 
-/// The images that a model names, as far as their names tell where they are.
-std::vector<std::string> ImagesOf(const std::string& model, const StoreReader& store) {
-  const auto folder = std::filesystem::path(model).parent_path();
-  std::vector<std::string> files;
-  for (const Texture& texture : store.textures()) {
-    std::string name = texture.name;
-    std::ranges::replace(name, '\\', '/');
-    files.push_back((folder / name).string());
-    files.push_back((folder / std::filesystem::path(name).filename()).string());
-  }
-  return files;
-}
-
 /// Over the frames that say it (those from a spool do not).
 uint64_t Total(const nlohmann::ordered_json& frames, const char* key) {
   uint64_t sum = 0;
@@ -312,7 +299,8 @@ void AddRenderOptions(CLI::App& c, RenderArguments& a) {
   c.add_flag("--quiet", a.quiet, "Print errors only");
   static constexpr NoEffect kNoEffect[] = {
       {"--eye", "--camera-path"}, {"--at", "--camera-path"},    {"--up", "--camera-path"},
-      {"--fov", "--camera-path"}, {"--ortho", "--camera-path"}, {"--fov", "--ortho"},
+      {"--fov", "--camera-path"}, {"--ortho", "--camera-path"}, {"--camera", "--camera-path"},
+      {"--fov", "--ortho"},       {"--fov", "--camera"},
       {"--workers", "--master"},  {"--threads", "--master"},    {"--cache", "--master"}};
   RefuseWithoutEffect(c, kNoEffect);
   c.footer(
@@ -334,7 +322,7 @@ Status Render(const RenderArguments& a) {
   QUARRY_TRY(CheckOutputs(a, job, {}));
   QUARRY_ASSIGN(const std::string scene, StoreFor(a.scene, a.quiet));
   QUARRY_ASSIGN(const StoreReader store, StoreReader::Open(scene));
-  if (scene != a.scene) QUARRY_TRY(CheckOutputs(a, job, ImagesOf(a.scene, store)));
+  if (scene != a.scene) QUARRY_TRY(CheckOutputs(a, job, FilesOfKept(scene)));
   QUARRY_TRY(ChooseLights(a, store, job));
   QUARRY_TRY(PlaceCameras(a, store, job));
   QUARRY_TRY(NormalizeJob(job));
