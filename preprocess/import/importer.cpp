@@ -1,6 +1,8 @@
 #include "preprocess/import/importer.h"
 
 #include <fmt/format.h>
+#include <sys/mman.h>
+#include <unistd.h>
 
 #include <filesystem>
 #include <system_error>
@@ -62,23 +64,33 @@ void WarnOfMemory(const std::string& path, uint64_t memory, ModelSink& sink) {
                   path, kForeignBytesPerByte, (bytes * kForeignBytesPerByte) >> 20, memory >> 20));
 }
 
-/// Reads the model's beginning beforehand. What comes in a pipe cannot be read twice: its first position
-/// serves.
+/// Reads the model's beginning beforehand.
 void FindOrigin(const std::string& path, uint64_t unpack_limit, Import import, ModelSink& sink) {
   if (!sink.WantsOrigin()) return;
   Result<ModelReader> bytes = ModelReader::Open(path, unpack_limit);
-  if (!bytes || !bytes->can_reopen()) return;
+  if (!bytes) return;
   OriginSurvey survey;
   (void)import(*bytes, survey);  // what is wrong with the model is said when it is read
   if (const auto place = survey.Place()) sink.SetOrigin(*place);
+}
+
+/// Of what comes in a pipe, what the buffer holds: a file in memory that ends early.
+void FindOriginOfPipe(ModelReader& bytes, Import import, ModelSink& sink) {
+  if (!sink.WantsOrigin()) return;
+  bytes.Ensure(ModelReader::kBufferBytes);
+  const int fd = ::memfd_create("beginning", MFD_CLOEXEC);
+  if (fd < 0) return;
+  if (::write(fd, bytes.data(), bytes.available()) == static_cast<ssize_t>(bytes.available()))
+    FindOrigin(fmt::format("/proc/self/fd/{}", fd), 0, import, sink);
+  ::close(fd);
 }
 
 }  // namespace
 
 tl::unexpected<Error> NoFaces(const std::string& path, uint64_t vertices) {
   return Fail(fmt::format(
-      "{}: holds {} vertices but no faces: a point cloud, which has no surface to trace; make a mesh of "
-      "it first (MeshLab or CloudCompare, say)",
+      "{}: holds no triangles: {} vertices and no faces (a point cloud, or lines), which have no surface to "
+      "trace; make a mesh of them first (MeshLab or CloudCompare, say)",
       path, vertices));
 }
 
@@ -110,7 +122,10 @@ Status ImportModel(const std::string& path, ModelSink& sink, const ForeignFormat
     QUARRY_TRY(ImportPly(ply, sink));
     return sink.EndFile();
   }
-  if (bytes.can_reopen()) FindOrigin(path, unpack_limit, import, sink);
+  if (bytes.can_reopen())
+    FindOrigin(path, unpack_limit, import, sink);
+  else
+    FindOriginOfPipe(bytes, import, sink);
   QUARRY_ASSIGN(const uint64_t triangles, import(bytes, sink));
   if (triangles == 0) return Fail(fmt::format("{}: holds no triangles", bytes.path()));
   return sink.EndFile();
