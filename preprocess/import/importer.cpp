@@ -77,8 +77,8 @@ void FindOrigin(const std::string& path, uint64_t unpack_limit, Import import, M
 
 tl::unexpected<Error> NoFaces(const std::string& path, uint64_t vertices) {
   return Fail(fmt::format(
-      "{}: holds {} vertices but no faces: a point cloud, which has no surface to trace; make a mesh of "
-      "it first (MeshLab or CloudCompare, say)",
+      "{}: holds no triangles: {} vertices and no faces (a point cloud, or lines), which have no surface to "
+      "trace; make a mesh of them first (MeshLab or CloudCompare, say)",
       path, vertices));
 }
 

@@ -117,6 +117,7 @@ Result<uint64_t> PlyBody<Source>::Import() {
   if (vertex == nullptr) return source_.FailHere("the PLY header has no element \"vertex\"");
   vertex_count_ = vertex->count;
   const PlyPlan plan = PlanVertex(*vertex);
+  if (!plan.Has(kX, kZ)) return source_.FailHere("the element \"vertex\" lacks x, y or z");
   if (HasNoFaces(header_) &&
       std::ranges::find(vertex->properties, "f_dc_0", &PlyProperty::name) != vertex->properties.end())
     return Fail(
@@ -124,12 +125,14 @@ Result<uint64_t> PlyBody<Source>::Import() {
                     "them first",
                     path_, vertex_count_));
   if (HasNoFaces(header_) && vertex_count_ != 0) return NoFaces(path_, vertex_count_);
-  if (!plan.Has(kX, kZ)) return source_.FailHere("the element \"vertex\" lacks x, y or z");
   has_normals_ = plan.Has(kNx, kNz);
   has_uvs_ = plan.Has(kU, kV);
   has_colors_ = plan.Has(kRed, kBlue);
   QUARRY_ASSIGN(const bool goes_on, GoOnFromCheckpoint(sink_, path_, *this));
   if (const PlyElement* face = header_.Find("face"); face && !goes_on) QUARRY_TRY(LoadTables(*face));
+  uint64_t rows = 0;
+  for (const PlyElement& element : header_.elements) rows += element.properties.empty() ? 0 : element.count;
+  if (!goes_on) source_.LookForRows(rows);
   for (; element_ < header_.elements.size(); ++element_) {
     QUARRY_TRY(Element(header_.elements[element_]));
     row_number_ = 0;
@@ -147,6 +150,7 @@ void PlyBody<Source>::Save(ByteWriter& out) const {
   for (const uint64_t n : {source_.bytes().offset(), source_.line(), uint64_t{element_}, row_number_,
                            triangles_, short_faces_, long_rows_})
     out.Put(n);
+  out.Put<uint8_t>(source_.by_line());
   materials_.Save(out);
   parts_.Save(out);
 }
@@ -160,6 +164,7 @@ Status PlyBody<Source>::Restore(ByteReader& in) {
   triangles_ = in.Get<uint64_t>();
   short_faces_ = in.Get<uint64_t>();
   long_rows_ = in.Get<uint64_t>();
+  source_.SetByLine(in.Get<uint8_t>() != 0);
   materials_.Restore(in);
   parts_.Restore(in);
   return {};

@@ -58,8 +58,24 @@ bool AsciiPlySource::SkipValues(PlyType, uint64_t count) {
   return true;
 }
 
+void AsciiPlySource::LookForRows(uint64_t rows) {
+  const bool goes_on = bytes_.Ensure(ModelReader::kBufferBytes);
+  uint64_t lines = 0;
+  bool blank = true;
+  for (const char c : bytes_.view()) {
+    if (c != '\n' && c != '\r') {
+      blank &= IsSpace(c);
+      continue;
+    }
+    lines += !blank;
+    blank = true;
+  }
+  by_line_ = lines + !blank >= rows || (goes_on && lines > 1);
+}
+
 bool AsciiPlySource::EndRow() {
   bool more = false;
+  if (!by_line_) return more;
   while (bytes_.Ensure(1)) {
     const char next = bytes_.data()[0];
     if (next == '\n' || next == '\r') break;

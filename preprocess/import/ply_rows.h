@@ -113,6 +113,10 @@ class BinaryPlySource {
   }
 
   ModelReader& bytes() const { return bytes_; }
+  /// Of text.
+  void LookForRows(uint64_t) {}
+  bool by_line() const { return false; }
+  void SetByLine(bool) {}
   bool EndRow() { return false; }
   /// Of text.
   uint64_t line() const { return 0; }
@@ -124,8 +128,8 @@ class BinaryPlySource {
   ModelReader& bytes_;
 };
 
-/// The same of an ASCII body: values separated by any white space, the ends of lines included, but a row
-/// begins on a line of its own.
+/// The same of an ASCII body: values separated by any white space, the ends of lines included. Where there are
+/// lines enough, a row begins on a line of its own, and what is left of its last line is passed over.
 class AsciiPlySource {
  public:
   static constexpr bool kBinary = false;
@@ -136,6 +140,10 @@ class AsciiPlySource {
   bool Integer(PlyType type, int64_t& value);
   bool Integers(PlyType type, uint64_t count, std::vector<int64_t>& out);
   bool SkipValues(PlyType type, uint64_t count);
+  /// Judges by the lines at hand, or all, whether the body's `rows` have lines of their own.
+  void LookForRows(uint64_t rows);
+  bool by_line() const { return by_line_; }
+  void SetByLine(bool by_line) { by_line_ = by_line; }
   /// Passes what the line has behind the row's last value. Returns whether there was anything.
   bool EndRow();
 
@@ -154,6 +162,7 @@ class AsciiPlySource {
 
   ModelReader& bytes_;
   uint64_t line_;
+  bool by_line_ = false;
   std::string complaint_;  ///< Why the last function returned false; empty if the file ended.
 };
 

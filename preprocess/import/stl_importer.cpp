@@ -134,7 +134,8 @@ class BinaryStl {
 Status BinaryStl::Header() {
   const std::string& path = bytes_.path();
   if (!bytes_.Ensure(kHeaderBytes))
-    return Fail(fmt::format("{}: is no ASCII STL, and too short for a binary one", path));
+    return Fail(fmt::format("{}: is no ASCII STL, and as a binary STL it would need {} bytes, but it has {}",
+                            path, kHeaderBytes, bytes_.available()));
   count_ = CountOf(bytes_);
   const uint64_t promised = PromisedBytes(bytes_);
   if (!IsCount(CountOf(bytes_))) {
@@ -291,7 +292,8 @@ Status AsciiStl::Vertex(TextCursor& rest) {
   glm::dvec3 point;
   for (int i = 0; i < 3; ++i)
     if (!ParseReal(rest, point[i]))
-      return lines_.FailHere(fmt::format("a vertex needs three numbers, not {}", Quoted(rest.Word())));
+      return lines_.FailHere("a vertex needs three numbers" +
+                             (rest.AtEnd() ? std::string() : ", not " + Quoted(rest.Word())));
   if (!in_facet_) return lines_.FailHere("a vertex stands outside of any facet");
   if (corners_.size() == kMaxPolygonCorners)
     return lines_.FailHere(fmt::format("the facet has more than {} corners", kMaxPolygonCorners));

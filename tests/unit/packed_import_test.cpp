@@ -118,7 +118,7 @@ TEST_CASE("OFF: vertices, faces, colours, normals, comments", "[import][off]") {
                      "255\n3 0 1 2\n",
                      colored)
               .empty());
-  CHECK((colored.colors[0].r == 255 && colored.colors[0].b == 128));
+  CHECK((colored.colors[0].r == 255 && colored.colors[0].b == 55));
   CHECK(colored.normals[2] == glm::vec3(0, 0, 1));
   CHECK(colored.polygons[0].corners[1].normal == 1);
   RecordingSink counts_first;
@@ -132,7 +132,7 @@ TEST_CASE("OFF: errors name the line", "[import][off]") {
   CHECK(ErrorOf("m.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n") ==
         "m.off, line 5: the file ends where vertex 2 should be");
   CHECK(ErrorOf("m.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1\n") ==
-        "m.off, line 6: the face should have 3 corners, but has 2");
+        "m.off, line 7: the file ends where the rest of face 0 should be");
   CHECK(ErrorOf("m.off", "OFF BINARY\n") == "m.off, line 1: binary OFF is not read; convert it to ASCII");
   CHECK(ErrorOf("m.off", "OFF\nmany\n") == "m.off, line 2: the numbers of vertices and faces should be here");
   CHECK(ErrorOf("m.off", "OFF\n99999999999 1 0\n") ==
