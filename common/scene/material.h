@@ -42,10 +42,10 @@ struct TextureBinding {
   bool operator==(const TextureBinding&) const = default;
 };
 
-/// How a surface scatters light, said twice: by the weights of Whitted's rays, which the modes of today go by,
-/// and by the parameters of OpenPBR under its names, of which the modes whose rays end at the first surface
-/// take the base colour. Importers that know one form derive the other (open_pbr.h). Colours are linear RGB;
-/// each component lies in [0,1] (importers clamp), of emission in [0,inf).
+/// How a surface scatters light, said twice: by the weights of Whitted's rays, which the modes of today go
+/// by, and by the parameters of OpenPBR under its names, of which the modes whose rays end at the first
+/// surface take the base colour. Importers that know one form derive the other (open_pbr.h). Colours are
+/// linear RGB; each component lies in [0,1] (importers clamp), of emission in [0,inf).
 struct Material {
   std::string name;
   glm::vec3 diffuse{0.8f};        ///< Lambertian albedo; vertex colours multiply it.

@@ -78,7 +78,8 @@ TEST_CASE("MaterialJsonIsDeterministicShortAndInFixedOrder") {
         "\"shininess\":0.0,\"ior\":1.0,\"fresnel\":false,\"unlit\":false,\"base_color\":[0.8,0.8,0.8],"
         "\"base_metalness\":0.0,\"specular_roughness\":1.0,\"specular_weight\":0.0,"
         "\"specular_color\":[1.0,1.0,1.0],\"specular_ior\":1.5,\"transmission_weight\":0.0,"
-        "\"transmission_color\":[1.0,1.0,1.0],\"transmission_depth\":0.0,\"geometry_opacity\":1.0}],\n\"parts\": []}\n");
+        "\"transmission_color\":[1.0,1.0,1.0],\"transmission_depth\":0.0,\"geometry_opacity\":1.0}],"
+        "\n\"parts\": []}\n");
 }
 
 TEST_CASE("MaterialJsonMembersMayBeLeftOut") {

@@ -19,8 +19,8 @@ RecordingSink Import(const std::string& name, const std::string& text) {
 }  // namespace
 
 TEST_CASE("NFF: the view is a camera, lights are as bright as they say where it looks at") {
-  const RecordingSink s = Import("a.nff", std::string(kHead) +
-                                              "l lamp 0 0 2 1 0.5 0.25\np 3\n0 0 0\n1 0 0\n1 1 0\n");
+  const RecordingSink s =
+      Import("a.nff", std::string(kHead) + "l lamp 0 0 2 1 0.5 0.25\np 3\n0 0 0\n1 0 0\n1 1 0\n");
   REQUIRE(s.cameras.size() == 1);
   CHECK(s.cameras[0].name == "view 1");
   CHECK(s.cameras[0].spec.eye == glm::dvec3(1, 2, 3));
