@@ -46,6 +46,8 @@ class KeptStores(Case):
         red, kept = self.render("a.png")
         self.assertFalse(kept)
         self.assertEqual(self.render("b.png"), (red, True))
+        self.must_fail(2, r"m\.mtl: is read", "quarry", "render", self.model, "-o", self.path("x.png"), "--size", "32x32", "--stats",
+                       self.path("m.mtl"), "--force")
         self.write("m.mtl", "newmtl a\nKd 0 1 0\n")  # the same length
         os.utime(self.path("m.mtl"), ns=(1, 1))
         green, kept = self.render("c.png")
