@@ -268,7 +268,7 @@ int Main(int argc, char** argv) {
   app.add_flag("--resume-if-fit", resume_if_fit)->group("");  // quarry render's
   app.add_flag("--plan", plan, "Only tell triangles, disk, memory and time, and whether the disk has room");
   app.add_flag("--quiet", options.quiet, "Print errors only");
-  constexpr NoEffect kNoEffect[] = {{"--resume", "--plan"}, {"--checkpoint", "--plan"}, {"--force", "--plan"}};
+  constexpr NoEffect kNoEffect[] = {{"--resume", "--plan"}};
   RefuseWithoutEffect(app, kNoEffect);
   if (const auto ended = ParseCommandLine(app, argc, argv)) return *ended;
   if (options.output.empty() && !plan) {

@@ -165,6 +165,7 @@ class Options(Case):
         super().setUp()
         (self.folder / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
         (self.folder / "path.json").write_text('{"frames": [{"eye": [3, 3, 3], "at": [0, 0, 0]}]}')
+        (self.folder / "lights.json").write_text('{"lights": []}')
         self.render = ["quarry", "render", self.path("m.obj"), "-o", self.path("x.png")]
         self.preprocess = ["quarry-preprocess", self.path("m.obj")]
 
@@ -173,10 +174,10 @@ class Options(Case):
         for command, option in (
                 (walk, ["--eye", "1,2,3"]), (walk, ["--at", "1,2,3"]), (walk, ["--up", "0,0,1"]), (walk, ["--fov", 30]),
                 (walk, ["--ortho", 3]), (self.render, ["--fov", 30, "--ortho", 3]), (self.render, ["--sun", "0,0,1"]),
-                (self.render, ["--lights", self.path("path.json")]), ([*self.render, "--mode", "voxels"], ["--sun", "0,0,1"]),
+                (self.render, ["--lights", self.path("lights.json")]), ([*self.render, "--mode", "voxels"], ["--sun", "0,0,1"]),
                 ([*self.render[:4], self.path("x.exr")], ["--exposure", 1]), (self.render, ["--frames", 0]),
                 *(([*self.render, "--master", "127.0.0.1:1"], [o, v]) for o, v in (("--workers", 2), ("--threads", 2), ("--cache", "1M"))),
-                *(([*self.preprocess, "--plan"], [o]) for o in ("--resume", "--force")),
+                ([*self.preprocess, "--plan"], ["--resume"]),
                 *((["quarry-master", self.path("m.obj"), "--serve-only"], [o, v]) for o, v in
                   (("--schedule", "random"), ("--foresight", 0), ("--frame-memory", "1G"), ("--spool", "s"), ("--trace", "t"))),
                 (["quarry-worker", "--master", "127.0.0.1:1"], ["--http-header-host", "h"])):
