@@ -68,7 +68,9 @@ std::string StatisticsJson(const PreprocessOptions& options, const PreprocessSta
   j["version"] = kVersion;
   j["triangles_per_s"] = static_cast<double>(s.meta.input_triangles) / std::max(s.preprocess_wall_s, 1e-9);
   j["peak_rss_bytes"] = s.peak_rss_bytes;
-  j["models"] = options.models;
+  j["models"] = nlohmann::ordered_json::array();
+  for (const std::string& model : options.models)
+    j["models"].push_back(model == "-" ? model : std::filesystem::absolute(model).string());
   j["inputs"] = nlohmann::ordered_json::array();
   for (const ModelFile& file : ModelFiles()) {
     nlohmann::ordered_json input = {{"file", file.path}, {"there", file.there}};

@@ -277,7 +277,7 @@ class Sentences(Case):
     def test_a_port_in_use(self):
         store = self.store("cornell", 1000)
         _, address = self.start_master(store)
-        self.must_fail(1, f"cannot listen at {address}: another program does; give another port", "quarry-master", store, "--listen", address)
+        self.must_fail(1, f"cannot listen at {address}: the address is in use by another program; give another port", "quarry-master", store, "--listen", address)
 
     def test_a_worker_s_bad_source(self):
         store = self.store("cornell", 1000)
