@@ -30,10 +30,11 @@ Status List(bool as_json) {
     return {};
   }
   for (const KeptStore& s : kept)
-    fmt::print("{:>9}  {:%Y-%m-%d %H:%M}  {}{}\n", FormatSize(s.bytes), fmt::localtime(s.used_ns / 1000000000),
-               s.model.empty() ? s.path : s.model, s.finished ? "" : " (unfinished)");
-  fmt::print("{}: {} store{}, {}{}\n", CacheFolder(), kept.size(), kept.size() == 1 ? "" : "s", FormatSize(bytes),
-             limit ? fmt::format(" of {} at most", FormatSize(limit)) : ", no limit");
+    fmt::print("{:>9}  {:%Y-%m-%d %H:%M}  {}{}\n", FormatSize(s.bytes),
+               fmt::localtime(s.used_ns / 1000000000), s.model.empty() ? s.path : s.model,
+               s.finished ? "" : " (unfinished)");
+  fmt::print("{}: {} store{}, {}{}\n", CacheFolder(), kept.size(), kept.size() == 1 ? "" : "s",
+             FormatSize(bytes), limit ? fmt::format(" of {} at most", FormatSize(limit)) : ", no limit");
   return {};
 }
 
@@ -70,7 +71,8 @@ void AddCacheCommands(CLI::App& c, CacheArguments& a) {
       "Examples:\n  quarry cache list\n  quarry cache limit 20G\n  quarry cache clear");
   auto* list = c.add_subcommand("list", "Tell which stores are kept, the least recently used first");
   list->add_flag("--json", a.json, "As JSON");
-  auto* limit = c.add_subcommand("limit", "Tell or set the most bytes kept; the least recently used go first");
+  auto* limit =
+      c.add_subcommand("limit", "Tell or set the most bytes kept; the least recently used go first");
   limit->add_option("bytes", a.limit, "A size such as 20G, or none");
   c.add_subcommand("clear", "Remove all that is kept");
 }

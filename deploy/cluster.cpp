@@ -86,8 +86,7 @@ Endpoint LocalCluster::master() const { return impl_->endpoint; }
 Result<std::unique_ptr<LocalCluster>> LocalCluster::Start(const Options& options) {
   auto impl = std::make_unique<Impl>();
   unsigned threads = options.threads;
-  if (threads == 0)
-    threads = std::max(1u, UsableProcessors() / std::max(1u, options.workers));
+  if (threads == 0) threads = std::max(1u, UsableProcessors() / std::max(1u, options.workers));
   std::vector<std::string> for_all{"--quiet"};
   for (const SecurityOptionName& name : SecurityOptionNames())
     if (const std::string& value = options.security.*name.field; !value.empty())

@@ -59,7 +59,8 @@ int Main(int argc, char** argv) {
   RequireCpu();
   if (argc > 1 && std::string(argv[1]) == "bench") return RunBench(argc, argv);
   InstallSignalHandlers("quarry", kKeptOnSignal);
-  CLI::App app{"Quarry: ray tracing of triangle models larger than memory, on the machines at hand.", "quarry"};
+  CLI::App app{"Quarry: ray tracing of triangle models larger than memory, on the machines at hand.",
+               "quarry"};
   app.footer(
       "Examples:\n  quarry render plant.ply -o plant.png --mode whitted --workers 3\n"
       "  quarry render plant.quarry -o walk.png --camera-path plant.path.json --frames 0-59\n"
@@ -85,10 +86,10 @@ int Main(int argc, char** argv) {
   render.command_line = fmt::format("{}", fmt::join(std::span(argv, static_cast<size_t>(argc)), " "));
   Status status;
   try {
-    status = app.got_subcommand("render") ? Render(render)
-             : app.got_subcommand("info") ? PrintInfo(scene, json)
+    status = app.got_subcommand("render")  ? Render(render)
+             : app.got_subcommand("info")  ? PrintInfo(scene, json)
              : app.got_subcommand("cache") ? RunCacheCommand(*cache_command, cache)
-                                          : Verify(scene, quiet);
+                                           : Verify(scene, quiet);
     std::fflush(stdout);
   } catch (const std::system_error& e) {  // of fmt::print
     status = Fail(fmt::format("standard output cannot be written: {}", e.code().message()));

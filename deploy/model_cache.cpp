@@ -43,7 +43,8 @@ std::string KeptName(const std::string& model) {
   std::error_code error;
   const std::string absolute = fs::absolute(model, error).lexically_normal().string();
   const std::string key = fmt::format("{}|{}|{}|{}", absolute, kStoreVersion, kImportVersion, kVersion);
-  return fmt::format("{}-{:016x}{}", fs::path(model).stem().string(), Checksum(AsBytes(key)), kStoreExtension);
+  return fmt::format("{}-{:016x}{}", fs::path(model).stem().string(), Checksum(AsBytes(key)),
+                     kStoreExtension);
 }
 
 /// What the preprocessor wrote beside a store: of which files it is made.
@@ -70,7 +71,8 @@ bool IsCurrent(const std::string& store) {
   if (!record || !record->is_object()) return false;
   const auto inputs = record->find("inputs");
   return inputs != record->end() && inputs->is_array() && !inputs->empty() &&
-         std::ranges::all_of(*inputs, [](const json& input) { return input.is_object() && IsAsRecorded(input); });
+         std::ranges::all_of(*inputs,
+                             [](const json& input) { return input.is_object() && IsAsRecorded(input); });
 }
 
 /// Waits while another process makes this store.
@@ -86,7 +88,8 @@ Result<FileLock> AwaitTurn(const std::string& store, const std::string& model, b
 Status Make(const std::string& model, const std::string& store, bool quiet) {
   std::error_code error;
   fs::remove(RecordOf(store), error);  // it speaks of the store before
-  std::vector<std::string> arguments{model, "-o", store, "--stats", RecordOf(store), "--force", "--resume-if-fit"};
+  std::vector<std::string> arguments{
+      model, "-o", store, "--stats", RecordOf(store), "--force", "--resume-if-fit"};
   if (quiet) arguments.push_back("--quiet");
   QUARRY_ASSIGN(const int status, RunSibling("quarry-preprocess", arguments));
   if (status != 0)
@@ -103,7 +106,8 @@ std::string ModelOf(const std::string& store) {
   const auto record = ReadJsonFile<json>(RecordOf(store));
   if (!record || !record->is_object()) return "";
   const auto models = record->find("models");
-  if (models == record->end() || !models->is_array() || models->empty() || !models->front().is_string()) return "";
+  if (models == record->end() || !models->is_array() || models->empty() || !models->front().is_string())
+    return "";
   return models->front().get<std::string>();
 }
 
@@ -196,7 +200,8 @@ Result<std::vector<KeptStore>> ListKeptStores() {
         store.used_ns = std::max(store.used_ns, Nanoseconds(info.st_mtim));
       }
     store.bytes += BytesIn(path + ".work");
-    if (!store.finished && ::stat((path + ".work").c_str(), &info) == 0) store.used_ns = Nanoseconds(info.st_mtim);
+    if (!store.finished && ::stat((path + ".work").c_str(), &info) == 0)
+      store.used_ns = Nanoseconds(info.st_mtim);
     kept.push_back(std::move(store));
   }
   std::ranges::stable_sort(kept, {}, &KeptStore::used_ns);

@@ -28,9 +28,9 @@ std::vector<std::string> FilesOfKept(const std::string& store);
 /// One store in the cache folder, or what is left of making one.
 struct KeptStore {
   std::string path;
-  std::string model;      ///< empty: unknown
-  uint64_t bytes = 0;     ///< with what lies beside it
-  int64_t used_ns = 0;    ///< when it was last used, since 1970
+  std::string model;    ///< empty: unknown
+  uint64_t bytes = 0;   ///< with what lies beside it
+  int64_t used_ns = 0;  ///< when it was last used, since 1970
   bool finished = true;
 };
 

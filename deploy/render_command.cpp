@@ -248,7 +248,8 @@ Status WriteStatistics(const RenderArguments& a, const RenderJob& job, const Sce
   j["tiles"] = Total(frames, "tiles");
   j["leases_lost"] = Total(frames, "leases_lost");
   j["frames"] = frames;
-  return WriteFileAtomically(a.stats, AsBytes(j.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n"));
+  return WriteFileAtomically(
+      a.stats, AsBytes(j.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n"));
 }
 
 }  // namespace
@@ -299,8 +300,8 @@ void AddRenderOptions(CLI::App& c, RenderArguments& a) {
   static constexpr NoEffect kNoEffect[] = {
       {"--eye", "--camera-path"}, {"--at", "--camera-path"},    {"--up", "--camera-path"},
       {"--fov", "--camera-path"}, {"--ortho", "--camera-path"}, {"--camera", "--camera-path"},
-      {"--fov", "--ortho"},       {"--fov", "--camera"},
-      {"--workers", "--master"},  {"--threads", "--master"},    {"--cache", "--master"}};
+      {"--fov", "--ortho"},       {"--fov", "--camera"},        {"--workers", "--master"},
+      {"--threads", "--master"},  {"--cache", "--master"}};
   RefuseWithoutEffect(c, kNoEffect);
   c.footer(
       "Examples:\n  quarry render plant.ply -o plant.png\n"

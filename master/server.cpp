@@ -429,13 +429,16 @@ class Server {
     return {};  // of a frame that is over
   }
 
-  /// A worker cannot begin, which is its own matter, or cannot get a block. Others may; when none is left, or several that have answered tiles have
-  /// said so, the job cannot be done.
+  /// A worker cannot begin, which is its own matter, or cannot get a block. Others may; when none is left, or
+  /// several that have answered tiles have said so, the job cannot be done.
   Status OnWorkerFailure(const WorkerRecord& worker, const Message& m) {
     QUARRY_ASSIGN(const Failure failure, DecodeFailure(m.table));
     failures_ += worker.tiles > 0;
     if (worker.has_scene && !renderings_.empty() && (failures_ >= kMostFailures || roster_.all().size() == 1))
-      jobs_.Fail(renderings_.front().part.job, failure.message);
+      jobs_.Fail(
+          renderings_.front().part.job,
+          fmt::format("worker {} cannot get voxels: {}; its --source, or the master's, says where they are",
+                      worker.name, failure.message));
     Log(fmt::format("worker {} gives up: {}", worker.name, failure.message));
     return Fail(failure.message);
   }

@@ -66,6 +66,7 @@ std::string StatisticsJson(const PreprocessOptions& options, const PreprocessSta
   j["build_wall_s"] = s.build_wall_s;
   j["preprocess_wall_s"] = s.preprocess_wall_s;
   j["version"] = kVersion;
+  j["host"] = HostName();
   j["triangles_per_s"] = static_cast<double>(s.meta.input_triangles) / std::max(s.preprocess_wall_s, 1e-9);
   j["peak_rss_bytes"] = s.peak_rss_bytes;
   j["models"] = nlohmann::ordered_json::array();
@@ -274,8 +275,10 @@ int Main(int argc, char** argv) {
   RefuseWithoutEffect(app, kNoEffect);
   if (const auto ended = ParseCommandLine(app, argc, argv)) return *ended;
   if (options.output.empty() && !plan) {
-    fmt::print(stderr, "quarry-preprocess: -o says which store to write, e.g. -o {}.quarry; see "
-                       "quarry-preprocess --help\n", std::filesystem::path(options.models[0]).stem().string());
+    fmt::print(stderr,
+               "quarry-preprocess: -o says which store to write, e.g. -o {}.quarry; see "
+               "quarry-preprocess --help\n",
+               std::filesystem::path(options.models[0]).stem().string());
     return 2;
   }
   if (resume) options.resume = PreprocessOptions::Resume::kYes;

@@ -38,9 +38,11 @@ constexpr int kJournalVersion = 4;
 
 std::string Command(const PreprocessOptions& options) {
   std::string command = fmt::format(
-      "version {}\nformat {}\nimport {}\njournal {}\nLZ4 {}\n--tmp {}\n--voxel-size {}\n--scale {}\n--up {}\n{}",
-      kVersion, kStoreVersion, kImportVersion, kJournalVersion, CompressorVersion(), options.tmp_folder, options.voxel_size,
-      options.scale, options.up_axis == 1 ? "y" : "z", options.textures ? "" : "--no-textures\n");
+      "version {}\nformat {}\nimport {}\njournal {}\nLZ4 {}\n--tmp {}\n--voxel-size {}\n--scale {}\n--up "
+      "{}\n{}",
+      kVersion, kStoreVersion, kImportVersion, kJournalVersion, CompressorVersion(), options.tmp_folder,
+      options.voxel_size, options.scale, options.up_axis == 1 ? "y" : "z",
+      options.textures ? "" : "--no-textures\n");
   for (const auto& [model, p] : options.placements)
     command += fmt::format("--place {}={},{},{},{},{}\n", model, p.translation.x, p.translation.y,
                            p.translation.z, p.turn_degrees, p.scale);
@@ -247,7 +249,8 @@ class Build {
     statistics.textures = textures_.Statistics(*writer_);
     statistics.warnings += statistics.textures.left_out;
     textures_.Renumber(scene_.materials);
-    QUARRY_ASSIGN(statistics.scene_id, writer_->Finish(meta_, top, scene_.materials, scene_.parts, scene_.views));
+    QUARRY_ASSIGN(statistics.scene_id,
+                  writer_->Finish(meta_, top, scene_.materials, scene_.parts, scene_.views));
     statistics.store_bytes = writer_->bytes_written();
     return {};
   }
@@ -400,8 +403,8 @@ struct Begun {
 };
 
 Result<std::unique_ptr<Begun>> Begin(const PreprocessOptions& options, bool resume, Progress& progress) {
-  QUARRY_ASSIGN(WorkFolder work, WorkFolder::Open(options.output, options.tmp_folder, Command(options), resume,
-                                                  options.goes_on));
+  QUARRY_ASSIGN(WorkFolder work, WorkFolder::Open(options.output, options.tmp_folder, Command(options),
+                                                  resume, options.goes_on));
   auto begun = std::make_unique<Begun>(Begun{std::move(work), nullptr});
   begun->import = std::make_unique<Import>(options, begun->work, progress);
   QUARRY_TRY(begun->import->Restore());

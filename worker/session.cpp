@@ -379,7 +379,7 @@ class Session {
   Clock::time_point lost_since_, heard_, looked_;
   Clock::time_point given_;  ///< a tile, last
   uint64_t tiles_ = 0;
-  bool at_work_ = false;  ///< as the log says
+  bool at_work_ = false;   ///< as the log says
   uint64_t received_ = 0;  ///< bytes, when it last changed
   const uint64_t instance_;
   uint32_t worker_ = 0;  ///< the master's number for this one

@@ -68,8 +68,8 @@ std::string Suggestion(const std::string& text, std::span<const std::string> can
 std::string Unknown(const Place& place) {
   std::vector<std::string> left = place.command->remaining();
   if (left.empty()) return "";
-  const auto dashed =
-      std::ranges::find_if(left, [](const std::string& text) { return text.starts_with('-') && text != "-"; });
+  const auto dashed = std::ranges::find_if(
+      left, [](const std::string& text) { return text.starts_with('-') && text != "-"; });
   if (dashed != left.end()) {
     const std::string name = dashed->substr(0, dashed->find('='));
     return fmt::format("{} is not an option{}", name, Suggestion(name, LongOptions(*place.command)));
@@ -80,7 +80,8 @@ std::string Unknown(const Place& place) {
 }
 
 std::string Sentence(const CLI::ParseError& error, const Place& place) {
-  const bool of_names = dynamic_cast<const CLI::ExtrasError*>(&error) || dynamic_cast<const CLI::RequiredError*>(&error);
+  const bool of_names =
+      dynamic_cast<const CLI::ExtrasError*>(&error) || dynamic_cast<const CLI::RequiredError*>(&error);
   std::string text = of_names ? Unknown(place) : "";
   if (text.empty()) text = error.what();
   if (const size_t missing = text.find(": 1 required"); missing != std::string::npos)
@@ -109,7 +110,8 @@ std::string Nearest(const std::string& text, std::span<const std::string> candid
 
 bool WasTyped(const CLI::App& command, const char* name) {
   const CLI::Option* const option = command.get_option(name);
-  return option->count() > 0 && (option->get_envname().empty() || !std::getenv(option->get_envname().c_str()));
+  return option->count() > 0 &&
+         (option->get_envname().empty() || !std::getenv(option->get_envname().c_str()));
 }
 
 void RefuseWithoutEffect(CLI::App& command, std::span<const NoEffect> rules) {

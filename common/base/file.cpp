@@ -45,7 +45,9 @@ namespace {
 /// Where a file that is not there was looked for, unless its name says so.
 std::string LookedIn(const std::string& path) {
   char folder[4096];
-  return path.starts_with('/') || !::getcwd(folder, sizeof folder) ? "" : fmt::format(" (looked for in {})", folder);
+  return path.starts_with('/') || !::getcwd(folder, sizeof folder)
+             ? ""
+             : fmt::format(" (looked for in {})", folder);
 }
 
 }  // namespace
@@ -54,7 +56,8 @@ Result<InputFile> InputFile::Open(const std::string& path) {
   // Without O_NONBLOCK, opening a FIFO would wait for a writer that may never come.
   const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
   if (fd < 0)
-    return Fail(fmt::format("{}: cannot open: {}{}", path, ErrnoText(errno), errno == ENOENT ? LookedIn(path) : ""));
+    return Fail(
+        fmt::format("{}: cannot open: {}{}", path, ErrnoText(errno), errno == ENOENT ? LookedIn(path) : ""));
   InputFile file(path, fd, 0);
   struct stat info {};
   if (::fstat(fd, &info) != 0) return Fail(fmt::format("{}: cannot examine: {}", path, ErrnoText(errno)));

@@ -19,11 +19,13 @@ bool ParseWhole(std::string_view text, Whole& out) {
 
 /// "; write 1000000" where the text is such a number with a suffix, as sizes have.
 std::string Written(std::string_view text) {
-  const size_t suffix = std::string_view("kmg").find(text.empty() ? ' ' : static_cast<char>(text.back() | 0x20));
+  const size_t suffix =
+      std::string_view("kmg").find(text.empty() ? ' ' : static_cast<char>(text.back() | 0x20));
   double value = 0;
   const char* const end = text.data() + text.size();
   const auto [rest, error] = std::from_chars(text.data(), end, value);
-  if (suffix == std::string_view::npos || error != std::errc{} || rest + 1 != end || !(value >= 0 && value < 1e9))
+  if (suffix == std::string_view::npos || error != std::errc{} || rest + 1 != end ||
+      !(value >= 0 && value < 1e9))
     return "";
   return fmt::format("; write {:.0f}", value * std::pow(1000.0, static_cast<double>(suffix + 1)));
 }

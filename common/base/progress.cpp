@@ -52,8 +52,8 @@ void Progress::Update(uint64_t done, uint64_t total) {
   }
 }
 
-/// A line that a terminal breaks is not rewritten in place. First the details give way, then the phase's name,
-/// which holds a path.
+/// A line that a terminal breaks is not rewritten in place. First the details give way, then the phase's
+/// name, which holds a path.
 void Progress::Show(const std::string& state, const std::string& details) {
   winsize size{};
   size_t columns = ::ioctl(2, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;

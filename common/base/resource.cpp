@@ -40,8 +40,8 @@ uint64_t DescriptorLimit() {
 
 namespace {
 
-/// Calls `look(folder, v2)` with the folder of this process's group for `controller`, and of every group above
-/// it, by either version of cgroups.
+/// Calls `look(folder, v2)` with the folder of this process's group for `controller`, and of every group
+/// above it, by either version of cgroups.
 template <class Look>
 void ForEachGroup(const std::string& controller, Look look) {
   std::ifstream membership("/proc/self/cgroup");

@@ -208,8 +208,10 @@ Result<std::unique_ptr<Listener>> Listener::Open(asio::io_context& io, const End
   if (!error) acceptor.bind(address, error);
   if (!error) acceptor.listen(asio::socket_base::max_listen_connections, error);
   if (error == asio::error::address_in_use)
-    return Fail(fmt::format("cannot listen at {}: the address is in use by another program; give another port, or 0 for a free one",
-                            name));
+    return Fail(
+        fmt::format("cannot listen at {}: the address is in use by another program; give another port, or 0 "
+                    "for a free one",
+                    name));
   if (error) return Fail(fmt::format("cannot listen at {}: {}", name, error.message()));
   const size_t most = std::max<uint64_t>(8, DescriptorLimit() / 2);
   options.most_connections = options.most_connections == 0 ? most : std::min(most, options.most_connections);

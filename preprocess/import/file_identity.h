@@ -12,10 +12,10 @@ std::string FileIdentity(const std::string& path);
 
 /// A file that a model consists of, or that it names and that was looked for: as it was then.
 struct ModelFile {
-  std::string path;         ///< absolute
-  bool there = false;       ///< a file that is missing may come to be there
+  std::string path;    ///< absolute
+  bool there = false;  ///< a file that is missing may come to be there
   uint64_t bytes = 0;
-  int64_t changed_ns = 0;   ///< time of its last change, since 1970
+  int64_t changed_ns = 0;  ///< time of its last change, since 1970
 };
 
 /// Notes a file for ModelFiles(), once. Standard input is none. Thread-safe.
