@@ -15,6 +15,8 @@ class Gunzip : public Decompressor {
 
   Step Run(std::span<const char> in, std::span<char> out) override {
     if (!ready_) return {0, 0, "gzip: zlib does not start"};
+    // Zeros and other bytes behind the last member are passed over, as gzip does.
+    if (at_end_ && !in.empty() && in.front() != '\x1F') return {in.size(), 0, {}};
     if (at_end_ && !in.empty()) {
       inflateReset(&stream_);
       at_end_ = false;
