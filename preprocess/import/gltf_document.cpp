@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -9,6 +10,7 @@
 #include "common/base/json_file.h"
 #include "preprocess/import/file_identity.h"
 #include "preprocess/import/find_file.h"
+#include "preprocess/import/foreign_content.h"
 #include "preprocess/import/text_number.h"
 
 namespace quarry {
@@ -47,6 +49,26 @@ int Base64Digit(char c) {
   if (c >= 'a' && c <= 'z') return c - 'a' + 26;
   if (c >= '0' && c <= '9') return c - '0' + 52;
   return c == '+' || c == '-' ? 62 : c == '/' || c == '_' ? 63 : -1;
+}
+
+/// Members that are null are taken for absent.
+void DropNulls(Json& json) {
+  if (json.is_object())
+    for (auto it = json.begin(); it != json.end();) it = it->is_null() ? json.erase(it) : std::next(it);
+  if (json.is_structured())
+    for (Json& inner : json) DropNulls(inner);
+}
+
+/// What a buffer's file is in its place, if it is so small and a text: a pointer to the file, a web page.
+Status CheckIsBuffer(const InputFile& file, const std::string& path) {
+  constexpr uint64_t kLook = 1024;
+  std::string text(std::min(file.size(), kLook), 0);
+  if (text.size() < 8 || file.size() > kLook) return {};
+  QUARRY_TRY(file.ReadAt(0, std::as_writable_bytes(std::span(text))));
+  if (!std::all_of(text.begin(), text.begin() + 8, [](char c) { return c >= ' ' && c <= '~'; })) return {};
+  const ForeignContent content = RecognizeForeign(text, ".bin");
+  if (content.what.empty()) return {};
+  return Fail(fmt::format("{} is {}; {}", path, content.what, content.advice));
 }
 
 std::optional<Bytes> DecodeBase64(std::string_view text) {
@@ -111,7 +133,12 @@ Result<GltfDocument> GltfDocument::Open(ModelReader& bytes) {
   QUARRY_ASSIGN(std::string text, TakeText(bytes, json_bytes));
   if (glb_begin != 0) {
     text.erase(text.find_last_not_of('\0') + 1);  // some writers pad with zeros instead of spaces
-    bytes.Skip(std::min<uint64_t>((4 - json_bytes % 4) % 4, bytes.remaining()));
+    // The next chunk begins at a multiple of four, but for writers that do not know.
+    const uint64_t padding = glb_begin - 28 - json_bytes;
+    if (padding != 0 && bytes.Ensure(8) && Word(bytes, 4) == kBinaryChunk)
+      glb_begin -= padding;
+    else
+      bytes.Skip(std::min<uint64_t>(padding, bytes.remaining()));
     if (bytes.Ensure(8) && Word(bytes, 4) == kBinaryChunk) {
       glb_size = Word(bytes, 0);
       if (glb_size > bytes.size() - glb_begin)
@@ -119,13 +146,19 @@ Result<GltfDocument> GltfDocument::Open(ModelReader& bytes) {
     }
   }
   QUARRY_ASSIGN(Json json, ParseJson<Json>(text, bytes.path(), kJsonLimits));
+  DropNulls(json);
   GltfDocument document(bytes.path(), std::make_unique<Json>(std::move(json)));
   document.glb_begin_ = glb_begin;
   document.glb_size_ = glb_size;
-  if (!document.json_->is_object()) return document.FailAt("its JSON is no object");
+  constexpr const char* kOther = "holds JSON that is no glTF: {}; give the model itself";
+  if (!document.json_->is_object()) return document.FailAt(fmt::format(kOther, "it is no object"));
   const Json* asset = document.json_->contains("asset") ? &document.json_->at("asset") : nullptr;
-  if (!asset || !asset->is_object() || !asset->value("version", "").starts_with("2"))
-    return document.FailAt("is not glTF 2 (asset.version)");
+  if (document.json_->contains("geometricError"))
+    return document.FailAt("is a tileset of 3D Tiles; give the GLB files of its tiles");
+  if (!asset || !asset->is_object()) return document.FailAt(fmt::format(kOther, "it has no asset.version"));
+  if (!asset->value("version", "").starts_with("2"))
+    return document.FailAt(
+        "is not glTF 2 (asset.version); convert it, with a program that reads it, to glTF 2");
   return document;
 }
 
@@ -165,6 +198,8 @@ Result<GltfDocument::Buffer> GltfDocument::OpenBuffer(uint64_t index) {
   NoteModelFile(file.string());
   auto opened = InputFile::Open(file.string());
   if (!opened) return named(opened.error().message);
+  if (const Status is = CheckIsBuffer(*opened, file.filename().string()); !is)
+    return named(is.error().message);
   buffer.size = opened->size();
   buffer.file = std::move(*opened);
   return buffer;
@@ -248,6 +283,10 @@ Result<uint64_t> GltfDocument::Unsigned(const Json& object, const std::string& w
   const auto it = object.find(key);
   if (it == object.end() && fallback) return *fallback;
   if (it == object.end()) return FailAt(fmt::format("{}.{} is missing", where, key));
+  // Some programs know only numbers with a point.
+  if (it->is_number_float())
+    if (const auto real = it->get<double>(); real >= 0 && real < 0x1p53 && real == std::floor(real))
+      return static_cast<uint64_t>(real);
   if (!it->is_number_unsigned()) return FailAt(fmt::format("{}.{} is no whole number from 0 on", where, key));
   return it->get<uint64_t>();
 }

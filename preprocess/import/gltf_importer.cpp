@@ -44,6 +44,11 @@ class GltfImport {
       if (!node) break;
       if (node->json->contains("mesh")) QUARRY_TRY(Node(*node));
     }
+    if (left_out_ != 0 && triangles_ == 0)
+      return document_.FailAt(
+          fmt::format("holds no triangles: {} primitives of points, of lines or without positions, which "
+                      "have no surface to trace",
+                      left_out_));
     if (left_out_ != 0)
       sink_.Warn(document_.FailAt(fmt::format("{} primitives without triangles left out", left_out_))
                      .value()
