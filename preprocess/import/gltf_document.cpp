@@ -127,7 +127,8 @@ Result<GltfDocument> GltfDocument::Open(ModelReader& bytes) {
     if (Word(bytes, 16) != kJsonChunk) return bytes.FailHere("the first chunk of the GLB is no JSON");
     bytes.Consume(20);
     glb_begin = 20 + (json_bytes + 3) / 4 * 4 + 8;
-  }
+  } else if (bytes.Ensure(4) && Word(bytes, 0) == kGlbMagic)
+    return bytes.Truncated("within the header of the GLB");
   if (json_bytes > kMostJsonBytes || json_bytes > bytes.remaining())
     return bytes.FailHere(fmt::format("the JSON's {} bytes go beyond the file, or are too many", json_bytes));
   QUARRY_ASSIGN(std::string text, TakeText(bytes, json_bytes));
@@ -139,6 +140,12 @@ Result<GltfDocument> GltfDocument::Open(ModelReader& bytes) {
       glb_begin -= padding;
     else
       bytes.Skip(std::min<uint64_t>(padding, bytes.remaining()));
+    // Chunks of other kinds are to come behind, but may come before.
+    while (bytes.Ensure(8) && Word(bytes, 4) != kBinaryChunk) {
+      const uint64_t other = 8 + (uint64_t{Word(bytes, 0)} + 3) / 4 * 4;
+      if (!bytes.Skip(other)) break;
+      glb_begin += other;
+    }
     if (bytes.Ensure(8) && Word(bytes, 4) == kBinaryChunk) {
       glb_size = Word(bytes, 0);
       if (glb_size > bytes.size() - glb_begin)
@@ -156,7 +163,14 @@ Result<GltfDocument> GltfDocument::Open(ModelReader& bytes) {
   if (document.json_->contains("geometricError"))
     return document.FailAt("is a tileset of 3D Tiles; give the GLB files of its tiles");
   if (!asset || !asset->is_object()) return document.FailAt(fmt::format(kOther, "it has no asset.version"));
-  if (!asset->value("version", "").starts_with("2"))
+  const auto is_2 = [&](const char* key) {
+    const auto version = asset->find(key);
+    if (version == asset->end()) return false;
+    return (version->is_string() ? version->get<std::string>() : version->dump()).starts_with("2");
+  };
+  if (asset->contains("minVersion") && !is_2("minVersion"))
+    return document.FailAt("wants a version of glTF beyond 2 (asset.minVersion); export it as glTF 2");
+  if (!is_2("version"))
     return document.FailAt(
         "is not glTF 2 (asset.version); convert it, with a program that reads it, to glTF 2");
   return document;
@@ -175,7 +189,7 @@ Result<GltfDocument::Buffer> GltfDocument::OpenBuffer(uint64_t index) {
     return FailAt(fmt::format("buffers[{}]: {}", index, what));
   };
   Buffer buffer;
-  if (!json->contains("uri")) {
+  if (json->value("uri", "").empty()) {
     if (index != 0 || glb_size_ == 0) return named("has no uri, and the file no binary chunk for it");
     QUARRY_ASSIGN(buffer.file, InputFile::Open(path_));
     buffer.begin = glb_begin_;
@@ -188,6 +202,9 @@ Result<GltfDocument::Buffer> GltfDocument::OpenBuffer(uint64_t index) {
     buffer.size = buffer.bytes.size();
     return buffer;
   }
+  if (uri.find("://") != uri.npos)
+    return named(
+        fmt::format("{} is an address; download it beside the model, and name that file", Quoted(uri)));
   const auto folder = std::filesystem::path(path_).parent_path();
   const std::string name = FileNameOf(uri);
   const auto file = folder / name;
