@@ -69,11 +69,16 @@ bool HasHighlight(const aiMaterial& from) {
          model != aiShadingMode_NoShading;
 }
 
-/// 3MF and AMF say that their colours are sRGB.
-bool HasSrgbColors(const std::string& model) {
-  const std::string extension = std::filesystem::path(model).extension().string();
-  return ::strcasecmp(extension.c_str(), ".3mf") == 0 || ::strcasecmp(extension.c_str(), ".amf") == 0;
+constexpr const char* kProduction =
+    ", or has its objects in files of its own (the production extension, as slicers write it), which are not "
+    "read; export it as STL or OBJ";
+
+bool IsOf(const std::string& model, const char* extension) {
+  return ::strcasecmp(std::filesystem::path(model).extension().c_str(), extension) == 0;
 }
+
+/// 3MF and AMF say that their colours are sRGB.
+bool HasSrgbColors(const std::string& model) { return IsOf(model, ".3mf") || IsOf(model, ".amf"); }
 
 Material Converted(const aiMaterial& from, bool srgb) {
   Material m;
@@ -203,7 +208,8 @@ Status Run(const std::string& model, const std::string& out, uint64_t memory) {
   for (unsigned i = 0; i < scene->mNumMaterials; ++i)
     library.materials.push_back(Converted(*scene->mMaterials[i], srgb));
   if (const Status written = WritePly(placed, out); !written)
-    return Fail(fmt::format("{}: {}", model, written.error().message));
+    return Fail(fmt::format("{}: {}{}", model, written.error().message,
+                            placed.empty() && IsOf(model, ".3mf") ? kProduction : ""));
   std::ofstream json(MaterialJsonPath(out));
   WriteMaterialJson(library, json);
   if (!json.flush()) return Fail(fmt::format("{}: cannot be written", MaterialJsonPath(out)));

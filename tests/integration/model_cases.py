@@ -28,6 +28,7 @@ class Model:
     materials: list = None
     parts: list = None
     warns: str = None
+    silent: bool = False  # nothing is warned of
     pixels: dict = None
     not_black: bool = False
     area: float = None
@@ -107,6 +108,8 @@ class ModelCase(Case):
         self.assertEqual(done.returncode, 0, done.stderr)
         if wanted.warns:
             self.assertRegex(done.stderr, "warning: .*(" + wanted.warns + ")")
+        if wanted.silent:
+            self.assertNotIn("warning:", done.stderr)
         info = self.info(self.path("x.quarry"))
         self.assertEqual(info["input_triangles"], wanted.triangles)
         self.assertEqual(info["dropped_degenerate_triangles"] + info["dropped_not_finite_triangles"], wanted.dropped)
