@@ -16,6 +16,7 @@
 #include "common/base/size.h"
 #include "common/base/version.h"
 #include "common/voxel/store_format.h"
+#include "preprocess/import/decompressor.h"
 #include "preprocess/import/file_identity.h"
 #include "preprocess/import/text_number.h"
 #include "preprocess/plan.h"
@@ -189,6 +190,8 @@ Status Run(PreprocessOptions options, const Texts& texts, bool plan) {
     if (options.unpack_limit == 0) return BadUsage("--unpack-limit must be positive");
   }
   if (options.memory < kLeastMemory) return BadUsage("--memory must be at least 64M");
+  constexpr uint64_t kWindowsPerMemory = 8;  // the rest is for vertices that wait for faces
+  LimitZstdWindow(options.memory / kWindowsPerMemory);
   if (voxel < kLeastVoxel || voxel > kLargestVoxel)
     return BadUsage("--voxel-size must lie between 4K and 4M");
   if (!(options.scale > 0) || options.scale > 1e12) return BadUsage("--scale must be a positive number");
@@ -268,12 +271,15 @@ int Main(int argc, char** argv) {
   app.add_flag("--resume-if-fit", resume_if_fit)->group("");  // quarry render's
   app.add_flag("--plan", plan, "Only tell triangles, disk, memory and time, and whether the disk has room");
   app.add_flag("--quiet", options.quiet, "Print errors only");
-  constexpr NoEffect kNoEffect[] = {{"--resume", "--plan"}, {"--checkpoint", "--plan"}, {"--force", "--plan"}};
+  constexpr NoEffect kNoEffect[] = {
+      {"--resume", "--plan"}, {"--checkpoint", "--plan"}, {"--force", "--plan"}};
   RefuseWithoutEffect(app, kNoEffect);
   if (const auto ended = ParseCommandLine(app, argc, argv)) return *ended;
   if (options.output.empty() && !plan) {
-    fmt::print(stderr, "quarry-preprocess: -o says which store to write, e.g. -o {}.quarry; see "
-                       "quarry-preprocess --help\n", std::filesystem::path(options.models[0]).stem().string());
+    fmt::print(stderr,
+               "quarry-preprocess: -o says which store to write, e.g. -o {}.quarry; see "
+               "quarry-preprocess --help\n",
+               std::filesystem::path(options.models[0]).stem().string());
     return 2;
   }
   if (resume) options.resume = PreprocessOptions::Resume::kYes;

@@ -73,6 +73,12 @@ constexpr Signature kSignatures[] = {
     {"#X3D"sv, "an X3D file", kExport, true},
     {"3D Geometry File Format"sv, "a Rhino file", kExport},
     {"AC10"sv, "an AutoCAD drawing (DWG)", kExport, true},
+    {"\xD0\xCF\x11\xE0\xA1\xB1\x1A\xE1"sv, "a file of 3ds Max, SolidWorks or an office program", kExport},
+    {"(DWF V"sv, "an Autodesk drawing (DWF)", kExport},
+    {"#Inventor V"sv, "an Open Inventor file", kExport},
+    {"\xA1nrm"sv, "an OpenSceneGraph file", "convert it to OBJ or PLY (osgconv)"},
+    {"#Ascii Scene"sv, "an OpenSceneGraph file", "convert it to OBJ or PLY (osgconv)"},
+    {"MATLAB 5.0"sv, "a file of MATLAB", "write it as a model with faces first (stlwrite)"},
     {"\x08\x09\xFE\x02"sv, "a MicroStation drawing (DGN)", kExport},
     {"**ABCDEFGHIJKLMNOPQRSTUVWXYZ"sv, "a Parasolid file, of exact surfaces", kExact},
     {"PS\0\0\0"sv, "a Parasolid file, of exact surfaces", kExact},
@@ -129,6 +135,14 @@ constexpr Signature kExtensions[] = {
     {".scad"sv, "a program of OpenSCAD", "let it write an STL first: openscad FILE -o OUT.stl"},
     {".prc"sv, "a PRC file", kExport},
     {".fcstd"sv, "a FreeCAD file", kExact},
+    {".f3d"sv, "a Fusion 360 file", kExact},
+    {".f3z"sv, "a Fusion 360 file", kExact},
+    {".dwfx"sv, "an Autodesk drawing (DWF)", kExport},
+    {".slpk"sv, "an I3S scene layer", kExport},
+    {".sldlfp"sv, "a SolidWorks file", kExact},
+    {".bdf"sv, "a mesh of finite elements", "write its surface as STL or PLY (meshio convert)"},
+    {".inp"sv, "a mesh of finite elements", "write its surface as STL or PLY (meshio convert)"},
+    {".gcode"sv, "a program for a printer (G-code)", "give the model that it was made of"},
 };
 
 /// Of models that are read here, by whatever they hold.
@@ -225,10 +239,11 @@ ForeignContent Zip(std::string_view extension) {
 }  // namespace
 
 ForeignContent RecognizeForeign(std::string_view start, std::string_view extension) {
-  if (start.starts_with("PK\3\4") || start.starts_with("PK\5\6")) return Zip(extension);
   if (start.starts_with("ply")) return {};
   for (const Signature& s : kExtensions)
     if (EqualsIgnoringCase(extension, s.bytes)) return Content(s);
+  for (const char* zip : {"PK\3\4", "PK\5\6", "PK\7\x8"})
+    if (start.starts_with(zip)) return Zip(extension);
   if (ForeignContent content = Within(start); !content.what.empty()) return content;
   if (start.starts_with("\xEF\xBB\xBF")) start.remove_prefix(3);
   const std::string_view text = AfterXmlComments(AfterSpaces(start));

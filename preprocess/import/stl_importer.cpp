@@ -280,7 +280,8 @@ Status AsciiStl::Keyword(std::string_view word, TextCursor& rest) {
     return EqualsIgnoringCase(word.substr(0, start.size()), start);
   };
   if (is("vertex")) return Vertex(rest);
-  if (is("end")) {  // "end loop"
+  if (word == "\x1A") return {};  // the end of a text, to DOS
+  if (is("end")) {                // "end loop"
     joined_ = "end" + std::string(rest.Word());
     return joined_.size() > 3 ? Keyword(joined_, rest) : Status{};
   }

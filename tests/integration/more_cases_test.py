@@ -246,6 +246,7 @@ stl("one_line", "solid a " + FACETS.replace("\n", " ") + "endsolid a\n", Model(*
 stl("one_line_upper", ("solid a " + FACETS.replace("\n", " ") + "endsolid a\n").upper(), Model(**SQUARE, parts=["A"]))
 stl("no_solid", FACETS)
 stl("nul_name", "solid a\0\0\n" + FACETS + "endsolid a\n")
+stl("dos_end", "solid a\n" + FACETS + "endsolid a\n\x1a")
 stl("quads", "solid a\nfacet normal 0 0 1\nouter loop\n" + "".join("vertex %d %d %d\n" % p for p in CORNERS) + "endloop\nendfacet\nendsolid\n")
 stl("utf16", b"\xff\xfe" + ("solid a\n" + FACETS + "endsolid\n").encode("utf-16-le"), Sentence("UTF-16"), SHAPE)
 stl("html", "<html><head></head></html>" + " " * 100, Sentence("web page"))
@@ -499,6 +500,15 @@ row("double.obj.gz.gz", gzip.compress(gzip.compress(OBJ.encode())), Sentence("tw
 row("tail.obj.gz", gzip.compress(OBJ.encode()) + bytes(512), SHAPE)
 row("junk.obj.gz", gzip.compress(OBJ.encode()) + b"junk at the end", SHAPE, Sentence("gzip"))
 row("cut.obj.gz", gzip.compress((OBJ * 500).encode())[:-20], Sentence("too early"))
+def zstd(content, window_log):
+    """One raw block of Zstandard, in a frame that wants such a window."""
+    return b"\x28\xb5\x2f\xfd\0" + bytes([(window_log - 10) << 3]) + (len(content) << 3 | 1).to_bytes(3, "little") + content
+
+
+row("window_27.obj.zst", zstd(OBJ.encode(), 27), SHAPE)
+row("window_28.obj.zst", zstd(OBJ.encode(), 28), Sentence("window.*zstd -d --long=28"))
+row("cut.obj.zst", zstd(OBJ.encode(), 20)[:-9], Sentence("too early"))
+row("twice.obj.zst.gz", gzip.compress(zstd(OBJ.encode(), 20)), Sentence("twice"), SHAPE)
 row("not.obj.gz", OBJ, SHAPE)
 for name, magic in ("b3dm", b"b3dm"), ("i3dm", b"i3dm"), ("pnts", b"pnts"), ("cmpt", b"cmpt"):
     foreign("a." + name, magic + struct.pack("<I", 1) + bytes(60), "3D Tiles")
@@ -532,6 +542,11 @@ foreign("a.max", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(600), "3ds Max|Soli
 foreign("a.c4d", b"QC4DC4D6" + bytes(50), "Cinema 4D")
 foreign("a.skp", b"\xff\xfe\xff\x0eS\0k\0e\0t\0c\0h\0U\0p\0 \0M\0o\0d\0e\0l\0" + bytes(50), "SketchUp")
 foreign("a.rvt", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(600), "Revit")
+foreign("a.prt", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(600), "3ds Max|SolidWorks")
+foreign("a.f3d", archive("zip"), "Fusion")
+foreign("a.fcstd", archive("zip"), "FreeCAD")
+foreign("a.kmz", archive("zip"), "unpack")
+foreign("a.dae.gz", gzip.compress(b'<?xml version="1.0"?><COLLADA/>'), "unpack it first")
 foreign("a.dwg", b"AC1032" + bytes(100), "DWG")
 foreign("a.dgn", b"\x08\x09\xfe\x02" + bytes(100), "DGN|MicroStation")
 foreign("a.jt", b"Version 10.0 JT  DM 1.0.0.0".ljust(80) + bytes(20), "JT")
