@@ -94,7 +94,6 @@ Status ParseImage(const RenderArguments& a, RenderJob& job) {
   job.seed = a.seed;
   job.exposure = a.exposure;
   QUARRY_TRY(ParseMode(a.mode, job));
-  QUARRY_TRY(RefuseWhatHasNoEffect(a, job));
   return ParseAovs(a.aov, job);
 }
 
@@ -319,6 +318,7 @@ Status Render(const RenderArguments& a) {
   const SecurityOptions security_options = a.master.empty() ? a.security : WithEnvironment(a.security);
   QUARRY_ASSIGN(const Security security, Security::ForClient(security_options));
   QUARRY_TRY(ReadNamedFiles(a, job));
+  QUARRY_TRY(RefuseWhatHasNoEffect(a, job));
   QUARRY_TRY(CheckOutputs(a, job, {}));
   QUARRY_ASSIGN(const std::string scene, StoreFor(a.scene, a.quiet));
   QUARRY_ASSIGN(const StoreReader store, StoreReader::Open(scene));

@@ -69,7 +69,9 @@ std::string StatisticsJson(const PreprocessOptions& options, const PreprocessSta
   j["version"] = kVersion;
   j["triangles_per_s"] = static_cast<double>(s.meta.input_triangles) / std::max(s.preprocess_wall_s, 1e-9);
   j["peak_rss_bytes"] = s.peak_rss_bytes;
-  j["models"] = options.models;
+  j["models"] = nlohmann::ordered_json::array();
+  for (const std::string& model : options.models)
+    j["models"].push_back(model == "-" ? model : std::filesystem::absolute(model).string());
   j["inputs"] = nlohmann::ordered_json::array();
   for (const ModelFile& file : ModelFiles()) {
     nlohmann::ordered_json input = {{"file", file.path}, {"there", file.there}};
@@ -271,8 +273,7 @@ int Main(int argc, char** argv) {
   app.add_flag("--resume-if-fit", resume_if_fit)->group("");  // quarry render's
   app.add_flag("--plan", plan, "Only tell triangles, disk, memory and time, and whether the disk has room");
   app.add_flag("--quiet", options.quiet, "Print errors only");
-  constexpr NoEffect kNoEffect[] = {
-      {"--resume", "--plan"}, {"--checkpoint", "--plan"}, {"--force", "--plan"}};
+  constexpr NoEffect kNoEffect[] = {{"--resume", "--plan"}};
   RefuseWithoutEffect(app, kNoEffect);
   if (const auto ended = ParseCommandLine(app, argc, argv)) return *ended;
   if (options.output.empty() && !plan) {

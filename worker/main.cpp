@@ -42,6 +42,8 @@ Status ReadSourceOptions(const Texts& texts, WorkerOptions& options) {
     QUARRY_ASSIGN(HttpServer server, ParseHttpServer(host, "--http-header-host"));
     options.header_servers.push_back(std::move(server));
   }
+  if (!options.header_servers.empty() && texts.http_header_file.empty() && texts.aws.empty())
+    return BadUsage("--http-header-host has no effect without --http-header-file or --http-aws");
   options.http.tls_ca = WithEnvironment(texts.security).tls_ca;
   for (const std::string& source : options.sources) QUARRY_TRY(ParseSource(source));
   return {};
@@ -123,10 +125,6 @@ int Main(int argc, char** argv) {
   AddSecurityOptions(app, texts.security);
   app.add_flag("--quiet", options.quiet, "Print errors only");
   if (const auto ended = ParseCommandLine(app, argc, argv)) return *ended;
-  if (!texts.header_hosts.empty() && texts.http_header_file.empty() && texts.aws.empty()) {
-    fmt::print(stderr, "quarry-worker: --http-header-host has no effect without --http-header-file or --http-aws\n");
-    return 2;
-  }
   const Status status = Run(options, texts);
   if (status) return 0;
   fmt::print(stderr, "quarry-worker: {}\n", status.error().message);

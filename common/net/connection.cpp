@@ -208,7 +208,7 @@ Result<std::unique_ptr<Listener>> Listener::Open(asio::io_context& io, const End
   if (!error) acceptor.bind(address, error);
   if (!error) acceptor.listen(asio::socket_base::max_listen_connections, error);
   if (error == asio::error::address_in_use)
-    return Fail(fmt::format("cannot listen at {}: another program does; give another port, or 0 for a free one",
+    return Fail(fmt::format("cannot listen at {}: the address is in use by another program; give another port, or 0 for a free one",
                             name));
   if (error) return Fail(fmt::format("cannot listen at {}: {}", name, error.message()));
   const size_t most = std::max<uint64_t>(8, DescriptorLimit() / 2);

@@ -46,6 +46,8 @@ class KeptStores(Case):
         red, kept = self.render("a.png")
         self.assertFalse(kept)
         self.assertEqual(self.render("b.png"), (red, True))
+        self.must_fail(2, r"m\.mtl: is read", "quarry", "render", self.model, "-o", self.path("x.png"), "--size", "32x32", "--stats",
+                       self.path("m.mtl"), "--force")
         self.write("m.mtl", "newmtl a\nKd 0 1 0\n")  # the same length
         os.utime(self.path("m.mtl"), ns=(1, 1))
         green, kept = self.render("c.png")
@@ -163,6 +165,7 @@ class Options(Case):
         super().setUp()
         (self.folder / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
         (self.folder / "path.json").write_text('{"frames": [{"eye": [3, 3, 3], "at": [0, 0, 0]}]}')
+        (self.folder / "lights.json").write_text('{"lights": []}')
         self.render = ["quarry", "render", self.path("m.obj"), "-o", self.path("x.png")]
         self.preprocess = ["quarry-preprocess", self.path("m.obj")]
 
@@ -171,10 +174,10 @@ class Options(Case):
         for command, option in (
                 (walk, ["--eye", "1,2,3"]), (walk, ["--at", "1,2,3"]), (walk, ["--up", "0,0,1"]), (walk, ["--fov", 30]),
                 (walk, ["--ortho", 3]), (self.render, ["--fov", 30, "--ortho", 3]), (self.render, ["--sun", "0,0,1"]),
-                (self.render, ["--lights", self.path("path.json")]), ([*self.render, "--mode", "voxels"], ["--sun", "0,0,1"]),
+                (self.render, ["--lights", self.path("lights.json")]), ([*self.render, "--mode", "voxels"], ["--sun", "0,0,1"]),
                 ([*self.render[:4], self.path("x.exr")], ["--exposure", 1]), (self.render, ["--frames", 0]),
                 *(([*self.render, "--master", "127.0.0.1:1"], [o, v]) for o, v in (("--workers", 2), ("--threads", 2), ("--cache", "1M"))),
-                *(([*self.preprocess, "--plan"], [o]) for o in ("--resume", "--force")),
+                ([*self.preprocess, "--plan"], ["--resume"]),
                 *((["quarry-master", self.path("m.obj"), "--serve-only"], [o, v]) for o, v in
                   (("--schedule", "random"), ("--foresight", 0), ("--frame-memory", "1G"), ("--spool", "s"), ("--trace", "t"))),
                 (["quarry-worker", "--master", "127.0.0.1:1"], ["--http-header-host", "h"])):
@@ -274,7 +277,7 @@ class Sentences(Case):
     def test_a_port_in_use(self):
         store = self.store("cornell", 1000)
         _, address = self.start_master(store)
-        self.must_fail(1, f"cannot listen at {address}: another program does; give another port", "quarry-master", store, "--listen", address)
+        self.must_fail(1, f"cannot listen at {address}: the address is in use by another program; give another port", "quarry-master", store, "--listen", address)
 
     def test_a_worker_s_bad_source(self):
         store = self.store("cornell", 1000)

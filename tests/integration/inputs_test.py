@@ -186,7 +186,7 @@ class Inputs(Case):
             _, errors = one.communicate(timeout=TIMEOUT_S)
             self.assertEqual(one.returncode, 0, errors)
         self.assertEqual(*(pathlib.Path(self.path(f"{i}.png")).read_bytes() for i in range(2)))
-        self.assertEqual(len(list(pathlib.Path(self.path("cache")).iterdir())), 1)
+        self.assertEqual(len(list(pathlib.Path(self.path("cache")).glob("*.quarry"))), 1)
 
     def test_a_packed_file_gives_the_store_of_the_plain_one(self):
         self.must("quarry-scene", "plant", "--triangles", 20000, "-o", self.path("p.obj"), "--quiet")
