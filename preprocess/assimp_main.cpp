@@ -9,12 +9,14 @@
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
 #include <fmt/format.h>
+#include <strings.h>
 #include <sys/stat.h>
 
 #include <algorithm>
 #include <assimp/Importer.hpp>
 #include <cstdlib>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <new>
 #include <vector>
@@ -22,6 +24,7 @@
 #include "common/base/address_space.h"
 #include "common/base/cleanup.h"
 #include "common/base/file.h"
+#include "common/math/elementary.h"
 #include "common/scene/material_json.h"
 #include "common/scene/open_pbr.h"
 #include "preprocess/import/foreign.h"
@@ -66,14 +69,27 @@ bool HasHighlight(const aiMaterial& from) {
          model != aiShadingMode_NoShading;
 }
 
-Material Converted(const aiMaterial& from) {
+constexpr const char* kProduction =
+    ", or has its objects in files of its own (the production extension, as slicers write it), which are not "
+    "read; export it as STL or OBJ";
+
+bool IsOf(const std::string& model, const char* extension) {
+  return ::strcasecmp(std::filesystem::path(model).extension().c_str(), extension) == 0;
+}
+
+/// 3MF and AMF say that their colours are sRGB.
+bool HasSrgbColors(const std::string& model) { return IsOf(model, ".3mf") || IsOf(model, ".amf"); }
+
+Material Converted(const aiMaterial& from, bool srgb) {
   Material m;
   aiString name;
   if (from.Get(AI_MATKEY_NAME, name) == aiReturn_SUCCESS) m.name = name.C_Str();
   if (m.name == AI_DEFAULT_MATERIAL_NAME) return Material{"default"};  // Assimp's own, where there is none
   const auto color = [&](const char* key, unsigned type, unsigned index, glm::vec3& to) {
     aiColor3D value;
-    if (from.Get(key, type, index, value) == aiReturn_SUCCESS) to = {value.r, value.g, value.b};
+    if (from.Get(key, type, index, value) != aiReturn_SUCCESS) return;
+    to = {value.r, value.g, value.b};
+    for (int a = 0; srgb && a < 3; ++a) to[a] = static_cast<float>(DecodeSrgb(to[a]));
   };
   color(AI_MATKEY_COLOR_DIFFUSE, m.diffuse);
   color(AI_MATKEY_COLOR_EMISSIVE, m.emission);
@@ -167,6 +183,15 @@ Status WritePly(const std::vector<Placed>& placed, const std::string& path) {
   return file.Commit();
 }
 
+/// With the model's name once.
+Status CannotRead(const std::string& model, std::string why) {
+  if (why.starts_with("No suitable reader found"))
+    return Fail(fmt::format("{}: is of no format that is known here; export it as glTF, OBJ or PLY", model));
+  for (size_t at; (at = why.find(model)) != why.npos;) why.replace(at, model.size(), "it");
+  while (why.ends_with('.') || why.ends_with('\n')) why.pop_back();
+  return Fail(fmt::format("{}: Assimp cannot read it ({}); export it as glTF, OBJ or PLY", model, why));
+}
+
 Status Run(const std::string& model, const std::string& out, uint64_t memory) {
   LimitAddressSpace(kOwnBytes + memory);
   Assimp::Importer importer;
@@ -175,15 +200,16 @@ Status Run(const std::string& model, const std::string& out, uint64_t memory) {
   importer.SetPropertyInteger(AI_CONFIG_IMPORT_NO_SKELETON_MESHES, 1);
   const aiScene* scene = importer.ReadFile(
       model, aiProcess_Triangulate | aiProcess_SortByPType | aiProcess_JoinIdenticalVertices);
-  if (!scene || !scene->mRootNode)
-    return Fail(fmt::format("{}: Assimp cannot read it: {}", model, importer.GetErrorString()));
+  if (!scene || !scene->mRootNode) return CannotRead(model, importer.GetErrorString());
   std::vector<Placed> placed;
   MaterialLibrary library;
   Place(*scene, *scene->mRootNode, aiMatrix4x4(), placed, library.parts);
+  const bool srgb = HasSrgbColors(model);
   for (unsigned i = 0; i < scene->mNumMaterials; ++i)
-    library.materials.push_back(Converted(*scene->mMaterials[i]));
+    library.materials.push_back(Converted(*scene->mMaterials[i], srgb));
   if (const Status written = WritePly(placed, out); !written)
-    return Fail(fmt::format("{}: {}", model, written.error().message));
+    return Fail(fmt::format("{}: {}{}", model, written.error().message,
+                            placed.empty() && IsOf(model, ".3mf") ? kProduction : ""));
   std::ofstream json(MaterialJsonPath(out));
   WriteMaterialJson(library, json);
   if (!json.flush()) return Fail(fmt::format("{}: cannot be written", MaterialJsonPath(out)));

@@ -16,6 +16,7 @@
 #include "common/base/size.h"
 #include "common/base/version.h"
 #include "common/voxel/store_format.h"
+#include "preprocess/import/decompressor.h"
 #include "preprocess/import/file_identity.h"
 #include "preprocess/import/text_number.h"
 #include "preprocess/plan.h"
@@ -192,6 +193,8 @@ Status Run(PreprocessOptions options, const Texts& texts, bool plan) {
     if (options.unpack_limit == 0) return BadUsage("--unpack-limit must be positive");
   }
   if (options.memory < kLeastMemory) return BadUsage("--memory must be at least 64M");
+  constexpr uint64_t kWindowsPerMemory = 8;  // the rest is for vertices that wait for faces
+  LimitZstdWindow(options.memory / kWindowsPerMemory);
   if (voxel < kLeastVoxel || voxel > kLargestVoxel)
     return BadUsage("--voxel-size must lie between 4K and 4M");
   if (!(options.scale > 0) || options.scale > 1e12) return BadUsage("--scale must be a positive number");

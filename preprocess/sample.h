@@ -20,6 +20,7 @@ class TriangleSample {
   }
   /// Triangles that one of them stands for: 1 while all are kept, then a power of two.
   uint64_t weight() const { return weight_; }
+  const std::vector<KdTriangle>& triangles() const { return triangles_; }
   std::vector<KdTriangle> TakeTriangles();
 
   void Save(ByteWriter& out) const;

@@ -498,35 +498,4 @@ Status SpillSink::ResolveWindow(uint64_t window, bool last) {
   return {};
 }
 
-/// Floats hold a position to a share of its distance from the origin.
-void SpillSink::WarnOfLoss() {
-  constexpr double kMillimetre = 1e-3;  // of metres, as most models of wide places have
-  float reach = 0;
-  for (int a = 0; a < 3; ++a)
-    reach = std::max({reach, std::fabs(scene_.bounds.lower[a]), std::fabs(scene_.bounds.upper[a])});
-  const double step = std::nextafter(reach, kInfinity) - reach;
-  if (!(step > kMillimetre) || largest_loss_ < kMillimetre / 4) return;
-  Warn(fmt::format(
-      "{}: reaches {:.6g} units from the origin chosen for it: positions there are kept to {:.2g}; "
-      "smaller details are lost",
-      file_name_, reach, step));
-}
-
-Result<ImportedScene> SpillSink::Finish() {
-  QUARRY_TRY(scene_.triangles->FinishWriting());
-  if (scene_.materials.empty()) DefaultMaterial();
-  if (scene_.materials.size() > 65536) return Fail(fmt::format("{}: more than 65536 materials", file_name_));
-  if (scene_.triangles->count() == 0)
-    return Fail(
-        fmt::format("{}: no triangle is left: {} degenerate, {} with coordinates that are not finite{}",
-                    file_name_, scene_.dropped_degenerate, scene_.dropped_not_finite,
-                    largest_loss_ < 1e-3 ? ""
-                                         : fmt::format("; positions are kept to {:.2g} so far from "
-                                                       "the origin",
-                                                       2 * largest_loss_)));
-  WarnOfLoss();
-  QUARRY_ASSIGN(scene_.images, images_.Finish());
-  return std::move(scene_);
-}
-
 }  // namespace quarry

@@ -5,6 +5,10 @@
 #include <zstd.h>
 #include <zstd_errors.h>
 
+#include <algorithm>
+#include <atomic>
+#include <bit>
+
 namespace quarry {
 namespace {
 
@@ -15,6 +19,8 @@ class Gunzip : public Decompressor {
 
   Step Run(std::span<const char> in, std::span<char> out) override {
     if (!ready_) return {0, 0, "gzip: zlib does not start"};
+    // Zeros and other bytes behind the last member are passed over, as gzip does.
+    if (at_end_ && !in.empty() && in.front() != '\x1F') return {in.size(), 0, {}};
     if (at_end_ && !in.empty()) {
       inflateReset(&stream_);
       at_end_ = false;
@@ -37,9 +43,13 @@ class Gunzip : public Decompressor {
   bool ready_ = false, at_end_ = false;
 };
 
+constexpr int kMostWindowLog = 27;  // zstd's own limit
+std::atomic<int> window_limit_log{kMostWindowLog};
+
 class Unzstd : public Decompressor {
  public:
   explicit Unzstd(std::string_view start) : context_(ZSTD_createDCtx()) {
+    ZSTD_DCtx_setParameter(context_, ZSTD_d_windowLogMax, window_limit_log);
     // The frame's header: its window, unless it says that the content is one segment.
     constexpr unsigned kOneSegment = 0x20;
     if (start.size() > 5 && (static_cast<unsigned char>(start[4]) & kOneSegment) == 0) {
@@ -55,8 +65,8 @@ class Unzstd : public Decompressor {
     const size_t left = ZSTD_decompressStream(context_, &to, &from);
     Step step{from.pos, to.pos, {}};
     if (ZSTD_getErrorCode(left) == ZSTD_error_frameParameter_windowTooLarge)
-      step.error = fmt::format("its window is too large to be held here; unpack it with zstd -d --long={}",
-                               window_log_);
+      step.error = fmt::format("its window is too large to be held here; {}unpack it with zstd -d --long={}",
+                               window_log_ <= kMostWindowLog ? "give more --memory, or " : "", window_log_);
     else if (ZSTD_isError(left) != 0)
       step.error = std::string("damaged zstd: ") + ZSTD_getErrorName(left);
     if (step.taken != 0 || step.given != 0) at_end_ = left == 0;
@@ -71,6 +81,10 @@ class Unzstd : public Decompressor {
 };
 
 }  // namespace
+
+void LimitZstdWindow(uint64_t bytes) {
+  window_limit_log = std::clamp(static_cast<int>(std::bit_width(bytes)) - 1, 10, kMostWindowLog);
+}
 
 std::unique_ptr<Decompressor> MakeDecompressor(std::string_view start) {
   if (start.starts_with("\x1F\x8B")) return std::make_unique<Gunzip>();

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <span>
 #include <string>
@@ -22,6 +23,10 @@ class Decompressor {
   /// Whether the bytes so far end where a packed stream does.
   virtual bool AtEnd() const = 0;
 };
+
+/// The most memory that a Zstandard window may take, in all that are made from now on: at first 128 MiB,
+/// zstd's own limit. Larger windows are errors that say how to unpack the file.
+void LimitZstdWindow(uint64_t bytes);
 
 /// What unpacks bytes that begin with `start`: gzip or Zstandard; null for anything else.
 std::unique_ptr<Decompressor> MakeDecompressor(std::string_view start);

@@ -12,6 +12,9 @@ struct ForeignContent {
   bool may_be_read = false;  ///< by Assimp, some of them
 };
 
+/// What `what` says of an MTL file.
+inline constexpr const char* kMaterialLibrary = "a material library";
+
 /// `start`: the first bytes of the file, 1 KiB or all. `extension`: of its name, with the dot.
 ForeignContent RecognizeForeign(std::string_view start, std::string_view extension);
 

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -9,6 +10,7 @@
 #include "common/base/json_file.h"
 #include "preprocess/import/file_identity.h"
 #include "preprocess/import/find_file.h"
+#include "preprocess/import/foreign_content.h"
 #include "preprocess/import/text_number.h"
 
 namespace quarry {
@@ -47,6 +49,26 @@ int Base64Digit(char c) {
   if (c >= 'a' && c <= 'z') return c - 'a' + 26;
   if (c >= '0' && c <= '9') return c - '0' + 52;
   return c == '+' || c == '-' ? 62 : c == '/' || c == '_' ? 63 : -1;
+}
+
+/// Members that are null are taken for absent.
+void DropNulls(Json& json) {
+  if (json.is_object())
+    for (auto it = json.begin(); it != json.end();) it = it->is_null() ? json.erase(it) : std::next(it);
+  if (json.is_structured())
+    for (Json& inner : json) DropNulls(inner);
+}
+
+/// What a buffer's file is in its place, if it is so small and a text: a pointer to the file, a web page.
+Status CheckIsBuffer(const InputFile& file, const std::string& path) {
+  constexpr uint64_t kLook = 1024;
+  std::string text(std::min(file.size(), kLook), 0);
+  if (text.size() < 8 || file.size() > kLook) return {};
+  QUARRY_TRY(file.ReadAt(0, std::as_writable_bytes(std::span(text))));
+  if (!std::all_of(text.begin(), text.begin() + 8, [](char c) { return c >= ' ' && c <= '~'; })) return {};
+  const ForeignContent content = RecognizeForeign(text, ".bin");
+  if (content.what.empty()) return {};
+  return Fail(fmt::format("{} is {}; {}", path, content.what, content.advice));
 }
 
 std::optional<Bytes> DecodeBase64(std::string_view text) {
@@ -105,13 +127,25 @@ Result<GltfDocument> GltfDocument::Open(ModelReader& bytes) {
     if (Word(bytes, 16) != kJsonChunk) return bytes.FailHere("the first chunk of the GLB is no JSON");
     bytes.Consume(20);
     glb_begin = 20 + (json_bytes + 3) / 4 * 4 + 8;
-  }
+  } else if (bytes.Ensure(4) && Word(bytes, 0) == kGlbMagic)
+    return bytes.Truncated("within the header of the GLB");
   if (json_bytes > kMostJsonBytes || json_bytes > bytes.remaining())
     return bytes.FailHere(fmt::format("the JSON's {} bytes go beyond the file, or are too many", json_bytes));
   QUARRY_ASSIGN(std::string text, TakeText(bytes, json_bytes));
   if (glb_begin != 0) {
     text.erase(text.find_last_not_of('\0') + 1);  // some writers pad with zeros instead of spaces
-    bytes.Skip(std::min<uint64_t>((4 - json_bytes % 4) % 4, bytes.remaining()));
+    // The next chunk begins at a multiple of four, but for writers that do not know.
+    const uint64_t padding = glb_begin - 28 - json_bytes;
+    if (padding != 0 && bytes.Ensure(8) && Word(bytes, 4) == kBinaryChunk)
+      glb_begin -= padding;
+    else
+      bytes.Skip(std::min<uint64_t>(padding, bytes.remaining()));
+    // Chunks of other kinds are to come behind, but may come before.
+    while (bytes.Ensure(8) && Word(bytes, 4) != kBinaryChunk) {
+      const uint64_t other = 8 + (uint64_t{Word(bytes, 0)} + 3) / 4 * 4;
+      if (!bytes.Skip(other)) break;
+      glb_begin += other;
+    }
     if (bytes.Ensure(8) && Word(bytes, 4) == kBinaryChunk) {
       glb_size = Word(bytes, 0);
       if (glb_size > bytes.size() - glb_begin)
@@ -119,13 +153,26 @@ Result<GltfDocument> GltfDocument::Open(ModelReader& bytes) {
     }
   }
   QUARRY_ASSIGN(Json json, ParseJson<Json>(text, bytes.path(), kJsonLimits));
+  DropNulls(json);
   GltfDocument document(bytes.path(), std::make_unique<Json>(std::move(json)));
   document.glb_begin_ = glb_begin;
   document.glb_size_ = glb_size;
-  if (!document.json_->is_object()) return document.FailAt("its JSON is no object");
+  constexpr const char* kOther = "holds JSON that is no glTF: {}; give the model itself";
+  if (!document.json_->is_object()) return document.FailAt(fmt::format(kOther, "it is no object"));
   const Json* asset = document.json_->contains("asset") ? &document.json_->at("asset") : nullptr;
-  if (!asset || !asset->is_object() || !asset->value("version", "").starts_with("2"))
-    return document.FailAt("is not glTF 2 (asset.version)");
+  if (document.json_->contains("geometricError"))
+    return document.FailAt("is a tileset of 3D Tiles; give the GLB files of its tiles");
+  if (!asset || !asset->is_object()) return document.FailAt(fmt::format(kOther, "it has no asset.version"));
+  const auto is_2 = [&](const char* key) {
+    const auto version = asset->find(key);
+    if (version == asset->end()) return false;
+    return (version->is_string() ? version->get<std::string>() : version->dump()).starts_with("2");
+  };
+  if (asset->contains("minVersion") && !is_2("minVersion"))
+    return document.FailAt("wants a version of glTF beyond 2 (asset.minVersion); export it as glTF 2");
+  if (!is_2("version"))
+    return document.FailAt(
+        "is not glTF 2 (asset.version); convert it, with a program that reads it, to glTF 2");
   return document;
 }
 
@@ -142,7 +189,7 @@ Result<GltfDocument::Buffer> GltfDocument::OpenBuffer(uint64_t index) {
     return FailAt(fmt::format("buffers[{}]: {}", index, what));
   };
   Buffer buffer;
-  if (!json->contains("uri")) {
+  if (json->value("uri", "").empty()) {
     if (index != 0 || glb_size_ == 0) return named("has no uri, and the file no binary chunk for it");
     QUARRY_ASSIGN(buffer.file, InputFile::Open(path_));
     buffer.begin = glb_begin_;
@@ -155,6 +202,9 @@ Result<GltfDocument::Buffer> GltfDocument::OpenBuffer(uint64_t index) {
     buffer.size = buffer.bytes.size();
     return buffer;
   }
+  if (uri.find("://") != uri.npos)
+    return named(
+        fmt::format("{} is an address; download it beside the model, and name that file", Quoted(uri)));
   const auto folder = std::filesystem::path(path_).parent_path();
   const std::string name = FileNameOf(uri);
   const auto file = folder / name;
@@ -165,6 +215,8 @@ Result<GltfDocument::Buffer> GltfDocument::OpenBuffer(uint64_t index) {
   NoteModelFile(file.string());
   auto opened = InputFile::Open(file.string());
   if (!opened) return named(opened.error().message);
+  if (const Status is = CheckIsBuffer(*opened, file.filename().string()); !is)
+    return named(is.error().message);
   buffer.size = opened->size();
   buffer.file = std::move(*opened);
   return buffer;
@@ -248,6 +300,10 @@ Result<uint64_t> GltfDocument::Unsigned(const Json& object, const std::string& w
   const auto it = object.find(key);
   if (it == object.end() && fallback) return *fallback;
   if (it == object.end()) return FailAt(fmt::format("{}.{} is missing", where, key));
+  // Some programs know only numbers with a point.
+  if (it->is_number_float())
+    if (const auto real = it->get<double>(); real >= 0 && real < 0x1p53 && real == std::floor(real))
+      return static_cast<uint64_t>(real);
   if (!it->is_number_unsigned()) return FailAt(fmt::format("{}.{} is no whole number from 0 on", where, key));
   return it->get<uint64_t>();
 }

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <glm/geometric.hpp>
 #include <glm/gtc/matrix_inverse.hpp>
 #include <glm/mat4x4.hpp>
 #include <nlohmann/json.hpp>
@@ -26,6 +27,18 @@ using Json = nlohmann::json;
 constexpr uint32_t kGltfMagic = 0x46546C67;
 enum Mode : uint64_t { kTriangles = 4, kStrip = 5, kFan = 6 };
 
+/// A small primitive that a node shows many times, as it lies in the buffers: read once, moved for each.
+struct HeldPrimitive {
+  bool ready = false;
+  bool has_normals = false, has_uvs = false;
+  std::vector<GltfVertices::Vertex> vertices;
+  std::vector<uint32_t> corners;  ///< three a triangle
+  uint32_t material = kNoIndex;
+};
+
+/// What a mesh's held primitives may have in all: some 4 MiB.
+constexpr uint64_t kMostHeldVertices = 1u << 16, kMostHeldIndices = 1u << 18;
+
 class GltfImport {
  public:
   GltfImport(GltfDocument document, ModelSink& sink) : document_(std::move(document)), sink_(sink) {}
@@ -44,6 +57,11 @@ class GltfImport {
       if (!node) break;
       if (node->json->contains("mesh")) QUARRY_TRY(Node(*node));
     }
+    if (left_out_ != 0 && triangles_ == 0)
+      return document_.FailAt(
+          fmt::format("holds no triangles: {} primitives of points, of lines or without positions, which "
+                      "have no surface to trace",
+                      left_out_));
     if (left_out_ != 0)
       sink_.Warn(document_.FailAt(fmt::format("{} primitives without triangles left out", left_out_))
                      .value()
@@ -103,11 +121,15 @@ class GltfImport {
     QUARRY_ASSIGN(GltfInstances instances, GltfInstances::Open(document_, *node.json, where));
     const std::string mesh_name = fmt::format("meshes[{}]", mesh_index);
     QUARRY_TRY(CheckRoom(*mesh, mesh_name, instances.count()));
+    std::vector<HeldPrimitive> held(instances.count() > 1 ? mesh->at("primitives").size() : 0);
+    held_vertices_ = held_indices_ = 0;
     for (uint64_t i = 0; i < instances.count(); ++i) {
       QUARRY_ASSIGN(const glm::dmat4 instance, instances.Next());
+      size_t number = 0;
       for (const Json& primitive : mesh->at("primitives")) {
+        HeldPrimitive* const again = held.empty() ? nullptr : &held[number++];
         if (primitives_++ < given_) continue;
-        QUARRY_TRY(Primitive(primitive, mesh_name, node.world * instance, part));
+        QUARRY_TRY(Primitive(primitive, mesh_name, node.world * instance, part, again));
         QUARRY_TRY(CheckpointIfDue(sink_, *this));
       }
     }
@@ -133,7 +155,9 @@ class GltfImport {
                     name, vertices, instances));
   }
 
-  Status Primitive(const Json& primitive, const std::string& mesh, const glm::dmat4& world, uint32_t part) {
+  Status Primitive(const Json& primitive, const std::string& mesh, const glm::dmat4& world, uint32_t part,
+                   HeldPrimitive* held) {
+    if (held != nullptr && held->ready) return Again(*held, world, part);
     QUARRY_ASSIGN(const uint64_t mode, document_.Unsigned(primitive, mesh, "mode", kTriangles));
     if (mode < kTriangles || mode > kFan) {
       ++left_out_;
@@ -149,7 +173,6 @@ class GltfImport {
     QUARRY_TRY(CheckNotCompressed(document_, primitive, "a primitive of " + mesh,
                                   accessor->contains("bufferView") || accessor->contains("sparse")));
     QUARRY_ASSIGN(GltfVertices source, GltfVertices::Open(document_, primitive, mesh, weights_, joints_));
-    QUARRY_ASSIGN(const uint64_t vertices, Vertices(source, world));
     uint32_t material = kNoIndex;
     if (primitive.contains("material")) {
       QUARRY_ASSIGN(const uint64_t index, document_.Unsigned(primitive, mesh, "material"));
@@ -157,13 +180,87 @@ class GltfImport {
         return document_.FailAt(fmt::format("materials[{}] is not there", index));
       material = materials_[index];
     }
-    // A mirror image turns faces inside out.
-    const bool turned = glm::determinant(glm::dmat3(source.skinned() ? joints_[0] : world)) < 0;
-    QUARRY_TRY(Faces(primitive, mesh, mode, vertices, turned, material, part));
+    QUARRY_ASSIGN(std::optional<GltfAccessor> indices, Indices(primitive, mesh));
+    if (held != nullptr && !source.skinned() && MayHold(source, indices)) {
+      held->material = material;
+      QUARRY_TRY(Hold(source, indices, mesh, mode, *held));
+      return Again(*held, world, part);
+    }
+    QUARRY_ASSIGN(const uint64_t vertices, Vertices(source, world));
+    const bool turned = IsMirror(source.skinned() ? joints_[0] : world);
+    QUARRY_TRY(Faces(indices, mesh, mode, vertices, [&](uint32_t a, uint32_t b, uint32_t c) {
+      return Face(a, b, c, turned, material, part);
+    }));
+    CountVertices(vertices);
+    return {};
+  }
+
+  /// A mirror image turns faces inside out.
+  static bool IsMirror(const glm::dmat4& world) { return glm::determinant(glm::dmat3(world)) < 0; }
+
+  void CountVertices(uint64_t vertices) {
     positions_ += vertices;
     if (has_normals_) normals_ += vertices;
     if (has_uvs_) uvs_ += vertices;
+  }
+
+  /// Whether there is room to hold a primitive, too; takes it.
+  bool MayHold(const GltfVertices& source, const std::optional<GltfAccessor>& indices) {
+    const uint64_t vertices = source.count(), corners = indices ? indices->count() : vertices;
+    if (vertices > kMostHeldVertices - held_vertices_ || corners > kMostHeldIndices - held_indices_)
+      return false;
+    held_vertices_ += vertices;
+    held_indices_ += corners;
+    return true;
+  }
+
+  Status Hold(GltfVertices& source, std::optional<GltfAccessor>& indices, const std::string& mesh,
+              uint64_t mode, HeldPrimitive& held) {
+    held.has_normals = source.has_normals();
+    held.has_uvs = source.has_uvs();
+    for (uint64_t i = 0; i < source.count(); ++i) {
+      QUARRY_ASSIGN(const GltfVertices::Vertex v, source.Next(glm::dmat4(1), glm::dmat3(1)));
+      held.vertices.push_back(v);
+    }
+    held.ready = true;
+    return Faces(indices, mesh, mode, source.count(), [&](uint32_t a, uint32_t b, uint32_t c) -> Status {
+      held.corners.insert(held.corners.end(), {a, b, c});
+      return {};
+    });
+  }
+
+  /// Gives a held primitive once more, where `world` puts it.
+  Status Again(const HeldPrimitive& held, const glm::dmat4& world, uint32_t part) {
+    const uint64_t count = held.vertices.size();
+    if (count > 0xFFFFFFFF - positions_) return document_.FailAt("has more than 4,294,967,295 vertices");
+    has_normals_ = held.has_normals;
+    has_uvs_ = held.has_uvs;
+    const glm::dmat3 turn = glm::inverseTranspose(glm::dmat3(world));
+    for (const GltfVertices::Vertex& v : held.vertices) {
+      if (has_normals_) {
+        const glm::dvec3 normal = turn * glm::dvec3(v.normal);
+        const double length = glm::length(normal);
+        QUARRY_TRY(sink_.AddNormal(length > 0 ? glm::vec3(normal / length) : glm::vec3(0)));
+      }
+      if (has_uvs_) QUARRY_TRY(sink_.AddUv(v.uv));
+      QUARRY_TRY(sink_.AddPosition(glm::dvec3(world * glm::dvec4(v.position, 1)), v.color));
+    }
+    const bool turned = IsMirror(world);
+    for (size_t i = 0; i + 2 < held.corners.size(); i += 3)
+      QUARRY_TRY(
+          Face(held.corners[i], held.corners[i + 1], held.corners[i + 2], turned, held.material, part));
+    CountVertices(count);
     return {};
+  }
+
+  Result<std::optional<GltfAccessor>> Indices(const Json& primitive, const std::string& mesh) {
+    std::optional<GltfAccessor> indices;
+    if (!primitive.contains("indices")) return indices;
+    QUARRY_ASSIGN(const uint64_t index, document_.Unsigned(primitive, mesh, "indices"));
+    QUARRY_ASSIGN(indices, GltfAccessor::Open(document_, index, 1, 1));
+    if (indices->is_real())
+      return document_.FailAt(fmt::format("{}: indices that are no whole numbers", mesh));
+    return indices;
   }
 
   /// Gives positions, and normals, texture coordinates and colours as there are. Returns how many vertices.
@@ -182,15 +279,10 @@ class GltfImport {
     return count;
   }
 
-  Status Faces(const Json& primitive, const std::string& mesh, uint64_t mode, uint64_t vertices, bool turned,
-               uint32_t material, uint32_t part) {
-    std::optional<GltfAccessor> indices;
-    if (primitive.contains("indices")) {
-      QUARRY_ASSIGN(const uint64_t index, document_.Unsigned(primitive, mesh, "indices"));
-      QUARRY_ASSIGN(indices, GltfAccessor::Open(document_, index, 1, 1));
-      if (indices->is_real())
-        return document_.FailAt(fmt::format("{}: indices that are no whole numbers", mesh));
-    }
+  /// Calls use(a, b, c) for each triangle, in the order that its front has.
+  template <class Use>
+  Status Faces(std::optional<GltfAccessor>& indices, const std::string& mesh, uint64_t mode,
+               uint64_t vertices, Use&& use) {
     const uint64_t count = indices ? indices->count() : vertices;
     uint32_t corner[3] = {};
     for (uint64_t i = 0; i < count; ++i) {
@@ -206,12 +298,12 @@ class GltfImport {
       const auto at = static_cast<uint32_t>(vertex);
       if (mode == kTriangles) {
         corner[i % 3] = at;
-        if (i % 3 == 2) QUARRY_TRY(Face(corner[0], corner[1], corner[2], turned, material, part));
+        if (i % 3 == 2) QUARRY_TRY(use(corner[0], corner[1], corner[2]));
         continue;
       }
       // Strip: each with the two before, every second one turned. Fan: with the first and the one before.
-      if (i >= 2)
-        QUARRY_TRY(Face(corner[0], corner[1], at, turned != (mode == kStrip && i % 2 == 1), material, part));
+      const bool odd = mode == kStrip && i % 2 == 1;
+      if (i >= 2) QUARRY_TRY(use(corner[0], odd ? at : corner[1], odd ? corner[1] : at));
       if (i == 0 || (mode == kStrip && i >= 2)) corner[0] = i == 0 ? at : corner[1];
       if (i >= 1) corner[1] = at;
     }
@@ -235,6 +327,7 @@ class GltfImport {
   GltfSkins skins_{document_};
   std::vector<uint32_t> materials_;
   std::vector<glm::dmat4> joints_;                  ///< of the node at hand; none: it has no skin
+  uint64_t held_vertices_ = 0, held_indices_ = 0;   ///< of its primitives
   std::vector<double> weights_;                     ///< of its morph targets
   uint64_t primitives_ = 0, given_ = 0;             ///< met so far; up to the last checkpoint
   uint64_t positions_ = 0, normals_ = 0, uvs_ = 0;  ///< given by primitives before

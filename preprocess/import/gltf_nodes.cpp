@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <glm/geometric.hpp>
 #include <glm/gtc/quaternion.hpp>
 #include <nlohmann/json.hpp>
 
@@ -17,7 +18,10 @@ constexpr uint64_t kNoParent = ~uint64_t{0};
 
 /// Scaled, turned, moved.
 glm::dmat4 Composed(const glm::dvec3& translation, const glm::dvec4& rotation, const glm::dvec3& scale) {
-  glm::dmat4 m = glm::mat4_cast(glm::dquat(rotation.w, rotation.x, rotation.y, rotation.z));
+  // Of unit length by the format; bytes, and some programs, are not so exact.
+  const double length = glm::length(rotation);
+  const glm::dvec4 r = length > 0 ? rotation / length : glm::dvec4(0, 0, 0, 1);
+  glm::dmat4 m = glm::mat4_cast(glm::dquat(r.w, r.x, r.y, r.z));
   for (int a = 0; a < 3; ++a) m[a] *= scale[a];
   m[3] = glm::dvec4(translation, 1);
   return m;

@@ -105,6 +105,11 @@ Status ImportModel(const std::string& path, ModelSink& sink, const ForeignFormat
   const std::string name = std::filesystem::path(bytes.path()).filename().string();
   const bool by_assimp = !foreign.program.empty() && bytes.can_reopen() && !bytes.is_packed();
   if (import == nullptr && !by_assimp && !content.what.empty()) return IsForeign(bytes, content);
+  if (import == nullptr && !by_assimp && !foreign.program.empty())
+    return Fail(
+        fmt::format("{}: is neither PLY, OBJ, STL, OFF, NFF, AFF nor glTF; other formats are read from files "
+                    "that are not packed: {}",
+                    bytes.path(), bytes.is_packed() ? "unpack it first" : "give it as a file"));
   if (import == nullptr && !by_assimp)
     return Fail(fmt::format("{}: is neither PLY, OBJ, STL, OFF, NFF, AFF nor glTF, the formats that are read",
                             bytes.path()));

@@ -15,8 +15,10 @@ bool IsContinued(std::string_view line) {
   return last != std::string_view::npos && line[last] == '\\';
 }
 
+/// Whether it ends in a comment, or in a name: there a backslash is a character like others.
 bool IsCommentOrName(std::string_view line) {
-  if (line.starts_with('#')) return true;
+  for (size_t at = line.find('#'); at != line.npos; at = line.find('#', at + 1))
+    if (at == 0 || IsBlank(line[at - 1])) return true;
   const std::string_view word = TextCursor(line).Word();
   return word == "g" || word == "o" || EqualsIgnoringCase(word, "usemtl") ||
          EqualsIgnoringCase(word, "newmtl");
@@ -76,7 +78,7 @@ Result<bool> LineReader::NextJoined(std::string_view& line) {
 
 Result<bool> LineReader::JoinFollowing(std::string_view& line) {
   joined_.clear();
-  while (IsContinued(line)) {
+  while (IsContinued(line) && !IsCommentOrName(line)) {
     joined_.append(line.substr(0, line.rfind('\\'))).push_back(' ');
     if (joined_.size() > kLongestLine) return FailHere("continues a line to more than 1 MiB");
     QUARRY_ASSIGN(const bool more, Next(line));

@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "common/scene/open_pbr.h"
+#include "preprocess/import/foreign_content.h"
 #include "preprocess/import/line_reader.h"
 #include "preprocess/import/model_reader.h"
 #include "preprocess/import/text_number.h"
@@ -215,6 +216,12 @@ bool MtlParser::OptionalReal(TextCursor& rest, std::optional<double>& value) {
 Result<std::vector<MtlMaterial>> ReadMtl(const std::string& path,
                                          const std::function<void(std::string)>& warn) {
   QUARRY_ASSIGN(ModelReader bytes, ModelReader::Open(path));
+  constexpr size_t kLook = 1024;
+  bytes.Ensure(kLook);
+  // A library is foreign as a model, but not here.
+  const ForeignContent content = RecognizeForeign(bytes.view().substr(0, kLook), ".mtl");
+  if (!content.what.empty() && content.what != kMaterialLibrary)
+    return Fail(fmt::format("{}: is {}; {}", path, content.what, content.advice));
   return MtlParser(bytes, warn).Parse();
 }
 

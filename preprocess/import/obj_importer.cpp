@@ -41,6 +41,14 @@ struct IndexRange {
 /// A channel of a colour beyond this counts to 255, not to 1: from there on all do.
 constexpr double kMostOfOne = 2;
 
+/// Old programs write keywords in capitals. `lower`: the same without them.
+bool IsInCapitals(std::string_view keyword, std::string& lower) {
+  constexpr size_t kLongestKeyword = 8;
+  if (keyword.size() > kLongestKeyword) return false;
+  for (const char c : keyword) lower.push_back(c >= 'A' && c <= 'Z' ? static_cast<char>(c | 32) : c);
+  return lower != keyword;
+}
+
 class ObjFile {
  public:
   ObjFile(ModelReader& bytes, ModelSink& sink)
@@ -51,7 +59,7 @@ class ObjFile {
   Status Restore(ByteReader& in);
 
  private:
-  Status Line(std::string_view line);
+  Status Line(std::string_view keyword, TextCursor& rest);
   Status OtherLine(std::string_view keyword, TextCursor& rest);
   Status Position(TextCursor& rest);
   Status Normal(TextCursor& rest);
@@ -79,7 +87,7 @@ class ObjFile {
   std::string object_, group_, material_name_;
   bool part_changed_ = false, material_changed_ = false;
   uint32_t part_ = kNoIndex, material_ = kNoIndex;
-  uint64_t triangles_ = 0, short_faces_ = 0;
+  uint64_t triangles_ = 0, short_faces_ = 0, free_forms_ = 0;
   double color_scale_ = 255;
   bool has_painted_ = false;  ///< lines of ZBrush's
 };
@@ -91,23 +99,35 @@ Result<uint64_t> ObjFile::Import() {
     QUARRY_TRY(CheckpointIfDue(sink_, *this));
     QUARRY_ASSIGN(const bool more, lines_.NextJoined(line));
     if (!more) break;
-    QUARRY_TRY(Line(line));
+    TextCursor rest(line);
+    const std::string_view keyword = rest.Word();
+    QUARRY_TRY(Line(keyword, rest));
   }
-  if (positions_.count != 0 && triangles_ + short_faces_ == 0)
-    return NoFaces(bytes_.path(), positions_.count);
+  if (triangles_ == 0 && free_forms_ != 0)
+    return Fail(
+        fmt::format("{}: holds no polygons, but {} free-form curves or surfaces, which are not read; export "
+                    "it as polygons",
+                    bytes_.path(), free_forms_));
+  if (positions_.count + short_faces_ == 0)
+    return Fail(fmt::format(
+        "{}: holds no triangles: it has no line of a vertex (v x y z), as an OBJ file has", bytes_.path()));
+  if (triangles_ + short_faces_ == 0) return NoFaces(bytes_.path(), positions_.count);
   QUARRY_TRY(CheckRange(positions_));
   WarnOfDangling(normals_);
   WarnOfDangling(uvs_);
   if (has_painted_)
     sink_.Warn(fmt::format("{}: its colours stand in comments (#MRGB, as ZBrush writes them); left out",
                            bytes_.path()));
+  if (free_forms_ != 0)
+    sink_.Warn(fmt::format("{}: {} free-form curves or surfaces left out", bytes_.path(), free_forms_));
   if (short_faces_ != 0)
     sink_.Warn(fmt::format("{}: {} faces of fewer than 3 corners left out", bytes_.path(), short_faces_));
   return triangles_;
 }
 
 void ObjFile::Save(ByteWriter& out) const {
-  for (const uint64_t n : {bytes_.offset(), lines_.line_number(), triangles_, short_faces_}) out.Put(n);
+  for (const uint64_t n : {bytes_.offset(), lines_.line_number(), triangles_, short_faces_, free_forms_})
+    out.Put(n);
   for (const IndexRange* range : {&positions_, &normals_, &uvs_}) range->Save(out);
   for (const std::string* name : {&object_, &group_, &material_name_}) PutText(*name, out);
   out.Put<uint8_t>(part_changed_);
@@ -124,6 +144,7 @@ Status ObjFile::Restore(ByteReader& in) {
   lines_.GoOnAfterLine(in.Get<uint64_t>());
   triangles_ = in.Get<uint64_t>();
   short_faces_ = in.Get<uint64_t>();
+  free_forms_ = in.Get<uint64_t>();
   for (IndexRange* range : {&positions_, &normals_, &uvs_}) range->Restore(in);
   for (std::string* name : {&object_, &group_, &material_name_}) *name = GetText(in);
   part_changed_ = in.Get<uint8_t>() != 0;
@@ -135,9 +156,7 @@ Status ObjFile::Restore(ByteReader& in) {
   return materials_.Restore(in);
 }
 
-Status ObjFile::Line(std::string_view line) {
-  TextCursor rest(line);
-  const std::string_view keyword = rest.Word();
+Status ObjFile::Line(std::string_view keyword, TextCursor& rest) {
   if (keyword == "v") return Position(rest);
   if (keyword == "f" || keyword == "fo") return Face(rest);
   if (keyword == "vn") return Normal(rest);
@@ -166,6 +185,10 @@ Status ObjFile::OtherLine(std::string_view keyword, TextCursor& rest) {
     part_changed_ = true;
   } else if (keyword.find('\0') != std::string_view::npos) {
     return lines_.FailHere("holds a zero byte, so this is no text file of a model");
+  } else if (keyword == "surf" || keyword == "curv" || keyword == "curv2") {
+    ++free_forms_;
+  } else if (std::string lower; IsInCapitals(keyword, lower)) {
+    return Line(lower, rest);
   }
   return {};
 }
@@ -239,7 +262,8 @@ Status ObjFile::ReadCorner(TextCursor& rest, Corner& corner) {
     ++rest.next;
     QUARRY_TRY(Index(rest, normals_, true, corner.normal));
   }
-  if (rest.next != rest.end && !IsSpace(*rest.next)) return IndexFailure(rest, "is not part of an index");
+  if (rest.next != rest.end && !IsSpace(*rest.next) && *rest.next != '#')
+    return IndexFailure(rest, "is not part of an index");
   return {};
 }
 
@@ -286,8 +310,8 @@ Status ObjFile::CountAhead() {
     QUARRY_ASSIGN(const bool more, lines.NextJoined(line));
     if (!more) return {};
     const std::string_view keyword = TextCursor(line).Word();
-    *normals_.total += keyword == "vn";
-    *uvs_.total += keyword == "vt";
+    *normals_.total += EqualsIgnoringCase(keyword, "vn");
+    *uvs_.total += EqualsIgnoringCase(keyword, "vt");
   }
 }
 

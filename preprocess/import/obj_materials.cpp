@@ -14,7 +14,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
+std::string_view WithoutQuotes(std::string_view name) {
+  const bool quoted = name.size() >= 2 && name.front() == '"' && name.back() == '"';
+  return quoted ? name.substr(1, name.size() - 2) : name;
+}
+
 bool EndsLibraryName(std::string_view name) {
+  if (name.ends_with('"')) name.remove_suffix(1);
   return name.size() >= 4 && EqualsIgnoringCase(name.substr(name.size() - 4), ".mtl");
 }
 
@@ -29,11 +35,11 @@ std::vector<std::string> SplitLibraryNames(std::string_view names) {
     if (escaped || !IsBlank(names[i]) || (!name.empty() && !EndsLibraryName(name))) {
       name += names[i];
     } else if (!name.empty()) {
-      result.push_back(std::move(name));
+      result.emplace_back(WithoutQuotes(name));
       name.clear();
     }
   }
-  if (!name.empty()) result.push_back(std::move(name));
+  if (!name.empty()) result.emplace_back(WithoutQuotes(name));
   return result;
 }
 
@@ -41,7 +47,7 @@ ObjMaterials::ObjMaterials(const std::string& obj_path, ModelSink& sink)
     : obj_path_(obj_path), sink_(sink), warn_(sink) {}
 
 void ObjMaterials::AddLibraries(std::string_view names) {
-  const std::string whole(names);
+  const std::string whole(WithoutQuotes(names));
   if (!Find(whole).empty()) return AddLibrary(whole);
   for (const std::string& name : SplitLibraryNames(names)) AddLibrary(name);
 }

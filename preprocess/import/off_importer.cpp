@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <string>
 #include <vector>
 
 #include "preprocess/import/checkpoint.h"
@@ -25,9 +26,15 @@ struct Layout {
 bool ParseKeyword(TextCursor& cursor, Layout& layout) {
   TextCursor after = cursor;
   std::string_view word = after.Word();
-  const size_t digits = std::min(word.find_first_of("0123456789", word.find("OFF")), word.size());
+  const size_t keyword = std::min(word.find("OFF"), word.find("off"));
+  const size_t digits = std::min(word.find_first_of("0123456789", keyword), word.size());
   after.next -= word.size() - digits;
-  word = word.substr(0, digits);
+  // Letters apart from n, which is another dimension, may be small.
+  std::string capitals(word.substr(0, digits));
+  if (capitals.ends_with("off"))
+    std::ranges::transform(capitals, capitals.begin(),
+                           [](char c) { return c >= 'a' && c <= 'z' ? c & ~32 : c; });
+  word = capitals;
   if (!word.ends_with("OFF")) return false;
   word.remove_suffix(3);
   const auto take = [&](std::string_view letters) {
@@ -50,7 +57,6 @@ class OffFile {
 
   Result<uint64_t> Import() {
     QUARRY_TRY(Header());
-    if (layout_.four || layout_.ndim) return lines_.FailHere("OFF of other than 3 dimensions is not read");
     if (vertices_ != 0 && faces_ == 0) return NoFaces(bytes_.path(), vertices_);
     QUARRY_TRY(GoOnFromCheckpoint(sink_, bytes_.path(), *this));
     for (; read_ < vertices_ + faces_; ++read_) {
@@ -90,6 +96,8 @@ class OffFile {
   Status Header() {
     QUARRY_ASSIGN(TextCursor cursor, NextLine("the counts, line", 1));
     ParseKeyword(cursor, layout_);  // which may be left out
+    if (layout_.four || layout_.ndim)
+      return lines_.FailHere("OFF of other than 3 dimensions is not read; write it with three coordinates");
     if (cursor.AtEnd()) {
       QUARRY_ASSIGN(cursor, NextLine("the counts, line", 2));
     }

@@ -69,6 +69,7 @@ Result<bool> HeaderParser::Line(std::string_view line) {
   if (keyword == "format") QUARRY_TRY(Format(words));
   if (keyword == "element") QUARRY_TRY(Element(words));
   if (keyword == "property") QUARRY_TRY(Property(words));
+  if (keyword == "comment" && words.Word() == "TextureFile") header_.texture_file = std::string(words.Rest());
   return false;
 }
 

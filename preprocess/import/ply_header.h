@@ -37,6 +37,7 @@ enum class PlyEncoding { kAscii, kBinaryLittleEndian, kBinaryBigEndian };
 struct PlyHeader {
   PlyEncoding encoding = PlyEncoding::kAscii;
   std::vector<PlyElement> elements;  ///< In file order, names differ.
+  std::string texture_file;          ///< that "comment TextureFile" names (MeshLab)
   uint64_t lines = 0;                ///< Lines the header takes.
 
   const PlyElement* Find(std::string_view name) const;

@@ -16,6 +16,7 @@
 #include "preprocess/import/formats.h"
 #include "preprocess/import/ply_plan.h"
 #include "preprocess/import/ply_rows.h"
+#include "preprocess/import/text_number.h"
 
 namespace quarry {
 namespace {
@@ -81,7 +82,7 @@ class PlyBody {
   bool ReadStep(const PlyStep& step);
   bool ReadIndexList(const PlyStep& step);
 
-  Rgba8 RowColor(const PlyPlan& plan) const;
+  Rgba8 RowColor(const PlyPlan& plan);
   Status Vertex(const PlyPlan& plan);
   Status Face(const PlyPlan& plan);
   bool IsVertex(int64_t index) const {
@@ -104,6 +105,7 @@ class PlyBody {
   uint64_t row_number_ = 0;  ///< of it
   std::string complaint_;    ///< Why a step failed, where the source itself had nothing to object to.
   uint64_t vertex_count_ = 0, triangles_ = 0, short_faces_ = 0, long_rows_ = 0;
+  bool real_to_255_ = false;  ///< colours of real numbers
   bool has_normals_ = false, has_uvs_ = false, has_colors_ = false;
   IndexTable materials_, parts_;
   std::vector<Corner> corners_;
@@ -130,6 +132,9 @@ Result<uint64_t> PlyBody<Source>::Import() {
   has_colors_ = plan.Has(kRed, kBlue);
   QUARRY_ASSIGN(const bool goes_on, GoOnFromCheckpoint(sink_, path_, *this));
   if (const PlyElement* face = header_.Find("face"); face && !goes_on) QUARRY_TRY(LoadTables(*face));
+  if (!header_.texture_file.empty() && !goes_on)
+    sink_.Warn(fmt::format("{}: names the image {} (TextureFile), which is left out", path_,
+                           Quoted(header_.texture_file)));
   uint64_t rows = 0;
   for (const PlyElement& element : header_.elements) rows += element.properties.empty() ? 0 : element.count;
   if (!goes_on) source_.LookForRows(rows);
@@ -151,6 +156,7 @@ void PlyBody<Source>::Save(ByteWriter& out) const {
                            triangles_, short_faces_, long_rows_})
     out.Put(n);
   out.Put<uint8_t>(source_.by_line());
+  out.Put<uint8_t>(real_to_255_);
   materials_.Save(out);
   parts_.Save(out);
 }
@@ -165,6 +171,7 @@ Status PlyBody<Source>::Restore(ByteReader& in) {
   short_faces_ = in.Get<uint64_t>();
   long_rows_ = in.Get<uint64_t>();
   source_.SetByLine(in.Get<uint8_t>() != 0);
+  real_to_255_ = in.Get<uint8_t>() != 0;
   materials_.Restore(in);
   parts_.Restore(in);
   return {};
@@ -327,8 +334,13 @@ bool PlyBody<Source>::ReadIndexList(const PlyStep& step) {
 }
 
 template <typename Source>
-Rgba8 PlyBody<Source>::RowColor(const PlyPlan& plan) const {
-  const auto channel = [&](int i) { return row_.values[kRed + i] * plan.color_scale[i]; };
+Rgba8 PlyBody<Source>::RowColor(const PlyPlan& plan) {
+  const bool real = plan.color_scale[0] == kScaleOfReal;
+  if (real && std::max({row_.values[kRed], row_.values[kGreen], row_.values[kBlue]}) > kMostOfOne)
+    real_to_255_ = true;
+  const auto channel = [&](int i) {
+    return row_.values[kRed + i] * (real_to_255_ && real ? 1 : plan.color_scale[i]);
+  };
   return FileColor(channel(0), channel(1), channel(2), plan.Has(kAlpha, kAlpha) ? channel(3) : 255);
 }
 

@@ -55,7 +55,7 @@ constexpr SlotName kFaceSlots[] = {{"material_index", kMaterial},
 
 /// Factor that brings a colour of `type` to 0..255.
 double ColorScale(PlyType type) {
-  if (IsReal(type)) return 255.0;
+  if (IsReal(type)) return kScaleOfReal;
   return type == PlyType::kUint16 ? 255.0 / 65535.0 : 1.0;
 }
 

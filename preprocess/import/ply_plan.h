@@ -13,6 +13,11 @@ namespace quarry {
 enum VertexSlot : uint8_t { kX, kY, kZ, kNx, kNy, kNz, kRed, kGreen, kBlue, kAlpha, kU, kV };
 enum FaceSlot : uint8_t { kMaterial, kPart };  // and kRed to kAlpha
 
+/// PlyPlan::color_scale of real numbers, to 1.
+inline constexpr double kScaleOfReal = 255;
+/// A real channel beyond this counts to 255, not to 1: from there on all do.
+inline constexpr double kMostOfOne = 2;
+
 /// The plan of one element, and which slots it fills.
 struct PlyPlan {
   std::vector<PlyStep> steps;

@@ -35,23 +35,38 @@ uint32_t CountOf(ModelReader& bytes) {
 }
 bool IsCount(uint32_t count) { return count != 0 && count != 0xFFFFFFFFu; }
 
-/// Behind comments and blanks.
-bool BeginsWithSolid(ModelReader& bytes) {
+/// The first bytes behind comments and blanks.
+std::string_view Beginning(ModelReader& bytes) {
   bytes.Ensure(1024);
   std::string_view text = bytes.view().substr(0, 1024);
   if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
   while (!text.empty() && (IsSpace(text.front()) || text.front() == '#'))
     text.remove_prefix(text.front() == '#' ? std::min(text.size(), text.find_first_of("\r\n")) : 1);
-  return text.size() >= 5 && EqualsIgnoringCase(text.substr(0, 5), "solid");
+  return text;
+}
+
+/// Where `word` stands in `text`, between blanks, whatever its case; npos: nowhere.
+size_t FindWord(std::string_view text, std::string_view word) {
+  for (size_t at = 0; at + word.size() <= text.size(); ++at)
+    if ((at == 0 || IsSpace(text[at - 1])) && EqualsIgnoringCase(text.substr(at, word.size()), word) &&
+        (at + word.size() == text.size() || IsSpace(text[at + word.size()])))
+      return at;
+  return text.npos;
 }
 
 bool SizeIsBinary(ModelReader& bytes) {
   return bytes.has_size() && bytes.Ensure(kHeaderBytes) && PromisedBytes(bytes) == bytes.size();
 }
 
-/// Programs write "solid" into binary headers too; a zero byte near the start gives them away.
+/// Programs write "solid" into binary headers too; a zero byte near the start gives them away, unless facets
+/// follow. The first line may be missing.
 bool LooksAscii(ModelReader& bytes) {
-  return BeginsWithSolid(bytes) && bytes.view().substr(0, 1024).find('\0') == std::string_view::npos;
+  std::string_view text = Beginning(bytes);
+  const bool solid = text.size() >= 5 && EqualsIgnoringCase(text.substr(0, 5), "solid");
+  const size_t facet = FindWord(text, "facet");
+  if (!solid && (facet != 0 || FindWord(text, "outer") == text.npos)) return false;
+  if (facet != text.npos) text.remove_prefix(facet);
+  return text.find('\0') == text.npos;
 }
 
 glm::dvec3 LoadPoint(const char* at) {
@@ -265,7 +280,8 @@ Status AsciiStl::Keyword(std::string_view word, TextCursor& rest) {
     return EqualsIgnoringCase(word.substr(0, start.size()), start);
   };
   if (is("vertex")) return Vertex(rest);
-  if (is("end")) {  // "end loop"
+  if (word == "\x1A") return {};  // the end of a text, to DOS
+  if (is("end")) {                // "end loop"
     joined_ = "end" + std::string(rest.Word());
     return joined_.size() > 3 ? Keyword(joined_, rest) : Status{};
   }
@@ -277,9 +293,13 @@ Status AsciiStl::Keyword(std::string_view word, TextCursor& rest) {
     for (int i = 0; i < 3; ++i) rest.Word();
   } else if (begins("solid")) {
     rest.next = word.data() + 5;  // the name may follow without a blank
-    const std::string_view name = rest.Rest();
+    std::string_view name = rest.Rest();
+    // All may stand in one line.
+    const size_t facet = FindWord(name, "facet");
+    const bool goes_on = facet != name.npos && FindWord(name.substr(facet), "vertex") != name.npos;
+    if (goes_on) name = TextCursor(name.substr(0, facet)).Rest();
     part_ = name.empty() ? kNoIndex : sink_.AddPart(name);
-    rest.next = rest.end;
+    rest.next = goes_on ? name.data() + name.size() : rest.end;
   } else if (begins("endsolid") || is("color") || word.starts_with('#')) {
     rest.next = rest.end;
   } else if (!is("outer") && !is("loop") && !is("outerloop") && !is("endloop")) {
