@@ -34,7 +34,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 /// Of notes, and of whatever a result depends on that no option says.
-constexpr int kJournalVersion = 4;
+constexpr int kJournalVersion = 5;
 
 std::string Command(const PreprocessOptions& options) {
   std::string command = fmt::format(

@@ -22,8 +22,8 @@ class LineReader {
   Result<bool> Next(std::string_view& line);
 
   /// Like Next(), with lines that end in a backslash, and blanks perhaps, joined to the next by a blank.
-  /// Comments ('#') and lines that name a group, an object or a material are not: a folder's name at their end
-  /// would swallow a line.
+  /// Comments ('#') and lines that name a group, an object or a material are not: a folder's name at their
+  /// end would swallow a line.
   Result<bool> NextJoined(std::string_view& line);
 
   /// The number, from 1, of the line read last (the last of joined ones).

@@ -94,7 +94,8 @@ void ModelReader::OnRead(std::function<void(uint64_t done, uint64_t total)> told
 void ModelReader::Tell() const {
   struct stat info {};
   const off_t at = lseek(fd_, 0, SEEK_CUR);
-  if (at >= 0 && fstat(fd_, &info) == 0) told_(static_cast<uint64_t>(at), static_cast<uint64_t>(info.st_size));
+  if (at >= 0 && fstat(fd_, &info) == 0)
+    told_(static_cast<uint64_t>(at), static_cast<uint64_t>(info.st_size));
 }
 
 /// The same, unpacked.

@@ -128,8 +128,8 @@ class BinaryPlySource {
   ModelReader& bytes_;
 };
 
-/// The same of an ASCII body: values separated by any white space, the ends of lines included. Where there are
-/// lines enough, a row begins on a line of its own, and what is left of its last line is passed over.
+/// The same of an ASCII body: values separated by any white space, the ends of lines included. Where there
+/// are lines enough, a row begins on a line of its own, and what is left of its last line is passed over.
 class AsciiPlySource {
  public:
   static constexpr bool kBinary = false;

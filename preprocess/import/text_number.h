@@ -47,7 +47,8 @@ struct TextCursor {
   std::string_view Name() {
     const std::string_view rest = Rest();
     for (size_t i = 0; i < rest.size(); ++i)
-      if (rest[i] == '#' && (i == 0 || IsBlank(rest[i - 1])) && (i + 1 == rest.size() || IsBlank(rest[i + 1])))
+      if (rest[i] == '#' && (i == 0 || IsBlank(rest[i - 1])) &&
+          (i + 1 == rest.size() || IsBlank(rest[i + 1])))
         return TextCursor(rest.substr(0, i)).Rest();
     return rest;
   }

@@ -330,7 +330,7 @@ TEST_CASE("The pages in memory, and what may still be loaded, are the same after
     }
     for (; face < kFaces; ++face) {
       if (face % 1001 == 0) QUARRY_TRY(look());  // out of step with what else is counted
-      Corner corners[4];  // crossing, most of them
+      Corner corners[4];                         // crossing, most of them
       for (uint32_t k = 0; k < 4; ++k)
         corners[k].position = (face / 3 * 2654435761u + (face % 5 == 0 ? k * 4000037u : k)) % kVertices;
       QUARRY_TRY(sink.AddPolygon(corners, kNoIndex, kNoIndex));
