@@ -95,7 +95,7 @@ int Main(int argc, char** argv) {
     status = Fail(fmt::format("standard output cannot be written: {}", e.code().message()));
   }
   if (status) return 0;
-  fmt::print(stderr, "quarry: {}\n", status.error().message);
+  if (!status.error().message.empty()) fmt::print(stderr, "quarry: {}\n", status.error().message);
   return status.error().exit_status;
 }
 

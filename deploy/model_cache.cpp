@@ -92,8 +92,12 @@ Status Make(const std::string& model, const std::string& store, bool quiet) {
       model, "-o", store, "--stats", RecordOf(store), "--force", "--resume-if-fit"};
   if (quiet) arguments.push_back("--quiet");
   QUARRY_ASSIGN(const int status, RunSibling("quarry-preprocess", arguments));
+  // What is wrong with the model, the preprocessor has said; of a signal it could say nothing.
+  const bool told = status == 1 || status == 2;
   if (status != 0)
-    return tl::unexpected<Error>(Error{fmt::format("{}: could not be preprocessed", model), status});
+    return tl::unexpected<Error>(
+        told ? Error{"", status}
+             : Error{fmt::format("{}: quarry-preprocess was ended by the system", model), 1});
   QUARRY_ASSIGN(const uint64_t limit, KeptStoresLimit());
   if (limit == 0) return {};
   // Not the one that was asked for, however large it is.

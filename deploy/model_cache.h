@@ -19,7 +19,8 @@ std::string CacheFolder();
 /// is made first unless it is there and the model, and every file that it names, has the size and time (or is
 /// missing) as when it was made, by this version of the importers and the format. An unfinished one that was
 /// left by a signal is gone on with. While another process makes it, this one waits.
-/// Errors: no such file; the preprocessor's, in its words and with its status.
+/// Errors: no such file; what the preprocessor has refused, with its status and no sentence, since it has
+/// said its own.
 Result<std::string> StoreFor(const std::string& scene, bool quiet);
 
 /// The files that a kept store was made from: the model, and those that it names.

@@ -129,6 +129,8 @@ Result<OutputFile> OutputFile::Create(const std::string& path) {
     ::unlink(temporary.c_str());
     fd = ::open(temporary.c_str(), kFlags, 0644);
   }
+  if (fd < 0 && errno == ENOENT)
+    return Fail(fmt::format("{}: cannot write: its folder is not there; make it first", path));
   if (fd < 0) return Fail(fmt::format("{}: cannot write: {}", path, ErrnoText(errno)));
   return OutputFile(place.path, std::move(temporary), fd, false);
 }

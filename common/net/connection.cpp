@@ -177,7 +177,9 @@ void Connect(asio::io_context& io, const Endpoint& endpoint, const Security& sec
     attempt->timer.cancel();
     if (!error && !attempt->timed_out)
       return done(MakeConnection(io, attempt->socket.release(), security, host, nullptr));
-    done(Fail(fmt::format("cannot reach {}: {}", name, attempt->timed_out ? "no answer" : error.message())));
+    std::string why = attempt->timed_out ? "no answer" : error.message();
+    if (error == asio::error::connection_refused) why += "; no program listens there";
+    done(Fail(fmt::format("cannot reach {}: {}", name, why)));
   };
   attempt->resolver.async_resolve(
       endpoint.host, std::to_string(endpoint.port),

@@ -265,6 +265,12 @@ class Sentences(Case):
                        "--camera-path", "nosuch.json")
         self.must_fail(2, "write 1000000", "quarry-scene", "plant", "--triangles", "1M", "-o", self.path("x.ply"))
 
+    def test_a_model_that_is_none_is_named_once(self):
+        (self.folder / "x.zip").write_bytes(b"PK\3\4" + bytes(40))
+        done = self.must_fail(1, r"^quarry-preprocess: \S*x\.zip: is a zip archive; unpack it", "quarry", "render", self.path("x.zip"), "-o",
+                              self.path("x.png"), "--quiet")
+        self.assertEqual(len(done.stderr.splitlines()), 1)
+
     def test_which_frame(self):
         (self.folder / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
         camera = {"eye": [3, 3, 3], "at": [0, 0, 0]}
