@@ -88,6 +88,11 @@ void RemoveAll() {
 }
 
 [[noreturn]] void End() {
+  // No further signal interrupts the thread that ends the program: it would wait for itself. One that comes
+  // before this line ends it in its place.
+  sigset_t all;
+  ::sigfillset(&all);
+  ::pthread_sigmask(SIG_BLOCK, &all, nullptr);
   if (ending.exchange(true)) Wait();
   RemoveAll();
   const char* text = messages[message.load()];

@@ -275,6 +275,21 @@ class Signals(Case):
         self.assertGreater(interrupted, 20)
         self.assertGreater(kept, 0)
 
+    def test_signals_upon_signals_end_it_once(self):
+        """As when a terminal's Ctrl-C and the end of the program that started it come together."""
+        model = self.path("plant.ply")
+        self.must("quarry-scene", "plant", "--triangles", 2000000, "-o", model, "--quiet")
+        burst = 1000 * (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+        for run in range(60):
+            child = subprocess.Popen([str(BIN / "quarry-preprocess"), model, "-o", self.path("x.quarry"), "--quiet"],
+                                     stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+            self.addCleanup(end, child)
+            time.sleep(0.15 + 0.02 * (run % 10))
+            for one in burst:
+                os.kill(child.pid, one)
+            told = child.communicate(timeout=60 * PATIENCE)[1]
+            self.assertEqual(told.count("interrupted"), 1, told)
+
 
 if __name__ == "__main__":
     unittest.main(verbosity=2)
