@@ -23,10 +23,10 @@ std::string CacheFolder();
 /// said its own.
 Result<std::string> StoreFor(const std::string& scene, bool quiet);
 
-/// The files that a kept store was made from: the model, and those that it names.
+/// Paths of the files that a kept store is made from: the model's, and those of the files that it names.
 std::vector<std::string> FilesOfKept(const std::string& store);
 
-/// One store in the cache folder, or what is left of making one.
+/// A store in the cache folder, finished or not.
 struct KeptStore {
   std::string path;
   std::string model;    ///< empty: unknown
@@ -38,7 +38,7 @@ struct KeptStore {
 /// What is there, the least recently used first.
 Result<std::vector<KeptStore>> ListKeptStores();
 
-/// Removes stores, the least recently used first, until those that are left take at most `most` bytes.
+/// Removes stores, the least recently used first, until the cache folder holds at most `most` bytes.
 /// Whoever is reading one reads on; one that is being made is left alone. Returns what is gone.
 Result<std::vector<KeptStore>> ShrinkKeptStores(uint64_t most);
 

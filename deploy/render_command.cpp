@@ -97,7 +97,8 @@ Status ParseImage(const RenderArguments& a, RenderJob& job) {
   return ParseAovs(a.aov, job);
 }
 
-/// Those that the person gives; else those of the scene; else a sun.
+/// Lights of the job: those of --lights and --sun; without these options the scene's; where it has none, a
+/// sun.
 Status ChooseLights(const RenderArguments& a, const StoreReader& store, RenderJob& job) {
   const SceneMeta& scene = store.catalog().meta;
   if (!a.lights.empty()) QUARRY_TRY(ReadLights(a.lights, scene.offset, job));

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "common/base/status.h"
-#include "preprocess/import/model_sink.h"
+#include "preprocess/import/ignoring_sink.h"
 #include "preprocess/preprocess.h"
 #include "preprocess/triangle_record.h"
 
@@ -40,25 +40,6 @@ struct SampleWindow {
 /// Cubes around vertices from all over a file of so many triangles, each with a share of the vertices that
 /// stands for as many triangles as a region has; for a small file one that holds everything.
 std::vector<SampleWindow> ChooseWindows(const VertexSample& vertices, uint64_t triangles);
-
-/// A sink that does nothing with what a model has.
-class IgnoringSink : public ModelSink {
- public:
-  Status BeginFile(std::string_view) override { return {}; }
-  Status EndFile() override { return {}; }
-  uint32_t AddMaterial(const Material&) override { return materials_++; }
-  uint32_t AddPart(std::string_view) override { return parts_++; }
-  bool takes_textures() const override { return false; }
-  Result<uint32_t> AddTexture(TextureImage) override { return kNoIndex; }
-  Status AddPosition(const glm::dvec3&, const Rgba8&) override { return {}; }
-  Status AddNormal(const glm::vec3&) override { return {}; }
-  Status AddUv(const glm::vec2&) override { return {}; }
-  Status AddPolygon(std::span<const Corner>, uint32_t, uint32_t) override { return {}; }
-  void Warn(std::string) override {}
-
- private:
-  uint32_t materials_ = 0, parts_ = 0;
-};
 
 /// The triangles of the `file`-th file that have a corner in a window. Faces that come before their vertices
 /// are not seen.

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "preprocess/import/model_sink.h"
+#include "preprocess/import/ignoring_sink.h"
 
 namespace quarry {
 
@@ -14,23 +14,13 @@ namespace quarry {
 /// it: the median of its triangles, each weighed by how small it is, since floats lose the small ones first.
 /// Where no face has come yet, the median of its vertices. One vertex far away, or a few, do not move it. An
 /// importer that gives it too much is stopped by an error.
-class OriginSurvey final : public ModelSink {
+class OriginSurvey final : public IgnoringSink {
  public:
   /// Nothing: it has met no place at all.
   std::optional<glm::dvec3> Place() const;
 
-  Status BeginFile(std::string_view) override { return {}; }
-  Status EndFile() override { return {}; }
-  uint32_t AddMaterial(const Material&) override { return materials_++; }
-  uint32_t AddPart(std::string_view) override { return parts_++; }
-  bool takes_textures() const override { return false; }
-  Result<uint32_t> AddTexture(TextureImage) override { return kNoIndex; }
   Status AddPosition(const glm::dvec3& position, const Rgba8&) override;
-  Status AddNormal(const glm::vec3&) override { return {}; }
-  Status AddUv(const glm::vec2&) override { return {}; }
   Status AddPolygon(std::span<const Corner> corners, uint32_t, uint32_t) override;
-  void Warn(std::string) override {}
-  void ReadsOnce() override {}
 
  private:
   static constexpr size_t kMost = 1 << 16;
@@ -43,7 +33,6 @@ class OriginSurvey final : public ModelSink {
   };
   std::vector<Weighed> Triangles() const;
 
-  uint32_t materials_ = 0, parts_ = 0;
   std::vector<glm::dvec3> positions_;
   std::vector<Face> faces_;
 };

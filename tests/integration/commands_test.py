@@ -235,7 +235,7 @@ class Options(Case):
         one = min(os.sched_getaffinity(0))
         done = subprocess.run([str(BIN / "quarry-preprocess"), "--help"], capture_output=True, text=True, timeout=TIMEOUT_S,
                               preexec_fn=lambda: os.sched_setaffinity(0, {one}))
-        self.assertRegex(done.stdout, r"--threads [^\n]*\[1\]|--threads UINT:[^\n]*=1|--threads UINT=1")
+        self.assertRegex(done.stdout, r"--threads UINT=1 ")
 
     def test_threads_follow_the_cgroup(self):
         group = pathlib.Path("/sys/fs/cgroup/cpu") / f"quarry-test-{os.getpid()}"
@@ -247,7 +247,7 @@ class Options(Case):
         (group / "cpu.cfs_quota_us").write_text("50000")
         done = subprocess.run([str(BIN / "quarry-preprocess"), "--help"], capture_output=True, text=True, timeout=TIMEOUT_S,
                               preexec_fn=lambda: (group / "cgroup.procs").write_text(str(os.getpid())))
-        self.assertRegex(done.stdout, r"--threads [^\n]*\[1\]|--threads UINT:[^\n]*=1|--threads UINT=1")
+        self.assertRegex(done.stdout, r"--threads UINT=1 ")
 
 
 class Sentences(Case):
