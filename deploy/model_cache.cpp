@@ -236,7 +236,10 @@ Result<uint64_t> KeptStoresLimit() {
   QUARRY_TRY(file.ReadAt(0, text));
   std::string_view number = AsText(text);
   while (number.ends_with('\n')) number.remove_suffix(1);
-  return ParseSize(number, path);
+  const auto limit = ParseSize(number, path);
+  if (!limit)
+    return Fail(fmt::format("{}: holds no size; quarry cache limit SIZE (or none) sets it anew", path));
+  return *limit;
 }
 
 Status SetKeptStoresLimit(uint64_t bytes) {

@@ -109,6 +109,10 @@ class KeptStores(Case):
         self.must("quarry", "cache", "clear")
         self.assertEqual(self.kept()["stores"], [])
         self.must_fail(2, "is not a size", "quarry", "cache", "limit", "lots")
+        (self.folder / "cache/limit").write_text("")  # cut off by a full disk, say
+        self.must_fail(1, "limit: holds no size; quarry cache limit SIZE", "quarry", "cache", "list")
+        self.must("quarry", "cache", "limit", "1G")
+        self.must("quarry", "cache", "list")
 
     def test_an_interrupted_one_is_gone_on_with(self):
         model = self.path("plant.ply")
