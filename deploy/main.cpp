@@ -11,9 +11,9 @@
 #include <vector>
 
 #include "common/base/cleanup.h"
-#include "common/base/command_line.h"
 #include "common/base/cpu_check.h"
 #include "common/base/version.h"
+#include "common/command_line/command_line.h"
 #include "deploy/cache_command.h"
 #include "deploy/cluster.h"
 #include "deploy/info_command.h"

@@ -9,7 +9,6 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "common/base/command_line.h"
 #include "common/base/file.h"
 #include "common/base/json_file.h"
 #include "common/base/number.h"
@@ -17,7 +16,8 @@
 #include "common/base/progress.h"
 #include "common/base/resource.h"
 #include "common/base/version.h"
-#include "common/net/security_options.h"
+#include "common/command_line/command_line.h"
+#include "common/command_line/security_options.h"
 #include "common/voxel/store_reader.h"
 #include "deploy/client.h"
 #include "deploy/cluster.h"

@@ -7,8 +7,8 @@
 #include <map>
 #include <memory>
 
+#include "common/engine/voxel_source.h"
 #include "common/net/connection.h"
-#include "common/net/voxel_source.h"
 #include "common/protocol/messages.h"
 
 namespace quarry {

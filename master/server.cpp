@@ -18,19 +18,19 @@
 #include <utility>
 
 #include "common/base/size.h"
-#include "common/net/file_source.h"
-#include "common/net/source_set.h"
+#include "common/engine/file_source.h"
+#include "common/net/liveness_monitor.h"
+#include "common/net/source_spec.h"
 #include "common/protocol/messages.h"
-#include "master/active_frame.h"
 #include "master/block_service.h"
-#include "master/foresight.h"
-#include "master/jobs.h"
-#include "master/patience.h"
-#include "master/pulses.h"
-#include "master/roster.h"
-#include "master/statistics.h"
-#include "master/tile_log.h"
-#include "master/tile_overhead.h"
+#include "master/jobs/jobs.h"
+#include "master/jobs/statistics.h"
+#include "master/jobs/tile_log.h"
+#include "master/schedule/active_frame.h"
+#include "master/schedule/footprint_probe.h"
+#include "master/schedule/unattributed_tile_cost.h"
+#include "master/schedule/wait_budget.h"
+#include "master/worker_registry.h"
 
 namespace quarry {
 namespace {
@@ -82,8 +82,8 @@ class Server {
     }
     if (stored > 0) decoded_per_stored_ = static_cast<double>(decoded) / static_cast<double>(stored);
     if (options.foresight_bytes > 0 && options.policy == SchedulingPolicy::kFootprint && !options.serve_only)
-      foresight_ = std::make_unique<Foresight>(source_.store(), options.foresight_bytes,
-                                               [this] { asio::post(io_, [this] { OnForeseen(); }); });
+      probe_ = std::make_unique<FootprintProbe>(source_.store(), options.foresight_bytes,
+                                                [this] { asio::post(io_, [this] { OnForeseen(); }); });
   }
 
   Status Run() {
@@ -149,13 +149,13 @@ class Server {
     c->Expect(hello.role == Role::kWorker   ? Speaker::kWorker
               : hello.role == Role::kVoxels ? Speaker::kVoxels
                                             : Speaker::kClient);
-    if (hello.role != Role::kVoxels) pulses_.Add(c, Now());
+    if (hello.role != Role::kVoxels) liveness_.Add(c, Now());
     Welcome welcome{catalog().id, 0, options_.sources};
     if (hello.role == Role::kWorker) welcome.worker = AddWorker(c, hello);
     c->Send(MakeMessage(MessageType::kWelcome, welcome));
     if (hello.role == Role::kWorker)
       blocks_.Send(c, packed_catalog_.size(), [this, &connection = *c] {
-        if (WorkerRecord* worker = roster_.Find(&connection)) worker->has_catalog = true;
+        if (WorkerRecord* worker = registry_.Find(&connection)) worker->has_catalog = true;
         WorkersChanged();
         return Message{MessageType::kCatalog, 0, {}, packed_catalog_};
       });
@@ -171,15 +171,15 @@ class Server {
       QUARRY_ASSIGN(JobRequest request, DecodeJobRequest(m.table));
       return jobs_.Ask(c, std::move(request));
     }
-    WorkerRecord* worker = role == Role::kWorker ? roster_.Find(c.get()) : nullptr;
+    WorkerRecord* worker = role == Role::kWorker ? registry_.Find(c.get()) : nullptr;
     if (worker && m.type == MessageType::kTileDone) return OnTileDone(*worker, m);
     if (worker && m.type == MessageType::kFailure) return OnWorkerFailure(*worker, m);
     if (worker && m.type == MessageType::kHello) return OnServesAt(*worker, m);
-    if (worker && m.type == MessageType::kAlive) {
-      QUARRY_ASSIGN(const Alive alive, DecodeAlive(m.table));
+    if (worker && m.type == MessageType::kWorkerStatus) {
+      QUARRY_ASSIGN(const WorkerStatus alive, DecodeWorkerStatus(m.table));
       QUARRY_TRY(CheckBlocks(alive.cached));
       QUARRY_TRY(CheckBlocks(alive.dropped));
-      Roster::Update(*worker, alive);
+      WorkerRegistry::Update(*worker, alive);
       if (alive.whole) {  // it has the scene now, or has come back with its cache
         worker->has_scene = true;
         WorkersChanged();
@@ -196,12 +196,12 @@ class Server {
     const bool ended_well = !dropped && role != roles_.end();
     const bool was_client = ended_well && role->second == Role::kClient;
     roles_.erase(c.get());
-    pulses_.Forget(c);
+    liveness_.Forget(c);
     blocks_.Forget(c);
-    if (const WorkerRecord* worker = roster_.Find(c.get())) {
+    if (const WorkerRecord* worker = registry_.Find(c.get())) {
       const uint32_t id = worker->id;
       Log(fmt::format("worker {} is gone: {}", worker->name, error.message));
-      roster_.Remove(c.get());
+      registry_.Remove(c.get());
       for (Rendering& r : renderings_) r.frame->Forget(id);
       WorkersChanged();
       return;
@@ -228,11 +228,11 @@ class Server {
 
   uint32_t AddWorker(const ConnectionPtr& c, const Hello& hello) {
     // The same worker on a connection that is not yet known to be lost.
-    if (const WorkerRecord* old = roster_.FindInstance(hello.instance)) {
+    if (const WorkerRecord* old = registry_.FindInstance(hello.instance)) {
       const ConnectionPtr lost = old->connection;
       Refuse(lost, "you are here a second time");
     }
-    const WorkerRecord& worker = roster_.Add(c, hello);
+    const WorkerRecord& worker = registry_.Add(c, hello);
     Log(fmt::format("worker {} has joined with {} threads", worker.name, worker.threads));
     return worker.id;
   }
@@ -251,8 +251,8 @@ class Server {
   }
 
   void TellAndPlan() {
-    const Peers peers = roster_.MakePeers();
-    for (auto& [id, worker] : roster_.all())
+    const Peers peers = registry_.MakePeers();
+    for (auto& [id, worker] : registry_.all())
       if (worker.has_scene) worker.connection->Send(MakeMessage(MessageType::kPeers, peers));
     MakePlans(PlanNews::kWorkers);
   }
@@ -266,63 +266,63 @@ class Server {
   /// Has those under way foreseen, and those that come next, so that they are when they begin.
   void AskForesight() {
     constexpr size_t kAhead = 3, kMostTiles = 4096;
-    std::vector<Foresight::Wish> wishes;
+    std::vector<FootprintProbe::Wish> wishes;
     const auto add = [&](const Jobs::Begun& frame) {
       const uint64_t pixels = uint64_t{frame.one.crop_width} * frame.one.crop_height;
       if (pixels <= kMostTiles * kTileSize * kTileSize)
         wishes.push_back({frame.job->id, frame.index, frame.one});
     };
     // One worker gets all tiles, whatever they touch.
-    if (roster_.all().size() > 1) {
+    if (registry_.all().size() > 1) {
       for (const Rendering& r : renderings_)
         if (!r.frame->learned() && r.frame->open_tiles() > 0) add(r.part);
       for (const Jobs::Begun& next : jobs_.Upcoming(kAhead)) add(next);
     }
-    foresight_->Want(std::move(wishes));
+    probe_->Want(std::move(wishes));
     for (Rendering& r : renderings_)
       if (!r.frame->learned())
-        if (auto coarse = foresight_->Find(r.part.job->id, r.part.index)) r.frame->Learn(std::move(coarse));
+        if (auto coarse = probe_->Find(r.part.job->id, r.part.index)) r.frame->Learn(std::move(coarse));
   }
 
   bool IsNextBeingForeseen() const {
     const auto next = jobs_.Upcoming(1);
-    return foresight_ && !next.empty() && foresight_->IsAtWork(next[0].job->id, next[0].index);
+    return probe_ && !next.empty() && probe_->IsAtWork(next[0].job->id, next[0].index);
   }
 
   /// Whether the next frame is to be foreseen before it begins, though a worker has nothing to do.
   bool IsWorthWaiting() {
-    if (!foresight_) return false;
+    if (!probe_) return false;
     if (renderings_.empty()) AskForesight();
-    return patience_.Waits(Now(), IsNextBeingForeseen());
+    return wait_budget_.Waits(Now(), IsNextBeingForeseen());
   }
 
   /// Frames that begin later take it up by themselves.
   void OnForeseen() {
     HandOutSoon();
     const bool now = std::ranges::any_of(renderings_, [this](const Rendering& r) {
-      return !r.frame->learned() && foresight_->Find(r.part.job->id, r.part.index);
+      return !r.frame->learned() && probe_->Find(r.part.job->id, r.part.index);
     });
     if (now) MakePlans(PlanNews::kFrames);
   }
 
   /// Of all frames under way: whenever one begins or ends, and when workers come and go.
   void MakePlans(PlanNews news) {
-    if (foresight_) AskForesight();
+    if (probe_) AskForesight();
     std::map<uint32_t, double> speeds;
     std::map<uint32_t, BlockSet> holds;
     const auto sound = [](const auto& entry) {
       return entry.second.has_catalog && !entry.second.conduct.doubtful();
     };
-    const bool any_sound = std::ranges::any_of(roster_.all(), sound);
-    for (const auto& entry : roster_.all()) {
+    const bool any_sound = std::ranges::any_of(registry_.all(), sound);
+    for (const auto& entry : registry_.all()) {
       const WorkerRecord& worker = entry.second;
       if (any_sound ? !sound(entry) : !worker.has_catalog) continue;
       speeds[worker.id] = worker.threads;
       holds[worker.id] = worker.holds;
     }
-    overhead_.Decoded(roster_.DecodeSeconds());
+    overhead_.Decoded(registry_.DecodeSeconds());
     PlanFrames(Frames(), previous_.get(), news, speeds, std::move(holds),
-               {block_bytes_, roster_.SecondsPerByte(decoded_per_stored_), overhead_.seconds()},
+               {block_bytes_, registry_.SecondsPerByte(decoded_per_stored_), overhead_.seconds()},
                options_.policy);
   }
 
@@ -331,16 +331,16 @@ class Server {
     if (std::exchange(handing_out_, true)) return;
     asio::post(io_, [this] {
       handing_out_ = false;
-      HandOut();
+      AssignTiles();
     });
   }
 
-  void HandOut() {
+  void AssignTiles() {
     if (std::exchange(workers_changed_, false)) TellAndPlan();
     LookAtConduct();
-    const bool any_proven = roster_.AnyProven();
-    std::vector<Hand> hands;
-    for (const auto& [id, worker] : roster_.all())
+    const bool any_proven = registry_.AnyProven();
+    std::vector<WorkerCredit> hands;
+    for (const auto& [id, worker] : registry_.all())
       if (worker.has_catalog)
         hands.push_back(
             {id,
@@ -349,14 +349,15 @@ class Server {
     const bool ending = jobs_.Upcoming(1).empty();
     std::function<double(const ActiveFrame&, uint32_t, uint32_t)> fetch_s;
     if (options_.policy == SchedulingPolicy::kFootprint)
-      fetch_s = [this, per_byte = roster_.SecondsPerByte(decoded_per_stored_)](
+      fetch_s = [this, per_byte = registry_.SecondsPerByte(decoded_per_stored_)](
                     const ActiveFrame& frame, uint32_t tile, uint32_t worker) {
-        return ExpectedBytes(frame.Expected(tile), roster_.FindById(worker)->holds, block_bytes_) * per_byte;
+        return ExpectedBytes(frame.Expected(tile), registry_.FindById(worker)->holds, block_bytes_) *
+               per_byte;
       };
-    for (HandedTile& tile : quarry::HandOut(Frames(), hands, Now(), ending, fetch_s, [this] {
+    for (AssignedTile& tile : quarry::AssignTiles(Frames(), hands, Now(), ending, fetch_s, [this] {
            return MayBegin(Frames()) && !IsWorthWaiting() ? StartFrame() : nullptr;
          })) {
-      WorkerRecord& worker = *roster_.FindById(tile.worker);
+      WorkerRecord& worker = *registry_.FindById(tile.worker);
       const uint64_t setup = tile.order.setup, oldest = renderings_.front().frame->setup();
       if (worker.setups.insert(setup).second) {
         worker.connection->Send(
@@ -374,7 +375,7 @@ class Server {
     std::unordered_map<uint32_t, uint32_t> held;
     for (const Rendering& r : renderings_) r.frame->AddHeld(held);
     uint32_t busy = 0;
-    for (auto& [id, worker] : roster_.all()) {
+    for (auto& [id, worker] : registry_.all()) {
       const auto it = held.find(id);
       worker.conduct.Look(Now(), it != held.end());
       if (it != held.end()) busy += std::min(it->second, worker.threads);
@@ -387,12 +388,12 @@ class Server {
     std::set<uint32_t> outdone;
     frame.AddOutdone(outdone);
     for (const uint32_t id : outdone)
-      if (WorkerRecord* worker = roster_.FindById(id)) worker->conduct.Outdone();
+      if (WorkerRecord* worker = registry_.FindById(id)) worker->conduct.Outdone();
   }
 
   void DropMute() {
     std::vector<ConnectionPtr> mute;
-    for (const auto& [id, worker] : roster_.all())
+    for (const auto& [id, worker] : registry_.all())
       if (worker.conduct.mute()) mute.push_back(worker.connection);
     for (const ConnectionPtr& c : mute)
       Lose(c, fmt::format("it has answered nothing for {:.0f} s in which it held tiles, and others have "
@@ -401,13 +402,13 @@ class Server {
   }
 
   /// What the tile is expected to touch and the worker lacks.
-  void AddHints(HandedTile& tile, const WorkerRecord& worker) const {
+  void AddHints(AssignedTile& tile, const WorkerRecord& worker) const {
     const TileTrace& expected = tile.frame->Expected(tile.order.tile);
     for (size_t i = 0; i < expected.blocks.size() && tile.order.blocks.size() < kMaxTileHints; ++i) {
       const uint32_t block = expected.blocks[i];
       if (expected.chances[i] < kHintChance || worker.holds.Has(block)) continue;
       tile.order.blocks.push_back(block);
-      tile.order.holders.push_back(roster_.HolderOf(block, worker.id));
+      tile.order.holders.push_back(registry_.HolderOf(block, worker.id));
     }
   }
 
@@ -434,7 +435,8 @@ class Server {
   Status OnWorkerFailure(const WorkerRecord& worker, const Message& m) {
     QUARRY_ASSIGN(const Failure failure, DecodeFailure(m.table));
     failures_ += worker.tiles > 0;
-    if (worker.has_scene && !renderings_.empty() && (failures_ >= kMostFailures || roster_.all().size() == 1))
+    if (worker.has_scene && !renderings_.empty() &&
+        (failures_ >= kMostFailures || registry_.all().size() == 1))
       jobs_.Fail(
           renderings_.front().part.job,
           fmt::format("worker {} cannot get voxels: {}; its --source, or the master's, says where they are",
@@ -466,7 +468,7 @@ class Server {
     NoteOutdone(*done.frame);
     const FrameTimes times{done.start_s, Now(), blocks_.bytes_served() - done.bytes_served_before};
     jobs_.Finish(std::move(done.part), done.frame->TakePixels(),
-                 FrameStatistics(*done.frame, times, roster_));
+                 FrameStatistics(*done.frame, times, registry_));
     previous_ = std::move(done.frame);
     overhead_.Fade();
     // Where another begins, that plans them all. Nobody idles yet: what is being foreseen can wait.
@@ -478,19 +480,19 @@ class Server {
   // --- time
 
   void Tick() {
-    for (const ConnectionPtr& c : pulses_.Silent(Now()))
+    for (const ConnectionPtr& c : liveness_.Silent(Now()))
       Lose(c, fmt::format("silent for {:.0f} seconds", kSilenceS));
     for (const ConnectionPtr& c : blocks_.Stalled()) Lose(c, "it does not read what it asked for");
     for (const Rendering& r : renderings_) NoteOutdone(*r.frame);
     DropMute();
     jobs_.DropAbandoned(Now());
-    HandOut();
+    AssignTiles();
     jobs_.Deliver();
     SendProgress();
-    pulses_.Beat(Now());
+    liveness_.Beat(Now());
     if (Now() - logged_s_ >= kLogEveryS) {
       logged_s_ = Now();
-      if (!renderings_.empty()) Log(ProgressLine(*renderings_.front().frame, roster_));
+      if (!renderings_.empty()) Log(ProgressLine(*renderings_.front().frame, registry_));
     }
     timer_.expires_after(kTick);
     timer_.async_wait([this](const boost::system::error_code& e) {
@@ -500,7 +502,7 @@ class Server {
 
   void SendProgress() {
     std::set<const Job*> told;
-    if (roster_.all().empty())  // so that who waits knows why
+    if (registry_.all().empty())  // so that who waits knows why
       for (const auto& job : jobs_.all())
         for (const Job::Client& client : job->clients)
           client.connection->Send(
@@ -510,7 +512,7 @@ class Server {
       if (!told.insert(r.part.job.get()).second) continue;
       const FrameProgress progress{r.frame->job().first_frame, r.frame->tiles_done(),
                                    static_cast<uint32_t>(r.frame->frame().tiles().size()),
-                                   static_cast<uint32_t>(roster_.all().size())};
+                                   static_cast<uint32_t>(registry_.all().size())};
       for (const Job::Client& client : r.part.job->clients)
         client.connection->Send(MakeMessage(MessageType::kFrameProgress, progress));
     }
@@ -529,9 +531,9 @@ class Server {
   std::unique_ptr<Listener> listener_;
   std::set<ConnectionPtr> newcomers_;
   std::map<const Connection*, Role> roles_;
-  Pulses pulses_;  ///< of workers and clients
-  Roster roster_;
-  TileOverhead overhead_;
+  LivenessMonitor liveness_;  ///< of workers and clients
+  WorkerRegistry registry_;
+  UnattributedTileCost overhead_;
   std::deque<Rendering> renderings_;
   std::unique_ptr<ActiveFrame> previous_;  ///< the last one finished, without its pixels
   bool handing_out_ = false;               ///< it is about to
@@ -539,9 +541,9 @@ class Server {
   uint32_t failures_ = 0;                  ///< workers that could not go on with the frames at hand
   uint64_t next_setup_;  ///< from a random start: results for another master's frames are known by it
   double logged_s_ = 0;
-  Patience patience_;
-  Jobs jobs_;                             ///< it tells of all of the above
-  std::unique_ptr<Foresight> foresight_;  ///< last: its thread tells too; null: there is none
+  WaitBudget wait_budget_;
+  Jobs jobs_;                              ///< it tells of all of the above
+  std::unique_ptr<FootprintProbe> probe_;  ///< last: its thread tells too; null: there is none
 };
 
 }  // namespace

@@ -7,7 +7,7 @@
 #include "common/base/status.h"
 #include "common/net/connection.h"
 #include "common/voxel/store_reader.h"
-#include "master/scheduler.h"
+#include "master/schedule/scheduler.h"
 
 namespace quarry {
 

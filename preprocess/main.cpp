@@ -7,7 +7,6 @@
 #include <nlohmann/json.hpp>
 
 #include "common/base/cleanup.h"
-#include "common/base/command_line.h"
 #include "common/base/cpu_check.h"
 #include "common/base/file.h"
 #include "common/base/number.h"
@@ -15,11 +14,12 @@
 #include "common/base/resource.h"
 #include "common/base/size.h"
 #include "common/base/version.h"
+#include "common/command_line/command_line.h"
 #include "common/voxel/store_format.h"
+#include "preprocess/estimate/plan.h"
 #include "preprocess/import/decompressor.h"
 #include "preprocess/import/file_identity.h"
-#include "preprocess/import/text_number.h"
-#include "preprocess/plan.h"
+#include "preprocess/import/text/text_number.h"
 #include "preprocess/preprocess.h"
 
 namespace quarry {

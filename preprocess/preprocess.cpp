@@ -20,12 +20,12 @@
 #include "common/voxel/voxel_block.h"
 #include "preprocess/import/file_identity.h"
 #include "preprocess/import/importer.h"
-#include "preprocess/partition.h"
-#include "preprocess/regions.h"
-#include "preprocess/spill_sink.h"
-#include "preprocess/split.h"
-#include "preprocess/voxel_builder.h"
-#include "preprocess/voxel_pipeline.h"
+#include "preprocess/ingest/spill_sink.h"
+#include "preprocess/partition/partition.h"
+#include "preprocess/partition/regions.h"
+#include "preprocess/partition/split.h"
+#include "preprocess/partition/voxel_builder.h"
+#include "preprocess/partition/voxel_pipeline.h"
 #include "preprocess/work_folder.h"
 
 namespace quarry {

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "preprocess/import/foreign.h"
-#include "preprocess/spill_sink.h"
+#include "preprocess/import/foreign/foreign.h"
+#include "preprocess/ingest/spill_sink.h"
 #include "preprocess/texture/image_decoder.h"
 
 namespace quarry {

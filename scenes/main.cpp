@@ -8,9 +8,9 @@
 #include <functional>
 #include <limits>
 
-#include "common/base/command_line.h"
 #include "common/base/number.h"
 #include "common/base/version.h"
+#include "common/command_line/command_line.h"
 #include "scenes/mesh_writer.h"
 #include "scenes/scene.h"
 

@@ -17,7 +17,14 @@ MUST_NOT = [
     ("common/kdtree/", r"boost/|openssl/|cuda|common/net/|common/protocol/", "kernels know no network and no CUDA header"),
     ("common/math/", r"boost/|common/(net|protocol|voxel)/", "mathematics stands alone"),
     ("common/protocol/", r"boost/|common/kdtree/|common/net/", "the protocol is bytes only"),
-    ("worker/shading", r"common/net/|common/protocol/|worker/(session|loader|voxel_cache)", "shading never sees the network"),
+    ("common/engine/", r"common/net/|openssl/|boost/beast", "the engine knows no socket"),
+    ("common/engine/shading", r"common/protocol/|common/engine/(engine|loader|voxel_cache)", "shading never sees blocks on their way"),
+    ("common/(base|scene|voxel|protocol|net|kdtree|math)/", r"common/engine/", "only what renders includes the engine"),
+    ("worker/sources/", r"worker/[a-z_]+\.h", "sources know nothing of the session around them"),
+    ("master/schedule/", r"boost/|common/net/|master/jobs/(jobs|job|spool|image_output)", "the schedule is pure: no sockets, no files"),
+    ("preprocess/import/", r"preprocess/(ingest|spill|partition|estimate|texture)/", "importers know only their sink"),
+    ("preprocess/spill/", r"preprocess/(ingest|partition|estimate|texture)/", "spilling knows nothing of its users"),
+    ("preprocess/partition/", r"preprocess/(import|ingest|estimate|texture)/", "partitioning starts from spilled triangles"),
     ("", r"embree", "only tests link Embree"),
     ("common/", r"OpenImageIO|assimp", "libraries of large appetite stay out of what all programs share"),
     ("worker/", r"OpenImageIO|assimp", "libraries of large appetite stay out of the worker"),
@@ -42,7 +49,7 @@ def faults(root):
                 if path.suffix == ".h" and HEAVY.search(target):
                     yield f"{name}: includes {target}: heavy headers stay out of headers"
                 for prefix, pattern, why in MUST_NOT:
-                    if name.startswith(prefix) and re.search(pattern, target):
+                    if re.match(prefix, name) and re.search(pattern, target):
                         yield f"{name}: includes {target}: {why}"
 
 

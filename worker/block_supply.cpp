@@ -4,17 +4,18 @@
 
 #include <utility>
 
-#include "common/net/file_source.h"
-#include "common/net/http_source.h"
-#include "common/net/tcp_source.h"
+#include "common/engine/file_source.h"
+#include "common/net/source_spec.h"
+#include "worker/sources/http_source.h"
+#include "worker/sources/tcp_source.h"
 
 namespace quarry {
 
 BlockSupply::BlockSupply(boost::asio::io_context& io, const Catalog& catalog, const SupplyOptions& options,
-                         Holdings& holdings)
+                         CacheInventory& inventory)
     : io_(io),
       catalog_(catalog),
-      holdings_(holdings),
+      inventory_(inventory),
       idle_(options.idle),
       security_(options.security),
       serving_(options.serving),
@@ -22,12 +23,13 @@ BlockSupply::BlockSupply(boost::asio::io_context& io, const Catalog& catalog, co
       disk_(options.disk_cache
                 ? std::make_unique<DiskCachedSource>(io, sources_, *options.disk_cache, catalog, options.log)
                 : nullptr),
-      stored_(disk_ ? static_cast<VoxelSource&>(*disk_) : sources_, options.stored_bytes, holdings),
+      stored_(disk_ ? static_cast<VoxelSource&>(*disk_) : sources_, options.stored_bytes, inventory),
       server_(catalog.id, stored_) {}
 
 Result<std::unique_ptr<BlockSupply>> BlockSupply::Open(boost::asio::io_context& io, const Catalog& catalog,
-                                                       const SupplyOptions& options, Holdings& holdings) {
-  std::unique_ptr<BlockSupply> supply(new BlockSupply(io, catalog, options, holdings));
+                                                       const SupplyOptions& options,
+                                                       CacheInventory& inventory) {
+  std::unique_ptr<BlockSupply> supply(new BlockSupply(io, catalog, options, inventory));
   for (const std::string& text : options.sources)
     if (Status added = supply->Add(text, options); !added) {
       added.error().message = fmt::format("--source {}: {}", text, added.error().message);
@@ -95,7 +97,7 @@ void BlockSupply::Prefetch() {
   while (!expected_.empty() && stored_.prefetching() < kMostPrefetching && idle_()) {
     const uint32_t block = expected_.front();
     expected_.pop_front();
-    if (!holdings_.Has(block)) stored_.Prefetch(block, [this] { Prefetch(); });
+    if (!inventory_.Has(block)) stored_.Prefetch(block, [this] { Prefetch(); });
   }
 }
 

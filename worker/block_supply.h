@@ -7,11 +7,11 @@
 #include <string>
 #include <vector>
 
-#include "common/net/disk_cache.h"
-#include "common/net/http_options.h"
-#include "common/net/source_set.h"
 #include "worker/peer_server.h"
-#include "worker/stored_cache.h"
+#include "worker/sources/disk_cache.h"
+#include "worker/sources/http_options.h"
+#include "worker/sources/source_set.h"
+#include "worker/sources/stored_cache.h"
 
 namespace quarry {
 
@@ -35,7 +35,7 @@ class BlockSupply {
  public:
   /// Errors: a source that cannot be (a file that is not the scene, an address that is none).
   static Result<std::unique_ptr<BlockSupply>> Open(boost::asio::io_context& io, const Catalog& catalog,
-                                                   const SupplyOptions& options, Holdings& holdings);
+                                                   const SupplyOptions& options, CacheInventory& inventory);
 
   VoxelSource& source() { return stored_; }
   /// Serves other workers from now on. Errors: as Listener::Open's.
@@ -57,13 +57,13 @@ class BlockSupply {
  private:
   static constexpr size_t kMostExpected = 1u << 14, kMostPrefetching = 4;
   BlockSupply(boost::asio::io_context& io, const Catalog& catalog, const SupplyOptions& options,
-              Holdings& holdings);
+              CacheInventory& inventory);
   Status Add(const std::string& text, const SupplyOptions& options);
   HttpOptions HttpFor(const HttpLocation& location, const SupplyOptions& options) const;
 
   boost::asio::io_context& io_;
   const Catalog& catalog_;
-  Holdings& holdings_;
+  CacheInventory& inventory_;
   std::function<bool()> idle_;
   const Security security_, serving_;
   SourceSet sources_;

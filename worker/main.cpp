@@ -4,16 +4,16 @@
 #include <CLI/CLI.hpp>
 
 #include "common/base/cleanup.h"
-#include "common/base/command_line.h"
 #include "common/base/cpu_check.h"
 #include "common/base/number.h"
 #include "common/base/output_path.h"
 #include "common/base/resource.h"
 #include "common/base/size.h"
 #include "common/base/version.h"
+#include "common/command_line/command_line.h"
+#include "common/command_line/security_options.h"
 #include "common/kdtree/kernels.h"
-#include "common/net/security_options.h"
-#include "common/net/source_set.h"
+#include "common/net/source_spec.h"
 #include "worker/session.h"
 
 namespace quarry {

@@ -5,7 +5,7 @@
 
 #include "common/net/connection.h"
 #include "common/voxel/catalog.h"
-#include "worker/stored_cache.h"
+#include "worker/sources/stored_cache.h"
 
 namespace quarry {
 

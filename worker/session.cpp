@@ -12,11 +12,11 @@
 
 #include "common/base/resource.h"
 #include "common/base/size.h"
+#include "common/engine/engine.h"
+#include "common/engine/loader.h"
+#include "common/engine/page_buffer.h"
 #include "common/protocol/messages.h"
 #include "worker/block_supply.h"
-#include "worker/engine.h"
-#include "worker/loader.h"
-#include "worker/page_buffer.h"
 
 namespace quarry {
 namespace {
@@ -36,7 +36,7 @@ struct SceneState {
         cache(
             catalog, options.cache_bytes - stored_bytes, [this, &io] { ScheduleLoader(io); },
             [this, &io] { ScheduleLoader(io); },
-            [this](uint32_t block, bool here) { holdings.Set(block, Holdings::kDecoded, here); }),
+            [this](uint32_t block, bool here) { inventory.Set(block, CacheInventory::kDecoded, here); }),
         make_engine([this, &options, on_tile = std::move(on_tile)] {
           return std::make_unique<Engine>(catalog, cache, options.threads, on_tile);
         }) {}
@@ -65,7 +65,7 @@ struct SceneState {
   }
 
   Catalog catalog;
-  Holdings holdings;
+  CacheInventory inventory;
   std::atomic<bool> scheduled{false};
   const uint64_t stored_bytes;
   VoxelCache cache;
@@ -227,7 +227,7 @@ class Session {
                                  options_.retry_s,
                                  [this](const std::string& line) { Log(line); },
                                  [state = scene.get()] { return state->loader->idle(); }};
-    QUARRY_ASSIGN(auto supply, BlockSupply::Open(io_, scene->catalog, supply_options, scene->holdings));
+    QUARRY_ASSIGN(auto supply, BlockSupply::Open(io_, scene->catalog, supply_options, scene->inventory));
     if (options_.peers != "off" && scene->stored_bytes > 0) {
       if (options_.peers != "auto") {
         QUARRY_ASSIGN(const Endpoint endpoint, ParseEndpoint(options_.peers, "--peers"));
@@ -296,19 +296,19 @@ class Session {
       peak_rss_ = PeakResidentBytes();
     }
     const VoxelCache::Counters c = scene_->cache.counters();
-    Alive alive{c.bytes,
-                c.loaded,
-                c.bytes_loaded,
-                0,
-                c.evictions,
-                scene_->engine->rays(),
-                scene_->engine->rays_suspended(),
-                peak_rss_};
+    WorkerStatus alive{c.bytes,
+                       c.loaded,
+                       c.bytes_loaded,
+                       0,
+                       c.evictions,
+                       scene_->engine->rays(),
+                       scene_->engine->rays_suspended(),
+                       peak_rss_};
     alive.whole = whole;
     if (whole) {
-      alive.cached = scene_->holdings.TakeAll();
+      alive.cached = scene_->inventory.TakeAll();
     } else {
-      auto changes = scene_->holdings.TakeChanges();
+      auto changes = scene_->inventory.TakeChanges();
       alive.cached = std::move(changes.come);
       alive.dropped = std::move(changes.gone);
     }
@@ -328,7 +328,7 @@ class Session {
     alive.compute_us = scene_->engine->compute_us();
     alive.prefetched_bytes = stored.prefetched_bytes;
     alive.prefetch_wasted_bytes = stored.prefetch_wasted_bytes;
-    connection_->Send(MakeMessage(MessageType::kAlive, alive));
+    connection_->Send(MakeMessage(MessageType::kWorkerStatus, alive));
   }
 
   /// Says that this worker lives, and looks whether the master does.

@@ -7,8 +7,8 @@
 
 #include "common/base/status.h"
 #include "common/net/connection.h"
-#include "common/net/disk_cache.h"
-#include "common/net/http_options.h"
+#include "worker/sources/disk_cache.h"
+#include "worker/sources/http_options.h"
 
 namespace quarry {
 

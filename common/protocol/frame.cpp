@@ -28,7 +28,7 @@ Limits LimitsOf(MessageType type) {
     case MessageType::kFrameSetup:
     case MessageType::kPeers:
       return {1u << 20, 0};
-    case MessageType::kAlive:
+    case MessageType::kWorkerStatus:
       return {16u << 20, 0};
     case MessageType::kFrameDone:
       return {1u << 20, 0xF0000000u};
@@ -54,7 +54,8 @@ bool May(Speaker speaker, MessageType type) {
     case Speaker::kStranger:
       return type == kHello;
     case Speaker::kWorker:
-      return type == kHello || type == kTileDone || type == kAlive || type == kFailure || type == kPing;
+      return type == kHello || type == kTileDone || type == kWorkerStatus || type == kFailure ||
+             type == kPing;
     case Speaker::kVoxels:
       return type == kBlockRequest || type == kPing;
     case Speaker::kClient:

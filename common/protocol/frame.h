@@ -32,7 +32,7 @@ enum class MessageType : uint16_t {
   kFrameSetup,
   kTile,
   kTileDone,  ///< raw: pixels
-  kAlive,
+  kWorkerStatus,
   kBlockRequest,
   kBlock,  ///< raw: the stored block
   kShutDown,

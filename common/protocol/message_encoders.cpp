@@ -144,8 +144,8 @@ Bytes Encode(const Peers& m) {
   return Pack<wire::Peers>(w);
 }
 
-Bytes Encode(const Alive& m) {
-  wire::AliveT w;
+Bytes Encode(const WorkerStatus& m) {
+  wire::WorkerStatusT w;
   w.cache_bytes = m.cache_bytes;
   w.voxels_loaded = m.voxels_loaded;
   w.voxel_bytes_loaded = m.voxel_bytes_loaded;
@@ -168,7 +168,7 @@ Bytes Encode(const Alive& m) {
   w.prefetch_wasted_bytes = m.prefetch_wasted_bytes;
   w.decode_us = m.decode_us;
   w.tiles_wanted = m.tiles_wanted;
-  return Pack<wire::Alive>(w);
+  return Pack<wire::WorkerStatus>(w);
 }
 
 Bytes Encode(const BlockRequest& m) {

@@ -228,10 +228,10 @@ Result<Peers> DecodePeers(std::span<const std::byte> table) {
   return m;
 }
 
-Result<Alive> DecodeAlive(std::span<const std::byte> table) {
-  const auto* w = Root<wire::Alive>(table);
+Result<WorkerStatus> DecodeWorkerStatus(std::span<const std::byte> table) {
+  const auto* w = Root<wire::WorkerStatus>(table);
   if (!w) return NotWellFormed();
-  Alive m;
+  WorkerStatus m;
   const size_t named = SizeOf(w->cached()) + SizeOf(w->dropped());
   if (SizeOf(w->bytes_from()) != m.bytes_from.size() || named * sizeof(uint32_t) > table.size())
     return Fail("received counters that are not well formed");

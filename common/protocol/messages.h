@@ -78,7 +78,7 @@ struct Peers {
 enum class SourceKind : uint8_t { kFile, kTcp, kHttp, kPeer, kDisk, kMemory };
 inline constexpr size_t kSourceKinds = 6;
 /// A worker's counters since it started, and what has changed in its cache since the last.
-struct Alive {
+struct WorkerStatus {
   uint64_t cache_bytes = 0, voxels_loaded = 0, voxel_bytes_loaded = 0, voxel_bytes_received = 0,
            evictions = 0;
   uint64_t rays = 0, rays_suspended = 0, peak_rss_bytes = 0;
@@ -114,7 +114,7 @@ Bytes Encode(const FrameSetup& m);
 Bytes Encode(const TileOrder& m);
 Bytes Encode(const TileDone& m);
 Bytes Encode(const Peers& m);
-Bytes Encode(const Alive& m);
+Bytes Encode(const WorkerStatus& m);
 Bytes Encode(const BlockRequest& m);
 
 /// And back: verified by FlatBuffers, then every value checked. Errors: one sentence; nothing is believed
@@ -129,7 +129,7 @@ Result<FrameSetup> DecodeFrameSetup(std::span<const std::byte> table);
 Result<TileOrder> DecodeTileOrder(std::span<const std::byte> table);
 Result<TileDone> DecodeTileDone(std::span<const std::byte> table);
 Result<Peers> DecodePeers(std::span<const std::byte> table);
-Result<Alive> DecodeAlive(std::span<const std::byte> table);
+Result<WorkerStatus> DecodeWorkerStatus(std::span<const std::byte> table);
 Result<BlockRequest> DecodeBlockRequest(std::span<const std::byte> table);
 
 /// A whole message around an encoded table.

@@ -4,7 +4,7 @@
 #include <system_error>
 
 #include "preprocess/import/file_identity.h"
-#include "preprocess/import/text_number.h"
+#include "preprocess/import/text/text_number.h"
 
 namespace quarry {
 namespace {

@@ -7,10 +7,10 @@
 #include <filesystem>
 #include <system_error>
 
-#include "preprocess/import/foreign_content.h"
+#include "preprocess/import/foreign/foreign_content.h"
 #include "preprocess/import/formats.h"
 #include "preprocess/import/origin_survey.h"
-#include "preprocess/import/text_number.h"
+#include "preprocess/import/text/text_number.h"
 
 namespace quarry {
 namespace {

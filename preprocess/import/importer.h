@@ -3,7 +3,7 @@
 #include <string>
 
 #include "common/base/status.h"
-#include "preprocess/import/foreign.h"
+#include "preprocess/import/foreign/foreign.h"
 #include "preprocess/import/model_sink.h"
 
 namespace quarry {

@@ -11,8 +11,8 @@
 #include "preprocess/import/checkpoint.h"
 #include "preprocess/import/file_color.h"
 #include "preprocess/import/formats.h"
-#include "preprocess/import/line_reader.h"
-#include "preprocess/import/text_number.h"
+#include "preprocess/import/text/line_reader.h"
+#include "preprocess/import/text/text_number.h"
 
 namespace quarry {
 namespace {

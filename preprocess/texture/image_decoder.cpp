@@ -13,7 +13,7 @@
 
 #include "common/base/descriptor.h"
 #include "common/voxel/texture_shape.h"
-#include "preprocess/import/child_environment.h"
+#include "preprocess/import/foreign/child_environment.h"
 
 namespace quarry {
 namespace {

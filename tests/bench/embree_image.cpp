@@ -4,10 +4,10 @@
 #include <atomic>
 #include <thread>
 
+#include "common/engine/shading.h"
 #include "common/math/fixed_radiance.h"
 #include "common/math/sampling.h"
 #include "common/scene/camera.h"
-#include "worker/shading.h"
 
 namespace quarry::bench {
 namespace {

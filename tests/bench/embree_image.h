@@ -2,9 +2,9 @@
 
 #include <vector>
 
+#include "common/engine/voxel_cache.h"
 #include "common/scene/render_job.h"
 #include "tests/bench/embree_scene.h"
-#include "worker/voxel_cache.h"
 
 namespace quarry::bench {
 

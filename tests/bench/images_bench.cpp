@@ -10,6 +10,8 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "common/engine/engine.h"
+#include "common/engine/loader.h"
 #include "common/voxel/store_reader.h"
 #include "deploy/cluster.h"
 #include "deploy/default_view.h"
@@ -18,8 +20,6 @@
 #include "tests/bench/median.h"
 #include "tests/bench/stopwatch.h"
 #include "tests/bench/views.h"
-#include "worker/engine.h"
-#include "worker/loader.h"
 
 #ifndef NDEBUG
 #error "benchmarks are built with the release preset"

@@ -12,6 +12,8 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
+#include "common/engine/loader.h"
+#include "common/engine/pinned_blocks.h"
 #include "tests/bench/embree_rays.h"
 #include "tests/bench/figures.h"
 #include "tests/bench/grazing.h"
@@ -21,8 +23,6 @@
 #include "tests/bench/ray_sets.h"
 #include "tests/bench/stopwatch.h"
 #include "tests/bench/views.h"
-#include "worker/loader.h"
-#include "worker/pin_set.h"
 
 #ifndef NDEBUG
 #error "benchmarks are built with the release preset"
@@ -85,7 +85,7 @@ class ResidentCache {
   std::vector<std::vector<KdNode>> trees_;  ///< for kernels that no render uses
   VoxelCache cache_;
   std::vector<uint32_t> touched_;  ///< what pins_ notes, as in a render
-  PinSet pins_;
+  PinnedBlocks pins_;
 };
 
 /// One way to trace a set of rays.

@@ -12,7 +12,7 @@
 #include <random>
 
 #include "common/base/number.h"
-#include "master/active_frame.h"
+#include "master/schedule/active_frame.h"
 #include "tests/bench/figures.h"
 #include "tests/bench/median.h"
 #include "tests/bench/stopwatch.h"
@@ -138,13 +138,13 @@ class Bench {
 
   /// Every few results what is free is handed out; no other frame begins.
   void HandOutAll(ActiveFrame& frame, const std::vector<BlockSet>& holds, Figures& figures) {
-    std::vector<Hand> hands;
+    std::vector<WorkerCredit> hands;
     for (uint32_t w = 0; w < workers_; ++w) hands.push_back({w + 1, 4});
-    std::deque<HandedTile> out;
+    std::deque<AssignedTile> out;
     double now_s = 0;
     const auto hand_out = [&] {
       const auto start = Clock::now();
-      auto handed = HandOut(
+      auto handed = AssignTiles(
           {&frame}, hands, now_s, true,
           [&](const ActiveFrame& f, uint32_t tile, uint32_t worker) {
             return ExpectedBytes(f.Expected(tile), holds[worker - 1], bytes_) * kSecondsPerByte;

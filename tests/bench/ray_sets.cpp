@@ -7,9 +7,9 @@
 #include <random>
 #include <utility>
 
+#include "common/engine/shading.h"
 #include "common/scene/camera.h"
 #include "deploy/default_view.h"
-#include "worker/shading.h"
 
 namespace quarry::bench {
 namespace {

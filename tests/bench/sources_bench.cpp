@@ -15,16 +15,16 @@
 #include <optional>
 #include <utility>
 
-#include "common/net/disk_cache.h"
-#include "common/net/file_source.h"
-#include "common/net/http_source.h"
-#include "common/net/tcp_source.h"
+#include "common/engine/file_source.h"
 #include "deploy/cluster.h"
 #include "tests/bench/figures.h"
 #include "tests/bench/median.h"
 #include "tests/bench/stopwatch.h"
 #include "tests/support/nginx.h"
 #include "tests/support/temporary_folder.h"
+#include "worker/sources/disk_cache.h"
+#include "worker/sources/http_source.h"
+#include "worker/sources/tcp_source.h"
 
 #ifndef NDEBUG
 #error "benchmarks are built with the release preset"

@@ -103,7 +103,7 @@ class BadWorker {
       hello.threads = 1000;
       m.table = Encode(hello);
     }
-    if (m.type == MessageType::kAlive) m.table = Encode(Forged(*DecodeAlive(m.table)));
+    if (m.type == MessageType::kWorkerStatus) m.table = Encode(Forged(*DecodeWorkerStatus(m.table)));
     if (m.type == MessageType::kTileDone) {
       TileDone done = *DecodeTileDone(m.table);
       done.compute_us = done.rays = done.rays_suspended = kHuge;
@@ -125,7 +125,7 @@ class BadWorker {
     return all;
   }
 
-  Alive Forged(Alive alive) const {
+  WorkerStatus Forged(WorkerStatus alive) const {
     alive.cached = All();
     alive.dropped.clear();
     alive.cache_bytes = alive.voxels_loaded = alive.voxel_bytes_loaded = alive.voxel_bytes_received = kHuge;

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "preprocess/import/importer.h"
-#include "preprocess/import/triangulation.h"
+#include "preprocess/import/polygon/triangulation.h"
 
 namespace {
 

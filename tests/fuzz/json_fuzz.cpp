@@ -9,9 +9,9 @@
 #include <cstdlib>
 #include <string>
 
-#include "common/net/http_options.h"
 #include "common/scene/material_json.h"
 #include "deploy/scene_files.h"
+#include "worker/sources/http_options.h"
 
 namespace {
 

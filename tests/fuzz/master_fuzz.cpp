@@ -25,7 +25,7 @@ enum Action : uint8_t {
   kJob,
   kAnswer,
   kAnswerAll,
-  kAlive,
+  kWorkerStatus,
   kBlock,
   kFail,
   kAny,
@@ -109,12 +109,12 @@ class Cast {
         return Answer(peer, script_.Below(7), script_.Byte());
       case kAnswerAll:
         return AnswerAll(peer);
-      case kAlive: {
-        Alive alive;
+      case kWorkerStatus: {
+        WorkerStatus alive;
         alive.whole = script_.Below(2) == 0;
         for (uint32_t n = script_.Below(8); n > 0; --n) alive.cached.push_back(script_.Byte());
         for (uint32_t n = script_.Below(8); n > 0; --n) alive.dropped.push_back(script_.Byte());
-        return c.Come(MakeMessage(MessageType::kAlive, alive));
+        return c.Come(MakeMessage(MessageType::kWorkerStatus, alive));
       }
       case kBlock:
         return c.Come(
@@ -201,7 +201,7 @@ std::vector<std::vector<uint8_t>> Seeds() {
   // mode, spp, seed, exposure, layers, format, number, no lights, frames, a camera for each, have.
   const std::vector<uint8_t> beginning = {
       kConnect, kConnect, kConnect, kHello, 1, 2,      1,    'c', 0, 0,    0,  kHello, 2,   2,
-      1,        'd',      0,        0,      0, kHello, 0,    0,   1, 0xff, 1,  2,      1,   kAlive,
+      1,        'd',      0,        0,      0, kHello, 0,    0,   1, 0xff, 1,  2,      1,   kWorkerStatus,
       0,        0,        2,        1,      2, 0,      kJob, 1,   0, 0,    1,  1,      0,   0,
       0,        0,        0,        0,      0, 0,      200,  90,  0, kJob, 2,  2,      3,   1,
       1,        0,        1,        0,      9, 1,      0,    0,   1, 200,  90, 100,    200, 0};

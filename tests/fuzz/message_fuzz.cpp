@@ -68,7 +68,7 @@ void ReadAs(int kind, std::span<const std::byte> bytes) {
     case 9:
       return Read(bytes, DecodePeers);
     case 10:
-      return Read(bytes, DecodeAlive);
+      return Read(bytes, DecodeWorkerStatus);
     case 11:
       return Read(bytes, DecodeBlockRequest);
     case 12:
@@ -89,7 +89,7 @@ RenderJob SmallJob() {
 
 void WriteSeeds(const std::string& folder) {
   const Message framed{MessageType::kBlock, 3, {}, Bytes(9)};
-  Alive alive;
+  WorkerStatus alive;
   alive.cached = {1, 2, 5};
   alive.dropped = {4};
   const std::vector<Bytes> seeds = {Encode(Hello{Role::kWorker, "worker", 2, 77, 9000}),

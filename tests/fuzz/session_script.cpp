@@ -115,7 +115,7 @@ Bytes AnyTable(Script& script) {
     case 9:
       return Encode(Peers{{script.Number(), script.Number()}, {"127.0.0.1:1", script.Text()}});
     case 10: {
-      Alive alive;
+      WorkerStatus alive;
       alive.whole = script.Below(2) == 0;
       alive.voxel_bytes_received = script.Number();
       alive.fetch_us = script.Number();

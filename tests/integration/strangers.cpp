@@ -106,7 +106,7 @@ const std::map<std::string, std::function<void(Peer&)>> kKinds = {
     {"claim-alive",
      [](Peer& p) {
        p.Greet(Role::kWorker);
-       p.Claim(MessageType::kAlive, 16u << 20, 0);
+       p.Claim(MessageType::kWorkerStatus, 16u << 20, 0);
        p.Send(Bytes(15u << 20));
        p.Stay();
      }},

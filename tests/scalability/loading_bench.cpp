@@ -14,6 +14,8 @@
 #include <thread>
 #include <utility>
 
+#include "common/engine/engine.h"
+#include "common/engine/loader.h"
 #include "common/voxel/store_reader.h"
 #include "deploy/default_view.h"
 #include "deploy/scene_files.h"
@@ -21,8 +23,6 @@
 #include "tests/bench/stopwatch.h"
 #include "tests/scalability/line.h"
 #include "tests/scalability/mapped_blocks.h"
-#include "worker/engine.h"
-#include "worker/loader.h"
 
 #ifndef NDEBUG
 #error "benchmarks are built with the release preset"

@@ -15,7 +15,7 @@
 #include <cstring>
 #include <utility>
 
-#include "worker/loader.h"
+#include "common/engine/loader.h"
 
 namespace quarry::bench {
 namespace {

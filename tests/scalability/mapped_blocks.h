@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "common/base/status.h"
+#include "common/engine/voxel_cache.h"
 #include "common/voxel/store_reader.h"
 #include "tests/scalability/line.h"
-#include "worker/voxel_cache.h"
 
 namespace quarry::bench {
 

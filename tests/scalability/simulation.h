@@ -16,18 +16,18 @@
 
 #include "common/base/resource.h"
 #include "common/base/size.h"
+#include "common/engine/engine.h"
+#include "common/engine/loader.h"
 #include "common/math/random.h"
-#include "common/net/source_policy.h"
 #include "common/voxel/catalog.h"
-#include "master/active_frame.h"
-#include "master/tile_overhead.h"
+#include "master/schedule/active_frame.h"
+#include "master/schedule/unattributed_tile_cost.h"
 #include "tests/scalability/simulated_time.h"
 #include "tests/scalability/traced_walk.h"
-#include "worker/engine.h"
-#include "worker/loader.h"
-#include "worker/stored_cache.h"
+#include "worker/sources/source_policy.h"
+#include "worker/sources/stored_cache.h"
 
-// A cluster in simulated time: the real scheduler (Predict, Plan, Schedule, HandOut), the real choice of
+// A cluster in simulated time: the real scheduler (Predict, Plan, Schedule, AssignTiles), the real choice of
 // sources and the real cache of stored blocks, on a walk that was traced once (quarry-master --trace). What
 // is modelled is the rest: a worker's processor computes tiles and decodes blocks one thing at a time; a tile
 // needs its blocks in waves, as rays come to them; blocks go over links that are busy with one at a time.
@@ -155,7 +155,7 @@ class Simulation {
     Worker(uint32_t number, uint64_t stored_bytes, uint64_t decoded_bytes, size_t sources)
         : id(number), stored(stored_bytes), decoded(decoded_bytes), answers(sources) {}
     uint32_t id;
-    StoredIndex stored, decoded;
+    LruIndex stored, decoded;
     Serial processor, down, up;
     BlockSet holds;
     std::vector<AnswerTime> answers;  ///< of servers, then workers
@@ -165,7 +165,7 @@ class Simulation {
     std::deque<uint32_t> wanted;
     std::set<uint32_t> hinted, touched;
     unsigned in_flight = 0;
-    TileWindow window{1};
+    AdaptiveQueueDepth window{1};
     size_t slices = 0;  ///< that its processor has still to compute: none while all rays wait
   };
   // --- the master
@@ -202,7 +202,7 @@ class Simulation {
   }
 
   void HandOutTiles() {
-    std::vector<Hand> hands;
+    std::vector<WorkerCredit> hands;
     for (const auto& w : workers_) hands.push_back({w->id, w->window.wanted(), 1});
     const bool ending = next_frame_ == walk_.jobs.size();
     std::function<double(const ActiveFrame&, uint32_t, uint32_t)> fetch_s;
@@ -211,8 +211,8 @@ class Simulation {
         return ExpectedBytes(frame.Expected(tile), workers_[worker - 1]->holds, block_bytes_) *
                seconds_per_byte_;
       };
-    for (HandedTile& handed :
-         HandOut(Frames(), hands, clock_.now_s(), ending, fetch_s, [this] { return StartFrame(); })) {
+    for (AssignedTile& handed :
+         AssignTiles(Frames(), hands, clock_.now_s(), ending, fetch_s, [this] { return StartFrame(); })) {
       auto tile = std::make_shared<Tile>();
       tile->frame = handed.frame;
       tile->order = handed.order;
@@ -416,7 +416,7 @@ class Simulation {
   std::deque<Serial> servers_;
   std::vector<uint64_t> keys_;
   Serial master_;
-  TileOverhead overhead_;
+  UnattributedTileCost overhead_;
   std::deque<std::unique_ptr<ActiveFrame>> frames_;
   std::unique_ptr<ActiveFrame> previous_;
   std::map<const ActiveFrame*, size_t> index_;

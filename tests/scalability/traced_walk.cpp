@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/protocol/messages.h"
-#include "master/frame.h"
+#include "master/jobs/frame.h"
 
 namespace quarry {
 namespace {

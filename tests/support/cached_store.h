@@ -12,9 +12,9 @@
 #include <utility>
 #include <vector>
 
-#include "common/net/disk_cache.h"
 #include "tests/support/small_store.h"
 #include "tests/support/temporary_folder.h"
+#include "worker/sources/disk_cache.h"
 
 namespace quarry::test {
 

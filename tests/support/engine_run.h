@@ -12,9 +12,9 @@
 #include <utility>
 #include <vector>
 
+#include "common/engine/engine.h"
+#include "common/engine/loader.h"
 #include "common/voxel/store_reader.h"
-#include "worker/engine.h"
-#include "worker/loader.h"
 
 namespace quarry::test {
 

@@ -8,9 +8,9 @@
 #include <utility>
 #include <vector>
 
-#include "common/net/http_source.h"
 #include "tests/support/small_store.h"
 #include "tests/support/temporary_folder.h"
+#include "worker/sources/http_source.h"
 
 namespace quarry::test {
 

@@ -1,4 +1,4 @@
-#include "master/active_frame.h"
+#include "master/schedule/active_frame.h"
 
 #include <algorithm>
 #include <catch2/catch.hpp>

@@ -10,8 +10,8 @@
 
 #include "common/base/file.h"
 #include "preprocess/import/importer.h"
-#include "preprocess/paged_file.h"
-#include "preprocess/spill_sink.h"
+#include "preprocess/ingest/spill_sink.h"
+#include "preprocess/spill/paged_file.h"
 #include "tests/support/temporary_folder.h"
 
 namespace quarry {

@@ -1,4 +1,4 @@
-#include "master/coarse_rays.h"
+#include "master/schedule/coarse_rays.h"
 
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "common/voxel/store_writer.h"
-#include "master/foresight.h"
+#include "master/schedule/footprint_probe.h"
 #include "tests/support/looking.h"
 #include "tests/support/small_store.h"
 #include "tests/support/temporary_folder.h"
@@ -164,7 +164,7 @@ TEST_CASE("Frames are foreseen in the order in which they are wanted, and forgot
   std::mutex mutex;
   std::condition_variable told;
   int news = 0;
-  Foresight foresight(*row.store, 1 << 20, [&] {
+  FootprintProbe foresight(*row.store, 1 << 20, [&] {
     const std::lock_guard lock(mutex);
     ++news;
     told.notify_one();

@@ -16,9 +16,9 @@
 #include <functional>
 #include <optional>
 
-#include "common/net/tcp_source.h"
 #include "common/protocol/messages.h"
 #include "master/block_service.h"
+#include "worker/sources/tcp_source.h"
 
 namespace quarry {
 namespace {

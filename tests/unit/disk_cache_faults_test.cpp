@@ -13,9 +13,9 @@
 #include <thread>
 #include <vector>
 
-#include "common/net/cache_folder.h"
-#include "common/net/disk_cache.h"
 #include "tests/support/cached_store.h"
+#include "worker/sources/cache_folder.h"
+#include "worker/sources/disk_cache.h"
 
 // A disk cache whose processes are killed, or whose disk fails it.
 

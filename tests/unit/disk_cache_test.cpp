@@ -1,4 +1,4 @@
-#include "common/net/disk_cache.h"
+#include "worker/sources/disk_cache.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -10,8 +10,8 @@
 #include <limits>
 #include <utility>
 
-#include "common/net/cache_folder.h"
 #include "tests/support/cached_store.h"
+#include "worker/sources/cache_folder.h"
 
 namespace quarry {
 namespace {

@@ -4,8 +4,8 @@
 #include <memory>
 #include <set>
 
-#include "master/active_frame.h"
-#include "master/conduct.h"
+#include "master/schedule/active_frame.h"
+#include "master/schedule/conduct.h"
 #include "tests/support/looking.h"
 
 // Frames handed out to workers that answer late, never, or with lies: the master's scheduling without its
@@ -53,14 +53,15 @@ struct Scene {
     frame.AddHeld(held);
     std::set<uint32_t> outdone;
     frame.AddOutdone(outdone);
-    std::vector<Hand> hands;
+    std::vector<WorkerCredit> hands;
     for (Actor& a : actors) {
       a.conduct.Look(now_s, held.contains(a.id));
       if (outdone.contains(a.id)) a.conduct.Outdone();
       hands.push_back({a.id, a.conduct.doubtful() ? 1 : a.credit, a.threads, a.conduct.quiet_s()});
     }
     const auto fetch_s = [&](const ActiveFrame&, uint32_t, uint32_t worker) { return Find(worker).fetch_s; };
-    for (const HandedTile& tile : HandOut({&frame}, hands, now_s, false, fetch_s, [] { return nullptr; }))
+    for (const AssignedTile& tile :
+         AssignTiles({&frame}, hands, now_s, false, fetch_s, [] { return nullptr; }))
       given.push_back({tile.worker, tile.order, now_s + Find(tile.worker).tile_s});
     return frame.done();
   }

@@ -1,4 +1,4 @@
-#include "master/footprint.h"
+#include "master/schedule/footprint.h"
 
 #include <algorithm>
 #include <catch2/catch.hpp>

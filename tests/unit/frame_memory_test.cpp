@@ -1,11 +1,11 @@
-#include "master/frame_memory.h"
+#include "master/jobs/frame_memory.h"
 
 #include <catch2/catch.hpp>
 #include <filesystem>
 #include <fstream>
 
-#include "master/image_output.h"
-#include "master/spool.h"
+#include "master/jobs/image_output.h"
+#include "master/jobs/spool.h"
 #include "tests/support/temporary_folder.h"
 
 namespace quarry {

@@ -5,9 +5,9 @@
 #include <cstdlib>
 #include <utility>
 
-#include "common/net/http_source.h"
 #include "tests/support/http_fetches.h"
 #include "tests/support/nginx.h"
+#include "worker/sources/http_source.h"
 
 // Blocks from a real web server.
 

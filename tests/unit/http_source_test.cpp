@@ -1,4 +1,4 @@
-#include "common/net/http_source.h"
+#include "worker/sources/http_source.h"
 
 #include <fmt/format.h>
 

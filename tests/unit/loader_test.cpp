@@ -1,4 +1,4 @@
-#include "worker/loader.h"
+#include "common/engine/loader.h"
 
 #include <algorithm>
 #include <catch2/catch.hpp>

@@ -1,4 +1,4 @@
-#include "preprocess/import/mtl.h"
+#include "preprocess/import/obj/mtl.h"
 
 #include <catch2/catch.hpp>
 

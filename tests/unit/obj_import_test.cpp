@@ -1,6 +1,6 @@
 #include <catch2/catch.hpp>
 
-#include "preprocess/import/obj_materials.h"
+#include "preprocess/import/obj/obj_materials.h"
 #include "tests/unit/recording_sink.h"
 
 using namespace quarry;

@@ -5,7 +5,7 @@
 #include <map>
 
 #include "common/scene/material_json.h"
-#include "preprocess/import/mtl.h"
+#include "preprocess/import/obj/mtl.h"
 
 namespace quarry {
 

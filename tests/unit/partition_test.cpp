@@ -1,4 +1,4 @@
-#include "preprocess/partition.h"
+#include "preprocess/partition/partition.h"
 
 #include <stdlib.h>
 
@@ -12,10 +12,10 @@
 #include <tuple>
 
 #include "common/kdtree/prune.h"
-#include "preprocess/paged_file.h"
-#include "preprocess/sample.h"
-#include "preprocess/split.h"
-#include "preprocess/voxel_builder.h"
+#include "preprocess/partition/sample.h"
+#include "preprocess/partition/split.h"
+#include "preprocess/partition/voxel_builder.h"
+#include "preprocess/spill/paged_file.h"
 #include "tests/support/temporary_folder.h"
 
 namespace quarry {

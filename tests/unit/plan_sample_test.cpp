@@ -1,4 +1,4 @@
-#include "preprocess/plan_sample.h"
+#include "preprocess/estimate/plan_sample.h"
 
 #include <catch2/catch.hpp>
 #include <cmath>

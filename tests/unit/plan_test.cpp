@@ -4,8 +4,8 @@
 #include <map>
 #include <set>
 
-#include "master/scheduler.h"
-#include "master/spool.h"
+#include "master/jobs/spool.h"
+#include "master/schedule/scheduler.h"
 #include "tests/support/looking.h"
 
 namespace quarry {

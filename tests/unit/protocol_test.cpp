@@ -111,13 +111,13 @@ TEST_CASE("Messages come back field by field") {
   const auto done = DecodeTileDone(Encode(TileDone{1, 2, 3, 4, 5}));
   CHECK((done->setup == 1 && done->tile == 2 && done->lease == 3 && done->rays == 4 &&
          done->rays_suspended == 5));
-  const auto alive = DecodeAlive(Encode(Alive{1, 2, 3, 4, 5, 6, 7, 8}));
+  const auto alive = DecodeWorkerStatus(Encode(WorkerStatus{1, 2, 3, 4, 5, 6, 7, 8}));
   CHECK((alive->cache_bytes == 1 && alive->voxels_loaded == 2 && alive->voxel_bytes_loaded == 3 &&
          alive->voxel_bytes_received == 4 && alive->evictions == 5 && alive->rays == 6 &&
          alive->rays_suspended == 7 && alive->peak_rss_bytes == 8));
-  Alive wants;
+  WorkerStatus wants;
   wants.tiles_wanted = 9;
-  CHECK(DecodeAlive(Encode(wants))->tiles_wanted == 9);
+  CHECK(DecodeWorkerStatus(Encode(wants))->tiles_wanted == 9);
   CHECK(DecodeBlockRequest(Encode(BlockRequest{123}))->block == 123);
 }
 

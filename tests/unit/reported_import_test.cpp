@@ -4,7 +4,7 @@
 #include <cstring>
 #include <string>
 
-#include "preprocess/import/foreign_content.h"
+#include "preprocess/import/foreign/foreign_content.h"
 #include "preprocess/import/origin_survey.h"
 #include "tests/unit/recording_sink.h"
 

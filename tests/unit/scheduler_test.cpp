@@ -1,4 +1,4 @@
-#include "master/scheduler.h"
+#include "master/schedule/scheduler.h"
 
 #include <algorithm>
 #include <catch2/catch.hpp>
@@ -7,7 +7,7 @@
 #include <unordered_map>
 #include <utility>
 
-#include "master/active_frame.h"
+#include "master/schedule/active_frame.h"
 
 namespace quarry {
 namespace {
@@ -95,16 +95,17 @@ TEST_CASE("What a worker holds of one frame it is not given of the next") {
   ActiveFrame first(1, job, nullptr), second(2, job, &first);
   bool begun = false;
   const auto next = [&] { return std::exchange(begun, true) ? nullptr : &second; };
-  const auto count = [](const std::vector<HandedTile>& tiles, const ActiveFrame& frame) {
-    return std::count_if(tiles.begin(), tiles.end(), [&](const HandedTile& t) { return t.frame == &frame; });
+  const auto count = [](const std::vector<AssignedTile>& tiles, const ActiveFrame& frame) {
+    return std::count_if(tiles.begin(), tiles.end(),
+                         [&](const AssignedTile& t) { return t.frame == &frame; });
   };
-  const auto given = HandOut({&first}, {{1, 6}}, 0, false, {}, next);
+  const auto given = AssignTiles({&first}, {{1, 6}}, 0, false, {}, next);
   CHECK(given.size() == 6);
   CHECK(count(given, first) == 4);
-  CHECK(HandOut({&first, &second}, {{1, 6}}, 0, false, {}, next).empty());
+  CHECK(AssignTiles({&first, &second}, {{1, 6}}, 0, false, {}, next).empty());
   const TileOrder& order = given[0].order;
   REQUIRE(*first.Finish({1, order.tile, order.lease, 0, 0, 0, Depths()}, Bytes(32 * 32 * 3 * 4), 1));
-  const auto more = HandOut({&first, &second}, {{1, 6}}, 1, false, {}, next);
+  const auto more = AssignTiles({&first, &second}, {{1, 6}}, 1, false, {}, next);
   CHECK(more.size() == 1);
   CHECK(count(more, second) == 1);
 }
@@ -117,19 +118,20 @@ TEST_CASE(
   job.cameras = {CameraSpec{}};
   REQUIRE(NormalizeJob(job).has_value());
   const auto none = [] { return nullptr; };
-  const auto given = [](const std::vector<HandedTile>& tiles, uint32_t worker) {
-    return std::count_if(tiles.begin(), tiles.end(), [&](const HandedTile& t) { return t.worker == worker; });
+  const auto given = [](const std::vector<AssignedTile>& tiles, uint32_t worker) {
+    return std::count_if(tiles.begin(), tiles.end(),
+                         [&](const AssignedTile& t) { return t.worker == worker; });
   };
   for (const bool ending : {false, true}) {
     ActiveFrame frame(1, job, nullptr);  // 80 tiles
-    const std::vector<Hand> hands = {{1, 30, 1}, {2, 30, 3}};
-    const auto tiles = HandOut({&frame}, hands, 0, ending, {}, none);
+    const std::vector<WorkerCredit> hands = {{1, 30, 1}, {2, 30, 3}};
+    const auto tiles = AssignTiles({&frame}, hands, 0, ending, {}, none);
     CHECK(given(tiles, 1) == (ending ? 10 : 30));
     CHECK(given(tiles, 2) == 30);
     // Of the 40 open then, 5 and 15 are half a share.
-    CHECK(HandOut({&frame}, hands, 0, ending, {}, none).empty());
+    CHECK(AssignTiles({&frame}, hands, 0, ending, {}, none).empty());
     ActiveFrame alone(2, job, nullptr);  // there is nobody to leave anything to
-    CHECK(HandOut({&alone}, {{1, 80, 1}}, 0, ending, {}, none).size() == 80);
+    CHECK(AssignTiles({&alone}, {{1, 80, 1}}, 0, ending, {}, none).size() == 80);
   }
 }
 
@@ -144,9 +146,9 @@ TEST_CASE("Who idles fetches for another's tile at the end of all frames, but no
     BlockSet nothing;
     frame.MakePlan({{1, 1, 0, &nothing}}, {bytes, 1e-6, 1}, SchedulingPolicy::kFootprint);  // a second a tile
     // The first worker has one and comes to three more; fetching for one of them takes the other 1.5 s.
-    REQUIRE(HandOut({&frame}, {{1, 1}}, 0, ending, {}, [] { return nullptr; }).size() == 1);
+    REQUIRE(AssignTiles({&frame}, {{1, 1}}, 0, ending, {}, [] { return nullptr; }).size() == 1);
     const auto fetch_s = [](const ActiveFrame&, uint32_t, uint32_t) { return 1.5; };
-    const auto taken = HandOut({&frame}, {{1, 1}, {2, 1}}, 0, ending, fetch_s, [] { return nullptr; });
+    const auto taken = AssignTiles({&frame}, {{1, 1}, {2, 1}}, 0, ending, fetch_s, [] { return nullptr; });
     CHECK(taken.size() == (ending ? 1 : 0));
   }
 }

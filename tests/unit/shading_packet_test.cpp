@@ -1,4 +1,4 @@
-#include "worker/shading_packet.h"
+#include "common/engine/shading_packet.h"
 
 #include <catch2/catch.hpp>
 #include <cstring>

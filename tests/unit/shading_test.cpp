@@ -1,4 +1,4 @@
-#include "worker/shading.h"
+#include "common/engine/shading.h"
 
 #include <catch2/catch.hpp>
 #include <cmath>

@@ -5,9 +5,10 @@
 #include <map>
 #include <optional>
 
-#include "common/net/source_policy.h"
-#include "common/net/source_set.h"
-#include "worker/stored_cache.h"
+#include "common/net/source_spec.h"
+#include "worker/sources/source_policy.h"
+#include "worker/sources/source_set.h"
+#include "worker/sources/stored_cache.h"
 
 namespace quarry {
 namespace {
@@ -258,8 +259,8 @@ TEST_CASE("Stored blocks go least recently used first, unused prefetched ones be
   Mood mood = Mood::kAnswers;
   std::vector<uint32_t> asked;
   FakeSource inner(io, mood, asked);
-  Holdings holdings;
-  StoredCache cache(inner, 1000, holdings);
+  CacheInventory inventory;
+  StoredCache cache(inner, 1000, inventory);
   const auto get = [&](uint32_t block) {
     Bytes got;
     cache.Fetch(block, [&](Result<Bytes> r) { got = *r; });
@@ -281,7 +282,7 @@ TEST_CASE("Stored blocks go least recently used first, unused prefetched ones be
   CHECK_FALSE(prefetch(23));  // they have their quarter
   get(6);                     // 20 goes, which nobody has asked for
   CHECK(cache.counters().prefetch_wasted_bytes == Content(20).size());
-  CHECK_FALSE(holdings.Has(20));
+  CHECK_FALSE(inventory.Has(20));
   get(21);
   CHECK(cache.counters().hit_bytes == Content(21).size());
   get(0);
@@ -300,17 +301,17 @@ TEST_CASE("Stored blocks go least recently used first, unused prefetched ones be
 }
 
 TEST_CASE("What a worker holds is told as changes, in either tier once") {
-  Holdings h;
-  h.Set(1, Holdings::kStored, true);
-  h.Set(1, Holdings::kDecoded, true);
-  h.Set(2, Holdings::kDecoded, true);
-  h.Set(2, Holdings::kDecoded, false);
+  CacheInventory h;
+  h.Set(1, CacheInventory::kStored, true);
+  h.Set(1, CacheInventory::kDecoded, true);
+  h.Set(2, CacheInventory::kDecoded, true);
+  h.Set(2, CacheInventory::kDecoded, false);
   auto changes = h.TakeChanges();
   CHECK(changes.come == std::vector<uint32_t>{1});
   CHECK(changes.gone == std::vector<uint32_t>{2});  // harmless: the master did not have it
-  h.Set(1, Holdings::kStored, false);
+  h.Set(1, CacheInventory::kStored, false);
   CHECK(h.TakeChanges().gone.empty());
-  h.Set(1, Holdings::kDecoded, false);
+  h.Set(1, CacheInventory::kDecoded, false);
   CHECK(h.TakeChanges().gone == std::vector<uint32_t>{1});
   CHECK(h.TakeAll().empty());
 }

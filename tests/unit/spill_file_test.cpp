@@ -1,4 +1,4 @@
-#include "preprocess/spill_file.h"
+#include "preprocess/spill/spill_file.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>

@@ -1,4 +1,4 @@
-#include "preprocess/spill_sink.h"
+#include "preprocess/ingest/spill_sink.h"
 
 #include <stdlib.h>
 

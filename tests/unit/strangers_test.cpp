@@ -7,10 +7,10 @@
 
 #include "common/base/resource.h"
 #include "common/net/stream_connection.h"
-#include "common/net/tcp_source.h"
 #include "common/protocol/messages.h"
 #include "master/block_service.h"
 #include "tests/support/shared_tables.h"
+#include "worker/sources/tcp_source.h"
 
 // What a program that listens takes from whoever connects, and for how long.
 

@@ -1,10 +1,10 @@
-#include "worker/sweep.h"
+#include "common/engine/sweep.h"
 
 #include <catch2/catch.hpp>
 #include <memory>
 #include <vector>
 
-#include "worker/voxel_cache.h"
+#include "common/engine/voxel_cache.h"
 
 namespace quarry {
 namespace {

@@ -4,7 +4,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "preprocess/import/mtl_texture.h"
+#include "preprocess/import/obj/mtl_texture.h"
 #include "tests/unit/recording_sink.h"
 
 using namespace quarry;

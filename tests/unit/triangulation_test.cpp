@@ -1,4 +1,4 @@
-#include "preprocess/import/triangulation.h"
+#include "preprocess/import/polygon/triangulation.h"
 
 #include <algorithm>
 #include <catch2/catch.hpp>
@@ -7,7 +7,7 @@
 #include <numbers>
 #include <random>
 
-#include "preprocess/import/orientation.h"
+#include "preprocess/import/polygon/orientation.h"
 
 namespace quarry {
 namespace {

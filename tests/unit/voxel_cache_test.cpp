@@ -1,10 +1,10 @@
-#include "worker/voxel_cache.h"
+#include "common/engine/voxel_cache.h"
 
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <thread>
 
-#include "worker/pin_set.h"
+#include "common/engine/pinned_blocks.h"
 
 namespace quarry {
 namespace {
@@ -151,11 +151,11 @@ TEST_CASE("BlocksThatMoreRaysWaitForAreLoadedFirst") {
   CHECK(f.cache.NextToLoad() == 2u);
 }
 
-TEST_CASE("APinSetHoldsOnePinABlock") {
+TEST_CASE("PinnedBlocksHoldOnePinABlock") {
   Fixture f(kBlock);
   REQUIRE(f.Load(1));
   {
-    PinSet pins(f.cache);
+    PinnedBlocks pins(f.cache);
     std::vector<uint32_t> touched, other;
     pins.LogTo(touched, pins.NewReader());
     const ResidentBlock* first = pins.Find(1);

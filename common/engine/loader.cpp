@@ -1,0 +1,92 @@
+#include "common/engine/loader.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "common/base/resource.h"
+
+namespace quarry {
+
+Status DecodeBlock(const Catalog& catalog, uint32_t block, std::span<const std::byte> stored,
+                   BlockDecoder& decoder, ResidentBlock& resident, std::vector<KdNode>* tree) {
+  const std::span<std::byte> out = resident.bytes.bytes();
+  if (block % 2 == static_cast<uint32_t>(BlockKind::kShading)) {
+    QUARRY_ASSIGN(resident.shading, DecodeShading(decoder, catalog, block / 2, stored, out));
+  } else {
+    QUARRY_ASSIGN(resident.hot, DecodeHot(decoder, catalog, block / 2, stored, out, tree));
+  }
+  return {};
+}
+
+Loader::Loader(const Catalog& catalog, VoxelCache& cache, VoxelSource& source,
+               std::function<void(const Error&)> on_error)
+    : catalog_(catalog), cache_(cache), source_(source), on_error_(std::move(on_error)) {}
+
+void Loader::Run() {
+  // A source that has the block at hand answers within Fetch: the loop installs it, or sees that it is not
+  // yet its turn.
+  again_ = true;
+  if (std::exchange(running_, true)) return;
+  while (std::exchange(again_, false) && !failed_) {
+    InstallArrived();
+    AskForMore();
+  }
+  running_ = false;
+}
+
+void Loader::InstallArrived() {
+  while (!failed_ && !arrived_.empty()) {
+    const VoxelCache::Turn turn = cache_.NextToPublish();
+    const auto next =
+        turn.any ? arrived_.begin()
+                 : std::ranges::find_if(arrived_, [&](const Arrived& a) { return a.block == turn.block; });
+    if (next == arrived_.end() || !Install(*next)) return;
+    stored_bytes_ -= next->stored.size();
+    --in_flight_;
+    arrived_.erase(next);
+  }
+}
+
+void Loader::AskForMore() {
+  while (!failed_) {
+    // The block whose turn it is may be asked for beyond the bounds: those that have arrived wait for it.
+    const bool full = in_flight_ >= kMaxInFlight || stored_bytes_ >= kMaxStoredBytes;
+    const auto block = full ? cache_.TurnToLoad() : cache_.NextToLoad();
+    if (!block) return;
+    ++in_flight_;
+    stored_bytes_ += catalog_.block(*block).stored;
+    source_.Fetch(*block, [this, id = *block](Result<Bytes> stored) { OnFetched(id, std::move(stored)); });
+  }
+}
+
+void Loader::OnFetched(uint32_t block, Result<Bytes> stored) {
+  if (failed_) return;
+  if (!stored) return Fail(stored.error());
+  arrived_.push_back({block, std::move(*stored)});
+  Run();
+}
+
+bool Loader::Install(const Arrived& arrived) {
+  const BlockEntry& entry = catalog_.block(arrived.block);
+  if (!cache_.Reserve(entry.decoded)) return false;
+  auto resident = std::make_unique<ResidentBlock>();
+  const auto start = std::chrono::steady_clock::now();
+  resident->bytes = cache_.TakePages(entry.decoded);
+  const Status status = DecodeBlock(catalog_, arrived.block, arrived.stored, decoder_, *resident);
+  decode_us_ += MicrosecondsSince(start);
+  if (!status) {
+    Fail(Error{fmt::format("block {}: {}", arrived.block, status.error().message)});
+    return false;
+  }
+  cache_.Publish(arrived.block, std::move(resident));
+  return true;
+}
+
+void Loader::Fail(const Error& error) {
+  if (std::exchange(failed_, true)) return;
+  on_error_(error);
+}
+
+}  // namespace quarry

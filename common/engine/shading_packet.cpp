@@ -1,0 +1,135 @@
+#include "common/engine/shading_packet.h"
+
+#include "common/math/next_float.h"
+
+namespace quarry {
+namespace {
+
+/// Calls body(i, whether lane i is meant) for whole vectors of lanes in which some are. `body` chooses
+/// instead of branching, so that it becomes vector instructions.
+template <class Body>
+inline void ForLanes(uint64_t lanes, Body&& body) {
+  constexpr int kVector = 8, kHalf = 32, kLanes = RayPacket::kRays;
+  uint32_t meant[kLanes];
+  for (int i = 0; i < kHalf; ++i) {
+    meant[i] = static_cast<uint32_t>(lanes) >> i & 1;
+    meant[kHalf + i] = static_cast<uint32_t>(lanes >> kHalf) >> i & 1;
+  }
+  for (int first = 0; first < kLanes; first += kVector) {
+    if ((lanes >> first & ((1u << kVector) - 1)) == 0) continue;
+#pragma GCC ivdep
+    for (int i = first; i < first + kVector; ++i) body(i, meant[i] != 0);
+  }
+}
+
+inline void Put(bool meant, int i, const glm::vec3& value, Vectors& to) {
+  to.x[i] = meant ? value.x : to.x[i];
+  to.y[i] = meant ? value.y : to.y[i];
+  to.z[i] = meant ? value.z : to.z[i];
+}
+
+template <class T>
+inline void Put(bool meant, int i, T value, T (&to)[RayPacket::kRays]) {
+  to[i] = meant ? value : to[i];
+}
+
+void Unlit(const Material& material, const SurfacePacket& surfaces, uint64_t lanes, Vectors& radiance) {
+  const glm::vec3 emission = material.emission;
+  ForLanes(lanes, [&](int i, bool meant) { Put(meant, i, emission * surfaces.color[i], radiance); });
+}
+
+inline glm::vec3 DirectionOf(const RayPacket& rays, int i) {
+  return {rays.direction[0][i], rays.direction[1][i], rays.direction[2][i]};
+}
+
+}  // namespace
+
+void MakeSurfaces(const TrianglePacket& triangles, const RayPacket& rays, uint64_t lanes,
+                  SurfacePacket& surfaces) {
+  ForLanes(lanes, [&](int i, bool meant) {
+    const Surface s = SurfaceAt(triangles.at[0][i], triangles.at[1][i], triangles.at[2][i], rays.b1[i],
+                                rays.b2[i], DirectionOf(rays, i));
+    Put(meant, i, s.position, surfaces.position);
+    Put(meant, i, s.geometric_normal, surfaces.geometric_normal);
+    Put(meant, i, s.normal, surfaces.normal);
+    Put(meant, i, s.view, surfaces.view);
+    Put(meant, i, s.color, surfaces.color);
+    Put(meant, i, s.uv.x, surfaces.u);
+    Put(meant, i, s.uv.y, surfaces.v);
+    Put(meant, i, uint32_t{s.entering}, surfaces.entering);
+  });
+}
+
+void AddAttributes(const AttributePacket& attributes, const RayPacket& rays, uint64_t lanes,
+                   SurfacePacket& surfaces) {
+  const auto vertex = [&](int c, int i) {
+    return ShadingVertex{
+        attributes.normal[c][i], {attributes.u[c][i], attributes.v[c][i]}, attributes.color[c][i]};
+  };
+  ForLanes(lanes, [&](int i, bool meant) {
+    Surface s = surfaces[i];
+    AddAttributes(vertex(0, i), vertex(1, i), vertex(2, i), rays.b1[i], rays.b2[i], s);
+    Put(meant, i, s.normal, surfaces.normal);
+    Put(meant, i, s.color, surfaces.color);
+    Put(meant, i, s.uv.x, surfaces.u);
+    Put(meant, i, s.uv.y, surfaces.v);
+  });
+}
+
+void Headlight(const Material& material, RenderMode mode, const SurfacePacket& surfaces, uint64_t lanes,
+               Vectors& radiance) {
+  if (material.unlit) return Unlit(material, surfaces, lanes, radiance);
+  const glm::vec3 albedo = Albedo(material, mode), emission = material.emission;
+  ForLanes(lanes, [&](int i, bool meant) {
+    Put(meant, i, albedo * surfaces.color[i] * Facing(surfaces[i]) + emission, radiance);
+  });
+}
+
+void Ambient(const Material& material, RenderMode mode, const glm::vec3& ambient,
+             const SurfacePacket& surfaces, uint64_t lanes, Vectors& radiance) {
+  if (material.unlit) return Unlit(material, surfaces, lanes, radiance);
+  const glm::vec3 albedo = Albedo(material, mode), emission = material.emission, all = ambient;
+  ForLanes(lanes, [&](int i, bool meant) {
+    Put(meant, i, albedo * surfaces.color[i] * all * AmbientFactor(surfaces[i]) + emission, radiance);
+  });
+}
+
+void Scatter(const Material& material, RenderMode mode, const Light& from, const SurfacePacket& surfaces,
+             uint64_t lanes, LightPacket& samples, Vectors& radiance) {
+  const glm::vec3 diffuse = Albedo(material, mode), specular = material.specular;
+  const float shininess = material.shininess;
+  const Light light = from;
+  const auto scatter = [&]<bool kPoint, bool kHighlight>() {
+    ForLanes(lanes, [&](int i, bool meant) {
+      const LightSample sample = kPoint ? SamplePoint(light, surfaces.position[i]) : SampleSun(light);
+      Put(meant, i, sample.direction, samples.direction);
+      Put(meant, i, sample.distance, samples.distance);
+      Put(meant, i, Scatter<kHighlight>(diffuse, specular, shininess, surfaces[i], sample), radiance);
+    });
+  };
+  const bool point = light.kind == LightKind::kPoint, highlight = HasHighlight(material);
+  if (point && highlight) return scatter.template operator()<true, true>();
+  if (point) return scatter.template operator()<true, false>();
+  if (highlight) return scatter.template operator()<false, true>();
+  scatter.template operator()<false, false>();
+}
+
+void LeaveSurfaces(const SurfacePacket& surfaces, const Vectors& directions,
+                   const float (&t_max)[RayPacket::kRays], float distance, uint64_t lanes, RayPacket& rays) {
+  ForLanes(lanes, [&](int i, bool meant) {
+    const glm::vec3 direction = directions[i];
+    const glm::vec3 origin =
+        LeaveSurface(surfaces.position[i], surfaces.geometric_normal[i], direction, distance);
+    for (int a = 0; a < 3; ++a) {
+      Put(meant, i, origin[a], rays.origin[a]);
+      Put(meant, i, direction[a], rays.direction[a]);
+    }
+    Put(meant, i, 0.0f, rays.t);
+    Put(meant, i, NextBelow(t_max[i]), rays.hit_t);
+    Put(meant, i, kNoTriangle, rays.triangle);
+    Put(meant, i, 0u, rays.chain);
+    Put(meant, i, kNoVoxel, rays.waits_for);
+  });
+}
+
+}  // namespace quarry

@@ -1,0 +1,49 @@
+#include "common/engine/surface.h"
+
+namespace quarry {
+namespace {
+
+float SchlickPower(float cosine) {
+  const float m = std::clamp(1.0f - cosine, 0.0f, 1.0f);
+  return m * m * m * m * m;
+}
+
+}  // namespace
+
+Surface MakeSurface(const VoxelGeometry& voxel, const Hit& hit, const glm::vec3& direction) {
+  Surface s = SurfaceAt(voxel.vertex(hit.local, 0), voxel.vertex(hit.local, 1), voxel.vertex(hit.local, 2),
+                        hit.b1, hit.b2, direction);
+  s.material = voxel.materials[hit.local];
+  s.part = voxel.parts[hit.local];
+  return s;
+}
+
+Bounces Bounce(const Material& material, const Surface& s) {
+  Bounces b;
+  const float cosine = std::clamp(glm::dot(s.normal, s.view), 0.0f, 1.0f);
+  b.reflect_direction = Unit(s.normal * (2 * cosine) - s.view);
+  b.reflect_weight = material.reflectance;
+  b.refract_weight = material.transmittance;
+  const bool transmits = material.transmittance != glm::vec3(0);
+  float fresnel = 0;
+  if (material.fresnel && transmits) {
+    const float root = (material.specular_ior - 1) / (material.specular_ior + 1), f0 = root * root;
+    fresnel = f0 + (1 - f0) * SchlickPower(cosine);
+    b.reflect_weight = glm::vec3(fresnel);
+    b.refract_weight *= 1 - fresnel;
+  } else if (material.fresnel) {
+    b.reflect_weight += (glm::vec3(1) - b.reflect_weight) * SchlickPower(cosine);
+  }
+  if (!transmits) return b;
+  const float eta = s.entering ? 1 / material.ior : material.ior;
+  const float sine2 = eta * eta * (1 - cosine * cosine);
+  if (sine2 >= 1) {  // total internal reflection
+    b.reflect_weight = glm::max(material.reflectance, material.transmittance);
+    b.refract_weight = glm::vec3(0);
+    return b;
+  }
+  b.refract_direction = Unit(s.normal * (eta * cosine - std::sqrt(1 - sine2)) - s.view * eta);
+  return b;
+}
+
+}  // namespace quarry

@@ -1,0 +1,444 @@
+#include "common/engine/tile_renderer.h"
+
+#include <algorithm>
+#include <bit>
+#include <cstring>
+#include <utility>
+
+#include "common/base/check.h"
+#include "common/kdtree/kernels.h"
+#include "common/kdtree/locate.h"
+#include "common/math/sampling.h"
+
+namespace quarry {
+namespace {
+
+constexpr uint32_t kNone = 0xFFFFFFFFu;  // integer layers where nothing is hit
+
+/// Calls body(i) for each lane i of a packet that is meant.
+template <class Body>
+void ForEachLane(uint64_t lanes, Body&& body) {
+  for (; lanes != 0; lanes &= lanes - 1) body(static_cast<uint32_t>(std::countr_zero(lanes)));
+}
+
+/// The lanes where values[i] is `value`.
+uint64_t LanesWith(uint32_t value, const uint32_t (&values)[RayPacket::kRays]) {
+  uint64_t lanes = 0;
+  for (uint32_t i = 0; i < RayPacket::kRays; ++i) lanes |= uint64_t{values[i] == value} << i;
+  return lanes;
+}
+
+/// The lanes without light.
+uint64_t DarkLanes(const Vectors& light) {
+  uint64_t lanes = 0;
+  for (int i = 0; i < SamplePacket::kLanes; ++i) lanes |= uint64_t{Largest(light[i]) <= 0} << i;
+  return lanes;
+}
+
+}  // namespace
+
+void TileRenderer::Open(std::shared_ptr<const FrameContext> frame, const TileOrder& order) {
+  frame_ = std::move(frame);
+  order_ = order;
+  next_sample_ = rays_ = rays_suspended_ = 0;
+  reader_ = 0;
+  depths_.assign(size_t{DepthCells(order.width)} * DepthCells(order.height), 0);
+  touched_.clear();
+  const uint32_t pixels = order.width * order.height;
+  OrderPixels();
+  radiance_.assign(size_t{3} * pixels, {});
+  aovs_.assign(size_t{frame_->words - 3} * pixels, 0);
+  const uint64_t samples = uint64_t{pixels} * frame_->job.spp;
+  packets_.resize(std::min<uint64_t>(kPackets, (samples + RayPacket::kRays - 1) / RayPacket::kRays));
+  samples_.resize(packets_.size());
+  if (frame_->job.mode == RenderMode::kWhitted)
+    pending_.resize(packets_.size() * RayPacket::kRays * kMostPending);
+  for (uint32_t packet = 0; packet < packets_.size(); ++packet) StartPacket(packet);
+}
+
+/// In 8x8 blocks, so that 64 in a row are neighbours.
+void TileRenderer::OrderPixels() {
+  constexpr uint32_t kSide = RayPacket::kSide;
+  places_.clear();
+  for (uint32_t y0 = 0; y0 < order_.height; y0 += kSide)
+    for (uint32_t x0 = 0; x0 < order_.width; x0 += kSide)
+      for (uint32_t y = y0; y < std::min(y0 + kSide, order_.height); ++y)
+        for (uint32_t x = x0; x < std::min(x0 + kSide, order_.width); ++x)
+          places_.push_back({static_cast<uint16_t>(y * order_.width + x), static_cast<uint8_t>(x),
+                             static_cast<uint8_t>(y)});
+}
+
+/// Generate: the next primary rays that meet the scene's box into a packet whose samples have ended.
+void TileRenderer::StartPacket(uint32_t packet) {
+  const uint64_t samples = uint64_t{places_.size()} * frame_->job.spp;
+  uint64_t started = 0;
+  while (started == 0 && next_sample_ < samples) started = StartSamples(packet);
+  SamplePacket& s = samples_[packet];
+  std::fill_n(s.at, SamplePacket::kStages, 0);
+  s.at[SamplePacket::kTraverse] = ready_[packet] = unfinished_[packet] = started;
+}
+
+/// The next samples; those whose rays miss the scene's box are done with at once. Returns the others.
+uint64_t TileRenderer::StartSamples(uint32_t packet) {
+  SamplePacket& s = samples_[packet];
+  const uint64_t samples = uint64_t{places_.size()} * frame_->job.spp;
+  const auto count = static_cast<uint32_t>(std::min<uint64_t>(RayPacket::kRays, samples - next_sample_));
+  auto sample = static_cast<uint32_t>(next_sample_ / places_.size());
+  auto place = static_cast<uint32_t>(next_sample_ % places_.size());
+  const uint32_t across = DepthCells(order_.width);
+  double x[RayPacket::kRays] = {}, y[RayPacket::kRays] = {};
+  for (uint32_t i = 0; i < count; ++i) {
+    const Place& p = places_[place];
+    const uint32_t px = order_.x + p.x, py = order_.y + p.y;
+    const glm::vec2 at = PixelSample(frame_->job.seed, py * frame_->job.width + px, sample);
+    x[i] = px + static_cast<double>(at.x);
+    y[i] = py + static_cast<double>(at.y);
+    s.pixel[i] = p.pixel;
+    s.depth_cell[i] = static_cast<uint16_t>(p.y / kDepthCell * across + p.x / kDepthCell);
+    s.sample[i] = sample;
+    if (++place == places_.size()) {
+      place = 0;
+      ++sample;
+    }
+  }
+  next_sample_ += count;
+  rays_ += count;
+  PrimaryRays& primary = gathered_->primary;
+  frame_->camera.Shoot(x, y, primary);
+  packets_[packet].SetAll(primary.origin, primary.direction);
+  std::copy_n(primary.t_offset, RayPacket::kRays, s.t_offset);
+  std::fill_n(s.weight.x, RayPacket::kRays, 1.0f);
+  std::fill_n(s.weight.y, RayPacket::kRays, 1.0f);
+  std::fill_n(s.weight.z, RayPacket::kRays, 1.0f);
+  std::fill_n(s.path_code, RayPacket::kRays, kPrimaryPath);
+  std::fill_n(s.depth, RayPacket::kRays, 0);
+  std::fill_n(s.pending_count, RayPacket::kRays, 0);
+  uint64_t started = 0;
+  for (uint32_t i = 0; i < count; ++i)
+    if (primary.misses[i])
+      Miss(packet, i);
+    else
+      started |= uint64_t{1} << i;
+  return started;
+}
+
+void TileRenderer::Resume(uint32_t block) {
+  const auto it = parked_.find(block);
+  if (it == parked_.end()) return;
+  for (uint32_t slot : it->second) ready_[slot / RayPacket::kRays] |= uint64_t{1} << slot % RayPacket::kRays;
+  parked_.erase(it);
+}
+
+void TileRenderer::Park(uint32_t packet, uint32_t lane, uint32_t block) {
+  parked_[block].push_back(packet * RayPacket::kRays + lane);
+  const RayPacket& rays = packets_[packet];
+  Parked& parked = newly_parked_[block];
+  ++parked.rays;
+  parked.octants |= OctantBit(rays.direction[0][lane], rays.direction[1][lane], rays.direction[2][lane]);
+  ++rays_suspended_;
+}
+
+/// All ready samples to their next rays; the rays traced; what they have found taken up in the next round.
+void TileRenderer::Round(PinnedBlocks& pins) {
+  const auto packets = static_cast<uint32_t>(packets_.size());
+  for (uint32_t p = 0; p < packets; ++p) Advance(p, pins);
+  Trace(pins, closest_, false);
+  Trace(pins, any_, true);
+  for (uint32_t p = 0; p < packets; ++p)
+    if (unfinished_[p] == 0) StartPacket(p);
+}
+
+void TileRenderer::Trace(PinnedBlocks& pins, const uint64_t* active, bool any) {
+  TraceRays(frame_->top, pins.finder(), packets_.data(), active, static_cast<uint32_t>(packets_.size()), any);
+  for (uint32_t p = 0; p < packets_.size(); ++p) {
+    if (active[p] == 0) continue;
+    const uint64_t waiting = active[p] & ~LanesWith(kNoVoxel, packets_[p].waits_for);
+    ForEachLane(waiting, [&](uint32_t i) { Park(p, i, BlockId(packets_[p].waits_for[i], BlockKind::kHot)); });
+    Traced(p, active[p] & ~waiting, any);
+  }
+}
+
+/// The rays of `lanes` have come to their ends.
+void TileRenderer::Traced(uint32_t packet, uint64_t lanes, bool any) {
+  SamplePacket& s = samples_[packet];
+  const RayPacket& rays = packets_[packet];
+  ready_[packet] |= lanes;
+  const uint64_t missed = lanes & LanesWith(kNoTriangle, rays.triangle), hit = lanes & ~missed;
+  if (any) {
+    Add(packet, missed, s.light);
+    return s.Move(lanes, SamplePacket::kShadow, SamplePacket::kLight);
+  }
+  s.Move(hit, SamplePacket::kTraverse, SamplePacket::kSurface);
+  s.Move(missed, SamplePacket::kTraverse, SamplePacket::kNext);
+  ForEachLane(missed, [&](uint32_t i) { Miss(packet, i); });
+  ForEachLane(hit, [&](uint32_t i) {
+    if (s.path_code[i] == kPrimaryPath) SawTo(s.depth_cell[i], s.t_offset[i] + rays.hit_t[i]);
+  });
+}
+
+void TileRenderer::SawTo(uint32_t depth_cell, float depth) {
+  depths_[depth_cell] = std::max(depths_[depth_cell], depth);
+}
+
+void TileRenderer::TidyTouched() {
+  std::sort(touched_.begin(), touched_.end());
+  touched_.erase(std::unique(touched_.begin(), touched_.end()), touched_.end());
+}
+
+/// Nothing was in the ray's way.
+void TileRenderer::Miss(uint32_t packet, uint32_t lane) {
+  const SamplePacket& s = samples_[packet];
+  if (s.path_code[lane] == kPrimaryPath) {
+    SawTo(s.depth_cell[lane], kInfinity);
+    if (s.sample[lane] == 0) WriteAovs(packet, lane);
+  }
+  Add(s.pixel[lane], s.weight[static_cast<int>(lane)] * frame_->job.background);
+}
+
+/// The packet's ready samples stage by stage, until each has a ray to trace, waits for a block, or has ended.
+void TileRenderer::Advance(uint32_t packet, PinnedBlocks& pins) {
+  SamplePacket& s = samples_[packet];
+  uint64_t ready = std::exchange(ready_[packet], 0);
+  closest_[packet] = any_[packet] = 0;
+  if (ready == 0) return;
+  ready &= ~FindSurfaces(packet, ready & s.at[SamplePacket::kSurface], pins);
+  ready &= ~FindAttributes(packet, ready & s.at[SamplePacket::kAttributes], pins);
+  Shade(packet, ready & s.at[SamplePacket::kShade]);
+  NextLights(packet, ready & s.at[SamplePacket::kLight]);
+  Spawn(packet, ready & s.at[SamplePacket::kBounce]);
+  TakeNext(packet, ready & s.at[SamplePacket::kNext]);
+  closest_[packet] = ready & s.at[SamplePacket::kTraverse];
+  any_[packet] = ready & s.at[SamplePacket::kShadow];
+}
+
+/// Returns the lanes that wait for their voxel.
+uint64_t TileRenderer::FindSurfaces(uint32_t packet, uint64_t lanes, PinnedBlocks& pins) {
+  if (lanes == 0) return 0;
+  SamplePacket& s = samples_[packet];
+  const RayPacket& rays = packets_[packet];
+  uint64_t waiting = 0, shaded = 0;
+  uint32_t voxel = kNoVoxel;  // the last lane's, which is mostly this one's
+  const ResidentBlock* block = nullptr;
+  bool has_shading = false;
+  ForEachLane(lanes, [&](uint32_t i) {
+    const uint64_t bit = uint64_t{1} << i;
+    if (rays.voxel[i] != voxel) {
+      voxel = rays.voxel[i];
+      block = pins.Find(BlockId(voxel, BlockKind::kHot));
+      has_shading = frame_->catalog.voxels[voxel].blocks[1].stored != 0;
+    }
+    if (!block) {
+      Park(packet, i, BlockId(voxel, BlockKind::kHot));
+      waiting |= bit;
+      return;
+    }
+    const uint32_t local = rays.local[i];
+    gathered_->triangles.Take(static_cast<int>(i), block->hot, local);
+    s.surface.material[i] = block->hot.materials[local];
+    s.surface.part[i] = block->hot.parts[local];
+    if (has_shading) shaded |= bit;
+  });
+  lanes &= ~waiting;
+  MakeSurfaces(gathered_->triangles, rays, lanes, s.surface);
+  s.Move(lanes & shaded, SamplePacket::kSurface, SamplePacket::kAttributes);
+  s.Move(lanes & ~shaded, SamplePacket::kSurface, SamplePacket::kShade);
+  return waiting;
+}
+
+/// Returns the lanes that wait for their voxel's shading.
+uint64_t TileRenderer::FindAttributes(uint32_t packet, uint64_t lanes, PinnedBlocks& pins) {
+  if (lanes == 0) return 0;
+  SamplePacket& s = samples_[packet];
+  const RayPacket& rays = packets_[packet];
+  uint64_t waiting = 0;
+  uint32_t voxel = kNoVoxel;
+  const ResidentBlock* block = nullptr;
+  ForEachLane(lanes, [&](uint32_t i) {
+    if (rays.voxel[i] != voxel) {
+      voxel = rays.voxel[i];
+      block = pins.Find(BlockId(voxel, BlockKind::kShading));
+    }
+    if (block) return gathered_->attributes.Take(static_cast<int>(i), block->shading, rays.local[i]);
+    Park(packet, i, BlockId(voxel, BlockKind::kShading));
+    waiting |= uint64_t{1} << i;
+  });
+  lanes &= ~waiting;
+  AddAttributes(gathered_->attributes, rays, lanes, s.surface);
+  s.Move(lanes, SamplePacket::kAttributes, SamplePacket::kShade);
+  return waiting;
+}
+
+void TileRenderer::Shade(uint32_t packet, uint64_t lanes) {
+  if (lanes == 0) return;
+  SamplePacket& s = samples_[packet];
+  if (frame_->job.aov_mask != 0)
+    ForEachLane(lanes, [&](uint32_t i) {
+      if (s.path_code[i] == kPrimaryPath && s.sample[i] == 0) WriteAovs(packet, i);
+    });
+  const RenderMode mode = frame_->job.mode;
+  const bool lit = mode == RenderMode::kShadow || mode == RenderMode::kWhitted;
+  if (mode == RenderMode::kVoxels) {
+    ShadeVoxels(packet, lanes);
+  } else {
+    Vectors& radiance = gathered_->radiance;
+    ForEachMaterial(s.surface, lanes, [&](uint32_t material, uint64_t same) {
+      if (lit)
+        Ambient(frame_->catalog.materials[material], mode, frame_->job.ambient, s.surface, same, radiance);
+      else
+        Headlight(frame_->catalog.materials[material], mode, s.surface, same, radiance);
+    });
+    Add(packet, lanes, radiance);
+  }
+  s.Move(lanes, SamplePacket::kShade, lit ? SamplePacket::kLight : SamplePacket::kNext);
+  if (lit) ForEachLane(lanes, [&](uint32_t i) { s.next_light[i] = 0; });
+}
+
+void TileRenderer::ShadeVoxels(uint32_t packet, uint64_t lanes) {
+  const SamplePacket& s = samples_[packet];
+  ForEachLane(lanes, [&](uint32_t i) {
+    const uint32_t voxel = LocateVoxel(frame_->top, RayOf(packet, i), packets_[packet].hit_t[i]);
+    const auto lane = static_cast<int>(i);
+    Add(s.pixel[i], s.weight[lane] * (VoxelColor(voxel) * (0.3f + 0.7f * Facing(s.surface[lane]))));
+  });
+}
+
+/// Shadow rays toward the next light that can shine on each, or on to the bounces.
+void TileRenderer::NextLights(uint32_t packet, uint64_t lanes) {
+  if (lanes == 0) return;
+  SamplePacket& s = samples_[packet];
+  const auto lights = static_cast<uint32_t>(frame_->job.lights.size());
+  LightPacket& samples = gathered_->light;
+  uint64_t shone_on = 0;
+  for (uint32_t light = 0; light < lights; ++light) {
+    const uint64_t here = lanes & ~shone_on & LanesWith(light, s.next_light);
+    if (here == 0) continue;
+    ForEachMaterial(s.surface, here, [&](uint32_t material, uint64_t same) {
+      Scatter(frame_->catalog.materials[material], frame_->job.mode, frame_->job.lights[light], s.surface,
+              same, samples, s.light);
+    });
+    shone_on |= here & ~DarkLanes(s.light);
+    ForEachLane(here, [&](uint32_t i) { ++s.next_light[i]; });
+    LeaveSurfaces(s.surface, samples.direction, samples.distance,
+                  OffsetFromSurfaces(frame_->catalog.meta.padding), here & shone_on, packets_[packet]);
+  }
+  rays_ += static_cast<uint64_t>(std::popcount(shone_on));
+  s.Move(shone_on, SamplePacket::kLight, SamplePacket::kShadow);
+  s.Move(lanes & ~shone_on, SamplePacket::kLight,
+         frame_->job.mode == RenderMode::kWhitted ? SamplePacket::kBounce : SamplePacket::kNext);
+}
+
+/// The mirror and the transmitted rays, for later.
+void TileRenderer::Spawn(uint32_t packet, uint64_t lanes) {
+  if (lanes == 0) return;
+  SamplePacket& s = samples_[packet];
+  const auto spawn = [&](const Material& material, uint32_t i) {
+    if (s.depth[i] >= kMostBounces) return;
+    const Surface surface = s.surface[static_cast<int>(i)];
+    const glm::vec3 weight = s.weight[static_cast<int>(i)];
+    const Bounces b = Bounce(material, surface);
+    const auto push = [&](const glm::vec3& direction, const glm::vec3& share, uint32_t path_code) {
+      if (Largest(weight * share) < kLeastWeight) return;
+      QUARRY_DCHECK(s.pending_count[i] <= kMostBounces);
+      const glm::vec3 origin = LeaveSurface(surface.position, surface.geometric_normal, direction,
+                                            OffsetFromSurfaces(frame_->catalog.meta.padding));
+      PendingOf(packet, i)[s.pending_count[i]++] = {origin, direction, weight * share, path_code,
+                                                    s.depth[i] + 1u};
+    };
+    push(b.refract_direction, b.refract_weight, RefractedPath(s.path_code[i]));
+    push(b.reflect_direction, b.reflect_weight, ReflectedPath(s.path_code[i]));
+  };
+  ForEachMaterial(s.surface, lanes, [&](uint32_t id, uint64_t same) {
+    const Material& material = frame_->catalog.materials[id];
+    if (CanBounce(material)) ForEachLane(same, [&](uint32_t i) { spawn(material, i); });
+  });
+  s.Move(lanes, SamplePacket::kBounce, SamplePacket::kNext);
+}
+
+/// The newest of the rays that were put off; without any a sample has ended.
+void TileRenderer::TakeNext(uint32_t packet, uint64_t lanes) {
+  SamplePacket& s = samples_[packet];
+  uint64_t begun = 0;
+  ForEachLane(lanes, [&](uint32_t i) {
+    if (s.pending_count[i] == 0) return;
+    const Pending& next = PendingOf(packet, i)[--s.pending_count[i]];
+    s.weight.Set(static_cast<int>(i), next.weight);
+    s.path_code[i] = next.path_code;
+    s.depth[i] = static_cast<uint8_t>(next.depth);
+    Ray ray;
+    ray.origin = next.origin;
+    ray.direction = next.direction;
+    packets_[packet].Set(i, ray);
+    begun |= uint64_t{1} << i;
+  });
+  rays_ += static_cast<uint64_t>(std::popcount(begun));
+  s.Move(begun, SamplePacket::kNext, SamplePacket::kTraverse);
+  s.at[SamplePacket::kNext] &= ~lanes;
+  unfinished_[packet] &= ~(lanes & ~begun);
+}
+
+Ray TileRenderer::RayOf(uint32_t packet, uint32_t lane) const {
+  const RayPacket& rays = packets_[packet];
+  Ray ray;
+  for (int a = 0; a < 3; ++a) {
+    ray.origin[a] = rays.origin[a][lane];
+    ray.direction[a] = rays.direction[a][lane];
+  }
+  return ray;
+}
+
+void TileRenderer::Add(uint32_t pixel, const glm::vec3& radiance) {
+  FixedRadiance* to = &radiance_[size_t{3} * pixel];
+  to[0].Add(radiance.x);
+  to[1].Add(radiance.y);
+  to[2].Add(radiance.z);
+}
+
+void TileRenderer::Add(uint32_t packet, uint64_t lanes, const Vectors& radiance) {
+  const SamplePacket& s = samples_[packet];
+  ForEachLane(lanes, [&](uint32_t i) {
+    const auto lane = static_cast<int>(i);
+    Add(s.pixel[i], s.weight[lane] * radiance[lane]);
+  });
+}
+
+void TileRenderer::WriteAovs(uint32_t packet, uint32_t lane) {
+  const SamplePacket& s = samples_[packet];
+  const Hit hit = packets_[packet].HitOf(lane);
+  uint32_t* out = aovs_.data() + size_t{frame_->words - 3} * s.pixel[lane];
+  const bool is_hit = hit.triangle != kNoTriangle;
+  const auto put = [&](Aov aov, auto... values) {
+    if (frame_->job.has(aov)) ((*out++ = std::bit_cast<uint32_t>(values)), ...);
+  };
+  const Surface surface = is_hit ? s.surface[static_cast<int>(lane)] : Surface{};
+  put(Aov::kDepth, is_hit ? s.t_offset[lane] + hit.t : kInfinity);
+  put(Aov::kNormal, surface.normal.x, surface.normal.y, surface.normal.z);
+  put(Aov::kUv, surface.uv.x, surface.uv.y);
+  put(Aov::kPrimitive, is_hit ? hit.triangle : kNone);
+  put(Aov::kMaterial, is_hit ? surface.material : kNone);
+  put(Aov::kPart, is_hit ? surface.part : kNone);
+  put(Aov::kVoxel,
+      is_hit && frame_->job.has(Aov::kVoxel) ? LocateVoxel(frame_->top, RayOf(packet, lane), hit.t) : kNone);
+}
+
+size_t TileRenderer::memory_bytes() const {
+  const auto bytes = [](const auto& v) { return v.size() * sizeof(v[0]); };
+  return bytes(places_) + bytes(packets_) + bytes(samples_) + bytes(pending_) + bytes(depths_) +
+         bytes(radiance_) + bytes(aovs_);
+}
+
+Bytes TileRenderer::Pixels() const {
+  const size_t pixels = radiance_.size() / 3, extra = frame_->words - 3;
+  Bytes out(pixels * frame_->words * 4);
+  std::byte* to = out.data();
+  for (size_t p = 0; p < pixels; ++p) {
+    float color[3];
+    for (size_t c = 0; c < 3; ++c) color[c] = radiance_[3 * p + c].Mean(frame_->job.spp);
+    std::memcpy(to, color, sizeof color);
+    if (extra > 0)  // without layers there is nothing that could be pointed at
+      std::memcpy(to + sizeof color, aovs_.data() + p * extra, extra * 4);
+    to += frame_->words * 4;
+  }
+  return out;
+}
+
+}  // namespace quarry

@@ -1,0 +1,246 @@
+#include "common/engine/voxel_cache.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "common/base/check.h"
+
+namespace quarry {
+
+void Mailbox::Deliver(uint32_t block, VoxelCache& from) {
+  {
+    const std::lock_guard lock(mutex_);
+    from_ = &from;
+    delivered_.push_back(block);
+  }
+  changed_.notify_one();
+}
+
+void Mailbox::Wake() {
+  {
+    const std::lock_guard lock(mutex_);
+    woken_ = true;
+  }
+  changed_.notify_one();
+}
+
+std::vector<uint32_t> Mailbox::Take(bool wait) {
+  if (in_use_ != 0) from_->Used(std::exchange(in_use_, 0));
+  std::unique_lock lock(mutex_);
+  if (wait) changed_.wait(lock, [&] { return woken_ || !delivered_.empty(); });
+  woken_ = false;
+  in_use_ = static_cast<uint32_t>(delivered_.size());
+  return std::exchange(delivered_, {});
+}
+
+VoxelCache::VoxelCache(const Catalog& catalog, uint64_t budget_bytes, std::function<void()> on_want,
+                       std::function<void()> on_space, std::function<void(uint32_t, bool)> on_change)
+    : catalog_(catalog),
+      budget_(budget_bytes),
+      on_want_(std::move(on_want)),
+      on_space_(std::move(on_space)),
+      on_change_(std::move(on_change)),
+      slots_(std::make_unique<Slot[]>(catalog.voxels.size() * 2)),
+      order_(catalog) {}
+
+VoxelCache::~VoxelCache() {
+  for (uint32_t block : residents_) delete slots_[block].resident.load();
+}
+
+const ResidentBlock* VoxelCache::TryPin(uint32_t block) {
+  Slot& slot = slots_[block];
+  uint32_t state = slot.state.load(std::memory_order_relaxed);
+  do {
+    if (!(state & kResident)) return nullptr;
+  } while (!slot.state.compare_exchange_weak(state, state + 1, std::memory_order_acquire));
+  slot.last_use.store(clock_.fetch_add(1, std::memory_order_relaxed), std::memory_order_relaxed);
+  return slot.resident.load(std::memory_order_acquire);
+}
+
+void VoxelCache::Unpin(uint32_t block) {
+  const uint32_t before = slots_[block].state.fetch_sub(1);
+  QUARRY_DCHECK((before & ~kResident) > 0);
+  if ((before & ~kResident) == 1 && starved_.exchange(false)) on_space_();
+}
+
+void VoxelCache::Want(uint32_t block, Mailbox* mailbox, uint32_t rays, OctantMask octants) {
+  {
+    const std::lock_guard lock(mutex_);
+    // Eviction and publication hold the lock too, so that this answer stands until the waiter is on the list.
+    if (!TryPin(block)) {
+      Waiting& w = waiting_[block];
+      if (w.rays == 0) {
+        w.since = std::chrono::steady_clock::now();
+        wanted_bytes_ += catalog_.block(block).decoded;
+      }
+      w.rays += rays;
+      w.octants |= octants;
+      if (std::find(w.mailboxes.begin(), w.mailboxes.end(), mailbox) == w.mailboxes.end())
+        w.mailboxes.push_back(mailbox);
+      mailbox = nullptr;
+    } else {
+      ++in_use_;
+    }
+  }
+  if (mailbox)
+    mailbox->Deliver(block, *this);
+  else
+    on_want_();
+}
+
+void VoxelCache::Used(uint32_t blocks) {
+  bool go_on = false;
+  {
+    const std::lock_guard lock(mutex_);
+    in_use_ -= blocks;
+    go_on = in_use_ == 0 && scarce();
+  }
+  if (go_on) on_want_();
+}
+
+std::optional<Sweep::Stop> VoxelCache::NextInSweep(bool loading_too) const {
+  std::optional<Sweep::Stop> next;
+  uint64_t least = UINT64_MAX;
+  for (const auto& [block, w] : waiting_) {
+    if (w.loading && !loading_too) continue;
+    const Sweep::Stop stop{block, w.octants};
+    const uint64_t distance = sweep_.Distance(stop);
+    if (distance >= least) continue;
+    least = distance;
+    next = stop;
+  }
+  return next;
+}
+
+VoxelCache::Turn VoxelCache::NextToPublish() const {
+  const std::lock_guard lock(mutex_);
+  if (!scarce()) return {true, {}};
+  if (in_use_ != 0) return {};
+  const auto next = NextInSweep(true);
+  return {false, next ? std::optional(next->block) : std::nullopt};
+}
+
+std::optional<uint32_t> VoxelCache::TurnToLoad() {
+  const std::lock_guard lock(mutex_);
+  if (!scarce()) return {};
+  const auto next = NextInSweep(true);
+  if (!next || std::exchange(waiting_[next->block].loading, true)) return {};
+  return next->block;
+}
+
+std::optional<uint32_t> VoxelCache::NextToLoad() {
+  const std::lock_guard lock(mutex_);
+  if (scarce()) {
+    const auto next = NextInSweep(false);
+    if (!next) return {};
+    waiting_[next->block].loading = true;
+    return next->block;
+  }
+  const auto now = std::chrono::steady_clock::now();
+  std::optional<uint32_t> best;
+  double best_worth = -1;
+  for (const auto& [block, w] : waiting_) {
+    if (w.loading) continue;
+    const double waited_s = std::chrono::duration<double>(now - w.since).count();
+    const double worth = static_cast<double>(w.rays) * (waited_s + 1e-3);
+    if (worth > best_worth) {
+      best_worth = worth;
+      best = block;
+    }
+  }
+  if (best) waiting_[*best].loading = true;
+  return best;
+}
+
+bool VoxelCache::EvictOne() {
+  // A scan: a cache holds some thousand blocks, and a load costs far more than looking at them.
+  const uint32_t now = clock_.load();
+  size_t oldest = residents_.size();
+  uint32_t oldest_age = 0;
+  for (size_t i = 0; i < residents_.size(); ++i) {
+    const Slot& slot = slots_[residents_[i]];
+    const uint32_t age = now - slot.last_use.load(std::memory_order_relaxed);
+    if (slot.state.load() != kResident) continue;  // pinned
+    if (oldest == residents_.size() || age > oldest_age) {
+      oldest = i;
+      oldest_age = age;
+    }
+  }
+  if (oldest == residents_.size()) return false;
+  Slot& slot = slots_[residents_[oldest]];
+  uint32_t unpinned = kResident;
+  if (!slot.state.compare_exchange_strong(unpinned, 0)) return true;  // pinned meanwhile: look again
+  ResidentBlock* gone = slot.resident.exchange(nullptr);
+  used_ -= gone->bytes.bytes().size();
+  ++counters_.evictions;
+  unused_ = PageBuffer();  // from here on blocks take turns
+  spare_ = PageBuffer();
+  spare_ = std::move(gone->bytes);
+  delete gone;
+  if (on_change_) on_change_(residents_[oldest], false);
+  residents_[oldest] = residents_.back();
+  residents_.pop_back();
+  return true;
+}
+
+bool VoxelCache::Reserve(uint32_t decoded_bytes) {
+  const std::lock_guard lock(mutex_);
+  QUARRY_CHECK(decoded_bytes <= budget_);
+  while (used_ + decoded_bytes > budget_) {
+    if (EvictOne()) continue;
+    // Raise the flag first, then look again: a pin that goes in between is either seen here or sees the flag.
+    starved_.store(true);
+    if (!EvictOne()) return false;
+    starved_.store(false);
+  }
+  used_ += decoded_bytes;
+  return true;
+}
+
+PageBuffer VoxelCache::TakePages(uint32_t decoded_bytes) {
+  if (!spare_.bytes().empty()) {
+    spare_.Resize(decoded_bytes);
+    return std::move(spare_);
+  }
+  if (decoded_bytes <= unused_.bytes().size()) return unused_.TakeFront(decoded_bytes);
+  unused_ = PageBuffer();
+  return PageBuffer(decoded_bytes);
+}
+
+void VoxelCache::UseFirst(PageBuffer memory) {
+  unused_ = std::move(memory);
+  if (unused_.bytes().size() > budget_) unused_.Resize(budget_);
+}
+
+void VoxelCache::Publish(uint32_t block, std::unique_ptr<ResidentBlock> resident) {
+  std::vector<Mailbox*> mailboxes;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto it = waiting_.find(block);
+    if (it != waiting_.end()) {
+      mailboxes = std::move(it->second.mailboxes);
+      sweep_.MoveTo({block, it->second.octants});
+      wanted_bytes_ -= catalog_.block(block).decoded;
+      in_use_ += static_cast<uint32_t>(mailboxes.size());
+      waiting_.erase(it);
+    }
+    ++counters_.loaded;
+    counters_.bytes_loaded += resident->bytes.bytes().size();
+    Slot& slot = slots_[block];
+    slot.last_use.store(clock_.fetch_add(1));
+    slot.resident.store(resident.release(), std::memory_order_release);
+    residents_.push_back(block);
+    if (on_change_) on_change_(block, true);
+    slot.state.store(kResident + static_cast<uint32_t>(mailboxes.size()), std::memory_order_release);
+  }
+  for (Mailbox* mailbox : mailboxes) mailbox->Deliver(block, *this);
+}
+
+VoxelCache::Counters VoxelCache::counters() const {
+  const std::lock_guard lock(mutex_);
+  Counters c = counters_;
+  c.bytes = used_;
+  return c;
+}
+
+}  // namespace quarry

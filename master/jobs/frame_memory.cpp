@@ -1,0 +1,64 @@
+#include "master/jobs/frame_memory.h"
+
+#include <fmt/format.h>
+
+#include "common/base/size.h"
+#include "master/jobs/job.h"
+
+namespace quarry {
+namespace {
+
+/// A tile: its place, who has it, what was expected of it and what it showed.
+constexpr uint64_t kTileBytes = 1 << 10;
+/// Of a frame, whatever its size: the encoder, and the blocks that its tiles have touched (ActiveFrame keeps
+/// two million of their numbers at most, and as many with a chance each are expected of it).
+constexpr uint64_t kFrameBytes = 1 << 20, kMostTraceBytes = 24 << 20;
+constexpr uint64_t kTraceBytesPerTile = 16 << 10;
+
+uint64_t Pixels(const RenderJob& one) { return uint64_t{one.crop_width} * one.crop_height; }
+
+}  // namespace
+
+uint64_t EncodedBytes(const RenderJob& one) {
+  const uint64_t rows = one.crop_height;
+  // PNG: three bytes a pixel, a filter's byte a row, and five for each 16 KiB that zlib stores as they are.
+  // EXR: the words as they are, by 16 rows where they do not compress, and a place for each.
+  if (one.format == "png") return Pixels(one) * 3 * 1001 / 1000 + rows + (64 << 10);
+  return Pixels(one) * 4 * WordsPerPixel(one.aov_mask) + rows * 16 + (64 << 10);
+}
+
+uint64_t FrameBytes(const RenderJob& one) {
+  const uint64_t tiles = uint64_t{(one.crop_width + kTileSize - 1) / kTileSize} *
+                         ((one.crop_height + kTileSize - 1) / kTileSize);
+  return Pixels(one) * 4 * WordsPerPixel(one.aov_mask) + 2 * EncodedBytes(one) + tiles * kTileBytes +
+         std::min(tiles * kTraceBytesPerTile, kMostTraceBytes) + kFrameBytes;
+}
+
+uint64_t JobBytes(size_t frames) {
+  return (64 << 10) + frames * (sizeof(CameraSpec) + sizeof(Job::Finished) + sizeof(Job::FrameState));
+}
+
+Status FrameMemory::CheckJob(const RenderJob& job, uint64_t jobs_bytes) const {
+  const uint64_t frame = FrameBytes(job), own = JobBytes(job.cameras.size());
+  if (frame > for_frames())
+    return Fail(
+        fmt::format("a picture of {}x{} takes {} of the master's memory, and it has {} for pictures "
+                    "(quarry-master --frame-memory); ask for less, or for parts of it with --crop",
+                    job.crop_width, job.crop_height, FormatSize(frame), FormatSize(for_frames())));
+  if (jobs_bytes + own > for_jobs())
+    return Fail(
+        fmt::format("a job of {} frames takes {} of the master's memory, and of the {} for jobs {} are "
+                    "in use (quarry-master --frame-memory); ask for fewer frames, or later",
+                    job.cameras.size(), FormatSize(own), FormatSize(for_jobs()), FormatSize(jobs_bytes)));
+  return {};
+}
+
+FrameMemory::Reservation FrameMemory::Take(uint64_t bytes) {
+  *used_ += bytes;
+  return {new uint64_t(bytes), [used = used_](const uint64_t* taken) {
+            *used -= *taken;
+            delete taken;
+          }};
+}
+
+}  // namespace quarry

@@ -1,0 +1,187 @@
+#include "master/jobs/image_output.h"
+
+#include <OpenEXR/ImfChannelList.h>
+#include <OpenEXR/ImfFrameBuffer.h>
+#include <OpenEXR/ImfHeader.h>
+#include <OpenEXR/ImfIO.h>
+#include <OpenEXR/ImfOutputFile.h>
+#include <fmt/format.h>
+#include <png.h>
+
+#include <algorithm>
+#include <bit>
+#include <cstring>
+#include <limits>
+#include <optional>
+#include <utility>
+
+#include "common/math/elementary.h"
+#include "master/jobs/frame_memory.h"
+
+namespace quarry {
+namespace {
+
+/// Linear values to 8 bits, sRGB: as EncodeSrgb says, but looked up.
+class SrgbEncoder {
+ public:
+  explicit SrgbEncoder(double exposure) {
+    const double gain = Exp2(exposure);
+    const auto encode = [&](uint32_t bits) {
+      return static_cast<int>(EncodeSrgb(static_cast<double>(std::bit_cast<float>(bits)) * gain) * 255 + 0.5);
+    };
+    // Positive floats are ordered as their bits are.
+    const uint32_t infinity = std::bit_cast<uint32_t>(std::numeric_limits<float>::infinity());
+    uint32_t from = 0;
+    for (int value = 1; value < 256; ++value) {
+      uint32_t to = infinity;
+      while (from < to) {
+        const uint32_t middle = from + (to - from) / 2;
+        if (encode(middle) < value)
+          from = middle + 1;
+        else
+          to = middle;
+      }
+      least_[value - 1] = from;
+    }
+  }
+
+  uint8_t operator()(uint32_t bits) const {
+    if (bits > kLargest) return 0;  // negative, or not a number
+    return static_cast<uint8_t>(std::upper_bound(std::begin(least_), std::end(least_), bits) -
+                                std::begin(least_));
+  }
+
+ private:
+  static constexpr uint32_t kLargest = 0x7F800000;  ///< infinity
+  uint32_t least_[255];  ///< bits of the least float that becomes 1, 2, ... or more
+};
+
+void AppendPng(png_structp png, png_bytep data, size_t size) {
+  auto& file = *static_cast<Bytes*>(png_get_io_ptr(png));
+  const auto* bytes = reinterpret_cast<const std::byte*>(data);
+  file.insert(file.end(), bytes, bytes + size);
+}
+
+/// Owns what libpng makes, and the row that is being written, whichever way the function is left.
+struct PngWriter {
+  [[gnu::noinline]] explicit PngWriter(size_t row_bytes) : row(row_bytes) {}  // out of setjmp's sight
+  png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, nullptr, nullptr, nullptr);
+  png_infop info = png ? png_create_info_struct(png) : nullptr;
+  std::vector<uint8_t> row;
+  ~PngWriter() { png_destroy_write_struct(&png, &info); }
+};
+
+void WriteRows(PngWriter& writer, const RenderJob& job, const uint32_t* pixel, const SrgbEncoder& encode) {
+  const size_t words = WordsPerPixel(job.aov_mask);
+  for (size_t y = 0; y < job.crop_height; ++y) {
+    for (size_t x = 0; x < writer.row.size(); x += 3, pixel += words)
+      for (size_t c = 0; c < 3; ++c) writer.row[x + c] = encode(pixel[c]);
+    png_write_row(writer.png, writer.row.data());
+  }
+}
+
+Result<Bytes> EncodePng(const RenderJob& job, const std::vector<uint32_t>& pixels) {
+  // Its table takes as long to make as a small picture: it is kept from frame to frame.
+  thread_local std::optional<std::pair<double, SrgbEncoder>> kept;
+  if (!kept || kept->first != job.exposure) kept.emplace(job.exposure, SrgbEncoder(job.exposure));
+  const SrgbEncoder& encode = kept->second;
+  Bytes file;
+  file.reserve(
+      EncodedBytes(job));  // pages that nothing is written to are no memory; a copy in growing would be
+  PngWriter writer(size_t{job.crop_width} * 3);
+  if (!writer.info) return Fail("cannot encode the image: libpng does not start");
+  // libpng comes back here on errors.
+  if (setjmp(png_jmpbuf(writer.png))) return Fail("cannot encode the image as PNG");
+  png_set_write_fn(writer.png, &file, AppendPng, nullptr);
+  png_set_IHDR(writer.png, writer.info, job.crop_width, job.crop_height, 8, PNG_COLOR_TYPE_RGB,
+               PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+  png_set_sRGB(writer.png, writer.info, PNG_sRGB_INTENT_PERCEPTUAL);
+  // A third of the time of libpng's own choice, and files less than a tenth larger: a terrain and a CAD model
+  // of 1024x1024 take 0.055 and 0.022 s for 511 and 123 KB, there 0.175 and 0.073 s for 479 and 113 KB.
+  png_set_compression_level(writer.png, 3);
+  png_set_filter(writer.png, 0, PNG_FILTER_UP);
+  png_write_info(writer.png, writer.info);
+  WriteRows(writer, job, pixels.data(), encode);
+  png_write_end(writer.png, nullptr);
+  return file;
+}
+
+/// A file in memory.
+class MemoryStream : public Imf::OStream {
+ public:
+  explicit MemoryStream(Bytes& file) : Imf::OStream("out.exr"), file_(file) {}
+  void write(const char data[], int size) override {
+    const auto count = static_cast<size_t>(size);
+    if (file_.size() < at_ + count) file_.resize(at_ + count);
+    std::memcpy(file_.data() + at_, data, count);
+    at_ += count;
+  }
+  uint64_t tellp() override { return at_; }
+  void seekp(uint64_t at) override { at_ = at; }
+
+ private:
+  Bytes& file_;
+  size_t at_ = 0;
+};
+
+struct Channel {
+  const char* name;
+  Imf::PixelType type;
+};
+
+std::vector<Channel> ChannelsOf(const RenderJob& job) {
+  static const std::vector<const char*> names[kAovs] = {
+      {"depth.Z"},      {"normal.X", "normal.Y", "normal.Z"},
+      {"uv.U", "uv.V"}, {"primitive.id"},
+      {"material.id"},  {"part.id"},
+      {"voxel.id"}};
+  std::vector<Channel> channels{{"R", Imf::FLOAT}, {"G", Imf::FLOAT}, {"B", Imf::FLOAT}};
+  for (int a = 0; a < kAovs; ++a) {
+    if (!job.has(static_cast<Aov>(a))) continue;
+    for (const char* name : names[a])
+      channels.push_back({name, kAovInfo[a].is_integer ? Imf::UINT : Imf::FLOAT});
+  }
+  return channels;
+}
+
+Result<Bytes> EncodeExr(const RenderJob& job, const std::vector<uint32_t>& pixels) {
+  const auto side = [](uint32_t n) { return static_cast<int>(n); };
+  const Imath::Box2i whole({0, 0}, {side(job.width) - 1, side(job.height) - 1});
+  const Imath::Box2i crop({side(job.crop_x), side(job.crop_y)},
+                          {side(job.crop_x + job.crop_width) - 1, side(job.crop_y + job.crop_height) - 1});
+  try {
+    Imf::Header header(whole, crop, 1, {0, 0}, 1, Imf::INCREASING_Y, Imf::ZIP_COMPRESSION);
+    Imf::FrameBuffer frame;
+    const std::vector<Channel> channels = ChannelsOf(job);
+    const size_t stride = 4 * channels.size();
+    for (size_t c = 0; c < channels.size(); ++c) {
+      header.channels().insert(channels[c].name, Imf::Channel(channels[c].type));
+      auto* first = reinterpret_cast<char*>(const_cast<uint32_t*>(pixels.data() + c));
+      frame.insert(channels[c].name,
+                   Imf::Slice::Make(channels[c].type, first, crop, stride, stride * job.crop_width));
+    }
+    Bytes file;
+    file.reserve(EncodedBytes(job));
+    MemoryStream stream(file);
+    {
+      Imf::OutputFile out(stream, header, 0);
+      out.setFrameBuffer(frame);
+      out.writePixels(side(job.crop_height));
+    }
+    return file;
+  } catch (const std::exception& e) {
+    return Fail(fmt::format("cannot encode the image as OpenEXR: {}", e.what()));
+  }
+}
+
+}  // namespace
+
+Result<Bytes> EncodeImage(const RenderJob& job, const std::vector<uint32_t>& pixels) {
+  auto file = job.format == "png" ? EncodePng(job, pixels) : EncodeExr(job, pixels);
+  // What was reserved counts where it is part of the heap, as for small images it is.
+  constexpr size_t kSmall = 1 << 20;
+  if (file && file->capacity() < kSmall) file->shrink_to_fit();
+  return file;
+}
+
+}  // namespace quarry

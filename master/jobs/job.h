@@ -1,0 +1,63 @@
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "common/net/connection.h"
+#include "common/protocol/messages.h"
+#include "master/jobs/frame_memory.h"
+
+namespace quarry {
+
+/// A client's job: which frames are to do, under way, finished, and who waits for them. A finished frame's
+/// image is kept until every client has it (or for good in a spool).
+struct Job {
+  enum class FrameState : uint8_t { kToDo, kActive, kFinished };
+  struct Finished {
+    Bytes image;                      ///< empty once it is on disk and sent
+    std::string statistics;           ///< JSON
+    FrameMemory::Reservation memory;  ///< the image's
+  };
+  struct Client {
+    std::shared_ptr<Connection> connection;
+    size_t next = 0;  ///< the frame that it gets next
+  };
+
+  std::string id;  ///< see JobId
+  RenderJob job;
+  RenderJob frame;  ///< the same without cameras
+  std::vector<FrameState> states;
+  std::vector<Finished> finished;
+  std::vector<Client> clients;
+  double alone_since_s = 0;  ///< when its last client went
+  const std::chrono::steady_clock::time_point asked = std::chrono::steady_clock::now();
+  /// It was under way when a master ended, and has finished no frame since: it may be why.
+  bool suspect = false;
+  bool tried = false;             ///< a frame of it has been begun by this master
+  std::atomic<bool> over{false};  ///< nobody wants it any more, wherever it is still at work
+
+  Job(std::string name, RenderJob render_job)
+      : id(std::move(name)),
+        job(std::move(render_job)),
+        frame(WithoutCameras(job)),
+        states(job.cameras.size(), FrameState::kToDo),
+        finished(job.cameras.size()) {}
+  bool Complete() const;
+  /// The first frame to do, or states.size().
+  size_t NextToDo() const;
+  /// The job with one of its frames only.
+  RenderJob One(size_t index) const;
+
+ private:
+  static RenderJob WithoutCameras(RenderJob job) {
+    job.cameras.clear();
+    return job;
+  }
+};
+
+}  // namespace quarry

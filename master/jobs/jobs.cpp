@@ -1,0 +1,291 @@
+#include "master/jobs/jobs.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/thread_pool.hpp>
+#include <chrono>
+#include <thread>
+#include <utility>
+
+#include "common/base/resource.h"
+#include "common/base/size.h"
+#include "master/jobs/image_output.h"
+
+namespace quarry {
+namespace {
+
+namespace asio = boost::asio;
+
+constexpr uint64_t kFullQueueBytes = 32u << 20;   // no further frames are queued for a client beyond this
+constexpr uint64_t kBesideImages = 1u << 20;      // pings and progress of all clients are less
+constexpr uint64_t kMostImageBytes = 0xF0000000;  // of one message
+constexpr int kMostEncoding = 4;      // frames on their way to the disk; no other begins beyond this
+constexpr double kClientGraceS = 20;  // a job without a spool waits so long for its client to come back
+
+/// Enough of a job's id for people.
+std::string ShortId(const std::string& id) { return id.substr(0, 8); }
+
+}  // namespace
+
+Jobs::Jobs(asio::io_context& io, const SceneId& scene, std::optional<Spool> spool, uint64_t frame_memory,
+           Callbacks callbacks)
+    : io_(io),
+      scene_(scene),
+      spool_(std::move(spool)),
+      memory_(frame_memory),
+      callbacks_(std::move(callbacks)),
+      encoder_(std::make_unique<asio::thread_pool>(1)) {}
+
+Jobs::~Jobs() = default;
+
+void Jobs::TakeUp() {
+  if (!spool_) return;
+  for (Spool::Found& found : spool_->Jobs(callbacks_.log)) {
+    if (const Status fits = memory_.CheckJob(found.job, JobsBytes()); !fits) {
+      callbacks_.log(fmt::format("job {} stays in the spool: {}", found.id, fits.error().message));
+      continue;
+    }
+    auto job = std::make_shared<Job>(found.id, std::move(found.job));
+    job->suspect = found.tries > 0;
+    for (size_t f = 0; f < found.finished.size(); ++f)
+      if (found.finished[f]) job->states[f] = Job::FrameState::kFinished;
+    callbacks_.log(fmt::format("going on with job {}: {} of {} frames are done", job->id,
+                               std::count(found.finished.begin(), found.finished.end(), true),
+                               found.finished.size()));
+    jobs_.push_back(std::move(job));
+  }
+}
+
+Status Jobs::Ask(const std::shared_ptr<Connection>& client, JobRequest request) {
+  const std::string id = JobId(scene_, request.job);
+  const auto found = std::find_if(jobs_.begin(), jobs_.end(), [&](const auto& j) { return j->id == id; });
+  std::shared_ptr<Job> job;
+  if (found != jobs_.end()) {
+    job = *found;
+    callbacks_.log(fmt::format("job {} is also for {}", ShortId(id), client->peer()));
+  } else {
+    QUARRY_TRY(memory_.CheckJob(request.job, JobsBytes()));
+    if (spool_) QUARRY_TRY(spool_->CheckNotSetAside(id));
+    job = std::make_shared<Job>(id, std::move(request.job));
+    callbacks_.log(fmt::format("job {} from {}: {}", ShortId(id), client->peer(), Describe(job->job)));
+    job->tried = true;  // the spool notes a new job's first try with it
+    jobs_.push_back(job);
+    // What its client has need not be made again; should another one ask for it, it is.
+    std::fill_n(job->states.begin(), request.have, Job::FrameState::kFinished);
+    if (spool_)
+      asio::post(*encoder_,
+                 [this, job] { WriteToSpool(*job, [&] { return spool_->Begin(job->id, job->job); }); });
+  }
+  job->clients.push_back({client, request.have});
+  Deliver(job);
+  callbacks_.on_work();
+  return {};
+}
+
+uint64_t Jobs::JobsBytes() const {
+  uint64_t bytes = 0;
+  for (const auto& job : jobs_) bytes += JobBytes(job->states.size());
+  return bytes;
+}
+
+bool Jobs::ForgetClient(const std::shared_ptr<Connection>& client, double now_s) {
+  bool waited = false;
+  for (const auto& job : jobs_) {
+    const size_t frames = job->states.size();
+    if (std::erase_if(job->clients, [&](const Job::Client& c) {
+          waited |= c.connection == client && c.next < frames;
+          return c.connection == client;
+        }) > 0)
+      job->alone_since_s = now_s;
+  }
+  return waited;
+}
+
+std::optional<Jobs::Begun> Jobs::Begin() {
+  if (encoding_ >= kMostEncoding || !suspect_.expired()) return std::nullopt;
+  for (const auto& job : jobs_) {
+    const size_t index = job->NextToDo();
+    if (index == job->states.size()) continue;
+    if (!HasRoom(*job, index)) return std::nullopt;
+    if (job->suspect && memory_.used() > 0) return std::nullopt;
+    if (spool_ && !job->tried) spool_->NoteTry(job->id);
+    job->tried = true;
+    job->states[index] = Job::FrameState::kActive;
+    Begun begun{job, index, job->One(index), nullptr};
+    begun.memory = memory_.Take(FrameBytes(begun.one));
+    if (job->suspect) suspect_ = begun.memory;
+    return begun;
+  }
+  return std::nullopt;
+}
+
+/// Where nothing is under way that could make room, images that wait for clients do: they are made again.
+bool Jobs::HasRoom(const Job& job, size_t index) {
+  const uint64_t bytes = FrameBytes(job.One(index));
+  const auto fits = [&] { return memory_.used() + QueuedBytes() + bytes <= memory_.for_frames(); };
+  const bool under_way = encoding_ > 0 || std::ranges::any_of(jobs_, [](const auto& j) {
+                           return std::ranges::count(j->states, Job::FrameState::kActive) > 0;
+                         });
+  while (!fits() && !under_way && DropLastImage()) {
+  }
+  return fits() || !under_way;
+}
+
+bool Jobs::DropLastImage() {
+  for (auto job = jobs_.rbegin(); job != jobs_.rend(); ++job)
+    for (size_t f = (*job)->finished.size(); f-- > 0;) {
+      if ((*job)->finished[f].image.empty()) continue;
+      (*job)->finished[f] = {};
+      (*job)->states[f] = Job::FrameState::kToDo;
+      return true;
+    }
+  return false;
+}
+
+/// Of images on their way to clients.
+uint64_t Jobs::QueuedBytes() const {
+  uint64_t bytes = 0;
+  for (const auto& job : jobs_)
+    for (const Job::Client& client : job->clients) bytes += client.connection->queued_bytes();
+  return bytes;
+}
+
+bool Jobs::MaySend(uint64_t image_bytes) const {
+  const uint64_t queued = QueuedBytes();
+  return queued < kBesideImages ||
+         queued + image_bytes <= std::min(kFullQueueBytes, memory_.for_frames() / 8);
+}
+
+std::vector<Jobs::Begun> Jobs::Upcoming(size_t most) const {
+  std::vector<Begun> upcoming;
+  for (const auto& job : jobs_)
+    for (size_t index = job->NextToDo(); index < job->states.size() && upcoming.size() < most; ++index)
+      if (job->states[index] == Job::FrameState::kToDo)
+        upcoming.push_back({job, index, job->One(index), nullptr});
+  return upcoming;
+}
+
+void Jobs::Finish(Begun frame, std::vector<uint32_t> pixels, std::string statistics) {
+  ++encoding_;
+  asio::post(*encoder_, [this, frame = std::move(frame), pixels = std::move(pixels),
+                         statistics = std::move(statistics)]() mutable {
+    auto image = EncodeImage(frame.one, pixels);
+    pixels = {};
+    if (image && image->size() > kMostImageBytes)
+      image =
+          quarry::Fail(fmt::format("the picture takes {} as {}, and {} can be sent; render parts of it with "
+                                   "--crop",
+                                   FormatSize(image->size()), frame.one.format, FormatSize(kMostImageBytes)));
+    if (image && spool_)
+      WriteToSpool(*frame.job,
+                   [&] { return spool_->WriteFrame(frame.job->id, frame.job->job, frame.index, *image); });
+    asio::post(io_, [this, job = frame.job, memory = frame.memory, index = frame.index,
+                     image = std::move(image), statistics = std::move(statistics)]() mutable {
+      memory.reset();
+      OnImage(job, index, std::move(image), std::move(statistics));
+    });
+  });
+}
+
+/// Does it until it is done: a full disk may get space. Nothing more for a job that is over.
+template <class Write>
+void Jobs::WriteToSpool(const Job& job, Write write) const {
+  for (bool told = false; !job.over; told = true) {
+    const Status status = write();
+    if (status) break;
+    if (!told) callbacks_.log(status.error().message + "; trying every second");
+    std::this_thread::sleep_for(std::chrono::seconds(1));
+  }
+  if (job.over) spool_->Remove(job.id);  // it may have ended while this was at work
+}
+
+void Jobs::OnImage(const std::shared_ptr<Job>& job, size_t index, Result<Bytes> image,
+                   std::string statistics) {
+  --encoding_;
+  callbacks_.on_work();
+  if (std::find(jobs_.begin(), jobs_.end(), job) == jobs_.end()) return;
+  if (!image) return Fail(job, image.error().message);
+  job->states[index] = Job::FrameState::kFinished;
+  job->suspect = false;
+  auto memory = memory_.Take(image->size());
+  job->finished[index] = {std::move(*image), std::move(statistics), std::move(memory)};
+  Deliver(job);
+}
+
+void Jobs::Fail(std::shared_ptr<Job> job, const std::string& sentence) {
+  callbacks_.log(fmt::format("job {} cannot be done: {}", ShortId(job->id), sentence));
+  for (const Job::Client& client : job->clients)
+    client.connection->Send(MakeMessage(MessageType::kFailure, Failure{sentence}));
+  Remove(std::move(job));
+}
+
+void Jobs::Remove(std::shared_ptr<Job> job) {
+  callbacks_.on_over(*job);
+  job->over = true;
+  if (spool_) spool_->Remove(job->id);
+  std::erase(jobs_, job);
+}
+
+void Jobs::Deliver() {
+  for (const auto& job : std::vector(jobs_.begin(), jobs_.end())) Deliver(job);
+}
+
+/// Sends finished frames on, in order; lets go of a job that everyone has.
+void Jobs::Deliver(const std::shared_ptr<Job>& job) {
+  size_t needed = job->states.size();
+  for (Job::Client& client : job->clients) {
+    while (client.next < job->states.size() && job->states[client.next] == Job::FrameState::kFinished &&
+           client.connection->queued_bytes() < kFullQueueBytes && SendFrame(*job, client))
+      ++client.next;
+    needed = std::min(needed, client.next);
+  }
+  if (job->clients.empty()) needed = 0;
+  for (size_t f = 0; f < (spool_ ? job->states.size() : needed); ++f) {
+    job->finished[f].image = {};
+    job->finished[f].memory.reset();
+  }
+  if (needed < job->states.size()) return;
+  callbacks_.log(fmt::format("job {} is done, {:.1f} s after it was asked for", ShortId(job->id),
+                             SecondsSince(job->asked)));
+  Remove(job);
+}
+
+/// False when too much is on its way to clients; or when the image is not there any more: the frame is
+/// rendered again.
+bool Jobs::SendFrame(Job& job, const Job::Client& client) {
+  const size_t f = client.next;
+  if (!MaySend(job.finished[f].image.size())) return false;
+  Bytes image = job.finished[f].image;
+  if (image.empty() && spool_) {
+    auto read = spool_->ReadFrame(job.id, job.job, f);
+    if (read) image = std::move(*read);
+  }
+  if (image.empty()) {
+    job.states[f] = Job::FrameState::kToDo;
+    callbacks_.on_work();
+    return false;
+  }
+  const auto number = job.job.first_frame + static_cast<uint32_t>(f);
+  std::string statistics = job.finished[f].statistics;
+  if (statistics.empty())  // made by a master before this one
+    statistics = fmt::format("{{\"frame\": {}, \"from_spool\": true}}", number);
+  Message m = MakeMessage(MessageType::kFrameDone, FrameDone{number, std::move(statistics)});
+  m.raw = std::move(image);
+  client.connection->Send(std::move(m));
+  return true;
+}
+
+void Jobs::DropAbandoned(double now_s) {
+  if (spool_) return;
+  for (const auto& job : std::vector(jobs_.begin(), jobs_.end()))
+    if (job->clients.empty() && now_s - job->alone_since_s > kClientGraceS) {
+      callbacks_.log(fmt::format("job {} is dropped: its client has been gone for {:.0f} s", ShortId(job->id),
+                                 kClientGraceS));
+      Remove(job);
+    }
+}
+
+}  // namespace quarry

@@ -1,0 +1,74 @@
+#include "master/jobs/statistics.h"
+
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+
+#include "common/base/resource.h"
+
+namespace quarry {
+namespace {
+
+nlohmann::ordered_json WorkerStatistics(const WorkerRecord& w) {
+  static const char* const kinds[kSourceKinds] = {"file", "tcp", "http", "peer", "disk", "memory"};
+  const WorkerStatus& c = w.counters;
+  nlohmann::ordered_json j;
+  j["name"] = w.name;
+  j["tiles"] = w.tiles;
+  j["cache_bytes"] = c.cache_bytes;
+  j["voxel_blocks_loaded"] = c.voxels_loaded;
+  j["voxel_bytes_loaded"] = c.voxel_bytes_loaded;
+  j["voxel_bytes_received"] = c.voxel_bytes_received;
+  for (size_t k = 0; k < kSourceKinds; ++k) j[fmt::format("voxel_bytes_from_{}", kinds[k])] = c.bytes_from[k];
+  j["evictions"] = c.evictions;
+  j["rays"] = c.rays;
+  j["rays_suspended"] = c.rays_suspended;
+  j["fetch_s"] = static_cast<double>(c.fetch_us) * 1e-6;
+  j["decode_s"] = static_cast<double>(c.decode_us) * 1e-6;
+  j["compute_s"] = static_cast<double>(c.compute_us) * 1e-6;
+  j["stall_s"] = static_cast<double>(c.stall_us) * 1e-6;
+  j["source_retries"] = c.retries;
+  j["source_hedges"] = c.hedges;
+  j["blocks_damaged"] = c.damaged;
+  j["prefetched_bytes"] = c.prefetched_bytes;
+  j["prefetch_wasted_bytes"] = c.prefetch_wasted_bytes;
+  j["peak_rss_bytes"] = c.peak_rss_bytes;
+  return j;
+}
+
+}  // namespace
+
+std::string FrameStatistics(const ActiveFrame& frame, const FrameTimes& times,
+                            const WorkerRegistry& registry) {
+  nlohmann::ordered_json j;
+  j["frame"] = frame.job().first_frame;
+  j["frame_wall_s"] = times.end_s - times.start_s;
+  j["frame_start_s"] = times.start_s;
+  j["tiles"] = frame.frame().tiles().size();
+  j["rays"] = frame.rays();
+  j["rays_suspended"] = frame.rays_suspended();
+  j["leases_lost"] = frame.leases_lost();
+  j["voxel_bytes_served"] = times.voxel_bytes_served;
+  j["master_peak_rss_bytes"] = PeakResidentBytes();
+  j["workers"] = nlohmann::ordered_json::array();
+  for (const auto& [id, worker] : registry.all()) j["workers"].push_back(WorkerStatistics(worker));
+  return j.dump();
+}
+
+std::string ProgressLine(const ActiveFrame& frame, const WorkerRegistry& registry) {
+  WorkerStatus sum;
+  for (const auto& [id, w] : registry.all()) {
+    sum.rays += w.counters.rays;
+    sum.voxel_bytes_received += w.counters.voxel_bytes_received;
+    sum.stall_us += w.counters.stall_us;
+    sum.compute_us += w.counters.compute_us;
+  }
+  return fmt::format(
+      "frame {}: {} of {} tiles; {} workers, {:.1f} million rays, {:.1f} MB of voxels received, {:.1f} s of "
+      "computing, {:.1f} s of waiting so far",
+      frame.job().first_frame, frame.tiles_done(), frame.frame().tiles().size(), registry.all().size(),
+      static_cast<double>(sum.rays) * 1e-6, static_cast<double>(sum.voxel_bytes_received) * 1e-6,
+      static_cast<double>(sum.compute_us) * 1e-6, static_cast<double>(sum.stall_us) * 1e-6);
+}
+
+}  // namespace quarry

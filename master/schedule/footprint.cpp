@@ -1,0 +1,96 @@
+#include "master/schedule/footprint.h"
+
+#include <algorithm>
+
+#include "master/schedule/reprojection.h"
+
+namespace quarry {
+namespace {
+
+constexpr uint32_t kEnd = 0xFFFFFFFFu;
+
+/// Adds blocks to a tile's, each as likely as the part of the tile on which they fall.
+void Merge(TileTrace& into, const TileTrace& from, float part) {
+  std::vector<uint32_t> blocks;
+  std::vector<float> chances;
+  size_t a = 0, b = 0;
+  while (a < into.blocks.size() || b < from.blocks.size()) {
+    const uint32_t ours = a < into.blocks.size() ? into.blocks[a] : kEnd;
+    const uint32_t theirs = b < from.blocks.size() ? from.blocks[b] : kEnd;
+    float chance = 0;
+    if (ours <= theirs) chance += into.chances[a++];
+    if (theirs <= ours) chance += part * (from.chances.empty() ? 1 : from.chances[b]);
+    b += theirs <= ours;
+    blocks.push_back(std::min(ours, theirs));
+    chances.push_back(std::min(1.0f, chance));
+  }
+  into.blocks = std::move(blocks);
+  into.chances = std::move(chances);
+}
+
+/// What a tile saw, as one rectangle: the middle one of its cells' depths.
+double TileDepth(const TileTrace& trace) {
+  std::vector<float> depths = trace.depths;
+  const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
+  std::nth_element(depths.begin(), middle, depths.end());
+  return static_cast<double>(*middle);
+}
+
+/// Tiles follow the camera, with what they touched and cost.
+std::vector<TileTrace> FollowTiles(const FrameTrace& before, const Reprojection& reprojection,
+                                   const std::vector<Frame::Tile>& tiles) {
+  std::vector<TileTrace> out(tiles.size());
+  std::vector<double> covered(tiles.size());  // pixels of each tile that something falls on
+  std::vector<double> largest(tiles.size());  // of them, those of the rectangle that covers most
+  const PixelGrid grid(tiles, kTileSize);
+  std::vector<size_t> index(grid.size());
+  for (size_t t = 0; t < tiles.size(); ++t) index[grid.At(tiles[t].x, tiles[t].y)] = t;
+  for (size_t b = 0; b < before.tiles.size(); ++b) {
+    const TileTrace& trace = before.traces[b];
+    PixelBounds r;
+    if (trace.depths.empty() || !reprojection.Rectangle(before.tiles[b], TileDepth(trace), r)) continue;
+    const double area = std::max(1.0, r.area());
+    const auto depth = static_cast<float>(TileDepth(trace));
+    grid.Each(r, [&](size_t at, double pixels) {
+      if (pixels < 1) return;
+      const size_t t = index[at];
+      Merge(out[t], trace, static_cast<float>(pixels / (tiles[t].width * tiles[t].height)));
+      out[t].cost_s += trace.cost_s * std::min(1.0, pixels / area);
+      out[t].known = true;
+      covered[t] += pixels;
+      if (pixels > largest[t])
+        out[t].depths.assign(size_t{DepthCells(tiles[t].width)} * DepthCells(tiles[t].height), depth);
+      largest[t] = std::max(largest[t], pixels);
+    });
+  }
+  // A tile that is only half covered costs as much in its other half.
+  for (size_t t = 0; t < tiles.size(); ++t)
+    if (out[t].known)
+      out[t].cost_s *= std::max(1.0, double{1} * tiles[t].width * tiles[t].height / covered[t]);
+  return out;
+}
+
+}  // namespace
+
+double ExpectedBytes(const TileTrace& tile, const BlockSet& holds, const std::vector<uint32_t>& block_bytes) {
+  double bytes = 0;
+  for (size_t i = 0; i < tile.blocks.size(); ++i)
+    if (tile.blocks[i] < block_bytes.size() && !holds.Has(tile.blocks[i]))
+      bytes += block_bytes[tile.blocks[i]] * static_cast<double>(tile.chances.empty() ? 1 : tile.chances[i]);
+  return bytes;
+}
+
+std::vector<TileTrace> Predict(const FrameTrace& before, const RenderJob& next,
+                               const std::vector<Frame::Tile>& tiles, const CoarseFrame* coarse) {
+  std::vector<TileTrace> out = FollowTiles(before, Reprojection(before.job, next), tiles);
+  if (!coarse || coarse->empty()) return out;
+  for (size_t t = 0; t < tiles.size(); ++t) {
+    out[t].blocks = (*coarse)[t].blocks;
+    out[t].chances.assign(out[t].blocks.size(), 1);
+    out[t].depths = (*coarse)[t].depths;
+    out[t].known = true;
+  }
+  return out;
+}
+
+}  // namespace quarry

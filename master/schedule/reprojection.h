@@ -1,0 +1,69 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "common/scene/render_job.h"
+#include "common/scene/view_basis.h"
+#include "master/jobs/frame.h"
+
+namespace quarry {
+
+/// Where there is nothing to be seen: far enough that only directions matter. Scene units.
+inline constexpr double kFarAway = 1e9;
+
+/// A rectangle of an image, in pixels.
+struct PixelBounds {
+  double x0 = 1e300, y0 = 1e300, x1 = -1e300, y1 = -1e300;
+  void Include(double x, double y);
+  double area() const { return (x1 - x0) * (y1 - y0); }
+};
+
+/// How things seen in one image lie in another. Only cameras and sizes of the jobs are looked at.
+class Reprojection {
+ public:
+  /// The jobs must outlive this, and have a camera each.
+  Reprojection(const RenderJob& from, const RenderJob& to);
+
+  /// Where `to` sees a rectangle of `from` that is `depth` away. False when it lies behind.
+  bool Rectangle(const Frame::Tile& pixels, double depth, PixelBounds& bounds) const;
+
+ private:
+  glm::dvec3 PointAt(double x, double y, double depth) const;
+  bool Project(const glm::dvec3& point, double& x, double& y) const;
+
+  const RenderJob &from_, &to_;
+  const ViewBasis from_view_, to_view_;
+};
+
+/// The tiles that an image, or a crop of it, is cut into, by place.
+class PixelGrid {
+ public:
+  PixelGrid(const std::vector<Frame::Tile>& tiles, uint32_t side);
+
+  uint32_t columns() const { return columns_; }
+  uint32_t rows() const { return rows_; }
+  size_t size() const { return size_t{columns_} * rows_; }
+  /// The square of a pixel.
+  size_t At(uint32_t x, uint32_t y) const { return size_t{(y - y0_) / side_} * columns_ + (x - x0_) / side_; }
+
+  /// Calls `use(square, pixels)` with every square that the bounds reach, and how much of it they cover.
+  template <class Use>
+  void Each(const PixelBounds& r, Use&& use) const {
+    const uint32_t c0 = Clamp(r.x0 - x0_, columns_), c1 = Clamp(r.x1 - x0_, columns_);
+    const uint32_t r0 = Clamp(r.y0 - y0_, rows_), r1 = Clamp(r.y1 - y0_, rows_);
+    for (uint32_t row = r0; row <= r1; ++row)
+      for (uint32_t column = c0; column <= c1; ++column)
+        use(size_t{row} * columns_ + column, Covered(r, x0_ + column * side_, y0_ + row * side_));
+  }
+
+ private:
+  uint32_t Clamp(double pixels, uint32_t count) const;
+  double Covered(const PixelBounds& r, double x, double y) const;
+
+  const uint32_t side_;
+  uint32_t x0_ = ~0u, y0_ = ~0u, columns_ = 1, rows_ = 1;
+};
+
+}  // namespace quarry

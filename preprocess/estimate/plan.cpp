@@ -1,0 +1,250 @@
+#include "preprocess/estimate/plan.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+#include <optional>
+#include <system_error>
+#include <type_traits>
+#include <vector>
+
+#include "common/base/resource.h"
+#include "common/base/size.h"
+#include "preprocess/estimate/plan_regions.h"
+#include "preprocess/estimate/plan_sample.h"
+#include "preprocess/estimate/plan_textures.h"
+#include "preprocess/import/importer.h"
+#include "preprocess/partition/regions.h"
+#include "preprocess/spill/temporary_file.h"
+
+namespace quarry {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr uint64_t kOverheadBytes = 44ull << 20;  // of a run beyond --memory: README
+// Of a triangle's record, a byte: resolving and spilling it when it is imported; handing it out to regions,
+// and taking it back from there. Fitted to models that the page cache holds: preprocess/README.md
+constexpr double kImportSeconds = 3e-9, kPartingSeconds = 6.5e-9;
+
+/// The rest is for what is built.
+uint64_t MemoryForVertices(const PreprocessOptions& options) { return options.memory / 4 * 3; }
+
+/// Counts, of one file after the other.
+struct Counts {
+  uint64_t positions = 0, normals = 0, uvs = 0, triangles = 0;
+  VertexSample vertices;
+};
+
+class CountingSink final : public ResolvingSink {
+ public:
+  /// Images that models hold as text are put into the file `images_path`.
+  CountingSink(const PreprocessOptions& options, std::string images_path)
+      : ResolvingSink(options, MemoryForVertices(options), false),
+        images(std::move(images_path)),
+        textures_(options.textures) {}
+  Status BeginFile(std::string_view name) override {
+    files.emplace_back();
+    return ResolvingSink::BeginFile(name);
+  }
+  bool takes_textures() const override { return textures_; }
+  Result<uint32_t> AddTexture(TextureImage image) override { return images.Add(std::move(image)); }
+  Status AddPosition(const glm::dvec3& position, const Rgba8& color) override {
+    ++files.back().positions;
+    files.back().vertices.Add(position);
+    has_color |= (color.r & color.g & color.b & color.a) != 255;
+    return ResolvingSink::AddPosition(position, color);
+  }
+  Status AddNormal(const glm::vec3&) override {
+    ++files.back().normals;
+    return {};
+  }
+  Status AddUv(const glm::vec2&) override {
+    ++files.back().uvs;
+    return {};
+  }
+  Status SetFaceColor(const Rgba8& color) override {
+    has_color |= (color.r & color.g & color.b & color.a) != 255;
+    return ResolvingSink::SetFaceColor(color);
+  }
+  Status AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t part) override {
+    if (corners.size() >= 3) files.back().triangles += corners.size() - 2;
+    return ResolvingSink::AddPolygon(corners, material, part);
+  }
+
+  TriangleSurvey survey;
+  std::vector<Counts> files;
+  bool has_color = false;
+  ImageList images;
+
+ private:
+  Status Take(const TriangleRecord& record) override {
+    const Box box = record.PaddedBox(0);
+    survey.bounds.Include(box.lower);
+    survey.bounds.Include(box.upper);
+    survey.sample.Add(record);
+    ++survey.triangles;
+    return {};
+  }
+
+  const bool textures_;
+};
+
+template <class Sink>
+Status ReadModels(const PreprocessOptions& options, Sink& sink) {
+  for (const std::string& model : options.models) {
+    if (model == "-")
+      return BadUsage("--plan reads models more than once, which standard input does not allow");
+    if constexpr (std::is_base_of_v<ResolvingSink, Sink>) sink.Place(model);
+    const std::string prefix = fmt::format("{}/quarry-foreign-{}", SpillFolder(options), ::getpid());
+    QUARRY_TRY(ImportModel(model, sink, ForeignFormatsOf(options, prefix), options.unpack_limit));
+  }
+  return {};
+}
+
+/// The most spill at once: while a file is imported, or when all triangles have been parted: a slice of them
+/// is in both places, and those that touch several regions in each. `record`: bytes of a triangle's; `share`:
+/// of them when packed; `references`: regions that a triangle lies in.
+uint64_t SpillPeak(const std::vector<Counts>& files, double record, double share, double references) {
+  constexpr auto kLarge = static_cast<double>(SpillFile::kPackLarge);
+  // The file of triangles is packed beyond its first bytes, those of regions all or not at all.
+  const auto in_file = [&](double n) {
+    return std::min(n * record, kLarge) + std::max(n * record - kLarge, 0.0) * share;
+  };
+  double peak = 0, triangles = 0;
+  for (const Counts& f : files) {
+    triangles += static_cast<double>(f.triangles);
+    peak = std::max(peak,
+                    in_file(triangles) + static_cast<double>(f.positions * 16 + f.normals * 12 + f.uvs * 8));
+  }
+  if (triangles <= kMostInMemory) return static_cast<uint64_t>(peak);
+  double sample = triangles;  // saved for --resume
+  while (sample > TriangleSample::kMost) sample /= 2;
+  const double slice = std::min(triangles, static_cast<double>(kPartedAtOnce));
+  const double parted = references * triangles * record;
+  const double regions = parted * (parted > kLarge ? share : 1);
+  return static_cast<uint64_t>(std::max(peak, in_file(triangles) - in_file(triangles - slice) + regions) +
+                               sample * (sizeof(KdTriangle) + 4));
+}
+
+}  // namespace
+
+namespace {
+
+/// By regions that a run would make. Nothing: the vertices do not fit the memory, or some regions the disk,
+/// which may be what a plan is to find out.
+Result<std::optional<SampleCost>> CostByRegions(const PreprocessOptions& options, CountingSink& counted,
+                                                Attributes attributes) {
+  if (!counted.held_all()) return std::optional<SampleCost>();
+  if (counted.survey.triangles < kFewestTriangles) return std::optional(kUsualCost);
+  PlannedRegions regions = PlanRegions(counted.survey);
+  std::error_code unknown;
+  const auto space = std::filesystem::space(SpillFolder(options), unknown);
+  if (!unknown && space.available < 2 * KeptBytes(regions, attributes)) return std::optional<SampleCost>();
+  QUARRY_ASSIGN(const TemporaryFolder folder,
+                TemporaryFolder::Make(fmt::format("{}/quarry-plan-{}", SpillFolder(options), ::getpid())));
+  RegionSink sink(options, MemoryForVertices(options), regions, attributes, folder.path());
+  QUARRY_TRY(ReadModels(options, sink));
+  sink.Release();
+  if (!sink.held_all()) return std::optional<SampleCost>();
+  QUARRY_ASSIGN(const SampleCost cost, sink.Measure());
+  return std::optional(cost);
+}
+
+/// By cubes around some vertices of the largest file.
+Result<SampleCost> CostByWindows(const PreprocessOptions& options, const CountingSink& counted,
+                                 size_t largest, Attributes attributes) {
+  const Counts& of = counted.files[largest];
+  const std::vector<SampleWindow> windows = ChooseWindows(of.vertices, of.triangles);
+  WindowSink content(largest, windows, of.positions);
+  QUARRY_TRY(ReadModels(options, content));
+  CornerSink corners(largest, content);
+  if (corners.wants_any()) QUARRY_TRY(ReadModels(options, corners));
+  return MeasureWindows(options, windows, of.vertices, content, corners, attributes);
+}
+
+}  // namespace
+
+Result<PreprocessPlan> MakePlan(const PreprocessOptions& options) {
+  const TemporaryFile images(fmt::format("{}/quarry-images-{}", SpillFolder(options), ::getpid()));
+  CountingSink counted(options, images.path());
+  const auto start = Clock::now();
+  QUARRY_TRY(ReadModels(options, counted));
+  counted.Release();
+  const double reading_s = SecondsSince(start);
+  PreprocessPlan plan;
+  size_t largest = 0;
+  uint64_t normals = 0, uvs = 0;
+  for (size_t i = 0; i < counted.files.size(); ++i) {
+    const Counts& f = counted.files[i];
+    plan.triangles += f.triangles;
+    plan.vertices += f.positions;
+    normals += f.normals;
+    uvs += f.uvs;
+    if (f.triangles > counted.files[largest].triangles) largest = i;
+  }
+  const Attributes attributes = uvs                 ? Attributes::kUvs
+                                : normals           ? Attributes::kNormals
+                                : counted.has_color ? Attributes::kColors
+                                                    : Attributes::kNone;
+  plan.has_shading = attributes != Attributes::kNone;
+  QUARRY_ASSIGN(const std::optional<SampleCost> by_regions, CostByRegions(options, counted, attributes));
+  SampleCost cost = by_regions.value_or(kUsualCost);
+  if (!by_regions) {
+    QUARRY_ASSIGN(cost, CostByWindows(options, counted, largest, attributes));
+  }
+  const auto triangles = static_cast<double>(plan.triangles);
+  plan.store_bytes = static_cast<uint64_t>(triangles * cost.bytes);
+  const auto record_bytes = static_cast<double>(RecordBytes(attributes));
+  plan.spill_bytes = SpillPeak(counted.files, record_bytes, cost.spilled, cost.references);
+  QUARRY_ASSIGN(const PlannedTextures textures, PlanTextures(options, counted.images));
+  plan.texture_bytes = textures.stored_bytes;
+  plan.store_bytes += plan.texture_bytes;
+  plan.memory_bytes = options.memory + kOverheadBytes;
+  // Each reference is handed out and read once more.
+  const double record_s =
+      kImportSeconds + (plan.triangles > kMostInMemory ? kPartingSeconds * cost.references : 0);
+  plan.seconds = reading_s + triangles * (record_bytes * record_s + cost.seconds) + textures.seconds;
+  return plan;
+}
+
+bool RoomIsTight(const PreprocessOptions& options) {
+  namespace fs = std::filesystem;
+  // No format is as terse as this, unpacked or not; packed ones come near.
+  constexpr uint64_t kMostGrowth = 40;
+  std::error_code error;
+  uint64_t models = 0;
+  for (const std::string& model : options.models) {
+    const auto size = fs::file_size(model, error);
+    if (error) return false;  // a run will say what is wrong with it; standard input cannot be read twice
+    models += size;
+  }
+  const auto space = fs::space(SpillFolder(options), error);
+  return !error && space.available < models * kMostGrowth;
+}
+
+Status CheckRoom(const PreprocessOptions& options, const PreprocessPlan& plan) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  const fs::path store = fs::path(options.output).parent_path(), spill = SpillFolder(options);
+  const auto store_space = fs::space(store.empty() ? "." : store, error),
+             spill_space = fs::space(spill, error);
+  if (error) return {};  // a run will say what is wrong with the folders
+  const bool same = store_space.capacity == spill_space.capacity && store_space.free == spill_space.free;
+  // The store grows while spill shrinks.
+  const uint64_t wanted =
+      same ? std::max(plan.spill_bytes + plan.store_bytes / 4, plan.store_bytes) : plan.spill_bytes;
+  if (wanted > spill_space.available)
+    return Fail(fmt::format("{}: about {} of spill{} are needed, but {} are free; --tmp names another folder",
+                            spill.string(), FormatSize(wanted), same ? " and store" : "",
+                            FormatSize(spill_space.available)));
+  if (!same && plan.store_bytes > store_space.available)
+    return Fail(fmt::format("{}: about {} are needed for the store, but {} are free", options.output,
+                            FormatSize(plan.store_bytes), FormatSize(store_space.available)));
+  return {};
+}
+
+}  // namespace quarry

@@ -1,0 +1,241 @@
+// quarry-import-assimp MODEL OUT.ply BYTES: reads a model in any format that Assimp knows, within BYTES of
+// address space beyond what the program itself takes, and writes it as PLY with NAME.materials.json beside
+// it, for quarry-preprocess, which starts it. A process of its own, since Assimp holds models whole and may
+// fail as it likes.
+
+#include <assimp/DefaultIOSystem.h>
+#include <assimp/config.h>
+#include <assimp/material.h>
+#include <assimp/postprocess.h>
+#include <assimp/scene.h>
+#include <fmt/format.h>
+#include <strings.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <assimp/Importer.hpp>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <new>
+#include <vector>
+
+#include "common/base/address_space.h"
+#include "common/base/cleanup.h"
+#include "common/base/file.h"
+#include "common/math/elementary.h"
+#include "common/scene/material_json.h"
+#include "common/scene/open_pbr.h"
+#include "preprocess/import/foreign/foreign.h"
+
+namespace quarry {
+namespace {
+
+constexpr uint64_t kOwnBytes = 512u << 20;  // libraries, stacks, buffers
+
+/// Opens regular files alone: what a model names may be a FIFO, which would keep us waiting for ever.
+class RegularFiles : public Assimp::DefaultIOSystem {
+ public:
+  Assimp::IOStream* Open(const char* path, const char* mode) override {
+    struct stat info {};
+    if (::stat(path, &info) != 0 || !S_ISREG(info.st_mode)) return nullptr;
+    return DefaultIOSystem::Open(path, mode);
+  }
+};
+
+/// A mesh where a node puts it.
+struct Placed {
+  const aiMesh* mesh;
+  aiMatrix4x4 to_world;
+  uint32_t part;
+};
+
+void Place(const aiScene& scene, const aiNode& node, const aiMatrix4x4& parent, std::vector<Placed>& placed,
+           std::vector<std::string>& parts) {
+  const aiMatrix4x4 to_world = parent * node.mTransformation;
+  if (node.mNumMeshes > 0) parts.emplace_back(node.mName.C_Str());
+  for (unsigned i = 0; i < node.mNumMeshes; ++i)
+    placed.push_back({scene.mMeshes[node.mMeshes[i]], to_world, static_cast<uint32_t>(parts.size() - 1)});
+  for (unsigned i = 0; i < node.mNumChildren; ++i) Place(scene, *node.mChildren[i], to_world, placed, parts);
+}
+
+/// Whether a material's shading has a highlight; Assimp gives all a specular colour.
+bool HasHighlight(const aiMaterial& from) {
+  int model = aiShadingMode_Phong;
+  from.Get(AI_MATKEY_SHADING_MODEL, model);
+  return model != aiShadingMode_Flat && model != aiShadingMode_Gouraud && model != aiShadingMode_Toon &&
+         model != aiShadingMode_OrenNayar && model != aiShadingMode_Minnaert &&
+         model != aiShadingMode_NoShading;
+}
+
+constexpr const char* kProduction =
+    ", or has its objects in files of its own (the production extension, as slicers write it), which are not "
+    "read; export it as STL or OBJ";
+
+bool IsOf(const std::string& model, const char* extension) {
+  return ::strcasecmp(std::filesystem::path(model).extension().c_str(), extension) == 0;
+}
+
+/// 3MF and AMF say that their colours are sRGB.
+bool HasSrgbColors(const std::string& model) { return IsOf(model, ".3mf") || IsOf(model, ".amf"); }
+
+Material Converted(const aiMaterial& from, bool srgb) {
+  Material m;
+  aiString name;
+  if (from.Get(AI_MATKEY_NAME, name) == aiReturn_SUCCESS) m.name = name.C_Str();
+  if (m.name == AI_DEFAULT_MATERIAL_NAME) return Material{"default"};  // Assimp's own, where there is none
+  const auto color = [&](const char* key, unsigned type, unsigned index, glm::vec3& to) {
+    aiColor3D value;
+    if (from.Get(key, type, index, value) != aiReturn_SUCCESS) return;
+    to = {value.r, value.g, value.b};
+    for (int a = 0; srgb && a < 3; ++a) to[a] = static_cast<float>(DecodeSrgb(to[a]));
+  };
+  color(AI_MATKEY_COLOR_DIFFUSE, m.diffuse);
+  color(AI_MATKEY_COLOR_EMISSIVE, m.emission);
+  if (HasHighlight(from)) {
+    color(AI_MATKEY_COLOR_SPECULAR, m.specular);
+    from.Get(AI_MATKEY_SHININESS, m.shininess);
+  }
+  float opacity = 1;
+  if (from.Get(AI_MATKEY_OPACITY, opacity) == aiReturn_SUCCESS && opacity < 1) {
+    opacity = std::max(opacity, 0.0f);
+    m.diffuse *= opacity;
+    m.transmittance = glm::vec3(1 - opacity);
+    from.Get(AI_MATKEY_REFRACTI, m.ior);
+  }
+  DeriveOpenPbr(m);
+  const bool metal = from.Get(AI_MATKEY_METALLIC_FACTOR, m.base_metalness) == aiReturn_SUCCESS;
+  if (from.Get(AI_MATKEY_ROUGHNESS_FACTOR, m.specular_roughness) != aiReturn_SUCCESS && !metal) return m;
+  color(AI_MATKEY_BASE_COLOR, m.base_color);
+  m.specular_weight = 1;
+  DeriveWhitted(m, false);
+  return m;  // whoever reads the file clamps
+}
+
+template <class T>
+void Put(std::string& out, T value) {
+  out.append(reinterpret_cast<const char*>(&value), sizeof value);
+}
+
+uint8_t ByteOf(float x) { return static_cast<uint8_t>(x > 0 ? std::min(x, 1.0f) * 255 + 0.5f : 0); }
+
+Status WritePly(const std::vector<Placed>& placed, const std::string& path) {
+  uint64_t vertices = 0, faces = 0;
+  bool normals = true, uvs = false, colors = false;
+  for (const Placed& p : placed) {
+    vertices += p.mesh->mNumVertices;
+    for (unsigned f = 0; f < p.mesh->mNumFaces; ++f) faces += p.mesh->mFaces[f].mNumIndices == 3;
+    normals &= p.mesh->HasNormals();
+    uvs |= p.mesh->HasTextureCoords(0);
+    colors |= p.mesh->HasVertexColors(0);
+  }
+  if (faces == 0) return Fail("holds no triangles");
+  if (vertices > 0xFFFFFFFFull) return Fail("has more vertices than 32 bits count");
+  QUARRY_ASSIGN(OutputFile file, OutputFile::Create(path));
+  std::string text = fmt::format(
+      "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty "
+      "float z\n{}{}{}"
+      "element face {}\nproperty list uchar uint vertex_indices\nproperty uint material_index\nproperty uint "
+      "part_index\nend_header\n",
+      vertices, normals ? "property float nx\nproperty float ny\nproperty float nz\n" : "",
+      uvs ? "property float u\nproperty float v\n" : "",
+      colors ? "property uchar red\nproperty uchar green\nproperty uchar blue\n" : "", faces);
+  for (const Placed& p : placed) {
+    aiMatrix3x3 turn(p.to_world);
+    turn.Inverse().Transpose();
+    for (unsigned i = 0; i < p.mesh->mNumVertices; ++i) {
+      const aiVector3D v = p.to_world * p.mesh->mVertices[i];
+      for (const float x : {v.x, v.y, v.z}) Put(text, x);
+      if (normals) {
+        const aiVector3D n = (turn * p.mesh->mNormals[i]).NormalizeSafe();
+        for (const float x : {n.x, n.y, n.z}) Put(text, x);
+      }
+      if (uvs) {
+        const bool has = p.mesh->HasTextureCoords(0);
+        Put(text, has ? p.mesh->mTextureCoords[0][i].x : 0.0f);
+        Put(text, has ? p.mesh->mTextureCoords[0][i].y : 0.0f);
+      }
+      if (colors) {
+        const aiColor4D c = p.mesh->HasVertexColors(0) ? p.mesh->mColors[0][i] : aiColor4D(1, 1, 1, 1);
+        for (const float x : {c.r, c.g, c.b}) Put(text, ByteOf(x));
+      }
+      if (text.size() < 1 << 16) continue;
+      QUARRY_TRY(file.Write(AsBytes(text)));
+      text.clear();
+    }
+  }
+  uint32_t first = 0;
+  for (const Placed& p : placed) {
+    for (unsigned f = 0; f < p.mesh->mNumFaces; ++f) {
+      const aiFace& face = p.mesh->mFaces[f];
+      if (face.mNumIndices != 3) continue;
+      Put(text, uint8_t{3});
+      for (unsigned k = 0; k < 3; ++k) Put(text, first + face.mIndices[k]);
+      Put(text, p.mesh->mMaterialIndex);
+      Put(text, p.part);
+    }
+    first += p.mesh->mNumVertices;
+    QUARRY_TRY(file.Write(AsBytes(text)));
+    text.clear();
+  }
+  QUARRY_TRY(file.Write(AsBytes(text)));
+  return file.Commit();
+}
+
+/// With the model's name once.
+Status CannotRead(const std::string& model, std::string why) {
+  if (why.starts_with("No suitable reader found"))
+    return Fail(fmt::format("{}: is of no format that is known here; export it as glTF, OBJ or PLY", model));
+  for (size_t at; (at = why.find(model)) != why.npos;) why.replace(at, model.size(), "it");
+  while (why.ends_with('.') || why.ends_with('\n')) why.pop_back();
+  return Fail(fmt::format("{}: Assimp cannot read it ({}); export it as glTF, OBJ or PLY", model, why));
+}
+
+Status Run(const std::string& model, const std::string& out, uint64_t memory) {
+  LimitAddressSpace(kOwnBytes + memory);
+  Assimp::Importer importer;
+  importer.SetIOHandler(new RegularFiles);  // the importer's from now on
+  // Of bones without a skin Assimp would make meshes of its own.
+  importer.SetPropertyInteger(AI_CONFIG_IMPORT_NO_SKELETON_MESHES, 1);
+  const aiScene* scene = importer.ReadFile(
+      model, aiProcess_Triangulate | aiProcess_SortByPType | aiProcess_JoinIdenticalVertices);
+  if (!scene || !scene->mRootNode) return CannotRead(model, importer.GetErrorString());
+  std::vector<Placed> placed;
+  MaterialLibrary library;
+  Place(*scene, *scene->mRootNode, aiMatrix4x4(), placed, library.parts);
+  const bool srgb = HasSrgbColors(model);
+  for (unsigned i = 0; i < scene->mNumMaterials; ++i)
+    library.materials.push_back(Converted(*scene->mMaterials[i], srgb));
+  if (const Status written = WritePly(placed, out); !written)
+    return Fail(fmt::format("{}: {}{}", model, written.error().message,
+                            placed.empty() && IsOf(model, ".3mf") ? kProduction : ""));
+  std::ofstream json(MaterialJsonPath(out));
+  WriteMaterialJson(library, json);
+  if (!json.flush()) return Fail(fmt::format("{}: cannot be written", MaterialJsonPath(out)));
+  return {};
+}
+
+}  // namespace
+}  // namespace quarry
+
+int main(int argc, char** argv) {
+  if (argc != 4) {
+    fmt::print(stderr, "quarry-import-assimp MODEL OUT.ply BYTES: started by quarry-preprocess\n");
+    return 2;
+  }
+  quarry::InstallSignalHandlers("quarry-import-assimp", "nothing was written");
+  quarry::EndWithParent();
+  try {
+    const auto status = quarry::Run(argv[1], argv[2], std::strtoull(argv[3], nullptr, 10));
+    if (status) return 0;
+    fmt::print(stderr, "{}\n", status.error().message);
+  } catch (const std::bad_alloc&) {
+    fmt::print(stderr,
+               "{}: needs more than --memory: Assimp holds a model whole, in up to {} times its bytes\n",
+               argv[1], quarry::kForeignBytesPerByte);
+  } catch (const std::exception& e) {
+    fmt::print(stderr, "{}: Assimp cannot read it: {}\n", argv[1], e.what());
+  }
+  return 1;
+}

@@ -1,0 +1,170 @@
+#include "preprocess/import/gltf/gltf_textures.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "preprocess/import/find_file.h"
+#include "preprocess/import/gltf/gltf_material.h"
+#include "preprocess/import/text/text_number.h"
+
+namespace quarry {
+namespace {
+
+using Json = nlohmann::json;
+
+Result<TextureWrap> WrapOf(const GltfDocument& document, const Json& sampler, const char* key) {
+  QUARRY_ASSIGN(const uint64_t wrap, document.Unsigned(sampler, "a sampler", key, 10497));
+  switch (wrap) {
+    case 10497:
+      return TextureWrap::kRepeat;
+    case 33071:
+      return TextureWrap::kClamp;
+    case 33648:
+      return TextureWrap::kMirror;
+    default:
+      return document.FailAt(fmt::format("a sampler's {} of {} is none", key, wrap));
+  }
+}
+
+/// KHR_texture_transform: scaled, turned counter-clockwise as one sees it (its text, its test model and
+/// renderers agree; its GLSL turns the other way), moved.
+bool ReadTransform(const Json& transform, std::array<float, 6>& out) {
+  glm::dvec2 offset(0), scale(1);
+  ReadNumbers(transform, "offset", 2, offset);
+  ReadNumbers(transform, "scale", 2, scale);
+  const double turn = transform.value("rotation", 0.0);
+  const double c = std::cos(turn), s = std::sin(turn);
+  const double rows[6] = {c * scale.x, s * scale.y, offset.x, -s * scale.x, c * scale.y, offset.y};
+  for (size_t i = 0; i < 6; ++i) {
+    if (!(std::fabs(rows[i]) <= 1e30)) return false;
+    out[i] = static_cast<float>(rows[i]);
+  }
+  return true;
+}
+
+}  // namespace
+
+Result<GltfTextures::Sampled> GltfTextures::Find(uint64_t index) const {
+  QUARRY_ASSIGN(const Json* texture, document_.Find("textures", index));
+  const std::string where = fmt::format("textures[{}]", index);
+  Sampled sampled{0, TextureWrap::kRepeat, TextureWrap::kRepeat};
+  const Json& webp = Member(Member(*texture, "extensions"), "EXT_texture_webp");
+  if (!texture->contains("source") && !webp.contains("source"))
+    return document_.FailAt(where + " has no image of a format that is read");
+  QUARRY_ASSIGN(sampled.image,
+                document_.Unsigned(texture->contains("source") ? *texture : webp, where, "source"));
+  if (texture->contains("sampler")) {
+    QUARRY_ASSIGN(const uint64_t sampler_index, document_.Unsigned(*texture, where, "sampler"));
+    QUARRY_ASSIGN(const Json* sampler, document_.Find("samplers", sampler_index));
+    QUARRY_ASSIGN(sampled.wrap_s, WrapOf(document_, *sampler, "wrapS"));
+    QUARRY_ASSIGN(sampled.wrap_t, WrapOf(document_, *sampler, "wrapT"));
+  }
+  return sampled;
+}
+
+/// Where the bytes of an image are.
+Result<TextureImage> GltfTextures::Locate(uint64_t index) {
+  QUARRY_ASSIGN(const Json* json, document_.Find("images", index));
+  TextureImage image;
+  image.model = document_.path();
+  image.name = json->value("name", "");
+  if (json->contains("uri")) {
+    const auto uri = json->at("uri").get<std::string>();
+    if (uri.starts_with("data:")) {
+      if (image.name.empty()) image.name = fmt::format("images[{}]", index);
+      QUARRY_ASSIGN(image.content, document_.ReadDataUri(uri, fmt::format("images[{}]", index)));
+      if (image.content.empty()) return document_.FailAt(fmt::format("images[{}] is empty", index));
+      return image;
+    }
+    const std::string name = document_.FileNameOf(uri);
+    image.name = name;
+    if (std::filesystem::path(name).is_absolute())
+      return document_.FailAt(
+          fmt::format("the image {} is named by an absolute path; the material does without", Quoted(name)));
+    const auto folder = std::filesystem::path(document_.path()).parent_path();
+    if (LeavesFolder(folder, folder / name))
+      return document_.FailAt(fmt::format(
+          "the image {} lies outside the model's folder; the material does without", Quoted(name)));
+    const auto file = FindFile(folder, name);
+    if (file.empty())
+      return document_.FailAt(
+          fmt::format("the image {} is not there; the material does without", Quoted(name)));
+    image.file = file.string();
+    return image;
+  }
+  if (image.name.empty()) image.name = fmt::format("images[{}]", index);
+  const std::string where = fmt::format("images[{}]", index);
+  QUARRY_ASSIGN(const uint64_t view_index, document_.Unsigned(*json, where, "bufferView"));
+  QUARRY_ASSIGN(const Json* view, document_.Find("bufferViews", view_index));
+  const std::string view_name = fmt::format("bufferViews[{}]", view_index);
+  QUARRY_ASSIGN(const uint64_t buffer, document_.Unsigned(*view, view_name, "buffer"));
+  QUARRY_ASSIGN(const uint64_t begin, document_.Unsigned(*view, view_name, "byteOffset", 0));
+  QUARRY_ASSIGN(image.size, document_.Unsigned(*view, view_name, "byteLength"));
+  if (image.size == 0) return document_.FailAt(where + " is empty");
+  QUARRY_ASSIGN(GltfDocument::Range range, document_.RangeOf(buffer, begin, image.size));
+  image.file = std::move(range.file);
+  image.offset = range.offset;
+  image.content.assign(range.content.begin(), range.content.end());
+  return image;
+}
+
+Result<uint64_t> GltfTextures::Complete(const Json& info, TextureBinding& binding) const {
+  const std::string where = "a material's texture";
+  QUARRY_ASSIGN(const uint64_t texture, document_.Unsigned(info, where, "index"));
+  const Json& transform = Member(Member(info, "extensions"), "KHR_texture_transform");
+  QUARRY_ASSIGN(const uint64_t own, document_.Unsigned(info, where, "texCoord", 0));
+  QUARRY_ASSIGN(const uint64_t coordinates, document_.Unsigned(transform, where, "texCoord", own));
+  if (coordinates != 0)
+    return document_.FailAt(fmt::format(
+        "textures[{}] goes by TEXCOORD_{}, of which the first alone is read; the material does without",
+        texture, coordinates));
+  QUARRY_ASSIGN(const Sampled sampled, Find(texture));
+  binding.wrap_s = sampled.wrap_s;
+  binding.wrap_t = sampled.wrap_t;
+  if (!ReadTransform(transform, binding.transform))
+    return document_.FailAt(
+        "a KHR_texture_transform holds numbers that cannot be; the material does without");
+  return sampled.image;
+}
+
+/// What is of another type than it should be costs the texture alone.
+template <class Read>
+std::invoke_result_t<Read> GltfTextures::Guarded(Read&& read) const {
+  try {
+    return read();
+  } catch (const Json::exception& e) {
+    return document_.FailAt(
+        fmt::format("a texture or its image cannot be read ({}); the material does without", e.what()));
+  }
+}
+
+Status GltfTextures::Add(const Json& info, TextureBinding binding, bool color, TexturePick pick,
+                         Material& material) {
+  if (!info.contains("index") || !sink_.takes_textures()) return {};
+  const Result<uint64_t> image_index = Guarded([&] { return Complete(info, binding); });
+  if (!image_index) {
+    warn_(image_index.error().message);
+    return {};
+  }
+  const auto key = std::tuple(*image_index, color, pick);
+  auto given = given_.find(key);
+  if (given == given_.end()) {
+    Result<TextureImage> image = Guarded([&] { return Locate(*image_index); });
+    if (!image) {
+      warn_(image.error().message);
+      return {};
+    }
+    image->color = color;
+    image->pick = pick;
+    QUARRY_ASSIGN(const uint32_t texture, sink_.AddTexture(std::move(*image)));
+    given = given_.emplace(key, texture).first;
+  }
+  binding.texture = given->second;
+  material.textures.push_back(Bounded(binding));
+  return {};
+}
+
+}  // namespace quarry

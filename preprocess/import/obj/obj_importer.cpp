@@ -1,0 +1,365 @@
+// Wavefront OBJ: the polygonal part of the format. Lines of other kinds are passed over.
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "preprocess/import/checkpoint.h"
+#include "preprocess/import/file_color.h"
+#include "preprocess/import/formats.h"
+#include "preprocess/import/obj/obj_materials.h"
+#include "preprocess/import/text/line_reader.h"
+#include "preprocess/import/text/text_number.h"
+
+namespace quarry {
+namespace {
+
+/// How many elements of one kind there are so far, and the farthest one referred to: a face may refer to what
+/// comes later in the file, so whether it exists is known only at the end.
+struct IndexRange {
+  const char* kind;
+  uint64_t count = 0;
+  uint64_t largest = 0;  ///< From 1; 0 is none.
+  uint64_t largest_line = 0;
+  std::optional<uint64_t> total;  ///< In the whole file, once CountAhead() has been needed.
+  uint64_t dangling = 0;          ///< Corners that named an element which is not in the file.
+
+  void Save(ByteWriter& out) const {
+    for (const uint64_t n : {count, largest, largest_line, total.value_or(kNotCounted), dangling}) out.Put(n);
+  }
+  void Restore(ByteReader& in) {
+    for (uint64_t* n : {&count, &largest, &largest_line}) *n = in.Get<uint64_t>();
+    if (const auto counted = in.Get<uint64_t>(); counted != kNotCounted) total = counted;
+    dangling = in.Get<uint64_t>();
+  }
+  static constexpr uint64_t kNotCounted = ~uint64_t{0};
+};
+
+/// A channel of a colour beyond this counts to 255, not to 1: from there on all do.
+constexpr double kMostOfOne = 2;
+
+/// Old programs write keywords in capitals. `lower`: the same without them.
+bool IsInCapitals(std::string_view keyword, std::string& lower) {
+  constexpr size_t kLongestKeyword = 8;
+  if (keyword.size() > kLongestKeyword) return false;
+  for (const char c : keyword) lower.push_back(c >= 'A' && c <= 'Z' ? static_cast<char>(c | 32) : c);
+  return lower != keyword;
+}
+
+class ObjFile {
+ public:
+  ObjFile(ModelReader& bytes, ModelSink& sink)
+      : bytes_(bytes), lines_(bytes), sink_(sink), materials_(bytes.path(), sink) {}
+
+  Result<uint64_t> Import();
+  void Save(ByteWriter& out) const;
+  Status Restore(ByteReader& in);
+
+ private:
+  Status Line(std::string_view keyword, TextCursor& rest);
+  Status OtherLine(std::string_view keyword, TextCursor& rest);
+  Status Position(TextCursor& rest);
+  Status Normal(TextCursor& rest);
+  Status Uv(TextCursor& rest);
+  Status Face(TextCursor& rest);
+  Status ReadCorner(TextCursor& rest, Corner& corner);
+  /// Reads one index. `optional` ones are kNoIndex where there is none, or 0, or one that the file does not
+  /// have: exporters leave out normals but not the faces' references to them.
+  Status Index(TextCursor& rest, IndexRange& range, bool optional, uint32_t& index);
+  Status IndexFailure(const TextCursor& at, std::string_view trouble) const;
+  void SetPart();
+  /// Reads the rest of the file once more, to learn how many normals and texture coordinates there will be.
+  Status CountAhead();
+  /// Whether the file has the element numbered `value`, now or later.
+  Result<bool> Exists(IndexRange& range, uint64_t value);
+  void WarnOfDangling(const IndexRange& range);
+  Status CheckRange(const IndexRange& range) const;
+
+  ModelReader& bytes_;
+  LineReader lines_;
+  ModelSink& sink_;
+  ObjMaterials materials_;
+  IndexRange positions_{"vertex"}, normals_{"normal"}, uvs_{"texture coordinate"};
+  std::vector<Corner> corners_;
+  std::string object_, group_, material_name_;
+  bool part_changed_ = false, material_changed_ = false;
+  uint32_t part_ = kNoIndex, material_ = kNoIndex;
+  uint64_t triangles_ = 0, short_faces_ = 0, free_forms_ = 0;
+  double color_scale_ = 255;
+  bool has_painted_ = false;  ///< lines of ZBrush's
+};
+
+Result<uint64_t> ObjFile::Import() {
+  QUARRY_TRY(GoOnFromCheckpoint(sink_, bytes_.path(), *this));
+  std::string_view line;
+  while (true) {
+    QUARRY_TRY(CheckpointIfDue(sink_, *this));
+    QUARRY_ASSIGN(const bool more, lines_.NextJoined(line));
+    if (!more) break;
+    TextCursor rest(line);
+    const std::string_view keyword = rest.Word();
+    QUARRY_TRY(Line(keyword, rest));
+  }
+  if (triangles_ == 0 && free_forms_ != 0)
+    return Fail(
+        fmt::format("{}: holds no polygons, but {} free-form curves or surfaces, which are not read; export "
+                    "it as polygons",
+                    bytes_.path(), free_forms_));
+  if (positions_.count + short_faces_ == 0)
+    return Fail(fmt::format(
+        "{}: holds no triangles: it has no line of a vertex (v x y z), as an OBJ file has", bytes_.path()));
+  if (triangles_ + short_faces_ == 0) return NoFaces(bytes_.path(), positions_.count);
+  QUARRY_TRY(CheckRange(positions_));
+  WarnOfDangling(normals_);
+  WarnOfDangling(uvs_);
+  if (has_painted_)
+    sink_.Warn(fmt::format("{}: its colours stand in comments (#MRGB, as ZBrush writes them); left out",
+                           bytes_.path()));
+  if (free_forms_ != 0)
+    sink_.Warn(fmt::format("{}: {} free-form curves or surfaces left out", bytes_.path(), free_forms_));
+  if (short_faces_ != 0)
+    sink_.Warn(fmt::format("{}: {} faces of fewer than 3 corners left out", bytes_.path(), short_faces_));
+  return triangles_;
+}
+
+void ObjFile::Save(ByteWriter& out) const {
+  for (const uint64_t n : {bytes_.offset(), lines_.line_number(), triangles_, short_faces_, free_forms_})
+    out.Put(n);
+  for (const IndexRange* range : {&positions_, &normals_, &uvs_}) range->Save(out);
+  for (const std::string* name : {&object_, &group_, &material_name_}) PutText(*name, out);
+  out.Put<uint8_t>(part_changed_);
+  out.Put<uint8_t>(material_changed_);
+  out.Put(part_);
+  out.Put(material_);
+  out.Put(color_scale_);
+  out.Put<uint8_t>(has_painted_);
+  materials_.Save(out);
+}
+
+Status ObjFile::Restore(ByteReader& in) {
+  QUARRY_TRY(bytes_.SkipTo(in.Get<uint64_t>()));
+  lines_.GoOnAfterLine(in.Get<uint64_t>());
+  triangles_ = in.Get<uint64_t>();
+  short_faces_ = in.Get<uint64_t>();
+  free_forms_ = in.Get<uint64_t>();
+  for (IndexRange* range : {&positions_, &normals_, &uvs_}) range->Restore(in);
+  for (std::string* name : {&object_, &group_, &material_name_}) *name = GetText(in);
+  part_changed_ = in.Get<uint8_t>() != 0;
+  material_changed_ = in.Get<uint8_t>() != 0;
+  part_ = in.Get<uint32_t>();
+  material_ = in.Get<uint32_t>();
+  color_scale_ = in.Get<double>();
+  has_painted_ = in.Get<uint8_t>() != 0;
+  return materials_.Restore(in);
+}
+
+Status ObjFile::Line(std::string_view keyword, TextCursor& rest) {
+  if (keyword == "v") return Position(rest);
+  if (keyword == "f" || keyword == "fo") return Face(rest);
+  if (keyword == "vn") return Normal(rest);
+  if (keyword == "vt") return Uv(rest);
+  if (keyword.empty()) return {};
+  if (keyword.front() == '#') {
+    has_painted_ |= keyword == "#MRGB";
+    return {};
+  }
+  return OtherLine(keyword, rest);
+}
+
+Status ObjFile::OtherLine(std::string_view keyword, TextCursor& rest) {
+  if (keyword == "usemtl") {
+    material_name_ = std::string(rest.Name());
+    material_changed_ = true;
+  } else if (keyword == "mtllib") {
+    materials_.AddLibraries(rest.Name());
+    material_changed_ = true;  // what was not found may be there now
+  } else if (keyword == "o") {
+    object_ = std::string(rest.Name());
+    group_.clear();
+    part_changed_ = true;
+  } else if (keyword == "g") {
+    group_ = std::string(rest.Name());
+    part_changed_ = true;
+  } else if (keyword.find('\0') != std::string_view::npos) {
+    return lines_.FailHere("holds a zero byte, so this is no text file of a model");
+  } else if (keyword == "surf" || keyword == "curv" || keyword == "curv2") {
+    ++free_forms_;
+  } else if (std::string lower; IsInCapitals(keyword, lower)) {
+    return Line(lower, rest);
+  }
+  return {};
+}
+
+Status ObjFile::Position(TextCursor& rest) {
+  double value[7];
+  int count = 0;
+  while (count < 7 && !rest.AtEnd() && ParseReal(rest, value[count])) ++count;
+  if (count < 3)
+    return lines_.FailHere(rest.AtEnd() ? "a vertex needs three numbers"
+                                        : fmt::format("{} is not a number", Quoted(rest.Word())));
+  Rgba8 color;
+  if (count >= 6) {  // four are x y z w: the weight of a rational curve, of no meaning to polygons
+    if (std::max({value[3], value[4], value[5]}) > kMostOfOne) color_scale_ = 1;
+    color = FileColor(value[3] * color_scale_, value[4] * color_scale_, value[5] * color_scale_);
+  }
+  ++positions_.count;
+  return sink_.AddPosition({value[0], value[1], value[2]}, color);
+}
+
+Status ObjFile::Normal(TextCursor& rest) {
+  glm::dvec3 normal;
+  for (int i = 0; i < 3; ++i)
+    if (!ParseReal(rest, normal[i])) return lines_.FailHere("a normal needs three numbers");
+  ++normals_.count;
+  return sink_.AddNormal(glm::vec3(normal));
+}
+
+Status ObjFile::Uv(TextCursor& rest) {
+  glm::dvec2 uv(0);
+  if (!ParseReal(rest, uv.x)) return lines_.FailHere("a texture coordinate needs a number");
+  if (!rest.AtEnd() && !ParseReal(rest, uv.y))
+    return lines_.FailHere(fmt::format("{} is not a number", Quoted(rest.Word())));
+  ++uvs_.count;
+  return sink_.AddUv(glm::vec2(uv));
+}
+
+Status ObjFile::Face(TextCursor& rest) {
+  corners_.clear();
+  while (!rest.AtEnd()) {
+    if (corners_.size() == kMaxPolygonCorners)
+      return lines_.FailHere(fmt::format("the face has more than {} corners", kMaxPolygonCorners));
+    Corner corner;
+    QUARRY_TRY(ReadCorner(rest, corner));
+    corners_.push_back(corner);
+  }
+  if (corners_.size() < 3) {
+    ++short_faces_;
+    return {};
+  }
+  if (part_changed_) SetPart();
+  if (material_changed_) {
+    material_ = kNoIndex;
+    if (!material_name_.empty()) {
+      QUARRY_ASSIGN(material_, materials_.Use(material_name_));
+    }
+    material_changed_ = false;
+  }
+  triangles_ += corners_.size() - 2;
+  return sink_.AddPolygon(corners_, material_, part_);
+}
+
+/// One of v, v/vt, v//vn, v/vt/vn.
+Status ObjFile::ReadCorner(TextCursor& rest, Corner& corner) {
+  QUARRY_TRY(Index(rest, positions_, false, corner.position));
+  if (rest.next != rest.end && *rest.next == '/') {
+    ++rest.next;
+    QUARRY_TRY(Index(rest, uvs_, true, corner.uv));
+  }
+  if (rest.next != rest.end && *rest.next == '/') {
+    ++rest.next;
+    QUARRY_TRY(Index(rest, normals_, true, corner.normal));
+  }
+  if (rest.next != rest.end && !IsSpace(*rest.next) && *rest.next != '#')
+    return IndexFailure(rest, "is not part of an index");
+  return {};
+}
+
+Status ObjFile::Index(TextCursor& rest, IndexRange& range, bool optional, uint32_t& index) {
+  if (optional && (rest.next == rest.end || *rest.next == '/' || IsSpace(*rest.next))) return {};
+  const TextCursor start = rest;
+  int64_t value;
+  if (!ParseInteger(rest, value)) return IndexFailure(start, "is not an index");
+  if (value == 0 && optional) return {};  // some exporters write it for none
+  if (value == 0) return IndexFailure(start, "refers to vertex 0, but OBJ counts from 1");
+  if (value < 0) value += static_cast<int64_t>(range.count) + 1;
+  if (value <= 0)
+    return IndexFailure(start,
+                        fmt::format("reaches before the first {} of the {} so far", range.kind, range.count));
+  if (value >= int64_t{kNoIndex})
+    return IndexFailure(start, "is beyond the 4,294,967,294 elements a file may have");
+  if (optional && static_cast<uint64_t>(value) > range.count) [[unlikely]] {
+    QUARRY_ASSIGN(const bool exists, Exists(range, static_cast<uint64_t>(value)));
+    if (!exists) return {};
+  }
+  if (static_cast<uint64_t>(value) > range.largest) {
+    range.largest = static_cast<uint64_t>(value);
+    range.largest_line = lines_.line_number();
+  }
+  index = static_cast<uint32_t>(value - 1);
+  return {};
+}
+
+Result<bool> ObjFile::Exists(IndexRange& range, uint64_t value) {
+  if (!range.total) QUARRY_TRY(CountAhead());
+  if (value > *range.total) ++range.dangling;
+  return value <= *range.total;
+}
+
+Status ObjFile::CountAhead() {
+  normals_.total = normals_.count;
+  uvs_.total = uvs_.count;
+  if (!bytes_.can_reopen()) return {};  // what is to come cannot be known
+  QUARRY_ASSIGN(ModelReader ahead, ModelReader::Open(bytes_.path(), bytes_.unpack_limit()));
+  if (!ahead.Skip(bytes_.offset())) return {};
+  LineReader lines(ahead);
+  std::string_view line;
+  while (true) {
+    QUARRY_ASSIGN(const bool more, lines.NextJoined(line));
+    if (!more) return {};
+    const std::string_view keyword = TextCursor(line).Word();
+    *normals_.total += EqualsIgnoringCase(keyword, "vn");
+    *uvs_.total += EqualsIgnoringCase(keyword, "vt");
+  }
+}
+
+Status ObjFile::IndexFailure(const TextCursor& at, std::string_view trouble) const {
+  TextCursor word = at;
+  return lines_.FailHere(fmt::format("{} in a face {}", Quoted(word.Word()), trouble));
+}
+
+void ObjFile::SetPart() {
+  std::string name = object_;
+  if (!group_.empty() && group_ != object_) name += (name.empty() ? "" : "/") + group_;
+  part_ = name.empty() ? kNoIndex : sink_.AddPart(name);
+  part_changed_ = false;
+}
+
+void ObjFile::WarnOfDangling(const IndexRange& range) {
+  if (range.dangling == 0) return;
+  sink_.Warn(fmt::format("{}: {} corners refer to a {} that is not among the {} in the file; left out",
+                         bytes_.path(), range.dangling, range.kind, range.count));
+}
+
+Status ObjFile::CheckRange(const IndexRange& range) const {
+  if (range.largest <= range.count) return {};
+  return Fail(fmt::format("{}, line {}: the face refers to {} {}, but the file has only {}", bytes_.path(),
+                          range.largest_line, range.kind, range.largest, range.count));
+}
+
+/// Words that begin the lines of OBJ files, and of few others.
+bool IsObjKeyword(std::string_view word) {
+  constexpr std::string_view kWords[] = {"v", "vn", "vt", "f", "o", "g", "s", "mtllib", "usemtl"};
+  return std::ranges::find(kWords, word) != std::end(kWords);
+}
+
+}  // namespace
+
+bool LooksLikeObj(ModelReader& bytes) {
+  bytes.Ensure(ModelReader::kBufferBytes);
+  std::string_view text = bytes.view();
+  if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
+  while (!text.empty()) {
+    const std::string_view line = text.substr(0, text.find_first_of("\r\n"));
+    text.remove_prefix(std::min(text.size(), line.size() + 1));
+    const std::string_view word = TextCursor(line).Word();
+    if (!word.empty() && !word.starts_with('#')) return IsObjKeyword(word);
+  }
+  return false;
+}
+
+Result<uint64_t> ImportObj(ModelReader& bytes, ModelSink& sink) { return ObjFile(bytes, sink).Import(); }
+
+}  // namespace quarry

@@ -1,0 +1,169 @@
+#pragma once
+
+#include <bit>
+#include <cstdint>
+#include <cstring>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+#include "common/base/status.h"
+#include "preprocess/import/model_reader.h"
+#include "preprocess/import/ply/ply_header.h"
+
+namespace quarry {
+
+/// What to do with one property of a row, settled once per element.
+struct PlyStep {
+  static constexpr uint8_t kSkip = 0xFF;
+  static constexpr uint8_t kIndexList = 0xFE;
+
+  PlyType type;
+  std::optional<PlyType> count_type;
+  uint8_t target = kSkip;  ///< Index into PlyRow::values, or one of the above.
+};
+
+/// What the wanted properties of one row gave.
+struct PlyRow {
+  static constexpr size_t kMaxValues = 16;
+  double values[kMaxValues] = {};
+  std::vector<int64_t> indices;
+};
+
+template <typename T, bool kSwap>
+inline T LoadAs(const char* at) {
+  T value;
+  if constexpr (kSwap && sizeof(T) > 1) {
+    char reversed[sizeof(T)];
+    for (size_t i = 0; i < sizeof(T); ++i) reversed[i] = at[sizeof(T) - 1 - i];
+    std::memcpy(&value, reversed, sizeof(T));
+  } else {
+    std::memcpy(&value, at, sizeof(T));
+  }
+  return value;
+}
+
+/// Calls `use` with a value of the C++ type that `type` stands for.
+template <typename Use>
+inline auto WithType(PlyType type, Use&& use) {
+  switch (type) {
+    case PlyType::kInt8:
+      return use(int8_t{});
+    case PlyType::kUint8:
+      return use(uint8_t{});
+    case PlyType::kInt16:
+      return use(int16_t{});
+    case PlyType::kUint16:
+      return use(uint16_t{});
+    case PlyType::kInt32:
+      return use(int32_t{});
+    case PlyType::kUint32:
+      return use(uint32_t{});
+    case PlyType::kFloat32:
+      return use(float{});
+    case PlyType::kFloat64:
+      break;
+  }
+  return use(double{});
+}
+
+/// Values of a binary PLY body. Each function returns false where the file ends too early or reads otherwise
+/// than its header says; Failure() then tells.
+template <bool kSwap>
+class BinaryPlySource {
+ public:
+  static constexpr bool kBinary = true;
+
+  explicit BinaryPlySource(ModelReader& bytes) : bytes_(bytes) {}
+
+  bool Scalar(PlyType type, double& value) {
+    const uint32_t size = SizeOf(type);
+    if (!bytes_.Ensure(size)) return false;
+    value = Load(bytes_.data(), type);
+    bytes_.Consume(size);
+    return true;
+  }
+
+  bool Integer(PlyType type, int64_t& value) {
+    double real;  // holds every integer of up to 32 bits
+    if (!Scalar(type, real)) return false;
+    value = static_cast<int64_t>(real);
+    return true;
+  }
+
+  /// Appends `count` integers. Requires: count <= kMaxPolygonCorners, `type` an integer type.
+  bool Integers(PlyType type, uint64_t count, std::vector<int64_t>& out) {
+    const size_t size = SizeOf(type);
+    if (!bytes_.Ensure(count * size)) return false;
+    const char* at = bytes_.data();
+    WithType(type, [&](auto kind) {
+      for (uint64_t i = 0; i < count; ++i, at += size)
+        out.push_back(static_cast<int64_t>(LoadAs<decltype(kind), kSwap>(at)));
+    });
+    bytes_.Consume(count * size);
+    return true;
+  }
+
+  bool SkipValues(PlyType type, uint64_t count) {
+    return count <= bytes_.remaining() / SizeOf(type) && bytes_.Skip(count * SizeOf(type));
+  }
+
+  static double Load(const char* at, PlyType type) {
+    return WithType(type, [at](auto kind) { return static_cast<double>(LoadAs<decltype(kind), kSwap>(at)); });
+  }
+
+  ModelReader& bytes() const { return bytes_; }
+  /// Of text.
+  void LookForRows(uint64_t) {}
+  bool by_line() const { return false; }
+  void SetByLine(bool) {}
+  bool EndRow() { return false; }
+  /// Of text.
+  uint64_t line() const { return 0; }
+  void GoOnAtLine(uint64_t) {}
+  tl::unexpected<Error> Failure(const std::string& where) const { return bytes_.Truncated("in " + where); }
+  tl::unexpected<Error> FailHere(const std::string& what) const { return bytes_.FailHere(what); }
+
+ private:
+  ModelReader& bytes_;
+};
+
+/// The same of an ASCII body: values separated by any white space, the ends of lines included. Where there
+/// are lines enough, a row begins on a line of its own, and what is left of its last line is passed over.
+class AsciiPlySource {
+ public:
+  static constexpr bool kBinary = false;
+
+  AsciiPlySource(ModelReader& bytes, uint64_t lines_before) : bytes_(bytes), line_(lines_before + 1) {}
+
+  bool Scalar(PlyType type, double& value);
+  bool Integer(PlyType type, int64_t& value);
+  bool Integers(PlyType type, uint64_t count, std::vector<int64_t>& out);
+  bool SkipValues(PlyType type, uint64_t count);
+  /// Judges by the lines at hand, or all, whether the body's `rows` have lines of their own.
+  void LookForRows(uint64_t rows);
+  bool by_line() const { return by_line_; }
+  void SetByLine(bool by_line) { by_line_ = by_line; }
+  /// Passes what the line has behind the row's last value. Returns whether there was anything.
+  bool EndRow();
+
+  ModelReader& bytes() const { return bytes_; }
+  uint64_t line() const { return line_; }
+  void GoOnAtLine(uint64_t line) { line_ = line; }
+  tl::unexpected<Error> Failure(const std::string& where) const;
+  tl::unexpected<Error> FailHere(const std::string& what) const;
+
+ private:
+  /// Longest word of a number that is believed.
+  static constexpr size_t kLongestWord = 512;
+
+  /// Sets `word` to the next one and passes it; false at the end. A longer word than kLongestWord is cut.
+  bool Word(std::string_view& word);
+
+  ModelReader& bytes_;
+  uint64_t line_;
+  bool by_line_ = false;
+  std::string complaint_;  ///< Why the last function returned false; empty if the file ended.
+};
+
+}  // namespace quarry

@@ -1,0 +1,53 @@
+#include "preprocess/import/text/text_number.h"
+
+#include <algorithm>
+
+namespace quarry {
+namespace {
+
+char Lower(char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; }
+
+bool StartsWith(std::string_view text, std::string_view prefix) {
+  return text.size() >= prefix.size() && EqualsIgnoringCase(text.substr(0, prefix.size()), prefix);
+}
+
+/// What a decimal number is when double cannot hold it: infinity or zero, by where its digits lie.
+double OutOfRangeValue(std::string_view digits) {
+  const size_t exponent = digits.find_first_of("eE");
+  const bool tiny = exponent != std::string_view::npos ? digits.substr(exponent + 1).starts_with('-')
+                                                       : digits.starts_with('0') || digits.starts_with('.');
+  return tiny ? 0.0 : std::numeric_limits<double>::infinity();
+}
+
+}  // namespace
+
+bool ParseUnusualReal(std::string_view word, double& value) {
+  if (word.starts_with('+')) word.remove_prefix(1);
+  const double sign = word.starts_with('-') ? -1.0 : 1.0;
+  const std::string_view digits = sign < 0 ? word.substr(1) : word;
+  if (StartsWith(digits, "1.#INF")) {
+    value = sign * std::numeric_limits<double>::infinity();
+    return true;
+  }
+  if (StartsWith(digits, "1.#")) {
+    value = std::numeric_limits<double>::quiet_NaN();
+    return true;
+  }
+  const auto [stop, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+  if (error != std::errc::result_out_of_range || stop != word.data() + word.size()) return false;
+  value = sign * OutOfRangeValue(digits);
+  return true;
+}
+
+std::string Quoted(std::string_view text) {
+  constexpr size_t kLongest = 40;
+  std::string quoted = "\"";
+  for (const char c : text.substr(0, kLongest)) quoted += c >= ' ' && c <= '~' ? c : '?';
+  return quoted + (text.size() > kLongest ? "...\"" : "\"");
+}
+
+bool EqualsIgnoringCase(std::string_view a, std::string_view b) {
+  return std::ranges::equal(a, b, {}, Lower, Lower);
+}
+
+}  // namespace quarry

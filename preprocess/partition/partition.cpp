@@ -1,0 +1,184 @@
+#include "preprocess/partition/partition.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "preprocess/partition/split.h"
+#include "preprocess/partition/voxel_builder.h"
+#include "preprocess/partition/voxel_chain.h"
+
+namespace quarry {
+namespace {
+
+Result<std::vector<TriangleRecord>> Load(const SpillFile& file, uint64_t first, uint64_t last) {
+  std::vector<TriangleRecord> records;
+  records.reserve(last - first);
+  QUARRY_TRY(ForEachRecord(file, first, last, [&](const TriangleRecord& r) -> Status {
+    records.push_back(r);
+    return Status{};
+  }));
+  return records;
+}
+
+class Partitioner {
+ public:
+  Partitioner(const PartitionOptions& options, const std::function<Status(VoxelTask)>& emit)
+      : options_(options), emit_(emit), max_triangles_(MaxTrianglesPerVoxel(options.voxel_size)) {}
+
+  Status InMemory(const std::vector<TriangleRecord>& records, const Region& region) {
+    records_ = &records;
+    std::vector<KdTriangle> triangles;
+    triangles.reserve(records.size());
+    for (const TriangleRecord& r : records)
+      triangles.push_back({{r.vertices[0], r.vertices[1], r.vertices[2]}});
+    KdSplitter splitter(triangles, options_.padding, region.cell, kPartitionCosts);
+    splitter_ = &splitter;
+    references_ = splitter.ReferencesIn(region.cell);
+    max_growth_ = MaxGrowthInRegion(references_.size(), max_triangles_);
+    return Split(0, 0, {region.cell, region.depth, 1});
+  }
+
+  /// A pile too large for memory: as many triangles at a time as fit, as they lie in the file.
+  Status ChainFile(const SpillFile& file, const Region& region, const Box& content) {
+    Box cell = region.cell;
+    tree.nodes[CutOffEmptySpace(tree.nodes, 0, cell, content)] = KdNode::Leaf(tree.voxels, 1);
+    for (uint64_t first = 0; first < file.count();) {
+      const uint64_t last = std::min(first + kMostInMemory, file.count());
+      QUARRY_ASSIGN(const std::vector<TriangleRecord> records, Load(file, first, last));
+      references_.clear();
+      for (uint32_t i = 0; i < records.size(); ++i) {
+        const Box box =
+            PartIn(records[i], cell, options_.padding).value_or(records[i].PaddedBox(options_.padding));
+        references_.push_back(
+            {{box.lower.x, box.lower.y, box.lower.z}, i, {box.upper.x, box.upper.y, box.upper.z}, 0});
+      }
+      QUARRY_TRY(EmitPile(records, references_, cell, last < file.count()));
+      first = last;
+    }
+    return {};
+  }
+
+  TopSubtree tree;
+
+ private:
+  /// The node's references are those from `begin` on, and are gone afterwards.
+  Status Split(uint32_t node, size_t begin, const Region& region) {
+    const std::span<const KdReference> references = std::span(references_).subspan(begin);
+    const size_t count = references.size();
+    if (count == 0) {
+      tree.nodes[node] = KdNode::Leaf(0, 0);
+      return {};
+    }
+    const SplitPlane plane =
+        count <= max_triangles_ ? SplitPlane{} : ChoosePlane(*splitter_, references, region.cell);
+    if (IsPile(plane, region.depth, region.growth, max_growth_)) return Chain(node, begin, region.cell);
+
+    const auto first = static_cast<uint32_t>(tree.nodes.size());
+    tree.nodes[node] = KdNode::Inner(plane.axis, plane.position, first);
+    tree.nodes.resize(first + 2);
+    const SplitCells child(region.cell, plane);
+    const size_t middle = splitter_->Divide(references_, begin, region.cell, {0, plane.position, plane.axis});
+    const double growth = region.growth * plane.growth;
+    QUARRY_TRY(Split(first, middle, {child.cell[0], region.depth + 1, growth}));
+    return Split(first + 1, begin, {child.cell[1], region.depth + 1, growth});
+  }
+
+  /// One voxel, or several in a chain for a pile that no plane parts well.
+  Status Chain(uint32_t node, size_t begin, Box cell) {
+    const std::span<KdReference> references = std::span(references_).subspan(begin);
+    tree.nodes[CutOffEmptySpace(tree.nodes, node, cell, ContentOf(references, cell))] =
+        KdNode::Leaf(tree.voxels, 1);
+    QUARRY_TRY(EmitPile(*records_, references, cell, false));
+    references_.resize(begin);
+    return {};
+  }
+
+  /// The voxels of a pile, or, with `more` to come, of a part of it.
+  Status EmitPile(const std::vector<TriangleRecord>& records, std::span<KdReference> pile, const Box& cell,
+                  bool more) {
+    size_t first = 0;
+    for (const size_t end : PartPile(pile, cell, max_triangles_)) {
+      VoxelTask task;
+      task.cell = cell;
+      task.chained = more || end < pile.size();
+      task.triangles.reserve(end - first);
+      for (; first < end; ++first) task.triangles.push_back(records[pile[first].triangle]);
+      QUARRY_TRY(Emit(std::move(task)));
+    }
+    return {};
+  }
+
+  Status Emit(VoxelTask task) {
+    ++tree.voxels;
+    return emit_(std::move(task));
+  }
+
+  const PartitionOptions& options_;
+  const std::function<Status(VoxelTask)>& emit_;
+  const uint32_t max_triangles_;
+  double max_growth_ = 1;
+  const std::vector<TriangleRecord>* records_ = nullptr;
+  KdSplitter* splitter_ = nullptr;
+  std::vector<KdReference> references_;  ///< of the nodes still to do, a stack
+};
+
+}  // namespace
+
+Result<TopSubtree> PartitionInMemory(const std::vector<TriangleRecord>& triangles, const Region& region,
+                                     const PartitionOptions& options,
+                                     const std::function<Status(VoxelTask)>& emit) {
+  Partitioner partitioner(options, emit);
+  QUARRY_TRY(partitioner.InMemory(triangles, region));
+  return std::move(partitioner.tree);
+}
+
+Result<TopSubtree> PartitionFile(const SpillFile& triangles, const Region& region, const Box& content,
+                                 const PartitionOptions& options,
+                                 const std::function<Status(VoxelTask)>& emit) {
+  if (triangles.count() <= kMostInMemory) {
+    QUARRY_ASSIGN(const std::vector<TriangleRecord> records, Load(triangles, 0, triangles.count()));
+    return PartitionInMemory(records, region, options, emit);
+  }
+  TriangleSample sample;
+  QUARRY_TRY(ForEachRecord(triangles, 0, triangles.count(), [&](const TriangleRecord& r) -> Status {
+    sample.Add(r);
+    return Status{};
+  }));
+  const uint64_t weight = sample.weight();
+  RegionTree parts = ChooseRegions(sample.TakeTriangles(), weight, options.padding, region);
+  if (parts.regions.size() == 1) {
+    Partitioner partitioner(options, emit);
+    QUARRY_TRY(partitioner.ChainFile(triangles, region, content));
+    return std::move(partitioner.tree);
+  }
+  QUARRY_ASSIGN(RegionFiles files, RegionFiles::Open(parts, options.spill_prefix, triangles.element_bytes(),
+                                                     options.memory, 0, {}, {}));
+  QUARRY_TRY(files.Add(triangles, 0, triangles.count(), options.padding, [](uint64_t) {}));
+  QUARRY_TRY(files.FinishWriting());
+  CutOffEmptySpace(files.contents(), region.cell, parts);
+  TopSubtree tree{parts.nodes, 0};
+  PartitionOptions inner = options;
+  for (size_t i = 0; i < parts.regions.size(); ++i) {
+    inner.spill_prefix = fmt::format("{}{}-", options.spill_prefix, i);
+    QUARRY_ASSIGN(const TopSubtree part,
+                  PartitionFile(files.file(i), parts.regions[i], files.contents()[i], inner, emit));
+    files.file(i).Remove();
+    Graft(part, parts.leaves[i], tree.voxels, tree.nodes);
+    tree.voxels += part.voxels;
+  }
+  return tree;
+}
+
+void Graft(const TopSubtree& part, uint32_t at, uint32_t first_voxel, std::vector<KdNode>& nodes) {
+  const auto moved = static_cast<uint32_t>(nodes.size()) - 1;  // the part's node 1 goes to the end
+  const auto place = [&](KdNode node) {
+    if (!node.is_leaf()) return KdNode::Inner(node.axis(), node.split(), node.left() + moved);
+    return node.count() == 0 ? node : KdNode::Leaf(node.first() + first_voxel, node.count());
+  };
+  nodes[at] = place(part.nodes[0]);
+  for (size_t i = 1; i < part.nodes.size(); ++i) nodes.push_back(place(part.nodes[i]));
+}
+
+}  // namespace quarry

@@ -1,0 +1,238 @@
+#include "preprocess/partition/regions.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstring>
+#include <future>
+#include <utility>
+
+#include "common/base/file.h"
+#include "common/kdtree/clipped_triangle.h"
+#include "preprocess/partition/split.h"
+
+namespace quarry {
+namespace {
+
+constexpr uint64_t kRoutedAtOnce = 64 << 10;
+// Triangles jut out a little beyond those sampled: planes do not keep to these.
+constexpr SahCosts kSampleCosts{.duplicate = kPartitionCosts.duplicate, .sampled = true};
+
+class RegionChooser {
+ public:
+  RegionChooser(const std::vector<KdTriangle>& sample, uint64_t weight, float padding, const Region& whole)
+      : splitter_(sample, padding, whole.cell, weight == 1 ? kPartitionCosts : kSampleCosts),
+        weight_(weight) {
+    references_ = splitter_.ReferencesIn(whole.cell);
+    Split(0, 0, whole);
+  }
+
+  RegionTree tree{{KdNode{}}, {}, {}};
+
+ private:
+  /// The node's references are those from `begin` on, and are gone afterwards.
+  void Split(uint32_t node, size_t begin, const Region& region) {
+    const std::span<const KdReference> references = std::span(references_).subspan(begin);
+    const SplitPlane plane = references.size() * weight_ <= kRegionTriangles
+                                 ? SplitPlane{}
+                                 : ChoosePlane(splitter_, references, region.cell);
+    if (IsPile(plane, region.depth, region.growth, MaxGrowthOfRegions(region.share))) {
+      tree.nodes[node] = KdNode::Leaf(static_cast<uint32_t>(tree.regions.size()), 1);
+      tree.regions.push_back(region);
+      tree.leaves.push_back(node);
+      references_.resize(begin);
+      return;
+    }
+    const SplitCells child(region.cell, plane);
+    const auto first = static_cast<uint32_t>(tree.nodes.size());
+    tree.nodes[node] = KdNode::Inner(plane.axis, plane.position, first);
+    tree.nodes.resize(first + 2);
+    const size_t count = references.size();
+    const size_t middle = splitter_.Divide(references_, begin, region.cell, {0, plane.position, plane.axis});
+    const double growth = region.growth * plane.growth;
+    const double left = static_cast<double>(references_.size() - middle) / static_cast<double>(count);
+    const double right = static_cast<double>(middle - begin) / static_cast<double>(count);
+    Split(first, middle, {child.cell[0], region.depth + 1, growth, region.share * left});
+    Split(first + 1, begin, {child.cell[1], region.depth + 1, growth, region.share * right});
+  }
+
+  KdSplitter splitter_;
+  const uint64_t weight_;
+  std::vector<KdReference> references_;  ///< of the nodes still to do, a stack
+};
+
+}  // namespace
+
+RegionTree ChooseRegions(const std::vector<KdTriangle>& sample, uint64_t weight, float padding,
+                         const Region& whole) {
+  return std::move(RegionChooser(sample, weight, padding, whole).tree);
+}
+
+void CutOffEmptySpace(const std::vector<Box>& contents, const Box& whole, RegionTree& tree) {
+  const std::vector<KdNode> before = std::exchange(tree.nodes, {KdNode{}});
+  // Children lie beyond their parents.
+  std::vector<Box> content(before.size(), EmptyBox());
+  for (size_t i = before.size(); i-- > 0;) {
+    const KdNode& n = before[i];
+    if (n.is_leaf()) {
+      if (n.count() != 0) content[i] = contents[n.first()];
+      continue;
+    }
+    for (const Box& side : {content[n.left()], content[n.left() + 1]}) {
+      if (!(side.lower.x <= side.upper.x)) continue;
+      content[i].Include(side.lower);
+      content[i].Include(side.upper);
+    }
+  }
+  struct Visit {
+    uint32_t from, to;
+    Box cell;
+  };
+  std::vector<Visit> visits{{0, 0, whole}};
+  while (!visits.empty()) {
+    Visit v = visits.back();
+    visits.pop_back();
+    const KdNode& n = before[v.from];
+    if (content[v.from].lower.x <= content[v.from].upper.x)
+      v.to = CutOffEmptySpace(tree.nodes, v.to, v.cell, content[v.from]);
+    if (n.is_leaf()) {
+      tree.nodes[v.to] = n;
+      tree.leaves[n.first()] = v.to;
+      tree.regions[n.first()].cell = v.cell;
+      continue;
+    }
+    const auto first = static_cast<uint32_t>(tree.nodes.size());
+    tree.nodes[v.to] = KdNode::Inner(n.axis(), n.split(), first);
+    tree.nodes.resize(first + 2);
+    const SplitCells child(v.cell, {n.axis(), n.split()});
+    visits.push_back({n.left() + 1, first + 1, child.cell[1]});
+    visits.push_back({n.left(), first, child.cell[0]});
+  }
+}
+
+Result<RegionFiles> RegionFiles::Open(const RegionTree& tree, const std::string& prefix, size_t record_bytes,
+                                      uint64_t memory, size_t gone, const std::vector<uint64_t>& counts,
+                                      const std::vector<Box>& contents) {
+  const size_t regions = tree.regions.size();
+  RegionFiles files(tree);
+  files.prefix_ = prefix;
+  SpillFile::Options options;
+  options.block_bytes = std::clamp<size_t>(memory / regions, 4096, 256 << 10);
+  options.writer = files.writer_.get();
+  const bool large = regions * kRegionTriangles * record_bytes >= SpillFile::kPackLarge;
+  options.pack_from = large ? SpillFile::kPackAll : SpillFile::kPackNone;
+  files.files_.reserve(regions);
+  for (size_t i = 0; i < regions; ++i) {
+    QUARRY_ASSIGN(SpillFile file, SpillFile::Open(fmt::format("{}{}", prefix, i), record_bytes,
+                                                  counts.empty() || i < gone ? 0 : counts[i], options));
+    files.files_.push_back(std::move(file));
+  }
+  files.contents_ = contents.empty() ? std::vector<Box>(regions, EmptyBox()) : contents;
+  return files;
+}
+
+RegionFiles::Routed RegionFiles::Route(const SpillFile& triangles, uint64_t first, uint64_t count,
+                                       float padding) {
+  Routed routed;
+  const size_t size = triangles.element_bytes();
+  routed.records.resize(count * size);
+  routed.status = triangles.Read(first, routed.records);
+  if (!routed.status) return routed;
+  routed.places.reserve(count + count / 4);
+  for (uint32_t i = 0; i < count; ++i) {
+    TriangleRecord record;
+    std::memcpy(&record, &routed.records[i * size], size);
+    const Box box = record.PaddedBox(padding);
+    uint32_t waiting[kMaxTopDepth + 1];
+    int open = 0;
+    waiting[open++] = 0;
+    while (open > 0) {
+      const KdNode node = tree_->nodes[waiting[--open]];
+      if (node.is_leaf()) {
+        const uint32_t region = node.first();
+        const auto part = PartIn(record, tree_->regions[region].cell, padding);
+        if (!part) continue;
+        contents_[region].Include(part->lower);
+        contents_[region].Include(part->upper);
+        routed.places.push_back({region, i});
+        continue;
+      }
+      if (box.upper[node.axis()] >= node.split()) waiting[open++] = node.left() + 1;
+      if (box.lower[node.axis()] <= node.split()) waiting[open++] = node.left();
+    }
+  }
+  return routed;
+}
+
+Status RegionFiles::Add(const SpillFile& triangles, uint64_t first, uint64_t last, float padding,
+                        const std::function<void(uint64_t)>& progress) {
+  const auto route = [&, padding](uint64_t from) {
+    const uint64_t count = std::min(kRoutedAtOnce, last - from);
+    return std::async(std::launch::async,
+                      [=, this, &triangles] { return Route(triangles, from, count, padding); });
+  };
+  if (first >= last) return {};
+  std::future<Routed> next = route(first);
+  while (first < last) {
+    const Routed routed = next.get();
+    QUARRY_TRY(routed.status);
+    first += routed.records.size() / triangles.element_bytes();
+    if (first < last) next = route(first);
+    for (const auto& [region, record] : routed.places)
+      QUARRY_TRY(files_[region].Append(&routed.records[record * triangles.element_bytes()]));
+    progress(first);
+  }
+  return {};
+}
+
+Status RegionFiles::FinishWriting() {
+  for (SpillFile& file : files_) QUARRY_TRY(file.FinishWriting());
+  return {};
+}
+
+Status RegionFiles::Sync() {
+  for (SpillFile& file : files_) QUARRY_TRY(file.Flush());
+  QUARRY_TRY(writer_->Wait());
+  for (const SpillFile& file : files_) file.BeginSync();
+  SyncFolderOf(prefix_);
+  for (SpillFile& file : files_) QUARRY_TRY(file.Sync());
+  return {};
+}
+
+std::vector<uint64_t> RegionFiles::counts() const {
+  std::vector<uint64_t> counts;
+  for (const SpillFile& file : files_) counts.push_back(file.count());
+  return counts;
+}
+
+std::optional<Box> PartIn(const TriangleRecord& triangle, const Box& cell, float padding) {
+  Box box = triangle.PaddedBox(padding);
+  const Box inner{glm::max(box.lower, cell.lower), glm::min(box.upper, cell.upper)};
+  if (inner.lower == box.lower && inner.upper == box.upper) return box;
+  // As KdSplitter cuts: the padding, and what rounding may add.
+  const double growth = padding * 1.125;
+  const KdTriangle whole{{triangle.vertices[0], triangle.vertices[1], triangle.vertices[2]}};
+  ClippedTriangle polygon(whole);
+  polygon.Clip(cell, growth);
+  if (polygon.empty()) return {};
+  const PointBox part = polygon.Bounds();
+  for (int a = 0; a < 3; ++a) {
+    box.lower[a] = std::max(inner.lower[a], static_cast<float>(part.lower[a] - growth));
+    box.upper[a] = std::min(inner.upper[a], static_cast<float>(part.upper[a] + growth));
+    if (!(box.lower[a] <= box.upper[a])) return {};
+  }
+  return box;
+}
+
+Status ForEachRecord(const SpillFile& file, uint64_t first, uint64_t last,
+                     const std::function<Status(const TriangleRecord&)>& visit) {
+  SpillReader reader(file, first, last);
+  while (const std::byte* bytes = reader.Next()) {
+    TriangleRecord record;
+    std::memcpy(&record, bytes, file.element_bytes());
+    QUARRY_TRY(visit(record));
+  }
+  return reader.status();
+}
+
+}  // namespace quarry

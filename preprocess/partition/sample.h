@@ -1,0 +1,43 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "common/base/bytes.h"
+#include "common/kdtree/build.h"
+#include "preprocess/spill/triangle_record.h"
+
+namespace quarry {
+
+/// Some of the triangles, each standing for weight() of them: enough to choose the first planes by. Which
+/// ones depends on their ids alone, never on the order they come in. Memory: kMost triangles.
+class TriangleSample {
+ public:
+  static constexpr size_t kMost = 256 << 10;
+
+  void Add(const TriangleRecord& record) {
+    if ((Mix(record.id) & (weight_ - 1)) == 0) Keep(record);
+  }
+  /// Triangles that one of them stands for: 1 while all are kept, then a power of two.
+  uint64_t weight() const { return weight_; }
+  const std::vector<KdTriangle>& triangles() const { return triangles_; }
+  std::vector<KdTriangle> TakeTriangles();
+
+  void Save(ByteWriter& out) const;
+  void Restore(ByteReader& in);
+
+ private:
+  /// The finalizer of MurmurHash3 (Appleby 2011).
+  static uint32_t Mix(uint32_t x) {
+    x = (x ^ (x >> 16)) * 0x85EBCA6Bu;
+    x = (x ^ (x >> 13)) * 0xC2B2AE35u;
+    return x ^ (x >> 16);
+  }
+  void Keep(const TriangleRecord& record);
+
+  std::vector<KdTriangle> triangles_;
+  std::vector<uint32_t> hashes_;  ///< of their ids
+  uint32_t weight_ = 1;
+};
+
+}  // namespace quarry

@@ -1,0 +1,182 @@
+#include "preprocess/partition/voxel_builder.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <numeric>
+
+#include "common/kdtree/prune.h"
+#include "common/kdtree/treelets.h"
+#include "common/kdtree/wide_tree.h"
+
+namespace quarry {
+namespace {
+
+/// Numbers values by first appearance; equal means equal bits. Open addressing, at most half full.
+template <class T>
+class Interner {
+ public:
+  explicit Interner(size_t most) : table_(std::bit_ceil(most * 2 + 2), kFree) {}
+
+  uint16_t Index(const T& value, std::vector<T>& values) {
+    uint32_t words[sizeof(T) / 4];
+    std::memcpy(words, &value, sizeof value);
+    uint64_t hash = 0;
+    for (uint32_t word : words) hash = (hash ^ word) * 0x9E3779B97F4A7C15ull;
+    size_t at = (hash >> 32) & (table_.size() - 1);
+    while (table_[at] != kFree && std::memcmp(&values[table_[at]], &value, sizeof value) != 0)
+      at = (at + 1) & (table_.size() - 1);
+    if (table_[at] == kFree) {
+      table_[at] = static_cast<uint32_t>(values.size());
+      values.push_back(value);
+    }
+    return static_cast<uint16_t>(table_[at]);
+  }
+
+ private:
+  static constexpr uint32_t kFree = 0xFFFFFFFFu;
+  std::vector<uint32_t> table_;  ///< indices into the values
+};
+
+ShadingVertex Sanitized(ShadingVertex v) {
+  const float length2 = v.normal.x * v.normal.x + v.normal.y * v.normal.y + v.normal.z * v.normal.z;
+  if (!(length2 > 1e-30f && length2 < 1e30f)) v.normal = glm::vec3(0);
+  if (!std::isfinite(v.uv.x) || !std::isfinite(v.uv.y)) v.uv = glm::vec2(0);
+  return v;
+}
+
+ShadingVoxel BuildShading(std::span<const TriangleRecord> triangles) {
+  ShadingVoxel voxel;
+  Interner<ShadingVertex> interner(triangles.size() * 3);
+  for (const TriangleRecord& t : triangles)
+    for (int k = 0; k < 3; ++k)
+      voxel.corners.push_back(
+          interner.Index(Sanitized({t.normals[k], t.uvs[k], t.colors[k]}), voxel.vertices));
+  return voxel;
+}
+
+}  // namespace
+
+uint32_t MaxTrianglesPerVoxel(uint32_t voxel_size) {
+  const size_t fixed = kTreeletHeaderSlots * sizeof(KdNode) + HotBytes(1, 0, 0, 0);
+  const size_t each = HotBytes(1, 1, 1, 3) - HotBytes(1, 0, 0, 0);
+  return static_cast<uint32_t>(
+      std::clamp<size_t>((voxel_size - std::min<size_t>(voxel_size, fixed)) / each, 1, kMaxVoxelTriangles));
+}
+
+namespace {
+
+constexpr uint16_t kUnseen = 0xFFFF;
+// Steps: a quarter of the bytes goes for a sixtieth of the SAH cost, see common/kdtree/README.md.
+constexpr float kByteWorth = 0.015f;
+
+struct VoxelTree {
+  KdTree tree;
+  uint32_t node_slots, wide_nodes;
+};
+
+/// The tree over `triangles` whose layout, with wide nodes, takes at most `room` bytes, and without them no
+/// more than all else, with the `others` that the voxel has.
+VoxelTree BuildTree(std::span<const TriangleRecord> triangles, const Box& cell, float padding, size_t room,
+                    size_t others) {
+  std::vector<KdTriangle> vertices;
+  vertices.reserve(triangles.size());
+  for (const TriangleRecord& t : triangles)
+    vertices.push_back({{t.vertices[0], t.vertices[1], t.vertices[2]}});
+  const SahCosts costs{.byte = kByteWorth};
+  // Headers and wide nodes take about 7/9 of what the tree itself does; how much, shows only in the layout.
+  KdTree tree = BuildKdTree(vertices, padding, cell, costs, room);
+  for (size_t most_bytes = room / 16 * 9;;) {
+    PruneKdTree(tree, cell, costs, most_bytes);
+    const size_t slots = TreeletLayout(kTreeletLevels).Slots(tree.nodes);
+    const size_t wide_nodes =
+        MakeWideTree(tree.nodes, cell, kWideLeafReferences, [](const KdNode&, const Box& box) {
+          return box;
+        }).size();
+    const size_t of_nodes = slots * sizeof(KdNode);
+    const size_t kept = HotBytes(wide_nodes, tree.references.size(), 0, 0), taken = of_nodes + kept;
+    if ((taken <= room && of_nodes <= kept + others) || slots == kTreeletHeaderSlots)
+      return {std::move(tree), static_cast<uint32_t>(slots), static_cast<uint32_t>(wide_nodes)};
+    const size_t bytes = tree.nodes.size() * sizeof(KdNode) + tree.references.size() * 2;
+    most_bytes = bytes * std::min(room, taken) / taken - bytes / 128;
+  }
+}
+
+/// Where each leaf's references begin, and the end of all.
+std::vector<uint32_t> LeafBounds(const KdTree& tree) {
+  std::vector<uint32_t> bounds{static_cast<uint32_t>(tree.references.size())};
+  for (const KdNode& n : tree.nodes)
+    if (n.is_leaf() && n.count() != 0) bounds.push_back(n.first());
+  std::ranges::sort(bounds);
+  return bounds;
+}
+
+/// The triangles in the order in which leaves first refer to them, which is renumbered: what one leaf needs
+/// lies together. Each leaf refers to triangles that came before first, in order, then to its own: so there
+/// are long runs of either, which is small and quick to decode.
+std::vector<uint16_t> OrderByLeaves(KdTree& tree, size_t triangles) {
+  std::vector<uint16_t> number(triangles, kUnseen), order;
+  order.reserve(triangles);
+  const std::vector<uint32_t> bounds = LeafBounds(tree);
+  for (size_t i = 0; i + 1 < bounds.size(); ++i) {
+    const auto first = tree.references.begin() + bounds[i], end = tree.references.begin() + bounds[i + 1];
+    const auto fresh = std::stable_partition(first, end, [&](uint32_t t) { return number[t] != kUnseen; });
+    for (auto reference = fresh; reference != end; ++reference) {
+      number[*reference] = static_cast<uint16_t>(order.size());
+      order.push_back(static_cast<uint16_t>(*reference));
+    }
+    std::transform(first, end, first, [&](uint32_t t) { return number[t]; });
+    std::sort(first, fresh);
+  }
+  // The partition gave the voxel a triangle by its box; the tree has found that it does not reach the cell.
+  for (size_t t = 0; t < triangles; ++t)
+    if (number[t] == kUnseen) order.push_back(static_cast<uint16_t>(t));
+  return order;
+}
+
+}  // namespace
+
+EncodedVoxel BuildVoxel(std::span<const TriangleRecord> triangles, const Box& cell, float padding,
+                        bool has_shading, uint32_t voxel_size) {
+  Interner<glm::vec3> interner(triangles.size() * 3);
+  std::vector<glm::vec3> vertices;
+  std::vector<uint16_t> corners;
+  corners.reserve(triangles.size() * 3);
+  for (const TriangleRecord& t : triangles)
+    for (const glm::vec3& v : t.vertices) corners.push_back(interner.Index(v, vertices));
+  const size_t without_tree = HotBytes(0, 0, triangles.size(), vertices.size());
+  const size_t room = voxel_size > without_tree ? voxel_size - without_tree : 0;
+
+  HotVoxel voxel;
+  voxel.cell = cell;
+  auto [tree, node_slots, wide_nodes] = BuildTree(triangles, cell, padding, room, without_tree);
+  const std::vector<uint16_t> order = OrderByLeaves(tree, triangles.size());
+  voxel.nodes = std::move(tree.nodes);
+  voxel.node_slots = node_slots;
+  voxel.wide_nodes = wide_nodes;
+  voxel.references.assign(tree.references.begin(), tree.references.end());
+  std::vector<TriangleRecord> ordered;
+  ordered.reserve(order.size());
+  std::vector<uint16_t> number(vertices.size(), kUnseen);  // of vertices, in the order of triangles
+  for (uint16_t i : order) {
+    const TriangleRecord& t = triangles[i];
+    for (size_t k = 0; k < 3; ++k) {
+      const uint16_t vertex = corners[3 * size_t{i} + k];
+      if (number[vertex] == kUnseen) {
+        number[vertex] = static_cast<uint16_t>(voxel.vertices.size());
+        voxel.vertices.push_back(vertices[vertex]);
+      }
+      voxel.corners.push_back(number[vertex]);
+    }
+    voxel.triangle_ids.push_back(t.id);
+    voxel.materials.push_back(static_cast<uint16_t>(t.material));
+    voxel.parts.push_back(t.part);
+    if (has_shading) ordered.push_back(t);
+  }
+  if (!has_shading) return EncodeVoxel(voxel, nullptr);
+  const ShadingVoxel shading = BuildShading(ordered);
+  return EncodeVoxel(voxel, &shading);
+}
+
+}  // namespace quarry

@@ -1,0 +1,108 @@
+#include "preprocess/spill/paged_file.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstring>
+#include <utility>
+
+namespace quarry {
+
+Result<PagedFile> PagedFile::Create(const std::string& path, size_t element_bytes) {
+  QUARRY_ASSIGN(SpillFile file, SpillFile::Open(path, element_bytes, 0, {.pack_from = SpillFile::kPackNone}));
+  return PagedFile(std::move(file));
+}
+
+Status PagedFile::Save(ByteWriter& out) {
+  QUARRY_TRY(file_.Sync());
+  out.Put(count_);
+  out.Put(hand_);
+  out.Put(static_cast<uint32_t>(slots_.size()));
+  for (const Slot& slot : slots_) {
+    out.Put(slot.page);
+    out.Put<uint8_t>(slot.used);
+  }
+  return {};
+}
+
+Result<PagedFile> PagedFile::Restore(const std::string& path, size_t element_bytes, ByteReader& saved) {
+  const auto count = saved.Get<uint64_t>();
+  QUARRY_ASSIGN(SpillFile spill,
+                SpillFile::Open(path, element_bytes, count, {.pack_from = SpillFile::kPackNone}));
+  PagedFile file(std::move(spill));
+  file.count_ = count;
+  file.slot_of_page_.assign((count + kPageElements - 1) / kPageElements, kNone);
+  file.hand_ = saved.Get<uint32_t>() % kSlots;
+  file.slots_.resize(std::min(saved.Get<uint32_t>(), kSlots));
+  for (uint32_t i = 0; i < file.slots_.size(); ++i) {
+    Slot& slot = file.slots_[i];
+    slot.page = saved.Get<uint32_t>();
+    slot.used = saved.Get<uint8_t>() != 0;
+    if (!saved.ok() || slot.page >= file.slot_of_page_.size())
+      return Fail(fmt::format("{}: what was saved of it cannot be read; begin anew without --resume", path));
+    slot.bytes.resize(kPageElements * element_bytes);
+    file.slot_of_page_[slot.page] = i;
+    QUARRY_TRY(file.Fill(slot));
+  }
+  return file;
+}
+
+/// By the clock: the first page that the hand finds not used since it last came by. The page being appended
+/// to stays.
+uint32_t PagedFile::FreeSlot() {
+  if (slots_.size() < kSlots) {
+    slots_.emplace_back().bytes.resize(kPageElements * file_.element_bytes());
+    return static_cast<uint32_t>(slots_.size() - 1);
+  }
+  for (;; hand_ = (hand_ + 1) % kSlots) {
+    Slot& slot = slots_[hand_];
+    const bool growing = slot.page + 1 == slot_of_page_.size() && count_ % kPageElements != 0;
+    if (!growing && !std::exchange(slot.used, false)) break;
+  }
+  const uint32_t slot = std::exchange(hand_, (hand_ + 1) % kSlots);
+  slot_of_page_[slots_[slot].page] = kNone;
+  return slot;
+}
+
+void PagedFile::Place(uint32_t page) {
+  const uint32_t slot = FreeSlot();
+  slots_[slot].page = page;
+  slots_[slot].used = true;
+  slot_of_page_[page] = slot;
+}
+
+Status PagedFile::Append(const void* element) {
+  const auto page = static_cast<uint32_t>(count_ / kPageElements);
+  if (page == slot_of_page_.size()) {
+    slot_of_page_.push_back(kNone);
+    Place(page);
+  }
+  const size_t size = file_.element_bytes();
+  std::memcpy(slots_[slot_of_page_[page]].bytes.data() + count_ % kPageElements * size, element, size);
+  ++count_;
+  return file_.Append(element);
+}
+
+Status PagedFile::Load(uint32_t index) {
+  const uint32_t page = index / kPageElements;
+  if (slot_of_page_[page] != kNone) return {};
+  if ((page + 1ull) * kPageElements > file_.flushed()) QUARRY_TRY(file_.Flush());
+  Place(page);
+  return Fill(slots_[slot_of_page_[page]]);
+}
+
+/// Reads a slot's page: all of it that has been appended.
+Status PagedFile::Fill(Slot& slot) const {
+  const uint64_t first = uint64_t{slot.page} * kPageElements;
+  const uint64_t n = std::min<uint64_t>(kPageElements, count_ - first);
+  return file_.Read(first, std::span(slot.bytes).first(n * file_.element_bytes()));
+}
+
+Status PagedFile::FinishWriting() {
+  slots_ = {};
+  hand_ = 0;
+  std::ranges::fill(slot_of_page_, kNone);
+  return file_.FinishWriting();
+}
+
+}  // namespace quarry

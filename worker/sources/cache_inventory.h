@@ -1,0 +1,47 @@
+#pragma once
+
+#include <cstdint>
+#include <unordered_map>
+#include <unordered_set>
+#include <vector>
+
+namespace quarry {
+
+/// Which blocks a worker has, decoded or stored, and what has changed since the master was last told. Used
+/// from one thread.
+class CacheInventory {
+ public:
+  enum Tier : uint8_t { kDecoded = 1, kStored = 2 };
+  void Set(uint32_t block, Tier tier, bool here) {
+    uint8_t& tiers = tiers_[block];
+    const uint8_t before = tiers;
+    tiers = static_cast<uint8_t>(here ? tiers | tier : tiers & ~tier);
+    if ((before == 0) != (tiers == 0)) changed_.insert(block);
+    if (tiers == 0) tiers_.erase(block);
+  }
+  bool Has(uint32_t block) const { return tiers_.contains(block); }
+  struct Changes {
+    std::vector<uint32_t> come, gone;
+  };
+  /// Since the last call of either.
+  Changes TakeChanges() {
+    Changes changes;
+    for (const uint32_t block : changed_)
+      (tiers_.contains(block) ? changes.come : changes.gone).push_back(block);
+    changed_.clear();
+    return changes;
+  }
+  /// All blocks here.
+  std::vector<uint32_t> TakeAll() {
+    changed_.clear();
+    std::vector<uint32_t> all;
+    for (const auto& [block, tiers] : tiers_) all.push_back(block);
+    return all;
+  }
+
+ private:
+  std::unordered_map<uint32_t, uint8_t> tiers_;
+  std::unordered_set<uint32_t> changed_;
+};
+
+}  // namespace quarry

@@ -1,0 +1,425 @@
+#include "worker/sources/http_client.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <boost/asio/connect.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/address.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/ssl.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <boost/beast/core/flat_buffer.hpp>
+#include <boost/beast/http.hpp>
+#include <chrono>
+#include <deque>
+#include <limits>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "common/base/version.h"
+#include "worker/sources/http_answer.h"
+
+namespace quarry {
+namespace {
+
+namespace asio = boost::asio;
+namespace http = boost::beast::http;
+using asio::ip::tcp;
+using Clock = std::chrono::steady_clock;
+using ErrorCode = boost::system::error_code;
+
+constexpr uint32_t kMaxHeadBytes = 8 << 10;
+constexpr size_t kBufferBytes = 64 << 10;
+constexpr uint64_t kStallBytes = 4 << 10;             // less than this in stall_s: stalled
+constexpr auto kKeepIdle = std::chrono::seconds(30);  // longer unused, a connection is rather made anew
+
+bool IsAddress(const std::string& host) {
+  ErrorCode error;
+  asio::ip::make_address(host, error);
+  return !error;
+}
+
+struct Job {
+  uint64_t offset = 0;
+  uint32_t size = 0;
+  HttpRangeClient::Done done;
+  bool again = false;  // failed on a stale connection before
+};
+
+}  // namespace
+
+struct HttpRangeClient::Pool : std::enable_shared_from_this<HttpRangeClient::Pool> {
+  Pool(asio::io_context& context, HttpLocation where, HttpOptions how)
+      : io(context), location(std::move(where)), options(std::move(how)), name(location.text()) {
+    if (!options.now) options.now = [] { return std::time(nullptr); };
+    if (location.tls) PrepareTls();
+  }
+
+  void PrepareTls() {
+    tls.emplace(asio::ssl::context::tls_client);
+    SSL_CTX_set_min_proto_version(tls->native_handle(), TLS1_2_VERSION);
+    tls->set_verify_mode(asio::ssl::verify_peer);
+    ErrorCode error;
+    if (options.tls_ca.empty())
+      tls->set_default_verify_paths(error);
+    else
+      tls->load_verify_file(options.tls_ca, error);
+    if (error)
+      setup =
+          BadUsage(fmt::format("{}: cannot read certificate authorities: {}",
+                               options.tls_ca.empty() ? "the system's" : options.tls_ca, error.message()));
+    if (!setup) setup.error().permanent = true;
+  }
+
+  void Pump();
+  void Stop();
+  std::shared_ptr<Lane> NewLane();
+  void Idle(std::shared_ptr<Lane> lane);
+  void Remove(const Lane* lane);
+  /// The connection of `job` had been closed by the server: so were, likely, all that wait.
+  void Again(Job job);
+
+  asio::io_context& io;
+  HttpLocation location;
+  HttpOptions options;
+  std::string name;
+  std::optional<asio::ssl::context> tls;
+  Status setup;
+  std::deque<Job> queue;
+  std::vector<std::shared_ptr<Lane>> lanes, idle;  // idle: the last used at the end
+  Counters counters;
+  bool stopped = false;
+};
+
+/// One connection, from its making to its end.
+class HttpRangeClient::Lane : public std::enable_shared_from_this<HttpRangeClient::Lane> {
+ public:
+  explicit Lane(std::shared_ptr<Pool> pool)
+      : pool_(std::move(pool)), resolver_(pool_->io), timer_(pool_->io), buffer_(kBufferBytes) {
+    buffer_.reserve(kBufferBytes / 2);
+    if (pool_->tls)
+      tls_.emplace(pool_->io, *pool_->tls);
+    else
+      plain_.emplace(pool_->io);
+  }
+
+  void Start(Job job) {
+    job_ = std::move(job);
+    if (connected_) return SendRequest();
+    Arm(pool_->options.connect_s, "cannot be reached: no answer");
+    resolver_.async_resolve(
+        pool_->location.host, std::to_string(pool_->location.port),
+        [self = shared_from_this()](const ErrorCode& error, tcp::resolver::results_type found) {
+          if (self->closed_) return;
+          if (error) return self->Fail("cannot be reached: " + error.message());
+          self->Connect(found);
+        });
+  }
+
+  void Close() {
+    closed_ = true;
+    Disarm();
+    resolver_.cancel();
+    ErrorCode ignored;
+    socket().close(ignored);
+    job_ = {};
+  }
+
+  Clock::time_point idle_since;
+
+ private:
+  tcp::socket& socket() { return tls_ ? tls_->next_layer() : *plain_; }
+  template <class Use>
+  void WithStream(Use&& use) {
+    if (tls_)
+      use(*tls_);
+    else
+      use(*plain_);
+  }
+
+  /// Fails the request with `sentence` unless armed again or disarmed within `seconds`.
+  void Arm(double seconds, const char* sentence) {
+    const uint64_t generation = ++generation_;
+    timer_.expires_after(std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds)));
+    timer_.async_wait([self = shared_from_this(), generation, sentence](const ErrorCode& error) {
+      if (!error && generation == self->generation_) self->Fail(sentence);
+    });
+  }
+  void Disarm() {
+    ++generation_;
+    timer_.cancel();
+  }
+
+  void Connect(const tcp::resolver::results_type& found) {
+    asio::async_connect(socket(), found,
+                        [self = shared_from_this()](const ErrorCode& error, const tcp::endpoint&) {
+                          if (self->closed_) return;
+                          if (error) return self->Fail("cannot be reached: " + error.message());
+                          ErrorCode ignored;
+                          self->socket().set_option(tcp::no_delay(true), ignored);
+                          ++self->pool_->counters.connections;
+                          if (self->tls_) return self->Handshake();
+                          self->connected_ = true;
+                          self->SendRequest();
+                        });
+  }
+
+  void Handshake() {
+    const std::string& host = pool_->location.host;
+    SSL* const ssl = tls_->native_handle();
+    bool named;
+    if (IsAddress(host)) {
+      named = X509_VERIFY_PARAM_set1_ip_asc(SSL_get0_param(ssl), host.c_str()) == 1;
+    } else {
+      named = SSL_set1_host(ssl, host.c_str()) == 1 && SSL_set_tlsext_host_name(ssl, host.c_str()) == 1;
+    }
+    if (!named) return Fail("no TLS: its name cannot be verified");
+    tls_->async_handshake(asio::ssl::stream_base::client,
+                          [self = shared_from_this()](const ErrorCode& error) {
+                            if (self->closed_) return;
+                            if (error) return self->FailHandshake(error);
+                            self->connected_ = true;
+                            self->SendRequest();
+                          });
+  }
+
+  void FailHandshake(const ErrorCode& error) {
+    const long verified = SSL_get_verify_result(tls_->native_handle());
+    const bool certificate =
+        error.category() == asio::error::get_ssl_category() &&
+        ERR_GET_REASON(static_cast<unsigned long>(error.value())) == SSL_R_CERTIFICATE_VERIFY_FAILED;
+    if (!certificate) return Fail("no TLS: " + error.message());
+    const bool other = verified == X509_V_ERR_HOSTNAME_MISMATCH || verified == X509_V_ERR_IP_ADDRESS_MISMATCH;
+    Fail(other ? fmt::format("its certificate is not for {}", pool_->location.host)
+               : fmt::format("its certificate is not believed: {} (--tls-ca gives authorities)",
+                             X509_verify_cert_error_string(verified)),
+         true);
+  }
+
+  void SendRequest() {
+    const HttpLocation& location = pool_->location;
+    const std::string range = fmt::format("bytes={}-{}", job_.offset, job_.offset + job_.size - 1);
+    request_ = {http::verb::get, location.target, 11};
+    request_.set(http::field::host, location.authority());
+    request_.set(http::field::range, range);
+    request_.set(http::field::accept_encoding, "identity");
+    request_.set(http::field::user_agent, std::string("quarry/") + kVersion);
+    for (const HttpHeader& h : pool_->options.headers) request_.set(h.name, h.value);
+    if (pool_->options.aws) Sign(range);
+    ++pool_->counters.requests;
+    // Reads begin at once: a server may answer, or go, before it has taken all of the request.
+    Arm(pool_->options.first_byte_s, "does not answer a request");
+    parser_.emplace();
+    parser_->header_limit(kMaxHeadBytes);
+    parser_->body_limit(std::numeric_limits<uint64_t>::max());  // the span that it fills is the limit
+    WithStream([this](auto& stream) {
+      http::async_write(stream, request_, [self = shared_from_this()](const ErrorCode& error, size_t) {
+        if (self->closed_) return;
+        if (error) return self->FailRead(error);
+        self->ReadHead();
+      });
+    });
+  }
+
+  void Sign(const std::string& range) {
+    AwsRequest signing{pool_->location.authority(), pool_->location.target, {{"range", range}}};
+    for (const HttpHeader& h : pool_->options.headers)
+      if (boost::beast::iequals(h.name.substr(0, 6), "x-amz-")) signing.headers.push_back(h);
+    for (const HttpHeader& h : SignAwsRequest(signing, *pool_->options.aws, pool_->options.now()))
+      request_.set(h.name, h.value);
+  }
+
+  void ReadHead() {
+    WithStream([this](auto& stream) {
+      http::async_read_header(stream, buffer_, *parser_,
+                              [self = shared_from_this()](const ErrorCode& error, size_t) {
+                                if (self->closed_) return;
+                                if (error) return self->FailRead(error);
+                                self->OnHead();
+                              });
+    });
+  }
+
+  void OnHead() {
+    const auto& head = parser_->get();
+    const auto field = [&](http::field name) {
+      const auto value = head[name];
+      return std::string_view(value.data(), value.size());
+    };
+    const unsigned status = head.result_int();
+    if (status != 206) return Fail(StatusSentence(status), IsPermanentStatus(status));
+    const auto range = DecodeContentRange(field(http::field::content_range));
+    const auto length = parser_->content_length();
+    if (!range || range->first != job_.offset || range->last != job_.offset + job_.size - 1 ||
+        (length && *length != job_.size))
+      return Fail(fmt::format("answers with another range than bytes {}-{}", job_.offset,
+                              job_.offset + job_.size - 1));
+    const std::string_view encoding = field(http::field::content_encoding);
+    if (!encoding.empty() && encoding != "identity")
+      return Fail("serves the file encoded, not as it is", true);
+    reply_ = {Bytes(job_.size), range->file_size};
+    parser_->get().body() = {reply_.bytes.data(), reply_.bytes.size()};
+    armed_at_ = 0;
+    Arm(pool_->options.stall_s, "stalls in the middle of a transfer");
+    ReadBody();
+  }
+
+  void ReadBody() {
+    if (parser_->is_done()) return Finish();
+    WithStream([this](auto& stream) {
+      http::async_read_some(
+          stream, buffer_, *parser_, [self = shared_from_this()](const ErrorCode& error, size_t) {
+            if (self->closed_) return;
+            if (error) return self->FailRead(error);
+            const uint64_t have = self->reply_.bytes.size() - self->parser_->get().body().size();
+            if (have - self->armed_at_ >= kStallBytes) {
+              self->armed_at_ = have;
+              self->Arm(self->pool_->options.stall_s, "stalls in the middle of a transfer");
+            }
+            self->ReadBody();
+          });
+    });
+  }
+
+  void Finish() {
+    // body() is what is still to be filled.
+    if (!parser_->get().body().empty()) return Fail("breaks off in the middle of a transfer");
+    Disarm();
+    const bool keep = parser_->keep_alive() && buffer_.size() == 0;
+    const auto pool = pool_;
+    Done done = std::move(job_.done);
+    Reply reply = std::move(reply_);
+    parser_.reset();
+    used_ = true;
+    if (keep) {
+      pool->Idle(shared_from_this());
+    } else {
+      Close();
+      pool->Remove(this);
+    }
+    done(std::move(reply));
+    if (!pool->stopped) pool->Pump();
+  }
+
+  void FailRead(const ErrorCode& error) {
+    const bool begun = parser_->got_some() || buffer_.size() > 0;
+    const bool gone = error == http::error::end_of_stream || error == asio::error::eof ||
+                      error == asio::error::connection_reset || error == asio::error::broken_pipe ||
+                      error == asio::ssl::error::stream_truncated;
+    if (used_ && !begun && gone && !job_.again) {
+      const auto pool = pool_;
+      Job job = std::move(job_);
+      Close();
+      pool->Remove(this);
+      return pool->Again(std::move(job));
+    }
+    if (gone && !begun) return Fail("closes the connection without an answer");
+    if (gone || error == http::error::partial_message) return Fail("breaks off in the middle of a transfer");
+    if (error == http::error::body_limit || error == http::error::buffer_overflow)
+      return Fail("sends more than was asked for");
+    if (error == http::error::header_limit) return Fail("sends a head of more than 8 KiB");
+    if (error.category() == http::make_error_code(http::error::bad_version).category())
+      return Fail(fmt::format("sends what is not HTTP ({})", error.message()));
+    Fail(error.message());
+  }
+
+  void Fail(const std::string& sentence, bool permanent = false) {
+    const auto self = shared_from_this();
+    const auto pool = pool_;
+    const Done done = std::move(job_.done);
+    Close();
+    pool->Remove(this);
+    if (done) done(tl::unexpected<Error>(Error{fmt::format("{}: {}", pool->name, sentence), 1, permanent}));
+    if (!pool->stopped) pool->Pump();
+  }
+
+  std::shared_ptr<Pool> pool_;
+  tcp::resolver resolver_;
+  asio::steady_timer timer_;
+  uint64_t generation_ = 0;
+  std::optional<tcp::socket> plain_;
+  std::optional<asio::ssl::stream<tcp::socket>> tls_;
+  boost::beast::flat_buffer buffer_;
+  http::request<http::empty_body> request_;
+  std::optional<http::response_parser<http::span_body<std::byte>>> parser_;
+  Job job_;
+  Reply reply_;
+  uint64_t armed_at_ = 0;  // bytes there when the timer was last set
+  bool connected_ = false, used_ = false, closed_ = false;
+};
+
+void HttpRangeClient::Pool::Pump() {
+  while (!queue.empty()) {
+    const bool fresh = queue.front().again;
+    while (!idle.empty() && (fresh || Clock::now() - idle.back()->idle_since > kKeepIdle)) {
+      const auto old = std::exchange(idle.back(), nullptr);
+      idle.pop_back();
+      old->Close();
+      Remove(old.get());
+    }
+    std::shared_ptr<Lane> lane;
+    if (!idle.empty()) {
+      lane = std::move(idle.back());
+      idle.pop_back();
+    } else if (lanes.size() < std::max(1u, options.connections)) {
+      lane = NewLane();
+    } else {
+      return;
+    }
+    Job job = std::move(queue.front());
+    queue.pop_front();
+    lane->Start(std::move(job));
+  }
+}
+
+std::shared_ptr<HttpRangeClient::Lane> HttpRangeClient::Pool::NewLane() {
+  lanes.push_back(std::make_shared<Lane>(shared_from_this()));
+  return lanes.back();
+}
+
+void HttpRangeClient::Pool::Idle(std::shared_ptr<Lane> lane) {
+  lane->idle_since = Clock::now();
+  idle.push_back(std::move(lane));
+}
+
+void HttpRangeClient::Pool::Remove(const Lane* lane) {
+  std::erase_if(lanes, [&](const auto& l) { return l.get() == lane; });
+}
+
+void HttpRangeClient::Pool::Again(Job job) {
+  ++counters.stale;
+  job.again = true;
+  queue.push_front(std::move(job));
+  Pump();
+}
+
+void HttpRangeClient::Pool::Stop() {
+  stopped = true;
+  queue.clear();
+  idle.clear();
+  for (const auto& lane : std::exchange(lanes, {})) lane->Close();
+}
+
+HttpRangeClient::HttpRangeClient(asio::io_context& io, HttpLocation location, HttpOptions options)
+    : pool_(std::make_shared<Pool>(io, std::move(location), std::move(options))) {}
+
+HttpRangeClient::~HttpRangeClient() { pool_->Stop(); }
+
+const HttpLocation& HttpRangeClient::location() const { return pool_->location; }
+
+HttpRangeClient::Counters HttpRangeClient::counters() const { return pool_->counters; }
+
+void HttpRangeClient::Get(uint64_t offset, uint32_t size, Done done) {
+  if (!pool_->setup) {
+    return asio::post(pool_->io, [pool = pool_, done = std::move(done)] {
+      if (!pool->stopped) done(tl::unexpected<Error>(pool->setup.error()));
+    });
+  }
+  pool_->queue.push_back({offset, size, std::move(done)});
+  pool_->Pump();
+}
+
+}  // namespace quarry
