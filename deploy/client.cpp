@@ -3,12 +3,13 @@
 #include <fmt/format.h>
 
 #include <boost/asio/io_context.hpp>
-#include <boost/asio/steady_timer.hpp>
 #include <chrono>
 #include <deque>
 #include <utility>
 
 #include "common/base/resource.h"
+#include "common/net/liveness_monitor.h"
+#include "common/net/timer.h"
 #include "common/protocol/messages.h"
 
 namespace quarry {
@@ -40,13 +41,13 @@ class Client {
 
  private:
   using Clock = std::chrono::steady_clock;
+  static double Now() { return std::chrono::duration<double>(Clock::now().time_since_epoch()).count(); }
 
   void Reach() {
     Connect(io_, master_, security_, [this](Result<std::shared_ptr<Connection>> result) {
       if (!result) return OnLost(result.error());
       connection_ = std::move(*result);
-      received_ = 0;
-      heard_ = Clock::now();
+      liveness_.Add(connection_, Now());
       // What is still on its way from a connection given up is no concern of the next one.
       const Connection* const mine = connection_.get();
       connection_->Expect(Speaker::kMasterOfClients);
@@ -69,7 +70,10 @@ class Client {
   /// When the master of a local cluster has died, its own words say more than the broken connection. Who has
   /// been welcomed once fits the master: what looks like a misfit later is damage on the way, or passes.
   void OnLost(const Error& error) {
-    if (connection_) connection_->Close();
+    if (connection_) {
+      connection_->Close();
+      liveness_.Forget(connection_);
+    }
     connection_.reset();
     if (Status why = callbacks_.check(); !why) return End(std::move(why));
     if (std::exchange(welcomed_, false)) {
@@ -77,35 +81,19 @@ class Client {
       callbacks_.say(fmt::format("lost the master, trying for {:.0f} s: {}", retry_s_, error.message));
     }
     if (!was_welcomed_ || SecondsSince(lost_) > retry_s_) return End(tl::unexpected<Error>(error));
-    retry_.expires_after(std::chrono::milliseconds(300));
-    retry_.async_wait([this](const boost::system::error_code& e) {
-      if (!e) Reach();
-    });
+    retry_.Set(0.3, [this] { Reach(); });
   }
 
   void Tick() {
     if (Status status = callbacks_.check(); !status) return End(std::move(status));
     if (Status status = StoreFrames(); !status) return End(std::move(status));
     Heartbeat();
-    timer_.expires_after(std::chrono::milliseconds(200));
-    timer_.async_wait([this](const boost::system::error_code& e) {
-      if (!e) Tick();
-    });
+    timer_.Set(0.2, [this] { Tick(); });
   }
 
   void Heartbeat() {
-    // A client that was itself stopped has not listened meanwhile.
-    if (SecondsSince(std::exchange(looked_, Clock::now())) > kSilenceS / 2) heard_ = Clock::now();
-    if (!connection_) return;
-    if (SecondsSince(pinged_) > kHeartbeatS) {
-      pinged_ = Clock::now();
-      connection_->Send({MessageType::kPing, 0, {}, {}});
-    }
-    if (const uint64_t received = connection_->received_bytes(); received != received_) {
-      received_ = received;
-      heard_ = Clock::now();
-    }
-    if (SecondsSince(heard_) > kSilenceS)
+    liveness_.Beat(Now());
+    if (!liveness_.Silent(Now()).empty())
       OnLost(Error{fmt::format("the master has been silent for {:.0f} s", kSilenceS)});
   }
 
@@ -175,7 +163,7 @@ class Client {
       tried_ = Clock::now();
       if (Status status = callbacks_.on_frame(frames_.front().first, frames_.front().second); !status) {
         // A full disk may get room; a place that is no file's does not become one.
-        if (status.error().exit_status == kUnusableArguments) return status;
+        if (status.error().exit_status() == kUnusableArguments) return status;
         if (!std::exchange(failing_, true)) {
           failing_since_ = Clock::now();
           callbacks_.say(fmt::format("{}; trying again for {:.0f} s", status.error().message, retry_s_));
@@ -197,14 +185,14 @@ class Client {
   const RenderCallbacks& callbacks_;
   const double retry_s_;
   asio::io_context io_;
-  asio::steady_timer timer_, retry_;
+  Timer timer_, retry_;
   std::shared_ptr<Connection> connection_;
   std::deque<std::pair<FrameDone, Bytes>> frames_;  ///< come, and not yet stored
   size_t stored_ = 0;
   bool welcomed_ = false, was_welcomed_ = false, failing_ = false, told_alone_ = false;
   Clock::time_point alone_;  ///< since when the master has no workers; zero: it has some
-  Clock::time_point lost_, pinged_, heard_, looked_, tried_, failing_since_;
-  uint64_t received_ = 0;  ///< bytes, when it last changed
+  Clock::time_point lost_, tried_, failing_since_;
+  LivenessMonitor liveness_;  ///< of the master
   Status outcome_;
 };
 

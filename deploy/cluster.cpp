@@ -103,7 +103,7 @@ Result<std::unique_ptr<LocalCluster>> LocalCluster::Start(const Options& options
       while (impl->master->Running()) std::this_thread::sleep_for(std::chrono::milliseconds(5));
       std::this_thread::sleep_for(std::chrono::milliseconds(20));
       return tl::unexpected<Error>(
-          Error{WithoutProgram(impl->master->last_error()), impl->master->exit_status()});
+          Error{WithoutProgram(impl->master->last_error()), KindOfExit(impl->master->exit_status())});
     }
     QUARRY_ASSIGN(impl->endpoint, ParseEndpoint(line.substr(10), "the master's address"));
     for (unsigned i = 0; i < options.workers; ++i)
@@ -119,7 +119,7 @@ Result<std::unique_ptr<LocalCluster>> LocalCluster::Start(const Options& options
 
 Status LocalCluster::Check() {
   const auto ended = [](Child& child) {
-    return tl::unexpected<Error>(Error{WithoutProgram(child.last_error()), std::max(1, child.exit_status())});
+    return tl::unexpected<Error>(Error{WithoutProgram(child.last_error()), KindOfExit(child.exit_status())});
   };
   if (!impl_->master->Running()) return ended(*impl_->master);
   for (auto& worker : impl_->workers)

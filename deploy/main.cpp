@@ -96,7 +96,7 @@ int Main(int argc, char** argv) {
   }
   if (status) return 0;
   if (!status.error().message.empty()) fmt::print(stderr, "quarry: {}\n", status.error().message);
-  return status.error().exit_status;
+  return status.error().exit_status();
 }
 
 }  // namespace

@@ -96,8 +96,8 @@ Status Make(const std::string& model, const std::string& store, bool quiet) {
   const bool told = status == 1 || status == 2;
   if (status != 0)
     return tl::unexpected<Error>(
-        told ? Error{"", status}
-             : Error{fmt::format("{}: quarry-preprocess was ended by the system", model), 1});
+        told ? Error{"", KindOfExit(status)}
+             : Error{fmt::format("{}: quarry-preprocess was ended by the system", model)});
   QUARRY_ASSIGN(const uint64_t limit, KeptStoresLimit());
   if (limit == 0) return {};
   // Not the one that was asked for, however large it is.

@@ -36,22 +36,23 @@ void BlockService::Fetch(const std::shared_ptr<Connection>& c, uint32_t block, u
                          uint64_t bytes) {
   ReaderOf(c).reading += bytes;
   reading_ += bytes;
-  source_.Fetch(block, [this, weak = std::weak_ptr(c), request, bytes](Result<Bytes> result) {
-    reading_ -= bytes;
-    const auto connection = weak.lock();
-    const auto place = places_.find(connection.get());
-    if (connection && place != places_.end()) {
-      place->second->reading -= bytes;
-      --place->second->owed;
-      if (result) {
-        bytes_served_ += result->size();
-        connection->Send({MessageType::kBlock, request, {}, std::move(*result)});
-      } else {
-        connection->Send(MakeMessage(MessageType::kFailure, Failure{result.error().message}, request));
-      }
-    }
-    Pump();
-  });
+  source_.Fetch(
+      BlockKey::FromNumber(block), [this, weak = std::weak_ptr(c), request, bytes](Result<Bytes> result) {
+        reading_ -= bytes;
+        const auto connection = weak.lock();
+        const auto place = places_.find(connection.get());
+        if (connection && place != places_.end()) {
+          place->second->reading -= bytes;
+          --place->second->owed;
+          if (result) {
+            bytes_served_ += result->size();
+            connection->Send({MessageType::kBlock, request, {}, std::move(*result)});
+          } else {
+            connection->Send(MakeMessage(MessageType::kFailure, Failure{result.error().message}, request));
+          }
+        }
+        Pump();
+      });
 }
 
 void BlockService::Send(const std::shared_ptr<Connection>& c, uint64_t bytes, std::function<Message()> make) {

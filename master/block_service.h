@@ -7,7 +7,7 @@
 #include <map>
 #include <memory>
 
-#include "common/engine/voxel_source.h"
+#include "common/engine/blocks/voxel_source.h"
 #include "common/net/connection.h"
 #include "common/protocol/messages.h"
 

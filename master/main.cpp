@@ -88,7 +88,7 @@ int Main(int argc, char** argv) {
   const Status status = Run(options, security, listen, schedule, foresight, frame_memory);
   if (status) return 0;
   fmt::print(stderr, "quarry-master: {}\n", status.error().message);
-  return status.error().exit_status;
+  return status.error().exit_status();
 }
 
 }  // namespace

@@ -18,7 +18,7 @@
 #include <utility>
 
 #include "common/base/size.h"
-#include "common/engine/file_source.h"
+#include "common/engine/scene.h"
 #include "common/net/liveness_monitor.h"
 #include "common/net/source_spec.h"
 #include "common/protocol/messages.h"
@@ -59,10 +59,11 @@ struct Rendering {
 
 class Server {
  public:
-  Server(const MasterOptions& options, StoreReader store, std::optional<Spool> spool,
+  Server(const MasterOptions& options, Scene scene, std::optional<Spool> spool,
          std::optional<TileLog> tile_log)
       : options_(options),
-        source_(io_, std::move(store)),
+        scene_(std::move(scene)),
+        source_(scene_.MakeSource([this](std::function<void()> task) { asio::post(io_, std::move(task)); })),
         tile_log_(std::move(tile_log)),
         timer_(io_),
         start_(Clock::now()),
@@ -73,20 +74,23 @@ class Server {
                  std::erase_if(renderings_, [&](const Rendering& r) { return r.part.job.get() == &job; });
                },
                [this](const std::string& line) { Log(line); }}) {
-    packed_catalog_ = PackSections(source_.store().catalog_sections());
+    packed_catalog_ = PackSections(scene_.store().catalog_sections());
     uint64_t stored = 0, decoded = 0;
-    for (uint32_t b = 0; b < catalog().voxels.size() * 2; ++b) {
-      block_bytes_.push_back(catalog().block(b).stored);
-      stored += catalog().block(b).stored;
-      decoded += catalog().block(b).decoded;
-    }
+    for (const VoxelEntry& voxel : catalog().voxels)
+      for (const BlockEntry& block : voxel.blocks) {
+        block_bytes_.push_back(block.stored);
+        stored += block.stored;
+        decoded += block.decoded;
+      }
     if (stored > 0) decoded_per_stored_ = static_cast<double>(decoded) / static_cast<double>(stored);
-    if (options.foresight_bytes > 0 && options.policy == SchedulingPolicy::kFootprint && !options.serve_only)
-      probe_ = std::make_unique<FootprintProbe>(source_.store(), options.foresight_bytes,
-                                                [this] { asio::post(io_, [this] { OnForeseen(); }); });
   }
 
   Status Run() {
+    if (options_.foresight_bytes > 0 && options_.policy == SchedulingPolicy::kFootprint &&
+        !options_.serve_only) {
+      QUARRY_ASSIGN(probe_, FootprintProbe::Create(scene_, options_.foresight_bytes,
+                                                   [this] { asio::post(io_, [this] { OnForeseen(); }); }));
+    }
     ListenerOptions listening;
     listening.incoming_bytes = kIncomingBytes + kIncomingBytesPerBlock * block_bytes_.size();
     listening.log = [this](const std::string& line) { Log(line); };
@@ -106,7 +110,7 @@ class Server {
   void Log(const std::string& text) const {
     if (!options_.quiet) fmt::print(stderr, "quarry-master: {}\n", text);
   }
-  const Catalog& catalog() const { return source_.store().catalog(); }
+  const Catalog& catalog() const { return scene_.catalog(); }
 
   // --- connections
 
@@ -520,8 +524,10 @@ class Server {
 
   const MasterOptions& options_;
   asio::io_context io_;
-  FileVoxelSource source_;
-  BlockService blocks_{source_, [this](uint32_t b) { return b < block_bytes_.size() ? block_bytes_[b] : 0; }};
+  const Scene scene_;
+  const std::unique_ptr<VoxelSource> source_;
+  BlockService blocks_{*source_,
+                       [this](uint32_t b) { return b < block_bytes_.size() ? block_bytes_[b] : 0; }};
   std::optional<TileLog> tile_log_;
   Bytes packed_catalog_;
   std::vector<uint32_t> block_bytes_;  ///< stored, by block
@@ -550,21 +556,21 @@ class Server {
 
 Status RunMaster(const MasterOptions& options) {
   for (const std::string& source : options.sources) QUARRY_TRY(ParseSource(source));
-  QUARRY_ASSIGN(StoreReader store, StoreReader::Open(options.scene));
+  QUARRY_ASSIGN(const Scene scene, Scene::Open(options.scene));
   std::optional<Spool> spool;
   if (!options.spool.empty()) {
-    QUARRY_ASSIGN(spool, Spool::Open(options.spool, store.catalog().id));
+    QUARRY_ASSIGN(spool, Spool::Open(options.spool, scene.catalog().id));
   }
   std::optional<TileLog> tile_log;
   if (!options.trace.empty()) {
     QUARRY_ASSIGN(tile_log, TileLog::Create(options.trace));
   }
-  const uint32_t largest = store.catalog().meta.largest_decoded;
+  const uint32_t largest = scene.catalog().meta.largest_decoded;
   if (options.foresight_bytes > 0 && options.foresight_bytes < largest)
     return BadUsage(fmt::format(
         "--foresight of {} is less than the scene's largest block, {} bytes; give at least that, or 0",
         FormatSize(options.foresight_bytes), largest));
-  Server server(options, std::move(store), std::move(spool), std::move(tile_log));
+  Server server(options, scene, std::move(spool), std::move(tile_log));
   return server.Run();
 }
 

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "common/engine/adaptive_queue_depth.h"
 #include "common/net/connection.h"
 #include "common/protocol/messages.h"
 #include "master/schedule/conduct.h"

@@ -292,7 +292,7 @@ int Main(int argc, char** argv) {
   const Status status = Run(options, texts, plan);
   if (status) return 0;
   fmt::print(stderr, "quarry-preprocess: {}\n", status.error().message);
-  return status.error().exit_status;
+  return status.error().exit_status();
 }
 
 }  // namespace

@@ -119,7 +119,7 @@ int Run(const Arguments& arguments) {
   if (!written) {
     progress.Break();
     fmt::print(stderr, "quarry-scene: {}\n", written.error().message);
-    return written.error().exit_status;
+    return written.error().exit_status();
   }
   progress.Done(arguments.output, arguments.options.triangles);
   return 0;

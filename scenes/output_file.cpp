@@ -42,11 +42,9 @@ OutputFile::~OutputFile() {
 }
 
 Error OutputFile::Failed() const {
-  return Error{
-      fmt::format(
-          "{}: writing failed: {}; nothing is kept of it: make room, or choose another place with -o.", path_,
-          ErrnoText(errno)),
-      1};
+  return Error{fmt::format(
+      "{}: writing failed: {}; nothing is kept of it: make room, or choose another place with -o.", path_,
+      ErrnoText(errno))};
 }
 
 Status OutputFile::Flush() {

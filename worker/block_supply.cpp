@@ -2,9 +2,11 @@
 
 #include <fmt/format.h>
 
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/post.hpp>
 #include <utility>
 
-#include "common/engine/file_source.h"
+#include "common/engine/blocks/file_source.h"
 #include "common/net/source_spec.h"
 #include "worker/sources/http_source.h"
 #include "worker/sources/tcp_source.h"
@@ -58,7 +60,10 @@ Status BlockSupply::Add(const std::string& text, const SupplyOptions& options) {
       QUARRY_ASSIGN(StoreReader store, StoreReader::Open(spec.place));
       if (store.catalog().id != catalog_.id)
         return Fail(fmt::format("{}: is another scene than the master's", spec.place));
-      sources_.Add(spec.kind, text, std::make_unique<FileVoxelSource>(io_, std::move(store)));
+      sources_.Add(spec.kind, text,
+                   std::make_unique<FileVoxelSource>(
+                       [this](std::function<void()> task) { boost::asio::post(io_, std::move(task)); },
+                       std::make_shared<const StoreReader>(std::move(store))));
       return {};
     }
     case SourceKind::kTcp:
@@ -86,8 +91,8 @@ void BlockSupply::SetPeers(const Peers& peers) {
 
 void BlockSupply::Expect(const TileOrder& order) {
   for (size_t i = 0; i < order.blocks.size(); ++i) {
-    const uint32_t block = order.blocks[i];
-    if (block / 2 >= catalog_.voxels.size() || catalog_.block(block).stored == 0) continue;
+    const auto block = BlockKey::FromNumber(order.blocks[i]);
+    if (!catalog_.Has(block)) continue;
     if (order.holders[i] != 0) sources_.SetHolder(block, order.holders[i]);
     if (expected_.size() < kMostExpected) expected_.push_back(block);
   }
@@ -95,7 +100,7 @@ void BlockSupply::Expect(const TileOrder& order) {
 
 void BlockSupply::Prefetch() {
   while (!expected_.empty() && stored_.prefetching() < kMostPrefetching && idle_()) {
-    const uint32_t block = expected_.front();
+    const BlockKey block = expected_.front();
     expected_.pop_front();
     if (!inventory_.Has(block)) stored_.Prefetch(block, [this] { Prefetch(); });
   }

@@ -70,7 +70,7 @@ class BlockSupply {
   std::unique_ptr<DiskCachedSource> disk_;  ///< in front of them, or null
   StoredCache stored_;
   PeerServer server_;
-  std::deque<uint32_t> expected_;
+  std::deque<BlockKey> expected_;
 };
 
 }  // namespace quarry

@@ -128,7 +128,7 @@ int Main(int argc, char** argv) {
   const Status status = Run(options, texts);
   if (status) return 0;
   fmt::print(stderr, "quarry-worker: {}\n", status.error().message);
-  return status.error().exit_status;
+  return status.error().exit_status();
 }
 
 }  // namespace

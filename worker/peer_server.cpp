@@ -50,7 +50,8 @@ void PeerServer::OnMessage(const std::shared_ptr<Connection>& c, const Message& 
     return Drop(c);
   if (QueuedBytes() >= kMaxQueuedBytes) DropStalled();
   if (!peers_.contains(c)) return;
-  const Bytes* block = QueuedBytes() < kMaxQueuedBytes ? blocks_.Find(request->block) : nullptr;
+  const Bytes* block =
+      QueuedBytes() < kMaxQueuedBytes ? blocks_.Find(BlockKey::FromNumber(request->block)) : nullptr;
   if (block) {
     bytes_served_ += block->size();
     return c->Send({MessageType::kBlock, m.request, {}, *block});

@@ -3,6 +3,17 @@
 #include <cstdio>
 #include <cstdlib>
 
+namespace quarry {
+
+[[noreturn, gnu::cold, gnu::noinline]] inline void CheckFailed(const char* file, int line,
+                                                               const char* condition, long long a,
+                                                               long long b) {
+  std::fprintf(stderr, "%s:%d: check failed: %s (%lld and %lld)\n", file, line, condition, a, b);
+  std::abort();
+}
+
+}  // namespace quarry
+
 /// Ends the program when one of our own assumptions is broken (never for bad input: that is a Status).
 #define QUARRY_CHECK(condition)                                                          \
   do {                                                                                   \
@@ -11,6 +22,19 @@
       std::abort();                                                                      \
     }                                                                                    \
   } while (false)
+
+/// The same for a comparison of integers, whose two values are printed.
+#define QUARRY_CHECK_OP(a, op, b)                                                                    \
+  do {                                                                                               \
+    const auto quarry_a = (a);                                                                       \
+    const auto quarry_b = (b);                                                                       \
+    if (!(quarry_a op quarry_b))                                                                     \
+      ::quarry::CheckFailed(__FILE__, __LINE__, #a " " #op " " #b, static_cast<long long>(quarry_a), \
+                            static_cast<long long>(quarry_b));                                       \
+  } while (false)
+#define QUARRY_CHECK_EQ(a, b) QUARRY_CHECK_OP(a, ==, b)
+#define QUARRY_CHECK_LE(a, b) QUARRY_CHECK_OP(a, <=, b)
+#define QUARRY_CHECK_LT(a, b) QUARRY_CHECK_OP(a, <, b)
 
 /// As QUARRY_CHECK, in debug builds only; for kernels.
 #ifdef NDEBUG

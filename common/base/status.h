@@ -1,18 +1,30 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <tl/expected.hpp>
 #include <utility>
 
 namespace quarry {
 
-/// What went wrong, as one sentence for the person at the terminal: what, where (file, line or byte), what to
-/// do. `exit_status` is what the program should end with: 1 failed, 2 unusable arguments. `permanent`: trying
-/// again cannot help (the other side speaks another version, say).
+/// Why something failed, for programs; people read the message.
+enum class ErrorKind : uint8_t {
+  kFailed,        ///< anything else
+  kUsage,         ///< unusable arguments
+  kPermanent,     ///< trying again cannot help: another version, another scene, damage
+  kCannotResume,  ///< kept work does not fit; the message says to begin anew
+  kCancelled,     ///< the caller has asked for it
+};
+
+/// A failure as one sentence for the person at the terminal: its subject, the place (file, line or byte), the
+/// remedy.
 struct Error {
   std::string message;
-  int exit_status = 1;
-  bool permanent = false;
+  ErrorKind kind = ErrorKind::kFailed;
+
+  /// The status that a program ends with: 1 failed, 2 unusable arguments.
+  int exit_status() const { return kind == ErrorKind::kUsage ? 2 : 1; }
+  bool permanent() const { return kind == ErrorKind::kPermanent; }
 };
 
 /// The value, or the Error that kept it from being. Used for every fallible read of disk, wire and user
@@ -24,11 +36,16 @@ using Result = tl::expected<T, Error>;
 using Status = Result<void>;
 
 inline tl::unexpected<Error> Fail(std::string message) {
-  return tl::unexpected<Error>(Error{std::move(message), 1});
+  return tl::unexpected<Error>(Error{std::move(message)});
+}
+
+/// For a program that has ended with `exit_status`, which is not 0.
+inline ErrorKind KindOfExit(int exit_status) {
+  return exit_status == 2 ? ErrorKind::kUsage : ErrorKind::kFailed;
 }
 
 inline tl::unexpected<Error> BadUsage(std::string message) {
-  return tl::unexpected<Error>(Error{std::move(message), 2});
+  return tl::unexpected<Error>(Error{std::move(message), ErrorKind::kUsage});
 }
 
 /// The errno text, e.g. "No space left on device".

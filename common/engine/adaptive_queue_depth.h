@@ -4,9 +4,14 @@
 #include <cstdint>
 #include <utility>
 
-#include "common/protocol/messages.h"
-
 namespace quarry {
+
+/// Tiles that a renderer of so many threads has at hand at least, where nothing else is known.
+inline uint32_t FewestTiles(uint32_t threads) { return threads * 2 + 2; }
+/// And at most: begun tiles take memory, and queued ones cannot be taken by others.
+inline uint32_t MostTiles(uint32_t threads) { return threads * 8 + 2; }
+/// At most where blocks push each other out of the cache.
+inline uint32_t MostTilesIfScarce(uint32_t threads) { return threads * 16 + 24; }
 
 /// How many tiles a worker wants to have at hand, begun or not: the fewest that keep its threads busy, for
 /// queued tiles cannot be taken by other workers. A step more for each tile in whose time a thread had

@@ -1,5 +1,6 @@
 #include "common/engine/engine.h"
 
+#include <algorithm>
 #include <chrono>
 #include <utility>
 
@@ -12,38 +13,46 @@ constexpr int kBatchesPerPin = 8;  // pins are let go after so many batches, use
 
 }  // namespace
 
-Engine::Engine(const Catalog& catalog, VoxelCache& cache, unsigned threads, OnTile on_tile)
-    : catalog_(catalog), cache_(cache), on_tile_(std::move(on_tile)), window_(threads) {
+Engine::Engine(const Catalog& catalog, VoxelCache& cache, unsigned threads)
+    : catalog_(catalog), cache_(cache), queue_depth_(threads) {
   for (unsigned i = 0; i < threads; ++i) mailboxes_.push_back(std::make_unique<Mailbox>());
   for (auto& mailbox : mailboxes_) threads_.emplace_back([this, &mailbox] { Run(*mailbox); });
 }
 
 Engine::~Engine() {
   stop_ = true;
-  for (auto& mailbox : mailboxes_) mailbox->Wake();
+  WakeAll();
   for (std::thread& thread : threads_) thread.join();
 }
 
-void Engine::SetFrame(const FrameSetup& setup) {
-  const std::lock_guard lock(mutex_);
-  frames_[setup.setup] = std::make_shared<const FrameContext>(setup.setup, setup.job, catalog_);
-  std::erase_if(frames_, [&](const auto& frame) { return frame.first < setup.oldest; });
-  std::erase_if(queue_, [&](const TileOrder& order) { return order.setup < setup.oldest; });
-}
-
-void Engine::AddTile(const TileOrder& order) {
-  {
-    const std::lock_guard lock(mutex_);
-    if (!frames_.contains(order.setup)) return;
-    queue_.push_back(order);
-  }
+void Engine::WakeAll() {
   for (auto& mailbox : mailboxes_) mailbox->Wake();
 }
 
-void Engine::DropFrames() {
+void Engine::SetView(uint64_t number, const View& view) {
   const std::lock_guard lock(mutex_);
-  frames_.clear();
-  queue_.clear();
+  views_[number] = std::make_shared<ViewContext>(view, catalog_);
+}
+
+void Engine::DropViews(uint64_t first, uint64_t end) {
+  {
+    const std::lock_guard lock(mutex_);
+    const auto from = views_.lower_bound(first), to = views_.lower_bound(end);
+    if (from == to) return;
+    for (auto it = from; it != to; ++it) it->second->abandoned = true;
+    views_.erase(from, to);
+    std::erase_if(queue_, [&](const Queued& q) { return !views_.contains(q.view); });
+  }
+  WakeAll();
+}
+
+void Engine::Render(uint64_t view, const Tile& tile, OnTile done) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!views_.contains(view)) return;
+    queue_.push_back({view, tile, std::move(done)});
+  }
+  WakeAll();
 }
 
 bool Engine::MayOpen(const Tiles& tiles) const {
@@ -53,87 +62,86 @@ bool Engine::MayOpen(const Tiles& tiles) const {
 }
 
 bool Engine::OpenTile(Tiles& tiles) {
-  std::shared_ptr<const FrameContext> frame;
-  TileOrder order;
+  std::shared_ptr<const ViewContext> view;
+  Queued next;
   {
     const std::lock_guard lock(mutex_);
     if (queue_.empty()) {
-      if (!tiles.open.empty()) window_.Starved(cache_.scarce());
+      if (!tiles.open.empty()) queue_depth_.Starved(cache_.scarce());
       return false;
     }
-    order = std::move(queue_.front());
+    next = std::move(queue_.front());
     queue_.pop_front();
-    frame = frames_.at(order.setup);
+    view = views_.at(next.view);
   }
   if (tiles.spare.empty()) tiles.spare.push_back(std::make_unique<TileRenderer>());
-  tiles.open.push_back({std::move(tiles.spare.back())});
+  tiles.open.push_back({std::move(tiles.spare.back()), std::move(next.done)});
   tiles.spare.pop_back();
-  tiles.open.back().renderer->Open(std::move(frame), order);
+  tiles.open.back().renderer->Open(std::move(view), next.tile);
   return true;
 }
 
-void Engine::FinishTiles(Tiles& tiles) {
+/// Hands on the results of tiles that are done; of those that nobody waits for any more, nothing.
+void Engine::CloseTiles(Tiles& tiles) {
   for (size_t i = 0; i < tiles.open.size();) {
-    TileRenderer& tile = *tiles.open[i].renderer;
-    if (!tile.done()) {
+    Tiles::Open& open = tiles.open[i];
+    const bool abandoned = open.renderer->view().abandoned;
+    if (!abandoned && !open.renderer->done()) {
       ++i;
       continue;
     }
-    const TileOrder& order = tile.order();
-    rays_ += tile.rays();
-    rays_suspended_ += tile.rays_suspended();
-    TileDone done{order.setup, order.tile, order.lease, tile.rays(), tile.rays_suspended()};
-    done.compute_us = tiles.open[i].compute_us;
-    done.depths = tile.depths();
-    done.blocks = tile.TakeTouched();
+    if (abandoned) open.renderer->Abandon();
+    RenderedTile result = open.renderer->Take();
+    result.compute_us = open.compute_us;
+    rays_ += result.rays;
+    rays_suspended_ += result.rays_suspended;
     {
       const std::lock_guard lock(mutex_);
-      window_.Finished();
+      queue_depth_.Finished();
     }
-    on_tile_(done, tile.Pixels());
-    tiles.spare.push_back(std::move(tiles.open[i].renderer));
+    if (!abandoned) open.done(std::move(result));
+    tiles.spare.push_back(std::move(open.renderer));
     tiles.open.erase(tiles.open.begin() + static_cast<std::ptrdiff_t>(i));
   }
 }
 
 /// With `wait`, sleeps until there is something to do; `stalled` says that this is for want of blocks.
-std::vector<uint32_t> Engine::TakeBlocks(Mailbox& mailbox, bool wait, bool stalled) {
+std::vector<BlockKey> Engine::TakeBlocks(Mailbox& mailbox, bool wait, bool stalled) {
   const auto start = std::chrono::steady_clock::now();
   auto blocks = mailbox.Take(wait);
   if (wait && stalled) stall_us_ += MicrosecondsSince(start);
   return blocks;
 }
 
+/// A round of rays for each open tile that has some ready.
+void Engine::Step(Tiles& tiles, PinnedBlocks& pins, Mailbox& mailbox) {
+  const uint64_t start_us = ThreadTimeUs();
+  for (auto& tile : tiles.open) {
+    if (!tile.renderer->has_ready()) continue;
+    const auto start = std::chrono::steady_clock::now();
+    tile.renderer->Step(pins, [&](BlockKey block, const TileRenderer::Parked& parked) {
+      cache_.Want(block, &mailbox, parked.rays, parked.octants);
+    });
+    // A tile costs wall time: a processor that is shared, or held to a part, is a slower one.
+    tile.compute_us += MicrosecondsSince(start);
+  }
+  compute_us_ += ThreadTimeUs() - start_us;
+}
+
 void Engine::Run(Mailbox& mailbox) {
   PinnedBlocks pins(cache_);
   Tiles tiles;
-  const auto any_ready = [&] {
-    for (const auto& tile : tiles.open)
-      if (tile.renderer->has_ready()) return true;
-    return false;
-  };
   for (int batch = 0; !stop_; ++batch) {
-    FinishTiles(tiles);
-    bool ready = any_ready();
+    CloseTiles(tiles);
+    bool ready = std::ranges::any_of(tiles.open, [](const auto& tile) { return tile.renderer->has_ready(); });
     if (!ready && MayOpen(tiles)) ready = OpenTile(tiles);
     // Never hold pins while waiting: another thread's block may need the room.
     if (!ready || batch % kBatchesPerPin == 0) pins.Release();
-    for (uint32_t block : TakeBlocks(mailbox, !ready, !tiles.open.empty())) {
+    for (const BlockKey block : TakeBlocks(mailbox, !ready, !tiles.open.empty())) {
       pins.Adopt(block);
       for (auto& tile : tiles.open) tile.renderer->Resume(block);
     }
-    const uint64_t start_us = ThreadTimeUs();
-    for (auto& tile : tiles.open) {
-      if (!tile.renderer->has_ready()) continue;
-      const auto start = std::chrono::steady_clock::now();
-      tile.renderer->Step(pins, [&](uint32_t block, const TileRenderer::Parked& parked) {
-        cache_.Want(block, &mailbox, parked.rays, parked.octants);
-      });
-      // What a tile costs is time as it passes: a processor that is shared, or held to a part, is a slower
-      // one.
-      tile.compute_us += MicrosecondsSince(start);
-    }
-    compute_us_ += ThreadTimeUs() - start_us;
+    Step(tiles, pins, mailbox);
   }
 }
 

@@ -37,42 +37,48 @@ uint64_t DarkLanes(const Vectors& light) {
 
 }  // namespace
 
-void TileRenderer::Open(std::shared_ptr<const FrameContext> frame, const TileOrder& order) {
-  frame_ = std::move(frame);
-  order_ = order;
+void TileRenderer::Open(std::shared_ptr<const ViewContext> view, const Tile& tile) {
+  view_ = std::move(view);
+  tile_ = tile;
   next_sample_ = rays_ = rays_suspended_ = 0;
   reader_ = 0;
-  depths_.assign(size_t{DepthCells(order.width)} * DepthCells(order.height), 0);
+  depths_.assign(size_t{DepthCells(tile.columns())} * DepthCells(tile.rows()), 0);
   touched_.clear();
-  const uint32_t pixels = order.width * order.height;
+  const size_t pixels = size_t{tile.columns()} * tile.rows();
   OrderPixels();
-  radiance_.assign(size_t{3} * pixels, {});
-  aovs_.assign(size_t{frame_->words - 3} * pixels, 0);
-  const uint64_t samples = uint64_t{pixels} * frame_->job.spp;
-  packets_.resize(std::min<uint64_t>(kPackets, (samples + RayPacket::kRays - 1) / RayPacket::kRays));
+  radiance_.assign(tile.hits_only ? 0 : 3 * pixels, {});
+  aovs_.assign(tile.hits_only ? 0 : (view_->words - 3) * pixels, 0);
+  hits_.assign(tile.hits_only ? pixels : 0, {});
+  packets_.resize(std::min<uint64_t>(kPackets, (SampleCount() + RayPacket::kRays - 1) / RayPacket::kRays));
   samples_.resize(packets_.size());
-  if (frame_->job.mode == RenderMode::kWhitted)
+  if (view_->view.mode == RenderMode::kWhitted)
     pending_.resize(packets_.size() * RayPacket::kRays * kMostPending);
   for (uint32_t packet = 0; packet < packets_.size(); ++packet) StartPacket(packet);
+}
+
+void TileRenderer::Abandon() {
+  parked_.clear();
+  newly_parked_.clear();
+  std::ranges::fill(ready_, 0);
+  std::ranges::fill(unfinished_, 0);
 }
 
 /// In 8x8 blocks, so that 64 in a row are neighbours.
 void TileRenderer::OrderPixels() {
   constexpr uint32_t kSide = RayPacket::kSide;
   places_.clear();
-  for (uint32_t y0 = 0; y0 < order_.height; y0 += kSide)
-    for (uint32_t x0 = 0; x0 < order_.width; x0 += kSide)
-      for (uint32_t y = y0; y < std::min(y0 + kSide, order_.height); ++y)
-        for (uint32_t x = x0; x < std::min(x0 + kSide, order_.width); ++x)
-          places_.push_back({static_cast<uint16_t>(y * order_.width + x), static_cast<uint8_t>(x),
+  for (uint32_t y0 = 0; y0 < tile_.rows(); y0 += kSide)
+    for (uint32_t x0 = 0; x0 < tile_.columns(); x0 += kSide)
+      for (uint32_t y = y0; y < std::min(y0 + kSide, tile_.rows()); ++y)
+        for (uint32_t x = x0; x < std::min(x0 + kSide, tile_.columns()); ++x)
+          places_.push_back({static_cast<uint16_t>(y * tile_.columns() + x), static_cast<uint8_t>(x),
                              static_cast<uint8_t>(y)});
 }
 
 /// Generate: the next primary rays that meet the scene's box into a packet whose samples have ended.
 void TileRenderer::StartPacket(uint32_t packet) {
-  const uint64_t samples = uint64_t{places_.size()} * frame_->job.spp;
   uint64_t started = 0;
-  while (started == 0 && next_sample_ < samples) started = StartSamples(packet);
+  while (started == 0 && next_sample_ < SampleCount()) started = StartSamples(packet);
   SamplePacket& s = samples_[packet];
   std::fill_n(s.at, SamplePacket::kStages, 0);
   s.at[SamplePacket::kTraverse] = ready_[packet] = unfinished_[packet] = started;
@@ -81,16 +87,17 @@ void TileRenderer::StartPacket(uint32_t packet) {
 /// The next samples; those whose rays miss the scene's box are done with at once. Returns the others.
 uint64_t TileRenderer::StartSamples(uint32_t packet) {
   SamplePacket& s = samples_[packet];
-  const uint64_t samples = uint64_t{places_.size()} * frame_->job.spp;
-  const auto count = static_cast<uint32_t>(std::min<uint64_t>(RayPacket::kRays, samples - next_sample_));
+  const auto count =
+      static_cast<uint32_t>(std::min<uint64_t>(RayPacket::kRays, SampleCount() - next_sample_));
   auto sample = static_cast<uint32_t>(next_sample_ / places_.size());
   auto place = static_cast<uint32_t>(next_sample_ % places_.size());
-  const uint32_t across = DepthCells(order_.width);
+  const uint32_t across = DepthCells(tile_.columns());
   double x[RayPacket::kRays] = {}, y[RayPacket::kRays] = {};
   for (uint32_t i = 0; i < count; ++i) {
     const Place& p = places_[place];
-    const uint32_t px = order_.x + p.x, py = order_.y + p.y;
-    const glm::vec2 at = PixelSample(frame_->job.seed, py * frame_->job.width + px, sample);
+    const uint32_t px = tile_.pixels.x + std::min(p.x * tile_.step + tile_.step / 2, tile_.pixels.width - 1);
+    const uint32_t py = tile_.pixels.y + std::min(p.y * tile_.step + tile_.step / 2, tile_.pixels.height - 1);
+    const glm::vec2 at = PixelSample(view_->view.seed, py * view_->view.width + px, sample);
     x[i] = px + static_cast<double>(at.x);
     y[i] = py + static_cast<double>(at.y);
     s.pixel[i] = p.pixel;
@@ -104,7 +111,7 @@ uint64_t TileRenderer::StartSamples(uint32_t packet) {
   next_sample_ += count;
   rays_ += count;
   PrimaryRays& primary = gathered_->primary;
-  frame_->camera.Shoot(x, y, primary);
+  view_->camera.Shoot(x, y, primary);
   packets_[packet].SetAll(primary.origin, primary.direction);
   std::copy_n(primary.t_offset, RayPacket::kRays, s.t_offset);
   std::fill_n(s.weight.x, RayPacket::kRays, 1.0f);
@@ -122,14 +129,14 @@ uint64_t TileRenderer::StartSamples(uint32_t packet) {
   return started;
 }
 
-void TileRenderer::Resume(uint32_t block) {
+void TileRenderer::Resume(BlockKey block) {
   const auto it = parked_.find(block);
   if (it == parked_.end()) return;
   for (uint32_t slot : it->second) ready_[slot / RayPacket::kRays] |= uint64_t{1} << slot % RayPacket::kRays;
   parked_.erase(it);
 }
 
-void TileRenderer::Park(uint32_t packet, uint32_t lane, uint32_t block) {
+void TileRenderer::Park(uint32_t packet, uint32_t lane, BlockKey block) {
   parked_[block].push_back(packet * RayPacket::kRays + lane);
   const RayPacket& rays = packets_[packet];
   Parked& parked = newly_parked_[block];
@@ -149,11 +156,11 @@ void TileRenderer::Round(PinnedBlocks& pins) {
 }
 
 void TileRenderer::Trace(PinnedBlocks& pins, const uint64_t* active, bool any) {
-  TraceRays(frame_->top, pins.finder(), packets_.data(), active, static_cast<uint32_t>(packets_.size()), any);
+  TraceRays(view_->top, pins.finder(), packets_.data(), active, static_cast<uint32_t>(packets_.size()), any);
   for (uint32_t p = 0; p < packets_.size(); ++p) {
     if (active[p] == 0) continue;
     const uint64_t waiting = active[p] & ~LanesWith(kNoVoxel, packets_[p].waits_for);
-    ForEachLane(waiting, [&](uint32_t i) { Park(p, i, BlockId(packets_[p].waits_for[i], BlockKind::kHot)); });
+    ForEachLane(waiting, [&](uint32_t i) { Park(p, i, BlockKey::Hot(packets_[p].waits_for[i])); });
     Traced(p, active[p] & ~waiting, any);
   }
 }
@@ -168,12 +175,19 @@ void TileRenderer::Traced(uint32_t packet, uint64_t lanes, bool any) {
     Add(packet, missed, s.light);
     return s.Move(lanes, SamplePacket::kShadow, SamplePacket::kLight);
   }
-  s.Move(hit, SamplePacket::kTraverse, SamplePacket::kSurface);
+  s.Move(hit, SamplePacket::kTraverse, tile_.hits_only ? SamplePacket::kNext : SamplePacket::kSurface);
   s.Move(missed, SamplePacket::kTraverse, SamplePacket::kNext);
   ForEachLane(missed, [&](uint32_t i) { Miss(packet, i); });
   ForEachLane(hit, [&](uint32_t i) {
     if (s.path_code[i] == kPrimaryPath) SawTo(s.depth_cell[i], s.t_offset[i] + rays.hit_t[i]);
   });
+  if (tile_.hits_only) ForEachLane(hit, [&](uint32_t i) { TakeHit(packet, i); });
+}
+
+/// The hit as the camera sees it: t counts from the eye.
+void TileRenderer::TakeHit(uint32_t packet, uint32_t lane) {
+  Hit& hit = hits_[samples_[packet].pixel[lane]] = packets_[packet].HitOf(lane);
+  hit.t += samples_[packet].t_offset[lane];
 }
 
 void TileRenderer::SawTo(uint32_t depth_cell, float depth) {
@@ -190,9 +204,10 @@ void TileRenderer::Miss(uint32_t packet, uint32_t lane) {
   const SamplePacket& s = samples_[packet];
   if (s.path_code[lane] == kPrimaryPath) {
     SawTo(s.depth_cell[lane], kInfinity);
+    if (tile_.hits_only) return;
     if (s.sample[lane] == 0) WriteAovs(packet, lane);
   }
-  Add(s.pixel[lane], s.weight[static_cast<int>(lane)] * frame_->job.background);
+  Add(s.pixel[lane], s.weight[static_cast<int>(lane)] * view_->view.background);
 }
 
 /// The packet's ready samples stage by stage, until each has a ray to trace, waits for a block, or has ended.
@@ -224,11 +239,11 @@ uint64_t TileRenderer::FindSurfaces(uint32_t packet, uint64_t lanes, PinnedBlock
     const uint64_t bit = uint64_t{1} << i;
     if (rays.voxel[i] != voxel) {
       voxel = rays.voxel[i];
-      block = pins.Find(BlockId(voxel, BlockKind::kHot));
-      has_shading = frame_->catalog.voxels[voxel].blocks[1].stored != 0;
+      block = pins.Find(BlockKey::Hot(voxel));
+      has_shading = view_->catalog.Has(BlockKey::Shading(voxel));
     }
     if (!block) {
-      Park(packet, i, BlockId(voxel, BlockKind::kHot));
+      Park(packet, i, BlockKey::Hot(voxel));
       waiting |= bit;
       return;
     }
@@ -256,10 +271,10 @@ uint64_t TileRenderer::FindAttributes(uint32_t packet, uint64_t lanes, PinnedBlo
   ForEachLane(lanes, [&](uint32_t i) {
     if (rays.voxel[i] != voxel) {
       voxel = rays.voxel[i];
-      block = pins.Find(BlockId(voxel, BlockKind::kShading));
+      block = pins.Find(BlockKey::Shading(voxel));
     }
     if (block) return gathered_->attributes.Take(static_cast<int>(i), block->shading, rays.local[i]);
-    Park(packet, i, BlockId(voxel, BlockKind::kShading));
+    Park(packet, i, BlockKey::Shading(voxel));
     waiting |= uint64_t{1} << i;
   });
   lanes &= ~waiting;
@@ -271,11 +286,11 @@ uint64_t TileRenderer::FindAttributes(uint32_t packet, uint64_t lanes, PinnedBlo
 void TileRenderer::Shade(uint32_t packet, uint64_t lanes) {
   if (lanes == 0) return;
   SamplePacket& s = samples_[packet];
-  if (frame_->job.aov_mask != 0)
+  if (view_->view.aov_mask != 0)
     ForEachLane(lanes, [&](uint32_t i) {
       if (s.path_code[i] == kPrimaryPath && s.sample[i] == 0) WriteAovs(packet, i);
     });
-  const RenderMode mode = frame_->job.mode;
+  const RenderMode mode = view_->view.mode;
   const bool lit = mode == RenderMode::kShadow || mode == RenderMode::kWhitted;
   if (mode == RenderMode::kVoxels) {
     ShadeVoxels(packet, lanes);
@@ -283,9 +298,9 @@ void TileRenderer::Shade(uint32_t packet, uint64_t lanes) {
     Vectors& radiance = gathered_->radiance;
     ForEachMaterial(s.surface, lanes, [&](uint32_t material, uint64_t same) {
       if (lit)
-        Ambient(frame_->catalog.materials[material], mode, frame_->job.ambient, s.surface, same, radiance);
+        Ambient(view_->catalog.materials[material], mode, view_->view.ambient, s.surface, same, radiance);
       else
-        Headlight(frame_->catalog.materials[material], mode, s.surface, same, radiance);
+        Headlight(view_->catalog.materials[material], mode, s.surface, same, radiance);
     });
     Add(packet, lanes, radiance);
   }
@@ -296,7 +311,7 @@ void TileRenderer::Shade(uint32_t packet, uint64_t lanes) {
 void TileRenderer::ShadeVoxels(uint32_t packet, uint64_t lanes) {
   const SamplePacket& s = samples_[packet];
   ForEachLane(lanes, [&](uint32_t i) {
-    const uint32_t voxel = LocateVoxel(frame_->top, RayOf(packet, i), packets_[packet].hit_t[i]);
+    const uint32_t voxel = LocateVoxel(view_->top, RayOf(packet, i), packets_[packet].hit_t[i]);
     const auto lane = static_cast<int>(i);
     Add(s.pixel[i], s.weight[lane] * (VoxelColor(voxel) * (0.3f + 0.7f * Facing(s.surface[lane]))));
   });
@@ -306,25 +321,25 @@ void TileRenderer::ShadeVoxels(uint32_t packet, uint64_t lanes) {
 void TileRenderer::NextLights(uint32_t packet, uint64_t lanes) {
   if (lanes == 0) return;
   SamplePacket& s = samples_[packet];
-  const auto lights = static_cast<uint32_t>(frame_->job.lights.size());
+  const auto lights = static_cast<uint32_t>(view_->view.lights.size());
   LightPacket& samples = gathered_->light;
   uint64_t shone_on = 0;
   for (uint32_t light = 0; light < lights; ++light) {
     const uint64_t here = lanes & ~shone_on & LanesWith(light, s.next_light);
     if (here == 0) continue;
     ForEachMaterial(s.surface, here, [&](uint32_t material, uint64_t same) {
-      Scatter(frame_->catalog.materials[material], frame_->job.mode, frame_->job.lights[light], s.surface,
+      Scatter(view_->catalog.materials[material], view_->view.mode, view_->view.lights[light], s.surface,
               same, samples, s.light);
     });
     shone_on |= here & ~DarkLanes(s.light);
     ForEachLane(here, [&](uint32_t i) { ++s.next_light[i]; });
     LeaveSurfaces(s.surface, samples.direction, samples.distance,
-                  OffsetFromSurfaces(frame_->catalog.meta.padding), here & shone_on, packets_[packet]);
+                  OffsetFromSurfaces(view_->catalog.meta.padding), here & shone_on, packets_[packet]);
   }
   rays_ += static_cast<uint64_t>(std::popcount(shone_on));
   s.Move(shone_on, SamplePacket::kLight, SamplePacket::kShadow);
   s.Move(lanes & ~shone_on, SamplePacket::kLight,
-         frame_->job.mode == RenderMode::kWhitted ? SamplePacket::kBounce : SamplePacket::kNext);
+         view_->view.mode == RenderMode::kWhitted ? SamplePacket::kBounce : SamplePacket::kNext);
 }
 
 /// The mirror and the transmitted rays, for later.
@@ -340,7 +355,7 @@ void TileRenderer::Spawn(uint32_t packet, uint64_t lanes) {
       if (Largest(weight * share) < kLeastWeight) return;
       QUARRY_DCHECK(s.pending_count[i] <= kMostBounces);
       const glm::vec3 origin = LeaveSurface(surface.position, surface.geometric_normal, direction,
-                                            OffsetFromSurfaces(frame_->catalog.meta.padding));
+                                            OffsetFromSurfaces(view_->catalog.meta.padding));
       PendingOf(packet, i)[s.pending_count[i]++] = {origin, direction, weight * share, path_code,
                                                     s.depth[i] + 1u};
     };
@@ -348,7 +363,7 @@ void TileRenderer::Spawn(uint32_t packet, uint64_t lanes) {
     push(b.reflect_direction, b.reflect_weight, ReflectedPath(s.path_code[i]));
   };
   ForEachMaterial(s.surface, lanes, [&](uint32_t id, uint64_t same) {
-    const Material& material = frame_->catalog.materials[id];
+    const Material& material = view_->catalog.materials[id];
     if (CanBounce(material)) ForEachLane(same, [&](uint32_t i) { spawn(material, i); });
   });
   s.Move(lanes, SamplePacket::kBounce, SamplePacket::kNext);
@@ -404,10 +419,10 @@ void TileRenderer::Add(uint32_t packet, uint64_t lanes, const Vectors& radiance)
 void TileRenderer::WriteAovs(uint32_t packet, uint32_t lane) {
   const SamplePacket& s = samples_[packet];
   const Hit hit = packets_[packet].HitOf(lane);
-  uint32_t* out = aovs_.data() + size_t{frame_->words - 3} * s.pixel[lane];
+  uint32_t* out = aovs_.data() + size_t{view_->words - 3} * s.pixel[lane];
   const bool is_hit = hit.triangle != kNoTriangle;
   const auto put = [&](Aov aov, auto... values) {
-    if (frame_->job.has(aov)) ((*out++ = std::bit_cast<uint32_t>(values)), ...);
+    if (view_->view.has(aov)) ((*out++ = std::bit_cast<uint32_t>(values)), ...);
   };
   const Surface surface = is_hit ? s.surface[static_cast<int>(lane)] : Surface{};
   put(Aov::kDepth, is_hit ? s.t_offset[lane] + hit.t : kInfinity);
@@ -417,26 +432,38 @@ void TileRenderer::WriteAovs(uint32_t packet, uint32_t lane) {
   put(Aov::kMaterial, is_hit ? surface.material : kNone);
   put(Aov::kPart, is_hit ? surface.part : kNone);
   put(Aov::kVoxel,
-      is_hit && frame_->job.has(Aov::kVoxel) ? LocateVoxel(frame_->top, RayOf(packet, lane), hit.t) : kNone);
+      is_hit && view_->view.has(Aov::kVoxel) ? LocateVoxel(view_->top, RayOf(packet, lane), hit.t) : kNone);
 }
 
 size_t TileRenderer::memory_bytes() const {
   const auto bytes = [](const auto& v) { return v.size() * sizeof(v[0]); };
   return bytes(places_) + bytes(packets_) + bytes(samples_) + bytes(pending_) + bytes(depths_) +
-         bytes(radiance_) + bytes(aovs_);
+         bytes(radiance_) + bytes(aovs_) + bytes(hits_);
+}
+
+RenderedTile TileRenderer::Take() {
+  TidyTouched();
+  RenderedTile result;
+  if (!tile_.hits_only) result.pixels = Pixels();
+  result.hits = std::exchange(hits_, {});
+  result.depths = std::exchange(depths_, {});
+  result.blocks = std::exchange(touched_, {});
+  result.rays = rays_;
+  result.rays_suspended = rays_suspended_;
+  return result;
 }
 
 Bytes TileRenderer::Pixels() const {
-  const size_t pixels = radiance_.size() / 3, extra = frame_->words - 3;
-  Bytes out(pixels * frame_->words * 4);
+  const size_t pixels = radiance_.size() / 3, extra = view_->words - 3;
+  Bytes out(pixels * view_->words * 4);
   std::byte* to = out.data();
   for (size_t p = 0; p < pixels; ++p) {
     float color[3];
-    for (size_t c = 0; c < 3; ++c) color[c] = radiance_[3 * p + c].Mean(frame_->job.spp);
+    for (size_t c = 0; c < 3; ++c) color[c] = radiance_[3 * p + c].Mean(view_->view.spp);
     std::memcpy(to, color, sizeof color);
     if (extra > 0)  // without layers there is nothing that could be pointed at
       std::memcpy(to + sizeof color, aovs_.data() + p * extra, extra * 4);
-    to += frame_->words * 4;
+    to += view_->words * 4;
   }
   return out;
 }

@@ -1,40 +1,63 @@
 #pragma once
 
 #include <algorithm>
+#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <unordered_map>
 #include <utility>
 #include <vector>
 
-#include "common/engine/pinned_blocks.h"
-#include "common/engine/shading_packet.h"
-#include "common/engine/sweep.h"
+#include "common/base/bytes.h"
+#include "common/engine/blocks/pinned_blocks.h"
+#include "common/engine/blocks/sweep.h"
+#include "common/engine/shading/shading_packet.h"
 #include "common/kdtree/ray_packet.h"
 #include "common/math/fixed_radiance.h"
 #include "common/math/random.h"
-#include "common/protocol/messages.h"
 #include "common/scene/camera.h"
 #include "common/voxel/catalog.h"
 
 namespace quarry {
 
-/// What tiles of one frame share. Immutable.
-struct FrameContext {
-  FrameContext(uint64_t setup_number, const RenderJob& render_job, const Catalog& scene)
-      : setup(setup_number),
-        job(render_job),
+/// A view of a scene, prepared once for all of its tiles. Immutable but for `abandoned`.
+/// Requires: a normalized view.
+struct ViewContext {
+  ViewContext(View a_view, const Catalog& scene)
+      : view(std::move(a_view)),
         catalog(scene),
         top(scene.top_tree()),
-        camera(render_job.cameras[0], render_job.width, render_job.height, scene.meta.root_lower,
-               scene.meta.root_upper),
-        words(WordsPerPixel(render_job.aov_mask)) {}
-  uint64_t setup;
-  RenderJob job;
+        camera(view.camera, view.width, view.height, scene.meta.root_lower, scene.meta.root_upper),
+        words(WordsPerPixel(view.aov_mask)) {}
+  const View view;
   const Catalog& catalog;
-  TopTree top;
-  Camera camera;
-  uint32_t words;
+  const TopTree top;
+  const Camera camera;
+  const uint32_t words;                ///< 32-bit words a pixel
+  std::atomic<bool> abandoned{false};  ///< nobody waits for its tiles any more
+};
+
+/// A part of a view to be rendered at once.
+/// Units: pixels of the view. Requires: it lies in the view, no side longer than 256 lattice points.
+struct Tile {
+  PixelRect pixels;
+  /// Of each square of so many pixels a side one is rendered, at its middle; 1: all.
+  uint32_t step = 1;
+  /// Hits of sample 0 instead of colours: nothing is shaded, no ray is sent on.
+  bool hits_only = false;
+
+  uint32_t columns() const { return (pixels.width + step - 1) / step; }
+  uint32_t rows() const { return (pixels.height + step - 1) / step; }
+};
+
+/// A tile's result. Shapes: rows() x columns() lattice points, row by row.
+struct RenderedTile {
+  Bytes pixels;                  ///< ViewContext::words 32-bit words a point; empty with hits_only
+  std::vector<Hit> hits;         ///< one a point; empty without hits_only
+  std::vector<float> depths;     ///< a depth cell of points each: where the farthest primary ray ends
+  std::vector<BlockKey> blocks;  ///< that its rays have been in, ascending
+  uint64_t rays = 0, rays_suspended = 0;
+  uint64_t compute_us = 0;  ///< wall time of its thread, waiting for blocks not counted
 };
 
 /// The samples of a packet, field by field; the ray that each has under way is in a RayPacket at the same
@@ -74,7 +97,7 @@ class TileRenderer {
   static constexpr uint32_t kPackets = 16;  ///< in flight, at most
 
   /// Begins a tile; memory of the one before is used again. Requires: done().
-  void Open(std::shared_ptr<const FrameContext> frame, const TileOrder& order);
+  void Open(std::shared_ptr<const ViewContext> view, const Tile& tile);
 
   /// Rays that wait for one block.
   struct Parked {
@@ -93,8 +116,10 @@ class TileRenderer {
     for (const auto& [block, parked] : newly_parked_) want(block, parked);
     newly_parked_.clear();
   }
+  /// Ends the tile where it stands; blocks that its rays wait for may still be delivered.
+  void Abandon();
   /// Rays parked on `block` are ready again. Requires: the block is pinned during the next Step.
-  void Resume(uint32_t block);
+  void Resume(BlockKey block);
 
   bool has_ready() const {
     return std::ranges::any_of(ready_, [](uint64_t samples) { return samples != 0; });
@@ -102,29 +127,17 @@ class TileRenderer {
   bool done() const {
     return std::ranges::all_of(unfinished_, [](uint64_t samples) { return samples == 0; });
   }
-  const TileOrder& order() const { return order_; }
-  const FrameContext& frame() const { return *frame_; }
-  /// What the tile's samples and pixels take.
+  const ViewContext& view() const { return *view_; }
+  /// Bytes that the tile's samples and pixels take.
   size_t memory_bytes() const;
-  uint64_t rays() const { return rays_; }
-  uint64_t rays_suspended() const { return rays_suspended_; }
-
-  /// Blocks that its rays have been in, ascending.
-  std::vector<uint32_t> TakeTouched() {
-    TidyTouched();
-    return std::exchange(touched_, {});
-  }
-  /// By depth cell, row by row: how far the farthest primary ray goes, infinity where one hits nothing.
-  const std::vector<float>& depths() const { return depths_; }
-
-  /// The tile's pixels, row by row, words_per_pixel 32-bit words each. Requires: done().
-  Bytes Pixels() const;
+  /// The result, all but the time. Requires: done().
+  RenderedTile Take();
 
  private:
   /// A pixel of the tile, in the order that samples are taken in.
   struct Place {
     uint16_t pixel;
-    uint8_t x, y;  ///< in the tile
+    uint8_t x, y;  ///< lattice point in the tile
   };
   static_assert(kTileSize <= 256);
   struct Pending {
@@ -144,6 +157,9 @@ class TileRenderer {
     PrimaryRays primary;
   };
 
+  uint64_t SampleCount() const {
+    return places_.size() * (tile_.hits_only ? uint64_t{1} : uint64_t{view_->view.spp});
+  }
   void OrderPixels();
   void StartPacket(uint32_t packet);
   uint64_t StartSamples(uint32_t packet);
@@ -158,9 +174,11 @@ class TileRenderer {
   void Spawn(uint32_t packet, uint64_t lanes);
   void TakeNext(uint32_t packet, uint64_t lanes);
   void TidyTouched();
+  void TakeHit(uint32_t packet, uint32_t lane);
   void Miss(uint32_t packet, uint32_t lane);
   void SawTo(uint32_t depth_cell, float depth);
-  void Park(uint32_t packet, uint32_t lane, uint32_t block);
+  void Park(uint32_t packet, uint32_t lane, BlockKey block);
+  Bytes Pixels() const;
   void ShadeVoxels(uint32_t packet, uint64_t lanes);
   Ray RayOf(uint32_t packet, uint32_t lane) const;
   void WriteAovs(uint32_t packet, uint32_t lane);
@@ -170,8 +188,8 @@ class TileRenderer {
     return pending_.data() + (packet * size_t{RayPacket::kRays} + lane) * kMostPending;
   }
 
-  std::shared_ptr<const FrameContext> frame_;
-  TileOrder order_;
+  std::shared_ptr<const ViewContext> view_;
+  Tile tile_;
   std::vector<Place> places_;  ///< 8x8 block by block
   std::vector<RayPacket> packets_;
   std::vector<SamplePacket> samples_;
@@ -180,15 +198,16 @@ class TileRenderer {
   uint64_t ready_[kPackets] = {};               ///< samples that can go on, as bits
   uint64_t closest_[kPackets], any_[kPackets];  ///< rays to trace in this round
   uint64_t unfinished_[kPackets] = {};          ///< samples of the packet still under way
-  std::unordered_map<uint32_t, std::vector<uint32_t>> parked_;
-  std::unordered_map<uint32_t, Parked> newly_parked_;
+  std::unordered_map<BlockKey, std::vector<uint32_t>> parked_;
+  std::unordered_map<BlockKey, Parked> newly_parked_;
   uint64_t next_sample_ = 0;  ///< over the tile's pixels, sample by sample
   uint64_t rays_ = 0, rays_suspended_ = 0;
   uint32_t reader_ = 0;            ///< see PinnedBlocks::LogTo; 0: none yet
-  std::vector<uint32_t> touched_;  ///< blocks, with repetitions
+  std::vector<BlockKey> touched_;  ///< with repetitions
   std::vector<float> depths_;
   std::vector<FixedRadiance> radiance_;  ///< 3 a pixel
   std::vector<uint32_t> aovs_;           ///< words - 3 a pixel
+  std::vector<Hit> hits_;                ///< one a pixel; empty without hits_only
 };
 
 }  // namespace quarry

@@ -384,7 +384,7 @@ float ByteWorth(const SahCosts& costs, const Box& root, size_t triangles) {
 
 KdTree BuildKdTree(std::span<const KdTriangle> triangles, float padding, const Box& cell,
                    const SahCosts& costs, size_t max_bytes) {
-  QUARRY_CHECK(triangles.size() < 0xFFFFFFFFu);
+  QUARRY_CHECK_LT(triangles.size(), size_t{0xFFFFFFFF});
   return Builder(triangles, padding, cell, costs).Build(cell, max_bytes);
 }
 

@@ -95,7 +95,7 @@ WideTreeMaker::Child WideTreeMaker::Close(std::span<const Child> children, Order
 }
 
 size_t WideTreeMaker::Finish() {
-  QUARRY_CHECK(subtrees_.size() == 1);
+  QUARRY_CHECK_EQ(subtrees_.size(), size_t{1});
   Close({children_.data(), subtrees_.back().size}, subtrees_.back().orders);
   if (full_) return 0;
   // The root was last. What was left free before it is not known to its children.

@@ -157,7 +157,9 @@ class StreamConnection final : public AcceptedConnection {
     on_close_ = nullptr;
     on_message_ = nullptr;
     on_sent_ = nullptr;
-    if (handler && !close_asked_) handler(Error{fmt::format("{} {}", peer_, message), 1, permanent});
+    if (handler && !close_asked_)
+      handler(Error{fmt::format("{} {}", peer_, message),
+                    permanent ? ErrorKind::kPermanent : ErrorKind::kFailed});
   }
 
   bool newcomer() const override { return !closed_ && !greeted_; }

@@ -56,10 +56,7 @@ struct TileOrder {
   std::vector<uint32_t> holders;  ///< for each of them a worker that has it, or 0; a hint
 };
 inline constexpr size_t kMaxTileBlocks = 1u << 20;  ///< blocks that a message about a tile may name
-/// Pixels on a side of the squares of which a tile says how far they saw; infinity where a ray hits nothing.
-inline constexpr uint32_t kDepthCell = 4;
-inline constexpr uint32_t DepthCells(uint32_t pixels) { return (pixels + kDepthCell - 1) / kDepthCell; }
-inline constexpr size_t kMaxTileHints = 4096;  ///< blocks that a tile order may name
+inline constexpr size_t kMaxTileHints = 4096;       ///< blocks that a tile order may name
 struct TileDone {
   uint64_t setup = 0;
   uint32_t tile = 0;
@@ -90,13 +87,8 @@ struct WorkerStatus {
   uint64_t fetch_us = 0;                  ///< in which blocks were on their way from a source
   uint64_t prefetched_bytes = 0, prefetch_wasted_bytes = 0;
   uint64_t decode_us = 0;     ///< in which blocks were decoded, memory for them included
-  uint32_t tiles_wanted = 0;  ///< to have at once; 0: the usual
+  uint32_t tiles_wanted = 0;  ///< to have at once; 0: FewestTiles
 };
-/// Tiles that a worker is to have at once when it has not said how many, and the most it may ask for.
-inline uint32_t FewestTiles(uint32_t threads) { return threads * 2 + 2; }
-inline uint32_t MostTiles(uint32_t threads) { return threads * 8 + 2; }
-/// And where blocks push each other out of its cache.
-inline uint32_t MostTilesIfScarce(uint32_t threads) { return threads * 16 + 24; }
 struct BlockRequest {
   uint32_t block = 0;
 };

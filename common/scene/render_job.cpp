@@ -41,6 +41,25 @@ std::string Describe(const RenderJob& job) {
                      kRenderModeNames[static_cast<size_t>(job.mode)], job.spp, plural(job.spp), job.format);
 }
 
+View FrameView(const RenderJob& job, size_t frame) {
+  View view;
+  view.width = job.width;
+  view.height = job.height;
+  view.crop_x = job.crop_x;
+  view.crop_y = job.crop_y;
+  view.crop_width = job.crop_width;
+  view.crop_height = job.crop_height;
+  view.mode = job.mode;
+  view.spp = job.spp;
+  view.seed = job.seed;
+  view.aov_mask = job.aov_mask;
+  view.lights = job.lights;
+  view.ambient = job.ambient;
+  view.background = job.background;
+  view.camera = job.cameras[frame];
+  return view;
+}
+
 uint32_t WordsPerPixel(uint32_t aov_mask) {
   uint32_t words = 3;
   for (int a = 0; a < kAovs; ++a)

@@ -1,50 +1,13 @@
 #pragma once
 
 #include <cstdint>
-#include <glm/vec3.hpp>
 #include <string>
 #include <vector>
 
 #include "common/base/status.h"
+#include "common/scene/view.h"
 
 namespace quarry {
-
-enum class RenderMode : uint8_t { kRaycast = 0, kShadow = 1, kWhitted = 2, kVoxels = 3 };
-inline constexpr int kRenderModes = 4;
-/// Names as in --mode.
-inline constexpr const char* kRenderModeNames[kRenderModes] = {"raycast", "shadow", "whitted", "voxels"};
-
-/// Layers beside the colour, in the order they are stored for a pixel.
-enum class Aov : uint8_t { kDepth, kNormal, kUv, kPrimitive, kMaterial, kPart, kVoxel };
-inline constexpr int kAovs = 7;
-/// Name as in --aov and number of 32-bit words.
-struct AovInfo {
-  const char* name;
-  int words;
-  bool is_integer;
-};
-inline constexpr AovInfo kAovInfo[kAovs] = {{"depth", 1, false},    {"normal", 3, false},  {"uv", 2, false},
-                                            {"primitive", 1, true}, {"material", 1, true}, {"part", 1, true},
-                                            {"voxel", 1, true}};
-
-/// A pinhole or orthographic camera. Positions here and in lights are the store's: the model's less its
-/// offset (SceneMeta).
-struct CameraSpec {
-  glm::dvec3 eye{0, -1, 0}, at{0}, up{0, 0, 1};
-  double fov_degrees = 45;  ///< vertical, in (0, 179]
-  double ortho_height = 0;  ///< > 0: orthographic, this high
-};
-
-enum class LightKind : uint8_t { kSun = 0, kPoint = 1 };
-struct Light {
-  LightKind kind = LightKind::kSun;
-  glm::vec3 vector{0, 0, 1};  ///< sun: direction toward it, unit length; point: position
-  glm::vec3 radiance{1};      ///< sun: irradiance/pi at normal incidence; point: the same at distance 1
-  /// A point that shines in a cone: toward a direction of which `axis` makes up the share c (a cosine) it
-  /// shines by the square of cone_scale * c + cone_offset, held to [0, 1].
-  glm::vec3 axis{0, 0, -1};
-  float cone_scale = 0, cone_offset = 1;
-};
 
 /// All that a picture depends on, beside the scene.
 struct RenderJob {
@@ -65,16 +28,12 @@ struct RenderJob {
   bool has(Aov aov) const { return aov_mask >> static_cast<int>(aov) & 1; }
 };
 
-inline constexpr uint32_t kMaxImageSide = 65536;
-inline constexpr uint32_t kMaxSpp = 1u << 16;
-inline constexpr uint32_t kMaxLights = 1024;
 /// Of one job: three quarters of an hour at 24 a second. A job travels as one message, and whoever listens
 /// bounds what half-read messages may take.
 inline constexpr uint32_t kMaxFrames = 1u << 16;
-inline constexpr uint32_t kTileSize = 32;
 
-/// 32-bit words a pixel takes in tiles and frames: colour first (3 floats), then the AOVs in order.
-uint32_t WordsPerPixel(uint32_t aov_mask);
+/// One frame of a job. Requires: `frame` is less than the number of cameras.
+View FrameView(const RenderJob& job, size_t frame = 0);
 
 /// "60 frames of 1024x768, whitted, 4 samples a pixel, png": for logs.
 std::string Describe(const RenderJob& job);

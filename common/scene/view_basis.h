@@ -5,7 +5,7 @@
 #include <glm/vec3.hpp>
 
 #include "common/math/elementary.h"
-#include "common/scene/render_job.h"
+#include "common/scene/view.h"
 
 namespace quarry {
 

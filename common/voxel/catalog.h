@@ -67,7 +67,7 @@ struct BlockEntry {
 
 /// One voxel as the directory knows it. Stored in 72 bytes.
 struct VoxelEntry {
-  BlockEntry blocks[2];  ///< by BlockKind; shading follows hot in the file
+  BlockEntry blocks[kBlockKinds];  ///< by BlockKind; shading follows hot in the file
   uint32_t triangles = 0;
   uint32_t next_in_chain = kNoIndex;           ///< the next voxel of the same top-level leaf
   glm::vec3 bounds_lower{0}, bounds_upper{0};  ///< of its triangles, whole
@@ -91,7 +91,14 @@ struct Catalog {
   std::vector<VoxelBounds> bounds;  ///< likewise, grown by the padding
   std::vector<Material> materials;  ///< without names
 
-  const BlockEntry& block(uint32_t block_id) const { return voxels[block_id / 2].blocks[block_id % 2]; }
+  /// Requires: a voxel of the scene.
+  const BlockEntry& block(BlockKey key) const {
+    return voxels[key.voxel].blocks[static_cast<uint32_t>(key.kind)];
+  }
+  /// Whether the scene has this block: a key from elsewhere may name none.
+  bool Has(BlockKey key) const { return key.voxel < voxels.size() && block(key).stored != 0; }
+  /// Blocks that there may be: their numbers lie below.
+  size_t block_numbers() const { return voxels.size() * kBlockKinds; }
   TopTree top_tree() const {
     return {top_nodes.data(), chain_end.data(), bounds.data(),  meta.root_lower,
             meta.root_upper,  nullptr,          top_wide.data()};

@@ -12,7 +12,8 @@ namespace {
 
 template <class... Parts>
 tl::unexpected<Error> Refuse(fmt::format_string<Parts...> format, Parts&&... parts) {
-  return tl::unexpected<Error>(Error{fmt::format(format, std::forward<Parts>(parts)...), 1, true});
+  return tl::unexpected<Error>(
+      Error{fmt::format(format, std::forward<Parts>(parts)...), ErrorKind::kPermanent});
 }
 
 /// The bytes of the file that hold `catalog`'s blocks: they lie in a row.

@@ -37,7 +37,7 @@ std::string TypeName(SectionType type) {
 
 /// Trying again cannot help.
 tl::unexpected<Error> FailForGood(std::string sentence) {
-  return tl::unexpected<Error>(Error{std::move(sentence), 1, true});
+  return tl::unexpected<Error>(Error{std::move(sentence), ErrorKind::kPermanent});
 }
 
 }  // namespace
@@ -163,17 +163,17 @@ Status StoreReader::DecodeTextureSections(const std::vector<Section>& sections) 
   return {};
 }
 
-Result<Bytes> StoreReader::ReadBlock(uint32_t block_id) const {
-  if (block_id / 2 >= catalog_.voxels.size() || catalog_.block(block_id).stored == 0)
-    return FailForGood(fmt::format("{}: there is no block {}", path(), block_id));
-  const BlockEntry& entry = catalog_.block(block_id);
+Result<Bytes> StoreReader::ReadBlock(BlockKey block) const {
+  if (!catalog_.Has(block))
+    return FailForGood(fmt::format("{}: there is no block {}", path(), block.number()));
+  const BlockEntry& entry = catalog_.block(block);
   if (entry.offset < blocks_begin_ || entry.stored > blocks_end_ - entry.offset || entry.offset > blocks_end_)
-    return FailForGood(fmt::format("{}: block {} is not where it should be", path(), block_id));
+    return FailForGood(fmt::format("{}: block {} is not where it should be", path(), block.number()));
   Bytes bytes(entry.stored);
   QUARRY_TRY(file_.ReadAt(entry.offset, bytes));
   if (Checksum(bytes) != entry.checksum)
     return FailForGood(fmt::format("{}: block {} at byte {} is damaged (checksum); make the store again",
-                                   path(), block_id, entry.offset));
+                                   path(), block.number(), entry.offset));
   return bytes;
 }
 
@@ -219,9 +219,10 @@ Status StoreReader::CheckPagesFill() const {
 
 Status StoreReader::VerifyVoxel(uint32_t voxel, uint64_t& end, BlockDecoder& decoder) const {
   for (BlockKind kind : {BlockKind::kHot, BlockKind::kShading}) {
-    const uint32_t id = BlockId(voxel, kind);
+    const BlockKey id{voxel, kind};
     const BlockEntry& entry = catalog_.block(id);
-    if (entry.offset != end) return Fail(fmt::format("{}: block {} is not where it should be", path(), id));
+    if (entry.offset != end)
+      return Fail(fmt::format("{}: block {} is not where it should be", path(), id.number()));
     end += entry.stored;
     if (entry.stored == 0) continue;
     QUARRY_ASSIGN(const Bytes stored, ReadBlock(id));
@@ -233,8 +234,8 @@ Status StoreReader::VerifyVoxel(uint32_t voxel, uint64_t& end, BlockDecoder& dec
               })
             : DecodeShading(decoder, catalog_, voxel, stored, decoded).map([](auto&&) {});
     if (!status)
-      return Fail(
-          fmt::format("{}: block {} at byte {}: {}", path(), id, entry.offset, status.error().message));
+      return Fail(fmt::format("{}: block {} at byte {}: {}", path(), id.number(), entry.offset,
+                              status.error().message));
   }
   return {};
 }

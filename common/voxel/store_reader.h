@@ -41,7 +41,7 @@ class StoreReader {
 
   /// Bytes of one stored block, its checksum verified.
   /// Errors: a read error; permanent: no such block, or a damaged one (the byte offset named).
-  Result<Bytes> ReadBlock(uint32_t block_id) const;
+  Result<Bytes> ReadBlock(BlockKey block) const;
 
   /// One page of a texture, read, checked and decoded: as DecodePage gives it.
   /// Errors: a read error; permanent: no such page, or a damaged one (the texture, the page and the byte

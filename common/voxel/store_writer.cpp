@@ -145,7 +145,7 @@ void StoreWriter::BeginTexture(std::string name, const TexelLayout& layout) {
 
 Status StoreWriter::AddPage(uint32_t page, const EncodedPage& encoded) {
   WrittenTexture& t = textures_.back();
-  QUARRY_CHECK(t.texture.pages[page].stored == 0);
+  QUARRY_CHECK_EQ(t.texture.pages[page].stored, 0u);
   t.texture.pages[page] = {file_.size(), static_cast<uint32_t>(encoded.stored.size()), encoded.decoded,
                            Checksum(encoded.stored)};
   t.logical[page] = encoded.logical;

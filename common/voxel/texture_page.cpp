@@ -147,7 +147,7 @@ Bytes EncodePage(const TextureShape& shape, const TexelLayout& layout, uint32_t 
 
 Result<Bytes> DecodePage(const TextureShape& shape, const TexelLayout& layout, uint32_t page,
                          std::span<const std::byte> stored) {
-  QUARRY_CHECK(page < shape.pages());
+  QUARRY_CHECK_LT(page, shape.pages());
   const size_t size = size_t{shape.TexelsOf(page)} * layout.texel_bytes();
   ByteReader in(stored);
   if (in.Get<uint32_t>() != size) return Fail("texture page: other than as many bytes as its texels take");

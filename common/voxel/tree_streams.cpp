@@ -19,7 +19,7 @@ struct TreeWriter {
 
   void Put(const KdNode& n) {
     if (n.is_leaf()) {
-      QUARRY_CHECK(n.count() + kLeafSymbol <= 0xFFFF);
+      QUARRY_CHECK_LE(n.count() + kLeafSymbol, 0xFFFFu);
       symbols.push_back(static_cast<uint16_t>(n.count() + kLeafSymbol));
       return;
     }
@@ -43,7 +43,7 @@ void PutTree(std::span<const KdNode> slots, Bytes& out) {
     at = (at + kTreeletHeaderSlots - 1) / kTreeletHeaderSlots * kTreeletHeaderSlots;
   }
   PutPlanes<uint16_t>(tree.symbols, out);
-  QUARRY_CHECK(tree.symbols.size() / 2 <= kMostInnerNodes);
+  QUARRY_CHECK_LE(tree.symbols.size() / 2, kMostInnerNodes);
   for (const std::vector<uint32_t>& planes : tree.planes) PutDifferences<uint32_t>(planes, out);
 }
 

@@ -32,7 +32,7 @@ void CheckReferences(const HotVoxel& voxel) {
       visits.push_back(n.left());
     }
   }
-  QUARRY_CHECK(references == voxel.references.size());
+  QUARRY_CHECK_EQ(references, voxel.references.size());
 }
 
 void PutVertices(std::span<const glm::vec3> vertices, Bytes& out) {
@@ -78,7 +78,7 @@ Bytes EncodeHot(const HotVoxel& v) {
 }
 
 Bytes EncodeShading(const ShadingVoxel& v) {
-  QUARRY_CHECK(v.vertices.size() <= 65535);
+  QUARRY_CHECK_LE(v.vertices.size(), size_t{65535});
   ByteWriter header;
   header.Put(kShadingMagic);
   header.Put(static_cast<uint32_t>(v.corners.size() / 3));

@@ -10,6 +10,7 @@
 #include "common/base/bytes.h"
 #include "common/kdtree/build.h"
 #include "common/kdtree/node.h"
+#include "common/voxel/block_key.h"
 
 // A voxel is stored as two blocks: the hot part (tree and triangles, all that traversal touches) and the
 // shading part (normals, uv, colours). A block is stored as streams of bytes that LZ4 makes small, and
@@ -30,11 +31,6 @@ inline constexpr uint32_t kMaxBlockBytes = 64u << 20;
 /// A stored block is at most twice as large as it is decoded, and so much: its streams' header, and how many
 /// bytes of streams there are. (Of a hot block's tree nothing is left but wide nodes.)
 inline constexpr uint64_t MostStored(uint64_t decoded) { return 2 * decoded + 16; }
-
-enum class BlockKind : uint32_t { kHot = 0, kShading = 1 };
-
-/// The blocks of a scene are numbered: voxel * 2 + kind.
-inline uint32_t BlockId(uint32_t voxel, BlockKind kind) { return voxel * 2 + static_cast<uint32_t>(kind); }
 
 /// What a hot block is made from.
 struct HotVoxel {

@@ -5,7 +5,7 @@
 
 #include "common/scene/render_job.h"
 #include "master/jobs/frame.h"
-#include "master/schedule/coarse_rays.h"
+#include "master/schedule/footprint_probe.h"
 #include "master/schedule/scheduler.h"
 
 namespace quarry {

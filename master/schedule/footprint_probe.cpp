@@ -3,15 +3,41 @@
 #include <algorithm>
 #include <utility>
 
+#include "master/jobs/frame.h"
+
 namespace quarry {
 
-FootprintProbe::FootprintProbe(const StoreReader& store, uint64_t cache_bytes, std::function<void()> on_news)
-    : rays_(store, cache_bytes), on_news_(std::move(on_news)), thread_([this] { Run(); }) {}
+Result<CoarseFrame> ProbeFrame(Renderer& renderer, const RenderJob& job, std::stop_token stop) {
+  constexpr uint64_t kSmallPixels = 512 * kTileSize * kTileSize;
+  const uint32_t step = uint64_t{job.crop_width} * job.crop_height <= kSmallPixels ? 2 : 4;
+  std::vector<Tile> tiles;
+  for (const Frame::Tile& tile : Frame::TilesOf(job))
+    tiles.push_back({{tile.x, tile.y, tile.width, tile.height}, step});
+  CoarseFrame frame(tiles.size());
+  QUARRY_TRY(renderer.Render(
+      FrameView(job), tiles,
+      [&](size_t i, RenderedTile result, Renderer::Progress) {
+        for (const BlockKey block : result.blocks) frame[i].blocks.push_back(block.number());
+        frame[i].depths = std::move(result.depths);
+      },
+      std::move(stop)));
+  return frame;
+}
+
+Result<std::unique_ptr<FootprintProbe>> FootprintProbe::Create(const Scene& scene, uint64_t cache_bytes,
+                                                               std::function<void()> on_news) {
+  QUARRY_ASSIGN(auto renderer, Renderer::Create(scene, {cache_bytes, 1}));
+  return std::unique_ptr<FootprintProbe>(new FootprintProbe(std::move(renderer), std::move(on_news)));
+}
+
+FootprintProbe::FootprintProbe(std::unique_ptr<Renderer> renderer, std::function<void()> on_news)
+    : renderer_(std::move(renderer)), on_news_(std::move(on_news)), thread_([this] { Run(); }) {}
 
 FootprintProbe::~FootprintProbe() {
   {
     const std::lock_guard lock(mutex_);
     stop_ = true;
+    stop_current_.request_stop();
   }
   changed_.notify_one();
   thread_.join();
@@ -29,6 +55,8 @@ void FootprintProbe::Want(std::vector<Wish> wishes) {
         entries.push_back({std::move(wish), nullptr});
     }
     entries_ = std::move(entries);
+    if (std::ranges::none_of(entries_, [&](const Entry& e) { return e.wish.Is(current_); }))
+      stop_current_.request_stop();
   }
   changed_.notify_one();
 }
@@ -49,7 +77,7 @@ bool FootprintProbe::IsAtWork(const std::string& job, size_t index) const {
 
 void FootprintProbe::Run() {
   for (;;) {
-    Wish wish;
+    std::stop_token stop;
     {
       std::unique_lock lock(mutex_);
       const auto open = [this] {
@@ -57,33 +85,20 @@ void FootprintProbe::Run() {
       };
       changed_.wait(lock, [&] { return stop_ || open() != entries_.end(); });
       if (stop_) return;
-      wish = open()->wish;
+      current_ = open()->wish;
+      stop_current_ = {};
+      stop = stop_current_.get_token();
     }
-    auto frame = std::make_shared<const CoarseFrame>(GoThrough(wish));
+    // Empty where nobody wants it any more, or the store cannot be read: the block service reports that.
+    auto frame = std::make_shared<const CoarseFrame>(
+        ProbeFrame(*renderer_, current_.one, stop).value_or(CoarseFrame{}));
     {
       const std::lock_guard lock(mutex_);
       for (Entry& entry : entries_)
-        if (entry.wish.Is(wish)) entry.frame = std::move(frame);
+        if (entry.wish.Is(current_)) entry.frame = std::move(frame);
     }
     on_news_();
   }
-}
-
-bool FootprintProbe::IsWanted(const Wish& wish) const {
-  const std::lock_guard lock(mutex_);
-  return !stop_ && std::ranges::any_of(entries_, [&](const Entry& e) { return e.wish.Is(wish); });
-}
-
-/// Empty where that is of no use any more, or the store cannot be read: whoever serves its blocks says so.
-CoarseFrame FootprintProbe::GoThrough(const Wish& wish) {
-  CoarseFrame frame;
-  for (const Frame::Tile& tile : Frame::TilesOf(wish.one)) {
-    if (!IsWanted(wish)) return {};
-    auto traced = rays_.Trace(wish.one, tile);
-    if (!traced) return {};
-    frame.push_back(std::move(*traced));
-  }
-  return frame;
 }
 
 }  // namespace quarry

@@ -4,7 +4,7 @@
 #include <atomic>
 #include <thread>
 
-#include "common/engine/shading.h"
+#include "common/engine/shading/shading.h"
 #include "common/math/fixed_radiance.h"
 #include "common/math/sampling.h"
 #include "common/scene/camera.h"
@@ -92,8 +92,8 @@ class Tracer {
     hit.local = place.local;
     hit.b1 = r.hit.u;
     hit.b2 = r.hit.v;
-    Surface s = MakeSurface(blocks_[BlockId(place.voxel, BlockKind::kHot)]->hot, hit, direction);
-    if (const auto& shading = blocks_[BlockId(place.voxel, BlockKind::kShading)])
+    Surface s = MakeSurface(blocks_[BlockKey::Hot(place.voxel).number()]->hot, hit, direction);
+    if (const auto& shading = blocks_[BlockKey::Shading(place.voxel).number()])
       AddAttributes(shading->shading, hit, s);
     return s;
   }

@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "common/engine/voxel_cache.h"
+#include "common/engine/blocks/voxel_cache.h"
 #include "common/scene/render_job.h"
 #include "tests/bench/embree_scene.h"
 

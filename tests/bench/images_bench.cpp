@@ -4,14 +4,12 @@
 
 #include <CLI/CLI.hpp>
 #include <cmath>
-#include <condition_variable>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "common/engine/engine.h"
-#include "common/engine/loader.h"
+#include "common/engine/renderer.h"
 #include "common/voxel/store_reader.h"
 #include "deploy/cluster.h"
 #include "deploy/default_view.h"
@@ -38,68 +36,30 @@ struct Options {
   std::string json;
 };
 
-/// The worker's engine in this process, all blocks in its cache.
-class EngineImage {
- public:
-  EngineImage(const StoreReader& store, std::vector<std::unique_ptr<ResidentBlock>> blocks)
-      : cache_(
-            store.catalog(), uint64_t{1} << 40, [] {}, [] {}),
-        engine_(store.catalog(), cache_, kThreads,
-                [this](const TileDone& done, const Bytes& pixels) { Put(done, pixels); }) {
-    for (uint32_t id = 0; id < blocks.size(); ++id) {
-      if (!blocks[id]) continue;
-      cache_.Reserve(store.catalog().block(id).decoded);
-      cache_.Publish(id, std::move(blocks[id]));
-    }
-  }
-
-  const std::vector<float>& Render(const RenderJob& job) {
-    image_.assign(size_t{3} * job.width * job.height, 0);
-    width_ = job.width;
-    tiles_.clear();
-    engine_.SetFrame({++setup_, job});
-    for (uint32_t y = 0; y < job.height; y += kTileSize)
-      for (uint32_t x = 0; x < job.width; x += kTileSize)
-        tiles_.push_back({setup_, static_cast<uint32_t>(tiles_.size()), 0, x, y,
-                          std::min(kTileSize, job.width - x), std::min(kTileSize, job.height - y)});
-    left_ = tiles_.size();
-    for (const TileOrder& tile : tiles_) engine_.AddTile(tile);
-    std::unique_lock lock(mutex_);
-    done_.wait(lock, [&] { return left_ == 0; });
-    return image_;
-  }
-
- private:
-  void Put(const TileDone& done, const Bytes& pixels) {
-    const TileOrder& tile = tiles_[done.tile];
-    const size_t row = size_t{12} * tile.width;
-    for (uint32_t y = 0; y < tile.height; ++y)
-      std::memcpy(&image_[size_t{3} * ((tile.y + y) * width_ + tile.x)], pixels.data() + y * row, row);
-    const std::lock_guard lock(mutex_);
-    if (--left_ == 0) done_.notify_one();
-  }
-
-  VoxelCache cache_;
-  uint64_t setup_ = 0;
-  uint32_t width_ = 0;
-  std::vector<TileOrder> tiles_;
-  std::vector<float> image_;
-  std::mutex mutex_;  ///< left_
-  std::condition_variable done_;
-  size_t left_ = 0;
-  Engine engine_;  // last: its threads use all of the above
-};
+/// The picture's rows of RGB. Blocks are decoded on the way, and stay in the renderer's cache.
+Result<std::vector<float>> RenderImage(Renderer& renderer, const View& view) {
+  std::vector<float> image(size_t{3} * view.width * view.height);
+  const std::vector<Tile> tiles = TilesOf(view.crop());
+  QUARRY_TRY(renderer.Render(view, tiles, [&](size_t i, const RenderedTile& result, Renderer::Progress) {
+    const PixelRect& r = tiles[i].pixels;
+    for (uint32_t y = 0; y < r.height; ++y)
+      std::memcpy(&image[size_t{3} * ((r.y + y) * view.width + r.x)],
+                  result.pixels.data() + size_t{12} * y * r.width, size_t{12} * r.width);
+  }));
+  return image;
+}
 
 Result<std::vector<std::unique_ptr<ResidentBlock>>> DecodeAll(const StoreReader& store) {
   const Catalog& catalog = store.catalog();
-  std::vector<std::unique_ptr<ResidentBlock>> blocks(catalog.voxels.size() * 2);
+  std::vector<std::unique_ptr<ResidentBlock>> blocks(catalog.block_numbers());
   BlockDecoder decoder;
-  for (uint32_t id = 0; id < blocks.size(); ++id) {
-    if (catalog.block(id).stored == 0) continue;
-    QUARRY_ASSIGN(const Bytes stored, store.ReadBlock(id));
-    blocks[id] = std::make_unique<ResidentBlock>();
-    blocks[id]->bytes = PageBuffer(catalog.block(id).decoded);
-    QUARRY_TRY(DecodeBlock(catalog, id, stored, decoder, *blocks[id]));
+  for (uint32_t number = 0; number < blocks.size(); ++number) {
+    const auto key = BlockKey::FromNumber(number);
+    if (!catalog.Has(key)) continue;
+    QUARRY_ASSIGN(const Bytes stored, store.ReadBlock(key));
+    blocks[number] = std::make_unique<ResidentBlock>();
+    blocks[number]->bytes = *PageBuffer::TryGet(catalog.block(key).decoded);
+    QUARRY_TRY(DecodeBlock(catalog, key, stored, decoder, *blocks[number]));
   }
   return blocks;
 }
@@ -162,17 +122,16 @@ Difference Compare(const std::vector<float>& a, const std::vector<float>& b) {
 }
 
 Status RunScene(const std::string& path, const Options& options, nlohmann::json& results) {
-  QUARRY_ASSIGN(const StoreReader store, StoreReader::Open(path));
-  const Catalog& catalog = store.catalog();
-  QUARRY_ASSIGN(const auto blocks, DecodeAll(store));
-  QUARRY_ASSIGN(auto engine_blocks, DecodeAll(store));
+  QUARRY_ASSIGN(const Scene scene, Scene::Open(path));
+  const Catalog& catalog = scene.catalog();
+  QUARRY_ASSIGN(const auto blocks, DecodeAll(scene.store()));
   std::vector<VoxelGeometry> voxels;
   for (uint32_t v = 0; v < catalog.voxels.size(); ++v)
-    voxels.push_back(blocks[BlockId(v, BlockKind::kHot)]->hot);
+    voxels.push_back(blocks[BlockKey::Hot(v).number()]->hot);
   const auto start = Clock::now();
   const EmbreeScene embree(voxels, catalog.meta.input_triangles, true);
   const double build_s = SecondsSince(start);
-  EngineImage engine(store, std::move(engine_blocks));
+  QUARRY_ASSIGN(const auto renderer, Renderer::Create(scene, {uint64_t{1} << 40, kThreads}));
   const EmbreeImage reference(embree, catalog, blocks);
   const std::string name = std::filesystem::path(path).stem().string();
   fmt::print("{}: {} triangles; Embree's tree (robust, best quality) takes {:.1f} s\n", name,
@@ -189,10 +148,11 @@ Status RunScene(const std::string& path, const Options& options, nlohmann::json&
                                         {"whitted", RenderMode::kWhitted}}) {
     job.mode = mode;
     std::vector<double> engine_s, embree_s, command_s;
-    std::vector<float> ours, theirs;
+    std::vector<float> theirs;
+    QUARRY_ASSIGN(std::vector<float> ours, RenderImage(*renderer, FrameView(job)));  // loads its blocks
     for (int r = 0; r < options.repetitions; ++r) {
       auto from = Clock::now();
-      ours = engine.Render(job);
+      QUARRY_ASSIGN(ours, RenderImage(*renderer, FrameView(job)));
       engine_s.push_back(SecondsSince(from));
       from = Clock::now();
       theirs = reference.Render(job, kThreads);
@@ -223,8 +183,7 @@ Status RunScene(const std::string& path, const Options& options, nlohmann::json&
 
 int Main(int argc, char** argv) {
   Options options;
-  CLI::App app(
-      "Pictures on two threads: the worker's engine, `quarry render`, and a renderer around Embree.");
+  CLI::App app("Pictures on two threads: the engine, `quarry render`, and a renderer around Embree.");
   app.add_option("store", options.stores, "Stores made by quarry-preprocess")->required();
   app.add_option("--repetitions", options.repetitions, "Medians of so many")
       ->check(CLI::Range(1, 1000))

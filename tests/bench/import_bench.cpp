@@ -61,7 +61,7 @@ int main(int argc, char** argv) {
   for (int i = 1; i < argc; ++i) {
     if (const Status status = Measure(argv[i]); !status) {
       fmt::print(stderr, "{}\n", status.error().message);
-      return status.error().exit_status;
+      return status.error().exit_status();
     }
   }
   return argc > 1 ? 0 : 2;

@@ -12,8 +12,8 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
-#include "common/engine/loader.h"
-#include "common/engine/pinned_blocks.h"
+#include "common/engine/blocks/loader.h"
+#include "common/engine/blocks/pinned_blocks.h"
 #include "tests/bench/embree_rays.h"
 #include "tests/bench/figures.h"
 #include "tests/bench/grazing.h"
@@ -59,10 +59,10 @@ class ResidentCache {
     const Catalog& catalog = self->store_.catalog();
     BlockDecoder decoder;
     for (uint32_t v = 0; v < catalog.voxels.size(); ++v) {
-      const uint32_t id = BlockId(v, BlockKind::kHot);
+      const auto id = BlockKey::Hot(v);
       QUARRY_ASSIGN(const Bytes stored, self->store_.ReadBlock(id));
       auto block = std::make_unique<ResidentBlock>();
-      block->bytes = PageBuffer(catalog.block(id).decoded);
+      block->bytes = *PageBuffer::TryGet(catalog.block(id).decoded);
       QUARRY_TRY(DecodeBlock(catalog, id, stored, decoder, *block, &self->trees_.emplace_back()));
       self->cache_.Reserve(catalog.block(id).decoded);
       self->cache_.Publish(id, std::move(block));
@@ -84,7 +84,7 @@ class ResidentCache {
   StoreReader store_;
   std::vector<std::vector<KdNode>> trees_;  ///< for kernels that no render uses
   VoxelCache cache_;
-  std::vector<uint32_t> touched_;  ///< what pins_ notes, as in a render
+  std::vector<BlockKey> touched_;  ///< what pins_ notes, as in a render
   PinnedBlocks pins_;
 };
 

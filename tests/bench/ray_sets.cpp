@@ -7,7 +7,7 @@
 #include <random>
 #include <utility>
 
-#include "common/engine/shading.h"
+#include "common/engine/shading/shading.h"
 #include "common/scene/camera.h"
 #include "deploy/default_view.h"
 

@@ -15,7 +15,7 @@
 #include <optional>
 #include <utility>
 
-#include "common/engine/file_source.h"
+#include "common/engine/scene.h"
 #include "deploy/cluster.h"
 #include "tests/bench/figures.h"
 #include "tests/bench/median.h"
@@ -58,13 +58,13 @@ class Fetching {
  private:
   void Next() {
     if (next_ == blocks_.size()) return;
-    const uint32_t block = blocks_[next_++];
+    const BlockKey block = blocks_[next_++];
     source_.Fetch(block, [this, block](Result<Bytes> bytes) {
       const BlockEntry& entry = catalog_.block(block);
       if (!bytes)
         status_ = tl::unexpected<Error>(bytes.error());
       else if (bytes->size() != entry.stored || Checksum(*bytes) != entry.checksum)
-        status_ = Fail(fmt::format("block {} is not the store's", block));
+        status_ = Fail(fmt::format("block {} is not the store's", block.number()));
       ++done_;
       asio::post(io_, [this] { Next(); });
     });
@@ -73,7 +73,7 @@ class Fetching {
   asio::io_context& io_;
   VoxelSource& source_;
   const Catalog& catalog_;
-  std::vector<uint32_t> blocks_;
+  std::vector<BlockKey> blocks_;
   size_t next_ = 0, done_ = 0;
   Status status_;
 };
@@ -86,10 +86,11 @@ struct Figures {
 class SourcesBench {
  public:
   explicit SourcesBench(const StoreReader& store) : store_(store), catalog_(store.catalog()) {
-    for (uint32_t b = 0; b < 2 * catalog_.voxels.size(); ++b) {
-      if (catalog_.block(b).stored == 0) continue;
-      blocks_.push_back(b);
-      bytes_ += catalog_.block(b).stored;
+    for (uint32_t number = 0; number < catalog_.block_numbers(); ++number) {
+      const auto block = BlockKey::FromNumber(number);
+      if (!catalog_.Has(block)) continue;
+      blocks_.push_back(block);
+      bytes_ += catalog_.block(block).stored;
     }
   }
 
@@ -114,7 +115,7 @@ class SourcesBench {
       times.push_back(SecondsSince(begin));
       cpu.push_back(ProcessSeconds() - cpu_before);
       if (before) continue;
-      std::vector<uint32_t> some = blocks_;
+      std::vector<BlockKey> some = blocks_;
       some.resize(std::min(kAlone, some.size()));
       Fetching one(io, *source, catalog_, some);
       const auto begin_alone = Clock::now();
@@ -126,14 +127,17 @@ class SourcesBench {
     return {};
   }
 
+  std::unique_ptr<VoxelSource> FromFile(asio::io_context& io) const {
+    return Scene::Open(store_.path())->MakeSource([&io](std::function<void()> task) {
+      asio::post(io, std::move(task));
+    });
+  }
+
   Status Run() {
     const test::TemporaryFolder folder;
-    QUARRY_TRY(Measure("file", [&](asio::io_context& io) {
-      return std::make_unique<FileVoxelSource>(io, *StoreReader::Open(store_.path()));
-    }));
-    QUARRY_TRY(MeasureCache("disk cache, file", folder.file("cache"), [&](asio::io_context& io) {
-      return std::make_unique<FileVoxelSource>(io, *StoreReader::Open(store_.path()));
-    }));
+    QUARRY_TRY(Measure("file", [&](asio::io_context& io) { return FromFile(io); }));
+    QUARRY_TRY(MeasureCache("disk cache, file", folder.file("cache"),
+                            [&](asio::io_context& io) { return FromFile(io); }));
     LocalCluster::Options options;
     options.scene = store_.path();
     options.workers = 0;
@@ -228,7 +232,7 @@ class SourcesBench {
 
   const StoreReader& store_;
   const Catalog& catalog_;
-  std::vector<uint32_t> blocks_;
+  std::vector<BlockKey> blocks_;
   uint64_t bytes_ = 0;
   std::vector<Figures> figures_;
 };

@@ -109,7 +109,7 @@ class StoreBench {
       const uint32_t end = std::min<uint32_t>(first + kBatch, static_cast<uint32_t>(catalog.voxels.size()));
       std::vector<Bytes> blocks;
       for (uint32_t v = first; v < end; ++v) {
-        QUARRY_ASSIGN(Bytes block, store_.ReadBlock(2 * v));
+        QUARRY_ASSIGN(Bytes block, store_.ReadBlock(BlockKey::Hot(v)));
         blocks.push_back(std::move(block));
       }
       for (uint32_t v = first; v < end; ++v) {
@@ -129,9 +129,9 @@ class StoreBench {
     const Catalog& catalog = store_.catalog();
     Bytes out;
     for (uint32_t v = 0; v < catalog.voxels.size(); ++v) {
-      const BlockEntry& entry = catalog.block(BlockId(v, BlockKind::kShading));
+      const BlockEntry& entry = catalog.block(BlockKey::Shading(v));
       if (entry.stored == 0) continue;
-      QUARRY_ASSIGN(const Bytes block, store_.ReadBlock(BlockId(v, BlockKind::kShading)));
+      QUARRY_ASSIGN(const Bytes block, store_.ReadBlock(BlockKey::Shading(v)));
       out.resize(std::max<size_t>(out.size(), entry.decoded));
       const double begin = ProcessorSeconds();
       QUARRY_TRY(decoder_.Shading(block, std::span(out).first(entry.decoded)));

@@ -125,7 +125,8 @@ void MemoryConnection::Break(bool permanent) {
     self->on_message_ = nullptr;
     self->after_sent_ = nullptr;
     if (handler && !self->close_asked_)
-      handler(Error{"the fuzz program closed the connection", 1, permanent});
+      handler(Error{"the fuzz program closed the connection",
+                    permanent ? ErrorKind::kPermanent : ErrorKind::kFailed});
   });
 }
 

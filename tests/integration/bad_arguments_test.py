@@ -1,9 +1,8 @@
 """What people name on command lines, bad of every kind: JSON files, numbers. One sentence, before any work."""
 import os
 import pathlib
-import unittest
 
-from programs import Case
+from programs import Case, main
 from bad_input_test import CUBE
 
 
@@ -93,4 +92,4 @@ class BadNumbers(Case):
 
 
 if __name__ == "__main__":
-    unittest.main(verbosity=2)
+    main()

@@ -7,9 +7,8 @@ import socket
 import struct
 import subprocess
 import time
-import unittest
 
-from programs import BIN, PATIENCE, Case, end
+from programs import BIN, PATIENCE, Case, end, main
 
 CUBE = """ply
 format ascii 1.0
@@ -321,4 +320,4 @@ class Interrupted(Case):
 
 
 if __name__ == "__main__":
-    unittest.main(verbosity=2)
+    main()

@@ -1,8 +1,8 @@
 """Small models that people reported of programs that open or render meshes: ../shared/cases. One row a case; a new report is a new row."""
 import dataclasses
 import pathlib
-import unittest
 
+from programs import main
 from model_cases import BACKGROUND, GREEN, RED, SQUARE, Model, ModelCase, Sentence, colored
 
 CASES = pathlib.Path(__file__).parents[3] / "shared/cases"
@@ -193,4 +193,4 @@ class Cases(ModelCase):
 
 
 if __name__ == "__main__":
-    unittest.main(verbosity=2)
+    main()

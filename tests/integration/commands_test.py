@@ -11,9 +11,8 @@ import subprocess
 import termios
 import threading
 import time
-import unittest
 
-from programs import BIN, TIMEOUT_S, Case, end
+from programs import BIN, TIMEOUT_S, Case, end, main
 
 OBJ = "mtllib m.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n"
 
@@ -227,13 +226,17 @@ class Options(Case):
                         ["quarry-master"], ["quarry-worker"], ["quarry-scene"]):
             self.assertIn("Example", self.must(*command, "--help").stdout, command)
 
-    def test_variables_of_the_environment_are_in_the_readme(self):
-        readme = (pathlib.Path(__file__).parents[2] / "README.md").read_text()
-        named = set()
-        for command in (["quarry", "render"], ["quarry-preprocess"], ["quarry-master"], ["quarry-worker"], ["quarry-scene", "plant"]):
-            named |= set(re.findall(r"Env:\s*(QUARRY_\w+)", self.must(*command, "--help").stdout))
-        self.assertGreater(len(named), 8)
-        self.assertEqual({name for name in named if f"`{name}`" not in readme}, set())
+    def test_the_manual_names_every_option_and_variable(self):
+        manual = (pathlib.Path(__file__).parents[2] / "deploy/MANUAL.md").read_text()
+        for command in (["quarry", "render"], ["quarry-preprocess"], ["quarry-master"], ["quarry-worker"]):
+            section = manual.split(f"\n## `{' '.join(command)}`")[1].split("\n## ")[0]
+            text = self.must(*command, "--help").stdout
+            options = set(re.findall(r"^  (?:-\w,)?(--[\w-]+)", text, re.M)) - {"--help", "--version"}
+            self.assertGreater(len(options), 10)
+            with self.subTest(command=command):
+                self.assertEqual(set(re.findall(r"^\| `(?:-\w, )?(--[\w-]+)`", section, re.M)), options)
+                variables = set(re.findall(r"Env:\s*(QUARRY_\w+)", text))
+                self.assertEqual({name for name in variables if f"`{name}`" not in section}, set())
 
     def test_threads_follow_the_affinity(self):
         one = min(os.sched_getaffinity(0))
@@ -371,4 +374,4 @@ class Logs(Case):
 
 
 if __name__ == "__main__":
-    unittest.main(verbosity=2)
+    main()

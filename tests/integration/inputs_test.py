@@ -6,9 +6,8 @@ import pathlib
 import struct
 import subprocess
 import sys
-import unittest
 
-from programs import BIN, PATIENCE, TIMEOUT_S, Case
+from programs import BIN, PATIENCE, TIMEOUT_S, Case, main
 
 sys.path.append(str(pathlib.Path(__file__).parents[1] / "support"))
 import hard_models  # noqa: E402
@@ -328,4 +327,4 @@ class Named(Case):
 
 
 if __name__ == "__main__":
-    unittest.main(verbosity=2)
+    main()

@@ -9,9 +9,9 @@ import json
 import lzma
 import struct
 import tarfile
-import unittest
 import zipfile
 
+from programs import main
 from model_cases import BACKGROUND, GREEN, RED, SQUARE, Model, ModelCase, Sentence, colored
 
 ROWS = []
@@ -692,4 +692,4 @@ class MoreCases(ModelCase):
 
 
 if __name__ == "__main__":
-    unittest.main(verbosity=2)
+    main()

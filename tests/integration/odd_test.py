@@ -3,9 +3,8 @@ import os
 import pathlib
 import subprocess
 import threading
-import unittest
 
-from programs import BIN, PATIENCE, TIMEOUT_S, Case
+from programs import BIN, PATIENCE, TIMEOUT_S, Case, main
 
 ODD = pathlib.Path(__file__).parents[3] / "shared/scenes/odd"
 MODELS = {".ply", ".obj", ".stl", ".off", ".gltf", ".glb", ".3mf", ".amf"}
@@ -44,4 +43,4 @@ class Odd(Case):
 
 
 if __name__ == "__main__":
-    unittest.main(verbosity=2)
+    main()

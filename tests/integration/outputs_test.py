@@ -8,9 +8,8 @@ import stat
 import subprocess
 import threading
 import time
-import unittest
 
-from programs import BIN, PATIENCE, Case, end
+from programs import BIN, PATIENCE, Case, end, main
 
 CUBE = """ply
 format ascii 1.0
@@ -292,4 +291,4 @@ class Signals(Case):
 
 
 if __name__ == "__main__":
-    unittest.main(verbosity=2)
+    main()

@@ -3,9 +3,8 @@ import pathlib
 import re
 import shlex
 import subprocess
-import unittest
 
-from programs import BIN, TIMEOUT_S, Case
+from programs import BIN, TIMEOUT_S, Case, main
 
 ROOT = pathlib.Path(__file__).parents[2]
 
@@ -39,4 +38,4 @@ class Readme(Case):
 
 
 if __name__ == "__main__":
-    unittest.main(verbosity=2)
+    main()

@@ -5,9 +5,8 @@ import random
 import signal
 import subprocess
 import time
-import unittest
 
-from programs import BIN, Case
+from programs import BIN, Case, main
 
 KILLS = 20
 
@@ -211,4 +210,4 @@ class Resume(Case):
 
 
 if __name__ == "__main__":
-    unittest.main()
+    main()

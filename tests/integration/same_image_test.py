@@ -9,7 +9,7 @@ import time
 import unittest
 import unittest.mock
 
-from programs import BIN, TIMEOUT_S, Case, end
+from programs import BIN, TIMEOUT_S, Case, end, main
 
 TRIANGLES = int(os.environ.get("QUARRY_TEST_TRIANGLES", "1000000"))
 VIEW = ["--mode", "whitted", "--size", "512x384", "--eye", "6,6,14", "--at", "30,30,16", "--fov", "70",
@@ -148,4 +148,4 @@ class SameStore(Case):
 
 
 if __name__ == "__main__":
-    unittest.main(verbosity=2)
+    main()

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import unittest
 
-from programs import BIN, TIMEOUT_S, Case, end
+from programs import BIN, TIMEOUT_S, Case, end, main
 
 SCRIPTS = pathlib.Path(__file__).parents[1] / "scalability"
 sys.path.insert(0, str(SCRIPTS))
@@ -107,4 +107,4 @@ class Scalability(Case):
 
 
 if __name__ == "__main__":
-    unittest.main()
+    main()

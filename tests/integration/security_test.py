@@ -12,7 +12,7 @@ import time
 import unittest
 import unittest.mock
 
-from programs import BIN, Case, end
+from programs import BIN, Case, end, main
 
 VIEW = ["--size", "256x192", "--mode", "whitted", "--quiet"]
 PATIENCE_S = 60  # for what must happen at some time
@@ -354,4 +354,4 @@ class Tokens(Case):
 
 
 if __name__ == "__main__":
-    unittest.main(verbosity=2)
+    main()

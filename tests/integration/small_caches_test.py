@@ -2,9 +2,8 @@
 import json
 import pathlib
 import sys
-import unittest
 
-from programs import Case
+from programs import Case, main
 
 sys.path.append(str(pathlib.Path(__file__).parents[1] / "support"))
 import hard_models  # noqa: E402
@@ -72,4 +71,4 @@ class SmallCaches(Case):
 
 
 if __name__ == "__main__":
-    unittest.main()
+    main()

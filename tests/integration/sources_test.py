@@ -9,9 +9,8 @@ import socket
 import subprocess
 import threading
 import time
-import unittest
 
-from programs import BIN, TIMEOUT_S, Case, end
+from programs import BIN, TIMEOUT_S, Case, end, main
 
 VIEW = ["--mode", "shadow", "--size", "320x240"]
 
@@ -313,4 +312,4 @@ class Membership(Case):
 
 
 if __name__ == "__main__":
-    unittest.main(verbosity=2)
+    main()

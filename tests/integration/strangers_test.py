@@ -5,9 +5,8 @@ import re
 import resource
 import subprocess
 import time
-import unittest
 
-from programs import BIN, Case, end
+from programs import BIN, Case, end, main
 
 VIEW = ["--size", "320x240", "--spp", "16", "--mode", "whitted", "--quiet"]
 MIB = 1 << 20
@@ -180,4 +179,4 @@ class Strangers(Case):
 
 
 if __name__ == "__main__":
-    unittest.main(verbosity=2)
+    main()

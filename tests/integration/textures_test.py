@@ -9,10 +9,9 @@ import shutil
 import struct
 import subprocess
 import time
-import unittest
 import zlib
 
-from programs import BIN, PATIENCE, Case
+from programs import BIN, PATIENCE, Case, main
 
 SCENES = pathlib.Path(__file__).parents[3] / "shared/scenes"
 
@@ -312,4 +311,4 @@ class Resumed(Case):
 
 
 if __name__ == "__main__":
-    unittest.main(verbosity=2)
+    main()

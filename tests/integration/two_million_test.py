@@ -2,9 +2,8 @@
 tests/bench/preprocess."""
 import json
 import pathlib
-import unittest
 
-from programs import Case
+from programs import Case, main
 
 TRIANGLES = 2_000_000
 POSITIONS_PLY = 20.18  # bytes a triangle of the plant's indexed binary PLY, positions only
@@ -65,4 +64,4 @@ class TwoMillion(Case):
 
 
 if __name__ == "__main__":
-    unittest.main(verbosity=2)
+    main()

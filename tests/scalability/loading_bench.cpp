@@ -1,4 +1,4 @@
-// `quarry bench loading`: what suspending rays buys. A walk on one core by the worker's engine, along a line
+// `quarry bench loading`: what suspending rays buys. A walk on one core by the engine, along a line
 // of a given latency and bandwidth, cold and warm: with suspended rays; with a loader that the thread waits
 // for, one voxel after the other; and with the decoded store mapped into memory as from a file server.
 #include <fmt/format.h>
@@ -14,8 +14,7 @@
 #include <thread>
 #include <utility>
 
-#include "common/engine/engine.h"
-#include "common/engine/loader.h"
+#include "common/engine/renderer.h"
 #include "common/voxel/store_reader.h"
 #include "deploy/default_view.h"
 #include "deploy/scene_files.h"
@@ -54,7 +53,7 @@ class LineSource : public VoxelSource {
   LineSource(const StoreReader& store, Line& line, asio::io_context* io)
       : store_(store), line_(line), io_(io) {}
 
-  void Fetch(uint32_t block, Done done) override {
+  void Fetch(BlockKey block, Done done) override {
     const auto here = line_.Ask(store_.catalog().block(block).stored);
     if (!io_) {
       std::this_thread::sleep_until(here);
@@ -75,22 +74,18 @@ class LineSource : public VoxelSource {
 /// Of a frame of the walk.
 struct FrameCost {
   double compute_s = 0;          ///< tracing and shading
-  std::vector<uint32_t> blocks;  ///< touched here and in no frame before
+  std::vector<BlockKey> blocks;  ///< touched here and in no frame before
 };
 
-/// The worker's engine with one thread.
+/// A renderer with one thread, and a cache that holds the whole scene.
 class Walker {
  public:
   enum class Loading { kSuspend, kWait, kMap };
 
   Walker(const StoreReader& store, Line& line, Loading loading)
-      : store_(store),
-        loading_(loading),
-        source_(store, line, loading == Loading::kSuspend ? &io_ : nullptr),
-        cache_(
-            store.catalog(), uint64_t{1} << 40, [this] { Load(); }, [this] { Load(); }),
-        loader_(store.catalog(), cache_, source_, [this](const Error& e) { Give(e); }),
-        engine_(store.catalog(), cache_, 1, [this](const TileDone& done, const Bytes&) { Put(done); }) {
+      : source_(store, line, loading == Loading::kSuspend ? &io_ : nullptr),
+        renderer_(*Renderer::Create(store.catalog(), source_, Runs(loading), {uint64_t{1} << 40, 1},
+                                    {[this](const Error& e) { Give(e); }, {}, {}})) {
     if (loading == Loading::kSuspend) loader_thread_ = std::thread([this] { io_.run(); });
   }
   ~Walker() {
@@ -99,83 +94,65 @@ class Walker {
     if (loader_thread_.joinable()) loader_thread_.join();
   }
 
+  /// By block number.
   void Publish(std::vector<std::unique_ptr<ResidentBlock>> blocks) {
-    for (uint32_t id = 0; id < blocks.size(); ++id)
-      if (blocks[id]) cache_.Publish(id, std::move(blocks[id]));
+    for (uint32_t number = 0; number < blocks.size(); ++number)
+      if (blocks[number]) renderer_->cache().Publish(BlockKey::FromNumber(number), std::move(blocks[number]));
   }
 
-  /// Renders a frame for each camera, one tile after the other, rays of several under way. Returns
-  /// seconds.
+  /// Renders a frame for each camera, one tile after the other, rays of several under way. Returns seconds.
   Result<double> Walk(RenderJob job, const std::vector<CameraSpec>& cameras, std::vector<FrameCost>& costs) {
     costs.assign(cameras.size(), {});
-    costs_ = &costs;
     seen_.clear();
-    uint32_t tile = 0;
-    std::vector<TileOrder> tiles;
-    const uint64_t first = setup_ + 1;
-    for (const CameraSpec& camera : cameras) {
-      job.cameras = {camera};
-      engine_.SetFrame({++setup_, job, first});
-      for (uint32_t y = 0; y < job.height; y += kTileSize)
-        for (uint32_t x = 0; x < job.width; x += kTileSize)
-          tiles.push_back({setup_,
-                           tile++,
-                           0,
-                           x,
-                           y,
-                           std::min(kTileSize, job.width - x),
-                           std::min(kTileSize, job.height - y),
-                           {},
-                           {}});
+    const std::vector<Tile> tiles = TilesOf({0, 0, job.width, job.height});
+    left_ = cameras.size() * tiles.size();
+    for (size_t f = 0; f < cameras.size(); ++f) {
+      job.cameras = {cameras[f]};
+      renderer_->engine().SetView(f, FrameView(job));
     }
-    first_ = first;
-    left_ = tiles.size();
     const auto start = Clock::now();
-    for (const TileOrder& order : tiles) engine_.AddTile(order);
+    for (size_t f = 0; f < cameras.size(); ++f)
+      for (const Tile& tile : tiles)
+        renderer_->engine().Render(
+            f, tile, [this, &cost = costs[f]](const RenderedTile& result) { Put(result, cost); });
     std::unique_lock lock(mutex_);
     done_.wait(lock, [&] { return left_ == 0 || error_; });
     if (error_) return tl::unexpected<Error>(*error_);
-    return SecondsSince(start);
+    const double seconds = SecondsSince(start);
+    renderer_->engine().DropViews(0, cameras.size());
+    return seconds;
   }
 
  private:
-  /// Called where a thread wants a block: it loads it itself, or has it loaded.
-  void Load() {
-    if (loading_ == Loading::kSuspend)
-      asio::post(io_, [this] { loader_.Run(); });
-    else
-      loader_.Run();
+  /// Where the loader runs: on its thread, or on the compute thread itself.
+  Executor Runs(Loading loading) {
+    if (loading == Loading::kSuspend)
+      return [this](std::function<void()> task) { asio::post(io_, std::move(task)); };
+    return [](const std::function<void()>& task) { task(); };
   }
   void Give(const Error& error) {
     const std::lock_guard lock(mutex_);
     error_ = error;
     done_.notify_one();
   }
-  void Put(const TileDone& done) {
-    FrameCost& cost = (*costs_)[done.setup - first_];
-    cost.compute_s += static_cast<double>(done.compute_us) * 1e-6;
-    for (const uint32_t block : done.blocks)
+  void Put(const RenderedTile& result, FrameCost& cost) {
+    cost.compute_s += static_cast<double>(result.compute_us) * 1e-6;
+    for (const BlockKey block : result.blocks)
       if (seen_.insert(block).second) cost.blocks.push_back(block);
     const std::lock_guard lock(mutex_);
     if (--left_ == 0) done_.notify_one();
   }
 
-  const StoreReader& store_;
-  const Loading loading_;
   asio::io_context io_;
   asio::executor_work_guard<asio::io_context::executor_type> work_{io_.get_executor()};
   LineSource source_;
-  VoxelCache cache_;
-  Loader loader_;
-  std::thread loader_thread_;
-  uint64_t setup_ = 0, first_ = 0;
-  std::vector<FrameCost>* costs_ = nullptr;
-  std::set<uint32_t> seen_;
-  std::mutex mutex_;  ///< left_, error_
+  std::set<BlockKey> seen_;  ///< the compute thread's
+  std::mutex mutex_;         ///< left_, error_
   std::condition_variable done_;
   size_t left_ = 0;
   std::optional<Error> error_;
-  Engine engine_;  // last: its thread uses all of the above
+  std::unique_ptr<Renderer> renderer_;  // its threads use all of the above
+  std::thread loader_thread_;
 };
 
 class Bench {
@@ -228,10 +205,10 @@ class Bench {
     double compute_s = 0, stored = 0, limit_s = 0;
     for (const FrameCost& frame : warm) compute_s += frame.compute_s;
     for (const FrameCost& frame : cold)
-      for (const uint32_t block : frame.blocks) stored += store_.catalog().block(block).stored;
+      for (const BlockKey block : frame.blocks) stored += store_.catalog().block(block).stored;
     for (size_t f = 0; f < cold.size(); ++f) {
       double frame_bytes = 0, decode_s = 0;
-      for (const uint32_t block : cold[f].blocks) {
+      for (const BlockKey block : cold[f].blocks) {
         frame_bytes += store_.catalog().block(block).stored;
         if (loading == Walker::Loading::kMap) continue;
         QUARRY_ASSIGN(const double block_s, DecodeSeconds(block));
@@ -249,13 +226,13 @@ class Bench {
   }
 
   /// Measured once for each block.
-  Result<double> DecodeSeconds(uint32_t block) {
+  Result<double> DecodeSeconds(BlockKey block) {
     const auto known = decode_s_.find(block);
     if (known != decode_s_.end()) return known->second;
     QUARRY_ASSIGN(const Bytes stored, store_.ReadBlock(block));
     const uint64_t start_us = ThreadTimeUs();
     ResidentBlock resident;
-    resident.bytes = PageBuffer(store_.catalog().block(block).decoded);
+    resident.bytes = *PageBuffer::TryGet(store_.catalog().block(block).decoded);
     QUARRY_TRY(DecodeBlock(store_.catalog(), block, stored, decoder_, resident));
     return decode_s_[block] = static_cast<double>(ThreadTimeUs() - start_us) * 1e-6;
   }
@@ -265,7 +242,7 @@ class Bench {
   std::vector<CameraSpec> cameras_;
   RenderJob job_;
   BlockDecoder decoder_;
-  std::map<uint32_t, double> decode_s_;
+  std::map<BlockKey, double> decode_s_;
 };
 
 Status RunBench(const Options& options, nlohmann::json& results) {

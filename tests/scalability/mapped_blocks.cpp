@@ -15,7 +15,7 @@
 #include <cstring>
 #include <utility>
 
-#include "common/engine/loader.h"
+#include "common/engine/blocks/loader.h"
 
 namespace quarry::bench {
 namespace {
@@ -60,8 +60,9 @@ MappedBlocks::~MappedBlocks() {
 Status MappedBlocks::Decode(const StoreReader& store) {
   constexpr size_t kAlignment = 64;
   const Catalog& catalog = store.catalog();
-  const auto room = [&](uint32_t id) {
-    return (size_t{catalog.block(id).decoded} + kAlignment - 1) / kAlignment * kAlignment;
+  const auto room = [&](uint32_t number) {
+    return (size_t{catalog.block(BlockKey::FromNumber(number)).decoded} + kAlignment - 1) / kAlignment *
+           kAlignment;
   };
   const auto count = static_cast<uint32_t>(catalog.voxels.size() * 2);
   size_t bytes = 0;
@@ -72,18 +73,19 @@ Status MappedBlocks::Decode(const StoreReader& store) {
   blocks_.resize(count);
   BlockDecoder decoder;
   size_t at = 0;
-  for (uint32_t id = 0; id < count; ++id) {
+  for (uint32_t number = 0; number < count; ++number) {
+    const auto id = BlockKey::FromNumber(number);
     const BlockEntry& entry = catalog.block(id);
     if (entry.stored == 0) continue;
     QUARRY_ASSIGN(const Bytes stored, store.ReadBlock(id));
     const std::span out = region_.subspan(at, entry.decoded);
-    blocks_[id] = std::make_unique<ResidentBlock>();
-    if (id % 2 == static_cast<uint32_t>(BlockKind::kShading)) {
-      QUARRY_ASSIGN(blocks_[id]->shading, decoder.Shading(stored, out));
+    blocks_[number] = std::make_unique<ResidentBlock>();
+    if (id.kind == BlockKind::kShading) {
+      QUARRY_ASSIGN(blocks_[number]->shading, decoder.Shading(stored, out));
     } else {
-      QUARRY_ASSIGN(blocks_[id]->hot, decoder.Hot(stored, out, catalog.meta.padding));
+      QUARRY_ASSIGN(blocks_[number]->hot, decoder.Hot(stored, out, catalog.meta.padding));
     }
-    at += room(id);
+    at += room(number);
   }
   std::memcpy(file_.data(), region_.data(), bytes);
   return {};

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "common/base/status.h"
-#include "common/engine/voxel_cache.h"
+#include "common/engine/blocks/voxel_cache.h"
 #include "common/voxel/store_reader.h"
 #include "tests/scalability/line.h"
 

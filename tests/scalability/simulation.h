@@ -16,8 +16,8 @@
 
 #include "common/base/resource.h"
 #include "common/base/size.h"
+#include "common/engine/blocks/loader.h"
 #include "common/engine/engine.h"
-#include "common/engine/loader.h"
 #include "common/math/random.h"
 #include "common/voxel/catalog.h"
 #include "master/schedule/active_frame.h"
@@ -314,7 +314,7 @@ class Simulation {
   }
 
   void Need(Worker& w, const std::shared_ptr<Tile>& tile, uint32_t block) {
-    if (w.decoded.Use(block)) return Slice(w, tile);
+    if (w.decoded.Use(Key(block))) return Slice(w, tile);
     auto& waiting = w.waiting[block];
     waiting.push_back(tile);
     if (waiting.size() > 1) return;
@@ -337,7 +337,7 @@ class Simulation {
       const uint32_t block = w.wanted.front();
       w.wanted.pop_front();
       ++w.in_flight;
-      if (w.stored.Use(block))
+      if (w.stored.Use(Key(block)))
         Decode(w, block);
       else
         Fetch(w, block);
@@ -345,10 +345,10 @@ class Simulation {
   }
 
   void Fetch(Worker& w, uint32_t block) {
-    std::vector<uint32_t> order = HomeOrder(block, keys_);
+    std::vector<uint32_t> order = HomeOrder(Key(block), keys_);
     if (o_.peers)
       for (const auto& other : workers_)
-        if (other.get() != &w && other->stored.Has(block)) {
+        if (other.get() != &w && other->stored.Has(Key(block))) {
           order.push_back(o_.servers + other->id - 1);
           break;
         }
@@ -359,7 +359,7 @@ class Simulation {
     }
     const auto source = static_cast<uint32_t>(ChooseSource(order, views));
     const bool peer = source >= o_.servers;
-    const double decoded = catalog_.block(block).decoded, asked_s = clock_.now_s();
+    const double decoded = catalog_.block(Key(block)).decoded, asked_s = clock_.now_s();
     const double bytes = loading_ == Loading::kMap ? decoded : block_bytes_[block] + 24.0;
     const double pieces = loading_ == Loading::kMap ? std::ceil(decoded / kMappedPiece) : 1;
     Serial& up = peer ? workers_[source - o_.servers]->up : servers_[source];
@@ -375,21 +375,21 @@ class Simulation {
     clock_.At(come_s, [this, &w, block, source, asked_s] {
       w.answers[source].Add(clock_.now_s() - asked_s);
       if (source >= o_.servers) w.peer_answers.Add(clock_.now_s() - asked_s);
-      std::vector<uint32_t> gone;
-      w.stored.Insert(block, block_bytes_[block], false, gone);
+      std::vector<BlockKey> gone;
+      w.stored.Insert(Key(block), block_bytes_[block], false, gone);
       Told(w, gone);
       Decode(w, block);
     });
   }
 
   void Decode(Worker& w, uint32_t block) {
-    const uint32_t decoded = catalog_.block(block).decoded;
+    const uint32_t decoded = catalog_.block(Key(block)).decoded;
     const double decode_s = loading_ == Loading::kMap ? 0 : decoded / (o_.decode_gb_s * 1e9) / o_.share;
     overhead_.Decoded(decoded_s_ += decode_s);
     clock_.At(w.processor.Take(clock_.now_s(), decode_s), [this, &w, block, decoded] {
-      std::vector<uint32_t> gone;
-      w.decoded.Insert(block, decoded, false, gone);
-      gone.push_back(block);
+      std::vector<BlockKey> gone;
+      w.decoded.Insert(Key(block), decoded, false, gone);
+      gone.push_back(Key(block));
       Told(w, gone);
       --w.in_flight;
       for (const auto& tile : std::exchange(w.waiting[block], {})) Slice(w, tile);
@@ -399,9 +399,10 @@ class Simulation {
   }
 
   /// What the master knows of these blocks.
-  static void Told(Worker& w, const std::vector<uint32_t>& blocks) {
-    for (const uint32_t b : blocks) w.holds.Set(b, w.stored.Has(b) || w.decoded.Has(b));
+  static void Told(Worker& w, const std::vector<BlockKey>& blocks) {
+    for (const BlockKey b : blocks) w.holds.Set(b.number(), w.stored.Has(b) || w.decoded.Has(b));
   }
+  static BlockKey Key(uint32_t number) { return BlockKey::FromNumber(number); }
 
   const SimulatedCluster& o_;
   const TracedWalk& walk_;

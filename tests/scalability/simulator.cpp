@@ -26,17 +26,15 @@ struct SimulatorOptions {
 };
 
 /// Also says how long that takes this machine.
-Result<Foreseen> Foresee(const StoreReader& store, uint64_t cache_bytes, const TracedWalk& walk) {
+Result<Foreseen> Foresee(const Scene& scene, uint64_t cache_bytes, const TracedWalk& walk) {
   Foreseen foreseen;
   if (cache_bytes == 0) return foreseen;
-  CoarseRays rays(store, std::max<uint64_t>(cache_bytes, store.catalog().meta.largest_decoded));
+  QUARRY_ASSIGN(
+      const auto renderer,
+      Renderer::Create(scene, {std::max<uint64_t>(cache_bytes, scene.catalog().meta.largest_decoded), 1}));
   const auto start = std::chrono::steady_clock::now();
   for (const RenderJob& job : walk.jobs) {
-    CoarseFrame frame;
-    for (const Frame::Tile& tile : Frame::TilesOf(job)) {
-      QUARRY_ASSIGN(CoarseTile traced, rays.Trace(job, tile));
-      frame.push_back(std::move(traced));
-    }
+    QUARRY_ASSIGN(CoarseFrame frame, ProbeFrame(*renderer, job));
     foreseen.push_back(std::make_shared<const CoarseFrame>(std::move(frame)));
   }
   fmt::print("coarse rays: {:.1f} ms a frame\n", 1e3 * SecondsSince(start) / double(walk.jobs.size()));
@@ -47,11 +45,11 @@ Status Run(const SimulatorOptions& o) {
   QUARRY_TRY(ParsePolicy(o.cluster.policy));
   QUARRY_TRY(ParseLoading(o.cluster.loading));
   QUARRY_TRY(ParseSize(o.cluster.cache, "--cache"));
-  QUARRY_ASSIGN(const StoreReader store, StoreReader::Open(o.store));
-  QUARRY_ASSIGN(const TracedWalk walk, ReadTracedWalk(o.trace, store.catalog(), o.step, o.frames));
+  QUARRY_ASSIGN(const Scene scene, Scene::Open(o.store));
+  QUARRY_ASSIGN(const TracedWalk walk, ReadTracedWalk(o.trace, scene.catalog(), o.step, o.frames));
   std::vector<uint32_t> bytes;
-  for (uint32_t b = 0; b < store.catalog().voxels.size() * 2; ++b)
-    bytes.push_back(store.catalog().block(b).stored);
+  for (uint32_t number = 0; number < scene.catalog().block_numbers(); ++number)
+    bytes.push_back(scene.catalog().block(BlockKey::FromNumber(number)).stored);
   std::set<uint32_t> touched;
   for (const auto& frame : walk.tiles)
     for (const auto& tile : frame) touched.insert(tile.blocks.begin(), tile.blocks.end());
@@ -60,7 +58,7 @@ Status Run(const SimulatorOptions& o) {
   fmt::print("{} frames of {} tiles, {:.1f} MB touched\n", walk.jobs.size(), walk.tiles[0].size(),
              touched_bytes * 1e-6);
   QUARRY_ASSIGN(const uint64_t foresight_bytes, ParseSize(o.foresight, "--foresight"));
-  QUARRY_ASSIGN(const Foreseen foreseen, Foresee(store, foresight_bytes, walk));
+  QUARRY_ASSIGN(const Foreseen foreseen, Foresee(scene, foresight_bytes, walk));
   fmt::print(
       "workers  seconds  speed-up  MB loaded  from peers  processors busy  busiest server  overlap  foreseen "
       " "
@@ -68,7 +66,7 @@ Status Run(const SimulatorOptions& o) {
   Json rows = Json::array();
   double one_s = 0;
   for (const unsigned workers : o.workers) {
-    Simulation simulation(o.cluster, walk, foreseen, store.catalog(), bytes, workers);
+    Simulation simulation(o.cluster, walk, foreseen, scene.catalog(), bytes, workers);
     const double s = simulation.Run();
     if (one_s == 0) one_s = s * workers;  // the first count's, if it is not one
     fmt::print(
@@ -143,7 +141,7 @@ int Main(int argc, char** argv) {
   const Status status = Run(o);
   if (status) return 0;
   fmt::print(stderr, "quarry-bench-simulate: {}\n", status.error().message);
-  return status.error().exit_status;
+  return status.error().exit_status();
 }
 
 }  // namespace

@@ -34,13 +34,13 @@ struct CacheScene {
 
   TemporaryFolder folder;
   std::optional<StoreReader> store;
-  std::vector<uint32_t> blocks;
+  std::vector<BlockKey> blocks;
 };
 
 /// The store itself, counting; or a sentence when `fault` is set, or bytes that are not the block's.
 struct CountingSource final : VoxelSource {
   explicit CountingSource(const StoreReader& s) : store(s) {}
-  void Fetch(uint32_t block, Done done) override {
+  void Fetch(BlockKey block, Done done) override {
     ++fetched;
     if (fault) return done(Fail("the test's fault"));
     if (wrong) return done(Bytes(store.catalog().block(block).stored));
@@ -59,7 +59,7 @@ struct Cached {
         source(std::in_place, io, inner, DiskCacheLocation{folder, budget}, s.catalog(),
                [this](const std::string& line) { log.push_back(line); }) {}
 
-  Result<Bytes> Fetch(uint32_t block) {
+  Result<Bytes> Fetch(BlockKey block) {
     std::optional<Result<Bytes>> got;
     const auto here = std::this_thread::get_id();
     source->Fetch(block, [&](Result<Bytes> bytes) {
@@ -75,7 +75,7 @@ struct Cached {
 
   /// Fetches all blocks, each after the other, and checks them.
   void FetchAll() {
-    for (const uint32_t block : scene.blocks) {
+    for (const BlockKey block : scene.blocks) {
       const auto got = Fetch(block);
       REQUIRE(got.has_value());
       REQUIRE(*got == scene.store->ReadBlock(block).value());

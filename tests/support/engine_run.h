@@ -6,14 +6,12 @@
 #include <condition_variable>
 #include <cstdint>
 #include <mutex>
-#include <optional>
 #include <random>
 #include <thread>
 #include <utility>
 #include <vector>
 
-#include "common/engine/engine.h"
-#include "common/engine/loader.h"
+#include "common/engine/renderer.h"
 #include "common/voxel/store_reader.h"
 
 namespace quarry::test {
@@ -29,7 +27,7 @@ struct EngineRun {
 class ShuffledSource final : public VoxelSource {
  public:
   ShuffledSource(const StoreReader& store, uint32_t seed) : store_(store), random_(seed) {}
-  void Fetch(uint32_t block, Done done) override {
+  void Fetch(BlockKey block, Done done) override {
     if (random_() % 4 == 0) return done(store_.ReadBlock(block));
     waiting_.emplace_back(block, std::move(done));
   }
@@ -46,71 +44,45 @@ class ShuffledSource final : public VoxelSource {
  private:
   const StoreReader& store_;
   std::mt19937 random_;
-  std::vector<std::pair<uint32_t, Done>> waiting_;
+  std::vector<std::pair<BlockKey, Done>> waiting_;
 };
 
-/// Renders the frame as a worker does, with a cache of `cache_bytes` and so many threads, from a cold cache.
+/// Renders the frame with a cache of `cache_bytes` and so many threads, from a cold cache.
 inline EngineRun RunEngine(const StoreReader& store, const RenderJob& job, uint64_t cache_bytes,
                            unsigned threads, std::chrono::seconds most) {
-  const Catalog& catalog = store.catalog();
-  const uint32_t across = (job.width + kTileSize - 1) / kTileSize,
-                 down = (job.height + kTileSize - 1) / kTileSize;
-  EngineRun run;
-  run.tiles.resize(across * down);
-  std::mutex mutex;
-  std::condition_variable changed;
-  bool scheduled = false, stop = false;
-  uint32_t left = across * down;
-  std::optional<Error> error;
-  const auto wake = [&] {
-    {
-      const std::lock_guard lock(mutex);
-      scheduled = true;
-    }
-    changed.notify_all();
-  };
-  VoxelCache cache(catalog, cache_bytes, wake, wake);
+  TaskQueue tasks;
+  std::thread loading([&] { tasks.Run(); });
   ShuffledSource source(store, threads);
-  Loader loader(catalog, cache, source, [&](const Error& e) { error = e; });
-  std::thread loading([&] {
-    for (;;) {
-      {
-        std::unique_lock lock(mutex);
-        changed.wait(lock, [&] { return scheduled || stop; });
-        if (stop) return;
-        scheduled = false;
-      }
-      loader.Run();
-      while (source.Answer()) {
-      }
+  Renderer::Hooks hooks;
+  hooks.on_idle = [&] {
+    while (source.Answer()) {
     }
-  });
-  {
-    Engine engine(catalog, cache, threads, [&](const TileDone& done, Bytes pixels) {
-      const std::lock_guard lock(mutex);
-      run.tiles[done.tile] = std::move(pixels);
-      if (--left == 0) changed.notify_all();
-    });
-    engine.SetFrame({1, job, 0});
-    for (uint32_t t = 0; t < across * down; ++t) {
-      TileOrder order;
-      order.setup = 1;
-      order.tile = t;
-      order.x = t % across * kTileSize;
-      order.y = t / across * kTileSize;
-      order.width = std::min(kTileSize, job.width - order.x);
-      order.height = std::min(kTileSize, job.height - order.y);
-      engine.AddTile(order);
-    }
+  };
+  const auto renderer = Renderer::Create(
+      store.catalog(), source, [&](std::function<void()> task) { tasks.Post(std::move(task)); },
+      {cache_bytes, threads}, std::move(hooks));
+  REQUIRE(renderer.has_value());
+  const std::vector<Tile> tiles = TilesOf({0, 0, job.width, job.height});
+  EngineRun run;
+  run.tiles.resize(tiles.size());
+  std::stop_source stop;
+  std::jthread alarm([&](std::stop_token done) {
+    std::mutex mutex;
     std::unique_lock lock(mutex);
-    run.ended = changed.wait_for(lock, most, [&] { return left == 0; });
-    stop = true;
-    changed.notify_all();
-  }
+    if (!std::condition_variable_any().wait_for(lock, done, most, [&] { return done.stop_requested(); }))
+      stop.request_stop();
+  });
+  const Status status = (*renderer)->Render(
+      FrameView(job), tiles,
+      [&](size_t i, RenderedTile result, Renderer::Progress) { run.tiles[i] = std::move(result.pixels); },
+      stop.get_token());
+  alarm.request_stop();
+  run.ended = status.has_value() || status.error().kind != ErrorKind::kCancelled;
+  INFO((status ? "" : status.error().message));
+  CHECK(run.ended == status.has_value());
+  run.loads = (*renderer)->cache().counters().loaded;
+  tasks.Stop();
   loading.join();
-  INFO((error ? error->message : ""));
-  CHECK_FALSE(error.has_value());
-  run.loads = cache.counters().loaded;
   return run;
 }
 

@@ -71,7 +71,7 @@ Result<std::unique_ptr<ResidentScene>> ResidentScene::Load(const std::string& pa
   view.voxels_.reserve(catalog.voxels.size());
   BlockDecoder decoder;
   for (uint32_t v = 0; v < catalog.voxels.size(); ++v) {
-    const uint32_t id = BlockId(v, BlockKind::kHot);
+    const auto id = BlockKey::Hot(v);
     QUARRY_ASSIGN(const Bytes stored, scene->store_->ReadBlock(id));
     const std::span<std::byte> bytes = scene->bytes_.emplace_back(catalog.block(id).decoded).bytes();
     QUARRY_ASSIGN(const VoxelGeometry geometry,

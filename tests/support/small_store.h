@@ -77,11 +77,16 @@ inline void WriteSmallStore(const std::string& path, uint32_t voxels, uint32_t s
 }
 
 /// The blocks that the directory has.
-inline std::vector<uint32_t> BlocksOf(const Catalog& catalog) {
-  std::vector<uint32_t> blocks;
-  for (uint32_t b = 0; b < 2 * catalog.voxels.size(); ++b)
-    if (catalog.block(b).stored > 0) blocks.push_back(b);
+inline std::vector<BlockKey> BlocksOf(const Catalog& catalog) {
+  std::vector<BlockKey> blocks;
+  for (uint32_t number = 0; number < catalog.block_numbers(); ++number)
+    if (const auto block = BlockKey::FromNumber(number); catalog.Has(block)) blocks.push_back(block);
   return blocks;
+}
+
+/// Block 5 as 5_b.
+constexpr BlockKey operator""_b(unsigned long long number) {
+  return BlockKey::FromNumber(static_cast<uint32_t>(number));
 }
 
 }  // namespace quarry::test

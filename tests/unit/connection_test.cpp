@@ -117,7 +117,7 @@ Message Block(size_t size, uint64_t request) {
 /// Answers when the test says so.
 struct HeldSource final : VoxelSource {
   std::deque<Done> asked;
-  void Fetch(uint32_t, Done done) override { asked.push_back(std::move(done)); }
+  void Fetch(BlockKey, Done done) override { asked.push_back(std::move(done)); }
   void AnswerOne() {
     const Done done = std::move(asked.front());
     asked.pop_front();
@@ -272,7 +272,7 @@ TEST_CASE("Sides that do not fit together part for good, and others go on") {
     }));
     CHECK_THAT(network.accepted[0]->closed->message, Catch::Contains(c.at_server));
     CHECK_THAT(stranger.closed->message, Catch::Contains(c.at_client));
-    CHECK(stranger.closed->permanent);
+    CHECK(stranger.closed->permanent());
     CHECK(network.accepted[0]->messages.empty());
     CHECK(stranger.messages.empty());
     CHECK_FALSE(friendly.closed);
@@ -327,7 +327,7 @@ TEST_CASE("A message with a changed bit drops the connection and is not delivere
     REQUIRE(network.Run([&] { return network.accepted.size() == 1 && network.accepted[0]->closed; }));
     CHECK_THAT(network.accepted[0]->closed->message,
                Catch::Contains(at == 0 ? "not a Quarry message" : "damaged on its way"));
-    CHECK_FALSE(network.accepted[0]->closed->permanent);
+    CHECK_FALSE(network.accepted[0]->closed->permanent());
     CHECK(network.accepted[0]->messages.empty());
   }
 }
@@ -340,11 +340,11 @@ TEST_CASE("Nothing on the way to a voxel server is final for a block") {
     TcpVoxelSource source(network.client_io, {"127.0.0.1", network.listener->port()}, security, SceneId{},
                           1000);
     std::optional<Result<Bytes>> got;
-    source.Fetch(3, [&](Result<Bytes> r) { got = std::move(r); });
+    source.Fetch(3_b, [&](Result<Bytes> r) { got = std::move(r); });
     REQUIRE(network.Run([&] { return got.has_value(); }));
     REQUIRE_FALSE(got->has_value());
     CHECK_THAT(got->error().message, Catch::Contains(sentence));
-    CHECK_FALSE(got->error().permanent);
+    CHECK_FALSE(got->error().permanent());
   }
 }
 
@@ -408,7 +408,7 @@ TEST_CASE("Beyond loopback a listener needs a secret") {
   asio::io_context io;
   const auto plain = Listener::Open(io, {"0.0.0.0", 0}, {}, [](const ConnectionPtr&) {});
   REQUIRE_FALSE(plain.has_value());
-  CHECK(plain.error().exit_status == 2);
+  CHECK(plain.error().exit_status() == 2);
   CHECK_THAT(plain.error().message, Catch::Contains("--secret-file"));
   CHECK(Listener::Open(io, {"0.0.0.0", 0}, WithSecret('a', true), [](const ConnectionPtr&) {}).has_value());
 }

@@ -98,7 +98,7 @@ TEST_CASE("A writer killed at any time leaves nothing half and nothing behind") 
   const Scene scene(40);
   const test::TemporaryFolder folder;
   std::vector<Bytes> bytes;
-  for (const uint32_t b : scene.blocks) bytes.push_back(scene.store->ReadBlock(b).value());
+  for (const BlockKey b : scene.blocks) bytes.push_back(scene.store->ReadBlock(b).value());
   // It lives through all of this: what is its own stays.
   int ready[2], end[2];
   REQUIRE((::pipe2(ready, O_CLOEXEC) == 0 && ::pipe2(end, O_CLOEXEC) == 0));
@@ -157,7 +157,7 @@ TEST_CASE("A folder removed under a cache's feet is made again") {
   Cached cached(scene, at);
   cached.FetchAll();
   uint64_t stored = 0;
-  for (const uint32_t b : scene.blocks) stored += scene.catalog().block(b).stored;
+  for (const BlockKey b : scene.blocks) stored += scene.catalog().block(b).stored;
   while (cached.source->counters().bytes_written < stored) std::this_thread::yield();
   fs::remove_all(at);
   cached.FetchAll();

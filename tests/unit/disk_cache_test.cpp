@@ -60,7 +60,7 @@ TEST_CASE("A disk cache is named by its folder and size") {
     INFO(bad);
     const auto refused = ParseDiskCache(bad, "--disk-cache");
     REQUIRE(!refused.has_value());
-    CHECK(refused.error().exit_status == 2);
+    CHECK(refused.error().exit_status() == 2);
     CHECK_THAT(refused.error().message, Contains("--disk-cache"));
   }
 }
@@ -70,7 +70,7 @@ TEST_CASE("Blocks are fetched once and then come from the folder, for later proc
   const test::TemporaryFolder folder;
   const std::string at = folder.file("made/by/the/cache");
   uint64_t stored = 0;
-  for (const uint32_t b : scene.blocks) stored += scene.catalog().block(b).stored;
+  for (const BlockKey b : scene.blocks) stored += scene.catalog().block(b).stored;
   {
     Cached cached(scene, at);
     cached.FetchAll();
@@ -101,7 +101,7 @@ TEST_CASE("Fetches that are asked for at once are all answered") {
   for (int round = 0; round < 2; ++round) {
     Cached cached(scene, folder.path());
     uint64_t right = 0;
-    for (const uint32_t block : scene.blocks)
+    for (const BlockKey block : scene.blocks)
       cached.source->Fetch(block, [&, block](Result<Bytes> got) {
         if (got && *got == scene.store->ReadBlock(block).value()) ++right;
       });
@@ -167,18 +167,18 @@ TEST_CASE("Errors and wrong bytes of the source behind are passed on and not kep
   const test::TemporaryFolder folder;
   Cached cached(scene, folder.path());
   cached.inner.fault = true;
-  const auto failed = cached.Fetch(0);
+  const auto failed = cached.Fetch(0_b);
   REQUIRE(!failed.has_value());
   CHECK(failed.error().message == "the test's fault");
   cached.inner.fault = false;
   cached.inner.wrong = true;
-  CHECK(cached.Fetch(0).value() != scene.store->ReadBlock(0).value());
+  CHECK(cached.Fetch(0_b).value() != scene.store->ReadBlock(0_b).value());
   cached.inner.wrong = false;
-  CHECK(cached.Fetch(0).value() == scene.store->ReadBlock(0).value());
+  CHECK(cached.Fetch(0_b).value() == scene.store->ReadBlock(0_b).value());
   CHECK(cached.inner.fetched == 3);
   const auto c = cached.End();
   CHECK(c.not_written == 1);
-  CHECK(c.bytes_written == scene.catalog().block(0).stored);
+  CHECK(c.bytes_written == scene.catalog().block(0_b).stored);
 }
 
 TEST_CASE("A cache that is closed calls nobody") {
@@ -186,7 +186,7 @@ TEST_CASE("A cache that is closed calls nobody") {
   const test::TemporaryFolder folder;
   Cached cached(scene, folder.path());
   bool closed = false;
-  for (const uint32_t block : scene.blocks) cached.source->Fetch(block, [&](const auto&) { CHECK(!closed); });
+  for (const BlockKey block : scene.blocks) cached.source->Fetch(block, [&](const auto&) { CHECK(!closed); });
   cached.io.run_one();
   closed = true;
   cached.source.reset();

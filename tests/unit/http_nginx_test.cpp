@@ -59,7 +59,7 @@ TEST_CASE("Every block comes through nginx as it is in the store") {
     HttpVoxelSource source(io, Location(base + path), scene.catalog(), std::move(options));
     const auto got = FetchOne(io, source, 0);
     REQUIRE(!got.has_value());
-    CHECK(got.error().permanent);
+    CHECK(got.error().permanent());
     return got.error().message;
   };
   CHECK_THAT(fault("/none.quarry"), Contains("/none.quarry: answers 404 Not Found"));
@@ -104,7 +104,7 @@ TEST_CASE("Blocks come by https from a server whose certificate is believed, and
     HttpVoxelSource source(io, location, scene.catalog(), how);
     const auto got = FetchOne(io, source, 0);
     REQUIRE(!got.has_value());
-    CHECK(got.error().permanent);
+    CHECK(got.error().permanent());
     return got.error().message;
   };
   CHECK_THAT(fault(url("127.0.0.1"), options), Contains("not for 127.0.0.1"));

@@ -44,7 +44,7 @@ TEST_CASE("Addresses of HTTP servers are taken apart") {
     INFO(bad);
     const auto location = ParseHttpLocation(bad, "--source");
     REQUIRE(!location.has_value());
-    CHECK(location.error().exit_status == 2);
+    CHECK(location.error().exit_status() == 2);
     CHECK(location.error().message.find("secret") == std::string::npos);
   }
 }
@@ -95,7 +95,7 @@ TEST_CASE("Headers come from a file that only its owner reads") {
     WriteText(path, "A: b\n" + bad + "\n");
     const auto refused = ReadHttpHeaders(path);
     REQUIRE(!refused.has_value());
-    CHECK(refused.error().exit_status == 2);
+    CHECK(refused.error().exit_status() == 2);
     CHECK_THAT(refused.error().message, Contains("line 2"));
     CHECK(refused.error().message.find("secret") == std::string::npos);
   }
@@ -123,7 +123,7 @@ TEST_CASE("AWS credentials come from a file or the environment") {
     WriteText(path, bad);
     const auto refused = ReadAwsCredentials(path);
     REQUIRE(!refused.has_value());
-    CHECK(refused.error().exit_status == 2);
+    CHECK(refused.error().exit_status() == 2);
   }
   ::setenv("AWS_ACCESS_KEY_ID", "A", 1);
   ::setenv("AWS_SECRET_ACCESS_KEY", "S", 1);

@@ -32,7 +32,7 @@ Error FaultOfBlock(
     const std::function<FaultServer::Answer(const FaultServer::Request&, const std::string&)>& fault,
     double seconds = 60) {
   const Scene scene;
-  const uint64_t first_block = scene.catalog().block(0).offset;
+  const uint64_t first_block = scene.catalog().block(0_b).offset;
   FaultServer server([&](const FaultServer::Request& r) -> FaultServer::Answer {
     if (r.first >= first_block) return fault(r, scene.bytes);
     return {FaultServer::Part(r, scene.bytes)};
@@ -70,7 +70,7 @@ TEST_CASE("Requests carry headers and signatures, at the time that is given") {
   REQUIRE(FetchOne(io, source, 0).has_value());
   const std::lock_guard lock(mutex);
   REQUIRE(heads.size() == 3);
-  const BlockEntry& block = scene.catalog().block(0);
+  const BlockEntry& block = scene.catalog().block(0_b);
   const std::string& head = heads[2];
   const std::string range = fmt::format("bytes={}-{}", block.offset, block.offset + block.stored - 1);
   CHECK_THAT(head, Contains("GET /store HTTP/1.1\r\n") && Contains("Range: " + range + "\r\n"));
@@ -99,7 +99,7 @@ TEST_CASE("Connections are few, kept and used again") {
   CHECK(counters.http.connections <= 3);
   CHECK(counters.http.requests == 2 * blocks.size() + 2);  // and header and table, once
   uint64_t stored = 0;
-  for (const uint32_t b : blocks) stored += scene.catalog().block(b).stored;
+  for (const BlockKey b : blocks) stored += scene.catalog().block(b).stored;
   CHECK(counters.bytes_received == 2 * stored);
 }
 
@@ -111,7 +111,7 @@ TEST_CASE("A kept connection that the server closed is made again without a word
   });
   boost::asio::io_context io;
   HttpVoxelSource source(io, Location(server.url()), scene.catalog(), Patient());
-  for (const uint32_t block : test::BlocksOf(scene.catalog())) {
+  for (const BlockKey block : test::BlocksOf(scene.catalog())) {
     const auto got = FetchOne(io, source, block);
     INFO("block " << block << (got ? "" : ": " + got.error().message));
     REQUIRE(got.has_value());
@@ -133,7 +133,7 @@ TEST_CASE("A server that closes every connection without an answer is asked twic
   HttpVoxelSource source(io, Location(server.url()), scene.catalog(), Patient());
   const auto got = FetchOne(io, source, 0);
   REQUIRE(!got.has_value());
-  CHECK(!got.error().permanent);
+  CHECK(!got.error().permanent());
   CHECK_THAT(got.error().message, Contains("without an answer"));
   CHECK(requests == 4);
 }
@@ -172,7 +172,7 @@ TEST_CASE("Statuses become sentences, permanent where asking again cannot help")
     INFO(c.status);
     const Error error = FaultOfBlock("HTTP/1.1 " + c.status + "\r\nContent-Length: 4\r\n\r\nbody");
     CHECK_THAT(error.message, Contains(c.sentence));
-    CHECK(error.permanent == c.permanent);
+    CHECK(error.permanent() == c.permanent);
   }
 }
 
@@ -189,10 +189,10 @@ TEST_CASE("After a 503 the next request is answered") {
     const auto got = FetchOne(io, source, 2);
     if (!got) {
       ++failed;
-      CHECK(!got.error().permanent);
+      CHECK(!got.error().permanent());
       continue;
     }
-    CHECK(*got == scene.store->ReadBlock(2).value());
+    CHECK(*got == scene.store->ReadBlock(2_b).value());
   }
   CHECK(failed > 0);
   CHECK(failed < 10);
@@ -220,10 +220,10 @@ TEST_CASE("Answers with another range than the one asked for are refused") {
   }
   const Error encoded = answer("Content-Range: bytes {0}-{1}/{4}\r\nContent-Encoding: gzip\r\n");
   CHECK_THAT(encoded.message, Contains("encoded"));
-  CHECK(encoded.permanent);
+  CHECK(encoded.permanent());
   const Error grown = answer("Content-Range: bytes {0}-{1}/9999999\r\n");
   CHECK_THAT(grown.message, Contains("another than it was"));
-  CHECK(grown.permanent);
+  CHECK(grown.permanent());
 }
 
 TEST_CASE("Bodies that are cut, too long, stalled or garbage are errors, not blocks") {
@@ -235,7 +235,7 @@ TEST_CASE("Bodies that are cut, too long, stalled or garbage are errors, not blo
     return FaultServer::Answer{whole.substr(0, whole.size() - 10), Then::kClose};
   });
   CHECK_THAT(cut.message, Contains("breaks off"));
-  CHECK(!cut.permanent);
+  CHECK(!cut.permanent());
 
   const Error stalled = FaultOfBlock(
       [&](const auto& r, const auto& file) {
@@ -244,7 +244,7 @@ TEST_CASE("Bodies that are cut, too long, stalled or garbage are errors, not blo
       },
       0.3);
   CHECK_THAT(stalled.message, Contains("stalls"));
-  CHECK(!stalled.permanent);
+  CHECK(!stalled.permanent());
 
   const auto chunked = [&](const std::string& chunks, Then then) {
     return FaultOfBlock([&](const FaultServer::Request& r, const std::string& file) {
@@ -265,7 +265,7 @@ TEST_CASE("Bodies that are cut, too long, stalled or garbage are errors, not blo
     whole.replace(whole.find(length), length.size(), "Content-Length: 99999999999");
     return FaultServer::Answer{whole, Then::kKeep};
   });
-  CHECK(!longer.permanent);
+  CHECK(!longer.permanent());
 
   CHECK_THAT(FaultOfBlock("\x16\x03\x01 garbage\r\n\r\n").message, Contains("not HTTP"));
   CHECK_THAT(FaultOfBlock("SSH-2.0-OpenSSH\r\n", Then::kStall, 0.3).message, Contains("not HTTP"));
@@ -283,7 +283,7 @@ TEST_CASE("Bytes sent after an answer are not taken for the next") {
   });
   boost::asio::io_context io;
   HttpVoxelSource source(io, Location(server.url()), scene.catalog(), Patient());
-  for (const uint32_t block : test::BlocksOf(scene.catalog())) {
+  for (const BlockKey block : test::BlocksOf(scene.catalog())) {
     const auto got = FetchOne(io, source, block);
     // Where the surplus comes in a segment of its own it may meet the next request: an error then, never a
     // wrong block.
@@ -304,7 +304,7 @@ TEST_CASE("A server that is not there is an error that may pass") {
   for (const auto& got : FetchAll(io, source, {0, 2, 4})) {
     REQUIRE(!got.has_value());
     CHECK_THAT(got.error().message, Contains("cannot be reached"));
-    CHECK(!got.error().permanent);
+    CHECK(!got.error().permanent());
   }
 }
 
@@ -329,7 +329,7 @@ TEST_CASE("A file that is not the scene's store is refused before a block is ask
     requests = 0;
     const auto got = FetchOne(io, source, 0);
     REQUIRE(!got.has_value());
-    CHECK(got.error().permanent);
+    CHECK(got.error().permanent());
     CHECK(requests <= 2);
     CHECK_THAT(got.error().message, Contains(server.url()));
     return got.error().message;
@@ -362,7 +362,7 @@ TEST_CASE("The same scene in another layout is told from the catalog's") {
   HttpVoxelSource source(io, Location(server.url()), moved, Patient());
   const auto got = FetchOne(io, source, 0);
   REQUIRE(!got.has_value());
-  CHECK(got.error().permanent);
+  CHECK(got.error().permanent());
   CHECK_THAT(got.error().message, Contains("compressed in another way"));
 }
 
@@ -376,11 +376,11 @@ TEST_CASE("Blocks that the catalog lacks are errors, and a source that ends call
   for (const uint32_t none : {3u, 16u, ~0u}) {
     const auto got = FetchOne(io, *source, none);
     REQUIRE(!got.has_value());
-    CHECK(got.error().permanent);
+    CHECK(got.error().permanent());
   }
   REQUIRE(FetchOne(io, *source, 0).has_value());
   bool ended = false;
-  for (uint32_t i = 0; i < 8; ++i) source->Fetch(2 * i, [&](const auto&) { CHECK(!ended); });
+  for (uint32_t i = 0; i < 8; ++i) source->Fetch(BlockKey::Hot(i), [&](const auto&) { CHECK(!ended); });
   io.restart();
   io.poll();
   source.reset();
@@ -392,7 +392,7 @@ TEST_CASE("Blocks that the catalog lacks are errors, and a source that ends call
   source = std::make_unique<HttpVoxelSource>(io, Location(server.url()), scene.catalog(), Patient());
   int called = 0;
   for (uint32_t i = 0; i < 8; ++i)
-    source->Fetch(2 * i, [&](const auto&) {
+    source->Fetch(BlockKey::Hot(i), [&](const auto&) {
       ++called;
       source.reset();
     });

@@ -1,4 +1,4 @@
-#include "common/engine/loader.h"
+#include "common/engine/blocks/loader.h"
 
 #include <algorithm>
 #include <catch2/catch.hpp>
@@ -15,7 +15,7 @@ namespace {
 class ImmediateSource final : public VoxelSource {
  public:
   explicit ImmediateSource(const StoreReader& store) : store_(store) {}
-  void Fetch(uint32_t block, Done done) override {
+  void Fetch(BlockKey block, Done done) override {
     const char here = 0;
     const auto address = reinterpret_cast<uintptr_t>(&here);
     lowest = std::min(lowest, address);
@@ -32,13 +32,13 @@ class ImmediateSource final : public VoxelSource {
 class PatientSource final : public VoxelSource {
  public:
   explicit PatientSource(const StoreReader& store) : store_(store) {}
-  void Fetch(uint32_t block, Done done) override { asked.push_back({block, std::move(done)}); }
+  void Fetch(BlockKey block, Done done) override { asked.push_back({block, std::move(done)}); }
   void Answer() {
     auto [block, done] = std::move(asked.front());
     asked.pop_front();
     done(store_.ReadBlock(block));
   }
-  std::deque<std::pair<uint32_t, Done>> asked;
+  std::deque<std::pair<BlockKey, Done>> asked;
 
  private:
   const StoreReader& store_;
@@ -52,7 +52,7 @@ struct Fixture {
   void WriteSmall(uint32_t voxels) { test::WriteSmallStore(path, voxels); }
   uint64_t DecodedBytes() const {
     uint64_t bytes = 0;
-    for (const uint32_t b : test::BlocksOf(store->catalog())) bytes += store->catalog().block(b).decoded;
+    for (const BlockKey b : test::BlocksOf(store->catalog())) bytes += store->catalog().block(b).decoded;
     return bytes;
   }
   test::TemporaryFolder folder;
@@ -71,7 +71,7 @@ TEST_CASE("BlocksAtHandAreLoadedInALoopAndNotInARecursion") {
   Loader loader(catalog, cache, source, [](const Error& e) { FAIL(e.message); });
   Mailbox mailbox;
   const auto blocks = test::BlocksOf(catalog);
-  for (const uint32_t b : blocks) cache.Want(b, &mailbox, 1);
+  for (const BlockKey b : blocks) cache.Want(b, &mailbox, 1);
   loader.Run();
   CHECK(mailbox.Take(false).size() == blocks.size());
   CHECK(loader.idle());
@@ -86,17 +86,17 @@ TEST_CASE("ABlockAtHandWaitsForRoomAndComesWhenThereIsSome") {
   ImmediateSource source(*f.store);
   Loader loader(catalog, cache, source, [](const Error& e) { FAIL(e.message); });
   Mailbox mailbox;
-  const uint32_t first = 2, second = 4;  // as large as each other: one fits
+  const auto first = BlockKey::Hot(1), second = BlockKey::Hot(2);  // as large as each other: one fits
   cache.Want(first, &mailbox, 9);
   loader.Run();
-  REQUIRE(mailbox.Take(false) == std::vector<uint32_t>{first});
+  REQUIRE(mailbox.Take(false) == std::vector<BlockKey>{first});
   cache.Want(second, &mailbox, 1);
   loader.Run();
   CHECK(mailbox.Take(false).empty());
   CHECK_FALSE(loader.idle());
   cache.Unpin(first);
   loader.Run();
-  CHECK(mailbox.Take(false) == std::vector<uint32_t>{second});
+  CHECK(mailbox.Take(false) == std::vector<BlockKey>{second});
   CHECK(loader.idle());
   cache.Unpin(second);
 }
@@ -110,7 +110,7 @@ TEST_CASE("RequestsUnderWayAreBounded") {
   Loader loader(catalog, cache, source, [](const Error& e) { FAIL(e.message); });
   Mailbox mailbox;
   const auto blocks = test::BlocksOf(catalog);
-  for (const uint32_t b : blocks) cache.Want(b, &mailbox, 1);
+  for (const BlockKey b : blocks) cache.Want(b, &mailbox, 1);
   loader.Run();
   CHECK(source.asked.size() == Loader::kMaxInFlight);
   size_t most = 0;
@@ -128,12 +128,12 @@ TEST_CASE("ABlockThatCannotBeHadEndsTheLoaderOnce") {
   VoxelCache cache(
       catalog, 2 * f.DecodedBytes(), [] {}, [] {});
   struct : VoxelSource {
-    void Fetch(uint32_t, Done done) override { done(tl::unexpected<Error>(Error{"out of order"})); }
+    void Fetch(BlockKey, Done done) override { done(tl::unexpected<Error>(Error{"out of order"})); }
   } source;
   std::vector<std::string> errors;
   Loader loader(catalog, cache, source, [&](const Error& e) { errors.push_back(e.message); });
   Mailbox mailbox;
-  for (const uint32_t b : test::BlocksOf(catalog)) cache.Want(b, &mailbox, 1);
+  for (const BlockKey b : test::BlocksOf(catalog)) cache.Want(b, &mailbox, 1);
   loader.Run();
   loader.Run();
   CHECK(errors == std::vector<std::string>{"out of order"});

@@ -111,7 +111,7 @@ TEST_CASE("MaterialJsonNamesWhatIsWrong") {
   const auto message = [](const std::string& text) {
     const auto read = Read(text);
     REQUIRE_FALSE(read);
-    CHECK(read.error().exit_status == 1);
+    CHECK(read.error().exit_status() == 1);
     return read.error().message;
   };
   using Catch::Contains;

@@ -35,7 +35,7 @@ std::string TextOf(const std::string& path) {
 std::string Refusal(OutputGuard& guard, const std::string& path, const OutputKind& kind = kPngOutput) {
   const auto place = guard.Take(path, kind);
   if (place) return "";
-  CHECK(place.error().exit_status == 2);
+  CHECK(place.error().exit_status() == 2);
   return place.error().message;
 }
 

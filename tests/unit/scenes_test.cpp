@@ -292,7 +292,7 @@ TEST_CASE("AnErrorOnTheWayLeavesNoFile", "[scenes]") {
 TEST_CASE("AnUnknownExtensionIsAnUnusableArgument", "[scenes]") {
   const auto writer = OpenMeshWriter("scene.stl", {}, true);
   REQUIRE_FALSE(writer);
-  CHECK(writer.error().exit_status == 2);
+  CHECK(writer.error().exit_status() == 2);
 }
 
 // The program itself, which lies beside the tests.

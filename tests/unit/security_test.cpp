@@ -36,7 +36,7 @@ std::string Text(const Bytes& bytes) { return {reinterpret_cast<const char*>(byt
 
 std::string UsageError(const Result<Security>& result) {
   REQUIRE_FALSE(result.has_value());
-  CHECK(result.error().exit_status == 2);
+  CHECK(result.error().exit_status() == 2);
   return result.error().message;
 }
 
@@ -64,7 +64,7 @@ TEST_CASE("Secrets that are short, long, missing or open to others are refused")
   const auto message = [](const std::string& path) {
     const auto secret = ReadSecret(path);
     REQUIRE_FALSE(secret.has_value());
-    CHECK(secret.error().exit_status == 2);
+    CHECK(secret.error().exit_status() == 2);
     return secret.error().message;
   };
   CHECK_THAT(message(folder.Write("short", "fifteen bytes..\n")), Catch::Contains("15 bytes can be guessed"));

@@ -31,7 +31,7 @@ class FakeSource final : public VoxelSource {
   enum class Mood { kAnswers, kIsSlow, kFails, kDamages, kRefuses, kSilent };
   FakeSource(boost::asio::io_context& io, Mood& mood, std::vector<uint32_t>& asked)
       : io_(io), mood_(mood), asked_(asked) {}
-  void Fetch(uint32_t block, Done done) override {
+  void Fetch(BlockKey block, Done done) override {
     asked_.push_back(block);
     Bytes bytes = Content(block);
     if (mood_ == Mood::kSilent) return;
@@ -41,7 +41,9 @@ class FakeSource final : public VoxelSource {
     auto timer = std::make_shared<boost::asio::steady_timer>(io_, std::chrono::milliseconds(after_ms));
     timer->async_wait(
         [timer, done = std::move(done), bytes = std::move(bytes), fails, permanent](auto) mutable {
-          fails ? done(tl::unexpected<Error>(Error{"out of order", 1, permanent})) : done(std::move(bytes));
+          fails ? done(tl::unexpected<Error>(
+                      Error{"out of order", permanent ? ErrorKind::kPermanent : ErrorKind::kFailed}))
+                : done(std::move(bytes));
         });
   }
 
@@ -176,7 +178,7 @@ TEST_CASE("A block that every source refuses is given up at once") {
 TEST_CASE("While nobody answers blocks wait, and come when one is back") {
   SetFixture f({Mood::kFails});
   std::optional<Result<Bytes>> got;
-  f.set->Fetch(5, [&](Result<Bytes> r) { got = std::move(r); });
+  f.set->Fetch(5_b, [&](Result<Bytes> r) { got = std::move(r); });
   f.io.run_for(std::chrono::milliseconds(300));
   CHECK_FALSE(got.has_value());
   CHECK(f.asked[0].size() < 10);
@@ -225,7 +227,7 @@ TEST_CASE(
   };
   f.set->SetPeers({{7}, {"127.0.0.1:1"}}, make);
   for (const uint32_t block : {4, 5, 6}) f.set->SetHolder(block, 7);
-  f.set->SetHolder(9, 8);  // nobody knows that one
+  f.set->SetHolder(9_b, 8);  // nobody knows that one
   CHECK(*f.Get(4) == Content(4));
   CHECK(*f.Get(9) == Content(9));
   CHECK(peer_asked.empty());
@@ -240,7 +242,7 @@ TEST_CASE(
   CHECK(peer_asked == std::vector<uint32_t>{5, 6});
   CHECK(f.set->counters().retries == 0);
   f.set->SetPeers({{}, {}}, make);
-  f.set->SetHolder(8, 7);
+  f.set->SetHolder(8_b, 7);
   CHECK(*f.Get(8) == Content(8));
   CHECK(peer_asked.size() == 2);
 }
@@ -251,7 +253,7 @@ TEST_CASE("Sources are written in four ways") {
   CHECK(ParseSource("file:/a b/c.quarry")->place == "/a b/c.quarry");
   CHECK(ParseSource("https://h/x.quarry")->kind == SourceKind::kHttp);
   for (const char* bad : {"", "file:", "host", "host:99999", "ftp://x/y"})
-    CHECK(ParseSource(bad).error().exit_status == 2);
+    CHECK(ParseSource(bad).error().exit_status() == 2);
 }
 
 TEST_CASE("Stored blocks go least recently used first, unused prefetched ones before all") {
@@ -302,16 +304,16 @@ TEST_CASE("Stored blocks go least recently used first, unused prefetched ones be
 
 TEST_CASE("What a worker holds is told as changes, in either tier once") {
   CacheInventory h;
-  h.Set(1, CacheInventory::kStored, true);
-  h.Set(1, CacheInventory::kDecoded, true);
-  h.Set(2, CacheInventory::kDecoded, true);
-  h.Set(2, CacheInventory::kDecoded, false);
+  h.Set(1_b, CacheInventory::kStored, true);
+  h.Set(1_b, CacheInventory::kDecoded, true);
+  h.Set(2_b, CacheInventory::kDecoded, true);
+  h.Set(2_b, CacheInventory::kDecoded, false);
   auto changes = h.TakeChanges();
   CHECK(changes.come == std::vector<uint32_t>{1});
   CHECK(changes.gone == std::vector<uint32_t>{2});  // harmless: the master did not have it
-  h.Set(1, CacheInventory::kStored, false);
+  h.Set(1_b, CacheInventory::kStored, false);
   CHECK(h.TakeChanges().gone.empty());
-  h.Set(1, CacheInventory::kDecoded, false);
+  h.Set(1_b, CacheInventory::kDecoded, false);
   CHECK(h.TakeChanges().gone == std::vector<uint32_t>{1});
   CHECK(h.TakeAll().empty());
 }

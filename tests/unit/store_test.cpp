@@ -142,7 +142,7 @@ TEST_CASE("A store gives back all that was put in") {
   CHECK((front.fov_degrees == 30 && front.ortho_height == 7));
   CHECK(store->views().lights == MakeViews().lights);
 
-  const auto stored = store->ReadBlock(BlockId(0, BlockKind::kHot));
+  const auto stored = store->ReadBlock(BlockKey::Hot(0));
   REQUIRE(stored.has_value());
   BlockDecoder decoder;
   Bytes hot_bytes(c.block(0).decoded), shading_bytes(c.block(1).decoded);
@@ -161,12 +161,12 @@ TEST_CASE("A store gives back all that was put in") {
   CHECK(same(in.triangle_ids, hot->triangle_ids));
   CHECK(same(in.materials, hot->materials));
   CHECK(same(in.parts, hot->parts));
-  const auto shaded = decoder.Shading(*store->ReadBlock(BlockId(0, BlockKind::kShading)), shading_bytes);
+  const auto shaded = decoder.Shading(*store->ReadBlock(BlockKey::Shading(0)), shading_bytes);
   REQUIRE(shaded.has_value());
   CHECK(same(MakeShading().corners, shaded->corners));
   CHECK(same(MakeShading().vertices, shaded->vertices));
   REQUIRE_FALSE(store->ReadBlock(99).has_value());
-  CHECK(store->ReadBlock(99).error().permanent);
+  CHECK(store->ReadBlock(99).error().permanent());
 }
 
 TEST_CASE("Whoever reads a damaged block is told that another try is no use") {
@@ -183,7 +183,7 @@ TEST_CASE("Whoever reads a damaged block is told that another try is no use") {
   const auto block = bad->ReadBlock(0);
   REQUIRE_FALSE(block.has_value());
   CHECK_THAT(block.error().message, Catch::Contains("damaged (checksum)"));
-  CHECK(block.error().permanent);
+  CHECK(block.error().permanent());
   CHECK(bad->ReadBlock(1).has_value());
 }
 

@@ -204,7 +204,7 @@ TEST_CASE("A server that sends more than a block is lost", "[strangers]") {
   asio::io_context io;
   TcpVoxelSource source(io, {"127.0.0.1", server.listener->port()}, {}, SceneId{}, 1000);
   std::optional<Result<Bytes>> got;
-  source.Fetch(3, [&](Result<Bytes> r) { got = std::move(r); });
+  source.Fetch(3_b, [&](Result<Bytes> r) { got = std::move(r); });
   const auto both = [&](auto done) {
     return server.Run([&] {
       io.restart();
@@ -225,7 +225,7 @@ namespace {
 /// A source that answers at once, and counts what it has been asked for.
 struct CountingSource final : VoxelSource {
   size_t asked = 0;
-  void Fetch(uint32_t, Done done) override {
+  void Fetch(BlockKey, Done done) override {
     ++asked;
     done(Bytes(100 << 10));
   }

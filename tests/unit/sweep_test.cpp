@@ -1,10 +1,10 @@
-#include "common/engine/sweep.h"
+#include "common/engine/blocks/sweep.h"
 
 #include <catch2/catch.hpp>
 #include <memory>
 #include <vector>
 
-#include "common/engine/voxel_cache.h"
+#include "common/engine/blocks/voxel_cache.h"
 
 namespace quarry {
 namespace {
@@ -29,7 +29,7 @@ std::vector<uint32_t> InOrder(const VoxelOrder& order, uint32_t octant) {
   return voxels;
 }
 
-uint32_t Hot(uint32_t voxel) { return BlockId(voxel, BlockKind::kHot); }
+BlockKey Hot(uint32_t voxel) { return BlockKey::Hot(voxel); }
 
 }  // namespace
 
@@ -56,7 +56,7 @@ TEST_CASE("A sweep passes through an octant, then through the next, and comes to
   CHECK(sweep.Distance({Hot(2), up}) <= sweep.Distance({Hot(3), up}));     // not yet left
   CHECK(sweep.Distance({Hot(1), static_cast<OctantMask>(up | down_x)}) == sweep.Distance({Hot(1), down_x}));
   // A voxel's shading comes after its triangles.
-  CHECK(sweep.Distance({Hot(2), up}) < sweep.Distance({BlockId(2, BlockKind::kShading), up}));
+  CHECK(sweep.Distance({Hot(2), up}) < sweep.Distance({BlockKey::Shading(2), up}));
   sweep.MoveTo({Hot(3), down_x});
   CHECK(sweep.Distance({Hot(1), up}) < sweep.Distance({Hot(0), down_x}));
 }
@@ -76,16 +76,16 @@ TEST_CASE("Blocks without room beside each other come one by one, in the sweep's
   CHECK(cache.NextToLoad() == Hot(3));
   CHECK(cache.NextToPublish().block == Hot(1));
   REQUIRE(cache.Reserve(kBlock));
-  const auto publish = [&](uint32_t block) {
+  const auto publish = [&](BlockKey block) {
     auto resident = std::make_unique<ResidentBlock>();
-    resident->bytes = cache.TakePages(kBlock);
+    resident->bytes = *cache.TakePages(kBlock);
     cache.Publish(block, std::move(resident));
   };
   publish(Hot(1));
   // Not before the rays that waited for it have been there, and said what they want next.
   CHECK_FALSE(cache.NextToPublish().any);
   CHECK_FALSE(cache.NextToPublish().block.has_value());
-  REQUIRE(mailbox.Take(false) == std::vector<uint32_t>{Hot(1)});
+  REQUIRE(mailbox.Take(false) == std::vector<BlockKey>{Hot(1)});
   CHECK_FALSE(cache.NextToPublish().block.has_value());
   cache.Want(Hot(2), &mailbox, 1, up);
   cache.Unpin(Hot(1));

@@ -102,7 +102,7 @@ TEST_CASE("A store gives back its textures, page by page", "[texture][store]") {
   CHECK(uses[2] == MaterialTexture{1, painted[1].textures[1]});
   CHECK(FaultOf(folder.file("s")) == "");
   CHECK(store->ReadPage(0, 99).error().message.find("there is no page 99 of texture 0") != std::string::npos);
-  CHECK(store->ReadPage(2, 0).error().permanent);
+  CHECK(store->ReadPage(2, 0).error().permanent());
 }
 
 TEST_CASE("The scene id covers texels and their uses", "[texture][store]") {

@@ -1,25 +1,29 @@
-#include "common/engine/voxel_cache.h"
+#include "common/engine/blocks/voxel_cache.h"
 
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <thread>
 
-#include "common/engine/pinned_blocks.h"
+#include "common/engine/blocks/pinned_blocks.h"
 
 namespace quarry {
 namespace {
 
 constexpr uint32_t kBlock = 1000;
 
+constexpr BlockKey operator""_b(unsigned long long number) {
+  return BlockKey::FromNumber(static_cast<uint32_t>(number));
+}
+
 /// A cache over ten voxels (twenty blocks of 1000 bytes) and a loader played by hand.
 struct Fixture {
   explicit Fixture(uint64_t budget)
       : cache((catalog.voxels.resize(10), catalog), budget, [this] { ++wants; }, [this] { ++spaces; }) {}
 
-  bool Load(uint32_t block) {
+  bool Load(BlockKey block) {
     if (!cache.Reserve(kBlock)) return false;
     auto resident = std::make_unique<ResidentBlock>();
-    resident->bytes = cache.TakePages(kBlock);
+    resident->bytes = *cache.TakePages(kBlock);
     cache.Publish(block, std::move(resident));
     return true;
   }
@@ -32,41 +36,41 @@ struct Fixture {
 
 TEST_CASE("AbsentBlocksCannotBePinned") {
   Fixture f(3 * kBlock);
-  CHECK(f.cache.TryPin(4) == nullptr);
-  REQUIRE(f.Load(4));
-  CHECK(f.cache.TryPin(4) != nullptr);
-  f.cache.Unpin(4);
+  CHECK(f.cache.TryPin(4_b) == nullptr);
+  REQUIRE(f.Load(4_b));
+  CHECK(f.cache.TryPin(4_b) != nullptr);
+  f.cache.Unpin(4_b);
 }
 
 TEST_CASE("TheLeastRecentlyUsedGoesFirst") {
   Fixture f(2 * kBlock);
-  REQUIRE((f.Load(1) && f.Load(2)));
-  REQUIRE(f.cache.TryPin(1));
-  f.cache.Unpin(1);
-  REQUIRE(f.Load(3));
-  CHECK(f.cache.TryPin(2) == nullptr);
-  CHECK(f.cache.TryPin(1) != nullptr);
-  f.cache.Unpin(1);
+  REQUIRE((f.Load(1_b) && f.Load(2_b)));
+  REQUIRE(f.cache.TryPin(1_b));
+  f.cache.Unpin(1_b);
+  REQUIRE(f.Load(3_b));
+  CHECK(f.cache.TryPin(2_b) == nullptr);
+  CHECK(f.cache.TryPin(1_b) != nullptr);
+  f.cache.Unpin(1_b);
   CHECK(f.cache.counters().evictions == 1);
   CHECK(f.cache.counters().bytes == 2 * kBlock);
 }
 
 TEST_CASE("ABlockThatGoesLeavesItsPagesToTheNext") {
   Fixture f(kBlock);
-  REQUIRE(f.Load(1));
-  const std::byte* pages = f.cache.TryPin(1)->bytes.bytes().data();
-  f.cache.Unpin(1);
-  REQUIRE(f.Load(2));
-  const ResidentBlock* next = f.cache.TryPin(2);
+  REQUIRE(f.Load(1_b));
+  const std::byte* pages = f.cache.TryPin(1_b)->bytes.bytes().data();
+  f.cache.Unpin(1_b);
+  REQUIRE(f.Load(2_b));
+  const ResidentBlock* next = f.cache.TryPin(2_b);
   CHECK(next->bytes.bytes().data() == pages);
   CHECK(next->bytes.bytes().size() == kBlock);
-  f.cache.Unpin(2);
+  f.cache.Unpin(2_b);
 }
 
 TEST_CASE("PagesTakeAnySize") {
-  PageBuffer buffer, neighbour(5000);
+  PageBuffer buffer, neighbour = *PageBuffer::TryGet(5000);
   for (size_t bytes : {0u, 1u, 4096u, 4097u, 300000u, 1u, 70000u, 0u, 8192u}) {
-    buffer.Resize(bytes);
+    REQUIRE(buffer.Resize(bytes));
     REQUIRE(buffer.bytes().size() == bytes);
     for (std::byte& b : buffer.bytes()) b = std::byte{7};
   }
@@ -76,25 +80,26 @@ TEST_CASE("PagesTakeAnySize") {
 TEST_CASE("MemoryGotBeforehandIsUsedFirst") {
   constexpr size_t kPage = 4096;
   Fixture f(3 * kPage + kBlock);
-  PageBuffer memory(5 * kPage);  // more than the budget
+  PageBuffer memory = *PageBuffer::TryGet(5 * kPage);  // more than the budget
   const std::byte* const begin = memory.bytes().data();
   f.cache.UseFirst(std::move(memory));
-  for (uint32_t block = 0; block < 3; ++block) {
+  for (uint32_t number = 0; number < 3; ++number) {
+    const auto block = BlockKey::FromNumber(number);
     REQUIRE(f.Load(block));
     const std::span<std::byte> bytes = f.cache.TryPin(block)->bytes.bytes();
-    CHECK(bytes.data() == begin + block * kPage);
+    CHECK(bytes.data() == begin + number * kPage);
     CHECK(bytes.size() == kBlock);
-    std::ranges::fill(bytes, static_cast<std::byte>(block));
+    std::ranges::fill(bytes, static_cast<std::byte>(number));
     f.cache.Unpin(block);
   }
   // The rest of the budget is the last page's; who is in the middle leaves its own alone.
-  for (uint32_t block = 3; block < 20; ++block) REQUIRE(f.Load(block));
-  CHECK(f.cache.TryPin(2) == nullptr);
+  for (uint32_t number = 3; number < 20; ++number) REQUIRE(f.Load(BlockKey::FromNumber(number)));
+  CHECK(f.cache.TryPin(2_b) == nullptr);
   CHECK(f.cache.counters().bytes <= 3 * kPage + kBlock);
 }
 
 TEST_CASE("PagesAreCutOffInFront") {
-  PageBuffer all(10000);
+  PageBuffer all = *PageBuffer::TryGet(10000);
   const std::byte* const begin = all.bytes().data();
   const PageBuffer one = all.TakeFront(1), two = all.TakeFront(4097);
   CHECK(one.bytes().data() == begin);
@@ -105,72 +110,100 @@ TEST_CASE("PagesAreCutOffInFront") {
 
 TEST_CASE("PinnedBlocksStay") {
   Fixture f(kBlock);
-  REQUIRE(f.Load(1));
-  const ResidentBlock* pinned = f.cache.TryPin(1);
-  CHECK_FALSE(f.Load(2));
-  CHECK(f.cache.Pinned(1) == pinned);
+  REQUIRE(f.Load(1_b));
+  const ResidentBlock* pinned = f.cache.TryPin(1_b);
+  CHECK_FALSE(f.Load(2_b));
+  CHECK(f.cache.Pinned(1_b) == pinned);
   CHECK(f.spaces == 0);
-  f.cache.Unpin(1);
+  f.cache.Unpin(1_b);
   CHECK(f.spaces == 1);  // the loader is told
-  CHECK(f.Load(2));
+  CHECK(f.Load(2_b));
 }
 
 TEST_CASE("ABlockIsPinnedForAllWhoWaitForItBeforeItCanGo") {
   Fixture f(kBlock);
   Mailbox a, b;
-  f.cache.Want(1, &a, 5);
-  f.cache.Want(1, &b, 1);
-  f.cache.Want(1, &a, 2);
-  CHECK(f.cache.NextToLoad() == 1u);
+  f.cache.Want(1_b, &a, 5);
+  f.cache.Want(1_b, &b, 1);
+  f.cache.Want(1_b, &a, 2);
+  CHECK(f.cache.NextToLoad() == 1_b);
   CHECK_FALSE(f.cache.NextToLoad().has_value());  // once, however many ask
-  REQUIRE(f.Load(1));
-  CHECK_FALSE(f.Load(2));
-  CHECK(a.Take(true) == std::vector<uint32_t>{1});
-  f.cache.Unpin(1);
-  CHECK_FALSE(f.Load(2));
-  CHECK(b.Take(true) == std::vector<uint32_t>{1});
-  f.cache.Unpin(1);
-  CHECK(f.Load(2));
+  REQUIRE(f.Load(1_b));
+  CHECK_FALSE(f.Load(2_b));
+  CHECK(a.Take(true) == std::vector<BlockKey>{1_b});
+  f.cache.Unpin(1_b);
+  CHECK_FALSE(f.Load(2_b));
+  CHECK(b.Take(true) == std::vector<BlockKey>{1_b});
+  f.cache.Unpin(1_b);
+  CHECK(f.Load(2_b));
 }
 
 TEST_CASE("WantingAResidentBlockDeliversAtOnce") {
   Fixture f(kBlock);
   Mailbox a;
-  REQUIRE(f.Load(1));
-  f.cache.Want(1, &a, 1);
-  CHECK(a.Take(false) == std::vector<uint32_t>{1});
-  CHECK_FALSE(f.Load(2));
-  f.cache.Unpin(1);
+  REQUIRE(f.Load(1_b));
+  f.cache.Want(1_b, &a, 1);
+  CHECK(a.Take(false) == std::vector<BlockKey>{1_b});
+  CHECK_FALSE(f.Load(2_b));
+  f.cache.Unpin(1_b);
 }
 
 TEST_CASE("BlocksThatMoreRaysWaitForAreLoadedFirst") {
   Fixture f(kBlock);
   Mailbox a;
-  f.cache.Want(1, &a, 1);
-  f.cache.Want(2, &a, 1000000);
-  CHECK(f.cache.NextToLoad() == 2u);
+  f.cache.Want(1_b, &a, 1);
+  f.cache.Want(2_b, &a, 1000000);
+  CHECK(f.cache.NextToLoad() == 2_b);
 }
 
 TEST_CASE("PinnedBlocksHoldOnePinABlock") {
   Fixture f(kBlock);
-  REQUIRE(f.Load(1));
+  REQUIRE(f.Load(1_b));
   {
     PinnedBlocks pins(f.cache);
-    std::vector<uint32_t> touched, other;
+    std::vector<BlockKey> touched, other;
     pins.LogTo(touched, pins.NewReader());
-    const ResidentBlock* first = pins.Find(1);
+    const ResidentBlock* first = pins.Find(1_b);
     CHECK(first != nullptr);
-    CHECK(pins.Find(1) == first);
-    CHECK(pins.Find(2) == nullptr);
-    CHECK(touched == std::vector<uint32_t>{1});
+    CHECK(pins.Find(1_b) == first);
+    CHECK(pins.Find(2_b) == nullptr);
+    CHECK(touched == std::vector<BlockKey>{1_b});
     pins.LogTo(other, pins.NewReader());
-    CHECK(pins.Find(1) == first);
-    CHECK(other == std::vector<uint32_t>{1});
-    f.cache.TryPin(1);
-    pins.Adopt(1);  // gives the second pin back
-    CHECK_FALSE(f.Load(2));
+    CHECK(pins.Find(1_b) == first);
+    CHECK(other == std::vector<BlockKey>{1_b});
+    f.cache.TryPin(1_b);
+    pins.Adopt(1_b);  // gives the second pin back
+    CHECK_FALSE(f.Load(2_b));
   }
-  CHECK(f.Load(2));
+  CHECK(f.Load(2_b));
+}
+
+TEST_CASE("MemoryThatTheSystemLacksIsAValue") {
+  CHECK_FALSE(PageBuffer::TryGet(size_t{1} << 50).has_value());
+  PageBuffer buffer = *PageBuffer::TryGet(5000);
+  CHECK_FALSE(buffer.Resize(size_t{1} << 50));
+  CHECK(buffer.bytes().size() == 5000);
+}
+
+TEST_CASE("ChangesAreToldWithoutTheCachesLock") {
+  Catalog catalog;
+  catalog.voxels.resize(10);
+  std::vector<std::pair<BlockKey, bool>> told;
+  VoxelCache* self = nullptr;
+  VoxelCache cache(
+      catalog, kBlock, [] {}, [] {},
+      [&](BlockKey block, bool here) {
+        told.push_back({block, here});
+        self->counters();  // takes the lock
+      });
+  self = &cache;
+  for (const BlockKey block : {1_b, 2_b}) {
+    REQUIRE(cache.Reserve(kBlock));
+    auto resident = std::make_unique<ResidentBlock>();
+    resident->bytes = *cache.TakePages(kBlock);
+    cache.Publish(block, std::move(resident));
+  }
+  CHECK(told == std::vector<std::pair<BlockKey, bool>>{{1_b, true}, {1_b, false}, {2_b, true}});
 }
 
 TEST_CASE("ManyThreadsShareACacheOfOneBlock") {
@@ -181,8 +214,8 @@ TEST_CASE("ManyThreadsShareACacheOfOneBlock") {
   for (int k = 0; k < 3; ++k)
     threads.emplace_back([&, k] {
       for (uint32_t i = 0; i < 200; ++i) {
-        f.cache.Want((i * 7 + static_cast<uint32_t>(k)) % 20, &boxes[k], 1);
-        for (uint32_t block : boxes[k].Take(true)) {
+        f.cache.Want(BlockKey::FromNumber((i * 7 + static_cast<uint32_t>(k)) % 20), &boxes[k], 1);
+        for (const BlockKey block : boxes[k].Take(true)) {
           REQUIRE(f.cache.Pinned(block) != nullptr);
           f.cache.Unpin(block);
           ++served;

@@ -58,11 +58,11 @@ class CacheFolder {
 
   /// The block into `out`, if it is there with the size and checksum of `entry`; a damaged one is removed.
   /// A file's time of change is the time it was last used, to a minute. Errors: cannot be read.
-  Result<Found> Read(const SceneId& scene, uint32_t block, const BlockEntry& entry, Bytes& out);
+  Result<Found> Read(const SceneId& scene, BlockKey block, const BlockEntry& entry, Bytes& out);
 
   /// One larger than the whole budget is not written. Errors: disk full and other write errors; nothing is
   /// left of the file then.
-  Status Write(const SceneId& scene, uint32_t block, std::span<const std::byte> bytes);
+  Status Write(const SceneId& scene, BlockKey block, std::span<const std::byte> bytes);
 
   /// Whether enough was written that the folder ought to be looked through: see Sweep.
   bool SweepDue() const { return sweep_ != nullptr || written_ >= next_sweep_; }
@@ -76,11 +76,11 @@ class CacheFolder {
 
  private:
   struct Walk;
-  std::string BlockPath(const SceneId& scene, uint32_t block) const;
+  std::string BlockPath(const SceneId& scene, BlockKey block) const;
   Status BecomeWriter();
   void EndSweep(uint64_t left);
   void RemoveDeadWriters();
-  Status WriteOnce(const SceneId& scene, uint32_t block, std::span<const std::byte> bytes, int& error);
+  Status WriteOnce(const SceneId& scene, BlockKey block, std::span<const std::byte> bytes, int& error);
 
   std::string folder_;
   uint64_t budget_;

@@ -5,6 +5,8 @@
 #include <unordered_set>
 #include <vector>
 
+#include "common/voxel/block_key.h"
+
 namespace quarry {
 
 /// Which blocks a worker has, decoded or stored, and what has changed since the master was last told. Used
@@ -12,22 +14,22 @@ namespace quarry {
 class CacheInventory {
  public:
   enum Tier : uint8_t { kDecoded = 1, kStored = 2 };
-  void Set(uint32_t block, Tier tier, bool here) {
+  void Set(BlockKey block, Tier tier, bool here) {
     uint8_t& tiers = tiers_[block];
     const uint8_t before = tiers;
     tiers = static_cast<uint8_t>(here ? tiers | tier : tiers & ~tier);
     if ((before == 0) != (tiers == 0)) changed_.insert(block);
     if (tiers == 0) tiers_.erase(block);
   }
-  bool Has(uint32_t block) const { return tiers_.contains(block); }
+  bool Has(BlockKey block) const { return tiers_.contains(block); }
   struct Changes {
     std::vector<uint32_t> come, gone;
   };
   /// Since the last call of either.
   Changes TakeChanges() {
     Changes changes;
-    for (const uint32_t block : changed_)
-      (tiers_.contains(block) ? changes.come : changes.gone).push_back(block);
+    for (const BlockKey block : changed_)
+      (tiers_.contains(block) ? changes.come : changes.gone).push_back(block.number());
     changed_.clear();
     return changes;
   }
@@ -35,13 +37,13 @@ class CacheInventory {
   std::vector<uint32_t> TakeAll() {
     changed_.clear();
     std::vector<uint32_t> all;
-    for (const auto& [block, tiers] : tiers_) all.push_back(block);
+    for (const auto& [block, tiers] : tiers_) all.push_back(block.number());
     return all;
   }
 
  private:
-  std::unordered_map<uint32_t, uint8_t> tiers_;
-  std::unordered_set<uint32_t> changed_;
+  std::unordered_map<BlockKey, uint8_t> tiers_;
+  std::unordered_set<BlockKey> changed_;
 };
 
 }  // namespace quarry

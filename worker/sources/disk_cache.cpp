@@ -32,16 +32,16 @@ constexpr auto kWritePause = std::chrono::minutes(1);
 struct DiskCachedSource::Impl : std::enable_shared_from_this<DiskCachedSource::Impl> {
   using Guard = boost::asio::executor_work_guard<boost::asio::io_context::executor_type>;
   struct Waiting {
-    uint32_t block;
+    BlockKey block;
     Done done;
     Guard guard;  // the io_context has work while the disk is asked
   };
   struct Read {
     uint64_t ticket;
-    uint32_t block;
+    BlockKey block;
   };
   struct Write {
-    uint32_t block;
+    BlockKey block;
     Bytes bytes;
   };
 
@@ -51,8 +51,8 @@ struct DiskCachedSource::Impl : std::enable_shared_from_this<DiskCachedSource::I
 
   // On the io_context's thread.
 
-  void Fetch(uint32_t block, Done done) {
-    if (block / 2 >= catalog.voxels.size()) return inner.Fetch(block, std::move(done));
+  void Fetch(BlockKey block, Done done) {
+    if (!catalog.Has(block)) return inner.Fetch(block, std::move(done));
     const uint64_t ticket = next_ticket++;
     waiting.emplace(ticket, Waiting{block, std::move(done), Guard(io.get_executor())});
     {
@@ -77,7 +77,7 @@ struct DiskCachedSource::Impl : std::enable_shared_from_this<DiskCachedSource::I
                 });
   }
 
-  void Keep(uint32_t block, const Bytes& bytes) {
+  void Keep(BlockKey block, const Bytes& bytes) {
     {
       const std::lock_guard lock(mutex);
       if (!writes.empty() && queued_bytes + bytes.size() > kMaxQueuedBytes) {
@@ -228,7 +228,7 @@ void DiskCachedSource::Close() {
   impl_->thread.join();
 }
 
-void DiskCachedSource::Fetch(uint32_t block, Done done) { impl_->Fetch(block, std::move(done)); }
+void DiskCachedSource::Fetch(BlockKey block, Done done) { impl_->Fetch(block, std::move(done)); }
 
 DiskCachedSource::Counters DiskCachedSource::counters() const {
   const Impl& i = *impl_;

@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "common/engine/voxel_source.h"
+#include "common/engine/blocks/voxel_source.h"
 #include "common/voxel/catalog.h"
 
 namespace boost::asio {
@@ -50,7 +50,7 @@ class DiskCachedSource final : public VoxelSource {
   /// Closes it.
   ~DiskCachedSource() override;
   /// Requires: not closed.
-  void Fetch(uint32_t block, Done done) override;
+  void Fetch(BlockKey block, Done done) override;
 
   /// Writes what is queued, then ends its thread: the counters are final. `done`s outstanding are never
   /// called. Once closed, nothing happens.

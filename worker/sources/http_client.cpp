@@ -71,7 +71,7 @@ struct HttpRangeClient::Pool : std::enable_shared_from_this<HttpRangeClient::Poo
       setup =
           BadUsage(fmt::format("{}: cannot read certificate authorities: {}",
                                options.tls_ca.empty() ? "the system's" : options.tls_ca, error.message()));
-    if (!setup) setup.error().permanent = true;
+    if (!setup) setup.error().kind = ErrorKind::kPermanent;
   }
 
   void Pump();
@@ -332,7 +332,9 @@ class HttpRangeClient::Lane : public std::enable_shared_from_this<HttpRangeClien
     const Done done = std::move(job_.done);
     Close();
     pool->Remove(this);
-    if (done) done(tl::unexpected<Error>(Error{fmt::format("{}: {}", pool->name, sentence), 1, permanent}));
+    if (done)
+      done(tl::unexpected<Error>(Error{fmt::format("{}: {}", pool->name, sentence),
+                                       permanent ? ErrorKind::kPermanent : ErrorKind::kFailed}));
     if (!pool->stopped) pool->Pump();
   }
 

@@ -15,7 +15,7 @@ namespace quarry {
 
 struct HttpVoxelSource::Impl : std::enable_shared_from_this<HttpVoxelSource::Impl> {
   struct Waiting {
-    uint32_t block;
+    BlockKey block;
     Done done;
   };
   enum class Checked { kNo, kAsking, kYes };
@@ -41,9 +41,9 @@ struct HttpVoxelSource::Impl : std::enable_shared_from_this<HttpVoxelSource::Imp
     if (served != 0 && served != header.file_size)
       return FailCheck(Error{fmt::format("{}: {} bytes long, should be {}: truncated or added to", name,
                                          served, header.file_size),
-                             1, true});
+                             ErrorKind::kPermanent});
     if (header.sections == 0)
-      return FailCheck(Error{fmt::format("{}: a store without sections", name), 1, true});
+      return FailCheck(Error{fmt::format("{}: a store without sections", name), ErrorKind::kPermanent});
     client->Get(kStoreHeaderBytes, static_cast<uint32_t>(header.table_bytes()),
                 [self = shared_from_this(), header](Result<HttpRangeClient::Reply> reply) {
                   if (!reply) return self->FailCheck(reply.error());
@@ -64,7 +64,7 @@ struct HttpVoxelSource::Impl : std::enable_shared_from_this<HttpVoxelSource::Imp
     }
   }
 
-  void Ask(uint32_t block, Done done) {
+  void Ask(BlockKey block, Done done) {
     const BlockEntry& entry = catalog.block(block);
     client->Get(entry.offset, entry.stored,
                 [self = shared_from_this(), done = std::move(done)](Result<HttpRangeClient::Reply> reply) {
@@ -75,7 +75,7 @@ struct HttpVoxelSource::Impl : std::enable_shared_from_this<HttpVoxelSource::Imp
                     return done(tl::unexpected<Error>(Error{
                         fmt::format("{}: the store there is another than it was: {} bytes long, no longer {}",
                                     self->name, reply->file_size, self->file_size),
-                        1, true}));
+                        ErrorKind::kPermanent}));
                   }
                   done(std::move(reply->bytes));
                 });
@@ -101,12 +101,13 @@ HttpVoxelSource::~HttpVoxelSource() {
   impl_->client.reset();
 }
 
-void HttpVoxelSource::Fetch(uint32_t block, Done done) {
+void HttpVoxelSource::Fetch(BlockKey block, Done done) {
   const Catalog& catalog = impl_->catalog;
-  if (block / 2 >= catalog.voxels.size() || catalog.block(block).stored == 0) {
+  if (!catalog.Has(block)) {
     return boost::asio::post(impl_->io, [impl = impl_, block, done = std::move(done)] {
       if (!impl->stopped)
-        done(tl::unexpected<Error>(Error{fmt::format("{}: no block {} there", impl->name, block), 1, true}));
+        done(tl::unexpected<Error>(
+            Error{fmt::format("{}: no block {} there", impl->name, block.number()), ErrorKind::kPermanent}));
     });
   }
   if (impl_->checked == Impl::Checked::kYes) return impl_->Ask(block, std::move(done));

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <memory>
 
-#include "common/engine/voxel_source.h"
+#include "common/engine/blocks/voxel_source.h"
 #include "common/voxel/catalog.h"
 #include "worker/sources/http_client.h"
 #include "worker/sources/http_options.h"
@@ -29,7 +29,7 @@ class HttpVoxelSource final : public VoxelSource {
   HttpVoxelSource(boost::asio::io_context& io, HttpLocation location, const Catalog& catalog,
                   HttpOptions options);
   ~HttpVoxelSource() override;
-  void Fetch(uint32_t block, Done done) override;
+  void Fetch(BlockKey block, Done done) override;
 
   Counters counters() const;
 

@@ -4,7 +4,7 @@
 
 namespace quarry {
 
-bool LruIndex::Use(uint32_t block) {
+bool LruIndex::Use(BlockKey block) {
   const auto it = entries_.find(block);
   if (it == entries_.end()) return false;
   Entry& entry = it->second;
@@ -13,7 +13,7 @@ bool LruIndex::Use(uint32_t block) {
   return true;
 }
 
-bool LruIndex::Insert(uint32_t block, uint64_t bytes, bool ahead, std::vector<uint32_t>& evicted) {
+bool LruIndex::Insert(BlockKey block, uint64_t bytes, bool ahead, std::vector<BlockKey>& evicted) {
   if (bytes > budget_ || entries_.contains(block)) return false;
   while (used_ + bytes > budget_) {
     // What nobody has asked for goes first, but not for more of the like.
@@ -28,8 +28,8 @@ bool LruIndex::Insert(uint32_t block, uint64_t bytes, bool ahead, std::vector<ui
   return true;
 }
 
-void LruIndex::Evict(std::list<uint32_t>& from, std::vector<uint32_t>& evicted) {
-  const uint32_t oldest = from.back();
+void LruIndex::Evict(std::list<BlockKey>& from, std::vector<BlockKey>& evicted) {
+  const BlockKey oldest = from.back();
   from.pop_back();
   const auto it = entries_.find(oldest);
   used_ -= it->second.bytes;

@@ -4,6 +4,8 @@
 #include <span>
 #include <vector>
 
+#include "common/voxel/block_key.h"
+
 // How blocks are shared out over several sources, and what happens when some are slow or fail. No clock and
 // no network: time comes in, in seconds on any clock that does not jump. Not thread-safe.
 
@@ -12,7 +14,7 @@ namespace quarry {
 /// Indices of the sources in the order in which this block should ask them, its home first: rendezvous
 /// hashing, so that a source that comes or goes moves only the blocks that are its own. `keys`: one a source,
 /// the same on every machine. Source: Thaler & Ravishankar 1998.
-std::vector<uint32_t> HomeOrder(uint32_t block, std::span<const uint64_t> keys);
+std::vector<uint32_t> HomeOrder(BlockKey block, std::span<const uint64_t> keys);
 
 /// When a source that has failed may be asked again: after 0.1 s, twice that with every further failure, 5 s
 /// at most; each wait up to a quarter shorter by chance, so that many workers do not come back at once.

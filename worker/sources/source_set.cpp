@@ -50,7 +50,7 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
   };
   /// A block that has been asked for and is not here.
   struct Fetching {
-    uint32_t block;
+    BlockKey block;
     Done done;
     double since_s, asked_s = 0;
     std::vector<uint32_t> asked;  ///< origins (by id) that owe an answer
@@ -69,7 +69,7 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
 
   /// Origins in the order in which this block asks them: homes, then a worker said to hold it. Who serves
   /// while it renders is slower, until many ask the homes.
-  std::vector<uint32_t> OrderFor(uint32_t block) const {
+  std::vector<uint32_t> OrderFor(BlockKey block) const {
     std::vector<uint32_t> order;
     for (const uint32_t home : HomeOrder(block, keys)) order.push_back(homes[home]);
     if (const auto hint = holders.find(block); hint != holders.end())
@@ -118,7 +118,7 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
       --o->second->owed;
       o->second->heard_s = Now();
     }
-    const uint32_t block = wanted ? it->second.block : 0;
+    const BlockKey block = wanted ? it->second.block : BlockKey{};
     bool good = result.has_value();
     if (good && wanted) {
       const BlockEntry& entry = catalog.block(block);
@@ -126,11 +126,12 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
       if (!good) {
         ++counters.damaged;
         ++it->second.damaged;
-        result = Fail(fmt::format("block {} arrived damaged {} times (checksum)", block, it->second.damaged));
+        result = Fail(
+            fmt::format("block {} arrived damaged {} times (checksum)", block.number(), it->second.damaged));
       }
     }
     // The server lives, and has nothing to give for this block.
-    const bool refused = !result && result.error().permanent;
+    const bool refused = !result && result.error().permanent();
     if (o != origins.end() && !refused) Judge(*o->second, good, asked_s, good ? "" : result.error().message);
     if (!wanted) return;
     Fetching& f = it->second;
@@ -247,7 +248,7 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
   std::vector<uint64_t> keys;                      ///< of those
   std::map<uint32_t, uint32_t> peers;              ///< worker to origin
   std::map<uint32_t, std::string> peer_endpoints;  ///< worker to HOST:PORT
-  std::unordered_map<uint32_t, uint32_t> holders;  ///< block to worker
+  std::unordered_map<BlockKey, uint32_t> holders;  ///< workers that have blocks
   AnswerTime peer_answers;                         ///< of all workers
   std::map<uint64_t, Fetching> fetching;           ///< oldest first
   uint64_t next_fetch = 1;
@@ -298,12 +299,12 @@ void SourceSet::SetPeers(const Peers& peers,
   impl_->peer_endpoints = std::move(now);
 }
 
-void SourceSet::SetHolder(uint32_t block, uint32_t worker) {
+void SourceSet::SetHolder(BlockKey block, uint32_t worker) {
   if (impl_->holders.size() >= kMostHints) impl_->holders.clear();
   impl_->holders[block] = worker;
 }
 
-void SourceSet::Fetch(uint32_t block, Done done) {
+void SourceSet::Fetch(BlockKey block, Done done) {
   const uint64_t id = impl_->next_fetch++;
   auto& f = impl_->fetching[id];
   f.block = block;

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "common/engine/voxel_source.h"
+#include "common/engine/blocks/voxel_source.h"
 #include "common/net/connection.h"
 #include "common/protocol/messages.h"
 #include "common/voxel/catalog.h"
@@ -38,9 +38,9 @@ class SourceSet final : public VoxelSource {
   /// The workers to be asked from now on, instead of those before.
   void SetPeers(const Peers& peers, std::function<std::unique_ptr<VoxelSource>(const Endpoint&)> make);
   /// A hint: `worker` has the block.
-  void SetHolder(uint32_t block, uint32_t worker);
+  void SetHolder(BlockKey block, uint32_t worker);
 
-  void Fetch(uint32_t block, Done done) override;
+  void Fetch(BlockKey block, Done done) override;
   const Counters& counters() const;
 
  private:

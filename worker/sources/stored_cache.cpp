@@ -5,7 +5,7 @@
 
 namespace quarry {
 
-void StoredCache::Fetch(uint32_t block, Done done) {
+void StoredCache::Fetch(BlockKey block, Done done) {
   if (const Bytes* bytes = Find(block)) {
     counters_.hit_bytes += bytes->size();
     return done(*bytes);
@@ -20,7 +20,7 @@ void StoredCache::Fetch(uint32_t block, Done done) {
   });
 }
 
-bool StoredCache::Prefetch(uint32_t block, std::function<void()> then) {
+bool StoredCache::Prefetch(BlockKey block, std::function<void()> then) {
   if (!index_.TakesAhead() || index_.Has(block) || prefetching_.contains(block)) return false;
   prefetching_[block];
   inner_.Fetch(block, [this, block, then = std::move(then)](const Result<Bytes>& result) {
@@ -30,7 +30,7 @@ bool StoredCache::Prefetch(uint32_t block, std::function<void()> then) {
   return true;
 }
 
-void StoredCache::OnPrefetched(uint32_t block, const Result<Bytes>& result) {
+void StoredCache::OnPrefetched(BlockKey block, const Result<Bytes>& result) {
   const auto waiting = std::exchange(prefetching_[block], {});
   prefetching_.erase(block);
   if (result) {
@@ -40,12 +40,12 @@ void StoredCache::OnPrefetched(uint32_t block, const Result<Bytes>& result) {
   for (const Done& done : waiting) done(result);
 }
 
-const Bytes* StoredCache::Find(uint32_t block) { return index_.Use(block) ? &bytes_.at(block) : nullptr; }
+const Bytes* StoredCache::Find(BlockKey block) { return index_.Use(block) ? &bytes_.at(block) : nullptr; }
 
-void StoredCache::Keep(uint32_t block, const Bytes& bytes, bool prefetched) {
-  std::vector<uint32_t> evicted;
+void StoredCache::Keep(BlockKey block, const Bytes& bytes, bool prefetched) {
+  std::vector<BlockKey> evicted;
   if (!index_.Insert(block, bytes.size(), prefetched, evicted)) return;
-  for (const uint32_t gone : evicted) {
+  for (const BlockKey gone : evicted) {
     bytes_.erase(gone);
     inventory_.Set(gone, CacheInventory::kStored, false);
   }

@@ -4,7 +4,7 @@
 #include <unordered_map>
 #include <vector>
 
-#include "common/engine/voxel_source.h"
+#include "common/engine/blocks/voxel_source.h"
 #include "worker/sources/cache_inventory.h"
 #include "worker/sources/lru_index.h"
 
@@ -22,15 +22,15 @@ class StoredCache final : public VoxelSource {
   };
   StoredCache(VoxelSource& inner, uint64_t budget_bytes, CacheInventory& inventory)
       : inner_(inner), index_(budget_bytes), inventory_(inventory) {}
-  void Fetch(uint32_t block, Done done) override;
+  void Fetch(BlockKey block, Done done) override;
   /// Fetches a block that nobody waits for yet, to be the first that goes again. False when it is here or on
   /// its way, or such blocks take a quarter of the room already. `then` is called when it has come, or could
   /// not.
-  bool Prefetch(uint32_t block, std::function<void()> then);
+  bool Prefetch(BlockKey block, std::function<void()> then);
   /// Prefetches under way.
   size_t prefetching() const { return prefetching_.size(); }
   /// The block if it is here; null otherwise. Does not ask anyone.
-  const Bytes* Find(uint32_t block);
+  const Bytes* Find(BlockKey block);
   Counters counters() const {
     Counters c = counters_;
     c.prefetch_wasted_bytes = index_.ahead_wasted_bytes();
@@ -42,15 +42,15 @@ class StoredCache final : public VoxelSource {
   static uint64_t ShareOf(uint64_t cache_bytes, uint64_t all_decoded, uint64_t largest_decoded);
 
  private:
-  void Keep(uint32_t block, const Bytes& bytes, bool prefetched);
-  void OnPrefetched(uint32_t block, const Result<Bytes>& result);
+  void Keep(BlockKey block, const Bytes& bytes, bool prefetched);
+  void OnPrefetched(BlockKey block, const Result<Bytes>& result);
 
   VoxelSource& inner_;
   LruIndex index_;
   CacheInventory& inventory_;
   Counters counters_;
-  std::unordered_map<uint32_t, Bytes> bytes_;
-  std::unordered_map<uint32_t, std::vector<Done>> prefetching_;  ///< and who has asked for it meanwhile
+  std::unordered_map<BlockKey, Bytes> bytes_;
+  std::unordered_map<BlockKey, std::vector<Done>> prefetching_;  ///< and who has asked for it meanwhile
 };
 
 }  // namespace quarry

@@ -15,7 +15,7 @@ namespace quarry {
 
 struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl> {
   struct Waiting {
-    uint32_t block;
+    BlockKey block;
     Done done;
   };
   Impl(boost::asio::io_context& context, Endpoint e, Security s, SceneId id, uint32_t most_bytes)
@@ -67,8 +67,7 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
     watch.cancel();
     // Nothing about the way to a server is permanent for a block: bits that flip in a handshake look like
     // another secret, and a server may be replaced.
-    for (auto& [request, w] : std::exchange(waiting, {}))
-      w.done(tl::unexpected<Error>(Error{error.message, error.exit_status}));
+    for (auto& [request, w] : std::exchange(waiting, {})) w.done(tl::unexpected<Error>(Error{error.message}));
   }
 
   void OnMessage(Message m) {
@@ -87,7 +86,8 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
     if (m.type == MessageType::kBlock) return done(std::move(m.raw));
     const auto failure = DecodeFailure(m.table);
     done(tl::unexpected<Error>(
-        Error{failure ? failure->message : "the voxel server gave an answer that is not one", 1, true}));
+        Error{failure ? failure->message : "the voxel server gave an answer that is not one",
+              ErrorKind::kPermanent}));
   }
 
   void OnWelcome(const Message& m) {
@@ -104,7 +104,7 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
       const uint64_t request = unasked.front();
       ++asked;
       connection->Send(
-          MakeMessage(MessageType::kBlockRequest, BlockRequest{waiting.at(request).block}, request));
+          MakeMessage(MessageType::kBlockRequest, BlockRequest{waiting.at(request).block.number()}, request));
     }
   }
 
@@ -134,7 +134,7 @@ TcpVoxelSource::~TcpVoxelSource() {
   if (impl_->connection) impl_->connection->Close();
 }
 
-void TcpVoxelSource::Fetch(uint32_t block, Done done) {
+void TcpVoxelSource::Fetch(BlockKey block, Done done) {
   const uint64_t request = impl_->next_request++;
   impl_->waiting.emplace(request, Impl::Waiting{block, std::move(done)});
   impl_->unasked.push_back(request);

@@ -2,7 +2,7 @@
 
 #include <memory>
 
-#include "common/engine/voxel_source.h"
+#include "common/engine/blocks/voxel_source.h"
 #include "common/net/connection.h"
 #include "common/voxel/catalog.h"
 
@@ -21,7 +21,7 @@ class TcpVoxelSource final : public VoxelSource {
   TcpVoxelSource(boost::asio::io_context& io, Endpoint server, Security security, SceneId scene,
                  uint32_t most_block_bytes);
   ~TcpVoxelSource() override;
-  void Fetch(uint32_t block, Done done) override;
+  void Fetch(BlockKey block, Done done) override;
 
  private:
   struct Impl;

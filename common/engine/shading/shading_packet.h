@@ -4,10 +4,10 @@
 #include <cstdint>
 #include <glm/vec3.hpp>
 
-#include "common/engine/shading.h"
+#include "common/engine/shading/shading.h"
 #include "common/kdtree/ray_packet.h"
 #include "common/scene/material.h"
-#include "common/scene/render_job.h"
+#include "common/scene/view.h"
 #include "common/voxel/block_decoder.h"
 
 // Shading of a packet's samples together, by vector instructions: the functions of shading.h in loops over

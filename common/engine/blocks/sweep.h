@@ -41,7 +41,7 @@ class Sweep {
 
   /// A block that rays wait for, as the sweep sees it.
   struct Stop {
-    uint32_t block;
+    BlockKey block;
     OctantMask octants;  ///< of the rays that wait
   };
   /// How far ahead a block lies: those with less come first. Blocks that no ray of the present octant needs,

@@ -1,4 +1,4 @@
-#include "common/engine/shading.h"
+#include "common/engine/shading/shading.h"
 
 #include "common/math/random.h"
 

@@ -1,4 +1,4 @@
-#include "common/engine/page_buffer.h"
+#include "common/engine/blocks/page_buffer.h"
 
 #include <sys/mman.h>
 
@@ -16,12 +16,6 @@ size_t WholePages(size_t bytes) {
 
 }  // namespace
 
-PageBuffer::PageBuffer(size_t bytes) {
-  auto got = TryGet(bytes);
-  QUARRY_CHECK(got.has_value());
-  *this = std::move(*got);
-}
-
 std::optional<PageBuffer> PageBuffer::TryGet(size_t bytes) {
   PageBuffer buffer;
   if (bytes == 0) return buffer;
@@ -38,20 +32,23 @@ PageBuffer::~PageBuffer() {
   if (data_) ::munmap(data_, size_);
 }
 
-void PageBuffer::Resize(size_t bytes) {
+bool PageBuffer::Resize(size_t bytes) {
   if (bytes == 0 || size_ == 0) {
-    *this = PageBuffer(bytes);
-    return;
+    auto other = TryGet(bytes);
+    if (!other) return false;
+    *this = std::move(*other);
+    return true;
   }
   void* memory = ::mremap(data_, WholePages(size_), WholePages(bytes), MREMAP_MAYMOVE);
-  QUARRY_CHECK(memory != MAP_FAILED);
+  if (memory == MAP_FAILED) return false;
   data_ = static_cast<std::byte*>(memory);
   size_ = bytes;
+  return true;
 }
 
 PageBuffer PageBuffer::TakeFront(size_t bytes) {
   const size_t pages = WholePages(bytes);
-  QUARRY_CHECK(pages <= WholePages(size_));
+  QUARRY_CHECK_LE(pages, WholePages(size_));
   PageBuffer front;
   front.data_ = data_;
   front.size_ = bytes;

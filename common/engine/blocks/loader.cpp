@@ -1,4 +1,4 @@
-#include "common/engine/loader.h"
+#include "common/engine/blocks/loader.h"
 
 #include <fmt/format.h>
 
@@ -9,13 +9,13 @@
 
 namespace quarry {
 
-Status DecodeBlock(const Catalog& catalog, uint32_t block, std::span<const std::byte> stored,
+Status DecodeBlock(const Catalog& catalog, BlockKey block, std::span<const std::byte> stored,
                    BlockDecoder& decoder, ResidentBlock& resident, std::vector<KdNode>* tree) {
   const std::span<std::byte> out = resident.bytes.bytes();
-  if (block % 2 == static_cast<uint32_t>(BlockKind::kShading)) {
-    QUARRY_ASSIGN(resident.shading, DecodeShading(decoder, catalog, block / 2, stored, out));
+  if (block.kind == BlockKind::kShading) {
+    QUARRY_ASSIGN(resident.shading, DecodeShading(decoder, catalog, block.voxel, stored, out));
   } else {
-    QUARRY_ASSIGN(resident.hot, DecodeHot(decoder, catalog, block / 2, stored, out, tree));
+    QUARRY_ASSIGN(resident.hot, DecodeHot(decoder, catalog, block.voxel, stored, out, tree));
   }
   return {};
 }
@@ -61,7 +61,7 @@ void Loader::AskForMore() {
   }
 }
 
-void Loader::OnFetched(uint32_t block, Result<Bytes> stored) {
+void Loader::OnFetched(BlockKey block, Result<Bytes> stored) {
   if (failed_) return;
   if (!stored) return Fail(stored.error());
   arrived_.push_back({block, std::move(*stored)});
@@ -73,11 +73,17 @@ bool Loader::Install(const Arrived& arrived) {
   if (!cache_.Reserve(entry.decoded)) return false;
   auto resident = std::make_unique<ResidentBlock>();
   const auto start = std::chrono::steady_clock::now();
-  resident->bytes = cache_.TakePages(entry.decoded);
+  auto pages = cache_.TakePages(entry.decoded);
+  if (!pages) {
+    Fail(Error{fmt::format("the system has no memory for a block of {} bytes; give a smaller --cache",
+                           entry.decoded)});
+    return false;
+  }
+  resident->bytes = std::move(*pages);
   const Status status = DecodeBlock(catalog_, arrived.block, arrived.stored, decoder_, *resident);
   decode_us_ += MicrosecondsSince(start);
   if (!status) {
-    Fail(Error{fmt::format("block {}: {}", arrived.block, status.error().message)});
+    Fail(Error{fmt::format("block {}: {}", arrived.block.number(), status.error().message)});
     return false;
   }
   cache_.Publish(arrived.block, std::move(resident));

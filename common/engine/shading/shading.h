@@ -4,7 +4,7 @@
 #include <glm/geometric.hpp>
 #include <glm/vec3.hpp>
 
-#include "common/engine/surface.h"
+#include "common/engine/shading/surface.h"
 #include "common/kdtree/ray.h"
 #include "common/math/elementary.h"
 #include "common/scene/material.h"

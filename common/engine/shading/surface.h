@@ -9,7 +9,7 @@
 #include "common/kdtree/ray.h"
 #include "common/kdtree/voxel_geometry.h"
 #include "common/scene/material.h"
-#include "common/scene/render_job.h"
+#include "common/scene/view.h"
 
 // Where rays go on from the point that they hit: what workers that render and a master that foresees what
 // they will need must agree on. Pure functions.

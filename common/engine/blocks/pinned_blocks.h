@@ -4,7 +4,7 @@
 #include <unordered_map>
 #include <vector>
 
-#include "common/engine/voxel_cache.h"
+#include "common/engine/blocks/voxel_cache.h"
 
 namespace quarry {
 
@@ -18,16 +18,17 @@ class PinnedBlocks {
 
   /// From now on blocks found are appended to `touched`, each once or more. `reader`: a number from
   /// NewReader, another for each list.
-  void LogTo(std::vector<uint32_t>& touched, uint32_t reader) {
+  void LogTo(std::vector<BlockKey>& touched, uint32_t reader) {
     touched_ = &touched;
     reader_ = reader;
   }
   uint32_t NewReader() { return ++readers_; }
 
   /// Null when the block is not resident. Requires: LogTo was called.
-  const ResidentBlock* Find(uint32_t block) {
-    Recent& recent = recent_[(block / 2 + block % 2 * (kRecent / 2)) % kRecent];
-    const uint64_t key = uint64_t{reader_} << 32 | block;
+  const ResidentBlock* Find(BlockKey block) {
+    Recent& recent =
+        recent_[(block.voxel + static_cast<uint32_t>(block.kind) * (kRecent / kBlockKinds)) % kRecent];
+    const uint64_t key = uint64_t{reader_} << 32 | block.number();
     if (recent.key == key) return recent.resident;
     const ResidentBlock* resident = nullptr;
     if (const auto it = pinned_.find(block); it != pinned_.end()) {
@@ -44,14 +45,13 @@ class PinnedBlocks {
   /// Finds voxels' hot parts here, for a kernel on this thread.
   VoxelFinder finder() {
     return {[](void* pins, uint32_t voxel) -> const VoxelGeometry* {
-              const ResidentBlock* block =
-                  static_cast<PinnedBlocks*>(pins)->Find(BlockId(voxel, BlockKind::kHot));
+              const ResidentBlock* block = static_cast<PinnedBlocks*>(pins)->Find(BlockKey::Hot(voxel));
               return block ? &block->hot : nullptr;
             },
             this};
   }
   /// Takes over a pin that was made on this thread's behalf.
-  void Adopt(uint32_t block) {
+  void Adopt(BlockKey block) {
     if (!pinned_.emplace(block, cache_.Pinned(block)).second) cache_.Unpin(block);
   }
   void Release() {
@@ -67,9 +67,9 @@ class PinnedBlocks {
     const ResidentBlock* resident = nullptr;
   };
   VoxelCache& cache_;
-  std::unordered_map<uint32_t, const ResidentBlock*> pinned_;
+  std::unordered_map<BlockKey, const ResidentBlock*> pinned_;
   Recent recent_[kRecent];
-  std::vector<uint32_t>* touched_ = nullptr;
+  std::vector<BlockKey>* touched_ = nullptr;
   uint32_t reader_ = 0, readers_ = 0;
 };
 

@@ -1,4 +1,4 @@
-#include "common/engine/voxel_cache.h"
+#include "common/engine/blocks/voxel_cache.h"
 
 #include <algorithm>
 #include <utility>
@@ -7,7 +7,7 @@
 
 namespace quarry {
 
-void Mailbox::Deliver(uint32_t block, VoxelCache& from) {
+void Mailbox::Deliver(BlockKey block, VoxelCache& from) {
   {
     const std::lock_guard lock(mutex_);
     from_ = &from;
@@ -24,7 +24,7 @@ void Mailbox::Wake() {
   changed_.notify_one();
 }
 
-std::vector<uint32_t> Mailbox::Take(bool wait) {
+std::vector<BlockKey> Mailbox::Take(bool wait) {
   if (in_use_ != 0) from_->Used(std::exchange(in_use_, 0));
   std::unique_lock lock(mutex_);
   if (wait) changed_.wait(lock, [&] { return woken_ || !delivered_.empty(); });
@@ -34,21 +34,21 @@ std::vector<uint32_t> Mailbox::Take(bool wait) {
 }
 
 VoxelCache::VoxelCache(const Catalog& catalog, uint64_t budget_bytes, std::function<void()> on_want,
-                       std::function<void()> on_space, std::function<void(uint32_t, bool)> on_change)
+                       std::function<void()> on_space, std::function<void(BlockKey, bool)> on_change)
     : catalog_(catalog),
       budget_(budget_bytes),
       on_want_(std::move(on_want)),
       on_space_(std::move(on_space)),
       on_change_(std::move(on_change)),
-      slots_(std::make_unique<Slot[]>(catalog.voxels.size() * 2)),
+      slots_(std::make_unique<Slot[]>(catalog.block_numbers())),
       order_(catalog) {}
 
 VoxelCache::~VoxelCache() {
-  for (uint32_t block : residents_) delete slots_[block].resident.load();
+  for (BlockKey block : residents_) delete slot(block).resident.load();
 }
 
-const ResidentBlock* VoxelCache::TryPin(uint32_t block) {
-  Slot& slot = slots_[block];
+const ResidentBlock* VoxelCache::TryPin(BlockKey block) {
+  Slot& slot = this->slot(block);
   uint32_t state = slot.state.load(std::memory_order_relaxed);
   do {
     if (!(state & kResident)) return nullptr;
@@ -57,13 +57,13 @@ const ResidentBlock* VoxelCache::TryPin(uint32_t block) {
   return slot.resident.load(std::memory_order_acquire);
 }
 
-void VoxelCache::Unpin(uint32_t block) {
-  const uint32_t before = slots_[block].state.fetch_sub(1);
+void VoxelCache::Unpin(BlockKey block) {
+  const uint32_t before = slot(block).state.fetch_sub(1);
   QUARRY_DCHECK((before & ~kResident) > 0);
   if ((before & ~kResident) == 1 && starved_.exchange(false)) on_space_();
 }
 
-void VoxelCache::Want(uint32_t block, Mailbox* mailbox, uint32_t rays, OctantMask octants) {
+void VoxelCache::Want(BlockKey block, Mailbox* mailbox, uint32_t rays, OctantMask octants) {
   {
     const std::lock_guard lock(mutex_);
     // Eviction and publication hold the lock too, so that this answer stands until the waiter is on the list.
@@ -120,7 +120,7 @@ VoxelCache::Turn VoxelCache::NextToPublish() const {
   return {false, next ? std::optional(next->block) : std::nullopt};
 }
 
-std::optional<uint32_t> VoxelCache::TurnToLoad() {
+std::optional<BlockKey> VoxelCache::TurnToLoad() {
   const std::lock_guard lock(mutex_);
   if (!scarce()) return {};
   const auto next = NextInSweep(true);
@@ -128,7 +128,7 @@ std::optional<uint32_t> VoxelCache::TurnToLoad() {
   return next->block;
 }
 
-std::optional<uint32_t> VoxelCache::NextToLoad() {
+std::optional<BlockKey> VoxelCache::NextToLoad() {
   const std::lock_guard lock(mutex_);
   if (scarce()) {
     const auto next = NextInSweep(false);
@@ -137,7 +137,7 @@ std::optional<uint32_t> VoxelCache::NextToLoad() {
     return next->block;
   }
   const auto now = std::chrono::steady_clock::now();
-  std::optional<uint32_t> best;
+  std::optional<BlockKey> best;
   double best_worth = -1;
   for (const auto& [block, w] : waiting_) {
     if (w.loading) continue;
@@ -152,13 +152,13 @@ std::optional<uint32_t> VoxelCache::NextToLoad() {
   return best;
 }
 
-bool VoxelCache::EvictOne() {
+bool VoxelCache::EvictOne(std::vector<BlockKey>& evicted) {
   // A scan: a cache holds some thousand blocks, and a load costs far more than looking at them.
   const uint32_t now = clock_.load();
   size_t oldest = residents_.size();
   uint32_t oldest_age = 0;
   for (size_t i = 0; i < residents_.size(); ++i) {
-    const Slot& slot = slots_[residents_[i]];
+    const Slot& slot = this->slot(residents_[i]);
     const uint32_t age = now - slot.last_use.load(std::memory_order_relaxed);
     if (slot.state.load() != kResident) continue;  // pinned
     if (oldest == residents_.size() || age > oldest_age) {
@@ -167,7 +167,7 @@ bool VoxelCache::EvictOne() {
     }
   }
   if (oldest == residents_.size()) return false;
-  Slot& slot = slots_[residents_[oldest]];
+  Slot& slot = this->slot(residents_[oldest]);
   uint32_t unpinned = kResident;
   if (!slot.state.compare_exchange_strong(unpinned, 0)) return true;  // pinned meanwhile: look again
   ResidentBlock* gone = slot.resident.exchange(nullptr);
@@ -177,42 +177,47 @@ bool VoxelCache::EvictOne() {
   spare_ = PageBuffer();
   spare_ = std::move(gone->bytes);
   delete gone;
-  if (on_change_) on_change_(residents_[oldest], false);
+  evicted.push_back(residents_[oldest]);
   residents_[oldest] = residents_.back();
   residents_.pop_back();
   return true;
 }
 
-bool VoxelCache::Reserve(uint32_t decoded_bytes) {
+bool VoxelCache::MakeRoom(uint32_t decoded_bytes, std::vector<BlockKey>& evicted) {
   const std::lock_guard lock(mutex_);
-  QUARRY_CHECK(decoded_bytes <= budget_);
+  QUARRY_CHECK_LE(decoded_bytes, budget_);
   while (used_ + decoded_bytes > budget_) {
-    if (EvictOne()) continue;
+    if (EvictOne(evicted)) continue;
     // Raise the flag first, then look again: a pin that goes in between is either seen here or sees the flag.
     starved_.store(true);
-    if (!EvictOne()) return false;
+    if (!EvictOne(evicted)) return false;
     starved_.store(false);
   }
   used_ += decoded_bytes;
   return true;
 }
 
-PageBuffer VoxelCache::TakePages(uint32_t decoded_bytes) {
-  if (!spare_.bytes().empty()) {
-    spare_.Resize(decoded_bytes);
-    return std::move(spare_);
-  }
+bool VoxelCache::Reserve(uint32_t decoded_bytes) {
+  std::vector<BlockKey> evicted;
+  const bool has_room = MakeRoom(decoded_bytes, evicted);
+  if (on_change_)
+    for (const BlockKey block : evicted) on_change_(block, false);
+  return has_room;
+}
+
+std::optional<PageBuffer> VoxelCache::TakePages(uint32_t decoded_bytes) {
+  if (!spare_.bytes().empty() && spare_.Resize(decoded_bytes)) return std::move(spare_);
   if (decoded_bytes <= unused_.bytes().size()) return unused_.TakeFront(decoded_bytes);
   unused_ = PageBuffer();
-  return PageBuffer(decoded_bytes);
+  return PageBuffer::TryGet(decoded_bytes);
 }
 
 void VoxelCache::UseFirst(PageBuffer memory) {
   unused_ = std::move(memory);
-  if (unused_.bytes().size() > budget_) unused_.Resize(budget_);
+  if (unused_.bytes().size() > budget_ && !unused_.Resize(budget_)) unused_ = PageBuffer();
 }
 
-void VoxelCache::Publish(uint32_t block, std::unique_ptr<ResidentBlock> resident) {
+void VoxelCache::Publish(BlockKey block, std::unique_ptr<ResidentBlock> resident) {
   std::vector<Mailbox*> mailboxes;
   {
     const std::lock_guard lock(mutex_);
@@ -226,13 +231,13 @@ void VoxelCache::Publish(uint32_t block, std::unique_ptr<ResidentBlock> resident
     }
     ++counters_.loaded;
     counters_.bytes_loaded += resident->bytes.bytes().size();
-    Slot& slot = slots_[block];
+    Slot& slot = this->slot(block);
     slot.last_use.store(clock_.fetch_add(1));
     slot.resident.store(resident.release(), std::memory_order_release);
     residents_.push_back(block);
-    if (on_change_) on_change_(block, true);
     slot.state.store(kResident + static_cast<uint32_t>(mailboxes.size()), std::memory_order_release);
   }
+  if (on_change_) on_change_(block, true);
   for (Mailbox* mailbox : mailboxes) mailbox->Deliver(block, *this);
 }
 

@@ -6,15 +6,15 @@
 #include <span>
 #include <vector>
 
-#include "common/engine/voxel_cache.h"
-#include "common/engine/voxel_source.h"
+#include "common/engine/blocks/voxel_cache.h"
+#include "common/engine/blocks/voxel_source.h"
 #include "common/voxel/block_decoder.h"
 
 namespace quarry {
 
 /// Decodes `stored` into `resident`, whose bytes have the decoded size, and checks it against the catalog.
 /// `tree`: see BlockDecoder.
-Status DecodeBlock(const Catalog& catalog, uint32_t block, std::span<const std::byte> stored,
+Status DecodeBlock(const Catalog& catalog, BlockKey block, std::span<const std::byte> stored,
                    BlockDecoder& decoder, ResidentBlock& resident, std::vector<KdNode>* tree = nullptr);
 
 /// Loads the blocks that the cache wants: asks the source (whose bytes are verified), decompresses,
@@ -41,13 +41,13 @@ class Loader {
 
  private:
   struct Arrived {
-    uint32_t block;
+    BlockKey block;
     Bytes stored;
   };
   /// Those whose turn it is, as long as the cache has room.
   void InstallArrived();
   void AskForMore();
-  void OnFetched(uint32_t block, Result<Bytes> stored);
+  void OnFetched(BlockKey block, Result<Bytes> stored);
   bool Install(const Arrived& arrived);
   void Fail(const Error& error);
 

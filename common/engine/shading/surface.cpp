@@ -1,4 +1,4 @@
-#include "common/engine/surface.h"
+#include "common/engine/shading/surface.h"
 
 namespace quarry {
 namespace {

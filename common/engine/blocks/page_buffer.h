@@ -12,8 +12,6 @@ namespace quarry {
 class PageBuffer {
  public:
   PageBuffer() = default;
-  /// Ends the program when the system has no memory left.
-  explicit PageBuffer(size_t bytes);
   /// Nothing when the system has no such memory.
   static std::optional<PageBuffer> TryGet(size_t bytes);
   PageBuffer(PageBuffer&& other) noexcept
@@ -25,9 +23,10 @@ class PageBuffer {
   }
   ~PageBuffer();
   std::span<std::byte> bytes() const { return {data_, size_}; }
-  /// Makes it another size, perhaps elsewhere; what was in it is lost. Pages that it has are kept as far as
-  /// they are needed: getting them anew takes the system as long as decoding a block into them.
-  void Resize(size_t bytes);
+  /// Makes it another size, perhaps elsewhere; its content is lost. Pages are kept as far as they are needed:
+  /// getting them anew takes the system as long as decoding a block into them. False, and nothing has
+  /// changed, when the system has no such memory.
+  [[nodiscard]] bool Resize(size_t bytes);
   /// Cuts off memory for so many bytes in front: whole pages. Requires: it has as many pages.
   PageBuffer TakeFront(size_t bytes);
 

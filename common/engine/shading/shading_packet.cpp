@@ -1,4 +1,4 @@
-#include "common/engine/shading_packet.h"
+#include "common/engine/shading/shading_packet.h"
 
 #include "common/math/next_float.h"
 

@@ -1,0 +1,133 @@
+#include "common/engine/renderer.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "common/base/size.h"
+#include "common/kdtree/kernels.h"
+
+namespace quarry {
+std::vector<Tile> TilesOf(const PixelRect& pixels, uint32_t step, bool hits_only) {
+  std::vector<Tile> tiles;
+  const uint32_t side = kTileSize * step;
+  for (uint32_t y = 0; y < pixels.height; y += side)
+    for (uint32_t x = 0; x < pixels.width; x += side)
+      tiles.push_back(
+          {{pixels.x + x, pixels.y + y, std::min(side, pixels.width - x), std::min(side, pixels.height - y)},
+           step,
+           hits_only});
+  return tiles;
+}
+
+Status Renderer::Check(const Catalog& catalog, const Options& options) {
+  if (options.cache_bytes < catalog.meta.largest_decoded)
+    return BadUsage(
+        fmt::format("--cache of {} is less than the scene's largest block, {} bytes; give at least that",
+                    FormatSize(options.cache_bytes), catalog.meta.largest_decoded));
+  if (Kernels().empty()) return BadUsage("QUARRY_ISA names no instruction set that this processor has");
+  return {};
+}
+
+Renderer::Renderer(const Catalog& catalog, const Options& options, Hooks hooks)
+    : catalog_(catalog),
+      hooks_(std::move(hooks)),
+      cache_(
+          catalog, options.cache_bytes, [this] { ScheduleLoader(); }, [this] { ScheduleLoader(); },
+          hooks_.on_block) {}
+
+Result<std::unique_ptr<Renderer>> Renderer::Create(const Catalog& catalog, VoxelSource& source,
+                                                   Executor executor, const Options& options, Hooks hooks) {
+  QUARRY_TRY(Check(catalog, options));
+  std::unique_ptr<Renderer> renderer(new Renderer(catalog, options, std::move(hooks)));
+  renderer->Begin(source, std::move(executor), options);
+  return renderer;
+}
+
+Result<std::unique_ptr<Renderer>> Renderer::Create(const Scene& scene, const Options& options) {
+  QUARRY_TRY(Check(scene.catalog(), options));
+  std::unique_ptr<Renderer> renderer(new Renderer(scene.catalog(), options, {}));
+  Renderer& r = *renderer;
+  r.scene_ = scene;
+  r.loader_thread_ = std::thread([&r] { r.tasks_.Run(); });
+  const auto executor = [&r](std::function<void()> task) { r.tasks_.Post(std::move(task)); };
+  r.source_ = scene.MakeSource(executor);
+  r.Begin(*r.source_, executor, options);
+  return renderer;
+}
+
+void Renderer::Begin(VoxelSource& source, Executor executor, const Options& options) {
+  executor_ = std::move(executor);
+  loader_.emplace(catalog_, cache_, source, [this](const Error& error) {
+    {
+      const std::lock_guard lock(mutex_);
+      failure_ = error;
+      for (const auto& call : calls_) End(*call, error);
+    }
+    if (hooks_.on_error) hooks_.on_error(error);
+  });
+  engine_ = std::make_unique<Engine>(catalog_, cache_, options.threads);
+}
+
+Renderer::~Renderer() {
+  engine_.reset();
+  tasks_.Stop();
+  if (loader_thread_.joinable()) loader_thread_.join();
+}
+
+/// Any number of calls before the loader runs make it run once.
+void Renderer::ScheduleLoader() {
+  if (scheduled_.exchange(true)) return;
+  executor_([this] {
+    scheduled_ = false;
+    loader_->Run();
+    if (hooks_.on_idle) hooks_.on_idle();
+  });
+}
+
+Status Renderer::Render(const View& view, std::span<const Tile> tiles, const OnTile& on_tile,
+                        std::stop_token stop) {
+  const auto call = std::make_shared<Call>();
+  call->on_tile = &on_tile;
+  call->progress.all = static_cast<uint32_t>(tiles.size());
+  const std::stop_callback stopped(stop, [&] { End(*call, {"cancelled", ErrorKind::kCancelled}); });
+  uint64_t number = 0;
+  {
+    const std::lock_guard lock(mutex_);
+    if (failure_) return tl::unexpected<Error>(*failure_);
+    number = next_view_++;
+    calls_.insert(call);
+  }
+  engine_->SetView(number, view);
+  for (size_t i = 0; i < tiles.size(); ++i)
+    engine_->Render(number, tiles[i],
+                    [call, i](RenderedTile result) { OnTileDone(*call, i, std::move(result)); });
+  Status outcome;
+  {
+    std::unique_lock lock(call->mutex);
+    call->changed.wait(lock, [&] { return call->error || call->progress.done == call->progress.all; });
+    call->on_tile = nullptr;
+    if (call->error) outcome = tl::unexpected<Error>(*call->error);
+  }
+  engine_->DropViews(number, number + 1);
+  const std::lock_guard lock(mutex_);
+  calls_.erase(call);
+  return outcome;
+}
+
+void Renderer::OnTileDone(Call& call, size_t index, RenderedTile result) {
+  const std::lock_guard lock(call.mutex);
+  if (!call.on_tile || call.error) return;
+  ++call.progress.done;
+  (*call.on_tile)(index, std::move(result), call.progress);
+  if (call.progress.done == call.progress.all) call.changed.notify_one();
+}
+
+void Renderer::End(Call& call, const Error& error) {
+  const std::lock_guard lock(call.mutex);
+  call.error = error;
+  call.changed.notify_one();
+}
+
+}  // namespace quarry
