@@ -16,6 +16,11 @@ std::string ProgramBeside(const char* name) {
 
 }  // namespace
 
+Placement PlacementOf(const PreprocessOptions& options, const std::string& model) {
+  const auto found = options.placements.find(model);
+  return found == options.placements.end() ? Placement{} : found->second;
+}
+
 ForeignFormats ForeignFormatsOf(const PreprocessOptions& options, const std::string& prefix) {
   const std::string program = ProgramBeside("quarry-import-assimp");
   if (program.empty()) return {};

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "preprocess/import/foreign/foreign.h"
-#include "preprocess/ingest/spill_sink.h"
+#include "preprocess/ingest/scene_coordinates.h"
 #include "preprocess/texture/image_decoder.h"
 
 namespace quarry {
@@ -32,6 +32,9 @@ struct PreprocessOptions {
   uint64_t unpack_limit = 0;  ///< bytes that a packed model may unpack to; 0: by its own (model_reader.h)
   bool quiet = false;
 };
+
+/// The placement given for a model; the default if there is none.
+Placement PlacementOf(const PreprocessOptions& options, const std::string& model);
 
 /// How a run reads formats that Quarry has no reader for: by the program beside its own, if that is there.
 ForeignFormats ForeignFormatsOf(const PreprocessOptions& options, const std::string& prefix);

@@ -32,8 +32,8 @@ Bytes Framed(uint32_t kind, std::span<const std::byte> bytes) {
 }
 
 /// The notes of a journal up to the first that is torn; `whole`: bytes up to there.
-std::vector<Note> ReadNotes(std::span<const std::byte> journal, size_t& whole) {
-  std::vector<Note> notes;
+std::vector<SavedCheckpoint> ReadJournal(std::span<const std::byte> journal, size_t& whole) {
+  std::vector<SavedCheckpoint> notes;
   for (whole = 0; journal.size() - whole >= kHeaderBytes;) {
     ByteReader in(journal.subspan(whole));
     const auto kind = in.Get<uint32_t>();
@@ -41,7 +41,7 @@ std::vector<Note> ReadNotes(std::span<const std::byte> journal, size_t& whole) {
     const auto checksum = in.Get<uint64_t>();
     const auto bytes = in.GetSpan(size);
     if (!in.ok() || (Checksum(bytes) ^ kind) != checksum) break;
-    notes.push_back({static_cast<NoteKind>(kind), Bytes(bytes.begin(), bytes.end())});
+    notes.push_back({static_cast<CheckpointKind>(kind), Bytes(bytes.begin(), bytes.end())});
     whole += kHeaderBytes + size;
   }
   return notes;
@@ -106,7 +106,7 @@ WorkFolder::WorkFolder(WorkFolder&& other) noexcept
     : path_(std::move(other.path_)),
       spill_(std::move(other.spill_)),
       journal_(std::exchange(other.journal_, -1)),
-      notes_(std::move(other.notes_)),
+      checkpoints_(std::move(other.checkpoints_)),
       kept_(other.kept_),
       cleanups_(std::move(other.cleanups_)) {}
 
@@ -142,20 +142,21 @@ Result<bool> WorkFolder::GoOn(const std::string& command) {
   Bytes bytes(file.size());
   QUARRY_TRY(file.ReadAt(0, bytes));
   size_t whole = 0;
-  notes_ = ReadNotes(bytes, whole);
-  const bool building = std::any_of(notes_.begin(), notes_.end(),
-                                    [](const Note& note) { return note.kind == NoteKind::kBuilt; });
+  checkpoints_ = ReadJournal(bytes, whole);
+  const bool building = std::any_of(
+      checkpoints_.begin(), checkpoints_.end(),
+      [](const SavedCheckpoint& checkpoint) { return checkpoint.kind == CheckpointKind::kBuilt; });
   // Killed between naming the whole store and tidying up: nothing is left to do, nor to go on with.
   const bool named = building && ::access(store().c_str(), F_OK) != 0;
-  if (notes_.size() < 2 || named) {
-    notes_.clear();
+  if (checkpoints_.size() < 2 || named) {
+    checkpoints_.clear();
     return false;
   }
-  const std::string then(AsText(notes_[0].bytes));
+  const std::string then(AsText(checkpoints_[0].bytes));
   if (then != command)
     return Fail(fmt::format("{}: was begun with {}; repeat that, or begin anew without --resume", path_,
                             FirstDifference(then, command)));
-  notes_.erase(notes_.begin());
+  checkpoints_.erase(checkpoints_.begin());
   journal_ = ::open(name.c_str(), O_RDWR | O_APPEND | O_CLOEXEC);
   if (journal_ < 0 || ::ftruncate(journal_, static_cast<off_t>(whole)) != 0)
     return Fail(fmt::format("{}: cannot write: {}", name, ErrnoText(errno)));
@@ -163,7 +164,7 @@ Result<bool> WorkFolder::GoOn(const std::string& command) {
   return true;
 }
 
-Status WorkFolder::Add(NoteKind kind, const Bytes& bytes) {
+Status WorkFolder::Add(CheckpointKind kind, const Bytes& bytes) {
   const Bytes framed = Framed(static_cast<uint32_t>(kind), bytes);
   const std::string name = path_ + "/journal";
   size_t done = 0;

@@ -10,16 +10,16 @@
 namespace quarry {
 
 /// What a run has done so far.
-enum class NoteKind : uint32_t {
+enum class CheckpointKind : uint32_t {
   kImported = 1,  ///< so many models, and perhaps a part of the next: the sink's state
   kRegions,       ///< the tree of regions
-  kParted,        ///< so many triangles are in the files of their regions
+  kRouted,        ///< so many triangles are in the files of their regions
   kBuilt,         ///< the next region's voxels are in the store
   kTextures,      ///< and so many images
 };
 
-struct Note {
-  NoteKind kind;
+struct SavedCheckpoint {
+  CheckpointKind kind;
   Bytes bytes;
 };
 
@@ -44,9 +44,9 @@ class WorkFolder {
   const std::string& path() const { return path_; }
   const std::string& spill_folder() const { return spill_; }
   std::string store() const { return path_ + "/store"; }
-  const std::vector<Note>& notes() const { return notes_; }
+  const std::vector<SavedCheckpoint>& checkpoints() const { return checkpoints_; }
   /// Errors: disk full.
-  Status Add(NoteKind kind, const Bytes& bytes);
+  Status Add(CheckpointKind kind, const Bytes& bytes);
   /// Whether a later run could go on from here.
   bool kept() const { return kept_; }
   /// The run is over: nothing is left.
@@ -61,7 +61,7 @@ class WorkFolder {
 
   std::string path_, spill_;
   int journal_ = -1;
-  std::vector<Note> notes_;
+  std::vector<SavedCheckpoint> checkpoints_;
   bool kept_ = false;
   std::vector<int> cleanups_;  ///< see RemoveOnSignal
 };

@@ -123,7 +123,7 @@ uint64_t SpillPeak(const std::vector<Counts>& files, double record, double share
   if (triangles <= kMostInMemory) return static_cast<uint64_t>(peak);
   double sample = triangles;  // saved for --resume
   while (sample > TriangleSample::kMost) sample /= 2;
-  const double slice = std::min(triangles, static_cast<double>(kPartedAtOnce));
+  const double slice = std::min(triangles, static_cast<double>(kRoutedPerCheckpoint));
   const double parted = references * triangles * record;
   const double regions = parted * (parted > kLarge ? share : 1);
   return static_cast<uint64_t>(std::max(peak, in_file(triangles) - in_file(triangles - slice) + regions) +

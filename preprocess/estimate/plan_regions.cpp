@@ -50,13 +50,6 @@ void ForEachRegion(const RegionTree& tree, const TriangleRecord& record, float p
 
 }  // namespace
 
-void ResolvingSink::Place(const std::string& model) {
-  const auto placement = options_.placements.find(model);
-  const bool placed = placement != options_.placements.end();
-  turn_ = placed ? TurnOf(placement->second, static_cast<int>(options_.up_axis)) : glm::dmat3(1);
-  translation_ = placed ? placement->second.translation : glm::dvec3(0);
-}
-
 Status ResolvingSink::BeginFile(std::string_view) {
   positions_.Clear();
   normals_.Clear();
@@ -77,10 +70,8 @@ void ResolvingSink::Hold(uint64_t bytes) {
 
 Status ResolvingSink::AddPosition(const glm::dvec3& position, const Rgba8& color) {
   if (gave_up_) return {};
-  const glm::dvec3 scaled = InScene(position);
-  if (!offset_) offset_ = OffsetFor(scaled);
   Hold(sizeof(glm::vec3) + (attributes_ ? sizeof(uint32_t) : 0));
-  positions_.Add(glm::vec3(scaled - offset_.value_or(glm::dvec3(0))));
+  positions_.Add(coordinates_.Store(position));
   if (attributes_) colors_.Add(Packed(color));
   return {};
 }
@@ -88,7 +79,7 @@ Status ResolvingSink::AddPosition(const glm::dvec3& position, const Rgba8& color
 Status ResolvingSink::AddNormal(const glm::vec3& normal) {
   if (gave_up_ || !attributes_) return {};
   Hold(sizeof normal);
-  normals_.Add(glm::vec3(turn_ * glm::dvec3(normal)));
+  normals_.Add(glm::vec3(coordinates_.Direction(glm::dvec3(normal))));
   return {};
 }
 

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <glm/mat3x3.hpp>
 #include <memory>
 #include <optional>
 #include <span>
@@ -11,8 +10,9 @@
 #include "common/base/status.h"
 #include "preprocess/estimate/plan_sample.h"
 #include "preprocess/ingest/polygon_fan.h"
-#include "preprocess/ingest/spill_sink.h"
+#include "preprocess/ingest/scene_coordinates.h"
 #include "preprocess/partition/regions.h"
+#include "preprocess/spill/spill_file.h"
 
 // What a model's triangles take, told from some of the regions that a run would make, chosen with the chance
 // of their triangles: what is dense, or crossed by many triangles, is met as often as it costs.
@@ -47,13 +47,15 @@ class ResolvingSink : public IgnoringSink {
  public:
   /// `attributes`: whether normals, texture coordinates and colours are wanted too.
   ResolvingSink(const PreprocessOptions& options, uint64_t memory, bool attributes)
-      : options_(options), memory_(memory), attributes_(attributes) {}
+      : options_(options), memory_(memory), attributes_(attributes), coordinates_(options.scale) {}
 
   /// The next file's. Before it begins.
-  void Place(const std::string& model);
+  void Place(const std::string& model) {
+    coordinates_.Place(PlacementOf(options_, model), static_cast<int>(options_.up_axis));
+  }
   Status BeginFile(std::string_view) override;
-  bool WantsOrigin() const override { return !offset_; }
-  void SetOrigin(const glm::dvec3& place) override { offset_ = OffsetFor(InScene(place)); }
+  bool WantsOrigin() const override { return !coordinates_.has_offset(); }
+  void SetOrigin(const glm::dvec3& place) override { coordinates_.ChooseOffset(coordinates_.Point(place)); }
   Status AddPosition(const glm::dvec3& position, const Rgba8& color) override;
   Status AddNormal(const glm::vec3& normal) override;
   Status AddUv(const glm::vec2& uv) override;
@@ -69,9 +71,6 @@ class ResolvingSink : public IgnoringSink {
   virtual Status Take(const TriangleRecord& record) = 0;
 
  private:
-  glm::dvec3 InScene(const glm::dvec3& position) const {
-    return (turn_ * position + translation_) * options_.scale;
-  }
   bool Resolve(const Corner (&corners)[3], TriangleRecord& record) const;
   void Hold(uint64_t bytes);
 
@@ -80,9 +79,7 @@ class ResolvingSink : public IgnoringSink {
   const bool attributes_;
   uint64_t held_ = 0;  ///< bytes
   bool gave_up_ = false;
-  std::optional<glm::dvec3> offset_;
-  glm::dmat3 turn_{1};
-  glm::dvec3 translation_{0};
+  SceneCoordinates coordinates_;
   Numbered<glm::vec3> positions_, normals_;
   Numbered<uint32_t> colors_;
   Numbered<glm::vec2> uvs_;

@@ -54,7 +54,7 @@ class Partitioner {
         references_.push_back(
             {{box.lower.x, box.lower.y, box.lower.z}, i, {box.upper.x, box.upper.y, box.upper.z}, 0});
       }
-      QUARRY_TRY(EmitPile(records, references_, cell, last < file.count()));
+      QUARRY_TRY(EmitChain(records, references_, cell, last < file.count()));
       first = last;
     }
     return {};
@@ -73,7 +73,7 @@ class Partitioner {
     }
     const SplitPlane plane =
         count <= max_triangles_ ? SplitPlane{} : ChoosePlane(*splitter_, references, region.cell);
-    if (IsPile(plane, region.depth, region.growth, max_growth_)) return Chain(node, begin, region.cell);
+    if (EndsInChain(plane, region.depth, region.growth, max_growth_)) return Chain(node, begin, region.cell);
 
     const auto first = static_cast<uint32_t>(tree.nodes.size());
     tree.nodes[node] = KdNode::Inner(plane.axis, plane.position, first);
@@ -90,16 +90,16 @@ class Partitioner {
     const std::span<KdReference> references = std::span(references_).subspan(begin);
     tree.nodes[CutOffEmptySpace(tree.nodes, node, cell, ContentOf(references, cell))] =
         KdNode::Leaf(tree.voxels, 1);
-    QUARRY_TRY(EmitPile(*records_, references, cell, false));
+    QUARRY_TRY(EmitChain(*records_, references, cell, false));
     references_.resize(begin);
     return {};
   }
 
   /// The voxels of a pile, or, with `more` to come, of a part of it.
-  Status EmitPile(const std::vector<TriangleRecord>& records, std::span<KdReference> pile, const Box& cell,
-                  bool more) {
+  Status EmitChain(const std::vector<TriangleRecord>& records, std::span<KdReference> pile, const Box& cell,
+                   bool more) {
     size_t first = 0;
-    for (const size_t end : PartPile(pile, cell, max_triangles_)) {
+    for (const size_t end : SplitIntoChain(pile, cell, max_triangles_)) {
       VoxelTask task;
       task.cell = cell;
       task.chained = more || end < pile.size();

@@ -36,7 +36,7 @@ class RegionChooser {
     const SplitPlane plane = references.size() * weight_ <= kRegionTriangles
                                  ? SplitPlane{}
                                  : ChoosePlane(splitter_, references, region.cell);
-    if (IsPile(plane, region.depth, region.growth, MaxGrowthOfRegions(region.share))) {
+    if (EndsInChain(plane, region.depth, region.growth, MaxGrowthOfRegions(region.share))) {
       tree.nodes[node] = KdNode::Leaf(static_cast<uint32_t>(tree.regions.size()), 1);
       tree.regions.push_back(region);
       tree.leaves.push_back(node);

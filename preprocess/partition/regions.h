@@ -36,7 +36,7 @@ inline constexpr uint64_t kRegionTriangles = 128 << 10;
 /// Triangles that are split in memory: beyond it a region has regions of its own.
 inline constexpr uint64_t kMostInMemory = 256 << 10;
 /// Triangles handed out between two notes of how far that is.
-inline constexpr uint64_t kPartedAtOnce = 8 << 20;
+inline constexpr uint64_t kRoutedPerCheckpoint = 8 << 20;
 
 /// Cuts `whole` into regions of about kRegionTriangles, by the planes that a kd-tree over a sample of its
 /// triangles would have, each standing for `weight` of them; if that is more than 1, at borders of bins,

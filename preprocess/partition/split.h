@@ -63,7 +63,7 @@ inline double MaxGrowthInRegion(size_t triangles, size_t most_in_voxel) {
   return std::max(1.2, std::pow(voxels, 0.05));
 }
 
-inline bool IsPile(const SplitPlane& plane, int depth, double growth, double max_growth) {
+inline bool EndsInChain(const SplitPlane& plane, int depth, double growth, double max_growth) {
   return plane.axis < 0 || depth >= kMaxTopDepth || growth * plane.growth > max_growth;
 }
 

@@ -30,9 +30,9 @@ struct Bin {
   }
 };
 
-class PileParter {
+class ChainSplitter {
  public:
-  PileParter(std::span<KdReference> references, const Box& cell, size_t most)
+  ChainSplitter(std::span<KdReference> references, const Box& cell, size_t most)
       : references_(references), cell_(cell), most_(most) {
     std::vector<std::pair<size_t, size_t>> left{{0, references.size()}};  // to be parted, the first one last
     while (!left.empty()) {
@@ -127,8 +127,8 @@ class PileParter {
 
 }  // namespace
 
-std::vector<size_t> PartPile(std::span<KdReference> references, const Box& cell, uint32_t most) {
-  return std::move(PileParter(references, cell, most).ends);
+std::vector<size_t> SplitIntoChain(std::span<KdReference> references, const Box& cell, uint32_t most) {
+  return std::move(ChainSplitter(references, cell, most).ends);
 }
 
 }  // namespace quarry

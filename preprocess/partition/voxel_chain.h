@@ -14,6 +14,6 @@ namespace quarry {
 /// Requires: most > 0. Deterministic.
 /// Source: object splits by the SAH, as for bounding volume hierarchies (Wald 2007, binned by centres), but
 /// counting voxels to be fetched instead of triangles.
-std::vector<size_t> PartPile(std::span<KdReference> references, const Box& cell, uint32_t most);
+std::vector<size_t> SplitIntoChain(std::span<KdReference> references, const Box& cell, uint32_t most);
 
 }  // namespace quarry

@@ -33,14 +33,14 @@ class TextureStage {
 
   /// What an earlier run had done, as its notes say, in order; `textures` is for the writer.
   /// Errors: a note that cannot be read.
-  Status TakeNote(std::span<const std::byte> note, std::vector<WrittenTexture>& textures);
+  Status Restore(std::span<const std::byte> note, std::vector<WrittenTexture>& textures);
   /// Carries the rest; `note` is called now and then, after the writer's file has been synchronised, with
   /// what was done since the last time. Errors: disk full, memory that does not do.
   Status Run(StoreWriter& writer, Progress& progress, const std::function<Status(const Bytes&)>& note);
   /// Numbers the textures of bindings as the store does; bindings of images left out go.
   void Renumber(std::vector<Material>& materials) const;
   /// What was done since the last note, as a note.
-  Bytes TakeUnnoted(const StoreWriter& writer);
+  Bytes TakeUnsaved(const StoreWriter& writer);
   TextureStatistics Statistics(const StoreWriter& writer) const;
 
  private:
@@ -51,7 +51,7 @@ class TextureStage {
   unsigned threads_;
   Warn warn_;
   std::vector<uint32_t> numbers_;  ///< of the images done: the store's texture, or kNoIndex
-  size_t noted_ = 0;
+  size_t saved_ = 0;
   uint32_t pages_ = 0;  ///< of the images done
   double wall_s_ = 0;
 };

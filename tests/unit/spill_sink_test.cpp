@@ -184,7 +184,7 @@ TEST_CASE("An import goes on where it was saved") {
     auto state = sink.Save();
     REQUIRE(state.has_value());
     saved = *state;
-    sink.Noted();
+    sink.Committed();
     AddFile(sink, 77, 0, false, true);  // lost with the process
   }
   SpillSink sink = MakeSink(folder, 1 << 20);
@@ -219,7 +219,7 @@ TEST_CASE(
     auto state = sink.Save();
     REQUIRE(state.has_value());
     saved = *state;
-    sink.Noted();
+    sink.Committed();
   }
   for (const char* stale : {"import-positions", "import-partial-1", "import-state-0", "import-state-1.tmp-7",
                             "triangles-0", "triangles-3"})

@@ -85,15 +85,15 @@ TEST_CASE("Images that a note says are done are not carried again", "[texture]")
     return Status();
   }));
   CHECK(warnings == 1);
-  notes.push_back(first.TakeUnnoted(*writer));
+  notes.push_back(first.TakeUnsaved(*writer));
   std::erase_if(notes, [](const Bytes& note) { return note.empty(); });
-  CHECK(first.TakeUnnoted(*writer).empty());
+  CHECK(first.TakeUnsaved(*writer).empty());
 
   // Nothing of them is there any more.
   for (const TextureImage& image : images) std::filesystem::remove(image.file);
   TextureStage again(images, decoding, 1, warn);
   std::vector<WrittenTexture> textures;
-  for (const Bytes& note : notes) REQUIRE(again.TakeNote(note, textures));
+  for (const Bytes& note : notes) REQUIRE(again.Restore(note, textures));
   REQUIRE(textures.size() == 2);
   CHECK((textures[0].texture.name == "a.ppm" && textures[1].texture.name == "c.ppm"));
   CHECK(textures[0].texture.layout == TexelLayout{2, 1, 3, TexelFormat::kSrgb8});
@@ -109,7 +109,7 @@ TEST_CASE("Images that a note says are done are not carried again", "[texture]")
   again.Renumber(materials);
   REQUIRE(materials[0].textures.size() == 2);
   CHECK((materials[0].textures[0].texture == 0 && materials[0].textures[1].texture == 1));
-  CHECK_FALSE(TextureStage(images, decoding, 1, warn).TakeNote(std::span(notes[0]).first(20), textures));
+  CHECK_FALSE(TextureStage(images, decoding, 1, warn).Restore(std::span(notes[0]).first(20), textures));
 }
 
 }  // namespace quarry

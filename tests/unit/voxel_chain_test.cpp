@@ -30,7 +30,7 @@ std::vector<KdReference> CrossingBars(uint32_t count) {
 /// Parts them; checks what must hold of any groups. Returns the sum of the groups' areas over the cell's.
 double AreasOfGroups(std::vector<KdReference>& references) {
   const size_t count = references.size();
-  const std::vector<size_t> ends = PartPile(references, kCell, kMost);
+  const std::vector<size_t> ends = SplitIntoChain(references, kCell, kMost);
   REQUIRE(!ends.empty());
   CHECK(ends.back() == count);
   double areas = 0;
