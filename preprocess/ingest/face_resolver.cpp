@@ -5,18 +5,12 @@
 
 namespace quarry {
 
-Result<std::unique_ptr<FaceResolver>> FaceResolver::Create(const std::string& folder,
-                                                           TriangleSpill& triangles) {
-  QUARRY_ASSIGN(VertexStreams vertices, VertexStreams::Create(folder));
-  QUARRY_ASSIGN(WaitingFaces waiting, WaitingFaces::Create(folder));
-  return std::unique_ptr<FaceResolver>(new FaceResolver(std::move(vertices), std::move(waiting), triangles));
-}
-
-Result<std::unique_ptr<FaceResolver>> FaceResolver::Restore(const std::string& folder,
-                                                            TriangleSpill& triangles, ByteReader& saved) {
-  const auto loads_left = saved.Get<uint32_t>(), faces_to_next_load = saved.Get<uint32_t>();
-  QUARRY_ASSIGN(VertexStreams vertices, VertexStreams::Restore(folder, saved));
-  QUARRY_ASSIGN(WaitingFaces waiting, WaitingFaces::Restore(folder, triangles.attributes(), saved));
+Result<std::unique_ptr<FaceResolver>> FaceResolver::Open(const std::string& folder, TriangleSpill& triangles,
+                                                         ByteReader* saved) {
+  const uint32_t loads_left = saved ? saved->Get<uint32_t>() : kMostLoads;
+  const uint32_t faces_to_next_load = saved ? saved->Get<uint32_t>() : kFacesPerLoad;
+  QUARRY_ASSIGN(VertexStreams vertices, VertexStreams::Open(folder, saved));
+  QUARRY_ASSIGN(WaitingFaces waiting, WaitingFaces::Open(folder, triangles.attributes(), saved));
   std::unique_ptr<FaceResolver> faces(new FaceResolver(std::move(vertices), std::move(waiting), triangles));
   faces->loads_left_ = loads_left;
   faces->faces_to_next_load_ = faces_to_next_load;
@@ -88,15 +82,9 @@ Result<bool> FaceResolver::Resolve(const Face& face, TriangleRecord& record) {
   return vertices_.Find(face, record);
 }
 
-std::vector<std::string> FaceResolver::Paths(const std::string& folder) const {
-  std::vector<std::string> paths = VertexStreams::Paths(folder);
-  for (std::string& path : waiting_.Paths()) paths.push_back(std::move(path));
-  return paths;
-}
-
-std::vector<SpillFile> FaceResolver::TakeFiles() && {
-  std::vector<SpillFile> files = std::move(vertices_).TakeFiles();
-  for (SpillFile& file : std::move(waiting_).TakeFiles()) files.push_back(std::move(file));
+std::vector<SpillFile*> FaceResolver::Files() {
+  std::vector<SpillFile*> files = vertices_.Files();
+  for (SpillFile* file : waiting_.Files()) files.push_back(file);
   return files;
 }
 

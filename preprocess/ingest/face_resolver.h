@@ -22,10 +22,9 @@ namespace quarry {
 /// comes before any other use of them. Thread safety: none otherwise.
 class FaceResolver {
  public:
-  static Result<std::unique_ptr<FaceResolver>> Create(const std::string& folder, TriangleSpill& triangles);
-  /// Continues where Save() was called.
-  static Result<std::unique_ptr<FaceResolver>> Restore(const std::string& folder, TriangleSpill& triangles,
-                                                       ByteReader& saved);
+  /// Creates or empties the file's streams in `folder`; with `saved`, continues where Save() was called.
+  static Result<std::unique_ptr<FaceResolver>> Open(const std::string& folder, TriangleSpill& triangles,
+                                                    ByteReader* saved);
   /// Makes the file's streams durable and appends the state that Restore() needs to `out`.
   /// Requires: Settle().
   Status Save(ByteWriter& out);
@@ -44,9 +43,9 @@ class FaceResolver {
   VertexStreams& vertices() { return vertices_; }
   WaitingFaces& waiting() { return waiting_; }
 
-  std::vector<std::string> Paths(const std::string& folder) const;
-  /// The files of the streams and the waiting faces. Requires: Settle().
-  std::vector<SpillFile> TakeFiles() &&;
+  /// The files of the streams and the waiting faces, which may be moved from when the resolver has done its
+  /// work. Requires: Settle().
+  std::vector<SpillFile*> Files();
 
  private:
   // A page may be loaded for so many faces added; loads not used are saved up to a bound.

@@ -41,7 +41,7 @@ Status SpillSink::BeginFile(std::string_view name) {
   if (restored) return {};
   face_color_ = kWhite;
   checkpoints_.BeginFile(triangles_.input_triangles(), false);
-  QUARRY_ASSIGN(faces_, FaceResolver::Create(folder_, triangles_));
+  QUARRY_ASSIGN(faces_, FaceResolver::Open(folder_, triangles_, nullptr));
   return triangles_.Open();
 }
 
@@ -86,7 +86,7 @@ Status SpillSink::EndFile() {
   QUARRY_TRY(faces_->Settle());
   QUARRY_TRY(
       faces_->waiting().Resolve(faces_->vertices(), memory_, tables_.file_name(), checkpoints_, triangles_));
-  for (SpillFile& file : std::move(*faces_).TakeFiles()) checkpoints_.RetireModelFile(std::move(file));
+  for (SpillFile* file : faces_->Files()) checkpoints_.RetireModelFile(std::move(*file));
   faces_.reset();
   checkpoints_.EndFile();
   tables_.EndFile();
@@ -121,9 +121,9 @@ Status SpillSink::Restore(std::span<const std::byte> saved, bool routed) {
   QUARRY_TRY(triangles_.Restore(in, routed));
   std::vector<std::string> kept = {triangles_.Path()};
   if (in.Get<uint8_t>() != 0) {
-    QUARRY_ASSIGN(faces_, FaceResolver::Restore(folder_, triangles_, in));
+    QUARRY_ASSIGN(faces_, FaceResolver::Open(folder_, triangles_, &in));
     checkpoints_.BeginFile(elements(), true);
-    for (std::string& path : faces_->Paths(folder_)) kept.push_back(std::move(path));
+    for (const SpillFile* file : faces_->Files()) kept.push_back(file->path());
   }
   const std::span<const std::byte> importer_state = in.GetSpan(in.Get<uint32_t>());
   checkpoints_.importer_state.assign(importer_state.begin(), importer_state.end());

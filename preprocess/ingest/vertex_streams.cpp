@@ -7,23 +7,14 @@
 
 namespace quarry {
 
-std::vector<std::string> VertexStreams::Paths(const std::string& folder) {
-  return {folder + "/import-positions", folder + "/import-normals", folder + "/import-uvs"};
-}
-
-Result<VertexStreams> VertexStreams::Create(const std::string& folder) {
-  const std::vector<std::string> paths = Paths(folder);
-  QUARRY_ASSIGN(PagedFile positions, PagedFile::Create(paths[0], sizeof(StoredPosition)));
-  QUARRY_ASSIGN(PagedFile normals, PagedFile::Create(paths[1], sizeof(glm::vec3)));
-  QUARRY_ASSIGN(PagedFile uvs, PagedFile::Create(paths[2], sizeof(glm::vec2)));
-  return VertexStreams(std::move(positions), std::move(normals), std::move(uvs));
-}
-
-Result<VertexStreams> VertexStreams::Restore(const std::string& folder, ByteReader& saved) {
-  const std::vector<std::string> paths = Paths(folder);
-  QUARRY_ASSIGN(PagedFile positions, PagedFile::Restore(paths[0], sizeof(StoredPosition), saved));
-  QUARRY_ASSIGN(PagedFile normals, PagedFile::Restore(paths[1], sizeof(glm::vec3), saved));
-  QUARRY_ASSIGN(PagedFile uvs, PagedFile::Restore(paths[2], sizeof(glm::vec2), saved));
+Result<VertexStreams> VertexStreams::Open(const std::string& folder, ByteReader* saved) {
+  const auto open = [&](const char* stream, size_t element_bytes) {
+    const std::string path = folder + "/import-" + stream;
+    return saved ? PagedFile::Restore(path, element_bytes, *saved) : PagedFile::Create(path, element_bytes);
+  };
+  QUARRY_ASSIGN(PagedFile positions, open("positions", sizeof(StoredPosition)));
+  QUARRY_ASSIGN(PagedFile normals, open("normals", sizeof(glm::vec3)));
+  QUARRY_ASSIGN(PagedFile uvs, open("uvs", sizeof(glm::vec2)));
   return VertexStreams(std::move(positions), std::move(normals), std::move(uvs));
 }
 
@@ -77,12 +68,6 @@ Status VertexStreams::Load(const Face& face, uint32_t& loads) {
 Status VertexStreams::FinishWriting() {
   for (PagedFile* stream : {&positions_, &normals_, &uvs_}) QUARRY_TRY(stream->FinishWriting());
   return {};
-}
-
-std::vector<SpillFile> VertexStreams::TakeFiles() && {
-  std::vector<SpillFile> files;
-  for (PagedFile* stream : {&positions_, &normals_, &uvs_}) files.push_back(std::move(*stream).TakeFile());
-  return files;
 }
 
 uint64_t VertexWindow::CountFor(uint64_t bytes) {

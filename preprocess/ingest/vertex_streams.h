@@ -30,13 +30,11 @@ struct Face {
 /// used last in memory. Memory: three times PagedFile's. Thread safety: none.
 class VertexStreams {
  public:
-  /// Creates or empties the files "FOLDER/import-STREAM". Errors: they cannot be created.
-  static Result<VertexStreams> Create(const std::string& folder);
-  /// Continues where Save() was called, with the same pages in memory. Errors: as PagedFile::Restore().
-  static Result<VertexStreams> Restore(const std::string& folder, ByteReader& saved);
+  /// Creates or empties the files "FOLDER/import-STREAM"; with `saved`, continues where Save() was called,
+  /// with the same pages in memory. Errors: as PagedFile's.
+  static Result<VertexStreams> Open(const std::string& folder, ByteReader* saved);
   /// Makes the streams durable and appends the state that Restore() needs to `out`.
   Status Save(ByteWriter& out);
-  static std::vector<std::string> Paths(const std::string& folder);
 
   /// Each appends an element with the stream's next index. Errors: disk full.
   Status AddPosition(const glm::vec3& position, uint32_t color) {
@@ -59,7 +57,7 @@ class VertexStreams {
 
   /// Ends appending and frees the pages. Windows may be loaded afterwards.
   Status FinishWriting();
-  std::vector<SpillFile> TakeFiles() &&;
+  std::vector<SpillFile*> Files() { return {&positions_.file(), &normals_.file(), &uvs_.file()}; }
 
  private:
   friend class VertexWindow;

@@ -10,21 +10,15 @@
 
 namespace quarry {
 
-Result<WaitingFaces> WaitingFaces::Open(const std::string& folder, uint64_t count) {
+Result<WaitingFaces> WaitingFaces::Open(const std::string& folder, Attributes attributes, ByteReader* saved) {
+  const uint64_t count = saved ? saved->Get<uint64_t>() : 0;
   QUARRY_ASSIGN(SpillFile faces, SpillFile::Open(folder + "/import-waiting", sizeof(Face), count));
-  return WaitingFaces(folder, std::move(faces));
-}
-
-Result<WaitingFaces> WaitingFaces::Create(const std::string& folder) { return Open(folder, 0); }
-
-Result<WaitingFaces> WaitingFaces::Restore(const std::string& folder, Attributes attributes,
-                                           ByteReader& saved) {
-  const auto count = saved.Get<uint64_t>();
-  QUARRY_ASSIGN(WaitingFaces waiting, Open(folder, count));
-  waiting.has_all_ = saved.Get<uint8_t>() != 0;
-  waiting.resolved_ = saved.Get<uint64_t>();
-  const bool partial = saved.Get<uint8_t>() != 0;
-  waiting.partial_number_ = saved.Get<uint8_t>() & 1;
+  WaitingFaces waiting(folder, std::move(faces));
+  if (!saved) return waiting;
+  waiting.has_all_ = saved->Get<uint8_t>() != 0;
+  waiting.resolved_ = saved->Get<uint64_t>();
+  const bool partial = saved->Get<uint8_t>() != 0;
+  waiting.partial_number_ = saved->Get<uint8_t>() & 1;
   if (partial) {
     QUARRY_ASSIGN(waiting.partial_, SpillFile::Open(waiting.PartialPath(waiting.partial_number_),
                                                     RecordBytes(attributes), count));
@@ -46,17 +40,9 @@ std::string WaitingFaces::PartialPath(int number) const {
   return fmt::format("{}/import-partial-{}", folder_, number);
 }
 
-std::vector<std::string> WaitingFaces::Paths() const {
-  std::vector<std::string> paths = {folder_ + "/import-waiting"};
-  if (partial_) paths.push_back(PartialPath(partial_number_));
-  return paths;
-}
-
-std::vector<SpillFile> WaitingFaces::TakeFiles() && {
-  std::vector<SpillFile> files;
-  files.push_back(std::move(faces_));
-  if (partial_) files.push_back(std::move(*partial_));
-  return files;
+std::vector<SpillFile*> WaitingFaces::Files() {
+  if (partial_) return {&faces_, &*partial_};
+  return {&faces_};
 }
 
 Status WaitingFaces::Resolve(VertexStreams& vertices, uint64_t memory, const std::string& file_name,

@@ -20,9 +20,9 @@ namespace quarry {
 /// "FOLDER/import-partial-N". Thread safety: none.
 class WaitingFaces {
  public:
-  static Result<WaitingFaces> Create(const std::string& folder);
-  /// Continues where Save() was called. `attributes`: of the triangles at that time.
-  static Result<WaitingFaces> Restore(const std::string& folder, Attributes attributes, ByteReader& saved);
+  /// Creates or empties the files; with `saved`, continues where Save() was called. `attributes`: of the
+  /// triangles so far.
+  static Result<WaitingFaces> Open(const std::string& folder, Attributes attributes, ByteReader* saved);
   /// Makes the files durable and appends the state that Restore() needs to `out`.
   Status Save(ByteWriter& out);
 
@@ -37,12 +37,10 @@ class WaitingFaces {
   Status Resolve(VertexStreams& vertices, uint64_t memory, const std::string& file_name,
                  ImportCheckpoints& checkpoints, TriangleSpill& triangles);
 
-  std::vector<std::string> Paths() const;
-  std::vector<SpillFile> TakeFiles() &&;
+  std::vector<SpillFile*> Files();
 
  private:
   WaitingFaces(std::string folder, SpillFile faces) : folder_(std::move(folder)), faces_(std::move(faces)) {}
-  static Result<WaitingFaces> Open(const std::string& folder, uint64_t count);
   std::string PartialPath(int number) const;
   Status ResolveWindow(const VertexStreams& vertices, uint64_t window, bool last,
                        const std::string& file_name, TriangleSpill& triangles);

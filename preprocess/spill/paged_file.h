@@ -42,7 +42,7 @@ class PagedFile {
   /// No more is appended: frees all pages. After this file() may be read.
   Status FinishWriting();
   const SpillFile& file() const { return file_; }
-  SpillFile TakeFile() && { return std::move(file_); }
+  SpillFile& file() { return file_; }
 
  private:
   static constexpr uint32_t kNone = 0xFFFFFFFFu;

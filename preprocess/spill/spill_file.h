@@ -40,6 +40,7 @@ class SpillFile {
   /// The file `path` with `count` elements, if it is still there: reading will tell.
   static SpillFile Left(const std::string& path, size_t element_bytes, uint64_t count);
 
+  const std::string& path() const { return content_->path; }
   uint64_t count() const { return count_; }
   /// Elements that are not in the buffer.
   uint64_t flushed() const { return count_ - buffer_.size() / content_->element_bytes; }

@@ -12,46 +12,24 @@ struct SlotName {
   uint8_t slot;
 };
 
-constexpr SlotName kVertexSlots[] = {{"x", kX},
-                                     {"y", kY},
-                                     {"z", kZ},
-                                     {"nx", kNx},
-                                     {"ny", kNy},
-                                     {"nz", kNz},
-                                     {"red", kRed},
-                                     {"green", kGreen},
-                                     {"blue", kBlue},
-                                     {"alpha", kAlpha},
-                                     {"r", kRed},
-                                     {"g", kGreen},
-                                     {"b", kBlue},
-                                     {"a", kAlpha},
-                                     {"diffuse_red", kRed},
-                                     {"diffuse_green", kGreen},
-                                     {"diffuse_blue", kBlue},
-                                     {"diffuse_alpha", kAlpha},
-                                     {"s", kU},
-                                     {"t", kV},
-                                     {"u", kU},
-                                     {"v", kV},
-                                     {"texture_u", kU},
-                                     {"texture_v", kV},
-                                     {"texture_s", kU},
-                                     {"texture_t", kV}};
-constexpr SlotName kFaceSlots[] = {{"material_index", kMaterial},
-                                   {"part_index", kPart},
-                                   {"red", kRed},
-                                   {"green", kGreen},
-                                   {"blue", kBlue},
-                                   {"alpha", kAlpha},
-                                   {"r", kRed},
-                                   {"g", kGreen},
-                                   {"b", kBlue},
-                                   {"a", kAlpha},
-                                   {"diffuse_red", kRed},
-                                   {"diffuse_green", kGreen},
-                                   {"diffuse_blue", kBlue},
-                                   {"diffuse_alpha", kAlpha}};
+constexpr SlotName kVertexSlots[] = {
+    {"x", kX},         {"y", kY},         {"z", kZ},         {"nx", kNx},      {"ny", kNy},
+    {"nz", kNz},       {"s", kU},         {"t", kV},         {"u", kU},        {"v", kV},
+    {"texture_u", kU}, {"texture_v", kV}, {"texture_s", kU}, {"texture_t", kV}};
+constexpr SlotName kFaceSlots[] = {{"material_index", kMaterial}, {"part_index", kPart}};
+/// Of vertices and faces.
+constexpr SlotName kColorSlots[] = {{"red", kRed},
+                                    {"green", kGreen},
+                                    {"blue", kBlue},
+                                    {"alpha", kAlpha},
+                                    {"r", kRed},
+                                    {"g", kGreen},
+                                    {"b", kBlue},
+                                    {"a", kAlpha},
+                                    {"diffuse_red", kRed},
+                                    {"diffuse_green", kGreen},
+                                    {"diffuse_blue", kBlue},
+                                    {"diffuse_alpha", kAlpha}};
 
 /// Factor that brings a colour of `type` to 0..255.
 double ColorScale(PlyType type) {
@@ -72,8 +50,9 @@ PlyPlan MakePlan(const PlyElement& element, std::span<const SlotName> slots, boo
       step.target = PlyStep::kIndexList;
       plan.has_index_list = true;
     } else if (!property.count_type) {
-      const auto found = std::ranges::find(slots, property.name, &SlotName::name);
-      if (found != slots.end()) step.target = found->slot;
+      for (const std::span<const SlotName> names : {slots, std::span<const SlotName>(kColorSlots)})
+        for (const SlotName& slot : names)
+          if (slot.name == property.name) step.target = slot.slot;
     }
     if (step.target < PlyRow::kMaxValues) plan.filled |= 1u << step.target;
     plan.has_lists |= property.count_type.has_value();
@@ -101,6 +80,13 @@ PlyPlan PlanFace(const PlyElement& element) {
   return plan;
 }
 
-PlyPlan PlanToSkip(const PlyElement& element) { return MakePlan(element, {}, false); }
+PlyPlan PlanToSkip(const PlyElement& element) {
+  PlyPlan plan;
+  for (const PlyProperty& property : element.properties) {
+    plan.steps.push_back({property.type, property.count_type});
+    plan.has_lists |= property.count_type.has_value();
+  }
+  return plan;
+}
 
 }  // namespace quarry
