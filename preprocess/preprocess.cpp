@@ -24,7 +24,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-/// Version of the checkpoints in a journal, and of all else that a store depends on and no option states.
+/// Version of the journal's checkpoints, and of everything a store depends on that no option states.
 constexpr int kJournalVersion = 6;
 
 /// The options that a store depends on, a line each, as the journal keeps them.
@@ -60,7 +60,7 @@ Result<PreprocessStatistics> RunIn(Begun& begun, const PreprocessOptions& option
   const auto start = Clock::now();
   QUARRY_ASSIGN(ImportedScene scene, begun.import->Run());
   begun.import.reset();
-  QUARRY_TRY(CheckNotRead(options.output));  // known only now: the files that models name
+  QUARRY_TRY(CheckNotRead(options.output));  // the models' other files are known only now
   PreprocessStatistics statistics;
   statistics.import_wall_s = SecondsSince(start);
   statistics.warnings = scene.warnings.size();
@@ -77,7 +77,7 @@ Result<PreprocessStatistics> RunIn(Begun& begun, const PreprocessOptions& option
 }  // namespace
 
 Result<PreprocessStatistics> Preprocess(const PreprocessOptions& options) {
-  // The output first: an unwritable place should not cost an import.
+  // The output first: an unwritable place must not cost an import.
   QUARRY_ASSIGN(const FileLock lock, FileLock::Take(options.output, "another quarry-preprocess"));
   using Resume = PreprocessOptions::Resume;
   Progress progress(options.quiet);

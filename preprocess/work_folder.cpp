@@ -19,7 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr uint32_t kCommand = 0;  // the first note of every journal
+constexpr uint32_t kCommand = 0;  // the first record of every journal
 constexpr uint32_t kHeaderBytes = 16;
 
 Bytes Framed(uint32_t kind, std::span<const std::byte> bytes) {
@@ -31,7 +31,7 @@ Bytes Framed(uint32_t kind, std::span<const std::byte> bytes) {
   return out.Take();
 }
 
-/// The notes of a journal up to the first that is torn; `whole`: bytes up to there.
+/// The records of a journal up to the first torn record; `whole`: bytes up to there.
 std::vector<SavedCheckpoint> ReadJournal(std::span<const std::byte> journal, size_t& whole) {
   std::vector<SavedCheckpoint> notes;
   for (whole = 0; journal.size() - whole >= kHeaderBytes;) {
@@ -47,7 +47,7 @@ std::vector<SavedCheckpoint> ReadJournal(std::span<const std::byte> journal, siz
   return notes;
 }
 
-/// The first line of `now` that `then` has otherwise.
+/// The first line of `now` that differs in `then`.
 std::string FirstDifference(const std::string& then, const std::string& now) {
   std::istringstream a(then), b(now);
   std::string x, y;
@@ -56,8 +56,8 @@ std::string FirstDifference(const std::string& then, const std::string& now) {
   return "more options";
 }
 
-/// What a run makes in its folders, and nothing else. Where the journal is, what it speaks of is too: it goes
-/// first.
+/// Removes a run's own files and nothing else. The journal goes first: while it exists, the files it names
+/// must, too.
 void RemoveFiles(const std::string& folder) {
   std::error_code error;
   fs::remove(folder + "/journal", error);
@@ -67,10 +67,10 @@ void RemoveFiles(const std::string& folder) {
         name.starts_with("region-") || name.starts_with("import-") || name.starts_with("foreign."))
       fs::remove(entry.path(), error);
   }
-  fs::remove(folder, error);  // if it is empty
+  fs::remove(folder, error);  // only if it is empty
 }
 
-/// Outputs of one name in different folders may share `spill`.
+/// Outputs of the same name in different folders may share `spill`.
 std::string SpillFolderFor(const std::string& output, const std::string& spill) {
   std::error_code error;
   const std::string whole = fs::weakly_canonical(output, error).string();
@@ -134,7 +134,7 @@ Status WorkFolder::Begin(const std::string& command) {
   return {};
 }
 
-/// False: there is nothing to go on with.
+/// False: there is nothing to continue.
 Result<bool> WorkFolder::GoOn(const std::string& command) {
   const std::string name = path_ + "/journal";
   if (::access(name.c_str(), F_OK) != 0) return false;
@@ -146,7 +146,7 @@ Result<bool> WorkFolder::GoOn(const std::string& command) {
   const bool building = std::any_of(
       checkpoints_.begin(), checkpoints_.end(),
       [](const SavedCheckpoint& checkpoint) { return checkpoint.kind == CheckpointKind::kBuilt; });
-  // Killed between naming the whole store and tidying up: nothing is left to do, nor to go on with.
+  // Killed after the store got its name: the run is complete, and nothing is left to continue.
   const bool named = building && ::access(store().c_str(), F_OK) != 0;
   if (checkpoints_.size() < 2 || named) {
     checkpoints_.clear();
@@ -194,7 +194,7 @@ void WorkFolder::HoldOnSignal() {
 
 void WorkFolder::KeepOnSignal() {
   if (std::exchange(kept_, true)) return;
-  const SignalsHeld held;  // all of it goes, or all of it stays
+  const SignalsHeld held;  // so that all of it goes, or all of it stays
   for (const int cleanup : std::exchange(cleanups_, {})) Forget(cleanup);
 }
 

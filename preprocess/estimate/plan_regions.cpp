@@ -19,17 +19,18 @@
 namespace quarry {
 namespace {
 
-// Regions that are built: three of a small model, which is half of one of a million triangles; six of a large
-// one, between whose parts costs differ.
+// Regions that are built: three of a small model (half of a model of a million triangles), six of a large
+// model, whose parts differ in cost.
 constexpr size_t kFewestRegions = 3, kMostRegions = 6, kRegionsPerChosen = 8;
-// Of a region that has more than this, a pile, so many are enough; more than are split in memory, so that
-// they are taken as the run takes them.
+// Triangles of a region that are kept; a larger region ends in voxel chains, for which these are enough. More
+// than are split in memory, so that they take the path that the run takes.
 constexpr uint64_t kMostOfRegion = kMostInMemory + kMostInMemory / 4;
-constexpr uint64_t kRun = 8192;  // triangles in a row that are kept together: neighbours share vertices
-constexpr uint64_t kSharedElements = 1 << 15;  // of a file, packed to see what spill becomes
+constexpr uint64_t kRun =
+    8192;  // consecutive triangles that are kept together, since neighbours share vertices
+constexpr uint64_t kSharedElements = 1 << 15;  // of a file, packed to measure how spill shrinks
 
 /// Calls `visit` with each region that a triangle reaches, and the box of its part there, as RegionFiles
-/// hands triangles out.
+/// routes triangles.
 template <class Visit>
 void ForEachRegion(const RegionTree& tree, const TriangleRecord& record, float padding, Visit&& visit) {
   const Box box = record.PaddedBox(padding);
@@ -60,7 +61,7 @@ Status ResolvingSink::BeginFile(std::string_view) {
   return {};
 }
 
-/// Room for one more element.
+/// Takes memory for one more element, or gives up.
 void ResolvingSink::Hold(uint64_t bytes) {
   held_ += bytes;
   if (held_ <= memory_) return;
@@ -149,7 +150,7 @@ PlannedRegions PlanRegions(TriangleSurvey& survey) {
     ForEachRegion(plan.tree, record, plan.padding,
                   [&](uint32_t region, const Box&) { plan.expected[region] += weight; });
   }
-  // Equal steps through all triangles of all regions.
+  // Regions are chosen at equal steps through all triangles of all regions.
   const size_t choices =
       std::min(regions, std::clamp(regions / kRegionsPerChosen, kFewestRegions, kMostRegions));
   const uint64_t all = std::accumulate(plan.expected.begin(), plan.expected.end(), uint64_t{0});
@@ -209,7 +210,7 @@ Status RegionSink::Take(const TriangleRecord& record) {
   return status;
 }
 
-/// What spill files make of a byte of these records.
+/// Packed bytes over bytes, of the kept records in spill files.
 Result<double> RegionSink::SpilledShare() {
   uint64_t all = 0, packed = 0;
   for (Kept& kept : kept_) {

@@ -40,7 +40,8 @@ class Partitioner {
     return Split(0, 0, {region.cell, region.depth, 1});
   }
 
-  /// A pile too large for memory: as many triangles at a time as fit, as they lie in the file.
+  /// Makes one voxel chain of a region too large for memory, from as many triangles at a time as fit, in file
+  /// order.
   Status ChainFile(const SpillFile& file, const Region& region, const Box& content) {
     Box cell = region.cell;
     tree.nodes[CutOffEmptySpace(tree.nodes, 0, cell, content)] = KdNode::Leaf(tree.voxels, 1);
@@ -63,7 +64,7 @@ class Partitioner {
   TopSubtree tree;
 
  private:
-  /// The node's references are those from `begin` on, and are gone afterwards.
+  /// Splits a node. Its references are those from `begin` on; they are removed.
   Status Split(uint32_t node, size_t begin, const Region& region) {
     const std::span<const KdReference> references = std::span(references_).subspan(begin);
     const size_t count = references.size();
@@ -85,7 +86,7 @@ class Partitioner {
     return Split(first + 1, begin, {child.cell[1], region.depth + 1, growth});
   }
 
-  /// One voxel, or several in a chain for a pile that no plane parts well.
+  /// Makes a leaf: one voxel, or a chain if no plane splits it well.
   Status Chain(uint32_t node, size_t begin, Box cell) {
     const std::span<KdReference> references = std::span(references_).subspan(begin);
     tree.nodes[CutOffEmptySpace(tree.nodes, node, cell, ContentOf(references, cell))] =
@@ -95,7 +96,7 @@ class Partitioner {
     return {};
   }
 
-  /// The voxels of a pile, or, with `more` to come, of a part of it.
+  /// Emits the voxels of a chain; with `more`, further voxels follow.
   Status EmitChain(const std::vector<TriangleRecord>& records, std::span<KdReference> pile, const Box& cell,
                    bool more) {
     size_t first = 0;
@@ -121,7 +122,7 @@ class Partitioner {
   double max_growth_ = 1;
   const std::vector<TriangleRecord>* records_ = nullptr;
   KdSplitter* splitter_ = nullptr;
-  std::vector<KdReference> references_;  ///< of the nodes still to do, a stack
+  std::vector<KdReference> references_;  ///< of the nodes still to split, as a stack
 };
 
 }  // namespace
@@ -172,7 +173,7 @@ Result<TopSubtree> PartitionFile(const SpillFile& triangles, const Region& regio
 }
 
 void Graft(const TopSubtree& part, uint32_t at, uint32_t first_voxel, std::vector<KdNode>& nodes) {
-  const auto moved = static_cast<uint32_t>(nodes.size()) - 1;  // the part's node 1 goes to the end
+  const auto moved = static_cast<uint32_t>(nodes.size()) - 1;  // the subtree's node 1 goes to the end
   const auto place = [&](KdNode node) {
     if (!node.is_leaf()) return KdNode::Inner(node.axis(), node.split(), node.left() + moved);
     return node.count() == 0 ? node : KdNode::Leaf(node.first() + first_voxel, node.count());

@@ -18,9 +18,9 @@
 
 namespace quarry {
 
-inline constexpr uint64_t kMostInMesh = 1u << 26;  ///< elements of an array in the text
+inline constexpr uint64_t kMostInMesh = 1u << 26;  ///< most elements of an array in the text
 
-/// A value that changes with time, at the first moment.
+/// An animated value at the animation's first moment.
 struct NffTrack {
   double values[4] = {0, 0, 0, 0};
   bool given = false;
@@ -39,7 +39,7 @@ struct NffAnimation {
   }
 };
 
-/// The state that a pass over a file shares with the files it includes.
+/// The state that a file shares with the files it includes, during a pass.
 struct NffScene {
   NffScene(ModelSink& s, const ModelReader& model)
       : sink(s),
@@ -48,20 +48,20 @@ struct NffScene {
         unpack_limit(model.unpack_limit()) {}
   ModelSink& sink;
   WarnOnce warn;
-  const std::filesystem::path folder;  ///< of the model itself
+  const std::filesystem::path folder;  ///< of the main file
   const uint64_t unpack_limit;
-  bool animations_only = false;  ///< the first pass: animations come behind what they move
+  bool animations_only = false;  ///< first pass: animations may follow the objects they move
   double first_moment = 0;
   std::map<std::string, NffAnimation> animations;
   std::vector<std::pair<Material, uint32_t>> materials;
   uint32_t material = kNoIndex;
   uint64_t positions = 0, normals = 0, uvs = 0, triangles = 0;
-  uint64_t round_shapes = 0, round_triangles = 0;  ///< spheres and cones, and what they become
+  uint64_t round_shapes = 0, round_triangles = 0;  ///< spheres and cones so far, and their triangles
   bool images_left_out = false;
   NffViews views;
 };
 
-/// A file that is being read: its words, and the transforms around the current place.
+/// A file that is being read: its words and the transforms around the current place.
 struct NffFile {
   NffFile(ModelReader& bytes, NffScene& in, uint32_t file_part) : words(bytes), scene(in), part(file_part) {}
 
@@ -72,8 +72,8 @@ struct NffFile {
     }
     return v;
   }
-  /// To world coordinates. A normal is transformed by the cofactors, the inverse's transpose but for a
-  /// factor.
+  /// Both transform to world coordinates. A normal is transformed by the cofactors: the inverse's transpose
+  /// but for a factor.
   glm::dvec3 Point(const glm::dvec3& p) const { return glm::dvec3(transforms.back() * glm::dvec4(p, 1)); }
   glm::vec3 Normal(const glm::dvec3& n) const {
     const glm::dmat3 m(transforms.back());

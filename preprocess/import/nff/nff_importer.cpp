@@ -1,7 +1,7 @@
-// NFF (Haines, "Neutral File Format", 1988) and AFF, which BART adds to it (Lext, Assarsson & Moller, "BART:
-// A Benchmark for Animated Ray Tracing", 2001): files included in one another, transforms, meshes. Animated
-// transforms are taken at the animation's first moment. The view becomes a camera, lights become lights;
-// images are left out.
+// NFF (Haines, "Neutral File Format", 1988) and AFF, BART's extension of it (Lext, Assarsson & Moller, "BART:
+// A Benchmark for Animated Ray Tracing", 2001): included files, transforms, meshes. Animated transforms are
+// taken at the animation's first moment. The view becomes a camera, lights become lights; images are left
+// out.
 
 #include <fmt/format.h>
 
@@ -21,7 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kMostIncludes = 32;  // files in one another
+constexpr int kMostIncludes = 32;  // depth of files included in one another
 
 class NffReader {
  public:
@@ -70,7 +70,7 @@ class NffReader {
     return words_.FailHere(fmt::format("{} is no entity of NFF or AFF that is read", Quoted(keyword)));
   }
 
-  /// A line of the view at hand.
+  /// A line of the current view.
   Status ViewLine(const std::string& keyword) {
     if (scene_.views.views.empty()) scene_.views.views.emplace_back();
     NffView& view = scene_.views.views.back();
@@ -95,13 +95,13 @@ class NffReader {
     }
     QUARRY_ASSIGN(const glm::dvec3 position, file_.Vec3("a light's position"));
     light.position = file_.Point(position);
-    light.radiance = glm::vec3(-1);  // until all are counted
+    light.radiance = glm::vec3(-1);  // until all lights are counted
     QUARRY_ASSIGN(const bool colored, words_.AtNumber());
     if (colored) {
       QUARRY_ASSIGN(const glm::dvec3 color, file_.Vec3("a light's colour"));
       light.radiance = glm::max(glm::vec3(color), glm::vec3(0));
     }
-    // One more than there may be, for the sink to warn of.
+    // One more than the limit, so that the sink warns.
     if (scene_.views.lights.size() <= kMaxLights) scene_.views.lights.push_back(std::move(light));
     return SkipNumbers();
   }
@@ -115,7 +115,7 @@ class NffReader {
   }
 
   /// f: colour, Kd, Ks, shine, transmittance, index of refraction. fm: ambient, diffuse and specular colours,
-  /// then the same three numbers. What is specular is mirrored too, as in the original renderers.
+  /// then the last three numbers. A specular colour also mirrors, as in the original renderers.
   Status Fill(bool colors) {
     Material m;
     double numbers[5] = {1, 0, 0, 0, 1};
@@ -157,7 +157,7 @@ class NffReader {
     return {};
   }
 
-  /// Its number tells whether shadows are cast, of no matter here.
+  /// The number tells whether shadows are cast; Quarry ignores it.
   Status Include() {
     QUARRY_TRY(words_.Number("the number before an included file"));
     QUARRY_ASSIGN(const std::string name, words_.Word("a file's name"));
@@ -235,8 +235,8 @@ class NffReader {
     return {};
   }
 
-  /// Between keys along a straight line: their tension, continuity and bias are of no matter at the first
-  /// moment of scenes that rest then.
+  /// Interpolates linearly between keys: tension, continuity and bias have no effect at the first moment of
+  /// scenes that rest then.
   Status ReadTrack(uint32_t count, int values, NffTrack& track) {
     double before_time = 0;
     bool passed = false;
@@ -273,8 +273,7 @@ class NffReader {
 bool LooksLikeNff(ModelReader& bytes) {
   bytes.Ensure(4096);
   std::string_view text = bytes.view().substr(0, 4096);
-  // The first word that is no comment: a view, a background or a light, which other formats do not begin
-  // with.
+  // The first word that is no comment: a view, a background or a light, with which no other format begins.
   while (!text.empty()) {
     TextCursor line(text.substr(0, text.find('\n')));
     text.remove_prefix(

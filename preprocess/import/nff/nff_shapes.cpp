@@ -14,8 +14,8 @@ namespace {
 constexpr uint32_t kMeridians = 24;  // of spheres, cones and cylinders
 constexpr uint32_t kParallels = 12;  // of spheres
 constexpr uint64_t kTrianglesOfSphere = kMeridians * (2 * kParallels - 2), kTrianglesOfCone = 2 * kMeridians;
-// Of all spheres and cones of a model: a few bytes of text become 528 triangles of some 50 bytes each on
-// disk. This many take a minute or two and 2.5 GB of spill.
+// Most triangles of all spheres and cones of a model: a few bytes of text become 528 triangles of about 50
+// bytes each on disk. This many take a minute or two and 2.5 GB of spill.
 constexpr uint64_t kMostRoundTriangles = 50'000'000;
 
 Status AddPosition(NffFile& file, const glm::dvec3& p) {
@@ -34,7 +34,7 @@ Status AddPolygon(NffFile& file, std::span<const Corner> corners) {
   return file.scene.sink.AddPolygon(corners, file.scene.material, file.part);
 }
 
-/// The first pass refuses too many before anything is made of them.
+/// The first pass refuses a model with too many before any triangle is made.
 Status CountRound(NffFile& file, uint64_t triangles) {
   ++file.scene.round_shapes;
   file.scene.round_triangles += triangles;
@@ -46,7 +46,7 @@ Status CountRound(NffFile& file, uint64_t triangles) {
       kMostRoundTriangles));
 }
 
-/// Rows of kMeridians points each, with normals, joined by quads; corners that coincide at poles give none.
+/// Gives rows of kMeridians points with normals, joined by quads; at a pole a quad becomes a triangle.
 template <class At>
 Status Grid(NffFile& file, uint32_t rows, At&& at) {
   QUARRY_TRY(CountRound(file, rows > 1 ? kTrianglesOfSphere : kTrianglesOfCone));
@@ -79,7 +79,8 @@ Status Grid(NffFile& file, uint32_t rows, At&& at) {
   return {};
 }
 
-/// Of each triangle three vertices, then three normals and three texture coordinates, as far as there are.
+/// Reads three vertices of each triangle, then three normals and three texture coordinates, as far as the
+/// mesh has them.
 Status Triangles(NffFile& file, uint32_t count, const uint64_t counts[3], const uint64_t first[3]) {
   for (uint32_t i = 0; i < count; ++i) {
     uint32_t indices[3][3];
@@ -124,7 +125,7 @@ Status ReadNffSphere(NffFile& file) {
   });
 }
 
-/// Open at both ends.
+/// The cone is open at both ends.
 Status ReadNffCone(NffFile& file) {
   glm::dvec3 ends[2];
   double radii[2];

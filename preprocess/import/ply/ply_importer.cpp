@@ -1,5 +1,5 @@
-// PLY after its header: the elements in file order, each row through a plan made once per element.
-// The format: Turk, "The PLY Polygon File Format", 1994.
+// PLY after its header: elements in file order, each row read by a plan that is made once per element.
+// Source: Turk, "The PLY Polygon File Format", 1994.
 
 #include <fmt/format.h>
 #include <sys/stat.h>
@@ -28,7 +28,7 @@ bool HasNoFaces(const PlyHeader& header) {
   return !has("face") && !has("tristrips");
 }
 
-/// What material_index and part_index stand for in the scene; `wanted` if the file has the property and the
+/// Maps material_index or part_index to indices in the scene. `wanted`: the file has the property and the
 /// list.
 struct IndexTable {
   bool wanted = false;
@@ -141,7 +141,7 @@ class PlyBody {
   }
 
   Status Element(const PlyElement& element) {
-    if (element.properties.empty()) return {};  // rows of nothing, however many are claimed
+    if (element.properties.empty()) return {};  // rows without values, whatever the count
     if (element.name == "vertex") {
       const PlyPlan plan = PlanVertex(element);
       return Rows(element, plan, [&] { return Vertex(plan); });
@@ -197,7 +197,7 @@ class PlyBody {
     if (!Look(materials_, kMaterial, material)) return NotListed(materials_, kMaterial, "material_index");
     if (!Look(parts_, kPart, part)) return NotListed(parts_, kPart, "part_index");
     triangles_ += corners_.size() - 2;
-    // Where vertices have colours too, theirs are finer.
+    // Vertices' colours take precedence: they are finer.
     if (!has_colors_ && plan.Has(kRed, kBlue)) QUARRY_TRY(sink_.SetFaceColor(RowColor(plan)));
     return sink_.AddPolygon(corners_, material, part);
   }
@@ -216,7 +216,7 @@ class PlyBody {
     return Corner{i, has_normals_ ? i : kNoIndex, has_uvs_ ? i : kNoIndex};
   }
 
-  /// False: the row's value names nothing in the table.
+  /// False: the table has no entry for the row's value.
   bool Look(const IndexTable& table, FaceSlot slot, uint32_t& index) const {
     index = kNoIndex;
     if (!table.wanted) return true;
@@ -233,7 +233,7 @@ class PlyBody {
                                              table.scene_index.size()));
   }
 
-  /// A strip may be the whole model in one list, so it is read piece by piece.
+  /// A strip may be the whole model in one list, so it is read in pieces.
   Status Strips(const PlyElement& element) {
     const PlyPlan plan = PlanFace(element);
     for (; rows_.row_number < element.count; ++rows_.row_number) {
@@ -263,8 +263,8 @@ class PlyBody {
     return {};
   }
 
-  /// -1 starts a new strip. Every other triangle turns the other way round, and is turned back; those that
-  /// only join two strips, with a corner twice, are left out.
+  /// -1 starts a new strip. Every second triangle is turned back; triangles with a repeated corner, which
+  /// only join strips, are dropped.
   Status StripIndex(int64_t index) {
     if (index == -1) {
       strip_length_ = 0;
@@ -290,7 +290,7 @@ class PlyBody {
   const std::string& path_;
   size_t element_ = 0;  ///< index of the element that is being read
   uint64_t vertex_count_ = 0, triangles_ = 0, short_faces_ = 0;
-  bool real_to_255_ = false;  ///< colours of real numbers
+  bool real_to_255_ = false;  ///< channels of real numbers run to 255
   bool has_normals_ = false, has_uvs_ = false, has_colors_ = false;
   IndexTable materials_, parts_;
   std::vector<Corner> corners_;

@@ -31,7 +31,7 @@ constexpr SlotName kColorSlots[] = {{"red", kRed},
                                     {"diffuse_blue", kBlue},
                                     {"diffuse_alpha", kAlpha}};
 
-/// Factor that brings a colour of `type` to 0..255.
+/// The factor that brings a channel of `type` to 0..255.
 double ColorScale(PlyType type) {
   if (IsReal(type)) return kScaleOfReal;
   return type == PlyType::kUint16 ? 255.0 / 65535.0 : 1.0;
