@@ -25,10 +25,10 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr uint64_t kOverheadBytes = 44ull << 20;  // of a run beyond --memory: README
+constexpr uint64_t kOverheadBytes = 44ull << 20;  // of a run beyond --memory: README.md, "Limits"
 // Seconds a byte of a triangle's record: to resolve and spill it at import; to route it to regions and read
 // it back. Fitted to models that the page cache holds (tests/bench/plans).
-constexpr double kImportSeconds = 3e-9, kPartingSeconds = 6.5e-9;
+constexpr double kImportSeconds = 3e-9, kRoutingSeconds = 6.5e-9;
 
 /// Bytes for vertices; the rest of --memory is for building.
 uint64_t MemoryForVertices(const PreprocessOptions& options) { return options.memory / 4 * 3; }
@@ -125,8 +125,8 @@ uint64_t SpillPeak(const std::vector<Counts>& files, double record, double share
   double sample = triangles;  // the sample that checkpoints save
   while (sample > TriangleSample::kMost) sample /= 2;
   const double slice = std::min(triangles, static_cast<double>(kRoutedPerCheckpoint));
-  const double parted = references * triangles * record;
-  const double regions = parted * (parted > kLarge ? share : 1);
+  const double routed = references * triangles * record;
+  const double regions = routed * (routed > kLarge ? share : 1);
   return static_cast<uint64_t>(std::max(peak, in_file(triangles) - in_file(triangles - slice) + regions) +
                                sample * (sizeof(KdTriangle) + 4));
 }
@@ -207,7 +207,7 @@ Result<PreprocessPlan> MakePlan(const PreprocessOptions& options) {
   plan.memory_bytes = options.memory + kOverheadBytes;
   // Each reference is routed and read once more.
   const double record_s =
-      kImportSeconds + (plan.triangles > kMostInMemory ? kPartingSeconds * cost.references : 0);
+      kImportSeconds + (plan.triangles > kMostInMemory ? kRoutingSeconds * cost.references : 0);
   plan.seconds = reading_s + triangles * (record_bytes * record_s + cost.seconds) + textures.seconds;
   return plan;
 }

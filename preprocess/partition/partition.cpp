@@ -97,15 +97,15 @@ class Partitioner {
   }
 
   /// Emits the voxels of a chain; with `more`, further voxels follow.
-  Status EmitChain(const std::vector<TriangleRecord>& records, std::span<KdReference> pile, const Box& cell,
+  Status EmitChain(const std::vector<TriangleRecord>& records, std::span<KdReference> leaf, const Box& cell,
                    bool more) {
     size_t first = 0;
-    for (const size_t end : SplitIntoChain(pile, cell, max_triangles_)) {
+    for (const size_t end : SplitIntoChain(leaf, cell, max_triangles_)) {
       VoxelTask task;
       task.cell = cell;
-      task.chained = more || end < pile.size();
+      task.chained = more || end < leaf.size();
       task.triangles.reserve(end - first);
-      for (; first < end; ++first) task.triangles.push_back(records[pile[first].triangle]);
+      for (; first < end; ++first) task.triangles.push_back(records[leaf[first].triangle]);
       QUARRY_TRY(Emit(std::move(task)));
     }
     return {};

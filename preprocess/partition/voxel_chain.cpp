@@ -43,7 +43,7 @@ class ChainSplitter {
         ends.push_back(end);
         continue;
       }
-      const size_t middle = Part(begin, end);
+      const size_t middle = SplitRange(begin, end);
       left.emplace_back(middle, end);
       left.emplace_back(begin, middle);
     }
@@ -60,17 +60,17 @@ class ChainSplitter {
   };
 
   /// Splits a range in place; returns where the right side begins.
-  size_t Part(size_t begin, size_t end) {
+  size_t SplitRange(size_t begin, size_t end) {
     const ObjectSplit split = Best(begin, end);
-    const auto pile = references_.subspan(begin, end - begin);
+    const auto range = references_.subspan(begin, end - begin);
     size_t middle = begin;
     if (split.axis >= 0) {
       const auto right = std::stable_partition(
-          pile.begin(), pile.end(), [&](const KdReference& r) { return BinOf(r, split) < split.bin; });
-      middle += static_cast<size_t>(right - pile.begin());
+          range.begin(), range.end(), [&](const KdReference& r) { return BinOf(r, split) < split.bin; });
+      middle += static_cast<size_t>(right - range.begin());
     } else {
-      const size_t groups = Groups(pile.size());  // all equally full
-      middle += pile.size() * (groups / 2) / groups;
+      const size_t groups = Groups(range.size());  // all equally full
+      middle += range.size() * (groups / 2) / groups;
     }
     return middle;
   }
@@ -85,11 +85,11 @@ class ChainSplitter {
   /// The split after which a ray is expected to meet the fewest groups; axis -1: no split has a smaller side
   /// that is large enough.
   ObjectSplit Best(size_t begin, size_t end) const {
-    const auto pile = references_.subspan(begin, end - begin);
+    const auto range = references_.subspan(begin, end - begin);
     ObjectSplit best;
     for (int axis = 0; axis < 3; ++axis) {
       float first = kInfinity, last = -kInfinity;
-      for (const KdReference& r : pile) {
+      for (const KdReference& r : range) {
         const float centre = Centre(r, cell_, axis);
         first = std::min(first, centre);
         last = std::max(last, centre);
@@ -97,7 +97,7 @@ class ChainSplitter {
       if (!(last > first)) continue;
       ObjectSplit split{0, 0, axis, first, kBins / (last - first), 0};
       std::array<Bin, kBins> bins;
-      for (const KdReference& r : pile) {
+      for (const KdReference& r : range) {
         Bin& bin = bins[BinOf(r, split)];
         IncludeClipped({{r.lower[0], r.lower[1], r.lower[2]}, {r.upper[0], r.upper[1], r.upper[2]}}, cell_,
                        bin.box);

@@ -20,8 +20,8 @@ constexpr double kSecondsPerCheckpoint = 1;
 
 }  // namespace
 
-Status TextureStage::Restore(std::span<const std::byte> note, std::vector<WrittenTexture>& textures) {
-  ByteReader in(note);
+Status TextureStage::Restore(std::span<const std::byte> checkpoint, std::vector<WrittenTexture>& textures) {
+  ByteReader in(checkpoint);
   while (in.ok() && in.remaining() > 0) {
     if (in.Get<uint8_t>() == 0) {
       numbers_.push_back(kNoIndex);
@@ -66,18 +66,18 @@ Bytes TextureStage::TakeUnsaved(const StoreWriter& writer) {
 }
 
 Status TextureStage::Run(StoreWriter& writer, Progress& progress,
-                         const std::function<Status(const Bytes&)>& note) {
+                         const std::function<Status(const Bytes&)>& save) {
   if (images_.empty()) return {};
   const auto start = Clock::now();
-  auto noted = start;
+  auto saved = start;
   progress.Begin(fmt::format("carrying {} images", images_.size()), "", numbers_.size());
   for (size_t i = numbers_.size(); i < images_.size(); ++i) {
     QUARRY_TRY(Carry(images_[i], writer));
     progress.Update(i + 1, images_.size());
-    if (SecondsSince(noted) < kSecondsPerCheckpoint) continue;
+    if (SecondsSince(saved) < kSecondsPerCheckpoint) continue;
     QUARRY_TRY(writer.Sync());
-    QUARRY_TRY(note(TakeUnsaved(writer)));
-    noted = Clock::now();
+    QUARRY_TRY(save(TakeUnsaved(writer)));
+    saved = Clock::now();
   }
   progress.End();
   wall_s_ = SecondsSince(start);

@@ -33,10 +33,10 @@ class TextureStage {
 
   /// Takes over an earlier run's work from a checkpoint; call it for each in order. `textures`: for the
   /// store's writer. Errors: the checkpoint cannot be read.
-  Status Restore(std::span<const std::byte> note, std::vector<WrittenTexture>& textures);
+  Status Restore(std::span<const std::byte> checkpoint, std::vector<WrittenTexture>& textures);
   /// Carries the remaining images. `save` is called now and then with a checkpoint of the images since the
   /// last, after the writer's file has been synchronised. Errors: disk full; too little memory.
-  Status Run(StoreWriter& writer, Progress& progress, const std::function<Status(const Bytes&)>& note);
+  Status Run(StoreWriter& writer, Progress& progress, const std::function<Status(const Bytes&)>& save);
   /// Renumbers the materials' bindings to the store's textures; bindings of images left out are removed.
   void Renumber(std::vector<Material>& materials) const;
   /// A checkpoint of the images carried since the last.

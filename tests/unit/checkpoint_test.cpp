@@ -217,8 +217,8 @@ Outcome Undisturbed(Give&& give) {
   return OutcomeOf(std::move(*scene));
 }
 
-/// Every process makes one note, and dies where the next would be, with all that it has not written: its
-/// sink's buffers. One more dies behind the last, where a note between files would be.
+/// Every process makes one checkpoint and dies at the next, with its sink's unwritten buffers. One more
+/// process dies after the last checkpoint, where a checkpoint between files would be.
 template <class Give>
 Outcome KilledAtEveryCheckpoint(Give&& give, size_t& kills) {
   const test::TemporaryFolder folder;
@@ -228,9 +228,9 @@ Outcome KilledAtEveryCheckpoint(Give&& give, size_t& kills) {
     REQUIRE(kills < 1000);
     SpillSink sink = MakeSink(folder.path());
     if (!saved.empty()) REQUIRE(sink.Restore(saved, false));
-    bool noted = false;
+    bool saved_once = false;
     sink.CheckpointEvery(0, [&]() -> Status {
-      if (std::exchange(noted, true)) return Fail("killed");
+      if (std::exchange(saved_once, true)) return Fail("killed");
       QUARRY_ASSIGN(saved, sink.Save());
       sink.Committed();
       return {};
@@ -345,7 +345,7 @@ TEST_CASE("The pages in memory, and what may still be loaded, are the same after
 }
 
 TEST_CASE("Windows over faces that waited go on from the last", "[import][resume]") {
-  // Faces before their vertices, enough of them to be worth notes, in several windows.
+  // Faces before their vertices, enough of them to be worth checkpoints, in several windows.
   constexpr uint32_t kVertices = 1500000, kFaces = (1 << 20) + 1000;
   const auto give = [&](SpillSink& sink) -> Status {
     QUARRY_TRY(sink.BeginFile("f"));

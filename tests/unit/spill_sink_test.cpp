@@ -209,7 +209,8 @@ TEST_CASE("An import goes on where it was saved") {
 }
 
 TEST_CASE(
-    "What a kill has left that no note speaks of goes, and without what one speaks of nothing goes on") {
+    "Leftovers of a kill that no checkpoint names are deleted, and a checkpoint whose files are gone is "
+    "refused") {
   const Folder folder;
   const auto file = [&](const char* name) { return folder.path + "/" + name; };
   Bytes saved;
