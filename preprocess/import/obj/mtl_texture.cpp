@@ -1,6 +1,7 @@
 #include "preprocess/import/obj/mtl_texture.h"
 
 #include <cmath>
+#include <utility>
 
 namespace quarry {
 namespace {
@@ -21,26 +22,17 @@ bool UpToThree(TextCursor& rest, double (&values)[3]) {
 bool IsOn(std::string_view word) { return EqualsIgnoringCase(word, "on"); }
 
 bool Channel(std::string_view word, TexturePick& pick) {
-  if (word.size() != 1) return false;
-  switch (word[0] | 32) {
-    case 'r':
-      pick = TexturePick::kRed;
+  constexpr std::pair<char, TexturePick> kPicks[] = {{'r', TexturePick::kRed},
+                                                     {'g', TexturePick::kGreen},
+                                                     {'b', TexturePick::kBlue},
+                                                     {'l', TexturePick::kLuminance},
+                                                     {'m', TexturePick::kScalar}};
+  for (const auto& [letter, picked] : kPicks)
+    if (word.size() == 1 && (word[0] | 32) == letter) {
+      pick = picked;
       return true;
-    case 'g':
-      pick = TexturePick::kGreen;
-      return true;
-    case 'b':
-      pick = TexturePick::kBlue;
-      return true;
-    case 'l':
-      pick = TexturePick::kLuminance;
-      return true;
-    case 'm':
-      pick = TexturePick::kScalar;
-      return true;
-    default:
-      return false;
-  }
+    }
+  return false;
 }
 
 /// Options read so far.

@@ -17,19 +17,11 @@ constexpr SlotName kVertexSlots[] = {
     {"nz", kNz},       {"s", kU},         {"t", kV},         {"u", kU},        {"v", kV},
     {"texture_u", kU}, {"texture_v", kV}, {"texture_s", kU}, {"texture_t", kV}};
 constexpr SlotName kFaceSlots[] = {{"material_index", kMaterial}, {"part_index", kPart}};
-/// Of vertices and faces.
-constexpr SlotName kColorSlots[] = {{"red", kRed},
-                                    {"green", kGreen},
-                                    {"blue", kBlue},
-                                    {"alpha", kAlpha},
-                                    {"r", kRed},
-                                    {"g", kGreen},
-                                    {"b", kBlue},
-                                    {"a", kAlpha},
-                                    {"diffuse_red", kRed},
-                                    {"diffuse_green", kGreen},
-                                    {"diffuse_blue", kBlue},
-                                    {"diffuse_alpha", kAlpha}};
+/// Names of red, green, blue and alpha, of vertices and of faces.
+constexpr std::string_view kColorNames[][4] = {
+    {"red", "green", "blue", "alpha"},
+    {"r", "g", "b", "a"},
+    {"diffuse_red", "diffuse_green", "diffuse_blue", "diffuse_alpha"}};
 
 /// The factor that brings a channel of `type` to 0..255.
 double ColorScale(PlyType type) {
@@ -50,9 +42,11 @@ PlyPlan MakePlan(const PlyElement& element, std::span<const SlotName> slots, boo
       step.target = PlyStep::kIndexList;
       plan.has_index_list = true;
     } else if (!property.count_type) {
-      for (const std::span<const SlotName> names : {slots, std::span<const SlotName>(kColorSlots)})
-        for (const SlotName& slot : names)
-          if (slot.name == property.name) step.target = slot.slot;
+      for (const SlotName& slot : slots)
+        if (slot.name == property.name) step.target = slot.slot;
+      for (const auto& names : kColorNames)
+        for (uint8_t i = 0; i < 4; ++i)
+          if (names[i] == property.name) step.target = static_cast<uint8_t>(kRed + i);
     }
     if (step.target < PlyRow::kMaxValues) plan.filled |= 1u << step.target;
     plan.has_lists |= property.count_type.has_value();
