@@ -24,8 +24,8 @@ class Engine {
   /// where blocks push each other out of the cache: a block is loaded once for the rays of all open tiles.
   static constexpr size_t kMostOpenTiles = 8;
   /// Bytes that open tiles take, at most: a thread's, of the 4 MiB that a worker may take for it, and for all
-  /// threads together, of its 24 MiB. (A tile takes 220 KiB, of rays that bounce 650 KiB. tests/bench/piles,
-  /// frame 20: 181 loads with 3.5 MiB and nothing shared, 117 with these.)
+  /// threads together, of its 24 MiB. (A tile takes 220 KiB, of rays that bounce 650 KiB.
+  /// tests/bench/voxel_chains, frame 20: 181 loads with 3.5 MiB and nothing shared, 117 with these.)
   static constexpr size_t kOpenTileBytes = 3u << 20, kSharedTileBytes = 5u << 20;
   /// `on_tile` is called on a compute thread.
   using OnTile = std::function<void(const TileDone&, Bytes pixels)>;

@@ -25,7 +25,7 @@ class FaceResolver {
   /// Creates or empties the file's streams in `folder`; with `saved`, continues where Save() was called.
   static Result<std::unique_ptr<FaceResolver>> Open(const std::string& folder, TriangleSpill& triangles,
                                                     ByteReader* saved);
-  /// Makes the file's streams durable and appends the state that Restore() needs to `out`.
+  /// Makes the file's streams durable and appends the state that Open() needs to `out`.
   /// Requires: Settle().
   Status Save(ByteWriter& out);
 

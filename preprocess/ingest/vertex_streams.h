@@ -33,7 +33,7 @@ class VertexStreams {
   /// Creates or empties the files "FOLDER/import-STREAM"; with `saved`, continues where Save() was called,
   /// with the same pages in memory. Errors: as PagedFile's.
   static Result<VertexStreams> Open(const std::string& folder, ByteReader* saved);
-  /// Makes the streams durable and appends the state that Restore() needs to `out`.
+  /// Makes the streams durable and appends the state that Open() needs to `out`.
   Status Save(ByteWriter& out);
 
   /// Each appends an element with the stream's next index. Errors: disk full.

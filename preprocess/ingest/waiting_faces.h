@@ -23,7 +23,7 @@ class WaitingFaces {
   /// Creates or empties the files; with `saved`, continues where Save() was called. `attributes`: of the
   /// triangles so far.
   static Result<WaitingFaces> Open(const std::string& folder, Attributes attributes, ByteReader* saved);
-  /// Makes the files durable and appends the state that Restore() needs to `out`.
+  /// Makes the files durable and appends the state that Open() needs to `out`.
   Status Save(ByteWriter& out);
 
   /// Errors: disk full.
