@@ -25,7 +25,7 @@
 namespace quarry {
 namespace {
 
-/// Options that are parsed once all are known.
+/// Options that are parsed after all of them are known.
 struct Texts {
   std::string memory = "1G", voxel_size = "256K", up, stats, unpack_limit;
   std::vector<std::string> places;
@@ -82,7 +82,7 @@ std::string StatisticsJson(const PreprocessOptions& options, const PreprocessSta
   return j.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 
-/// What a person calls the scene.
+/// The scene's name for the user.
 std::string NameOf(const PreprocessOptions& options) {
   if (options.models.size() > 1) return fmt::format("{} models", options.models.size());
   return options.models[0] == "-" ? "standard input" : options.models[0];
@@ -107,7 +107,7 @@ void PrintSummary(const PreprocessOptions& options, const PreprocessStatistics& 
                s.meta.dropped_degenerate, s.meta.dropped_not_finite);
 }
 
-/// glTF has a fixed up axis, and Assimp turns what it reads to the same; judged by names alone.
+/// Judges by file names alone: glTF's up axis is y, and Assimp converts to it.
 bool AllHaveYUp(const std::vector<std::string>& models) {
   return std::ranges::none_of(models, [](const std::string& m) {
     const std::string extension = std::filesystem::path(m).extension().string();
@@ -171,8 +171,8 @@ Status TakeStatistics(const Texts& texts, OutputGuard& guard) {
   return CheckWritable(stats);
 }
 
-/// What is written, decided before any work. The store's place takes the place of its name: what is on the
-/// way to it lies beside it.
+/// Decides all outputs before any work. The store's final place replaces options.output: the work folder lies
+/// beside it.
 Status CheckOutputs(const Texts& texts, PreprocessOptions& options) {
   OutputGuard guard(texts.force ? OutputGuard::Force::kYes : OutputGuard::Force::kNo);
   for (const std::string& model : options.models) guard.AddInput(model);
@@ -217,9 +217,9 @@ Status Run(PreprocessOptions options, const Texts& texts, bool plan) {
 
 int Main(int argc, char** argv) {
   RequireCpu();
-  KeepHeapSmall(4 << 20);  // voxels are built in buffers below it, again and again
+  KeepHeapSmall(4 << 20);  // voxels are built again and again in buffers below this size
   InstallSignalHandlers("quarry-preprocess", "nothing was written");
-  EndWithParent();  // quarry render's
+  EndWithParent();  // when quarry render has started this process
   PreprocessOptions options;
   options.threads = UsableProcessors();
   Texts texts;

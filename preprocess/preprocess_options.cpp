@@ -7,7 +7,7 @@
 namespace quarry {
 namespace {
 
-/// The path of a program in this one's folder; empty if it is not there.
+/// The path of a program in this program's folder; empty: it is not there.
 std::string ProgramBeside(const char* name) {
   std::error_code error;
   const auto program = std::filesystem::read_symlink("/proc/self/exe", error).replace_filename(name);
@@ -15,6 +15,11 @@ std::string ProgramBeside(const char* name) {
 }
 
 }  // namespace
+
+Placement PlacementOf(const PreprocessOptions& options, const std::string& model) {
+  const auto found = options.placements.find(model);
+  return found == options.placements.end() ? Placement{} : found->second;
+}
 
 ForeignFormats ForeignFormatsOf(const PreprocessOptions& options, const std::string& prefix) {
   const std::string program = ProgramBeside("quarry-import-assimp");

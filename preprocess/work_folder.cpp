@@ -19,7 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr uint32_t kCommand = 0;  // the first note of every journal
+constexpr uint32_t kCommand = 0;  // the first record of every journal
 constexpr uint32_t kHeaderBytes = 16;
 
 Bytes Framed(uint32_t kind, std::span<const std::byte> bytes) {
@@ -31,9 +31,9 @@ Bytes Framed(uint32_t kind, std::span<const std::byte> bytes) {
   return out.Take();
 }
 
-/// The notes of a journal up to the first that is torn; `whole`: bytes up to there.
-std::vector<Note> ReadNotes(std::span<const std::byte> journal, size_t& whole) {
-  std::vector<Note> notes;
+/// The records of a journal up to the first torn record; `whole`: bytes up to there.
+std::vector<SavedCheckpoint> ReadJournal(std::span<const std::byte> journal, size_t& whole) {
+  std::vector<SavedCheckpoint> notes;
   for (whole = 0; journal.size() - whole >= kHeaderBytes;) {
     ByteReader in(journal.subspan(whole));
     const auto kind = in.Get<uint32_t>();
@@ -41,13 +41,13 @@ std::vector<Note> ReadNotes(std::span<const std::byte> journal, size_t& whole) {
     const auto checksum = in.Get<uint64_t>();
     const auto bytes = in.GetSpan(size);
     if (!in.ok() || (Checksum(bytes) ^ kind) != checksum) break;
-    notes.push_back({static_cast<NoteKind>(kind), Bytes(bytes.begin(), bytes.end())});
+    notes.push_back({static_cast<CheckpointKind>(kind), Bytes(bytes.begin(), bytes.end())});
     whole += kHeaderBytes + size;
   }
   return notes;
 }
 
-/// The first line of `now` that `then` has otherwise.
+/// The first line of `now` that differs in `then`.
 std::string FirstDifference(const std::string& then, const std::string& now) {
   std::istringstream a(then), b(now);
   std::string x, y;
@@ -56,8 +56,8 @@ std::string FirstDifference(const std::string& then, const std::string& now) {
   return "more options";
 }
 
-/// What a run makes in its folders, and nothing else. Where the journal is, what it speaks of is too: it goes
-/// first.
+/// Removes a run's own files and nothing else. The journal goes first: while it exists, the files it names
+/// must, too.
 void RemoveFiles(const std::string& folder) {
   std::error_code error;
   fs::remove(folder + "/journal", error);
@@ -67,10 +67,10 @@ void RemoveFiles(const std::string& folder) {
         name.starts_with("region-") || name.starts_with("import-") || name.starts_with("foreign."))
       fs::remove(entry.path(), error);
   }
-  fs::remove(folder, error);  // if it is empty
+  fs::remove(folder, error);  // only if it is empty
 }
 
-/// Outputs of one name in different folders may share `spill`.
+/// Outputs of the same name in different folders may share `spill`.
 std::string SpillFolderFor(const std::string& output, const std::string& spill) {
   std::error_code error;
   const std::string whole = fs::weakly_canonical(output, error).string();
@@ -106,7 +106,7 @@ WorkFolder::WorkFolder(WorkFolder&& other) noexcept
     : path_(std::move(other.path_)),
       spill_(std::move(other.spill_)),
       journal_(std::exchange(other.journal_, -1)),
-      notes_(std::move(other.notes_)),
+      checkpoints_(std::move(other.checkpoints_)),
       kept_(other.kept_),
       cleanups_(std::move(other.cleanups_)) {}
 
@@ -134,7 +134,7 @@ Status WorkFolder::Begin(const std::string& command) {
   return {};
 }
 
-/// False: there is nothing to go on with.
+/// False: there is nothing to continue.
 Result<bool> WorkFolder::GoOn(const std::string& command) {
   const std::string name = path_ + "/journal";
   if (::access(name.c_str(), F_OK) != 0) return false;
@@ -142,20 +142,21 @@ Result<bool> WorkFolder::GoOn(const std::string& command) {
   Bytes bytes(file.size());
   QUARRY_TRY(file.ReadAt(0, bytes));
   size_t whole = 0;
-  notes_ = ReadNotes(bytes, whole);
-  const bool building = std::any_of(notes_.begin(), notes_.end(),
-                                    [](const Note& note) { return note.kind == NoteKind::kBuilt; });
-  // Killed between naming the whole store and tidying up: nothing is left to do, nor to go on with.
+  checkpoints_ = ReadJournal(bytes, whole);
+  const bool building = std::any_of(
+      checkpoints_.begin(), checkpoints_.end(),
+      [](const SavedCheckpoint& checkpoint) { return checkpoint.kind == CheckpointKind::kBuilt; });
+  // Killed after the store got its name: the run is complete, and nothing is left to continue.
   const bool named = building && ::access(store().c_str(), F_OK) != 0;
-  if (notes_.size() < 2 || named) {
-    notes_.clear();
+  if (checkpoints_.size() < 2 || named) {
+    checkpoints_.clear();
     return false;
   }
-  const std::string then(AsText(notes_[0].bytes));
+  const std::string then(AsText(checkpoints_[0].bytes));
   if (then != command)
     return Fail(fmt::format("{}: was begun with {}; repeat that, or begin anew without --resume", path_,
                             FirstDifference(then, command)));
-  notes_.erase(notes_.begin());
+  checkpoints_.erase(checkpoints_.begin());
   journal_ = ::open(name.c_str(), O_RDWR | O_APPEND | O_CLOEXEC);
   if (journal_ < 0 || ::ftruncate(journal_, static_cast<off_t>(whole)) != 0)
     return Fail(fmt::format("{}: cannot write: {}", name, ErrnoText(errno)));
@@ -163,7 +164,7 @@ Result<bool> WorkFolder::GoOn(const std::string& command) {
   return true;
 }
 
-Status WorkFolder::Add(NoteKind kind, const Bytes& bytes) {
+Status WorkFolder::Add(CheckpointKind kind, const Bytes& bytes) {
   const Bytes framed = Framed(static_cast<uint32_t>(kind), bytes);
   const std::string name = path_ + "/journal";
   size_t done = 0;
@@ -193,7 +194,7 @@ void WorkFolder::HoldOnSignal() {
 
 void WorkFolder::KeepOnSignal() {
   if (std::exchange(kept_, true)) return;
-  const SignalsHeld held;  // all of it goes, or all of it stays
+  const SignalsHeld held;  // so that all of it goes, or all of it stays
   for (const int cleanup : std::exchange(cleanups_, {})) Forget(cleanup);
 }
 

@@ -9,32 +9,31 @@
 
 namespace quarry {
 
-/// What a run has done so far.
-enum class NoteKind : uint32_t {
-  kImported = 1,  ///< so many models, and perhaps a part of the next: the sink's state
+/// Kinds of checkpoints in a run's journal.
+enum class CheckpointKind : uint32_t {
+  kImported = 1,  ///< models read, and a part of the next: the sink's state
   kRegions,       ///< the tree of regions
-  kParted,        ///< so many triangles are in the files of their regions
+  kRouted,        ///< triangles in the files of their regions
   kBuilt,         ///< the next region's voxels are in the store
-  kTextures,      ///< and so many images
+  kTextures,      ///< the next images are in the store
 };
 
-struct Note {
-  NoteKind kind;
+struct SavedCheckpoint {
+  CheckpointKind kind;
   Bytes bytes;
 };
 
-/// The folder "OUTPUT.work" (and one for large files elsewhere, if that is wanted): the files of a run that
-/// another may go on with, however it ended, and the journal of notes that says how far they can be believed.
-/// A note is appended with its checksum and synchronised; what it speaks of must be on disk before. A signal,
-/// a failure or the end of a run that has no notes removes all; one that has notes leaves them on a signal or
-/// failure. Whatever the moment of a signal, a folder that is left is named by the signal's line. Movable.
-/// Not thread-safe.
+/// The folder "OUTPUT.work", with a second folder for spill if that is wanted: the files of a run that a
+/// later run may continue, and the journal of checkpoints that tells how far they are valid. A checkpoint is
+/// appended with a checksum and synchronised; files that it names must be durable before.
+/// A run without checkpoints removes its folders when it ends, fails or gets a signal. A run with checkpoints
+/// leaves them on a failure or signal, and the signal's line names them. Movable. Thread safety: none.
 class WorkFolder {
  public:
-  /// `spill`: where large files go; empty: here. `command`: what the result depends on, as lines "NAME
-  /// VALUE". With `resume`, goes on with what lies there; without, begins anew. `goes_on`: for the sentence
-  /// that names a folder that is left, how to go on. Errors: cannot be written; on
-  /// resuming, was begun by another command (the first line that differs is named).
+  /// `spill`: the folder for large files; empty: OUTPUT.work. `command`: what the store depends on, as lines
+  /// "NAME VALUE". `resume`: continue, instead of beginning anew. `goes_on`: tells the user how to continue.
+  /// Errors: cannot be written; the journal was begun by another command (the sentence names the first line
+  /// that differs).
   static Result<WorkFolder> Open(const std::string& output, const std::string& spill,
                                  const std::string& command, bool resume, const std::string& goes_on);
   WorkFolder(WorkFolder&& other) noexcept;
@@ -44,12 +43,12 @@ class WorkFolder {
   const std::string& path() const { return path_; }
   const std::string& spill_folder() const { return spill_; }
   std::string store() const { return path_ + "/store"; }
-  const std::vector<Note>& notes() const { return notes_; }
-  /// Errors: disk full.
-  Status Add(NoteKind kind, const Bytes& bytes);
-  /// Whether a later run could go on from here.
+  const std::vector<SavedCheckpoint>& checkpoints() const { return checkpoints_; }
+  /// Appends a checkpoint, durably. Errors: disk full.
+  Status Add(CheckpointKind kind, const Bytes& bytes);
+  /// Whether a later run can continue from here.
   bool kept() const { return kept_; }
-  /// The run is over: nothing is left.
+  /// Ends the run: removes everything.
   void Remove();
 
  private:
@@ -61,9 +60,9 @@ class WorkFolder {
 
   std::string path_, spill_;
   int journal_ = -1;
-  std::vector<Note> notes_;
+  std::vector<SavedCheckpoint> checkpoints_;
   bool kept_ = false;
-  std::vector<int> cleanups_;  ///< see RemoveOnSignal
+  std::vector<int> cleanups_;  ///< see RemoveOnSignal()
 };
 
 }  // namespace quarry

@@ -6,7 +6,7 @@
 namespace quarry::scenes {
 namespace {
 
-// A piece is handed on when it has so many elements; the largest single shape (shapes.h) adds as many again.
+// Elements of a piece before it is handed on; the largest shape (shapes.h) adds as many again.
 constexpr size_t kPieceElements = 32768;
 
 void Require(Status status) {

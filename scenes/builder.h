@@ -9,64 +9,62 @@
 
 namespace quarry::scenes {
 
-/// A vertex of a mesh; the colour, linear, multiplies the material's diffuse.
+/// A vertex of a mesh. Units: metres; the linear colour multiplies the material's diffuse.
 struct MeshVertex {
   glm::vec3 position;
   uint8_t r, g, b;
 };
 
-/// A triangle of a mesh, counter-clockwise from outside; indices count from the first vertex of the same
-/// mesh.
+/// A triangle of a mesh, counter-clockwise from outside; indices count from the mesh's first vertex.
 struct MeshFace {
   uint32_t a, b, c;
   uint16_t material;
 };
 
-/// A piece of one part, with vertices of its own.
+/// A piece of a part, with vertices of its own.
 struct Mesh {
   std::vector<MeshVertex> vertices;
   std::vector<MeshFace> faces;
 };
 
-/// Takes a scene piece by piece. An error ends the generation.
+/// Receives a scene piece by piece. An error ends the generation.
 class MeshReceiver {
  public:
   virtual ~MeshReceiver() = default;
-  /// All pieces of a part come in a row; parts are numbered from 0 in the order they come.
+  /// Starts a part; its pieces follow. Parts are numbered from 0 in the order of their coming.
   virtual Status BeginPart(uint32_t part, const std::string& name) = 0;
   virtual Status AddPiece(const Mesh& mesh, uint32_t part) = 0;
-  /// False while it looks at faces only: generators to which positions are dear may then leave them out.
+  /// False: only faces are wanted, and generators may leave positions out.
   virtual bool WantsPositions() const { return true; }
 };
 
-/// Leaves a generator early, out of any depth, when its receiver fails; caught where the generation was
-/// started.
+/// Thrown to leave a generator when its receiver fails; caught where the generation was started.
 struct GenerationStopped {
   Error error;
 };
 
-/// What generators draw into: collects shapes and hands them on in pieces of bounded size, so that memory
-/// does not depend on the scene. Shapes (shapes.h) call BeginShape() once and then refer to vertices added
-/// since.
+/// Collects the shapes that generators draw and hands them on in pieces of bounded size, so that memory does
+/// not depend on the scene. A shape (shapes.h) calls BeginShape() once and then refers to vertices added
+/// since. Thread safety: none.
 class Builder {
  public:
   explicit Builder(MeshReceiver& receiver);
 
-  /// Starts a part; one that stays empty leaves no trace. Names are to be unique.
+  /// Starts a part; an empty part is dropped. Requires: names are unique.
   void Part(std::string name);
-  /// Material and tint (0 to 1) of what follows.
+  /// Sets the material and tint (0 to 1) of the shapes that follow.
   void Use(uint16_t material, const glm::vec3& tint = glm::vec3(1.0f));
-  /// Lets go of vertices added so far if they are many.
+  /// Hands on the vertices added so far if they are many.
   void BeginShape();
   uint32_t Vertex(const glm::vec3& position);
   void Triangle(uint32_t a, uint32_t b, uint32_t c);
   void Quad(uint32_t a, uint32_t b, uint32_t c, uint32_t d);
-  /// Hands on what is left; call it at the end.
+  /// Hands on the rest. Required at the end.
   void Finish();
 
-  /// False if positions and tints do not matter for now; their number does.
+  /// False: positions and tints have no effect; their number has.
   bool wants_positions() const { return wants_positions_; }
-  /// All triangles so far.
+  /// All triangles drawn so far.
   uint64_t triangles() const { return triangles_; }
 
  private:
@@ -83,8 +81,8 @@ class Builder {
   uint8_t tint_[3] = {255, 255, 255};
 };
 
-/// A share of the triangles: what is still to be drawn up to a total count. Shapes round their tessellation,
-/// so a generator asks for Room() again before each item instead of planning exactly.
+/// A budget of triangles: the rest up to a total count. Shapes round their tessellation, so a generator asks
+/// for Room() before each item instead of planning exactly.
 class Budget {
  public:
   Budget(const Builder& builder, uint64_t limit) : builder_(builder), limit_(limit) {}

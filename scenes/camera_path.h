@@ -13,13 +13,13 @@ struct CameraFrame {
   float fov = 60;  ///< Vertical, in degrees.
 };
 
-/// Where a walk passes, and what it looks at there. Keys are equally far apart in time.
+/// A point that a walk passes, and the point that it looks at there. Keys are equally far apart in time.
 struct CameraKey {
   glm::vec3 eye, at;
 };
 
-/// `frames` frames along straight lines between the keys, from the first to the last: a walk drawn as a
-/// polyline stays where it was drawn, which a spline does not.
+/// `frames` frames along straight lines between the keys, from first to last. A polyline stays where it was
+/// drawn; a spline does not.
 std::vector<CameraFrame> WalkAlong(std::span<const CameraKey> keys, int frames, float fov);
 
 /// {"frames": [{"eye": [x,y,z], "at": [..], "up": [..], "fov": degrees}, ...]}

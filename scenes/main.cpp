@@ -21,8 +21,8 @@ volatile std::sig_atomic_t interrupted = 0;
 
 void OnSignal(int) { interrupted = 1; }
 
-/// Temporaries are removed on the way out, so the signals only ask to stop; a file too large for its limit is
-/// an error of write() like any other.
+/// Temporaries are removed on the way out, so signals only ask to stop; a file that exceeds its limit is an
+/// error of write() like any other.
 void CatchSignals() {
   struct sigaction action {};
   action.sa_handler = OnSignal;

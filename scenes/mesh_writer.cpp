@@ -29,7 +29,7 @@ Result<MeshFormat> FormatOf(const std::string& path) {
   return BadUsage(fmt::format("{}: the name must end in .ply or .obj, which chooses the format.", path));
 }
 
-/// Whether the first line that is no comment has one of these words first.
+/// Whether the first line that is no comment begins with one of these words.
 bool BeginsWithWord(std::string_view text, std::initializer_list<std::string_view> words) {
   while (!text.empty()) {
     std::string_view line = text.substr(0, text.find('\n'));

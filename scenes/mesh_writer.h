@@ -32,7 +32,7 @@ class MeshWriter : public MeshReceiver {
 Result<std::unique_ptr<MeshWriter>> OpenMeshWriter(const std::string& path,
                                                    const std::vector<Material>& materials, bool colors);
 
-/// A vertex's colour as files have it, by usage: sRGB.
+/// A vertex's colour for a file: sRGB, as programs expect.
 uint8_t SrgbByte(uint8_t linear);
 
 /// Decides, before any work, whether the model at `path` and the files beside it (OUT.path.json among them)

@@ -10,26 +10,26 @@
 
 namespace quarry::scenes {
 
-/// A file that is written under a temporary name beside its own and takes its own only when complete: readers
-/// never see half a file, and whatever ends the writing early leaves nothing behind. Every write is checked;
-/// after an error the file can only be destroyed.
+/// A file that is written under a temporary name and gets its own name when complete: readers never see half
+/// a file, and an early end leaves nothing behind. Every write is checked; after an error the file can only
+/// be destroyed. Thread safety: none.
 class OutputFile {
  public:
-  /// Errors: PlaceOf's, which says where `path` goes; a device or FIFO; cannot be made there.
+  /// Errors: PlaceOf()'s, which resolves `path`; a device or FIFO; cannot be created.
   static Result<std::unique_ptr<OutputFile>> Create(const std::string& path);
-  /// Removes the temporary, if Commit() has not renamed it.
+  /// Removes the temporary file unless Commit() has renamed it.
   ~OutputFile();
   OutputFile(const OutputFile&) = delete;
   OutputFile& operator=(const OutputFile&) = delete;
 
-  /// Room for `size` bytes (at most 64 KiB) of the buffer, to be filled by the caller, who then calls
-  /// Advance() with what was used. Errors: disk full or failing.
+  /// Room for `size` bytes (at most 64 KiB) of the buffer; the caller fills it and calls Advance() with the
+  /// bytes used. Errors: disk full or failing.
   Result<char*> Reserve(size_t size);
   void Advance(size_t size) { used_ += size; }
   Status Write(std::string_view bytes);
   /// Overwrites bytes near the start that were written before.
   Status Patch(uint64_t offset, std::string_view bytes);
-  /// Everything to the disk and the file closed; then only Commit() may follow.
+  /// Makes the file durable and closes it. Only Commit() may follow.
   Status Close();
   /// Gives the closed file its name.
   Status Commit();

@@ -23,7 +23,7 @@ const std::vector<std::pair<std::string, Maker>>& Makers() {
   return makers;
 }
 
-/// Counts what goes by on its way to the writer.
+/// Counts triangles on their way to the writer.
 class Watched : public MeshReceiver {
  public:
   Watched(MeshWriter& writer, uint64_t total, const WatchProgress& watch)

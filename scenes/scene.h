@@ -30,7 +30,7 @@ class Scene {
   /// Draws exactly options.triangles triangles, the same each time, in memory that does not depend on their
   /// number.
   virtual void Draw(Builder& builder) const = 0;
-  /// 60 frames of a way through the scene, outside of all solids.
+  /// 60 frames of a path through the scene, outside of all solids.
   virtual std::vector<CameraFrame> Path() const = 0;
 };
 
@@ -40,12 +40,12 @@ const std::vector<std::string>& SceneKinds();
 /// Requires: `kind` is one of SceneKinds(), options.triangles from kFewestTriangles to kMostTriangles.
 std::unique_ptr<Scene> MakeScene(const std::string& kind, const SceneOptions& options);
 
-/// Told now and then how many of all triangles (counted in every pass) are done; an error it returns ends the
+/// Called now and then with the triangles done of all triangles (counted in every pass); an error ends the
 /// writing.
 using WatchProgress = std::function<Status(uint64_t done, uint64_t total)>;
 
-/// Writes the scene to `path` (see OpenMeshWriter()) and its way to NAME.path.json. On an error no file is
-/// left. Memory: a few MB. Errors: those of the writer and of `watch`.
+/// Writes the scene to `path` (see OpenMeshWriter()) and its camera path to NAME.path.json. On an error no
+/// file is left. Memory: a few MB. Errors: those of the writer and of `watch`.
 Status WriteScene(const Scene& scene, const SceneOptions& options, const std::string& path,
                   const WatchProgress& watch);
 

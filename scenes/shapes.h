@@ -5,9 +5,9 @@
 
 #include "scenes/builder.h"
 
-/// Solids for the generators, all closed unless said otherwise, faces counter-clockwise from outside.
-/// `segments` count around an axis (at least 3). A shape is at most 16384 vertices; callers split what is
-/// finer.
+/// Solids for the generators, closed unless stated, faces counter-clockwise from outside. Units: metres.
+/// `segments` count around an axis (at least 3). A shape has at most 16,384 vertices; callers split finer
+/// shapes.
 namespace quarry::scenes {
 
 inline constexpr float kPi = 3.14159265f;
@@ -71,11 +71,10 @@ struct TubeStyle {
 /// A pipe along `points` (at least 2, distinct neighbours) with round bends.
 void Tube(Builder& builder, std::span<const glm::vec3> points, const TubeStyle& style);
 
-/// What Tube() makes of so many points, if each inner one is a bend.
+/// Triangles of Tube() for so many points, if each inner point is a bend.
 int TubeTriangles(int points, const TubeStyle& style);
 
-/// Exactly `count` triangles (at least 1) as a small upright cone, open below; what makes a count come out
-/// even.
+/// Exactly `count` triangles (at least 1) as a small upright cone, open below; used to reach an exact count.
 void Spike(Builder& builder, const glm::vec3& base, float radius, float height, int count);
 
 }  // namespace quarry::scenes

@@ -60,8 +60,8 @@ void HeightField::Draw(Builder& b, double triangles, uint16_t material) const {
         glm::smoothstep(kSnowLine, 1.2f * kSnowLine, z) * (1.0f - glm::smoothstep(0.9f, 1.5f, slope));
     return glm::mix(colour, kTints[3], snow);
   };
-  // Heights are dear; the slope is taken towards the vertices before this one, kept from the tile's last row.
-  // At a tile's edges they are made anew, which gives the neighbouring tile the same tints there.
+  // Heights are expensive: the slope is taken towards the vertices before this one, kept from the tile's last
+  // row. At a tile's edges they are computed anew, which gives the neighbouring tile the same tints there.
   std::array<float, kSurfaceTile> below{};
   float z = 0;
   TiledSurface(
@@ -126,7 +126,7 @@ class Terrain : public Scene {
   }
 
  private:
-  /// Boulders use up what the grid leaves.
+  /// Boulders use up the triangles that the grid leaves.
   void DrawStones(Builder& b) const {
     const Budget budget(b, options_.triangles);
     for (uint64_t i = 0; budget.Room() > 0; ++i) {

@@ -25,15 +25,15 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr uint64_t kOverheadBytes = 44ull << 20;  // of a run beyond --memory: README
-// Of a triangle's record, a byte: resolving and spilling it when it is imported; handing it out to regions,
-// and taking it back from there. Fitted to models that the page cache holds: preprocess/README.md
-constexpr double kImportSeconds = 3e-9, kPartingSeconds = 6.5e-9;
+constexpr uint64_t kOverheadBytes = 44ull << 20;  // of a run beyond --memory: README.md, "Limits"
+// Seconds a byte of a triangle's record: to resolve and spill it at import; to route it to regions and read
+// it back. Fitted to models that the page cache holds (tests/bench/plans).
+constexpr double kImportSeconds = 3e-9, kRoutingSeconds = 6.5e-9;
 
-/// The rest is for what is built.
+/// Bytes for vertices; the rest of --memory is for building.
 uint64_t MemoryForVertices(const PreprocessOptions& options) { return options.memory / 4 * 3; }
 
-/// Counts, of one file after the other.
+/// Counts of elements, one file after the other.
 struct Counts {
   uint64_t positions = 0, normals = 0, uvs = 0, triangles = 0;
   VertexSample vertices;
@@ -41,7 +41,7 @@ struct Counts {
 
 class CountingSink final : public ResolvingSink {
  public:
-  /// Images that models hold as text are put into the file `images_path`.
+  /// `images_path`: the file for images that models hold as text.
   CountingSink(const PreprocessOptions& options, std::string images_path)
       : ResolvingSink(options, MemoryForVertices(options), false),
         images(std::move(images_path)),
@@ -105,12 +105,13 @@ Status ReadModels(const PreprocessOptions& options, Sink& sink) {
   return {};
 }
 
-/// The most spill at once: while a file is imported, or when all triangles have been parted: a slice of them
-/// is in both places, and those that touch several regions in each. `record`: bytes of a triangle's; `share`:
-/// of them when packed; `references`: regions that a triangle lies in.
+/// Most bytes of spill at any time: while a file is imported, or when all triangles have been routed. In the
+/// second case a slice of triangles lies in both places, and a triangle in several regions lies in each.
+/// Units: `record` in bytes of a triangle; `share` is the part of them that stays after packing; `references`
+/// is regions per triangle.
 uint64_t SpillPeak(const std::vector<Counts>& files, double record, double share, double references) {
   constexpr auto kLarge = static_cast<double>(SpillFile::kPackLarge);
-  // The file of triangles is packed beyond its first bytes, those of regions all or not at all.
+  // The triangle file is packed beyond its first bytes; regions' files are packed entirely or not at all.
   const auto in_file = [&](double n) {
     return std::min(n * record, kLarge) + std::max(n * record - kLarge, 0.0) * share;
   };
@@ -121,11 +122,11 @@ uint64_t SpillPeak(const std::vector<Counts>& files, double record, double share
                     in_file(triangles) + static_cast<double>(f.positions * 16 + f.normals * 12 + f.uvs * 8));
   }
   if (triangles <= kMostInMemory) return static_cast<uint64_t>(peak);
-  double sample = triangles;  // saved for --resume
+  double sample = triangles;  // the sample that checkpoints save
   while (sample > TriangleSample::kMost) sample /= 2;
-  const double slice = std::min(triangles, static_cast<double>(kPartedAtOnce));
-  const double parted = references * triangles * record;
-  const double regions = parted * (parted > kLarge ? share : 1);
+  const double slice = std::min(triangles, static_cast<double>(kRoutedPerCheckpoint));
+  const double routed = references * triangles * record;
+  const double regions = routed * (routed > kLarge ? share : 1);
   return static_cast<uint64_t>(std::max(peak, in_file(triangles) - in_file(triangles - slice) + regions) +
                                sample * (sizeof(KdTriangle) + 4));
 }
@@ -134,8 +135,8 @@ uint64_t SpillPeak(const std::vector<Counts>& files, double record, double share
 
 namespace {
 
-/// By regions that a run would make. Nothing: the vertices do not fit the memory, or some regions the disk,
-/// which may be what a plan is to find out.
+/// The cost by some of the regions that a run would make. Nothing: memory does not hold the vertices, or the
+/// disk does not hold some regions, which a plan may be asked to find out.
 Result<std::optional<SampleCost>> CostByRegions(const PreprocessOptions& options, CountingSink& counted,
                                                 Attributes attributes) {
   if (!counted.held_all()) return std::optional<SampleCost>();
@@ -154,7 +155,7 @@ Result<std::optional<SampleCost>> CostByRegions(const PreprocessOptions& options
   return std::optional(cost);
 }
 
-/// By cubes around some vertices of the largest file.
+/// The cost by cubes around some vertices of the largest file.
 Result<SampleCost> CostByWindows(const PreprocessOptions& options, const CountingSink& counted,
                                  size_t largest, Attributes attributes) {
   const Counts& of = counted.files[largest];
@@ -204,22 +205,22 @@ Result<PreprocessPlan> MakePlan(const PreprocessOptions& options) {
   plan.texture_bytes = textures.stored_bytes;
   plan.store_bytes += plan.texture_bytes;
   plan.memory_bytes = options.memory + kOverheadBytes;
-  // Each reference is handed out and read once more.
+  // Each reference is routed and read once more.
   const double record_s =
-      kImportSeconds + (plan.triangles > kMostInMemory ? kPartingSeconds * cost.references : 0);
+      kImportSeconds + (plan.triangles > kMostInMemory ? kRoutingSeconds * cost.references : 0);
   plan.seconds = reading_s + triangles * (record_bytes * record_s + cost.seconds) + textures.seconds;
   return plan;
 }
 
 bool RoomIsTight(const PreprocessOptions& options) {
   namespace fs = std::filesystem;
-  // No format is as terse as this, unpacked or not; packed ones come near.
+  // Bytes of store and spill a byte of model: no format is terser than this, and packed files come near it.
   constexpr uint64_t kMostGrowth = 40;
   std::error_code error;
   uint64_t models = 0;
   for (const std::string& model : options.models) {
     const auto size = fs::file_size(model, error);
-    if (error) return false;  // a run will say what is wrong with it; standard input cannot be read twice
+    if (error) return false;  // the run reports it; standard input cannot be read twice
     models += size;
   }
   const auto space = fs::space(SpillFolder(options), error);
@@ -232,7 +233,7 @@ Status CheckRoom(const PreprocessOptions& options, const PreprocessPlan& plan) {
   const fs::path store = fs::path(options.output).parent_path(), spill = SpillFolder(options);
   const auto store_space = fs::space(store.empty() ? "." : store, error),
              spill_space = fs::space(spill, error);
-  if (error) return {};  // a run will say what is wrong with the folders
+  if (error) return {};  // the run reports what is wrong with the folders
   const bool same = store_space.capacity == spill_space.capacity && store_space.free == spill_space.free;
   // The store grows while spill shrinks.
   const uint64_t wanted =

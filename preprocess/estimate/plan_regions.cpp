@@ -19,17 +19,18 @@
 namespace quarry {
 namespace {
 
-// Regions that are built: three of a small model, which is half of one of a million triangles; six of a large
-// one, between whose parts costs differ.
+// Regions that are built: three of a small model (half of a model of a million triangles), six of a large
+// model, whose parts differ in cost.
 constexpr size_t kFewestRegions = 3, kMostRegions = 6, kRegionsPerChosen = 8;
-// Of a region that has more than this, a pile, so many are enough; more than are split in memory, so that
-// they are taken as the run takes them.
+// Triangles of a region that are kept; a larger region ends in voxel chains, for which these are enough. More
+// than are split in memory, so that they take the path that the run takes.
 constexpr uint64_t kMostOfRegion = kMostInMemory + kMostInMemory / 4;
-constexpr uint64_t kRun = 8192;  // triangles in a row that are kept together: neighbours share vertices
-constexpr uint64_t kSharedElements = 1 << 15;  // of a file, packed to see what spill becomes
+constexpr uint64_t kRun =
+    8192;  // consecutive triangles that are kept together, since neighbours share vertices
+constexpr uint64_t kSharedElements = 1 << 15;  // of a file, packed to measure how spill shrinks
 
 /// Calls `visit` with each region that a triangle reaches, and the box of its part there, as RegionFiles
-/// hands triangles out.
+/// routes triangles.
 template <class Visit>
 void ForEachRegion(const RegionTree& tree, const TriangleRecord& record, float padding, Visit&& visit) {
   const Box box = record.PaddedBox(padding);
@@ -50,13 +51,6 @@ void ForEachRegion(const RegionTree& tree, const TriangleRecord& record, float p
 
 }  // namespace
 
-void ResolvingSink::Place(const std::string& model) {
-  const auto placement = options_.placements.find(model);
-  const bool placed = placement != options_.placements.end();
-  turn_ = placed ? TurnOf(placement->second, static_cast<int>(options_.up_axis)) : glm::dmat3(1);
-  translation_ = placed ? placement->second.translation : glm::dvec3(0);
-}
-
 Status ResolvingSink::BeginFile(std::string_view) {
   positions_.Clear();
   normals_.Clear();
@@ -67,7 +61,7 @@ Status ResolvingSink::BeginFile(std::string_view) {
   return {};
 }
 
-/// Room for one more element.
+/// Takes memory for one more element, or gives up.
 void ResolvingSink::Hold(uint64_t bytes) {
   held_ += bytes;
   if (held_ <= memory_) return;
@@ -77,10 +71,8 @@ void ResolvingSink::Hold(uint64_t bytes) {
 
 Status ResolvingSink::AddPosition(const glm::dvec3& position, const Rgba8& color) {
   if (gave_up_) return {};
-  const glm::dvec3 scaled = InScene(position);
-  if (!offset_) offset_ = OffsetFor(scaled);
   Hold(sizeof(glm::vec3) + (attributes_ ? sizeof(uint32_t) : 0));
-  positions_.Add(glm::vec3(scaled - offset_.value_or(glm::dvec3(0))));
+  positions_.Add(coordinates_.Store(position));
   if (attributes_) colors_.Add(Packed(color));
   return {};
 }
@@ -88,7 +80,7 @@ Status ResolvingSink::AddPosition(const glm::dvec3& position, const Rgba8& color
 Status ResolvingSink::AddNormal(const glm::vec3& normal) {
   if (gave_up_ || !attributes_) return {};
   Hold(sizeof normal);
-  normals_.Add(glm::vec3(turn_ * glm::dvec3(normal)));
+  normals_.Add(glm::vec3(coordinates_.Direction(glm::dvec3(normal))));
   return {};
 }
 
@@ -158,7 +150,7 @@ PlannedRegions PlanRegions(TriangleSurvey& survey) {
     ForEachRegion(plan.tree, record, plan.padding,
                   [&](uint32_t region, const Box&) { plan.expected[region] += weight; });
   }
-  // Equal steps through all triangles of all regions.
+  // Regions are chosen at equal steps through all triangles of all regions.
   const size_t choices =
       std::min(regions, std::clamp(regions / kRegionsPerChosen, kFewestRegions, kMostRegions));
   const uint64_t all = std::accumulate(plan.expected.begin(), plan.expected.end(), uint64_t{0});
@@ -218,7 +210,7 @@ Status RegionSink::Take(const TriangleRecord& record) {
   return status;
 }
 
-/// What spill files make of a byte of these records.
+/// Packed bytes over bytes, of the kept records in spill files.
 Result<double> RegionSink::SpilledShare() {
   uint64_t all = 0, packed = 0;
   for (Kept& kept : kept_) {

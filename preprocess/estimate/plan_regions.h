@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <glm/mat3x3.hpp>
 #include <memory>
 #include <optional>
 #include <span>
@@ -11,15 +10,16 @@
 #include "common/base/status.h"
 #include "preprocess/estimate/plan_sample.h"
 #include "preprocess/ingest/polygon_fan.h"
-#include "preprocess/ingest/spill_sink.h"
+#include "preprocess/ingest/scene_coordinates.h"
 #include "preprocess/partition/regions.h"
+#include "preprocess/spill/spill_file.h"
 
-// What a model's triangles take, told from some of the regions that a run would make, chosen with the chance
-// of their triangles: what is dense, or crossed by many triangles, is met as often as it costs.
+// Estimates a run from some of the regions that it would make. A region is chosen with the probability of its
+// share of the triangles, so dense places, and places crossed by many triangles, count as often as they cost.
 
 namespace quarry {
 
-/// Elements by their number; growing never copies them, so that memory is what they take.
+/// An array in pages: growing copies nothing, so it takes only its own memory. Thread safety: none.
 template <class T>
 class Numbered {
  public:
@@ -41,37 +41,36 @@ class Numbered {
   size_t size_ = 0;
 };
 
-/// Holds the vertices of the file at hand, as far as `memory` bytes go, and makes triangles of them as a run
-/// does. Triangles whose corners come after them are passed over.
+/// Resolves triangles as a run does, from vertices held in memory. Triangles whose corners come later in the
+/// file are skipped. Gives up when vertices exceed `memory` bytes: held_all() is false. Thread safety: none.
 class ResolvingSink : public IgnoringSink {
  public:
-  /// `attributes`: whether normals, texture coordinates and colours are wanted too.
+  /// Units: memory in bytes. `attributes`: also hold normals, texture coordinates and colours.
   ResolvingSink(const PreprocessOptions& options, uint64_t memory, bool attributes)
-      : options_(options), memory_(memory), attributes_(attributes) {}
+      : options_(options), memory_(memory), attributes_(attributes), coordinates_(options.scale) {}
 
-  /// The next file's. Before it begins.
-  void Place(const std::string& model);
+  /// Places the next file. Requires: no file has begun.
+  void Place(const std::string& model) {
+    coordinates_.Place(PlacementOf(options_, model), static_cast<int>(options_.up_axis));
+  }
   Status BeginFile(std::string_view) override;
-  bool WantsOrigin() const override { return !offset_; }
-  void SetOrigin(const glm::dvec3& place) override { offset_ = OffsetFor(InScene(place)); }
+  bool WantsOrigin() const override { return !coordinates_.has_offset(); }
+  void SetOrigin(const glm::dvec3& place) override { coordinates_.ChooseOffset(coordinates_.Point(place)); }
   Status AddPosition(const glm::dvec3& position, const Rgba8& color) override;
   Status AddNormal(const glm::vec3& normal) override;
   Status AddUv(const glm::vec2& uv) override;
   Status SetFaceColor(const Rgba8& color) override;
   Status AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t part) override;
-  /// Whether the memory did for every file.
+  /// Whether memory held the vertices of every file.
   bool held_all() const { return !gave_up_; }
-  /// Frees the vertices, once all models have been read.
+  /// Frees the vertices after the last model.
   void Release() { (void)ResolvingSink::BeginFile(""); }
 
  protected:
-  /// A triangle that a run would keep.
+  /// Receives a triangle that a run would keep.
   virtual Status Take(const TriangleRecord& record) = 0;
 
  private:
-  glm::dvec3 InScene(const glm::dvec3& position) const {
-    return (turn_ * position + translation_) * options_.scale;
-  }
   bool Resolve(const Corner (&corners)[3], TriangleRecord& record) const;
   void Hold(uint64_t bytes);
 
@@ -80,56 +79,54 @@ class ResolvingSink : public IgnoringSink {
   const bool attributes_;
   uint64_t held_ = 0;  ///< bytes
   bool gave_up_ = false;
-  std::optional<glm::dvec3> offset_;
-  glm::dmat3 turn_{1};
-  glm::dvec3 translation_{0};
+  SceneCoordinates coordinates_;
   Numbered<glm::vec3> positions_, normals_;
   Numbered<uint32_t> colors_;
   Numbered<glm::vec2> uvs_;
-  std::vector<TriangleRecord> fan_;  ///< of the polygon at hand
+  std::vector<TriangleRecord> fan_;  ///< triangles of the current polygon
   PolygonFan polygon_;
   uint32_t face_color_ = 0xFFFFFFFFu;
   uint32_t next_id_ = 0;
 };
 
-/// What a first pass over the models tells of their triangles.
+/// Triangles of the models, from a first pass.
 struct TriangleSurvey {
   TriangleSample sample;
   Box bounds{glm::vec3(kInfinity), glm::vec3(-kInfinity)};
   uint64_t triangles = 0;  ///< resolved, and kept by a run
 };
 
-/// Some regions, with their triangles.
+/// The regions of a run, and the choice of those to build.
 struct PlannedRegions {
   Region whole;
   RegionTree tree;
   float padding = 0;
-  std::vector<uint32_t> chosen;    ///< regions, ascending
-  std::vector<uint32_t> weights;   ///< of those: how often each was chosen
+  std::vector<uint32_t> chosen;    ///< indices of regions, ascending
+  std::vector<uint32_t> weights;   ///< how often each chosen region was chosen
   std::vector<uint64_t> expected;  ///< triangles of every region, by the sample
 };
-/// The regions of a run over these models, and which of them are to be built.
+/// Plans the regions of a run over the surveyed models and chooses some to build. Takes the survey's sample.
 PlannedRegions PlanRegions(TriangleSurvey& survey);
-/// Bytes that a RegionSink writes for them, about.
+/// Bytes that a RegionSink writes for the chosen regions, about.
 uint64_t KeptBytes(const PlannedRegions& regions, Attributes attributes);
 
-/// Routes all triangles to the regions as a run does, and keeps those of the chosen ones in files in
-/// `folder`.
+/// Routes all triangles to regions as a run does, and keeps the chosen regions' triangles in files in
+/// `folder`. Thread safety: none.
 class RegionSink : public ResolvingSink {
  public:
   RegionSink(const PreprocessOptions& options, uint64_t memory, PlannedRegions& regions,
              Attributes attributes, std::string folder);
-  /// Builds what was kept, and reckons from it. Errors: disk full.
+  /// Builds the kept triangles and computes the cost of a triangle from them. Errors: disk full.
   Result<SampleCost> Measure();
 
  protected:
   Status Take(const TriangleRecord& record) override;
 
  private:
-  /// A chosen region's.
+  /// A chosen region's triangles.
   struct Kept {
     std::optional<SpillFile> file;
-    uint64_t every = 1;  ///< of so many runs of triangles one is kept
+    uint64_t every = 1;  ///< keeps each n-th run of triangles
   };
   Result<double> SpilledShare();
   Result<double> BuildRegion(size_t kept);
@@ -138,9 +135,9 @@ class RegionSink : public ResolvingSink {
   PlannedRegions& regions_;
   const Attributes attributes_;
   const std::string folder_;
-  std::vector<uint64_t> counts_;  ///< of every region
+  std::vector<uint64_t> counts_;  ///< triangles of every region
   std::vector<Box> contents_;
-  std::vector<uint32_t> kept_of_;  ///< of every region its place in kept_, or kNoIndex
+  std::vector<uint32_t> kept_of_;  ///< index in kept_ of every region, or kNoIndex
   std::vector<Kept> kept_;
   uint64_t taken_ = 0;
 };

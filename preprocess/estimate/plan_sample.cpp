@@ -31,7 +31,7 @@ double Distance(const glm::dvec3& a, const glm::dvec3& b) {
 
 bool IsFinite(const glm::dvec3& p) { return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z); }
 
-/// Where a run would put the model: its middle at the origin, scaled.
+/// Places the model as a run would: its middle at the origin, scaled.
 class Placing {
  public:
   Placing(const VertexSample& vertices, double scale) : scale_(scale) {
@@ -135,7 +135,7 @@ const WindowSink::Vertex* WindowSink::Find(uint32_t index) const {
 
 namespace {
 
-/// Of all corners, where there is one.
+/// The indices that `of` gives for the corners of all triangles in the cubes, without kNoIndex.
 template <class Of>
 std::vector<uint32_t> IndicesOf(const WindowSink& windows, Of&& of) {
   std::vector<uint32_t> indices;
@@ -195,7 +195,7 @@ bool CornerSink::Resolve(const WindowSink::Triangle& triangle, glm::dvec3 (&posi
 
 namespace {
 
-/// What spill files make of a byte of these records.
+/// Packed bytes over bytes, of these records in spill files.
 double SpilledShare(const std::vector<std::vector<TriangleRecord>>& records, Attributes attributes) {
   const size_t size = RecordBytes(attributes);
   uint64_t all = 0, packed = 0;
@@ -233,7 +233,7 @@ Result<SampleCost> MeasureWindows(const PreprocessOptions& options, std::span<co
       bounds[w].Include(box.upper);
     }
   }
-  // Triangles whose corners lie nowhere, or come after them.
+  // No result: corners do not exist, or come after their triangles.
   if (owned < kFewestTriangles) return kUsualCost;
   const double spilled = SpilledShare(records, attributes);
   double bytes = 0;

@@ -12,12 +12,12 @@
 #include "preprocess/preprocess.h"
 #include "preprocess/spill/triangle_record.h"
 
-// What a model's triangles take, told from parts of it that are built as a run builds all: cubes around some
-// of its vertices, with everything that reaches into them.
+// Estimates a run from cubes of the model, which are built as a run builds everything: cubes around some of
+// its vertices, with every triangle that has a corner in them.
 
 namespace quarry {
 
-/// Vertices spread evenly over a file.
+/// A sample of a file's vertices, evenly spread over their order. Thread safety: none.
 class VertexSample {
  public:
   void Add(const glm::dvec3& position);
@@ -29,7 +29,7 @@ class VertexSample {
   uint64_t next_ = 0, step_ = 1;
 };
 
-/// A cube; infinite for one that holds everything.
+/// A cube in model coordinates; an infinite cube holds everything.
 struct SampleWindow {
   glm::dvec3 centre{0};
   double half_side = 0;
@@ -37,23 +37,23 @@ struct SampleWindow {
   bool Holds(const glm::dvec3& p) const;
 };
 
-/// Cubes around vertices from all over a file of so many triangles, each with a share of the vertices that
-/// stands for as many triangles as a region has; for a small file one that holds everything.
+/// Chooses cubes around vertices from all over a file of `triangles` triangles. Each holds a share of the
+/// sampled vertices that stands for the triangles of one region. A small file gets one infinite cube.
 std::vector<SampleWindow> ChooseWindows(const VertexSample& vertices, uint64_t triangles);
 
-/// The triangles of the `file`-th file that have a corner in a window. Faces that come before their vertices
-/// are not seen.
+/// Collects the triangles of file number `file` that have a corner in a cube. Faces that come before their
+/// vertices are skipped. Thread safety: none.
 class WindowSink : public IgnoringSink {
  public:
   struct Vertex {
     glm::dvec3 position{0};
     Rgba8 color;
-    uint32_t windows = 0;  ///< that hold it, as bits
+    uint32_t windows = 0;  ///< bit i: cube i holds the vertex
   };
   struct Triangle {
     Corner corners[3];
     uint32_t id, material, part;
-    uint32_t windows, owners;  ///< that hold a corner, the first corner
+    uint32_t windows, owners;  ///< bits of the cubes that hold a corner, and that hold the first corner
   };
   WindowSink(size_t file, std::span<const SampleWindow> windows, uint64_t vertices);
 
@@ -62,7 +62,7 @@ class WindowSink : public IgnoringSink {
   Status AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t part) override;
 
   const std::vector<Triangle>& triangles() const { return triangles_; }
-  /// Null for a vertex that lies in no window.
+  /// Null: the vertex lies in no cube.
   const Vertex* Find(uint32_t index) const;
 
  private:
@@ -74,29 +74,29 @@ class WindowSink : public IgnoringSink {
 
   size_t file_, begun_ = 0;
   std::span<const SampleWindow> windows_;
-  std::vector<bool> inside_;        ///< by vertex
-  std::vector<Numbered> vertices_;  ///< ascending
+  std::vector<bool> inside_;        ///< of each vertex of the file
+  std::vector<Numbered> vertices_;  ///< ascending by index
   std::vector<Triangle> triangles_;
   uint32_t next_ = 0, next_id_ = 0;
 };
 
-/// Some of the elements of a stream.
+/// Elements picked from a stream by their indices.
 template <class Element>
 class Picked {
  public:
-  /// `indices`: which; in any order, each as often as it comes.
+  /// `indices`: in any order, repeated or not.
   explicit Picked(std::vector<uint32_t> indices) : indices_(std::move(indices)) {
     std::ranges::sort(indices_);
     indices_.erase(std::unique(indices_.begin(), indices_.end()), indices_.end());
   }
   bool wants_any() const { return !indices_.empty(); }
-  /// The next element of the stream.
+  /// Receives the stream's next element.
   void Offer(const Element& element) {
     if (elements_.size() < indices_.size() && indices_[elements_.size()] == next_)
       elements_.push_back(element);
     ++next_;
   }
-  /// Null for one that was not picked, or has not come.
+  /// Null: the element was not picked, or has not come.
   const Element* Find(uint32_t index) const {
     const auto at = static_cast<size_t>(std::ranges::lower_bound(indices_, index) - indices_.begin());
     return at < elements_.size() && indices_[at] == index ? &elements_[at] : nullptr;
@@ -108,7 +108,8 @@ class Picked {
   uint32_t next_ = 0;
 };
 
-/// What else the corners of those triangles have: positions beyond all windows, normals, texture coordinates.
+/// Collects the other data of those triangles' corners: positions outside all cubes, normals, texture
+/// coordinates. Thread safety: none.
 class CornerSink : public IgnoringSink {
  public:
   CornerSink(size_t file, const WindowSink& windows);
@@ -117,10 +118,10 @@ class CornerSink : public IgnoringSink {
   Status AddNormal(const glm::vec3& normal) override;
   Status AddUv(const glm::vec2& uv) override;
 
-  /// Whether there is anything to read the models for.
+  /// Whether a pass over the models is needed at all.
   bool wants_any() const { return beyond_.wants_any() || normals_.wants_any() || uvs_.wants_any(); }
-  /// All of the triangle but its vertices, which are `positions` as the model has them. False for one with
-  /// corners that do not exist.
+  /// Fills in `triangle`, except its vertices, which go to `positions` in model coordinates. False: a corner
+  /// does not exist.
   bool Resolve(const WindowSink::Triangle& triangle, glm::dvec3 (&positions)[3],
                TriangleRecord& record) const;
 
@@ -134,17 +135,18 @@ class CornerSink : public IgnoringSink {
   Picked<glm::vec2> uvs_;
 };
 
-/// What a triangle takes: of building, with as many threads as a run has, and of the store; and a byte of its
-/// record, in spill files; in how many regions it lies.
+/// Cost of a triangle.
+/// Units: seconds of building with all of the run's threads; bytes of store; packed bytes a byte of spilled
+/// record; regions that it lies in.
 struct SampleCost {
   double seconds = 0, bytes = 0, spilled = 0.5, references = 1.05;
 };
-/// Where too little is known.
+/// Used where the model tells too little: the mean of measured scenes.
 inline constexpr SampleCost kUsualCost{3e-6, 13};
-inline constexpr uint64_t kFewestTriangles = 1000;  ///< that tell something
+inline constexpr uint64_t kFewestTriangles = 1000;  ///< fewer triangles tell too little
 
-/// Builds voxels of what is in the windows; where they hold too little, what a triangle took in the scenes
-/// measured. `vertices`: those that windows were chosen from.
+/// Builds voxels from the triangles in the cubes. With too few triangles, returns kUsualCost. `vertices`: the
+/// sample that the cubes were chosen from. Errors: a model cannot be read.
 Result<SampleCost> MeasureWindows(const PreprocessOptions& options, std::span<const SampleWindow> windows,
                                   const VertexSample& vertices, const WindowSink& content,
                                   const CornerSink& corners, Attributes attributes);

@@ -13,17 +13,17 @@
 namespace quarry {
 namespace {
 
-constexpr double kStartSeconds = 0.4;        // of the process that decodes
-constexpr double kMoreLevels = 4.0 / 3;      // texels of all levels than of the image
-constexpr double kTexelSeconds = 4e-8;       // a byte of texels of all levels; measured, see README.md
-constexpr size_t kSamples = 24;              // images that are decoded
-constexpr uint64_t kSampleBytes = 16 << 20;  // of the texels of each
-constexpr uint32_t kEncodedPages = 4;        // one in so many is encoded
+constexpr double kStartSeconds = 0.4;    // to start the decoder process
+constexpr double kMoreLevels = 4.0 / 3;  // texels of all levels over the image's
+constexpr double kTexelSeconds = 4e-8;   // for a byte of texels of all levels; tests/bench/plans measures it
+constexpr size_t kSamples = 24;          // images that are decoded
+constexpr uint64_t kSampleBytes = 16 << 20;  // of texels decoded of each image
+constexpr uint32_t kEncodedPages = 4;        // encodes each n-th page
 
 struct Sized {
   const TextureImage* image;
-  double bytes;          ///< of texels of its own level
-  double file_part = 0;  ///< bytes of its file, over those
+  double bytes;          ///< of the image's texels, level 0
+  double file_part = 0;  ///< bytes of the image's file over `bytes`
 };
 
 double FileBytes(const TextureImage& image) {
@@ -33,8 +33,8 @@ double FileBytes(const TextureImage& image) {
   return none ? 0 : static_cast<double>(bytes);
 }
 
-/// Bytes of pages, over those of their texels. None: it cannot be decoded. Errors: see
-/// ImageDecoder::is_fatal.
+/// Stored bytes of pages over bytes of their texels. Nothing: the image cannot be decoded. Errors: see
+/// ImageDecoder::is_fatal().
 Result<std::optional<double>> MeasureRatio(ImageDecoder& decoder, const TextureImage& image) {
   std::optional<RowConverter> converter;
   std::optional<MipBuilder> mips;
@@ -65,9 +65,9 @@ Result<std::optional<double>> MeasureRatio(ImageDecoder& decoder, const TextureI
   return static_cast<double>(stored) / static_cast<double>(texels);
 }
 
-/// Those that are decoded of images that together have `bytes`, and how much each stands for: all, or, of
-/// more than kSamples, in the order of how much their files shrink them, one wherever so many bytes are
-/// passed: so that the chance of each is its share, and every kind has its own.
+/// The images to decode, of images that have `bytes` of texels together, and the share of bytes that each
+/// stands for. Up to kSamples images: all. Of more: ordered by how much their files compress, an image is
+/// taken at equal steps of bytes, so large images are likelier and every kind is met.
 std::vector<Sized> Sample(std::vector<Sized> images, double bytes) {
   if (images.size() <= kSamples) return images;
   std::stable_sort(images.begin(), images.end(),

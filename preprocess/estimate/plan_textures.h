@@ -9,15 +9,15 @@
 
 namespace quarry {
 
-/// What a scene's images will take.
+/// An estimate of a scene's textures.
 struct PlannedTextures {
-  uint64_t stored_bytes = 0;  ///< of pages
+  uint64_t stored_bytes = 0;  ///< of texture pages
   double seconds = 0;
 };
 
-/// By the sizes that the images' headers say, and what pages take of a sample of at most 24 images, a
-/// quarter of whose pages are made; images that cannot be read take nothing. Errors: the program
-/// that reads them is not there, or was ended.
+/// Estimates textures from the sizes in images' headers and from the stored pages of a sample: at most 24
+/// images, a quarter of their pages. Images that cannot be read count nothing. Errors: the program that
+/// decodes images is not there, or was killed.
 Result<PlannedTextures> PlanTextures(const PreprocessOptions& options, ImageList& list);
 
 }  // namespace quarry

@@ -11,8 +11,8 @@
 
 namespace quarry {
 
-/// How importers leave off and go on: by what `Save` puts, and `Restore` takes back. To be called between
-/// elements. Errors: the sink's.
+/// Saves the importer's state (Importer::Save) in a checkpoint of the sink, if one is due. Requires: called
+/// between elements. Errors: the sink's.
 template <class Importer>
 Status CheckpointIfDue(ModelSink& sink, const Importer& importer) {
   if (!sink.CheckpointDue()) [[likely]]
@@ -22,8 +22,8 @@ Status CheckpointIfDue(ModelSink& sink, const Importer& importer) {
   return sink.Checkpoint(state.Take());
 }
 
-/// Goes on from the last checkpoint, if there is one, and says whether. Errors: Restore's; the state is none
-/// of this importer's.
+/// Continues from the last checkpoint of the current file; false if there is none. Errors: Restore()'s; the
+/// state is not this importer's.
 template <class Importer>
 Result<bool> GoOnFromCheckpoint(const ModelSink& sink, const std::string& path, Importer& importer) {
   if (sink.LastCheckpoint().empty()) return false;

@@ -14,12 +14,12 @@ namespace {
 
 class Gunzip : public Decompressor {
  public:
-  Gunzip() { ready_ = inflateInit2(&stream_, 15 + 16) == Z_OK; }  // 16: gzip's header and checksum
+  Gunzip() { ready_ = inflateInit2(&stream_, 15 + 16) == Z_OK; }  // 16 selects gzip's header and checksum
   ~Gunzip() override { inflateEnd(&stream_); }
 
   Step Run(std::span<const char> in, std::span<char> out) override {
     if (!ready_) return {0, 0, "gzip: zlib does not start"};
-    // Zeros and other bytes behind the last member are passed over, as gzip does.
+    // Zeros and other bytes after the last member are ignored, as gzip does.
     if (at_end_ && !in.empty() && in.front() != '\x1F') return {in.size(), 0, {}};
     if (at_end_ && !in.empty()) {
       inflateReset(&stream_);
@@ -50,7 +50,7 @@ class Unzstd : public Decompressor {
  public:
   explicit Unzstd(std::string_view start) : context_(ZSTD_createDCtx()) {
     ZSTD_DCtx_setParameter(context_, ZSTD_d_windowLogMax, window_limit_log);
-    // The frame's header: its window, unless it says that the content is one segment.
+    // The frame's header gives the window, unless it says that the content is a single segment.
     constexpr unsigned kOneSegment = 0x20;
     if (start.size() > 5 && (static_cast<unsigned char>(start[4]) & kOneSegment) == 0) {
       const auto window = static_cast<unsigned char>(start[5]);
@@ -76,7 +76,7 @@ class Unzstd : public Decompressor {
 
  private:
   ZSTD_DCtx* context_;
-  int window_log_ = 31;  // the most that zstd has
+  int window_log_ = 31;  // zstd's maximum
   bool at_end_ = false;
 };
 

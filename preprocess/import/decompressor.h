@@ -9,26 +9,26 @@
 
 namespace quarry {
 
-/// Unpacks a stream of bytes piece by piece. Several packed streams one behind the other are one.
+/// Unpacks a stream of bytes piece by piece. Concatenated packed streams count as one. Thread safety: none.
 class Decompressor {
  public:
   virtual ~Decompressor() = default;
 
   struct Step {
-    size_t taken = 0, given = 0;  ///< bytes of `in`, of `out`
-    std::string error;            ///< what is wrong with the bytes; else empty
+    size_t taken = 0, given = 0;  ///< bytes read from `in`, written to `out`
+    std::string error;            ///< why the bytes cannot be unpacked; empty: no error
   };
-  /// Takes from `in`, gives to `out`, as much as there is and fits.
+  /// Reads from `in` and writes to `out` as much as possible.
   virtual Step Run(std::span<const char> in, std::span<char> out) = 0;
-  /// Whether the bytes so far end where a packed stream does.
+  /// Whether the bytes so far end where a packed stream ends.
   virtual bool AtEnd() const = 0;
 };
 
-/// The most memory that a Zstandard window may take, in all that are made from now on: at first 128 MiB,
-/// zstd's own limit. Larger windows are errors that say how to unpack the file.
+/// Sets the memory in bytes that a Zstandard window may take, for decompressors made from now on; 128 MiB
+/// (zstd's limit) before the first call. A larger window is an error that says how to unpack the file.
 void LimitZstdWindow(uint64_t bytes);
 
-/// What unpacks bytes that begin with `start`: gzip or Zstandard; null for anything else.
+/// A decompressor for bytes that begin with `start`: gzip or Zstandard; null for other bytes.
 std::unique_ptr<Decompressor> MakeDecompressor(std::string_view start);
 
 }  // namespace quarry

@@ -21,7 +21,7 @@ std::string Slashed(std::string name) {
   return name;
 }
 
-/// Names written where case does not matter. The first by name, if there are several.
+/// Compares names without regard to case. Of several matches, the first by name.
 fs::path FindWhateverCase(const fs::path& wanted) {
   const std::string name = wanted.filename().string();
   fs::path found;

@@ -9,11 +9,11 @@
 
 namespace quarry {
 
-/// A polygon of more corners than this is taken for a broken file.
+/// A polygon with more corners counts as a broken file.
 inline constexpr uint64_t kMaxPolygonCorners = 65536;
 
-/// Each reads one file, from its first byte, into `sink` between BeginFile and EndFile, which are the
-/// caller's. Returns the number of triangles that the polygons given make. Errors: as ImportModel().
+/// Each reads one file from its first byte into `sink`; BeginFile() and EndFile() are the caller's. Returns
+/// the number of triangles in the polygons given. Errors: as ImportModel().
 Result<uint64_t> ImportPly(ModelReader& bytes, ModelSink& sink);
 Result<uint64_t> ImportObj(ModelReader& bytes, ModelSink& sink);
 Result<uint64_t> ImportStl(ModelReader& bytes, ModelSink& sink);
@@ -25,13 +25,13 @@ Result<uint64_t> ImportNff(ModelReader& bytes, ModelSink& sink);
 /// The error for a model of points only.
 tl::unexpected<Error> NoFaces(const std::string& path, uint64_t vertices);
 
-/// True if the bytes available look like an STL file, ASCII or binary, judging by content alone.
+/// Whether the buffered bytes look like an STL file, ASCII or binary, by content alone.
 bool LooksLikeStl(ModelReader& bytes);
-/// True if they begin as OFF, as a GLB or the JSON of a glTF, as NFF does.
+/// Whether the bytes begin like OFF; like GLB or glTF's JSON; like NFF.
 bool LooksLikeOff(ModelReader& bytes);
 bool LooksLikeNff(ModelReader& bytes);
 bool LooksLikeGltf(ModelReader& bytes);
-/// True if they look like the text of an OBJ file.
+/// Whether the bytes look like the text of an OBJ file.
 bool LooksLikeObj(ModelReader& bytes);
 
 }  // namespace quarry

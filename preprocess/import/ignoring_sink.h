@@ -9,7 +9,7 @@
 
 namespace quarry {
 
-/// A sink that does nothing with what a model has.
+/// A sink that ignores a model; subclasses take the parts they want.
 class IgnoringSink : public ModelSink {
  public:
   Status BeginFile(std::string_view) override { return {}; }

@@ -21,8 +21,8 @@ bool LooksLikePly(ModelReader& bytes) {
   return bytes.Ensure(4) && bytes.view().starts_with("ply") && IsSpace(bytes.data()[3]);
 }
 
-/// By content first: extensions are often wrong. What is no text of a known kind goes by its extension, whose
-/// reader then says what is wrong with it. Null if neither tells.
+/// Chooses a reader by content first, since extensions are often wrong, then by the extension, whose reader
+/// reports errors. Null: neither decides.
 Import ChooseFormat(ModelReader& bytes, std::filesystem::path path) {
   if (bytes.is_packed()) path = path.stem();  // "model.obj.gz"
   if (LooksLikePly(bytes)) return ImportPly;
@@ -40,10 +40,10 @@ Import ChooseFormat(ModelReader& bytes, std::filesystem::path path) {
   return LooksLikeObj(bytes) ? ImportObj : nullptr;
 }
 
-/// What the file is, if its first bytes tell, by the name that it has unpacked.
+/// The kind of a foreign file by its first bytes and its name without ".gz".
 ForeignContent ContentOf(ModelReader& bytes, std::filesystem::path path) {
   constexpr size_t kLook = 1024;
-  if (LooksLikeStl(bytes)) return {};  // whose header is anyone's
+  if (LooksLikeStl(bytes)) return {};  // its 80-byte header may hold anything
   if (bytes.is_packed()) path = path.stem();
   bytes.Ensure(kLook);
   return RecognizeForeign(bytes.view().substr(0, kLook), path.extension().string());
@@ -53,7 +53,7 @@ tl::unexpected<Error> IsForeign(const ModelReader& bytes, const ForeignContent& 
   return Fail(fmt::format("{}: is {}; {}", bytes.path(), content.what, content.advice));
 }
 
-/// Told beforehand, where it may not do: what Assimp needs.
+/// Warns in advance if Assimp may need more memory than it may take.
 void WarnOfMemory(const std::string& path, uint64_t memory, ModelSink& sink) {
   std::error_code none;
   const uintmax_t bytes = std::filesystem::file_size(path, none);
@@ -64,17 +64,17 @@ void WarnOfMemory(const std::string& path, uint64_t memory, ModelSink& sink) {
                   path, kForeignBytesPerByte, (bytes * kForeignBytesPerByte) >> 20, memory >> 20));
 }
 
-/// Reads the model's beginning beforehand.
+/// Reads the model's beginning to find a point for the scene's offset.
 void FindOrigin(const std::string& path, uint64_t unpack_limit, Import import, ModelSink& sink) {
   if (!sink.WantsOrigin()) return;
   Result<ModelReader> bytes = ModelReader::Open(path, unpack_limit);
   if (!bytes) return;
   OriginSurvey survey;
-  (void)import(*bytes, survey);  // what is wrong with the model is said when it is read
+  (void)import(*bytes, survey);  // errors are reported when the model is read
   if (const auto place = survey.Place()) sink.SetOrigin(*place);
 }
 
-/// Of what comes in a pipe, what the buffer holds: a file in memory that ends early.
+/// Does so for a pipe, from the bytes in the buffer: they become a file in memory that ends early.
 void FindOriginOfPipe(ModelReader& bytes, Import import, ModelSink& sink) {
   if (!sink.WantsOrigin()) return;
   bytes.Ensure(ModelReader::kBufferBytes);

@@ -8,13 +8,14 @@
 
 namespace quarry {
 
-/// Reads the model file at `path` into `sink` (BeginFile ... EndFile), choosing the format by content first
-/// and by extension second: PLY (ASCII, binary little and big endian), OBJ with its MTL files, STL (ASCII,
-/// binary), OFF (ASCII), NFF and AFF, glTF 2.0 and GLB; what is none of these by way of `foreign`. All but
-/// glTF may be packed by gzip or zstd, or come from standard input, "-". Memory: at most 6 MiB, whatever the
-/// file, plus names and materials, and for glTF its JSON. Errors: one sentence with the path and the line
-/// (text) or byte (binary): cannot be opened, truncated, unreadable, format not known, no triangles at all.
-/// `sink` may have been given part of the file by then. `unpack_limit`: as ModelReader::Open has it.
+/// Reads the model file at `path` into `sink`, from BeginFile() to EndFile(). The format is chosen by
+/// content, then by extension: PLY (ASCII, binary), OBJ with MTL, STL (ASCII, binary), OFF (ASCII), NFF and
+/// AFF, glTF 2.0 and GLB; others through `foreign`. All but glTF may be packed by gzip or zstd, or come from
+/// standard input ("-").
+/// Units: unpack_limit in bytes, see ModelReader::Open(). Memory: at most 6 MiB, plus names and materials,
+/// and glTF's JSON.
+/// Errors: a sentence with the path and the line (text) or byte (binary): cannot be opened, truncated,
+/// malformed, unknown format, no triangles. The sink may have received part of the file by then.
 Status ImportModel(const std::string& path, ModelSink& sink, const ForeignFormats& foreign = {},
                    uint64_t unpack_limit = 0);
 

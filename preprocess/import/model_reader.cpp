@@ -38,7 +38,7 @@ Result<ModelReader> ModelReader::Open(const std::string& path, uint64_t unpack_l
     if (regular && !standard_input) reader.size_ = static_cast<uint64_t>(info.st_size);
     return reader;
   }
-  // What has been read is packed.
+  // The buffered bytes are packed.
   reader.unpack_limit_ = unpack_limit;
   reader.packed_bytes_ = regular && !standard_input ? static_cast<uint64_t>(info.st_size) : reader.end_;
   reader.packed_ = std::exchange(reader.buffer_, std::make_unique<char[]>(kBufferBytes));
@@ -75,7 +75,7 @@ ModelReader::~ModelReader() {
   if (fd_ >= 0) close(fd_);
 }
 
-/// Bytes from the file as they are; 0 at its end and on errors.
+/// Reads the file's bytes as they are; 0 at its end and on errors.
 size_t ModelReader::Read(std::span<char> out) {
   for (;;) {
     const ssize_t got = read(fd_, out.data(), out.size());
@@ -98,7 +98,7 @@ void ModelReader::Tell() const {
     told_(static_cast<uint64_t>(at), static_cast<uint64_t>(info.st_size));
 }
 
-/// The same, unpacked.
+/// Reads and unpacks; 0 at the end and on errors.
 size_t ModelReader::ReadPacked(std::span<char> out) {
   for (;;) {
     const auto step = decompressor_->Run({packed_.get() + packed_begin_, packed_end_ - packed_begin_}, out);
@@ -116,7 +116,7 @@ size_t ModelReader::ReadPacked(std::span<char> out) {
   }
 }
 
-/// False once that is more than the model may unpack to.
+/// False: the model has unpacked to more than its limit.
 bool ModelReader::MayUnpack(size_t more) {
   unpacked_bytes_ += more;
   const uint64_t most =

@@ -1,5 +1,5 @@
-// OFF, ASCII: OFF, COFF, NOFF, STOFF and their combinations. Three or four numbers behind a face's corners
-// are its colour; behind a vertex, too, though the keyword has no C.
+// OFF, ASCII: OFF, COFF, NOFF, STOFF and combinations. Three or four numbers after a face's corners are its
+// colour; after a vertex, too, even without the C in the keyword.
 
 #include <fmt/format.h>
 
@@ -16,20 +16,20 @@
 namespace quarry {
 namespace {
 
-/// What a vertex's line holds, by the letters before "OFF".
+/// The values of a vertex's line, by the letters before "OFF".
 struct Layout {
   bool uv = false, color = false, normal = false, four = false, ndim = false;
 };
 
-/// Passes the keyword, which the first count may follow without a blank ("OFF4 2 0"). The letters before OFF
-/// come in the order in which the format wants them; false, and nothing is passed, for anything else.
+/// Reads the keyword, which the first count may follow without a blank ("OFF4 2 0"). The letters before OFF
+/// stand in the format's order. False, and nothing is read: other text.
 bool ParseKeyword(TextCursor& cursor, Layout& layout) {
   TextCursor after = cursor;
   std::string_view word = after.Word();
   const size_t keyword = std::min(word.find("OFF"), word.find("off"));
   const size_t digits = std::min(word.find_first_of("0123456789", keyword), word.size());
   after.next -= word.size() - digits;
-  // Letters apart from n, which is another dimension, may be small.
+  // Letters may be small, except n, which means another dimension.
   std::string capitals(word.substr(0, digits));
   if (capitals.ends_with("off"))
     std::ranges::transform(capitals, capitals.begin(),
@@ -95,7 +95,7 @@ class OffFile {
 
   Status Header() {
     QUARRY_ASSIGN(TextCursor cursor, NextLine("the counts, line", 1));
-    ParseKeyword(cursor, layout_);  // which may be left out
+    ParseKeyword(cursor, layout_);  // the keyword is optional
     if (layout_.four || layout_.ndim)
       return lines_.FailHere("OFF of other than 3 dimensions is not read; write it with three coordinates");
     if (cursor.AtEnd()) {
@@ -143,13 +143,13 @@ class OffFile {
     return lines_.FailHere("a vertex's colour needs three or four numbers");
   }
 
-  /// What is left of the line, if that is a colour.
+  /// Whether the rest of the line is a colour; sets it.
   static bool OptionalColor(TextCursor cursor, Rgba8& color) {
     if (cursor.AtEnd()) return false;
     return ReadColor(cursor, 4, color) && cursor.AtEnd();
   }
 
-  /// 3 or, up to `most`, 4 numbers: 0 to 255 where all are whole, else 0 to 1.
+  /// Reads 3 or, up to `most`, 4 numbers: 0 to 255 if all are whole, else 0 to 1.
   static bool ReadColor(TextCursor& cursor, int most, Rgba8& color) {
     double values[4] = {0, 0, 0, 1};
     bool whole = true;
@@ -186,7 +186,8 @@ class OffFile {
       corners_.push_back({at, layout_.normal ? at : kNoIndex, layout_.uv ? at : kNoIndex});
     }
     Rgba8 color;
-    const bool colored = !vertex_colors_ && OptionalColor(cursor, color);  // those of vertices are finer
+    const bool colored =
+        !vertex_colors_ && OptionalColor(cursor, color);  // vertices' colours take precedence
     if (colored || face_colors_) QUARRY_TRY(sink_.SetFaceColor(color));
     face_colors_ |= colored;
     if (count < 3) return {};
@@ -199,8 +200,8 @@ class OffFile {
   ModelSink& sink_;
   Layout layout_;
   uint64_t vertices_ = 0, faces_ = 0, triangles_ = 0;
-  uint64_t read_ = 0;                                 ///< of both, one after the other
-  bool vertex_colors_ = false, face_colors_ = false;  ///< have been met
+  uint64_t read_ = 0;                                 ///< vertices, then faces
+  bool vertex_colors_ = false, face_colors_ = false;  ///< whether any was met
   std::vector<Corner> corners_;
 };
 

@@ -48,7 +48,7 @@ std::vector<OriginSurvey::Weighed> OriginSurvey::Triangles() const {
     extents.push_back(extent);
   }
   if (triangles.empty()) return triangles;
-  // Slivers and dust do not count for more than a hundred.
+  // Slivers and dust weigh at most a hundredth of the median extent.
   const auto middle = extents.begin() + static_cast<std::ptrdiff_t>(extents.size() / 2);
   std::ranges::nth_element(extents, middle);
   for (Weighed& t : triangles) t.weight = 1 / std::max(t.weight, *middle / 100);

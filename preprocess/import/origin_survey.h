@@ -10,13 +10,13 @@
 
 namespace quarry {
 
-/// Looks at the beginning of a model, at most 65,536 vertices and as many faces, for a place in the midst of
-/// it: the median of its triangles, each weighed by how small it is, since floats lose the small ones first.
-/// Where no face has come yet, the median of its vertices. One vertex far away, or a few, do not move it. An
-/// importer that gives it too much is stopped by an error.
+/// Finds a point in the midst of a model from its beginning, at most 65,536 vertices and as many faces: the
+/// median of its triangles, weighted toward small triangles, which floats lose first; before the first face,
+/// the median of the vertices. A few far vertices do not move it. Stops the importer by an error when it has
+/// enough. Thread safety: none.
 class OriginSurvey final : public IgnoringSink {
  public:
-  /// Nothing: it has met no place at all.
+  /// The point, in model coordinates. Nothing: no position has come.
   std::optional<glm::dvec3> Place() const;
 
   Status AddPosition(const glm::dvec3& position, const Rgba8&) override;

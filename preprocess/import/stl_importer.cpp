@@ -1,4 +1,4 @@
-// STL, ASCII and binary. Facet normals are left out: the triangle has its own.
+// STL, ASCII and binary. Facet normals are ignored: each triangle has its own.
 
 #include <fmt/format.h>
 
@@ -17,9 +17,9 @@
 namespace quarry {
 namespace {
 
-constexpr uint64_t kHeaderBytes = 84;     ///< 80 of text, 4 of count.
-constexpr uint64_t kFacetsPerLook = 256;  ///< whether a checkpoint is due
-constexpr uint64_t kFacetBytes = 50;      ///< Normal and three corners of 12 bytes, 2 bytes of attributes.
+constexpr uint64_t kHeaderBytes = 84;     ///< 80 of text, 4 of count
+constexpr uint64_t kFacetsPerLook = 256;  ///< between two looks at whether a checkpoint is due
+constexpr uint64_t kFacetBytes = 50;      ///< a normal and three corners of 12 bytes, 2 bytes of attributes
 
 uint64_t PromisedBytes(ModelReader& bytes) {
   uint32_t count;
@@ -27,7 +27,8 @@ uint64_t PromisedBytes(ModelReader& bytes) {
   return kHeaderBytes + kFacetBytes * count;
 }
 
-/// Of facets by the header. Some programs write the header first and never the count: 0, or all bits.
+/// The header's count of facets. Some programs write the header first and never fill in the count: 0, or all
+/// bits set.
 uint32_t CountOf(ModelReader& bytes) {
   uint32_t count;
   std::memcpy(&count, bytes.data() + kHeaderBytes - 4, sizeof count);
@@ -35,7 +36,7 @@ uint32_t CountOf(ModelReader& bytes) {
 }
 bool IsCount(uint32_t count) { return count != 0 && count != 0xFFFFFFFFu; }
 
-/// The first bytes behind comments and blanks.
+/// The first bytes after comments and blanks.
 std::string_view Beginning(ModelReader& bytes) {
   bytes.Ensure(1024);
   std::string_view text = bytes.view().substr(0, 1024);
@@ -45,7 +46,7 @@ std::string_view Beginning(ModelReader& bytes) {
   return text;
 }
 
-/// Where `word` stands in `text`, between blanks, whatever its case; npos: nowhere.
+/// The position of `word` in `text`, between blanks, in any case; npos: absent.
 size_t FindWord(std::string_view text, std::string_view word) {
   for (size_t at = 0; at + word.size() <= text.size(); ++at)
     if ((at == 0 || IsSpace(text[at - 1])) && EqualsIgnoringCase(text.substr(at, word.size()), word) &&
@@ -58,7 +59,7 @@ bool SizeIsBinary(ModelReader& bytes) {
   return bytes.has_size() && bytes.Ensure(kHeaderBytes) && PromisedBytes(bytes) == bytes.size();
 }
 
-/// Programs write "solid" into binary headers too; a zero byte near the start gives them away, unless facets
+/// Programs write "solid" into binary headers too; a zero byte near the start shows them, unless facets
 /// follow. The first line may be missing.
 bool LooksAscii(ModelReader& bytes) {
   std::string_view text = Beginning(bytes);
@@ -75,7 +76,7 @@ glm::dvec3 LoadPoint(const char* at) {
   return {xyz[0], xyz[1], xyz[2]};
 }
 
-/// What comes in a pipe or packed has no size: its first facets tell, and its end if it lies in the buffer.
+/// A pipe or packed file has no size: its first facets decide, and its end if that is in the buffer.
 bool StreamIsBinary(ModelReader& bytes) {
   constexpr double kFar = 1e15;
   if (bytes.has_size()) return false;
@@ -93,9 +94,9 @@ bool StreamIsBinary(ModelReader& bytes) {
   return true;
 }
 
-/// Colours of facets, in their two bytes of attributes, five bits a channel: as VisCAM has them (those with
-/// the highest bit, red highest), or as Magics has them, which announces them in the header (those without
-/// it, red lowest; others have the colour of the header).
+/// Colours in the two attribute bytes of a facet, five bits a channel. VisCAM: facets with the highest bit
+/// set, red highest. Magics, announced in the header: facets without it, red lowest; other facets have the
+/// header's colour.
 class FacetColors {
  public:
   explicit FacetColors(std::string_view header) {
@@ -141,8 +142,8 @@ class BinaryStl {
   ModelReader& bytes_;
   ModelSink& sink_;
   uint64_t count_ = 0, read_ = 0;  ///< facets
-  bool counted_ = true;            ///< else they go on to the file's end
-  bool payloads_ = false;          ///< attributes are lengths of what follows them
+  bool counted_ = true;            ///< false: facets continue to the file's end
+  bool payloads_ = false;          ///< attributes are lengths of extra bytes after the facet
   Rgba8 color_;
 };
 
@@ -170,7 +171,7 @@ Status BinaryStl::Header() {
   return {};
 }
 
-/// Whether the facets end with the file if their attributes are lengths. Reads it once more.
+/// Whether the facets end with the file if attributes are lengths. Reads the file once more.
 Result<bool> BinaryStl::HasPayloads() const {
   QUARRY_ASSIGN(ModelReader ahead, ModelReader::Open(bytes_.path()));
   if (!ahead.Skip(kHeaderBytes)) return false;
@@ -218,13 +219,13 @@ Status BinaryStl::Facet(const FacetColors& colors) {
   return sink_.AddPolygon(corners, kNoIndex, kNoIndex);
 }
 
-/// ASCII STL by words, not lines: some writers put a facet on one line. Solids with names are parts.
+/// ASCII STL by words, since some writers put a facet on one line. Named solids are parts.
 class AsciiStl {
  public:
   AsciiStl(ModelReader& bytes, ModelSink& sink) : bytes_(bytes), lines_(bytes), sink_(sink) {}
 
   Result<uint64_t> Import();
-  /// Between facets.
+  /// State between facets.
   void Save(ByteWriter& out) const {
     for (const uint64_t n : {bytes_.offset(), lines_.line_number(), positions_, triangles_}) out.Put(n);
     out.Put(part_);
@@ -294,7 +295,7 @@ Status AsciiStl::Keyword(std::string_view word, TextCursor& rest) {
   } else if (begins("solid")) {
     rest.next = word.data() + 5;  // the name may follow without a blank
     std::string_view name = rest.Rest();
-    // All may stand in one line.
+    // All of a file may stand in one line.
     const size_t facet = FindWord(name, "facet");
     const bool goes_on = facet != name.npos && FindWord(name.substr(facet), "vertex") != name.npos;
     if (goes_on) name = TextCursor(name.substr(0, facet)).Rest();

@@ -8,11 +8,11 @@
 
 namespace quarry {
 
-/// Which of an image's channels a texture has.
+/// The channels of an image that a texture takes.
 enum class TexturePick : uint32_t {
   kColor,          ///< grey or RGB
   kColorAndAlpha,  ///< alpha too, if there is one
-  kScalar,         ///< alpha if there is one, else luminance: masks come in both ways
+  kScalar,         ///< alpha if there is one, else luminance: masks come in both forms
   kLuminance,
   kRed,
   kGreen,
@@ -20,21 +20,20 @@ enum class TexturePick : uint32_t {
 };
 inline constexpr uint32_t kTexturePicks = 7;
 
-/// An image as a model refers to it: bytes of a file, or bytes that the model itself holds as text. Nothing
-/// of it has been decoded.
+/// An image that a model refers to, not decoded: bytes of a file, or bytes that the model holds as text.
 struct TextureImage {
   static constexpr uint64_t kToTheEnd = ~uint64_t{0};
 
-  std::string file;                       ///< path; empty: `content` is the image
-  uint64_t offset = 0, size = kToTheEnd;  ///< of the image in the file
+  std::string file;                       ///< path; empty: the image is `content`
+  uint64_t offset = 0, size = kToTheEnd;  ///< bytes, of the image in the file
   Bytes content;
-  std::string name;   ///< as the model calls it
+  std::string name;   ///< the model's name for it
   std::string model;  ///< path of the file that refers to it
-  bool color = true;  ///< 8 and 16 bits hold sRGB; else numbers
+  bool color = true;  ///< 8 and 16 bits hold sRGB; false: numbers
   TexturePick pick = TexturePick::kColor;
 };
 
-/// What a store takes of a number that a model gives: none beyond 1e30 either way, 0 for what is none.
+/// A model's number as a store holds it: clamped to 1e30 either way, 0 for NaN.
 inline float Bounded(float value) {
   constexpr float kMost = 1e30f;
   return value >= -kMost ? (value < kMost ? value : kMost) : value < 0 ? -kMost : 0;

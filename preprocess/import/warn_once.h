@@ -7,8 +7,8 @@
 
 namespace quarry {
 
-/// Gives each of a file's warnings to the sink once, and no more than a thousand: a file of garbage must
-/// neither flood the terminal nor fill the memory. `sink` must outlive it. Not thread-safe.
+/// Gives each warning of a file to the sink once, and at most a thousand: garbage must neither flood the
+/// terminal nor fill memory. `sink` must outlive it. Thread safety: none.
 class WarnOnce {
  public:
   explicit WarnOnce(ModelSink& sink) : sink_(sink) {}

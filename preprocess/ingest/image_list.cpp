@@ -33,7 +33,7 @@ Result<uint32_t> ImageList::Add(TextureImage image) {
   if (images_.size() == kMaxTextures)
     return Fail(
         fmt::format("{}: more than {} images in all; --no-textures does without", image.model, kMaxTextures));
-  NoteRead(image.file);  // by another process, later
+  NoteRead(image.file);  // later, by the decoder process
   identities_.push_back(image.file == path_ ? "" : FileIdentity(image.file));
   images_.push_back(std::move(image));
   return it->second;

@@ -13,22 +13,22 @@
 
 namespace quarry {
 
-/// The images of a scene, each use of one once. What a model holds as text is put into one file of the work
-/// folder, so that all lie in files. Not thread-safe.
+/// The images of a scene, without repetition. Images that a model holds as text are written to a file of the
+/// work folder, so that every image lies in a file. Thread safety: none.
 class ImageList {
  public:
-  /// `path`: of the file for images that are in none.
+  /// `path`: of the file for images that models hold as text.
   explicit ImageList(std::string path) : path_(std::move(path)) {}
 
-  /// The image's index. Errors: more than kMaxTextures; disk full.
+  /// The image's index; the same bytes for the same use share it. Errors: more than kMaxTextures; disk full.
   Result<uint32_t> Add(TextureImage image);
   const std::vector<TextureImage>& images() const { return images_; }
 
-  /// Makes the file outlast a loss of power, and appends what Restore needs to `out`.
+  /// Makes the file durable and appends the state that Restore() needs to `out`.
   Status Save(ByteWriter& out);
-  /// Errors: the bytes cannot be read; an image's file is another than it was, or is gone.
+  /// Errors: the bytes cannot be read; an image's file has changed or is gone.
   Status Restore(ByteReader& in);
-  /// After the last image: the file can be read.
+  /// The images, after the last. Their files can be read. Errors: disk full.
   Result<std::vector<TextureImage>> Finish();
 
  private:
@@ -38,7 +38,7 @@ class ImageList {
   std::string path_;
   std::optional<OutputFile> file_;
   std::vector<TextureImage> images_;
-  std::vector<std::string> identities_;  ///< of their files
+  std::vector<std::string> identities_;  ///< FileIdentity() of each image's file
   std::unordered_map<std::string, uint32_t> known_;
 };
 

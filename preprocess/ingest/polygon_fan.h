@@ -10,12 +10,13 @@
 
 namespace quarry {
 
-/// Polygons travel as fans of triangles, (0,1,2), (0,2,3), ..., which hold all corners in order, until these
-/// are resolved: only then is it known whether the fan covers the polygon.
+/// Turns a polygon's fan into the triangles that cover the polygon. Polygons travel as fans, (0,1,2),
+/// (0,2,3), ..., which hold all corners in order, until their vertices are known and decide the split. Thread
+/// safety: none.
 class PolygonFan {
  public:
-  /// Makes the whole fan of one polygon the triangles that cover it; ids stay in their places. Nothing
-  /// changes for a convex one. Memory: 140 bytes a corner, kept for the next polygon.
+  /// Replaces the fan's triangles in place; ids keep their places. A convex polygon stays as it is. Memory:
+  /// 140 bytes a corner, kept for the next polygon.
   void Split(std::vector<TriangleRecord>& fan);
 
  private:

@@ -40,7 +40,8 @@ class Partitioner {
     return Split(0, 0, {region.cell, region.depth, 1});
   }
 
-  /// A pile too large for memory: as many triangles at a time as fit, as they lie in the file.
+  /// Makes one voxel chain of a region too large for memory, from as many triangles at a time as fit, in file
+  /// order.
   Status ChainFile(const SpillFile& file, const Region& region, const Box& content) {
     Box cell = region.cell;
     tree.nodes[CutOffEmptySpace(tree.nodes, 0, cell, content)] = KdNode::Leaf(tree.voxels, 1);
@@ -54,7 +55,7 @@ class Partitioner {
         references_.push_back(
             {{box.lower.x, box.lower.y, box.lower.z}, i, {box.upper.x, box.upper.y, box.upper.z}, 0});
       }
-      QUARRY_TRY(EmitPile(records, references_, cell, last < file.count()));
+      QUARRY_TRY(EmitChain(records, references_, cell, last < file.count()));
       first = last;
     }
     return {};
@@ -63,7 +64,7 @@ class Partitioner {
   TopSubtree tree;
 
  private:
-  /// The node's references are those from `begin` on, and are gone afterwards.
+  /// Splits a node. Its references are those from `begin` on; they are removed.
   Status Split(uint32_t node, size_t begin, const Region& region) {
     const std::span<const KdReference> references = std::span(references_).subspan(begin);
     const size_t count = references.size();
@@ -73,7 +74,7 @@ class Partitioner {
     }
     const SplitPlane plane =
         count <= max_triangles_ ? SplitPlane{} : ChoosePlane(*splitter_, references, region.cell);
-    if (IsPile(plane, region.depth, region.growth, max_growth_)) return Chain(node, begin, region.cell);
+    if (EndsInChain(plane, region.depth, region.growth, max_growth_)) return Chain(node, begin, region.cell);
 
     const auto first = static_cast<uint32_t>(tree.nodes.size());
     tree.nodes[node] = KdNode::Inner(plane.axis, plane.position, first);
@@ -85,26 +86,26 @@ class Partitioner {
     return Split(first + 1, begin, {child.cell[1], region.depth + 1, growth});
   }
 
-  /// One voxel, or several in a chain for a pile that no plane parts well.
+  /// Makes a leaf: one voxel, or a chain if no plane splits it well.
   Status Chain(uint32_t node, size_t begin, Box cell) {
     const std::span<KdReference> references = std::span(references_).subspan(begin);
     tree.nodes[CutOffEmptySpace(tree.nodes, node, cell, ContentOf(references, cell))] =
         KdNode::Leaf(tree.voxels, 1);
-    QUARRY_TRY(EmitPile(*records_, references, cell, false));
+    QUARRY_TRY(EmitChain(*records_, references, cell, false));
     references_.resize(begin);
     return {};
   }
 
-  /// The voxels of a pile, or, with `more` to come, of a part of it.
-  Status EmitPile(const std::vector<TriangleRecord>& records, std::span<KdReference> pile, const Box& cell,
-                  bool more) {
+  /// Emits the voxels of a chain; with `more`, further voxels follow.
+  Status EmitChain(const std::vector<TriangleRecord>& records, std::span<KdReference> leaf, const Box& cell,
+                   bool more) {
     size_t first = 0;
-    for (const size_t end : PartPile(pile, cell, max_triangles_)) {
+    for (const size_t end : SplitIntoChain(leaf, cell, max_triangles_)) {
       VoxelTask task;
       task.cell = cell;
-      task.chained = more || end < pile.size();
+      task.chained = more || end < leaf.size();
       task.triangles.reserve(end - first);
-      for (; first < end; ++first) task.triangles.push_back(records[pile[first].triangle]);
+      for (; first < end; ++first) task.triangles.push_back(records[leaf[first].triangle]);
       QUARRY_TRY(Emit(std::move(task)));
     }
     return {};
@@ -121,7 +122,7 @@ class Partitioner {
   double max_growth_ = 1;
   const std::vector<TriangleRecord>* records_ = nullptr;
   KdSplitter* splitter_ = nullptr;
-  std::vector<KdReference> references_;  ///< of the nodes still to do, a stack
+  std::vector<KdReference> references_;  ///< of the nodes still to split, as a stack
 };
 
 }  // namespace
@@ -172,7 +173,7 @@ Result<TopSubtree> PartitionFile(const SpillFile& triangles, const Region& regio
 }
 
 void Graft(const TopSubtree& part, uint32_t at, uint32_t first_voxel, std::vector<KdNode>& nodes) {
-  const auto moved = static_cast<uint32_t>(nodes.size()) - 1;  // the part's node 1 goes to the end
+  const auto moved = static_cast<uint32_t>(nodes.size()) - 1;  // the subtree's node 1 goes to the end
   const auto place = [&](KdNode node) {
     if (!node.is_leaf()) return KdNode::Inner(node.axis(), node.split(), node.left() + moved);
     return node.count() == 0 ? node : KdNode::Leaf(node.first() + first_voxel, node.count());

@@ -15,7 +15,7 @@ namespace quarry {
 namespace {
 
 constexpr uint64_t kRoutedAtOnce = 64 << 10;
-// Triangles jut out a little beyond those sampled: planes do not keep to these.
+// Triangles reach a little beyond the sampled ones, so planes are not placed at sampled box ends.
 constexpr SahCosts kSampleCosts{.duplicate = kPartitionCosts.duplicate, .sampled = true};
 
 class RegionChooser {
@@ -30,13 +30,13 @@ class RegionChooser {
   RegionTree tree{{KdNode{}}, {}, {}};
 
  private:
-  /// The node's references are those from `begin` on, and are gone afterwards.
+  /// Splits a node. Its references are those from `begin` on; they are removed.
   void Split(uint32_t node, size_t begin, const Region& region) {
     const std::span<const KdReference> references = std::span(references_).subspan(begin);
     const SplitPlane plane = references.size() * weight_ <= kRegionTriangles
                                  ? SplitPlane{}
                                  : ChoosePlane(splitter_, references, region.cell);
-    if (IsPile(plane, region.depth, region.growth, MaxGrowthOfRegions(region.share))) {
+    if (EndsInChain(plane, region.depth, region.growth, MaxGrowthOfRegions(region.share))) {
       tree.nodes[node] = KdNode::Leaf(static_cast<uint32_t>(tree.regions.size()), 1);
       tree.regions.push_back(region);
       tree.leaves.push_back(node);
@@ -58,7 +58,7 @@ class RegionChooser {
 
   KdSplitter splitter_;
   const uint64_t weight_;
-  std::vector<KdReference> references_;  ///< of the nodes still to do, a stack
+  std::vector<KdReference> references_;  ///< of the nodes still to split, as a stack
 };
 
 }  // namespace
@@ -209,7 +209,7 @@ std::optional<Box> PartIn(const TriangleRecord& triangle, const Box& cell, float
   Box box = triangle.PaddedBox(padding);
   const Box inner{glm::max(box.lower, cell.lower), glm::min(box.upper, cell.upper)};
   if (inner.lower == box.lower && inner.upper == box.upper) return box;
-  // As KdSplitter cuts: the padding, and what rounding may add.
+  // As KdSplitter cuts: the padding and the largest rounding error.
   const double growth = padding * 1.125;
   const KdTriangle whole{{triangle.vertices[0], triangle.vertices[1], triangle.vertices[2]}};
   ClippedTriangle polygon(whole);

@@ -16,56 +16,58 @@
 
 namespace quarry {
 
-/// A cell of the top-level tree's upper part, with as many triangles as are split in memory at once.
+/// A cell in the upper part of the top-level tree, with as many triangles as are split in memory at once.
 struct Region {
   Box cell;
-  int depth = 0;      ///< of its node
-  double growth = 1;  ///< of the number of triangles by replication, along its path
-  double share = 1;   ///< of all triangles, those in it
+  int depth = 0;      ///< of its node, from the root
+  double growth = 1;  ///< of the triangle count by replication, along its path
+  double share = 1;   ///< its part of all triangles
 };
 
 /// The upper part of the top-level tree. Its leaves are KdNode::Leaf(region, 1), in depth-first order.
 struct RegionTree {
   std::vector<KdNode> nodes;
   std::vector<Region> regions;
-  std::vector<uint32_t> leaves;  ///< the node of each region
+  std::vector<uint32_t> leaves;  ///< each region's node
 };
 
-/// Triangles of a region, by estimate. Constants, so that stores do not depend on the memory at hand.
+/// Triangles of a region, estimated. A constant, so that stores do not depend on --memory: large enough that
+/// few planes are chosen by sampling, small enough to split in memory.
 inline constexpr uint64_t kRegionTriangles = 128 << 10;
-/// Triangles that are split in memory: beyond it a region has regions of its own.
+/// Triangles that are split in memory; a larger region is cut into regions of its own.
 inline constexpr uint64_t kMostInMemory = 256 << 10;
-/// Triangles handed out between two notes of how far that is.
-inline constexpr uint64_t kPartedAtOnce = 8 << 20;
+/// Triangles that are routed between two checkpoints.
+inline constexpr uint64_t kRoutedPerCheckpoint = 8 << 20;
 
-/// Cuts `whole` into regions of about kRegionTriangles, by the planes that a kd-tree over a sample of its
-/// triangles would have, each standing for `weight` of them; if that is more than 1, at borders of bins,
-/// since the others reach beyond those of the sample. One region, when no plane parts
-/// it usefully, or planes would cut too many.
+/// Cuts `whole` into regions of about kRegionTriangles by the planes of a kd-tree over a sample. Each sampled
+/// triangle stands for `weight` triangles; with a weight above 1, planes lie at bin borders, since other
+/// triangles reach beyond the sampled. Returns one region if no plane splits it usefully or planes would cut
+/// too many triangles. Deterministic.
 RegionTree ChooseRegions(const std::vector<KdTriangle>& sample, uint64_t weight, float padding,
                          const Region& whole);
 
-/// Cuts off the empty space around regions, and groups of them, whose triangles lie in `contents` (EmptyBox()
-/// where there are none): the sample knew of some of it at most. `whole` is the root's cell.
+/// Cuts off the empty space around regions and groups of regions, which the sample knew only in part.
+/// `contents`: bounds of each region's triangles, EmptyBox() for none. `whole`: the root's cell.
 void CutOffEmptySpace(const std::vector<Box>& contents, const Box& whole, RegionTree& tree);
 
-/// Triangles handed out to the regions that they reach, but for the padding, on disk: all regions at once, so
-/// that every triangle is read and written once whatever the size of the model. Not thread-safe.
+/// Files of triangles, one a region: each triangle is routed to the regions that it reaches beyond the
+/// padding. All regions fill at once, so every triangle is read and written once, whatever the model's size.
+/// Thread safety: none.
 class RegionFiles {
  public:
-  /// Files PREFIX0, PREFIX1 and so on. `counts` and `contents`: what an earlier run had in them, or empty;
-  /// the first `gone` need not be there any more. Their buffers share `memory` bytes. `tree` must outlive the
-  /// object.
+  /// Opens the files PREFIX0, PREFIX1, ... `counts`, `contents`: their state by an earlier run, or empty; the
+  /// first `gone` files may be absent. Units: `memory` in bytes, shared by the files' buffers. `tree` must
+  /// outlive the object. Errors: cannot be opened; a file has fewer triangles than it had.
   static Result<RegionFiles> Open(const RegionTree& tree, const std::string& prefix, size_t record_bytes,
                                   uint64_t memory, size_t gone, const std::vector<uint64_t>& counts,
                                   const std::vector<Box>& contents);
 
-  /// Adds the records [first, last) of `triangles`, in their order, on two threads; `padding`: of their
-  /// boxes. `progress` is called with the number of the next record now and then. Errors: disk full.
+  /// Routes the records [first, last) of `triangles`, in order, on two threads. `padding`: of their boxes.
+  /// `progress` is called now and then with the next record's number. Errors: disk full.
   Status Add(const SpillFile& triangles, uint64_t first, uint64_t last, float padding,
              const std::function<void(uint64_t)>& progress);
   Status FinishWriting();
-  /// What was added outlasts a loss of power.
+  /// Makes the files durable. Errors: disk full.
   Status Sync();
 
   SpillFile& file(size_t region) { return files_[region]; }
@@ -74,10 +76,10 @@ class RegionFiles {
   const std::vector<Box>& contents() const { return contents_; }
 
  private:
-  /// Records in a row, and which goes to which regions.
+  /// Consecutive records, and the regions of each.
   struct Routed {
     std::vector<std::byte> records;
-    std::vector<std::pair<uint32_t, uint32_t>> places;  ///< region, record
+    std::vector<std::pair<uint32_t, uint32_t>> places;  ///< pairs of region and record
     Status status;
   };
   explicit RegionFiles(const RegionTree& tree) : tree_(&tree) {}
@@ -85,14 +87,16 @@ class RegionFiles {
   const RegionTree* tree_;
   std::string prefix_;
   std::vector<SpillFile> files_;
-  std::unique_ptr<SpillWriter> writer_ = std::make_unique<SpillWriter>();  ///< of files_: ends before them
+  std::unique_ptr<SpillWriter> writer_ =
+      std::make_unique<SpillWriter>();  ///< of files_; declared last, so that it ends first
   std::vector<Box> contents_;
 };
 
-/// The padded box of what of a triangle is in a cell, cut off at the cell; nothing if it passes beside.
+/// The padded box of a triangle's part in a cell, clipped to the cell. Nothing: the triangle passes beside
+/// it.
 std::optional<Box> PartIn(const TriangleRecord& triangle, const Box& cell, float padding);
 
-/// Calls `visit` with the records [first, last) of a spill file.
+/// Calls `visit` with the records [first, last) of a spill file. Errors: those of reading and of `visit`.
 Status ForEachRecord(const SpillFile& file, uint64_t first, uint64_t last,
                      const std::function<Status(const TriangleRecord&)>& visit);
 

@@ -9,8 +9,8 @@
 
 namespace quarry {
 
-/// Some of the triangles, each standing for weight() of them: enough to choose the first planes by. Which
-/// ones depends on their ids alone, never on the order they come in. Memory: kMost triangles.
+/// A sample of triangles, each standing for weight() triangles, from which region planes are chosen. The
+/// choice depends on ids alone, never on their order. Memory: kMost triangles. Thread safety: none.
 class TriangleSample {
  public:
   static constexpr size_t kMost = 256 << 10;
@@ -18,7 +18,7 @@ class TriangleSample {
   void Add(const TriangleRecord& record) {
     if ((Mix(record.id) & (weight_ - 1)) == 0) Keep(record);
   }
-  /// Triangles that one of them stands for: 1 while all are kept, then a power of two.
+  /// Triangles that a sampled triangle stands for: 1 while all are kept, then a power of two.
   uint64_t weight() const { return weight_; }
   const std::vector<KdTriangle>& triangles() const { return triangles_; }
   std::vector<KdTriangle> TakeTriangles();
@@ -27,7 +27,7 @@ class TriangleSample {
   void Restore(ByteReader& in);
 
  private:
-  /// The finalizer of MurmurHash3 (Appleby 2011).
+  /// Source: the finalizer of MurmurHash3 (Appleby 2011).
   static uint32_t Mix(uint32_t x) {
     x = (x ^ (x >> 16)) * 0x85EBCA6Bu;
     x = (x ^ (x >> 13)) * 0xC2B2AE35u;
@@ -36,7 +36,7 @@ class TriangleSample {
   void Keep(const TriangleRecord& record);
 
   std::vector<KdTriangle> triangles_;
-  std::vector<uint32_t> hashes_;  ///< of their ids
+  std::vector<uint32_t> hashes_;  ///< of the triangles' ids
   uint32_t weight_ = 1;
 };
 

@@ -8,8 +8,8 @@
 namespace quarry {
 namespace {
 
-constexpr double kUseful = 0.95;        // a child with more than this part of the triangles is no progress,
-constexpr double kSmaller = 0.7;        // unless its surface is at most this part of the cell's
+constexpr double kUseful = 0.95;  // share of the triangles in a child above which a plane is no progress,
+constexpr double kSmaller = 0.7;  // unless the child's surface is at most this share of the cell's
 constexpr float kEmptyFraction = 0.1f;  // of a cell's extent: less empty space is not worth a node
 
 double HalfArea(const Box& box) {
@@ -19,7 +19,7 @@ double HalfArea(const Box& box) {
 
 /// Whether a plane that gives `left` and `right` of `count` triangles is worth a node.
 bool PartsUsefully(const SplitPlane& plane, uint64_t left, uint64_t right, uint64_t count, const Box& cell) {
-  if (left == 0 || right == 0) return true;  // empty space is cut off
+  if (left == 0 || right == 0) return true;  // it cuts off empty space
   if (static_cast<double>(std::max(left, right)) <= kUseful * static_cast<double>(count)) return true;
   Box larger = cell;
   (left > right ? larger.upper : larger.lower)[plane.axis] = plane.position;

@@ -13,7 +13,8 @@
 namespace quarry {
 namespace {
 
-/// Numbers values by first appearance; equal means equal bits. Open addressing, at most half full.
+/// Numbers values by first appearance; values are equal if their bits are. Open addressing, at most half
+/// full.
 template <class T>
 class Interner {
  public:
@@ -68,7 +69,8 @@ uint32_t MaxTrianglesPerVoxel(uint32_t voxel_size) {
 namespace {
 
 constexpr uint16_t kUnseen = 0xFFFF;
-// Steps: a quarter of the bytes goes for a sixtieth of the SAH cost, see common/kdtree/README.md.
+// SAH steps that a byte is worth: saves a quarter of the bytes for a sixtieth of the SAH cost
+// (common/kdtree/README.md).
 constexpr float kByteWorth = 0.015f;
 
 struct VoxelTree {
@@ -76,8 +78,8 @@ struct VoxelTree {
   uint32_t node_slots, wide_nodes;
 };
 
-/// The tree over `triangles` whose layout, with wide nodes, takes at most `room` bytes, and without them no
-/// more than all else, with the `others` that the voxel has.
+/// The tree over `triangles` whose layout takes at most `room` bytes with wide nodes, and without them no
+/// more than the voxel's `others` bytes.
 VoxelTree BuildTree(std::span<const TriangleRecord> triangles, const Box& cell, float padding, size_t room,
                     size_t others) {
   std::vector<KdTriangle> vertices;
@@ -85,7 +87,7 @@ VoxelTree BuildTree(std::span<const TriangleRecord> triangles, const Box& cell, 
   for (const TriangleRecord& t : triangles)
     vertices.push_back({{t.vertices[0], t.vertices[1], t.vertices[2]}});
   const SahCosts costs{.byte = kByteWorth};
-  // Headers and wide nodes take about 7/9 of what the tree itself does; how much, shows only in the layout.
+  // Headers and wide nodes take about 7/9 of the tree's own bytes; only the layout tells exactly.
   KdTree tree = BuildKdTree(vertices, padding, cell, costs, room);
   for (size_t most_bytes = room / 16 * 9;;) {
     PruneKdTree(tree, cell, costs, most_bytes);
@@ -103,7 +105,7 @@ VoxelTree BuildTree(std::span<const TriangleRecord> triangles, const Box& cell, 
   }
 }
 
-/// Where each leaf's references begin, and the end of all.
+/// The first reference of each leaf, and the end of the last.
 std::vector<uint32_t> LeafBounds(const KdTree& tree) {
   std::vector<uint32_t> bounds{static_cast<uint32_t>(tree.references.size())};
   for (const KdNode& n : tree.nodes)
@@ -112,9 +114,9 @@ std::vector<uint32_t> LeafBounds(const KdTree& tree) {
   return bounds;
 }
 
-/// The triangles in the order in which leaves first refer to them, which is renumbered: what one leaf needs
-/// lies together. Each leaf refers to triangles that came before first, in order, then to its own: so there
-/// are long runs of either, which is small and quick to decode.
+/// Orders triangles by the leaf that first refers to them and renumbers the references, so that a leaf's
+/// triangles lie together. Each leaf refers to earlier triangles first, in order, then to its own: long runs
+/// that are small and quick to decode. Returns each triangle's new number.
 std::vector<uint16_t> OrderByLeaves(KdTree& tree, size_t triangles) {
   std::vector<uint16_t> number(triangles, kUnseen), order;
   order.reserve(triangles);
@@ -129,7 +131,7 @@ std::vector<uint16_t> OrderByLeaves(KdTree& tree, size_t triangles) {
     std::transform(first, end, first, [&](uint32_t t) { return number[t]; });
     std::sort(first, fresh);
   }
-  // The partition gave the voxel a triangle by its box; the tree has found that it does not reach the cell.
+  // The partition assigns a triangle by its box; the tree may find that it does not reach the cell.
   for (size_t t = 0; t < triangles; ++t)
     if (number[t] == kUnseen) order.push_back(static_cast<uint16_t>(t));
   return order;
@@ -158,7 +160,7 @@ EncodedVoxel BuildVoxel(std::span<const TriangleRecord> triangles, const Box& ce
   voxel.references.assign(tree.references.begin(), tree.references.end());
   std::vector<TriangleRecord> ordered;
   ordered.reserve(order.size());
-  std::vector<uint16_t> number(vertices.size(), kUnseen);  // of vertices, in the order of triangles
+  std::vector<uint16_t> number(vertices.size(), kUnseen);  // of each vertex, in the order of the triangles
   for (uint16_t i : order) {
     const TriangleRecord& t = triangles[i];
     for (size_t k = 0; k < 3; ++k) {

@@ -8,12 +8,12 @@
 
 namespace quarry {
 
-/// Most triangles of one voxel, so that its decoded hot block never exceeds `voxel_size` bytes, even when no
-/// two triangles share a vertex and the tree is one leaf.
+/// Most triangles of a voxel whose decoded hot block never exceeds `voxel_size` bytes, even if no two
+/// triangles share a vertex and the tree is a single leaf.
 uint32_t MaxTrianglesPerVoxel(uint32_t voxel_size);
 
-/// Builds, lays out and compresses one voxel: vertices shared again by value, a kd-tree over `cell` with what
-/// `voxel_size` leaves for it, shading attributes apart.
+/// Builds, lays out and compresses a voxel: vertices shared by value, a kd-tree over `cell` in the room that
+/// `voxel_size` leaves, shading attributes in a block of their own.
 /// Requires: 1 <= triangles.size() <= MaxTrianglesPerVoxel(voxel_size). Deterministic. Thread-safe.
 EncodedVoxel BuildVoxel(std::span<const TriangleRecord> triangles, const Box& cell, float padding,
                         bool has_shading, uint32_t voxel_size);

@@ -11,9 +11,9 @@ namespace quarry {
 namespace {
 
 constexpr size_t kBins = 32;
-constexpr size_t kLeastFilled = 4;  // a group has at least a part of so many of the most that it may have
+constexpr size_t kLeastFilled = 4;  // a group has at least this part, 1 / n, of the most that it may have
 
-/// Twice the centre of what of the reference is in the cell.
+/// Twice the centre of the reference's part in the cell.
 float Centre(const KdReference& r, const Box& cell, int axis) {
   return std::max(r.lower[axis], cell.lower[axis]) + std::min(r.upper[axis], cell.upper[axis]);
 }
@@ -30,11 +30,12 @@ struct Bin {
   }
 };
 
-class PileParter {
+class ChainSplitter {
  public:
-  PileParter(std::span<KdReference> references, const Box& cell, size_t most)
+  ChainSplitter(std::span<KdReference> references, const Box& cell, size_t most)
       : references_(references), cell_(cell), most_(most) {
-    std::vector<std::pair<size_t, size_t>> left{{0, references.size()}};  // to be parted, the first one last
+    std::vector<std::pair<size_t, size_t>> left{
+        {0, references.size()}};  // ranges still to split, the first range last
     while (!left.empty()) {
       const auto [begin, end] = left.back();
       left.pop_back();
@@ -42,7 +43,7 @@ class PileParter {
         ends.push_back(end);
         continue;
       }
-      const size_t middle = Part(begin, end);
+      const size_t middle = SplitRange(begin, end);
       left.emplace_back(middle, end);
       left.emplace_back(begin, middle);
     }
@@ -52,24 +53,24 @@ class PileParter {
  private:
   struct ObjectSplit {
     double cost = std::numeric_limits<double>::infinity();
-    size_t smaller = 0;  ///< side
+    size_t smaller = 0;  ///< references in the smaller side
     int axis = -1;
-    float first = 0, bins_per_unit = 0;  ///< of centres
-    size_t bin = 0;                      ///< the first to the right
+    float first = 0, bins_per_unit = 0;  ///< of the centres
+    size_t bin = 0;                      ///< the first bin of the right side
   };
 
-  /// Returns where the right side begins.
-  size_t Part(size_t begin, size_t end) {
+  /// Splits a range in place; returns where the right side begins.
+  size_t SplitRange(size_t begin, size_t end) {
     const ObjectSplit split = Best(begin, end);
-    const auto pile = references_.subspan(begin, end - begin);
+    const auto range = references_.subspan(begin, end - begin);
     size_t middle = begin;
     if (split.axis >= 0) {
       const auto right = std::stable_partition(
-          pile.begin(), pile.end(), [&](const KdReference& r) { return BinOf(r, split) < split.bin; });
-      middle += static_cast<size_t>(right - pile.begin());
+          range.begin(), range.end(), [&](const KdReference& r) { return BinOf(r, split) < split.bin; });
+      middle += static_cast<size_t>(right - range.begin());
     } else {
-      const size_t groups = Groups(pile.size());  // equally full
-      middle += pile.size() * (groups / 2) / groups;
+      const size_t groups = Groups(range.size());  // all equally full
+      middle += range.size() * (groups / 2) / groups;
     }
     return middle;
   }
@@ -81,14 +82,14 @@ class PileParter {
     return static_cast<size_t>(bin > 0 ? std::min(bin, kBins - 1.0f) : 0.0f);
   }
 
-  /// That of which a ray is expected to meet the fewest groups; axis -1: there is none whose smaller side is
-  /// large enough.
+  /// The split after which a ray is expected to meet the fewest groups; axis -1: no split has a smaller side
+  /// that is large enough.
   ObjectSplit Best(size_t begin, size_t end) const {
-    const auto pile = references_.subspan(begin, end - begin);
+    const auto range = references_.subspan(begin, end - begin);
     ObjectSplit best;
     for (int axis = 0; axis < 3; ++axis) {
       float first = kInfinity, last = -kInfinity;
-      for (const KdReference& r : pile) {
+      for (const KdReference& r : range) {
         const float centre = Centre(r, cell_, axis);
         first = std::min(first, centre);
         last = std::max(last, centre);
@@ -96,13 +97,13 @@ class PileParter {
       if (!(last > first)) continue;
       ObjectSplit split{0, 0, axis, first, kBins / (last - first), 0};
       std::array<Bin, kBins> bins;
-      for (const KdReference& r : pile) {
+      for (const KdReference& r : range) {
         Bin& bin = bins[BinOf(r, split)];
         IncludeClipped({{r.lower[0], r.lower[1], r.lower[2]}, {r.upper[0], r.upper[1], r.upper[2]}}, cell_,
                        bin.box);
         ++bin.count;
       }
-      std::array<Bin, kBins> right;  // what is in bins from here on
+      std::array<Bin, kBins> right;  // sums over the bins from each bin on
       right[kBins - 1] = bins[kBins - 1];
       for (size_t b = kBins - 1; b-- > 0;) (right[b] = right[b + 1]).Add(bins[b]);
       Bin left;
@@ -113,7 +114,7 @@ class PileParter {
         if (split.smaller < std::max<size_t>(most_ / kLeastFilled, 1)) continue;
         split.cost = static_cast<double>(left.box.half_area()) * static_cast<double>(Groups(left.count)) +
                      static_cast<double>(rest.box.half_area()) * static_cast<double>(Groups(rest.count));
-        // Of equals the more even one.
+        // Of equal costs, the more even split.
         if (split.cost < best.cost || (split.cost == best.cost && split.smaller > best.smaller)) best = split;
       }
     }
@@ -127,8 +128,8 @@ class PileParter {
 
 }  // namespace
 
-std::vector<size_t> PartPile(std::span<KdReference> references, const Box& cell, uint32_t most) {
-  return std::move(PileParter(references, cell, most).ends);
+std::vector<size_t> SplitIntoChain(std::span<KdReference> references, const Box& cell, uint32_t most) {
+  return std::move(ChainSplitter(references, cell, most).ends);
 }
 
 }  // namespace quarry

@@ -9,11 +9,12 @@
 
 namespace quarry {
 
-/// Parts a pile, triangles of which every plane cuts too many, into groups of at most `most`: none is in two,
-/// and their boxes overlap instead. Reorders `references`; returns where each group ends. `cell`: theirs.
-/// Requires: most > 0. Deterministic.
+/// Splits an overlapping leaf's references into the voxels of a chain: groups of at most `most`, none of them
+/// in two groups, whose boxes may overlap. For triangles of which every plane cuts too many. Reorders
+/// `references`; returns the end of each group. `cell`: the leaf's.
+/// Requires: most > 0. Deterministic. Thread-safe.
 /// Source: object splits by the SAH, as for bounding volume hierarchies (Wald 2007, binned by centres), but
-/// counting voxels to be fetched instead of triangles.
-std::vector<size_t> PartPile(std::span<KdReference> references, const Box& cell, uint32_t most);
+/// counting voxels to fetch instead of triangles.
+std::vector<size_t> SplitIntoChain(std::span<KdReference> references, const Box& cell, uint32_t most);
 
 }  // namespace quarry

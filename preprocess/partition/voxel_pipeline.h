@@ -9,8 +9,8 @@
 
 namespace quarry {
 
-/// Builds voxels on several threads and hands them on in the order they were added. The number in flight is
-/// bounded, so Add waits when the builders are behind. Used from one thread.
+/// Builds voxels on several threads and delivers them in the order of Add(). The number in flight is bounded:
+/// Add() waits for slower builders. Thread safety: one caller.
 class VoxelPipeline {
  public:
   using Build = std::function<EncodedVoxel(const VoxelTask&)>;
@@ -19,9 +19,9 @@ class VoxelPipeline {
   VoxelPipeline(unsigned threads, Build build, Deliver deliver);
   ~VoxelPipeline();
 
-  /// Errors: what `deliver` returned for an earlier voxel.
+  /// Errors: the result of `deliver` for an earlier voxel.
   Status Add(VoxelTask task);
-  /// Delivers what is still in flight.
+  /// Delivers the voxels in flight. Errors: as Add().
   Status Finish();
 
  private:

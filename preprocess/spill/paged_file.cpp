@@ -47,7 +47,7 @@ Result<PagedFile> PagedFile::Restore(const std::string& path, size_t element_byt
   return file;
 }
 
-/// By the clock: the first page that the hand finds not used since it last came by. The page being appended
+/// The clock algorithm: the first page not used since the hand last passed. The page that is being appended
 /// to stays.
 uint32_t PagedFile::FreeSlot() {
   if (slots_.size() < kSlots) {
@@ -91,7 +91,7 @@ Status PagedFile::Load(uint32_t index) {
   return Fill(slots_[slot_of_page_[page]]);
 }
 
-/// Reads a slot's page: all of it that has been appended.
+/// Reads the part of a slot's page that is on disk.
 Status PagedFile::Fill(Slot& slot) const {
   const uint64_t first = uint64_t{slot.page} * kPageElements;
   const uint64_t n = std::min<uint64_t>(kPageElements, count_ - first);

@@ -9,40 +9,41 @@
 
 namespace quarry {
 
-/// Elements appended in order and found again by their index: all of them on disk, pages used lately in
-/// memory. Models name vertices near those they named before, so that nearly every look is met from memory;
-/// what is not is the caller's to decide: a page costs a read. Memory: kSlots pages at most, whatever
-/// --memory is, so that what is found does not depend on it. Not thread-safe.
+/// An array on disk, appended to in order and read by index; the pages used last are in memory. Models name
+/// vertices near the last ones, so nearly every lookup is met from memory. A miss returns null: the caller
+/// decides whether a read is worth it. Memory: kSlots pages, whatever --memory is, so that the result does
+/// not depend on it. Thread safety: none.
 class PagedFile {
  public:
   static constexpr uint32_t kPageElements = 4096;
   static constexpr uint32_t kSlots = 256;
 
-  /// In the file `path`, which is made or emptied. Errors: cannot create.
+  /// Creates or empties the file `path`. Errors: cannot create.
   static Result<PagedFile> Create(const std::string& path, size_t element_bytes);
-  /// One that goes on where Save was called, with the same pages in memory. Errors: the file is shorter than
-  /// it was then; what was saved cannot be read.
+  /// Continues where Save() was called, with the same pages in memory. Errors: the file is shorter than it
+  /// was; `saved` cannot be read.
   static Result<PagedFile> Restore(const std::string& path, size_t element_bytes, ByteReader& saved);
-  /// Makes what was appended outlast a loss of power, and appends what Restore needs to `out`.
+  /// Makes the elements durable and appends the state that Restore() needs to `out`. Errors: disk full.
   Status Save(ByteWriter& out);
 
   uint64_t count() const { return count_; }
-  /// Errors: disk full.
+  /// Appends element_bytes bytes. Errors: disk full.
   Status Append(const void* element);
-  /// The element, valid until the next Append or Load; null if its page is not in memory.
-  /// Requires: index < count().
+  /// The element, valid until the next Append() or Load(); null: its page is not in memory. Requires: index <
+  /// count().
   const std::byte* Find(uint32_t index) {
     const uint32_t slot = slot_of_page_[index / kPageElements];
     if (slot == kNone) return nullptr;
     slots_[slot].used = true;
     return slots_[slot].bytes.data() + index % kPageElements * file_.element_bytes();
   }
-  /// Brings the page of `index` to memory, in place of one not used lately. Requires: index < count().
+  /// Loads the page of `index` in place of a page not used lately. Requires: index < count(). Errors: read
+  /// errors.
   Status Load(uint32_t index);
-  /// No more is appended: frees all pages. After this file() may be read.
+  /// Ends appending and frees all pages. file() may be read afterwards.
   Status FinishWriting();
   const SpillFile& file() const { return file_; }
-  SpillFile TakeFile() && { return std::move(file_); }
+  SpillFile& file() { return file_; }
 
  private:
   static constexpr uint32_t kNone = 0xFFFFFFFFu;

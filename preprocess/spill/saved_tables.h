@@ -7,17 +7,17 @@
 #include "common/scene/material.h"
 #include "common/scene/scene_views.h"
 
-// What the import knows beside triangles, as notes have it: never stored, read by the version that wrote it.
+// The scene's tables in a checkpoint: never stored, and read only by the version that wrote them.
 
 namespace quarry {
 
 void PutMaterials(const std::vector<Material>& materials, ByteWriter& out);
-/// Cameras and lights.
+/// Each appends a table to `out`.
 void PutViews(const SceneViews& views, ByteWriter& out);
 SceneViews GetViews(ByteReader& in);
 void PutTexts(const std::vector<std::string>& texts, ByteWriter& out);
 
-/// Bytes that end too early make `in` not ok().
+/// Each reads a table. Bytes that end too early make `in` not ok().
 std::vector<Material> GetMaterials(ByteReader& in);
 std::vector<std::string> GetTexts(ByteReader& in);
 

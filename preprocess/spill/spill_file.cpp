@@ -34,7 +34,7 @@ tl::unexpected<Error> Damaged(const std::string& path) {
   return Fail(fmt::format("{}: a temporary file has been changed; begin anew without --resume", path));
 }
 
-/// One that is closed in the end.
+/// A descriptor that is closed with the object.
 class Descriptor {
  public:
   Descriptor(const std::string& path, int flags) : fd_(::open(path.c_str(), flags | O_CLOEXEC, 0644)) {}
@@ -48,10 +48,10 @@ class Descriptor {
   int fd_;
 };
 
-/// Before each block.
+/// Stands before each block.
 struct BlockHeader {
   uint32_t elements;
-  uint32_t stored;  ///< bytes that follow; as many as the elements have: they are not packed
+  uint32_t stored;  ///< bytes that follow; equal to the elements' bytes: not packed
 };
 
 Status ReadAt(int fd, const std::string& path, uint64_t offset, std::span<char> out) {
@@ -70,7 +70,7 @@ Status ReadHeader(int fd, const std::string& path, uint64_t offset, BlockHeader&
   return ReadAt(fd, path, offset, {reinterpret_cast<char*>(&header), sizeof header});
 }
 
-/// Returns how many bytes of `out` are taken.
+/// Returns the bytes used of `out`.
 size_t Pack(std::span<const std::byte> elements, bool packs, std::span<char> out) {
   int stored = 0;
   if (packs)
@@ -179,7 +179,7 @@ Status SpillFile::FinishWriting() {
   QUARRY_TRY(Flush());
   buffer_ = {};
   const Status written = Settle();
-  writer_ = nullptr;  // which may end before this
+  writer_ = nullptr;  // the writer may end before the file
   return written;
 }
 
@@ -197,7 +197,7 @@ Status SpillFile::Sync() {
   return {};
 }
 
-/// The element behind a block's last.
+/// The first element after a block.
 uint64_t SpillFile::EndOf(size_t block) const {
   return block + 1 < content_->blocks.size() ? content_->blocks[block + 1].first : flushed();
 }
@@ -228,7 +228,7 @@ Status SpillFile::Read(uint64_t first, std::span<std::byte> out) const {
   return {};
 }
 
-/// The block's bytes from `skipped` on.
+/// Reads the block's bytes from `skipped` on.
 Status SpillFile::ReadBlock(int fd, size_t i, size_t skipped, std::span<std::byte> out) const {
   const uint64_t content = content_->blocks[i].offset + sizeof(BlockHeader);
   const size_t stored = OffsetAfter(i) - content;
@@ -237,7 +237,7 @@ Status SpillFile::ReadBlock(int fd, size_t i, size_t skipped, std::span<std::byt
     return ReadAt(fd, content_->path, content + skipped, {reinterpret_cast<char*>(out.data()), out.size()});
   const auto packed = std::make_unique_for_overwrite<char[]>(stored);
   QUARRY_TRY(ReadAt(fd, content_->path, content, {packed.get(), stored}));
-  // Straight to where it is wanted, if all of it is.
+  // A whole block goes straight to its destination.
   const auto whole = out.size() == size ? nullptr : std::make_unique_for_overwrite<std::byte[]>(size);
   std::byte* const target = whole ? whole.get() : out.data();
   const int unpacked = LZ4_decompress_safe(packed.get(), reinterpret_cast<char*>(target),
@@ -253,7 +253,7 @@ void SpillFile::Discard(uint64_t first, uint64_t last) const {
   if (!content_->has_table && !content_->FindBlocks(file.get(), flushed())) return;
   for (size_t i = 0; i < content_->blocks.size(); ++i) {
     if (EndOf(i) <= first || EndOf(i) > last) continue;
-    // All but the headers, by which a later run finds its way.
+    // All but the headers, which a later run follows.
     const uint64_t begin = content_->blocks[i].offset + sizeof(BlockHeader);
     const uint64_t end = OffsetAfter(i);
     (void)!::fallocate(file.get(), FALLOC_FL_PUNCH_HOLE | FALLOC_FL_KEEP_SIZE, static_cast<off_t>(begin),

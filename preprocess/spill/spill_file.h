@@ -12,34 +12,35 @@
 
 namespace quarry {
 
-/// A temporary file of fixed-size elements, appended to and read back, in blocks; those beyond a certain
-/// length of the file are packed by LZ4. It outlives the process, for runs that go on after being killed, and
-/// lies there until Remove; holds no descriptor between calls (there may be thousands). Memory: one block
-/// while writing; once it has been read, 16 bytes for each. Not thread-safe.
+/// A temporary file of fixed-size elements, appended to and read back in blocks; blocks beyond a certain
+/// length of the file are packed by LZ4. It outlives the process, for runs that are resumed, until Remove().
+/// Holds no descriptor between calls, since there may be thousands of files. Memory: one block while writing;
+/// after the first read, 16 bytes a block. Thread safety: none.
 class SpillFile {
  public:
-  /// Of a block that is full, at most.
+  /// Bytes of a full block, at most.
   static constexpr size_t kBlockBytes = 1 << 20;
-  /// Values of Options::pack_from. Files that the page cache holds are the faster for not being packed,
-  /// larger ones for being: preprocess/README.md.
+  /// Values of Options::pack_from, in bytes. Files that the page cache holds are faster unpacked, larger
+  /// files packed (tests/bench/history/preprocess.md).
   static constexpr uint64_t kPackAll = 0, kPackLarge = 1ull << 30, kPackNone = ~uint64_t{0};
 
   struct Options {
     uint64_t pack_from = kPackLarge;   ///< bytes of the file that are not packed
     size_t block_bytes = kBlockBytes;  ///< 4 KiB or more
-    SpillWriter* writer = nullptr;     ///< writes full blocks; must outlive the file. Null: Append does
+    SpillWriter* writer = nullptr;     ///< writes full blocks; must outlive the file. Null: Append() writes
   };
 
-  /// The file `path`, made if need be, cut to its first `count` elements. Errors: cannot create; has fewer,
-  /// or no block ends there.
+  /// Opens the file `path`, created if absent, and cuts it to its first `count` elements. Errors: cannot
+  /// create; it has fewer; no block ends there.
   static Result<SpillFile> Open(const std::string& path, size_t element_bytes, uint64_t count,
                                 const Options& options);
   static Result<SpillFile> Open(const std::string& path, size_t element_bytes, uint64_t count) {
     return Open(path, element_bytes, count, Options());
   }
-  /// The file `path` with `count` elements, if it is still there: reading will tell.
+  /// The file `path` with `count` elements, unopened: reading fails if it is gone.
   static SpillFile Left(const std::string& path, size_t element_bytes, uint64_t count);
 
+  const std::string& path() const { return content_->path; }
   uint64_t count() const { return count_; }
   /// Elements that are not in the buffer.
   uint64_t flushed() const { return count_ - buffer_.size() / content_->element_bytes; }
@@ -47,45 +48,45 @@ class SpillFile {
 
   /// Appends the first element_bytes() bytes at `element`. Errors: disk full.
   Status Append(const void* element);
-  /// Writes what is buffered, as a block of its own, or has the writer do so.
+  /// Writes the buffer as a block, or hands it to the writer. Errors: disk full.
   Status Flush();
-  /// Flushes and waits for the writer, which may end after: required before what was appended is read. Frees
-  /// the buffer. Nothing more is appended.
+  /// Flushes, waits for the writer, which may end afterwards, and frees the buffer. Required before reading.
+  /// Nothing more may be appended. Errors: disk full.
   Status FinishWriting();
-  /// Starts what Sync waits for: of thousands of files each would else wait for a disk that does nothing
-  /// more. Requires: the writer has been waited for.
+  /// Starts the writing that Sync() waits for: with thousands of files, each Sync() would otherwise wait
+  /// alone for an idle disk. Requires: the writer has been waited for.
   void BeginSync() const;
-  /// Flushes and waits; what was appended outlasts a loss of power.
+  /// Flushes and makes the elements durable. Errors: disk full.
   Status Sync();
-  /// Reads elements [first, first + out.size() / element_bytes) into `out`. Errors: read errors; they are not
-  /// there, or damaged.
+  /// Reads elements [first, first + out.size() / element_bytes) into `out`. Errors: read errors; absent or
+  /// damaged blocks.
   Status Read(uint64_t first, std::span<std::byte> out) const;
-  /// Gives back the disk space of the blocks of elements [first, last), where the file system can. They must
-  /// not be read again, nor those before.
+  /// Frees the disk space of the blocks of elements [first, last), if the file system can. They and the
+  /// elements before must not be read again.
   void Discard(uint64_t first, uint64_t last) const;
-  /// Deletes the file, and forgets where its blocks were.
+  /// Deletes the file and forgets its blocks.
   void Remove() const;
 
-  /// What `elements` would take in a file that is packed, in bytes.
+  /// Bytes that `elements` take when packed.
   static uint64_t PackedBytes(std::span<const std::byte> elements);
 
  private:
   friend class SpillReader;
   struct Block {
-    uint64_t first;   ///< element
-    uint64_t offset;  ///< of its header
+    uint64_t first;   ///< its first element
+    uint64_t offset;  ///< of its header, in bytes
   };
-  /// What is in the file; the writer's while blocks are under way.
+  /// The file's content; owned by the writer while blocks are in flight.
   struct Content {
     std::string path;
     size_t element_bytes = 0;
     uint64_t pack_from = 0;
     uint64_t bytes = 0;
-    bool has_table = false;     ///< since it was first read
-    std::vector<Block> blocks;  ///< all, if so
+    bool has_table = false;     ///< set by the first read
+    std::vector<Block> blocks;  ///< all blocks, if has_table
 
     Status Write(uint64_t first, std::span<const std::byte> elements);
-    /// The blocks of the first `count` elements. Errors: they are not there.
+    /// Finds the blocks of the first `count` elements. Errors: they are not there.
     Status FindBlocks(int fd, uint64_t count);
     void ForgetBlocks();
   };
@@ -99,17 +100,17 @@ class SpillFile {
   std::unique_ptr<Content> content_;
   SpillWriter* writer_ = nullptr;
   size_t block_bytes_ = 0;
-  uint64_t count_ = 0;  ///< the buffer's too
+  uint64_t count_ = 0;  ///< including the buffer's elements
   std::vector<std::byte> buffer_;
 };
 
-/// Walks a SpillFile's elements [first, last) in order with one buffer.
+/// Reads a SpillFile's elements [first, last) in order with one buffer. Thread safety: none.
 class SpillReader {
  public:
   explicit SpillReader(const SpillFile& file) : SpillReader(file, 0, file.count()) {}
   SpillReader(const SpillFile& file, uint64_t first, uint64_t last)
       : file_(file), next_(first), last_(last) {}
-  /// The next element's bytes, valid until the next call; null at the end or after an error (see status()).
+  /// The next element's bytes, valid until the next call; null at the end or after an error, see status().
   const std::byte* Next();
   const Status& status() const { return status_; }
 

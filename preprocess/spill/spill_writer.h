@@ -13,23 +13,22 @@
 
 namespace quarry {
 
-/// Writes blocks on a thread of its own, in the order given, so that who makes them need not wait for packing
-/// and for the disk. Memory: kMostWaiting bytes of blocks and one that wait, and as many to be used again.
-/// Thread-safe.
+/// Writes blocks in order on a thread of its own, so that their maker waits neither for packing nor for the
+/// disk. Memory: kMostWaiting bytes of blocks and one more that wait, and as many for reuse. Thread-safe.
 class SpillWriter {
  public:
   static constexpr size_t kMostWaiting = 4 << 20;
   using Write = std::function<Status(std::span<const std::byte>)>;
 
   SpillWriter() : thread_([this] { Run(); }) {}
-  /// Writes what has been given.
+  /// Writes all blocks given.
   ~SpillWriter();
   SpillWriter(const SpillWriter&) = delete;
 
-  /// Takes `block`'s bytes, and leaves an empty buffer in their place. Waits while too much is waiting.
-  /// Errors: those of any write before.
+  /// Takes `block`'s bytes and leaves an empty buffer. Waits while too many bytes wait. Errors: those of any
+  /// earlier write.
   Status Give(std::vector<std::byte>& block, Write write);
-  /// Waits until all is written. Errors: those of any write.
+  /// Waits until all blocks are written. Errors: those of any write.
   Status Wait();
 
  private:
@@ -43,7 +42,7 @@ class SpillWriter {
   std::condition_variable changed_;
   std::deque<Job> jobs_;
   std::vector<std::vector<std::byte>> spare_;
-  size_t waiting_ = 0, spare_bytes_ = 0;  ///< of the jobs' blocks; that spare ones have room for
+  size_t waiting_ = 0, spare_bytes_ = 0;  ///< bytes of waiting blocks; capacity of the spare buffers
   bool busy_ = false, ends_ = false;
   Status status_;
   std::thread thread_;

@@ -7,7 +7,7 @@
 
 namespace quarry {
 
-/// A file that may be made meanwhile, and goes with the object, or with the program if a signal ends it.
+/// A path whose file, once created, is deleted with the object, or by a signal that ends the program.
 class TemporaryFile {
  public:
   explicit TemporaryFile(std::string path);
@@ -17,13 +17,13 @@ class TemporaryFile {
 
  private:
   std::string path_;
-  int cleanup_;  ///< see RemoveOnSignal
+  int cleanup_;  ///< see RemoveOnSignal()
 };
 
-/// A folder, made with the object, that goes with it and with all files in it, as a TemporaryFile does.
+/// A folder that is created with the object and deleted with it, with all its files, also by a signal.
 class TemporaryFolder {
  public:
-  /// Errors: it cannot be made.
+  /// Errors: it cannot be created.
   static Result<TemporaryFolder> Make(std::string path);
   TemporaryFolder(TemporaryFolder&& other) noexcept
       : path_(std::exchange(other.path_, {})), cleanup_(std::exchange(other.cleanup_, -1)) {}

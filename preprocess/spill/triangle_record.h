@@ -12,17 +12,17 @@
 
 namespace quarry {
 
-/// What a scene's triangles have beside positions, each with all that come before it.
+/// The attributes of a scene's triangles beside positions; each value includes those before it.
 enum class Attributes : uint8_t { kNone, kColors, kNormals, kUvs };
 
-/// A triangle on its way through the preprocessor, self-contained, as spilled to disk (never stored): as much
-/// of it as the scene has attributes for, see RecordBytes.
+/// A self-contained triangle, as spilled to disk (never stored): its first RecordBytes(attributes) bytes.
+/// Units: scene units; colours as ShadingVertex has them.
 struct TriangleRecord {
   glm::vec3 vertices[3];
   uint32_t id = 0;
   uint32_t part = 0;
   uint32_t material = 0;
-  uint32_t colors[3] = {0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu};  ///< as ShadingVertex has them
+  uint32_t colors[3] = {0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu};  ///< packed, see ShadingVertex
   glm::vec3 normals[3] = {};
   glm::vec2 uvs[3] = {};
 

@@ -18,7 +18,7 @@
 namespace quarry {
 namespace {
 
-/// "FILE, image NAME of MODEL", or shorter where that says the same.
+/// "FILE, image NAME of MODEL", shorter if that repeats itself.
 std::string NameOf(const TextureImage& image) {
   return image.file.ends_with(image.name) ? fmt::format("{} (of {})", image.file, image.model)
                                           : fmt::format("{}, image {}", image.model, image.name);
@@ -68,13 +68,13 @@ void ImageDecoder::Stop() {
   for (int* fd : {&to_, &from_})
     if (*fd >= 0) ::close(std::exchange(*fd, -1));
   if (child_ <= 0) return;
-  ::kill(child_, SIGKILL);  // it may be at work on what nobody wants any more
+  ::kill(child_, SIGKILL);  // it may still work on a result that is no longer wanted
   while (::waitpid(child_, nullptr, 0) < 0 && errno == EINTR) {
   }
   child_ = -1;
 }
 
-/// The helper is gone, which tells what it died of.
+/// The helper has ended; the result tells why.
 tl::unexpected<Error> ImageDecoder::Ended(const TextureImage& image) {
   int status = 0;
   for (int* fd : {&to_, &from_}) ::close(std::exchange(*fd, -1));
@@ -88,12 +88,12 @@ tl::unexpected<Error> ImageDecoder::Ended(const TextureImage& image) {
                     NameOf(image), decoding_.program, WEXITSTATUS(status)));
   }
   const int signal = WIFSIGNALED(status) ? WTERMSIG(status) : 0;
-  if (signal == SIGXCPU) {  // left out, it would make the store depend on how fast the machine is
+  if (signal == SIGXCPU) {  // leaving the image out would make the store depend on the machine's speed
     fatal_ = true;
     return Fail(
         fmt::format("{}: took its decoder more than ten minutes; --no-textures does without", NameOf(image)));
   }
-  // Who is short of memory ends others so, and so does a person.
+  // The kernel kills so when memory is short, and so do people: the image is not at fault.
   fatal_ = signal == SIGKILL || signal == SIGTERM || signal == SIGINT || signal == SIGHUP;
   if (fatal_)
     return Fail(fmt::format("{}: the process that decodes it was ended by signal {}", NameOf(image), signal));
@@ -141,7 +141,7 @@ Result<ImageFacts> ImageDecoder::ReceiveFacts(const TextureImage& image) {
   ImageFacts facts;
   for (uint32_t* fact : {&facts.width, &facts.height, &facts.channels, &facts.real, &facts.encoded})
     *fact = in.Get<uint32_t>();
-  // A decoder that was led astray may say anything.
+  // A decoder that was misled by its input may send anything.
   if (message.kind != ImageMessage::kFacts || !in.done() || facts.channels - 1 > 3 ||
       facts.width - 1 >= kMaxTextureSide || facts.height - 1 >= kMaxTextureSide) {
     Stop();
@@ -155,7 +155,7 @@ Status ImageDecoder::Decode(const TextureImage& image, const OnFacts& on_facts, 
   QUARRY_ASSIGN(const ImageFacts facts, ReceiveFacts(image));
   const auto given = [&](Status status) {
     fatal_ = !status;
-    if (!status) Stop();  // with rows under way
+    if (!status) Stop();  // rows are in flight
     return status;
   };
   QUARRY_TRY(given(on_facts(facts)));
@@ -178,7 +178,7 @@ Status ImageDecoder::Decode(const TextureImage& image, const OnFacts& on_facts, 
 Result<ImageFacts> ImageDecoder::LookAt(const TextureImage& image) {
   QUARRY_TRY(Ask(ImageMessage::kLookAt, image));
   QUARRY_ASSIGN(const ImageFacts facts, ReceiveFacts(image));
-  QUARRY_TRY(Receive(image).map([](auto&&) {}));  // the end
+  QUARRY_TRY(Receive(image).map([](auto&&) {}));  // the end message
   return facts;
 }
 

@@ -14,14 +14,14 @@
 
 namespace quarry {
 
-/// How images are decoded.
+/// How to decode images.
 struct ImageDecoding {
   std::string program;  ///< quarry-import-image; empty: it is not there
   uint64_t memory = 0;  ///< bytes that it may take beyond its libraries
 };
 
-/// The helper process that decodes images, started with the first of them and again after one that it crashed
-/// on. Requires: SIGPIPE is ignored. Not thread-safe.
+/// The process that decodes images, started with the first image and again after a crash. Requires: SIGPIPE
+/// is ignored. Thread safety: none.
 class ImageDecoder {
  public:
   explicit ImageDecoder(ImageDecoding decoding) : decoding_(std::move(decoding)) {}
@@ -30,15 +30,14 @@ class ImageDecoder {
 
   using OnFacts = std::function<Status(const ImageFacts&)>;
   using OnRow = std::function<Status(std::span<const std::byte>)>;
-  /// Decodes an image: its facts, then all of its rows. Requires: it lies in a file.
-  /// Errors, one sentence that names the image: it cannot be read; the decoder crashed; those of the
-  /// callbacks. See is_fatal().
+  /// Decodes an image: calls `facts`, then passes all rows. Requires: the image lies in a file. Errors, a
+  /// sentence with the image's name: cannot be read; the decoder crashed; the callbacks'. See is_fatal().
   Status Decode(const TextureImage& image, const OnFacts& facts, const OnRow& row);
-  /// The facts alone, from the image's header.
+  /// The facts from the image's header alone. Errors: as Decode().
   Result<ImageFacts> LookAt(const TextureImage& image);
 
-  /// Whether the last error is no fault of the image: memory does not do, the helper was ended, or cannot be
-  /// started, or has never answered; a callback failed.
+  /// Whether the last error is not the image's fault: too little memory; the helper was killed, cannot be
+  /// started or has never answered; a callback failed.
   bool is_fatal() const { return fatal_; }
 
  private:
@@ -56,7 +55,7 @@ class ImageDecoder {
   ImageDecoding decoding_;
   pid_t child_ = -1;
   int to_ = -1, from_ = -1;
-  bool answered_ = false;  ///< anything, ever: the program works
+  bool answered_ = false;  ///< at least once: the program works
   bool fatal_ = false;
 };
 

@@ -19,9 +19,9 @@
 namespace quarry {
 namespace {
 
-constexpr uint64_t kRowsBytes = 1u << 20;  // handed on at once, about
+constexpr uint64_t kRowsBytes = 1u << 20;  // bytes of rows a message, about
 
-/// A part of a file, as a file.
+/// A part of a file, presented as a file.
 class FilePart : public OIIO::Filesystem::IOProxy {
  public:
   FilePart(const InputFile& file, uint64_t offset, uint64_t size)
@@ -45,8 +45,8 @@ class FilePart : public OIIO::Filesystem::IOProxy {
   uint64_t offset_, size_;
 };
 
-/// OpenImageIO's name for the format that a file begins as; by its extension only what begins as nothing.
-/// Others that OpenImageIO knows (films, raw photographs, volumes) are not asked.
+/// OpenImageIO's name for the format, by the first bytes; by the extension only if they are not recognised.
+/// OpenImageIO's other formats (films, raw photographs, volumes) are not tried.
 std::string FormatOf(std::string_view start, const std::string& path) {
   const auto begins = [&](std::string_view magic) { return start.starts_with(magic); };
   using namespace std::string_view_literals;
@@ -65,7 +65,7 @@ std::string FormatOf(std::string_view start, const std::string& path) {
   return extension == ".tga" ? "targa" : "";
 }
 
-/// One image from its beginning to its last row.
+/// One image, from its beginning to its last row.
 class Decoding {
  public:
   Decoding(const OnFacts& on_facts, const OnRows& on_rows) : on_facts_(on_facts), on_rows_(on_rows) {}
@@ -82,7 +82,7 @@ class Decoding {
   }
 
  private:
-  /// Lets an image that lies inside another file be read there.
+  /// Opens an image that lies inside another file.
   Status ReadFrom(FilePart& part, const std::string& format) {
     if (!input_->supports("ioproxy"))
       return Fail(fmt::format("is a {} inside another file, which is not read", format));
@@ -90,7 +90,7 @@ class Decoding {
       input_->set_ioproxy(&part);
       return {};
     }
-    // That reader knows no other files than of its own kind, and memory.
+    // This reader accepts only its own kind of file, and memory.
     packed_.resize(part.size());
     if (part.pread(packed_.data(), packed_.size(), 0) != packed_.size()) return Fail("ends too early");
     memory_.emplace(packed_.data(), packed_.size());
@@ -113,7 +113,7 @@ class Decoding {
     if (format == "openexr" && (spec.x != spec.full_x || spec.y != spec.full_y ||
                                 spec.width != spec.full_width || spec.height != spec.full_height))
       return Fail("has data for another window than the one it shows");
-    // The hint does not reach the one reader, and the other format has no other colours.
+    // WebP's reader ignores the hint, and EXR's colours are always multiplied by alpha.
     multiplied_ = format == "webp" || format == "openexr" ||
                   (format == "tiff" && spec.get_int_attribute("oiio:UnassociatedAlpha") == 0);
     return {};
@@ -129,7 +129,7 @@ class Decoding {
                               kMaxTextureSide));
     const bool alpha = spec.alpha_channel >= 0;
     const int colors = spec.nchannels - alpha >= 3 ? 3 : 1;
-    // Alpha right behind the colours, as all formats have it that are not EXR with layers.
+    // Alpha directly after the colours, as in all formats but EXR with layers.
     with_alpha_ = spec.alpha_channel == colors;
     facts_.width = static_cast<uint32_t>(spec.width);
     facts_.height = static_cast<uint32_t>(spec.height);
@@ -139,7 +139,7 @@ class Decoding {
     return {};
   }
 
-  /// Takes alpha out of the colours again.
+  /// Divides colours by alpha.
   void SendRows(Bytes& rows, size_t begin, size_t end) {
     const std::span part = std::span(rows).subspan(begin, end - begin);
     if (multiplied_ && with_alpha_) facts_.real ? Divide<float>(part) : Divide<uint8_t>(part);
@@ -181,7 +181,7 @@ class Decoding {
     return {};
   }
 
-  /// A row of tiles at a time.
+  /// Decodes a row of tiles at a time.
   Status Tiles() {
     const OIIO::ImageSpec& spec = input_->spec();
     Bytes rows;
@@ -200,11 +200,11 @@ class Decoding {
 
   const OnFacts& on_facts_;
   const OnRows& on_rows_;
-  Bytes packed_;  ///< an image as it lies in a file, where that must be in memory
+  Bytes packed_;  ///< an image's file, where the reader needs it in memory
   std::optional<OIIO::Filesystem::IOMemReader> memory_;
   std::unique_ptr<OIIO::ImageInput> input_;
   ImageFacts facts_;
-  bool with_alpha_ = false, multiplied_ = false;  ///< colours, by alpha
+  bool with_alpha_ = false, multiplied_ = false;  ///< there is alpha; colours are multiplied by it
 };
 
 }  // namespace

@@ -10,20 +10,21 @@
 
 namespace quarry {
 
-/// To be called first: sets OpenImageIO up, and loads what it loads at the first image.
+/// Sets OpenImageIO up and loads its libraries. Required before DecodeImage().
 void PrepareDecoding();
 
 using OnFacts = std::function<void(const ImageFacts&)>;
 using OnRows = std::function<void(std::span<const std::byte>)>;
 
-/// Decodes one image, which is the `size` bytes from `offset` of the file, or fewer where that ends: its
-/// facts, and unless `look_only` all of its rows, in messages of about 1 MB. Memory: a row of tiles, or what
-/// its decoder takes. Errors: a sentence of why it cannot be read. Throws what decoders throw
-/// (std::bad_alloc). Not thread-safe.
+/// Decodes an image: the `size` bytes from `offset` of the file, or fewer if the file ends. Sends its facts
+/// and, unless `look_only`, all rows in messages of about 1 MB. Memory: a row of tiles, or whatever the
+/// decoder takes.
+/// Errors: a sentence why the image cannot be read. Throws what decoders throw (std::bad_alloc). Thread
+/// safety: none.
 Status DecodeImage(const std::string& path, uint64_t offset, uint64_t size, bool look_only,
                    const OnFacts& on_facts, const OnRows& on_rows);
 
-/// The first line of a library's sentence, of a length to be read.
+/// The first line of a library's sentence, shortened.
 std::string Refusal(const std::string& why);
 
 }  // namespace quarry

@@ -1,7 +1,7 @@
 // quarry-import-image BYTES: decodes images for quarry-preprocess, which starts it and speaks to it through
-// standard input and output (image_protocol.h), within BYTES of address space beyond what the program itself
-// takes. A process of its own, since decoders of foreign bytes may fail as they like, and since OpenImageIO's
-// libraries take 100 MB.
+// standard input and output (image_protocol.h). May use BYTES of address space beyond the program's own. It
+// is a process of its own because decoders of foreign bytes may crash, and because OpenImageIO's libraries
+// take 100 MB.
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -24,7 +24,7 @@
 namespace quarry {
 namespace {
 
-/// Of what OpenImageIO takes for any image: a buffer of 64 MB, of which it touches a row.
+/// Address space that OpenImageIO takes for any image: a buffer of 64 MB, of which it touches one row.
 constexpr uint64_t kOwnBytes = 96u << 20;
 constexpr rlim_t kMostSecondsOfImage = 600;
 
@@ -32,7 +32,7 @@ void Send(int fd, ImageMessage kind, std::span<const std::byte> bytes) {
   ByteWriter header;
   header.Put(static_cast<uint32_t>(kind));
   header.Put(static_cast<uint32_t>(bytes.size()));
-  // Who wants the answer is gone: nothing is left to do.
+  // The parent is gone: nothing is left to do.
   if (!WriteAll(fd, header.bytes()) || !WriteAll(fd, bytes)) std::_Exit(1);
 }
 
@@ -43,7 +43,7 @@ void SendFacts(int fd, const ImageFacts& facts) {
   Send(fd, ImageMessage::kFacts, out.bytes());
 }
 
-/// Libraries put the path into their sentences, where it would be read for what it does not say.
+/// Removes the path, which libraries put into their sentences.
 std::string WithoutPath(std::string why, const std::string& path) {
   for (const std::string& name : {path + ": ", path})
     for (size_t at = why.find(name); !name.empty() && at != std::string::npos; at = why.find(name, at))
@@ -51,8 +51,8 @@ std::string WithoutPath(std::string why, const std::string& path) {
   return why;
 }
 
-/// Whether a decoder means that it had not enough: OpenImageIO catches what is thrown, and its libraries give
-/// sentences of their own.
+/// Whether a decoder's sentence means too little memory: OpenImageIO catches exceptions, and its libraries
+/// write sentences of their own.
 bool OfMemory(const std::string& why) {
   for (const char* word : {"alloc", "memory", "Memory", "No space"})
     if (why.find(word) != std::string::npos) return true;
@@ -78,8 +78,8 @@ void Answer(int out, ImageMessage kind, std::span<const std::byte> request) {
   }
 }
 
-/// Of processor, from now on; then SIGXCPU ends the process. A decoder that goes round in circles must not
-/// hold up a run for ever.
+/// Limits processor time from now on; SIGXCPU then ends the process. A decoder in an endless loop must not
+/// block a run.
 void LimitTime(rlim_t seconds) {
   rusage used{};
   ::getrusage(RUSAGE_SELF, &used);
@@ -91,10 +91,10 @@ void LimitTime(rlim_t seconds) {
 int Main(uint64_t memory) {
   const int out = ::dup(1), nowhere = ::open("/dev/null", O_WRONLY);
   if (out < 0 || nowhere < 0) return 1;
-  ::dup2(nowhere, 1);  // libraries print what they like
+  ::dup2(nowhere, 1);  // libraries print there
   ::dup2(nowhere, 2);
-  ::mallopt(M_ARENA_MAX, 1);  // each takes 128 MB of address space
-  PrepareDecoding();          // what it loads counts as the program's own
+  ::mallopt(M_ARENA_MAX, 1);  // each arena takes 128 MB of address space
+  PrepareDecoding();          // its memory counts as the program's own
   LimitAddressSpace(kOwnBytes + memory);
   for (;;) {
     std::byte header[kImageHeaderBytes];

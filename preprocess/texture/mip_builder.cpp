@@ -32,7 +32,7 @@ Status MipBuilder::AddRow(std::span<const std::byte> texels) {
   return PassOn(0, row, linear);
 }
 
-/// Puts a row of a level where it belongs, and emits the pages that it completes.
+/// Stores a row of a level and emits the pages that it completes.
 Status MipBuilder::Store(uint32_t l, std::span<const std::byte> texels) {
   const TextureShape::Level& level = shape_.levels()[l];
   const uint32_t row = levels_[l].row++;
@@ -64,8 +64,8 @@ Status MipBuilder::EmitStrip(uint32_t l) {
   return {};
 }
 
-/// What row `row` of level `l` adds to the rows of the next level that cover it. With an odd height h = 2n +
-/// 1 row i there covers n - i parts of h of row 2i, n of row 2i + 1, and i + 1 of row 2i + 2.
+/// Adds row `row` of level `l` to the rows of the next level that cover it. Of an odd height h = 2n + 1, row
+/// i of the next level covers (n - i) / h of row 2i, n / h of row 2i + 1 and (i + 1) / h of row 2i + 2.
 Status MipBuilder::PassOn(uint32_t l, uint32_t row, const std::vector<float>& linear) {
   const uint32_t height = shape_.levels()[l].height, n = height / 2;
   std::vector<float> half;

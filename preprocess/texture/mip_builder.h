@@ -11,24 +11,24 @@
 
 namespace quarry {
 
-/// Makes the pages of all levels of a texture from its rows, in one pass. Each level is the one before
-/// through a box filter: a texel is the mean of what it covers of the finer level, exactly so for odd sides
-/// too, where it covers parts of texels. Means are of linear light, of colours weighed by their alpha, and
-/// not rounded between levels. Memory: kPageSide rows of each level.
+/// Makes the pages of all levels of a texture from its rows, in one pass. A texel is the exact mean of its
+/// area in the finer level, also for odd sides, where it covers texels in part. Means are of linear light, of
+/// colours weighted by alpha, and not rounded between levels. Memory: kPageSide rows of each level. Thread
+/// safety: none.
 class MipBuilder {
  public:
-  /// `emit` takes each page once, as soon as its last row has come: the same order for the same sides.
+  /// Receives each page once, as soon as its last row has come; the order depends on the sides alone.
   using Emit = std::function<Status(uint32_t page, std::span<const std::byte> texels)>;
   MipBuilder(const TexelLayout& layout, Emit emit);
 
-  /// The next row of level 0, as stored. Errors: those of `emit`.
+  /// Adds the next row of level 0, as stored. Errors: those of `emit`.
   Status AddRow(std::span<const std::byte> texels);
 
  private:
   struct Level {
-    Bytes strip;              ///< rows of the level's pages that are being filled
-    uint32_t row = 0;         ///< that comes next
-    std::vector<float> mean;  ///< of the next level's row, not yet complete
+    Bytes strip;              ///< rows of the pages that are being filled
+    uint32_t row = 0;         ///< the next row's number
+    std::vector<float> mean;  ///< of the next level's row, incomplete
   };
   Status Store(uint32_t level, std::span<const std::byte> texels);
   Status EmitStrip(uint32_t level);

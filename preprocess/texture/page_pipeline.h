@@ -11,17 +11,17 @@
 
 namespace quarry {
 
-/// Encodes the pages of the writer's last texture by `threads` threads while more come, and writes them in
-/// the order in which they came. Memory: two batches of pages. Not thread-safe.
+/// Encodes the pages of the writer's last texture on `threads` threads and writes them in the order of Add().
+/// Memory: two batches of pages. Thread safety: one caller.
 class PagePipeline {
  public:
   PagePipeline(StoreWriter& writer, unsigned threads) : writer_(writer), threads_(threads) {}
   ~PagePipeline();
   PagePipeline(const PagePipeline&) = delete;
 
-  /// Errors: those of an earlier page: disk full.
+  /// Errors: those of an earlier page; disk full.
   Status Add(uint32_t page, std::span<const std::byte> texels);
-  /// All pages so far are in the writer.
+  /// Waits until all pages are written. Errors: as Add().
   Status Finish();
 
  private:
@@ -35,7 +35,7 @@ class PagePipeline {
 
   StoreWriter& writer_;
   unsigned threads_;
-  std::vector<Task> gathered_, batch_;  ///< the batch is another thread's while one is under way
+  std::vector<Task> gathered_, batch_;  ///< a second thread owns the batch while it runs
   std::future<Status> under_way_;
 };
 

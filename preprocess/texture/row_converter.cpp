@@ -10,7 +10,7 @@
 namespace quarry {
 namespace {
 
-/// Rec. 709's weights, of the values as they are.
+/// Rec. 709's weights, applied to the values as they are.
 uint8_t Luminance(uint8_t r, uint8_t g, uint8_t b) {
   return static_cast<uint8_t>((54u * r + 183u * g + 19u * b + 128u) >> 8);
 }

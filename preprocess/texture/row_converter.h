@@ -11,15 +11,15 @@
 
 namespace quarry {
 
-/// From an image's rows as decoded to those of a texture: the channels that it wants, as stored. Images of 8
-/// bits stay as they are, sRGB-encoded or not by their use; deeper ones become half floats in linear light
-/// (whole numbers of colour are sRGB-encoded before, floats never).
+/// Converts an image's decoded rows to a texture's rows: the wanted channels, as stored. 8-bit images stay as
+/// they are, sRGB-encoded or not by their use. Deeper images become half floats of linear light; whole
+/// numbers of colour are decoded from sRGB first, floats never. Thread safety: none.
 class RowConverter {
  public:
   RowConverter(const ImageFacts& facts, bool color, TexturePick pick);
 
   const TexelLayout& layout() const { return layout_; }
-  /// The stored texels of a row; valid until the next call. Requires: facts.row_bytes() bytes.
+  /// The stored texels of a row, valid until the next call. Requires: row.size() is facts.row_bytes().
   std::span<const std::byte> Convert(std::span<const std::byte> row);
 
  private:

@@ -12,7 +12,7 @@ namespace {
 
 struct SrgbTable {
   std::array<float, 256> linear;     ///< of each code
-  std::array<float, 255> threshold;  ///< from which on the next code is nearer, in the encoding
+  std::array<float, 255> threshold;  ///< between neighbouring codes, in linear light
   SrgbTable() {
     for (int i = 0; i < 256; ++i) linear[static_cast<size_t>(i)] = static_cast<float>(DecodeSrgb(i / 255.0));
     for (int i = 0; i < 255; ++i)

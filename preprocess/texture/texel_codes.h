@@ -9,13 +9,13 @@
 
 namespace quarry {
 
-/// One row of stored texels as linear floats, colours multiplied by their alpha.
+/// Decodes a row of stored texels to linear floats, colours multiplied by alpha. Thread-safe.
 void ToLinear(std::span<const std::byte> texels, const TexelLayout& layout, std::vector<float>& linear);
 
-/// And back, rounded to the nearest code; where alpha is 0 colours are too.
+/// Encodes linear floats, rounded to the nearest code; colours are 0 where alpha is 0. Thread-safe.
 void FromLinear(const std::vector<float>& linear, const TexelLayout& layout, Bytes& texels);
 
-/// The nearest code of 8 bits for a linear value; below 0 and NaN are 0, above 1 is 255.
+/// The nearest 8-bit code of a linear value; below 0 and NaN give 0, above 1 gives 255.
 std::byte ToByte(float linear);
 std::byte ToSrgbByte(float linear);
 

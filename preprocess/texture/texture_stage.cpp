@@ -16,12 +16,12 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr double kSecondsToNote = 1;
+constexpr double kSecondsPerCheckpoint = 1;
 
 }  // namespace
 
-Status TextureStage::TakeNote(std::span<const std::byte> note, std::vector<WrittenTexture>& textures) {
-  ByteReader in(note);
+Status TextureStage::Restore(std::span<const std::byte> checkpoint, std::vector<WrittenTexture>& textures) {
+  ByteReader in(checkpoint);
   while (in.ok() && in.remaining() > 0) {
     if (in.Get<uint8_t>() == 0) {
       numbers_.push_back(kNoIndex);
@@ -40,15 +40,15 @@ Status TextureStage::TakeNote(std::span<const std::byte> note, std::vector<Writt
     pages_ += pages;
     textures.push_back(std::move(t));
   }
-  noted_ = numbers_.size();
+  saved_ = numbers_.size();
   if (!in.ok() || numbers_.size() > images_.size()) return Fail("its journal cannot be read");
   return {};
 }
 
-Bytes TextureStage::TakeUnnoted(const StoreWriter& writer) {
+Bytes TextureStage::TakeUnsaved(const StoreWriter& writer) {
   ByteWriter out;
-  for (; noted_ < numbers_.size(); ++noted_) {
-    const uint32_t number = numbers_[noted_];
+  for (; saved_ < numbers_.size(); ++saved_) {
+    const uint32_t number = numbers_[saved_];
     out.Put<uint8_t>(number != kNoIndex);
     if (number == kNoIndex) continue;
     const WrittenTexture& t = writer.textures()[number];
@@ -66,18 +66,18 @@ Bytes TextureStage::TakeUnnoted(const StoreWriter& writer) {
 }
 
 Status TextureStage::Run(StoreWriter& writer, Progress& progress,
-                         const std::function<Status(const Bytes&)>& note) {
+                         const std::function<Status(const Bytes&)>& save) {
   if (images_.empty()) return {};
   const auto start = Clock::now();
-  auto noted = start;
+  auto saved = start;
   progress.Begin(fmt::format("carrying {} images", images_.size()), "", numbers_.size());
   for (size_t i = numbers_.size(); i < images_.size(); ++i) {
     QUARRY_TRY(Carry(images_[i], writer));
     progress.Update(i + 1, images_.size());
-    if (SecondsSince(noted) < kSecondsToNote) continue;
+    if (SecondsSince(saved) < kSecondsPerCheckpoint) continue;
     QUARRY_TRY(writer.Sync());
-    QUARRY_TRY(note(TakeUnnoted(writer)));
-    noted = Clock::now();
+    QUARRY_TRY(save(TakeUnsaved(writer)));
+    saved = Clock::now();
   }
   progress.End();
   wall_s_ = SecondsSince(start);

@@ -14,33 +14,33 @@
 
 namespace quarry {
 
-/// What became of a scene's images.
+/// Statistics of a scene's images.
 struct TextureStatistics {
   uint64_t textures = 0, pages = 0;
-  uint64_t stored_bytes = 0, decoded_bytes = 0;  ///< of pages
+  uint64_t stored_bytes = 0, decoded_bytes = 0;  ///< of texture pages
   uint64_t left_out = 0;                         ///< images that cannot be read
   double wall_s = 0;
 };
 
-/// Images into textures of the store, one after the other: decoded by the helper row by row, made into pages
-/// as rows come. An image that cannot be read is warned of and left out. Memory: kPageSide rows of each
-/// level, 34 MB for the largest image there may be.
+/// Carries a scene's images into the store, one after the other: the helper process decodes rows, which
+/// become pages as they come. An image that cannot be read is left out with a warning. Memory: kPageSide rows
+/// of each level, 34 MB for the largest image allowed. Thread safety: none.
 class TextureStage {
  public:
   using Warn = std::function<void(const std::string&)>;
   TextureStage(const std::vector<TextureImage>& images, ImageDecoding decoding, unsigned threads, Warn warn)
       : images_(images), decoder_(std::move(decoding)), threads_(threads), warn_(std::move(warn)) {}
 
-  /// What an earlier run had done, as its notes say, in order; `textures` is for the writer.
-  /// Errors: a note that cannot be read.
-  Status TakeNote(std::span<const std::byte> note, std::vector<WrittenTexture>& textures);
-  /// Carries the rest; `note` is called now and then, after the writer's file has been synchronised, with
-  /// what was done since the last time. Errors: disk full, memory that does not do.
-  Status Run(StoreWriter& writer, Progress& progress, const std::function<Status(const Bytes&)>& note);
-  /// Numbers the textures of bindings as the store does; bindings of images left out go.
+  /// Takes over an earlier run's work from a checkpoint; call it for each in order. `textures`: for the
+  /// store's writer. Errors: the checkpoint cannot be read.
+  Status Restore(std::span<const std::byte> checkpoint, std::vector<WrittenTexture>& textures);
+  /// Carries the remaining images. `save` is called now and then with a checkpoint of the images since the
+  /// last, after the writer's file has been synchronised. Errors: disk full; too little memory.
+  Status Run(StoreWriter& writer, Progress& progress, const std::function<Status(const Bytes&)>& save);
+  /// Renumbers the materials' bindings to the store's textures; bindings of images left out are removed.
   void Renumber(std::vector<Material>& materials) const;
-  /// What was done since the last note, as a note.
-  Bytes TakeUnnoted(const StoreWriter& writer);
+  /// A checkpoint of the images carried since the last.
+  Bytes TakeUnsaved(const StoreWriter& writer);
   TextureStatistics Statistics(const StoreWriter& writer) const;
 
  private:
@@ -50,8 +50,8 @@ class TextureStage {
   ImageDecoder decoder_;
   unsigned threads_;
   Warn warn_;
-  std::vector<uint32_t> numbers_;  ///< of the images done: the store's texture, or kNoIndex
-  size_t noted_ = 0;
+  std::vector<uint32_t> numbers_;  ///< of each image done: the store's texture, or kNoIndex
+  size_t saved_ = 0;
   uint32_t pages_ = 0;  ///< of the images done
   double wall_s_ = 0;
 };

@@ -47,8 +47,8 @@ Material FromLook(const Look& look) {
   return material;
 }
 
-/// A stage and its share of the triangles in a small plant (1000) and in a large one: a small one is mostly
-/// walls.
+/// A stage and its share of the triangles in a small plant (1,000 triangles, mostly walls) and in a large
+/// plant.
 struct Stage {
   void (*draw)(Plant&, Budget);
   double small, large;

@@ -46,14 +46,14 @@ struct Plant {
   Builder& b;
   uint64_t seed;
   double triangles;  ///< Of the whole scene.
-  double item;  ///< What a common part (a pipe, say) should cost: more triangles make parts finer and more.
+  double item;       ///< Of a common part (a pipe, say): with more, parts get finer and more numerous.
 };
 
-// Whether bay (x, y) belongs to ...
+// Whether bay (x, y) belongs to the hall, to the walkway around it, to the stairs; see above.
 constexpr bool InHall(int x, int y) { return x >= 3 && x <= 6 && y >= 2 && y <= 5; }
 constexpr bool InWalkway(int x, int y) { return x >= 2 && x <= 7 && y >= 1 && y <= 6 && !InHall(x, y); }
 constexpr bool InStairs(int x, int y) { return x == 9 && y <= 1; }
-/// ... the equipment: not the entrance on the ground, not the flue at the top.
+/// Whether a bay holds equipment: not the entrance on the ground, not the flue at the top.
 constexpr bool InEquipment(int x, int y, int level) {
   if (InHall(x, y) || InWalkway(x, y) || InStairs(x, y)) return false;
   return !(level == 0 && x < 2 && y == 3) && !(level == kLevels - 1 && x > 7 && (y == 3 || y == 4));
@@ -69,15 +69,15 @@ void DrawBolts(Plant& plant, Budget budget);      ///< On the columns, exactly u
 
 // Pipes (plant_pipes.cpp).
 
-/// A pipe of about `triangles` (never more than twice that), with flanges and valves where that pays for
-/// them.
+/// Draws a pipe of about `triangles` (at most twice as many), with flanges and valves where they fit the
+/// budget.
 void DrawPipe(Plant& plant, std::span<const glm::vec3> points, float radius, double triangles,
               Random& random);
 /// A material for a pipe of this radius.
 uint16_t PipeMaterial(float radius, Random& random);
 /// A tint of one part: parts of one material differ a little, as age and dirt make them.
 glm::vec3 Worn(Random& random);
-/// The segments around an axis with which something of `rows` rows of quads costs about `triangles`.
+/// Segments around an axis with which `rows` rows of quads cost about `triangles`.
 int SegmentsFor(double triangles, int rows, int most);
 
 }  // namespace quarry::scenes

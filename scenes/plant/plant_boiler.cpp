@@ -121,7 +121,7 @@ void DrawTubeWalls(Plant& plant, const Boiler& boiler, Budget budget) {
   }
 }
 
-/// The way of one superheater element: down and up between `low` and `high` across the depth of the boiler.
+/// The path of a superheater element: down and up between `low` and `high` across the depth of the boiler.
 std::vector<vec3> Serpentine(float x, float low, float high, int passes, Random& random) {
   std::vector<vec3> points;
   const float y0 = kBoilers[0].low.y + 1.0f, y1 = kBoilers[0].high.y - 1.0f;

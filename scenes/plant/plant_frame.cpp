@@ -121,7 +121,7 @@ void DrawBolts(Plant& plant, Budget budget) {
       }
     }
   });
-  // What is left is fewer than a bolt has, or a plant too small for bolts: studs at the entrance.
+  // The rest is fewer than a bolt has, or the plant is too small for bolts: studs at the entrance.
   for (int i = 0; budget.Room() > 0; ++i) {
     plant.b.Part(fmt::format("bollard {}", i));
     plant.b.Use(kYellowPaint);

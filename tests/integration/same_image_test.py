@@ -131,7 +131,7 @@ class SameStore(Case):
         """200,000 times one triangle, more than a quarter of the least memory holds; others beside it, with space."""
         vertices = [(0, 0, 0), (3, 2, 1), (1, 3, 2), (90, 90, 90), (91, 90, 90), (90, 91, 91)]
         faces = [(0, 1, 2)] * 200000 + [(3, 4, 5)] * 5
-        model = self.path("pile.ply")
+        model = self.path("chain.ply")
         write_ply(model, vertices, faces)
         self.expect_one_store(model)
         info = self.info(self.path("s-1G-2.quarry"))

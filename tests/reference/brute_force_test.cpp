@@ -251,7 +251,7 @@ TEST_CASE("Traversal agrees with brute force to the last bit on generated scenes
   }
 }
 
-TEST_CASE("Traversal agrees with brute force on slivers, piles and split planes", "[reference]") {
+TEST_CASE("Traversal agrees with brute force on slivers, voxel chains and split planes", "[reference]") {
   const TemporaryFolder folder;
   std::mt19937 random(7);
   const auto point = [&](float size) { return PointInBox(random, glm::vec3(-size), glm::vec3(size)); };
@@ -287,10 +287,10 @@ TEST_CASE("Traversal agrees with brute force on slivers, piles and split planes"
     }
   }
   for (const auto& [name, corners] : {std::pair("fan", fan), std::pair("bars", bars)}) {
-    const Catalog piled = compare(name, corners, 32000);
-    CHECK(std::any_of(piled.voxels.begin(), piled.voxels.end(),
+    const Catalog chained = compare(name, corners, 32000);
+    CHECK(std::any_of(chained.voxels.begin(), chained.voxels.end(),
                       [](const VoxelEntry& v) { return v.next_in_chain != kNoIndex; }));
-    CHECK(piled.meta.stored_references < piled.meta.input_triangles * 3 / 2);
+    CHECK(chained.meta.stored_references < chained.meta.input_triangles * 3 / 2);
   }
   compare("boxes", boxes, 32000);
   compare("single", {{0, 0, 0}, {1, 0, 0}, {0, 1, 0.5f}}, 16000);

@@ -217,10 +217,10 @@ Outcome Undisturbed(Give&& give) {
   return OutcomeOf(std::move(*scene));
 }
 
-/// Every process makes one note, and dies where the next would be, with all that it has not written: its
-/// sink's buffers. One more dies behind the last, where a note between files would be.
+/// Every process makes one checkpoint and dies at the next, with its sink's unwritten buffers. One more
+/// process dies after the last checkpoint, where a checkpoint between files would be.
 template <class Give>
-Outcome KilledAtEveryNote(Give&& give, size_t& kills) {
+Outcome KilledAtEveryCheckpoint(Give&& give, size_t& kills) {
   const test::TemporaryFolder folder;
   Bytes saved;
   bool died_at_end = false;
@@ -228,11 +228,11 @@ Outcome KilledAtEveryNote(Give&& give, size_t& kills) {
     REQUIRE(kills < 1000);
     SpillSink sink = MakeSink(folder.path());
     if (!saved.empty()) REQUIRE(sink.Restore(saved, false));
-    bool noted = false;
-    sink.NoteEvery(0, [&]() -> Status {
-      if (std::exchange(noted, true)) return Fail("killed");
+    bool saved_once = false;
+    sink.CheckpointEvery(0, [&]() -> Status {
+      if (std::exchange(saved_once, true)) return Fail("killed");
       QUARRY_ASSIGN(saved, sink.Save());
-      sink.Noted();
+      sink.Committed();
       return {};
     });
     const Status given = give(sink);
@@ -252,7 +252,7 @@ void MustGoOn(const std::string& path, size_t least_kills) {
   const auto give = [&](SpillSink& sink) { return ImportModel(path, sink); };
   const Outcome whole = Undisturbed(give);
   size_t kills = 0;
-  const Outcome pieces = KilledAtEveryNote(give, kills);
+  const Outcome pieces = KilledAtEveryCheckpoint(give, kills);
   CHECK(kills >= least_kills);
   MustBeTheSame(pieces, whole);
 }
@@ -282,7 +282,7 @@ TEST_CASE("A checkpoint does not go on with another material library, or other b
     Bytes saved;
     {
       SpillSink sink = MakeSink(work.path());
-      sink.NoteEvery(0, [&]() -> Status {
+      sink.CheckpointEvery(0, [&]() -> Status {
         QUARRY_ASSIGN(saved, sink.Save());
         return Fail("killed");
       });
@@ -339,13 +339,13 @@ TEST_CASE("The pages in memory, and what may still be loaded, are the same after
   };
   const Outcome whole = Undisturbed(give);
   size_t kills = 0;
-  const Outcome pieces = KilledAtEveryNote(give, kills);
+  const Outcome pieces = KilledAtEveryCheckpoint(give, kills);
   CHECK(kills >= 8);
   MustBeTheSame(pieces, whole);
 }
 
 TEST_CASE("Windows over faces that waited go on from the last", "[import][resume]") {
-  // Faces before their vertices, enough of them to be worth notes, in several windows.
+  // Faces before their vertices, enough of them to be worth checkpoints, in several windows.
   constexpr uint32_t kVertices = 1500000, kFaces = (1 << 20) + 1000;
   const auto give = [&](SpillSink& sink) -> Status {
     QUARRY_TRY(sink.BeginFile("f"));
@@ -361,7 +361,7 @@ TEST_CASE("Windows over faces that waited go on from the last", "[import][resume
   };
   const Outcome whole = Undisturbed(give);
   size_t kills = 0;
-  const Outcome pieces = KilledAtEveryNote(give, kills);
+  const Outcome pieces = KilledAtEveryCheckpoint(give, kills);
   CHECK(kills == 4);  // one of them behind the last
   MustBeTheSame(pieces, whole);
 }

@@ -184,7 +184,7 @@ TEST_CASE("An import goes on where it was saved") {
     auto state = sink.Save();
     REQUIRE(state.has_value());
     saved = *state;
-    sink.Noted();
+    sink.Committed();
     AddFile(sink, 77, 0, false, true);  // lost with the process
   }
   SpillSink sink = MakeSink(folder, 1 << 20);
@@ -209,7 +209,8 @@ TEST_CASE("An import goes on where it was saved") {
 }
 
 TEST_CASE(
-    "What a kill has left that no note speaks of goes, and without what one speaks of nothing goes on") {
+    "Leftovers of a kill that no checkpoint names are deleted, and a checkpoint whose files are gone is "
+    "refused") {
   const Folder folder;
   const auto file = [&](const char* name) { return folder.path + "/" + name; };
   Bytes saved;
@@ -219,7 +220,7 @@ TEST_CASE(
     auto state = sink.Save();
     REQUIRE(state.has_value());
     saved = *state;
-    sink.Noted();
+    sink.Committed();
   }
   for (const char* stale : {"import-positions", "import-partial-1", "import-state-0", "import-state-1.tmp-7",
                             "triangles-0", "triangles-3"})

@@ -60,7 +60,7 @@ TEST_CASE("From a model to texels: what is in the image is in the store, the upp
   for (const MaterialTexture& use : uses) CHECK(use.binding.texture == 0);
 }
 
-TEST_CASE("Images that a note says are done are not carried again", "[texture]") {
+TEST_CASE("Images that a checkpoint has are not carried again", "[texture]") {
   ::signal(SIGPIPE, SIG_IGN);
   const test::TemporaryFolder folder;
   Write(folder.file("a.ppm"), "P6 2 1 255\nabcdef");
@@ -79,21 +79,21 @@ TEST_CASE("Images that a note says are done are not carried again", "[texture]")
   int warnings = 0;
   const auto warn = [&](const std::string&) { ++warnings; };
   TextureStage first(images, decoding, 1, warn);
-  std::vector<Bytes> notes;  // on a slow machine some come while it runs
-  REQUIRE(first.Run(*writer, progress, [&](const Bytes& note) {
-    notes.push_back(note);
+  std::vector<Bytes> checkpoints;  // on a slow machine some come while it runs
+  REQUIRE(first.Run(*writer, progress, [&](const Bytes& checkpoint) {
+    checkpoints.push_back(checkpoint);
     return Status();
   }));
   CHECK(warnings == 1);
-  notes.push_back(first.TakeUnnoted(*writer));
-  std::erase_if(notes, [](const Bytes& note) { return note.empty(); });
-  CHECK(first.TakeUnnoted(*writer).empty());
+  checkpoints.push_back(first.TakeUnsaved(*writer));
+  std::erase_if(checkpoints, [](const Bytes& checkpoint) { return checkpoint.empty(); });
+  CHECK(first.TakeUnsaved(*writer).empty());
 
   // Nothing of them is there any more.
   for (const TextureImage& image : images) std::filesystem::remove(image.file);
   TextureStage again(images, decoding, 1, warn);
   std::vector<WrittenTexture> textures;
-  for (const Bytes& note : notes) REQUIRE(again.TakeNote(note, textures));
+  for (const Bytes& checkpoint : checkpoints) REQUIRE(again.Restore(checkpoint, textures));
   REQUIRE(textures.size() == 2);
   CHECK((textures[0].texture.name == "a.ppm" && textures[1].texture.name == "c.ppm"));
   CHECK(textures[0].texture.layout == TexelLayout{2, 1, 3, TexelFormat::kSrgb8});
@@ -109,7 +109,7 @@ TEST_CASE("Images that a note says are done are not carried again", "[texture]")
   again.Renumber(materials);
   REQUIRE(materials[0].textures.size() == 2);
   CHECK((materials[0].textures[0].texture == 0 && materials[0].textures[1].texture == 1));
-  CHECK_FALSE(TextureStage(images, decoding, 1, warn).TakeNote(std::span(notes[0]).first(20), textures));
+  CHECK_FALSE(TextureStage(images, decoding, 1, warn).Restore(std::span(checkpoints[0]).first(20), textures));
 }
 
 }  // namespace quarry

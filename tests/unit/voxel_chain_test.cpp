@@ -16,7 +16,7 @@ KdReference Reference(uint32_t id, const glm::vec3& lower, const glm::vec3& uppe
   return {{lower.x, lower.y, lower.z}, id, {upper.x, upper.y, upper.z}, 0};
 }
 
-/// Bars along x and along y, by turns, over one another; those along x reach beyond the cell.
+/// Alternating bars along x and along y, over one another; the bars along x reach beyond the cell.
 std::vector<KdReference> CrossingBars(uint32_t count) {
   std::vector<KdReference> bars;
   for (uint32_t i = 0; i < count; ++i) {
@@ -27,10 +27,11 @@ std::vector<KdReference> CrossingBars(uint32_t count) {
   return bars;
 }
 
-/// Parts them; checks what must hold of any groups. Returns the sum of the groups' areas over the cell's.
+/// Splits the references and checks the invariants of groups. Returns the sum of the groups' areas over the
+/// cell's.
 double AreasOfGroups(std::vector<KdReference>& references) {
   const size_t count = references.size();
-  const std::vector<size_t> ends = PartPile(references, kCell, kMost);
+  const std::vector<size_t> ends = SplitIntoChain(references, kCell, kMost);
   REQUIRE(!ends.empty());
   CHECK(ends.back() == count);
   double areas = 0;
@@ -53,14 +54,14 @@ double AreasOfGroups(std::vector<KdReference>& references) {
 
 }  // namespace
 
-TEST_CASE("A pile of crossing bars is parted into strips along them") {
+TEST_CASE("A leaf of crossing bars is split into strips along them") {
   std::vector<KdReference> bars = CrossingBars(2000);
   // 20 groups or more: in any order they would take 20 times the area; strips take it twice, and some more
   // for borders.
   CHECK(AreasOfGroups(bars) < 4);
 }
 
-TEST_CASE("A pile in one place, or of a few, is parted by numbers alone") {
+TEST_CASE("A leaf in one place, or of a few, is split by numbers alone") {
   for (const auto& [count, groups] : {std::pair(1050u, 11), std::pair(kMost, 1), std::pair(kMost + 1, 2)}) {
     std::vector<KdReference> heap;
     for (uint32_t i = 0; i < count; ++i) heap.push_back(Reference(i, {1, 2, 3}, {4, 5, 6}));

@@ -49,7 +49,7 @@ TEST_CASE("WorkFolder removes its journal before what the journal speaks of") {
   std::vector<std::string> deleted;
   WorkFolder work = OpenFor(folder, false);
   Make(work, {"region-0", "region-1", "triangles-0", "store"});
-  REQUIRE(work.Add(NoteKind::kParted, Bytes(8)));
+  REQUIRE(work.Add(CheckpointKind::kRouted, Bytes(8)));
   SECTION("when the run is over") {
     deleted = DeletedFrom(work.path(), [&] { work.Remove(); });
   }
@@ -60,18 +60,18 @@ TEST_CASE("WorkFolder removes its journal before what the journal speaks of") {
   CHECK(deleted[0] == "journal");
 }
 
-TEST_CASE("WorkFolder goes on with what is noted, unless the store has got its name already") {
+TEST_CASE("WorkFolder continues from the journal unless the store has got its name already") {
   const TemporaryFolder folder;
   {
     WorkFolder work = OpenFor(folder, false);
     Make(work, {"store"});
-    REQUIRE(work.Add(NoteKind::kParted, Bytes(8)));
-    REQUIRE(work.Add(NoteKind::kBuilt, Bytes(8)));
+    REQUIRE(work.Add(CheckpointKind::kRouted, Bytes(8)));
+    REQUIRE(work.Add(CheckpointKind::kBuilt, Bytes(8)));
   }
-  SECTION("noted") { CHECK(OpenFor(folder, true).notes().size() == 2); }
+  SECTION("journal") { CHECK(OpenFor(folder, true).checkpoints().size() == 2); }
   SECTION("named") {
     std::filesystem::remove(folder.file("x.quarry.work/store"));
-    CHECK(OpenFor(folder, true).notes().empty());
+    CHECK(OpenFor(folder, true).checkpoints().empty());
   }
 }
 

@@ -75,8 +75,8 @@ class VoxelCache {
   /// `mailbox` and delivered to it. A block is loaded once however many ask.
   void Want(BlockKey block, Mailbox* mailbox, uint32_t rays, OctantMask octants = kAllOctants);
   /// Whether the wanted blocks would take more than half of the cache: the other half is for blocks in use,
-  /// which new ones would push out before all rays have been there. (Fan of tests/bench/piles, 32M: 1,606
-  /// loads; 6,987 with the whole.)
+  /// which new ones would push out before all rays have been there. (Fan of tests/bench/voxel_chains, 32M:
+  /// 1,606 loads; 6,987 with the whole.)
   bool scarce() const { return wanted_bytes_.load(std::memory_order_relaxed) > budget_ / 2; }
   /// Mailboxes' owners have used so many delivered blocks.
   void Used(uint32_t blocks);

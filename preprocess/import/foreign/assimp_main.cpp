@@ -1,7 +1,6 @@
-// quarry-import-assimp MODEL OUT.ply BYTES: reads a model in any format that Assimp knows, within BYTES of
-// address space beyond what the program itself takes, and writes it as PLY with NAME.materials.json beside
-// it, for quarry-preprocess, which starts it. A process of its own, since Assimp holds models whole and may
-// fail as it likes.
+// quarry-import-assimp MODEL OUT.ply BYTES: reads a model in any format that Assimp knows and writes it as
+// PLY, with NAME.materials.json beside it, for quarry-preprocess, which starts it. May use BYTES of address
+// space beyond the program's own. It is a process of its own because Assimp holds models whole and may crash.
 
 #include <assimp/DefaultIOSystem.h>
 #include <assimp/config.h>
@@ -34,7 +33,7 @@ namespace {
 
 constexpr uint64_t kOwnBytes = 512u << 20;  // libraries, stacks, buffers
 
-/// Opens regular files alone: what a model names may be a FIFO, which would keep us waiting for ever.
+/// Opens regular files alone: a model may name a FIFO, which would block for ever.
 class RegularFiles : public Assimp::DefaultIOSystem {
  public:
   Assimp::IOStream* Open(const char* path, const char* mode) override {
@@ -44,7 +43,7 @@ class RegularFiles : public Assimp::DefaultIOSystem {
   }
 };
 
-/// A mesh where a node puts it.
+/// A mesh with a node's transform.
 struct Placed {
   const aiMesh* mesh;
   aiMatrix4x4 to_world;
@@ -60,7 +59,7 @@ void Place(const aiScene& scene, const aiNode& node, const aiMatrix4x4& parent, 
   for (unsigned i = 0; i < node.mNumChildren; ++i) Place(scene, *node.mChildren[i], to_world, placed, parts);
 }
 
-/// Whether a material's shading has a highlight; Assimp gives all a specular colour.
+/// Whether a material's shading has a highlight. Assimp gives every material a specular colour.
 bool HasHighlight(const aiMaterial& from) {
   int model = aiShadingMode_Phong;
   from.Get(AI_MATKEY_SHADING_MODEL, model);
@@ -77,7 +76,7 @@ bool IsOf(const std::string& model, const char* extension) {
   return ::strcasecmp(std::filesystem::path(model).extension().c_str(), extension) == 0;
 }
 
-/// 3MF and AMF say that their colours are sRGB.
+/// 3MF and AMF state that their colours are sRGB.
 bool HasSrgbColors(const std::string& model) { return IsOf(model, ".3mf") || IsOf(model, ".amf"); }
 
 Material Converted(const aiMaterial& from, bool srgb) {
@@ -110,7 +109,7 @@ Material Converted(const aiMaterial& from, bool srgb) {
   color(AI_MATKEY_BASE_COLOR, m.base_color);
   m.specular_weight = 1;
   DeriveWhitted(m, false);
-  return m;  // whoever reads the file clamps
+  return m;  // the reader of the file clamps
 }
 
 template <class T>
@@ -183,7 +182,7 @@ Status WritePly(const std::vector<Placed>& placed, const std::string& path) {
   return file.Commit();
 }
 
-/// With the model's name once.
+/// The error, with the model's name once.
 Status CannotRead(const std::string& model, std::string why) {
   if (why.starts_with("No suitable reader found"))
     return Fail(fmt::format("{}: is of no format that is known here; export it as glTF, OBJ or PLY", model));
@@ -195,8 +194,8 @@ Status CannotRead(const std::string& model, std::string why) {
 Status Run(const std::string& model, const std::string& out, uint64_t memory) {
   LimitAddressSpace(kOwnBytes + memory);
   Assimp::Importer importer;
-  importer.SetIOHandler(new RegularFiles);  // the importer's from now on
-  // Of bones without a skin Assimp would make meshes of its own.
+  importer.SetIOHandler(new RegularFiles);  // the importer owns it from now on
+  // Without this, Assimp makes meshes of bones that have no skin.
   importer.SetPropertyInteger(AI_CONFIG_IMPORT_NO_SKELETON_MESHES, 1);
   const aiScene* scene = importer.ReadFile(
       model, aiProcess_Triangulate | aiProcess_SortByPType | aiProcess_JoinIdenticalVertices);

@@ -5,7 +5,7 @@
 
 namespace quarry {
 
-/// This process's environment for a program started by it alone, which ends with it: see EndWithParent.
+/// The environment of this process for a child program that must end with it: see EndWithParent().
 class ChildEnvironment {
  public:
   ChildEnvironment();

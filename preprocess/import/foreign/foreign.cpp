@@ -17,7 +17,7 @@ namespace {
 
 constexpr size_t kMostComplaint = 2000;
 
-/// What comes through the pipe until all of its other ends are closed.
+/// Reads from a pipe until all of its writers have closed it.
 std::string ReadAll(int fd) {
   std::string text;
   char buffer[512];
@@ -28,7 +28,7 @@ std::string ReadAll(int fd) {
     if (text.size() < kMostComplaint) text.append(buffer, static_cast<size_t>(n));
   }
   while (!text.empty() && (text.back() == '\n' || text.back() == '\r')) text.pop_back();
-  return text.substr(text.rfind('\n') + 1);  // its last line; libraries may have said something before
+  return text.substr(text.rfind('\n') + 1);  // its last line; libraries may print before it
 }
 
 }  // namespace

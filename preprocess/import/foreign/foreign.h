@@ -7,21 +7,21 @@
 
 namespace quarry {
 
-/// How formats are read that Quarry has no reader for.
+/// How to read formats for which Quarry has no reader.
 struct ForeignFormats {
-  std::string program;  ///< quarry-import-assimp; empty: they are refused
-  std::string prefix;   ///< of the files that it writes: PREFIX.ply and PREFIX.materials.json
-  uint64_t memory = 0;  ///< bytes that it may take
+  std::string program;  ///< quarry-import-assimp; empty: such formats are refused
+  std::string prefix;   ///< of the files written: PREFIX.ply and PREFIX.materials.json
+  uint64_t memory = 0;  ///< bytes that the program may take
 };
 
-/// Memory that Assimp takes, over a file's bytes: the most of COLLADA, X, PLY and OBJ as measured
-/// (preprocess/README.md). What is packed within itself may take more.
+/// Memory that Assimp takes, over a file's bytes: the maximum of COLLADA, X, PLY and OBJ as measured
+/// (tests/bench/history/preprocess.md). A format that is packed within itself may take more.
 inline constexpr uint64_t kForeignBytesPerByte = 50;
 
-/// A model as PLY with its materials beside it, in files that go with the object.
+/// A model converted to PLY, with its materials beside it, in files that are deleted with the object.
 class ForeignModel {
  public:
-  /// Starts the program on `model`. Errors: its sentence, or that it crashed.
+  /// Runs the program on `model`. Errors: its own sentence; it crashed.
   static Result<ForeignModel> Convert(const std::string& model, const ForeignFormats& formats);
   ForeignModel(ForeignModel&& other) noexcept;
   ForeignModel& operator=(ForeignModel&&) = delete;
@@ -33,7 +33,7 @@ class ForeignModel {
   explicit ForeignModel(std::string prefix);
   std::string library() const { return prefix_ + ".materials.json"; }
   std::string prefix_;
-  int cleanups_[2];  ///< see RemoveOnSignal
+  int cleanups_[2];  ///< of the two files, see RemoveOnSignal()
 };
 
 }  // namespace quarry

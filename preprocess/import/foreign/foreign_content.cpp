@@ -27,7 +27,7 @@ constexpr std::string_view kImage = "give the model that it belongs to";
 constexpr std::string_view kVolume =
     "make a surface of it first, as PLY or STL (ParaView: Contour, Save Data; 3D Slicer)";
 
-/// What files begin with.
+/// First bytes of known formats.
 constexpr Signature kSignatures[] = {
     {"version https://git-lfs.github.com/"sv, "a Git LFS pointer, not the model",
      "run \"git lfs pull\" where it comes from"},
@@ -113,7 +113,7 @@ constexpr Signature kSignatures[] = {
     {"<html"sv, "a web page", "download the model itself"},
 };
 
-/// Names of files whose first bytes tell nothing, or not enough.
+/// Extensions of files whose first bytes are not enough.
 constexpr Signature kExtensions[] = {
     {".splat"sv, "a file of Gaussian splats", kMesh},
     {".ksplat"sv, "a file of Gaussian splats", kMesh},
@@ -145,7 +145,7 @@ constexpr Signature kExtensions[] = {
     {".gcode"sv, "a program for a printer (G-code)", "give the model that it was made of"},
 };
 
-/// Of models that are read here, by whatever they hold.
+/// Extensions of models that Quarry reads, whatever they hold.
 bool IsOfModel(std::string_view extension) {
   constexpr std::string_view kModels[] = {".ply", ".obj", ".stl", ".off", ".nff", ".aff", ".gltf", ".glb"};
   return std::ranges::any_of(kModels,
@@ -157,22 +157,22 @@ std::string_view AfterSpaces(std::string_view text) {
   return text;
 }
 
-/// Behind lines of comments that begin with '#', and blank ones.
+/// The text after lines that are blank or begin with '#'.
 std::string_view AfterComments(std::string_view text) {
   for (text = AfterSpaces(text); text.starts_with('#'); text = AfterSpaces(text))
     text.remove_prefix(std::min(text.size(), text.find_first_of("\r\n")));
   return text;
 }
 
-/// Behind comments of XML.
+/// The text after XML comments.
 std::string_view AfterXmlComments(std::string_view text) {
   for (size_t end; text.starts_with("<!--") && (end = text.find("-->")) != text.npos;)
     text = AfterSpaces(text.substr(end + 3));
   return text;
 }
 
-/// Whether the first lines are rows of three numbers and more, as many in each; but for one that is a count
-/// or names the columns. The last line may be cut.
+/// Whether the first lines are rows of at least three numbers, all equally long. The first line may be a
+/// count or name the columns; the last may be cut.
 bool IsTableOfNumbers(std::string_view text) {
   size_t rows = 0, columns = 0, other = 0;
   text = AfterComments(text);
@@ -196,7 +196,7 @@ bool IsTableOfNumbers(std::string_view text) {
   return rows >= 2;
 }
 
-/// The end of a line of 80 columns, as IGES has them: S in the 73rd, and a number.
+/// Whether columns 73 on of the first line are S and a number, as in IGES's 80-column lines.
 bool IsIges(std::string_view start) {
   return start.size() >= 80 && start[72] == 'S' && start.substr(0, 72).find('\n') == start.npos &&
          AfterSpaces(start.substr(73, 7)).find_first_not_of("0123456789 ") == start.npos;
@@ -206,7 +206,7 @@ ForeignContent Content(const Signature& s) {
   return {std::string(s.what), std::string(s.advice), s.may_be_read};
 }
 
-/// By bytes that are not the first.
+/// Recognises formats by bytes other than the first.
 ForeignContent Within(std::string_view start) {
   const auto at = [&](size_t place, std::string_view bytes) {
     return start.size() >= place + bytes.size() && start.substr(place, bytes.size()) == bytes;
@@ -259,7 +259,7 @@ ForeignContent RecognizeForeign(std::string_view start, std::string_view extensi
     return holds("'IFC")
                ? ForeignContent{"an IFC building model", "convert it to glTF or OBJ (IfcConvert)", true}
                : ForeignContent{"a STEP file, of exact surfaces", std::string(kExact)};
-  // OFF may begin so.
+  // OFF may begin like a table.
   if (!IsOfModel(extension) && IsTableOfNumbers(text))
     return {"a table of numbers (a point cloud, or a grid of heights)", std::string(kMesh), true};
   if (!text.starts_with('<')) return {};

@@ -5,17 +5,17 @@
 
 namespace quarry {
 
-/// A file that is no model that Quarry reads, told by its first bytes.
+/// The kind of a file that is no model of Quarry's.
 struct ForeignContent {
-  std::string what;          ///< "a zip archive"; empty: it is none of those known
-  std::string advice;        ///< what to do next
-  bool may_be_read = false;  ///< by Assimp, some of them
+  std::string what;          ///< "a zip archive"; empty: not recognised
+  std::string advice;        ///< what the user can do
+  bool may_be_read = false;  ///< whether Assimp may be able to read it
 };
 
-/// What `what` says of an MTL file.
+/// ForeignContent::what of an MTL file.
 inline constexpr const char* kMaterialLibrary = "a material library";
 
-/// `start`: the first bytes of the file, 1 KiB or all. `extension`: of its name, with the dot.
+/// Recognises a file by `start`, its first 1 KiB, and `extension`, with the dot.
 ForeignContent RecognizeForeign(std::string_view start, std::string_view extension);
 
 }  // namespace quarry

@@ -14,7 +14,7 @@ namespace {
 using Json = nlohmann::json;
 
 constexpr uint64_t kChunkBytes = 1u << 18;
-constexpr uint64_t kMostSparse = 1u << 24;  // elements: they are held in memory
+constexpr uint64_t kMostSparse = 1u << 24;  // elements; they are held in memory
 enum ComponentType : uint32_t { kByte = 5120, kUbyte, kShort, kUshort, kUint = 5125, kFloat };
 
 uint32_t SizeOf(uint64_t type) {
@@ -92,7 +92,7 @@ Status GltfAccessor::Load(const Json& json) {
   return {};
 }
 
-/// Where `count` elements of `size` bytes are that `json` (bufferView, byteOffset) names.
+/// The place of `count` elements of `size` bytes that `json` names (bufferView, byteOffset).
 Result<GltfAccessor::Place> GltfAccessor::FindPlace(const Json& json, uint64_t count, uint32_t size) {
   QUARRY_ASSIGN(const uint64_t view_index, Unsigned(json, "bufferView"));
   QUARRY_ASSIGN(const uint64_t offset, Unsigned(json, "byteOffset", 0));

@@ -11,26 +11,26 @@
 
 namespace quarry {
 
-/// Reads one accessor of a glTF document from its first element to its last, through a buffer of bounded
-/// size. Normalised integers become fractions; sparse elements are put in place.
+/// Reads an accessor of a glTF document from first element to last, through a buffer of bounded size.
+/// Normalised integers become fractions; sparse elements are substituted. Thread safety: none.
 class GltfAccessor {
  public:
-  static constexpr uint32_t kMostComponents = 16;  ///< of a matrix, column by column; only of real ones
-  /// Errors name the accessor: a type that it cannot be, a number of components other than `least` to `most`,
-  /// elements beyond their buffer view, a stride too small.
+  static constexpr uint32_t kMostComponents = 16;  ///< a matrix, column by column
+  /// Errors, with the accessor's name: its type is not allowed; components other than `least` to `most`;
+  /// elements beyond the buffer view; a stride too small.
   static Result<GltfAccessor> Open(GltfDocument& document, uint64_t index, uint32_t least, uint32_t most);
 
   uint64_t count() const { return count_; }
   uint32_t components() const { return components_; }
   bool is_real() const;
-  /// The next element's components. Requires: fewer than count() were taken.
+  /// The next element's components. Requires: fewer than count() elements were read. Errors: read errors.
   Status Next(double (&values)[kMostComponents]);
 
  private:
   /// Elements in a buffer view.
   struct Place {
     uint64_t buffer = 0, begin = 0, stride = 0;
-    bool nothing = false;  ///< no buffer view: all zeros
+    bool nothing = false;  ///< no buffer view: all elements are zero
   };
   GltfAccessor(GltfDocument& document, uint64_t index) : document_(&document), index_(index) {}
   Status Load(const nlohmann::json& json);
@@ -48,9 +48,9 @@ class GltfAccessor {
   uint32_t components_ = 0, component_type_ = 0, element_bytes_ = 0;
   bool normalized_ = false;
   Place place_;
-  uint64_t next_ = 0, chunk_begin_ = 0, chunk_end_ = 0;  ///< elements
+  uint64_t next_ = 0, chunk_begin_ = 0, chunk_end_ = 0;  ///< element indices
   std::vector<std::byte> chunk_;
-  std::vector<uint32_t> sparse_indices_;  ///< rising
+  std::vector<uint32_t> sparse_indices_;  ///< ascending
   std::vector<std::byte> sparse_values_;
   size_t next_sparse_ = 0;
 };

@@ -18,8 +18,8 @@ namespace {
 
 using Json = nlohmann::json;
 
-/// Nodes in one another are by index, so that depth is of extensions alone. A large scene's arrays have
-/// millions of values.
+/// Nesting limit: nodes refer to each other by index, so only extensions nest deeply. Length limit: the
+/// arrays of a large scene have millions of values.
 constexpr JsonLimits kJsonLimits{GltfDocument::kMostJsonBytes, 128, 64u << 20, 1u << 20};
 constexpr uint32_t kGlbMagic = 0x46546C67;     // "glTF"
 constexpr uint32_t kJsonChunk = 0x4E4F534A;    // "JSON"
@@ -31,7 +31,7 @@ uint32_t Word(const ModelReader& bytes, size_t at) {
   return word;
 }
 
-/// The next `size` bytes as text.
+/// Reads the next `size` bytes as text.
 Result<std::string> TakeText(ModelReader& bytes, uint64_t size) {
   std::string text;
   while (text.size() < size) {
@@ -43,7 +43,7 @@ Result<std::string> TakeText(ModelReader& bytes, uint64_t size) {
   return text;
 }
 
-/// -1 for what is no digit of base64.
+/// -1: `c` is no base64 digit.
 int Base64Digit(char c) {
   if (c >= 'A' && c <= 'Z') return c - 'A';
   if (c >= 'a' && c <= 'z') return c - 'a' + 26;
@@ -51,7 +51,7 @@ int Base64Digit(char c) {
   return c == '+' || c == '-' ? 62 : c == '/' || c == '_' ? 63 : -1;
 }
 
-/// Members that are null are taken for absent.
+/// Treats members that are null as absent.
 void DropNulls(Json& json) {
   if (json.is_object())
     for (auto it = json.begin(); it != json.end();) it = it->is_null() ? json.erase(it) : std::next(it);
@@ -59,7 +59,7 @@ void DropNulls(Json& json) {
     for (Json& inner : json) DropNulls(inner);
 }
 
-/// What a buffer's file is in its place, if it is so small and a text: a pointer to the file, a web page.
+/// Errors: a buffer's file is a pointer to a file or a web page, told by its small size and text.
 Status CheckIsBuffer(const InputFile& file, const std::string& path) {
   constexpr uint64_t kLook = 1024;
   std::string text(std::min(file.size(), kLook), 0);
@@ -134,13 +134,13 @@ Result<GltfDocument> GltfDocument::Open(ModelReader& bytes) {
   QUARRY_ASSIGN(std::string text, TakeText(bytes, json_bytes));
   if (glb_begin != 0) {
     text.erase(text.find_last_not_of('\0') + 1);  // some writers pad with zeros instead of spaces
-    // The next chunk begins at a multiple of four, but for writers that do not know.
+    // The next chunk begins at a multiple of four; some writers do not pad.
     const uint64_t padding = glb_begin - 28 - json_bytes;
     if (padding != 0 && bytes.Ensure(8) && Word(bytes, 4) == kBinaryChunk)
       glb_begin -= padding;
     else
       bytes.Skip(std::min<uint64_t>(padding, bytes.remaining()));
-    // Chunks of other kinds are to come behind, but may come before.
+    // Chunks of other kinds should follow, but some writers put them first.
     while (bytes.Ensure(8) && Word(bytes, 4) != kBinaryChunk) {
       const uint64_t other = 8 + (uint64_t{Word(bytes, 0)} + 3) / 4 * 4;
       if (!bytes.Skip(other)) break;
@@ -243,7 +243,7 @@ std::string GltfDocument::BufferFiles() const {
 std::string GltfDocument::FileNameOf(const std::string& uri) const {
   std::string decoded = PercentDecoded(uri);
   if (decoded == uri) return decoded;
-  // Some exporters write names as they are: "50%20.bin".
+  // Some exporters write names without encoding them: "50%20.bin".
   const auto folder = std::filesystem::path(path_).parent_path();
   std::error_code none;
   const bool as_it_is =
@@ -256,7 +256,7 @@ Result<Bytes> GltfDocument::ReadDataUri(const std::string& uri, const std::strin
   const size_t comma = uri.find(',');
   if (comma == std::string::npos) return named("its data: URI has no data");
   const bool base64 = uri.find(";base64") < comma;
-  // Like any URI it may be percent-encoded.
+  // A data: URI may be percent-encoded like any URI.
   const std::string_view data = std::string_view(uri).substr(comma + 1);
   const bool escaped = data.find('%') != data.npos;
   const std::string plain = escaped ? PercentDecoded(data) : "";
@@ -300,7 +300,7 @@ Result<uint64_t> GltfDocument::Unsigned(const Json& object, const std::string& w
   const auto it = object.find(key);
   if (it == object.end() && fallback) return *fallback;
   if (it == object.end()) return FailAt(fmt::format("{}.{} is missing", where, key));
-  // Some programs know only numbers with a point.
+  // Some programs write all numbers with a decimal point.
   if (it->is_number_float())
     if (const auto real = it->get<double>(); real >= 0 && real < 0x1p53 && real == std::floor(real))
       return static_cast<uint64_t>(real);

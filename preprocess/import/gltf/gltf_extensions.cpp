@@ -15,7 +15,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-/// Extensions that are read.
+/// Extensions that Quarry reads.
 constexpr std::string_view kRead[] = {"EXT_mesh_gpu_instancing", "EXT_texture_webp",
                                       "KHR_lights_punctual",     "KHR_materials_emissive_strength",
                                       "KHR_materials_ior",       "KHR_materials_pbrSpecularGlossiness",
@@ -24,10 +24,10 @@ constexpr std::string_view kRead[] = {"EXT_mesh_gpu_instancing", "EXT_texture_we
                                       "KHR_mesh_quantization",   "KHR_node_visibility",
                                       "KHR_texture_transform"};
 
-/// Those that cost images alone, each of which is warned of: no reason to refuse a model.
+/// Extensions that only cost images: each gives a warning, and the model is read.
 constexpr std::string_view kTolerated[] = {"KHR_texture_basisu", "EXT_texture_avif", "MSFT_texture_dds"};
 
-/// Parts of names of extensions by which a mesh is other triangles than its accessors say, or none.
+/// Parts of the names of extensions that change a mesh's triangles.
 constexpr std::string_view kOfGeometry[] = {
     "instancing",  "displacement", "micromesh",         "splat",     "voxel",     "quantized",
     "subdivision", "nurbs",        "primitive_restart", "implicit_", "CESIUM_RTC"};
@@ -42,7 +42,7 @@ bool ChangesGeometry(std::string_view name) {
                              [&](std::string_view part) { return name.find(part) != name.npos; });
 }
 
-/// Names in one of the document's two lists, each once.
+/// Names in a list of the document, without repetition.
 std::set<std::string> NamesIn(const Json& json, const char* list) {
   std::set<std::string> names;
   const auto it = json.find(list);

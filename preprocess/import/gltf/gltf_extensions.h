@@ -8,12 +8,12 @@
 
 namespace quarry {
 
-/// Looks at the extensions that a document names. Returns a warning for each that it uses and that is not
-/// read. Errors: one that it requires, or that changes what triangles there are, is not read.
+/// Checks the document's extensions. Returns a warning for each used extension that Quarry does not read.
+/// Errors: an unread extension is required, or changes the triangles.
 Result<std::vector<std::string>> CheckGltfExtensions(const GltfDocument& document);
 
-/// That nothing compressed is taken for what it stands for: `object` (a primitive or a buffer view, called
-/// `where`) names no extension that compresses it. `has_copy`: what is not compressed lies beside it.
+/// Errors: `object` (a primitive or a buffer view, called `where`) names an extension that compresses it, and
+/// there is no uncompressed copy (`has_copy`).
 Status CheckNotCompressed(const GltfDocument& document, const nlohmann::json& object,
                           const std::string& where, bool has_copy);
 

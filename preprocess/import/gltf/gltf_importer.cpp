@@ -1,5 +1,5 @@
-// glTF 2.0 and GLB: the triangles of a scene's nodes, each where its transforms put it, or, with a skin, its
-// joints at rest. Instances are expanded; morph targets go by their weights at rest.
+// glTF 2.0 and GLB: the triangles of the scene's nodes, transformed to the world, or with a skin to its
+// joints at rest. Instances are expanded; morph targets have their weights at rest.
 
 #include <fmt/format.h>
 
@@ -27,16 +27,16 @@ using Json = nlohmann::json;
 constexpr uint32_t kGltfMagic = 0x46546C67;
 enum Mode : uint64_t { kTriangles = 4, kStrip = 5, kFan = 6 };
 
-/// A small primitive that a node shows many times, as it lies in the buffers: read once, moved for each.
+/// A small primitive that a node shows many times: read once, transformed for each instance.
 struct HeldPrimitive {
   bool ready = false;
   bool has_normals = false, has_uvs = false;
   std::vector<GltfVertices::Vertex> vertices;
-  std::vector<uint32_t> corners;  ///< three a triangle
+  std::vector<uint32_t> corners;  ///< three indices a triangle
   uint32_t material = kNoIndex;
 };
 
-/// What a mesh's held primitives may have in all: some 4 MiB.
+/// Limits of a mesh's held primitives in all: about 4 MiB.
 constexpr uint64_t kMostHeldVertices = 1u << 16, kMostHeldIndices = 1u << 18;
 
 class GltfImport {
@@ -69,7 +69,7 @@ class GltfImport {
     return triangles_;
   }
 
-  /// Between primitives.
+  /// State between primitives.
   void Save(ByteWriter& out) const {
     for (const uint64_t n : {primitives_, positions_, normals_, uvs_, triangles_, left_out_}) out.Put(n);
     out.Put(static_cast<uint32_t>(materials_.size()));
@@ -101,7 +101,7 @@ class GltfImport {
     return {};
   }
 
-  /// A node's mesh, once for each of its instances.
+  /// Gives a node's mesh, once for each instance.
   Status Node(const GltfNodes::Node& node) {
     const std::string where = fmt::format("nodes[{}]", node.index);
     QUARRY_ASSIGN(const uint64_t mesh_index, document_.Unsigned(*node.json, where, "mesh"));
@@ -136,7 +136,7 @@ class GltfImport {
     return {};
   }
 
-  /// That the vertices of all instances can be numbered, before the first is made.
+  /// Errors: the vertices of all instances exceed 32-bit indices. Checked before the first instance.
   Status CheckRoom(const Json& mesh, const std::string& name, uint64_t instances) const {
     if (instances <= 1) return {};
     uint64_t vertices = 0;
@@ -195,7 +195,7 @@ class GltfImport {
     return {};
   }
 
-  /// A mirror image turns faces inside out.
+  /// Whether the transform mirrors, which turns faces inside out.
   static bool IsMirror(const glm::dmat4& world) { return glm::determinant(glm::dmat3(world)) < 0; }
 
   void CountVertices(uint64_t vertices) {
@@ -204,7 +204,7 @@ class GltfImport {
     if (has_uvs_) uvs_ += vertices;
   }
 
-  /// Whether there is room to hold a primitive, too; takes it.
+  /// Reserves room to hold a primitive; false if there is none.
   bool MayHold(const GltfVertices& source, const std::optional<GltfAccessor>& indices) {
     const uint64_t vertices = source.count(), corners = indices ? indices->count() : vertices;
     if (vertices > kMostHeldVertices - held_vertices_ || corners > kMostHeldIndices - held_indices_)
@@ -229,7 +229,7 @@ class GltfImport {
     });
   }
 
-  /// Gives a held primitive once more, where `world` puts it.
+  /// Gives a held primitive again, transformed by `world`.
   Status Again(const HeldPrimitive& held, const glm::dmat4& world, uint32_t part) {
     const uint64_t count = held.vertices.size();
     if (count > 0xFFFFFFFF - positions_) return document_.FailAt("has more than 4,294,967,295 vertices");
@@ -263,7 +263,8 @@ class GltfImport {
     return indices;
   }
 
-  /// Gives positions, and normals, texture coordinates and colours as there are. Returns how many vertices.
+  /// Gives positions, and the normals, texture coordinates and colours that exist. Returns the number of
+  /// vertices.
   Result<uint64_t> Vertices(GltfVertices& source, const glm::dmat4& world) {
     const uint64_t count = source.count();
     if (count > 0xFFFFFFFF - positions_) return document_.FailAt("has more than 4,294,967,295 vertices");
@@ -279,7 +280,7 @@ class GltfImport {
     return count;
   }
 
-  /// Calls use(a, b, c) for each triangle, in the order that its front has.
+  /// Calls use(a, b, c) for each triangle, counter-clockwise seen from its front.
   template <class Use>
   Status Faces(std::optional<GltfAccessor>& indices, const std::string& mesh, uint64_t mode,
                uint64_t vertices, Use&& use) {
@@ -301,7 +302,8 @@ class GltfImport {
         if (i % 3 == 2) QUARRY_TRY(use(corner[0], corner[1], corner[2]));
         continue;
       }
-      // Strip: each with the two before, every second one turned. Fan: with the first and the one before.
+      // A strip joins each vertex to the two before, every second triangle turned; a fan to the first vertex
+      // and the vertex before.
       const bool odd = mode == kStrip && i % 2 == 1;
       if (i >= 2) QUARRY_TRY(use(corner[0], odd ? at : corner[1], odd ? corner[1] : at));
       if (i == 0 || (mode == kStrip && i >= 2)) corner[0] = i == 0 ? at : corner[1];
@@ -326,12 +328,12 @@ class GltfImport {
   ModelSink& sink_;
   GltfSkins skins_{document_};
   std::vector<uint32_t> materials_;
-  std::vector<glm::dmat4> joints_;                  ///< of the node at hand; none: it has no skin
-  uint64_t held_vertices_ = 0, held_indices_ = 0;   ///< of its primitives
-  std::vector<double> weights_;                     ///< of its morph targets
-  uint64_t primitives_ = 0, given_ = 0;             ///< met so far; up to the last checkpoint
-  uint64_t positions_ = 0, normals_ = 0, uvs_ = 0;  ///< given by primitives before
-  bool has_normals_ = false, has_uvs_ = false;      ///< the primitive at hand
+  std::vector<glm::dmat4> joints_;                  ///< of the current node's skin; empty: no skin
+  uint64_t held_vertices_ = 0, held_indices_ = 0;   ///< in the node's held primitives
+  std::vector<double> weights_;                     ///< of the node's morph targets
+  uint64_t primitives_ = 0, given_ = 0;             ///< primitives met; met before the last checkpoint
+  uint64_t positions_ = 0, normals_ = 0, uvs_ = 0;  ///< elements given by the primitives before
+  bool has_normals_ = false, has_uvs_ = false;      ///< of the current primitive
   uint64_t triangles_ = 0, left_out_ = 0;
 };
 

@@ -32,8 +32,8 @@ float Factor(const Json& object, const char* key, float fallback) {
   return value >= 0 ? std::min(value, 1.0f) : 0.0f;
 }
 
-/// KHR_materials_pbrSpecularGlossiness as metal and roughness: what is reflected beyond the 0.04 of all that
-/// is no metal makes it one. Source: the conversion that comes with the extension's text.
+/// Converts KHR_materials_pbrSpecularGlossiness to metalness and roughness: reflection beyond the 0.04 of
+/// dielectrics makes a metal. Source: the conversion in the extension's specification.
 void ReadSpecularGlossiness(const Json& json, Material& m) {
   glm::vec4 diffuse(1);
   glm::vec3 specular(1);
@@ -59,10 +59,10 @@ void ReadSpecularGlossiness(const Json& json, Material& m) {
   m.specular_roughness = 1 - Factor(json, "glossinessFactor", 1);
 }
 
-/// What extensions say beyond metal and roughness.
+/// Reads the extensions of the metallic-roughness model.
 void ReadExtensions(const Json& extensions, Material& m) {
   const Json& ior = Member(extensions, "KHR_materials_ior");
-  // 0 is the text's way to say that all is reflected.
+  // 0 stands for full reflection in the specification.
   const auto index = ior.value("ior", 1.5f);
   m.specular_ior = index == 0 ? 10.0f : std::clamp(Bounded(index), 1.0f, 10.0f);
   const Json& specular = Member(extensions, "KHR_materials_specular");
@@ -77,7 +77,7 @@ void ReadExtensions(const Json& extensions, Material& m) {
   m.unlit = extensions.contains("KHR_materials_unlit");
 }
 
-/// Base colour or diffuse (`color` is its factor), emission, opacity, normals, metal and roughness.
+/// Adds base colour or diffuse (`color` is its factor), emission, opacity, normals, metalness and roughness.
 Status AddTextures(const Json& json, const Json& pbr, const glm::vec4& color, const std::string& alpha_mode,
                    GltfTextures& textures, Material& m) {
   const bool opaque = alpha_mode != "BLEND" && alpha_mode != "MASK";
@@ -130,7 +130,7 @@ Result<Material> ToMaterial(const Json& json, size_t index, GltfTextures& textur
   }
   const std::string alpha_mode = json.value("alphaMode", "OPAQUE");
   if (alpha_mode == "BLEND") m.geometry_opacity = alpha;
-  // A texel multiplies the factor, so that without one the factor alone tells what is cut out.
+  // A texel multiplies the factor; without a texture the factor alone decides the cut-out.
   const float cutoff = Factor(json, "alphaCutoff", 0.5f);
   if (alpha_mode == "MASK" && alpha < cutoff) m.geometry_opacity = 0;
   glm::vec3 emission(0);

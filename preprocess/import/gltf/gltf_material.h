@@ -9,10 +9,10 @@
 
 namespace quarry {
 
-/// Member `key` of `object` if that is an object, else an empty one.
+/// Member `key` of `object` if it is an object, else an empty object.
 const nlohmann::json& Member(const nlohmann::json& object, const char* key);
 
-/// Up to `count` numbers of member `key` over what `values` holds.
+/// Reads up to `count` numbers of member `key` into `values`, whose other numbers stay.
 template <class Vector, class Json>
 void ReadNumbers(const Json& object, const char* key, int count, Vector& values) {
   const auto it = object.find(key);
@@ -21,11 +21,12 @@ void ReadNumbers(const Json& object, const char* key, int count, Vector& values)
     values[i] = (*it)[static_cast<size_t>(i)].template get<typename Vector::value_type>();
 }
 
-/// A material by metal and roughness, or by specular and glossiness (KHR_materials_pbrSpecularGlossiness),
-/// with what the extensions ior, specular, transmission, volume, emissive_strength and unlit say; Whitted's
-/// weights follow (DeriveWhitted: what passes is bent where it has a thickness). Textures: base colour or
-/// diffuse (its alpha as opacity, unless that is opaque), metal and roughness, normals, emission; each
-/// binding's factor holds the glTF factors. Errors: the sink's.
+/// A material from metalness and roughness, or from specular and glossiness
+/// (KHR_materials_pbrSpecularGlossiness), with the extensions ior, specular, transmission, volume,
+/// emissive_strength and unlit. The weights of Whitted's model follow by DeriveWhitted(); light is refracted
+/// where the material has a thickness.
+/// Textures: base colour or diffuse (alpha as opacity, unless the material is opaque), metalness and
+/// roughness, normals, emission. Each binding's factor holds the glTF factors. Errors: the sink's.
 Result<Material> ToMaterial(const nlohmann::json& json, size_t index, GltfTextures& textures);
 
 }  // namespace quarry

@@ -16,9 +16,9 @@ using Json = nlohmann::json;
 
 constexpr uint64_t kNoParent = ~uint64_t{0};
 
-/// Scaled, turned, moved.
+/// The transform that scales, then rotates, then translates.
 glm::dmat4 Composed(const glm::dvec3& translation, const glm::dvec4& rotation, const glm::dvec3& scale) {
-  // Of unit length by the format; bytes, and some programs, are not so exact.
+  // The format requires unit length; bytes and some programs are less exact.
   const double length = glm::length(rotation);
   const glm::dvec4 r = length > 0 ? rotation / length : glm::dvec4(0, 0, 0, 1);
   glm::dmat4 m = glm::mat4_cast(glm::dquat(r.w, r.x, r.y, r.z));
@@ -27,7 +27,7 @@ glm::dmat4 Composed(const glm::dvec3& translation, const glm::dvec4& rotation, c
   return m;
 }
 
-/// Calls body(child) for each child of a node, the last one first.
+/// Calls body(child) for each child of a node, last child first.
 template <class Body>
 void ForEachChild(const Json& node, Body&& body) {
   const auto children = node.find("children");

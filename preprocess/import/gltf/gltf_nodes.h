@@ -12,13 +12,13 @@
 
 namespace quarry {
 
-/// A node's own transform. Errors: a matrix that has not 16 numbers.
+/// A node's own transform. Errors: a matrix without 16 numbers.
 Result<glm::dmat4> LocalTransform(const GltfDocument& document, const nlohmann::json& node, uint64_t index);
 
-/// The nodes of the scene to show; of all nodes those that are no children, where no scene is given.
+/// The roots of the scene to show; if the document names no scene, all nodes that are no children.
 Result<std::vector<uint64_t>> SceneRoots(const GltfDocument& document);
 
-/// Goes through the nodes of the scene, parents before children. Each node's transform is to the world.
+/// Walks the scene's nodes, parents before children. Transforms are to the world. Thread safety: none.
 class GltfNodes {
  public:
   struct Node {
@@ -28,40 +28,41 @@ class GltfNodes {
   };
   /// Errors: no such scene.
   static Result<GltfNodes> Open(const GltfDocument& document);
-  /// Errors: a node that is not there, that is met twice, whose matrix cannot be. Nodes that
-  /// KHR_node_visibility hides, and all below them, are passed over. Nothing after the last.
+  /// The next node; nothing after the last. Nodes hidden by KHR_node_visibility are skipped with their
+  /// children. Errors: a node is absent, is met twice, or has an unusable matrix.
   Result<std::optional<Node>> Next();
 
  private:
   explicit GltfNodes(const GltfDocument& document) : document_(&document) {}
   const GltfDocument* document_;
-  std::vector<std::pair<uint64_t, glm::dmat4>> stack_;  ///< with the parent's transform
+  std::vector<std::pair<uint64_t, glm::dmat4>> stack_;  ///< nodes to visit, each with its parent's transform
   std::vector<bool> visited_;
 };
 
-/// What moves the vertices of each joint of a skin at rest: the joint's transform to the world after its
-/// inverse bind matrix. A skinned mesh ignores its own node.
+/// The matrices that move a skin's vertices at rest: each joint's world transform after its inverse bind
+/// matrix. A skinned mesh ignores its own node's transform. Thread safety: none.
 class GltfSkins {
  public:
   explicit GltfSkins(GltfDocument& document) : document_(document) {}
-  /// Errors: a skin, joint or matrix that is not there; a joint below itself.
+  /// The matrices of a skin's joints. Errors: a skin, joint or matrix is absent; a joint is its own
+  /// descendant.
   Result<std::vector<glm::dmat4>> Joints(uint64_t skin);
 
  private:
   Result<glm::dmat4> World(uint64_t node);
   GltfDocument& document_;
-  std::vector<uint64_t> parents_;  ///< by node; once a skin was asked for
+  std::vector<uint64_t> parents_;  ///< of each node; filled when a skin is first asked for
 };
 
-/// The instances that EXT_mesh_gpu_instancing makes of a node, one after the other.
+/// The instances that EXT_mesh_gpu_instancing makes of a node, in order. Thread safety: none.
 class GltfInstances {
  public:
-  /// `node` is called `where`. Errors: accessors that are not there, differ in their counts, or cannot be.
+  /// `where` names the node in errors. Errors: accessors are absent, unusable, or of different counts.
   static Result<GltfInstances> Open(GltfDocument& document, const nlohmann::json& node,
                                     const std::string& where);
   /// 1 for a node without the extension.
   uint64_t count() const { return count_; }
-  /// The next one's transform, before the node's. Requires: fewer than count() were taken.
+  /// The next instance's transform, which applies before the node's. Requires: fewer than count() were read.
   Result<glm::dmat4> Next();
 
  private:

@@ -29,8 +29,8 @@ Result<TextureWrap> WrapOf(const GltfDocument& document, const Json& sampler, co
   }
 }
 
-/// KHR_texture_transform: scaled, turned counter-clockwise as one sees it (its text, its test model and
-/// renderers agree; its GLSL turns the other way), moved.
+/// KHR_texture_transform: scales, rotates counter-clockwise as seen in the image, then translates. The
+/// specification's text, its test model and renderers agree on the direction; its GLSL rotates the other way.
 bool ReadTransform(const Json& transform, std::array<float, 6>& out) {
   glm::dvec2 offset(0), scale(1);
   ReadNumbers(transform, "offset", 2, offset);
@@ -65,7 +65,7 @@ Result<GltfTextures::Sampled> GltfTextures::Find(uint64_t index) const {
   return sampled;
 }
 
-/// Where the bytes of an image are.
+/// The place of an image's bytes.
 Result<TextureImage> GltfTextures::Locate(uint64_t index) {
   QUARRY_ASSIGN(const Json* json, document_.Find("images", index));
   TextureImage image;
@@ -130,7 +130,7 @@ Result<uint64_t> GltfTextures::Complete(const Json& info, TextureBinding& bindin
   return sampled.image;
 }
 
-/// What is of another type than it should be costs the texture alone.
+/// A value of the wrong type costs the texture alone, not the model.
 template <class Read>
 std::invoke_result_t<Read> GltfTextures::Guarded(Read&& read) const {
   try {

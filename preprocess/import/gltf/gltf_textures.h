@@ -14,26 +14,27 @@
 
 namespace quarry {
 
-/// The images of a glTF document, given to the sink as materials name them: files, data: URIs, buffer views.
-/// What cannot be carried (a file that is not there, a format that is not read, texture coordinates other
-/// than the first) is warned of once and left out.
+/// Gives a glTF document's images to the sink as materials name them: files, data: URIs, buffer views. An
+/// image that cannot be used (no such file, an unread format, texture coordinates other than the first) is
+/// left out with one warning. Thread safety: none.
 class GltfTextures {
  public:
   GltfTextures(GltfDocument& document, ModelSink& sink) : document_(document), sink_(sink), warn_(sink) {}
 
-  /// Adds to `material` the texture that `info` (a textureInfo; nothing is added if it names none) gives for
-  /// `binding`, whose texture, wraps and transform are filled in. Errors: the sink's.
+  /// Adds the texture of `info` (a textureInfo) to `material`, with `binding`'s texture, wraps and transform
+  /// filled in. Adds nothing if `info` names no texture. Errors: the sink's.
   Status Add(const nlohmann::json& info, TextureBinding binding, bool color, TexturePick pick,
              Material& material);
 
  private:
-  /// A texture of the document: its image and how that goes on beyond its borders.
+  /// A texture of the document: its image and wrap modes.
   struct Sampled {
     uint64_t image;
     TextureWrap wrap_s, wrap_t;
   };
   Result<Sampled> Find(uint64_t texture) const;
-  /// Fills in all of `binding` but its texture; returns the image. Errors: why the material does without it.
+  /// Fills in `binding` except its texture; returns the image. Errors: why the material does without the
+  /// texture.
   Result<uint64_t> Complete(const nlohmann::json& info, TextureBinding& binding) const;
   Result<TextureImage> Locate(uint64_t index);
   template <class Read>

@@ -18,7 +18,7 @@ using Values = double[GltfAccessor::kMostComponents];
 
 constexpr uint32_t kMostInfluences = 16;  // sets of four joints a vertex
 
-/// The next element of `accessor`, if there is one, times `weight`, added to `to`.
+/// Adds `weight` times the next element of `accessor`, if there is one, to `to`.
 Status AddNext(std::optional<GltfAccessor>& accessor, double weight, glm::dvec3& to) {
   if (!accessor) return {};
   Values v;
@@ -71,7 +71,7 @@ Result<GltfVertices> GltfVertices::Open(GltfDocument& document, const Json& prim
   return vertices;
 }
 
-/// What moves the next vertex: the mean of its joints' matrices, by weight.
+/// The matrix of the next vertex: the mean of its joints' matrices by weight.
 Result<glm::dmat4> GltfVertices::Skinning() {
   glm::dmat4 sum(0);
   double total = 0;

@@ -13,8 +13,8 @@
 
 namespace quarry {
 
-/// Reads the vertices of one primitive from the first to the last: morph targets added by their weights, then
-/// moved by the joints of a skin, if there is one, else by the node.
+/// Reads the vertices of a primitive in order: morph targets are added by weight, then the skin's joints or
+/// the node move the vertex. Thread safety: none.
 class GltfVertices {
  public:
   struct Vertex {
@@ -23,9 +23,9 @@ class GltfVertices {
     glm::vec2 uv{0};
     Rgba8 color;
   };
-  /// The primitive is one of `mesh`. `weights`: of its morph targets; `joints`: of its skin, empty without
-  /// one; they must outlive the object. Requires: it has positions. Errors: accessors that are not there,
-  /// differ in their counts, or cannot be.
+  /// `weights`: of the morph targets. `joints`: of the skin; empty: no skin. Both, and `mesh`, must outlive
+  /// the object. Requires: the primitive has positions. Errors: accessors are absent, unusable, or of
+  /// different counts.
   static Result<GltfVertices> Open(GltfDocument& document, const nlohmann::json& primitive,
                                    const std::string& mesh, std::span<const double> weights,
                                    std::span<const glm::dmat4> joints);
@@ -33,18 +33,18 @@ class GltfVertices {
   uint64_t count() const { return position_->count(); }
   bool has_normals() const { return normal_.has_value(); }
   bool has_uvs() const { return uv_.has_value(); }
-  /// Whether joints move it: the node does not.
+  /// Whether joints move the primitive; the node then does not.
   bool skinned() const { return !influences_.empty(); }
-  /// `turn`: the inverse transpose of `world`, for normals. Errors: a joint that there is not.
+  /// The next vertex. `turn`: the inverse transpose of `world`, for normals. Errors: no such joint.
   Result<Vertex> Next(const glm::dmat4& world, const glm::dmat3& turn);
 
  private:
-  /// What a morph target adds.
+  /// The differences of a morph target.
   struct Target {
     double weight;
     std::optional<GltfAccessor> position, normal;
   };
-  /// Four joints of each vertex, and how much each moves it.
+  /// Four joints of each vertex and their weights.
   struct Influences {
     std::optional<GltfAccessor> joints, weights;
   };

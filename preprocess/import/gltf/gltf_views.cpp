@@ -23,7 +23,7 @@ std::string NameOf(const Json& node, const Json& thing, const char* kind, uint64
   return name.empty() ? fmt::format("{} {}", kind, index) : name;
 }
 
-/// Where a node's own z axis points, away from what its cameras and lights look at.
+/// The direction of a node's z axis; its cameras and lights look the other way.
 glm::dvec3 Backward(const glm::dmat4& world) {
   const glm::dvec3 z(world[2]);
   const double length = glm::length(z);

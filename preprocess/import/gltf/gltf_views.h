@@ -6,9 +6,9 @@
 
 namespace quarry {
 
-/// Gives the sink the cameras of the scene's nodes and their lights (KHR_lights_punctual: candela and lux
-/// become radiance by a division by pi, so that a white surface under a sun of pi lux is as bright as its
-/// colour; ranges are left out). Errors: a camera or light that is not there or cannot be.
+/// Gives the sink the cameras and lights of the scene's nodes. KHR_lights_punctual: candela and lux are
+/// divided by pi to get radiance, so a white surface under a sun of pi lux is as bright as its colour; ranges
+/// are ignored. Errors: a camera or light is absent or unusable.
 Status ReadGltfViews(const GltfDocument& document, ModelSink& sink);
 
 }  // namespace quarry

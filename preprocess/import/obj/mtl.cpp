@@ -16,18 +16,18 @@
 namespace quarry {
 namespace {
 
-/// One newmtl block as written.
+/// A newmtl block as written.
 struct MtlBlock {
   std::string name;
   std::optional<glm::dvec3> kd, ks, ke, kr, tf;
   double ns = 0, ni = 1;
-  std::optional<double> pm, pr;  ///< metalness and roughness of the extension for physically based rendering
+  std::optional<double> pm, pr;  ///< metalness and roughness, of the PBR extension
   std::optional<double> d, tr;
   double illum = 2;
   std::map<TextureUse, MtlTexture> textures;
 };
 
-/// NaN becomes `low`.
+/// NaN gives `low`.
 float Clamp(double value, double low, double high) {
   return static_cast<float>(value > low ? std::min(value, high) : low);
 }
@@ -40,7 +40,7 @@ double DissolveOf(const MtlBlock& block) {
   return Clamp(block.d ? *block.d : 1.0 - block.tr.value_or(0.0), 0, 1);
 }
 
-/// The table in mtl.h.
+/// By the table in mtl.h.
 Material ToMaterial(const MtlBlock& block) {
   const int illum = static_cast<int>(Clamp(block.illum, 0, 10));
   const double dissolve = DissolveOf(block);
@@ -57,7 +57,7 @@ Material ToMaterial(const MtlBlock& block) {
   material.shininess = Clamp(block.ns, 0, 10000);
   material.fresnel = illum == 5 || illum == 7;
   if (refracts) {
-    // Tf says by itself what passes: scaling it by 1 - d, or Kd by d, would count the same glass twice.
+    // Tf gives the transmitted light by itself: scaling it by 1 - d, or Kd by d, would count the glass twice.
     if (block.tf) material.diffuse = ClampColor(kd);
     material.transmittance =
         ClampColor(block.tf.value_or(glm::dvec3(dissolve == 1.0 ? 1.0 : 1.0 - dissolve)));
@@ -73,7 +73,7 @@ Material ToMaterial(const MtlBlock& block) {
   return material;
 }
 
-/// With the colour that the texture multiplies.
+/// The texture with the colour that it multiplies.
 MtlTexture Completed(MtlTexture texture, const MtlBlock& block) {
   const auto color = [&](const std::optional<glm::dvec3>& own, double high) {
     texture.binding.factor *= glm::vec4(ClampColor(own.value_or(glm::dvec3(1)), high), 1);
@@ -108,12 +108,12 @@ class MtlParser {
   void Line(std::string_view line);
   void Begin(std::string_view name);
   void End();
-  /// Three numbers, or one for all three.
+  /// Reads three numbers, or one for all three.
   bool Color(TextCursor& rest, std::optional<glm::dvec3>& color);
   bool Texture(TextCursor& rest, MtlTexture texture);
   bool Dissolve(TextCursor& rest);
   bool OptionalReal(TextCursor& rest, std::optional<double>& value);
-  /// False if `keyword` is known but what follows is not understood.
+  /// False: `keyword` is known, but its arguments are malformed.
   bool Statement(std::string_view keyword, TextCursor& rest);
 
   LineReader lines_;
@@ -197,7 +197,7 @@ bool MtlParser::Color(TextCursor& rest, std::optional<glm::dvec3>& color) {
   return true;
 }
 
-/// "d -halo x" fades toward the silhouette; it is taken as "d x".
+/// "d -halo x" fades toward the silhouette; it is read as "d x".
 bool MtlParser::Dissolve(TextCursor& rest) {
   TextCursor after = rest;
   if (after.Word() == "-halo") rest = after;

@@ -10,8 +10,8 @@
 
 namespace quarry {
 
-/// A material of an MTL file. Its bindings lack their textures: they are in `textures`, one a use, by rising
-/// use, and complete but for that.
+/// A material of an MTL file. `textures` holds its texture bindings, at most one a use, ascending by use,
+/// each complete but for its texture.
 struct MtlMaterial {
   Material material;
   std::vector<MtlTexture> textures;

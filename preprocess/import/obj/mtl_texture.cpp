@@ -1,11 +1,12 @@
 #include "preprocess/import/obj/mtl_texture.h"
 
 #include <cmath>
+#include <utility>
 
 namespace quarry {
 namespace {
 
-/// One to three numbers over what `values` holds.
+/// Reads one to three numbers into `values`, whose other numbers stay.
 bool UpToThree(TextCursor& rest, double (&values)[3]) {
   if (!ParseReal(rest, values[0])) return false;
   for (int i = 1; i < 3; ++i) {
@@ -21,36 +22,27 @@ bool UpToThree(TextCursor& rest, double (&values)[3]) {
 bool IsOn(std::string_view word) { return EqualsIgnoringCase(word, "on"); }
 
 bool Channel(std::string_view word, TexturePick& pick) {
-  if (word.size() != 1) return false;
-  switch (word[0] | 32) {
-    case 'r':
-      pick = TexturePick::kRed;
+  constexpr std::pair<char, TexturePick> kPicks[] = {{'r', TexturePick::kRed},
+                                                     {'g', TexturePick::kGreen},
+                                                     {'b', TexturePick::kBlue},
+                                                     {'l', TexturePick::kLuminance},
+                                                     {'m', TexturePick::kScalar}};
+  for (const auto& [letter, picked] : kPicks)
+    if (word.size() == 1 && (word[0] | 32) == letter) {
+      pick = picked;
       return true;
-    case 'g':
-      pick = TexturePick::kGreen;
-      return true;
-    case 'b':
-      pick = TexturePick::kBlue;
-      return true;
-    case 'l':
-      pick = TexturePick::kLuminance;
-      return true;
-    case 'm':
-      pick = TexturePick::kScalar;
-      return true;
-    default:
-      return false;
-  }
+    }
+  return false;
 }
 
-/// Options as they are read.
+/// Options read so far.
 struct Options {
   double scale[3] = {1, 1, 1}, offset[3] = {0, 0, 0}, turbulence[3] = {0, 0, 0}, range[3] = {0, 1, 0};
   double bump = 1;
   bool clamp = false;
 };
 
-/// What an option's name begins. Nothing: it is none.
+/// Reads the option `name`. Nothing: it is no option.
 std::optional<bool> Option(std::string_view name, TextCursor& rest, Options& options, MtlTexture& texture) {
   const auto is = [&](std::string_view option) { return EqualsIgnoringCase(name, option); };
   if (is("-s")) return UpToThree(rest, options.scale);
@@ -107,7 +99,7 @@ bool ParseMtlTexture(TextCursor& rest, MtlTexture& texture) {
     const std::string_view word = after.Word();
     if (!word.starts_with('-')) break;
     const std::optional<bool> read = Option(word, after, options, texture);
-    if (!read) break;  // a name may begin so
+    if (!read) break;  // a file name may begin with a hyphen
     if (!*read) return false;
     rest = after;
   }

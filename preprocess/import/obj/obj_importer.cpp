@@ -1,4 +1,4 @@
-// Wavefront OBJ: the polygonal part of the format. Lines of other kinds are passed over.
+// Wavefront OBJ: the polygons of the format. Other lines are ignored.
 
 #include <fmt/format.h>
 
@@ -17,15 +17,15 @@
 namespace quarry {
 namespace {
 
-/// How many elements of one kind there are so far, and the farthest one referred to: a face may refer to what
-/// comes later in the file, so whether it exists is known only at the end.
+/// The number of elements of a kind so far, and the largest index referred to. A face may refer to later
+/// elements, so only the file's end decides whether they exist.
 struct IndexRange {
   const char* kind;
   uint64_t count = 0;
-  uint64_t largest = 0;  ///< From 1; 0 is none.
+  uint64_t largest = 0;  ///< counted from 1; 0: none
   uint64_t largest_line = 0;
-  std::optional<uint64_t> total;  ///< In the whole file, once CountAhead() has been needed.
-  uint64_t dangling = 0;          ///< Corners that named an element which is not in the file.
+  std::optional<uint64_t> total;  ///< in the whole file, once CountAhead() was needed
+  uint64_t dangling = 0;          ///< corners that name an element which the file lacks
 
   void Save(ByteWriter& out) const {
     for (const uint64_t n : {count, largest, largest_line, total.value_or(kNotCounted), dangling}) out.Put(n);
@@ -38,10 +38,10 @@ struct IndexRange {
   static constexpr uint64_t kNotCounted = ~uint64_t{0};
 };
 
-/// A channel of a colour beyond this counts to 255, not to 1: from there on all do.
+/// A colour channel beyond this means that channels run to 255 from there on, instead of 1.
 constexpr double kMostOfOne = 2;
 
-/// Old programs write keywords in capitals. `lower`: the same without them.
+/// Old programs write keywords in capitals. `lower`: the keyword in small letters.
 bool IsInCapitals(std::string_view keyword, std::string& lower) {
   constexpr size_t kLongestKeyword = 8;
   if (keyword.size() > kLongestKeyword) return false;
@@ -66,14 +66,14 @@ class ObjFile {
   Status Uv(TextCursor& rest);
   Status Face(TextCursor& rest);
   Status ReadCorner(TextCursor& rest, Corner& corner);
-  /// Reads one index. `optional` ones are kNoIndex where there is none, or 0, or one that the file does not
-  /// have: exporters leave out normals but not the faces' references to them.
+  /// Reads an index. An optional index is kNoIndex if it is absent, 0, or beyond the file's elements:
+  /// exporters drop normals but keep the faces' references to them.
   Status Index(TextCursor& rest, IndexRange& range, bool optional, uint32_t& index);
   Status IndexFailure(const TextCursor& at, std::string_view trouble) const;
   void SetPart();
-  /// Reads the rest of the file once more, to learn how many normals and texture coordinates there will be.
+  /// Reads the rest of the file once more to count its normals and texture coordinates.
   Status CountAhead();
-  /// Whether the file has the element numbered `value`, now or later.
+  /// Whether the file has the element number `value`, here or later.
   Result<bool> Exists(IndexRange& range, uint64_t value);
   void WarnOfDangling(const IndexRange& range);
   Status CheckRange(const IndexRange& range) const;
@@ -89,7 +89,7 @@ class ObjFile {
   uint32_t part_ = kNoIndex, material_ = kNoIndex;
   uint64_t triangles_ = 0, short_faces_ = 0, free_forms_ = 0;
   double color_scale_ = 255;
-  bool has_painted_ = false;  ///< lines of ZBrush's
+  bool has_painted_ = false;  ///< colours in ZBrush's comments
 };
 
 Result<uint64_t> ObjFile::Import() {
@@ -175,7 +175,7 @@ Status ObjFile::OtherLine(std::string_view keyword, TextCursor& rest) {
     material_changed_ = true;
   } else if (keyword == "mtllib") {
     materials_.AddLibraries(rest.Name());
-    material_changed_ = true;  // what was not found may be there now
+    material_changed_ = true;  // a missing material may be defined now
   } else if (keyword == "o") {
     object_ = std::string(rest.Name());
     group_.clear();
@@ -201,7 +201,7 @@ Status ObjFile::Position(TextCursor& rest) {
     return lines_.FailHere(rest.AtEnd() ? "a vertex needs three numbers"
                                         : fmt::format("{} is not a number", Quoted(rest.Word())));
   Rgba8 color;
-  if (count >= 6) {  // four are x y z w: the weight of a rational curve, of no meaning to polygons
+  if (count >= 6) {  // four numbers are x y z w; w is the weight of a rational curve
     if (std::max({value[3], value[4], value[5]}) > kMostOfOne) color_scale_ = 1;
     color = FileColor(value[3] * color_scale_, value[4] * color_scale_, value[5] * color_scale_);
   }
@@ -251,7 +251,7 @@ Status ObjFile::Face(TextCursor& rest) {
   return sink_.AddPolygon(corners_, material_, part_);
 }
 
-/// One of v, v/vt, v//vn, v/vt/vn.
+/// Reads v, v/vt, v//vn or v/vt/vn.
 Status ObjFile::ReadCorner(TextCursor& rest, Corner& corner) {
   QUARRY_TRY(Index(rest, positions_, false, corner.position));
   if (rest.next != rest.end && *rest.next == '/') {
@@ -272,7 +272,7 @@ Status ObjFile::Index(TextCursor& rest, IndexRange& range, bool optional, uint32
   const TextCursor start = rest;
   int64_t value;
   if (!ParseInteger(rest, value)) return IndexFailure(start, "is not an index");
-  if (value == 0 && optional) return {};  // some exporters write it for none
+  if (value == 0 && optional) return {};  // some exporters write 0 for none
   if (value == 0) return IndexFailure(start, "refers to vertex 0, but OBJ counts from 1");
   if (value < 0) value += static_cast<int64_t>(range.count) + 1;
   if (value <= 0)
@@ -301,7 +301,7 @@ Result<bool> ObjFile::Exists(IndexRange& range, uint64_t value) {
 Status ObjFile::CountAhead() {
   normals_.total = normals_.count;
   uvs_.total = uvs_.count;
-  if (!bytes_.can_reopen()) return {};  // what is to come cannot be known
+  if (!bytes_.can_reopen()) return {};  // later elements cannot be counted
   QUARRY_ASSIGN(ModelReader ahead, ModelReader::Open(bytes_.path(), bytes_.unpack_limit()));
   if (!ahead.Skip(bytes_.offset())) return {};
   LineReader lines(ahead);
@@ -339,7 +339,7 @@ Status ObjFile::CheckRange(const IndexRange& range) const {
                           range.largest_line, range.kind, range.largest, range.count));
 }
 
-/// Words that begin the lines of OBJ files, and of few others.
+/// Words that begin lines of OBJ files and of few others.
 bool IsObjKeyword(std::string_view word) {
   constexpr std::string_view kWords[] = {"v", "vn", "vt", "f", "o", "g", "s", "mtllib", "usemtl"};
   return std::ranges::find(kWords, word) != std::end(kWords);

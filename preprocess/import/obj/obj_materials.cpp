@@ -85,7 +85,7 @@ fs::path ObjMaterials::Find(const std::string& name) const {
 Result<uint32_t> ObjMaterials::Use(std::string_view name) {
   const auto found = entries_.find(name);
   if (found == entries_.end()) {
-    if (missing_library_) return kNoIndex;  // which has been said
+    if (missing_library_) return kNoIndex;  // already warned of
     warn_(fmt::format("{}: the material {} is not defined, the default takes its place", obj_path_,
                       Quoted(name)));
     return kNoIndex;

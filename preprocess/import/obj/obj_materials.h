@@ -13,25 +13,25 @@
 
 namespace quarry {
 
-/// The materials that an OBJ file's mtllib lines name, given to the sink when first used. A name defined
-/// twice keeps its first meaning. Files not found are warned of once, and so are names not found, and images
-/// of the materials used: without theirs the material's own values stand.
+/// The materials of an OBJ file's mtllib lines, given to the sink on first use. A name defined twice keeps
+/// its first meaning. A missing file, a missing name, and a missing image of a used material give one warning
+/// each; without its image the material's own values apply. Thread safety: none.
 class ObjMaterials {
  public:
   ObjMaterials(const std::string& obj_path, ModelSink& sink);
 
-  /// Reads the files named by the rest of an mtllib line: one name that may hold spaces, or several, in which
-  /// "\ " stands for a space. Names are relative to the OBJ's folder; backslashes may separate folders, and a
-  /// file not found where the name says is looked for beside the OBJ.
+  /// Reads the libraries of an mtllib line: one name that may hold spaces, or several, in which "\ " is a
+  /// space. Names are relative to the OBJ's folder, with slashes or backslashes; a missing file is looked for
+  /// beside the OBJ.
   void AddLibraries(std::string_view names);
 
-  /// The scene's index of the material `name`; kNoIndex, the default, if no library read so far has it.
+  /// The scene's index of the material `name`; kNoIndex (the default material) if no library so far has it.
   /// Errors: the sink's.
   Result<uint32_t> Use(std::string_view name);
 
-  /// Which libraries have been read, and which materials the sink has.
+  /// Saves the libraries read and the materials that the sink has, for a checkpoint.
   void Save(ByteWriter& out) const;
-  /// Reads the libraries again. Errors: one has changed.
+  /// Restores them by reading the libraries again. Errors: a library has changed.
   Status Restore(ByteReader& in);
 
  private:
@@ -43,23 +43,23 @@ class ObjMaterials {
 
   void AddLibrary(const std::string& name);
   void ReadLibrary(const std::string& path);
-  /// The existing file that `name` means, or empty.
+  /// The existing file that `name` means; empty: none.
   std::filesystem::path Find(const std::string& name) const;
   Status GiveToSink(Entry& entry);
-  /// Tells of a file that the model names outside its folder, and that is read all the same.
+  /// Warns of a file that the model names outside its folder; it is read all the same.
   void WarnIfOutside(const std::string& by, const std::filesystem::path& file);
 
   std::string obj_path_;
   ModelSink& sink_;
   WarnOnce warn_;
   std::map<std::string, Entry, std::less<>> entries_;
-  std::vector<std::string> read_;  ///< paths of libraries, in the order of their reading
-  std::set<std::string> known_;    ///< the same; some exporters name theirs before every object
-  bool missing_library_ = false;   ///< a material that is not defined may be of it
+  std::vector<std::string> read_;  ///< paths of libraries, in the order of reading
+  std::set<std::string> known_;    ///< the same paths; some exporters repeat the line before every object
+  bool missing_library_ = false;   ///< a missing material may be defined in it
 };
 
-/// The file names on an mtllib line, blanks escaped by backslashes or not: a name ends at ".mtl" before a
-/// blank.
+/// The file names on an mtllib line, with blanks escaped by backslashes or not: a name ends at ".mtl" before
+/// a blank.
 std::vector<std::string> SplitLibraryNames(std::string_view names);
 
 }  // namespace quarry

@@ -27,7 +27,7 @@ std::optional<PlyType> TypeFromName(std::string_view name) {
   return std::nullopt;
 }
 
-/// Reads the lines after "ply" one by one.
+/// Parses the lines after "ply".
 class HeaderParser {
  public:
   explicit HeaderParser(ModelReader& bytes) : lines_(bytes) {}
@@ -35,7 +35,7 @@ class HeaderParser {
   Result<PlyHeader> Parse();
 
  private:
-  /// Returns true at end_header.
+  /// True: the line is end_header.
   Result<bool> Line(std::string_view line);
   Status Format(TextCursor& words);
   Status Element(TextCursor& words);

@@ -22,13 +22,13 @@ constexpr bool IsReal(PlyType type) { return type == PlyType::kFloat32 || type =
 
 struct PlyProperty {
   std::string name;
-  PlyType type = PlyType::kFloat32;   ///< Of the value, or of a list's values.
-  std::optional<PlyType> count_type;  ///< Of a list's count, an integer type; none for a single value.
+  PlyType type = PlyType::kFloat32;   ///< of the value, or of a list's values
+  std::optional<PlyType> count_type;  ///< of a list's count, an integer type; absent for a single value
 };
 
 struct PlyElement {
   std::string name;
-  uint64_t count = 0;  ///< As the file claims; nothing may be allocated from it.
+  uint64_t count = 0;  ///< as the file claims; never a size to allocate
   std::vector<PlyProperty> properties;
 };
 
@@ -36,17 +36,17 @@ enum class PlyEncoding { kAscii, kBinaryLittleEndian, kBinaryBigEndian };
 
 struct PlyHeader {
   PlyEncoding encoding = PlyEncoding::kAscii;
-  std::vector<PlyElement> elements;  ///< In file order, names differ.
-  std::string texture_file;          ///< that "comment TextureFile" names (MeshLab)
-  uint64_t lines = 0;                ///< Lines the header takes.
+  std::vector<PlyElement> elements;  ///< in file order, with distinct names
+  std::string texture_file;          ///< from "comment TextureFile" (MeshLab)
+  uint64_t lines = 0;                ///< of the header
 
   const PlyElement* Find(std::string_view name) const;
 };
 
-/// Reads the header at the start of `bytes` and leaves `bytes` behind it. Comments, obj_info and unknown
-/// keywords are passed over; lines may end in LF, CR LF or CR. Errors: no "ply" at the start, no or unknown
-/// format, an unknown type, a count that is none, an element named twice, no end_header; each with its line.
-/// At most 256 elements and 4096 properties.
+/// Reads the header at the start of `bytes` and stops after it. Comments, obj_info and unknown keywords are
+/// ignored; lines end in LF, CR LF or CR. Limits: 256 elements, 4096 properties.
+/// Errors, with the line: no "ply" at the start, no or unknown format, unknown type, malformed count,
+/// duplicate element, no end_header.
 Result<PlyHeader> ReadPlyHeader(ModelReader& bytes);
 
 }  // namespace quarry

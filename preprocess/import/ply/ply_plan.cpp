@@ -12,48 +12,18 @@ struct SlotName {
   uint8_t slot;
 };
 
-constexpr SlotName kVertexSlots[] = {{"x", kX},
-                                     {"y", kY},
-                                     {"z", kZ},
-                                     {"nx", kNx},
-                                     {"ny", kNy},
-                                     {"nz", kNz},
-                                     {"red", kRed},
-                                     {"green", kGreen},
-                                     {"blue", kBlue},
-                                     {"alpha", kAlpha},
-                                     {"r", kRed},
-                                     {"g", kGreen},
-                                     {"b", kBlue},
-                                     {"a", kAlpha},
-                                     {"diffuse_red", kRed},
-                                     {"diffuse_green", kGreen},
-                                     {"diffuse_blue", kBlue},
-                                     {"diffuse_alpha", kAlpha},
-                                     {"s", kU},
-                                     {"t", kV},
-                                     {"u", kU},
-                                     {"v", kV},
-                                     {"texture_u", kU},
-                                     {"texture_v", kV},
-                                     {"texture_s", kU},
-                                     {"texture_t", kV}};
-constexpr SlotName kFaceSlots[] = {{"material_index", kMaterial},
-                                   {"part_index", kPart},
-                                   {"red", kRed},
-                                   {"green", kGreen},
-                                   {"blue", kBlue},
-                                   {"alpha", kAlpha},
-                                   {"r", kRed},
-                                   {"g", kGreen},
-                                   {"b", kBlue},
-                                   {"a", kAlpha},
-                                   {"diffuse_red", kRed},
-                                   {"diffuse_green", kGreen},
-                                   {"diffuse_blue", kBlue},
-                                   {"diffuse_alpha", kAlpha}};
+constexpr SlotName kVertexSlots[] = {
+    {"x", kX},         {"y", kY},         {"z", kZ},         {"nx", kNx},      {"ny", kNy},
+    {"nz", kNz},       {"s", kU},         {"t", kV},         {"u", kU},        {"v", kV},
+    {"texture_u", kU}, {"texture_v", kV}, {"texture_s", kU}, {"texture_t", kV}};
+constexpr SlotName kFaceSlots[] = {{"material_index", kMaterial}, {"part_index", kPart}};
+/// Names of red, green, blue and alpha, of vertices and of faces.
+constexpr std::string_view kColorNames[][4] = {
+    {"red", "green", "blue", "alpha"},
+    {"r", "g", "b", "a"},
+    {"diffuse_red", "diffuse_green", "diffuse_blue", "diffuse_alpha"}};
 
-/// Factor that brings a colour of `type` to 0..255.
+/// The factor that brings a channel of `type` to 0..255.
 double ColorScale(PlyType type) {
   if (IsReal(type)) return kScaleOfReal;
   return type == PlyType::kUint16 ? 255.0 / 65535.0 : 1.0;
@@ -72,8 +42,11 @@ PlyPlan MakePlan(const PlyElement& element, std::span<const SlotName> slots, boo
       step.target = PlyStep::kIndexList;
       plan.has_index_list = true;
     } else if (!property.count_type) {
-      const auto found = std::ranges::find(slots, property.name, &SlotName::name);
-      if (found != slots.end()) step.target = found->slot;
+      for (const SlotName& slot : slots)
+        if (slot.name == property.name) step.target = slot.slot;
+      for (const auto& names : kColorNames)
+        for (uint8_t i = 0; i < 4; ++i)
+          if (names[i] == property.name) step.target = static_cast<uint8_t>(kRed + i);
     }
     if (step.target < PlyRow::kMaxValues) plan.filled |= 1u << step.target;
     plan.has_lists |= property.count_type.has_value();
@@ -101,6 +74,13 @@ PlyPlan PlanFace(const PlyElement& element) {
   return plan;
 }
 
-PlyPlan PlanToSkip(const PlyElement& element) { return MakePlan(element, {}, false); }
+PlyPlan PlanToSkip(const PlyElement& element) {
+  PlyPlan plan;
+  for (const PlyProperty& property : element.properties) {
+    plan.steps.push_back({property.type, property.count_type});
+    plan.has_lists |= property.count_type.has_value();
+  }
+  return plan;
+}
 
 }  // namespace quarry

@@ -9,27 +9,27 @@
 
 namespace quarry {
 
-/// Places in PlyRow::values for the properties of a vertex, of a face.
+/// Slots in PlyRow::values for the properties of vertices and of faces.
 enum VertexSlot : uint8_t { kX, kY, kZ, kNx, kNy, kNz, kRed, kGreen, kBlue, kAlpha, kU, kV };
-enum FaceSlot : uint8_t { kMaterial, kPart };  // and kRed to kAlpha
+enum FaceSlot : uint8_t { kMaterial, kPart };  // faces also use kRed to kAlpha
 
-/// PlyPlan::color_scale of real numbers, to 1.
+/// PlyPlan::color_scale of real channels, which run to 1.
 inline constexpr double kScaleOfReal = 255;
-/// A real channel beyond this counts to 255, not to 1: from there on all do.
+/// A real channel beyond this means that channels run to 255 from there on, instead of 1.
 inline constexpr double kMostOfOne = 2;
 
-/// The plan of one element, and which slots it fills.
+/// The plan of an element's rows, and the slots that it fills.
 struct PlyPlan {
   std::vector<PlyStep> steps;
   uint32_t filled = 0;
-  double color_scale[4] = {1, 1, 1, 1};  ///< Brings red, green, blue, alpha to 0..255.
+  double color_scale[4] = {1, 1, 1, 1};  ///< factors for red, green, blue, alpha to reach 0..255
   bool has_index_list = false;
-  bool has_lists = false;  ///< Any list at all: rows differ in size.
-  /// Of a face's row with three corners where the list comes first, counted by a byte, of 32-bit indices, and
-  /// is the only one; else 0.
+  bool has_lists = false;  ///< whether rows differ in size
+  /// Bytes of a face's row with three corners, if the list comes first, has a count of one byte and 32-bit
+  /// indices, and is the only list; else 0.
   uint32_t triangle_bytes = 0;
 
-  /// True if the slots `first` to `last` are all filled.
+  /// Whether the slots `first` to `last` are all filled.
   bool Has(uint8_t first, uint8_t last) const {
     for (int slot = first; slot <= last; ++slot)
       if (!(filled >> slot & 1)) return false;
@@ -38,7 +38,7 @@ struct PlyPlan {
 };
 
 PlyPlan PlanVertex(const PlyElement& element);
-/// Also for tristrips, which name their indices as faces do.
+/// Also for tristrips, whose index list has the faces' names.
 PlyPlan PlanFace(const PlyElement& element);
 PlyPlan PlanToSkip(const PlyElement& element);
 

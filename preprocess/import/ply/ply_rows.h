@@ -13,17 +13,17 @@
 
 namespace quarry {
 
-/// What to do with one property of a row, settled once per element.
+/// What to do with a property of a row; decided once per element.
 struct PlyStep {
   static constexpr uint8_t kSkip = 0xFF;
   static constexpr uint8_t kIndexList = 0xFE;
 
   PlyType type;
   std::optional<PlyType> count_type;
-  uint8_t target = kSkip;  ///< Index into PlyRow::values, or one of the above.
+  uint8_t target = kSkip;  ///< index into PlyRow::values, or a constant above
 };
 
-/// What the wanted properties of one row gave.
+/// The wanted values of a row.
 struct PlyRow {
   static constexpr size_t kMaxValues = 16;
   double values[kMaxValues] = {};
@@ -43,7 +43,7 @@ inline T LoadAs(const char* at) {
   return value;
 }
 
-/// Calls `use` with a value of the C++ type that `type` stands for.
+/// Calls `use` with a value of the C++ type of `type`.
 template <typename Use>
 inline auto WithType(PlyType type, Use&& use) {
   switch (type) {
@@ -67,8 +67,8 @@ inline auto WithType(PlyType type, Use&& use) {
   return use(double{});
 }
 
-/// Values of a binary PLY body. Each function returns false where the file ends too early or reads otherwise
-/// than its header says; Failure() then tells.
+/// Reads values of a binary PLY body. Each function returns false where the file ends early or contradicts
+/// its header; Failure() tells why. Thread safety: none.
 template <bool kSwap>
 class BinaryPlySource {
  public:
@@ -91,7 +91,7 @@ class BinaryPlySource {
     return true;
   }
 
-  /// Appends `count` integers. Requires: count <= kMaxPolygonCorners, `type` an integer type.
+  /// Appends `count` integers to `out`. Requires: count <= kMaxPolygonCorners; `type` is an integer type.
   bool Integers(PlyType type, uint64_t count, std::vector<int64_t>& out) {
     const size_t size = SizeOf(type);
     if (!bytes_.Ensure(count * size)) return false;
@@ -113,12 +113,12 @@ class BinaryPlySource {
   }
 
   ModelReader& bytes() const { return bytes_; }
-  /// Of text.
+  /// Concerns text alone.
   void LookForRows(uint64_t) {}
   bool by_line() const { return false; }
   void SetByLine(bool) {}
   bool EndRow() { return false; }
-  /// Of text.
+  /// Concerns text alone.
   uint64_t line() const { return 0; }
   void GoOnAtLine(uint64_t) {}
   tl::unexpected<Error> Failure(const std::string& where) const { return bytes_.Truncated("in " + where); }
@@ -128,8 +128,8 @@ class BinaryPlySource {
   ModelReader& bytes_;
 };
 
-/// The same of an ASCII body: values separated by any white space, the ends of lines included. Where there
-/// are lines enough, a row begins on a line of its own, and what is left of its last line is passed over.
+/// Reads values of an ASCII body, separated by any white space, line ends included. If the file has enough
+/// lines, each row begins on a new line, and values beyond the row are skipped.
 class AsciiPlySource {
  public:
   static constexpr bool kBinary = false;
@@ -140,11 +140,11 @@ class AsciiPlySource {
   bool Integer(PlyType type, int64_t& value);
   bool Integers(PlyType type, uint64_t count, std::vector<int64_t>& out);
   bool SkipValues(PlyType type, uint64_t count);
-  /// Judges by the lines at hand, or all, whether the body's `rows` have lines of their own.
+  /// Decides from the buffered lines whether each of the body's `rows` rows has its own line.
   void LookForRows(uint64_t rows);
   bool by_line() const { return by_line_; }
   void SetByLine(bool by_line) { by_line_ = by_line; }
-  /// Passes what the line has behind the row's last value. Returns whether there was anything.
+  /// Skips the rest of the line after the row's last value. Returns whether there was any.
   bool EndRow();
 
   ModelReader& bytes() const { return bytes_; }
@@ -154,16 +154,16 @@ class AsciiPlySource {
   tl::unexpected<Error> FailHere(const std::string& what) const;
 
  private:
-  /// Longest word of a number that is believed.
+  /// Bytes of a number's word, at most.
   static constexpr size_t kLongestWord = 512;
 
-  /// Sets `word` to the next one and passes it; false at the end. A longer word than kLongestWord is cut.
+  /// Reads the next word, cut to kLongestWord bytes; false at the end.
   bool Word(std::string_view& word);
 
   ModelReader& bytes_;
   uint64_t line_;
   bool by_line_ = false;
-  std::string complaint_;  ///< Why the last function returned false; empty if the file ended.
+  std::string complaint_;  ///< why the last function returned false; empty: the file ended
 };
 
 }  // namespace quarry

@@ -5,12 +5,12 @@
 
 namespace quarry {
 
-/// The same without a filter: the determinant as a sum of six products, each exact in double, added without
-/// loss. Source: Shewchuk 1997, "Adaptive Precision Floating-Point Arithmetic", section 2.4.
+/// The orientation without a filter: the determinant is a sum of six products, each exact in double, added
+/// without rounding. Source: Shewchuk 1997, "Adaptive Precision Floating-Point Arithmetic", section 2.4.
 int ExactOrientation(const glm::vec2& a, const glm::vec2& b, const glm::vec2& c);
 
-/// 1 if a, b, c turn left (counter-clockwise), -1 if they turn right, 0 if they lie on one line. Exact for
-/// all finite floats.
+/// 1 if a, b, c turn left (counter-clockwise), -1 if they turn right, 0 if they are collinear. Exact for all
+/// finite floats. Thread-safe.
 inline int Orientation(const glm::vec2& a, const glm::vec2& b, const glm::vec2& c) {
   constexpr double kRounding = 4e-16;  // (3 + 16 u) u, with u = 2^-53
   const double left = (double{a.x} - c.x) * (double{b.y} - c.y);

@@ -36,7 +36,7 @@ void PointTree::Split(uint32_t at, std::span<const glm::vec2> points) {
   });
   node.left = static_cast<uint32_t>(nodes_.size());
   const Node halves[] = {{{}, {}, node.first, middle, 0, at}, {{}, {}, middle, node.end, 0, at}};
-  nodes_.insert(nodes_.end(), std::begin(halves), std::end(halves));  // `node` may be gone
+  nodes_.insert(nodes_.end(), std::begin(halves), std::end(halves));  // `node` may dangle from here on
 }
 
 void PointTree::Mark(uint32_t point, bool mark) {

@@ -8,19 +8,19 @@
 
 namespace quarry {
 
-/// A balanced kd-tree over points of the plane, some of which are marked: finds the marked ones near a
-/// triangle. Building takes n log n, a query of a thin triangle about the root of n, however the points are
-/// spread. Not thread-safe.
+/// A balanced kd-tree over points of the plane, some of them marked: finds marked points near a triangle.
+/// Building takes O(n log n), a query of a thin triangle about O(sqrt n), whatever the distribution. Thread
+/// safety: none.
 class PointTree {
  public:
-  /// Over these, none of them marked.
+  /// Builds the tree over `points`, none of them marked.
   void Build(std::span<const glm::vec2> points);
   bool marked(uint32_t point) const { return marked_[point] != 0; }
   void Mark(uint32_t point, bool mark);
 
-  /// Calls `visit` with marked points, among them all within the counter-clockwise triangle or on its border,
-  /// until it returns true. Returns whether it did. `work` grows by the nodes
-  /// and points that were looked at.
+  /// Calls `visit` with marked points until it returns true, and returns whether it did. The points include
+  /// all within the counter-clockwise triangle or on its border. `work` grows by the nodes and points
+  /// inspected.
   template <class Visit>
   bool FindNear(const glm::vec2 (&triangle)[3], uint64_t& work, Visit&& visit) const {
     uint32_t waiting[64];
@@ -46,13 +46,13 @@ class PointTree {
   static constexpr uint32_t kLeafPoints = 8;
   struct Node {
     glm::vec2 lower, upper;
-    uint32_t first = 0, end = 0;  ///< its points: order_[first .. end)
-    uint32_t left = 0;            ///< of the two children, which lie side by side; 0: a leaf
+    uint32_t first = 0, end = 0;  ///< its points are order_[first .. end)
+    uint32_t left = 0;            ///< first of its two adjacent children; 0: a leaf
     uint32_t parent = 0;
-    uint32_t marked = 0;  ///< of its points
+    uint32_t marked = 0;  ///< number of its marked points
   };
 
-  /// True only if no point of the node's box lies in the triangle: it may err the other way.
+  /// True only if no point of the node's box lies in the triangle. May err toward false.
   static bool IsOutside(const Node& node, const glm::vec2 (&t)[3]) {
     for (int i = 0; i < 3; ++i) {
       const glm::vec2 &a = t[i], &b = t[(i + 1) % 3];

@@ -11,11 +11,12 @@ namespace quarry {
 namespace {
 
 constexpr uint32_t kNone = 0xFFFFFFFFu;
-// Nodes of the tree and corners looked at, a corner: 30 to 1,200 are usual, spikes across the whole polygon
-// take 4,000 (at 60,000 corners 7 s); where it crosses itself, fewer: no answer is right there (1 s).
+// Limits of work, in nodes and corners inspected per corner of the polygon: 30 to 1,200 are usual, spikes
+// across the whole polygon take 4,000 (7 s at 60,000 corners). A polygon that crosses itself has no right
+// answer and gets less (1 s).
 constexpr uint64_t kMostWork = 6000, kMostWorkOnCrossing = 400;
 
-/// Half of the plane that a direction lies in: 0 for angles from 0 up to 180 degrees, else 1.
+/// The half-plane of a direction: 0 for angles in [0, 180) degrees, else 1.
 int HalfOf(const glm::vec2& from, const glm::vec2& to) {
   if (to.y != from.y) return to.y < from.y;
   return to.x < from.x;
@@ -48,7 +49,7 @@ std::span<const Triangulator::Triangle> Triangulator::Split(std::span<const glm:
   return triangles_;
 }
 
-/// False if no direction is better than another: a corner is not finite, or the area is 0.
+/// False: a corner is not finite, or the area is 0, so that no direction is best.
 bool Triangulator::Project(std::span<const glm::vec3> corners) {
   glm::dvec3 normal(0);
   const glm::dvec3 origin(corners[0]);
@@ -70,7 +71,7 @@ bool Triangulator::Project(std::span<const glm::vec3> corners) {
   return true;
 }
 
-/// Whether seen from the first corner the others go round to the left, by less than a whole turn.
+/// Whether the other corners, seen from the first, go round to the left by less than a full turn.
 bool Triangulator::FanCovers() const {
   const glm::vec2& centre = at_[0];
   size_t first = 1;
@@ -82,7 +83,7 @@ bool Triangulator::FanCovers() const {
     const int turn = Orientation(centre, at_[before], at_[i]);
     if (turn < 0) return false;
     const int now = HalfOf(centre, at_[i]);
-    if (now != half && turn == 0) return false;  // passes through the first corner
+    if (now != half && turn == 0) return false;  // an edge passes through the first corner
     changes += now != half;
     if (changes == 2 && Orientation(centre, at_[first], at_[i]) >= 0) return false;
     half = now;
@@ -118,8 +119,8 @@ void Triangulator::Clip() {
   CutRestAsFan();
 }
 
-/// Cuts off ears until none is known. Those that wait for a corner at their own place are not woken by all
-/// changes there, so all are looked at once more before that is believed.
+/// Cuts off ears until none is known. Corners that wait for a corner at their own place are not woken by all
+/// changes there, so all corners are tested once more before the end.
 void Triangulator::CutEars() {
   for (uint32_t before = 0; before != left_ && left_ > 3;) {
     while (queue_length_ > 0 && left_ > 3 && work_ < most_work_) {
@@ -137,7 +138,7 @@ void Triangulator::CutEars() {
   }
 }
 
-/// Cuts corners that take no area with them: on a straight edge, at the end of a spike, twice at one place.
+/// Cuts corners without area: on a straight edge, at the end of a spike, repeated at a place.
 void Triangulator::CutFlat() {
   uint32_t corner = some_;
   for (uint32_t looks = left_; looks > 0 && left_ > 3; --looks) {
@@ -148,7 +149,8 @@ void Triangulator::CutFlat() {
   }
 }
 
-/// Where a polygon crosses or touches itself: cuts one corner that holds no other in its inside, or any.
+/// Where the polygon crosses or touches itself: cuts a corner whose triangle's inside holds no other corner,
+/// or any.
 bool Triangulator::CutByForce() {
   uint32_t corner = some_, turning = kNone;
   for (uint32_t i = 0; i < left_; ++i, corner = ring_[corner].after) {
@@ -185,8 +187,9 @@ bool Triangulator::IsEar(uint32_t corner, bool strictly_inside_only) {
   return !blocked;
 }
 
-/// Whether a corner lies in the triangle of `ear`, its border included. One at the place of one of the ear's
-/// own (as at the ends of a keyhole) does where an edge leads from it into the triangle.
+/// Whether a corner blocks `ear`: it lies in the ear's triangle or on its border. A corner at the place of
+/// one of the ear's own corners (as at the ends of a keyhole) blocks if an edge leads from it into the
+/// triangle.
 bool Triangulator::Blocks(uint32_t corner, uint32_t ear, bool strictly_inside_only) const {
   const Place& place = ring_[ear];
   if (corner == place.before || corner == ear || corner == place.after) return false;
@@ -223,7 +226,7 @@ void Triangulator::Cut(uint32_t corner) {
   Update(place.after);
 }
 
-/// After its neighbours have changed.
+/// Tests the corner again after its neighbours have changed.
 void Triangulator::Update(uint32_t corner) {
   const bool turns_left = TurnAt(corner) > 0;
   tree_.Mark(corner, !turns_left);

@@ -10,21 +10,22 @@
 
 namespace quarry {
 
-/// Splits polygons, concave ones and those with keyholes (holes joined to the border by an edge that is
-/// passed twice) included. A polygon is looked at along the axis that its normal (Newell's) leans to most, so
-/// that its corners are floats in the plane, and every decision is exact. Where the fan from the first
-/// corner, (0,1,2), (0,2,3), ..., covers the polygon once, that is the answer: for convex ones always. Else
-/// ears are cut off. A polygon that crosses itself, or lies on a line, becomes triangles all the same: its
-/// ears, as far as there are any. Time: n log n, save for contrived ones, whose work is bounded. Memory:
-/// about 100 bytes a corner, kept for the next polygon. Not thread-safe.
+/// Splits polygons into triangles, including concave polygons and polygons with keyholes (holes joined to the
+/// border by an edge that is passed twice). The polygon is projected along the axis closest to its Newell
+/// normal, so corners stay floats and every decision is exact. If the fan from the first corner, (0,1,2),
+/// (0,2,3), ..., covers the polygon once, the fan is kept: always for convex polygons. Otherwise ears are cut
+/// off. A polygon that crosses itself, or is collinear, becomes triangles as far as it has ears.
+/// Time: O(n log n), bounded for contrived polygons. Memory: about 100 bytes a corner, kept for the next
+/// polygon. Thread safety: none.
 class Triangulator {
  public:
-  /// Of corners, by their numbers. The polygon's own direction of turning.
+  /// Numbers of three corners, in the polygon's own direction.
   struct Triangle {
     uint32_t a, b, c;
   };
 
-  /// corners.size() - 2 triangles in the order of cutting, valid until the next call; none for the fan.
+  /// corners.size() - 2 triangles in the order of cutting, valid until the next call; empty: the fan is
+  /// right.
   std::span<const Triangle> Split(std::span<const glm::vec3> corners);
 
  private:
@@ -47,8 +48,8 @@ class Triangulator {
   void Unwatch(uint32_t ear);
   void WakeWatchers(uint32_t blocker);
 
-  /// A corner within the ring of those that are left. Ears in waiting are kept by the corner that blocks
-  /// them, and looked at again when it no longer does.
+  /// A corner in the ring of those not yet cut. A corner that is no ear waits in the list of the corner that
+  /// blocks it, and is tested again when it no longer does.
   struct Place {
     uint32_t before, after;
     uint32_t blocker, watchers, watcher_before, watcher_after;
@@ -57,9 +58,9 @@ class Triangulator {
 
   std::vector<glm::vec2> at_;
   std::vector<Place> ring_;
-  std::vector<uint32_t> queue_;  ///< a ring too: as long as the polygon
+  std::vector<uint32_t> queue_;  ///< a ring buffer as long as the polygon
   size_t queue_begin_ = 0, queue_length_ = 0;
-  PointTree tree_;  ///< corners that do not turn left are marked: only they can lie in an ear
+  PointTree tree_;  ///< marked: corners that do not turn left, since only they can lie in an ear
   uint32_t left_ = 0, some_ = 0;
   uint64_t work_ = 0, most_work_ = 0;
   std::vector<Triangle> triangles_;

@@ -9,13 +9,13 @@
 namespace quarry {
 namespace {
 
-/// Without blanks at its end, a backslash is its last character.
+/// Whether the last character before trailing blanks is a backslash.
 bool IsContinued(std::string_view line) {
   const size_t last = line.find_last_not_of(" \t");
   return last != std::string_view::npos && line[last] == '\\';
 }
 
-/// Whether it ends in a comment, or in a name: there a backslash is a character like others.
+/// Whether the line ends in a comment or a name, where a backslash is an ordinary character.
 bool IsCommentOrName(std::string_view line) {
   for (size_t at = line.find('#'); at != line.npos; at = line.find('#', at + 1))
     if (at == 0 || IsBlank(line[at - 1])) return true;
@@ -33,7 +33,7 @@ void LineReader::SkipByteOrderMark() {
 bool LineReader::TakeLine(std::string_view seen, size_t searched, std::string_view& line) {
   const void* found = std::memchr(seen.data() + searched, end_, seen.size() - searched);
   line = found != nullptr ? seen.substr(0, static_cast<const char*>(found) - seen.data()) : seen;
-  // The other end may come before; CR before LF belongs to it.
+  // The other line end may come first; CR before LF belongs to it.
   const char other = end_ == '\n' ? '\r' : '\n';
   const void* earlier = line.empty() ? nullptr : std::memchr(line.data(), other, line.size());
   const auto at =
@@ -43,7 +43,7 @@ bool LineReader::TakeLine(std::string_view seen, size_t searched, std::string_vi
     line = line.substr(0, at);
     return true;
   }
-  // The last byte at hand may be half of CR LF.
+  // The last buffered byte may be half of CR LF.
   if (earlier == nullptr || (found == nullptr && at + 1 == line.size())) return false;
   end_ = other;
   line = line.substr(0, at);

@@ -11,7 +11,7 @@ bool StartsWith(std::string_view text, std::string_view prefix) {
   return text.size() >= prefix.size() && EqualsIgnoringCase(text.substr(0, prefix.size()), prefix);
 }
 
-/// What a decimal number is when double cannot hold it: infinity or zero, by where its digits lie.
+/// The value of a decimal number that double cannot hold: infinity or zero, by the place of its digits.
 double OutOfRangeValue(std::string_view digits) {
   const size_t exponent = digits.find_first_of("eE");
   const bool tiny = exponent != std::string_view::npos ? digits.substr(exponent + 1).starts_with('-')

@@ -8,13 +8,13 @@
 
 namespace quarry {
 
-/// Space, tab, and what stray editors leave at the ends of lines.
+/// Space, tab, and characters that stray editors leave at the ends of lines.
 inline bool IsBlank(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f'; }
 
-/// Blanks and the ends of lines.
+/// Blanks and line ends.
 inline bool IsSpace(char c) { return IsBlank(c) || c == '\n'; }
 
-/// A place within one line of text.
+/// A position in a line of text.
 struct TextCursor {
   const char* next;
   const char* end;
@@ -24,7 +24,7 @@ struct TextCursor {
   void SkipBlanks() {
     while (next != end && IsBlank(*next)) ++next;
   }
-  /// True if nothing but blanks, or a comment, is left.
+  /// Whether only blanks or a comment are left.
   bool AtEnd() {
     SkipBlanks();
     return next == end || *next == '#';
@@ -36,14 +36,14 @@ struct TextCursor {
     while (next != end && !IsBlank(*next)) ++next;
     return {begin, static_cast<size_t>(next - begin)};
   }
-  /// All that is left, without blanks at either end.
+  /// The rest of the line, trimmed.
   std::string_view Rest() {
     SkipBlanks();
     const char* last = end;
     while (last != next && IsBlank(last[-1])) --last;
     return {next, static_cast<size_t>(last - next)};
   }
-  /// The same without a comment at its end: '#' between blanks. "Material #25" is a name.
+  /// The rest of the line without a comment, which begins at '#' between blanks: "Material #25" is a name.
   std::string_view Name() {
     const std::string_view rest = Rest();
     for (size_t i = 0; i < rest.size(); ++i)
@@ -54,13 +54,12 @@ struct TextCursor {
   }
 };
 
-/// Parses numbers that std::from_chars leaves aside: beyond the range of double, and the "1.#INF" and
-/// "1.#QNAN" of old Windows runtimes. False if `word` is none of these.
+/// Parses numbers that std::from_chars refuses: beyond double's range, and "1.#INF" and "1.#QNAN" of old
+/// Windows runtimes. False: other text.
 bool ParseUnusualReal(std::string_view word, double& value);
 
-/// Parses one real at the cursor, after blanks, and moves behind it: any decimal syntax, a leading '+', nan,
-/// inf. False, with the cursor at the number's first character, if there is none or if it runs into other
-/// text.
+/// Parses a real number after blanks and moves behind it: any decimal syntax, a leading '+', nan, inf. False,
+/// with the cursor at the first character: there is none, or it runs into other text.
 inline bool ParseReal(TextCursor& cursor, double& value) {
   cursor.SkipBlanks();
   const char* begin = cursor.next;
@@ -76,8 +75,8 @@ inline bool ParseReal(TextCursor& cursor, double& value) {
   return true;
 }
 
-/// Parses one decimal integer at the cursor, without skipping blanks, and moves behind it; a leading '+' is
-/// allowed. What follows is the caller's matter. Values beyond 64 bits become the nearest that fits.
+/// Parses a decimal integer at the cursor, without skipping blanks, and moves behind it; a leading '+' is
+/// allowed. Does not look at the character after it. Values beyond 64 bits are clamped.
 inline bool ParseInteger(TextCursor& cursor, int64_t& value) {
   const char* begin = cursor.next;
   if (cursor.end - begin > 1 && *begin == '+' && begin[1] != '-') ++begin;
@@ -93,7 +92,7 @@ inline bool ParseInteger(TextCursor& cursor, int64_t& value) {
 /// '?'.
 std::string Quoted(std::string_view text);
 
-/// True if the ASCII letters are the same whatever their case.
+/// Whether the texts are equal but for the case of ASCII letters.
 bool EqualsIgnoringCase(std::string_view a, std::string_view b);
 
 }  // namespace quarry

@@ -8,23 +8,24 @@
 
 namespace quarry {
 
-/// A text file's words, wherever its lines end, without comments ('#' or '%' to the end of a line).
+/// Reads a text file word by word, across lines, without comments ('#' or '%' to the line's end). Thread
+/// safety: none.
 class WordReader {
  public:
   explicit WordReader(ModelReader& bytes) : lines_(bytes) {}
 
-  /// The next word, which stays the next; empty at the file's end. Valid until the next call. Errors: those
-  /// of LineReader.
+  /// The next word without consuming it; empty at the file's end. Valid until the next call. Errors:
+  /// LineReader's.
   Result<std::string_view> Peek();
-  /// Passes the word that Peek gave.
+  /// Consumes the word that Peek() returned.
   void Skip() { cursor_.Word(); }
-  /// The next word, passed. Errors also: the file ends where `what` should be.
+  /// Consumes and returns the next word. Errors also: the file ends where `what` should be.
   Result<std::string> Word(const char* what);
   /// Whether the next word is a number.
   Result<bool> AtNumber();
-  /// The next word as a number. Errors: it is none.
+  /// Consumes a number. Errors: the next word is none.
   Result<double> Number(const char* what);
-  /// As an index or count. Errors: it is none from 0 to `most`.
+  /// Consumes an index or count. Errors: the next word is none from 0 to `most`.
   Result<uint32_t> Index(const char* what, uint64_t most);
 
   tl::unexpected<Error> FailHere(const std::string& what) const { return lines_.FailHere(what); }

@@ -1,0 +1,266 @@
+#include "preprocess/build_stage.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <span>
+
+#include "common/base/resource.h"
+#include "common/kdtree/triangle_test.h"
+#include "preprocess/partition/split.h"
+#include "preprocess/partition/voxel_builder.h"
+#include "preprocess/partition/voxel_pipeline.h"
+
+namespace quarry {
+namespace {
+
+SceneMeta MakeMeta(const ImportedScene& scene, const PreprocessOptions& options) {
+  SceneMeta meta;
+  meta.offset = scene.offset;
+  meta.bounds_lower = scene.bounds.lower;
+  meta.bounds_upper = scene.bounds.upper;
+  float largest = 0;
+  for (int a = 0; a < 3; ++a)
+    largest = std::max({largest, std::fabs(scene.bounds.lower[a]), std::fabs(scene.bounds.upper[a])});
+  meta.padding = ReferencePadding(largest);
+  meta.root_lower = scene.bounds.lower - glm::vec3(2 * meta.padding);
+  meta.root_upper = scene.bounds.upper + glm::vec3(2 * meta.padding);
+  meta.up_axis = options.up_axis;
+  meta.input_triangles = scene.input_triangles;
+  meta.dropped_degenerate = scene.dropped_degenerate;
+  meta.dropped_not_finite = scene.dropped_not_finite;
+  meta.voxel_size = options.voxel_size;
+  return meta;
+}
+
+/// Steps from the root to the deepest leaf. Requires: children lie beyond their parents.
+uint32_t DepthOf(const std::vector<KdNode>& nodes) {
+  std::vector<uint32_t> depth(nodes.size());
+  uint32_t deepest = 0;
+  for (size_t i = 0; i < nodes.size(); ++i) {
+    deepest = std::max(deepest, depth[i]);
+    if (!nodes[i].is_leaf()) depth[nodes[i].left()] = depth[nodes[i].left() + 1] = depth[i] + 1;
+  }
+  return deepest;
+}
+
+}  // namespace
+
+BuildStage::BuildStage(const PreprocessOptions& options, WorkFolder& work, Progress& progress,
+                       ImportedScene& scene)
+    : options_(options),
+      work_(work),
+      progress_(progress),
+      scene_(scene),
+      meta_(MakeMeta(scene, options)),
+      textures_(scene.images, ImageDecodingOf(options), options.threads,
+                [&](const std::string& text) { progress_.Say("warning: " + text); }) {
+  whole_.cell = {meta_.root_lower, meta_.root_upper};
+  partition_.padding = meta_.padding;
+  partition_.voxel_size = options.voxel_size;
+  partition_.memory = options.memory / 4;
+  partition_.spill_prefix = work.spill_folder() + "/region-";
+}
+
+Status BuildStage::Run() {
+  if (scene_.triangles->count() > kMostInMemory) {
+    QUARRY_TRY(Restore());
+    QUARRY_TRY(Route());
+  } else {
+    tree_ = {{KdNode{}}, {whole_}, {0}};
+  }
+  QUARRY_ASSIGN(StoreWriter writer,
+                StoreWriter::Continue(options_.output, work_.store(), std::move(stored_)));
+  writer_.emplace(std::move(writer));
+  for (const VoxelEntry& v : writer_->directory()) emitted_ += v.triangles;
+  QUARRY_TRY(BuildVoxels());
+  if (files_ && !scene_.images.empty()) QUARRY_TRY(SaveBuilt(true));
+  return textures_.Run(*writer_, progress_, [&](const Bytes& checkpoint) {
+    return work_.kept() ? work_.Add(CheckpointKind::kTextures, checkpoint) : Status{};
+  });
+}
+
+/// Partitions the regions that the journal does not have, while a pipeline builds their voxels.
+Status BuildStage::BuildVoxels() {
+  // Progress counts the triangles that have been read: those that are built include copies.
+  uint64_t all = scene_.triangles->count(), before = 0;
+  const uint64_t triangles = all;
+  if (files_) {
+    const std::vector<uint64_t> counts = files_->counts();
+    all = std::accumulate(counts.begin(), counts.end(), uint64_t{0});
+    before = std::accumulate(counts.begin(), counts.begin() + static_cast<ptrdiff_t>(subtrees_.size()),
+                             uint64_t{0});
+  }
+  progress_.Begin(fmt::format("building voxels of {} triangles", triangles), "triangles", before);
+  VoxelPipeline pipeline(
+      options_.threads,
+      [&](const VoxelTask& task) {
+        EncodedVoxel voxel = BuildVoxel(task.triangles, task.cell, meta_.padding,
+                                        scene_.attributes != Attributes::kNone, options_.voxel_size);
+        voxel.chained = task.chained;
+        return voxel;
+      },
+      [&](const EncodedVoxel& voxel) { return writer_->AddVoxel(voxel); });
+  saved_at_ = Clock::now();
+  for (size_t i = subtrees_.size(); i < tree_.regions.size(); ++i) {
+    const SpillFile& file = files_ ? files_->file(i) : *scene_.triangles;
+    const Box content = files_ ? files_->contents()[i] : whole_.cell;
+    PartitionOptions inner = partition_;
+    inner.spill_prefix += fmt::format("{}-", i);
+    uint64_t emitted = 0;
+    QUARRY_ASSIGN(TopSubtree subtree,
+                  PartitionFile(file, tree_.regions[i], content, inner, [&](VoxelTask task) {
+                    emitted += task.triangles.size();
+                    progress_.Update(before + std::min(emitted, file.count()), all);
+                    return pipeline.Add(std::move(task));
+                  }));
+    emitted_ += emitted;
+    before += file.count();
+    subtrees_.push_back(std::move(subtree));
+    if (files_) QUARRY_TRY(SaveBuilt());
+  }
+  QUARRY_TRY(pipeline.Finish());
+  progress_.End();
+  return {};
+}
+
+Status BuildStage::Finish(PreprocessStatistics& statistics) {
+  std::vector<KdNode> top = tree_.nodes;
+  uint32_t voxels = 0;
+  for (size_t i = 0; i < subtrees_.size(); ++i) {
+    Graft(subtrees_[i], tree_.leaves[i], voxels, top);
+    voxels += subtrees_[i].voxels;
+  }
+  statistics.voxels = writer_->voxel_count();
+  statistics.stored_references = emitted_;
+  statistics.top_tree_nodes = static_cast<uint32_t>(top.size());
+  statistics.top_tree_depth = DepthOf(top);
+  statistics.meta = meta_;
+  statistics.textures = textures_.Statistics(*writer_);
+  statistics.warnings += statistics.textures.left_out;
+  textures_.Renumber(scene_.materials);
+  QUARRY_ASSIGN(statistics.scene_id,
+                writer_->Finish(meta_, top, scene_.materials, scene_.parts, scene_.views));
+  statistics.store_bytes = writer_->bytes_written();
+  return {};
+}
+
+/// Takes over the work that an earlier run's journal records.
+Status BuildStage::Restore() {
+  for (const SavedCheckpoint& checkpoint : work_.checkpoints()) QUARRY_TRY(RestoreRecord(checkpoint));
+  if (!stored_.directory.empty()) {
+    const BlockEntry& hot = stored_.directory.back().blocks[0];
+    stored_.bytes = hot.offset + hot.stored + stored_.directory.back().blocks[1].stored;
+  }
+  for (const WrittenTexture& t : stored_.textures)
+    for (const BlockEntry& page : t.texture.pages)
+      stored_.bytes = std::max(stored_.bytes, page.offset + page.stored);
+  saved_regions_ = subtrees_.size();
+  saved_voxels_ = static_cast<uint32_t>(stored_.directory.size());
+  return {};
+}
+
+Status BuildStage::RestoreRecord(const SavedCheckpoint& checkpoint) {
+  ByteReader in(checkpoint.bytes);
+  bool readable = true;
+  switch (checkpoint.kind) {
+    case CheckpointKind::kRegions: {
+      const auto nodes = in.Get<uint32_t>(), regions = in.Get<uint32_t>();
+      tree_ = {in.GetArray<KdNode>(nodes), in.GetArray<Region>(regions), in.GetArray<uint32_t>(regions)};
+      readable = in.done();
+      break;
+    }
+    case CheckpointKind::kRouted:
+      routed_ = in.Get<uint64_t>();
+      counts_ = in.GetArray<uint64_t>(tree_.regions.size());
+      contents_ = in.GetArray<Box>(tree_.regions.size());
+      readable = in.done();
+      break;
+    case CheckpointKind::kBuilt: {
+      TopSubtree subtree;
+      subtree.voxels = in.Get<uint32_t>();
+      subtree.nodes = in.GetArray<KdNode>(in.Get<uint32_t>());
+      for (const VoxelEntry& v : in.GetArray<VoxelEntry>(subtree.voxels)) stored_.directory.push_back(v);
+      for (const uint64_t v : in.GetArray<uint64_t>(2 * subtree.voxels)) stored_.logical.push_back(v);
+      subtrees_.push_back(std::move(subtree));
+      readable = in.done();
+      break;
+    }
+    case CheckpointKind::kTextures:
+      readable = textures_.Restore(checkpoint.bytes, stored_.textures).has_value();
+      break;
+    case CheckpointKind::kImported:
+      break;
+  }
+  if (readable) return {};
+  return Fail(fmt::format("{}: its journal cannot be read; begin anew without --resume", work_.path()));
+}
+
+Status BuildStage::ChooseTree() {
+  const uint64_t weight = scene_.sample.weight();
+  tree_ = ChooseRegions(scene_.sample.TakeTriangles(), weight, meta_.padding, whole_);
+  ByteWriter checkpoint;
+  checkpoint.Put(static_cast<uint32_t>(tree_.nodes.size()));
+  checkpoint.Put(static_cast<uint32_t>(tree_.regions.size()));
+  checkpoint.PutArray(tree_.nodes);
+  checkpoint.PutArray(tree_.regions);
+  checkpoint.PutArray(tree_.leaves);
+  return work_.Add(CheckpointKind::kRegions, checkpoint.Take());
+}
+
+/// Routes all triangles to the files of their regions. The import's file shrinks meanwhile.
+Status BuildStage::Route() {
+  if (tree_.regions.empty()) QUARRY_TRY(ChooseTree());
+  QUARRY_ASSIGN(files_, RegionFiles::Open(tree_, partition_.spill_prefix, RecordBytes(scene_.attributes),
+                                          partition_.memory, saved_regions_, counts_, contents_));
+  const uint64_t triangles = scene_.triangles->count();
+  // A kill may have come between a checkpoint and the Discard() after it.
+  if (routed_ > 0 && routed_ < triangles) scene_.triangles->Discard(0, routed_);
+  progress_.Begin("parting triangles", "triangles", routed_);
+  while (routed_ < triangles) {
+    const uint64_t end = std::min(routed_ + kRoutedPerCheckpoint, triangles);
+    QUARRY_TRY(files_->Add(*scene_.triangles, routed_, end, meta_.padding,
+                           [&](uint64_t done) { progress_.Update(done, triangles); }));
+    QUARRY_TRY(files_->Sync());
+    ByteWriter checkpoint;
+    checkpoint.Put(end);
+    checkpoint.PutArray(files_->counts());
+    checkpoint.PutArray(files_->contents());
+    QUARRY_TRY(work_.Add(CheckpointKind::kRouted, checkpoint.Take()));
+    scene_.triangles->Discard(routed_, end);
+    routed_ = end;
+  }
+  progress_.End();
+  scene_.triangles->Remove();
+  CutOffEmptySpace(files_->contents(), whole_.cell, tree_);
+  return files_->FinishWriting();
+}
+
+/// Records the regions whose voxels have all been written, once enough time has passed to be worth a
+/// synchronisation, or `now`; then deletes their files.
+Status BuildStage::SaveBuilt(bool now) {
+  if (saved_regions_ == subtrees_.size() || (!now && SecondsSince(saved_at_) < options_.checkpoint_seconds))
+    return {};
+  if (saved_voxels_ + subtrees_[saved_regions_].voxels > writer_->voxel_count()) return {};
+  QUARRY_TRY(writer_->Sync());
+  while (saved_regions_ < subtrees_.size() &&
+         saved_voxels_ + subtrees_[saved_regions_].voxels <= writer_->voxel_count()) {
+    const TopSubtree& subtree = subtrees_[saved_regions_];
+    ByteWriter checkpoint;
+    checkpoint.Put(subtree.voxels);
+    checkpoint.Put(static_cast<uint32_t>(subtree.nodes.size()));
+    checkpoint.PutArray(subtree.nodes);
+    checkpoint.PutArray(std::span(writer_->directory()).subspan(saved_voxels_, subtree.voxels));
+    checkpoint.PutArray(std::span(writer_->logical()).subspan(2 * saved_voxels_, 2 * subtree.voxels));
+    QUARRY_TRY(work_.Add(CheckpointKind::kBuilt, checkpoint.Take()));
+    files_->file(saved_regions_).Remove();
+    saved_voxels_ += subtree.voxels;
+    ++saved_regions_;
+  }
+  saved_at_ = Clock::now();
+  return {};
+}
+
+}  // namespace quarry

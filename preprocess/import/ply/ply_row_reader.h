@@ -1,0 +1,145 @@
+#pragma once
+
+#include <fmt/format.h>
+
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "common/base/status.h"
+#include "preprocess/import/formats.h"
+#include "preprocess/import/ply/ply_plan.h"
+#include "preprocess/import/ply/ply_rows.h"
+
+namespace quarry {
+
+/// Reads the rows of a PLY body, element after element, through the element's plan. `Source` is
+/// AsciiPlySource or BinaryPlySource. Thread safety: none.
+template <typename Source>
+class PlyRowReader {
+ public:
+  explicit PlyRowReader(Source values) : source(std::move(values)) {}
+
+  /// Reads the rows of `element` from row_number on. `pause` is called between rows, now and then, `use`
+  /// after each row; both return a Status. Errors: theirs; the source's; a row that does not fit the plan.
+  template <typename Pause, typename Use>
+  Status Read(const PlyElement& element, const PlyPlan& plan, Pause&& pause, Use&& use) {
+    if constexpr (Source::kBinary)
+      if (!plan.has_lists) return FixedRows(element, plan, pause, use);
+    return RowsOneByOne(element, plan, pause, use);
+  }
+
+  /// Reads one value, or one list of a row. False: see RowFailure().
+  bool ReadStep(const PlyStep& step) {
+    if (step.target == PlyStep::kIndexList) return ReadIndexList(step);
+    if (!step.count_type) {
+      double ignored;
+      return source.Scalar(step.type, step.target == PlyStep::kSkip ? ignored : row.values[step.target]);
+    }
+    int64_t count;
+    if (!source.Integer(*step.count_type, count)) return false;
+    if (count < 0) complaint_ = " has a list of a negative length";
+    return count >= 0 && source.SkipValues(step.type, static_cast<uint64_t>(count));
+  }
+
+  tl::unexpected<Error> RowFailure(const PlyElement& element) const {
+    const std::string name =
+        fmt::format("{} {} (counted from 0) of {}", element.name, row_number, element.count);
+    return complaint_.empty() ? source.Failure(name) : source.FailHere(name + complaint_);
+  }
+
+  Source source;
+  PlyRow row;
+  uint64_t row_number = 0;  ///< of the element that is being read, from 0
+  uint64_t long_rows = 0;   ///< lines with more values than the header names
+
+ private:
+  static constexpr uint64_t kRowsPerPause = 256;
+
+  /// Binary rows without lists: values lie at fixed offsets, so a buffer full of rows goes through one loop.
+  template <typename Pause, typename Use>
+  Status FixedRows(const PlyElement& element, const PlyPlan& plan, Pause&& pause, Use&& use) {
+    struct Wanted {
+      uint32_t offset;
+      PlyType type;
+      uint8_t slot;
+    };
+    std::vector<Wanted> wanted;
+    uint32_t stride = 0;
+    for (const PlyStep& step : plan.steps) {
+      if (step.target != PlyStep::kSkip) wanted.push_back({stride, step.type, step.target});
+      stride += SizeOf(step.type);
+    }
+    ModelReader& bytes = source.bytes();
+    if (element.count - row_number > bytes.remaining() / stride)
+      return source.FailHere(fmt::format(
+          "the header promises {} rows of {} bytes for the element {}, but the file has {} bytes left",
+          element.count - row_number, stride, element.name, bytes.remaining()));
+    if (wanted.empty() && bytes.Skip(element.count * stride)) return {};
+    for (; row_number < element.count; ++row_number) {
+      if (row_number % kRowsPerPause == 0) QUARRY_TRY(pause());
+      if (!bytes.Ensure(stride)) return RowFailure(element);
+      const char* at = bytes.data();
+      for (const Wanted& want : wanted) row.values[want.slot] = Source::Load(at + want.offset, want.type);
+      bytes.Consume(stride);
+      QUARRY_TRY(use());
+    }
+    return {};
+  }
+
+  template <typename Pause, typename Use>
+  Status RowsOneByOne(const PlyElement& element, const PlyPlan& plan, Pause&& pause, Use&& use) {
+    for (; row_number < element.count; ++row_number) {
+      if (row_number % kRowsPerPause == 0) QUARRY_TRY(pause());
+      if (!ReadTriangle(plan))
+        for (const PlyStep& step : plan.steps) {
+          if (ReadStep(step)) [[likely]]
+            continue;
+          return RowFailure(element);
+        }
+      long_rows += source.EndRow();
+      QUARRY_TRY(use());
+    }
+    return {};
+  }
+
+  /// A row of the usual form at once: a byte 3, three indices of 32 bits, scalars. False, and nothing is
+  /// read, if the row is of another.
+  bool ReadTriangle(const PlyPlan& plan) {
+    if constexpr (!Source::kBinary) {
+      return false;
+    } else {
+      if (plan.triangle_bytes == 0 || !source.bytes().Ensure(plan.triangle_bytes)) return false;
+      const char* at = source.bytes().data();
+      if (*at != 3) return false;
+      const PlyType type = plan.steps[0].type;
+      row.indices.resize(3);
+      for (size_t k = 0; k < 3; ++k)
+        row.indices[k] = static_cast<int64_t>(Source::Load(at + 1 + 4 * k, type));
+      at += 13;
+      for (size_t i = 1; i < plan.steps.size(); ++i) {
+        const PlyStep& step = plan.steps[i];
+        if (step.target != PlyStep::kSkip) row.values[step.target] = Source::Load(at, step.type);
+        at += SizeOf(step.type);
+      }
+      source.bytes().Consume(plan.triangle_bytes);
+      return true;
+    }
+  }
+
+  bool ReadIndexList(const PlyStep& step) {
+    row.indices.clear();
+    int64_t count;
+    if (!source.Integer(*step.count_type, count)) return false;
+    if (count < 0 || static_cast<uint64_t>(count) > kMaxPolygonCorners) {
+      complaint_ = fmt::format(" has {} corners, where 0 to {} are possible", count, kMaxPolygonCorners);
+      return false;
+    }
+    return source.Integers(step.type, static_cast<uint64_t>(count), row.indices);
+  }
+
+  std::string complaint_;  ///< why a step failed, if the source itself has no objection
+};
+
+}  // namespace quarry

@@ -1,0 +1,121 @@
+#include "preprocess/ingest/scene_tables.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <glm/geometric.hpp>
+#include <span>
+
+#include "preprocess/spill/saved_tables.h"
+
+namespace quarry {
+namespace {
+
+bool IsUsable(const NamedCamera& camera) { return IsSane(camera.spec); }
+bool IsUsable(const NamedLight& light) { return IsSane(light); }
+
+}  // namespace
+
+void SceneTables::BeginFile(std::string_view name, bool restored) {
+  file_name_ = name;
+  restored_ = restored;
+  if (restored) return;
+  file_part_ = kNoIndex;
+  first_part_ = static_cast<uint32_t>(tables_.parts.size());
+  first_warning_ = static_cast<uint32_t>(tables_.warnings.size());
+  file_parts_.clear();
+}
+
+uint32_t SceneTables::AddMaterial(const Material& material) {
+  tables_.materials.push_back(material);
+  return static_cast<uint32_t>(tables_.materials.size() - 1);
+}
+
+uint32_t SceneTables::AddPart(std::string_view name) {
+  const auto next = static_cast<uint32_t>(tables_.parts.size());
+  const auto [it, added] = file_parts_.emplace(name, next);
+  if (added) tables_.parts.emplace_back(name);
+  return it->second;
+}
+
+uint32_t SceneTables::DefaultMaterial() {
+  if (default_material_ == kNoIndex) default_material_ = AddMaterial(Material{"default"});
+  return default_material_;
+}
+
+uint32_t SceneTables::FilePart() {
+  if (file_part_ == kNoIndex) file_part_ = AddPart(file_name_);
+  return file_part_;
+}
+
+template <class View>
+void SceneTables::AddView(View view, size_t most, std::vector<View>& views) {
+  const bool usable = IsUsable(view);
+  if (!usable || views.size() >= most) {
+    if (!warned_of_views_)
+      Warn(fmt::format(
+          "{}: {} is left out: {}", file_name_, view.name.empty() ? "a view" : view.name,
+          usable ? fmt::format("a store holds {} of its kind", most) : "it holds numbers that cannot be"));
+    warned_of_views_ = true;
+    return;
+  }
+  const std::string name = view.name;
+  const auto taken = [&] {
+    return std::ranges::any_of(views, [&](const View& other) { return other.name == view.name; });
+  };
+  for (int number = 2; taken(); ++number) view.name = fmt::format("{} {}", name, number);
+  views.push_back(std::move(view));
+}
+
+void SceneTables::AddCamera(NamedCamera camera, const SceneCoordinates& coordinates) {
+  CameraSpec& spec = camera.spec;
+  const glm::dvec3 forward = coordinates.Direction(spec.at - spec.eye);
+  spec.eye = coordinates.Point(spec.eye);
+  spec.at = spec.eye + forward;
+  spec.up = coordinates.Direction(spec.up);
+  spec.ortho_height *= coordinates.UnitLength();
+  AddView(std::move(camera), kMaxSceneCameras, tables_.views.cameras);
+}
+
+void SceneTables::AddLight(NamedLight light, const SceneCoordinates& coordinates) {
+  const double length = coordinates.UnitLength();
+  if (light.kind == LightKind::kPoint) light.radiance *= static_cast<float>(length * length);
+  light.position = coordinates.Point(light.position);
+  light.direction = glm::vec3(glm::normalize(coordinates.Direction(glm::dvec3(light.direction))));
+  AddView(std::move(light), kMaxLights, tables_.views.lights);
+}
+
+void SceneTables::Warn(std::string message) {
+  const auto given = std::span(tables_.warnings).subspan(first_warning_);
+  if (restored_ && std::ranges::find(given, message) != given.end()) return;
+  warn_(message);
+  tables_.warnings.push_back(std::move(message));
+}
+
+Status SceneTables::Finish() {
+  if (tables_.materials.empty()) DefaultMaterial();
+  if (tables_.materials.size() > 65536) return Fail(fmt::format("{}: more than 65536 materials", file_name_));
+  return {};
+}
+
+void SceneTables::Save(ByteWriter& out) const {
+  PutMaterials(tables_.materials, out);
+  PutTexts(tables_.parts, out);
+  PutTexts(tables_.warnings, out);
+  PutViews(tables_.views, out);
+  for (const uint32_t n : {default_material_, file_part_, first_part_, first_warning_}) out.Put(n);
+}
+
+void SceneTables::Restore(ByteReader& in) {
+  tables_.materials = GetMaterials(in);
+  tables_.parts = GetTexts(in);
+  tables_.warnings = GetTexts(in);
+  tables_.views = GetViews(in);
+  default_material_ = in.Get<uint32_t>();
+  file_part_ = in.Get<uint32_t>();
+  first_part_ = in.Get<uint32_t>();
+  first_warning_ = std::min(in.Get<uint32_t>(), static_cast<uint32_t>(tables_.warnings.size()));
+  for (uint32_t i = first_part_; i < tables_.parts.size(); ++i) file_parts_.emplace(tables_.parts[i], i);
+}
+
+}  // namespace quarry

@@ -1,0 +1,67 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <string_view>
+#include <unordered_map>
+#include <vector>
+
+#include "common/base/bytes.h"
+#include "common/base/status.h"
+#include "preprocess/ingest/imported_scene.h"
+#include "preprocess/ingest/scene_coordinates.h"
+
+namespace quarry {
+
+/// Collects a scene's materials, parts, cameras, lights and warnings over all model files. Memory grows with
+/// their number, not with the triangles. Thread safety: none.
+class SceneTables {
+ public:
+  /// `warn` is called with each new warning.
+  explicit SceneTables(std::function<void(const std::string&)> warn) : warn_(std::move(warn)) {}
+
+  /// Starts a model file; parts and warnings from here on are the file's. With `restored`, an earlier
+  /// process has begun the file: its parts stay, and warnings that it has given are not given again.
+  void BeginFile(std::string_view name, bool restored);
+  void EndFile() { restored_ = false; }
+  const std::string& file_name() const { return file_name_; }
+
+  /// Each returns the index in the scene. Equal part names within a file share an index.
+  uint32_t AddMaterial(const Material& material);
+  uint32_t AddPart(std::string_view name);
+  /// The material of faces without a material, added on first use.
+  uint32_t DefaultMaterial();
+  /// The part of faces without a part, named after the file, added on first use.
+  uint32_t FilePart();
+
+  /// Adds a view in scene coordinates, under a name of its own. A view beyond the store's limit, or with
+  /// numbers that are not usable, is left out with a warning.
+  void AddCamera(NamedCamera camera, const SceneCoordinates& coordinates);
+  void AddLight(NamedLight light, const SceneCoordinates& coordinates);
+
+  void Warn(std::string message);
+
+  void Save(ByteWriter& out) const;
+  /// Bytes that end too early make `in` not ok().
+  void Restore(ByteReader& in);
+  /// After the last file. Errors: more than 65,536 materials.
+  Status Finish();
+  ImportedTables Take() { return std::move(tables_); }
+
+ private:
+  template <class View>
+  void AddView(View view, size_t most, std::vector<View>& views);
+
+  std::function<void(const std::string&)> warn_;
+  ImportedTables tables_;
+  uint32_t default_material_ = kNoIndex;
+  std::string file_name_;
+  bool restored_ = false;
+  uint32_t file_part_ = kNoIndex;
+  uint32_t first_part_ = 0, first_warning_ = 0;           ///< of the current file
+  std::unordered_map<std::string, uint32_t> file_parts_;  ///< indices of the current file's parts
+  bool warned_of_views_ = false;
+};
+
+}  // namespace quarry

@@ -1,0 +1,104 @@
+#include "preprocess/ingest/triangle_spill.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstring>
+
+#include "preprocess/partition/regions.h"
+
+namespace quarry {
+
+std::string TriangleSpill::Path() const {
+  return fmt::format("{}/triangles-{}", folder_, static_cast<int>(out_.attributes));
+}
+
+Result<SpillFile> TriangleSpill::OpenFile(uint64_t count) {
+  SpillFile::Options options;
+  options.writer = &writer_;
+  return SpillFile::Open(Path(), RecordBytes(out_.attributes), count, options);
+}
+
+Status TriangleSpill::Open() {
+  if (out_.triangles) return {};
+  QUARRY_ASSIGN(out_.triangles, OpenFile(0));
+  return {};
+}
+
+Result<uint32_t> TriangleSpill::NewIds(uint64_t count, const std::string& file_name) {
+  constexpr uint64_t kMaxTriangles = 0xFFFFFFFFull;  // the last id is kNoIndex
+  if (out_.input_triangles + count >= kMaxTriangles)
+    return Fail(fmt::format("{}: more than {} triangles in all: ids are 32 bits; split the model", file_name,
+                            kMaxTriangles - 1));
+  const auto first = static_cast<uint32_t>(out_.input_triangles);
+  out_.input_triangles += count;
+  return first;
+}
+
+Status TriangleSpill::WidenNow(Attributes attributes) {
+  out_.attributes = attributes;
+  SpillFile before = std::move(*out_.triangles);
+  QUARRY_TRY(before.FinishWriting());
+  QUARRY_ASSIGN(out_.triangles, OpenFile(0));
+  SpillReader records(before);
+  while (const std::byte* kept = records.Next()) {
+    TriangleRecord record;
+    std::memcpy(&record, kept, before.element_bytes());
+    QUARRY_TRY(out_.triangles->Append(&record));
+  }
+  QUARRY_TRY(records.status());
+  checkpoints_.RetireTriangles(std::move(before));
+  return {};
+}
+
+Status TriangleSpill::AddPolygon(std::vector<TriangleRecord>& fan) {
+  if (fan.size() > 1) polygon_.Split(fan);
+  for (const TriangleRecord& record : fan) QUARRY_TRY(Add(record));
+  return {};
+}
+
+Status TriangleSpill::Add(const TriangleRecord& record) {
+  const TriangleFault fault = FaultOf(record);
+  out_.dropped_not_finite += fault == TriangleFault::kNotFinite;
+  out_.dropped_degenerate += fault == TriangleFault::kDegenerate;
+  if (fault != TriangleFault::kNone) return {};
+  const Box box = record.PaddedBox(0);
+  out_.bounds.Include(box.lower);
+  out_.bounds.Include(box.upper);
+  out_.sample.Add(record);
+  return out_.triangles->Append(&record);
+}
+
+bool TriangleSpill::spills() const { return out_.triangles && out_.triangles->count() > kMostInMemory; }
+
+Status TriangleSpill::Save(ByteWriter& out) {
+  QUARRY_TRY(out_.triangles->Sync());
+  out.Put(static_cast<uint8_t>(out_.attributes));
+  out.PutVec3(out_.bounds.lower);
+  out.PutVec3(out_.bounds.upper);
+  for (const uint64_t n :
+       {out_.triangles->count(), out_.input_triangles, out_.dropped_degenerate, out_.dropped_not_finite})
+    out.Put(n);
+  out_.sample.Save(out);
+  return {};
+}
+
+Status TriangleSpill::Restore(ByteReader& in, bool routed) {
+  out_.attributes = static_cast<Attributes>(std::min<uint8_t>(in.Get<uint8_t>(), 3));
+  out_.bounds.lower = in.GetVec3<glm::vec3>();
+  out_.bounds.upper = in.GetVec3<glm::vec3>();
+  const auto count = in.Get<uint64_t>();
+  out_.input_triangles = in.Get<uint64_t>();
+  out_.dropped_degenerate = in.Get<uint64_t>();
+  out_.dropped_not_finite = in.Get<uint64_t>();
+  out_.sample.Restore(in);
+  if (routed) {
+    out_.triangles = SpillFile::Left(Path(), RecordBytes(out_.attributes), count);
+    out_.sample = {};
+    return {};
+  }
+  QUARRY_ASSIGN(out_.triangles, OpenFile(count));
+  return {};
+}
+
+}  // namespace quarry

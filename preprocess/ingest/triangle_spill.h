@@ -1,0 +1,68 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "common/base/bytes.h"
+#include "common/base/status.h"
+#include "preprocess/ingest/checkpoint.h"
+#include "preprocess/ingest/imported_scene.h"
+#include "preprocess/ingest/polygon_fan.h"
+#include "preprocess/spill/spill_writer.h"
+
+namespace quarry {
+
+/// Gathers resolved triangles of all model files in the file "FOLDER/triangles-N", where N tells the
+/// attributes. Triangles without area and triangles with coordinates that are not finite are dropped and
+/// counted; their ids stay used.
+/// Thread safety: AddPolygon() may run beside NewIds() and input_triangles(), nothing else.
+class TriangleSpill {
+ public:
+  TriangleSpill(std::string folder, ImportCheckpoints& checkpoints)
+      : folder_(std::move(folder)), checkpoints_(checkpoints) {}
+
+  /// Creates the file unless it is open. Required before the first triangle.
+  Status Open();
+
+  /// The first of `count` consecutive ids. Errors: ids are 32 bits (4,294,967,294 triangles in all).
+  Result<uint32_t> NewIds(uint64_t count, const std::string& file_name);
+  uint64_t input_triangles() const { return out_.input_triangles; }
+
+  Attributes attributes() const { return out_.attributes; }
+  /// Makes records wide enough for `attributes`; records kept so far are copied to a new file.
+  Status Widen(Attributes attributes) {
+    if (out_.attributes >= attributes) [[likely]]
+      return {};
+    return WidenNow(attributes);
+  }
+
+  /// Splits the fan of one polygon in place (see PolygonFan) and keeps its triangles. Errors: disk full.
+  Status AddPolygon(std::vector<TriangleRecord>& fan);
+  /// Whether the triangles exceed the number that is split in memory.
+  bool spills() const;
+
+  /// Makes the file durable and appends the state that Restore() needs to `out`.
+  Status Save(ByteWriter& out);
+  /// With `routed`, the triangles have been routed to regions since: the file may be gone. Errors: the file
+  /// has fewer triangles than it had.
+  Status Restore(ByteReader& in, bool routed);
+  std::string Path() const;
+
+  Status FinishWriting() { return out_.triangles->FinishWriting(); }
+  const ImportedTriangles& result() const { return out_; }
+  ImportedTriangles Take() { return std::move(out_); }
+
+ private:
+  Result<SpillFile> OpenFile(uint64_t count);
+  Status WidenNow(Attributes attributes);
+  Status Add(const TriangleRecord& record);
+
+  std::string folder_;
+  ImportCheckpoints& checkpoints_;
+  ImportedTriangles out_;
+  PolygonFan polygon_;
+  SpillWriter writer_;  ///< of the file in out_; declared last, so that it ends before the file
+};
+
+}  // namespace quarry
