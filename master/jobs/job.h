@@ -30,7 +30,7 @@ struct Job {
 
   std::string id;  ///< see JobId
   RenderJob job;
-  RenderJob frame;  ///< the same without cameras
+  RenderJob without_cameras;
   std::vector<FrameState> states;
   std::vector<Finished> finished;
   std::vector<Client> clients;
@@ -44,14 +44,14 @@ struct Job {
   Job(std::string name, RenderJob render_job)
       : id(std::move(name)),
         job(std::move(render_job)),
-        frame(WithoutCameras(job)),
+        without_cameras(WithoutCameras(job)),
         states(job.cameras.size(), FrameState::kToDo),
         finished(job.cameras.size()) {}
   bool Complete() const;
   /// The first frame to do, or states.size().
   size_t NextToDo() const;
   /// The job with one of its frames only.
-  RenderJob One(size_t index) const;
+  RenderJob FrameJob(size_t index) const;
 
  private:
   static RenderJob WithoutCameras(RenderJob job) {

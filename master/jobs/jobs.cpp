@@ -104,7 +104,7 @@ bool Jobs::ForgetClient(const std::shared_ptr<Connection>& client, double now_s)
   return waited;
 }
 
-std::optional<Jobs::Begun> Jobs::Begin() {
+std::optional<JobFrame> Jobs::Begin() {
   if (encoding_ >= kMostEncoding || !suspect_.expired()) return std::nullopt;
   for (const auto& job : jobs_) {
     const size_t index = job->NextToDo();
@@ -114,8 +114,8 @@ std::optional<Jobs::Begun> Jobs::Begin() {
     if (spool_ && !job->tried) spool_->NoteTry(job->id);
     job->tried = true;
     job->states[index] = Job::FrameState::kActive;
-    Begun begun{job, index, job->One(index), nullptr};
-    begun.memory = memory_.Take(FrameBytes(begun.one));
+    JobFrame begun{job, index, job->FrameJob(index), nullptr};
+    begun.memory = memory_.Take(FrameBytes(begun.frame_job));
     if (job->suspect) suspect_ = begun.memory;
     return begun;
   }
@@ -124,7 +124,7 @@ std::optional<Jobs::Begun> Jobs::Begin() {
 
 /// Where nothing is under way that could make room, images that wait for clients do: they are made again.
 bool Jobs::HasRoom(const Job& job, size_t index) {
-  const uint64_t bytes = FrameBytes(job.One(index));
+  const uint64_t bytes = FrameBytes(job.FrameJob(index));
   const auto fits = [&] { return memory_.used() + QueuedBytes() + bytes <= memory_.for_frames(); };
   const bool under_way = encoding_ > 0 || std::ranges::any_of(jobs_, [](const auto& j) {
                            return std::ranges::count(j->states, Job::FrameState::kActive) > 0;
@@ -159,26 +159,26 @@ bool Jobs::MaySend(uint64_t image_bytes) const {
          queued + image_bytes <= std::min(kFullQueueBytes, memory_.for_frames() / 8);
 }
 
-std::vector<Jobs::Begun> Jobs::Upcoming(size_t most) const {
-  std::vector<Begun> upcoming;
+std::vector<JobFrame> Jobs::Upcoming(size_t most) const {
+  std::vector<JobFrame> upcoming;
   for (const auto& job : jobs_)
     for (size_t index = job->NextToDo(); index < job->states.size() && upcoming.size() < most; ++index)
       if (job->states[index] == Job::FrameState::kToDo)
-        upcoming.push_back({job, index, job->One(index), nullptr});
+        upcoming.push_back({job, index, job->FrameJob(index), nullptr});
   return upcoming;
 }
 
-void Jobs::Finish(Begun frame, std::vector<uint32_t> pixels, std::string statistics) {
+void Jobs::Finish(JobFrame frame, std::vector<uint32_t> pixels, std::string statistics) {
   ++encoding_;
   asio::post(*encoder_, [this, frame = std::move(frame), pixels = std::move(pixels),
                          statistics = std::move(statistics)]() mutable {
-    auto image = EncodeImage(frame.one, pixels);
+    auto image = EncodeImage(frame.frame_job, pixels);
     pixels = {};
     if (image && image->size() > kMostImageBytes)
-      image =
-          quarry::Fail(fmt::format("the picture takes {} as {}, and {} can be sent; render parts of it with "
-                                   "--crop",
-                                   FormatSize(image->size()), frame.one.format, FormatSize(kMostImageBytes)));
+      image = quarry::Fail(
+          fmt::format("the picture takes {} as {}, and {} can be sent; render parts of it with "
+                      "--crop",
+                      FormatSize(image->size()), frame.frame_job.format, FormatSize(kMostImageBytes)));
     if (image && spool_)
       WriteToSpool(*frame.job,
                    [&] { return spool_->WriteFrame(frame.job->id, frame.job->job, frame.index, *image); });

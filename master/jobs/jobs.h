@@ -19,6 +19,14 @@ class thread_pool;
 
 namespace quarry {
 
+/// A frame of a job.
+struct JobFrame {
+  std::shared_ptr<Job> job;
+  size_t index = 0;                 ///< of the job's frames
+  RenderJob frame_job;              ///< the job with this frame only
+  FrameMemory::Reservation memory;  ///< while it is under way
+};
+
 /// What clients have asked for, from the request to the last frame that is sent. Images are encoded, and
 /// written to the spool if there is one, on a thread of its own; the rest is used from the io_context's
 /// thread. Time comes in.
@@ -44,19 +52,13 @@ class Jobs {
   bool ForgetClient(const std::shared_ptr<Connection>& client, double now_s);
   const std::deque<std::shared_ptr<Job>>& all() const { return jobs_; }
 
-  struct Begun {
-    std::shared_ptr<Job> job;
-    size_t index = 0;                 ///< of the job's frames
-    RenderJob one;                    ///< the job with this frame only
-    FrameMemory::Reservation memory;  ///< of a frame under way
-  };
   /// The next frame to do, which is under way from now on. None: nothing is to do, too many are on their way
   /// to the disk, or there is no memory for it until another is done. A suspect job is under way alone.
-  std::optional<Begun> Begin();
+  std::optional<JobFrame> Begin();
   /// Those that are to be begun next, in their order.
-  std::vector<Begun> Upcoming(size_t most) const;
+  std::vector<JobFrame> Upcoming(size_t most) const;
   /// A frame's pixels are all there.
-  void Finish(Begun frame, std::vector<uint32_t> pixels, std::string statistics);
+  void Finish(JobFrame frame, std::vector<uint32_t> pixels, std::string statistics);
   /// It cannot be done: its clients are told.
   void Fail(std::shared_ptr<Job> job, const std::string& sentence);
 

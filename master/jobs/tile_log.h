@@ -6,7 +6,6 @@
 
 #include "common/base/status.h"
 #include "common/protocol/messages.h"
-#include "master/schedule/active_frame.h"
 
 namespace quarry {
 
@@ -16,8 +15,8 @@ class TileLog {
  public:
   /// Errors: the file cannot be written.
   static Result<TileLog> Create(const std::string& path);
-  void Frame(const ActiveFrame& frame);
-  void Tile(const ActiveFrame& frame, const TileDone& done, const std::string& worker);
+  void Frame(const RenderJob& frame_job);
+  void Tile(uint32_t frame_number, const TileDone& done, const std::string& worker);
 
  private:
   struct Closer {

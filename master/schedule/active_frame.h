@@ -11,11 +11,14 @@
 #include <vector>
 
 #include "common/protocol/messages.h"
-#include "master/jobs/frame.h"
+#include "master/jobs/frame_image.h"
 #include "master/schedule/footprint.h"
 #include "master/schedule/scheduler.h"
 
 namespace quarry {
+
+/// A frame under way, in messages of this master only. Never used twice.
+using FrameId = uint64_t;
 
 /// What plans reckon with.
 struct PlanCosts {
@@ -29,15 +32,15 @@ struct PlanCosts {
 class ActiveFrame {
  public:
   /// `before`: the frame before, of which it is remembered who had which tile, or null.
-  ActiveFrame(uint64_t setup, const RenderJob& job, const ActiveFrame* before);
+  ActiveFrame(FrameId id, const RenderJob& job, const ActiveFrame* before);
 
-  uint64_t setup() const { return setup_; }
+  FrameId id() const { return id_; }
   const RenderJob& job() const { return job_; }
-  const Frame& frame() const { return frame_; }
+  const FrameImage& image() const { return image_; }
   /// Requires: done(). Leaves what the next frame's plan needs.
-  std::vector<uint32_t> TakePixels() { return frame_.TakePixels(); }
+  std::vector<uint32_t> TakePixels() { return image_.TakePixels(); }
   uint32_t tiles_done() const { return tiles_done_; }
-  bool done() const { return tiles_done_ == frame_.tiles().size(); }
+  bool done() const { return tiles_done_ == image_.tiles().size(); }
   uint64_t rays() const { return rays_; }
   uint64_t rays_suspended() const { return rays_suspended_; }
   uint64_t leases_lost() const { return leases_lost_; }
@@ -67,7 +70,7 @@ class ActiveFrame {
   /// Leases a tile to a worker.
   TileOrder Lease(const Assignment& assignment, double now_s);
   /// What the tile is expected to touch.
-  const TileTrace& Expected(uint32_t tile) const { return expected_[tile]; }
+  const TileFootprint& Expected(uint32_t tile) const { return expected_[tile]; }
   /// A result. False when it was dropped: another setup, an unknown lease, or a tile that is done.
   /// Errors: pixels or depths that do not fit.
   Result<bool> Finish(const TileDone& done, std::span<const std::byte> pixels, double now_s);
@@ -84,7 +87,7 @@ class ActiveFrame {
   /// Who rendered which tile, kNoWorker where nobody has.
   const std::vector<uint32_t>& owners() const { return owners_; }
   /// What rendering has shown; for a tile under way, what was expected of it.
-  FrameTrace Trace() const;
+  FrameFootprint Trace() const;
 
  private:
   /// Foreseeing takes time of the thread that hands tiles out (`quarry bench simulate` prints it), and
@@ -104,11 +107,11 @@ class ActiveFrame {
     uint32_t tile, worker;
     double since_s;
   };
-  uint64_t setup_;
+  FrameId id_;
   RenderJob job_;
-  Frame frame_;
+  FrameImage image_;
   std::vector<uint32_t> last_owners_, plan_, owners_;
-  std::vector<TileTrace> expected_, traces_;
+  std::vector<TileFootprint> expected_, traces_;
   double usual_cost_s_ = 1;  ///< of tracing a tile
   double tile_s_ = 0;        ///< beside that
   size_t traced_ = 0;
@@ -125,42 +128,5 @@ class ActiveFrame {
   double tile_time_s_ = 0;  ///< from lease to result, summed over tiles done
   uint64_t rays_ = 0, rays_suspended_ = 0, leases_lost_ = 0;
 };
-
-/// Whether another frame may begin beside these: two may always be under way, so that no worker idles at a
-/// frame's end; of small ones up to sixteen, while they have less than 2^20 pixels together, so that who
-/// waits for voxels has other tiles to go on with, and the others need not wait for one that was given too
-/// much. Why so many: tests/scalability/README.md, "Speed-up".
-bool MayBegin(std::span<ActiveFrame* const> frames);
-
-/// What has changed since frames were planned.
-enum class PlanNews { kFrames, kWorkers };
-
-/// Foresees and plans the frames under way, the oldest first, each with what those before it bring.
-/// `previous`: the last one finished, or null. `holds`: what each worker has.
-void PlanFrames(std::span<ActiveFrame* const> frames, const ActiveFrame* previous, PlanNews news,
-                const std::map<uint32_t, double>& speeds, std::map<uint32_t, BlockSet> holds,
-                const PlanCosts& costs, SchedulingPolicy policy);
-
-/// A worker that tiles are handed out to.
-struct WorkerCredit {
-  uint32_t worker = kNoWorker;
-  uint32_t credit = 0;   ///< tiles it may have at once, over all frames
-  uint32_t threads = 1;  ///< at least one
-  double quiet_s = 0;    ///< see WorkerView
-};
-struct AssignedTile {
-  ActiveFrame* frame;
-  uint32_t worker;
-  TileOrder order;
-};
-/// Hands out what can be: first everyone's own tiles, of the frames under way in their order and of others
-/// that `start_next` begins (null: none begins); what is planned for others only when there is no more of
-/// that, for it costs bytes: those weigh kFetchWeight. `ending`: no other frame follows these; then bytes
-/// weigh no more than their time, and nobody has many tiles waiting, for others cannot take those. `fetch_s`:
-/// seconds that a worker is expected to fetch for a frame's tile; none: what is nearest to hand is taken.
-std::vector<AssignedTile> AssignTiles(
-    std::vector<ActiveFrame*> frames, const std::vector<WorkerCredit>& hands, double now_s, bool ending,
-    const std::function<double(const ActiveFrame&, uint32_t tile, uint32_t worker)>& fetch_s,
-    const std::function<ActiveFrame*()>& start_next);
 
 }  // namespace quarry

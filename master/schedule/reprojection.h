@@ -6,7 +6,7 @@
 
 #include "common/scene/render_job.h"
 #include "common/scene/view_basis.h"
-#include "master/jobs/frame.h"
+#include "master/jobs/frame_image.h"
 
 namespace quarry {
 
@@ -27,7 +27,7 @@ class Reprojection {
   Reprojection(const RenderJob& from, const RenderJob& to);
 
   /// Where `to` sees a rectangle of `from` that is `depth` away. False when it lies behind.
-  bool Rectangle(const Frame::Tile& pixels, double depth, PixelBounds& bounds) const;
+  bool Rectangle(const PixelRect& pixels, double depth, PixelBounds& bounds) const;
 
  private:
   glm::dvec3 PointAt(double x, double y, double depth) const;
@@ -40,7 +40,7 @@ class Reprojection {
 /// The tiles that an image, or a crop of it, is cut into, by place.
 class PixelGrid {
  public:
-  PixelGrid(const std::vector<Frame::Tile>& tiles, uint32_t side);
+  PixelGrid(const std::vector<PixelRect>& tiles, uint32_t side);
 
   uint32_t columns() const { return columns_; }
   uint32_t rows() const { return rows_; }

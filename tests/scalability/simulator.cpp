@@ -33,7 +33,7 @@ Result<Foreseen> Foresee(const StoreReader& store, uint64_t cache_bytes, const T
   const auto start = std::chrono::steady_clock::now();
   for (const RenderJob& job : walk.jobs) {
     CoarseFrame frame;
-    for (const Frame::Tile& tile : Frame::TilesOf(job)) {
+    for (const PixelRect& tile : TilesOf(job)) {
       QUARRY_ASSIGN(CoarseTile traced, rays.Trace(job, tile));
       frame.push_back(std::move(traced));
     }

@@ -7,7 +7,7 @@
 #include <unordered_map>
 #include <utility>
 
-#include "master/schedule/active_frame.h"
+#include "master/schedule/tile_assignment.h"
 
 namespace quarry {
 namespace {
@@ -124,12 +124,12 @@ TEST_CASE(
   };
   for (const bool ending : {false, true}) {
     ActiveFrame frame(1, job, nullptr);  // 80 tiles
-    const std::vector<WorkerCredit> hands = {{1, 30, 1}, {2, 30, 3}};
-    const auto tiles = AssignTiles({&frame}, hands, 0, ending, {}, none);
+    const std::vector<WorkerCredit> credits = {{1, 30, 1}, {2, 30, 3}};
+    const auto tiles = AssignTiles({&frame}, credits, 0, ending, {}, none);
     CHECK(given(tiles, 1) == (ending ? 10 : 30));
     CHECK(given(tiles, 2) == 30);
     // Of the 40 open then, 5 and 15 are half a share.
-    CHECK(AssignTiles({&frame}, hands, 0, ending, {}, none).empty());
+    CHECK(AssignTiles({&frame}, credits, 0, ending, {}, none).empty());
     ActiveFrame alone(2, job, nullptr);  // there is nobody to leave anything to
     CHECK(AssignTiles({&alone}, {{1, 80, 1}}, 0, ending, {}, none).size() == 80);
   }
