@@ -9,7 +9,7 @@ namespace {
 
 constexpr uint32_t kEnd = 0xFFFFFFFFu;
 
-/// Adds blocks to a tile's, each as likely as the part of the tile on which they fall.
+/// Adds `from`'s blocks. `part`: share of the tile that they fall on, their chance.
 void Merge(TileFootprint& into, const TileFootprint& from, float part) {
   std::vector<uint32_t> blocks;
   std::vector<float> chances;
@@ -28,7 +28,7 @@ void Merge(TileFootprint& into, const TileFootprint& from, float part) {
   into.chances = std::move(chances);
 }
 
-/// What a tile saw, as one rectangle: the middle one of its cells' depths.
+/// The median depth of the tile's cells.
 double TileDepth(const TileFootprint& trace) {
   std::vector<float> depths = trace.depths;
   const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
@@ -36,12 +36,12 @@ double TileDepth(const TileFootprint& trace) {
   return static_cast<double>(*middle);
 }
 
-/// Tiles follow the camera, with what they touched and cost.
+/// Footprints of the frame before, moved with the camera.
 std::vector<TileFootprint> FollowTiles(const FrameFootprint& before, const Reprojection& reprojection,
                                        const std::vector<PixelRect>& tiles) {
   std::vector<TileFootprint> out(tiles.size());
-  std::vector<double> covered(tiles.size());  // pixels of each tile that something falls on
-  std::vector<double> largest(tiles.size());  // of them, those of the rectangle that covers most
+  std::vector<double> covered(tiles.size());  // pixels of each tile
+  std::vector<double> largest(tiles.size());  // pixels of the rectangle that covers most of it
   const PixelGrid grid(tiles, kTileSize);
   std::vector<size_t> index(grid.size());
   for (size_t t = 0; t < tiles.size(); ++t) index[grid.At(tiles[t].x, tiles[t].y)] = t;

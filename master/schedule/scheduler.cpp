@@ -167,7 +167,7 @@ void BlockSet::Set(uint32_t block, bool here) {
 std::vector<uint32_t> Plan(const PlanInput& in, SchedulingPolicy policy) {
   const size_t n = in.workers.size();
   if (n == 0 || in.tiles.empty()) return std::vector<uint32_t>(in.tiles.size(), kNoWorker);
-  if (policy == SchedulingPolicy::kFootprint) return PlanByFootprint(in);
+  if (policy == SchedulingPolicy::kFootprint) return FootprintPlan(in).Run();
   const auto index = IndexById(in.workers);
   std::vector<uint32_t> plan;
   for (uint32_t t = 0; t < in.tiles.size(); ++t) {
