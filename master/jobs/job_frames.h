@@ -50,7 +50,7 @@ class JobFrames final : public FrameSource {
   /// A worker with the scene gives up: it cannot get a block. Other workers may; a job fails when none is
   /// left, or when kMostFailures that had finished tiles have given up since a frame last began.
   void OnWorkerFailure(const WorkerRecord& worker, const std::string& sentence);
-  /// Frames of a job that is over. Returns those that were under way.
+  /// Forgets the frames of a job that is over. Returns the frames that were under way.
   std::vector<FrameId> Forget(const Job& job);
   /// Sends each client how far its job's oldest frame is.
   void SendProgress(std::span<ActiveFrame* const> frames) const;

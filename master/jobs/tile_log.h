@@ -9,8 +9,9 @@
 
 namespace quarry {
 
-/// What each tile touched and cost, one JSON object a line: what the simulator in tests/scalability runs on,
-/// and a way to see which part of a picture is dear. Not thread-safe.
+/// Writes each tile's blocks and cost, one JSON object a line: the input of the simulator in
+/// tests/scalability, and a way to find the dear parts of a picture.
+/// Units: as the names bear them. Not thread-safe.
 class TileLog {
  public:
   /// Errors: the file cannot be written.

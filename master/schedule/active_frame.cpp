@@ -6,10 +6,10 @@
 namespace quarry {
 namespace {
 
-/// Tracing a sample, while nothing is known of it: a million a second. Too much would have first tiles shared
-/// out by their number, whatever there is to fetch for them.
+/// Seconds to trace a sample, before any tile is done. Trades balance of a first frame's tiles (too little)
+/// against balance of the bytes to fetch for them (too much). `quarry bench simulate`, history.md 2026-11-26.
 constexpr double kGuessedSampleS = 1e-6;
-constexpr double kTileSamples = double{kTileSize} * kTileSize;  // at one a pixel
+constexpr double kTileSamples = double{kTileSize} * kTileSize;  // at one sample a pixel
 
 }  // namespace
 
@@ -24,7 +24,7 @@ ActiveFrame::ActiveFrame(FrameId id, const RenderJob& job, const ActiveFrame* be
       traces_(image_.tiles().size()),
       tile_done_(image_.tiles().size()) {
   if (!before) return;
-  // Tiles of the same place: only images of the same size have them.
+  // Only images of one size have tiles at the same places.
   if (before->job_.width == job.width && before->job_.height == job.height &&
       before->owners_.size() == owners_.size())
     for (size_t t = 0; t < owners_.size(); ++t)
@@ -39,19 +39,12 @@ void ActiveFrame::Learn(std::shared_ptr<const CoarseFrame> coarse) {
 
 void ActiveFrame::Foresee(const ActiveFrame* before) {
   const bool news = std::exchange(has_news_, false);
-  if (!news && reckoning_ > 0 && (large() || !before)) return;
-  if (before) {
-    const bool same = before->id_ == foreseen_from_ && before->reckoning_ == foreseen_reckoning_;
-    if (!news && same && 4 * (before->tiles_done_ - foreseen_done_) < before->tile_done_.size() &&
-        (!before->done() || foreseen_done_ == before->tiles_done_))
-      return;
-    foreseen_from_ = before->id_;
-    foreseen_reckoning_ = before->reckoning_;
-    foreseen_done_ = before->tiles_done_;
-  }
-  ++reckoning_;
-  expected_ =
-      Predict(before ? before->Trace() : FrameFootprint{job_, {}, {}}, job_, image_.tiles(), coarse_.get());
+  const Basis basis = before ? Basis(before->id_, before->predictions_, before->done()) : Basis();
+  if (!news && predictions_ > 0 && (large() || basis == basis_)) return;
+  basis_ = basis;
+  ++predictions_;
+  expected_ = Predict(before ? before->Footprint() : FrameFootprint{job_, {}, {}}, job_, image_.tiles(),
+                      coarse_.get());
 }
 
 std::vector<uint32_t> ActiveFrame::Holders() const {
@@ -62,7 +55,7 @@ std::vector<uint32_t> ActiveFrame::Holders() const {
 }
 
 double ActiveFrame::CostOf(size_t tile) const {
-  // A tile that nothing is known of costs what the others do.
+  // An unknown tile costs the mean of the others.
   return tile_s_ + (expected_[tile].cost_s > 0 ? expected_[tile].cost_s : usual_cost_s_);
 }
 
@@ -93,8 +86,7 @@ void ActiveFrame::MakePlan(const std::vector<PlannedWorker>& workers, const Plan
     }
   usual_cost_s_ =
       known > 0 ? known_s / static_cast<double>(known) : kGuessedSampleS * kTileSamples * job_.spp;
-  // None is for nothing, even while nothing is known of what it takes beside.
-  tile_s_ = std::max(costs.tile_s, usual_cost_s_ / 16);
+  tile_s_ = costs.tile_s;
   const std::vector<uint32_t> holders = Holders();
   for (size_t t = 0; t < expected_.size(); ++t) {
     const TileFootprint& trace = expected_[t];
@@ -110,7 +102,7 @@ Snapshot ActiveFrame::MakeSnapshot(std::vector<WorkerView> workers, double now_s
   Snapshot s;
   s.workers = std::move(workers);
   s.now_s = now_s;
-  // Late is what takes much longer than tiles take here.
+  // A straggler takes four times as long as the mean tile here.
   if (tiles_done_ > 0) s.straggler_after_s = std::max(s.straggler_after_s, 4 * tile_time_s_ / tiles_done_);
   s.tiles.resize(tile_done_.size());
   for (size_t t = 0; t < s.tiles.size(); ++t) {
@@ -171,7 +163,7 @@ void ActiveFrame::AddHeld(std::unordered_map<uint32_t, uint32_t>& held) const {
   for (const auto& [id, lease] : leases_) ++held[lease.worker];
 }
 
-FrameFootprint ActiveFrame::Trace() const {
+FrameFootprint ActiveFrame::Footprint() const {
   FrameFootprint trace{job_, image_.tiles(), traces_};
   for (size_t t = 0; t < traces_.size(); ++t)
     if (!traces_[t].known) trace.traces[t] = expected_[t];

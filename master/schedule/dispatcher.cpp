@@ -8,8 +8,8 @@
 namespace quarry {
 
 uint32_t WorkerState::Credit(bool any_proven) const {
-  /// Bounds on a peer that may be hostile or broken: tiles that it holds are lost time until another worker
-  /// is given them. Tiles while others can do the work, and threads believed while nobody else can.
+  /// Bounds on a peer that may be hostile or broken, for its tiles wait until another worker gets them: tiles
+  /// while others can do the work, and threads believed while no other can.
   constexpr uint32_t kUnprovenTiles = 4, kUnprovenThreads = 64;
   if (conduct.doubtful()) return 1;
   if (tiles > 0) return std::clamp(tiles_wanted, FewestTiles(threads), MostTilesIfScarce(threads));
@@ -82,8 +82,7 @@ std::vector<AssignedTile> Dispatcher::AssignTiles(double now_s) {
       std::ranges::any_of(workers_, [](const auto& entry) { return entry.second->proven(); });
   std::vector<WorkerCredit> credits;
   for (const auto& [id, worker] : workers_)
-    if (worker->ready)
-      credits.push_back({id, worker->Credit(any_proven), worker->threads, worker->conduct.quiet_s()});
+    if (worker->ready) credits.push_back({id, worker->Credit(any_proven), worker->conduct.quiet_s()});
   std::function<double(const ActiveFrame&, uint32_t, uint32_t)> fetch_s;
   if (policy_ == SchedulingPolicy::kFootprint)
     fetch_s = [this](const ActiveFrame& frame, uint32_t tile, uint32_t worker) {

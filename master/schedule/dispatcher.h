@@ -35,8 +35,8 @@ struct WorkerState {
   bool proven() const { return tiles > 0 && !conduct.doubtful(); }
 };
 
-/// The frames that a dispatcher renders: where they come from, what is known of their tiles beforehand, and
-/// where their pixels go. Called from within the dispatcher's methods; must not call back into it.
+/// The frames that a dispatcher renders: their origin, probes of their tiles, and the place for their
+/// pixels. Called from within the dispatcher's methods; must not call back into it.
 class FrameSource {
  public:
   virtual ~FrameSource() = default;
@@ -53,9 +53,9 @@ class FrameSource {
   virtual void Finish(ActiveFrame& frame, double now_s) = 0;
 };
 
-/// Gives tiles of frames to workers: begins frames, plans who renders which tile, leases tiles, takes results
-/// in, and notices workers that answer nothing. No socket, no clock, no thread: events and the time come in,
-/// tiles to send go out. The master and the simulator (tests/scalability) drive the same class.
+/// Gives tiles of frames to workers: begins frames, plans which worker renders which tile, leases tiles,
+/// takes results in, and notices workers that answer nothing. No socket, no clock, no thread: events and the
+/// time come in, tiles to send go out. The master and the simulator (tests/scalability) drive the same class.
 /// Units: seconds of any clock that does not go back; bytes as stored. Not thread-safe.
 class Dispatcher {
  public:
@@ -73,19 +73,20 @@ class Dispatcher {
   void PlanForWorkers() { MakePlans(PlanNews::kWorkers); }
   /// Plans all frames anew: probes of frames under way are finished.
   void PlanForProbes() { MakePlans(PlanNews::kFrames); }
-  /// What workers have measured: seconds to fetch and decode a stored byte, and seconds of decoding over all
+  /// Workers' measured costs: seconds to fetch and decode a stored byte, and seconds of decoding over all
   /// workers that are here, since each began.
   void SetCosts(double seconds_per_byte, double decoded_s);
 
-  /// The tiles that go to workers now; begins frames while workers have room. `order.blocks` names what a
-  /// tile is expected to touch and its worker lacks (kMaxTileHints at most); `order.holders` is left empty.
+  /// The tiles that go to workers now; begins frames while workers have room. `order.blocks` names the
+  /// blocks that a tile is expected to touch and its worker lacks (kMaxTileHints at most); `order.holders` is
+  /// left empty.
   std::vector<AssignedTile> AssignTiles(double now_s);
   /// A worker's result. False: dropped, since another result was first or the frame is over. The frame's last
   /// tile finishes it and begins the next one.
   /// Errors: pixels or depths that do not fit the tile.
   Result<bool> Finish(WorkerState& worker, const TileDone& done, std::span<const std::byte> pixels,
                       double now_s);
-  /// Forgets a frame under way that nobody wants any more.
+  /// Forgets a frame under way whose job is over.
   void Cancel(FrameId id) { frames_.erase(id); }
   /// Workers to be dropped: others have finished tiles that they hold, and they have answered none for
   /// Conduct::kMuteS. Requires: called several times a second.

@@ -6,16 +6,18 @@
 namespace quarry {
 namespace {
 
-/// Part of an unknown tile's bytes that a neighbour's worker has too. Chosen by `quarry bench simulate
-/// --foresight 0`.
+/// Part of an unknown tile's bytes that a neighbour's worker has too. Trades stretches of unknown tiles
+/// against balance. `quarry bench simulate --foresight 0`: history.md, 2026-11-26.
 constexpr double kUnknownShared = 0.24;
 /// Workers that a tile may move to while levelling, the idlest. Bounds a plan's time (`quarry bench plan`).
 constexpr size_t kTargets = 8;
 /// Blocks looked at while levelling, and while gathering. Bounds a plan's time (`quarry bench plan`).
 constexpr size_t kMostLooks = 8u << 20, kMostGatherLooks = 1u << 20;
-/// Tiles of the shortest stretch that is moved as a whole, and of the beginning that decides who gets it.
+/// Tiles of the shortest stretch that is moved as a whole, and of the beginning that decides its taker.
+/// Bounds a plan's time (`quarry bench plan`).
 constexpr size_t kLeastStretch = 8;
-/// How much busier than the busiest a worker may become so that less is fetched.
+/// How much busier than the busiest a worker may become so that less is fetched. Trades balance for bytes.
+/// `quarry bench simulate --workers 8`: history.md, 2026-11-26.
 constexpr double kGatherSlack = 1.4;
 
 }  // namespace
@@ -256,11 +258,6 @@ std::vector<uint32_t> FootprintPlan::Targets() const {
   return targets;
 }
 
-/// The time that another worker may come to with a tile more, rather than leave the tile with this one.
-double FootprintPlan::RoomFor(double fetch_s, uint32_t worker) const {
-  return time_s_[worker] * (1 - (fetch_s > 0 ? kPlanSlack : kFreeSlack));
-}
-
 /// Where a worker has so many tiles that moving them singly would take too long.
 void FootprintPlan::Spread() {
   const size_t average = owner_.size() / workers_;
@@ -297,10 +294,11 @@ size_t FootprintPlan::GiveStretch(uint32_t giver) {
       stretch = &end;
       taker = w;
     }
+  const double room_s = time_s_[giver] * (1 - kPlanSlack);
   size_t given = 0;
   for (const uint32_t t : *stretch) {
     const double fetch_s = FetchTime(t, taker);
-    if (time_s_[taker] + fetch_s + ComputeTime(t, taker) >= RoomFor(fetch_s, giver)) break;
+    if (time_s_[taker] + fetch_s + ComputeTime(t, taker) >= room_s) break;
     Move(t, taker);
     ++given;
   }
@@ -317,15 +315,16 @@ bool FootprintPlan::LevelOne() {
   uint32_t chosen = kNone, target = kNone;
   double least_fetch_s = std::numeric_limits<double>::max(), then_s = 0;
   const uint32_t busiest = by_time_.rbegin()->second;
+  const double room_s = time_s_[busiest] * (1 - kPlanSlack);
   const auto targets = Targets();
   for (const uint32_t t : tiles_of_[busiest])
     for (const uint32_t w : targets) {
       const double without_s = time_s_[w] + ComputeTime(t, w);
       ++looks_;
-      if (without_s >= RoomFor(0, busiest)) continue;
-      const double most_s = std::min(least_fetch_s, std::max(0.0, RoomFor(1, busiest) - without_s));
+      if (without_s >= room_s) continue;
+      const double most_s = std::min(least_fetch_s, room_s - without_s);
       const double fetch_s = FetchTime(t, w, most_s), s = without_s + fetch_s;
-      if (fetch_s > most_s || s >= RoomFor(fetch_s, busiest)) continue;
+      if (fetch_s > most_s || s >= room_s) continue;
       if (fetch_s == least_fetch_s && (s > then_s || (s == then_s && t >= chosen))) continue;
       chosen = t;
       target = w;

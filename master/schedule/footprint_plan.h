@@ -81,7 +81,6 @@ class FootprintPlan {
 
   // Spread and level.
   std::vector<uint32_t> Targets() const;
-  double RoomFor(double fetch_s, uint32_t worker) const;
   void Spread();
   size_t GiveStretch(uint32_t giver);
   void Level();

@@ -59,13 +59,13 @@ struct PlanInput {
   uint64_t frame = 0;              ///< for kRandom
 };
 
-/// How much more than its own time a second of fetching and decoding weighs: what is fetched twice also takes
-/// room twice, and the next frames fetch it twice too. As kPlanSlack was.
+/// Weight of a second of fetching and decoding over a second of computing: bytes fetched twice take room
+/// twice, and later frames fetch them twice too. Trades balance for bytes. `quarry bench simulate --workers
+/// 8`: tests/scalability/history.md, 2026-11-26.
 inline constexpr double kFetchWeight = 4;
-/// A footprint plan leaves workers' expected times so far apart rather than move another tile: one for which
-/// something has to be fetched, and one that costs nothing. The best of those tried by `quarry bench
-/// simulate` (tests/scalability/README.md).
-inline constexpr double kPlanSlack = 0.2, kFreeSlack = 0.05;
+/// Share of the busiest worker's time by which a move must shorten it. Trades balance for bytes and for a
+/// plan's time. As kFetchWeight.
+inline constexpr double kPlanSlack = 0.1;
 
 /// The worker (id) that should have each tile; kNoWorker for all when there are no workers. Tiles of which a
 /// policy knows nothing are divided into stretches of the curve, one a worker. kFootprint: see FootprintPlan.
@@ -73,7 +73,7 @@ std::vector<uint32_t> Plan(const PlanInput& input, SchedulingPolicy policy);
 
 // --- Assigning tiles
 
-/// A tile of the frame at hand, as handing out sees it.
+/// A tile to be given to workers.
 struct TileView {
   bool done = false;
   uint32_t owner = kNoWorker;             ///< as planned

@@ -10,38 +10,39 @@
 
 namespace quarry {
 
-/// Whether another frame may begin beside these: two may always be under way, so that no worker idles at a
-/// frame's end; of small ones up to sixteen, while they have less than 2^20 pixels together, so that who
-/// waits for voxels has other tiles to go on with, and the others need not wait for one that was given too
-/// much. Why so many: tests/scalability/README.md, "Speed-up".
+// One step of the dispatcher, as functions of the frames under way: which frames may begin, plans, leases.
+// Units: seconds, stored bytes. Not thread-safe for the same frames.
+
+/// Whether another frame may begin beside these.
 bool MayBegin(std::span<ActiveFrame* const> frames);
 
 /// What has changed since frames were planned.
 enum class PlanNews { kFrames, kWorkers };
 
-/// Foresees and plans the frames under way, the oldest first, each with what those before it bring.
-/// `previous`: the last one finished, or null. `holds`: what each worker has.
+/// Predicts and plans the frames under way. Requires: the oldest is first; each is planned as if the frames
+/// before it were done and their blocks held.
+/// `previous`: the last frame finished, or null. `speeds`, `holds`: by worker. `news`: with kWorkers, frames
+/// that are planned once (ActiveFrame::planned_once) are planned again.
 void PlanFrames(std::span<ActiveFrame* const> frames, const ActiveFrame* previous, PlanNews news,
                 const std::map<uint32_t, double>& speeds, std::map<uint32_t, BlockSet> holds,
                 const PlanCosts& costs, SchedulingPolicy policy);
 
-/// A worker that tiles are handed out to.
+/// The tiles that a worker may have.
 struct WorkerCredit {
   uint32_t worker = kNoWorker;
-  uint32_t credit = 0;   ///< tiles it may have at once, over all frames
-  uint32_t threads = 1;  ///< at least one
-  double quiet_s = 0;    ///< see WorkerView
+  uint32_t tiles = 0;  ///< at once, over all frames
+  double quiet_s = 0;  ///< see Conduct
 };
 struct AssignedTile {
   ActiveFrame* frame;
   uint32_t worker;
   TileOrder order;
 };
-/// Hands out what can be: first everyone's own tiles, of the frames under way in their order and of others
-/// that `start_next` begins (null: none begins); what is planned for others only when there is no more of
-/// that, for it costs bytes: those weigh kFetchWeight. `ending`: no other frame follows these; then bytes
-/// weigh no more than their time, and nobody has many tiles waiting, for others cannot take those. `fetch_s`:
-/// seconds that a worker is expected to fetch for a frame's tile; none: what is nearest to hand is taken.
+/// Leases tiles to workers with credit: first tiles planned for them, of the frames under way in their order
+/// and of frames that `start_next` begins (null: none may begin); then stolen tiles and stragglers
+/// (Schedule). `ending`: no frame follows these. `fetch_s`: seconds that a worker is expected to fetch for a
+/// tile; a stolen tile weighs them kFetchWeight times, once at the end; empty: workers steal the nearest
+/// tiles.
 std::vector<AssignedTile> AssignTiles(
     std::vector<ActiveFrame*> frames, const std::vector<WorkerCredit>& credits, double now_s, bool ending,
     const std::function<double(const ActiveFrame&, uint32_t tile, uint32_t worker)>& fetch_s,

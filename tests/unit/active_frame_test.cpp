@@ -66,6 +66,7 @@ TEST_CASE("Two frames may always be under way, of small ones sixteen, of a milli
 TEST_CASE("A frame under way is planned with what those before it are to bring") {
   const RenderJob job = Looking({0, 0, 0}, {0, 10, 0});
   Cluster cluster;
+  cluster.block_bytes.assign(4096, 10000);  // fetching one takes as long as computing a tile
   ActiveFrame shown(1, job, nullptr);
   cluster.Plan({&shown}, nullptr, PlanNews::kFrames);
   Render(shown);
