@@ -66,7 +66,7 @@ void ActiveFrame::AddPromised(std::map<uint32_t, BlockSet>& holds, std::map<uint
     if (tile_done_[t] || worker == holds.end()) continue;
     busy_s[worker->first] += CostOf(t);
     for (size_t i = 0; i < expected_[t].blocks.size(); ++i)
-      if (expected_[t].chances[i] >= kLeastChance) worker->second.Set(expected_[t].blocks[i], true);
+      if (expected_[t].chances[i] >= kLikely) worker->second.Set(expected_[t].blocks[i], true);
   }
 }
 

@@ -101,7 +101,7 @@ void Dispatcher::AddHints(AssignedTile& tile) const {
   const TileFootprint& expected = tile.frame->Expected(tile.order.tile);
   const BlockSet& holds = workers_.at(tile.worker)->holds;
   for (size_t i = 0; i < expected.blocks.size() && tile.order.blocks.size() < kMaxTileHints; ++i)
-    if (expected.chances[i] >= kHintChance && !holds.Has(expected.blocks[i]))
+    if (expected.chances[i] >= kLikely && !holds.Has(expected.blocks[i]))
       tile.order.blocks.push_back(expected.blocks[i]);
 }
 

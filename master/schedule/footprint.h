@@ -21,10 +21,10 @@ struct TileFootprint {
   bool known = false;            ///< the blocks are known
 };
 
-/// With this chance a tile counts as touching a block: it is reckoned to bring the block to its worker.
-inline constexpr float kLeastChance = 0.5f;
-/// With this chance the worker is told to fetch it ahead.
-inline constexpr float kHintChance = 0.9f;
+/// Chance from which a block counts as touched: its worker is told to fetch it ahead, and plans count on the
+/// worker to hold it. Trades bytes fetched in vain for waiting. `quarry bench simulate --foresight 0`:
+/// tests/scalability/history.md, 2026-11-26.
+inline constexpr float kLikely = 0.9f;
 
 /// Expected bytes that a holder of `holds` would fetch for the tile. `block_bytes`: stored, by block.
 double ExpectedBytes(const TileFootprint& tile, const BlockSet& holds,

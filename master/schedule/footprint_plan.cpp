@@ -6,9 +6,6 @@
 namespace quarry {
 namespace {
 
-/// Part of an unknown tile's bytes that a neighbour's worker has too. Trades stretches of unknown tiles
-/// against balance. `quarry bench simulate --foresight 0`: history.md, 2026-11-26.
-constexpr double kUnknownShared = 0.24;
 /// Workers that a tile may move to while levelling, the idlest. Bounds a plan's time (`quarry bench plan`).
 constexpr size_t kTargets = 8;
 /// Blocks looked at while levelling, and while gathering. Bounds a plan's time (`quarry bench plan`).
@@ -29,7 +26,6 @@ FootprintPlan::FootprintPlan(const PlanInput& input)
       has_(workers_),
       owner_(input.tiles.size(), kNone),
       place_(input.tiles.size()),
-      charged_s_(input.tiles.size()),
       tiles_of_(workers_) {
   for (const PlannedWorker& worker : input.workers) time_s_.push_back(worker.busy_s);
   FindNeighbours();
@@ -109,12 +105,7 @@ double FootprintPlan::SecondsOf(uint32_t block) const {
 double FootprintPlan::FetchTime(uint32_t tile, uint32_t worker, double most_s) {
   double s = 0;
   ++looks_;
-  if (!in_.tiles[tile].blocks) {
-    s = unknown_s_;
-    for (const uint32_t n : neighbours_[tile])
-      if (n != kNone && owner_[n] == worker) s -= kUnknownShared * unknown_s_;
-    return s;
-  }
+  if (!in_.tiles[tile].blocks) return unknown_s_;
   const BlockSet& has = has_[worker];
   for (const Use& use : uses_[tile]) {
     ++looks_;
@@ -132,9 +123,8 @@ void FootprintPlan::Give(uint32_t tile, uint32_t worker) {
 }
 
 void FootprintPlan::Charge(uint32_t tile, uint32_t worker) {
-  charged_s_[tile] = Cost(tile, worker);
   owner_[tile] = worker;
-  time_s_[worker] += charged_s_[tile];
+  time_s_[worker] += Cost(tile, worker);
   for (const Use& use : uses_[tile]) {
     auto& given = given_[use.block];
     const auto it = FindGiven(given, worker);
@@ -161,8 +151,8 @@ void FootprintPlan::Take(uint32_t tile) {
     given.pop_back();
     if (!Holds(worker, use.block)) has_[worker].Set(use.block, false);
   }
-  // Blocks shared with the worker's other tiles are charged to those now. An unknown tile shares none.
-  time_s_[worker] -= in_.tiles[tile].blocks ? Cost(tile, worker) : charged_s_[tile];
+  // Blocks shared with the worker's other tiles are charged to those now.
+  time_s_[worker] -= Cost(tile, worker);
 }
 
 std::vector<FootprintPlan::Given>::iterator FootprintPlan::FindGiven(std::vector<Given>& given,

@@ -105,7 +105,6 @@ class FootprintPlan {
   size_t looks_ = 0;                               ///< blocks looked at so far
   std::vector<uint32_t> owner_;                    ///< by tile: index of a worker
   std::vector<uint32_t> place_;                    ///< by tile: in its owner's tiles_of_
-  std::vector<double> charged_s_;                  ///< by tile: its cost when it was given
   std::vector<std::vector<uint32_t>> tiles_of_;    ///< by worker, in any order
   std::vector<double> time_s_;                     ///< by worker
   std::set<std::pair<double, uint32_t>> by_time_;  ///< workers

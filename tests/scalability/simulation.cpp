@@ -157,7 +157,7 @@ void Simulation::Compare(Worker& w, const Tile& tile) {
   w.touched.insert(touched.begin(), touched.end());
   const TileFootprint& expected = dispatcher_.Find(tile.order.setup)->Expected(tile.order.tile);
   for (size_t i = 0; i < expected.blocks.size(); ++i)
-    if (expected.chances[i] >= kLeastChance && touched.contains(expected.blocks[i]))
+    if (expected.chances[i] >= kLikely && touched.contains(expected.blocks[i]))
       foreseen_bytes_ += block_bytes_[expected.blocks[i]];
 }
 
