@@ -39,7 +39,9 @@ void ActiveFrame::Learn(std::shared_ptr<const CoarseFrame> coarse) {
 
 void ActiveFrame::Foresee(const ActiveFrame* before) {
   const bool news = std::exchange(has_news_, false);
-  const Basis basis = before ? Basis(before->id_, before->predictions_, before->done()) : Basis();
+  Basis basis;
+  if (before)
+    basis = {before->id_, before->predictions_, 4 * before->tiles_done_ / before->tile_done_.size()};
   if (!news && predictions_ > 0 && (large() || basis == basis_)) return;
   basis_ = basis;
   ++predictions_;

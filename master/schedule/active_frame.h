@@ -100,9 +100,9 @@ class ActiveFrame {
   static constexpr size_t kMostPredicted = 512, kMostReplanned = 4096;
   /// Blocks kept as footprints, over the frame. Bounds memory: FrameBytes counts with it.
   static constexpr size_t kMostTraced = 2u << 20;
-  /// The frame before that a prediction is made from: its id, how often it was predicted, whether it was
-  /// done.
-  using Basis = std::tuple<FrameId, uint64_t, bool>;
+  /// The state of the frame before that a prediction is made from: its id, how often it was predicted, and
+  /// how many quarters of its tiles were done.
+  using Basis = std::tuple<FrameId, uint64_t, size_t>;
   struct LeaseRecord {
     uint32_t tile, worker;
     double since_s;
