@@ -25,7 +25,7 @@ Status BlockService::Answer(const std::shared_ptr<Connection>& c, const Message&
     return Fail(fmt::format("more than {} blocks are asked for at once", kMostBlockRequests));
   ++reader.owed;
   const uint64_t bytes = size_of_ ? size_of_(request.block) : 0;
-  // The service keeps the connection while it has the reader; what an answer finds gone, it drops.
+  // An answer whose connection has gone is dropped.
   Add(reader, {bytes, [this, c = std::weak_ptr(c), block = request.block, id = m.request, bytes] {
                  if (const auto connection = c.lock()) Fetch(connection, block, id, bytes);
                }});
@@ -97,8 +97,8 @@ bool BlockService::HasRoom(const Reader& reader) const {
   return used < std::min(kMostBytesEach, reader.connection->taken_bytes());
 }
 
-/// Starts what there is room for, the connections in turn. One that is too large for the room left waits
-/// until there is, and all others behind it.
+/// Starts answers while there is room, the connections in turn. An answer larger than the room left makes all
+/// later ones wait.
 void BlockService::Pump() {
   if (std::exchange(pumping_, true)) return;  // answers may come at once
   uint64_t used = reading_ + Queued();

@@ -13,28 +13,28 @@
 
 namespace quarry {
 
-/// Answers requests for blocks, of any number of connections, from one source, and sends what else is large;
-/// at most kMostBlockRequests of a connection at a time. Answers are read only when there is room for them:
-/// those read or queued, and not yet with the system, take kMostBytes together (or one answer that is
-/// larger), of one connection as much as has been taken of what was sent to it, between kLeastBytesEach and
-/// kMostBytesEach: who reads nothing gets little. Connections take turns. Used from the source's thread.
+/// Answers requests for blocks of any number of connections from one source, and sends other large messages.
+/// Connections take turns. An answer is read from the source only when there is room: all answers read or
+/// queued take kMostBytes together, or one larger answer. A connection's take as much as its peer has read so
+/// far, from kLeastBytesEach to kMostBytesEach. Units: bytes, seconds. Not thread-safe: used on the source's
+/// thread.
 class BlockService {
  public:
   static constexpr uint64_t kMostBytes = 8u << 20, kLeastBytesEach = 64u << 10, kMostBytesEach = 1u << 20;
-  /// When there is no room, those that have taken nothing for this long are dropped: 2 s.
+  /// Seconds without reading after which a connection is dropped while others wait for room.
   static constexpr double kPatienceS = 2;
 
-  /// `size_of`: bytes of a stored block; empty: they are taken for nothing.
+  /// `size_of`: bytes of a stored block; empty: 0. `source` must outlive this.
   explicit BlockService(VoxelSource& source, std::function<uint64_t(uint32_t)> size_of = {})
       : source_(source), size_of_(std::move(size_of)) {}
 
-  /// Errors: it is no request; the connection has asked for too much at once.
+  /// Errors: not a request; more than kMostBlockRequests of the connection are open.
   Status Answer(const std::shared_ptr<Connection>& c, const Message& request);
-  /// Sends it when its turn comes. `make` is called then.
+  /// Sends the message that `make` returns when its turn comes. `make` is called then.
   void Send(const std::shared_ptr<Connection>& c, uint64_t bytes, std::function<Message()> make);
   /// The connection has gone.
   void Forget(const std::shared_ptr<Connection>& c);
-  /// Those that hold up others; to be dropped.
+  /// Connections that hold up others, to be dropped by the caller.
   std::vector<std::shared_ptr<Connection>> Stalled() const;
   uint64_t bytes_served() const { return bytes_served_; }
 
@@ -48,7 +48,7 @@ class BlockService {
     std::shared_ptr<Connection> connection;
     std::deque<Item> items;
     uint32_t owed = 0;     ///< answers to requests
-    uint64_t reading = 0;  ///< bytes of those that the source has been asked for
+    uint64_t reading = 0;  ///< bytes that the source has been asked for
   };
   Reader& ReaderOf(const std::shared_ptr<Connection>& c);
   void Fetch(const std::shared_ptr<Connection>& c, uint32_t block, uint64_t request, uint64_t bytes);

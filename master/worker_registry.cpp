@@ -7,12 +7,13 @@
 namespace quarry {
 namespace {
 
+/// Instances whose id is remembered: bounds memory against a peer that connects again and again.
 constexpr size_t kMostKnown = 1u << 16;
-constexpr uint32_t kMostThreads = 1024;  // as many as quarry-worker takes
+/// Threads believed, the most that quarry-worker takes.
+constexpr uint32_t kMostThreads = 1024;
 
 }  // namespace
 
-/// At the host that its connection comes from.
 void WorkerRecord::SetServesAt(uint16_t port) {
   const std::string& peer = connection->peer();
   serves_at = port == 0 ? std::string() : fmt::format("{}:{}", peer.substr(0, peer.rfind(':')), port);
@@ -55,17 +56,12 @@ WorkerRecord* WorkerRegistry::FindInstance(uint64_t instance) {
   return it == known_.end() ? nullptr : FindById(it->second);
 }
 
-bool WorkerRegistry::AnyProven() const {
-  return std::any_of(workers_.begin(), workers_.end(), [](const auto& entry) {
-    return entry.second.tiles > 0 && !entry.second.conduct.doubtful();
-  });
-}
-
-void WorkerRegistry::Update(WorkerRecord& worker, const WorkerStatus& alive) {
-  worker.counters = alive;
-  if (alive.whole) worker.holds.Clear();
-  for (const uint32_t block : alive.cached) worker.holds.Set(block, true);
-  for (const uint32_t block : alive.dropped) worker.holds.Set(block, false);
+void WorkerRegistry::Update(WorkerRecord& worker, const WorkerStatus& status) {
+  worker.counters = status;
+  worker.tiles_wanted = status.tiles_wanted;
+  if (status.whole) worker.holds.Clear();
+  for (const uint32_t block : status.cached) worker.holds.Set(block, true);
+  for (const uint32_t block : status.dropped) worker.holds.Set(block, false);
   worker.counters.cached.clear();
   worker.counters.dropped.clear();
 }
@@ -81,8 +77,9 @@ Peers WorkerRegistry::MakePeers() const {
 }
 
 double WorkerRegistry::SecondsPerByte(double decoded) const {
+  /// Seconds a byte, and bytes before the measured time is trusted.
   constexpr double kUsualFetch = 8e-8, kKnownBytes = 1 << 20;
-  // Between 10 KB/s and 100 GB/s: what says otherwise is no counter.
+  /// Seconds a byte, 100 GB/s and 10 KB/s: counters beyond these bounds are forged or broken.
   constexpr double kLeast = 1e-11, kMost = 1e-4;
   const auto add = [&](uint64_t bytes, uint64_t us, double& sum_bytes, double& sum_s) {
     const auto b = static_cast<double>(bytes), s = static_cast<double>(us) * 1e-6;
@@ -107,7 +104,6 @@ double WorkerRegistry::DecodeSeconds() const {
 }
 
 uint32_t WorkerRegistry::HolderOf(uint32_t block, uint32_t but) const {
-  // From a place that depends on the block, so that its holders share the work.
   const auto start = workers_.lower_bound(block % (next_id_ + 1));
   const auto fits = [&](const auto& entry) {
     return entry.first != but && !entry.second.serves_at.empty() && entry.second.holds.Has(block);

@@ -18,7 +18,7 @@
 
 namespace quarry {
 
-/// The tiles that cover a rectangle of a view, row by row, with whole packets of rays whatever the step.
+/// The tiles that cover a rectangle of a view, row by row, with whole packets of rays for any step.
 std::vector<Tile> TilesOf(const PixelRect& pixels, uint32_t step = 1, bool hits_only = false);
 
 /// Renders views of one scene: a cache of decoded blocks, the loader that fills it, and the compute threads.

@@ -43,7 +43,7 @@ struct Light {
   float cone_scale = 0, cone_offset = 1;
 };
 
-/// A rectangle of pixels.
+/// A rectangle of an image. Units: pixels, from the image's upper left corner.
 struct PixelRect {
   uint32_t x = 0, y = 0, width = 0, height = 0;
   bool operator==(const PixelRect&) const = default;

@@ -8,10 +8,10 @@
 namespace quarry {
 namespace {
 
-/// A tile: its place, who has it, what was expected of it and what it showed.
+/// Bytes of a tile's records: place, worker, expected and shown footprint.
 constexpr uint64_t kTileBytes = 1 << 10;
-/// Of a frame, whatever its size: the encoder, and the blocks that its tiles have touched (ActiveFrame keeps
-/// two million of their numbers at most, and as many with a chance each are expected of it).
+/// Bytes of a frame of any size: the encoder, and footprints (ActiveFrame keeps 2^21 block numbers at most,
+/// and as many expected ones with a chance each).
 constexpr uint64_t kFrameBytes = 1 << 20, kMostTraceBytes = 24 << 20;
 constexpr uint64_t kTraceBytesPerTile = 16 << 10;
 

@@ -62,7 +62,7 @@ void AppendPng(png_structp png, png_bytep data, size_t size) {
   file.insert(file.end(), bytes, bytes + size);
 }
 
-/// Owns what libpng makes, and the row that is being written, whichever way the function is left.
+/// Owns libpng's structures and the row that is being written, however the function is left.
 struct PngWriter {
   [[gnu::noinline]] explicit PngWriter(size_t row_bytes) : row(row_bytes) {}  // out of setjmp's sight
   png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, nullptr, nullptr, nullptr);

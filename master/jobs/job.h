@@ -14,8 +14,9 @@
 
 namespace quarry {
 
-/// A client's job: which frames are to do, under way, finished, and who waits for them. A finished frame's
-/// image is kept until every client has it (or for good in a spool).
+/// A job: the states of its frames, finished images, and the clients that wait for them. An image is kept
+/// until every client has it, or for good in a spool. Units: seconds of the caller's clock. Not thread-safe,
+/// but for `over`.
 struct Job {
   enum class FrameState : uint8_t { kToDo, kActive, kFinished };
   struct Finished {
@@ -25,33 +26,33 @@ struct Job {
   };
   struct Client {
     std::shared_ptr<Connection> connection;
-    size_t next = 0;  ///< the frame that it gets next
+    size_t next = 0;  ///< the frame to be sent next
   };
 
   std::string id;  ///< see JobId
   RenderJob job;
-  RenderJob frame;  ///< the same without cameras
+  RenderJob without_cameras;
   std::vector<FrameState> states;
   std::vector<Finished> finished;
   std::vector<Client> clients;
-  double alone_since_s = 0;  ///< when its last client went
+  double alone_since_s = 0;  ///< when the last client went
   const std::chrono::steady_clock::time_point asked = std::chrono::steady_clock::now();
-  /// It was under way when a master ended, and has finished no frame since: it may be why.
+  /// The job was under way when a master ended, and has finished no frame since: it may be the cause.
   bool suspect = false;
   bool tried = false;             ///< a frame of it has been begun by this master
-  std::atomic<bool> over{false};  ///< nobody wants it any more, wherever it is still at work
+  std::atomic<bool> over{false};  ///< set once; threads at work on the job look at it
 
   Job(std::string name, RenderJob render_job)
       : id(std::move(name)),
         job(std::move(render_job)),
-        frame(WithoutCameras(job)),
+        without_cameras(WithoutCameras(job)),
         states(job.cameras.size(), FrameState::kToDo),
         finished(job.cameras.size()) {}
   bool Complete() const;
   /// The first frame to do, or states.size().
   size_t NextToDo() const;
-  /// The job with one of its frames only.
-  RenderJob One(size_t index) const;
+  /// The job with frame `index` only.
+  RenderJob FrameJob(size_t index) const;
 
  private:
   static RenderJob WithoutCameras(RenderJob job) {

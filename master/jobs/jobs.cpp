@@ -19,13 +19,18 @@ namespace {
 
 namespace asio = boost::asio;
 
-constexpr uint64_t kFullQueueBytes = 32u << 20;   // no further frames are queued for a client beyond this
-constexpr uint64_t kBesideImages = 1u << 20;      // pings and progress of all clients are less
-constexpr uint64_t kMostImageBytes = 0xF0000000;  // of one message
-constexpr int kMostEncoding = 4;      // frames on their way to the disk; no other begins beyond this
-constexpr double kClientGraceS = 20;  // a job without a spool waits so long for its client to come back
+/// Bytes queued for a client beyond which no further frame is queued. Bounds memory.
+constexpr uint64_t kFullQueueBytes = 32u << 20;
+/// Bytes that pings and progress of all clients stay below.
+constexpr uint64_t kBesideImages = 1u << 20;
+/// Bytes of the largest image: a message's limit.
+constexpr uint64_t kMostImageBytes = 0xF0000000;
+/// Frames on their way to the disk beyond which no other begins. Bounds memory.
+constexpr int kMostEncoding = 4;
+/// Seconds that a job without a spool waits for a client to come back.
+constexpr double kClientGraceS = 20;
 
-/// Enough of a job's id for people.
+/// The beginning of a job's id, enough for logs.
 std::string ShortId(const std::string& id) { return id.substr(0, 8); }
 
 }  // namespace
@@ -73,7 +78,7 @@ Status Jobs::Ask(const std::shared_ptr<Connection>& client, JobRequest request) 
     callbacks_.log(fmt::format("job {} from {}: {}", ShortId(id), client->peer(), Describe(job->job)));
     job->tried = true;  // the spool notes a new job's first try with it
     jobs_.push_back(job);
-    // What its client has need not be made again; should another one ask for it, it is.
+    // Frames that the client has are rendered only if another client asks for them.
     std::fill_n(job->states.begin(), request.have, Job::FrameState::kFinished);
     if (spool_)
       asio::post(*encoder_,
@@ -104,7 +109,7 @@ bool Jobs::ForgetClient(const std::shared_ptr<Connection>& client, double now_s)
   return waited;
 }
 
-std::optional<Jobs::Begun> Jobs::Begin() {
+std::optional<JobFrame> Jobs::Begin() {
   if (encoding_ >= kMostEncoding || !suspect_.expired()) return std::nullopt;
   for (const auto& job : jobs_) {
     const size_t index = job->NextToDo();
@@ -114,17 +119,18 @@ std::optional<Jobs::Begun> Jobs::Begin() {
     if (spool_ && !job->tried) spool_->NoteTry(job->id);
     job->tried = true;
     job->states[index] = Job::FrameState::kActive;
-    Begun begun{job, index, job->One(index), nullptr};
-    begun.memory = memory_.Take(FrameBytes(begun.one));
+    JobFrame begun{job, index, job->FrameJob(index), nullptr};
+    begun.memory = memory_.Take(FrameBytes(begun.frame_job));
     if (job->suspect) suspect_ = begun.memory;
     return begun;
   }
   return std::nullopt;
 }
 
-/// Where nothing is under way that could make room, images that wait for clients do: they are made again.
+/// Where no frame is under way that could make room, images that wait for clients are dropped, to be rendered
+/// again.
 bool Jobs::HasRoom(const Job& job, size_t index) {
-  const uint64_t bytes = FrameBytes(job.One(index));
+  const uint64_t bytes = FrameBytes(job.FrameJob(index));
   const auto fits = [&] { return memory_.used() + QueuedBytes() + bytes <= memory_.for_frames(); };
   const bool under_way = encoding_ > 0 || std::ranges::any_of(jobs_, [](const auto& j) {
                            return std::ranges::count(j->states, Job::FrameState::kActive) > 0;
@@ -145,7 +151,7 @@ bool Jobs::DropLastImage() {
   return false;
 }
 
-/// Of images on their way to clients.
+/// Bytes of images on their way to clients.
 uint64_t Jobs::QueuedBytes() const {
   uint64_t bytes = 0;
   for (const auto& job : jobs_)
@@ -159,26 +165,26 @@ bool Jobs::MaySend(uint64_t image_bytes) const {
          queued + image_bytes <= std::min(kFullQueueBytes, memory_.for_frames() / 8);
 }
 
-std::vector<Jobs::Begun> Jobs::Upcoming(size_t most) const {
-  std::vector<Begun> upcoming;
+std::vector<JobFrame> Jobs::Upcoming(size_t most) const {
+  std::vector<JobFrame> upcoming;
   for (const auto& job : jobs_)
     for (size_t index = job->NextToDo(); index < job->states.size() && upcoming.size() < most; ++index)
       if (job->states[index] == Job::FrameState::kToDo)
-        upcoming.push_back({job, index, job->One(index), nullptr});
+        upcoming.push_back({job, index, job->FrameJob(index), nullptr});
   return upcoming;
 }
 
-void Jobs::Finish(Begun frame, std::vector<uint32_t> pixels, std::string statistics) {
+void Jobs::Finish(JobFrame frame, std::vector<uint32_t> pixels, std::string statistics) {
   ++encoding_;
   asio::post(*encoder_, [this, frame = std::move(frame), pixels = std::move(pixels),
                          statistics = std::move(statistics)]() mutable {
-    auto image = EncodeImage(frame.one, pixels);
+    auto image = EncodeImage(frame.frame_job, pixels);
     pixels = {};
     if (image && image->size() > kMostImageBytes)
-      image =
-          quarry::Fail(fmt::format("the picture takes {} as {}, and {} can be sent; render parts of it with "
-                                   "--crop",
-                                   FormatSize(image->size()), frame.one.format, FormatSize(kMostImageBytes)));
+      image = quarry::Fail(
+          fmt::format("the picture takes {} as {}, and {} can be sent; render parts of it with "
+                      "--crop",
+                      FormatSize(image->size()), frame.frame_job.format, FormatSize(kMostImageBytes)));
     if (image && spool_)
       WriteToSpool(*frame.job,
                    [&] { return spool_->WriteFrame(frame.job->id, frame.job->job, frame.index, *image); });
@@ -190,7 +196,7 @@ void Jobs::Finish(Begun frame, std::vector<uint32_t> pixels, std::string statist
   });
 }
 
-/// Does it until it is done: a full disk may get space. Nothing more for a job that is over.
+/// Repeats `write` until it succeeds, for a full disk may get space, or the job is over.
 template <class Write>
 void Jobs::WriteToSpool(const Job& job, Write write) const {
   for (bool told = false; !job.over; told = true) {

@@ -19,14 +19,22 @@ class thread_pool;
 
 namespace quarry {
 
-/// What clients have asked for, from the request to the last frame that is sent. Images are encoded, and
-/// written to the spool if there is one, on a thread of its own; the rest is used from the io_context's
-/// thread. Time comes in.
+/// A frame of a job.
+struct JobFrame {
+  std::shared_ptr<Job> job;
+  size_t index = 0;                 ///< of the job's frames
+  RenderJob frame_job;              ///< the job with this frame only
+  FrameMemory::Reservation memory;  ///< while it is under way
+};
+
+/// Clients' jobs, from the request to the last frame that is sent. Images are encoded, and written to the
+/// spool if there is one, on a thread of this class.
+/// Units: seconds of the caller's clock; bytes. Not thread-safe: used on the io_context's thread.
 class Jobs {
  public:
   struct Callbacks {
     std::function<void()> on_work;            ///< a frame may be begun
-    std::function<void(const Job&)> on_over;  ///< nobody wants the job any more
+    std::function<void(const Job&)> on_over;  ///< the job is over: done, failed or abandoned
     std::function<void(const std::string&)> log;
   };
   /// `frame_memory`: bytes of frames and jobs, see FrameMemory.
@@ -34,35 +42,29 @@ class Jobs {
        Callbacks callbacks);
   ~Jobs();
 
-  /// Goes on with those in the spool; not with one that has ended several masters, nor with one for which
-  /// there is too little memory.
+  /// Goes on with the spool's jobs, but for a job that has ended Spool::kMostTries masters, or that takes
+  /// more memory than there is.
   void TakeUp();
-  /// A client wants a job, of which it may have some frames. The same one asked for again is the same.
-  /// Errors: it takes more memory than there is; it was set aside. Nothing of it is kept then.
+  /// A client asks for a job, and may have some of its frames. A job asked for twice is one job.
+  /// Errors: the job takes more memory than there is, or was set aside; nothing of it is kept.
   Status Ask(const std::shared_ptr<Connection>& client, JobRequest request);
-  /// Whether it still had frames to come.
+  /// Returns whether the client still waited for frames.
   bool ForgetClient(const std::shared_ptr<Connection>& client, double now_s);
   const std::deque<std::shared_ptr<Job>>& all() const { return jobs_; }
 
-  struct Begun {
-    std::shared_ptr<Job> job;
-    size_t index = 0;                 ///< of the job's frames
-    RenderJob one;                    ///< the job with this frame only
-    FrameMemory::Reservation memory;  ///< of a frame under way
-  };
-  /// The next frame to do, which is under way from now on. None: nothing is to do, too many are on their way
-  /// to the disk, or there is no memory for it until another is done. A suspect job is under way alone.
-  std::optional<Begun> Begin();
-  /// Those that are to be begun next, in their order.
-  std::vector<Begun> Upcoming(size_t most) const;
-  /// A frame's pixels are all there.
-  void Finish(Begun frame, std::vector<uint32_t> pixels, std::string statistics);
-  /// It cannot be done: its clients are told.
+  /// Begins the next frame. None: no frame is to do, too many are on their way to the disk, or a frame under
+  /// way has its memory. A suspect job's frame is under way alone.
+  std::optional<JobFrame> Begin();
+  /// The frames that begin next, `most` at most, in their order.
+  std::vector<JobFrame> Upcoming(size_t most) const;
+  /// Takes a frame's pixels, to be encoded and delivered.
+  void Finish(JobFrame frame, std::vector<uint32_t> pixels, std::string statistics);
+  /// Ends a job that cannot be done, and tells its clients.
   void Fail(std::shared_ptr<Job> job, const std::string& sentence);
 
   /// Sends finished frames to clients that have room for more.
   void Deliver();
-  /// Ends jobs whose client has gone for good, unless they are kept on disk.
+  /// Ends jobs whose clients have been gone for kClientGraceS, unless a spool keeps them.
   void DropAbandoned(double now_s);
 
  private:
@@ -86,7 +88,7 @@ class Jobs {
   std::deque<std::shared_ptr<Job>> jobs_;
   int encoding_ = 0;                       ///< frames on their way from the last tile to Job::finished
   std::weak_ptr<const uint64_t> suspect_;  ///< the frame of a suspect job that is under way
-  std::unique_ptr<boost::asio::thread_pool> encoder_;  ///< last: what it runs uses all of the above
+  std::unique_ptr<boost::asio::thread_pool> encoder_;  ///< last: its thread uses the members above
 };
 
 }  // namespace quarry

@@ -12,33 +12,33 @@
 
 namespace quarry {
 
-/// Jobs on disk, so that a master that is started again goes on with them: a folder a job, in it the job as
-/// it was asked for and its finished frames, each written whole or not at all. Thread-safe after Open.
+/// Jobs on disk, with which a master that is started again goes on. Each job has a folder with the request
+/// and the finished frames, each file written whole or not at all. Thread-safe after Open.
 class Spool {
  public:
-  /// Makes the folder if need be. `scene`: jobs of other scenes are left alone. Errors: it cannot be made or
-  /// read, another master is at work on it.
+  /// Makes the folder if need be. `scene`: jobs of other scenes are left alone.
+  /// Errors: the folder cannot be made or read, or another master uses it.
   static Result<Spool> Open(const std::string& folder, const SceneId& scene);
 
   struct Found {
     std::string id;
     RenderJob job;
     std::vector<bool> finished;  ///< by frame
-    uint32_t tries = 0;  ///< masters that have begun a frame of it, and have ended before any was finished
+    uint32_t tries = 0;          ///< masters that have begun a frame and ended before one was finished
   };
-  /// A job that so many masters have tried is set aside.
+  /// Tries after which a job is set aside: it may be the cause of the masters' ends.
   static constexpr uint32_t kMostTries = 3;
-  /// Jobs that were begun, the oldest first; a damaged one is named by `log` and left alone. One that has had
-  /// its tries is renamed to ID.set-aside, which `log` is told.
+  /// Jobs that were begun, the oldest first. A damaged job is left alone, and a job that has had kMostTries
+  /// is renamed to ID.set-aside; `log` is told of both.
   std::vector<Found> Jobs(const std::function<void(const std::string&)>& log) const;
 
   /// Errors: the disk is full or cannot be written.
   Status Begin(const std::string& id, const RenderJob& job) const;
-  /// Counts a try, on disk before it returns. Where that cannot be written the try is not counted.
+  /// Counts a try, on disk before it returns; not counted where the disk cannot be written.
   void NoteTry(const std::string& id) const;
-  /// Errors: such a job was set aside; the sentence says where it is, and what to do.
+  /// Errors: the job was set aside; the sentence says where it is and how to try it again.
   Status CheckNotSetAside(const std::string& id) const;
-  /// Its job's tries are forgotten with it.
+  /// Writes a finished frame and resets the job's tries. Errors: the disk is full or cannot be written.
   Status WriteFrame(const std::string& id, const RenderJob& job, size_t frame,
                     std::span<const std::byte> image) const;
   Result<Bytes> ReadFrame(const std::string& id, const RenderJob& job, size_t frame) const;
@@ -57,8 +57,7 @@ class Spool {
   std::unique_ptr<FileLock> lock_;
 };
 
-/// A name for a job that depends on the scene and on all that its pictures do: the same job asked for twice
-/// is one.
+/// The job's name: a hash of the scene and of everything that decides the job's pictures.
 std::string JobId(const SceneId& scene, const RenderJob& job);
 
 }  // namespace quarry

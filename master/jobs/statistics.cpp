@@ -44,7 +44,7 @@ std::string FrameStatistics(const ActiveFrame& frame, const FrameTimes& times,
   j["frame"] = frame.job().first_frame;
   j["frame_wall_s"] = times.end_s - times.start_s;
   j["frame_start_s"] = times.start_s;
-  j["tiles"] = frame.frame().tiles().size();
+  j["tiles"] = frame.image().tiles().size();
   j["rays"] = frame.rays();
   j["rays_suspended"] = frame.rays_suspended();
   j["leases_lost"] = frame.leases_lost();
@@ -66,7 +66,7 @@ std::string ProgressLine(const ActiveFrame& frame, const WorkerRegistry& registr
   return fmt::format(
       "frame {}: {} of {} tiles; {} workers, {:.1f} million rays, {:.1f} MB of voxels received, {:.1f} s of "
       "computing, {:.1f} s of waiting so far",
-      frame.job().first_frame, frame.tiles_done(), frame.frame().tiles().size(), registry.all().size(),
+      frame.job().first_frame, frame.tiles_done(), frame.image().tiles().size(), registry.all().size(),
       static_cast<double>(sum.rays) * 1e-6, static_cast<double>(sum.voxel_bytes_received) * 1e-6,
       static_cast<double>(sum.compute_us) * 1e-6, static_cast<double>(sum.stall_us) * 1e-6);
 }

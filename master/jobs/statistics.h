@@ -8,16 +8,16 @@
 
 namespace quarry {
 
-/// Beside what a frame knows of itself.
+/// Facts of a frame that ActiveFrame does not know.
 struct FrameTimes {
   double start_s = 0, end_s = 0;    ///< since the master began
-  uint64_t voxel_bytes_served = 0;  ///< by the master itself, meanwhile
+  uint64_t voxel_bytes_served = 0;  ///< by the master, during the frame
 };
-/// A finished frame's statistics and all workers' counters, as JSON.
+/// A finished frame's statistics and all workers' counters, as JSON; each name bears its unit.
 std::string FrameStatistics(const ActiveFrame& frame, const FrameTimes& times,
                             const WorkerRegistry& registry);
 
-/// How far the frame has come and what the workers have done so far, for the log.
+/// The frame's progress and the sum of the workers' counters, a line for the log.
 std::string ProgressLine(const ActiveFrame& frame, const WorkerRegistry& registry);
 
 }  // namespace quarry

@@ -40,8 +40,7 @@ nlohmann::json Depths(const std::vector<float>& depths) {
 
 }  // namespace
 
-void TileLog::Frame(const ActiveFrame& frame) {
-  const RenderJob& job = frame.job();
+void TileLog::Frame(const RenderJob& job) {
   const CameraSpec& c = job.cameras[0];
   const auto vector = [](const glm::dvec3& v) { return nlohmann::json{v.x, v.y, v.z}; };
   auto lights = nlohmann::json::array();
@@ -54,13 +53,10 @@ void TileLog::Frame(const ActiveFrame& frame) {
   std::fprintf(file_.get(), "%s\n", j.dump().c_str());
 }
 
-void TileLog::Tile(const ActiveFrame& frame, const TileDone& done, const std::string& worker) {
-  const nlohmann::ordered_json j = {{"frame", frame.job().first_frame},
-                                    {"tile", done.tile},
-                                    {"worker", worker},
-                                    {"compute_us", done.compute_us},
-                                    {"rays", done.rays},
-                                    {"depths", Depths(done.depths)},
+void TileLog::Tile(uint32_t frame_number, const TileDone& done, const std::string& worker) {
+  const nlohmann::ordered_json j = {{"frame", frame_number}, {"tile", done.tile},
+                                    {"worker", worker},      {"compute_us", done.compute_us},
+                                    {"rays", done.rays},     {"depths", Depths(done.depths)},
                                     {"blocks", done.blocks}};
   std::fprintf(file_.get(), "%s\n", j.dump().c_str());
 }

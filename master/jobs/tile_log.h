@@ -6,18 +6,18 @@
 
 #include "common/base/status.h"
 #include "common/protocol/messages.h"
-#include "master/schedule/active_frame.h"
 
 namespace quarry {
 
-/// What each tile touched and cost, one JSON object a line: what the simulator in tests/scalability runs on,
-/// and a way to see which part of a picture is dear. Not thread-safe.
+/// Writes each tile's blocks and cost, one JSON object a line: the input of the simulator in
+/// tests/scalability, and a way to find the dear parts of a picture.
+/// Units: as the names bear them. Not thread-safe.
 class TileLog {
  public:
   /// Errors: the file cannot be written.
   static Result<TileLog> Create(const std::string& path);
-  void Frame(const ActiveFrame& frame);
-  void Tile(const ActiveFrame& frame, const TileDone& done, const std::string& worker);
+  void Frame(const RenderJob& frame_job);
+  void Tile(uint32_t frame_number, const TileDone& done, const std::string& worker);
 
  private:
   struct Closer {

@@ -7,117 +7,123 @@
 #include <memory>
 #include <set>
 #include <span>
+#include <tuple>
 #include <unordered_map>
 #include <vector>
 
 #include "common/protocol/messages.h"
-#include "master/jobs/frame.h"
+#include "master/jobs/frame_image.h"
 #include "master/schedule/footprint.h"
 #include "master/schedule/scheduler.h"
 
 namespace quarry {
 
-/// What plans reckon with.
+/// Names a frame under way, in messages of this master only. Never used twice.
+using FrameId = uint64_t;
+
+/// The costs that plans count with.
 struct PlanCosts {
   const std::vector<uint32_t>& block_bytes;  ///< stored, by block
-  double seconds_per_byte;                   ///< of fetching and decoding, at one worker
-  double tile_s;                             ///< of a tile beside tracing, on one thread
+  double seconds_per_byte;                   ///< a worker's, to fetch and decode a stored byte
+  double tile_s;                             ///< a thread's, for a tile beside tracing
 };
 
-/// A job's frame under way: which tile is leased to whom, and the pixels. No clock, no network: time comes
-/// in.
+/// A frame under way: its plan, its leases, the footprints of its tiles, and its pixels.
+/// Units: seconds of the caller's clock. Not thread-safe.
 class ActiveFrame {
  public:
-  /// `before`: the frame before, of which it is remembered who had which tile, or null.
-  ActiveFrame(uint64_t setup, const RenderJob& job, const ActiveFrame* before);
+  /// `before`: the frame before, whose tiles' workers are remembered, or null.
+  ActiveFrame(FrameId id, const RenderJob& job, const ActiveFrame* before);
 
-  uint64_t setup() const { return setup_; }
+  FrameId id() const { return id_; }
   const RenderJob& job() const { return job_; }
-  const Frame& frame() const { return frame_; }
-  /// Requires: done(). Leaves what the next frame's plan needs.
-  std::vector<uint32_t> TakePixels() { return frame_.TakePixels(); }
+  const FrameImage& image() const { return image_; }
+  /// Moves the pixels out; footprints for the next frame's plan stay. Requires: done().
+  std::vector<uint32_t> TakePixels() { return image_.TakePixels(); }
   uint32_t tiles_done() const { return tiles_done_; }
-  bool done() const { return tiles_done_ == frame_.tiles().size(); }
+  bool done() const { return tiles_done_ == image_.tiles().size(); }
   uint64_t rays() const { return rays_; }
   uint64_t rays_suspended() const { return rays_suspended_; }
   uint64_t leases_lost() const { return leases_lost_; }
 
-  /// What coarse rays come to; the next Foresee and plan go by it.
-  void Learn(std::shared_ptr<const CoarseFrame> coarse);
-  /// Tiles that nobody has or has had, but for those that two have.
+  // Footprints.
+  /// Takes in the finished probe of the frame. The next Foresee() and MakePlan() use it.
+  void Learn(std::shared_ptr<const ProbedFrame> coarse);
+  bool learned() const { return coarse_ != nullptr; }
+  /// Predicts the tiles' footprints from the frame before (null: there is none) and the probe, if either has
+  /// changed since. A large() frame is predicted once, and again when it has learned.
+  void Foresee(const ActiveFrame* before);
+  /// The tile's expected footprint.
+  const TileFootprint& Expected(uint32_t tile) const { return expected_[tile]; }
+  /// The tiles' footprints: of tiles done, as rendering has shown them; of others, as expected.
+  FrameFootprint Footprint() const;
+
+  // Plans.
+  /// Plans which worker renders each tile that is not leased or done.
+  void MakePlan(const std::vector<PlannedWorker>& workers, const PlanCosts& costs, SchedulingPolicy policy);
+  bool planned() const { return planned_; }
+  /// Adds, by worker, the blocks and the time that the tiles not yet done are expected to bring to the
+  /// workers that have them or are to have them.
+  void AddPromised(std::map<uint32_t, BlockSet>& holds, std::map<uint32_t, double>& busy_s) const;
+  /// Too many tiles to be predicted more than once.
+  bool large() const { return tile_done_.size() > kMostPredicted; }
+  /// Too many tiles and workers to be planned more than once, unless workers come or go.
+  bool planned_once(size_t workers) const { return large() || tile_done_.size() * workers > kMostReplanned; }
+
+  // Leases.
+  /// Tiles not done and not leased. Fewer where two workers hold one tile.
   size_t open_tiles() const {
     return tile_done_.size() - std::min<size_t>(tile_done_.size(), tiles_done_ + leases_.size());
   }
-  bool learned() const { return coarse_ != nullptr; }
-  /// Reckons what its tiles will touch from what the frame before (null: there is none) has shown by now, if
-  /// that is much more than the last time, and from what has been learned; of a large one once each.
-  void Foresee(const ActiveFrame* before);
-  /// Adds what tiles not done are expected to bring to the workers that have or are to have them, and the
-  /// time they take. Both by worker.
-  void AddPromised(std::map<uint32_t, BlockSet>& holds, std::map<uint32_t, double>& busy_s) const;
-  /// Plans who is to have the tiles that nobody has. `workers`: all there are.
-  void MakePlan(const std::vector<PlannedWorker>& workers, const PlanCosts& costs, SchedulingPolicy policy);
-  /// Whether foreseeing it takes so long that it is done once.
-  bool large() const { return tile_done_.size() > kMostForeseen; }
-  /// Whether planning it for so many workers takes so long that it is done once, unless workers come or go.
-  bool planned_once(size_t workers) const { return large() || tile_done_.size() * workers > kMostReplanned; }
-  bool planned() const { return planned_; }
-  /// What handing out may look at.
+  /// The input of Schedule().
   Snapshot MakeSnapshot(std::vector<WorkerView> workers, double now_s) const;
-  /// Leases a tile to a worker.
   TileOrder Lease(const Assignment& assignment, double now_s);
-  /// What the tile is expected to touch.
-  const TileTrace& Expected(uint32_t tile) const { return expected_[tile]; }
-  /// A result. False when it was dropped: another setup, an unknown lease, or a tile that is done.
-  /// Errors: pixels or depths that do not fit.
+  /// A result. False: dropped, since the frame or the lease is unknown or the tile is done.
+  /// Errors: pixels or depths that do not fit the tile.
   Result<bool> Finish(const TileDone& done, std::span<const std::byte> pixels, double now_s);
-  /// The worker is gone: its leases end.
+  /// Ends the worker's leases.
   void Forget(uint32_t worker);
-  /// Adds the workers that still hold a tile which another worker has finished.
+  /// Adds the workers that hold a tile which another worker has finished.
   void AddOutdone(std::set<uint32_t>& workers) const;
-  /// Seconds that computing the tile took; 0 while it is not done. No more than its worker has had it,
-  /// whatever the worker says.
-  double ShownCost(uint32_t tile) const { return traces_[tile].cost_s; }
-  /// Adds to each worker's number how many tiles are leased to it.
+  /// Adds, by worker, the number of tiles leased to it.
   void AddHeld(std::unordered_map<uint32_t, uint32_t>& held) const;
-
-  /// Who rendered which tile, kNoWorker where nobody has.
+  /// Seconds that computing the tile took; 0 while it is not done. At most the time since its lease, whatever
+  /// the worker reports.
+  double ShownCost(uint32_t tile) const { return traces_[tile].cost_s; }
+  /// The worker that rendered each tile; kNoWorker while it is not done.
   const std::vector<uint32_t>& owners() const { return owners_; }
-  /// What rendering has shown; for a tile under way, what was expected of it.
-  FrameTrace Trace() const;
 
  private:
-  /// Foreseeing takes time of the thread that hands tiles out (`quarry bench simulate` prints it), and
-  /// workers have many tiles each of a large picture: there is less to win.
-  static constexpr size_t kMostForeseen = 512;
-  /// Tiles times workers. With more, plans are worth less than the time they take (`quarry bench simulate
-  /// --planning`).
-  static constexpr size_t kMostReplanned = 4096;
-  /// Who has, or had, each tile; kNoWorker: nobody yet.
-  std::vector<uint32_t> Holders() const;
-  double CostOf(size_t tile) const;
-  /// Footprints beyond so many blocks in all are not kept: pictures of many million tiles have no use for
-  /// them.
+  /// Tiles of a frame that is predicted again and again, and tiles times workers of a frame that is planned
+  /// again and again. Trade better plans against time of the dispatching thread (`quarry bench simulate
+  /// --planning`, `quarry bench plan`).
+  static constexpr size_t kMostPredicted = 512, kMostReplanned = 4096;
+  /// Blocks kept as footprints, over the frame. Bounds memory: FrameBytes counts with it.
   static constexpr size_t kMostTraced = 2u << 20;
-
+  /// The state of the frame before that a prediction is made from: its id, how often it was predicted, and
+  /// how many quarters of its tiles were done.
+  using Basis = std::tuple<FrameId, uint64_t, size_t>;
   struct LeaseRecord {
     uint32_t tile, worker;
     double since_s;
   };
-  uint64_t setup_;
+  /// The worker that has, or had, each tile; kNoWorker: none yet.
+  std::vector<uint32_t> Holders() const;
+  double CostOf(size_t tile) const;
+
+  FrameId id_;
   RenderJob job_;
-  Frame frame_;
-  std::vector<uint32_t> last_owners_, plan_, owners_;
-  std::vector<TileTrace> expected_, traces_;
-  double usual_cost_s_ = 1;  ///< of tracing a tile
-  double tile_s_ = 0;        ///< beside that
-  size_t traced_ = 0;
-  /// What expected_ was reckoned from: the frame, its own reckoning, and its tiles done.
-  uint64_t foreseen_from_ = 0, foreseen_reckoning_ = 0, reckoning_ = 0;
-  uint32_t foreseen_done_ = 0;
+  FrameImage image_;
+  std::vector<uint32_t> last_owners_, plan_, owners_;  ///< by tile
+  std::vector<TileFootprint> expected_, traces_;       ///< by tile
+  double usual_cost_s_ = 1;                            ///< of tracing a tile
+  double tile_s_ = 0;                                  ///< of a tile beside tracing
+  size_t traced_ = 0;                                  ///< blocks in traces_
+  Basis basis_;
+  uint64_t predictions_ = 0;
   bool planned_ = false;
-  std::shared_ptr<const CoarseFrame> coarse_;
-  bool has_news_ = false;  ///< coarse_ has come since the last reckoning
+  std::shared_ptr<const ProbedFrame> coarse_;
+  bool has_news_ = false;  ///< coarse_ has come since the last prediction
   std::vector<bool> tile_done_;
   std::map<uint64_t, LeaseRecord> leases_;
   uint64_t next_lease_ = 1;
@@ -125,42 +131,5 @@ class ActiveFrame {
   double tile_time_s_ = 0;  ///< from lease to result, summed over tiles done
   uint64_t rays_ = 0, rays_suspended_ = 0, leases_lost_ = 0;
 };
-
-/// Whether another frame may begin beside these: two may always be under way, so that no worker idles at a
-/// frame's end; of small ones up to sixteen, while they have less than 2^20 pixels together, so that who
-/// waits for voxels has other tiles to go on with, and the others need not wait for one that was given too
-/// much. Why so many: tests/scalability/README.md, "Speed-up".
-bool MayBegin(std::span<ActiveFrame* const> frames);
-
-/// What has changed since frames were planned.
-enum class PlanNews { kFrames, kWorkers };
-
-/// Foresees and plans the frames under way, the oldest first, each with what those before it bring.
-/// `previous`: the last one finished, or null. `holds`: what each worker has.
-void PlanFrames(std::span<ActiveFrame* const> frames, const ActiveFrame* previous, PlanNews news,
-                const std::map<uint32_t, double>& speeds, std::map<uint32_t, BlockSet> holds,
-                const PlanCosts& costs, SchedulingPolicy policy);
-
-/// A worker that tiles are handed out to.
-struct WorkerCredit {
-  uint32_t worker = kNoWorker;
-  uint32_t credit = 0;   ///< tiles it may have at once, over all frames
-  uint32_t threads = 1;  ///< at least one
-  double quiet_s = 0;    ///< see WorkerView
-};
-struct AssignedTile {
-  ActiveFrame* frame;
-  uint32_t worker;
-  TileOrder order;
-};
-/// Hands out what can be: first everyone's own tiles, of the frames under way in their order and of others
-/// that `start_next` begins (null: none begins); what is planned for others only when there is no more of
-/// that, for it costs bytes: those weigh kFetchWeight. `ending`: no other frame follows these; then bytes
-/// weigh no more than their time, and nobody has many tiles waiting, for others cannot take those. `fetch_s`:
-/// seconds that a worker is expected to fetch for a frame's tile; none: what is nearest to hand is taken.
-std::vector<AssignedTile> AssignTiles(
-    std::vector<ActiveFrame*> frames, const std::vector<WorkerCredit>& hands, double now_s, bool ending,
-    const std::function<double(const ActiveFrame&, uint32_t tile, uint32_t worker)>& fetch_s,
-    const std::function<ActiveFrame*()>& start_next);
 
 }  // namespace quarry

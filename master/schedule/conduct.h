@@ -5,19 +5,20 @@
 
 namespace quarry {
 
-/// Whether a worker answers. A connection that carries pings says nothing of that. Time comes in; not
-/// thread-safe.
+/// Whether a worker answers with tiles. (That its connection carries pings does not show it.)
+/// Units: seconds of the caller's clock. Not thread-safe.
 class Conduct {
  public:
-  /// Once others have finished a tile that it holds, and it has held tiles for so long without an answer, it
-  /// is given one tile at a time, and after the second time it is dropped. What others could finish, it
-  /// could: a tile that takes everybody long makes nobody mute. Stated in PROTOCOL.md.
+  /// Seconds of holding tiles without an answer, once another worker has finished one of them, after which a
+  /// worker is doubtful (it gets one tile at a time) and mute (it is dropped). A tile that takes every worker
+  /// long makes no worker mute. Liveness; stated in PROTOCOL.md; tests/unit/dispatcher_test.cpp.
   static constexpr double kDoubtfulS = 5, kMuteS = 20;
-  /// For so long a worker may answer no tile before it counts as quiet: with cold caches and a slow link a
-  /// tile takes seconds, and a tile that is taken away from its worker is loaded twice.
+  /// Seconds of holding tiles without an answer before a worker counts as quiet. Trades the wait for a
+  /// silent worker against tiles that are taken from a slow one and loaded twice: with cold caches and a slow
+  /// link a tile takes seconds.
   static constexpr double kGraceS = 4;
 
-  /// To be called often: whether it holds tiles from now on.
+  /// Whether the worker holds tiles from now on. Requires: called several times a second.
   void Look(double now_s, bool holds) {
     if (holds_) {
       quiet_s_ += std::max(0.0, now_s - looked_s_);
@@ -26,17 +27,17 @@ class Conduct {
     looked_s_ = now_s;
     holds_ = holds;
   }
-  /// It has answered, with a tile that it holds; or with one of a frame that is over, which shows that it
-  /// works, but helps nobody.
+  /// The worker has sent a result. `held`: of a tile that it holds; else the result shows that it works but
+  /// is of no use.
   void Answered(bool held) {
     owing_s_ = 0;
     outdone_ = false;
     if (held) quiet_s_ = 0;
   }
-  /// Somebody else has finished a tile that it holds.
+  /// Another worker has finished a tile that this one holds.
   void Outdone() { outdone_ = true; }
 
-  /// Seconds beyond kGraceS for which it has held tiles and answered none.
+  /// Seconds beyond kGraceS for which the worker has held tiles and answered none.
   double quiet_s() const { return holds_ ? std::max(0.0, quiet_s_ - kGraceS) : 0; }
   bool doubtful() const { return outdone_ && owing_s_ > kDoubtfulS; }
   bool mute() const { return outdone_ && owing_s_ > kMuteS; }

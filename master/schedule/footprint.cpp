@@ -9,8 +9,8 @@ namespace {
 
 constexpr uint32_t kEnd = 0xFFFFFFFFu;
 
-/// Adds blocks to a tile's, each as likely as the part of the tile on which they fall.
-void Merge(TileTrace& into, const TileTrace& from, float part) {
+/// Adds `from`'s blocks. `part`: share of the tile that they fall on, their chance.
+void Merge(TileFootprint& into, const TileFootprint& from, float part) {
   std::vector<uint32_t> blocks;
   std::vector<float> chances;
   size_t a = 0, b = 0;
@@ -28,25 +28,25 @@ void Merge(TileTrace& into, const TileTrace& from, float part) {
   into.chances = std::move(chances);
 }
 
-/// What a tile saw, as one rectangle: the middle one of its cells' depths.
-double TileDepth(const TileTrace& trace) {
+/// The median depth of the tile's cells.
+double TileDepth(const TileFootprint& trace) {
   std::vector<float> depths = trace.depths;
   const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
   std::nth_element(depths.begin(), middle, depths.end());
   return static_cast<double>(*middle);
 }
 
-/// Tiles follow the camera, with what they touched and cost.
-std::vector<TileTrace> FollowTiles(const FrameTrace& before, const Reprojection& reprojection,
-                                   const std::vector<Frame::Tile>& tiles) {
-  std::vector<TileTrace> out(tiles.size());
-  std::vector<double> covered(tiles.size());  // pixels of each tile that something falls on
-  std::vector<double> largest(tiles.size());  // of them, those of the rectangle that covers most
+/// Footprints of the frame before, moved with the camera.
+std::vector<TileFootprint> FollowTiles(const FrameFootprint& before, const Reprojection& reprojection,
+                                       const std::vector<PixelRect>& tiles) {
+  std::vector<TileFootprint> out(tiles.size());
+  std::vector<double> covered(tiles.size());  // pixels of each tile
+  std::vector<double> largest(tiles.size());  // pixels of the rectangle that covers most of it
   const PixelGrid grid(tiles, kTileSize);
   std::vector<size_t> index(grid.size());
   for (size_t t = 0; t < tiles.size(); ++t) index[grid.At(tiles[t].x, tiles[t].y)] = t;
   for (size_t b = 0; b < before.tiles.size(); ++b) {
-    const TileTrace& trace = before.traces[b];
+    const TileFootprint& trace = before.traces[b];
     PixelBounds r;
     if (trace.depths.empty() || !reprojection.Rectangle(before.tiles[b], TileDepth(trace), r)) continue;
     const double area = std::max(1.0, r.area());
@@ -72,7 +72,8 @@ std::vector<TileTrace> FollowTiles(const FrameTrace& before, const Reprojection&
 
 }  // namespace
 
-double ExpectedBytes(const TileTrace& tile, const BlockSet& holds, const std::vector<uint32_t>& block_bytes) {
+double ExpectedBytes(const TileFootprint& tile, const BlockSet& holds,
+                     const std::vector<uint32_t>& block_bytes) {
   double bytes = 0;
   for (size_t i = 0; i < tile.blocks.size(); ++i)
     if (tile.blocks[i] < block_bytes.size() && !holds.Has(tile.blocks[i]))
@@ -80,9 +81,9 @@ double ExpectedBytes(const TileTrace& tile, const BlockSet& holds, const std::ve
   return bytes;
 }
 
-std::vector<TileTrace> Predict(const FrameTrace& before, const RenderJob& next,
-                               const std::vector<Frame::Tile>& tiles, const CoarseFrame* coarse) {
-  std::vector<TileTrace> out = FollowTiles(before, Reprojection(before.job, next), tiles);
+std::vector<TileFootprint> Predict(const FrameFootprint& before, const RenderJob& next,
+                                   const std::vector<PixelRect>& tiles, const ProbedFrame* coarse) {
+  std::vector<TileFootprint> out = FollowTiles(before, Reprojection(before.job, next), tiles);
   if (!coarse || coarse->empty()) return out;
   for (size_t t = 0; t < tiles.size(); ++t) {
     out[t].blocks = (*coarse)[t].blocks;

@@ -4,44 +4,45 @@
 #include <vector>
 
 #include "common/scene/render_job.h"
-#include "master/jobs/frame.h"
+#include "master/jobs/frame_image.h"
 #include "master/schedule/footprint_probe.h"
 #include "master/schedule/scheduler.h"
 
 namespace quarry {
 
-/// What rendering a tile has shown: the blocks it touched, how far its rays saw, what it cost. Or what is
-/// expected of one.
-struct TileTrace {
+/// The blocks that a tile touches, how far its rays see, and its cost: as rendering has shown them, or as
+/// they are expected. Units: depths in scene units, one for each cell of kDepthCell pixels; seconds of
+/// processor time.
+struct TileFootprint {
   std::vector<uint32_t> blocks;  ///< ascending; empty while not known
-  std::vector<float> chances;    ///< of each, that it is touched; empty: all were
-  std::vector<float> depths;     ///< of parts of it, how far from the eye they are; empty while not known
-  double cost_s = 0;             ///< processor time; 0 while not known
-  bool known = false;            ///< its blocks are
+  std::vector<float> chances;    ///< that each block is touched; empty: 1
+  std::vector<float> depths;     ///< empty while not known
+  double cost_s = 0;             ///< 0 while not known
+  bool known = false;            ///< the blocks are known
 };
 
-/// With this chance a tile counts as touching a block: it is reckoned to bring the block to its worker.
-inline constexpr float kLeastChance = 0.5f;
-/// With this chance the worker is told to fetch it ahead.
-inline constexpr float kHintChance = 0.9f;
+/// Chance from which a block counts as touched: its worker is told to fetch it ahead, and plans count on the
+/// worker to hold it. Trades bytes fetched in vain for waiting. `quarry bench simulate --foresight 0`:
+/// tests/scalability/history.md, 2026-11-26.
+inline constexpr float kLikely = 0.9f;
 
-/// Bytes of the tile's blocks that are not in `holds`, each as likely as it is. `block_bytes`: stored, by
-/// block.
-double ExpectedBytes(const TileTrace& tile, const BlockSet& holds, const std::vector<uint32_t>& block_bytes);
+/// Expected bytes that a holder of `holds` would fetch for the tile. `block_bytes`: stored, by block.
+double ExpectedBytes(const TileFootprint& tile, const BlockSet& holds,
+                     const std::vector<uint32_t>& block_bytes);
 
-/// A frame's tiles as they were rendered.
-struct FrameTrace {
-  RenderJob job;  ///< with the frame's one camera
-  std::vector<Frame::Tile> tiles;
-  std::vector<TileTrace> traces;
+/// The footprints of a frame's tiles.
+struct FrameFootprint {
+  RenderJob job;  ///< with the frame's camera only
+  std::vector<PixelRect> tiles;
+  std::vector<TileFootprint> traces;
 };
 
-/// What the tiles of the next frame are expected to touch and to cost. Every tile of the frame before, a
-/// rectangle at its depth, is seen from the next camera, and each tile that it falls on gets its blocks and
-/// its share of the cost; tiles on which nothing falls stay unknown. What coarse rays (`coarse`, or null)
-/// come to is known better, and takes the blocks' place. Source: Wald & Slusallek 2001, section 6.5 proposes
-/// coarse rays for the next view; reprojection is ours.
-std::vector<TileTrace> Predict(const FrameTrace& before, const RenderJob& next,
-                               const std::vector<Frame::Tile>& tiles, const CoarseFrame* coarse);
+/// The expected footprints of the next frame's tiles. A tile of the frame before is a rectangle at its median
+/// depth: seen from the next camera, it gives its blocks and a share of its cost to the tiles that it covers.
+/// Uncovered tiles stay unknown. The probe's blocks and depths (`coarse`, or null) replace reprojected ones.
+/// Thread-safe. Source: Wald & Slusallek 2001, section 6.5 proposes coarse rays for the next view;
+/// reprojection is ours.
+std::vector<TileFootprint> Predict(const FrameFootprint& before, const RenderJob& next,
+                                   const std::vector<PixelRect>& tiles, const ProbedFrame* coarse);
 
 }  // namespace quarry

@@ -3,17 +3,16 @@
 #include <algorithm>
 #include <utility>
 
-#include "master/jobs/frame.h"
+#include "master/jobs/frame_image.h"
 
 namespace quarry {
 
-Result<CoarseFrame> ProbeFrame(Renderer& renderer, const RenderJob& job, std::stop_token stop) {
+Result<ProbedFrame> ProbeFrame(Renderer& renderer, const RenderJob& job, std::stop_token stop) {
   constexpr uint64_t kSmallPixels = 512 * kTileSize * kTileSize;
   const uint32_t step = uint64_t{job.crop_width} * job.crop_height <= kSmallPixels ? 2 : 4;
   std::vector<Tile> tiles;
-  for (const Frame::Tile& tile : Frame::TilesOf(job))
-    tiles.push_back({{tile.x, tile.y, tile.width, tile.height}, step});
-  CoarseFrame frame(tiles.size());
+  for (const PixelRect& pixels : TilesOf(job)) tiles.push_back({pixels, step});
+  ProbedFrame frame(tiles.size());
   QUARRY_TRY(renderer.Render(
       FrameView(job), tiles,
       [&](size_t i, RenderedTile result, Renderer::Progress) {
@@ -61,7 +60,7 @@ void FootprintProbe::Want(std::vector<Wish> wishes) {
   changed_.notify_one();
 }
 
-std::shared_ptr<const CoarseFrame> FootprintProbe::Find(const std::string& job, size_t index) const {
+std::shared_ptr<const ProbedFrame> FootprintProbe::Find(const std::string& job, size_t index) const {
   const std::lock_guard lock(mutex_);
   for (const Entry& entry : entries_)
     if (entry.wish.job == job && entry.wish.index == index) return entry.frame;
@@ -90,8 +89,8 @@ void FootprintProbe::Run() {
       stop = stop_current_.get_token();
     }
     // Empty where nobody wants it any more, or the store cannot be read: the block service reports that.
-    auto frame = std::make_shared<const CoarseFrame>(
-        ProbeFrame(*renderer_, current_.one, stop).value_or(CoarseFrame{}));
+    auto frame = std::make_shared<const ProbedFrame>(
+        ProbeFrame(*renderer_, current_.one, stop).value_or(ProbedFrame{}));
     {
       const std::lock_guard lock(mutex_);
       for (Entry& entry : entries_)

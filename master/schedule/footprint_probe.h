@@ -16,15 +16,15 @@
 namespace quarry {
 
 /// The footprint of a tile, seen by a few rays.
-struct CoarseTile {
+struct ProbedTile {
   std::vector<uint32_t> blocks;  ///< numbers, ascending
   std::vector<float> depths;     ///< how far parts of it are from the eye; infinity: a ray hits nothing there
 };
-using CoarseFrame = std::vector<CoarseTile>;  ///< by tile; empty: not known
+using ProbedFrame = std::vector<ProbedTile>;  ///< by tile; empty: not known
 
 /// Renders a job's one frame with one ray for each 2x2 pixels (of more than half a million pixels: 4x4).
 /// Errors: as Renderer::Render's.
-Result<CoarseFrame> ProbeFrame(Renderer& renderer, const RenderJob& job, std::stop_token stop = {});
+Result<ProbedFrame> ProbeFrame(Renderer& renderer, const RenderJob& job, std::stop_token stop = {});
 
 /// Probes frames that are under way or about to be, to see which blocks their tiles touch. It has a renderer
 /// of its own, with one compute thread, so that planning never waits for it. Not thread-safe. Source: Wald &
@@ -48,12 +48,12 @@ class FootprintProbe {
   /// Whether it is to be gone through and has not been.
   bool IsAtWork(const std::string& job, size_t index) const;
   /// Null: not gone through yet.
-  std::shared_ptr<const CoarseFrame> Find(const std::string& job, size_t index) const;
+  std::shared_ptr<const ProbedFrame> Find(const std::string& job, size_t index) const;
 
  private:
   struct Entry {
     Wish wish;
-    std::shared_ptr<const CoarseFrame> frame;
+    std::shared_ptr<const ProbedFrame> frame;
   };
 
   FootprintProbe(std::unique_ptr<Renderer> renderer, std::function<void()> on_news);

@@ -36,7 +36,7 @@ bool Reprojection::Project(const glm::dvec3& point, double& x, double& y) const 
   return true;
 }
 
-bool Reprojection::Rectangle(const Frame::Tile& pixels, double depth, PixelBounds& bounds) const {
+bool Reprojection::Rectangle(const PixelRect& pixels, double depth, PixelBounds& bounds) const {
   bool any = false;
   for (int corner = 0; corner < 4; ++corner) {
     const double x = pixels.x + (corner & 1 ? pixels.width : 0);
@@ -49,12 +49,12 @@ bool Reprojection::Rectangle(const Frame::Tile& pixels, double depth, PixelBound
   return any;
 }
 
-PixelGrid::PixelGrid(const std::vector<Frame::Tile>& tiles, uint32_t side) : side_(side) {
-  for (const Frame::Tile& tile : tiles) {
+PixelGrid::PixelGrid(const std::vector<PixelRect>& tiles, uint32_t side) : side_(side) {
+  for (const PixelRect& tile : tiles) {
     x0_ = std::min(x0_, tile.x);
     y0_ = std::min(y0_, tile.y);
   }
-  for (const Frame::Tile& tile : tiles) {
+  for (const PixelRect& tile : tiles) {
     columns_ = std::max(columns_, (tile.x - x0_ + tile.width - 1) / side_ + 1);
     rows_ = std::max(rows_, (tile.y - y0_ + tile.height - 1) / side_ + 1);
   }

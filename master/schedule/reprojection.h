@@ -6,28 +6,29 @@
 
 #include "common/scene/render_job.h"
 #include "common/scene/view_basis.h"
-#include "master/jobs/frame.h"
+#include "master/jobs/frame_image.h"
 
 namespace quarry {
 
-/// Where there is nothing to be seen: far enough that only directions matter. Scene units.
+/// Depth of a ray that hits nothing: so far that only its direction matters. Units: scene units.
 inline constexpr double kFarAway = 1e9;
 
-/// A rectangle of an image, in pixels.
+/// Bounds of projected points. Units: pixels, fractions included; empty until a point is included.
 struct PixelBounds {
   double x0 = 1e300, y0 = 1e300, x1 = -1e300, y1 = -1e300;
   void Include(double x, double y);
   double area() const { return (x1 - x0) * (y1 - y0); }
 };
 
-/// How things seen in one image lie in another. Only cameras and sizes of the jobs are looked at.
+/// Maps rectangles of one camera's image to another camera's. Reads the jobs' cameras and sizes only.
+/// Units: pixels; depth in scene units along the ray. Thread-safe.
 class Reprojection {
  public:
-  /// The jobs must outlive this, and have a camera each.
+  /// Requires: each job has a camera. The jobs must outlive this.
   Reprojection(const RenderJob& from, const RenderJob& to);
 
-  /// Where `to` sees a rectangle of `from` that is `depth` away. False when it lies behind.
-  bool Rectangle(const Frame::Tile& pixels, double depth, PixelBounds& bounds) const;
+  /// Where `to` sees a rectangle of `from` that is `depth` away. False: the rectangle is behind the eye.
+  bool Rectangle(const PixelRect& pixels, double depth, PixelBounds& bounds) const;
 
  private:
   glm::dvec3 PointAt(double x, double y, double depth) const;
@@ -37,18 +38,18 @@ class Reprojection {
   const ViewBasis from_view_, to_view_;
 };
 
-/// The tiles that an image, or a crop of it, is cut into, by place.
+/// The squares that an image, or a crop of it, is cut into, by place. Units: pixels. Thread-safe.
 class PixelGrid {
  public:
-  PixelGrid(const std::vector<Frame::Tile>& tiles, uint32_t side);
+  PixelGrid(const std::vector<PixelRect>& tiles, uint32_t side);
 
   uint32_t columns() const { return columns_; }
   uint32_t rows() const { return rows_; }
   size_t size() const { return size_t{columns_} * rows_; }
-  /// The square of a pixel.
+  /// Index of the square that has the pixel. Requires: the pixel is in the crop.
   size_t At(uint32_t x, uint32_t y) const { return size_t{(y - y0_) / side_} * columns_ + (x - x0_) / side_; }
 
-  /// Calls `use(square, pixels)` with every square that the bounds reach, and how much of it they cover.
+  /// Calls `use(square, pixels)` for every square near the bounds, with the pixels of it that they cover.
   template <class Use>
   void Each(const PixelBounds& r, Use&& use) const {
     const uint32_t c0 = Clamp(r.x0 - x0_, columns_), c1 = Clamp(r.x1 - x0_, columns_);

@@ -16,14 +16,15 @@
 namespace quarry {
 namespace {
 
-/// Where each worker's id is in the list.
+/// Each worker's index in the list, by id.
 std::unordered_map<uint32_t, uint32_t> IndexById(const std::vector<PlannedWorker>& workers) {
   std::unordered_map<uint32_t, uint32_t> index;
   for (uint32_t w = 0; w < workers.size(); ++w) index[workers[w].id] = w;
   return index;
 }
 
-/// The tiles that each worker (index) owns and nobody has; those of no living worker along the curve.
+/// Open tiles planned for each worker (index). Tiles planned for a worker that is gone are divided along the
+/// curve.
 std::vector<std::deque<uint32_t>> Belongings(const Snapshot& s) {
   std::vector<std::deque<uint32_t>> own(s.workers.size());
   std::unordered_map<uint32_t, size_t> index;
@@ -37,7 +38,7 @@ std::vector<std::deque<uint32_t>> Belongings(const Snapshot& s) {
   return own;
 }
 
-/// Takes from others, with what is left to each.
+/// Steals tiles that are planned for other workers.
 class Thief {
  public:
   Thief(const Snapshot& s, std::vector<std::deque<uint32_t>>& own) : s_(s), own_(own) {
@@ -53,14 +54,14 @@ class Thief {
     size_t victim = own_.size(), place = 0, victims = 0;
     for (auto it = victims_.begin(); it != victims_.end() && victims < kVictims;) {
       const uint32_t v = it->second;
-      if (own_[v].empty()) {  // all of its own are with it now
+      if (own_[v].empty()) {  // all its tiles are leased
         it = victims_.erase(it);
         continue;
       }
       ++it;
       ++victims;
       if (victim < own_.size() && backlog_s_[v] <= most_s) break;  // no tile of these gains more
-      // Its last ones: it comes to the others soon enough.
+      // Its last tiles: the victim comes to the others soon.
       const size_t first = own_[v].size() - std::min(own_[v].size(), kLooked);
       for (size_t i = own_[v].size(); i-- > first;) {
         const uint32_t t = own_[v][i];
@@ -79,7 +80,7 @@ class Thief {
   }
 
  private:
-  /// Whatever it costs: a worker that does not answer does not come to it.
+  /// At any cost: a quiet worker does not come to its tiles.
   bool TakeFromQuiet(size_t w, uint32_t& tile) {
     for (size_t v = 0; v < own_.size(); ++v) {
       if (v == w || own_[v].empty() || s_.workers[v].quiet_s <= s_.straggler_after_s) continue;
@@ -99,12 +100,13 @@ class Thief {
     return tile;
   }
 
-  static constexpr size_t kLooked = 16;   ///< tiles of a victim
-  static constexpr size_t kVictims = 16;  ///< those with most left
+  /// Tiles of a victim, and victims with most open work, that are looked at. Bound the time of an assignment
+  /// (`quarry bench plan`).
+  static constexpr size_t kLooked = 16, kVictims = 16;
   const Snapshot& s_;
   std::vector<std::deque<uint32_t>>& own_;
   std::vector<double> backlog_s_;
-  std::set<std::pair<double, uint32_t>> victims_;  ///< by what is left to them, the most first
+  std::set<std::pair<double, uint32_t>> victims_;  ///< by open work, the most first
 };
 
 bool Holds(const TileView& tile, uint32_t worker) {
@@ -112,8 +114,7 @@ bool Holds(const TileView& tile, uint32_t worker) {
                                             worker) != tile.earlier_holders.end();
 }
 
-/// Which tiles somebody else should have too: those that only quiet workers hold; of others those that the
-/// newest holder has had for long, for twice as long with each holder more.
+/// Tiles to be leased to one worker more, the oldest lease first: see Schedule.
 std::vector<uint32_t> LateTiles(const Snapshot& s) {
   constexpr uint32_t kMostDoublings = 20;
   std::unordered_map<uint32_t, bool> answers;
@@ -137,7 +138,7 @@ std::vector<uint32_t> LateTiles(const Snapshot& s) {
   return late;
 }
 
-/// Tiles that each worker may be given: none to those that are quiet, unless all are.
+/// Tiles that each worker may be given: none for quiet workers, unless all are quiet.
 std::vector<uint32_t> FreeSlots(const Snapshot& s) {
   const auto answers = [&](const WorkerView& w) { return w.quiet_s <= s.straggler_after_s; };
   const bool any = std::any_of(s.workers.begin(), s.workers.end(), answers);
@@ -167,7 +168,7 @@ void BlockSet::Set(uint32_t block, bool here) {
 std::vector<uint32_t> Plan(const PlanInput& in, SchedulingPolicy policy) {
   const size_t n = in.workers.size();
   if (n == 0 || in.tiles.empty()) return std::vector<uint32_t>(in.tiles.size(), kNoWorker);
-  if (policy == SchedulingPolicy::kFootprint) return PlanByFootprint(in);
+  if (policy == SchedulingPolicy::kFootprint) return FootprintPlan(in).Run();
   const auto index = IndexById(in.workers);
   std::vector<uint32_t> plan;
   for (uint32_t t = 0; t < in.tiles.size(); ++t) {
@@ -193,7 +194,7 @@ std::vector<Assignment> Schedule(const Snapshot& s, Stealing stealing) {
     own[w].pop_front();
     return true;
   };
-  // In turns, so that nobody takes all while others wait.
+  // A tile each in turn, so that no worker takes all while others wait.
   for (bool gave = true; gave;) {
     gave = false;
     for (size_t w = 0; w < s.workers.size(); ++w) {
@@ -205,7 +206,7 @@ std::vector<Assignment> Schedule(const Snapshot& s, Stealing stealing) {
     }
   }
   if (stealing == Stealing::kNo) return out;
-  // Nothing open is left: the oldest stragglers go to those still idle.
+  // No open tile is left: stragglers go to idle workers.
   for (const uint32_t t : LateTiles(s))
     for (size_t w = 0; w < s.workers.size(); ++w) {
       if (free[w] == 0 || Holds(s.tiles[t], s.workers[w].id)) continue;

@@ -7,23 +7,24 @@
 
 #include "common/base/status.h"
 
-// Which worker renders which tile. Pure functions of a snapshot: no clock, no state, no order of arrival.
+// Which worker renders which tile: pure functions of a snapshot. No clock, no state, no order of arrival.
+// Thread-safe. Units: seconds, stored bytes.
 
 namespace quarry {
 
 inline constexpr uint32_t kNoWorker = 0xFFFFFFFFu;
 
 enum class SchedulingPolicy {
-  kRandom,     ///< any worker, another each frame
-  kLastOwner,  ///< who rendered the tile in the frame before (Wald & Slusallek 2001, section 6.5)
-  kFootprint   ///< who holds most of what the tile is expected to touch
+  kRandom,     ///< any worker, another one for each frame
+  kLastOwner,  ///< the worker of the tile in the frame before (Wald & Slusallek 2001, section 6.5)
+  kFootprint   ///< the worker that has least to fetch and compute
 };
 /// "random", "last-owner" or "footprint". Errors (usage): none of these.
 Result<SchedulingPolicy> ParsePolicy(const std::string& text);
 
-// --- planning a frame
+// --- Planning a frame
 
-/// The blocks that one worker holds, as far as the master knows.
+/// The blocks that a worker holds, as far as it has reported.
 class BlockSet {
  public:
   void Set(uint32_t block, bool here);
@@ -37,43 +38,42 @@ class BlockSet {
 };
 
 struct PlannedTile {
-  uint32_t fixed_owner = kNoWorker;               ///< id of the worker that has it already; it stays there
-  uint32_t last_owner = kNoWorker;                ///< id of the worker that rendered it in the frame before
+  uint32_t fixed_owner = kNoWorker;               ///< worker (id) that has the tile already and keeps it
+  uint32_t last_owner = kNoWorker;                ///< worker (id) of the tile in the frame before
   const std::vector<uint32_t>* blocks = nullptr;  ///< expected to be touched; null: not known
-  const std::vector<float>* chances = nullptr;    ///< of each; null or empty: 1
+  const std::vector<float>* chances = nullptr;    ///< that each is touched; null or empty: 1
   uint32_t column = 0, row = 0;                   ///< of the grid of tiles
-  double cost_s = 1;                              ///< computing expected, seconds
+  double cost_s = 1;                              ///< expected computing
 };
 struct PlannedWorker {
   uint32_t id = kNoWorker;
   double speed = 1;   ///< relative to the others
-  double busy_s = 0;  ///< before it comes to these tiles
+  double busy_s = 0;  ///< with earlier tiles
   const BlockSet* holds = nullptr;
 };
 struct PlanInput {
   std::vector<PlannedTile> tiles;  ///< in the order of the frame's space-filling curve
   std::vector<PlannedWorker> workers;
-  const std::vector<uint32_t>* block_bytes = nullptr;  ///< by block; for kFootprint
+  const std::vector<uint32_t>* block_bytes = nullptr;  ///< stored, by block; for kFootprint
   double seconds_per_byte = 1e-7;  ///< of fetching and decoding, at one worker; for kFootprint
   uint64_t frame = 0;              ///< for kRandom
 };
 
-/// How much more than its own time a second of fetching and decoding weighs: what is fetched twice also takes
-/// room twice, and the next frames fetch it twice too. As kPlanSlack was.
+/// Weight of a second of fetching and decoding over a second of computing: bytes fetched twice take room
+/// twice, and later frames fetch them twice too. Trades balance for bytes. `quarry bench simulate --workers
+/// 8`: tests/scalability/history.md, 2026-11-26.
 inline constexpr double kFetchWeight = 4;
-/// A footprint plan leaves workers' expected times so far apart rather than move another tile: one for which
-/// something has to be fetched, and one that costs nothing. The best of those tried by `quarry bench
-/// simulate` (tests/scalability/README.md).
-inline constexpr double kPlanSlack = 0.2, kFreeSlack = 0.05;
+/// Share of the busiest worker's time by which a move must shorten it. Trades balance for bytes and for a
+/// plan's time. As kFetchWeight.
+inline constexpr double kPlanSlack = 0.1;
 
-/// The worker (id) that should have each tile; kNoWorker for all when there are no workers. Tiles that a
-/// policy knows nothing of are shared out along the curve, each worker a stretch. kFootprint keeps the time
-/// that the slowest worker is expected to take short, computing and fetching together.
+/// The worker (id) that should have each tile; kNoWorker for all when there are no workers. Tiles of which a
+/// policy knows nothing are divided into stretches of the curve, one a worker. kFootprint: see FootprintPlan.
 std::vector<uint32_t> Plan(const PlanInput& input, SchedulingPolicy policy);
 
-// --- handing out
+// --- Assigning tiles
 
-/// A tile of the frame at hand, as handing out sees it.
+/// A tile to be given to workers.
 struct TileView {
   bool done = false;
   uint32_t owner = kNoWorker;             ///< as planned
@@ -84,21 +84,21 @@ struct TileView {
   std::vector<uint32_t> earlier_holders;  ///< workers of the leases before that, while they are on it
 };
 
-/// A worker, as handing out sees it; its position in the snapshot is not its id.
+/// A worker to be given tiles. Its position in the snapshot is not its id.
 struct WorkerView {
   uint32_t id = kNoWorker;
   uint32_t free_slots = 0;  ///< tiles it may still be given
-  double quiet_s = 0;       ///< for which it has held tiles and answered none
+  double quiet_s = 0;       ///< see Conduct
 };
 
 struct Snapshot {
   std::vector<TileView> tiles;  ///< in the order of the frame's space-filling curve
   std::vector<WorkerView> workers;
   double now_s = 0;
-  /// A tile held this long is given to an idle worker as well; of a worker that has answered nothing for this
-  /// long, idle ones take all that is planned for it.
+  /// A tile held for so long is leased to an idle worker as well. A worker that is quiet for so long loses
+  /// the tiles planned for it to idle workers.
   double straggler_after_s = 1;
-  /// What it costs to have a worker (id) fetch for a tile, seconds of its time; none: 0.
+  /// Weighted seconds that a worker (id) would fetch for a tile; empty: 0.
   std::function<double(uint32_t tile, uint32_t worker)> fetch_s;
 };
 
@@ -109,16 +109,18 @@ struct Assignment {
   bool operator==(const Assignment&) const = default;
 };
 
-/// Whether workers may take what is planned for others.
+/// Whether workers may take tiles that are planned for others.
 enum class Stealing { kNo, kYes };
 
-/// Which tiles to hand out now: a worker gets its own. With kYes, one with nothing of its own left takes what
-/// another will come to latest: the tile for which that one's open work exceeds most what the tile would cost
-/// the taker, and only while it does; but of a worker that is quiet (for longer than straggler_after_s),
-/// whatever it costs. When nothing is left, the oldest stragglers go to those still idle, each to one more
-/// worker at a time: at once where all that hold it are quiet, else when the newest has held it for long,
-/// twice as long with each more. The first result counts, all are the same. Who is quiet is given nothing
-/// while others are not. So no tile waits for any one worker, whether it holds the tile or is to get it.
+/// The tiles to lease now.
+/// A worker gets the tiles planned for it, in turns with the others.
+/// With kYes, a worker that has none left steals: it takes the tile for which its victim's open work exceeds
+/// most the taker's cost, while it exceeds it. From a quiet worker (longer than straggler_after_s) it takes
+/// any tile.
+/// When no open tile is left, idle workers get stragglers, the oldest first, each one worker more at a time:
+/// at once if all its holders are quiet; else when the newest has held it for straggler_after_s, doubled with
+/// each holder. All results of a tile are the same, and the first counts.
+/// Quiet workers are given nothing while another worker is not quiet. So no tile waits for one worker.
 std::vector<Assignment> Schedule(const Snapshot& snapshot, Stealing stealing);
 
 }  // namespace quarry

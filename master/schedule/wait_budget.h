@@ -4,13 +4,17 @@
 
 namespace quarry {
 
-/// How long a frame that could begin may wait until it has been foreseen: what is handed out blindly is
-/// loaded by whoever gets it. Half a second at first; what has been waited comes back at a tenth of the time,
-/// so that no more is lost where foreseeing is slower than rendering. Not thread-safe.
+/// Waiting budget of frames that could begin but whose probe is under way. Tiles assigned without a probe are
+/// loaded by any worker; waiting costs idle workers. Where probing is slower than rendering, the budget
+/// bounds the loss. Budget: 0.5 s, refilled at 0.1 s per second. Units: seconds of the caller's clock. Not
+/// thread-safe.
 class WaitBudget {
  public:
-  /// Called whenever a frame could begin. `at_work`: it is being foreseen. Whether it goes on waiting.
+  /// Whether the next frame waits. `at_work`: it is being probed. Requires: called whenever a frame could
+  /// begin.
   bool Waits(double now_s, bool at_work) {
+    /// Seconds, and seconds per second. The simulator's frames never wait; tests/scalability/history.md has
+    /// the runs.
     constexpr double kMostS = 0.5, kPart = 0.1;
     const double passed_s = now_s - since_s_;
     left_s_ = std::min(kMostS, left_s_ + kPart * passed_s);

@@ -12,7 +12,7 @@
 #include <random>
 
 #include "common/base/number.h"
-#include "master/schedule/active_frame.h"
+#include "master/schedule/tile_assignment.h"
 #include "tests/bench/figures.h"
 #include "tests/bench/median.h"
 #include "tests/bench/stopwatch.h"
@@ -54,7 +54,7 @@ class Bench {
       : workers_(workers),
         first_(1, MakeJob(columns, rows, 0), nullptr),
         next_(MakeJob(columns, rows, 0.02)) {
-    const auto& tiles = first_.frame().tiles();
+    const auto& tiles = first_.image().tiles();
     std::vector<std::vector<uint32_t>> blocks(tiles.size());
     std::map<std::pair<uint32_t, uint32_t>, size_t> at;
     for (size_t t = 0; t < tiles.size(); ++t) at[{tiles[t].x / kTileSize, tiles[t].y / kTileSize}] = t;
@@ -117,7 +117,7 @@ class Bench {
     for (uint32_t t = 0; t < plan.tiles.size(); ++t) {
       const uint32_t w = plan.tiles[t].owner - 1;
       time_s[w] += plan.tiles[t].cost_s;
-      const TileTrace& trace = frame.Expected(t);
+      const TileFootprint& trace = frame.Expected(t);
       for (size_t i = 0; i < trace.blocks.size(); ++i)
         if (!holds[w].Has(trace.blocks[i])) {
           float& chance = fetched[w][trace.blocks[i]];
@@ -138,14 +138,14 @@ class Bench {
 
   /// Every few results what is free is handed out; no other frame begins.
   void HandOutAll(ActiveFrame& frame, const std::vector<BlockSet>& holds, Figures& figures) {
-    std::vector<WorkerCredit> hands;
-    for (uint32_t w = 0; w < workers_; ++w) hands.push_back({w + 1, 4});
+    std::vector<WorkerCredit> credits;
+    for (uint32_t w = 0; w < workers_; ++w) credits.push_back({w + 1, 4});
     std::deque<AssignedTile> out;
     double now_s = 0;
     const auto hand_out = [&] {
       const auto start = Clock::now();
       auto handed = AssignTiles(
-          {&frame}, hands, now_s, true,
+          {&frame}, credits, now_s, true,
           [&](const ActiveFrame& f, uint32_t tile, uint32_t worker) {
             return ExpectedBytes(f.Expected(tile), holds[worker - 1], bytes_) * kSecondsPerByte;
           },
@@ -164,7 +164,7 @@ class Bench {
         (void)frame.Finish(done, std::span(pixels).first(size_t{order.width} * order.height * 12), now_s);
       }
       now_s += 1e-3;
-      const bool any_idle = out.size() < hands.size();
+      const bool any_idle = out.size() < credits.size();
       (any_idle ? figures.end_s : figures.hand_out_s).push_back(hand_out());
     }
   }

@@ -9,7 +9,6 @@
 #include "common/base/file.h"
 #include "common/base/resource.h"
 #include "common/base/size.h"
-#include "common/voxel/store_reader.h"
 #include "tests/bench/figures.h"
 #include "tests/scalability/simulation.h"
 
@@ -29,13 +28,12 @@ struct SimulatorOptions {
 Result<Foreseen> Foresee(const Scene& scene, uint64_t cache_bytes, const TracedWalk& walk) {
   Foreseen foreseen;
   if (cache_bytes == 0) return foreseen;
-  QUARRY_ASSIGN(
-      const auto renderer,
-      Renderer::Create(scene, {std::max<uint64_t>(cache_bytes, scene.catalog().meta.largest_decoded), 1}));
+  QUARRY_ASSIGN(const auto renderer,
+                Renderer::Create(scene, {std::max<uint64_t>(cache_bytes, scene.catalog().meta.largest_decoded), 1}));
   const auto start = std::chrono::steady_clock::now();
   for (const RenderJob& job : walk.jobs) {
-    QUARRY_ASSIGN(CoarseFrame frame, ProbeFrame(*renderer, job));
-    foreseen.push_back(std::make_shared<const CoarseFrame>(std::move(frame)));
+    QUARRY_ASSIGN(ProbedFrame frame, ProbeFrame(*renderer, job));
+    foreseen.push_back(std::make_shared<const ProbedFrame>(std::move(frame)));
   }
   fmt::print("coarse rays: {:.1f} ms a frame\n", 1e3 * SecondsSince(start) / double(walk.jobs.size()));
   return foreseen;
@@ -141,7 +139,7 @@ int Main(int argc, char** argv) {
   const Status status = Run(o);
   if (status) return 0;
   fmt::print(stderr, "quarry-bench-simulate: {}\n", status.error().message);
-  return status.error().exit_status();
+  return status.error().exit_status;
 }
 
 }  // namespace

@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/protocol/messages.h"
-#include "master/jobs/frame.h"
+#include "master/jobs/frame_image.h"
 
 namespace quarry {
 namespace {
@@ -48,7 +48,8 @@ Status AddLine(const Json& j, Frames& frames) {
 }
 
 /// Whether a master could have got this from its workers.
-Status CheckFrame(const std::vector<TracedWalk::Tile>& tiles, const Frame& frame, const Catalog& catalog) {
+Status CheckFrame(const std::vector<TracedWalk::Tile>& tiles, const FrameImage& frame,
+                  const Catalog& catalog) {
   if (tiles.size() != frame.tiles().size()) return Fail("lacks tiles");
   for (size_t t = 0; t < tiles.size(); ++t) {
     if (tiles[t].depths.size() !=
@@ -85,7 +86,7 @@ Result<TracedWalk> ReadTracedWalk(const std::string& path, const Catalog& catalo
     walk.jobs.push_back(frame.first);
     walk.tiles.emplace_back();
     for (auto& [t, tile] : frame.second) walk.tiles.back().push_back(std::move(tile));
-    if (const Status status = CheckFrame(walk.tiles.back(), Frame(frame.first), catalog); !status)
+    if (const Status status = CheckFrame(walk.tiles.back(), FrameImage(frame.first), catalog); !status)
       return Fail(fmt::format("{}: frame {} {}", path, number, status.error().message));
   }
   if (walk.jobs.empty()) return Fail(fmt::format("{}: has no frames", path));

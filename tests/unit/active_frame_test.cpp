@@ -1,10 +1,9 @@
-#include "master/schedule/active_frame.h"
-
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <set>
 #include <span>
 
+#include "master/schedule/tile_assignment.h"
 #include "tests/support/looking.h"
 
 namespace quarry {
@@ -37,10 +36,10 @@ void Render(ActiveFrame& frame) {
   const auto owners = Planned(frame);
   for (uint32_t t = 0; t < owners.size(); ++t) {
     const TileOrder order = frame.Lease({t, owners[t]}, 0);
-    TileDone done{frame.setup(), t, order.lease, 0, 0, 10000};
+    TileDone done{frame.id(), t, order.lease, 0, 0, 10000};
     done.depths.assign(size_t{DepthCells(order.width)} * DepthCells(order.height), 10);
     done.blocks = {t};
-    const Bytes pixels(size_t{order.width} * order.height * frame.frame().words_per_pixel() * 4);
+    const Bytes pixels(size_t{order.width} * order.height * frame.image().words_per_pixel() * 4);
     REQUIRE(*frame.Finish(done, pixels, 1));
   }
 }
@@ -67,6 +66,7 @@ TEST_CASE("Two frames may always be under way, of small ones sixteen, of a milli
 TEST_CASE("A frame under way is planned with what those before it are to bring") {
   const RenderJob job = Looking({0, 0, 0}, {0, 10, 0});
   Cluster cluster;
+  cluster.block_bytes.assign(4096, 10000);  // fetching one takes as long as computing a tile
   ActiveFrame shown(1, job, nullptr);
   cluster.Plan({&shown}, nullptr, PlanNews::kFrames);
   Render(shown);
@@ -151,8 +151,8 @@ TEST_CASE("What coarse rays come to is planned with as soon as it is learned, of
     CHECK_FALSE(frame.learned());
     cluster.Plan({&frame}, nullptr, PlanNews::kFrames);
     CHECK_FALSE(frame.Expected(0).known);
-    auto coarse = std::make_shared<CoarseFrame>();
-    for (uint32_t t = 0; t < frame.frame().tiles().size(); ++t) coarse->push_back({{t}, {10}});
+    auto coarse = std::make_shared<ProbedFrame>();
+    for (uint32_t t = 0; t < frame.image().tiles().size(); ++t) coarse->push_back({{t}, {10}});
     frame.Learn(coarse);
     CHECK(frame.learned());
     cluster.Plan({&frame}, nullptr, PlanNews::kFrames);
@@ -171,8 +171,8 @@ TEST_CASE("A first plan shares out what is to be fetched, though it knows no til
   Cluster cluster;
   cluster.block_bytes.assign(4096, 5000);  // 5 ms each
   ActiveFrame frame(1, job, nullptr);
-  auto coarse = std::make_shared<CoarseFrame>();
-  const auto tiles = static_cast<uint32_t>(frame.frame().tiles().size());
+  auto coarse = std::make_shared<ProbedFrame>();
+  const auto tiles = static_cast<uint32_t>(frame.image().tiles().size());
   // The first half of the curve takes a block each; the other half but one for all.
   for (uint32_t t = 0; t < tiles; ++t) coarse->push_back({{std::min(t, tiles / 2)}, {10}});
   frame.Learn(coarse);
@@ -199,7 +199,7 @@ TEST_CASE("A tile costs what it takes beside tracing as well") {
 
 TEST_CASE("A frame has open tiles until all are with somebody") {
   ActiveFrame frame(1, Looking({0, 0, 0}, {0, 10, 0}), nullptr);
-  const auto tiles = static_cast<uint32_t>(frame.frame().tiles().size());
+  const auto tiles = static_cast<uint32_t>(frame.image().tiles().size());
   for (uint32_t t = 0; t < tiles; ++t) {
     CHECK(frame.open_tiles() > 0);
     frame.Lease({t, 1}, 0);

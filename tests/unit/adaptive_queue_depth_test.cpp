@@ -2,7 +2,7 @@
 
 #include <catch2/catch.hpp>
 
-#include "master/worker_registry.h"
+#include "master/schedule/dispatcher.h"
 
 namespace quarry {
 
@@ -37,17 +37,17 @@ TEST_CASE("Where blocks push each other out of the cache, most tiles are wanted 
 }
 
 TEST_CASE("A worker gets as many tiles as it wants, within bounds", "[window]") {
-  WorkerRecord worker;
+  WorkerState worker;
   worker.threads = 3;
-  CHECK(worker.Credit() == FewestTiles(3));  // it has not said
-  worker.counters.tiles_wanted = FewestTiles(3) + 1;
-  CHECK(worker.Credit() == FewestTiles(3));  // nor answered
+  CHECK(worker.Credit(false) == FewestTiles(3));  // it has not said
+  worker.tiles_wanted = FewestTiles(3) + 1;
+  CHECK(worker.Credit(false) == FewestTiles(3));  // nor answered
   worker.tiles = 1;
-  CHECK(worker.Credit() == FewestTiles(3) + 1);
-  worker.counters.tiles_wanted = 1000000;
-  CHECK(worker.Credit() == MostTilesIfScarce(3));
-  worker.counters.tiles_wanted = 1;
-  CHECK(worker.Credit() == FewestTiles(3));
+  CHECK(worker.Credit(false) == FewestTiles(3) + 1);
+  worker.tiles_wanted = 1000000;
+  CHECK(worker.Credit(false) == MostTilesIfScarce(3));
+  worker.tiles_wanted = 1;
+  CHECK(worker.Credit(false) == FewestTiles(3));
 }
 
 }  // namespace quarry

@@ -1,72 +1,56 @@
+#include "master/schedule/dispatcher.h"
+
 #include <algorithm>
 #include <catch2/catch.hpp>
+#include <deque>
 #include <map>
 #include <memory>
-#include <set>
+#include <vector>
 
-#include "master/schedule/active_frame.h"
-#include "master/schedule/conduct.h"
 #include "tests/support/looking.h"
 
-// Frames handed out to workers that answer late, never, or with lies: the master's scheduling without its
-// sockets, by a clock that the test moves.
+// Frames dispatched to workers that answer late, never, or with lies: the master's dispatcher by a clock that
+// the test moves.
 
 namespace quarry {
 namespace {
 
 constexpr double kNever = 1e9, kStepS = 0.05;
 
-struct Actor {
-  uint32_t id = 0, threads = 1;
-  double tile_s = 0.1;          ///< computing, on one thread; kNever: it does not answer
-  double fetch_s = 0;           ///< that the master expects it to fetch for any tile
+/// A worker of the test. Units: seconds.
+struct Actor : WorkerState {
+  Actor(uint32_t number, uint32_t its_threads, double its_tile_s = 0.1) : tile_s(its_tile_s) {
+    id = number;
+    threads = its_threads;
+    ready = true;
+  }
+  Actor& Claims(uint64_t us) { return claimed_us = us, *this; }
+
+  double tile_s;                ///< computing, on one thread; kNever: it does not answer
   uint64_t claimed_us = 50000;  ///< for each tile
-  uint32_t credit = 4;
-  Conduct conduct;
-  uint32_t answered = 0;
 };
 
-/// A frame and its workers.
-struct Scene {
+/// A walk of equal frames, and its workers.
+class Scene : FrameSource {
+ public:
   explicit Scene(std::vector<Actor> them, uint32_t width = 320, uint32_t height = 256)
-      : actors(std::move(them)), frame(1, test::Looking({0, 0, 0}, {0, 10, 0}, width, height), nullptr) {
-    Plan();
+      : actors(std::move(them)), job(test::Looking({0, 0, 0}, {0, 10, 0}, width, height)) {
+    for (Actor& a : actors) dispatcher.AddWorker(a);
+    dispatcher.SetCosts(1e-6, 0);
+    dispatcher.PlanForWorkers();
   }
 
-  void Plan() {
-    std::map<uint32_t, double> speeds;
-    std::map<uint32_t, BlockSet> holds;
-    for (const Actor& a : actors) {
-      speeds[a.id] = a.threads;
-      holds[a.id] = {};
-    }
-    ActiveFrame* frames[] = {&frame};
-    PlanFrames(frames, nullptr, PlanNews::kWorkers, speeds, holds, {bytes, 1e-6, 0},
-               SchedulingPolicy::kFootprint);
-  }
-
-  /// As the master's tick does. True when the frame is done.
+  /// As the master's tick does. True when all frames are done.
   bool Step() {
     now_s += kStepS;
     Answer();
-    std::unordered_map<uint32_t, uint32_t> held;
-    frame.AddHeld(held);
-    std::set<uint32_t> outdone;
-    frame.AddOutdone(outdone);
-    std::vector<WorkerCredit> hands;
-    for (Actor& a : actors) {
-      a.conduct.Look(now_s, held.contains(a.id));
-      if (outdone.contains(a.id)) a.conduct.Outdone();
-      hands.push_back({a.id, a.conduct.doubtful() ? 1 : a.credit, a.threads, a.conduct.quiet_s()});
-    }
-    const auto fetch_s = [&](const ActiveFrame&, uint32_t, uint32_t worker) { return Find(worker).fetch_s; };
-    for (const AssignedTile& tile :
-         AssignTiles({&frame}, hands, now_s, false, fetch_s, [] { return nullptr; }))
-      given.push_back({tile.worker, tile.order, now_s + Find(tile.worker).tile_s});
-    return frame.done();
+    (void)dispatcher.MuteWorkers();
+    for (const AssignedTile& tile : dispatcher.AssignTiles(now_s))
+      orders.push_back({tile.worker, tile.order, now_s + Find(tile.worker).tile_s});
+    return frames_done == frames;
   }
 
-  /// Steps until the frame is done; the seconds that it took, or kNever.
+  /// Steps until the frames are done; the seconds that they took, or kNever.
   double Run(double most_s) {
     while (now_s < most_s)
       if (Step()) return now_s;
@@ -77,45 +61,66 @@ struct Scene {
     return *std::find_if(actors.begin(), actors.end(), [&](const Actor& a) { return a.id == id; });
   }
 
+  std::vector<Actor> actors;
+  RenderJob job;
+  uint32_t frames = 1, frames_begun = 0, frames_done = 0;
+  bool known = false;  ///< each tile is known to touch the block of its number
+  Dispatcher dispatcher{*this, std::vector<uint32_t>(4096, 1000), SchedulingPolicy::kFootprint, 1};
+  double now_s = 0;
+
+ private:
+  bool HasNext() const override { return frames_begun < frames; }
+  std::optional<RenderJob> Begin(FrameId, double) override {
+    if (!HasNext()) return std::nullopt;
+    ++frames_begun;
+    return job;
+  }
+  void Probe(std::span<ActiveFrame* const> under_way) override {
+    if (!known) return;
+    for (ActiveFrame* frame : under_way) {
+      if (frame->learned()) continue;
+      auto coarse = std::make_shared<ProbedFrame>();
+      for (uint32_t t = 0; t < frame->image().tiles().size(); ++t) coarse->push_back({{t}, {10}});
+      frame->Learn(std::move(coarse));
+    }
+  }
+  bool IsNextBeingProbed() const override { return false; }
+  void Finish(ActiveFrame&, double) override { ++frames_done; }
+
   void Answer() {
-    for (Given& g : given) {
-      if (g.due_s > now_s) continue;
-      g.due_s = 2 * kNever;
-      Actor& actor = Find(g.worker);
-      TileDone done{1, g.order.tile, g.order.lease, 0, 0, actor.claimed_us};
-      done.depths.assign(size_t{DepthCells(g.order.width)} * DepthCells(g.order.height), 10);
-      const Bytes pixels(size_t{g.order.width} * g.order.height * frame.frame().words_per_pixel() * 4);
-      const bool kept = *frame.Finish(done, pixels, now_s);
-      actor.answered += kept;
-      actor.conduct.Answered(kept);
+    for (Order& o : orders) {
+      if (o.due_s > now_s) continue;
+      o.due_s = 2 * kNever;
+      Actor& actor = Find(o.worker);
+      TileDone done{o.order.setup, o.order.tile, o.order.lease, 0, 0, actor.claimed_us};
+      done.depths.assign(size_t{DepthCells(o.order.width)} * DepthCells(o.order.height), 10);
+      const Bytes pixels(size_t{o.order.width} * o.order.height * WordsPerPixel(job.aov_mask) * 4);
+      REQUIRE(dispatcher.Finish(actor, done, pixels, now_s).has_value());
     }
   }
 
-  struct Given {
+  struct Order {
     uint32_t worker;
     TileOrder order;
     double due_s;
   };
-  std::vector<Actor> actors;
-  ActiveFrame frame;
-  std::vector<uint32_t> bytes = std::vector<uint32_t>(4096, 1000);
-  std::vector<Given> given;
-  double now_s = 0;
+  std::deque<Order> orders;
 };
 
 }  // namespace
 
 TEST_CASE("A frame is done though a worker answers nothing, whether it holds tiles or is to get them") {
-  // 80 tiles; the other's credit lets it take few at a time, and what is planned for the silent one costs
-  // more to fetch than that one's open work is worth.
-  for (const uint32_t credit : {2u, 30u, 200u}) {
-    INFO(credit);
-    Scene scene({{1, 1}, {2, 1, kNever, 0, 0, credit}});
-    scene.actors[0].fetch_s = 1000;
-    const double took_s = scene.Run(60);
-    CHECK(took_s <
-          12);  // 80 tiles of 0.1 s at the one that answers, four at a time, and a second until it is clear
-    CHECK(scene.actors[0].answered == 80);
+  // 80 tiles; the silent worker holds every block, and a block costs the other worker more to fetch than the
+  // silent one's open work is worth.
+  for (const uint32_t silent_threads : {1u, 30u, 200u}) {
+    INFO(silent_threads);
+    Scene scene({{1, 1}, {2, silent_threads, kNever}});
+    scene.known = true;
+    for (uint32_t b = 0; b < 80; ++b) scene.Find(2).holds.Set(b, true);
+    scene.dispatcher.SetCosts(1, 0);
+    // 80 tiles of 0.1 s at the worker that answers, four at a time, and the time until it is clear.
+    CHECK(scene.Run(60) < 12);
+    CHECK(scene.actors[0].tiles == 80);
   }
 }
 
@@ -134,15 +139,15 @@ TEST_CASE("A worker counts as quiet once it has held tiles for the time of grace
 
 TEST_CASE("A tile that two silent workers hold goes to a third") {
   Scene scene({{1, 1}, {2, 1, kNever}, {3, 1, kNever}}, 64, 64);
-  scene.actors[0].credit = 0;  // until both hold all four tiles, or copies of them
+  scene.actors[0].ready = false;  // until both hold all four tiles, or copies of them
   for (double t = 0; t < 4; t += kStepS) REQUIRE_FALSE(scene.Step());
-  scene.actors[0].credit = 4;
+  scene.actors[0].ready = true;
   CHECK(scene.Run(30) < 5);
 }
 
 TEST_CASE("Any number of silent workers holds up nobody else for long") {
   std::vector<Actor> actors{{1, 2}};
-  for (uint32_t id = 2; id < 20; ++id) actors.push_back({id, 4, kNever, 0, 0, 18});
+  for (uint32_t id = 2; id < 20; ++id) actors.push_back({id, 8, kNever});
   Scene scene(std::move(actors));
   CHECK(scene.Run(120) < 8);
 }
@@ -150,10 +155,7 @@ TEST_CASE("Any number of silent workers holds up nobody else for long") {
 TEST_CASE("Who holds tiles that others finish, and answers none, is doubtful, then mute; a slow one is not") {
   Scene scene({{1, 1}, {2, 1, kNever}, {3, 1, 3}}, 640, 512);
   double doubtful_s = 0, mute_s = 0;
-  while (mute_s == 0 && scene.now_s < 100) {
-    scene.Step();
-    // The next frame: the same silent worker gets tiles again.
-    if (scene.frame.done()) break;
+  while (mute_s == 0 && scene.now_s < 100 && !scene.Step()) {
     if (doubtful_s == 0 && scene.Find(2).conduct.doubtful()) doubtful_s = scene.now_s;
     if (scene.Find(2).conduct.mute()) mute_s = scene.now_s;
     CHECK_FALSE(scene.Find(1).conduct.mute());
@@ -161,7 +163,7 @@ TEST_CASE("Who holds tiles that others finish, and answers none, is doubtful, th
   }
   CHECK(doubtful_s >= Conduct::kDoubtfulS);
   CHECK((mute_s == 0 || mute_s >= Conduct::kMuteS));
-  CHECK(scene.Find(2).answered == 0);
+  CHECK(scene.Find(2).tiles == 0);
 }
 
 TEST_CASE("Mute is who answers nothing for twenty seconds of holding tiles, over any number of frames") {
@@ -190,25 +192,25 @@ TEST_CASE("A tile that takes everybody long makes nobody mute") {
     REQUIRE(scene.now_s < 1000);
     REQUIRE_FALSE(scene.Find(1).conduct.mute());
   }
-  CHECK(scene.Find(1).answered == 2);
+  CHECK(scene.Find(1).tiles == 2);
 }
 
 TEST_CASE("Forged costs count for no more than the time that a worker has had the tile") {
-  Scene scene({{1, 1}, {2, 1, 0.1, 0, ~uint64_t{0}}});
-  REQUIRE(scene.Run(60) < 20);
-  ActiveFrame next(2, scene.frame.job(), &scene.frame);
-  ActiveFrame* frames[] = {&next};
-  PlanFrames(frames, &scene.frame, PlanNews::kFrames, {{1, 1}, {2, 1}}, {{1, {}}, {2, {}}},
-             {scene.bytes, 1e-6, 0}, SchedulingPolicy::kFootprint);
-  for (const TileView& tile : next.MakeSnapshot({}, 0).tiles) CHECK(tile.cost_s < 5);
+  Scene scene({Actor(1, 1), Actor(2, 1).Claims(~uint64_t{0})});
+  scene.frames = 2;
+  while (scene.frames_done == 0) REQUIRE_FALSE((scene.Step() || scene.now_s > 20));
+  const ActiveFrame* next = scene.dispatcher.Frames().at(0);
   std::map<uint32_t, int> planned;
-  for (const TileView& tile : next.MakeSnapshot({}, 0).tiles) ++planned[tile.owner];
+  for (const TileView& tile : next->MakeSnapshot({}, 0).tiles) {
+    CHECK(tile.cost_s < 5);
+    ++planned[tile.owner];
+  }
   CHECK(planned[1] > 10);
   CHECK(planned[2] > 10);
 }
 
 TEST_CASE("Who claims a thousand threads and answers nothing holds up nobody") {
-  Scene scene({{1, 2, 0.1, 0.5}, {2, 1024, kNever, 0, 0, 130}}, 640, 512);  // 320 tiles
+  Scene scene({{1, 2}, {2, 1024, kNever}}, 640, 512);  // 320 tiles
   CHECK(scene.Run(200) < 30);
 }
 

@@ -6,7 +6,7 @@
 #include <condition_variable>
 #include <mutex>
 
-#include "master/jobs/frame.h"
+#include "master/jobs/frame_image.h"
 #include "tests/support/looking.h"
 #include "tests/support/row_scene.h"
 
@@ -41,7 +41,7 @@ TEST_CASE("Frames are probed in the order in which they are wanted, and forgotte
   REQUIRE(second);
   CHECK_FALSE(probe.IsAtWork("j", 1));
   CHECK(probe.Find("other", 0) == nullptr);
-  const auto tiles = Frame::TilesOf(front);
+  const auto tiles = TilesOf(front);
   REQUIRE(first->size() == tiles.size());
   REQUIRE(second->size() == tiles.size());
   for (size_t t = 0; t < tiles.size(); ++t) {

@@ -13,25 +13,24 @@ using test::Looking;
 
 constexpr float kNothing = std::numeric_limits<float>::infinity();
 
-std::vector<float> Depths(const Frame::Tile& tile, float depth) {
+std::vector<float> Depths(const PixelRect& tile, float depth) {
   return std::vector<float>(size_t{DepthCells(tile.width)} * DepthCells(tile.height), depth);
 }
 
-FrameTrace AllSaw(const RenderJob& job, float depth) {
-  FrameTrace trace;
+FrameFootprint AllSaw(const RenderJob& job, float depth) {
+  FrameFootprint trace;
   trace.job = job;
-  trace.tiles = Frame(job).tiles();
-  for (const Frame::Tile& tile : trace.tiles)
-    trace.traces.push_back({{0}, {}, Depths(tile, depth), 0.5, true});
+  trace.tiles = TilesOf(job);
+  for (const PixelRect& tile : trace.tiles) trace.traces.push_back({{0}, {}, Depths(tile, depth), 0.5, true});
   return trace;
 }
 
 }  // namespace
 
 TEST_CASE("A tile's blocks follow what it saw when the camera turns") {
-  FrameTrace before;
+  FrameFootprint before;
   before.job = Looking({0, 0, 0}, {0, 10, 0});
-  before.tiles = Frame(before.job).tiles();
+  before.tiles = TilesOf(before.job);
   before.traces.resize(before.tiles.size());
   size_t middle = 0;
   for (size_t t = 0; t < before.tiles.size(); ++t) {
@@ -55,36 +54,36 @@ TEST_CASE("A tile's blocks follow what it saw when the camera turns") {
   }
   CHECK(seen_left);
   // Turned round, nothing is.
-  for (const TileTrace& trace : Predict(before, Looking({0, 0, 0}, {0, -10, 0}), before.tiles, nullptr))
+  for (const TileFootprint& trace : Predict(before, Looking({0, 0, 0}, {0, -10, 0}), before.tiles, nullptr))
     CHECK_FALSE(trace.known);
 }
 
 TEST_CASE("What coarse rays come to takes the place of what tiles before touched; what they cost stays") {
-  FrameTrace before = AllSaw(Looking({0, -20, 0}, {0, 10, 0}), 25);
-  for (TileTrace& trace : before.traces) trace.blocks = {0, 1, 2, 6};
+  FrameFootprint before = AllSaw(Looking({0, -20, 0}, {0, 10, 0}), 25);
+  for (TileFootprint& trace : before.traces) trace.blocks = {0, 1, 2, 6};
   const RenderJob next = Looking({0, -19, 0}, {0, 10, 0});
-  const CoarseFrame coarse(before.tiles.size(), CoarseTile{{2, 4}, {7, kNothing}});
-  for (const TileTrace& trace : Predict(before, next, before.tiles, &coarse)) {
+  const ProbedFrame coarse(before.tiles.size(), ProbedTile{{2, 4}, {7, kNothing}});
+  for (const TileFootprint& trace : Predict(before, next, before.tiles, &coarse)) {
     CHECK(trace.known);
     CHECK(trace.blocks == std::vector<uint32_t>{2, 4});
     CHECK(trace.chances == std::vector<float>{1, 1});
     CHECK(trace.depths == std::vector<float>{7, kNothing});
     CHECK(trace.cost_s > 0.3);
   }
-  const CoarseFrame nothing;  // the store could not be read
-  for (const TileTrace& trace : Predict(before, next, before.tiles, &nothing))
+  const ProbedFrame nothing;  // the store could not be read
+  for (const TileFootprint& trace : Predict(before, next, before.tiles, &nothing))
     CHECK(trace.blocks == std::vector<uint32_t>{0, 1, 2, 6});
 }
 
 TEST_CASE("The first frame of a walk is foreseen by coarse rays alone, without costs") {
   const RenderJob job = Looking({0, -20, 0}, {0, 10, 0});
-  const auto tiles = Frame::TilesOf(job);
-  const CoarseFrame coarse(tiles.size(), CoarseTile{{2}, {7}});
-  for (const TileTrace& trace : Predict({job, {}, {}}, job, tiles, &coarse)) {
+  const auto tiles = TilesOf(job);
+  const ProbedFrame coarse(tiles.size(), ProbedTile{{2}, {7}});
+  for (const TileFootprint& trace : Predict({job, {}, {}}, job, tiles, &coarse)) {
     CHECK(trace.known);
     CHECK(trace.cost_s == 0);
   }
-  for (const TileTrace& trace : Predict({job, {}, {}}, job, tiles, nullptr)) CHECK_FALSE(trace.known);
+  for (const TileFootprint& trace : Predict({job, {}, {}}, job, tiles, nullptr)) CHECK_FALSE(trace.known);
 }
 
 }  // namespace quarry

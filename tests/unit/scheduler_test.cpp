@@ -7,7 +7,7 @@
 #include <unordered_map>
 #include <utility>
 
-#include "master/schedule/active_frame.h"
+#include "master/schedule/tile_assignment.h"
 
 namespace quarry {
 namespace {
@@ -108,31 +108,6 @@ TEST_CASE("What a worker holds of one frame it is not given of the next") {
   const auto more = AssignTiles({&first, &second}, {{1, 6}}, 1, false, {}, next);
   CHECK(more.size() == 1);
   CHECK(count(more, second) == 1);
-}
-
-TEST_CASE(
-    "At the end of all frames nobody is given more than half a share, but what keeps its threads busy") {
-  RenderJob job;
-  job.width = 320;
-  job.height = 256;
-  job.cameras = {CameraSpec{}};
-  REQUIRE(NormalizeJob(job).has_value());
-  const auto none = [] { return nullptr; };
-  const auto given = [](const std::vector<AssignedTile>& tiles, uint32_t worker) {
-    return std::count_if(tiles.begin(), tiles.end(),
-                         [&](const AssignedTile& t) { return t.worker == worker; });
-  };
-  for (const bool ending : {false, true}) {
-    ActiveFrame frame(1, job, nullptr);  // 80 tiles
-    const std::vector<WorkerCredit> hands = {{1, 30, 1}, {2, 30, 3}};
-    const auto tiles = AssignTiles({&frame}, hands, 0, ending, {}, none);
-    CHECK(given(tiles, 1) == (ending ? 10 : 30));
-    CHECK(given(tiles, 2) == 30);
-    // Of the 40 open then, 5 and 15 are half a share.
-    CHECK(AssignTiles({&frame}, hands, 0, ending, {}, none).empty());
-    ActiveFrame alone(2, job, nullptr);  // there is nobody to leave anything to
-    CHECK(AssignTiles({&alone}, {{1, 80, 1}}, 0, ending, {}, none).size() == 80);
-  }
 }
 
 TEST_CASE("Who idles fetches for another's tile at the end of all frames, but not while others follow") {

@@ -1,4 +1,4 @@
-#include "master/jobs/frame.h"
+#include "master/jobs/frame_image.h"
 
 #include <fmt/format.h>
 
@@ -8,7 +8,7 @@
 namespace quarry {
 namespace {
 
-/// The bits of x and y interleaved: Morton order keeps neighbours in the image neighbours in the list.
+/// The bits of x and y interleaved: in Morton order, neighbours in the image are near in the list.
 uint64_t Morton(uint32_t x, uint32_t y) {
   uint64_t code = 0;
   for (int bit = 0; bit < 16; ++bit)
@@ -19,20 +19,20 @@ uint64_t Morton(uint32_t x, uint32_t y) {
 
 }  // namespace
 
-std::vector<Frame::Tile> Frame::TilesOf(const RenderJob& job) {
-  std::vector<Tile> tiles;
+std::vector<PixelRect> TilesOf(const RenderJob& job) {
+  std::vector<PixelRect> tiles;
   for (uint32_t y = 0; y < job.crop_height; y += kTileSize)
     for (uint32_t x = 0; x < job.crop_width; x += kTileSize)
       tiles.push_back({job.crop_x + x, job.crop_y + y, std::min(kTileSize, job.crop_width - x),
                        std::min(kTileSize, job.crop_height - y)});
-  std::stable_sort(tiles.begin(), tiles.end(), [&](const Tile& a, const Tile& b) {
+  std::stable_sort(tiles.begin(), tiles.end(), [&](const PixelRect& a, const PixelRect& b) {
     return Morton((a.x - job.crop_x) / kTileSize, (a.y - job.crop_y) / kTileSize) <
            Morton((b.x - job.crop_x) / kTileSize, (b.y - job.crop_y) / kTileSize);
   });
   return tiles;
 }
 
-Frame::Frame(const RenderJob& job)
+FrameImage::FrameImage(const RenderJob& job)
     : crop_x_(job.crop_x),
       crop_y_(job.crop_y),
       width_(job.crop_width),
@@ -41,8 +41,8 @@ Frame::Frame(const RenderJob& job)
   pixels_.resize(size_t{job.crop_width} * job.crop_height * words_);
 }
 
-Status Frame::Put(uint32_t index, std::span<const std::byte> pixels) {
-  const Tile& tile = tiles_[index];
+Status FrameImage::Put(uint32_t index, std::span<const std::byte> pixels) {
+  const PixelRect& tile = tiles_[index];
   const size_t row = size_t{tile.width} * words_;
   if (pixels.size() != row * tile.height * 4)
     return Fail(fmt::format("a tile came with {} bytes of pixels instead of {}", pixels.size(),
