@@ -6,6 +6,8 @@
 #include <cstring>
 #include <filesystem>
 
+#include "tests/support/temporary_folder.h"
+
 namespace quarry::test {
 namespace {
 
@@ -41,24 +43,26 @@ void Compare(const Image& made, const Image& golden) {
   }
 }
 
+/// The pictures as the programs make them now, rendered once.
+const TemporaryFolder& Made() {
+  static const TemporaryFolder folder;
+  static const int status =
+      std::system((std::string(QUARRY_GOLDEN_DIR "/update " QUARRY_BIN_DIR " ") + folder.path()).c_str());
+  REQUIRE(status == 0);
+  return folder;
+}
+
 }  // namespace
 
 TEST_CASE("Pictures are those kept as golden") {
-  const std::string golden = QUARRY_GOLDEN_DIR;
-  std::string folder = (std::filesystem::temp_directory_path() / "quarry-golden-XXXXXX").string();
-  REQUIRE(mkdtemp(folder.data()) != nullptr);
-  const std::string command = golden + "/update " + QUARRY_BIN_DIR + " " + folder;
-  REQUIRE(std::system(command.c_str()) == 0);
   size_t compared = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(golden)) {
+  for (const auto& entry : std::filesystem::directory_iterator(QUARRY_GOLDEN_DIR)) {
     if (entry.path().extension() != ".exr") continue;
-    SECTION(entry.path().filename().string()) {
-      Compare(Read(folder + "/" + entry.path().filename().string()), Read(entry.path().string()));
-    }
+    const std::string name = entry.path().filename().string();
+    SECTION(name) { Compare(Read(Made().file(name)), Read(entry.path().string())); }
     ++compared;
   }
   CHECK(compared == 8);
-  std::filesystem::remove_all(folder);
 }
 
 }  // namespace quarry::test

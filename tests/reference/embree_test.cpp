@@ -5,6 +5,7 @@
 #include <thread>
 
 #include "tests/reference/scene_fixture.h"
+#include "tests/support/skip.h"
 
 namespace quarry::test {
 namespace {
@@ -181,7 +182,7 @@ TEST_CASE("Embree in robust mode finds the same hits on real models", "[referenc
         if (entry.path().extension() == ".ply" && entry.file_size() > (4u << 20))
           path = entry.path().string();
     if (folder.empty() || !std::filesystem::is_regular_file(path)) {
-      WARN("skipped: " << name << " (the folder of real models is not there)");
+      test::Skip(name + " (the folder of real models is not there)");
       continue;
     }
     Compare(name, path, 2500000);

@@ -15,23 +15,9 @@
 #include "common/kdtree/triangle_test.h"
 #include "preprocess/preprocess.h"
 #include "tests/support/resident_scene.h"
+#include "tests/support/temporary_folder.h"
 
 namespace quarry::test {
-
-/// A folder that goes with the object.
-class TemporaryFolder {
- public:
-  TemporaryFolder() {
-    std::string name = (std::filesystem::temp_directory_path() / "quarry-ref-XXXXXX").string();
-    REQUIRE(mkdtemp(name.data()) != nullptr);
-    path_ = name;
-  }
-  ~TemporaryFolder() { std::filesystem::remove_all(path_); }
-  std::string file(const std::string& name) const { return path_ + "/" + name; }
-
- private:
-  std::string path_;
-};
 
 /// A triangle as stored.
 struct StoredTriangle {

@@ -7,6 +7,7 @@
 
 #include "scenes/shapes.h"
 #include "tests/reference/scene_fixture.h"
+#include "tests/support/skip.h"
 
 namespace quarry::test {
 namespace {
@@ -196,7 +197,7 @@ TEST_CASE("No ray passes between triangles that share an edge", "[reference][wat
   AimAtEdges("pipe", MakePipe(), 4096);
   const std::string bunny = ScenesFolder() + "/bunny/bun_zipper.ply";
   if (!std::filesystem::exists(bunny)) {
-    WARN("skipped: the bunny (the folder of real models is not there)");
+    test::Skip("the bunny (the folder of real models is not there)");
     return;
   }
   AimAtEdges("bunny, its holes closed", Closed(LoadedScene(bunny, 256u << 10).triangles()), 8192);

@@ -28,8 +28,9 @@ struct SimulatorOptions {
 Result<Foreseen> Foresee(const Scene& scene, uint64_t cache_bytes, const TracedWalk& walk) {
   Foreseen foreseen;
   if (cache_bytes == 0) return foreseen;
-  QUARRY_ASSIGN(const auto renderer,
-                Renderer::Create(scene, {std::max<uint64_t>(cache_bytes, scene.catalog().meta.largest_decoded), 1}));
+  QUARRY_ASSIGN(
+      const auto renderer,
+      Renderer::Create(scene, {std::max<uint64_t>(cache_bytes, scene.catalog().meta.largest_decoded), 1}));
   const auto start = std::chrono::steady_clock::now();
   for (const RenderJob& job : walk.jobs) {
     QUARRY_ASSIGN(ProbedFrame frame, ProbeFrame(*renderer, job));
@@ -139,7 +140,7 @@ int Main(int argc, char** argv) {
   const Status status = Run(o);
   if (status) return 0;
   fmt::print(stderr, "quarry-bench-simulate: {}\n", status.error().message);
-  return status.error().exit_status;
+  return status.error().exit_status();
 }
 
 }  // namespace

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "tests/support/cached_store.h"
+#include "tests/support/skip.h"
 #include "worker/sources/cache_folder.h"
 #include "worker/sources/disk_cache.h"
 
@@ -188,7 +189,7 @@ TEST_CASE("A full disk and a read-only one are told once, and blocks come all th
   const test::TemporaryFolder folder;
   const SmallDisk disk(folder.file("disk"));
   if (!disk.mounted) {
-    WARN("skipped: no small file system can be mounted here (needs root): " << disk.why);
+    test::Skip(std::string("no small file system can be mounted here (needs root): ") + disk.why);
     return;
   }
   const std::string at = disk.path + "/cache";

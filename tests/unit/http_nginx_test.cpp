@@ -7,6 +7,7 @@
 
 #include "tests/support/http_fetches.h"
 #include "tests/support/nginx.h"
+#include "tests/support/skip.h"
 #include "worker/sources/http_source.h"
 
 // Blocks from a real web server.
@@ -24,7 +25,7 @@ using Scene = test::ServedScene;
 
 bool SkippedWithoutNginx() {
   if (!Nginx::Program().empty()) return false;
-  WARN("skipped: nginx is not installed (deploy/install installs nginx-light)");
+  test::Skip("nginx is not installed (deploy/install installs nginx-light)");
   return true;
 }
 
@@ -76,7 +77,7 @@ TEST_CASE("Every block comes through nginx as it is in the store") {
 TEST_CASE("Blocks come by https from a server whose certificate is believed, and from no other") {
   if (SkippedWithoutNginx()) return;
   if (std::system("openssl version >/dev/null 2>&1") != 0) {
-    WARN("skipped: the openssl program is not installed");
+    test::Skip("the openssl program is not installed");
     return;
   }
   const Scene scene(30);

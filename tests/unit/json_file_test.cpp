@@ -23,7 +23,7 @@ std::string ErrorOf(const std::string& text, const JsonLimits& limits = {}) {
 
 }  // namespace
 
-TEST_CASE("JsonIsReadAsItIs", "[json]") {
+TEST_CASE("Json is read as it is", "[json]") {
   const std::string text =
       R"({"a": [1, -2, 2.5, true, null, "x\u00e9", {"b": []}], "c": {"d": 18446744073709551615}})";
   const auto parsed = ParseJson<json>(text, "f.json");
@@ -33,14 +33,14 @@ TEST_CASE("JsonIsReadAsItIs", "[json]") {
   CHECK(ParseJson<nlohmann::ordered_json>(R"({"z": 1, "a": 2})", "f")->dump() == R"({"z":1,"a":2})");
 }
 
-TEST_CASE("JsonThatIsNoneNamesItsByte", "[json]") {
+TEST_CASE("Json that is none names its byte", "[json]") {
   CHECK_THAT(ErrorOf(""), Contains("byte 1"));
   CHECK_THAT(ErrorOf("{\"a\": [1, 2"), Contains("byte 12") && Contains("in a[2]"));
   CHECK_THAT(ErrorOf("{\"a\": 1} x"), Contains("byte 10"));
   CHECK_THAT(ErrorOf("\"\xff\""), Contains("byte"));
 }
 
-TEST_CASE("ANumberOutOfRangeNamesItsKey", "[json]") {
+TEST_CASE("A number out of range names its key", "[json]") {
   CHECK_THAT(ErrorOf(R"({"frames": [{}, {"eye": [0, 1e999, 0]}]})"),
              Contains("frames[1].eye[1] is the number 1e999"));
   CHECK_THAT(ErrorOf("-1e999"), Contains("out of range"));
@@ -49,7 +49,7 @@ TEST_CASE("ANumberOutOfRangeNamesItsKey", "[json]") {
   CHECK_THAT(single.error().message, Contains("ior is the number 1e99"));
 }
 
-TEST_CASE("JsonBeyondItsLimitsIsRefused", "[json]") {
+TEST_CASE("Json beyond its limits is refused", "[json]") {
   for (const char* open : {"[", "{\"a\":"}) {
     std::string deep;
     for (int i = 0; i < 400000; ++i) deep += open;
@@ -62,7 +62,7 @@ TEST_CASE("JsonBeyondItsLimitsIsRefused", "[json]") {
   CHECK_THAT(ErrorOf(R"({"a": 1, "b": 2})", {100, 4, 30, 1}), Contains("more than 1 members"));
 }
 
-TEST_CASE("ValuesOfTheWrongTypeAreNamedByFileAndKey", "[json]") {
+TEST_CASE("Values of the wrong type are named by file and key", "[json]") {
   const std::string file = "f.json";
   const json root = json::parse(R"({"list": [{"eye": [1, 2, 3], "name": "x", "two": [1, "y"]}], "n": 5})");
   const JsonValue whole(root, file);
@@ -83,7 +83,7 @@ TEST_CASE("ValuesOfTheWrongTypeAreNamedByFileAndKey", "[json]") {
   CHECK_THAT(whole.Member("n")->Member("x").error().message, Contains("n: is no object"));
 }
 
-TEST_CASE("JsonComesFromRegularFilesAlone", "[json]") {
+TEST_CASE("Json comes from regular files alone", "[json]") {
   const test::TemporaryFolder folder;
   std::ofstream(folder.file("a.json")) << "[1]";
   CHECK(ReadJsonFile<json>(folder.file("a.json"))->size() == 1);

@@ -62,7 +62,7 @@ struct Fixture {
 
 }  // namespace
 
-TEST_CASE("BlocksAtHandAreLoadedInALoopAndNotInARecursion") {
+TEST_CASE("Blocks at hand are loaded in a loop and not in a recursion") {
   Fixture f(2000);
   const Catalog& catalog = f.store->catalog();
   VoxelCache cache(
@@ -78,7 +78,7 @@ TEST_CASE("BlocksAtHandAreLoadedInALoopAndNotInARecursion") {
   CHECK(source.highest - source.lowest < 4096);  // the same frame each time
 }
 
-TEST_CASE("ABlockAtHandWaitsForRoomAndComesWhenThereIsSome") {
+TEST_CASE("A block at hand waits for room and comes when there is some") {
   Fixture f(3);
   const Catalog& catalog = f.store->catalog();
   VoxelCache cache(
@@ -101,7 +101,7 @@ TEST_CASE("ABlockAtHandWaitsForRoomAndComesWhenThereIsSome") {
   cache.Unpin(second);
 }
 
-TEST_CASE("RequestsUnderWayAreBounded") {
+TEST_CASE("Requests under way are bounded") {
   Fixture f(60);
   const Catalog& catalog = f.store->catalog();
   VoxelCache cache(
@@ -122,7 +122,7 @@ TEST_CASE("RequestsUnderWayAreBounded") {
   CHECK(mailbox.Take(false).size() == blocks.size());
 }
 
-TEST_CASE("ABlockThatCannotBeHadEndsTheLoaderOnce") {
+TEST_CASE("A block that cannot be had ends the loader once") {
   Fixture f(4);
   const Catalog& catalog = f.store->catalog();
   VoxelCache cache(

@@ -59,7 +59,7 @@ MaterialLibrary Example() {
   return library;
 }
 
-TEST_CASE("MaterialJsonRoundTripsEveryMember") {
+TEST_CASE("Material json round trips every member") {
   const MaterialLibrary library = Example();
   const auto read = Read(Write(library));
   REQUIRE(read);
@@ -67,7 +67,7 @@ TEST_CASE("MaterialJsonRoundTripsEveryMember") {
   CHECK(read->parts == library.parts);
 }
 
-TEST_CASE("MaterialJsonIsDeterministicShortAndInFixedOrder") {
+TEST_CASE("Material json is deterministic short and in fixed order") {
   MaterialLibrary library;
   library.materials.resize(1);
   library.materials[0].name = "steel";
@@ -82,7 +82,7 @@ TEST_CASE("MaterialJsonIsDeterministicShortAndInFixedOrder") {
         "\n\"parts\": []}\n");
 }
 
-TEST_CASE("MaterialJsonMembersMayBeLeftOut") {
+TEST_CASE("Material json members may be left out") {
   const auto read = Read(R"({"materials": [{"name": "plain"}, {"ior": 2}]})");
   REQUIRE(read);
   Material plain;
@@ -94,7 +94,7 @@ TEST_CASE("MaterialJsonMembersMayBeLeftOut") {
   CHECK(Read("{}"));
 }
 
-TEST_CASE("MaterialJsonClampsToRanges") {
+TEST_CASE("Material json clamps to ranges") {
   const auto read =
       Read(R"({"materials": [{"diffuse": [-1, 2, 0.5], "emission": [-1, 20, 0], "shininess": 1e9,
                              "ior": 0.5}, {"ior": 99, "shininess": -3}]})");
@@ -107,7 +107,7 @@ TEST_CASE("MaterialJsonClampsToRanges") {
   CHECK(read->materials[1].shininess == 0.0f);
 }
 
-TEST_CASE("MaterialJsonNamesWhatIsWrong") {
+TEST_CASE("Material json names what is wrong") {
   const auto message = [](const std::string& text) {
     const auto read = Read(text);
     REQUIRE_FALSE(read);
@@ -130,13 +130,13 @@ TEST_CASE("MaterialJsonNamesWhatIsWrong") {
   CHECK_THAT(message(R"({"parts": {}})"), Contains("parts"));
 }
 
-TEST_CASE("MaterialJsonOfAMissingFileSaysSo") {
+TEST_CASE("Material json of a missing file says so") {
   const auto read = ReadMaterialJson("/nonexistent/model.materials.json");
   REQUIRE_FALSE(read);
   CHECK_THAT(read.error().message, Catch::Contains("No such file"));
 }
 
-TEST_CASE("MaterialJsonPathReplacesTheExtension") {
+TEST_CASE("Material json path replaces the extension") {
   CHECK(MaterialJsonPath("plant.ply") == "plant.materials.json");
   CHECK(MaterialJsonPath("a.b/plant.v2.ply") == "a.b/plant.v2.materials.json");
   CHECK(MaterialJsonPath("a.b/plant") == "a.b/plant.materials.json");

@@ -8,6 +8,7 @@
 #include <optional>
 #include <sstream>
 
+#include "tests/support/skip.h"
 #include "tests/unit/recording_sink.h"
 
 using namespace quarry;
@@ -24,7 +25,7 @@ std::optional<fs::path> ScenesFolder() {
   if (const char* set = std::getenv("QUARRY_TEST_SCENES")) folder = set;
   std::error_code ignored;
   if (!folder.empty() && fs::is_directory(folder, ignored)) return folder;
-  WARN("skipped: the folder of test scenes is not there; QUARRY_TEST_SCENES names it");
+  test::Skip("the folder of test scenes is not there; QUARRY_TEST_SCENES names it");
   return std::nullopt;
 }
 

@@ -41,7 +41,7 @@ std::string Refusal(OutputGuard& guard, const std::string& path, const OutputKin
 
 }  // namespace
 
-TEST_CASE("OutputsFollowLinksAndLeaveThem", "[outputs]") {
+TEST_CASE("Outputs follow links and leave them", "[outputs]") {
   const test::TemporaryFolder folder;
   fs::create_directory(folder.file("there"));
   fs::create_symlink("there/real", folder.file("b"));
@@ -60,7 +60,7 @@ TEST_CASE("OutputsFollowLinksAndLeaveThem", "[outputs]") {
   CHECK_FALSE(WriteFileAtomically(folder.file("there"), {}).has_value());
 }
 
-TEST_CASE("AFifoIsWrittenToAndStays", "[outputs]") {
+TEST_CASE("A fifo is written to and stays", "[outputs]") {
   const test::TemporaryFolder folder;
   const std::string fifo = folder.file("fifo");
   REQUIRE(::mkfifo(fifo.c_str(), 0600) == 0);
@@ -84,7 +84,7 @@ TEST_CASE("AFifoIsWrittenToAndStays", "[outputs]") {
   CHECK(std::distance(fs::directory_iterator(folder.path()), fs::directory_iterator()) == 1);
 }
 
-TEST_CASE("AnOutputIsNoInputHoweverItIsSpelt", "[outputs]") {
+TEST_CASE("An output is no input however it is spelt", "[outputs]") {
   const test::TemporaryFolder folder;
   const std::string model = Put(folder, "model.png", "\x89PNG\r\n\x1A\n");
   fs::create_hard_link(model, folder.file("hard.png"));
@@ -103,7 +103,7 @@ TEST_CASE("AnOutputIsNoInputHoweverItIsSpelt", "[outputs]") {
   }
 }
 
-TEST_CASE("AFileOfAnotherKindIsReplacedByForceOnly", "[outputs]") {
+TEST_CASE("A file of another kind is replaced by force only", "[outputs]") {
   const test::TemporaryFolder folder;
   const std::string notes = Put(folder, "notes", "mine"), empty = Put(folder, "empty", ""),
                     png = Put(folder, "png", "\x89PNG\r\n\x1A\n...");
@@ -126,7 +126,7 @@ TEST_CASE("AFileOfAnotherKindIsReplacedByForceOnly", "[outputs]") {
   CHECK(OutputGuard::TakeFolder(folder.file("new")).has_value());
 }
 
-TEST_CASE("OnlyRegularFilesAreOpenedForReading", "[outputs]") {
+TEST_CASE("Only regular files are opened for reading", "[outputs]") {
   const test::TemporaryFolder folder;
   REQUIRE(::mkfifo(folder.file("fifo").c_str(), 0600) == 0);
   CHECK_THAT(InputFile::Open(folder.file("fifo")).error().message, Contains("is not a regular file"));

@@ -104,7 +104,7 @@ struct Ply {
   size_t vertices = 0, faces = 0, body = 0;
 };
 
-TEST_CASE("ScenesHaveTheTrianglesAskedFor", "[scenes]") {
+TEST_CASE("Scenes have the triangles asked for", "[scenes]") {
   for (const std::string& kind : SceneKinds())
     for (uint64_t count : {1000, 1337, 20000, 300000}) {
       CAPTURE(kind, count);
@@ -116,7 +116,7 @@ TEST_CASE("ScenesHaveTheTrianglesAskedFor", "[scenes]") {
     }
 }
 
-TEST_CASE("ScenesAreFiniteAndNameEachPartOnce", "[scenes]") {
+TEST_CASE("Scenes are finite and name each part once", "[scenes]") {
   for (const std::string& kind : SceneKinds()) {
     CAPTURE(kind);
     const auto scene = MakeScene(kind, {50000, 3});
@@ -137,14 +137,14 @@ TEST_CASE("ScenesAreFiniteAndNameEachPartOnce", "[scenes]") {
   }
 }
 
-TEST_CASE("MoreTrianglesMeanMoreParts", "[scenes]") {
+TEST_CASE("More triangles mean more parts", "[scenes]") {
   for (const std::string& kind : SceneKinds()) {
     CAPTURE(kind);
     CHECK(Draw(*MakeScene(kind, {1000, 1})).parts.size() < Draw(*MakeScene(kind, {400000, 1})).parts.size());
   }
 }
 
-TEST_CASE("TheSameSeedGivesTheSameBytesAndAnotherSeedOthers", "[scenes]") {
+TEST_CASE("The same seed gives the same bytes and another seed others", "[scenes]") {
   const Folder folder;
   for (const std::string& kind : SceneKinds()) {
     CAPTURE(kind);
@@ -158,7 +158,7 @@ TEST_CASE("TheSameSeedGivesTheSameBytesAndAnotherSeedOthers", "[scenes]") {
   }
 }
 
-TEST_CASE("PlyHeaderAgreesWithItsContent", "[scenes]") {
+TEST_CASE("Ply header agrees with its content", "[scenes]") {
   const Folder folder;
   for (const std::string& kind : SceneKinds()) {
     CAPTURE(kind);
@@ -180,7 +180,7 @@ TEST_CASE("PlyHeaderAgreesWithItsContent", "[scenes]") {
   }
 }
 
-TEST_CASE("ObjHasTheSameVerticesAndTrianglesAsPly", "[scenes]") {
+TEST_CASE("Obj has the same vertices and triangles as ply", "[scenes]") {
   const Folder folder;
   REQUIRE(Write("plant", 20000, 1, folder.path / "s.ply"));
   REQUIRE(Write("plant", 20000, 1, folder.path / "s.obj"));
@@ -204,7 +204,7 @@ TEST_CASE("ObjHasTheSameVerticesAndTrianglesAsPly", "[scenes]") {
   CHECK(fs::exists(folder.path / "s.mtl"));
 }
 
-TEST_CASE("ThePlantReflectsAndHasGlassInBothFormats", "[scenes]") {
+TEST_CASE("The plant reflects and has glass in both formats", "[scenes]") {
   const auto scene = MakeScene("plant", {100000, 1});
   const auto materials = scene->Materials();
   const Collect drawn = Draw(*scene);
@@ -238,7 +238,7 @@ float Hit(const std::array<glm::vec3, 3>& t, const glm::vec3& eye, const glm::ve
   return distance > 0 ? distance : INFINITY;
 }
 
-TEST_CASE("CamerasStandOutsideOfSolids", "[scenes]") {
+TEST_CASE("Cameras stand outside of solids", "[scenes]") {
   for (const std::string kind : {"plant", "city", "cornell"}) {
     const auto scene = MakeScene(kind, {60000, 1});
     const Collect drawn = Draw(*scene);
@@ -267,7 +267,7 @@ TEST_CASE("CamerasStandOutsideOfSolids", "[scenes]") {
   }
 }
 
-TEST_CASE("TheCameraPathIsJson", "[scenes]") {
+TEST_CASE("The camera path is json", "[scenes]") {
   const Folder folder;
   REQUIRE(Write("plant", 1000, 1, folder.path / "s.ply"));
   const auto json = nlohmann::json::parse(Contents(folder.path / "s.path.json"));
@@ -276,7 +276,7 @@ TEST_CASE("TheCameraPathIsJson", "[scenes]") {
   CHECK(json["frames"][0]["fov"].is_number());
 }
 
-TEST_CASE("AnErrorOnTheWayLeavesNoFile", "[scenes]") {
+TEST_CASE("An error on the way leaves no file", "[scenes]") {
   for (const char* name : {"s.ply", "s.obj"}) {
     const Folder folder;
     const SceneOptions options{50000, 1};
@@ -289,7 +289,7 @@ TEST_CASE("AnErrorOnTheWayLeavesNoFile", "[scenes]") {
   }
 }
 
-TEST_CASE("AnUnknownExtensionIsAnUnusableArgument", "[scenes]") {
+TEST_CASE("An unknown extension is an unusable argument", "[scenes]") {
   const auto writer = OpenMeshWriter("scene.stl", {}, true);
   REQUIRE_FALSE(writer);
   CHECK(writer.error().exit_status() == 2);
@@ -346,7 +346,7 @@ size_t PeakMemoryOfPlant(const Folder& folder, uint64_t triangles, const char* n
   return peak;
 }
 
-TEST_CASE("MemoryDoesNotGrowWithTheTriangles", "[scenes]") {
+TEST_CASE("Memory does not grow with the triangles", "[scenes]") {
   const Folder folder;
   for (const char* name : {"s.ply", "s.obj"}) {
     const size_t small = PeakMemoryOfPlant(folder, 100000, name),
@@ -358,7 +358,7 @@ TEST_CASE("MemoryDoesNotGrowWithTheTriangles", "[scenes]") {
   }
 }
 
-TEST_CASE("TheProgramRefusesUnusableArguments", "[scenes]") {
+TEST_CASE("The program refuses unusable arguments", "[scenes]") {
   const Folder folder;
   const std::string out = folder.path / "s.ply";
   CHECK(ExitStatus(Start({})) == 2);
@@ -372,14 +372,14 @@ TEST_CASE("TheProgramRefusesUnusableArguments", "[scenes]") {
   CHECK(folder.Files() == 0);
 }
 
-TEST_CASE("AFullDiskLeavesNoFile", "[scenes]") {
+TEST_CASE("A full disk leaves no file", "[scenes]") {
   const Folder folder;
   CHECK(ExitStatus(
             Start({"plant", "--triangles", "500000", "-o", folder.path / "s.ply", "--quiet"}, 3000000)) == 1);
   CHECK(folder.Files() == 0);
 }
 
-TEST_CASE("AnInterruptLeavesNoFile", "[scenes]") {
+TEST_CASE("An interrupt leaves no file", "[scenes]") {
   for (int signal : {SIGINT, SIGTERM}) {
     const Folder folder;
     const pid_t child = Start({"plant", "--triangles", "100000000", "-o", folder.path / "s.ply", "--quiet"});

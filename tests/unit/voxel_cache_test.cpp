@@ -34,7 +34,7 @@ struct Fixture {
 
 }  // namespace
 
-TEST_CASE("AbsentBlocksCannotBePinned") {
+TEST_CASE("Absent blocks cannot be pinned") {
   Fixture f(3 * kBlock);
   CHECK(f.cache.TryPin(4_b) == nullptr);
   REQUIRE(f.Load(4_b));
@@ -42,7 +42,7 @@ TEST_CASE("AbsentBlocksCannotBePinned") {
   f.cache.Unpin(4_b);
 }
 
-TEST_CASE("TheLeastRecentlyUsedGoesFirst") {
+TEST_CASE("The least recently used goes first") {
   Fixture f(2 * kBlock);
   REQUIRE((f.Load(1_b) && f.Load(2_b)));
   REQUIRE(f.cache.TryPin(1_b));
@@ -55,7 +55,7 @@ TEST_CASE("TheLeastRecentlyUsedGoesFirst") {
   CHECK(f.cache.counters().bytes == 2 * kBlock);
 }
 
-TEST_CASE("ABlockThatGoesLeavesItsPagesToTheNext") {
+TEST_CASE("A block that goes leaves its pages to the next") {
   Fixture f(kBlock);
   REQUIRE(f.Load(1_b));
   const std::byte* pages = f.cache.TryPin(1_b)->bytes.bytes().data();
@@ -67,7 +67,7 @@ TEST_CASE("ABlockThatGoesLeavesItsPagesToTheNext") {
   f.cache.Unpin(2_b);
 }
 
-TEST_CASE("PagesTakeAnySize") {
+TEST_CASE("Pages take any size") {
   PageBuffer buffer, neighbour = *PageBuffer::TryGet(5000);
   for (size_t bytes : {0u, 1u, 4096u, 4097u, 300000u, 1u, 70000u, 0u, 8192u}) {
     REQUIRE(buffer.Resize(bytes));
@@ -77,7 +77,7 @@ TEST_CASE("PagesTakeAnySize") {
   for (const std::byte b : neighbour.bytes()) REQUIRE(b == std::byte{0});
 }
 
-TEST_CASE("MemoryGotBeforehandIsUsedFirst") {
+TEST_CASE("Memory got beforehand is used first") {
   constexpr size_t kPage = 4096;
   Fixture f(3 * kPage + kBlock);
   PageBuffer memory = *PageBuffer::TryGet(5 * kPage);  // more than the budget
@@ -98,7 +98,7 @@ TEST_CASE("MemoryGotBeforehandIsUsedFirst") {
   CHECK(f.cache.counters().bytes <= 3 * kPage + kBlock);
 }
 
-TEST_CASE("PagesAreCutOffInFront") {
+TEST_CASE("Pages are cut off in front") {
   PageBuffer all = *PageBuffer::TryGet(10000);
   const std::byte* const begin = all.bytes().data();
   const PageBuffer one = all.TakeFront(1), two = all.TakeFront(4097);
@@ -108,7 +108,7 @@ TEST_CASE("PagesAreCutOffInFront") {
   CHECK(all.bytes().empty());
 }
 
-TEST_CASE("PinnedBlocksStay") {
+TEST_CASE("Pinned blocks stay") {
   Fixture f(kBlock);
   REQUIRE(f.Load(1_b));
   const ResidentBlock* pinned = f.cache.TryPin(1_b);
@@ -120,7 +120,7 @@ TEST_CASE("PinnedBlocksStay") {
   CHECK(f.Load(2_b));
 }
 
-TEST_CASE("ABlockIsPinnedForAllWhoWaitForItBeforeItCanGo") {
+TEST_CASE("A block is pinned for all who wait for it before it can go") {
   Fixture f(kBlock);
   Mailbox a, b;
   f.cache.Want(1_b, &a, 5);
@@ -138,7 +138,7 @@ TEST_CASE("ABlockIsPinnedForAllWhoWaitForItBeforeItCanGo") {
   CHECK(f.Load(2_b));
 }
 
-TEST_CASE("WantingAResidentBlockDeliversAtOnce") {
+TEST_CASE("Wanting a resident block delivers at once") {
   Fixture f(kBlock);
   Mailbox a;
   REQUIRE(f.Load(1_b));
@@ -148,7 +148,7 @@ TEST_CASE("WantingAResidentBlockDeliversAtOnce") {
   f.cache.Unpin(1_b);
 }
 
-TEST_CASE("BlocksThatMoreRaysWaitForAreLoadedFirst") {
+TEST_CASE("Blocks that more rays wait for are loaded first") {
   Fixture f(kBlock);
   Mailbox a;
   f.cache.Want(1_b, &a, 1);
@@ -156,7 +156,7 @@ TEST_CASE("BlocksThatMoreRaysWaitForAreLoadedFirst") {
   CHECK(f.cache.NextToLoad() == 2_b);
 }
 
-TEST_CASE("PinnedBlocksHoldOnePinABlock") {
+TEST_CASE("Pinned blocks hold one pin a block") {
   Fixture f(kBlock);
   REQUIRE(f.Load(1_b));
   {
@@ -178,14 +178,14 @@ TEST_CASE("PinnedBlocksHoldOnePinABlock") {
   CHECK(f.Load(2_b));
 }
 
-TEST_CASE("MemoryThatTheSystemLacksIsAValue") {
+TEST_CASE("Memory that the system lacks is a value") {
   CHECK_FALSE(PageBuffer::TryGet(size_t{1} << 50).has_value());
   PageBuffer buffer = *PageBuffer::TryGet(5000);
   CHECK_FALSE(buffer.Resize(size_t{1} << 50));
   CHECK(buffer.bytes().size() == 5000);
 }
 
-TEST_CASE("ChangesAreToldWithoutTheCachesLock") {
+TEST_CASE("Changes are told without the caches lock") {
   Catalog catalog;
   catalog.voxels.resize(10);
   std::vector<std::pair<BlockKey, bool>> told;
@@ -206,7 +206,7 @@ TEST_CASE("ChangesAreToldWithoutTheCachesLock") {
   CHECK(told == std::vector<std::pair<BlockKey, bool>>{{1_b, true}, {1_b, false}, {2_b, true}});
 }
 
-TEST_CASE("ManyThreadsShareACacheOfOneBlock") {
+TEST_CASE("Many threads share a cache of one block") {
   Fixture f(kBlock);
   Mailbox boxes[3];
   std::atomic<int> served{0};
