@@ -42,7 +42,7 @@ constexpr size_t kAlone = 500;  // blocks fetched one at a time
 /// Fetches a list of blocks, a number of them in flight, and checks what comes.
 class Fetching {
  public:
-  Fetching(asio::io_context& io, VoxelSource& source, const Catalog& catalog, std::vector<uint32_t> blocks)
+  Fetching(asio::io_context& io, VoxelSource& source, const Catalog& catalog, std::vector<BlockKey> blocks)
       : io_(io), source_(source), catalog_(catalog), blocks_(std::move(blocks)) {}
 
   Status Run(uint32_t in_flight) {

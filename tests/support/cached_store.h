@@ -95,8 +95,8 @@ struct Cached {
   std::optional<DiskCachedSource> source;
 };
 
-inline std::string PathOf(const CacheScene& scene, const std::string& folder, uint32_t block) {
-  return fmt::format("{}/{}/{}", folder, FormatSceneId(scene.id()), block);
+inline std::string PathOf(const CacheScene& scene, const std::string& folder, BlockKey block) {
+  return fmt::format("{}/{}/{}", folder, FormatSceneId(scene.id()), block.number());
 }
 
 /// Blocks in the folder, over all scenes, and their bytes in whole blocks of the disk.

@@ -47,7 +47,7 @@ inline HttpOptions Patient(double seconds = 60) {
 
 /// Fetches `blocks` at once, and runs until each is there.
 inline std::vector<Result<Bytes>> FetchAll(boost::asio::io_context& io, VoxelSource& source,
-                                           const std::vector<uint32_t>& blocks) {
+                                           const std::vector<BlockKey>& blocks) {
   std::vector<std::optional<Result<Bytes>>> got(blocks.size());
   for (size_t i = 0; i < blocks.size(); ++i)
     source.Fetch(blocks[i], [&got, i](Result<Bytes> bytes) {
@@ -64,7 +64,7 @@ inline std::vector<Result<Bytes>> FetchAll(boost::asio::io_context& io, VoxelSou
   return results;
 }
 
-inline Result<Bytes> FetchOne(boost::asio::io_context& io, VoxelSource& source, uint32_t block) {
+inline Result<Bytes> FetchOne(boost::asio::io_context& io, VoxelSource& source, BlockKey block) {
   return FetchAll(io, source, {block})[0];
 }
 
@@ -74,7 +74,7 @@ inline void CheckAllBlocks(boost::asio::io_context& io, VoxelSource& source, con
   REQUIRE(!blocks.empty());
   const auto got = FetchAll(io, source, blocks);
   for (size_t i = 0; i < blocks.size(); ++i) {
-    INFO("block " << blocks[i] << (got[i] ? "" : ": " + got[i].error().message));
+    INFO("block " << blocks[i].number() << (got[i] ? "" : ": " + got[i].error().message));
     REQUIRE(got[i].has_value());
     REQUIRE(*got[i] == store.ReadBlock(blocks[i]).value());
   }

@@ -10,6 +10,7 @@
 
 #include "common/voxel/store_reader.h"
 #include "common/voxel/store_writer.h"
+#include "tests/support/block_literal.h"
 
 namespace quarry::test {
 
@@ -82,11 +83,6 @@ inline std::vector<BlockKey> BlocksOf(const Catalog& catalog) {
   for (uint32_t number = 0; number < catalog.block_numbers(); ++number)
     if (const auto block = BlockKey::FromNumber(number); catalog.Has(block)) blocks.push_back(block);
   return blocks;
-}
-
-/// Block 5 as 5_b.
-constexpr BlockKey operator""_b(unsigned long long number) {
-  return BlockKey::FromNumber(static_cast<uint32_t>(number));
 }
 
 }  // namespace quarry::test

@@ -18,6 +18,7 @@
 
 #include "common/protocol/messages.h"
 #include "master/block_service.h"
+#include "tests/support/block_literal.h"
 #include "worker/sources/tcp_source.h"
 
 namespace quarry {
@@ -354,7 +355,7 @@ TEST_CASE("However many blocks are wanted, a server is asked for no more at once
   TcpVoxelSource source(network.client_io, {"127.0.0.1", network.listener->port()}, {}, SceneId{}, 1000);
   size_t came = 0;
   for (uint32_t b = 0; b < kWanted; ++b)
-    source.Fetch(b, [&](const Result<Bytes>& r) { came += r.has_value(); });
+    source.Fetch(BlockKey::FromNumber(b), [&](const Result<Bytes>& r) { came += r.has_value(); });
   REQUIRE(
       network.Run([&] { return network.accepted.size() == 1 && network.accepted[0]->messages.size() == 1; }));
   End& server = *network.accepted[0];

@@ -73,7 +73,7 @@ TEST_CASE("Two processes share a folder, writing and evicting at once") {
       DiskCachedSource source(io, inner, {folder.path(), budget}, scene.catalog(), {});
       int wrong = 0;
       for (uint32_t i = 0; i < 2000; ++i) {
-        const uint32_t block = scene.blocks[i * stride % scene.blocks.size()];
+        const BlockKey block = scene.blocks[i * stride % scene.blocks.size()];
         source.Fetch(block, [&, block](Result<Bytes> got) {
           if (!got || *got != scene.store->ReadBlock(block).value()) ++wrong;
         });

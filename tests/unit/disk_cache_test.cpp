@@ -115,8 +115,8 @@ TEST_CASE("What is damaged in the folder is told, removed and fetched again") {
   const Scene scene;
   const test::TemporaryFolder folder;
   Cached(scene, folder.path()).FetchAll();
-  const std::string flipped = PathOf(scene, folder.path(), 0), cut = PathOf(scene, folder.path(), 2),
-                    empty = PathOf(scene, folder.path(), 4), longer = PathOf(scene, folder.path(), 6);
+  const std::string flipped = PathOf(scene, folder.path(), 0_b), cut = PathOf(scene, folder.path(), 2_b),
+                    empty = PathOf(scene, folder.path(), 4_b), longer = PathOf(scene, folder.path(), 6_b);
   {
     std::fstream file(flipped, std::ios::in | std::ios::out | std::ios::binary);
     file.seekg(1000);
@@ -222,16 +222,16 @@ TEST_CASE("Over its budget a folder loses what was used longest ago, over all sc
     CacheFolder all(folder.path(), kPlenty);
     REQUIRE(all.Open().has_value());
     for (const Scene* s : {&scene, &old})
-      for (const uint32_t b : s->blocks)
+      for (const BlockKey b : s->blocks)
         REQUIRE(all.Write(s->id(), b, s->store->ReadBlock(b).value()).has_value());
     SweepAll(all);
     CHECK(all.evicted() == 0);
   }
-  for (const uint32_t b : old.blocks) SetAge(PathOf(old, folder.path(), b), 1'000'000);
+  for (const BlockKey b : old.blocks) SetAge(PathOf(old, folder.path(), b), 1'000'000);
   for (size_t i = 0; i < scene.blocks.size(); ++i)
     SetAge(PathOf(scene, folder.path(), scene.blocks[i]), 1000 << i);
   // Used again: young from now on, however long ago it was written.
-  const uint32_t oldest = scene.blocks.back();
+  const BlockKey oldest = scene.blocks.back();
   {
     Cached cached(scene, folder.path());
     CHECK(cached.Fetch(oldest).has_value());
@@ -256,7 +256,7 @@ TEST_CASE("A use within the minute is not written down again") {
   const Scene scene;
   const test::TemporaryFolder folder;
   Cached(scene, folder.path()).FetchAll();
-  const std::string path = PathOf(scene, folder.path(), 0);
+  const std::string path = PathOf(scene, folder.path(), 0_b);
   SetAge(path, 30);
   const auto before = fs::last_write_time(path);
   Cached(scene, folder.path()).FetchAll();

@@ -31,9 +31,9 @@ struct Actor : WorkerState {
 };
 
 /// A walk of equal frames, and its workers.
-class Scene : FrameSource {
+class Cluster : FrameSource {
  public:
-  explicit Scene(std::vector<Actor> them, uint32_t width = 320, uint32_t height = 256)
+  explicit Cluster(std::vector<Actor> them, uint32_t width = 320, uint32_t height = 256)
       : actors(std::move(them)), job(test::Looking({0, 0, 0}, {0, 10, 0}, width, height)) {
     for (Actor& a : actors) dispatcher.AddWorker(a);
     dispatcher.SetCosts(1e-6, 0);
@@ -114,13 +114,13 @@ TEST_CASE("A frame is done though a worker answers nothing, whether it holds til
   // silent one's open work is worth.
   for (const uint32_t silent_threads : {1u, 30u, 200u}) {
     INFO(silent_threads);
-    Scene scene({{1, 1}, {2, silent_threads, kNever}});
-    scene.known = true;
-    for (uint32_t b = 0; b < 80; ++b) scene.Find(2).holds.Set(b, true);
-    scene.dispatcher.SetCosts(1, 0);
+    Cluster cluster({{1, 1}, {2, silent_threads, kNever}});
+    cluster.known = true;
+    for (uint32_t b = 0; b < 80; ++b) cluster.Find(2).holds.Set(b, true);
+    cluster.dispatcher.SetCosts(1, 0);
     // 80 tiles of 0.1 s at the worker that answers, four at a time, and the time until it is clear.
-    CHECK(scene.Run(60) < 12);
-    CHECK(scene.actors[0].tiles == 80);
+    CHECK(cluster.Run(60) < 12);
+    CHECK(cluster.actors[0].tiles == 80);
   }
 }
 
@@ -138,32 +138,32 @@ TEST_CASE("A worker counts as quiet once it has held tiles for the time of grace
 }
 
 TEST_CASE("A tile that two silent workers hold goes to a third") {
-  Scene scene({{1, 1}, {2, 1, kNever}, {3, 1, kNever}}, 64, 64);
-  scene.actors[0].ready = false;  // until both hold all four tiles, or copies of them
-  for (double t = 0; t < 4; t += kStepS) REQUIRE_FALSE(scene.Step());
-  scene.actors[0].ready = true;
-  CHECK(scene.Run(30) < 5);
+  Cluster cluster({{1, 1}, {2, 1, kNever}, {3, 1, kNever}}, 64, 64);
+  cluster.actors[0].ready = false;  // until both hold all four tiles, or copies of them
+  for (double t = 0; t < 4; t += kStepS) REQUIRE_FALSE(cluster.Step());
+  cluster.actors[0].ready = true;
+  CHECK(cluster.Run(30) < 5);
 }
 
 TEST_CASE("Any number of silent workers holds up nobody else for long") {
   std::vector<Actor> actors{{1, 2}};
   for (uint32_t id = 2; id < 20; ++id) actors.push_back({id, 8, kNever});
-  Scene scene(std::move(actors));
-  CHECK(scene.Run(120) < 8);
+  Cluster cluster(std::move(actors));
+  CHECK(cluster.Run(120) < 8);
 }
 
 TEST_CASE("Who holds tiles that others finish, and answers none, is doubtful, then mute; a slow one is not") {
-  Scene scene({{1, 1}, {2, 1, kNever}, {3, 1, 3}}, 640, 512);
+  Cluster cluster({{1, 1}, {2, 1, kNever}, {3, 1, 3}}, 640, 512);
   double doubtful_s = 0, mute_s = 0;
-  while (mute_s == 0 && scene.now_s < 100 && !scene.Step()) {
-    if (doubtful_s == 0 && scene.Find(2).conduct.doubtful()) doubtful_s = scene.now_s;
-    if (scene.Find(2).conduct.mute()) mute_s = scene.now_s;
-    CHECK_FALSE(scene.Find(1).conduct.mute());
-    CHECK_FALSE(scene.Find(3).conduct.mute());
+  while (mute_s == 0 && cluster.now_s < 100 && !cluster.Step()) {
+    if (doubtful_s == 0 && cluster.Find(2).conduct.doubtful()) doubtful_s = cluster.now_s;
+    if (cluster.Find(2).conduct.mute()) mute_s = cluster.now_s;
+    CHECK_FALSE(cluster.Find(1).conduct.mute());
+    CHECK_FALSE(cluster.Find(3).conduct.mute());
   }
   CHECK(doubtful_s >= Conduct::kDoubtfulS);
   CHECK((mute_s == 0 || mute_s >= Conduct::kMuteS));
-  CHECK(scene.Find(2).tiles == 0);
+  CHECK(cluster.Find(2).tiles == 0);
 }
 
 TEST_CASE("Mute is who answers nothing for twenty seconds of holding tiles, over any number of frames") {
@@ -187,19 +187,19 @@ TEST_CASE("Mute is who answers nothing for twenty seconds of holding tiles, over
 }
 
 TEST_CASE("A tile that takes everybody long makes nobody mute") {
-  Scene scene({{1, 1, 200}, {2, 1, 300}}, 64, 32);
-  while (!scene.Step()) {
-    REQUIRE(scene.now_s < 1000);
-    REQUIRE_FALSE(scene.Find(1).conduct.mute());
+  Cluster cluster({{1, 1, 200}, {2, 1, 300}}, 64, 32);
+  while (!cluster.Step()) {
+    REQUIRE(cluster.now_s < 1000);
+    REQUIRE_FALSE(cluster.Find(1).conduct.mute());
   }
-  CHECK(scene.Find(1).tiles == 2);
+  CHECK(cluster.Find(1).tiles == 2);
 }
 
 TEST_CASE("Forged costs count for no more than the time that a worker has had the tile") {
-  Scene scene({Actor(1, 1), Actor(2, 1).Claims(~uint64_t{0})});
-  scene.frames = 2;
-  while (scene.frames_done == 0) REQUIRE_FALSE((scene.Step() || scene.now_s > 20));
-  const ActiveFrame* next = scene.dispatcher.Frames().at(0);
+  Cluster cluster({Actor(1, 1), Actor(2, 1).Claims(~uint64_t{0})});
+  cluster.frames = 2;
+  while (cluster.frames_done == 0) REQUIRE_FALSE((cluster.Step() || cluster.now_s > 20));
+  const ActiveFrame* next = cluster.dispatcher.Frames().at(0);
   std::map<uint32_t, int> planned;
   for (const TileView& tile : next->MakeSnapshot({}, 0).tiles) {
     CHECK(tile.cost_s < 5);
@@ -210,8 +210,8 @@ TEST_CASE("Forged costs count for no more than the time that a worker has had th
 }
 
 TEST_CASE("Who claims a thousand threads and answers nothing holds up nobody") {
-  Scene scene({{1, 2}, {2, 1024, kNever}}, 640, 512);  // 320 tiles
-  CHECK(scene.Run(200) < 30);
+  Cluster cluster({{1, 2}, {2, 1024, kNever}}, 640, 512);  // 320 tiles
+  CHECK(cluster.Run(200) < 30);
 }
 
 }  // namespace quarry

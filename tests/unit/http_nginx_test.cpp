@@ -58,7 +58,7 @@ TEST_CASE("Every block comes through nginx as it is in the store") {
   }
   const auto fault = [&](const std::string& path, HttpOptions options = Patient()) {
     HttpVoxelSource source(io, Location(base + path), scene.catalog(), std::move(options));
-    const auto got = FetchOne(io, source, 0);
+    const auto got = FetchOne(io, source, 0_b);
     REQUIRE(!got.has_value());
     CHECK(got.error().permanent());
     return got.error().message;
@@ -103,7 +103,7 @@ TEST_CASE("Blocks come by https from a server whose certificate is believed, and
   }
   const auto fault = [&](const HttpLocation& location, const HttpOptions& how) {
     HttpVoxelSource source(io, location, scene.catalog(), how);
-    const auto got = FetchOne(io, source, 0);
+    const auto got = FetchOne(io, source, 0_b);
     REQUIRE(!got.has_value());
     CHECK(got.error().permanent());
     return got.error().message;

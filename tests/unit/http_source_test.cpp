@@ -39,7 +39,7 @@ Error FaultOfBlock(
   });
   boost::asio::io_context io;
   HttpVoxelSource source(io, Location(server.url()), scene.catalog(), Patient(seconds));
-  const auto got = FetchOne(io, source, 0);
+  const auto got = FetchOne(io, source, 0_b);
   REQUIRE(!got.has_value());
   CHECK_THAT(got.error().message, Contains(server.url()));
   CHECK(got.error().message.find('\n') == std::string::npos);
@@ -67,7 +67,7 @@ TEST_CASE("Requests carry headers and signatures, at the time that is given") {
   options.now = [] { return std::time_t{1369353600}; };
   boost::asio::io_context io;
   HttpVoxelSource source(io, Location(server.url()), scene.catalog(), options);
-  REQUIRE(FetchOne(io, source, 0).has_value());
+  REQUIRE(FetchOne(io, source, 0_b).has_value());
   const std::lock_guard lock(mutex);
   REQUIRE(heads.size() == 3);
   const BlockEntry& block = scene.catalog().block(0_b);
@@ -113,7 +113,7 @@ TEST_CASE("A kept connection that the server closed is made again without a word
   HttpVoxelSource source(io, Location(server.url()), scene.catalog(), Patient());
   for (const BlockKey block : test::BlocksOf(scene.catalog())) {
     const auto got = FetchOne(io, source, block);
-    INFO("block " << block << (got ? "" : ": " + got.error().message));
+    INFO("block " << block.number() << (got ? "" : ": " + got.error().message));
     REQUIRE(got.has_value());
     REQUIRE(*got == scene.store->ReadBlock(block).value());
   }
@@ -131,7 +131,7 @@ TEST_CASE("A server that closes every connection without an answer is asked twic
   });
   boost::asio::io_context io;
   HttpVoxelSource source(io, Location(server.url()), scene.catalog(), Patient());
-  const auto got = FetchOne(io, source, 0);
+  const auto got = FetchOne(io, source, 0_b);
   REQUIRE(!got.has_value());
   CHECK(!got.error().permanent());
   CHECK_THAT(got.error().message, Contains("without an answer"));
@@ -186,7 +186,7 @@ TEST_CASE("After a 503 the next request is answered") {
   HttpVoxelSource source(io, Location(server.url()), scene.catalog(), Patient());
   int failed = 0;
   for (int i = 0; i < 10; ++i) {
-    const auto got = FetchOne(io, source, 2);
+    const auto got = FetchOne(io, source, 2_b);
     if (!got) {
       ++failed;
       CHECK(!got.error().permanent());
@@ -301,7 +301,7 @@ TEST_CASE("A server that is not there is an error that may pass") {
   boost::asio::io_context io;
   HttpVoxelSource source(io, Location(fmt::format("http://127.0.0.1:{}/s", port)), scene.catalog(),
                          Patient());
-  for (const auto& got : FetchAll(io, source, {0, 2, 4})) {
+  for (const auto& got : FetchAll(io, source, {0_b, 2_b, 4_b})) {
     REQUIRE(!got.has_value());
     CHECK_THAT(got.error().message, Contains("cannot be reached"));
     CHECK(!got.error().permanent());
@@ -327,7 +327,7 @@ TEST_CASE("A file that is not the scene's store is refused before a block is ask
   const auto refusal = [&](std::string file) {
     serve(std::move(file));
     requests = 0;
-    const auto got = FetchOne(io, source, 0);
+    const auto got = FetchOne(io, source, 0_b);
     REQUIRE(!got.has_value());
     CHECK(got.error().permanent());
     CHECK(requests <= 2);
@@ -360,7 +360,7 @@ TEST_CASE("The same scene in another layout is told from the catalog's") {
   });
   boost::asio::io_context io;
   HttpVoxelSource source(io, Location(server.url()), moved, Patient());
-  const auto got = FetchOne(io, source, 0);
+  const auto got = FetchOne(io, source, 0_b);
   REQUIRE(!got.has_value());
   CHECK(got.error().permanent());
   CHECK_THAT(got.error().message, Contains("compressed in another way"));
@@ -373,12 +373,12 @@ TEST_CASE("Blocks that the catalog lacks are errors, and a source that ends call
   });
   boost::asio::io_context io;
   auto source = std::make_unique<HttpVoxelSource>(io, Location(server.url()), scene.catalog(), Patient());
-  for (const uint32_t none : {3u, 16u, ~0u}) {
+  for (const BlockKey none : {3_b, 16_b, BlockKey::FromNumber(~0u)}) {
     const auto got = FetchOne(io, *source, none);
     REQUIRE(!got.has_value());
     CHECK(got.error().permanent());
   }
-  REQUIRE(FetchOne(io, *source, 0).has_value());
+  REQUIRE(FetchOne(io, *source, 0_b).has_value());
   bool ended = false;
   for (uint32_t i = 0; i < 8; ++i) source->Fetch(BlockKey::Hot(i), [&](const auto&) { CHECK(!ended); });
   io.restart();

@@ -139,7 +139,7 @@ TEST_CASE("NFF and AFF that are broken are refused with the place") {
 TEST_CASE("BART's kitchen and robots, and their conversions to OBJ, are the same scenes") {
   const std::filesystem::path bart = std::filesystem::path(QUARRY_SCENES_DIR) / "bart";
   if (!std::filesystem::exists(bart)) {
-    test::Skip(bart + " is not there");
+    test::Skip(bart.string() + " is not there");
     return;
   }
   const auto same = [&](const char* aff, const char* obj, uint64_t triangles) {

@@ -8,6 +8,7 @@
 
 #include "tests/support/looking.h"
 #include "tests/support/row_scene.h"
+#include "tests/support/small_store.h"
 
 namespace quarry {
 namespace {

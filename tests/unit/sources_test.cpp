@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "common/net/source_spec.h"
+#include "tests/support/block_literal.h"
 #include "worker/sources/source_policy.h"
 #include "worker/sources/source_set.h"
 #include "worker/sources/stored_cache.h"
@@ -32,8 +33,8 @@ class FakeSource final : public VoxelSource {
   FakeSource(boost::asio::io_context& io, Mood& mood, std::vector<uint32_t>& asked)
       : io_(io), mood_(mood), asked_(asked) {}
   void Fetch(BlockKey block, Done done) override {
-    asked_.push_back(block);
-    Bytes bytes = Content(block);
+    asked_.push_back(block.number());
+    Bytes bytes = Content(block.number());
     if (mood_ == Mood::kSilent) return;
     if (mood_ == Mood::kDamages) bytes[3] ^= std::byte{1};
     const bool fails = mood_ == Mood::kFails || mood_ == Mood::kRefuses, permanent = mood_ == Mood::kRefuses;
@@ -74,7 +75,7 @@ struct SetFixture {
   /// Runs until the block has come or its fetch has ended.
   Result<Bytes> Get(uint32_t block) {
     std::optional<Result<Bytes>> got;
-    set->Fetch(block, [&](Result<Bytes> r) { got = std::move(r); });
+    set->Fetch(BlockKey::FromNumber(block), [&](Result<Bytes> r) { got = std::move(r); });
     io.restart();
     while (!got) io.run_one();
     return std::move(*got);
@@ -88,7 +89,8 @@ TEST_CASE("Homes are shared out evenly, and a source that goes moves only its ow
   const std::vector<uint64_t> four{11, 22, 33, 44}, three{11, 22, 44};
   std::map<uint64_t, int> homes;
   for (uint32_t block = 0; block < 4000; ++block) {
-    const auto before = HomeOrder(block, four), after = HomeOrder(block, three);
+    const auto before = HomeOrder(BlockKey::FromNumber(block), four),
+               after = HomeOrder(BlockKey::FromNumber(block), three);
     CHECK(before.size() == 4);
     ++homes[four[before[0]]];
     if (four[before[0]] != 33)
@@ -207,7 +209,8 @@ TEST_CASE("A source that has gone mute holds up nobody for longer than it takes 
   size_t come = 0;
   for (uint32_t round = 0; round < 2; ++round)
     for (uint32_t b = 0; b < 100; ++b)
-      f.set->Fetch(b, [&come, b](Result<Bytes> r) { come += r.has_value() && *r == Content(b); });
+      f.set->Fetch(BlockKey::FromNumber(b),
+                   [&come, b](Result<Bytes> r) { come += r.has_value() && *r == Content(b); });
   f.io.restart();
   while (come < 200) f.io.run_one();
   CHECK(std::chrono::steady_clock::now() - start < std::chrono::seconds(3));
@@ -226,7 +229,7 @@ TEST_CASE(
     return std::make_unique<FakeSource>(f.io, peer_mood, peer_asked);
   };
   f.set->SetPeers({{7}, {"127.0.0.1:1"}}, make);
-  for (const uint32_t block : {4, 5, 6}) f.set->SetHolder(block, 7);
+  for (const BlockKey block : {4_b, 5_b, 6_b}) f.set->SetHolder(block, 7);
   f.set->SetHolder(9_b, 8);  // nobody knows that one
   CHECK(*f.Get(4) == Content(4));
   CHECK(*f.Get(9) == Content(9));
@@ -265,13 +268,13 @@ TEST_CASE("Stored blocks go least recently used first, unused prefetched ones be
   StoredCache cache(inner, 1000, inventory);
   const auto get = [&](uint32_t block) {
     Bytes got;
-    cache.Fetch(block, [&](Result<Bytes> r) { got = *r; });
+    cache.Fetch(BlockKey::FromNumber(block), [&](Result<Bytes> r) { got = *r; });
     io.restart();
     io.run();
     CHECK(got == Content(block));
   };
   const auto prefetch = [&](uint32_t block) {
-    const bool asked_for = cache.Prefetch(block, [] {});
+    const bool asked_for = cache.Prefetch(BlockKey::FromNumber(block), [] {});
     io.restart();
     io.run();
     return asked_for;
@@ -284,20 +287,20 @@ TEST_CASE("Stored blocks go least recently used first, unused prefetched ones be
   CHECK_FALSE(prefetch(23));  // they have their quarter
   get(6);                     // 20 goes, which nobody has asked for
   CHECK(cache.counters().prefetch_wasted_bytes == Content(20).size());
-  CHECK_FALSE(inventory.Has(20));
+  CHECK_FALSE(inventory.Has(20_b));
   get(21);
   CHECK(cache.counters().hit_bytes == Content(21).size());
   get(0);
   get(7);  // 22 goes
-  CHECK(cache.Find(22) == nullptr);
+  CHECK(cache.Find(22_b) == nullptr);
   get(8);  // and 1, of which the use is the longest ago
-  CHECK(cache.Find(1) == nullptr);
-  CHECK(cache.Find(0) != nullptr);
+  CHECK(cache.Find(1_b) == nullptr);
+  CHECK(cache.Find(0_b) != nullptr);
   const size_t before = asked.size();
   get(0);
   CHECK(asked.size() == before);
   // Who asks for what is being prefetched shares the answer.
-  CHECK(cache.Prefetch(30, [] {}));
+  CHECK(cache.Prefetch(30_b, [] {}));
   get(30);
   CHECK(asked.size() == before + 1);
 }

@@ -145,7 +145,7 @@ TEST_CASE("A store gives back all that was put in") {
   const auto stored = store->ReadBlock(BlockKey::Hot(0));
   REQUIRE(stored.has_value());
   BlockDecoder decoder;
-  Bytes hot_bytes(c.block(0).decoded), shading_bytes(c.block(1).decoded);
+  Bytes hot_bytes(c.block(BlockKey::Hot(0)).decoded), shading_bytes(c.block(BlockKey::Shading(0)).decoded);
   std::vector<KdNode> tree;
   const auto hot = decoder.Hot(*stored, hot_bytes, c.meta.padding, &tree);
   REQUIRE(hot.has_value());
@@ -165,8 +165,8 @@ TEST_CASE("A store gives back all that was put in") {
   REQUIRE(shaded.has_value());
   CHECK(same(MakeShading().corners, shaded->corners));
   CHECK(same(MakeShading().vertices, shaded->vertices));
-  REQUIRE_FALSE(store->ReadBlock(99).has_value());
-  CHECK(store->ReadBlock(99).error().permanent());
+  REQUIRE_FALSE(store->ReadBlock(BlockKey::FromNumber(99)).has_value());
+  CHECK(store->ReadBlock(BlockKey::FromNumber(99)).error().permanent());
 }
 
 TEST_CASE("Whoever reads a damaged block is told that another try is no use") {
@@ -175,16 +175,16 @@ TEST_CASE("Whoever reads a damaged block is told that another try is no use") {
   const auto store = StoreReader::Open(folder.file("s"));
   REQUIRE(store.has_value());
   auto bytes = ReadFile(folder.file("s"));
-  const BlockEntry& entry = store->catalog().block(0);
+  const BlockEntry& entry = store->catalog().block(BlockKey::Hot(0));
   bytes[entry.offset + entry.stored / 2] ^= 1;
   WriteFile(folder.file("bad"), bytes);
   const auto bad = StoreReader::Open(folder.file("bad"));
   REQUIRE(bad.has_value());
-  const auto block = bad->ReadBlock(0);
+  const auto block = bad->ReadBlock(BlockKey::Hot(0));
   REQUIRE_FALSE(block.has_value());
   CHECK_THAT(block.error().message, Catch::Contains("damaged (checksum)"));
   CHECK(block.error().permanent());
-  CHECK(bad->ReadBlock(1).has_value());
+  CHECK(bad->ReadBlock(BlockKey::Shading(0)).has_value());
 }
 
 TEST_CASE("A store whose directory lies of where voxels are is found out") {

@@ -9,6 +9,7 @@
 #include "common/net/stream_connection.h"
 #include "common/protocol/messages.h"
 #include "master/block_service.h"
+#include "tests/support/block_literal.h"
 #include "tests/support/shared_tables.h"
 #include "worker/sources/tcp_source.h"
 

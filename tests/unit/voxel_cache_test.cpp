@@ -5,15 +5,12 @@
 #include <thread>
 
 #include "common/engine/blocks/pinned_blocks.h"
+#include "tests/support/block_literal.h"
 
 namespace quarry {
 namespace {
 
 constexpr uint32_t kBlock = 1000;
-
-constexpr BlockKey operator""_b(unsigned long long number) {
-  return BlockKey::FromNumber(static_cast<uint32_t>(number));
-}
 
 /// A cache over ten voxels (twenty blocks of 1000 bytes) and a loader played by hand.
 struct Fixture {
