@@ -7,8 +7,7 @@
 #include "common/net/connection.h"
 #include "common/net/incoming_budget.h"
 
-// Connections over an open socket. Only connection.cpp includes this header; other code knows Connection and
-// not Asio.
+// Connections over an open socket; internal to common/net. Other code knows Connection and not Asio.
 
 namespace quarry {
 
