@@ -9,8 +9,8 @@
 
 namespace quarry {
 
-/// Which blocks a worker has, decoded or stored, and what has changed since the master was last told. Used
-/// from one thread.
+/// The blocks that a worker holds, decoded or stored, and the changes since the last report to the master.
+/// Used from one thread.
 class CacheInventory {
  public:
   enum Tier : uint8_t { kDecoded = 1, kStored = 2 };
@@ -25,7 +25,7 @@ class CacheInventory {
   struct Changes {
     std::vector<uint32_t> come, gone;
   };
-  /// Since the last call of either.
+  /// The blocks that came or went since the last call of TakeChanges() or TakeAll(), as block numbers.
   Changes TakeChanges() {
     Changes changes;
     for (const BlockKey block : changed_)
@@ -33,7 +33,7 @@ class CacheInventory {
     changed_.clear();
     return changes;
   }
-  /// All blocks here.
+  /// The numbers of all blocks held. Clears the changes.
   std::vector<uint32_t> TakeAll() {
     changed_.clear();
     std::vector<uint32_t> all;
