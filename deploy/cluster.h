@@ -27,6 +27,7 @@ class LocalCluster {
   /// Ends all programs (SIGTERM) and waits for them.
   ~LocalCluster();
 
+  /// The address that the master listens at.
   Endpoint master() const;
   /// Errors: the master, or every worker, has ended; the message is the program's last.
   Status Check();

@@ -39,9 +39,11 @@ class BlockSupply {
   static Result<std::unique_ptr<BlockSupply>> Open(boost::asio::io_context& io, const Catalog& catalog,
                                                    const SupplyOptions& options, CacheInventory& inventory);
 
+  /// The source that the engine fetches blocks from.
   VoxelSource& source() { return stored_; }
   /// Starts to serve other workers. Errors: as Listener::Open().
   Status Serve(const Endpoint& endpoint) { return server_.Listen(io_, endpoint, serving_); }
+  /// The port of Serve(), or 0.
   uint16_t serves_at() const { return server_.port(); }
 
   /// Replaces the set of other workers to ask.

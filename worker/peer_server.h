@@ -22,7 +22,9 @@ class PeerServer {
   PeerServer(const SceneId& scene, StoredCache& blocks) : scene_(scene), blocks_(blocks) {}
   /// Errors: as Listener::Open().
   Status Listen(boost::asio::io_context& io, const Endpoint& endpoint, const Security& security);
+  /// The port in use, or 0 before Listen().
   uint16_t port() const { return listener_ ? listener_->port() : 0; }
+  /// Bytes of blocks sent to other workers.
   uint64_t bytes_served() const { return bytes_served_; }
   ~PeerServer();
 

@@ -69,7 +69,7 @@ void EmptyFolder(const char* path) {
 }
 
 void RemoveAll() {
-  // Other threads still run and may create a file meanwhile: a folder that is not empty is tried again.
+  // Other threads still run and may create files: a folder that is not empty is tried again.
   bool again = true;
   for (int round = 0; again && round < kRounds; ++round) {
     if (round > 0) ::poll(nullptr, 0, kRoundMs);

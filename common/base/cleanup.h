@@ -6,8 +6,8 @@ namespace quarry {
 
 /// Registers a temporary file for removal when a signal ends the program. `path` may also be a folder that is
 /// empty by then.
-/// Returns: a handle for Forget(); -1 when all slots are taken: the file then stays after a signal.
-/// Thread-safe.
+/// Returns: a handle for Forget(), or -1 when 32 paths are registered or the path exceeds 4,095 bytes; a
+/// signal then leaves the file. Thread-safe.
 int RemoveOnSignal(const std::string& path);
 /// Registers a folder and the files directly in it for removal. Folders inside it stay, and so does it then.
 int RemoveFolderOnSignal(const std::string& path);

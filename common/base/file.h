@@ -22,6 +22,7 @@ class InputFile {
   InputFile& operator=(InputFile&& other) noexcept;
   ~InputFile();
 
+  /// The path as given to Open().
   const std::string& path() const { return path_; }
   /// Size of the file when it was opened.
   uint64_t size() const { return size_; }

@@ -121,8 +121,9 @@ class TcpListener final : public Listener {
     return true;
   }
 
-  /// The connection that costs least to drop: the oldest without a greeting; else the one that fetches blocks
-  /// and is silent longest; else the one silent longest, if for kSilent at least. May be null.
+  /// The connection that costs least to drop. First the oldest without a greeting, then the longest silent of
+  /// the connections that fetch blocks, then the longest silent of all if it is silent for kSilent. May be
+  /// null.
   ConnectionPtr MostIdle() const {
     ConnectionPtr fetches, silent;
     const auto longer = [](const ConnectionPtr& a, const ConnectionPtr& b) {

@@ -58,7 +58,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
   virtual double unread_s() const = 0;
   /// Sets a function that is called after each write of queued bytes.
   virtual void SetOnSent(std::function<void()> on_sent) = 0;
-  /// Bytes received so far. They tell a slow peer from a dead one.
+  /// Bytes received so far; an increase shows that a slow peer is alive.
   virtual uint64_t received_bytes() const = 0;
   /// The peer's address for logs: "127.0.0.1:40312".
   virtual const std::string& peer() const = 0;
@@ -72,6 +72,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
 void Connect(boost::asio::io_context& io, const Endpoint& endpoint, const Security& security,
              std::function<void(Result<std::shared_ptr<Connection>>)> done);
 
+/// Limits of a Listener.
 struct ListenerOptions {
   uint64_t incoming_bytes = 64u << 20;          ///< limit for half-read messages of all connections together
   size_t most_connections = 0;                  ///< 0: half of the descriptors that the process may open
@@ -80,8 +81,9 @@ struct ListenerOptions {
 
 /// Accepts connections until destroyed. It drops connections so that idle peers keep nobody out:
 /// - Of more than 64 connections without a first message, the oldest is dropped.
-/// - At most_connections, or when the process can open no more files: the oldest without a first message;
-/// else the one that fetches blocks and is silent longest; else the one silent longest, if for 3 s at least.
+/// - At most_connections, or when the process can open no more files: first the oldest without a
+/// first message, then the longest silent of the connections that fetch blocks, then the longest silent of
+/// all if it is silent for 3 s.
 /// - A connection is dropped when it is silent for 60 s, leaves a message half-read for 30 s plus 1 s per 16
 /// KiB of it, or takes no queued byte for 10 s.
 /// Used from the io_context's thread.

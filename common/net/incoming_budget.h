@@ -19,6 +19,7 @@ class IncomingBudget {
   bool Take(AcceptedConnection& connection, uint64_t bytes);
   /// Releases all that `connection` holds.
   void GiveBack(const AcceptedConnection& connection);
+  /// Bytes held by all connections together.
   uint64_t used() const { return used_; }
 
  private:

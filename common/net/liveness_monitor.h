@@ -16,6 +16,7 @@ class LivenessMonitor {
  public:
   using ConnectionPtr = std::shared_ptr<Connection>;
 
+  /// Starts to watch a connection; it counts as heard now.
   void Add(const ConnectionPtr& c, double now_s) { liveness_[c] = {now_s, 0}; }
   void Forget(const ConnectionPtr& c) { liveness_.erase(c); }
 

@@ -28,6 +28,7 @@ struct SecurityOptionName {
   std::string SecurityOptions::*field;
   const char *flag, *variable, *help;
 };
+/// All options with their names, for parsers of command lines.
 std::span<const SecurityOptionName> SecurityOptionNames();
 
 /// Fills empty fields from QUARRY_SECRET_FILE, QUARRY_TLS_CERT, QUARRY_TLS_KEY and QUARRY_TLS_CA. A secret on
@@ -51,6 +52,7 @@ class Security {
   /// checks the server's certificate and shows none.
   static Result<Security> ForClient(const SecurityOptions& options);
 
+  /// Whether connections use TLS.
   bool tls() const { return context_ != nullptr; }
   /// The OpenSSL context for connections; null without protection.
   ssl_ctx_st* context() const { return context_.get(); }

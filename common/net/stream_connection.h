@@ -26,7 +26,7 @@ class AcceptedConnection : public Connection {
   /// The time of the last byte received.
   virtual Clock::time_point heard() const = 0;
   /// Drops the connection when a message stays half-read, the peer stays silent, or it takes no queued bytes
-  /// for too long. The limits are those of Listener. Requires: a call about every second.
+  /// for too long. Listener states the limits. Requires: a call about every second.
   virtual void Watch(Clock::time_point now) = 0;
   /// Closes at once and calls on_close. `permanent`: trying again cannot help.
   virtual void Drop(std::string message, bool permanent) = 0;

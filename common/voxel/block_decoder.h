@@ -37,7 +37,7 @@ class BlockDecoder {
   /// Units: `padding` in scene units.
   /// Requires: out.size() is the decoded size in the directory; `out` aligned to 16 bytes.
   /// Errors: data that does not decode to exactly `out`; a count, index or link out of range; an invalid
-  /// tree, or one whose leaves have another number of references. Any bytes may be given; after success
+  /// tree; leaves with another number of references than the block. Any bytes may be given; after success
   /// kernels need no further check.
   Result<VoxelGeometry> Hot(std::span<const std::byte> stored, std::span<std::byte> out, float padding,
                             std::vector<KdNode>* tree = nullptr);

@@ -130,8 +130,8 @@ inline void ReadDifferences(std::span<const std::byte> bytes, std::span<uint32_t
   for (size_t i = whole; i < count; ++i) values[i] = sum += UndoZigZag(values[i]);
 }
 
-/// Appends indices numbered by first appearance, each as its distance below the next new index; 0 for a new
-/// one.
+/// Appends indices numbered by first appearance, each as its distance below the next new index. A
+/// new index gives 0.
 inline void PutFromNewest(std::span<const uint16_t> indices, Bytes& out) {
   std::vector<uint16_t> below;
   below.reserve(indices.size());

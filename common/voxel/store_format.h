@@ -10,6 +10,7 @@ inline constexpr std::string_view kStoreMagic = "QUARRY\r\n";
 /// Version of the format. Stores of other versions are refused; it changes freely until the first release.
 inline constexpr uint32_t kStoreVersion = 9;
 
+/// Sizes of the header and of an entry of the section table; limit of sections against damaged headers.
 inline constexpr uint64_t kStoreHeaderBytes = 64;
 inline constexpr uint64_t kSectionEntryBytes = 40;
 inline constexpr uint32_t kMaxSections = 64;

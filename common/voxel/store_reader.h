@@ -24,10 +24,12 @@ class StoreReader {
   static Result<StoreReader> Open(const std::string& path);
 
   const std::string& path() const { return file_.path(); }
+  /// Bytes in the file.
   uint64_t size() const { return file_.size(); }
   const Catalog& catalog() const { return catalog_; }
   /// The catalog's sections as stored, for sending.
   const std::vector<Section>& catalog_sections() const { return catalog_sections_; }
+  /// Names by material index, and by part index.
   const std::vector<std::string>& material_names() const { return material_names_; }
   const std::vector<std::string>& parts() const { return parts_; }
 

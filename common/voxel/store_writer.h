@@ -58,6 +58,7 @@ struct StoreProgress {
 /// Errors of all members: write errors, as OutputFile.
 class StoreWriter {
  public:
+  /// Begins a new store. Errors: as OutputFile::Create().
   static Result<StoreWriter> Create(const std::string& path);
   /// Continues a store whose file is `temporary`, which outlives the process. `progress` is the state at the
   /// last Sync().
@@ -71,6 +72,7 @@ class StoreWriter {
   /// Begins a texture. Its pages follow in any order, each once.
   /// Requires: after the last voxel; CheckTexelLayout(layout) succeeds.
   void BeginTexture(std::string name, const TexelLayout& layout);
+  /// Appends page `page` of the texture begun last. Requires: the page was not added before.
   Status AddPage(uint32_t page, const EncodedPage& encoded);
   /// Removes the texture begun last, for a texture that cannot be finished.
   Status DropTexture();
@@ -80,6 +82,7 @@ class StoreWriter {
   Result<SceneId> Finish(SceneMeta meta, const std::vector<KdNode>& top_nodes,
                          const std::vector<Material>& materials, const std::vector<std::string>& parts,
                          const SceneViews& views = {});
+  /// Bytes in the file so far.
   uint64_t bytes_written() const { return file_.size(); }
   /// Makes the voxels and textures written so far survive a loss of power.
   Status Sync() { return file_.Sync(); }

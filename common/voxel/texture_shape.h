@@ -61,8 +61,11 @@ class TextureShape {
   const std::vector<Level>& levels() const { return levels_; }
   uint32_t tail() const { return tail_; }  ///< the first level of the tail
   uint32_t pages() const { return pages_; }
+  /// The page of a level at a column and row of pages. Requires: they exist.
   uint32_t PageOf(uint32_t level, uint32_t column, uint32_t row) const;
+  /// The rectangle of texels that a page holds. Requires: page < pages().
   Part PartOf(uint32_t page) const;
+  /// The number of texels in a page. Requires: page < pages().
   uint32_t TexelsOf(uint32_t page) const;
   /// The number of texels in the tail's page before `level`. Requires: tail() <= level <= levels().size().
   uint32_t TailOffset(uint32_t level) const;

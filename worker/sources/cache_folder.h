@@ -45,6 +45,7 @@ class AgeHistogram {
 /// thread-safe.
 class CacheFolder {
  public:
+  /// The result of a Read(): read, not there, or damaged and removed.
   enum class Found { kYes, kNo, kDamaged };
 
   /// Touches nothing before Open(). `budget` limits the bytes over all scenes; each file counts rounded up to

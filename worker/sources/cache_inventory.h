@@ -13,7 +13,9 @@ namespace quarry {
 /// Used from one thread.
 class CacheInventory {
  public:
+  /// The forms in which a block is held.
   enum Tier : uint8_t { kDecoded = 1, kStored = 2 };
+  /// Notes that a block is held in `tier`, or no longer.
   void Set(BlockKey block, Tier tier, bool here) {
     uint8_t& tiers = tiers_[block];
     const uint8_t before = tiers;
@@ -21,6 +23,7 @@ class CacheInventory {
     if ((before == 0) != (tiers == 0)) changed_.insert(block);
     if (tiers == 0) tiers_.erase(block);
   }
+  /// Whether the block is held in any form.
   bool Has(BlockKey block) const { return tiers_.contains(block); }
   struct Changes {
     std::vector<uint32_t> come, gone;

@@ -14,6 +14,7 @@ namespace quarry {
 /// thread-safe.
 class LruIndex {
  public:
+  /// `budget_bytes` limits the sum of the blocks' sizes.
   explicit LruIndex(uint64_t budget_bytes) : budget_(budget_bytes) {}
   bool Has(BlockKey block) const { return entries_.contains(block); }
   /// Whether the block is here; if so, it counts as used now.

@@ -24,8 +24,10 @@ class BackOff {
  public:
   static constexpr double kLeastS = 0.1, kMostS = 5;
   explicit BackOff(uint64_t seed = 0) : seed_(seed) {}
+  /// Notes a failure or a success of the source.
   void Failed(double now_s);
   void Succeeded() { failures_ = 0; }
+  /// Whether the source may be asked now.
   bool Open(double now_s) const { return failures_ == 0 || now_s >= open_at_s_; }
   uint32_t failures() const { return failures_; }
 
@@ -40,6 +42,7 @@ class BackOff {
 class RetryBudget {
  public:
   static constexpr double kMost = 20, kEachRequest = 0.1, kEachSecond = 1;
+  /// Notes a first request, which adds a tenth of a second request to the budget.
   void Requested() { tokens_ = tokens_ + kEachRequest < kMost ? tokens_ + kEachRequest : kMost; }
   /// Takes one request from the budget. Returns: false when the budget is empty.
   bool Spend(double now_s);

@@ -44,6 +44,7 @@ class SourceSet final : public VoxelSource {
   /// A hint that `worker` has the block.
   void SetHolder(BlockKey block, uint32_t worker);
 
+  /// Requires: the catalog has the block. `done` is called once, never after the destructor.
   void Fetch(BlockKey block, Done done) override;
   const Counters& counters() const;
 
