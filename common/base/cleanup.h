@@ -9,7 +9,8 @@ namespace quarry {
 /// Returns: a handle for Forget(), or -1 when 32 paths are registered or the path exceeds 4,095 bytes; a
 /// signal then leaves the file. Thread-safe.
 int RemoveOnSignal(const std::string& path);
-/// Registers a folder and the files directly in it for removal. Folders inside it stay, and so does it then.
+/// Registers a folder and the files directly in it for removal. Folders inside it stay, and then so does the
+/// folder.
 int RemoveFolderOnSignal(const std::string& path);
 /// Ends a registration: the file is removed already or has its final name. Ignores -1. Thread-safe.
 void Forget(int handle);

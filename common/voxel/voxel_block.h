@@ -33,11 +33,11 @@ inline constexpr uint32_t kMaxBlockBytes = 64u << 20;
 inline constexpr uint64_t MostStored(uint64_t decoded) { return 2 * decoded + 16; }
 
 /// The input of a hot block.
+/// Units: `cell` and `vertices` in scene units.
 /// Shapes: corners[3 * triangles]; triangle_ids, materials and parts one per triangle.
 struct HotVoxel {
   Box cell;
-  std::vector<KdNode> nodes;         ///< as built; leaves' references are contiguous from the leftmost leaf
-                                     ///< on
+  std::vector<KdNode> nodes;         ///< as built; references in the order of the leaves
   uint32_t node_slots = 0;           ///< slots that LayOutTreelets() needs for `nodes`
   uint32_t wide_nodes = 0;           ///< wide nodes that MakeWideTree() makes of `nodes`
   std::vector<uint16_t> references;  ///< triangles are numbered in the order of their first reference

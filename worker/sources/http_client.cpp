@@ -1,3 +1,6 @@
+// Longer than 400 lines: one class serves a connection from opening to closing, and all steps share its
+// state.
+
 #include "worker/sources/http_client.h"
 
 #include <fmt/format.h>
