@@ -16,10 +16,10 @@ struct CacheArguments {
   bool json = false;
 };
 
-/// list, limit and clear, as commands of `command`.
+/// Adds the commands list, limit and clear to `command`. Requires: `arguments` outlives the parsing.
 void AddCacheCommands(CLI::App& command, CacheArguments& arguments);
 
-/// Runs the one that was given.
+/// Runs the command that was given. Errors: usage; the cache folder cannot be read or written.
 Status RunCacheCommand(const CLI::App& command, const CacheArguments& arguments);
 
 }  // namespace quarry

@@ -9,22 +9,26 @@
 
 namespace quarry {
 
+/// The callbacks of RenderRemotely(), called on its thread. Requires: none is empty.
 struct RenderCallbacks {
   std::function<void(const FrameProgress&)> on_progress;
-  /// A finished frame: the image file's bytes. An error is tried again every second (a full disk may get
-  /// space), and ends the job after RenderRemotely's `retry_s`; one of usage ends it at once.
+  /// Takes the finished frames in order, each with the bytes of its image file. An error is retried every
+  /// second, since a full disk may get space, and ends the job after `retry_s`; an error of usage ends it at
+  /// once.
   std::function<Status(const FrameDone&, const Bytes& image)> on_frame;
-  /// Called a few times a second: an error ends the job (a process that it needs has died, say).
+  /// Called several times a second. An error ends the job, for example when a needed process has died.
   std::function<Status()> check;
-  /// A line for the person: the master is out of reach, say, and is tried again.
+  /// Takes a line for the user, for example that the master is out of reach and is tried again.
   std::function<void(const std::string&)> say;
 };
 
-/// Connects as `security` says, sends `job` to the master and waits for its frames. `scene` must be the scene
-/// that the master serves. When the connection is lost it is made again, and the frames not here are asked
-/// for again. Errors: out of reach at first, a side that does not fit, or another scene; all that for
-/// `retry_s` after the master has been reached once; the master's own sentence, and what the callbacks
-/// return.
+/// Sends `job` to the master and waits for its frames. After a loss of the connection it connects again and
+/// requests the missing frames again.
+/// Units: `retry_s` in seconds.
+/// Requires: `scene` is the scene that the master serves.
+/// Errors: at the first connection, at once: out of reach, mismatched security or version, another scene.
+/// Later the same errors, after retries for `retry_s`. Also: the master's own message; errors of the
+/// callbacks.
 Status RenderRemotely(const Endpoint& master, const Security& security, const SceneId& scene,
                       const RenderJob& job, const RenderCallbacks& callbacks, double retry_s);
 

@@ -18,7 +18,7 @@ namespace {
 
 namespace bp = boost::process;
 
-/// One child and the thread that passes on its standard error, keeping the last line.
+/// A child process, and a thread that reads its standard error and keeps the last line.
 class Child {
  public:
   Child(const std::string& program, const std::vector<std::string>& arguments)
@@ -62,7 +62,8 @@ class Child {
   std::string last_error_;
 };
 
-/// "quarry-master: x.quarry: no such file" without the program's name: the caller adds its own.
+/// Removes the program's name from a message ("quarry-master: x.quarry: no such file"); the caller adds its
+/// own.
 std::string WithoutProgram(const std::string& line) {
   const size_t colon = line.find(": ");
   return line.rfind("quarry-", 0) == 0 && colon != std::string::npos ? line.substr(colon + 2) : line;
@@ -124,7 +125,7 @@ Status LocalCluster::Check() {
   if (!impl_->master->Running()) return ended(*impl_->master);
   for (auto& worker : impl_->workers)
     if (worker->Running()) return {};
-  std::this_thread::sleep_for(std::chrono::milliseconds(20));  // for its last words
+  std::this_thread::sleep_for(std::chrono::milliseconds(20));  // time to read the last messages
   for (auto& worker : impl_->workers)
     if (!worker->last_error().empty()) return ended(*worker);
   return Fail("every worker has ended");

@@ -10,22 +10,26 @@
 
 namespace quarry {
 
-/// A master and workers on this machine, started for one command and ended with it, however it ends.
+/// A master and workers on this machine that serve a single command and end with it, however it ends. Not
+/// thread-safe.
 class LocalCluster {
  public:
   struct Options {
     std::string scene;
     unsigned workers = 1;
-    unsigned threads = 0;  ///< per worker; 0: the machine's processors shared out
-    std::string cache = "256M";
-    SecurityOptions security;  ///< as given to this command; what the environment says is for other clusters
+    unsigned threads = 0;        ///< per worker; 0: the machine's processors divided among the workers
+    std::string cache = "256M";  ///< each worker's cache, as ParseSize() reads it
+    SecurityOptions security;    ///< this command's options only: the environment's belong to other clusters
   };
-  /// Waits for the master to listen. Errors: a program cannot be started; the master's own sentence.
+  /// Starts the programs and waits until the master listens. Errors: a program cannot be started; the
+  /// master's own message.
   static Result<std::unique_ptr<LocalCluster>> Start(const Options& options);
+  /// Ends all programs (SIGTERM) and waits for them.
   ~LocalCluster();
 
+  /// The address that the master listens at.
   Endpoint master() const;
-  /// An error once the master, or every worker, has ended: with the sentence that it printed.
+  /// Errors: the master, or every worker, has ended; the message is the program's last.
   Status Check();
 
  private:
@@ -34,10 +38,11 @@ class LocalCluster {
   std::unique_ptr<Impl> impl_;
 };
 
-/// The path of a program that lies beside this one.
+/// The path of a program in the folder of this program.
 std::string SiblingProgram(const std::string& name);
 
-/// Runs a sibling program to its end, its output passed on. Returns its exit status.
+/// Runs a sibling program to its end and passes its output on. Returns: its exit status. Errors: it cannot be
+/// run.
 Result<int> RunSibling(const std::string& name, const std::vector<std::string>& arguments);
 
 }  // namespace quarry

@@ -9,7 +9,7 @@
 namespace quarry {
 namespace {
 
-/// A direction given as (right, back, up) in the axes of the scene.
+/// Converts a direction (right, back, up) to the scene's axes.
 glm::dvec3 InAxes(double right, double back, double up, uint32_t up_axis) {
   return up_axis == 1 ? glm::dvec3(right, up, back) : glm::dvec3(right, -back, up);
 }
@@ -26,7 +26,7 @@ CameraSpec DefaultView(const SceneMeta& scene, double aspect, double fov_degrees
   const glm::dvec3 back = glm::normalize(InAxes(0.6, 1.0, 0.45, scene.up_axis));
   const glm::dvec3 right = glm::normalize(glm::cross(camera.up, back));
   const glm::dvec3 up = glm::cross(back, right);
-  // The nearest distance from which all eight corners are in view, and a twentieth more.
+  // The smallest distance from which all eight corners are in view, plus 5 %.
   const double tangent_y = TanHalfDegrees(fov_degrees), tangent_x = tangent_y * aspect;
   double distance = 0;
   for (int corner = 0; corner < 8; ++corner) {

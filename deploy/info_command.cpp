@@ -19,7 +19,7 @@ struct Totals {
 
 Totals Sum(const StoreReader& store) {
   Totals t;
-  bool in_chain = false;  // with the voxel before
+  bool in_chain = false;  // the previous voxel continues in this voxel
   for (const VoxelEntry& v : store.catalog().voxels) {
     t.hot_decoded += v.blocks[0].decoded;
     t.shading_decoded += v.blocks[1].decoded;
@@ -37,7 +37,7 @@ Totals Sum(const StoreReader& store) {
   return t;
 }
 
-/// In the model's own coordinates.
+/// The bounds in the model's own coordinates.
 std::pair<glm::dvec3, glm::dvec3> ModelBounds(const SceneMeta& m) {
   return {glm::dvec3(m.bounds_lower) + m.offset, glm::dvec3(m.bounds_upper) + m.offset};
 }
@@ -57,7 +57,7 @@ nlohmann::ordered_json Triple(const V& v) {
   return {v.x, v.y, v.z};
 }
 
-/// In the model's own coordinates.
+/// A camera in the model's own coordinates.
 nlohmann::ordered_json DescribeCamera(const NamedCamera& camera) {
   nlohmann::ordered_json j{{"name", camera.name},
                            {"eye", Triple(camera.spec.eye)},
@@ -80,7 +80,7 @@ nlohmann::ordered_json DescribeLight(const NamedLight& light) {
   return j;
 }
 
-/// The names of cameras or lights, the first few of many.
+/// The number of cameras or lights, and the names of the first eight.
 template <class View>
 std::string Names(const std::vector<View>& views) {
   constexpr size_t kShown = 8;

@@ -6,10 +6,12 @@
 
 namespace quarry {
 
-/// `quarry info`: what a store holds, for people or as JSON, on standard output.
+/// `quarry info`: prints the contents of a store on standard output, as text or JSON. Errors: as
+/// StoreReader::Open().
 Status PrintInfo(const std::string& scene, bool json);
 
-/// `quarry verify`: reads every byte and decodes every block.
+/// `quarry verify`: reads every byte of a store and decodes every block and page. Errors: the first problem
+/// found.
 Status Verify(const std::string& scene, bool quiet);
 
 }  // namespace quarry

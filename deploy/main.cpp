@@ -23,7 +23,7 @@
 namespace quarry {
 namespace {
 
-/// The programs quarry-bench-* beside this one, without that.
+/// The names of the quarry-bench-* programs beside this program, without that prefix.
 std::vector<std::string> Benches() {
   constexpr std::string_view kPrefix = "quarry-bench-";
   std::vector<std::string> names;
@@ -36,7 +36,7 @@ std::vector<std::string> Benches() {
   return names;
 }
 
-/// `quarry bench WHAT ...` is the program quarry-bench-WHAT beside this one.
+/// Runs `quarry bench WHAT ...` as the program quarry-bench-WHAT beside this program.
 int RunBench(int argc, char** argv) {
   const std::string what = argc > 2 ? argv[2] : "--help";
   const std::vector<std::string> benches = Benches();
@@ -91,7 +91,7 @@ int Main(int argc, char** argv) {
              : app.got_subcommand("cache") ? RunCacheCommand(*cache_command, cache)
                                            : Verify(scene, quiet);
     std::fflush(stdout);
-  } catch (const std::system_error& e) {  // of fmt::print
+  } catch (const std::system_error& e) {  // thrown by fmt::print
     status = Fail(fmt::format("standard output cannot be written: {}", e.code().message()));
   }
   if (status) return 0;

@@ -38,7 +38,8 @@ std::optional<std::string> Variable(const char* name) {
   return value && *value ? std::optional<std::string>(value) : std::nullopt;
 }
 
-/// The store's name says what it is made from: another model, importer or format has another name.
+/// The name of a model's store. It depends on the model, the importer and the format, so that none of them
+/// can use another's store.
 std::string KeptName(const std::string& model) {
   std::error_code error;
   const std::string absolute = fs::absolute(model, error).lexically_normal().string();
@@ -47,12 +48,12 @@ std::string KeptName(const std::string& model) {
                      kStoreExtension);
 }
 
-/// What the preprocessor wrote beside a store: of which files it is made.
+/// The record that the preprocessor writes beside a store: the files that the store is made from.
 std::string RecordOf(const std::string& store) { return store + ".json"; }
 
 int64_t Nanoseconds(const timespec& time) { return int64_t{time.tv_sec} * 1000000000 + time.tv_nsec; }
 
-/// Whether a file is as a record says that it was.
+/// Whether a file is unchanged since the record was made.
 bool IsAsRecorded(const json& input) {
   const auto file = input.find("file"), there = input.find("there");
   if (file == input.end() || !file->is_string() || there == input.end() || !there->is_boolean()) return false;
@@ -63,7 +64,7 @@ bool IsAsRecorded(const json& input) {
          changed != input.end() && *changed == Nanoseconds(info.st_mtim);
 }
 
-/// Whether a store is there, made of files that are all as they were.
+/// Whether the store exists and all files that it is made from are unchanged.
 bool IsCurrent(const std::string& store) {
   std::error_code error;
   if (!fs::exists(store, error) || !fs::exists(RecordOf(store), error)) return false;
@@ -87,12 +88,12 @@ Result<FileLock> AwaitTurn(const std::string& store, const std::string& model, b
 
 Status Make(const std::string& model, const std::string& store, bool quiet) {
   std::error_code error;
-  fs::remove(RecordOf(store), error);  // it speaks of the store before
+  fs::remove(RecordOf(store), error);  // the record describes the previous store
   std::vector<std::string> arguments{
       model, "-o", store, "--stats", RecordOf(store), "--force", "--resume-if-fit"};
   if (quiet) arguments.push_back("--quiet");
   QUARRY_ASSIGN(const int status, RunSibling("quarry-preprocess", arguments));
-  // What is wrong with the model, the preprocessor has said; of a signal it could say nothing.
+  // The preprocessor has reported any error itself, except when a signal ended it.
   const bool told = status == 1 || status == 2;
   if (status != 0)
     return tl::unexpected<Error>(
@@ -100,12 +101,12 @@ Status Make(const std::string& model, const std::string& store, bool quiet) {
              : Error{fmt::format("{}: quarry-preprocess was ended by the system", model)});
   QUARRY_ASSIGN(const uint64_t limit, KeptStoresLimit());
   if (limit == 0) return {};
-  // Not the one that was asked for, however large it is.
+  // Never removes the store just made, however large it is.
   const uint64_t own = fs::file_size(store, error) + fs::file_size(RecordOf(store), error);
   return ShrinkKeptStores(std::max(limit, own)).map([](auto&&) {});
 }
 
-/// A line that names the model of a record; empty when it cannot be read.
+/// The name of the model in a record; empty when the record cannot be read.
 std::string ModelOf(const std::string& store) {
   const auto record = ReadJsonFile<json>(RecordOf(store));
   if (!record || !record->is_object()) return "";
@@ -125,7 +126,7 @@ uint64_t BytesIn(const fs::path& folder) {
   return bytes;
 }
 
-/// Removes a store with all that belongs to it; false: it is being made.
+/// Removes a store and the files beside it. Returns: false when the store is being made.
 Result<bool> RemoveKept(const KeptStore& kept) {
   QUARRY_ASSIGN(const std::optional<FileLock> turn, FileLock::TryTake(kept.path + ".turn"));
   if (!turn) return false;
@@ -161,7 +162,7 @@ Result<std::string> StoreFor(const std::string& scene, bool quiet) {
   QUARRY_ASSIGN(const FileLock turn, AwaitTurn(store, scene, quiet));
   if (IsCurrent(store)) {
     if (!quiet) fmt::print(stderr, "{}: using the store kept of it, {} (see quarry cache)\n", scene, store);
-    ::utimensat(AT_FDCWD, RecordOf(store).c_str(), nullptr, 0);  // used now
+    ::utimensat(AT_FDCWD, RecordOf(store).c_str(), nullptr, 0);  // the time of last use
     return store;
   }
   TellOnSignal("nothing was rendered");

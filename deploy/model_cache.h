@@ -8,42 +8,44 @@
 
 namespace quarry {
 
-/// What a signal's line says while pictures are made.
+/// The text of TellOnSignal() while pictures are rendered.
 inline constexpr const char* kKeptOnSignal = "frames finished before are kept, nothing partial is left";
 
-/// The folder of stores that were made of models: $QUARRY_CACHE_DIR, else $XDG_CACHE_HOME/quarry, else
-/// ~/.cache/quarry, else one in /tmp. An empty variable is as good as none.
+/// The folder of stores made from models: $QUARRY_CACHE_DIR, else $XDG_CACHE_HOME/quarry, else
+/// ~/.cache/quarry, else /tmp/quarry-cache. An empty variable counts as unset.
 std::string CacheFolder();
 
-/// The store to render: `scene` itself when it is one, else the store of that model in the cache folder. It
-/// is made first unless it is there and the model, and every file that it names, has the size and time (or is
-/// missing) as when it was made, by this version of the importers and the format. An unfinished one that was
-/// left by a signal is gone on with. While another process makes it, this one waits.
-/// Errors: no such file; what the preprocessor has refused, with its status and no sentence, since it has
-/// said its own.
+/// The store to render: `scene` itself if it is a store, else the store of that model in the cache folder. A
+/// store is reused while the model, and every file that the model names, has the recorded size and time (or
+/// is still missing), and importer and format have the same version. Otherwise it is made; an unfinished
+/// store is resumed. Blocks while another process makes the store.
+/// Errors: no such file; failure of the preprocessor, with its exit status and no message, because it has
+/// printed its own.
 Result<std::string> StoreFor(const std::string& scene, bool quiet);
 
-/// Paths of the files that a kept store is made from: the model's, and those of the files that it names.
+/// The files that a kept store is made from: the model and the files that it names. Empty when unknown.
 std::vector<std::string> FilesOfKept(const std::string& store);
 
 /// A store in the cache folder, finished or not.
 struct KeptStore {
   std::string path;
-  std::string model;    ///< empty: unknown
-  uint64_t bytes = 0;   ///< with what lies beside it
-  int64_t used_ns = 0;  ///< when it was last used, since 1970
+  std::string model;    ///< empty when unknown
+  uint64_t bytes = 0;   ///< bytes of the store and the files beside it
+  int64_t used_ns = 0;  ///< time of the last use, in ns since 1970
   bool finished = true;
 };
 
-/// What is there, the least recently used first.
+/// The kept stores, least recently used first. Errors: the folder cannot be listed.
 Result<std::vector<KeptStore>> ListKeptStores();
 
-/// Removes stores, the least recently used first, until the cache folder holds at most `most` bytes.
-/// Whoever is reading one reads on; one that is being made is left alone. Returns what is gone.
+/// Removes stores, least recently used first, until the cache folder holds at most `most` bytes. A process
+/// that reads a removed store can go on; a store that is being made stays. Returns: the removed stores.
 Result<std::vector<KeptStore>> ShrinkKeptStores(uint64_t most);
 
-/// The limit on the cache folder's bytes that a person has set; 0: none. It holds after each store made.
+/// The user's limit of bytes in the cache folder; 0 for none. Applied after each store is made. Errors: the
+/// file with the limit is not readable.
 Result<uint64_t> KeptStoresLimit();
+/// Sets the limit; 0 for none. Does not remove stores. Errors: write errors.
 Status SetKeptStoresLimit(uint64_t bytes);
 
 }  // namespace quarry

@@ -26,16 +26,15 @@ struct RenderArguments {
   double retry_s = 60;
   SecurityOptions security;
   bool quiet = false, force = false;
-  const CLI::App* command = nullptr;  ///< where they come from
-  std::string command_line;           ///< as typed
+  const CLI::App* command = nullptr;  ///< the command that parsed them
+  std::string command_line;           ///< the whole command line as typed
 };
 
 void AddRenderOptions(CLI::App& command, RenderArguments& arguments);
 
-/// Renders to `output`, once it is decided that nothing else is lost by it (OutputGuard), or `out.####.png`
-/// for a camera path: starts a cluster on this machine or uses
-/// --master's. A model is preprocessed first; its store is kept and used again while the model's size and
-/// time are unchanged.
+/// Renders to `output`, or to `out.####.png` for a camera path, if OutputGuard allows the output. Starts a
+/// cluster on this machine, or uses the master of --master. A model is preprocessed first; its store is kept
+/// and reused while the model is unchanged (see StoreFor()).
 Status Render(const RenderArguments& arguments);
 
 }  // namespace quarry

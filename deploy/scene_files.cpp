@@ -18,7 +18,7 @@ constexpr double kMostDouble = std::numeric_limits<double>::max(),
                  kMostFloat = std::numeric_limits<float>::max();
 constexpr double kMostFov = 179;  // degrees
 
-/// A colour or radiance.
+/// Reads a colour or radiance: three numbers of at least 0.
 Status ReadColour(const JsonValue& value, glm::vec3& out) {
   double numbers[3];
   QUARRY_TRY(value.Numbers(numbers, 0, kMostFloat));
@@ -33,7 +33,7 @@ Status ReadPoint(const JsonValue& value, glm::dvec3& out) {
   return {};
 }
 
-/// The same, if it is there.
+/// Reads a member with `read` if it exists.
 template <class V>
 Status ReadOptional(const JsonValue& object, const char* name, Status (*read)(const JsonValue&, V&), V& out) {
   QUARRY_ASSIGN(const std::optional<JsonValue> value, object.Optional(name));

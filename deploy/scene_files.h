@@ -12,14 +12,17 @@ namespace quarry {
 ///   {"lights": [{"type": "sun", "direction": [x,y,z], "radiance": [r,g,b]},
 ///               {"type": "point", "position": [x,y,z], "radiance": [r,g,b]}],
 ///    "ambient": [r,g,b], "background": [r,g,b]}
-/// Fills in job.lights, and ambient and background when they are given; `offset` is taken off positions.
+/// Reads the lights into job.lights, and ambient and background if given. `offset` (SceneMeta::offset) is
+/// subtracted from positions.
 /// Errors name the file and the member.
 Status ReadLights(const std::string& path, const glm::dvec3& offset, RenderJob& job);
 
-/// `--camera-path FILE.json`: {"frames": [{"eye": [..], "at": [..], "up": [..], "fov": degrees}, ...]}.
+/// Reads the file of `--camera-path`: {"frames": [{"eye": [..], "at": [..], "up": [..], "fov": degrees},
+/// ...]}.
+/// Errors name the file and the member.
 Result<std::vector<CameraSpec>> ReadCameraPath(const std::string& path);
 
-/// "x,y,z" into a vector. Errors (usage) name `what`.
+/// Parses "x,y,z". Errors (usage): other text; the message names `what`.
 Result<glm::dvec3> ParseVector(const std::string& text, const std::string& what);
 
 }  // namespace quarry

@@ -41,7 +41,8 @@ Result<std::unique_ptr<BlockSupply>> BlockSupply::Open(boost::asio::io_context& 
   return supply;
 }
 
-/// A master is trusted with the scene, not with the tokens of this worker's owner.
+/// The master is trusted with the scene but not with this worker's tokens: a server that only the master
+/// names gets headers and signatures only if `header_servers` lists it.
 HttpOptions BlockSupply::HttpFor(const HttpLocation& location, const SupplyOptions& options) const {
   if (options.own_sources || (options.http.headers.empty() && !options.http.aws)) return options.http;
   HttpOptions http = OptionsFor(location, options.http, options.header_servers);

@@ -15,39 +15,44 @@
 
 namespace quarry {
 
+/// Settings of a BlockSupply. Units: names tell bytes and seconds.
 struct SupplyOptions {
   Endpoint master;
-  Security security, serving;        ///< toward masters and servers; toward workers that ask
-  std::vector<std::string> sources;  ///< as ParseSource has them
-  bool own_sources = false;          ///< this worker's command line names them, not the master
-  uint64_t stored_bytes = 0;         ///< of the StoredCache
+  Security security, serving;        ///< toward masters and servers; toward workers that connect
+  std::vector<std::string> sources;  ///< as ParseSource() reads them
+  bool own_sources = false;          ///< the command line names the sources, not the master
+  uint64_t stored_bytes = 0;         ///< budget of the StoredCache
   std::optional<DiskCacheLocation> disk_cache;
   HttpOptions http;
-  std::vector<HttpServer> header_servers;  ///< that get its headers though only the master names them
+  std::vector<HttpServer> header_servers;  ///< servers that get headers even if only the master names them
   double give_up_after_s = 60;
   std::function<void(const std::string&)> log;
   std::function<bool()> idle;  ///< whether no ray waits for a block on its way
 };
 
-/// Where a worker's blocks come from: its stored ones, its disk, other workers, the scene's sources; and what
-/// it gives to other workers. Used from the io_context's thread.
+/// Supplies a worker's blocks from its cache of stored blocks, its disk, other workers and the scene's
+/// sources, and serves stored blocks to other workers. Used from the io_context's thread.
 class BlockSupply {
  public:
-  /// Errors: a source that cannot be (a file that is not the scene, an address that is none).
+  /// Requires: `io`, `catalog` and `inventory` outlive it. Errors: a source that cannot be used (a file of
+  /// another scene, an invalid address).
   static Result<std::unique_ptr<BlockSupply>> Open(boost::asio::io_context& io, const Catalog& catalog,
                                                    const SupplyOptions& options, CacheInventory& inventory);
 
+  /// The source that the engine fetches blocks from.
   VoxelSource& source() { return stored_; }
-  /// Serves other workers from now on. Errors: as Listener::Open's.
+  /// Starts to serve other workers. Errors: as Listener::Open().
   Status Serve(const Endpoint& endpoint) { return server_.Listen(io_, endpoint, serving_); }
+  /// The port of Serve(), or 0.
   uint16_t serves_at() const { return server_.port(); }
 
+  /// Replaces the set of other workers to ask.
   void SetPeers(const Peers& peers);
-  /// What a tile is expected to need.
+  /// Notes the blocks that a tile is expected to need, and the workers that hold them.
   void Expect(const TileOrder& order);
-  /// While the link is idle, fetches what is expected to be needed.
+  /// Fetches expected blocks while the link is idle.
   void Prefetch();
-  /// Forgets what was expected.
+  /// Forgets the expected blocks.
   void ClearExpected() { expected_.clear(); }
 
   const SourceSet::Counters& counters() const { return sources_.counters(); }
@@ -55,6 +60,8 @@ class BlockSupply {
   StoredCache::Counters stored() const { return stored_.counters(); }
 
  private:
+  /// Expected blocks remembered; prefetches at once. Few prefetches keep the link free for blocks that rays
+  /// wait for.
   static constexpr size_t kMostExpected = 1u << 14, kMostPrefetching = 4;
   BlockSupply(boost::asio::io_context& io, const Catalog& catalog, const SupplyOptions& options,
               CacheInventory& inventory);
@@ -67,7 +74,7 @@ class BlockSupply {
   std::function<bool()> idle_;
   const Security security_, serving_;
   SourceSet sources_;
-  std::unique_ptr<DiskCachedSource> disk_;  ///< in front of them, or null
+  std::unique_ptr<DiskCachedSource> disk_;  ///< in front of `sources_`, or null
   StoredCache stored_;
   PeerServer server_;
   std::deque<BlockKey> expected_;

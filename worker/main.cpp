@@ -19,7 +19,7 @@
 namespace quarry {
 namespace {
 
-/// Options that are parsed once all are known.
+/// Options that are parsed after the command line is complete.
 struct Texts {
   std::string master, cache = "256M", disk_cache, http_header_file, aws;
   std::vector<std::string> header_hosts;

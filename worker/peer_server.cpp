@@ -10,7 +10,7 @@
 namespace quarry {
 
 Status PeerServer::Listen(boost::asio::io_context& io, const Endpoint& endpoint, const Security& security) {
-  // Requests are small; the worker's own connections and files need descriptors too.
+  // Requests are small. The worker's own connections and files need descriptors too.
   ListenerOptions options;
   options.incoming_bytes = 256u << 10;
   options.most_connections = std::min<size_t>(kMostConnections, DescriptorLimit() / 4);
@@ -66,7 +66,7 @@ uint64_t PeerServer::QueuedBytes() const {
   return bytes;
 }
 
-/// Those that hold up others.
+/// Drops peers that do not read, since their queued blocks hold up others.
 void PeerServer::DropStalled() {
   constexpr double kPatienceS = 2;
   for (const auto& c : std::vector(peers_.begin(), peers_.end()))

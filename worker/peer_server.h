@@ -9,19 +9,22 @@
 
 namespace quarry {
 
-/// Serves other workers the stored blocks that this one has: the voxel half of the protocol, without a disk.
-/// A block that is not here is refused at once. Used from the io_context's thread.
+/// Serves this worker's stored blocks to other workers: the voxel part of the protocol, without a disk. A
+/// request for a block that is not in the cache is refused at once. Used from the io_context's thread.
 class PeerServer {
  public:
-  /// And no more than a quarter of the descriptors that the process may open.
+  /// Limit of connections; the quarter of the descriptors that the process may open also limits them.
   static constexpr size_t kMostConnections = 256;
-  /// To all together: beyond this blocks are refused, and whoever has not read for 2 s is dropped.
+  /// Limit of queued bytes over all peers. At the limit blocks are refused, and peers that have read nothing
+  /// for 2 s are dropped.
   static constexpr uint64_t kMaxQueuedBytes = 8u << 20;
 
   PeerServer(const SceneId& scene, StoredCache& blocks) : scene_(scene), blocks_(blocks) {}
-  /// Errors: as Listener::Open's.
+  /// Errors: as Listener::Open().
   Status Listen(boost::asio::io_context& io, const Endpoint& endpoint, const Security& security);
+  /// The port in use, or 0 before Listen().
   uint16_t port() const { return listener_ ? listener_->port() : 0; }
+  /// Bytes of blocks sent to other workers.
   uint64_t bytes_served() const { return bytes_served_; }
   ~PeerServer();
 

@@ -4,8 +4,10 @@
 
 namespace quarry {
 
-/// Limits this process to the address space that it has now and `more` bytes: allocations beyond fail
-/// (RLIMIT_AS). Nothing is limited in builds with sanitizers, which map terabytes for themselves.
+/// Limits the address space of this process (RLIMIT_AS) to its present size plus `more`; allocations beyond
+/// that fail.
+/// Units: `more` in bytes.
+/// Errors: none are reported. Does nothing in builds with sanitizers, which map terabytes for themselves.
 void LimitAddressSpace(uint64_t more);
 
 }  // namespace quarry

@@ -24,7 +24,7 @@ inline std::string_view AsText(std::span<const std::byte> bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
-/// Appends values in stored (little-endian, unpadded) form.
+/// Appends values in the stored form: little-endian, without padding. Not thread-safe.
 class ByteWriter {
  public:
   template <class T>
@@ -34,7 +34,7 @@ class ByteWriter {
     bytes_.resize(at + sizeof value);
     std::memcpy(bytes_.data() + at, &value, sizeof value);
   }
-  /// `values`: anything contiguous of trivially copyable elements.
+  /// Appends every element of `values`, a contiguous range of trivially copyable elements.
   template <class Range>
   void PutArray(const Range& values) {
     const std::span elements(values);
@@ -53,8 +53,8 @@ class ByteWriter {
   Bytes bytes_;
 };
 
-/// Takes values back out. Reading past the end yields zeros and makes ok() false for good: check once, before
-/// believing anything.
+/// Reads values that ByteWriter wrote. Reading past the end returns zeros and makes ok() false for good:
+/// check ok() or done() once, before using any value. Not thread-safe; `bytes` outlive the reader.
 class ByteReader {
  public:
   explicit ByteReader(std::span<const std::byte> bytes) : bytes_(bytes) {}
@@ -74,7 +74,7 @@ class ByteReader {
     for (int a = 0; a < 3; ++a) v[a] = Get<typename V::value_type>();
     return v;
   }
-  /// `count` values of T copied out; empty and not ok() when they are not there.
+  /// Copies `count` values of T. Errors: empty and ok() false when fewer remain; allocates nothing then.
   template <class T>
   std::vector<T> GetArray(uint64_t count) {
     static_assert(std::is_trivially_copyable_v<T>);
@@ -88,14 +88,16 @@ class ByteReader {
     at_ += count * sizeof(T);
     return values;
   }
+  /// A view of the next `size` bytes. Errors: empty and ok() false when fewer remain.
   std::span<const std::byte> GetSpan(uint64_t size) {
     if (!Ensure(size)) return {};
     at_ += size;
     return bytes_.subspan(at_ - size, size);
   }
+  /// Bytes not read yet.
   uint64_t remaining() const { return bytes_.size() - at_; }
   bool ok() const { return ok_; }
-  /// ok(), and nothing is left over.
+  /// Whether every read succeeded and no byte remains.
   bool done() const { return ok_ && at_ == bytes_.size(); }
 
  private:
@@ -108,9 +110,9 @@ class ByteReader {
   bool ok_ = true;
 };
 
-/// XXH3, 64 bits: the checksum of every section and block.
+/// The checksum of sections and blocks: XXH3, 64 bits. Thread-safe.
 uint64_t Checksum(std::span<const std::byte> bytes);
-/// Of both, one after the other.
+/// The checksum of `first` and `second` joined.
 uint64_t Checksum(std::span<const std::byte> first, std::span<const std::byte> second);
 
 }  // namespace quarry

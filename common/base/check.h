@@ -14,7 +14,8 @@ namespace quarry {
 
 }  // namespace quarry
 
-/// Ends the program when one of our own assumptions is broken (never for bad input: that is a Status).
+/// Aborts the program when an assumption of Quarry's own code is broken. Bad input is a Status, never a
+/// check.
 #define QUARRY_CHECK(condition)                                                          \
   do {                                                                                   \
     if (!(condition)) {                                                                  \
@@ -23,7 +24,7 @@ namespace quarry {
     }                                                                                    \
   } while (false)
 
-/// The same for a comparison of integers, whose two values are printed.
+/// Compares two integers as QUARRY_CHECK does, and prints both values on failure.
 #define QUARRY_CHECK_OP(a, op, b)                                                                    \
   do {                                                                                               \
     const auto quarry_a = (a);                                                                       \
@@ -36,7 +37,7 @@ namespace quarry {
 #define QUARRY_CHECK_LE(a, b) QUARRY_CHECK_OP(a, <=, b)
 #define QUARRY_CHECK_LT(a, b) QUARRY_CHECK_OP(a, <, b)
 
-/// As QUARRY_CHECK, in debug builds only; for kernels.
+/// QUARRY_CHECK in debug builds, nothing in release builds; for kernels.
 #ifdef NDEBUG
 #define QUARRY_DCHECK(condition) \
   do {                           \

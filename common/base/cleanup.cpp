@@ -16,10 +16,10 @@
 namespace quarry {
 namespace {
 
-constexpr int kSlots = 32;
-constexpr size_t kPathBytes = 4096;
+constexpr int kSlots = 32;           // paths registered at once; further paths are not registered
+constexpr size_t kPathBytes = 4096;  // PATH_MAX of Linux
 
-// Plain arrays: a signal handler may touch nothing that allocates or locks.
+// Plain arrays: a signal handler must neither allocate nor lock.
 char paths[kSlots][kPathBytes];
 enum State : int { kFree, kFilling, kFile, kFolder };
 std::atomic<int> states[kSlots];
@@ -35,15 +35,16 @@ struct Left {
 };
 Left lefts[2];
 
-// Either a thread that begins to hold sees `pending`, or the handler sees that it holds: both are
-// sequentially consistent. Who sees the other's goes on to End().
+// Both are sequentially consistent: either the thread that constructs a SignalsHeld sees `pending`, or the
+// handler sees that `held` is not 0. The thread that sees the other's value calls End().
 std::atomic<int> held{0};
 std::atomic<bool> pending{false}, ending{false};
-thread_local int depth = 0;  // of SignalsHeld in this thread
+thread_local int depth = 0;  // SignalsHeld objects in this thread
 
+// Time that threads still creating files are given: 50 rounds of 1 ms.
 constexpr int kRounds = 50, kRoundMs = 1;
 
-/// By the system's own call: opendir() allocates.
+/// Removes the files in a folder. Uses the system call itself: opendir() allocates.
 void EmptyFolder(const char* path) {
   const int fd = ::open(path, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
   if (fd < 0) return;
@@ -60,7 +61,7 @@ void EmptyFolder(const char* path) {
     if (n <= 0) break;
     for (long at = 0; at < n;) {
       const auto* entry = reinterpret_cast<const Entry*>(buffer + at);
-      ::unlinkat(fd, entry->name, 0);  // fails for folders
+      ::unlinkat(fd, entry->name, 0);  // fails for folders, which stay
       at += entry->size;
     }
   }
@@ -68,7 +69,7 @@ void EmptyFolder(const char* path) {
 }
 
 void RemoveAll() {
-  // Other threads run on and may make a file meanwhile: a folder that is not empty is tried again.
+  // Other threads still run and may create files: a folder that is not empty is tried again.
   bool again = true;
   for (int round = 0; again && round < kRounds; ++round) {
     if (round > 0) ::poll(nullptr, 0, kRoundMs);
@@ -88,8 +89,8 @@ void RemoveAll() {
 }
 
 [[noreturn]] void End() {
-  // No further signal interrupts the thread that ends the program: it would wait for itself. One that comes
-  // before this line ends it in its place.
+  // The thread that ends the program must not be interrupted by another signal: it would wait for itself. A
+  // signal that arrives before the mask is set ends the program in this thread's place.
   sigset_t all;
   ::sigfillset(&all);
   ::pthread_sigmask(SIG_BLOCK, &all, nullptr);
@@ -110,7 +111,7 @@ void OnSignal(int) {
   if (held.load() == 0) End();
 }
 
-/// The line that a signal ends with.
+/// The line on standard error when a signal ends the program.
 std::string Line(const std::string& text) { return "\n" + program_name + ": interrupted; " + text + "\n"; }
 
 int Name(const std::string& path, State state) {
@@ -139,7 +140,7 @@ SignalsHeld::SignalsHeld() {
   held.fetch_add(1);
   if (!pending.load()) return;
   if (held.fetch_sub(1) == 1) End();
-  Wait();  // the last thread that holds ends the program
+  Wait();  // the last thread that holds signals ends the program
 }
 
 SignalsHeld::~SignalsHeld() {
@@ -178,7 +179,7 @@ void EndWithParent() {
   const char* parent = std::getenv("QUARRY_PARENT");
   if (!parent) return;
   ::prctl(PR_SET_PDEATHSIG, SIGTERM);
-  if (::getppid() != std::atoi(parent)) ::_exit(1);  // it died before the line above
+  if (::getppid() != std::atoi(parent)) ::_exit(1);  // the parent died before prctl() took effect
 }
 
 }  // namespace quarry

@@ -4,17 +4,20 @@
 
 namespace quarry {
 
-/// Names a temporary file, or a folder that will be empty by then, to be removed should a signal end the
-/// program. Returns a handle for Forget; -1 when all slots are taken (then only normal ends remove it).
-/// Thread-safe.
+/// Registers a temporary file for removal when a signal ends the program. `path` may also be a folder that is
+/// empty by then.
+/// Returns: a handle for Forget(), or -1 when 32 paths are registered or the path exceeds 4,095 bytes; a
+/// signal then leaves the file. Thread-safe.
 int RemoveOnSignal(const std::string& path);
-/// The same of a folder with whatever files are in it; folders in it stay, and it with them.
+/// Registers a folder and the files directly in it for removal. Folders inside it stay, and then so does the
+/// folder.
 int RemoveFolderOnSignal(const std::string& path);
-/// The file is gone or has its final name. Handles of -1 are ignored.
+/// Ends a registration: the file is removed already or has its final name. Ignores -1. Thread-safe.
 void Forget(int handle);
 
-/// While one lives, a signal does not end the program yet: what is made meanwhile is also named to
-/// RemoveOnSignal, or forgotten whole. Short: between its ends nothing waits. Thread-safe; may be nested.
+/// Delays the end of the program by a signal while it lives. The owner creates files and registers them with
+/// RemoveOnSignal(), or calls Forget(), with no signal in between.
+/// Requires: a short scope that never blocks. Thread-safe; may be nested.
 class SignalsHeld {
  public:
   SignalsHeld();
@@ -22,20 +25,21 @@ class SignalsHeld {
   SignalsHeld(const SignalsHeld&) = delete;
 };
 
-/// Should `path` still be there after a signal has removed what it is to remove, its line says `left` instead
-/// of what is kept: the disk decides what is said, whatever the moment. Two paths at most, the first named
-/// goes first; more are ignored.
+/// Sets the line that a signal prints when `path` still exists after the removals: `left` replaces the text
+/// of InstallSignalHandlers(). The check is made on the disk, so the line is true whenever the signal comes.
+/// Holds two paths, checked in the order of registration; further paths are ignored.
 void TellIfLeft(const std::string& path, const std::string& left);
 
-/// On SIGINT, SIGTERM and SIGHUP: removes what RemoveOnSignal named, prints "PROGRAM: interrupted; " and
-/// `kept` (what is kept) on standard error, and ends with status 1. SIGPIPE is ignored: writes report it.
+/// Makes SIGINT, SIGTERM and SIGHUP remove the registered files, print "PROGRAM: interrupted; KEPT" on
+/// standard error and exit with status 1. `kept` says which results the interruption keeps. SIGPIPE is
+/// ignored: writes report the error.
 void InstallSignalHandlers(const std::string& program, const std::string& kept);
 
-/// From now on a signal's line says that `kept` is kept. A program may call it a few times.
+/// Replaces the text `kept` of InstallSignalHandlers(). Requires: only few calls, and one thread that calls.
 void TellOnSignal(const std::string& kept);
 
-/// Called by a program that another one may have started for itself alone (environment QUARRY_PARENT set to
-/// that one's process id): it is ended by the system when that one dies, however it dies.
+/// Ties this process to its parent when the environment's QUARRY_PARENT holds the parent's process id: the
+/// system then sends SIGTERM when the parent dies in any way. Does nothing without QUARRY_PARENT.
 void EndWithParent();
 
 }  // namespace quarry

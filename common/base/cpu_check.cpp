@@ -1,4 +1,5 @@
-// Compiled for plain x86-64 (see CMakeLists.txt), so that it runs where the rest cannot.
+// Compiled for plain x86-64 (see CMakeLists.txt), so that the check runs on processors that cannot run the
+// rest.
 #include "common/base/cpu_check.h"
 
 #include <unistd.h>

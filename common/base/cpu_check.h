@@ -2,8 +2,8 @@
 
 namespace quarry {
 
-/// Linking this file's object (by calling it first in main) makes a program end with a sentence, not a
-/// signal, on a processor without AVX2 and FMA. The test itself runs before any other initialiser.
+/// Makes the program end with a sentence instead of a signal on a processor without AVX2, FMA and BMI2.
+/// Calling this function first in main links the check, which runs before any other initialiser.
 void RequireCpu();
 
 }  // namespace quarry

@@ -15,7 +15,7 @@
 namespace quarry {
 namespace {
 
-constexpr size_t kBufferBytes = 1 << 20;
+constexpr size_t kBufferBytes = 1 << 20;  // large writes save system calls
 
 Status WriteAll(int fd, const std::string& path, const char* bytes, size_t size, int64_t offset) {
   while (size > 0) {
@@ -42,7 +42,7 @@ void SyncFolderOf(const std::string& path) {
 
 namespace {
 
-/// Where a file that is not there was looked for, unless its name says so.
+/// The folder that a relative path was looked up in, as text for a message; empty for an absolute path.
 std::string LookedIn(const std::string& path) {
   char folder[4096];
   return path.starts_with('/') || !::getcwd(folder, sizeof folder)
@@ -53,7 +53,7 @@ std::string LookedIn(const std::string& path) {
 }  // namespace
 
 Result<InputFile> InputFile::Open(const std::string& path) {
-  // Without O_NONBLOCK, opening a FIFO would wait for a writer that may never come.
+  // O_NONBLOCK: opening a FIFO would otherwise wait for a writer, perhaps forever.
   const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
   if (fd < 0)
     return Fail(
@@ -108,7 +108,7 @@ OutputFile::OutputFile(std::string path, std::string temporary, int fd, bool kep
 Result<OutputFile> OutputFile::OpenStream(const std::string& path) {
   struct stat info {};
   const bool regular = ::stat(path.c_str(), &info) == 0 && S_ISREG(info.st_mode);
-  // O_APPEND: standard output that the shell sends to a file, whose other lines stay.
+  // O_APPEND: when the shell sends standard output to a file, the file's other lines stay.
   const int fd =
       ::open(path.c_str(), O_WRONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY | (regular ? O_APPEND : 0));
   if (fd < 0 && errno == ENXIO)
@@ -125,7 +125,7 @@ Result<OutputFile> OutputFile::Create(const std::string& path) {
   constexpr int kFlags = O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC;
   const SignalsHeld held;
   int fd = ::open(temporary.c_str(), kFlags, 0644);
-  if (fd < 0 && errno == EEXIST) {  // of a process that had our number and was killed
+  if (fd < 0 && errno == EEXIST) {  // left by a killed process with the same process id
     ::unlink(temporary.c_str());
     fd = ::open(temporary.c_str(), kFlags, 0644);
   }
@@ -202,7 +202,7 @@ Status OutputFile::Shorten(uint64_t size) {
 
 Status OutputFile::Sync() {
   QUARRY_TRY(Flush());
-  // Some devices (/dev/full, pipes) refuse fsync; what matters is that a disk that can does.
+  // Some devices (/dev/full, pipes) refuse fsync(); a disk does not.
   if (::fsync(fd_) != 0 && errno != EINVAL && errno != EROFS)
     return Fail(fmt::format("{}: cannot write: {}", path_, ErrnoText(errno)));
   return {};
@@ -221,7 +221,7 @@ Status OutputFile::Commit() {
 
 Status CheckWritable(const OutputPlace& place) {
   QUARRY_ASSIGN(OutputFile file, OutputFile::Create(place.path));
-  // Until the program ends: closed before, a FIFO's reader would take that for its end.
+  // Kept open until the program ends: the FIFO's reader would take closing it for the end of the data.
   static std::vector<OutputFile> streams;
   if (place.stream) streams.push_back(std::move(file));
   return {};

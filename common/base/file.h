@@ -11,21 +11,23 @@
 
 namespace quarry {
 
-/// A file opened for reading with pread; never mapped. Movable; closes when destroyed.
-/// Thread-safe after Open: reads carry their own offset.
+/// A regular file opened for reading with pread(); never mapped. Movable; closes when destroyed.
+/// Units: offsets and sizes in bytes.
+/// Thread-safe after Open(): each read carries its own offset.
 class InputFile {
  public:
-  /// Errors: cannot be opened, is a folder, or a FIFO or device (which could keep a reader waiting for ever).
+  /// Errors: cannot be opened; is a folder, FIFO or device (a FIFO or device could block a reader forever).
   static Result<InputFile> Open(const std::string& path);
   InputFile(InputFile&& other) noexcept;
   InputFile& operator=(InputFile&& other) noexcept;
   ~InputFile();
 
+  /// The path as given to Open().
   const std::string& path() const { return path_; }
-  /// Bytes in the file when it was opened.
+  /// Size of the file when it was opened.
   uint64_t size() const { return size_; }
 
-  /// Fills `out` from `offset`. Errors: read error; fewer bytes there (the file is truncated).
+  /// Fills `out` from `offset`. Errors: read error; the file ends before `out` is full.
   Status ReadAt(uint64_t offset, std::span<std::byte> out) const;
 
  private:
@@ -35,36 +37,39 @@ class InputFile {
   uint64_t size_ = 0;
 };
 
-/// A file written under a temporary name beside `path` and renamed over it by Commit(); removed when
-/// destroyed before that, so that no reader ever sees half of it. The temporary's name ends in ".tmp-PID".
-/// Where `path` goes is PlaceOf()'s matter: links are followed, and a device or FIFO is written to as it is,
-/// in the order of writing, without a temporary. Not thread-safe.
+/// A file that is written under a temporary name beside `path` and renamed to `path` by Commit(), so that no
+/// reader ever sees half of it. Destroying it without Commit() removes the temporary, whose name ends in
+/// ".tmp-PID". PlaceOf() says where `path` leads: symbolic links are followed; a device or FIFO is written to
+/// directly, in order, without a temporary.
+/// Units: offsets and sizes in bytes. Not thread-safe.
 class OutputFile {
  public:
-  /// Errors: PlaceOf's; cannot be made there; a FIFO that nobody reads from.
+  /// Errors: as PlaceOf(); the file cannot be created; a FIFO without a reader.
   static Result<OutputFile> Create(const std::string& path);
-  /// One that outlives the process under the name `temporary`, on the same file system, so that a later one
-  /// can go on with its first `size` bytes. Errors also: it has fewer; `path` is a device or FIFO.
+  /// Opens the temporary file `temporary`, which outlives the process, and keeps its first `size` bytes: a
+  /// later process continues an interrupted output.
+  /// Requires: `temporary` on the same file system as `path`.
+  /// Errors: as Create(); the file has fewer than `size` bytes; `path` is a device or FIFO.
   static Result<OutputFile> Continue(const std::string& path, std::string temporary, uint64_t size);
   OutputFile(OutputFile&& other) noexcept;
   OutputFile& operator=(OutputFile&& other) noexcept = delete;
   ~OutputFile();
 
-  /// Appends, buffered. Errors: disk full and other write errors.
+  /// Appends to a buffer of 1 MiB that is written when full. Errors: disk full and other write errors.
   Status Write(std::span<const std::byte> bytes);
   Status Write(const void* bytes, size_t size) {
     return Write(std::span(static_cast<const std::byte*>(bytes), size));
   }
-  /// Overwrites bytes written before, at `offset`. Errors also: a device or FIFO.
+  /// Overwrites bytes at `offset` that were appended earlier. Errors: write errors; a device or FIFO.
   Status WriteAt(uint64_t offset, std::span<const std::byte> bytes);
-  /// Takes back what was appended beyond the first `size` bytes. Requires: size <= size(). Errors: write
-  /// errors.
+  /// Removes all bytes after the first `size`. Requires: size <= size(). Errors: write errors.
   Status Shorten(uint64_t size);
-  /// Bytes appended so far.
+  /// Bytes appended so far, buffered bytes included.
   uint64_t size() const { return size_; }
-  /// What was appended outlasts a loss of power.
+  /// Flushes and calls fsync(): the appended bytes survive a loss of power. Errors: write errors.
   Status Sync();
-  /// Flushes, fsyncs, renames. The object is finished after it.
+  /// Flushes, calls fsync() and renames; the object is unusable afterwards. Errors: write errors; (usage) a
+  /// file that this run has read would be replaced (CheckNotRead()).
   Status Commit();
 
  private:
@@ -73,23 +78,22 @@ class OutputFile {
   bool stream() const { return temporary_.empty(); }
   Status Flush();
   std::string path_;
-  std::string temporary_;  ///< none of a device or FIFO
+  std::string temporary_;  ///< empty for a device or FIFO
   int fd_ = -1;
-  bool kept_ = false;  ///< outlives the object
-  int cleanup_ = -1;   ///< see RemoveOnSignal
+  bool kept_ = false;  ///< the temporary stays after the object
+  int cleanup_ = -1;   ///< handle of RemoveOnSignal()
   uint64_t size_ = 0;
   std::string buffer_;
 };
 
-/// So that names made in the folder of `path` outlast a loss of power. File systems that cannot do it do
-/// without.
+/// Makes new names in the folder of `path` survive a loss of power. Does nothing on file systems that cannot.
 void SyncFolderOf(const std::string& path);
 
-/// Whether an output can be made at a place of PlaceOf(): an unwritable one should not cost the work before
-/// it. A FIFO stays open from then on. Errors: as OutputFile::Create. Not thread-safe.
+/// Checks that an output can be created at `place`, before the work that produces it. A FIFO stays open until
+/// the program ends. Errors: as OutputFile::Create(). Not thread-safe.
 Status CheckWritable(const OutputPlace& place);
 
-/// Writes `text` to `path` by way of an OutputFile.
+/// Writes `bytes` to `path` through an OutputFile. Errors: as OutputFile.
 Status WriteFileAtomically(const std::string& path, std::span<const std::byte> bytes);
 
 }  // namespace quarry

@@ -31,12 +31,12 @@ Result<std::optional<FileLock>> FileLock::TryTake(const std::string& path) {
       if (error == EWOULDBLOCK) return std::nullopt;
       return Fail(fmt::format("{}: cannot lock: {}", name, ErrnoText(error)));
     }
-    // The one before may have removed the file between our opening and locking it.
+    // Another process may have removed the file after our open() and before our flock().
     struct stat locked {
     }, named{};
     if (::fstat(fd, &locked) == 0 && ::stat(name.c_str(), &named) == 0 && locked.st_ino == named.st_ino) {
       if (S_ISREG(locked.st_mode) && locked.st_size == 0) return std::optional(FileLock(std::move(name), fd));
-      ::close(fd);  // it goes with the lock, and this one is somebody's
+      ::close(fd);  // releases the lock; the file belongs to someone else
       return BadUsage(
           fmt::format("{}: is there and is no lock of Quarry's, which would take its place; name "
                       "another output, or remove it first",

@@ -8,15 +8,16 @@
 
 namespace quarry {
 
-/// Keeps other processes from writing the same output: "PATH.lock", held while the object lives. A process
-/// that dies lets go, however it dies; the file it leaves is taken over by the next. Advisory, on one machine
-/// or a file system with locks. Movable.
+/// An exclusive lock on an output: holds "PATH.lock" while the object lives. The system releases the lock
+/// when the process dies in any way; the next process takes over the file left behind. Advisory; works
+/// between processes of one machine, or on a file system with locks. Movable.
 class FileLock {
  public:
-  /// Errors: another process holds it (named by `holder`, "another quarry-preprocess"); the folder cannot be
-  /// written; (usage) a file of that name holds something.
+  /// Takes the lock. `holder` names the other process in messages: "another quarry-preprocess".
+  /// Errors: another process holds the lock; the folder cannot be written; (usage) "PATH.lock" exists and is
+  /// not empty or not a regular file.
   static Result<FileLock> Take(const std::string& path, const std::string& holder);
-  /// The same; nothing where another process holds it.
+  /// As Take(), but returns nothing when another process holds the lock.
   static Result<std::optional<FileLock>> TryTake(const std::string& path);
   FileLock(FileLock&& other) noexcept
       : name_(std::move(other.name_)),
@@ -29,7 +30,7 @@ class FileLock {
   FileLock(std::string name, int fd);
   std::string name_;
   int fd_;
-  int cleanup_;  ///< see RemoveOnSignal
+  int cleanup_;  ///< handle of RemoveOnSignal()
 };
 
 }  // namespace quarry

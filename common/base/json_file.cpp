@@ -13,9 +13,9 @@
 namespace quarry {
 namespace {
 
-constexpr size_t kLongestKeyShown = 60;
+constexpr size_t kLongestKeyShown = 60;  // characters
 
-/// `.name`, with what cannot be shown left out.
+/// The member's name for messages: unprintable characters become '?', long names are cut.
 std::string MemberKey(const std::string& name) {
   std::string shown;
   for (const char c : name.substr(0, kLongestKeyShown)) shown += c >= ' ' && c <= '~' ? c : '?';
@@ -26,7 +26,7 @@ std::string Below(const std::string& key, const std::string& member) {
   return key.empty() ? MemberKey(member) : key + "." + MemberKey(member);
 }
 
-/// Builds the value from the parser's events, which come without recursion, and stops beyond the limits.
+/// Builds the value from the parser's events and stops at the limits. The events need no recursion.
 template <class Json>
 class Builder : public nlohmann::json_sax<Json> {
   using Sax = nlohmann::json_sax<Json>;
@@ -53,7 +53,7 @@ class Builder : public nlohmann::json_sax<Json> {
   }
   bool parse_error(size_t position, const std::string& token,
                    const nlohmann::json::exception& error) override {
-    constexpr int kNumberOverflow = 406;
+    constexpr int kNumberOverflow = 406;  // the parser's id of this error
     if (error.id == kNumberOverflow)
       wrong = fmt::format("not readable as JSON: {} is the number {}, which is out of range", Where(),
                           MemberKey(token));
@@ -72,11 +72,12 @@ class Builder : public nlohmann::json_sax<Json> {
     std::string member;  ///< the key read last
   };
 
-  /// The place that the next value has.
+  /// The place of the next value, as text for messages.
   std::string Where() const {
     std::string key;
     for (const Container& c : open_) {
-      const size_t complete = c.json->size() - (&c != &open_.back());  // the next one's container is in it
+      // the child being read is counted in size()
+      const size_t complete = c.json->size() - (&c != &open_.back());
       key = c.json->is_array() ? fmt::format("{}[{}]", key, complete) : Below(key, c.member);
     }
     return key.empty() ? "the whole" : key;
@@ -139,7 +140,7 @@ Result<Json> ParseJson(std::string_view text, const std::string& name, const Jso
   Builder<Json> builder(limits);
   try {
     if (Json::sax_parse(text.begin(), text.end(), &builder)) return Result<Json>(std::move(builder.root));
-  } catch (const std::exception& e) {  // no memory
+  } catch (const std::exception& e) {  // out of memory
     builder.wrong = fmt::format("not readable as JSON: {}", e.what());
   }
   return Fail(fmt::format("{}: {}", name, builder.wrong));

@@ -12,47 +12,50 @@
 
 namespace quarry {
 
-/// What a JSON text may be at most: it comes from strangers.
+/// Upper limits for a JSON text, which may come from strangers.
 struct JsonLimits {
-  uint64_t bytes = 64u << 20;   ///< of the text
-  uint32_t depth = 64;          ///< of arrays and objects in one another
-  uint64_t values = 4u << 20;   ///< in all; each takes 16 to 100 bytes of memory
-  uint64_t members = 1u << 20;  ///< of one object; those in their order are found one by one
+  uint64_t bytes = 64u << 20;   ///< bytes of text
+  uint32_t depth = 64;          ///< nesting depth of arrays and objects
+  uint64_t values = 4u << 20;   ///< values in all; each takes 16 to 100 bytes of memory
+  uint64_t members = 1u << 20;  ///< members of one object; ordered objects search theirs linearly
 };
 
-/// JSON with floats in single precision and members in their order.
+/// JSON with single-precision floats and members in file order.
 using FloatJson =
     nlohmann::basic_json<nlohmann::ordered_map, std::vector, std::string, bool, int64_t, uint64_t, float>;
 
-/// Parses `text`. `name`: for sentences, the file's. Json: nlohmann::json, nlohmann::ordered_json, FloatJson.
-/// Errors: not JSON (with its byte); beyond the limits; a number that Json cannot hold (its key is named).
-/// Throws nothing, and does not call itself.
+/// Parses `text` without recursion; throws nothing. `name` is the file's name in messages. Json is
+/// nlohmann::json, nlohmann::ordered_json or FloatJson.
+/// Errors: invalid JSON (names the byte); a limit exceeded; a number that Json cannot hold (names its key).
+/// Thread-safe.
 template <class Json>
 Result<Json> ParseJson(std::string_view text, const std::string& name, const JsonLimits& limits = {});
 
-/// The same of a regular file. Errors also: cannot be read.
+/// Parses a regular file. Errors: as ParseJson(); the file cannot be read. Thread-safe.
 template <class Json>
 Result<Json> ReadJsonFile(const std::string& path, const JsonLimits& limits = {});
 
-/// A value in a JSON file, with its place there for sentences: "FILE: frames[3].eye: WHAT". Both the value
-/// and the file's name outlive it.
+/// A value of a JSON file together with its place for messages: "FILE: frames[3].eye: TEXT". Holds
+/// references: `value` and `file` outlive it. Thread-safe.
 class JsonValue {
  public:
   JsonValue(const nlohmann::json& value, const std::string& file, std::string key = "")
       : value_(&value), file_(&file), key_(std::move(key)) {}
 
-  /// Errors: this is no object, or has no such member.
+  /// The member `name`. Errors: not an object; no such member.
   Result<JsonValue> Member(const char* name) const;
-  /// Nothing: it has none. Errors: this is no object.
+  /// The member `name`, or nothing when there is none. Errors: not an object.
   Result<std::optional<JsonValue>> Optional(const char* name) const;
-  /// Errors: no list.
+  /// The elements of an array. Errors: not an array.
   Result<std::vector<JsonValue>> List() const;
+  /// Errors: not a number.
   Result<double> Number() const;
-  /// As many numbers as `out` has, each from `least` to `most`.
+  /// Reads an array of out.size() numbers. Errors: not such an array; a number outside [least, most].
   Status Numbers(std::span<double> out, double least, double most) const;
+  /// Errors: not a string.
   Result<std::string> Text() const;
 
-  /// The error for what is wrong with this value.
+  /// Makes the error that says `what` is wrong with this value.
   tl::unexpected<Error> Wrong(const std::string& what) const;
 
  private:

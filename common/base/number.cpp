@@ -8,16 +8,16 @@
 namespace quarry {
 namespace {
 
-/// Decimal digits alone, without a zero in front: the parsers of options take that for octal.
+/// Parses decimal digits without a leading zero: option parsers would read that number as octal.
 template <class Whole>
 bool ParseWhole(std::string_view text, Whole& out) {
   if (text.empty() || (text.size() > 1 && text[0] == '0')) return false;
   const char* const end = text.data() + text.size();
   const auto [rest, error] = std::from_chars(text.data(), end, out);
-  return error == std::errc{} && rest == end;  // unsigned: a sign is none of its digits
+  return error == std::errc{} && rest == end;  // unsigned: from_chars accepts no sign
 }
 
-/// "; write 1000000" where the text is such a number with a suffix, as sizes have.
+/// "; write 1000000" when `text` is a number with the suffix of a size, else empty.
 std::string Written(std::string_view text) {
   const size_t suffix =
       std::string_view("kmg").find(text.empty() ? ' ' : static_cast<char>(text.back() | 0x20));

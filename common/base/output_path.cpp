@@ -18,15 +18,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kMostLinks = 40;  // as the kernel has it
-constexpr size_t kStartBytes = 4096;
+constexpr int kMostLinks = 40;        // the kernel's own limit
+constexpr size_t kStartBytes = 4096;  // bytes; enough to find a JSON file's first member
 
 std::string_view WithoutBlanks(std::string_view text) {
   const size_t first = text.find_first_not_of(" \t\r\n");
   return text.substr(std::min(first, text.size()));
 }
 
-/// Whether a JSON object begins, with one of these members first.
+/// Whether `start` begins a JSON object whose first member is one of `first_members`.
 bool BeginsObject(std::string_view start, std::initializer_list<std::string_view> first_members) {
   start = WithoutBlanks(start);
   if (!start.starts_with('{')) return false;
@@ -39,12 +39,12 @@ bool BeginsObject(std::string_view start, std::initializer_list<std::string_view
 
 bool IsPng(std::string_view start) { return start.starts_with("\x89PNG\r\n\x1A\n"); }
 bool IsExr(std::string_view start) { return start.starts_with("\x76\x2F\x31\x01"); }
-/// Of quarry-preprocess, of its --plan, of quarry render.
+/// Statistics of quarry-preprocess, of its --plan, or of quarry render.
 bool IsStatistics(std::string_view start) {
   return BeginsObject(start, {"scene_id", "input_triangles", "render_wall_s"});
 }
 bool IsTrace(std::string_view start) { return BeginsObject(start, {"frame"}); }
-/// Of benchmarks: any JSON but what programs read.
+/// Figures of benchmarks: any JSON except files that programs read as input.
 bool IsFigures(std::string_view start) {
   if (BeginsObject(start, {"frames", "lights", "materials"})) return false;
   const std::string_view text = WithoutBlanks(start);
@@ -57,8 +57,8 @@ std::string FolderOf(const std::string& path) {
   return slash == std::string::npos ? "" : path.substr(0, slash + 1);
 }
 
-/// What a chain of links ends at, whether that is there or not. Links of /proc (as /dev/stdout has them) name
-/// files that are open: they are written to, not replaced.
+/// Follows a chain of symbolic links to its end, which need not exist. Links in /proc (/dev/stdout leads
+/// there) name open files, which are written to and not replaced.
 Result<OutputPlace> Followed(std::string path) {
   for (int i = 0; i < kMostLinks; ++i) {
     char target[PATH_MAX];
@@ -71,7 +71,7 @@ Result<OutputPlace> Followed(std::string path) {
   return BadUsage(fmt::format("{}: its symbolic links lead in a circle; name another file", path));
 }
 
-/// The first bytes of a regular file that is there; nothing can be said of another.
+/// The first bytes of an existing regular file. Other kinds of file are not examined.
 struct Existing {
   bool regular = false, readable = false;
   uint64_t size = 0;
@@ -93,14 +93,14 @@ Existing Look(const std::string& path) {
   return found;
 }
 
-/// One spelling of a file that need not be there.
+/// The canonical path of a file that need not exist.
 std::string OneSpelling(const std::string& path) {
   std::error_code error;
   const fs::path whole = fs::weakly_canonical(path, error);
   return error ? path : whole.string();
 }
 
-/// Files that outputs are to replace, and which of them have been read.
+/// A file that an output will replace, and whether this run has read it.
 struct Claim {
   uint64_t device, inode;
   bool read;
@@ -152,7 +152,7 @@ Result<OutputPlace> PlaceOf(const std::string& path) {
   if (::stat(path.c_str(), &info) != 0) {
     if (errno == ELOOP)
       return BadUsage(fmt::format("{}: its symbolic links lead in a circle; name another file", path));
-    return Followed(path);  // nothing there, or a link to nothing; what else is wrong shows in writing it
+    return Followed(path);  // nothing there, or a dangling link; writing reports any other error
   }
   if (S_ISREG(info.st_mode)) return Followed(path);
   if (S_ISCHR(info.st_mode) || S_ISFIFO(info.st_mode)) return OutputPlace{path, true};

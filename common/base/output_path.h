@@ -10,39 +10,40 @@
 
 namespace quarry {
 
-// Every path that a program writes comes through here, before any work: what lies there already decides.
+// Every path that a program writes is checked here before any work: the existing file decides.
 
-/// Where an output really goes.
+/// The place where an output is really written.
 struct OutputPlace {
-  std::string path;     ///< with symbolic links followed: a link's target is replaced, and the link stays
-  bool stream = false;  ///< a device or FIFO: written to as it is, and nothing is ever renamed over it
+  std::string path;     ///< symbolic links followed: the link's target is replaced, the link stays
+  bool stream = false;  ///< a device or FIFO: written to directly, never renamed over
 };
 
-/// Errors (usage): a folder, a disk, a socket, links in a circle, no name at all.
+/// Finds the place of `path`. Errors (usage): a folder, a disk, a socket, a circle of links, an empty name.
 Result<OutputPlace> PlaceOf(const std::string& path);
 
-/// What a program writes: a file of the same kind may be replaced by it.
+/// A kind of file that a program writes. An output may replace a file of the same kind.
 struct OutputKind {
-  const char* name;                      ///< "a PNG image"
-  bool (*fits)(std::string_view start);  ///< whether a file that begins so (some 4 KiB) is of this kind
-  bool streams;                          ///< whether it can go to a device or FIFO
+  const char* name;                      ///< for messages: "a PNG image"
+  bool (*fits)(std::string_view start);  ///< whether a file whose first 4 KiB are `start` is of this kind
+  bool streams;                          ///< whether a device or FIFO can take it
 };
-/// The kinds that several programs know.
+/// Kinds that several programs write.
 extern const OutputKind kPngOutput, kExrOutput, kStatisticsOutput, kTraceOutput, kFiguresOutput;
 
-/// Decides about the outputs of one run. Rules: an output is no input (other spellings, hard links and
-/// symbolic links included), nor another output; a regular file that is not empty and of another kind is
-/// replaced with `force` only. Not thread-safe.
+/// Checks the outputs of one run. An output must not be an input (hard links, symbolic links and other
+/// spellings included) or another output. A regular file that is not empty and of another kind is replaced
+/// only with `force`. Not thread-safe.
 class OutputGuard {
  public:
-  enum class Force { kNo, kYes, kNotOffered };  ///< the last: the program has no --force
+  enum class Force { kNo, kYes, kNotOffered };  ///< kNotOffered: the program has no --force
   explicit OutputGuard(Force force) : force_(force) {}
 
-  /// `path` is read in this run. What is not there, or no file ("-"), is passed over.
+  /// Names a file that this run reads. Ignores paths that do not exist ("-").
   void AddInput(const std::string& path);
-  /// The place of `path`, to which `kind` may be written. Errors (usage): as the rules say, and PlaceOf's.
+  /// Finds the place of `path` for an output of `kind`. Errors (usage): a rule above is broken; as PlaceOf().
   Result<OutputPlace> Take(const std::string& path, const OutputKind& kind);
-  /// The same for a folder that the program fills. Errors (usage): a file is there, or a device.
+  /// Checks a folder that the program fills. Errors (usage): empty name; something other than a folder is
+  /// there.
   static Status TakeFolder(const std::string& path);
 
  private:
@@ -52,13 +53,13 @@ class OutputGuard {
   };
   Force force_;
   std::vector<Known> inputs_;
-  std::vector<std::pair<std::string, std::string>> outputs_;  ///< as given, and in one spelling
+  std::vector<std::pair<std::string, std::string>> outputs_;  ///< path as given, canonical path
 };
 
-/// A file is read in this run: told by whoever opens what a model names, known to no guard beforehand.
-/// Thread-safe.
+/// Records that this run reads `path`. Called wherever a file is opened whose name comes from a model, since
+/// no guard knows that file in advance. Thread-safe.
 void NoteRead(const std::string& path);
-/// Errors (usage): an OutputGuard has taken `path`, and the file there has been read since. Thread-safe.
+/// Errors (usage): an OutputGuard took `path`, and the file there has been read since. Thread-safe.
 Status CheckNotRead(const std::string& path);
 
 }  // namespace quarry

@@ -21,7 +21,7 @@ void Progress::Begin(std::string phase, std::string unit, uint64_t before) {
 }
 
 std::string Progress::Details(uint64_t done, uint64_t total) const {
-  // Of less than this neither rate nor estimate means much.
+  // With less time (s) or less work (fraction) than this, rate and estimate are noise.
   constexpr double kLeastSeconds = 0.5, kLeastFraction = 0.005;
   const double elapsed = std::chrono::duration<double>(Clock::now() - begun_).count();
   if (done <= before_ || total <= before_) return "";
@@ -42,6 +42,7 @@ void Progress::Update(uint64_t done, uint64_t total) {
   const double fraction = static_cast<double>(done) / static_cast<double>(total);
   if (terminal_) {
     const auto now = Clock::now();
+    // At most five lines per second on a terminal.
     if (done < total && now - shown_ < std::chrono::milliseconds(200)) return;
     shown_ = now;
     Show(fmt::format("{:3.0f} %", fraction * 100), Details(done, total));
@@ -52,18 +53,19 @@ void Progress::Update(uint64_t done, uint64_t total) {
   }
 }
 
-/// A line that a terminal breaks is not rewritten in place. First the details give way, then the phase's
-/// name, which holds a path.
+/// A line wider than the terminal cannot be rewritten in place. First the details are dropped, then the
+/// phase's name, which holds a path, is cut.
 void Progress::Show(const std::string& state, const std::string& details) {
   winsize size{};
   size_t columns = ::ioctl(2, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
-  columns -= std::min<size_t>(columns, 1);  // the cursor's
+  columns -= std::min<size_t>(columns, 1);  // one column for the cursor
   std::string line = fmt::format("{}: {}{}", phase_, state, details);
   if (line.size() > columns) line = fmt::format("{}: {}", phase_, state);
   if (line.size() > columns) {
     const size_t room = columns - std::min(columns, state.size() + 5);
     std::string phase = phase_.substr(0, room);
-    while (!phase.empty() && (phase.back() & 0x80) != 0) phase.pop_back();  // no half of a letter
+    // not in the middle of a UTF-8 letter
+    while (!phase.empty() && (phase.back() & 0x80) != 0) phase.pop_back();
     line = fmt::format("{}...: {}", phase, state).substr(0, columns);
   }
   fmt::print(stderr, "\r{}\033[K", line);

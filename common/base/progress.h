@@ -6,20 +6,21 @@
 
 namespace quarry {
 
-/// Shows how long work is getting on, on standard error: a line rewritten in place on a terminal, with an
-/// estimate of the time left once there is something to go by, and never wider than the terminal; a plain
-/// line every tenth otherwise; nothing when quiet. Not thread-safe.
+/// Shows the progress of work on standard error. On a terminal: one line, rewritten in place, never wider
+/// than the terminal, with the estimated time left. Otherwise: a plain line every 10 %. When quiet: nothing.
+/// Not thread-safe.
 class Progress {
  public:
   explicit Progress(bool quiet);
-  /// Starts a phase, e.g. "reading plant.ply". With a `unit`, "triangles" or "bytes", the rate is shown too.
-  /// `before`: what of it an earlier run has done, which counts for neither rate nor estimate.
+  /// Starts a phase, for example "reading plant.ply".
+  /// Units: with `unit` "triangles" or "bytes" the rate is shown. `before` counts the units that an earlier
+  /// run has done; they enter neither rate nor estimate.
   void Begin(std::string phase, std::string unit = "", uint64_t before = 0);
-  /// `done` of `total` (any unit); cheap when nothing is to be shown.
+  /// Reports `done` of `total`, in any unit. Cheap when nothing needs showing.
   void Update(uint64_t done, uint64_t total);
-  /// Ends the phase's line.
+  /// Finishes the phase's line.
   void End();
-  /// A line of its own, unless quiet.
+  /// Prints `text` on its own line, unless quiet.
   void Say(const std::string& text);
 
  private:

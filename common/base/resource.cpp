@@ -40,14 +40,14 @@ uint64_t DescriptorLimit() {
 
 namespace {
 
-/// Calls `look(folder, v2)` with the folder of this process's group for `controller`, and of every group
-/// above it, by either version of cgroups.
+/// Calls `look(folder, v2)` for the cgroup of this process under `controller` and for every group above it.
+/// Handles versions 1 and 2 of cgroups.
 template <class Look>
 void ForEachGroup(const std::string& controller, Look look) {
   std::ifstream membership("/proc/self/cgroup");
   std::string line;
   while (std::getline(membership, line)) {
-    // "4:cpu,cpuacct:/group", or "0::/group" of version 2
+    // "4:cpu,cpuacct:/group" in version 1, "0::/group" in version 2
     const size_t first = line.find(':'), second = line.find(':', first + 1);
     if (first == std::string::npos || second == std::string::npos) continue;
     const std::string controllers = "," + line.substr(first + 1, second - first - 1) + ",";
@@ -67,7 +67,7 @@ uint64_t MemoryLimitBytes() {
   uint64_t bytes =
       static_cast<uint64_t>(::sysconf(_SC_PHYS_PAGES)) * static_cast<uint64_t>(::sysconf(_SC_PAGE_SIZE));
   ForEachGroup("memory", [&](const std::string& group, bool v2) {
-    uint64_t limit = 0;  // "max" is no number
+    uint64_t limit = 0;  // the text "max" fails to parse: no limit
     if (std::ifstream(group + (v2 ? "/memory.max" : "/memory.limit_in_bytes")) >> limit)
       bytes = std::min(bytes, limit);
   });
@@ -76,12 +76,12 @@ uint64_t MemoryLimitBytes() {
 
 unsigned UsableProcessors() {
   auto processors = static_cast<double>(std::max(1u, std::thread::hardware_concurrency()));
-  // Of 8,192 processors at most; where there are more, all count.
+  // The mask holds 8,192 processors; on larger machines the call fails and all processors count.
   cpu_set_t bound[8];
   if (::sched_getaffinity(0, sizeof bound, bound) == 0)
     processors = static_cast<double>(CPU_COUNT_S(sizeof bound, bound));
   ForEachGroup("cpu", [&](const std::string& group, bool v2) {
-    double quota = 0, period = 100000;  // microseconds; "max" and -1: none
+    double quota = 0, period = 100000;  // microseconds; "max" and -1 mean no quota
     std::ifstream first(group + (v2 ? "/cpu.max" : "/cpu.cfs_quota_us"));
     if (!(first >> quota) || quota <= 0) return;
     if (v2)

@@ -8,7 +8,8 @@
 namespace quarry {
 namespace {
 
-/// Of "K", "M", "G", "T" in either case, with or without "B" or "iB"; "B" and nothing are bytes; else 0.
+/// Bytes per unit for the suffixes K, M, G and T in either case, with or without "B" or "iB". 1 for "B" and
+/// no suffix; 0 for any other suffix.
 double UnitOf(std::string_view suffix) {
   if (suffix.ends_with('B') || suffix.ends_with('b')) suffix.remove_suffix(1);
   const bool binary = suffix.size() == 2 && suffix.ends_with('i');

@@ -8,12 +8,12 @@
 
 namespace quarry {
 
-/// Bytes from "256M", "1G", "64k", "512MB", "2TiB" or "4096" (K, M, G, T are powers of 2 however they are
-/// written; fractions such as "1.5G" are taken).
-/// Errors (usage): not a number, another suffix, negative, beyond 2^62; the sentence names `what`.
+/// Parses a size in bytes: "256M", "1G", "64k", "512MB", "2TiB", "4096", "1.5G". K, M, G and T are always
+/// powers of 2.
+/// Errors (usage; the message names `what`): not a number; another suffix; negative; above 2^62.
 Result<uint64_t> ParseSize(std::string_view text, std::string_view what);
 
-/// "1.5 GiB", "75.0 KiB", "12 bytes": for people, three digits.
+/// A size for people with three digits: "1.5 GiB", "75.0 KiB", "12 bytes".
 std::string FormatSize(uint64_t bytes);
 
 }  // namespace quarry

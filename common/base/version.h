@@ -4,11 +4,11 @@
 
 namespace quarry {
 
-/// The release, as `--version` prints it.
+/// The release that `--version` prints.
 inline constexpr const char* kVersion = "0.1.0";
 
-/// Raised when the preprocessor makes another store of the same model than before: stores that are kept for
-/// models (`quarry render MODEL`), and unfinished ones, are made anew.
+/// Version of the importer. Raise it when the preprocessor makes another store of the same model: stores kept
+/// for models (`quarry render MODEL`) and unfinished stores are then made anew.
 inline constexpr int kImportVersion = 3;
 
 }  // namespace quarry

@@ -6,9 +6,9 @@
 
 namespace quarry {
 
-/// Radiance summed in 64-bit fixed point: the sum does not depend on the order of its terms.
-/// Resolution 2^-32; a term is clamped to [0, 2^20], NaN counts as 0; the sum saturates at 2^30. Saturation
-/// keeps the order irrelevant because terms are never negative.
+/// A sum of radiance in 64-bit fixed point, independent of the order of its terms.
+/// Units: resolution 2^-32. A term is clamped to [0, 2^20]; NaN counts as 0; the sum saturates at 2^30.
+/// Terms are never negative, so saturation does not depend on the order either. Not thread-safe.
 class FixedRadiance {
  public:
   QUARRY_HOST_DEVICE void Add(float value) {
@@ -16,13 +16,13 @@ class FixedRadiance {
     sum_ += static_cast<int64_t>(static_cast<double>(term) * 0x1p32);
     sum_ = sum_ < kMax ? sum_ : kMax;
   }
-  /// The sum over `count` samples.
+  /// The sum divided by `count`, the number of samples. Requires: count > 0.
   QUARRY_HOST_DEVICE float Mean(uint32_t count) const {
     return static_cast<float>(static_cast<double>(sum_) * 0x1p-32 / static_cast<double>(count));
   }
 
  private:
-  static constexpr int64_t kMax = int64_t{1} << 62;
+  static constexpr int64_t kMax = int64_t{1} << 62;  // 2^30 in units of 2^-32
   int64_t sum_ = 0;
 };
 

@@ -1,8 +1,8 @@
 #pragma once
 
-/// Marks what CPU and CUDA compile alike. On the CPU it is always inlined, so that a kernel compiled for one
-/// instruction set never shares a copy of a helper with another. The only macro of its kind; kernels name no
-/// other.
+/// Marks a function that both the CPU compiler and the CUDA compiler build. On the CPU the function is always
+/// inlined, so that kernels compiled for different instruction sets never share a copy of it. Kernels use no
+/// other macro of this kind.
 #ifdef __CUDACC__
 #define QUARRY_HOST_DEVICE __host__ __device__
 #else

@@ -7,7 +7,8 @@
 
 namespace quarry {
 
-/// The next float above a number that is not NaN; infinity stays. No libm: the same on CPU and CUDA.
+/// The smallest float above x; infinity stays. Requires: x is not NaN. The same bits on CPU and CUDA (no
+/// libm).
 QUARRY_HOST_DEVICE inline float NextAbove(float x) {
   const auto bits = std::bit_cast<uint32_t>(x);
   if (bits == 0x7F800000u) return x;
@@ -15,7 +16,7 @@ QUARRY_HOST_DEVICE inline float NextAbove(float x) {
   return std::bit_cast<float>(x > 0 ? bits + 1 : bits - 1);
 }
 
-/// The next float below a number that is not NaN; -infinity stays.
+/// The largest float below x; -infinity stays. Requires: x is not NaN.
 QUARRY_HOST_DEVICE inline float NextBelow(float x) { return -NextAbove(-x); }
 
 }  // namespace quarry

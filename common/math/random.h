@@ -6,7 +6,8 @@
 
 namespace quarry {
 
-/// A bijective 64-bit mix (the finaliser of SplitMix64: Steele et al. 2014).
+/// Mixes 64 bits one-to-one.
+/// Source: Steele et al. 2014, the finaliser of SplitMix64.
 QUARRY_HOST_DEVICE inline uint64_t Mix64(uint64_t x) {
   x ^= x >> 30;
   x *= 0xBF58476D1CE4E5B9ull;
@@ -15,15 +16,16 @@ QUARRY_HOST_DEVICE inline uint64_t Mix64(uint64_t x) {
   return x ^ (x >> 31);
 }
 
-/// What a random number is a function of: no state, so any worker makes the same one at any time.
+/// The input of a random number. Random numbers are a pure function of this key, so every worker makes the
+/// same number at any time.
 struct RandomKey {
   uint64_t seed = 0;
   uint32_t pixel = 0;      ///< y * width + x
   uint32_t sample = 0;     ///< index within the pixel
-  uint32_t path_code = 0;  ///< how the ray came about: 1 is primary, then 2 bits a bounce (see PathCode*)
+  uint32_t path_code = 0;  ///< the ray's branches: kPrimaryPath, then 2 bits per bounce
 };
 
-/// 32 random bits for `dimension` of `key`.
+/// 32 random bits, a function of `key` and `dimension`. Thread-safe.
 QUARRY_HOST_DEVICE inline uint32_t RandomBits(const RandomKey& key, uint32_t dimension) {
   uint64_t h = Mix64(key.seed + 0x9E3779B97F4A7C15ull);
   h = Mix64(h ^ (static_cast<uint64_t>(key.pixel) << 32 | key.sample));
@@ -31,7 +33,7 @@ QUARRY_HOST_DEVICE inline uint32_t RandomBits(const RandomKey& key, uint32_t dim
   return static_cast<uint32_t>(h >> 32);
 }
 
-/// Path codes: a primary ray is 1; each bounce appends two bits that tell a reflected from a refracted ray.
+/// Path codes: 1 for a primary ray; each bounce appends two bits, 1 for reflected and 2 for refracted.
 inline constexpr uint32_t kPrimaryPath = 1;
 QUARRY_HOST_DEVICE inline uint32_t ReflectedPath(uint32_t code) { return code << 2 | 1; }
 QUARRY_HOST_DEVICE inline uint32_t RefractedPath(uint32_t code) { return code << 2 | 2; }

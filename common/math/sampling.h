@@ -8,7 +8,7 @@
 
 namespace quarry {
 
-/// The bits of `v` from last to first: the van der Corput sequence, times 2^32.
+/// Reverses the bits of `v`: the van der Corput sequence times 2^32.
 QUARRY_HOST_DEVICE inline uint32_t ReverseBits(uint32_t v) {
   v = v >> 16 | v << 16;
   v = (v >> 8 & 0x00FF00FFu) | (v & 0x00FF00FFu) << 8;
@@ -17,7 +17,7 @@ QUARRY_HOST_DEVICE inline uint32_t ReverseBits(uint32_t v) {
   return (v >> 1 & 0x55555555u) | (v & 0x55555555u) << 1;
 }
 
-/// The second dimension of Sobol's (0,2)-sequence, times 2^32 (Kollig & Keller 2002).
+/// The second dimension of Sobol's (0,2)-sequence, times 2^32. Source: Kollig & Keller 2002.
 QUARRY_HOST_DEVICE inline uint32_t Sobol2(uint32_t i) {
   uint32_t r = 0;
   for (uint32_t v = 1u << 31; i; i >>= 1, v ^= v >> 1)
@@ -25,8 +25,8 @@ QUARRY_HOST_DEVICE inline uint32_t Sobol2(uint32_t i) {
   return r;
 }
 
-/// A random permutation in which a bit depends on lower bits only: Owen's nested scrambling of a number whose
-/// bits are reversed.
+/// Permutes the numbers at random so that each bit of the result depends only on bits at its place and below:
+/// Owen's nested scrambling of a number whose bits are reversed. `key` selects the permutation.
 /// Source: Laine & Karras 2011, section 3.1; Burley 2020, section 5; constants: Vegdahl 2021.
 QUARRY_HOST_DEVICE inline uint32_t PermuteUpward(uint32_t x, uint32_t key) {
   x ^= x * 0x3D20ADEAu;
@@ -36,15 +36,16 @@ QUARRY_HOST_DEVICE inline uint32_t PermuteUpward(uint32_t x, uint32_t key) {
   return x ^ x * 0x53A22864u;
 }
 
-/// Owen's nested scrambling of `reversed`, which has its bits reversed, shifted so that 0 becomes 1/2; a
-/// number in [0,1).
+/// Scrambles the bit-reversed sample `reversed` with Owen's nested scrambling, then shifts it so that 0 maps
+/// to 1/2. Returns: a number in [0, 1).
 QUARRY_HOST_DEVICE inline float ScrambleAroundHalf(uint32_t reversed, uint32_t key) {
   const uint32_t x = ReverseBits(PermuteUpward(reversed, key) ^ PermuteUpward(0, key)) ^ 0x80000000u;
   return static_cast<float>(x >> 8) * 0x1p-24f;
 }
 
-/// Where sample `sample` of a pixel lies, in [0,1)^2. Sample 0 is the pixel's centre; the first 2^k samples
-/// are stratified in every elementary interval for any k, so `--spp n` is a prefix of any larger count.
+/// Position of a sample within its pixel, in [0, 1)^2. Sample 0 is the pixel's centre. For any k the first
+/// 2^k samples are stratified in every elementary interval; the samples of `--spp n` are a prefix of those of
+/// any larger count.
 QUARRY_HOST_DEVICE inline glm::vec2 PixelSample(uint64_t seed, uint32_t pixel, uint32_t sample) {
   if (sample == 0) return {0.5f, 0.5f};
   const RandomKey key{seed, pixel, 0, 0};

@@ -21,12 +21,17 @@ namespace asio = boost::asio;
 using asio::ip::tcp;
 using ErrorCode = boost::system::error_code;
 
+// Accepted connections whose first message has not come yet; above this the oldest is dropped.
 constexpr size_t kMaxNewcomers = 64;
-/// Between connections while one goes for each that comes: with 32 places a newcomer has 160 ms to greet.
+/// Pause between accepts while each new connection makes another drop. With 32 places a new connection then
+/// has 160 ms to send its greeting.
 constexpr auto kCrowded = std::chrono::milliseconds(5);
+// Pause before the next accept when the process can open no more files.
 constexpr auto kNoFiles = std::chrono::milliseconds(100);
+// Period of the checks for silent and slow connections.
 constexpr auto kWatchEvery = std::chrono::seconds(1);
-/// Masters, workers and clients send something every second; one missed may be on its way.
+/// A connection silent for less than this is in use: masters, workers and clients send every second, and one
+/// message may be delayed.
 constexpr auto kSilent = std::chrono::seconds(3);
 
 class TcpListener final : public Listener {
@@ -58,12 +63,12 @@ class TcpListener final : public Listener {
       connections_.push_back(connection);
       on_connection_(connection);
       if (!crowded) return Accept();
-      // Whoever has just come needs a moment to greet before others take its place.
+      // The new connection needs a moment to greet before further ones take its place.
       AcceptAfter(kCrowded);
     });
   }
 
-  /// No more files may be opened, say: somebody goes, and then it is tried again.
+  /// Handles a failed accept, such as too many open files: drops an idle connection and tries again later.
   void AcceptLater(const ErrorCode& error) {
     SayOnce(fmt::format("cannot accept a connection: {}; drops idle ones (`ulimit -n` raises the limit)",
                         error.message()));
@@ -91,7 +96,7 @@ class TcpListener final : public Listener {
     });
   }
 
-  /// Those that are closed hold no descriptor any more.
+  /// Removes closed connections, which hold no descriptor any more.
   void Forget() {
     std::erase_if(connections_, [](const std::weak_ptr<AcceptedConnection>& weak) {
       const ConnectionPtr connection = weak.lock();
@@ -99,7 +104,7 @@ class TcpListener final : public Listener {
     });
   }
 
-  /// For one more. True when somebody had to go for it.
+  /// Makes room for one more connection. Returns: whether another connection was dropped for it.
   bool MakeRoom() {
     Forget();
     const size_t before = connections_.size();
@@ -116,8 +121,9 @@ class TcpListener final : public Listener {
     return true;
   }
 
-  /// Whom it costs least to drop: the oldest that has not greeted, else of those that fetch blocks the one
-  /// that has been silent for longest, else of all who are silent for longer than programs are. May be null.
+  /// The connection that costs least to drop. First the oldest without a greeting, then the longest silent of
+  /// the connections that fetch blocks, then the longest silent of all if it is silent for kSilent. May be
+  /// null.
   ConnectionPtr MostIdle() const {
     ConnectionPtr fetches, silent;
     const auto longer = [](const ConnectionPtr& a, const ConnectionPtr& b) {
@@ -145,11 +151,11 @@ class TcpListener final : public Listener {
   OnConnection on_connection_;
   const ListenerOptions options_;
   const std::shared_ptr<IncomingBudget> budget_;
-  std::deque<std::weak_ptr<AcceptedConnection>> connections_;  ///< open ones, the oldest first
-  bool said_ = false;                                          ///< that there are as many as can be
+  std::deque<std::weak_ptr<AcceptedConnection>> connections_;  ///< open connections, oldest first
+  bool said_ = false;                                          ///< whether the log has told of the limit
 };
 
-/// One attempt to connect, with its time limit.
+/// An attempt to connect and its time limit.
 struct Attempt {
   explicit Attempt(asio::io_context& io) : resolver(io), socket(io), timer(io) {}
   tcp::resolver resolver;
@@ -164,6 +170,7 @@ void Connect(asio::io_context& io, const Endpoint& endpoint, const Security& sec
              std::function<void(Result<std::shared_ptr<Connection>>)> done) {
   auto attempt = std::make_shared<Attempt>(io);
   const std::string name = fmt::format("{}:{}", endpoint.host, endpoint.port);
+  // Without it the system's own limit applies, which is minutes.
   attempt->timer.expires_after(std::chrono::seconds(10));
   attempt->timer.async_wait([attempt](const ErrorCode& error) {
     if (error) return;

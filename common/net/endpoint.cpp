@@ -1,4 +1,4 @@
-// Apart from connection.cpp, so that a program may bring connections of its own: see tests/fuzz/memory_net.h.
+// Apart from connection.cpp, so that a program can link its own connections: see tests/fuzz/memory_net.h.
 
 #include <fmt/format.h>
 

@@ -7,18 +7,19 @@ namespace quarry {
 
 class AcceptedConnection;
 
-/// Bytes that half-read messages of a listener's connections may take together. Used from the io_context's
-/// thread.
+/// A limit for the memory of half-read messages over all connections of a listener.
+/// Units: bytes. Used from the io_context's thread.
 class IncomingBudget {
  public:
   explicit IncomingBudget(uint64_t most) : most_(most) {}
 
-  /// Takes so many bytes more for the connection, where need be by dropping others: whoever holds most goes
-  /// first, so that small messages come through whatever large ones claim. False: the connection itself is
-  /// to go, and is given nothing.
+  /// Reserves `bytes` more for `connection`. When the limit is reached, the connection that holds most is
+  /// dropped, provided it holds more than `connection` would; small messages therefore pass whatever large
+  /// ones claim. Returns: false when `connection` itself must be dropped; nothing is reserved then.
   bool Take(AcceptedConnection& connection, uint64_t bytes);
-  /// Gives back all that the connection holds.
+  /// Releases all that `connection` holds.
   void GiveBack(const AcceptedConnection& connection);
+  /// Bytes held by all connections together.
   uint64_t used() const { return used_; }
 
  private:

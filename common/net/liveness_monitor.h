@@ -9,17 +9,20 @@
 
 namespace quarry {
 
-/// When each of the connections that must not fall silent was last heard of: a process that is stopped, or
-/// cut off, keeps its connection open. Times are the caller's seconds.
+/// Finds connections whose peer has fallen silent. A stopped or cut-off process keeps its connection open, so
+/// silence is the only sign.
+/// Units: times in seconds of the caller's clock. Not thread-safe.
 class LivenessMonitor {
  public:
   using ConnectionPtr = std::shared_ptr<Connection>;
 
+  /// Starts to watch a connection; it counts as heard now.
   void Add(const ConnectionPtr& c, double now_s) { liveness_[c] = {now_s, 0}; }
   void Forget(const ConnectionPtr& c) { liveness_.erase(c); }
 
-  /// Those not heard of for kSilenceS. To be called often: who has not called for half of that was itself
-  /// stopped, and has not listened meanwhile.
+  /// The connections silent for more than kSilenceS.
+  /// Requires: frequent calls. A gap of more than kSilenceS / 2 means that this process itself was stopped
+  /// and could not listen: all silences then start anew.
   std::vector<ConnectionPtr> Silent(double now_s) {
     const bool slept = now_s - looked_s_ > kSilenceS / 2;
     looked_s_ = now_s;
@@ -31,7 +34,7 @@ class LivenessMonitor {
     return silent;
   }
 
-  /// Sends a heartbeat to all of them when the last is kHeartbeatS old.
+  /// Sends a heartbeat to all connections when the last was sent at least kHeartbeatS ago.
   void Beat(double now_s) {
     if (now_s - beat_s_ < kHeartbeatS) return;
     beat_s_ = now_s;
@@ -41,7 +44,7 @@ class LivenessMonitor {
  private:
   struct Pulse {
     double heard_s = 0;
-    uint64_t received = 0;  ///< bytes, then
+    uint64_t received = 0;  ///< bytes received at heard_s
   };
   std::map<ConnectionPtr, Pulse> liveness_;
   double looked_s_ = 0, beat_s_ = 0;

@@ -22,9 +22,10 @@
 namespace quarry {
 namespace {
 
-constexpr size_t kLeastSecret = 16, kMostSecret = 64 << 10;
+constexpr size_t kLeastSecret = 16,
+                 kMostSecret = 64 << 10;  // bytes: too short to resist guessing; too large to be a secret
 constexpr std::string_view kIdentity = "quarry";
-// The secret's hash is SHA-256, so the cipher's must be.
+// The PSK is bound to SHA-256, so the cipher suite must use SHA-256 too.
 constexpr const char* kCipherName = "TLS_AES_128_GCM_SHA256";
 constexpr unsigned char kCipherId[2] = {0x13, 0x01};
 
@@ -45,13 +46,13 @@ struct Key {
 
 void FreeKey(void*, void* key, CRYPTO_EX_DATA*, int, long, void*) { delete static_cast<Key*>(key); }
 
-/// Where a context keeps its Key (slot 0 is Asio's).
+/// The slot for the Key in an SSL_CTX. Slot 0 belongs to Asio.
 int KeyIndex() {
   static const int index = SSL_CTX_get_ex_new_index(0, nullptr, nullptr, nullptr, FreeKey);
   return index;
 }
 
-/// A session that stands for the secret of the connection's context; null when memory is out.
+/// A session that carries the secret as its PSK; null when out of memory.
 SSL_SESSION* SecretSession(SSL* connection) {
   const auto* key = static_cast<const Key*>(SSL_CTX_get_ex_data(SSL_get_SSL_CTX(connection), KeyIndex()));
   SSL_SESSION* session = SSL_SESSION_new();
@@ -66,7 +67,7 @@ SSL_SESSION* SecretSession(SSL* connection) {
 int OfferSecret(SSL* connection, const EVP_MD* digest, const unsigned char** identity, size_t* size,
                 SSL_SESSION** session) {
   *session = nullptr;
-  if (digest && !EVP_MD_is_a(digest, "SHA256")) return 1;  // a server that takes another hash: none to offer
+  if (digest && !EVP_MD_is_a(digest, "SHA256")) return 1;  // the server wants another hash: no PSK to offer
   *identity = reinterpret_cast<const unsigned char*>(kIdentity.data());
   *size = kIdentity.size();
   *session = SecretSession(connection);
@@ -90,7 +91,7 @@ std::string ReasonText(uint64_t code) {
   return text ? text : fmt::format("OpenSSL's error {:x}", code);
 }
 
-/// The newest error of OpenSSL's queue, which is emptied.
+/// The text of the newest error in OpenSSL's queue. Empties the queue.
 std::string LastError() {
   const unsigned long code = ERR_peek_last_error();
   ERR_clear_error();
@@ -104,16 +105,16 @@ Status UseSecret(SSL_CTX* context, const std::string& path, bool server) {
     SSL_CTX_set_psk_find_session_callback(context, FindSecret);
   } else {
     SSL_CTX_set_psk_use_session_callback(context, OfferSecret);
-    // Without this a server without the secret could come with any certificate instead.
+    // Refuses all certificates: otherwise a server without the secret could present any certificate instead.
     SSL_CTX_set_verify(context, SSL_VERIFY_PEER, nullptr);
     SSL_CTX_set_cert_verify_callback(context, BelieveNoCertificate, nullptr);
   }
   return {};
 }
 
-/// Errors: not there, not for this process, not a regular file; a key that others than its owner may use.
+/// Errors: missing; not readable by this process; not a regular file; a key that other users may access.
 Status CheckReadable(const std::string& path, bool key) {
-  // Without O_NONBLOCK, opening a FIFO would wait for a writer that may never come.
+  // O_NONBLOCK: opening a FIFO would otherwise wait for a writer, perhaps forever.
   const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (fd < 0) return BadUsage(fmt::format("{}: cannot open: {}", path, ErrnoText(errno)));
   struct stat info {};
@@ -129,7 +130,7 @@ Status UseCertificates(SSL_CTX* context, const SecurityOptions& o, bool server) 
   if (!o.tls_cert.empty()) {
     QUARRY_TRY(CheckReadable(o.tls_cert, false));
     QUARRY_TRY(CheckReadable(o.tls_key, true));
-    // Never ask at the terminal for a key's password.
+    // The callback fails, so that OpenSSL never asks for a key's password at the terminal.
     SSL_CTX_set_default_passwd_cb(context, [](char*, int, int, void*) { return -1; });
     if (SSL_CTX_use_certificate_chain_file(context, o.tls_cert.c_str()) != 1)
       return BadUsage(fmt::format("{}: not a certificate in PEM form: {}", o.tls_cert, LastError()));
@@ -144,7 +145,7 @@ Status UseCertificates(SSL_CTX* context, const SecurityOptions& o, bool server) 
   return {};
 }
 
-/// Errors: options that do not go together.
+/// Errors: options that contradict or need one another.
 Status CheckTogether(const SecurityOptions& o, bool server) {
   const bool secret = !o.secret_file.empty(), certificate = !o.tls_cert.empty(), key = !o.tls_key.empty(),
              authority = !o.tls_ca.empty();
@@ -170,7 +171,7 @@ bool Among(int reason, std::initializer_list<int> reasons) {
   return false;
 }
 
-/// The alert that the other side has sent, or -1.
+/// The TLS alert that the peer sent, or -1.
 int AlertOf(int reason) {
   return reason >= SSL_AD_REASON_OFFSET && reason < SSL_AD_REASON_OFFSET + 256 ? reason - SSL_AD_REASON_OFFSET
                                                                                : -1;
@@ -203,7 +204,7 @@ SecurityOptions WithEnvironment(SecurityOptions options) {
 }
 
 Result<Bytes> ReadSecret(const std::string& path) {
-  // A pipe of the shell may bring it; opening one that nobody writes to must not wait.
+  // The secret may come through a shell's pipe; opening a FIFO without a writer must not block.
   const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (fd >= 0) ::fcntl(fd, F_SETFL, ::fcntl(fd, F_GETFL) & ~O_NONBLOCK);
   std::FILE* const file = fd >= 0 ? ::fdopen(fd, "r") : nullptr;
@@ -261,7 +262,7 @@ Result<Security> Security::Make(const SecurityOptions& options, bool server) {
   SSL_CTX_set_max_proto_version(context, TLS1_3_VERSION);
   if (SSL_CTX_set_ciphersuites(context, kCipherName) != 1)
     return Fail(fmt::format("this OpenSSL does not have {}: {}", kCipherName, LastError()));
-  // Each connection proves itself anew: no tickets, no cache, no early data.
+  // Each connection proves itself anew: no tickets, no session cache, no early data.
   SSL_CTX_set_options(context, SSL_OP_NO_TICKET);
   SSL_CTX_set_num_tickets(context, 0);
   SSL_CTX_set_session_cache_mode(context, SSL_SESS_CACHE_OFF);

@@ -15,52 +15,57 @@ struct ssl_st;
 
 namespace quarry {
 
-/// The options that decide how connections are protected, as given; empty: not given.
+/// The options that choose the protection of connections. An empty field was not given.
 struct SecurityOptions {
-  std::string secret_file;                ///< --secret-file: both sides know what is in it
+  std::string secret_file;                ///< --secret-file: a file with the shared secret
   std::string tls_cert, tls_key, tls_ca;  ///< --tls-cert, --tls-key, --tls-ca: PEM files
 
   bool operator==(const SecurityOptions&) const = default;
 };
 
-/// Each option with the variable that stands in for it.
+/// An option and the environment variable that replaces it.
 struct SecurityOptionName {
   std::string SecurityOptions::*field;
   const char *flag, *variable, *help;
 };
+/// All options with their names, for parsers of command lines.
 std::span<const SecurityOptionName> SecurityOptionNames();
 
-/// Fills what was not given from QUARRY_SECRET_FILE, QUARRY_TLS_CERT, QUARRY_TLS_KEY and QUARRY_TLS_CA. A
-/// secret given on the command line keeps certificates of the environment out, and the reverse.
+/// Fills empty fields from QUARRY_SECRET_FILE, QUARRY_TLS_CERT, QUARRY_TLS_KEY and QUARRY_TLS_CA. A secret on
+/// the command line disables the certificates of the environment, and certificates disable its secret.
 SecurityOptions WithEnvironment(SecurityOptions options);
 
-/// How connections are protected: plain, or TLS 1.3 in which both sides prove themselves, by a shared secret
-/// (an external PSK, with ephemeral Diffie-Hellman) or by certificates. A value: copies share what was read.
-/// Thread-safe; the files are read once, by ForServer and ForClient.
+/// The protection of connections: none, or TLS 1.3 with proof from both sides. The proof is a shared secret
+/// (an external PSK with ephemeral Diffie-Hellman) or certificates. Copies share the loaded files, which
+/// ForServer() and ForClient() read once. Thread-safe.
+/// Source: RFC 8446, sections 2.2 and 4.2.11 (PSK).
 class Security {
  public:
-  /// Plain.
+  /// No protection.
   Security() = default;
-  /// Plain when no option is given. Errors (usage): secret and certificates at once; a certificate without
-  /// its key or without the authority that clients' certificates must come from; a file that cannot be read,
-  /// is not what it should be, or that others may read.
+  /// The protection of an accepting side; none when no option is given.
+  /// Errors (usage): secret and certificates together; a certificate without its key or without the authority
+  /// for clients' certificates; an authority without a certificate; a file that cannot be read, has the wrong
+  /// content, or holds a secret or key that other users may read.
   static Result<Security> ForServer(const SecurityOptions& options);
-  /// As ForServer, but an authority may stand alone: the server's certificate is checked, none is shown.
+  /// The protection of a connecting side. As ForServer(), but an authority may stand alone: the client then
+  /// checks the server's certificate and shows none.
   static Result<Security> ForClient(const SecurityOptions& options);
 
+  /// Whether connections use TLS.
   bool tls() const { return context_ != nullptr; }
-  /// The OpenSSL context that connections are made from; null: plain.
+  /// The OpenSSL context for connections; null without protection.
   ssl_ctx_st* context() const { return context_.get(); }
 
-  /// Before a client's handshake: the certificate must be one for `host`, a name or an address.
+  /// Makes a client's handshake require a certificate for `host`, a name or an address. Call before the
+  /// handshake.
   void ExpectHost(ssl_st* connection, const std::string& host) const;
-  /// After a handshake: whether the other side has proved itself. It has, or OpenSSL does not do what it
-  /// says.
+  /// Whether the peer has proved itself. Call after the handshake; false only if OpenSSL breaks its contract.
   bool Proved(ssl_st* connection) const;
-  /// Whether a handshake with this error met first bytes that are no TLS.
+  /// Whether the handshake's error `code` means that the peer does not speak TLS.
   static bool IsNotTls(uint64_t code);
-  /// Why a handshake has failed, as what follows "HOST:PORT ". `code` is OpenSSL's, as its queue of errors
-  /// had it.
+  /// The reason of a failed handshake, as text that follows "HOST:PORT ". `code` is from OpenSSL's error
+  /// queue.
   std::string Explain(ssl_st* connection, uint64_t code) const;
 
  private:
@@ -74,12 +79,13 @@ class Security {
   bool server_ = false;
 };
 
-/// A secret file's bytes without the newline at its end. Errors (usage): cannot be read, may be read by
-/// others than its owner, holds less than 16 bytes or more than 64 KiB.
+/// Reads a secret file; the newline at its end is not part of the secret.
+/// Errors (usage): cannot be read; other users may read it; shorter than 16 bytes or longer than 64 KiB.
 Result<Bytes> ReadSecret(const std::string& path);
 
-/// The key of the handshake: HKDF-SHA256 of the secret, salt "quarry", info "quarry tls13 psk 1".
-/// All programs must derive the same: a change of it is a change of the protocol.
+/// Derives the PSK of the handshake: HKDF-SHA256 of the secret, salt "quarry", info "quarry tls13 psk 1".
+/// All programs must derive the same key: changing it changes the protocol.
+/// Source: RFC 5869.
 std::array<uint8_t, 32> DeriveKey(std::span<const std::byte> secret);
 
 }  // namespace quarry

@@ -7,15 +7,15 @@
 
 namespace quarry {
 
-/// One place that blocks come from, as it is given on command lines: "master", "HOST:PORT" (Quarry's own
-/// servers), "file:PATH", "http://..." or "https://...".
+/// A place that blocks come from, as given on command lines: "master", "HOST:PORT" (a Quarry server),
+/// "file:PATH", "http://..." or "https://...".
 struct SourceSpec {
   SourceKind kind = SourceKind::kTcp;
-  bool master = false;  ///< the server of the master itself
-  Endpoint server;      ///< kTcp
-  std::string place;    ///< kFile: the path; kHttp: the address
+  bool master = false;  ///< the server inside the master
+  Endpoint server;      ///< for kTcp
+  std::string place;    ///< the path for kFile, the URL for kHttp
 };
-/// Errors (usage): none of these.
+/// Errors (usage): none of these forms.
 Result<SourceSpec> ParseSource(const std::string& text);
 
 }  // namespace quarry

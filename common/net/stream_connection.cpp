@@ -1,4 +1,4 @@
-// Longer than other files: one class, whose reading, writing, beginning and end share all of its state.
+// Longer than 400 lines: reading, writing, opening and closing share all the state of the class.
 #include "common/net/stream_connection.h"
 
 #include <fmt/format.h>
@@ -27,20 +27,23 @@ namespace asio = boost::asio;
 using asio::ip::tcp;
 using ErrorCode = boost::system::error_code;
 
-constexpr auto kOpeningTime = std::chrono::seconds(10);  // for handshake, preamble and greeting together
-constexpr auto kClosingTime = std::chrono::seconds(10);  // for what is queued
-constexpr auto kNotifyTime = std::chrono::seconds(1);    // for the other side to close too
-/// At the side that has accepted. A half-read message has this long, and as long as its bytes take at the
-/// slowest rate of a link that is still of use; chaos tests trickle slower, for eleven seconds at most.
+// limit for handshake, preamble and greeting together
+constexpr auto kOpeningTime = std::chrono::seconds(10);
+constexpr auto kClosingTime = std::chrono::seconds(10);  // limit for sending queued messages
+constexpr auto kNotifyTime = std::chrono::seconds(1);    // limit for the peer's own close
+/// Limits for a half-read message on the accepting side: 30 s, plus its size over the rate of the slowest
+/// useful link. Chaos tests send slower than that rate for at most 11 s.
 constexpr auto kMessageTime = std::chrono::seconds(30);
+// Bytes per second.
 constexpr uint64_t kLeastBytesPerS = 16 << 10;
-/// Without a byte; all of Quarry's own programs ping more often.
+/// Limit for silence. All of Quarry's programs ping more often.
 constexpr auto kIdleTime = std::chrono::seconds(60);
-/// Without anything taken of what is queued; a process that is stopped is taken for dead earlier.
+/// Limit for a peer that takes no queued bytes. A stopped process is declared dead earlier, by
+/// LivenessMonitor.
 constexpr auto kUnreadTime = std::chrono::seconds(10);
-/// Memory for a message grows with the bytes that have come: at first by this, then fourfold, then by the
-/// other at a time. Small steps keep connections that send much from holding up those that send little. The
-/// side that has connected knows whom it asked.
+/// Steps in bytes by which the buffer of a message grows as bytes arrive, so that a claimed size costs no
+/// memory: first 16 KiB, then fourfold, then by 64 KiB. Small steps keep connections with large messages from
+/// delaying the others. A connecting side chose its peer and takes steps of 1 MiB.
 constexpr size_t kFirstStep = 16 << 10, kLargestStep = 64 << 10, kTrustedStep = 1 << 20;
 
 using TlsStream = asio::ssl::stream<tcp::socket>;
@@ -50,8 +53,8 @@ std::string EndpointText(const tcp::endpoint& e) {
   return e.address().is_v6() ? fmt::format("[{}]:{}", host, e.port()) : fmt::format("{}:{}", host, e.port());
 }
 
-/// A peer that vanishes without a farewell (its machine, the way to it) is noticed in half a minute, also
-/// where nothing is ever sent to it unasked.
+/// Detects within 30 s that a peer vanished without closing (machine or network failure), also when this side
+/// never sends anything.
 void KeepAlive(int socket) {
   const int on = 1, idle_s = 15, interval_s = 5, count = 3;
   ::setsockopt(socket, SOL_SOCKET, SO_KEEPALIVE, &on, sizeof on);
@@ -71,14 +74,14 @@ Stream MakeStream(tcp::socket socket, const Security& security) {
   }
 }
 
-/// A TLS record where a preamble should be: an alert or a handshake.
+/// Whether the bytes begin a TLS record, an alert or a handshake, where a preamble should be.
 bool IsTlsRecord(std::span<const std::byte> bytes) {
   return bytes.size() >= 2 && (bytes[0] == std::byte{0x15} || bytes[0] == std::byte{0x16}) &&
          bytes[1] == std::byte{3};
 }
 
-/// Stream: tcp::socket, or TlsStream, which differs in the handshake at its start and the farewell at its
-/// end. `host`: whom a client wants to reach; empty at the side that has accepted.
+/// Stream is tcp::socket or TlsStream; the latter adds a handshake at the start and a notification at the
+/// end. `host` is the name that a client connects to; empty on the accepting side.
 template <class Stream>
 class StreamConnection final : public AcceptedConnection {
   static constexpr bool kTls = std::is_same_v<Stream, TlsStream>;
@@ -152,7 +155,7 @@ class StreamConnection final : public AcceptedConnection {
     Shut();
     if (budget_) budget_->GiveBack(*this);
     outgoing_.clear();
-    // Moved out first: the handler may let go of this connection.
+    // Moved out first: the handler may release this connection.
     OnClose handler = std::move(on_close_);
     on_close_ = nullptr;
     on_message_ = nullptr;
@@ -210,8 +213,8 @@ class StreamConnection final : public AcceptedConnection {
   }
   bool accepted() const { return host_.empty(); }
 
-  /// Lets go of the callbacks at its end: they may hold what holds this connection. Part of a handler, so
-  /// that it also happens when the io_context ends before the handler's turn.
+  /// Clears the callbacks when destroyed; they may own this connection's owner. It is part of a posted
+  /// handler, so it also runs when the io_context ends before the handler is called.
   class Release {
    public:
     explicit Release(std::shared_ptr<StreamConnection> connection) : connection_(std::move(connection)) {}
@@ -227,8 +230,8 @@ class StreamConnection final : public AcceptedConnection {
     std::shared_ptr<StreamConnection> connection_;
   };
 
-  /// Until the greeting: the other side is dropped. After Close: what is not sent by then is not sent. When
-  /// nothing can be written any more: the other side has said nothing more.
+  /// Starts the time limit of the present phase. Before the greeting: the peer is dropped. After Close():
+  /// messages still queued are dropped. After a failed write: ends the wait for the peer's last words.
   void SetDeadline(std::chrono::seconds time) {
     deadline_.expires_after(time);
     deadline_.async_wait([self = Self()](const ErrorCode& error) {
@@ -250,8 +253,8 @@ class StreamConnection final : public AcceptedConnection {
     stream_.lowest_layer().close(ignored);
   }
 
-  /// Everything is sent; a TLS connection tells so. What still comes is read until the other side has closed
-  /// too: a socket closed with bytes unread takes back what is on its way.
+  /// Closes after the last write; TLS sends its close notification first. Incoming bytes are read until the
+  /// peer closes too: closing a socket with unread bytes discards data on its way to the peer.
   void SayFarewell() {
     if (!ready_) return Shut();
     parting_ = true;
@@ -283,13 +286,13 @@ class StreamConnection final : public AcceptedConnection {
         error == asio::error::broken_pipe || error == asio::ssl::error::stream_truncated)
       return Drop("closed the connection", false);
     if constexpr (kTls) {
-      // A client learns here, after its own handshake, that the server does not take its certificate.
+      // TLS 1.3: a client learns of a refused client certificate only after its own handshake.
       if (!greeted_ && error.category() == asio::error::get_ssl_category()) return DropOnHandshake(error);
     }
     Drop(fmt::format("is lost: {}", error.message()), false);
   }
 
-  // --- the beginning
+  // --- opening
 
   void Handshake() {
     const auto side = accepted() ? asio::ssl::stream_base::server : asio::ssl::stream_base::client;
@@ -305,9 +308,9 @@ class StreamConnection final : public AcceptedConnection {
 
   void DropOnHandshake(const ErrorCode& error) {
     const auto code = static_cast<uint32_t>(error.value());
-    // OpenSSL says nothing to who does not speak TLS; a person at a Quarry program without it should know
-    // why.
-    constexpr std::array<unsigned char, 7> kAlert = {0x15, 3, 3, 0, 2, 2, 70};  // fatal, protocol version
+    // OpenSSL answers nothing to a peer without TLS. This alert lets a Quarry program report the reason.
+    // fatal, protocol_version (RFC 8446, section 6)
+    constexpr std::array<unsigned char, 7> kAlert = {0x15, 3, 3, 0, 2, 2, 70};
     ErrorCode ignored;
     if (accepted() && Security::IsNotTls(code)) stream_.next_layer().send(asio::buffer(kAlert), 0, ignored);
     Drop(security_.Explain(stream_.native_handle(), code), true);
@@ -359,7 +362,7 @@ class StreamConnection final : public AcceptedConnection {
     heard_ = Clock::now();
   }
 
-  /// The table, then the raw bytes. A claimed size alone costs nothing.
+  /// Reads the table, then the raw part, as far as bytes arrive. A claimed size alone reserves no memory.
   void ReadPart() {
     Bytes& part = in_raw_ ? incoming_.raw : incoming_.table;
     const size_t whole = in_raw_ ? incoming_header_.raw_bytes : incoming_header_.table_bytes;
@@ -378,7 +381,8 @@ class StreamConnection final : public AcceptedConnection {
                             });
   }
 
-  /// False: there is no memory for it, and the connection is dropped.
+  /// Enlarges `part` by one step. Returns: false when the memory budget is exhausted; the connection is
+  /// dropped.
   bool Grow(Bytes& part, size_t whole) {
     constexpr size_t kReserved = 16 << 20;
     const size_t step =
@@ -388,7 +392,7 @@ class StreamConnection final : public AcceptedConnection {
       Drop("is dropped: half-read messages of all connections take too much memory", false);
       return false;
     }
-    // Pages that nothing has been written to are no memory yet, and nothing is copied again.
+    // Reserved pages cost no memory until they are written, and reserving avoids copies later.
     if (part.size() >= kTrustedStep && part.capacity() < size)
       part.reserve(std::min(whole, std::max(kReserved, 2 * part.size())));
     part.resize(size);
@@ -400,7 +404,8 @@ class StreamConnection final : public AcceptedConnection {
       return Drop(fmt::format("cannot be understood: {}", status.error().message), false);
     SetGreeted();
     reading_message_ = false;
-    if (speaker_ == Speaker::kStranger) speaker_ = Speaker::kAnyone;  // unless the receiver says who it is
+    // the receiver may have narrowed it with Expect()
+    if (speaker_ == Speaker::kStranger) speaker_ = Speaker::kAnyone;
     if (on_message_ && !close_asked_) on_message_(std::exchange(incoming_, {}));
     if (budget_) budget_->GiveBack(*this);
     if (!closed_ && !closing_) ReadHeader();
@@ -408,7 +413,7 @@ class StreamConnection final : public AcceptedConnection {
 
   // --- writing
 
-  /// Small parts go out together: a call of the system takes longer than copying them.
+  /// Joins small parts up to 64 KiB: a system call costs more than the copy.
   void Queue(Bytes part) {
     constexpr size_t kTogether = 64 << 10;
     const bool may_grow = outgoing_.size() > (writing_ ? 1u : 0u);
@@ -418,7 +423,7 @@ class StreamConnection final : public AcceptedConnection {
       outgoing_.push_back(std::move(part));
   }
 
-  /// When what else has been asked for in this turn is queued as well.
+  /// Writes after the handlers that are already posted, so that messages of one turn go out together.
   void WriteSoon() {
     if (writing_ || std::exchange(write_planned_, true)) return;
     asio::post(stream_.get_executor(), [self = Self()] {
@@ -427,7 +432,7 @@ class StreamConnection final : public AcceptedConnection {
     });
   }
 
-  /// For good; what is queued goes nowhere any more.
+  /// Ends writing for good and drops the queue.
   void StopWriting() {
     cannot_write_ = true;
     for (const Bytes& part : outgoing_) queued_ -= std::min<uint64_t>(queued_, part.size());
@@ -442,7 +447,7 @@ class StreamConnection final : public AcceptedConnection {
                       [self = Self()](const ErrorCode& error, size_t n) {
                         self->writing_ = false;
                         if (self->closed_) return;
-                        // Who does not want this side any more may have said why: reading tells, and ends.
+                        // The peer may have sent the reason before closing: reading goes on and reports it.
                         if (error && !self->closing_) return self->StopWriting();
                         if (error) return self->DropOn(error);
                         self->written_ += n;
@@ -457,7 +462,7 @@ class StreamConnection final : public AcceptedConnection {
   Stream stream_;
   const Security security_;
   const std::string host_;
-  const std::shared_ptr<IncomingBudget> budget_;  ///< null at the side that has connected
+  const std::shared_ptr<IncomingBudget> budget_;  ///< null on the connecting side
   Speaker speaker_;
   uint32_t most_raw_bytes_ = ~uint32_t{0};
   asio::steady_timer deadline_;
@@ -468,21 +473,21 @@ class StreamConnection final : public AcceptedConnection {
   std::array<std::byte, kFrameHeaderBytes> header_{};
   Message incoming_;
   FrameHeader incoming_header_{};
-  size_t have_ = 0;      ///< bytes of the part that is being read
-  bool in_raw_ = false;  ///< that part
+  size_t have_ = 0;      ///< bytes received of the part being read
+  bool in_raw_ = false;  ///< the part being read is the raw part
   bool reading_message_ = false;
   Clock::time_point message_since_, heard_ = Clock::now();
   uint64_t received_ = 0;
   uint64_t written_ = 0;  ///< bytes handed to the system
-  uint64_t taken_ = 0;    ///< of those, that had been taken when it was looked last
+  uint64_t taken_ = 0;    ///< taken_bytes() at the last Watch()
   Clock::time_point taken_since_ = Clock::now();
   std::function<void()> on_sent_;
   std::deque<Bytes> outgoing_;
   std::atomic<uint64_t> queued_{0};
-  std::atomic<bool> close_asked_{false};  ///< what has come already is not told any more
-  bool ready_ = false;                    ///< past the handshake: bytes may go out
-  bool greeted_ = false;  ///< the preamble has come; at the side that accepted, the first message too
-  std::array<std::byte, 4096> rest_;  ///< of what comes when nobody listens any more
+  std::atomic<bool> close_asked_{false};  ///< Close() was called: no more callbacks
+  bool ready_ = false;                    ///< the handshake is over, writing may begin
+  bool greeted_ = false;                  ///< preamble received; on the accepting side the first message too
+  std::array<std::byte, 4096> rest_;      ///< receives bytes that are dropped after closing
   bool write_planned_ = false, writing_ = false, cannot_write_ = false;
   bool closing_ = false, parting_ = false, closed_ = false;
 };

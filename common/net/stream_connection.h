@@ -7,32 +7,34 @@
 #include "common/net/connection.h"
 #include "common/net/incoming_budget.h"
 
-// Connections over a socket that is open. For connection.cpp, which opens them; others know Connection, and
-// not Asio.
+// Connections over an open socket; internal to common/net. Other code knows Connection and not Asio.
 
 namespace quarry {
 
-/// What a listener still does with a connection that it has handed out.
+/// The view that a listener has of a connection it accepted. Used from the io_context's thread.
 class AcceptedConnection : public Connection {
  public:
   using Clock = std::chrono::steady_clock;
 
   /// Open, and its first message has not come yet.
   virtual bool newcomer() const = 0;
-  /// Closed by either side: its descriptor is free.
+  /// Closed by either side; its descriptor is free.
   virtual bool closed() const = 0;
-  /// It has greeted to fetch blocks: whoever is dropped connects again with the next request.
+  /// The peer has greeted as a fetcher of blocks. Dropping it is cheap: it connects again at its next
+  /// request.
   virtual bool fetches() const = 0;
-  /// When its last byte came.
+  /// The time of the last byte received.
   virtual Clock::time_point heard() const = 0;
-  /// Drops it when a message of its stays half-read for too long, or when it says nothing for too long.
+  /// Drops the connection when a message stays half-read, the peer stays silent, or it takes no queued bytes
+  /// for too long. Listener states the limits. Requires: a call about every second.
   virtual void Watch(Clock::time_point now) = 0;
-  /// Closes at once and tells on_close.
+  /// Closes at once and calls on_close. `permanent`: trying again cannot help.
   virtual void Drop(std::string message, bool permanent) = 0;
 };
 
-/// By TLS if `security` asks for it. `socket`: a TCP connection's, which is now this one's. `host`: whom a
-/// client wants to reach; empty at the side that has accepted, which gives the budget of its listener.
+/// Makes a connection, with TLS if `security` has it. Takes ownership of `socket`, a connected TCP socket.
+/// `host` is the name that a client connects to; an accepting side passes an empty `host` and the budget of
+/// its listener.
 std::shared_ptr<AcceptedConnection> MakeConnection(boost::asio::io_context& io, int socket,
                                                    const Security& security, const std::string& host,
                                                    std::shared_ptr<IncomingBudget> budget);

@@ -9,12 +9,12 @@ class io_context;
 
 namespace quarry {
 
-/// Calls a function later, on an io_context's thread. Used from that thread.
+/// Calls a function later, on the io_context's thread. Used from that thread. Destroying it cancels the call.
 class Timer {
  public:
   explicit Timer(boost::asio::io_context& io);
   ~Timer();
-  /// Calls `then` once after `seconds`, in the place of the function that was to be called before.
+  /// Calls `then` once after `seconds`. A call that is still pending is cancelled.
   void Set(double seconds, std::function<void()> then);
 
  private:

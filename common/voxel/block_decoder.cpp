@@ -12,7 +12,7 @@
 namespace quarry {
 namespace {
 
-// --- the hot block's counts, from which all sizes follow
+// --- the hot block's counts, which give all sizes
 
 struct HotCounts {
   uint32_t triangles, vertices, references, inner_nodes, node_slots, wide_nodes;
@@ -23,7 +23,7 @@ struct HotCounts {
            size_t{triangles} * (6 + 4 + 4 + 2) + size_t{references} * 2;
   }
   size_t decoded_bytes() const { return HotBytes(wide_nodes, references, triangles, vertices); }
-  /// Each small enough that sums of sizes cannot overflow.
+  /// Whether each count is so small that sums of sizes cannot overflow.
   bool sane() const {
     return triangles > 0 && triangles <= kMaxVoxelTriangles && vertices > 0 && vertices <= 65535 &&
            references <= kMaxBlockBytes / 2 && inner_nodes <= kMostInnerNodes &&
@@ -32,7 +32,7 @@ struct HotCounts {
   }
 };
 
-/// Takes the streams of a block one after the other; their sizes were checked against the whole before.
+/// Cuts the streams of a block off in order. Requires: the sum of the sizes was checked against the whole.
 class StreamCutter {
  public:
   StreamCutter(std::span<const std::byte> streams, size_t header) : rest_(streams.subspan(header)) {}
@@ -46,7 +46,7 @@ class StreamCutter {
   std::span<const std::byte> rest_;
 };
 
-/// Lays arrays out one behind the other in a decoded block.
+/// Places arrays one behind the other in a decoded block.
 class ArrayPlacer {
  public:
   explicit ArrayPlacer(std::span<std::byte> out) : out_(out) {}
@@ -66,10 +66,10 @@ class ArrayPlacer {
 
 struct BlockDecoder::Impl {
   Bytes room;
-  std::span<std::byte> streams;  ///< of the block at hand
+  std::span<std::byte> streams;  ///< of the present block
   std::vector<uint32_t> column;
   TreeReader tree;
-  std::vector<KdNode> nodes;  ///< of a tree that nobody wants
+  std::vector<KdNode> nodes;  ///< receives the tree when the caller does not want it
   TreeCompletion completion;
 
   Status Decompress(std::span<const std::byte> stored, size_t most);
@@ -87,7 +87,7 @@ Status BlockDecoder::Impl::Decompress(std::span<const std::byte> stored, size_t 
   const auto packed = in.GetSpan(in.remaining());
   if (!in.ok() || size > MostStored(most))
     return Fail("voxel block: more bytes than the directory's entry allows");
-  // Never smaller: bytes that come anew would be cleared.
+  // Never shrinks: resize() would clear the bytes that it adds again.
   if (room.size() < size) room.resize(size);
   streams = {room.data(), size};
   if (packed.size() == size) {
@@ -101,7 +101,7 @@ Status BlockDecoder::Impl::Decompress(std::span<const std::byte> stored, size_t 
   return {};
 }
 
-/// Undoes the differences of columns of `count` values each; they lie one behind the other.
+/// Decodes columns of `count` differences each, stored one behind the other.
 const uint32_t* BlockDecoder::Impl::ReadColumns(std::span<const std::byte> columns, size_t count) {
   const size_t bytes = count * sizeof(uint32_t), values = columns.size() / sizeof(uint32_t);
   if (column.size() < values) column.resize(values);

@@ -12,7 +12,8 @@
 
 namespace quarry {
 
-/// A decoded shading block.
+/// A view of a decoded shading block.
+/// Shapes: corners[3 * triangle_count], indices into vertices.
 struct VoxelShading {
   const uint16_t* corners = nullptr;
   const ShadingVertex* vertices = nullptr;
@@ -23,21 +24,24 @@ struct VoxelShading {
   }
 };
 
-/// Decodes blocks; working memory is kept from one to the next: a block's streams and its tree, each of at
-/// most about a decoded block's size. Not thread-safe.
+/// Decodes blocks. Keeps working memory from block to block: the streams and the tree, each of about the size
+/// of a decoded block. Not thread-safe.
 class BlockDecoder {
  public:
   BlockDecoder();
   ~BlockDecoder();
 
-  /// Decodes a stored block into `out`, whose size is the decoded size that the directory gives, aligned to
-  /// 16; the view points into it. Boxes of wide nodes are grown by the scene's `padding`. The kd-tree itself,
-  /// for kernels that go by its nodes, is put into `tree` in treelets; without it the view has no nodes.
-  /// Errors: whatever does not decode to just `out`; any count, index or link that leads out of the block; a
-  /// tree that is none, or whose leaves have other references than there are. After success kernels need no
-  /// further check.
+  /// Decodes a stored hot block into `out`; the returned view points into `out`. The boxes of wide nodes are
+  /// grown by `padding`, the scene's. With `tree`, the kd-tree is stored there in treelets, for kernels that
+  /// visit its nodes; without it the view has no nodes.
+  /// Units: `padding` in scene units.
+  /// Requires: out.size() is the decoded size in the directory; `out` aligned to 16 bytes.
+  /// Errors: data that does not decode to exactly `out`; a count, index or link out of range; an invalid
+  /// tree; leaves with another number of references than the block. Any bytes may be given; after success
+  /// kernels need no further check.
   Result<VoxelGeometry> Hot(std::span<const std::byte> stored, std::span<std::byte> out, float padding,
                             std::vector<KdNode>* tree = nullptr);
+  /// Decodes a stored shading block into `out`, under the contract of Hot().
   Result<VoxelShading> Shading(std::span<const std::byte> stored, std::span<std::byte> out);
 
  private:
@@ -45,8 +49,9 @@ class BlockDecoder {
   std::unique_ptr<Impl> impl_;
 };
 
-/// The blocks of a voxel of `catalog`, as above. Errors also: other triangles than the directory's; a
-/// material that the scene lacks.
+/// Decode a block of voxel `voxel` of `catalog`, as the members above.
+/// Errors: as there; another number of triangles than the directory's; for a hot block, a material that the
+/// scene lacks.
 Result<VoxelGeometry> DecodeHot(BlockDecoder& decoder, const Catalog& catalog, uint32_t voxel,
                                 std::span<const std::byte> stored, std::span<std::byte> out,
                                 std::vector<KdNode>* tree = nullptr);

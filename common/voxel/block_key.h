@@ -7,11 +7,12 @@
 
 namespace quarry {
 
+/// The parts of a voxel that are loaded apart: kHot is the tree and the triangles, kShading the attributes.
 enum class BlockKind : uint32_t { kHot = 0, kShading = 1 };
 inline constexpr uint32_t kBlockKinds = 2;
 
-/// Names a block of a scene: the part of a voxel that is loaded at once. Messages, logs and tables that are
-/// indexed by block carry its number.
+/// Identifies a block of a scene, the unit of loading. Messages, logs and arrays indexed by block use
+/// number().
 struct BlockKey {
   uint32_t voxel = 0;
   BlockKind kind = BlockKind::kHot;
@@ -21,7 +22,7 @@ struct BlockKey {
   static constexpr BlockKey FromNumber(uint32_t number) {
     return {number / kBlockKinds, static_cast<BlockKind>(number % kBlockKinds)};
   }
-  /// Requires: the voxel is one of a scene, so that the number fits.
+  /// Requires: `voxel` belongs to a scene, so that the number fits in 32 bits.
   constexpr uint32_t number() const { return voxel * kBlockKinds + static_cast<uint32_t>(kind); }
   constexpr auto operator<=>(const BlockKey&) const = default;
 };

@@ -11,46 +11,49 @@
 #include "common/base/bytes.h"
 #include "common/math/ordered_float.h"
 
-// How arrays are written before LZ4, which finds equal bytes but has no notion of numbers: as differences to
-// what came before, and those byte by byte, all lowest bytes first. FORMAT.md lists what uses which.
+// Codings of arrays for LZ4, which finds equal bytes but does not know numbers: differences to earlier
+// values, stored byte by byte, all lowest bytes first. FORMAT.md lists the coding of each array.
+// Thread-safe: all functions use only their arguments.
 
 namespace quarry {
 
-/// Small for differences of either sign.
+/// Maps a signed difference to an unsigned number that is small when the difference is near 0.
 template <class T>
 T ZigZag(T difference) {
   constexpr int kLast = static_cast<int>(sizeof(T)) * 8 - 1;
   return static_cast<T>(static_cast<T>(difference << 1) ^
                         static_cast<T>(-static_cast<T>(difference >> kLast)));
 }
+/// The inverse of ZigZag().
 template <class T>
 T UndoZigZag(T value) {
   return static_cast<T>(static_cast<T>(value >> 1) ^ static_cast<T>(-static_cast<T>(value & 1)));
 }
 
-/// Appends `values` byte by byte.
+/// Appends the lowest bytes of all `values`, then the next bytes of all, and so on.
 template <class T>
 void PutPlanes(std::span<const T> values, Bytes& out) {
   for (size_t byte = 0; byte < sizeof(T); ++byte)
     for (const T value : values) out.push_back(static_cast<std::byte>(value >> (8 * byte)));
 }
 
-/// Four and eight numbers, as the compiler's own vectors.
+/// Vectors of four and eight numbers and of 16 bytes, of the compiler's own vector types.
 using UInt4 = uint32_t __attribute__((vector_size(16)));
 using UShort8 = uint16_t __attribute__((vector_size(16)));
 using Byte16 = uint8_t __attribute__((vector_size(16)));
 
-/// Eight bytes as numbers of 16 bits.
+/// Converts eight bytes to 16-bit numbers.
 inline UShort8 Widened(const uint8_t* bytes) {
   uint8_t __attribute__((vector_size(8))) eight;
   std::memcpy(&eight, bytes, sizeof eight);
   return __builtin_convertvector(eight, UShort8);
 }
 
-/// Sixteen numbers of 32 bits, four a vector, of their planes.
+/// Sixteen 32-bit numbers in order, four in a vector.
 struct UInt16x {
   UInt4 four[4];
 };
+/// Joins the next 16 bytes of each of four planes, `count` bytes apart.
 inline UInt16x JoinPlanes(const uint8_t* plane, size_t count) {
   Byte16 bytes[4];
   for (size_t b = 0; b < 4; ++b) std::memcpy(&bytes[b], plane + b * count, sizeof bytes[b]);
@@ -74,7 +77,8 @@ inline UInt16x JoinPlanes(const uint8_t* plane, size_t count) {
            kHighPairs(high01, high23)}};
 }
 
-/// The reverse of PutPlanes, from the value `first` on. Requires: `bytes` holds just so many.
+/// Reads the values from index `first` on that PutPlanes() wrote. Requires: bytes.size() == values.size() *
+/// sizeof(T).
 template <class T>
 void ReadPlanes(std::span<const std::byte> bytes, std::span<T> values, size_t first = 0) {
   const size_t count = values.size();
@@ -90,7 +94,7 @@ void ReadPlanes(std::span<const std::byte> bytes, std::span<T> values, size_t fi
   }
 }
 
-/// Differences of neighbours, zigzag: for numbers near each other.
+/// Appends the zigzag differences of neighbours; for arrays whose neighbours are near each other.
 template <class T>
 void PutDifferences(std::span<const T> values, Bytes& out) {
   std::vector<T> differences;
@@ -103,12 +107,12 @@ void PutDifferences(std::span<const T> values, Bytes& out) {
   PutPlanes<T>(differences, out);
 }
 
-/// The reverse, into `values`.
+/// The inverse of PutDifferences(). Requires: bytes.size() == 4 * values.size().
 inline void ReadDifferences(std::span<const std::byte> bytes, std::span<uint32_t> values) {
   constexpr size_t kStep = 16, kLanes = 4;
   const size_t count = values.size(), whole = count / kStep * kStep;
   const auto* plane = reinterpret_cast<const uint8_t*>(bytes.data());
-  UInt4 last{};  // in all lanes
+  UInt4 last{};  // the previous value in every lane
   for (size_t i = 0; i < whole; i += kStep) {
     const UInt16x zigzag = JoinPlanes(plane + i, count);
     for (size_t k = 0; k < kStep / kLanes; ++k) {
@@ -126,7 +130,8 @@ inline void ReadDifferences(std::span<const std::byte> bytes, std::span<uint32_t
   for (size_t i = whole; i < count; ++i) values[i] = sum += UndoZigZag(values[i]);
 }
 
-/// For indices numbered by first appearance: how far below the next new number each is, 0 for a new one.
+/// Appends indices numbered by first appearance, each as its distance below the next new index. A
+/// new index gives 0.
 inline void PutFromNewest(std::span<const uint16_t> indices, Bytes& out) {
   std::vector<uint16_t> below;
   below.reserve(indices.size());
@@ -138,7 +143,8 @@ inline void PutFromNewest(std::span<const uint16_t> indices, Bytes& out) {
   PutPlanes<uint16_t>(below, out);
 }
 
-/// The reverse, into `indices`. False when one is not below `limit`.
+/// The inverse of PutFromNewest(). Returns: false when an index is not below `limit`.
+/// Requires: bytes.size() == 2 * indices.size().
 inline bool ReadFromNewest(std::span<const std::byte> bytes, std::span<uint16_t> indices, uint32_t limit) {
   constexpr size_t kLanes = 8;
   const size_t count = indices.size(), whole = count / kLanes * kLanes;

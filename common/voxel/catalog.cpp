@@ -15,9 +15,10 @@ namespace {
 
 constexpr size_t kMetaBytes = 192;
 constexpr size_t kVoxelBytes = 72;
-constexpr uint32_t kFresnelFlag = 1, kUnlitFlag = 2;  // of a material
+constexpr uint32_t kFresnelFlag = 1, kUnlitFlag = 2;  // flags of a material
 constexpr size_t kMaterialBytes = 4 + 136;
-/// In treelets, headers and alignment make of two nodes at most nine slots, and links number slots.
+/// Laid out in treelets, two nodes take at most nine slots with headers and alignment, and links number
+/// slots.
 constexpr size_t kMostTopNodes = KdNode::kMaxLink / 5;
 
 const Section* Find(const std::vector<Section>& sections, SectionType type) {
@@ -58,10 +59,11 @@ Status DecodeTopTree(std::span<const std::byte> bytes, Catalog& catalog) {
   if (bytes.empty() || bytes.size() % sizeof(KdNode) != 0 || bytes.size() / sizeof(KdNode) > kMostTopNodes)
     return Fail("the TOPT section has the wrong size");
   const std::vector<KdNode> nodes = ByteReader(bytes).GetArray<KdNode>(bytes.size() / sizeof(KdNode));
-  // Every node but the root is the child of one node before it: a tree, and no smaller one than its bytes.
+  // Each node but the root must be the child of exactly one earlier node: the tree has no cycle and is
+  // complete.
   std::vector<bool> has_parent(nodes.size());
   std::vector<uint8_t> level(nodes.size());
-  // Every voxel is in one leaf: named by it, or in the chain that begins with one that is.
+  // Each voxel is in at most one leaf: named by it, or in a chain that begins with a named voxel.
   std::vector<bool> in_leaf(catalog.voxels.size());
   for (size_t v = 0; v + 1 < catalog.voxels.size(); ++v)
     if (catalog.voxels[v].next_in_chain != kNoIndex) in_leaf[v + 1] = true;
@@ -157,7 +159,7 @@ Status DecodeMaterials(std::span<const std::byte> bytes, Catalog& catalog) {
     return Fail("the MATL section has the wrong size");
   catalog.materials.resize(count);
   for (size_t i = 0; i < catalog.materials.size(); ++i) {
-    in.Get<uint32_t>();  // the name, in STRS
+    in.Get<uint32_t>();  // offset of the name in STRS
     catalog.materials[i] = GetMaterial(in);
     if (!in.ok() || !IsSane(catalog.materials[i]))
       return Fail(fmt::format("the MATL section's material {} holds values that cannot be", i));

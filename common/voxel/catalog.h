@@ -13,12 +13,12 @@
 #include "common/scene/material.h"
 #include "common/voxel/voxel_block.h"
 
-// The catalog is what every worker holds whole: facts about the scene, the top-level tree, the voxel
-// directory and the materials. It is stored as four sections and sent as the same bytes.
+// The catalog is the part of a scene that every worker holds whole: facts about the scene, the top-level
+// tree, the voxel directory and the materials. It is stored as four sections and sent as the same bytes.
 
 namespace quarry {
 
-/// Section types; FORMAT.md says what each holds.
+/// Types of sections. FORMAT.md gives their contents.
 enum class SectionType : uint32_t {
   kMeta = 0x4154454D,              // "META"
   kTopTree = 0x54504F54,           // "TOPT"
@@ -36,68 +36,73 @@ enum class SectionType : uint32_t {
 };
 
 /// Facts about a scene.
+/// Units: lengths and positions in scene units, sizes in bytes.
 struct SceneMeta {
-  glm::vec3 bounds_lower{0}, bounds_upper{0};  ///< of the triangles, scene units
-  glm::vec3 root_lower{0}, root_upper{0};      ///< of the top-level tree: the bounds, padded
-  float padding = 0;                           ///< see ReferencePadding
+  glm::vec3 bounds_lower{0}, bounds_upper{0};  ///< box of the triangles
+  glm::vec3 root_lower{0}, root_upper{0};      ///< box of the top-level tree: the bounds, padded
+  float padding = 0;                           ///< see ReferencePadding()
   uint32_t up_axis = 2;                        ///< 1 for y, 2 for z
-  glm::dvec3 offset{0};                        ///< added to stored positions gives the input's
-  double unit_in_metres = 1;                   ///< length of one scene unit, 1 when not known
-  uint64_t input_triangles = 0;                ///< ids run below this: dropped triangles keep theirs
-  uint64_t dropped_degenerate = 0;             ///< zero area
-  uint64_t dropped_not_finite = 0;             ///< NaN, infinite or beyond 2^60
-  uint64_t stored_references = 0;              ///< triangles over all voxels, with replication
-  uint32_t voxel_size = 0;                     ///< bytes aimed at for a decoded hot block
-  uint32_t largest_decoded = 0;                ///< bytes of the largest decoded block of either kind
-  uint32_t largest_stored = 0;                 ///< bytes of the largest stored block
-  uint32_t lz4_version = 0;                    ///< LZ4_VERSION_NUMBER that compressed the blocks
+  glm::dvec3 offset{0};                        ///< stored position + offset = input position
+  double unit_in_metres = 1;                   ///< length of a scene unit in metres; 1 when unknown
+  uint64_t input_triangles = 0;                ///< triangle ids are below this; dropped triangles keep their
+                                               ///< ids
+  uint64_t dropped_degenerate = 0;             ///< triangles without area
+  uint64_t dropped_not_finite = 0;             ///< triangles with a NaN, infinite or larger than 2^60
+                                               ///< coordinate
+  uint64_t stored_references = 0;              ///< triangles over all voxels, copies included
+  uint32_t voxel_size = 0;                     ///< target size of a decoded hot block
+  uint32_t largest_decoded = 0;                ///< largest decoded block of either kind
+  uint32_t largest_stored = 0;                 ///< largest stored block
+  uint32_t lz4_version = 0;                    ///< LZ4_VERSION_NUMBER of the compressor
 
   bool operator==(const SceneMeta&) const = default;
 };
 
-/// One block as the directory knows it.
+/// The directory's entry of a block or texture page. Units: bytes.
 struct BlockEntry {
-  uint64_t offset = 0;    ///< in the file
-  uint32_t stored = 0;    ///< bytes in the file; 0: there is no such block
-  uint32_t decoded = 0;   ///< bytes once decompressed
-  uint64_t checksum = 0;  ///< of the stored bytes
+  uint64_t offset = 0;    ///< position in the file
+  uint32_t stored = 0;    ///< size in the file; 0 when there is no such block
+  uint32_t decoded = 0;   ///< size when decoded
+  uint64_t checksum = 0;  ///< checksum of the stored bytes
 
   bool operator==(const BlockEntry&) const = default;
 };
 
-/// One voxel as the directory knows it. Stored in 72 bytes.
+/// The directory's entry of a voxel; 72 bytes in the file.
 struct VoxelEntry {
-  BlockEntry blocks[kBlockKinds];  ///< by BlockKind; shading follows hot in the file
+  BlockEntry blocks[kBlockKinds];  ///< indexed by BlockKind; shading follows hot in the file
   uint32_t triangles = 0;
-  uint32_t next_in_chain = kNoIndex;           ///< the next voxel of the same top-level leaf
-  glm::vec3 bounds_lower{0}, bounds_upper{0};  ///< of its triangles, whole
+  uint32_t next_in_chain = kNoIndex;           ///< next voxel of the same top-level leaf; kNoIndex at the end
+  glm::vec3 bounds_lower{0}, bounds_upper{0};  ///< box of its whole triangles, scene units
 
   bool operator==(const VoxelEntry&) const = default;
 };
 
-/// 128 bits over a scene's logical content, whatever the compressor. Caches are keyed by (scene id, block
-/// id).
+/// A hash of 128 bits over a scene's logical content, independent of the compressor. Caches use the key
+/// (scene id, block number).
 using SceneId = std::array<uint8_t, 16>;
+/// The id as 32 hexadecimal digits.
 std::string FormatSceneId(const SceneId& id);
 
+/// The decoded catalog. Unchanged after DecodeCatalog(), so it may be read from any thread.
 struct Catalog {
   SceneId id{};
   SceneMeta meta;
-  std::vector<KdNode> top_nodes;   ///< in treelets, headers filled in
-  std::vector<WideNode> top_wide;  ///< the same in wide nodes, cut down to voxels
-  uint32_t top_node_count = 0;     ///< as stored, without headers
+  std::vector<KdNode> top_nodes;   ///< top-level tree in treelets, headers filled in
+  std::vector<WideNode> top_wide;  ///< the same tree as wide nodes, boxes cut down to voxels
+  uint32_t top_node_count = 0;     ///< stored nodes, headers not counted
   std::vector<VoxelEntry> voxels;
-  std::vector<uint32_t> chain_end;  ///< per voxel, for the kernels: see TopTree
-  std::vector<VoxelBounds> bounds;  ///< likewise, grown by the padding
-  std::vector<Material> materials;  ///< without names
+  std::vector<uint32_t> chain_end;  ///< per voxel, for kernels: see TopTree
+  std::vector<VoxelBounds> bounds;  ///< per voxel, grown by the padding
+  std::vector<Material> materials;  ///< names are left out
 
-  /// Requires: a voxel of the scene.
+  /// Requires: `key.voxel` is a voxel of the scene.
   const BlockEntry& block(BlockKey key) const {
     return voxels[key.voxel].blocks[static_cast<uint32_t>(key.kind)];
   }
-  /// Whether the scene has this block: a key from elsewhere may name none.
+  /// Whether the scene has this block. A key from outside may name a block that does not exist.
   bool Has(BlockKey key) const { return key.voxel < voxels.size() && block(key).stored != 0; }
-  /// Blocks that there may be: their numbers lie below.
+  /// Upper limit of block numbers: each is below it.
   size_t block_numbers() const { return voxels.size() * kBlockKinds; }
   TopTree top_tree() const {
     return {top_nodes.data(), chain_end.data(), bounds.data(),  meta.root_lower,
@@ -105,29 +110,31 @@ struct Catalog {
   }
 };
 
-/// A section's bytes and, in the reader's hands, where they came from.
+/// The bytes of a section.
 struct Section {
   SectionType type;
   Bytes bytes;
 };
 
+/// Encode a section; FORMAT.md gives the bytes.
 Bytes EncodeMeta(const SceneMeta& meta);
 Bytes EncodeTopTree(const std::vector<KdNode>& nodes);
 Bytes EncodeDirectory(const std::vector<VoxelEntry>& voxels);
-/// The numbers of a material, without its name and textures.
+/// Appends a material's numbers, without its name and textures.
 void PutMaterial(const Material& material, ByteWriter& out);
-/// The same back, whatever they are: see IsSane. Errors: none; flags that there are not make `in` not ok().
+/// Reads a material's numbers; IsSane() must check them. Errors: unknown flags make in.ok() false.
 Material GetMaterial(ByteReader& in);
-/// Appends names to `strings` and refers to them.
+/// Encodes the MATL section; appends the materials' names to `strings`.
 Bytes EncodeMaterials(const std::vector<Material>& materials, std::string& strings);
 
-/// Puts a catalog together from its four sections (others are ignored), everything checked: kernels and
-/// caches may believe it. Errors: a section missing or of the wrong size, a link, offset or size out of
-/// range.
+/// Decodes a catalog from its four sections and checks everything: kernels and caches rely on it. Other
+/// sections are ignored.
+/// Errors: a missing section; a section of the wrong size; a link, offset, size or value out of range.
 Result<Catalog> DecodeCatalog(const SceneId& id, const std::vector<Section>& sections);
 
-/// One byte string for the wire, and back. The four sections, each as type, size, checksum, bytes.
+/// Packs sections into bytes for the network: type, size, checksum and content of each.
 Bytes PackSections(const std::vector<Section>& sections);
+/// The inverse of PackSections(). Errors: cut short; a wrong checksum.
 Result<std::vector<Section>> UnpackSections(std::span<const std::byte> bytes);
 
 }  // namespace quarry

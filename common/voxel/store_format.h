@@ -5,19 +5,20 @@
 
 namespace quarry {
 
-/// The first eight bytes of every scene store; the line ending shows transfers that mangled it.
+/// The first eight bytes of a store. The line ending reveals transfers that change line endings.
 inline constexpr std::string_view kStoreMagic = "QUARRY\r\n";
-/// Moves freely until the first release.
+/// Version of the format. Stores of other versions are refused; it changes freely until the first release.
 inline constexpr uint32_t kStoreVersion = 9;
 
+/// Sizes of the header and of an entry of the section table; limit of sections against damaged headers.
 inline constexpr uint64_t kStoreHeaderBytes = 64;
 inline constexpr uint64_t kSectionEntryBytes = 40;
 inline constexpr uint32_t kMaxSections = 64;
 
-/// Section flags.
+/// Flags of sections.
 inline constexpr uint32_t kSectionCritical =
     1;  ///< a reader that does not know the type must refuse the store
 inline constexpr uint32_t kSectionOwnChecksums =
-    2;  ///< its parts are checksummed elsewhere (blocks: in VDIR)
+    2;  ///< the section's parts have checksums elsewhere (blocks: in VDIR)
 
 }  // namespace quarry

@@ -16,7 +16,7 @@ tl::unexpected<Error> Refuse(fmt::format_string<Parts...> format, Parts&&... par
       Error{fmt::format(format, std::forward<Parts>(parts)...), ErrorKind::kPermanent});
 }
 
-/// The bytes of the file that hold `catalog`'s blocks: they lie in a row.
+/// The range of bytes of the file that holds the blocks of `catalog`, which are contiguous.
 struct Extent {
   uint64_t begin = 0, end = 0;
 };

@@ -35,7 +35,7 @@ std::string TypeName(SectionType type) {
   return name;
 }
 
-/// Trying again cannot help.
+/// An error that a retry cannot help.
 tl::unexpected<Error> FailForGood(std::string sentence) {
   return tl::unexpected<Error>(Error{std::move(sentence), ErrorKind::kPermanent});
 }
@@ -201,7 +201,8 @@ Status StoreReader::VerifyTexture(uint32_t texture) const {
   return {};
 }
 
-/// Pages lie in the order in which they were full.
+/// Checks that the pages fill their section without gaps. Pages lie in the order in which they were
+/// completed.
 Status StoreReader::CheckPagesFill() const {
   std::vector<std::pair<uint64_t, uint64_t>> places;
   for (const Texture& t : textures_)
@@ -240,7 +241,7 @@ Status StoreReader::VerifyVoxel(uint32_t voxel, uint64_t& end, BlockDecoder& dec
   return {};
 }
 
-/// What the directory says of where a voxel lies is true.
+/// Checks that the directory's box of a voxel is the box of its triangles.
 Status StoreReader::CheckBounds(const VoxelGeometry& geometry, uint32_t voxel) const {
   const VoxelEntry& entry = catalog_.voxels[voxel];
   const Box box = BoundsOf({geometry.vertices, geometry.vertex_count});

@@ -15,41 +15,43 @@
 
 namespace quarry {
 
-/// A scene store opened for reading (pread, never mapped). Opening reads and checks all but the blocks.
-/// Thread-safe after Open.
+/// A scene store opened for reading with pread(); never mapped. Open() reads and checks all but blocks and
+/// pages. Thread-safe after Open().
 class StoreReader {
  public:
-  /// Errors: not a store, another format version (both named), truncated or longer than it says, damaged (the
-  /// section named), a critical section of an unknown type.
+  /// Errors: not a store; another format version (the message has both); truncated or too long; damaged (the
+  /// message names the section); a critical section of an unknown type.
   static Result<StoreReader> Open(const std::string& path);
 
   const std::string& path() const { return file_.path(); }
+  /// Bytes in the file.
   uint64_t size() const { return file_.size(); }
   const Catalog& catalog() const { return catalog_; }
-  /// The catalog's sections as stored, to send on.
+  /// The catalog's sections as stored, for sending.
   const std::vector<Section>& catalog_sections() const { return catalog_sections_; }
+  /// Names by material index, and by part index.
   const std::vector<std::string>& material_names() const { return material_names_; }
   const std::vector<std::string>& parts() const { return parts_; }
 
-  /// Empty where there are none.
+  /// The textures; empty when the store has none.
   const std::vector<Texture>& textures() const { return textures_; }
-  /// By rising material, then use.
+  /// The materials' uses of textures, sorted by material, then use.
   const std::vector<MaterialTexture>& material_textures() const { return material_textures_; }
 
-  /// Cameras and lights that the model brought.
+  /// The cameras and lights of the model.
   const SceneViews& views() const { return views_; }
 
-  /// Bytes of one stored block, its checksum verified.
-  /// Errors: a read error; permanent: no such block, or a damaged one (the byte offset named).
+  /// Reads a stored block and verifies its checksum.
+  /// Errors: a read error; permanent: no such block, or a damaged block (the message has its byte offset).
   Result<Bytes> ReadBlock(BlockKey block) const;
 
-  /// One page of a texture, read, checked and decoded: as DecodePage gives it.
-  /// Errors: a read error; permanent: no such page, or a damaged one (the texture, the page and the byte
-  /// named).
+  /// Reads a page of a texture and decodes it, as DecodePage().
+  /// Errors: a read error; permanent: no such page, or a damaged page (the message has texture, page and
+  /// byte).
   Result<Bytes> ReadPage(uint32_t texture, uint32_t page) const;
 
-  /// Reads every block and page and decodes it; also that they fill their sections without a gap.
-  /// `progress(done, total)` is called now and then with voxels and textures.
+  /// Reads and decodes every block and page, and checks that they fill their sections without gaps. Calls
+  /// `progress(done, total)` after each voxel and texture. Errors: the first problem found.
   template <class Progress>
   Status Verify(Progress&& progress) const {
     uint64_t end = blocks_begin_;

@@ -64,7 +64,7 @@ Bytes EncodeParts(const std::vector<std::string>& parts, std::string& strings) {
   return out.Take();
 }
 
-/// What a logical content hash may see of the meta data: nothing that depends on the compressor.
+/// The part of the facts that enters the scene id: nothing that depends on the compressor.
 SceneMeta LogicalMeta(SceneMeta meta) {
   meta.largest_stored = 0;
   meta.lz4_version = 0;
@@ -196,7 +196,7 @@ Result<SceneId> StoreWriter::Finish(SceneMeta meta, const std::vector<KdNode>& t
   std::vector<Section> logical = sections;
   logical[0].bytes = EncodeMeta(LogicalMeta(meta));
   logical[6].bytes = EncodeTextureFacts(textures);
-  logical.erase(logical.begin() + 2);  // the directory: places and sizes of compressed blocks
+  logical.erase(logical.begin() + 2);  // the directory: positions and sizes of compressed blocks
   const SceneId id = HashScene(logical_, textures_, logical);
 
   ByteWriter table;
@@ -204,7 +204,7 @@ Result<SceneId> StoreWriter::Finish(SceneMeta meta, const std::vector<KdNode>& t
                   blocks_end - kBlocksOffset, 0);
   PutSectionEntry(table, SectionType::kTexturePages, kSectionOwnChecksums, blocks_end, pages_size, 0);
   for (const Section& s : sections) {
-    const bool critical = &s < &sections[4];  // names, textures and views may be passed over
+    const bool critical = &s < &sections[4];  // readers may ignore names, textures and views
     PutSectionEntry(table, s.type, critical ? kSectionCritical : 0, file_.size(), s.bytes.size(),
                     Checksum(s.bytes));
     QUARRY_TRY(file_.Write(s.bytes));

@@ -15,51 +15,53 @@
 
 namespace quarry {
 
-/// A voxel ready to be stored: compressed blocks and what the directory says of them.
+/// A voxel ready to be stored: its compressed blocks and its directory entry. Units: sizes in bytes.
 struct EncodedVoxel {
-  Bytes hot, shading;  ///< stored bytes; shading may be empty
+  Bytes hot, shading;  ///< stored bytes; `shading` may be empty
   uint32_t hot_decoded = 0, shading_decoded = 0;
   uint64_t hot_logical = 0, shading_logical = 0;  ///< checksums of the streams, for the scene id
   uint32_t triangles = 0;
-  glm::vec3 bounds_lower{0}, bounds_upper{0};  ///< of the triangles
-  bool chained = false;                        ///< the next voxel written belongs to the same top-level leaf
+  glm::vec3 bounds_lower{0}, bounds_upper{0};  ///< box of the triangles
+  bool chained = false;                        ///< the next voxel written is in the same top-level leaf
 };
 
-/// Encodes and compresses a voxel; `shading` null where there is none. Thread-safe.
+/// Encodes and compresses a voxel; `shading` is null when it has no attributes. Thread-safe.
 EncodedVoxel EncodeVoxel(const HotVoxel& hot, const ShadingVoxel* shading);
 
 /// A page ready to be stored.
 struct EncodedPage {
   Bytes stored;
-  uint32_t decoded = 0;  ///< bytes of its texels
-  uint64_t logical = 0;  ///< checksum of the streams
+  uint32_t decoded = 0;  ///< size of its texels in bytes
+  uint64_t logical = 0;  ///< checksum of the streams, for the scene id
 };
 
-/// Encodes and compresses a page, see EncodePage. Thread-safe.
+/// Encodes and compresses a page; see EncodePage(). Thread-safe.
 EncodedPage EncodeTexturePage(const TextureShape& shape, const TexelLayout& layout, uint32_t page,
                               std::span<const std::byte> texels);
 
-/// A texture as it is written: with the checksums of its pages' streams, for the scene id.
+/// A written texture, with the checksums of its pages' streams for the scene id.
 struct WrittenTexture {
   Texture texture;
   std::vector<uint64_t> logical;
 };
 
-/// What a StoreWriter has of its voxels and textures beside the file, and goes on from.
+/// The state of a StoreWriter apart from its file. A later process continues from it.
 struct StoreProgress {
-  uint64_t bytes = 0;  ///< of the file; 0: none yet
+  uint64_t bytes = 0;  ///< size of the file; 0 when nothing is written
   std::vector<VoxelEntry> directory;
-  std::vector<uint64_t> logical;  ///< checksums of streams, two a voxel
+  std::vector<uint64_t> logical;  ///< checksums of the streams, two per voxel
   std::vector<WrittenTexture> textures;
 };
 
-/// Writes a scene store: voxels as they come, then textures, then the rest. Nothing is at `path` before
-/// Finish succeeds. Not thread-safe.
+/// Writes a scene store: the voxels, then the textures, then all other sections. Nothing is at `path` until
+/// Finish() succeeds. Not thread-safe.
+/// Errors of all members: write errors, as OutputFile.
 class StoreWriter {
  public:
+  /// Begins a new store. Errors: as OutputFile::Create().
   static Result<StoreWriter> Create(const std::string& path);
-  /// One whose file lies at `temporary` until it is finished, and outlives the process; `progress` is what an
-  /// earlier one had when it was last synchronised.
+  /// Continues a store whose file is `temporary`, which outlives the process. `progress` is the state at the
+  /// last Sync().
   static Result<StoreWriter> Continue(const std::string& path, const std::string& temporary,
                                       StoreProgress progress);
 
@@ -67,21 +69,22 @@ class StoreWriter {
   Status AddVoxel(const EncodedVoxel& voxel);
   uint32_t voxel_count() const { return static_cast<uint32_t>(directory_.size()); }
 
-  /// After the last voxel: begins a texture, whose pages then come in any order, each once. Requires: a
-  /// layout that CheckTexelLayout takes.
+  /// Begins a texture. Its pages follow in any order, each once.
+  /// Requires: after the last voxel; CheckTexelLayout(layout) succeeds.
   void BeginTexture(std::string name, const TexelLayout& layout);
+  /// Appends page `page` of the texture begun last. Requires: the page was not added before.
   Status AddPage(uint32_t page, const EncodedPage& encoded);
-  /// Takes back the texture begun last, should it turn out that it cannot be finished.
+  /// Removes the texture begun last, for a texture that cannot be finished.
   Status DropTexture();
   const std::vector<WrittenTexture>& textures() const { return textures_; }
 
-  /// Writes all other sections and gives the store its name. The sizes and LZ4 version in `meta` are filled
-  /// in.
+  /// Writes all other sections and computes the scene id. Fills in the sizes and the LZ4 version in `meta`.
   Result<SceneId> Finish(SceneMeta meta, const std::vector<KdNode>& top_nodes,
                          const std::vector<Material>& materials, const std::vector<std::string>& parts,
                          const SceneViews& views = {});
+  /// Bytes in the file so far.
   uint64_t bytes_written() const { return file_.size(); }
-  /// Makes the voxels and textures so far outlast a loss of power.
+  /// Makes the voxels and textures written so far survive a loss of power.
   Status Sync() { return file_.Sync(); }
   const std::vector<VoxelEntry>& directory() const { return directory_; }
   const std::vector<uint64_t>& logical() const { return logical_; }
@@ -90,9 +93,9 @@ class StoreWriter {
   explicit StoreWriter(OutputFile file) : file_(std::move(file)) {}
   OutputFile file_;
   std::vector<VoxelEntry> directory_;
-  std::vector<uint64_t> logical_;  ///< checksums of streams, two a voxel
+  std::vector<uint64_t> logical_;  ///< checksums of the streams, two per voxel
   std::vector<WrittenTexture> textures_;
-  uint64_t texture_begin_ = 0;  ///< bytes of the file when the last texture was begun
+  uint64_t texture_begin_ = 0;  ///< size of the file when the last texture began
 };
 
 }  // namespace quarry

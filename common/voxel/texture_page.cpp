@@ -12,7 +12,7 @@
 namespace quarry {
 namespace {
 
-/// A rectangle of the page, from its first texel on.
+/// A rectangle of texels in a page; `first` is the index of its first texel.
 struct Block {
   uint32_t width, height;
   size_t first;
@@ -29,15 +29,15 @@ std::vector<Block> BlocksOf(const TextureShape& shape, uint32_t page) {
   return blocks;
 }
 
-/// Of left, above and above left the one nearest to left + above - above left. Source: Paeth, Image file
-/// compression made easy, in Graphics Gems II, 1991.
+/// Of left, above and corner (above left), the value nearest to left + above - corner.
+/// Source: Paeth, Image file compression made easy, in Graphics Gems II, 1991.
 int Nearest(int left, int above, int corner) {
   const int a = std::abs(above - corner), b = std::abs(left - corner),
             c = std::abs(left + above - 2 * corner);
   return a <= b && a <= c ? left : b <= c ? above : corner;
 }
 
-/// What the neighbours before it foretell of value `at` of a channel of `block`.
+/// The value that earlier neighbours predict for texel (x, y) of a channel of `block`.
 template <class Sample>
 int Foretold(const Sample* values, const Block& block, uint32_t x, uint32_t y) {
   const size_t at = block.first + size_t{y} * block.width + x;
@@ -46,15 +46,15 @@ int Foretold(const Sample* values, const Block& block, uint32_t x, uint32_t y) {
   return Nearest(values[at - 1], values[at - block.width], values[at - block.width - 1]);
 }
 
-/// Halves as integers of the same order, so that small differences are small numbers.
+/// Maps halves to integers of the same order, so that near values have small differences.
 uint16_t Ordered(uint16_t half) { return half & 0x8000u ? ~half : half | 0x8000u; }
 uint16_t Unordered(uint16_t value) { return value & 0x8000u ? value & 0x7FFFu : ~value; }
 
-/// 0, -1, 1, -2, ... become 0, 1, 2, 3, ...
+/// Maps 0, -1, 1, -2, ... to 0, 1, 2, 3, ...
 uint16_t Zigzag(uint16_t v) { return static_cast<uint16_t>(v << 1 ^ (v & 0x8000u ? 0xFFFFu : 0)); }
 uint16_t Unzigzag(uint16_t v) { return static_cast<uint16_t>(v >> 1 ^ (v & 1 ? 0xFFFFu : 0)); }
 
-/// Plane by plane: the channels of `texels`, and back.
+/// Splits `texels` into one array per channel; halves become ordered integers.
 template <class Sample>
 std::vector<Sample> Channels(std::span<const std::byte> texels, uint32_t channels) {
   const size_t count = texels.size() / (sizeof(Sample) * channels);
@@ -74,7 +74,7 @@ template <class Sample>
 void PutSample(Sample difference, size_t at, size_t all, Bytes& out) {
   if constexpr (sizeof(Sample) == 2) {
     difference = Zigzag(difference);
-    out[all + at] = static_cast<std::byte>(difference >> 8);  // all high bytes behind all low ones
+    out[all + at] = static_cast<std::byte>(difference >> 8);  // all high bytes follow all low bytes
   }
   out[at] = static_cast<std::byte>(difference);
 }
@@ -103,7 +103,7 @@ Bytes Encode(const std::vector<Block>& blocks, uint32_t channels, std::span<cons
   }
   Bytes out(all * sizeof(Sample));
   for (size_t i = 0; i < all; ++i) {
-    // What surprises in one channel does so in the next.
+    // The channels' differences resemble each other: the previous channel's is subtracted.
     const Sample before = i < count ? Sample{0} : differences[i - count];
     PutSample(static_cast<Sample>(differences[i] - before), i, all, out);
   }

@@ -8,15 +8,17 @@
 
 namespace quarry {
 
-/// The streams of a page, before LZ4: for each channel the differences from what its neighbours foretell.
-/// Requires: `texels` has as many as the page, texel_bytes() each: row by row, channels together, halves as
-/// two bytes, lower first. The same texels give the same bytes, as many as there were. Thread-safe. Source:
-/// the predictor is Paeth's (PNG, 1996).
+/// Encodes a page as streams, before LZ4: per channel, each value minus the prediction from its neighbours.
+/// The same texels give the same bytes. Thread-safe.
+/// Shapes: `texels` holds TexelsOf(page) texels of texel_bytes() each, row by row, channels interleaved,
+/// halves low byte first. The result has as many bytes.
+/// Source: the predictor is Paeth's (PNG, 1996).
 Bytes EncodePage(const TextureShape& shape, const TexelLayout& layout, uint32_t page,
                  std::span<const std::byte> texels);
 
-/// The texels of a stored page (CompressBlock over EncodePage): row by row, of the tail's page level by
-/// level. Errors: LZ4 finds other than the bytes that the page has. Any bytes may be given. Thread-safe.
+/// Decodes a stored page (CompressBlock of EncodePage). Returns: texels row by row; for the tail's page level
+/// by level. Thread-safe.
+/// Errors: LZ4 yields another number of bytes than the page has. Any bytes may be given.
 Result<Bytes> DecodePage(const TextureShape& shape, const TexelLayout& layout, uint32_t page,
                          std::span<const std::byte> stored);
 

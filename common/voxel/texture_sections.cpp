@@ -8,7 +8,7 @@ namespace quarry {
 namespace {
 
 constexpr size_t kTextureBytes = 20, kPageBytes = 24, kMaterialTextureBytes = 64;
-/// A stored page has before its streams how many bytes they are.
+/// Bytes before a stored page's streams: their size.
 constexpr uint32_t kMostStoredOverStreams = 4;
 
 void PutFacts(const TexelLayout& layout, ByteWriter& out) {

@@ -12,15 +12,16 @@
 #include "common/voxel/catalog.h"
 #include "common/voxel/texture_shape.h"
 
-// What a store says of its textures beside their pages: sections TEXD and MTEX. Workers are not sent them.
+// The sections TEXD and MTEX: all that a store has of its textures besides their pages. Workers do not get
+// them.
 
 namespace quarry {
 
-/// One texture as the directory knows it.
+/// The directory's entry of a texture.
 struct Texture {
-  std::string name;  ///< as the model calls it
+  std::string name;  ///< the model's name for it
   TexelLayout layout;
-  std::vector<BlockEntry> pages;  ///< numbered as TextureShape does
+  std::vector<BlockEntry> pages;  ///< numbered as in TextureShape
 
   bool operator==(const Texture&) const = default;
 };
@@ -33,27 +34,29 @@ struct MaterialTexture {
   bool operator==(const MaterialTexture&) const = default;
 };
 
-/// TEXD. Appends names to `strings` and refers to them.
+/// Encodes TEXD; appends the textures' names to `strings`.
 Bytes EncodeTextures(const std::vector<Texture>& textures, std::string& strings);
-/// What of it does not depend on the compressor, for the scene id.
+/// The part of TEXD that does not depend on the compressor, for the scene id.
 Bytes EncodeTextureFacts(const std::vector<Texture>& textures);
-/// MTEX.
+/// Encodes MTEX.
 Bytes EncodeMaterialTextures(const std::vector<Material>& materials);
 
-/// TEXD, everything checked against `begin` and `end`, the bytes of the file that pages may lie in; names are
-/// taken from `strings`. Errors: a size, a kind of texels or a place that cannot be (the texture named).
+/// Decodes TEXD and checks it. Names come from `strings`; pages must lie in bytes [begin, end) of the file.
+/// Errors: an impossible size, format or position (the message names the texture).
 Result<std::vector<Texture>> DecodeTextures(std::span<const std::byte> bytes, std::string_view strings,
                                             uint64_t begin, uint64_t end);
-/// MTEX. Errors: a material, texture, use or wrap that is not there, numbers that are not finite, entries not
-/// in order.
+/// Decodes MTEX. Errors: an unknown material, texture, use or wrap; a number that is not finite; entries out
+/// of order.
 Result<std::vector<MaterialTexture>> DecodeMaterialTextures(std::span<const std::byte> bytes,
                                                             size_t materials, size_t textures);
 
-/// One binding as MTEX has it behind the material; also kept by the preprocessor between its runs.
+/// Appends a binding as MTEX stores it after the material. The preprocessor also keeps bindings in this form
+/// between runs.
 void PutBinding(const TextureBinding& binding, ByteWriter& out);
+/// The inverse of PutBinding(), unchecked.
 TextureBinding GetBinding(ByteReader& in);
 
-/// The zero-terminated string at `offset` of `strings`, or empty.
+/// The zero-terminated string at `offset` of `strings`; empty when `offset` is beyond the end.
 std::string StringAt(std::string_view strings, uint32_t offset);
 
 }  // namespace quarry

@@ -7,22 +7,24 @@
 
 namespace quarry {
 
-/// How a texel is stored: channels one after the other.
+/// Storage of a texel: its channels one after the other.
 enum class TexelFormat : uint32_t {
-  kSrgb8,    ///< a byte a channel, sRGB-encoded; alpha linear
-  kLinear8,  ///< a byte a channel
-  kHalf,     ///< a half float a channel, linear
+  kSrgb8,    ///< one byte per channel, sRGB-encoded; alpha is linear
+  kLinear8,  ///< one byte per channel, linear
+  kHalf,     ///< one half float per channel, linear
 };
 inline constexpr uint32_t kTexelFormats = 3;
 
-/// Side of a page in texels; FORMAT.md says why.
+/// Side of a page in texels. FORMAT.md gives the reason and its measurement.
 inline constexpr uint32_t kPageSide = 64;
+/// Limits against damaged stores: texels per side, textures per scene.
 inline constexpr uint32_t kMaxTextureSide = 32768;
 inline constexpr uint32_t kMaxTextures = 65536;
-/// Over all textures of a scene: numbers of pages are 32 bits with room to spare.
+/// Limit of pages over all textures of a scene; page numbers are 32 bits.
 inline constexpr uint32_t kMaxPages = 1u << 30;
 
-/// What is known of a texture's pixels. Channels: 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha.
+/// The format of a texture's texels. Units: width and height in texels.
+/// Channels: 1 grey; 2 grey and alpha; 3 RGB; 4 RGB and alpha.
 struct TexelLayout {
   uint32_t width = 0, height = 0, channels = 0;
   TexelFormat format = TexelFormat::kLinear8;
@@ -32,21 +34,23 @@ struct TexelLayout {
   bool has_alpha() const { return channels == 2 || channels == 4; }
   bool operator==(const TexelLayout&) const = default;
 };
-/// Errors: a side, a number of channels or a format that cannot be.
+/// Errors: an impossible side, number of channels or format.
 Status CheckTexelLayout(const TexelLayout& layout);
 
-/// The levels of a texture and the pages they lie in. Level 0 is the image; each further one has half the
-/// sides, rounded down, 1 at least; the last is one texel. Levels are parted into pages of kPageSide squared
-/// texels, those at the right and lower border smaller; the levels that need no parting, the *tail*, lie all
-/// in the last page, one after the other. Pages are numbered level by level, row by row.
+/// The levels of a texture and the pages that hold them. Level 0 is the image; each further level has half
+/// the sides, rounded down but at least 1; the last level is one texel. A level larger than a page is cut
+/// into pages of kPageSide x kPageSide texels, smaller at the right and lower border. The levels that fit one
+/// page are the *tail*: all lie in the last page, one after the other. Pages are numbered level by level, row
+/// by row. Thread-safe.
+/// Units: texels.
 class TextureShape {
  public:
   struct Level {
     uint32_t width, height;
-    uint32_t columns, rows;  ///< of pages; in the tail 1
+    uint32_t columns, rows;  ///< pages per row, rows of pages; 1 in the tail
     uint32_t first_page;
   };
-  /// What a page holds: a part of one level; of the tail's page its first level, whole.
+  /// The rectangle of one level that a page holds. For the tail's page: its first level, whole.
   struct Part {
     uint32_t level, x, y, width, height;
   };
@@ -57,10 +61,13 @@ class TextureShape {
   const std::vector<Level>& levels() const { return levels_; }
   uint32_t tail() const { return tail_; }  ///< the first level of the tail
   uint32_t pages() const { return pages_; }
+  /// The page of a level at a column and row of pages. Requires: they exist.
   uint32_t PageOf(uint32_t level, uint32_t column, uint32_t row) const;
+  /// The rectangle of texels that a page holds. Requires: page < pages().
   Part PartOf(uint32_t page) const;
+  /// The number of texels in a page. Requires: page < pages().
   uint32_t TexelsOf(uint32_t page) const;
-  /// How many texels of the tail's page come before those of a level of the tail.
+  /// The number of texels in the tail's page before `level`. Requires: tail() <= level <= levels().size().
   uint32_t TailOffset(uint32_t level) const;
 
  private:

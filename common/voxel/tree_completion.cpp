@@ -11,7 +11,7 @@
 namespace quarry {
 namespace {
 
-/// Puts the cell of the treelet's root into its header.
+/// Writes the cell of a treelet's root into the treelet's header.
 void PutCell(const Box8& cell, KdNode* header) {
   const Float4 lower = cell.lower(), upper = cell.upper();
   auto* bytes = reinterpret_cast<std::byte*>(header);
@@ -28,13 +28,13 @@ void TreeCompletion::FillBoxes(const VoxelGeometry& v) {
     boxes_[t] = BoxOf(v.vertices[corner[0]], v.vertices[corner[1]], v.vertices[corner[2]]);
 }
 
-/// Down to the leftmost leaf.
+/// Descends from `visit` to its leftmost leaf.
 inline TreeCompletion::Visit TreeCompletion::GoDown(Visit visit, std::span<KdNode> slots) {
   KdNode no_header[kTreeletHeaderSlots];
   for (;;) {
     const KdNode n = slots[visit.node];
     if (n.is_leaf()) return visit;
-    // Without a branch, which could not be foretold.
+    // Writes to a dummy header rather than branch: the branch would be unpredictable.
     PutCell(visit.cell, n.begins_treelet() ? &slots[n.left() - kTreeletHeaderSlots] : no_header);
     axes_.resize(visit.level);
     axes_.push_back(static_cast<uint8_t>(n.axis()));
@@ -74,7 +74,7 @@ Status TreeCompletion::Run(const VoxelGeometry& v, const Box& cell, float paddin
     } else {
       wide_.Leaf(leaf.cell, 0, 0);
     }
-    // All inner nodes below the parent of what comes next are whole.
+    // Closes the inner nodes whose subtrees are complete: all below the parent of the next visit.
     const uint32_t next_level = right_.empty() ? 0 : right_.back().level;
     for (uint32_t level = leaf.level; level > next_level; --level) wide_.Join(axes_[level - 1]);
   }

@@ -11,19 +11,21 @@
 
 namespace quarry {
 
-/// Derives what a voxel's tree needs beyond its streams, in one walk over its leaves from left to right:
-/// their first references, the cells in the headers of treelets, and the wide nodes. Memory is kept from tree
-/// to tree.
+/// Computes the parts of a voxel's tree that its streams leave out: the first reference of each leaf, the
+/// cells in treelet headers, and the wide nodes. One walk over the leaves from left to right. Keeps memory
+/// from tree to tree. Not thread-safe.
 class TreeCompletion {
  public:
-  /// `voxel`: all but that, checked, `slots` its nodes and `wide` its wide nodes; four floats after the last
-  /// vertex may be read. `padding`: by which boxes of triangles are grown.
-  /// Errors: a tree of other than just so many wide nodes, or of too many levels.
+  /// Completes a tree. `voxel` holds all other arrays, checked; `slots` are its nodes and `wide` its wide
+  /// nodes. Boxes of triangles are grown by `padding`.
+  /// Units: `padding` in scene units.
+  /// Requires: four floats after the last vertex can be read.
+  /// Errors: the tree has another number of wide nodes than wide.size(), or too many levels.
   Status Run(const VoxelGeometry& voxel, const Box& cell, float padding, std::span<KdNode> slots,
              std::span<WideNode> wide);
 
  private:
-  /// A node, how many there are above it, and its cell.
+  /// A node, the number of nodes above it, and its cell.
   struct Visit {
     Box8 cell;
     uint32_t node, level;
@@ -32,9 +34,9 @@ class TreeCompletion {
   Visit GoDown(Visit visit, std::span<KdNode> slots);
   Box8 BoxOfLeaf(const uint16_t* references, uint32_t count) const;
 
-  std::vector<Box8> boxes_;    // of triangles
-  std::vector<uint8_t> axes_;  // of the nodes above the present one
-  std::vector<Visit> right_;   // nodes to the right of all that was visited
+  std::vector<Box8> boxes_;    // of the triangles
+  std::vector<uint8_t> axes_;  // axes of the nodes above the present node
+  std::vector<Visit> right_;   // nodes still to visit, all right of the visited ones
   WideTreeMaker wide_{kWideLeafReferences};
 };
 

@@ -12,7 +12,7 @@ namespace {
 
 constexpr uint32_t kMaxMembers = (1u << kTreeletLevels) - 1;
 
-/// Collects what is written of a tree.
+/// Collects the streams of a tree.
 struct TreeWriter {
   std::vector<uint16_t> symbols;
   std::vector<uint32_t> planes[3];
@@ -47,7 +47,7 @@ void PutTree(std::span<const KdNode> slots, Bytes& out) {
   for (const std::vector<uint32_t>& planes : tree.planes) PutDifferences<uint32_t>(planes, out);
 }
 
-/// Planes in the order of nodes, axis by axis. Symbols say how many there are of each.
+/// Reads the split planes: axis by axis, in node order. The symbols give the number of planes per axis.
 Status TreeReader::ReadPlanesOf(std::span<const std::byte> planes, Position& p) {
   size_t count[3] = {};
   for (const uint16_t symbol : symbols_)
@@ -74,12 +74,13 @@ Status TreeReader::ReadPlanesOf(std::span<const std::byte> planes, Position& p) 
   return {};
 }
 
-/// The node that comes next, without links. No branches: which nodes are leaves cannot be foretold.
+/// Returns the next node without its links. Branch-free: a branch on leaf or inner node
+/// would be unpredictable.
 inline KdNode TreeReader::Next(Position& p) const {
   const uint32_t symbol = symbols_[p.symbol++];
   const bool leaf = symbol >= kLeafSymbol;
   const uint32_t axis = leaf ? kLeafSymbol : symbol, count = leaf ? symbol - kLeafSymbol : 0;
-  const uint32_t shift = axis * kPlaneBits;  // 63 of leaves: a bit that is never set
+  const uint32_t shift = axis * kPlaneBits;  // 63 for a leaf: the bit there is never set
   constexpr uint64_t kMask = (uint64_t{1} << kPlaneBits) - 1;
   const uint32_t plane = planes_[p.planes >> shift & kMask];
   p.planes += uint64_t{!leaf} << shift;
@@ -87,11 +88,11 @@ inline KdNode TreeReader::Next(Position& p) const {
   return {leaf ? 0 : plane, count << KdNode::kLinkShift | axis};
 }
 
-/// Reads one treelet, and puts those below it on the stack, the leftmost last. False when slots do not
-/// suffice. Symbols do: there is one leaf more than inner nodes.
+/// Reads one treelet and pushes the treelets below it, the leftmost last. Returns: false when `slots` is too
+/// small. The symbols suffice: a binary tree has one leaf more than inner nodes.
 inline bool TreeReader::ReadTreelet(const Root& root, Position& position, std::span<KdNode> slots) {
   Position p = position;
-  // Breadth first: members, then the roots of treelets below.
+  // Breadth first: the members, then the roots of the treelets below.
   uint32_t at[2 * kMaxMembers + 2], level[2 * kMaxMembers + 2];
   at[0] = root.at;
   level[0] = 0;
@@ -111,7 +112,8 @@ inline bool TreeReader::ReadTreelet(const Root& root, Position& position, std::s
     slots[at[members]].link |= link;
   }
   slots[root.at].link |= KdNode::kBeginsTreelet;
-  // What is left over up to the next header; nothing is, and the header takes it, after an even number.
+  // Clears the two slots left over before the next header. After an even number of members none are left
+  // over, and the header's slots are cleared instead, which the header overwrites.
   const size_t header_at = p.slot, over = members % 2 != 0 ? base + 2 * size_t{members} : header_at;
   p.slot = base + (size_t{members} + 1) / 2 * kTreeletHeaderSlots;
   if (p.slot > slots.size()) return false;

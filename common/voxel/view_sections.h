@@ -10,11 +10,12 @@
 
 namespace quarry {
 
-/// The CAMS and the LITE section; names are appended to `strings` and referred to.
+/// Encode the sections CAMS and LITE; append the names to `strings`.
 Bytes EncodeCameras(const std::vector<NamedCamera>& cameras, std::string& strings);
 Bytes EncodeLights(const std::vector<NamedLight>& lights, std::string& strings);
 
-/// Errors: a size that cannot be, more than there may be, numbers that no camera or light has.
+/// Decode the sections CAMS and LITE. Errors: a wrong size; too many entries; values that no camera or light
+/// may have.
 Result<std::vector<NamedCamera>> DecodeCameras(std::span<const std::byte> bytes, std::string_view strings);
 Result<std::vector<NamedLight>> DecodeLights(std::span<const std::byte> bytes, std::string_view strings);
 

@@ -14,10 +14,10 @@
 namespace quarry {
 namespace {
 
-// 5 gives a fiftieth less for a tenth of all preprocessing.
+// LZ4 HC level. Level 5 saves 2 % of bytes and costs 10 % of the time of preprocessing (FORMAT.md).
 constexpr int kCompressionLevel = 3;
 
-/// Leaves' references lie in a row, from the leftmost leaf on: decoders count on it.
+/// Decoders rely on leaves' references being contiguous, from the leftmost leaf on.
 void CheckReferences(const HotVoxel& voxel) {
   uint32_t references = 0;
   std::vector<uint32_t> visits{0};

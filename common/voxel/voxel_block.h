@@ -12,10 +12,10 @@
 #include "common/kdtree/node.h"
 #include "common/voxel/block_key.h"
 
-// A voxel is stored as two blocks: the hot part (tree and triangles, all that traversal touches) and the
-// shading part (normals, uv, colours). A block is stored as streams of bytes that LZ4 makes small, and
-// decoded into arrays that are used in place, with all that is derived: wide nodes, and where somebody asks
-// for it the kd-tree in treelets. FORMAT.md gives the streams byte by byte.
+// A voxel is stored as two blocks: hot (the tree and triangles, all that traversal reads) and shading
+// (normals, uv, colours). A block is stored as streams of bytes that LZ4 compresses well. It is decoded into
+// arrays that are used in place, together with derived arrays: the wide nodes and, on request, the kd-tree in
+// treelets. FORMAT.md gives the streams byte by byte.
 
 namespace quarry {
 
@@ -23,30 +23,32 @@ inline constexpr uint32_t kHotMagic = 0x35585651;      // "QVX5"
 inline constexpr uint32_t kShadingMagic = 0x32535651;  // "QVS2"
 inline constexpr size_t kHotHeaderBytes = 52, kShadingHeaderBytes = 12;
 
-/// Most triangles, vertices and references' targets of one voxel: indices are 16 bits.
+/// Most triangles of a voxel: 3 * 21,845 corners number at most 65,535 vertices, and indices are 16 bits.
 inline constexpr uint32_t kMaxVoxelTriangles = 21845;
-/// No block decodes to more than this, whatever a directory says.
+/// Limit of a decoded block in bytes, whatever a directory says: it bounds allocations.
 inline constexpr uint32_t kMaxBlockBytes = 64u << 20;
 
-/// A stored block is at most twice as large as it is decoded, and so much: its streams' header, and how many
-/// bytes of streams there are. (Of a hot block's tree nothing is left but wide nodes.)
+/// Most bytes of a stored block: twice the decoded size, plus the streams' header and their size. (Streams of
+/// a hot block can exceed its decoded size: the decoded tree is only wide nodes.)
 inline constexpr uint64_t MostStored(uint64_t decoded) { return 2 * decoded + 16; }
 
-/// What a hot block is made from.
+/// The input of a hot block.
+/// Units: `cell` and `vertices` in scene units.
+/// Shapes: corners[3 * triangles]; triangle_ids, materials and parts one per triangle.
 struct HotVoxel {
   Box cell;
-  std::vector<KdNode> nodes;         ///< as built; leaves' references lie in a row, from the leftmost leaf on
-  uint32_t node_slots = 0;           ///< that LayOutTreelets takes for them
-  uint32_t wide_nodes = 0;           ///< that MakeWideTree makes of them
-  std::vector<uint16_t> references;  ///< triangles numbered in the order in which these first name them
-  std::vector<uint16_t> corners;     ///< 3 a triangle; vertices numbered likewise
+  std::vector<KdNode> nodes;         ///< as built; references in the order of the leaves
+  uint32_t node_slots = 0;           ///< slots that LayOutTreelets() needs for `nodes`
+  uint32_t wide_nodes = 0;           ///< wide nodes that MakeWideTree() makes of `nodes`
+  std::vector<uint16_t> references;  ///< triangles are numbered in the order of their first reference
+  std::vector<uint16_t> corners;     ///< 3 per triangle; vertices are numbered likewise
   std::vector<glm::vec3> vertices;
   std::vector<uint32_t> triangle_ids;
   std::vector<uint16_t> materials;
   std::vector<uint32_t> parts;
 };
 
-/// One corner's attributes. A zero normal means none: the triangle's own is used.
+/// The attributes of a triangle's corner. A zero normal means that the triangle's own normal is used.
 struct ShadingVertex {
   glm::vec3 normal{0};
   glm::vec2 uv{0};
@@ -56,26 +58,26 @@ struct ShadingVertex {
 };
 static_assert(sizeof(ShadingVertex) == 24, "stored");
 
-/// What a shading block is made from; triangles in the hot block's order.
+/// The input of a shading block; triangles in the hot block's order.
 struct ShadingVoxel {
-  std::vector<uint16_t> corners;  ///< 3 a triangle: indices into vertices
+  std::vector<uint16_t> corners;  ///< 3 per triangle: indices into vertices
   std::vector<ShadingVertex> vertices;
 };
 
-/// The streams of a block, before LZ4. The same voxel gives the same bytes.
+/// Encode the streams of a block, before LZ4. The same voxel gives the same bytes. Thread-safe.
 Bytes EncodeHot(const HotVoxel& voxel);
 Bytes EncodeShading(const ShadingVoxel& voxel);
 
-/// Bytes of a decoded block with these counts. Requires of hot blocks: slots of the tree's nodes take no more
-/// than that.
+/// Size in bytes of a decoded block with these counts.
+/// Requires, for hot blocks: the slots of the tree's nodes take no more bytes than the block.
 size_t HotBytes(size_t wide_nodes, size_t references, size_t triangles, size_t vertices);
 size_t ShadingBytes(size_t triangles, size_t vertices);
 
-/// Of the LZ4 at hand, as LZ4_VERSION_NUMBER counts: other versions may give other bytes.
+/// The version of the LZ4 in use (LZ4_VERSION_NUMBER). Other versions may compress to other bytes.
 uint32_t CompressorVersion();
 
-/// LZ4 HC over `streams`, or the bytes themselves when that is not smaller; before it their number. Returns
-/// what is stored. Deterministic for one LZ4 version.
+/// Compresses `streams` with LZ4 HC, or keeps them when that is not smaller; the size of `streams` comes
+/// first. Returns: the stored bytes, deterministic for one LZ4 version. Thread-safe.
 Bytes CompressBlock(std::span<const std::byte> streams);
 
 }  // namespace quarry

@@ -50,7 +50,7 @@ int HexDigit(char c) {
   return lower >= 'a' && lower <= 'f' ? lower - 'a' + 10 : -1;
 }
 
-/// Percent-encoded the one way that signatures know: whatever was encoded is decoded first.
+/// Percent-encodes text in the one form that signatures use. Text that is already encoded is decoded first.
 std::string Canonical(std::string_view encoded, bool keep_slashes) {
   std::string out;
   for (size_t i = 0; i < encoded.size(); ++i) {
@@ -87,7 +87,7 @@ std::string CanonicalQuery(std::string_view query) {
   return text;
 }
 
-/// Without spaces around it, and with single ones within.
+/// Removes spaces at both ends and joins runs of spaces to one.
 std::string CanonicalValue(std::string_view value) {
   std::string text;
   for (const char c : value)

@@ -8,25 +8,25 @@
 
 namespace quarry {
 
-/// What S3 and the stores that speak like it give out to sign requests with.
+/// Credentials for signing requests to S3 and compatible stores.
 struct AwsCredentials {
-  std::string region;  ///< "eu-central-1"; what the store calls its own, if it is not Amazon's
+  std::string region;  ///< "eu-central-1"; other stores define their own names
   std::string access_key, secret_key;
-  std::string session_token;  ///< empty: none
+  std::string session_token;  ///< may be empty
 
   bool operator==(const AwsCredentials&) const = default;
 };
 
-/// A GET without a body, as it will go out.
+/// A GET request without a body, as it will be sent.
 struct AwsRequest {
-  std::string host;                 ///< the Host header: with the port if it is not the scheme's own
+  std::string host;                 ///< the Host header: with a port unless it is the scheme's default
   std::string target;               ///< path and query, percent-encoded
-  std::vector<HttpHeader> headers;  ///< others to be signed: Range, and all that begin with x-amz-
+  std::vector<HttpHeader> headers;  ///< further headers to sign: Range, and all that begin with x-amz-
 };
 
-/// The headers to add to `request`: x-amz-content-sha256, x-amz-date, x-amz-security-token where there is
-/// one, and Authorization, which signs those, the Host header and `request.headers`.
-/// `now`: seconds since 1970; servers take a request for 15 minutes. Thread-safe.
+/// Computes the headers to add to `request`: x-amz-content-sha256, x-amz-date, x-amz-security-token if there
+/// is a token, and Authorization. The signature covers these, the Host header and `request.headers`.
+/// Units: `now` in seconds since 1970; servers accept a signature for 15 minutes. Thread-safe.
 /// Source: AWS Signature Version 4, "Authenticating Requests: Using the Authorization Header".
 std::vector<HttpHeader> SignAwsRequest(const AwsRequest& request, const AwsCredentials& credentials,
                                        std::time_t now);

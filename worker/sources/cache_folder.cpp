@@ -23,8 +23,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// Limit of the time that one Sweep() call delays reads.
 constexpr int kFilesPerSweepCall = 256;
+// Resolution of a file's last use in ms: a finer one costs a write for each read.
 constexpr int64_t kTouchAfterMs = 60'000;
+// Bytes; the allocation unit of common file systems.
 constexpr uint64_t kBlockOfDisk = 4096;
 constexpr std::string_view kWriterPrefix = "writer-", kLock = ".lock";
 
@@ -61,7 +64,7 @@ struct CloseFolder {
 };
 using Folder = std::unique_ptr<DIR, CloseFolder>;
 
-/// Names of the entries of `path` for which `is` holds; none where it cannot be read.
+/// The names in folder `path` for which `is` holds; none when the folder cannot be read.
 template <class Is>
 std::vector<std::string> Names(const std::string& path, Is&& is) {
   std::vector<std::string> names;
@@ -82,7 +85,7 @@ std::string RandomName() {
 }  // namespace
 
 uint32_t AgeHistogram::BandOf(int64_t age_ms) {
-  // log2 in sixteenths: exact ages do not matter, order does.
+  // Bands of a sixteenth of an octave: only the order of ages matters, not exact values.
   const double octaves = std::log2(static_cast<double>(std::max<int64_t>(age_ms, 0)) + 1);
   return std::min(kBands - 1, static_cast<uint32_t>(octaves * 16));
 }
@@ -102,7 +105,7 @@ AgeHistogram::Cut AgeHistogram::CutFor(uint64_t excess) const {
   return {};
 }
 
-/// A walk over all blocks of all scenes, twice if something has to go.
+/// A walk over all blocks of all scenes; a second walk follows when files must be removed.
 struct CacheFolder::Walk {
   explicit Walk(const std::string& path) : folder(path), begun_ms(NowMs()) { Begin(); }
 
@@ -111,11 +114,11 @@ struct CacheFolder::Walk {
     open.reset();
   }
 
-  /// The next block's path and status; false at the end of the walk.
+  /// Finds the path and status of the next block. Returns: false at the end of the walk.
   bool Next(std::string& path, struct stat& info) {
     for (;;) {
       if (!open) {
-        if (!scene.empty()) ::rmdir(scene.c_str());  // fails, as it should, unless all its blocks are gone
+        if (!scene.empty()) ::rmdir(scene.c_str());  // succeeds only if no block is left in the scene
         scene.clear();
         if (scenes.empty()) return false;
         scene = folder + "/" + scenes.back();
@@ -137,10 +140,10 @@ struct CacheFolder::Walk {
   std::string folder;
   int64_t begun_ms;
   std::vector<std::string> scenes;
-  std::string scene;  // the one being walked
+  std::string scene;  // the scene's folder being walked
   Folder open;
   AgeHistogram ages;
-  std::optional<AgeHistogram::Cut> cut;  // once known: the second walk
+  std::optional<AgeHistogram::Cut> cut;  // set during the second walk
 };
 
 CacheFolder::CacheFolder(std::string folder, uint64_t budget) : folder_(std::move(folder)), budget_(budget) {}
@@ -169,7 +172,7 @@ Status CacheFolder::BecomeWriter() {
   lock_.reset();
   Forget(std::exchange(cleanup_, -1));
   const std::string name = fmt::format("{}/{}{}", folder_, kWriterPrefix, RandomName());
-  // The lock before the folder: whoever sees the folder sees that it is in use.
+  // Takes the lock before it makes the folder: a process that sees the folder then finds it in use.
   QUARRY_ASSIGN(FileLock lock, FileLock::Take(name, "another process"));
   if (::mkdir(name.c_str(), 0777) != 0)
     return Fail(fmt::format("{}: cannot write: {}", folder_, ErrnoText(errno)));
@@ -185,11 +188,12 @@ void CacheFolder::RemoveDeadWriters() {
   for (std::string& name : writers)
     if (name.ends_with(kLock)) name.resize(name.size() - kLock.size());
   std::ranges::sort(writers);
-  // Not std::ranges::unique: clang 14, which builds the fuzz programs, cannot compile what it gives.
+  // std::unique and not std::ranges::unique: clang 14, which builds the fuzz programs, rejects the latter's
+  // result.
   writers.erase(std::unique(writers.begin(), writers.end()), writers.end());
   for (const std::string& name : writers) {
     const std::string path = folder_ + "/" + name;
-    const auto lock = FileLock::Take(path, "a living writer");  // removed with the object
+    const auto lock = FileLock::Take(path, "a living writer");  // released and removed with the object
     std::error_code ignored;
     if (lock) fs::remove_all(path, ignored);
   }
@@ -231,7 +235,7 @@ Status CacheFolder::Write(const SceneId& scene, BlockKey block, std::span<const 
   if (OnDisk(static_cast<int64_t>(bytes.size())) > budget_) return {};
   int error = 0;
   Status status = WriteOnce(scene, block, bytes, error);
-  // The folder, or a part of it, was removed under us: once more from the beginning.
+  // The folder or a part of it was removed while in use: make it again and retry once.
   if (!status && error == ENOENT) {
     if (status = Open(); status) status = WriteOnce(scene, block, bytes, error);
   }
@@ -260,7 +264,7 @@ Status CacheFolder::WriteOnce(const SceneId& scene, BlockKey block, std::span<co
   }
   const std::string path = BlockPath(scene, block);
   int renamed = ::rename(temporary.c_str(), path.c_str());
-  // A sweep of another process may take an empty folder away again before the rename.
+  // A sweep of another process may remove the empty folder before the rename.
   for (int attempt = 0; renamed != 0 && errno == ENOENT && attempt < 3; ++attempt) {
     ::mkdir(path.substr(0, path.rfind('/')).c_str(), 0777);
     renamed = ::rename(temporary.c_str(), path.c_str());
@@ -304,7 +308,7 @@ void CacheFolder::Sweep() {
 }
 
 void CacheFolder::EndSweep(uint64_t left) {
-  // The room is shared with all who write: when each has written its share, the folder is full.
+  // All writers share the free room: when each has written its share, the folder is full again.
   const auto writers = Names(folder_, [](std::string_view n) {
                          return n.starts_with(kWriterPrefix) && n.ends_with(kLock);
                        }).size();

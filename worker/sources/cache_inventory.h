@@ -9,11 +9,13 @@
 
 namespace quarry {
 
-/// Which blocks a worker has, decoded or stored, and what has changed since the master was last told. Used
-/// from one thread.
+/// The blocks that a worker holds, decoded or stored, and the changes since the last report to the master.
+/// Used from one thread.
 class CacheInventory {
  public:
+  /// The forms in which a block is held.
   enum Tier : uint8_t { kDecoded = 1, kStored = 2 };
+  /// Notes that a block is held in `tier`, or no longer.
   void Set(BlockKey block, Tier tier, bool here) {
     uint8_t& tiers = tiers_[block];
     const uint8_t before = tiers;
@@ -21,11 +23,12 @@ class CacheInventory {
     if ((before == 0) != (tiers == 0)) changed_.insert(block);
     if (tiers == 0) tiers_.erase(block);
   }
+  /// Whether the block is held in any form.
   bool Has(BlockKey block) const { return tiers_.contains(block); }
   struct Changes {
     std::vector<uint32_t> come, gone;
   };
-  /// Since the last call of either.
+  /// The blocks that came or went since the last call of TakeChanges() or TakeAll(), as block numbers.
   Changes TakeChanges() {
     Changes changes;
     for (const BlockKey block : changed_)
@@ -33,7 +36,7 @@ class CacheInventory {
     changed_.clear();
     return changes;
   }
-  /// All blocks here.
+  /// The numbers of all blocks held. Clears the changes.
   std::vector<uint32_t> TakeAll() {
     changed_.clear();
     std::vector<uint32_t> all;

@@ -23,8 +23,10 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
+// Bytes; a slow disk must not hold an unbounded amount of memory.
 constexpr uint64_t kMaxQueuedBytes = 4 << 20;
-constexpr int kReadsInARow = 8;  // then something else has a turn
+constexpr int kReadsInARow = 8;  // reads before a write or a sweep gets its turn
+// Pause after a failed write, so that a full disk does not cost a failing write for each block.
 constexpr auto kWritePause = std::chrono::minutes(1);
 
 }  // namespace
@@ -34,7 +36,7 @@ struct DiskCachedSource::Impl : std::enable_shared_from_this<DiskCachedSource::I
   struct Waiting {
     BlockKey block;
     Done done;
-    Guard guard;  // the io_context has work while the disk is asked
+    Guard guard;  // keeps the io_context running while the disk is read
   };
   struct Read {
     uint64_t ticket;
@@ -62,7 +64,7 @@ struct DiskCachedSource::Impl : std::enable_shared_from_this<DiskCachedSource::I
     wake.notify_one();
   }
 
-  /// `bytes`: none where the folder does not have the block.
+  /// Handles a finished read. `bytes` is empty when the folder does not have the block.
   void OnRead(uint64_t ticket, std::optional<Bytes> bytes) {
     const auto found = waiting.find(ticket);
     if (stopped || found == waiting.end()) return;
@@ -103,7 +105,7 @@ struct DiskCachedSource::Impl : std::enable_shared_from_this<DiskCachedSource::I
         lock.unlock();
         DoRead(read);
       } else if (const bool sweep = !stopping && folder.SweepDue(); sweep || !writes.empty()) {
-        // Turn about: neither may keep the other waiting for long.
+        // Alternates between writes and sweeping: neither may delay the other for long.
         in_a_row = 0;
         sweep_next = !sweep_next;
         std::optional<Write> write;
@@ -172,7 +174,7 @@ struct DiskCachedSource::Impl : std::enable_shared_from_this<DiskCachedSource::I
   VoxelSource& inner;
   const Catalog& catalog;
   Log log;
-  std::unordered_map<uint64_t, Waiting> waiting;  // for the disk
+  std::unordered_map<uint64_t, Waiting> waiting;  // waiting for the disk
   uint64_t next_ticket = 0;
   bool stopped = false;
 

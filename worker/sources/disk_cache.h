@@ -14,49 +14,50 @@ class io_context;
 
 namespace quarry {
 
-/// Where blocks are kept between runs, and how many bytes of them over all scenes.
+/// The folder of a disk cache and the limit of its bytes over all scenes.
 struct DiskCacheLocation {
   std::string folder;
   uint64_t bytes = 0;
 };
-/// "DIR:BYTES", "/var/cache/quarry:20G". Errors (usage): no folder, no size, a size of 0.
+/// Parses "DIR:BYTES", such as "/var/cache/quarry:20G". Errors (usage; the message names `what`): no folder,
+/// no size, a size of 0.
 Result<DiskCacheLocation> ParseDiskCache(const std::string& text, const std::string& what);
 
-/// Blocks from a folder on a disk of this machine, or from another source, and then into the folder: see
-/// CacheFolder. Several processes may share one. What the folder holds is believed only if it has the
-/// catalog's size and checksum; what is damaged is removed and fetched again.
-///
-/// Nothing that goes wrong with the disk is an error of Fetch. A folder that cannot be read is as if it were
-/// empty; one that cannot be written (full, read-only) is not written for a minute, then tried again. Either
-/// is told once. Disk is read and written on a thread of its own, reads first; writes wait in a queue of
-/// at most 4 MiB (beside one block of any size), and what does not fit there is not kept.
+/// Blocks from a folder on a local disk (CacheFolder) in front of another source. Blocks that the folder
+/// lacks are fetched from the other source and then written to the folder. Several processes may share a
+/// folder. A file is used only if it has the catalog's size and checksum; a damaged file is removed and the
+/// block fetched.
+/// Errors: problems of the disk never fail a Fetch(). An unreadable folder counts as empty. After a failed
+/// write (disk full, read-only) nothing is written for a minute. Each of the two is logged once.
+/// Disk access runs on a thread of its own, reads first. Blocks to be written wait in a queue of 4 MiB, or
+/// one block of any size; a block that does not fit is not kept.
 class DiskCachedSource final : public VoxelSource {
  public:
   struct Counters {
-    uint64_t hits = 0, misses = 0;  ///< blocks; a damaged one is a miss
+    uint64_t hits = 0, misses = 0;  ///< blocks; a damaged block is a miss
     uint64_t bytes_read = 0, bytes_written = 0;
-    uint64_t damaged = 0;      ///< blocks found with another size or checksum
-    uint64_t not_written = 0;  ///< blocks fetched and not kept: disk behind or failing
-    uint64_t evicted = 0;      ///< blocks removed for want of room
+    uint64_t damaged = 0;      ///< blocks with another size or checksum
+    uint64_t not_written = 0;  ///< blocks fetched but not kept: the disk is slow or fails
+    uint64_t evicted = 0;      ///< blocks removed to make room
   };
   using Log = std::function<void(const std::string&)>;
 
-  /// `inner` and `catalog` must outlive the source. `log` is given a sentence on the io_context's thread.
+  /// `inner` and `catalog` must outlive the source. `log` gets sentences on the io_context's thread.
   DiskCachedSource(boost::asio::io_context& io, VoxelSource& inner, const DiskCacheLocation& location,
                    const Catalog& catalog, Log log);
-  /// The same with an inner source of its own.
+  /// As above, but owns the inner source.
   DiskCachedSource(boost::asio::io_context& io, std::unique_ptr<VoxelSource> inner,
                    const DiskCacheLocation& location, const Catalog& catalog, Log log);
-  /// Closes it.
+  /// Calls Close().
   ~DiskCachedSource() override;
-  /// Requires: not closed.
+  /// Requires: Close() was not called.
   void Fetch(BlockKey block, Done done) override;
 
-  /// Writes what is queued, then ends its thread: the counters are final. `done`s outstanding are never
-  /// called. Once closed, nothing happens.
+  /// Writes the queued blocks, then ends the thread; the counters are final afterwards. Outstanding `done`s
+  /// are never called. Further calls do nothing.
   void Close();
 
-  /// From any thread.
+  /// Thread-safe.
   Counters counters() const;
 
  private:

@@ -1,3 +1,6 @@
+// Longer than 400 lines: one class serves a connection from opening to closing, and all steps share its
+// state.
+
 #include "worker/sources/http_client.h"
 
 #include <fmt/format.h>
@@ -31,10 +34,12 @@ using asio::ip::tcp;
 using Clock = std::chrono::steady_clock;
 using ErrorCode = boost::system::error_code;
 
+// Limits the memory for a head, which a server could make endless.
 constexpr uint32_t kMaxHeadBytes = 8 << 10;
 constexpr size_t kBufferBytes = 64 << 10;
-constexpr uint64_t kStallBytes = 4 << 10;             // less than this in stall_s: stalled
-constexpr auto kKeepIdle = std::chrono::seconds(30);  // longer unused, a connection is rather made anew
+constexpr uint64_t kStallBytes = 4 << 10;  // bytes; a transfer with less in stall_s has stalled
+// a connection idle for longer is replaced: servers close idle connections
+constexpr auto kKeepIdle = std::chrono::seconds(30);
 
 bool IsAddress(const std::string& host) {
   ErrorCode error;
@@ -46,7 +51,7 @@ struct Job {
   uint64_t offset = 0;
   uint32_t size = 0;
   HttpRangeClient::Done done;
-  bool again = false;  // failed on a stale connection before
+  bool again = false;  // failed once on a stale connection
 };
 
 }  // namespace
@@ -79,7 +84,7 @@ struct HttpRangeClient::Pool : std::enable_shared_from_this<HttpRangeClient::Poo
   std::shared_ptr<Lane> NewLane();
   void Idle(std::shared_ptr<Lane> lane);
   void Remove(const Lane* lane);
-  /// The connection of `job` had been closed by the server: so were, likely, all that wait.
+  /// Repeats `job` on a new connection. The server had closed its connection, and so probably all idle ones.
   void Again(Job job);
 
   asio::io_context& io;
@@ -89,12 +94,12 @@ struct HttpRangeClient::Pool : std::enable_shared_from_this<HttpRangeClient::Poo
   std::optional<asio::ssl::context> tls;
   Status setup;
   std::deque<Job> queue;
-  std::vector<std::shared_ptr<Lane>> lanes, idle;  // idle: the last used at the end
+  std::vector<std::shared_ptr<Lane>> lanes, idle;  // idle: last used at the end
   Counters counters;
   bool stopped = false;
 };
 
-/// One connection, from its making to its end.
+/// One connection, from opening to closing, with one request at a time.
 class HttpRangeClient::Lane : public std::enable_shared_from_this<HttpRangeClient::Lane> {
  public:
   explicit Lane(std::shared_ptr<Pool> pool)
@@ -140,7 +145,7 @@ class HttpRangeClient::Lane : public std::enable_shared_from_this<HttpRangeClien
       use(*plain_);
   }
 
-  /// Fails the request with `sentence` unless armed again or disarmed within `seconds`.
+  /// Fails the request with `sentence` after `seconds`, unless Arm() or Disarm() is called before.
   void Arm(double seconds, const char* sentence) {
     const uint64_t generation = ++generation_;
     timer_.expires_after(std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds)));
@@ -210,11 +215,11 @@ class HttpRangeClient::Lane : public std::enable_shared_from_this<HttpRangeClien
     for (const HttpHeader& h : pool_->options.headers) request_.set(h.name, h.value);
     if (pool_->options.aws) Sign(range);
     ++pool_->counters.requests;
-    // Reads begin at once: a server may answer, or go, before it has taken all of the request.
+    // The timer covers writing too: the server may answer or close before it has read the whole request.
     Arm(pool_->options.first_byte_s, "does not answer a request");
     parser_.emplace();
     parser_->header_limit(kMaxHeadBytes);
-    parser_->body_limit(std::numeric_limits<uint64_t>::max());  // the span that it fills is the limit
+    parser_->body_limit(std::numeric_limits<uint64_t>::max());  // the span to be filled is the limit
     WithStream([this](auto& stream) {
       http::async_write(stream, request_, [self = shared_from_this()](const ErrorCode& error, size_t) {
         if (self->closed_) return;
@@ -285,7 +290,7 @@ class HttpRangeClient::Lane : public std::enable_shared_from_this<HttpRangeClien
   }
 
   void Finish() {
-    // body() is what is still to be filled.
+    // body() is the part of the reply that is still empty.
     if (!parser_->get().body().empty()) return Fail("breaks off in the middle of a transfer");
     Disarm();
     const bool keep = parser_->keep_alive() && buffer_.size() == 0;
@@ -349,7 +354,7 @@ class HttpRangeClient::Lane : public std::enable_shared_from_this<HttpRangeClien
   std::optional<http::response_parser<http::span_body<std::byte>>> parser_;
   Job job_;
   Reply reply_;
-  uint64_t armed_at_ = 0;  // bytes there when the timer was last set
+  uint64_t armed_at_ = 0;  // bytes received when the timer was last set
   bool connected_ = false, used_ = false, closed_ = false;
 };
 

@@ -4,7 +4,7 @@
 
 namespace quarry {
 
-/// One line of an HTTP request's head, "name: value".
+/// A header line of an HTTP request, "name: value".
 struct HttpHeader {
   std::string name, value;
 

@@ -18,7 +18,9 @@
 namespace quarry {
 namespace {
 
+// Limit of a file with headers or credentials in bytes; real files are far shorter.
 constexpr size_t kMaxFileBytes = 64 << 10;
+// Headers that requests set themselves.
 constexpr std::string_view kOwnHeaders[] = {
     "host",    "range",           "connection",           "content-length", "transfer-encoding", "te",
     "trailer", "accept-encoding", "x-amz-content-sha256", "x-amz-date",     "upgrade",           "expect"};
@@ -30,7 +32,7 @@ std::string Lower(std::string_view text) {
   return lower;
 }
 
-/// A character of a header's name, RFC 9110, 5.6.2.
+/// Whether `c` may stand in a header's name (RFC 9110, section 5.6.2).
 bool IsTokenCharacter(char c) {
   return std::isalnum(static_cast<unsigned char>(c)) != 0 ||
          std::string_view("!#$%&'*+-.^_`|~").find(c) != std::string_view::npos;
@@ -45,7 +47,7 @@ struct OpenFd {
   int fd;
 };
 
-/// The whole of a file that holds a secret.
+/// Reads the whole of a file that holds a secret.
 Result<std::string> ReadSecretFile(const std::string& path) {
   const OpenFd file{::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)};
   if (file.fd < 0) return BadUsage(fmt::format("{}: cannot open: {}", path, ErrnoText(errno)));
@@ -89,7 +91,8 @@ Result<HttpHeader> ParseHeader(std::string_view line, const std::string& where) 
   return HttpHeader{std::string(name), std::string(value)};
 }
 
-/// `source`: what the sentence of an error begins with; `names`: what it calls region and keys.
+/// Checks that the credentials are complete. `source` begins an error's sentence; `names` are the source's
+/// names for the region and the keys.
 Status CheckCredentials(const AwsCredentials& c, const std::string& source, const char* const (&names)[4]) {
   const std::string* const values[] = {&c.region, &c.access_key, &c.secret_key, &c.session_token};
   for (int i = 0; i < 4; ++i) {
@@ -107,7 +110,7 @@ std::string FromEnvironment(const char* name) {
   return value ? value : "";
 }
 
-/// Takes "HOST", "HOST:PORT" or "[ADDRESS]:PORT" apart; false if it is none.
+/// Splits "HOST", "HOST:PORT" or "[ADDRESS]:PORT". Returns: false for other text.
 bool ParseAuthority(std::string_view text, HttpLocation& location) {
   std::string_view port;
   if (text.starts_with('[')) {
@@ -146,7 +149,7 @@ std::string HttpLocation::text() const {
 }
 
 Result<HttpLocation> ParseHttpLocation(const std::string& url, const std::string& what) {
-  // The address itself is not repeated: it may hold a password or a signature.
+  // The message leaves the address out: it may hold a password or a signature.
   const auto refuse = [&](std::string_view why) {
     return BadUsage(fmt::format("{}: {} (give http://HOST[:PORT]/PATH or https://…)", what, why));
   };

@@ -26,7 +26,7 @@ struct HttpVoxelSource::Impl : std::enable_shared_from_this<HttpVoxelSource::Imp
         name(location.text()),
         client(std::in_place, context, std::move(location), std::move(options)) {}
 
-  /// Header, then table, then whatever waits.
+  /// Fetches the store's header, then its table, then the waiting blocks.
   void Check() {
     checked = Checked::kAsking;
     client->Get(0, kStoreHeaderBytes, [self = shared_from_this()](Result<HttpRangeClient::Reply> reply) {
@@ -85,7 +85,7 @@ struct HttpVoxelSource::Impl : std::enable_shared_from_this<HttpVoxelSource::Imp
   const Catalog& catalog;
   std::string name;
   std::optional<HttpRangeClient> client;
-  std::vector<Waiting> waiting;  // for the check
+  std::vector<Waiting> waiting;  // for the check to end
   Checked checked = Checked::kNo;
   uint64_t file_size = 0, bytes_received = 0;
   bool stopped = false;

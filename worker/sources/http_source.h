@@ -10,22 +10,20 @@
 
 namespace quarry {
 
-/// Blocks of a store that lies on any HTTP server with range requests (nginx, an S3-compatible store), by the
-/// offsets of the catalog. Before the first block the store's header and section table are fetched: a server
-/// with another scene, or with the same one compressed in another way, is refused. What is fetched is not
-/// checked beyond that.
-///
-/// Errors of Fetch, beside those of HttpRangeClient: no such block; the file is not the scene's store
-/// (permanent); it has another size than it had (permanent). After an error of the check the next Fetch
-/// checks again.
+/// Blocks of a store on any HTTP server with range requests (nginx, an S3-compatible store), at the offsets
+/// of the catalog. Before the first block it fetches the store's header and section table, and refuses
+/// another scene or another compression of the scene. It does not check the blocks themselves. Used from the
+/// io_context's thread.
+/// Errors of Fetch(): as HttpRangeClient::Get(); no such block (permanent); the file is not the scene's store
+/// (permanent); its size has changed (permanent). After a failed check the next Fetch() checks again.
 class HttpVoxelSource final : public VoxelSource {
  public:
   struct Counters {
-    uint64_t bytes_received = 0;  ///< of blocks
+    uint64_t bytes_received = 0;  ///< bytes of blocks
     HttpRangeClient::Counters http;
   };
 
-  /// `catalog` must outlive the source.
+  /// Requires: `catalog` outlives the source.
   HttpVoxelSource(boost::asio::io_context& io, HttpLocation location, const Catalog& catalog,
                   HttpOptions options);
   ~HttpVoxelSource() override;

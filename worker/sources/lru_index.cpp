@@ -16,7 +16,7 @@ bool LruIndex::Use(BlockKey block) {
 bool LruIndex::Insert(BlockKey block, uint64_t bytes, bool ahead, std::vector<BlockKey>& evicted) {
   if (bytes > budget_ || entries_.contains(block)) return false;
   while (used_ + bytes > budget_) {
-    // What nobody has asked for goes first, but not for more of the like.
+    // Unrequested blocks are evicted first, except to make room for another unrequested block.
     const bool take_unused = by_use_.empty() || (!ahead && !unused_.empty());
     Evict(take_unused ? unused_ : by_use_, evicted);
   }

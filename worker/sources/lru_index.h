@@ -9,20 +9,22 @@
 
 namespace quarry {
 
-/// Which stored blocks to keep within a byte budget: least recently used first out, and before all others
-/// those that were fetched ahead of need and that nobody has asked for. Knows sizes only, so that it serves
-/// the simulator too. Not thread-safe.
+/// Decides which stored blocks stay within a byte budget. Blocks that were prefetched and never requested are
+/// evicted first, then the least recently used. It knows only sizes, so the simulator uses it too. Not
+/// thread-safe.
 class LruIndex {
  public:
+  /// `budget_bytes` limits the sum of the blocks' sizes.
   explicit LruIndex(uint64_t budget_bytes) : budget_(budget_bytes) {}
   bool Has(BlockKey block) const { return entries_.contains(block); }
-  /// Whether it is here; if so it counts as used.
+  /// Whether the block is here; if so, it counts as used now.
   bool Use(BlockKey block);
-  /// Whether there is room for more that nobody has asked for: a quarter of the budget.
+  /// Whether further unrequested blocks may be inserted: they may fill a quarter of the budget.
   bool TakesAhead() const { return unused_bytes_ < budget_ / 4; }
-  /// Puts a block in, unless it is here or too large, and appends to `evicted` what must go for it. `ahead`:
-  /// nobody has asked for it yet. False: it is not kept.
+  /// Inserts a block unless it is here or larger than the budget, and appends the blocks evicted for it to
+  /// `evicted`. `ahead` means that it was not requested yet. Returns: whether it was inserted.
   bool Insert(BlockKey block, uint64_t bytes, bool ahead, std::vector<BlockKey>& evicted);
+  /// Bytes of blocks that were evicted without a request.
   uint64_t ahead_wasted_bytes() const { return ahead_wasted_bytes_; }
 
  private:

@@ -6,24 +6,28 @@
 
 #include "common/voxel/block_key.h"
 
-// How blocks are shared out over several sources, and what happens when some are slow or fail. No clock and
-// no network: time comes in, in seconds on any clock that does not jump. Not thread-safe.
+// Rules for sharing blocks over several sources, some of which may be slow or fail. No clock and no network.
+// Units: times in seconds of a steady clock; the names ending in _s and S are in seconds.
+// Not thread-safe.
 
 namespace quarry {
 
-/// Indices of the sources in the order in which this block should ask them, its home first: rendezvous
-/// hashing, so that a source that comes or goes moves only the blocks that are its own. `keys`: one a source,
-/// the same on every machine. Source: Thaler & Ravishankar 1998.
+/// The indices of the sources in the order in which a block asks them; the first is the block's home. With
+/// rendezvous hashing, a source that comes or goes moves only its own blocks.
+/// Requires: `keys` has one key per source, the same on every machine.
+/// Source: Thaler & Ravishankar 1998.
 std::vector<uint32_t> HomeOrder(BlockKey block, std::span<const uint64_t> keys);
 
-/// When a source that has failed may be asked again: after 0.1 s, twice that with every further failure, 5 s
-/// at most; each wait up to a quarter shorter by chance, so that many workers do not come back at once.
+/// The wait before a failed source is asked again: 0.1 s, doubled by each further failure up to 5 s. Each
+/// wait is shortened at random by up to a quarter, so that many workers do not return at once.
 class BackOff {
  public:
   static constexpr double kLeastS = 0.1, kMostS = 5;
   explicit BackOff(uint64_t seed = 0) : seed_(seed) {}
+  /// Notes a failure or a success of the source.
   void Failed(double now_s);
   void Succeeded() { failures_ = 0; }
+  /// Whether the source may be asked now.
   bool Open(double now_s) const { return failures_ == 0 || now_s >= open_at_s_; }
   uint32_t failures() const { return failures_; }
 
@@ -33,28 +37,29 @@ class BackOff {
   double open_at_s_ = 0;
 };
 
-/// What may be asked for a second time: one request in ten, and one a second, with 20 saved up at most.
-/// Retries and hedges both pay, so that a cluster in trouble is not asked more than a tenth above what it is
-/// asked in health.
+/// The budget for second requests, retries and hedges alike: one per ten requests plus one per second; at
+/// most 20 are saved up. It limits the extra load on a cluster in trouble to about a tenth.
 class RetryBudget {
  public:
   static constexpr double kMost = 20, kEachRequest = 0.1, kEachSecond = 1;
+  /// Notes a first request, which adds a tenth of a second request to the budget.
   void Requested() { tokens_ = tokens_ + kEachRequest < kMost ? tokens_ + kEachRequest : kMost; }
-  /// True, and paid, when one may be made now.
+  /// Takes one request from the budget. Returns: false when the budget is empty.
   bool Spend(double now_s);
 
  private:
   double tokens_ = kMost, filled_at_s_ = 0;
 };
 
-/// How long answers take: a running mean and mean deviation, as TCP's retransmission timer has them (Jacobson
-/// 1988).
+/// A running mean and mean deviation of answer times.
+/// Source: Jacobson 1988, TCP's retransmission timer.
 class AnswerTime {
  public:
+  /// The shortest wait before a hedge.
   static constexpr double kLeastHedgeS = 0.1;
   void Add(double s);
   double mean_s() const { return mean_s_; }
-  /// After so long an answer is late enough to ask elsewhere as well: mean and four deviations.
+  /// The age at which a missing answer is late and another source is asked too: mean plus four deviations.
   double HedgeAfterS() const;
 
  private:
@@ -62,14 +67,14 @@ class AnswerTime {
   bool any_ = false;
 };
 
-/// Which source to ask, of those that may be asked.
+/// The state of a source for ChooseSource().
 struct SourceView {
-  double mean_answer_s = 0;  ///< 0 while not known
-  bool open = true;          ///< not waiting after a failure, and not asked for this block already
+  double mean_answer_s = 0;  ///< 0 while unknown
+  bool open = true;          ///< not waiting after a failure, and not yet asked for this block
 };
-/// The first open source in `order`, unless another open one answers in less than half its time and saves
-/// more than kWorthS. `order` names sources by index. Returns -1 when none is open.
-inline constexpr double kWorthS = 2e-3;
+/// The first open source in `order`, unless another open source answers in less than half its time and saves
+/// more than kWorthS. `order` holds indices into `sources`. Returns: -1 when none is open.
+inline constexpr double kWorthS = 2e-3;  // too small a saving to leave a block's home
 int ChooseSource(std::span<const uint32_t> order, std::span<const SourceView> sources);
 
 }  // namespace quarry

@@ -16,10 +16,12 @@
 namespace quarry {
 namespace {
 
+// Period of checks for late answers; it bounds how late a hedge or retry is.
 constexpr auto kTick = std::chrono::milliseconds(50);
-constexpr double kOversleptS = 2;                // a tick so late has not been waited for but slept through
-constexpr double kMuteS = 1, kMuteAtFirstS = 3;  // without any answer owed: see Origin::Mute
-constexpr size_t kMostHints = 1u << 16;          // a hint forgotten costs a request to a server
+constexpr double kOversleptS = 2;  // a tick later than this means that the process was stopped
+// limits for a source that owes answers and gives none: see Origin::Mute
+constexpr double kMuteS = 1, kMuteAtFirstS = 3;
+constexpr size_t kMostHints = 1u << 16;  // a forgotten hint costs a request to a server
 
 bool Contains(const std::vector<uint32_t>& list, uint32_t value) {
   return std::find(list.begin(), list.end(), value) != list.end();
@@ -29,6 +31,7 @@ uint64_t KeyOf(const std::string& name) { return Checksum(AsBytes(name)); }
 
 }  // namespace
 
+/// All state. Times are in seconds of the steady clock.
 struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
   struct Origin {
     SourceKind kind;
@@ -36,26 +39,26 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
     std::unique_ptr<VoxelSource> source;
     BackOff back_off;
     AnswerTime answers;
-    bool has_refused = false;  ///< and that has been told
-    uint32_t owed = 0;         ///< answers
-    double heard_s = 0;        ///< when the last one came, or when it began to owe one
+    bool has_refused = false;  ///< a refusal was logged
+    uint32_t owed = 0;         ///< answers outstanding
+    double heard_s = 0;        ///< time of the last answer, or of the first request after none was owed
 
-    /// Long without any answer that it owes: its machine or the way to it is gone, and nothing has said so
-    /// yet.
+    /// Whether the source owes answers and has given none for long. Its machine or the way to it has probably
+    /// failed without an error so far.
     bool Mute(double now_s) const {
       const double most_s =
           answers.mean_s() > 0 ? std::max(kMuteS, 2 * answers.HedgeAfterS()) : kMuteAtFirstS;
       return owed > 0 && now_s - heard_s > most_s;
     }
   };
-  /// A block that has been asked for and is not here.
+  /// A requested block that has not arrived.
   struct Fetching {
     BlockKey block;
     Done done;
     double since_s, asked_s = 0;
-    std::vector<uint32_t> asked;  ///< origins (by id) that owe an answer
+    std::vector<uint32_t> asked;  ///< ids of the origins that owe an answer
     int failures = 0, damaged = 0;
-    std::vector<uint32_t> refused_by;  ///< origins that have nothing to give for this block
+    std::vector<uint32_t> refused_by;  ///< origins that refused this block
     std::string last_error;
   };
 
@@ -67,8 +70,9 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
     return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
   }
 
-  /// Origins in the order in which this block asks them: homes, then a worker said to hold it. Who serves
-  /// while it renders is slower, until many ask the homes.
+  /// The origins in the order in which this block asks them: its homes, then a worker that is said to hold
+  /// it. A worker serves more slowly while it renders, so homes come first until their load makes them
+  /// slower.
   std::vector<uint32_t> OrderFor(BlockKey block) const {
     std::vector<uint32_t> order;
     for (const uint32_t home : HomeOrder(block, keys)) order.push_back(homes[home]);
@@ -77,19 +81,20 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
     return order;
   }
 
-  /// Of a worker that has not been asked yet: as the others. Each that is asked costs both a TLS handshake.
+  /// The expected answer time. A worker that was never asked gets the mean of all workers: a first request
+  /// costs both sides a TLS handshake.
   double ExpectedAnswer(const Origin& origin) const {
     if (origin.kind == SourceKind::kPeer && origin.answers.mean_s() == 0) return peer_answers.mean_s();
     return origin.answers.mean_s();
   }
 
-  /// Asks one more source. False when none may be asked now.
+  /// Asks one more source. Returns: false when none may be asked now.
   bool Ask(uint64_t id, Fetching& f) {
     const double now_s = Now();
     const std::vector<uint32_t> order = OrderFor(f.block);
     std::vector<SourceView> views(next_origin, {0, false});
     int chosen = -1;
-    for (const bool mute_too : {false, true}) {  // one that is mute only when there is no other
+    for (const bool mute_too : {false, true}) {  // mute sources only when no other is open
       for (const uint32_t o : order) {
         const Origin& origin = *origins.at(o);
         views[o] = {ExpectedAnswer(origin), origin.back_off.Open(now_s) &&
@@ -103,7 +108,7 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
     f.asked.push_back(origin);
     if (origins.at(origin)->owed++ == 0) origins.at(origin)->heard_s = now_s;
     f.asked_s = now_s;
-    // A reference must not outlive this: the answer may come at once.
+    // `f` must not be used after this: the answer may come at once.
     origins.at(origin)->source->Fetch(f.block, [self = weak_from_this(), id, origin, now_s](Result<Bytes> r) {
       if (const auto impl = self.lock()) impl->Answered(id, origin, now_s, std::move(r));
     });
@@ -130,7 +135,7 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
             fmt::format("block {} arrived damaged {} times (checksum)", block.number(), it->second.damaged));
       }
     }
-    // The server lives, and has nothing to give for this block.
+    // The server works, but has no such block to give.
     const bool refused = !result && result.error().permanent();
     if (o != origins.end() && !refused) Judge(*o->second, good, asked_s, good ? "" : result.error().message);
     if (!wanted) return;
@@ -147,7 +152,7 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
       return done(std::move(result));
     }
     if (o == origins.end() || o->second->kind == SourceKind::kPeer) {
-      // Hints are often old: the servers are asked at once, and that is no retry.
+      // Hints are often outdated: a server is asked at once, and this does not count as a retry.
       holders.erase(block);
       if (f.asked.empty()) Ask(id, f);
       return;
@@ -163,7 +168,7 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
     if (f.asked.empty()) Again(id, f);
   }
 
-  /// What an answer says about its source.
+  /// Updates a source's statistics with the outcome of an answer.
   void Judge(Origin& origin, bool good, double asked_s, const std::string& why) {
     const double now_s = Now();
     if (good) {
@@ -176,7 +181,7 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
     if (origin.back_off.failures() == 2) log(fmt::format("{} fails: {}", origin.name, why));
   }
 
-  /// A retry, if one may be made now; else the tick makes it.
+  /// Retries if the budget allows; otherwise a later tick does.
   void Again(uint64_t id, Fetching& f) {
     if (!budget.Spend(Now())) return;
     ++counters.retries;
@@ -193,7 +198,7 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
 
   void Tick() {
     const double now_s = Now();
-    // The time for which this process was itself stopped is nobody's fault.
+    // Time during which this process was stopped does not count against the sources.
     const double overslept_s = now_s - tick_due_s;
     std::vector<uint64_t> ids;
     for (auto& [id, f] : fetching) {
@@ -213,7 +218,7 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
           Again(id, f);
       } else if (f.asked.size() < origins.size()) {
         const auto o = origins.find(f.asked.back());
-        // Whom a mute source owes an answer asks the next one, which is no more than if it had failed.
+        // A mute source is treated as failed: the next source is asked at once, outside the budget.
         if (o != origins.end() && o->second->Mute(now_s)) {
           counters.retries += Ask(id, f);
           continue;
@@ -244,17 +249,17 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
   double tick_due_s = 0;
   std::unordered_map<uint32_t, std::unique_ptr<Origin>> origins;  ///< by id
   uint32_t next_origin = 0;
-  std::vector<uint32_t> homes;                     ///< ids of the sources proper
-  std::vector<uint64_t> keys;                      ///< of those
-  std::map<uint32_t, uint32_t> peers;              ///< worker to origin
+  std::vector<uint32_t> homes;                     ///< ids of the sources that are not workers
+  std::vector<uint64_t> keys;                      ///< keys of `homes`
+  std::map<uint32_t, uint32_t> peers;              ///< worker to origin id
   std::map<uint32_t, std::string> peer_endpoints;  ///< worker to HOST:PORT
-  std::unordered_map<BlockKey, uint32_t> holders;  ///< workers that have blocks
-  AnswerTime peer_answers;                         ///< of all workers
+  std::unordered_map<BlockKey, uint32_t> holders;  ///< block to a worker that has it
+  AnswerTime peer_answers;                         ///< over all workers
   std::map<uint64_t, Fetching> fetching;           ///< oldest first
   uint64_t next_fetch = 1;
   RetryBudget budget;
   Counters counters;
-  double busy_until_s = 0;  ///< what counters.busy_us goes up to
+  double busy_until_s = 0;  ///< the time up to which counters.busy_us counts
 };
 
 SourceSet::SourceSet(boost::asio::io_context& io, const Catalog& catalog, double give_up_after_s,
@@ -281,7 +286,7 @@ void SourceSet::SetPeers(const Peers& peers,
   std::erase_if(impl_->peers, [&](const auto& peer) {
     const auto it = now.find(peer.first);
     if (it != now.end() && it->second == impl_->peer_endpoints[peer.first]) return false;
-    // What it owes is asked for again.
+    // Its outstanding answers are requested again from other sources.
     const uint32_t gone = peer.second;
     impl_->origins.erase(gone);
     for (auto& [id, f] : impl_->fetching) std::erase(f.asked, gone);

@@ -13,33 +13,38 @@
 
 namespace quarry {
 
-/// Blocks from several sources that share one scene, and from other workers. Every block has a home among the
-/// sources (HomeOrder) and goes to the others when the home fails or is much slower; one that comes damaged
-/// (size or checksum not the directory's) counts as a failure. A source that fails is left alone for a while
-/// (BackOff). An answer that is late is asked for elsewhere as well, the first counts (hedging); RetryBudget
-/// bounds that and all retries. While nothing can be asked, blocks wait. Used from the io_context's thread.
+/// Blocks from several sources of one scene, and from other workers.
+/// - Each block has a home among the sources (HomeOrder()). It goes to another source when the home fails or
+/// is much slower. A damaged block (wrong size or checksum) counts as a failure.
+/// - A failed source is left alone for a while (BackOff).
+/// - When an answer is late, another source is asked too and the first answer counts (hedging). RetryBudget
+/// limits hedges and retries.
+/// - While no source may be asked, blocks wait.
+/// Used from the io_context's thread.
 class SourceSet final : public VoxelSource {
  public:
   struct Counters {
     std::array<uint64_t, kSourceKinds> bytes_from{};
     uint64_t retries = 0, hedges = 0, damaged = 0;
-    uint64_t busy_us = 0;  ///< in which blocks were on their way, up to the last that has come
+    uint64_t busy_us = 0;  ///< time during which any block was on its way, up to the last arrival
   };
-  /// `log`: one line when a source fails that did not, and when it is back. A fetch ends with an error when
-  /// no source has given the block for `give_up_after_s`, or it has come damaged or been refused kMostDamaged
-  /// times.
+  /// Fetch() fails when no source has given the block for `give_up_after_s` seconds, or when it has arrived
+  /// damaged kMostDamaged times, or when every source has refused it. `log` gets a line when a source begins
+  /// to fail and when it answers again.
   static constexpr int kMostDamaged = 6;
   SourceSet(boost::asio::io_context& io, const Catalog& catalog, double give_up_after_s,
             std::function<void(const std::string&)> log);
   ~SourceSet() override;
 
-  /// `name` is what the logs say, and with it every machine reckons the same homes.
+  /// Adds a source. `name` appears in logs; its hash is the source's key, so every machine computes the same
+  /// homes.
   void Add(SourceKind kind, std::string name, std::unique_ptr<VoxelSource> source);
-  /// The workers to be asked from now on, instead of those before.
+  /// Replaces the set of workers to ask.
   void SetPeers(const Peers& peers, std::function<std::unique_ptr<VoxelSource>(const Endpoint&)> make);
-  /// A hint: `worker` has the block.
+  /// A hint that `worker` has the block.
   void SetHolder(BlockKey block, uint32_t worker);
 
+  /// Requires: the catalog has the block. `done` is called once, never after the destructor.
   void Fetch(BlockKey block, Done done) override;
   const Counters& counters() const;
 

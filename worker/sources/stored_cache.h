@@ -10,26 +10,28 @@
 
 namespace quarry {
 
-/// Stored (compressed) blocks in memory, in front of another source: least recently used first out, within a
-/// byte budget. Stored blocks are several times smaller (a plant's an eighth), so that it holds much more of
-/// the scene than the cache of decoded ones, for a decompression a hit; it is what other workers are served
-/// from, and where blocks go that are fetched ahead of need. Used from one thread.
+/// A cache of stored (compressed) blocks in memory, in front of another source. Evicts by LruIndex within a
+/// byte budget. Stored blocks are several times smaller than decoded blocks (an eighth for a plant), so this
+/// cache holds much more of the scene, at the price of a decompression per hit. Other workers are served from
+/// it, and prefetched blocks go into it. Used from one thread.
 class StoredCache final : public VoxelSource {
  public:
   struct Counters {
     uint64_t hit_bytes = 0;
-    uint64_t prefetched_bytes = 0, prefetch_wasted_bytes = 0;  ///< wasted: gone again before anyone asked
+    uint64_t prefetched_bytes = 0, prefetch_wasted_bytes = 0;  ///< wasted: evicted before a request
   };
   StoredCache(VoxelSource& inner, uint64_t budget_bytes, CacheInventory& inventory)
       : inner_(inner), index_(budget_bytes), inventory_(inventory) {}
   void Fetch(BlockKey block, Done done) override;
-  /// Fetches a block that nobody waits for yet, to be the first that goes again. False when it is here or on
-  /// its way, or such blocks take a quarter of the room already. `then` is called when it has come, or could
-  /// not.
+  /// Fetches a block that nobody has requested yet; it is evicted before requested blocks. `then` is called
+  /// when the fetch has ended, with success or not.
+  /// Returns: false, without calling `then`, when the block is here or on its way, or when such blocks fill a
+  /// quarter of the budget.
   bool Prefetch(BlockKey block, std::function<void()> then);
-  /// Prefetches under way.
+  /// Number of prefetches under way.
   size_t prefetching() const { return prefetching_.size(); }
-  /// The block if it is here; null otherwise. Does not ask anyone.
+  /// The block if it is here, else null. Does not fetch. The pointer is valid until control returns to
+  /// the io_context.
   const Bytes* Find(BlockKey block);
   Counters counters() const {
     Counters c = counters_;
@@ -37,8 +39,9 @@ class StoredCache final : public VoxelSource {
     return c;
   }
 
-  /// How much of a worker's `cache_bytes` this should have: all that decoded blocks leave over when all of
-  /// them fit; else a quarter, as long as the largest decoded block still fits beside it.
+  /// The part of a worker's `cache_bytes` for this cache: all that decoded blocks leave free when all of them
+  /// fit; else a quarter, or less so that the largest decoded block still fits.
+  /// Units: bytes.
   static uint64_t ShareOf(uint64_t cache_bytes, uint64_t all_decoded, uint64_t largest_decoded);
 
  private:
@@ -50,7 +53,7 @@ class StoredCache final : public VoxelSource {
   CacheInventory& inventory_;
   Counters counters_;
   std::unordered_map<BlockKey, Bytes> bytes_;
-  std::unordered_map<BlockKey, std::vector<Done>> prefetching_;  ///< and who has asked for it meanwhile
+  std::unordered_map<BlockKey, std::vector<Done>> prefetching_;  ///< waiting requests for the block
 };
 
 }  // namespace quarry

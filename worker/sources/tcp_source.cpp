@@ -41,7 +41,7 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
     });
   }
 
-  /// Looks every so often whether anything has come.
+  /// Checks every kStallS whether any byte has come.
   void Watch(uint64_t received_before) {
     watch.expires_after(
         std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::duration<double>(kStallS)));
@@ -65,8 +65,8 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
     asked = 0;
     unasked.clear();
     watch.cancel();
-    // Nothing about the way to a server is permanent for a block: bits that flip in a handshake look like
-    // another secret, and a server may be replaced.
+    // No error on the way to a server is permanent for a block: flipped bits in a handshake look like another
+    // secret, and a server may be replaced.
     for (auto& [request, w] : std::exchange(waiting, {})) w.done(tl::unexpected<Error>(Error{error.message}));
   }
 
@@ -98,7 +98,7 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
     AskMore();
   }
 
-  /// As much as one may ask for at once, the oldest first.
+  /// Sends requests, oldest first, up to the number allowed at once.
   void AskMore() {
     for (; asked < kMostBlockRequests && !unasked.empty(); unasked.pop_front()) {
       const uint64_t request = unasked.front();
@@ -115,12 +115,12 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
   const uint32_t most_block_bytes;
   boost::asio::steady_timer watch;
   std::shared_ptr<Connection> connection;
-  std::unordered_map<uint64_t, Waiting> waiting;  ///< by request
-  std::deque<uint64_t> unasked;                   ///< of those, the ones still to be sent, ascending
-  uint32_t asked = 0;                             ///< how many of them have been sent
+  std::unordered_map<uint64_t, Waiting> waiting;  ///< by request id
+  std::deque<uint64_t> unasked;                   ///< the ids in `waiting` not yet sent, ascending
+  uint32_t asked = 0;                             ///< requests sent and not answered
   uint64_t next_request = 1;
   bool reaching = false, ready = false, stopped = false;
-  bool owes = false;  ///< requests were waiting when the watch last looked
+  bool owes = false;  ///< answers were outstanding at the last check
 };
 
 TcpVoxelSource::TcpVoxelSource(boost::asio::io_context& io, Endpoint server, Security security, SceneId scene,

@@ -8,16 +8,19 @@
 
 namespace quarry {
 
-/// Blocks from a Quarry voxel server: a master, one with --serve-only, or another worker. One connection,
-/// made with the first request and made again with the first after a loss; requests are pipelined,
-/// kMostBlockRequests at most; more wait for answers to those. Whatever is wrong with the server or the way
-/// to it fails all that wait, at once: whoever asks decides what next. A server that sends not a byte for
-/// kStallS seconds while it owes an answer is taken for lost; it hears a Ping as often, so that it does not
-/// take this side for one that is idle.
+/// Blocks from a Quarry voxel server: a master (also with --serve-only) or another worker. It uses one
+/// connection, opened by the first request and reopened by the first request after a loss. Requests are
+/// pipelined, at most kMostBlockRequests at once; further requests wait.
+/// Errors: a failure of the server or the network fails all waiting requests at once; the caller decides
+/// about retries. A server that owes an answer and sends no byte for kStallS counts as lost. A ping at the
+/// same interval shows the server that this side is alive.
+/// Used from the io_context's thread.
 class TcpVoxelSource final : public VoxelSource {
  public:
+  /// Seconds.
   static constexpr double kStallS = 5;
-  /// `most_block_bytes`: of a stored block; a server that sends a larger one is lost.
+  /// `most_block_bytes` is the size of the largest stored block. A server that sends a larger block is
+  /// dropped.
   TcpVoxelSource(boost::asio::io_context& io, Endpoint server, Security security, SceneId scene,
                  uint32_t most_block_bytes);
   ~TcpVoxelSource() override;
