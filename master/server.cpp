@@ -39,8 +39,8 @@ std::vector<uint32_t> StoredBytes(const Catalog& catalog) {
 
 }  // namespace
 
-Server::Server(asio::io_context& io, const MasterOptions& options, Scene scene,
-               std::optional<Spool> spool, std::optional<TileLog> tile_log)
+Server::Server(asio::io_context& io, const MasterOptions& options, Scene scene, std::optional<Spool> spool,
+               std::optional<TileLog> tile_log)
     : io_(io),
       options_(options),
       scene_(std::move(scene)),

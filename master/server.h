@@ -42,8 +42,8 @@ struct MasterOptions {
 class Server {
  public:
   /// `io` and `options` must outlive this.
-  Server(boost::asio::io_context& io, const MasterOptions& options, Scene scene,
-         std::optional<Spool> spool, std::optional<TileLog> tile_log);
+  Server(boost::asio::io_context& io, const MasterOptions& options, Scene scene, std::optional<Spool> spool,
+         std::optional<TileLog> tile_log);
 
   /// Listens, prints "listening HOST:PORT" on standard output, and serves until a signal ends the program.
   /// Errors: the address cannot be listened at.

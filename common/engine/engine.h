@@ -24,7 +24,8 @@ class Engine {
   static constexpr size_t kMostOpenTiles = 8;
   /// Bytes that open tiles take, at most: a thread's, of the 4 MiB that a worker may take for it, and for all
   /// threads together, of the worker's 24 MiB. A tile takes 220 KiB, one of rays that bounce 650 KiB. More
-  /// open tiles, fewer loads: tests/bench/voxel_chains, frame 20, 117 loads; 181 with 3.5 MiB and nothing shared.
+  /// open tiles, fewer loads: tests/bench/voxel_chains, frame 20, 117 loads; 181 with 3.5 MiB and nothing
+  /// shared.
   static constexpr size_t kOpenTileBytes = 3u << 20, kSharedTileBytes = 5u << 20;
   /// Called on a compute thread.
   using OnTile = std::function<void(RenderedTile)>;

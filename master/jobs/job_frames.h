@@ -30,7 +30,8 @@ class JobFrames final : public FrameSource {
         bytes_served_(std::move(bytes_served)),
         tile_log_(std::move(tile_log)) {}
 
-  /// Probes frames from now on. `on_news` is called on the probe's thread. Errors: as FootprintProbe::Create's.
+  /// Probes frames from now on. `on_news` is called on the probe's thread. Errors: as
+  /// FootprintProbe::Create's.
   Status StartProbe(const Scene& scene, uint64_t cache_bytes, std::function<void()> on_news) {
     QUARRY_ASSIGN(probe_, FootprintProbe::Create(scene, cache_bytes, std::move(on_news)));
     return {};

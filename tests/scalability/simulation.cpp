@@ -8,8 +8,8 @@
 
 #include "common/base/resource.h"
 #include "common/base/size.h"
-#include "common/engine/engine.h"
 #include "common/engine/blocks/loader.h"
+#include "common/engine/engine.h"
 #include "common/math/random.h"
 
 namespace quarry {
