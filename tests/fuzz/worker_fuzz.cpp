@@ -108,7 +108,7 @@ class Cast {
       std::fprintf(stderr, "the worker asks for block %u\n", r.block);
       std::abort();
     }
-    Bytes block = *Store().ReadBlock(r.block);
+    Bytes block = *Store().ReadBlock(BlockKey::FromNumber(r.block));
     const Message right{MessageType::kBlock, r.request, {}, block};
     switch (how) {
       case Serving::kRight:
