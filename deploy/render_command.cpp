@@ -97,8 +97,8 @@ Status ParseImage(const RenderArguments& a, RenderJob& job) {
   return ParseAovs(a.aov, job);
 }
 
-/// Lights of the job: those of --lights and --sun; without these options the scene's; where it has none, a
-/// sun.
+/// Sets the job's lights: from --lights and --sun; without these options from the scene; a sun where the
+/// scene has no light.
 Status ChooseLights(const RenderArguments& a, const StoreReader& store, RenderJob& job) {
   const SceneMeta& scene = store.catalog().meta;
   if (!a.lights.empty()) QUARRY_TRY(ReadLights(a.lights, scene.offset, job));

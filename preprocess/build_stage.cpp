@@ -84,7 +84,7 @@ Status BuildStage::Run() {
 
 /// Partitions the regions that the journal does not have, while a pipeline builds their voxels.
 Status BuildStage::BuildVoxels() {
-  // Progress counts the triangles that have been read: those that are built include copies.
+  // Progress counts triangles read: triangles built include copies.
   uint64_t all = scene_.triangles->count(), before = 0;
   const uint64_t triangles = all;
   if (files_) {

@@ -45,7 +45,7 @@ std::unique_ptr<Scene> MakeScene(const std::string& kind, const SceneOptions& op
 using WatchProgress = std::function<Status(uint64_t done, uint64_t total)>;
 
 /// Writes the scene to `path` (see OpenMeshWriter()) and its camera path to NAME.path.json. On an error no
-/// file is left. Memory: a few MB. Errors: those of the writer and of `watch`.
+/// file is left. Memory: a few MB. Errors: a write error; as `watch`'s.
 Status WriteScene(const Scene& scene, const SceneOptions& options, const std::string& path,
                   const WatchProgress& watch);
 

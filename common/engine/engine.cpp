@@ -81,7 +81,7 @@ bool Engine::OpenTile(Tiles& tiles) {
   return true;
 }
 
-/// Hands on the results of tiles that are done; of those that nobody waits for any more, nothing.
+/// Hands on the results of finished tiles, and closes abandoned tiles without a result.
 void Engine::CloseTiles(Tiles& tiles) {
   for (size_t i = 0; i < tiles.open.size();) {
     Tiles::Open& open = tiles.open[i];

@@ -34,7 +34,7 @@ class Engine {
   Engine(const Catalog& catalog, VoxelCache& cache, unsigned threads);
   ~Engine();
 
-  /// A view whose tiles may come. Requires: a normalized view; a number that no view has had.
+  /// A view whose tiles may come. Requires: a view of a normalized job; a number that no view has had.
   void SetView(uint64_t number, const View& view);
   /// Forgets the views from `first` to below `end`: their queued tiles are dropped, those begun are
   /// abandoned, and `done` is not called for any of them.

@@ -21,7 +21,7 @@
 namespace quarry {
 
 /// A view of a scene, prepared once for all of its tiles. Immutable but for `abandoned`.
-/// Requires: a normalized view.
+/// Requires: a view of a normalized job.
 struct ViewContext {
   ViewContext(View a_view, const Catalog& scene)
       : view(std::move(a_view)),

@@ -22,9 +22,9 @@ namespace quarry {
 /// 3. Level: tiles move from the busiest worker to one of the idlest, the tile with least to fetch first.
 /// 4. Gather: tiles move to workers that share their blocks, where that saves fetching.
 ///
-/// A tile costs its worker its computing, and the fetching of those of its blocks that the worker neither
-/// holds nor has been given with another tile. So tiles that share blocks stay together.
-/// Units: seconds. A plan's time is bounded by blocks looked at (`quarry bench plan`). Not thread-safe.
+/// A tile's cost is its computing time, plus the fetching time of its blocks that its worker neither holds
+/// nor fetches for another tile. So tiles that share blocks stay together. Units: seconds. A plan's time is
+/// bounded by blocks looked at (`quarry bench plan`). Not thread-safe.
 class FootprintPlan {
  public:
   /// Requires: `input` has workers and tiles; it must outlive this.

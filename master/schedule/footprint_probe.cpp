@@ -12,9 +12,12 @@ Result<ProbedFrame> ProbeFrame(Renderer& renderer, const RenderJob& job, std::st
   const uint32_t step = uint64_t{job.crop_width} * job.crop_height <= kSmallPixels ? 2 : 4;
   std::vector<Tile> tiles;
   for (const PixelRect& pixels : TilesOf(job)) tiles.push_back({pixels, step});
+  View view = FrameView(job);
+  view.spp = 1;
+  view.aov_mask = 0;
   ProbedFrame frame(tiles.size());
   QUARRY_TRY(renderer.Render(
-      FrameView(job), tiles,
+      view, tiles,
       [&](size_t i, RenderedTile result, Renderer::Progress) {
         for (const BlockKey block : result.blocks) frame[i].blocks.push_back(block.number());
         frame[i].depths = std::move(result.depths);
@@ -88,9 +91,11 @@ void FootprintProbe::Run() {
       stop_current_ = {};
       stop = stop_current_.get_token();
     }
-    // Empty where nobody wants it any more, or the store cannot be read: the block service reports that.
-    auto frame = std::make_shared<const ProbedFrame>(
-        ProbeFrame(*renderer_, current_.one, stop).value_or(ProbedFrame{}));
+    auto probed = ProbeFrame(*renderer_, current_.one, stop);
+    // A frame that is wanted again meanwhile is begun anew.
+    if (!probed && probed.error().kind == ErrorKind::kCancelled) continue;
+    // Empty where the store cannot be read: the block service reports that.
+    auto frame = std::make_shared<const ProbedFrame>(std::move(probed).value_or(ProbedFrame{}));
     {
       const std::lock_guard lock(mutex_);
       for (Entry& entry : entries_)

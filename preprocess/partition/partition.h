@@ -34,7 +34,7 @@ struct PartitionOptions {
 /// Cuts a region into voxels, in memory, by the planes of a kd-tree over it. A triangle that reaches both
 /// sides of a plane, beyond the padding, goes to both. `emit` receives the voxels in the order of their
 /// numbers. The tree depends on the triangles, their order and voxel_size alone.
-/// Errors: those of `emit`. Source: Wald & Slusallek 2001, section 6.4.
+/// Errors: as `emit`'s. Source: Wald & Slusallek 2001, section 6.4.
 Result<TopSubtree> PartitionInMemory(const std::vector<TriangleRecord>& triangles, const Region& region,
                                      const PartitionOptions& options,
                                      const std::function<Status(VoxelTask)>& emit);

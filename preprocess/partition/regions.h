@@ -96,7 +96,7 @@ class RegionFiles {
 /// it.
 std::optional<Box> PartIn(const TriangleRecord& triangle, const Box& cell, float padding);
 
-/// Calls `visit` with the records [first, last) of a spill file. Errors: those of reading and of `visit`.
+/// Calls `visit` with the records [first, last) of a spill file. Errors: a read error; as `visit`'s.
 Status ForEachRecord(const SpillFile& file, uint64_t first, uint64_t last,
                      const std::function<Status(const TriangleRecord&)>& visit);
 

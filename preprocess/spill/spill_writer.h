@@ -25,10 +25,10 @@ class SpillWriter {
   ~SpillWriter();
   SpillWriter(const SpillWriter&) = delete;
 
-  /// Takes `block`'s bytes and leaves an empty buffer. Waits while too many bytes wait. Errors: those of any
-  /// earlier write.
+  /// Takes `block`'s bytes and leaves an empty buffer. Waits while too many bytes wait. Errors: an
+  /// earlier write has failed.
   Status Give(std::vector<std::byte>& block, Write write);
-  /// Waits until all blocks are written. Errors: those of any write.
+  /// Waits until all blocks are written. Errors: a write error.
   Status Wait();
 
  private:

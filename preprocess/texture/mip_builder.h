@@ -21,7 +21,7 @@ class MipBuilder {
   using Emit = std::function<Status(uint32_t page, std::span<const std::byte> texels)>;
   MipBuilder(const TexelLayout& layout, Emit emit);
 
-  /// Adds the next row of level 0, as stored. Errors: those of `emit`.
+  /// Adds the next row of level 0, as stored. Errors: as `emit`'s.
   Status AddRow(std::span<const std::byte> texels);
 
  private:

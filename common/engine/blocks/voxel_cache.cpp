@@ -208,6 +208,7 @@ bool VoxelCache::Reserve(uint32_t decoded_bytes) {
 std::optional<PageBuffer> VoxelCache::TakePages(uint32_t decoded_bytes) {
   if (!spare_.bytes().empty() && spare_.Resize(decoded_bytes)) return std::move(spare_);
   if (decoded_bytes <= unused_.bytes().size()) return unused_.TakeFront(decoded_bytes);
+  spare_ = PageBuffer();
   unused_ = PageBuffer();
   return PageBuffer::TryGet(decoded_bytes);
 }
