@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "common/base/check.h"
-#include "common/kdtree/kernel_list.h"
+#include "common/kdtree/trace/render_kernels.h"
 
 namespace quarry {
 namespace {
@@ -48,7 +48,7 @@ std::span<const Kernel> Kernels() {
 
 const Kernel& BestKernel(Grouping grouping) {
   for (const Kernel& kernel : Kernels())
-    if (kernel.grouping == grouping && kernel.algorithm == Algorithm::kTreelets) return kernel;
+    if (kernel.grouping == grouping) return kernel;
   QUARRY_CHECK(!"no kernel for QUARRY_ISA");
   std::abort();
 }

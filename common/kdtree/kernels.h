@@ -52,11 +52,12 @@ struct Kernel {
   CoherentTraceFunction coherent_closest, coherent_any;  ///< of wide packets and streams; others have none
 };
 
-/// All kernels that this processor can run, those with the widest vectors first.
+/// The kernels that renders use and this processor can run, the widest vectors first. QUARRY_ISA in the
+/// environment narrows them to one instruction set; none is left where the processor lacks it. Thread-safe.
 std::span<const Kernel> Kernels();
 
-/// The kernel that renders use for this grouping: treelets, the widest vectors. QUARRY_ISA in the environment
-/// narrows the choice to one instruction set.
+/// The first of Kernels() for this grouping: the one with the widest vectors.
+/// Requires: a grouping that renders use; Kernels() is not empty. Thread-safe.
 const Kernel& BestKernel(Grouping grouping);
 
 /// Traces as TraceFunction does, each ray by the kernel that suits it: those with enough others of like

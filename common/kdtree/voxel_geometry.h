@@ -6,11 +6,12 @@
 
 #include "common/kdtree/node.h"
 #include "common/kdtree/ray.h"
-#include "common/kdtree/rope_leaf.h"
 #include "common/kdtree/wide_node.h"
 #include "common/math/host_device.h"
 
 namespace quarry {
+
+struct RopeLeaf;  // kdtree/variants
 
 /// The corners of one triangle, scene units; each may be read as four floats.
 struct TrianglePoints {

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <unordered_map>
 
-#include "common/kdtree/treelets.h"
-#include "common/kdtree/wide_tree.h"
+#include "common/kdtree/build/treelets.h"
+#include "common/kdtree/build/wide_tree.h"
 #include "tests/bench/one_level_kernels.h"
 
 namespace quarry::bench {

@@ -6,7 +6,8 @@
 #include <bit>
 #include <utility>
 
-#include "common/kdtree/stream_trace.h"
+#include "common/kdtree/trace/stream_trace.h"
+#include "common/kdtree/variants/all_kernels.h"
 #include "tests/reference/scene_fixture.h"
 
 namespace quarry::test {
@@ -174,7 +175,7 @@ void CompareAll(const LoadedScene& scene, uint32_t rays, const std::string& name
     std::rotate(expected.begin(), expected.begin() + part * RayPacket::kRays, expected.end());
   }
   std::vector<TraceFunction> all_closest, all_any;
-  for (const Kernel& kernel : Kernels()) {
+  for (const Kernel& kernel : AllKernels()) {
     const SceneView& view = scene.resident().view(kernel.algorithm);
     const std::string by = fmt::format("{} grouping {} algorithm {}", kernel.isa,
                                        static_cast<int>(kernel.grouping), static_cast<int>(kernel.algorithm));
@@ -192,7 +193,7 @@ void CompareAll(const LoadedScene& scene, uint32_t rays, const std::string& name
     all_any.push_back(kernel.any);
     if (!kernel.coherent_closest) continue;
     // Those with company by this kernel; the others go on by one that takes them all, from where they are.
-    const auto rest = std::find_if(Kernels().begin(), Kernels().end(), [&](const Kernel& other) {
+    const auto rest = std::find_if(AllKernels().begin(), AllKernels().end(), [&](const Kernel& other) {
       return other.isa == kernel.isa && other.grouping == Grouping::kWide;
     });
     found = closest;
@@ -222,7 +223,7 @@ void CompareAll(const LoadedScene& scene, uint32_t rays, const std::string& name
   suspended += TraceSuspending(view, all_any, occluded);
   compare(found, occluded, "kernels in turn");
   WARN(name << ": " << scene.triangles().size() << " triangles, " << scene.voxels().size() << " voxels, "
-            << expected.size() << " rays, " << hits << " hits, " << Kernels().size() << " kernels, "
+            << expected.size() << " rays, " << hits << " hits, " << AllKernels().size() << " kernels, "
             << suspended.refused << " voxels refused, " << parted << " rays left streams of " << together
             << ", " << differences << " differences");
   CHECK(differences == 0);

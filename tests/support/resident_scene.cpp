@@ -6,7 +6,7 @@
 #include <bit>
 
 #include "common/base/check.h"
-#include "common/kdtree/ropes.h"
+#include "common/kdtree/variants/ropes.h"
 
 namespace quarry::test {
 namespace {

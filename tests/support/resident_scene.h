@@ -6,8 +6,9 @@
 #include <utility>
 #include <vector>
 
+#include "common/kdtree/build/treelets.h"
 #include "common/kdtree/kernels.h"
-#include "common/kdtree/treelets.h"
+#include "common/kdtree/variants/rope_leaf.h"
 #include "common/voxel/block_decoder.h"
 #include "common/voxel/store_reader.h"
 

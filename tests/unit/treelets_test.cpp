@@ -1,9 +1,9 @@
-#include "common/kdtree/treelets.h"
+#include "common/kdtree/build/treelets.h"
 
 #include <catch2/catch.hpp>
 #include <random>
 
-#include "common/kdtree/ropes.h"
+#include "common/kdtree/variants/ropes.h"
 
 namespace quarry {
 namespace {

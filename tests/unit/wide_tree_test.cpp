@@ -1,11 +1,11 @@
-#include "common/kdtree/wide_tree.h"
+#include "common/kdtree/build/wide_tree.h"
 
 #include <catch2/catch.hpp>
 #include <functional>
 #include <random>
 
-#include "common/kdtree/kernels.h"
-#include "common/kdtree/treelets.h"
+#include "common/kdtree/build/treelets.h"
+#include "common/kdtree/variants/all_kernels.h"
 
 namespace quarry {
 namespace {
@@ -214,7 +214,7 @@ TEST_CASE(
     const std::vector<WideNode> wide = MakeWideTree(laid, cell, 0, box);
     CHECK(wide.size() > kLeaves / 8);
     voxel.wide = wide.data();
-    for (const Kernel& kernel : Kernels()) {
+    for (const Kernel& kernel : AllKernels()) {
       if (kernel.algorithm != Algorithm::kTreelets || (hundreds && kernel.grouping == Grouping::kStream))
         continue;
       std::vector<RayPacket> found = rays;
