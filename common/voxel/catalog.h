@@ -100,8 +100,8 @@ struct Catalog {
   /// Blocks that there may be: their numbers lie below.
   size_t block_numbers() const { return voxels.size() * kBlockKinds; }
   TopTree top_tree() const {
-    return {top_nodes.data(), chain_end.data(), bounds.data(),  meta.root_lower,
-            meta.root_upper,  nullptr,          top_wide.data()};
+    return {top_nodes.data(), chain_end.data(), bounds.data(),
+            meta.root_lower,  meta.root_upper,  top_wide.data()};
   }
 };
 

@@ -131,6 +131,13 @@ bool GrazesNearer(const test::ResidentScene& scene, const RayPacket& rays, uint3
   return false;
 }
 
+/// Whether the kernel has the widest vectors of its grouping, over treelets. `kernel`: of AllKernels().
+bool IsBest(const Kernel& kernel) {
+  return &kernel == &*std::ranges::find_if(AllKernels(), [&](const Kernel& other) {
+    return other.grouping == kernel.grouping && other.algorithm == Algorithm::kTreelets;
+  });
+}
+
 /// Of shadow rays Embree does not tell which triangle stops them: what it alone has hit is not explained.
 bool MayGraze(const test::ResidentScene& scene, const RaySet& set, size_t packet, uint32_t i,
               const Hit& embree, const Hit& quarry) {
@@ -217,7 +224,7 @@ class SceneBench {
                           },
                           {}});
     for (const Kernel& kernel : AllKernels()) {
-      const bool best = &kernel == &FirstKernel(kernel.grouping);
+      const bool best = IsBest(kernel);
       if (!options_.only.empty() && Name(kernel).find(options_.only) == std::string::npos) continue;
       if (best || options_.all) AddKernel(set, kernel, contenders);
     }
@@ -355,7 +362,7 @@ class SceneBench {
 
   void PrintStatistics(const RaySet& set) {
     for (const Kernel& kernel : AllKernels()) {
-      if (&kernel != &FirstKernel(kernel.grouping)) continue;
+      if (!IsBest(kernel)) continue;
       if (!options_.only.empty() && Name(kernel).find(options_.only) == std::string::npos) continue;
       found_ = set.packets;
       TraceStatistics s;

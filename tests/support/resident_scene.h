@@ -8,7 +8,6 @@
 
 #include "common/kdtree/build/treelets.h"
 #include "common/kdtree/kernels.h"
-#include "common/kdtree/variants/rope_leaf.h"
 #include "common/voxel/block_decoder.h"
 #include "common/voxel/store_reader.h"
 
@@ -31,7 +30,6 @@ class SceneView {
   TopTree top_;
   std::vector<VoxelGeometry> voxels_;
   std::vector<std::vector<KdNode>> nodes_;
-  std::vector<std::vector<RopeLeaf>> ropes_;
 };
 
 /// Memory between pages that nobody may touch: what reads or writes outside it ends the program.

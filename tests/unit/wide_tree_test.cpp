@@ -189,7 +189,7 @@ TEST_CASE(
   const uint32_t chain_end = 1;
   const VoxelBounds bounds{{cell.lower.x, cell.lower.y, cell.lower.z},
                            {cell.upper.x, cell.upper.y, cell.upper.z}};
-  const TopTree tree{top.data(), &chain_end, &bounds, cell.lower, cell.upper, nullptr, top_wide.data()};
+  const TopTree tree{top.data(), &chain_end, &bounds, cell.lower, cell.upper, top_wide.data()};
   const VoxelFinder finder{[](void* v, uint32_t) { return static_cast<const VoxelGeometry*>(v); }, &voxel};
   std::vector<RayPacket> rays(1);
   for (uint32_t i = 0; i < RayPacket::kRays; ++i) {

@@ -3,7 +3,7 @@
 
 namespace quarry {
 
-void FillAvx2Kernels(Kernel (&list)[kKernelsPerIsa]) {
+void FillAvx2Kernels(Kernel* list) {
   FillKernels<HWY_NAMESPACE::SimdLane, HWY_NAMESPACE::WideLane>("avx2", list);
 }
 

@@ -3,7 +3,7 @@
 
 namespace quarry {
 
-void FillAvx512Kernels(Kernel (&list)[kKernelsPerIsa]) {
+void FillAvx512Kernels(Kernel* list) {
   FillKernels<HWY_NAMESPACE::SimdLane, HWY_NAMESPACE::WideLane>("avx512", list);
 }
 

@@ -3,8 +3,6 @@
 
 namespace quarry {
 
-void FillScalarKernels(Kernel (&list)[kKernelsPerIsa]) {
-  FillKernels<ScalarLane, ScalarLane>("scalar", list);
-}
+void FillScalarKernels(Kernel* list) { FillKernels<ScalarLane, ScalarLane>("scalar", list); }
 
 }  // namespace quarry

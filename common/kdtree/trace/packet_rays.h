@@ -7,29 +7,30 @@
 #include "common/kdtree/trace/kernel_parts.h"
 #include "common/kdtree/trace/triangle_block.h"
 
-// What kernels of packets have in common: 64 rays in vectors, and leaves' triangles tested for those of them
-// that come to the leaf.
+// Parts of packet kernels: 64 rays in vectors, and the test of a leaf's triangles for the rays that come to
+// it.
 
 namespace quarry {
 
-/// Fewer rays of like direction than these are faster in a stream (README.md).
+/// Fewest rays of like direction that a packet traces; fewer are faster in a stream
+/// (tests/bench/history/kdtree.md).
 inline constexpr uint32_t kLeastRun = 24;
-/// So are rays of which fewer than these come to a leaf together (README.md),
-inline constexpr uint32_t kLeastVisitors = 3;
-/// by the mean of at least so many leaves.
-inline constexpr uint32_t kLeastVisits = 8;
-/// The same of rays from many points that look for nearest hits, as mirror rays: more are, once short ones
-/// have ended.
+/// Fewest rays that must come to a leaf together, a mean over all leaves visited; below it the rays diverge
+/// and are faster in a stream (tests/bench/history/kdtree.md, 2026-11-24).
+inline constexpr uint32_t kLeastVisitors = 3;  ///< rays a leaf
+inline constexpr uint32_t kLeastVisits = 8;    ///< leaves visited before the mean counts
+/// The same limits for nearest-hit rays from many origins, such as mirror rays. The mean counts from later
+/// on, once short rays have ended (tests/bench/history/kdtree.md, 2026-11-25).
 inline constexpr uint32_t kLeastVisitorsOfNearest = 8, kLeastVisitsOfNearest = 16;
 
-/// Triangles of a leaf that are tested together, at most.
+/// Most triangles of a leaf that are tested together.
 inline constexpr uint32_t kMostAtOnce = 16;
 
-/// A triangle that has ended rays which any hit ends: it is likely to end the next packet's too.
+/// The last triangle that ended any-hit rays: it is likely to end rays of the next packet too.
 /// Source: Haines & Greenberg 1986, "The Light Buffer: A Shadow-Testing Accelerator".
 struct Occluder {
   uint32_t voxel = kNoVoxel;  ///< kNoVoxel: none is known
-  uint32_t reference = 0;     ///< of that voxel's, to the triangle
+  uint32_t reference = 0;     ///< index into the voxel's references
 };
 
 /// The rays of a packet in groups of lanes.
@@ -40,20 +41,20 @@ struct PacketRays {
   RayBest<L> best[kGroups];
   typename L::Float t[kGroups];       ///< reached so far, at the top level
   typename L::Float t_end[kGroups];   ///< end of the ray: of the scene, t_max, the nearest hit, or t_wait
-  typename L::Float t_wait[kGroups];  ///< where it comes to the voxel that it waits for; infinite
+  typename L::Float t_wait[kGroups];  ///< where the ray enters waits_for; infinite: nowhere
   typename L::Mask alive[kGroups];    ///< still under way
   typename L::Int chain[kGroups], waits_for[kGroups];
-  uint32_t visits, visitors;  ///< to leaves so far; how many rays
-  uint32_t least_visitors;    ///< fewer a visit, and the rays part,
-  uint32_t least_visits;      ///< after so many
-  uint64_t apart;             ///< those that have, and are yet under way
+  uint32_t visits, visitors;  ///< visits of leaves so far; rays summed over these visits
+  uint32_t least_visitors;    ///< rays a visit; the rays diverge below it,
+  uint32_t least_visits;      ///< from so many visits on
+  uint64_t diverged;          ///< rays that have diverged and are yet to be traced, as bits
   uint32_t far_side[3];       ///< by axis: 1 where directions are positive, the side that is far
   uint32_t axes[3];           ///< in the order of the rays' frames
   float shared_origin[3];     ///< with kSharedOrigin
-  Occluder occluder;          ///< the last
+  Occluder occluder;          ///< of rays before
 
   /// Whether the rays have so little in common that they are faster in a stream.
-  QUARRY_HOST_DEVICE bool parted() const {
+  QUARRY_HOST_DEVICE bool diverges() const {
     return visits >= least_visits && visitors < least_visitors * visits;
   }
 };
@@ -65,7 +66,7 @@ QUARRY_HOST_DEVICE inline uint32_t CountAll(const typename L::Mask* masks) {
   return count;
 }
 
-/// Bits of a mask of each group, as one word.
+/// The masks of all groups as one word: bit i stands for ray i.
 template <class L>
 QUARRY_HOST_DEVICE inline uint64_t JoinBits(const typename L::Mask* masks) {
   uint64_t bits = 0;
@@ -75,8 +76,9 @@ QUARRY_HOST_DEVICE inline uint64_t JoinBits(const typename L::Mask* masks) {
 }
 
 /// Tests the triangles that references [first, last) name for the rays of a packet that are `active`, and
-/// keeps the nearest hits. Returns whether there were any. With kAnyHit a ray ends at its first hit: it is
-/// taken out of `active`, `alive` and the packet's.
+/// keeps the nearest hits. Returns whether any triangle was tested exactly. With kAnyHit a ray ends at its
+/// first hit: it is taken out of `active`, `alive` and p.alive. `kSharedOrigin`: all rays start at
+/// p.shared_origin.
 template <class L, bool kAnyHit, bool kSharedOrigin, class Index, class Statistics>
 QUARRY_HOST_DEVICE inline bool TestTriangles(const VoxelGeometryOf<Index>& voxel, uint32_t voxel_id,
                                              uint32_t first, uint32_t last, PacketRays<L>& p,
@@ -85,7 +87,7 @@ QUARRY_HOST_DEVICE inline bool TestTriangles(const VoxelGeometryOf<Index>& voxel
   using Float = typename L::Float;
   using Mask = typename L::Mask;
   constexpr uint32_t kGroups = PacketRays<L>::kGroups;
-  uint32_t groups[kGroups], count = 0;  // those with active rays
+  uint32_t groups[kGroups], count = 0;  // groups with active rays
   for (uint32_t g = 0; g < kGroups; ++g)
     if (!L::None(active[g])) groups[count++] = g;
   uint32_t axes[3];
@@ -110,8 +112,8 @@ QUARRY_HOST_DEVICE inline bool TestTriangles(const VoxelGeometryOf<Index>& voxel
   };
   bool kept_any = false;
   for (; first < last; first += kMostAtOnce) {
-    // Most triangles lie beside all rays. Which do not is found without a branch, for a leaf at once: what
-    // follows then is one loop, whose divisions overlap.
+    // Most triangles lie beside all rays. The filter runs without a branch for all triangles of the leaf; the
+    // exact tests that remain are one loop, whose divisions overlap.
     uint64_t may[kMostAtOnce];
     uint32_t reference[kMostAtOnce], triangles = 0;
     const uint32_t end = std::min(last, first + kMostAtOnce);
@@ -170,9 +172,9 @@ QUARRY_HOST_DEVICE inline bool TestTriangles(const VoxelGeometryOf<Index>& voxel
   return kept_any;
 }
 
-/// Whether so few of the rays in each group come to a leaf of `count` triangles that it pays to test them one
-/// after the other against vectors of triangles. By instructions about 45 for a vector of triangles, 160 to
-/// gather one, 15 for a ray, and 45 for a vector of rays; the last counts for 60, by time (README.md).
+/// Whether so few rays of each group come to a leaf of `count` triangles that testing ray by ray against
+/// vectors of triangles is faster. Costs in instructions: 45 to test a vector of triangles, 160 to gather it,
+/// 15 for a ray; a vector of rays has 45, and counts as 60 by measured time (tests/bench/history/kdtree.md).
 template <class L, class W>
 QUARRY_HOST_DEVICE inline bool FewInGroups(const typename L::Mask* active, uint32_t count) {
   uint32_t groups = 0;
@@ -181,7 +183,7 @@ QUARRY_HOST_DEVICE inline bool FewInGroups(const typename L::Mask* active, uint3
   return rays * (3 * vectors + 1) + 11 * vectors < 4 * groups * count;
 }
 
-/// As TestTriangles, ray by ray.
+/// TestTriangles ray by ray. `W`: lanes that are triangles.
 template <class W, class L, bool kAnyHit, class Index, class Statistics>
 QUARRY_HOST_DEVICE inline bool TestTrianglesRayByRay(const VoxelGeometryOf<Index>& voxel, uint32_t voxel_id,
                                                      uint32_t first, uint32_t last, PacketRays<L>& p,

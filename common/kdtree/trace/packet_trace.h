@@ -16,7 +16,7 @@
 
 namespace quarry {
 
-/// Ends those rays that the occluder of rays before ends. Returns whether those are all.
+/// Ends the rays that the occluder of earlier rays ends. Returns whether no ray is left.
 template <class L, bool kSharedOrigin, class Finder, class Statistics>
 QUARRY_HOST_DEVICE inline bool EndAtOccluder(const Finder& finder, PacketRays<L>& p, Statistics& statistics) {
   const auto [voxel, reference] = p.occluder;
@@ -30,7 +30,8 @@ QUARRY_HOST_DEVICE inline bool EndAtOccluder(const Finder& finder, PacketRays<L>
   return JoinBits<L>(p.alive) == 0;
 }
 
-/// The first voxel of a leaf's chain that any of the rays `active` goes on with.
+/// The first voxel of a leaf's chain that any of the rays `active` goes on with. `first`: the chain's first
+/// voxel.
 template <class L>
 QUARRY_HOST_DEVICE inline uint32_t FirstInChain(const TopTree& top, const PacketRays<L>& p, uint32_t first,
                                                 const typename L::Mask* active) {
@@ -45,7 +46,7 @@ QUARRY_HOST_DEVICE inline uint32_t FirstInChain(const TopTree& top, const Packet
   return least;
 }
 
-/// The packet's rays that are alive, through the two-level tree.
+/// Traces the packet's rays that are alive through the two-level tree.
 template <class PacketWay, class L, bool kAnyHit, bool kSharedOrigin, class Finder, class Statistics>
 QUARRY_HOST_DEVICE inline void TraceRun(const TopTree& top, const Finder& finder, PacketRays<L>& p,
                                         Statistics& statistics) {
@@ -55,7 +56,7 @@ QUARRY_HOST_DEVICE inline void TraceRun(const TopTree& top, const Finder& finder
   if (kAnyHit && EndAtOccluder<L, kSharedOrigin>(finder, p, statistics)) return;
   const PacketWay way(p);
 
-  // The triangles of a resident voxel along the way of the rays `inside` through its cell; hits beyond the
+  // Tests the triangles of a resident voxel along the rays `inside`, from t_enter to t_exit; hits beyond the
   // cell count too.
   const auto trace_voxel = [&](const auto& geometry, uint32_t voxel, const Mask* inside, const Float* t_enter,
                                const Float* t_exit) {
@@ -69,7 +70,7 @@ QUARRY_HOST_DEVICE inline void TraceRun(const TopTree& top, const Finder& finder
     const auto visit = [&](uint32_t first, uint32_t count, Mask* active, const Float*, const Float*) {
       ++p.visits;
       p.visitors += CountAll<L>(active);
-      if (p.parted()) {
+      if (p.diverges()) {
         for (uint32_t g = 0; g < kGroups; ++g) alive[g] = active[g] = L::NoLanes();
         return true;
       }
@@ -91,7 +92,8 @@ QUARRY_HOST_DEVICE inline void TraceRun(const TopTree& top, const Finder& finder
       Mask inside[kGroups], any = L::NoLanes();
       const VoxelBounds& bounds = top.bounds[voxel];
       for (uint32_t g = 0; g < kGroups; ++g) {
-        // Rays that have waited go on where they did if that is in this chain: see GoOnInChain.
+        // A ray that has waited goes on with the voxel that it waited for, if this chain has it
+        // (GoOnInChain).
         const Mask passed =
             L::And(L::LessInt(p.chain[g], L::SetInt(end)), L::LessInt(L::SetInt(voxel), p.chain[g]));
         inside[g] = L::And(
@@ -103,8 +105,8 @@ QUARRY_HOST_DEVICE inline void TraceRun(const TopTree& top, const Finder& finder
       statistics.Voxel(CountAll<L>(inside));
       if (const auto* geometry = finder.Find(voxel)) {
         trace_voxel(*geometry, voxel, inside, t_enter, t_exit);
-        if (p.parted()) {
-          p.apart |= JoinBits<L>(p.alive);
+        if (p.diverges()) {
+          p.diverged |= JoinBits<L>(p.alive);
           for (uint32_t g = 0; g < kGroups; ++g) p.alive[g] = active[g] = L::NoLanes();
           return true;
         }
@@ -115,7 +117,7 @@ QUARRY_HOST_DEVICE inline void TraceRun(const TopTree& top, const Finder& finder
         }
         continue;
       }
-      // They need no leaf behind this one for now; there may be some before it.
+      // The rays need no leaf beyond this one for now; nearer leaves may still follow.
       for (uint32_t g = 0; g < kGroups; ++g) {
         p.waits_for[g] = L::SelectInt(inside[g], L::SetInt(voxel), p.waits_for[g]);
         p.t_wait[g] = L::Select(inside[g], t_enter[g], p.t_wait[g]);
@@ -129,16 +131,18 @@ QUARRY_HOST_DEVICE inline void TraceRun(const TopTree& top, const Finder& finder
   way.Traverse(PacketWay::NodesOf(top), p, p.t, p.t_end, p.alive, statistics, visit);
 }
 
-/// Rays of a packet that have yet to be traced, as bits: of runs too short, and of runs that have parted.
+/// Rays of a packet that are yet to be traced, as bits.
 struct Untraced {
-  uint64_t alone, apart;
+  uint64_t incoherent;  ///< of runs shorter than kLeastRun
+  uint64_t diverged;    ///< of runs that diverged on their way
 };
 
 /// Traces the rays of `rays` that `active` names (bit i: ray i), in runs that have the signs and the largest
-/// axis of their directions in common. Unless `all` are wanted, leaves alone runs of fewer than kLeastRun
-/// rays, and rays of runs that part; returns those rays, which have yet to be traced. `occluder`: kept from
-/// packet to packet. See TraceFunction for what comes back for the others.
-template <template <class> class PacketWay, class L, bool kAnyHit, class Finder, class Statistics>
+/// axis of their directions in common. Unless `all` are wanted, skips runs of fewer than kLeastRun rays and
+/// stops runs that diverge; returns the rays that are yet to be traced. `occluder`: kept from packet to
+/// packet. The packet's fields afterwards: see TraceFunction. Thread-safe with an occluder for each thread.
+/// Source: Wald & Slusallek 2001, section 5 (packets); runs and divergence are ours.
+template <class PacketWay, class L, bool kAnyHit, class Finder, class Statistics>
 QUARRY_HOST_DEVICE inline Untraced TracePacket(const TopTree& top, const Finder& finder, RayPacket& rays,
                                                uint64_t active, bool all, Occluder& occluder,
                                                Statistics& statistics) {
@@ -146,7 +150,7 @@ QUARRY_HOST_DEVICE inline Untraced TracePacket(const TopTree& top, const Finder&
   constexpr uint32_t kGroups = PacketRays<L>::kGroups;
   const uint32_t least_run = all ? 1 : kLeastRun;
   PacketRays<L> p;
-  p.apart = 0;
+  p.diverged = 0;
   p.occluder = occluder;
   Mask alive[kGroups], backward[3][kGroups], z_is_x[kGroups], z_is_y[kGroups], elsewhere[kGroups];
   const float lower[3] = {top.lower.x, top.lower.y, top.lower.z};
@@ -180,7 +184,7 @@ QUARRY_HOST_DEVICE inline Untraced TracePacket(const TopTree& top, const Finder&
   p.least_visitors = all ? 0 : nearest ? kLeastVisitorsOfNearest : kLeastVisitors;
   const uint64_t negative[3] = {JoinBits<L>(backward[0]), JoinBits<L>(backward[1]), JoinBits<L>(backward[2])};
   const uint64_t x_largest = JoinBits<L>(z_is_x), y_largest = JoinBits<L>(z_is_y);
-  uint64_t alone = 0;
+  uint64_t incoherent = 0;
   const uint64_t all_alive = JoinBits<L>(alive);
   for (uint64_t left = all_alive; left != 0;) {
     const int leader = std::countr_zero(left);
@@ -193,7 +197,7 @@ QUARRY_HOST_DEVICE inline Untraced TracePacket(const TopTree& top, const Finder&
     run &= alike(x_largest) & alike(y_largest);
     left &= ~run;
     if (static_cast<uint32_t>(std::popcount(run)) < least_run) {
-      alone |= run;
+      incoherent |= run;
       continue;
     }
     const uint32_t largest = x_largest >> leader & 1 ? 0 : y_largest >> leader & 1 ? 1 : 2;
@@ -203,20 +207,20 @@ QUARRY_HOST_DEVICE inline Untraced TracePacket(const TopTree& top, const Finder&
     p.visits = p.visitors = 0;
     statistics.Ray(static_cast<uint32_t>(std::popcount(run)));
     if (shared_origin)
-      TraceRun<PacketWay<L>, L, kAnyHit, true>(top, finder, p, statistics);
+      TraceRun<PacketWay, L, kAnyHit, true>(top, finder, p, statistics);
     else
-      TraceRun<PacketWay<L>, L, kAnyHit, false>(top, finder, p, statistics);
+      TraceRun<PacketWay, L, kAnyHit, false>(top, finder, p, statistics);
   }
-  if (all_alive != 0 && alone == all_alive) return {active, 0};
+  if (all_alive != 0 && incoherent == all_alive) return {active, 0};
   for (uint32_t g = 0; g < kGroups; ++g) {
     const uint32_t at = g * L::kLanes;
-    const Mask mine = L::FromBits(static_cast<uint32_t>((active & ~alone) >> at) & L::kAllLanes);
-    const Mask apart = L::FromBits(static_cast<uint32_t>(p.apart >> at) & L::kAllLanes);
-    StoreBest<L, kAnyHit>(p.best[g], rays, at);  // of rays that were not traced: as they were
-    // A nearer hit may have come after. Rays that part have not been to all leaves before the one they wait
-    // at.
+    const Mask mine = L::FromBits(static_cast<uint32_t>((active & ~incoherent) >> at) & L::kAllLanes);
+    const Mask diverged = L::FromBits(static_cast<uint32_t>(p.diverged >> at) & L::kAllLanes);
+    StoreBest<L, kAnyHit>(p.best[g], rays, at);  // rays that were not traced keep their values
+    // A nearer hit may have been found since. Diverged rays have not visited all leaves before the voxel that
+    // they wait for: they start again from their t.
     const Mask waits = L::AndNot(
-        apart, L::And(L::Less(p.t_wait[g], L::Set(kInfinity)), L::LessEqual(p.t_wait[g], p.best[g].t)));
+        diverged, L::And(L::Less(p.t_wait[g], L::Set(kInfinity)), L::LessEqual(p.t_wait[g], p.best[g].t)));
     const auto voxel = L::SelectInt(waits, p.waits_for[g], L::SetInt(kNoVoxel));
     const auto t = L::Select(waits, p.t_wait[g], p.t[g]);
     L::Store(L::Select(mine, t, L::Load(rays.t + at)), rays.t + at);
@@ -224,7 +228,7 @@ QUARRY_HOST_DEVICE inline Untraced TracePacket(const TopTree& top, const Finder&
     L::StoreInt(L::SelectInt(mine, voxel, L::LoadInt(rays.waits_for + at)), rays.waits_for + at);
   }
   occluder = p.occluder;
-  return {alone, p.apart};
+  return {incoherent, p.diverged};
 }
 
 }  // namespace quarry

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <vector>
 
 #include "common/kdtree/kernels.h"
 #include "common/kdtree/trace/packet_trace.h"
@@ -13,14 +14,15 @@
 
 namespace quarry {
 
-/// Where of the rays of packets lately tried less than this share has stayed together, so many packets are
-/// passed over for each one that is tried (README.md).
-inline constexpr float kLeastKept = 0.4f;
-inline constexpr uint32_t kPassed = 15;
-inline constexpr float kLately = 8;  ///< packets, whose mean that share is
+/// Least share of packets' rays that must stay coherent. Below it, kPassedOver packets skip the packet kernel
+/// for each one that tries it: a higher share serves mirror rays and costs primary rays
+/// (tests/bench/history/kdtree.md, 2026-11-25).
+inline constexpr float kLeastCoherentShare = 0.4f;
+inline constexpr uint32_t kPassedOver = 15;  ///< packets
+inline constexpr float kShareWindow = 8;     ///< packets that the share is a running mean of
 
-/// `PacketWay`: TreeletWay, or a WideWay.
-template <class L, template <class> class PacketWay>
+/// Packets one after the other. `PacketWay`: a way of packets (packet_trace.h).
+template <class L, class PacketWay>
 struct PacketTrace {
   template <bool kAnyHit, class Finder, class Statistics>
   static void Run(const TopTree& top, const Finder& finder, RayPacket* packets, const uint64_t* active,
@@ -30,45 +32,40 @@ struct PacketTrace {
       if (active[p] != 0)
         TracePacket<PacketWay, L, kAnyHit>(top, finder, packets[p], active[p], true, occluder, statistics);
   }
-  /// Takes out of `active` the rays that it has traced: those that stay together, of packets that are not
-  /// passed over since those before them have parted. The packet after the next
-  /// is asked for meanwhile: packets of more than a few tiles come from memory. (Into the first-level cache a
-  /// packet's 60 lines would come one after the other, and the present packet's loads behind them.)
+  /// Traces the rays that stay coherent, and takes them out of `active`. Packets are passed over while few
+  /// rays of the packets before have stayed coherent. The packet after the next is asked for meanwhile:
+  /// packets of more than a few tiles come from memory. It is asked for as far as the second-level cache: 60
+  /// lines on their way into the first level would delay the present packet's loads.
   template <bool kAnyHit, class Finder>
   static void RunCoherent(const TopTree& top, const Finder& finder, RayPacket* packets, uint64_t* active,
                           uint32_t count) {
     NoStatistics none;
     Occluder occluder;
-    float kept = 1;
-    uint32_t passed = 0;
+    float share = 1;
+    uint32_t passed_over = 0;
     for (uint32_t p = 0; p < count; ++p) {
       if (active[p] == 0) continue;
-      if (kept < kLeastKept && passed < kPassed) {
-        ++passed;
+      if (share < kLeastCoherentShare && passed_over < kPassedOver) {
+        ++passed_over;
         continue;
       }
       if (p + 2 < count && active[p + 2] != 0) L::PrefetchFar(&packets[p + 2], RayPacket::Bytes(kAnyHit));
       const Untraced left =
           TracePacket<PacketWay, L, kAnyHit>(top, finder, packets[p], active[p], false, occluder, none);
-      if (const uint64_t tried = active[p] & ~left.alone; tried != 0) {
+      if (const uint64_t tried = active[p] & ~left.incoherent; tried != 0) {
         const auto count_of = [](uint64_t rays) { return static_cast<float>(std::popcount(rays)); };
-        kept += (1 - count_of(left.apart) / count_of(tried) - kept) / kLately;
+        share += (1 - count_of(left.diverged) / count_of(tried) - share) / kShareWindow;
       }
-      active[p] = left.alone | left.apart;
-      passed = 0;
+      active[p] = left.incoherent | left.diverged;
+      passed_over = 0;
     }
   }
 };
 
-/// WideWay as a way of packets of `L`.
-template <class Cells>
-struct WideWayOf {
-  template <class L>
-  using Type = WideWay<Cells, L>;
-};
 template <class L, class Cells>
-using WidePacketTrace = PacketTrace<L, WideWayOf<Cells>::template Type>;
+using WidePacketTrace = PacketTrace<L, WideWay<Cells, L>>;
 
+/// Rays one by one through wide nodes, several in step.
 template <class L>
 struct WideTrace {
   template <bool kAnyHit, class Finder, class Statistics>
@@ -78,6 +75,7 @@ struct WideTrace {
   }
 };
 
+/// Streams of kStreamPackets packets. `W`: lanes that are a node's cells, or a leaf's triangles.
 template <class L, class W>
 struct StreamTrace {
   template <bool kAnyHit, class Finder, class Statistics>
@@ -90,28 +88,28 @@ struct StreamTrace {
       RunOne<kAnyHit>(top, finder, packets + first, left, n, 0, statistics);
     }
   }
-  /// Takes out of `active` the rays that it has traced: those that have company in every voxel.
+  /// Traces the rays that come to each voxel with enough others, and takes them out of `active`.
   template <bool kAnyHit, class Finder>
   static void RunCoherent(const TopTree& top, const Finder& finder, RayPacket* packets, uint64_t* active,
                           uint32_t count) {
     NoStatistics none;
     for (uint32_t first = 0; first < count; first += kStreamPackets)
       RunOne<kAnyHit>(top, finder, packets + first, active + first, std::min(count - first, kStreamPackets),
-                      kLeastCompany, none);
+                      kLeastCoherent, none);
   }
 
  private:
   template <bool kAnyHit, class Finder, class Statistics>
   static void RunOne(const TopTree& top, const Finder& finder, RayPacket* packets, uint64_t* active,
-                     uint32_t count, uint32_t least_company, Statistics& statistics) {
+                     uint32_t count, uint32_t least_coherent, Statistics& statistics) {
     StreamMemory& memory = StreamMemory::OfThread();
     memory.Reserve(count * RayPacket::kRays);
     StreamTracer<L, W, kAnyHit, Finder, Statistics>(top, finder, statistics, memory)
-        .Run(packets, active, count, least_company);
+        .Run(packets, active, count, least_coherent);
   }
 };
 
-/// What renders are made with: nothing is counted.
+/// A trace that counts nothing: renders call it.
 template <class Trace, bool kAnyHit, class Finder = VoxelFinder>
 void TraceUncounted(const TopTree& top, const Finder& finder, RayPacket* packets, const uint64_t* active,
                     uint32_t count) {
@@ -119,6 +117,7 @@ void TraceUncounted(const TopTree& top, const Finder& finder, RayPacket* packets
   Trace::template Run<kAnyHit>(top, finder, packets, active, count, none);
 }
 
+/// A kernel of `Trace` without coherent functions.
 template <class Trace>
 constexpr Kernel MakeKernel(std::string_view isa, Grouping grouping, Algorithm algorithm) {
   return {isa,
@@ -133,11 +132,11 @@ constexpr Kernel MakeKernel(std::string_view isa, Grouping grouping, Algorithm a
 }
 
 /// The kernels that renders use, for one instruction set.
-inline constexpr int kKernelsPerIsa = 3;
+inline constexpr size_t kKernelsPerIsa = 3;
 
 /// `L`: lanes that are rays; `Wide`: lanes that are a wide node's children, or a leaf's triangles.
 template <class L, class Wide>
-constexpr void FillKernels(std::string_view isa, Kernel (&list)[kKernelsPerIsa]) {
+constexpr void FillKernels(std::string_view isa, Kernel* list) {
   const auto make_coherent = [isa]<class Trace>(Grouping grouping, Kernel& kernel) {
     kernel = MakeKernel<Trace>(isa, grouping, Algorithm::kTreelets);
     kernel.coherent_closest = Trace::template RunCoherent<false, VoxelFinder>;
@@ -148,9 +147,15 @@ constexpr void FillKernels(std::string_view isa, Kernel (&list)[kKernelsPerIsa])
   list[2] = MakeKernel<WideTrace<Wide>>(isa, Grouping::kWide, Algorithm::kTreelets);
 }
 
+using FillFunction = void (*)(Kernel* list);
+
+/// The lists of `count` kernels each that this processor and QUARRY_ISA allow, one after the other.
+std::vector<Kernel> SupportedKernels(size_t count, FillFunction avx512, FillFunction avx2,
+                                     FillFunction scalar);
+
 // One source file each defines these.
-void FillScalarKernels(Kernel (&list)[kKernelsPerIsa]);
-void FillAvx2Kernels(Kernel (&list)[kKernelsPerIsa]);
-void FillAvx512Kernels(Kernel (&list)[kKernelsPerIsa]);
+void FillScalarKernels(Kernel* list);
+void FillAvx2Kernels(Kernel* list);
+void FillAvx512Kernels(Kernel* list);
 
 }  // namespace quarry

@@ -5,10 +5,10 @@
 
 namespace quarry {
 
-/// What nodes and leaves need of a ray of a stream: one cache line.
+/// The fields of a stream's ray that nodes and leaves read: one cache line.
 struct alignas(64) StreamRay {
-  float reciprocal[3], shift[3];  ///< it meets a plane p at p * reciprocal + shift
-  float t, t_end;                 ///< where it begins; where its hit, or a voxel that is missing, ends it
+  float reciprocal[3], shift[3];  ///< the ray meets a plane p at t = p * reciprocal + shift
+  float t, t_end;                 ///< where the ray begins; where its hit, or a missing voxel, ends it
   // Its frame: axes renamed, cyclically, so that the direction's largest is the last.
   float origin[3], shear_x, shear_y, scale_z;
   float best_t;
@@ -18,36 +18,36 @@ struct alignas(64) StreamRay {
   float* floats() { return reciprocal; }
 };
 
-/// The rest.
+/// The other fields of a stream's ray.
 struct alignas(32) StreamHit {
-  static constexpr uint32_t kAlone = 1u << 31;
+  static constexpr uint32_t kIncoherent = 1u << 31;
 
   uint32_t triangle;
   float b1, b2;
   uint32_t voxel, local;
-  float t_stop;       ///< where it comes to the voxel at which it stops; infinite
-  uint32_t stops_at;  ///< the voxel: it is missing, or few rays come to it
-  uint32_t source;    ///< packet * 64 + index; kAlone in it: stops for want of company
+  float t_stop;       ///< t at which the ray stops; infinite: nowhere
+  uint32_t stops_at;  ///< that voxel: it is missing, or few rays come to it
+  uint32_t source;    ///< packet * 64 + index; kIncoherent: few rays come to the voxel
 
   float* floats() { return reinterpret_cast<float*>(this); }
 };
 
-/// Where the rays of a thread's streams lie, and the lists of nodes: 96 bytes a ray, and 5 for each level of
-/// the trees that it may have come to, of which few are ever touched.
+/// The rays of a thread's streams and the lists of nodes. Size: 96 bytes a ray, and 5 bytes a ray for each
+/// level of the trees, of which few are ever touched. One object serves one thread.
 class StreamMemory {
  public:
-  /// The calling thread's, for streams of all kinds one after the other.
+  /// The calling thread's memory, for its streams one after the other.
   static StreamMemory& OfThread();
 
   StreamMemory() = default;
   StreamMemory(const StreamMemory&) = delete;
   StreamMemory& operator=(const StreamMemory&) = delete;
-  // Not inline: what kernels share is compiled for no instruction set of theirs.
+  // Not inline: code that kernels share must not be compiled for one instruction set.
   ~StreamMemory();
-  /// Room for so many rays; kept for streams to come.
+  /// Makes room for `count` rays; memory never shrinks. Allocates only when `count` is the largest so far.
   void Reserve(uint32_t count);
 
-  static constexpr uint32_t kSlack = 64;  ///< vectors may be written behind a list
+  static constexpr uint32_t kSlack = 64;  ///< entries: vectors may be written behind a list's end
   std::unique_ptr<StreamRay[]> rays;
   std::unique_ptr<StreamHit[]> hits;
   std::unique_ptr<uint32_t[]> ids;

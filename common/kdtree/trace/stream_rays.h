@@ -8,23 +8,24 @@
 #include "common/kdtree/trace/kernel_parts.h"
 #include "common/kdtree/trace/stream_memory.h"
 
-// How a stream's rays come out of their packets and go back there: a vector of them at a time, transposed.
+// A stream's rays on their way out of packets and back: a vector of rays at a time, transposed.
 
 namespace quarry {
 
-/// `L`: lanes that are rays. One object for one stream.
+/// Takes rays out of packets into a stream and gives them back. `L`: lanes that are rays. One object serves
+/// one stream.
 template <class L, bool kAnyHit>
 class StreamRays {
  public:
   StreamRays(const TopTree& top, StreamMemory& memory)
       : top_(top), rays_(memory.rays.get()), hits_(memory.hits.get()) {}
 
-  /// Takes up the rays that `active` names: those of an octant (bit a of its number: down along axis a) lie
-  /// side by side, in the order of packets; out: where each octant's end, and the place of each ray in turn.
-  /// Returns how many. Requires: room for them in `places` and the memory.
+  /// Takes up the rays that `active` names. Rays of an octant (bit a of its number: down along axis a) lie
+  /// side by side, in the order of packets. Out: `end`, one past each octant's rays; `places`, each ray's
+  /// place. Returns the number of rays. Requires: room for them in `places` and the memory.
   uint32_t TakeUp(const RayPacket* packets, const uint64_t* active, uint32_t count, uint32_t (&end)[8],
                   uint32_t* places) {
-    std::fill_n(end, 8, 0u);  // how many of an octant, then where they begin, then where they end
+    std::fill_n(end, 8, 0u);  // an octant's number of rays, then its begin, then its end
     for (uint32_t p = 0; p < count; ++p) {
       if (p + 2 < count && active[p + 2] != 0) L::PrefetchFar(&packets[p + 2], RayPacket::Bytes(kAnyHit));
       CountOctants(packets[p], active[p], end);
@@ -40,8 +41,8 @@ class StreamRays {
     return n;
   }
 
-  /// Gives back what became of them, `places` as TakeUp has written them; `active`: then those that have yet
-  /// to be traced.
+  /// Writes the rays' results to their packets. `places`: as TakeUp has written them. `active`: out, the rays
+  /// that are yet to be traced.
   void GiveBack(RayPacket* packets, uint64_t* active, uint32_t count, const uint32_t* places) {
     for (uint32_t p = 0; p < count; ++p)
       if (active[p] != 0) active[p] = GiveBack(packets[p], active[p], places);
@@ -55,12 +56,12 @@ class StreamRays {
   static_assert(offsetof(StreamHit, voxel) == 12 && offsetof(StreamHit, local) == 16);
   static_assert(offsetof(StreamHit, source) == 28);
 
-  /// Which of L's rays from `first` on go down along the axis, as bits.
+  /// The rays of one vector from `first` on that go down along the axis, as bits.
   static uint32_t Down(const RayPacket& packet, uint32_t first, uint32_t axis) {
     return L::Bits(L::Less(Divisor<L>(L::Load(packet.direction[axis] + first)), L::Set(0.0f)));
   }
 
-  /// Adds the rays of the packet that `active` names to those of their octants.
+  /// Adds the packet's rays that `active` names to the counts of their octants.
   static void CountOctants(const RayPacket& packet, uint64_t active, uint32_t (&counts)[8]) {
     for (uint32_t first = 0; first < RayPacket::kRays; first += L::kLanes) {
       const uint32_t lanes = static_cast<uint32_t>(active >> first) & L::kAllLanes;
@@ -74,12 +75,12 @@ class StreamRays {
     }
   }
 
-  /// Where some rays of the stream lie, as many as lanes.
+  /// Addresses of as many rays of the stream as there are lanes.
   struct Places {
     float *ray[L::kLanes], *hit[L::kLanes];
   };
 
-  /// Those of the lanes that `lanes` names, at `place(lane)` one after the other; elsewhere for the others.
+  /// The rays at `place(lane)`, called in order for each lane that `lanes` names; a dummy for other lanes.
   template <class PlaceOf>
   Places PlacesOf(uint32_t lanes, const PlaceOf& place) {
     Places at;
@@ -94,8 +95,8 @@ class StreamRays {
     return at;
   }
 
-  /// Takes up the rays of packet p that `active` names, each at the next place of its octant; writes those
-  /// down from `places` on, and returns where it has stopped.
+  /// Takes up the rays of packet p that `active` names, each at the next place of its octant. Writes the
+  /// places from `places` on; returns one past the last.
   uint32_t* TakeUp(const RayPacket& packet, uint32_t p, uint64_t active, uint32_t (&next)[8],
                    uint32_t* places) {
     using Float = typename L::Float;
@@ -136,8 +137,8 @@ class StreamRays {
     return places;
   }
 
-  /// Gives back what became of the rays of a packet that `active` names, whose places are those from `places`
-  /// on; returns which of them have yet to be traced.
+  /// Writes the results of the packet's rays that `active` names; their places are read from `places` on.
+  /// Returns the rays that are yet to be traced, as bits.
   uint64_t GiveBack(RayPacket& packet, uint64_t active, const uint32_t*& places) {
     using Float = typename L::Float;
     using Int = typename L::Int;
@@ -157,11 +158,12 @@ class StreamRays {
       const auto put_int = [&](Int value, uint32_t* to) {
         L::StoreInt(L::SelectInt(mine, value, L::LoadInt(to + first)), to + first);
       };
-      // A nearer hit may have come after.
+      // A nearer hit may have been found since.
       const auto stops = L::And(L::Less(t_stop, L::Set(kInfinity)), L::LessEqual(t_stop, best_t));
-      const auto alone = L::And(L::And(stops, mine), L::HasBits(L::AsInt(source), StreamHit::kAlone));
-      left |= uint64_t{L::Bits(alone)} << first;
-      put_int(L::SelectInt(L::AndNot(alone, stops), L::AsInt(stops_at), L::SetInt(kNoVoxel)),
+      const auto incoherent =
+          L::And(L::And(stops, mine), L::HasBits(L::AsInt(source), StreamHit::kIncoherent));
+      left |= uint64_t{L::Bits(incoherent)} << first;
+      put_int(L::SelectInt(L::AndNot(incoherent, stops), L::AsInt(stops_at), L::SetInt(kNoVoxel)),
               packet.waits_for);
       put(L::Select(stops, t_stop, L::Load(packet.t + first)), packet.t);
       put_int(L::SelectInt(stops, L::AsInt(stops_at), L::LoadInt(packet.chain + first)), packet.chain);
@@ -179,7 +181,7 @@ class StreamRays {
   const TopTree& top_;
   StreamRay* rays_;
   StreamHit* hits_;
-  // Where lanes without a ray read and write.
+  // Dummies that lanes without a ray read and write.
   StreamRay no_ray_{};
   StreamHit no_hit_{};
 };

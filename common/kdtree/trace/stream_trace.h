@@ -14,25 +14,25 @@
 #include "common/kdtree/trace/triangle_pairs.h"
 #include "common/kdtree/wide_node.h"
 
-// Streams: thousands of rays of one octant go through wide nodes together. A node is looked at once for all
-// rays that come to it, one after the other against vectors of its cells; a leaf's triangles are gathered
-// once for all of them, so that what a ray costs beside its own boxes and triangles is shared. Kd cells do
-// not overlap, so that all rays of an octant pass a node's cells in one order, which the node holds.
+// Streams: thousands of rays of one octant go through wide nodes together. A node is loaded once for all rays
+// that come to it; each ray is tested against vectors of its cells. A leaf's triangles are gathered once for
+// all its rays. Kd cells do not overlap: all rays of an octant pass a node's cells in an order that it holds.
 //
 // The lists of the nodes above the present one are a stack, the only one in any kernel: one for all rays of a
-// stream. A ray has none, and is suspended and resumed by itself alone, as everywhere. This is a kernel for
-// processors with caches; CUDA has those where each lane is a ray.
-// Source: Tsakok 2009, "Faster Incoherent Rays: Multi-BVH Ray Stream Tracing"; with kd cells, their order and
-// suspension ours.
+// stream. A ray has no stack, and is suspended and resumed by itself, as in all kernels. Streams suit
+// processors with large caches; CUDA uses kernels where each lane is a ray.
+// Source: Tsakok 2009, "Faster Incoherent Rays: Multi-BVH Ray Stream Tracing"; kd cells and suspension: ours.
 
 namespace quarry {
 
-/// Packets whose single rays make a stream, at most. More share more, but their rays fall out of the caches.
+/// Most packets of one stream. More rays share more loads, but fall out of the caches
+/// (tests/bench/history/kdtree.md, 2026-11-24).
 inline constexpr uint32_t kStreamPackets = 1024;
-/// Where fewer rays than these come to a voxel together they leave the stream (README.md).
-inline constexpr uint32_t kLeastCompany = 12;
-/// So do all that are left when, after kFirstVisits visits of leaves, fewer than 5 / 4 rays came to each
-/// (README.md).
+/// Fewest rays that must come to a voxel together; fewer leave the stream and go on ray by ray
+/// (tests/bench/history/kdtree.md, 2026-11-24).
+inline constexpr uint32_t kLeastCoherent = 12;
+/// All rays leave the stream where fewer than kLeastVisitorsBy4 / 4 rays come to a leaf, a mean that counts
+/// from kFirstVisits visits of leaves on (tests/bench/history/kdtree.md, 2026-11-24).
 inline constexpr uint32_t kFirstVisits = 64, kLeastVisitorsBy4 = 5;
 
 /// The kernel. One object traces one stream. `L`: lanes that are rays; `W`: lanes that are a node's cells, or
@@ -54,12 +54,12 @@ class StreamTracer {
         ids_(memory.ids.get()),
         masks_(memory.masks.get()) {}
 
-  /// Traces the rays that `active` names, and takes them out of it; but for those that come to a voxel with
-  /// fewer others than `least_company` - 1, or to any voxel once leaves are found to be visited one by one:
-  /// they have yet to be traced from there. With a `least_company` of 0 none are left.
-  void Run(RayPacket* packets, uint64_t* active, uint32_t count, uint32_t least_company) {
+  /// Traces the rays that `active` names, and takes them out of it. Rays stay in `active`, to be traced on
+  /// from the voxel that they have come to, where fewer than `least_coherent` rays come to the voxel
+  /// together, or where leaves have few visitors. With a `least_coherent` of 0 no ray stays.
+  void Run(RayPacket* packets, uint64_t* active, uint32_t count, uint32_t least_coherent) {
     packets_ = packets;
-    least_company_ = least_company;
+    least_coherent_ = least_coherent;
     uint32_t end[8];
     uint32_t* const places = ids_;
     const uint32_t n = taken_.TakeUp(packets, active, count, end, places);
@@ -71,12 +71,12 @@ class StreamTracer {
 
  private:
   static constexpr uint32_t kSlack = StreamMemory::kSlack;
-  static constexpr uint32_t kFewPairs = 3;  ///< so few go on ray by ray
-  static constexpr uint32_t kAhead = 16;    ///< a ray is asked for so many rays before its turn
+  static constexpr uint32_t kFewPairs = 3;  ///< so few pairs of ray and triangle are tested ray by ray
+  static constexpr uint32_t kAhead = 16;    ///< rays: how far ahead a ray is asked for
 
-  static_assert(kStreamPackets * RayPacket::kRays <= StreamHit::kAlone);
+  static_assert(kStreamPackets * RayPacket::kRays <= StreamHit::kIncoherent);
 
-  /// The rays from `begin` to `end`.
+  /// Traces the present octant's rays [begin, end).
   void RunOctant(uint32_t begin, uint32_t end) {
     if (begin == end) return;
     for (uint32_t a = 0; a < 3; ++a) {
@@ -91,7 +91,8 @@ class StreamTracer {
     ids_ = all;
   }
 
-  /// Which of the node's cells each ray passes. Returns those that any does.
+  /// Writes to masks[i] the node's cells that ray ids[i] passes, as bits. Returns the cells that any ray
+  /// passes.
   uint32_t Look(const WideNode& node, const uint32_t* ids, uint32_t n, uint8_t* masks) {
     using Float = typename W::Float;
     constexpr uint32_t kVectors = WideNode::kChildren / W::kLanes;
@@ -124,7 +125,7 @@ class StreamTracer {
     return any;
   }
 
-  /// Down to all leaves that the rays `ids` come to, those in front first.
+  /// Visits all leaves below `node` that the rays `ids` come to, nearest first.
   template <class Leaves>
   void Walk(const Leaves& leaves, const WideNode* nodes, const WideNode& node, const uint32_t* ids,
             uint32_t n) {
@@ -154,7 +155,7 @@ class StreamTracer {
     masks_ = masks;
   }
 
-  /// Where the ray comes to the node's cell c.
+  /// The t at which the ray enters the node's cell c.
   float Enter(const StreamRay& ray, const WideNode& node, uint32_t c) const {
     float enter = ray.t;
     for (uint32_t a = 0; a < 3; ++a)
@@ -163,7 +164,7 @@ class StreamTracer {
     return enter;
   }
 
-  /// The top-level tree's.
+  /// Leaves of the top-level tree.
   struct TopLeaves {
     StreamTracer& tracer;
     void Expect(const WideNode&) const {}
@@ -173,11 +174,11 @@ class StreamTracer {
     }
   };
 
-  /// Those of the rays `ids` that come to the node's cell c before their ends, put first; returns how many.
+  /// Puts first the rays of `ids` that enter the node's cell c before their ends; returns their number.
   uint32_t KeepComing(const WideNode& node, uint32_t c, uint32_t* ids, uint32_t n) const {
     uint32_t m = 0;
     for (uint32_t i = 0; i < n; ++i) {
-      // Some have found something nearer meanwhile.
+      // Some rays have found a nearer hit meanwhile.
       const StreamRay& ray = rays_[ids[i]];
       ids[m] = ids[i];
       m += Enter(ray, node, c) < ray.t_end ? 1 : 0;
@@ -206,26 +207,26 @@ class StreamTracer {
     }
   }
 
-  /// The rays `ids`, which come to the voxel of the present top-level leaf.
+  /// Traces the rays `ids`, which come to `voxel` of the present top-level leaf.
   void VisitVoxel(const WideNode& node, uint32_t c, uint32_t voxel, const uint32_t* ids, uint32_t n) {
     if (n == 0) return;
-    // Only what rays come to may be asked for: who answers takes note of it.
-    const bool alone = n < least_company_ || (least_company_ != 0 && scattered());
-    const Geometry* geometry = alone ? nullptr : finder_.Find(voxel);
+    // The finder notes each voxel that it is asked for: rays that leave the stream here do not ask.
+    const bool incoherent = n < least_coherent_ || (least_coherent_ != 0 && scattered());
+    const Geometry* geometry = incoherent ? nullptr : finder_.Find(voxel);
     if (!geometry) {
-      for (uint32_t i = 0; i < n; ++i) Stop(ids[i], Enter(rays_[ids[i]], node, c), voxel, alone);
+      for (uint32_t i = 0; i < n; ++i) Stop(ids[i], Enter(rays_[ids[i]], node, c), voxel, incoherent);
       return;
     }
     statistics_.Voxel(n);
     Walk(VoxelLeaves{*this, *geometry, voxel}, geometry->wide, geometry->wide[0], ids, n);
   }
 
-  /// Whether rays come to leaves one by one, though to voxels together.
+  /// Whether leaves have few visitors.
   bool scattered() const { return visits_ >= kFirstVisits && visitors_ * 4 < visits_ * kLeastVisitorsBy4; }
 
   /// The voxel that a ray goes on with in the chain that begins with `first`.
   uint32_t GoesOnAt(uint32_t id, uint32_t first) const {
-    const uint32_t source = hits_[id].source & ~StreamHit::kAlone;
+    const uint32_t source = hits_[id].source & ~StreamHit::kIncoherent;
     return top_.GoOnInChain(first, packets_[source / RayPacket::kRays].chain[source % RayPacket::kRays]);
   }
 
@@ -246,16 +247,16 @@ class StreamTracer {
     return enter <= exit;
   }
 
-  /// The ray goes on from the present top-level leaf later.
-  void Stop(uint32_t id, float t, uint32_t voxel, bool alone) {
+  /// Stops the ray at `voxel`, which it enters at `t`. `incoherent`: because few rays come there.
+  void Stop(uint32_t id, float t, uint32_t voxel, bool incoherent) {
     StreamHit& hit = hits_[id];
     hit.t_stop = t;
     hit.stops_at = voxel;
-    hit.source = (hit.source & ~StreamHit::kAlone) | (alone ? StreamHit::kAlone : 0);
+    hit.source = (hit.source & ~StreamHit::kIncoherent) | (incoherent ? StreamHit::kIncoherent : 0);
     rays_[id].t_end = ScalarLane::Min(rays_[id].t_end, t);
   }
 
-  /// A voxel's.
+  /// Leaves of a voxel's tree.
   struct VoxelLeaves {
     StreamTracer& tracer;
     const Geometry& voxel;
@@ -266,8 +267,8 @@ class StreamTracer {
       for (uint32_t c = 0; c < WideNode::kChildren; ++c)
         if (node.count[c] != WideNode::kInner) W::Prefetch(voxel.references + node.child[c], 1);
     }
-    /// Asks for what the leaves' triangles take beyond references, one load after the other; of neighbours,
-    /// which lie side by side, for some.
+    /// Asks for corners, then vertices, of the leaves' triangles. Neighbours lie side by side: some are
+    /// enough.
     void Await(const WideNode& node, uint32_t cells) const {
       constexpr uint32_t kMost = 16;
       uint32_t leaves = 0;
@@ -290,7 +291,7 @@ class StreamTracer {
       }
     }
     void Visit(const WideNode& node, uint32_t c, uint32_t* ids, uint32_t n) const {
-      // Some have found something nearer meanwhile.
+      // Some rays have found a nearer hit meanwhile.
       uint32_t m = 0;
       for (uint32_t i = 0; i < n; ++i) {
         const StreamRay& ray = tracer.rays_[ids[i]];
@@ -323,7 +324,7 @@ class StreamTracer {
   void TestTriangles(const Geometry& voxel, uint32_t voxel_id, const Index* references, uint32_t count,
                      const uint32_t* ids, uint32_t n) {
     const TriangleBlock<W> block(voxel, references, count);
-    // First all that has no branches.
+    // First the filter, without branches.
     uint32_t* const may = ids_;
     uint32_t* const may_ids = may + n + kSlack;
     uint32_t m = 0;
@@ -337,7 +338,7 @@ class StreamTracer {
     const auto keep = [&](uint32_t id, uint32_t local, float t, float b1, float b2) {
       Keep(id, {true, t, b1, b2}, voxel.triangle_ids[local], voxel_id, local);
     };
-    // Then the first that each ray may hit, as many rays at a time as lanes; then the next.
+    // Then the first triangle that each ray may hit, as many rays at a time as lanes; then the next.
     while (m > kFewPairs) {
       uint32_t i = 0;
       for (; i + W::kLanes < m; i += L::kLanes)
@@ -363,7 +364,7 @@ class StreamTracer {
             uint32_t local) {
     StreamRay& ray = rays_[id];
     StreamHit& hit = hits_[id];
-    // As Precedes has it; the old triangle is looked at only if it must be, since it may be far.
+    // The order of Precedes. The old triangle's id is read only at equal t: it may lie outside the caches.
     if (found.t > ray.best_t || (found.t == ray.best_t && triangle >= hit.triangle)) [[unlikely]]
       return;
     ray.best_t = found.t;
@@ -386,11 +387,11 @@ class StreamTracer {
   RayPacket* packets_ = nullptr;
   StreamRay* rays_;
   StreamHit* hits_;
-  uint32_t least_company_ = 0;
-  uint64_t visits_ = 0, visitors_ = 0;  ///< of leaves in voxels, and by how many rays
+  uint32_t least_coherent_ = 0;
+  uint64_t visits_ = 0, visitors_ = 0;  ///< visits of leaves in voxels; rays summed over these visits
   uint32_t octant_ = 0, near_face_[3], far_face_[3];
   StreamRays<L, kAnyHit> taken_;
-  // What is free.
+  // Free memory behind the lists in use.
   uint32_t* ids_;
   uint8_t* masks_;
 };

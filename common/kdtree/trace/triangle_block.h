@@ -8,18 +8,18 @@
 #include "common/kdtree/trace/triangle_test.h"
 #include "common/kdtree/voxel_geometry.h"
 
-// Some triangles side by side, gathered once, for rays that are tested against them one after the other.
+// Triangles of a leaf side by side, gathered once for all rays that are tested against them.
 
 namespace quarry {
 
-/// One ray for all lanes, axes renamed already.
+/// One ray in all lanes, its axes renamed.
 template <class W>
 struct BlockRay {
   RayFrame<W> frame;
-  uint32_t axes[3];  ///< which coordinates are x, y and z to it
+  uint32_t axes[3];  ///< the coordinates that are x, y and z in its frame
 };
 
-/// `W`: lanes that are triangles.
+/// Up to kMost gathered triangles. `W`: lanes that are triangles.
 template <class W>
 class TriangleBlock {
  public:
@@ -40,9 +40,8 @@ class TriangleBlock {
         for (uint32_t k = 0; k < 3; ++k) W::Store(at[a][k], at_[v][a][k]);
     }
   }
-  QUARRY_HOST_DEVICE uint32_t vectors() const { return vectors_; }
 
-  /// Those that the ray may hit, as bits; no branch depends on the ray.
+  /// The triangles that the ray may hit, as bits. No branch depends on the ray.
   template <class Statistics>
   QUARRY_HOST_DEVICE uint32_t MayHit(const BlockRay<W>& ray, Statistics& statistics) const {
     uint32_t bits = 0;
@@ -56,8 +55,8 @@ class TriangleBlock {
     return bits & (count_ == kMost ? ~0u : (1u << count_) - 1);
   }
 
-  /// `keep(i, t, b1, b2)` for those of `candidates` (bits, of MayHit) that the ray hits no farther than
-  /// `best_t`, which may change meanwhile.
+  /// Calls `keep(i, t, b1, b2)` for each triangle of `candidates` (bits from MayHit) that the ray hits at t
+  /// up to `best_t`. `keep` may change `best_t`.
   template <class Keep, class Statistics>
   QUARRY_HOST_DEVICE void ForEachHit(const BlockRay<W>& ray, uint32_t candidates, const float& best_t,
                                      Statistics& statistics, const Keep& keep) const {

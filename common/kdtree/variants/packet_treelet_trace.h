@@ -4,13 +4,14 @@
 
 #include "common/kdtree/trace/packet_rays.h"
 
-// Coherent packets by the kd-tree's nodes: treelet-backtrack after Foley & Sugerman 2005, section 2.2, with
-// the packets of Wald & Slusallek 2001, section 5: lanes that have nothing in a node are masked out. The rays
-// of one run have the signs of their directions in common, so the near child is the same for all.
+// Coherent packets through the kd-tree's nodes. Source: treelet-backtrack after Foley & Sugerman 2005,
+// section 2.2, with the packets of Wald & Slusallek 2001, section 5: lanes whose ray is not in a node are
+// masked out. The rays of one run share the signs of their directions, so that the near child is the same for
+// all rays.
 
 namespace quarry {
 
-/// As a way of TracePacket.
+/// A way of TracePacket through treelets.
 template <class L>
 class TreeletWay {
  public:
@@ -24,8 +25,8 @@ class TreeletWay {
     return voxel.nodes;
   }
 
-  /// A ray comes to leaves in its own order, near ones first, and `t` moves on with it. `nodes` lie in
-  /// treelets. No epsilon: `plane <= t` goes to the far side, and a plane's t is the same bits each time it
+  /// A ray comes to leaves in its own order, nearest first, and `t` moves on with it. Requires: `nodes` in
+  /// treelets. No epsilon: `plane <= t` goes to the far side, and a plane's t has the same bits each time it
   /// is computed.
   template <class Statistics, class Visit>
   QUARRY_HOST_DEVICE void Traverse(const KdNode* nodes, const PacketRays<L>& p, typename L::Float* t,
@@ -61,7 +62,7 @@ class TreeletWay {
         if (L::None(any_near)) {
           node = far_child;
         } else if (n.child_empty(1 - p.far_side[axis])) {
-          // Nothing on the near side: those in it are moved to the plane, and go on with those beyond.
+          // The near side is empty: its rays are moved to the plane, and go on with the rays beyond.
           Mask any_far = L::NoLanes();
 #pragma GCC unroll 16
           for (uint32_t g = 0; g < kGroups; ++g) {
@@ -71,8 +72,8 @@ class TreeletWay {
           }
           node = L::None(any_far) ? near_child : far_child;
         } else if (n.child_empty(p.far_side[axis])) {
-          // Nothing beyond: rays that start there have done with this node, the others need not stop at the
-          // plane.
+          // The far side is empty: rays that start there have finished this node, other rays need not stop at
+          // the plane.
 #pragma GCC unroll 16
           for (uint32_t g = 0; g < kGroups; ++g) {
             t[g] = L::Select(L::AndNot(in_near[g], active[g]), t_exit[g], t[g]);

@@ -23,7 +23,7 @@ struct alignas(64) SimtGroup {
   alignas(64) uint32_t largest_axis[kLanes] = {};
   alignas(64) float t[kLanes] = {};          ///< reached so far
   alignas(64) float t_exit[kLanes] = {};     ///< of the node
-  alignas(64) float t_end[kLanes] = {};      ///< where the traversal of the present tree ends
+  alignas(64) float t_end[kLanes] = {};      ///< where the present tree ends
   alignas(64) uint32_t node[kLanes] = {};    ///< in the present tree
   alignas(64) uint32_t resume[kLanes] = {};  ///< kClimb: the treelet; kPushDown: where to go down from
   alignas(64) uint32_t first[kLanes] = {};   ///< leaf: reference to test next, or voxel
@@ -37,18 +37,17 @@ struct alignas(64) SimtGroup {
   alignas(64) uint32_t present[kLanes] = {};  ///< the voxel that the ray is in
   // The present tree: the voxel's, or the top-level one.
   const KdNode* nodes[kLanes] = {};
-  const RopeLeaf* ropes[kLanes] = {};
   const Index* references[kLanes] = {};
   const Index* corners[kLanes] = {};
   const float* vertices[kLanes] = {};
   const uint32_t* triangle_ids[kLanes] = {};
-  // Where a ray goes on at the top level.
+  // Where the ray goes on at the top level.
   float top_t[kLanes] = {}, top_exit[kLanes] = {}, scene_end[kLanes] = {};
   uint32_t top_resume[kLanes] = {}, chain[kLanes] = {};
   // Where the ray came from.
   RayPacket* packet[kLanes] = {};
   uint32_t index[kLanes] = {};
-  // Lanes by what they do next, as bits; in none of them: idle.
+  // Lanes by their next step, as bits; a lane in none of the four is idle.
   uint32_t down = 0, arrived = 0, testing = 0, up = 0;
   uint32_t in_voxel = 0;
 
@@ -110,7 +109,7 @@ struct alignas(64) SimtGroup {
   QUARRY_HOST_DEVICE void FollowRopes() {
     for (uint32_t left = arrived; left != 0; left &= left - 1) {
       const auto i = static_cast<uint32_t>(std::countr_zero(left));
-      const RopeLeaf& leaf = ropes[i][first[i]];
+      const RopeLeaf& leaf = RopeLeafAt(nodes[i], first[i]);
       float exit = kInfinity;
       uint32_t way_out = 0;
       for (uint32_t a = 0; a < 3; ++a) {

@@ -8,15 +8,15 @@
 #include "common/kdtree/variants/simt_group.h"
 #include "common/kdtree/variants/single_trace.h"
 
-// Each lane follows its own ray through its own nodes; a lane whose ray ends takes the next one. The form of
-// Purcell et al. 2002 and of GPUs: it needs no coherence at all. Lanes do the same thing at the same time:
-// all those at inner nodes go down; those at leaves wait until enough of them have a triangle to test; those
-// that left a leaf climb. Several groups of lanes go in step, so that one computes while another's nodes
+// Each lane follows its own ray through its own nodes; a lane whose ray ends takes the next ray. This form of
+// Purcell et al. 2002 and of GPUs needs no coherence. Lanes take the same step at the same time: lanes at
+// inner nodes go down; lanes at leaves wait until enough lanes have a triangle to test; lanes that have left
+// a leaf climb. Several groups of lanes go in step, so that one group computes while another group's nodes
 // arrive.
 
 namespace quarry {
 
-/// The kernel. One object traces one batch.
+/// The kernel. One object traces one batch of rays.
 template <class L, Way kWay, bool kAnyHit, class Finder, class Statistics>
 class SimtTracer {
  public:
@@ -47,7 +47,7 @@ class SimtTracer {
       Down(live / 2);
       for (Group& g : groups_) {
         Arrive(g);
-        // Lanes wait for others, but not for ever: where none goes down, all the rest goes on.
+        // Lanes wait for others only while a lane goes down.
         while (g.testing != 0 && (Worth(g.testing) || g.down == 0)) Test(g);
         while (g.up != 0 && (Worth(g.up) || g.down == 0)) Climb(g);
       }
@@ -61,10 +61,7 @@ class SimtTracer {
 
   /// Lanes without a ray follow valid addresses all the same.
   QUARRY_HOST_DEVICE void Idle(Group& g) {
-    for (uint32_t i = 0; i < kLanes; ++i) {
-      g.nodes[i] = top_.nodes;
-      g.ropes[i] = top_.ropes;
-    }
+    for (uint32_t i = 0; i < kLanes; ++i) g.nodes[i] = top_.nodes;
   }
 
   /// New rays into idle lanes.
@@ -101,17 +98,16 @@ class SimtTracer {
     return true;
   }
 
-  /// The node too: every lane's is read, whether it has a ray or not.
+  /// Moves lane i to the top-level tree. Its node is set too: every lane's node is read, even without a ray.
   QUARRY_HOST_DEVICE void ToTop(Group& g, uint32_t i) {
     g.nodes[i] = top_.nodes;
     g.node[i] = 0;
-    g.ropes[i] = top_.ropes;
     g.t_end[i] = ScalarLane::Min(g.scene_end[i], g.hit_t[i]);
     g.in_voxel &= ~(1u << i);
   }
 
-  /// Lanes at inner nodes go down, until no more than `few` of all groups' lanes are still at one. At least
-  /// one step. Lanes at leaves get what those hold as first and last.
+  /// Lanes at inner nodes go down, at least one step, until no more than `few` lanes of all groups are at
+  /// inner nodes. Lanes at leaves get the leaf's first and count as `first` and `last`.
   QUARRY_HOST_DEVICE void Down(uint32_t few) {
     Mask down[kGroups], arrived[kGroups];
     Int node[kGroups], resume[kGroups];
@@ -182,7 +178,7 @@ class SimtTracer {
     }
   }
 
-  /// Sorts the lanes that have come to leaves by what they find there.
+  /// Sorts the lanes that have come to leaves: empty leaf, triangles to test, or voxel to enter.
   QUARRY_HOST_DEVICE void Arrive(Group& g) {
     if (g.arrived == 0) return;
     statistics_.Leaf(static_cast<uint32_t>(std::popcount(g.arrived)));
@@ -203,7 +199,7 @@ class SimtTracer {
     if (empty != 0) Leave(g, empty);
   }
 
-  /// Into `voxel` of the present top-level leaf, or the next of its chain that the ray meets, or on.
+  /// Enters `voxel` of the present top-level leaf, or the next of its chain that the ray meets; else goes on.
   QUARRY_HOST_DEVICE void EnterVoxel(Group& g, uint32_t i, uint32_t voxel) {
     const uint32_t bit = 1u << i;
     for (; voxel != kNoVoxel; voxel = top_.NextInChain(voxel)) {
@@ -222,7 +218,6 @@ class SimtTracer {
       g.t_end[i] = g.t_exit[i] = t_end;
       g.present[i] = voxel;
       g.nodes[i] = geometry->nodes;
-      g.ropes[i] = geometry->ropes;
       g.references[i] = geometry->references;
       g.corners[i] = geometry->corners;
       g.vertices[i] = &geometry->vertices->x;
@@ -251,7 +246,7 @@ class SimtTracer {
     EnterVoxel(g, i, top_.NextInChain(g.present[i]));
   }
 
-  /// One triangle for each lane that has one.
+  /// Tests one triangle for each lane at a leaf.
   QUARRY_HOST_DEVICE void Test(Group& g) {
     alignas(64) uint32_t locals[kLanes], ids[kLanes];
     const float* at[3][kLanes];
@@ -313,7 +308,7 @@ class SimtTracer {
     }
   }
 
-  /// `lanes` have done with their leaves: on to where the next one is looked for, or out of the tree.
+  /// `lanes` leave their leaves: they look for the next leaf, or leave the tree.
   QUARRY_HOST_DEVICE void Leave(Group& g, uint32_t lanes) {
     const Float t_end = L::Load(g.t_end);
     const Float t = L::Select(L::FromBits(lanes), L::Load(g.t_exit), L::Load(g.t));
@@ -340,7 +335,7 @@ class SimtTracer {
     }
   }
 
-  /// One treelet up. Lanes whose ray is still in its box go down from its root.
+  /// Climbs one treelet. Lanes whose ray is still in its box go down from its root.
   QUARRY_HOST_DEVICE void Climb(Group& g) {
     statistics_.Climb();
     const Mask climbing = L::FromBits(g.up);

@@ -5,15 +5,15 @@
 #include "common/kdtree/trace/kernel_parts.h"
 #include "common/kdtree/variants/rope_leaf.h"
 
-// One ray at a time: the plain form of the family.
+// One ray at a time: the plain form of the family. Compiles for CUDA, where a thread has one ray.
 
 namespace quarry {
 
-/// How a ray finds the next leaf after one that it left.
+/// How a ray finds the next leaf.
 enum class Way {
-  kClimb,     ///< treelets' headers: treelet-backtrack, kd-backtrack and kd-restart, as the tree is laid out
-  kPushDown,  ///< again from the deepest node known to hold the whole rest of the ray (Horn et al. 2007)
-  kRopes,     ///< links from each face of the leaf (Popov et al. 2007); trees with ropes only
+  kClimb,     ///< by treelets' headers: treelet-backtrack, kd-backtrack or kd-restart by the tree's layout
+  kPushDown,  ///< from the deepest node known to hold the rest of the ray (Horn et al. 2007)
+  kRopes,     ///< by links from each face of the leaf (Popov et al. 2007); trees with ropes only
 };
 
 /// A ray's frame, and the side of a split that is far along each axis (1: the right one).
@@ -23,11 +23,11 @@ struct SingleRay {
 };
 
 /// Visits the leaves of a tree along a ray from `t` to `t_end`, nearest first, without a stack.
-/// `visit(first, count, t, t_exit)` may lower t_end; false ends it. Returns the t reached; at a leaf that
-/// ended it, the t of entering that.
+/// `visit(first, count, t, t_exit)` may lower t_end; when it returns false the walk ends. Returns the t
+/// reached; when a leaf ended the walk, the t at which the ray entered it.
 template <Way kWay, class Statistics, class Visit>
-QUARRY_HOST_DEVICE inline float Walk(const KdNode* nodes, const RopeLeaf* ropes, const SingleRay& ray,
-                                     float t, float& t_end, Statistics& statistics, const Visit& visit) {
+QUARRY_HOST_DEVICE inline float Walk(const KdNode* nodes, const SingleRay& ray, float t, float& t_end,
+                                     Statistics& statistics, const Visit& visit) {
   uint32_t node = 0, resume = 0;
   float t_exit = t_end;
   for (;;) {
@@ -64,7 +64,7 @@ QUARRY_HOST_DEVICE inline float Walk(const KdNode* nodes, const RopeLeaf* ropes,
     statistics.Leaf(1);
     uint32_t first = n.first(), count = n.count();
     if constexpr (kWay == Way::kRopes) {
-      const RopeLeaf& leaf = ropes[first];
+      const RopeLeaf& leaf = RopeLeafAt(nodes, first);
       uint32_t axis = 0;
       t_exit = kInfinity;
       for (uint32_t a = 0; a < 3; ++a) {
@@ -102,8 +102,8 @@ QUARRY_HOST_DEVICE inline float Walk(const KdNode* nodes, const RopeLeaf* ropes,
   }
 }
 
-/// Tests the triangles of one resident voxel along [t, t_exit], the ray's way through its cell. False when a
-/// hit ends the ray.
+/// Tests the triangles of one resident voxel along [t, t_exit], the ray's part in its cell. False when a hit
+/// ends the ray.
 template <Way kWay, bool kAnyHit, class Index, class Statistics>
 QUARRY_HOST_DEVICE inline bool TraceVoxelSingle(const VoxelGeometryOf<Index>& voxel, uint32_t voxel_id,
                                                 const SingleRay& ray, float t, float t_exit,
@@ -111,35 +111,33 @@ QUARRY_HOST_DEVICE inline bool TraceVoxelSingle(const VoxelGeometryOf<Index>& vo
   float t_end = ScalarLane::Min(t_exit, best.t);
   bool ended = false;
   if (!(t < t_end)) return true;
-  Walk<kWay>(voxel.nodes, voxel.ropes, ray, t, t_end, statistics,
-             [&](uint32_t first, uint32_t count, float, float) {
-               for (uint32_t r = first; r < first + count; ++r) {
-                 const uint32_t local = voxel.references[r];
-                 statistics.Triangle(1, 1);
-                 const TrianglePoints points = PointsOf(voxel, local);
-                 MovedVertex<ScalarLane> moved[3];
-                 for (int k = 0; k < 3; ++k) {
-                   const float* p = points.at[k];
-                   float x = p[0] - ray.frame.origin[0], y = p[1] - ray.frame.origin[1],
-                         z = p[2] - ray.frame.origin[2];
-                   Rotate<ScalarLane>(ray.frame, x, y, z);
-                   moved[k] = MoveVertex<ScalarLane>(ray.frame, x, y, z);
-                 }
-                 const bool kept =
-                     TestMoved<ScalarLane>(ray.frame, moved[0], moved[1], moved[2], voxel.triangle_ids[local],
-                                           voxel_id, local, true, best, statistics);
-                 if (kAnyHit && kept) {
-                   ended = true;
-                   return false;
-                 }
-                 t_end = ScalarLane::Min(t_end, best.t);
-               }
-               return true;
-             });
+  Walk<kWay>(voxel.nodes, ray, t, t_end, statistics, [&](uint32_t first, uint32_t count, float, float) {
+    for (uint32_t r = first; r < first + count; ++r) {
+      const uint32_t local = voxel.references[r];
+      statistics.Triangle(1, 1);
+      const TrianglePoints points = PointsOf(voxel, local);
+      MovedVertex<ScalarLane> moved[3];
+      for (int k = 0; k < 3; ++k) {
+        const float* p = points.at[k];
+        float x = p[0] - ray.frame.origin[0], y = p[1] - ray.frame.origin[1], z = p[2] - ray.frame.origin[2];
+        Rotate<ScalarLane>(ray.frame, x, y, z);
+        moved[k] = MoveVertex<ScalarLane>(ray.frame, x, y, z);
+      }
+      const bool kept =
+          TestMoved<ScalarLane>(ray.frame, moved[0], moved[1], moved[2], voxel.triangle_ids[local], voxel_id,
+                                local, true, best, statistics);
+      if (kAnyHit && kept) {
+        ended = true;
+        return false;
+      }
+      t_end = ScalarLane::Min(t_end, best.t);
+    }
+    return true;
+  });
   return !ended;
 }
 
-/// Traces ray `i` of the packet. See TraceFunction for what comes back.
+/// Traces ray `i` of the packet. Its fields afterwards: see TraceFunction.
 template <Way kWay, bool kAnyHit, class Finder, class Statistics>
 QUARRY_HOST_DEVICE inline void TraceSingle(const TopTree& top, const Finder& finder, RayPacket& rays,
                                            uint32_t i, Statistics& statistics) {
@@ -155,8 +153,7 @@ QUARRY_HOST_DEVICE inline void TraceSingle(const TopTree& top, const Finder& fin
   uint32_t missing = kNoVoxel, chain = rays.chain[i];
   if (t < t_end)
     t = Walk<kWay>(
-        top.nodes, top.ropes, ray, t, t_end, statistics,
-        [&](uint32_t voxel, uint32_t, float enter, float exit) {
+        top.nodes, ray, t, t_end, statistics, [&](uint32_t voxel, uint32_t, float enter, float exit) {
           for (voxel = top.GoOnInChain(voxel, chain); voxel != kNoVoxel; voxel = top.NextInChain(voxel)) {
             const VoxelBounds& bounds = top.bounds[voxel];
             if (!Meets<ScalarLane>(ray.frame, bounds.lower, bounds.upper, enter,

@@ -13,6 +13,7 @@
 
 namespace quarry {
 
+/// Each lane follows its own ray.
 template <class L, Way kWay>
 struct SimtTrace {
   template <bool kAnyHit, class Finder, class Statistics>
@@ -22,7 +23,7 @@ struct SimtTrace {
   }
 };
 
-/// Rays one by one; the lane type tells the instruction set alone.
+/// Rays one by one. `L` only tells the instruction set.
 template <class L, Way kWay>
 struct SingleTrace {
   template <bool kAnyHit, class Finder, class Statistics>
@@ -36,17 +37,17 @@ struct SingleTrace {
 };
 
 /// The kernels of this list, for one instruction set.
-inline constexpr int kVariantsPerIsa = 13;
+inline constexpr size_t kVariantsPerIsa = 13;
 
 /// `L`: lanes that are rays.
 template <class L>
-constexpr void FillVariants(std::string_view isa, Kernel (&list)[kVariantsPerIsa]) {
-  Kernel* next = list;
+constexpr void FillVariants(std::string_view isa, Kernel* list) {
   const auto add = [&]<class Trace>(Grouping grouping, std::initializer_list<Algorithm> algorithms) {
-    for (Algorithm algorithm : algorithms) *next++ = MakeKernel<Trace>(isa, grouping, algorithm);
+    for (Algorithm algorithm : algorithms) *list++ = MakeKernel<Trace>(isa, grouping, algorithm);
   };
   using enum Algorithm;
-  add.template operator()<PacketTrace<L, TreeletWay>>(Grouping::kPacket, {kTreelets, kBacktrack, kRestart});
+  add.template operator()<PacketTrace<L, TreeletWay<L>>>(Grouping::kPacket,
+                                                         {kTreelets, kBacktrack, kRestart});
   add.template operator()<SimtTrace<L, Way::kClimb>>(Grouping::kSimt, {kTreelets, kBacktrack, kRestart});
   add.template operator()<SimtTrace<L, Way::kPushDown>>(Grouping::kSimt, {kPushDown});
   add.template operator()<SimtTrace<L, Way::kRopes>>(Grouping::kSimt, {kRopes});
@@ -56,8 +57,8 @@ constexpr void FillVariants(std::string_view isa, Kernel (&list)[kVariantsPerIsa
 }
 
 // One source file each defines these.
-void FillScalarVariants(Kernel (&list)[kVariantsPerIsa]);
-void FillAvx2Variants(Kernel (&list)[kVariantsPerIsa]);
-void FillAvx512Variants(Kernel (&list)[kVariantsPerIsa]);
+void FillScalarVariants(Kernel* list);
+void FillAvx2Variants(Kernel* list);
+void FillAvx512Variants(Kernel* list);
 
 }  // namespace quarry

@@ -3,8 +3,6 @@
 
 namespace quarry {
 
-void FillAvx2Variants(Kernel (&list)[kVariantsPerIsa]) {
-  FillVariants<HWY_NAMESPACE::SimdLane>("avx2", list);
-}
+void FillAvx2Variants(Kernel* list) { FillVariants<HWY_NAMESPACE::SimdLane>("avx2", list); }
 
 }  // namespace quarry

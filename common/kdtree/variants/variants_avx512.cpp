@@ -3,8 +3,6 @@
 
 namespace quarry {
 
-void FillAvx512Variants(Kernel (&list)[kVariantsPerIsa]) {
-  FillVariants<HWY_NAMESPACE::SimdLane>("avx512", list);
-}
+void FillAvx512Variants(Kernel* list) { FillVariants<HWY_NAMESPACE::SimdLane>("avx512", list); }
 
 }  // namespace quarry

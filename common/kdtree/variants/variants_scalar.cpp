@@ -3,6 +3,6 @@
 
 namespace quarry {
 
-void FillScalarVariants(Kernel (&list)[kVariantsPerIsa]) { FillVariants<ScalarLane>("scalar", list); }
+void FillScalarVariants(Kernel* list) { FillVariants<ScalarLane>("scalar", list); }
 
 }  // namespace quarry

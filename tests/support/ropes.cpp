@@ -1,6 +1,7 @@
-#include "common/kdtree/variants/ropes.h"
+#include "tests/support/ropes.h"
 
 #include <array>
+#include <cstring>
 
 namespace quarry {
 namespace {
@@ -11,7 +12,7 @@ struct Frame {
   std::array<uint32_t, 6> ropes;
 };
 
-/// Down from `rope`, which lies beyond face `face` of `box`, while one child alone touches the face.
+/// Down from `rope`, which lies beyond face `face` of `box`, while only one child touches the face.
 uint32_t Tighten(std::span<const KdNode> nodes, uint32_t rope, uint32_t face, const Box& box) {
   while (rope != kNoRope && !nodes[rope].is_leaf()) {
     const KdNode& n = nodes[rope];
@@ -30,8 +31,8 @@ uint32_t Tighten(std::span<const KdNode> nodes, uint32_t rope, uint32_t face, co
 
 }  // namespace
 
-RopeTree MakeRopes(std::span<const KdNode> nodes, const Box& box) {
-  RopeTree tree{{nodes.begin(), nodes.end()}, {}};
+std::vector<KdNode> MakeRopes(std::span<const KdNode> nodes, const Box& box) {
+  std::vector<KdNode> tree{nodes.begin(), nodes.end()};
   std::vector<Frame> open{{0, box, {kNoRope, kNoRope, kNoRope, kNoRope, kNoRope, kNoRope}}};
   while (!open.empty()) {
     const Frame frame = open.back();
@@ -47,8 +48,10 @@ RopeTree MakeRopes(std::span<const KdNode> nodes, const Box& box) {
         leaf.ropes[face] = Tighten(nodes, frame.ropes[face], face, frame.box);
       leaf.first = n.first();
       leaf.count = n.count();
-      tree.nodes[frame.node].payload = static_cast<uint32_t>(tree.leaves.size());
-      tree.leaves.push_back(leaf);
+      const size_t slot = tree.size();
+      tree[frame.node].payload = static_cast<uint32_t>(slot);
+      tree.resize(slot + kRopeLeafSlots);
+      std::memcpy(static_cast<void*>(&tree[slot]), &leaf, sizeof(leaf));
       continue;
     }
     const auto axis = static_cast<size_t>(n.axis());
