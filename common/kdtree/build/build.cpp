@@ -15,9 +15,9 @@ namespace quarry {
 namespace {
 
 constexpr int kBins = 32;
-constexpr uint32_t kExactUpTo = 32;  // references; so few: weigh every box end instead of bins
+constexpr uint32_t kExactUpTo = 32;  // references: up to this number every box end is weighed instead of bins
 
-// What a split must gain at once, in what its nodes are worth: those that gain less are mostly pruned.
+// Least gain of a split, in units of its nodes' worth: splits that gain less are mostly pruned.
 constexpr float kGainAtOnce = 2.0f;
 
 constexpr float kFloatInfinity = std::numeric_limits<float>::infinity();
@@ -100,7 +100,7 @@ class AxisCost {
     if (cost < best.cost) best = {cost, position, axis_};
   }
   Int8 Inside(Float8 position) const { return (position > lower_) & (position < upper_); }
-  /// The same for eight planes, of which those `inside` count.
+  /// The same for eight planes; only the planes `inside` count.
   void Consider(Float8 position, Int8 left, Int8 right, Int8 inside, Splits8& best) const {
     const Float8 areas = (cap_ + (position - lower_) * rim_) * __builtin_convertvector(left, Float8) +
                          (cap_ + (upper_ - position) * rim_) * __builtin_convertvector(right, Float8);
@@ -177,7 +177,7 @@ size_t KdSplitter::Divide(std::vector<KdReference>& references, size_t begin, co
   return right_end;
 }
 
-/// All three axes at a time; the fourth lane is of no account.
+/// All three axes at a time; the fourth lane is not used.
 KdSplit KdSplitter::BestBinned(const Box& cell, std::span<const KdReference> references) const {
   const auto count = static_cast<int32_t>(references.size());
   std::array<std::array<int32_t, 4>, kBins> starts{}, ends{};
@@ -222,7 +222,7 @@ KdSplit KdSplitter::BestBinned(const Box& cell, std::span<const KdReference> ref
     least = less ? cost : least;
     best_position = less ? position : best_position;
   };
-  // Planes at the very ends of what is there cut off empty space exactly.
+  // Planes at the very ends of the references cut off empty space exactly.
   if (!costs_.sampled) {
     Float4 below{}, above{};
     for (int axis = 0; axis < 3; ++axis) {
@@ -282,7 +282,7 @@ KdSplit KdSplitter::BestExact(const Box& cell, std::span<const KdReference> refe
       lower[count] = r.lower[axis];
       upper[count++] = r.upper[axis];
     }
-    // What fills the last vector gives no plane inside the cell.
+    // The last vector's filling gives no plane inside the cell.
     for (size_t k = 0; k < 8; ++k) {
       lower[count + k] = cell.lower[axis];
       upper[count + k] = cell.upper[axis];
@@ -352,8 +352,8 @@ class Builder {
     tree_.nodes[node] = KdNode::Inner(split.axis, split.position, first_child);
     tree_.nodes.resize(first_child + 2);
     budget -= 2 * sizeof(KdNode);
-    // What is left over is shared by the numbers of references; the right side gets also what the left has
-    // not used.
+    // The rest of the budget is shared by the numbers of references; the right side also gets the rest that
+    // the left side has not used.
     const size_t spare = budget - 2 * (left + right);
     const size_t before = BytesUsed();
     BuildNode(first_child, left_cell, middle, 2 * left + spare * left / std::max<size_t>(left + right, 1),

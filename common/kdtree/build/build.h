@@ -11,7 +11,7 @@
 
 namespace quarry {
 
-/// An axis-aligned box, closed.
+/// An axis-aligned box, closed; scene units.
 struct Box {
   glm::vec3 lower{0}, upper{0};
 
@@ -26,19 +26,16 @@ struct Box {
     const float x = extent(0), y = extent(1), z = extent(2);
     return x * y + y * z + z * x;
   }
-  int longest_axis() const {
-    return extent(0) >= extent(1) ? (extent(0) >= extent(2) ? 0 : 2) : (extent(1) >= extent(2) ? 1 : 2);
-  }
 };
 
-/// The least box around `points`, of which there are some.
+/// The least box around `points`. Requires: at least one point.
 inline Box BoundsOf(std::span<const glm::vec3> points) {
   Box box{points[0], points[0]};
   for (const glm::vec3& p : points) box.Include(p);
   return box;
 }
 
-/// A triangle to build a tree over.
+/// A triangle to build a tree over; scene units.
 struct KdTriangle {
   glm::vec3 vertices[3];
 };
@@ -48,17 +45,17 @@ struct SahCosts {
   float intersect = 0.3f;
   float empty_bonus = 0.8f;  ///< a split that cuts off an empty child costs this fraction
   float duplicate = 0;       ///< a split that puts all triangles on both sides costs more by this factor
-  float byte = 0;            ///< what a byte of the tree is worth, see ByteWorth
-  bool sampled = false;      ///< the triangles are some of many: planes lie at bin borders, not at box ends
+  float byte = 0;            ///< worth of a byte of the tree, see ByteWorth
+  bool sampled = false;      ///< the triangles are a sample: planes lie at bin borders, not at box ends
 };
 
-/// The SAH cost, times area, that a byte must save in a tree of so many triangles: `costs.byte` traversal
-/// steps of the rays that meet the share of the root's cell that one triangle has. So it means the same in
-/// voxels of any size.
+/// The SAH cost, times area, that a byte must save in a tree of `triangles` triangles: `costs.byte` traversal
+/// steps of the rays that meet one triangle's share of the root's cell. The worth is thus the same in voxels
+/// of any size.
 float ByteWorth(const SahCosts& costs, const Box& root, size_t triangles);
 
-/// A triangle in a node, with the box, grown by the padding, of its part in the node's cell. Ends beyond the
-/// cell are of no account.
+/// A triangle in a node, with the padded box of its part in the node's cell. Ends beyond the cell do not
+/// matter.
 struct KdReference {
   float lower[3];
   uint32_t triangle;
@@ -67,26 +64,26 @@ struct KdReference {
 };
 static_assert(sizeof(KdReference) == 32, "half a cache line");
 
-/// A plane, and its SAH cost in traversal steps.
+/// A split plane (scene units) and its SAH cost (traversal steps).
 struct KdSplit {
   float cost = std::numeric_limits<float>::infinity();
   float position = 0;
-  int axis = -1;  ///< -1: there is none
+  int axis = -1;  ///< -1: no plane
 };
 
-/// Chooses planes, and parts references by them: what all builds are made of. Not thread-safe.
+/// Chooses split planes and divides references by them. Not thread-safe.
 /// Source: the SAH of MacDonald & Booth 1990; perfect splits of Havran & Bittner 2002; empty bonus.
 class KdSplitter {
  public:
-  /// `triangles` must outlive it. `padding`: see BuildKdTree. `cell` holds all cells to be split.
+  /// `triangles` must outlive the splitter. `padding`: see BuildKdTree. `cell` holds all cells to be split.
   KdSplitter(std::span<const KdTriangle> triangles, float padding, const Box& cell, const SahCosts& costs);
 
   /// The triangles that reach `cell`.
   std::vector<KdReference> ReferencesIn(const Box& cell) const;
-  /// The cheapest plane that was weighed.
+  /// The cheapest of the planes weighed.
   KdSplit Best(const Box& cell, std::span<const KdReference> references) const;
-  /// Replaces the references from `begin` on by those of the right child, then those of the left, which begin
-  /// at the index returned. Triangles that span the plane are in both.
+  /// Replaces the references from `begin` on by the right child's, then the left child's references. Returns
+  /// where the left child's begin. Triangles that span the plane are in both.
   size_t Divide(std::vector<KdReference>& references, size_t begin, const Box& cell, const KdSplit& split);
 
  private:
@@ -96,7 +93,7 @@ class KdSplitter {
 
   std::span<const KdTriangle> triangles_;
   SahCosts costs_;
-  double growth_;  ///< the padding, and what rounding may add
+  double growth_;  ///< the padding and a bound on rounding
   std::vector<KdReference> left_;
 };
 
@@ -111,13 +108,13 @@ struct KdTree {
 inline constexpr int kMaxKdDepth = 48;
 static_assert(kMaxKdDepth < int{kMostLevels});
 
-/// Builds the SAH kd-tree of one voxel, whose cell is `cell`. `padding`: a bound, per axis, on how far from
-/// its triangle traversal may see a hit; every leaf refers to all triangles that come so near to its closed
-/// cell, and to few others: a triangle that spans a split counts on either side with the box of its part
-/// there. `max_bytes` bounds nodes and references together (8 and 2 bytes each): every subtree gets its
-/// share, and what would outgrow it becomes a leaf; at the least, one leaf of all triangles.
-/// Requires: triangles.size() < 2^32; finite vertices, |coordinate| <= 2^60. Deterministic. Thread-safe.
-/// No node is split past a cost increase.
+/// Builds the SAH kd-tree of one voxel, whose cell is `cell`. `padding` (scene units): a bound, per axis, on
+/// the distance from a triangle at which traversal may see its hit. Every leaf refers to all triangles that
+/// come so near to its closed cell, and to few others: a triangle that spans a split counts on each side with
+/// the box of its part there. `max_bytes` bounds nodes and references together (8 and 2 bytes each): every
+/// subtree gets a share, and a subtree that would outgrow it becomes a leaf. The least tree is one leaf of
+/// all triangles. Requires: triangles.size() < 2^32; finite vertices, |coordinate| <= 2^60. Deterministic.
+/// Thread-safe. No node is split past a cost increase.
 KdTree BuildKdTree(std::span<const KdTriangle> triangles, float padding, const Box& cell,
                    const SahCosts& costs, size_t max_bytes);
 

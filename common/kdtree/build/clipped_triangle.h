@@ -4,11 +4,11 @@
 
 #include "common/kdtree/build/build.h"
 
-// The part of a triangle in a box, in double: what perfect splits (Havran & Bittner 2002) bound.
+// The part of a triangle in a box, in double: perfect splits (Havran & Bittner 2002) bound it. Scene units.
 
 namespace quarry {
 
-/// A point in double, and a fourth number of no account, as the compiler's own vector.
+/// A point in double and an unused fourth number, as the compiler's own vector.
 using Point4 = double __attribute__((vector_size(32)));
 
 /// The box of points, in double.
@@ -35,7 +35,7 @@ class ClippedTriangle {
     return box;
   }
 
-  /// Keeps what lies in the cell grown by `growth`.
+  /// Keeps the part in the cell grown by `growth`.
   void Clip(const Box& cell, double growth) {
     PointBox bounds = Bounds();
     ClipAcross<0>(cell, growth, bounds);
@@ -43,7 +43,7 @@ class ClippedTriangle {
     ClipAcross<2>(cell, growth, bounds);
   }
 
-  /// The boxes of the part up to `left` and of the part from `right` on, which is not beyond it.
+  /// The boxes of the part up to `left` and of the part from `right` on. Requires: right <= left.
   void BoundParts(int axis, double left, double right, PointBox parts[2]) const {
     if (axis == 0) return BoundParts<0>(left, right, parts);
     if (axis == 1) return BoundParts<1>(left, right, parts);
@@ -87,7 +87,7 @@ class ClippedTriangle {
       from = to;
       from_beyond = to_beyond;
     }
-    // More points than a convex polygon can have come from rounding alone: unclipped is safe.
+    // Only rounding gives more points than a convex polygon can have: leaving the polygon unclipped is safe.
     if (kept > kMostPoints) return;
     points_ = part;
     count_ = kept;

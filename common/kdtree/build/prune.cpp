@@ -32,7 +32,7 @@ class Pruner {
     }
   }
 
-  /// The tree that is left, in the order in which it was built.
+  /// The pruned tree, in the order in which it was built.
   KdTree Result() {
     KdTree result;
     result.nodes.resize(1);
@@ -57,14 +57,14 @@ class Pruner {
   }
 
  private:
-  /// A node and what is below it. Its references lie in a row.
+  /// A node and its subtree. Its references lie in a row.
   struct Subtree {
     uint32_t parent = 0, first = 0, end = 0;
     uint32_t count = 0;  ///< of a leaf's references
     float area = 0;      ///< half the surface of its cell
     bool leaf = false;
   };
-  /// An inner node whose children are leaves, and what it would be as a leaf itself.
+  /// An inner node whose children are leaves, and its values as a leaf.
   struct Candidate {
     float loss;  ///< of SAH cost for a byte
     uint32_t node, count, saved;

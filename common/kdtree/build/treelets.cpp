@@ -46,7 +46,7 @@ size_t TreeletLayout::Slots(std::span<const KdNode> nodes) {
   return slots;
 }
 
-/// The cell of a member's child: on each face the lowest plane counts, beyond those the root's.
+/// The cell of a member's child: on each face the plane of the lowest ancestor counts; else the root's face.
 Box TreeletLayout::BoxOf(std::span<const KdNode> nodes, const Root& root, uint32_t parent_side) const {
   Box box = root.box;
   bool set[2][3] = {};

@@ -9,8 +9,8 @@
 #include "common/kdtree/treelet_header.h"
 
 // A tree laid out for climbing. Inner nodes are grouped into treelets of a few levels; before the first pair
-// of each lies a header of 32 bytes with the box of the treelet's root and where to find the parent treelet.
-// A ray that leaves a leaf climbs headers until one's box still holds it, and descends from there: the
+// of each lies a header of 32 bytes with the box of the treelet's root and a link to the parent treelet. A
+// ray that leaves a leaf climbs headers until a header's box holds it, and descends from there: the
 // kd-backtrack of Foley & Sugerman 2005, section 2.2, with the box and the parent link kept per treelet
 // instead of per node. With treelets of one level it is kd-backtrack itself; with one treelet for the whole
 // tree it is kd-restart (section 2.1). Slot 0 is the root; treelets follow from
@@ -18,23 +18,24 @@
 
 namespace quarry {
 
-inline constexpr uint32_t kTreeletLevels = 4;     ///< what stores hold and kernels are tuned for
+inline constexpr uint32_t kTreeletLevels = 4;     ///< stores hold it and kernels are tuned for it
 inline constexpr uint32_t kBacktrackLevels = 1;   ///< kd-backtrack
 inline constexpr uint32_t kRestartLevels = 1000;  ///< kd-restart: more levels than any tree has
 
-/// Lays trees out in treelets of at most `levels` levels. Deterministic; memory is kept from tree to tree.
+/// Lays trees out in treelets of at most `levels` levels. Deterministic. Keeps its memory from tree to tree.
+/// Not thread-safe.
 class TreeletLayout {
  public:
   explicit TreeletLayout(uint32_t levels) : levels_(levels) {}
 
-  /// Slots that `nodes` (root first, children side by side, no flags) take. Requires: a valid tree.
+  /// The number of slots for `nodes` (root first, children side by side, no flags). Requires: a valid tree.
   size_t Slots(std::span<const KdNode> nodes);
-  /// Puts them into `out`, headers filled in; `box` is the root's cell. False when `out` has not just as many
-  /// slots as it takes. Requires: a valid tree of no more than KdNode::kMaxLink / 4 nodes.
+  /// Lays `nodes` out in `out`, headers filled in. `box`: the root's cell, scene units. False when `out` has
+  /// not exactly Slots(nodes) slots. Requires: a valid tree of no more than KdNode::kMaxLink / 4 nodes.
   bool Run(std::span<const KdNode> nodes, const Box& box, std::span<KdNode> out);
 
  private:
-  /// A treelet still to be laid out: where its root is in the source tree and in the layout, and its parent.
+  /// A treelet yet to be laid out: its root's index in the source tree and in the layout, and its parent.
   struct Root {
     uint32_t source, at, parent;
     Box box;
@@ -42,7 +43,7 @@ class TreeletLayout {
   /// An inner node taken into a treelet.
   struct Member {
     uint32_t source, at, level;
-    uint32_t parent_side;  ///< of which member this is a child, times two, and on which side
+    uint32_t parent_side;  ///< the parent member times two, plus the side
   };
   Box BoxOf(std::span<const KdNode> nodes, const Root& root, uint32_t parent_side) const;
 
@@ -54,7 +55,7 @@ class TreeletLayout {
 /// A tree laid out, in a vector.
 std::vector<KdNode> LayOutTreelets(std::span<const KdNode> nodes, uint32_t levels, const Box& box);
 
-/// The tree without treelets again: root first, children side by side, no flags.
+/// The tree without treelets: root first, children side by side, no flags.
 std::vector<KdNode> FlattenTreelets(std::span<const KdNode> nodes);
 
 }  // namespace quarry

@@ -57,14 +57,14 @@ void WideTreeMaker::MakeRoom(Subtree& left, Subtree& right) {
     Child* const end = children_.data() + child_count_;
     Child* const first = end - right.size - (&larger == &left ? left.size : 0);
     *first = Close({first, larger.size}, larger.orders);
-    // Left: what is to its right moves up to it.
+    // Left: its right neighbours move up to it.
     if (&larger == &left) std::copy(end - right.size, end, first + 1);
     child_count_ -= larger.size - 1;
     larger = {Orders{}, 1};
   }
 }
 
-/// Makes a node of the children; as a child itself.
+/// Makes a node of the children; returns it as a child.
 WideTreeMaker::Child WideTreeMaker::Close(std::span<const Child> children, Orders orders) {
   if (free_ == 0) {
     full_ = true;
@@ -98,7 +98,7 @@ size_t WideTreeMaker::Finish() {
   QUARRY_CHECK_EQ(subtrees_.size(), size_t{1});
   Close({children_.data(), subtrees_.back().size}, subtrees_.back().orders);
   if (full_) return 0;
-  // The root was last. What was left free before it is not known to its children.
+  // The root was made last; its children do not know yet how many nodes are free before it.
   const auto unused = static_cast<uint32_t>(free_);
   if (unused == 0) return nodes_.size();
   for (WideNode& node : nodes_.subspan(unused)) {

@@ -11,29 +11,30 @@
 
 namespace quarry {
 
-/// References that leaves side by side have at most when they become one: a vector of triangles.
+/// Most references of leaves side by side that become one leaf: a vector of triangles.
 inline constexpr uint32_t kWideLeafReferences = 8;
 
-/// Gathers a kd-tree into wide nodes. The tree's leaves come from left to right, and once both sides of an
-/// inner node have come, they are joined. Neighbouring leaves with no more than `most_in_leaf` references
-/// together become one where those lie in a row; 0 for trees whose leaves are no ranges. Deterministic; how
-/// many nodes there are does not depend on boxes. Can be used again and again: memory is kept.
+/// Gathers a kd-tree into wide nodes. The tree's leaves come from left to right; once both sides of an inner
+/// node have come, they are joined. Neighbouring leaves with no more than `most_in_leaf` references together
+/// become one where their references lie in a row; 0 for trees whose leaves are no ranges. Deterministic; the
+/// number of nodes does not depend on boxes. Keeps its memory from tree to tree. Not thread-safe.
 class WideTreeMaker {
  public:
   explicit WideTreeMaker(uint32_t most_in_leaf) : most_in_leaf_(most_in_leaf) {}
 
-  /// Nodes are put into `nodes` from its end on. Requires: at least one.
+  /// Begins a tree; nodes are written to `nodes` from its end on. Requires: at least one node.
   void Begin(std::span<WideNode> nodes);
-  /// `box`: of what is in the leaf, no larger than its cell. Requires: count < 65,535.
+  /// Adds a leaf. `box`: of the leaf's content, no larger than its cell, scene units. Requires: count <
+  /// 65,535.
   void Leaf(const Box8& box, uint32_t first, uint32_t count) {
     if (child_count_ == child_room_) MakeChildRoom();
-    // A leaf of nothing is a subtree without children.
+    // An empty leaf is a subtree without children.
     children_[child_count_] = {box, first, count};
     const uint32_t size = count != 0 ? 1 : 0;
     child_count_ += size;
     subtrees_.push_back({Orders{}, size});
   }
-  /// The two subtrees that came last, on both sides of a plane across `axis`, become one.
+  /// Joins the two subtrees that came last, on both sides of a plane across `axis`.
   void Join(int axis) {
     Subtree right = subtrees_.back();
     subtrees_.pop_back();
@@ -42,8 +43,8 @@ class WideTreeMaker {
     if (left.size + right.size > WideNode::kChildren) MakeRoom(left, right);
     left = Joined(left, right, axis);
   }
-  /// Closes the root. How many nodes there are, at the end of those given: the root first, parents before
-  /// children. 0 when they had no room. Requires: all inner nodes were joined.
+  /// Closes the root. Returns the number of nodes, which lie at the end of the span given: the root first,
+  /// parents before children; 0 when the span was too small. Requires: all inner nodes were joined.
   size_t Finish();
 
  private:
@@ -59,7 +60,7 @@ class WideTreeMaker {
     uint32_t size;  ///< children
   };
   static Subtree Joined(const Subtree& left, const Subtree& right, int axis) {
-    constexpr uint32_t kOnes = 011111111;  // what renumbers children by one
+    constexpr uint32_t kOnes = 011111111;  // renumbers children by one
     using Mask = int32_t __attribute__((vector_size(16)));
     constexpr Mask kRightFirst[3] = {{0, -1, 0, -1}, {0, 0, -1, -1}, {0, 0, 0, 0}};
     const uint32_t left_bits = 3 * left.size, right_bits = 3 * right.size;
@@ -68,11 +69,11 @@ class WideTreeMaker {
             left.size + right.size};
   }
 
-  /// Whether the last two children, leaves, are now one.
+  /// Joins the last two children, both leaves, if that is allowed; returns whether it was.
   bool JoinLeaves() {
     Child& a = children_[child_count_ - 2];
     const Child& b = children_[child_count_ - 1];
-    // The sum of counts of which one is no leaf's is too large.
+    // A count of an inner node makes the sum too large.
     if (a.count + b.count > most_in_leaf_ || a.child + a.count != b.child) return false;
     a.box.Include(b.box);
     a.count += b.count;
@@ -88,7 +89,7 @@ class WideTreeMaker {
   size_t child_count_ = 0, child_room_ = 0;
   std::vector<Subtree> subtrees_;
   std::span<WideNode> nodes_;
-  size_t free_ = 0;  ///< of nodes_, how many are not yet made
+  size_t free_ = 0;  ///< nodes of nodes_ not yet made
   bool full_ = false;
 };
 
@@ -113,7 +114,7 @@ std::vector<WideNode> MakeWideTree(std::span<const KdNode> nodes, const Box& cel
     const KdNode& n = nodes[visit.node];
     if (n.is_leaf()) {
       maker.Leaf(Box8::Of(leaf_box(n, visit.cell)), n.first(), n.count());
-      // All inner nodes below the parent of what comes next are whole.
+      // All inner nodes below the parent of the next visit are complete.
       const uint32_t next = visits.empty() ? 0 : visits.back().level;
       for (uint32_t level = visit.level; level > next; --level) maker.Join(axes[level - 1]);
       continue;

@@ -9,11 +9,11 @@
 #include "common/kdtree/voxel_geometry.h"
 #include "common/math/host_device.h"
 
-// What kernels have in common.
+// Parts that all kernels share.
 
 namespace quarry {
 
-/// Counts nothing and costs nothing: what renders are compiled with.
+/// Statistics that count nothing and cost nothing: renders are compiled with them.
 struct NoStatistics {
   QUARRY_HOST_DEVICE void Ray(uint32_t) {}
   QUARRY_HOST_DEVICE void Node(uint32_t, uint32_t) {}
@@ -24,15 +24,15 @@ struct NoStatistics {
   QUARRY_HOST_DEVICE void Voxel(uint32_t) {}
 };
 
-/// The nearest hits so far. `t` starts as the greatest t that counts. Of a ray that ends at any hit, `t` and
-/// `triangle` alone mean something.
+/// The nearest hits so far. `t`: multiples of |direction|; starts as the greatest t that counts. Rays that
+/// end at any hit have only `t` and `triangle`.
 template <class L>
 struct RayBest {
   typename L::Float t, b1, b2;
   typename L::Int triangle, voxel, local;
 };
 
-/// Keeps the hits that precede what is there; returns which.
+/// Keeps the hits that precede `best`; returns their lanes.
 template <class L, bool kAnyHit = false>
 QUARRY_HOST_DEVICE inline typename L::Mask Keep(const TriangleHit<L>& hit, typename L::Int triangle,
                                                 typename L::Int voxel, typename L::Int local,
@@ -48,7 +48,8 @@ QUARRY_HOST_DEVICE inline typename L::Mask Keep(const TriangleHit<L>& hit, typen
   return kept;
 }
 
-/// Tests moved triangles for the lanes `active`, and keeps the nearest; returns which lanes have kept one.
+/// Tests moved triangles for the lanes `active`, and keeps the nearest hits; returns the lanes that kept a
+/// hit.
 template <class L, class Statistics>
 QUARRY_HOST_DEVICE inline typename L::Mask TestMoved(const RayFrame<L>& frame, const MovedVertex<L>& a,
                                                      const MovedVertex<L>& b, const MovedVertex<L>& c,
@@ -61,7 +62,7 @@ QUARRY_HOST_DEVICE inline typename L::Mask TestMoved(const RayFrame<L>& frame, c
   return Keep<L>(HitMoved<L>(frame, a, b, c, may), triangle, voxel, local, best);
 }
 
-/// The rays of a packet from `first` on, as many as lanes.
+/// Frames of the packet's rays from `first` on, as many as lanes.
 template <class L>
 QUARRY_HOST_DEVICE inline RayFrame<L> LoadFrame(const RayPacket& rays, uint32_t first) {
   const typename L::Float origin[3] = {L::Load(rays.origin[0] + first), L::Load(rays.origin[1] + first),

@@ -7,9 +7,9 @@
 #include "common/kdtree/trace/wide_trail.h"
 #include "common/kdtree/wide_node.h"
 
-// Coherent packets through wide nodes: eight cells at once against the beam of all rays (by interval
-// arithmetic, as Wald, Boulos & Shirley 2007 cull boxes, "Ray Tracing Deformable Scenes using Dynamic
-// Bounding Volume Hierarchies"), and only those that it meets, one after the other, against the rays.
+// Coherent packets through wide nodes: eight cells at once against the beam of all rays, then each cell that
+// the beam meets against the rays. Source of the beam's interval arithmetic: Wald, Boulos & Shirley 2007,
+// "Ray Tracing Deformable Scenes using Dynamic Bounding Volume Hierarchies".
 
 namespace quarry {
 
@@ -17,8 +17,8 @@ namespace quarry {
 /// of directions are the same for all.
 struct PacketBeam {
   float origin_near[3], origin_far[3];  ///< the origin nearest to a plane ahead, and the one farthest from it
-  float least[3], most[3];              ///< reciprocals
-  uint32_t near_face[3], far_face[3];   ///< where in a wide node's bounds
+  float least[3], most[3];              ///< of the directions' reciprocals
+  uint32_t near_face[3], far_face[3];   ///< index into a wide node's bounds
 };
 
 /// The beam of the rays that are alive.
@@ -50,9 +50,9 @@ QUARRY_HOST_DEVICE inline PacketBeam MakeBeam(const PacketRays<L>& p) {
   return beam;
 }
 
-/// As a way of TracePacket. `Cells`: lanes that are a node's children. Children are visited in the order of
-/// (where the beam enters, place), which never changes: that is how a packet that has climbed to a node knows
-/// which of them come next. It need not be a ray's own order.
+/// A way of TracePacket through wide nodes. `Cells`: lanes that are a node's children. Children are visited
+/// in the order of (t at which the beam enters, place). The order never changes, so that a packet that climbs
+/// to a node knows which children come next. It need not be the order of any single ray.
 template <class CellLanes, class L>
 class WideWay {
  public:
@@ -130,7 +130,7 @@ class WideWay {
     const typename L::Float* t;
     const typename L::Float* t_end;
     const typename L::Mask* alive;
-    float first, last;  ///< t and t_end of those that begin and end first and last
+    float first, last;  ///< least t and greatest t_end of the rays alive
     uint32_t coherent;  ///< a group that has met the last cell
 
     QUARRY_HOST_DEVICE void FindFirst() {
@@ -138,7 +138,7 @@ class WideWay {
       for (uint32_t g = 0; g < kGroups; ++g) least = L::Min(least, L::Select(alive[g], t[g], least));
       first = L::Least(least);
     }
-    /// `last` is -infinity when there is none.
+    /// Sets `last` to -infinity when no ray is alive.
     QUARRY_HOST_DEVICE void FindLast() {
       auto least = L::Set(kInfinity);
       for (uint32_t g = 0; g < kGroups; ++g)
@@ -147,7 +147,7 @@ class WideWay {
     }
   };
 
-  /// Planes across each axis.
+  /// A child's planes across each axis.
   struct Box {
     float near_plane[3], far_plane[3];
   };
@@ -161,7 +161,7 @@ class WideWay {
     return box;
   }
 
-  /// Which of the node's cells the beam meets while rays are under way, and where.
+  /// The node's cells that the beam meets between rays.first and rays.last, as bits; `enters`: t for each.
   QUARRY_HOST_DEVICE uint32_t Look(const WideNode& node, const Rays& rays, float* enters) const {
     uint32_t ahead = 0;
     for (uint32_t lane = 0; lane < WideNode::kChildren; lane += Cells::kLanes) {
@@ -184,7 +184,7 @@ class WideWay {
     return ahead;
   }
 
-  /// Of a node's cells those that come after the one at `place`.
+  /// The node's cells that come after the cell at `place`, as bits.
   QUARRY_HOST_DEVICE static uint32_t Behind(const float* enters, uint32_t place) {
     uint32_t after = 0, same = 0;
     for (uint32_t lane = 0; lane < WideNode::kChildren; lane += Cells::kLanes) {
@@ -204,9 +204,9 @@ class WideWay {
     return nearest;
   }
 
-  /// Which rays of group g come to the box, and where. A ray that only touches a cell has nothing in it:
-  /// cells tile space, and each t of a ray belongs to one, so that a ray which goes on comes to no leaf
-  /// before.
+  /// The rays of group g that come to the box, from `enter` to `exit`. A ray that only touches a cell is not
+  /// in it: cells tile space, and each t of a ray belongs to one cell, so that a ray that goes on never
+  /// returns to an earlier leaf.
   QUARRY_HOST_DEVICE static typename L::Mask Clip(const Rays& rays, const Box& box, uint32_t g,
                                                   typename L::Float& enter, typename L::Float& exit) {
     const RayFrame<L>& frame = rays.p.frame[g];
@@ -220,7 +220,8 @@ class WideWay {
     return L::And(rays.alive[g], L::Less(enter, exit));
   }
 
-  /// Whether any ray comes to the box. In a coherent packet the group that met the last one does.
+  /// Whether any ray comes to the box. The group that met the last box is tried first: in a coherent packet
+  /// it mostly meets the next box too.
   QUARRY_HOST_DEVICE static bool AnyMeets(Rays& rays, const Box& box) {
     for (uint32_t k = 0; k < kGroups; ++k) {
       const uint32_t g = (rays.coherent + k) % kGroups;

@@ -9,13 +9,13 @@
 #include "common/kdtree/trace/triangle_test.h"
 #include "common/kdtree/voxel_geometry.h"
 
-// Rays of a stream, each against a triangle of its own: what is left when the filter has looked at all.
+// Exact tests of a stream's rays, each against a triangle of its own that the filter has let pass.
 
 namespace quarry {
 
-/// Tests ray ids[i] exactly against the triangle that the lowest bit of may[i] names, of those that
-/// `references` name in the voxel; `keep(id, local, t, b1, b2)` for those that hit no farther than the ray's
-/// best so far. `L`: lanes that are such pairs. Requires: 1 <= n <= L::kLanes, no may[i] 0.
+/// Tests ray ids[i] exactly against the triangle references[j], j the lowest bit of may[i]. Calls
+/// `keep(id, local, t, b1, b2)` for each hit at t up to the ray's best so far. `L`: lanes that are pairs of
+/// ray and triangle. Requires: 1 <= n <= L::kLanes, no may[i] 0.
 template <class L, class Index, class Statistics, class Keep>
 inline void TestPairs(const StreamRay* rays, const VoxelGeometryOf<Index>& voxel, const Index* references,
                       const uint32_t* ids, const uint32_t* may, uint32_t n, Statistics& statistics,

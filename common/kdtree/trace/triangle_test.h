@@ -7,7 +7,7 @@
 #include "common/kdtree/ray_frame.h"
 #include "common/math/host_device.h"
 
-// The one watertight test that defines every hit in Quarry, for any lane type.
+// The one watertight test that defines every hit in Quarry, for any lane type. Thread-safe: no state.
 //
 // Source: Woop, Benthin & Wald 2013. Differs in the arithmetic behind the edge functions:
 //  * Vertices are moved to the ray's frame in float; a vertex goes to the same place whichever triangle it
@@ -15,22 +15,22 @@
 //  * The three edge functions of those float coordinates have exact signs: in float by monotone rounding
 //    whenever the two products differ after rounding, else in double, where the products are exact. So a
 //    shared edge gives the same answer in both triangles, and no ray passes between them.
-//  * What passes is evaluated again in double: each edge function then carries one rounding (2^-53 of
-//  itself),
-//    so the barycentric weights, and t with them, are those of the moved triangle to double precision,
-//    however slender it is. The hit point o + t d therefore lies on the moved triangle, and that within the
-//    padding of the stored one (ReferencePadding): trees that pad their references by it cannot lose the hit.
+//  * A triangle that passes is evaluated again in double. Each edge function then carries one rounding
+//    (2^-53 of itself), so that the barycentric weights and t are exact to double precision, however slender
+//    the moved triangle is. The hit point o + t d lies on the moved triangle, and the moved triangle within
+//    the padding of the stored triangle (ReferencePadding): a tree that pads its references cannot lose the
+//    hit.
 // No fused multiply-add in the edge functions: it would break their antisymmetry. Both faces count.
 
 namespace quarry {
 
-/// Vertices in the rays' frames: sheared x and y, and the offset along the largest axis.
+/// Vertices in the rays' frames, scene units: sheared x and y, and the offset along the largest axis.
 template <class L>
 struct MovedVertex {
   typename L::Float x, y, z;
 };
 
-/// x, y, z: a vertex less the origin, axes renamed as the frame has them.
+/// Moves a vertex to the ray's frame. x, y, z: the vertex minus the origin, axes renamed as in the frame.
 template <class L>
 QUARRY_HOST_DEVICE inline MovedVertex<L> MoveVertex(const RayFrame<L>& ray, typename L::Float x,
                                                     typename L::Float y, typename L::Float z) {
@@ -49,14 +49,15 @@ QUARRY_HOST_DEVICE inline typename L::Mask MayContain(const MovedVertex<L>& a, c
   return L::AndNot(beside, candidates);
 }
 
-/// Where the moved triangles are hit; t and weights mean something for `hit` only.
+/// Hits of moved triangles. t: multiples of |direction|; t and weights are valid only in lanes of `hit`.
 template <class L>
 struct TriangleHit {
   typename L::Mask hit;
   typename L::Float t, b1, b2;
 };
 
-/// One half of the lanes, in double. `a.z`, `b.z`, `c.z` are in units of t. Returns the lanes hit, as bits.
+/// Tests one half of the lanes in double. `a.z`, `b.z`, `c.z` are in units of t. Returns the lanes hit, as
+/// bits.
 template <class L, uint32_t kHalf>
 QUARRY_HOST_DEVICE inline uint32_t HitHalf(const MovedVertex<L>& a, const MovedVertex<L>& b,
                                            const MovedVertex<L>& c, typename L::HalfFloat& t,
@@ -87,7 +88,7 @@ QUARRY_HOST_DEVICE inline TriangleHit<L> HitMoved(const RayFrame<L>& ray, MovedV
   a.z = a.z * ray.scale_z;
   b.z = b.z * ray.scale_z;
   c.z = c.z * ray.scale_z;
-  // Often one half alone has candidates.
+  // Often only one half has candidates.
   constexpr uint32_t kHalfLanes = L::kLanes / L::kHalves;
   const uint32_t wanted = L::Bits(candidates);
   typename L::HalfFloat t[L::kHalves] = {}, b1[L::kHalves] = {}, b2[L::kHalves] = {};
@@ -102,7 +103,7 @@ QUARRY_HOST_DEVICE inline TriangleHit<L> HitMoved(const RayFrame<L>& ray, MovedV
   return out;
 }
 
-/// `keep(lane, t, b1, b2)` for the lanes hit no farther than `best_t`, one after the other.
+/// Calls `keep(lane, t, b1, b2)` for each lane hit at t up to `best_t`.
 template <class L, class Keep>
 QUARRY_HOST_DEVICE inline void ForEachLaneHit(const TriangleHit<L>& found, typename L::Float best_t,
                                               const Keep& keep) {
@@ -118,17 +119,17 @@ QUARRY_HOST_DEVICE inline void ForEachLaneHit(const TriangleHit<L>& found, typen
   }
 }
 
-/// Where (t, triangle) precedes (best_t, best_triangle): the order that defines a ray's hit, least (t, id),
-/// without reference to any tree.
+/// The lanes where (t, triangle) precedes (best_t, best_triangle). A ray's hit is the least (t, id): the
+/// order depends on no tree.
 template <class L>
 QUARRY_HOST_DEVICE inline typename L::Mask Precedes(typename L::Float t, typename L::Int triangle,
                                                     typename L::Float best_t, typename L::Int best_triangle) {
   return L::Or(L::Less(t, best_t), L::And(L::Equal(t, best_t), L::LessInt(triangle, best_triangle)));
 }
 
-/// One ray against one triangle p0, p1, p2 with scene-wide id `triangle`, kept in `hit` when it precedes what
-/// is there. Returns whether it was kept. What brute force uses.
-/// Requires: finite vertices, |coordinate| <= 2^60 (the preprocessor drops others).
+/// Tests one ray against the triangle p0, p1, p2 (scene units) with scene-wide id `triangle`; keeps the hit
+/// in `hit` when it precedes the hit there. Returns whether it was kept. Brute force uses it. Requires:
+/// finite vertices, |coordinate| <= 2^60 (the preprocessor drops others).
 QUARRY_HOST_DEVICE inline bool TestTriangle(const RayFrame<ScalarLane>& ray, const glm::vec3& p0,
                                             const glm::vec3& p1, const glm::vec3& p2, uint32_t triangle,
                                             Hit& hit) {
@@ -151,13 +152,14 @@ QUARRY_HOST_DEVICE inline bool TestTriangle(const RayFrame<ScalarLane>& ray, con
   return true;
 }
 
-/// By how much references are grown on every side when a tree is built over a scene whose coordinates reach
-/// `largest` in magnitude: an upper bound on |hit point as traversal sees it - stored triangle|, per axis.
-/// With |v - o| <= 3 largest (kReach): moving a vertex costs 2^-24 (3 + 3 + 6) largest, scaling its z (the
-/// reciprocal and the product) 2 * 2^-24 * 3 largest, the direction's reciprocal, product and difference in
-/// traversal 3 * 2^-24 * 3 largest, rounding t another 2^-24 * 3 largest; together 30 * 2^-24 largest. 2^-19
-/// is 32 * 2^-24. Traversal that fuses (p - o) r into p r - (o r), with r the reciprocal, rounds o r and the
-/// sum instead of difference and product: with |o| <= 2 largest, 2^-24 (3 + 2 + 3) largest.
+/// Padding of references on every side, scene units, for a scene whose coordinates reach `largest` in
+/// magnitude: an upper bound, per axis, on the distance from the hit point that traversal sees to the stored
+/// triangle. With |v - o| <= 3 largest (kReach): moving a vertex costs 2^-24 (3 + 3 + 6) largest, scaling its
+/// z (the reciprocal and the product) 2 * 2^-24 * 3 largest, the direction's reciprocal, product and
+/// difference in traversal 3 * 2^-24 * 3 largest, rounding t another 2^-24 * 3 largest; together 30 * 2^-24
+/// largest. 2^-19 is 32 * 2^-24. Traversal that fuses (p - o) r into p r - (o r), with r the reciprocal,
+/// rounds o r and the sum instead of difference and product: with |o| <= 2 largest, 2^-24 (3 + 2 + 3)
+/// largest.
 QUARRY_HOST_DEVICE inline float ReferencePadding(float largest) { return largest * 0x1p-19f; }
 
 }  // namespace quarry

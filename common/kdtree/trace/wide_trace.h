@@ -8,52 +8,51 @@
 #include "common/kdtree/trace/wide_trail.h"
 #include "common/kdtree/wide_node.h"
 
-// One ray against vectors of boxes and of triangles: no lane waits for another ray, and nothing is gathered
-// node by node. Stackless: a ray that has done with a node climbs to its parent, and goes on there beyond the
-// cell that it left; the kd-backtrack of Foley & Sugerman 2005, section 2.2, with the cells of three levels
-// in one node.
+// One ray against vectors of boxes and of triangles: no lane waits for another ray. Stackless: a ray that has
+// finished a node climbs to its parent, and goes on there beyond the cell that it left. Source: kd-backtrack
+// of Foley & Sugerman 2005, section 2.2; differs in that a node holds the cells of three levels.
 
 namespace quarry {
 
-/// Where a ray passes the cells of a wide node.
+/// The t at which a ray enters and leaves each cell of a wide node.
 struct alignas(64) WideCells {
-  float enters[WideNode::kChildren];  ///< infinite for those that it misses or has passed
+  float enters[WideNode::kChildren];  ///< infinite for cells that the ray misses or has passed
   float exits[WideNode::kChildren];
 };
 
-/// A ray under way.
+/// A ray on its way.
 template <class L, class Index>
 struct alignas(64) WideSlot {
-  WideCells top_cells, voxel_cells;     ///< of the nodes that it is at in the two trees
-  WideCells* cells;                     ///< those of the present tree
+  WideCells top_cells, voxel_cells;     ///< of the present nodes in the two trees
+  WideCells* cells;                     ///< of the present tree
   const WideNode* nodes;                ///< the present tree's
-  const WideNode* node;                 ///< that it is at
+  const WideNode* node;                 ///< the present node
   const VoxelGeometryOf<Index>* voxel;  ///< null: at the top level
-  float reciprocal[3], shift[3];        ///< it meets a plane p at p * reciprocal + shift
-  uint32_t near_face[3], far_face[3];   ///< where in a wide node's bounds
-  float t, t_end;                       ///< reached so far; where the present tree ends for it
+  float reciprocal[3], shift[3];        ///< the ray meets a plane p at t = p * reciprocal + shift
+  uint32_t near_face[3], far_face[3];   ///< index into a wide node's bounds
+  float t, t_end;                       ///< reached so far; where the present tree ends
   WideTrail trail;
-  uint32_t ahead, nearest;  ///< its node's cells that it has yet to pass, as bits; the first of them
+  uint32_t ahead, nearest;  ///< cells of the node yet to pass, as bits; the nearest of them
   uint32_t voxel_id;
   // The leaf whose triangles are to be tested.
   uint32_t first, count;
   float leaf_exit;
-  // Its frame: axes renamed, cyclically, so that the direction's largest is the last.
+  // The ray's frame: axes renamed, cyclically, so that the direction's largest is the last.
   uint32_t last_axis;
   float origin[3], shear_x, shear_y, scale_z;
   RayBest<ScalarLane> best;
-  // Where it goes on at the top level.
+  // Where the ray goes on at the top level.
   float top_t, top_exit, scene_end;
   uint32_t chain;
   const WideNode* top_node;
   WideTrail top_trail;
-  // Where it came from.
+  // Where the ray came from.
   RayPacket* packet;
   uint32_t index;
 };
 
-/// Tests the triangles of the leaf that the ray is in, as many at a time as lanes, and keeps the nearest hit.
-/// Returns whether one was kept.
+/// Tests the triangles of the ray's leaf, as many at a time as lanes, and keeps the nearest hit. Returns
+/// whether a hit was kept.
 template <class L, bool kAnyHit, class Index, class Statistics>
 QUARRY_HOST_DEVICE inline bool TestLeaf(WideSlot<L, Index>& s, Statistics& statistics) {
   using Float = typename L::Float;
@@ -101,20 +100,20 @@ class WideTracer {
                                 Statistics& statistics)
       : top_(top), finder_(finder), source_(source), statistics_(statistics) {}
 
-  /// A ray is at a node or at a leaf. All do a step of the one kind, then all of the other, so that what one
-  /// waits for arrives while the processor computes for others.
+  /// Rays at nodes take a step, then rays at leaves: a ray's loads arrive while the processor computes for
+  /// other rays.
   QUARRY_HOST_DEVICE void Run() {
     for (Slot& s : slots_)
       if (Start(s)) nodes_.Add(&s);
     while (nodes_.count + leaves_->count + corners_->count + vertices_->count != 0) {
-      // Whoever goes on takes a place in these lists that has been read.
+      // A ray that goes on is written to a place of the list that has been read already.
       const uint32_t nodes = nodes_.count;
       nodes_.count = 0;
-      // First all that has no branches: one that is guessed wrong costs less where its reason is at hand.
+      // First the part without branches: a mispredicted branch costs less when its operands have arrived.
       for (uint32_t i = 0; i < nodes; ++i) Look(*nodes_.slots[i]);
       for (uint32_t i = 0; i < nodes; ++i) Go(*nodes_.slots[i], Take(*nodes_.slots[i]));
-      // At a leaf what comes next is asked for, one load after the other, a step ahead each: references were
-      // when a ray came to it, corners are now, vertices a step later, and after one more it is tested.
+      // A leaf's data is asked for a step ahead each: references when a ray comes to the leaf, then corners,
+      // then vertices; one step later the leaf is tested.
       for (uint32_t i = 0; i < corners_->count; ++i) AwaitVertices(*corners_->slots[i]);
       for (uint32_t i = 0; i < leaves_->count; ++i) AwaitCorners(*leaves_->slots[i]);
       List* const tests = vertices_;
@@ -128,7 +127,7 @@ class WideTracer {
   }
 
  private:
-  static constexpr uint32_t kMostAsked = 16;  ///< triangles of a leaf that are asked for ahead
+  static constexpr uint32_t kMostAsked = 16;  ///< most triangles of a leaf that are asked for ahead
 
   struct List {
     uint32_t count = 0;
@@ -137,7 +136,7 @@ class WideTracer {
     QUARRY_HOST_DEVICE void Add(Slot* s) { slots[count++] = s; }
   };
 
-  /// The next ray that has somewhere to go. False when there is none.
+  /// Takes the next ray that meets the scene's box. False when no ray is left.
   QUARRY_HOST_DEVICE bool Start(Slot& s) {
     while (source_.Next(s.packet, s.index)) {
       statistics_.Ray(1);
@@ -181,7 +180,7 @@ class WideTracer {
     StoreBest<ScalarLane, kAnyHit>(s.best, rays, s.index);
   }
 
-  /// Which of its node's cells the ray has yet to pass, and where.
+  /// Finds the cells of its node that the ray has yet to pass, and their t.
   QUARRY_HOST_DEVICE void Look(Slot& s) {
     const float* bounds = s.node->bounds;
     statistics_.Node(1, 1);
@@ -199,7 +198,7 @@ class WideTracer {
     Choose(s);
   }
 
-  /// Which of the cells that the ray has yet to pass come before its end, and the first of them.
+  /// Finds which cells yet to pass come before the ray's end, and the nearest of them.
   QUARRY_HOST_DEVICE void Choose(Slot& s) {
     Float enter[kVectors], least = L::Set(kInfinity);
     for (uint32_t v = 0; v < kVectors; ++v) {
@@ -218,7 +217,7 @@ class WideTracer {
 
   enum class Next { kNode, kLeaf, kCells, kUp, kLeaveVoxel, kEnd };
 
-  /// On to where there is something to look at or to test; with another ray where this one ends or waits.
+  /// Takes the ray on to its next node or leaf; a ray that ends or waits is replaced by the next ray.
   QUARRY_HOST_DEVICE void Go(Slot& s, Next next) {
     for (;;) {
       switch (next) {
@@ -246,7 +245,7 @@ class WideTracer {
     }
   }
 
-  /// Into the nearest of the cells ahead.
+  /// Enters the nearest of the cells ahead.
   QUARRY_HOST_DEVICE Next Take(Slot& s) {
     if (s.ahead == 0) return Next::kUp;
     const uint32_t i = s.nearest;
@@ -288,7 +287,7 @@ class WideTracer {
         L::Prefetch(s.voxel->vertices + s.voxel->corners[size_t{3} * local[i] + k], 1);
   }
 
-  /// Past the leaf that the ray is at.
+  /// Tests the ray's leaf and passes it.
   QUARRY_HOST_DEVICE Next Test(Slot& s) {
     const bool kept = TestLeaf<L, kAnyHit>(s, statistics_);
     if (kAnyHit && kept) return Next::kEnd;
@@ -297,7 +296,7 @@ class WideTracer {
     return s.t < s.t_end ? Next::kCells : Next::kLeaveVoxel;
   }
 
-  /// To the lowest node that has cells ahead, past the one that the ray was in.
+  /// Climbs to the lowest node that has cells ahead, past the cell that the ray was in.
   QUARRY_HOST_DEVICE Next Up(Slot& s) {
     while (!s.trail.empty() && s.node != s.nodes) {
       statistics_.Climb();
@@ -315,7 +314,7 @@ class WideTracer {
     return s.voxel ? Next::kLeaveVoxel : Next::kEnd;
   }
 
-  /// Into `voxel` of the present top-level leaf, or the next of its chain that the ray meets, or on.
+  /// Enters `voxel` of the present top-level leaf, or the next of its chain that the ray meets; else goes on.
   QUARRY_HOST_DEVICE Next EnterVoxel(Slot& s, uint32_t voxel) {
     for (; voxel != kNoVoxel; voxel = top_.NextInChain(voxel)) {
       s.t = s.top_t;
@@ -362,7 +361,7 @@ class WideTracer {
   RaySource source_;
   Statistics& statistics_;
   List nodes_, lists_[3];
-  // Slots at leaves: of which nothing, the corners, and the vertices have been asked for.
+  // Slots at leaves, by the last data asked for: references, corners, vertices.
   List *leaves_ = &lists_[0], *corners_ = &lists_[1], *vertices_ = &lists_[2];
   Slot slots_[kSlots];
 };
