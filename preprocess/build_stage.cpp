@@ -8,7 +8,7 @@
 #include <span>
 
 #include "common/base/resource.h"
-#include "common/kdtree/triangle_test.h"
+#include "common/kdtree/trace/triangle_test.h"
 #include "preprocess/partition/split.h"
 #include "preprocess/partition/voxel_builder.h"
 #include "preprocess/partition/voxel_pipeline.h"

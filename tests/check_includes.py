@@ -15,6 +15,8 @@ MAY_INCLUDE = {
 # Inside folders: what files under a path must not include, and why.
 MUST_NOT = [
     ("common/kdtree/", r"boost/|openssl/|cuda|common/net/|common/protocol/", "kernels know no network and no CUDA header"),
+    ("(?!common/kdtree/variants/)", r"common/kdtree/variants/", "programs never link the variants: only tests and benches include them"),
+    ("common/kdtree/build/", r"common/kdtree/(trace/|kernels)", "building a tree needs no kernel"),
     ("common/math/", r"boost/|common/(net|protocol|voxel)/", "mathematics stands alone"),
     ("common/protocol/", r"boost/|common/kdtree/|common/net/", "the protocol is bytes only"),
     ("common/engine/", r"common/net/|openssl/|boost/beast", "the engine knows no socket"),

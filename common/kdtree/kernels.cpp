@@ -9,29 +9,15 @@
 #include <vector>
 
 #include "common/base/check.h"
-#include "common/kdtree/kernel_list.h"
+#include "common/kdtree/trace/render_kernels.h"
 
 namespace quarry {
 namespace {
 
-std::vector<Kernel> Supported() {
-  std::vector<Kernel> all;
-  const auto add = [&](void (*fill)(Kernel(&)[kKernelsPerIsa])) {
-    Kernel list[kKernelsPerIsa];
-    fill(list);
-    all.insert(all.end(), list, list + kKernelsPerIsa);
-  };
-  const char* only = std::getenv("QUARRY_ISA");
-  const auto wanted = [&](std::string_view isa) { return !only || only == isa; };
-  if (wanted("avx512") && (hwy::SupportedTargets() & HWY_AVX3) != 0) add(FillAvx512Kernels);
-  if (wanted("avx2")) add(FillAvx2Kernels);
-  if (wanted("scalar")) add(FillScalarKernels);
-  return all;
-}
-
-/// After streams that three quarters of their rays have left, one, three, and so on up to so many are passed
-/// over: those rays go on by themselves at once.
-constexpr uint32_t kMostPassed = 7;
+/// Most streams that are passed over after a stream that three quarters of its rays have left: 1, then 3,
+/// then 7. Rays of streams passed over are traced one by one at once (tests/bench/history/kdtree.md,
+/// 2026-11-24).
+constexpr uint32_t kMostPassedOver = 7;
 
 uint32_t CountRays(const uint64_t* active, uint32_t count) {
   return std::accumulate(active, active + count, 0u, [](uint32_t sum, uint64_t rays) {
@@ -41,38 +27,55 @@ uint32_t CountRays(const uint64_t* active, uint32_t count) {
 
 }  // namespace
 
+std::vector<Kernel> SupportedKernels(size_t count, FillFunction avx512, FillFunction avx2,
+                                     FillFunction scalar) {
+  std::vector<Kernel> all;
+  const char* only = std::getenv("QUARRY_ISA");
+  const auto add = [&](std::string_view isa, FillFunction fill) {
+    if (only && only != isa) return;
+    all.resize(all.size() + count);
+    fill(all.data() + all.size() - count);
+  };
+  if ((hwy::SupportedTargets() & HWY_AVX3) != 0) add("avx512", avx512);
+  add("avx2", avx2);
+  add("scalar", scalar);
+  return all;
+}
+
 std::span<const Kernel> Kernels() {
-  static const std::vector<Kernel> kernels = Supported();
+  static const std::vector<Kernel> kernels =
+      SupportedKernels(kKernelsPerIsa, FillAvx512Kernels, FillAvx2Kernels, FillScalarKernels);
   return kernels;
 }
 
 const Kernel& BestKernel(Grouping grouping) {
   for (const Kernel& kernel : Kernels())
-    if (kernel.grouping == grouping && kernel.algorithm == Algorithm::kTreelets) return kernel;
+    if (kernel.grouping == grouping) return kernel;
   QUARRY_CHECK(!"no kernel for QUARRY_ISA");
   std::abort();
 }
 
 void TraceRays(const TopTree& top, const VoxelFinder& finder, RayPacket* packets, const uint64_t* active,
                uint32_t count, bool any) {
-  static const Kernel& together = BestKernel(Grouping::kWidePacket);
+  static const Kernel& packet = BestKernel(Grouping::kWidePacket);
   static const Kernel& stream = BestKernel(Grouping::kStream);
-  static const Kernel& alone = BestKernel(Grouping::kWide);
-  uint32_t pass = 0, passed = 0;  // streams, since one was left by most of its rays
+  static const Kernel& single = BestKernel(Grouping::kWide);
+  uint32_t to_pass_over = 0, passed_over = 0;  // streams, since most rays left a stream
   for (uint32_t first = 0; first < count; first += kStreamPackets) {
     uint64_t left[kStreamPackets];
     const uint32_t n = std::min(kStreamPackets, count - first);
     std::copy_n(active + first, n, left);
-    (any ? together.coherent_any : together.coherent_closest)(top, finder, packets + first, left, n);
-    if (passed < pass) {
-      ++passed;
+    (any ? packet.coherent_any : packet.coherent_closest)(top, finder, packets + first, left, n);
+    if (passed_over < to_pass_over) {
+      ++passed_over;
     } else {
       const uint32_t before = CountRays(left, n);
       (any ? stream.coherent_any : stream.coherent_closest)(top, finder, packets + first, left, n);
-      pass = 4 * CountRays(left, n) > 3 * before ? std::min(2 * pass + 1, kMostPassed) : 0;
-      passed = 0;
+      to_pass_over =
+          4 * CountRays(left, n) > 3 * before ? std::min(2 * to_pass_over + 1, kMostPassedOver) : 0;
+      passed_over = 0;
     }
-    (any ? alone.any : alone.closest)(top, finder, packets + first, left, n);
+    (any ? single.any : single.closest)(top, finder, packets + first, left, n);
   }
 }
 

@@ -10,13 +10,13 @@
 
 namespace quarry {
 
-/// The scalar instance of the kernels' lane type: one ray. A lane type names the vectors and gives the
-/// operations below; kernels are written against these alone, so that a SIMD or CUDA instance is a new lane
-/// type and not a new kernel. Fused multiply-add is explicit: the compiler contracts nothing.
+/// The scalar lane type: one ray. A lane type names the vectors and gives the operations below; kernels use
+/// no others, so that a SIMD or CUDA instance is a new lane type and not a new kernel. Fused multiply-add is
+/// explicit: the compiler contracts nothing.
 struct ScalarLane {
   static constexpr uint32_t kLanes = 1;
   static constexpr uint32_t kAllLanes = 1;  ///< as bits
-  static constexpr uint32_t kHalves = 1;    ///< a Float widens to so many Doubles
+  static constexpr uint32_t kHalves = 1;    ///< the number of Doubles that a Float widens to
   using Float = float;
   using Int = uint32_t;
   using Double = double;
@@ -51,7 +51,6 @@ struct ScalarLane {
   QUARRY_HOST_DEVICE static Mask LessInt(Int a, Int b) { return a < b; }
   QUARRY_HOST_DEVICE static Mask EqualInt(Int a, Int b) { return a == b; }
   QUARRY_HOST_DEVICE static Mask HasBits(Int a, uint32_t bits) { return (a & bits) == bits; }
-  QUARRY_HOST_DEVICE static Int AndInt(Int a, Int b) { return a & b; }
   QUARRY_HOST_DEVICE static Int Iota() { return 0; }  ///< each lane its number
   QUARRY_HOST_DEVICE static Int AddInt(Int a, Int b) { return a + b; }
   template <int kBits>
@@ -80,8 +79,8 @@ struct ScalarLane {
   QUARRY_HOST_DEVICE static Double MaxDouble(Double a, Double b) { return a > b ? a : b; }
   QUARRY_HOST_DEVICE static Float Join(HalfFloat low, HalfFloat) { return low; }
 
-  /// Puts those of `ids` into `out` whose mask has bit `bit` set, in their order; returns how many. A vector
-  /// may be read behind `masks` and `ids`, and written behind what is put. `out` is none of them.
+  /// Writes to `out`, in order, the `ids` whose mask has bit `bit` set; returns their number. One vector may
+  /// be read behind `masks` and `ids`, and written behind the last id. `out` overlaps neither.
   QUARRY_HOST_DEVICE static uint32_t Choose(const uint8_t* masks, uint32_t bit, const uint32_t* ids,
                                             uint32_t n, uint32_t* out) {
     uint32_t m = 0;
@@ -92,9 +91,9 @@ struct ScalarLane {
     return m;
   }
   QUARRY_HOST_DEVICE static float Least(Float x) { return x; }
-  /// `bytes` from a cache line's start on will be wanted soon.
+  /// Asks for `bytes` from a cache line's start on, into the first-level cache.
   QUARRY_HOST_DEVICE static void Prefetch(const void*, size_t) {}
-  /// For what is needed later, or is long: as far as the second-level cache.
+  /// The same into the second-level cache: for data that is long or needed later.
   QUARRY_HOST_DEVICE static void PrefetchFar(const void*, size_t) {}
   /// The nodes at `at[lane]`, as payloads and links.
   QUARRY_HOST_DEVICE static void GatherNodes(const KdNode* const* at, Int& payload, Int& link) {
@@ -109,7 +108,7 @@ struct ScalarLane {
     z = at[0][first + 2];
     w = at[0][first + 3];
   }
-  /// Gather4 the other way.
+  /// Writes the four floats that Gather4 reads.
   QUARRY_HOST_DEVICE static void Scatter4(float* const* at, uint32_t first, Float x, Float y, Float z,
                                           Float w) {
     at[0][first] = x;
@@ -117,8 +116,8 @@ struct ScalarLane {
     at[0][first + 2] = z;
     at[0][first + 3] = w;
   }
-  /// The corners of triangles at `at(lane)`, their coordinates renamed, cyclically, so that `last` is z. Each
-  /// corner may be read as four floats.
+  /// The corners of the triangles `at(lane)`, coordinates renamed cyclically so that `last` is z. Each corner
+  /// may be read as four floats.
   template <class At>
   QUARRY_HOST_DEVICE static void GatherCorners(At&& at, uint32_t last, Float (&x)[3], Float (&y)[3],
                                                Float (&z)[3]) {

@@ -7,7 +7,8 @@
 
 namespace quarry {
 
-/// The voxel whose cell holds the point at `t` of the ray; kNoVoxel in empty space. The first of a chain.
+/// The voxel whose cell holds the ray's point at `t` (multiples of |direction|); of a chain, its first voxel;
+/// kNoVoxel in empty space. Requires: top.nodes. Thread-safe.
 QUARRY_HOST_DEVICE inline uint32_t LocateVoxel(const TopTree& top, const Ray& ray, float t) {
   const RayFrame<ScalarLane> frame = MakeRayFrame(ray);
   uint32_t node = 0;

@@ -21,19 +21,20 @@ struct Hit {
   uint32_t local = 0;               ///< the triangle's index in that voxel
 };
 
-/// How far off rays may start, in units of the largest coordinate (in magnitude) of the scene.
+/// How far from 0 rays may start, along each axis, in units of the scene's largest coordinate in magnitude.
 inline constexpr float kReach = 2;
 
-/// A ray on its way, whole: suspended anywhere, it resumes from these values alone.
+/// A ray on its way: suspended anywhere, it resumes from these values.
+/// Units: positions in scene units; t in multiples of |direction|.
 /// Requires: |direction| about 1; the origin's coordinates at most kReach times the scene's largest
-/// (PrimaryRay and shading see to it: ReferencePadding rests on it).
+/// (PrimaryRay and shading ensure it; ReferencePadding depends on it).
 struct Ray {
   glm::vec3 origin{0};
-  float t = 0;  ///< reached so far: nothing before it needs another look
+  float t = 0;  ///< reached so far: no hit before it is missing
   glm::vec3 direction{0, 0, 1};
   float t_max = kInfinity;  ///< hits at or beyond it do not count
   Hit hit;
-  uint32_t chain = 0;  ///< the voxel of a chain to go on with at `t`; 0: with the first
+  uint32_t chain = 0;  ///< the voxel of a chain to go on with at `t`; 0: the chain's first
 };
 
 }  // namespace quarry

@@ -6,9 +6,9 @@
 
 namespace quarry {
 
-/// What traversal and triangle test derive from rays once: reciprocals, and the shear that makes the ray the
-/// z axis of a space whose unit is the ray's own t.
-/// Source: Woop, Benthin & Wald 2013, "Watertight Ray/Triangle Intersection", section 3.1.
+/// Values that traversal and the triangle test derive from a ray once: reciprocals of the direction, and the
+/// shear that makes the ray the z axis of a space whose unit is the ray's own t. Source: Woop, Benthin & Wald
+/// 2013, "Watertight Ray/Triangle Intersection", section 3.1.
 template <class L>
 struct RayFrame {
   using Float = typename L::Float;
@@ -17,20 +17,20 @@ struct RayFrame {
   Float reciprocal[3];  ///< of the direction, components under 1e-18 replaced by 1e-18 of the same sign
   Float shift[3];       ///< see PlaneT
   Float shear_x, shear_y, scale_z;
-  Mask z_is_x, z_is_y;  ///< which axis is the direction's largest; z where neither
+  Mask z_is_x, z_is_y;  ///< the direction's largest axis; neither: z
 };
 
-/// Where rays meet the plane at `plane` across `axis`, as t. Every kernel finds the cell of a ray by this
-/// arithmetic alone, at the top level and in voxels: it never decreases along a ray from plane to plane, so
-/// all kernels agree to the last bit on the cell that a ray is in at a given t. Hence a ray that one kernel
-/// has suspended goes on in the voxel that it waited for, whichever kernel takes it up.
+/// The t at which rays meet the plane at `plane` (scene units) across `axis`. Every kernel finds the cell of
+/// a ray by this arithmetic, at the top level and in voxels. It never decreases along a ray from plane to
+/// plane, so that all kernels agree to the last bit on the cell that a ray is in at a given t. Hence a
+/// suspended ray goes on in the voxel that it waited for, whichever kernel takes it up.
 template <class L>
 QUARRY_HOST_DEVICE inline typename L::Float PlaneT(const RayFrame<L>& ray, typename L::Float plane,
                                                    int axis) {
   return L::Fma(plane, ray.reciprocal[axis], ray.shift[axis]);
 }
 
-/// x, y, z renamed so that the last is the ray's largest axis; cyclic, so that faces keep their side.
+/// Renames x, y, z so that z is the ray's largest axis. The renaming is cyclic: faces keep their side.
 template <class L>
 QUARRY_HOST_DEVICE inline void Rotate(const RayFrame<L>& frame, typename L::Float& x, typename L::Float& y,
                                       typename L::Float& z) {
@@ -40,7 +40,7 @@ QUARRY_HOST_DEVICE inline void Rotate(const RayFrame<L>& frame, typename L::Floa
   z = L::Select(frame.z_is_x, x0, L::Select(frame.z_is_y, y0, z0));
 }
 
-/// A component of a direction, or what stands for it where it is too small to divide by.
+/// A component of a direction, or 1e-18 with its sign where it is too small to divide by.
 template <class L>
 QUARRY_HOST_DEVICE inline typename L::Float Divisor(typename L::Float d) {
   const auto least = L::Set(1e-18f);
@@ -75,7 +75,8 @@ QUARRY_HOST_DEVICE inline RayFrame<ScalarLane> MakeRayFrame(const Ray& ray) {
   return MakeRayFrame<ScalarLane>(origin, direction);
 }
 
-/// The part of [t_enter, t_exit] between the planes of a box; `t_of(plane, axis)` is where rays meet a plane.
+/// Narrows [t_enter, t_exit] to the part between the planes of a box. `t_of(plane, axis)`: the t at which
+/// rays meet a plane.
 template <class L, class PlaneT>
 QUARRY_HOST_DEVICE inline void ClipToSlabs(const float (&lower)[3], const float (&upper)[3], PlaneT t_of,
                                            typename L::Float& t_enter, typename L::Float& t_exit) {
@@ -87,8 +88,8 @@ QUARRY_HOST_DEVICE inline void ClipToSlabs(const float (&lower)[3], const float 
   }
 }
 
-/// The part [t_enter, t_exit] of the rays that lies in a box; empty (t_enter > t_exit) for those that miss.
-/// Rounding is taken care of by the padding of the scene's box.
+/// Narrows [t_enter, t_exit] to the part in a box; empty (t_enter > t_exit) for rays that miss. The padding
+/// of the scene's box covers rounding.
 template <class L>
 QUARRY_HOST_DEVICE inline void ClipToBox(const RayFrame<L>& ray, const float (&lower)[3],
                                          const float (&upper)[3], typename L::Float& t_enter,
@@ -97,7 +98,7 @@ QUARRY_HOST_DEVICE inline void ClipToBox(const RayFrame<L>& ray, const float (&l
   ClipToSlabs<L>(lower, upper, t_of, t_enter, t_exit);
 }
 
-/// Which of the rays come to a box between t_enter and t_exit.
+/// The rays that come to a box between t_enter and t_exit.
 template <class L>
 QUARRY_HOST_DEVICE inline typename L::Mask Meets(const RayFrame<L>& ray, const float (&lower)[3],
                                                  const float (&upper)[3], typename L::Float t_enter,

@@ -9,26 +9,27 @@
 
 namespace quarry {
 
-/// 64 rays side by side, as kernels read and write them: what Ray holds, field by field. For a coherent
-/// packet ray i belongs to pixel (i % 8, i / 8) of an 8x8 block; for other kernels the order is free. A ray
-/// that is suspended stays here, and goes on from here. 3,840 bytes.
+/// 64 rays side by side, as kernels read and write them: the fields of Ray, each an array. In a coherent
+/// packet ray i belongs to pixel (i % 8, i / 8) of an 8x8 block; for other kernels the order is free. A
+/// suspended ray stays in its packet, and goes on from there. 3,840 bytes. Not synchronized: one thread at a
+/// time.
 struct alignas(64) RayPacket {
   static constexpr uint32_t kSide = 8;
   static constexpr uint32_t kRays = kSide * kSide;
 
   float origin[3][kRays];
   float direction[3][kRays];
-  float t[kRays];             ///< reached so far: nothing before it needs another look
+  float t[kRays];             ///< reached so far: no hit before it is missing
   float hit_t[kRays];         ///< of the nearest hit so far, or the greatest t at which a hit would count
-  uint32_t triangle[kRays];   ///< scene-wide id of what is hit; kNoTriangle for none
-  uint32_t chain[kRays];      ///< the voxel of a chain to go on with at `t`; 0: with the first
+  uint32_t triangle[kRays];   ///< scene-wide id of the triangle hit; kNoTriangle: none
+  uint32_t chain[kRays];      ///< the voxel of a chain to go on with at `t`; 0: the chain's first
   uint32_t waits_for[kRays];  ///< out: the voxel without which the ray cannot go on, or kNoVoxel: it is done
-  // What follows means nothing where any hit ends a ray.
+  // The fields below are not used where any hit ends a ray.
   float b1[kRays], b2[kRays];  ///< barycentric weights of the second and third vertex
   uint32_t voxel[kRays];       ///< a voxel that holds the triangle (the one it was found in)
   uint32_t local[kRays];       ///< the triangle's index in that voxel
 
-  /// Those that mean something.
+  /// Bytes of the fields that are used.
   static constexpr size_t Bytes(bool any_hit) { return (any_hit ? 11 : 15) * sizeof(float[kRays]); }
 
   void Set(uint32_t i, const Ray& ray) {
@@ -46,7 +47,7 @@ struct alignas(64) RayPacket {
     chain[i] = ray.chain;
     waits_for[i] = kNoVoxel;
   }
-  /// New rays in all lanes, to infinity.
+  /// Starts new rays in all lanes, from t = 0 to infinity.
   void SetAll(const float (&origins)[3][kRays], const float (&directions)[3][kRays]) {
     for (int a = 0; a < 3; ++a) {
       std::copy_n(origins[a], kRays, origin[a]);

@@ -10,7 +10,7 @@
 
 #include "common/kdtree/node.h"
 
-// The only place that names Highway. A source file that includes it is compiled for one instruction set
+// The only file that names Highway. A source file that includes it is compiled for one instruction set
 // (-march) and instantiates the kernels for it; the types below then lie in that target's own namespace, so
 // that instances for several targets live in one program.
 
@@ -66,7 +66,6 @@ struct SimdLanes {
     const Int wanted = SetInt(bits);
     return EqualInt(hn::And(a, wanted), wanted);
   }
-  static HWY_INLINE Int AndInt(Int a, Int b) { return hn::And(a, b); }
   static HWY_INLINE Int Iota() { return hn::Iota(IntTag(), 0); }
   static HWY_INLINE Int AddInt(Int a, Int b) { return a + b; }
   template <int kBits>
@@ -177,8 +176,7 @@ struct SimdLanes {
     return m;
   }
   static HWY_INLINE float Least(Float x) { return hn::GetLane(hn::MinOfLanes(FloatTag(), x)); }
-  /// By single loads: on processors whose gathers are slowed by microcode this is 2.7 times as fast (see
-  /// README.md), on others no slower than a fifth.
+  /// By single loads: faster than gathers where microcode slows these down (tests/bench/history/kdtree.md).
   static HWY_INLINE void GatherNodes(const KdNode* const* at, Int& payload, Int& link) {
     const auto low = hn::BitCast(IntTag(), Words(at)), high = hn::BitCast(IntTag(), Words(at + kLanes / 2));
     payload = hn::ConcatEven(IntTag(), high, low);

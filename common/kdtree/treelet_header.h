@@ -6,14 +6,14 @@
 
 namespace quarry {
 
-/// Node slots that a header takes.
+/// Node slots of a header.
 inline constexpr uint32_t kTreeletHeaderSlots = 4;
 
-/// Lies in the four slots before a treelet's first pair. See treelets.h.
+/// The header of a treelet, in the four slots before its first pair. See treelets.h.
 struct TreeletHeader {
-  float lower[3], upper[3];  ///< of the treelet's root
+  float lower[3], upper[3];  ///< box of the treelet's root, scene units
   uint32_t parent;           ///< first pair of the treelet above; 0 for the topmost
-  uint32_t root;             ///< the node from which to descend
+  uint32_t root;             ///< the treelet's root
 };
 static_assert(sizeof(TreeletHeader) == kTreeletHeaderSlots * sizeof(KdNode), "lies in node slots");
 

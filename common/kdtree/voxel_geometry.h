@@ -6,7 +6,6 @@
 
 #include "common/kdtree/node.h"
 #include "common/kdtree/ray.h"
-#include "common/kdtree/rope_leaf.h"
 #include "common/kdtree/wide_node.h"
 #include "common/math/host_device.h"
 
@@ -17,20 +16,19 @@ struct TrianglePoints {
   const float* at[3];
 };
 
-/// The hot part of a resident voxel, as kernels see it: pointers into one decoded block, valid while it is
-/// pinned. Every index was checked when the block was decoded. `Index`: of triangles and vertices in the
-/// voxel.
+/// The hot part of a resident voxel: pointers into one decoded block, valid while the block is pinned. Every
+/// index was checked at decode. `Index`: the type of triangles' and vertices' indices in the voxel. Read-only
+/// and thread-safe.
 template <class Index>
 struct VoxelGeometryOf {
   const KdNode* nodes = nullptr;           ///< in treelets, headers filled in; null in a render
   const Index* references = nullptr;       ///< leaves' ranges: local triangle indices
-  const Index* corners = nullptr;          ///< three local vertex indices a triangle
+  const Index* corners = nullptr;          ///< three local vertex indices for each triangle
   const glm::vec3* vertices = nullptr;     ///< scene units, the input's precision
   const uint32_t* triangle_ids = nullptr;  ///< scene-wide ids
   const uint16_t* materials = nullptr;     ///< a triangle's material
   const uint32_t* parts = nullptr;         ///< a triangle's part
-  const RopeLeaf* ropes = nullptr;         ///< only where a bench has given the tree ropes
-  const WideNode* wide = nullptr;          ///< the same tree in wide nodes, derived
+  const WideNode* wide = nullptr;          ///< the same tree in wide nodes, derived at decode
   uint32_t node_count = 0, wide_count = 0, reference_count = 0, triangle_count = 0, vertex_count = 0;
 
   const glm::vec3& vertex(uint32_t triangle, int corner) const {
@@ -46,35 +44,36 @@ QUARRY_HOST_DEVICE inline TrianglePoints PointsOf(const VoxelGeometryOf<Index>& 
   return {{&voxel.vertices[corner[0]].x, &voxel.vertices[corner[1]].x, &voxel.vertices[corner[2]].x}};
 }
 
-/// The box of a voxel's triangles, grown by the scene's padding: any hit that traversal may see lies in it.
+/// The box of a voxel's triangles, scene units, grown by the scene's padding: it holds any hit that traversal
+/// may see.
 struct VoxelBounds {
   float lower[3], upper[3];
 };
 
-/// The top-level tree, whole on every worker: leaves are voxels, chains of them, or empty.
+/// The top-level tree, whole on every worker: a leaf is a voxel, a voxel chain, or empty. Read-only and
+/// thread-safe.
 struct TopTree {
   const KdNode* nodes = nullptr;  ///< in treelets, headers filled in
   const uint32_t* chain_end =
       nullptr;  ///< per voxel: one past the last of its leaf, whose ids follow each other
-  const VoxelBounds* bounds = nullptr;  ///< per voxel: rays that pass beside it need not visit it
+  const VoxelBounds* bounds = nullptr;  ///< per voxel: rays that miss the box do not visit the voxel
   glm::vec3 lower{0}, upper{0};         ///< the root's box: the scene's bounds, padded
-  const RopeLeaf* ropes = nullptr;      ///< only where a bench has given the tree ropes
-  /// The same tree in wide nodes, derived; boxes cut down to the bounds of what is in them.
+  /// The same tree in wide nodes, derived; boxes cut down to their content.
   const WideNode* wide = nullptr;
 
   /// The next voxel of the same leaf, or kNoVoxel.
   QUARRY_HOST_DEVICE uint32_t NextInChain(uint32_t voxel) const {
     return voxel + 1 < chain_end[voxel] ? voxel + 1 : kNoVoxel;
   }
-  /// Where a ray goes on in the leaf whose first voxel is `first`: with `voxel`, the one that it has waited
-  /// for, if that is one of the leaf's.
+  /// The voxel that a ray goes on with in the leaf whose first voxel is `first`: `voxel`, which it has waited
+  /// for, if the leaf has it; else `first`.
   QUARRY_HOST_DEVICE uint32_t GoOnInChain(uint32_t first, uint32_t voxel) const {
     return first < voxel && voxel < chain_end[first] ? voxel : first;
   }
 };
 
-/// How kernels ask for voxels: the geometry, or null when it is not resident. What it returned stays valid
-/// until the kernel returns. Called on the kernel's thread; must not block.
+/// Finds a voxel for a kernel: its geometry, or null when it is not resident. The geometry stays valid until
+/// the kernel returns. Called on the kernel's thread; must not block.
 template <class IndexType>
 struct VoxelFinderOf {
   using Index = IndexType;

@@ -4,9 +4,9 @@
 
 namespace quarry {
 
-/// Up to eight cells of a kd-tree beside each other, for one ray against vectors of boxes. The boxes are cut
-/// down to what is in them; cells that hold nothing have no place. They do not overlap, so a ray passes them
-/// one after the other.
+/// Up to eight cells of a kd-tree side by side, for one ray against vectors of boxes. Boxes (scene units) are
+/// cut down to their content; empty cells have no place. Cells do not overlap: a ray passes them one after
+/// the other.
 struct alignas(16) WideNode {
   static constexpr uint32_t kChildren = 8;
   static constexpr uint16_t kInner = 0xFFFF;
@@ -18,9 +18,9 @@ struct alignas(16) WideNode {
   static constexpr uint32_t Face(uint32_t axis, bool upper) { return (upper ? axis + 3 : axis) * kChildren; }
   uint32_t child[kChildren] = {};  ///< the node; of a leaf: the first reference, or voxel
   uint16_t count[kChildren] = {};  ///< of a leaf's references, or voxels; kInner: not a leaf
-  uint32_t parent = 0;             ///< node * 8 + this one's place among its children
-  /// In which order rays that go up in z pass the children, three bits each, by octant: bit 0 set where they
-  /// go down in x, bit 1 in y. Rays of the opposite octant pass them the other way round.
+  uint32_t parent = 0;             ///< parent * 8 + this node's place among its children
+  /// The order in which rays that go up in z pass the children, three bits each, by octant: bit 0 set where
+  /// rays go down in x, bit 1 in y. Rays of the opposite octant pass the children in reverse order.
   uint8_t order[4][3] = {};
 
   uint32_t Order(uint32_t octant) const {

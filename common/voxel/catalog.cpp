@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/kdtree/box8.h"
-#include "common/kdtree/treelets.h"
-#include "common/kdtree/wide_tree.h"
+#include "common/kdtree/build/box8.h"
+#include "common/kdtree/build/treelets.h"
+#include "common/kdtree/build/wide_tree.h"
 #include "common/scene/open_pbr.h"
 
 namespace quarry {

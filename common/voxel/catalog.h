@@ -105,8 +105,8 @@ struct Catalog {
   /// Upper limit of block numbers: each is below it.
   size_t block_numbers() const { return voxels.size() * kBlockKinds; }
   TopTree top_tree() const {
-    return {top_nodes.data(), chain_end.data(), bounds.data(),  meta.root_lower,
-            meta.root_upper,  nullptr,          top_wide.data()};
+    return {top_nodes.data(), chain_end.data(), bounds.data(),
+            meta.root_lower,  meta.root_upper,  top_wide.data()};
   }
 };
 

@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "common/base/status.h"
-#include "common/kdtree/box8.h"
+#include "common/kdtree/build/box8.h"
+#include "common/kdtree/build/wide_tree.h"
 #include "common/kdtree/voxel_geometry.h"
-#include "common/kdtree/wide_tree.h"
 
 namespace quarry {
 

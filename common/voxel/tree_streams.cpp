@@ -4,7 +4,7 @@
 #include <cstring>
 
 #include "common/base/check.h"
-#include "common/kdtree/treelets.h"
+#include "common/kdtree/build/treelets.h"
 #include "common/voxel/byte_planes.h"
 
 namespace quarry {

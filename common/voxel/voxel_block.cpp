@@ -6,7 +6,7 @@
 #include <algorithm>
 
 #include "common/base/check.h"
-#include "common/kdtree/treelets.h"
+#include "common/kdtree/build/treelets.h"
 #include "common/kdtree/wide_node.h"
 #include "common/voxel/byte_planes.h"
 #include "common/voxel/tree_streams.h"

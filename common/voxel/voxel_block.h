@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "common/base/bytes.h"
-#include "common/kdtree/build.h"
+#include "common/kdtree/build/build.h"
 #include "common/kdtree/node.h"
 #include "common/voxel/block_key.h"
 

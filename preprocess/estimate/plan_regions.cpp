@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "common/base/resource.h"
-#include "common/kdtree/triangle_test.h"
+#include "common/kdtree/trace/triangle_test.h"
 #include "preprocess/partition/partition.h"
 #include "preprocess/partition/split.h"
 #include "preprocess/partition/voxel_builder.h"

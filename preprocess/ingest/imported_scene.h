@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "common/kdtree/build.h"
+#include "common/kdtree/build/build.h"
 #include "common/kdtree/ray.h"
 #include "common/scene/material.h"
 #include "common/scene/scene_views.h"

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "common/base/file.h"
-#include "common/kdtree/clipped_triangle.h"
+#include "common/kdtree/build/clipped_triangle.h"
 #include "preprocess/partition/split.h"
 
 namespace quarry {

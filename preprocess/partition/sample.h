@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "common/base/bytes.h"
-#include "common/kdtree/build.h"
+#include "common/kdtree/build/build.h"
 #include "preprocess/spill/triangle_record.h"
 
 namespace quarry {

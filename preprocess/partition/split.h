@@ -9,7 +9,7 @@
 #include <span>
 #include <vector>
 
-#include "common/kdtree/build.h"
+#include "common/kdtree/build/build.h"
 #include "common/kdtree/ray.h"
 
 namespace quarry {

@@ -6,9 +6,9 @@
 #include <cstring>
 #include <numeric>
 
-#include "common/kdtree/prune.h"
-#include "common/kdtree/treelets.h"
-#include "common/kdtree/wide_tree.h"
+#include "common/kdtree/build/prune.h"
+#include "common/kdtree/build/treelets.h"
+#include "common/kdtree/build/wide_tree.h"
 
 namespace quarry {
 namespace {
@@ -70,7 +70,7 @@ namespace {
 
 constexpr uint16_t kUnseen = 0xFFFF;
 // SAH steps that a byte is worth: saves a quarter of the bytes for a sixtieth of the SAH cost
-// (common/kdtree/README.md).
+// (tests/bench/history/preprocess.md).
 constexpr float kByteWorth = 0.015f;
 
 struct VoxelTree {

@@ -2,7 +2,7 @@
 
 #include <span>
 
-#include "common/kdtree/build.h"
+#include "common/kdtree/build/build.h"
 #include "common/voxel/store_writer.h"
 #include "preprocess/spill/triangle_record.h"
 

@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "common/kdtree/build.h"
+#include "common/kdtree/build/build.h"
 
 namespace quarry {
 

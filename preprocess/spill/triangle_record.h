@@ -7,7 +7,7 @@
 #include <glm/vec3.hpp>
 #include <type_traits>
 
-#include "common/kdtree/build.h"
+#include "common/kdtree/build/build.h"
 #include "common/voxel/voxel_block.h"
 
 namespace quarry {

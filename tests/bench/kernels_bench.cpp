@@ -14,6 +14,7 @@
 
 #include "common/engine/blocks/loader.h"
 #include "common/engine/blocks/pinned_blocks.h"
+#include "common/kdtree/variants/all_kernels.h"
 #include "tests/bench/embree_rays.h"
 #include "tests/bench/figures.h"
 #include "tests/bench/grazing.h"
@@ -130,6 +131,13 @@ bool GrazesNearer(const test::ResidentScene& scene, const RayPacket& rays, uint3
   return false;
 }
 
+/// Whether the kernel has the widest vectors of its grouping, over treelets. `kernel`: of AllKernels().
+bool IsBest(const Kernel& kernel) {
+  return &kernel == &*std::ranges::find_if(AllKernels(), [&](const Kernel& other) {
+    return other.grouping == kernel.grouping && other.algorithm == Algorithm::kTreelets;
+  });
+}
+
 /// Of shadow rays Embree does not tell which triangle stops them: what it alone has hit is not explained.
 bool MayGraze(const test::ResidentScene& scene, const RaySet& set, size_t packet, uint32_t i,
               const Hit& embree, const Hit& quarry) {
@@ -215,8 +223,8 @@ class SceneBench {
                             return SecondsSince(start);
                           },
                           {}});
-    for (const Kernel& kernel : Kernels()) {
-      const bool best = &kernel == &BestKernel(kernel.grouping);
+    for (const Kernel& kernel : AllKernels()) {
+      const bool best = IsBest(kernel);
       if (!options_.only.empty() && Name(kernel).find(options_.only) == std::string::npos) continue;
       if (best || options_.all) AddKernel(set, kernel, contenders);
     }
@@ -320,7 +328,7 @@ class SceneBench {
         }
       }
       std::vector<RayPacket> expected;
-      for (const Kernel& kernel : Kernels()) {
+      for (const Kernel& kernel : AllKernels()) {
         const SceneView& view = scene_->view(kernel.algorithm);
         found_ = fresh;
         TraceAll(view, kernel.closest, found_);
@@ -336,7 +344,7 @@ class SceneBench {
                                                     [](uint32_t id) { return id != kNoTriangle; }));
     }
     fmt::print("{}: {} rays, {} hits, {} kernels, {} suspended: {} mismatches\n", name_, rays, hits,
-               Kernels().size(), suspended, mismatches);
+               AllKernels().size(), suspended, mismatches);
     if (mismatches != 0) return Fail(fmt::format("{}: kernels disagree on {} rays", name_, mismatches));
     return {};
   }
@@ -353,8 +361,8 @@ class SceneBench {
   }
 
   void PrintStatistics(const RaySet& set) {
-    for (const Kernel& kernel : Kernels()) {
-      if (&kernel != &BestKernel(kernel.grouping)) continue;
+    for (const Kernel& kernel : AllKernels()) {
+      if (!IsBest(kernel)) continue;
       if (!options_.only.empty() && Name(kernel).find(options_.only) == std::string::npos) continue;
       found_ = set.packets;
       TraceStatistics s;
@@ -425,7 +433,7 @@ int Main(int argc, char** argv) {
     return 2;
   };
   if (options.size % RayPacket::kSide != 0) return fail("--size: not a multiple of 8");
-  if (Kernels().empty()) return fail("QUARRY_ISA names no instruction set that this processor has");
+  if (AllKernels().empty()) return fail("QUARRY_ISA names no instruction set that this processor has");
   nlohmann::json results = nlohmann::json::array();
   int exit_status = 0;
   for (const std::string& store : options.stores) {

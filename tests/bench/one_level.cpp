@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <unordered_map>
 
-#include "common/kdtree/treelets.h"
-#include "common/kdtree/wide_tree.h"
+#include "common/kdtree/build/treelets.h"
+#include "common/kdtree/build/wide_tree.h"
 #include "tests/bench/one_level_kernels.h"
 
 namespace quarry::bench {
@@ -73,7 +73,7 @@ OneLevelScene::OneLevelScene(const test::ResidentScene& scene) {
   top_wide_ = MakeWideTree(top_, box, 0, [](const KdNode&, const Box& cell) { return cell; });
   bounds_ = {{meta.root_lower.x, meta.root_lower.y, meta.root_lower.z},
              {meta.root_upper.x, meta.root_upper.y, meta.root_upper.z}};
-  tree_ = {top_.data(), kEnd, &bounds_, meta.root_lower, meta.root_upper, nullptr, top_wide_.data()};
+  tree_ = {top_.data(), kEnd, &bounds_, meta.root_lower, meta.root_upper, top_wide_.data()};
 }
 
 void OneLevelScene::Trace(RayPacket* packets, const uint64_t* active, uint32_t count, Grouping grouping,

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "common/kdtree/kernel_list.h"
+#include "common/kdtree/trace/render_kernels.h"
 
 namespace quarry::bench {
 

@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/base/resource.h"
-#include "common/kdtree/treelets.h"
+#include "common/kdtree/build/treelets.h"
 #include "common/voxel/store_reader.h"
 #include "tests/bench/figures.h"
 #include "tests/bench/median.h"

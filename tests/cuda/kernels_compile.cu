@@ -1,5 +1,5 @@
 // The kernels' source compiles for CUDA: one ray a thread, each way of the family. Nothing runs it yet.
-#include "common/kdtree/single_trace.h"
+#include "common/kdtree/variants/single_trace.h"
 
 namespace quarry {
 

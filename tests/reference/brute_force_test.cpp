@@ -6,7 +6,8 @@
 #include <bit>
 #include <utility>
 
-#include "common/kdtree/stream_trace.h"
+#include "common/kdtree/trace/stream_trace.h"
+#include "common/kdtree/variants/all_kernels.h"
 #include "tests/reference/scene_fixture.h"
 
 namespace quarry::test {
@@ -134,7 +135,7 @@ void CompareAll(const LoadedScene& scene, uint32_t rays, const std::string& name
     hits += expected.back().triangle != kNoTriangle;
   }
   constexpr uint32_t kFew = 4;  // packets: few enough that some of their rays come to a voxel by themselves
-  uint64_t differences = 0, together = 0, parted = 0;
+  uint64_t differences = 0, together = 0, diverged = 0;
   Suspensions suspended;
   const auto& voxels = scene.resident().view().voxels();
   const auto compare = [&](const std::vector<RayPacket>& found, const std::vector<RayPacket>& occluded,
@@ -174,7 +175,7 @@ void CompareAll(const LoadedScene& scene, uint32_t rays, const std::string& name
     std::rotate(expected.begin(), expected.begin() + part * RayPacket::kRays, expected.end());
   }
   std::vector<TraceFunction> all_closest, all_any;
-  for (const Kernel& kernel : Kernels()) {
+  for (const Kernel& kernel : AllKernels()) {
     const SceneView& view = scene.resident().view(kernel.algorithm);
     const std::string by = fmt::format("{} grouping {} algorithm {}", kernel.isa,
                                        static_cast<int>(kernel.grouping), static_cast<int>(kernel.algorithm));
@@ -191,8 +192,8 @@ void CompareAll(const LoadedScene& scene, uint32_t rays, const std::string& name
     all_closest.push_back(kernel.closest);
     all_any.push_back(kernel.any);
     if (!kernel.coherent_closest) continue;
-    // Those with company by this kernel; the others go on by one that takes them all, from where they are.
-    const auto rest = std::find_if(Kernels().begin(), Kernels().end(), [&](const Kernel& other) {
+    // Coherent rays by this kernel; the other rays go on from where they are by a kernel that takes all.
+    const auto rest = std::find_if(AllKernels().begin(), AllKernels().end(), [&](const Kernel& other) {
       return other.isa == kernel.isa && other.grouping == Grouping::kWide;
     });
     found = closest;
@@ -204,7 +205,7 @@ void CompareAll(const LoadedScene& scene, uint32_t rays, const std::string& name
       std::fill_n(left, n, ~uint64_t{0});
       with(view.top(), view.finder(), packets.data() + first, left, n);
       for (uint32_t i = 0; i < n && kernel.grouping == Grouping::kStream; ++i)
-        parted += static_cast<uint64_t>(std::popcount(left[i]));
+        diverged += static_cast<uint64_t>(std::popcount(left[i]));
       without(view.top(), view.finder(), packets.data() + first, left, n);
     };
     for (size_t first = 0; first < count; first += kFew) {
@@ -212,7 +213,7 @@ void CompareAll(const LoadedScene& scene, uint32_t rays, const std::string& name
       go(kernel.coherent_any, rest->any, occluded, first);
     }
     if (kernel.grouping == Grouping::kStream) together += 2 * all.size();
-    compare(found, occluded, by + " where there is company");
+    compare(found, occluded, by + " for coherent rays");
   }
   // A ray that has waited may be gone on with by another kernel, in the voxel that it waited for.
   const SceneView& view = scene.resident().view(Algorithm::kTreelets);
@@ -222,13 +223,13 @@ void CompareAll(const LoadedScene& scene, uint32_t rays, const std::string& name
   suspended += TraceSuspending(view, all_any, occluded);
   compare(found, occluded, "kernels in turn");
   WARN(name << ": " << scene.triangles().size() << " triangles, " << scene.voxels().size() << " voxels, "
-            << expected.size() << " rays, " << hits << " hits, " << Kernels().size() << " kernels, "
-            << suspended.refused << " voxels refused, " << parted << " rays left streams of " << together
+            << expected.size() << " rays, " << hits << " hits, " << AllKernels().size() << " kernels, "
+            << suspended.refused << " voxels refused, " << diverged << " rays left streams of " << together
             << ", " << differences << " differences");
   CHECK(differences == 0);
   CHECK(suspended.repeated == 0);
-  CHECK(parted > 0);
-  CHECK(parted < together);
+  CHECK(diverged > 0);
+  CHECK(diverged < together);
   CHECK(hits > expected.size() / 50);
 }
 
@@ -314,14 +315,14 @@ TEST_CASE("Streams that most rays leave are passed over, and no hit changes", "[
     for (const uint64_t mask : left) count += static_cast<uint64_t>(std::popcount(mask));
     CHECK(count > uint64_t{kStreamPackets} * RayPacket::kRays * 3 / 4);
   }
-  std::vector<RayPacket> by_rule = rays, alone = rays;
+  std::vector<RayPacket> by_rule = rays, single = rays;
   TraceAll(view, ClosestByRule, by_rule);
-  TraceAll(view, BestKernel(Grouping::kWide).closest, alone);
+  TraceAll(view, BestKernel(Grouping::kWide).closest, single);
   uint64_t hits = 0, differences = 0;
   for (size_t p = 0; p < rays.size(); ++p)
     for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
-      hits += alone[p].triangle[i] != kNoTriangle ? 1 : 0;
-      differences += SameBits(by_rule[p].HitOf(i), alone[p].HitOf(i)) ? 0 : 1;
+      hits += single[p].triangle[i] != kNoTriangle ? 1 : 0;
+      differences += SameBits(by_rule[p].HitOf(i), single[p].HitOf(i)) ? 0 : 1;
     }
   CHECK(hits > rays.size() * RayPacket::kRays / 4);
   CHECK(differences == 0);

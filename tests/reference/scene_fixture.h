@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "common/kdtree/triangle_test.h"
+#include "common/kdtree/trace/triangle_test.h"
 #include "preprocess/preprocess.h"
 #include "tests/support/resident_scene.h"
 #include "tests/support/temporary_folder.h"

@@ -6,7 +6,7 @@
 #include <bit>
 
 #include "common/base/check.h"
-#include "common/kdtree/ropes.h"
+#include "tests/support/ropes.h"
 
 namespace quarry::test {
 namespace {
@@ -92,25 +92,18 @@ const SceneView& ResidentScene::view(Algorithm algorithm) {
   auto view = std::make_unique<SceneView>(SceneView{});
   view->voxels_ = views_[0]->voxels_;
   view->top_ = c.top_tree();
-  const auto lay_out = [&](const KdNode* nodes, uint32_t count, const Box& box, const KdNode*& laid,
-                           const RopeLeaf*& ropes) {
+  const auto lay_out = [&](const KdNode* nodes, uint32_t count, const Box& box, const KdNode*& laid) {
     const std::vector<KdNode> plain = FlattenTreelets({nodes, count});
-    if (algorithm == Algorithm::kRopes) {
-      RopeTree tree = MakeRopes(plain, box);
-      view->nodes_.push_back(std::move(tree.nodes));
-      view->ropes_.push_back(std::move(tree.leaves));
-      ropes = view->ropes_.back().data();
-    } else {
-      view->nodes_.push_back(LayOutTreelets(plain, LevelsOf(algorithm), box));
-    }
+    view->nodes_.push_back(algorithm == Algorithm::kRopes ? MakeRopes(plain, box)
+                                                          : LayOutTreelets(plain, LevelsOf(algorithm), box));
     laid = view->nodes_.back().data();
   };
   for (size_t v = 0; v < view->voxels_.size(); ++v) {
     VoxelGeometry& g = view->voxels_[v];
-    lay_out(g.nodes, g.node_count, CellOf(g.nodes), g.nodes, g.ropes);
+    lay_out(g.nodes, g.node_count, CellOf(g.nodes), g.nodes);
   }
   lay_out(c.top_nodes.data(), static_cast<uint32_t>(c.top_nodes.size()),
-          {c.meta.root_lower, c.meta.root_upper}, view->top_.nodes, view->top_.ropes);
+          {c.meta.root_lower, c.meta.root_upper}, view->top_.nodes);
   views_[which] = std::move(view);
   return *views_[which];
 }

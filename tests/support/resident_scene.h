@@ -6,8 +6,8 @@
 #include <utility>
 #include <vector>
 
+#include "common/kdtree/build/treelets.h"
 #include "common/kdtree/kernels.h"
-#include "common/kdtree/treelets.h"
 #include "common/voxel/block_decoder.h"
 #include "common/voxel/store_reader.h"
 
@@ -30,7 +30,6 @@ class SceneView {
   TopTree top_;
   std::vector<VoxelGeometry> voxels_;
   std::vector<std::vector<KdNode>> nodes_;
-  std::vector<std::vector<RopeLeaf>> ropes_;
 };
 
 /// Memory between pages that nobody may touch: what reads or writes outside it ends the program.

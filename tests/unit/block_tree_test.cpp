@@ -3,8 +3,8 @@
 #include <cstring>
 #include <random>
 
-#include "common/kdtree/treelets.h"
-#include "common/kdtree/wide_tree.h"
+#include "common/kdtree/build/treelets.h"
+#include "common/kdtree/build/wide_tree.h"
 #include "common/voxel/block_decoder.h"
 #include "common/voxel/store_writer.h"
 

@@ -11,7 +11,7 @@
 #include <random>
 #include <tuple>
 
-#include "common/kdtree/prune.h"
+#include "common/kdtree/build/prune.h"
 #include "preprocess/partition/sample.h"
 #include "preprocess/partition/split.h"
 #include "preprocess/partition/voxel_builder.h"

@@ -10,7 +10,7 @@
 #include <limits>
 #include <random>
 
-#include "common/kdtree/treelets.h"
+#include "common/kdtree/build/treelets.h"
 #include "common/voxel/block_decoder.h"
 #include "common/voxel/store_format.h"
 #include "common/voxel/store_reader.h"

@@ -1,9 +1,9 @@
-#include "common/kdtree/treelets.h"
+#include "common/kdtree/build/treelets.h"
 
 #include <catch2/catch.hpp>
 #include <random>
 
-#include "common/kdtree/ropes.h"
+#include "tests/support/ropes.h"
 
 namespace quarry {
 namespace {
@@ -94,8 +94,10 @@ TEST_CASE("A layout takes just the slots it says") {
 TEST_CASE("Ropes lead across each face to the leaf beyond") {
   std::mt19937 random(7);
   const std::vector<KdNode> plain = RandomTree(random, 300);
-  const RopeTree tree = MakeRopes(plain, kCell);
-  for (const RopeLeaf& leaf : tree.leaves)
+  const std::vector<KdNode> tree = MakeRopes(plain, kCell);
+  for (size_t i = 0; i < plain.size(); ++i) {
+    if (!plain[i].is_leaf()) continue;
+    const RopeLeaf& leaf = RopeLeafAt(tree.data(), tree[i].first());
     for (int face = 0; face < 6; ++face) {
       const int axis = face / 2;
       glm::vec3 beyond;
@@ -106,11 +108,11 @@ TEST_CASE("Ropes lead across each face to the leaf beyond") {
         REQUIRE(node == kNoRope);
         continue;
       }
-      while (!tree.nodes[node].is_leaf())
-        node =
-            tree.nodes[node].left() + (beyond[tree.nodes[node].axis()] >= tree.nodes[node].split() ? 1u : 0u);
-      REQUIRE(tree.nodes[node] == LeafAt(tree.nodes, beyond));
+      while (!tree[node].is_leaf())
+        node = tree[node].left() + (beyond[tree[node].axis()] >= tree[node].split() ? 1u : 0u);
+      REQUIRE(tree[node] == LeafAt(tree, beyond));
     }
+  }
 }
 
 }  // namespace quarry

@@ -1,11 +1,11 @@
-#include "common/kdtree/wide_tree.h"
+#include "common/kdtree/build/wide_tree.h"
 
 #include <catch2/catch.hpp>
 #include <functional>
 #include <random>
 
-#include "common/kdtree/kernels.h"
-#include "common/kdtree/treelets.h"
+#include "common/kdtree/build/treelets.h"
+#include "common/kdtree/variants/all_kernels.h"
 
 namespace quarry {
 namespace {
@@ -189,7 +189,7 @@ TEST_CASE(
   const uint32_t chain_end = 1;
   const VoxelBounds bounds{{cell.lower.x, cell.lower.y, cell.lower.z},
                            {cell.upper.x, cell.upper.y, cell.upper.z}};
-  const TopTree tree{top.data(), &chain_end, &bounds, cell.lower, cell.upper, nullptr, top_wide.data()};
+  const TopTree tree{top.data(), &chain_end, &bounds, cell.lower, cell.upper, top_wide.data()};
   const VoxelFinder finder{[](void* v, uint32_t) { return static_cast<const VoxelGeometry*>(v); }, &voxel};
   std::vector<RayPacket> rays(1);
   for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
@@ -214,7 +214,7 @@ TEST_CASE(
     const std::vector<WideNode> wide = MakeWideTree(laid, cell, 0, box);
     CHECK(wide.size() > kLeaves / 8);
     voxel.wide = wide.data();
-    for (const Kernel& kernel : Kernels()) {
+    for (const Kernel& kernel : AllKernels()) {
       if (kernel.algorithm != Algorithm::kTreelets || (hundreds && kernel.grouping == Grouping::kStream))
         continue;
       std::vector<RayPacket> found = rays;

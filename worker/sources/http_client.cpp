@@ -1,5 +1,4 @@
-// Longer than 400 lines: one class serves a connection from opening to closing, and all steps share its
-// state.
+// Long: one class serves a connection from opening to closing, and all steps share its state.
 
 #include "worker/sources/http_client.h"
 

@@ -1,0 +1,121 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <glm/vec3.hpp>
+#include <limits>
+#include <span>
+#include <vector>
+
+#include "common/kdtree/node.h"
+
+namespace quarry {
+
+/// An axis-aligned box, closed; scene units.
+struct Box {
+  glm::vec3 lower{0}, upper{0};
+
+  void Include(const glm::vec3& p) {
+    for (int a = 0; a < 3; ++a) {
+      lower[a] = p[a] < lower[a] ? p[a] : lower[a];
+      upper[a] = p[a] > upper[a] ? p[a] : upper[a];
+    }
+  }
+  float extent(int axis) const { return upper[axis] - lower[axis]; }
+  float half_area() const {
+    const float x = extent(0), y = extent(1), z = extent(2);
+    return x * y + y * z + z * x;
+  }
+};
+
+/// The least box around `points`. Requires: at least one point.
+inline Box BoundsOf(std::span<const glm::vec3> points) {
+  Box box{points[0], points[0]};
+  for (const glm::vec3& p : points) box.Include(p);
+  return box;
+}
+
+/// A triangle to build a tree over; scene units.
+struct KdTriangle {
+  glm::vec3 vertices[3];
+};
+
+/// Costs of the surface area heuristic. `intersect` is in units of one traversal step.
+struct SahCosts {
+  float intersect = 0.3f;
+  float empty_bonus = 0.8f;  ///< a split that cuts off an empty child costs this fraction
+  float duplicate = 0;       ///< a split that puts all triangles on both sides costs more by this factor
+  float byte = 0;            ///< worth of a byte of the tree, see ByteWorth
+  bool sampled = false;      ///< the triangles are a sample: planes lie at bin borders, not at box ends
+};
+
+/// The SAH cost, times area, that a byte must save in a tree of `triangles` triangles: `costs.byte` traversal
+/// steps of the rays that meet one triangle's share of the root's cell. The worth is thus the same in voxels
+/// of any size.
+float ByteWorth(const SahCosts& costs, const Box& root, size_t triangles);
+
+/// A triangle in a node, with the padded box of its part in the node's cell. Ends beyond the cell do not
+/// matter.
+struct KdReference {
+  float lower[3];
+  uint32_t triangle;
+  float upper[3];
+  uint32_t unused;
+};
+static_assert(sizeof(KdReference) == 32, "half a cache line");
+
+/// A split plane (scene units) and its SAH cost (traversal steps).
+struct KdSplit {
+  float cost = std::numeric_limits<float>::infinity();
+  float position = 0;
+  int axis = -1;  ///< -1: no plane
+};
+
+/// Chooses split planes and divides references by them. Not thread-safe.
+/// Source: the SAH of MacDonald & Booth 1990; perfect splits of Havran & Bittner 2002; empty bonus.
+class KdSplitter {
+ public:
+  /// `triangles` must outlive the splitter. `padding`: see BuildKdTree. `cell` holds all cells to be split.
+  KdSplitter(std::span<const KdTriangle> triangles, float padding, const Box& cell, const SahCosts& costs);
+
+  /// The triangles that reach `cell`.
+  std::vector<KdReference> ReferencesIn(const Box& cell) const;
+  /// The cheapest of the planes weighed.
+  KdSplit Best(const Box& cell, std::span<const KdReference> references) const;
+  /// Replaces the references from `begin` on by the right child's, then the left child's references. Returns
+  /// where the left child's begin. Triangles that span the plane are in both.
+  size_t Divide(std::vector<KdReference>& references, size_t begin, const Box& cell, const KdSplit& split);
+
+ private:
+  KdSplit BestBinned(const Box& cell, std::span<const KdReference> references) const;
+  KdSplit BestExact(const Box& cell, std::span<const KdReference> references) const;
+  KdSplit Shifted(const Box& cell, std::span<const KdReference> references, const KdSplit& split) const;
+
+  std::span<const KdTriangle> triangles_;
+  SahCosts costs_;
+  double growth_;  ///< the padding and a bound on rounding
+  std::vector<KdReference> left_;
+};
+
+/// A kd-tree in stored form: nodes[0] is the root, children lie side by side beyond their parent; leaves name
+/// ranges of `references`.
+struct KdTree {
+  std::vector<KdNode> nodes;
+  std::vector<uint32_t> references;
+};
+
+/// No leaf lies more than this many steps below the root.
+inline constexpr int kMaxKdDepth = 48;
+static_assert(kMaxKdDepth < int{kMostLevels});
+
+/// Builds the SAH kd-tree of one voxel, whose cell is `cell`. `padding` (scene units): a bound, per axis, on
+/// the distance from a triangle at which traversal may see its hit. Every leaf refers to all triangles that
+/// come so near to its closed cell, and to few others: a triangle that spans a split counts on each side with
+/// the box of its part there. `max_bytes` bounds nodes and references together (8 and 2 bytes each): every
+/// subtree gets a share, and a subtree that would outgrow it becomes a leaf. The least tree is one leaf of
+/// all triangles. Requires: triangles.size() < 2^32; finite vertices, |coordinate| <= 2^60. Deterministic.
+/// Thread-safe. No node is split past a cost increase.
+KdTree BuildKdTree(std::span<const KdTriangle> triangles, float padding, const Box& cell,
+                   const SahCosts& costs, size_t max_bytes);
+
+}  // namespace quarry

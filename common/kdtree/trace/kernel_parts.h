@@ -1,0 +1,100 @@
+#pragma once
+
+#include <cstdint>
+
+#include "common/kdtree/ray_frame.h"
+#include "common/kdtree/ray_packet.h"
+#include "common/kdtree/trace/triangle_test.h"
+#include "common/kdtree/treelet_header.h"
+#include "common/kdtree/voxel_geometry.h"
+#include "common/math/host_device.h"
+
+// Parts that all kernels share.
+
+namespace quarry {
+
+/// Statistics that count nothing and cost nothing: renders are compiled with them.
+struct NoStatistics {
+  QUARRY_HOST_DEVICE void Ray(uint32_t) {}
+  QUARRY_HOST_DEVICE void Node(uint32_t, uint32_t) {}
+  QUARRY_HOST_DEVICE void Leaf(uint32_t) {}
+  QUARRY_HOST_DEVICE void Triangle(uint32_t, uint32_t) {}
+  QUARRY_HOST_DEVICE void Exact() {}
+  QUARRY_HOST_DEVICE void Climb() {}
+  QUARRY_HOST_DEVICE void Voxel(uint32_t) {}
+};
+
+/// The nearest hits so far. `t`: multiples of |direction|; starts as the greatest t that counts. Rays that
+/// end at any hit have only `t` and `triangle`.
+template <class L>
+struct RayBest {
+  typename L::Float t, b1, b2;
+  typename L::Int triangle, voxel, local;
+};
+
+/// Keeps the hits that precede `best`; returns their lanes.
+template <class L, bool kAnyHit = false>
+QUARRY_HOST_DEVICE inline typename L::Mask Keep(const TriangleHit<L>& hit, typename L::Int triangle,
+                                                typename L::Int voxel, typename L::Int local,
+                                                RayBest<L>& best) {
+  const auto kept = L::And(hit.hit, Precedes<L>(hit.t, triangle, best.t, best.triangle));
+  best.t = L::Select(kept, hit.t, best.t);
+  best.triangle = L::SelectInt(kept, triangle, best.triangle);
+  if (kAnyHit) return kept;
+  best.b1 = L::Select(kept, hit.b1, best.b1);
+  best.b2 = L::Select(kept, hit.b2, best.b2);
+  best.voxel = L::SelectInt(kept, voxel, best.voxel);
+  best.local = L::SelectInt(kept, local, best.local);
+  return kept;
+}
+
+/// Tests moved triangles for the lanes `active`, and keeps the nearest hits; returns the lanes that kept a
+/// hit.
+template <class L, class Statistics>
+QUARRY_HOST_DEVICE inline typename L::Mask TestMoved(const RayFrame<L>& frame, const MovedVertex<L>& a,
+                                                     const MovedVertex<L>& b, const MovedVertex<L>& c,
+                                                     typename L::Int triangle, typename L::Int voxel,
+                                                     typename L::Int local, typename L::Mask active,
+                                                     RayBest<L>& best, Statistics& statistics) {
+  const auto may = MayContain<L>(a, b, c, active);
+  if (L::None(may)) return may;
+  statistics.Exact();
+  return Keep<L>(HitMoved<L>(frame, a, b, c, may), triangle, voxel, local, best);
+}
+
+/// Frames of the packet's rays from `first` on, as many as lanes.
+template <class L>
+QUARRY_HOST_DEVICE inline RayFrame<L> LoadFrame(const RayPacket& rays, uint32_t first) {
+  const typename L::Float origin[3] = {L::Load(rays.origin[0] + first), L::Load(rays.origin[1] + first),
+                                       L::Load(rays.origin[2] + first)};
+  const typename L::Float direction[3] = {L::Load(rays.direction[0] + first),
+                                          L::Load(rays.direction[1] + first),
+                                          L::Load(rays.direction[2] + first)};
+  return MakeRayFrame<L>(origin, direction);
+}
+
+template <class L, bool kAnyHit = false>
+QUARRY_HOST_DEVICE inline RayBest<L> LoadBest(const RayPacket& rays, uint32_t first) {
+  RayBest<L> best;
+  best.t = L::Load(rays.hit_t + first);
+  best.triangle = L::LoadInt(rays.triangle + first);
+  if (kAnyHit) return best;
+  best.b1 = L::Load(rays.b1 + first);
+  best.b2 = L::Load(rays.b2 + first);
+  best.voxel = L::LoadInt(rays.voxel + first);
+  best.local = L::LoadInt(rays.local + first);
+  return best;
+}
+
+template <class L, bool kAnyHit = false>
+QUARRY_HOST_DEVICE inline void StoreBest(const RayBest<L>& best, RayPacket& rays, uint32_t first) {
+  L::Store(best.t, rays.hit_t + first);
+  L::StoreInt(best.triangle, rays.triangle + first);
+  if (kAnyHit) return;
+  L::Store(best.b1, rays.b1 + first);
+  L::Store(best.b2, rays.b2 + first);
+  L::StoreInt(best.voxel, rays.voxel + first);
+  L::StoreInt(best.local, rays.local + first);
+}
+
+}  // namespace quarry

@@ -1,0 +1,13 @@
+#pragma once
+
+#include <span>
+
+#include "common/kdtree/kernels.h"
+
+namespace quarry {
+
+/// The kernels that renders use, then their variants, as far as this processor and QUARRY_ISA allow; of each
+/// the widest vectors first. Thread-safe.
+std::span<const Kernel> AllKernels();
+
+}  // namespace quarry

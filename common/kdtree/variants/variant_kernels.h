@@ -1,0 +1,64 @@
+#pragma once
+
+#include <cstddef>
+#include <initializer_list>
+
+#include "common/kdtree/trace/render_kernels.h"
+#include "common/kdtree/variants/packet_treelet_trace.h"
+#include "common/kdtree/variants/simt_trace.h"
+#include "common/kdtree/variants/single_trace.h"
+
+// The kernels that only tables and tests use, for one instruction set; each is compiled by a source file of
+// its own.
+
+namespace quarry {
+
+/// Each lane follows its own ray.
+template <class L, Way kWay>
+struct SimtTrace {
+  template <bool kAnyHit, class Finder, class Statistics>
+  static void Run(const TopTree& top, const Finder& finder, RayPacket* packets, const uint64_t* active,
+                  uint32_t count, Statistics& statistics) {
+    SimtTracer<L, kWay, kAnyHit, Finder, Statistics>(top, finder, {packets, active, count}, statistics).Run();
+  }
+};
+
+/// Rays one by one. `L` only tells the instruction set.
+template <class L, Way kWay>
+struct SingleTrace {
+  template <bool kAnyHit, class Finder, class Statistics>
+  static void Run(const TopTree& top, const Finder& finder, RayPacket* packets, const uint64_t* active,
+                  uint32_t count, Statistics& statistics) {
+    for (uint32_t p = 0; p < count; ++p)
+      for (uint64_t left = active[p]; left != 0; left &= left - 1)
+        TraceSingle<kWay, kAnyHit>(top, finder, packets[p], static_cast<uint32_t>(std::countr_zero(left)),
+                                   statistics);
+  }
+};
+
+/// The kernels of this list, for one instruction set.
+inline constexpr size_t kVariantsPerIsa = 13;
+
+/// `L`: lanes that are rays.
+template <class L>
+constexpr void FillVariants(std::string_view isa, Kernel* list) {
+  const auto add = [&]<class Trace>(Grouping grouping, std::initializer_list<Algorithm> algorithms) {
+    for (Algorithm algorithm : algorithms) *list++ = MakeKernel<Trace>(isa, grouping, algorithm);
+  };
+  using enum Algorithm;
+  add.template operator()<PacketTrace<L, TreeletWay<L>>>(Grouping::kPacket,
+                                                         {kTreelets, kBacktrack, kRestart});
+  add.template operator()<SimtTrace<L, Way::kClimb>>(Grouping::kSimt, {kTreelets, kBacktrack, kRestart});
+  add.template operator()<SimtTrace<L, Way::kPushDown>>(Grouping::kSimt, {kPushDown});
+  add.template operator()<SimtTrace<L, Way::kRopes>>(Grouping::kSimt, {kRopes});
+  add.template operator()<SingleTrace<L, Way::kClimb>>(Grouping::kSingle, {kTreelets, kBacktrack, kRestart});
+  add.template operator()<SingleTrace<L, Way::kPushDown>>(Grouping::kSingle, {kPushDown});
+  add.template operator()<SingleTrace<L, Way::kRopes>>(Grouping::kSingle, {kRopes});
+}
+
+// One source file each defines these.
+void FillScalarVariants(Kernel* list);
+void FillAvx2Variants(Kernel* list);
+void FillAvx512Variants(Kernel* list);
+
+}  // namespace quarry

@@ -1,0 +1,19 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "common/kdtree/build/build.h"
+#include "common/kdtree/node.h"
+#include "common/kdtree/variants/rope_leaf.h"
+
+namespace quarry {
+
+/// Makes ropes for a tree without treelets (see FlattenTreelets) over `box` (scene units). A rope leads to
+/// the deepest node whose face holds the leaf's whole face. Returns the tree's nodes, plain, then the
+/// records; a leaf's payload is the slot of its record (RopeLeafAt). Requires: a valid tree. Thread-safe.
+/// Source: Popov et al. 2007, section 4.1.
+std::vector<KdNode> MakeRopes(std::span<const KdNode> nodes, const Box& box);
+
+}  // namespace quarry
