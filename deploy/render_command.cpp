@@ -31,7 +31,7 @@ namespace {
 Status ParseMode(const std::string& text, RenderJob& job) {
   for (int m = 0; m < kRenderModes; ++m)
     if (text == kRenderModeNames[m]) {
-      job.mode = static_cast<RenderMode>(m);
+      job.view.mode = static_cast<RenderMode>(m);
       return {};
     }
   const std::vector<std::string> all(std::begin(kRenderModeNames), std::end(kRenderModeNames));
@@ -52,9 +52,9 @@ Status ParseAovs(const std::string& text, RenderJob& job) {
     if (found < 0)
       return BadUsage(
           fmt::format("--aov knows depth, normal, uv, primitive, material, part and voxel, not '{}'", name));
-    job.aov_mask |= 1u << found;
+    job.view.aov_mask |= 1u << found;
   }
-  if (job.aov_mask && job.format != "exr") return BadUsage("--aov needs an .exr output");
+  if (job.view.aov_mask && job.format.name != "exr") return BadUsage("--aov needs an .exr output");
   return {};
 }
 
@@ -63,36 +63,33 @@ Status RefuseWhatHasNoEffect(const RenderArguments& a, const RenderJob& job) {
   const auto refuse = [&](const char* option, const std::string& where) {
     return BadUsage(fmt::format("{} has no effect {}; leave it out", option, where));
   };
-  if (job.mode == RenderMode::kRaycast || job.mode == RenderMode::kVoxels)
+  if (job.view.mode == RenderMode::kRaycast || job.view.mode == RenderMode::kVoxels)
     for (const char* option : {"--sun", "--lights"})
       if (WasTyped(*a.command, option))
         return refuse(option, fmt::format("in --mode {}, which has its own light", a.mode));
-  if (job.format == "exr" && WasTyped(*a.command, "--exposure"))
+  if (job.format.name == "exr" && WasTyped(*a.command, "--exposure"))
     return refuse("--exposure", "on an EXR image, which holds radiance as it is");
   return {};
 }
 
 Status ParseImage(const RenderArguments& a, RenderJob& job) {
   const std::string extension = std::filesystem::path(a.output).extension().string();
-  job.format = extension.empty() ? "" : extension.substr(1);
-  if (job.format != "png" && job.format != "exr")
+  job.format.name = extension.empty() ? "" : extension.substr(1);
+  if (job.format.name != "png" && job.format.name != "exr")
     return BadUsage(fmt::format("{}: images are written as .png or .exr", a.output));
   uint32_t size[2], crop[4];
   if (!ParseCounts(a.size, "x", size))
     return BadUsage(fmt::format("--size is not WxH in whole numbers: '{}'", a.size));
-  job.width = size[0];
-  job.height = size[1];
+  job.view.width = size[0];
+  job.view.height = size[1];
   if (!a.crop.empty()) {
     if (!ParseCounts(a.crop, ",,,", crop) || crop[2] == 0)
       return BadUsage(fmt::format("--crop is not x,y,w,h in whole numbers: '{}'", a.crop));
-    job.crop_x = crop[0];
-    job.crop_y = crop[1];
-    job.crop_width = crop[2];
-    job.crop_height = crop[3];
+    job.view.crop = {crop[0], crop[1], crop[2], crop[3]};
   }
-  job.spp = a.spp;
-  job.seed = a.seed;
-  job.exposure = a.exposure;
+  job.view.spp = a.spp;
+  job.view.seed = a.seed;
+  job.format.exposure = a.exposure;
   QUARRY_TRY(ParseMode(a.mode, job));
   return ParseAovs(a.aov, job);
 }
@@ -101,14 +98,15 @@ Status ParseImage(const RenderArguments& a, RenderJob& job) {
 /// scene has no light.
 Status ChooseLights(const RenderArguments& a, const StoreReader& store, RenderJob& job) {
   const SceneMeta& scene = store.catalog().meta;
-  if (!a.lights.empty()) QUARRY_TRY(ReadLights(a.lights, scene.offset, job));
+  if (!a.lights.empty()) QUARRY_TRY(ReadLights(a.lights, scene.offset, job.view));
   if (!a.sun.empty()) {
     QUARRY_ASSIGN(const glm::dvec3 sun, ParseVector(a.sun, "--sun"));
-    job.lights.push_back({LightKind::kSun, glm::vec3(sun), glm::vec3(0.9f)});
+    job.view.lights.push_back({LightKind::kSun, glm::vec3(sun), glm::vec3(0.9f)});
   }
-  if (!job.lights.empty() || !a.lights.empty()) return {};
-  for (const NamedLight& light : store.views().lights) job.lights.push_back(ToLight(light, scene.offset));
-  if (job.lights.empty()) job.lights.push_back(DefaultSun(scene.up_axis));
+  if (!job.view.lights.empty() || !a.lights.empty()) return {};
+  for (const NamedLight& light : store.views().lights)
+    job.view.lights.push_back(ToLight(light, scene.offset));
+  if (job.view.lights.empty()) job.view.lights.push_back(DefaultSun(scene.up_axis));
   return {};
 }
 
@@ -132,7 +130,7 @@ Status ParseFrames(const std::string& text, size_t count, size_t& first, size_t&
 /// What the files that the person names say, before there is a store: it costs minutes where a model is
 /// given. Cameras are in the model's coordinates.
 Status ReadNamedFiles(const RenderArguments& a, RenderJob& job) {
-  RenderJob unused;
+  View unused;
   if (!a.lights.empty()) QUARRY_TRY(ReadLights(a.lights, glm::dvec3(0), unused));
   if (a.camera_path.empty()) {
     job.cameras.resize(1);
@@ -168,7 +166,7 @@ Status PlaceCameras(const RenderArguments& a, const StoreReader& store, RenderJo
     }
     return {};
   }
-  CameraSpec camera = DefaultView(scene, static_cast<double>(job.width) / job.height, a.fov);
+  CameraSpec camera = DefaultView(scene, static_cast<double>(job.view.width) / job.view.height, a.fov);
   if (!a.camera.empty()) {
     QUARRY_ASSIGN(camera, SceneCamera(a, store));
     camera.eye -= scene.offset;
@@ -207,7 +205,7 @@ Status CheckOutputs(const RenderArguments& a, const RenderJob& job,
   for (const std::string* file : {&a.scene, &a.camera_path, &a.lights, &a.security.secret_file,
                                   &a.security.tls_cert, &a.security.tls_key, &a.security.tls_ca})
     guard.AddInput(*file);
-  const OutputKind& kind = job.format == "png" ? kPngOutput : kExrOutput;
+  const OutputKind& kind = job.format.name == "png" ? kPngOutput : kExrOutput;
   for (size_t i = 0; i < job.cameras.size(); ++i) {
     const auto frame = static_cast<uint32_t>(job.first_frame + i);
     QUARRY_ASSIGN(const OutputPlace place, guard.Take(FramePath(a, frame), kind));
@@ -236,11 +234,11 @@ Status WriteStatistics(const RenderArguments& a, const RenderJob& job, const Sce
   j["command"] = a.command_line;
   j["version"] = kVersion;
   j["host"] = HostName();
-  j["mode"] = kRenderModeNames[static_cast<size_t>(job.mode)];
-  j["width"] = job.width;
-  j["height"] = job.height;
-  j["spp"] = job.spp;
-  j["seed"] = job.seed;
+  j["mode"] = kRenderModeNames[static_cast<size_t>(job.view.mode)];
+  j["width"] = job.view.width;
+  j["height"] = job.view.height;
+  j["spp"] = job.view.spp;
+  j["seed"] = job.view.seed;
   j["frames_rendered"] = frames.size();
   j["render_wall_s"] = wall_s;
   j["rays"] = Total(frames, "rays");

@@ -73,17 +73,17 @@ Result<CameraSpec> ReadCamera(const JsonValue& object) {
 
 }  // namespace
 
-Status ReadLights(const std::string& path, const glm::dvec3& offset, RenderJob& job) {
+Status ReadLights(const std::string& path, const glm::dvec3& offset, View& view) {
   QUARRY_ASSIGN(const json root, ReadJsonFile<json>(path));
   const JsonValue whole(root, path);
   QUARRY_ASSIGN(const JsonValue lights, whole.Member("lights"));
   QUARRY_ASSIGN(const std::vector<JsonValue> list, lights.List());
   for (const JsonValue& object : list) {
     QUARRY_ASSIGN(const Light light, ReadLight(object, offset));
-    job.lights.push_back(light);
+    view.lights.push_back(light);
   }
-  QUARRY_TRY(ReadOptional(whole, "ambient", ReadColour, job.ambient));
-  return ReadOptional(whole, "background", ReadColour, job.background);
+  QUARRY_TRY(ReadOptional(whole, "ambient", ReadColour, view.ambient));
+  return ReadOptional(whole, "background", ReadColour, view.background);
 }
 
 Result<std::vector<CameraSpec>> ReadCameraPath(const std::string& path) {

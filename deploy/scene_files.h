@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "common/base/status.h"
-#include "common/scene/render_job.h"
+#include "common/scene/view.h"
 
 namespace quarry {
 
@@ -12,10 +12,10 @@ namespace quarry {
 ///   {"lights": [{"type": "sun", "direction": [x,y,z], "radiance": [r,g,b]},
 ///               {"type": "point", "position": [x,y,z], "radiance": [r,g,b]}],
 ///    "ambient": [r,g,b], "background": [r,g,b]}
-/// Reads the lights into job.lights, and ambient and background if given. `offset` (SceneMeta::offset) is
+/// Reads the lights into view.lights, and ambient and background if given. `offset` (SceneMeta::offset) is
 /// subtracted from positions.
 /// Errors name the file and the member.
-Status ReadLights(const std::string& path, const glm::dvec3& offset, RenderJob& job);
+Status ReadLights(const std::string& path, const glm::dvec3& offset, View& view);
 
 /// Reads the file of `--camera-path`: {"frames": [{"eye": [..], "at": [..], "up": [..], "fov": degrees},
 /// ...]}.

@@ -74,7 +74,7 @@ std::vector<std::shared_ptr<Connection>> BlockService::Stalled() const {
   std::vector<std::shared_ptr<Connection>> stalled;
   if (!full_) return stalled;
   for (const Reader& reader : readers_)
-    if (reader.connection->unread_s() > kPatienceS) stalled.push_back(reader.connection);
+    if (reader.connection->unread_s() > kMostUnreadS) stalled.push_back(reader.connection);
   return stalled;
 }
 

@@ -22,7 +22,7 @@ class BlockService {
  public:
   static constexpr uint64_t kMostBytes = 8u << 20, kLeastBytesEach = 64u << 10, kMostBytesEach = 1u << 20;
   /// Seconds without reading after which a connection is dropped while others wait for room.
-  static constexpr double kPatienceS = 2;
+  static constexpr double kMostUnreadS = 2;
 
   /// `size_of`: bytes of a stored block; empty: 0. `source` must outlive this.
   explicit BlockService(VoxelSource& source, std::function<uint64_t(uint32_t)> size_of = {})

@@ -240,10 +240,10 @@ Status Server::OnTileDone(WorkerRecord& worker, const Message& m) {
   QUARRY_ASSIGN(const TileDone done, DecodeTileDone(m.table));
   QUARRY_TRY(CheckBlocks(done.blocks));
   AssignSoon();
-  const ActiveFrame* frame = dispatcher_.Find(done.setup);
-  const uint32_t frame_number = frame ? frame->job().first_frame : 0;
+  const ActiveFrame* frame = dispatcher_.Find(done.frame);
+  const uint32_t number = frame ? frames_.NumberOf(done.frame) : 0;
   QUARRY_ASSIGN(const bool kept, dispatcher_.Finish(worker, done, m.raw, Now()));
-  if (kept) frames_.LogTile(frame_number, done, worker.name);
+  if (kept) frames_.LogTile(number, done, worker.name);
   return {};
 }
 
@@ -304,7 +304,8 @@ void Server::SendTile(AssignedTile& tile, FrameId oldest) {
   WorkerRecord& worker = *registry_.FindById(tile.worker);
   const FrameId id = tile.frame->id();
   if (worker.frames_told.insert(id).second) {
-    worker.connection->Send(MakeMessage(MessageType::kFrameSetup, FrameSetup{id, tile.frame->job(), oldest}));
+    worker.connection->Send(
+        MakeMessage(MessageType::kFrameSetup, FrameSetup{id, tile.frame->view(), oldest}));
     worker.frames_told.erase(worker.frames_told.begin(), worker.frames_told.lower_bound(oldest));
   }
   for (const uint32_t block : tile.order.blocks)
@@ -330,7 +331,7 @@ void Server::Tick() {
   liveness_.Beat(Now());
   if (Now() - logged_s_ < kLogEveryS) return;
   logged_s_ = Now();
-  if (!frames.empty()) Log(ProgressLine(*frames.front(), registry_));
+  if (!frames.empty()) Log(ProgressLine(*frames.front(), frames_.NumberOf(frames.front()->id()), registry_));
 }
 
 Status RunMaster(const MasterOptions& options) {

@@ -195,7 +195,7 @@ Status BuildStage::RestoreRecord(const SavedCheckpoint& checkpoint) {
       break;
   }
   if (readable) return {};
-  return Fail(fmt::format("{}: its journal cannot be read; begin anew without --resume", work_.path()));
+  return CannotResume(fmt::format("{}: its journal cannot be read", work_.path()));
 }
 
 Status BuildStage::ChooseTree() {

@@ -40,9 +40,8 @@ Status ImportStage::Restore() {
   for (size_t i = 0; i < begun && i < options_.models.size(); ++i)
     now += FileIdentity(options_.models[i]) + '\n';
   if (!in.ok() || now != identities_ || begun < models_ || (routed && models_ != options_.models.size()))
-    return Fail(fmt::format(
-        "{}: was begun with other models, or they have changed since; begin anew without --resume",
-        work_.path()));
+    return CannotResume(
+        fmt::format("{}: was begun with other models, or they have changed since", work_.path()));
   progress_.Say(fmt::format("going on with {}", work_.path()));
   return sink_.Restore(in.GetSpan(in.remaining()), routed);
 }

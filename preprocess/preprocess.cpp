@@ -89,7 +89,7 @@ Result<PreprocessStatistics> Preprocess(const PreprocessOptions& options) {
   if (statistics) {
     begun.work.Remove();
     TellOnSignal(options.output + " is written");
-  } else if (begun.work.kept() && statistics.error().message.find("--resume") == std::string::npos)
+  } else if (begun.work.kept() && statistics.error().kind != ErrorKind::kCannotResume)
     statistics.error().message +=
         fmt::format("; what is done is kept in {}: {}", begun.work.path(), options.goes_on);
   return statistics;

@@ -154,8 +154,10 @@ Result<bool> WorkFolder::GoOn(const std::string& command) {
   }
   const std::string then(AsText(checkpoints_[0].bytes));
   if (then != command)
-    return Fail(fmt::format("{}: was begun with {}; repeat that, or begin anew without --resume", path_,
-                            FirstDifference(then, command)));
+    return tl::unexpected<Error>(
+        Error{fmt::format("{}: was begun with {}; repeat that, or begin anew without --resume", path_,
+                          FirstDifference(then, command)),
+              ErrorKind::kCannotResume});
   checkpoints_.erase(checkpoints_.begin());
   journal_ = ::open(name.c_str(), O_RDWR | O_APPEND | O_CLOEXEC);
   if (journal_ < 0 || ::ftruncate(journal_, static_cast<off_t>(whole)) != 0)

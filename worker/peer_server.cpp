@@ -68,9 +68,9 @@ uint64_t PeerServer::QueuedBytes() const {
 
 /// Drops peers that do not read, since their queued blocks hold up others.
 void PeerServer::DropStalled() {
-  constexpr double kPatienceS = 2;
+  constexpr double kMostUnreadS = 2;
   for (const auto& c : std::vector(peers_.begin(), peers_.end()))
-    if (c->unread_s() > kPatienceS) Drop(c);
+    if (c->unread_s() > kMostUnreadS) Drop(c);
 }
 
 void PeerServer::Drop(const std::shared_ptr<Connection>& c) {

@@ -251,7 +251,7 @@ Status Session::OnFrameSetup(const Message& m) {
   if (!scene_) return Fail("the master set up a frame before it gave the scene");
   QUARRY_ASSIGN(const FrameSetup setup, DecodeFrameSetup(m.table));
   scene_->renderer->engine().DropViews(0, setup.oldest);
-  scene_->renderer->engine().SetView(setup.setup, FrameView(setup.job));
+  scene_->renderer->engine().SetView(setup.frame, setup.view);
   return {};
 }
 
@@ -263,7 +263,7 @@ Status Session::OnTile(const Message& m) {
   if (!std::exchange(at_work_, true)) Log("is given work");
   scene_->supply->Expect(order);
   const Tile tile{{order.x, order.y, order.width, order.height}};
-  scene_->renderer->engine().Render(order.setup, tile, [this, order](RenderedTile result) {
+  scene_->renderer->engine().Render(order.frame, tile, [this, order](RenderedTile result) {
     asio::post(*io_,
                [this, order, result = std::move(result)]() mutable { SendTile(order, std::move(result)); });
   });
@@ -274,7 +274,7 @@ Status Session::OnTile(const Message& m) {
 void Session::SendTile(const TileOrder& order, RenderedTile result) {
   if (!connection_) return;  // the lease runs out, another gets the tile
   SendStatus(false);         // so that a frame's statistics are complete with its last tile
-  TileDone done{order.setup, order.tile, order.lease, result.rays, result.rays_suspended, result.compute_us};
+  TileDone done{order.frame, order.tile, order.lease, result.rays, result.rays_suspended, result.compute_us};
   done.depths = std::move(result.depths);
   for (const BlockKey block : result.blocks) done.blocks.push_back(block.number());
   Message m = MakeMessage(MessageType::kTileDone, done);

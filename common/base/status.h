@@ -48,6 +48,12 @@ inline tl::unexpected<Error> BadUsage(std::string message) {
   return tl::unexpected<Error>(Error{std::move(message), ErrorKind::kUsage});
 }
 
+/// Work of an earlier run that does not fit. `reason`: a sentence without its end, to which the remedy is
+/// added.
+inline tl::unexpected<Error> CannotResume(const std::string& reason) {
+  return tl::unexpected<Error>(Error{reason + "; begin anew without --resume", ErrorKind::kCannotResume});
+}
+
 /// The text of an errno value: "No space left on device".
 std::string ErrnoText(int error_number);
 

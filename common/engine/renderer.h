@@ -27,11 +27,10 @@ std::vector<Tile> TilesOf(const PixelRect& pixels, uint32_t step = 1, bool hits_
 ///
 ///     QUARRY_ASSIGN(const Scene scene, Scene::Open("plant.quarry"));
 ///     QUARRY_ASSIGN(const auto renderer, Renderer::Create(scene, {.cache_bytes = 256 << 20, .threads = 2}));
-///     RenderJob job;
-///     job.cameras = {{.eye = {100, 20, 30}}};
-///     QUARRY_TRY(NormalizeJob(job));
-///     const View view = FrameView(job);
-///     const std::vector<Tile> tiles = TilesOf(view.crop());
+///     View view;
+///     view.camera = {.eye = {100, 20, 30}};
+///     QUARRY_TRY(NormalizeView(view));
+///     const std::vector<Tile> tiles = TilesOf(view.crop);
 ///     QUARRY_TRY(renderer->Render(view, tiles, [&](size_t i, RenderedTile result, Renderer::Progress) {
 ///       Put(tiles[i], result.pixels);
 ///     }));
@@ -66,8 +65,9 @@ class Renderer {
   /// `index`: of the tile among those asked for.
   using OnTile = std::function<void(size_t index, RenderedTile, Progress)>;
   /// Renders tiles of a view; returns when all are done. `on_tile` is called for one tile at a time, on
-  /// compute threads, in any order. Several calls may be under way at once. Requires: a view of a normalized
-  /// job. Errors: a block cannot be had (then every later call fails too); `stop` was requested (kCancelled).
+  /// compute threads, in any order. Several calls may be under way at once. Requires: a normalized
+  /// view. Errors: a block cannot be had (then every later call fails too); `stop` was requested
+  /// (kCancelled).
   Status Render(const View& view, std::span<const Tile> tiles, const OnTile& on_tile,
                 std::stop_token stop = {});
 

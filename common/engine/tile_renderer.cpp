@@ -2,18 +2,14 @@
 
 #include <algorithm>
 #include <bit>
-#include <cstring>
 #include <utility>
 
 #include "common/base/check.h"
 #include "common/kdtree/kernels.h"
 #include "common/kdtree/locate.h"
-#include "common/math/sampling.h"
 
 namespace quarry {
 namespace {
-
-constexpr uint32_t kNone = 0xFFFFFFFFu;  // integer layers where nothing is hit
 
 /// Calls body(i) for each lane i of a packet that is meant.
 template <class Body>
@@ -40,16 +36,12 @@ uint64_t DarkLanes(const Vectors& light) {
 void TileRenderer::Open(std::shared_ptr<const ViewContext> view, const Tile& tile) {
   view_ = std::move(view);
   tile_ = tile;
-  next_sample_ = rays_ = rays_suspended_ = 0;
+  rays_ = rays_suspended_ = 0;
   reader_ = 0;
-  depths_.assign(size_t{DepthCells(tile.columns())} * DepthCells(tile.rows()), 0);
+  film_.Open(*view_, tile);
   touched_.clear();
-  const size_t pixels = size_t{tile.columns()} * tile.rows();
-  OrderPixels();
-  radiance_.assign(tile.hits_only ? 0 : 3 * pixels, {});
-  aovs_.assign(tile.hits_only ? 0 : (view_->words - 3) * pixels, 0);
-  hits_.assign(tile.hits_only ? pixels : 0, {});
-  packets_.resize(std::min<uint64_t>(kPackets, (SampleCount() + RayPacket::kRays - 1) / RayPacket::kRays));
+  eye_rays_.Open(*view_, tile);
+  packets_.resize(std::min<uint64_t>(kPackets, (eye_rays_.left() + RayPacket::kRays - 1) / RayPacket::kRays));
   samples_.resize(packets_.size());
   if (view_->view.mode == RenderMode::kWhitted)
     pending_.resize(packets_.size() * RayPacket::kRays * kMostPending);
@@ -63,70 +55,18 @@ void TileRenderer::Abandon() {
   std::ranges::fill(unfinished_, 0);
 }
 
-/// In 8x8 blocks, so that 64 in a row are neighbours.
-void TileRenderer::OrderPixels() {
-  constexpr uint32_t kSide = RayPacket::kSide;
-  places_.clear();
-  for (uint32_t y0 = 0; y0 < tile_.rows(); y0 += kSide)
-    for (uint32_t x0 = 0; x0 < tile_.columns(); x0 += kSide)
-      for (uint32_t y = y0; y < std::min(y0 + kSide, tile_.rows()); ++y)
-        for (uint32_t x = x0; x < std::min(x0 + kSide, tile_.columns()); ++x)
-          places_.push_back({static_cast<uint16_t>(y * tile_.columns() + x), static_cast<uint8_t>(x),
-                             static_cast<uint8_t>(y)});
-}
-
 /// Generate: the next primary rays that meet the scene's box into a packet whose samples have ended.
 void TileRenderer::StartPacket(uint32_t packet) {
-  uint64_t started = 0;
-  while (started == 0 && next_sample_ < SampleCount()) started = StartSamples(packet);
   SamplePacket& s = samples_[packet];
+  uint64_t started = 0;
+  while (started == 0 && eye_rays_.left() > 0) {
+    const auto lanes = eye_rays_.Next(*view_, s, packets_[packet], gathered_->eye);
+    rays_ += static_cast<uint64_t>(std::popcount(lanes.in_box | lanes.missing_box));
+    ForEachLane(lanes.missing_box, [&](uint32_t i) { Miss(packet, i); });
+    started = lanes.in_box;
+  }
   std::fill_n(s.at, SamplePacket::kStages, 0);
   s.at[SamplePacket::kTraverse] = ready_[packet] = unfinished_[packet] = started;
-}
-
-/// The next samples; those whose rays miss the scene's box are done with at once. Returns the others.
-uint64_t TileRenderer::StartSamples(uint32_t packet) {
-  SamplePacket& s = samples_[packet];
-  const auto count =
-      static_cast<uint32_t>(std::min<uint64_t>(RayPacket::kRays, SampleCount() - next_sample_));
-  auto sample = static_cast<uint32_t>(next_sample_ / places_.size());
-  auto place = static_cast<uint32_t>(next_sample_ % places_.size());
-  const uint32_t across = DepthCells(tile_.columns());
-  double x[RayPacket::kRays] = {}, y[RayPacket::kRays] = {};
-  for (uint32_t i = 0; i < count; ++i) {
-    const Place& p = places_[place];
-    const uint32_t px = tile_.pixels.x + std::min(p.x * tile_.step + tile_.step / 2, tile_.pixels.width - 1);
-    const uint32_t py = tile_.pixels.y + std::min(p.y * tile_.step + tile_.step / 2, tile_.pixels.height - 1);
-    const glm::vec2 at = PixelSample(view_->view.seed, py * view_->view.width + px, sample);
-    x[i] = px + static_cast<double>(at.x);
-    y[i] = py + static_cast<double>(at.y);
-    s.pixel[i] = p.pixel;
-    s.depth_cell[i] = static_cast<uint16_t>(p.y / kDepthCell * across + p.x / kDepthCell);
-    s.sample[i] = sample;
-    if (++place == places_.size()) {
-      place = 0;
-      ++sample;
-    }
-  }
-  next_sample_ += count;
-  rays_ += count;
-  PrimaryRays& primary = gathered_->primary;
-  view_->camera.Shoot(x, y, primary);
-  packets_[packet].SetAll(primary.origin, primary.direction);
-  std::copy_n(primary.t_offset, RayPacket::kRays, s.t_offset);
-  std::fill_n(s.weight.x, RayPacket::kRays, 1.0f);
-  std::fill_n(s.weight.y, RayPacket::kRays, 1.0f);
-  std::fill_n(s.weight.z, RayPacket::kRays, 1.0f);
-  std::fill_n(s.path_code, RayPacket::kRays, kPrimaryPath);
-  std::fill_n(s.depth, RayPacket::kRays, 0);
-  std::fill_n(s.pending_count, RayPacket::kRays, 0);
-  uint64_t started = 0;
-  for (uint32_t i = 0; i < count; ++i)
-    if (primary.misses[i])
-      Miss(packet, i);
-    else
-      started |= uint64_t{1} << i;
-  return started;
 }
 
 void TileRenderer::Resume(BlockKey block) {
@@ -179,19 +119,14 @@ void TileRenderer::Traced(uint32_t packet, uint64_t lanes, bool any) {
   s.Move(missed, SamplePacket::kTraverse, SamplePacket::kNext);
   ForEachLane(missed, [&](uint32_t i) { Miss(packet, i); });
   ForEachLane(hit, [&](uint32_t i) {
-    if (s.path_code[i] == kPrimaryPath) SawTo(s.depth_cell[i], s.t_offset[i] + rays.hit_t[i]);
+    if (s.path_code[i] == kPrimaryPath) film_.SawTo(s.depth_cell[i], s.t_offset[i] + rays.hit_t[i]);
   });
-  if (tile_.hits_only) ForEachLane(hit, [&](uint32_t i) { TakeHit(packet, i); });
-}
-
-/// The hit as the camera sees it: t counts from the eye.
-void TileRenderer::TakeHit(uint32_t packet, uint32_t lane) {
-  Hit& hit = hits_[samples_[packet].pixel[lane]] = packets_[packet].HitOf(lane);
-  hit.t += samples_[packet].t_offset[lane];
-}
-
-void TileRenderer::SawTo(uint32_t depth_cell, float depth) {
-  depths_[depth_cell] = std::max(depths_[depth_cell], depth);
+  if (!tile_.hits_only) return;
+  ForEachLane(hit, [&](uint32_t i) {
+    Hit seen = rays.HitOf(i);
+    seen.t += s.t_offset[i];  // t counts from the eye
+    film_.SetHit(s.pixel[i], seen);
+  });
 }
 
 void TileRenderer::TidyTouched() {
@@ -203,11 +138,11 @@ void TileRenderer::TidyTouched() {
 void TileRenderer::Miss(uint32_t packet, uint32_t lane) {
   const SamplePacket& s = samples_[packet];
   if (s.path_code[lane] == kPrimaryPath) {
-    SawTo(s.depth_cell[lane], kInfinity);
+    film_.SawTo(s.depth_cell[lane], kInfinity);
     if (tile_.hits_only) return;
     if (s.sample[lane] == 0) WriteAovs(packet, lane);
   }
-  Add(s.pixel[lane], s.weight[static_cast<int>(lane)] * view_->view.background);
+  film_.Add(s.pixel[lane], s.weight[static_cast<int>(lane)] * view_->view.background);
 }
 
 /// The packet's ready samples stage by stage, until each has a ray to trace, waits for a block, or has ended.
@@ -313,7 +248,7 @@ void TileRenderer::ShadeVoxels(uint32_t packet, uint64_t lanes) {
   ForEachLane(lanes, [&](uint32_t i) {
     const uint32_t voxel = LocateVoxel(view_->top, RayOf(packet, i), packets_[packet].hit_t[i]);
     const auto lane = static_cast<int>(i);
-    Add(s.pixel[i], s.weight[lane] * (VoxelColor(voxel) * (0.3f + 0.7f * Facing(s.surface[lane]))));
+    film_.Add(s.pixel[i], s.weight[lane] * (VoxelColor(voxel) * (0.3f + 0.7f * Facing(s.surface[lane]))));
   });
 }
 
@@ -401,71 +336,36 @@ Ray TileRenderer::RayOf(uint32_t packet, uint32_t lane) const {
   return ray;
 }
 
-void TileRenderer::Add(uint32_t pixel, const glm::vec3& radiance) {
-  FixedRadiance* to = &radiance_[size_t{3} * pixel];
-  to[0].Add(radiance.x);
-  to[1].Add(radiance.y);
-  to[2].Add(radiance.z);
-}
-
 void TileRenderer::Add(uint32_t packet, uint64_t lanes, const Vectors& radiance) {
   const SamplePacket& s = samples_[packet];
   ForEachLane(lanes, [&](uint32_t i) {
     const auto lane = static_cast<int>(i);
-    Add(s.pixel[i], s.weight[lane] * radiance[lane]);
+    film_.Add(s.pixel[i], s.weight[lane] * radiance[lane]);
   });
+}
+
+size_t TileRenderer::memory_bytes() const {
+  const auto bytes = [](const auto& v) { return v.size() * sizeof(v[0]); };
+  return eye_rays_.memory_bytes() + bytes(packets_) + bytes(samples_) + bytes(pending_) +
+         film_.memory_bytes();
 }
 
 void TileRenderer::WriteAovs(uint32_t packet, uint32_t lane) {
   const SamplePacket& s = samples_[packet];
   const Hit hit = packets_[packet].HitOf(lane);
-  uint32_t* out = aovs_.data() + size_t{view_->words - 3} * s.pixel[lane];
   const bool is_hit = hit.triangle != kNoTriangle;
-  const auto put = [&](Aov aov, auto... values) {
-    if (view_->view.has(aov)) ((*out++ = std::bit_cast<uint32_t>(values)), ...);
-  };
-  const Surface surface = is_hit ? s.surface[static_cast<int>(lane)] : Surface{};
-  put(Aov::kDepth, is_hit ? s.t_offset[lane] + hit.t : kInfinity);
-  put(Aov::kNormal, surface.normal.x, surface.normal.y, surface.normal.z);
-  put(Aov::kUv, surface.uv.x, surface.uv.y);
-  put(Aov::kPrimitive, is_hit ? hit.triangle : kNone);
-  put(Aov::kMaterial, is_hit ? surface.material : kNone);
-  put(Aov::kPart, is_hit ? surface.part : kNone);
-  put(Aov::kVoxel,
-      is_hit && view_->view.has(Aov::kVoxel) ? LocateVoxel(view_->top, RayOf(packet, lane), hit.t) : kNone);
-}
-
-size_t TileRenderer::memory_bytes() const {
-  const auto bytes = [](const auto& v) { return v.size() * sizeof(v[0]); };
-  return bytes(places_) + bytes(packets_) + bytes(samples_) + bytes(pending_) + bytes(depths_) +
-         bytes(radiance_) + bytes(aovs_) + bytes(hits_);
+  film_.SetLayers(*view_, s.pixel[lane], RayOf(packet, lane), hit, s.t_offset[lane],
+                  is_hit ? s.surface[static_cast<int>(lane)] : Surface{});
 }
 
 RenderedTile TileRenderer::Take() {
   TidyTouched();
   RenderedTile result;
-  if (!tile_.hits_only) result.pixels = Pixels();
-  result.hits = std::exchange(hits_, {});
-  result.depths = std::exchange(depths_, {});
+  film_.Take(*view_, result);
   result.blocks = std::exchange(touched_, {});
   result.rays = rays_;
   result.rays_suspended = rays_suspended_;
   return result;
-}
-
-Bytes TileRenderer::Pixels() const {
-  const size_t pixels = radiance_.size() / 3, extra = view_->words - 3;
-  Bytes out(pixels * view_->words * 4);
-  std::byte* to = out.data();
-  for (size_t p = 0; p < pixels; ++p) {
-    float color[3];
-    for (size_t c = 0; c < 3; ++c) color[c] = radiance_[3 * p + c].Mean(view_->view.spp);
-    std::memcpy(to, color, sizeof color);
-    if (extra > 0)  // without layers there is nothing that could be pointed at
-      std::memcpy(to + sizeof color, aovs_.data() + p * extra, extra * 4);
-    to += view_->words * 4;
-  }
-  return out;
 }
 
 }  // namespace quarry

@@ -1,4 +1,4 @@
-// Longer than 400 lines: reading, writing, opening and closing share all the state of the class.
+// Long: reading, writing, opening and closing share all the state of the class.
 #include "common/net/stream_connection.h"
 
 #include <fmt/format.h>

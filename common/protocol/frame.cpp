@@ -40,7 +40,6 @@ Limits LimitsOf(MessageType type) {
     case MessageType::kFrameProgress:
     case MessageType::kBlockRequest:
       return {kSmall, 0};
-    case MessageType::kShutDown:
     case MessageType::kPing:
       return {0, 0};
     default:
@@ -62,7 +61,7 @@ bool May(Speaker speaker, MessageType type) {
       return type == kRenderJob || type == kPing;
     case Speaker::kMasterOfWorkers:
       return type == kWelcome || type == kCatalog || type == kFrameSetup || type == kTile || type == kPeers ||
-             type == kFailure || type == kShutDown || type == kPing;
+             type == kFailure || type == kPing;
     case Speaker::kMasterOfClients:
       return type == kWelcome || type == kFrameProgress || type == kFrameDone || type == kFailure ||
              type == kPing;

@@ -12,7 +12,7 @@
 namespace quarry {
 
 /// Moves freely until the first release; programs of different protocol versions do not talk.
-inline constexpr uint32_t kProtocolVersion = 6;
+inline constexpr uint32_t kProtocolVersion = 7;
 
 /// Each side's first bytes, of one layout for good: "QUARRY\0\0", protocol version (4), the program's version
 /// as zero-padded text (20).
@@ -35,11 +35,10 @@ enum class MessageType : uint16_t {
   kWorkerStatus,
   kBlockRequest,
   kBlock,  ///< raw: the stored block
-  kShutDown,
   kPeers,
   kPing,  ///< nothing in it: the sender lives
 };
-inline constexpr uint16_t kMessageTypes = 17;  ///< one past the last
+inline constexpr uint16_t kMessageTypes = 16;  ///< one past the last
 
 /// Masters, workers and clients send something at least so often, and take for lost who sends not a byte for
 /// so long.

@@ -17,39 +17,50 @@ auto ToVector(const V& v) {
   return std::vector<typename V::value_type>{v.x, v.y, v.z};
 }
 
-wire::JobT JobToWire(const RenderJob& job) {
-  wire::JobT w;
-  w.width = job.width;
-  w.height = job.height;
-  w.crop = {job.crop_x, job.crop_y, job.crop_width, job.crop_height};
-  w.mode = static_cast<uint8_t>(job.mode);
-  w.spp = job.spp;
-  w.seed = job.seed;
-  w.exposure = job.exposure;
-  w.aov_mask = job.aov_mask;
-  w.format = job.format;
-  w.ambient = ToVector(job.ambient);
-  w.background = ToVector(job.background);
-  w.first_frame = job.first_frame;
-  for (const Light& light : job.lights) {
-    auto l = std::make_unique<wire::LightT>();
-    l->kind = static_cast<uint8_t>(light.kind);
-    l->vector = ToVector(light.vector);
-    l->radiance = ToVector(light.radiance);
-    l->axis = ToVector(light.axis);
-    l->cone_scale = light.cone_scale;
-    l->cone_offset = light.cone_offset;
-    w.lights.push_back(std::move(l));
-  }
-  for (const CameraSpec& camera : job.cameras) {
-    auto c = std::make_unique<wire::CameraT>();
-    c->eye = ToVector(camera.eye);
-    c->at = ToVector(camera.at);
-    c->up = ToVector(camera.up);
-    c->fov_degrees = camera.fov_degrees;
-    c->ortho_height = camera.ortho_height;
-    w.cameras.push_back(std::move(c));
-  }
+std::unique_ptr<wire::LightT> LightToWire(const Light& light) {
+  auto w = std::make_unique<wire::LightT>();
+  w->kind = static_cast<uint8_t>(light.kind);
+  w->vector = ToVector(light.vector);
+  w->radiance = ToVector(light.radiance);
+  w->axis = ToVector(light.axis);
+  w->cone_scale = light.cone_scale;
+  w->cone_offset = light.cone_offset;
+  return w;
+}
+
+std::unique_ptr<wire::CameraT> CameraToWire(const CameraSpec& camera) {
+  auto w = std::make_unique<wire::CameraT>();
+  w->eye = ToVector(camera.eye);
+  w->at = ToVector(camera.at);
+  w->up = ToVector(camera.up);
+  w->fov_degrees = camera.fov_degrees;
+  w->ortho_height = camera.ortho_height;
+  return w;
+}
+
+/// Without the camera.
+std::unique_ptr<wire::ViewT> ViewToWire(const View& view) {
+  auto w = std::make_unique<wire::ViewT>();
+  w->width = view.width;
+  w->height = view.height;
+  w->crop = {view.crop.x, view.crop.y, view.crop.width, view.crop.height};
+  w->mode = static_cast<uint8_t>(view.mode);
+  w->spp = view.spp;
+  w->seed = view.seed;
+  w->aov_mask = view.aov_mask;
+  w->ambient = ToVector(view.ambient);
+  w->background = ToVector(view.background);
+  for (const Light& light : view.lights) w->lights.push_back(LightToWire(light));
+  return w;
+}
+
+std::unique_ptr<wire::JobT> JobToWire(const RenderJob& job) {
+  auto w = std::make_unique<wire::JobT>();
+  w->view = ViewToWire(job.view);
+  for (const CameraSpec& camera : job.cameras) w->cameras.push_back(CameraToWire(camera));
+  w->first_frame = job.first_frame;
+  w->format = job.format.name;
+  w->exposure = job.format.exposure;
   return w;
 }
 
@@ -81,7 +92,7 @@ Bytes Encode(const Failure& m) {
 
 Bytes Encode(const JobRequest& m) {
   wire::JobRequestT w;
-  w.job = std::make_unique<wire::JobT>(JobToWire(m.job));
+  w.job = JobToWire(m.job);
   w.have = m.have;
   return Pack<wire::JobRequest>(w);
 }
@@ -104,15 +115,16 @@ Bytes Encode(const FrameDone& m) {
 
 Bytes Encode(const FrameSetup& m) {
   wire::FrameSetupT w;
-  w.setup = m.setup;
+  w.frame = m.frame;
   w.oldest = m.oldest;
-  w.job = std::make_unique<wire::JobT>(JobToWire(m.job));
+  w.view = ViewToWire(m.view);
+  w.view->camera = CameraToWire(m.view.camera);
   return Pack<wire::FrameSetup>(w);
 }
 
 Bytes Encode(const TileOrder& m) {
   wire::TileOrderT w;
-  w.setup = m.setup;
+  w.frame = m.frame;
   w.tile = m.tile;
   w.lease = m.lease;
   w.x = m.x;
@@ -126,7 +138,7 @@ Bytes Encode(const TileOrder& m) {
 
 Bytes Encode(const TileDone& m) {
   wire::TileDoneT w;
-  w.setup = m.setup;
+  w.frame = m.frame;
   w.tile = m.tile;
   w.lease = m.lease;
   w.rays = m.rays;

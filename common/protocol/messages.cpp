@@ -71,40 +71,40 @@ bool ReadCamera(const wire::Camera& c, CameraSpec& camera) {
   return Read(c.eye(), camera.eye) && Read(c.at(), camera.at) && Read(c.up(), camera.up);
 }
 
-/// The job's lists, each entry with bytes of its own.
-bool ReadLists(const wire::Job& w, size_t message_bytes, RenderJob& job) {
-  const size_t lights = SizeOf(w.lights()), cameras = SizeOf(w.cameras());
-  if (lights > kMaxLights || cameras > kMaxFrames ||
-      lights * kLeastLightBytes + cameras * kLeastCameraBytes > message_bytes)
-    return false;
-  job.lights.resize(lights);
+/// Without the camera.
+Status ReadView(const wire::View& w, size_t message_bytes, View& view) {
+  const size_t lights = SizeOf(w.lights());
+  if (SizeOf(w.crop()) != 4 || !Read(w.ambient(), view.ambient) || !Read(w.background(), view.background) ||
+      lights > kMaxLights || lights * kLeastLightBytes > message_bytes)
+    return Fail("received a view that is not well formed");
+  view.lights.resize(lights);
   for (uint32_t i = 0; i < lights; ++i)
-    if (!ReadLight(*w.lights()->Get(i), job.lights[i])) return false;
-  job.cameras.resize(cameras);
-  for (uint32_t i = 0; i < cameras; ++i)
-    if (!ReadCamera(*w.cameras()->Get(i), job.cameras[i])) return false;
-  return true;
+    if (!ReadLight(*w.lights()->Get(i), view.lights[i]))
+      return Fail("received a light that is not well formed");
+  view.crop = {w.crop()->Get(0), w.crop()->Get(1), w.crop()->Get(2), w.crop()->Get(3)};
+  view.width = w.width();
+  view.height = w.height();
+  view.mode = static_cast<RenderMode>(w.mode());
+  view.spp = w.spp();
+  view.seed = w.seed();
+  view.aov_mask = w.aov_mask();
+  return {};
 }
 
 Result<RenderJob> ReadJob(const wire::Job& w, size_t message_bytes) {
   RenderJob job;
   constexpr size_t kMostFormatBytes = 8;
-  if (SizeOf(w.crop()) != 4 || !Read(w.ambient(), job.ambient) || !Read(w.background(), job.background) ||
-      SizeOf(w.format()) > kMostFormatBytes || !ReadLists(w, message_bytes, job))
+  const size_t cameras = SizeOf(w.cameras());
+  if (!w.view() || SizeOf(w.format()) > kMostFormatBytes || cameras > kMaxFrames ||
+      SizeOf(w.view()->lights()) * kLeastLightBytes + cameras * kLeastCameraBytes > message_bytes)
     return Fail("received a render job that is not well formed");
-  job.crop_x = w.crop()->Get(0);
-  job.crop_y = w.crop()->Get(1);
-  job.crop_width = w.crop()->Get(2);
-  job.crop_height = w.crop()->Get(3);
-  job.width = w.width();
-  job.height = w.height();
-  job.mode = static_cast<RenderMode>(w.mode());
-  job.spp = w.spp();
-  job.seed = w.seed();
-  job.exposure = w.exposure();
-  job.aov_mask = w.aov_mask();
-  job.format = w.format() ? w.format()->str() : std::string();
+  QUARRY_TRY(ReadView(*w.view(), message_bytes, job.view));
+  job.cameras.resize(cameras);
+  for (uint32_t i = 0; i < cameras; ++i)
+    if (!ReadCamera(*w.cameras()->Get(i), job.cameras[i]))
+      return Fail("received a render job that is not well formed");
   job.first_frame = w.first_frame();
+  job.format = {w.format() ? w.format()->str() : std::string(), w.exposure()};
   QUARRY_TRY(NormalizeJob(job));
   return job;
 }
@@ -185,11 +185,13 @@ Result<FrameDone> DecodeFrameDone(std::span<const std::byte> table) {
 Result<FrameSetup> DecodeFrameSetup(std::span<const std::byte> table) {
   const auto* w = Root<wire::FrameSetup>(table);
   if (!w) return NotWellFormed();
-  if (!w->job()) return Fail("received a frame without a job");
   FrameSetup m;
-  m.setup = w->setup();
+  m.frame = w->frame();
   m.oldest = w->oldest();
-  QUARRY_ASSIGN(m.job, ReadJob(*w->job(), table.size()));
+  if (!w->view() || !w->view()->camera() || !ReadCamera(*w->view()->camera(), m.view.camera))
+    return Fail("received a frame without a view");
+  QUARRY_TRY(ReadView(*w->view(), table.size(), m.view));
+  QUARRY_TRY(NormalizeView(m.view));
   return m;
 }
 
@@ -201,7 +203,7 @@ Result<TileOrder> DecodeTileOrder(std::span<const std::byte> table) {
       w->x() >= kMaxImageSide || w->y() >= kMaxImageSide || blocks > kMaxTileHints ||
       SizeOf(w->holders()) != blocks)
     return Fail("received a tile that cannot be");
-  return TileOrder{w->setup(),  w->tile(),         w->lease(),        w->x(), w->y(), w->width(),
+  return TileOrder{w->frame(),  w->tile(),         w->lease(),        w->x(), w->y(), w->width(),
                    w->height(), Copy(w->blocks()), Copy(w->holders())};
 }
 
@@ -214,7 +216,7 @@ Result<TileDone> DecodeTileDone(std::span<const std::byte> table) {
   std::vector<float> depths = Copy(w->depths());
   if (!std::ranges::all_of(depths, [](float depth) { return depth >= 0; }))
     return Fail("received a tile's result that cannot be");
-  return TileDone{w->setup(),          w->tile(),       w->lease(),        w->rays(),
+  return TileDone{w->frame(),          w->tile(),       w->lease(),        w->rays(),
                   w->rays_suspended(), w->compute_us(), std::move(depths), Copy(w->blocks())};
 }
 

@@ -42,13 +42,13 @@ struct FrameDone {
   std::string statistics;  ///< JSON
 };
 struct FrameSetup {
-  uint64_t setup = 0;   ///< tiles name it
-  RenderJob job;        ///< with one camera
-  uint64_t oldest = 0;  ///< setups below this are over
+  uint64_t frame = 0;  ///< its id, which tiles name
+  View view;
+  uint64_t oldest = 0;  ///< frames below this are over
 };
-/// A tile handed out under a lease: results under another lease or setup are dropped.
+/// A tile handed out under a lease: results under another lease or of another frame are dropped.
 struct TileOrder {
-  uint64_t setup = 0;
+  uint64_t frame = 0;
   uint32_t tile = 0;
   uint64_t lease = 0;
   uint32_t x = 0, y = 0, width = 0, height = 0;
@@ -58,7 +58,7 @@ struct TileOrder {
 inline constexpr size_t kMaxTileBlocks = 1u << 20;  ///< blocks that a message about a tile may name
 inline constexpr size_t kMaxTileHints = 4096;       ///< blocks that a tile order may name
 struct TileDone {
-  uint64_t setup = 0;
+  uint64_t frame = 0;
   uint32_t tile = 0;
   uint64_t lease = 0;
   uint64_t rays = 0, rays_suspended = 0;

@@ -4,6 +4,8 @@
 #include <glm/vec3.hpp>
 #include <vector>
 
+#include "common/base/status.h"
+
 namespace quarry {
 
 enum class RenderMode : uint8_t { kRaycast = 0, kShadow = 1, kWhitted = 2, kVoxels = 3 };
@@ -51,8 +53,8 @@ struct PixelRect {
 
 /// A picture of a scene: everything that decides its pixels beside the scene itself.
 struct View {
-  uint32_t width = 1024, height = 768;                               ///< pixels
-  uint32_t crop_x = 0, crop_y = 0, crop_width = 0, crop_height = 0;  ///< the whole image when the width is 0
+  uint32_t width = 1024, height = 768;  ///< pixels
+  PixelRect crop;                       ///< the pixels that are rendered; the whole image when its width is 0
   RenderMode mode = RenderMode::kRaycast;
   uint32_t spp = 1;  ///< samples a pixel
   uint64_t seed = 0;
@@ -63,7 +65,6 @@ struct View {
   CameraSpec camera;
 
   bool has(Aov aov) const { return aov_mask >> static_cast<int>(aov) & 1; }
-  PixelRect crop() const { return {crop_x, crop_y, crop_width, crop_height}; }
 };
 
 inline constexpr uint32_t kMaxImageSide = 65536;
@@ -74,6 +75,13 @@ inline constexpr uint32_t kTileSize = 32;  ///< pixels on a tile's side
 /// Side of a depth cell, in pixels: a tile reports how far its rays see once for each cell.
 inline constexpr uint32_t kDepthCell = 4;
 inline constexpr uint32_t DepthCells(uint32_t pixels) { return (pixels + kDepthCell - 1) / kDepthCell; }
+
+/// Errors (usage): a camera that sees nothing, or a value that is no number; one sentence.
+Status CheckCamera(const CameraSpec& camera);
+
+/// Fills in a whole-image crop, and makes directions of suns unit vectors.
+/// Errors (usage): a size, count, direction or mode is out of range; one sentence.
+Status NormalizeView(View& view);
 
 /// 32-bit words that a pixel takes in tiles and frames: the colour first (3 floats), then the layers in
 /// order.

@@ -19,26 +19,26 @@ uint64_t Morton(uint32_t x, uint32_t y) {
 
 }  // namespace
 
-std::vector<PixelRect> TilesOf(const RenderJob& job) {
+std::vector<PixelRect> TilesOf(const View& view) {
   std::vector<PixelRect> tiles;
-  for (uint32_t y = 0; y < job.crop_height; y += kTileSize)
-    for (uint32_t x = 0; x < job.crop_width; x += kTileSize)
-      tiles.push_back({job.crop_x + x, job.crop_y + y, std::min(kTileSize, job.crop_width - x),
-                       std::min(kTileSize, job.crop_height - y)});
+  for (uint32_t y = 0; y < view.crop.height; y += kTileSize)
+    for (uint32_t x = 0; x < view.crop.width; x += kTileSize)
+      tiles.push_back({view.crop.x + x, view.crop.y + y, std::min(kTileSize, view.crop.width - x),
+                       std::min(kTileSize, view.crop.height - y)});
   std::stable_sort(tiles.begin(), tiles.end(), [&](const PixelRect& a, const PixelRect& b) {
-    return Morton((a.x - job.crop_x) / kTileSize, (a.y - job.crop_y) / kTileSize) <
-           Morton((b.x - job.crop_x) / kTileSize, (b.y - job.crop_y) / kTileSize);
+    return Morton((a.x - view.crop.x) / kTileSize, (a.y - view.crop.y) / kTileSize) <
+           Morton((b.x - view.crop.x) / kTileSize, (b.y - view.crop.y) / kTileSize);
   });
   return tiles;
 }
 
-FrameImage::FrameImage(const RenderJob& job)
-    : crop_x_(job.crop_x),
-      crop_y_(job.crop_y),
-      width_(job.crop_width),
-      words_(WordsPerPixel(job.aov_mask)),
-      tiles_(TilesOf(job)) {
-  pixels_.resize(size_t{job.crop_width} * job.crop_height * words_);
+FrameImage::FrameImage(const View& view)
+    : crop_x_(view.crop.x),
+      crop_y_(view.crop.y),
+      width_(view.crop.width),
+      words_(WordsPerPixel(view.aov_mask)),
+      tiles_(TilesOf(view)) {
+  pixels_.resize(size_t{view.crop.width} * view.crop.height * words_);
 }
 
 Status FrameImage::Put(uint32_t index, std::span<const std::byte> pixels) {

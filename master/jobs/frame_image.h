@@ -5,20 +5,20 @@
 #include <utility>
 #include <vector>
 
-#include "common/protocol/messages.h"
+#include "common/scene/view.h"
 
 namespace quarry {
 
 /// The tiles of a frame, kTileSize pixels on a side or less at the crop's edges, along a space-filling
-/// (Morton) curve. Requires: `job` is normalized.
-std::vector<PixelRect> TilesOf(const RenderJob& job);
+/// (Morton) curve. Requires: `view` is normalized.
+std::vector<PixelRect> TilesOf(const View& view);
 
 /// The pixels of one frame, put together from tiles.
 /// Units: pixels; words of 32 bits, words_per_pixel() a pixel. Not thread-safe.
 class FrameImage {
  public:
-  /// Requires: `job` is normalized.
-  explicit FrameImage(const RenderJob& job);
+  /// Requires: `view` is normalized.
+  explicit FrameImage(const View& view);
 
   const std::vector<PixelRect>& tiles() const { return tiles_; }
   uint32_t words_per_pixel() const { return words_; }

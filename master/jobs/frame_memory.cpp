@@ -15,23 +15,23 @@ constexpr uint64_t kTileBytes = 1 << 10;
 constexpr uint64_t kFrameBytes = 1 << 20, kMostTraceBytes = 24 << 20;
 constexpr uint64_t kTraceBytesPerTile = 16 << 10;
 
-uint64_t Pixels(const RenderJob& one) { return uint64_t{one.crop_width} * one.crop_height; }
+uint64_t Pixels(const View& view) { return uint64_t{view.crop.width} * view.crop.height; }
 
 }  // namespace
 
-uint64_t EncodedBytes(const RenderJob& one) {
-  const uint64_t rows = one.crop_height;
+uint64_t EncodedBytes(const View& view, const ImageFormat& format) {
+  const uint64_t rows = view.crop.height;
   // PNG: three bytes a pixel, a filter's byte a row, and five for each 16 KiB that zlib stores as they are.
   // EXR: the words as they are, by 16 rows where they do not compress, and a place for each.
-  if (one.format == "png") return Pixels(one) * 3 * 1001 / 1000 + rows + (64 << 10);
-  return Pixels(one) * 4 * WordsPerPixel(one.aov_mask) + rows * 16 + (64 << 10);
+  if (format.name == "png") return Pixels(view) * 3 * 1001 / 1000 + rows + (64 << 10);
+  return Pixels(view) * 4 * WordsPerPixel(view.aov_mask) + rows * 16 + (64 << 10);
 }
 
-uint64_t FrameBytes(const RenderJob& one) {
-  const uint64_t tiles = uint64_t{(one.crop_width + kTileSize - 1) / kTileSize} *
-                         ((one.crop_height + kTileSize - 1) / kTileSize);
-  return Pixels(one) * 4 * WordsPerPixel(one.aov_mask) + 2 * EncodedBytes(one) + tiles * kTileBytes +
-         std::min(tiles * kTraceBytesPerTile, kMostTraceBytes) + kFrameBytes;
+uint64_t FrameBytes(const View& view, const ImageFormat& format) {
+  const uint64_t tiles = uint64_t{(view.crop.width + kTileSize - 1) / kTileSize} *
+                         ((view.crop.height + kTileSize - 1) / kTileSize);
+  return Pixels(view) * 4 * WordsPerPixel(view.aov_mask) + 2 * EncodedBytes(view, format) +
+         tiles * kTileBytes + std::min(tiles * kTraceBytesPerTile, kMostTraceBytes) + kFrameBytes;
 }
 
 uint64_t JobBytes(size_t frames) {
@@ -39,12 +39,12 @@ uint64_t JobBytes(size_t frames) {
 }
 
 Status FrameMemory::CheckJob(const RenderJob& job, uint64_t jobs_bytes) const {
-  const uint64_t frame = FrameBytes(job), own = JobBytes(job.cameras.size());
+  const uint64_t frame = FrameBytes(job.view, job.format), own = JobBytes(job.cameras.size());
   if (frame > for_frames())
     return Fail(
         fmt::format("a picture of {}x{} takes {} of the master's memory, and it has {} for pictures "
                     "(quarry-master --frame-memory); ask for less, or for parts of it with --crop",
-                    job.crop_width, job.crop_height, FormatSize(frame), FormatSize(for_frames())));
+                    job.view.crop.width, job.view.crop.height, FormatSize(frame), FormatSize(for_frames())));
   if (jobs_bytes + own > for_jobs())
     return Fail(
         fmt::format("a job of {} frames takes {} of the master's memory, and of the {} for jobs {} are "

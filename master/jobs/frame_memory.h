@@ -11,12 +11,12 @@ namespace quarry {
 
 /// Upper bound on the bytes that a frame takes of the master, from its beginning until its client has it:
 /// pixels, its tiles' records, and the encoded image twice, kept and queued. Does not overflow: 65,536
-/// squared pixels with all layers are 2^38 bytes. Requires: `one` is normalized.
-uint64_t FrameBytes(const RenderJob& one);
+/// squared pixels with all layers are 2^38 bytes. Requires: `view` is normalized.
+uint64_t FrameBytes(const View& view, const ImageFormat& format);
 /// Bytes that a job of `frames` frames takes while it is kept.
 uint64_t JobBytes(size_t frames);
 /// Upper bound on the bytes of an encoded image, one that does not compress.
-uint64_t EncodedBytes(const RenderJob& one);
+uint64_t EncodedBytes(const View& view, const ImageFormat& format);
 
 /// The budget of --frame-memory: an eighth for jobs, the rest for frames and their images.
 /// Units: bytes. Not thread-safe, but reservations may end on any thread.

@@ -71,29 +71,29 @@ struct PngWriter {
   ~PngWriter() { png_destroy_write_struct(&png, &info); }
 };
 
-void WriteRows(PngWriter& writer, const RenderJob& job, const uint32_t* pixel, const SrgbEncoder& encode) {
-  const size_t words = WordsPerPixel(job.aov_mask);
-  for (size_t y = 0; y < job.crop_height; ++y) {
+void WriteRows(PngWriter& writer, const View& view, const uint32_t* pixel, const SrgbEncoder& encode) {
+  const size_t words = WordsPerPixel(view.aov_mask);
+  for (size_t y = 0; y < view.crop.height; ++y) {
     for (size_t x = 0; x < writer.row.size(); x += 3, pixel += words)
       for (size_t c = 0; c < 3; ++c) writer.row[x + c] = encode(pixel[c]);
     png_write_row(writer.png, writer.row.data());
   }
 }
 
-Result<Bytes> EncodePng(const RenderJob& job, const std::vector<uint32_t>& pixels) {
+Result<Bytes> EncodePng(const View& view, const ImageFormat& format, const std::vector<uint32_t>& pixels) {
   // Its table takes as long to make as a small picture: it is kept from frame to frame.
   thread_local std::optional<std::pair<double, SrgbEncoder>> kept;
-  if (!kept || kept->first != job.exposure) kept.emplace(job.exposure, SrgbEncoder(job.exposure));
+  if (!kept || kept->first != format.exposure) kept.emplace(format.exposure, SrgbEncoder(format.exposure));
   const SrgbEncoder& encode = kept->second;
   Bytes file;
-  file.reserve(
-      EncodedBytes(job));  // pages that nothing is written to are no memory; a copy in growing would be
-  PngWriter writer(size_t{job.crop_width} * 3);
+  file.reserve(EncodedBytes(
+      view, format));  // pages that nothing is written to are no memory; a copy in growing would be
+  PngWriter writer(size_t{view.crop.width} * 3);
   if (!writer.info) return Fail("cannot encode the image: libpng does not start");
   // libpng comes back here on errors.
   if (setjmp(png_jmpbuf(writer.png))) return Fail("cannot encode the image as PNG");
   png_set_write_fn(writer.png, &file, AppendPng, nullptr);
-  png_set_IHDR(writer.png, writer.info, job.crop_width, job.crop_height, 8, PNG_COLOR_TYPE_RGB,
+  png_set_IHDR(writer.png, writer.info, view.crop.width, view.crop.height, 8, PNG_COLOR_TYPE_RGB,
                PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
   png_set_sRGB(writer.png, writer.info, PNG_sRGB_INTENT_PERCEPTUAL);
   // A third of the time of libpng's own choice, and files less than a tenth larger: a terrain and a CAD model
@@ -101,7 +101,7 @@ Result<Bytes> EncodePng(const RenderJob& job, const std::vector<uint32_t>& pixel
   png_set_compression_level(writer.png, 3);
   png_set_filter(writer.png, 0, PNG_FILTER_UP);
   png_write_info(writer.png, writer.info);
-  WriteRows(writer, job, pixels.data(), encode);
+  WriteRows(writer, view, pixels.data(), encode);
   png_write_end(writer.png, nullptr);
   return file;
 }
@@ -129,7 +129,7 @@ struct Channel {
   Imf::PixelType type;
 };
 
-std::vector<Channel> ChannelsOf(const RenderJob& job) {
+std::vector<Channel> ChannelsOf(const View& view) {
   static const std::vector<const char*> names[kAovs] = {
       {"depth.Z"},      {"normal.X", "normal.Y", "normal.Z"},
       {"uv.U", "uv.V"}, {"primitive.id"},
@@ -137,36 +137,36 @@ std::vector<Channel> ChannelsOf(const RenderJob& job) {
       {"voxel.id"}};
   std::vector<Channel> channels{{"R", Imf::FLOAT}, {"G", Imf::FLOAT}, {"B", Imf::FLOAT}};
   for (int a = 0; a < kAovs; ++a) {
-    if (!job.has(static_cast<Aov>(a))) continue;
+    if (!view.has(static_cast<Aov>(a))) continue;
     for (const char* name : names[a])
       channels.push_back({name, kAovInfo[a].is_integer ? Imf::UINT : Imf::FLOAT});
   }
   return channels;
 }
 
-Result<Bytes> EncodeExr(const RenderJob& job, const std::vector<uint32_t>& pixels) {
+Result<Bytes> EncodeExr(const View& view, const ImageFormat& format, const std::vector<uint32_t>& pixels) {
   const auto side = [](uint32_t n) { return static_cast<int>(n); };
-  const Imath::Box2i whole({0, 0}, {side(job.width) - 1, side(job.height) - 1});
-  const Imath::Box2i crop({side(job.crop_x), side(job.crop_y)},
-                          {side(job.crop_x + job.crop_width) - 1, side(job.crop_y + job.crop_height) - 1});
+  const Imath::Box2i whole({0, 0}, {side(view.width) - 1, side(view.height) - 1});
+  const Imath::Box2i crop({side(view.crop.x), side(view.crop.y)}, {side(view.crop.x + view.crop.width) - 1,
+                                                                   side(view.crop.y + view.crop.height) - 1});
   try {
     Imf::Header header(whole, crop, 1, {0, 0}, 1, Imf::INCREASING_Y, Imf::ZIP_COMPRESSION);
     Imf::FrameBuffer frame;
-    const std::vector<Channel> channels = ChannelsOf(job);
+    const std::vector<Channel> channels = ChannelsOf(view);
     const size_t stride = 4 * channels.size();
     for (size_t c = 0; c < channels.size(); ++c) {
       header.channels().insert(channels[c].name, Imf::Channel(channels[c].type));
       auto* first = reinterpret_cast<char*>(const_cast<uint32_t*>(pixels.data() + c));
       frame.insert(channels[c].name,
-                   Imf::Slice::Make(channels[c].type, first, crop, stride, stride * job.crop_width));
+                   Imf::Slice::Make(channels[c].type, first, crop, stride, stride * view.crop.width));
     }
     Bytes file;
-    file.reserve(EncodedBytes(job));
+    file.reserve(EncodedBytes(view, format));
     MemoryStream stream(file);
     {
       Imf::OutputFile out(stream, header, 0);
       out.setFrameBuffer(frame);
-      out.writePixels(side(job.crop_height));
+      out.writePixels(side(view.crop.height));
     }
     return file;
   } catch (const std::exception& e) {
@@ -176,8 +176,8 @@ Result<Bytes> EncodeExr(const RenderJob& job, const std::vector<uint32_t>& pixel
 
 }  // namespace
 
-Result<Bytes> EncodeImage(const RenderJob& job, const std::vector<uint32_t>& pixels) {
-  auto file = job.format == "png" ? EncodePng(job, pixels) : EncodeExr(job, pixels);
+Result<Bytes> EncodeImage(const View& view, const ImageFormat& format, const std::vector<uint32_t>& pixels) {
+  auto file = format.name == "png" ? EncodePng(view, format, pixels) : EncodeExr(view, format, pixels);
   // What was reserved counts where it is part of the heap, as for small images it is.
   constexpr size_t kSmall = 1 << 20;
   if (file && file->capacity() < kSmall) file->shrink_to_fit();

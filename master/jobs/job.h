@@ -31,7 +31,6 @@ struct Job {
 
   std::string id;  ///< see JobId
   RenderJob job;
-  RenderJob without_cameras;
   std::vector<FrameState> states;
   std::vector<Finished> finished;
   std::vector<Client> clients;
@@ -45,20 +44,13 @@ struct Job {
   Job(std::string name, RenderJob render_job)
       : id(std::move(name)),
         job(std::move(render_job)),
-        without_cameras(WithoutCameras(job)),
         states(job.cameras.size(), FrameState::kToDo),
         finished(job.cameras.size()) {}
   bool Complete() const;
   /// The first frame to do, or states.size().
   size_t NextToDo() const;
-  /// The job with frame `index` only.
-  RenderJob FrameJob(size_t index) const;
-
- private:
-  static RenderJob WithoutCameras(RenderJob job) {
-    job.cameras.clear();
-    return job;
-  }
+  /// The number that clients know frame `index` by.
+  uint32_t Number(size_t index) const { return job.first_frame + static_cast<uint32_t>(index); }
 };
 
 }  // namespace quarry

@@ -10,13 +10,12 @@
 
 namespace quarry {
 
-std::optional<RenderJob> JobFrames::Begin(FrameId id, double now_s) {
+std::optional<View> JobFrames::Begin(FrameId id, double now_s) {
   auto frame = jobs_.Begin();
   if (!frame) return std::nullopt;
-  if (tile_log_) tile_log_->Frame(frame->frame_job);
+  if (tile_log_) tile_log_->Frame(frame->number(), frame->view);
   failures_ = 0;
-  return under_way_.emplace(id, UnderWay{std::move(*frame), now_s, bytes_served_()})
-      .first->second.frame.frame_job;
+  return under_way_.emplace(id, UnderWay{std::move(*frame), now_s, bytes_served_()}).first->second.frame.view;
 }
 
 void JobFrames::Probe(std::span<ActiveFrame* const> frames) {
@@ -25,9 +24,9 @@ void JobFrames::Probe(std::span<ActiveFrame* const> frames) {
   constexpr size_t kAhead = 3, kMostTiles = 4096;
   std::vector<FootprintProbe::Wish> wishes;
   const auto add = [&](const JobFrame& frame) {
-    const uint64_t pixels = uint64_t{frame.frame_job.crop_width} * frame.frame_job.crop_height;
+    const uint64_t pixels = uint64_t{frame.view.crop.width} * frame.view.crop.height;
     if (pixels <= kMostTiles * kTileSize * kTileSize)
-      wishes.push_back({frame.job->id, frame.index, frame.frame_job});
+      wishes.push_back({frame.job->id, frame.index, frame.view});
   };
   // One worker gets all tiles, whatever they touch.
   if (workers_.all().size() > 1) {
@@ -57,7 +56,8 @@ bool JobFrames::HasNews(std::span<ActiveFrame* const> frames) const {
 
 void JobFrames::Finish(ActiveFrame& frame, double now_s) {
   UnderWay done = std::move(under_way_.extract(frame.id()).mapped());
-  const FrameTimes times{done.start_s, now_s, bytes_served_() - done.bytes_served_before};
+  const FrameTimes times{done.frame.number(), done.start_s, now_s,
+                         bytes_served_() - done.bytes_served_before};
   jobs_.Finish(std::move(done.frame), frame.TakePixels(), FrameStatistics(frame, times, workers_));
 }
 
@@ -86,14 +86,13 @@ void JobFrames::SendProgress(std::span<ActiveFrame* const> frames) const {
   const auto workers = static_cast<uint32_t>(workers_.all().size());
   if (workers == 0)  // a client that waits learns why
     for (const auto& job : jobs_.all())
-      for (const Job::Client& client : job->clients)
-        send(client, {job->job.first_frame + static_cast<uint32_t>(client.next), 0, 0, 0});
+      for (const Job::Client& client : job->clients) send(client, {job->Number(client.next), 0, 0, 0});
   std::set<const Job*> told;
   for (const ActiveFrame* frame : frames) {
     const Job* job = under_way_.at(frame->id()).frame.job.get();
     if (!told.insert(job).second) continue;
     for (const Job::Client& client : job->clients)
-      send(client, {frame->job().first_frame, frame->tiles_done(),
+      send(client, {NumberOf(frame->id()), frame->tiles_done(),
                     static_cast<uint32_t>(frame->image().tiles().size()), workers});
   }
 }

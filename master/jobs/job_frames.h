@@ -38,16 +38,18 @@ class JobFrames final : public FrameSource {
   }
 
   bool HasNext() const override { return !jobs_.Upcoming(1).empty(); }
-  std::optional<RenderJob> Begin(FrameId id, double now_s) override;
+  std::optional<View> Begin(FrameId id, double now_s) override;
   void Probe(std::span<ActiveFrame* const> frames) override;
   bool IsNextBeingProbed() const override;
   void Finish(ActiveFrame& frame, double now_s) override;
 
   /// Whether a probe is finished that its frame has not learned of.
   bool HasNews(std::span<ActiveFrame* const> frames) const;
-  /// Notes a kept result. `frame_number`: of the job.
-  void LogTile(uint32_t frame_number, const TileDone& done, const std::string& worker) {
-    if (tile_log_) tile_log_->Tile(frame_number, done, worker);
+  /// The number that clients know a frame under way by. Requires: the frame is under way.
+  uint32_t NumberOf(FrameId id) const { return under_way_.at(id).frame.number(); }
+  /// Notes a kept result of the frame that clients know by `number`.
+  void LogTile(uint32_t number, const TileDone& done, const std::string& worker) {
+    if (tile_log_) tile_log_->Tile(number, done, worker);
   }
   /// A worker with the scene gives up: it cannot get a block. Other workers may; a job fails when none is
   /// left, or when kMostFailures that had finished tiles have given up since a frame last began.

@@ -114,13 +114,13 @@ std::optional<JobFrame> Jobs::Begin() {
   for (const auto& job : jobs_) {
     const size_t index = job->NextToDo();
     if (index == job->states.size()) continue;
-    if (!HasRoom(*job, index)) return std::nullopt;
+    if (!HasRoom(*job)) return std::nullopt;
     if (job->suspect && memory_.used() > 0) return std::nullopt;
     if (spool_ && !job->tried) spool_->NoteTry(job->id);
     job->tried = true;
     job->states[index] = Job::FrameState::kActive;
-    JobFrame begun{job, index, job->FrameJob(index), nullptr};
-    begun.memory = memory_.Take(FrameBytes(begun.frame_job));
+    JobFrame begun{job, index, FrameView(job->job, index), nullptr};
+    begun.memory = memory_.Take(FrameBytes(begun.view, job->job.format));
     if (job->suspect) suspect_ = begun.memory;
     return begun;
   }
@@ -129,8 +129,8 @@ std::optional<JobFrame> Jobs::Begin() {
 
 /// Where no frame is under way that could make room, images that wait for clients are dropped, to be rendered
 /// again.
-bool Jobs::HasRoom(const Job& job, size_t index) {
-  const uint64_t bytes = FrameBytes(job.FrameJob(index));
+bool Jobs::HasRoom(const Job& job) {
+  const uint64_t bytes = FrameBytes(job.job.view, job.job.format);
   const auto fits = [&] { return memory_.used() + QueuedBytes() + bytes <= memory_.for_frames(); };
   const bool under_way = encoding_ > 0 || std::ranges::any_of(jobs_, [](const auto& j) {
                            return std::ranges::count(j->states, Job::FrameState::kActive) > 0;
@@ -170,7 +170,7 @@ std::vector<JobFrame> Jobs::Upcoming(size_t most) const {
   for (const auto& job : jobs_)
     for (size_t index = job->NextToDo(); index < job->states.size() && upcoming.size() < most; ++index)
       if (job->states[index] == Job::FrameState::kToDo)
-        upcoming.push_back({job, index, job->FrameJob(index), nullptr});
+        upcoming.push_back({job, index, FrameView(job->job, index), nullptr});
   return upcoming;
 }
 
@@ -178,13 +178,13 @@ void Jobs::Finish(JobFrame frame, std::vector<uint32_t> pixels, std::string stat
   ++encoding_;
   asio::post(*encoder_, [this, frame = std::move(frame), pixels = std::move(pixels),
                          statistics = std::move(statistics)]() mutable {
-    auto image = EncodeImage(frame.frame_job, pixels);
+    auto image = EncodeImage(frame.view, frame.job->job.format, pixels);
     pixels = {};
     if (image && image->size() > kMostImageBytes)
       image = quarry::Fail(
           fmt::format("the picture takes {} as {}, and {} can be sent; render parts of it with "
                       "--crop",
-                      FormatSize(image->size()), frame.frame_job.format, FormatSize(kMostImageBytes)));
+                      FormatSize(image->size()), frame.job->job.format.name, FormatSize(kMostImageBytes)));
     if (image && spool_)
       WriteToSpool(*frame.job,
                    [&] { return spool_->WriteFrame(frame.job->id, frame.job->job, frame.index, *image); });
@@ -274,7 +274,7 @@ bool Jobs::SendFrame(Job& job, const Job::Client& client) {
     callbacks_.on_work();
     return false;
   }
-  const auto number = job.job.first_frame + static_cast<uint32_t>(f);
+  const uint32_t number = job.Number(f);
   std::string statistics = job.finished[f].statistics;
   if (statistics.empty())  // made by a master before this one
     statistics = fmt::format("{{\"frame\": {}, \"from_spool\": true}}", number);

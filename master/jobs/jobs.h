@@ -22,9 +22,10 @@ namespace quarry {
 /// A frame of a job.
 struct JobFrame {
   std::shared_ptr<Job> job;
-  size_t index = 0;                 ///< of the job's frames
-  RenderJob frame_job;              ///< the job with this frame only
+  size_t index = 0;  ///< of the job's frames
+  View view;
   FrameMemory::Reservation memory;  ///< while it is under way
+  uint32_t number() const { return job->Number(index); }
 };
 
 /// Clients' jobs, from the request to the last frame that is sent. Images are encoded, and written to the
@@ -69,7 +70,7 @@ class Jobs {
 
  private:
   void Remove(std::shared_ptr<Job> job);
-  bool HasRoom(const Job& job, size_t index);
+  bool HasRoom(const Job& job);
   bool DropLastImage();
   uint64_t JobsBytes() const;
   uint64_t QueuedBytes() const;

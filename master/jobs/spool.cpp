@@ -105,7 +105,7 @@ std::string JobId(const SceneId& scene, const RenderJob& job) {
 std::string Spool::JobPath(const std::string& id) const { return folder_ + "/" + id + "/job"; }
 
 std::string Spool::FramePath(const std::string& id, const RenderJob& job, size_t frame) const {
-  return fmt::format("{}/{}/{:04}.{}", folder_, id, job.first_frame + frame, job.format);
+  return fmt::format("{}/{}/{:04}.{}", folder_, id, job.first_frame + frame, job.format.name);
 }
 
 Result<Spool> Spool::Open(const std::string& folder, const SceneId& scene) {

@@ -41,7 +41,7 @@ nlohmann::ordered_json WorkerStatistics(const WorkerRecord& w) {
 std::string FrameStatistics(const ActiveFrame& frame, const FrameTimes& times,
                             const WorkerRegistry& registry) {
   nlohmann::ordered_json j;
-  j["frame"] = frame.job().first_frame;
+  j["frame"] = times.number;
   j["frame_wall_s"] = times.end_s - times.start_s;
   j["frame_start_s"] = times.start_s;
   j["tiles"] = frame.image().tiles().size();
@@ -55,7 +55,7 @@ std::string FrameStatistics(const ActiveFrame& frame, const FrameTimes& times,
   return j.dump();
 }
 
-std::string ProgressLine(const ActiveFrame& frame, const WorkerRegistry& registry) {
+std::string ProgressLine(const ActiveFrame& frame, uint32_t number, const WorkerRegistry& registry) {
   WorkerStatus sum;
   for (const auto& [id, w] : registry.all()) {
     sum.rays += w.counters.rays;
@@ -66,7 +66,7 @@ std::string ProgressLine(const ActiveFrame& frame, const WorkerRegistry& registr
   return fmt::format(
       "frame {}: {} of {} tiles; {} workers, {:.1f} million rays, {:.1f} MB of voxels received, {:.1f} s of "
       "computing, {:.1f} s of waiting so far",
-      frame.job().first_frame, frame.tiles_done(), frame.image().tiles().size(), registry.all().size(),
+      number, frame.tiles_done(), frame.image().tiles().size(), registry.all().size(),
       static_cast<double>(sum.rays) * 1e-6, static_cast<double>(sum.voxel_bytes_received) * 1e-6,
       static_cast<double>(sum.compute_us) * 1e-6, static_cast<double>(sum.stall_us) * 1e-6);
 }

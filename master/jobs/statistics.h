@@ -10,6 +10,7 @@ namespace quarry {
 
 /// Facts of a frame that ActiveFrame does not know.
 struct FrameTimes {
+  uint32_t number = 0;              ///< that clients know the frame by
   double start_s = 0, end_s = 0;    ///< since the master began
   uint64_t voxel_bytes_served = 0;  ///< by the master, during the frame
 };
@@ -17,7 +18,8 @@ struct FrameTimes {
 std::string FrameStatistics(const ActiveFrame& frame, const FrameTimes& times,
                             const WorkerRegistry& registry);
 
-/// The frame's progress and the sum of the workers' counters, a line for the log.
-std::string ProgressLine(const ActiveFrame& frame, const WorkerRegistry& registry);
+/// The progress of the frame that clients know by `number`, and the sum of the workers' counters, a line for
+/// the log.
+std::string ProgressLine(const ActiveFrame& frame, uint32_t number, const WorkerRegistry& registry);
 
 }  // namespace quarry

@@ -40,16 +40,16 @@ nlohmann::json Depths(const std::vector<float>& depths) {
 
 }  // namespace
 
-void TileLog::Frame(const RenderJob& job) {
-  const CameraSpec& c = job.cameras[0];
+void TileLog::Frame(uint32_t number, const View& view) {
+  const CameraSpec& c = view.camera;
   const auto vector = [](const glm::dvec3& v) { return nlohmann::json{v.x, v.y, v.z}; };
   auto lights = nlohmann::json::array();
-  for (const Light& light : job.lights)
+  for (const Light& light : view.lights)
     lights.push_back({light.kind == LightKind::kSun, light.vector.x, light.vector.y, light.vector.z});
   const nlohmann::ordered_json j = {
-      {"frame", job.first_frame}, {"width", job.width}, {"height", job.height}, {"eye", vector(c.eye)},
-      {"at", vector(c.at)},       {"up", vector(c.up)}, {"fov", c.fov_degrees}, {"ortho", c.ortho_height},
-      {"mode", job.mode},         {"lights", lights}};
+      {"frame", number},    {"width", view.width}, {"height", view.height}, {"eye", vector(c.eye)},
+      {"at", vector(c.at)}, {"up", vector(c.up)},  {"fov", c.fov_degrees},  {"ortho", c.ortho_height},
+      {"mode", view.mode},  {"lights", lights}};
   std::fprintf(file_.get(), "%s\n", j.dump().c_str());
 }
 

@@ -16,7 +16,7 @@ class TileLog {
  public:
   /// Errors: the file cannot be written.
   static Result<TileLog> Create(const std::string& path);
-  void Frame(const RenderJob& frame_job);
+  void Frame(uint32_t number, const View& view);
   void Tile(uint32_t frame_number, const TileDone& done, const std::string& worker);
 
  private:

@@ -13,10 +13,10 @@ constexpr double kTileSamples = double{kTileSize} * kTileSize;  // at one sample
 
 }  // namespace
 
-ActiveFrame::ActiveFrame(FrameId id, const RenderJob& job, const ActiveFrame* before)
+ActiveFrame::ActiveFrame(FrameId id, const View& view, const ActiveFrame* before)
     : id_(id),
-      job_(job),
-      image_(job),
+      view_(view),
+      image_(view),
       last_owners_(image_.tiles().size(), kNoWorker),
       plan_(image_.tiles().size(), kNoWorker),
       owners_(image_.tiles().size(), kNoWorker),
@@ -25,7 +25,7 @@ ActiveFrame::ActiveFrame(FrameId id, const RenderJob& job, const ActiveFrame* be
       tile_done_(image_.tiles().size()) {
   if (!before) return;
   // Only images of one size have tiles at the same places.
-  if (before->job_.width == job.width && before->job_.height == job.height &&
+  if (before->view_.width == view.width && before->view_.height == view.height &&
       before->owners_.size() == owners_.size())
     for (size_t t = 0; t < owners_.size(); ++t)
       last_owners_[t] = before->owners_[t] != kNoWorker ? before->owners_[t] : before->plan_[t];
@@ -45,7 +45,7 @@ void ActiveFrame::Foresee(const ActiveFrame* before) {
   if (!news && predictions_ > 0 && (large() || basis == basis_)) return;
   basis_ = basis;
   ++predictions_;
-  expected_ = Predict(before ? before->Footprint() : FrameFootprint{job_, {}, {}}, job_, image_.tiles(),
+  expected_ = Predict(before ? before->Footprint() : FrameFootprint{view_, {}, {}}, view_, image_.tiles(),
                       coarse_.get());
 }
 
@@ -78,7 +78,7 @@ void ActiveFrame::MakePlan(const std::vector<PlannedWorker>& workers, const Plan
   in.workers = workers;
   in.block_bytes = &costs.block_bytes;
   in.seconds_per_byte = costs.seconds_per_byte;
-  in.frame = job_.first_frame;
+  in.frame = id_;
   double known_s = 0;
   size_t known = 0;
   for (const TileFootprint& trace : expected_)
@@ -87,7 +87,7 @@ void ActiveFrame::MakePlan(const std::vector<PlannedWorker>& workers, const Plan
       ++known;
     }
   usual_cost_s_ =
-      known > 0 ? known_s / static_cast<double>(known) : kGuessedSampleS * kTileSamples * job_.spp;
+      known > 0 ? known_s / static_cast<double>(known) : kGuessedSampleS * kTileSamples * view_.spp;
   tile_s_ = costs.tile_s;
   const std::vector<uint32_t> holders = Holders();
   for (size_t t = 0; t < expected_.size(); ++t) {
@@ -130,7 +130,7 @@ TileOrder ActiveFrame::Lease(const Assignment& a, double now_s) {
 
 Result<bool> ActiveFrame::Finish(const TileDone& done, std::span<const std::byte> pixels, double now_s) {
   const auto it = leases_.find(done.lease);
-  if (done.setup != id_ || it == leases_.end() || it->second.tile != done.tile) return false;
+  if (done.frame != id_ || it == leases_.end() || it->second.tile != done.tile) return false;
   const LeaseRecord lease = it->second;
   leases_.erase(it);
   if (tile_done_[done.tile]) return false;
@@ -166,7 +166,7 @@ void ActiveFrame::AddHeld(std::unordered_map<uint32_t, uint32_t>& held) const {
 }
 
 FrameFootprint ActiveFrame::Footprint() const {
-  FrameFootprint trace{job_, image_.tiles(), traces_};
+  FrameFootprint trace{view_, image_.tiles(), traces_};
   for (size_t t = 0; t < traces_.size(); ++t)
     if (!traces_[t].known) trace.traces[t] = expected_[t];
   return trace;

@@ -33,10 +33,10 @@ struct PlanCosts {
 class ActiveFrame {
  public:
   /// `before`: the frame before, whose tiles' workers are remembered, or null.
-  ActiveFrame(FrameId id, const RenderJob& job, const ActiveFrame* before);
+  ActiveFrame(FrameId id, const View& view, const ActiveFrame* before);
 
   FrameId id() const { return id_; }
-  const RenderJob& job() const { return job_; }
+  const View& view() const { return view_; }
   const FrameImage& image() const { return image_; }
   /// Moves the pixels out; footprints for the next frame's plan stay. Requires: done().
   std::vector<uint32_t> TakePixels() { return image_.TakePixels(); }
@@ -112,7 +112,7 @@ class ActiveFrame {
   double CostOf(size_t tile) const;
 
   FrameId id_;
-  RenderJob job_;
+  View view_;
   FrameImage image_;
   std::vector<uint32_t> last_owners_, plan_, owners_;  ///< by tile
   std::vector<TileFootprint> expected_, traces_;       ///< by tile

@@ -61,11 +61,11 @@ void Dispatcher::MakePlans(PlanNews news) {
 
 /// Null: no frame may begin.
 ActiveFrame* Dispatcher::StartFrame(double now_s) {
-  const auto job = source_.Begin(next_id_, now_s);
-  if (!job) return nullptr;
+  const auto view = source_.Begin(next_id_, now_s);
+  if (!view) return nullptr;
   const ActiveFrame* before = frames_.empty() ? previous_.get() : frames_.rbegin()->second.get();
   const FrameId id = next_id_++;
-  ActiveFrame* frame = (frames_[id] = std::make_unique<ActiveFrame>(id, *job, before)).get();
+  ActiveFrame* frame = (frames_[id] = std::make_unique<ActiveFrame>(id, *view, before)).get();
   MakePlans(PlanNews::kFrames);
   return frame;
 }
@@ -136,7 +136,7 @@ std::vector<uint32_t> Dispatcher::MuteWorkers() {
 
 Result<bool> Dispatcher::Finish(WorkerState& worker, const TileDone& done, std::span<const std::byte> pixels,
                                 double now_s) {
-  const auto it = frames_.find(done.setup);
+  const auto it = frames_.find(done.frame);
   bool kept = false;
   if (it != frames_.end()) {
     QUARRY_ASSIGN(kept, it->second->Finish(done, pixels, now_s));
@@ -145,7 +145,7 @@ Result<bool> Dispatcher::Finish(WorkerState& worker, const TileDone& done, std::
   worker.conduct.Answered(kept);
   if (!kept) return false;
   tile_cost_.Done(it->second->ShownCost(done.tile));
-  if (it->second->done()) FinishFrame(done.setup, now_s);
+  if (it->second->done()) FinishFrame(done.frame, now_s);
   return true;
 }
 

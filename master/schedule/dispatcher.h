@@ -42,8 +42,8 @@ class FrameSource {
   virtual ~FrameSource() = default;
   /// Whether a frame waits to begin.
   virtual bool HasNext() const = 0;
-  /// Begins the next frame: a normalized job with one camera. None: no frame may begin now.
-  virtual std::optional<RenderJob> Begin(FrameId id, double now_s) = 0;
+  /// Begins the next frame: its normalized view. None: no frame may begin now.
+  virtual std::optional<View> Begin(FrameId id, double now_s) = 0;
   /// Called before plans are made. Calls ActiveFrame::Learn on the frames whose probe is finished, and has
   /// the others probed, together with frames that begin next.
   virtual void Probe(std::span<ActiveFrame* const> frames) = 0;

@@ -81,9 +81,9 @@ double ExpectedBytes(const TileFootprint& tile, const BlockSet& holds,
   return bytes;
 }
 
-std::vector<TileFootprint> Predict(const FrameFootprint& before, const RenderJob& next,
+std::vector<TileFootprint> Predict(const FrameFootprint& before, const View& next,
                                    const std::vector<PixelRect>& tiles, const ProbedFrame* coarse) {
-  std::vector<TileFootprint> out = FollowTiles(before, Reprojection(before.job, next), tiles);
+  std::vector<TileFootprint> out = FollowTiles(before, Reprojection(before.view, next), tiles);
   if (!coarse || coarse->empty()) return out;
   for (size_t t = 0; t < tiles.size(); ++t) {
     out[t].blocks = (*coarse)[t].blocks;

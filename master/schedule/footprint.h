@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "common/scene/render_job.h"
+#include "common/scene/view.h"
 #include "master/jobs/frame_image.h"
 #include "master/schedule/footprint_probe.h"
 #include "master/schedule/scheduler.h"
@@ -32,7 +32,7 @@ double ExpectedBytes(const TileFootprint& tile, const BlockSet& holds,
 
 /// The footprints of a frame's tiles.
 struct FrameFootprint {
-  RenderJob job;  ///< with the frame's camera only
+  View view;
   std::vector<PixelRect> tiles;
   std::vector<TileFootprint> traces;
 };
@@ -42,7 +42,7 @@ struct FrameFootprint {
 /// Uncovered tiles stay unknown. The probe's blocks and depths (`coarse`, or null) replace reprojected ones.
 /// Thread-safe. Source: Wald & Slusallek 2001, section 6.5 proposes coarse rays for the next view;
 /// reprojection is ours.
-std::vector<TileFootprint> Predict(const FrameFootprint& before, const RenderJob& next,
+std::vector<TileFootprint> Predict(const FrameFootprint& before, const View& next,
                                    const std::vector<PixelRect>& tiles, const ProbedFrame* coarse);
 
 }  // namespace quarry

@@ -7,17 +7,17 @@
 
 namespace quarry {
 
-Result<ProbedFrame> ProbeFrame(Renderer& renderer, const RenderJob& job, std::stop_token stop) {
+Result<ProbedFrame> ProbeFrame(Renderer& renderer, const View& view, std::stop_token stop) {
   constexpr uint64_t kSmallPixels = 512 * kTileSize * kTileSize;
-  const uint32_t step = uint64_t{job.crop_width} * job.crop_height <= kSmallPixels ? 2 : 4;
+  const uint32_t step = uint64_t{view.crop.width} * view.crop.height <= kSmallPixels ? 2 : 4;
   std::vector<Tile> tiles;
-  for (const PixelRect& pixels : TilesOf(job)) tiles.push_back({pixels, step});
-  View view = FrameView(job);
-  view.spp = 1;
-  view.aov_mask = 0;
+  for (const PixelRect& pixels : TilesOf(view)) tiles.push_back({pixels, step});
+  View sparse = view;
+  sparse.spp = 1;
+  sparse.aov_mask = 0;
   ProbedFrame frame(tiles.size());
   QUARRY_TRY(renderer.Render(
-      view, tiles,
+      sparse, tiles,
       [&](size_t i, RenderedTile result, Renderer::Progress) {
         for (const BlockKey block : result.blocks) frame[i].blocks.push_back(block.number());
         frame[i].depths = std::move(result.depths);
@@ -91,7 +91,7 @@ void FootprintProbe::Run() {
       stop_current_ = {};
       stop = stop_current_.get_token();
     }
-    auto probed = ProbeFrame(*renderer_, current_.one, stop);
+    auto probed = ProbeFrame(*renderer_, current_.view, stop);
     // A frame that is wanted again meanwhile is begun anew.
     if (!probed && probed.error().kind == ErrorKind::kCancelled) continue;
     // Empty where the store cannot be read: the block service reports that.

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "common/engine/renderer.h"
-#include "common/scene/render_job.h"
+#include "common/scene/view.h"
 
 namespace quarry {
 
@@ -22,9 +22,9 @@ struct ProbedTile {
 };
 using ProbedFrame = std::vector<ProbedTile>;  ///< by tile; empty: not known
 
-/// Renders a job's one frame with one ray for each 2x2 pixels (of more than half a million pixels: 4x4).
+/// Renders a view with one ray for each 2x2 pixels (of more than half a million pixels: 4x4).
 /// Errors: as Renderer::Render's.
-Result<ProbedFrame> ProbeFrame(Renderer& renderer, const RenderJob& job, std::stop_token stop = {});
+Result<ProbedFrame> ProbeFrame(Renderer& renderer, const View& view, std::stop_token stop = {});
 
 /// Probes frames that are under way or about to be, to see which blocks their tiles touch. It has a renderer
 /// of its own, with one compute thread, so that planning never waits for it. Not thread-safe. Source: Wald &
@@ -34,7 +34,7 @@ class FootprintProbe {
   struct Wish {
     std::string job;  ///< see JobId
     size_t index = 0;
-    RenderJob one;  ///< the job with this frame only
+    View view;
     bool Is(const Wish& other) const { return job == other.job && index == other.index; }
   };
   /// `on_news` is called on a thread of the probe's when a frame has been gone through.

@@ -12,11 +12,11 @@ void PixelBounds::Include(double x, double y) {
   y1 = std::max(y1, y);
 }
 
-Reprojection::Reprojection(const RenderJob& from, const RenderJob& to)
+Reprojection::Reprojection(const View& from, const View& to)
     : from_(from),
       to_(to),
-      from_view_(MakeViewBasis(from.cameras[0], from.height)),
-      to_view_(MakeViewBasis(to.cameras[0], to.height)) {}
+      from_view_(MakeViewBasis(from.camera, from.height)),
+      to_view_(MakeViewBasis(to.camera, to.height)) {}
 
 glm::dvec3 Reprojection::PointAt(double x, double y, double depth) const {
   const ViewBasis& view = from_view_;

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "common/scene/render_job.h"
+#include "common/scene/view.h"
 #include "common/scene/view_basis.h"
 #include "master/jobs/frame_image.h"
 
@@ -20,12 +20,12 @@ struct PixelBounds {
   double area() const { return (x1 - x0) * (y1 - y0); }
 };
 
-/// Maps rectangles of one camera's image to another camera's. Reads the jobs' cameras and sizes only.
+/// Maps rectangles of one camera's image to another camera's. Reads the views' cameras and sizes only.
 /// Units: pixels; depth in scene units along the ray. Thread-safe.
 class Reprojection {
  public:
-  /// Requires: each job has a camera. The jobs must outlive this.
-  Reprojection(const RenderJob& from, const RenderJob& to);
+  /// The views must outlive this.
+  Reprojection(const View& from, const View& to);
 
   /// Where `to` sees a rectangle of `from` that is `depth` away. False: the rectangle is behind the eye.
   bool Rectangle(const PixelRect& pixels, double depth, PixelBounds& bounds) const;
@@ -34,7 +34,7 @@ class Reprojection {
   glm::dvec3 PointAt(double x, double y, double depth) const;
   bool Project(const glm::dvec3& point, double& x, double& y) const;
 
-  const RenderJob &from_, &to_;
+  const View &from_, &to_;
   const ViewBasis from_view_, to_view_;
 };
 

@@ -15,7 +15,7 @@ bool MayBegin(std::span<ActiveFrame* const> frames) {
   constexpr uint64_t kPixels = 1u << 20;
   if (frames.size() < kAlways) return true;
   uint64_t pixels = 0;
-  for (const ActiveFrame* frame : frames) pixels += uint64_t{frame->job().width} * frame->job().height;
+  for (const ActiveFrame* frame : frames) pixels += uint64_t{frame->view().width} * frame->view().height;
   return frames.size() < kMost && pixels < kPixels;
 }
 

@@ -30,8 +30,7 @@ Result<bool> GoOnFromCheckpoint(const ModelSink& sink, const std::string& path, 
   ByteReader state(sink.LastCheckpoint());
   QUARRY_TRY(importer.Restore(state));
   if (!state.done())
-    return Fail(
-        fmt::format("{}: what an earlier run noted of it cannot be read; begin anew without --resume", path));
+    return CannotResume(fmt::format("{}: what an earlier run noted of it cannot be read", path));
   return true;
 }
 

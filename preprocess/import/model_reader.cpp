@@ -168,10 +168,10 @@ bool ModelReader::Skip(uint64_t count) {
 
 Status ModelReader::SkipTo(uint64_t target) {
   if (target < offset())
-    return FailHere("an earlier run was not as far as this; begin anew without --resume");
-  if (!Skip(target - offset()))
-    return Truncated("before the place up to which an earlier run has read it; begin anew without --resume");
-  return {};
+    return CannotResume(FailHere("an earlier run was not as far as this").value().message);
+  if (Skip(target - offset())) return {};
+  const auto truncated = Truncated("before the place up to which an earlier run has read it");
+  return failed() ? truncated : CannotResume(truncated.value().message);
 }
 
 tl::unexpected<Error> ModelReader::Truncated(const std::string& where) const {

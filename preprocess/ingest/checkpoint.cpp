@@ -61,8 +61,7 @@ Result<Bytes> ImportCheckpoints::Read(std::span<const std::byte> reference) {
   const auto file = InputFile::Open(StatePath());
   Bytes state(file && in.done() && file->size() == size ? size : 0);
   if (state.empty() || !file->ReadAt(0, state) || Checksum(state) != checksum)
-    return Fail(
-        fmt::format("{}: is not what was saved of the import; begin anew without --resume", StatePath()));
+    return CannotResume(fmt::format("{}: is not what was saved of the import", StatePath()));
   made_ = true;
   return state;
 }

@@ -69,8 +69,7 @@ Status ImageList::Restore(ByteReader& in) {
     image.color = in.Get<uint8_t>() != 0;
     image.pick = static_cast<TexturePick>(in.Get<uint32_t>());
     if (!identity.empty() && FileIdentity(image.file) != identity)
-      return Fail(fmt::format(
-          "{}: this image has changed since the run was begun; begin anew without --resume", image.file));
+      return CannotResume(fmt::format("{}: this image has changed since the run was begun", image.file));
     known_.emplace(KeyOf(image), static_cast<uint32_t>(images_.size()));
     images_.push_back(std::move(image));
     identities_.push_back(identity);

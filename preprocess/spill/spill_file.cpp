@@ -26,12 +26,12 @@ tl::unexpected<Error> CannotWrite(const std::string& place, int error) {
 }
 
 tl::unexpected<Error> CannotRead(const std::string& place, int error) {
-  return Fail(fmt::format("{}: cannot read temporary files back: {}{}", place, ErrnoText(error),
-                          error == ENOENT ? "; begin anew without --resume" : ""));
+  const auto text = fmt::format("{}: cannot read temporary files back: {}", place, ErrnoText(error));
+  return error == ENOENT ? CannotResume(text) : Fail(text);
 }
 
 tl::unexpected<Error> Damaged(const std::string& path) {
-  return Fail(fmt::format("{}: a temporary file has been changed; begin anew without --resume", path));
+  return CannotResume(fmt::format("{}: a temporary file has been changed", path));
 }
 
 /// A descriptor that is closed with the object.
@@ -96,7 +96,7 @@ Result<SpillFile> SpillFile::Open(const std::string& path, size_t element_bytes,
   if (made.get() < 0) return CannotMake(path);
   SpillFile file(path, element_bytes, options);
   if (!file.content_->FindBlocks(made.get(), count))
-    return Fail(fmt::format("{}: is shorter than when it was left; begin anew without --resume", path));
+    return CannotResume(fmt::format("{}: is shorter than when it was left", path));
   if (::ftruncate(made.get(), static_cast<off_t>(file.content_->bytes)) != 0) return CannotWrite(path, errno);
   file.content_->ForgetBlocks();
   file.count_ = count;

@@ -16,26 +16,26 @@ namespace {
 class Tracer {
  public:
   Tracer(const EmbreeScene& embree, const Catalog& catalog,
-         const std::vector<std::unique_ptr<ResidentBlock>>& blocks, const RenderJob& job)
+         const std::vector<std::unique_ptr<ResidentBlock>>& blocks, const View& view)
       : embree_(embree),
         catalog_(catalog),
         blocks_(blocks),
-        job_(job),
-        camera_(job.cameras[0], job.width, job.height, catalog.meta.root_lower, catalog.meta.root_upper) {
+        view_(view),
+        camera_(view.camera, view.width, view.height, catalog.meta.root_lower, catalog.meta.root_upper) {
     rtcInitIntersectContext(&context_);
   }
 
   void Pixel(uint32_t x, uint32_t y, float* out) {
     FixedRadiance radiance[3];
-    for (uint32_t sample = 0; sample < job_.spp; ++sample) {
-      const glm::vec2 at = PixelSample(job_.seed, y * job_.width + x, sample);
+    for (uint32_t sample = 0; sample < view_.spp; ++sample) {
+      const glm::vec2 at = PixelSample(view_.seed, y * view_.width + x, sample);
       const PrimaryRay primary = camera_.Shoot(x + static_cast<double>(at.x), y + static_cast<double>(at.y));
       if (primary.misses)
-        Add(radiance, job_.background);
+        Add(radiance, view_.background);
       else
         Follow(primary.origin, primary.direction, glm::vec3(1), 0, radiance);
     }
-    for (int c = 0; c < 3; ++c) out[c] = radiance[c].Mean(job_.spp);
+    for (int c = 0; c < 3; ++c) out[c] = radiance[c].Mean(view_.spp);
   }
 
  private:
@@ -60,22 +60,22 @@ class Tracer {
     RTCRayHit r{MakeRay(origin, direction, kInfinity), {}};
     r.hit.geomID = r.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
     rtcIntersect1(embree_.scene(), &context_, &r);
-    if (r.hit.geomID == RTC_INVALID_GEOMETRY_ID) return Add(radiance, weight * job_.background);
+    if (r.hit.geomID == RTC_INVALID_GEOMETRY_ID) return Add(radiance, weight * view_.background);
     const Surface s = SurfaceOf(r, direction);
     const Material& material = catalog_.materials[s.material];
-    const glm::vec3 albedo = Albedo(material, job_.mode) * s.color;
-    if (job_.mode == RenderMode::kRaycast)
+    const glm::vec3 albedo = Albedo(material, view_.mode) * s.color;
+    if (view_.mode == RenderMode::kRaycast)
       return Add(radiance, weight * (albedo * Facing(s) + Emitted(material, s)));
-    Add(radiance, weight * (albedo * job_.ambient * AmbientFactor(s) + Emitted(material, s)));
-    for (const Light& l : job_.lights) {
+    Add(radiance, weight * (albedo * view_.ambient * AmbientFactor(s) + Emitted(material, s)));
+    for (const Light& l : view_.lights) {
       const LightSample light = SampleLight(l, s.position);
-      const glm::vec3 scattered = Scatter(material, job_.mode, s, light);
+      const glm::vec3 scattered = Scatter(material, view_.mode, s, light);
       if (Largest(scattered) <= 0) continue;
       RTCRay shadow = MakeRay(Offset(s, light.direction), light.direction, light.distance);
       rtcOccluded1(embree_.scene(), &context_, &shadow);
       if (shadow.tfar >= 0) Add(radiance, weight * scattered);
     }
-    if (job_.mode != RenderMode::kWhitted || depth >= kMostBounces) return;
+    if (view_.mode != RenderMode::kWhitted || depth >= kMostBounces) return;
     const Bounces b = Bounce(material, s);
     for (const auto& [way, share] :
          {std::pair{b.reflect_direction, b.reflect_weight}, std::pair{b.refract_direction, b.refract_weight}})
@@ -104,27 +104,27 @@ class Tracer {
   const EmbreeScene& embree_;
   const Catalog& catalog_;
   const std::vector<std::unique_ptr<ResidentBlock>>& blocks_;
-  const RenderJob& job_;
+  const View& view_;
   Camera camera_;
   RTCIntersectContext context_;
 };
 
 }  // namespace
 
-std::vector<float> EmbreeImage::Render(const RenderJob& job, unsigned threads) const {
-  std::vector<float> image(size_t{3} * job.width * job.height);
-  const uint32_t across = (job.width + kTileSize - 1) / kTileSize,
-                 down = (job.height + kTileSize - 1) / kTileSize;
+std::vector<float> EmbreeImage::Render(const View& view, unsigned threads) const {
+  std::vector<float> image(size_t{3} * view.width * view.height);
+  const uint32_t across = (view.width + kTileSize - 1) / kTileSize,
+                 down = (view.height + kTileSize - 1) / kTileSize;
   std::atomic<uint32_t> next{0};
   std::vector<std::jthread> workers;
   for (unsigned i = 0; i < threads; ++i)
     workers.emplace_back([&] {
-      Tracer tracer(embree_, catalog_, blocks_, job);
+      Tracer tracer(embree_, catalog_, blocks_, view);
       for (uint32_t tile; (tile = next++) < across * down;) {
         const uint32_t x0 = tile % across * kTileSize, y0 = tile / across * kTileSize;
-        for (uint32_t y = y0; y < std::min(y0 + kTileSize, job.height); ++y)
-          for (uint32_t x = x0; x < std::min(x0 + kTileSize, job.width); ++x)
-            tracer.Pixel(x, y, &image[size_t{3} * (y * job.width + x)]);
+        for (uint32_t y = y0; y < std::min(y0 + kTileSize, view.height); ++y)
+          for (uint32_t x = x0; x < std::min(x0 + kTileSize, view.width); ++x)
+            tracer.Pixel(x, y, &image[size_t{3} * (y * view.width + x)]);
       }
     });
   workers.clear();

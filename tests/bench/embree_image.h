@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "common/engine/blocks/voxel_cache.h"
-#include "common/scene/render_job.h"
+#include "common/scene/view.h"
 #include "tests/bench/embree_scene.h"
 
 namespace quarry::bench {
@@ -18,7 +18,7 @@ class EmbreeImage {
       : embree_(embree), catalog_(catalog), blocks_(blocks) {}
 
   /// The image, 3 floats a pixel, by `threads` threads. Modes raycast, shadow and Whitted.
-  std::vector<float> Render(const RenderJob& job, unsigned threads) const;
+  std::vector<float> Render(const View& view, unsigned threads) const;
 
  private:
   const EmbreeScene& embree_;

@@ -39,7 +39,7 @@ struct Options {
 /// The picture's rows of RGB. Blocks are decoded on the way, and stay in the renderer's cache.
 Result<std::vector<float>> RenderImage(Renderer& renderer, const View& view) {
   std::vector<float> image(size_t{3} * view.width * view.height);
-  const std::vector<Tile> tiles = TilesOf(view.crop());
+  const std::vector<Tile> tiles = TilesOf(view.crop);
   QUARRY_TRY(renderer.Render(view, tiles, [&](size_t i, const RenderedTile& result, Renderer::Progress) {
     const PixelRect& r = tiles[i].pixels;
     for (uint32_t y = 0; y < r.height; ++y)
@@ -65,8 +65,8 @@ Result<std::vector<std::unique_ptr<ResidentBlock>>> DecodeAll(const StoreReader&
 }
 
 /// The command as a person types it: processes started, blocks fetched and decoded, a picture written.
-Result<double> TimeCommand(const std::string& store, const std::string& mode, const RenderJob& job) {
-  const CameraSpec& c = job.cameras[0];
+Result<double> TimeCommand(const std::string& store, const std::string& mode, const View& view) {
+  const CameraSpec& c = view.camera;
   const auto vector = [](const glm::dvec3& v) {
     return fmt::format("{:.17g},{:.17g},{:.17g}", v.x, v.y, v.z);
   };
@@ -85,9 +85,9 @@ Result<double> TimeCommand(const std::string& store, const std::string& mode, co
                                         "--mode",
                                         mode,
                                         "--spp",
-                                        std::to_string(job.spp),
+                                        std::to_string(view.spp),
                                         "--size",
-                                        fmt::format("{}x{}", job.width, job.height),
+                                        fmt::format("{}x{}", view.width, view.height),
                                         "--eye",
                                         vector(c.eye),
                                         "--at",
@@ -136,28 +136,27 @@ Status RunScene(const std::string& path, const Options& options, nlohmann::json&
   const std::string name = std::filesystem::path(path).stem().string();
   fmt::print("{}: {} triangles; Embree's tree (robust, best quality) takes {:.1f} s\n", name,
              catalog.meta.input_triangles, build_s);
-  RenderJob job;
-  job.width = job.height = options.size;
-  job.spp = options.spp;
-  job.lights = {DefaultSun(catalog.meta.up_axis)};
-  QUARRY_ASSIGN(const CameraSpec view, FindView(path, catalog.meta, options.interior));
-  job.cameras = {view};
-  QUARRY_TRY(NormalizeJob(job));
+  View view;
+  view.width = view.height = options.size;
+  view.spp = options.spp;
+  view.lights = {DefaultSun(catalog.meta.up_axis)};
+  QUARRY_ASSIGN(view.camera, FindView(path, catalog.meta, options.interior));
+  QUARRY_TRY(NormalizeView(view));
   for (const auto& [mode_name, mode] : {std::pair{"raycast", RenderMode::kRaycast},
                                         {"shadow", RenderMode::kShadow},
                                         {"whitted", RenderMode::kWhitted}}) {
-    job.mode = mode;
+    view.mode = mode;
     std::vector<double> engine_s, embree_s, command_s;
     std::vector<float> theirs;
-    QUARRY_ASSIGN(std::vector<float> ours, RenderImage(*renderer, FrameView(job)));  // loads its blocks
+    QUARRY_ASSIGN(std::vector<float> ours, RenderImage(*renderer, view));  // loads its blocks
     for (int r = 0; r < options.repetitions; ++r) {
       auto from = Clock::now();
-      QUARRY_ASSIGN(ours, RenderImage(*renderer, FrameView(job)));
+      QUARRY_ASSIGN(ours, RenderImage(*renderer, view));
       engine_s.push_back(SecondsSince(from));
       from = Clock::now();
-      theirs = reference.Render(job, kThreads);
+      theirs = reference.Render(view, kThreads);
       embree_s.push_back(SecondsSince(from));
-      QUARRY_ASSIGN(const double command, TimeCommand(path, mode_name, job));
+      QUARRY_ASSIGN(const double command, TimeCommand(path, mode_name, view));
       command_s.push_back(command);
     }
     const double a = Median(engine_s), b = Median(embree_s), c = Median(command_s);
@@ -166,7 +165,7 @@ Status RunScene(const std::string& path, const Options& options, nlohmann::json&
         "  {:8} engine {:.3f} s, quarry render {:.3f} s, Embree {:.3f} s; Embree's time over the engine's "
         "{:.2f}, "
         "over the command's {:.2f}; {} of {} pixels differ, mean difference {:.1e}\n",
-        mode_name, a, c, b, b / a, b / c, d.pixels, size_t{job.width} * job.height, d.mean);
+        mode_name, a, c, b, b / a, b / c, d.pixels, size_t{view.width} * view.height, d.mean);
     std::fflush(stdout);
     results.push_back({{"scene", name},
                        {"triangles", catalog.meta.input_triangles},

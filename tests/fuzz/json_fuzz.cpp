@@ -35,10 +35,10 @@ void Read(uint8_t reader, const std::string& path) {
         return !cameras.empty();
       });
     case 1: {
-      RenderJob job;
-      const Status status = ReadLights(path, glm::dvec3(1e6), job);
+      View view;
+      const Status status = ReadLights(path, glm::dvec3(1e6), view);
       if (!status && status.error().message.empty()) std::abort();
-      for (const Light& light : job.lights)
+      for (const Light& light : view.lights)
         if (!IsFinite(light.vector) || !IsFinite(light.radiance)) std::abort();
       return;
     }

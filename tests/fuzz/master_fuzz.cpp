@@ -40,7 +40,7 @@ enum Action : uint8_t {
 /// The other side of a connection to the master.
 struct Peer {
   MemoryConnectionPtr connection;
-  std::map<uint64_t, uint32_t> words;  ///< of a pixel, by setup
+  std::map<uint64_t, uint32_t> words;  ///< of a pixel, by frame
   std::deque<TileOrder> orders;
   uint32_t frames_wanted = 0, frames = 0;
   bool told = false;  ///< of a failure
@@ -72,7 +72,7 @@ class Cast {
 
   void OnSent(Peer& peer, const Message& m) {
     if (m.type == MessageType::kFrameSetup)
-      peer.words[DecodeFrameSetup(m.table)->setup] = WordsPerPixel(DecodeFrameSetup(m.table)->job.aov_mask);
+      peer.words[DecodeFrameSetup(m.table)->frame] = WordsPerPixel(DecodeFrameSetup(m.table)->view.aov_mask);
     if (m.type == MessageType::kTile) peer.orders.push_back(*DecodeTileOrder(m.table));
     if (m.type == MessageType::kFailure) peer.told = true;
     if (m.type == MessageType::kFrameDone) ++peer.frames;
@@ -146,11 +146,11 @@ class Cast {
     if (peer.orders.empty()) return;
     const TileOrder order = peer.orders.front();
     if (how != 5) peer.orders.pop_front();
-    TileDone done{order.setup, order.tile, order.lease + (how == 3), 10, 1, 50, {}, {fill % 4u, fill / 4u}};
+    TileDone done{order.frame, order.tile, order.lease + (how == 3), 10, 1, 50, {}, {fill % 4u, fill / 4u}};
     done.depths.assign(size_t{DepthCells(order.width)} * DepthCells(order.height) - (how == 6), fill / 16.0f);
     if (how == 2) done.blocks.clear();
     Message m = MakeMessage(MessageType::kTileDone, done);
-    m.raw.resize(size_t{order.width} * order.height * peer.words[order.setup] * 4 - (how == 4),
+    m.raw.resize(size_t{order.width} * order.height * peer.words[order.frame] * 4 - (how == 4),
                  std::byte{fill});
     peer.connection->Come(std::move(m));
   }

@@ -80,9 +80,9 @@ void ReadAs(int kind, std::span<const std::byte> bytes) {
 
 RenderJob SmallJob() {
   RenderJob job;
-  job.width = job.height = job.crop_width = job.crop_height = 64;
-  job.format = "png";
-  job.lights.push_back({LightKind::kPoint, {1, 2, 3}, {4, 5, 6}});
+  job.view.width = job.view.height = 64;
+  job.view.crop = {0, 0, 64, 64};
+  job.view.lights.push_back({LightKind::kPoint, {1, 2, 3}, {4, 5, 6}});
   job.cameras.push_back({{0, 0, 5}, {0, 0, 0}, {0, 1, 0}});
   return job;
 }
@@ -98,7 +98,7 @@ void WriteSeeds(const std::string& folder) {
                                     Encode(JobRequest{SmallJob(), 0}),
                                     Encode(FrameProgress{1, 2, 3, 4}),
                                     Encode(FrameDone{1, "{}"}),
-                                    Encode(FrameSetup{5, SmallJob(), 4}),
+                                    Encode(FrameSetup{5, FrameView(SmallJob()), 4}),
                                     Encode(TileOrder{5, 1, 2, 0, 0, 32, 32, {7, 8}, {0, 3}}),
                                     Encode(TileDone{5, 1, 2, 100, 10, 50, {1.5f}, {7, 8}}),
                                     Encode(Peers{{1, 2}, {"127.0.0.1:1", "127.0.0.1:2"}}),

@@ -48,22 +48,22 @@ StoreReader& Store() {
 RenderJob AnyJob(Script& script) {
   constexpr uint32_t kSides[] = {1, 16, 33, 64};
   RenderJob job;
-  job.width = kSides[script.Below(4)];
-  job.height = kSides[script.Below(4)];
+  job.view.width = kSides[script.Below(4)];
+  job.view.height = kSides[script.Below(4)];
   if (script.Below(4) == 0) {
-    job.crop_x = script.Below(8);
-    job.crop_width = script.Number();
-    job.crop_height = script.Number();
+    job.view.crop = {script.Below(8), 0, 0, 0};
+    job.view.crop.width = script.Number();
+    job.view.crop.height = script.Number();
   }
-  job.mode = static_cast<RenderMode>(script.Below(kRenderModes));
-  job.spp = 1 + script.Below(2);
-  job.seed = script.Below(3);
-  job.exposure = script.Number();
-  job.aov_mask = script.Byte() & 127;
-  job.format = script.Below(2) ? "png" : "exr";
+  job.view.mode = static_cast<RenderMode>(script.Below(kRenderModes));
+  job.view.spp = 1 + script.Below(2);
+  job.view.seed = script.Below(3);
+  job.format.exposure = script.Number();
+  job.view.aov_mask = script.Byte() & 127;
+  job.format.name = script.Below(2) ? "png" : "exr";
   job.first_frame = script.Number();
   for (uint32_t lights = script.Below(3); lights > 0; --lights)
-    job.lights.push_back(
+    job.view.lights.push_back(
         {static_cast<LightKind>(script.Below(2)), {1, 2, static_cast<float>(script.Number())}, {1, 1, 1}});
   const SceneMeta& scene = Store().catalog().meta;
   const glm::dvec3 lower(scene.bounds_lower), upper(scene.bounds_upper), middle = (lower + upper) * 0.5;
@@ -92,7 +92,7 @@ Bytes AnyTable(Script& script) {
     case 5:
       return Encode(FrameDone{script.Number(), script.Text()});
     case 6:
-      return Encode(FrameSetup{script.Number(), AnyJob(script), script.Number()});
+      return Encode(FrameSetup{script.Number(), FrameView(AnyJob(script)), script.Number()});
     case 7:
       return Encode(TileOrder{script.Number(),
                               script.Number(),
@@ -133,19 +133,17 @@ Bytes AnyTable(Script& script) {
   }
 }
 
-bool Small(const RenderJob& job) {
-  return uint64_t{job.crop_width} * job.crop_height * job.spp <= 1 << 14 && job.cameras.size() <= 8;
-}
+bool Small(const View& view) { return uint64_t{view.crop.width} * view.crop.height * view.spp <= 1 << 14; }
 
 /// See AnyMessage.
 bool Harmless(const Message& m) {
   if (m.type == MessageType::kRenderJob) {
     const auto request = DecodeJobRequest(m.table);
-    return !request || Small(request->job);
+    return !request || (Small(request->job.view) && request->job.cameras.size() <= 8);
   }
   if (m.type == MessageType::kFrameSetup) {
     const auto setup = DecodeFrameSetup(m.table);
-    return !setup || Small(setup->job);
+    return !setup || Small(setup->view);
   }
   if (m.type == MessageType::kWelcome) {
     const auto welcome = DecodeWelcome(m.table);

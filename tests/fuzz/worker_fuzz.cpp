@@ -31,26 +31,26 @@ enum Action : uint8_t {
   kAsk,
   kMeet,
   kPause,
-  kShutDown,
   kActions
 };
 /// How voxels are served.
 enum class Serving : uint8_t { kRight, kDamaged, kRefused, kHeld, kOdd, kMany };
 
 constexpr uint16_t kMasterPort = 1;
-constexpr uint64_t kLastSetup = uint64_t{1} << 40;
+constexpr uint64_t kLastFrame = uint64_t{1} << 40;
 
-RenderJob LastJob() {
-  RenderJob job;
-  job.width = job.height = job.crop_width = job.crop_height = 32;
-  job.mode = RenderMode::kWhitted;
+View LastView() {
+  View view;
+  view.width = view.height = 32;
+  view.crop = {0, 0, 32, 32};
+  view.mode = RenderMode::kWhitted;
   const SceneMeta& scene = Store().catalog().meta;
   const glm::dvec3 lower(scene.bounds_lower), upper(scene.bounds_upper), middle = (lower + upper) * 0.5;
-  job.cameras.push_back({middle + (upper - lower) * glm::dvec3(0.9, 0.8, 0.7), middle, {0, 0, 1}});
-  return job;
+  view.camera = {middle + (upper - lower) * glm::dvec3(0.9, 0.8, 0.7), middle, {0, 0, 1}};
+  return view;
 }
 
-/// The pixels of LastJob, once they have been rendered.
+/// The pixels of LastView, once they have been rendered.
 std::optional<Bytes>& Reference() {
   static std::optional<Bytes> pixels;
   return pixels;
@@ -88,7 +88,7 @@ class Cast {
       Serve({std::static_pointer_cast<MemoryConnection>(c.shared_from_this()),
              DecodeBlockRequest(m.table)->block, m.request},
             serving_);
-    if (m.type == MessageType::kTileDone && DecodeTileDone(m.table)->setup == kLastSetup) {
+    if (m.type == MessageType::kTileDone && DecodeTileDone(m.table)->frame == kLastFrame) {
       if (!Reference()) Reference() = m.raw;
       if (*Reference() != m.raw) {
         std::fprintf(stderr, "the tile has other pixels than before\n");
@@ -191,8 +191,9 @@ class Cast {
         return master_->Come({MessageType::kCatalog, 0, {}, std::move(sections)});
       }
       case kSetup:
-        return master_->Come(MakeMessage(MessageType::kFrameSetup,
-                                         FrameSetup{script_.Below(4), AnyJob(script_), script_.Below(4)}));
+        return master_->Come(
+            MakeMessage(MessageType::kFrameSetup,
+                        FrameSetup{script_.Below(4), FrameView(AnyJob(script_)), script_.Below(4)}));
       case kTile: {
         TileOrder order{script_.Below(4),      script_.Number(),      script_.Number(),
                         16 * script_.Below(4), 16 * script_.Below(4), 1 + script_.Below(32),
@@ -216,9 +217,6 @@ class Cast {
         return master_->Come(AnyMessage(script_));
       case kBreak:
         return master_->Break(script_.Below(4) == 3);
-      case kShutDown:
-        if (script_.Below(8) == 7) master_->Come({MessageType::kShutDown, 0, {}, {}});
-        return;
       default:
         return;
     }
@@ -235,8 +233,8 @@ class Cast {
       Welcome welcome{Store().catalog().id, 1, {"master"}};
       master_->Come(MakeMessage(MessageType::kWelcome, welcome));
       master_->Come({MessageType::kCatalog, 0, {}, PackSections(Store().catalog_sections())});
-      master_->Come(MakeMessage(MessageType::kFrameSetup, FrameSetup{kLastSetup, LastJob(), kLastSetup}));
-      master_->Come(MakeMessage(MessageType::kTile, TileOrder{kLastSetup, 0, 1, 0, 0, 32, 32, {}, {}}));
+      master_->Come(MakeMessage(MessageType::kFrameSetup, FrameSetup{kLastFrame, LastView(), kLastFrame}));
+      master_->Come(MakeMessage(MessageType::kTile, TileOrder{kLastFrame, 0, 1, 0, 0, 32, 32, {}, {}}));
     }
     if (master_) master_->Come({MessageType::kPing, 0, {}, {}});
     PassTime(*io_, 0.01);

@@ -101,14 +101,14 @@ class Walker {
   }
 
   /// Renders a frame for each camera, one tile after the other, rays of several under way. Returns seconds.
-  Result<double> Walk(RenderJob job, const std::vector<CameraSpec>& cameras, std::vector<FrameCost>& costs) {
+  Result<double> Walk(View view, const std::vector<CameraSpec>& cameras, std::vector<FrameCost>& costs) {
     costs.assign(cameras.size(), {});
     seen_.clear();
-    const std::vector<Tile> tiles = TilesOf({0, 0, job.width, job.height});
+    const std::vector<Tile> tiles = TilesOf(view.crop);
     left_ = cameras.size() * tiles.size();
     for (size_t f = 0; f < cameras.size(); ++f) {
-      job.cameras = {cameras[f]};
-      renderer_->engine().SetView(f, FrameView(job));
+      view.camera = cameras[f];
+      renderer_->engine().SetView(f, view);
     }
     const auto start = Clock::now();
     for (size_t f = 0; f < cameras.size(); ++f)
@@ -157,8 +157,8 @@ class Walker {
 
 class Bench {
  public:
-  Bench(const Options& options, const StoreReader& store, std::vector<CameraSpec> cameras, RenderJob job)
-      : options_(options), store_(store), cameras_(std::move(cameras)), job_(std::move(job)) {}
+  Bench(const Options& options, const StoreReader& store, std::vector<CameraSpec> cameras, View view)
+      : options_(options), store_(store), cameras_(std::move(cameras)), view_(std::move(view)) {}
 
   Status Run(nlohmann::json& results) {
     fmt::print("{:>8} {:>7} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8}\n", "mbit/s", "ms", "loading", "cold s",
@@ -199,9 +199,9 @@ class Bench {
     Walker walker(store_, line, loading);
     if (mapped) walker.Publish(mapped->TakeBlocks());
     std::vector<FrameCost> cold, warm;
-    QUARRY_ASSIGN(const double cold_s, walker.Walk(job_, cameras_, cold));
+    QUARRY_ASSIGN(const double cold_s, walker.Walk(view_, cameras_, cold));
     const uint64_t bytes = line.bytes();
-    QUARRY_ASSIGN(const double warm_s, walker.Walk(job_, cameras_, warm));
+    QUARRY_ASSIGN(const double warm_s, walker.Walk(view_, cameras_, warm));
     double compute_s = 0, stored = 0, limit_s = 0;
     for (const FrameCost& frame : warm) compute_s += frame.compute_s;
     for (const FrameCost& frame : cold)
@@ -240,7 +240,7 @@ class Bench {
   const Options& options_;
   const StoreReader& store_;
   std::vector<CameraSpec> cameras_;
-  RenderJob job_;
+  View view_;
   BlockDecoder decoder_;
   std::map<BlockKey, double> decode_s_;
 };
@@ -248,15 +248,15 @@ class Bench {
 Status RunBench(const Options& options, nlohmann::json& results) {
   QUARRY_ASSIGN(const StoreReader store, StoreReader::Open(options.store));
   QUARRY_ASSIGN(std::vector<CameraSpec> cameras, ReadCameraPath(options.path));
-  RenderJob job;
-  job.width = options.width;
-  job.height = options.height;
-  job.mode = options.mode == "whitted" ? RenderMode::kWhitted : RenderMode::kRaycast;
-  if (job.mode == RenderMode::kWhitted) job.lights = {DefaultSun(store.catalog().meta.up_axis)};
-  job.cameras = {cameras.front()};
-  QUARRY_TRY(NormalizeJob(job));
+  View view;
+  view.width = options.width;
+  view.height = options.height;
+  view.mode = options.mode == "whitted" ? RenderMode::kWhitted : RenderMode::kRaycast;
+  if (view.mode == RenderMode::kWhitted) view.lights = {DefaultSun(store.catalog().meta.up_axis)};
+  view.camera = cameras.front();
+  QUARRY_TRY(NormalizeView(view));
   PinToOneCore();
-  return Bench(options, store, std::move(cameras), std::move(job)).Run(results);
+  return Bench(options, store, std::move(cameras), std::move(view)).Run(results);
 }
 
 int Main(int argc, char** argv) {

@@ -90,7 +90,7 @@ double Simulation::fulfilled() const {
 }
 
 double Simulation::planning_s() const {
-  return planning_s_ / static_cast<double>(walk_.jobs.size()) / (o_.warm ? 2 : 1);
+  return planning_s_ / static_cast<double>(walk_.views.size()) / (o_.warm ? 2 : 1);
 }
 
 double Simulation::least_s() const {
@@ -113,10 +113,10 @@ double Simulation::server_busy_s() const {
 
 // --- The master
 
-std::optional<RenderJob> Simulation::Begin(FrameId id, double) {
+std::optional<View> Simulation::Begin(FrameId id, double) {
   if (!HasNext()) return std::nullopt;
   index_[id] = next_frame_;
-  return walk_.jobs[next_frame_++];
+  return walk_.views[next_frame_++];
 }
 
 void Simulation::Probe(std::span<ActiveFrame* const> frames) {
@@ -157,18 +157,18 @@ void Simulation::Compare(Worker& w, const Tile& tile) {
   const std::set<uint32_t> touched(tile.traced->blocks.begin(), tile.traced->blocks.end());
   for (const uint32_t b : touched) touched_bytes_ += block_bytes_[b];
   w.touched.insert(touched.begin(), touched.end());
-  const TileFootprint& expected = dispatcher_.Find(tile.order.setup)->Expected(tile.order.tile);
+  const TileFootprint& expected = dispatcher_.Find(tile.order.frame)->Expected(tile.order.tile);
   for (size_t i = 0; i < expected.blocks.size(); ++i)
     if (expected.chances[i] >= kLikely && touched.contains(expected.blocks[i]))
       foreseen_bytes_ += block_bytes_[expected.blocks[i]];
 }
 
 void Simulation::OnTileDone(Worker& w, const Tile& tile) {
-  TileDone done{tile.order.setup, tile.order.tile, tile.order.lease};
+  TileDone done{tile.order.frame, tile.order.tile, tile.order.lease};
   done.compute_us = static_cast<uint64_t>(tile.traced->compute_s * 1e6 / o_.share);
   done.depths = tile.traced->depths;
   done.blocks = tile.traced->blocks;
-  if (dispatcher_.Find(done.setup)) Compare(w, tile);
+  if (dispatcher_.Find(done.frame)) Compare(w, tile);
   const Bytes pixels(size_t{tile.order.width} * tile.order.height * 12);
   (void)Timed([&] { return dispatcher_.Finish(w, done, pixels, clock_.now_s()); });
   AssignTiles();

@@ -99,8 +99,8 @@ class Simulation final : private FrameSource {
   };
 
   // FrameSource: the walk's frames; probes are finished when their frame begins.
-  bool HasNext() const override { return next_frame_ < walk_.jobs.size(); }
-  std::optional<RenderJob> Begin(FrameId id, double now_s) override;
+  bool HasNext() const override { return next_frame_ < walk_.views.size(); }
+  std::optional<View> Begin(FrameId id, double now_s) override;
   void Probe(std::span<ActiveFrame* const> frames) override;
   bool IsNextBeingProbed() const override { return false; }
   void Finish(ActiveFrame&, double now_s) override { last_done_s_ = now_s; }

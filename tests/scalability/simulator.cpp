@@ -32,11 +32,11 @@ Result<Foreseen> Foresee(const Scene& scene, uint64_t cache_bytes, const TracedW
       const auto renderer,
       Renderer::Create(scene, {std::max<uint64_t>(cache_bytes, scene.catalog().meta.largest_decoded), 1}));
   const auto start = std::chrono::steady_clock::now();
-  for (const RenderJob& job : walk.jobs) {
-    QUARRY_ASSIGN(ProbedFrame frame, ProbeFrame(*renderer, job));
+  for (const View& view : walk.views) {
+    QUARRY_ASSIGN(ProbedFrame frame, ProbeFrame(*renderer, view));
     foreseen.push_back(std::make_shared<const ProbedFrame>(std::move(frame)));
   }
-  fmt::print("coarse rays: {:.1f} ms a frame\n", 1e3 * SecondsSince(start) / double(walk.jobs.size()));
+  fmt::print("coarse rays: {:.1f} ms a frame\n", 1e3 * SecondsSince(start) / double(walk.views.size()));
   return foreseen;
 }
 
@@ -54,7 +54,7 @@ Status Run(const SimulatorOptions& o) {
     for (const auto& tile : frame) touched.insert(tile.blocks.begin(), tile.blocks.end());
   uint64_t touched_bytes = 0;
   for (const uint32_t b : touched) touched_bytes += bytes[b];
-  fmt::print("{} frames of {} tiles, {:.1f} MB touched\n", walk.jobs.size(), walk.tiles[0].size(),
+  fmt::print("{} frames of {} tiles, {:.1f} MB touched\n", walk.views.size(), walk.tiles[0].size(),
              touched_bytes * 1e-6);
   QUARRY_ASSIGN(const uint64_t foresight_bytes, ParseSize(o.foresight, "--foresight"));
   QUARRY_ASSIGN(const Foreseen foreseen, Foresee(scene, foresight_bytes, walk));

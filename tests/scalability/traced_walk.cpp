@@ -14,7 +14,7 @@ namespace quarry {
 namespace {
 
 using Json = nlohmann::json;
-using Frames = std::map<uint32_t, std::pair<RenderJob, std::map<uint32_t, TracedWalk::Tile>>>;
+using Frames = std::map<uint32_t, std::pair<View, std::map<uint32_t, TracedWalk::Tile>>>;
 
 /// As TileLog writes them: null where rays hit nothing.
 std::vector<float> Depths(const Json& j) {
@@ -25,7 +25,7 @@ std::vector<float> Depths(const Json& j) {
 }
 
 Status AddLine(const Json& j, Frames& frames) {
-  auto& [job, tiles] = frames[j.at("frame").get<uint32_t>()];
+  auto& [view, tiles] = frames[j.at("frame").get<uint32_t>()];
   if (j.contains("tile")) {
     tiles[j.at("tile").get<uint32_t>()] = {j.at("compute_us").get<double>() * 1e-6, Depths(j.at("depths")),
                                            j.at("blocks").get<std::vector<uint32_t>>()};
@@ -34,17 +34,16 @@ Status AddLine(const Json& j, Frames& frames) {
   const auto vector = [&](const char* key) {
     return glm::dvec3(j.at(key).at(0), j.at(key).at(1), j.at(key).at(2));
   };
-  job.width = j.at("width");
-  job.height = j.at("height");
-  job.cameras = {{vector("eye"), vector("at"), vector("up"), j.at("fov"), j.at("ortho")}};
-  job.first_frame = j.at("frame");
+  view.width = j.at("width");
+  view.height = j.at("height");
+  view.camera = {vector("eye"), vector("at"), vector("up"), j.at("fov"), j.at("ortho")};
   const unsigned mode = j.at("mode");
   if (mode >= kRenderModes) return Fail("a frame of a mode that there is not");
-  job.mode = static_cast<RenderMode>(mode);
+  view.mode = static_cast<RenderMode>(mode);
   for (const Json& light : j.at("lights"))
-    job.lights.push_back({light.at(0) ? LightKind::kSun : LightKind::kPoint,
-                          {light.at(1).get<float>(), light.at(2).get<float>(), light.at(3).get<float>()}});
-  return NormalizeJob(job);
+    view.lights.push_back({light.at(0) ? LightKind::kSun : LightKind::kPoint,
+                           {light.at(1).get<float>(), light.at(2).get<float>(), light.at(3).get<float>()}});
+  return NormalizeView(view);
 }
 
 /// Whether a master could have got this from its workers.
@@ -81,15 +80,15 @@ Result<TracedWalk> ReadTracedWalk(const std::string& path, const Catalog& catalo
   }
   TracedWalk walk;
   for (auto& [number, frame] : found) {
-    if (number % step != 0 || (frames > 0 && walk.jobs.size() == frames)) continue;
-    if (frame.first.cameras.empty()) return Fail(fmt::format("{}: frame {} has no camera", path, number));
-    walk.jobs.push_back(frame.first);
+    if (number % step != 0 || (frames > 0 && walk.views.size() == frames)) continue;
+    if (frame.first.crop.width == 0) return Fail(fmt::format("{}: frame {} has no camera", path, number));
+    walk.views.push_back(frame.first);
     walk.tiles.emplace_back();
     for (auto& [t, tile] : frame.second) walk.tiles.back().push_back(std::move(tile));
     if (const Status status = CheckFrame(walk.tiles.back(), FrameImage(frame.first), catalog); !status)
       return Fail(fmt::format("{}: frame {} {}", path, number, status.error().message));
   }
-  if (walk.jobs.empty()) return Fail(fmt::format("{}: has no frames", path));
+  if (walk.views.empty()) return Fail(fmt::format("{}: has no frames", path));
   return walk;
 }
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "common/base/status.h"
-#include "common/scene/render_job.h"
+#include "common/scene/view.h"
 #include "common/voxel/catalog.h"
 
 namespace quarry {
@@ -17,7 +17,7 @@ struct TracedWalk {
     std::vector<float> depths;     ///< as TileDone has them
     std::vector<uint32_t> blocks;  ///< touched
   };
-  std::vector<RenderJob> jobs;           ///< by frame, with its one camera
+  std::vector<View> views;               ///< by frame
   std::vector<std::vector<Tile>> tiles;  ///< by frame
 };
 

@@ -48,8 +48,8 @@ class ShuffledSource final : public VoxelSource {
 };
 
 /// Renders the frame with a cache of `cache_bytes` and so many threads, from a cold cache.
-inline EngineRun RunEngine(const StoreReader& store, const RenderJob& job, uint64_t cache_bytes,
-                           unsigned threads, std::chrono::seconds most) {
+inline EngineRun RunEngine(const StoreReader& store, const View& view, uint64_t cache_bytes, unsigned threads,
+                           std::chrono::seconds most) {
   TaskQueue tasks;
   std::thread loading([&] { tasks.Run(); });
   ShuffledSource source(store, threads);
@@ -62,7 +62,7 @@ inline EngineRun RunEngine(const StoreReader& store, const RenderJob& job, uint6
       store.catalog(), source, [&](std::function<void()> task) { tasks.Post(std::move(task)); },
       {cache_bytes, threads}, std::move(hooks));
   REQUIRE(renderer.has_value());
-  const std::vector<Tile> tiles = TilesOf({0, 0, job.width, job.height});
+  const std::vector<Tile> tiles = TilesOf(view.crop);
   EngineRun run;
   run.tiles.resize(tiles.size());
   std::stop_source stop;
@@ -73,7 +73,7 @@ inline EngineRun RunEngine(const StoreReader& store, const RenderJob& job, uint6
       stop.request_stop();
   });
   const Status status = (*renderer)->Render(
-      FrameView(job), tiles,
+      view, tiles,
       [&](size_t i, RenderedTile result, Renderer::Progress) { run.tiles[i] = std::move(result.pixels); },
       stop.get_token());
   alarm.request_stop();

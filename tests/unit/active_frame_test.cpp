@@ -47,8 +47,8 @@ void Render(ActiveFrame& frame) {
 }  // namespace
 
 TEST_CASE("Two frames may always be under way, of small ones sixteen, of a million pixels no third") {
-  const RenderJob small = Looking({0, 0, 0}, {0, 10, 0}, 256, 192),
-                  large = Looking({0, 0, 0}, {0, 10, 0}, 1280, 720);
+  const View small = Looking({0, 0, 0}, {0, 10, 0}, 256, 192),
+             large = Looking({0, 0, 0}, {0, 10, 0}, 1280, 720);
   std::vector<ActiveFrame> small_ones(16, ActiveFrame(1, small, nullptr)),
       large_ones(2, ActiveFrame(1, large, nullptr));
   std::vector<ActiveFrame*> frames;
@@ -64,14 +64,14 @@ TEST_CASE("Two frames may always be under way, of small ones sixteen, of a milli
 }
 
 TEST_CASE("A frame under way is planned with what those before it are to bring") {
-  const RenderJob job = Looking({0, 0, 0}, {0, 10, 0});
+  const View view = Looking({0, 0, 0}, {0, 10, 0});
   Cluster cluster;
   cluster.block_bytes.assign(4096, 10000);  // fetching one takes as long as computing a tile
-  ActiveFrame shown(1, job, nullptr);
+  ActiveFrame shown(1, view, nullptr);
   cluster.Plan({&shown}, nullptr, PlanNews::kFrames);
   Render(shown);
   // Nobody holds anything now: who gets a tile of the second frame follows from the first one's plan alone.
-  ActiveFrame first(2, job, &shown), second(3, job, &first);
+  ActiveFrame first(2, view, &shown), second(3, view, &first);
   // Worker 2 has what every odd tile of the first touches.
   for (uint32_t b = 1; b < shown.owners().size(); b += 2) cluster.holds[2].Set(b, true);
   cluster.Plan({&first, &second}, &shown, PlanNews::kFrames);
@@ -81,7 +81,7 @@ TEST_CASE("A frame under way is planned with what those before it are to bring")
   for (size_t t = 0; t < of_first.size(); ++t) alike += of_first[t] == of_second[t];
   CHECK(alike >= of_first.size() - 4);  // with what the first brings it costs nothing; but all are levelled
   // By itself it goes by what is there.
-  ActiveFrame alone(4, job, &shown);
+  ActiveFrame alone(4, view, &shown);
   for (uint32_t b = 0; b < of_first.size(); ++b) cluster.holds[of_first[b] == 1 ? 2 : 1].Set(b, true);
   cluster.Plan({&alone}, &shown, PlanNews::kFrames);
   alike = 0;
@@ -107,9 +107,9 @@ TEST_CASE("A frame for many workers is planned once, and again when workers come
 }
 
 TEST_CASE("A large frame is planned once, and again when workers come or go") {
-  const RenderJob job = Looking({0, 0, 0}, {0, 10, 0}, 1024, 768);
+  const View view = Looking({0, 0, 0}, {0, 10, 0}, 1024, 768);
   Cluster cluster;
-  ActiveFrame frame(1, job, nullptr);
+  ActiveFrame frame(1, view, nullptr);
   REQUIRE(frame.large());
   cluster.Plan({&frame}, nullptr, PlanNews::kFrames);
   REQUIRE(frame.planned());
@@ -129,25 +129,25 @@ TEST_CASE("A large frame is planned once, and again when workers come or go") {
 }
 
 TEST_CASE("A large frame is foreseen once") {
-  const RenderJob job = Looking({0, 0, 0}, {0, 10, 0}, 1024, 768);
+  const View view = Looking({0, 0, 0}, {0, 10, 0}, 1024, 768);
   Cluster cluster;
-  ActiveFrame before(1, job, nullptr), next(2, job, &before);
+  ActiveFrame before(1, view, nullptr), next(2, view, &before);
   cluster.Plan({&before, &next}, nullptr, PlanNews::kFrames);
   CHECK_FALSE(next.Expected(0).known);
   Render(before);
   cluster.Plan({&next}, &before, PlanNews::kFrames);
   CHECK_FALSE(next.Expected(0).known);  // it was foreseen when nothing was done yet
-  ActiveFrame after(3, job, &before);
+  ActiveFrame after(3, view, &before);
   cluster.Plan({&after}, &before, PlanNews::kFrames);
   CHECK(after.Expected(0).known);
 }
 
 TEST_CASE("What coarse rays come to is planned with as soon as it is learned, of a large frame too") {
   for (const uint32_t width : {320u, 1024u}) {
-    const RenderJob job = Looking({0, 0, 0}, {0, 10, 0}, width, 768);
+    const View view = Looking({0, 0, 0}, {0, 10, 0}, width, 768);
     Cluster cluster;
     for (uint32_t b = 0; b < 1024; ++b) cluster.holds[1 + b % 2].Set(b, true);
-    ActiveFrame frame(1, job, nullptr);
+    ActiveFrame frame(1, view, nullptr);
     CHECK_FALSE(frame.learned());
     cluster.Plan({&frame}, nullptr, PlanNews::kFrames);
     CHECK_FALSE(frame.Expected(0).known);
@@ -167,10 +167,10 @@ TEST_CASE("What coarse rays come to is planned with as soon as it is learned, of
 }
 
 TEST_CASE("A first plan shares out what is to be fetched, though it knows no tile's cost") {
-  const RenderJob job = Looking({0, 0, 0}, {0, 10, 0}, 320, 240);
+  const View view = Looking({0, 0, 0}, {0, 10, 0}, 320, 240);
   Cluster cluster;
   cluster.block_bytes.assign(4096, 5000);  // 5 ms each
-  ActiveFrame frame(1, job, nullptr);
+  ActiveFrame frame(1, view, nullptr);
   auto coarse = std::make_shared<ProbedFrame>();
   const auto tiles = static_cast<uint32_t>(frame.image().tiles().size());
   // The first half of the curve takes a block each; the other half but one for all.
@@ -184,12 +184,12 @@ TEST_CASE("A first plan shares out what is to be fetched, though it knows no til
 }
 
 TEST_CASE("A tile costs what it takes beside tracing as well") {
-  const RenderJob job = Looking({0, 0, 0}, {0, 10, 0});
+  const View view = Looking({0, 0, 0}, {0, 10, 0});
   Cluster cluster;
-  ActiveFrame shown(1, job, nullptr);
+  ActiveFrame shown(1, view, nullptr);
   cluster.Plan({&shown}, nullptr, PlanNews::kFrames);
   Render(shown);
-  ActiveFrame next(2, job, &shown);
+  ActiveFrame next(2, view, &shown);
   cluster.Plan({&next}, &shown, PlanNews::kFrames);
   const double without_s = next.MakeSnapshot({}, 0).tiles[20].cost_s;
   cluster.tile_s = 0.5;

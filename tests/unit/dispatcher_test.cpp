@@ -34,7 +34,7 @@ struct Actor : WorkerState {
 class Cluster : FrameSource {
  public:
   explicit Cluster(std::vector<Actor> them, uint32_t width = 320, uint32_t height = 256)
-      : actors(std::move(them)), job(test::Looking({0, 0, 0}, {0, 10, 0}, width, height)) {
+      : actors(std::move(them)), view(test::Looking({0, 0, 0}, {0, 10, 0}, width, height)) {
     for (Actor& a : actors) dispatcher.AddWorker(a);
     dispatcher.SetCosts(1e-6, 0);
     dispatcher.PlanForWorkers();
@@ -62,7 +62,7 @@ class Cluster : FrameSource {
   }
 
   std::vector<Actor> actors;
-  RenderJob job;
+  View view;
   uint32_t frames = 1, frames_begun = 0, frames_done = 0;
   bool known = false;  ///< each tile is known to touch the block of its number
   Dispatcher dispatcher{*this, std::vector<uint32_t>(4096, 1000), SchedulingPolicy::kFootprint, 1};
@@ -70,10 +70,10 @@ class Cluster : FrameSource {
 
  private:
   bool HasNext() const override { return frames_begun < frames; }
-  std::optional<RenderJob> Begin(FrameId, double) override {
+  std::optional<View> Begin(FrameId, double) override {
     if (!HasNext()) return std::nullopt;
     ++frames_begun;
-    return job;
+    return view;
   }
   void Probe(std::span<ActiveFrame* const> under_way) override {
     if (!known) return;
@@ -92,9 +92,9 @@ class Cluster : FrameSource {
       if (o.due_s > now_s) continue;
       o.due_s = 2 * kNever;
       Actor& actor = Find(o.worker);
-      TileDone done{o.order.setup, o.order.tile, o.order.lease, 0, 0, actor.claimed_us};
+      TileDone done{o.order.frame, o.order.tile, o.order.lease, 0, 0, actor.claimed_us};
       done.depths.assign(size_t{DepthCells(o.order.width)} * DepthCells(o.order.height), 10);
-      const Bytes pixels(size_t{o.order.width} * o.order.height * WordsPerPixel(job.aov_mask) * 4);
+      const Bytes pixels(size_t{o.order.width} * o.order.height * WordsPerPixel(view.aov_mask) * 4);
       REQUIRE(dispatcher.Finish(actor, done, pixels, now_s).has_value());
     }
   }

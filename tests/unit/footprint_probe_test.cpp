@@ -31,7 +31,7 @@ TEST_CASE("Frames are probed in the order in which they are wanted, and forgotte
     std::unique_lock lock(mutex);
     REQUIRE(told.wait_for(lock, std::chrono::seconds(60), [&] { return news >= count; }));
   };
-  const RenderJob front = Looking({0, -20, 0}, {0, 10, 0}), back = Looking({0, 40, 0}, {0, 10, 0});
+  const View front = Looking({0, -20, 0}, {0, 10, 0}), back = Looking({0, 40, 0}, {0, 10, 0});
   CHECK(probe.Find("j", 0) == nullptr);
   CHECK_FALSE(probe.IsAtWork("j", 0));
   probe.Want({{"j", 0, front}, {"j", 1, back}});
@@ -62,16 +62,16 @@ TEST_CASE("A frame that nobody wants any more is given up", "[probe]") {
   const test::Row row;
   const auto made = FootprintProbe::Create(*row.scene, 1 << 20, [] {});
   REQUIRE(made.has_value());
-  RenderJob large = Looking({0, -20, 0}, {0, 10, 0});
+  View large = Looking({0, -20, 0}, {0, 10, 0});
   large.width = large.height = 8192;
-  large.crop_width = large.crop_height = 0;
+  large.crop.width = large.crop.height = 0;
   large.mode = RenderMode::kShadow;
   large.lights.assign(kMaxLights, {LightKind::kSun, {0, -1, 0}, glm::vec3(1)});
-  REQUIRE(NormalizeJob(large).has_value());
+  REQUIRE(NormalizeView(large).has_value());
   const auto await = [&](size_t index) {
     while (!(*made)->Find("j", index)) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   };
-  const RenderJob small = Looking({0, -20, 0}, {0, 10, 0});
+  const View small = Looking({0, -20, 0}, {0, 10, 0});
   (*made)->Want({{"j", 1, small}, {"j", 0, large}});
   await(1);  // now it is at the large frame, or about to be
   (*made)->Want({{"j", 2, small}});
@@ -84,10 +84,10 @@ TEST_CASE("A probe sends one ray a lattice point, whatever the samples", "[probe
   const test::Row row;
   const auto renderer = Renderer::Create(*row.scene, {1 << 20, 1});
   REQUIRE(renderer.has_value());
-  RenderJob job = Looking({0, -20, 0}, {0, 10, 0});
-  job.spp = 16;
-  REQUIRE(ProbeFrame(**renderer, job).has_value());
-  CHECK((*renderer)->engine().rays() == uint64_t{job.width / 2} * (job.height / 2));
+  View view = Looking({0, -20, 0}, {0, 10, 0});
+  view.spp = 16;
+  REQUIRE(ProbeFrame(**renderer, view).has_value());
+  CHECK((*renderer)->engine().rays() == uint64_t{view.width / 2} * (view.height / 2));
 }
 
 }  // namespace quarry

@@ -17,10 +17,10 @@ std::vector<float> Depths(const PixelRect& tile, float depth) {
   return std::vector<float>(size_t{DepthCells(tile.width)} * DepthCells(tile.height), depth);
 }
 
-FrameFootprint AllSaw(const RenderJob& job, float depth) {
+FrameFootprint AllSaw(const View& view, float depth) {
   FrameFootprint trace;
-  trace.job = job;
-  trace.tiles = TilesOf(job);
+  trace.view = view;
+  trace.tiles = TilesOf(view);
   for (const PixelRect& tile : trace.tiles) trace.traces.push_back({{0}, {}, Depths(tile, depth), 0.5, true});
   return trace;
 }
@@ -29,21 +29,21 @@ FrameFootprint AllSaw(const RenderJob& job, float depth) {
 
 TEST_CASE("A tile's blocks follow what it saw when the camera turns") {
   FrameFootprint before;
-  before.job = Looking({0, 0, 0}, {0, 10, 0});
-  before.tiles = TilesOf(before.job);
+  before.view = Looking({0, 0, 0}, {0, 10, 0});
+  before.tiles = TilesOf(before.view);
   before.traces.resize(before.tiles.size());
   size_t middle = 0;
   for (size_t t = 0; t < before.tiles.size(); ++t) {
     before.traces[t] = {{static_cast<uint32_t>(t)}, {}, Depths(before.tiles[t], 10), 0.5, true};
     if (before.tiles[t].x == 160 && before.tiles[t].y == 128) middle = t;
   }
-  const auto same = Predict(before, before.job, before.tiles, nullptr);
+  const auto same = Predict(before, before.view, before.tiles, nullptr);
   for (size_t t = 0; t < same.size(); ++t) {
     CHECK(std::find(same[t].blocks.begin(), same[t].blocks.end(), t) != same[t].blocks.end());
     CHECK(same[t].cost_s == Approx(0.5).epsilon(0.1));
   }
   // To the right: what was in the middle moves to the left of the image; at the right edge nothing is known.
-  const RenderJob turned = Looking({0, 0, 0}, {3, 10, 0});
+  const View turned = Looking({0, 0, 0}, {3, 10, 0});
   const auto next = Predict(before, turned, before.tiles, nullptr);
   bool seen_left = false;
   for (size_t t = 0; t < next.size(); ++t) {
@@ -61,7 +61,7 @@ TEST_CASE("A tile's blocks follow what it saw when the camera turns") {
 TEST_CASE("What coarse rays come to takes the place of what tiles before touched; what they cost stays") {
   FrameFootprint before = AllSaw(Looking({0, -20, 0}, {0, 10, 0}), 25);
   for (TileFootprint& trace : before.traces) trace.blocks = {0, 1, 2, 6};
-  const RenderJob next = Looking({0, -19, 0}, {0, 10, 0});
+  const View next = Looking({0, -19, 0}, {0, 10, 0});
   const ProbedFrame coarse(before.tiles.size(), ProbedTile{{2, 4}, {7, kNothing}});
   for (const TileFootprint& trace : Predict(before, next, before.tiles, &coarse)) {
     CHECK(trace.known);
@@ -76,14 +76,14 @@ TEST_CASE("What coarse rays come to takes the place of what tiles before touched
 }
 
 TEST_CASE("The first frame of a walk is foreseen by coarse rays alone, without costs") {
-  const RenderJob job = Looking({0, -20, 0}, {0, 10, 0});
-  const auto tiles = TilesOf(job);
+  const View view = Looking({0, -20, 0}, {0, 10, 0});
+  const auto tiles = TilesOf(view);
   const ProbedFrame coarse(tiles.size(), ProbedTile{{2}, {7}});
-  for (const TileFootprint& trace : Predict({job, {}, {}}, job, tiles, &coarse)) {
+  for (const TileFootprint& trace : Predict({view, {}, {}}, view, tiles, &coarse)) {
     CHECK(trace.known);
     CHECK(trace.cost_s == 0);
   }
-  for (const TileFootprint& trace : Predict({job, {}, {}}, job, tiles, nullptr)) CHECK_FALSE(trace.known);
+  for (const TileFootprint& trace : Predict({view, {}, {}}, view, tiles, nullptr)) CHECK_FALSE(trace.known);
 }
 
 }  // namespace quarry

@@ -13,32 +13,34 @@ namespace {
 
 RenderJob Job(uint32_t side, const std::string& format = "png", uint32_t aovs = 0, size_t frames = 1) {
   RenderJob job;
-  job.width = job.height = side;
-  job.format = format;
-  job.aov_mask = aovs;
+  job.view.width = job.view.height = side;
+  job.format.name = format;
+  job.view.aov_mask = aovs;
   job.cameras.assign(frames, CameraSpec{});
   REQUIRE(NormalizeJob(job).has_value());
   return job;
 }
 
+uint64_t BytesOf(const RenderJob& job) { return FrameBytes(job.view, job.format); }
+
 }  // namespace
 
 TEST_CASE("A frame's memory is reckoned before it is made, without overflow") {
   const uint64_t pixels = uint64_t{1} << 32;
-  CHECK(FrameBytes(Job(65536)) > pixels * (12 + 2 * 3));
-  CHECK(FrameBytes(Job(65536)) < pixels * 20);
-  CHECK(FrameBytes(Job(65536, "exr", 127)) > pixels * 3 * 13 * 4);
-  CHECK(FrameBytes(Job(64)) < 2 << 20);
+  CHECK(BytesOf(Job(65536)) > pixels * (12 + 2 * 3));
+  CHECK(BytesOf(Job(65536)) < pixels * 20);
+  CHECK(BytesOf(Job(65536, "exr", 127)) > pixels * 3 * 13 * 4);
+  CHECK(BytesOf(Job(64)) < 2 << 20);
 }
 
 TEST_CASE("No encoded image is larger than reckoned") {
   for (const auto& job : {Job(200), Job(200, "exr"), Job(200, "exr", 127), Job(1), Job(1, "exr", 127)}) {
-    std::vector<uint32_t> pixels(size_t{job.width} * job.height * WordsPerPixel(job.aov_mask));
+    std::vector<uint32_t> pixels(size_t{job.view.width} * job.view.height * WordsPerPixel(job.view.aov_mask));
     uint32_t noise = 1;
     for (uint32_t& word : pixels) word = 0x3e000000 + ((noise = noise * 1664525 + 1013904223) >> 7);
-    const auto image = EncodeImage(job, pixels);
+    const auto image = EncodeImage(job.view, job.format, pixels);
     REQUIRE(image.has_value());
-    CHECK(image->size() <= EncodedBytes(job));
+    CHECK(image->size() <= EncodedBytes(job.view, job.format));
   }
 }
 

@@ -15,18 +15,16 @@ namespace {
 
 RenderJob CroppedJob(const std::string& format) {
   RenderJob job;
-  job.width = 90;
-  job.height = 70;
-  job.crop_x = 11;
-  job.crop_y = 23;
-  job.crop_width = 67;
-  job.crop_height = 41;
-  job.format = format;
+  job.view.width = 90;
+  job.view.height = 70;
+  job.view.crop = {11, 23, 67, 41};
+  job.format.name = format;
   return job;
 }
 
 std::vector<uint32_t> RandomPixels(const RenderJob& job, std::mt19937& random) {
-  std::vector<uint32_t> pixels(size_t{job.crop_width} * job.crop_height * WordsPerPixel(job.aov_mask));
+  std::vector<uint32_t> pixels(size_t{job.view.crop.width} * job.view.crop.height *
+                               WordsPerPixel(job.view.aov_mask));
   // All magnitudes, most of them where the encoding is steep.
   for (uint32_t& word : pixels)
     word = random() % 3 == 0 ? random() : std::bit_cast<uint32_t>(static_cast<float>(random()) * 0x1p-32f);
@@ -51,7 +49,7 @@ TEST_CASE("A PNG holds the sRGB encoding of every value") {
   std::mt19937 random(7);
   for (double exposure : {0.0, 3.5, -20.0}) {
     RenderJob job = CroppedJob("png");
-    job.exposure = exposure;
+    job.format.exposure = exposure;
     std::vector<uint32_t> pixels = RandomPixels(job, random);
     const float special[] = {0.0f,
                              -0.0f,
@@ -61,7 +59,7 @@ TEST_CASE("A PNG holds the sRGB encoding of every value") {
                              -std::numeric_limits<float>::infinity(),
                              std::numeric_limits<float>::quiet_NaN()};
     for (size_t i = 0; i < std::size(special); ++i) pixels[i] = std::bit_cast<uint32_t>(special[i]);
-    const auto file = EncodeImage(job, pixels);
+    const auto file = EncodeImage(job.view, job.format, pixels);
     REQUIRE(file.has_value());
     OIIO::ImageSpec spec;
     const auto values = Read<uint8_t>(*file, "x.png", OIIO::TypeUInt8, spec);
@@ -80,11 +78,11 @@ TEST_CASE("A PNG holds the sRGB encoding of every value") {
 TEST_CASE("An EXR holds every word of the crop, by name") {
   std::mt19937 random(9);
   RenderJob job = CroppedJob("exr");
-  job.aov_mask = (1u << kAovs) - 1;
+  job.view.aov_mask = (1u << kAovs) - 1;
   const std::vector<uint32_t> pixels = RandomPixels(job, random);
-  const auto file = EncodeImage(job, pixels);
+  const auto file = EncodeImage(job.view, job.format, pixels);
   REQUIRE(file.has_value());
-  CHECK(*file == *EncodeImage(job, pixels));
+  CHECK(*file == *EncodeImage(job.view, job.format, pixels));
   OIIO::ImageSpec spec;
   const auto words = Read<uint32_t>(*file, "x.exr", OIIO::TypeUnknown, spec);
   CHECK(spec.x == 11);

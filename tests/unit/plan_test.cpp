@@ -177,8 +177,7 @@ TEST_CASE("A spool gives back jobs and frames, and leaves other scenes' and dama
   std::filesystem::remove_all(folder);
   SceneId scene{}, other{};
   other[0] = 1;
-  RenderJob job = Looking({0, 0, 0}, {0, 1, 0});
-  job.cameras.push_back(job.cameras[0]);
+  RenderJob job = test::JobOf(Looking({0, 0, 0}, {0, 1, 0}), 2);
   job.first_frame = 40;
   const std::string id = JobId(scene, job);
   CHECK(JobId(other, job) != id);

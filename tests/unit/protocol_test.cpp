@@ -11,43 +11,42 @@ namespace {
 
 RenderJob MakeJob() {
   RenderJob job;
-  job.width = 640;
-  job.height = 480;
-  job.crop_x = 1;
-  job.crop_y = 2;
-  job.crop_width = 300;
-  job.crop_height = 200;
-  job.mode = RenderMode::kWhitted;
-  job.spp = 16;
-  job.seed = 0x123456789ABCDEFull;
-  job.exposure = -1.5;
-  job.aov_mask = 0x55;
-  job.format = "exr";
-  job.lights = {{LightKind::kPoint, {1, 2, 3}, {4, 5, 6}, {0, 1, 0}, 2.5f, -1.25f},
-                {LightKind::kSun, {0, 0, 1}, {1, 1, 1}}};
-  job.ambient = {0.1f, 0.2f, 0.3f};
-  job.background = {0.4f, 0.5f, 0.6f};
+  job.view.width = 640;
+  job.view.height = 480;
+  job.view.crop = {1, 2, 300, 200};
+  job.view.mode = RenderMode::kWhitted;
+  job.view.spp = 16;
+  job.view.seed = 0x123456789ABCDEFull;
+  job.format.exposure = -1.5;
+  job.view.aov_mask = 0x55;
+  job.format.name = "exr";
+  job.view.lights = {{LightKind::kPoint, {1, 2, 3}, {4, 5, 6}, {0, 1, 0}, 2.5f, -1.25f},
+                     {LightKind::kSun, {0, 0, 1}, {1, 1, 1}}};
+  job.view.ambient = {0.1f, 0.2f, 0.3f};
+  job.view.background = {0.4f, 0.5f, 0.6f};
   job.cameras = {{{1, 2, 3}, {4, 5, 7}, {0, 1, 0}, 33.5, 0}, {{0, 0, 0}, {1, 0, 0}, {0, 0, 1}, 60, 12.5}};
   job.first_frame = 7;
   return job;
 }
 
-void CheckSame(const RenderJob& a, const RenderJob& b) {
+void CheckSame(const CameraSpec& a, const CameraSpec& b) {
+  CHECK(a.eye == b.eye);
+  CHECK(a.at == b.at);
+  CHECK(a.up == b.up);
+  CHECK(a.fov_degrees == b.fov_degrees);
+  CHECK(a.ortho_height == b.ortho_height);
+}
+
+void CheckSame(const View& a, const View& b) {
   CHECK(a.width == b.width);
   CHECK(a.height == b.height);
-  CHECK(a.crop_x == b.crop_x);
-  CHECK(a.crop_y == b.crop_y);
-  CHECK(a.crop_width == b.crop_width);
-  CHECK(a.crop_height == b.crop_height);
+  CHECK(a.crop == b.crop);
   CHECK(a.mode == b.mode);
   CHECK(a.spp == b.spp);
   CHECK(a.seed == b.seed);
-  CHECK(a.exposure == b.exposure);
   CHECK(a.aov_mask == b.aov_mask);
-  CHECK(a.format == b.format);
   CHECK(a.ambient == b.ambient);
   CHECK(a.background == b.background);
-  CHECK(a.first_frame == b.first_frame);
   REQUIRE(a.lights.size() == b.lights.size());
   for (size_t i = 0; i < a.lights.size(); ++i) {
     CHECK(a.lights[i].kind == b.lights[i].kind);
@@ -57,14 +56,16 @@ void CheckSame(const RenderJob& a, const RenderJob& b) {
     CHECK((a.lights[i].cone_scale == b.lights[i].cone_scale &&
            a.lights[i].cone_offset == b.lights[i].cone_offset));
   }
+  CheckSame(a.camera, b.camera);
+}
+
+void CheckSame(const RenderJob& a, const RenderJob& b) {
+  CheckSame(a.view, b.view);
+  CHECK(a.format.name == b.format.name);
+  CHECK(a.format.exposure == b.format.exposure);
+  CHECK(a.first_frame == b.first_frame);
   REQUIRE(a.cameras.size() == b.cameras.size());
-  for (size_t i = 0; i < a.cameras.size(); ++i) {
-    CHECK(a.cameras[i].eye == b.cameras[i].eye);
-    CHECK(a.cameras[i].at == b.cameras[i].at);
-    CHECK(a.cameras[i].up == b.cameras[i].up);
-    CHECK(a.cameras[i].fov_degrees == b.cameras[i].fov_degrees);
-    CHECK(a.cameras[i].ortho_height == b.cameras[i].ortho_height);
-  }
+  for (size_t i = 0; i < a.cameras.size(); ++i) CheckSame(a.cameras[i], b.cameras[i]);
 }
 
 }  // namespace
@@ -77,12 +78,11 @@ TEST_CASE("A worker greets with a thread at least; others have none") {
 
 TEST_CASE("Messages come back field by field") {
   CheckSame(MakeJob(), DecodeJobRequest(Encode(JobRequest{MakeJob(), 0}))->job);
-  RenderJob one = MakeJob();
-  one.cameras.resize(1);
-  const auto setup = DecodeFrameSetup(Encode(FrameSetup{99, one}));
+  const View view = FrameView(MakeJob(), 1);
+  const auto setup = DecodeFrameSetup(Encode(FrameSetup{99, view, 98}));
   REQUIRE(setup.has_value());
-  CHECK(setup->setup == 99);
-  CheckSame(one, setup->job);
+  CHECK((setup->frame == 99 && setup->oldest == 98));
+  CheckSame(view, setup->view);
   const auto hello = DecodeHello(Encode(Hello{Role::kClient, "me", 5}));
   CHECK((hello->role == Role::kClient && hello->name == "me" && hello->threads == 5));
   Welcome w;
@@ -106,10 +106,10 @@ TEST_CASE("Messages come back field by field") {
   const auto frame = DecodeFrameDone(Encode(FrameDone{6, "{}"}));
   CHECK((frame->frame == 6 && frame->statistics == "{}"));
   const auto tile = DecodeTileOrder(Encode(TileOrder{1, 2, 3, 4, 5, 6, 7}));
-  CHECK((tile->setup == 1 && tile->tile == 2 && tile->lease == 3 && tile->x == 4 && tile->y == 5 &&
+  CHECK((tile->frame == 1 && tile->tile == 2 && tile->lease == 3 && tile->x == 4 && tile->y == 5 &&
          tile->width == 6 && tile->height == 7));
   const auto done = DecodeTileDone(Encode(TileDone{1, 2, 3, 4, 5}));
-  CHECK((done->setup == 1 && done->tile == 2 && done->lease == 3 && done->rays == 4 &&
+  CHECK((done->frame == 1 && done->tile == 2 && done->lease == 3 && done->rays == 4 &&
          done->rays_suspended == 5));
   const auto alive = DecodeWorkerStatus(Encode(WorkerStatus{1, 2, 3, 4, 5, 6, 7, 8}));
   CHECK((alive->cache_bytes == 1 && alive->voxels_loaded == 2 && alive->voxel_bytes_loaded == 3 &&
@@ -125,11 +125,17 @@ TEST_CASE("Values that cannot be are refused") {
   CHECK_FALSE(DecodeTileOrder(Encode(TileOrder{1, 2, 3, 4, 5, 0, 7})).has_value());
   CHECK_FALSE(DecodeTileOrder(Encode(TileOrder{1, 2, 3, 4, 5, 33, 7})).has_value());
   RenderJob job = MakeJob();
-  job.spp = 0;
+  job.view.spp = 0;
   CHECK_FALSE(DecodeJobRequest(Encode(JobRequest{job, 0})).has_value());
   job = MakeJob();
   job.cameras[0].eye = job.cameras[0].at;
   CHECK_FALSE(DecodeJobRequest(Encode(JobRequest{job, 0})).has_value());
+  View view = FrameView(MakeJob());
+  view.camera.eye = view.camera.at;
+  CHECK_FALSE(DecodeFrameSetup(Encode(FrameSetup{1, view, 0})).has_value());
+  view = FrameView(MakeJob());
+  view.crop.width = 640;
+  CHECK_FALSE(DecodeFrameSetup(Encode(FrameSetup{1, view, 0})).has_value());
 }
 
 TEST_CASE("A job is the same however many programs it has passed through") {
@@ -138,7 +144,7 @@ TEST_CASE("A job is the same however many programs it has passed through") {
   std::uniform_real_distribution<float> any(-1, 1);
   for (int i = 0; i < 2000; ++i) {
     RenderJob job = MakeJob();
-    job.lights = {{LightKind::kSun, {any(random), any(random), any(random)}, {1, 1, 1}}};
+    job.view.lights = {{LightKind::kSun, {any(random), any(random), any(random)}, {1, 1, 1}}};
     const Bytes once = Encode(JobRequest{DecodeJobRequest(Encode(JobRequest{job, 0}))->job, 0});
     CHECK(Encode(JobRequest{DecodeJobRequest(once)->job, 0}) == once);
   }

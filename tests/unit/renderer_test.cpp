@@ -19,7 +19,7 @@ using Blocks = std::vector<BlockKey>;
 
 constexpr PixelRect kMiddle{160, 128, 32, 32};
 
-View Seen(const glm::dvec3& eye, const glm::dvec3& at) { return FrameView(Looking(eye, at)); }
+View Seen(const glm::dvec3& eye, const glm::dvec3& at) { return (Looking(eye, at)); }
 
 std::unique_ptr<Renderer> MakeRenderer(const Row& row, uint64_t cache_bytes = 1 << 20, unsigned threads = 1) {
   auto made = Renderer::Create(*row.scene, {cache_bytes, threads});
@@ -82,7 +82,7 @@ TEST_CASE("A cache of one block and any number of threads render the same pictur
   View view = Seen({0, -20, 0}, {3, 10, 4});
   view.mode = RenderMode::kWhitted;
   view.lights = {{LightKind::kSun, {0, -1, 0}, glm::vec3(1)}};
-  const std::vector<Tile> tiles = TilesOf(view.crop());
+  const std::vector<Tile> tiles = TilesOf(view.crop);
   const auto render = [&](uint64_t cache_bytes, unsigned threads) {
     std::vector<RenderedTile> out(tiles.size());
     const auto renderer = MakeRenderer(row, cache_bytes, threads);
@@ -147,7 +147,7 @@ TEST_CASE("A store that is damaged meanwhile ends every call with its sentence",
   const View view = Seen({0, -20, 0}, {0, 10, 0});
   for (int call = 0; call < 2; ++call) {
     const Status status =
-        renderer->Render(view, TilesOf(view.crop()), [](size_t, const RenderedTile&, Renderer::Progress) {});
+        renderer->Render(view, TilesOf(view.crop), [](size_t, const RenderedTile&, Renderer::Progress) {});
     REQUIRE_FALSE(status.has_value());
     CHECK(status.error().message.find(path) != std::string::npos);
   }
@@ -158,7 +158,7 @@ TEST_CASE("A voxel that names a material that the scene lacks is not believed", 
   CHECK_THAT(row.scene->store().Verify([](size_t, size_t) {}).error().message,
              Catch::Contains("it names a material that the scene lacks"));
   const View view = Seen({0, -20, 0}, {0, 10, 0});
-  const Status status = MakeRenderer(row)->Render(view, TilesOf(view.crop()),
+  const Status status = MakeRenderer(row)->Render(view, TilesOf(view.crop),
                                                   [](size_t, const RenderedTile&, Renderer::Progress) {});
   REQUIRE_FALSE(status.has_value());
   CHECK_THAT(status.error().message, Catch::Contains("block 4"));
@@ -177,7 +177,7 @@ TEST_CASE("A call that is stopped ends, and the renderer goes on", "[renderer]")
   const auto renderer = MakeRenderer(row);
   View view = Seen({0, -20, 0}, {0, 10, 0});
   View large = view;
-  large.width = large.height = large.crop_width = large.crop_height = 16384;
+  large.width = large.height = large.crop.width = large.crop.height = 16384;
   large.spp = 64;
   const auto ignore = [](size_t, const RenderedTile&, Renderer::Progress) {};
   for (const bool before : {true, false}) {
@@ -187,12 +187,12 @@ TEST_CASE("A call that is stopped ends, and the renderer goes on", "[renderer]")
       stop.request_stop();
     else
       stopper = std::thread([&] { stop.request_stop(); });
-    const Status status = renderer->Render(large, TilesOf(large.crop()), ignore, stop.get_token());
+    const Status status = renderer->Render(large, TilesOf(large.crop), ignore, stop.get_token());
     REQUIRE_FALSE(status.has_value());
     CHECK(status.error().kind == ErrorKind::kCancelled);
     if (stopper.joinable()) stopper.join();
   }
-  CHECK(renderer->Render(view, TilesOf(view.crop()), ignore).has_value());
+  CHECK(renderer->Render(view, TilesOf(view.crop), ignore).has_value());
 }
 
 TEST_CASE("Calls from several threads share a renderer", "[renderer]") {

@@ -88,11 +88,10 @@ TEST_CASE("Stragglers go to an idle worker once, never to their holder") {
 }
 
 TEST_CASE("What a worker holds of one frame it is not given of the next") {
-  RenderJob job;
-  job.width = job.height = 64;
-  job.cameras = {CameraSpec{}};
-  REQUIRE(NormalizeJob(job).has_value());
-  ActiveFrame first(1, job, nullptr), second(2, job, &first);
+  View view;
+  view.width = view.height = 64;
+  REQUIRE(NormalizeView(view).has_value());
+  ActiveFrame first(1, view, nullptr), second(2, view, &first);
   bool begun = false;
   const auto next = [&] { return std::exchange(begun, true) ? nullptr : &second; };
   const auto count = [](const std::vector<AssignedTile>& tiles, const ActiveFrame& frame) {
@@ -111,13 +110,12 @@ TEST_CASE("What a worker holds of one frame it is not given of the next") {
 }
 
 TEST_CASE("Who idles fetches for another's tile at the end of all frames, but not while others follow") {
-  RenderJob job;
-  job.width = job.height = 64;  // four tiles
-  job.cameras = {CameraSpec{}};
-  REQUIRE(NormalizeJob(job).has_value());
+  View view;
+  view.width = view.height = 64;  // four tiles
+  REQUIRE(NormalizeView(view).has_value());
   const std::vector<uint32_t> bytes(1, 1000);
   for (const bool ending : {false, true}) {
-    ActiveFrame frame(1, job, nullptr);
+    ActiveFrame frame(1, view, nullptr);
     BlockSet nothing;
     frame.MakePlan({{1, 1, 0, &nothing}}, {bytes, 1e-6, 1}, SchedulingPolicy::kFootprint);  // a second a tile
     // The first worker has one and comes to three more; fetching for one of them takes the other 1.5 s.
@@ -129,15 +127,14 @@ TEST_CASE("Who idles fetches for another's tile at the end of all frames, but no
 }
 
 TEST_CASE("Results count once, under a lease that is known; a dead worker's tiles are open again") {
-  RenderJob job;
-  job.width = job.height = 64;
-  job.cameras = {CameraSpec{}};
-  REQUIRE(NormalizeJob(job).has_value());
-  ActiveFrame frame(5, job, nullptr);
+  View view;
+  view.width = view.height = 64;
+  REQUIRE(NormalizeView(view).has_value());
+  ActiveFrame frame(5, view, nullptr);
   const TileOrder first = frame.Lease({0, 1}, 0), second = frame.Lease({0, 2}, 1),
                   other = frame.Lease({1, 1}, 1);
   const Bytes pixels(32 * 32 * 3 * 4);
-  CHECK_FALSE(*frame.Finish({4, 0, first.lease, 0, 0}, pixels, 2));  // another setup
+  CHECK_FALSE(*frame.Finish({4, 0, first.lease, 0, 0}, pixels, 2));  // another frame
   CHECK_FALSE(*frame.Finish({5, 0, 999, 0, 0}, pixels, 2));          // no such lease
   CHECK_FALSE(*frame.Finish({5, 2, first.lease, 0, 0}, pixels, 2));  // a lease of another tile
   CHECK_FALSE(frame.Finish({5, 0, first.lease, 0, 0, 0, Depths()}, Bytes(8), 2).has_value());

@@ -66,18 +66,18 @@ StoreReader Store(const TemporaryFolder& folder, const std::string& kind) {
 }
 
 /// From a corner of the scene's box toward its middle: rays of several octants, some that miss.
-RenderJob Job(const SceneMeta& meta, RenderMode mode) {
-  RenderJob job;
-  job.width = 144;
-  job.height = 96;
-  job.mode = mode;
+View ViewOf(const SceneMeta& meta, RenderMode mode) {
+  View view;
+  view.width = 144;
+  view.height = 96;
+  view.mode = mode;
   const glm::dvec3 lower(meta.bounds_lower), upper(meta.bounds_upper);
-  job.cameras = {CameraSpec{.eye = lower + (upper - lower) * glm::dvec3(0.9, 0.2, 0.8),
-                            .at = lower + (upper - lower) * glm::dvec3(0.3, 0.6, 0.4),
-                            .fov_degrees = 70}};
-  job.lights = {Light{.vector = glm::vec3(-0.48f, -0.36f, 0.8f)}};
-  REQUIRE(NormalizeJob(job).has_value());
-  return job;
+  view.camera = CameraSpec{.eye = lower + (upper - lower) * glm::dvec3(0.9, 0.2, 0.8),
+                           .at = lower + (upper - lower) * glm::dvec3(0.3, 0.6, 0.4),
+                           .fov_degrees = 70};
+  view.lights = {Light{.vector = glm::vec3(-0.48f, -0.36f, 0.8f)}};
+  REQUIRE(NormalizeView(view).has_value());
+  return view;
 }
 
 }  // namespace
@@ -90,13 +90,13 @@ TEST_CASE("A cache of one largest block finishes every frame, with the same bits
     const SceneMeta& meta = store.catalog().meta;
     const uint64_t blocks = store.catalog().voxels.size() * 2;
     for (const RenderMode mode : {RenderMode::kRaycast, RenderMode::kWhitted}) {
-      const RenderJob job = Job(meta, mode);
-      const EngineRun all = RunEngine(store, job, 1u << 30, 2, std::chrono::seconds(60));
+      const View view = ViewOf(meta, mode);
+      const EngineRun all = RunEngine(store, view, 1u << 30, 2, std::chrono::seconds(60));
       REQUIRE(all.ended);
       for (const double largest : {1.0, 1.3, 2.0, 4.0})
         for (const unsigned threads : {1u, 2u, 4u}) {
           const auto cache = static_cast<uint64_t>(meta.largest_decoded * largest);
-          const EngineRun run = RunEngine(store, job, cache, threads, std::chrono::seconds(60));
+          const EngineRun run = RunEngine(store, view, cache, threads, std::chrono::seconds(60));
           INFO(kind << " mode " << static_cast<int>(mode) << " cache " << cache << " threads " << threads
                     << ": " << run.loads << " loads, " << all.loads << " with room for all, of " << blocks);
           REQUIRE(run.ended);

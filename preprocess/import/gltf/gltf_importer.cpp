@@ -81,9 +81,8 @@ class GltfImport {
       *n = in.Get<uint64_t>();
     materials_ = in.GetArray<uint32_t>(in.Get<uint32_t>());
     if (GetText(in) != document_.BufferFiles())
-      return Fail(fmt::format(
-          "{}: a file of its buffers has changed since the run was begun; begin anew without --resume",
-          document_.path()));
+      return CannotResume(
+          fmt::format("{}: a file of its buffers has changed since the run was begun", document_.path()));
     return {};
   }
 

@@ -116,7 +116,7 @@ Status ObjMaterials::Restore(ByteReader& in) {
   for (auto n = in.Get<uint32_t>(); n > 0 && in.ok(); --n) {
     const std::string path = GetText(in), identity = GetText(in);
     if (FileIdentity(path) != identity)
-      return Fail(fmt::format("{}: has changed since the run was begun; begin anew without --resume", path));
+      return CannotResume(fmt::format("{}: has changed since the run was begun", path));
     ReadLibrary(path);
   }
   for (auto n = in.Get<uint32_t>(); n > 0 && in.ok(); --n) {

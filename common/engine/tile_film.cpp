@@ -1,0 +1,62 @@
+#include "common/engine/tile_film.h"
+
+#include <bit>
+#include <cstring>
+#include <utility>
+
+#include "common/kdtree/locate.h"
+
+namespace quarry {
+namespace {
+
+constexpr uint32_t kNone = 0xFFFFFFFFu;  // integer layers where nothing is hit
+
+}  // namespace
+
+void TileFilm::Open(const ViewContext& view, const Tile& tile) {
+  const size_t pixels = size_t{tile.columns()} * tile.rows();
+  depths_.assign(size_t{DepthCells(tile.columns())} * DepthCells(tile.rows()), 0);
+  radiance_.assign(tile.hits_only ? 0 : 3 * pixels, {});
+  aovs_.assign(tile.hits_only ? 0 : (view.words - 3) * pixels, 0);
+  hits_.assign(tile.hits_only ? pixels : 0, {});
+}
+
+void TileFilm::SetLayers(const ViewContext& context, uint32_t pixel, const Ray& ray, const Hit& hit,
+                         float t_offset, const Surface& surface) {
+  const View& view = context.view;
+  uint32_t* out = aovs_.data() + size_t{context.words - 3} * pixel;
+  const bool is_hit = hit.triangle != kNoTriangle;
+  const auto put = [&](Aov aov, auto... values) {
+    if (view.has(aov)) ((*out++ = std::bit_cast<uint32_t>(values)), ...);
+  };
+  put(Aov::kDepth, is_hit ? t_offset + hit.t : kInfinity);
+  put(Aov::kNormal, surface.normal.x, surface.normal.y, surface.normal.z);
+  put(Aov::kUv, surface.uv.x, surface.uv.y);
+  put(Aov::kPrimitive, is_hit ? hit.triangle : kNone);
+  put(Aov::kMaterial, is_hit ? surface.material : kNone);
+  put(Aov::kPart, is_hit ? surface.part : kNone);
+  put(Aov::kVoxel, is_hit && view.has(Aov::kVoxel) ? LocateVoxel(context.top, ray, hit.t) : kNone);
+}
+
+void TileFilm::Take(const ViewContext& view, RenderedTile& result) {
+  if (hits_.empty()) result.pixels = Pixels(view);
+  result.hits = std::exchange(hits_, {});
+  result.depths = std::exchange(depths_, {});
+}
+
+Bytes TileFilm::Pixels(const ViewContext& context) const {
+  const size_t pixels = radiance_.size() / 3, extra = context.words - 3;
+  Bytes out(pixels * context.words * 4);
+  std::byte* to = out.data();
+  for (size_t p = 0; p < pixels; ++p) {
+    float color[3];
+    for (size_t c = 0; c < 3; ++c) color[c] = radiance_[3 * p + c].Mean(context.view.spp);
+    std::memcpy(to, color, sizeof color);
+    if (extra > 0)  // without layers there is nothing that could be pointed at
+      std::memcpy(to + sizeof color, aovs_.data() + p * extra, extra * 4);
+    to += context.words * 4;
+  }
+  return out;
+}
+
+}  // namespace quarry

@@ -1,0 +1,73 @@
+#include "common/scene/view.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+namespace quarry {
+namespace {
+
+template <class V>
+bool Finite(const V& v) {
+  return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
+}
+
+template <class V>
+bool Nonnegative(const V& v) {
+  return Finite(v) && v.x >= 0 && v.y >= 0 && v.z >= 0;
+}
+
+}  // namespace
+
+Status CheckCamera(const CameraSpec& c) {
+  if (!Finite(c.eye) || !Finite(c.at) || !Finite(c.up))
+    return BadUsage("the camera has a coordinate that is no number");
+  const glm::dvec3 view = c.at - c.eye;
+  const glm::dvec3 side{view.y * c.up.z - view.z * c.up.y, view.z * c.up.x - view.x * c.up.z,
+                        view.x * c.up.y - view.y * c.up.x};
+  if (view == glm::dvec3(0)) return BadUsage("the camera's eye and the point it looks at are the same");
+  if (side == glm::dvec3(0)) return BadUsage("the camera looks along its up vector; give another --up");
+  if (c.ortho_height < 0 || !std::isfinite(c.ortho_height))
+    return BadUsage("--ortho needs a positive height");
+  if (!(c.fov_degrees > 0) || c.fov_degrees > 179)
+    return BadUsage("--fov must lie between 0 and 179 degrees");
+  return {};
+}
+
+uint32_t WordsPerPixel(uint32_t aov_mask) {
+  uint32_t words = 3;
+  for (int a = 0; a < kAovs; ++a)
+    if (aov_mask >> a & 1) words += static_cast<uint32_t>(kAovInfo[a].words);
+  return words;
+}
+
+Status NormalizeView(View& view) {
+  if (view.width == 0 || view.height == 0 || view.width > kMaxImageSide || view.height > kMaxImageSide)
+    return BadUsage(fmt::format("the image size {}x{} must lie between 1 and {} a side", view.width,
+                                view.height, kMaxImageSide));
+  if (view.crop.width == 0) view.crop = {0, 0, view.width, view.height};
+  if (view.crop.height == 0 || view.crop.x >= view.width || view.crop.y >= view.height ||
+      view.crop.width > view.width - view.crop.x || view.crop.height > view.height - view.crop.y)
+    return BadUsage("--crop must lie within the image");
+  if (static_cast<uint8_t>(view.mode) >= kRenderModes) return BadUsage("that mode is not known");
+  if (view.spp == 0 || view.spp > kMaxSpp)
+    return BadUsage(fmt::format("--spp must lie between 1 and {}", kMaxSpp));
+  if (view.aov_mask >> kAovs) return BadUsage("an unknown layer was asked for");
+  if (view.lights.size() > kMaxLights) return BadUsage(fmt::format("more than {} lights", kMaxLights));
+  for (Light& light : view.lights) {
+    if (!Finite(light.vector) || !Nonnegative(light.radiance) || !Finite(light.axis) ||
+        !std::isfinite(light.cone_scale) || !std::isfinite(light.cone_offset))
+      return BadUsage("a light has a value that cannot be");
+    if (light.kind != LightKind::kSun) continue;
+    const float length = std::sqrt(light.vector.x * light.vector.x + light.vector.y * light.vector.y +
+                                   light.vector.z * light.vector.z);
+    if (!(length > 1e-18f) || !(length < 1e18f)) return BadUsage("the sun has no direction");
+    // Each program that a view passes through comes here: once done, it must not move the last bit again.
+    if (std::fabs(length - 1) > 1e-6f) light.vector /= length;
+  }
+  if (!Nonnegative(view.ambient) || !Nonnegative(view.background))
+    return BadUsage("ambient and background must be >= 0");
+  return CheckCamera(view.camera);
+}
+
+}  // namespace quarry
