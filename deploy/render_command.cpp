@@ -63,7 +63,10 @@ Status RefuseWhatHasNoEffect(const RenderArguments& a, const RenderJob& job) {
   const auto refuse = [&](const char* option, const std::string& where) {
     return BadUsage(fmt::format("{} has no effect {}; leave it out", option, where));
   };
-  if (job.view.mode == RenderMode::kRaycast || job.view.mode == RenderMode::kVoxels)
+  if (job.view.mode != RenderMode::kAo)
+    for (const char* option : {"--ao-distance", "--ao-samples"})
+      if (WasTyped(*a.command, option)) return refuse(option, fmt::format("in --mode {}", a.mode));
+  if (job.view.mode != RenderMode::kShadow && job.view.mode != RenderMode::kWhitted)
     for (const char* option : {"--sun", "--lights"})
       if (WasTyped(*a.command, option))
         return refuse(option, fmt::format("in --mode {}, which has its own light", a.mode));
@@ -87,10 +90,12 @@ Status ParseImage(const RenderArguments& a, RenderJob& job) {
       return BadUsage(fmt::format("--crop is not x,y,w,h in whole numbers: '{}'", a.crop));
     job.view.crop = {crop[0], crop[1], crop[2], crop[3]};
   }
-  job.view.spp = a.spp;
+  job.view.ao_samples = a.ao_samples;
+  job.view.ao_distance = a.ao_distance;
   job.view.seed = a.seed;
   job.format.exposure = a.exposure;
   QUARRY_TRY(ParseMode(a.mode, job));
+  job.view.spp = a.spp > 0 ? a.spp : job.view.mode == RenderMode::kAo ? 4 : 1;
   return ParseAovs(a.aov, job);
 }
 
@@ -278,10 +283,17 @@ void AddRenderOptions(CLI::App& c, RenderArguments& a) {
   c.add_option("--camera", a.camera, "The camera of that name that the model brings (see quarry info)")
       ->excludes("--camera-path");
   c.add_option("--frames", a.frames, "Frames A-B of the path");
-  c.add_option("--mode", a.mode, "raycast, shadow, whitted or voxels")->capture_default_str();
+  c.add_option("--mode", a.mode, "ao, raycast, shadow, whitted or voxels")->capture_default_str();
+  c.add_option("--ao-distance", a.ao_distance,
+               "Length of occlusion rays in scene units (default: by the model's size)")
+      ->check(RealNumber(0, std::numeric_limits<float>::max()));
+  c.add_option("--ao-samples", a.ao_samples, "Occlusion rays per sample")
+      ->check(WholeNumber(1, kMaxAoSamples))
+      ->capture_default_str();
   c.add_option("--sun", a.sun, "Direction toward the sun x,y,z");
   c.add_option("--lights", a.lights, "Lights, ambient and background as JSON");
-  c.add_option("--spp", a.spp, "Samples per pixel")->check(WholeNumber(1, kMaxSpp))->capture_default_str();
+  c.add_option("--spp", a.spp, "Samples per pixel (default: 4 in ao, else 1)")
+      ->check(WholeNumber(1, kMaxSpp));
   c.add_option("--seed", a.seed, "Seed of the sample pattern")
       ->check(WholeNumber(0, std::numeric_limits<uint64_t>::max()))
       ->capture_default_str();

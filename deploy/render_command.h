@@ -18,8 +18,10 @@ struct RenderArguments {
   std::string cache = "256M", size = "1024x768", crop;
   std::string eye, at, up, camera_path, camera, frames;
   double fov = 45, ortho = 0;
-  std::string mode = "raycast", sun, lights, aov;
-  unsigned spp = 1;
+  std::string mode = "ao", sun, lights, aov;
+  unsigned spp = 0;  ///< 0: 4 in ao, else 1
+  unsigned ao_samples = 4;
+  float ao_distance = 0;  ///< scene units; 0: by the size of the scene
   uint64_t seed = 0;
   double exposure = 0;
   std::string stats, master;

@@ -32,7 +32,7 @@ EyeRayGenerator::Lanes EyeRayGenerator::Next(const ViewContext& context, SampleP
     const Place& p = places_[place];
     const uint32_t px = tile_.pixels.x + std::min(p.x * tile_.step + tile_.step / 2, tile_.pixels.width - 1);
     const uint32_t py = tile_.pixels.y + std::min(p.y * tile_.step + tile_.step / 2, tile_.pixels.height - 1);
-    const glm::vec2 at = PixelSample(view.seed, py * view.width + px, sample);
+    const glm::vec2 at = PixelSample(view.seed, s.image_pixel[i] = py * view.width + px, sample);
     x[i] = px + static_cast<double>(at.x);
     y[i] = py + static_cast<double>(at.y);
     s.pixel[i] = p.pixel;

@@ -21,7 +21,8 @@ struct SamplePacket {
   float t_offset[kLanes];
   uint32_t sample[kLanes];
   uint32_t path_code[kLanes];
-  uint32_t next_light[kLanes];
+  uint32_t next_light[kLanes];   ///< the light, in kAo the occlusion ray, to be sent next
+  uint32_t image_pixel[kLanes];  ///< y * width + x in the view
   uint16_t pixel[kLanes];
   uint16_t depth_cell[kLanes];
   uint8_t depth[kLanes];

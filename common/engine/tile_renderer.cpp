@@ -154,7 +154,10 @@ void TileRenderer::Advance(uint32_t packet, PinnedBlocks& pins) {
   ready &= ~FindSurfaces(packet, ready & s.at[SamplePacket::kSurface], pins);
   ready &= ~FindAttributes(packet, ready & s.at[SamplePacket::kAttributes], pins);
   Shade(packet, ready & s.at[SamplePacket::kShade]);
-  NextLights(packet, ready & s.at[SamplePacket::kLight]);
+  if (view_->view.mode == RenderMode::kAo)
+    Occlude(packet, ready & s.at[SamplePacket::kLight]);
+  else
+    NextLights(packet, ready & s.at[SamplePacket::kLight]);
   Spawn(packet, ready & s.at[SamplePacket::kBounce]);
   TakeNext(packet, ready & s.at[SamplePacket::kNext]);
   closest_[packet] = ready & s.at[SamplePacket::kTraverse];
@@ -226,13 +229,16 @@ void TileRenderer::Shade(uint32_t packet, uint64_t lanes) {
       if (s.path_code[i] == kPrimaryPath && s.sample[i] == 0) WriteAovs(packet, i);
     });
   const RenderMode mode = view_->view.mode;
-  const bool lit = mode == RenderMode::kShadow || mode == RenderMode::kWhitted;
+  const bool lit = mode != RenderMode::kRaycast && mode != RenderMode::kVoxels;
   if (mode == RenderMode::kVoxels) {
     ShadeVoxels(packet, lanes);
   } else {
     Vectors& radiance = gathered_->radiance;
     ForEachMaterial(s.surface, lanes, [&](uint32_t material, uint64_t same) {
-      if (lit)
+      if (mode == RenderMode::kAo)
+        Studio(view_->catalog.materials[material], view_->up,
+               1.0f / static_cast<float>(view_->view.ao_samples), s.surface, same, s.light, radiance);
+      else if (lit)
         Ambient(view_->catalog.materials[material], mode, view_->view.ambient, s.surface, same, radiance);
       else
         Headlight(view_->catalog.materials[material], mode, s.surface, same, radiance);
@@ -250,6 +256,24 @@ void TileRenderer::ShadeVoxels(uint32_t packet, uint64_t lanes) {
     const auto lane = static_cast<int>(i);
     film_.Add(s.pixel[i], s.weight[lane] * (VoxelColor(voxel) * (0.3f + 0.7f * Facing(s.surface[lane]))));
   });
+}
+
+/// The next occlusion ray of each sample, or its end.
+void TileRenderer::Occlude(uint32_t packet, uint64_t lanes) {
+  if (lanes == 0) return;
+  SamplePacket& s = samples_[packet];
+  const View& view = view_->view;
+  const uint64_t over = lanes & LanesWith(view.ao_samples, s.next_light), more = lanes & ~over;
+  LightPacket& samples = gathered_->light;
+  std::fill_n(samples.distance, SamplePacket::kLanes, view_->ao_distance);
+  OcclusionDirections({view.seed, view.ao_samples, s.image_pixel, s.sample, s.next_light}, s.surface, more,
+                      samples.direction);
+  LeaveSurfaces(s.surface, samples.direction, samples.distance,
+                OffsetFromSurfaces(view_->catalog.meta.padding), more, packets_[packet]);
+  ForEachLane(more, [&](uint32_t i) { ++s.next_light[i]; });
+  rays_ += static_cast<uint64_t>(std::popcount(more));
+  s.Move(more, SamplePacket::kLight, SamplePacket::kShadow);
+  s.Move(over, SamplePacket::kLight, SamplePacket::kNext);
 }
 
 /// Shadow rays toward the next light that can shine on each, or on to the bounces.

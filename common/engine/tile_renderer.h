@@ -90,6 +90,7 @@ class TileRenderer {
   uint64_t FindSurfaces(uint32_t packet, uint64_t lanes, PinnedBlocks& pins);
   uint64_t FindAttributes(uint32_t packet, uint64_t lanes, PinnedBlocks& pins);
   void Shade(uint32_t packet, uint64_t lanes);
+  void Occlude(uint32_t packet, uint64_t lanes);
   void NextLights(uint32_t packet, uint64_t lanes);
   void Spawn(uint32_t packet, uint64_t lanes);
   void TakeNext(uint32_t packet, uint64_t lanes);

@@ -48,6 +48,8 @@ std::unique_ptr<wire::ViewT> ViewToWire(const View& view) {
   w->spp = view.spp;
   w->seed = view.seed;
   w->aov_mask = view.aov_mask;
+  w->ao_samples = view.ao_samples;
+  w->ao_distance = view.ao_distance;
   w->ambient = ToVector(view.ambient);
   w->background = ToVector(view.background);
   for (const Light& light : view.lights) w->lights.push_back(LightToWire(light));

@@ -8,10 +8,11 @@
 
 namespace quarry {
 
-enum class RenderMode : uint8_t { kRaycast = 0, kShadow = 1, kWhitted = 2, kVoxels = 3 };
-inline constexpr int kRenderModes = 4;
+enum class RenderMode : uint8_t { kRaycast = 0, kShadow = 1, kWhitted = 2, kVoxels = 3, kAo = 4 };
+inline constexpr int kRenderModes = 5;
 /// Names as in --mode.
-inline constexpr const char* kRenderModeNames[kRenderModes] = {"raycast", "shadow", "whitted", "voxels"};
+inline constexpr const char* kRenderModeNames[kRenderModes] = {"raycast", "shadow", "whitted", "voxels",
+                                                               "ao"};
 
 /// Layers beside the colour, in the order they are stored for a pixel.
 enum class Aov : uint8_t { kDepth, kNormal, kUv, kPrimitive, kMaterial, kPart, kVoxel };
@@ -59,6 +60,10 @@ struct View {
   uint32_t spp = 1;  ///< samples a pixel
   uint64_t seed = 0;
   uint32_t aov_mask = 0;  ///< a bit for each Aov
+  /// kAo: rays that look for occluders from each point, and their length in scene units; 0: a share of the
+  /// scene.
+  uint32_t ao_samples = 4;
+  float ao_distance = 0;
   std::vector<Light> lights;
   glm::vec3 ambient{0.2f};                   ///< radiance
   glm::vec3 background{0.55f, 0.65f, 0.8f};  ///< radiance where a ray hits nothing
@@ -69,6 +74,7 @@ struct View {
 
 inline constexpr uint32_t kMaxImageSide = 65536;
 inline constexpr uint32_t kMaxSpp = 1u << 16;
+inline constexpr uint32_t kMaxAoSamples = 256;
 inline constexpr uint32_t kMaxLights = 1024;
 inline constexpr uint32_t kTileSize = 32;  ///< pixels on a tile's side
 

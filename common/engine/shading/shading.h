@@ -71,6 +71,13 @@ glm::vec3 VoxelColor(uint32_t voxel);
 /// The headlight's part that a surface sends back.
 inline float Facing(const Surface& s) { return std::fabs(glm::dot(s.normal, s.view)); }
 
+/// The light that a white surface sends back of a headlight and of a soft dome, brighter at its zenith `up`.
+inline float StudioFactor(const Surface& s, const glm::vec3& up) {
+  constexpr float kHeadlight = 0.5f, kDome = 0.5f, kNadir = 0.35f;
+  const float height = 0.5f + 0.5f * glm::dot(s.normal, up);
+  return kHeadlight * Facing(s) + kDome * (kNadir + (1 - kNadir) * height);
+}
+
 /// How much of the ambient light a surface sends back: more where it faces the viewer, so that shapes can be
 /// told apart in shadow.
 inline float AmbientFactor(const Surface& s) { return 0.4f + 0.6f * Facing(s); }

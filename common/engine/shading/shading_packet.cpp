@@ -1,6 +1,7 @@
 #include "common/engine/shading/shading_packet.h"
 
 #include "common/math/next_float.h"
+#include "common/math/sampling.h"
 
 namespace quarry {
 namespace {
@@ -91,6 +92,31 @@ void Ambient(const Material& material, RenderMode mode, const glm::vec3& ambient
   const glm::vec3 albedo = Albedo(material, mode), emission = material.emission, all = ambient;
   ForLanes(lanes, [&](int i, bool meant) {
     Put(meant, i, albedo * surfaces.color[i] * all * AmbientFactor(surfaces[i]) + emission, radiance);
+  });
+}
+
+void Studio(const Material& material, const glm::vec3& up, float share, const SurfacePacket& surfaces,
+            uint64_t lanes, Vectors& light, Vectors& emitted) {
+  const glm::vec3 color = material.unlit ? glm::vec3(0) : StudioColor(material) * share, zenith = up;
+  if (material.unlit) Unlit(material, surfaces, lanes, emitted);
+  const glm::vec3 emission = material.emission;
+  const bool lit = !material.unlit;
+  ForLanes(lanes, [&](int i, bool meant) {
+    const Surface s = surfaces[i];
+    Put(meant, i, color * s.color * StudioFactor(s, zenith), light);
+    Put(static_cast<int>(meant) & static_cast<int>(lit), i, emission, emitted);
+  });
+}
+
+void OcclusionDirections(const OcclusionSamples& of, const SurfacePacket& surfaces, uint64_t lanes,
+                         Vectors& directions) {
+  const uint64_t seed = of.seed;
+  const uint32_t rays = of.rays;
+  ForLanes(lanes, [&](int i, bool meant) {
+    const glm::vec3 n = surfaces.geometric_normal[i];
+    const glm::vec3 seen = Choose(surfaces.entering[i] != 0, n, -n);
+    const glm::vec2 u = SobolSample(seed, of.pixel[i], of.sample[i] * rays + of.ray[i], kDirectionSlot);
+    Put(meant, i, CosineDirection(seen, u), directions);
   });
 }
 

@@ -78,6 +78,22 @@ void Headlight(const Material& material, RenderMode mode, const SurfacePacket& s
 void Ambient(const Material& material, RenderMode mode, const glm::vec3& ambient,
              const SurfacePacket& surfaces, uint64_t lanes, Vectors& radiance);
 
+/// kAo: the light that a surface of one material sends back where nothing occludes it, times `share`, and the
+/// light that it gives off. `up`: the dome's zenith.
+void Studio(const Material& material, const glm::vec3& up, float share, const SurfacePacket& surfaces,
+            uint64_t lanes, Vectors& light, Vectors& emitted);
+/// Directions of occlusion rays, with a density by the cosine to the geometric normal on the side that is
+/// seen. `ray`: the number of each sample's ray, of `rays` a sample.
+struct OcclusionSamples {
+  uint64_t seed;
+  uint32_t rays;
+  const uint32_t (&pixel)[RayPacket::kRays];
+  const uint32_t (&sample)[RayPacket::kRays];
+  const uint32_t (&ray)[RayPacket::kRays];
+};
+void OcclusionDirections(const OcclusionSamples& of, const SurfacePacket& surfaces, uint64_t lanes,
+                         Vectors& directions);
+
 /// SampleLight and Scatter, for surfaces of one material.
 struct LightPacket {
   Vectors direction;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
@@ -102,6 +103,14 @@ inline bool CanBounce(const Material& m) {
 inline glm::vec3 Albedo(const Material& m, RenderMode mode) {
   if (m.unlit) return glm::vec3(0);
   return mode == RenderMode::kWhitted ? m.diffuse : m.base_color;
+}
+
+/// The colour of a surface in kAo, where no mirror and no transmitted ray is followed: mirrors and glass
+/// count by what they send on, and nothing is so dark that its shape is lost.
+inline glm::vec3 StudioColor(const Material& m) {
+  constexpr float kMirror = 0.8f, kDarkest = 0.03f;
+  const glm::vec3 sent_on = glm::min(m.reflectance + m.transmittance + m.specular, glm::vec3(1)) * kMirror;
+  return glm::max(glm::max(m.base_color, sent_on), glm::vec3(kDarkest));
 }
 
 /// Rays of less weight are not followed, nor those that have been turned so often.
