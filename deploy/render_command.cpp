@@ -93,7 +93,7 @@ Status ParseImage(const RenderArguments& a, RenderJob& job) {
   job.view.ao_samples = a.ao_samples;
   job.view.ao_distance = a.ao_distance;
   job.view.seed = a.seed;
-  job.format.exposure = a.exposure;
+  if (WasTyped(*a.command, "--exposure")) job.format.exposure = a.exposure;
   QUARRY_TRY(ParseMode(a.mode, job));
   job.view.spp = a.spp > 0 ? a.spp : job.view.mode == RenderMode::kAo ? 4 : 1;
   return ParseAovs(a.aov, job);
@@ -297,9 +297,8 @@ void AddRenderOptions(CLI::App& c, RenderArguments& a) {
   c.add_option("--seed", a.seed, "Seed of the sample pattern")
       ->check(WholeNumber(0, std::numeric_limits<uint64_t>::max()))
       ->capture_default_str();
-  c.add_option("--exposure", a.exposure, "Exposure of PNGs in EV")
-      ->check(RealNumber(-100, 100))
-      ->capture_default_str();
+  c.add_option("--exposure", a.exposure, "Exposure of PNGs in EV (default: by the first picture's light)")
+      ->check(RealNumber(-100, 100));
   c.add_option("--aov", a.aov, "Layers of EXRs: depth,normal,uv,primitive,material,part,voxel");
   c.add_option("--stats", a.stats, "Write statistics as JSON to this file");
   c.add_option("--master", a.master, "Use the cluster of the master at HOST:PORT")->envname("QUARRY_MASTER");

@@ -13,6 +13,7 @@
 
 #include "common/base/size.h"
 #include "common/net/source_spec.h"
+#include "master/jobs/exposure_meter.h"
 #include "master/jobs/statistics.h"
 
 namespace quarry {
@@ -29,6 +30,10 @@ constexpr double kLogEveryS = 10;
 /// Bytes of half-read messages over all connections: the largest job and a margin, and for each block its
 /// mention in the status of a few workers that hold every block.
 constexpr uint64_t kIncomingBytes = 11u << 20, kIncomingBytesPerBlock = 16;
+
+/// Bytes of decoded blocks while an exposure is metered, once a job: the lattice's rays pass a block once or
+/// twice.
+constexpr uint64_t kMeterBytes = 64u << 20;
 
 std::vector<uint32_t> StoredBytes(const Catalog& catalog) {
   std::vector<uint32_t> bytes;
@@ -48,12 +53,15 @@ Server::Server(asio::io_context& io, const MasterOptions& options, Scene scene, 
       block_bytes_(StoredBytes(catalog())),
       blocks_(*source_, [this](uint32_t b) { return b < block_bytes_.size() ? block_bytes_[b] : 0; }),
       packed_catalog_(PackSections(scene_.store().catalog_sections())),
-      jobs_(io, catalog().id, std::move(spool), options.frame_memory,
+      jobs_(io, {catalog().id, catalog().meta.offset}, std::move(spool), options.frame_memory,
             {[this] { AssignSoon(); },
              [this](const Job& job) {
                for (const FrameId id : frames_.Forget(job)) dispatcher_.Cancel(id);
              },
-             [this](const std::string& line) { Log(line); }}),
+             [this](const std::string& line) { Log(line); },
+             [this](const View& view, std::stop_token stop) {
+               return MeterExposure(scene_, view, kMeterBytes, std::move(stop));
+             }}),
       frames_(
           jobs_, registry_, [this] { return blocks_.bytes_served(); }, std::move(tile_log)),
       // From a random start: results for another master's frames are told apart.

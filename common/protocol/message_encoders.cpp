@@ -62,7 +62,8 @@ std::unique_ptr<wire::JobT> JobToWire(const RenderJob& job) {
   for (const CameraSpec& camera : job.cameras) w->cameras.push_back(CameraToWire(camera));
   w->first_frame = job.first_frame;
   w->format = job.format.name;
-  w->exposure = job.format.exposure;
+  w->exposure = job.format.exposure.value_or(0);
+  w->automatic_exposure = !job.format.exposure;
   return w;
 }
 

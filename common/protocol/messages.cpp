@@ -106,7 +106,8 @@ Result<RenderJob> ReadJob(const wire::Job& w, size_t message_bytes) {
     if (!ReadCamera(*w.cameras()->Get(i), job.cameras[i]))
       return Fail("received a render job that is not well formed");
   job.first_frame = w.first_frame();
-  job.format = {w.format() ? w.format()->str() : std::string(), w.exposure()};
+  job.format.name = w.format() ? w.format()->str() : std::string();
+  if (!w.automatic_exposure()) job.format.exposure = w.exposure();
   QUARRY_TRY(NormalizeJob(job));
   return job;
 }

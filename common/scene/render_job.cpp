@@ -22,7 +22,7 @@ View FrameView(const RenderJob& job, size_t frame) {
 
 Status NormalizeJob(RenderJob& job) {
   QUARRY_TRY(NormalizeView(job.view));
-  if (!std::isfinite(job.format.exposure) || std::fabs(job.format.exposure) > 100)
+  if (const double ev = job.format.exposure.value_or(0); !std::isfinite(ev) || std::fabs(ev) > 100)
     return BadUsage("--exposure must lie within 100");
   if (job.format.name != "png" && job.format.name != "exr")
     return BadUsage("images are written as .png or .exr");

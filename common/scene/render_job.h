@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -11,8 +12,8 @@ namespace quarry {
 
 /// How a picture is written to a file.
 struct ImageFormat {
-  std::string name = "png";  ///< png or exr
-  double exposure = 0;       ///< EV, for PNG only
+  std::string name = "png";        ///< png or exr
+  std::optional<double> exposure;  ///< EV, for PNG only; none: metered in the job's first frame
 };
 
 /// Pictures of one scene: a view, from each of several cameras.

@@ -24,7 +24,9 @@ uint64_t EncodedBytes(const View& view, const ImageFormat& format) {
   // PNG: three bytes a pixel, a filter's byte a row, and five for each 16 KiB that zlib stores as they are.
   // EXR: the words as they are, by 16 rows where they do not compress, and a place for each.
   if (format.name == "png") return Pixels(view) * 3 * 1001 / 1000 + rows + (64 << 10);
-  return Pixels(view) * 4 * WordsPerPixel(view.aov_mask) + rows * 16 + (64 << 10);
+  // Depths and normals have two names (EncodeImage).
+  const uint64_t again = (view.has(Aov::kDepth) ? 1 : 0) + (view.has(Aov::kNormal) ? 3 : 0);
+  return Pixels(view) * 4 * (WordsPerPixel(view.aov_mask) + again) + rows * 16 + (64 << 10);
 }
 
 uint64_t FrameBytes(const View& view, const ImageFormat& format) {

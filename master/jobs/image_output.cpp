@@ -5,6 +5,7 @@
 #include <OpenEXR/ImfHeader.h>
 #include <OpenEXR/ImfIO.h>
 #include <OpenEXR/ImfOutputFile.h>
+#include <OpenEXR/ImfStringAttribute.h>
 #include <fmt/format.h>
 #include <png.h>
 
@@ -15,6 +16,7 @@
 #include <optional>
 #include <utility>
 
+#include "common/base/version.h"
 #include "common/math/elementary.h"
 #include "master/jobs/frame_memory.h"
 
@@ -80,10 +82,40 @@ void WriteRows(PngWriter& writer, const View& view, const uint32_t* pixel, const
   }
 }
 
-Result<Bytes> EncodePng(const View& view, const ImageFormat& format, const std::vector<uint32_t>& pixels) {
+/// Keywords and texts that a file states.
+std::vector<std::pair<std::string, std::string>> TextsOf(const View& view, const SceneFacts& scene,
+                                                         std::optional<double> ev) {
+  const auto vector = [](const glm::dvec3& v) { return fmt::format("{},{},{}", v.x, v.y, v.z); };
+  const CameraSpec& c = view.camera;
+  std::vector<std::pair<std::string, std::string>> texts = {
+      {"Software", fmt::format("Quarry {}", kVersion)},
+      {"Scene", FormatSceneId(scene.id)},
+      {"Camera", fmt::format("eye {} at {} up {} {}", vector(c.eye + scene.offset),
+                             vector(c.at + scene.offset), vector(c.up),
+                             c.ortho_height > 0 ? fmt::format("ortho {}", c.ortho_height)
+                                                : fmt::format("fov {}", c.fov_degrees))},
+      {"Mode", kRenderModeNames[static_cast<size_t>(view.mode)]},
+      {"Samples", fmt::format("{} a pixel", view.spp)}};
+  if (ev) texts.emplace_back("Exposure", fmt::format("{} EV", *ev));
+  return texts;
+}
+
+[[gnu::noinline]] void PutText(PngWriter& writer, std::vector<std::pair<std::string, std::string>> texts) {
+  std::vector<png_text> out(texts.size());
+  for (size_t i = 0; i < texts.size(); ++i) {
+    out[i].compression = PNG_TEXT_COMPRESSION_NONE;
+    out[i].key = texts[i].first.data();
+    out[i].text = texts[i].second.data();
+    out[i].text_length = texts[i].second.size();
+  }
+  png_set_text(writer.png, writer.info, out.data(), static_cast<int>(out.size()));
+}
+
+Result<Bytes> EncodePng(const View& view, const ImageFormat& format, const SceneFacts& scene, double ev,
+                        const std::vector<uint32_t>& pixels) {
   // Its table takes as long to make as a small picture: it is kept from frame to frame.
   thread_local std::optional<std::pair<double, SrgbEncoder>> kept;
-  if (!kept || kept->first != format.exposure) kept.emplace(format.exposure, SrgbEncoder(format.exposure));
+  if (!kept || kept->first != ev) kept.emplace(ev, SrgbEncoder(ev));
   const SrgbEncoder& encode = kept->second;
   Bytes file;
   file.reserve(EncodedBytes(
@@ -100,6 +132,7 @@ Result<Bytes> EncodePng(const View& view, const ImageFormat& format, const std::
   // of 1024x1024 take 0.055 and 0.022 s for 511 and 123 KB, there 0.175 and 0.073 s for 479 and 113 KB.
   png_set_compression_level(writer.png, 3);
   png_set_filter(writer.png, 0, PNG_FILTER_UP);
+  PutText(writer, TextsOf(view, scene, ev));
   png_write_info(writer.png, writer.info);
   WriteRows(writer, view, pixels.data(), encode);
   png_write_end(writer.png, nullptr);
@@ -127,38 +160,47 @@ class MemoryStream : public Imf::OStream {
 struct Channel {
   const char* name;
   Imf::PixelType type;
+  size_t word;  ///< of the pixel
 };
 
 std::vector<Channel> ChannelsOf(const View& view) {
-  static const std::vector<const char*> names[kAovs] = {
-      {"depth.Z"},      {"normal.X", "normal.Y", "normal.Z"},
-      {"uv.U", "uv.V"}, {"primitive.id"},
-      {"material.id"},  {"part.id"},
-      {"voxel.id"}};
-  std::vector<Channel> channels{{"R", Imf::FLOAT}, {"G", Imf::FLOAT}, {"B", Imf::FLOAT}};
+  // Two names each where other programs look for the second.
+  static const std::vector<std::vector<const char*>> names[kAovs] = {
+      {{"depth.Z", "Z"}},   {{"normal.X", "N.X"}, {"normal.Y", "N.Y"}, {"normal.Z", "N.Z"}},
+      {{"uv.U"}, {"uv.V"}}, {{"primitive.id"}},
+      {{"material.id"}},    {{"part.id"}},
+      {{"voxel.id"}}};
+  std::vector<Channel> channels{{"R", Imf::FLOAT, 0}, {"G", Imf::FLOAT, 1}, {"B", Imf::FLOAT, 2}};
+  size_t word = 3;
   for (int a = 0; a < kAovs; ++a) {
     if (!view.has(static_cast<Aov>(a))) continue;
-    for (const char* name : names[a])
-      channels.push_back({name, kAovInfo[a].is_integer ? Imf::UINT : Imf::FLOAT});
+    for (const auto& same : names[a]) {
+      for (const char* name : same)
+        channels.push_back({name, kAovInfo[a].is_integer ? Imf::UINT : Imf::FLOAT, word});
+      ++word;
+    }
   }
   return channels;
 }
 
-Result<Bytes> EncodeExr(const View& view, const ImageFormat& format, const std::vector<uint32_t>& pixels) {
+Result<Bytes> EncodeExr(const View& view, const ImageFormat& format, const SceneFacts& scene,
+                        const std::vector<uint32_t>& pixels) {
   const auto side = [](uint32_t n) { return static_cast<int>(n); };
   const Imath::Box2i whole({0, 0}, {side(view.width) - 1, side(view.height) - 1});
   const Imath::Box2i crop({side(view.crop.x), side(view.crop.y)}, {side(view.crop.x + view.crop.width) - 1,
                                                                    side(view.crop.y + view.crop.height) - 1});
   try {
     Imf::Header header(whole, crop, 1, {0, 0}, 1, Imf::INCREASING_Y, Imf::ZIP_COMPRESSION);
+    for (const auto& [keyword, text] : TextsOf(view, scene, std::nullopt))
+      header.insert(keyword == "Software" ? "software" : "quarry" + keyword, Imf::StringAttribute(text));
     Imf::FrameBuffer frame;
     const std::vector<Channel> channels = ChannelsOf(view);
-    const size_t stride = 4 * channels.size();
-    for (size_t c = 0; c < channels.size(); ++c) {
-      header.channels().insert(channels[c].name, Imf::Channel(channels[c].type));
-      auto* first = reinterpret_cast<char*>(const_cast<uint32_t*>(pixels.data() + c));
-      frame.insert(channels[c].name,
-                   Imf::Slice::Make(channels[c].type, first, crop, stride, stride * view.crop.width));
+    const size_t stride = 4 * WordsPerPixel(view.aov_mask);
+    for (const Channel& channel : channels) {
+      header.channels().insert(channel.name, Imf::Channel(channel.type));
+      auto* first = reinterpret_cast<char*>(const_cast<uint32_t*>(pixels.data() + channel.word));
+      frame.insert(channel.name,
+                   Imf::Slice::Make(channel.type, first, crop, stride, stride * view.crop.width));
     }
     Bytes file;
     file.reserve(EncodedBytes(view, format));
@@ -176,8 +218,10 @@ Result<Bytes> EncodeExr(const View& view, const ImageFormat& format, const std::
 
 }  // namespace
 
-Result<Bytes> EncodeImage(const View& view, const ImageFormat& format, const std::vector<uint32_t>& pixels) {
-  auto file = format.name == "png" ? EncodePng(view, format, pixels) : EncodeExr(view, format, pixels);
+Result<Bytes> EncodeImage(const View& view, const ImageFormat& format, const SceneFacts& scene, double ev,
+                          const std::vector<uint32_t>& pixels) {
+  auto file = format.name == "png" ? EncodePng(view, format, scene, ev, pixels)
+                                   : EncodeExr(view, format, scene, pixels);
   // What was reserved counts where it is part of the heap, as for small images it is.
   constexpr size_t kSmall = 1 << 20;
   if (file && file->capacity() < kSmall) file->shrink_to_fit();

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <deque>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -39,6 +40,8 @@ struct Job {
   /// The job was under way when a master ended, and has finished no frame since: it may be the cause.
   bool suspect = false;
   bool tried = false;             ///< a frame of it has been begun by this master
+  bool metering = false;          ///< its exposure has been asked for
+  std::optional<double> ev;       ///< of its PNGs, once metered; used by the encoder's thread only
   std::atomic<bool> over{false};  ///< set once; threads at work on the job look at it
 
   Job(std::string name, RenderJob render_job)

@@ -13,6 +13,7 @@
 #include "common/base/resource.h"
 #include "common/base/size.h"
 #include "master/jobs/image_output.h"
+#include "master/jobs/statistics.h"
 
 namespace quarry {
 namespace {
@@ -35,7 +36,7 @@ std::string ShortId(const std::string& id) { return id.substr(0, 8); }
 
 }  // namespace
 
-Jobs::Jobs(asio::io_context& io, const SceneId& scene, std::optional<Spool> spool, uint64_t frame_memory,
+Jobs::Jobs(asio::io_context& io, const SceneFacts& scene, std::optional<Spool> spool, uint64_t frame_memory,
            Callbacks callbacks)
     : io_(io),
       scene_(scene),
@@ -44,7 +45,7 @@ Jobs::Jobs(asio::io_context& io, const SceneId& scene, std::optional<Spool> spoo
       callbacks_(std::move(callbacks)),
       encoder_(std::make_unique<asio::thread_pool>(1)) {}
 
-Jobs::~Jobs() = default;
+Jobs::~Jobs() { stop_.request_stop(); }
 
 void Jobs::TakeUp() {
   if (!spool_) return;
@@ -65,7 +66,7 @@ void Jobs::TakeUp() {
 }
 
 Status Jobs::Ask(const std::shared_ptr<Connection>& client, JobRequest request) {
-  const std::string id = JobId(scene_, request.job);
+  const std::string id = JobId(scene_.id, request.job);
   const auto found = std::find_if(jobs_.begin(), jobs_.end(), [&](const auto& j) { return j->id == id; });
   std::shared_ptr<Job> job;
   if (found != jobs_.end()) {
@@ -122,6 +123,8 @@ std::optional<JobFrame> Jobs::Begin() {
     JobFrame begun{job, index, FrameView(job->job, index), nullptr};
     begun.memory = memory_.Take(FrameBytes(begun.view, job->job.format));
     if (job->suspect) suspect_ = begun.memory;
+    // At once, beside the workers: it takes blocks from the disk.
+    if (!std::exchange(job->metering, true)) asio::post(*encoder_, [this, job] { (void)ExposureOf(*job); });
     return begun;
   }
   return std::nullopt;
@@ -178,8 +181,11 @@ void Jobs::Finish(JobFrame frame, std::vector<uint32_t> pixels, std::string stat
   ++encoding_;
   asio::post(*encoder_, [this, frame = std::move(frame), pixels = std::move(pixels),
                          statistics = std::move(statistics)]() mutable {
-    auto image = EncodeImage(frame.view, frame.job->job.format, pixels);
+    const auto ev = ExposureOf(*frame.job);
+    auto image = ev ? EncodeImage(frame.view, frame.job->job.format, scene_, *ev, pixels)
+                    : Result<Bytes>(tl::unexpected<Error>(ev.error()));
     pixels = {};
+    if (ev) statistics = WithExposure(statistics, *ev);
     if (image && image->size() > kMostImageBytes)
       image = quarry::Fail(
           fmt::format("the picture takes {} as {}, and {} can be sent; render parts of it with "
@@ -194,6 +200,14 @@ void Jobs::Finish(JobFrame frame, std::vector<uint32_t> pixels, std::string stat
       OnImage(job, index, std::move(image), std::move(statistics));
     });
   });
+}
+
+/// The EV of the job's PNGs, metered once. On the encoder's thread.
+Result<double> Jobs::ExposureOf(Job& job) {
+  if (job.job.format.name != "png") return 0;
+  if (job.job.format.exposure) return *job.job.format.exposure;
+  if (!job.ev) QUARRY_ASSIGN(job.ev, callbacks_.meter(FrameView(job.job), stop_.get_token()));
+  return *job.ev;
 }
 
 /// Repeats `write` until it succeeds, for a full disk may get space, or the job is over.

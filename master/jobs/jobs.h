@@ -5,10 +5,12 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <stop_token>
 #include <string>
 #include <vector>
 
 #include "master/jobs/frame_memory.h"
+#include "master/jobs/image_output.h"
 #include "master/jobs/job.h"
 #include "master/jobs/spool.h"
 
@@ -37,10 +39,12 @@ class Jobs {
     std::function<void()> on_work;            ///< a frame may be begun
     std::function<void(const Job&)> on_over;  ///< the job is over: done, failed or abandoned
     std::function<void(const std::string&)> log;
+    /// The exposure of a job's first view; called on a thread of this class.
+    std::function<Result<double>(const View&, std::stop_token)> meter;
   };
   /// `frame_memory`: bytes of frames and jobs, see FrameMemory.
-  Jobs(boost::asio::io_context& io, const SceneId& scene, std::optional<Spool> spool, uint64_t frame_memory,
-       Callbacks callbacks);
+  Jobs(boost::asio::io_context& io, const SceneFacts& scene, std::optional<Spool> spool,
+       uint64_t frame_memory, Callbacks callbacks);
   ~Jobs();
 
   /// Goes on with the spool's jobs, but for a job that has ended Spool::kMostTries masters, or that takes
@@ -72,6 +76,7 @@ class Jobs {
   void Remove(std::shared_ptr<Job> job);
   bool HasRoom(const Job& job);
   bool DropLastImage();
+  Result<double> ExposureOf(Job& job);
   uint64_t JobsBytes() const;
   uint64_t QueuedBytes() const;
   bool MaySend(uint64_t image_bytes) const;
@@ -82,13 +87,14 @@ class Jobs {
   bool SendFrame(Job& job, const Job::Client& client);
 
   boost::asio::io_context& io_;
-  const SceneId scene_;
+  const SceneFacts scene_;
   const std::optional<Spool> spool_;
   FrameMemory memory_;
   const Callbacks callbacks_;
   std::deque<std::shared_ptr<Job>> jobs_;
   int encoding_ = 0;                       ///< frames on their way from the last tile to Job::finished
   std::weak_ptr<const uint64_t> suspect_;  ///< the frame of a suspect job that is under way
+  std::stop_source stop_;                  ///< metering, when this ends
   std::unique_ptr<boost::asio::thread_pool> encoder_;  ///< last: its thread uses the members above
 };
 

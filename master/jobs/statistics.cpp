@@ -55,6 +55,12 @@ std::string FrameStatistics(const ActiveFrame& frame, const FrameTimes& times,
   return j.dump();
 }
 
+std::string WithExposure(const std::string& statistics, double ev) {
+  auto j = nlohmann::ordered_json::parse(statistics);
+  j["exposure_ev"] = ev;
+  return j.dump();
+}
+
 std::string ProgressLine(const ActiveFrame& frame, uint32_t number, const WorkerRegistry& registry) {
   WorkerStatus sum;
   for (const auto& [id, w] : registry.all()) {

@@ -18,6 +18,9 @@ struct FrameTimes {
 std::string FrameStatistics(const ActiveFrame& frame, const FrameTimes& times,
                             const WorkerRegistry& registry);
 
+/// The statistics of a finished frame with the EV of its image.
+std::string WithExposure(const std::string& statistics, double ev);
+
 /// The progress of the frame that clients know by `number`, and the sum of the workers' counters, a line for
 /// the log.
 std::string ProgressLine(const ActiveFrame& frame, uint32_t number, const WorkerRegistry& registry);

@@ -1,0 +1,73 @@
+#include "master/jobs/exposure_meter.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <utility>
+#include <vector>
+
+#include "common/engine/renderer.h"
+#include "common/math/elementary.h"
+
+namespace quarry {
+namespace {
+
+/// Linear value that the logarithmic mean of surfaces comes to: a light grey, since a picture of a model
+/// should show its shape rather than a mood.
+constexpr double kKey = 0.3;
+/// The share of points that may be clipped.
+constexpr size_t kClippedOf = 100;
+/// Lattice points along the image's longer side.
+constexpr uint32_t kLattice = 64;
+
+std::vector<MeteredPoint> PointsOf(const Bytes& pixels) {
+  constexpr size_t kWords = 4;  // colour and depth
+  std::vector<MeteredPoint> points(pixels.size() / (4 * kWords));
+  for (size_t i = 0; i < points.size(); ++i) {
+    float words[kWords];
+    std::memcpy(words, pixels.data() + i * sizeof words, sizeof words);
+    points[i] = {0.2126f * words[0] + 0.7152f * words[1] + 0.0722f * words[2],
+                 std::max({words[0], words[1], words[2]}), std::isfinite(words[3])};
+  }
+  return points;
+}
+
+}  // namespace
+
+double ExposureFor(std::span<const MeteredPoint> points) {
+  std::vector<double> logarithms;
+  std::vector<float> largest;
+  for (const MeteredPoint& point : points) {
+    largest.push_back(point.largest);
+    if (point.surface && point.luminance > 0)
+      logarithms.push_back(Log2(std::max(static_cast<double>(point.luminance), 1e-6)));
+  }
+  if (logarithms.empty()) return 0;
+  std::ranges::sort(logarithms);  // one order of the sum, whatever the order of points
+  double sum = 0;
+  for (const double logarithm : logarithms) sum += logarithm;
+  const auto bright =
+      largest.begin() + static_cast<std::ptrdiff_t>(largest.size() - 1 - largest.size() / kClippedOf);
+  std::ranges::nth_element(largest, bright);
+  const double ev = std::min(Log2(kKey) - sum / static_cast<double>(logarithms.size()),
+                             -Log2(std::max(static_cast<double>(*bright), 1e-6)));
+  return std::clamp(std::floor(ev * 64) / 64, -16.0, 16.0);
+}
+
+Result<double> MeterExposure(const Scene& scene, View view, uint64_t cache_bytes, std::stop_token stop) {
+  if (view.mode == RenderMode::kVoxels) return 0;
+  view.crop = {0, 0, view.width, view.height};
+  view.spp = 1;
+  view.aov_mask = 1u << static_cast<int>(Aov::kDepth);
+  const Tile tile{view.crop, (std::max(view.width, view.height) + kLattice - 1) / kLattice};
+  cache_bytes = std::max(cache_bytes, scene.catalog().meta.largest_decoded);
+  QUARRY_ASSIGN(const auto renderer, Renderer::Create(scene, {cache_bytes, 1}));
+  Bytes pixels;
+  QUARRY_TRY(renderer->Render(
+      view, std::span(&tile, 1),
+      [&](size_t, RenderedTile result, Renderer::Progress) { pixels = std::move(result.pixels); },
+      std::move(stop)));
+  return ExposureFor(PointsOf(pixels));
+}
+
+}  // namespace quarry

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <stop_token>
+
+#include "common/base/status.h"
+#include "common/engine/scene.h"
+#include "common/scene/view.h"
+
+namespace quarry {
+
+/// A point of a picture as an exposure meter sees it.
+struct MeteredPoint {
+  float luminance = 0;   ///< of its radiance, by the weights of sRGB's primaries
+  float largest = 0;     ///< component of its radiance
+  bool surface = false;  ///< it shows a surface, not the background
+};
+
+/// The exposure that shows the points well: surfaces come to a mean grey in the logarithmic mean, but no more
+/// than a hundredth of all points is clipped. Units: EV, a multiple of 1/64 in [-16, 16]; 0 without a lit
+/// surface. The same for the same points in any order. Thread-safe. Source: Reinhard et al. 2002, section 3.1
+/// (the key).
+double ExposureFor(std::span<const MeteredPoint> points);
+
+/// The exposure of a view, by sample 0 on a lattice of the whole image, whatever the view's crop and samples.
+/// The renderer that it needs has one thread and lives for the call only. Units: `cache_bytes` of decoded
+/// blocks, raised to the largest block. Returns 0 for kVoxels, whose colours are names. Errors: as
+/// Renderer::Render's. Thread-safe.
+Result<double> MeterExposure(const Scene& scene, View view, uint64_t cache_bytes, std::stop_token stop);
+
+}  // namespace quarry
