@@ -20,8 +20,8 @@
 
 namespace quarry {
 
-/// A view of a scene, prepared once for all of its tiles. Immutable but for `abandoned`.
-/// Requires: a view of a normalized job.
+/// A view of a scene, prepared once for all of its tiles. Immutable except `abandoned`.
+/// Requires: the view is of a normalized job.
 struct ViewContext {
   ViewContext(View a_view, const Catalog& scene)
       : view(std::move(a_view)),
@@ -33,17 +33,18 @@ struct ViewContext {
   const Catalog& catalog;
   const TopTree top;
   const Camera camera;
-  const uint32_t words;                ///< 32-bit words a pixel
-  std::atomic<bool> abandoned{false};  ///< nobody waits for its tiles any more
+  const uint32_t words;                ///< 32-bit words per pixel
+  std::atomic<bool> abandoned{false};  ///< its tiles are wanted no more
 };
 
-/// A part of a view to be rendered at once.
-/// Units: pixels of the view. Requires: it lies in the view, no side longer than 256 lattice points.
+/// A part of a view that is rendered as a whole. A step above 1 selects a lattice of its pixels.
+/// Units: pixels of the view. Requires: it lies in the view; no side exceeds 256 lattice points.
 struct Tile {
   PixelRect pixels;
-  /// Of each square of so many pixels a side one is rendered, at its middle; 1: all.
+  /// Side of the squares that have one lattice point each, at their middle. 1: every pixel is a lattice
+  /// point.
   uint32_t step = 1;
-  /// Hits of sample 0 instead of colours: nothing is shaded, no ray is sent on.
+  /// Whether the result is the hits of sample 0 instead of colours; nothing is shaded then.
   bool hits_only = false;
 
   uint32_t columns() const { return (pixels.width + step - 1) / step; }
@@ -52,25 +53,24 @@ struct Tile {
 
 /// A tile's result. Shapes: rows() x columns() lattice points, row by row.
 struct RenderedTile {
-  Bytes pixels;                  ///< ViewContext::words 32-bit words a point; empty with hits_only
-  std::vector<Hit> hits;         ///< one a point; empty without hits_only
-  std::vector<float> depths;     ///< a depth cell of points each: where the farthest primary ray ends
-  std::vector<BlockKey> blocks;  ///< that its rays have been in, ascending
+  Bytes pixels;                  ///< ViewContext::words 32-bit words per point; empty with hits_only
+  std::vector<Hit> hits;         ///< one per point; empty without hits_only
+  std::vector<float> depths;     ///< per depth cell: t where the farthest primary ray ends
+  std::vector<BlockKey> blocks;  ///< blocks that its rays touched, ascending
   uint64_t rays = 0, rays_suspended = 0;
-  uint64_t compute_us = 0;  ///< wall time of its thread, waiting for blocks not counted
+  uint64_t compute_us = 0;  ///< wall time of its thread without waits for blocks
 };
 
-/// The samples of a packet, field by field; the ray that each has under way is in a RayPacket at the same
-/// lane.
+/// The samples of a packet, one array per field. The ray of a sample is in the RayPacket at the same lane.
 struct SamplePacket {
-  /// What a sample is about to do; each step is taken for all samples of a packet together.
+  /// The next step of a sample. A step is done for all samples of a packet together.
   enum Stage { kTraverse, kSurface, kAttributes, kShade, kLight, kShadow, kBounce, kNext, kStages };
   static constexpr int kLanes = RayPacket::kRays;
 
-  uint64_t at[kStages];  ///< lanes, by stage
+  uint64_t at[kStages];  ///< lanes in each stage
   SurfacePacket surface;
   Vectors weight;
-  Vectors light;  ///< what the shadow ray brings if nothing is in its way
+  Vectors light;  ///< radiance that the shadow ray adds if nothing blocks it
   float t_offset[kLanes];
   uint32_t sample[kLanes];
   uint32_t path_code[kLanes];
@@ -86,27 +86,27 @@ struct SamplePacket {
   }
 };
 
-/// Renders one tile at a time, never blocking: rays that need an absent block are parked until Resume names
-/// it. Ray states after Purcell et al. 2002, section 3: generate, traverse, shade, and from there new rays,
-/// each with its weight; no recursion. Samples go in packets of 64, an 8x8 block of pixels: a packet's rays
-/// are traced and shaded together, but wait each for itself. Every sample has one ray under way; what it has
-/// still to trace lies in a stack of bounded size in its own slot, so that memory is fixed when a tile is
-/// opened. Pixels do not depend on the order of anything: see FixedRadiance. Owned by one thread.
+/// Renders one tile at a time and never blocks: rays that need an absent block are parked until Resume()
+/// names it. Samples go in packets of 64, an 8x8 square of pixels. The rays of a packet are traced and shaded
+/// together, but each waits on its own. A sample has one ray under way; its further rays lie in a list of
+/// bounded length, so that memory is fixed when the tile is opened. Pixels do not depend on the order of
+/// samples: see FixedRadiance. Owned by one thread. Source: Purcell et al. 2002, section 3: generate,
+/// traverse, shade, then new rays that carry their weight; no recursion.
 class TileRenderer {
  public:
-  static constexpr uint32_t kPackets = 16;  ///< in flight, at most
+  static constexpr uint32_t kPackets = 16;  ///< limit of packets in flight
 
-  /// Begins a tile; memory of the one before is used again. Requires: done().
+  /// Begins a tile and reuses the memory of the last. Requires: done().
   void Open(std::shared_ptr<const ViewContext> view, const Tile& tile);
 
   /// Rays that wait for one block.
   struct Parked {
     uint32_t rays = 0;
-    OctantMask octants = 0;  ///< that they point to
+    OctantMask octants = 0;  ///< octants of their directions
   };
 
-  /// Takes every ready sample to its next ray, and traces those rays. `want(block, const Parked&)` is called
-  /// once a block that rays have been parked on in this call.
+  /// Advances every ready sample to its next ray and traces these rays. Calls `want(block, const Parked&)`
+  /// once for each block that rays were parked on in this call.
   template <class Want>
   void Step(PinnedBlocks& pins, Want&& want) {
     if (reader_ == 0) reader_ = pins.NewReader();
@@ -116,25 +116,27 @@ class TileRenderer {
     for (const auto& [block, parked] : newly_parked_) want(block, parked);
     newly_parked_.clear();
   }
-  /// Ends the tile where it stands; blocks that its rays wait for may still be delivered.
+  /// Ends the tile unfinished. Blocks that its rays waited for may still be delivered.
   void Abandon();
-  /// Rays parked on `block` are ready again. Requires: the block is pinned during the next Step.
+  /// Makes the rays parked on `block` ready. Requires: the block is pinned during the next Step().
   void Resume(BlockKey block);
 
+  /// Whether Step() has something to do.
   bool has_ready() const {
     return std::ranges::any_of(ready_, [](uint64_t samples) { return samples != 0; });
   }
+  /// Whether all samples have ended.
   bool done() const {
     return std::ranges::all_of(unfinished_, [](uint64_t samples) { return samples == 0; });
   }
   const ViewContext& view() const { return *view_; }
-  /// Bytes that the tile's samples and pixels take.
+  /// Bytes of the tile's samples and pixels.
   size_t memory_bytes() const;
-  /// The result, all but the time. Requires: done().
+  /// Takes the result; `compute_us` is left to the caller. Requires: done().
   RenderedTile Take();
 
  private:
-  /// A pixel of the tile, in the order that samples are taken in.
+  /// A lattice point of the tile, in the order of sampling.
   struct Place {
     uint16_t pixel;
     uint8_t x, y;  ///< lattice point in the tile
@@ -145,10 +147,12 @@ class TileRenderer {
     uint32_t path_code;
     uint32_t depth;
   };
-  static constexpr size_t kMostPending =
-      kMostBounces + 1;  ///< the newest goes first, so at most one waits per depth, and two at the last
-  static constexpr size_t kMostTouched = 1u << 14;  ///< then repetitions go
-  /// Rooms for what is gathered from voxels, used by one packet after the other.
+  /// Limit of a sample's pending rays. The newest goes first, so at most one waits at each depth and two at
+  /// the last.
+  static constexpr size_t kMostPending = kMostBounces + 1;
+  /// Length of touched_ at which repetitions are removed; 128 KiB.
+  static constexpr size_t kMostTouched = 1u << 14;
+  /// Scratch memory for data gathered from voxels; packets use it one after the other.
   struct Gathered {
     TrianglePacket triangles;
     AttributePacket attributes;
@@ -190,24 +194,24 @@ class TileRenderer {
 
   std::shared_ptr<const ViewContext> view_;
   Tile tile_;
-  std::vector<Place> places_;  ///< 8x8 block by block
+  std::vector<Place> places_;  ///< in 8x8 squares
   std::vector<RayPacket> packets_;
   std::vector<SamplePacket> samples_;
-  std::vector<Pending> pending_;  ///< only where rays bounce
+  std::vector<Pending> pending_;  ///< empty where rays do not bounce
   std::unique_ptr<Gathered> gathered_ = std::make_unique<Gathered>();
-  uint64_t ready_[kPackets] = {};               ///< samples that can go on, as bits
+  uint64_t ready_[kPackets] = {};               ///< samples that can go on, a bit each
   uint64_t closest_[kPackets], any_[kPackets];  ///< rays to trace in this round
-  uint64_t unfinished_[kPackets] = {};          ///< samples of the packet still under way
+  uint64_t unfinished_[kPackets] = {};          ///< samples under way, a bit each
   std::unordered_map<BlockKey, std::vector<uint32_t>> parked_;
   std::unordered_map<BlockKey, Parked> newly_parked_;
-  uint64_t next_sample_ = 0;  ///< over the tile's pixels, sample by sample
+  uint64_t next_sample_ = 0;  ///< counts all pixels of sample 0, then of sample 1
   uint64_t rays_ = 0, rays_suspended_ = 0;
-  uint32_t reader_ = 0;            ///< see PinnedBlocks::LogTo; 0: none yet
+  uint32_t reader_ = 0;            ///< see PinnedBlocks::LogTo(); 0: none yet
   std::vector<BlockKey> touched_;  ///< with repetitions
   std::vector<float> depths_;
-  std::vector<FixedRadiance> radiance_;  ///< 3 a pixel
-  std::vector<uint32_t> aovs_;           ///< words - 3 a pixel
-  std::vector<Hit> hits_;                ///< one a pixel; empty without hits_only
+  std::vector<FixedRadiance> radiance_;  ///< 3 per pixel
+  std::vector<uint32_t> aovs_;           ///< words - 3 per pixel
+  std::vector<Hit> hits_;                ///< one per pixel; empty without hits_only
 };
 
 }  // namespace quarry
