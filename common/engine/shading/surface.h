@@ -102,7 +102,7 @@ inline bool CanBounce(const Material& m) {
 }
 
 /// The colour that scatters light. In modes that follow no reflected or transmitted rays it is the base
-/// colour, so that metals, mirrors and glass are not black.
+/// colour, so that metals, mirrors and glass are not black; opacity is ignored.
 inline glm::vec3 Albedo(const Material& m, RenderMode mode) {
   if (m.unlit) return glm::vec3(0);
   return mode == RenderMode::kWhitted ? m.diffuse : m.base_color;
