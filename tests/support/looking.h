@@ -6,7 +6,7 @@
 
 namespace quarry::test {
 
-/// A job of one frame, seen from `eye` towards `at`, z up.
+/// A normalized job with a frame that looks from `eye` to `at`, z up.
 inline RenderJob Looking(glm::dvec3 eye, glm::dvec3 at, uint32_t width = 320, uint32_t height = 256) {
   RenderJob job;
   job.width = width;
