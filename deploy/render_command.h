@@ -35,8 +35,9 @@ void AddRenderOptions(CLI::App& command, RenderArguments& arguments);
 
 /// Renders to `output`, or to `out.####.png` for a camera path. Starts a cluster on this machine, or uses the
 /// master of --master. A model is preprocessed first; its store is kept and reused while the model is
-/// unchanged (see StoreFor()). Errors: as StoreFor() and RenderRemotely(); (usage) arguments that contradict
-/// each other or have no effect; an output that OutputGuard refuses.
+/// unchanged (see StoreFor()).
+/// Errors: as StoreFor() and RenderRemotely(); (usage) arguments that contradict each other or have no
+/// effect; an output that OutputGuard refuses.
 Status Render(const RenderArguments& arguments);
 
 }  // namespace quarry

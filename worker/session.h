@@ -18,8 +18,8 @@ namespace quarry {
 
 /// A worker's work for a master: joins it, receives the scene, renders tiles, and reports results and the
 /// content of the cache. A session has no state that a master needs. After a loss of the connection it joins
-/// again and keeps its cache. Thread safety: none; all members run on the thread that calls Run(). The
-/// renderer has threads of its own.
+/// again and keeps its cache.
+/// Thread safety: none; all members run on the thread that calls Run(). The renderer has threads of its own.
 class Session {
  public:
   /// Requires: `options` outlives the session.

@@ -23,8 +23,9 @@ namespace quarry {
 std::vector<Tile> TilesOf(const PixelRect& pixels, uint32_t step = 1, bool hits_only = false);
 
 /// Renders views of one scene. Holds the cache of decoded blocks, the loader that fills it, and the compute
-/// threads. A failure is a value; nothing here ends the process. Thread safety: all members, unless they say
-/// otherwise. Example: a picture of a store with a cache of 256 MiB.
+/// threads. A failure is a value; nothing here ends the process.
+/// Thread safety: all members, unless they say otherwise.
+/// Example: a picture of a store with a cache of 256 MiB.
 ///
 ///     QUARRY_ASSIGN(const Scene scene, Scene::Open("plant.quarry"));
 ///     QUARRY_ASSIGN(const auto renderer, Renderer::Create(scene, {.cache_bytes = 256 << 20, .threads = 2}));
@@ -56,8 +57,10 @@ class Renderer {
   /// A renderer with a loader thread of its own. Errors: as Check().
   static Result<std::unique_ptr<Renderer>> Create(const Scene& scene, const Options& options);
   /// A renderer with blocks from `source`. The thread that `executor` posts to is the loader's thread and
-  /// uses `source`. Requires: `catalog` and `source` outlive the renderer; the thread runs no task of the
-  /// renderer during or after its destruction. Errors: as Check().
+  /// uses `source`.
+  /// Requires: `catalog` and `source` outlive the renderer; the thread runs no task of the renderer during or
+  /// after its destruction.
+  /// Errors: as Check().
   static Result<std::unique_ptr<Renderer>> Create(const Catalog& catalog, VoxelSource& source,
                                                   Executor executor, const Options& options, Hooks hooks);
   ~Renderer();
@@ -69,9 +72,9 @@ class Renderer {
   /// `index` is the tile's index in the call's `tiles`.
   using OnTile = std::function<void(size_t index, RenderedTile, Progress)>;
   /// Renders tiles of a view and returns when all are done. `on_tile` is called on compute threads, in any
-  /// order, for one tile of the call at a time. Several threads may call at once. Requires: the view is of a
-  /// normalized job. Errors: a block cannot be had, and every later call fails too; `stop` was requested
-  /// (kCancelled).
+  /// order, for one tile of the call at a time. Several threads may call at once.
+  /// Requires: the view is of a normalized job.
+  /// Errors: a block cannot be had, and every later call fails too; `stop` was requested (kCancelled).
   Status Render(const View& view, std::span<const Tile> tiles, const OnTile& on_tile,
                 std::stop_token stop = {});
 

@@ -90,8 +90,9 @@ struct SamplePacket {
 /// names it. Samples go in packets of 64, an 8x8 square of pixels. The rays of a packet are traced and shaded
 /// together, but each waits on its own. A sample has one ray under way; its further rays lie in a list of
 /// bounded length, so that memory is fixed when the tile is opened. Pixels do not depend on the order of
-/// samples: see FixedRadiance. Owned by one thread. Source: Purcell et al. 2002, section 3: generate,
-/// traverse, shade, then new rays that carry their weight; no recursion.
+/// samples: see FixedRadiance. Owned by one thread.
+/// Source: Purcell et al. 2002, section 3: generate, traverse, shade, then new rays that carry their weight;
+/// no recursion.
 class TileRenderer {
  public:
   static constexpr uint32_t kPackets = 16;  ///< limit of packets in flight

@@ -32,10 +32,11 @@ enum class Algorithm { kRestart, kBacktrack, kTreelets, kPushDown, kRopes };
 /// they are.
 /// Results: `waits_for` of a ray is kNoVoxel when its hit, if any, is final; else the missing voxel that the
 /// ray needs, and the same call resumes the ray later. Closest-hit functions find the least (t, id). Any-hit
-/// functions find some hit and set only its `triangle` and `hit_t`. Requires: data checked at decode; trees
-/// laid out as the kernel's algorithm requires. Errors: none. Never blocks, locks or logs. Allocates only for
-/// a thread's first streams (StreamMemory). Thread-safe. Source: Wald & Slusallek 2001, section 6.3
-/// (suspension at missing voxels); resuming by t is an addition.
+/// functions find some hit and set only its `triangle` and `hit_t`.
+/// Requires: data checked at decode; trees laid out as the kernel's algorithm requires.
+/// Errors: none. Never blocks, locks or logs. Allocates only for a thread's first streams (StreamMemory).
+/// Thread-safe.
+/// Source: Wald & Slusallek 2001, section 6.3 (suspension at missing voxels); resuming by t is an addition.
 using TraceFunction = void (*)(const TopTree& top, const VoxelFinder& finder, RayPacket* packets,
                                const uint64_t* active, uint32_t count);
 /// A TraceFunction for coherent rays only. It removes the rays that it has traced from `active`; the rays
@@ -69,7 +70,8 @@ const Kernel& BestKernel(Grouping grouping);
 
 /// Traces rays as a TraceFunction does and chooses the kernel for each ray: packets for coherent rays, a
 /// stream for other rays while enough of them come to each voxel, single rays for the rest. The choice
-/// changes no hit. `any`: any hit ends a ray. Requires: Kernels() is not empty. Thread-safe.
+/// changes no hit. `any`: any hit ends a ray.
+/// Requires: Kernels() is not empty. Thread-safe.
 void TraceRays(const TopTree& top, const VoxelFinder& finder, RayPacket* packets, const uint64_t* active,
                uint32_t count, bool any);
 

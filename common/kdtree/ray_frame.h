@@ -7,8 +7,8 @@
 namespace quarry {
 
 /// Values that traversal and the triangle test derive once from a ray: reciprocals of the direction, and the
-/// shear that makes the ray the z axis of a space whose unit is the t of the ray. Source: Woop, Benthin &
-/// Wald 2013, "Watertight Ray/Triangle Intersection", section 3.1.
+/// shear that makes the ray the z axis of a space whose unit is the t of the ray.
+/// Source: Woop, Benthin & Wald 2013, "Watertight Ray/Triangle Intersection", section 3.1.
 template <class L>
 struct RayFrame {
   using Float = typename L::Float;

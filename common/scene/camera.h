@@ -8,7 +8,8 @@ namespace quarry {
 
 /// A primary ray for traversal. Its origin is the eye while the eye is within kReach, since packets of rays
 /// that start at one point are faster. From farther away, and for orthographic cameras, the origin is moved
-/// along the ray to the scene's box, so that the bound behind ReferencePadding() holds. Units: scene units.
+/// along the ray to the scene's box, so that the bound behind ReferencePadding() holds.
+/// Units: scene units.
 struct PrimaryRay {
   glm::vec3 origin{0}, direction{0, 0, 1};  ///< direction has unit length
   float t_offset = 0;                       ///< distance from the eye to origin

@@ -45,8 +45,8 @@ struct TextureBinding {
 
 /// The way a surface scatters light, in two forms: the weights of Whitted's rays, and the parameters of
 /// OpenPBR under their names there. Modes whose rays end at the first surface use base_color; all else in
-/// today's modes uses the weights. Importers derive the form that a file lacks (open_pbr.h). Units: colours
-/// in linear RGB, components in [0, 1], of emission in [0, inf).
+/// today's modes uses the weights. Importers derive the form that a file lacks (open_pbr.h).
+/// Units: colours in linear RGB, components in [0, 1], of emission in [0, inf).
 struct Material {
   std::string name;
   glm::vec3 diffuse{0.8f};        ///< Lambertian albedo; vertex colours multiply it

@@ -11,7 +11,8 @@ namespace quarry {
 
 /// A camera as vectors. With offset = right * (x - width / 2) + down * (y - height / 2), the ray of a
 /// position (x, y) in the image starts at eye and has the direction forward + offset; an orthographic ray
-/// starts at eye + offset and has the direction forward. Units: scene units.
+/// starts at eye + offset and has the direction forward.
+/// Units: scene units.
 struct ViewBasis {
   glm::dvec3 eye, forward;  ///< forward has unit length
   glm::dvec3 right, down;   ///< step of a pixel, at distance 1 from the eye

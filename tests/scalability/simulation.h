@@ -44,8 +44,8 @@ using Foreseen = std::vector<std::shared_ptr<const ProbedFrame>>;
 
 /// A cluster that renders a walk in simulated time. The master's dispatcher, the choice of sources and the
 /// cache of stored blocks are the real classes. The model covers a worker's processor (one tile or block at a
-/// time), links (one block at a time), and the waves in which the rays of a tile come to its blocks. Units:
-/// as SimulatedCluster. Not thread-safe.
+/// time), links (one block at a time), and the waves in which the rays of a tile come to its blocks.
+/// Units: as SimulatedCluster. Not thread-safe.
 class Simulation final : private FrameSource {
  public:
   /// `block_bytes`: stored bytes, by block number. Requires: all references outlive the simulation; the texts

@@ -18,9 +18,10 @@ Status DecodeBlock(const Catalog& catalog, BlockKey block, std::span<const std::
                    BlockDecoder& decoder, ResidentBlock& resident, std::vector<KdNode>* tree = nullptr);
 
 /// Loads the blocks that the cache wants: requests them from the source, decodes and checks them, and
-/// publishes them in the cache. Used from one thread, the loader's. Memory: at most kMaxInFlight blocks, and
-/// at most kMaxStoredBytes of stored bytes plus a block, are on the way or wait for room; one block more when
-/// it must be published before all of these (see VoxelCache::NextToPublish()).
+/// publishes them in the cache. Used from one thread, the loader's.
+/// Memory: at most kMaxInFlight blocks, and at most kMaxStoredBytes of stored bytes plus a block, are on the
+/// way or wait for room; one block more when it must be published before all of these (see
+/// VoxelCache::NextToPublish()).
 class Loader {
  public:
   /// Limits of blocks, and of their stored bytes, on the way or waiting for room. Trade the latency of a

@@ -24,8 +24,8 @@ class PageBuffer {
   ~PageBuffer();
   std::span<std::byte> bytes() const { return {data_, size_}; }
   /// Changes the size; the address may change and the content is lost. Keeps the pages that both sizes need,
-  /// since getting a page costs about as much time as decoding into it. Returns: false when the system has no
-  /// memory; nothing has changed then.
+  /// since getting a page costs about as much time as decoding into it.
+  /// Returns: false when the system has no memory; nothing has changed then.
   [[nodiscard]] bool Resize(size_t bytes);
   /// Cuts off the pages of the first `bytes` bytes. Requires: the buffer has as many pages.
   PageBuffer TakeFront(size_t bytes);

@@ -20,8 +20,8 @@ inline OctantMask OctantBit(float x, float y, float z) {
 }
 
 /// For each octant, an order of the scene's voxels in which every ray of the octant passes them: a ray's
-/// voxels have ascending places. Chained voxels follow each other. Memory: 32 bytes per voxel. Immutable, so
-/// thread-safe.
+/// voxels have ascending places. Chained voxels follow each other.
+/// Memory: 32 bytes per voxel. Immutable, so thread-safe.
 class VoxelOrder {
  public:
   explicit VoxelOrder(const Catalog& catalog);
@@ -35,8 +35,8 @@ class VoxelOrder {
 
 /// The order of loading while the cache is scarce: the wanted voxels in the order of one octant, then of the
 /// next octant with waiting rays. One pass carries all rays of an octant that wait at its beginning to their
-/// ends, so each of their voxels is loaded once for all of them. Not thread-safe. Source: the elevator of
-/// disk schedulers (C-SCAN), here over the order of a kd-tree.
+/// ends, so each of their voxels is loaded once for all of them. Not thread-safe.
+/// Source: the elevator of disk schedulers (C-SCAN), here over the order of a kd-tree.
 class Sweep {
  public:
   explicit Sweep(const VoxelOrder& order) : order_(order) {}

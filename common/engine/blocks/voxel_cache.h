@@ -52,7 +52,8 @@ class Mailbox {
 
 /// The cache of decoded blocks, with a limit in bytes. It evicts the least recently used block that is not
 /// pinned. A limit of the scene's largest block is enough to finish every image: an arriving block is pinned
-/// for all threads that wait for it, and is evicted only after all have used it. Units: bytes, decoded.
+/// for all threads that wait for it, and is evicted only after all have used it.
+/// Units: bytes, decoded.
 /// Thread safety: members above "the loader's thread" may be called from any thread; pinning takes no lock.
 /// Requires: a thread that waits for a block holds no pins.
 /// Source: Wald & Slusallek 2001, section 6.3 (explicit cache, LRU). Pinning for all waiting threads and the
@@ -61,8 +62,8 @@ class VoxelCache {
  public:
   /// Callbacks are called outside the cache's lock. `on_want`: on any thread, when a block may be loaded.
   /// `on_space`: on any thread, when a block was unpinned after Reserve() failed. `on_change`: on the
-  /// loader's thread, when a block came (true) or was evicted (false). Requires: `catalog` outlives the
-  /// cache.
+  /// loader's thread, when a block came (true) or was evicted (false).
+  /// Requires: `catalog` outlives the cache.
   VoxelCache(const Catalog& catalog, uint64_t budget_bytes, std::function<void()> on_want,
              std::function<void()> on_space, std::function<void(BlockKey, bool)> on_change = {});
   ~VoxelCache();

@@ -111,11 +111,13 @@ static_assert(kMaxKdDepth < int{kMostLevels});
 
 /// Builds the SAH kd-tree of a voxel with the cell `cell`. Every leaf refers to all triangles within
 /// `padding` per axis of its closed cell, and to few others: on each side of a split a triangle counts with
-/// the box of its part there. No node is split where the cost would increase. Deterministic. Units: scene
-/// units. `padding` is a bound, per axis, on the distance from a triangle to a hit that traversal finds.
-/// `max_bytes` limits nodes and references together, of 8 and 2 bytes. Every subtree gets a share of it; a
-/// subtree that would exceed its share becomes a leaf. The least tree is a leaf of all triangles. Requires:
-/// triangles.size() < 2^32; finite vertices, |coordinate| <= 2^60. Errors: none. Thread-safe.
+/// the box of its part there. No node is split where the cost would increase. Deterministic.
+/// Units: scene units. `padding` is a bound, per axis, on the distance from a triangle to a hit that
+/// traversal finds. `max_bytes` limits nodes and references together, of 8 and 2 bytes. Every subtree gets a
+/// share of it; a subtree that would exceed its share becomes a leaf. The least tree is a leaf of all
+/// triangles.
+/// Requires: triangles.size() < 2^32; finite vertices, |coordinate| <= 2^60.
+/// Errors: none. Thread-safe.
 KdTree BuildKdTree(std::span<const KdTriangle> triangles, float padding, const Box& cell,
                    const SahCosts& costs, size_t max_bytes);
 

@@ -30,9 +30,9 @@ class TreeletLayout {
 
   /// The number of slots for `nodes` (root first, children side by side, no flags). Requires: a valid tree.
   size_t Slots(std::span<const KdNode> nodes);
-  /// Lays `nodes` out in `out` and fills in the headers. `box` is the root's cell, in scene units. Returns:
-  /// false unless `out` has exactly Slots(nodes) slots. Requires: a valid tree of at most KdNode::kMaxLink /
-  /// 4 nodes.
+  /// Lays `nodes` out in `out` and fills in the headers. `box` is the root's cell, in scene units.
+  /// Returns: false unless `out` has exactly Slots(nodes) slots.
+  /// Requires: a valid tree of at most KdNode::kMaxLink / 4 nodes.
   bool Run(std::span<const KdNode> nodes, const Box& box, std::span<KdNode> out);
 
  private:

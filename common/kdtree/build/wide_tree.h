@@ -95,8 +95,8 @@ class WideTreeMaker {
 };
 
 /// Makes wide nodes from the tree `nodes`: root first, children side by side, otherwise in any order. `cell`
-/// is the root's; `leaf_box(leaf, cell)` returns a leaf's box; scene units. Requires: a valid tree; every
-/// leaf has fewer than 65,535 references.
+/// is the root's; `leaf_box(leaf, cell)` returns a leaf's box; scene units.
+/// Requires: a valid tree; every leaf has fewer than 65,535 references.
 template <class LeafBox>
 std::vector<WideNode> MakeWideTree(std::span<const KdNode> nodes, const Box& cell, uint32_t most_in_leaf,
                                    LeafBox&& leaf_box) {

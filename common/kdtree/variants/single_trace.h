@@ -23,8 +23,8 @@ struct SingleRay {
 };
 
 /// Visits the leaves of a tree along a ray from `t` to `t_end`, nearest first, without a stack. `visit(first,
-/// count, t, t_exit)` may lower t_end; false ends the walk. Returns: the t reached; if a leaf ended the walk,
-/// the t at which the ray entered the leaf.
+/// count, t, t_exit)` may lower t_end; false ends the walk.
+/// Returns: the t reached; if a leaf ended the walk, the t at which the ray entered the leaf.
 template <Way kWay, class Statistics, class Visit>
 QUARRY_HOST_DEVICE inline float Walk(const KdNode* nodes, const SingleRay& ray, float t, float& t_end,
                                      Statistics& statistics, const Visit& visit) {
