@@ -73,7 +73,7 @@ class Renderer {
   using OnTile = std::function<void(size_t index, RenderedTile, Progress)>;
   /// Renders tiles of a view and returns when all are done. `on_tile` is called on compute threads, in any
   /// order, for one tile of the call at a time. Several threads may call at once.
-  /// Requires: the view is of a normalized job.
+  /// Requires: the view is of a normalized job; `on_tile` does not request `stop`, which would deadlock.
   /// Errors: a block cannot be had, and every later call fails too; `stop` was requested (kCancelled).
   Status Render(const View& view, std::span<const Tile> tiles, const OnTile& on_tile,
                 std::stop_token stop = {});

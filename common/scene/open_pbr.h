@@ -10,7 +10,8 @@ namespace quarry {
 /// - base_metalness is the reflected share of reflected plus scattered light.
 /// - specular_roughness is sqrt(2 / (shininess + 2)); 0 for mirrors and glass without a highlight.
 /// - Transmitted light becomes transmission where it is refracted or has Fresnel weights, else a lower
-/// opacity. `unlit` is kept.
+/// opacity.
+/// - `unlit` is kept.
 void DeriveOpenPbr(Material& m);
 
 /// Derives the weights of Whitted's rays from the OpenPBR parameters. The share (1 - specular_roughness)^2 of
