@@ -76,7 +76,7 @@ Renderer::~Renderer() {
   if (loader_thread_.joinable()) loader_thread_.join();
 }
 
-/// Any number of calls before the loader runs make it run once.
+/// Makes the loader run once, however many calls come before it runs.
 void Renderer::ScheduleLoader() {
   if (scheduled_.exchange(true)) return;
   executor_([this] {

@@ -10,8 +10,8 @@
 
 namespace quarry {
 
-/// A view of a scene, prepared once for all of its tiles. Immutable but for `abandoned`.
-/// Requires: a normalized view.
+/// A view of a scene, prepared once for all of its tiles. Immutable except `abandoned`.
+/// Requires: the view is normalized.
 struct ViewContext {
   ViewContext(View a_view, const Catalog& scene)
       : view(std::move(a_view)),
@@ -23,8 +23,8 @@ struct ViewContext {
   const Catalog& catalog;
   const TopTree top;
   const Camera camera;
-  const uint32_t words;                ///< 32-bit words a pixel
-  std::atomic<bool> abandoned{false};  ///< nobody waits for its tiles any more
+  const uint32_t words;                ///< 32-bit words per pixel
+  std::atomic<bool> abandoned{false};  ///< its tiles are wanted no more
 };
 
 }  // namespace quarry

@@ -17,7 +17,7 @@ struct Limits {
   uint32_t table, raw;
 };
 
-constexpr uint32_t kSmall = 1u << 10;  // of tables without lists
+constexpr uint32_t kSmall = 1u << 10;  // limit of tables without lists
 
 Limits LimitsOf(MessageType type) {
   switch (type) {

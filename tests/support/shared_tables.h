@@ -7,8 +7,8 @@
 
 #include "common/base/bytes.h"
 
-// Messages that no encoder of Quarry's makes: FlatBuffers lets any number of references name one table, so
-// that a small message would unpack to a large one. Fields are numbered as in messages.fbs.
+// Messages that Quarry's encoders do not make: many references to one table, by which a small message would
+// unpack to a large one. Fields are numbered as in messages.fbs.
 
 namespace quarry::test {
 
@@ -21,7 +21,7 @@ inline Bytes TakeBytes(flatbuffers::FlatBufferBuilder& b) {
   return Bytes(data, data + b.GetSize());
 }
 
-/// A job request whose cameras are one table, named `cameras` times, with an eye of `doubles` numbers.
+/// A job request that refers `cameras` times to one camera, whose eye has `doubles` numbers.
 inline Bytes SharedCameras(size_t cameras, size_t doubles) {
   using flatbuffers::Offset, flatbuffers::Table;
   flatbuffers::FlatBufferBuilder b;
@@ -54,7 +54,7 @@ inline Bytes SharedCameras(size_t cameras, size_t doubles) {
   return TakeBytes(b);
 }
 
-/// A welcome that names one string `times` times.
+/// A Welcome that refers `times` times to one string.
 inline Bytes SharedSources(size_t times, size_t length) {
   using flatbuffers::Offset;
   flatbuffers::FlatBufferBuilder b;
