@@ -34,7 +34,7 @@ class Engine {
   Engine(const Catalog& catalog, VoxelCache& cache, unsigned threads);
   ~Engine();
 
-  /// Announces a view before its tiles. Requires: the view is of a normalized job; no view has had `number`.
+  /// Announces a view before its tiles. Requires: the view is normalized; no view has had `number`.
   void SetView(uint64_t number, const View& view);
   /// Forgets the views with numbers in [first, end). Their queued tiles are dropped and their open tiles
   /// abandoned; `done` is called for none of these tiles.
