@@ -6,12 +6,12 @@
 
 namespace quarry {
 
-/// Limits of the tiles that a renderer of `threads` threads has at hand, begun or queued. The fewest: also
-/// the number before anything is known.
+/// Limits of the tiles that a renderer of `threads` threads has at hand, begun or queued. FewestTiles() is
+/// also the first value.
 inline uint32_t FewestTiles(uint32_t threads) { return threads * 2 + 2; }
-/// The most: begun tiles take memory, and queued tiles cannot be stolen by other workers.
+/// The upper limit: begun tiles take memory, and queued tiles cannot be stolen by other workers.
 inline uint32_t MostTiles(uint32_t threads) { return threads * 8 + 2; }
-/// The most while wanted blocks do not fit in the cache together (VoxelCache::scarce()).
+/// The upper limit while wanted blocks do not fit in the cache together (VoxelCache::scarce()).
 inline uint32_t MostTilesIfScarce(uint32_t threads) { return threads * 16 + 24; }
 
 /// The number of tiles that a worker wants to have at hand: the fewest that keep all threads busy, since

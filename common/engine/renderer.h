@@ -19,7 +19,7 @@
 namespace quarry {
 
 /// The tiles that cover a rectangle of a view, row by row. A tile has kTileSize x kTileSize lattice points
-/// whatever the step, so that packets are full. Units: pixels.
+/// whatever the step, fewer at the border, so that packets are full. Units: pixels.
 std::vector<Tile> TilesOf(const PixelRect& pixels, uint32_t step = 1, bool hits_only = false);
 
 /// Renders views of one scene. Holds the cache of decoded blocks, the loader that fills it, and the compute

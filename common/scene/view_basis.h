@@ -19,6 +19,7 @@ struct ViewBasis {
   bool orthographic;
 };
 
+/// Vector products and unit vectors, in double.
 inline double Dot(const glm::dvec3& a, const glm::dvec3& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 inline glm::dvec3 Cross(const glm::dvec3& a, const glm::dvec3& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};

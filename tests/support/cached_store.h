@@ -96,6 +96,7 @@ struct Cached {
   std::optional<DiskCachedSource> source;
 };
 
+/// The path of a cached block.
 inline std::string PathOf(const CacheScene& scene, const std::string& folder, BlockKey block) {
   return fmt::format("{}/{}/{}", folder, FormatSceneId(scene.id()), block.number());
 }

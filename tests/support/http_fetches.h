@@ -14,6 +14,7 @@
 
 namespace quarry::test {
 
+/// The parsed URL. Requires: it is valid.
 inline HttpLocation Location(const std::string& url) {
   auto location = ParseHttpLocation(url, "the address");
   REQUIRE(location.has_value());
@@ -64,6 +65,7 @@ inline std::vector<Result<Bytes>> FetchAll(boost::asio::io_context& io, VoxelSou
   return results;
 }
 
+/// Fetches a block and runs `io` until it is answered.
 inline Result<Bytes> FetchOne(boost::asio::io_context& io, VoxelSource& source, BlockKey block) {
   return FetchAll(io, source, {block})[0];
 }

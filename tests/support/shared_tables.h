@@ -12,10 +12,12 @@
 
 namespace quarry::test {
 
+/// The offset of field `n` in a vtable.
 inline constexpr flatbuffers::voffset_t WireField(int n) {
   return static_cast<flatbuffers::voffset_t>(4 + 2 * n);
 }
 
+/// The finished bytes of a builder.
 inline Bytes TakeBytes(flatbuffers::FlatBufferBuilder& b) {
   const auto* data = reinterpret_cast<const std::byte*>(b.GetBufferPointer());
   return Bytes(data, data + b.GetSize());

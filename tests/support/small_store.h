@@ -39,6 +39,7 @@ inline std::string FaultOf(const std::string& path) {
   return status ? "" : status.error().message;
 }
 
+/// Read or write a whole file.
 inline std::vector<char> ReadFile(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(in), {}};

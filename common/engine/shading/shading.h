@@ -59,8 +59,10 @@ inline glm::vec3 Emitted(const Material& m, const Surface& s) {
   return m.unlit ? m.emission * s.color : m.emission;
 }
 
+/// Whether the material has a Blinn-Phong highlight.
 inline bool HasHighlight(const Material& m) { return m.shininess > 0 && m.specular != glm::vec3(0); }
 
+/// Radiance of a light that a surface of this material scatters toward the viewer.
 inline glm::vec3 Scatter(const Material& m, RenderMode mode, const Surface& s, const LightSample& light) {
   const glm::vec3 albedo = Albedo(m, mode);
   return HasHighlight(m) ? Scatter<true>(albedo, m.specular, m.shininess, s, light)

@@ -32,10 +32,12 @@ struct Surface {
 // The inline functions select instead of branching, so that loops over lanes become vector instructions
 // (shading_packet.h).
 
+/// `a` if `first`, else `b`.
 inline glm::vec3 Choose(bool first, const glm::vec3& a, const glm::vec3& b) {
   return {first ? a.x : b.x, first ? a.y : b.y, first ? a.z : b.z};
 }
 
+/// The vector at unit length; z for a vector of length 0.
 inline glm::vec3 Unit(const glm::vec3& v) {
   const float length = std::sqrt(glm::dot(v, v));
   return Choose(length > 0, v / length, glm::vec3(0, 0, 1));
