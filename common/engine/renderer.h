@@ -72,7 +72,7 @@ class Renderer {
   using OnTile = std::function<void(size_t index, RenderedTile, Progress)>;
   /// Renders tiles of a view and returns when all are done. `on_tile` is called on compute threads, in any
   /// order, for one tile of the call at a time. Several threads may call at once.
-  /// Requires: `view` is normalized; `on_tile` does not request `stop`, which would deadlock.
+  /// Requires: `view` is normalized; `on_tile` does not call Render(). It may request `stop`.
   /// Errors: a block cannot be had, and every later call fails too; `stop` was requested (kCancelled).
   Status Render(const View& view, std::span<const Tile> tiles, const OnTile& on_tile,
                 std::stop_token stop = {});
@@ -95,7 +95,8 @@ class Renderer {
   struct Call {
     std::mutex mutex;  ///< guards all below
     std::condition_variable changed;
-    const OnTile* on_tile;  ///< null once the call is over
+    const OnTile* on_tile;    ///< null once the call is over
+    bool delivering = false;  ///< on_tile is running
     Progress progress;
     std::optional<Error> error;
   };
