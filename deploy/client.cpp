@@ -48,7 +48,7 @@ class Client {
       if (!result) return OnLost(result.error());
       connection_ = std::move(*result);
       liveness_.Add(connection_, Now());
-      // What is still on its way from a connection given up is no concern of the next one.
+      // Messages of an abandoned connection that arrive late are ignored.
       const Connection* const mine = connection_.get();
       connection_->Expect(Speaker::kMasterOfClients);
       connection_->Start(
@@ -67,8 +67,9 @@ class Client {
     io_.stop();
   }
 
-  /// When the master of a local cluster has died, its own words say more than the broken connection. Who has
-  /// been welcomed once fits the master: what looks like a misfit later is damage on the way, or passes.
+  /// Decides whether to connect again. When the master of a local cluster has died, its own message is
+  /// reported, since it says more than the broken connection. A mismatch of secret or version after a first
+  /// Welcome is damage on the way and is retried.
   void OnLost(const Error& error) {
     if (connection_) {
       connection_->Close();
@@ -156,13 +157,13 @@ class Client {
     return StoreFrames();
   }
 
-  /// Hands on the frames that have come, in order.
+  /// Stores the frames that have arrived, in order.
   Status StoreFrames() {
     while (!frames_.empty()) {
       if (failing_ && SecondsSince(tried_) < 1) return {};
       tried_ = Clock::now();
       if (Status status = callbacks_.on_frame(frames_.front().first, frames_.front().second); !status) {
-        // A full disk may get room; a place that is no file's does not become one.
+        // A full disk may get space; an unusable path stays unusable.
         if (status.error().exit_status() == kUnusableArguments) return status;
         if (!std::exchange(failing_, true)) {
           failing_since_ = Clock::now();
@@ -187,10 +188,10 @@ class Client {
   asio::io_context io_;
   Timer timer_, retry_;
   std::shared_ptr<Connection> connection_;
-  std::deque<std::pair<FrameDone, Bytes>> frames_;  ///< come, and not yet stored
+  std::deque<std::pair<FrameDone, Bytes>> frames_;  ///< arrived, not yet stored
   size_t stored_ = 0;
   bool welcomed_ = false, was_welcomed_ = false, failing_ = false, told_alone_ = false;
-  Clock::time_point alone_;  ///< since when the master has no workers; zero: it has some
+  Clock::time_point alone_;  ///< start of the time without workers; zero while there are some
   Clock::time_point lost_, tried_, failing_since_;
   LivenessMonitor liveness_;  ///< of the master
   Status outcome_;

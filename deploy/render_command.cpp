@@ -58,7 +58,7 @@ Status ParseAovs(const std::string& text, RenderJob& job) {
   return {};
 }
 
-/// What was typed and would change nothing.
+/// Refuses options that would have no effect on the image.
 Status RefuseWhatHasNoEffect(const RenderArguments& a, const RenderJob& job) {
   const auto refuse = [&](const char* option, const std::string& where) {
     return BadUsage(fmt::format("{} has no effect {}; leave it out", option, where));
@@ -115,7 +115,7 @@ Status ChooseLights(const RenderArguments& a, const StoreReader& store, RenderJo
   return {};
 }
 
-/// "12" or "0-59" into a range of the path's frames.
+/// Parses "12" or "0-59" into a range of the path's frames.
 Status ParseFrames(const std::string& text, size_t count, size_t& first, size_t& last) {
   first = 0;
   last = count - 1;
@@ -132,8 +132,8 @@ Status ParseFrames(const std::string& text, size_t count, size_t& first, size_t&
   return {};
 }
 
-/// What the files that the person names say, before there is a store: it costs minutes where a model is
-/// given. Cameras are in the model's coordinates.
+/// Reads the files that options name. Called before the store is made, so that an error is reported before
+/// minutes of preprocessing. Cameras stay in the model's coordinates.
 Status ReadNamedFiles(const RenderArguments& a, RenderJob& job) {
   View unused;
   if (!a.lights.empty()) QUARRY_TRY(ReadLights(a.lights, glm::dvec3(0), unused));
@@ -161,7 +161,8 @@ Result<CameraSpec> SceneCamera(const RenderArguments& a, const StoreReader& stor
   return BadUsage(fmt::format("--camera '{}': {} has no such camera, but {}", a.camera, a.scene, names));
 }
 
-/// Moves cameras to where the scene is; makes the one that options describe.
+/// Moves the job's cameras from the model's coordinates to the store's; makes the camera that options
+/// describe.
 Status PlaceCameras(const RenderArguments& a, const StoreReader& store, RenderJob& job) {
   const SceneMeta& scene = store.catalog().meta;
   if (!a.camera_path.empty()) {
@@ -193,7 +194,7 @@ Status PlaceCameras(const RenderArguments& a, const StoreReader& store, RenderJo
   return {};
 }
 
-/// out.png, or out.0007.png for frame 7 of a path.
+/// The path of a frame: out.png, or out.0007.png for frame 7 of a camera path.
 std::string FramePath(const RenderArguments& a, uint32_t frame) {
   if (a.camera_path.empty()) return a.output;
   const std::filesystem::path path(a.output);
@@ -202,7 +203,7 @@ std::string FramePath(const RenderArguments& a, uint32_t frame) {
       .string();
 }
 
-/// Decides about everything that will be written. `model_files`: what the model is made of beside itself.
+/// Checks all files that will be written. `model_files`: the other files that the model consists of.
 Status CheckOutputs(const RenderArguments& a, const RenderJob& job,
                     const std::vector<std::string>& model_files) {
   OutputGuard guard(a.force ? OutputGuard::Force::kYes : OutputGuard::Force::kNo);
@@ -221,7 +222,7 @@ Status CheckOutputs(const RenderArguments& a, const RenderJob& job,
   return CheckWritable(stats);
 }
 
-/// Over the frames that say it (those from a spool do not).
+/// The sum of `key` over the frames that have it; frames from a spool lack it.
 uint64_t Total(const nlohmann::ordered_json& frames, const char* key) {
   uint64_t sum = 0;
   for (const auto& frame : frames)
@@ -234,7 +235,7 @@ Status WriteStatistics(const RenderArguments& a, const RenderJob& job, const Sce
                        const nlohmann::ordered_json& frames, double wall_s) {
   if (a.stats.empty()) return {};
   nlohmann::ordered_json j;
-  j["scene_id"] = FormatSceneId(id);  // first: statistics are known by it
+  j["scene_id"] = FormatSceneId(id);  // first, since it identifies statistics
   j["scene"] = a.scene;
   j["command"] = a.command_line;
   j["version"] = kVersion;
@@ -325,7 +326,7 @@ Status Render(const RenderArguments& a) {
   const auto start = std::chrono::steady_clock::now();
   RenderJob job;
   QUARRY_TRY(ParseImage(a, job));
-  // The environment speaks of the cluster that --master names, not of one for this command alone.
+  // The environment applies to the cluster that --master names, not to a local cluster.
   const SecurityOptions security_options = a.master.empty() ? a.security : WithEnvironment(a.security);
   QUARRY_ASSIGN(const Security security, Security::ForClient(security_options));
   QUARRY_TRY(ReadNamedFiles(a, job));
@@ -358,7 +359,7 @@ Status Render(const RenderArguments& a) {
   };
   callbacks.on_frame = [&](const FrameDone& done, const Bytes& image) -> Status {
     QUARRY_TRY(WriteFileAtomically(FramePath(a, done.frame), image));
-    // From the master, who need not be a friend.
+    // The master is not trusted: its text is checked.
     auto statistics = ParseJson<nlohmann::ordered_json>(done.statistics, "the master's statistics",
                                                         {16u << 20, 16, 1u << 20, 1000});
     frames.push_back(statistics ? std::move(*statistics) : nlohmann::ordered_json());

@@ -32,11 +32,14 @@ struct RenderArguments {
   std::string command_line;           ///< the whole command line as typed
 };
 
+/// Adds the options of `quarry render` to a parser. Requires: `arguments` outlives `command`.
 void AddRenderOptions(CLI::App& command, RenderArguments& arguments);
 
-/// Renders to `output`, or to `out.####.png` for a camera path, if OutputGuard allows the output. Starts a
-/// cluster on this machine, or uses the master of --master. A model is preprocessed first; its store is kept
-/// and reused while the model is unchanged (see StoreFor()).
+/// Renders to `output`, or to `out.####.png` for a camera path. Starts a cluster on this machine, or uses the
+/// master of --master. A model is preprocessed first; its store is kept and reused while the model is
+/// unchanged (see StoreFor()).
+/// Errors: as StoreFor() and RenderRemotely(); (usage) arguments that contradict each other or have no
+/// effect; an output that OutputGuard refuses.
 Status Render(const RenderArguments& arguments);
 
 }  // namespace quarry

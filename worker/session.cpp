@@ -15,10 +15,9 @@ namespace {
 
 namespace asio = boost::asio;
 
-constexpr double kIdleS = 10;    // without a new tile for so long, the log says that the worker waits
-constexpr double kRetryS = 0.3;  // between attempts to reach the master
-constexpr double kLastWordsS =
-    10;  // in which a master that has heard why a worker gives up closes the connection
+constexpr double kIdleS = 10;       // time without a new tile after which the log says that the worker waits
+constexpr double kRetryS = 0.3;     // pause between attempts to reach the master
+constexpr double kLastWordsS = 10;  // limit for the master to close the connection after a worker's Failure
 
 uint64_t NewInstance() {
   std::random_device random;
@@ -76,7 +75,7 @@ void Session::Join() {
   Connect(*io_, options_.master, options_.security, [this](Result<std::shared_ptr<Connection>> result) {
     if (!result) return OnLost(result.error());
     connection_ = std::move(*result);
-    // Messages still on their way from a connection given up are no concern of the next one.
+    // Messages of an abandoned connection that arrive late are ignored.
     const Connection* const mine = connection_.get();
     connection_->Expect(Speaker::kMasterOfWorkers);
     connection_->Start(
@@ -112,13 +111,14 @@ void Session::OnLost(const Error& error) {
     scene_->renderer->engine().DropViews(0, ~uint64_t{0});
     scene_->supply->ClearExpected();
   }
-  // A master that has welcomed this worker once fits it: a misfit later is damage on the way, or passes.
+  // Secret and version fit a master that has welcomed this worker before; a later mismatch is damage on the
+  // way and is retried.
   if (error.permanent() && !was_welcomed_) return End(tl::unexpected<Error>(error));
   if (SecondsSince(lost_since_) > options_.retry_s) return End(tl::unexpected<Error>(error));
   retry_.Set(kRetryS, [this] { Join(); });
 }
 
-/// Reports that this worker lives, and looks whether the master does.
+/// Sends a sign of life and checks the master's.
 void Session::Heartbeat() {
   SendStatus(false);
   if (at_work_ && SecondsSince(last_tile_) > kIdleS) {
@@ -180,7 +180,7 @@ Status Session::OnWelcome(const Message& m) {
 }
 
 Status Session::OnCatalog(const Message& m) {
-  if (scene_) return SendStatus(true), Status{};  // a reconnection: the cache stays warm
+  if (scene_) return SendStatus(true), Status{};  // a reconnection: the cache is kept
   QUARRY_ASSIGN(const auto sections, UnpackSections(m.raw));
   QUARRY_ASSIGN(Catalog catalog, DecodeCatalog(scene_id_, sections));
   QUARRY_TRY(Renderer::Check(catalog, {options_.cache_bytes}));
@@ -188,7 +188,7 @@ Status Session::OnCatalog(const Message& m) {
   QUARRY_TRY(OpenSupply(*scene));
   QUARRY_TRY(MakeRenderer(*scene));
   scene_ = std::move(scene);
-  // Known only now: the port at which others are served.
+  // The second Hello tells the port at which other workers are served.
   SendHello();
   SendStatus(true);
   return {};
@@ -272,8 +272,8 @@ Status Session::OnTile(const Message& m) {
 }
 
 void Session::SendTile(const TileOrder& order, RenderedTile result) {
-  if (!connection_) return;  // the lease runs out, another gets the tile
-  SendStatus(false);         // so that a frame's statistics are complete with its last tile
+  if (!connection_) return;  // the lease ends and another worker gets the tile
+  SendStatus(false);         // first, so that a frame's statistics are complete with its last tile
   TileDone done{order.frame, order.tile, order.lease, result.rays, result.rays_suspended, result.compute_us};
   done.depths = std::move(result.depths);
   for (const BlockKey block : result.blocks) done.blocks.push_back(block.number());
@@ -284,7 +284,7 @@ void Session::SendTile(const TileOrder& order, RenderedTile result) {
 
 void Session::SendStatus(bool whole) {
   if (!connection_ || !welcomed_ || !scene_) return;
-  // Asking the system takes longer than all else here.
+  // Reading the peak from the system costs more than the rest of the report.
   constexpr auto kOften = std::chrono::milliseconds(50);
   if (whole || Clock::now() - peak_asked_ > kOften) {
     peak_asked_ = Clock::now();

@@ -16,18 +16,19 @@
 
 namespace quarry {
 
-/// A worker's work for one master: it joins, takes up the scene, renders the tiles that it is given, and
-/// reports what it holds. The renderer computes on threads of its own; everything here runs on the thread
-/// that calls Run. A session keeps nothing that a master needs: when the connection is lost, it joins again
-/// with its cache as it was.
+/// A worker's work for a master: joins it, receives the scene, renders tiles, and reports results and the
+/// content of the cache. A session has no state that a master needs. After a loss of the connection it joins
+/// again and keeps its cache.
+/// Thread safety: none; all members run on the thread that calls Run(). The renderer has threads of its own.
 class Session {
  public:
-  /// `options` must outlive this.
+  /// Requires: `options` outlives the session.
   explicit Session(const WorkerOptions& options);
   ~Session();
 
-  /// Works until the master says to stop, or work cannot go on. Errors: the master stays out of reach; a
-  /// block cannot be had; the cache is smaller than the largest block; no memory for --pretouch.
+  /// Works until the master ends it, or until an error.
+  /// Errors: the master is out of reach for WorkerOptions::retry_s; a block cannot be had; the cache is
+  /// smaller than the largest block; no memory for --pretouch.
   Status Run();
 
  private:
@@ -35,10 +36,10 @@ class Session {
   struct LoadedScene {
     LoadedScene(Catalog scene, uint64_t cache_bytes);
     const Catalog catalog;
-    const uint64_t stored_bytes;  ///< of --cache, for stored blocks
+    const uint64_t stored_bytes;  ///< share of --cache for stored blocks
     CacheInventory inventory;
     std::unique_ptr<BlockSupply> supply;
-    std::unique_ptr<Renderer> renderer;  ///< last: it uses all of the above
+    std::unique_ptr<Renderer> renderer;  ///< last, since it uses all of the above
   };
 
   // --- the connection
@@ -46,7 +47,7 @@ class Session {
   void SendHello();
   void OnLost(const Error& error);
   void Heartbeat();
-  /// Ends, once the master has heard the reason.
+  /// Sends the reason to the master, then ends.
   void GiveUp(const Error& error);
   void End(Status outcome);
 
@@ -65,7 +66,7 @@ class Session {
 
   // --- reports to the master
   void SendTile(const TileOrder& order, RenderedTile result);
-  /// `whole`: all blocks held are named, not only the changes.
+  /// `whole`: lists all blocks of the cache, not only the changes.
   void SendStatus(bool whole);
   WorkerStatus MakeStatus(bool whole);
 
@@ -76,26 +77,26 @@ class Session {
   const WorkerOptions& options_;
   const std::unique_ptr<boost::asio::io_context> io_;
   Timer retry_, heartbeat_;
-  std::shared_ptr<Connection> connection_;  ///< null while there is none
+  std::shared_ptr<Connection> connection_;  ///< null without a connection
   LivenessMonitor liveness_;                ///< of the master
   bool welcomed_ = false, was_welcomed_ = false;
   std::optional<Error> gives_up_;  ///< the reason, once work cannot go on
   Clock::time_point lost_since_;
-  const uint64_t instance_;           ///< tells this run of this worker from every other; never 0
+  const uint64_t instance_;           ///< random number of this run of the worker; never 0
   uint32_t worker_ = 0;               ///< the master's number for this worker
-  SceneId scene_id_{};                ///< as the master has named it
-  std::vector<std::string> sources_;  ///< where blocks come from
+  SceneId scene_id_{};                ///< of the master's Welcome
+  std::vector<std::string> sources_;  ///< of the master's Welcome
   PageBuffer memory_;                 ///< of --pretouch, until the scene is known
   std::unique_ptr<LoadedScene> scene_;
-  uint64_t tiles_ = 0;  ///< given so far
+  uint64_t tiles_ = 0;  ///< tiles received so far
   Clock::time_point last_tile_;
-  bool at_work_ = false;  ///< as the log says
+  bool at_work_ = false;  ///< the last state written to the log
   uint64_t peak_rss_ = 0;
   Clock::time_point peak_asked_;
   Status outcome_;
 };
 
-/// Session::Run in a session of its own.
+/// Runs a Session. Errors: as Session::Run().
 Status RunWorker(const WorkerOptions& options);
 
 }  // namespace quarry

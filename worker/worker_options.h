@@ -10,23 +10,23 @@
 
 namespace quarry {
 
-/// A worker's command line.
+/// The options of a worker, as on its command line. Units: names tell bytes and seconds.
 struct WorkerOptions {
   Endpoint master;
-  Security security;  ///< of the connections to the master, to voxel servers and to other workers
-  Security serving;   ///< of other workers' connections to this one
+  Security security;  ///< toward the master, voxel servers and other workers
+  Security serving;   ///< toward other workers that connect to this one
   uint64_t cache_bytes = 256ull << 20;
-  bool pretouch = false;  ///< get the cache's memory first of all
+  bool pretouch = false;  ///< get all memory of the cache at the start
   unsigned threads = 1;
   std::string name;
-  double retry_s = 60;               ///< how long a master or a block out of reach is tried for
-  std::vector<std::string> sources;  ///< where blocks come from; empty: as the master says
+  double retry_s = 60;               ///< time of retries while the master or a block is out of reach
+  std::vector<std::string> sources;  ///< sources of blocks; empty: those of the master's Welcome
   std::optional<DiskCacheLocation> disk_cache;
-  HttpOptions http;  ///< how HTTP servers are asked
-  /// Which of the servers that the master names get the headers and signatures of `http`.
+  HttpOptions http;  ///< settings of requests to HTTP servers
+  /// The servers that get headers and signatures of `http` even if only the master names them.
   std::vector<HttpServer> header_servers;
-  /// Where other workers are served: HOST:PORT, "auto" (where the master is reached, unless certificates are
-  /// in use and this worker has none to show), "off".
+  /// The address for serving other workers: HOST:PORT, "off", or "auto". "auto" is this machine's address
+  /// toward the master; it is "off" when certificates are in use and this worker has none.
   std::string peers = "auto";
   bool quiet = false;
 };

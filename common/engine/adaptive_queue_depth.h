@@ -6,18 +6,19 @@
 
 namespace quarry {
 
-/// Tiles that a renderer of so many threads has at hand at least, where nothing else is known.
+/// Limits of the tiles that a renderer of `threads` threads has at hand, begun or queued. FewestTiles() is
+/// also the first value.
 inline uint32_t FewestTiles(uint32_t threads) { return threads * 2 + 2; }
-/// And at most: begun tiles take memory, and queued ones cannot be taken by others.
+/// The upper limit: begun tiles take memory, and queued tiles cannot be stolen by other workers.
 inline uint32_t MostTiles(uint32_t threads) { return threads * 8 + 2; }
-/// At most where blocks push each other out of the cache.
+/// The upper limit while wanted blocks do not fit in the cache together (VoxelCache::scarce()).
 inline uint32_t MostTilesIfScarce(uint32_t threads) { return threads * 16 + 24; }
 
-/// How many tiles a worker wants to have at hand, begun or not: the fewest that keep its threads busy, for
-/// queued tiles cannot be taken by other workers. A step more for each tile in whose time a thread had
-/// nothing but rays that wait and no tile to begin, up to MostTiles; a step less for each other. Where blocks
-/// push each other out of the cache, MostTilesIfScarce at once: each block is then loaded once for the rays
-/// of them all. Not thread-safe.
+/// The number of tiles that a worker wants to have at hand: the fewest that keep all threads busy, since
+/// queued tiles cannot be stolen by other workers. It rises by one, up to MostTiles(), at the end of a tile
+/// during which a thread starved, and falls by one at the end of any other tile. A thread that starves in a
+/// scarce cache raises it to MostTilesIfScarce() at once: a block is then loaded once for the rays of all
+/// these tiles. Not thread-safe.
 class AdaptiveQueueDepth {
  public:
   explicit AdaptiveQueueDepth(uint32_t threads)
@@ -27,7 +28,7 @@ class AdaptiveQueueDepth {
         wanted_(fewest_) {}
 
   uint32_t wanted() const { return wanted_; }
-  /// A thread has nothing but rays that wait, and no tile to begin. `scarce`: see VoxelCache.
+  /// A thread starves: all its rays wait, and no tile is queued. `scarce`: VoxelCache::scarce().
   void Starved(bool scarce = false) {
     starved_ = true;
     if (scarce) wanted_ = scarce_most_;

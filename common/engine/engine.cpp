@@ -9,7 +9,8 @@
 namespace quarry {
 namespace {
 
-constexpr int kBatchesPerPin = 8;  // pins are let go after so many batches, used up or not
+constexpr int kBatchesPerPin =
+    8;  // batches between releases of pins, even while rays are ready; a pinned block cannot be evicted
 
 }  // namespace
 
@@ -105,7 +106,8 @@ void Engine::CloseTiles(Tiles& tiles) {
   }
 }
 
-/// With `wait`, sleeps until there is something to do; `stalled` says that this is for want of blocks.
+/// Takes delivered blocks. With `wait`, sleeps until there is something to do; `stalled` means that the
+/// thread has open tiles, so that the wait is for blocks.
 std::vector<BlockKey> Engine::TakeBlocks(Mailbox& mailbox, bool wait, bool stalled) {
   const auto start = std::chrono::steady_clock::now();
   auto blocks = mailbox.Take(wait);
@@ -113,7 +115,7 @@ std::vector<BlockKey> Engine::TakeBlocks(Mailbox& mailbox, bool wait, bool stall
   return blocks;
 }
 
-/// A round of rays for each open tile that has some ready.
+/// Steps each open tile that has ready rays.
 void Engine::Step(Tiles& tiles, PinnedBlocks& pins, Mailbox& mailbox) {
   const uint64_t start_us = ThreadTimeUs();
   for (auto& tile : tiles.open) {
@@ -122,7 +124,7 @@ void Engine::Step(Tiles& tiles, PinnedBlocks& pins, Mailbox& mailbox) {
     tile.renderer->Step(pins, [&](BlockKey block, const TileRenderer::Parked& parked) {
       cache_.Want(block, &mailbox, parked.rays, parked.octants);
     });
-    // A tile costs wall time: a processor that is shared, or held to a part, is a slower one.
+    // Wall time, since a shared or throttled processor makes a tile slower.
     tile.compute_us += MicrosecondsSince(start);
   }
   compute_us_ += ThreadTimeUs() - start_us;
@@ -135,7 +137,7 @@ void Engine::Run(Mailbox& mailbox) {
     CloseTiles(tiles);
     bool ready = std::ranges::any_of(tiles.open, [](const auto& tile) { return tile.renderer->has_ready(); });
     if (!ready && MayOpen(tiles)) ready = OpenTile(tiles);
-    // Never hold pins while waiting: another thread's block may need the room.
+    // A waiting thread holds no pins: another thread's block may need the room.
     if (!ready || batch % kBatchesPerPin == 0) pins.Release();
     for (const BlockKey block : TakeBlocks(mailbox, !ready, !tiles.open.empty())) {
       pins.Adopt(block);

@@ -15,17 +15,17 @@
 
 namespace quarry {
 
-/// The compute threads. Each owns the tiles that it has opened and their rays outright; the threads share the
+/// The compute threads of a renderer. A thread owns its open tiles and their rays; the threads share the
 /// cache and a queue of tiles. Thread-safe.
 class Engine {
  public:
-  /// Tiles that a thread works on at once, at most: when all rays of one wait, it goes on with another. More
-  /// where blocks push each other out of the cache: a block is loaded once for the rays of all open tiles.
+  /// Limit of open tiles of a thread. While all rays of a tile wait, the thread works on another. A scarce
+  /// cache lifts the limit: a block is loaded once for the rays of all open tiles.
   static constexpr size_t kMostOpenTiles = 8;
-  /// Bytes that open tiles take, at most: a thread's, of the 4 MiB that a worker may take for it, and for all
-  /// threads together, of the worker's 24 MiB. A tile takes 220 KiB, one of rays that bounce 650 KiB. More
-  /// open tiles, fewer loads: tests/bench/voxel_chains, frame 20, 117 loads; 181 with 3.5 MiB and nothing
-  /// shared.
+  /// Bytes of open tiles: limit of a thread, part of the 4 MiB that a worker may take for each thread, and
+  /// limit of all threads together beyond it, part of the worker's 24 MiB. Trades memory against loads of
+  /// blocks. A tile takes 220 KiB, with bouncing rays 650 KiB. Chosen by `tests/bench/voxel_chains`, frame
+  /// 20: 117 loads; 181 with 3.5 MiB a thread and nothing shared.
   static constexpr size_t kOpenTileBytes = 3u << 20, kSharedTileBytes = 5u << 20;
   /// Called on a compute thread.
   using OnTile = std::function<void(RenderedTile)>;
@@ -34,21 +34,22 @@ class Engine {
   Engine(const Catalog& catalog, VoxelCache& cache, unsigned threads);
   ~Engine();
 
-  /// A view whose tiles may come. Requires: a view of a normalized job; a number that no view has had.
+  /// Announces a view before its tiles. Requires: the view is normalized; no view has had `number`.
   void SetView(uint64_t number, const View& view);
-  /// Forgets the views from `first` to below `end`: their queued tiles are dropped, those begun are
-  /// abandoned, and `done` is not called for any of them.
+  /// Forgets the views with numbers in [first, end). Their queued tiles are dropped and their open tiles
+  /// abandoned; `done` is called for none of these tiles.
   void DropViews(uint64_t first, uint64_t end);
-  /// Queues a tile of the view; nothing happens when the view has been dropped.
+  /// Queues a tile of the view; a tile of a dropped view is ignored. `done` is called once.
   void Render(uint64_t view, const Tile& tile, OnTile done);
 
+  /// Rays traced and suspensions of rays, of finished and abandoned tiles.
   uint64_t rays() const { return rays_; }
   uint64_t rays_suspended() const { return rays_suspended_; }
-  /// Microseconds, summed over the threads: processor time spent on rays, and time spent waiting with tiles
-  /// at hand but all their rays suspended.
+  /// Microseconds, summed over the threads: processor time spent on rays; wall time with open tiles whose
+  /// rays all wait.
   uint64_t compute_us() const { return compute_us_; }
   uint64_t stall_us() const { return stall_us_; }
-  /// How many tiles to have here.
+  /// The number of tiles to have here, begun or queued.
   uint32_t tiles_wanted() const {
     const std::lock_guard lock(mutex_);
     return queue_depth_.wanted();
@@ -60,7 +61,7 @@ class Engine {
     Tile tile;
     OnTile done;
   };
-  /// A thread's renderers: those at work, and those to be used again.
+  /// A thread's tile renderers: at work, and free for the next tile.
   struct Tiles {
     struct Open {
       std::unique_ptr<TileRenderer> renderer;
@@ -82,7 +83,7 @@ class Engine {
   const Catalog& catalog_;
   VoxelCache& cache_;
   std::atomic<uint64_t> rays_{0}, rays_suspended_{0}, compute_us_{0}, stall_us_{0};
-  mutable std::mutex mutex_;  ///< views_, queue_, queue_depth_
+  mutable std::mutex mutex_;  ///< guards views_, queue_, queue_depth_
   std::map<uint64_t, std::shared_ptr<ViewContext>> views_;
   std::deque<Queued> queue_;
   AdaptiveQueueDepth queue_depth_;

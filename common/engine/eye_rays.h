@@ -30,7 +30,7 @@ class EyeRayGenerator {
   size_t memory_bytes() const { return places_.size() * sizeof(Place); }
 
  private:
-  /// A pixel of the tile.
+  /// A lattice point of the tile, in the order of sampling.
   struct Place {
     uint16_t pixel;
     uint8_t x, y;  ///< lattice point in the tile
@@ -38,7 +38,7 @@ class EyeRayGenerator {
   static_assert(kTileSize <= 256);
 
   Tile tile_;
-  std::vector<Place> places_;  ///< 8x8 block by block
+  std::vector<Place> places_;  ///< in 8x8 squares
   uint64_t count_ = 0, next_ = 0;
 };
 

@@ -76,7 +76,7 @@ Renderer::~Renderer() {
   if (loader_thread_.joinable()) loader_thread_.join();
 }
 
-/// Any number of calls before the loader runs make it run once.
+/// Makes the loader run once, however many calls come before it runs.
 void Renderer::ScheduleLoader() {
   if (scheduled_.exchange(true)) return;
   executor_([this] {
@@ -106,7 +106,9 @@ Status Renderer::Render(const View& view, std::span<const Tile> tiles, const OnT
   Status outcome;
   {
     std::unique_lock lock(call->mutex);
-    call->changed.wait(lock, [&] { return call->error || call->progress.done == call->progress.all; });
+    call->changed.wait(lock, [&] {
+      return !call->delivering && (call->error || call->progress.done == call->progress.all);
+    });
     call->on_tile = nullptr;
     if (call->error) outcome = tl::unexpected<Error>(*call->error);
   }
@@ -117,17 +119,24 @@ Status Renderer::Render(const View& view, std::span<const Tile> tiles, const OnT
 }
 
 void Renderer::OnTileDone(Call& call, size_t index, RenderedTile result) {
-  const std::lock_guard lock(call.mutex);
+  std::unique_lock lock(call.mutex);
+  call.changed.wait(lock, [&] { return !call.delivering; });
   if (!call.on_tile || call.error) return;
+  call.delivering = true;
   ++call.progress.done;
-  (*call.on_tile)(index, std::move(result), call.progress);
-  if (call.progress.done == call.progress.all) call.changed.notify_one();
+  const Progress progress = call.progress;
+  lock.unlock();  // on_tile may cancel the call
+  (*call.on_tile)(index, std::move(result), progress);
+  lock.lock();
+  call.delivering = false;
+  lock.unlock();
+  call.changed.notify_all();
 }
 
 void Renderer::End(Call& call, const Error& error) {
   const std::lock_guard lock(call.mutex);
   call.error = error;
-  call.changed.notify_one();
+  call.changed.notify_all();
 }
 
 }  // namespace quarry

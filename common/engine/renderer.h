@@ -18,12 +18,14 @@
 
 namespace quarry {
 
-/// The tiles that cover a rectangle of a view, row by row, with whole packets of rays for any step.
+/// The tiles that cover a rectangle of a view, row by row. A tile has kTileSize x kTileSize lattice points
+/// whatever the step, fewer at the border, so that packets are full. Units: pixels.
 std::vector<Tile> TilesOf(const PixelRect& pixels, uint32_t step = 1, bool hits_only = false);
 
-/// Renders views of one scene: a cache of decoded blocks, the loader that fills it, and the compute threads.
-/// A failure is a value; nothing here ends the process. Methods are thread-safe unless they say otherwise.
-/// Example, a picture of a store with 256 MiB of blocks at once:
+/// Renders views of one scene. Holds the cache of decoded blocks, the loader that fills it, and the compute
+/// threads. A failure is a value; nothing here ends the process.
+/// Thread safety: all members, unless they say otherwise.
+/// Example: a picture of a store with a cache of 256 MiB.
 ///
 ///     QUARRY_ASSIGN(const Scene scene, Scene::Open("plant.quarry"));
 ///     QUARRY_ASSIGN(const auto renderer, Renderer::Create(scene, {.cache_bytes = 256 << 20, .threads = 2}));
@@ -37,59 +39,64 @@ std::vector<Tile> TilesOf(const PixelRect& pixels, uint32_t step = 1, bool hits_
 class Renderer {
  public:
   struct Options {
-    uint64_t cache_bytes = 256ull << 20;  ///< ceiling of decoded blocks; at least the scene's largest
-    unsigned threads = 1;                 ///< that compute
+    uint64_t cache_bytes = 256ull << 20;  ///< limit of decoded blocks; at least the scene's largest
+    unsigned threads = 1;                 ///< compute threads
   };
-  /// Calls that a renderer makes on the loader's thread, outside locks; each may be empty.
+  /// Callbacks, called on the loader's thread outside locks. Each may be empty.
   struct Hooks {
-    std::function<void(const Error&)> on_error;         ///< once: a block cannot be had, nothing goes on
-    std::function<void(BlockKey, bool here)> on_block;  ///< a block has come into the cache, or gone
-    std::function<void()> on_idle;                      ///< the loader has asked for all that it may
+    std::function<void(const Error&)> on_error;         ///< called once: a block cannot be had
+    std::function<void(BlockKey, bool here)> on_block;  ///< a block came (true) or was evicted
+    std::function<void()> on_idle;                      ///< the loader has requested all it may
   };
 
+  /// Checks options before Create().
   /// Errors (usage): the cache is smaller than the scene's largest block; QUARRY_ISA names no instruction set
   /// of this processor.
   static Status Check(const Catalog& catalog, const Options& options);
-  /// With a loader's thread of its own. Errors: as Check's.
+  /// A renderer with a loader thread of its own. Errors: as Check().
   static Result<std::unique_ptr<Renderer>> Create(const Scene& scene, const Options& options);
-  /// With blocks from `source`, which is used on the thread that `executor` posts to. Both must outlive this,
-  /// and that thread must not run tasks of this any more when it is destroyed. Errors: as Check's.
+  /// A renderer with blocks from `source`. The thread that `executor` posts to is the loader's thread and
+  /// uses `source`.
+  /// Requires: `catalog` and `source` outlive the renderer; the thread runs no task of the renderer during or
+  /// after its destruction.
+  /// Errors: as Check().
   static Result<std::unique_ptr<Renderer>> Create(const Catalog& catalog, VoxelSource& source,
                                                   Executor executor, const Options& options, Hooks hooks);
   ~Renderer();
 
-  /// Tiles of a call.
+  /// Tiles of a call to Render().
   struct Progress {
     uint32_t done = 0, all = 0;
   };
-  /// `index`: of the tile among those asked for.
+  /// `index` is the tile's index in the call's `tiles`.
   using OnTile = std::function<void(size_t index, RenderedTile, Progress)>;
-  /// Renders tiles of a view; returns when all are done. `on_tile` is called for one tile at a time, on
-  /// compute threads, in any order. Several calls may be under way at once. Requires: a normalized
-  /// view. Errors: a block cannot be had (then every later call fails too); `stop` was requested
-  /// (kCancelled).
+  /// Renders tiles of a view and returns when all are done. `on_tile` is called on compute threads, in any
+  /// order, for one tile of the call at a time. Several threads may call at once.
+  /// Requires: `view` is normalized; `on_tile` does not call Render(). It may request `stop`.
+  /// Errors: a block cannot be had, and every later call fails too; `stop` was requested (kCancelled).
   Status Render(const View& view, std::span<const Tile> tiles, const OnTile& on_tile,
                 std::stop_token stop = {});
 
-  /// The compute threads, for callers that order tiles one by one. View numbers from kFirstOwnView up are
-  /// taken by Render.
+  /// The compute threads, for callers that order tiles themselves. Their view numbers must be below
+  /// kFirstOwnView; Render() takes the others.
   static constexpr uint64_t kFirstOwnView = uint64_t{1} << 63;
   Engine& engine() { return *engine_; }
-  /// Blocks may be put in before anything is rendered.
+  /// The cache, so that blocks can be put in before the first tile.
   VoxelCache& cache() { return cache_; }
-  /// On the loader's thread: whether no block is on its way.
+  /// Whether no block is on its way. Call on the loader's thread.
   bool idle() const { return loader_->idle(); }
-  /// Microseconds that decoding has taken. On the loader's thread.
+  /// Microseconds spent decoding. Call on the loader's thread.
   uint64_t decode_us() const { return loader_->decode_us(); }
-  /// Has the loader look again for blocks to ask for.
+  /// Makes the loader look again for blocks to request.
   void Wake() { ScheduleLoader(); }
 
  private:
-  /// A call of Render.
+  /// A call of Render() under way.
   struct Call {
-    std::mutex mutex;  ///< all below
+    std::mutex mutex;  ///< guards all below
     std::condition_variable changed;
-    const OnTile* on_tile;  ///< null once the call is over
+    const OnTile* on_tile;    ///< null once the call is over
+    bool delivering = false;  ///< on_tile is running
     Progress progress;
     std::optional<Error> error;
   };
@@ -101,7 +108,7 @@ class Renderer {
 
   const Catalog& catalog_;
   const Hooks hooks_;
-  // A loader's thread of our own, where there is one.
+  // The loader's own thread and its source; unused when an executor was given.
   TaskQueue tasks_;
   std::thread loader_thread_;
   std::optional<Scene> scene_;  ///< keeps the catalog
@@ -111,7 +118,7 @@ class Renderer {
   std::atomic<bool> scheduled_{false};
   VoxelCache cache_;
   std::optional<Loader> loader_;
-  std::mutex mutex_;  ///< calls_, failure_, next_view_
+  std::mutex mutex_;  ///< guards calls_, failure_, next_view_
   std::set<std::shared_ptr<Call>> calls_;
   std::optional<Error> failure_;
   uint64_t next_view_ = kFirstOwnView;

@@ -7,17 +7,16 @@
 
 namespace quarry {
 
-/// The samples of a packet, field by field; the ray that each has under way is in a RayPacket at the same
-/// lane.
+/// The samples of a packet, one array per field. The ray of a sample is in the RayPacket at the same lane.
 struct SamplePacket {
-  /// What a sample is about to do; each step is taken for all samples of a packet together.
+  /// The next step of a sample. A step is done for all samples of a packet together.
   enum Stage { kTraverse, kSurface, kAttributes, kShade, kLight, kShadow, kBounce, kNext, kStages };
   static constexpr int kLanes = RayPacket::kRays;
 
-  uint64_t at[kStages];  ///< lanes, by stage
+  uint64_t at[kStages];  ///< lanes in each stage
   SurfacePacket surface;
   Vectors weight;
-  Vectors light;  ///< what the shadow ray brings if nothing is in its way
+  Vectors light;  ///< radiance that the shadow ray adds if nothing blocks it
   float t_offset[kLanes];
   uint32_t sample[kLanes];
   uint32_t path_code[kLanes];

@@ -9,17 +9,16 @@
 
 namespace quarry {
 
-/// A scene to be rendered in this process, from a store that it can read. A value: copies share the store.
-/// Thread-safe.
+/// A scene from a store that this process can read. Copies share the store. Thread-safe.
 class Scene {
  public:
-  /// Errors: as StoreReader::Open's.
+  /// Opens the store at `path`. Errors: as StoreReader::Open().
   static Result<Scene> Open(const std::string& path);
   explicit Scene(std::shared_ptr<const StoreReader> store) : store_(std::move(store)) {}
 
   const StoreReader& store() const { return *store_; }
   const Catalog& catalog() const { return store_->catalog(); }
-  /// The scene's blocks for one loader, whose thread `executor` posts to.
+  /// A source of the scene's blocks for one loader. `executor` posts to the loader's thread.
   std::unique_ptr<VoxelSource> MakeSource(Executor executor) const;
 
  private:

@@ -9,7 +9,7 @@
 namespace quarry {
 namespace {
 
-constexpr uint32_t kNone = 0xFFFFFFFFu;  // integer layers where nothing is hit
+constexpr uint32_t kNone = 0xFFFFFFFFu;  // value of integer layers where nothing is hit
 
 }  // namespace
 
@@ -52,7 +52,7 @@ Bytes TileFilm::Pixels(const ViewContext& context) const {
     float color[3];
     for (size_t c = 0; c < 3; ++c) color[c] = radiance_[3 * p + c].Mean(context.view.spp);
     std::memcpy(to, color, sizeof color);
-    if (extra > 0)  // without layers there is nothing that could be pointed at
+    if (extra > 0)  // without layers aovs_ is empty
       std::memcpy(to + sizeof color, aovs_.data() + p * extra, extra * 4);
     to += context.words * 4;
   }

@@ -13,13 +13,14 @@
 
 namespace quarry {
 
-/// A part of a view to be rendered at once.
-/// Units: pixels of the view. Requires: it lies in the view, no side longer than 256 lattice points.
+/// A part of a view that is rendered as a whole. A step above 1 selects a lattice of its pixels.
+/// Units: pixels of the view. Requires: it lies in the view; no side exceeds 256 lattice points.
 struct Tile {
   PixelRect pixels;
-  /// Of each square of so many pixels a side one is rendered, at its middle; 1: all.
+  /// Side of the squares that have one lattice point each, at their middle. 1: every pixel is a lattice
+  /// point.
   uint32_t step = 1;
-  /// Hits of sample 0 instead of colours: nothing is shaded, no ray is sent on.
+  /// Whether the result is the hits of sample 0 instead of colours; nothing is shaded then.
   bool hits_only = false;
 
   uint32_t columns() const { return (pixels.width + step - 1) / step; }
@@ -28,12 +29,12 @@ struct Tile {
 
 /// A tile's result. Shapes: rows() x columns() lattice points, row by row.
 struct RenderedTile {
-  Bytes pixels;                  ///< ViewContext::words 32-bit words a point; empty with hits_only
-  std::vector<Hit> hits;         ///< one a point; empty without hits_only
-  std::vector<float> depths;     ///< a depth cell of points each: where the farthest primary ray ends
-  std::vector<BlockKey> blocks;  ///< that its rays have been in, ascending
+  Bytes pixels;                  ///< ViewContext::words 32-bit words per point; empty with hits_only
+  std::vector<Hit> hits;         ///< one per point; empty without hits_only
+  std::vector<float> depths;     ///< per depth cell: t where the farthest primary ray ends
+  std::vector<BlockKey> blocks;  ///< blocks that its rays touched, ascending
   uint64_t rays = 0, rays_suspended = 0;
-  uint64_t compute_us = 0;  ///< wall time of its thread, waiting for blocks not counted
+  uint64_t compute_us = 0;  ///< wall time of its thread without waits for blocks
 };
 
 /// The pixels of a tile under way: the sums of their samples' radiance, the layers and hits of sample 0, and
@@ -41,7 +42,7 @@ struct RenderedTile {
 /// points of the tile, row by row; depths are scene units. Not thread-safe.
 class TileFilm {
  public:
-  /// Begins a tile; memory of the one before is used again.
+  /// Begins a tile and reuses the memory of the last.
   void Open(const ViewContext& view, const Tile& tile);
 
   void Add(uint32_t pixel, const glm::vec3& radiance) {
@@ -50,7 +51,7 @@ class TileFilm {
     to[1].Add(radiance.y);
     to[2].Add(radiance.z);
   }
-  /// A primary ray of the depth cell ends so far from the eye.
+  /// Notes that a primary ray of the depth cell ends at `depth` from the eye.
   void SawTo(uint32_t depth_cell, float depth) { depths_[depth_cell] = std::max(depths_[depth_cell], depth); }
   /// Sets the layers that the view asks for. `ray`: sample 0's; `hit.t` counts from the eye; `surface`: of
   /// the hit, if there is one.
@@ -70,9 +71,9 @@ class TileFilm {
   Bytes Pixels(const ViewContext& view) const;
 
   std::vector<float> depths_;            ///< by depth cell
-  std::vector<FixedRadiance> radiance_;  ///< 3 a pixel; empty with hits_only
-  std::vector<uint32_t> aovs_;           ///< words - 3 a pixel; empty with hits_only
-  std::vector<Hit> hits_;                ///< one a pixel; empty without hits_only
+  std::vector<FixedRadiance> radiance_;  ///< 3 per pixel; empty with hits_only
+  std::vector<uint32_t> aovs_;           ///< words - 3 per pixel; empty with hits_only
+  std::vector<Hit> hits_;                ///< one per pixel; empty without hits_only
 };
 
 }  // namespace quarry

@@ -11,13 +11,13 @@
 namespace quarry {
 namespace {
 
-/// Calls body(i) for each lane i of a packet that is meant.
+/// Calls body(i) for each lane i in `lanes`.
 template <class Body>
 void ForEachLane(uint64_t lanes, Body&& body) {
   for (; lanes != 0; lanes &= lanes - 1) body(static_cast<uint32_t>(std::countr_zero(lanes)));
 }
 
-/// The lanes where values[i] is `value`.
+/// The lanes i with values[i] == value.
 uint64_t LanesWith(uint32_t value, const uint32_t (&values)[RayPacket::kRays]) {
   uint64_t lanes = 0;
   for (uint32_t i = 0; i < RayPacket::kRays; ++i) lanes |= uint64_t{values[i] == value} << i;
@@ -55,7 +55,7 @@ void TileRenderer::Abandon() {
   std::ranges::fill(unfinished_, 0);
 }
 
-/// Generate: the next primary rays that meet the scene's box into a packet whose samples have ended.
+/// Generate: fills a packet whose samples have ended with the next primary rays that meet the scene's box.
 void TileRenderer::StartPacket(uint32_t packet) {
   SamplePacket& s = samples_[packet];
   uint64_t started = 0;
@@ -85,7 +85,7 @@ void TileRenderer::Park(uint32_t packet, uint32_t lane, BlockKey block) {
   ++rays_suspended_;
 }
 
-/// All ready samples to their next rays; the rays traced; what they have found taken up in the next round.
+/// Advances all ready samples to their next rays and traces these; the next round shades the hits.
 void TileRenderer::Round(PinnedBlocks& pins) {
   const auto packets = static_cast<uint32_t>(packets_.size());
   for (uint32_t p = 0; p < packets; ++p) Advance(p, pins);
@@ -105,7 +105,7 @@ void TileRenderer::Trace(PinnedBlocks& pins, const uint64_t* active, bool any) {
   }
 }
 
-/// The rays of `lanes` have come to their ends.
+/// Takes up the rays of `lanes`, which have hit or missed.
 void TileRenderer::Traced(uint32_t packet, uint64_t lanes, bool any) {
   SamplePacket& s = samples_[packet];
   const RayPacket& rays = packets_[packet];
@@ -134,7 +134,7 @@ void TileRenderer::TidyTouched() {
   touched_.erase(std::unique(touched_.begin(), touched_.end()), touched_.end());
 }
 
-/// Nothing was in the ray's way.
+/// Ends a ray that has hit nothing: the background, and depth and layers of a primary ray.
 void TileRenderer::Miss(uint32_t packet, uint32_t lane) {
   const SamplePacket& s = samples_[packet];
   if (s.path_code[lane] == kPrimaryPath) {
@@ -145,7 +145,8 @@ void TileRenderer::Miss(uint32_t packet, uint32_t lane) {
   film_.Add(s.pixel[lane], s.weight[static_cast<int>(lane)] * view_->view.background);
 }
 
-/// The packet's ready samples stage by stage, until each has a ray to trace, waits for a block, or has ended.
+/// Advances the packet's ready samples stage by stage, until each has a ray to trace, waits for a block, or
+/// has ended.
 void TileRenderer::Advance(uint32_t packet, PinnedBlocks& pins) {
   SamplePacket& s = samples_[packet];
   uint64_t ready = std::exchange(ready_[packet], 0);
@@ -164,13 +165,13 @@ void TileRenderer::Advance(uint32_t packet, PinnedBlocks& pins) {
   any_[packet] = ready & s.at[SamplePacket::kShadow];
 }
 
-/// Returns the lanes that wait for their voxel.
+/// Makes the surfaces of hits. Returns: the lanes that wait for their hot block.
 uint64_t TileRenderer::FindSurfaces(uint32_t packet, uint64_t lanes, PinnedBlocks& pins) {
   if (lanes == 0) return 0;
   SamplePacket& s = samples_[packet];
   const RayPacket& rays = packets_[packet];
   uint64_t waiting = 0, shaded = 0;
-  uint32_t voxel = kNoVoxel;  // the last lane's, which is mostly this one's
+  uint32_t voxel = kNoVoxel;  // of the last lane; neighbours mostly share it
   const ResidentBlock* block = nullptr;
   bool has_shading = false;
   ForEachLane(lanes, [&](uint32_t i) {
@@ -198,7 +199,7 @@ uint64_t TileRenderer::FindSurfaces(uint32_t packet, uint64_t lanes, PinnedBlock
   return waiting;
 }
 
-/// Returns the lanes that wait for their voxel's shading.
+/// Adds normals, uv and colours. Returns: the lanes that wait for their shading block.
 uint64_t TileRenderer::FindAttributes(uint32_t packet, uint64_t lanes, PinnedBlocks& pins) {
   if (lanes == 0) return 0;
   SamplePacket& s = samples_[packet];
@@ -276,7 +277,8 @@ void TileRenderer::Occlude(uint32_t packet, uint64_t lanes) {
   s.Move(over, SamplePacket::kLight, SamplePacket::kNext);
 }
 
-/// Shadow rays toward the next light that can shine on each, or on to the bounces.
+/// Makes shadow rays toward the next light that can shine on each sample; samples without one go on to their
+/// bounces.
 void TileRenderer::NextLights(uint32_t packet, uint64_t lanes) {
   if (lanes == 0) return;
   SamplePacket& s = samples_[packet];
@@ -301,7 +303,7 @@ void TileRenderer::NextLights(uint32_t packet, uint64_t lanes) {
          view_->view.mode == RenderMode::kWhitted ? SamplePacket::kBounce : SamplePacket::kNext);
 }
 
-/// The mirror and the transmitted rays, for later.
+/// Puts the reflected and transmitted rays on the pending lists.
 void TileRenderer::Spawn(uint32_t packet, uint64_t lanes) {
   if (lanes == 0) return;
   SamplePacket& s = samples_[packet];
@@ -328,7 +330,7 @@ void TileRenderer::Spawn(uint32_t packet, uint64_t lanes) {
   s.Move(lanes, SamplePacket::kBounce, SamplePacket::kNext);
 }
 
-/// The newest of the rays that were put off; without any a sample has ended.
+/// Takes the newest pending ray; a sample without one has ended.
 void TileRenderer::TakeNext(uint32_t packet, uint64_t lanes) {
   SamplePacket& s = samples_[packet];
   uint64_t begun = 0;

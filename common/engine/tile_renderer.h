@@ -17,27 +17,28 @@
 
 namespace quarry {
 
-/// Renders one tile at a time, never blocking: rays that need an absent block are parked until Resume names
-/// it. Ray states after Purcell et al. 2002, section 3: generate, traverse, shade, and from there new rays,
-/// each with its weight; no recursion. Samples go in packets of 64, an 8x8 block of pixels: a packet's rays
-/// are traced and shaded together, but wait each for itself. Every sample has one ray under way; what it has
-/// still to trace lies in a stack of bounded size in its own slot, so that memory is fixed when a tile is
-/// opened. Pixels do not depend on the order of anything: see FixedRadiance. Owned by one thread.
+/// Renders one tile at a time and never blocks: rays that need an absent block are parked until Resume()
+/// names it. Samples go in packets of 64, an 8x8 square of pixels. The rays of a packet are traced and shaded
+/// together, but each waits on its own. A sample has one ray under way; its further rays lie in a list of
+/// bounded length, so that memory is fixed when the tile is opened. Pixels do not depend on the order of
+/// samples: see FixedRadiance. Owned by one thread.
+/// Source: Purcell et al. 2002, section 3: generate, traverse, shade, then new rays that carry their weight;
+/// no recursion.
 class TileRenderer {
  public:
-  static constexpr uint32_t kPackets = 16;  ///< in flight, at most
+  static constexpr uint32_t kPackets = 16;  ///< limit of packets in flight
 
-  /// Begins a tile; memory of the one before is used again. Requires: done().
+  /// Begins a tile and reuses the memory of the last. Requires: done().
   void Open(std::shared_ptr<const ViewContext> view, const Tile& tile);
 
   /// Rays that wait for one block.
   struct Parked {
     uint32_t rays = 0;
-    OctantMask octants = 0;  ///< that they point to
+    OctantMask octants = 0;  ///< octants of their directions
   };
 
-  /// Takes every ready sample to its next ray, and traces those rays. `want(block, const Parked&)` is called
-  /// once a block that rays have been parked on in this call.
+  /// Advances every ready sample to its next ray and traces these rays. Calls `want(block, const Parked&)`
+  /// once for each block that rays were parked on in this call.
   template <class Want>
   void Step(PinnedBlocks& pins, Want&& want) {
     if (reader_ == 0) reader_ = pins.NewReader();
@@ -47,21 +48,23 @@ class TileRenderer {
     for (const auto& [block, parked] : newly_parked_) want(block, parked);
     newly_parked_.clear();
   }
-  /// Ends the tile where it stands; blocks that its rays wait for may still be delivered.
+  /// Ends the tile unfinished. Blocks that its rays waited for may still be delivered.
   void Abandon();
-  /// Rays parked on `block` are ready again. Requires: the block is pinned during the next Step.
+  /// Makes the rays parked on `block` ready. Requires: the block is pinned during the next Step().
   void Resume(BlockKey block);
 
+  /// Whether Step() has something to do.
   bool has_ready() const {
     return std::ranges::any_of(ready_, [](uint64_t samples) { return samples != 0; });
   }
+  /// Whether all samples have ended.
   bool done() const {
     return std::ranges::all_of(unfinished_, [](uint64_t samples) { return samples == 0; });
   }
   const ViewContext& view() const { return *view_; }
-  /// Bytes that the tile's samples and pixels take.
+  /// Bytes of the tile's samples and pixels.
   size_t memory_bytes() const;
-  /// The result, all but the time. Requires: done().
+  /// Takes the result; `compute_us` is left to the caller. Requires: done().
   RenderedTile Take();
 
  private:
@@ -70,10 +73,12 @@ class TileRenderer {
     uint32_t path_code;
     uint32_t depth;
   };
-  static constexpr size_t kMostPending =
-      kMostBounces + 1;  ///< the newest goes first, so at most one waits per depth, and two at the last
-  static constexpr size_t kMostTouched = 1u << 14;  ///< then repetitions go
-  /// Rooms for what is gathered from voxels, used by one packet after the other.
+  /// Limit of a sample's pending rays. The newest goes first, so at most one waits at each depth and two at
+  /// the last.
+  static constexpr size_t kMostPending = kMostBounces + 1;
+  /// Length of touched_ at which repetitions are removed; 128 KiB.
+  static constexpr size_t kMostTouched = 1u << 14;
+  /// Scratch memory for data gathered from voxels; packets use it one after the other.
   struct Gathered {
     TrianglePacket triangles;
     AttributePacket attributes;
@@ -110,15 +115,15 @@ class TileRenderer {
   EyeRayGenerator eye_rays_;
   std::vector<RayPacket> packets_;
   std::vector<SamplePacket> samples_;
-  std::vector<Pending> pending_;  ///< only where rays bounce
+  std::vector<Pending> pending_;  ///< empty where rays do not bounce
   std::unique_ptr<Gathered> gathered_ = std::make_unique<Gathered>();
-  uint64_t ready_[kPackets] = {};               ///< samples that can go on, as bits
+  uint64_t ready_[kPackets] = {};               ///< samples that can go on, a bit each
   uint64_t closest_[kPackets], any_[kPackets];  ///< rays to trace in this round
-  uint64_t unfinished_[kPackets] = {};          ///< samples of the packet still under way
+  uint64_t unfinished_[kPackets] = {};          ///< samples under way, a bit each
   std::unordered_map<BlockKey, std::vector<uint32_t>> parked_;
   std::unordered_map<BlockKey, Parked> newly_parked_;
   uint64_t rays_ = 0, rays_suspended_ = 0;
-  uint32_t reader_ = 0;            ///< see PinnedBlocks::LogTo; 0: none yet
+  uint32_t reader_ = 0;            ///< see PinnedBlocks::LogTo(); 0: none yet
   std::vector<BlockKey> touched_;  ///< with repetitions
   TileFilm film_;
 };

@@ -20,8 +20,8 @@ inline float DefaultAoDistance(const SceneMeta& scene) {
   return kShare * std::sqrt(glm::dot(size, size));
 }
 
-/// A view of a scene, prepared once for all of its tiles. Immutable but for `abandoned`.
-/// Requires: a normalized view.
+/// A view of a scene, prepared once for all of its tiles. Immutable except `abandoned`.
+/// Requires: the view is normalized.
 struct ViewContext {
   ViewContext(View a_view, const Catalog& scene)
       : view(std::move(a_view)),
@@ -35,10 +35,10 @@ struct ViewContext {
   const Catalog& catalog;
   const TopTree top;
   const Camera camera;
-  const uint32_t words;                ///< 32-bit words a pixel
+  const uint32_t words;                ///< 32-bit words per pixel
   const float ao_distance;             ///< scene units
   const glm::vec3 up;                  ///< the dome's zenith in kAo; a unit vector
-  std::atomic<bool> abandoned{false};  ///< nobody waits for its tiles any more
+  std::atomic<bool> abandoned{false};  ///< its tiles are wanted no more
 };
 
 }  // namespace quarry

@@ -14,9 +14,9 @@
 namespace quarry {
 namespace {
 
-/// Most streams that are passed over after a stream that three quarters of its rays have left: 1, then 3,
-/// then 7. Rays of streams passed over are traced one by one at once (tests/bench/history/kdtree.md,
-/// 2026-11-24).
+/// Limit of streams skipped after a stream that three quarters of its rays have left: 1, then 3, then 7. Rays
+/// of skipped streams are traced singly. Trades failed streams against coherent rays that are noticed late
+/// (tests/bench/history/kdtree.md, 2026-11-24).
 constexpr uint32_t kMostPassedOver = 7;
 
 uint32_t CountRays(const uint64_t* active, uint32_t count) {
@@ -60,7 +60,7 @@ void TraceRays(const TopTree& top, const VoxelFinder& finder, RayPacket* packets
   static const Kernel& packet = BestKernel(Grouping::kWidePacket);
   static const Kernel& stream = BestKernel(Grouping::kStream);
   static const Kernel& single = BestKernel(Grouping::kWide);
-  uint32_t to_pass_over = 0, passed_over = 0;  // streams, since most rays left a stream
+  uint32_t to_pass_over = 0, passed_over = 0;  // streams to skip, and skipped so far
   for (uint32_t first = 0; first < count; first += kStreamPackets) {
     uint64_t left[kStreamPackets];
     const uint32_t n = std::min(kStreamPackets, count - first);

@@ -10,9 +10,9 @@
 
 namespace quarry {
 
-/// The scalar lane type: one ray. A lane type names the vectors and gives the operations below; kernels use
-/// no others, so that a SIMD or CUDA instance is a new lane type and not a new kernel. Fused multiply-add is
-/// explicit: the compiler contracts nothing.
+/// The scalar lane type, with a single lane. A lane type defines vector types and the operations below.
+/// Kernels use nothing else, so a SIMD or CUDA instance of a kernel is a new lane type. Fused multiply-add is
+/// explicit: the compiler contracts nothing. Thread-safe.
 struct ScalarLane {
   static constexpr uint32_t kLanes = 1;
   static constexpr uint32_t kAllLanes = 1;  ///< as bits
@@ -51,7 +51,7 @@ struct ScalarLane {
   QUARRY_HOST_DEVICE static Mask LessInt(Int a, Int b) { return a < b; }
   QUARRY_HOST_DEVICE static Mask EqualInt(Int a, Int b) { return a == b; }
   QUARRY_HOST_DEVICE static Mask HasBits(Int a, uint32_t bits) { return (a & bits) == bits; }
-  QUARRY_HOST_DEVICE static Int Iota() { return 0; }  ///< each lane its number
+  QUARRY_HOST_DEVICE static Int Iota() { return 0; }  ///< the lanes' numbers
   QUARRY_HOST_DEVICE static Int AddInt(Int a, Int b) { return a + b; }
   template <int kBits>
   QUARRY_HOST_DEVICE static Int ShiftRight(Int a) {
@@ -79,8 +79,8 @@ struct ScalarLane {
   QUARRY_HOST_DEVICE static Double MaxDouble(Double a, Double b) { return a > b ? a : b; }
   QUARRY_HOST_DEVICE static Float Join(HalfFloat low, HalfFloat) { return low; }
 
-  /// Writes to `out`, in order, the `ids` whose mask has bit `bit` set; returns their number. One vector may
-  /// be read behind `masks` and `ids`, and written behind the last id. `out` overlaps neither.
+  /// Writes to `out`, in order, the `ids` whose mask has bit `bit` set. Returns: their number. Requires: one
+  /// vector may be read behind `masks` and `ids`, and written behind the last id; `out` overlaps neither.
   QUARRY_HOST_DEVICE static uint32_t Choose(const uint8_t* masks, uint32_t bit, const uint32_t* ids,
                                             uint32_t n, uint32_t* out) {
     uint32_t m = 0;
@@ -91,9 +91,9 @@ struct ScalarLane {
     return m;
   }
   QUARRY_HOST_DEVICE static float Least(Float x) { return x; }
-  /// Asks for `bytes` from a cache line's start on, into the first-level cache.
+  /// Prefetches `bytes`, from the start of a cache line, into the first-level cache.
   QUARRY_HOST_DEVICE static void Prefetch(const void*, size_t) {}
-  /// The same into the second-level cache: for data that is long or needed later.
+  /// Prefetches into the second-level cache: for long data, or data needed later.
   QUARRY_HOST_DEVICE static void PrefetchFar(const void*, size_t) {}
   /// The nodes at `at[lane]`, as payloads and links.
   QUARRY_HOST_DEVICE static void GatherNodes(const KdNode* const* at, Int& payload, Int& link) {

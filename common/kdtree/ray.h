@@ -17,24 +17,24 @@ struct Hit {
   float t = kInfinity;              ///< multiples of |direction|
   uint32_t triangle = kNoTriangle;  ///< scene-wide triangle id
   float b1 = 0, b2 = 0;             ///< barycentric weights of the second and third vertex
-  uint32_t voxel = kNoVoxel;        ///< a voxel that holds the triangle (the one it was found in)
+  uint32_t voxel = kNoVoxel;        ///< the voxel in which the triangle was found
   uint32_t local = 0;               ///< the triangle's index in that voxel
 };
 
-/// How far from 0 rays may start, along each axis, in units of the scene's largest coordinate in magnitude.
+/// Limit of a ray origin's coordinates, in multiples of the scene's largest coordinate in magnitude.
 inline constexpr float kReach = 2;
 
-/// A ray on its way: suspended anywhere, it resumes from these values.
+/// A ray under way. A suspended ray resumes from these values alone.
 /// Units: positions in scene units; t in multiples of |direction|.
 /// Requires: |direction| about 1; the origin's coordinates at most kReach times the scene's largest
 /// (PrimaryRay and shading ensure it; ReferencePadding depends on it).
 struct Ray {
   glm::vec3 origin{0};
-  float t = 0;  ///< reached so far: no hit before it is missing
+  float t = 0;  ///< reached so far: all hits before it have been found
   glm::vec3 direction{0, 0, 1};
-  float t_max = kInfinity;  ///< hits at or beyond it do not count
+  float t_max = kInfinity;  ///< hits must lie before it
   Hit hit;
-  uint32_t chain = 0;  ///< the voxel of a chain to go on with at `t`; 0: the chain's first
+  uint32_t chain = 0;  ///< the voxel of a chain to continue with at `t`; 0: the first
 };
 
 }  // namespace quarry

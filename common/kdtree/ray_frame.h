@@ -6,9 +6,9 @@
 
 namespace quarry {
 
-/// Values that traversal and the triangle test derive from a ray once: reciprocals of the direction, and the
-/// shear that makes the ray the z axis of a space whose unit is the ray's own t. Source: Woop, Benthin & Wald
-/// 2013, "Watertight Ray/Triangle Intersection", section 3.1.
+/// Values that traversal and the triangle test derive once from a ray: reciprocals of the direction, and the
+/// shear that makes the ray the z axis of a space whose unit is the t of the ray.
+/// Source: Woop, Benthin & Wald 2013, "Watertight Ray/Triangle Intersection", section 3.1.
 template <class L>
 struct RayFrame {
   using Float = typename L::Float;
@@ -20,10 +20,10 @@ struct RayFrame {
   Mask z_is_x, z_is_y;  ///< the direction's largest axis; neither: z
 };
 
-/// The t at which rays meet the plane at `plane` (scene units) across `axis`. Every kernel finds the cell of
+/// The t at which rays meet the plane at `plane` (scene units) across `axis`. Every kernel finds the cells of
 /// a ray by this arithmetic, at the top level and in voxels. It never decreases along a ray from plane to
-/// plane, so that all kernels agree to the last bit on the cell that a ray is in at a given t. Hence a
-/// suspended ray goes on in the voxel that it waited for, whichever kernel takes it up.
+/// plane, so all kernels agree to the last bit on the cell of a ray at a given t. A suspended ray therefore
+/// continues in the voxel that it waited for, in any kernel.
 template <class L>
 QUARRY_HOST_DEVICE inline typename L::Float PlaneT(const RayFrame<L>& ray, typename L::Float plane,
                                                    int axis) {

@@ -9,27 +9,26 @@
 
 namespace quarry {
 
-/// 64 rays side by side, as kernels read and write them: the fields of Ray, each an array. In a coherent
-/// packet ray i belongs to pixel (i % 8, i / 8) of an 8x8 block; for other kernels the order is free. A
-/// suspended ray stays in its packet, and goes on from there. 3,840 bytes. Not synchronized: one thread at a
-/// time.
+/// 64 rays, one array per field of Ray, as kernels read and write them. In a coherent packet ray i belongs to
+/// pixel (i % 8, i / 8) of an 8x8 square; other kernels need no order. A suspended ray stays in its packet.
+/// Memory: 3,840 bytes. Not thread-safe.
 struct alignas(64) RayPacket {
   static constexpr uint32_t kSide = 8;
   static constexpr uint32_t kRays = kSide * kSide;
 
   float origin[3][kRays];
   float direction[3][kRays];
-  float t[kRays];             ///< reached so far: no hit before it is missing
+  float t[kRays];             ///< reached so far: all hits before it have been found
   float hit_t[kRays];         ///< of the nearest hit so far, or the greatest t at which a hit would count
   uint32_t triangle[kRays];   ///< scene-wide id of the triangle hit; kNoTriangle: none
-  uint32_t chain[kRays];      ///< the voxel of a chain to go on with at `t`; 0: the chain's first
-  uint32_t waits_for[kRays];  ///< out: the voxel without which the ray cannot go on, or kNoVoxel: it is done
-  // The fields below are not used where any hit ends a ray.
+  uint32_t chain[kRays];      ///< the voxel of a chain to continue with at `t`; 0: the first
+  uint32_t waits_for[kRays];  ///< result: the missing voxel that the ray needs; kNoVoxel: done
+  // Any-hit functions do not use the fields below.
   float b1[kRays], b2[kRays];  ///< barycentric weights of the second and third vertex
-  uint32_t voxel[kRays];       ///< a voxel that holds the triangle (the one it was found in)
+  uint32_t voxel[kRays];       ///< the voxel in which the triangle was found
   uint32_t local[kRays];       ///< the triangle's index in that voxel
 
-  /// Bytes of the fields that are used.
+  /// Bytes of the fields that are in use.
   static constexpr size_t Bytes(bool any_hit) { return (any_hit ? 11 : 15) * sizeof(float[kRays]); }
 
   void Set(uint32_t i, const Ray& ray) {
@@ -47,7 +46,7 @@ struct alignas(64) RayPacket {
     chain[i] = ray.chain;
     waits_for[i] = kNoVoxel;
   }
-  /// Starts new rays in all lanes, from t = 0 to infinity.
+  /// Sets all lanes to new rays, from t = 0 to infinity.
   void SetAll(const float (&origins)[3][kRays], const float (&directions)[3][kRays]) {
     for (int a = 0; a < 3; ++a) {
       std::copy_n(origins[a], kRays, origin[a]);

@@ -8,14 +8,15 @@
 
 namespace quarry {
 
-/// Rays yet to start: bit i of masks[p] names ray i of packets[p]. One thread at a time.
+/// The rays that a kernel has yet to start. Shapes: bit i of masks[p] selects ray i of packets[p]. Not
+/// thread-safe.
 struct RaySource {
   RayPacket* packets;
   const uint64_t* masks;
   uint32_t count, next = 0;
   uint64_t left = 0;
 
-  /// Takes the next ray: ray `index` of `packet`. False when no ray is left.
+  /// Takes the next ray, ray `index` of `packet`. Returns: false when no ray is left.
   QUARRY_HOST_DEVICE bool Next(RayPacket*& packet, uint32_t& index) {
     while (left == 0) {
       if (next == count) return false;

@@ -1,6 +1,6 @@
 #pragma once
 
-// Highway's static target only; x86-64-v3 has all that its AVX2 needs but AES.
+// Only Highway's static target; x86-64-v3 has all that its AVX2 target needs except AES.
 #define HWY_COMPILE_ONLY_STATIC
 #define HWY_DISABLE_PCLMUL_AES
 #include <hwy/cache_control.h>
@@ -10,16 +10,16 @@
 
 #include "common/kdtree/node.h"
 
-// The only file that names Highway. A source file that includes it is compiled for one instruction set
-// (-march) and instantiates the kernels for it; the types below then lie in that target's own namespace, so
-// that instances for several targets live in one program.
+// The only file that uses Highway. A source file that includes it is compiled for one instruction set
+// (-march) and instantiates the kernels for it. The types below are in the namespace of that target, so that
+// a program can hold instances for several targets.
 
 namespace quarry {
 namespace HWY_NAMESPACE {  // NOLINT
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// Vectors of `kWidth` lanes. See ScalarLane for what the operations mean.
+/// Vectors of `kWidth` lanes. ScalarLane describes the operations.
 template <uint32_t kWidth>
 struct SimdLanes {
   static constexpr uint32_t kLanes = kWidth;
@@ -141,7 +141,7 @@ struct SimdLanes {
     else
       return BlockPair(at[0] + first, at[4] + first);
   }
-  /// Blocks the other way.
+  /// The inverse: writes the blocks.
   template <class V>
   static HWY_INLINE void StoreBlocks(V x, float* const* at, uint32_t first) {
     const hn::DFromV<V> d;
@@ -176,7 +176,7 @@ struct SimdLanes {
     return m;
   }
   static HWY_INLINE float Least(Float x) { return hn::GetLane(hn::MinOfLanes(FloatTag(), x)); }
-  /// By single loads: faster than gathers where microcode slows these down (tests/bench/history/kdtree.md).
+  /// Single loads are faster than gathers where microcode slows gathers down (tests/bench/history/kdtree.md).
   static HWY_INLINE void GatherNodes(const KdNode* const* at, Int& payload, Int& link) {
     const auto low = hn::BitCast(IntTag(), Words(at)), high = hn::BitCast(IntTag(), Words(at + kLanes / 2));
     payload = hn::ConcatEven(IntTag(), high, low);
@@ -193,7 +193,7 @@ struct SimdLanes {
 #pragma GCC unroll 4
     for (uint32_t i = 0; i < 4; ++i) StoreBlocks(r[i], at + i, first);
   }
-  /// Lane by lane and not corner by corner: so the places of eight triangles need not be kept somewhere.
+  /// Lane by lane rather than corner by corner, so that the addresses of eight triangles need no registers.
   template <class At>
   static HWY_INLINE void GatherCorners(At&& at, uint32_t last, Float (&x)[3], Float (&y)[3], Float (&z)[3]) {
     static_assert(kLanes == 8);
@@ -239,9 +239,9 @@ struct SimdLanes {
     return static_cast<uint32_t>(bits);
   }
 };
-/// As many rays as a float vector of this target has lanes.
+/// Rays: as many lanes as a float vector of this target has.
 using SimdLane = SimdLanes<HWY_LANES(float)>;
-/// Eight lanes on any target, for wide nodes.
+/// Children of a wide node: eight lanes on every target.
 using WideLane = SimdLanes<8>;
 static_assert(SimdLane::kLanes == 8 || SimdLane::kLanes == 16, "AVX2 or AVX-512");
 

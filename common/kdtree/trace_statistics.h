@@ -4,7 +4,7 @@
 
 namespace quarry {
 
-/// Counts of a kernel's work, for `quarry bench`. Lanes: used, and available.
+/// Counts of a kernel's work, for `quarry bench`. Pairs of lanes: used and available.
 struct TraceStatistics {
   uint64_t rays = 0;
   uint64_t node_steps = 0, node_lanes_used = 0, node_lanes = 0;

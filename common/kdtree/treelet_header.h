@@ -6,7 +6,7 @@
 
 namespace quarry {
 
-/// Node slots of a header.
+/// The number of node slots of a header.
 inline constexpr uint32_t kTreeletHeaderSlots = 4;
 
 /// The header of a treelet, in the four slots before its first pair. See treelets.h.

@@ -11,7 +11,7 @@
 
 namespace quarry {
 
-/// The corners of one triangle, scene units; each may be read as four floats.
+/// The corners of a triangle, scene units. Each may be read as four floats.
 struct TrianglePoints {
   const float* at[3];
 };
@@ -28,7 +28,7 @@ struct VoxelGeometryOf {
   const uint32_t* triangle_ids = nullptr;  ///< scene-wide ids
   const uint16_t* materials = nullptr;     ///< a triangle's material
   const uint32_t* parts = nullptr;         ///< a triangle's part
-  const WideNode* wide = nullptr;          ///< the same tree in wide nodes, derived at decode
+  const WideNode* wide = nullptr;          ///< the same tree as wide nodes, derived at decode
   uint32_t node_count = 0, wide_count = 0, reference_count = 0, triangle_count = 0, vertex_count = 0;
 
   const glm::vec3& vertex(uint32_t triangle, int corner) const {
@@ -50,23 +50,23 @@ struct VoxelBounds {
   float lower[3], upper[3];
 };
 
-/// The top-level tree, whole on every worker: a leaf is a voxel, a voxel chain, or empty. Read-only and
-/// thread-safe.
+/// The top-level tree, which every worker holds whole. A leaf is a voxel, a voxel chain, or empty. Read-only
+/// and thread-safe.
 struct TopTree {
   const KdNode* nodes = nullptr;  ///< in treelets, headers filled in
   const uint32_t* chain_end =
       nullptr;  ///< per voxel: one past the last of its leaf, whose ids follow each other
   const VoxelBounds* bounds = nullptr;  ///< per voxel: rays that miss the box do not visit the voxel
   glm::vec3 lower{0}, upper{0};         ///< the root's box: the scene's bounds, padded
-  /// The same tree in wide nodes, derived; boxes cut down to their content.
+  /// The same tree as wide nodes, with boxes cut down to their content; derived at decode.
   const WideNode* wide = nullptr;
 
   /// The next voxel of the same leaf, or kNoVoxel.
   QUARRY_HOST_DEVICE uint32_t NextInChain(uint32_t voxel) const {
     return voxel + 1 < chain_end[voxel] ? voxel + 1 : kNoVoxel;
   }
-  /// The voxel that a ray goes on with in the leaf whose first voxel is `first`: `voxel`, which it has waited
-  /// for, if the leaf has it; else `first`.
+  /// The voxel with which a ray continues in the leaf whose first voxel is `first`: `voxel`, for which it has
+  /// waited, if the leaf has it; else `first`.
   QUARRY_HOST_DEVICE uint32_t GoOnInChain(uint32_t first, uint32_t voxel) const {
     return first < voxel && voxel < chain_end[first] ? voxel : first;
   }

@@ -26,7 +26,9 @@ constexpr size_t kMaxNewcomers = 64;
 /// Pause between accepts while each new connection makes another drop. With 32 places a new connection then
 /// has 160 ms to send its greeting.
 constexpr auto kCrowded = std::chrono::milliseconds(5);
-// Pause before the next accept when the process can open no more files.
+/// Pause before the next accept when the process can open no more files. Trades a core spent on failing
+/// accepts against the delay of a new connection. A judgement: ten accepts a second cost nothing, and a peer
+/// waits 10 s for its connection.
 constexpr auto kNoFiles = std::chrono::milliseconds(100);
 // Period of the checks for silent and slow connections.
 constexpr auto kWatchEvery = std::chrono::seconds(1);

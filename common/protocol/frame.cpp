@@ -17,7 +17,7 @@ struct Limits {
   uint32_t table, raw;
 };
 
-constexpr uint32_t kSmall = 1u << 10;  // of tables without lists
+constexpr uint32_t kSmall = 1u << 10;  // limit of tables without lists
 
 Limits LimitsOf(MessageType type) {
   switch (type) {
@@ -118,14 +118,15 @@ Result<FrameHeader> DecodeFrameHeader(std::span<const std::byte> bytes, Speaker 
   ByteReader in(bytes);
   const auto magic = in.Get<uint32_t>();
   const auto type = in.Get<uint16_t>();
-  in.Get<uint16_t>();
+  const auto reserved = in.Get<uint16_t>();
   FrameHeader header{};
   header.request = in.Get<uint64_t>();
   header.table_bytes = in.Get<uint32_t>();
   header.raw_bytes = in.Get<uint32_t>();
   header.checksum = in.Get<uint64_t>();
   const auto own_checksum = in.Get<uint64_t>();
-  if (!in.done() || magic != kFrameMagic) return Fail("received bytes that are not a Quarry message");
+  if (!in.done() || magic != kFrameMagic || reserved != 0)
+    return Fail("received bytes that are not a Quarry message");
   if (Checksum(bytes.first(kFrameHeaderBytes - sizeof own_checksum)) != own_checksum)
     return Fail("received a message that was damaged on its way (checksum of its header)");
   if (type == 0 || type >= kMessageTypes)

@@ -7,20 +7,23 @@
 #include "common/base/bytes.h"
 #include "common/base/status.h"
 
-// Bytes on the wire, whatever carries them. PROTOCOL.md gives them one by one.
+// The bytes of the protocol, independent of the transport. PROTOCOL.md gives them one by one. Thread-safe:
+// functions use only their arguments. All numbers are little-endian, all sizes are bytes.
 
 namespace quarry {
 
-/// Moves freely until the first release; programs of different protocol versions do not talk.
+/// The version of the protocol. Programs of different versions refuse each other; it may change freely until
+/// the first release.
 inline constexpr uint32_t kProtocolVersion = 7;
 
-/// Each side's first bytes, of one layout for good: "QUARRY\0\0", protocol version (4), the program's version
-/// as zero-padded text (20).
+/// The preamble, the first bytes of each side. Its layout never changes: "QUARRY\0\0" (8), protocol version
+/// (4), the program's version as zero-padded text (20).
 inline constexpr size_t kPreambleBytes = 32;
 Bytes EncodePreamble(uint32_t protocol = kProtocolVersion, const std::string& version = {});
-/// Errors: not Quarry at all; another protocol version (a sentence that names both).
+/// Errors: not a preamble of Quarry; another protocol version, in a sentence that names both.
 Status CheckPreamble(std::span<const std::byte> bytes);
 
+/// Types of messages; PROTOCOL.md tells who sends each.
 enum class MessageType : uint16_t {
   kHello = 1,
   kWelcome,
@@ -36,24 +39,26 @@ enum class MessageType : uint16_t {
   kBlockRequest,
   kBlock,  ///< raw: the stored block
   kPeers,
-  kPing,  ///< nothing in it: the sender lives
+  kPing,  ///< empty; shows that the sender lives
 };
 inline constexpr uint16_t kMessageTypes = 16;  ///< one past the last
 
-/// Masters, workers and clients send something at least so often, and take for lost who sends not a byte for
-/// so long.
+/// Seconds. Masters, workers and clients send a message at least every kHeartbeatS, and drop a peer that
+/// sends no byte for kSilenceS. Trades the time until a dead peer is noticed against dropping a peer whose
+/// machine is busy or whose messages are delayed. A judgement: silence lasts six heartbeats.
 inline constexpr double kHeartbeatS = 1, kSilenceS = 6;
 
+/// A message in memory.
 struct Message {
   MessageType type = MessageType::kFailure;
-  uint64_t request = 0;  ///< an answer carries its question's
-  Bytes table;           ///< a FlatBuffer, see messages.fbs; may be empty
+  uint64_t request = 0;  ///< an answer has its request's number
+  Bytes table;           ///< a FlatBuffer of messages.fbs, or empty
   Bytes raw;
 };
 
-/// Before each message: "QRY1", type (2), zero (2), request (8), table bytes (4), raw bytes (4), checksum of
-/// table and raw (8), checksum of the 32 bytes before (8). A byte that changed on its way is noticed whatever
-/// it belongs to; a changed length before it is waited for.
+/// The header before each message: "QRY1" (4), type (2), zero (2), request (8), table bytes (4), raw bytes
+/// (4), checksum of table and raw (8), checksum of the 32 bytes before (8). The second checksum finds a
+/// damaged length before the receiver waits for so many bytes.
 inline constexpr size_t kFrameHeaderBytes = 40;
 struct FrameHeader {
   MessageType type;
@@ -62,21 +67,23 @@ struct FrameHeader {
   uint64_t checksum;  ///< of table and raw
 };
 Bytes EncodeFrameHeader(const Message& message);
-/// Who is at the other end, as far as this side knows: which messages may come, and how large they may be.
+/// The peer as far as this side knows it. Decides the messages that may come.
 enum class Speaker : uint8_t {
-  kAnyone,    ///< every type, by the type's own limit
-  kStranger,  ///< has connected and not greeted
-  kWorker,    ///< these three have greeted whoever listens, by their Role
-  kVoxels,
-  kClient,
-  kMasterOfWorkers,  ///< these three answer whoever has connected
-  kMasterOfClients,
-  kVoxelServer,
+  kAnyone,           ///< may send every type
+  kStranger,         ///< connected, and has sent no Hello
+  kWorker,           ///< sent a Hello with Role::kWorker
+  kVoxels,           ///< sent a Hello with Role::kVoxels
+  kClient,           ///< sent a Hello with Role::kClient
+  kMasterOfWorkers,  ///< accepted a worker's connection
+  kMasterOfClients,  ///< accepted a client's connection
+  kVoxelServer,      ///< accepted the connection of a Role::kVoxels
 };
-/// Errors: not a frame, damaged, an unknown type, a type that is not for `speaker` to send, a size beyond
-/// that type's limit. Nothing may be allocated before this.
+/// Decodes and checks a header; nothing may be allocated for the message before.
+/// Shapes: bytes[kFrameHeaderBytes].
+/// Errors: not a frame; damaged; an unknown type; a type that `speaker` may not send; a size beyond the
+/// type's limit.
 Result<FrameHeader> DecodeFrameHeader(std::span<const std::byte> bytes, Speaker speaker = Speaker::kAnyone);
-/// Whether table and raw are those that the header was made for. Error: they are not.
+/// Checks the checksum of table and raw. Errors: it differs from the header's.
 Status CheckContent(const FrameHeader& header, const Message& message);
 
 }  // namespace quarry

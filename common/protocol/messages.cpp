@@ -6,19 +6,19 @@
 
 #include "messages_generated.h"
 
-// Fields are read where they lie in the verified buffer. FlatBuffers lets any number of references name one
-// table, vector or string, so a small message can unpack to gigabytes: every count and length is checked
-// before anything is copied, and what repeats must have the bytes that it would take without sharing.
+// Fields are read in place from the verified buffer. FlatBuffers allows many references to one table, vector
+// or string, so a small message could unpack to gigabytes. Therefore every count and length is checked before
+// anything is copied, and the message must have as many bytes as its lists take without sharing.
 
 namespace quarry {
 namespace {
 
-/// Bytes that a camera and a light take at least in a message: an encoder shares none of them.
+/// Least bytes of a camera, a light and a string in a message from Encode(), which shares none.
 constexpr size_t kLeastCameraBytes = 96, kLeastLightBytes = 56, kLeastStringBytes = 9;
-/// The longest text of a message that is no list; a failure or a frame's statistics have less.
+/// Limit of a text. A failure or a frame's statistics are shorter.
 constexpr size_t kMostTextBytes = 1u << 20;
 
-/// The root table, verified; null: not well formed. Points into `bytes`.
+/// The verified root table, which points into `bytes`. Returns: null when not well formed.
 template <class Table>
 const Table* Root(std::span<const std::byte> bytes) {
   flatbuffers::Verifier verifier(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size(), 16,
@@ -46,7 +46,7 @@ bool Read(const flatbuffers::Vector<typename V::value_type>* values, V& v) {
   return true;
 }
 
-/// False: they name bytes more than once, or are longer than the message.
+/// Copies texts. Returns: false when their bytes exceed the message, so that texts share bytes.
 bool Read(const flatbuffers::Vector<flatbuffers::Offset<flatbuffers::String>>* texts, size_t message_bytes,
           std::vector<std::string>& out) {
   size_t bytes = 0;
@@ -71,7 +71,7 @@ bool ReadCamera(const wire::Camera& c, CameraSpec& camera) {
   return Read(c.eye(), camera.eye) && Read(c.at(), camera.at) && Read(c.up(), camera.up);
 }
 
-/// Without the camera.
+/// Copies a view but for its camera. Errors: too many lights, or entries that share bytes.
 Status ReadView(const wire::View& w, size_t message_bytes, View& view) {
   const size_t lights = SizeOf(w.lights());
   if (SizeOf(w.crop()) != 4 || !Read(w.ambient(), view.ambient) || !Read(w.background(), view.background) ||
@@ -112,14 +112,14 @@ Result<RenderJob> ReadJob(const wire::Job& w, size_t message_bytes) {
   return job;
 }
 
-/// What another program says is printed, and written as JSON: UTF-8 that moves no cursor.
+/// The text as UTF-8 without control characters: it is printed on terminals and written as JSON.
 std::string Legible(const flatbuffers::String* text) {
   std::string legible;
   if (!text) return legible;
   const char* at = text->c_str();
   while (at < text->c_str() + text->size()) {
     const char* next = at;
-    const int code = flatbuffers::FromUTF8(&next);  // a sequence that is none, or cut off, is -1
+    const int code = flatbuffers::FromUTF8(&next);  // -1 for an invalid or cut sequence
     if (code < ' ' || (code >= 0x7f && code < 0xa0)) {
       legible += '?';
       ++at;

@@ -11,6 +11,7 @@
 
 namespace quarry {
 
+/// The purpose of a connection, stated by the side that connects.
 enum class Role : uint8_t { kWorker = 0, kVoxels = 1, kClient = 2 };
 
 /// The first message of a connection, from the side that connected.
@@ -18,84 +19,95 @@ struct Hello {
   Role role = Role::kWorker;
   std::string name;
   uint32_t threads = 0;
-  uint64_t instance = 0;   ///< a worker's own number, by which a master knows it again after a loss
-  uint16_t serves_at = 0;  ///< port at which a worker serves blocks to others; 0: it does not
+  uint64_t instance = 0;   ///< a worker's random number, which identifies it after a loss of the connection
+  uint16_t serves_at = 0;  ///< port at which a worker serves blocks to others; 0: none
 };
+/// The answer to a Hello.
 struct Welcome {
   SceneId scene_id{};
   uint32_t worker = 0;
-  std::vector<std::string> sources;  ///< where blocks come from, see SourceList
+  std::vector<std::string> sources;  ///< sources of blocks, as ParseSource() reads them
 };
-/// A sentence for the person, before the connection ends.
+/// The reason why the sender ends a connection or refuses a request: a sentence for the user.
 struct Failure {
   std::string message;
 };
+/// Asks for the frames of a job.
 struct JobRequest {
   RenderJob job;
-  uint32_t have = 0;  ///< so many frames, from the first, are not sent again
+  uint32_t have = 0;  ///< the client has the first `have` frames; they are not sent
 };
+/// Progress of the frame that the client waits for.
 struct FrameProgress {
   uint32_t frame = 0, tiles_done = 0, tiles = 0, workers = 0;
 };
+/// A finished frame; the raw part is the image file.
 struct FrameDone {
   uint32_t frame = 0;
   std::string statistics;  ///< JSON
 };
+/// A frame to render.
 struct FrameSetup {
-  uint64_t frame = 0;  ///< its id, which tiles name
+  uint64_t frame = 0;  ///< its number, which its tiles name
   View view;
-  uint64_t oldest = 0;  ///< frames below this are over
+  uint64_t oldest = 0;  ///< frames below this number have ended
 };
-/// A tile handed out under a lease: results under another lease or of another frame are dropped.
+/// A tile to render under a lease. A result with another lease or of another frame is dropped.
+/// Units: pixels.
 struct TileOrder {
   uint64_t frame = 0;
   uint32_t tile = 0;
   uint64_t lease = 0;
   uint32_t x = 0, y = 0, width = 0, height = 0;
-  std::vector<uint32_t> blocks;   ///< expected to be needed and not to be there; a hint
-  std::vector<uint32_t> holders;  ///< for each of them a worker that has it, or 0; a hint
+  std::vector<uint32_t> blocks;   ///< hint: blocks that the tile needs and the worker lacks
+  std::vector<uint32_t> holders;  ///< hint: for each of `blocks` a worker that has it, or 0
 };
-inline constexpr size_t kMaxTileBlocks = 1u << 20;  ///< blocks that a message about a tile may name
-inline constexpr size_t kMaxTileHints = 4096;       ///< blocks that a tile order may name
+inline constexpr size_t kMaxTileBlocks = 1u << 20;  ///< limit of blocks in a TileDone
+inline constexpr size_t kMaxTileHints = 4096;       ///< limit of blocks in a TileOrder
+/// A rendered tile; the raw part is its pixels.
 struct TileDone {
   uint64_t frame = 0;
   uint32_t tile = 0;
   uint64_t lease = 0;
   uint64_t rays = 0, rays_suspended = 0;
-  uint64_t compute_us = 0;       ///< time spent on it, waiting for blocks not counted
-  std::vector<float> depths;     ///< of its depth cells, row by row: where the farthest primary ray ends
-  std::vector<uint32_t> blocks;  ///< that its rays have been in, ascending
+  uint64_t compute_us = 0;       ///< time spent on the tile, without waits for blocks
+  std::vector<float> depths;     ///< per depth cell, row by row: t where the farthest primary ray ends
+  std::vector<uint32_t> blocks;  ///< blocks that its rays touched, ascending
 };
-/// Which workers serve blocks to others.
+/// The workers that serve blocks to others.
 struct Peers {
   std::vector<uint32_t> workers;
   std::vector<std::string> endpoints;  ///< HOST:PORT of each
 };
-/// Where bytes have come from, as counted.
+/// Kinds of sources of blocks, for counters.
 enum class SourceKind : uint8_t { kFile, kTcp, kHttp, kPeer, kDisk, kMemory };
 inline constexpr size_t kSourceKinds = 6;
-/// A worker's counters since it started, and what has changed in its cache since the last.
+/// A worker's counters since its start, and the changes of its cache since the last WorkerStatus. Names of
+/// counters end in their units.
 struct WorkerStatus {
   uint64_t cache_bytes = 0, voxels_loaded = 0, voxel_bytes_loaded = 0, voxel_bytes_received = 0,
            evictions = 0;
   uint64_t rays = 0, rays_suspended = 0, peak_rss_bytes = 0;
-  bool whole = false;  ///< `cached` is all there is
+  bool whole = false;  ///< `cached` lists all blocks of the cache, not only new ones
   std::vector<uint32_t> cached, dropped;
   std::array<uint64_t, kSourceKinds> bytes_from{};
   uint64_t retries = 0, hedges = 0, damaged = 0;
   uint64_t stall_us = 0, compute_us = 0;  ///< summed over the compute threads
-  uint64_t fetch_us = 0;                  ///< in which blocks were on their way from a source
+  uint64_t fetch_us = 0;                  ///< time with a block on its way from a source
   uint64_t prefetched_bytes = 0, prefetch_wasted_bytes = 0;
-  uint64_t decode_us = 0;     ///< in which blocks were decoded, memory for them included
-  uint32_t tiles_wanted = 0;  ///< to have at once; 0: FewestTiles
+  uint64_t decode_us = 0;     ///< time spent decoding blocks, getting memory included
+  uint32_t tiles_wanted = 0;  ///< tiles to have at once; 0: FewestTiles()
 };
+/// Asks for a stored block.
 struct BlockRequest {
   uint32_t block = 0;
 };
-/// Of a connection, while their answers have not gone out; who asks for more is dropped.
+/// Limit of unanswered BlockRequests of a connection; a peer that exceeds it is dropped. Bounds a server's
+/// memory for requests. A judgement: a worker has at most Loader::kMaxInFlight requests and some prefetches
+/// under way.
 inline constexpr uint32_t kMostBlockRequests = 1024;
 
-/// One function a message: the table's bytes, to be put into Message::table.
+/// Encodes a message's table, for Message::table.
 Bytes Encode(const Hello& m);
 Bytes Encode(const Welcome& m);
 Bytes Encode(const Failure& m);
@@ -109,8 +121,8 @@ Bytes Encode(const Peers& m);
 Bytes Encode(const WorkerStatus& m);
 Bytes Encode(const BlockRequest& m);
 
-/// And back: verified by FlatBuffers, then every value checked. Errors: one sentence; nothing is believed
-/// before.
+/// Decodes a message's table. FlatBuffers verifies it, then every value is checked. Thread-safe.
+/// Errors: not well formed; a value out of range.
 Result<Hello> DecodeHello(std::span<const std::byte> table);
 Result<Welcome> DecodeWelcome(std::span<const std::byte> table);
 Result<Failure> DecodeFailure(std::span<const std::byte> table);
@@ -124,7 +136,7 @@ Result<Peers> DecodePeers(std::span<const std::byte> table);
 Result<WorkerStatus> DecodeWorkerStatus(std::span<const std::byte> table);
 Result<BlockRequest> DecodeBlockRequest(std::span<const std::byte> table);
 
-/// A whole message around an encoded table.
+/// A message with an encoded table and no raw part.
 template <class T>
 Message MakeMessage(MessageType type, const T& content, uint64_t request = 0) {
   return {type, request, Encode(content), {}};

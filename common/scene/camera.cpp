@@ -9,7 +9,7 @@
 namespace quarry {
 namespace {
 
-/// Whether ReferencePadding holds for rays from there.
+/// Whether ReferencePadding() holds for rays from `eye`.
 bool IsWithinReach(const glm::dvec3& eye, const glm::vec3& lower, const glm::vec3& upper) {
   const glm::dvec3 farthest = glm::max(glm::abs(lower), glm::abs(upper));
   const double largest = std::fmax(std::fmax(farthest.x, farthest.y), farthest.z);
@@ -29,7 +29,7 @@ Camera::Camera(const CameraSpec& spec, uint32_t width, uint32_t height, const gl
                         glm::all(glm::lessThanEqual(view_.eye, upper_))),
       start_at_eye_(!view_.orthographic && IsWithinReach(view_.eye, lower, upper)) {}
 
-/// Chooses instead of branching, so that a loop of these becomes vector instructions.
+/// Selects instead of branching, so that a loop of it becomes vector instructions.
 template <bool kOrthographic, bool kClip>
 inline PrimaryRay Camera::ShootAs(double x, double y) const {
   const glm::dvec3 across = view_.right * (x - width_ / 2) + view_.down * (y - height_ / 2);
@@ -52,7 +52,7 @@ inline PrimaryRay Camera::ShootAs(double x, double y) const {
           enter > exit};
 }
 
-/// Calls body with the camera's case as template arguments: <orthographic, rays have to be clipped>.
+/// Calls body<orthographic, rays must be clipped to the box>() for this camera.
 template <class Body>
 inline void Camera::Choose(Body&& body) const {
   if (all_start_inside_) return body.template operator()<false, false>();

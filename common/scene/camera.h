@@ -6,16 +6,17 @@
 
 namespace quarry {
 
-/// A primary ray as traversal takes it: its origin is the eye, or, where that is farther off than kReach
-/// allows, is moved along the ray to the scene's box, so that the bound behind ReferencePadding holds from
-/// any distance. Packets of rays that start at one point are faster.
+/// A primary ray for traversal. Its origin is the eye while the eye is within kReach, since packets of rays
+/// that start at one point are faster. From farther away, and for orthographic cameras, the origin is moved
+/// along the ray to the scene's box, so that the bound behind ReferencePadding() holds.
+/// Units: scene units.
 struct PrimaryRay {
-  glm::vec3 origin{0}, direction{0, 0, 1};  ///< direction of unit length
+  glm::vec3 origin{0}, direction{0, 0, 1};  ///< direction has unit length
   float t_offset = 0;                       ///< distance from the eye to origin
-  bool misses = false;                      ///< never meets the scene's box
+  bool misses = false;                      ///< whether the ray misses the scene's box
 };
 
-/// Primary rays side by side, field by field.
+/// Primary rays, one array per field of PrimaryRay.
 struct PrimaryRays {
   static constexpr int kCount = 64;
   float origin[3][kCount], direction[3][kCount];
@@ -23,15 +24,17 @@ struct PrimaryRays {
   uint32_t misses[kCount];  ///< 0 or 1
 };
 
-/// Turns pixel positions into rays. x runs right, y down; all arithmetic in double, no libm but sqrt.
+/// Makes primary rays for positions in the image; x runs right, y down. Computes in double, with no libm
+/// function but sqrt, so that rays are the same on every machine. Immutable, so thread-safe.
 class Camera {
  public:
-  /// `lower`, `upper`: the scene's box.
+  /// A camera for an image of `width` x `height` pixels; `lower` and `upper` are the scene's box.
+  /// Requires: IsSane(spec) and an up vector that is not parallel to the view.
   Camera(const CameraSpec& spec, uint32_t width, uint32_t height, const glm::vec3& lower,
          const glm::vec3& upper);
-  /// (x, y) in pixels, centres at +0.5. Thread-safe.
+  /// The ray at (x, y). Units: pixels; centres at +0.5.
   PrimaryRay Shoot(double x, double y) const;
-  /// The same rays, many at once.
+  /// The same rays, PrimaryRays::kCount at once.
   void Shoot(const double (&x)[PrimaryRays::kCount], const double (&y)[PrimaryRays::kCount],
              PrimaryRays& rays) const;
 
@@ -44,8 +47,8 @@ class Camera {
   ViewBasis view_;
   double width_, height_;
   glm::dvec3 lower_, upper_;
-  bool all_start_inside_;  ///< rays, in the box: they meet it
-  bool start_at_eye_;      ///< rays: none has to be moved
+  bool all_start_inside_;  ///< whether all rays start in the box
+  bool start_at_eye_;      ///< whether no origin has to be moved
 };
 
 }  // namespace quarry

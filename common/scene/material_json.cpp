@@ -13,11 +13,11 @@
 namespace quarry {
 namespace {
 
-// Keys in the order of writing, and numbers in single precision, so that 0.8f is written "0.8" and read back
-// to the same bits.
+// Keys stay in the order of writing. Numbers have single precision, so that 0.8f is written as "0.8" and read
+// back to the same bits.
 using Json = FloatJson;
 
-/// Parts of large models are named one by one.
+/// Parts of large models are written one by one.
 constexpr JsonLimits kLimits{256u << 20, 8, 16u << 20, 1000};
 
 Json ToJson(const glm::vec3& v) { return Json::array({v.x, v.y, v.z}); }
@@ -47,12 +47,12 @@ Json ToJson(const Material& material) {
   return json;
 }
 
-// A name may hold any bytes (it may come from a model file); those that are not UTF-8 become U+FFFD.
+// A name from a model file may hold any bytes; bytes that are not UTF-8 become U+FFFD.
 std::string Text(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
 
 std::string Where(size_t index, const char* member) { return fmt::format("materials[{}].{}", index, member); }
 
-/// What reading one material needs to say what is wrong with it.
+/// The place of the material being read, for messages about errors.
 struct Member {
   const std::string& path;
   size_t index;

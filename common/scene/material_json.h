@@ -9,8 +9,8 @@
 
 namespace quarry {
 
-/// The `NAME.materials.json` that may stand beside `NAME.ply`: what the face properties `material_index` and
-/// `part_index` refer to.
+/// The content of `NAME.materials.json`, an optional file beside `NAME.ply`: the materials and parts that the
+/// face properties `material_index` and `part_index` refer to.
 ///   {"materials": [{"name": "steel", "diffuse": [r,g,b], "specular": [..], "emission": [..], "reflectance":
 ///   [..],
 ///                   "transmittance": [..], "shininess": n, "ior": n, "fresnel": false, "unlit": false,
@@ -18,20 +18,23 @@ namespace quarry {
 ///                   "specular_color": [..], "specular_ior": n, "transmission_weight": n,
 ///                   "transmission_color": [..], "transmission_depth": n, "geometry_opacity": n}, ...],
 ///    "parts": ["boiler 1", ...]}
-/// Every member of a material may be left out; "parts" too. Without "base_color" the members below it follow
-/// from those above it (DeriveOpenPbr), without "diffuse" those above from those below (DeriveWhitted).
+/// All members are optional. Without "base_color", it and the members after it are derived from the members
+/// before it (DeriveOpenPbr()); without "diffuse" the members before "base_color" are derived from the others
+/// (DeriveWhitted()).
 struct MaterialLibrary {
   std::vector<Material> materials;
   std::vector<std::string> parts;
 };
 
-/// Writes the same form piece by piece, for a writer whose part names do not fit its memory.
+/// Writes the same JSON piece by piece, for writers whose part names do not fit in memory. Not thread-safe.
 class MaterialJsonStream {
  public:
-  /// `out` must outlive the stream; the caller checks its state after Finish().
+  /// Writes `materials` to `out`. Requires: `out` outlives the stream; the caller checks its state after
+  /// Finish().
   MaterialJsonStream(const std::vector<Material>& materials, std::ostream& out);
+  /// Appends a part.
   void AddPart(const std::string& name);
-  /// Completes the JSON; call it once, last.
+  /// Completes the JSON. Call it once, last.
   void Finish();
 
  private:
@@ -39,11 +42,11 @@ class MaterialJsonStream {
   bool first_ = true;
 };
 
-/// Writes `library` as above; the same bytes for the same library.
+/// Writes `library` as JSON; equal libraries give equal bytes.
 void WriteMaterialJson(const MaterialLibrary& library, std::ostream& out);
 
-/// Reads `path`. Values outside a Material's ranges are clamped.
-/// Errors: cannot be opened, not JSON (with the byte), a member of the wrong kind (named).
+/// Reads the file at `path`. Values outside a Material's ranges are clamped.
+/// Errors: cannot be opened; not JSON, with the byte; a member of the wrong kind, named.
 Result<MaterialLibrary> ReadMaterialJson(const std::string& path);
 
 /// The path of the material file that belongs to `model_path`: its extension replaced by ".materials.json".

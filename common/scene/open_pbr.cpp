@@ -14,7 +14,7 @@ glm::vec3 AtMostOne(const glm::vec3& v) {
   return {std::min(v.x, 1.0f), std::min(v.y, 1.0f), std::min(v.z, 1.0f)};
 }
 
-/// Not true of NaN.
+/// False for NaN.
 bool Within(float value, float low, float high) { return value >= low && value <= high; }
 
 }  // namespace

@@ -4,19 +4,23 @@
 
 namespace quarry {
 
-/// Fills in the OpenPBR parameters of `m` (its base colour and all below) from the weights of Whitted's rays:
-/// roughness is sqrt(2 / (shininess + 2)), 0 for mirrors without a highlight; metalness is the mirror's share
-/// of what is sent back; what passes is transmission where it is bent or goes by Fresnel's weights, else a
-/// lack of opacity. Base colour is what is sent back in all. Keeps `unlit`.
+/// Derives the OpenPBR parameters of `m`, base_color and all after it, from the weights of Whitted's rays:
+/// - base_color is the sum of the scattered (divided by geometry_opacity), reflected and transmitted colours,
+/// at most 1.
+/// - base_metalness is the reflected share of reflected plus scattered light.
+/// - specular_roughness is sqrt(2 / (shininess + 2)); 0 for mirrors and glass without a highlight.
+/// - Transmitted light becomes transmission where it is refracted or has Fresnel weights, else a lower
+/// opacity.
+/// - `unlit` is kept.
 void DeriveOpenPbr(Material& m);
 
-/// Fills in the weights of Whitted's rays from the OpenPBR parameters: of a metal the smooth part,
-/// (1 - roughness)^2, is a mirror, and the rest scatters as matte paint of its colour with a highlight of the
-/// same width. `bends`: what passes is bent by specular_ior; else it goes straight on, as through a pane.
-/// Emission stays as it is; of an unlit material the base colour is given off instead.
+/// Derives the weights of Whitted's rays from the OpenPBR parameters. The share (1 - specular_roughness)^2 of
+/// a metal reflects as a mirror; the rest scatters as matte paint of its colour, with a highlight of the same
+/// width. `bends`: transmitted rays are refracted by specular_ior; otherwise they go straight on, as through
+/// a pane. An unlit material emits its base colour; the emission of others is kept.
 void DeriveWhitted(Material& m, bool bends);
 
-/// Whether every number of `m` lies where Material says.
+/// Whether every number of `m` is in the range that Material states.
 bool IsSane(const Material& m);
 
 }  // namespace quarry

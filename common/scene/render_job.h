@@ -16,26 +16,26 @@ struct ImageFormat {
   std::optional<double> exposure;  ///< EV, for PNG only; none: metered in the job's first frame
 };
 
-/// Pictures of one scene: a view, from each of several cameras.
+/// The pictures of a job: one view from several cameras, and the settings of the image files.
 struct RenderJob {
-  View view;                        ///< of every frame, but for its camera
-  std::vector<CameraSpec> cameras;  ///< by frame
-  uint32_t first_frame = 0;         ///< the number of the first camera's frame
+  View view;                        ///< of every frame, except its camera
+  std::vector<CameraSpec> cameras;  ///< one per frame
+  uint32_t first_frame = 0;         ///< the frame number of cameras[0]
   ImageFormat format;
 };
 
-/// Frames of one job: three quarters of an hour at 24 a second. A job travels as one message, and a listener
-/// bounds the memory of half-read messages.
+/// Limit of frames in a job: 45 minutes at 24 frames a second. A job travels as one message, and a listener
+/// limits the memory of half-read messages.
 inline constexpr uint32_t kMaxFrames = 1u << 16;
 
-/// One frame of a job. Requires: `frame` is less than the number of cameras.
+/// The view of a frame. Requires: a normalized job; `frame` is below the number of cameras.
 View FrameView(const RenderJob& job, size_t frame = 0);
 
 /// "60 frames of 1024x768, whitted, 4 samples a pixel, png": for logs.
 std::string Describe(const RenderJob& job);
 
-/// Normalizes the view. Errors (usage): as NormalizeView's; a format, exposure or number of frames is out of
-/// range; one sentence, which names the frame of a bad camera.
+/// Checks a job, fills in the crop of a whole image and makes the directions of suns unit vectors.
+/// Errors (usage): a size, count, direction or mode out of range.
 Status NormalizeJob(RenderJob& job);
 
 }  // namespace quarry

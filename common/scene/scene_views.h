@@ -8,37 +8,37 @@
 
 namespace quarry {
 
-/// A camera that a model brings. In the model's own coordinates, offset included (see SceneMeta).
+/// A camera of a model. Units: the model's own coordinates, SceneMeta::offset included.
 struct NamedCamera {
   std::string name;
   CameraSpec spec;
 };
 
-/// A light that a model brings, likewise.
+/// A light of a model. Units: the model's own coordinates, SceneMeta::offset included.
 struct NamedLight {
   std::string name;
   LightKind kind = LightKind::kPoint;
-  glm::dvec3 position{0};        ///< of a point
-  glm::vec3 direction{0, 0, 1};  ///< sun: toward it; point: the axis of its cone, away from it
+  glm::dvec3 position{0};        ///< of a point light
+  glm::vec3 direction{0, 0, 1};  ///< sun: toward the sun; point: axis of its cone, away from the light
   glm::vec3 radiance{1};         ///< as in Light
-  float cos_inner = 1;           ///< a cone shines in full within this
-  float cos_outer = -1;          ///< and not at all outside of this; -1: it shines to all sides
+  float cos_inner = 1;           ///< cosine of the inner cone, in which the light shines in full
+  float cos_outer = -1;          ///< cosine of the outer cone, outside of which it is dark; -1: no cone
 
   bool operator==(const NamedLight&) const = default;
 };
 
-/// What a model says of how it is to be seen.
+/// The cameras and lights of a model.
 struct SceneViews {
-  std::vector<NamedCamera> cameras;  ///< names differ
+  std::vector<NamedCamera> cameras;  ///< with different names
   std::vector<NamedLight> lights;
 };
-inline constexpr uint32_t kMaxSceneCameras = 4096;  ///< lights: kMaxLights
+inline constexpr uint32_t kMaxSceneCameras = 4096;  ///< limit of a store; kMaxLights is the limit of lights
 
-/// Whether a store may hold it: its numbers are finite, its directions are some, its angles can be.
+/// Whether a store may hold it: numbers are finite, directions are not zero, angles are possible.
 bool IsSane(const CameraSpec& camera);
 bool IsSane(const NamedLight& light);
 
-/// A light as jobs have it: `offset` taken off its position.
+/// The light in a job's coordinates. `offset` is SceneMeta::offset, which is subtracted from the position.
 Light ToLight(const NamedLight& light, const glm::dvec3& offset);
 
 }  // namespace quarry

@@ -66,7 +66,8 @@ Status NormalizeView(View& view) {
     const float length = std::sqrt(light.vector.x * light.vector.x + light.vector.y * light.vector.y +
                                    light.vector.z * light.vector.z);
     if (!(length > 1e-18f) || !(length < 1e18f)) return BadUsage("the sun has no direction");
-    // Each program that a view passes through comes here: once done, it must not move the last bit again.
+    // Every program that a view passes through normalizes it; a second normalization must not change the last
+    // bit.
     if (std::fabs(length - 1) > 1e-6f) light.vector /= length;
   }
   if (!Nonnegative(view.ambient) || !Nonnegative(view.background))

@@ -8,16 +8,17 @@
 
 namespace quarry {
 
+/// Modes of shading; the README describes them.
 enum class RenderMode : uint8_t { kRaycast = 0, kShadow = 1, kWhitted = 2, kVoxels = 3, kAo = 4 };
 inline constexpr int kRenderModes = 5;
-/// Names as in --mode.
+/// Names of the modes, as for --mode.
 inline constexpr const char* kRenderModeNames[kRenderModes] = {"raycast", "shadow", "whitted", "voxels",
                                                                "ao"};
 
-/// Layers beside the colour, in the order they are stored for a pixel.
+/// Layers of an image beside the colour, in the order of their words in a pixel.
 enum class Aov : uint8_t { kDepth, kNormal, kUv, kPrimitive, kMaterial, kPart, kVoxel };
 inline constexpr int kAovs = 7;
-/// Name as in --aov and number of 32-bit words.
+/// A layer: its name, as for --aov, and the number of its 32-bit words.
 struct AovInfo {
   const char* name;
   int words;
@@ -27,21 +28,23 @@ inline constexpr AovInfo kAovInfo[kAovs] = {{"depth", 1, false},    {"normal", 3
                                             {"primitive", 1, true}, {"material", 1, true}, {"part", 1, true},
                                             {"voxel", 1, true}};
 
-/// A pinhole or orthographic camera. Positions here and in lights are the store's: the model's less its
-/// offset (SceneMeta).
+/// A pinhole or orthographic camera. Units: positions are the model's minus SceneMeta::offset, as in the
+/// store; also those of lights.
 struct CameraSpec {
   glm::dvec3 eye{0, -1, 0}, at{0}, up{0, 0, 1};
   double fov_degrees = 45;  ///< vertical, in (0, 179]
-  double ortho_height = 0;  ///< > 0: orthographic, this high
+  double ortho_height = 0;  ///< scene units; above 0: orthographic, with this height of the image
 };
 
+/// Kinds of lights: infinitely far with parallel rays; at a point, in all directions or in a cone.
 enum class LightKind : uint8_t { kSun = 0, kPoint = 1 };
+/// A light of a view.
 struct Light {
   LightKind kind = LightKind::kSun;
-  glm::vec3 vector{0, 0, 1};  ///< sun: direction toward it, unit length; point: position
+  glm::vec3 vector{0, 0, 1};  ///< sun: unit direction toward the sun; point: position
   glm::vec3 radiance{1};      ///< sun: irradiance/pi at normal incidence; point: the same at distance 1
-  /// A point that shines in a cone: toward a direction of which `axis` makes up the share c (a cosine) it
-  /// shines by the square of cone_scale * c + cone_offset, held to [0, 1].
+  /// The cone of a point light. Toward a direction with the cosine c to `axis`, the light is multiplied by
+  /// the square of cone_scale * c + cone_offset, which is clamped to [0, 1] first. The default is no cone.
   glm::vec3 axis{0, 0, -1};
   float cone_scale = 0, cone_offset = 1;
 };
@@ -52,12 +55,12 @@ struct PixelRect {
   bool operator==(const PixelRect&) const = default;
 };
 
-/// A picture of a scene: everything that decides its pixels beside the scene itself.
+/// A picture of a scene: everything that decides its pixels except the scene.
 struct View {
   uint32_t width = 1024, height = 768;  ///< pixels
   PixelRect crop;                       ///< the pixels that are rendered; the whole image when its width is 0
   RenderMode mode = RenderMode::kRaycast;
-  uint32_t spp = 1;  ///< samples a pixel
+  uint32_t spp = 1;  ///< samples per pixel
   uint64_t seed = 0;
   uint32_t aov_mask = 0;  ///< a bit for each Aov
   /// kAo: rays that look for occluders from each point, and their length in scene units; 0: a share of the
@@ -72,14 +75,16 @@ struct View {
   bool has(Aov aov) const { return aov_mask >> static_cast<int>(aov) & 1; }
 };
 
+/// Limits of a view: pixels per side, samples per pixel, lights.
 inline constexpr uint32_t kMaxImageSide = 65536;
 inline constexpr uint32_t kMaxSpp = 1u << 16;
 inline constexpr uint32_t kMaxAoSamples = 256;
 inline constexpr uint32_t kMaxLights = 1024;
-inline constexpr uint32_t kTileSize = 32;  ///< pixels on a tile's side
+inline constexpr uint32_t kTileSize = 32;  ///< side of a tile, pixels
 
-/// Side of a depth cell, in pixels: a tile reports how far its rays see once for each cell.
+/// Side of a depth cell, in lattice points. For each cell a tile reports the t of the farthest primary ray.
 inline constexpr uint32_t kDepthCell = 4;
+/// The number of cells that cover `pixels` lattice points.
 inline constexpr uint32_t DepthCells(uint32_t pixels) { return (pixels + kDepthCell - 1) / kDepthCell; }
 
 /// Errors (usage): a camera that sees nothing, or a value that is no number; one sentence.
@@ -89,8 +94,7 @@ Status CheckCamera(const CameraSpec& camera);
 /// Errors (usage): a size, count, direction or mode is out of range; one sentence.
 Status NormalizeView(View& view);
 
-/// 32-bit words that a pixel takes in tiles and frames: the colour first (3 floats), then the layers in
-/// order.
+/// The number of 32-bit words of a pixel in tiles and frames: 3 floats of colour, then the layers in order.
 uint32_t WordsPerPixel(uint32_t aov_mask);
 
 }  // namespace quarry

@@ -9,20 +9,24 @@
 
 namespace quarry {
 
-/// A camera as vectors: a pixel at (x, y) looks along forward + right * (x - width / 2) + down * (y - height
-/// / 2), or, orthographic, along forward from the eye moved by the rest.
+/// A camera as vectors. With offset = right * (x - width / 2) + down * (y - height / 2), the ray of a
+/// position (x, y) in the image starts at eye and has the direction forward + offset; an orthographic ray
+/// starts at eye + offset and has the direction forward.
+/// Units: scene units.
 struct ViewBasis {
   glm::dvec3 eye, forward;  ///< forward has unit length
-  glm::dvec3 right, down;   ///< one pixel's step, at distance 1 of the eye
+  glm::dvec3 right, down;   ///< step of a pixel, at distance 1 from the eye
   bool orthographic;
 };
 
+/// Vector products and unit vectors, in double.
 inline double Dot(const glm::dvec3& a, const glm::dvec3& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 inline glm::dvec3 Cross(const glm::dvec3& a, const glm::dvec3& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 inline glm::dvec3 Unit(const glm::dvec3& v) { return v / std::sqrt(Dot(v, v)); }
 
+/// Requires: IsSane(spec); an up vector not parallel to the view. Units: `height` in pixels.
 inline ViewBasis MakeViewBasis(const CameraSpec& spec, uint32_t height) {
   ViewBasis view;
   view.eye = spec.eye;

@@ -15,7 +15,7 @@ enum class TexelFormat : uint32_t {
 };
 inline constexpr uint32_t kTexelFormats = 3;
 
-/// Side of a page in texels. FORMAT.md gives the reason and its measurement.
+/// Side of a page in texels. Chosen by tests/bench/history/store_format.md, 2026-11-22.
 inline constexpr uint32_t kPageSide = 64;
 /// Limits against damaged stores: texels per side, textures per scene.
 inline constexpr uint32_t kMaxTextureSide = 32768;

@@ -14,7 +14,8 @@
 namespace quarry {
 namespace {
 
-// LZ4 HC level. Level 5 saves 2 % of bytes and costs 10 % of the time of preprocessing (FORMAT.md).
+// LZ4 HC level. Trades bytes of the store against time of preprocessing (tests/bench/history/store_format.md,
+// 2026-11-21).
 constexpr int kCompressionLevel = 3;
 
 /// Decoders rely on leaves' references being contiguous, from the leftmost leaf on.

@@ -1,5 +1,5 @@
-"""Clusters for the experiments: a master, voxel servers and workers, on loopback or each in a network namespace with a
-link and a processor of its own."""
+"""Clusters for the experiments: a master, voxel servers and workers, on loopback or each in a network namespace with its own
+link and share of a processor."""
 import json
 import os
 import pathlib
@@ -14,7 +14,7 @@ BIN = pathlib.Path(os.environ.get("QUARRY_BIN", pathlib.Path(__file__).parents[2
 
 
 class Cluster:
-    """Processes that were started together, and end together. Use with `with`."""
+    """The processes of a cluster; all end with the `with` block."""
 
     def __init__(self, store, place=None):
         self.store, self.place, self.processes = store, place, []
@@ -44,7 +44,7 @@ class Cluster:
         self.folder.cleanup()
 
     def start(self, host, program, *arguments, options=None):
-        """Starts a program at a host of the place (loopback without one), its log in the cluster's folder."""
+        """Starts a program at a host of the place, or on loopback without a place. Its log is in the cluster's folder."""
         command = [str(BIN / program), *map(str, arguments), *(self.options if options is None else options)]
         if self.place:
             command = self.place.command(host, command)
@@ -60,7 +60,7 @@ class Cluster:
         return (self.place.address(host) if self.place else "127.0.0.1") + ":0"
 
     def server(self, host, *arguments):
-        """A master or a voxel server; returns its address."""
+        """Starts a master or a voxel server. Returns its address."""
         process = self.start(host, "quarry-master", self.store, "--listen", self.listen_at(host), *arguments)
         match = re.match(r"listening (\S+)", process.stdout.readline())
         if not match:
@@ -71,13 +71,13 @@ class Cluster:
         return self.start(host, "quarry-worker", "--master", master, "--name", host, "--threads", 1, *arguments)
 
     def await_workers(self, count):
-        """Until a master that is not --quiet has seen so many; on a slow processor it takes them seconds to begin."""
+        """Waits until `count` workers have joined, by the log of a master without --quiet."""
         joined = re.compile(rb"worker \S+ has joined")
         wait_for(lambda: sum(len(joined.findall(log.read_bytes())) for log in pathlib.Path(self.folder.name).glob("*.log")) >= count,
                  60, f"{count} workers")
 
     def render(self, host, master, output, stats, *arguments):
-        """Renders and returns the statistics of its frames."""
+        """Renders a job. Returns the statistics of its frames."""
         process = self.start(host, "quarry", "render", self.store, "-o", output, "--master", master, "--stats", stats, "--quiet",
                              *arguments)
         while process.poll() is None:
@@ -100,32 +100,32 @@ def info(store):
 
 
 def end_s(frame):
-    """When a frame was done."""
+    """Time of the end of a frame, in seconds."""
     return frame["frame_start_s"] + frame["frame_wall_s"]
 
 
 def start_s(stats):
-    """When the frame that was begun first was begun."""
+    """Time of the earliest start of a frame, in seconds."""
     return min(frame["frame_start_s"] for frame in stats["frames"])
 
 
 def last_frame(stats):
-    """The frame that was done last: frames overlap, and it need not be the last of the path."""
+    """The frame that ended last. Frames overlap, so it may not be the last of the path."""
     return max(stats["frames"], key=end_s)
 
 
 def walk_s(stats):
-    """Seconds from the first start of a frame until all were done."""
+    """Seconds from the earliest start of a frame to the last end."""
     return end_s(last_frame(stats)) - start_s(stats)
 
 
 def received_bytes(stats):
-    """Bytes of voxels that have come to the workers, all together, until all frames were done."""
+    """Bytes of voxels that all workers received until the last end of a frame."""
     return sum(worker["voxel_bytes_received"] for worker in last_frame(stats)["workers"])
 
 
 def path_of_frames(path, frames, output):
-    """A camera path made of some of another's frames."""
+    """Writes a camera path of some frames of another. Returns `output`."""
     cameras = json.loads(pathlib.Path(path).read_text())
     cameras["frames"] = [cameras["frames"][f] for f in frames]
     pathlib.Path(output).write_text(json.dumps(cameras))
@@ -133,7 +133,7 @@ def path_of_frames(path, frames, output):
 
 
 def processor_s(processes):
-    """Seconds of processor time that processes have used, all together."""
+    """Seconds of processor time used by all processes together."""
     ticks = 0
     for process in processes:
         fields = pathlib.Path(f"/proc/{process.pid}/stat").read_text().rsplit(")", 1)[1].split()
@@ -142,7 +142,7 @@ def processor_s(processes):
 
 
 def read_tile_log(path):
-    """(frames, tiles) of a file written by --trace."""
+    """Reads a file written by --trace. Returns (frames, tiles)."""
     frames, tiles = [], []
     for line in open(path):
         entry = json.loads(line)

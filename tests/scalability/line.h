@@ -7,14 +7,14 @@
 
 namespace quarry::bench {
 
-/// A line to a server: what is asked for is sent after `latency_s`, in the order of asking, at `bytes_per_s`.
-/// Real time, no bytes. Thread-safe.
+/// Times of a line to a server: requests are answered in order, after `latency_s`, at `bytes_per_s`. Real
+/// time; no bytes are sent. Thread-safe.
 class Line {
  public:
   using Clock = std::chrono::steady_clock;
   Line(double latency_s, double bytes_per_s) : latency_s_(latency_s), bytes_per_s_(bytes_per_s) {}
 
-  /// When `bytes` that are asked for now are here.
+  /// The time of arrival of `bytes` that are requested now.
   Clock::time_point Ask(uint64_t bytes) {
     const std::lock_guard lock(mutex_);
     bytes_ += bytes;
@@ -32,7 +32,7 @@ class Line {
     return std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(s));
   }
   const double latency_s_, bytes_per_s_;
-  mutable std::mutex mutex_;  ///< all below
+  mutable std::mutex mutex_;  ///< guards all below
   Clock::time_point free_{};
   uint64_t bytes_ = 0;
 };

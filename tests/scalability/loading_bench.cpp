@@ -1,6 +1,6 @@
-// `quarry bench loading`: what suspending rays buys. A walk on one core by the engine, along a line
-// of a given latency and bandwidth, cold and warm: with suspended rays; with a loader that the thread waits
-// for, one voxel after the other; and with the decoded store mapped into memory as from a file server.
+// `quarry bench loading` measures the gain of suspending rays. The engine renders a walk on one core, with
+// blocks from a line of a given latency and bandwidth, cold and warm: with suspended rays; with a thread that
+// waits for each voxel; and with the decoded store mapped into memory as from a file server.
 #include <fmt/format.h>
 #include <sched.h>
 
@@ -38,7 +38,7 @@ struct Options {
   uint32_t width = 320, height = 240;
 };
 
-/// The whole process on one core: what a worker with one thread has.
+/// Binds the process to one core, as a worker with one thread has.
 void PinToOneCore() {
   cpu_set_t set;
   CPU_ZERO(&set);
@@ -46,10 +46,10 @@ void PinToOneCore() {
   sched_setaffinity(0, sizeof set, &set);
 }
 
-/// Blocks of a store along a line.
+/// A source of a store's blocks behind a line.
 class LineSource : public VoxelSource {
  public:
-  /// `io`: calls back there; null: Fetch itself waits.
+  /// `io`: runs the callbacks; null: Fetch() waits itself.
   LineSource(const StoreReader& store, Line& line, asio::io_context* io)
       : store_(store), line_(line), io_(io) {}
 
@@ -71,13 +71,13 @@ class LineSource : public VoxelSource {
   asio::io_context* io_;
 };
 
-/// Of a frame of the walk.
+/// Figures of a frame of the walk.
 struct FrameCost {
   double compute_s = 0;          ///< tracing and shading
-  std::vector<BlockKey> blocks;  ///< touched here and in no frame before
+  std::vector<BlockKey> blocks;  ///< blocks touched in this frame first
 };
 
-/// A renderer with one thread, and a cache that holds the whole scene.
+/// A renderer with one thread and a cache for the whole scene.
 class Walker {
  public:
   enum class Loading { kSuspend, kWait, kMap };
@@ -100,7 +100,7 @@ class Walker {
       if (blocks[number]) renderer_->cache().Publish(BlockKey::FromNumber(number), std::move(blocks[number]));
   }
 
-  /// Renders a frame for each camera, one tile after the other, rays of several under way. Returns seconds.
+  /// Renders a frame for each camera, tile after tile; rays of several tiles are under way. Returns: seconds.
   Result<double> Walk(View view, const std::vector<CameraSpec>& cameras, std::vector<FrameCost>& costs) {
     costs.assign(cameras.size(), {});
     seen_.clear();
@@ -124,7 +124,7 @@ class Walker {
   }
 
  private:
-  /// Where the loader runs: on its thread, or on the compute thread itself.
+  /// The loader's executor: a thread of its own, or the compute thread.
   Executor Runs(Loading loading) {
     if (loading == Loading::kSuspend)
       return [this](std::function<void()> task) { asio::post(io_, std::move(task)); };
@@ -146,12 +146,12 @@ class Walker {
   asio::io_context io_;
   asio::executor_work_guard<asio::io_context::executor_type> work_{io_.get_executor()};
   LineSource source_;
-  std::set<BlockKey> seen_;  ///< the compute thread's
-  std::mutex mutex_;         ///< left_, error_
+  std::set<BlockKey> seen_;  ///< used by the compute thread
+  std::mutex mutex_;         ///< guards left_, error_
   std::condition_variable done_;
   size_t left_ = 0;
   std::optional<Error> error_;
-  std::unique_ptr<Renderer> renderer_;  // its threads use all of the above
+  std::unique_ptr<Renderer> renderer_;  // last, since its threads use all of the above
   std::thread loader_thread_;
 };
 
@@ -189,8 +189,9 @@ class Bench {
   }
 
  private:
-  /// The walk cold and warm. The limit: over its frames, the larger of what the processor needs (its part of
-  /// the warm walk, and decoding what it is the first to touch) and what the line needs for those blocks.
+  /// The times of the walk, cold and warm, and a lower limit: the sum over frames of the larger of the
+  /// processor's time (of the warm frame, and for decoding its new blocks) and the line's time for these
+  /// blocks.
   Result<nlohmann::json> Measure(Line& line, Walker::Loading loading, double bytes_per_s) {
     std::unique_ptr<MappedBlocks> mapped;
     if (loading == Walker::Loading::kMap) {
@@ -214,7 +215,7 @@ class Bench {
         QUARRY_ASSIGN(const double block_s, DecodeSeconds(block));
         decode_s += block_s;
       }
-      // Of a mapped file other bytes come: as many as came, shared out alike.
+      // Bytes of a mapped file differ from the blocks' bytes: they are divided among frames in proportion.
       frame_bytes *= static_cast<double>(bytes) / stored;
       limit_s += std::max(warm_s * warm[f].compute_s / compute_s + decode_s, frame_bytes / bytes_per_s);
     }
@@ -225,7 +226,7 @@ class Bench {
                           {"overlap", limit_s / cold_s}};
   }
 
-  /// Measured once for each block.
+  /// The time of decoding, measured once for each block.
   Result<double> DecodeSeconds(BlockKey block) {
     const auto known = decode_s_.find(block);
     if (known != decode_s_.end()) return known->second;

@@ -56,7 +56,7 @@ MappedBlocks::~MappedBlocks() {
     if (!mapping.empty()) ::munmap(mapping.data(), mapping.size());
 }
 
-/// Into the region, then into the file that it is to be read from.
+/// Decodes into the region, then copies into the file from which chunks are read.
 Status MappedBlocks::Decode(const StoreReader& store) {
   constexpr size_t kAlignment = 64;
   const Catalog& catalog = store.catalog();
@@ -123,7 +123,7 @@ void MappedBlocks::Serve() {
     copy.dst = base + first;
     copy.src = reinterpret_cast<uintptr_t>(file_.data()) + first;
     copy.len = kChunk;
-    // Another thread may have waited for the same chunk: then it is there, and only has to be told.
+    // The chunk is resident already when another thread waited for it too; the thread only has to be woken.
     if (::ioctl(faults_, UFFDIO_COPY, &copy) != 0) {
       uffdio_range range{base + first, kChunk};
       ::ioctl(faults_, UFFDIO_WAKE, &range);

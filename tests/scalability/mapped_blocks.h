@@ -14,21 +14,21 @@
 
 namespace quarry::bench {
 
-/// A store's decoded blocks as if they lay in a file that is mapped over the network: nothing is in memory at
-/// first; who touches a page waits until the chunk around it has come along a line (userfaultfd). What has
-/// come stays.
+/// A store's decoded blocks in memory that behaves like a file mapped over a network (userfaultfd). No page
+/// is resident at first. A thread that touches a page waits until the chunk around the page has come along a
+/// line. Chunks stay resident.
 class MappedBlocks {
  public:
-  static constexpr size_t kChunk = 128u << 10;  ///< read at once, as by NFS
+  static constexpr size_t kChunk = 128u << 10;  ///< bytes read at once, as by NFS
 
-  /// Why this system does not hand page faults on; empty if it does.
+  /// The reason why this system does not forward page faults; empty when it does.
   static std::string WhyNot();
-  /// Needs twice the decoded size of memory. Errors: a damaged store; a system that does not hand page faults
-  /// on.
+  /// Memory: twice the decoded size. Errors: a damaged store; a system that does not forward page faults.
   static Result<std::unique_ptr<MappedBlocks>> Make(const StoreReader& store, Line& line);
   ~MappedBlocks();
 
-  /// By block id, null for those that the store lacks; their bytes are this object's. Once.
+  /// Takes the blocks, by block number; null for a block that the store lacks. Their bytes belong to this
+  /// object. Call once.
   std::vector<std::unique_ptr<ResidentBlock>> TakeBlocks() { return std::move(blocks_); }
 
  private:
@@ -38,9 +38,9 @@ class MappedBlocks {
   void Serve();
 
   Line& line_;
-  std::span<std::byte> region_, file_;  ///< what is touched; what it is read from
+  std::span<std::byte> region_, file_;  ///< the memory that is touched; the memory that chunks are read from
   std::vector<std::unique_ptr<ResidentBlock>> blocks_;
-  int faults_ = -1, stop_ = -1;  ///< descriptors
+  int faults_ = -1, stop_ = -1;  ///< file descriptors
   std::thread server_;
 };
 

@@ -1,16 +1,16 @@
-"""Machines on this one: a network namespace each, joined by a bridge, with a link of limited rate (tc tbf, both ways) and
-a limited share of a processor (cgroup v1 or v2). Needs root."""
+"""Simulated machines on one machine. Each is a network namespace on a bridge, with a link of limited rate (tc tbf, both ways) and a
+limited share of a processor (cgroup v1 or v2). Needs root."""
 import itertools
 import os
 import pathlib
 import shutil
 import subprocess
 
-PERIOD_US = 20000  # of the processor's limit: short, so that a share is a slower processor and not a stuttering one
+PERIOD_US = 20000  # of the processor's limit: short, so that a share behaves like a slower processor
 
 
 def why_not():
-    """Why no place can be made here, or None."""
+    """The reason why this machine cannot make a place, or None."""
     if os.geteuid() != 0:
         return "network namespaces and cgroups need root"
     if not shutil.which("ip") or not shutil.which("tc"):
@@ -25,12 +25,12 @@ def run(*command):
 
 
 class Place:
-    """Hosts by name; make() adds one. Use with `with`."""
+    """The hosts, by name; make() adds a host. All end with the `with` block."""
 
     made = itertools.count()
 
     def __init__(self):
-        # Never a name twice: the kernel takes its time to let go of what was there before.
+        # Each name is new, since the kernel removes old devices with a delay.
         self.name = f"qy{os.getpid() % 10000}p{next(self.made)}"
         self.bridge, self.hosts, self.spaces = self.name + "b", {}, []
         self.v1 = pathlib.Path("/sys/fs/cgroup/cpu")
@@ -52,7 +52,7 @@ class Place:
         subprocess.run(["ip", "link", "del", self.bridge], capture_output=True)
 
     def make(self, name, mbit, share=None):
-        """A host with a link of `mbit` and, when given, `share` of one processor."""
+        """Makes a host with a link of `mbit` and, if given, `share` of a processor."""
         number = len(self.hosts) + 1
         space, outside, inside = f"{self.name}n{number}", f"{self.name}v{number}", f"{self.name}w{number}"
         address = f"10.77.{os.getpid() % 250}.{number}"
@@ -65,7 +65,7 @@ class Place:
         run("ip", "-n", space, "addr", "add", f"{address}/24", "dev", inside)
         run("ip", "-n", space, "link", "set", inside, "up")
         run("ip", "-n", space, "link", "set", "lo", "up")
-        # A burst of a few milliseconds; packets that wait longer than a tenth of a second are dropped, as by a switch.
+        # A burst of a few milliseconds; packets that wait longer than 100 ms are dropped, as by a switch.
         burst = max(65536, int(mbit * 1e6 / 8 * 0.002))
         limit = ["tbf", "rate", f"{mbit}mbit", "burst", str(burst), "latency", "100ms"]
         run("tc", "qdisc", "add", "dev", outside, "root", *limit)
@@ -74,7 +74,7 @@ class Place:
                             "group": self.limit(f"{self.name}-{number}", share)}
 
     def limit(self, name, share):
-        """A group that comes before what else runs on this machine: a host has what it is given, no more and no less."""
+        """Makes a cgroup with precedence over other programs of this machine, so that a host gets exactly its share."""
         v1 = self.v1.is_dir()
         group = (self.v1 if v1 else self.v2) / name
         if not v1:
@@ -92,14 +92,14 @@ class Place:
         return self.hosts[name]["address"]
 
     def command(self, name, command):
-        """The command as it runs at the host: in its namespace and, from its first instruction, in its group."""
+        """The command for running at the host: in its namespace and, from its first instruction, in its cgroup."""
         host = self.hosts[name]
         inside = ["ip", "netns", "exec", host["space"], *command]
-        # On one processor, as its limit is: the kernel hands limits out in slices to each processor, and what one does not
-        # use is lost to the others.
+        # A limited host runs on one processor: the kernel divides a limit into slices per processor, and a slice that a
+        # processor does not use is lost.
         processors = str(host["number"] % os.cpu_count()) if host["limited"] else f"0-{os.cpu_count() - 1}"
-        # The group first: a namespace has another /sys.
+        # The group is entered first, since a namespace has another /sys.
         return ["sh", "-c", f'echo $$ > {host["group"]}/cgroup.procs && exec taskset -c {processors} "$@"', "sh", *inside]
 
     def adopt(self, name, process):
-        """Nothing to do: the process has entered its group by itself."""
+        """Does nothing: the process enters its group itself."""

@@ -9,7 +9,7 @@
 
 namespace quarry {
 
-/// What happens when: the earliest first, those of one moment in the order in which they were made.
+/// A queue of events: the earliest first, events of one time in the order of their making.
 class Clock {
  public:
   double now_s() const { return now_s_; }
@@ -35,10 +35,10 @@ class Clock {
   double now_s_ = 0;
 };
 
-/// Something that does one thing at a time: a link, a processor.
+/// A resource that does one task at a time: a link, a processor.
 struct Serial {
   double free_s = 0, busy_s = 0;
-  /// When what takes `s` and may begin at `from` is done.
+  /// Reserves the resource for `s` seconds, not before `from`. Returns: the time of the end.
   double Take(double from, double s) {
     busy_s += s;
     return free_s = std::max(free_s, from) + s;

@@ -15,7 +15,7 @@
 namespace quarry {
 namespace {
 
-/// Bytes of a mapped file that come at a time, as NFS clients read ahead by default.
+/// Bytes of a mapped file that come at a time: the default read-ahead of NFS clients.
 constexpr double kMappedPiece = 128 << 10;
 
 BlockKey Key(uint32_t number) { return BlockKey::FromNumber(number); }
@@ -125,7 +125,7 @@ void Simulation::Probe(std::span<ActiveFrame* const> frames) {
     if (!frame->learned()) frame->Learn(foreseen_[index_.at(frame->id())]);
 }
 
-/// With --planning, the dispatcher keeps the simulated master busy for as long as it takes here.
+/// With --planning, the simulated master is busy for the time that the dispatcher takes on this machine.
 template <class Call>
 auto Simulation::Timed(Call call) {
   const auto start = std::chrono::steady_clock::now();
@@ -152,7 +152,7 @@ void Simulation::AssignTiles() {
   }
 }
 
-/// Counts how much of the tile's footprint was expected.
+/// Counts the share of the tile's footprint that was expected.
 void Simulation::Compare(Worker& w, const Tile& tile) {
   const std::set<uint32_t> touched(tile.traced->blocks.begin(), tile.traced->blocks.end());
   for (const uint32_t b : touched) touched_bytes_ += block_bytes_[b];
@@ -183,7 +183,7 @@ void Simulation::OpenTiles(Worker& w) {
     w.queue.pop_front();
     w.open.push_back(tile);
     tile->blocks = tile->traced->blocks;
-    // The trace does not tell which block rays come to first: any order, the same in every run.
+    // The trace does not tell the order of blocks: a pseudorandom order, the same in every run.
     std::sort(tile->blocks.begin(), tile->blocks.end(), [&](uint32_t a, uint32_t b) {
       return Mix64(a * 2654435761u + tile->order.tile) < Mix64(b * 2654435761u + tile->order.tile);
     });
@@ -223,7 +223,7 @@ void Simulation::Need(Worker& w, const TilePtr& tile, uint32_t block) {
   Load(w);
 }
 
-/// A part of the tile's rays: those that go through one block.
+/// A slice of a tile: the rays that go through one block.
 void Simulation::Slice(Worker& w, const TilePtr& tile) {
   ++w.slices;
   clock_.At(w.processor.Take(clock_.now_s(), tile->slice_s), [this, &w, tile] {
@@ -245,7 +245,7 @@ void Simulation::Load(Worker& w) {
   }
 }
 
-/// Number of a server, or of a worker after the servers.
+/// The number of a source: servers first, then workers.
 uint32_t Simulation::SourceOf(const Worker& w, uint32_t block) const {
   std::vector<uint32_t> order = HomeOrder(Key(block), keys_);
   if (o_.peers)
@@ -271,7 +271,7 @@ void Simulation::Fetch(Worker& w, uint32_t block) {
   Serial& up = peer ? workers_[source - o_.servers]->up : servers_[source];
   const double up_mbit = peer ? o_.worker_mbit : o_.server_mbit;
   const double sent_s = up.Take(asked_s + o_.latency_s / 2, bytes * 8e-6 / up_mbit);
-  // The slower of two links in a row decides; earlier blocks of each link's queue come first.
+  // The slower of two links in a row decides; blocks that a link queued earlier come first.
   const double come_s =
       std::max(sent_s, w.down.Take(sent_s - bytes * 8e-6 / up_mbit, bytes * 8e-6 / o_.worker_mbit)) +
       o_.latency_s * (pieces - 0.5);

@@ -18,7 +18,7 @@
 
 namespace quarry {
 
-/// The options of `quarry bench simulate`. Links in Mbit/s, times in seconds unless a name bears another
+/// The options of `quarry bench simulate`. Units: links in Mbit/s, times in seconds unless a name has another
 /// unit.
 struct SimulatedCluster {
   unsigned servers = 1;
@@ -30,42 +30,42 @@ struct SimulatedCluster {
   std::string loading = "suspend";
 };
 
-/// What a worker does while a voxel comes.
+/// The behaviour of a worker while a voxel is under way.
 enum class Loading {
-  kSuspend,  ///< goes on with other rays, as Quarry does
-  kWait,     ///< waits: one tile, one voxel after the other
-  kMap       ///< waits for a file of decoded voxels that is mapped over the network, piece by piece
+  kSuspend,  ///< traces other rays, as Quarry does
+  kWait,     ///< waits for each voxel
+  kMap       ///< waits for pieces of a mapped file of decoded voxels
 };
-/// "suspend", "wait" or "map". Errors (usage): none of these.
+/// Parses "suspend", "wait" or "map". Errors (usage): other text.
 Result<Loading> ParseLoading(const std::string& text);
 
-/// The finished probe of each frame of a walk. Empty: frames are not probed.
+/// The finished probes of a walk, one per frame; empty when frames are not probed.
 using Foreseen = std::vector<std::shared_ptr<const ProbedFrame>>;
 
 /// A cluster that renders a walk in simulated time. The master's dispatcher, the choice of sources and the
-/// cache of stored blocks are the real classes. Modelled are a worker's processor (one tile or block at a
-/// time), links (one block at a time), and the waves in which rays of a tile come to its blocks.
+/// cache of stored blocks are the real classes. The model covers a worker's processor (one tile or block at a
+/// time), links (one block at a time), and the waves in which the rays of a tile come to its blocks.
 /// Units: as SimulatedCluster. Not thread-safe.
 class Simulation final : private FrameSource {
  public:
-  /// All references must outlive this. Requires: `cluster`'s texts parse (ParsePolicy, ParseLoading,
-  /// ParseSize). `block_bytes`: stored, by block.
+  /// `block_bytes`: stored bytes, by block number. Requires: all references outlive the simulation; the texts
+  /// in `cluster` parse (ParsePolicy(), ParseLoading(), ParseSize()).
   Simulation(const SimulatedCluster& cluster, const TracedWalk& walk, const Foreseen& foreseen,
              const Catalog& catalog, const std::vector<uint32_t>& block_bytes, unsigned workers);
 
-  /// Renders the walk; returns its seconds. With `warm`, renders it twice and returns the second one's.
+  /// Renders the walk. Returns: its seconds. With `warm`, renders it twice and returns the seconds of the
+  /// second.
   double Run();
 
   uint64_t bytes() const { return bytes_; }            ///< received by workers
-  uint64_t peer_bytes() const { return peer_bytes_; }  ///< of them, from other workers
+  uint64_t peer_bytes() const { return peer_bytes_; }  ///< of bytes(), from other workers
   /// Share of the touched bytes that were expected.
   double foreseen() const;
-  /// Share of the bytes named with tiles to be fetched ahead that their worker touched.
+  /// Share of the bytes to fetch ahead that their worker then touched.
   double fulfilled() const;
-  /// Real seconds a frame that the dispatcher took on this machine.
+  /// Real seconds per frame that the dispatcher took on this machine.
   double planning_s() const;
-  /// The longest time that any worker's processor or link is busy: no schedule of this walk's loads is
-  /// faster.
+  /// The longest busy time of any worker's processor or link; no schedule of the same loads is faster.
   double least_s() const;
   double compute_s() const;      ///< busy time of all workers' processors together
   double server_busy_s() const;  ///< busy time of the busiest server's link
@@ -74,7 +74,7 @@ class Simulation final : private FrameSource {
   struct Tile {
     TileOrder order;
     const TracedWalk::Tile* traced;
-    std::vector<uint32_t> blocks;  ///< in the order in which its rays come to them
+    std::vector<uint32_t> blocks;  ///< in the order in which rays come to them
     size_t wave_end = 0, left_in_wave = 0;
     double slice_s = 0;
   };
@@ -95,7 +95,7 @@ class Simulation final : private FrameSource {
     std::set<uint32_t> hinted, touched;
     unsigned in_flight = 0;
     AdaptiveQueueDepth window{1};
-    size_t slices = 0;  ///< that its processor has still to compute: none while all rays wait
+    size_t slices = 0;  ///< slices left to compute; 0 while all rays wait
   };
 
   // FrameSource: the walk's frames; probes are finished when their frame begins.
@@ -133,13 +133,13 @@ class Simulation final : private FrameSource {
   const std::vector<uint32_t>& block_bytes_;
   const Loading loading_;
   Dispatcher dispatcher_;
-  double seconds_per_byte_;  ///< stored: fetching and decoding
+  double seconds_per_byte_;  ///< of fetching and decoding a stored byte
   Clock clock_;
   std::vector<std::unique_ptr<Worker>> workers_;
   std::deque<Serial> servers_;
   std::vector<uint64_t> keys_;  ///< of servers, for HomeOrder
   Serial master_;
-  std::map<FrameId, size_t> index_;  ///< in the walk
+  std::map<FrameId, size_t> index_;  ///< index in the walk
   size_t next_frame_ = 0;
   uint64_t bytes_ = 0, peer_bytes_ = 0;
   uint64_t touched_bytes_ = 0, foreseen_bytes_ = 0;

@@ -1,4 +1,4 @@
-// Runs the walks of `quarry bench simulate` and prints what came of them: see simulation.h.
+// Runs the walks of `quarry bench simulate` and prints their results: see simulation.h.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -24,7 +24,7 @@ struct SimulatorOptions {
   SimulatedCluster cluster;
 };
 
-/// Also says how long that takes this machine.
+/// Also prints the time that it takes on this machine.
 Result<Foreseen> Foresee(const Scene& scene, uint64_t cache_bytes, const TracedWalk& walk) {
   Foreseen foreseen;
   if (cache_bytes == 0) return foreseen;
@@ -67,7 +67,7 @@ Status Run(const SimulatorOptions& o) {
   for (const unsigned workers : o.workers) {
     Simulation simulation(o.cluster, walk, foreseen, scene.catalog(), bytes, workers);
     const double s = simulation.Run();
-    if (one_s == 0) one_s = s * workers;  // the first count's, if it is not one
+    if (one_s == 0) one_s = s * workers;  // estimate from the first count when that is not 1
     fmt::print(
         "{:7}  {:7.2f}  {:8.2f}  {:9.1f}  {:10.1f}  {:14.0f}%  {:13.0f}%  {:7.2f}  {:7.0f}%  {:8.0f}%  "
         "{:19.1f}\n",

@@ -16,7 +16,7 @@ namespace {
 using Json = nlohmann::json;
 using Frames = std::map<uint32_t, std::pair<View, std::map<uint32_t, TracedWalk::Tile>>>;
 
-/// As TileLog writes them: null where rays hit nothing.
+/// Depths as TileLog writes them: null where rays hit nothing.
 std::vector<float> Depths(const Json& j) {
   std::vector<float> depths;
   for (const Json& depth : j)
@@ -46,7 +46,7 @@ Status AddLine(const Json& j, Frames& frames) {
   return NormalizeView(view);
 }
 
-/// Whether a master could have got this from its workers.
+/// Whether a master could have received this from its workers.
 Status CheckFrame(const std::vector<TracedWalk::Tile>& tiles, const FrameImage& frame,
                   const Catalog& catalog) {
   if (tiles.size() != frame.tiles().size()) return Fail("lacks tiles");
@@ -70,7 +70,7 @@ Result<TracedWalk> ReadTracedWalk(const std::string& path, const Catalog& catalo
   std::string line;
   for (size_t number = 1; std::getline(file, line); ++number) {
     const Json j = Json::parse(line, nullptr, false);
-    if (j.is_discarded() && file.peek() == EOF) break;  // of a master that was ended
+    if (j.is_discarded() && file.peek() == EOF) break;  // the last line of a master that was ended
     try {
       if (const Status status = AddLine(j, found); !status)
         return Fail(fmt::format("{}:{}: {}", path, number, status.error().message));

@@ -10,19 +10,19 @@
 
 namespace quarry {
 
-/// A walk as it was rendered once, by `quarry-master --trace`.
+/// A rendered walk, as recorded by `quarry-master --trace`.
 struct TracedWalk {
   struct Tile {
     double compute_s = 0;
-    std::vector<float> depths;     ///< as TileDone has them
+    std::vector<float> depths;     ///< as in TileDone
     std::vector<uint32_t> blocks;  ///< touched
   };
   std::vector<View> views;               ///< by frame
   std::vector<std::vector<Tile>> tiles;  ///< by frame
 };
 
-/// Every `step`-th frame, `frames` of them at most (0: all). Errors: not a trace, of another store, or one in
-/// which tiles are missing; the last line may be cut off.
+/// Reads every `step`-th frame, at most `frames` (0: all). An incomplete last line is ignored.
+/// Errors: not a trace; of another store; tiles are missing.
 Result<TracedWalk> ReadTracedWalk(const std::string& path, const Catalog& catalog, unsigned step,
                                   unsigned frames);
 

@@ -4,7 +4,7 @@
 
 namespace quarry {
 
-/// Block 5 as 5_b.
+/// The block with number 5, written as 5_b.
 constexpr BlockKey operator""_b(unsigned long long number) {
   return BlockKey::FromNumber(static_cast<uint32_t>(number));
 }

@@ -18,9 +18,9 @@
 
 namespace quarry::test {
 
-inline constexpr uint64_t kPlenty = 1 << 30;  ///< bytes of a cache that never evicts
+inline constexpr uint64_t kPlenty = 1 << 30;  ///< budget, in bytes, of a cache that never evicts
 
-/// A small store, and the blocks that it has.
+/// A small store with its reader and the keys of its blocks.
 struct CacheScene {
   explicit CacheScene(uint32_t voxels = 20, uint32_t seed = 1) {
     WriteSmallStore(folder.file("s"), voxels, seed);
@@ -37,7 +37,8 @@ struct CacheScene {
   std::vector<BlockKey> blocks;
 };
 
-/// The store itself, counting; or a sentence when `fault` is set, or bytes that are not the block's.
+/// A source of the store's blocks that counts fetches. With `fault` it answers with an error, with `wrong`
+/// with bytes that are not the block's.
 struct CountingSource final : VoxelSource {
   explicit CountingSource(const StoreReader& s) : store(s) {}
   void Fetch(BlockKey block, Done done) override {
@@ -51,7 +52,7 @@ struct CountingSource final : VoxelSource {
   bool fault = false, wrong = false;
 };
 
-/// A cached source over a folder of its own or another's, for as long as it lives.
+/// A disk-cached source over `folder`, with its log.
 struct Cached {
   Cached(const CacheScene& s, const std::string& folder, uint64_t budget = kPlenty)
       : scene(s),
@@ -73,7 +74,7 @@ struct Cached {
     return std::move(*got);
   }
 
-  /// Fetches all blocks, each after the other, and checks them.
+  /// Fetches all blocks one after the other and checks their bytes.
   void FetchAll() {
     for (const BlockKey block : scene.blocks) {
       const auto got = Fetch(block);
@@ -82,7 +83,7 @@ struct Cached {
     }
   }
 
-  /// What it came to, all that was queued written.
+  /// The counters of the cache after all queued writes.
   DiskCachedSource::Counters End() {
     source->Close();
     return source->counters();
@@ -95,11 +96,12 @@ struct Cached {
   std::optional<DiskCachedSource> source;
 };
 
+/// The path of a cached block.
 inline std::string PathOf(const CacheScene& scene, const std::string& folder, BlockKey block) {
   return fmt::format("{}/{}/{}", folder, FormatSceneId(scene.id()), block.number());
 }
 
-/// Blocks in the folder, over all scenes, and their bytes in whole blocks of the disk.
+/// The number of blocks in the folder over all scenes, and their bytes in whole blocks of the disk.
 struct Held {
   uint64_t files = 0, bytes = 0, writers = 0, other = 0;
 };

@@ -16,14 +16,15 @@
 
 namespace quarry::test {
 
-/// What one frame came to.
+/// The result of rendering a frame.
 struct EngineRun {
-  bool ended = false;  ///< within the time allowed
+  bool ended = false;  ///< whether it ended in time
   uint64_t loads = 0;
   std::vector<Bytes> tiles;  ///< pixels, by tile
 };
 
-/// A store's blocks, each at once or later, in an order drawn by lot. Used from the loader's thread.
+/// A source that answers some requests at once and others later, in a random order. Used from the loader's
+/// thread.
 class ShuffledSource final : public VoxelSource {
  public:
   ShuffledSource(const StoreReader& store, uint32_t seed) : store_(store), random_(seed) {}
@@ -31,7 +32,7 @@ class ShuffledSource final : public VoxelSource {
     if (random_() % 4 == 0) return done(store_.ReadBlock(block));
     waiting_.emplace_back(block, std::move(done));
   }
-  /// Answers one of those that wait. False when there is none.
+  /// Answers a random waiting request. Returns: false when there is none.
   bool Answer() {
     if (waiting_.empty()) return false;
     std::swap(waiting_[random_() % waiting_.size()], waiting_.back());
@@ -47,7 +48,7 @@ class ShuffledSource final : public VoxelSource {
   std::vector<std::pair<BlockKey, Done>> waiting_;
 };
 
-/// Renders the frame with a cache of `cache_bytes` and so many threads, from a cold cache.
+/// Renders the view with `threads` threads and a cold cache of `cache_bytes`.
 inline EngineRun RunEngine(const StoreReader& store, const View& view, uint64_t cache_bytes, unsigned threads,
                            std::chrono::seconds most) {
   TaskQueue tasks;

@@ -7,14 +7,14 @@
 
 namespace quarry::test {
 
-/// An HTTP server whose answers a test makes up byte by byte, on a free loopback port, with a thread a
+/// An HTTP server on a free loopback port whose answers a test gives byte by byte. It has a thread per
 /// connection.
 class FaultServer {
  public:
   enum class Then {
     kKeep,   ///< wait for the next request
     kClose,  ///< close the connection
-    kStall,  ///< send nothing more, leave it open
+    kStall,  ///< send nothing more and keep the connection open
   };
   struct Answer {
     std::string bytes;
@@ -22,15 +22,15 @@ class FaultServer {
   };
   struct Request {
     std::string head;       ///< up to the empty line
-    uint64_t first = 0;     ///< of the range asked for
-    uint64_t last = 0;      ///< of the range asked for
-    int number = 0;         ///< over all connections, from 0
-    int on_connection = 0;  ///< of this connection, from 0
-    int connection = 0;     ///< from 0
+    uint64_t first = 0;     ///< first byte of the range
+    uint64_t last = 0;      ///< last byte of the range
+    int number = 0;         ///< number of the request over all connections, from 0
+    int on_connection = 0;  ///< number of the request on its connection, from 0
+    int connection = 0;     ///< number of the connection, from 0
   };
   using Handler = std::function<Answer(const Request&)>;
 
-  /// `handler` is called by one thread at a time.
+  /// Starts the server. `handler` is called by one thread at a time.
   explicit FaultServer(Handler handler);
   ~FaultServer();
 
@@ -38,7 +38,7 @@ class FaultServer {
   /// "http://127.0.0.1:PORT/store"
   std::string url() const;
 
-  /// The right answer to `request` from `file`.
+  /// The correct answer to `request` from the bytes of `file`.
   static std::string Part(const Request& request, const std::string& file);
 
  private:

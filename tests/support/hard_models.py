@@ -1,4 +1,4 @@
-"""Models that part badly: triangles that lie in each other's way."""
+"""Models that split planes divide badly: triangles that lie in each other's way."""
 import array
 import math
 import random

@@ -14,13 +14,14 @@
 
 namespace quarry::test {
 
+/// The parsed URL. Requires: it is valid.
 inline HttpLocation Location(const std::string& url) {
   auto location = ParseHttpLocation(url, "the address");
   REQUIRE(location.has_value());
   return *location;
 }
 
-/// A store on disk, and its bytes for servers made up here.
+/// A store on disk, with its bytes for test servers.
 struct ServedScene {
   explicit ServedScene(uint32_t voxels = 8, uint32_t seed = 1) {
     WriteSmallStore(path, voxels, seed);
@@ -38,14 +39,14 @@ struct ServedScene {
   std::string bytes;
 };
 
-/// Short limits, so that tests of servers that fall silent are done soon.
+/// Options with all time limits at `seconds`. Short limits let tests of silent servers end soon.
 inline HttpOptions Patient(double seconds = 60) {
   HttpOptions options;
   options.connect_s = options.first_byte_s = options.stall_s = seconds;
   return options;
 }
 
-/// Fetches `blocks` at once, and runs until each is there.
+/// Requests all `blocks` at once and runs `io` until each is answered.
 inline std::vector<Result<Bytes>> FetchAll(boost::asio::io_context& io, VoxelSource& source,
                                            const std::vector<BlockKey>& blocks) {
   std::vector<std::optional<Result<Bytes>>> got(blocks.size());
@@ -64,11 +65,12 @@ inline std::vector<Result<Bytes>> FetchAll(boost::asio::io_context& io, VoxelSou
   return results;
 }
 
+/// Fetches a block and runs `io` until it is answered.
 inline Result<Bytes> FetchOne(boost::asio::io_context& io, VoxelSource& source, BlockKey block) {
   return FetchAll(io, source, {block})[0];
 }
 
-/// Every block through `source` is what the store's reader reads.
+/// Checks that every block from `source` equals the reader's.
 inline void CheckAllBlocks(boost::asio::io_context& io, VoxelSource& source, const StoreReader& store) {
   const auto blocks = BlocksOf(store.catalog());
   REQUIRE(!blocks.empty());

@@ -26,7 +26,7 @@ sockaddr_in Loopback(uint16_t port) {
   return address;
 }
 
-/// A port that was free a moment ago.
+/// A port that is free now.
 uint16_t FreePort() {
   const int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
   sockaddr_in address = Loopback(0);
@@ -88,7 +88,7 @@ Result<std::unique_ptr<Nginx>> Nginx::Start(const std::string& folder, const std
     for (int i = 0; i < 1000; ++i) {
       if (Answers(port)) return nginx;
       if (::waitpid(pid, nullptr, WNOHANG) == pid) {
-        nginx->pid_ = -1;  // the port was taken meanwhile
+        nginx->pid_ = -1;  // another program took the port meanwhile
         break;
       }
       std::this_thread::sleep_for(std::chrono::milliseconds(10));

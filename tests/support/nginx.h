@@ -10,15 +10,16 @@
 
 namespace quarry::test {
 
-/// An nginx of this process's own, with its configuration, logs and temporaries in a folder of its own; ends
-/// with the object.
+/// An nginx process that ends with the object. Its configuration, logs and temporary files are in a folder of
+/// its own.
 class Nginx {
  public:
-  /// The program, or empty where it is not installed.
+  /// The path of the program; empty when it is not installed.
   static std::string Program();
 
-  /// Serves the files of `root` at a free loopback port, `locations` being further lines of the server block
-  /// and `certificate` a PEM file of certificate and key, for https; empty: http. `folder` is its own.
+  /// Serves the files of `root` at a free loopback port. `locations`: more lines of the server block.
+  /// `certificate`: a PEM file of certificate and key for https; empty for http. `folder`: for files of
+  /// nginx.
   static Result<std::unique_ptr<Nginx>> Start(const std::string& folder, const std::string& root,
                                               const std::string& locations = "",
                                               const std::string& certificate = "");

@@ -11,7 +11,7 @@
 namespace quarry::test {
 namespace {
 
-/// The voxel's cell: the box of its tree's first treelet, or of anything for a tree of one leaf.
+/// The voxel's cell: the box of the first treelet; any box for a tree of one leaf.
 Box CellOf(const KdNode* nodes) {
   if (nodes[0].is_leaf()) return {glm::vec3(-1e30f), glm::vec3(1e30f)};
   const TreeletHeader& header = HeaderOf(nodes, nodes[0].left());
@@ -19,7 +19,7 @@ Box CellOf(const KdNode* nodes) {
           glm::vec3(header.upper[0], header.upper[1], header.upper[2])};
 }
 
-/// Voxels as a worker sees them: only those granted are there.
+/// A finder to which only the granted voxels are resident.
 struct Granting {
   const SceneView& view;
   std::vector<bool> granted;
@@ -113,7 +113,7 @@ Suspensions TraceSuspending(const SceneView& view, std::span<const TraceFunction
   Granting granting{view, std::vector<bool>(view.voxels().size())};
   std::vector<uint64_t> active(packets.size(), ~uint64_t{0});
   std::vector<std::vector<uint32_t>> used(packets.size() *
-                                          RayPacket::kRays);  // by ray: voxels that were there
+                                          RayPacket::kRays);  // per ray: voxels that were resident
   uint64_t repeated = 0;
   for (uint32_t round = 0;; ++round) {
     traces[round % traces.size()](view.top(), {Granting::Find, &granting}, packets.data(), active.data(),
@@ -138,7 +138,7 @@ Suspensions TraceSuspending(const SceneView& view, std::span<const TraceFunction
         const uint32_t voxel = packets[p].waits_for[i];
         if (granting.granted[voxel]) used[p * RayPacket::kRays + i].push_back(voxel);
       }
-    // A ray that goes back and forth would do so for ever.
+    // A ray that goes back and forth would never end.
     if (!any || repeated != 0) return {granting.refused, repeated};
   }
 }

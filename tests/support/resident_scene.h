@@ -13,11 +13,11 @@
 
 namespace quarry::test {
 
-/// The trees of a scene laid out as one algorithm wants them.
+/// The trees of a scene in the layout of an algorithm.
 class SceneView {
  public:
   const TopTree& top() const { return top_; }
-  /// Finds every voxel.
+  /// A finder to which every voxel is resident.
   VoxelFinder finder() const {
     return {
         [](void* context, uint32_t voxel) { return &static_cast<const SceneView*>(context)->voxels_[voxel]; },
@@ -32,7 +32,7 @@ class SceneView {
   std::vector<std::vector<KdNode>> nodes_;
 };
 
-/// Memory between pages that nobody may touch: what reads or writes outside it ends the program.
+/// Memory between protected pages: an access outside of it ends the program.
 class GuardedBytes {
  public:
   explicit GuardedBytes(size_t size);
@@ -45,7 +45,7 @@ class GuardedBytes {
   std::span<std::byte> mapping_, bytes_;
 };
 
-/// A store with all of its voxels' hot parts decoded, each between guarded pages.
+/// A store with all hot blocks decoded, each between protected pages.
 class ResidentScene {
  public:
   static Result<std::unique_ptr<ResidentScene>> Load(const std::string& store);
@@ -53,9 +53,9 @@ class ResidentScene {
   const Catalog& catalog() const { return store_->catalog(); }
   const std::vector<VoxelGeometry>& voxels() const { return views_[0]->voxels_; }
   uint64_t decoded_bytes() const { return decoded_bytes_; }
-  /// As stored: treelets.
+  /// The layout of stores, in treelets.
   const SceneView& view() const { return *views_[0]; }
-  /// The layout for `algorithm`; made when first asked for. Not thread-safe.
+  /// The layout for `algorithm`, made at the first call. Not thread-safe.
   const SceneView& view(Algorithm algorithm);
 
  private:
@@ -65,19 +65,16 @@ class ResidentScene {
   uint64_t decoded_bytes_ = 0;
 };
 
-/// Traces packets to their end: `active` as for TraceFunction. Every voxel must be found.
+/// Traces all rays of packets. Requires: every voxel is resident.
 inline void TraceAll(const SceneView& view, TraceFunction trace, std::vector<RayPacket>& packets) {
   const std::vector<uint64_t> active(packets.size(), ~uint64_t{0});
   trace(view.top(), view.finder(), packets.data(), active.data(), static_cast<uint32_t>(packets.size()));
 }
 
-/// Traces packets to their end as a worker with a cold cache does: every voxel is absent when it is first
-/// asked for, and of those that are waited for a third comes at once, so that the rays of one packet get out
-/// of step; once they have been traced it is absent again. With several kernels, rays that come again go on
-/// by the next.
+/// Counts of TraceSuspending().
 struct Suspensions {
-  uint64_t refused = 0;   ///< how often a voxel was not there
-  uint64_t repeated = 0;  ///< how often a ray waited again for a voxel that had been there for it
+  uint64_t refused = 0;   ///< requests for an absent voxel
+  uint64_t repeated = 0;  ///< suspensions of a ray at a voxel for which it had been resumed
 
   Suspensions& operator+=(const Suspensions& other) {
     refused += other.refused;
@@ -85,6 +82,9 @@ struct Suspensions {
     return *this;
   }
 };
+/// Traces all rays of packets as a worker with a cold cache does. A voxel is absent at its first request. In
+/// each round a third of the wanted voxels is resident, so that the rays of a packet get out of step; after
+/// the round they are absent again. With several kernels, resumed rays continue in the next kernel.
 Suspensions TraceSuspending(const SceneView& view, std::span<const TraceFunction> traces,
                             std::vector<RayPacket>& packets);
 inline Suspensions TraceSuspending(const SceneView& view, TraceFunction trace,

@@ -12,7 +12,7 @@ struct Frame {
   std::array<uint32_t, 6> ropes;
 };
 
-/// Down from `rope`, which lies beyond face `face` of `box`, while only one child touches the face.
+/// Descends from `rope`, which lies beyond face `face` of `box`, while only one child touches the face.
 uint32_t Tighten(std::span<const KdNode> nodes, uint32_t rope, uint32_t face, const Box& box) {
   while (rope != kNoRope && !nodes[rope].is_leaf()) {
     const KdNode& n = nodes[rope];

@@ -10,7 +10,7 @@
 
 namespace quarry::test {
 
-/// Two triangles, as a voxel of the cell from y to y + 10; -20 to 20 across.
+/// A voxel of two triangles, with the cell from y to y + 10 along y and from -20 to 20 across.
 inline HotVoxel RowVoxel(float y, const std::vector<glm::vec3>& vertices, uint32_t first_id) {
   HotVoxel v;
   v.cell = {{-20, y, -20}, {20, y + 10, 20}};
@@ -26,14 +26,15 @@ inline HotVoxel RowVoxel(float y, const std::vector<glm::vec3>& vertices, uint32
   return v;
 }
 
-/// Nothing but a triangle in two corners of the cell, so that rays pass through it.
+/// A voxel with small triangles in two corners of the cell, which rays pass through.
 inline HotVoxel OpenVoxel(float y, uint32_t first_id) {
   return RowVoxel(
       y, {{-20, y, -20}, {-19, y, -20}, {-20, y, -19}, {20, y + 10, 20}, {19, y + 10, 20}, {20, y + 10, 19}},
       first_id);
 }
 
-/// Four voxels in a row along y, from -10 to 30; the third holds a wall at 15, a mirror, with attributes.
+/// Writes a store of four voxels in a row along y, from -10 to 30. The third has a wall at 15, a mirror with
+/// attributes.
 struct Row {
   explicit Row(uint16_t material = 0) {
     auto writer = StoreWriter::Create(folder.file("s"));

@@ -7,21 +7,23 @@
 
 #include "common/base/bytes.h"
 
-// Messages that no encoder of Quarry's makes: FlatBuffers lets any number of references name one table, so
-// that a small message would unpack to a large one. Fields are numbered as in messages.fbs.
+// Messages that Quarry's encoders do not make: many references to one table, by which a small message would
+// unpack to a large one. Fields are numbered as in messages.fbs.
 
 namespace quarry::test {
 
+/// The offset of field `n` in a vtable.
 inline constexpr flatbuffers::voffset_t WireField(int n) {
   return static_cast<flatbuffers::voffset_t>(4 + 2 * n);
 }
 
+/// The finished bytes of a builder.
 inline Bytes TakeBytes(flatbuffers::FlatBufferBuilder& b) {
   const auto* data = reinterpret_cast<const std::byte*>(b.GetBufferPointer());
   return Bytes(data, data + b.GetSize());
 }
 
-/// A job request whose cameras are one table, named `cameras` times, with an eye of `doubles` numbers.
+/// A job request that refers `cameras` times to one camera, whose eye has `doubles` numbers.
 inline Bytes SharedCameras(size_t cameras, size_t doubles) {
   using flatbuffers::Offset, flatbuffers::Table;
   flatbuffers::FlatBufferBuilder b;
@@ -54,7 +56,7 @@ inline Bytes SharedCameras(size_t cameras, size_t doubles) {
   return TakeBytes(b);
 }
 
-/// A welcome that names one string `times` times.
+/// A Welcome that refers `times` times to one string.
 inline Bytes SharedSources(size_t times, size_t length) {
   using flatbuffers::Offset;
   flatbuffers::FlatBufferBuilder b;

@@ -4,8 +4,8 @@
 
 namespace quarry::test {
 
-/// Says why the present test, or a part of it, is skipped. A program that has skipped something and failed
-/// nothing ends with status 77, which ctest reports as skipped.
+/// Prints the reason why the present test, or a part of it, is skipped. A test program with skips and without
+/// failures ends with status 77, which ctest reports as skipped.
 void Skip(const std::string& reason);
 
 }  // namespace quarry::test

@@ -14,8 +14,8 @@
 
 namespace quarry::test {
 
-/// A voxel of two triangles, a square of side 1, with a tree of two leaves; ids, materials and parts are to
-/// be set by who uses it.
+/// A voxel of two triangles, a square of side 1, with a tree of two leaves. The caller sets ids, materials
+/// and parts.
 inline HotVoxel TwoTriangles() {
   HotVoxel v;
   v.cell = {glm::vec3(0), glm::vec3(1)};
@@ -31,7 +31,7 @@ inline HotVoxel TwoTriangles() {
   return v;
 }
 
-/// What goes wrong when the store is opened and read whole; empty when nothing does.
+/// The error when the store is opened and verified; empty for a sound store.
 inline std::string FaultOf(const std::string& path) {
   const auto store = StoreReader::Open(path);
   if (!store) return store.error().message;
@@ -39,6 +39,7 @@ inline std::string FaultOf(const std::string& path) {
   return status ? "" : status.error().message;
 }
 
+/// Read or write a whole file.
 inline std::vector<char> ReadFile(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(in), {}};
@@ -47,8 +48,8 @@ inline void WriteFile(const std::string& path, const std::vector<char>& bytes) {
   std::ofstream(path, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
 }
 
-/// Writes a store of `voxels` voxels in one chain, about 4 KiB a block that does not compress, every third
-/// with a shading block; other seeds make other scenes.
+/// Writes a store of `voxels` voxels in a chain. A block takes about 4 KiB and does not compress; every third
+/// voxel has a shading block. Different seeds make different scenes.
 inline void WriteSmallStore(const std::string& path, uint32_t voxels, uint32_t seed = 1) {
   constexpr uint32_t kVertices = 300;
   auto writer = StoreWriter::Create(path);
@@ -77,7 +78,7 @@ inline void WriteSmallStore(const std::string& path, uint32_t voxels, uint32_t s
   REQUIRE(writer->Finish(meta, {KdNode::Leaf(0, 1)}, {Material{"paint"}}, {"part"}).has_value());
 }
 
-/// The blocks that the directory has.
+/// The keys of the directory's blocks.
 inline std::vector<BlockKey> BlocksOf(const Catalog& catalog) {
   std::vector<BlockKey> blocks;
   for (uint32_t number = 0; number < catalog.block_numbers(); ++number)

@@ -7,7 +7,7 @@
 
 namespace quarry::test {
 
-/// An empty folder of its own, removed with all that is in it.
+/// A new empty folder, removed with its content at the end.
 class TemporaryFolder {
  public:
   TemporaryFolder() {

@@ -107,6 +107,24 @@ TEST_CASE("A cache of one block and any number of threads render the same pictur
   }
 }
 
+TEST_CASE("A call can be cancelled from its own callback", "[renderer]") {
+  const Row row;
+  const View view = Seen({0, -20, 0}, {3, 10, 4});
+  const auto renderer = MakeRenderer(row, 1 << 20, 2);
+  std::stop_source stop;
+  uint32_t calls = 0;
+  const Status status = renderer->Render(
+      view, TilesOf(view.crop),
+      [&](size_t, const RenderedTile&, Renderer::Progress) {
+        ++calls;
+        stop.request_stop();
+      },
+      stop.get_token());
+  REQUIRE_FALSE(status.has_value());
+  CHECK(status.error().kind == ErrorKind::kCancelled);
+  CHECK(calls == 1);
+}
+
 TEST_CASE("A lattice renders the pixels in the middle of its squares", "[renderer]") {
   const Row row;
   const auto renderer = MakeRenderer(row);

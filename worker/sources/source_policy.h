@@ -55,7 +55,9 @@ class RetryBudget {
 /// Source: Jacobson 1988, TCP's retransmission timer.
 class AnswerTime {
  public:
-  /// The shortest wait before a hedge.
+  /// Seconds: the shortest wait before a hedge. Trades the wait behind a lost answer against requests sent
+  /// twice. A judgement: longer than a block takes on a slow link (256 KiB at 10 MB/s: 26 ms), shorter than a
+  /// pause that a person notices.
   static constexpr double kLeastHedgeS = 0.1;
   void Add(double s);
   double mean_s() const { return mean_s_; }
@@ -72,9 +74,12 @@ struct SourceView {
   double mean_answer_s = 0;  ///< 0 while unknown
   bool open = true;          ///< not waiting after a failure, and not yet asked for this block
 };
+/// Seconds that another source must save to be asked in place of a block's home. Trades a shorter wait
+/// against the home's cache, which the block then misses next time. A judgement: answers in a local network
+/// take about a millisecond, so smaller differences are noise.
+inline constexpr double kWorthS = 2e-3;
 /// The first open source in `order`, unless another open source answers in less than half its time and saves
 /// more than kWorthS. `order` holds indices into `sources`. Returns: -1 when none is open.
-inline constexpr double kWorthS = 2e-3;  // too small a saving to leave a block's home
 int ChooseSource(std::span<const uint32_t> order, std::span<const SourceView> sources);
 
 }  // namespace quarry

@@ -19,7 +19,10 @@ namespace {
 // Period of checks for late answers; it bounds how late a hedge or retry is.
 constexpr auto kTick = std::chrono::milliseconds(50);
 constexpr double kOversleptS = 2;  // a tick later than this means that the process was stopped
-// limits for a source that owes answers and gives none: see Origin::Mute
+/// Seconds without an answer after which a source that owes one is passed over: for a source that has
+/// answered before, and for a new source, whose first answer also opens the connection. Trades idle threads
+/// behind a silent link against leaving a slow source. `tests/chaos/run --seeds 41` takes 12 s with these
+/// limits, 20 s without.
 constexpr double kMuteS = 1, kMuteAtFirstS = 3;
 constexpr size_t kMostHints = 1u << 16;  // a forgotten hint costs a request to a server
 

@@ -10,12 +10,15 @@
 
 namespace quarry {
 
-/// Blocks straight from a store that this process can read: a disk, NFS. A few threads read, so that a slow
-/// disk holds up nothing but the rays that wait for it.
+/// A source that reads blocks from a store on a disk or NFS. Threads of its own read, so that a slow disk
+/// delays only the rays that wait for it.
 class FileVoxelSource final : public VoxelSource {
  public:
+  /// Reads at once. Trades the throughput of a disk that serves several reads at once against threads. A
+  /// judgement: an SSD is near its full rate with a few reads.
   static constexpr unsigned kThreads = 4;
-  /// `executor`: runs callbacks on the loader's thread, and none once this is destroyed there.
+  /// `executor` posts to the loader's thread, where callbacks run and where the source must be destroyed; no
+  /// callback runs afterwards.
   FileVoxelSource(Executor executor, std::shared_ptr<const StoreReader> store);
   ~FileVoxelSource() override;
   void Fetch(BlockKey block, Done done) override;
@@ -24,9 +27,10 @@ class FileVoxelSource final : public VoxelSource {
  private:
   const Executor executor_;
   const std::shared_ptr<const StoreReader> store_;
-  const std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);  ///< the loader's thread looks at it
+  const std::shared_ptr<bool> alive_ =
+      std::make_shared<bool>(true);  ///< false once destroyed; used on the loader's thread
   TaskQueue reads_;
-  std::vector<std::thread> threads_;  ///< last: they use all of the above
+  std::vector<std::thread> threads_;  ///< last, since they use all of the above
 };
 
 }  // namespace quarry

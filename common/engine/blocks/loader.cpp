@@ -25,8 +25,8 @@ Loader::Loader(const Catalog& catalog, VoxelCache& cache, VoxelSource& source,
     : catalog_(catalog), cache_(cache), source_(source), on_error_(std::move(on_error)) {}
 
 void Loader::Run() {
-  // A source that has the block at hand answers within Fetch: the loop installs it, or sees that it is not
-  // yet its turn.
+  // A source that has the block at hand answers inside Fetch(), which calls Run() again: the loop takes the
+  // answer up.
   again_ = true;
   if (std::exchange(running_, true)) return;
   while (std::exchange(again_, false) && !failed_) {
@@ -51,7 +51,7 @@ void Loader::InstallArrived() {
 
 void Loader::AskForMore() {
   while (!failed_) {
-    // The block whose turn it is may be asked for beyond the bounds: those that have arrived wait for it.
+    // The block whose turn it is may exceed the bounds, since the arrived blocks wait for it.
     const bool full = in_flight_ >= kMaxInFlight || stored_bytes_ >= kMaxStoredBytes;
     const auto block = full ? cache_.TurnToLoad() : cache_.NextToLoad();
     if (!block) return;

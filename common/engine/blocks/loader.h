@@ -12,31 +12,36 @@
 
 namespace quarry {
 
-/// Decodes `stored` into `resident`, whose bytes have the decoded size, and checks it against the catalog.
-/// `tree`: see BlockDecoder.
+/// Decodes `stored` into `resident` and checks it against the catalog. `tree`: see BlockDecoder.
+/// Requires: `resident.bytes` has the decoded size. Errors: as DecodeHot() and DecodeShading().
 Status DecodeBlock(const Catalog& catalog, BlockKey block, std::span<const std::byte> stored,
                    BlockDecoder& decoder, ResidentBlock& resident, std::vector<KdNode>* tree = nullptr);
 
-/// Loads the blocks that the cache wants: asks the source (whose bytes are verified), decompresses,
-/// publishes. All on one thread. Bounded: at most kMaxInFlight requests and about kMaxStoredBytes of stored
-/// bytes are on the way or waiting for room, and one block more where it has to go before all of those (see
-/// VoxelCache::NextToPublish).
+/// Loads the blocks that the cache wants: requests them from the source, decodes and checks them, and
+/// publishes them in the cache. Used from one thread, the loader's.
+/// Memory: at most kMaxInFlight blocks, and at most kMaxStoredBytes of stored bytes plus a block, are on the
+/// way or wait for room; one block more when it must be published before all of these (see
+/// VoxelCache::NextToPublish()).
 class Loader {
  public:
+  /// Limits of blocks, and of their stored bytes, on the way or waiting for room. Trade the latency of a
+  /// source that is hidden against memory beyond --cache. A judgement: 16 blocks fill a link of 1 Gbit/s at a
+  /// latency of 10 ms.
   static constexpr uint32_t kMaxInFlight = 16;
   static constexpr uint64_t kMaxStoredBytes = 2u << 20;
 
-  /// `on_error` is called once, when a block cannot be had: rendering cannot go on.
+  /// `on_error` is called once, when a block cannot be had; no block is loaded after it.
+  /// Requires: the references outlive the loader.
   Loader(const Catalog& catalog, VoxelCache& cache, VoxelSource& source,
          std::function<void(const Error&)> on_error);
 
-  /// True while nothing that a ray waits for is on its way.
+  /// Whether no block that a ray waits for is on its way.
   bool idle() const { return in_flight_ == 0; }
-  /// Microseconds spent decoding, memory for it included, as time passes: of a processor that is shared too.
+  /// Microseconds of wall time spent decoding, getting memory included.
   uint64_t decode_us() const { return decode_us_; }
 
-  /// Asks for more while the bounds allow, and installs what waits for room. Call on the loader's thread when
-  /// the cache calls on_want or on_space.
+  /// Publishes the arrived blocks that have room and requests more within the bounds. Call on the loader's
+  /// thread when the cache calls on_want or on_space.
   void Run();
 
  private:
@@ -44,7 +49,7 @@ class Loader {
     BlockKey block;
     Bytes stored;
   };
-  /// Those whose turn it is, as long as the cache has room.
+  /// Publishes the arrived blocks whose turn it is while the cache has room.
   void InstallArrived();
   void AskForMore();
   void OnFetched(BlockKey block, Result<Bytes> stored);

@@ -7,12 +7,12 @@
 
 namespace quarry {
 
-/// Whole pages straight from the system, given back at once when destroyed, so that evicting a block makes
-/// room in fact and not only in the heap's books. Movable.
+/// Memory of whole pages, mapped from the system and unmapped when destroyed. The heap would keep an evicted
+/// block's pages; this returns them. Movable, not thread-safe. Units: bytes.
 class PageBuffer {
  public:
   PageBuffer() = default;
-  /// Nothing when the system has no such memory.
+  /// Maps `bytes`, resident at once. Returns: nothing when the system has no memory.
   static std::optional<PageBuffer> TryGet(size_t bytes);
   PageBuffer(PageBuffer&& other) noexcept
       : data_(std::exchange(other.data_, nullptr)), size_(std::exchange(other.size_, 0)) {}
@@ -23,11 +23,11 @@ class PageBuffer {
   }
   ~PageBuffer();
   std::span<std::byte> bytes() const { return {data_, size_}; }
-  /// Makes it another size, perhaps elsewhere; its content is lost. Pages are kept as far as they are needed:
-  /// getting them anew takes the system as long as decoding a block into them. False, and nothing has
-  /// changed, when the system has no such memory.
+  /// Changes the size; the address may change and the content is lost. Keeps the pages that both sizes need,
+  /// since getting a page costs about as much time as decoding into it.
+  /// Returns: false when the system has no memory; nothing has changed then.
   [[nodiscard]] bool Resize(size_t bytes);
-  /// Cuts off memory for so many bytes in front: whole pages. Requires: it has as many pages.
+  /// Cuts off the pages of the first `bytes` bytes. Requires: the buffer has as many pages.
   PageBuffer TakeFront(size_t bytes);
 
  private:

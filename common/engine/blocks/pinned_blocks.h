@@ -8,23 +8,23 @@
 
 namespace quarry {
 
-/// The blocks that one thread has pinned during a batch: each is pinned once, however many rays use it, and
-/// all are let go together. A small direct-mapped table in front spares most look-ups, and notes for each
-/// reader (a tile) which blocks it has been in. Owned by one thread.
+/// The blocks that a thread has pinned. A block is pinned once, however many rays use it; Release() unpins
+/// all together. A direct-mapped table of recent blocks saves most look-ups, and lists for each reader (a
+/// tile) the blocks that it touched. Owned by one thread.
 class PinnedBlocks {
  public:
   explicit PinnedBlocks(VoxelCache& cache) : cache_(cache) {}
   ~PinnedBlocks() { Release(); }
 
-  /// From now on blocks found are appended to `touched`, each once or more. `reader`: a number from
-  /// NewReader, another for each list.
+  /// Appends the blocks found from now on to `touched`, each at least once. `reader` is a number from
+  /// NewReader(), one for each list.
   void LogTo(std::vector<BlockKey>& touched, uint32_t reader) {
     touched_ = &touched;
     reader_ = reader;
   }
   uint32_t NewReader() { return ++readers_; }
 
-  /// Null when the block is not resident. Requires: LogTo was called.
+  /// Finds a block and pins it. Returns: null when it is not resident. Requires: LogTo() was called.
   const ResidentBlock* Find(BlockKey block) {
     Recent& recent =
         recent_[(block.voxel + static_cast<uint32_t>(block.kind) * (kRecent / kBlockKinds)) % kRecent];
@@ -42,7 +42,7 @@ class PinnedBlocks {
     recent = {key, resident};
     return resident;
   }
-  /// Finds voxels' hot parts here, for a kernel on this thread.
+  /// A finder of hot blocks for a kernel on this thread.
   VoxelFinder finder() {
     return {[](void* pins, uint32_t voxel) -> const VoxelGeometry* {
               const ResidentBlock* block = static_cast<PinnedBlocks*>(pins)->Find(BlockKey::Hot(voxel));
@@ -50,10 +50,11 @@ class PinnedBlocks {
             },
             this};
   }
-  /// Takes over a pin that was made on this thread's behalf.
+  /// Takes over the pin of a delivered block (see Mailbox).
   void Adopt(BlockKey block) {
     if (!pinned_.emplace(block, cache_.Pinned(block)).second) cache_.Unpin(block);
   }
+  /// Unpins all blocks.
   void Release() {
     for (const auto& [block, resident] : pinned_) cache_.Unpin(block);
     pinned_.clear();
@@ -61,9 +62,11 @@ class PinnedBlocks {
   }
 
  private:
-  static constexpr uint32_t kRecent = 1024;  // 16 KiB; scenes have hundreds of voxels in view
+  /// Entries of the table; 16 KiB. Trades look-ups against the cache lines of L1. A judgement: scenes have
+  /// hundreds of voxels in view.
+  static constexpr uint32_t kRecent = 1024;
   struct Recent {
-    uint64_t key = 0;  ///< reader, block
+    uint64_t key = 0;  ///< reader in the high half, block number in the low
     const ResidentBlock* resident = nullptr;
   };
   VoxelCache& cache_;

@@ -10,7 +10,7 @@ VoxelOrder::VoxelOrder(const Catalog& catalog) {
     places.assign(catalog.voxels.size(), 0);
     if (catalog.top_nodes.empty()) continue;
     uint32_t next = 0;
-    std::vector<uint32_t> left{0};  // nodes to visit, the nearest last
+    std::vector<uint32_t> left{0};  // nodes to visit; the nearest is last
     while (!left.empty()) {
       const KdNode node = catalog.top_nodes[left.back()];
       left.pop_back();

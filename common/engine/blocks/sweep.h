@@ -8,7 +8,8 @@
 
 namespace quarry {
 
-/// The octants that rays point to, as a mask of one bit each. Bit a of an octant's number: down along axis a.
+/// Octants of ray directions, a bit each. Bit a of an octant's number is set when the direction's component a
+/// is negative.
 using OctantMask = uint8_t;
 inline constexpr uint32_t kOctants = 8;
 inline constexpr OctantMask kAllOctants = 0xFF;
@@ -18,42 +19,43 @@ inline OctantMask OctantBit(float x, float y, float z) {
   return static_cast<OctantMask>(1u << ((x < 0 ? 1 : 0) | (y < 0 ? 2 : 0) | (z < 0 ? 4 : 0)));
 }
 
-/// The order in which rays of an octant pass the voxels of a scene: a ray goes from voxel to voxel by
-/// ascending place, wherever it begins. Chained voxels follow each other in every octant. Immutable; 32 bytes
-/// a voxel.
+/// For each octant, an order of the scene's voxels in which every ray of the octant passes them: a ray's
+/// voxels have ascending places. Chained voxels follow each other.
+/// Memory: 32 bytes per voxel. Immutable, so thread-safe.
 class VoxelOrder {
  public:
   explicit VoxelOrder(const Catalog& catalog);
 
+  /// The place of a voxel in the order of `octant`, from 0.
   uint32_t place(uint32_t octant, uint32_t voxel) const { return places_[octant][voxel]; }
 
  private:
   std::array<std::vector<uint32_t>, kOctants> places_;
 };
 
-/// Where the loader stands when it passes through the voxels that rays wait for in the order of one octant,
-/// then of the next that has any. All rays of an octant that wait when its turn begins are carried to their
-/// ends by this one pass: each of their voxels is loaded once for all of them. Source: the elevator of disk
-/// schedulers (C-SCAN), by the kd-tree's order; the use is ours.
+/// The order of loading while the cache is scarce: the wanted voxels in the order of one octant, then of the
+/// next octant with waiting rays. One pass carries all rays of an octant that wait at its beginning to their
+/// ends, so each of their voxels is loaded once for all of them. Not thread-safe.
+/// Source: the elevator of disk schedulers (C-SCAN), here over the order of a kd-tree.
 class Sweep {
  public:
   explicit Sweep(const VoxelOrder& order) : order_(order) {}
 
-  /// A block that rays wait for, as the sweep sees it.
+  /// A wanted block.
   struct Stop {
     BlockKey block;
-    OctantMask octants;  ///< of the rays that wait
+    OctantMask octants;  ///< octants of the waiting rays
   };
-  /// How far ahead a block lies: those with less come first. Blocks that no ray of the present octant needs,
-  /// or that it has passed, come in the turns after.
+  /// How far ahead of the sweep a block lies; the least distance comes next. A block that the sweep has
+  /// passed in the present octant, or that only rays of other octants need, lies in a later turn.
   uint64_t Distance(const Stop& stop) const;
-  /// The sweep has come to this block.
+  /// Moves the sweep to this block.
   void MoveTo(const Stop& stop);
 
  private:
   const VoxelOrder& order_;
   uint32_t octant_ = 0;
-  uint64_t at_ = 0;  ///< twice the place, plus the kind, of the block that it has come to
+  uint64_t at_ = 0;  ///< the sweep's block: kBlockKinds * place + kind
 };
 
 }  // namespace quarry

@@ -8,11 +8,10 @@
 
 namespace quarry {
 
-/// Runs a function later, on a thread of its own choice, in the order of the calls. May be called from any
-/// thread.
+/// Takes a function and runs it later on a certain thread, in the order of the calls. Thread-safe.
 using Executor = std::function<void(std::function<void()>)>;
 
-/// Functions that wait for threads to run them. Thread-safe.
+/// A queue of functions for one or several threads to run. Thread-safe.
 class TaskQueue {
  public:
   void Post(std::function<void()> task) {
@@ -22,7 +21,7 @@ class TaskQueue {
     }
     changed_.notify_one();
   }
-  /// Runs tasks on the calling thread until Stop; tasks not begun by then are dropped.
+  /// Runs tasks on the calling thread until Stop(); tasks not begun by then are dropped.
   void Run() {
     for (std::unique_lock lock(mutex_);;) {
       changed_.wait(lock, [this] { return stopped_ || !tasks_.empty(); });
@@ -34,6 +33,7 @@ class TaskQueue {
       lock.lock();
     }
   }
+  /// Makes every Run() return after its present task.
   void Stop() {
     {
       const std::lock_guard lock(mutex_);
@@ -43,7 +43,7 @@ class TaskQueue {
   }
 
  private:
-  std::mutex mutex_;  ///< all below
+  std::mutex mutex_;  ///< guards all below
   std::condition_variable changed_;
   std::deque<std::function<void()>> tasks_;
   bool stopped_ = false;

@@ -66,7 +66,7 @@ void VoxelCache::Unpin(BlockKey block) {
 void VoxelCache::Want(BlockKey block, Mailbox* mailbox, uint32_t rays, OctantMask octants) {
   {
     const std::lock_guard lock(mutex_);
-    // Eviction and publication hold the lock too, so that this answer stands until the waiter is on the list.
+    // Eviction and publication hold the lock too, so the answer stays true until the mailbox is on the list.
     if (!TryPin(block)) {
       Waiting& w = waiting_[block];
       if (w.rays == 0) {
@@ -153,7 +153,7 @@ std::optional<BlockKey> VoxelCache::NextToLoad() {
 }
 
 bool VoxelCache::EvictOne(std::vector<BlockKey>& evicted) {
-  // A scan: a cache holds some thousand blocks, and a load costs far more than looking at them.
+  // A linear scan: a cache holds some thousand blocks, and a load costs far more.
   const uint32_t now = clock_.load();
   size_t oldest = residents_.size();
   uint32_t oldest_age = 0;
@@ -169,11 +169,12 @@ bool VoxelCache::EvictOne(std::vector<BlockKey>& evicted) {
   if (oldest == residents_.size()) return false;
   Slot& slot = this->slot(residents_[oldest]);
   uint32_t unpinned = kResident;
-  if (!slot.state.compare_exchange_strong(unpinned, 0)) return true;  // pinned meanwhile: look again
+  if (!slot.state.compare_exchange_strong(unpinned, 0))
+    return true;  // pinned meanwhile: the caller tries again
   ResidentBlock* gone = slot.resident.exchange(nullptr);
   used_ -= gone->bytes.bytes().size();
   ++counters_.evictions;
-  unused_ = PageBuffer();  // from here on blocks take turns
+  unused_ = PageBuffer();  // from now on each block takes the pages of an evicted block
   spare_ = PageBuffer();
   spare_ = std::move(gone->bytes);
   delete gone;
@@ -188,7 +189,8 @@ bool VoxelCache::MakeRoom(uint32_t decoded_bytes, std::vector<BlockKey>& evicted
   QUARRY_CHECK_LE(decoded_bytes, budget_);
   while (used_ + decoded_bytes > budget_) {
     if (EvictOne(evicted)) continue;
-    // Raise the flag first, then look again: a pin that goes in between is either seen here or sees the flag.
+    // The flag is raised before the second look: an unpinning in between is either seen here or sees the
+    // flag.
     starved_.store(true);
     if (!EvictOne(evicted)) return false;
     starved_.store(false);

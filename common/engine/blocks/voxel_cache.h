@@ -20,7 +20,7 @@
 
 namespace quarry {
 
-/// A decoded block in the cache: the view that fits its kind.
+/// A decoded block in the cache. Of `hot` and `shading`, the view of its kind is set; it points into `bytes`.
 struct ResidentBlock {
   PageBuffer bytes;
   VoxelGeometry hot;
@@ -29,15 +29,16 @@ struct ResidentBlock {
 
 class VoxelCache;
 
-/// Where one compute thread hears of blocks it waits for. A delivered block carries a pin on the thread's
-/// behalf.
+/// The queue of blocks delivered to a compute thread that waits for them. A delivered block is pinned for the
+/// thread. Thread-safe, except Take(), which only the thread calls.
 class Mailbox {
  public:
+  /// Adds a block that is pinned for the owner.
   void Deliver(BlockKey block, VoxelCache& from);
-  /// Makes the next Wait return (new tile, stop).
+  /// Makes the next Take() return, for a new tile or the end.
   void Wake();
-  /// Takes what was delivered; with `wait`, sleeps until there is something or Wake was called. The blocks of
-  /// the Take before have been used: the rays that waited for them have gone on, as far as they could.
+  /// Takes the delivered blocks. With `wait`, sleeps until there is one or Wake() was called. Requires: the
+  /// rays that waited for the blocks of the last Take() have gone on.
   std::vector<BlockKey> Take(bool wait);
 
  private:
@@ -46,64 +47,70 @@ class Mailbox {
   std::vector<BlockKey> delivered_;
   bool woken_ = false;
   VoxelCache* from_ = nullptr;
-  uint32_t in_use_ = 0;  ///< blocks of the last Take; the thread's
+  uint32_t in_use_ = 0;  ///< blocks of the last Take(); used by the owner only
 };
 
-/// The worker's cache of decoded blocks: a byte budget, least recently used first out, pinned blocks never
-/// out. Decoded bytes in the cache never exceed the budget; a budget of the largest block is enough: a block
-/// that arrives is pinned for everyone who waits for it, all of them use it, and only then does it make room.
-/// Thread-safe. Pinning takes no lock. A thread must not wait for a block while it holds pins.
-/// Source: Wald & Slusallek 2001, section 6.3 (explicit cache, LRU); the grants are ours.
+/// The cache of decoded blocks, with a limit in bytes. It evicts the least recently used block that is not
+/// pinned. A limit of the scene's largest block is enough to finish every image: an arriving block is pinned
+/// for all threads that wait for it, and is evicted only after all have used it.
+/// Units: bytes, decoded.
+/// Thread safety: members above "the loader's thread" may be called from any thread; pinning takes no lock.
+/// Requires: a thread that waits for a block holds no pins.
+/// Source: Wald & Slusallek 2001, section 6.3 (explicit cache, LRU). Pinning for all waiting threads and the
+/// sweep are additions.
 class VoxelCache {
  public:
-  /// Callbacks come outside the cache's lock. `on_want` is called on any thread when there is something new
-  /// to load, `on_space` on any thread when a pin went while the loader was short of space. `on_change` is
-  /// called on the loader's thread when a block has come (true) or gone.
+  /// Callbacks are called outside the cache's lock. `on_want`: on any thread, when a block may be loaded.
+  /// `on_space`: on any thread, when a block was unpinned after Reserve() failed. `on_change`: on the
+  /// loader's thread, when a block came (true) or was evicted (false).
+  /// Requires: `catalog` outlives the cache.
   VoxelCache(const Catalog& catalog, uint64_t budget_bytes, std::function<void()> on_want,
              std::function<void()> on_space, std::function<void(BlockKey, bool)> on_change = {});
   ~VoxelCache();
 
   // --- compute threads
-  /// The block, pinned once; null when it is not resident.
+  /// Pins a block once. Returns: null when it is not resident.
   const ResidentBlock* TryPin(BlockKey block);
-  /// A block that the caller holds a pin of.
+  /// The block. Requires: the caller holds a pin of it.
   const ResidentBlock* Pinned(BlockKey block) const {
     return slot(block).resident.load(std::memory_order_acquire);
   }
   void Unpin(BlockKey block);
-  /// Asks for `block` on behalf of `rays` rays that point to `octants`. Once it is resident it is pinned for
-  /// `mailbox` and delivered to it. A block is loaded once however many ask.
+  /// Wants `block` for `rays` rays with directions in `octants`. Once the block is resident it is pinned for
+  /// `mailbox` and delivered to it. It is loaded once, however many threads want it.
   void Want(BlockKey block, Mailbox* mailbox, uint32_t rays, OctantMask octants = kAllOctants);
-  /// Whether the wanted blocks would take more than half of the cache: the other half is for blocks in use,
-  /// which new ones would push out before all rays have been there. (Fan of tests/bench/voxel_chains, 32M:
-  /// 1,606 loads; 6,987 with the whole.)
+  /// Whether the wanted blocks take more than half of the limit. The other half holds blocks in use, which a
+  /// new block would evict before all their rays have passed. Chosen by `tests/bench/voxel_chains`, fan with
+  /// a cache of 32 MiB: 1,606 loads; 6,987 with the whole limit in place of half.
   bool scarce() const { return wanted_bytes_.load(std::memory_order_relaxed) > budget_ / 2; }
-  /// Mailboxes' owners have used so many delivered blocks.
+  /// Notes that the owner of a mailbox has used `blocks` delivered blocks.
   void Used(uint32_t blocks);
 
   // --- the loader's thread
-  /// The wanted block to ask for next, now counted as being loaded: while all wanted blocks have room beside
-  /// each other the one most worth it (rays waiting, times how long), else the next in the sweep.
+  /// Takes the wanted block to request next and marks it as loading. In a scarce cache it is the next of the
+  /// sweep, else the block with the greatest product of waiting rays and waiting time.
   std::optional<BlockKey> NextToLoad();
-  /// The block that NextToPublish waits for, if it has not been asked for yet; now counted as being loaded.
+  /// Takes the block that NextToPublish() waits for, if it is not loading yet, and marks it as loading.
   std::optional<BlockKey> TurnToLoad();
-  /// Which block may be put in next. Where not all wanted blocks have room it is the next in the sweep, and
-  /// only after those before have been used: nothing then goes out that a ray at its place still needs.
+  /// The block that may be published next. In a scarce cache it is the next of the sweep, and none until the
+  /// delivered blocks have been used, so that no block is evicted that a waiting ray still needs.
   struct Turn {
-    bool any = false;               ///< whichever is there
-    std::optional<BlockKey> block;  ///< this one, once it is there
+    bool any = false;               ///< any block
+    std::optional<BlockKey> block;  ///< only this block
   };
   Turn NextToPublish() const;
-  /// Makes room for a block. False: too much is pinned; on_space is called when trying again may help.
+  /// Reserves room for a block and evicts others for it. Returns: false when too much is pinned; on_space is
+  /// called when another try may succeed.
   bool Reserve(uint32_t decoded_bytes);
-  /// Memory for the block for which room was reserved: that of the last block evicted, memory got beforehand,
-  /// or new. Nothing when the system has no memory left.
+  /// Takes memory for the block that room was reserved for: of the last evicted block, of UseFirst(), or new.
+  /// Returns: nothing when the system has no memory.
   std::optional<PageBuffer> TakePages(uint32_t decoded_bytes);
-  /// Memory got beforehand; what is beyond the budget goes back.
+  /// Gives the cache memory to use first. Bytes beyond the limit are returned to the system.
   void UseFirst(PageBuffer memory);
-  /// Puts in a block for which room was reserved, and delivers it to all that wait.
+  /// Puts in a block that room was reserved for and delivers it to all mailboxes that wait for it.
   void Publish(BlockKey block, std::unique_ptr<ResidentBlock> resident);
 
+  /// Decoded bytes now; blocks and decoded bytes loaded, and blocks evicted, since the start.
   struct Counters {
     uint64_t bytes = 0, loaded = 0, bytes_loaded = 0, evictions = 0;
   };
@@ -112,7 +119,7 @@ class VoxelCache {
  private:
   static constexpr uint32_t kResident = 1u << 31;
   struct Slot {
-    std::atomic<uint32_t> state{0};  ///< kResident, and pins in the bits below
+    std::atomic<uint32_t> state{0};  ///< kResident, and the number of pins in the bits below
     std::atomic<uint32_t> last_use{0};
     std::atomic<ResidentBlock*> resident{nullptr};
   };
@@ -124,15 +131,15 @@ class VoxelCache {
     bool loading = false;
   };
   Slot& slot(BlockKey block) const { return slots_[block.number()]; }
-  /// The block that has gone, if any: `evicted` stays empty where a pin came in between. False: all are
-  /// pinned.
+  /// Evicts a block and appends it to `evicted`; appends none when the block was pinned meanwhile. Returns:
+  /// false when all blocks are pinned.
   bool EvictOne(std::vector<BlockKey>& evicted);
   bool MakeRoom(uint32_t decoded_bytes, std::vector<BlockKey>& evicted);
-  /// The wanted block that the sweep comes to next. `loading_too`: blocks already asked for count as well.
+  /// The wanted block that the sweep comes to next. `loading_too`: blocks that are loading count too.
   std::optional<Sweep::Stop> NextInSweep(bool loading_too) const;
 
-  PageBuffer spare_;   ///< the loader's: of the last block that went, until another takes its place
-  PageBuffer unused_;  ///< the loader's: what is left of the memory got beforehand
+  PageBuffer spare_;   ///< of the last evicted block, until reused; the loader's
+  PageBuffer unused_;  ///< the rest of UseFirst()'s memory; the loader's
   const Catalog& catalog_;
   const uint64_t budget_;
   std::function<void()> on_want_, on_space_;
@@ -140,10 +147,10 @@ class VoxelCache {
   std::unique_ptr<Slot[]> slots_;
   std::atomic<uint32_t> clock_{0};
   std::atomic<bool> starved_{false};
-  std::atomic<uint64_t> wanted_bytes_{0};  ///< of the blocks in waiting_, decoded
-  mutable std::mutex mutex_;               ///< all below
+  std::atomic<uint64_t> wanted_bytes_{0};  ///< decoded bytes of the blocks in waiting_
+  mutable std::mutex mutex_;               ///< guards all below
   std::unordered_map<BlockKey, Waiting> waiting_;
-  uint32_t in_use_ = 0;  ///< delivered blocks that have not been used yet
+  uint32_t in_use_ = 0;  ///< delivered blocks that are not used yet
   const VoxelOrder order_;
   Sweep sweep_{order_};
   std::vector<BlockKey> residents_;

@@ -9,14 +9,15 @@
 
 namespace quarry {
 
-/// Where stored blocks come from: a file, another process, an HTTP server, a cache in front of any of them.
-/// Used from one thread, the loader's; `done` is called on it, at once or later, exactly once per Fetch
-/// unless the source is destroyed first. The caller checks the bytes: a source is not believed. An Error is
-/// `permanent` when the source lives but has nothing to give for this block.
+/// A source of stored blocks: a file, another process, an HTTP server, or a cache in front of these. Used
+/// from one thread, the loader's.
 class VoxelSource {
  public:
   using Done = std::function<void(Result<Bytes>)>;
   virtual ~VoxelSource() = default;
+  /// Requests a block. `done` is called once on the same thread, inside Fetch() or later; never after the
+  /// source is destroyed. The bytes may be wrong: the caller checks them. Errors (to `done`): permanent when
+  /// the source works but does not have this block.
   virtual void Fetch(BlockKey block, Done done) = 0;
 };
 

@@ -10,11 +10,12 @@
 #include "common/scene/material.h"
 #include "common/voxel/block_decoder.h"
 
-// Shading as pure functions of a hit: nothing here knows of voxels, queues or the network.
+// Shading as pure functions of a hit, without voxels, queues or the network. Thread-safe. Vectors of unit
+// length where not stated otherwise; colours and radiances are linear RGB.
 
 namespace quarry {
 
-/// Normal, uv and colour between three vertices: a, b by the weight b1, c by b2.
+/// Interpolates normal, uv and colour of three vertices with the weights 1 - b1 - b2, b1 and b2.
 inline void AddAttributes(const ShadingVertex& a, const ShadingVertex& b, const ShadingVertex& c, float b1,
                           float b2, Surface& s) {
   const float b0 = 1 - b1 - b2;
@@ -28,18 +29,19 @@ inline void AddAttributes(const ShadingVertex& a, const ShadingVertex& b, const 
   s.uv = a.uv * b0 + b.uv * b1 + c.uv * b2;
   const glm::vec3 n = a.normal * b0 + b.normal * b1 + c.normal * b2;
   const glm::vec3 unit = Unit(n);
-  // Turned to the geometric side that is seen; where interpolation bends it away from the viewer, or there is
-  // none, the geometric one stands in.
+  // The normal is turned to the side of the geometric normal that faces the viewer. The geometric normal
+  // replaces a normal of length 0, or one that interpolation has bent away from the viewer.
   const glm::vec3 turned = Choose(glm::dot(unit, s.normal) < 0, -unit, unit);
   const bool seen =
       static_cast<int>(glm::dot(n, n) > 1e-12f) & static_cast<int>(glm::dot(turned, s.view) > 0);
   s.normal = Choose(seen, turned, s.normal);
 }
 
-/// From the shading block: normal, uv, colour.
+/// Sets normal, uv and colour of `surface` from the shading block of the hit.
 void AddAttributes(const VoxelShading& shading, const Hit& hit, Surface& surface);
 
-/// Light scattered toward the viewer: Lambert, and with `kHighlight` Blinn-Phong.
+/// Radiance scattered toward the viewer: Lambert, and with `kHighlight` Blinn-Phong.
+/// Source: Blinn 1977 (half vector).
 template <bool kHighlight>
 [[gnu::always_inline]] inline glm::vec3 Scatter(const glm::vec3& diffuse, const glm::vec3& specular,
                                                 float shininess, const Surface& s, const LightSample& light) {
@@ -52,23 +54,25 @@ template <bool kHighlight>
   return Choose(cosine > 0, weight * light.radiance, glm::vec3(0));
 }
 
-/// Radiance given off; an unlit surface gives off its vertex colours.
+/// Radiance emitted. Vertex colours multiply the emission of an unlit material.
 inline glm::vec3 Emitted(const Material& m, const Surface& s) {
   return m.unlit ? m.emission * s.color : m.emission;
 }
 
+/// Whether the material has a Blinn-Phong highlight.
 inline bool HasHighlight(const Material& m) { return m.shininess > 0 && m.specular != glm::vec3(0); }
 
+/// Radiance of a light that a surface of this material scatters toward the viewer.
 inline glm::vec3 Scatter(const Material& m, RenderMode mode, const Surface& s, const LightSample& light) {
   const glm::vec3 albedo = Albedo(m, mode);
   return HasHighlight(m) ? Scatter<true>(albedo, m.specular, m.shininess, s, light)
                          : Scatter<false>(albedo, m.specular, m.shininess, s, light);
 }
 
-/// A colour that tells one voxel from the next (Wald & Slusallek 2001, figure 11).
+/// A colour for a voxel, different for neighbours. Source: Wald & Slusallek 2001, figure 11.
 glm::vec3 VoxelColor(uint32_t voxel);
 
-/// The headlight's part that a surface sends back.
+/// Share of the headlight that a white surface scatters to the viewer: the cosine.
 inline float Facing(const Surface& s) { return std::fabs(glm::dot(s.normal, s.view)); }
 
 /// The light that a white surface sends back of a headlight and of a soft dome, brighter at its zenith `up`.
@@ -78,8 +82,8 @@ inline float StudioFactor(const Surface& s, const glm::vec3& up) {
   return kHeadlight * Facing(s) + kDome * (kNadir + (1 - kNadir) * height);
 }
 
-/// How much of the ambient light a surface sends back: more where it faces the viewer, so that shapes can be
-/// told apart in shadow.
+/// Share of the ambient light that a white surface scatters to the viewer. It is greater where the surface
+/// faces the viewer, so that shapes are visible in shadow.
 inline float AmbientFactor(const Surface& s) { return 0.4f + 0.6f * Facing(s); }
 
 }  // namespace quarry

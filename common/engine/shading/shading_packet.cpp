@@ -6,7 +6,7 @@
 namespace quarry {
 namespace {
 
-/// Calls body(i, whether lane i is meant) for whole vectors of lanes in which some are. `body` chooses
+/// Calls body(i, whether lane i is in `lanes`) for every vector of 8 lanes that has one. `body` selects
 /// instead of branching, so that it becomes vector instructions.
 template <class Body>
 inline void ForLanes(uint64_t lanes, Body&& body) {

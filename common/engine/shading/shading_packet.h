@@ -10,12 +10,13 @@
 #include "common/scene/view.h"
 #include "common/voxel/block_decoder.h"
 
-// Shading of a packet's samples together, by vector instructions: the functions of shading.h in loops over
-// lanes, to the same bits. `lanes` names the samples meant (bit i: lane i); nothing of the others is changed.
+// Shading of all samples of a packet together: the functions of shading.h in loops over lanes that become
+// vector instructions, with the same bits. Bit i of `lanes` selects lane i; other lanes are not changed.
+// Shapes: every array has RayPacket::kRays elements. Thread-safe.
 
 namespace quarry {
 
-/// Vectors of a packet's samples, component by component.
+/// A vector per lane, one array per component.
 struct alignas(64) Vectors {
   float x[RayPacket::kRays], y[RayPacket::kRays], z[RayPacket::kRays];
 
@@ -27,7 +28,7 @@ struct alignas(64) Vectors {
   }
 };
 
-/// What Surface holds, of a packet's samples, field by field.
+/// A Surface per lane, one array per field.
 struct SurfacePacket {
   Vectors position, geometric_normal, normal, color, view;
   float u[RayPacket::kRays], v[RayPacket::kRays];
@@ -40,7 +41,7 @@ struct SurfacePacket {
   }
 };
 
-/// The corners of the triangles that were hit, by corner.
+/// The triangles that were hit, one array per corner.
 struct TrianglePacket {
   Vectors at[3];
   void Take(int lane, const VoxelGeometry& voxel, uint32_t local) {
@@ -48,7 +49,7 @@ struct TrianglePacket {
   }
 };
 
-/// Their vertices' attributes.
+/// The shading vertices of the triangles that were hit.
 struct AttributePacket {
   Vectors normal[3];
   float u[3][RayPacket::kRays], v[3][RayPacket::kRays];
@@ -64,17 +65,18 @@ struct AttributePacket {
   }
 };
 
-/// SurfaceAt, of the rays' hits; `material` and `part` are the caller's to set.
+/// SurfaceAt() for the hits of `rays`; the caller sets `material` and `part`.
 void MakeSurfaces(const TrianglePacket& triangles, const RayPacket& rays, uint64_t lanes,
                   SurfacePacket& surfaces);
 
+/// AddAttributes() for the hits of `rays`.
 void AddAttributes(const AttributePacket& attributes, const RayPacket& rays, uint64_t lanes,
                    SurfacePacket& surfaces);
 
-/// What a surface of one material sends back of the headlight, and gives off.
+/// Radiance to the viewer by the headlight and by emission. Requires: the surfaces have `material`.
 void Headlight(const Material& material, RenderMode mode, const SurfacePacket& surfaces, uint64_t lanes,
                Vectors& radiance);
-/// The same of ambient light.
+/// Radiance to the viewer by ambient light and by emission. Requires: the surfaces have `material`.
 void Ambient(const Material& material, RenderMode mode, const glm::vec3& ambient,
              const SurfacePacket& surfaces, uint64_t lanes, Vectors& radiance);
 
@@ -94,20 +96,21 @@ struct OcclusionSamples {
 void OcclusionDirections(const OcclusionSamples& of, const SurfacePacket& surfaces, uint64_t lanes,
                          Vectors& directions);
 
-/// SampleLight and Scatter, for surfaces of one material.
+/// Direction of and distance to a light per lane, as in LightSample.
 struct LightPacket {
   Vectors direction;
   float distance[RayPacket::kRays];
 };
+/// SampleLight() and Scatter(). Requires: the surfaces have `material`.
 void Scatter(const Material& material, RenderMode mode, const Light& light, const SurfacePacket& surfaces,
              uint64_t lanes, LightPacket& samples, Vectors& radiance);
 
-/// Rays in `lanes` from the surfaces along `directions`, to `t_max`: they begin `distance` off their surface,
-/// on the side they leave it to.
+/// Sets rays that leave the surfaces along `directions` and end before `t_max`; see LeaveSurface() for
+/// `distance`.
 void LeaveSurfaces(const SurfacePacket& surfaces, const Vectors& directions,
                    const float (&t_max)[RayPacket::kRays], float distance, uint64_t lanes, RayPacket& rays);
 
-/// Calls body(material, lanes of it) for each material that surfaces of `lanes` have.
+/// Calls body(material, lanes with it) for each material of the surfaces in `lanes`.
 template <class Body>
 void ForEachMaterial(const SurfacePacket& surfaces, uint64_t lanes, Body&& body) {
   while (lanes != 0) {

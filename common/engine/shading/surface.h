@@ -12,36 +12,40 @@
 #include "common/scene/material.h"
 #include "common/scene/view.h"
 
-// Where rays go on from the point that they hit: what workers that render and a master that foresees what
-// they will need must agree on. Pure functions.
+// Surfaces at hits, and the rays that go on from them. Workers render by these functions, and a master
+// foresees with them the blocks that workers will need. Pure functions, thread-safe. Units: positions and
+// distances in scene units; directions and normals of unit length; colours, weights and radiances linear RGB.
 
 namespace quarry {
 
-/// What shading knows of the point hit.
+/// The surface at a hit, as shading needs it.
 struct Surface {
   glm::vec3 position{0};
-  glm::vec3 geometric_normal{0};  ///< unit, by the triangle's winding
-  glm::vec3 normal{0};            ///< unit, interpolated if the model has normals, turned toward the viewer
+  glm::vec3 geometric_normal{0};  ///< by the winding of the triangle
+  glm::vec3 normal{0};            ///< interpolated if the model has normals; turned to the viewer
   glm::vec2 uv{0};
   glm::vec3 color{1};  ///< vertex colour
-  glm::vec3 view{0};   ///< unit, toward where the ray came from
+  glm::vec3 view{0};   ///< toward the ray's origin
   uint32_t material = 0, part = 0;
-  bool entering = true;  ///< the ray meets the side that the winding calls outside
+  bool entering = true;  ///< whether the ray hits the outer side, by the winding
 };
 
-// What is inline here chooses instead of branching, so that loops over many hits become vector instructions
+// The inline functions select instead of branching, so that loops over lanes become vector instructions
 // (shading_packet.h).
 
+/// `a` if `first`, else `b`.
 inline glm::vec3 Choose(bool first, const glm::vec3& a, const glm::vec3& b) {
   return {first ? a.x : b.x, first ? a.y : b.y, first ? a.z : b.z};
 }
 
+/// The vector at unit length; z for a vector of length 0.
 inline glm::vec3 Unit(const glm::vec3& v) {
   const float length = std::sqrt(glm::dot(v, v));
   return Choose(length > 0, v / length, glm::vec3(0, 0, 1));
 }
 
-/// Position, geometric normal and view of a hit of the triangle p0, p1, p2, by its barycentric weights.
+/// The surface at a hit of the triangle (p0, p1, p2) by a ray along `direction`, with the barycentric weights
+/// 1 - b1 - b2, b1 and b2. Material, part and attributes are left out.
 inline Surface SurfaceAt(const glm::vec3& p0, const glm::vec3& p1, const glm::vec3& p2, float b1, float b2,
                          const glm::vec3& direction) {
   Surface s;
@@ -56,14 +60,14 @@ inline Surface SurfaceAt(const glm::vec3& p0, const glm::vec3& p1, const glm::ve
   return s;
 }
 
-/// From the hot block: position, geometric normal, material, part.
+/// The surface at a hit, from the hot block: position, geometric normal, material, part.
 Surface MakeSurface(const VoxelGeometry& voxel, const Hit& hit, const glm::vec3& direction);
 
 /// A light as seen from a point.
 struct LightSample {
-  glm::vec3 direction{0};  ///< unit, toward the light
+  glm::vec3 direction{0};  ///< toward the light
   float distance = kInfinity;
-  glm::vec3 radiance{0};  ///< falling in
+  glm::vec3 radiance{0};  ///< incoming, as Light says
 };
 inline LightSample SampleSun(const Light& light) { return {light.vector, kInfinity, light.radiance}; }
 inline LightSample SamplePoint(const Light& light, const glm::vec3& position) {
@@ -79,27 +83,29 @@ inline LightSample SampleLight(const Light& light, const glm::vec3& position) {
   return light.kind == LightKind::kSun ? SampleSun(light) : SamplePoint(light, position);
 }
 
-/// Where a ray along `direction` leaves a surface: clear of its own triangle by more than the test's error.
+/// The origin of a ray that leaves a surface along `direction`: `distance` off the surface, on the side that
+/// the ray leaves to. See OffsetFromSurfaces().
 inline glm::vec3 LeaveSurface(const glm::vec3& position, const glm::vec3& geometric_normal,
                               const glm::vec3& direction, float distance) {
   return position + geometric_normal * (glm::dot(direction, geometric_normal) > 0 ? distance : -distance);
 }
 
-/// The mirror and the transmitted ray of a surface.
+/// The reflected and the transmitted ray of a surface. A ray of weight 0 has no meaningful direction.
 struct Bounces {
   glm::vec3 reflect_weight{0}, refract_weight{0};
   glm::vec3 reflect_direction{0}, refract_direction{0};
 };
-/// Source: Whitted 1980; Schlick's approximation for materials that ask for Fresnel weights.
+/// Bounces of a ray that hits `surface`. Source: Whitted 1980; Schlick 1994 for materials with Fresnel
+/// weights.
 Bounces Bounce(const Material& material, const Surface& surface);
 
-/// Whether it can have any weight.
+/// Whether a bounce of the material can have a weight above 0.
 inline bool CanBounce(const Material& m) {
   return m.fresnel || m.reflectance != glm::vec3(0) || m.transmittance != glm::vec3(0);
 }
 
-/// The colour by which light is scattered. Where no mirror and no transmitted ray is followed, metals,
-/// mirrors and glass show their base colour; a lack of opacity shows nothing.
+/// The colour that scatters light. In modes that follow no reflected or transmitted rays it is the base
+/// colour, so that metals, mirrors and glass are not black; opacity is ignored.
 inline glm::vec3 Albedo(const Material& m, RenderMode mode) {
   if (m.unlit) return glm::vec3(0);
   return mode == RenderMode::kWhitted ? m.diffuse : m.base_color;
@@ -113,11 +119,14 @@ inline glm::vec3 StudioColor(const Material& m) {
   return glm::max(glm::max(m.base_color, sent_on), glm::vec3(kDarkest));
 }
 
-/// Rays of less weight are not followed, nor those that have been turned so often.
+/// Limits of bounces: rays of less weight, and rays after so many bounces, are not followed. Trade rays
+/// against light that is missing. A judgement: half a step of an 8-bit pixel is 1/510.
 inline constexpr float kLeastWeight = 1.0f / 512;
 inline constexpr uint32_t kMostBounces = 8;
+/// The largest component.
 inline float Largest(const glm::vec3& v) { return std::max({v.x, v.y, v.z}); }
-/// How far off its surface a ray begins that leaves it. `padding`: the scene's.
+/// Distance from a surface to the origin of a ray that leaves it. It exceeds the error of the triangle test,
+/// so that the ray does not hit its own triangle. `padding` is the scene's; see ReferencePadding().
 inline float OffsetFromSurfaces(float padding) { return 4 * padding; }
 
 }  // namespace quarry

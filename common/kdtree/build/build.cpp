@@ -15,14 +15,15 @@ namespace quarry {
 namespace {
 
 constexpr int kBins = 32;
-constexpr uint32_t kExactUpTo = 32;  // references: up to this number every box end is weighed instead of bins
+constexpr uint32_t kExactUpTo =
+    32;  // references: up to this number each box end is a candidate plane; above it, borders of bins
 
 // Least gain of a split, in units of its nodes' worth: splits that gain less are mostly pruned.
 constexpr float kGainAtOnce = 2.0f;
 
 constexpr float kFloatInfinity = std::numeric_limits<float>::infinity();
 
-/// Narrows the reference to the box grown by `growth`. False when nothing is left.
+/// Clips the reference to the box grown by `growth`. Returns: false when nothing is left.
 bool Narrow(const PointBox& box, double growth, KdReference& r) {
   bool any = true;
   for (int a = 0; a < 3; ++a) {
@@ -122,7 +123,7 @@ class AxisCost {
 KdSplitter::KdSplitter(std::span<const KdTriangle> triangles, float padding, const Box& cell,
                        const SahCosts& costs)
     : triangles_(triangles), costs_(costs) {
-  // A rounding to float is at most 2^-24 of a coordinate, clipping in double far less: this covers both.
+  // Covers the rounding to float, at most 2^-24 of a coordinate, and that of clipping in double, far less.
   float largest = padding;
   for (int a = 0; a < 3; ++a)
     largest = std::max({largest, std::fabs(cell.lower[a]), std::fabs(cell.upper[a])});
@@ -307,8 +308,8 @@ KdSplit KdSplitter::BestExact(const Box& cell, std::span<const KdReference> refe
 
 namespace {
 
-/// One build. The references of the nodes still to do lie in one array used as a stack, a node's in its
-/// parent's place, so that nothing is allocated per node.
+/// One build. An array used as a stack holds the references of the nodes to build; a node's references take
+/// the place of its parent's, so that no node allocates.
 class Builder {
  public:
   Builder(std::span<const KdTriangle> triangles, float padding, const Box& cell, const SahCosts& costs)
@@ -332,8 +333,8 @@ class Builder {
     stack_.resize(begin);
   }
 
-  /// The node's references are stack_[begin, end), and are gone afterwards. `budget`: bytes this subtree may
-  /// take beyond its root.
+  /// Builds a node from the references stack_[begin, end), and removes them. `budget`: limit of the subtree's
+  /// bytes without its root.
   void BuildNode(uint32_t node, const Box& cell, size_t begin, size_t budget, int depth) {
     const auto count = static_cast<uint32_t>(stack_.size() - begin);
     if (count <= 1 || depth == 0) return MakeLeaf(node, begin);
@@ -352,7 +353,7 @@ class Builder {
     tree_.nodes[node] = KdNode::Inner(split.axis, split.position, first_child);
     tree_.nodes.resize(first_child + 2);
     budget -= 2 * sizeof(KdNode);
-    // The rest of the budget is shared by the numbers of references; the right side also gets the rest that
+    // The rest of the budget is shared in proportion to references; the right side also gets the bytes that
     // the left side has not used.
     const size_t spare = budget - 2 * (left + right);
     const size_t before = BytesUsed();
@@ -370,7 +371,7 @@ class Builder {
 
   KdSplitter splitter_;
   const SahCosts& costs_;
-  float least_gain_ = 0;  ///< of SAH cost, times area, for a node to be split
+  float least_gain_ = 0;  ///< of SAH cost, times area; a node that would gain less is not split
   std::vector<KdReference> stack_;
   KdTree tree_;
 };

@@ -54,8 +54,8 @@ struct SahCosts {
 /// of any size.
 float ByteWorth(const SahCosts& costs, const Box& root, size_t triangles);
 
-/// A triangle in a node, with the padded box of its part in the node's cell. Ends beyond the cell do not
-/// matter.
+/// A triangle in a node, with the padded box of its part in the node's cell. Box ends beyond the cell have no
+/// effect.
 struct KdReference {
   float lower[3];
   uint32_t triangle;
@@ -71,19 +71,20 @@ struct KdSplit {
   int axis = -1;  ///< -1: no plane
 };
 
-/// Chooses split planes and divides references by them. Not thread-safe.
+/// Chooses split planes and divides references at them. Not thread-safe.
 /// Source: the SAH of MacDonald & Booth 1990; perfect splits of Havran & Bittner 2002; empty bonus.
 class KdSplitter {
  public:
-  /// `triangles` must outlive the splitter. `padding`: see BuildKdTree. `cell` holds all cells to be split.
+  /// `padding`: see BuildKdTree(). `cell` contains all cells to be split. Requires: `triangles` outlive the
+  /// splitter.
   KdSplitter(std::span<const KdTriangle> triangles, float padding, const Box& cell, const SahCosts& costs);
 
   /// The triangles that reach `cell`.
   std::vector<KdReference> ReferencesIn(const Box& cell) const;
   /// The cheapest of the planes weighed.
   KdSplit Best(const Box& cell, std::span<const KdReference> references) const;
-  /// Replaces the references from `begin` on by the right child's, then the left child's references. Returns
-  /// where the left child's begin. Triangles that span the plane are in both.
+  /// Replaces the references from `begin` on by the references of the right child, then of the left child.
+  /// Triangles that span the plane are in both. Returns: the index of the left child's first.
   size_t Divide(std::vector<KdReference>& references, size_t begin, const Box& cell, const KdSplit& split);
 
  private:
@@ -108,13 +109,15 @@ struct KdTree {
 inline constexpr int kMaxKdDepth = 48;
 static_assert(kMaxKdDepth < int{kMostLevels});
 
-/// Builds the SAH kd-tree of one voxel, whose cell is `cell`. `padding` (scene units): a bound, per axis, on
-/// the distance from a triangle at which traversal may see its hit. Every leaf refers to all triangles that
-/// come so near to its closed cell, and to few others: a triangle that spans a split counts on each side with
-/// the box of its part there. `max_bytes` bounds nodes and references together (8 and 2 bytes each): every
-/// subtree gets a share, and a subtree that would outgrow it becomes a leaf. The least tree is one leaf of
-/// all triangles. Requires: triangles.size() < 2^32; finite vertices, |coordinate| <= 2^60. Deterministic.
-/// Thread-safe. No node is split past a cost increase.
+/// Builds the SAH kd-tree of a voxel with the cell `cell`. Every leaf refers to all triangles within
+/// `padding` per axis of its closed cell, and to few others: on each side of a split a triangle counts with
+/// the box of its part there. No node is split where the cost would increase. Deterministic.
+/// Units: scene units. `padding` is a bound, per axis, on the distance from a triangle to a hit that
+/// traversal finds. `max_bytes` limits nodes and references together, of 8 and 2 bytes. Every subtree gets a
+/// share of it; a subtree that would exceed its share becomes a leaf. The least tree is a leaf of all
+/// triangles.
+/// Requires: triangles.size() < 2^32; finite vertices, |coordinate| <= 2^60.
+/// Errors: none. Thread-safe.
 KdTree BuildKdTree(std::span<const KdTriangle> triangles, float padding, const Box& cell,
                    const SahCosts& costs, size_t max_bytes);
 

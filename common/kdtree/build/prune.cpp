@@ -60,13 +60,13 @@ class Pruner {
   /// A node and its subtree. Its references lie in a row.
   struct Subtree {
     uint32_t parent = 0, first = 0, end = 0;
-    uint32_t count = 0;  ///< of a leaf's references
+    uint32_t count = 0;  ///< references of a leaf
     float area = 0;      ///< half the surface of its cell
     bool leaf = false;
   };
   /// An inner node whose children are leaves, and its values as a leaf.
   struct Candidate {
-    float loss;  ///< of SAH cost for a byte
+    float loss;  ///< SAH cost per byte saved
     uint32_t node, count, saved;
     bool operator<(const Candidate& other) const {  // the queue's top is the greatest
       return loss != other.loss ? loss > other.loss : node > other.node;

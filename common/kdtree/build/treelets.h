@@ -18,11 +18,11 @@
 
 namespace quarry {
 
-inline constexpr uint32_t kTreeletLevels = 4;     ///< stores hold it and kernels are tuned for it
+inline constexpr uint32_t kTreeletLevels = 4;     ///< part of the store's format; kernels are tuned for it
 inline constexpr uint32_t kBacktrackLevels = 1;   ///< kd-backtrack
 inline constexpr uint32_t kRestartLevels = 1000;  ///< kd-restart: more levels than any tree has
 
-/// Lays trees out in treelets of at most `levels` levels. Deterministic. Keeps its memory from tree to tree.
+/// Lays trees out in treelets of at most `levels` levels. Deterministic. Keeps its memory for the next tree.
 /// Not thread-safe.
 class TreeletLayout {
  public:
@@ -30,8 +30,9 @@ class TreeletLayout {
 
   /// The number of slots for `nodes` (root first, children side by side, no flags). Requires: a valid tree.
   size_t Slots(std::span<const KdNode> nodes);
-  /// Lays `nodes` out in `out`, headers filled in. `box`: the root's cell, scene units. False when `out` has
-  /// not exactly Slots(nodes) slots. Requires: a valid tree of no more than KdNode::kMaxLink / 4 nodes.
+  /// Lays `nodes` out in `out` and fills in the headers. `box` is the root's cell, in scene units.
+  /// Returns: false unless `out` has exactly Slots(nodes) slots.
+  /// Requires: a valid tree of at most KdNode::kMaxLink / 4 nodes.
   bool Run(std::span<const KdNode> nodes, const Box& box, std::span<KdNode> out);
 
  private:

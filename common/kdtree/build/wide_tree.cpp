@@ -85,7 +85,7 @@ WideTreeMaker::Child WideTreeMaker::Close(std::span<const Child> children, Order
     if (child.count == WideNode::kInner) nodes_[child.child].parent = at * WideNode::kChildren + i;
   }
   PutBounds(boxes, node);
-  // Behind them the places that no child has, which makes the order one of eight: 0 to 7, three bits each.
+  // Places without a child follow, so that the order has all eight places, 0 to 7, three bits each.
   constexpr uint32_t kPlaces = 076543210;
   orders |= kPlaces & ~((1u << (3 * children.size())) - 1);
   for (uint32_t octant = 0; octant < 4; ++octant)
@@ -98,7 +98,7 @@ size_t WideTreeMaker::Finish() {
   QUARRY_CHECK_EQ(subtrees_.size(), size_t{1});
   Close({children_.data(), subtrees_.back().size}, subtrees_.back().orders);
   if (full_) return 0;
-  // The root was made last; its children do not know yet how many nodes are free before it.
+  // The root was made last, so its index, and the parent links of its children, are known only now.
   const auto unused = static_cast<uint32_t>(free_);
   if (unused == 0) return nodes_.size();
   for (WideNode& node : nodes_.subspan(unused)) {

@@ -11,18 +11,19 @@
 
 namespace quarry {
 
-/// Most references of leaves side by side that become one leaf: a vector of triangles.
+/// Limit of references of neighbouring leaves that are joined to a leaf: a vector of triangles.
 inline constexpr uint32_t kWideLeafReferences = 8;
 
-/// Gathers a kd-tree into wide nodes. The tree's leaves come from left to right; once both sides of an inner
-/// node have come, they are joined. Neighbouring leaves with no more than `most_in_leaf` references together
-/// become one where their references lie in a row; 0 for trees whose leaves are no ranges. Deterministic; the
-/// number of nodes does not depend on boxes. Keeps its memory from tree to tree. Not thread-safe.
+/// Makes wide nodes from a kd-tree. The caller adds leaves from left to right and joins the two sides of each
+/// inner node once both are complete. Neighbouring leaves of at most `most_in_leaf` references together are
+/// joined when their references are contiguous; 0 for trees whose leaves are not ranges of references.
+/// Deterministic; the number of nodes does not depend on boxes. Keeps its memory for the next tree. Not
+/// thread-safe.
 class WideTreeMaker {
  public:
   explicit WideTreeMaker(uint32_t most_in_leaf) : most_in_leaf_(most_in_leaf) {}
 
-  /// Begins a tree; nodes are written to `nodes` from its end on. Requires: at least one node.
+  /// Begins a tree. Nodes are written to `nodes` from its end backwards. Requires: at least one node.
   void Begin(std::span<WideNode> nodes);
   /// Adds a leaf. `box`: of the leaf's content, no larger than its cell, scene units. Requires: count <
   /// 65,535.
@@ -34,7 +35,7 @@ class WideTreeMaker {
     child_count_ += size;
     subtrees_.push_back({Orders{}, size});
   }
-  /// Joins the two subtrees that came last, on both sides of a plane across `axis`.
+  /// Joins the last two subtrees, which lie on the two sides of a plane across `axis`.
   void Join(int axis) {
     Subtree right = subtrees_.back();
     subtrees_.pop_back();
@@ -43,8 +44,8 @@ class WideTreeMaker {
     if (left.size + right.size > WideNode::kChildren) MakeRoom(left, right);
     left = Joined(left, right, axis);
   }
-  /// Closes the root. Returns the number of nodes, which lie at the end of the span given: the root first,
-  /// parents before children; 0 when the span was too small. Requires: all inner nodes were joined.
+  /// Completes the root. The nodes lie at the end of the span, the root first, parents before children.
+  /// Returns: their number; 0 when the span was too small. Requires: all inner nodes were joined.
   size_t Finish();
 
  private:
@@ -69,7 +70,7 @@ class WideTreeMaker {
             left.size + right.size};
   }
 
-  /// Joins the last two children, both leaves, if that is allowed; returns whether it was.
+  /// Joins the last two children if both are leaves that may be joined. Returns: whether they were.
   bool JoinLeaves() {
     Child& a = children_[child_count_ - 2];
     const Child& b = children_[child_count_ - 1];
@@ -85,7 +86,7 @@ class WideTreeMaker {
   Child Close(std::span<const Child> children, Orders orders);
 
   uint32_t most_in_leaf_;
-  std::vector<Child> children_;  ///< of all subtrees, one behind the other; only the first child_count_ count
+  std::vector<Child> children_;  ///< of all subtrees in order; only the first child_count_ are valid
   size_t child_count_ = 0, child_room_ = 0;
   std::vector<Subtree> subtrees_;
   std::span<WideNode> nodes_;
@@ -93,8 +94,9 @@ class WideTreeMaker {
   bool full_ = false;
 };
 
-/// The tree `nodes` (in any order, root first, children side by side) in wide nodes; `cell` is the root's.
-/// `leaf_box(leaf, cell)` gives a leaf's box. Requires: a valid tree, no leaf of 65,535 references or more.
+/// Makes wide nodes from the tree `nodes`: root first, children side by side, otherwise in any order. `cell`
+/// is the root's; `leaf_box(leaf, cell)` returns a leaf's box; scene units.
+/// Requires: a valid tree; every leaf has fewer than 65,535 references.
 template <class LeafBox>
 std::vector<WideNode> MakeWideTree(std::span<const KdNode> nodes, const Box& cell, uint32_t most_in_leaf,
                                    LeafBox&& leaf_box) {
@@ -103,8 +105,8 @@ std::vector<WideNode> MakeWideTree(std::span<const KdNode> nodes, const Box& cel
     Box cell;
   };
   WideTreeMaker maker(most_in_leaf);
-  std::vector<int> axes;  ///< of the nodes above the present one
-  // A node has five children or more, but for the root.
+  std::vector<int> axes;  ///< split axes of the nodes above the present node
+  // Every node but the root has five children or more.
   std::vector<WideNode> wide(nodes.size() / 4 + 1);
   maker.Begin(wide);
   std::vector<Visit> visits{{0, 0, cell}};

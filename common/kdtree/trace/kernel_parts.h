@@ -24,8 +24,8 @@ struct NoStatistics {
   QUARRY_HOST_DEVICE void Voxel(uint32_t) {}
 };
 
-/// The nearest hits so far. `t`: multiples of |direction|; starts as the greatest t that counts. Rays that
-/// end at any hit have only `t` and `triangle`.
+/// The nearest hits so far. `t`, in multiples of |direction|, starts as the limit of hits. Any-hit rays have
+/// only `t` and `triangle`.
 template <class L>
 struct RayBest {
   typename L::Float t, b1, b2;

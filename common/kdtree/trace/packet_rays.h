@@ -12,15 +12,15 @@
 
 namespace quarry {
 
-/// Fewest rays of like direction that a packet traces; fewer are faster in a stream
+/// Least number of rays of like direction that a packet traces; fewer rays are faster in a stream
 /// (tests/bench/history/kdtree.md).
 inline constexpr uint32_t kLeastRun = 24;
-/// Fewest rays that must come to a leaf together, a mean over all leaves visited; below it the rays diverge
-/// and are faster in a stream (tests/bench/history/kdtree.md, 2026-11-24).
-inline constexpr uint32_t kLeastVisitors = 3;  ///< rays a leaf
+/// Least mean number of rays per visited leaf. Below it the rays have diverged and are faster in a stream
+/// (tests/bench/history/kdtree.md, 2026-11-24).
+inline constexpr uint32_t kLeastVisitors = 3;  ///< rays per leaf
 inline constexpr uint32_t kLeastVisits = 8;    ///< leaves visited before the mean counts
-/// The same limits for nearest-hit rays from many origins, such as mirror rays. The mean counts from later
-/// on, once short rays have ended (tests/bench/history/kdtree.md, 2026-11-25).
+/// The same limits for nearest-hit rays from many origins, such as mirror rays. The mean counts later, after
+/// short rays have ended (tests/bench/history/kdtree.md, 2026-11-25).
 inline constexpr uint32_t kLeastVisitorsOfNearest = 8, kLeastVisitsOfNearest = 16;
 
 /// Most triangles of a leaf that are tested together.
@@ -45,15 +45,15 @@ struct PacketRays {
   typename L::Mask alive[kGroups];    ///< still under way
   typename L::Int chain[kGroups], waits_for[kGroups];
   uint32_t visits, visitors;  ///< visits of leaves so far; rays summed over these visits
-  uint32_t least_visitors;    ///< rays a visit; the rays diverge below it,
-  uint32_t least_visits;      ///< from so many visits on
+  uint32_t least_visitors;    ///< least mean of rays per visit; below it the rays have diverged
+  uint32_t least_visits;      ///< visits before the mean counts
   uint64_t diverged;          ///< rays that have diverged and are yet to be traced, as bits
   uint32_t far_side[3];       ///< by axis: 1 where directions are positive, the side that is far
   uint32_t axes[3];           ///< in the order of the rays' frames
   float shared_origin[3];     ///< with kSharedOrigin
-  Occluder occluder;          ///< of rays before
+  Occluder occluder;          ///< of earlier rays
 
-  /// Whether the rays have so little in common that they are faster in a stream.
+  /// Whether the rays have diverged, so that a stream is faster.
   QUARRY_HOST_DEVICE bool diverges() const {
     return visits >= least_visits && visitors < least_visitors * visits;
   }

@@ -131,7 +131,7 @@ QUARRY_HOST_DEVICE inline void TraceRun(const TopTree& top, const Finder& finder
   way.Traverse(PacketWay::NodesOf(top), p, p.t, p.t_end, p.alive, statistics, visit);
 }
 
-/// Rays of a packet that are yet to be traced, as bits.
+/// The rays of a packet that are yet to be traced, a bit each.
 struct Untraced {
   uint64_t incoherent;  ///< of runs shorter than kLeastRun
   uint64_t diverged;    ///< of runs that diverged on their way
@@ -141,7 +141,7 @@ struct Untraced {
 /// axis of their directions in common. Unless `all` are wanted, skips runs of fewer than kLeastRun rays and
 /// stops runs that diverge; returns the rays that are yet to be traced. `occluder`: kept from packet to
 /// packet. The packet's fields afterwards: see TraceFunction. Thread-safe with an occluder for each thread.
-/// Source: Wald & Slusallek 2001, section 5 (packets); runs and divergence are ours.
+/// Source: Wald & Slusallek 2001, section 5 (packets). Runs and divergence are additions.
 template <class PacketWay, class L, bool kAnyHit, class Finder, class Statistics>
 QUARRY_HOST_DEVICE inline Untraced TracePacket(const TopTree& top, const Finder& finder, RayPacket& rays,
                                                uint64_t active, bool all, Occluder& occluder,

@@ -10,18 +10,18 @@
 #include "common/kdtree/trace/stream_trace.h"
 #include "common/kdtree/trace/wide_trace.h"
 
-// The kernels that renders use, for one instruction set; each is compiled by a source file of its own.
+// The kernels that renders use, for an instruction set. Each set has a source file of its own.
 
 namespace quarry {
 
-/// Least share of packets' rays that must stay coherent. Below it, kPassedOver packets skip the packet kernel
-/// for each one that tries it: a higher share serves mirror rays and costs primary rays
+/// Least share of a packet's rays that must stay coherent. Below it, the next kPassedOver packets skip the
+/// packet kernel. A higher share makes mirror rays faster and primary rays slower
 /// (tests/bench/history/kdtree.md, 2026-11-25).
 inline constexpr float kLeastCoherentShare = 0.4f;
 inline constexpr uint32_t kPassedOver = 15;  ///< packets
-inline constexpr float kShareWindow = 8;     ///< packets that the share is a running mean of
+inline constexpr float kShareWindow = 8;     ///< packets over which the share is a running mean
 
-/// Packets one after the other. `PacketWay`: a way of packets (packet_trace.h).
+/// Traces packets one after the other. `PacketWay`: a way of packets (packet_trace.h).
 template <class L, class PacketWay>
 struct PacketTrace {
   template <bool kAnyHit, class Finder, class Statistics>
@@ -32,10 +32,10 @@ struct PacketTrace {
       if (active[p] != 0)
         TracePacket<PacketWay, L, kAnyHit>(top, finder, packets[p], active[p], true, occluder, statistics);
   }
-  /// Traces the rays that stay coherent, and takes them out of `active`. Packets are passed over while few
-  /// rays of the packets before have stayed coherent. The packet after the next is asked for meanwhile:
-  /// packets of more than a few tiles come from memory. It is asked for as far as the second-level cache: 60
-  /// lines on their way into the first level would delay the present packet's loads.
+  /// Traces the rays that stay coherent and removes them from `active`. Skips packets while few rays of
+  /// recent packets have stayed coherent. Prefetches the packet after the next, since the packets of several
+  /// tiles exceed the caches; into the second-level cache, since 60 lines on their way into the first level
+  /// would delay the loads of the present packet.
   template <bool kAnyHit, class Finder>
   static void RunCoherent(const TopTree& top, const Finder& finder, RayPacket* packets, uint64_t* active,
                           uint32_t count) {
@@ -65,7 +65,7 @@ struct PacketTrace {
 template <class L, class Cells>
 using WidePacketTrace = PacketTrace<L, WideWay<Cells, L>>;
 
-/// Rays one by one through wide nodes, several in step.
+/// Traces single rays through wide nodes, several in step.
 template <class L>
 struct WideTrace {
   template <bool kAnyHit, class Finder, class Statistics>
@@ -88,7 +88,7 @@ struct StreamTrace {
       RunOne<kAnyHit>(top, finder, packets + first, left, n, 0, statistics);
     }
   }
-  /// Traces the rays that come to each voxel with enough others, and takes them out of `active`.
+  /// Traces the rays that come to each voxel with enough others and removes them from `active`.
   template <bool kAnyHit, class Finder>
   static void RunCoherent(const TopTree& top, const Finder& finder, RayPacket* packets, uint64_t* active,
                           uint32_t count) {
@@ -109,7 +109,7 @@ struct StreamTrace {
   }
 };
 
-/// A trace that counts nothing: renders call it.
+/// A trace function that counts nothing, for renders.
 template <class Trace, bool kAnyHit, class Finder = VoxelFinder>
 void TraceUncounted(const TopTree& top, const Finder& finder, RayPacket* packets, const uint64_t* active,
                     uint32_t count) {

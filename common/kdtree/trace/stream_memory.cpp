@@ -7,7 +7,7 @@
 namespace quarry {
 namespace {
 
-/// Lists: one at each level of both trees, and a few for packets' places, octants and leaves.
+/// The number of lists: one at each level of both trees, and a few for packets' places, octants and leaves.
 constexpr uint32_t kLists = 2 * kMostLevels + 8;
 
 }  // namespace

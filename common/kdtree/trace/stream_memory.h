@@ -8,8 +8,8 @@ namespace quarry {
 /// The fields of a stream's ray that nodes and leaves read: one cache line.
 struct alignas(64) StreamRay {
   float reciprocal[3], shift[3];  ///< the ray meets a plane p at t = p * reciprocal + shift
-  float t, t_end;                 ///< where the ray begins; where its hit, or a missing voxel, ends it
-  // Its frame: axes renamed, cyclically, so that the direction's largest is the last.
+  float t, t_end;                 ///< start; end: the nearest hit so far, or t_stop
+  // Its frame: axes renamed cyclically so that the largest of the direction is the last.
   float origin[3], shear_x, shear_y, scale_z;
   float best_t;
   uint32_t last_axis;
@@ -26,17 +26,17 @@ struct alignas(32) StreamHit {
   float b1, b2;
   uint32_t voxel, local;
   float t_stop;       ///< t at which the ray stops; infinite: nowhere
-  uint32_t stops_at;  ///< that voxel: it is missing, or few rays come to it
+  uint32_t stops_at;  ///< the voxel at t_stop: missing, or visited by few rays
   uint32_t source;    ///< packet * 64 + index; kIncoherent: few rays come to the voxel
 
   float* floats() { return reinterpret_cast<float*>(this); }
 };
 
-/// The rays of a thread's streams and the lists of nodes. Size: 96 bytes a ray, and 5 bytes a ray for each
-/// level of the trees, of which few are ever touched. One object serves one thread.
+/// The rays of a thread's streams and the lists of nodes. Memory: 96 bytes per ray, and 5 bytes per ray and
+/// level of the trees; most pages of these lists are never touched. Not thread-safe.
 class StreamMemory {
  public:
-  /// The calling thread's memory, for its streams one after the other.
+  /// The calling thread's memory. Its streams use it one after the other.
   static StreamMemory& OfThread();
 
   StreamMemory() = default;

@@ -21,18 +21,19 @@
 // The lists of the nodes above the present one are a stack, the only one in any kernel: one for all rays of a
 // stream. A ray has no stack, and is suspended and resumed by itself, as in all kernels. Streams suit
 // processors with large caches; CUDA uses kernels where each lane is a ray.
-// Source: Tsakok 2009, "Faster Incoherent Rays: Multi-BVH Ray Stream Tracing"; kd cells and suspension: ours.
+// Source: Tsakok 2009, "Faster Incoherent Rays: Multi-BVH Ray Stream Tracing". Kd cells and suspension are
+// additions.
 
 namespace quarry {
 
-/// Most packets of one stream. More rays share more loads, but fall out of the caches
+/// Limit of packets in a stream. Trades loads shared by more rays against rays that fall out of the caches
 /// (tests/bench/history/kdtree.md, 2026-11-24).
 inline constexpr uint32_t kStreamPackets = 1024;
-/// Fewest rays that must come to a voxel together; fewer leave the stream and go on ray by ray
+/// Least number of rays that visit a voxel together; fewer rays leave the stream and are traced singly
 /// (tests/bench/history/kdtree.md, 2026-11-24).
 inline constexpr uint32_t kLeastCoherent = 12;
-/// All rays leave the stream where fewer than kLeastVisitorsBy4 / 4 rays come to a leaf, a mean that counts
-/// from kFirstVisits visits of leaves on (tests/bench/history/kdtree.md, 2026-11-24).
+/// Least mean number of rays per visited leaf, times 4; below it all rays leave the stream. The mean counts
+/// after kFirstVisits visits (tests/bench/history/kdtree.md, 2026-11-24).
 inline constexpr uint32_t kFirstVisits = 64, kLeastVisitorsBy4 = 5;
 
 /// The kernel. One object traces one stream. `L`: lanes that are rays; `W`: lanes that are a node's cells, or

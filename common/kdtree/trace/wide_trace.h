@@ -8,9 +8,9 @@
 #include "common/kdtree/trace/wide_trail.h"
 #include "common/kdtree/wide_node.h"
 
-// One ray against vectors of boxes and of triangles: no lane waits for another ray. Stackless: a ray that has
-// finished a node climbs to its parent, and goes on there beyond the cell that it left. Source: kd-backtrack
-// of Foley & Sugerman 2005, section 2.2; differs in that a node holds the cells of three levels.
+// Traces a ray against vectors of boxes and of triangles, so that no lane waits for another ray. Stackless: a
+// ray that has finished a node climbs to the parent and continues beyond the cell that it left. Source:
+// kd-backtrack of Foley & Sugerman 2005, section 2.2; differs in that a node holds the cells of three levels.
 
 namespace quarry {
 
@@ -112,8 +112,8 @@ class WideTracer {
       // First the part without branches: a mispredicted branch costs less when its operands have arrived.
       for (uint32_t i = 0; i < nodes; ++i) Look(*nodes_.slots[i]);
       for (uint32_t i = 0; i < nodes; ++i) Go(*nodes_.slots[i], Take(*nodes_.slots[i]));
-      // A leaf's data is asked for a step ahead each: references when a ray comes to the leaf, then corners,
-      // then vertices; one step later the leaf is tested.
+      // A leaf's data is prefetched a step ahead: references when a ray comes to the leaf, then corners, then
+      // vertices. A step later the leaf is tested.
       for (uint32_t i = 0; i < corners_->count; ++i) AwaitVertices(*corners_->slots[i]);
       for (uint32_t i = 0; i < leaves_->count; ++i) AwaitCorners(*leaves_->slots[i]);
       List* const tests = vertices_;
@@ -127,7 +127,7 @@ class WideTracer {
   }
 
  private:
-  static constexpr uint32_t kMostAsked = 16;  ///< most triangles of a leaf that are asked for ahead
+  static constexpr uint32_t kMostAsked = 16;  ///< limit of triangles of a leaf that are prefetched
 
   struct List {
     uint32_t count = 0;
@@ -136,7 +136,7 @@ class WideTracer {
     QUARRY_HOST_DEVICE void Add(Slot* s) { slots[count++] = s; }
   };
 
-  /// Takes the next ray that meets the scene's box. False when no ray is left.
+  /// Takes the next ray that meets the scene's box. Returns: false when no ray is left.
   QUARRY_HOST_DEVICE bool Start(Slot& s) {
     while (source_.Next(s.packet, s.index)) {
       statistics_.Ray(1);
@@ -217,7 +217,7 @@ class WideTracer {
 
   enum class Next { kNode, kLeaf, kCells, kUp, kLeaveVoxel, kEnd };
 
-  /// Takes the ray on to its next node or leaf; a ray that ends or waits is replaced by the next ray.
+  /// Moves the ray to its next node or leaf. The next ray replaces a ray that ends or waits.
   QUARRY_HOST_DEVICE void Go(Slot& s, Next next) {
     for (;;) {
       switch (next) {
@@ -314,7 +314,8 @@ class WideTracer {
     return s.voxel ? Next::kLeaveVoxel : Next::kEnd;
   }
 
-  /// Enters `voxel` of the present top-level leaf, or the next of its chain that the ray meets; else goes on.
+  /// Enters `voxel` of the present top-level leaf, or the next voxel of its chain that the ray meets; without
+  /// one, leaves the leaf.
   QUARRY_HOST_DEVICE Next EnterVoxel(Slot& s, uint32_t voxel) {
     for (; voxel != kNoVoxel; voxel = top_.NextInChain(voxel)) {
       s.t = s.top_t;

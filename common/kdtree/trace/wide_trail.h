@@ -7,17 +7,17 @@
 
 namespace quarry {
 
-/// Whether the nodes above the present node have cells ahead: one bit a level instead of a stack. Nodes more
-/// than 63 levels above count as having cells ahead. Source: Áfra & Szirmay-Kalos 2014, "Stackless Multi-BVH
-/// Traversal for CPU, MIC and GPU Ray Tracing".
+/// Tells whether the nodes above the present node have cells ahead, by a bit per level instead of a stack.
+/// Nodes more than 63 levels above count as having cells ahead.
+/// Source: Áfra & Szirmay-Kalos 2014, "Stackless Multi-BVH Traversal for CPU, MIC and GPU Ray Tracing".
 class WideTrail {
  public:
   QUARRY_HOST_DEVICE bool empty() const { return levels_ == 0; }
-  /// To a child; `more`: its parent has other cells ahead.
+  /// Goes to a child. `more`: the parent has other cells ahead.
   QUARRY_HOST_DEVICE void Down(bool more) {
     levels_ = static_cast<int64_t>(static_cast<uint64_t>(levels_) << 1) | (levels_ & kMany) | (more ? 1 : 0);
   }
-  /// Goes to the parent. Returns whether the parent has cells ahead.
+  /// Goes to the parent. Returns: whether the parent has cells ahead.
   QUARRY_HOST_DEVICE bool Up() {
     const bool more = (levels_ & 1) != 0;
     levels_ >>= 1;

@@ -59,12 +59,12 @@ class SimtTracer {
     return static_cast<uint32_t>(std::popcount(lanes)) >= kWorthAVector;
   }
 
-  /// Lanes without a ray follow valid addresses all the same.
+  /// Gives lanes without a ray valid addresses, since all lanes load.
   QUARRY_HOST_DEVICE void Idle(Group& g) {
     for (uint32_t i = 0; i < kLanes; ++i) g.nodes[i] = top_.nodes;
   }
 
-  /// New rays into idle lanes.
+  /// Gives idle lanes new rays.
   QUARRY_HOST_DEVICE void Refill(Group& g) {
     for (uint32_t idle = L::kAllLanes & ~(g.down | g.testing | g.up); idle != 0; idle &= idle - 1) {
       const auto i = static_cast<uint32_t>(std::countr_zero(idle));
@@ -73,7 +73,7 @@ class SimtTracer {
     }
   }
 
-  /// False when the ray has nowhere to go.
+  /// Returns: false when the ray has no part to trace.
   QUARRY_HOST_DEVICE bool Start(Group& g, uint32_t i) {
     RayPacket& rays = *g.packet[i];
     const uint32_t r = g.index[i];
@@ -199,7 +199,8 @@ class SimtTracer {
     if (empty != 0) Leave(g, empty);
   }
 
-  /// Enters `voxel` of the present top-level leaf, or the next of its chain that the ray meets; else goes on.
+  /// Enters `voxel` of the present top-level leaf, or the next voxel of its chain that the ray meets; without
+  /// one, leaves the leaf.
   QUARRY_HOST_DEVICE void EnterVoxel(Group& g, uint32_t i, uint32_t voxel) {
     const uint32_t bit = 1u << i;
     for (; voxel != kNoVoxel; voxel = top_.NextInChain(voxel)) {
@@ -308,7 +309,7 @@ class SimtTracer {
     }
   }
 
-  /// `lanes` leave their leaves: they look for the next leaf, or leave the tree.
+  /// Moves `lanes` out of their leaves, to the next leaf or out of the tree.
   QUARRY_HOST_DEVICE void Leave(Group& g, uint32_t lanes) {
     const Float t_end = L::Load(g.t_end);
     const Float t = L::Select(L::FromBits(lanes), L::Load(g.t_exit), L::Load(g.t));

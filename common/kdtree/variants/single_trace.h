@@ -5,11 +5,11 @@
 #include "common/kdtree/trace/kernel_parts.h"
 #include "common/kdtree/variants/rope_leaf.h"
 
-// One ray at a time: the plain form of the family. Compiles for CUDA, where a thread has one ray.
+// Traces one ray at a time, the plain form of the kernels. Compiles for CUDA, where a thread has one ray.
 
 namespace quarry {
 
-/// How a ray finds the next leaf.
+/// The way of a ray to the next leaf.
 enum class Way {
   kClimb,     ///< by treelets' headers: treelet-backtrack, kd-backtrack or kd-restart by the tree's layout
   kPushDown,  ///< from the deepest node known to hold the rest of the ray (Horn et al. 2007)
@@ -22,9 +22,9 @@ struct SingleRay {
   uint32_t far_side[3];
 };
 
-/// Visits the leaves of a tree along a ray from `t` to `t_end`, nearest first, without a stack.
-/// `visit(first, count, t, t_exit)` may lower t_end; when it returns false the walk ends. Returns the t
-/// reached; when a leaf ended the walk, the t at which the ray entered it.
+/// Visits the leaves of a tree along a ray from `t` to `t_end`, nearest first, without a stack. `visit(first,
+/// count, t, t_exit)` may lower t_end; false ends the walk.
+/// Returns: the t reached; if a leaf ended the walk, the t at which the ray entered the leaf.
 template <Way kWay, class Statistics, class Visit>
 QUARRY_HOST_DEVICE inline float Walk(const KdNode* nodes, const SingleRay& ray, float t, float& t_end,
                                      Statistics& statistics, const Visit& visit) {
@@ -102,8 +102,8 @@ QUARRY_HOST_DEVICE inline float Walk(const KdNode* nodes, const SingleRay& ray, 
   }
 }
 
-/// Tests the triangles of one resident voxel along [t, t_exit], the ray's part in its cell. False when a hit
-/// ends the ray.
+/// Tests the triangles of a resident voxel along [t, t_exit], the part of the ray in its cell. Returns: false
+/// when a hit ends the ray.
 template <Way kWay, bool kAnyHit, class Index, class Statistics>
 QUARRY_HOST_DEVICE inline bool TraceVoxelSingle(const VoxelGeometryOf<Index>& voxel, uint32_t voxel_id,
                                                 const SingleRay& ray, float t, float t_exit,

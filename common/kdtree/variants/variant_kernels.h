@@ -8,8 +8,8 @@
 #include "common/kdtree/variants/simt_trace.h"
 #include "common/kdtree/variants/single_trace.h"
 
-// The kernels that only tables and tests use, for one instruction set; each is compiled by a source file of
-// its own.
+// The kernels that only benchmarks and tests use, for an instruction set. Each set has a source file of its
+// own.
 
 namespace quarry {
 
@@ -23,7 +23,7 @@ struct SimtTrace {
   }
 };
 
-/// Rays one by one. `L` only tells the instruction set.
+/// Traces single rays. `L` only names the instruction set.
 template <class L, Way kWay>
 struct SingleTrace {
   template <bool kAnyHit, class Finder, class Statistics>
