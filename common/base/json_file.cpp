@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <exception>
 #include <nlohmann/json.hpp>
@@ -179,6 +180,19 @@ Result<JsonValue> JsonValue::Member(const char* name) const {
   QUARRY_ASSIGN(std::optional<JsonValue> found, Optional(name));
   if (!found) return Wrong(fmt::format("'{}' is missing", name));
   return *std::move(found);
+}
+
+Status JsonValue::HasOnly(std::initializer_list<const char*> names) const {
+  if (!value_->is_object()) return Wrong("is no object, which should be here");
+  for (const auto& [key, value] : value_->items())
+    if (std::ranges::find(names, std::string_view(key)) == names.end())
+      return Wrong(fmt::format("'{}' is not known; there are {}", key, fmt::join(names, ", ")));
+  return {};
+}
+
+Result<uint64_t> JsonValue::Whole() const {
+  if (!value_->is_number_unsigned()) return Wrong("is no whole number of at least 0, which should be here");
+  return value_->get<uint64_t>();
 }
 
 Result<std::vector<JsonValue>> JsonValue::List() const {

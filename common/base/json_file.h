@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <initializer_list>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <span>
@@ -46,10 +47,14 @@ class JsonValue {
   Result<JsonValue> Member(const char* name) const;
   /// The member `name`, or nothing when there is none. Errors: not an object.
   Result<std::optional<JsonValue>> Optional(const char* name) const;
+  /// Errors: not an object; an object with a member of another name, which the error names.
+  Status HasOnly(std::initializer_list<const char*> names) const;
   /// The elements of an array. Errors: not an array.
   Result<std::vector<JsonValue>> List() const;
   /// Errors: not a number.
   Result<double> Number() const;
+  /// Errors: not a whole number of at least 0.
+  Result<uint64_t> Whole() const;
   /// Reads an array of out.size() numbers. Errors: not such an array; a number outside [least, most].
   Status Numbers(std::span<double> out, double least, double most) const;
   /// Errors: not a string.

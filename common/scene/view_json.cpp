@@ -1,0 +1,245 @@
+#include "common/scene/view_json.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <vector>
+
+namespace quarry {
+namespace {
+
+using nlohmann::ordered_json;
+
+constexpr double kMostDouble = std::numeric_limits<double>::max(),
+                 kMostFloat = std::numeric_limits<float>::max();
+constexpr double kMostFov = 179;  // degrees
+
+Status ReadVector(const JsonValue& value, double least, double most, glm::dvec3& out) {
+  double numbers[3];
+  QUARRY_TRY(value.Numbers(numbers, least, most));
+  out = {numbers[0], numbers[1], numbers[2]};
+  return {};
+}
+
+/// Reads a colour or radiance: three numbers of at least 0.
+Status ReadColour(const JsonValue& value, glm::vec3& out) {
+  glm::dvec3 numbers;
+  QUARRY_TRY(ReadVector(value, 0, kMostFloat, numbers));
+  out = glm::vec3(numbers);
+  return {};
+}
+
+Status ReadPoint(const JsonValue& value, glm::dvec3& out) {
+  return ReadVector(value, -kMostDouble, kMostDouble, out);
+}
+
+Status ReadDirection(const JsonValue& value, glm::vec3& out) {
+  glm::dvec3 numbers;
+  QUARRY_TRY(ReadVector(value, -kMostFloat, kMostFloat, numbers));
+  out = glm::vec3(numbers);
+  return {};
+}
+
+template <class Float>
+Status ReadNumber(const JsonValue& value, Float& out) {
+  QUARRY_ASSIGN(const double number, value.Number());
+  if (!(std::fabs(number) <= static_cast<double>(std::numeric_limits<Float>::max())))
+    return value.Wrong("is too large");
+  out = static_cast<Float>(number);
+  return {};
+}
+
+template <class Whole>
+Status ReadWhole(const JsonValue& value, Whole& out) {
+  QUARRY_ASSIGN(const uint64_t number, value.Whole());
+  if (number > std::numeric_limits<Whole>::max()) return value.Wrong("is too large");
+  out = static_cast<Whole>(number);
+  return {};
+}
+
+/// Reads a member with `read` if it exists.
+template <class V>
+Status ReadOptional(const JsonValue& object, const char* name, Status (*read)(const JsonValue&, V&), V& out) {
+  QUARRY_ASSIGN(const std::optional<JsonValue> value, object.Optional(name));
+  return value ? read(*value, out) : Status{};
+}
+
+template <size_t kCount>
+Status ReadWholes(const JsonValue& value, uint32_t (&out)[kCount]) {
+  double numbers[kCount];
+  QUARRY_TRY(value.Numbers(numbers, 0, kMaxImageSide));
+  for (size_t i = 0; i < kCount; ++i) out[i] = static_cast<uint32_t>(numbers[i]);
+  return {};
+}
+
+Status ReadSize(const JsonValue& value, View& view) {
+  uint32_t size[2];
+  QUARRY_TRY(ReadWholes(value, size));
+  view.width = size[0];
+  view.height = size[1];
+  return {};
+}
+
+Status ReadCrop(const JsonValue& value, View& view) {
+  uint32_t crop[4];
+  QUARRY_TRY(ReadWholes(value, crop));
+  view.crop = {crop[0], crop[1], crop[2], crop[3]};
+  return {};
+}
+
+Status ReadMode(const JsonValue& value, View& view) {
+  QUARRY_ASSIGN(const std::string name, value.Text());
+  for (int m = 0; m < kRenderModes; ++m)
+    if (name == kRenderModeNames[m]) {
+      view.mode = static_cast<RenderMode>(m);
+      return {};
+    }
+  return value.Wrong("is no mode");
+}
+
+Status ReadLayers(const JsonValue& value, View& view) {
+  QUARRY_ASSIGN(const std::vector<JsonValue> list, value.List());
+  view.aov_mask = 0;
+  for (const JsonValue& element : list) {
+    QUARRY_ASSIGN(const std::string name, element.Text());
+    uint32_t bit = 0;
+    for (uint32_t a = 0; a < kAovs; ++a)
+      if (name == kAovInfo[a].name) bit = 1u << a;
+    if (bit == 0) return element.Wrong("is no layer");
+    view.aov_mask |= bit;
+  }
+  return {};
+}
+
+Status ReadAo(const JsonValue& value, View& view) {
+  QUARRY_TRY(value.HasOnly({"samples", "distance"}));
+  QUARRY_TRY(ReadOptional(value, "samples", ReadWhole<uint32_t>, view.ao_samples));
+  return ReadOptional(value, "distance", ReadNumber<float>, view.ao_distance);
+}
+
+Status ReadExposure(const JsonValue& value, std::optional<double>& exposure) {
+  QUARRY_ASSIGN(exposure, value.Number());
+  return {};
+}
+
+Status ReadCone(const JsonValue& value, Light& light) {
+  QUARRY_TRY(value.HasOnly({"axis", "scale", "offset"}));
+  QUARRY_TRY(ReadOptional(value, "axis", ReadDirection, light.axis));
+  QUARRY_TRY(ReadOptional(value, "scale", ReadNumber<float>, light.cone_scale));
+  return ReadOptional(value, "offset", ReadNumber<float>, light.cone_offset);
+}
+
+ordered_json ToJson(const glm::dvec3& v) { return {v.x, v.y, v.z}; }
+
+ordered_json ToJson(const Light& light, const glm::dvec3& offset) {
+  const bool sun = light.kind == LightKind::kSun;
+  const glm::dvec3 vector(light.vector);
+  ordered_json j = {{"type", sun ? "sun" : "point"},
+                    {sun ? "direction" : "position", ToJson(sun ? vector : vector + offset)},
+                    {"radiance", ToJson(light.radiance)}};
+  if (!sun && light.cone_scale != 0)
+    j["cone"] = {{"axis", ToJson(light.axis)}, {"scale", light.cone_scale}, {"offset", light.cone_offset}};
+  return j;
+}
+
+}  // namespace
+
+Status ReadCamera(const JsonValue& object, CameraSpec& camera) {
+  QUARRY_ASSIGN(const JsonValue eye, object.Member("eye"));
+  QUARRY_TRY(ReadPoint(eye, camera.eye));
+  QUARRY_ASSIGN(const JsonValue at, object.Member("at"));
+  QUARRY_TRY(ReadPoint(at, camera.at));
+  QUARRY_TRY(ReadOptional(object, "up", ReadPoint, camera.up));
+  QUARRY_ASSIGN(const std::optional<JsonValue> ortho, object.Optional("ortho"));
+  if (ortho) {
+    QUARRY_ASSIGN(camera.ortho_height, ortho->Number());
+    if (!(camera.ortho_height > 0)) return ortho->Wrong("must be a positive height");
+  }
+  QUARRY_ASSIGN(const std::optional<JsonValue> fov, object.Optional("fov"));
+  if (!fov) return {};
+  QUARRY_ASSIGN(camera.fov_degrees, fov->Number());
+  if (!(camera.fov_degrees > 0 && camera.fov_degrees <= kMostFov))
+    return fov->Wrong(fmt::format("must lie between 0 and {} degrees", kMostFov));
+  return {};
+}
+
+Result<Light> ReadLight(const JsonValue& object, const glm::dvec3& offset) {
+  QUARRY_ASSIGN(const JsonValue type, object.Member("type"));
+  QUARRY_ASSIGN(const std::string kind, type.Text());
+  if (kind != "sun" && kind != "point") return type.Wrong("is neither sun nor point");
+  Light light;
+  light.kind = kind == "sun" ? LightKind::kSun : LightKind::kPoint;
+  QUARRY_ASSIGN(const JsonValue place, object.Member(kind == "sun" ? "direction" : "position"));
+  glm::dvec3 vector;
+  QUARRY_TRY(ReadVector(place, -kMostFloat, kMostFloat, vector));
+  light.vector = glm::vec3(kind == "sun" ? vector : vector - offset);
+  QUARRY_ASSIGN(const JsonValue radiance, object.Member("radiance"));
+  QUARRY_TRY(ReadColour(radiance, light.radiance));
+  QUARRY_TRY(ReadOptional(object, "cone", ReadCone, light));
+  return light;
+}
+
+Status ReadLighting(const JsonValue& object, const glm::dvec3& offset, View& view) {
+  QUARRY_ASSIGN(const std::optional<JsonValue> lights, object.Optional("lights"));
+  if (lights) {
+    QUARRY_ASSIGN(const std::vector<JsonValue> list, lights->List());
+    for (const JsonValue& each : list) {
+      QUARRY_ASSIGN(const Light light, ReadLight(each, offset));
+      view.lights.push_back(light);
+    }
+  }
+  QUARRY_TRY(ReadOptional(object, "ambient", ReadColour, view.ambient));
+  return ReadOptional(object, "background", ReadColour, view.background);
+}
+
+Status ReadView(const JsonValue& json, const glm::dvec3& offset, ViewDescription& into) {
+  QUARRY_TRY(json.HasOnly({"camera", "size", "crop", "mode", "spp", "seed", "aov", "ao", "lights", "ambient",
+                           "background", "exposure"}));
+  View& view = into.view;
+  QUARRY_ASSIGN(const std::optional<JsonValue> camera, json.Optional("camera"));
+  if (camera) {
+    QUARRY_TRY(camera->HasOnly({"eye", "at", "up", "fov", "ortho"}));
+    QUARRY_TRY(ReadCamera(*camera, view.camera));
+    view.camera.eye -= offset;
+    view.camera.at -= offset;
+  }
+  QUARRY_TRY(ReadOptional(json, "size", ReadSize, view));
+  QUARRY_TRY(ReadOptional(json, "crop", ReadCrop, view));
+  QUARRY_TRY(ReadOptional(json, "mode", ReadMode, view));
+  QUARRY_TRY(ReadOptional(json, "spp", ReadWhole<uint32_t>, view.spp));
+  QUARRY_TRY(ReadOptional(json, "seed", ReadWhole<uint64_t>, view.seed));
+  QUARRY_TRY(ReadOptional(json, "aov", ReadLayers, view));
+  QUARRY_TRY(ReadOptional(json, "ao", ReadAo, view));
+  QUARRY_TRY(ReadOptional(json, "exposure", ReadExposure, into.format.exposure));
+  return ReadLighting(json, offset, view);
+}
+
+ordered_json ViewToJson(const View& view, const std::optional<double>& exposure, const glm::dvec3& offset) {
+  const CameraSpec& c = view.camera;
+  ordered_json camera = {
+      {"eye", ToJson(c.eye + offset)}, {"at", ToJson(c.at + offset)}, {"up", ToJson(c.up)}};
+  if (c.ortho_height > 0)
+    camera["ortho"] = c.ortho_height;
+  else
+    camera["fov"] = c.fov_degrees;
+  ordered_json j = {{"camera", std::move(camera)}, {"size", {view.width, view.height}}};
+  if (view.crop.width > 0 && view.crop != PixelRect{0, 0, view.width, view.height})
+    j["crop"] = {view.crop.x, view.crop.y, view.crop.width, view.crop.height};
+  j["mode"] = kRenderModeNames[static_cast<size_t>(view.mode)];
+  j["spp"] = view.spp;
+  j["seed"] = view.seed;
+  for (int a = 0; a < kAovs; ++a)
+    if (view.has(static_cast<Aov>(a))) j["aov"].push_back(kAovInfo[a].name);
+  j["ao"] = {{"samples", view.ao_samples}, {"distance", view.ao_distance}};
+  j["lights"] = ordered_json::array();
+  for (const Light& light : view.lights) j["lights"].push_back(ToJson(light, offset));
+  j["ambient"] = ToJson(view.ambient);
+  j["background"] = ToJson(view.background);
+  if (exposure) j["exposure"] = *exposure;
+  return j;
+}
+
+}  // namespace quarry

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+
+#include "common/base/json_file.h"
+#include "common/base/status.h"
+#include "common/scene/render_job.h"
+
+namespace quarry {
+
+/// A picture as files and programs exchange it: a View and the exposure of its PNG.
+struct ViewDescription {
+  View view;
+  ImageFormat format;  ///< the exposure only
+};
+
+/// Reads a view:
+///   {"camera": {"eye": [x,y,z], "at": [x,y,z], "up": [x,y,z], "fov": degrees or "ortho": height},
+///    "size": [w,h], "crop": [x,y,w,h], "mode": "ao", "spp": 4, "seed": 0, "aov": ["depth", ...],
+///    "ao": {"samples": 4, "distance": d}, "lights": [...], "ambient": [r,g,b], "background": [r,g,b],
+///    "exposure": EV}
+/// Members that are missing keep what `into` has. Lights are as in ReadLight(). Units: lengths in scene
+/// units, of the model's coordinates; `offset` (SceneMeta::offset) is subtracted from positions. Errors (each
+/// names the place): a member of another name, or of a value that cannot be. The view is not normalized.
+/// Thread-safe.
+Status ReadView(const JsonValue& json, const glm::dvec3& offset, ViewDescription& into);
+
+/// The view as ReadView() reads it, each member written. Thread-safe.
+nlohmann::ordered_json ViewToJson(const View& view, const std::optional<double>& exposure,
+                                  const glm::dvec3& offset);
+
+/// Reads {"eye": [..], "at": [..], "up": [..], "fov": degrees or "ortho": height}; `up` and `fov` may be
+/// missing.
+Status ReadCamera(const JsonValue& object, CameraSpec& camera);
+
+/// Reads {"type": "sun", "direction": [x,y,z], "radiance": [r,g,b]} or {"type": "point", "position": [x,y,z],
+/// "radiance": [r,g,b]}, a point with "cone": {"axis": [x,y,z], "scale": s, "offset": o} as Light has it.
+/// `offset` is subtracted from positions.
+Result<Light> ReadLight(const JsonValue& object, const glm::dvec3& offset);
+
+/// Reads "lights", "ambient" and "background" of an object, each if it is there.
+Status ReadLighting(const JsonValue& object, const glm::dvec3& offset, View& view);
+
+}  // namespace quarry
