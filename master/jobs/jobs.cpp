@@ -206,7 +206,9 @@ void Jobs::Finish(JobFrame frame, std::vector<uint32_t> pixels, std::string stat
 Result<double> Jobs::ExposureOf(Job& job) {
   if (job.job.format.name != "png") return 0;
   if (job.job.format.exposure) return *job.job.format.exposure;
-  if (!job.ev) QUARRY_ASSIGN(job.ev, callbacks_.meter(FrameView(job.job), stop_.get_token()));
+  if (!job.ev) {
+    QUARRY_ASSIGN(job.ev, callbacks_.meter(FrameView(job.job), stop_.get_token()));
+  }
   return *job.ev;
 }
 

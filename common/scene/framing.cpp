@@ -1,0 +1,107 @@
+#include "common/scene/framing.h"
+
+#include <algorithm>
+#include <glm/geometric.hpp>
+
+#include "common/math/elementary.h"
+
+namespace quarry {
+namespace {
+
+/// The direction from the scene to the camera, in (right, back, up).
+glm::dvec3 DirectionOf(NamedView view) {
+  switch (view) {
+    case NamedView::kTop:
+      return {0, 0, 1};
+    case NamedView::kFront:
+      return {0, 1, 0};
+    case NamedView::kBack:
+      return {0, -1, 0};
+    case NamedView::kLeft:
+      return {-1, 0, 0};
+    case NamedView::kRight:
+      return {1, 0, 0};
+    default:
+      return {0.6, 1, 0.45};
+  }
+}
+
+glm::dvec3 Turned(const glm::dvec3& d, double degrees) {
+  double sine = 0, cosine = 1;
+  SinCos(degrees * (3.14159265358979323846 / 180), sine, cosine);
+  return {d.x * cosine + d.y * sine, d.y * cosine - d.x * sine, d.z};
+}
+
+/// A camera's axes.
+struct Axes {
+  glm::dvec3 right, up, forward;
+};
+
+/// The largest of the points' value.
+template <class Value>
+double Most(const std::vector<glm::vec3>& points, Value&& value) {
+  double most = -1e300;
+  for (const glm::vec3& p : points) most = std::max(most, value(glm::dvec3(p)));
+  return most;
+}
+
+/// The eye from which each point lies between the four planes through the picture's edges, as near as
+/// possible. A side's plane holds the points p with across - tangent * depth <= its offset at the eye.
+glm::dvec3 FitPerspective(const std::vector<glm::vec3>& points, const Axes& axes, double tangent_x,
+                          double tangent_y) {
+  const auto side = [&](const glm::dvec3& across, double tangent) {
+    return Most(points, [&](const glm::dvec3& p) {
+      return glm::dot(p, across) - tangent * glm::dot(p, axes.forward);
+    });
+  };
+  const double right = side(axes.right, tangent_x), left = side(-axes.right, tangent_x);
+  const double top = side(axes.up, tangent_y), bottom = side(-axes.up, tangent_y);
+  const double depth = std::min(-(right + left) / (2 * tangent_x), -(top + bottom) / (2 * tangent_y));
+  return axes.right * ((right - left) / 2) + axes.up * ((top - bottom) / 2) + axes.forward * depth;
+}
+
+}  // namespace
+
+glm::dvec3 InAxes(double right, double back, double up, uint32_t up_axis) {
+  return up_axis == 1 ? glm::dvec3(right, up, back) : glm::dvec3(right, -back, up);
+}
+
+CameraSpec CameraFor(const Framing& framing, NamedView view, const Lens& lens) {
+  if (view == NamedView::kInside) {
+    CameraSpec camera = *framing.inside;
+    camera.ortho_height = lens.ortho_height;
+    return camera;
+  }
+  const glm::dvec3 local = Turned(DirectionOf(view), lens.turn_degrees);
+  const glm::dvec3 back = glm::normalize(InAxes(local.x, local.y, local.z, framing.up_axis));
+  CameraSpec camera;
+  // From straight above, the picture's upper edge is the scene's back.
+  camera.up = view == NamedView::kTop ? InAxes(0, -1, 0, framing.up_axis) : InAxes(0, 0, 1, framing.up_axis);
+  camera.fov_degrees = lens.fov_degrees;
+  camera.ortho_height = lens.ortho_height;
+  Axes axes;
+  axes.forward = -back;
+  axes.right = glm::normalize(glm::cross(camera.up, back));
+  axes.up = glm::cross(back, axes.right);
+  const double free = 1 - 2 * lens.margin, tangent = TanHalfDegrees(lens.fov_degrees) * free;
+  const glm::dvec3 middle = (framing.lower + framing.upper) * 0.5;
+  const double diagonal = std::max(glm::length(framing.upper - framing.lower), 1e-30);
+  if (lens.ortho_height > 0) {
+    camera.at = middle;
+    camera.eye = middle + back * diagonal;
+    return camera;
+  }
+  camera.eye = FitPerspective(framing.hull, axes, tangent * lens.aspect, tangent);
+  // A scene of one point: any distance shows it.
+  const double ahead = glm::dot(middle - camera.eye, axes.forward);
+  if (!(ahead > 1e-6 * diagonal)) camera.eye = middle + back * diagonal;
+  camera.at = camera.eye + axes.forward * std::max(ahead, diagonal);
+  return camera;
+}
+
+Light DefaultSun(uint32_t up_axis) {
+  const glm::dvec3 direction = glm::normalize(InAxes(-0.45, 0.7, 1.0, up_axis));
+  return {LightKind::kSun, glm::vec3(direction), glm::vec3(0.9f)};
+}
+
+}  // namespace quarry
