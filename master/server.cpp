@@ -65,7 +65,8 @@ Server::Server(asio::io_context& io, const MasterOptions& options, Scene scene, 
       frames_(
           jobs_, registry_, [this] { return blocks_.bytes_served(); }, std::move(tile_log)),
       // From a random start: results for another master's frames are told apart.
-      dispatcher_(frames_, block_bytes_, options.policy, (uint64_t{std::random_device{}()} << 24) + 1) {
+      dispatcher_(frames_, block_bytes_, options.policy, (uint64_t{std::random_device{}()} << 24) + 1),
+      queries_(io, scene_, [this] { return status_.Json(catalog().id, Now(), registry_, jobs_); }) {
   uint64_t stored = 0, decoded = 0;
   for (const VoxelEntry& voxel : catalog().voxels)
     for (const BlockEntry& block : voxel.blocks) {
@@ -166,6 +167,11 @@ Status Server::OnMessage(const ConnectionPtr& c, Role role, const Message& m) {
   if (role == Role::kClient && m.type == MessageType::kRenderJob) {
     QUARRY_ASSIGN(JobRequest request, DecodeJobRequest(m.table));
     return jobs_.Ask(c, std::move(request));
+  }
+  if (role == Role::kClient && m.type == MessageType::kQuery) {
+    QUARRY_ASSIGN(const Query query, DecodeQuery(m.table));
+    queries_.Answer(c, query);
+    return {};
   }
   if (WorkerRecord* worker = role == Role::kWorker ? registry_.Find(c.get()) : nullptr)
     return OnWorkerMessage(*worker, m);
@@ -337,6 +343,7 @@ void Server::Tick() {
   const auto frames = dispatcher_.Frames();
   frames_.SendProgress(frames);
   liveness_.Beat(Now());
+  status_.Sample(Now(), registry_, blocks_.bytes_served());
   if (Now() - logged_s_ < kLogEveryS) return;
   logged_s_ = Now();
   if (!frames.empty()) Log(ProgressLine(*frames.front(), frames_.NumberOf(frames.front()->id()), registry_));

@@ -16,8 +16,10 @@
 #include "common/protocol/messages.h"
 #include "common/voxel/store_reader.h"
 #include "master/block_service.h"
+#include "master/cluster_status.h"
 #include "master/jobs/job_frames.h"
 #include "master/jobs/jobs.h"
+#include "master/query_service.h"
 #include "master/schedule/dispatcher.h"
 #include "master/worker_registry.h"
 
@@ -103,6 +105,8 @@ class Server {
   Jobs jobs_;
   JobFrames frames_;
   Dispatcher dispatcher_;
+  ClusterStatus status_;
+  QueryService queries_;
 };
 
 /// Serves one scene: catalog and blocks to workers, jobs from clients, tiles to workers. Returns only with an

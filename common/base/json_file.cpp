@@ -190,6 +190,11 @@ Status JsonValue::HasOnly(std::initializer_list<const char*> names) const {
   return {};
 }
 
+Result<bool> JsonValue::Flag() const {
+  if (!value_->is_boolean()) return Wrong("is neither true nor false");
+  return value_->get<bool>();
+}
+
 Result<uint64_t> JsonValue::Whole() const {
   if (!value_->is_number_unsigned()) return Wrong("is no whole number of at least 0, which should be here");
   return value_->get<uint64_t>();

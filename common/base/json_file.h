@@ -53,6 +53,8 @@ class JsonValue {
   Result<std::vector<JsonValue>> List() const;
   /// Errors: not a number.
   Result<double> Number() const;
+  /// Errors: neither true nor false.
+  Result<bool> Flag() const;
   /// Errors: not a whole number of at least 0.
   Result<uint64_t> Whole() const;
   /// Reads an array of out.size() numbers. Errors: not such an array; a number outside [least, most].

@@ -37,6 +37,9 @@ Limits LimitsOf(MessageType type) {
     case MessageType::kBlock:
       return {0, 65u << 20};
     case MessageType::kHello:
+    case MessageType::kAnswer:
+      return {0, 256u << 20};  // names of materials and parts
+    case MessageType::kQuery:
     case MessageType::kFrameProgress:
     case MessageType::kBlockRequest:
       return {kSmall, 0};
@@ -58,13 +61,13 @@ bool May(Speaker speaker, MessageType type) {
     case Speaker::kVoxels:
       return type == kBlockRequest || type == kPing;
     case Speaker::kClient:
-      return type == kRenderJob || type == kPing;
+      return type == kRenderJob || type == kQuery || type == kPing;
     case Speaker::kMasterOfWorkers:
       return type == kWelcome || type == kCatalog || type == kFrameSetup || type == kTile || type == kPeers ||
              type == kFailure || type == kPing;
     case Speaker::kMasterOfClients:
-      return type == kWelcome || type == kFrameProgress || type == kFrameDone || type == kFailure ||
-             type == kPing;
+      return type == kWelcome || type == kFrameProgress || type == kFrameDone || type == kAnswer ||
+             type == kFailure || type == kPing;
     case Speaker::kVoxelServer:
       return type == kWelcome || type == kBlock || type == kFailure || type == kPing;
     case Speaker::kAnyone:

@@ -100,6 +100,12 @@ Bytes Encode(const JobRequest& m) {
   return Pack<wire::JobRequest>(w);
 }
 
+Bytes Encode(const Query& m) {
+  wire::QueryT w;
+  w.topic = m.topic;
+  return Pack<wire::Query>(w);
+}
+
 Bytes Encode(const FrameProgress& m) {
   wire::FrameProgressT w;
   w.frame = m.frame;

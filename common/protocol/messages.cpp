@@ -173,6 +173,14 @@ Result<JobRequest> DecodeJobRequest(std::span<const std::byte> table) {
   return m;
 }
 
+Result<Query> DecodeQuery(std::span<const std::byte> table) {
+  const auto* w = Root<wire::Query>(table);
+  if (!w) return NotWellFormed();
+  Query m{Legible(w->topic())};
+  if (m.topic != kSceneTopic && m.topic != kStatusTopic) return Fail("received a question that is not known");
+  return m;
+}
+
 Result<FrameProgress> DecodeFrameProgress(std::span<const std::byte> table) {
   const auto* w = Root<wire::FrameProgress>(table);
   if (!w) return NotWellFormed();

@@ -38,6 +38,12 @@ struct JobRequest {
   uint32_t have = 0;  ///< the client has the first `have` frames; they are not sent
 };
 /// Progress of the frame that the client waits for.
+/// A question of a client's. The answer, of type kAnswer, has JSON for its raw part.
+struct Query {
+  std::string topic;  ///< kSceneTopic or kStatusTopic
+};
+inline constexpr const char* kSceneTopic = "scene";    ///< DescribeStore() with a framing: see SceneSummary
+inline constexpr const char* kStatusTopic = "status";  ///< workers, jobs and rates
 struct FrameProgress {
   uint32_t frame = 0, tiles_done = 0, tiles = 0, workers = 0;
 };
@@ -112,6 +118,7 @@ Bytes Encode(const Hello& m);
 Bytes Encode(const Welcome& m);
 Bytes Encode(const Failure& m);
 Bytes Encode(const JobRequest& m);
+Bytes Encode(const Query& m);
 Bytes Encode(const FrameProgress& m);
 Bytes Encode(const FrameDone& m);
 Bytes Encode(const FrameSetup& m);
@@ -127,6 +134,7 @@ Result<Hello> DecodeHello(std::span<const std::byte> table);
 Result<Welcome> DecodeWelcome(std::span<const std::byte> table);
 Result<Failure> DecodeFailure(std::span<const std::byte> table);
 Result<JobRequest> DecodeJobRequest(std::span<const std::byte> table);
+Result<Query> DecodeQuery(std::span<const std::byte> table);
 Result<FrameProgress> DecodeFrameProgress(std::span<const std::byte> table);
 Result<FrameDone> DecodeFrameDone(std::span<const std::byte> table);
 Result<FrameSetup> DecodeFrameSetup(std::span<const std::byte> table);

@@ -7,7 +7,6 @@
 #include "common/base/resource.h"
 
 namespace quarry {
-namespace {
 
 nlohmann::ordered_json WorkerStatistics(const WorkerRecord& w) {
   static const char* const kinds[kSourceKinds] = {"file", "tcp", "http", "peer", "disk", "memory"};
@@ -35,8 +34,6 @@ nlohmann::ordered_json WorkerStatistics(const WorkerRecord& w) {
   j["peak_rss_bytes"] = c.peak_rss_bytes;
   return j;
 }
-
-}  // namespace
 
 std::string FrameStatistics(const ActiveFrame& frame, const FrameTimes& times,
                             const WorkerRegistry& registry) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 
 #include "master/schedule/active_frame.h"
@@ -14,6 +15,8 @@ struct FrameTimes {
   double start_s = 0, end_s = 0;    ///< since the master began
   uint64_t voxel_bytes_served = 0;  ///< by the master, during the frame
 };
+/// A worker's counters.
+nlohmann::ordered_json WorkerStatistics(const WorkerRecord& worker);
 /// A finished frame's statistics and all workers' counters, as JSON; each name bears its unit.
 std::string FrameStatistics(const ActiveFrame& frame, const FrameTimes& times,
                             const WorkerRegistry& registry);

@@ -1,0 +1,62 @@
+#include "master/query_service.h"
+
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/thread_pool.hpp>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "common/engine/framing_probe.h"
+#include "common/scene/scene_summary.h"
+#include "common/voxel/store_description.h"
+
+namespace quarry {
+namespace {
+
+namespace asio = boost::asio;
+
+void SendJson(Connection& client, const std::string& json) {
+  const auto bytes = AsBytes(json);
+  client.Send({MessageType::kAnswer, 0, {}, Bytes(bytes.begin(), bytes.end())});
+}
+
+Result<std::string> Describe(const Scene& scene) {
+  QUARRY_ASSIGN(const Framing framing, ProbeFraming(scene, 0, true));
+  nlohmann::ordered_json j = DescribeStore(scene.store());
+  j["framing"] = FramingToJson(framing, scene.catalog().meta.offset);
+  return j.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+}
+
+}  // namespace
+
+QueryService::QueryService(asio::io_context& io, Scene scene, std::function<std::string()> status)
+    : io_(io),
+      scene_(std::move(scene)),
+      status_(std::move(status)),
+      thread_(std::make_unique<asio::thread_pool>(1)) {}
+
+QueryService::~QueryService() = default;
+
+void QueryService::Answer(const std::shared_ptr<Connection>& client, const Query& query) {
+  if (query.topic == kStatusTopic) return SendJson(*client, status_());
+  const bool first = !description_ && waiting_.empty();
+  waiting_.push_back(client);
+  if (description_) return OnScene(std::move(*description_));
+  if (!first) return;
+  asio::post(*thread_, [this] {
+    asio::post(io_, [this, description = Describe(scene_)]() mutable { OnScene(std::move(description)); });
+  });
+}
+
+void QueryService::OnScene(Result<std::string> description) {
+  description_ = std::move(description);
+  for (const std::weak_ptr<Connection>& waiting : std::exchange(waiting_, {}))
+    if (const auto client = waiting.lock()) {
+      if (*description_)
+        SendJson(*client, **description_);
+      else
+        client->Send(MakeMessage(MessageType::kFailure, Failure{description_->error().message}));
+    }
+}
+
+}  // namespace quarry
