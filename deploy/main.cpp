@@ -14,10 +14,12 @@
 #include "common/base/cpu_check.h"
 #include "common/base/version.h"
 #include "common/command_line/command_line.h"
+#include "common/command_line/security_options.h"
 #include "deploy/cache_command.h"
 #include "deploy/cluster.h"
 #include "deploy/info_command.h"
 #include "deploy/model_cache.h"
+#include "deploy/query.h"
 #include "deploy/render_command.h"
 
 namespace quarry {
@@ -55,6 +57,12 @@ int RunBench(int argc, char** argv) {
   return 2;
 }
 
+Status ShowStatus(const std::string& master, const SecurityOptions& options, bool json) {
+  QUARRY_ASSIGN(const Endpoint endpoint, ParseEndpoint(master, "--master"));
+  QUARRY_ASSIGN(const Security security, Security::ForClient(WithEnvironment(options)));
+  return PrintStatus(endpoint, security, json);
+}
+
 int Main(int argc, char** argv) {
   RequireCpu();
   if (argc > 1 && std::string(argv[1]) == "bench") return RunBench(argc, argv);
@@ -65,6 +73,7 @@ int Main(int argc, char** argv) {
       "Examples:\n  quarry render plant.ply -o plant.png --mode whitted --workers 3\n"
       "  quarry render plant.quarry -o walk.png --camera-path plant.path.json --frames 0-59\n"
       "  quarry info plant.quarry --json\n  quarry verify plant.quarry\n  quarry cache list\n"
+      "  quarry status --master 10.0.0.1:9000\n"
       "  quarry bench import plant.ply");
   app.set_version_flag("--version", std::string("quarry ") + kVersion);
   app.require_subcommand(1);
@@ -78,6 +87,12 @@ int Main(int argc, char** argv) {
   auto* verify = app.add_subcommand("verify", "Read and check every byte of a store");
   verify->add_option("scene", scene, "The store")->required();
   verify->add_flag("--quiet", quiet, "Print errors only");
+  std::string master;
+  SecurityOptions security;
+  auto* cluster = app.add_subcommand("status", "Tell of a cluster's workers, jobs and rates");
+  cluster->add_option("--master", master, "The master's HOST:PORT")->envname("QUARRY_MASTER")->required();
+  cluster->add_flag("--json", json, "As JSON");
+  AddSecurityOptions(*cluster, security);
   CacheArguments cache;
   auto* cache_command = app.add_subcommand("cache", "Stores that are kept of models: list, limit, clear");
   AddCacheCommands(*cache_command, cache);
@@ -86,10 +101,11 @@ int Main(int argc, char** argv) {
   render.command_line = fmt::format("{}", fmt::join(std::span(argv, static_cast<size_t>(argc)), " "));
   Status status;
   try {
-    status = app.got_subcommand("render")  ? Render(render)
-             : app.got_subcommand("info")  ? PrintInfo(scene, json)
-             : app.got_subcommand("cache") ? RunCacheCommand(*cache_command, cache)
-                                           : Verify(scene, quiet);
+    status = app.got_subcommand("render")   ? Render(render)
+             : app.got_subcommand("info")   ? PrintInfo(scene, json)
+             : app.got_subcommand("status") ? ShowStatus(master, security, json)
+             : app.got_subcommand("cache")  ? RunCacheCommand(*cache_command, cache)
+                                            : Verify(scene, quiet);
     std::fflush(stdout);
   } catch (const std::system_error& e) {  // thrown by fmt::print
     status = Fail(fmt::format("standard output cannot be written: {}", e.code().message()));

@@ -43,10 +43,11 @@ bool IsExr(std::string_view start) { return start.starts_with("\x76\x2F\x31\x01"
 bool IsStatistics(std::string_view start) {
   return BeginsObject(start, {"scene_id", "input_triangles", "render_wall_s"});
 }
+bool IsView(std::string_view start) { return BeginsObject(start, {"camera"}); }
 bool IsTrace(std::string_view start) { return BeginsObject(start, {"frame"}); }
 /// Figures of benchmarks: any JSON except files that programs read as input.
 bool IsFigures(std::string_view start) {
-  if (BeginsObject(start, {"frames", "lights", "materials"})) return false;
+  if (BeginsObject(start, {"frames", "lights", "materials", "camera"})) return false;
   const std::string_view text = WithoutBlanks(start);
   return (text.starts_with('{') || text.starts_with('[') || text.starts_with("null")) &&
          text.find("\"asset\"") == std::string_view::npos;
@@ -143,6 +144,7 @@ Status CheckNotRead(const std::string& path) {
 const OutputKind kPngOutput{"a PNG image", IsPng, true};
 const OutputKind kExrOutput{"an EXR image", IsExr, true};
 const OutputKind kStatisticsOutput{"a file of Quarry's statistics", IsStatistics, true};
+const OutputKind kViewOutput{"a view of Quarry's", IsView, true};
 const OutputKind kTraceOutput{"a trace of Quarry's tiles", IsTrace, true};
 const OutputKind kFiguresOutput{"a JSON file of figures", IsFigures, true};
 

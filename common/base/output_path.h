@@ -28,7 +28,7 @@ struct OutputKind {
   bool streams;                          ///< whether a device or FIFO can take it
 };
 /// Kinds that several programs write.
-extern const OutputKind kPngOutput, kExrOutput, kStatisticsOutput, kTraceOutput, kFiguresOutput;
+extern const OutputKind kPngOutput, kExrOutput, kStatisticsOutput, kViewOutput, kTraceOutput, kFiguresOutput;
 
 /// Checks the outputs of one run. An output must not be an input (hard links, symbolic links and other
 /// spellings included) or another output. A regular file that is not empty and of another kind is replaced

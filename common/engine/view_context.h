@@ -30,7 +30,8 @@ struct ViewContext {
         camera(view.camera, view.width, view.height, scene.meta.root_lower, scene.meta.root_upper),
         words(WordsPerPixel(view.aov_mask)),
         ao_distance(view.ao_distance > 0 ? view.ao_distance : DefaultAoDistance(scene.meta)),
-        up(scene.meta.up_axis == 1 ? glm::vec3(0, 1, 0) : glm::vec3(0, 0, 1)) {}
+        up((view.up_axis != 0 ? view.up_axis : scene.meta.up_axis) == 1 ? glm::vec3(0, 1, 0)
+                                                                        : glm::vec3(0, 0, 1)) {}
   const View view;
   const Catalog& catalog;
   const TopTree top;

@@ -48,6 +48,7 @@ std::unique_ptr<wire::ViewT> ViewToWire(const View& view) {
   w->spp = view.spp;
   w->seed = view.seed;
   w->aov_mask = view.aov_mask;
+  w->up_axis = static_cast<uint8_t>(view.up_axis);
   w->ao_samples = view.ao_samples;
   w->ao_distance = view.ao_distance;
   w->ambient = ToVector(view.ambient);

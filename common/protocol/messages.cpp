@@ -88,6 +88,7 @@ Status ReadView(const wire::View& w, size_t message_bytes, View& view) {
   view.spp = w.spp();
   view.seed = w.seed();
   view.aov_mask = w.aov_mask();
+  view.up_axis = w.up_axis();
   view.ao_samples = w.ao_samples();
   view.ao_distance = w.ao_distance();
   return {};

@@ -52,6 +52,7 @@ Status NormalizeView(View& view) {
   if (static_cast<uint8_t>(view.mode) >= kRenderModes) return BadUsage("that mode is not known");
   if (view.spp == 0 || view.spp > kMaxSpp)
     return BadUsage(fmt::format("--spp must lie between 1 and {}", kMaxSpp));
+  if (view.up_axis > 2) return BadUsage("that up axis is not known");
   if (view.ao_samples == 0 || view.ao_samples > kMaxAoSamples)
     return BadUsage(fmt::format("--ao-samples must lie between 1 and {}", kMaxAoSamples));
   if (!std::isfinite(view.ao_distance) || view.ao_distance < 0)

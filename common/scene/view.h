@@ -63,6 +63,7 @@ struct View {
   uint32_t spp = 1;  ///< samples per pixel
   uint64_t seed = 0;
   uint32_t aov_mask = 0;  ///< a bit for each Aov
+  uint32_t up_axis = 0;   ///< of kAo's dome: 1 for y, 2 for z; 0: the scene's
   /// kAo: rays that look for occluders from each point, and their length in scene units; 0: a share of the
   /// scene.
   uint32_t ao_samples = 4;

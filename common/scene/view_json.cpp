@@ -114,6 +114,13 @@ Status ReadLayers(const JsonValue& value, View& view) {
   return {};
 }
 
+Status ReadUpAxis(const JsonValue& value, View& view) {
+  QUARRY_ASSIGN(const std::string axis, value.Text());
+  if (axis != "y" && axis != "z") return value.Wrong("is neither y nor z");
+  view.up_axis = axis == "y" ? 1 : 2;
+  return {};
+}
+
 Status ReadAo(const JsonValue& value, View& view) {
   QUARRY_TRY(value.HasOnly({"samples", "distance"}));
   QUARRY_TRY(ReadOptional(value, "samples", ReadWhole<uint32_t>, view.ao_samples));
@@ -196,8 +203,8 @@ Status ReadLighting(const JsonValue& object, const glm::dvec3& offset, View& vie
 }
 
 Status ReadView(const JsonValue& json, const glm::dvec3& offset, ViewDescription& into) {
-  QUARRY_TRY(json.HasOnly({"camera", "size", "crop", "mode", "spp", "seed", "aov", "ao", "lights", "ambient",
-                           "background", "exposure"}));
+  QUARRY_TRY(json.HasOnly({"camera", "size", "crop", "mode", "spp", "seed", "aov", "up_axis", "ao", "lights",
+                           "ambient", "background", "exposure"}));
   View& view = into.view;
   QUARRY_ASSIGN(const std::optional<JsonValue> camera, json.Optional("camera"));
   if (camera) {
@@ -212,6 +219,7 @@ Status ReadView(const JsonValue& json, const glm::dvec3& offset, ViewDescription
   QUARRY_TRY(ReadOptional(json, "spp", ReadWhole<uint32_t>, view.spp));
   QUARRY_TRY(ReadOptional(json, "seed", ReadWhole<uint64_t>, view.seed));
   QUARRY_TRY(ReadOptional(json, "aov", ReadLayers, view));
+  QUARRY_TRY(ReadOptional(json, "up_axis", ReadUpAxis, view));
   QUARRY_TRY(ReadOptional(json, "ao", ReadAo, view));
   QUARRY_TRY(ReadOptional(json, "exposure", ReadExposure, into.format.exposure));
   return ReadLighting(json, offset, view);
@@ -233,6 +241,7 @@ ordered_json ViewToJson(const View& view, const std::optional<double>& exposure,
   j["seed"] = view.seed;
   for (int a = 0; a < kAovs; ++a)
     if (view.has(static_cast<Aov>(a))) j["aov"].push_back(kAovInfo[a].name);
+  if (view.up_axis != 0) j["up_axis"] = view.up_axis == 1 ? "y" : "z";
   j["ao"] = {{"samples", view.ao_samples}, {"distance", view.ao_distance}};
   j["lights"] = ordered_json::array();
   for (const Light& light : view.lights) j["lights"].push_back(ToJson(light, offset));

@@ -18,6 +18,7 @@ struct ViewDescription {
 /// Reads a view:
 ///   {"camera": {"eye": [x,y,z], "at": [x,y,z], "up": [x,y,z], "fov": degrees or "ortho": height},
 ///    "size": [w,h], "crop": [x,y,w,h], "mode": "ao", "spp": 4, "seed": 0, "aov": ["depth", ...],
+///    "up_axis": "y",
 ///    "ao": {"samples": 4, "distance": d}, "lights": [...], "ambient": [r,g,b], "background": [r,g,b],
 ///    "exposure": EV}
 /// Members that are missing keep what `into` has. Lights are as in ReadLight(). Units: lengths in scene

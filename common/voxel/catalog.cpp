@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 
 #include "common/kdtree/build/box8.h"
@@ -173,6 +174,17 @@ std::string FormatSceneId(const SceneId& id) {
   std::string text;
   for (uint8_t byte : id) text += fmt::format("{:02x}", byte);
   return text;
+}
+
+Result<SceneId> ParseSceneId(std::string_view text) {
+  SceneId id{};
+  if (text.size() != 2 * id.size()) return Fail(fmt::format("'{}' is no scene id", text));
+  for (size_t i = 0; i < id.size(); ++i) {
+    const auto [end, error] = std::from_chars(text.data() + 2 * i, text.data() + 2 * i + 2, id[i], 16);
+    if (error != std::errc() || end != text.data() + 2 * i + 2)
+      return Fail(fmt::format("'{}' is no scene id", text));
+  }
+  return id;
 }
 
 Bytes EncodeMeta(const SceneMeta& m) {

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <glm/vec3.hpp>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/base/bytes.h"
@@ -83,6 +84,8 @@ struct VoxelEntry {
 using SceneId = std::array<uint8_t, 16>;
 /// The id as 32 hexadecimal digits.
 std::string FormatSceneId(const SceneId& id);
+/// The inverse of FormatSceneId(). Errors: another text.
+Result<SceneId> ParseSceneId(std::string_view text);
 
 /// The decoded catalog. Unchanged after DecodeCatalog(), so it may be read from any thread.
 struct Catalog {

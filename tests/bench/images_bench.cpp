@@ -10,9 +10,9 @@
 #include <nlohmann/json.hpp>
 
 #include "common/engine/renderer.h"
+#include "common/scene/framing.h"
 #include "common/voxel/store_reader.h"
 #include "deploy/cluster.h"
-#include "deploy/default_view.h"
 #include "tests/bench/embree_image.h"
 #include "tests/bench/figures.h"
 #include "tests/bench/median.h"

@@ -9,7 +9,7 @@
 
 #include "common/engine/shading/shading.h"
 #include "common/scene/camera.h"
-#include "deploy/default_view.h"
+#include "common/scene/framing.h"
 
 namespace quarry::bench {
 namespace {

@@ -1,8 +1,12 @@
 #include "tests/bench/views.h"
 
+#include <algorithm>
+#include <cmath>
 #include <filesystem>
+#include <glm/geometric.hpp>
 
-#include "deploy/default_view.h"
+#include "common/math/elementary.h"
+#include "common/scene/framing.h"
 #include "deploy/scene_files.h"
 
 namespace quarry::bench {
@@ -18,6 +22,32 @@ CameraSpec InteriorView(const SceneMeta& meta) {
   camera.at = at(0.8, 0.6, 0.3);
   camera.up = meta.up_axis == 1 ? glm::dvec3(0, 1, 0) : glm::dvec3(0, 0, 1);
   camera.fov_degrees = 60;
+  return camera;
+}
+
+/// The whole box of the scene from the front, right and above.
+CameraSpec DefaultView(const SceneMeta& scene, double aspect, double fov_degrees) {
+  const glm::dvec3 lower(scene.bounds_lower), upper(scene.bounds_upper);
+  const glm::dvec3 half = (upper - lower) * 0.5;
+  CameraSpec camera;
+  camera.at = (lower + upper) * 0.5;
+  camera.up = InAxes(0, 0, 1, scene.up_axis);
+  camera.fov_degrees = fov_degrees;
+  const glm::dvec3 back = glm::normalize(InAxes(0.6, 1.0, 0.45, scene.up_axis));
+  const glm::dvec3 right = glm::normalize(glm::cross(camera.up, back));
+  const glm::dvec3 up = glm::cross(back, right);
+  // The smallest distance from which all eight corners are in view, plus 5 %.
+  const double tangent_y = TanHalfDegrees(fov_degrees), tangent_x = tangent_y * aspect;
+  double distance = 0;
+  for (int corner = 0; corner < 8; ++corner) {
+    const glm::dvec3 p(corner & 1 ? half.x : -half.x, corner & 2 ? half.y : -half.y,
+                       corner & 4 ? half.z : -half.z);
+    const double across =
+        std::max(std::fabs(glm::dot(p, right)) / tangent_x, std::fabs(glm::dot(p, up)) / tangent_y);
+    distance = std::max(distance, across + glm::dot(p, back));
+  }
+  if (!(distance > 0)) distance = 1;
+  camera.eye = camera.at + back * (distance * 1.05);
   return camera;
 }
 

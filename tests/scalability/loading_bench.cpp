@@ -15,8 +15,8 @@
 #include <utility>
 
 #include "common/engine/renderer.h"
+#include "common/scene/framing.h"
 #include "common/voxel/store_reader.h"
-#include "deploy/default_view.h"
 #include "deploy/scene_files.h"
 #include "tests/bench/figures.h"
 #include "tests/bench/stopwatch.h"

@@ -1,0 +1,365 @@
+#include "deploy/render_options.h"
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <filesystem>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "common/base/json_file.h"
+#include "common/base/number.h"
+#include "common/command_line/command_line.h"
+#include "common/command_line/security_options.h"
+#include "common/scene/view_json.h"
+#include "deploy/scene_files.h"
+
+namespace quarry {
+namespace {
+
+bool Typed(const RenderArguments& a, const char* option) { return WasTyped(*a.command, option); }
+
+Status ParseMode(const std::string& text, View& view) {
+  for (int m = 0; m < kRenderModes; ++m)
+    if (text == kRenderModeNames[m]) {
+      view.mode = static_cast<RenderMode>(m);
+      return {};
+    }
+  const std::vector<std::string> all(std::begin(kRenderModeNames), std::end(kRenderModeNames));
+  const std::string nearest = Nearest(text, all);
+  return BadUsage(fmt::format("--mode is one of {}, not '{}'{}", fmt::join(all, ", "), text,
+                              nearest.empty() ? "" : fmt::format("; did you mean {}?", nearest)));
+}
+
+Status ParseAovs(const std::string& text, View& view) {
+  view.aov_mask = 0;
+  size_t at = 0;
+  while (at < text.size()) {
+    const size_t comma = std::min(text.find(',', at), text.size());
+    const std::string name = text.substr(at, comma - at);
+    at = comma + 1;
+    int found = -1;
+    for (int a = 0; a < kAovs; ++a)
+      if (name == kAovInfo[a].name) found = a;
+    if (found < 0)
+      return BadUsage(
+          fmt::format("--aov knows depth, normal, uv, primitive, material, part and voxel, not '{}'", name));
+    view.aov_mask |= 1u << found;
+  }
+  return {};
+}
+
+/// Refuses options that were typed and would change nothing.
+Status RefuseWhatHasNoEffect(const RenderArguments& a, const RenderJob& job) {
+  const auto refuse = [&](const char* option, const std::string& where) {
+    return BadUsage(fmt::format("{} has no effect {}; leave it out", option, where));
+  };
+  const RenderMode mode = job.view.mode;
+  const std::string in_mode = fmt::format("in --mode {}", kRenderModeNames[static_cast<size_t>(mode)]);
+  if (mode != RenderMode::kAo)
+    for (const char* option : {"--ao-distance", "--ao-samples"})
+      if (Typed(a, option)) return refuse(option, in_mode);
+  if (mode != RenderMode::kShadow && mode != RenderMode::kWhitted)
+    for (const char* option : {"--sun", "--lights"})
+      if (Typed(a, option)) return refuse(option, in_mode + ", which has its own light");
+  if (job.format.name == "exr" && Typed(a, "--exposure"))
+    return refuse("--exposure", "on an EXR image, which holds radiance as it is");
+  if (job.view.aov_mask != 0 && job.format.name != "exr") return BadUsage("--aov needs an .exr output");
+  return {};
+}
+
+/// The object of the view file, read into `description`.
+Status ReadViewFile(const RenderArguments& a, const glm::dvec3& offset, ViewDescription& description) {
+  QUARRY_ASSIGN(const auto json, ReadJsonFile<nlohmann::json>(a.view));
+  return ReadView(JsonValue(json, a.view), offset, description);
+}
+
+Status ParseImage(const RenderArguments& a, RenderJob& job) {
+  View& view = job.view;
+  uint32_t size[2], crop[4];
+  if (!a.has_view_file() || Typed(a, "--size")) {
+    if (!ParseCounts(a.size, "x", size))
+      return BadUsage(fmt::format("--size is not WxH in whole numbers: '{}'", a.size));
+    view.width = size[0];
+    view.height = size[1];
+  }
+  if (!a.crop.empty()) {
+    if (!ParseCounts(a.crop, ",,,", crop) || crop[2] == 0)
+      return BadUsage(fmt::format("--crop is not x,y,w,h in whole numbers: '{}'", a.crop));
+    view.crop = {crop[0], crop[1], crop[2], crop[3]};
+  }
+  if (!a.has_view_file() || Typed(a, "--mode")) QUARRY_TRY(ParseMode(a.mode, view));
+  if (!a.has_view_file()) view.spp = view.mode == RenderMode::kAo ? 4 : 1;
+  if (Typed(a, "--spp")) view.spp = a.spp;
+  if (Typed(a, "--seed")) view.seed = a.seed;
+  if (Typed(a, "--ao-samples")) view.ao_samples = a.ao_samples;
+  if (Typed(a, "--ao-distance")) view.ao_distance = a.ao_distance;
+  if (Typed(a, "--exposure")) job.format.exposure = a.exposure;
+  if (Typed(a, "--aov")) QUARRY_TRY(ParseAovs(a.aov, view));
+  return {};
+}
+
+/// "12" or "0-59" into a range of the path's frames.
+Status ParseFrames(const std::string& text, size_t count, size_t& first, size_t& last) {
+  first = 0;
+  last = count - 1;
+  if (text.empty()) return {};
+  uint32_t range[2];
+  if (ParseCounts(text, "", std::span(range, 1)))
+    range[1] = range[0];
+  else if (!ParseCounts(text, "-", range) || range[1] < range[0])
+    return BadUsage(fmt::format("--frames is not A-B in whole numbers: '{}'", text));
+  if (range[1] >= count)
+    return BadUsage(fmt::format("--frames {}: the camera path has frames 0 to {}", text, count - 1));
+  first = range[0];
+  last = range[1];
+  return {};
+}
+
+/// The cameras of the path, in the model's coordinates. `up`: of cameras that have none.
+Status ReadPath(const RenderArguments& a, const glm::dvec3& up, RenderJob& job) {
+  QUARRY_ASSIGN(const auto path, ReadCameraPath(a.camera_path, up));
+  size_t first = 0, last = 0;
+  QUARRY_TRY(ParseFrames(a.frames, path.size(), first, last));
+  job.first_frame = static_cast<uint32_t>(first);
+  job.cameras.assign(path.begin() + static_cast<std::ptrdiff_t>(first),
+                     path.begin() + static_cast<std::ptrdiff_t>(last) + 1);
+  return {};
+}
+
+/// The direction that --view names; none: it is left to the scene.
+Result<std::optional<NamedView>> NamedViewOf(const RenderArguments& a) {
+  if (a.view.empty() || a.has_view_file()) return std::optional<NamedView>();
+  for (int v = 0; v < kNamedViews; ++v)
+    if (a.view == kNamedViewNames[v]) return std::optional(static_cast<NamedView>(v));
+  return BadUsage(fmt::format("--view is one of {}, or a file that ends in .json, not '{}'",
+                              fmt::join(kNamedViewNames, ", "), a.view));
+}
+
+/// The camera of the scene that --camera names, in the model's coordinates.
+Result<CameraSpec> SceneCamera(const RenderArguments& a, const SceneSummary& scene) {
+  std::string names;
+  for (const NamedCamera& camera : scene.views.cameras) {
+    if (camera.name == a.camera) return camera.spec;
+    names += fmt::format("{}'{}'", names.empty() ? "" : ", ", camera.name);
+  }
+  const std::string place = a.scene.empty() ? "the scene" : a.scene;
+  if (names.empty()) return BadUsage(fmt::format("--camera '{}': {} has no cameras", a.camera, place));
+  return BadUsage(fmt::format("--camera '{}': {} has no such camera, but {}", a.camera, place, names));
+}
+
+/// Sets the view's lights: from --lights and --sun; without these options from the scene; a sun where the
+/// scene has no light.
+Status ChooseLights(const RenderArguments& a, const SceneSummary& scene, View& view) {
+  if (!a.lights.empty()) {
+    view.lights.clear();
+    QUARRY_TRY(ReadLights(a.lights, scene.offset, view));
+  }
+  if (!a.sun.empty()) {
+    QUARRY_ASSIGN(const glm::dvec3 sun, ParseVector(a.sun, "--sun"));
+    if (a.lights.empty()) view.lights.clear();
+    view.lights.push_back({LightKind::kSun, glm::vec3(sun), glm::vec3(0.9f)});
+  }
+  if (!view.lights.empty() || !a.lights.empty() || a.has_view_file()) return {};
+  for (const NamedLight& light : scene.views.lights) view.lights.push_back(ToLight(light, scene.offset));
+  if (view.lights.empty()) view.lights.push_back(DefaultSun(scene.framing.up_axis));
+  return {};
+}
+
+/// The camera that options describe, one turn of the turntable after the other.
+Result<CameraSpec> CameraAt(const RenderArguments& a, const SceneSummary& scene, const View& view,
+                            double turn_degrees) {
+  CameraSpec camera = view.camera;
+  if (!a.has_view_file()) {
+    QUARRY_ASSIGN(const auto named, NamedViewOf(a));
+    const Lens lens{static_cast<double>(view.width) / view.height, a.fov, a.ortho, a.fit, turn_degrees};
+    const bool inside = scene.framing.interior && a.turntable == 0;
+    camera = CameraFor(scene.framing, named.value_or(inside ? NamedView::kInside : NamedView::kIso), lens);
+    if (camera.fov_degrees != a.fov && Typed(a, "--fov")) camera.fov_degrees = a.fov;
+  }
+  if (!a.camera.empty()) {
+    QUARRY_ASSIGN(camera, SceneCamera(a, scene));
+    camera.eye -= scene.offset;
+    camera.at -= scene.offset;
+    if (a.ortho > 0) camera.ortho_height = a.ortho;
+  }
+  if (!a.at.empty()) {
+    QUARRY_ASSIGN(const glm::dvec3 at, ParseVector(a.at, "--at"));
+    camera.at = at - scene.offset;
+  }
+  if (!a.eye.empty()) {
+    QUARRY_ASSIGN(const glm::dvec3 eye, ParseVector(a.eye, "--eye"));
+    camera.eye = eye - scene.offset;
+    if (a.at.empty() && a.camera.empty() && !a.has_view_file())
+      camera.at = (scene.framing.lower + scene.framing.upper) * 0.5;
+    if (!Typed(a, "--fov") && a.camera.empty() && !a.has_view_file()) camera.fov_degrees = a.fov;
+  }
+  if (!a.up.empty()) {
+    QUARRY_ASSIGN(camera.up, ParseVector(a.up, "--up"));
+  }
+  return camera;
+}
+
+Status PlaceCameras(const RenderArguments& a, const SceneSummary& scene, RenderJob& job) {
+  job.cameras.clear();
+  if (!a.camera_path.empty()) {
+    QUARRY_TRY(ReadPath(a, InAxes(0, 0, 1, scene.framing.up_axis), job));
+    for (CameraSpec& camera : job.cameras) {
+      camera.eye -= scene.offset;
+      camera.at -= scene.offset;
+    }
+    return {};
+  }
+  const unsigned frames = std::max(a.turntable, 1u);
+  for (unsigned f = 0; f < frames; ++f) {
+    QUARRY_ASSIGN(const CameraSpec camera, CameraAt(a, scene, job.view, 360.0 * f / frames));
+    job.cameras.push_back(camera);
+  }
+  return {};
+}
+
+void AddViewOptions(CLI::App& c, RenderArguments& a) {
+  c.add_option("--view", a.view,
+               "iso, top, front, back, left, right or inside; or a view's FILE.json (default: iso, a room "
+               "from inside)");
+  c.add_option("--fit", a.fit, "Share of the picture left free at each side by --view")
+      ->check(RealNumber(0, 0.45))
+      ->capture_default_str();
+  c.add_option("--turntable", a.turntable, "Pictures on a circle around the model; writes out.####.png")
+      ->check(WholeNumber(1, 10000));
+  c.add_option("--up-axis", a.up_axis, "y or z (default: the store's)");
+  c.add_option("--eye", a.eye, "Camera position x,y,z (default: frames the model)");
+  c.add_option("--at", a.at, "Point looked at x,y,z");
+  c.add_option("--up", a.up, "Up vector x,y,z");
+  c.add_option("--fov", a.fov, "Vertical field of view in degrees")
+      ->check(RealNumber(0, 179))
+      ->capture_default_str();
+  c.add_option("--ortho", a.ortho, "Orthographic, this high in scene units")
+      ->check(RealNumber(0, std::numeric_limits<double>::max()));
+  c.add_option("--camera-path", a.camera_path, "Camera path; writes out.####.png");
+  c.add_option("--camera", a.camera, "The camera of that name that the model brings (see quarry info)")
+      ->excludes("--camera-path");
+  c.add_option("--frames", a.frames, "Frames A-B of the path");
+  c.add_option("--write-view", a.write_view, "Write the (first) picture's view to this file, for --view");
+}
+
+void AddPictureOptions(CLI::App& c, RenderArguments& a) {
+  c.add_option("--mode", a.mode, "ao, raycast, shadow, whitted or voxels")->capture_default_str();
+  c.add_option("--spp", a.spp, "Samples per pixel (default: 4 in ao, else 1)")
+      ->check(WholeNumber(1, kMaxSpp));
+  c.add_option("--seed", a.seed, "Seed of the sample pattern")
+      ->check(WholeNumber(0, std::numeric_limits<uint64_t>::max()))
+      ->capture_default_str();
+  c.add_option("--ao-distance", a.ao_distance,
+               "Length of occlusion rays in scene units (default: by the model's size)")
+      ->check(RealNumber(0, std::numeric_limits<float>::max()));
+  c.add_option("--ao-samples", a.ao_samples, "Occlusion rays per sample")
+      ->check(WholeNumber(1, kMaxAoSamples))
+      ->capture_default_str();
+  c.add_option("--sun", a.sun, "Direction toward the sun x,y,z");
+  c.add_option("--lights", a.lights, "Lights, ambient and background as JSON");
+  c.add_option("--exposure", a.exposure, "Exposure of PNGs in EV (default: by the first picture's light)")
+      ->check(RealNumber(-100, 100));
+  c.add_option("--aov", a.aov, "Layers of EXRs: depth,normal,uv,primitive,material,part,voxel");
+}
+
+}  // namespace
+
+void AddRenderOptions(CLI::App& c, RenderArguments& a) {
+  c.add_option("scene", a.scene,
+               "A scene store, or a model to be preprocessed first; none: the scene of --master");
+  c.add_option("-o,--output", a.output, "The picture: .png or .exr")->required();
+  c.add_flag("--force", a.force, "Replace outputs that hold something else; never what is read");
+  c.add_option("--workers", a.workers, "Worker processes")->check(WholeNumber(1, 256))->capture_default_str();
+  c.add_option("--threads", a.threads, "Threads per worker (default: the processors shared out)")
+      ->envname("QUARRY_THREADS")
+      ->check(WholeNumber(1, 1024));
+  c.add_option("--cache", a.cache, "Decoded voxels held per worker")
+      ->envname("QUARRY_CACHE")
+      ->capture_default_str();
+  c.add_option("--size", a.size, "Width x height in pixels")->capture_default_str();
+  c.add_option("--crop", a.crop, "Only this part: x,y,w,h");
+  AddViewOptions(c, a);
+  AddPictureOptions(c, a);
+  c.add_option("--stats", a.stats, "Write statistics as JSON to this file");
+  c.add_option("--master", a.master, "Use the cluster of the master at HOST:PORT")->envname("QUARRY_MASTER");
+  c.add_option("--retry", a.retry_s, "Seconds for which a lost master or a full disk is tried again")
+      ->check(RealNumber(0, 1e6))
+      ->capture_default_str();
+  AddSecurityOptions(c, a.security);
+  c.add_flag("--quiet", a.quiet, "Print errors only");
+  static constexpr NoEffect kNoEffect[] = {
+      {"--eye", "--camera-path"},  {"--at", "--camera-path"},    {"--up", "--camera-path"},
+      {"--fov", "--camera-path"},  {"--ortho", "--camera-path"}, {"--camera", "--camera-path"},
+      {"--view", "--camera-path"}, {"--fit", "--camera-path"},   {"--turntable", "--camera-path"},
+      {"--turntable", "--eye"},    {"--turntable", "--camera"},  {"--view", "--camera"},
+      {"--fov", "--ortho"},        {"--fov", "--camera"},        {"--workers", "--master"},
+      {"--threads", "--master"},   {"--cache", "--master"}};
+  RefuseWithoutEffect(c, kNoEffect);
+  c.footer(
+      "Examples:\n  quarry render plant.ply -o plant.png\n"
+      "  quarry render plant.quarry -o hall.png --view inside --mode whitted --spp 16\n"
+      "  quarry render plant.quarry -o turn.png --turntable 36\n"
+      "  quarry render plant.quarry -o walk.exr --camera-path plant.path.json --aov depth,part\n"
+      "  quarry render -o plant.png --master 10.0.0.1:9000 --secret-file quarry.secret");
+  a.command = &c;
+}
+
+Result<uint32_t> UpAxisOf(const RenderArguments& a) {
+  if (a.up_axis.empty()) return 0;
+  if (a.up_axis != "y" && a.up_axis != "z")
+    return BadUsage(fmt::format("--up-axis is y or z, not '{}'", a.up_axis));
+  return a.up_axis == "y" ? 1 : 2;
+}
+
+bool NeedsFraming(const RenderArguments& a) {
+  return a.camera_path.empty() && a.camera.empty() && !a.has_view_file() && (a.eye.empty() || a.at.empty());
+}
+
+bool WantsInside(const RenderArguments& a) {
+  return a.view == kNamedViewNames[static_cast<size_t>(NamedView::kInside)];
+}
+
+Result<RenderJob> JobWithoutScene(const RenderArguments& a) {
+  RenderJob job;
+  const std::string extension = std::filesystem::path(a.output).extension().string();
+  job.format.name = extension.empty() ? "" : extension.substr(1);
+  if (job.format.name != "png" && job.format.name != "exr")
+    return BadUsage(fmt::format("{}: images are written as .png or .exr", a.output));
+  if (a.has_view_file()) {
+    ViewDescription description;
+    QUARRY_TRY(ReadViewFile(a, glm::dvec3(0), description));
+    job.view = std::move(description.view);
+    job.format.exposure = description.format.exposure;
+  }
+  QUARRY_TRY(ParseImage(a, job));
+  if (!a.up_axis.empty()) {
+    QUARRY_ASSIGN(job.view.up_axis, UpAxisOf(a));
+  }
+  QUARRY_TRY(NamedViewOf(a).map([](auto&&) {}));
+  View unused;
+  if (!a.lights.empty()) QUARRY_TRY(ReadLights(a.lights, glm::dvec3(0), unused));
+  if (a.camera_path.empty() && !a.frames.empty()) return BadUsage("--frames needs --camera-path");
+  if (!a.camera_path.empty())
+    QUARRY_TRY(ReadPath(a, {0, 0, 1}, job));
+  else
+    job.cameras.resize(std::max(a.turntable, 1u));
+  QUARRY_TRY(RefuseWhatHasNoEffect(a, job));
+  return job;
+}
+
+Status PlaceInScene(const RenderArguments& a, const SceneSummary& scene, RenderJob& job) {
+  if (a.has_view_file()) {  // once more, for the positions
+    ViewDescription description;
+    QUARRY_TRY(ReadViewFile(a, scene.offset, description));
+    job.view.camera = description.view.camera;
+    job.view.lights = std::move(description.view.lights);
+  }
+  QUARRY_TRY(ChooseLights(a, scene, job.view));
+  QUARRY_TRY(PlaceCameras(a, scene, job));
+  return NormalizeJob(job);
+}
+
+}  // namespace quarry
