@@ -156,10 +156,10 @@ class Prober {
  public:
   static constexpr uint32_t kSide = 8;  ///< pixels
 
-  static Result<Prober> Create(const Scene& scene) {
+  static Result<std::unique_ptr<Prober>> Create(const Scene& scene) {
     const uint64_t cache = std::max<uint64_t>(64u << 20, scene.catalog().meta.largest_decoded);
     QUARRY_ASSIGN(auto renderer, Renderer::Create(scene, {cache, 1}));
-    return Prober(scene, std::move(renderer));
+    return std::unique_ptr<Prober>(new Prober(scene, std::move(renderer)));
   }
 
   /// kSide x kSide points seen from `eye` along `forward`, `degrees` wide and high.
@@ -281,10 +281,10 @@ Result<Framing> ProbeFraming(const Scene& scene, uint32_t up_axis, bool find_ins
     boxes = CellsOf(catalog);
   MeasureBulk(boxes, catalog.meta, framing);
   if (catalog.voxels.empty()) return framing;
-  QUARRY_ASSIGN(Prober prober, Prober::Create(scene));
-  QUARRY_ASSIGN(framing.interior, IsInterior(prober, framing));
+  QUARRY_ASSIGN(const std::unique_ptr<Prober> prober, Prober::Create(scene));
+  QUARRY_ASSIGN(framing.interior, IsInterior(*prober, framing));
   if (framing.interior || find_inside) {
-    QUARRY_ASSIGN(framing.inside, FindInside(prober, framing));
+    QUARRY_ASSIGN(framing.inside, FindInside(*prober, framing));
   }
   return framing;
 }

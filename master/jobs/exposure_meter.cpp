@@ -60,7 +60,7 @@ Result<double> MeterExposure(const Scene& scene, View view, uint64_t cache_bytes
   view.spp = 1;
   view.aov_mask = 1u << static_cast<int>(Aov::kDepth);
   const Tile tile{view.crop, (std::max(view.width, view.height) + kLattice - 1) / kLattice};
-  cache_bytes = std::max(cache_bytes, scene.catalog().meta.largest_decoded);
+  cache_bytes = std::max<uint64_t>(cache_bytes, scene.catalog().meta.largest_decoded);
   QUARRY_ASSIGN(const auto renderer, Renderer::Create(scene, {cache_bytes, 1}));
   Bytes pixels;
   QUARRY_TRY(renderer->Render(
