@@ -128,11 +128,11 @@ void CheckSame(const RenderedTile& a, const RenderedTile& b) {
   CHECK(a.rays == b.rays);
 }
 
-}  // namespace
-
-TEST_CASE("A tile's hits and colours are those of geometry", "[tile_renderer]") {
+/// Checks a tile against the wall, seen straight on from `eye_y`.
+void CheckWall(double eye_y, double fov_degrees) {
   const Row row;
-  View view = BeforeWall();
+  View view = FrameView(Looking({0, eye_y, 0}, {0, 10, 0}));
+  view.camera.fov_degrees = fov_degrees;
   view.aov_mask = 127;
   const uint32_t words = WordsPerPixel(view.aov_mask);
   Bench bench(row);
@@ -140,13 +140,14 @@ TEST_CASE("A tile's hits and colours are those of geometry", "[tile_renderer]") 
   const RenderedTile hits = bench.Render(view, {kCentre, 1, true});
   REQUIRE(tile.pixels.size() == size_t{kPixels} * words * 4);
   REQUIRE(hits.hits.size() == kPixels);
-  const double scale = 2 * std::tan(view.camera.fov_degrees * 3.14159265358979 / 360) / view.height;
+  const double scale = 2 * std::tan(fov_degrees * 3.14159265358979 / 360) / view.height;
+  const glm::vec3 albedo = Albedo(row.scene->catalog().materials[0], view.mode);
   for (uint32_t y = 0; y < 32; ++y)
     for (uint32_t x = 0; x < 32; ++x) {
       // The ray through the pixel's middle, one unit of y long.
       const double right = (kCentre.x + x + 0.5 - view.width / 2.0) * scale,
                    up = -(kCentre.y + y + 0.5 - view.height / 2.0) * scale;
-      const double depth = (kWallY - kEyeY) * std::sqrt(1 + right * right + up * up);
+      const double length = std::sqrt(1 + right * right + up * up), depth = (kWallY - eye_y) * length;
       const auto word = [&](uint32_t w) { return WordAt<uint32_t>(tile, 32, words, x, y, w); };
       const auto number = [&](uint32_t w) { return WordAt<float>(tile, 32, words, x, y, w); };
       // The wall's diagonal parts its two triangles; on it the lower id counts.
@@ -158,16 +159,20 @@ TEST_CASE("A tile's hits and colours are those of geometry", "[tile_renderer]") 
       CHECK(word(10) == 0);  // material
       CHECK(word(11) == 0);  // part
       CHECK(word(12) == 2);  // voxel
-      const Hit& hit = hits.hits[32 * y + x];
-      CHECK(hit.triangle == triangle);
-      CHECK(hit.t == number(3));
+      CHECK(hits.hits[32 * y + x].triangle == triangle);
+      CHECK(hits.hits[32 * y + x].t == number(3));
+      CHECK(tile.depths.at(8 * (y / kDepthCell) + x / kDepthCell) >= number(3));
       // The headlight: albedo times the cosine between the ray and the wall's normal.
-      const double cosine = (kWallY - kEyeY) / depth;
-      for (uint32_t c = 0; c < 3; ++c) {
-        const double albedo = static_cast<double>(Albedo(row.scene->catalog().materials[0], view.mode)[c]);
-        CHECK(number(c) == Approx(albedo * cosine).epsilon(1e-4));
-      }
+      for (uint32_t c = 0; c < 3; ++c)
+        CHECK(number(c) == Approx(static_cast<double>(albedo[static_cast<int>(c)]) / length).epsilon(1e-4));
     }
+}
+
+}  // namespace
+
+TEST_CASE("A tile's hits and colours are those of geometry, from near and from far", "[tile_renderer]") {
+  CheckWall(kEyeY, 45);
+  CheckWall(-500, 4);
 }
 
 TEST_CASE("Where rays hit nothing a tile has the background, and the layers say so", "[tile_renderer]") {
@@ -306,9 +311,9 @@ TEST_CASE("A tile counts the rays of all its samples, and those that surfaces se
 
 TEST_CASE("An abandoned tile is done where it stands, and leaves nothing to the next", "[tile_renderer]") {
   const Row row;
-  Bench bench(row), fresh(row);
-  const RenderedTile expected = fresh.Render(BeforeWall(), {kMiddle});
+  const RenderedTile expected = Bench(row).Render(BeforeWall(), {kMiddle});
   for (int steps = 0; steps < 4; ++steps) {
+    Bench bench(row);  // without blocks
     bench.Open(Mirrored(), {kMiddle});
     for (int s = 0; s < steps; ++s) {
       bench.StepOn();
