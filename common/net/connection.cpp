@@ -132,7 +132,7 @@ class TcpListener final : public Listener {
       return !b || a->heard() < b->heard();
     };
     for (const auto& weak : connections_) {
-      const ConnectionPtr c = weak.lock();
+      ConnectionPtr c = weak.lock();
       if (c->newcomer()) return c;
       if (c->fetches() && longer(c, fetches)) fetches = c;
       if (longer(c, silent)) silent = c;

@@ -29,7 +29,7 @@ Status NormalizeJob(RenderJob& job) {
   if (job.cameras.empty() || job.cameras.size() > kMaxFrames)
     return BadUsage(fmt::format("between 1 and {} frames can be rendered", kMaxFrames));
   for (size_t i = 0; i < job.cameras.size(); ++i)
-    if (const Status right = CheckCamera(job.cameras[i]); !right) {
+    if (Status right = CheckCamera(job.cameras[i]); !right) {
       if (job.cameras.size() == 1 && job.first_frame == 0) return right;
       return BadUsage(fmt::format("frame {}: {}", job.first_frame + i, right.error().message));
     }

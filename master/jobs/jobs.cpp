@@ -194,7 +194,7 @@ void Jobs::Finish(JobFrame frame, std::vector<uint32_t> pixels, std::string stat
     if (image && spool_)
       WriteToSpool(*frame.job,
                    [&] { return spool_->WriteFrame(frame.job->id, frame.job->job, frame.index, *image); });
-    asio::post(io_, [this, job = frame.job, memory = frame.memory, index = frame.index,
+    asio::post(io_, [this, job = frame.job, memory = std::move(frame.memory), index = frame.index,
                      image = std::move(image), statistics = std::move(statistics)]() mutable {
       memory.reset();
       OnImage(job, index, std::move(image), std::move(statistics));

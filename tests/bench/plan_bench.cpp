@@ -1,18 +1,20 @@
-// How long a master plans a frame and hands out its tiles, and how good the plans are, as pictures and
-// clusters grow. A picture of so many tiles is made up: blocks are squares of it, some large, most small;
-// then the camera turns a little, and the next frame is predicted, planned and handed out.
+// How long the master's dispatcher plans a frame and hands out its tiles, and how good the plans are, as
+// pictures and clusters grow. A picture of so many tiles is made up: blocks are squares of it, some large,
+// most small. A first frame is rendered; then the camera turns a little, and the next frame is predicted,
+// planned and handed out.
 
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <cmath>
 #include <deque>
+#include <iterator>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <random>
 
 #include "common/base/number.h"
-#include "master/schedule/tile_assignment.h"
+#include "master/schedule/dispatcher.h"
 #include "tests/bench/figures.h"
 #include "tests/bench/median.h"
 #include "tests/bench/stopwatch.h"
@@ -26,8 +28,8 @@ namespace {
 
 constexpr double kSecondsPerByte = 8e-8;  // 100 Mbit/s
 constexpr uint32_t kBlockBytes = 17000;
-constexpr int kBatch = 16;   // results that come between two turns of handing out
-constexpr double kEndS = 3;  // what has not been handed out by then is left
+constexpr int kBatch = 16;            // results that come between two turns of handing out
+constexpr uint32_t kTilesWanted = 4;  // at once, by each worker
 
 /// Who holds what when the second frame is planned.
 enum class Holding { kOwn, kAll, kOne, kNothing };
@@ -36,50 +38,38 @@ constexpr std::pair<Holding, const char*> kHoldings[] = {{Holding::kOwn, "what i
                                                          {Holding::kOne, "one has all"},
                                                          {Holding::kNothing, "nothing"}};
 
-RenderJob MakeJob(uint32_t columns, uint32_t rows, double turned) {
-  RenderJob job;
-  job.width = columns * kTileSize;
-  job.height = rows * kTileSize;
-  CameraSpec camera;
-  camera.at = {std::sin(turned), std::cos(turned), 0};
-  camera.up = {0, 0, 1};
-  job.cameras = {camera};
-  if (!NormalizeJob(job)) throw std::runtime_error("no such picture");
-  return job;
+View MakeView(uint32_t columns, uint32_t rows, double turned) {
+  View view;
+  view.width = columns * kTileSize;
+  view.height = rows * kTileSize;
+  view.camera.at = {std::sin(turned), std::cos(turned), 0};
+  view.camera.up = {0, 0, 1};
+  if (!NormalizeView(view)) throw std::runtime_error("no such picture");
+  return view;
 }
 
-class Bench {
+/// A master's dispatcher, its workers and its two frames.
+class Bench final : FrameSource {
  public:
   Bench(uint32_t columns, uint32_t rows, uint32_t workers)
-      : workers_(workers),
-        first_(1, MakeJob(columns, rows, 0), nullptr),
-        next_(MakeJob(columns, rows, 0.02)) {
-    const auto& tiles = first_.image().tiles();
-    std::vector<std::vector<uint32_t>> blocks(tiles.size());
+      : first_(MakeView(columns, rows, 0)), next_(MakeView(columns, rows, 0.02)), workers_(workers) {
+    const std::vector<PixelRect> tiles = TilesOf(first_);
+    blocks_.resize(tiles.size());
     std::map<std::pair<uint32_t, uint32_t>, size_t> at;
     for (size_t t = 0; t < tiles.size(); ++t) at[{tiles[t].x / kTileSize, tiles[t].y / kTileSize}] = t;
+    std::mt19937 random(1);
     std::uniform_real_distribution<double> any(0, 1);
     bytes_.assign(tiles.size() * 3 / 2, kBlockBytes);
     for (uint32_t b = 0; b < bytes_.size(); ++b) {
-      const double side = std::exp2(3 * any(random_) * any(random_)), x = any(random_) * columns,
-                   y = any(random_) * rows;
+      const double side = std::exp2(3 * any(random) * any(random)), x = any(random) * columns,
+                   y = any(random) * rows;
       for (double r = std::max(0.0, y - side); r < std::min<double>(rows, y + side); ++r)
         for (double c = std::max(0.0, x - side); c < std::min<double>(columns, x + side); ++c)
-          blocks[at[{static_cast<uint32_t>(c), static_cast<uint32_t>(r)}]].push_back(b);
+          blocks_[at[{static_cast<uint32_t>(c), static_cast<uint32_t>(r)}]].push_back(b);
+      all_.Set(b, true);
     }
-    own_.resize(workers);
-    for (uint32_t t = 0; t < tiles.size(); ++t) {
-      const auto owner = static_cast<uint32_t>(uint64_t{t} * workers / tiles.size());
-      const TileOrder order = first_.Lease({t, owner + 1}, 0);
-      TileDone done{1, t, order.lease};
-      done.compute_us = static_cast<uint64_t>(4000 * std::exp2(4 * any(random_) - 2));
-      done.depths.assign(size_t{DepthCells(order.width)} * DepthCells(order.height), 10.0f);
-      done.blocks = blocks[t];
-      for (const uint32_t b : blocks[t]) own_[owner].Set(b, true);
-      if (!first_.Finish(done, Bytes(size_t{order.width} * order.height * 12), 0))
-        throw std::runtime_error("a tile that does not fit");
-    }
-    for (uint32_t b = 0; b < bytes_.size(); ++b) all_.Set(b, true);
+    for (size_t t = 0; t < tiles.size(); ++t)
+      cost_us_.push_back(static_cast<uint64_t>(4000 * std::exp2(4 * any(random) - 2)));
   }
 
   struct Figures {
@@ -89,43 +79,97 @@ class Bench {
   };
 
   Figures Run(Holding holding, int repetitions) {
-    std::vector<BlockSet> holds(workers_);
-    for (uint32_t w = 0; w < workers_; ++w) {
-      if (holding == Holding::kOwn) holds[w] = own_[w];
-      if (holding == Holding::kAll || (holding == Holding::kOne && w == 0)) holds[w] = all_;
-    }
-    std::vector<PlannedWorker> planned;
-    for (uint32_t w = 0; w < workers_; ++w) planned.push_back({w + 1, 1, 0, &holds[w]});
     Figures figures;
     for (int r = 0; r < repetitions; ++r) {
-      ActiveFrame frame(2, next_, holding == Holding::kNothing ? nullptr : &first_);
-      if (holding != Holding::kNothing) frame.Foresee(&first_);
+      Dispatcher dispatcher(*this, bytes_, SchedulingPolicy::kFootprint, 1);
+      dispatcher_ = &dispatcher;
+      now_s_ = 0;
+      for (uint32_t w = 0; w < workers_.size(); ++w) {
+        workers_[w] = {w + 1, 1, kTilesWanted, true, {}, 1};
+        dispatcher.AddWorker(workers_[w]);
+      }
+      if (holding != Holding::kNothing) RenderFirst();
+      for (uint32_t w = 0; w < workers_.size(); ++w)
+        if (holding != Holding::kOwn) workers_[w].holds.Clear();
+      if (holding == Holding::kOne) workers_[0].holds = all_;
+      if (holding == Holding::kAll)
+        for (WorkerState& worker : workers_) worker.holds = all_;
+      // All time beside tracing is decoding: a tile costs its tracing alone.
+      dispatcher.SetCosts(kSecondsPerByte, 1e9);
+      BeginNext();
       const auto start = Clock::now();
-      frame.MakePlan(planned, {bytes_, kSecondsPerByte, 0}, SchedulingPolicy::kFootprint);
+      dispatcher.PlanForWorkers();
       figures.plan_s.push_back(SecondsSince(start));
-      if (r == 0) Judge(frame, holds, figures);
-      HandOutAll(frame, holds, figures);
+      if (r == 0) Judge(*dispatcher.Frames().at(0), figures);
+      HandOutAll(figures);
     }
     return figures;
   }
 
  private:
-  void Judge(const ActiveFrame& frame, const std::vector<BlockSet>& holds, Figures& figures) const {
-    std::vector<std::map<uint32_t, float>> fetched(workers_);
-    std::vector<double> time_s(workers_);
+  bool HasNext() const override { return !waiting_.empty(); }
+  std::optional<View> Begin(FrameId, double) override {
+    if (waiting_.empty()) return std::nullopt;
+    return std::exchange(waiting_, {}).front();
+  }
+  void Probe(std::span<ActiveFrame* const>) override {}
+  bool IsNextBeingProbed() const override { return false; }
+  void Finish(ActiveFrame& frame, double) override { (void)frame.TakePixels(); }
+
+  /// The tile's result, of the first frame or the next.
+  void Answer(const AssignedTile& tile) {
+    const TileOrder& order = tile.order;
+    TileDone done{order.frame, order.tile, order.lease, 0, 0, cost_us_[order.tile]};
+    done.depths.assign(size_t{DepthCells(order.width)} * DepthCells(order.height), 10.0f);
+    done.blocks = blocks_[order.tile];
+    const auto pixels = std::span(pixels_).first(size_t{order.width} * order.height * 12);
+    if (!dispatcher_->Finish(workers_[tile.worker - 1], done, pixels, now_s_))
+      throw std::runtime_error("a tile that does not fit");
+  }
+
+  /// Round by round; each worker then holds the blocks of the tiles that it has rendered.
+  void RenderFirst() {
+    std::vector<BlockSet> own(workers_.size());
+    waiting_ = {first_};
+    for (auto tiles = dispatcher_->AssignTiles(now_s_); !tiles.empty();
+         tiles = dispatcher_->AssignTiles(now_s_)) {
+      now_s_ += 1;
+      for (const AssignedTile& tile : tiles) {
+        for (const uint32_t b : blocks_[tile.order.tile]) own[tile.worker - 1].Set(b, true);
+        Answer(tile);
+      }
+    }
+    for (uint32_t w = 0; w < workers_.size(); ++w) workers_[w].holds = std::move(own[w]);
+  }
+
+  /// Begins the next frame so that no worker has tiles of it: a frame begins for a worker that has none, here
+  /// for one that goes at once.
+  void BeginNext() {
+    for (WorkerState& worker : workers_) worker.ready = false;
+    WorkerState passing{static_cast<uint32_t>(workers_.size()) + 1, 1, kTilesWanted, true, {}, 1};
+    dispatcher_->AddWorker(passing);
+    waiting_ = {next_};
+    (void)dispatcher_->AssignTiles(now_s_);
+    dispatcher_->RemoveWorker(passing.id);
+    for (WorkerState& worker : workers_) worker.ready = true;
+  }
+
+  void Judge(const ActiveFrame& frame, Figures& figures) const {
+    std::vector<std::map<uint32_t, float>> fetched(workers_.size());
+    std::vector<double> time_s(workers_.size());
     const Snapshot plan = frame.MakeSnapshot({}, 0);
     for (uint32_t t = 0; t < plan.tiles.size(); ++t) {
       const uint32_t w = plan.tiles[t].owner - 1;
       time_s[w] += plan.tiles[t].cost_s;
       const TileFootprint& trace = frame.Expected(t);
       for (size_t i = 0; i < trace.blocks.size(); ++i)
-        if (!holds[w].Has(trace.blocks[i])) {
+        if (!workers_[w].holds.Has(trace.blocks[i])) {
           float& chance = fetched[w][trace.blocks[i]];
           chance = std::max(chance, trace.chances[i]);
         }
     }
     double sum_s = 0, most_s = 0;
-    for (uint32_t w = 0; w < workers_; ++w) {
+    for (uint32_t w = 0; w < workers_.size(); ++w) {
       for (const auto& [block, chance] : fetched[w]) {
         figures.fetched_bytes += kBlockBytes * static_cast<double>(chance);
         time_s[w] += kBlockBytes * kSecondsPerByte * static_cast<double>(chance);
@@ -133,49 +177,41 @@ class Bench {
       sum_s += time_s[w];
       most_s = std::max(most_s, time_s[w]);
     }
-    figures.busiest = most_s * workers_ / sum_s;
+    figures.busiest = most_s * static_cast<double>(workers_.size()) / sum_s;
   }
 
-  /// Every few results what is free is handed out; no other frame begins.
-  void HandOutAll(ActiveFrame& frame, const std::vector<BlockSet>& holds, Figures& figures) {
-    std::vector<WorkerCredit> credits;
-    for (uint32_t w = 0; w < workers_; ++w) credits.push_back({w + 1, 4});
+  /// Every few results the dispatcher hands out what is free; no other frame begins.
+  void HandOutAll(Figures& figures) {
     std::deque<AssignedTile> out;
-    double now_s = 0;
     const auto hand_out = [&] {
       const auto start = Clock::now();
-      auto handed = AssignTiles(
-          {&frame}, credits, now_s, true,
-          [&](const ActiveFrame& f, uint32_t tile, uint32_t worker) {
-            return ExpectedBytes(f.Expected(tile), holds[worker - 1], bytes_) * kSecondsPerByte;
-          },
-          [] { return nullptr; });
-      out.insert(out.end(), handed.begin(), handed.end());
-      return SecondsSince(start);
+      auto handed = dispatcher_->AssignTiles(now_s_);
+      const double took_s = SecondsSince(start);
+      out.insert(out.end(), std::make_move_iterator(handed.begin()), std::make_move_iterator(handed.end()));
+      return took_s;
     };
     figures.hand_out_s.push_back(hand_out());
-    const Bytes pixels(size_t{kTileSize} * kTileSize * 12);
-    const auto begun = Clock::now();
-    while (!frame.done() && !out.empty() && SecondsSince(begun) < kEndS) {
+    while (!out.empty()) {
+      now_s_ += 1e-3;
       for (int i = 0; i < kBatch && !out.empty(); ++i) {
-        const TileOrder order = out.front().order;
+        Answer(out.front());
         out.pop_front();
-        TileDone done{2, order.tile, order.lease};
-        (void)frame.Finish(done, std::span(pixels).first(size_t{order.width} * order.height * 12), now_s);
       }
-      now_s += 1e-3;
-      const bool any_idle = out.size() < credits.size();
+      const bool any_idle = out.size() < workers_.size();
       (any_idle ? figures.end_s : figures.hand_out_s).push_back(hand_out());
     }
   }
 
-  const uint32_t workers_;
-  ActiveFrame first_;
-  const RenderJob next_;
-  std::vector<uint32_t> bytes_;
-  std::vector<BlockSet> own_;
+  const View first_, next_;
+  std::vector<WorkerState> workers_;
+  std::vector<std::vector<uint32_t>> blocks_;  ///< by tile
+  std::vector<uint64_t> cost_us_;              ///< by tile
+  std::vector<uint32_t> bytes_;                ///< by block
   BlockSet all_;
-  std::mt19937 random_{1};
+  const Bytes pixels_ = Bytes(size_t{kTileSize} * kTileSize * 12);
+  std::vector<View> waiting_;  ///< the frame that may begin
+  Dispatcher* dispatcher_ = nullptr;
+  double now_s_ = 0;
 };
 
 int Main(int argc, char** argv) {

@@ -1,9 +1,15 @@
 #include "common/engine/blocks/loader.h"
 
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <array>
 #include <catch2/catch.hpp>
 #include <cstdint>
 #include <deque>
+#include <fstream>
 
 #include "tests/support/small_store.h"
 #include "tests/support/temporary_folder.h"
@@ -59,6 +65,35 @@ struct Fixture {
   std::string path = folder.file("s.quarry");
   std::optional<StoreReader> store;
 };
+
+/// What `say` returns in a process of its own, to which the system gives no more than `more_bytes` beyond
+/// what it has.
+template <class Say>
+std::string WithLittleMemory(uint64_t more_bytes, Say say) {
+  std::array<int, 2> pipe{};
+  REQUIRE(::pipe(pipe.data()) == 0);
+  const pid_t child = ::fork();
+  REQUIRE(child >= 0);
+  if (child == 0) {
+    uint64_t pages = 0;
+    std::ifstream("/proc/self/statm") >> pages;
+    const uint64_t most = pages * static_cast<uint64_t>(::getpagesize()) + more_bytes;
+    const rlimit limit{most, most};
+    const std::string said = ::setrlimit(RLIMIT_AS, &limit) == 0 ? say() : "no limit can be set";
+    const ssize_t written = ::write(pipe[1], said.data(), said.size());
+    ::_exit(written == static_cast<ssize_t>(said.size()) ? 0 : 1);
+  }
+  ::close(pipe[1]);
+  std::string said;
+  std::array<char, 256> part{};
+  for (ssize_t n = 0; (n = ::read(pipe[0], part.data(), part.size())) > 0;)
+    said.append(part.data(), static_cast<size_t>(n));
+  ::close(pipe[0]);
+  int status = -1;
+  REQUIRE(::waitpid(child, &status, 0) == child);
+  CHECK(status == 0);
+  return said;
+}
 
 }  // namespace
 
@@ -138,6 +173,37 @@ TEST_CASE("A block that cannot be had ends the loader once") {
   loader.Run();
   CHECK(errors == std::vector<std::string>{"out of order"});
   CHECK(mailbox.Take(false).empty());
+}
+
+TEST_CASE("A block for which the system has no memory ends the loader with a sentence") {
+  constexpr uint32_t kMiB = 1u << 20, kLarge = 256 * kMiB;
+  Fixture f(2);
+  Catalog catalog = f.store->catalog();
+  catalog.voxels[1].blocks[0].decoded = kLarge;
+  // The large block comes into an empty cache, or after a block whose memory is to be used again.
+  for (const bool second : {false, true}) {
+    const std::string said = WithLittleMemory(64 * kMiB, [&] {
+      VoxelCache cache(
+          catalog, kLarge, [] {}, [] {});
+      ImmediateSource source(*f.store);
+      std::vector<std::string> errors;
+      Loader loader(catalog, cache, source, [&](const Error& e) { errors.push_back(e.message); });
+      Mailbox mailbox;
+      if (second) {
+        cache.Want(BlockKey::Hot(0), &mailbox, 1);
+        loader.Run();
+        if (mailbox.Take(false).size() != 1) return std::string("the small block does not come");
+        cache.Unpin(BlockKey::Hot(0));
+        (void)mailbox.Take(false);
+      }
+      cache.Want(BlockKey::Hot(1), &mailbox, 1);
+      loader.Run();
+      loader.Run();
+      if (!mailbox.Take(false).empty()) return std::string("the large block comes");
+      return errors.size() == 1 ? errors[0] : std::to_string(errors.size()) + " errors";
+    });
+    CHECK(said == "the system has no memory for a block of 268435456 bytes; give a smaller --cache");
+  }
 }
 
 }  // namespace quarry

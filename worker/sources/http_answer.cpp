@@ -36,7 +36,7 @@ bool IsPermanentStatus(unsigned status) {
 
 std::string StatusSentence(unsigned status) {
   const auto reason = boost::beast::http::obsolete_reason(static_cast<boost::beast::http::status>(status));
-  const std::string answer = fmt::format("answers {} {}", status, std::string(reason.data(), reason.size()));
+  std::string answer = fmt::format("answers {} {}", status, std::string(reason.data(), reason.size()));
   if (status == 200) return "does not serve ranges: it answers with the whole file";
   if (status == 416) return answer + ": the file is shorter than the scene's store";
   if (status == 401 || status == 403) return answer + ": credentials are missing, or are not the right ones";

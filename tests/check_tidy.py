@@ -1,0 +1,38 @@
+#!/usr/bin/env python3
+"""Runs clang-tidy (.clang-tidy) over sources, and the headers that they include. Usage: check_tidy.py ROOT BUILD [FOLDER...]
+Without folders: those that run in a cluster. All would take a test too long."""
+import concurrent.futures
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+
+FOLDERS = ("common", "master", "worker")
+SKIPPED = 77  # as tests/CMakeLists.txt says to ctest
+
+
+def faults(build, source):
+    """What clang-tidy says of a source and of the project's headers that it includes; empty when nothing."""
+    # Pragmas of g++ are no faults.
+    done = subprocess.run(["clang-tidy", "-p", build, "--quiet", "--extra-arg=-Wno-unknown-pragmas", source],
+                          stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return "" if done.returncode == 0 else done.stdout or done.stderr
+
+
+def main():
+    root, build, folders = pathlib.Path(sys.argv[1]), sys.argv[2], sys.argv[3:] or FOLDERS
+    if shutil.which("clang-tidy") is None:
+        print("skipped: there is no clang-tidy; deploy/install --tests installs it")
+        return SKIPPED
+    sources = [path for folder in folders for path in (root / folder).rglob("*.cpp")]
+    # The dearest first, so that no processor ends long after the others: kernels, then by size.
+    sources.sort(key=lambda path: ("kernels" not in path.name, -path.stat().st_size))
+    with concurrent.futures.ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+        found = [text for text in pool.map(lambda source: faults(build, source), sources) if text]
+    print("\n".join(found) or f"{len(sources)} sources without a fault")
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
