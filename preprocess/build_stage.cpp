@@ -27,7 +27,7 @@ SceneMeta MakeMeta(const ImportedScene& scene, const PreprocessOptions& options)
   meta.padding = ReferencePadding(largest);
   meta.root_lower = scene.bounds.lower - glm::vec3(2 * meta.padding);
   meta.root_upper = scene.bounds.upper + glm::vec3(2 * meta.padding);
-  meta.up_axis = options.up_axis;
+  meta.up_axis = options.up_axis != 0 ? options.up_axis : scene.up_evidence + options.up_habit > 0 ? 1 : 2;
   meta.input_triangles = scene.input_triangles;
   meta.dropped_degenerate = scene.dropped_degenerate;
   meta.dropped_not_finite = scene.dropped_not_finite;

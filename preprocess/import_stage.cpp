@@ -56,7 +56,7 @@ Result<ImportedScene> ImportStage::Run() {
       progress_.Update(done, total);
     });
     if (!sink_.in_file()) identities_ += FileIdentity(options_.models[i]) + '\n';
-    sink_.Place(PlacementOf(options_, options_.models[i]), static_cast<int>(options_.up_axis));
+    sink_.Place(PlacementOf(options_, options_.models[i]), static_cast<int>(PlacedAbout(options_)));
     QUARRY_TRY(ImportModel(options_.models[i], sink_,
                            ForeignFormatsOf(options_, work_.spill_folder() + "/foreign"),
                            options_.unpack_limit));

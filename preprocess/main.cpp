@@ -61,6 +61,8 @@ std::string StatisticsJson(const PreprocessOptions& options, const PreprocessSta
   j["texture_stored_bytes"] = s.textures.stored_bytes;
   j["texture_decoded_bytes"] = s.textures.decoded_bytes;
   j["texture_wall_s"] = s.textures.wall_s;
+  j["up_axis"] = s.meta.up_axis == 1 ? "y" : "z";
+  j["up_axis_guessed"] = options.up_axis == 0;
   j["store_bytes"] = s.store_bytes;
   j["warnings"] = s.warnings;
   j["import_wall_s"] = s.import_wall_s;
@@ -99,6 +101,9 @@ void PrintSummary(const PreprocessOptions& options, const PreprocessStatistics& 
              Replication(s), s.top_tree_depth, s.preprocess_wall_s,
              static_cast<double>(s.meta.input_triangles) / std::max(s.preprocess_wall_s, 1e-9) * 1e-6,
              FormatSize(s.peak_rss_bytes));
+  if (options.up_axis == 0)
+    fmt::print(stderr, "up axis: {}, a guess (--up-axis {} for the other)\n", s.meta.up_axis == 1 ? "y" : "z",
+               s.meta.up_axis == 1 ? "z" : "y");
   if (s.textures.textures > 0)
     fmt::print(stderr, "{} textures in {} pages, {} stored, {} once decoded\n", s.textures.textures,
                s.textures.pages, FormatSize(s.textures.stored_bytes), FormatSize(s.textures.decoded_bytes));
@@ -114,6 +119,21 @@ bool AllHaveYUp(const std::vector<std::string>& models) {
     const char* const z_up[] = {"", ".ply", ".obj", ".stl", ".off", ".nff", ".aff", ".gz", ".zst"};
     return std::ranges::any_of(z_up, [&](const char* e) { return EqualsIgnoringCase(extension, e); });
   });
+}
+
+/// Habits of formats that do not say which axis points up: most OBJ files are exported with y up, most STL
+/// files with z.
+double UpHabit(const std::vector<std::string>& models) {
+  constexpr double kObj = 0.5, kStl = -0.5;
+  double habit = 0;
+  for (const std::string& m : models) {
+    std::filesystem::path path(m);
+    for (const char* const packed : {".gz", ".zst"})
+      if (EqualsIgnoringCase(path.extension().string(), packed)) path = path.stem();
+    const std::string extension = path.extension().string();
+    habit += EqualsIgnoringCase(extension, ".obj") ? kObj : EqualsIgnoringCase(extension, ".stl") ? kStl : 0;
+  }
+  return habit / static_cast<double>(std::max<size_t>(models.size(), 1));
 }
 
 /// "MODEL=x,y,z[,turn[,scale]]"
@@ -199,7 +219,8 @@ Status Run(PreprocessOptions options, const Texts& texts, bool plan) {
     return BadUsage("--voxel-size must lie between 4K and 4M");
   if (!(options.scale > 0) || options.scale > 1e12) return BadUsage("--scale must be a positive number");
   options.voxel_size = static_cast<uint32_t>(voxel);
-  options.up_axis = up == "y" || (up.empty() && AllHaveYUp(options.models)) ? 1 : 2;
+  options.up_axis = up == "y" || (up.empty() && AllHaveYUp(options.models)) ? 1 : up == "z" ? 2 : 0;
+  options.up_habit = UpHabit(options.models);
   for (const std::string& place : texts.places) QUARRY_TRY(ParsePlacement(place, options));
   QUARRY_TRY(CheckOutputs(texts, options));
   if (plan) return PrintPlan(options, stats);
@@ -254,7 +275,8 @@ int Main(int argc, char** argv) {
       ->envname("QUARRY_TMP");
   app.add_option("--voxel-size", texts.voxel_size, "Most bytes of a decoded voxel's hot part")
       ->capture_default_str();
-  app.add_option("--up", texts.up, "The models' up axis (default: y for glTF and what Assimp reads, else z)")
+  app.add_option("--up-axis,--up", texts.up,
+                 "The models' up axis (default: y for glTF and what Assimp reads, else guessed)")
       ->check(CLI::IsMember({"y", "z"}));
   app.add_option("--scale", options.scale, "Factor on all coordinates")
       ->check(RealNumber(1e-12, 1e12))

@@ -25,7 +25,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 /// Version of the journal's checkpoints, and of everything a store depends on that no option states.
-constexpr int kJournalVersion = 6;
+constexpr int kJournalVersion = 7;
 
 /// The options that a store depends on, a line each, as the journal keeps them.
 std::string Command(const PreprocessOptions& options) {
@@ -33,7 +33,10 @@ std::string Command(const PreprocessOptions& options) {
       "version {}\nformat {}\nimport {}\njournal {}\nLZ4 {}\n--tmp {}\n--voxel-size {}\n--scale {}\n--up "
       "{}\n{}",
       kVersion, kStoreVersion, kImportVersion, kJournalVersion, CompressorVersion(), options.tmp_folder,
-      options.voxel_size, options.scale, options.up_axis == 1 ? "y" : "z",
+      options.voxel_size, options.scale,
+      options.up_axis == 0   ? "guessed"
+      : options.up_axis == 1 ? "y"
+                             : "z",
       options.textures ? "" : "--no-textures\n");
   for (const auto& [model, p] : options.placements)
     command += fmt::format("--place {}={},{},{},{},{}\n", model, p.translation.x, p.translation.y,

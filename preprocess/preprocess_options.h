@@ -18,7 +18,8 @@ struct PreprocessOptions {
   uint64_t memory = 1ull << 30;  ///< bytes, a ceiling
   unsigned threads = 1;
   uint32_t voxel_size = 256u << 10;  ///< bytes of a decoded hot block, at most
-  uint32_t up_axis = 2;
+  uint32_t up_axis = 0;              ///< 1 for y, 2 for z; 0: guessed from the triangles and `up_habit`
+  double up_habit = 0;               ///< evidence of the formats' habits, as UpEvidence() weighs it
   double scale = 1;
   std::map<std::string, Placement> placements;  ///< of some models, by the path given
   bool textures = true;                         ///< carry the images that materials name
@@ -32,6 +33,11 @@ struct PreprocessOptions {
   uint64_t unpack_limit = 0;  ///< bytes that a packed model may unpack to; 0: the default of ModelReader
   bool quiet = false;
 };
+
+/// The axis about which placements turn models: the scene's, z where it is guessed.
+inline uint32_t PlacedAbout(const PreprocessOptions& options) {
+  return options.up_axis != 0 ? options.up_axis : 2;
+}
 
 /// The placement of a model; the default if none is given.
 Placement PlacementOf(const PreprocessOptions& options, const std::string& model);

@@ -51,7 +51,7 @@ class ResolvingSink : public IgnoringSink {
 
   /// Places the next file. Requires: no file has begun.
   void Place(const std::string& model) {
-    coordinates_.Place(PlacementOf(options_, model), static_cast<int>(options_.up_axis));
+    coordinates_.Place(PlacementOf(options_, model), static_cast<int>(PlacedAbout(options_)));
   }
   Status BeginFile(std::string_view) override;
   bool WantsOrigin() const override { return !coordinates_.has_offset(); }

@@ -24,6 +24,7 @@ struct ImportedTriangles {
   TriangleSample sample;               ///< a subset of them, from which region planes are chosen
   Attributes attributes = Attributes::kNone;
   Box bounds{glm::vec3(kInfinity), glm::vec3(-kInfinity)};
+  double up_evidence = 0;        ///< UpEvidence() of the sample, once all triangles are imported
   uint64_t input_triangles = 0;  ///< ids given, dropped triangles included
   uint64_t dropped_degenerate = 0;
   uint64_t dropped_not_finite = 0;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "preprocess/ingest/up_evidence.h"
 #include "preprocess/partition/regions.h"
 
 namespace quarry {
@@ -69,6 +70,11 @@ Status TriangleSpill::Add(const TriangleRecord& record) {
   return out_.triangles->Append(&record);
 }
 
+void TriangleSpill::WeighUp() {
+  const std::vector<KdTriangle>& sample = out_.sample.triangles();
+  if (!sample.empty()) out_.up_evidence = UpEvidence(sample, out_.bounds);
+}
+
 bool TriangleSpill::spills() const { return out_.triangles && out_.triangles->count() > kMostInMemory; }
 
 Status TriangleSpill::Save(ByteWriter& out) {
@@ -94,6 +100,7 @@ Status TriangleSpill::Restore(ByteReader& in, bool routed) {
   out_.sample.Restore(in);
   if (routed) {
     out_.triangles = SpillFile::Left(Path(), RecordBytes(out_.attributes), count);
+    WeighUp();
     out_.sample = {};
     return {};
   }

@@ -51,9 +51,14 @@ class TriangleSpill {
 
   Status FinishWriting() { return out_.triangles->FinishWriting(); }
   const ImportedTriangles& result() const { return out_; }
-  ImportedTriangles Take() { return std::move(out_); }
+  ImportedTriangles Take() {
+    WeighUp();
+    return std::move(out_);
+  }
 
  private:
+  /// Sets the evidence of the sample, if there is one.
+  void WeighUp();
   Result<SpillFile> OpenFile(uint64_t count);
   Status WidenNow(Attributes attributes);
   Status Add(const TriangleRecord& record);
