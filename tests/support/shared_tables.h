@@ -45,10 +45,13 @@ inline Bytes SharedCameras(size_t cameras, size_t doubles) {
   b.AddElement<uint32_t>(WireField(1), 64, 0);
   b.AddOffset(WireField(2), crop);
   b.AddElement<uint32_t>(WireField(4), 1, 0);
-  b.AddOffset(WireField(8), format);
-  b.AddOffset(WireField(10), grey);
-  b.AddOffset(WireField(11), grey);
-  b.AddOffset(WireField(12), list);
+  b.AddOffset(WireField(8), grey);
+  b.AddOffset(WireField(9), grey);
+  const Offset<Table> view(b.EndTable(start));
+  start = b.StartTable();
+  b.AddOffset(WireField(0), view);
+  b.AddOffset(WireField(1), list);
+  b.AddOffset(WireField(3), format);
   const Offset<Table> job(b.EndTable(start));
   start = b.StartTable();
   b.AddOffset(WireField(0), job);

@@ -266,7 +266,7 @@ TEST_CASE("Expected blocks are fetched while nothing else is, a few at once", "[
   CHECK(worker.from(SourceKind::kFile) == site.StoredBytes());
 }
 
-TEST_CASE("Expected blocks that are forgotten are not fetched", "[supply]") {
+TEST_CASE("Expected blocks that are forgotten, or held decoded, are not fetched", "[supply]") {
   Site site;
   Supplied worker;
   REQUIRE(site.Open(worker, site.Options({site.File()})).has_value());
@@ -275,6 +275,11 @@ TEST_CASE("Expected blocks that are forgotten are not fetched", "[supply]") {
   worker.supply->Prefetch();
   site.io.run_for(50ms);
   CHECK(worker.inventory.TakeAll().empty());
+  for (const BlockKey block : site.scene.blocks) worker.inventory.Set(block, CacheInventory::kDecoded, true);
+  worker.supply->Expect(site.NeedsAll(0));
+  worker.supply->Prefetch();
+  site.io.run_for(50ms);
+  CHECK(worker.from(SourceKind::kFile) == 0);
 }
 
 TEST_CASE("HTTP headers stay with servers that this worker's owner names", "[supply]") {

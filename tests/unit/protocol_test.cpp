@@ -224,9 +224,10 @@ TEST_CASE("A byte of a message that changes on its way is noticed, wherever it i
 
 TEST_CASE("Preambles of another version name both") {
   CHECK(CheckPreamble(EncodePreamble()).has_value());
-  const Status other = CheckPreamble(EncodePreamble(7, "3.2.1"));
+  const Status other = CheckPreamble(EncodePreamble(kProtocolVersion + 1, "3.2.1"));
   REQUIRE_FALSE(other.has_value());
-  CHECK(other.error().message.find("3.2.1 with protocol 7") != std::string::npos);
+  CHECK(other.error().message.find(fmt::format("3.2.1 with protocol {}", kProtocolVersion + 1)) !=
+        std::string::npos);
   CHECK(other.error().message.find(fmt::format("protocol {},", kProtocolVersion)) != std::string::npos);
   CHECK_FALSE(CheckPreamble(Bytes(32)).has_value());
   CHECK_FALSE(CheckPreamble(Bytes(3)).has_value());
