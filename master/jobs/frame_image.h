@@ -14,14 +14,13 @@ namespace quarry {
 std::vector<PixelRect> TilesOf(const View& view);
 
 /// The pixels of one frame, put together from tiles.
-/// Units: pixels; words of 32 bits, words_per_pixel() a pixel. Not thread-safe.
+/// Units: pixels; words of 32 bits, WordsPerPixel() a pixel. Not thread-safe.
 class FrameImage {
  public:
   /// Requires: `view` is normalized.
   explicit FrameImage(const View& view);
 
   const std::vector<PixelRect>& tiles() const { return tiles_; }
-  uint32_t words_per_pixel() const { return words_; }
 
   /// Copies a tile's pixels into the image. Requires: `tile` is less than tiles().size().
   /// Errors: `pixels` has more or fewer bytes than the tile.

@@ -8,6 +8,7 @@
 #include "common/math/fixed_radiance.h"
 #include "common/math/sampling.h"
 #include "common/scene/camera.h"
+#include "tests/support/make_surface.h"
 
 namespace quarry::bench {
 namespace {
@@ -92,7 +93,7 @@ class Tracer {
     hit.local = place.local;
     hit.b1 = r.hit.u;
     hit.b2 = r.hit.v;
-    Surface s = MakeSurface(blocks_[BlockKey::Hot(place.voxel).number()]->hot, hit, direction);
+    Surface s = test::MakeSurface(blocks_[BlockKey::Hot(place.voxel).number()]->hot, hit, direction);
     if (const auto& shading = blocks_[BlockKey::Shading(place.voxel).number()])
       AddAttributes(shading->shading, hit, s);
     return s;

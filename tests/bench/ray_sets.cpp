@@ -10,6 +10,7 @@
 #include "common/engine/shading/shading.h"
 #include "common/scene/camera.h"
 #include "common/scene/framing.h"
+#include "tests/support/make_surface.h"
 
 namespace quarry::bench {
 namespace {
@@ -66,7 +67,7 @@ std::vector<RaySet> MakeRaySets(const test::ResidentScene& scene, uint32_t size,
       if ((primary.active[p] >> i & 1) == 0 || hit.triangle == kNoTriangle) continue;
       active |= uint64_t{1} << i;
       const glm::vec3 direction(hits[p].direction[0][i], hits[p].direction[1][i], hits[p].direction[2][i]);
-      const Surface s = MakeSurface(scene.voxels()[hit.voxel], hit, direction);
+      const Surface s = test::MakeSurface(scene.voxels()[hit.voxel], hit, direction);
       const auto leave = [&](RaySet& set, const glm::vec3& d) {
         Ray ray;
         const float distance = 4 * meta.padding;

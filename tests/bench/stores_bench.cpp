@@ -13,6 +13,7 @@
 #include "common/voxel/store_reader.h"
 #include "tests/bench/figures.h"
 #include "tests/bench/median.h"
+#include "tests/support/flat_tree.h"
 
 namespace quarry::bench {
 namespace {
@@ -145,7 +146,7 @@ class StoreBench {
     const Catalog& catalog = store_.catalog();
     std::vector<Box> cells(catalog.voxels.size());
     SahCost cost(root_);
-    cost.Add(FlattenTreelets(catalog.top_nodes), root_, [&](KdNode leaf, const Box& cell) {
+    cost.Add(test::FlattenTreelets(catalog.top_nodes), root_, [&](KdNode leaf, const Box& cell) {
       if (leaf.count() == 0) return;
       for (uint32_t v = leaf.first(); v != kNoIndex; v = catalog.voxels[v].next_in_chain) cells[v] = cell;
     });
@@ -153,7 +154,7 @@ class StoreBench {
     double ignored = 0;
     std::vector<KdNode> tree;
     return ForEachVoxel(ignored, &tree, [&](uint32_t v, const VoxelGeometry& g) {
-      const std::vector<KdNode> nodes = FlattenTreelets({g.nodes, g.node_count});
+      const std::vector<KdNode> nodes = test::FlattenTreelets({g.nodes, g.node_count});
       cost.Add(nodes, cells[v], [&](KdNode leaf, const Box& c) { cost.AddReferences(c, leaf.count()); });
       f.two_level = cost.value();
       for (uint32_t t = 0; t < g.triangle_count; ++t) {

@@ -6,6 +6,7 @@
 #include <bit>
 
 #include "common/base/check.h"
+#include "tests/support/flat_tree.h"
 #include "tests/support/ropes.h"
 
 namespace quarry::test {
@@ -93,7 +94,7 @@ const SceneView& ResidentScene::view(Algorithm algorithm) {
   view->voxels_ = views_[0]->voxels_;
   view->top_ = c.top_tree();
   const auto lay_out = [&](const KdNode* nodes, uint32_t count, const Box& box, const KdNode*& laid) {
-    const std::vector<KdNode> plain = FlattenTreelets({nodes, count});
+    const std::vector<KdNode> plain = test::FlattenTreelets({nodes, count});
     view->nodes_.push_back(algorithm == Algorithm::kRopes ? MakeRopes(plain, box)
                                                           : LayOutTreelets(plain, LevelsOf(algorithm), box));
     laid = view->nodes_.back().data();

@@ -39,7 +39,7 @@ void Render(ActiveFrame& frame) {
     TileDone done{frame.id(), t, order.lease, 0, 0, 10000};
     done.depths.assign(size_t{DepthCells(order.width)} * DepthCells(order.height), 10);
     done.blocks = {t};
-    const Bytes pixels(size_t{order.width} * order.height * frame.image().words_per_pixel() * 4);
+    const Bytes pixels(size_t{order.width} * order.height * WordsPerPixel(frame.view().aov_mask) * 4);
     REQUIRE(*frame.Finish(done, pixels, 1));
   }
 }

@@ -15,6 +15,7 @@
 #include "common/voxel/store_format.h"
 #include "common/voxel/store_reader.h"
 #include "common/voxel/store_writer.h"
+#include "tests/support/flat_tree.h"
 #include "tests/support/small_store.h"
 
 namespace quarry {
@@ -123,7 +124,7 @@ TEST_CASE("A store gives back all that was put in") {
   expected.largest_stored = c.meta.largest_stored;
   expected.lz4_version = c.meta.lz4_version;
   CHECK(c.meta == expected);
-  CHECK(FlattenTreelets(c.top_nodes) == std::vector<KdNode>{KdNode::Leaf(0, 1)});
+  CHECK(test::FlattenTreelets(c.top_nodes) == std::vector<KdNode>{KdNode::Leaf(0, 1)});
   CHECK(c.top_node_count == 1);
   REQUIRE(c.voxels.size() == 2);
   CHECK(c.voxels[0].next_in_chain == 1);
@@ -150,7 +151,7 @@ TEST_CASE("A store gives back all that was put in") {
   const auto hot = decoder.Hot(*stored, hot_bytes, c.meta.padding, &tree);
   REQUIRE(hot.has_value());
   const HotVoxel in = MakeHot();
-  CHECK(FlattenTreelets(tree) == in.nodes);
+  CHECK(test::FlattenTreelets(tree) == in.nodes);
   const auto same = [](const auto& put_in, const auto* got) {
     return std::equal(put_in.begin(), put_in.end(), got);
   };
@@ -331,7 +332,7 @@ TEST_CASE("Damaged blocks that pass no checksum never lead out of their bytes") 
     const auto view = decoder.Hot(bad, hot_out, 1e-6f, &tree);
     if (view) {
       ++survived;
-      REQUIRE(FlattenTreelets(tree).size() <= tree.size());
+      REQUIRE(test::FlattenTreelets(tree).size() <= tree.size());
       for (uint32_t r = 0; r < view->reference_count; ++r)
         REQUIRE(view->references[r] < view->triangle_count);
       for (uint32_t c = 0; c < 3 * view->triangle_count; ++c) REQUIRE(view->corners[c] < view->vertex_count);
@@ -422,7 +423,7 @@ TEST_CASE("Blocks of random numbers come back as they were") {
     const auto hot = BlockDecoder().Hot(encoded.hot, out, 1e-6f, &tree);
     INFO((hot ? "" : hot.error().message));
     REQUIRE(hot.has_value());
-    CHECK(FlattenTreelets(tree) == v.nodes);
+    CHECK(test::FlattenTreelets(tree) == v.nodes);
     CHECK(std::equal(v.references.begin(), v.references.end(), hot->references));
     CHECK(std::equal(v.corners.begin(), v.corners.end(), hot->corners));
     CHECK(std::memcmp(v.vertices.data(), hot->vertices, v.vertices.size() * 12) == 0);

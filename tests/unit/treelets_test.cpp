@@ -3,6 +3,7 @@
 #include <catch2/catch.hpp>
 #include <random>
 
+#include "tests/support/flat_tree.h"
 #include "tests/support/ropes.h"
 
 namespace quarry {
@@ -49,7 +50,7 @@ TEST_CASE("A tree keeps its leaves in any layout, and each climb ends at the top
     const std::vector<KdNode> plain = RandomTree(random, inner);
     for (uint32_t levels : {kBacktrackLevels, kTreeletLevels, kRestartLevels}) {
       const std::vector<KdNode> laid = LayOutTreelets(plain, levels, kCell);
-      const std::vector<KdNode> flat = FlattenTreelets(laid);
+      const std::vector<KdNode> flat = test::FlattenTreelets(laid);
       CHECK(flat.size() == plain.size());
       for (int i = 0; i < 200; ++i) {
         glm::vec3 p;

@@ -10,14 +10,6 @@ float SchlickPower(float cosine) {
 
 }  // namespace
 
-Surface MakeSurface(const VoxelGeometry& voxel, const Hit& hit, const glm::vec3& direction) {
-  Surface s = SurfaceAt(voxel.vertex(hit.local, 0), voxel.vertex(hit.local, 1), voxel.vertex(hit.local, 2),
-                        hit.b1, hit.b2, direction);
-  s.material = voxel.materials[hit.local];
-  s.part = voxel.parts[hit.local];
-  return s;
-}
-
 Bounces Bounce(const Material& material, const Surface& s) {
   Bounces b;
   const float cosine = std::clamp(glm::dot(s.normal, s.view), 0.0f, 1.0f);

@@ -60,9 +60,6 @@ inline Surface SurfaceAt(const glm::vec3& p0, const glm::vec3& p1, const glm::ve
   return s;
 }
 
-/// The surface at a hit, from the hot block: position, geometric normal, material, part.
-Surface MakeSurface(const VoxelGeometry& voxel, const Hit& hit, const glm::vec3& direction);
-
 /// A light as seen from a point.
 struct LightSample {
   glm::vec3 direction{0};  ///< toward the light

@@ -11,11 +11,6 @@ namespace {
 
 constexpr uint32_t kHeaderSlots = kTreeletHeaderSlots;
 
-KdNode WithoutFlags(KdNode n) {
-  n.link &= ~KdNode::kFlags;
-  return n;
-}
-
 /// Header and pairs, up to where the next one may begin.
 size_t SlotsOfTreelet(size_t inner_nodes) {
   return (kHeaderSlots + 2 * inner_nodes + kHeaderSlots - 1) / kHeaderSlots * kHeaderSlots;
@@ -120,22 +115,6 @@ std::vector<KdNode> LayOutTreelets(std::span<const KdNode> nodes, uint32_t level
   TreeletLayout layout(levels);
   std::vector<KdNode> out(layout.Slots(nodes));
   QUARRY_CHECK(out.size() <= KdNode::kMaxLink && layout.Run(nodes, box, out));
-  return out;
-}
-
-std::vector<KdNode> FlattenTreelets(std::span<const KdNode> nodes) {
-  std::vector<KdNode> out{WithoutFlags(nodes[0])};
-  std::vector<uint32_t> source{0};
-  for (size_t i = 0; i < out.size(); ++i) {
-    if (out[i].is_leaf()) continue;
-    const uint32_t left = nodes[source[i]].left();
-    const auto pair = static_cast<uint32_t>(out.size());
-    out[i] = KdNode::Inner(out[i].axis(), out[i].split(), pair);
-    for (uint32_t side = 0; side < 2; ++side) {
-      out.push_back(WithoutFlags(nodes[left + side]));
-      source.push_back(left + side);
-    }
-  }
   return out;
 }
 

@@ -56,7 +56,4 @@ class TreeletLayout {
 /// A tree laid out, in a vector.
 std::vector<KdNode> LayOutTreelets(std::span<const KdNode> nodes, uint32_t levels, const Box& box);
 
-/// The tree without treelets: root first, children side by side, no flags.
-std::vector<KdNode> FlattenTreelets(std::span<const KdNode> nodes);
-
 }  // namespace quarry
