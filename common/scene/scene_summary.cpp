@@ -93,9 +93,7 @@ Status ReadFraming(const JsonValue& json, const glm::dvec3& offset, Framing& fra
   framing.lower -= offset;
   framing.upper -= offset;
   QUARRY_ASSIGN(const JsonValue up, json.Member("up_axis"));
-  QUARRY_ASSIGN(const std::string axis, up.Text());
-  if (axis != "y" && axis != "z") return up.Wrong("is neither y nor z");
-  framing.up_axis = axis == "y" ? 1 : 2;
+  QUARRY_TRY(ReadUpAxis(up, framing.up_axis));
   QUARRY_ASSIGN(const JsonValue interior, json.Member("interior"));
   QUARRY_ASSIGN(framing.interior, interior.Flag());
   QUARRY_ASSIGN(const JsonValue hull, json.Member("hull"));

@@ -114,13 +114,6 @@ Status ReadLayers(const JsonValue& value, View& view) {
   return {};
 }
 
-Status ReadUpAxis(const JsonValue& value, View& view) {
-  QUARRY_ASSIGN(const std::string axis, value.Text());
-  if (axis != "y" && axis != "z") return value.Wrong("is neither y nor z");
-  view.up_axis = axis == "y" ? 1 : 2;
-  return {};
-}
-
 Status ReadAo(const JsonValue& value, View& view) {
   QUARRY_TRY(value.HasOnly({"samples", "distance"}));
   QUARRY_TRY(ReadOptional(value, "samples", ReadWhole<uint32_t>, view.ao_samples));
@@ -153,6 +146,14 @@ ordered_json ToJson(const Light& light, const glm::dvec3& offset) {
 }
 
 }  // namespace
+
+Status ReadUpAxis(const JsonValue& value, uint32_t& axis) {
+  QUARRY_ASSIGN(const std::string name, value.Text());
+  const char letter = name.size() == 1 ? name[0] : ' ';
+  if (letter != 'y' && letter != 'z') return value.Wrong("is neither y nor z");
+  axis = letter == 'y' ? 1 : 2;
+  return {};
+}
 
 Status ReadCamera(const JsonValue& object, CameraSpec& camera) {
   QUARRY_ASSIGN(const JsonValue eye, object.Member("eye"));
@@ -219,7 +220,7 @@ Status ReadView(const JsonValue& json, const glm::dvec3& offset, ViewDescription
   QUARRY_TRY(ReadOptional(json, "spp", ReadWhole<uint32_t>, view.spp));
   QUARRY_TRY(ReadOptional(json, "seed", ReadWhole<uint64_t>, view.seed));
   QUARRY_TRY(ReadOptional(json, "aov", ReadLayers, view));
-  QUARRY_TRY(ReadOptional(json, "up_axis", ReadUpAxis, view));
+  QUARRY_TRY(ReadOptional(json, "up_axis", ReadUpAxis, view.up_axis));
   QUARRY_TRY(ReadOptional(json, "ao", ReadAo, view));
   QUARRY_TRY(ReadOptional(json, "exposure", ReadExposure, into.format.exposure));
   return ReadLighting(json, offset, view);

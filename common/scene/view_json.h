@@ -31,6 +31,9 @@ Status ReadView(const JsonValue& json, const glm::dvec3& offset, ViewDescription
 nlohmann::ordered_json ViewToJson(const View& view, const std::optional<double>& exposure,
                                   const glm::dvec3& offset);
 
+/// Reads "y" as 1 and "z" as 2.
+Status ReadUpAxis(const JsonValue& value, uint32_t& axis);
+
 /// Reads {"eye": [..], "at": [..], "up": [..], "fov": degrees or "ortho": height}; `up` and `fov` may be
 /// missing.
 Status ReadCamera(const JsonValue& object, CameraSpec& camera);
