@@ -1,0 +1,65 @@
+#include "master/jobs/exposure_meter.h"
+
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <random>
+#include <vector>
+
+#include "tests/support/looking.h"
+#include "tests/support/row_scene.h"
+
+namespace quarry {
+namespace {
+
+std::vector<MeteredPoint> Grey(size_t surfaces, float value, size_t background = 0, float sky = 0) {
+  std::vector<MeteredPoint> points(surfaces, {value, value, true});
+  points.insert(points.end(), background, {sky, sky, false});
+  return points;
+}
+
+}  // namespace
+
+TEST_CASE("Surfaces are exposed to one grey, highlights are held", "[exposure]") {
+  const double dark = ExposureFor(Grey(1000, 0.01f)), light = ExposureFor(Grey(1000, 0.16f));
+  CHECK(dark - light == Approx(4).margin(0.05));
+  CHECK(0.01 * std::exp2(dark) == Approx(0.3).epsilon(0.02));
+  // A bright sky of more than a hundredth is not clipped; a few lamps are.
+  CHECK(ExposureFor(Grey(900, 0.01f, 100, 0.8f)) <= -std::log2(0.8) + 1e-9);
+  CHECK(ExposureFor(Grey(1000, 0.01f, 5, 1000.0f)) == dark);
+  CHECK(ExposureFor({}) == 0);
+  CHECK(ExposureFor(Grey(0, 0, 100, 0.5f)) == 0);
+  CHECK(ExposureFor(Grey(100, 0)) == 0);
+  CHECK(std::fabs(ExposureFor(Grey(100, 1e-30f))) <= 16);
+}
+
+TEST_CASE("An exposure does not depend on the order of points", "[exposure]") {
+  std::mt19937 random(3);
+  std::vector<MeteredPoint> points;
+  for (int i = 0; i < 3000; ++i) {
+    const float value = std::exp2(static_cast<float>(random() % 1000) / 100 - 8);
+    points.push_back({value, value * 1.5f, random() % 3 != 0});
+  }
+  const double ev = ExposureFor(points);
+  for (int i = 0; i < 20; ++i) {
+    std::shuffle(points.begin(), points.end(), random);
+    CHECK(ExposureFor(points) == ev);
+  }
+}
+
+TEST_CASE("A crop, samples and caches do not change the exposure of a view", "[exposure]") {
+  const test::Row row;
+  View view = test::Looking({0, -20, 0}, {3, 10, 4});
+  view.mode = RenderMode::kAo;
+  const auto whole = MeterExposure(*row.scene, view, 1 << 20, {});
+  REQUIRE(whole.has_value());
+  CHECK(*whole != 0);
+  view.crop = {5, 6, 7, 8};
+  view.spp = 16;
+  view.aov_mask = 127;
+  CHECK(*MeterExposure(*row.scene, view, 0, {}) == *whole);
+  view.mode = RenderMode::kVoxels;
+  CHECK(*MeterExposure(*row.scene, view, 0, {}) == 0);
+}
+
+}  // namespace quarry

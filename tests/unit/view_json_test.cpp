@@ -1,0 +1,145 @@
+#include "common/scene/view_json.h"
+
+#include <catch2/catch.hpp>
+#include <nlohmann/json.hpp>
+
+#include "common/scene/scene_summary.h"
+
+namespace quarry {
+namespace {
+
+using Catch::Contains;
+
+const std::string kName = "v.json";
+
+Status Read(const std::string& text, ViewDescription& description, const glm::dvec3& offset = {0, 0, 0}) {
+  const auto json = ParseJson<nlohmann::json>(text, kName);
+  REQUIRE(json.has_value());
+  return ReadView(JsonValue(*json, kName), offset, description);
+}
+
+std::string ErrorOf(const std::string& text) {
+  ViewDescription description;
+  const Status status = Read(text, description);
+  return status ? "" : status.error().message;
+}
+
+View AnyView() {
+  View view;
+  view.width = 321;
+  view.height = 123;
+  view.crop = {1, 2, 30, 40};
+  view.mode = RenderMode::kWhitted;
+  view.spp = 9;
+  view.seed = 0xFFFFFFFFFFFFFFFFull;
+  view.aov_mask = 0x55;
+  view.up_axis = 1;
+  view.ao_samples = 7;
+  view.ao_distance = 0.1f;
+  view.lights = {{LightKind::kPoint, {1, 2, 3}, {4, 5, 6}, {0, 1, 0}, 2.5f, -1.25f},
+                 {LightKind::kSun, {0, 0, 1}, {0.1f, 1, 1}}};
+  view.ambient = {0.1f, 0.2f, 0.3f};
+  view.background = {0.4f, 0.5f, 0.6f};
+  view.camera = {{1, 2, 3}, {4, 5, 7}, {0, 1, 0}, 33.5, 0};
+  return view;
+}
+
+}  // namespace
+
+TEST_CASE("A view comes back from JSON bit by bit, whatever the offset", "[view]") {
+  const glm::dvec3 offset(500000, 4e6, -8);
+  for (const double ortho : {0.0, 12.5}) {
+    View view = AnyView();
+    view.camera.ortho_height = ortho;
+    const std::string text = ViewToJson(view, -1.75, offset).dump();
+    ViewDescription back;
+    REQUIRE(Read(text, back, offset).has_value());
+    CHECK(ViewToJson(back.view, back.format.exposure, offset).dump() == text);
+    CHECK(back.view.camera.eye == view.camera.eye);
+    CHECK(back.view.lights[0].vector == view.lights[0].vector);
+    CHECK(back.view.lights[0].cone_offset == view.lights[0].cone_offset);
+    CHECK(back.view.seed == view.seed);
+    CHECK(back.view.ao_distance == view.ao_distance);
+    CHECK(back.view.crop == view.crop);
+    CHECK(back.format.exposure == -1.75);
+  }
+}
+
+TEST_CASE("Members that a view lacks stay as they were", "[view]") {
+  ViewDescription description;
+  description.view = AnyView();
+  REQUIRE(Read(R"({"spp": 3})", description).has_value());
+  CHECK(description.view.spp == 3);
+  CHECK(description.view.width == 321);
+  CHECK_FALSE(description.format.exposure.has_value());
+}
+
+TEST_CASE("A view that cannot be is refused with its place", "[view]") {
+  CHECK_THAT(ErrorOf(R"({"sp": 3})"), Contains("v.json: 'sp' is not known"));
+  CHECK_THAT(ErrorOf(R"({"camera": {"eye": [0, 0], "at": [0, 0, 0]}})"), Contains("v.json: camera.eye: "));
+  CHECK_THAT(ErrorOf(R"({"camera": {"at": [0, 0, 0]}})"), Contains("camera: 'eye' is missing"));
+  CHECK_THAT(ErrorOf(R"({"camera": {"eye": [0,0,0], "at": [1,0,0], "fov": 180}})"), Contains("camera.fov: "));
+  CHECK_THAT(ErrorOf(R"({"camera": {"eye": [0,0,0], "at": [1,0,0], "ortho": 0}})"),
+             Contains("camera.ortho: must be a positive height"));
+  CHECK_THAT(ErrorOf(R"({"size": [3]})"), Contains("v.json: size: "));
+  CHECK_THAT(ErrorOf(R"({"mode": "photon"})"), Contains("v.json: mode: is no mode"));
+  CHECK_THAT(ErrorOf(R"({"spp": 1.5})"), Contains("v.json: spp: is no whole number"));
+  CHECK_THAT(ErrorOf(R"({"spp": 4294967296})"), Contains("v.json: spp: is too large"));
+  CHECK_THAT(ErrorOf(R"({"aov": ["deep"]})"), Contains("v.json: aov[0]: is no layer"));
+  CHECK_THAT(ErrorOf(R"({"up_axis": "x"})"), Contains("v.json: up_axis: is neither y nor z"));
+  CHECK_THAT(ErrorOf(R"({"ao": {"rays": 1}})"), Contains("v.json: ao: 'rays' is not known"));
+  CHECK_THAT(ErrorOf(R"({"ao": {"distance": 1e300}})"), Contains("v.json: ao.distance: is too large"));
+  CHECK_THAT(ErrorOf(R"({"lights": [{"type": "lamp"}]})"),
+             Contains("lights[0].type: is neither sun nor point"));
+  CHECK_THAT(ErrorOf("[]"), Contains("v.json: is no object"));
+}
+
+TEST_CASE("A scene's summary comes back from the master's answer", "[view]") {
+  SceneViews views;
+  views.cameras = {{"door", {{1, 2, 3}, {4, 5, 7}, {0, 1, 0}, 33.5, 0}}};
+  views.lights = {{"lamp", LightKind::kPoint, {1, 2, 3}, {0, 0, -1}, {4, 5, 6}, 0.9f, 0.7f},
+                  {"sun", LightKind::kSun, {0, 0, 0}, {0, 0, 1}, {1, 1, 1}}};
+  const glm::dvec3 offset(1000, 2000, 3000);
+  Framing framing;
+  framing.lower = {-1, -2, -3};
+  framing.upper = {4, 5, 6};
+  framing.hull = {{-1, -2, -3}, {4, 5, 6}, {0.1f, 0.2f, 0.3f}};
+  framing.up_axis = 1;
+  framing.interior = true;
+  framing.inside = CameraSpec{{0, 1, 2}, {3, 1, 2}, {0, 1, 0}, 70, 0};
+  const nlohmann::ordered_json answer = {{"scene_id", "00"},
+                                         {"offset", {1000, 2000, 3000}},
+                                         {"materials", {"steel"}},
+                                         {"cameras", CamerasToJson(views)},
+                                         {"lights", LightsToJson(views)},
+                                         {"framing", FramingToJson(framing, offset)}};
+  const std::string name = "answer";
+  const auto read = [&](const nlohmann::ordered_json& json) {
+    static nlohmann::json parsed;
+    parsed = nlohmann::json::parse(json.dump());
+    return ReadSceneSummary(JsonValue(parsed, name));
+  };
+  const auto summary = read(answer);
+  REQUIRE(summary.has_value());
+  CHECK(summary->offset == offset);
+  REQUIRE(summary->views.cameras.size() == 1);
+  CHECK(summary->views.cameras[0].name == "door");
+  CHECK(summary->views.cameras[0].spec.at == views.cameras[0].spec.at);
+  CHECK(summary->views.lights == views.lights);
+  CHECK(summary->framing.lower == framing.lower);
+  CHECK(summary->framing.hull == framing.hull);
+  CHECK(summary->framing.up_axis == 1);
+  CHECK(summary->framing.inside->at == framing.inside->at);
+  for (const char* const member : {"scene_id", "offset", "cameras", "lights", "framing"}) {
+    auto without = answer;
+    without.erase(member);
+    const auto refused = read(without);
+    REQUIRE_FALSE(refused.has_value());
+    CHECK_THAT(refused.error().message, Contains(member));
+  }
+  auto empty = answer;
+  empty["framing"]["hull"] = nlohmann::ordered_json::array();
+  CHECK_FALSE(read(empty).has_value());
+}
+
+}  // namespace quarry
