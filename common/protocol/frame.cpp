@@ -37,12 +37,12 @@ Limits LimitsOf(MessageType type) {
     case MessageType::kBlock:
       return {0, 65u << 20};
     case MessageType::kHello:
-    case MessageType::kAnswer:
-      return {0, 256u << 20};  // names of materials and parts
     case MessageType::kQuery:
     case MessageType::kFrameProgress:
     case MessageType::kBlockRequest:
       return {kSmall, 0};
+    case MessageType::kAnswer:
+      return {0, 256u << 20};  // names of materials and parts
     case MessageType::kPing:
       return {0, 0};
     default:
