@@ -124,7 +124,7 @@ bool AllHaveYUp(const std::vector<std::string>& models) {
 /// Habits of formats that do not say which axis points up: most OBJ files are exported with y up, most STL
 /// files with z.
 double UpHabit(const std::vector<std::string>& models) {
-  constexpr double kObj = 0.5, kStl = -0.5;
+  constexpr double kObj = 0.75, kStl = -0.5;
   double habit = 0;
   for (const std::string& m : models) {
     std::filesystem::path path(m);

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
+#include <optional>
+#include <utility>
 #include <vector>
 
 #include "common/engine/renderer.h"
@@ -16,7 +18,7 @@ namespace {
 
 /// Triangles that may lie outside the bulk at either end of an axis, as a share of all.
 constexpr double kStrays = 0.005;
-/// The bulk is the box of all triangles unless that is so many times as long, diagonal by diagonal.
+/// Along an axis the bulk is as long as the box of all triangles unless that is so many times as long.
 constexpr double kFarLarger = 2;
 /// Stores of at most so many voxels are measured by their triangles, others by their voxels' cells.
 constexpr size_t kFewVoxels = 16;
@@ -119,9 +121,10 @@ void MeasureBulk(const std::vector<WeightedBox>& boxes, const SceneMeta& meta, F
     lower[a] = Quantile(boxes, a, kStrays);
     upper[a] = Quantile(boxes, a, 1 - kStrays);
   }
-  if (glm::length(framing.upper - framing.lower) > kFarLarger * glm::length(upper - lower)) {
-    framing.lower = lower;
-    framing.upper = upper;
+  for (int a = 0; a < 3; ++a) {
+    if (framing.upper[a] - framing.lower[a] <= kFarLarger * (upper[a] - lower[a])) continue;
+    framing.lower[a] = lower[a];
+    framing.upper[a] = upper[a];
   }
   std::vector<glm::vec3> corners;
   for (const WeightedBox& box : boxes) {
@@ -205,60 +208,115 @@ class Prober {
   uint32_t voxel_ = kNoVoxel;
 };
 
-/// Whether nearly all rays from the middle hit sides that face inwards.
-Result<bool> IsInterior(Prober& prober, const Framing& framing) {
-  constexpr double kNearlyAll = 0.75;
-  const glm::dvec3 middle = (framing.lower + framing.upper) * 0.5;
-  size_t rays = 0, inward = 0;
+/// Rays in all directions from a place, seen together. Distances are shares of the diagonal; a miss counts
+/// as 1.
+struct Surroundings {
+  double inward = 0, backs = 0, mean_distance = 0;
+};
+
+/// Looks along both ways of each axis from `eye`, or from outside toward it.
+Result<Surroundings> LookAround(Prober& prober, const glm::dvec3& eye, double diagonal, bool from_outside) {
+  Surroundings all;
+  double rays = 0, hits = 0;
   for (int face = 0; face < 6; ++face) {
     glm::dvec3 forward(0), up(0);
     forward[face / 2] = face % 2 ? 1 : -1;
     up[(face / 2 + 1) % 3] = 1;
-    QUARRY_ASSIGN(const auto points, prober.Look(middle, forward, up, 90, true));
-    rays += points.size();
-    inward +=
-        static_cast<size_t>(std::ranges::count_if(points, [](const ProbedPoint& p) { return p.inward; }));
+    const glm::dvec3 from = from_outside ? eye - forward * (2 * diagonal) : eye;
+    QUARRY_ASSIGN(const auto points, prober.Look(from, forward, up, from_outside ? 20 : 90, true));
+    for (const ProbedPoint& p : points) {
+      const bool hit = p.distance < kInfinity;
+      ++rays;
+      hits += hit;
+      all.inward += p.inward;
+      all.backs += hit && !p.inward;
+      all.mean_distance += hit ? static_cast<double>(p.distance) / diagonal : 1;
+    }
   }
-  return static_cast<double>(inward) >= kNearlyAll * static_cast<double>(rays);
+  all.inward /= rays;
+  all.mean_distance /= rays;
+  all.backs = hits > 0 ? all.backs / hits : 0;
+  return all;
 }
 
-/// A place and direction inside: of a few places at eye height, each looking eight ways, the one with the
-/// farthest view in the logarithmic mean, and nothing close before it.
-Result<CameraSpec> FindInside(Prober& prober, const Framing& framing) {
-  constexpr int kPlaces = 3, kWays = 8;
-  constexpr double kFov = 70;
+/// Whether nearly all rays from the middle hit sides that face inwards, and the scene is a room rather than a
+/// dense plant: its walls show their backs to the outside, or there is a place in its middle with space
+/// around.
+Result<bool> IsInterior(Prober& prober, const Framing& framing) {
+  constexpr double kNearlyAll = 0.7, kMostBacks = 0.5, kSpace = 0.1;
+  constexpr double kHeights[] = {0.5, 0.25, 0.75};
   const glm::dvec3 size = framing.upper - framing.lower;
   const double diagonal = glm::length(size);
-  const glm::dvec3 up = InAxes(0, 0, 1, framing.up_axis);
+  glm::dvec3 place = (framing.lower + framing.upper) * 0.5;
+  QUARRY_ASSIGN(const Surroundings outside, LookAround(prober, place, diagonal, true));
+  for (const double height : kHeights) {
+    const auto up = static_cast<int>(framing.up_axis);
+    place[up] = framing.lower[up] + height * size[up];
+    QUARRY_ASSIGN(const Surroundings around, LookAround(prober, place, diagonal, false));
+    if (around.inward < kNearlyAll) return false;
+    if (outside.backs >= kMostBacks || around.mean_distance >= kSpace) return true;
+  }
+  return false;
+}
+
+/// The camera before a side of the scene through which most rays from the middle leave it: it shows an open
+/// box as a stage. None: no side is open.
+Result<std::optional<CameraSpec>> BeforeOpenSide(Prober& prober, const Framing& framing) {
+  constexpr double kOpen = 0.7;
+  constexpr std::pair<double, double> kWays[] = {{0, 1}, {1, 0}, {-1, 0}, {0, -1}};
+  const glm::dvec3 middle = (framing.lower + framing.upper) * 0.5, up = InAxes(0, 0, 1, framing.up_axis);
+  for (const auto& [right, back] : kWays) {
+    const glm::dvec3 out = InAxes(right, back, 0, framing.up_axis);
+    QUARRY_ASSIGN(const auto points, prober.Look(middle, out, up, 40, false));
+    const auto misses =
+        std::ranges::count_if(points, [](const ProbedPoint& p) { return !(p.distance < kInfinity); });
+    if (static_cast<double>(misses) < kOpen * static_cast<double>(points.size())) continue;
+    return FitCamera(framing, out, up, {.margin = 0.02});
+  }
+  return std::optional<CameraSpec>();
+}
+
+/// How much of the scene a picture shows: the logarithmic mean of distances; the sky shows nothing, and a
+/// thing close before the eye hides what is there.
+double ScoreOf(const std::vector<ProbedPoint>& points, double diagonal) {
+  constexpr double kSky = -5, kClose = 0.03;
+  double sum = 0;
+  bool close = false;
+  for (const ProbedPoint& p : points) {
+    const double distance = static_cast<double>(p.distance) / diagonal;
+    const bool hit = p.distance < kInfinity;
+    sum += hit ? Log2(std::max(distance, 1e-6)) : kSky;
+    close |= hit && distance < kClose;
+  }
+  return sum / static_cast<double>(points.size()) - (close ? 1 : 0);
+}
+
+/// A place and direction inside: before an open side; else of a few places at eye height, each looking eight
+/// ways, the one whose picture shows most.
+Result<CameraSpec> FindInside(Prober& prober, const Framing& framing) {
+  constexpr double kShares[] = {0.12, 0.3, 0.5, 0.7, 0.88};
+  constexpr int kPlaces = std::size(kShares), kWays = 8;
+  constexpr double kFov = 65, kHeight = 0.4;
+  if (framing.interior) {
+    QUARRY_ASSIGN(const std::optional<CameraSpec> stage, BeforeOpenSide(prober, framing));
+    if (stage) return *stage;
+  }
+  const glm::dvec3 size = framing.upper - framing.lower, up = InAxes(0, 0, 1, framing.up_axis);
+  const double diagonal = glm::length(size);
   CameraSpec best{.eye = (framing.lower + framing.upper) * 0.5, .up = up, .fov_degrees = kFov};
   best.at = best.eye + InAxes(0, -1, 0, framing.up_axis);
   double best_score = -1e300;
   for (int place = 0; place < kPlaces * kPlaces; ++place) {
-    const double share[3] = {(place % kPlaces + 1.0) / (kPlaces + 1), (place / kPlaces + 1.0) / (kPlaces + 1),
-                             0.4};
-    glm::dvec3 eye;
-    for (int a = 0; a < 3; ++a) {
-      const bool is_up = a == static_cast<int>(framing.up_axis);
-      eye[a] = framing.lower[a] + size[a] * (is_up ? share[2] : share[a == 0 ? 0 : 1]);
-    }
+    const glm::dvec3 share = framing.up_axis == 1
+                                 ? glm::dvec3(kShares[place % kPlaces], kHeight, kShares[place / kPlaces])
+                                 : glm::dvec3(kShares[place % kPlaces], kShares[place / kPlaces], kHeight);
+    const glm::dvec3 eye = framing.lower + size * share;
     for (int way = 0; way < kWays; ++way) {
       double sine = 0, cosine = 1;
       SinCos(way * (6.28318530717958647693 / kWays), sine, cosine);
       const glm::dvec3 forward = InAxes(sine, cosine, 0, framing.up_axis);
       QUARRY_ASSIGN(const auto points, prober.Look(eye, forward, up, kFov, false));
-      double sum = 0, nearest = 1e300;
-      size_t seen = 0;
-      for (const ProbedPoint& p : points) {
-        if (!(p.distance < kInfinity)) continue;
-        const double distance = static_cast<double>(p.distance);
-        sum += Log2(std::max(distance / diagonal, 1e-6));
-        nearest = std::min(nearest, distance);
-        ++seen;
-      }
-      if (seen == 0) continue;
-      // A picture of the sky shows nothing of the scene; a wall at arm's length hides it.
-      const double all = static_cast<double>(points.size()), missing = all - static_cast<double>(seen);
-      const double score = (sum - missing) / all - (nearest < 0.02 * diagonal ? 2 : 0);
+      const double score = ScoreOf(points, diagonal);
       if (score <= best_score) continue;
       best_score = score;
       best.eye = eye;

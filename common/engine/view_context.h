@@ -15,7 +15,7 @@ namespace quarry {
 /// Length of occlusion rays in kAo: a share of the scene's diagonal, so that a room's corners and the gaps
 /// between a machine's parts darken, and a room as a whole does not. Units: scene units.
 inline float DefaultAoDistance(const SceneMeta& scene) {
-  constexpr float kShare = 0.08f;
+  constexpr float kShare = 0.05f;
   const glm::vec3 size = scene.bounds_upper - scene.bounds_lower;
   return kShare * std::sqrt(glm::dot(size, size));
 }

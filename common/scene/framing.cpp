@@ -45,6 +45,24 @@ double Most(const std::vector<glm::vec3>& points, Value&& value) {
   return most;
 }
 
+/// The place across the picture, `across` by `across`, from which the points' extent is the same at both
+/// sides. `depth`: of the eye along `forward`. Requires: all points lie ahead of it.
+double Centred(const std::vector<glm::vec3>& points, const glm::dvec3& across, const glm::dvec3& forward,
+               double depth) {
+  double low = -Most(points, [&](const glm::dvec3& p) { return -glm::dot(p, across); });
+  double high = Most(points, [&](const glm::dvec3& p) { return glm::dot(p, across); });
+  for (int step = 0; step < 60; ++step) {
+    const double middle = (low + high) / 2;
+    const auto extent = [&](double sign) {
+      return Most(points, [&](const glm::dvec3& p) {
+        return sign * (glm::dot(p, across) - middle) / (glm::dot(p, forward) - depth);
+      });
+    };
+    (extent(1) > extent(-1) ? low : high) = middle;
+  }
+  return (low + high) / 2;
+}
+
 /// The eye from which each point lies between the four planes through the picture's edges, as near as
 /// possible. A side's plane holds the points p with across - tangent * depth <= its offset at the eye.
 glm::dvec3 FitPerspective(const std::vector<glm::vec3>& points, const Axes& axes, double tangent_x,
@@ -54,10 +72,11 @@ glm::dvec3 FitPerspective(const std::vector<glm::vec3>& points, const Axes& axes
       return glm::dot(p, across) - tangent * glm::dot(p, axes.forward);
     });
   };
-  const double right = side(axes.right, tangent_x), left = side(-axes.right, tangent_x);
-  const double top = side(axes.up, tangent_y), bottom = side(-axes.up, tangent_y);
-  const double depth = std::min(-(right + left) / (2 * tangent_x), -(top + bottom) / (2 * tangent_y));
-  return axes.right * ((right - left) / 2) + axes.up * ((top - bottom) / 2) + axes.forward * depth;
+  const double wide = side(axes.right, tangent_x) + side(-axes.right, tangent_x);
+  const double high = side(axes.up, tangent_y) + side(-axes.up, tangent_y);
+  const double depth = std::min(-wide / (2 * tangent_x), -high / (2 * tangent_y));
+  return axes.right * Centred(points, axes.right, axes.forward, depth) +
+         axes.up * Centred(points, axes.up, axes.forward, depth) + axes.forward * depth;
 }
 
 }  // namespace
@@ -74,9 +93,15 @@ CameraSpec CameraFor(const Framing& framing, NamedView view, const Lens& lens) {
   }
   const glm::dvec3 local = Turned(DirectionOf(view), lens.turn_degrees);
   const glm::dvec3 back = glm::normalize(InAxes(local.x, local.y, local.z, framing.up_axis));
-  CameraSpec camera;
   // From straight above, the picture's upper edge is the scene's back.
-  camera.up = view == NamedView::kTop ? InAxes(0, -1, 0, framing.up_axis) : InAxes(0, 0, 1, framing.up_axis);
+  return FitCamera(
+      framing, back,
+      InAxes(0, view == NamedView::kTop ? -1 : 0, view == NamedView::kTop ? 0 : 1, framing.up_axis), lens);
+}
+
+CameraSpec FitCamera(const Framing& framing, const glm::dvec3& back, const glm::dvec3& up, const Lens& lens) {
+  CameraSpec camera;
+  camera.up = up;
   camera.fov_degrees = lens.fov_degrees;
   camera.ortho_height = lens.ortho_height;
   Axes axes;
@@ -86,16 +111,14 @@ CameraSpec CameraFor(const Framing& framing, NamedView view, const Lens& lens) {
   const double free = 1 - 2 * lens.margin, tangent = TanHalfDegrees(lens.fov_degrees) * free;
   const glm::dvec3 middle = (framing.lower + framing.upper) * 0.5;
   const double diagonal = std::max(glm::length(framing.upper - framing.lower), 1e-30);
-  if (lens.ortho_height > 0) {
-    camera.at = middle;
-    camera.eye = middle + back * diagonal;
-    return camera;
-  }
-  camera.eye = FitPerspective(framing.hull, axes, tangent * lens.aspect, tangent);
-  // A scene of one point: any distance shows it.
-  const double ahead = glm::dot(middle - camera.eye, axes.forward);
-  if (!(ahead > 1e-6 * diagonal)) camera.eye = middle + back * diagonal;
-  camera.at = camera.eye + axes.forward * std::max(ahead, diagonal);
+  camera.at = middle;
+  camera.eye = middle + back * diagonal;
+  if (lens.ortho_height > 0) return camera;
+  const glm::dvec3 eye = FitPerspective(framing.hull, axes, tangent * lens.aspect, tangent);
+  const double ahead = glm::dot(middle - eye, axes.forward);
+  if (!(ahead > 1e-6 * diagonal)) return camera;  // a scene of one point: any distance shows it
+  camera.eye = eye;
+  camera.at = eye + axes.forward * ahead;
   return camera;
 }
 

@@ -41,6 +41,10 @@ struct Lens {
 /// Requires: kInside only where `framing.inside` is set. Thread-safe.
 CameraSpec CameraFor(const Framing& framing, NamedView view, const Lens& lens);
 
+/// The camera that looks against `back` (a unit vector toward the camera) and shows the bulk as large as the
+/// picture allows, in its middle. Requires: `up` is not parallel to `back`. Thread-safe.
+CameraSpec FitCamera(const Framing& framing, const glm::dvec3& back, const glm::dvec3& up, const Lens& lens);
+
 /// Converts a direction (right, back, up) to the scene's axes. Thread-safe.
 glm::dvec3 InAxes(double right, double back, double up, uint32_t up_axis);
 

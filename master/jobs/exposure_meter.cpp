@@ -16,7 +16,7 @@ namespace {
 /// should show its shape rather than a mood.
 constexpr double kKey = 0.3;
 /// The share of points that may be clipped.
-constexpr size_t kClippedOf = 100;
+constexpr size_t kClippedOf = 64;
 /// Lattice points along the image's longer side.
 constexpr uint32_t kLattice = 64;
 

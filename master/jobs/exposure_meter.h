@@ -18,7 +18,7 @@ struct MeteredPoint {
 };
 
 /// The exposure that shows the points well: surfaces come to a mean grey in the logarithmic mean, but no more
-/// than a hundredth of all points is clipped. Units: EV, a multiple of 1/64 in [-16, 16]; 0 without a lit
+/// than one point of 64 is clipped. Units: EV, a multiple of 1/64 in [-16, 16]; 0 without a lit
 /// surface. The same for the same points in any order. Thread-safe. Source: Reinhard et al. 2002, section 3.1
 /// (the key).
 double ExposureFor(std::span<const MeteredPoint> points);

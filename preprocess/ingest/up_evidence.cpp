@@ -13,7 +13,7 @@ namespace {
 constexpr double kFlat = 0.985;
 /// Share of the extent at each end in which floors and ceilings lie.
 constexpr double kEnd = 0.03;
-constexpr double kFloorWeight = 8, kLowWeight = 1, kOpenWeight = 1, kThinWeight = 0.05;
+constexpr double kFloorWeight = 7.5, kLowWeight = 1, kOpenWeight = 1, kThinWeight = 0.05;
 
 /// Areas that speak of an axis.
 struct Axis {

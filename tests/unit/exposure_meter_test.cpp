@@ -24,7 +24,7 @@ TEST_CASE("Surfaces are exposed to one grey, highlights are held", "[exposure]")
   const double dark = ExposureFor(Grey(1000, 0.01f)), light = ExposureFor(Grey(1000, 0.16f));
   CHECK(dark - light == Approx(4).margin(0.05));
   CHECK(0.01 * std::exp2(dark) == Approx(0.3).epsilon(0.02));
-  // A bright sky of more than a hundredth is not clipped; a few lamps are.
+  // A large bright sky is not clipped; a few lamps are.
   CHECK(ExposureFor(Grey(900, 0.01f, 100, 0.8f)) <= -std::log2(0.8) + 1e-9);
   CHECK(ExposureFor(Grey(1000, 0.01f, 5, 1000.0f)) == dark);
   CHECK(ExposureFor({}) == 0);
