@@ -168,6 +168,11 @@ Status ChooseLights(const RenderArguments& a, const SceneSummary& scene, View& v
   return {};
 }
 
+/// The direction from which the scene is shown unless --view says another.
+NamedView DirectionFor(const RenderArguments& a, const SceneSummary& scene, std::optional<NamedView> named) {
+  return named.value_or(scene.framing.interior && a.turntable == 0 ? NamedView::kInside : NamedView::kIso);
+}
+
 /// The camera that options describe, one turn of the turntable after the other.
 Result<CameraSpec> CameraAt(const RenderArguments& a, const SceneSummary& scene, const View& view,
                             double turn_degrees) {
@@ -175,8 +180,7 @@ Result<CameraSpec> CameraAt(const RenderArguments& a, const SceneSummary& scene,
   if (!a.has_view_file()) {
     QUARRY_ASSIGN(const auto named, NamedViewOf(a));
     const Lens lens{static_cast<double>(view.width) / view.height, a.fov, a.ortho, a.fit, turn_degrees};
-    const bool inside = scene.framing.interior && a.turntable == 0;
-    camera = CameraFor(scene.framing, named.value_or(inside ? NamedView::kInside : NamedView::kIso), lens);
+    camera = CameraFor(scene.framing, DirectionFor(a, scene, named), lens);
     if (camera.fov_degrees != a.fov && Typed(a, "--fov")) camera.fov_degrees = a.fov;
   }
   if (!a.camera.empty()) {
@@ -200,6 +204,17 @@ Result<CameraSpec> CameraAt(const RenderArguments& a, const SceneSummary& scene,
     QUARRY_ASSIGN(camera.up, ParseVector(a.up, "--up"));
   }
   return camera;
+}
+
+/// Sets the length of occlusion rays where it was left open: from inside a share of the distance of things,
+/// so that pipes near the eye do not all lie in each other's shade.
+Status ChooseAoDistance(const RenderArguments& a, const SceneSummary& scene, View& view) {
+  constexpr double kShareOfDistance = 0.3;
+  QUARRY_ASSIGN(const auto named, NamedViewOf(a));
+  if (view.ao_distance > 0 || !NeedsFraming(a) || DirectionFor(a, scene, named) != NamedView::kInside)
+    return {};
+  view.ao_distance = static_cast<float>(kShareOfDistance * scene.framing.inside_distance);
+  return {};
 }
 
 Status PlaceCameras(const RenderArguments& a, const SceneSummary& scene, RenderJob& job) {
@@ -358,6 +373,7 @@ Status PlaceInScene(const RenderArguments& a, const SceneSummary& scene, RenderJ
     job.view.lights = std::move(description.view.lights);
   }
   QUARRY_TRY(ChooseLights(a, scene, job.view));
+  QUARRY_TRY(ChooseAoDistance(a, scene, job.view));
   QUARRY_TRY(PlaceCameras(a, scene, job));
   return NormalizeJob(job);
 }

@@ -6,6 +6,7 @@
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <optional>
+#include <set>
 #include <utility>
 #include <vector>
 
@@ -112,6 +113,22 @@ double Quantile(const std::vector<WeightedBox>& boxes, int axis, double share) {
   return (low + high) / 2;
 }
 
+/// Where most triangles lie along each axis.
+struct Core {
+  glm::dvec3 lower, middle, upper;
+};
+
+Core MeasureCore(const std::vector<WeightedBox>& boxes) {
+  constexpr double kOutside = 0.02;
+  Core core;
+  for (int a = 0; a < 3; ++a) {
+    core.lower[a] = Quantile(boxes, a, kOutside);
+    core.middle[a] = Quantile(boxes, a, 0.5);
+    core.upper[a] = Quantile(boxes, a, 1 - kOutside);
+  }
+  return core;
+}
+
 /// Sets the bulk and the hull.
 void MeasureBulk(const std::vector<WeightedBox>& boxes, const SceneMeta& meta, Framing& framing) {
   framing.lower = glm::dvec3(meta.bounds_lower);
@@ -151,6 +168,7 @@ void MeasureBulk(const std::vector<WeightedBox>& boxes, const SceneMeta& meta, F
 /// A hit as a probe sees it.
 struct ProbedPoint {
   float distance = kInfinity;
+  uint32_t triangle = kNoTriangle;
   bool inward = false;  ///< the side that is hit faces the eye by its triangle's winding
 };
 
@@ -181,6 +199,7 @@ class Prober {
     for (size_t i = 0; i < hits.size(); ++i) {
       if (hits[i].triangle == kNoTriangle) continue;
       points[i].distance = hits[i].t;
+      points[i].triangle = hits[i].triangle;
       if (sides) {
         QUARRY_ASSIGN(points[i].inward, FacesEye(hits[i], eye));
       }
@@ -242,29 +261,30 @@ Result<Surroundings> LookAround(Prober& prober, const glm::dvec3& eye, double di
 /// Whether nearly all rays from the middle hit sides that face inwards, and the scene is a room rather than a
 /// dense plant: its walls show their backs to the outside, or there is a place in its middle with space
 /// around.
-Result<bool> IsInterior(Prober& prober, const Framing& framing) {
+Result<bool> IsInterior(Prober& prober, const Core& core, uint32_t up_axis) {
   constexpr double kNearlyAll = 0.7, kMostBacks = 0.5, kSpace = 0.1;
   constexpr double kHeights[] = {0.5, 0.25, 0.75};
-  const glm::dvec3 size = framing.upper - framing.lower;
+  const glm::dvec3 size = core.upper - core.lower, middle = (core.lower + core.upper) * 0.5;
   const double diagonal = glm::length(size);
-  glm::dvec3 place = (framing.lower + framing.upper) * 0.5;
-  QUARRY_ASSIGN(const Surroundings outside, LookAround(prober, place, diagonal, true));
-  for (const double height : kHeights) {
-    const auto up = static_cast<int>(framing.up_axis);
-    place[up] = framing.lower[up] + height * size[up];
-    QUARRY_ASSIGN(const Surroundings around, LookAround(prober, place, diagonal, false));
-    if (around.inward < kNearlyAll) return false;
-    if (outside.backs >= kMostBacks || around.mean_distance >= kSpace) return true;
-  }
+  QUARRY_ASSIGN(const Surroundings outside, LookAround(prober, middle, diagonal, true));
+  // The middle of the room may lie in a thing, that of the triangles in another room.
+  for (glm::dvec3 place : {middle, core.middle})
+    for (const double height : kHeights) {
+      place[static_cast<int>(up_axis)] =
+          core.lower[static_cast<int>(up_axis)] + height * size[static_cast<int>(up_axis)];
+      QUARRY_ASSIGN(const Surroundings around, LookAround(prober, place, diagonal, false));
+      if (around.inward < kNearlyAll) break;
+      if (outside.backs >= kMostBacks || around.mean_distance >= kSpace) return true;
+    }
   return false;
 }
 
 /// The camera before a side of the scene through which most rays from the middle leave it: it shows an open
 /// box as a stage. None: no side is open.
-Result<std::optional<CameraSpec>> BeforeOpenSide(Prober& prober, const Framing& framing) {
+Result<std::optional<CameraSpec>> BeforeOpenSide(Prober& prober, const Core& core, const Framing& framing) {
   constexpr double kOpen = 0.7;
   constexpr std::pair<double, double> kWays[] = {{0, 1}, {1, 0}, {-1, 0}, {0, -1}};
-  const glm::dvec3 middle = (framing.lower + framing.upper) * 0.5, up = InAxes(0, 0, 1, framing.up_axis);
+  const glm::dvec3 middle = (core.lower + core.upper) * 0.5, up = InAxes(0, 0, 1, framing.up_axis);
   for (const auto& [right, back] : kWays) {
     const glm::dvec3 out = InAxes(right, back, 0, framing.up_axis);
     QUARRY_ASSIGN(const auto points, prober.Look(middle, out, up, 40, false));
@@ -276,49 +296,60 @@ Result<std::optional<CameraSpec>> BeforeOpenSide(Prober& prober, const Framing& 
   return std::optional<CameraSpec>();
 }
 
-/// How much of the scene a picture shows: the logarithmic mean of distances; the sky shows nothing, and a
-/// thing close before the eye hides what is there.
-double ScoreOf(const std::vector<ProbedPoint>& points, double diagonal) {
-  constexpr double kSky = -5, kClose = 0.03;
-  double sum = 0;
+/// How much of the scene a picture shows.
+struct Prospect {
+  double distance = 0;  ///< logarithmic mean, as a share of the diagonal
+  double score =
+      0;  ///< distance and detail; the sky shows nothing, and a thing close before the eye hides the rest
+};
+
+Prospect Judge(const std::vector<ProbedPoint>& points, double diagonal) {
+  constexpr double kSky = -5, kClose = 0.03, kDetail = 0.6;
+  double sum = 0, seen = 0;
   bool close = false;
+  std::set<uint32_t> triangles;
   for (const ProbedPoint& p : points) {
     const double distance = static_cast<double>(p.distance) / diagonal;
     const bool hit = p.distance < kInfinity;
     sum += hit ? Log2(std::max(distance, 1e-6)) : kSky;
+    seen += hit ? Log2(std::max(distance, 1e-6)) : 0;
     close |= hit && distance < kClose;
+    if (hit) triangles.insert(p.triangle);
   }
-  return sum / static_cast<double>(points.size()) - (close ? 1 : 0);
+  const auto count = static_cast<double>(points.size());
+  const double detail = Log2(static_cast<double>(triangles.size() + 1) / count);
+  return {Exp2(seen / count), sum / count + kDetail * detail - (close ? 1 : 0)};
 }
 
 /// A place and direction inside: before an open side; else of a few places at eye height, each looking eight
 /// ways, the one whose picture shows most.
-Result<CameraSpec> FindInside(Prober& prober, const Framing& framing) {
+Result<CameraSpec> FindInside(Prober& prober, const Core& core, Framing& framing) {
   constexpr double kShares[] = {0.12, 0.3, 0.5, 0.7, 0.88};
   constexpr int kPlaces = std::size(kShares), kWays = 8;
   constexpr double kFov = 65, kHeight = 0.4;
   if (framing.interior) {
-    QUARRY_ASSIGN(const std::optional<CameraSpec> stage, BeforeOpenSide(prober, framing));
+    QUARRY_ASSIGN(const std::optional<CameraSpec> stage, BeforeOpenSide(prober, core, framing));
     if (stage) return *stage;
   }
-  const glm::dvec3 size = framing.upper - framing.lower, up = InAxes(0, 0, 1, framing.up_axis);
+  const glm::dvec3 size = core.upper - core.lower, up = InAxes(0, 0, 1, framing.up_axis);
   const double diagonal = glm::length(size);
-  CameraSpec best{.eye = (framing.lower + framing.upper) * 0.5, .up = up, .fov_degrees = kFov};
+  CameraSpec best{.eye = core.middle, .up = up, .fov_degrees = kFov};
   best.at = best.eye + InAxes(0, -1, 0, framing.up_axis);
   double best_score = -1e300;
   for (int place = 0; place < kPlaces * kPlaces; ++place) {
     const glm::dvec3 share = framing.up_axis == 1
                                  ? glm::dvec3(kShares[place % kPlaces], kHeight, kShares[place / kPlaces])
                                  : glm::dvec3(kShares[place % kPlaces], kShares[place / kPlaces], kHeight);
-    const glm::dvec3 eye = framing.lower + size * share;
+    const glm::dvec3 eye = core.lower + size * share;
     for (int way = 0; way < kWays; ++way) {
       double sine = 0, cosine = 1;
       SinCos(way * (6.28318530717958647693 / kWays), sine, cosine);
       const glm::dvec3 forward = InAxes(sine, cosine, 0, framing.up_axis);
       QUARRY_ASSIGN(const auto points, prober.Look(eye, forward, up, kFov, false));
-      const double score = ScoreOf(points, diagonal);
-      if (score <= best_score) continue;
-      best_score = score;
+      const Prospect prospect = Judge(points, diagonal);
+      if (prospect.score <= best_score) continue;
+      best_score = prospect.score;
+      framing.inside_distance = diagonal * prospect.distance;
       best.eye = eye;
       best.at = eye + forward * diagonal;
     }
@@ -338,11 +369,12 @@ Result<Framing> ProbeFraming(const Scene& scene, uint32_t up_axis, bool find_ins
   } else
     boxes = CellsOf(catalog);
   MeasureBulk(boxes, catalog.meta, framing);
+  const Core core = MeasureCore(boxes);
   if (catalog.voxels.empty()) return framing;
   QUARRY_ASSIGN(const std::unique_ptr<Prober> prober, Prober::Create(scene));
-  QUARRY_ASSIGN(framing.interior, IsInterior(*prober, framing));
+  QUARRY_ASSIGN(framing.interior, IsInterior(*prober, core, framing.up_axis));
   if (framing.interior || find_inside) {
-    QUARRY_ASSIGN(framing.inside, FindInside(*prober, framing));
+    QUARRY_ASSIGN(framing.inside, FindInside(*prober, core, framing));
   }
   return framing;
 }

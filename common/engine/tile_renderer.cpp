@@ -237,8 +237,8 @@ void TileRenderer::Shade(uint32_t packet, uint64_t lanes) {
     Vectors& radiance = gathered_->radiance;
     ForEachMaterial(s.surface, lanes, [&](uint32_t material, uint64_t same) {
       if (mode == RenderMode::kAo)
-        Studio(view_->catalog.materials[material], view_->up,
-               1.0f / static_cast<float>(view_->view.ao_samples), s.surface, same, s.light, radiance);
+        Studio(view_->catalog.materials[material], view_->up, view_->view.ao_samples, s.surface, same,
+               s.light, radiance);
       else if (lit)
         Ambient(view_->catalog.materials[material], mode, view_->view.ambient, s.surface, same, radiance);
       else

@@ -18,6 +18,7 @@ struct Framing {
   bool interior = false;          ///< a room: it is shown from inside
   /// A place inside the scene and a direction in which there is something to see; none: not looked for.
   std::optional<CameraSpec> inside;
+  double inside_distance = 0;  ///< how far things are from there, about; 0: as far as the scene is large
 };
 
 /// Directions from which a scene is shown.

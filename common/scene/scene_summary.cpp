@@ -111,6 +111,10 @@ Status ReadFraming(const JsonValue& json, const glm::dvec3& offset, Framing& fra
     camera.eye -= offset;
     camera.at -= offset;
     framing.inside = camera;
+    QUARRY_ASSIGN(const JsonValue distance, json.Member("inside_distance"));
+    QUARRY_ASSIGN(framing.inside_distance, distance.Number());
+    if (!(framing.inside_distance >= 0 && framing.inside_distance <= kMost))
+      return distance.Wrong("is no distance");
   }
   if (framing.interior && !framing.inside) return json.Wrong("is an interior without a place inside");
   return {};
@@ -125,7 +129,10 @@ ordered_json FramingToJson(const Framing& framing, const glm::dvec3& offset) {
                     {"interior", framing.interior},
                     {"hull", ordered_json::array()}};
   for (const glm::vec3& point : framing.hull) j["hull"].push_back(Triple(glm::dvec3(point) + offset));
-  if (framing.inside) j["inside"] = CameraToJson(*framing.inside, offset);
+  if (framing.inside) {
+    j["inside"] = CameraToJson(*framing.inside, offset);
+    j["inside_distance"] = framing.inside_distance;
+  }
   return j;
 }
 

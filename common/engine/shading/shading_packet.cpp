@@ -95,16 +95,20 @@ void Ambient(const Material& material, RenderMode mode, const glm::vec3& ambient
   });
 }
 
-void Studio(const Material& material, const glm::vec3& up, float share, const SurfacePacket& surfaces,
-            uint64_t lanes, Vectors& light, Vectors& emitted) {
-  const glm::vec3 color = material.unlit ? glm::vec3(0) : StudioColor(material) * share, zenith = up;
-  if (material.unlit) Unlit(material, surfaces, lanes, emitted);
+void Studio(const Material& material, const glm::vec3& up, uint32_t rays, const SurfacePacket& surfaces,
+            uint64_t lanes, Vectors& light, Vectors& radiance) {
+  // Part of the light that nothing occludes, so that crevices keep their shapes.
+  constexpr float kOpen = 0.15f;
+  const glm::vec3 color = material.unlit ? glm::vec3(0) : StudioColor(material), zenith = up;
+  const float share = (1 - kOpen) / static_cast<float>(rays);
+  if (material.unlit) Unlit(material, surfaces, lanes, radiance);
   const glm::vec3 emission = material.emission;
   const bool lit = !material.unlit;
   ForLanes(lanes, [&](int i, bool meant) {
     const Surface s = surfaces[i];
-    Put(meant, i, color * s.color * StudioFactor(s, zenith), light);
-    Put(static_cast<int>(meant) & static_cast<int>(lit), i, emission, emitted);
+    const glm::vec3 all = color * s.color * StudioFactor(s, zenith);
+    Put(meant, i, all * share, light);
+    Put((static_cast<int>(meant) & static_cast<int>(lit)) != 0, i, all * kOpen + emission, radiance);
   });
 }
 

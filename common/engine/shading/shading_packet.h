@@ -80,10 +80,10 @@ void Headlight(const Material& material, RenderMode mode, const SurfacePacket& s
 void Ambient(const Material& material, RenderMode mode, const glm::vec3& ambient,
              const SurfacePacket& surfaces, uint64_t lanes, Vectors& radiance);
 
-/// kAo: the light that a surface of one material sends back where nothing occludes it, times `share`, and the
-/// light that it gives off. `up`: the dome's zenith.
-void Studio(const Material& material, const glm::vec3& up, float share, const SurfacePacket& surfaces,
-            uint64_t lanes, Vectors& light, Vectors& emitted);
+/// kAo: the light that each of `rays` occlusion rays of a surface of one material adds if nothing is in its
+/// way, and the radiance that needs none. `up`: the dome's zenith.
+void Studio(const Material& material, const glm::vec3& up, uint32_t rays, const SurfacePacket& surfaces,
+            uint64_t lanes, Vectors& light, Vectors& radiance);
 /// Directions of occlusion rays, with a density by the cosine to the geometric normal on the side that is
 /// seen. `ray`: the number of each sample's ray, of `rays` a sample.
 struct OcclusionSamples {
