@@ -58,6 +58,16 @@ Status PrintInfo(const std::string& scene, bool json) {
   return {};
 }
 
+Status PrintParts(const std::string& scene) {
+  QUARRY_ASSIGN(const StoreReader store, StoreReader::Open(scene));
+  const auto print = [](const char* kind, const std::vector<std::string>& names) {
+    for (size_t id = 0; id < names.size(); ++id) fmt::print("{} {} {}\n", kind, id, names[id]);
+  };
+  print("part", store.parts());
+  print("material", store.material_names());
+  return {};
+}
+
 Status Verify(const std::string& scene, bool quiet) {
   QUARRY_ASSIGN(const StoreReader store, StoreReader::Open(scene));
   Progress progress(quiet);

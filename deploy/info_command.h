@@ -10,6 +10,10 @@ namespace quarry {
 /// StoreReader::Open().
 Status PrintInfo(const std::string& scene, bool json);
 
+/// Prints the names that the ids of parts and materials stand for, a line each. Errors: as
+/// StoreReader::Open().
+Status PrintParts(const std::string& scene);
+
 /// `quarry verify`: reads every byte of a store and decodes every block and page. Errors: the first problem
 /// found.
 Status Verify(const std::string& scene, bool quiet);

@@ -80,10 +80,11 @@ int Main(int argc, char** argv) {
   RenderArguments render;
   AddRenderOptions(*app.add_subcommand("render", "Render a picture, or a path of them"), render);
   std::string scene;
-  bool json = false, quiet = false;
+  bool json = false, parts = false, quiet = false;
   auto* info = app.add_subcommand("info", "Tell what a store holds");
   info->add_option("scene", scene, "The store")->required();
-  info->add_flag("--json", json, "As JSON");
+  auto* const as_json = info->add_flag("--json", json, "As JSON");
+  info->add_flag("--parts", parts, "The names of part and material ids")->excludes(as_json);
   auto* verify = app.add_subcommand("verify", "Read and check every byte of a store");
   verify->add_option("scene", scene, "The store")->required();
   verify->add_flag("--quiet", quiet, "Print errors only");
@@ -102,7 +103,7 @@ int Main(int argc, char** argv) {
   Status status;
   try {
     status = app.got_subcommand("render")   ? Render(render)
-             : app.got_subcommand("info")   ? PrintInfo(scene, json)
+             : app.got_subcommand("info")   ? (parts ? PrintParts(scene) : PrintInfo(scene, json))
              : app.got_subcommand("status") ? ShowStatus(master, security, json)
              : app.got_subcommand("cache")  ? RunCacheCommand(*cache_command, cache)
                                             : Verify(scene, quiet);
