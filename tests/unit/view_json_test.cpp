@@ -107,6 +107,7 @@ TEST_CASE("A scene's summary comes back from the master's answer", "[view]") {
   framing.up_axis = 1;
   framing.interior = true;
   framing.inside = CameraSpec{{0, 1, 2}, {3, 1, 2}, {0, 1, 0}, 70, 0};
+  framing.inside_distance = 2.5;
   const nlohmann::ordered_json answer = {{"scene_id", "00"},
                                          {"offset", {1000, 2000, 3000}},
                                          {"materials", {"steel"}},
@@ -130,6 +131,7 @@ TEST_CASE("A scene's summary comes back from the master's answer", "[view]") {
   CHECK(summary->framing.hull == framing.hull);
   CHECK(summary->framing.up_axis == 1);
   CHECK(summary->framing.inside->at == framing.inside->at);
+  CHECK(summary->framing.inside_distance == 2.5);
   for (const char* const member : {"scene_id", "offset", "cameras", "lights", "framing"}) {
     auto without = answer;
     without.erase(member);

@@ -1,0 +1,135 @@
+#include "common/engine/framing_probe.h"
+
+#include <fmt/format.h>
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <string>
+
+#include "preprocess/preprocess.h"
+#include "tests/support/temporary_folder.h"
+
+namespace quarry::test {
+namespace {
+
+/// Text of an OBJ file, built face by face.
+class Model {
+ public:
+  void AddQuad(const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c, const glm::dvec3& d) {
+    for (const glm::dvec3& p : {a, b, c, d}) text_ += fmt::format("v {} {} {}\n", p.x, p.y, p.z);
+    text_ += "f -4 -3 -2 -1\n";
+  }
+  /// A sphere of 2 * n * n quads, facing outwards.
+  void AddSphere(const glm::dvec3& middle, double radius, int n) {
+    const auto at = [&](int i, int j) {
+      const double u = M_PI * i / n, v = M_PI * j / n;
+      return middle + radius * glm::dvec3(std::sin(u) * std::cos(v), std::sin(u) * std::sin(v), std::cos(u));
+    };
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; j < 2 * n; ++j) AddQuad(at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1));
+  }
+  /// The inside of a box, each wall of 16 x 16 quads; without its front (least y) if `open`.
+  void AddRoom(const glm::dvec3& size, bool open) {
+    const auto wall = [&](const glm::dvec3& a, const glm::dvec3& u, const glm::dvec3& v) {
+      for (int i = 0; i < 16; ++i)
+        for (int j = 0; j < 16; ++j) {
+          const glm::dvec3 p = a + u * (i / 16.0) + v * (j / 16.0), du = u / 16.0, dv = v / 16.0;
+          AddQuad(p, p + du, p + du + dv, p + dv);
+        }
+    };
+    const glm::dvec3 x(size.x, 0, 0), y(0, size.y, 0), z(0, 0, size.z), o(0);
+    wall(o, x, y);
+    wall(z, y, x);
+    wall(y, x, z);
+    if (!open) wall(o, z, x);
+    wall(o, y, z);
+    wall(x, z, y);
+  }
+  Framing Probe(bool find_inside) const {
+    const TemporaryFolder folder;
+    WriteFile(folder.file("m.obj"), text_);
+    PreprocessOptions options;
+    options.models = {folder.file("m.obj")};
+    options.output = folder.file("m.quarry");
+    options.up_axis = 2;
+    options.quiet = true;
+    REQUIRE(Preprocess(options).has_value());
+    const auto scene = Scene::Open(options.output);
+    REQUIRE(scene.has_value());
+    const auto framing = ProbeFraming(*scene, 0, find_inside);
+    REQUIRE(framing.has_value());
+    return *framing;
+  }
+
+ private:
+  std::string text_;
+};
+
+bool IsWithin(const glm::dvec3& p, const glm::dvec3& lower, const glm::dvec3& upper) {
+  return p.x > lower.x && p.x < upper.x && p.y > lower.y && p.y < upper.y && p.z > lower.z && p.z < upper.z;
+}
+
+}  // namespace
+
+TEST_CASE("Far strays and base plates are not framed", "[framing]") {
+  for (const int n : {24, 160}) {  // by triangles, and by voxels
+    Model model;
+    model.AddSphere({0, 0, 1}, 1, n);
+    model.AddQuad({900, 900, 900}, {901, 900, 900}, {901, 901, 900}, {900, 901, 900});
+    model.AddQuad({-300, -300, 0}, {300, -300, 0}, {300, 300, 0}, {-300, 300, 0});
+    const Framing framing = model.Probe(false);
+    INFO(n << " " << framing.upper.x << " " << framing.upper.y << " " << framing.upper.z);
+    CHECK(glm::length(framing.lower - glm::dvec3(-1, -1, 0)) < 0.2);
+    CHECK(glm::length(framing.upper - glm::dvec3(1, 1, 2)) < 0.2);
+    CHECK_FALSE(framing.interior);
+    CHECK(framing.hull.size() > 100);
+    const CameraSpec camera = CameraFor(framing, NamedView::kIso, {});
+    CHECK(glm::length(camera.eye - glm::dvec3(0, 0, 1)) < 5);
+  }
+}
+
+TEST_CASE("Without strays all of a model is framed", "[framing]") {
+  Model model;
+  model.AddSphere({0, 0, 0}, 1, 32);
+  model.AddQuad({1, 0, 0}, {1.5, 0, 0}, {1.5, 0.1, 0}, {1, 0.1, 0});  // a spout
+  const Framing framing = model.Probe(false);
+  CHECK(framing.upper.x == Approx(1.5));
+  CHECK(framing.lower.z == Approx(-1));
+}
+
+TEST_CASE("A closed room is an interior, seen from a place inside", "[framing]") {
+  Model model;
+  model.AddRoom({8, 6, 3}, false);
+  model.AddSphere({4, 3, 0.5}, 0.5, 12);
+  const Framing framing = model.Probe(false);
+  CHECK(framing.interior);
+  REQUIRE(framing.inside.has_value());
+  CHECK(IsWithin(framing.inside->eye, {0, 0, 0}, {8, 6, 3}));
+  CHECK(framing.inside_distance > 0.5);
+  CHECK(framing.inside_distance < 10);
+}
+
+TEST_CASE("A room without a side is seen through it", "[framing]") {
+  Model model;
+  model.AddRoom({4, 4, 4}, true);
+  const Framing framing = model.Probe(false);
+  CHECK(framing.interior);
+  REQUIRE(framing.inside.has_value());
+  CHECK(framing.inside->eye.y < 0);
+  CHECK(framing.inside->eye.x == Approx(2).margin(0.2));
+  CHECK(glm::dot(framing.inside->at - framing.inside->eye, glm::dvec3(0, 1, 0)) > 0);
+}
+
+TEST_CASE("A solid is no interior, but has a place inside when one is asked for", "[framing]") {
+  Model model;
+  model.AddSphere({0, 0, 0}, 1, 32);
+  CHECK_FALSE(model.Probe(false).interior);
+  CHECK_FALSE(model.Probe(false).inside.has_value());
+  const Framing framing = model.Probe(true);
+  CHECK_FALSE(framing.interior);
+  REQUIRE(framing.inside.has_value());
+  CHECK(CheckCamera(*framing.inside).has_value());
+}
+
+}  // namespace quarry::test
