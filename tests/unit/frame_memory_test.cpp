@@ -38,7 +38,7 @@ TEST_CASE("No encoded image is larger than reckoned") {
     std::vector<uint32_t> pixels(size_t{job.view.width} * job.view.height * WordsPerPixel(job.view.aov_mask));
     uint32_t noise = 1;
     for (uint32_t& word : pixels) word = 0x3e000000 + ((noise = noise * 1664525 + 1013904223) >> 7);
-    const auto image = EncodeImage(job.view, job.format, pixels);
+    const auto image = EncodeImage(job.view, job.format, {}, job.format.exposure.value_or(0), pixels);
     REQUIRE(image.has_value());
     CHECK(image->size() <= EncodedBytes(job.view, job.format));
   }

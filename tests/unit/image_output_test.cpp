@@ -59,7 +59,7 @@ TEST_CASE("A PNG holds the sRGB encoding of every value") {
                              -std::numeric_limits<float>::infinity(),
                              std::numeric_limits<float>::quiet_NaN()};
     for (size_t i = 0; i < std::size(special); ++i) pixels[i] = std::bit_cast<uint32_t>(special[i]);
-    const auto file = EncodeImage(job.view, job.format, pixels);
+    const auto file = EncodeImage(job.view, job.format, {}, job.format.exposure.value_or(0), pixels);
     REQUIRE(file.has_value());
     OIIO::ImageSpec spec;
     const auto values = Read<uint8_t>(*file, "x.png", OIIO::TypeUInt8, spec);
@@ -80,28 +80,44 @@ TEST_CASE("An EXR holds every word of the crop, by name") {
   RenderJob job = CroppedJob("exr");
   job.view.aov_mask = (1u << kAovs) - 1;
   const std::vector<uint32_t> pixels = RandomPixels(job, random);
-  const auto file = EncodeImage(job.view, job.format, pixels);
+  const auto file = EncodeImage(job.view, job.format, {}, job.format.exposure.value_or(0), pixels);
   REQUIRE(file.has_value());
-  CHECK(*file == *EncodeImage(job.view, job.format, pixels));
+  CHECK(*file == *EncodeImage(job.view, job.format, {}, job.format.exposure.value_or(0), pixels));
   OIIO::ImageSpec spec;
   const auto words = Read<uint32_t>(*file, "x.exr", OIIO::TypeUnknown, spec);
   CHECK(spec.x == 11);
   CHECK(spec.y == 23);
   CHECK(spec.full_width == 90);
   CHECK(spec.full_height == 70);
-  const std::vector<std::string> names = {"R",           "G",        "B",       "depth.Z", "normal.X",
-                                          "normal.Y",    "normal.Z", "uv.U",    "uv.V",    "primitive.id",
-                                          "material.id", "part.id",  "voxel.id"};
-  REQUIRE(static_cast<size_t>(spec.nchannels) == names.size());
-  for (size_t c = 0; c < names.size(); ++c) {
-    const auto at = static_cast<size_t>(spec.channelindex(names[c]));
-    REQUIRE(at < names.size());
-    CHECK(spec.channelformat(static_cast<int>(at)) == (c < 9 ? OIIO::TypeFloat : OIIO::TypeUInt32));
-    size_t differing = 0;
-    for (size_t p = 0; p < pixels.size() / names.size(); ++p)
-      differing += words[p * names.size() + at] != pixels[p * names.size() + c];
-    CHECK(differing == 0);
-  }
+  // By word of the pixel; depths and normals have a second name.
+  const std::vector<std::vector<std::string>> names = {{"R"},
+                                                       {"G"},
+                                                       {"B"},
+                                                       {"depth.Z", "Z"},
+                                                       {"normal.X", "N.X"},
+                                                       {"normal.Y", "N.Y"},
+                                                       {"normal.Z", "N.Z"},
+                                                       {"uv.U"},
+                                                       {"uv.V"},
+                                                       {"primitive.id"},
+                                                       {"material.id"},
+                                                       {"part.id"},
+                                                       {"voxel.id"}};
+  const auto channels = static_cast<size_t>(spec.nchannels);
+  REQUIRE(channels == names.size() + 4);
+  for (size_t word = 0; word < names.size(); ++word)
+    for (const std::string& name : names[word]) {
+      const auto at = static_cast<size_t>(spec.channelindex(name));
+      REQUIRE(at < channels);
+      CHECK(spec.channelformat(static_cast<int>(at)) == (word < 9 ? OIIO::TypeFloat : OIIO::TypeUInt32));
+      size_t differing = 0;
+      for (size_t p = 0; p < pixels.size() / names.size(); ++p)
+        differing += words[p * channels + at] != pixels[p * names.size() + word];
+      CHECK(differing == 0);
+    }
+  CHECK(spec.get_string_attribute("Software").find("Quarry") != std::string::npos);
+  CHECK(spec.get_string_attribute("quarryScene") == std::string(32, '0'));
+  CHECK(spec.get_string_attribute("quarryCamera").find("fov 45") != std::string::npos);
 }
 
 }  // namespace quarry::test

@@ -1,6 +1,7 @@
 #include "master/jobs/jobs.h"
 
 #include <algorithm>
+#include <atomic>
 #include <boost/asio/executor_work_guard.hpp>
 #include <boost/asio/io_context.hpp>
 #include <catch2/catch.hpp>
@@ -69,9 +70,14 @@ using Numbers = std::vector<uint32_t>;
 /// Jobs, of which the test renders the frames.
 struct Office {
   explicit Office(std::optional<Spool> spool = {}, uint64_t memory = kMemory)
-      : jobs(io, SceneId{}, std::move(spool), memory,
+      : jobs(io, SceneFacts{}, std::move(spool), memory,
              {[this] { ++work; }, [this](const Job& job) { over.push_back(job.id); },
-              [this](const std::string& line) { log.push_back(line); }}) {}
+              [this](const std::string& line) { log.push_back(line); },
+              [this](const View& view, std::stop_token) -> Result<double> {
+                ++metered;
+                metered_width = view.width;
+                return 1.5;
+              }}) {}
 
   Status Ask(const std::shared_ptr<Client>& client, const RenderJob& job, uint32_t have = 0) {
     return jobs.Ask(client, {job, have});
@@ -111,6 +117,8 @@ struct Office {
   boost::asio::io_context io;
   boost::asio::executor_work_guard<boost::asio::io_context::executor_type> stays{io.get_executor()};
   int work = 0;
+  std::atomic<int> metered{0};  ///< on the encoder's thread
+  std::atomic<uint32_t> metered_width{0};
   std::vector<std::string> over, log;
   Jobs jobs;
 };
@@ -122,6 +130,24 @@ Spool OpenSpool(const std::string& folder) {
 }
 
 }  // namespace
+
+TEST_CASE("A job's exposure is metered once, unless it is given or the file needs none", "[jobs]") {
+  for (const std::string format : {"auto", "given", "exr"}) {
+    Office office;
+    RenderJob walk = Walk(3);
+    if (format == "given") walk.format.exposure = -2;
+    if (format == "exr") walk.format.name = "exr";
+    const auto client = std::make_shared<Client>();
+    REQUIRE(office.Ask(client, walk).has_value());
+    office.RenderAll();
+    office.RunUntil([&] { return client->got.size() == 3; });
+    CHECK(office.metered == (format == "auto" ? 1 : 0));
+    for (const Message& message : client->got) {
+      const auto statistics = nlohmann::json::parse(DecodeFrameDone(message.table)->statistics);
+      CHECK(statistics["exposure_ev"] == (format == "auto" ? 1.5 : format == "given" ? -2 : 0));
+    }
+  }
+}
 
 TEST_CASE("Frames are begun in the order of jobs and cameras, each with its own camera", "[jobs]") {
   Office office;
