@@ -71,9 +71,10 @@ void Renderer::Begin(VoxelSource& source, Executor executor, const Options& opti
 }
 
 Renderer::~Renderer() {
-  engine_.reset();
+  // The loader first: it delivers blocks to the compute threads' mailboxes.
   tasks_.Stop();
   if (loader_thread_.joinable()) loader_thread_.join();
+  engine_.reset();
 }
 
 /// Makes the loader run once, however many calls come before it runs.

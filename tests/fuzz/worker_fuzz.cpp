@@ -94,7 +94,7 @@ class Cast {
         std::fprintf(stderr, "the tile has other pixels than before\n");
         std::abort();
       }
-      c.Come({MessageType::kShutDown, 0, {}, {}});
+      c.Come(MakeMessage(MessageType::kFailure, Failure{"the play is over"}));
     }
   }
 

@@ -25,8 +25,13 @@ void Mailbox::Wake() {
 }
 
 std::vector<BlockKey> Mailbox::Take(bool wait) {
-  if (in_use_ != 0) from_->Used(std::exchange(in_use_, 0));
   std::unique_lock lock(mutex_);
+  if (const uint32_t used = std::exchange(in_use_, 0); used != 0) {
+    VoxelCache* const from = from_;
+    lock.unlock();  // Used() takes the cache's lock
+    from->Used(used);
+    lock.lock();
+  }
   if (wait) changed_.wait(lock, [&] { return woken_ || !delivered_.empty(); });
   woken_ = false;
   in_use_ = static_cast<uint32_t>(delivered_.size());
