@@ -28,8 +28,8 @@ inline constexpr AovInfo kAovInfo[kAovs] = {{"depth", 1, false},    {"normal", 3
                                             {"primitive", 1, true}, {"material", 1, true}, {"part", 1, true},
                                             {"voxel", 1, true}};
 
-/// A pinhole or orthographic camera. Units: positions are the model's minus SceneMeta::offset, as in the
-/// store; also those of lights.
+/// A pinhole or orthographic camera. Units: positions, like the positions of lights, are the model's minus
+/// SceneMeta::offset, as in the store.
 struct CameraSpec {
   glm::dvec3 eye{0, -1, 0}, at{0}, up{0, 0, 1};
   double fov_degrees = 45;  ///< vertical, in (0, 179]

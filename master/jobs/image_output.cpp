@@ -118,8 +118,8 @@ Result<Bytes> EncodePng(const View& view, const ImageFormat& format, const Scene
   if (!kept || kept->first != ev) kept.emplace(ev, SrgbEncoder(ev));
   const SrgbEncoder& encode = kept->second;
   Bytes file;
-  file.reserve(EncodedBytes(
-      view, format));  // pages that nothing is written to are no memory; a copy in growing would be
+  // Pages that nothing is written to take no memory; the copies of a growing file would.
+  file.reserve(EncodedBytes(view, format));
   PngWriter writer(size_t{view.crop.width} * 3);
   if (!writer.info) return Fail("cannot encode the image: libpng does not start");
   // libpng comes back here on errors.

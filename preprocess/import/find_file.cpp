@@ -47,7 +47,7 @@ fs::path FindFile(const fs::path& folder, const std::string& name) {
   const std::string slashed = Slashed(name);
   for (const fs::path& candidate : {folder / name, folder / slashed, folder / fs::path(slashed).filename()})
     if (NoteModelFile(candidate.string()); IsFile(candidate)) return candidate;
-  const fs::path found = FindWhateverCase(folder / slashed);
+  fs::path found = FindWhateverCase(folder / slashed);
   if (!found.empty()) NoteModelFile(found.string());
   return found;
 }

@@ -26,6 +26,8 @@ class Interner {
     uint64_t hash = 0;
     for (uint32_t word : words) hash = (hash ^ word) * 0x9E3779B97F4A7C15ull;
     size_t at = (hash >> 32) & (table_.size() - 1);
+    // Values are equal if their bits are: 0 and -0 are stored apart.
+    // NOLINTNEXTLINE(bugprone-suspicious-memory-comparison)
     while (table_[at] != kFree && std::memcmp(&values[table_[at]], &value, sizeof value) != 0)
       at = (at + 1) & (table_.size() - 1);
     if (table_[at] == kFree) {

@@ -178,7 +178,7 @@ Status SpillFile::Settle() const { return writer_ ? writer_->Wait() : Status{}; 
 Status SpillFile::FinishWriting() {
   QUARRY_TRY(Flush());
   buffer_ = {};
-  const Status written = Settle();
+  Status written = Settle();
   writer_ = nullptr;  // the writer may end before the file
   return written;
 }

@@ -24,7 +24,7 @@ Status SpillWriter::Give(std::vector<std::byte>& block, Write write) {
     spare_bytes_ -= block.capacity();
     block.clear();
   }
-  const Status status = status_;
+  Status status = status_;
   lock.unlock();
   changed_.notify_all();
   return status;

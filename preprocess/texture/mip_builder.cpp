@@ -75,7 +75,7 @@ Status MipBuilder::PassOn(uint32_t l, uint32_t row, const std::vector<float>& li
     for (size_t i = 0; i < mean.size(); ++i) mean[i] += weight * half[i];
   };
   const auto done = [&]() -> Status {
-    const Status added = AddLinear(l + 1, mean);
+    Status added = AddLinear(l + 1, mean);
     std::ranges::fill(mean, 0.0f);
     return added;
   };

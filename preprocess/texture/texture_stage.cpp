@@ -102,7 +102,7 @@ Status TextureStage::Carry(const TextureImage& image, StoreWriter& writer) {
     return {};
   };
   const auto on_row = [&](std::span<const std::byte> row) { return mips->AddRow(converter->Convert(row)); };
-  const Status carried = decoder_.Decode(image, on_facts, on_row);
+  Status carried = decoder_.Decode(image, on_facts, on_row);
   QUARRY_TRY(pages.Finish());
   if (!carried && decoder_.is_fatal()) return carried;
   if (carried) {

@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "tests/support/still_connection.h"
 #include "tests/support/temporary_folder.h"
 
 namespace quarry {
@@ -19,19 +20,10 @@ using namespace std::chrono_literals;
 constexpr uint64_t kMemory = 256 << 20;
 
 /// A client of which the test says how much it has read.
-struct Client final : Connection {
-  explicit Client(std::string its_name = "client:1") : name(std::move(its_name)) {}
-  void Start(OnMessage, OnClose) override {}
-  void Expect(Speaker, uint32_t) override {}
+struct Client final : test::StillConnection {
+  explicit Client(std::string its_name = "client:1") : StillConnection(std::move(its_name)) {}
   void Send(Message message) override { got.push_back(std::move(message)); }
-  void Close() override {}
   uint64_t queued_bytes() const override { return queued; }
-  uint64_t received_bytes() const override { return 0; }
-  uint64_t taken_bytes() const override { return 0; }
-  double unread_s() const override { return 0; }
-  void SetOnSent(std::function<void()>) override {}
-  std::string local_host() const override { return "here"; }
-  const std::string& peer() const override { return name; }
 
   /// The numbers of the frames that have come, in their order.
   std::vector<uint32_t> Frames() const {
@@ -339,7 +331,7 @@ TEST_CASE("A job that takes more memory than there is is refused, and nothing of
   CHECK(office.Ask(client, Walk(1)).has_value());
 }
 
-TEST_CASE("Another master goes on with a spool's jobs, and renders what is left of them", "[jobs]") {
+TEST_CASE("Another master goes on with a spool's jobs and renders their missing frames", "[jobs]") {
   const test::TemporaryFolder folder;
   const std::string path = folder.file("spool");
   {

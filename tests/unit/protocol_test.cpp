@@ -195,6 +195,9 @@ TEST_CASE("Frame headers are checked before anything is allocated") {
   CHECK(refused.error().message.find("unknown type") != std::string::npos);
   unknown[0] = std::byte{0};
   CHECK_FALSE(DecodeFrameHeader(Sealed(unknown)).has_value());
+  Bytes reserved = EncodeFrameHeader(m);
+  reserved[6] = std::byte{1};
+  CHECK_FALSE(DecodeFrameHeader(Sealed(reserved)).has_value());
 }
 
 TEST_CASE("A byte of a message that changes on its way is noticed, wherever it is") {

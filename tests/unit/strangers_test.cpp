@@ -92,6 +92,19 @@ TEST_CASE("What tables share is refused before it is unpacked", "[strangers]") {
   CHECK(PeakResidentBytes() - before < 16 << 20);
 }
 
+TEST_CASE("Messages that lack their tables are refused", "[strangers]") {
+  flatbuffers::FlatBufferBuilder b;
+  const auto start = b.StartTable();
+  b.Finish(flatbuffers::Offset<flatbuffers::Table>(b.EndTable(start)));
+  const Bytes empty = test::TakeBytes(b);
+  const auto frame = DecodeFrameSetup(empty);
+  REQUIRE_FALSE(frame.has_value());
+  CHECK_THAT(frame.error().message, Catch::Contains("a frame without a view"));
+  const auto job = DecodeJobRequest(empty);
+  REQUIRE_FALSE(job.has_value());
+  CHECK_THAT(job.error().message, Catch::Contains("a request without a job"));
+}
+
 TEST_CASE("Each kind of speaker may send its own messages only, and no larger ones", "[strangers]") {
   const auto takes = [](Speaker speaker, MessageType type, size_t table, size_t raw) {
     return DecodeFrameHeader(EncodeFrameHeader({type, 1, Bytes(table), Bytes(raw)}), speaker).has_value();

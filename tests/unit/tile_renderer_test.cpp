@@ -170,7 +170,7 @@ void CheckWall(double eye_y, double fov_degrees) {
 
 }  // namespace
 
-TEST_CASE("A tile's hits and colours are those of geometry, from near and from far", "[tile_renderer]") {
+TEST_CASE("A tile has the hits and colours that geometry gives, from near and from far", "[tile_renderer]") {
   CheckWall(kEyeY, 45);
   CheckWall(-500, 4);
 }
@@ -274,7 +274,7 @@ TEST_CASE("A lattice at the picture's edge stays in it, and its points are the w
   }
 }
 
-TEST_CASE("Hits alone are those of sample 0, and cost one ray a point", "[tile_renderer]") {
+TEST_CASE("Hits alone belong to sample 0 and cost one ray a point", "[tile_renderer]") {
   const Row row;
   const View view = Mirrored();
   View layers = view;
@@ -291,7 +291,7 @@ TEST_CASE("Hits alone are those of sample 0, and cost one ray a point", "[tile_r
   CHECK(hits.blocks == Blocks{BlockKey::Hot(0), BlockKey::Hot(1), BlockKey::Hot(2)});
 }
 
-TEST_CASE("A tile counts the rays of all its samples, and those that surfaces send on", "[tile_renderer]") {
+TEST_CASE("A tile counts the rays of all its samples and the rays that surfaces send on", "[tile_renderer]") {
   const Row row;
   Bench bench(row);
   View view = BeforeWall();

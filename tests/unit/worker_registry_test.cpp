@@ -2,23 +2,12 @@
 
 #include <catch2/catch.hpp>
 
+#include "tests/support/still_connection.h"
+
 namespace quarry {
 namespace {
 
-struct Somebody final : Connection {
-  void Start(OnMessage, OnClose) override {}
-  void Expect(Speaker, uint32_t) override {}
-  void Send(Message) override {}
-  void Close() override {}
-  uint64_t queued_bytes() const override { return 0; }
-  uint64_t received_bytes() const override { return 0; }
-  uint64_t taken_bytes() const override { return 0; }
-  double unread_s() const override { return 0; }
-  void SetOnSent(std::function<void()>) override {}
-  std::string local_host() const override { return "here"; }
-  const std::string& peer() const override { return name; }
-  std::string name = "there:1";
-};
+using Somebody = test::StillConnection;
 
 /// Counters of a worker that has received, fetched, loaded and decoded so much.
 WorkerStatus Counted(uint64_t received, uint64_t fetch_us, uint64_t loaded, uint64_t decode_us) {
