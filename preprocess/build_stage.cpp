@@ -12,6 +12,7 @@
 #include "preprocess/partition/split.h"
 #include "preprocess/partition/voxel_builder.h"
 #include "preprocess/partition/voxel_pipeline.h"
+#include "preprocess/smooth/smooth_region.h"
 
 namespace quarry {
 namespace {
@@ -68,12 +69,14 @@ Status BuildStage::Run() {
   if (scene_.triangles->count() > kMostInMemory) {
     QUARRY_TRY(Restore());
     QUARRY_TRY(Route());
+    if (options_.crease > 0) QUARRY_TRY(SmoothBorders());
   } else {
     tree_ = {{KdNode{}}, {whole_}, {0}};
   }
   QUARRY_ASSIGN(StoreWriter writer,
                 StoreWriter::Continue(options_.output, work_.store(), std::move(stored_)));
   writer_.emplace(std::move(writer));
+  if (options_.crease > 0) writer_->AllowPackedNormals();
   for (const VoxelEntry& v : writer_->directory()) emitted_ += v.triangles;
   QUARRY_TRY(BuildVoxels());
   if (files_ && !scene_.images.empty()) QUARRY_TRY(SaveBuilt(true));
@@ -87,6 +90,7 @@ Status BuildStage::BuildVoxels() {
   // Progress counts triangles read: triangles built include copies.
   uint64_t all = scene_.triangles->count(), before = 0;
   const uint64_t triangles = all;
+  const ShadingOptions shading{scene_.attributes != Attributes::kNone, options_.crease > 0};
   if (files_) {
     const std::vector<uint64_t> counts = files_->counts();
     all = std::accumulate(counts.begin(), counts.end(), uint64_t{0});
@@ -97,33 +101,39 @@ Status BuildStage::BuildVoxels() {
   VoxelPipeline pipeline(
       options_.threads,
       [&](const VoxelTask& task) {
-        EncodedVoxel voxel = BuildVoxel(task.triangles, task.cell, meta_.padding,
-                                        scene_.attributes != Attributes::kNone, options_.voxel_size);
+        EncodedVoxel voxel =
+            BuildVoxel(task.triangles, task.cell, meta_.padding, shading, options_.voxel_size);
         voxel.chained = task.chained;
         return voxel;
       },
       [&](const EncodedVoxel& voxel) { return writer_->AddVoxel(voxel); });
   saved_at_ = Clock::now();
   for (size_t i = subtrees_.size(); i < tree_.regions.size(); ++i) {
-    const SpillFile& file = files_ ? files_->file(i) : *scene_.triangles;
-    const Box content = files_ ? files_->contents()[i] : whole_.cell;
+    const uint64_t count = files_ ? files_->file(i).count() : scene_.triangles->count();
     PartitionOptions inner = partition_;
     inner.spill_prefix += fmt::format("{}-", i);
     uint64_t emitted = 0;
-    QUARRY_ASSIGN(TopSubtree subtree,
-                  PartitionFile(file, tree_.regions[i], content, inner, [&](VoxelTask task) {
+    QUARRY_ASSIGN(TopSubtree subtree, PartitionRegion(i, inner, [&](VoxelTask task) {
                     emitted += task.triangles.size();
-                    progress_.Update(before + std::min(emitted, file.count()), all);
+                    progress_.Update(before + std::min(emitted, count), all);
                     return pipeline.Add(std::move(task));
                   }));
     emitted_ += emitted;
-    before += file.count();
+    before += count;
     subtrees_.push_back(std::move(subtree));
     if (files_) QUARRY_TRY(SaveBuilt());
   }
   QUARRY_TRY(pipeline.Finish());
   progress_.End();
   return {};
+}
+
+Result<TopSubtree> BuildStage::PartitionRegion(size_t region, const PartitionOptions& options,
+                                               const std::function<Status(VoxelTask)>& emit) const {
+  const SpillFile& file = files_ ? files_->file(region) : *scene_.triangles;
+  const Box content = files_ ? files_->contents()[region] : whole_.cell;
+  const SpillFile* const border = borders_ ? &borders_->files()[region] : nullptr;
+  return PartitionSmoothed(file, tree_.regions[region], content, options, border, options_.crease, emit);
 }
 
 Status BuildStage::Finish(PreprocessStatistics& statistics) {
@@ -177,6 +187,11 @@ Status BuildStage::RestoreRecord(const SavedCheckpoint& checkpoint) {
       counts_ = in.GetArray<uint64_t>(tree_.regions.size());
       contents_ = in.GetArray<Box>(tree_.regions.size());
       readable = in.done();
+      break;
+    case CheckpointKind::kSmoothed:
+      smoothed_ = in.Get<uint32_t>();
+      border_counts_ = in.GetArray<uint64_t>(tree_.regions.size());
+      readable = in.done() && smoothed_ <= tree_.regions.size();
       break;
     case CheckpointKind::kBuilt: {
       TopSubtree subtree;
@@ -238,6 +253,36 @@ Status BuildStage::Route() {
   return files_->FinishWriting();
 }
 
+/// Finds the smooth normals that regions have to tell each other, while all their files are there.
+Status BuildStage::SmoothBorders() {
+  const auto regions = static_cast<uint32_t>(tree_.regions.size());
+  QUARRY_ASSIGN(
+      borders_,
+      BorderNormals::Open(tree_, work_.spill_folder() + "/border-", meta_.padding, options_.crease,
+                          {.memory = partition_.memory, .gone = saved_regions_, .counts = border_counts_}));
+  uint64_t all = 0, done = 0;
+  for (uint32_t i = 0; i < regions; ++i) {
+    all += files_->file(i).count();
+    if (i < smoothed_) done = all;
+  }
+  if (smoothed_ < regions) progress_.Begin("smoothing the borders of regions", "triangles", done);
+  while (smoothed_ < regions) {
+    uint32_t end = smoothed_;
+    for (uint64_t taken = 0; end < regions && taken < kRoutedPerCheckpoint; ++end)
+      taken += files_->file(end).count();
+    QUARRY_TRY(borders_->AddRegions(*files_, smoothed_, end, options_.threads,
+                                    [&](uint64_t triangles) { progress_.Update(done += triangles, all); }));
+    smoothed_ = end;
+    QUARRY_TRY(borders_->files().Sync());
+    ByteWriter checkpoint;
+    checkpoint.Put(smoothed_);
+    checkpoint.PutArray(borders_->files().counts());
+    QUARRY_TRY(work_.Add(CheckpointKind::kSmoothed, checkpoint.Take()));
+    if (smoothed_ == regions) progress_.End();
+  }
+  return borders_->files().FinishWriting();
+}
+
 /// Records the regions whose voxels have all been written, once enough time has passed to be worth a
 /// synchronisation, or `now`; then deletes their files.
 Status BuildStage::SaveBuilt(bool now) {
@@ -256,6 +301,7 @@ Status BuildStage::SaveBuilt(bool now) {
     checkpoint.PutArray(std::span(writer_->logical()).subspan(2 * saved_voxels_, 2 * subtree.voxels));
     QUARRY_TRY(work_.Add(CheckpointKind::kBuilt, checkpoint.Take()));
     files_->file(saved_regions_).Remove();
+    if (borders_) borders_->files()[saved_regions_].Remove();
     saved_voxels_ += subtree.voxels;
     ++saved_regions_;
   }

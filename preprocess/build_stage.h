@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -12,6 +13,7 @@
 #include "preprocess/partition/partition.h"
 #include "preprocess/partition/regions.h"
 #include "preprocess/preprocess.h"
+#include "preprocess/smooth/border_normals.h"
 #include "preprocess/texture/texture_stage.h"
 #include "preprocess/work_folder.h"
 
@@ -37,6 +39,9 @@ class BuildStage {
   Status RestoreRecord(const SavedCheckpoint& checkpoint);
   Status ChooseTree();
   Status Route();
+  Status SmoothBorders();
+  Result<TopSubtree> PartitionRegion(size_t region, const PartitionOptions& options,
+                                     const std::function<Status(VoxelTask)>& emit) const;
   Status BuildVoxels();
   Status SaveBuilt(bool now = false);
 
@@ -49,10 +54,13 @@ class BuildStage {
   PartitionOptions partition_;
 
   RegionTree tree_;
-  std::optional<RegionFiles> files_;  ///< absent if there is only one region
-  uint64_t routed_ = 0;               ///< triangles in their regions' files
-  std::vector<uint64_t> counts_;      ///< triangles of each region's file, by an earlier run
-  std::vector<Box> contents_;         ///< bounds of each region's triangles, by an earlier run
+  std::optional<RegionFiles> files_;      ///< absent if there is only one region
+  uint64_t routed_ = 0;                   ///< triangles in their regions' files
+  std::vector<uint64_t> counts_;          ///< triangles of each region's file, by an earlier run
+  std::vector<Box> contents_;             ///< bounds of each region's triangles, by an earlier run
+  std::optional<BorderNormals> borders_;  ///< absent if nothing is smoothed, or there is only one region
+  uint32_t smoothed_ = 0;                 ///< regions whose borders are done
+  std::vector<uint64_t> border_counts_;   ///< normals in each region's file, by an earlier run
 
   TextureStage textures_;
   std::optional<StoreWriter> writer_;

@@ -278,6 +278,11 @@ int Main(int argc, char** argv) {
   app.add_option("--up-axis,--up", texts.up,
                  "The models' up axis (default: y for glTF and what Assimp reads, else guessed)")
       ->check(CLI::IsMember({"y", "z"}));
+  app.add_option("--crease", options.crease,
+                 "Most degrees between neighbouring triangles without normals that meet smoothly; 0: facets. "
+                 "Smoothing groups of OBJ go before")
+      ->check(RealNumber(0, 180))
+      ->capture_default_str();
   app.add_option("--scale", options.scale, "Factor on all coordinates")
       ->check(RealNumber(1e-12, 1e12))
       ->capture_default_str();

@@ -25,19 +25,19 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 /// Version of the journal's checkpoints, and of everything a store depends on that no option states.
-constexpr int kJournalVersion = 7;
+constexpr int kJournalVersion = 8;
 
 /// The options that a store depends on, a line each, as the journal keeps them.
 std::string Command(const PreprocessOptions& options) {
   std::string command = fmt::format(
       "version {}\nformat {}\nimport {}\njournal {}\nLZ4 {}\n--tmp {}\n--voxel-size {}\n--scale {}\n--up "
-      "{}\n{}",
+      "{}\n--crease {}\n{}",
       kVersion, kStoreVersion, kImportVersion, kJournalVersion, CompressorVersion(), options.tmp_folder,
       options.voxel_size, options.scale,
       options.up_axis == 0   ? "guessed"
       : options.up_axis == 1 ? "y"
                              : "z",
-      options.textures ? "" : "--no-textures\n");
+      options.crease, options.textures ? "" : "--no-textures\n");
   for (const auto& [model, p] : options.placements)
     command += fmt::format("--place {}={},{},{},{},{}\n", model, p.translation.x, p.translation.y,
                            p.translation.z, p.turn_degrees, p.scale);

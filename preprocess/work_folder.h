@@ -14,6 +14,7 @@ enum class CheckpointKind : uint32_t {
   kImported = 1,  ///< models read, and a part of the next: the sink's state
   kRegions,       ///< the tree of regions
   kRouted,        ///< triangles in the files of their regions
+  kSmoothed,      ///< regions whose borders are smoothed, and the normals in the files of all
   kBuilt,         ///< the next region's voxels are in the store
   kTextures,      ///< the next images are in the store
 };

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/math/packed_normal.h"
 #include "common/voxel/byte_planes.h"
 #include "common/voxel/tree_completion.h"
 #include "common/voxel/tree_streams.h"
@@ -62,12 +63,18 @@ class ArrayPlacer {
   size_t at_ = 0;
 };
 
+/// Bytes in the streams of a vertex of a packed shading block.
+size_t PackedVertexBytes(uint32_t columns) {
+  return 4 + ((columns & kPackedUvs) != 0 ? 8 : 0) + ((columns & kPackedColors) != 0 ? 4 : 0);
+}
+
 }  // namespace
 
 struct BlockDecoder::Impl {
   Bytes room;
   std::span<std::byte> streams;  ///< of the present block
   std::vector<uint32_t> column;
+  std::vector<uint16_t> halves;
   TreeReader tree;
   std::vector<KdNode> nodes;  ///< receives the tree when the caller does not want it
   TreeCompletion completion;
@@ -76,6 +83,7 @@ struct BlockDecoder::Impl {
   const uint32_t* ReadColumns(std::span<const std::byte> columns, size_t count);
   void ReadVertices(std::span<const std::byte> columns, std::span<glm::vec3> vertices);
   void ReadShading(std::span<const std::byte> columns, std::span<ShadingVertex> vertices);
+  void ReadPacked(std::span<const std::byte> columns, uint32_t kinds, std::span<ShadingVertex> vertices);
 };
 
 BlockDecoder::BlockDecoder() : impl_(std::make_unique<Impl>()) {}
@@ -125,6 +133,25 @@ void BlockDecoder::Impl::ReadShading(std::span<const std::byte> columns, std::sp
     vertices[i] = {{FromOrderedBits(x[i]), FromOrderedBits(y[i]), FromOrderedBits(z[i])},
                    {FromOrderedBits(u[i]), FromOrderedBits(v[i])},
                    color[i]};
+}
+
+void BlockDecoder::Impl::ReadPacked(std::span<const std::byte> columns, uint32_t kinds,
+                                    std::span<ShadingVertex> vertices) {
+  const size_t count = vertices.size();
+  if (halves.size() < 2 * count) halves.resize(2 * count);
+  const std::span<uint16_t> x(halves.data(), count), y(halves.data() + count, count);
+  ReadDifferences(columns.first(2 * count), x);
+  ReadDifferences(columns.subspan(2 * count, 2 * count), y);
+  const uint32_t* rest = ReadColumns(columns.subspan(4 * count), count);
+  const uint32_t *u = rest, *v = rest + count, *color = (kinds & kPackedUvs) != 0 ? v + count : rest;
+  for (size_t i = 0; i < count; ++i) {
+    ShadingVertex vertex;
+    const uint32_t code = x[i] | uint32_t{y[i]} << 16;
+    if (code != 0) vertex.normal = UnpackNormal(code);
+    if ((kinds & kPackedUvs) != 0) vertex.uv = {FromOrderedBits(u[i]), FromOrderedBits(v[i])};
+    if ((kinds & kPackedColors) != 0) vertex.color = color[i];
+    vertices[i] = vertex;
+  }
 }
 
 Result<VoxelGeometry> BlockDecoder::Hot(std::span<const std::byte> stored, std::span<std::byte> out,
@@ -194,16 +221,24 @@ Result<VoxelShading> BlockDecoder::Shading(std::span<const std::byte> stored, st
   ByteReader in(impl_->streams);
   const auto magic = in.Get<uint32_t>();
   const auto triangles = in.Get<uint32_t>(), vertex_count = in.Get<uint32_t>();
-  if (!in.ok() || magic != kShadingMagic) return Fail("voxel block: not a shading block");
-  if (triangles > kMaxVoxelTriangles || vertex_count > 65535 ||
-      ShadingBytes(triangles, vertex_count) != out.size() ||
-      kShadingHeaderBytes + out.size() != impl_->streams.size())
+  if (!in.ok() || (magic != kShadingMagic && magic != kPackedMagic))
+    return Fail("voxel block: not a shading block");
+  const bool packed = magic == kPackedMagic;
+  const uint32_t columns = packed ? in.Get<uint32_t>() : 0;
+  const size_t header = packed ? kPackedHeaderBytes : kShadingHeaderBytes;
+  const size_t vertex_bytes = packed ? PackedVertexBytes(columns) : sizeof(ShadingVertex);
+  if (!in.ok() || triangles > kMaxVoxelTriangles || vertex_count > 65535 ||
+      columns > (kPackedUvs | kPackedColors) || ShadingBytes(triangles, vertex_count) != out.size() ||
+      header + vertex_count * vertex_bytes + size_t{triangles} * 6 != impl_->streams.size())
     return Fail("voxel block: counts do not fit its size");
   ArrayPlacer place(out);
   auto* vertices = place.Next<ShadingVertex>(vertex_count);
   auto* corners = place.Next<uint16_t>(size_t{3} * triangles);
-  StreamCutter cut(impl_->streams, kShadingHeaderBytes);
-  impl_->ReadShading(cut.Next(size_t{vertex_count} * sizeof(ShadingVertex)), {vertices, vertex_count});
+  StreamCutter cut(impl_->streams, header);
+  if (packed)
+    impl_->ReadPacked(cut.Next(vertex_count * vertex_bytes), columns, {vertices, vertex_count});
+  else
+    impl_->ReadShading(cut.Next(vertex_count * vertex_bytes), {vertices, vertex_count});
   if (!ReadFromNewest(cut.Next(size_t{triangles} * 6), {corners, size_t{3} * triangles}, vertex_count))
     return Fail("voxel block: a corner goes beyond the shading vertices");
   return VoxelShading{corners, vertices, triangles};

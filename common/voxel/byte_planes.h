@@ -130,6 +130,13 @@ inline void ReadDifferences(std::span<const std::byte> bytes, std::span<uint32_t
   for (size_t i = whole; i < count; ++i) values[i] = sum += UndoZigZag(values[i]);
 }
 
+/// Does so for 16-bit numbers, which are few. Requires: bytes.size() == 2 * values.size().
+inline void ReadDifferences(std::span<const std::byte> bytes, std::span<uint16_t> values) {
+  ReadPlanes(bytes, values);
+  uint16_t sum = 0;
+  for (uint16_t& value : values) value = sum = static_cast<uint16_t>(sum + UndoZigZag(value));
+}
+
 /// Appends indices numbered by first appearance, each as its distance below the next new index. A
 /// new index gives 0.
 inline void PutFromNewest(std::span<const uint16_t> indices, Bytes& out) {

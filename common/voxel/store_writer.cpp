@@ -6,7 +6,6 @@
 #include <cstring>
 
 #include "common/base/check.h"
-#include "common/voxel/store_format.h"
 #include "common/voxel/texture_page.h"
 #include "common/voxel/view_sections.h"
 
@@ -42,10 +41,11 @@ void PutSectionEntry(ByteWriter& out, SectionType type, uint32_t flags, uint64_t
   out.Put(uint64_t{0});
 }
 
-Bytes EncodeHeader(const SceneId& id, uint64_t file_size, std::span<const std::byte> table) {
+Bytes EncodeHeader(uint32_t version, const SceneId& id, uint64_t file_size,
+                   std::span<const std::byte> table) {
   ByteWriter out;
   out.PutArray(kStoreMagic);
-  out.Put(kStoreVersion);
+  out.Put(version);
   out.Put(kSectionCount);
   out.Put(file_size);
   out.Put(kStoreHeaderBytes);
@@ -209,7 +209,7 @@ Result<SceneId> StoreWriter::Finish(SceneMeta meta, const std::vector<KdNode>& t
                     Checksum(s.bytes));
     QUARRY_TRY(file_.Write(s.bytes));
   }
-  QUARRY_TRY(file_.WriteAt(0, EncodeHeader(id, file_.size(), table.bytes())));
+  QUARRY_TRY(file_.WriteAt(0, EncodeHeader(version_, id, file_.size(), table.bytes())));
   QUARRY_TRY(file_.WriteAt(kStoreHeaderBytes, table.bytes()));
   QUARRY_TRY(file_.Commit());
   return id;

@@ -10,6 +10,7 @@
 #include "common/base/status.h"
 #include "common/scene/scene_views.h"
 #include "common/voxel/catalog.h"
+#include "common/voxel/store_format.h"
 #include "common/voxel/texture_sections.h"
 #include "common/voxel/voxel_block.h"
 
@@ -78,6 +79,8 @@ class StoreWriter {
   Status DropTexture();
   const std::vector<WrittenTexture>& textures() const { return textures_; }
 
+  /// States that shading blocks may have packed normals, which older programs cannot read.
+  void AllowPackedNormals() { version_ = kStoreVersion; }
   /// Writes all other sections and computes the scene id. Fills in the sizes and the LZ4 version in `meta`.
   Result<SceneId> Finish(SceneMeta meta, const std::vector<KdNode>& top_nodes,
                          const std::vector<Material>& materials, const std::vector<std::string>& parts,
@@ -95,6 +98,7 @@ class StoreWriter {
   std::vector<VoxelEntry> directory_;
   std::vector<uint64_t> logical_;  ///< checksums of the streams, two per voxel
   std::vector<WrittenTexture> textures_;
+  uint32_t version_ = kUnpackedStoreVersion;
   uint64_t texture_begin_ = 0;  ///< size of the file when the last texture began
 };
 

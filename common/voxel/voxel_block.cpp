@@ -4,10 +4,12 @@
 #include <lz4hc.h>
 
 #include <algorithm>
+#include <type_traits>
 
 #include "common/base/check.h"
 #include "common/kdtree/build/treelets.h"
 #include "common/kdtree/wide_node.h"
+#include "common/math/packed_normal.h"
 #include "common/voxel/byte_planes.h"
 #include "common/voxel/tree_streams.h"
 
@@ -42,6 +44,38 @@ void PutVertices(std::span<const glm::vec3> vertices, Bytes& out) {
     std::ranges::transform(vertices, ordered.begin(), [a](const glm::vec3& v) { return OrderedBits(v[a]); });
     PutDifferences<uint32_t>(ordered, out);
   }
+}
+
+/// Puts a column of the vertices: its value of each.
+template <class Value>
+void PutColumn(const ShadingVoxel& v, Bytes& out, Value&& value) {
+  using T = std::decay_t<decltype(value(v.vertices[0]))>;
+  std::vector<T> column(v.vertices.size());
+  std::ranges::transform(v.vertices, column.begin(), value);
+  PutDifferences<T>(column, out);
+}
+
+uint32_t PackedOrNone(const glm::vec3& normal) { return normal == glm::vec3(0) ? 0 : PackNormal(normal); }
+
+Bytes EncodePacked(const ShadingVoxel& v) {
+  const auto some = [&](auto&& differs) { return std::ranges::any_of(v.vertices, differs); };
+  const bool uvs = some([](const ShadingVertex& x) { return x.uv != glm::vec2(0); });
+  const bool colors = some([](const ShadingVertex& x) { return x.color != ShadingVertex{}.color; });
+  ByteWriter header;
+  header.Put(kPackedMagic);
+  header.Put(static_cast<uint32_t>(v.corners.size() / 3));
+  header.Put(static_cast<uint32_t>(v.vertices.size()));
+  header.Put((uvs ? kPackedUvs : 0) | (colors ? kPackedColors : 0));
+  Bytes out = header.Take();
+  for (int half = 0; half < 2; ++half)
+    PutColumn(v, out, [half](const ShadingVertex& x) {
+      return static_cast<uint16_t>(PackedOrNone(x.normal) >> (16 * half));
+    });
+  for (int a = 0; a < 2 && uvs; ++a)
+    PutColumn(v, out, [a](const ShadingVertex& x) { return OrderedBits(x.uv[a]); });
+  if (colors) PutColumn(v, out, [](const ShadingVertex& x) { return x.color; });
+  PutFromNewest(v.corners, out);
+  return out;
 }
 
 }  // namespace
@@ -80,19 +114,16 @@ Bytes EncodeHot(const HotVoxel& v) {
 
 Bytes EncodeShading(const ShadingVoxel& v) {
   QUARRY_CHECK_LE(v.vertices.size(), size_t{65535});
+  if (v.packed) return EncodePacked(v);
   ByteWriter header;
   header.Put(kShadingMagic);
   header.Put(static_cast<uint32_t>(v.corners.size() / 3));
   header.Put(static_cast<uint32_t>(v.vertices.size()));
   Bytes out = header.Take();
-  std::vector<uint32_t> column(v.vertices.size());
-  const auto put = [&](auto&& value) {
-    std::ranges::transform(v.vertices, column.begin(), value);
-    PutDifferences<uint32_t>(column, out);
-  };
-  for (int a = 0; a < 3; ++a) put([a](const ShadingVertex& x) { return OrderedBits(x.normal[a]); });
-  for (int a = 0; a < 2; ++a) put([a](const ShadingVertex& x) { return OrderedBits(x.uv[a]); });
-  put([](const ShadingVertex& x) { return x.color; });
+  for (int a = 0; a < 3; ++a)
+    PutColumn(v, out, [a](const ShadingVertex& x) { return OrderedBits(x.normal[a]); });
+  for (int a = 0; a < 2; ++a) PutColumn(v, out, [a](const ShadingVertex& x) { return OrderedBits(x.uv[a]); });
+  PutColumn(v, out, [](const ShadingVertex& x) { return x.color; });
   PutFromNewest(v.corners, out);
   return out;
 }

@@ -21,7 +21,10 @@ namespace quarry {
 
 inline constexpr uint32_t kHotMagic = 0x35585651;      // "QVX5"
 inline constexpr uint32_t kShadingMagic = 0x32535651;  // "QVS2"
-inline constexpr size_t kHotHeaderBytes = 52, kShadingHeaderBytes = 12;
+inline constexpr uint32_t kPackedMagic = 0x33535651;   // "QVS3": normals packed in 4 bytes
+inline constexpr size_t kHotHeaderBytes = 52, kShadingHeaderBytes = 12, kPackedHeaderBytes = 16;
+/// The columns of a packed shading block beside its normals.
+inline constexpr uint32_t kPackedUvs = 1, kPackedColors = 2;
 
 /// Most triangles of a voxel: 3 * 21,845 corners number at most 65,535 vertices, and indices are 16 bits.
 inline constexpr uint32_t kMaxVoxelTriangles = 21845;
@@ -62,6 +65,7 @@ static_assert(sizeof(ShadingVertex) == 24, "stored");
 struct ShadingVoxel {
   std::vector<uint16_t> corners;  ///< 3 per triangle: indices into vertices
   std::vector<ShadingVertex> vertices;
+  bool packed = false;  ///< each normal is zero or UnpackNormal(PackNormal(normal)), and is stored so
 };
 
 /// Encode the streams of a block, before LZ4. The same voxel gives the same bytes. Thread-safe.

@@ -15,6 +15,7 @@
 #include "preprocess/partition/split.h"
 #include "preprocess/partition/voxel_builder.h"
 #include "preprocess/partition/voxel_pipeline.h"
+#include "preprocess/smooth/smooth_region.h"
 
 namespace quarry {
 namespace {
@@ -29,26 +30,6 @@ constexpr uint64_t kRun =
     8192;  // consecutive triangles that are kept together, since neighbours share vertices
 constexpr uint64_t kSharedElements = 1 << 15;  // of a file, packed to measure how spill shrinks
 
-/// Calls `visit` with each region that a triangle reaches, and the box of its part there, as RegionFiles
-/// routes triangles.
-template <class Visit>
-void ForEachRegion(const RegionTree& tree, const TriangleRecord& record, float padding, Visit&& visit) {
-  const Box box = record.PaddedBox(padding);
-  uint32_t waiting[kMaxTopDepth + 1];
-  int open = 0;
-  waiting[open++] = 0;
-  while (open > 0) {
-    const KdNode node = tree.nodes[waiting[--open]];
-    if (node.is_leaf()) {
-      if (const auto part = PartIn(record, tree.regions[node.first()].cell, padding))
-        visit(node.first(), *part);
-      continue;
-    }
-    if (box.upper[node.axis()] >= node.split()) waiting[open++] = node.left() + 1;
-    if (box.lower[node.axis()] <= node.split()) waiting[open++] = node.left();
-  }
-}
-
 }  // namespace
 
 Status ResolvingSink::BeginFile(std::string_view) {
@@ -58,6 +39,7 @@ Status ResolvingSink::BeginFile(std::string_view) {
   uvs_.Clear();
   held_ = 0;
   face_color_ = 0xFFFFFFFFu;
+  smoothing_ = kSmoothByAngle;
   return {};
 }
 
@@ -115,10 +97,12 @@ Status ResolvingSink::AddPolygon(std::span<const Corner> corners, uint32_t mater
   for (size_t i = 2; i < corners.size(); ++i) {
     TriangleRecord record;
     record.id = next_id_++;
-    record.material = material == kNoIndex ? 0 : material;
+    record.material = static_cast<uint16_t>(material == kNoIndex ? 0 : material);
+    record.smoothing = smoothing_;
     record.part = part == kNoIndex ? 0 : part;
     const Corner triangle[3] = {corners[0], corners[i - 1], corners[i]};
     resolved = resolved && Resolve(triangle, record);
+    MarkOwnNormals(record);
     if (resolved) fan_.push_back(record);
   }
   if (!resolved || fan_.empty()) return {};
@@ -229,8 +213,8 @@ Result<double> RegionSink::BuildRegion(size_t kept) {
   VoxelPipeline pipeline(
       options_.threads,
       [&](const VoxelTask& task) {
-        return BuildVoxel(task.triangles, task.cell, regions_.padding, attributes_ != Attributes::kNone,
-                          options_.voxel_size);
+        return BuildVoxel(task.triangles, task.cell, regions_.padding,
+                          {attributes_ != Attributes::kNone, options_.crease > 0}, options_.voxel_size);
       },
       [&](const EncodedVoxel& voxel) {
         bytes += static_cast<double>(voxel.hot.size() + voxel.shading.size());
@@ -239,8 +223,9 @@ Result<double> RegionSink::BuildRegion(size_t kept) {
   const uint32_t region = regions_.chosen[kept];
   const PartitionOptions partition{regions_.padding, options_.voxel_size, options_.memory / 4,
                                    fmt::format("{}/part-{}-", folder_, region)};
-  QUARRY_TRY(PartitionFile(*kept_[kept].file, regions_.tree.regions[region], contents_[region], partition,
-                           [&](VoxelTask task) { return pipeline.Add(std::move(task)); })
+  QUARRY_TRY(PartitionSmoothed(*kept_[kept].file, regions_.tree.regions[region], contents_[region], partition,
+                               nullptr, options_.crease,
+                               [&](VoxelTask task) { return pipeline.Add(std::move(task)); })
                  .map([](auto&&) {}));
   QUARRY_TRY(pipeline.Finish());
   return bytes;

@@ -60,6 +60,7 @@ class ResolvingSink : public IgnoringSink {
   Status AddNormal(const glm::vec3& normal) override;
   Status AddUv(const glm::vec2& uv) override;
   Status SetFaceColor(const Rgba8& color) override;
+  void SetSmoothing(uint16_t smoothing) override { smoothing_ = smoothing; }
   Status AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t part) override;
   /// Whether memory held the vertices of every file.
   bool held_all() const { return !gave_up_; }
@@ -86,6 +87,7 @@ class ResolvingSink : public IgnoringSink {
   std::vector<TriangleRecord> fan_;  ///< triangles of the current polygon
   PolygonFan polygon_;
   uint32_t face_color_ = 0xFFFFFFFFu;
+  uint16_t smoothing_ = kSmoothByAngle;
   uint32_t next_id_ = 0;
 };
 

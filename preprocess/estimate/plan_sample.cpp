@@ -15,6 +15,7 @@
 #include "preprocess/partition/split.h"
 #include "preprocess/partition/voxel_builder.h"
 #include "preprocess/partition/voxel_pipeline.h"
+#include "preprocess/smooth/smooth_region.h"
 #include "preprocess/spill/spill_file.h"
 
 namespace quarry {
@@ -122,6 +123,7 @@ Status WindowSink::AddPolygon(std::span<const Corner> corners, uint32_t material
                           first_id + static_cast<uint32_t>(i) - 2,
                           material == kNoIndex ? 0 : material,
                           part == kNoIndex ? 0 : part,
+                          smoothing_,
                           windows,
                           owners});
   }
@@ -178,7 +180,8 @@ Status CornerSink::AddUv(const glm::vec2& uv) {
 bool CornerSink::Resolve(const WindowSink::Triangle& triangle, glm::dvec3 (&positions)[3],
                          TriangleRecord& record) const {
   record.id = triangle.id;
-  record.material = triangle.material;
+  record.material = static_cast<uint16_t>(triangle.material);
+  record.smoothing = triangle.smoothing;
   record.part = triangle.part;
   for (size_t k = 0; k < 3; ++k) {
     const Corner& corner = triangle.corners[k];
@@ -190,6 +193,7 @@ bool CornerSink::Resolve(const WindowSink::Triangle& triangle, glm::dvec3 (&posi
     if (const glm::vec3* const normal = normals_.Find(corner.normal)) record.normals[k] = *normal;
     if (const glm::vec2* const uv = uvs_.Find(corner.uv)) record.uvs[k] = *uv;
   }
+  MarkOwnNormals(record);
   return true;
 }
 
@@ -241,8 +245,8 @@ Result<SampleCost> MeasureWindows(const PreprocessOptions& options, std::span<co
   VoxelPipeline pipeline(
       options.threads,
       [&](const VoxelTask& task) {
-        return BuildVoxel(task.triangles, task.cell, padding, attributes != Attributes::kNone,
-                          options.voxel_size);
+        return BuildVoxel(task.triangles, task.cell, padding,
+                          {attributes != Attributes::kNone, options.crease > 0}, options.voxel_size);
       },
       [&](const EncodedVoxel& voxel) {
         bytes += static_cast<double>(voxel.hot.size() + voxel.shading.size());
@@ -256,6 +260,7 @@ Result<SampleCost> MeasureWindows(const PreprocessOptions& options, std::span<co
       cell.lower = glm::max(cell.lower, place(windows[w].centre - half));
       cell.upper = glm::min(cell.upper, place(windows[w].centre + half));
     }
+    if (options.crease > 0) QUARRY_TRY(SmoothRecords(records[w], cell, nullptr, options.crease));
     const PartitionOptions partition{padding, options.voxel_size, options.memory, ""};
     QUARRY_TRY(PartitionInMemory(records[w], {cell}, partition,
                                  [&](VoxelTask task) { return pipeline.Add(std::move(task)); }));

@@ -53,12 +53,14 @@ class WindowSink : public IgnoringSink {
   struct Triangle {
     Corner corners[3];
     uint32_t id, material, part;
+    uint16_t smoothing;
     uint32_t windows, owners;  ///< bits of the cubes that hold a corner, and that hold the first corner
   };
   WindowSink(size_t file, std::span<const SampleWindow> windows, uint64_t vertices);
 
   Status BeginFile(std::string_view) override;
   Status AddPosition(const glm::dvec3& position, const Rgba8& color) override;
+  void SetSmoothing(uint16_t smoothing) override { smoothing_ = smoothing; }
   Status AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t part) override;
 
   const std::vector<Triangle>& triangles() const { return triangles_; }
@@ -78,6 +80,7 @@ class WindowSink : public IgnoringSink {
   std::vector<Numbered> vertices_;  ///< ascending by index
   std::vector<Triangle> triangles_;
   uint32_t next_ = 0, next_id_ = 0;
+  uint16_t smoothing_ = kSmoothByAngle;
 };
 
 /// Elements picked from a stream by their indices.

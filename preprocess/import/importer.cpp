@@ -114,6 +114,7 @@ Status ImportModel(const std::string& path, ModelSink& sink, const ForeignFormat
     return Fail(fmt::format("{}: is neither PLY, OBJ, STL, OFF, NFF, AFF nor glTF, the formats that are read",
                             bytes.path()));
   QUARRY_TRY(sink.BeginFile(name));
+  if (import == ImportGltf || import == ImportNff) sink.SetSmoothing(kFlat);  // as these formats state
   if (sink.HasAll()) return sink.EndFile();
   if (import == nullptr || !bytes.can_reopen()) sink.ReadsOnce();
   bytes.OnRead([&sink](uint64_t done, uint64_t total) { sink.HasRead(done, total); });

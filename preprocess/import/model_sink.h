@@ -11,6 +11,7 @@
 #include "common/base/status.h"
 #include "common/scene/material.h"
 #include "common/scene/scene_views.h"
+#include "preprocess/import/smoothing.h"
 #include "preprocess/import/texture_image.h"
 
 namespace quarry {
@@ -74,6 +75,9 @@ class ModelSink {
 
   /// The colour of the polygons that follow in this file; it replaces their vertices' colours. White: none.
   virtual Status SetFaceColor(const Rgba8& /*color*/) { return {}; }
+  /// How the polygons that follow in this file are smoothed where they have no normals: a number of
+  /// import/smoothing.h. At first by angle; after a checkpoint, importers state it again.
+  virtual void SetSmoothing(uint16_t /*smoothing*/) {}
   /// Adds a polygon, concave or not, which the sink splits into corners.size() - 2 triangles with consecutive
   /// ids (import/polygon/triangulation.h). Fewer than 3 corners add nothing. kNoIndex as material is the
   /// default material, as part the file's own.

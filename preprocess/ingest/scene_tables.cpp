@@ -94,7 +94,8 @@ void SceneTables::Warn(std::string message) {
 
 Status SceneTables::Finish() {
   if (tables_.materials.empty()) DefaultMaterial();
-  if (tables_.materials.size() > 65536) return Fail(fmt::format("{}: more than 65536 materials", file_name_));
+  if (tables_.materials.size() > kMostMaterials)
+    return Fail(fmt::format("{}: more than 65536 materials", file_name_));
   return {};
 }
 

@@ -18,6 +18,8 @@ namespace quarry {
 /// their number, not with the triangles. Thread safety: none.
 class SceneTables {
  public:
+  static constexpr uint32_t kMostMaterials = 65536;
+
   /// `warn` is called with each new warning.
   explicit SceneTables(std::function<void(const std::string&)> warn) : warn_(std::move(warn)) {}
 

@@ -40,6 +40,7 @@ Status SpillSink::BeginFile(std::string_view name) {
   tables_.BeginFile(name, restored);
   if (restored) return {};
   face_color_ = kWhite;
+  smoothing_ = kSmoothByAngle;
   checkpoints_.BeginFile(triangles_.input_triangles(), false);
   QUARRY_ASSIGN(faces_, FaceResolver::Open(folder_, triangles_, nullptr));
   return triangles_.Open();
@@ -76,7 +77,10 @@ Status SpillSink::AddPolygon(std::span<const Corner> corners, uint32_t material,
   if (corners.size() < 3) return {};
   Face face;
   face.part = part == kNoIndex ? tables_.FilePart() : part;
-  face.material = material == kNoIndex ? tables_.DefaultMaterial() : material;
+  // Scenes with more materials than fit are refused by Finish().
+  face.material = static_cast<uint16_t>(
+      std::min(material == kNoIndex ? tables_.DefaultMaterial() : material, SceneTables::kMostMaterials - 1));
+  face.smoothing = smoothing_;
   face.color = face_color_;
   QUARRY_ASSIGN(face.id, triangles_.NewIds(corners.size() - 2, tables_.file_name()));
   return faces_->AddPolygon(face, corners);

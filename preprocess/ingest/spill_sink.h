@@ -62,6 +62,7 @@ class SpillSink final : public ModelSink {
   Status AddNormal(const glm::vec3& normal) override;
   Status AddUv(const glm::vec2& uv) override;
   Status SetFaceColor(const Rgba8& color) override;
+  void SetSmoothing(uint16_t smoothing) override { smoothing_ = smoothing; }
   Status AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t part) override;
   void Warn(std::string message) override { tables_.Warn(std::move(message)); }
   void HasRead(uint64_t done, uint64_t total) override {
@@ -101,6 +102,7 @@ class SpillSink final : public ModelSink {
   bool textures_;
   std::function<void(uint64_t, uint64_t)> on_read_;
   uint32_t face_color_ = kWhite;
+  uint16_t smoothing_ = kSmoothByAngle;
   ImportCheckpoints checkpoints_;
   SceneCoordinates coordinates_;
   SceneTables tables_;

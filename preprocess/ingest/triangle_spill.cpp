@@ -67,7 +67,9 @@ Status TriangleSpill::Add(const TriangleRecord& record) {
   out_.bounds.Include(box.lower);
   out_.bounds.Include(box.upper);
   out_.sample.Add(record);
-  return out_.triangles->Append(&record);
+  TriangleRecord kept = record;
+  MarkOwnNormals(kept);
+  return out_.triangles->Append(&kept);
 }
 
 void TriangleSpill::WeighUp() {

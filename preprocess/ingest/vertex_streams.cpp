@@ -47,6 +47,7 @@ bool VertexStreams::Find(const Face& face, TriangleRecord& record) {
   }
   record.id = face.id;
   record.material = face.material;
+  record.smoothing = face.smoothing;
   record.part = face.part;
   return true;
 }

@@ -20,7 +20,8 @@ constexpr uint32_t kWhite = 0xFFFFFFFFu;  ///< a packed colour that changes noth
 struct Face {
   Corner corners[3];
   uint32_t id = 0;
-  uint32_t material = 0;
+  uint16_t material = 0;
+  uint16_t smoothing = 0;
   uint32_t part = 0;
   uint32_t color = kWhite;  ///< replaces its corners' colours unless white
   uint32_t following = 0;   ///< triangles of the same polygon's fan that come after

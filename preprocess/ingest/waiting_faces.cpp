@@ -94,6 +94,7 @@ Status WaitingFaces::ResolveWindow(const VertexStreams& vertices, uint64_t windo
     }
     record.id = face.id;
     record.material = face.material;
+    record.smoothing = face.smoothing;
     record.part = face.part;
     if (!vertices.Has(face))
       return Fail(

@@ -12,16 +12,6 @@
 namespace quarry {
 namespace {
 
-Result<std::vector<TriangleRecord>> Load(const SpillFile& file, uint64_t first, uint64_t last) {
-  std::vector<TriangleRecord> records;
-  records.reserve(last - first);
-  QUARRY_TRY(ForEachRecord(file, first, last, [&](const TriangleRecord& r) -> Status {
-    records.push_back(r);
-    return Status{};
-  }));
-  return records;
-}
-
 class Partitioner {
  public:
   Partitioner(const PartitionOptions& options, const std::function<Status(VoxelTask)>& emit)
@@ -47,7 +37,7 @@ class Partitioner {
     tree.nodes[CutOffEmptySpace(tree.nodes, 0, cell, content)] = KdNode::Leaf(tree.voxels, 1);
     for (uint64_t first = 0; first < file.count();) {
       const uint64_t last = std::min(first + kMostInMemory, file.count());
-      QUARRY_ASSIGN(const std::vector<TriangleRecord> records, Load(file, first, last));
+      QUARRY_ASSIGN(const std::vector<TriangleRecord> records, LoadRecords(file, first, last));
       references_.clear();
       for (uint32_t i = 0; i < records.size(); ++i) {
         const Box box =
@@ -127,6 +117,16 @@ class Partitioner {
 
 }  // namespace
 
+Result<std::vector<TriangleRecord>> LoadRecords(const SpillFile& file, uint64_t first, uint64_t last) {
+  std::vector<TriangleRecord> records;
+  records.reserve(last - first);
+  QUARRY_TRY(ForEachRecord(file, first, last, [&](const TriangleRecord& r) -> Status {
+    records.push_back(r);
+    return Status{};
+  }));
+  return records;
+}
+
 Result<TopSubtree> PartitionInMemory(const std::vector<TriangleRecord>& triangles, const Region& region,
                                      const PartitionOptions& options,
                                      const std::function<Status(VoxelTask)>& emit) {
@@ -139,7 +139,7 @@ Result<TopSubtree> PartitionFile(const SpillFile& triangles, const Region& regio
                                  const PartitionOptions& options,
                                  const std::function<Status(VoxelTask)>& emit) {
   if (triangles.count() <= kMostInMemory) {
-    QUARRY_ASSIGN(const std::vector<TriangleRecord> records, Load(triangles, 0, triangles.count()));
+    QUARRY_ASSIGN(const std::vector<TriangleRecord> records, LoadRecords(triangles, 0, triangles.count()));
     return PartitionInMemory(records, region, options, emit);
   }
   TriangleSample sample;

@@ -39,6 +39,9 @@ Result<TopSubtree> PartitionInMemory(const std::vector<TriangleRecord>& triangle
                                      const PartitionOptions& options,
                                      const std::function<Status(VoxelTask)>& emit);
 
+/// The triangles [first, last) of a file, in memory. Errors: read errors.
+Result<std::vector<TriangleRecord>> LoadRecords(const SpillFile& file, uint64_t first, uint64_t last);
+
 /// Does so from disk: in memory up to kMostInMemory triangles, else through regions of its own. `content`:
 /// bounds of the padded boxes, clipped to the cell. Errors: also disk full.
 Result<TopSubtree> PartitionFile(const SpillFile& triangles, const Region& region, const Box& content,

@@ -7,9 +7,7 @@
 #include <future>
 #include <utility>
 
-#include "common/base/file.h"
 #include "common/kdtree/build/clipped_triangle.h"
-#include "preprocess/partition/split.h"
 
 namespace quarry {
 namespace {
@@ -114,19 +112,11 @@ Result<RegionFiles> RegionFiles::Open(const RegionTree& tree, const std::string&
                                       uint64_t memory, size_t gone, const std::vector<uint64_t>& counts,
                                       const std::vector<Box>& contents) {
   const size_t regions = tree.regions.size();
-  RegionFiles files(tree);
-  files.prefix_ = prefix;
-  SpillFile::Options options;
-  options.block_bytes = std::clamp<size_t>(memory / regions, 4096, 256 << 10);
-  options.writer = files.writer_.get();
   const bool large = regions * kRegionTriangles * record_bytes >= SpillFile::kPackLarge;
-  options.pack_from = large ? SpillFile::kPackAll : SpillFile::kPackNone;
-  files.files_.reserve(regions);
-  for (size_t i = 0; i < regions; ++i) {
-    QUARRY_ASSIGN(SpillFile file, SpillFile::Open(fmt::format("{}{}", prefix, i), record_bytes,
-                                                  counts.empty() || i < gone ? 0 : counts[i], options));
-    files.files_.push_back(std::move(file));
-  }
+  QUARRY_ASSIGN(SpillFiles spill,
+                SpillFiles::Open(prefix, regions, record_bytes,
+                                 {memory, large ? SpillFile::kPackAll : SpillFile::kPackNone, gone, counts}));
+  RegionFiles files(tree, std::move(spill));
   files.contents_ = contents.empty() ? std::vector<Box>(regions, EmptyBox()) : contents;
   return files;
 }
@@ -142,24 +132,11 @@ RegionFiles::Routed RegionFiles::Route(const SpillFile& triangles, uint64_t firs
   for (uint32_t i = 0; i < count; ++i) {
     TriangleRecord record;
     std::memcpy(&record, &routed.records[i * size], size);
-    const Box box = record.PaddedBox(padding);
-    uint32_t waiting[kMaxTopDepth + 1];
-    int open = 0;
-    waiting[open++] = 0;
-    while (open > 0) {
-      const KdNode node = tree_->nodes[waiting[--open]];
-      if (node.is_leaf()) {
-        const uint32_t region = node.first();
-        const auto part = PartIn(record, tree_->regions[region].cell, padding);
-        if (!part) continue;
-        contents_[region].Include(part->lower);
-        contents_[region].Include(part->upper);
-        routed.places.push_back({region, i});
-        continue;
-      }
-      if (box.upper[node.axis()] >= node.split()) waiting[open++] = node.left() + 1;
-      if (box.lower[node.axis()] <= node.split()) waiting[open++] = node.left();
-    }
+    ForEachRegion(*tree_, record, padding, [&](uint32_t region, const Box& part) {
+      contents_[region].Include(part.lower);
+      contents_[region].Include(part.upper);
+      routed.places.push_back({region, i});
+    });
   }
   return routed;
 }
@@ -179,30 +156,10 @@ Status RegionFiles::Add(const SpillFile& triangles, uint64_t first, uint64_t las
     first += routed.records.size() / triangles.element_bytes();
     if (first < last) next = route(first);
     for (const auto& [region, record] : routed.places)
-      QUARRY_TRY(files_[region].Append(&routed.records[record * triangles.element_bytes()]));
+      QUARRY_TRY(files_.Append(region, &routed.records[record * triangles.element_bytes()]));
     progress(first);
   }
   return {};
-}
-
-Status RegionFiles::FinishWriting() {
-  for (SpillFile& file : files_) QUARRY_TRY(file.FinishWriting());
-  return {};
-}
-
-Status RegionFiles::Sync() {
-  for (SpillFile& file : files_) QUARRY_TRY(file.Flush());
-  QUARRY_TRY(writer_->Wait());
-  for (const SpillFile& file : files_) file.BeginSync();
-  SyncFolderOf(prefix_);
-  for (SpillFile& file : files_) QUARRY_TRY(file.Sync());
-  return {};
-}
-
-std::vector<uint64_t> RegionFiles::counts() const {
-  std::vector<uint64_t> counts;
-  for (const SpillFile& file : files_) counts.push_back(file.count());
-  return counts;
 }
 
 std::optional<Box> PartIn(const TriangleRecord& triangle, const Box& cell, float padding) {

@@ -11,7 +11,8 @@
 #include "common/base/status.h"
 #include "common/kdtree/node.h"
 #include "preprocess/partition/sample.h"
-#include "preprocess/spill/spill_file.h"
+#include "preprocess/partition/split.h"
+#include "preprocess/spill/spill_files.h"
 #include "preprocess/spill/triangle_record.h"
 
 namespace quarry {
@@ -66,12 +67,13 @@ class RegionFiles {
   /// `progress` is called now and then with the next record's number. Errors: disk full.
   Status Add(const SpillFile& triangles, uint64_t first, uint64_t last, float padding,
              const std::function<void(uint64_t)>& progress);
-  Status FinishWriting();
+  Status FinishWriting() { return files_.FinishWriting(); }
   /// Makes the files durable. Errors: disk full.
-  Status Sync();
+  Status Sync() { return files_.Sync(); }
 
   SpillFile& file(size_t region) { return files_[region]; }
-  std::vector<uint64_t> counts() const;
+  const SpillFile& file(size_t region) const { return files_[region]; }
+  std::vector<uint64_t> counts() const { return files_.counts(); }
   /// Bounds of the boxes of each region's triangles, clipped to its cell.
   const std::vector<Box>& contents() const { return contents_; }
 
@@ -82,19 +84,43 @@ class RegionFiles {
     std::vector<std::pair<uint32_t, uint32_t>> places;  ///< pairs of region and record
     Status status;
   };
-  explicit RegionFiles(const RegionTree& tree) : tree_(&tree) {}
+  RegionFiles(const RegionTree& tree, SpillFiles files) : tree_(&tree), files_(std::move(files)) {}
   Routed Route(const SpillFile& triangles, uint64_t first, uint64_t count, float padding);
   const RegionTree* tree_;
-  std::string prefix_;
-  std::vector<SpillFile> files_;
-  std::unique_ptr<SpillWriter> writer_ =
-      std::make_unique<SpillWriter>();  ///< of files_; declared last, so that it ends first
+  SpillFiles files_;
   std::vector<Box> contents_;
 };
+
+/// Calls `visit` with each leaf of a tree that a box touches.
+template <class Visit>
+void ForEachLeaf(const std::vector<KdNode>& nodes, const Box& box, Visit&& visit) {
+  uint32_t waiting[kMostLevels + 1];
+  int open = 0;
+  waiting[open++] = 0;
+  while (open > 0) {
+    const KdNode node = nodes[waiting[--open]];
+    if (node.is_leaf()) {
+      visit(node);
+      continue;
+    }
+    if (box.upper[node.axis()] >= node.split()) waiting[open++] = node.left() + 1;
+    if (box.lower[node.axis()] <= node.split()) waiting[open++] = node.left();
+  }
+}
 
 /// The padded box of a triangle's part in a cell, clipped to the cell. Nothing: the triangle passes beside
 /// it.
 std::optional<Box> PartIn(const TriangleRecord& triangle, const Box& cell, float padding);
+
+/// Calls `visit` with each region that a triangle reaches, and the padded box of its part there.
+template <class Visit>
+void ForEachRegion(const RegionTree& tree, const TriangleRecord& record, float padding, Visit&& visit) {
+  ForEachLeaf(tree.nodes, record.PaddedBox(padding), [&](KdNode leaf) {
+    if (leaf.count() == 0) return;
+    if (const auto part = PartIn(record, tree.regions[leaf.first()].cell, padding))
+      visit(leaf.first(), *part);
+  });
+}
 
 /// Calls `visit` with the records [first, last) of a spill file. Errors: a read error; as `visit`'s.
 Status ForEachRecord(const SpillFile& file, uint64_t first, uint64_t last,

@@ -9,6 +9,7 @@
 #include "common/kdtree/build/prune.h"
 #include "common/kdtree/build/treelets.h"
 #include "common/kdtree/build/wide_tree.h"
+#include "common/math/packed_normal.h"
 
 namespace quarry {
 namespace {
@@ -43,20 +44,33 @@ class Interner {
 };
 
 ShadingVertex Sanitized(ShadingVertex v) {
-  const float length2 = v.normal.x * v.normal.x + v.normal.y * v.normal.y + v.normal.z * v.normal.z;
-  if (!(length2 > 1e-30f && length2 < 1e30f)) v.normal = glm::vec3(0);
+  if (!IsNormal(v.normal)) v.normal = glm::vec3(0);
   if (!std::isfinite(v.uv.x) || !std::isfinite(v.uv.y)) v.uv = glm::vec2(0);
   return v;
 }
 
-ShadingVoxel BuildShading(std::span<const TriangleRecord> triangles) {
+/// The normal that a code gives is kept bit by bit.
+bool SurvivesPacking(const glm::vec3& n) {
+  return n == glm::vec3(0) || (IsNormal(n) && UnpackNormal(PackNormal(n)) == n);
+}
+
+ShadingVoxel BuildShading(std::span<const TriangleRecord> triangles, bool may_pack) {
   ShadingVoxel voxel;
   Interner<ShadingVertex> interner(triangles.size() * 3);
   for (const TriangleRecord& t : triangles)
     for (int k = 0; k < 3; ++k)
       voxel.corners.push_back(
           interner.Index(Sanitized({t.normals[k], t.uvs[k], t.colors[k]}), voxel.vertices));
+  voxel.packed = may_pack && std::ranges::all_of(voxel.vertices, SurvivesPacking, &ShadingVertex::normal);
   return voxel;
+}
+
+/// Whether a voxel has attributes to store: those of the model, or a normal.
+bool HasShading(std::span<const TriangleRecord> triangles, const ShadingOptions& options) {
+  return options.attributes ||
+         (options.smoothed && std::ranges::any_of(triangles, [](const TriangleRecord& t) {
+            return std::ranges::any_of(t.normals, IsNormal);
+          }));
 }
 
 }  // namespace
@@ -142,7 +156,8 @@ std::vector<uint16_t> OrderByLeaves(KdTree& tree, size_t triangles) {
 }  // namespace
 
 EncodedVoxel BuildVoxel(std::span<const TriangleRecord> triangles, const Box& cell, float padding,
-                        bool has_shading, uint32_t voxel_size) {
+                        const ShadingOptions& options, uint32_t voxel_size) {
+  const bool has_shading = HasShading(triangles, options);
   Interner<glm::vec3> interner(triangles.size() * 3);
   std::vector<glm::vec3> vertices;
   std::vector<uint16_t> corners;
@@ -179,7 +194,7 @@ EncodedVoxel BuildVoxel(std::span<const TriangleRecord> triangles, const Box& ce
     if (has_shading) ordered.push_back(t);
   }
   if (!has_shading) return EncodeVoxel(voxel, nullptr);
-  const ShadingVoxel shading = BuildShading(ordered);
+  const ShadingVoxel shading = BuildShading(ordered, options.smoothed);
   return EncodeVoxel(voxel, &shading);
 }
 

@@ -12,10 +12,16 @@ namespace quarry {
 /// triangles share a vertex and the tree is a single leaf.
 uint32_t MaxTrianglesPerVoxel(uint32_t voxel_size);
 
+/// Which voxels have attributes to store.
+struct ShadingOptions {
+  bool attributes = false;  ///< the model has some: every voxel
+  bool smoothed = false;    ///< normals have been made: voxels that have any; they may be packed
+};
+
 /// Builds, lays out and compresses a voxel: vertices shared by value, a kd-tree over `cell` in the room that
 /// `voxel_size` leaves, shading attributes in a block of their own.
 /// Requires: 1 <= triangles.size() <= MaxTrianglesPerVoxel(voxel_size). Deterministic. Thread-safe.
 EncodedVoxel BuildVoxel(std::span<const TriangleRecord> triangles, const Box& cell, float padding,
-                        bool has_shading, uint32_t voxel_size);
+                        const ShadingOptions& options, uint32_t voxel_size);
 
 }  // namespace quarry

@@ -9,6 +9,7 @@
 
 #include "common/kdtree/build/build.h"
 #include "common/voxel/voxel_block.h"
+#include "preprocess/import/smoothing.h"
 
 namespace quarry {
 
@@ -21,7 +22,8 @@ struct TriangleRecord {
   glm::vec3 vertices[3];
   uint32_t id = 0;
   uint32_t part = 0;
-  uint32_t material = 0;
+  uint16_t material = 0;
+  uint16_t smoothing = kSmoothByAngle;  ///< how normals that it lacks are made, see import/smoothing.h
   uint32_t colors[3] = {0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu};  ///< packed, see ShadingVertex
   glm::vec3 normals[3] = {};
   glm::vec2 uvs[3] = {};
@@ -37,6 +39,17 @@ struct TriangleRecord {
   }
 };
 static_assert(std::is_trivially_copyable_v<TriangleRecord> && sizeof(TriangleRecord) == 120);
+
+/// Whether a normal of a model is one: finite, and not zero.
+inline bool IsNormal(const glm::vec3& n) {
+  const float length2 = n.x * n.x + n.y * n.y + n.z * n.z;
+  return length2 > 1e-30f && length2 < 1e30f;
+}
+
+/// Marks a triangle that has a normal at any corner, so that it is not smoothed.
+inline void MarkOwnNormals(TriangleRecord& t) {
+  if (IsNormal(t.normals[0]) || IsNormal(t.normals[1]) || IsNormal(t.normals[2])) t.smoothing = kOwnNormals;
+}
 
 /// Why a triangle is dropped.
 enum class TriangleFault { kNone, kNotFinite, kDegenerate };

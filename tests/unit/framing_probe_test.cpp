@@ -4,6 +4,7 @@
 
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <fstream>
 #include <glm/geometric.hpp>
 #include <string>
 
@@ -48,7 +49,7 @@ class Model {
   }
   Framing Probe(bool find_inside) const {
     const TemporaryFolder folder;
-    WriteFile(folder.file("m.obj"), text_);
+    std::ofstream(folder.file("m.obj")) << text_;
     PreprocessOptions options;
     options.models = {folder.file("m.obj")};
     options.output = folder.file("m.quarry");

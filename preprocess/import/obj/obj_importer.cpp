@@ -71,6 +71,7 @@ class ObjFile {
   Status Index(TextCursor& rest, IndexRange& range, bool optional, uint32_t& index);
   Status IndexFailure(const TextCursor& at, std::string_view trouble) const;
   void SetPart();
+  void SetSmoothing(std::string_view group);
   /// Reads the rest of the file once more to count its normals and texture coordinates.
   Status CountAhead();
   /// Whether the file has the element number `value`, here or later.
@@ -89,6 +90,7 @@ class ObjFile {
   uint32_t part_ = kNoIndex, material_ = kNoIndex;
   uint64_t triangles_ = 0, short_faces_ = 0, free_forms_ = 0;
   double color_scale_ = 255;
+  uint16_t smoothing_ = kSmoothByAngle;
   bool has_painted_ = false;  ///< colours in ZBrush's comments
 };
 
@@ -136,6 +138,7 @@ void ObjFile::Save(ByteWriter& out) const {
   out.Put(material_);
   out.Put(color_scale_);
   out.Put<uint8_t>(has_painted_);
+  out.Put(smoothing_);
   materials_.Save(out);
 }
 
@@ -153,6 +156,8 @@ Status ObjFile::Restore(ByteReader& in) {
   material_ = in.Get<uint32_t>();
   color_scale_ = in.Get<double>();
   has_painted_ = in.Get<uint8_t>() != 0;
+  smoothing_ = in.Get<uint16_t>();
+  sink_.SetSmoothing(smoothing_);
   return materials_.Restore(in);
 }
 
@@ -183,6 +188,8 @@ Status ObjFile::OtherLine(std::string_view keyword, TextCursor& rest) {
   } else if (keyword == "g") {
     group_ = std::string(rest.Name());
     part_changed_ = true;
+  } else if (keyword == "s") {
+    SetSmoothing(rest.Word());
   } else if (keyword.find('\0') != std::string_view::npos) {
     return lines_.FailHere("holds a zero byte, so this is no text file of a model");
   } else if (keyword == "surf" || keyword == "curv" || keyword == "curv2") {
@@ -191,6 +198,17 @@ Status ObjFile::OtherLine(std::string_view keyword, TextCursor& rest) {
     return Line(lower, rest);
   }
   return {};
+}
+
+/// "s 3" begins a smoothing group; "s 0", "s off" and "s null" flat faces. Other words are passed over.
+void ObjFile::SetSmoothing(std::string_view group) {
+  TextCursor word(group);
+  int64_t number = 0;
+  if (ParseInteger(word, number) && number >= 0)
+    smoothing_ = number == 0 ? kFlat : SmoothingGroup(static_cast<uint64_t>(number));
+  else if (EqualsIgnoringCase(group, "off") || EqualsIgnoringCase(group, "null"))
+    smoothing_ = kFlat;
+  sink_.SetSmoothing(smoothing_);
 }
 
 Status ObjFile::Position(TextCursor& rest) {

@@ -1,0 +1,85 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "common/base/status.h"
+#include "preprocess/partition/regions.h"
+#include "preprocess/smooth/corner_fans.h"
+#include "preprocess/spill/spill_files.h"
+
+namespace quarry {
+
+/// The normal of a corner that lies outside a region which has the corner's triangle.
+struct BorderNormal {
+  uint32_t id = 0;           ///< of the triangle
+  uint32_t hash_corner = 0;  ///< upper 30 bits of HashOfPosition(), and the corner
+  uint32_t normal = 0;       ///< packed
+
+  uint32_t hash() const { return hash_corner & ~3u; }
+  uint32_t corner() const { return hash_corner & 3; }
+};
+
+/// Corners of one pass over a region are those whose position has this share of hashes: so a pass takes the
+/// same memory whatever the region.
+struct HashShare {
+  uint32_t pass = 0, passes = 1;
+
+  /// The shares for so many triangles.
+  static uint32_t PassesFor(uint64_t triangles) {
+    return static_cast<uint32_t>(triangles / (kMostInMemory + 1) + 1);
+  }
+  /// `hash`: HashOfPosition(); its lowest two bits do not count.
+  bool Has(uint32_t hash) const { return (hash >> 2) % passes == pass; }
+};
+
+/// Whether a point lies in a closed cell.
+inline bool Contains(const Box& cell, const glm::vec3& p) {
+  return p.x >= cell.lower.x && p.y >= cell.lower.y && p.z >= cell.lower.z && p.x <= cell.upper.x &&
+         p.y <= cell.upper.y && p.z <= cell.upper.z;
+}
+
+/// What regions have to tell each other: a region has every triangle about the positions in its cell, so it
+/// alone finds the normals there, but a triangle that lies in several regions needs them in each. One file a
+/// region receives those of its triangles' corners outside its cell.
+/// Memory: for each thread, a pass's fans and 60 bytes for each corner on a border. Thread safety: none.
+class BorderNormals {
+ public:
+  /// `tree` and `regions`, whose files are complete, must outlive the object. Units: crease in degrees.
+  /// `options`: as for all files of border normals. Errors: as SpillFiles::Open()'s.
+  static Result<BorderNormals> Open(const RegionTree& tree, const std::string& prefix, float padding,
+                                    double crease, const SpillFiles::Options& options);
+
+  /// Finds the normals on the borders of the regions [first, last), for all other regions; several regions at
+  /// once by `threads`. `done` is called with the triangles of each. Errors: disk full; read errors.
+  Status AddRegions(const RegionFiles& triangles, uint32_t first, uint32_t last, unsigned threads,
+                    const std::function<void(uint64_t)>& done);
+  SpillFiles& files() { return files_; }
+  const SpillFiles& files() const { return files_; }
+
+ private:
+  BorderNormals(const RegionTree& tree, float padding, double crease, SpillFiles files)
+      : tree_(&tree), padding_(padding), crease_(crease), files_(std::move(files)) {}
+  /// A triangle in several regions, and a corner of it.
+  struct Straddler {
+    KdTriangle triangle;
+    uint32_t id;
+    CornerNormal found;
+  };
+  struct Border {
+    std::vector<Straddler> straddlers;
+    Status status;
+  };
+  Border Find(uint32_t region, const SpillFile& triangles, const HashShare& share) const;
+  uint32_t WantedCorners(uint32_t region, const TriangleRecord& t, const HashShare& share) const;
+  Status Tell(const std::vector<Straddler>& straddlers);
+
+  const RegionTree* tree_;
+  float padding_;
+  double crease_;
+  SpillFiles files_;
+};
+
+}  // namespace quarry

@@ -1,0 +1,145 @@
+#include "preprocess/smooth/corner_fans.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <glm/geometric.hpp>
+
+#include "common/math/elementary.h"
+#include "common/math/packed_normal.h"
+
+namespace quarry {
+namespace {
+
+constexpr size_t kSmallestTable = 1 << 12;
+constexpr double kPi = 3.14159265358979323846;
+// A normal nearer to its triangle's is left out: 0.15 degrees, no grey level of a picture of 8 bits.
+constexpr float kFlatCosine = 1 - 3.5e-6f;
+
+/// The arc cosine, to 7e-5 radians. Source: Abramowitz & Stegun, 4.4.45.
+double ArcCosine(double x) {
+  const double a = std::min(std::fabs(x), 1.0);
+  const double arc = std::sqrt(1 - a) * (1.5707288 + a * (-0.2121144 + a * (0.0742610 + a * -0.0187293)));
+  return x < 0 ? kPi - arc : arc;
+}
+
+double Dot(const glm::dvec3& a, const glm::dvec3& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+
+}  // namespace
+
+uint32_t HashOfPosition(const glm::vec3& position) {
+  uint64_t hash = 0;
+  for (int a = 0; a < 3; ++a)
+    hash = (hash ^ std::bit_cast<uint32_t>(position[a] + 0.0f)) * 0x9E3779B97F4A7C15ull;
+  hash ^= hash >> 29;
+  return static_cast<uint32_t>((hash * 0xBF58476D1CE4E5B9ull) >> 32);
+}
+
+CornerFans::CornerFans(double crease) {
+  double sine, cosine;
+  SinCos(crease * (kPi / 180), sine, cosine);
+  // Facets of a cylinder that meet at just the crease angle differ by rounding.
+  smooth_cosine_ = static_cast<float>(cosine) - 1e-5f;
+  Clear();
+}
+
+void CornerFans::Clear() {
+  table_.assign(std::max(table_.size(), kSmallestTable), kFree);
+  positions_.clear();
+  counts_.clear();
+  faces_.clear();
+  corners_.clear();
+}
+
+/// The place in the table of a position, or of the free slot where it belongs.
+size_t CornerFans::Probe(const glm::vec3& position, uint32_t hash) const {
+  size_t at = hash & (table_.size() - 1);
+  while (table_[at] != kFree && positions_[table_[at]] != position) at = (at + 1) & (table_.size() - 1);
+  return at;
+}
+
+uint32_t CornerFans::SlotOf(const glm::vec3& position, uint32_t hash) {
+  size_t at = Probe(position, hash);
+  if (table_[at] != kFree) return table_[at];
+  if (2 * positions_.size() >= table_.size()) {
+    Grow();
+    at = Probe(position, hash);
+  }
+  table_[at] = static_cast<uint32_t>(positions_.size());
+  positions_.push_back(position);
+  counts_.push_back(0);
+  return table_[at];
+}
+
+void CornerFans::Grow() {
+  table_.assign(2 * table_.size(), kFree);
+  for (uint32_t slot = 0; slot < positions_.size(); ++slot)
+    table_[Probe(positions_[slot], HashOfPosition(positions_[slot]))] = slot;
+}
+
+CornerFans::Face CornerFans::MakeFace(const TriangleRecord& t, uint32_t triangle) {
+  const glm::dvec3 p[3] = {glm::dvec3(t.vertices[0]), glm::dvec3(t.vertices[1]), glm::dvec3(t.vertices[2])};
+  const glm::dvec3 a = p[1] - p[0], b = p[2] - p[0], c = p[2] - p[1];
+  const glm::dvec3 n(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
+  const double aa = Dot(a, a), bb = Dot(b, b), cc = Dot(c, c);
+  const double first = ArcCosine(Dot(a, b) / std::sqrt(aa * bb));
+  const double second = ArcCosine(-Dot(a, c) / std::sqrt(aa * cc));
+  const double third = std::max(kPi - first - second, 0.0);
+  return {glm::vec3(n * (1 / std::sqrt(Dot(n, n)))),
+          {static_cast<float>(first), static_cast<float>(second), static_cast<float>(third)},
+          triangle,
+          t.smoothing};
+}
+
+void CornerFans::Add(const TriangleRecord& t, uint32_t triangle, uint32_t corner, uint32_t hash) {
+  const uint32_t slot = SlotOf(t.vertices[corner], hash);
+  if (++counts_[slot] > kMostAround) return;
+  if (faces_.empty() || faces_.back().triangle != triangle) faces_.push_back(MakeFace(t, triangle));
+  corners_.push_back({slot, static_cast<uint32_t>(faces_.size() - 1) << 2 | corner});
+}
+
+/// Solves one fan: faces and their corners, as PlacedCorner has them.
+void CornerFans::SolveFan(std::span<const uint32_t> fan, std::vector<CornerNormal>& normals) const {
+  const auto weighted = [&](uint32_t c) { return faces_[c >> 2].angles[c & 3] * faces_[c >> 2].normal; };
+  glm::vec3 sums[kMostAround];
+  for (size_t i = 0; i < fan.size(); ++i) sums[i] = weighted(fan[i]);
+  for (size_t i = 0; i < fan.size(); ++i) {
+    const Face& face = faces_[fan[i] >> 2];
+    for (size_t j = 0; j < i; ++j) {
+      const Face& other = faces_[fan[j] >> 2];
+      if (other.smoothing != face.smoothing) continue;
+      float side = 1;
+      if (face.smoothing == kSmoothByAngle) {
+        const float cosine = glm::dot(face.normal, other.normal);
+        if (std::fabs(cosine) < smooth_cosine_) continue;
+        side = std::copysign(side, cosine);
+      }
+      sums[i] += side * weighted(fan[j]);
+      sums[j] += side * weighted(fan[i]);
+    }
+  }
+  for (size_t i = 0; i < fan.size(); ++i) {
+    const Face& face = faces_[fan[i] >> 2];
+    // Negated, so that a sum that is not a number, of a group that closes on itself, is left out too.
+    if (!(glm::dot(sums[i], face.normal) < kFlatCosine * std::sqrt(glm::dot(sums[i], sums[i])))) continue;
+    normals.push_back({face.triangle, fan[i] & 3, PackNormal(sums[i])});
+  }
+}
+
+std::vector<CornerNormal> CornerFans::Solve() const {
+  std::vector<uint32_t> ends(positions_.size());
+  uint32_t end = 0;
+  for (size_t slot = 0; slot < ends.size(); ++slot) {
+    ends[slot] = end;
+    end += std::min(counts_[slot], kMostAround);
+  }
+  std::vector<uint32_t> by_slot(corners_.size());
+  for (const PlacedCorner& c : corners_) by_slot[ends[c.slot]++] = c.face_corner;
+  std::vector<CornerNormal> normals;
+  for (size_t slot = 0; slot < ends.size(); ++slot)
+    if (counts_[slot] <= kMostAround)
+      SolveFan(std::span(by_slot).subspan(ends[slot] - counts_[slot], counts_[slot]), normals);
+  return normals;
+}
+
+}  // namespace quarry

@@ -1,0 +1,78 @@
+#pragma once
+
+#include <cstdint>
+#include <glm/vec3.hpp>
+#include <span>
+#include <vector>
+
+#include "preprocess/spill/triangle_record.h"
+
+namespace quarry {
+
+/// The smooth normal of a triangle's corner. `triangle`: its number, as given to CornerFans.
+struct CornerNormal {
+  uint32_t triangle = 0;
+  uint32_t corner = 0;
+  uint32_t normal = 0;  ///< packed, see PackNormal()
+};
+
+/// Whether a triangle lacks normals and is smoothed with others.
+inline bool IsSmoothed(const TriangleRecord& t) { return t.smoothing != kFlat && t.smoothing != kOwnNormals; }
+
+/// A hash of a position; 0 and -0 are one position.
+uint32_t HashOfPosition(const glm::vec3& position);
+
+/// The corners that meet at positions, and their smooth normals: of each corner, the mean of the unit normals
+/// of those triangles about its position that its own triangle meets smoothly, weighted by their angles
+/// there. Triangles meet smoothly when they share a smoothing group, or, without groups, when their planes
+/// meet at most at the crease angle; which side faces outwards does not matter then. Positions are one if
+/// their coordinates are equal. More than kMostAround corners about a position stay flat. Memory: about 40
+/// bytes a corner. Thread safety: none. Source: Thürmer & Wüthrich, Computing Vertex Normals from Polygonal
+/// Facets, 1998.
+class CornerFans {
+ public:
+  /// The time of a fan grows with the square of its corners.
+  static constexpr uint32_t kMostAround = 512;
+
+  /// Units: degrees.
+  explicit CornerFans(double crease);
+  void Clear();
+
+  /// Makes an empty fan at a position, unless there is one. `hash`, here and below: HashOfPosition().
+  void Open(const glm::vec3& position, uint32_t hash) { (void)SlotOf(position, hash); }
+  bool Has(const glm::vec3& position, uint32_t hash) const { return table_[Probe(position, hash)] != kFree; }
+  bool empty() const { return positions_.empty(); }
+  /// Adds a corner to the fan at its position. Requires: IsSmoothed(t); corners of a triangle one after the
+  /// other.
+  void Add(const TriangleRecord& t, uint32_t triangle, uint32_t corner, uint32_t hash);
+
+  /// The normals of corners that visibly differ from their triangle's own, in no order.
+  std::vector<CornerNormal> Solve() const;
+
+ private:
+  static constexpr uint32_t kFree = 0xFFFFFFFFu;
+  struct Face {
+    glm::vec3 normal;  ///< of unit length
+    float angles[3];   ///< in radians
+    uint32_t triangle;
+    uint16_t smoothing;
+  };
+  struct PlacedCorner {
+    uint32_t slot;
+    uint32_t face_corner;  ///< four times the face, and the corner
+  };
+  uint32_t SlotOf(const glm::vec3& position, uint32_t hash);
+  size_t Probe(const glm::vec3& position, uint32_t hash) const;
+  void Grow();
+  static Face MakeFace(const TriangleRecord& t, uint32_t triangle);
+  void SolveFan(std::span<const uint32_t> fan, std::vector<CornerNormal>& normals) const;
+
+  float smooth_cosine_;
+  std::vector<uint32_t> table_;  ///< slots by hash of position, open addressing
+  std::vector<glm::vec3> positions_;
+  std::vector<uint32_t> counts_;  ///< corners of each slot, those beyond kMostAround included
+  std::vector<Face> faces_;
+  std::vector<PlacedCorner> corners_;
+};
+
+}  // namespace quarry

@@ -1,0 +1,24 @@
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "common/base/status.h"
+#include "preprocess/partition/partition.h"
+#include "preprocess/spill/spill_file.h"
+
+namespace quarry {
+
+/// Gives a region's triangles in memory smooth normals; see PartitionSmoothed().
+Status SmoothRecords(std::vector<TriangleRecord>& records, const Box& cell, const SpillFile* border,
+                     double crease);
+
+/// Partitions a region as PartitionFile() does, after its triangles have got smooth normals, with a
+/// crease of 0 without. `border`: the
+/// normals of corners outside the region's cell, in any order; null: there are no other regions. Units:
+/// crease in degrees. Errors: as PartitionFile()'s.
+Result<TopSubtree> PartitionSmoothed(const SpillFile& triangles, const Region& region, const Box& content,
+                                     const PartitionOptions& options, const SpillFile* border, double crease,
+                                     const std::function<Status(VoxelTask)>& emit);
+
+}  // namespace quarry
