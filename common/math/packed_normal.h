@@ -6,9 +6,9 @@
 
 namespace quarry {
 
-/// Steps from the middle of an octahedron's map to its border: the angle between neighbours is at most 0.04
-/// degrees. More steps make stores larger, and no picture better (tests/bench/history/store_format.md).
-inline constexpr float kNormalSteps = 2047;
+/// Steps from the middle of an octahedron's map to its border: a packed normal is at most 0.015 degrees off.
+/// More steps make stores of scans larger (tests/bench/history/store_format.md).
+inline constexpr float kNormalSteps = 8191;
 inline constexpr int kNormalMiddle = 32768;
 
 /// A direction as two 16-bit numbers, its place on an octahedron that is unfolded to a square: x in the lower

@@ -110,7 +110,9 @@ CameraSpec FitCamera(const Framing& framing, const glm::dvec3& back, const glm::
   axes.up = glm::cross(back, axes.right);
   const double free = 1 - 2 * lens.margin, tangent = TanHalfDegrees(lens.fov_degrees) * free;
   const glm::dvec3 middle = (framing.lower + framing.upper) * 0.5;
-  const double diagonal = std::max(glm::length(framing.upper - framing.lower), 1e-30);
+  // A scene of one point has a size too: the eye must differ from the point looked at.
+  const double diagonal =
+      std::max(glm::length(framing.upper - framing.lower), 1e-9 * (1 + glm::length(middle)));
   camera.at = middle;
   camera.eye = middle + back * diagonal;
   if (lens.ortho_height > 0) return camera;

@@ -87,6 +87,7 @@ class Resume(Case):
         whole = self.whole()
         phases = {"import": lambda: (self.work / "import-positions").exists() and self.has_notes(),
                   "parting": lambda: (self.work / "region-0").exists(),
+                  "smoothing": lambda: (self.work / "border-0").exists(),
                   "building": lambda: (self.work / "store").exists() and (self.work / "store").stat().st_size > 1000}
         for phase, seen in phases.items():
             with self.subTest(phase=phase):

@@ -77,9 +77,10 @@ inline float Facing(const Surface& s) { return std::fabs(glm::dot(s.normal, s.vi
 
 /// The light that a white surface sends back of a headlight and of a soft dome, brighter at its zenith `up`.
 inline float StudioFactor(const Surface& s, const glm::vec3& up) {
-  constexpr float kHeadlight = 0.5f, kDome = 0.5f, kNadir = 0.35f;
+  constexpr float kHeadlight = 0.6f, kDome = 0.4f, kNadir = 0.1f;
   const float height = 0.5f + 0.5f * glm::dot(s.normal, up);
-  return kHeadlight * Facing(s) + kDome * (kNadir + (1 - kNadir) * height);
+  const float facing = Facing(s);
+  return kHeadlight * facing * facing + kDome * (kNadir + (1 - kNadir) * height);
 }
 
 /// Share of the ambient light that a white surface scatters to the viewer. It is greater where the surface
