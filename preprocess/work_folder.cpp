@@ -64,7 +64,8 @@ void RemoveFiles(const std::string& folder) {
   for (const auto& entry : fs::directory_iterator(folder, error)) {
     const std::string name = entry.path().filename().string();
     if (name == "store" || name == "images" || name.starts_with("triangles-") ||
-        name.starts_with("region-") || name.starts_with("import-") || name.starts_with("foreign."))
+        name.starts_with("region-") || name.starts_with("border-") || name.starts_with("import-") ||
+        name.starts_with("foreign."))
       fs::remove(entry.path(), error);
   }
   fs::remove(folder, error);  // only if it is empty

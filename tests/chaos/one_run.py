@@ -20,7 +20,7 @@ GRACE_S, RECOVERY_S = 20, 17
 UNDISTURBED_S = 120  # for the undisturbed one itself
 MARK = "QUARRY_CHAOS_RUN"
 OUTPUT_DISK, SPOOL_DISK = "1M", "1M"
-LEAST_FROM_PEERS = 20000  # bytes: that workers ask each other at all
+LEAST_FROM_PEERS = 10000  # bytes, some blocks of this scene: that workers ask each other at all
 FRAMES_BEFORE_JOIN = 3  # of the undisturbed walk's last worker
 LINK_RATE = 300000  # bytes a second: slow enough that a walk takes some seconds, most of them on the way
 

@@ -62,7 +62,7 @@ TEST_CASE("Pictures are those kept as golden") {
     SECTION(name) { Compare(Read(Made().file(name)), Read(entry.path().string())); }
     ++compared;
   }
-  CHECK(compared == 8);
+  CHECK(compared == 10);
 }
 
 }  // namespace quarry::test

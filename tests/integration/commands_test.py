@@ -367,7 +367,7 @@ class Logs(Case):
         name = f"{os.uname().nodename}-{worker.pid}"
         self.assertRegex(worker_said, rf"{name}: has joined the master at {address}\n.*{name}: is given work")
         self.assertIn(f"worker {name} has joined", said)
-        self.assertRegex(said, r"job \w+ from 127\.0\.0\.1:\d+: 1 frame of 40x30, raycast, 1 sample a pixel, png")
+        self.assertRegex(said, r"job \w+ from 127\.0\.0\.1:\d+: 1 frame of 40x30, ao, 4 samples a pixel, png")
         self.assertRegex(said, r"job \w+ is done")
         self.assertRegex(said, r"client 127\.0\.0\.1:\d+ has ended")
         self.assertNotRegex(said, r"\d closed the connection")

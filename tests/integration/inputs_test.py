@@ -199,6 +199,15 @@ class Inputs(Case):
         self.assertEqual(pathlib.Path(self.path("plain.quarry")).read_bytes(),
                          pathlib.Path(self.path("packed.quarry")).read_bytes())
 
+    @staticmethod
+    def chunks_of_exr(path):
+        """What follows the header, which states the camera, and the table of places."""
+        data, at = pathlib.Path(path).read_bytes(), 8
+        while data[at] != 0:
+            at = data.index(b"\0", data.index(b"\0", at) + 1) + 1  # past name and type
+            at += 4 + int.from_bytes(data[at:at + 4], "little")
+        return data[int.from_bytes(data[at + 1:at + 9], "little"):]
+
     def test_millimetres_survive_far_from_the_origin(self):
         """A model in UTM metres gives the picture of the same model beside the origin, bit for bit."""
         far = (500736.0, 5000192.0, 0.0)
@@ -211,13 +220,13 @@ class Inputs(Case):
             picture = self.path(name + ".exr")
             self.must("quarry", "render", store, "-o", picture, "--eye", eye, "--at", at, "--mode", "shadow", "--size", "200x150",
                       "--aov", "depth,normal,primitive", "--quiet")
-            pictures.append(pathlib.Path(picture).read_bytes())
+            pictures.append(self.chunks_of_exr(picture))
             info = self.info(store)
             for a in range(3):
                 self.assertEqual(info["bounds_lower"][a], origin[a])
         self.assertEqual(info["offset"], list(far))
-        self.assertEqual(len(pictures[0]), len(pictures[1]))
-        self.assertEqual(pictures[0], pictures[1])
+        self.assertGreater(len(pictures[0]), 200 * 150)
+        self.assertTrue(pictures[0] == pictures[1])
 
 
 class Named(Case):

@@ -89,7 +89,7 @@ class ModelCase(Case):
         side = 1.25 * max(upper[0] - lower[0], upper[1] - lower[1])
         x, y = (lower[0] + upper[0]) / 2, (lower[1] + upper[1]) / 2
         self.must("quarry", "render", model, "-o", self.path("x.png"), "--size", f"{SIDE}x{SIDE}", "--mode", mode, "--quiet", "--force",
-                  "--eye", f"{x},{y},{upper[2] + 5 * side}", "--at", f"{x},{y},{upper[2]}", "--up", "0,1,0", "--ortho", side,
+                  "--exposure", 0, "--eye", f"{x},{y},{upper[2] + 5 * side}", "--at", f"{x},{y},{upper[2]}", "--up", "0,1,0", "--ortho", side,
                   "--workers", 1, "--threads", 1)
         rows = pixels_of(self.path("x.png"))
         return side, rows, lambda p: rows[math.floor((0.5 - (p[1] - y) / side) * SIDE)][math.floor((0.5 + (p[0] - x) / side) * SIDE)]
