@@ -125,7 +125,9 @@ Status BorderNormals::AddRegions(const RegionFiles& triangles, uint32_t first, u
     const SpillFile& file = triangles.file(region);
     HashShare share{0, HashShare::PassesFor(file.count())};
     for (; share.pass < share.passes; ++share.pass) {
-      if (works.size() >= threads) QUARRY_TRY(finish_first());
+      // One thread at a time reads a file: the passes of a region follow each other.
+      const size_t most = share.pass == 0 ? threads - 1 : 0;
+      while (works.size() > most) QUARRY_TRY(finish_first());
       const bool ends = share.pass + 1 == share.passes;
       works.push_back({ends ? file.count() : 0, std::async(std::launch::async, [this, region, &file, share] {
                          return Find(region, file, share);

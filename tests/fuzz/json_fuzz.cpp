@@ -1,5 +1,5 @@
-// Gives the bytes to each reader of JSON files. The first byte chooses: camera path, lights, library of
-// materials, credentials.
+// Gives the bytes to each reader of JSON. The first byte chooses: camera path, lights, library of materials,
+// credentials, view, a master's summary of a scene.
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -7,9 +7,12 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdlib>
+#include <nlohmann/json.hpp>
 #include <string>
 
 #include "common/scene/material_json.h"
+#include "common/scene/scene_summary.h"
+#include "common/scene/view_json.h"
 #include "deploy/scene_files.h"
 #include "worker/sources/http_options.h"
 
@@ -26,8 +29,30 @@ void MustBeUsable(const Result<Value>& result, Check&& check) {
 
 bool IsFinite(const glm::dvec3& v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
 
+/// A view that is read and written is read again as the same.
+void ReadAsView(const std::string& path) {
+  const auto json = ReadJsonFile<nlohmann::json>(path);
+  if (!json) return;
+  ViewDescription read, again;
+  const Status status = ReadView(JsonValue(*json, path), glm::dvec3(1e3), read);
+  if (!status && status.error().message.empty()) std::abort();
+  if (!status || !NormalizeView(read.view)) return;
+  const std::string text = ViewToJson(read.view, read.format.exposure, glm::dvec3(1e3)).dump();
+  const auto written = ParseJson<nlohmann::json>(text, path);
+  if (!written || !ReadView(JsonValue(*written, path), glm::dvec3(1e3), again)) std::abort();
+  if (ViewToJson(again.view, again.format.exposure, glm::dvec3(1e3)).dump() != text) std::abort();
+}
+
+void ReadAsSummary(const std::string& path) {
+  const auto json = ReadJsonFile<nlohmann::json>(path);
+  if (!json) return;
+  MustBeUsable(ReadSceneSummary(JsonValue(*json, path)), [](const SceneSummary& summary) {
+    return IsFinite(summary.framing.lower) && IsFinite(summary.framing.upper);
+  });
+}
+
 void Read(uint8_t reader, const std::string& path) {
-  switch (reader % 4) {
+  switch (reader % 6) {
     case 0:
       return MustBeUsable(ReadCameraPath(path), [](const std::vector<CameraSpec>& cameras) {
         for (const CameraSpec& c : cameras)
@@ -48,6 +73,10 @@ void Read(uint8_t reader, const std::string& path) {
           if (!IsFinite(m.diffuse) || !(m.ior >= 1)) return false;
         return true;
       });
+    case 4:
+      return ReadAsView(path);
+    case 5:
+      return ReadAsSummary(path);
     default:
       return MustBeUsable(ReadAwsCredentials(path),
                           [](const AwsCredentials& c) { return !c.secret_key.empty(); });

@@ -43,7 +43,7 @@ void ReadCatalog(std::span<const std::byte> bytes) {
   if (sections) (void)DecodeCatalog(SceneId{}, *sections);
 }
 
-constexpr int kKinds = 14;
+constexpr int kKinds = 15;
 
 void ReadAs(int kind, std::span<const std::byte> bytes) {
   switch (kind) {
@@ -73,6 +73,8 @@ void ReadAs(int kind, std::span<const std::byte> bytes) {
       return Read(bytes, DecodeBlockRequest);
     case 12:
       return ReadFrame(bytes);
+    case 14:
+      return Read(bytes, DecodeQuery);
     default:
       return ReadCatalog(bytes);
   }
@@ -105,7 +107,8 @@ void WriteSeeds(const std::string& folder) {
                                     Encode(alive),
                                     Encode(BlockRequest{12}),
                                     EncodeFrameHeader(framed),
-                                    PackSections({})};
+                                    PackSections({}),
+                                    Encode(Query{kStatusTopic})};
   const auto write = [&](const std::string& name, size_t kind, const Bytes& bytes) {
     std::ofstream file(folder + "/" + name, std::ios::binary);
     file.put(static_cast<char>(kind));

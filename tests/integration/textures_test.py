@@ -11,6 +11,7 @@ import subprocess
 import time
 import zlib
 
+from model_cases import pixels_of
 from programs import BIN, PATIENCE, Case, main
 
 SCENES = pathlib.Path(__file__).parents[3] / "shared/scenes"
@@ -155,7 +156,7 @@ class Textures(Case):
             self.preprocess(model, name + ".quarry", *more)
             self.must("quarry", "render", self.path(name + ".quarry"), "-o", self.path(name + ".png"), "--size", "64x48", "--workers", 2,
                       "--mode", "whitted", "--quiet")
-            pictures.append(pathlib.Path(self.path(name + ".png")).read_bytes())
+            pictures.append(pixels_of(self.path(name + ".png")))  # the files name their scenes
         self.assertEqual(*pictures)
 
     def test_an_image_that_cannot_be_read_is_left_out(self):

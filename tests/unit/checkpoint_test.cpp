@@ -121,6 +121,7 @@ void WriteObj(const std::string& path) {
     if (face % 3000 == 0) obj += fmt::format("o object{}\n", face / 6000);
     if (face % 2000 == 0) obj += fmt::format("g group{}\n", face / 2000 % 3);
     if (face % 1500 == 0) obj += fmt::format("usemtl m{}\n", face / 1500 % 4);
+    if (face % 1700 == 0) obj += face % 3400 == 0 ? "s off\n" : fmt::format("s {}\n", face);
     if (face % 5000 == 1) obj += "f 1 2\nvn 0 0 1\n";
     const int64_t end = -int64_t{kSide * kSide};
     if (face % 2 == 0)

@@ -40,6 +40,23 @@ TEST_CASE("OBJ: corners in all forms, negative indices, polygons", "[import][obj
   CHECK(sink.uvs[1] == glm::vec2(1, 0));
 }
 
+TEST_CASE("OBJ: smoothing groups", "[import][obj]") {
+  RecordingSink sink;
+  const std::string face = "f 1 2 3\n";
+  REQUIRE(ImportText("a.obj",
+                     kVertices + face + "s 1\n" + face + "s 70000\n" + face + "s off\n" + face + "S 3\n" +
+                         face + "s 0\n" + face + "s 4\ns what\n" + face,
+                     sink) == "");
+  const uint16_t wanted[] = {
+      kSmoothByAngle, SmoothingGroup(1), SmoothingGroup(70000), kFlat, SmoothingGroup(3),
+      kFlat,          SmoothingGroup(4)};
+  REQUIRE(sink.polygons.size() == std::size(wanted));
+  for (size_t i = 0; i < std::size(wanted); ++i) CHECK(sink.polygons[i].smoothing == wanted[i]);
+  for (const uint64_t group : {uint64_t{1}, uint64_t{65532}, uint64_t{65533}, ~uint64_t{0} >> 1})
+    CHECK((SmoothingGroup(group) != kFlat && SmoothingGroup(group) != kOwnNormals &&
+           SmoothingGroup(group) != kSmoothByAngle));
+}
+
 TEST_CASE("OBJ: numbers, colours, weights, white space, byte order mark, continued lines", "[import][obj]") {
   RecordingSink sink;
   REQUIRE(ImportText(

@@ -18,6 +18,7 @@ struct RecordingSink : ModelSink {
     std::vector<Corner> corners;
     uint32_t material, part;
     Rgba8 color;
+    uint16_t smoothing;
   };
 
   std::string name;
@@ -32,6 +33,7 @@ struct RecordingSink : ModelSink {
   std::vector<glm::vec2> uvs;
   std::vector<Polygon> polygons;
   Rgba8 face_color;
+  uint16_t smoothing = kSmoothByAngle;
   uint64_t triangles = 0;
   bool ended = false;
 
@@ -82,8 +84,9 @@ struct RecordingSink : ModelSink {
     face_color = color;
     return {};
   }
+  void SetSmoothing(uint16_t group) override { smoothing = group; }
   Status AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t part) override {
-    polygons.push_back({{corners.begin(), corners.end()}, material, part, face_color});
+    polygons.push_back({{corners.begin(), corners.end()}, material, part, face_color, smoothing});
     if (corners.size() >= 3) triangles += corners.size() - 2;
     return {};
   }

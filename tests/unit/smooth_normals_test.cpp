@@ -247,6 +247,26 @@ TEST_CASE("Stores have the normals of the whole model, whatever regions and memo
   CHECK(version == kUnpackedStoreVersion);
 }
 
+TEST_CASE("What a model states of its facets reaches the store", "[smooth]") {
+  const TemporaryFolder folder;
+  PreprocessOptions options = OptionsFor(folder, folder.file("m.obj"));
+  const std::string cube =
+      "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\nvn 0 0 1\n";
+  const std::string faces = "f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 3 4 8 7\nf 1 5 8 4\nf 2 3 7 6\n";
+  const auto count = [&](const std::string& text) {
+    std::ofstream(folder.file("m.obj")) << text;
+    return StoredNormals(options).size();
+  };
+  CHECK(count(cube + faces) == 0);
+  CHECK(count(cube + "s 1\n" + faces) == 36);
+  options.crease = 100;
+  CHECK(count(cube + faces) == 36);
+  CHECK(count(cube + "s off\n" + faces) == 0);
+  // Triangles of a face with normals keep them, and give others nothing.
+  options.crease = 30;
+  CHECK(count(cube + "f 5//1 6//1 7//1 8//1\nf 1 2 6 5\n") == 6);
+}
+
 TEST_CASE("A region too large for memory gets the same normals through files", "[smooth]") {
   std::vector<TriangleRecord> ball = Ball(300);
   const TemporaryFolder folder;
