@@ -250,6 +250,9 @@ Status BuildStage::Route() {
   progress_.End();
   scene_.triangles->Remove();
   CutOffEmptySpace(files_->contents(), whole_.cell, tree_);
+  if (DepthOf(tree_.nodes) >= kMostLevels)
+    return Fail(fmt::format("{}: its parts lie in each other too deep for a tree of {} levels",
+                            options_.output, kMostLevels));
   return files_->FinishWriting();
 }
 

@@ -143,13 +143,13 @@ void BlockDecoder::Impl::ReadPacked(std::span<const std::byte> columns, uint32_t
   ReadDifferences(columns.first(2 * count), x);
   ReadDifferences(columns.subspan(2 * count, 2 * count), y);
   const uint32_t* rest = ReadColumns(columns.subspan(4 * count), count);
-  const uint32_t *u = rest, *v = rest + count, *color = (kinds & kPackedUvs) != 0 ? v + count : rest;
+  const size_t u = 0, v = count, color = (kinds & kPackedUvs) != 0 ? 2 * count : 0;
   for (size_t i = 0; i < count; ++i) {
     ShadingVertex vertex;
     const uint32_t code = x[i] | uint32_t{y[i]} << 16;
     if (code != 0) vertex.normal = UnpackNormal(code);
-    if ((kinds & kPackedUvs) != 0) vertex.uv = {FromOrderedBits(u[i]), FromOrderedBits(v[i])};
-    if ((kinds & kPackedColors) != 0) vertex.color = color[i];
+    if ((kinds & kPackedUvs) != 0) vertex.uv = {FromOrderedBits(rest[u + i]), FromOrderedBits(rest[v + i])};
+    if ((kinds & kPackedColors) != 0) vertex.color = rest[color + i];
     vertices[i] = vertex;
   }
 }

@@ -18,6 +18,7 @@
 #include "preprocess/estimate/plan_textures.h"
 #include "preprocess/import/importer.h"
 #include "preprocess/partition/regions.h"
+#include "preprocess/smooth/border_normals.h"
 #include "preprocess/spill/temporary_file.h"
 
 namespace quarry {
@@ -126,7 +127,9 @@ uint64_t SpillPeak(const std::vector<Counts>& files, double record, double share
   while (sample > TriangleSample::kMost) sample /= 2;
   const double slice = std::min(triangles, static_cast<double>(kRoutedPerCheckpoint));
   const double routed = references * triangles * record;
-  const double regions = routed * (routed > kLarge ? share : 1);
+  // A copy's three corners lie outside one of the regions that have the triangle.
+  const double borders = std::max(references - 1, 0.0) * triangles * 3 * sizeof(BorderNormal);
+  const double regions = routed * (routed > kLarge ? share : 1) + borders;
   return static_cast<uint64_t>(std::max(peak, in_file(triangles) - in_file(triangles - slice) + regions) +
                                sample * (sizeof(KdTriangle) + 4));
 }

@@ -88,6 +88,7 @@ WindowSink::WindowSink(size_t file, std::span<const SampleWindow> windows, uint6
 
 Status WindowSink::BeginFile(std::string_view) {
   ++begun_;
+  smoothing_ = kSmoothByAngle;
   return {};
 }
 
@@ -227,6 +228,7 @@ Result<SampleCost> MeasureWindows(const PreprocessOptions& options, std::span<co
     glm::dvec3 positions[3];
     if (!corners.Resolve(t, positions, record)) continue;
     for (size_t k = 0; k < 3; ++k) record.vertices[k] = place(positions[k]);
+    if (FaultOf(record) != TriangleFault::kNone) continue;
     const Box box = record.PaddedBox(0);
     if (Distance(box.lower, box.upper) > 1e30) continue;
     owned += static_cast<uint64_t>(std::popcount(t.owners));

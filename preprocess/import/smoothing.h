@@ -14,8 +14,14 @@ inline constexpr uint16_t kFlat = 1;
 /// The model gives them normals.
 inline constexpr uint16_t kOwnNormals = 65535;
 
-/// The number of a smoothing group of the model: its triangles meet smoothly whatever the angle, and others
-/// not at all. Beyond 65,533 groups of a file, numbers repeat. Thread-safe.
+/// The number of a smoothing group of a file: its triangles meet smoothly whatever the angle, and others not
+/// at all. Groups whose numbers are 65,533 apart are one. Thread-safe.
 inline uint16_t SmoothingGroup(uint64_t group) { return static_cast<uint16_t>(2 + group % 65533); }
+
+/// The number of a file's group among those of several files: equal groups of two files are two. Thread-safe.
+inline uint16_t SmoothingOfFile(uint16_t smoothing, uint32_t file) {
+  if (smoothing == kSmoothByAngle || smoothing == kFlat || smoothing == kOwnNormals) return smoothing;
+  return SmoothingGroup(uint64_t{smoothing} - 2 + uint64_t{7919} * file);
+}
 
 }  // namespace quarry

@@ -41,6 +41,7 @@ Status SpillSink::BeginFile(std::string_view name) {
   if (restored) return {};
   face_color_ = kWhite;
   smoothing_ = kSmoothByAngle;
+  ++file_number_;
   checkpoints_.BeginFile(triangles_.input_triangles(), false);
   QUARRY_ASSIGN(faces_, FaceResolver::Open(folder_, triangles_, nullptr));
   return triangles_.Open();
@@ -105,6 +106,7 @@ Status SpillSink::Checkpoint(const Bytes& state) {
 Result<Bytes> SpillSink::Save() {
   if (in_file()) QUARRY_TRY(faces_->Settle());
   ByteWriter out;
+  out.Put(file_number_);
   coordinates_.Save(out);
   tables_.Save(out);
   QUARRY_TRY(images_.Save(out));
@@ -119,6 +121,7 @@ Result<Bytes> SpillSink::Save() {
 Status SpillSink::Restore(std::span<const std::byte> saved, bool routed) {
   QUARRY_ASSIGN(const Bytes state, checkpoints_.Read(saved));
   ByteReader in(state);
+  file_number_ = in.Get<uint32_t>();
   coordinates_.Restore(in);
   tables_.Restore(in);
   QUARRY_TRY(images_.Restore(in));

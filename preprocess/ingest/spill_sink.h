@@ -62,7 +62,7 @@ class SpillSink final : public ModelSink {
   Status AddNormal(const glm::vec3& normal) override;
   Status AddUv(const glm::vec2& uv) override;
   Status SetFaceColor(const Rgba8& color) override;
-  void SetSmoothing(uint16_t smoothing) override { smoothing_ = smoothing; }
+  void SetSmoothing(uint16_t smoothing) override { smoothing_ = SmoothingOfFile(smoothing, file_number_); }
   Status AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t part) override;
   void Warn(std::string message) override { tables_.Warn(std::move(message)); }
   void HasRead(uint64_t done, uint64_t total) override {
@@ -103,6 +103,7 @@ class SpillSink final : public ModelSink {
   std::function<void(uint64_t, uint64_t)> on_read_;
   uint32_t face_color_ = kWhite;
   uint16_t smoothing_ = kSmoothByAngle;
+  uint32_t file_number_ = 0;  ///< of the current file, from 1
   ImportCheckpoints checkpoints_;
   SceneCoordinates coordinates_;
   SceneTables tables_;

@@ -49,9 +49,21 @@ ShadingVertex Sanitized(ShadingVertex v) {
   return v;
 }
 
-/// The normal that a code gives is kept bit by bit.
+/// Whether packing keeps a normal bit by bit.
 bool SurvivesPacking(const glm::vec3& n) {
-  return n == glm::vec3(0) || (IsNormal(n) && UnpackNormal(PackNormal(n)) == n);
+  const glm::vec3 kept = IsNormal(n) ? UnpackNormal(PackNormal(n)) : glm::vec3(0);
+  // NOLINTNEXTLINE(bugprone-suspicious-memory-comparison): -0 is not 0.
+  return std::memcmp(&kept, &n, sizeof n) == 0;
+}
+
+/// The facet's normal at the corners of a smoothed triangle that keep it, if others differ from it: shading
+/// takes the mean of the three.
+TriangleRecord WithAllNormals(TriangleRecord t) {
+  if (!IsSmoothed(t) || std::ranges::none_of(t.normals, IsNormal)) return t;
+  const glm::vec3 facet = UnpackNormal(PackNormal(FacetNormal(t)));
+  for (glm::vec3& n : t.normals)
+    if (!IsNormal(n)) n = facet;
+  return t;
 }
 
 ShadingVoxel BuildShading(std::span<const TriangleRecord> triangles, bool may_pack) {
@@ -191,7 +203,7 @@ EncodedVoxel BuildVoxel(std::span<const TriangleRecord> triangles, const Box& ce
     voxel.triangle_ids.push_back(t.id);
     voxel.materials.push_back(static_cast<uint16_t>(t.material));
     voxel.parts.push_back(t.part);
-    if (has_shading) ordered.push_back(t);
+    if (has_shading) ordered.push_back(options.smoothed ? WithAllNormals(t) : t);
   }
   if (!has_shading) return EncodeVoxel(voxel, nullptr);
   const ShadingVoxel shading = BuildShading(ordered, options.smoothed);

@@ -60,25 +60,31 @@ BorderNormals::Border BorderNormals::Find(uint32_t region, const SpillFile& tria
   std::vector<Straddler>& straddlers = border.straddlers;
   uint32_t number = 0;
   border.status = ForEachRecord(triangles, 0, triangles.count(), [&](const TriangleRecord& t) -> Status {
+    if (border.too_many) return {};
     const uint32_t wanted = WantedCorners(region, t, share);
     for (uint32_t k = 0; k < 3 && wanted != 0; ++k) {
       if ((wanted >> k & 1) == 0) continue;
-      fans.Open(t.vertices[k], HashOfPosition(t.vertices[k]));
+      // A fan of more corners stays flat.
+      if (fans.Open(t.vertices[k], HashOfPosition(t.vertices[k])) > CornerFans::kMostAround) continue;
+      border.too_many |= straddlers.size() >= kMostStraddlers;
+      if (border.too_many) continue;
       straddlers.push_back({{{t.vertices[0], t.vertices[1], t.vertices[2]}}, t.id, {number, k, 0}});
     }
     ++number;
     return {};
   });
-  if (!border.status || fans.empty()) return border;
+  if (!border.status || border.too_many || fans.empty()) return border;
   number = 0;
   border.status = ForEachRecord(triangles, 0, triangles.count(), [&](const TriangleRecord& t) -> Status {
-    for (uint32_t k = 0; k < 3 && IsSmoothed(t); ++k) {
+    border.too_many |= fans.corners() > kMostCorners;
+    for (uint32_t k = 0; k < 3 && IsSmoothed(t) && !border.too_many; ++k) {
       const uint32_t hash = HashOfPosition(t.vertices[k]);
       if (fans.Has(t.vertices[k], hash)) fans.Add(t, number, k, hash);
     }
     ++number;
     return {};
   });
+  if (!border.status || border.too_many) return border;
   const auto place = [](const CornerNormal& c) { return std::pair(c.triangle, c.corner); };
   for (const CornerNormal& normal : fans.Solve()) {
     const auto at = std::ranges::lower_bound(straddlers, place(normal), {},
@@ -87,6 +93,19 @@ BorderNormals::Border BorderNormals::Find(uint32_t region, const SpillFile& tria
   }
   std::erase_if(straddlers, [](const Straddler& s) { return s.found.normal == 0; });
   return border;
+}
+
+/// Tells a pass's normals, or those of its parts where it found too many.
+Status BorderNormals::TellAll(uint32_t region, const SpillFile& triangles, const HashShare& share,
+                              const Border& border) {
+  QUARRY_TRY(border.status);
+  constexpr uint32_t kMostPasses = 1u << 27;  // then positions have one hash, by intent
+  if (!border.too_many || share.passes > kMostPasses) return Tell(border.straddlers);
+  for (uint32_t part = 0; part < HashShare::kParts; ++part) {
+    const HashShare smaller = share.Part(part);
+    QUARRY_TRY(TellAll(region, triangles, smaller, Find(region, triangles, smaller)));
+  }
+  return {};
 }
 
 /// Tells normals to the regions that have the triangle, but not its corner.
@@ -109,30 +128,23 @@ Status BorderNormals::Tell(const std::vector<Straddler>& straddlers) {
 Status BorderNormals::AddRegions(const RegionFiles& triangles, uint32_t first, uint32_t last,
                                  unsigned threads, const std::function<void(uint64_t)>& done) {
   struct Work {
-    uint64_t triangles;  ///< 0 but for the last pass of a region
+    uint32_t region;
     std::future<Border> border;
   };
   std::deque<Work> works;
   const auto finish_first = [&]() -> Status {
-    const Border border = works.front().border.get();
-    QUARRY_TRY(border.status);
-    QUARRY_TRY(Tell(border.straddlers));
-    done(works.front().triangles);
+    const SpillFile& file = triangles.file(works.front().region);
+    QUARRY_TRY(TellAll(works.front().region, file, {}, works.front().border.get()));
+    file.ForgetBlocks();
+    done(file.count());
     works.pop_front();
     return {};
   };
   for (uint32_t region = first; region < last; ++region) {
-    const SpillFile& file = triangles.file(region);
-    HashShare share{0, HashShare::PassesFor(file.count())};
-    for (; share.pass < share.passes; ++share.pass) {
-      // One thread at a time reads a file: the passes of a region follow each other.
-      const size_t most = share.pass == 0 ? threads - 1 : 0;
-      while (works.size() > most) QUARRY_TRY(finish_first());
-      const bool ends = share.pass + 1 == share.passes;
-      works.push_back({ends ? file.count() : 0, std::async(std::launch::async, [this, region, &file, share] {
-                         return Find(region, file, share);
-                       })});
-    }
+    if (works.size() >= threads) QUARRY_TRY(finish_first());
+    works.push_back({region, std::async(std::launch::async, [this, region, &triangles] {
+                       return Find(region, triangles.file(region), {});
+                     })});
   }
   while (!works.empty()) QUARRY_TRY(finish_first());
   return {};

@@ -33,6 +33,9 @@ struct HashShare {
   }
   /// `hash`: HashOfPosition(); its lowest two bits do not count.
   bool Has(uint32_t hash) const { return (hash >> 2) % passes == pass; }
+  /// One of kParts parts of this share.
+  static constexpr uint32_t kParts = 8;
+  HashShare Part(uint32_t part) const { return {pass + part * passes, passes * kParts}; }
 };
 
 /// Whether a point lies in a closed cell.
@@ -44,7 +47,7 @@ inline bool Contains(const Box& cell, const glm::vec3& p) {
 /// What regions have to tell each other: a region has every triangle about the positions in its cell, so it
 /// alone finds the normals there, but a triangle that lies in several regions needs them in each. One file a
 /// region receives those of its triangles' corners outside its cell.
-/// Memory: for each thread, a pass's fans and 60 bytes for each corner on a border. Thread safety: none.
+/// Memory: about 25 MiB a thread, and half of it where borders are short. Thread safety: none.
 class BorderNormals {
  public:
   /// `tree` and `regions`, whose files are complete, must outlive the object. Units: crease in degrees.
@@ -68,12 +71,17 @@ class BorderNormals {
     uint32_t id;
     CornerNormal found;
   };
+  /// What a pass over a region finds. `too_many`: more than memory is meant for; the pass is to be parted.
   struct Border {
     std::vector<Straddler> straddlers;
+    bool too_many = false;
     Status status;
   };
+  /// Corners on the border, and corners about their positions, of a pass at once.
+  static constexpr size_t kMostStraddlers = 128 << 10, kMostCorners = 768 << 10;
   Border Find(uint32_t region, const SpillFile& triangles, const HashShare& share) const;
   uint32_t WantedCorners(uint32_t region, const TriangleRecord& t, const HashShare& share) const;
+  Status TellAll(uint32_t region, const SpillFile& triangles, const HashShare& share, const Border& border);
   Status Tell(const std::vector<Straddler>& straddlers);
 
   const RegionTree* tree_;

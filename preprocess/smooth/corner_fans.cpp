@@ -13,6 +13,9 @@ namespace {
 
 constexpr size_t kSmallestTable = 1 << 12;
 constexpr double kPi = 3.14159265358979323846;
+constexpr float kTurnedCosine = -0.5f;  // facets so far apart are two sides of a sheet, or of a spike
+// A sum so much smaller than its terms points nowhere: a smoothing group that closes on itself.
+constexpr float kLeastShare = 0.01f;
 // A normal nearer to its triangle's is left out: 0.15 degrees, no grey level of a picture of 8 bits.
 constexpr float kFlatCosine = 1 - 3.5e-6f;
 
@@ -45,7 +48,9 @@ CornerFans::CornerFans(double crease) {
 
 void CornerFans::Clear() {
   table_.assign(std::max(table_.size(), kSmallestTable), kFree);
+  table_shift_ = 33 - std::bit_width(table_.size());
   positions_.clear();
+  opened_.clear();
   counts_.clear();
   faces_.clear();
   corners_.clear();
@@ -53,7 +58,8 @@ void CornerFans::Clear() {
 
 /// The place in the table of a position, or of the free slot where it belongs.
 size_t CornerFans::Probe(const glm::vec3& position, uint32_t hash) const {
-  size_t at = hash & (table_.size() - 1);
+  // Multiplied, since the hashes of a pass have their low bits in common.
+  size_t at = (hash * 0x9E3779B1u) >> table_shift_;
   while (table_[at] != kFree && positions_[table_[at]] != position) at = (at + 1) & (table_.size() - 1);
   return at;
 }
@@ -67,12 +73,14 @@ uint32_t CornerFans::SlotOf(const glm::vec3& position, uint32_t hash) {
   }
   table_[at] = static_cast<uint32_t>(positions_.size());
   positions_.push_back(position);
+  opened_.push_back(0);
   counts_.push_back(0);
   return table_[at];
 }
 
 void CornerFans::Grow() {
   table_.assign(2 * table_.size(), kFree);
+  --table_shift_;
   for (uint32_t slot = 0; slot < positions_.size(); ++slot)
     table_[Probe(positions_[slot], HashOfPosition(positions_[slot]))] = slot;
 }
@@ -80,12 +88,11 @@ void CornerFans::Grow() {
 CornerFans::Face CornerFans::MakeFace(const TriangleRecord& t, uint32_t triangle) {
   const glm::dvec3 p[3] = {glm::dvec3(t.vertices[0]), glm::dvec3(t.vertices[1]), glm::dvec3(t.vertices[2])};
   const glm::dvec3 a = p[1] - p[0], b = p[2] - p[0], c = p[2] - p[1];
-  const glm::dvec3 n(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
   const double aa = Dot(a, a), bb = Dot(b, b), cc = Dot(c, c);
   const double first = ArcCosine(Dot(a, b) / std::sqrt(aa * bb));
   const double second = ArcCosine(-Dot(a, c) / std::sqrt(aa * cc));
   const double third = std::max(kPi - first - second, 0.0);
-  return {glm::vec3(n * (1 / std::sqrt(Dot(n, n)))),
+  return {FacetNormal(t),
           {static_cast<float>(first), static_cast<float>(second), static_cast<float>(third)},
           triangle,
           t.smoothing};
@@ -100,28 +107,39 @@ void CornerFans::Add(const TriangleRecord& t, uint32_t triangle, uint32_t corner
 
 /// Solves one fan: faces and their corners, as PlacedCorner has them.
 void CornerFans::SolveFan(std::span<const uint32_t> fan, std::vector<CornerNormal>& normals) const {
-  const auto weighted = [&](uint32_t c) { return faces_[c >> 2].angles[c & 3] * faces_[c >> 2].normal; };
+  const auto angle = [&](uint32_t c) { return faces_[c >> 2].angles[c & 3]; };
   glm::vec3 sums[kMostAround];
-  for (size_t i = 0; i < fan.size(); ++i) sums[i] = weighted(fan[i]);
+  float angles[kMostAround];
+  for (size_t i = 0; i < fan.size(); ++i) {
+    angles[i] = angle(fan[i]);
+    sums[i] = angles[i] * faces_[fan[i] >> 2].normal;
+  }
   for (size_t i = 0; i < fan.size(); ++i) {
     const Face& face = faces_[fan[i] >> 2];
     for (size_t j = 0; j < i; ++j) {
       const Face& other = faces_[fan[j] >> 2];
       if (other.smoothing != face.smoothing) continue;
+      const float cosine = glm::dot(face.normal, other.normal);
       float side = 1;
       if (face.smoothing == kSmoothByAngle) {
-        const float cosine = glm::dot(face.normal, other.normal);
         if (std::fabs(cosine) < smooth_cosine_) continue;
         side = std::copysign(side, cosine);
+      } else if (cosine < kTurnedCosine) {
+        continue;
       }
-      sums[i] += side * weighted(fan[j]);
-      sums[j] += side * weighted(fan[i]);
+      const float of_i = angle(fan[i]), of_j = angle(fan[j]);
+      sums[i] += side * of_j * other.normal;
+      sums[j] += side * of_i * face.normal;
+      angles[i] += of_j;
+      angles[j] += of_i;
     }
   }
   for (size_t i = 0; i < fan.size(); ++i) {
     const Face& face = faces_[fan[i] >> 2];
-    // Negated, so that a sum that is not a number, of a group that closes on itself, is left out too.
-    if (!(glm::dot(sums[i], face.normal) < kFlatCosine * std::sqrt(glm::dot(sums[i], sums[i])))) continue;
+    const float length = std::sqrt(glm::dot(sums[i], sums[i]));
+    // Negated, so that what is no number is left out too.
+    if (!(length > kLeastShare * angles[i] && glm::dot(sums[i], face.normal) < kFlatCosine * length))
+      continue;
     normals.push_back({face.triangle, fan[i] & 3, PackNormal(sums[i])});
   }
 }

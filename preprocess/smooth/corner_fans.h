@@ -16,9 +16,6 @@ struct CornerNormal {
   uint32_t normal = 0;  ///< packed, see PackNormal()
 };
 
-/// Whether a triangle lacks normals and is smoothed with others.
-inline bool IsSmoothed(const TriangleRecord& t) { return t.smoothing != kFlat && t.smoothing != kOwnNormals; }
-
 /// A hash of a position; 0 and -0 are one position.
 uint32_t HashOfPosition(const glm::vec3& position);
 
@@ -38,10 +35,12 @@ class CornerFans {
   explicit CornerFans(double crease);
   void Clear();
 
-  /// Makes an empty fan at a position, unless there is one. `hash`, here and below: HashOfPosition().
-  void Open(const glm::vec3& position, uint32_t hash) { (void)SlotOf(position, hash); }
+  /// Makes an empty fan at a position, unless there is one, and returns how often it has been opened. `hash`,
+  /// here and below: HashOfPosition().
+  uint32_t Open(const glm::vec3& position, uint32_t hash) { return ++opened_[SlotOf(position, hash)]; }
   bool Has(const glm::vec3& position, uint32_t hash) const { return table_[Probe(position, hash)] != kFree; }
   bool empty() const { return positions_.empty(); }
+  size_t corners() const { return corners_.size(); }
   /// Adds a corner to the fan at its position. Requires: IsSmoothed(t); corners of a triangle one after the
   /// other.
   void Add(const TriangleRecord& t, uint32_t triangle, uint32_t corner, uint32_t hash);
@@ -69,7 +68,9 @@ class CornerFans {
 
   float smooth_cosine_;
   std::vector<uint32_t> table_;  ///< slots by hash of position, open addressing
+  int table_shift_ = 0;          ///< 32 less the bits of a place in the table
   std::vector<glm::vec3> positions_;
+  std::vector<uint32_t> opened_;  ///< times, of each slot
   std::vector<uint32_t> counts_;  ///< corners of each slot, those beyond kMostAround included
   std::vector<Face> faces_;
   std::vector<PlacedCorner> corners_;

@@ -64,6 +64,8 @@ class SpillFile {
   /// Frees the disk space of the blocks of elements [first, last), if the file system can. They and the
   /// elements before must not be read again.
   void Discard(uint64_t first, uint64_t last) const;
+  /// Forgets the places of the blocks, which the next read finds again: 16 bytes a block.
+  void ForgetBlocks() const { content_->ForgetBlocks(); }
   /// Deletes the file and forgets its blocks.
   void Remove() const;
 

@@ -46,6 +46,17 @@ inline bool IsNormal(const glm::vec3& n) {
   return length2 > 1e-30f && length2 < 1e30f;
 }
 
+/// Whether a triangle lacks normals and is smoothed with others.
+inline bool IsSmoothed(const TriangleRecord& t) { return t.smoothing != kFlat && t.smoothing != kOwnNormals; }
+
+/// The unit normal of a triangle's plane. Requires: FaultOf(t) is kNone.
+inline glm::vec3 FacetNormal(const TriangleRecord& t) {
+  const glm::dvec3 a = glm::dvec3(t.vertices[1]) - glm::dvec3(t.vertices[0]);
+  const glm::dvec3 b = glm::dvec3(t.vertices[2]) - glm::dvec3(t.vertices[0]);
+  const glm::dvec3 n(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
+  return glm::vec3(n * (1 / std::sqrt(n.x * n.x + n.y * n.y + n.z * n.z)));
+}
+
 /// Marks a triangle that has a normal at any corner, so that it is not smoothed.
 inline void MarkOwnNormals(TriangleRecord& t) {
   if (IsNormal(t.normals[0]) || IsNormal(t.normals[1]) || IsNormal(t.normals[2])) t.smoothing = kOwnNormals;

@@ -32,6 +32,15 @@ Normals SolveAll(const std::vector<TriangleRecord>& triangles, double crease) {
   return normals;
 }
 
+/// Of triangles with some normals, the other corners have the facet's, as in a store.
+Normals WithFacets(Normals normals, const std::vector<TriangleRecord>& triangles) {
+  for (const auto& [place, normal] : Normals(normals))
+    for (uint32_t k = 0; k < 3; ++k)
+      normals.emplace(std::pair(place.first, k),
+                      UnpackNormal(PackNormal(FacetNormal(triangles[place.first]))));
+  return normals;
+}
+
 void AddQuad(std::vector<TriangleRecord>& to, const glm::vec3& a, const glm::vec3& b, const glm::vec3& c,
              const glm::vec3& d) {
   for (const auto& [p, q, r] : {std::tuple(a, b, c), std::tuple(a, c, d)}) {
@@ -48,6 +57,7 @@ void AddQuad(std::vector<TriangleRecord>& to, const glm::vec3& a, const glm::vec
 std::vector<TriangleRecord> Ball(int n) {
   std::vector<TriangleRecord> ball;
   const auto at = [&](int i, int j) {
+    if (i == n) return glm::vec3(0, 0, -1);  // sin(pi) is not 0
     const double u = M_PI * i / n, v = M_PI * (j % (2 * n)) / n;
     return glm::vec3(glm::dvec3(std::sin(u) * std::cos(v), std::sin(u) * std::sin(v), std::cos(u)));
   };
@@ -230,7 +240,7 @@ TEST_CASE("Stores have the normals of the whole model, whatever regions and memo
   const Normals stored = StoredNormals(options, &version);
   CHECK(version == kStoreVersion);
   // The offset moves positions; of a ball about the origin it is zero.
-  CHECK(stored == SolveAll(ball, 30));
+  CHECK(stored == WithFacets(SolveAll(ball, 30), ball));
 
   const auto bytes = [&] {
     std::ifstream file(options.output, std::ios::binary);
@@ -245,6 +255,47 @@ TEST_CASE("Stores have the normals of the whole model, whatever regions and memo
   options.crease = 0;
   CHECK(StoredNormals(options, &version).empty());
   CHECK(version == kUnpackedStoreVersion);
+}
+
+TEST_CASE("Flat sheets stay flat beside a fold between them", "[smooth]") {
+  // Two sheets of strips that meet at x = 0 by 20 degrees.
+  std::vector<TriangleRecord> sheets;
+  const auto at = [](int strip, float y) {
+    const float x = static_cast<float>(strip);
+    return glm::vec3(x * 0.98480775f, y, -std::fabs(x) * 0.17364818f);
+  };
+  for (int strip = -3; strip < 3; ++strip)
+    AddQuad(sheets, at(strip, 0), at(strip + 1, 0), at(strip + 1, 1), at(strip, 1));
+  const TemporaryFolder folder;
+  const Normals stored = StoredNormals(OptionsFor(folder, WriteObj(folder, sheets)));
+  CHECK(stored.size() == 12);  // of the four triangles at the fold
+  for (const auto& [place, normal] : stored) {
+    const TriangleRecord& t = sheets[place.first];
+    const bool at_fold = t.vertices[place.second].x == 0;
+    CHECK(Degrees(normal, at_fold ? glm::vec3(0, 0, 1) : FacetNormal(t)) < 0.02f);
+  }
+}
+
+TEST_CASE("Both sides of a sheet in a smoothing group keep their own normals", "[smooth]") {
+  std::vector<TriangleRecord> sides = Ball(48);
+  const size_t one = sides.size();
+  for (size_t i = 0; i < one; ++i) {
+    sides.push_back(sides[i]);
+    std::swap(sides.back().vertices[0], sides.back().vertices[1]);
+  }
+  for (TriangleRecord& t : sides) t.smoothing = SmoothingGroup(1);
+  const Normals normals = SolveAll(sides, 30);
+  CHECK(normals.size() > 3 * one);
+  for (const auto& [place, normal] : normals) {
+    const glm::vec3& outwards = sides[place.first].vertices[place.second];
+    REQUIRE(Degrees(normal, place.first < one ? outwards : -outwards) < 3.75f);
+  }
+}
+
+TEST_CASE("Groups of equal number in two files are two", "[smooth]") {
+  CHECK(SmoothingOfFile(SmoothingGroup(1), 1) != SmoothingOfFile(SmoothingGroup(1), 2));
+  CHECK(SmoothingOfFile(SmoothingGroup(1), 3) != SmoothingOfFile(SmoothingGroup(2), 3));
+  for (const uint16_t other : {kSmoothByAngle, kFlat, kOwnNormals}) CHECK(SmoothingOfFile(other, 7) == other);
 }
 
 TEST_CASE("What a model states of its facets reaches the store", "[smooth]") {
