@@ -87,11 +87,12 @@ void Engine::CloseTiles(Tiles& tiles) {
   for (size_t i = 0; i < tiles.open.size();) {
     Tiles::Open& open = tiles.open[i];
     const bool abandoned = open.renderer->view().abandoned;
-    if (!abandoned && !open.renderer->done()) {
+    if (!abandoned && !open.renderer->done() && !open.renderer->may_leave_holes()) {
       ++i;
       continue;
     }
     if (abandoned) open.renderer->Abandon();
+    if (!abandoned && !open.renderer->done()) open.renderer->LeaveHoles();
     RenderedTile result = open.renderer->Take();
     result.compute_us = open.compute_us;
     rays_ += result.rays;

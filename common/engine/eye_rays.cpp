@@ -16,7 +16,7 @@ void EyeRayGenerator::Open(const ViewContext& view, const Tile& tile) {
         for (uint32_t x = x0; x < std::min(x0 + kSide, tile_.columns()); ++x)
           places_.push_back({static_cast<uint16_t>(y * tile_.columns() + x), static_cast<uint8_t>(x),
                              static_cast<uint8_t>(y)});
-  count_ = places_.size() * (tile.hits_only ? uint64_t{1} : uint64_t{view.view.spp});
+  count_ = places_.size() * uint64_t{tile.samples_of(view.view.spp)};
   next_ = 0;
 }
 
@@ -24,14 +24,13 @@ EyeRayGenerator::Lanes EyeRayGenerator::Next(const ViewContext& context, SampleP
                                              PrimaryRays& primary) {
   const View& view = context.view;
   const auto count = static_cast<uint32_t>(std::min<uint64_t>(RayPacket::kRays, count_ - next_));
-  auto sample = static_cast<uint32_t>(next_ / places_.size());
+  auto sample = tile_.first_sample + static_cast<uint32_t>(next_ / places_.size());
   auto place = static_cast<uint32_t>(next_ % places_.size());
   const uint32_t across = DepthCells(tile_.columns());
   double x[RayPacket::kRays] = {}, y[RayPacket::kRays] = {};
   for (uint32_t i = 0; i < count; ++i) {
     const Place& p = places_[place];
-    const uint32_t px = tile_.pixels.x + std::min(p.x * tile_.step + tile_.step / 2, tile_.pixels.width - 1);
-    const uint32_t py = tile_.pixels.y + std::min(p.y * tile_.step + tile_.step / 2, tile_.pixels.height - 1);
+    const uint32_t px = tile_.X(p.x), py = tile_.Y(p.y);
     const glm::vec2 at = PixelSample(view.seed, s.image_pixel[i] = py * view.width + px, sample);
     x[i] = px + static_cast<double>(at.x);
     y[i] = py + static_cast<double>(at.y);

@@ -1,10 +1,12 @@
 #include "common/engine/tile_film.h"
 
+#include <algorithm>
 #include <bit>
 #include <cstring>
 #include <utility>
 
 #include "common/kdtree/locate.h"
+#include "common/math/shared_exponent.h"
 
 namespace quarry {
 namespace {
@@ -14,11 +16,13 @@ constexpr uint32_t kNone = 0xFFFFFFFFu;  // value of integer layers where nothin
 }  // namespace
 
 void TileFilm::Open(const ViewContext& view, const Tile& tile) {
+  tile_ = tile;
   const size_t pixels = size_t{tile.columns()} * tile.rows();
   depths_.assign(size_t{DepthCells(tile.columns())} * DepthCells(tile.rows()), 0);
   radiance_.assign(tile.hits_only ? 0 : 3 * pixels, {});
   aovs_.assign(tile.hits_only ? 0 : (view.words - 3) * pixels, 0);
   hits_.assign(tile.hits_only ? pixels : 0, {});
+  holes_.assign(tile.leaves_holes ? pixels : 0, false);
 }
 
 void TileFilm::SetLayers(const ViewContext& context, uint32_t pixel, const Ray& ray, const Hit& hit,
@@ -39,14 +43,19 @@ void TileFilm::SetLayers(const ViewContext& context, uint32_t pixel, const Ray& 
 }
 
 void TileFilm::Take(const ViewContext& view, RenderedTile& result) {
-  if (hits_.empty()) result.pixels = Pixels(view);
+  if (!tile_.hits_only) {
+    if (tile_.form == PixelForm::kMeans) PutMeans(view, result.pixels);
+    if (tile_.form == PixelForm::kSums) PutSums(view, result.pixels);
+    if (tile_.form == PixelForm::kShown) PutShown(view, result.pixels);
+  }
+  result.holes = static_cast<uint32_t>(std::ranges::count(holes_, true));
   result.hits = std::exchange(hits_, {});
   result.depths = std::exchange(depths_, {});
 }
 
-Bytes TileFilm::Pixels(const ViewContext& context) const {
+void TileFilm::PutMeans(const ViewContext& context, Bytes& out) const {
   const size_t pixels = radiance_.size() / 3, extra = context.words - 3;
-  Bytes out(pixels * context.words * 4);
+  out.resize(pixels * context.words * 4);
   std::byte* to = out.data();
   for (size_t p = 0; p < pixels; ++p) {
     float color[3];
@@ -56,7 +65,33 @@ Bytes TileFilm::Pixels(const ViewContext& context) const {
       std::memcpy(to + sizeof color, aovs_.data() + p * extra, extra * 4);
     to += context.words * 4;
   }
-  return out;
+}
+
+void TileFilm::PutSums(const ViewContext& context, Bytes& out) const {
+  const size_t pixels = radiance_.size() / 3, extra = context.words - 3;
+  out.resize(pixels * (3 * sizeof(int64_t) + extra * 4));
+  std::byte* to = out.data();
+  for (size_t p = 0; p < pixels; ++p) {
+    for (size_t c = 0; c < 3; ++c, to += sizeof(int64_t)) {
+      const int64_t sum = radiance_[3 * p + c].bits();
+      std::memcpy(to, &sum, sizeof sum);
+    }
+    if (extra > 0) std::memcpy(to, aovs_.data() + p * extra, extra * 4);
+    to += extra * 4;
+  }
+}
+
+void TileFilm::PutShown(const ViewContext& context, Bytes& out) const {
+  const size_t pixels = radiance_.size() / 3;
+  const uint32_t samples = tile_.samples_of(context.view.spp);
+  out.resize(pixels * sizeof(uint32_t));
+  for (size_t p = 0; p < pixels; ++p) {
+    const FixedRadiance* of = &radiance_[3 * p];
+    const bool hole = !holes_.empty() && holes_[p];
+    const uint32_t code =
+        hole ? kHole : PackShared({of[0].Mean(samples), of[1].Mean(samples), of[2].Mean(samples)});
+    std::memcpy(out.data() + p * sizeof code, &code, sizeof code);
+  }
 }
 
 }  // namespace quarry

@@ -55,6 +55,12 @@ void TileRenderer::Abandon() {
   std::ranges::fill(unfinished_, 0);
 }
 
+void TileRenderer::LeaveHoles() {
+  for (uint32_t p = 0; p < samples_.size(); ++p)
+    ForEachLane(unfinished_[p], [&](uint32_t i) { film_.LeaveHole(samples_[p].pixel[i]); });
+  Abandon();
+}
+
 /// Generate: fills a packet whose samples have ended with the next primary rays that meet the scene's box.
 void TileRenderer::StartPacket(uint32_t packet) {
   SamplePacket& s = samples_[packet];

@@ -50,6 +50,8 @@ class TileRenderer {
   }
   /// Ends the tile unfinished. Blocks that its rays waited for may still be delivered.
   void Abandon();
+  /// Ends the tile with holes where rays wait. Requires: the tile leaves holes; no ray is ready.
+  void LeaveHoles();
   /// Makes the rays parked on `block` ready. Requires: the block is pinned during the next Step().
   void Resume(BlockKey block);
 
@@ -61,6 +63,8 @@ class TileRenderer {
   bool done() const {
     return std::ranges::all_of(unfinished_, [](uint64_t samples) { return samples == 0; });
   }
+  /// Whether only LeaveHoles() is left to do.
+  bool may_leave_holes() const { return tile_.leaves_holes && !has_ready() && !done(); }
   const ViewContext& view() const { return *view_; }
   /// Bytes of the tile's samples and pixels.
   size_t memory_bytes() const;

@@ -16,6 +16,18 @@ class FixedRadiance {
     sum_ += static_cast<int64_t>(static_cast<double>(term) * 0x1p32);
     sum_ = sum_ < kMax ? sum_ : kMax;
   }
+  /// Adds another sum: as if its terms had been added here.
+  QUARRY_HOST_DEVICE void Add(const FixedRadiance& other) {
+    sum_ += other.sum_;  // both are at most 2^62
+    sum_ = sum_ < kMax ? sum_ : kMax;
+  }
+  /// The sum as 64 bits, for sending, and back. FromBits clamps what is no sum.
+  QUARRY_HOST_DEVICE int64_t bits() const { return sum_; }
+  QUARRY_HOST_DEVICE static FixedRadiance FromBits(int64_t bits) {
+    FixedRadiance sum;
+    sum.sum_ = bits < 0 ? 0 : (bits < kMax ? bits : kMax);
+    return sum;
+  }
   /// The sum divided by `count`, the number of samples. Requires: count > 0.
   QUARRY_HOST_DEVICE float Mean(uint32_t count) const {
     return static_cast<float>(static_cast<double>(sum_) * 0x1p-32 / static_cast<double>(count));

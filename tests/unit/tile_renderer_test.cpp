@@ -1,11 +1,13 @@
 #include "common/engine/tile_renderer.h"
 
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <cstring>
 #include <random>
 
 #include "common/engine/blocks/loader.h"
+#include "common/math/shared_exponent.h"
 #include "tests/support/looking.h"
 #include "tests/support/row_scene.h"
 
@@ -344,6 +346,115 @@ TEST_CASE("A tile's memory is fixed when it is opened, and within what engines c
       bench.Bring();
     }
   }
+}
+
+TEST_CASE("Nested lattices trace each pixel once, as the first sample of the whole tile",
+          "[renderer][live]") {
+  const Row row;
+  View view = Mirrored();
+  view.spp = 1;
+  const PixelRect cut{150, 118, 61, 47};  // squares are cut at its right and lower border
+  Bench bench(row);
+  const RenderedTile whole = bench.Render(view, {cut});
+  std::vector<int> traced(size_t{cut.width} * cut.height);
+  const auto trace = [&](uint32_t step, uint32_t x, uint32_t y) {
+    Tile tile{cut, step};
+    tile.phase_x = x;
+    tile.phase_y = y;
+    const RenderedTile part = bench.Render(view, tile);
+    REQUIRE(part.pixels.size() == size_t{12} * tile.columns() * tile.rows());
+    for (uint32_t r = 0; r < tile.rows(); ++r)
+      for (uint32_t c = 0; c < tile.columns(); ++c) {
+        const uint32_t px = tile.X(c) - cut.x, py = tile.Y(r) - cut.y;
+        ++traced.at(py * cut.width + px);
+        for (uint32_t w = 0; w < 3; ++w)
+          REQUIRE(WordAt<uint32_t>(part, tile.columns(), 3, c, r, w) ==
+                  WordAt<uint32_t>(whole, cut.width, 3, px, py, w));
+      }
+  };
+  trace(4, 0, 0);
+  for (const auto& [step, far] : {std::pair(4u, 2u), std::pair(2u, 1u)}) {
+    trace(step, far, 0);
+    trace(step, 0, far);
+    trace(step, far, far);
+  }
+  CHECK(std::ranges::all_of(traced, [](int times) { return times == 1; }));
+}
+
+TEST_CASE("Sums of ranges of samples are the sum of all", "[renderer][live]") {
+  const Row row;
+  View view = Mirrored();
+  view.aov_mask = 1;  // depth, with the first range
+  Bench bench(row);
+  const RenderedTile whole = bench.Render(view, {kCentre});
+  std::vector<FixedRadiance> sums(3 * size_t{kPixels});
+  std::vector<uint32_t> depths(kPixels);
+  for (const auto& [first, count] : {std::pair(3u, 1u), std::pair(0u, 1u), std::pair(1u, 2u)}) {
+    Tile tile{kCentre};
+    tile.first_sample = first;
+    tile.samples = count;
+    tile.form = PixelForm::kSums;
+    const RenderedTile part = bench.Render(view, tile);
+    REQUIRE(part.pixels.size() == size_t{kPixels} * 28);
+    for (size_t p = 0; p < kPixels; ++p) {
+      int64_t sum[3];
+      std::memcpy(sum, part.pixels.data() + 28 * p, sizeof sum);
+      for (size_t c = 0; c < 3; ++c) sums[3 * p + c].Add(FixedRadiance::FromBits(sum[c]));
+      if (first == 0) std::memcpy(&depths[p], part.pixels.data() + 28 * p + 24, 4);
+    }
+  }
+  for (uint32_t p = 0; p < kPixels; ++p) {
+    for (uint32_t c = 0; c < 3; ++c)
+      REQUIRE(WordAt<float>(whole, 32, 4, p % 32, p / 32, c) == sums[3 * size_t{p} + c].Mean(view.spp));
+    REQUIRE(WordAt<uint32_t>(whole, 32, 4, p % 32, p / 32, 3) == depths[p]);
+  }
+}
+
+TEST_CASE("What is shown in motion is near the mean, and rays that wait leave holes", "[renderer][live]") {
+  const Row row;
+  View view = Mirrored();
+  view.spp = 1;
+  Tile tile{kCentre};
+  tile.form = PixelForm::kShown;
+  tile.leaves_holes = true;
+  tile.samples = 1;
+  Bench bench(row);
+  bench.Open(view, tile);
+  bench.StepOn();
+  REQUIRE(bench.renderer.may_leave_holes());
+  bench.renderer.LeaveHoles();
+  REQUIRE(bench.renderer.done());
+  const RenderedTile early = bench.renderer.Take();
+  CHECK(early.holes > 0);
+  REQUIRE(early.pixels.size() == size_t{kPixels} * 4);
+  uint32_t holes = 0;
+  for (uint32_t p = 0; p < kPixels; ++p)
+    holes += WordAt<uint32_t>(early, 32, 1, p % 32, p / 32, 0) == kHole ? 1 : 0;
+  CHECK(holes == early.holes);
+
+  const RenderedTile whole = bench.Render(view, {kCentre});
+  const RenderedTile shown = bench.Render(view, tile);
+  CHECK(shown.holes == 0);
+  for (uint32_t p = 0; p < kPixels; ++p) {
+    const glm::vec3 color = UnpackShared(WordAt<uint32_t>(shown, 32, 1, p % 32, p / 32, 0));
+    float most = 0;
+    for (uint32_t c = 0; c < 3; ++c) most = std::max(most, WordAt<float>(whole, 32, 3, p % 32, p / 32, c));
+    for (uint32_t c = 0; c < 3; ++c)
+      REQUIRE(std::fabs(color[static_cast<int>(c)] - WordAt<float>(whole, 32, 3, p % 32, p / 32, c)) <=
+              most / 512);
+  }
+}
+
+TEST_CASE("Colours with a shared exponent come back", "[renderer][live]") {
+  for (const float v : {0.0f, 1e-9f, 1e-5f, 0.18f, 0.999f, 1.0f, 511.9f, 512.0f, 65408.0f, 1e9f}) {
+    const glm::vec3 back = UnpackShared(PackShared({v, v / 2, 0}));
+    const float wanted = std::min(v, kMostShared);
+    CHECK(std::fabs(back.x - wanted) <= std::max(wanted / 1000, 0x1p-25f));
+    CHECK(back.z == 0);
+    CHECK(PackShared({v, v, v}) != kHole);
+    CHECK(PackShared(back) == PackShared({v, v / 2, 0}));
+  }
+  CHECK(UnpackShared(PackShared({NAN, -1, 2})) == glm::vec3(0, 0, 2));
 }
 
 }  // namespace quarry
