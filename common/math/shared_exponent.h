@@ -9,10 +9,10 @@
 namespace quarry {
 
 /// A colour in 32 bits: nine bits a channel, red lowest, and five bits of an exponent that they share. Values
-/// lie in [0, 65408]; larger ones are clamped, NaN is 0. The largest channel is kept to 1 part in 512.
-/// Thread-safe. Source: the format RGB9_E5 of OpenGL's EXT_texture_shared_exponent.
+/// lie in [0, 65280], so that no code is all ones; larger ones are clamped, NaN is 0. The largest channel is
+/// kept to 1 part in 512. Thread-safe. Source: the format RGB9_E5 of OpenGL's EXT_texture_shared_exponent.
 inline constexpr int kSharedBits = 9, kSharedBias = 15;
-inline constexpr float kMostShared = 65408;
+inline constexpr float kMostShared = 65280;
 
 inline uint32_t PackShared(const glm::vec3& color) {
   const auto clamped = [](float v) { return v > 0 ? std::min(v, kMostShared) : 0.0f; };
