@@ -56,9 +56,16 @@ void TileRenderer::Abandon() {
 }
 
 void TileRenderer::LeaveHoles() {
-  for (uint32_t p = 0; p < samples_.size(); ++p)
-    ForEachLane(unfinished_[p], [&](uint32_t i) { film_.LeaveHole(samples_[p].pixel[i]); });
+  for (uint32_t p = 0; p < samples_.size(); ++p) LeaveHoles(p);
   Abandon();
+}
+
+/// Ends a packet whose rays all wait, with holes in their places.
+void TileRenderer::LeaveHoles(uint32_t packet) {
+  ForEachLane(unfinished_[packet], [&](uint32_t i) { film_.LeaveHole(samples_[packet].pixel[i]); });
+  unfinished_[packet] = 0;
+  for (auto& [block, slots] : parked_)
+    std::erase_if(slots, [&](uint32_t slot) { return slot / RayPacket::kRays == packet; });
 }
 
 /// Generate: fills a packet whose samples have ended with the next primary rays that meet the scene's box.
@@ -97,8 +104,10 @@ void TileRenderer::Round(PinnedBlocks& pins) {
   for (uint32_t p = 0; p < packets; ++p) Advance(p, pins);
   Trace(pins, closest_, false);
   Trace(pins, any_, true);
-  for (uint32_t p = 0; p < packets; ++p)
+  for (uint32_t p = 0; p < packets; ++p) {
+    if (tile_.leaves_holes && eye_rays_.left() > 0 && ready_[p] == 0) LeaveHoles(p);
     if (unfinished_[p] == 0) StartPacket(p);
+  }
 }
 
 void TileRenderer::Trace(PinnedBlocks& pins, const uint64_t* active, bool any) {

@@ -92,6 +92,7 @@ class TileRenderer {
   };
 
   void StartPacket(uint32_t packet);
+  void LeaveHoles(uint32_t packet);
   void Round(PinnedBlocks& pins);
   void Trace(PinnedBlocks& pins, const uint64_t* active, bool any);
   void Traced(uint32_t packet, uint64_t lanes, bool any);

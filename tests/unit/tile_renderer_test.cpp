@@ -445,6 +445,31 @@ TEST_CASE("What is shown in motion is near the mean, and rays that wait leave ho
   }
 }
 
+TEST_CASE("A tile of many packets leaves holes packet by packet", "[renderer][live]") {
+  const Row row;
+  const View view = BeforeWall();
+  Tile tile{{96, 64, 96, 80}};
+  tile.form = PixelForm::kShown;
+  tile.leaves_holes = true;
+  tile.samples = 1;
+  Bench bench(row);
+  bench.Open(view, tile);
+  bench.StepOn();
+  CHECK(bench.renderer.may_leave_holes());
+  bench.renderer.LeaveHoles();
+  const RenderedTile early = bench.renderer.Take();
+  CHECK(early.holes > 96 * 80 / 2);
+  CHECK(early.rays == 96 * 80);  // none was left out
+  bench.Bring();                 // blocks that nobody waits for any more
+  CHECK_FALSE(bench.renderer.has_ready());
+  Tile whole = tile;
+  whole.leaves_holes = false;
+  const RenderedTile all = bench.Render(view, whole);
+  const RenderedTile again = bench.Render(view, tile);
+  CHECK(again.holes == 0);
+  CHECK(again.pixels == all.pixels);
+}
+
 TEST_CASE("Colours with a shared exponent come back", "[renderer][live]") {
   for (const float v : {0.0f, 1e-9f, 1e-5f, 0.18f, 0.999f, 1.0f, 511.9f, 512.0f, 65280.0f, 1e9f}) {
     const glm::vec3 back = UnpackShared(PackShared({v, v / 2, 0}));
