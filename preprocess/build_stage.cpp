@@ -268,12 +268,14 @@ Status BuildStage::SmoothBorders() {
     all += files_->file(i).count();
     if (i < smoothed_) done = all;
   }
+  const auto threads = static_cast<unsigned>(
+      std::clamp<uint64_t>(options_.memory / BorderNormals::kThreadBytes, 1, options_.threads));
   if (smoothed_ < regions) progress_.Begin("smoothing the borders of regions", "triangles", done);
   while (smoothed_ < regions) {
     uint32_t end = smoothed_;
     for (uint64_t taken = 0; end < regions && taken < kRoutedPerCheckpoint; ++end)
       taken += files_->file(end).count();
-    QUARRY_TRY(borders_->AddRegions(*files_, smoothed_, end, options_.threads,
+    QUARRY_TRY(borders_->AddRegions(*files_, smoothed_, end, threads,
                                     [&](uint64_t triangles) { progress_.Update(done += triangles, all); }));
     smoothed_ = end;
     QUARRY_TRY(borders_->files().Sync());

@@ -21,7 +21,7 @@ struct PreprocessOptions {
   uint32_t up_axis = 0;              ///< 1 for y, 2 for z; 0: guessed from the triangles and `up_habit`
   double up_habit = 0;               ///< evidence of the formats' habits, as UpEvidence() weighs it
   double scale = 1;
-  /// Most degrees between triangles that meet smoothly, of those that have no normals; 0: none is smoothed.
+  /// Crease angle in degrees: up to it, triangles without normals meet smoothly. 0: nothing is smoothed.
   double crease = 30;
   std::map<std::string, Placement> placements;  ///< of some models, by the path given
   bool textures = true;                         ///< carry the images that materials name

@@ -37,13 +37,13 @@ struct JobRequest {
   RenderJob job;
   uint32_t have = 0;  ///< the client has the first `have` frames; they are not sent
 };
-/// Progress of the frame that the client waits for.
 /// A question of a client's. The answer, of type kAnswer, has JSON for its raw part.
 struct Query {
   std::string topic;  ///< kSceneTopic or kStatusTopic
 };
 inline constexpr const char* kSceneTopic = "scene";    ///< DescribeStore() with a framing: see SceneSummary
 inline constexpr const char* kStatusTopic = "status";  ///< workers, jobs and rates
+/// Progress of the frame that the client waits for.
 struct FrameProgress {
   uint32_t frame = 0, tiles_done = 0, tiles = 0, workers = 0;
 };

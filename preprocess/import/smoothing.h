@@ -18,7 +18,7 @@ inline constexpr uint16_t kOwnNormals = 65535;
 /// at all. Groups whose numbers are 65,533 apart are one. Thread-safe.
 inline uint16_t SmoothingGroup(uint64_t group) { return static_cast<uint16_t>(2 + group % 65533); }
 
-/// The number of a file's group among those of several files: equal groups of two files are two. Thread-safe.
+/// Makes a group of a file differ from the equal groups of other files. `file`: its number. Thread-safe.
 inline uint16_t SmoothingOfFile(uint16_t smoothing, uint32_t file) {
   if (smoothing == kSmoothByAngle || smoothing == kFlat || smoothing == kOwnNormals) return smoothing;
   return SmoothingGroup(uint64_t{smoothing} - 2 + uint64_t{7919} * file);

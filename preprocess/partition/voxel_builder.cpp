@@ -77,7 +77,7 @@ ShadingVoxel BuildShading(std::span<const TriangleRecord> triangles, bool may_pa
   return voxel;
 }
 
-/// Whether a voxel has attributes to store: those of the model, or a normal.
+/// Whether a voxel has a shading block: the model has attributes, or a triangle has a normal.
 bool HasShading(std::span<const TriangleRecord> triangles, const ShadingOptions& options) {
   return options.attributes ||
          (options.smoothed && std::ranges::any_of(triangles, [](const TriangleRecord& t) {

@@ -95,12 +95,13 @@ BorderNormals::Border BorderNormals::Find(uint32_t region, const SpillFile& tria
   return border;
 }
 
-/// Tells a pass's normals, or those of its parts where it found too many.
+/// Tells the normals of a pass. A pass that found too many is done again in parts.
 Status BorderNormals::TellAll(uint32_t region, const SpillFile& triangles, const HashShare& share,
                               const Border& border) {
   QUARRY_TRY(border.status);
-  constexpr uint32_t kMostPasses = 1u << 27;  // then positions have one hash, by intent
-  if (!border.too_many || share.passes > kMostPasses) return Tell(border.straddlers);
+  if (!border.too_many) return Tell(border.straddlers);
+  constexpr uint32_t kMostPasses = 1u << 27;  // then positions have one hash, by intent: they stay flat
+  if (share.passes > kMostPasses) return {};
   for (uint32_t part = 0; part < HashShare::kParts; ++part) {
     const HashShare smaller = share.Part(part);
     QUARRY_TRY(TellAll(region, triangles, smaller, Find(region, triangles, smaller)));

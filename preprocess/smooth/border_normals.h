@@ -45,11 +45,14 @@ inline bool Contains(const Box& cell, const glm::vec3& p) {
 }
 
 /// What regions have to tell each other: a region has every triangle about the positions in its cell, so it
-/// alone finds the normals there, but a triangle that lies in several regions needs them in each. One file a
-/// region receives those of its triangles' corners outside its cell.
-/// Memory: about 25 MiB a thread, and half of it where borders are short. Thread safety: none.
+/// alone finds the normals there, but a triangle that lies in several regions needs them in each. Each region
+/// has a file for the normals of its triangles' corners that lie outside its cell.
+/// Memory: kThreadBytes for each thread at most. Thread safety: none.
 class BorderNormals {
  public:
+  /// Bytes of a thread: kMostStraddlers of 52 bytes in a vector that doubles, kMostCorners of 40 bytes.
+  static constexpr uint64_t kThreadBytes = 48 << 20;
+
   /// `tree` and `regions`, whose files are complete, must outlive the object. Units: crease in degrees.
   /// `options`: as for all files of border normals. Errors: as SpillFiles::Open()'s.
   static Result<BorderNormals> Open(const RegionTree& tree, const std::string& prefix, float padding,

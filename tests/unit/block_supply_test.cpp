@@ -156,10 +156,13 @@ TEST_CASE("Servers come first; where they fail, workers that are said to hold a 
     REQUIRE(site.Open(worker, site.Options({site.File()})).has_value());
     worker.supply->SetPeers(peers);
     worker.supply->Expect(site.NeedsAll(7));
+    // The first block: no source's speed is known yet, so only the order counts, unless the file is late.
+    REQUIRE(site.Fetch(worker, site.scene.blocks[0]).has_value());
+    const SourceSet::Counters& counters = worker.supply->counters();
+    if (counters.hedges + counters.retries == 0) CHECK(worker.from(SourceKind::kPeer) == 0);
+    // Later ones come from wherever answers are quicker, which on a busy machine may be the worker.
     site.CheckAll(worker);
-    // On a busy machine the file may be late, and a worker is asked too.
     CHECK(worker.from(SourceKind::kFile) + worker.from(SourceKind::kPeer) >= site.StoredBytes());
-    if (worker.supply->counters().hedges == 0) CHECK(worker.from(SourceKind::kPeer) == 0);
   }
   Supplied worker;
   REQUIRE(site.Open(worker, site.Options({kNobody})).has_value());

@@ -19,7 +19,7 @@
 namespace quarry::test {
 namespace {
 
-/// Normals by triangle and corner; those that stay flat are absent.
+/// Normals by triangle and corner. Flat corners are absent.
 using Normals = std::map<std::pair<uint32_t, uint32_t>, glm::vec3>;
 
 Normals SolveAll(const std::vector<TriangleRecord>& triangles, double crease) {
@@ -171,7 +171,7 @@ TEST_CASE("A packed normal is near its vector, and is packed to the same again",
   }
 }
 
-TEST_CASE("The corners of a ball have the ball's normals, and those of a cube none", "[smooth]") {
+TEST_CASE("A ball's corners have the ball's normals, a cube's have none", "[smooth]") {
   const std::vector<TriangleRecord> ball = Ball(48);
   const Normals smooth = SolveAll(ball, 30);
   CHECK(smooth.size() > 3 * ball.size() * 9 / 10);
