@@ -157,6 +157,8 @@ Status Session::Dispatch(const Message& m) {
       return OnFrameSetup(m);
     case MessageType::kTile:
       return OnTile(m);
+    case MessageType::kFramesEnd:
+      return OnFramesEnd(m);
     case MessageType::kPeers:
       return OnPeers(m);
     case MessageType::kPing:
@@ -255,6 +257,14 @@ Status Session::OnFrameSetup(const Message& m) {
   return {};
 }
 
+Status Session::OnFramesEnd(const Message& m) {
+  if (!scene_) return Fail("the master ended frames before it gave the scene");
+  QUARRY_ASSIGN(const FramesEnd end, DecodeFramesEnd(m.table));
+  for (const uint64_t frame : end.frames)
+    if (frame < Renderer::kFirstOwnView) scene_->renderer->engine().DropViews(frame, frame + 1);
+  return {};
+}
+
 Status Session::OnTile(const Message& m) {
   if (!scene_) return Fail("the master gave a tile before it gave the scene");
   QUARRY_ASSIGN(const TileOrder order, DecodeTileOrder(m.table));
@@ -262,21 +272,26 @@ Status Session::OnTile(const Message& m) {
   last_tile_ = Clock::now();
   if (!std::exchange(at_work_, true)) Log("is given work");
   scene_->supply->Expect(order);
-  const Tile tile{{order.x, order.y, order.width, order.height}};
-  scene_->renderer->engine().Render(order.frame, tile, [this, order](RenderedTile result) {
-    asio::post(*io_,
-               [this, order, result = std::move(result)]() mutable { SendTile(order, std::move(result)); });
-  });
+  QUARRY_TRY(scene_->renderer->engine().Render(
+      order.frame, order.area,
+      [this, order](RenderedTile result) {
+        asio::post(*io_, [this, order, result = std::move(result)]() mutable {
+          SendTile(order, std::move(result));
+        });
+      },
+      order.urgent ? Engine::Urgency::kYes : Engine::Urgency::kNo));
   scene_->renderer->Wake();
   return {};
 }
 
 void Session::SendTile(const TileOrder& order, RenderedTile result) {
   if (!connection_) return;  // the lease ends and another worker gets the tile
-  SendStatus(false);         // first, so that a frame's statistics are complete with its last tile
   TileDone done{order.frame, order.tile, order.lease, result.rays, result.rays_suspended, result.compute_us};
-  done.depths = std::move(result.depths);
-  for (const BlockKey block : result.blocks) done.blocks.push_back(block.number());
+  if (order.area.form == PixelForm::kMeans) {
+    SendStatus(false);  // first, so that a frame's statistics are complete with its last tile
+    done.depths = std::move(result.depths);
+    for (const BlockKey block : result.blocks) done.blocks.push_back(block.number());
+  }
   Message m = MakeMessage(MessageType::kTileDone, done);
   m.raw = std::move(result.pixels);
   connection_->Send(std::move(m));

@@ -58,6 +58,7 @@ class Session {
   Status OnCatalog(const Message& m);
   Status OnPeers(const Message& m);
   Status OnFrameSetup(const Message& m);
+  Status OnFramesEnd(const Message& m);
   Status OnTile(const Message& m);
 
   // --- the scene

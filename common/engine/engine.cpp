@@ -42,22 +42,31 @@ void Engine::DropViews(uint64_t first, uint64_t end) {
     if (from == to) return;
     for (auto it = from; it != to; ++it) it->second->abandoned = true;
     views_.erase(from, to);
-    std::erase_if(queue_, [&](const Queued& q) { return !views_.contains(q.view); });
+    for (auto* queue : {&queue_, &urgent_})
+      std::erase_if(*queue, [&](const Queued& q) { return !views_.contains(q.view); });
+    urgent_queued_ = urgent_.size();
   }
   WakeAll();
 }
 
-void Engine::Render(uint64_t view, const Tile& tile, OnTile done) {
+Status Engine::Render(uint64_t view, const Tile& tile, OnTile done, Urgency urgency) {
+  const bool urgent = urgency == Urgency::kYes;
   {
     const std::lock_guard lock(mutex_);
-    if (!views_.contains(view)) return;
-    queue_.push_back({view, tile, std::move(done)});
+    const auto of = views_.find(view);
+    if (of == views_.end()) return {};
+    QUARRY_TRY(CheckTile(tile, of->second->view));
+    (urgent ? urgent_ : queue_).push_back({view, tile, std::move(done), urgent});
+    urgent_queued_ = urgent_.size();
   }
   WakeAll();
+  return {};
 }
 
 bool Engine::MayOpen(const Tiles& tiles) const {
   if (tiles.open.empty()) return true;
+  // One urgent tile finds room beside any others.
+  if (urgent_queued_ > 0 && std::ranges::none_of(tiles.open, &Tiles::Open::urgent)) return true;
   if (tiles.open.size() >= kMostOpenTiles && !cache_.scarce()) return false;
   return tiles.open.back().renderer->memory_bytes() * (tiles.open.size() + 1) <= TileBytes();
 }
@@ -67,16 +76,18 @@ bool Engine::OpenTile(Tiles& tiles) {
   Queued next;
   {
     const std::lock_guard lock(mutex_);
-    if (queue_.empty()) {
+    auto& queue = urgent_.empty() ? queue_ : urgent_;
+    if (queue.empty()) {
       if (!tiles.open.empty()) queue_depth_.Starved(cache_.scarce());
       return false;
     }
-    next = std::move(queue_.front());
-    queue_.pop_front();
+    next = std::move(queue.front());
+    queue.pop_front();
+    urgent_queued_ = urgent_.size();
     view = views_.at(next.view);
   }
   if (tiles.spare.empty()) tiles.spare.push_back(std::make_unique<TileRenderer>());
-  tiles.open.push_back({std::move(tiles.spare.back()), std::move(next.done)});
+  tiles.open.push_back({std::move(tiles.spare.back()), std::move(next.done), next.urgent});
   tiles.spare.pop_back();
   tiles.open.back().renderer->Open(std::move(view), next.tile);
   return true;
@@ -97,7 +108,7 @@ void Engine::CloseTiles(Tiles& tiles) {
     result.compute_us = open.compute_us;
     rays_ += result.rays;
     rays_suspended_ += result.rays_suspended;
-    {
+    if (!open.urgent) {
       const std::lock_guard lock(mutex_);
       queue_depth_.Finished();
     }
@@ -116,11 +127,13 @@ std::vector<BlockKey> Engine::TakeBlocks(Mailbox& mailbox, bool wait, bool stall
   return blocks;
 }
 
-/// Steps each open tile that has ready rays.
+/// Steps each open tile that has ready rays; only urgent ones if there are any.
 void Engine::Step(Tiles& tiles, PinnedBlocks& pins, Mailbox& mailbox) {
   const uint64_t start_us = ThreadTimeUs();
+  const bool urgent =
+      std::ranges::any_of(tiles.open, [](const auto& tile) { return tile.urgent && tile.ready(); });
   for (auto& tile : tiles.open) {
-    if (!tile.renderer->has_ready()) continue;
+    if (!tile.ready() || (urgent && !tile.urgent)) continue;
     const auto start = std::chrono::steady_clock::now();
     tile.renderer->Step(pins, [&](BlockKey block, const TileRenderer::Parked& parked) {
       cache_.Want(block, &mailbox, parked.rays, parked.octants);
@@ -136,8 +149,11 @@ void Engine::Run(Mailbox& mailbox) {
   Tiles tiles;
   for (int batch = 0; !stop_; ++batch) {
     CloseTiles(tiles);
-    bool ready = std::ranges::any_of(tiles.open, [](const auto& tile) { return tile.renderer->has_ready(); });
-    if (!ready && MayOpen(tiles)) ready = OpenTile(tiles);
+    bool ready = std::ranges::any_of(tiles.open, &Tiles::Open::ready);
+    const bool overtake = urgent_queued_ > 0 && std::ranges::none_of(tiles.open, [](const auto& tile) {
+      return tile.urgent && tile.ready();
+    });
+    if ((!ready || overtake) && MayOpen(tiles)) ready = OpenTile(tiles) || ready;
     // A waiting thread holds no pins: another thread's block may need the room.
     if (!ready || batch % kBatchesPerPin == 0) pins.Release();
     for (const BlockKey block : TakeBlocks(mailbox, !ready, !tiles.open.empty())) {

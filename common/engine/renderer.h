@@ -73,7 +73,8 @@ class Renderer {
   /// Renders tiles of a view and returns when all are done. `on_tile` is called on compute threads, in any
   /// order, for one tile of the call at a time. Several threads may call at once.
   /// Requires: `view` is normalized; `on_tile` does not call Render(). It may request `stop`.
-  /// Errors: a block cannot be had, and every later call fails too; `stop` was requested (kCancelled).
+  /// Errors: a block cannot be had, and every later call fails too; `stop` was requested (kCancelled); a tile
+  /// that cannot be (CheckTile()).
   Status Render(const View& view, std::span<const Tile> tiles, const OnTile& on_tile,
                 std::stop_token stop = {});
 

@@ -18,8 +18,7 @@ class FixedRadiance {
   }
   /// Adds another sum: as if its terms had been added here.
   QUARRY_HOST_DEVICE void Add(const FixedRadiance& other) {
-    sum_ += other.sum_;  // both are at most 2^62
-    sum_ = sum_ < kMax ? sum_ : kMax;
+    sum_ = other.sum_ < kMax - sum_ ? sum_ + other.sum_ : kMax;
   }
   /// The sum as 64 bits, for sending, and back. FromBits clamps what is no sum.
   QUARRY_HOST_DEVICE int64_t bits() const { return sum_; }

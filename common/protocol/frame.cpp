@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "common/base/version.h"
+#include "common/scene/tile.h"
 
 namespace quarry {
 namespace {
@@ -33,7 +34,7 @@ Limits LimitsOf(MessageType type) {
     case MessageType::kFrameDone:
       return {1u << 20, 0xF0000000u};
     case MessageType::kTileDone:
-      return {5u << 20, 64u << 10};  // kMaxTileBlocks; 32x32 pixels with all layers take 52 KiB
+      return {5u << 20, kMaxTileBytes};  // kMaxTileBlocks
     case MessageType::kBlock:
       return {0, 65u << 20};
     case MessageType::kHello:
@@ -64,7 +65,7 @@ bool May(Speaker speaker, MessageType type) {
       return type == kRenderJob || type == kQuery || type == kPing;
     case Speaker::kMasterOfWorkers:
       return type == kWelcome || type == kCatalog || type == kFrameSetup || type == kTile || type == kPeers ||
-             type == kFailure || type == kPing;
+             type == kFramesEnd || type == kFailure || type == kPing;
     case Speaker::kMasterOfClients:
       return type == kWelcome || type == kFrameProgress || type == kFrameDone || type == kAnswer ||
              type == kFailure || type == kPing;

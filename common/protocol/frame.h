@@ -14,7 +14,7 @@ namespace quarry {
 
 /// The version of the protocol. Programs of different versions refuse each other; it may change freely until
 /// the first release.
-inline constexpr uint32_t kProtocolVersion = 8;
+inline constexpr uint32_t kProtocolVersion = 9;
 
 /// The preamble, the first bytes of each side. Its layout never changes: "QUARRY\0\0" (8), protocol version
 /// (4), the program's version as zero-padded text (20).
@@ -42,8 +42,9 @@ enum class MessageType : uint16_t {
   kPing,    ///< empty; shows that the sender lives
   kQuery,   ///< of a client
   kAnswer,  ///< raw: JSON
+  kFramesEnd,
 };
-inline constexpr uint16_t kMessageTypes = 18;  ///< one past the last
+inline constexpr uint16_t kMessageTypes = 19;  ///< one past the last
 
 /// Seconds. Masters, workers and clients send a message at least every kHeartbeatS, and drop a peer that
 /// sends no byte for kSilenceS. Trades the time until a dead peer is noticed against dropping a peer whose

@@ -137,13 +137,27 @@ Bytes Encode(const TileOrder& m) {
   w.frame = m.frame;
   w.tile = m.tile;
   w.lease = m.lease;
-  w.x = m.x;
-  w.y = m.y;
-  w.width = m.width;
-  w.height = m.height;
+  w.x = m.area.pixels.x;
+  w.y = m.area.pixels.y;
+  w.width = m.area.pixels.width;
+  w.height = m.area.pixels.height;
+  w.step = m.area.step;
+  w.phase_x = m.area.phase_x;
+  w.phase_y = m.area.phase_y;
+  w.first_sample = m.area.first_sample;
+  w.samples = m.area.samples;
+  w.form = static_cast<uint8_t>(m.area.form);
+  w.leaves_holes = m.area.leaves_holes;
+  w.urgent = m.urgent;
   w.blocks = m.blocks;
   w.holders = m.holders;
   return Pack<wire::TileOrder>(w);
+}
+
+Bytes Encode(const FramesEnd& m) {
+  wire::FramesEndT w;
+  w.frames = m.frames;
+  return Pack<wire::FramesEnd>(w);
 }
 
 Bytes Encode(const TileDone& m) {

@@ -211,18 +211,34 @@ Result<TileOrder> DecodeTileOrder(std::span<const std::byte> table) {
   const auto* w = Root<wire::TileOrder>(table);
   if (!w) return NotWellFormed();
   const size_t blocks = SizeOf(w->blocks());
-  if (w->width() == 0 || w->height() == 0 || w->width() > kTileSize || w->height() > kTileSize ||
-      w->x() >= kMaxImageSide || w->y() >= kMaxImageSide || blocks > kMaxTileHints ||
+  if (w->form() > static_cast<uint8_t>(PixelForm::kShown) || blocks > kMaxTileHints ||
       SizeOf(w->holders()) != blocks)
     return Fail("received a tile that cannot be");
-  return TileOrder{w->frame(),  w->tile(),         w->lease(),        w->x(), w->y(), w->width(),
-                   w->height(), Copy(w->blocks()), Copy(w->holders())};
+  TileOrder m{w->frame(), w->tile(), w->lease()};
+  m.area.pixels = {w->x(), w->y(), w->width(), w->height()};
+  m.area.step = w->step();
+  m.area.phase_x = w->phase_x();
+  m.area.phase_y = w->phase_y();
+  m.area.first_sample = w->first_sample();
+  m.area.samples = w->samples();
+  m.area.form = static_cast<PixelForm>(w->form());
+  m.area.leaves_holes = w->leaves_holes();
+  m.urgent = w->urgent();
+  m.blocks = Copy(w->blocks());
+  m.holders = Copy(w->holders());
+  return m;
+}
+
+Result<FramesEnd> DecodeFramesEnd(std::span<const std::byte> table) {
+  const auto* w = Root<wire::FramesEnd>(table);
+  if (!w || SizeOf(w->frames()) > kMaxFramesEnded) return NotWellFormed();
+  return FramesEnd{Copy(w->frames())};
 }
 
 Result<TileDone> DecodeTileDone(std::span<const std::byte> table) {
   const auto* w = Root<wire::TileDone>(table);
   if (!w) return NotWellFormed();
-  constexpr size_t kCells = kTileSize / kDepthCell;
+  constexpr size_t kCells = kTileSize / kDepthCell;  // tiles of kMeans have this side at most
   if (SizeOf(w->blocks()) > kMaxTileBlocks || SizeOf(w->depths()) > kCells * kCells)
     return Fail("received a tile's result that cannot be");
   std::vector<float> depths = Copy(w->depths());

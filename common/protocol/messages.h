@@ -7,6 +7,7 @@
 
 #include "common/protocol/frame.h"
 #include "common/scene/render_job.h"
+#include "common/scene/tile.h"
 #include "common/voxel/catalog.h"
 
 namespace quarry {
@@ -59,15 +60,20 @@ struct FrameSetup {
   uint64_t oldest = 0;  ///< frames below this number have ended
 };
 /// A tile to render under a lease. A result with another lease or of another frame is dropped.
-/// Units: pixels.
 struct TileOrder {
   uint64_t frame = 0;
   uint32_t tile = 0;
   uint64_t lease = 0;
-  uint32_t x = 0, y = 0, width = 0, height = 0;
+  Tile area;                      ///< colours, not hits
   std::vector<uint32_t> blocks;   ///< hint: blocks that the tile needs and the worker lacks
   std::vector<uint32_t> holders;  ///< hint: for each of `blocks` a worker that has it, or 0
+  bool urgent = false;            ///< somebody watches: it goes before tiles that are not urgent
 };
+/// Frames that nobody waits for any more. Their tiles are dropped or abandoned.
+struct FramesEnd {
+  std::vector<uint64_t> frames;
+};
+inline constexpr size_t kMaxFramesEnded = 1024;  ///< limit of frames in a FramesEnd
 inline constexpr size_t kMaxTileBlocks = 1u << 20;  ///< limit of blocks in a TileDone
 inline constexpr size_t kMaxTileHints = 4096;       ///< limit of blocks in a TileOrder
 /// A rendered tile; the raw part is its pixels.
@@ -77,8 +83,9 @@ struct TileDone {
   uint64_t lease = 0;
   uint64_t rays = 0, rays_suspended = 0;
   uint64_t compute_us = 0;       ///< time spent on the tile, without waits for blocks
-  std::vector<float> depths;     ///< per depth cell, row by row: t where the farthest primary ray ends
-  std::vector<uint32_t> blocks;  ///< blocks that its rays touched, ascending
+  /// Per depth cell, row by row: t where the farthest primary ray ends. Empty unless the form is kMeans.
+  std::vector<float> depths;
+  std::vector<uint32_t> blocks;  ///< blocks that its rays touched, ascending; empty unless the form is kMeans
 };
 /// The workers that serve blocks to others.
 struct Peers {
@@ -123,6 +130,7 @@ Bytes Encode(const FrameProgress& m);
 Bytes Encode(const FrameDone& m);
 Bytes Encode(const FrameSetup& m);
 Bytes Encode(const TileOrder& m);
+Bytes Encode(const FramesEnd& m);
 Bytes Encode(const TileDone& m);
 Bytes Encode(const Peers& m);
 Bytes Encode(const WorkerStatus& m);
@@ -139,6 +147,7 @@ Result<FrameProgress> DecodeFrameProgress(std::span<const std::byte> table);
 Result<FrameDone> DecodeFrameDone(std::span<const std::byte> table);
 Result<FrameSetup> DecodeFrameSetup(std::span<const std::byte> table);
 Result<TileOrder> DecodeTileOrder(std::span<const std::byte> table);
+Result<FramesEnd> DecodeFramesEnd(std::span<const std::byte> table);
 Result<TileDone> DecodeTileDone(std::span<const std::byte> table);
 Result<Peers> DecodePeers(std::span<const std::byte> table);
 Result<WorkerStatus> DecodeWorkerStatus(std::span<const std::byte> table);

@@ -34,6 +34,7 @@ struct CameraSpec {
   glm::dvec3 eye{0, -1, 0}, at{0}, up{0, 0, 1};
   double fov_degrees = 45;  ///< vertical, in (0, 179]
   double ortho_height = 0;  ///< scene units; above 0: orthographic, with this height of the image
+  bool operator==(const CameraSpec&) const = default;
 };
 
 /// Kinds of lights: infinitely far with parallel rays; at a point, in all directions or in a cone.
@@ -47,6 +48,7 @@ struct Light {
   /// the square of cone_scale * c + cone_offset, which is clamped to [0, 1] first. The default is no cone.
   glm::vec3 axis{0, 0, -1};
   float cone_scale = 0, cone_offset = 1;
+  bool operator==(const Light&) const = default;
 };
 
 /// A rectangle of an image. Units: pixels, from the image's upper left corner.
@@ -74,6 +76,7 @@ struct View {
   CameraSpec camera;
 
   bool has(Aov aov) const { return aov_mask >> static_cast<int>(aov) & 1; }
+  bool operator==(const View&) const = default;
 };
 
 /// Limits of a view: pixels per side, samples per pixel, lights.

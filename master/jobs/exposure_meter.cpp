@@ -20,19 +20,27 @@ constexpr size_t kClippedOf = 64;
 /// Lattice points along the image's longer side.
 constexpr uint32_t kLattice = 64;
 
-std::vector<MeteredPoint> PointsOf(const Bytes& pixels) {
-  constexpr size_t kWords = 4;  // colour and depth
-  std::vector<MeteredPoint> points(pixels.size() / (4 * kWords));
-  for (size_t i = 0; i < points.size(); ++i) {
-    float words[kWords];
-    std::memcpy(words, pixels.data() + i * sizeof words, sizeof words);
-    points[i] = {0.2126f * words[0] + 0.7152f * words[1] + 0.0722f * words[2],
-                 std::max({words[0], words[1], words[2]}), std::isfinite(words[3])};
-  }
-  return points;
+}  // namespace
+
+View MeteredView(View view) {
+  view.crop = {0, 0, view.width, view.height};
+  view.spp = 1;
+  view.aov_mask = 1u << static_cast<int>(Aov::kDepth);
+  return view;
 }
 
-}  // namespace
+Tile MeteredTile(const View& view) {
+  return {{0, 0, view.width, view.height}, (std::max(view.width, view.height) + kLattice - 1) / kLattice};
+}
+
+void AddMeteredPoints(std::span<const std::byte> pixels, std::vector<MeteredPoint>& points) {
+  float words[4];  // colour and depth
+  for (; pixels.size() >= sizeof words; pixels = pixels.subspan(sizeof words)) {
+    std::memcpy(words, pixels.data(), sizeof words);
+    points.push_back({0.2126f * words[0] + 0.7152f * words[1] + 0.0722f * words[2],
+                      std::max({words[0], words[1], words[2]}), std::isfinite(words[3])});
+  }
+}
 
 double ExposureFor(std::span<const MeteredPoint> points) {
   std::vector<double> logarithms;
@@ -56,10 +64,8 @@ double ExposureFor(std::span<const MeteredPoint> points) {
 
 Result<double> MeterExposure(const Scene& scene, View view, uint64_t cache_bytes, std::stop_token stop) {
   if (view.mode == RenderMode::kVoxels) return 0;
-  view.crop = {0, 0, view.width, view.height};
-  view.spp = 1;
-  view.aov_mask = 1u << static_cast<int>(Aov::kDepth);
-  const Tile tile{view.crop, (std::max(view.width, view.height) + kLattice - 1) / kLattice};
+  view = MeteredView(std::move(view));
+  const Tile tile = MeteredTile(view);
   cache_bytes = std::max<uint64_t>(cache_bytes, scene.catalog().meta.largest_decoded);
   QUARRY_ASSIGN(const auto renderer, Renderer::Create(scene, {cache_bytes, 1}));
   Bytes pixels;
@@ -67,7 +73,9 @@ Result<double> MeterExposure(const Scene& scene, View view, uint64_t cache_bytes
       view, std::span(&tile, 1),
       [&](size_t, RenderedTile result, Renderer::Progress) { pixels = std::move(result.pixels); },
       std::move(stop)));
-  return ExposureFor(PointsOf(pixels));
+  std::vector<MeteredPoint> points;
+  AddMeteredPoints(pixels, points);
+  return ExposureFor(points);
 }
 
 }  // namespace quarry

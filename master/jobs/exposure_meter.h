@@ -3,9 +3,11 @@
 #include <cstdint>
 #include <span>
 #include <stop_token>
+#include <vector>
 
 #include "common/base/status.h"
 #include "common/engine/scene.h"
+#include "common/scene/tile.h"
 #include "common/scene/view.h"
 
 namespace quarry {
@@ -22,6 +24,13 @@ struct MeteredPoint {
 /// surface. The same for the same points in any order. Thread-safe. Source: Reinhard et al. 2002, section 3.1
 /// (the key).
 double ExposureFor(std::span<const MeteredPoint> points);
+
+/// What a meter renders of a view: sample 0 with depth of the whole image, on a lattice. Requires: `view` is
+/// normalized.
+View MeteredView(View view);
+Tile MeteredTile(const View& view);
+/// Appends the points of a part of MeteredTile(), from its pixels of PixelForm::kMeans.
+void AddMeteredPoints(std::span<const std::byte> pixels, std::vector<MeteredPoint>& points);
 
 /// The exposure of a view, by sample 0 on a lattice of the whole image, whatever the view's crop and samples.
 /// The renderer that it needs has one thread and lives for the call only. Units: `cache_bytes` of decoded

@@ -124,8 +124,7 @@ Snapshot ActiveFrame::MakeSnapshot(std::vector<WorkerView> workers, double now_s
 TileOrder ActiveFrame::Lease(const Assignment& a, double now_s) {
   const uint64_t lease = next_lease_++;
   leases_[lease] = {a.tile, a.worker, now_s};
-  const PixelRect& tile = image_.tiles()[a.tile];
-  return {id_, a.tile, lease, tile.x, tile.y, tile.width, tile.height, {}, {}};
+  return {id_, a.tile, lease, {image_.tiles()[a.tile]}, {}, {}};
 }
 
 Result<bool> ActiveFrame::Finish(const TileDone& done, std::span<const std::byte> pixels, double now_s) {

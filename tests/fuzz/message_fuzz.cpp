@@ -43,7 +43,7 @@ void ReadCatalog(std::span<const std::byte> bytes) {
   if (sections) (void)DecodeCatalog(SceneId{}, *sections);
 }
 
-constexpr int kKinds = 15;
+constexpr int kKinds = 16;
 
 void ReadAs(int kind, std::span<const std::byte> bytes) {
   switch (kind) {
@@ -75,6 +75,8 @@ void ReadAs(int kind, std::span<const std::byte> bytes) {
       return ReadFrame(bytes);
     case 14:
       return Read(bytes, DecodeQuery);
+    case 15:
+      return Read(bytes, DecodeFramesEnd);
     default:
       return ReadCatalog(bytes);
   }
@@ -101,7 +103,7 @@ void WriteSeeds(const std::string& folder) {
                                     Encode(FrameProgress{1, 2, 3, 4}),
                                     Encode(FrameDone{1, "{}"}),
                                     Encode(FrameSetup{5, FrameView(SmallJob()), 4}),
-                                    Encode(TileOrder{5, 1, 2, 0, 0, 32, 32, {7, 8}, {0, 3}}),
+                                    Encode(TileOrder{5, 1, 2, {{0, 0, 32, 32}}, {7, 8}, {0, 3}}),
                                     Encode(TileDone{5, 1, 2, 100, 10, 50, {1.5f}, {7, 8}}),
                                     Encode(Peers{{1, 2}, {"127.0.0.1:1", "127.0.0.1:2"}}),
                                     Encode(alive),

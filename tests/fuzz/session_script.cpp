@@ -76,8 +76,24 @@ RenderJob AnyJob(Script& script) {
 
 namespace {
 
+TileOrder AnyTileOrder(Script& script) {
+  TileOrder order{script.Number(), script.Number(), script.Number()};
+  order.area = {{script.Number(), script.Number(), script.Number(), script.Number()}};
+  if (script.Below(2)) order.area.step = script.Number();
+  if (script.Below(2)) order.area.phase_x = script.Number();
+  if (script.Below(2)) order.area.phase_y = script.Number();
+  order.area.first_sample = script.Below(3);
+  order.area.samples = script.Below(3);
+  order.area.form = static_cast<PixelForm>(script.Below(4));
+  order.area.leaves_holes = script.Below(2);
+  order.urgent = script.Below(2);
+  order.blocks = {script.Number()};
+  order.holders = {script.Number()};
+  return order;
+}
+
 Bytes AnyTable(Script& script) {
-  switch (script.Below(14)) {
+  switch (script.Below(15)) {
     case 0:
       return Encode(Hello{static_cast<Role>(script.Below(4)), script.Text(), script.Number(), script.Number(),
                           static_cast<uint16_t>(script.Number())});
@@ -94,15 +110,7 @@ Bytes AnyTable(Script& script) {
     case 6:
       return Encode(FrameSetup{script.Number(), FrameView(AnyJob(script)), script.Number()});
     case 7:
-      return Encode(TileOrder{script.Number(),
-                              script.Number(),
-                              script.Number(),
-                              script.Number(),
-                              script.Number(),
-                              script.Number(),
-                              script.Number(),
-                              {script.Number()},
-                              {script.Number()}});
+      return Encode(AnyTileOrder(script));
     case 8:
       return Encode(TileDone{script.Number(),
                              script.Number(),
@@ -128,6 +136,8 @@ Bytes AnyTable(Script& script) {
       return Encode(BlockRequest{script.Number()});
     case 12:
       return {};
+    case 13:
+      return Encode(FramesEnd{{script.Number(), script.Number()}});
     default:
       return script.Some();
   }

@@ -234,7 +234,7 @@ class Cast {
       master_->Come(MakeMessage(MessageType::kWelcome, welcome));
       master_->Come({MessageType::kCatalog, 0, {}, PackSections(Store().catalog_sections())});
       master_->Come(MakeMessage(MessageType::kFrameSetup, FrameSetup{kLastFrame, LastView(), kLastFrame}));
-      master_->Come(MakeMessage(MessageType::kTile, TileOrder{kLastFrame, 0, 1, 0, 0, 32, 32, {}, {}}));
+      master_->Come(MakeMessage(MessageType::kTile, TileOrder{kLastFrame, 0, 1, {{0, 0, 32, 32}}}));
     }
     if (master_) master_->Come({MessageType::kPing, 0, {}, {}});
     PassTime(*io_, 0.01);

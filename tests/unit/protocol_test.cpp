@@ -105,9 +105,17 @@ TEST_CASE("Messages come back field by field") {
       (progress->frame == 1 && progress->tiles_done == 2 && progress->tiles == 3 && progress->workers == 4));
   const auto frame = DecodeFrameDone(Encode(FrameDone{6, "{}"}));
   CHECK((frame->frame == 6 && frame->statistics == "{}"));
-  const auto tile = DecodeTileOrder(Encode(TileOrder{1, 2, 3, 4, 5, 6, 7}));
-  CHECK((tile->frame == 1 && tile->tile == 2 && tile->lease == 3 && tile->x == 4 && tile->y == 5 &&
-         tile->width == 6 && tile->height == 7));
+  const auto tile = DecodeTileOrder(Encode(TileOrder{1, 2, 3, {{4, 5, 6, 7}}}));
+  CHECK((tile->frame == 1 && tile->tile == 2 && tile->lease == 3 &&
+         tile->area.pixels == PixelRect{4, 5, 6, 7} && tile->area.step == 1 && !tile->urgent &&
+         tile->area.phase_x == Tile::kMiddle && tile->area.form == PixelForm::kMeans));
+  TileOrder live{1, 2, 3, {{4, 5, 6, 7}, 4, false, 2, 0, 1, 3, PixelForm::kSums}, {}, {}, true};
+  live.area.leaves_holes = true;
+  const auto seen = DecodeTileOrder(Encode(live));
+  CHECK((seen->urgent && seen->area.leaves_holes && seen->area.step == 4 && seen->area.phase_x == 2 &&
+         seen->area.phase_y == 0 && seen->area.first_sample == 1 && seen->area.samples == 3 &&
+         seen->area.form == PixelForm::kSums));
+  CHECK(DecodeFramesEnd(Encode(FramesEnd{{7, 8}}))->frames == std::vector<uint64_t>{7, 8});
   const auto done = DecodeTileDone(Encode(TileDone{1, 2, 3, 4, 5}));
   CHECK((done->frame == 1 && done->tile == 2 && done->lease == 3 && done->rays == 4 &&
          done->rays_suspended == 5));
@@ -122,8 +130,11 @@ TEST_CASE("Messages come back field by field") {
 }
 
 TEST_CASE("Values that cannot be are refused") {
-  CHECK_FALSE(DecodeTileOrder(Encode(TileOrder{1, 2, 3, 4, 5, 0, 7})).has_value());
-  CHECK_FALSE(DecodeTileOrder(Encode(TileOrder{1, 2, 3, 4, 5, 33, 7})).has_value());
+  TileOrder order{1, 2, 3, {{4, 5, 6, 7}}};
+  order.area.form = static_cast<PixelForm>(3);
+  CHECK_FALSE(DecodeTileOrder(Encode(order)).has_value());
+  CHECK_FALSE(
+      DecodeFramesEnd(Encode(FramesEnd{std::vector<uint64_t>(kMaxFramesEnded + 1)})).has_value());
   RenderJob job = MakeJob();
   job.view.spp = 0;
   CHECK_FALSE(DecodeJobRequest(Encode(JobRequest{job, 0})).has_value());
@@ -153,7 +164,7 @@ TEST_CASE("A job is the same however many programs it has passed through") {
 TEST_CASE("Mutated messages are refused or read, never worse") {
   std::mt19937 random(11);
   const Bytes good[] = {Encode(JobRequest{MakeJob(), 0}), Encode(Hello{Role::kWorker, "w", 2}),
-                        Encode(TileOrder{1, 2, 3, 4, 5, 6, 7}), Encode(FrameDone{6, "{}"})};
+                        Encode(TileOrder{1, 2, 3, {{4, 5, 6, 7}}}), Encode(FrameDone{6, "{}"})};
   for (int i = 0; i < 40000; ++i) {
     Bytes bad = good[i % 4];
     for (int k = 0; k < 1 + i % 4; ++k) bad[random() % bad.size()] = static_cast<std::byte>(random());

@@ -1,0 +1,35 @@
+#include "common/scene/tile.h"
+
+namespace quarry {
+
+size_t BytesPerPoint(PixelForm form, uint32_t aov_mask) {
+  const size_t words = WordsPerPixel(aov_mask);
+  if (form == PixelForm::kShown) return sizeof(uint32_t);
+  return form == PixelForm::kSums ? 3 * sizeof(int64_t) + 4 * (words - 3) : 4 * words;
+}
+
+Status CheckTile(const Tile& tile, const View& view) {
+  const PixelRect& p = tile.pixels;
+  const auto lies = [](uint32_t from, uint32_t length, uint32_t in_from, uint32_t in_length) {
+    return length > 0 && from >= in_from && length <= in_length && from - in_from <= in_length - length;
+  };
+  const auto is_phase = [&](uint32_t phase) { return phase == Tile::kMiddle || phase < tile.step; };
+  if (tile.step == 0 || tile.step > kMaxImageSide || !is_phase(tile.phase_x) || !is_phase(tile.phase_y) ||
+      !lies(p.x, p.width, view.crop.x, view.crop.width) ||
+      !lies(p.y, p.height, view.crop.y, view.crop.height))
+    return Fail("a tile does not lie in its view");
+  const size_t points = size_t{tile.columns()} * tile.rows();
+  if (points == 0 || tile.columns() > kMaxTilePoints || tile.rows() > kMaxTilePoints ||
+      points * BytesPerPoint(tile.form, view.aov_mask) > kMaxTileBytes)
+    return Fail("a tile is empty or too large");
+  const bool all = tile.samples == 0 && tile.first_sample == 0;
+  if (!all && (tile.samples == 0 || tile.samples > view.spp || tile.first_sample > view.spp - tile.samples ||
+               tile.form == PixelForm::kMeans))
+    return Fail("a tile asks for samples that its view does not have");
+  if (tile.leaves_holes &&
+      (tile.form != PixelForm::kShown || tile.samples_of(view.spp) != 1 || tile.hits_only))
+    return Fail("a tile leaves holes where none can be");
+  return {};
+}
+
+}  // namespace quarry

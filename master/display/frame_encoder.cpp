@@ -1,0 +1,162 @@
+#include "master/display/frame_encoder.h"
+
+#include <fmt/format.h>
+#include <turbojpeg.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <utility>
+
+#include "common/base/resource.h"
+#include "common/math/elementary.h"
+#include "common/math/shared_exponent.h"
+
+namespace quarry {
+namespace {
+
+/// A level of the pyramid from which pixels without a colour are filled: sums of colours, and their number.
+struct Level {
+  Level(uint32_t w, uint32_t h) : width(w), height(h), pixels(size_t{w} * h) {}
+  struct Pixel {
+    uint16_t r = 0, g = 0, b = 0, known = 0;
+  };
+  uint32_t width, height;
+  std::vector<Pixel> pixels;
+  Pixel& at(uint32_t x, uint32_t y) { return pixels[size_t{y} * width + x]; }
+  const Pixel& at(uint32_t x, uint32_t y) const { return pixels[size_t{y} * width + x]; }
+};
+
+/// The level of half the size: means of the known pixels of each square.
+Level Half(const Level& fine) {
+  Level half((fine.width + 1) / 2, (fine.height + 1) / 2);
+  for (uint32_t y = 0; y < half.height; ++y)
+    for (uint32_t x = 0; x < half.width; ++x) {
+      uint32_t r = 0, g = 0, b = 0, known = 0;
+      for (uint32_t j = 2 * y; j < std::min(2 * y + 2, fine.height); ++j)
+        for (uint32_t i = 2 * x; i < std::min(2 * x + 2, fine.width); ++i) {
+          const Level::Pixel& p = fine.at(i, j);
+          if (!p.known) continue;
+          r += p.r;
+          g += p.g;
+          b += p.b;
+          ++known;
+        }
+      if (known > 0)
+        half.at(x, y) = {static_cast<uint16_t>(r / known), static_cast<uint16_t>(g / known),
+                         static_cast<uint16_t>(b / known), 1};
+    }
+  return half;
+}
+
+/// Fills the unknown pixels of a level from a complete one of half the size, bilinearly.
+void FillFrom(const Level& half, Level& fine) {
+  const auto other = [](uint32_t at, uint32_t length) {  // the second nearest of half's pixels
+    const uint32_t near = at / 2;
+    if (at % 2 == 0) return near == 0 ? near : near - 1;
+    return std::min(near + 1, length - 1);
+  };
+  for (uint32_t y = 0; y < fine.height; ++y)
+    for (uint32_t x = 0; x < fine.width; ++x) {
+      Level::Pixel& to = fine.at(x, y);
+      if (to.known) continue;
+      const uint32_t x1 = other(x, half.width), y1 = other(y, half.height);
+      const Level::Pixel &a = half.at(x / 2, y / 2), &b = half.at(x1, y / 2), &c = half.at(x / 2, y1),
+                         &d = half.at(x1, y1);
+      const auto mix = [](uint32_t p, uint32_t q, uint32_t r, uint32_t s) {
+        return static_cast<uint16_t>((9 * p + 3 * q + 3 * r + s + 8) / 16);
+      };
+      to = {mix(a.r, b.r, c.r, d.r), mix(a.g, b.g, c.g, d.g), mix(a.b, b.b, c.b, d.b), 1};
+    }
+}
+
+/// Source: push-pull of Gortler et al. 1996, section 3.4, with weights of 0 and 1.
+void FillHoles(Level& level, const Level::Pixel& background) {
+  if (level.width == 1 && level.height == 1) {
+    if (!level.pixels[0].known) level.pixels[0] = background;
+    return;
+  }
+  if (std::ranges::all_of(level.pixels, [](const auto& p) { return p.known != 0; })) return;
+  Level half = Half(level);
+  FillHoles(half, background);
+  FillFrom(half, level);
+}
+
+}  // namespace
+
+ToneTable::ToneTable(double ev) : ev_(ev) {
+  const double gain = Exp2(ev);
+  for (uint32_t exponent = 0; exponent < 32; ++exponent)
+    for (uint32_t mantissa = 0; mantissa < 512; ++mantissa) {
+      const auto linear = static_cast<double>(UnpackShared(exponent << 27 | mantissa).x) * gain;
+      values_[exponent << 9 | mantissa] = static_cast<uint8_t>(EncodeSrgb(linear) * 255 + 0.5);
+    }
+}
+
+std::vector<uint8_t> ToRgb(const PictureRows& rows, const ToneTable& tone, uint32_t background) {
+  const bool whole = std::ranges::all_of(rows.codes, [](uint32_t code) { return code < kUntraced; });
+  std::vector<uint8_t> rgb(3 * rows.codes.size());
+  if (whole) {
+    for (size_t i = 0; i < rows.codes.size(); ++i) {
+      const auto color = tone(rows.codes[i]);
+      std::ranges::copy(color, rgb.begin() + static_cast<std::ptrdiff_t>(3 * i));
+    }
+    return rgb;
+  }
+  const auto pixel = [&](uint32_t code) {
+    const auto color = tone(code);
+    return Level::Pixel{color[0], color[1], color[2], 1};
+  };
+  Level level(rows.width, rows.height());
+  for (size_t i = 0; i < rows.codes.size(); ++i)
+    if (rows.codes[i] < kUntraced) level.pixels[i] = pixel(rows.codes[i]);
+  FillHoles(level, pixel(background));
+  for (size_t i = 0; i < rows.codes.size(); ++i) {
+    const Level::Pixel& p = level.pixels[i];
+    rgb[3 * i] = static_cast<uint8_t>(p.r);
+    rgb[3 * i + 1] = static_cast<uint8_t>(p.g);
+    rgb[3 * i + 2] = static_cast<uint8_t>(p.b);
+  }
+  return rgb;
+}
+
+FrameEncoder::FrameEncoder() : compressor_(tjInitCompress()) {}
+
+FrameEncoder::~FrameEncoder() {
+  if (compressor_) tjDestroy(compressor_);
+}
+
+Result<Bytes> FrameEncoder::Jpeg(const std::vector<uint8_t>& rgb, uint32_t width, uint32_t height, int quality,
+                                 bool fine) {
+  if (!compressor_) return Fail("cannot encode the image: libjpeg-turbo does not start");
+  const int w = static_cast<int>(width), h = static_cast<int>(height), sampling = fine ? TJSAMP_444 : TJSAMP_420;
+  Bytes out(tjBufSize(w, h, sampling));
+  auto* to = reinterpret_cast<unsigned char*>(out.data());
+  unsigned long size = out.size();
+  if (tjCompress2(compressor_, rgb.data(), w, 0, h, TJPF_RGB, &to, &size, sampling, quality,
+                  TJFLAG_NOREALLOC | TJFLAG_FASTDCT) != 0)
+    return Fail(fmt::format("cannot encode the image as JPEG: {}", tjGetErrorStr2(compressor_)));
+  out.resize(size);
+  return out;
+}
+
+Result<EncodedFrame> FrameEncoder::Encode(const DueFrame& frame, const SceneFacts& scene, int quality) {
+  const auto start = std::chrono::steady_clock::now();
+  EncodedFrame encoded;
+  const View& view = frame.wanted.view;
+  if (!frame.exact.empty()) {
+    QUARRY_ASSIGN(Bytes png, EncodeImage(view, {"png"}, scene, frame.exposure, frame.exact));
+    encoded.stripes.push_back({0, view.height, true, std::move(png)});
+  } else {
+    if (!tone_ || tone_->ev() != frame.exposure) tone_.emplace(frame.exposure);
+    for (const PictureRows& rows : frame.rows) {
+      const auto rgb = ToRgb(rows, *tone_, PackShared(view.background));
+      QUARRY_ASSIGN(Bytes jpeg, Jpeg(rgb, rows.width, rows.height(), quality, !frame.in_motion));
+      encoded.stripes.push_back({rows.y, rows.height(), false, std::move(jpeg)});
+    }
+  }
+  encoded.encode_s = SecondsSince(start);
+  return encoded;
+}
+
+}  // namespace quarry

@@ -1,0 +1,71 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "common/base/bytes.h"
+#include "common/base/status.h"
+#include "master/display/view_pacer.h"
+#include "master/jobs/image_output.h"
+
+namespace quarry {
+
+/// A table from shared-exponent codes to 8 bits of sRGB, for one exposure: as PNGs are encoded. Immutable.
+class ToneTable {
+ public:
+  /// `ev`: exposure.
+  explicit ToneTable(double ev);
+  double ev() const { return ev_; }
+  /// The three channels of a code of PackShared().
+  std::array<uint8_t, 3> operator()(uint32_t code) const {
+    const uint32_t exponent = code >> 27 << 9;
+    return {values_[exponent | (code & 511)], values_[exponent | (code >> 9 & 511)],
+            values_[exponent | (code >> 18 & 511)]};
+  }
+
+ private:
+  double ev_;
+  std::array<uint8_t, size_t{32} * 512> values_;  ///< by exponent and mantissa
+};
+
+/// The rows as 8-bit sRGB, three bytes a pixel. Pixels without a colour get one from their neighbours, near ones
+/// first; all of them, if there is none, that of the background (linear). Thread-safe.
+std::vector<uint8_t> ToRgb(const PictureRows& rows, const ToneTable& tone, uint32_t background);
+
+/// An encoded part of a frame: all columns from row `y` on.
+struct Stripe {
+  uint32_t y = 0, height = 0;
+  bool png = false;  ///< else JPEG
+  Bytes image;
+};
+
+struct EncodedFrame {
+  std::vector<Stripe> stripes;
+  double encode_s = 0;
+};
+
+/// Encodes frames for a viewer. Keeps its table and compressor from frame to frame. Not thread-safe, but may be used
+/// by one thread after the other.
+class FrameEncoder {
+ public:
+  FrameEncoder();
+  ~FrameEncoder();
+  FrameEncoder(const FrameEncoder&) = delete;
+  FrameEncoder& operator=(const FrameEncoder&) = delete;
+
+  /// An exact frame becomes the PNG of EncodeImage(), another one a JPEG for each run of rows. `quality`: of
+  /// JPEG, in [1, 100]. Errors: the libraries' own.
+  Result<EncodedFrame> Encode(const DueFrame& frame, const SceneFacts& scene, int quality);
+
+ private:
+  Result<Bytes> Jpeg(const std::vector<uint8_t>& rgb, uint32_t width, uint32_t height, int quality, bool fine);
+
+  void* compressor_;  ///< tjhandle
+  std::optional<ToneTable> tone_;
+};
+
+}  // namespace quarry

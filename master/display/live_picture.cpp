@@ -1,0 +1,106 @@
+#include "master/display/live_picture.h"
+
+#include <algorithm>
+#include <bit>
+#include <cstring>
+
+#include "common/math/shared_exponent.h"
+
+namespace quarry {
+
+void LivePicture::Open(uint32_t width, uint32_t height) {
+  width_ = width;
+  height_ = height;
+  codes_.assign(pixels(), kUntraced);
+  sums_.clear();
+  traced_ = waiting_ = summed_ = 0;
+  samples_ = 0;
+  news_.assign((height + kBandRows - 1) / kBandRows, false);
+  any_news_ = false;
+}
+
+void LivePicture::Set(uint32_t x, uint32_t y, uint32_t code) {
+  uint32_t& pixel = codes_[size_t{y} * width_ + x];
+  const bool had_color = pixel < kUntraced;
+  if (code == kWaiting && had_color) return;
+  waiting_ += uint64_t{code == kWaiting} - uint64_t{pixel == kWaiting};
+  traced_ += uint64_t{code < kUntraced && !had_color};
+  pixel = code;
+}
+
+void LivePicture::Note(const Tile& tile) {
+  const uint32_t last = (tile.pixels.y + tile.pixels.height - 1) / kBandRows;
+  for (uint32_t band = tile.pixels.y / kBandRows; band <= last; ++band) news_[band] = true;
+  any_news_ = true;
+}
+
+void LivePicture::PutShown(const Tile& tile, std::span<const std::byte> pixels) {
+  const std::byte* from = pixels.data();
+  for (uint32_t row = 0; row < tile.rows(); ++row)
+    for (uint32_t column = 0; column < tile.columns(); ++column, from += sizeof(uint32_t)) {
+      uint32_t code = 0;
+      std::memcpy(&code, from, sizeof code);
+      Set(tile.X(column), tile.Y(row), code == kUntraced ? kWaiting : code);
+    }
+  Note(tile);
+}
+
+void LivePicture::PutSums(const Tile& tile, std::span<const std::byte> pixels) {
+  if (sums_.empty()) sums_.resize(3 * this->pixels());
+  const uint32_t samples = tile.first_sample + tile.samples;
+  const std::byte* from = pixels.data();
+  for (uint32_t row = 0; row < tile.rows(); ++row)
+    for (uint32_t column = 0; column < tile.columns(); ++column) {
+      const uint32_t x = tile.X(column), y = tile.Y(row);
+      FixedRadiance* sum = &sums_[3 * (size_t{y} * width_ + x)];
+      for (int c = 0; c < 3; ++c, from += sizeof(int64_t)) {
+        int64_t bits = 0;
+        std::memcpy(&bits, from, sizeof bits);
+        sum[c].Add(FixedRadiance::FromBits(bits));
+      }
+      Set(x, y, PackShared({sum[0].Mean(samples), sum[1].Mean(samples), sum[2].Mean(samples)}));
+    }
+  Note(tile);
+  summed_ += uint64_t{tile.columns()} * tile.rows();
+  if (summed_ < this->pixels()) return;
+  summed_ = 0;
+  samples_ = samples;
+}
+
+std::vector<uint32_t> LivePicture::Means() const {
+  std::vector<uint32_t> words(sums_.size());
+  for (size_t i = 0; i < words.size(); ++i) words[i] = std::bit_cast<uint32_t>(sums_[i].Mean(samples_));
+  return words;
+}
+
+bool LivePicture::Waits(const Tile& tile) const {
+  if (waiting_ == 0) return false;
+  for (uint32_t row = 0; row < tile.rows(); ++row)
+    for (uint32_t column = 0; column < tile.columns(); ++column)
+      if (codes_[size_t{tile.Y(row)} * width_ + tile.X(column)] == kWaiting) return true;
+  return false;
+}
+
+void LivePicture::Renew() {
+  news_.assign(news_.size(), true);
+  any_news_ = !news_.empty();
+}
+
+std::vector<PictureRows> LivePicture::TakeNews() {
+  std::vector<PictureRows> runs;
+  for (uint32_t band = 0; band < news_.size(); ++band) {
+    if (!news_[band]) continue;
+    const uint32_t y = band * kBandRows;
+    while (band + 1 < news_.size() && news_[band + 1]) ++band;
+    const uint32_t end = std::min((band + 1) * kBandRows, height_);
+    const auto row = [&](uint32_t r) {
+      return codes_.begin() + static_cast<std::ptrdiff_t>(size_t{r} * width_);
+    };
+    runs.push_back({y, width_, {row(y), row(end)}});
+  }
+  news_.assign(news_.size(), false);
+  any_news_ = false;
+  return runs;
+}
+
+}  // namespace quarry

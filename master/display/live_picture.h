@@ -1,0 +1,77 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "common/math/fixed_radiance.h"
+#include "common/scene/tile.h"
+
+namespace quarry {
+
+/// Codes of a picture's pixels that have no colour: their ray waits for a block; nothing has been traced yet.
+inline constexpr uint32_t kWaiting = kHole, kUntraced = kHole - 1;
+
+/// Rows of a picture, to be encoded. Units: pixels.
+struct PictureRows {
+  uint32_t y = 0, width = 0;
+  std::vector<uint32_t> codes;  ///< PackShared(), kWaiting or kUntraced, row by row
+  uint32_t height() const { return static_cast<uint32_t>(codes.size() / width); }
+};
+
+/// The pixels of a watched view while it is traced: first colours that are shown, then exact sums of samples.
+/// Knows which rows have changed since they were taken. Not thread-safe.
+class LivePicture {
+ public:
+  /// Bytes that a pixel takes here, with sums.
+  static constexpr uint64_t kPixelBytes = sizeof(uint32_t) + 3 * sizeof(FixedRadiance);
+  /// Rows that change together: a multiple of a JPEG's blocks.
+  static constexpr uint32_t kBandRows = 32;
+
+  /// Begins a picture of nothing, in the memory of the last.
+  void Open(uint32_t width, uint32_t height);
+
+  /// Takes pixels of kShown. Requires: the tile lies in the picture, as `pixels` has its bytes.
+  void PutShown(const Tile& tile, std::span<const std::byte> pixels);
+  /// Adds sums of kSums, which are shown from then on. Requires: as PutShown; ranges of samples come in order
+  /// and without gaps, each for all pixels before the next.
+  void PutSums(const Tile& tile, std::span<const std::byte> pixels);
+
+  uint32_t width() const { return width_; }
+  uint32_t height() const { return height_; }
+  uint64_t pixels() const { return uint64_t{width_} * height_; }
+  /// Pixels that have a colour; pixels whose rays wait.
+  uint64_t traced() const { return traced_; }
+  uint64_t waiting() const { return waiting_; }
+  /// Samples that every pixel's sum has.
+  uint32_t samples() const { return samples_; }
+  /// The colour as float32 means of samples() samples, as EncodeImage() takes them. Requires: samples() > 0,
+  /// and no pixel has more.
+  std::vector<uint32_t> Means() const;
+  /// Codes of all pixels, row by row.
+  const std::vector<uint32_t>& codes() const { return codes_; }
+  /// Whether a tile has waiting pixels.
+  bool Waits(const Tile& tile) const;
+
+  /// Whether rows have changed.
+  bool has_news() const { return any_news_; }
+  /// All rows are news again.
+  void Renew();
+  /// The rows that have changed, as few runs.
+  std::vector<PictureRows> TakeNews();
+
+ private:
+  void Set(uint32_t x, uint32_t y, uint32_t code);
+  void Note(const Tile& tile);
+
+  uint32_t width_ = 0, height_ = 0;
+  std::vector<uint32_t> codes_;
+  std::vector<FixedRadiance> sums_;  ///< three a pixel; empty before the first
+  uint64_t traced_ = 0, waiting_ = 0;
+  uint32_t samples_ = 0;
+  uint64_t summed_ = 0;     ///< pixels that have the newest range
+  std::vector<bool> news_;  ///< by band
+  bool any_news_ = false;
+};
+
+}  // namespace quarry

@@ -1,0 +1,282 @@
+#include "master/display/view_pacer.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "common/math/shared_exponent.h"
+
+namespace quarry {
+namespace {
+
+constexpr double kNever = 1e18;
+/// Seconds from the last input to rest while inputs follow each other.
+constexpr double kRestS = 0.15;
+/// Seconds after which a frame is sent though its lattice is not complete.
+constexpr double kPatienceS = 0.08;
+/// Seconds between frames of one view: while its lattice is refined or filled, and while samples accumulate.
+constexpr double kRefinedEveryS = 0.04, kSampledEveryS = 0.1;
+/// Seconds between attempts at pixels that wait for blocks. Without fewer of them for kStuckS, the exact pass
+/// begins: it waits for blocks where they are.
+constexpr double kRefillS = 0.05, kStuckS = 1;
+/// The share of a frame's time that its lattice may take, and that a finer lattice must be expected to take.
+constexpr double kShare = 0.85, kFinerShare = 0.65;
+constexpr uint32_t kCoarsest = 4;
+/// Weight of a lattice's time in the running mean.
+constexpr double kNewTime = 0.3;
+/// Points that an exposure is guessed from.
+constexpr size_t kGuessPoints = 4096;
+
+uint64_t PointsOf(const View& view, uint32_t step) {
+  return uint64_t{(view.width + step - 1) / step} * ((view.height + step - 1) / step);
+}
+
+}  // namespace
+
+ViewPacer::~ViewPacer() { dispatcher_.RemoveViewer(viewer_); }
+
+void ViewPacer::Want(WantedView wanted, double now_s) {
+  rest_s_ = now_s + (wanted.moving ? kRestS : 0);
+  if (!frame_ || wanted.view != wanted_.view) {
+    pending_ = std::move(wanted);
+    pending_s_ = now_s;
+    return;
+  }
+  // The same rays: at most it is shown otherwise.
+  pending_.reset();
+  const bool other_exposure = wanted.exposure != wanted_.exposure;
+  wanted_ = std::move(wanted);
+  if (!other_exposure) return;
+  picture_.Renew();
+  exact_sent_ = false;
+  if (stage_ == Stage::kExact) stage_ = Stage::kSamples;  // whose exposure may be missing
+}
+
+void ViewPacer::Acknowledged() {
+  if (under_way_ > 0) --under_way_;
+}
+
+bool ViewPacer::MayBegin(double now_s) {
+  if (under_way_ >= kMostUnderWay || (frame_ && !sent_)) return false;
+  const double begins_s = begun_s_ + 1 / settings_.frame_rate - 1e-3;
+  if (!frame_ || now_s >= begins_s) return true;
+  Wake(begins_s);
+  return false;
+}
+
+void ViewPacer::Begin(double now_s) {
+  if (frame_) {
+    if (stage_ == Stage::kLattice) NoteTime(now_s - begun_s_, picture_.traced() + picture_.waiting());
+    dispatcher_.End(*frame_);
+    abandoned_ += stage_ != Stage::kExact;
+  }
+  if (meter_) dispatcher_.End(*std::exchange(meter_, std::nullopt));
+  if (wanted_.view.mode != pending_->view.mode) guess_.reset();
+  wanted_ = *std::exchange(pending_, std::nullopt);
+  frame_ = dispatcher_.Begin(viewer_, wanted_.view);
+  picture_.Open(wanted_.view.width, wanted_.view.height);
+  own_.reset();
+  owners_.clear();
+  holed_.clear();
+  sent_ = exact_sent_ = false;
+  came_s_ = pending_s_;
+  begun_s_ = traced_s_ = now_s;
+  stage_ = Stage::kLattice;
+  refining_ = 0;
+  step_ = ChooseStep();
+  TraceLattice(step_, 0, 0);
+}
+
+uint32_t ViewPacer::ChooseStep() const {
+  if (settings_.step != 0) return settings_.step;
+  if (point_s_ == 0) return kCoarsest;
+  for (uint32_t step = 1; step < kCoarsest; step *= 2) {
+    const double share = step < step_ ? kFinerShare : kShare;
+    if (static_cast<double>(PointsOf(wanted_.view, step)) * point_s_ <= share / settings_.frame_rate)
+      return step;
+  }
+  return kCoarsest;
+}
+
+/// Notes how long lattice points took.
+void ViewPacer::NoteTime(double seconds, uint64_t points) {
+  const double point_s = std::max(seconds, 1e-6) / static_cast<double>(std::max<uint64_t>(points, 1));
+  point_s_ = point_s_ == 0 ? point_s : point_s_ + kNewTime * (point_s - point_s_);
+}
+
+void ViewPacer::TraceLattice(uint32_t step, uint32_t phase_x, uint32_t phase_y) {
+  Tile area{wanted_.view.crop, step};
+  area.phase_x = phase_x;
+  area.phase_y = phase_y;
+  area.samples = 1;
+  area.form = PixelForm::kShown;
+  area.leaves_holes = !settings_.wait;
+  dispatcher_.Trace(*frame_, area, LiveUrgency::kMotion);
+}
+
+bool ViewPacer::Take(const LiveTile& tile, std::span<const std::byte> pixels, double now_s) {
+  if (meter_ && tile.frame == *meter_) {
+    AddMeteredPoints(pixels, metered_);
+    if (dispatcher_.Wants(*meter_, LiveUrgency::kAnswer)) return true;
+    dispatcher_.End(*std::exchange(meter_, std::nullopt));
+    own_ = exposure_ = ExposureFor(metered_);
+    exposed_mode_ = wanted_.view.mode;
+    picture_.Renew();
+    return true;
+  }
+  if (!frame_ || tile.frame != *frame_) return false;
+  traced_s_ = now_s;
+  if (tile.area.form == PixelForm::kShown) {
+    picture_.PutShown(tile.area, pixels);
+    if (picture_.Waits(tile.area)) holed_.push_back(tile.area);
+    if (stage_ == Stage::kLattice) owners_.push_back({tile.area.pixels, tile.worker});
+  } else {
+    picture_.PutSums(tile.area, pixels);
+  }
+  return true;
+}
+
+std::optional<DueFrame> ViewPacer::Step(double now_s) {
+  due_s_ = kNever;
+  if (frame_) Advance(now_s);
+  auto due = MakeDue(now_s);
+  if (pending_ && MayBegin(now_s)) Begin(now_s);
+  return due;
+}
+
+/// Goes through the stages as far as tiles are done.
+void ViewPacer::Advance(double now_s) {
+  if (stage_ == Stage::kLattice) {
+    if (dispatcher_.Wants(*frame_, LiveUrgency::kMotion)) return;
+    NoteTime(traced_s_ - begun_s_, PointsOf(wanted_.view, step_));
+    stage_ = Stage::kRefine;
+    fewest_waiting_ = picture_.pixels();
+  }
+  if (under_way_ >= kMostUnderWay) return;
+  if (stage_ == Stage::kRefine) Refine(now_s);
+  if (stage_ == Stage::kFill) Fill(now_s);
+  if (stage_ == Stage::kSamples) NextSamples();
+}
+
+void ViewPacer::Refine(double now_s) {
+  if (dispatcher_.Wants(*frame_, LiveUrgency::kMotion)) return;
+  if (refining_ != 0) step_ = std::exchange(refining_, 0);
+  const bool rests = now_s >= rest_s_ && !pending_;
+  if (step_ == 1 || (rests && picture_.waiting() == 0)) {
+    stage_ = Stage::kFill;  // the exact pass brings the pixels between, too
+    return;
+  }
+  refining_ = step_ / 2;
+  for (const auto& [x, y] : {std::pair{refining_, 0u}, {0u, refining_}, {refining_, refining_}})
+    TraceLattice(step_, x, y);
+}
+
+/// Traces tiles with waiting pixels again, until rest begins and none waits.
+void ViewPacer::Fill(double now_s) {
+  if (picture_.waiting() < fewest_waiting_) {
+    fewest_waiting_ = picture_.waiting();
+    fewer_s_ = now_s;
+  }
+  const bool filled = picture_.waiting() == 0 || now_s - fewer_s_ > kStuckS;
+  if (filled && now_s >= rest_s_) {
+    stage_ = Stage::kSamples;
+    return Meter();
+  }
+  if (now_s < rest_s_) Wake(rest_s_);
+  if (picture_.waiting() == 0 || dispatcher_.Wants(*frame_, LiveUrgency::kMotion)) return;
+  if (now_s < refill_s_) return Wake(refill_s_);
+  refill_s_ = now_s + kRefillS;
+  Wake(refill_s_);
+  for (const Tile& tile : std::exchange(holed_, {}))
+    if (picture_.Waits(tile)) dispatcher_.Trace(*frame_, tile, LiveUrgency::kMotion);
+}
+
+void ViewPacer::Meter() {
+  if (meter_ || own_ || wanted_.exposure || wanted_.view.mode == RenderMode::kVoxels) return;
+  const View view = MeteredView(wanted_.view);
+  metered_.clear();
+  meter_ = dispatcher_.Begin(viewer_, view);
+  dispatcher_.Trace(*meter_, MeteredTile(view), LiveUrgency::kAnswer);
+}
+
+/// One sample first, then three times as many as there are: few ranges, and something to see early.
+void ViewPacer::NextSamples() {
+  Meter();
+  if (dispatcher_.Wants(*frame_, LiveUrgency::kRest)) return;
+  const uint32_t have = picture_.samples(), all = wanted_.view.spp;
+  if (have == all) {
+    if (!meter_) stage_ = Stage::kExact;
+    return;
+  }
+  Tile area{wanted_.view.crop};
+  area.first_sample = have;
+  area.samples = std::min(std::max(1u, 3 * have), all - have);
+  area.form = PixelForm::kSums;
+  dispatcher_.Trace(*frame_, area, LiveUrgency::kRest);
+}
+
+/// Whether the frame may be sent now.
+bool ViewPacer::IsDue(double now_s) {
+  if (!frame_ || under_way_ >= kMostUnderWay) return false;
+  if (stage_ == Stage::kExact) return !exact_sent_;
+  if (!picture_.has_news()) return false;
+  if (!sent_) {
+    if (stage_ != Stage::kLattice) return true;
+    if (settings_.wait || now_s >= begun_s_ + kPatienceS) return !settings_.wait && picture_.traced() > 0;
+    return Wake(begun_s_ + kPatienceS), false;
+  }
+  const double next_s = sent_s_ + (stage_ == Stage::kSamples ? kSampledEveryS : kRefinedEveryS);
+  if (now_s >= next_s) return true;
+  return Wake(next_s), false;
+}
+
+std::optional<DueFrame> ViewPacer::MakeDue(double now_s) {
+  if (!IsDue(now_s)) return std::nullopt;
+  DueFrame due;
+  due.wanted = wanted_;
+  due.step = picture_.samples() > 0 ? 1 : step_;
+  due.traced = picture_.traced();
+  due.waiting = picture_.waiting();
+  due.samples = picture_.samples();
+  due.exposure = ExposureNow();
+  due.queue_s = begun_s_ - came_s_;
+  due.trace_s = traced_s_ - begun_s_;
+  due.in_motion = now_s < rest_s_ || pending_.has_value();
+  if (stage_ == Stage::kExact) {
+    due.exact = picture_.Means();
+    exact_sent_ = true;
+  } else {
+    if (!sent_) picture_.Renew();
+    due.rows = picture_.TakeNews();
+  }
+  if (settings_.owners) due.owners = owners_;
+  sent_ = true;
+  sent_s_ = now_s;
+  ++under_way_;
+  return due;
+}
+
+double ViewPacer::ExposureNow() {
+  if (wanted_.exposure) return *wanted_.exposure;
+  if (wanted_.view.mode == RenderMode::kVoxels) return 0;
+  if (own_) return *own_;
+  if (exposure_ && exposed_mode_ == wanted_.view.mode) return *exposure_;
+  if (!guess_) guess_ = GuessExposure();
+  return *guess_;
+}
+
+/// The exposure by the pixels at hand, of which those in the background's colour count as no surface.
+double ViewPacer::GuessExposure() const {
+  const uint32_t background = PackShared(wanted_.view.background);
+  std::vector<MeteredPoint> points;
+  const auto& codes = picture_.codes();
+  std::vector<uint32_t> colored;
+  std::ranges::copy_if(codes, std::back_inserter(colored), [](uint32_t code) { return code < kUntraced; });
+  for (size_t i = 0; i < colored.size(); i += 1 + colored.size() / kGuessPoints) {
+    const glm::vec3 color = UnpackShared(colored[i]);
+    points.push_back({0.2126f * color.x + 0.7152f * color.y + 0.0722f * color.z,
+                      std::max({color.x, color.y, color.z}), colored[i] != background});
+  }
+  return ExposureFor(points);
+}
+
+}  // namespace quarry

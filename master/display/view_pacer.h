@@ -1,0 +1,145 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "master/display/live_picture.h"
+#include "master/jobs/exposure_meter.h"
+#include "master/schedule/live_dispatcher.h"
+
+namespace quarry {
+
+/// A view that a viewer wants to see.
+struct WantedView {
+  View view;                       ///< normalized; without layers, of the whole image
+  std::optional<double> exposure;  ///< EV; none: automatic
+  uint64_t input = 0;              ///< the viewer's number and clock, which come back in frames
+  double time_ms = 0;
+  bool moving = false;  ///< more views follow at once
+};
+
+/// How a viewer wants to see it.
+struct ViewSettings {
+  double frame_rate = 30;  ///< frames a second that motion should have, in [10, 60]
+  uint32_t step = 0;       ///< in motion: 1, 2 or 4; 0: as fine as the frame rate allows
+  bool wait = false;       ///< whether frames wait for all their pixels
+  bool owners = false;     ///< whether frames tell which worker traced what
+};
+
+/// A part of a picture and the worker (id) that traced it.
+struct TracedBy {
+  PixelRect pixels;
+  uint32_t worker = 0;
+};
+
+/// What is to be sent to a viewer now.
+struct DueFrame {
+  WantedView wanted;
+  uint32_t step = 1;  ///< side of the squares of which each has a traced pixel
+  uint64_t traced = 0, waiting = 0;
+  uint32_t samples = 0;
+  double exposure = 0;
+  double queue_s = 0, trace_s = 0;  ///< from the view's arrival to its first tile; from then on
+  std::vector<PictureRows> rows;    ///< changed since the last frame; empty if exact
+  std::vector<uint32_t> exact;  ///< all means, as EncodeImage() takes them; empty unless the frame is exact
+  bool in_motion = false;       ///< more follows soon
+  std::vector<TracedBy> owners;
+};
+
+/// Decides what is traced of a viewer's views and what is sent, so that the picture never freezes and becomes
+/// exact at rest.
+/// - The newest view wins. It begins when a frame of the view before has been sent.
+/// - A lattice of sample 0 of each fourth, second or every pixel comes first, as fine as the frame rate
+/// allows; it is
+///   sent when it is complete, or what there is of it when it is late.
+/// - Then the lattice is refined, and pixels that wait for blocks are traced again.
+/// - 150 ms after the last input, samples accumulate as exact sums, and the exposure is metered. The last
+/// frame is
+///   the picture of `quarry render --view`.
+/// - A viewer that does not acknowledge frames costs no tracing.
+/// Units: seconds of any clock that does not go back. No sockets, no threads. Not thread-safe.
+class ViewPacer {
+ public:
+  /// Frames that may be under way, from encoding to acknowledgement.
+  static constexpr uint32_t kMostUnderWay = 2;
+  /// `dispatcher` must outlive this. `viewer`: its number there.
+  ViewPacer(LiveDispatcher& dispatcher, uint32_t viewer) : dispatcher_(dispatcher), viewer_(viewer) {}
+  ~ViewPacer();
+  ViewPacer(const ViewPacer&) = delete;
+  ViewPacer& operator=(const ViewPacer&) = delete;
+
+  void Want(WantedView wanted, double now_s);
+  void Set(const ViewSettings& settings) { settings_ = settings; }
+  /// A frame of this viewer's has been drawn.
+  void Acknowledged();
+  /// A finished tile of one of this viewer's frames. False: it is of another's.
+  bool Take(const LiveTile& tile, std::span<const std::byte> pixels, double now_s);
+
+  /// Goes on: orders what is to be traced next. Returns what is to be sent now, at most kMostUnderWay frames
+  /// that have not been acknowledged.
+  std::optional<DueFrame> Step(double now_s);
+  /// When Step() is to be called again even if nothing else happens; far away if never.
+  double due_s() const { return due_s_; }
+
+  /// Views that were overtaken before they were exact.
+  uint64_t abandoned() const { return abandoned_; }
+  /// The view that is traced, or null.
+  const WantedView* current() const { return frame_ ? &wanted_ : nullptr; }
+
+ private:
+  enum class Stage { kLattice, kRefine, kFill, kSamples, kExact };
+  bool MayBegin(double now_s);
+  void Begin(double now_s);
+  void TraceLattice(uint32_t step, uint32_t phase_x, uint32_t phase_y);
+  uint32_t ChooseStep() const;
+  void NoteTime(double seconds, uint64_t points);
+  void Advance(double now_s);
+  void Refine(double now_s);
+  void Fill(double now_s);
+  void Meter();
+  void NextSamples();
+  bool IsDue(double now_s);
+  std::optional<DueFrame> MakeDue(double now_s);
+  double GuessExposure() const;
+  double ExposureNow();
+  void Wake(double at_s) { due_s_ = std::min(due_s_, at_s); }
+
+  LiveDispatcher& dispatcher_;
+  const uint32_t viewer_;
+  ViewSettings settings_;
+  std::optional<WantedView> pending_;
+  double pending_s_ = 0;  ///< when it came
+
+  std::optional<FrameId> frame_;  ///< of `wanted_`
+  WantedView wanted_;
+  LivePicture picture_;
+  Stage stage_ = Stage::kLattice;
+  uint32_t step_ = 1;      ///< of the finest lattice that is complete, or of the first
+  uint32_t refining_ = 0;  ///< step of the lattice under way; 0: none
+  double came_s_ = 0, begun_s_ = 0, traced_s_ = 0, sent_s_ = 0;
+  double rest_s_ = 0;  ///< when rest begins
+  bool sent_ = false;  ///< a frame of this view has been sent
+  bool exact_sent_ = false;
+  std::vector<Tile> holed_;  ///< tiles with waiting pixels
+  double refill_s_ = 0, fewer_s_ = 0;
+  uint64_t fewest_waiting_ = 0;
+  std::vector<TracedBy> owners_;
+
+  std::optional<FrameId> meter_;
+  std::vector<MeteredPoint> metered_;
+  std::optional<double> exposure_;  ///< metered, of the newest exact view
+  std::optional<double> own_;       ///< metered, of this view
+  std::optional<double> guess_;     ///< before anything was metered
+  RenderMode exposed_mode_ = RenderMode::kAo;
+
+  double point_s_ = 0;  ///< a lattice point's share of a complete lattice's time; 0: not known
+  uint32_t under_way_ = 0;
+  uint64_t abandoned_ = 0;
+  double due_s_ = 0;
+};
+
+}  // namespace quarry
