@@ -69,12 +69,58 @@ std::string WithoutProgram(const std::string& line) {
   return line.rfind("quarry-", 0) == 0 && colon != std::string::npos ? line.substr(colon + 2) : line;
 }
 
+/// The rest of the child's next line, which begins with `word`. Errors: the child has ended; its last
+/// message.
+Result<std::string> ReadAnnouncement(Child& child, const std::string& word) {
+  std::string line;
+  if (child.ReadLine(line) && line.rfind(word + " ", 0) == 0) return line.substr(word.size() + 1);
+  while (child.Running()) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  return tl::unexpected<Error>(Error{WithoutProgram(child.last_error()), KindOfExit(child.exit_status())});
+}
+
+/// The master's arguments for a live view.
+std::vector<std::string> ArgumentsOf(const LiveViewOptions& live) {
+  std::vector<std::string> arguments{"--http",        live.address,    "--view-token-file",
+                                     live.token_file, "--view-memory", live.view_memory};
+  for (const std::string& url : live.viewer_urls) arguments.insert(arguments.end(), {"--viewer-url", url});
+  if (!live.tls_cert.empty()) arguments.insert(arguments.end(), {"--tls-cert", live.tls_cert});
+  if (!live.tls_key.empty()) arguments.insert(arguments.end(), {"--tls-key", live.tls_key});
+  return arguments;
+}
+
 }  // namespace
+
+struct PreparingPage::Impl {
+  std::unique_ptr<Child> master;
+  std::string url;
+};
+
+PreparingPage::PreparingPage(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+PreparingPage::~PreparingPage() = default;
+const std::string& PreparingPage::url() const { return impl_->url; }
+
+Result<std::unique_ptr<PreparingPage>> PreparingPage::Start(const std::string& scene,
+                                                            const LiveViewOptions& options,
+                                                            const std::string& progress_file) {
+  auto impl = std::make_unique<Impl>();
+  std::vector<std::string> arguments{scene, "--preparing", progress_file, "--quiet"};
+  const auto live = ArgumentsOf(options);
+  arguments.insert(arguments.end(), live.begin(), live.end());
+  try {
+    impl->master = std::make_unique<Child>(SiblingProgram("quarry-master"), arguments);
+    QUARRY_ASSIGN(impl->url, ReadAnnouncement(*impl->master, "viewing"));
+  } catch (const std::exception& e) {
+    return Fail(fmt::format("cannot start the page: {}", e.what()));
+  }
+  return std::unique_ptr<PreparingPage>(new PreparingPage(std::move(impl)));
+}
 
 struct LocalCluster::Impl {
   std::unique_ptr<Child> master;
   std::vector<std::unique_ptr<Child>> workers;
   Endpoint endpoint;
+  std::string live_url;
 };
 
 LocalCluster::LocalCluster(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -83,6 +129,7 @@ LocalCluster::~LocalCluster() {
   impl_->master.reset();
 }
 Endpoint LocalCluster::master() const { return impl_->endpoint; }
+const std::string& LocalCluster::live_url() const { return impl_->live_url; }
 
 Result<std::unique_ptr<LocalCluster>> LocalCluster::Start(const Options& options) {
   auto impl = std::make_unique<Impl>();
@@ -97,21 +144,22 @@ Result<std::unique_ptr<LocalCluster>> LocalCluster::Start(const Options& options
     return arguments;
   };
   try {
-    impl->master = std::make_unique<Child>(SiblingProgram("quarry-master"),
-                                           with({options.scene, "--listen", "127.0.0.1:0"}));
-    std::string line;
-    if (!impl->master->ReadLine(line) || line.rfind("listening ", 0) != 0) {
-      while (impl->master->Running()) std::this_thread::sleep_for(std::chrono::milliseconds(5));
-      std::this_thread::sleep_for(std::chrono::milliseconds(20));
-      return tl::unexpected<Error>(
-          Error{WithoutProgram(impl->master->last_error()), KindOfExit(impl->master->exit_status())});
+    auto for_master = with({options.scene, "--listen", "127.0.0.1:0"});
+    if (options.live) {
+      const auto live = ArgumentsOf(*options.live);
+      for_master.insert(for_master.end(), live.begin(), live.end());
     }
-    QUARRY_ASSIGN(impl->endpoint, ParseEndpoint(line.substr(10), "the master's address"));
+    impl->master = std::make_unique<Child>(SiblingProgram("quarry-master"), for_master);
+    if (options.live) {
+      QUARRY_ASSIGN(impl->live_url, ReadAnnouncement(*impl->master, "viewing"));
+    }
+    QUARRY_ASSIGN(const std::string address, ReadAnnouncement(*impl->master, "listening"));
+    QUARRY_ASSIGN(impl->endpoint, ParseEndpoint(address, "the master's address"));
     for (unsigned i = 0; i < options.workers; ++i)
       impl->workers.push_back(std::make_unique<Child>(
           SiblingProgram("quarry-worker"),
-          with({"--master", line.substr(10), "--cache", options.cache, "--threads", std::to_string(threads),
-                "--name", fmt::format("local-{}", i + 1), "--peers", "off"})));
+          with({"--master", address, "--cache", options.cache, "--threads", std::to_string(threads), "--name",
+                fmt::format("local-{}", i + 1), "--peers", "off"})));
   } catch (const std::exception& e) {
     return Fail(fmt::format("cannot start a program of the cluster: {}", e.what()));
   }

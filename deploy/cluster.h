@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -9,6 +10,33 @@
 #include "common/net/connection.h"
 
 namespace quarry {
+
+/// The live view of a local cluster's master.
+struct LiveViewOptions {
+  std::string address;                   ///< HOST:PORT
+  std::vector<std::string> viewer_urls;  ///< by which browsers come through a proxy
+  std::string token_file;
+  std::string view_memory = "256M";  ///< as ParseSize() reads it
+  std::string tls_cert, tls_key;     ///< PEM files toward browsers; empty: no TLS
+};
+
+/// A page that says how far the making of a scene is, served by a master until this is destroyed. Not
+/// thread-safe.
+class PreparingPage {
+ public:
+  /// `progress_file`: what the maker of the scene writes to. Errors: as LocalCluster::Start().
+  static Result<std::unique_ptr<PreparingPage>> Start(const std::string& scene,
+                                                      const LiveViewOptions& options,
+                                                      const std::string& progress_file);
+  ~PreparingPage();
+  /// The address for a browser.
+  const std::string& url() const;
+
+ private:
+  struct Impl;
+  explicit PreparingPage(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
 
 /// A master and workers on this machine that serve a single command and end with it, however it ends. Not
 /// thread-safe.
@@ -20,6 +48,7 @@ class LocalCluster {
     unsigned threads = 0;        ///< per worker; 0: the machine's processors divided among the workers
     std::string cache = "256M";  ///< each worker's cache, as ParseSize() reads it
     SecurityOptions security;    ///< this command's options only: the environment's belong to other clusters
+    std::optional<LiveViewOptions> live;
   };
   /// Starts the programs and waits until the master listens. Errors: a program cannot be started; the
   /// master's own message.
@@ -29,6 +58,8 @@ class LocalCluster {
 
   /// The address that the master listens at.
   Endpoint master() const;
+  /// The live view's address for a browser; empty without one.
+  const std::string& live_url() const;
   /// Errors: the master, or every worker, has ended; the message is the program's last.
   Status Check();
 

@@ -21,6 +21,7 @@
 #include "deploy/model_cache.h"
 #include "deploy/query.h"
 #include "deploy/render_command.h"
+#include "deploy/view_command.h"
 
 namespace quarry {
 namespace {
@@ -72,6 +73,7 @@ int Main(int argc, char** argv) {
   app.footer(
       "Examples:\n  quarry render plant.ply -o plant.png --mode whitted --workers 3\n"
       "  quarry render plant.quarry -o walk.png --camera-path plant.path.json --frames 0-59\n"
+      "  quarry view plant.quarry --open\n"
       "  quarry info plant.quarry --json\n  quarry verify plant.quarry\n  quarry cache list\n"
       "  quarry status --master 10.0.0.1:9000\n"
       "  quarry bench import plant.ply");
@@ -79,6 +81,8 @@ int Main(int argc, char** argv) {
   app.require_subcommand(1);
   RenderArguments render;
   AddRenderOptions(*app.add_subcommand("render", "Render a picture, or a path of them"), render);
+  ViewArguments view;
+  AddViewCommandOptions(*app.add_subcommand("view", "Walk through a scene, live, in a browser"), view);
   std::string scene;
   bool json = false, parts = false, quiet = false;
   auto* info = app.add_subcommand("info", "Tell what a store holds");
@@ -103,6 +107,7 @@ int Main(int argc, char** argv) {
   Status status;
   try {
     status = app.got_subcommand("render")   ? Render(render)
+             : app.got_subcommand("view")   ? ShowLive(view)
              : app.got_subcommand("info")   ? (parts ? PrintParts(scene) : PrintInfo(scene, json))
              : app.got_subcommand("status") ? ShowStatus(master, security, json)
              : app.got_subcommand("cache")  ? RunCacheCommand(*cache_command, cache)

@@ -13,6 +13,7 @@
 #include "common/base/number.h"
 #include "common/command_line/command_line.h"
 #include "common/command_line/security_options.h"
+#include "common/scene/default_view.h"
 #include "common/scene/view_json.h"
 #include "deploy/scene_files.h"
 
@@ -163,8 +164,7 @@ Status ChooseLights(const RenderArguments& a, const SceneSummary& scene, View& v
     view.lights.push_back({LightKind::kSun, glm::vec3(sun), glm::vec3(0.9f)});
   }
   if (!view.lights.empty() || !a.lights.empty() || a.has_view_file()) return {};
-  for (const NamedLight& light : scene.views.lights) view.lights.push_back(ToLight(light, scene.offset));
-  if (view.lights.empty()) view.lights.push_back(DefaultSun(scene.framing.up_axis));
+  view.lights = DefaultLights(scene);
   return {};
 }
 
@@ -206,14 +206,12 @@ Result<CameraSpec> CameraAt(const RenderArguments& a, const SceneSummary& scene,
   return camera;
 }
 
-/// Sets the length of occlusion rays where it was left open: from inside a share of the distance of things,
-/// so that pipes near the eye do not all lie in each other's shade.
+/// Sets the length of occlusion rays where it was left open.
 Status ChooseAoDistance(const RenderArguments& a, const SceneSummary& scene, View& view) {
-  constexpr double kShareOfDistance = 0.3;
   QUARRY_ASSIGN(const auto named, NamedViewOf(a));
   if (view.ao_distance > 0 || !NeedsFraming(a) || DirectionFor(a, scene, named) != NamedView::kInside)
     return {};
-  view.ao_distance = static_cast<float>(kShareOfDistance * scene.framing.inside_distance);
+  view.ao_distance = InsideAoDistance(scene);
   return {};
 }
 

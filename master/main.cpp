@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <filesystem>
 
 #include "common/base/cleanup.h"
 #include "common/base/cpu_check.h"
@@ -10,6 +11,7 @@
 #include "common/base/version.h"
 #include "common/command_line/command_line.h"
 #include "common/command_line/security_options.h"
+#include "master/display/preparing.h"
 #include "master/server.h"
 
 namespace quarry {
@@ -25,14 +27,50 @@ Status CheckOutputs(const MasterOptions& options, const SecurityOptions& securit
   return options.trace.empty() ? Status{} : guard.Take(options.trace, kTraceOutput).map([](auto&&) {});
 }
 
-Status Run(MasterOptions options, const SecurityOptions& security, const std::string& listen,
-           const std::string& schedule, const std::string& foresight, const std::string& frame_memory) {
+/// Options of the live view, as text.
+struct DisplayArguments {
+  std::string http, token_file, preparing, view_memory = "256M";
+  std::vector<std::string> viewer_urls;
+};
+
+/// The token in the file's first line; empty: no file was given.
+Result<std::string> ReadToken(const std::string& path) {
+  if (path.empty()) return std::string();
+  QUARRY_ASSIGN(const Bytes secret, ReadSecret(path));
+  return std::string(AsText(secret));
+}
+
+/// The display's options. Browsers get the certificate of --tls-cert; with a secret besides, Quarry's own
+/// programs use the secret, and without an authority for their certificates nothing.
+Result<std::optional<DisplayOptions>> DisplayOf(const DisplayArguments& a, const std::string& scene,
+                                                SecurityOptions& security) {
+  if (a.http.empty()) return std::optional<DisplayOptions>();
+  DisplayOptions options;
+  QUARRY_ASSIGN(options.listen, ParseEndpoint(a.http, "--http"));
+  QUARRY_ASSIGN(options.view_memory, ParseSize(a.view_memory, "--view-memory"));
+  QUARRY_ASSIGN(options.token, ReadToken(a.token_file));
+  options.tls = {security.tls_cert, security.tls_key};
+  options.viewer_urls = a.viewer_urls;
+  options.name = std::filesystem::path(scene).stem().string();
+  if (!security.secret_file.empty() || security.tls_ca.empty()) security.tls_cert = security.tls_key = "";
+  return std::optional(std::move(options));
+}
+
+Status Run(MasterOptions options, SecurityOptions security, const std::string& listen,
+           const std::string& schedule, const std::string& foresight, const std::string& frame_memory,
+           const DisplayArguments& display) {
+  security = WithEnvironment(security);
+  QUARRY_TRY(CheckOutputs(options, security));
+  QUARRY_ASSIGN(options.display, DisplayOf(display, options.scene, security));
+  if (!display.preparing.empty()) {
+    if (!options.display) return BadUsage("--preparing has no effect without --http");
+    return ServePreparing(*options.display, display.preparing);
+  }
   QUARRY_ASSIGN(options.listen, ParseEndpoint(listen, "--listen"));
   QUARRY_ASSIGN(options.policy, ParsePolicy(schedule));
   QUARRY_ASSIGN(options.foresight_bytes, ParseSize(foresight, "--foresight"));
   QUARRY_ASSIGN(options.frame_memory, ParseSize(frame_memory, "--frame-memory"));
-  QUARRY_ASSIGN(options.security, Security::ForServer(WithEnvironment(security)));
-  QUARRY_TRY(CheckOutputs(options, WithEnvironment(security)));
+  QUARRY_ASSIGN(options.security, Security::ForServer(security));
   return RunMaster(options);
 }
 
@@ -46,13 +84,15 @@ int Main(int argc, char** argv) {
   SecurityOptions security;
   std::string listen = "127.0.0.1:9000", schedule = "footprint", foresight = "256M";
   std::string frame_memory = std::to_string(MemoryLimitBytes() / 2);
+  DisplayArguments display;
   CLI::App app{"Serves a scene's voxels, hands out tiles to workers and puts frames together.",
                "quarry-master"};
   app.footer(
       "Examples:\n  quarry-master plant.quarry --listen 127.0.0.1:9000\n"
       "  quarry-master plant.quarry --listen 127.0.0.1:0 --serve-only\n"
       "  quarry-master plant.quarry --source 127.0.0.1:9001 --source 127.0.0.1:9002 --spool jobs\n"
-      "  quarry-master plant.quarry --listen 0.0.0.0:9000 --secret-file quarry.secret");
+      "  quarry-master plant.quarry --listen 0.0.0.0:9000 --secret-file quarry.secret\n"
+      "  quarry-master plant.quarry --http 127.0.0.1:8080");
   app.set_version_flag("--version", std::string("quarry-master ") + kVersion);
   app.add_option("scene", options.scene, "The scene store")->required();
   app.add_option("--listen", listen,
@@ -78,14 +118,30 @@ int Main(int argc, char** argv) {
                  "Keep jobs and finished frames in this folder: started again, the master goes on with them");
   app.add_option("--trace", options.trace,
                  "Write what each tile touched and cost to this file, a JSON object a line");
+  app.add_option(
+      "--http", display.http,
+      "Show the live view at HOST:PORT (beyond loopback with --tls-cert and --tls-key); the address "
+      "with its token is printed");
+  app.add_option("--viewer-url", display.viewer_urls,
+                 "The address by which browsers come to --http through a proxy");
+  app.add_option(
+      "--view-token-file", display.token_file,
+      "File with the live view's token, to keep it when the master starts again (default: a new one)");
+  app.add_option("--view-memory", display.view_memory,
+                 "Memory for live views, all together; who asks for more is refused")
+      ->capture_default_str();
+  app.add_option(
+      "--preparing", display.preparing,
+      "Show how far the making of the scene is instead, by this file of progress, as `quarry view` does");
   AddSecurityOptions(app, security);
   app.add_flag("--quiet", options.quiet, "Print errors only");
   constexpr NoEffect kNoEffect[] = {{"--schedule", "--serve-only"},     {"--foresight", "--serve-only"},
                                     {"--frame-memory", "--serve-only"}, {"--spool", "--serve-only"},
-                                    {"--trace", "--serve-only"},        {"--source", "--serve-only"}};
+                                    {"--trace", "--serve-only"},        {"--source", "--serve-only"},
+                                    {"--http", "--serve-only"}};
   RefuseWithoutEffect(app, kNoEffect);
   if (const auto ended = ParseCommandLine(app, argc, argv)) return *ended;
-  const Status status = Run(options, security, listen, schedule, foresight, frame_memory);
+  const Status status = Run(options, security, listen, schedule, foresight, frame_memory, display);
   if (status) return 0;
   fmt::print(stderr, "quarry-master: {}\n", status.error().message);
   return status.error().exit_status();

@@ -20,7 +20,7 @@ void SendJson(Connection& client, const std::string& json) {
   client.Send({MessageType::kAnswer, 0, {}, Bytes(bytes.begin(), bytes.end())});
 }
 
-Result<std::string> Describe(const Scene& scene) {
+Result<std::string> DescribeScene(const Scene& scene) {
   QUARRY_ASSIGN(const Framing framing, ProbeFraming(scene, 0, true));
   nlohmann::ordered_json j = DescribeStore(scene.store());
   j["framing"] = FramingToJson(framing, scene.catalog().meta.offset);
@@ -39,24 +39,26 @@ QueryService::~QueryService() = default;
 
 void QueryService::Answer(const std::shared_ptr<Connection>& client, const Query& query) {
   if (query.topic == kStatusTopic) return SendJson(*client, status_());
-  const bool first = !description_ && waiting_.empty();
-  waiting_.push_back(client);
-  if (description_) return OnScene(std::move(*description_));
-  if (!first) return;
-  asio::post(*thread_, [this] {
-    asio::post(io_, [this, description = Describe(scene_)]() mutable { OnScene(std::move(description)); });
+  Describe([waiting = std::weak_ptr(client)](const Result<std::string>& description) {
+    const auto here = waiting.lock();
+    if (!here) return;
+    if (description)
+      SendJson(*here, *description);
+    else
+      here->Send(MakeMessage(MessageType::kFailure, Failure{description.error().message}));
   });
 }
 
-void QueryService::OnScene(Result<std::string> description) {
-  description_ = std::move(description);
-  for (const std::weak_ptr<Connection>& waiting : std::exchange(waiting_, {}))
-    if (const auto client = waiting.lock()) {
-      if (*description_)
-        SendJson(*client, **description_);
-      else
-        client->Send(MakeMessage(MessageType::kFailure, Failure{description_->error().message}));
-    }
+void QueryService::Describe(std::function<void(const Result<std::string>&)> then) {
+  if (description_) return then(*description_);
+  waiting_.push_back(std::move(then));
+  if (waiting_.size() > 1) return;
+  asio::post(*thread_, [this] {
+    asio::post(io_, [this, description = DescribeScene(scene_)]() mutable {
+      description_ = std::move(description);
+      for (const auto& waiting : std::exchange(waiting_, {})) waiting(*description_);
+    });
+  });
 }
 
 }  // namespace quarry

@@ -28,15 +28,15 @@ class QueryService {
 
   /// Sends the answer, at once or when it is known.
   void Answer(const std::shared_ptr<Connection>& client, const Query& query);
+  /// Gives what is known of the scene as JSON, at once or when it is known.
+  void Describe(std::function<void(const Result<std::string>&)> then);
 
  private:
-  void OnScene(Result<std::string> description);
-
   boost::asio::io_context& io_;
   const Scene scene_;
   const std::function<std::string()> status_;
-  std::optional<Result<std::string>> description_;    ///< of the scene, as JSON
-  std::vector<std::weak_ptr<Connection>> waiting_;    ///< for the description
+  std::optional<Result<std::string>> description_;                        ///< of the scene, as JSON
+  std::vector<std::function<void(const Result<std::string>&)>> waiting_;  ///< for the description
   std::unique_ptr<boost::asio::thread_pool> thread_;  ///< last: its thread uses the members above
 };
 

@@ -87,6 +87,11 @@ Status Server::Run() {
   QUARRY_ASSIGN(listener_, Listener::Open(
                                io_, options_.listen, options_.security,
                                [this](ConnectionPtr c) { OnConnection(c); }, std::move(listening)));
+  if (options_.display) {
+    QUARRY_ASSIGN(display_, Display::Open(io_, *options_.display, scene_, registry_, queries_,
+                                          [this](const std::string& line) { Log(line); }));
+    fmt::print("viewing {}\n", display_->url());
+  }
   fmt::print("listening {}:{}\n", options_.listen.host, listener_->port());
   std::fflush(stdout);
   jobs_.TakeUp();
@@ -152,7 +157,10 @@ Status Server::OnHello(const ConnectionPtr& c, const Message& m) {
   c->Send(MakeMessage(MessageType::kWelcome, welcome));
   if (hello.role == Role::kWorker)
     blocks_.Send(c, packed_catalog_.size(), [this, &connection = *c] {
-      if (WorkerRecord* worker = registry_.Find(&connection)) worker->ready = true;
+      if (WorkerRecord* worker = registry_.Find(&connection)) {
+        worker->ready = true;
+        if (display_) display_->WorkerReady(*worker);
+      }
       WorkersChanged();
       return Message{MessageType::kCatalog, 0, {}, packed_catalog_};
     });
@@ -189,8 +197,10 @@ void Server::OnGone(const ConnectionPtr& c, const Error& error, bool dropped) {
   blocks_.Forget(c);
   if (const WorkerRecord* worker = registry_.Find(c.get())) {
     Log(fmt::format("worker {} is gone: {}", worker->name, error.message));
-    dispatcher_.RemoveWorker(worker->id);
+    const uint32_t id = worker->id;
+    dispatcher_.RemoveWorker(id);
     registry_.Remove(c.get());
+    if (display_) display_->WorkerGone(id);
     UpdateCosts();
     WorkersChanged();
     return;
@@ -252,6 +262,7 @@ Status Server::OnWorkerStatus(WorkerRecord& worker, const Message& m) {
 
 Status Server::OnTileDone(WorkerRecord& worker, const Message& m) {
   QUARRY_ASSIGN(const TileDone done, DecodeTileDone(m.table));
+  if (Display::Owns(done.frame)) return display_ ? display_->OnTileDone(worker.id, done, m.raw) : Status{};
   QUARRY_TRY(CheckBlocks(done.blocks));
   AssignSoon();
   const ActiveFrame* frame = dispatcher_.Find(done.frame);
@@ -265,6 +276,8 @@ Status Server::OnTileDone(WorkerRecord& worker, const Message& m) {
 Status Server::OnWorkerFailure(const WorkerRecord& worker, const Message& m) {
   QUARRY_ASSIGN(const Failure failure, DecodeFailure(m.table));
   frames_.OnWorkerFailure(worker, failure.message);
+  if (display_)
+    display_->WorkerFailed(fmt::format("Worker {} has given up: {}", worker.name, failure.message));
   Log(fmt::format("worker {} gives up: {}", worker.name, failure.message));
   return Fail(failure.message);
 }
@@ -344,6 +357,7 @@ void Server::Tick() {
   frames_.SendProgress(frames);
   liveness_.Beat(Now());
   status_.Sample(Now(), registry_, blocks_.bytes_served());
+  if (display_) display_->Tick();
   if (Now() - logged_s_ < kLogEveryS) return;
   logged_s_ = Now();
   if (!frames.empty()) Log(ProgressLine(*frames.front(), frames_.NumberOf(frames.front()->id()), registry_));

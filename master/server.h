@@ -17,6 +17,7 @@
 #include "common/voxel/store_reader.h"
 #include "master/block_service.h"
 #include "master/cluster_status.h"
+#include "master/display/display.h"
 #include "master/jobs/job_frames.h"
 #include "master/jobs/jobs.h"
 #include "master/query_service.h"
@@ -35,6 +36,7 @@ struct MasterOptions {
   uint64_t foresight_bytes = 256u << 20;  ///< cache of the footprint probe; 0: frames are not probed
   uint64_t frame_memory = 4u << 30;       ///< bytes of frames under way and of jobs
   std::string trace;                      ///< file for the tile log; empty: none
+  std::optional<DisplayOptions> display;  ///< of the live view; none: there is none
   Security security;                      ///< of every connection
   bool quiet = false;
 };
@@ -107,6 +109,7 @@ class Server {
   Dispatcher dispatcher_;
   ClusterStatus status_;
   QueryService queries_;
+  std::unique_ptr<Display> display_;  ///< null without --http
 };
 
 /// Serves one scene: catalog and blocks to workers, jobs from clients, tiles to workers. Returns only with an

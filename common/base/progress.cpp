@@ -6,10 +6,23 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <cstdlib>
+#include <nlohmann/json.hpp>
+
+#include "common/base/file.h"
 
 namespace quarry {
 
-Progress::Progress(bool quiet) : quiet_(quiet), terminal_(::isatty(2) != 0) {}
+namespace {
+
+// With less time (s) or less work (fraction) than this, rate and estimate are noise.
+constexpr double kLeastSeconds = 0.5, kLeastFraction = 0.005;
+
+}  // namespace
+
+Progress::Progress(bool quiet) : quiet_(quiet), terminal_(::isatty(2) != 0) {
+  if (const char* file = std::getenv("QUARRY_PROGRESS_FILE")) file_ = file;
+}
 
 void Progress::Begin(std::string phase, std::string unit, uint64_t before) {
   End();
@@ -18,26 +31,48 @@ void Progress::Begin(std::string phase, std::string unit, uint64_t before) {
   before_ = before;
   begun_ = shown_ = Clock::now();
   tenth_ = -1;
+  written_ = {};
+}
+
+/// Below 0: not known.
+double Progress::SecondsLeft(uint64_t done, uint64_t total) const {
+  const double elapsed = std::chrono::duration<double>(Clock::now() - begun_).count();
+  if (done <= before_ || total <= before_) return -1;
+  const double fraction = static_cast<double>(done - before_) / static_cast<double>(total - before_);
+  if (elapsed < kLeastSeconds || fraction < kLeastFraction) return -1;
+  return elapsed * (1 - fraction) / fraction;
+}
+
+void Progress::Write(uint64_t done, uint64_t total) {
+  const auto now = Clock::now();
+  if (now - written_ < std::chrono::milliseconds(250)) return;
+  written_ = now;
+  const double left_s = SecondsLeft(done, total);
+  nlohmann::ordered_json j{{"step", phase_},
+                           {"done", static_cast<double>(done) / static_cast<double>(total)}};
+  j["eta_s"] = left_s < 0 ? nlohmann::ordered_json() : nlohmann::ordered_json(left_s);
+  // Who reads it sees it again soon.
+  (void)WriteFileAtomically(
+      file_, AsBytes(j.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n"));
 }
 
 std::string Progress::Details(uint64_t done, uint64_t total) const {
-  // With less time (s) or less work (fraction) than this, rate and estimate are noise.
-  constexpr double kLeastSeconds = 0.5, kLeastFraction = 0.005;
   const double elapsed = std::chrono::duration<double>(Clock::now() - begun_).count();
   if (done <= before_ || total <= before_) return "";
   const auto made = static_cast<double>(done - before_);
-  const double fraction = made / static_cast<double>(total - before_);
-  if (elapsed < kLeastSeconds || fraction < kLeastFraction) return "";
+  const double left_s = SecondsLeft(done, total);
+  if (left_s < 0) return "";
   std::string text;
   if (unit_ == "bytes")
     text = fmt::format(", {:.0f} MB/s", made / elapsed * 1e-6);
   else if (!unit_.empty())
     text = fmt::format(", {:.2f} million {}/s", made / elapsed * 1e-6, unit_);
-  if (done < total) text += fmt::format(", about {:.0f} s left", elapsed * (1 - fraction) / fraction);
+  if (done < total) text += fmt::format(", about {:.0f} s left", left_s);
   return text;
 }
 
 void Progress::Update(uint64_t done, uint64_t total) {
+  if (total > 0 && !file_.empty()) Write(done, total);
   if (quiet_ || total == 0) return;
   const double fraction = static_cast<double>(done) / static_cast<double>(total);
   if (terminal_) {

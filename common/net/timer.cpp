@@ -22,4 +22,6 @@ void Timer::Set(double seconds, std::function<void()> then) {
   });
 }
 
+void Timer::Stop() { impl_->timer.cancel(); }
+
 }  // namespace quarry

@@ -16,6 +16,8 @@ class Timer {
   ~Timer();
   /// Calls `then` once after `seconds`. A call that is still pending is cancelled.
   void Set(double seconds, std::function<void()> then);
+  /// Cancels a pending call.
+  void Stop();
 
  private:
   struct Impl;

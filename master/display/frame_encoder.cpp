@@ -126,10 +126,11 @@ FrameEncoder::~FrameEncoder() {
   if (compressor_) tjDestroy(compressor_);
 }
 
-Result<Bytes> FrameEncoder::Jpeg(const std::vector<uint8_t>& rgb, uint32_t width, uint32_t height, int quality,
-                                 bool fine) {
+Result<Bytes> FrameEncoder::Jpeg(const std::vector<uint8_t>& rgb, uint32_t width, uint32_t height,
+                                 int quality, bool fine) {
   if (!compressor_) return Fail("cannot encode the image: libjpeg-turbo does not start");
-  const int w = static_cast<int>(width), h = static_cast<int>(height), sampling = fine ? TJSAMP_444 : TJSAMP_420;
+  const int w = static_cast<int>(width), h = static_cast<int>(height),
+            sampling = fine ? TJSAMP_444 : TJSAMP_420;
   Bytes out(tjBufSize(w, h, sampling));
   auto* to = reinterpret_cast<unsigned char*>(out.data());
   unsigned long size = out.size();

@@ -32,8 +32,8 @@ class ToneTable {
   std::array<uint8_t, size_t{32} * 512> values_;  ///< by exponent and mantissa
 };
 
-/// The rows as 8-bit sRGB, three bytes a pixel. Pixels without a colour get one from their neighbours, near ones
-/// first; all of them, if there is none, that of the background (linear). Thread-safe.
+/// The rows as 8-bit sRGB, three bytes a pixel. Pixels without a colour get one from their neighbours, near
+/// ones first; all of them, if there is none, that of the background (linear). Thread-safe.
 std::vector<uint8_t> ToRgb(const PictureRows& rows, const ToneTable& tone, uint32_t background);
 
 /// An encoded part of a frame: all columns from row `y` on.
@@ -48,8 +48,8 @@ struct EncodedFrame {
   double encode_s = 0;
 };
 
-/// Encodes frames for a viewer. Keeps its table and compressor from frame to frame. Not thread-safe, but may be used
-/// by one thread after the other.
+/// Encodes frames for a viewer. Keeps its table and compressor from frame to frame. Not thread-safe, but may
+/// be used by one thread after the other.
 class FrameEncoder {
  public:
   FrameEncoder();
@@ -62,7 +62,8 @@ class FrameEncoder {
   Result<EncodedFrame> Encode(const DueFrame& frame, const SceneFacts& scene, int quality);
 
  private:
-  Result<Bytes> Jpeg(const std::vector<uint8_t>& rgb, uint32_t width, uint32_t height, int quality, bool fine);
+  Result<Bytes> Jpeg(const std::vector<uint8_t>& rgb, uint32_t width, uint32_t height, int quality,
+                     bool fine);
 
   void* compressor_;  ///< tjhandle
   std::optional<ToneTable> tone_;

@@ -1,0 +1,31 @@
+#include "common/scene/default_view.h"
+
+namespace quarry {
+
+std::vector<Light> DefaultLights(const SceneSummary& scene) {
+  std::vector<Light> lights;
+  for (const NamedLight& light : scene.views.lights) lights.push_back(ToLight(light, scene.offset));
+  if (lights.empty()) lights.push_back(DefaultSun(scene.framing.up_axis));
+  return lights;
+}
+
+float InsideAoDistance(const SceneSummary& scene) {
+  constexpr double kShareOfDistance = 0.3;
+  return static_cast<float>(kShareOfDistance * scene.framing.inside_distance);
+}
+
+View DefaultView(const SceneSummary& scene, uint32_t width, uint32_t height) {
+  View view;
+  view.width = width;
+  view.height = height;
+  view.mode = RenderMode::kAo;
+  view.spp = 4;
+  view.lights = DefaultLights(scene);
+  const bool inside = scene.framing.interior && scene.framing.inside;
+  if (inside) view.ao_distance = InsideAoDistance(scene);
+  view.camera = CameraFor(scene.framing, inside ? NamedView::kInside : NamedView::kIso,
+                          {.aspect = static_cast<double>(width) / height});
+  return view;
+}
+
+}  // namespace quarry

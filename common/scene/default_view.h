@@ -1,0 +1,20 @@
+#pragma once
+
+#include "common/scene/scene_summary.h"
+#include "common/scene/view.h"
+
+namespace quarry {
+
+/// Lights of a view that names none: the scene's own, else DefaultSun(). Thread-safe.
+std::vector<Light> DefaultLights(const SceneSummary& scene);
+
+/// Length of occlusion rays of a view from inside: a share of the distance of things, so that pipes near the
+/// eye do not all lie in each other's shade. Units: scene units. Requires: `scene.framing.inside` is set.
+/// Thread-safe.
+float InsideAoDistance(const SceneSummary& scene);
+
+/// The picture that `quarry render` makes of a scene without options but `width` and `height`: not
+/// normalized. Thread-safe.
+View DefaultView(const SceneSummary& scene, uint32_t width, uint32_t height);
+
+}  // namespace quarry

@@ -1,0 +1,169 @@
+#include "deploy/view_command.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <netinet/in.h>
+#include <sys/random.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <array>
+#include <chrono>
+#include <cstdlib>
+#include <filesystem>
+#include <memory>
+#include <thread>
+
+#include "common/base/cleanup.h"
+#include "common/base/number.h"
+#include "common/command_line/command_line.h"
+#include "deploy/cluster.h"
+#include "deploy/model_cache.h"
+
+namespace quarry {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Ports that are tried without --http.
+constexpr uint16_t kFirstPort = 8080, kPorts = 20;
+
+/// Whether nobody listens at the port of loopback.
+bool IsFree(uint16_t port) {
+  const int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  if (fd < 0) return false;
+  const int on = 1;
+  ::setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(port);
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  const bool free = ::bind(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
+  ::close(fd);
+  return free;
+}
+
+std::string ChooseAddress(const ViewArguments& a) {
+  if (!a.http.empty()) return a.http;
+  for (uint16_t port = kFirstPort; port < kFirstPort + kPorts; ++port)
+    if (IsFree(port)) return fmt::format("127.0.0.1:{}", port);
+  return "127.0.0.1:0";
+}
+
+/// A folder of this run's own, for its token and its progress. Removed with this, or by a signal.
+class PrivateFolder {
+ public:
+  static Result<std::unique_ptr<PrivateFolder>> Make() {
+    std::error_code error;
+    std::string path = (fs::temp_directory_path(error) / "quarry-view-XXXXXX").string();
+    const SignalsHeld held;
+    if (error || !::mkdtemp(path.data())) return Fail("cannot make a folder for temporary files");
+    return std::unique_ptr<PrivateFolder>(new PrivateFolder(std::move(path)));
+  }
+  ~PrivateFolder() {
+    std::error_code ignored;
+    fs::remove_all(path_, ignored);
+    Forget(registered_);
+  }
+  std::string file(const char* name) const { return path_ + "/" + name; }
+
+  /// Writes a new token, which nobody else may read.
+  Status WriteToken() const {
+    std::array<unsigned char, 32> random{};
+    if (::getrandom(random.data(), random.size(), 0) != static_cast<ssize_t>(random.size()))
+      return Fail("the system gives no random bytes");
+    std::string text;
+    for (const unsigned char byte : random) text += fmt::format("{:02x}", byte);
+    const int fd = ::open(file("token").c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+    const bool written =
+        fd >= 0 && ::write(fd, text.data(), text.size()) == static_cast<ssize_t>(text.size());
+    if (fd >= 0) ::close(fd);
+    if (written) return {};
+    return Fail(fmt::format("{}: cannot be written", file("token")));
+  }
+
+ private:
+  explicit PrivateFolder(std::string path)
+      : path_(std::move(path)), registered_(RemoveFolderOnSignal(path_)) {}
+  const std::string path_;
+  const int registered_;
+};
+
+void OpenBrowser(const std::string& url) {
+  if (::fork() != 0) return;
+  ::execlp("xdg-open", "xdg-open", url.c_str(), nullptr);
+  ::_exit(127);
+}
+
+void Announce(const ViewArguments& a, const std::string& url) {
+  fmt::print("{}\n", url);
+  std::fflush(stdout);
+  if (a.open) OpenBrowser(url);
+}
+
+}  // namespace
+
+void AddViewCommandOptions(CLI::App& c, ViewArguments& a) {
+  c.add_option("scene", a.scene, "A scene store, or a model to be preprocessed first")->required();
+  c.add_option(
+       "--http", a.http,
+       "HOST:PORT of the page (default: a free port of this machine, 8080 first; beyond loopback with "
+       "--tls-cert and --tls-key)")
+      ->envname("QUARRY_HTTP");
+  c.add_option("--viewer-url", a.viewer_urls, "The address by which browsers come to it through a proxy");
+  c.add_option("--workers", a.workers, "Worker processes")->check(WholeNumber(1, 256))->capture_default_str();
+  c.add_option("--threads", a.threads, "Threads per worker (default: the processors shared out)")
+      ->envname("QUARRY_THREADS")
+      ->check(WholeNumber(1, 1024));
+  c.add_option("--cache", a.cache, "Decoded voxels held per worker")
+      ->envname("QUARRY_CACHE")
+      ->capture_default_str();
+  c.add_option("--view-memory", a.view_memory, "Memory for views, all together; who asks for more is refused")
+      ->capture_default_str();
+  c.add_option("--tls-cert", a.tls_cert, "Certificate toward browsers, PEM");
+  c.add_option("--tls-key", a.tls_key, "Its private key, PEM");
+  c.add_flag("--open", a.open, "Open the page in a browser");
+  c.add_flag("--quiet", a.quiet, "Print the address and errors only");
+  c.footer(
+      "Examples:\n  quarry view plant.ply --open\n"
+      "  quarry view plant.quarry --http 127.0.0.1:8080     (from elsewhere: ssh -L 8080:localhost:8080 "
+      "HOST)\n"
+      "  quarry view plant.quarry --http 0.0.0.0:443 --tls-cert host.pem --tls-key host.key\n"
+      "  quarry view plant.quarry --viewer-url https://example.org/plant/");
+}
+
+Status ShowLive(const ViewArguments& a) {
+  QUARRY_ASSIGN(const auto folder, PrivateFolder::Make());
+  QUARRY_TRY(folder->WriteToken());
+  LiveViewOptions live{ChooseAddress(a), a.viewer_urls, folder->file("token"),
+                       a.view_memory,    a.tls_cert,    a.tls_key};
+  std::string store, url;
+  {
+    // A store that is there needs no page; a model may take long.
+    std::unique_ptr<PreparingPage> page;
+    if (!a.scene.ends_with(".quarry")) {
+      const std::string progress = folder->file("progress");
+      QUARRY_ASSIGN(page, PreparingPage::Start(a.scene, live, progress));
+      url = page->url();
+      Announce(a, url);
+      ::setenv("QUARRY_PROGRESS_FILE", progress.c_str(), 1);
+    }
+    QUARRY_ASSIGN(store, StoreFor(a.scene, a.quiet));
+    ::unsetenv("QUARRY_PROGRESS_FILE");
+  }
+  QUARRY_ASSIGN(const auto cluster, LocalCluster::Start({.scene = store,
+                                                         .workers = a.workers,
+                                                         .threads = a.threads,
+                                                         .cache = a.cache,
+                                                         .security = {},
+                                                         .live = live}));
+  if (cluster->live_url() != url) Announce(a, cluster->live_url());
+  if (!a.quiet) fmt::print(stderr, "{} is shown until Ctrl-C\n", a.scene);
+  while (true) {
+    QUARRY_TRY(cluster->Check());
+    std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  }
+}
+
+}  // namespace quarry

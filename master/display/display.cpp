@@ -1,0 +1,241 @@
+#include "master/display/display.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/thread_pool.hpp>
+#include <chrono>
+#include <nlohmann/json.hpp>
+#include <random>
+#include <utility>
+
+#include "common/base/json_file.h"
+#include "common/scene/default_view.h"
+#include "master/display/welcome.h"
+
+namespace quarry {
+namespace {
+
+namespace asio = boost::asio;
+using nlohmann::ordered_json;
+
+/// Viewers at once; more get a sentence.
+constexpr size_t kMostViewers = 64;
+constexpr double kTellEveryS = 1;
+constexpr uint32_t kDefaultWidth = 1024, kDefaultHeight = 768;
+uint64_t FirstFrame() { return kFirstLiveFrame | uint64_t{std::random_device{}()} << 24; }
+
+}  // namespace
+
+Result<std::unique_ptr<Display>> Display::Open(asio::io_context& io, const DisplayOptions& options,
+                                               const Scene& scene, WorkerRegistry& workers,
+                                               QueryService& queries,
+                                               std::function<void(const std::string&)> log) {
+  QUARRY_ASSIGN(Access access, MakeAccess(options));
+  std::unique_ptr<Display> display(
+      new Display(io, options, scene, workers, std::move(access), std::move(log)));
+  Display& d = *display;
+  QUARRY_ASSIGN(d.server_,
+                HttpServer::Open(io, {.listen = options.listen, .tls = options.tls, .log = d.log_},
+                                 {[&d](const HttpRequest& request) { return d.OnRequest(request); },
+                                  [&d](const HttpRequest& request) { return d.MayUpgrade(request); },
+                                  [&d](std::shared_ptr<WebSocket> socket, const HttpRequest&) {
+                                    d.OnSocket(std::move(socket));
+                                  }}));
+  queries.Describe([&d](const Result<std::string>& description) { d.OnScene(description); });
+  return display;
+}
+
+Display::Display(asio::io_context& io, const DisplayOptions& options, const Scene& scene,
+                 WorkerRegistry& workers, Access access, std::function<void(const std::string&)> log)
+    : io_(io),
+      options_(options),
+      workers_(workers),
+      access_(std::move(access)),
+      log_(std::move(log)),
+      dispatcher_(*this, FirstFrame()),
+      stats_(scene.catalog().id),
+      encoders_(std::make_unique<asio::thread_pool>(1)),
+      site_{io,
+            *encoders_,
+            dispatcher_,
+            scene,
+            {scene.catalog().id, scene.catalog().meta.offset},
+            {},
+            {options.view_memory},
+            [this] { AssignSoon(); },
+            [this] { return Now(); },
+            [this](double seconds) { stats_.TookFrame(seconds); }} {}
+
+Display::~Display() {
+  server_.reset();
+  viewers_.clear();
+  departed_.clear();
+  encoders_->join();
+}
+
+double Display::Now() const {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+std::string Display::url() const { return AddressOf(options_, access_, server_->port()); }
+
+// --- Workers
+
+void Display::WorkerReady(const WorkerRecord& worker) {
+  dispatcher_.RemoveWorker(worker.id);
+  dispatcher_.AddWorker(worker.id, worker.threads);
+  failure_.clear();
+  TellState();
+  AssignSoon();
+}
+
+void Display::WorkerGone(uint32_t id) {
+  dispatcher_.RemoveWorker(id);
+  TellState();
+  AssignSoon();
+}
+
+void Display::WorkerFailed(const std::string& sentence) {
+  failure_ = sentence;
+  TellState();
+}
+
+void Display::SetUp(uint32_t worker, FrameId frame, const View& view) {
+  if (const WorkerRecord* w = workers_.FindById(worker))
+    w->connection->Send(MakeMessage(MessageType::kFrameSetup, FrameSetup{frame, view, 0}));
+}
+
+void Display::Order(uint32_t worker, TileOrder order) {
+  if (const WorkerRecord* w = workers_.FindById(worker))
+    w->connection->Send(MakeMessage(MessageType::kTile, order));
+}
+
+void Display::End(uint32_t worker, std::vector<FrameId> frames) {
+  if (const WorkerRecord* w = workers_.FindById(worker))
+    w->connection->Send(MakeMessage(MessageType::kFramesEnd, FramesEnd{std::move(frames)}));
+}
+
+Status Display::OnTileDone(uint32_t worker, const TileDone& done, std::span<const std::byte> pixels) {
+  QUARRY_ASSIGN(const auto tile, dispatcher_.Finish(worker, done, pixels.size()));
+  AssignSoon();
+  if (!tile) return {};
+  for (const auto& [id, viewer] : viewers_)
+    if (viewer->Take(*tile, pixels)) {
+      viewer->Go();
+      break;
+    }
+  return {};
+}
+
+/// Once for all the results at hand.
+void Display::AssignSoon() {
+  if (std::exchange(assigning_, true)) return;
+  asio::post(io_, [this] {
+    assigning_ = false;
+    dispatcher_.Assign(Now());
+  });
+}
+
+// --- Viewers
+
+HttpResponse Display::OnRequest(const HttpRequest& request) {
+  if (const auto common = AnswerForAll(request, access_)) return *common;
+  const std::string name = NameOfPage(request.path);
+  if (name != "stats" && name != "metrics") return PageFor(request, access_, "index.html");
+  if (!access_.MayReadStatistics(request)) return Refused(403, "the session's token is needed");
+  if (name == "stats")
+    return {.content_type = "application/json", .body = stats_.Json(stats_.frames_per_s()) + "\n"};
+  return {.content_type = "text/plain; version=0.0.4; charset=utf-8", .body = stats_.Metrics()};
+}
+
+HttpResponse Display::MayUpgrade(const HttpRequest& request) const {
+  if (NameOfPage(request.path) != "live") return Refused(404, "there is no such WebSocket");
+  if (!access_.HostPermitted(request) || !access_.OriginPermitted(request))
+    return Refused(403, "this page is not the live view's; --viewer-url permits it");
+  if (!access_.HasSession(request)) return Refused(403, "the session's cookie is missing");
+  if (viewers_.size() >= kMostViewers)
+    return Refused(503, fmt::format("there are {} viewers, as many as may be", kMostViewers));
+  return {.status = 101};
+}
+
+void Display::OnSocket(std::shared_ptr<WebSocket> socket) {
+  const uint32_t id = next_viewer_++;
+  log_(fmt::format("viewer {} has come from {}", id, socket->peer()));
+  const auto viewer =
+      std::make_shared<Viewer>(site_, id, std::move(socket), [this, id](const std::string& why) {
+        log_(fmt::format("viewer {} is gone: {}", id, why));
+        const auto it = viewers_.find(id);
+        if (it == viewers_.end()) return;
+        frames_of_gone_ += it->second->frames_sent();
+        abandoned_of_gone_ += it->second->abandoned();
+        departed_.push_back(std::move(viewers_.extract(it).mapped()));
+        AssignSoon();
+      });
+  viewers_.emplace(id, viewer);
+  if (summary_) Welcome(viewer);
+}
+
+void Display::OnScene(const Result<std::string>& description) {
+  const auto read = [&]() -> Result<SceneSummary> {
+    if (!description) return tl::unexpected<Error>(description.error());
+    static const std::string kName = "the scene's description";
+    QUARRY_ASSIGN(const auto json, ParseJson<nlohmann::json>(*description, kName));
+    return ReadSceneSummary(JsonValue(json, kName));
+  };
+  summary_ = read();
+  if (*summary_) {
+    site_.defaults.view = DefaultView(**summary_, kDefaultWidth, kDefaultHeight);
+    welcome_ = MakeWelcome(options_.name, **summary_, site_.scene.catalog(), site_.defaults,
+                           site_.memory.most_pixels());
+  }
+  for (const auto& [id, viewer] : std::map(viewers_)) Welcome(viewer);
+}
+
+void Display::Welcome(const std::shared_ptr<Viewer>& viewer) {
+  if (!*summary_) return viewer->End(summary_->error().message);
+  viewer->Start(welcome_);
+  if (!state_.empty()) viewer->Tell(state_);
+}
+
+/// Tells viewers whether there is somebody to trace for them.
+void Display::TellState() {
+  const bool works = dispatcher_.has_workers();
+  const char* const state = works ? "ok" : failure_.empty() ? "no-workers" : "failed";
+  const std::string message = works ? ""
+                              : !failure_.empty()
+                                  ? failure_
+                                  : "No worker is connected. The picture goes on when one joins.";
+  std::string json = ordered_json{{"type", "state"}, {"state", state}, {"message", message}}.dump(
+      -1, ' ', false, ordered_json::error_handler_t::replace);
+  if (json == state_) return;
+  state_ = std::move(json);
+  for (const auto& [id, viewer] : viewers_) viewer->Tell(state_);
+}
+
+DisplayCounters Display::Counters() const {
+  DisplayCounters counters{viewers_.size(), frames_of_gone_, abandoned_of_gone_};
+  for (const auto& [id, viewer] : viewers_) {
+    counters.frames_sent += viewer->frames_sent();
+    counters.abandoned_views += viewer->abandoned();
+  }
+  return counters;
+}
+
+void Display::Tick() {
+  const double now_s = Now();
+  departed_.clear();
+  stats_.Sample(now_s, workers_, Counters());
+  TellState();
+  AssignSoon();  // late tiles
+  if (now_s - told_s_ < kTellEveryS) return;
+  told_s_ = now_s;
+  for (const auto& [id, viewer] : viewers_) {
+    viewer->Sample(now_s);
+    viewer->Tell(stats_.Json(viewer->frames_per_s()));
+  }
+}
+
+}  // namespace quarry

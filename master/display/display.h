@@ -1,0 +1,90 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/http/http_server.h"
+#include "common/scene/scene_summary.h"
+#include "master/display/live_stats.h"
+#include "master/display/page.h"
+#include "master/display/viewer.h"
+#include "master/query_service.h"
+#include "master/worker_registry.h"
+
+namespace quarry {
+
+/// The live view: an HTTP server with the page, its viewers, and the tiles that workers trace for them. Runs
+/// on the io_context's thread, where it also sends orders to workers; images are encoded on a thread of its
+/// own.
+class Display : private LiveDispatcher::Sink {
+ public:
+  /// Listens. `io`, `scene`, `workers` and `queries` outlive it. Errors: as HttpServer::Open() and
+  /// Access::Make(); (usage) a viewer URL that is none.
+  static Result<std::unique_ptr<Display>> Open(boost::asio::io_context& io, const DisplayOptions& options,
+                                               const Scene& scene, WorkerRegistry& workers,
+                                               QueryService& queries,
+                                               std::function<void(const std::string&)> log);
+  ~Display() override;
+
+  /// The address that lets a browser in, with the token.
+  std::string url() const;
+
+  /// Whether a frame is of the display's and not of a job's.
+  static bool Owns(FrameId frame) { return frame >= kFirstLiveFrame; }
+  /// The worker has the scene and takes tiles.
+  void WorkerReady(const WorkerRecord& worker);
+  void WorkerGone(uint32_t id);
+  /// A worker could not go on, for a reason that viewers should know.
+  void WorkerFailed(const std::string& sentence);
+  /// A result of a frame that the display owns. Errors: it does not fit its tile.
+  Status OnTileDone(uint32_t worker, const TileDone& done, std::span<const std::byte> pixels);
+  /// Called several times a second.
+  void Tick();
+
+ private:
+  Display(boost::asio::io_context& io, const DisplayOptions& options, const Scene& scene,
+          WorkerRegistry& workers, Access access, std::function<void(const std::string&)> log);
+
+  // LiveDispatcher::Sink
+  void SetUp(uint32_t worker, FrameId frame, const View& view) override;
+  void Order(uint32_t worker, TileOrder order) override;
+  void End(uint32_t worker, std::vector<FrameId> frames) override;
+
+  HttpResponse OnRequest(const HttpRequest& request);
+  HttpResponse MayUpgrade(const HttpRequest& request) const;
+  void OnSocket(std::shared_ptr<WebSocket> socket);
+  void OnScene(const Result<std::string>& description);
+  void Welcome(const std::shared_ptr<Viewer>& viewer);
+  void TellState();
+  void AssignSoon();
+  double Now() const;
+  DisplayCounters Counters() const;
+
+  boost::asio::io_context& io_;
+  const DisplayOptions options_;
+  WorkerRegistry& workers_;
+  const Access access_;
+  const std::function<void(const std::string&)> log_;
+  LiveDispatcher dispatcher_;
+  LiveStats stats_;
+  std::optional<Result<SceneSummary>> summary_;
+  std::string welcome_;  ///< JSON; empty until the scene is known
+  std::string failure_;  ///< what the last worker that failed said; empty while a worker is here
+  std::string state_;    ///< JSON that viewers were told last
+  uint64_t frames_of_gone_ = 0, abandoned_of_gone_ = 0;
+  uint32_t next_viewer_ = 1;
+  double told_s_ = 0;
+  bool assigning_ = false;
+  std::unique_ptr<boost::asio::thread_pool> encoders_;
+  ViewerSite site_;
+  std::map<uint32_t, std::shared_ptr<Viewer>> viewers_;
+  std::vector<std::shared_ptr<Viewer>> departed_;  ///< whose callers may still run
+  std::unique_ptr<HttpServer> server_;             ///< last: its handlers use the members above
+};
+
+}  // namespace quarry

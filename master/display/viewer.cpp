@@ -1,0 +1,234 @@
+#include "master/display/viewer.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/thread_pool.hpp>
+#include <cstring>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "common/base/size.h"
+
+namespace quarry {
+namespace {
+
+namespace asio = boost::asio;
+using nlohmann::ordered_json;
+
+/// Messages of a browser: a few for each frame of its screen, and a burst when a page wakes up.
+constexpr double kMessagesPerS = 300, kMostMessages = 600;
+/// Bytes on their way to a browser beyond which it is told nothing that it can do without.
+constexpr uint64_t kFarBehind = 1u << 20;
+
+std::string ErrorText(const std::string& sentence) {
+  return ordered_json{{"type", "error"}, {"message", sentence}}.dump(-1, ' ', false,
+                                                                     ordered_json::error_handler_t::replace);
+}
+
+double Rounded(double ms) { return std::round(ms * 100) / 100; }
+
+ordered_json Header(const DueFrame& due, const EncodedFrame& encoded, uint64_t number) {
+  const View& view = due.wanted.view;
+  ordered_json j{
+      {"frame", number},
+      {"input", due.wanted.input},
+      {"time", due.wanted.time_ms},
+      {"size", {view.width, view.height}},
+      {"step", due.step},
+      {"traced", static_cast<double>(due.traced) / (static_cast<double>(view.width) * view.height)},
+      {"waiting", due.waiting},
+      {"samples", due.samples},
+      {"spp", view.spp},
+      {"exact", !due.exact.empty()},
+      {"exposure", due.exposure},
+      {"queue_ms", Rounded(due.queue_s * 1e3)},
+      {"trace_ms", Rounded(due.trace_s * 1e3)},
+      {"encode_ms", Rounded(encoded.encode_s * 1e3)},
+      {"stripes", ordered_json::array()}};
+  for (const Stripe& stripe : encoded.stripes)
+    j["stripes"].push_back({{"y", stripe.y},
+                            {"height", stripe.height},
+                            {"format", stripe.png ? "png" : "jpeg"},
+                            {"bytes", stripe.image.size()}});
+  if (due.owners.empty()) return j;
+  j["owners"] = ordered_json::array();
+  for (const TracedBy& part : due.owners) {
+    const PixelRect& p = part.pixels;
+    j["owners"].push_back({p.x, p.y, p.width, p.height, part.worker});
+  }
+  return j;
+}
+
+std::shared_ptr<const Bytes> Pack(const ordered_json& header, const EncodedFrame& encoded) {
+  const std::string text = header.dump();
+  size_t bytes = sizeof(uint32_t) + text.size();
+  for (const Stripe& stripe : encoded.stripes) bytes += stripe.image.size();
+  auto message = std::make_shared<Bytes>();
+  message->reserve(bytes);
+  const auto append = [&](std::span<const std::byte> part) {
+    message->insert(message->end(), part.begin(), part.end());
+  };
+  const auto length = static_cast<uint32_t>(text.size());
+  append(std::as_bytes(std::span(&length, 1)));
+  append(AsBytes(text));
+  for (const Stripe& stripe : encoded.stripes) append(stripe.image);
+  return message;
+}
+
+}  // namespace
+
+Viewer::Viewer(ViewerSite& site, uint32_t id, std::shared_ptr<WebSocket> socket,
+               std::function<void(const std::string&)> on_gone)
+    : site_(site),
+      socket_(std::move(socket)),
+      on_gone_(std::move(on_gone)),
+      pacer_(site.dispatcher, id),
+      picker_(site.dispatcher, site.scene, id),
+      timer_(site.io),
+      tokens_(kMostMessages),
+      tokens_at_s_(site.now()) {}
+
+Viewer::~Viewer() { site_.memory.taken -= taken_; }
+
+void Viewer::Start(const std::string& welcome) {
+  socket_->Start(
+      [self = weak_from_this()](const std::string& text) {
+        if (const auto viewer = self.lock()) viewer->OnText(text);
+      },
+      [self = weak_from_this()](const Error& error) {
+        if (const auto viewer = self.lock()) viewer->Gone(error.message);
+      });
+  socket_->SendText(welcome);
+}
+
+void Viewer::Gone(const std::string& why) {
+  if (std::exchange(gone_, true)) return;
+  timer_.Stop();
+  on_gone_(why);  // may destroy this once its caller is done
+}
+
+void Viewer::End(const std::string& sentence) {
+  if (gone_) return;
+  socket_->SendText(ErrorText(sentence));
+  socket_->Close();
+  Gone(sentence);
+}
+
+void Viewer::Tell(std::string json) {
+  if (!gone_ && socket_->queued_bytes() < kFarBehind) socket_->SendText(std::move(json));
+}
+
+bool Viewer::TooMany() {
+  const double now_s = site_.now();
+  tokens_ = std::min(kMostMessages, tokens_ + (now_s - std::exchange(tokens_at_s_, now_s)) * kMessagesPerS);
+  return --tokens_ < 0;
+}
+
+void Viewer::OnText(const std::string& text) {
+  if (gone_) return;
+  if (TooMany()) return End("this page sends more than a viewer does");
+  if (const Status status = OnMessage(text); !status) return End(status.error().message);
+  Go();
+}
+
+Status Viewer::OnMessage(const std::string& text) {
+  QUARRY_ASSIGN(auto message,
+                ReadViewerMessage(text, site_.defaults, site_.facts.offset, site_.memory.most_pixels()));
+  if (auto* view = std::get_if<WantedView>(&message)) return OnView(std::move(*view));
+  if (const auto* ack = std::get_if<AckMessage>(&message)) OnAck(ack->frame);
+  if (const auto* settings = std::get_if<SettingsMessage>(&message)) OnSettings(*settings);
+  if (const auto* pick = std::get_if<PickMessage>(&message); pick && newest_) {
+    picker_.Ask(*pick, *newest_);
+    site_.assign_soon();
+  }
+  return {};
+}
+
+/// Takes memory for a view of this size.
+Status Viewer::OnView(WantedView wanted) {
+  const uint64_t needed = uint64_t{wanted.view.width} * wanted.view.height * ViewMemory::kPixelBytes;
+  ViewMemory& memory = site_.memory;
+  if (needed > taken_ && memory.taken - taken_ + needed > memory.most)
+    return Fail(
+        fmt::format("there are too many viewers for another one of this size: all views together may take "
+                    "{} (--view-memory)",
+                    FormatSize(memory.most)));
+  memory.taken += needed - taken_;
+  taken_ = needed;
+  newest_ = wanted.view;
+  pacer_.Want(std::move(wanted), site_.now());
+  return {};
+}
+
+void Viewer::OnSettings(const SettingsMessage& message) {
+  settings_.frame_rate = message.frame_rate.value_or(settings_.frame_rate);
+  settings_.step = message.step.value_or(settings_.step);
+  settings_.wait = message.wait.value_or(settings_.wait);
+  settings_.owners = message.owners.value_or(settings_.owners);
+  quality_ = message.quality.value_or(quality_);
+  pacer_.Set(settings_);
+}
+
+void Viewer::OnAck(uint64_t frame) {
+  if (under_way_.erase(frame) > 0) pacer_.Acknowledged();
+}
+
+bool Viewer::Take(const LiveTile& tile, std::span<const std::byte> pixels) {
+  if (gone_) return false;
+  if (std::string picked = picker_.Take(tile, pixels); !picked.empty()) {
+    socket_->SendText(std::move(picked));
+    return true;
+  }
+  return pacer_.Take(tile, pixels, site_.now());
+}
+
+void Viewer::Go() {
+  if (gone_) return;
+  while (auto due = pacer_.Step(site_.now())) due_.push_back(std::move(*due));
+  EncodeNext();
+  site_.assign_soon();
+  constexpr double kLongest = 3600;
+  const double wait_s = pacer_.due_s() - site_.now();
+  if (wait_s < kLongest)
+    timer_.Set(std::max(wait_s, 0.0), [this] { Go(); });
+  else
+    timer_.Stop();
+}
+
+/// One frame at a time, in their order.
+void Viewer::EncodeNext() {
+  if (encoding_ || due_.empty()) return;
+  encoding_ = true;
+  auto due = std::make_shared<DueFrame>(std::move(due_.front()));
+  due_.pop_front();
+  asio::post(site_.encoders, [self = weak_from_this(), due, encoder = encoder_, facts = site_.facts,
+                              quality = quality_, &io = site_.io] {
+    auto encoded = std::make_shared<Result<EncodedFrame>>(encoder->Encode(*due, facts, quality));
+    asio::post(io, [self, due, encoded] {
+      if (const auto viewer = self.lock()) viewer->OnEncoded(*due, *encoded);
+    });
+  });
+}
+
+void Viewer::OnEncoded(const DueFrame& due, const Result<EncodedFrame>& encoded) {
+  encoding_ = false;
+  if (gone_) return;
+  if (!encoded) return End(encoded.error().message);
+  const uint64_t number = next_frame_++;
+  under_way_.insert(number);
+  ++frames_sent_;
+  if (due.exact.empty() && due.samples == 0) site_.took_frame(due.trace_s);
+  socket_->SendBinary(Pack(Header(due, *encoded, number), *encoded));
+  EncodeNext();
+}
+
+void Viewer::Sample(double now_s) {
+  const double seconds = now_s - std::exchange(sampled_s_, now_s);
+  frames_per_s_ = static_cast<double>(frames_sent_ - std::exchange(sampled_frames_, frames_sent_)) /
+                  std::max(seconds, 0.1);
+}
+
+}  // namespace quarry

@@ -1,0 +1,105 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <set>
+#include <string>
+
+#include "common/engine/scene.h"
+#include "common/http/http_server.h"
+#include "common/net/timer.h"
+#include "master/display/frame_encoder.h"
+#include "master/display/picker.h"
+#include "master/display/view_pacer.h"
+#include "master/display/viewer_message.h"
+
+namespace boost::asio {
+class io_context;
+class thread_pool;
+}  // namespace boost::asio
+
+namespace quarry {
+
+/// The memory that all views may take together. Units: bytes.
+struct ViewMemory {
+  uint64_t most = 256u << 20, taken = 0;
+  /// Bytes that a pixel of a view takes: its picture, two frames under way, and the exact one.
+  static constexpr uint64_t kPixelBytes = LivePicture::kPixelBytes + 2 * sizeof(uint32_t) + 12;
+  uint64_t most_pixels() const { return most / kPixelBytes; }
+};
+
+/// What viewers share. All of it outlives them.
+struct ViewerSite {
+  boost::asio::io_context& io;
+  boost::asio::thread_pool& encoders;
+  LiveDispatcher& dispatcher;
+  const Scene& scene;
+  SceneFacts facts;
+  ViewDescription defaults;  ///< of views
+  ViewMemory memory;
+  std::function<void()> assign_soon;       ///< there is something to trace
+  std::function<double()> now;             ///< seconds of a steady clock
+  std::function<void(double)> took_frame;  ///< seconds that a frame's tracing took
+};
+
+/// A browser that watches: its WebSocket, its pacer, and the frames on their way to it. Runs on the
+/// io_context's thread; images are encoded on the site's pool.
+class Viewer : public std::enable_shared_from_this<Viewer> {
+ public:
+  /// `id`: its number at the dispatcher. `on_gone`: called once, when the browser or this side has ended it.
+  Viewer(ViewerSite& site, uint32_t id, std::shared_ptr<WebSocket> socket,
+         std::function<void(const std::string&)> on_gone);
+  ~Viewer();
+
+  void Start(const std::string& welcome);
+  /// Takes a tile. False: it is of another viewer's frame.
+  bool Take(const LiveTile& tile, std::span<const std::byte> pixels);
+  /// Goes on with what is due.
+  void Go();
+  /// Sends a text, unless the browser is far behind.
+  void Tell(std::string json);
+  /// Sends the reason and ends the connection.
+  void End(const std::string& sentence);
+
+  uint64_t frames_sent() const { return frames_sent_; }
+  uint64_t abandoned() const { return pacer_.abandoned(); }
+  double frames_per_s() const { return frames_per_s_; }
+  /// Measures frames_per_s(). Called about once a second.
+  void Sample(double now_s);
+
+ private:
+  void OnText(const std::string& text);
+  Status OnMessage(const std::string& text);
+  Status OnView(WantedView wanted);
+  void OnSettings(const SettingsMessage& message);
+  void OnAck(uint64_t frame);
+  bool TooMany();
+  void EncodeNext();
+  void OnEncoded(const DueFrame& due, const Result<EncodedFrame>& encoded);
+  void Gone(const std::string& why);
+
+  ViewerSite& site_;
+  const std::shared_ptr<WebSocket> socket_;
+  std::function<void(const std::string&)> on_gone_;
+  ViewPacer pacer_;
+  Picker picker_;
+  ViewSettings settings_;
+  int quality_ = 80;
+  uint64_t taken_ = 0;  ///< bytes of site_.memory
+  std::optional<View> newest_;
+  Timer timer_;
+  std::deque<DueFrame> due_;  ///< to be encoded
+  bool encoding_ = false;
+  std::shared_ptr<FrameEncoder> encoder_ = std::make_shared<FrameEncoder>();
+  uint64_t next_frame_ = 1, frames_sent_ = 0;
+  std::set<uint64_t> under_way_;  ///< frames sent and not acknowledged
+  double tokens_ = 0, tokens_at_s_ = 0;
+  uint64_t sampled_frames_ = 0;
+  double sampled_s_ = 0, frames_per_s_ = 0;
+  bool gone_ = false;
+};
+
+}  // namespace quarry

@@ -1,0 +1,116 @@
+#include "master/display/viewer_message.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <utility>
+
+#include "common/base/json_file.h"
+
+namespace quarry {
+namespace {
+
+constexpr JsonLimits kLimits{64u << 10, 16, 4096, 64};
+constexpr double kLeastRate = 10, kMostRate = 60, kMostExposure = 100;
+constexpr uint64_t kLeastQuality = 30, kMostQuality = 95;
+
+Result<WantedView> ReadWanted(const JsonValue& json, const ViewDescription& defaults,
+                              const glm::dvec3& offset, uint64_t most_pixels) {
+  QUARRY_TRY(json.HasOnly({"type", "input", "time", "moving", "view"}));
+  WantedView wanted;
+  QUARRY_ASSIGN(const JsonValue input, json.Member("input"));
+  QUARRY_ASSIGN(wanted.input, input.Whole());
+  QUARRY_ASSIGN(const JsonValue time, json.Member("time"));
+  QUARRY_ASSIGN(wanted.time_ms, time.Number());
+  QUARRY_ASSIGN(const JsonValue moving, json.Member("moving"));
+  QUARRY_ASSIGN(wanted.moving, moving.Flag());
+  QUARRY_ASSIGN(const JsonValue object, json.Member("view"));
+  ViewDescription description = defaults;
+  description.format.exposure.reset();
+  QUARRY_ASSIGN(const auto lights, object.Optional("lights"));
+  if (lights) description.view.lights.clear();  // instead of the default ones
+  QUARRY_TRY(ReadView(object, offset, description));
+  wanted.view = std::move(description.view);
+  wanted.exposure = description.format.exposure;
+  View& view = wanted.view;
+  if (view.aov_mask != 0) return object.Wrong("has layers, which a live view does not show");
+  if (wanted.exposure && !(std::fabs(*wanted.exposure) <= kMostExposure))
+    return object.Wrong(fmt::format("has an exposure beyond {} EV", kMostExposure));
+  if (uint64_t{view.width} * view.height > most_pixels)
+    return object.Wrong(fmt::format("is {}x{}: more pixels than a view may have here (--view-memory)",
+                                    view.width, view.height));
+  const bool cropped = view.crop.width != 0 && view.crop != PixelRect{0, 0, view.width, view.height};
+  if (cropped) return object.Wrong("is cropped, which a live view cannot be");
+  view.crop = {};
+  if (const Status status = NormalizeView(view); !status) return object.Wrong(status.error().message);
+  return wanted;
+}
+
+Result<PickMessage> ReadPick(const JsonValue& json) {
+  QUARRY_TRY(json.HasOnly({"type", "pick", "x", "y"}));
+  PickMessage message;
+  QUARRY_ASSIGN(const JsonValue pick, json.Member("pick"));
+  QUARRY_ASSIGN(message.pick, pick.Whole());
+  QUARRY_ASSIGN(const JsonValue x, json.Member("x"));
+  QUARRY_ASSIGN(message.x, x.Number());
+  QUARRY_ASSIGN(const JsonValue y, json.Member("y"));
+  QUARRY_ASSIGN(message.y, y.Number());
+  return message;
+}
+
+Status ReadFlag(const JsonValue& json, const char* name, std::optional<bool>& out) {
+  QUARRY_ASSIGN(const auto value, json.Optional(name));
+  if (!value) return {};
+  QUARRY_ASSIGN(out, value->Flag());
+  return {};
+}
+
+Result<SettingsMessage> ReadSettings(const JsonValue& json) {
+  QUARRY_TRY(json.HasOnly({"type", "frame_rate", "quality", "step", "wait", "owners"}));
+  SettingsMessage message;
+  QUARRY_ASSIGN(const auto rate, json.Optional("frame_rate"));
+  if (rate) {
+    QUARRY_ASSIGN(message.frame_rate, rate->Number());
+    if (!(*message.frame_rate >= kLeastRate && *message.frame_rate <= kMostRate))
+      return rate->Wrong(fmt::format("is not between {} and {}", kLeastRate, kMostRate));
+  }
+  QUARRY_ASSIGN(const auto quality, json.Optional("quality"));
+  if (quality) {
+    QUARRY_ASSIGN(const uint64_t number, quality->Whole());
+    if (number < kLeastQuality || number > kMostQuality)
+      return quality->Wrong(fmt::format("is not between {} and {}", kLeastQuality, kMostQuality));
+    message.quality = static_cast<int>(number);
+  }
+  QUARRY_ASSIGN(const auto step, json.Optional("step"));
+  if (step) {
+    QUARRY_ASSIGN(const uint64_t number, step->Whole());
+    if (number > 4 || number == 3) return step->Wrong("is not 0, 1, 2 or 4");
+    message.step = static_cast<uint32_t>(number);
+  }
+  QUARRY_TRY(ReadFlag(json, "wait", message.wait));
+  QUARRY_TRY(ReadFlag(json, "owners", message.owners));
+  return message;
+}
+
+}  // namespace
+
+Result<ViewerMessage> ReadViewerMessage(std::string_view text, const ViewDescription& defaults,
+                                        const glm::dvec3& offset, uint64_t most_pixels) {
+  static const std::string kName = "the browser's message";
+  QUARRY_ASSIGN(const auto parsed, ParseJson<nlohmann::json>(text, kName, kLimits));
+  const JsonValue json(parsed, kName);
+  QUARRY_ASSIGN(const JsonValue type, json.Member("type"));
+  const Result<std::string> name = type.Text();
+  if (name == "view") return ReadWanted(json, defaults, offset, most_pixels);
+  if (name == "pick") return ReadPick(json);
+  if (name == "settings") return ReadSettings(json);
+  if (name != "ack") return type.Wrong("is no type of message");
+  QUARRY_TRY(json.HasOnly({"type", "frame"}));
+  QUARRY_ASSIGN(const JsonValue frame, json.Member("frame"));
+  QUARRY_ASSIGN(const uint64_t number, frame.Whole());
+  return AckMessage{number};
+}
+
+}  // namespace quarry

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string_view>
+#include <variant>
+
+#include "common/base/status.h"
+#include "common/scene/view_json.h"
+#include "master/display/view_pacer.h"
+
+namespace quarry {
+
+/// What a browser says. See PROTOCOL.md.
+struct AckMessage {
+  uint64_t frame = 0;
+};
+struct PickMessage {
+  uint64_t pick = 0;
+  double x = 0, y = 0;  ///< pixels of the view last sent
+};
+struct SettingsMessage {
+  std::optional<double> frame_rate;
+  std::optional<int> quality;  ///< of JPEG
+  std::optional<uint32_t> step;
+  std::optional<bool> wait, owners;
+};
+using ViewerMessage = std::variant<WantedView, AckMessage, PickMessage, SettingsMessage>;
+
+/// Reads a browser's message. `defaults`: members of views that are missing. `offset`: SceneMeta::offset.
+/// `most_pixels`: of a view. Views come out normalized. Errors: a sentence for the viewer. Thread-safe.
+Result<ViewerMessage> ReadViewerMessage(std::string_view text, const ViewDescription& defaults,
+                                        const glm::dvec3& offset, uint64_t most_pixels);
+
+}  // namespace quarry

@@ -1,0 +1,64 @@
+#include "master/display/welcome.h"
+
+#include <glm/geometric.hpp>
+#include <nlohmann/json.hpp>
+
+#include "common/base/version.h"
+
+namespace quarry {
+namespace {
+
+using nlohmann::ordered_json;
+
+constexpr int kProtocol = 1;
+/// A browser's canvas has at most so many pixels a side.
+constexpr uint32_t kMostSide = 16384;
+
+ordered_json Triple(const glm::dvec3& v) { return {v.x, v.y, v.z}; }
+
+/// The camera as a view has it.
+ordered_json CameraOf(const CameraSpec& camera, const glm::dvec3& offset) {
+  View view;
+  view.camera = camera;
+  return ViewToJson(view, std::nullopt, offset)["camera"];
+}
+
+ordered_json NamedViews(const SceneSummary& scene) {
+  auto views = ordered_json::object();
+  for (int v = 0; v < kNamedViews; ++v) {
+    const auto named = static_cast<NamedView>(v);
+    if (named == NamedView::kInside && !scene.framing.inside) continue;
+    views[kNamedViewNames[v]] = CameraOf(CameraFor(scene.framing, named, {.aspect = 4.0 / 3}), scene.offset);
+  }
+  return views;
+}
+
+}  // namespace
+
+std::string MakeWelcome(const std::string& name, const SceneSummary& scene, const Catalog& catalog,
+                        const ViewDescription& defaults, uint64_t most_pixels) {
+  const Framing& framing = scene.framing;
+  auto cameras = ordered_json::array();
+  for (const NamedCamera& camera : scene.views.cameras)
+    cameras.push_back({{"name", camera.name}, {"camera", CameraOf(camera.spec, glm::dvec3(0))}});
+  const ordered_json j{{"type", "welcome"},
+                       {"protocol", kProtocol},
+                       {"version", kVersion},
+                       {"scene",
+                        {{"name", name},
+                         {"scene_id", scene.scene_id},
+                         {"triangles", catalog.meta.input_triangles},
+                         {"voxels", catalog.voxels.size()},
+                         {"up_axis", framing.up_axis == 1 ? "y" : "z"},
+                         {"lower", Triple(framing.lower + scene.offset)},
+                         {"upper", Triple(framing.upper + scene.offset)},
+                         {"size", glm::length(framing.upper - framing.lower)},
+                         {"interior", framing.interior},
+                         {"views", NamedViews(scene)},
+                         {"cameras", std::move(cameras)}}},
+                       {"view", ViewToJson(defaults.view, std::nullopt, scene.offset)},
+                       {"limits", {{"most_pixels", most_pixels}, {"most_side", kMostSide}}}};
+  return j.dump(-1, ' ', false, ordered_json::error_handler_t::replace);
+}
+
+}  // namespace quarry

@@ -1,0 +1,16 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "common/scene/scene_summary.h"
+#include "common/scene/view_json.h"
+#include "common/voxel/catalog.h"
+
+namespace quarry {
+
+/// The first text to a viewer: the scene, the default view and the limits. See PROTOCOL.md. Thread-safe.
+std::string MakeWelcome(const std::string& name, const SceneSummary& scene, const Catalog& catalog,
+                        const ViewDescription& defaults, uint64_t most_pixels);
+
+}  // namespace quarry

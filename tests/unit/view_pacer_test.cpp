@@ -1,0 +1,185 @@
+#include "master/display/view_pacer.h"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "common/math/shared_exponent.h"
+#include "tests/support/live_cluster.h"
+#include "tests/support/looking.h"
+#include "tests/support/row_scene.h"
+
+// A viewer's pictures, from views in to frames out, by a clock that the test moves.
+
+namespace quarry {
+namespace {
+
+using test::Looking;
+
+/// A viewer before two workers. A tile takes a millisecond.
+struct Viewer {
+  Viewer() { cluster.dispatcher.AddWorker(1, 1), cluster.dispatcher.AddWorker(2, 1); }
+
+  void Want(double x, bool moving = false, uint32_t spp = 1) {
+    View view = Looking({x, -20, 0}, {x, 10, 0}, 200, 150);
+    view.mode = RenderMode::kAo;
+    view.spp = spp;
+    pacer.Want({view, std::nullopt, ++inputs, 0, moving}, now_s);
+    Step();
+  }
+  void Step() {
+    while (auto due = pacer.Step(now_s)) {
+      frames.push_back(std::move(*due));
+      if (acknowledges) pacer.Acknowledged();
+    }
+    cluster.dispatcher.Assign(now_s);
+  }
+  /// A millisecond.
+  void Pass() {
+    now_s += 1e-3;
+    if (!cluster.orders.empty() && works)
+      if (const auto done = cluster.RunOne()) REQUIRE(pacer.Take(done->tile, done->pixels, now_s));
+    Step();
+  }
+  void PassFor(double seconds) {
+    for (const double end_s = now_s + seconds; now_s < end_s;) Pass();
+  }
+  bool exact() const { return !frames.empty() && !frames.back().exact.empty(); }
+  void UntilExact() {
+    for (int i = 0; i < 20000 && !exact(); ++i) Pass();
+    REQUIRE(exact());
+  }
+
+  test::Row row;
+  test::LiveCluster cluster{*row.scene};
+  ViewPacer pacer{cluster.dispatcher, 1};
+  std::vector<DueFrame> frames;
+  uint64_t inputs = 0;
+  double now_s = 100;
+  bool acknowledges = true, works = true;
+};
+
+}  // namespace
+
+TEST_CASE("A view at rest becomes the batch picture, with its exposure", "[live]") {
+  Viewer viewer;
+  for (const uint32_t spp : {1u, 4u, 7u}) {
+    viewer.Want(spp, false, spp);
+    viewer.UntilExact();
+    const DueFrame& last = viewer.frames.back();
+    CHECK(last.exact == viewer.cluster.Batch(last.wanted.view));
+    CHECK(last.samples == spp);
+    CHECK(last.traced == 200 * 150);
+    CHECK(last.exposure == MeterExposure(*viewer.row.scene, last.wanted.view, 1 << 20, {}).value());
+    viewer.PassFor(1);
+    CHECK(viewer.exact());  // and nothing after it
+    CHECK(viewer.cluster.orders.empty());
+  }
+}
+
+TEST_CASE("Each pixel of a lattice is the picture's sample 0", "[live]") {
+  Viewer viewer;
+  viewer.Want(0, true);
+  viewer.PassFor(0.12);
+  View one = viewer.frames.back().wanted.view;
+  one.spp = 1;
+  const auto batch = viewer.cluster.Batch(one);
+  uint64_t compared = 0;
+  for (const DueFrame& frame : viewer.frames)
+    for (const PictureRows& rows : frame.rows)
+      for (size_t i = 0; i < rows.codes.size(); ++i) {
+        if (rows.codes[i] >= kUntraced) continue;
+        float color[3];
+        std::memcpy(color, &batch[3 * (size_t{rows.y} * 200 + i)], sizeof color);
+        compared += rows.codes[i] == PackShared({color[0], color[1], color[2]});
+        REQUIRE(rows.codes[i] == PackShared({color[0], color[1], color[2]}));
+      }
+  CHECK(compared >= 200 * 150);
+}
+
+TEST_CASE("The newest view wins, and each view that begins is shown", "[live]") {
+  Viewer viewer;
+  for (int i = 0; i < 300; ++i) {
+    viewer.Want(0.01 * i, true);
+    viewer.Pass();
+  }
+  REQUIRE(viewer.frames.size() > 5);
+  for (size_t i = 1; i < viewer.frames.size(); ++i)
+    CHECK(viewer.frames[i].wanted.input >= viewer.frames[i - 1].wanted.input);
+  CHECK(viewer.frames.back().wanted.input + 60 > viewer.inputs);
+  CHECK(viewer.cluster.ended > 0);
+  // No faster than was asked for.
+  CHECK(viewer.frames.size() <= 0.3 * 30 + 2);
+  viewer.UntilExact();
+  CHECK(viewer.frames.back().wanted.input == viewer.inputs);
+}
+
+TEST_CASE("Rest begins 150 ms after the last input while inputs follow each other", "[live]") {
+  Viewer viewer;
+  viewer.Want(0, true);
+  const double asked_s = viewer.now_s;
+  while (viewer.frames.empty() || viewer.frames.back().samples == 0) {
+    viewer.Pass();
+    REQUIRE(viewer.now_s < asked_s + 5);
+  }
+  CHECK(viewer.now_s >= asked_s + 0.15);
+}
+
+TEST_CASE("A viewer that acknowledges nothing gets two frames, and costs nothing then", "[live]") {
+  Viewer viewer;
+  viewer.acknowledges = false;
+  for (int i = 0; i < 200; ++i) {
+    viewer.Want(0.01 * i, true);
+    viewer.Pass();
+  }
+  viewer.PassFor(0.5);
+  CHECK(viewer.frames.size() == ViewPacer::kMostUnderWay);
+  CHECK(viewer.cluster.orders.empty());
+  viewer.acknowledges = true;
+  viewer.pacer.Acknowledged();
+  viewer.pacer.Acknowledged();
+  viewer.Step();
+  viewer.UntilExact();
+  CHECK(viewer.frames.back().wanted.input == viewer.inputs);
+}
+
+TEST_CASE("Another exposure needs no ray", "[live]") {
+  Viewer viewer;
+  viewer.Want(0);
+  viewer.UntilExact();
+  WantedView same = viewer.frames.back().wanted;
+  same.exposure = 2.5;
+  viewer.pacer.Want(same, viewer.now_s);
+  const auto before = viewer.frames.back().exact;
+  viewer.frames.clear();
+  viewer.PassFor(0.2);
+  REQUIRE(viewer.exact());
+  CHECK(viewer.frames.back().exact == before);
+  CHECK(viewer.frames.back().exposure == 2.5);
+  CHECK(viewer.cluster.orders.empty());
+}
+
+TEST_CASE("Without workers that answer, nothing is shown and nothing is lost", "[live]") {
+  Viewer viewer;
+  viewer.works = false;
+  viewer.Want(0);
+  viewer.PassFor(1);
+  CHECK(viewer.frames.empty());
+  viewer.works = true;
+  viewer.UntilExact();
+}
+
+TEST_CASE("A locked step is kept in motion", "[live]") {
+  Viewer viewer;
+  for (const uint32_t step : {1u, 2u, 4u}) {
+    viewer.pacer.Set({.step = step});
+    viewer.Want(step, true);
+    const uint64_t input = viewer.inputs;
+    const auto first = [&] {
+      return std::ranges::find_if(viewer.frames, [&](const DueFrame& f) { return f.wanted.input == input; });
+    };
+    while (first() == viewer.frames.end()) viewer.Pass();
+    CHECK(first()->step == step);
+  }
+}
+
+}  // namespace quarry
