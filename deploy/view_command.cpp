@@ -134,6 +134,7 @@ void AddViewCommandOptions(CLI::App& c, ViewArguments& a) {
 }
 
 Status ShowLive(const ViewArguments& a) {
+  TellOnSignal("the live view has ended");
   QUARRY_ASSIGN(const auto folder, PrivateFolder::Make());
   QUARRY_TRY(folder->WriteToken());
   LiveViewOptions live{ChooseAddress(a), a.viewer_urls, folder->file("token"),

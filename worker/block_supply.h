@@ -24,7 +24,7 @@ struct SupplyOptions {
   uint64_t stored_bytes = 0;         ///< budget of the StoredCache
   std::optional<DiskCacheLocation> disk_cache;
   HttpOptions http;
-  std::vector<HttpServer> header_servers;  ///< servers that get headers even if only the master names them
+  std::vector<HttpAuthority> header_servers;  ///< servers that get headers even if only the master names them
   double give_up_after_s = 60;
   std::function<void(const std::string&)> log;
   std::function<bool()> idle;  ///< whether no ray waits for a block on its way

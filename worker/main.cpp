@@ -21,7 +21,7 @@ namespace {
 
 /// Options that are parsed after the command line is complete.
 struct Texts {
-  std::string master, cache = "256M", disk_cache, http_header_file, aws;
+  std::string master, cache = "256M", disk_cache, http_header_file, aws, metrics, metrics_token_file;
   std::vector<std::string> header_hosts;
   SecurityOptions security;
 };
@@ -39,7 +39,7 @@ Status ReadSourceOptions(const Texts& texts, WorkerOptions& options) {
                   texts.aws == "env" ? AwsCredentialsFromEnvironment() : ReadAwsCredentials(texts.aws));
   }
   for (const std::string& host : texts.header_hosts) {
-    QUARRY_ASSIGN(HttpServer server, ParseHttpServer(host, "--http-header-host"));
+    QUARRY_ASSIGN(HttpAuthority server, ParseHttpAuthority(host, "--http-header-host"));
     options.header_servers.push_back(std::move(server));
   }
   if (!options.header_servers.empty() && texts.http_header_file.empty() && texts.aws.empty())
@@ -47,6 +47,19 @@ Status ReadSourceOptions(const Texts& texts, WorkerOptions& options) {
   options.http.tls_ca = WithEnvironment(texts.security).tls_ca;
   for (const std::string& source : options.sources) QUARRY_TRY(ParseSource(source));
   return {};
+}
+
+Result<std::optional<MetricsOptions>> ReadMetricsOptions(const Texts& texts,
+                                                         const SecurityOptions& security) {
+  if (texts.metrics.empty()) return std::optional<MetricsOptions>();
+  MetricsOptions options;
+  QUARRY_ASSIGN(options.listen, ParseEndpoint(texts.metrics, "--metrics"));
+  options.tls = {security.tls_cert, security.tls_key};
+  if (!texts.metrics_token_file.empty()) {
+    QUARRY_ASSIGN(const Bytes token, ReadSecret(texts.metrics_token_file));
+    options.token = AsText(token);
+  }
+  return std::optional(std::move(options));
 }
 
 Status Run(WorkerOptions options, const Texts& texts) {
@@ -63,6 +76,7 @@ Status Run(WorkerOptions options, const Texts& texts) {
     return tl::unexpected<Error>(serving.error());
   QUARRY_ASSIGN(options.cache_bytes, ParseSize(texts.cache, "--cache"));
   QUARRY_TRY(ReadSourceOptions(texts, options));
+  QUARRY_ASSIGN(options.metrics, ReadMetricsOptions(texts, security));
   return RunWorker(options);
 }
 
@@ -122,6 +136,12 @@ int Main(int argc, char** argv) {
                  "Seconds for which a master or a voxel out of reach is tried again")
       ->check(RealNumber(0, 1e6))
       ->capture_default_str();
+  auto* const metrics = app.add_option(
+      "--metrics", texts.metrics,
+      "Serve metrics for Prometheus at HOST:PORT (beyond loopback with --tls-cert and --tls-key)");
+  app.add_option("--metrics-token-file", texts.metrics_token_file,
+                 "File with the token that readers of metrics from other machines show")
+      ->needs(metrics);
   AddSecurityOptions(app, texts.security);
   app.add_flag("--quiet", options.quiet, "Print errors only");
   if (const auto ended = ParseCommandLine(app, argc, argv)) return *ended;

@@ -55,6 +55,10 @@ Status Session::Run() {
     memory_ = std::move(*memory);
     Log(fmt::format("has {} of memory", FormatSize(options_.cache_bytes)));
   }
+  if (options_.metrics) {
+    QUARRY_ASSIGN(metrics_, ServeMetrics(*io_, *options_.metrics, [this] { return Counters(); }));
+    Log(fmt::format("serves metrics at {}:{}", options_.metrics->listen.host, metrics_->port()));
+  }
   lost_since_ = Clock::now();
   Join();
   Heartbeat();
@@ -309,10 +313,7 @@ void Session::SendStatus(bool whole) {
 }
 
 WorkerStatus Session::MakeStatus(bool whole) {
-  const Engine& engine = scene_->renderer->engine();
-  const VoxelCache::Counters c = scene_->renderer->cache().counters();
-  WorkerStatus status{c.bytes,     c.loaded,      c.bytes_loaded,          0,
-                      c.evictions, engine.rays(), engine.rays_suspended(), peak_rss_};
+  WorkerStatus status = Counters();
   status.whole = whole;
   if (whole) {
     status.cached = scene_->inventory.TakeAll();
@@ -321,6 +322,16 @@ WorkerStatus Session::MakeStatus(bool whole) {
     status.cached = std::move(changes.come);
     status.dropped = std::move(changes.gone);
   }
+  return status;
+}
+
+/// Without the changes of the cache.
+WorkerStatus Session::Counters() const {
+  if (!scene_) return {};
+  const Engine& engine = scene_->renderer->engine();
+  const VoxelCache::Counters c = scene_->renderer->cache().counters();
+  WorkerStatus status{c.bytes,     c.loaded,      c.bytes_loaded,          0,
+                      c.evictions, engine.rays(), engine.rays_suspended(), peak_rss_};
   const SourceSet::Counters& from = scene_->supply->counters();
   const StoredCache::Counters stored = scene_->supply->stored();
   status.bytes_from = from.bytes_from;

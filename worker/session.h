@@ -70,6 +70,7 @@ class Session {
   /// `whole`: lists all blocks of the cache, not only the changes.
   void SendStatus(bool whole);
   WorkerStatus MakeStatus(bool whole);
+  WorkerStatus Counters() const;
 
   using Clock = std::chrono::steady_clock;
   static double Now() { return std::chrono::duration<double>(Clock::now().time_since_epoch()).count(); }
@@ -87,7 +88,8 @@ class Session {
   uint32_t worker_ = 0;               ///< the master's number for this worker
   SceneId scene_id_{};                ///< of the master's Welcome
   std::vector<std::string> sources_;  ///< of the master's Welcome
-  PageBuffer memory_;                 ///< of --pretouch, until the scene is known
+  std::unique_ptr<HttpServer> metrics_;
+  PageBuffer memory_;  ///< of --pretouch, until the scene is known
   std::unique_ptr<LoadedScene> scene_;
   uint64_t tiles_ = 0;  ///< tiles received so far
   Clock::time_point last_tile_;

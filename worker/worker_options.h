@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "common/net/connection.h"
+#include "worker/metrics.h"
 #include "worker/sources/disk_cache.h"
 #include "worker/sources/http_options.h"
 
@@ -25,10 +26,11 @@ struct WorkerOptions {
   std::optional<DiskCacheLocation> disk_cache;
   HttpOptions http;  ///< settings of requests to HTTP servers
   /// The servers that get headers and signatures of `http` even if only the master names them.
-  std::vector<HttpServer> header_servers;
+  std::vector<HttpAuthority> header_servers;
   /// The address for serving other workers: HOST:PORT, "off", or "auto". "auto" is this machine's address
   /// toward the master; it is "off" when certificates are in use and this worker has none.
   std::string peers = "auto";
+  std::optional<MetricsOptions> metrics;  ///< none: they are not served
   bool quiet = false;
 };
 

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "common/base/json_file.h"
+#include "common/http/metrics.h"
 #include "common/scene/default_view.h"
 #include "master/display/welcome.h"
 
@@ -148,7 +149,7 @@ HttpResponse Display::OnRequest(const HttpRequest& request) {
   if (!access_.MayReadStatistics(request)) return Refused(403, "the session's token is needed");
   if (name == "stats")
     return {.content_type = "application/json", .body = stats_.Json(stats_.frames_per_s()) + "\n"};
-  return {.content_type = "text/plain; version=0.0.4; charset=utf-8", .body = stats_.Metrics()};
+  return {.content_type = kMetricsType, .body = stats_.Metrics()};
 }
 
 HttpResponse Display::MayUpgrade(const HttpRequest& request) const {

@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "common/base/version.h"
+#include "common/http/metrics.h"
 
 namespace quarry {
 namespace {
@@ -17,23 +17,6 @@ using nlohmann::ordered_json;
 
 /// Upper bounds of the histogram of frames' durations, seconds.
 const std::vector<double> kBounds{0.005, 0.01, 0.02, 0.033, 0.05, 0.1, 0.2, 0.5, 1, 2, 5};
-
-/// A metric of one value a label set.
-prometheus::MetricFamily Family(const char* name, const char* help, prometheus::MetricType type) {
-  prometheus::MetricFamily family;
-  family.name = name;
-  family.help = help;
-  family.type = type;
-  return family;
-}
-
-void Put(prometheus::MetricFamily& family, double value,
-         std::vector<prometheus::ClientMetric::Label> labels = {}) {
-  prometheus::ClientMetric metric;
-  metric.label = std::move(labels);
-  (family.type == prometheus::MetricType::Counter ? metric.counter.value : metric.gauge.value) = value;
-  family.metric.push_back(std::move(metric));
-}
 
 }  // namespace
 
@@ -114,32 +97,29 @@ std::string LiveStats::Json(double frames_per_s) const {
 }
 
 std::string LiveStats::Metrics() const {
-  using enum prometheus::MetricType;
-  std::vector<prometheus::MetricFamily> families = registry_->Collect();
+  using enum Metric::Kind;
   Counters sum = gone_;
-  auto resident = Family("quarry_cache_resident_bytes", "Decoded voxels that a worker holds", Gauge);
   for (const auto& [id, worker] : workers_) {
     sum.rays += worker.now.rays;
     sum.loaded += worker.now.loaded;
-    Put(resident, static_cast<double>(worker.resident), {{"worker", worker.name}});
   }
-  const auto put = [&](const char* name, const char* help, prometheus::MetricType type, double value) {
-    families.push_back(Family(name, help, type));
-    Put(families.back(), value);
-  };
-  put("quarry_rays_traced_total", "Rays of all workers", Counter, static_cast<double>(sum.rays));
-  put("quarry_voxel_loaded_bytes_total", "Stored bytes of voxels that workers have loaded", Counter,
-      static_cast<double>(sum.loaded));
-  families.push_back(std::move(resident));
-  put("quarry_frames_sent_total", "Frames sent to viewers", Counter,
-      static_cast<double>(display_.frames_sent));
-  put("quarry_views_abandoned_total", "Views overtaken by newer ones", Counter,
-      static_cast<double>(display_.abandoned_views));
-  put("quarry_viewers", "Viewers that are connected", Gauge, static_cast<double>(display_.viewers));
-  put("quarry_workers", "Workers that are connected", Gauge, static_cast<double>(workers_.size()));
-  families.push_back(Family("quarry_build_info", "The program's version", Gauge));
-  Put(families.back(), 1, {{"version", kVersion}});
-  return prometheus::TextSerializer().Serialize(families);
+  const auto number = [](auto value) { return static_cast<double>(value); };
+  std::vector<Metric> metrics{
+      {"quarry_rays_traced_total", "Rays of all workers", kCounter, number(sum.rays)},
+      {"quarry_voxel_loaded_bytes_total", "Stored bytes of voxels that workers have loaded", kCounter,
+       number(sum.loaded)},
+      {"quarry_frames_sent_total", "Frames sent to viewers", kCounter, number(display_.frames_sent)},
+      {"quarry_views_abandoned_total", "Views overtaken by newer ones", kCounter,
+       number(display_.abandoned_views)},
+      {"quarry_viewers", "Viewers that are connected", kGauge, number(display_.viewers)},
+      {"quarry_workers", "Workers that are connected", kGauge, number(workers_.size())}};
+  for (const auto& [id, worker] : workers_)
+    metrics.push_back({"quarry_cache_resident_bytes",
+                       "Decoded voxels that a worker holds",
+                       kGauge,
+                       number(worker.resident),
+                       {{"worker", worker.name}}});
+  return prometheus::TextSerializer().Serialize(registry_->Collect()) + FormatMetrics(metrics);
 }
 
 }  // namespace quarry

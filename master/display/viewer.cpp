@@ -102,6 +102,7 @@ void Viewer::Start(const std::string& welcome) {
         if (const auto viewer = self.lock()) viewer->Gone(error.message);
       });
   socket_->SendText(welcome);
+  started_ = true;
 }
 
 void Viewer::Gone(const std::string& why) {
@@ -118,7 +119,7 @@ void Viewer::End(const std::string& sentence) {
 }
 
 void Viewer::Tell(std::string json) {
-  if (!gone_ && socket_->queued_bytes() < kFarBehind) socket_->SendText(std::move(json));
+  if (started_ && !gone_ && socket_->queued_bytes() < kFarBehind) socket_->SendText(std::move(json));
 }
 
 bool Viewer::TooMany() {

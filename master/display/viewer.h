@@ -59,7 +59,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   bool Take(const LiveTile& tile, std::span<const std::byte> pixels);
   /// Goes on with what is due.
   void Go();
-  /// Sends a text, unless the browser is far behind.
+  /// Sends a text, unless the browser is far behind or has not been welcomed.
   void Tell(std::string json);
   /// Sends the reason and ends the connection.
   void End(const std::string& sentence);
@@ -99,7 +99,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   double tokens_ = 0, tokens_at_s_ = 0;
   uint64_t sampled_frames_ = 0;
   double sampled_s_ = 0, frames_per_s_ = 0;
-  bool gone_ = false;
+  bool started_ = false, gone_ = false;
 };
 
 }  // namespace quarry

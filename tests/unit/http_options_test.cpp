@@ -55,7 +55,7 @@ TEST_CASE("Headers and signatures go to servers that are named") {
   all.aws.emplace();
   all.tls_ca = "ca";
   const auto sent = [&](const std::string& url, const std::string& server) {
-    const auto named = ParseHttpServer(server, "--http-header-host");
+    const auto named = ParseHttpAuthority(server, "--http-header-host");
     REQUIRE(named);
     const HttpOptions options = OptionsFor(Location(url), all, std::span(&*named, 1));
     CHECK(options.headers.empty() == !options.aws);
@@ -71,7 +71,7 @@ TEST_CASE("Headers and signatures go to servers that are named") {
   CHECK_FALSE(sent("https://a.store.example/s", "store.example"));
   CHECK(OptionsFor(Location("https://h/s"), all, {}).headers.empty());
   for (const char* bad : {"", "http://h", "h:0", "h:99999", "a b", "[::1"})
-    CHECK_FALSE(ParseHttpServer(bad, "--http-header-host").has_value());
+    CHECK_FALSE(ParseHttpAuthority(bad, "--http-header-host").has_value());
 }
 
 TEST_CASE("Headers come from a file that only its owner reads") {

@@ -174,18 +174,18 @@ Result<HttpLocation> ParseHttpLocation(const std::string& url, const std::string
   return location;
 }
 
-Result<HttpServer> ParseHttpServer(const std::string& text, const std::string& what) {
+Result<HttpAuthority> ParseHttpAuthority(const std::string& text, const std::string& what) {
   HttpLocation location;
   location.port = 0;
   if (!ParseAuthority(text, location))
     return BadUsage(fmt::format("{} is HOST or HOST:PORT, not '{}'", what, text));
-  return HttpServer{Lower(location.host), location.port};
+  return HttpAuthority{Lower(location.host), location.port};
 }
 
 HttpOptions OptionsFor(const HttpLocation& location, HttpOptions options,
-                       std::span<const HttpServer> servers) {
+                       std::span<const HttpAuthority> servers) {
   const std::string host = Lower(location.host);
-  const bool named = std::ranges::any_of(servers, [&](const HttpServer& server) {
+  const bool named = std::ranges::any_of(servers, [&](const HttpAuthority& server) {
     return server.host == host && (server.port == 0 || server.port == location.port);
   });
   if (named) return options;

@@ -45,17 +45,17 @@ struct HttpOptions {
 };
 
 /// A server that may receive headers and signatures.
-struct HttpServer {
+struct HttpAuthority {
   std::string host;   ///< lower case; IPv6 without brackets
   uint16_t port = 0;  ///< 0: any port
-  bool operator==(const HttpServer&) const = default;
+  bool operator==(const HttpAuthority&) const = default;
 };
 /// Parses "HOST" (any port), "HOST:PORT" or "[ADDRESS]:PORT". Errors (usage; the message names `what`): other
 /// text.
-Result<HttpServer> ParseHttpServer(const std::string& text, const std::string& what);
+Result<HttpAuthority> ParseHttpAuthority(const std::string& text, const std::string& what);
 /// The options for `location`: without headers and credentials unless `servers` names its server.
 HttpOptions OptionsFor(const HttpLocation& location, HttpOptions options,
-                       std::span<const HttpServer> servers);
+                       std::span<const HttpAuthority> servers);
 
 /// Reads headers from a file of lines "Name: value". Skips empty lines and lines that begin with #.
 /// Errors (usage; the message names file and line, never a value): cannot be read; other users may read it;

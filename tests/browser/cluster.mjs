@@ -1,0 +1,115 @@
+// A cluster of real processes for the browser tests: a master with its live view, workers, and nginx before it.
+import { spawn, spawnSync } from 'node:child_process';
+import fs from 'node:fs';
+import net from 'node:net';
+import os from 'node:os';
+import path from 'node:path';
+import readline from 'node:readline';
+
+export const BIN = process.env.QUARRY_BIN ?? path.resolve(path.dirname(new URL(import.meta.url).pathname), '../../build/release/bin');
+
+/** A port that nobody listens at. */
+export function freePort() {
+  return new Promise((resolve, reject) => {
+    const server = net.createServer();
+    server.once('error', reject);
+    server.listen(0, '127.0.0.1', () => {
+      const { port } = server.address();
+      server.close(() => resolve(port));
+    });
+  });
+}
+
+export class Cluster {
+  constructor() {
+    this.folder = fs.mkdtempSync(path.join(os.tmpdir(), 'quarry-browser-'));
+    this.children = new Set();
+    this.workers = [];
+    this.logs = '';
+  }
+
+  file(name) { return path.join(this.folder, name); }
+
+  /** Runs a program to its end; throws with what it printed if it fails. */
+  run(program, ...args) {
+    const ended = spawnSync(path.join(BIN, program), args, { encoding: 'utf8' });
+    if (ended.status !== 0) throw new Error(`${program} ${args.join(' ')}: ${ended.stderr}`);
+    return ended.stdout;
+  }
+
+  start(command, ...args) {
+    const child = spawn(command, args, { stdio: ['ignore', 'pipe', 'pipe'] });
+    this.children.add(child);
+    child.once('exit', () => this.children.delete(child));
+    child.stderr.on('data', text => { this.logs += text; });
+    return child;
+  }
+
+  /** Makes the scene and starts a master at ports that stay the same when it is started again. */
+  async begin(triangles) {
+    this.run('quarry-scene', 'plant', '--triangles', String(triangles), '-o', this.file('plant.ply'));
+    this.store = this.file('plant.quarry');
+    this.run('quarry-preprocess', this.file('plant.ply'), '-o', this.store, '--quiet');
+    this.token = 'a-token-of-the-browser-tests-0123456789';
+    fs.writeFileSync(this.file('token'), this.token, { mode: 0o600 });
+    this.httpPort = await freePort();
+    this.masterPort = await freePort();
+    this.nginxPort = await freePort();
+    await this.startMaster();
+  }
+
+  async startMaster() {
+    this.master = this.start(path.join(BIN, 'quarry-master'), this.store, '--listen', `127.0.0.1:${this.masterPort}`,
+      '--http', `127.0.0.1:${this.httpPort}`, '--view-token-file', this.file('token'),
+      '--viewer-url', `https://localhost:${this.nginxPort}/a/b/`);
+    for await (const line of readline.createInterface({ input: this.master.stdout }))
+      if (line.startsWith('listening')) break;
+    this.url = `http://127.0.0.1:${this.httpPort}/?token=${this.token}`;
+  }
+
+  addWorker() {
+    const worker = this.start(path.join(BIN, 'quarry-worker'), '--master', `127.0.0.1:${this.masterPort}`, '--threads', '1',
+      '--cache', '128M', '--name', `w${this.workers.length + 1}`);
+    this.workers.push(worker);
+    return worker;
+  }
+
+  /** A picture of the cluster's, made of a view as a batch job. */
+  render(view) {
+    fs.writeFileSync(this.file('view.json'), JSON.stringify(view));
+    this.run('quarry', 'render', '-o', this.file('view.png'), '--view', this.file('view.json'), '--force', '--quiet', '--master',
+      `127.0.0.1:${this.masterPort}`);
+    return fs.readFileSync(this.file('view.png'));
+  }
+
+  /** nginx with a certificate of its own, the live view at /a/b/. */
+  async startNginx() {
+    const made = spawnSync('openssl', ['req', '-x509', '-newkey', 'rsa:2048', '-nodes', '-days', '2', '-subj', '/CN=localhost', '-keyout',
+      this.file('key.pem'), '-out', this.file('cert.pem')]);
+    if (made.status !== 0) throw new Error(`openssl: ${made.stderr}`);
+    fs.writeFileSync(this.file('nginx.conf'), `daemon off; pid ${this.file('nginx.pid')}; error_log stderr;
+      events {}
+      http { access_log off; client_body_temp_path ${this.folder}; proxy_temp_path ${this.folder}; fastcgi_temp_path ${this.folder};
+        uwsgi_temp_path ${this.folder}; scgi_temp_path ${this.folder};
+        server { listen 127.0.0.1:${this.nginxPort} ssl; ssl_certificate ${this.file('cert.pem')}; ssl_certificate_key ${this.file('key.pem')};
+          location /a/b/ { proxy_pass http://127.0.0.1:${this.httpPort}/; proxy_http_version 1.1; proxy_set_header Host $http_host;
+            proxy_set_header Upgrade $http_upgrade; proxy_set_header Connection "upgrade"; } } }`);
+    this.start('nginx', '-p', this.folder, '-c', this.file('nginx.conf'));
+    for (let tries = 0; tries < 100; ++tries) {
+      const open = await new Promise(resolve => {
+        const socket = net.connect(this.nginxPort, '127.0.0.1', () => { socket.destroy(); resolve(true); });
+        socket.once('error', () => resolve(false));
+      });
+      if (open) return;
+      await new Promise(resolve => setTimeout(resolve, 50));
+    }
+    throw new Error(`nginx does not listen: ${this.logs}`);
+  }
+
+  async end() {
+    const ended = [...this.children].map(child => new Promise(resolve => child.once('exit', resolve)));
+    for (const child of this.children) child.kill('SIGTERM');
+    await Promise.all(ended);
+    fs.rmSync(this.folder, { recursive: true, force: true });
+  }
+}

@@ -1,0 +1,265 @@
+// The live view in a real browser: headless Chromium against a master and three workers. Screenshots go to $QUARRY_SCREENSHOTS.
+// Exit status 77: skipped, with the reason.
+import assert from 'node:assert/strict';
+import fs from 'node:fs';
+import http from 'node:http';
+import path from 'node:path';
+import { createRequire } from 'node:module';
+import { after, before, test } from 'node:test';
+import { Cluster } from './cluster.mjs';
+
+const CHROMIUM = process.env.QUARRY_CHROMIUM ?? '/usr/bin/chromium';
+const SCREENS = process.env.QUARRY_SCREENSHOTS ?? '';
+const SIZE = { width: 640, height: 480 };
+const { chromium } = createRequire(path.join(process.env.QUARRY_NODE_MODULES ?? '.', 'x'))('playwright-core');
+
+const cluster = new Cluster();
+let browser, page;
+const errors = [];
+
+/** A page on the live view. */
+async function open(url, options = {}) {
+  const context = await browser.newContext({ viewport: SIZE, deviceScaleFactor: 1, ...options });
+  const opened = await context.newPage();
+  opened.on('pageerror', error => errors.push(error.message));
+  await opened.goto(url);
+  return opened;
+}
+
+async function untilExact(of, timeout = 60000) {
+  await of.waitForFunction(() => window.quarry?.lastExactPng() != null, null, { timeout });
+}
+
+async function shoot(of, name) {
+  if (SCREENS) await of.screenshot({ path: path.join(SCREENS, `${name}.png`) });
+}
+
+/** The frame that is exact must be the batch job's file, and the canvas its pixels. */
+async function checkExact(of) {
+  await untilExact(of);
+  const view = await of.evaluate(() => window.quarry.view());
+  const live = Buffer.from(await of.evaluate(() => Array.from(window.quarry.lastExactPng())));
+  const batch = cluster.render(view);
+  assert.ok(live.equals(batch), 'the exact frame is the file that quarry render writes');
+  const differing = await of.evaluate(async base64 => {
+    const bytes = Uint8Array.from(atob(base64), letter => letter.charCodeAt(0));
+    const bitmap = await createImageBitmap(new Blob([bytes]), { colorSpaceConversion: 'none', premultiplyAlpha: 'none' });
+    const canvas = document.createElement('canvas');
+    canvas.width = bitmap.width;
+    canvas.height = bitmap.height;
+    const context = canvas.getContext('2d');
+    context.drawImage(bitmap, 0, 0);
+    const shown = document.querySelector('canvas');
+    if (shown.width !== bitmap.width || shown.height !== bitmap.height) return `${shown.width}x${shown.height}`;
+    const a = context.getImageData(0, 0, canvas.width, canvas.height).data;
+    const b = shown.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
+    let count = 0;
+    for (let i = 0; i < a.length; ++i) count += a[i] !== b[i];
+    return count;
+  }, batch.toString('base64'));
+  assert.equal(differing, 0, 'the canvas has the pixels of the file');
+}
+
+const eyeOf = of => of.evaluate(() => window.quarry.view().camera.eye);
+const drawnBy = of => of.evaluate(() => window.quarry.state().framesDrawn);
+const apart = (a, b) => Math.hypot(...a.map((x, i) => x - b[i]));
+const pause = ms => new Promise(resolve => setTimeout(resolve, ms));
+
+/** Status of a request with these headers. */
+function ask(target, headers = {}, method = 'GET') {
+  return new Promise((resolve, reject) => {
+    const request = http.request({ host: '127.0.0.1', port: cluster.httpPort, path: target, headers, method }, answer => {
+      answer.resume();
+      resolve(answer.statusCode);
+    });
+    request.once('upgrade', (answer, socket) => { socket.destroy(); resolve(answer.statusCode); });
+    request.once('error', reject);
+    request.end();
+  });
+}
+
+before(async () => {
+  if (SCREENS) fs.mkdirSync(SCREENS, { recursive: true });
+  await cluster.begin(300000);
+  for (let i = 0; i < 3; ++i) cluster.addWorker();
+  browser = await chromium.launch({
+    executablePath: CHROMIUM,
+    args: ['--no-sandbox', '--disable-gpu', '--disable-background-networking', '--disable-component-update', '--disable-sync'],
+  });
+  page = await open(cluster.url);
+});
+
+after(async () => {
+  await browser?.close();
+  await cluster.end();
+});
+
+test('the picture becomes exact, byte for byte, and the token leaves the address', async () => {
+  await checkExact(page);
+  assert.ok(!page.url().includes('token'));
+  await shoot(page, 'exact');
+});
+
+test('a drag orbits, and frames follow it', async () => {
+  const [before, drawn] = [await eyeOf(page), await drawnBy(page)];
+  await page.mouse.move(320, 240);
+  await page.mouse.down();
+  for (let i = 1; i <= 30; ++i) {
+    await page.mouse.move(320 + 4 * i, 240 + i);
+    await pause(15);
+  }
+  await shoot(page, 'orbit');
+  await page.mouse.up();
+  assert.ok(apart(before, await eyeOf(page)) > 1);
+  await checkExact(page);
+  assert.ok(await drawnBy(page) > drawn + 5);
+});
+
+test('a click says which part is there', async () => {
+  await page.mouse.click(320, 300);
+  const card = page.locator('#pick, .pick, [data-pick]').first();
+  await card.waitFor({ state: 'visible', timeout: 10000 });
+  const text = await card.innerText();
+  const parts = cluster.run('quarry', 'info', cluster.store, '--parts');
+  const named = parts.split('\n').map(line => line.trim().split(/\s+/).slice(2).join(' ')).filter(name => name.length > 2);
+  assert.ok(named.some(name => text.includes(name)), `${text} names a part`);
+  await shoot(page, 'pick');
+  await page.keyboard.press('Escape');
+});
+
+test('another mode is rendered as a batch job renders it', async () => {
+  const view = await page.evaluate(() => window.quarry.view());
+  for (const mode of ['whitted', 'voxels', 'raycast', 'ao']) {
+    await page.evaluate(next => window.quarry.setView(next), { ...view, mode, spp: mode === 'ao' ? 4 : 2 });
+    await page.waitForFunction(wanted => window.quarry.view().mode === wanted && window.quarry.lastExactPng() == null, mode);
+    await checkExact(page);
+    await shoot(page, mode);
+  }
+});
+
+test('a worker dies and another joins while it flies', async () => {
+  const [before, drawn] = [await eyeOf(page), await drawnBy(page)];
+  await page.keyboard.press('f');
+  await page.keyboard.down('w');
+  await pause(700);
+  cluster.workers[0].kill('SIGKILL');
+  await pause(700);
+  cluster.addWorker();
+  await pause(1200);
+  await shoot(page, 'flight');
+  await page.keyboard.up('w');
+  await page.keyboard.press('f');
+  assert.ok(apart(before, await eyeOf(page)) > 0.1);
+  assert.ok(await drawnBy(page) > drawn + 8);
+  await checkExact(page);
+});
+
+test('a second browser looks elsewhere, and a third that stalls stops nobody', async () => {
+  const stalled = await open(`${cluster.url.split('?')[0]}style.css`);
+  await stalled.context().addCookies(await page.context().cookies());
+  const second = await open(cluster.url);
+  await stalled.goto(`${cluster.url.split('?')[0]}healthz`);
+  await stalled.evaluate(address => {
+    window.frames_ = 0;
+    window.socket_ = new WebSocket(address);
+    window.socket_.binaryType = 'arraybuffer';
+    window.socket_.onmessage = message => {
+      if (typeof message.data !== 'string') return void ++window.frames_;
+      const text = JSON.parse(message.data);
+      if (text.type !== 'welcome') return;
+      const view = { ...text.view, size: [320, 240], spp: 64 };
+      let input = 0;
+      setInterval(() => {
+        view.camera.eye[0] += 0.01;
+        window.socket_.send(JSON.stringify({ type: 'view', input: ++input, time: 0, moving: true, view }));
+      }, 50);
+    };
+  }, `ws://127.0.0.1:${cluster.httpPort}/live`);
+  await second.evaluate(() => {
+    const view = window.quarry.view();
+    view.camera.eye = view.camera.eye.map((x, i) => view.camera.at[i] + 0.6 * (x - view.camera.at[i]));
+    window.quarry.setView(view);
+  });
+  await checkExact(second);
+  await checkExact(page);
+  assert.notDeepEqual(await eyeOf(second), await eyeOf(page));
+  assert.equal(await stalled.evaluate(() => window.frames_), 2);
+  await shoot(second, 'second');
+  await second.context().close();
+  await stalled.context().close();
+});
+
+test('the page finds a master that was started again', async () => {
+  const gone = new Promise(resolve => cluster.master.once('exit', resolve));
+  cluster.master.kill('SIGKILL');
+  await gone;
+  await page.waitForFunction(() => window.quarry.state().connection !== 'open', null, { timeout: 20000 });
+  await pause(500);
+  await shoot(page, 'master-gone');
+  await cluster.startMaster();
+  await page.waitForFunction(() => window.quarry.state().connection === 'open', null, { timeout: 30000 });
+  await page.evaluate(() => {
+    const view = window.quarry.view();
+    view.camera.eye[2] += 1;
+    window.quarry.setView(view);
+  });
+  await page.waitForFunction(() => window.quarry.lastExactPng() == null);
+  await checkExact(page);
+});
+
+test('without workers the page says so', async () => {
+  for (const worker of cluster.workers) worker.kill('SIGKILL');
+  await page.waitForFunction(() => /no worker/i.test(document.body.innerText), null, { timeout: 20000 });
+  await shoot(page, 'no-workers');
+  for (let i = 0; i < 2; ++i) cluster.addWorker();
+  await page.waitForFunction(() => !/no worker is/i.test(document.body.innerText), null, { timeout: 20000 });
+});
+
+test('wrong tokens, hosts and origins are refused', async () => {
+  const [cookie] = await page.context().cookies();
+  const good = `${cookie.name}=${cookie.value}`;
+  const upgrade = {
+    Connection: 'Upgrade', Upgrade: 'websocket', 'Sec-WebSocket-Version': '13', 'Sec-WebSocket-Key': 'AAAAAAAAAAAAAAAAAAAAAA==',
+  };
+  const origin = `http://127.0.0.1:${cluster.httpPort}`;
+  assert.equal(await ask('/'), 403);
+  assert.equal(await ask('/?token=wrong'), 403);
+  assert.equal(await ask('/', { Cookie: good }), 200);
+  assert.equal(await ask('/', { Cookie: good, Host: 'evil.example' }), 403);
+  assert.equal(await ask('/live', { ...upgrade, Cookie: good, Origin: origin }), 101);
+  assert.equal(await ask('/live', { ...upgrade, Cookie: good, Origin: 'http://evil.example' }), 403);
+  assert.equal(await ask('/live', { ...upgrade, Cookie: good }), 403);
+  assert.equal(await ask('/live', { ...upgrade, Origin: origin }), 403);
+  assert.equal(await ask('/live', { ...upgrade, Cookie: good, Origin: origin, Host: 'evil.example' }), 403);
+  assert.equal(await ask('/metrics'), 200);
+  assert.equal(await ask('/metrics', { 'X-Forwarded-For': '192.0.2.1' }), 403);  // the proxy's loopback is not the reader's
+  assert.equal(await ask('/metrics', { Authorization: `Bearer ${cluster.token}` }), 200);
+  assert.equal(await ask('/healthz'), 200);
+  const denied = await open(`http://127.0.0.1:${cluster.httpPort}/`);
+  await shoot(denied, 'denied');
+  await denied.context().close();
+});
+
+test('behind nginx with TLS, under another path', async () => {
+  await cluster.startNginx();
+  const proxied = await open(`https://localhost:${cluster.nginxPort}/a/b/?token=${cluster.token}`, { ignoreHTTPSErrors: true });
+  await checkExact(proxied);
+  assert.equal(new URL(proxied.url()).pathname, '/a/b/');
+  await proxied.context().close();
+});
+
+test('on a phone, and with the panels open', async () => {
+  const phone = await open(cluster.url, { viewport: { width: 390, height: 800 }, deviceScaleFactor: 2, hasTouch: true, isMobile: true });
+  await untilExact(phone);
+  await shoot(phone, 'phone');
+  await phone.context().close();
+  const desk = await open(cluster.url, { viewport: { width: 1400, height: 900 } });
+  await desk.getByRole('button', { name: 'Activity' }).click();
+  await desk.getByRole('button', { name: 'Settings' }).click();
+  await untilExact(desk);
+  await pause(2500);
+  await shoot(desk, 'panels');
+  await desk.context().close();
+});
+
+test('no page has raised an error', () => assert.deepEqual(errors, []));
