@@ -19,8 +19,11 @@ export class Connection {
     this.isOpen = false;
     this.pause = FIRST_PAUSE_MS;
     this.timer = 0;
+    this.isDenied = false;
     addEventListener('online', () => this.hurry());
     document.addEventListener('visibilitychange', () => document.hidden || this.hurry());
+    // Another tab may have been opened with the token meanwhile.
+    document.addEventListener('visibilitychange', () => !document.hidden && this.isDenied && this.retry());
   }
 
   /// Connects at once, whatever has been before.
@@ -49,6 +52,7 @@ export class Connection {
 
   open() {
     this.timer = 0;
+    this.isDenied = false;
     const address = new URL('live', document.baseURI);
     address.protocol = address.protocol === 'https:' ? 'wss:' : 'ws:';
     address.search = address.hash = '';
@@ -108,6 +112,7 @@ export class Connection {
     this.on.state('lost', '');
     const answer = wasOpen ? null : await askForReason();
     if (this.socket || this.timer) return;
+    this.isDenied = answer?.state === 'denied';
     if (answer) return this.on.state(answer.state, answer.sentence);
     this.timer = setTimeout(() => this.open(), this.pause * (0.8 + 0.2 * Math.random()));
     this.pause = Math.min(this.pause * 2, LONGEST_PAUSE_MS);

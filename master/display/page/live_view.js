@@ -97,6 +97,12 @@ export class LiveView {
     return true;
   }
 
+  /// Sends the view once more, for frames with what a setting has added.
+  resend() {
+    this.sent = '';
+    this.schedule();
+  }
+
   /// Whether the server has been sent all that the page shows.
   get isSent() { return this.changed === null; }
 

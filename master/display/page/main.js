@@ -31,7 +31,7 @@ const settings = new Settings(connection, settingChanged);
 const pivot = new Mark($('pivot'), live), marker = new Mark($('marker'), live);
 const navigation = new Navigation(live, (point) => pivot.put(point));
 const flight = new Flight(live, navigation, flightChanged);
-const link = new Link(live, (view) => live.replace({ ...view, size: live.size }));
+const link = new Link(live, (view) => replaceView({ ...view, size: live.size }));
 const hud = new Hud(live, picture);
 const overlays = new Overlays((state) => (state === 'outdated' ? location.reload() : connection.retry()));
 const activity = new Activity();
@@ -76,6 +76,12 @@ function welcome(message) {
   link.write();
 }
 
+/// Puts a whole view in the place of whatever is shown or on its way.
+function replaceView(view) {
+  navigation.stopGlide();
+  return live.replace(view);
+}
+
 function message(message) {
   if (message.type === 'picked') live.picked(message);
   else if (message.type === 'stats') activity.take(message);
@@ -96,7 +102,10 @@ function frameDrawn(header) {
 }
 
 function settingChanged(name) {
-  if (name === 'owners') picture.showOwners(settings.values.owners);
+  if (name === 'owners') {
+    picture.showOwners(settings.values.owners);
+    if (settings.values.owners) live.resend();
+  }
   if (name === 'resolution') stageSize.setShare(settings.values.resolution);
   panel.refresh();
 }
@@ -169,12 +178,12 @@ for (const [name, use] of Object.entries(tools)) $(`tool-${name}`).addEventListe
 window.quarry = {
   state: () => ({
     connection: hud.connection, header: picture.header, input: live.input, framesDrawn: picture.framesDrawn, latency: picture.latency,
-    isExact: Boolean(picture.header?.exact) && hud.isNewest, limits,
+    isExact: connection.isOpen && Boolean(picture.header?.exact) && hud.isNewest, limits,
   }),
   lastExactPng: () => picture.exactPng,
   /// Shows a view; members that are missing have the default's values. Returns its input number, or null when it could not be sent.
   setView(view) {
-    return live.replace({ ...link.home, size: live.size, ...view, camera: fromWire(view.camera ?? link.home.camera) });
+    return replaceView({ ...link.home, size: live.size, ...view, camera: fromWire(view.camera ?? link.home.camera) });
   },
   view: () => (live.view ? toWire(live.view) : null),
 };

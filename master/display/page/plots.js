@@ -31,11 +31,12 @@ export class Plot {
     const { width, height } = this.box, values = samples.map(this.value);
     const top = this.most ?? roundUp(Math.max(0, ...values.filter(Number.isFinite)));
     const x = (at) => (1 - (end - at) / SPAN_S) * width;
-    const y = (value) => height - 14 - Math.min(1, value / top) * (height - 18);
+    const foot = this.text + 4;
+    const y = (value) => height - foot - Math.min(1, value / top) * (height - foot - 4);
     this.drawGrid(context, top, y);
     for (const { at, joined } of events) {
       context.fillStyle = joined ? JOINED : LEFT;
-      context.fillRect(x(at) - 0.5, 4, 1.5, height - 18);
+      context.fillRect(x(at) - 0.5, 4, 1.5, height - foot - 4);
     }
     this.drawLine(context, samples, values, x, y);
     const last = values.at(-1);
@@ -48,6 +49,7 @@ export class Plot {
     const ratio = devicePixelRatio, width = this.canvas.clientWidth, height = this.canvas.clientHeight;
     if (!width || !height) return null;
     this.box = { width, height };
+    this.text = parseFloat(getComputedStyle(document.documentElement).fontSize) * 0.72;
     this.canvas.width = Math.round(width * ratio);
     this.canvas.height = Math.round(height * ratio);
     const context = this.canvas.getContext('2d');
@@ -60,12 +62,12 @@ export class Plot {
     context.fillStyle = GRID;
     for (const share of [0, 0.5, 1]) context.fillRect(0, Math.round(y(top * share)), width, 1);
     context.fillStyle = INK;
-    context.font = '10px system-ui, sans-serif';
+    context.font = `${this.text}px system-ui, sans-serif`;
     context.textBaseline = 'top';
     context.fillText(this.format(top), 2, y(top) + 3);
-    context.fillText('60 s ago', 2, height - 11);
+    context.fillText('60 s ago', 2, height - this.text - 1);
     context.textAlign = 'right';
-    context.fillText('now', width - 2, height - 11);
+    context.fillText('now', width - 2, height - this.text - 1);
   }
 
   drawLine(context, samples, values, x, y) {
