@@ -4,9 +4,11 @@ import { FrameError, parseFrame } from './frame.js';
 
 const FIRST_PAUSE_MS = 500;
 const LONGEST_PAUSE_MS = 5000;
-/// A connection that says nothing for this long before its welcome is given up.
-const WELCOME_MS = 10000;
+/// A server that does not answer for this long is given up. Its welcome may take longer: it waits for the scene.
+const ANSWER_MS = 10000;
 const PROTOCOL = 1;
+const NOT_ADMITTED = 'The server is there, but takes no live connection from this page: it has too many viewers, or does not know '
+  + 'this address (--viewer-url). The page keeps trying.';
 
 /// A connection that is kept up. `on` has the functions
 ///   state(NAME, SENTENCE): 'connecting', 'open', 'lost', 'denied', 'refused' or 'outdated'
@@ -58,7 +60,11 @@ export class Connection {
     address.search = address.hash = '';
     const socket = this.socket = new WebSocket(address);
     socket.binaryType = 'arraybuffer';
-    const late = setTimeout(() => this.socket === socket && !this.isOpen && this.lose(), WELCOME_MS);
+    const late = setTimeout(() => this.socket === socket && this.lose(), ANSWER_MS);
+    socket.onopen = () => {
+      clearTimeout(late);
+      if (this.socket === socket) this.on.state('connecting', '');
+    };
     socket.onmessage = (event) => this.socket === socket && this.receive(socket, event.data);
     socket.onclose = () => {
       clearTimeout(late);
@@ -110,10 +116,12 @@ export class Connection {
     const wasOpen = this.isOpen;
     this.drop();
     this.on.state('lost', '');
+    // A connection that had its welcome was permitted; only a refused one needs a reason.
     const answer = wasOpen ? null : await askForReason();
     if (this.socket || this.timer) return;
     this.isDenied = answer?.state === 'denied';
-    if (answer) return this.on.state(answer.state, answer.sentence);
+    if (answer) this.on.state(answer.state, answer.sentence);
+    if (answer && answer.state !== 'lost') return;
     this.timer = setTimeout(() => this.open(), this.pause * (0.8 + 0.2 * Math.random()));
     this.pause = Math.min(this.pause * 2, LONGEST_PAUSE_MS);
   }
@@ -127,6 +135,8 @@ async function askForReason() {
     if (answer.status === 503 && /^text\/plain/.test(answer.headers.get('Content-Type') || '')) {
       return { state: 'refused', sentence: (await answer.text()).trim().slice(0, 500) };
     }
+    const health = answer.ok && await fetch(new URL('healthz', document.baseURI), { cache: 'no-store' });
+    if (health && health.ok && (await health.text()).trim() === 'ok') return { state: 'lost', sentence: NOT_ADMITTED };
   } catch {
     // No answer: the server is away.
   }

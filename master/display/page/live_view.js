@@ -6,6 +6,9 @@ import { fromWire, toWire } from './view_state.js';
 /// A pick without an answer for this long counts as nothing hit.
 const PICK_MS = 3000;
 
+/// Least time between two views in motion. Screens may have 240 animation frames a second; the server takes 300 messages.
+const LEAST_MS = 6.5;
+
 export class LiveView {
   /// `onChange()` runs after each change of the view, `onRest()` when a view without motion has been sent.
   constructor(connection, onChange, onRest) {
@@ -18,6 +21,7 @@ export class LiveView {
     this.holds = new Map();  // what is moving: name to its timer, or 0
     this.hasMoved = false;  // whether the camera has moved since the last rest
     this.sent = '';
+    this.sentAt = -Infinity;
     this.wasMoving = false;
     this.changed = null;  // when the oldest unsent change was made
     this.scheduled = 0;
@@ -78,8 +82,14 @@ export class LiveView {
   schedule() {
     this.scheduled ||= requestAnimationFrame(() => {
       this.scheduled = 0;
-      this.flush();
+      this.flushInFrame();
     });
+  }
+
+  /// Sends the newest view, from an animation frame; one that comes too soon waits for the next.
+  flushInFrame() {
+    if (this.isMoving && performance.now() - this.sentAt < LEAST_MS) this.schedule();
+    else this.flush();
   }
 
   /// Sends the view if it, or its motion, is news. Returns whether the server has the newest view.
@@ -92,6 +102,7 @@ export class LiveView {
     if (!isNews) return true;
     this.connection.send({ type: 'view', input: ++this.input, time, moving, view });
     this.sent = text;
+    this.sentAt = performance.now();
     this.wasMoving = moving;
     if (!moving) this.onRest();
     return true;

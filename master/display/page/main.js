@@ -16,7 +16,7 @@ import { Mark, PickCard } from './pick.js';
 import { Picture } from './picture.js';
 import { Settings } from './settings.js';
 import { StageSize } from './stage_size.js';
-import { fromWire, toWire } from './view_state.js';
+import { fromWire, ownMembers, toWire } from './view_state.js';
 
 const $ = (id) => document.getElementById(id);
 const VIEWS = ['iso', 'top', 'front', 'back', 'left', 'right', 'inside'];
@@ -56,7 +56,7 @@ function welcome(message) {
   stageSize.share = settings.values.resolution;
   live.scene = scene;
   const size = stageSize.size(), camera = fromWire(message.view.camera);
-  link.home = { ...message.view, size, camera: scene.interior ? camera : fitAspect(camera, size) };
+  link.home = { ...ownMembers(message.view), size, camera: scene.interior ? camera : fitAspect(camera, size) };
   settings.send();
   activity.restart();
   if (isSame) {

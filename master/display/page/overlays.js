@@ -36,10 +36,12 @@ export class Overlays {
   }
 
   choose() {
-    this.shown = this.connection.state !== 'open' ? this.connection : this.server;
+    const { state } = this.connection;
+    // A server without workers says so before it can tell of the scene.
+    const isServers = state === 'open' || (state === 'connecting' && this.server.state !== 'ok');
+    this.shown = isServers ? this.server : this.connection;
     clearTimeout(this.timer);
-    const isPatient = this.shown.state === 'connecting' && $('overlay').hidden;
-    if (isPatient) this.timer = setTimeout(() => this.show(), PATIENCE_MS);
+    if (this.shown.state === 'connecting') this.timer = setTimeout(() => this.show(), PATIENCE_MS);
     else this.show();
   }
 
@@ -47,7 +49,7 @@ export class Overlays {
     const { state, text } = this.shown, page = PAGES[state];
     $('overlay').hidden = !page;
     if (!page) return;
-    $('overlay-title').textContent = page.title;
+    $('overlay-title').textContent = state === 'lost' && text ? 'Not admitted' : page.title;
     $('overlay-text').textContent = text || page.text;
     $('overlay-button').hidden = !page.button;
     $('overlay-button').textContent = page.button ?? '';

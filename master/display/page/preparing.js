@@ -26,11 +26,11 @@ function show({ step, done, eta_s: eta, message, failed }) {
   $('numbers').textContent = failed ? '' : [`${Math.floor(done * 100)} %`, remaining(eta ?? NaN)].filter(Boolean).join(', ');
 }
 
-/// Whether the server is there and no longer prepares: the viewer has taken its place.
+/// Whether another page has taken this one's place: the viewer, or the one that asks for the token.
 async function isReady() {
   try {
     const health = await ask('healthz');
-    return health.ok && (await ask('progress')).status === 404;
+    return health.ok && [403, 404].includes((await ask('progress')).status);
   } catch {
     return false;
   }

@@ -9,6 +9,12 @@ export const MODES = ['ao', 'raycast', 'shadow', 'whitted', 'voxels'];
 const DEFAULT_FOV = 45;
 const MOST_FOV = 179, MOST_SPP = 65536, MOST_EV = 100;
 
+/// What the page itself shows and sends of the server's default view. Lights and the like stay the server's: a member
+/// that is missing has its value there, and a scene's lights could be longer than a message.
+export function ownMembers({ mode, spp, exposure, background }) {
+  return Object.fromEntries(Object.entries({ mode, spp, exposure, background }).filter(([, value]) => value !== undefined));
+}
+
 /// The page's form of a camera from the wire.
 export function fromWire(camera) {
   return { up: [0, 0, 1], ...camera, fov: camera.fov ?? DEFAULT_FOV };
