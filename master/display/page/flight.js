@@ -94,7 +94,7 @@ export class Flight {
       const step = this.speed * this.factor * (this.isFast ? SHIFT : 1) * seconds / length;
       this.live.hold('flight');
       this.live.moveTo(cameras.fly(this.live.camera, ...way.map((x) => x * step), this.live.scene.up_axis));
-      this.live.flushInFrame();  // in this animation frame, not the next
+      this.live.flushInFrame();
     }
     this.ticking = requestAnimationFrame((next) => this.tick(next));
   }

@@ -82,14 +82,19 @@ export class LiveView {
   schedule() {
     this.scheduled ||= requestAnimationFrame(() => {
       this.scheduled = 0;
-      this.flushInFrame();
+      if (this.isTooSoon) this.schedule();
+      else this.flush();
     });
   }
 
-  /// Sends the newest view, from an animation frame; one that comes too soon waits for the next.
+  get isTooSoon() { return this.isMoving && performance.now() - this.sentAt < LEAST_MS; }
+
+  /// Sends the view that an animation frame has made, in this frame and not the next. Requires: the caller comes again
+  /// in the next frame, or releases its hold. A scheduled flush would send an older view first, and delay this one.
   flushInFrame() {
-    if (this.isMoving && performance.now() - this.sentAt < LEAST_MS) this.schedule();
-    else this.flush();
+    cancelAnimationFrame(this.scheduled);
+    this.scheduled = 0;
+    if (!this.isTooSoon) this.flush();
   }
 
   /// Sends the view if it, or its motion, is news. Returns whether the server has the newest view.

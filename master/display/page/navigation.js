@@ -176,7 +176,7 @@ export class Navigation {
       this.live.change({ camera: cameras.between(from, to, t * t * (3 - 2 * t), this.upAxis) });
       this.gliding = t < 1 ? requestAnimationFrame(step) : 0;
       if (t === 1) this.live.release('glide');
-      this.live.flushInFrame();  // in this animation frame, not the next
+      this.live.flushInFrame();
     };
     this.gliding = requestAnimationFrame(step);
   }

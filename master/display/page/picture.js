@@ -13,6 +13,8 @@ export class Picture {
   constructor(canvas, ownersCanvas, onDrawn) {
     this.canvas = canvas;
     this.context = canvas.getContext('2d', { alpha: false, colorSpace: 'srgb', willReadFrequently: false });
+    this.context.fillStyle = '#15171a';  // until the first frame
+    this.context.fillRect(0, 0, canvas.width, canvas.height);
     this.ownersCanvas = ownersCanvas;
     this.onDrawn = onDrawn;
     this.generation = 0;
