@@ -1,0 +1,44 @@
+// Frames as they travel: a JSON header and the images of stripes (PROTOCOL.md, "frames"). No DOM.
+
+/// A message that is no frame.
+export class FrameError extends Error {}
+
+/// Longest header that is believed, bytes: the owners of a picture of 64 million pixels in tiles take less.
+const MOST_HEADER_BYTES = 16 << 20;
+
+/// Splits a message: {header, images}; images[i] is the Uint8Array of header.stripes[i], inside `buffer`.
+/// Errors: FrameError.
+export function parseFrame(buffer) {
+  if (buffer.byteLength < 4) throw new FrameError('no header');
+  const headerBytes = new DataView(buffer).getUint32(0, true);
+  if (headerBytes > Math.min(MOST_HEADER_BYTES, buffer.byteLength - 4)) throw new FrameError('header too long');
+  let header;
+  try {
+    header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, headerBytes)));
+  } catch {
+    throw new FrameError('header is no JSON');
+  }
+  if (!Array.isArray(header?.stripes) || !Array.isArray(header.size)) throw new FrameError('incomplete header');
+  let offset = 4 + headerBytes;
+  const images = header.stripes.map(({ bytes }) => {
+    if (!Number.isInteger(bytes) || bytes < 0 || bytes > buffer.byteLength - offset) throw new FrameError('short stripe');
+    const image = new Uint8Array(buffer, offset, bytes);
+    offset += bytes;
+    return image;
+  });
+  return { header, images };
+}
+
+const count = (n, one, many) => `${n.toLocaleString('en')} ${n === 1 ? one : many}`;
+
+/// What a frame shows, in words; `isNewest`: it is of the view that was sent last.
+/// Returns {text, kind}; kind is 'exact', 'refining' or 'moving'.
+export function describe(header, isNewest) {
+  if (header.exact) return isNewest ? { text: 'exact', kind: 'exact' } : { text: 'waiting for the new view', kind: 'moving' };
+  const parts = [];
+  if (header.traced < 1) parts.push(`${Math.floor(header.traced * 100)} % traced`);
+  else parts.push(`${header.samples} of ${count(header.spp, 'sample', 'samples')}`);
+  if (header.step > 1) parts.push(`step ${header.step}`);
+  if (header.waiting > 0) parts.push(`waiting for ${count(header.waiting, 'ray', 'rays')}`);
+  return { text: parts.join(' · '), kind: header.traced < 1 ? 'moving' : 'refining' };
+}

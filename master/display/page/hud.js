@@ -1,0 +1,81 @@
+// The line that always says what is shown, and the details below it.
+
+import { describe } from './frame.js';
+import { bytes, compact, fillList, milliseconds } from './formats.js';
+
+const $ = (id) => document.getElementById(id);
+/// Time between two updates of the rates; faster ones cannot be read.
+const RATES_MS = 250;
+
+const CONNECTIONS = {
+  connecting: 'connecting', open: 'connected', lost: 'looking for the master', denied: 'no access', refused: 'refused', outdated: 'another version',
+};
+
+export class Hud {
+  constructor(live, picture) {
+    this.live = live;
+    this.picture = picture;
+    this.connection = 'connecting';
+    this.times = null;  // queue, trace and encode of the frame that gave the latency
+    $('status').addEventListener('click', () => {
+      const isOpen = $('details').hidden;
+      $('details').hidden = !isOpen;
+      $('status').setAttribute('aria-expanded', String(isOpen));
+      this.showRates();
+    });
+    setInterval(() => this.showRates(), RATES_MS);
+  }
+
+  setConnection(state) {
+    this.connection = state;
+    this.show();
+  }
+
+  /// Whether the frame on the screen is of the newest view.
+  get isNewest() {
+    return this.live.isSent && this.picture.header?.input === this.live.input;
+  }
+
+  /// Takes notice of a drawn frame.
+  drawn(header) {
+    if (header.input !== this.times?.input) {
+      const { input, queue_ms: queue, trace_ms: trace, encode_ms: encode } = header;
+      this.times = { input, queue, trace, encode };
+    }
+    this.show();
+  }
+
+  show() {
+    const { header } = this.picture;
+    const isOpen = this.connection === 'open';
+    const said = !isOpen ? { text: CONNECTIONS[this.connection], kind: 'lost' }
+      : header ? describe(header, this.isNewest) : { text: 'waiting for the first picture', kind: 'moving' };
+    if ($('status-text').textContent !== said.text) $('status-text').textContent = said.text;
+    $('status-dot').className = `dot ${said.kind}`;
+  }
+
+  showRates() {
+    this.show();
+    const rates = this.picture.rates();
+    const latency = this.picture.latency;
+    $('status-rates').textContent = `${rates.frames.toFixed(rates.frames < 10 ? 1 : 0)} frames/s · ${milliseconds(latency ?? NaN)}`;
+    const { queue, trace, encode } = this.times ?? {};
+    const split = this.times ? `queue ${milliseconds(queue)}, trace ${milliseconds(trace)}, encode ${milliseconds(encode)}, `
+      + `line and drawing ${milliseconds(Math.max(0, latency - queue - trace - encode))}` : '–';
+    $('status').title = `Latency from input to drawn: ${milliseconds(latency ?? NaN)} (${split})`;
+    if (!$('details').hidden) this.showDetails(rates, split);
+  }
+
+  showDetails(rates, split) {
+    const { header } = this.picture, { scene } = this.live;
+    fillList($('details'), [
+      ['Model', scene && `${scene.name}, ${compact(scene.triangles)} triangles, ${compact(scene.voxels)} voxels`],
+      ['Connection', CONNECTIONS[this.connection]],
+      ['Latency', `${milliseconds(this.picture.latency ?? NaN)}: ${split}`],
+      ['Picture', header && `${header.size.join(' × ')}, step ${header.step}, ${header.samples} of ${header.spp} samples`],
+      ['Traced', header && `${Math.floor(header.traced * 100)} %, waiting for ${header.waiting.toLocaleString('en')} rays`],
+      ['Exposure', header && Number.isFinite(header.exposure) ? `${header.exposure.toFixed(2)} EV` : null],
+      ['Line', `${bytes(rates.bytes)}/s`],
+    ]);
+  }
+}

@@ -1,0 +1,150 @@
+// The view that is shown: anyone changes it, and it is sent at most once an animation frame. Picks go the same way.
+
+import { rounded } from './camera.js';
+import { fromWire, toWire } from './view_state.js';
+
+/// A pick without an answer for this long counts as nothing hit.
+const PICK_MS = 3000;
+
+/// Least time between two views in motion. Screens may have 240 animation frames a second; the server takes 300 messages.
+const LEAST_MS = 6.5;
+
+export class LiveView {
+  /// `onChange()` runs after each change of the view, `onRest()` when a view without motion has been sent.
+  constructor(connection, onChange, onRest) {
+    this.connection = connection;
+    this.onChange = onChange;
+    this.onRest = onRest;
+    this.view = null;
+    this.scene = null;
+    this.input = 0;  // number of the view sent last
+    this.holds = new Map();  // what is moving: name to its timer, or 0
+    this.hasMoved = false;  // whether the camera has moved since the last rest
+    this.sent = '';
+    this.sentAt = -Infinity;
+    this.wasMoving = false;
+    this.changed = null;  // when the oldest unsent change was made
+    this.scheduled = 0;
+    this.picks = new Map();
+    this.pickCount = 0;
+  }
+
+  get camera() { return this.view.camera; }
+  get size() { return this.view.size; }
+  get isMoving() { return this.holds.size > 0; }
+
+  /// Moves the camera. Within a hold the camera is rounded when the hold ends.
+  moveTo(camera) {
+    this.hasMoved = true;
+    this.change({ camera });
+  }
+
+  /// Replaces members of the view; a member that is undefined is removed.
+  change(members) {
+    this.view = { ...this.view, ...members };
+    for (const name of Object.keys(members)) if (members[name] === undefined) delete this.view[name];
+    this.changed ??= performance.now();
+    this.schedule();
+    this.onChange();
+  }
+
+  /// Puts a whole view from outside in place. Returns the number under which it is sent, or null without connection.
+  replace(view) {
+    this.endHolds();
+    this.hasMoved = false;
+    this.view = { ...view, camera: fromWire(view.camera) };
+    this.changed ??= performance.now();
+    this.onChange();
+    return this.flush() ? this.input : null;
+  }
+
+  /// Says that something moves until release(), or for `ms`.
+  hold(name, ms = 0) {
+    clearTimeout(this.holds.get(name));
+    this.holds.set(name, ms ? setTimeout(() => this.release(name), ms) : 0);
+  }
+
+  release(name) {
+    clearTimeout(this.holds.get(name));
+    if (!this.holds.delete(name) || this.isMoving) return;
+    if (this.hasMoved) {
+      this.hasMoved = false;
+      this.change({ camera: rounded(this.camera, this.scene.size) });
+    }
+    this.schedule();
+  }
+
+  endHolds() {
+    for (const timer of this.holds.values()) clearTimeout(timer);
+    this.holds.clear();
+  }
+
+  schedule() {
+    this.scheduled ||= requestAnimationFrame(() => {
+      this.scheduled = 0;
+      if (this.isTooSoon) this.schedule();
+      else this.flush();
+    });
+  }
+
+  get isTooSoon() { return this.isMoving && performance.now() - this.sentAt < LEAST_MS; }
+
+  /// Sends the view that an animation frame has made, in this frame and not the next. Requires: the caller comes again
+  /// in the next frame, or releases its hold. A scheduled flush would send an older view first, and delay this one.
+  flushInFrame() {
+    cancelAnimationFrame(this.scheduled);
+    this.scheduled = 0;
+    if (!this.isTooSoon) this.flush();
+  }
+
+  /// Sends the view if it, or its motion, is news. Returns whether the server has the newest view.
+  flush() {
+    if (!this.view || !this.connection.isOpen) return false;
+    const view = toWire(this.view), text = JSON.stringify(view), moving = this.isMoving;
+    const isNews = text !== this.sent || (this.wasMoving && !moving);
+    const time = this.changed ?? performance.now();
+    this.changed = null;
+    if (!isNews) return true;
+    this.connection.send({ type: 'view', input: ++this.input, time, moving, view });
+    this.sent = text;
+    this.sentAt = performance.now();
+    this.wasMoving = moving;
+    if (!moving) this.onRest();
+    return true;
+  }
+
+  /// Sends the view once more, for frames with what a setting has added.
+  resend() {
+    this.sent = '';
+    this.schedule();
+  }
+
+  /// Whether the server has been sent all that the page shows.
+  get isSent() { return this.changed === null; }
+
+  /// Starts over on a new connection: nothing has been sent, and open picks are lost.
+  reconnected() {
+    this.sent = '';
+    this.wasMoving = false;
+    for (const answer of [...this.picks.values()]) answer(null);
+    this.flush();
+  }
+
+  /// What is seen at a pixel: the server's HIT, or null.
+  pick(x, y) {
+    if (!this.flush()) return Promise.resolve(null);
+    const pick = ++this.pickCount;
+    return new Promise((resolve) => {
+      const timer = setTimeout(() => answer(null), PICK_MS);
+      const answer = (hit) => {
+        clearTimeout(timer);
+        this.picks.delete(pick);
+        resolve(hit);
+      };
+      this.picks.set(pick, answer);
+      this.connection.send({ type: 'pick', pick, x, y });
+    });
+  }
+
+  picked({ pick, hit }) { this.picks.get(pick)?.(hit); }
+}

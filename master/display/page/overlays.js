@@ -1,0 +1,57 @@
+// What stands over the last picture while there is no newer one: plain sentences, and a button where one helps.
+
+const $ = (id) => document.getElementById(id);
+/// A state shorter than this is not worth a flicker.
+const PATIENCE_MS = 400;
+
+const PAGES = {
+  connecting: { title: 'Connecting', text: 'The page asks the master for the model.' },
+  lost: { title: 'The master is gone', text: 'The page keeps looking for it, and shows this view again when it is back.' },
+  denied: { title: 'No access', text: 'The master does not know this browser. Open the address that “quarry view” printed; it holds the token.', button: 'Try again' },
+  refused: { title: 'The server refuses', text: '', button: 'Try again' },
+  outdated: { title: 'Another version', text: '', button: 'Load again' },
+  'no-workers': { title: 'No workers', text: 'The cluster has no worker now. The picture goes on as soon as one joins.' },
+  failed: { title: 'The picture failed', text: '' },
+};
+
+export class Overlays {
+  /// `onButton(state)` runs when the button of a page is pressed.
+  constructor(onButton) {
+    this.connection = { state: 'connecting', text: '' };
+    this.server = { state: 'ok', text: '' };
+    this.timer = 0;
+    $('overlay-button').addEventListener('click', () => onButton(this.shown.state));
+    this.choose();
+  }
+
+  setConnection(state, text) {
+    this.connection = { state, text };
+    if (state !== 'open') this.server = { state: 'ok', text: '' };
+    this.choose();
+  }
+
+  setServer(state, text) {
+    this.server = { state, text };
+    this.choose();
+  }
+
+  choose() {
+    const { state } = this.connection;
+    // A server without workers says so before it can tell of the scene.
+    const isServers = state === 'open' || (state === 'connecting' && this.server.state !== 'ok');
+    this.shown = isServers ? this.server : this.connection;
+    clearTimeout(this.timer);
+    if (this.shown.state === 'connecting') this.timer = setTimeout(() => this.show(), PATIENCE_MS);
+    else this.show();
+  }
+
+  show() {
+    const { state, text } = this.shown, page = PAGES[state];
+    $('overlay').hidden = !page;
+    if (!page) return;
+    $('overlay-title').textContent = state === 'lost' && text ? 'Not admitted' : page.title;
+    $('overlay-text').textContent = text || page.text;
+    $('overlay-button').hidden = !page.button;
+    $('overlay-button').textContent = page.button ?? '';
+  }
+}

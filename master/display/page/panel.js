@@ -1,0 +1,158 @@
+// The panel of settings: each control shows a member of the view or a setting, and changes it.
+
+import { isOrthographic } from './camera.js';
+import { hexToRadiance, radianceToHex } from './colours.js';
+import { copyText, element } from './formats.js';
+import { MODES } from './view_state.js';
+
+const $ = (id) => document.getElementById(id);
+const SAMPLES = [1, 2, 4, 8, 16, 32, 64, 128, 256];
+/// A slider counts as moving this long after its last step.
+const SLIDER_MS = 200;
+/// Controls of settings: id, name, how to read it, how to write its value out.
+const SETTINGS = [
+  { id: 'frame-rate', name: 'frame_rate', text: (x) => String(x) },
+  { id: 'quality', name: 'quality', text: (x) => String(x) },
+  { id: 'step', name: 'step' },
+  { id: 'resolution', name: 'resolution' },
+  { id: 'wait', name: 'wait' },
+  { id: 'show-owners', name: 'owners' },
+];
+
+export class Panel {
+  /// `app` has live, settings, navigation, flight, picture, link, tell(SENTENCE) and showView(NAME).
+  constructor(app) {
+    Object.assign(this, app);
+    this.bindCamera();
+    this.bindPicture();
+    this.bindSettings();
+    this.bindSharing();
+  }
+
+  get isOpen() { return !$('panel').hidden; }
+
+  setOpen(isOpen) {
+    $('panel').hidden = !isOpen;
+    this.refresh();
+  }
+
+  /// Changes the view by a slider.
+  slide(members) {
+    this.live.hold('slider', SLIDER_MS);
+    this.live.change(members);
+  }
+
+  bindCamera() {
+    $('views').addEventListener('click', ({ target }) => target.dataset.view && this.showView(target.dataset.view));
+    $('cameras').addEventListener('change', ({ target }) => {
+      const chosen = this.live.scene.cameras[Number(target.value)];
+      if (chosen) this.showCamera(chosen.camera);
+      target.value = '';
+    });
+    $('projection').addEventListener('change', () => this.navigation.toggleProjection());
+    $('fov').addEventListener('input', ({ target }) => this.slide({ camera: { ...this.live.camera, fov: Number(target.value) } }));
+    $('speed').addEventListener('input', ({ target }) => this.flight.faster(2 ** Number(target.value) / this.flight.factor));
+  }
+
+  bindPicture() {
+    $('mode').addEventListener('change', ({ target }) => this.live.change({ mode: target.value }));
+    $('spp').addEventListener('change', ({ target }) => this.live.change({ spp: Number(target.value) }));
+    $('exposure-automatic').addEventListener('change', ({ target }) => {
+      this.live.change({ exposure: target.checked ? undefined : Number(this.shownExposure().toFixed(2)) });
+    });
+    $('exposure').addEventListener('input', ({ target }) => this.slide({ exposure: Number(target.value) }));
+    $('background').addEventListener('input', ({ target }) => {
+      this.slide({ background: hexToRadiance(target.value, this.shownExposure()) });
+    });
+  }
+
+  bindSettings() {
+    for (const { id, name } of SETTINGS) {
+      const control = $(id);
+      control.addEventListener(control.type === 'range' ? 'input' : 'change', () => {
+        this.settings.set(name, control.type === 'checkbox' ? control.checked : Number(control.value));
+      });
+    }
+  }
+
+  bindSharing() {
+    $('copy-link').addEventListener('click', async () => {
+      this.tell(await copyText(this.link.address()) ? 'The link is copied.' : 'The browser did not let the page copy.');
+    });
+    $('save-picture').addEventListener('click', () => this.save());
+    $('full-screen').addEventListener('click', () => {
+      if (document.fullscreenElement) document.exitFullscreen();
+      else document.documentElement.requestFullscreen?.().catch(() => this.tell('The browser did not let the page fill the screen.'));
+    });
+    $('full-screen').hidden = !document.fullscreenEnabled;
+  }
+
+  /// Hands the bytes of the exact picture to the browser's downloads.
+  save() {
+    const png = this.picture.exactPng;
+    if (!png) return;
+    const address = URL.createObjectURL(new Blob([png], { type: 'image/png' }));
+    element('a', { href: address, download: `${this.live.scene.name || 'quarry'}.png` }).click();
+    setTimeout(() => URL.revokeObjectURL(address), 10000);
+  }
+
+  /// The exposure of the picture on the screen, EV.
+  shownExposure() {
+    return this.live.view?.exposure ?? this.picture.header?.exposure ?? 0;
+  }
+
+  /// Fills in what a new scene has.
+  setScene(scene) {
+    for (const button of $('views').children) button.disabled = !scene.views?.[button.dataset.view];
+    const own = scene.cameras ?? [];
+    $('cameras-row').hidden = own.length === 0;
+    $('cameras').replaceChildren(element('option', { value: '' }, 'Choose…'),
+      ...own.map(({ name }, i) => element('option', { value: String(i) }, name || `Camera ${i + 1}`)));
+  }
+
+  /// Makes the controls say what the view and the settings say.
+  refresh() {
+    const { view } = this.live;
+    if (!view || !this.isOpen) return;
+    const isFlat = isOrthographic(view.camera);
+    $('projection').value = isFlat ? 'orthographic' : 'perspective';
+    this.showSlider('fov', view.camera.fov, `${Math.round(view.camera.fov)}°`);
+    $('fov').disabled = isFlat;
+    $('speed-row').hidden = !this.flight.isOn;
+    this.showSlider('speed', Math.log2(this.flight.factor), `× ${Number(this.flight.factor.toPrecision(2))}`);
+    if (MODES.includes(view.mode)) $('mode').value = view.mode;
+    this.refreshSamples(view.spp);
+    this.refreshPicture();
+    for (const { id, name, text } of SETTINGS) {
+      const control = $(id), value = this.settings.values[name];
+      if (control.type === 'checkbox') control.checked = value;
+      else if (text) this.showSlider(id, value, text(value));
+      else control.value = String(value);
+    }
+  }
+
+  refreshSamples(spp) {
+    const counts = [...new Set([...SAMPLES, spp])].filter(Number.isFinite).sort((a, b) => a - b);
+    if ($('spp').children.length !== counts.length) {
+      $('spp').replaceChildren(...counts.map((n) => element('option', { value: String(n) }, String(n))));
+    }
+    $('spp').value = String(spp);
+  }
+
+  /// What depends on the picture on the screen too.
+  refreshPicture() {
+    const { view } = this.live;
+    if (!view || !this.isOpen) return;
+    const exposure = this.shownExposure(), isAutomatic = view.exposure === undefined;
+    $('exposure-automatic').checked = isAutomatic;
+    $('exposure').disabled = isAutomatic;
+    this.showSlider('exposure', exposure, `${exposure > 0 ? '+' : ''}${exposure.toFixed(1)} EV`);
+    if (view.background && document.activeElement !== $('background')) $('background').value = radianceToHex(view.background, exposure);
+    $('save-picture').disabled = !this.picture.exactPng;
+  }
+
+  showSlider(id, value, text) {
+    if (Number($(id).value) !== value) $(id).value = String(value);
+    $(`${id}-value`).textContent = text;
+  }
+}

@@ -1,0 +1,44 @@
+// The size of the view in pixels: that of the stage in device pixels, by the resolution chosen and the server's limits.
+
+import { limitedSize } from './view_state.js';
+
+/// A window that is being dragged to another size asks for a picture when it has been still this long.
+const STILL_MS = 100;
+
+export class StageSize {
+  /// `onChange(size)` runs when another size is due.
+  constructor(stage, onChange) {
+    this.stage = stage;
+    this.onChange = onChange;
+    this.share = 1;
+    this.limits = null;
+    this.device = null;
+    this.timer = 0;
+    const observer = new ResizeObserver(([entry]) => {
+      const box = entry.devicePixelContentBoxSize?.[0];
+      this.device = box ? [box.inlineSize, box.blockSize] : null;
+      clearTimeout(this.timer);
+      this.timer = setTimeout(() => this.tell(), STILL_MS);
+    });
+    try {
+      observer.observe(stage, { box: 'device-pixel-content-box' });
+    } catch {
+      observer.observe(stage);
+    }
+  }
+
+  /// The size now due. Requires: limits are known.
+  size() {
+    const css = [this.stage.clientWidth, this.stage.clientHeight];
+    return limitedSize(this.device ?? css.map((x) => x * devicePixelRatio), this.share, this.limits);
+  }
+
+  setShare(share) {
+    this.share = share;
+    this.tell();
+  }
+
+  tell() {
+    if (this.limits && this.stage.clientWidth && this.stage.clientHeight) this.onChange(this.size());
+  }
+}

@@ -1,0 +1,88 @@
+// Views as data: what is sent, and how a view stands in the URL's fragment. No DOM.
+//
+// In the page a view's camera has `fov` always, and `ortho` beside it while it is orthographic. On the wire it has one.
+// A fragment names what differs from the default: #eye=1,2,3&at=0,0,0&up=0,0,1&fov=60&ortho=4&mode=voxels&spp=16&ev=-1&bg=0,0,0
+
+import { cross, distance, length, subtract } from './vectors.js';
+
+export const MODES = ['ao', 'raycast', 'shadow', 'whitted', 'voxels'];
+const DEFAULT_FOV = 45;
+const MOST_FOV = 179, MOST_SPP = 65536, MOST_EV = 100;
+
+/// What the page itself shows and sends of the server's default view. Lights and the like stay the server's: a member
+/// that is missing has its value there, and a scene's lights could be longer than a message.
+export function ownMembers({ mode, spp, exposure, background }) {
+  return Object.fromEntries(Object.entries({ mode, spp, exposure, background }).filter(([, value]) => value !== undefined));
+}
+
+/// The page's form of a camera from the wire.
+export function fromWire(camera) {
+  return { up: [0, 0, 1], ...camera, fov: camera.fov ?? DEFAULT_FOV };
+}
+
+/// The view as the server takes it.
+export function toWire(view) {
+  const { fov, ortho, ...place } = view.camera;
+  return { ...view, camera: ortho > 0 ? { ...place, ortho } : { ...place, fov } };
+}
+
+/// Whether a camera sees something.
+export function isSane(camera) {
+  const isPoint = (p) => Array.isArray(p) && p.length === 3 && p.every(Number.isFinite);
+  if (![camera.eye, camera.at, camera.up].every(isPoint) || !(distance(camera.eye, camera.at) > 0)) return false;
+  if (!(camera.fov > 0 && camera.fov <= MOST_FOV) || (camera.ortho !== undefined && !(camera.ortho > 0))) return false;
+  return length(cross(subtract(camera.at, camera.eye), camera.up)) > 0;
+}
+
+function numbers(text, count, least = -Infinity) {
+  const list = (text ?? '').split(',').map((part) => (part.trim() === '' ? NaN : Number(part)));
+  return list.length === count && list.every((x) => Number.isFinite(x) && x >= least) ? list : null;
+}
+
+/// Reads a fragment onto the default view. What a fragment has wrong is left at the default.
+export function fromFragment(fragment, defaults) {
+  const given = new URLSearchParams(fragment.replace(/^#/, ''));
+  const view = { ...defaults };
+  const camera = { ...defaults.camera };
+  for (const name of ['eye', 'at', 'up']) camera[name] = numbers(given.get(name), 3) ?? camera[name];
+  camera.fov = numbers(given.get('fov'), 1)?.[0] ?? camera.fov;
+  const ortho = numbers(given.get('ortho'), 1)?.[0];
+  if (ortho === 0) delete camera.ortho;
+  else if (ortho) camera.ortho = ortho;
+  if (isSane(camera)) view.camera = camera;
+  if (MODES.includes(given.get('mode'))) view.mode = given.get('mode');
+  const spp = numbers(given.get('spp'), 1, 1)?.[0];
+  if (Number.isInteger(spp) && spp <= MOST_SPP) view.spp = spp;
+  const exposure = numbers(given.get('ev'), 1)?.[0];
+  if (given.get('ev') === 'auto') delete view.exposure;
+  else if (exposure !== undefined && Math.abs(exposure) <= MOST_EV) view.exposure = exposure;
+  view.background = numbers(given.get('bg'), 3, 0) ?? view.background;
+  return view;
+}
+
+/// The fragment of a view, with "#"; empty for the default view.
+export function toFragment(view, defaults) {
+  const parts = [];
+  const put = (name, value, standard) => {
+    if (String(value) !== String(standard)) parts.push(`${name}=${encodeURIComponent(value).replaceAll('%2C', ',')}`);
+  };
+  const { camera } = view, home = defaults.camera;
+  // A place is one thing: a link holds all of it, so that another default cannot change a part.
+  if (['eye', 'at', 'up'].some((name) => String(camera[name]) !== String(home[name]))) {
+    for (const name of ['eye', 'at', 'up']) put(name, camera[name], '');
+  }
+  put('fov', camera.fov, home.fov);
+  put('ortho', camera.ortho ?? 0, home.ortho ?? 0);
+  put('mode', view.mode, defaults.mode);
+  put('spp', view.spp, defaults.spp);
+  put('ev', view.exposure ?? 'auto', defaults.exposure ?? 'auto');
+  put('bg', view.background ?? '', defaults.background ?? '');
+  return parts.length ? '#' + parts.join('&') : '';
+}
+
+/// The size of a view in pixels: `wanted` times `share`, kept within the server's limits.
+export function limitedSize(wanted, share, limits) {
+  const [width, height] = wanted.map((x) => Math.max(1, x * share));
+  const fit = Math.min(1, limits.most_side / Math.max(width, height), Math.sqrt(limits.most_pixels / (width * height)));
+  return [width, height].map((x) => Math.max(1, fit === 1 ? Math.round(x) : Math.floor(x * fit)));
+}
