@@ -157,12 +157,16 @@ HttpResponse Display::MayUpgrade(const HttpRequest& request) const {
   if (!access_.HostPermitted(request) || !access_.OriginPermitted(request))
     return Refused(403, "this page is not the live view's; --viewer-url permits it");
   if (!access_.HasSession(request)) return Refused(403, "the session's cookie is missing");
-  if (viewers_.size() >= kMostViewers)
-    return Refused(503, fmt::format("there are {} viewers, as many as may be", kMostViewers));
   return {.status = 101};
 }
 
 void Display::OnSocket(std::shared_ptr<WebSocket> socket) {
+  if (viewers_.size() >= kMostViewers) {  // by a text, since a page cannot read a refusal of a WebSocket
+    socket->SendText(ordered_json{{"type", "error"},
+                                  {"message", fmt::format("There are {} viewers, as many as may be.", kMostViewers)}}
+                         .dump());
+    return socket->Close();
+  }
   const uint32_t id = next_viewer_++;
   log_(fmt::format("viewer {} has come from {}", id, socket->peer()));
   const auto viewer =

@@ -255,7 +255,8 @@ Result<std::optional<LiveTile>> LiveDispatcher::Finish(uint32_t worker, const Ti
   frame.tiles.erase(tile);
   Viewer& viewer = viewers_.at(frame.viewer);
   SetOwner(viewer, frame, area, worker);
-  // The worker's word for its time is believed within bounds.
+  if (points < kLeastSide * kLeastSide) return std::optional(LiveTile{done.frame, area, worker, done.rays});
+  // The worker's word for its time is believed within bounds. Of a few points it tells nothing.
   const double point_s = static_cast<double>(done.compute_us) * 1e-6 /
                          (static_cast<double>(points) * area.samples_of(frame.view.spp));
   viewer.point_s += kNewCost * (std::clamp(point_s, 1e-8, 1e-3) - viewer.point_s);

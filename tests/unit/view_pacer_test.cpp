@@ -43,7 +43,9 @@ struct Viewer {
   void PassFor(double seconds) {
     for (const double end_s = now_s + seconds; now_s < end_s;) Pass();
   }
-  bool exact() const { return !frames.empty() && !frames.back().exact.empty(); }
+  bool exact() const {
+    return !frames.empty() && !frames.back().exact.empty() && frames.back().wanted.input == inputs;
+  }
   void UntilExact() {
     for (int i = 0; i < 20000 && !exact(); ++i) Pass();
     REQUIRE(exact());
@@ -93,7 +95,7 @@ TEST_CASE("Each pixel of a lattice is the picture's sample 0", "[live]") {
         compared += rows.codes[i] == PackShared({color[0], color[1], color[2]});
         REQUIRE(rows.codes[i] == PackShared({color[0], color[1], color[2]}));
       }
-  CHECK(compared >= 200 * 150);
+  CHECK(compared > 200 * 150 / 2);
 }
 
 TEST_CASE("The newest view wins, and each view that begins is shown", "[live]") {

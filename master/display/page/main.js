@@ -40,7 +40,7 @@ const panel = new Panel({ live, settings, navigation, flight, picture, link, tel
 const stageSize = new StageSize($('stage'), (size) => {
   if (live.view && String(size) !== String(live.size)) live.change({ size });
 });
-let limits = null;
+let limits = null, defaults = {};
 
 function connectionState(state, text) {
   if (state === 'lost') picture.forget();
@@ -53,6 +53,7 @@ function welcome(message) {
   const { scene } = message, isSame = live.scene?.scene_id === scene.scene_id;
   const isFirst = !live.scene;
   stageSize.limits = limits = message.limits;
+  defaults = message.view;
   stageSize.share = settings.values.resolution;
   live.scene = scene;
   const size = stageSize.size(), camera = fromWire(message.view.camera);
@@ -185,7 +186,8 @@ window.quarry = {
   setView(view) {
     return replaceView({ ...link.home, size: live.size, ...view, camera: fromWire(view.camera ?? link.home.camera) });
   },
-  view: () => (live.view ? toWire(live.view) : null),
+  /// The whole view, as `quarry render --view` reads it.
+  view: () => (live.view ? { ...defaults, ...toWire(live.view) } : null),
 };
 
 connection.open();
