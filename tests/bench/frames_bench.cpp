@@ -1,0 +1,66 @@
+// How long the display takes to encode a frame for a viewer: a picture of which every pixel is traced, one of each second and fourth,
+// and an exact one. Usage: quarry bench frames [WIDTH HEIGHT]. Prints medians of 50, on one thread.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <vector>
+
+#include "common/math/shared_exponent.h"
+#include "master/display/frame_encoder.h"
+
+namespace quarry {
+namespace {
+
+/// Something like a plant: edges, gradients and a background.
+uint32_t CodeAt(uint32_t x, uint32_t y) {
+  const auto wave = [](double v) { return static_cast<float>(0.5 + 0.5 * std::sin(v)); };
+  if (y < 100 + x / 8) return PackShared({0.55f, 0.65f, 0.8f});
+  const float edge = (x / 16 + y / 24) % 3 == 0 ? 0.3f : 1.0f;
+  return PackShared({edge * wave(0.02 * x), edge * wave(0.03 * y), edge * wave(0.01 * (x + y))});
+}
+
+DueFrame FrameOf(uint32_t width, uint32_t height, uint32_t step) {
+  DueFrame frame;
+  frame.wanted.view.width = width;
+  frame.wanted.view.height = height;
+  frame.wanted.view.crop = {0, 0, width, height};
+  frame.in_motion = true;
+  if (step == 0) {
+    frame.exact.resize(size_t{3} * width * height, 0x3F000000);
+    return frame;
+  }
+  PictureRows rows{0, width, {}};
+  for (uint32_t y = 0; y < height; ++y)
+    for (uint32_t x = 0; x < width; ++x)
+      rows.codes.push_back(x % step == 0 && y % step == 0 ? CodeAt(x, y) : kUntraced);
+  frame.rows.push_back(std::move(rows));
+  return frame;
+}
+
+int Main(int argc, char** argv) {
+  const auto width = static_cast<uint32_t>(argc > 1 ? std::atoi(argv[1]) : 640);
+  const auto height = static_cast<uint32_t>(argc > 2 ? std::atoi(argv[2]) : 480);
+  FrameEncoder encoder;
+  for (const uint32_t step : {1u, 2u, 4u, 0u}) {
+    const DueFrame frame = FrameOf(width, height, step);
+    std::vector<double> times;
+    size_t bytes = 0;
+    for (int i = 0; i < 50; ++i) {
+      const auto encoded = encoder.Encode(frame, {}, 80);
+      if (!encoded) return fmt::print(stderr, "{}\n", encoded.error().message), 1;
+      times.push_back(encoded->encode_s * 1e3);
+      bytes = encoded->stripes[0].image.size();
+    }
+    std::ranges::nth_element(times, times.begin() + 25);
+    fmt::print("{}x{} {}: {:.2f} ms, {:.1f} KB\n", width, height, step == 0 ? "exact" : fmt::format("step {}", step),
+               times[25], static_cast<double>(bytes) / 1e3);
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace quarry
+
+int main(int argc, char** argv) { return quarry::Main(argc, argv); }
