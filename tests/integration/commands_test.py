@@ -228,7 +228,7 @@ class Options(Case):
 
     def test_the_manual_names_every_option_and_variable(self):
         manual = (pathlib.Path(__file__).parents[2] / "deploy/MANUAL.md").read_text()
-        for command in (["quarry", "render"], ["quarry-preprocess"], ["quarry-master"], ["quarry-worker"]):
+        for command in (["quarry", "render"], ["quarry", "view"], ["quarry-preprocess"], ["quarry-master"], ["quarry-worker"]):
             section = manual.split(f"\n## `{' '.join(command)}`")[1].split("\n## ")[0]
             text = self.must(*command, "--help").stdout
             options = set(re.findall(r"^  (?:-\w,)?(--[\w-]+)", text, re.M)) - {"--help", "--version"}
