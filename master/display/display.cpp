@@ -162,8 +162,8 @@ HttpResponse Display::MayUpgrade(const HttpRequest& request) const {
 
 void Display::OnSocket(std::shared_ptr<WebSocket> socket) {
   if (viewers_.size() >= kMostViewers) {  // by a text, since a page cannot read a refusal of a WebSocket
-    socket->SendText(ordered_json{{"type", "error"},
-                                  {"message", fmt::format("There are {} viewers, as many as may be.", kMostViewers)}}
+    socket->SendText(ordered_json{
+        {"type", "error"}, {"message", fmt::format("There are {} viewers, as many as may be.", kMostViewers)}}
                          .dump());
     return socket->Close();
   }

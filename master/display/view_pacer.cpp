@@ -51,6 +51,14 @@ void ViewPacer::Want(WantedView wanted, double now_s) {
   if (stage_ == Stage::kExact) stage_ = Stage::kSamples;  // whose exposure may be missing
 }
 
+void ViewPacer::Set(const ViewSettings& settings) {
+  const bool tells_more = settings.owners && !settings_.owners;
+  settings_ = settings;
+  if (!tells_more || !frame_) return;
+  picture_.Renew();
+  exact_sent_ = false;
+}
+
 void ViewPacer::Acknowledged() {
   if (under_way_ > 0) --under_way_;
 }

@@ -73,7 +73,7 @@ class ViewPacer {
   ViewPacer& operator=(const ViewPacer&) = delete;
 
   void Want(WantedView wanted, double now_s);
-  void Set(const ViewSettings& settings) { settings_ = settings; }
+  void Set(const ViewSettings& settings);
   /// A frame of this viewer's has been drawn.
   void Acknowledged();
   /// A finished tile of one of this viewer's frames. False: it is of another's.

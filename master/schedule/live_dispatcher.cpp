@@ -234,6 +234,8 @@ void LiveDispatcher::Assign(double now_s) {
     GiveInTurns([&](uint32_t id) { return GiveOwn(id, urgency, now_s); });
     GiveInTurns([&](uint32_t id) { return GiveAny(id, urgency, now_s); });
   }
+  if (now_s < looks_for_late_s_) return;
+  looks_for_late_s_ = now_s + kLateS / 4;
   GiveInTurns([&](uint32_t id) { return GiveLate(id, now_s); });
 }
 

@@ -118,6 +118,7 @@ class LiveDispatcher {
   Sink& sink_;
   FrameId next_frame_;
   uint64_t next_lease_ = 1;
+  double looks_for_late_s_ = 0;  ///< when late tiles are looked for again
   std::map<uint32_t, Worker> workers_;
   std::map<uint32_t, Viewer> viewers_;
   std::map<FrameId, Frame> frames_;

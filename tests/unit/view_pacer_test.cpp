@@ -160,6 +160,21 @@ TEST_CASE("Another exposure needs no ray", "[live]") {
   CHECK(viewer.cluster.orders.empty());
 }
 
+TEST_CASE("Who asks for owners gets them at rest, too", "[live]") {
+  Viewer viewer;
+  viewer.Want(0);
+  viewer.UntilExact();
+  CHECK(viewer.frames.back().owners.empty());
+  viewer.frames.clear();
+  viewer.pacer.Set({.owners = true});
+  viewer.PassFor(0.2);
+  REQUIRE(viewer.exact());
+  uint64_t pixels = 0;
+  for (const TracedBy& part : viewer.frames.back().owners)
+    pixels += uint64_t{part.pixels.width} * part.pixels.height;
+  CHECK(pixels == 200 * 150);
+}
+
 TEST_CASE("Without workers that answer, nothing is shown and nothing is lost", "[live]") {
   Viewer viewer;
   viewer.works = false;
