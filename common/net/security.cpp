@@ -127,17 +127,7 @@ Status CheckReadable(const std::string& path, bool key) {
 }
 
 Status UseCertificates(SSL_CTX* context, const SecurityOptions& o, bool server) {
-  if (!o.tls_cert.empty()) {
-    QUARRY_TRY(CheckReadable(o.tls_cert, false));
-    QUARRY_TRY(CheckReadable(o.tls_key, true));
-    // The callback fails, so that OpenSSL never asks for a key's password at the terminal.
-    SSL_CTX_set_default_passwd_cb(context, [](char*, int, int, void*) { return -1; });
-    if (SSL_CTX_use_certificate_chain_file(context, o.tls_cert.c_str()) != 1)
-      return BadUsage(fmt::format("{}: not a certificate in PEM form: {}", o.tls_cert, LastError()));
-    if (SSL_CTX_use_PrivateKey_file(context, o.tls_key.c_str(), SSL_FILETYPE_PEM) != 1)
-      return BadUsage(fmt::format("{}: not a private key in PEM form without a password, or not {}'s: {}",
-                                  o.tls_key, o.tls_cert, LastError()));
-  }
+  if (!o.tls_cert.empty()) QUARRY_TRY(UseCertificate(context, o.tls_cert, o.tls_key));
   QUARRY_TRY(CheckReadable(o.tls_ca, false));
   if (SSL_CTX_load_verify_file(context, o.tls_ca.c_str()) != 1)
     return BadUsage(fmt::format("{}: no certificates in PEM form: {}", o.tls_ca, LastError()));
@@ -201,6 +191,19 @@ SecurityOptions WithEnvironment(SecurityOptions options) {
     if (value && (options.*name.field).empty()) options.*name.field = value;
   }
   return options;
+}
+
+Status UseCertificate(SSL_CTX* context, const std::string& certificate, const std::string& key) {
+  QUARRY_TRY(CheckReadable(certificate, false));
+  QUARRY_TRY(CheckReadable(key, true));
+  // The callback fails, so that OpenSSL never asks for a key's password at the terminal.
+  SSL_CTX_set_default_passwd_cb(context, [](char*, int, int, void*) { return -1; });
+  if (SSL_CTX_use_certificate_chain_file(context, certificate.c_str()) != 1)
+    return BadUsage(fmt::format("{}: not a certificate in PEM form: {}", certificate, LastError()));
+  if (SSL_CTX_use_PrivateKey_file(context, key.c_str(), SSL_FILETYPE_PEM) != 1)
+    return BadUsage(fmt::format("{}: not a private key in PEM form without a password, or not {}'s: {}", key,
+                                certificate, LastError()));
+  return {};
 }
 
 Result<Bytes> ReadSecret(const std::string& path) {

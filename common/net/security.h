@@ -79,6 +79,12 @@ class Security {
   bool server_ = false;
 };
 
+/// Makes a TLS context show the certificates in a PEM file, the program's own first, with the private key in
+/// another.
+/// Errors (usage): a file that cannot be read or has the wrong content; a key that other users may access,
+/// has a password or belongs to another certificate.
+Status UseCertificate(ssl_ctx_st* context, const std::string& certificate, const std::string& key);
+
 /// Reads a secret file; the newline at its end is not part of the secret.
 /// Errors (usage): cannot be read; other users may read it; shorter than 16 bytes or longer than 64 KiB.
 Result<Bytes> ReadSecret(const std::string& path);
