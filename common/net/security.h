@@ -81,8 +81,8 @@ class Security {
 
 /// Makes a TLS context show the certificates in a PEM file, the program's own first, with the private key in
 /// another.
-/// Errors (usage): a file that cannot be read or has the wrong content; a key that other users may access, has
-/// a password or belongs to another certificate.
+/// Errors (usage): a file that cannot be read or has the wrong content; a key that other users may access,
+/// has a password or belongs to another certificate.
 Status UseCertificate(ssl_ctx_st* context, const std::string& certificate, const std::string& key);
 
 /// Reads a secret file; the newline at its end is not part of the secret.
