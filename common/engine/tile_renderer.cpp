@@ -5,33 +5,11 @@
 #include <utility>
 
 #include "common/base/check.h"
+#include "common/engine/lanes.h"
 #include "common/kdtree/kernels.h"
 #include "common/kdtree/locate.h"
 
 namespace quarry {
-namespace {
-
-/// Calls body(i) for each lane i in `lanes`.
-template <class Body>
-void ForEachLane(uint64_t lanes, Body&& body) {
-  for (; lanes != 0; lanes &= lanes - 1) body(static_cast<uint32_t>(std::countr_zero(lanes)));
-}
-
-/// The lanes i with values[i] == value.
-uint64_t LanesWith(uint32_t value, const uint32_t (&values)[RayPacket::kRays]) {
-  uint64_t lanes = 0;
-  for (uint32_t i = 0; i < RayPacket::kRays; ++i) lanes |= uint64_t{values[i] == value} << i;
-  return lanes;
-}
-
-/// The lanes without light.
-uint64_t DarkLanes(const Vectors& light) {
-  uint64_t lanes = 0;
-  for (int i = 0; i < SamplePacket::kLanes; ++i) lanes |= uint64_t{Largest(light[i]) <= 0} << i;
-  return lanes;
-}
-
-}  // namespace
 
 void TileRenderer::Open(std::shared_ptr<const ViewContext> view, const Tile& tile) {
   view_ = std::move(view);
