@@ -15,21 +15,11 @@
 namespace quarry {
 namespace {
 
-/// A level of the pyramid from which pixels without a colour are filled: sums of colours, and their number.
-struct Level {
-  Level(uint32_t w, uint32_t h) : width(w), height(h), pixels(size_t{w} * h) {}
-  struct Pixel {
-    uint16_t r = 0, g = 0, b = 0, known = 0;
-  };
-  uint32_t width, height;
-  std::vector<Pixel> pixels;
-  Pixel& at(uint32_t x, uint32_t y) { return pixels[size_t{y} * width + x]; }
-  const Pixel& at(uint32_t x, uint32_t y) const { return pixels[size_t{y} * width + x]; }
-};
+using Level = RgbMaker::Level;
 
-/// The level of half the size: means of the known pixels of each square.
-Level Half(const Level& fine) {
-  Level half((fine.width + 1) / 2, (fine.height + 1) / 2);
+/// Makes the level of half the size: means of the known pixels of each square.
+void Halve(const Level& fine, Level& half) {
+  half.Open((fine.width + 1) / 2, (fine.height + 1) / 2);
   for (uint32_t y = 0; y < half.height; ++y)
     for (uint32_t x = 0; x < half.width; ++x) {
       uint32_t r = 0, g = 0, b = 0, known = 0;
@@ -46,7 +36,6 @@ Level Half(const Level& fine) {
         half.at(x, y) = {static_cast<uint16_t>(r / known), static_cast<uint16_t>(g / known),
                          static_cast<uint16_t>(b / known), 1};
     }
-  return half;
 }
 
 /// Fills the unknown pixels of a level from a complete one of half the size, bilinearly.
@@ -70,16 +59,18 @@ void FillFrom(const Level& half, Level& fine) {
     }
 }
 
-/// Source: push-pull of Gortler et al. 1996, section 3.4, with weights of 0 and 1.
-void FillHoles(Level& level, const Level::Pixel& background) {
-  if (level.width == 1 && level.height == 1) {
-    if (!level.pixels[0].known) level.pixels[0] = background;
+/// Fills the unknown pixels of levels[at]. Source: push-pull of Gortler et al. 1996, section 3.4, with
+/// weights of 0 and 1.
+void FillHoles(std::vector<Level>& levels, size_t at, const Level::Pixel& background) {
+  if (levels[at].pixels.size() == 1) {
+    if (!levels[at].pixels[0].known) levels[at].pixels[0] = background;
     return;
   }
-  if (std::ranges::all_of(level.pixels, [](const auto& p) { return p.known != 0; })) return;
-  Level half = Half(level);
-  FillHoles(half, background);
-  FillFrom(half, level);
+  if (std::ranges::all_of(levels[at].pixels, [](const auto& p) { return p.known != 0; })) return;
+  if (levels.size() == at + 1) levels.emplace_back();
+  Halve(levels[at], levels[at + 1]);
+  FillHoles(levels, at + 1, background);
+  FillFrom(levels[at + 1], levels[at]);
 }
 
 }  // namespace
@@ -93,31 +84,28 @@ ToneTable::ToneTable(double ev) : ev_(ev) {
     }
 }
 
-std::vector<uint8_t> ToRgb(const PictureRows& rows, const ToneTable& tone, uint32_t background) {
-  const bool whole = std::ranges::all_of(rows.codes, [](uint32_t code) { return code < kUntraced; });
-  std::vector<uint8_t> rgb(3 * rows.codes.size());
-  if (whole) {
-    for (size_t i = 0; i < rows.codes.size(); ++i) {
-      const auto color = tone(rows.codes[i]);
-      std::ranges::copy(color, rgb.begin() + static_cast<std::ptrdiff_t>(3 * i));
-    }
-    return rgb;
+void RgbMaker::Make(const PictureRows& rows, const ToneTable& tone, uint32_t background) {
+  const auto& codes = rows.codes;
+  rgb_.resize(3 * codes.size());
+  if (std::ranges::all_of(codes, [](uint32_t code) { return code < kUntraced; })) {
+    for (size_t i = 0; i < codes.size(); ++i) std::ranges::copy(tone(codes[i]), &rgb_[3 * i]);
+    return;
   }
   const auto pixel = [&](uint32_t code) {
     const auto color = tone(code);
     return Level::Pixel{color[0], color[1], color[2], 1};
   };
-  Level level(rows.width, rows.height());
-  for (size_t i = 0; i < rows.codes.size(); ++i)
-    if (rows.codes[i] < kUntraced) level.pixels[i] = pixel(rows.codes[i]);
-  FillHoles(level, pixel(background));
-  for (size_t i = 0; i < rows.codes.size(); ++i) {
-    const Level::Pixel& p = level.pixels[i];
-    rgb[3 * i] = static_cast<uint8_t>(p.r);
-    rgb[3 * i + 1] = static_cast<uint8_t>(p.g);
-    rgb[3 * i + 2] = static_cast<uint8_t>(p.b);
+  if (levels_.empty()) levels_.emplace_back();
+  levels_[0].Open(rows.width, rows.height());
+  for (size_t i = 0; i < codes.size(); ++i)
+    if (codes[i] < kUntraced) levels_[0].pixels[i] = pixel(codes[i]);
+  FillHoles(levels_, 0, pixel(background));
+  for (size_t i = 0; i < codes.size(); ++i) {
+    const Level::Pixel& p = levels_[0].pixels[i];
+    rgb_[3 * i] = static_cast<uint8_t>(p.r);
+    rgb_[3 * i + 1] = static_cast<uint8_t>(p.g);
+    rgb_[3 * i + 2] = static_cast<uint8_t>(p.b);
   }
-  return rgb;
 }
 
 FrameEncoder::FrameEncoder() : compressor_(tjInitCompress()) {}
@@ -126,19 +114,17 @@ FrameEncoder::~FrameEncoder() {
   if (compressor_) tjDestroy(compressor_);
 }
 
-Result<Bytes> FrameEncoder::Jpeg(const std::vector<uint8_t>& rgb, uint32_t width, uint32_t height,
-                                 int quality, bool fine) {
+Result<Bytes> FrameEncoder::Jpeg(uint32_t width, uint32_t height, int quality, bool fine) {
   if (!compressor_) return Fail("cannot encode the image: libjpeg-turbo does not start");
   const int w = static_cast<int>(width), h = static_cast<int>(height),
             sampling = fine ? TJSAMP_444 : TJSAMP_420;
-  Bytes out(tjBufSize(w, h, sampling));
-  auto* to = reinterpret_cast<unsigned char*>(out.data());
-  unsigned long size = out.size();
-  if (tjCompress2(compressor_, rgb.data(), w, 0, h, TJPF_RGB, &to, &size, sampling, quality,
+  jpeg_.resize(std::max<size_t>(jpeg_.size(), tjBufSize(w, h, sampling)));
+  auto* to = reinterpret_cast<unsigned char*>(jpeg_.data());
+  unsigned long size = jpeg_.size();
+  if (tjCompress2(compressor_, maker_.rgb().data(), w, 0, h, TJPF_RGB, &to, &size, sampling, quality,
                   TJFLAG_NOREALLOC | TJFLAG_FASTDCT) != 0)
     return Fail(fmt::format("cannot encode the image as JPEG: {}", tjGetErrorStr2(compressor_)));
-  out.resize(size);
-  return out;
+  return Bytes(jpeg_.begin(), jpeg_.begin() + static_cast<std::ptrdiff_t>(size));
 }
 
 Result<EncodedFrame> FrameEncoder::Encode(const DueFrame& frame, const SceneFacts& scene, int quality) {
@@ -151,8 +137,8 @@ Result<EncodedFrame> FrameEncoder::Encode(const DueFrame& frame, const SceneFact
   } else {
     if (!tone_ || tone_->ev() != frame.exposure) tone_.emplace(frame.exposure);
     for (const PictureRows& rows : frame.rows) {
-      const auto rgb = ToRgb(rows, *tone_, PackShared(view.background));
-      QUARRY_ASSIGN(Bytes jpeg, Jpeg(rgb, rows.width, rows.height(), quality, !frame.in_motion));
+      maker_.Make(rows, *tone_, PackShared(view.background));
+      QUARRY_ASSIGN(Bytes jpeg, Jpeg(rows.width, rows.height(), quality, !frame.in_motion));
       encoded.stripes.push_back({rows.y, rows.height(), false, std::move(jpeg)});
     }
   }

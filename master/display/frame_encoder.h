@@ -32,9 +32,37 @@ class ToneTable {
   std::array<uint8_t, size_t{32} * 512> values_;  ///< by exponent and mantissa
 };
 
-/// The rows as 8-bit sRGB, three bytes a pixel. Pixels without a colour get one from their neighbours, near
-/// ones first; all of them, if there is none, that of the background (linear). Thread-safe.
-std::vector<uint8_t> ToRgb(const PictureRows& rows, const ToneTable& tone, uint32_t background);
+/// Makes 8-bit sRGB of rows. Its memory is kept from frame to frame, for new memory costs more than all the
+/// rest: a system gives it page by page. Not thread-safe.
+class RgbMaker {
+ public:
+  /// A level of the pyramid from which pixels without a colour are filled.
+  struct Level {
+    struct Pixel {
+      uint16_t r = 0, g = 0, b = 0, known = 0;
+    };
+    void Open(uint32_t w, uint32_t h) {
+      width = w;
+      height = h;
+      pixels.assign(size_t{w} * h, {});
+    }
+    Pixel& at(uint32_t x, uint32_t y) { return pixels[size_t{y} * width + x]; }
+    const Pixel& at(uint32_t x, uint32_t y) const { return pixels[size_t{y} * width + x]; }
+
+    uint32_t width = 0, height = 0;
+    std::vector<Pixel> pixels;
+  };
+
+  /// Pixels without a colour get one from their neighbours, near ones first; all of them, if there is none,
+  /// that of `background` (a code).
+  void Make(const PictureRows& rows, const ToneTable& tone, uint32_t background);
+  /// Three bytes a pixel, row by row.
+  const std::vector<uint8_t>& rgb() const { return rgb_; }
+
+ private:
+  std::vector<uint8_t> rgb_;
+  std::vector<Level> levels_;
+};
 
 /// An encoded part of a frame: all columns from row `y` on.
 struct Stripe {
@@ -62,10 +90,11 @@ class FrameEncoder {
   Result<EncodedFrame> Encode(const DueFrame& frame, const SceneFacts& scene, int quality);
 
  private:
-  Result<Bytes> Jpeg(const std::vector<uint8_t>& rgb, uint32_t width, uint32_t height, int quality,
-                     bool fine);
+  Result<Bytes> Jpeg(uint32_t width, uint32_t height, int quality, bool fine);
 
   void* compressor_;  ///< tjhandle
+  RgbMaker maker_;
+  Bytes jpeg_;  ///< room for a compressed image
   std::optional<ToneTable> tone_;
 };
 

@@ -96,11 +96,23 @@ std::vector<PictureRows> LivePicture::TakeNews() {
     const auto row = [&](uint32_t r) {
       return codes_.begin() + static_cast<std::ptrdiff_t>(size_t{r} * width_);
     };
-    runs.push_back({y, width_, {row(y), row(end)}});
+    std::vector<uint32_t> codes;
+    if (!spare_.empty()) {
+      codes = std::move(spare_.back());
+      spare_.pop_back();
+    }
+    codes.assign(row(y), row(end));
+    runs.push_back({y, width_, std::move(codes)});
   }
   news_.assign(news_.size(), false);
   any_news_ = false;
   return runs;
+}
+
+void LivePicture::Reuse(std::vector<PictureRows> rows) {
+  constexpr size_t kMostSpare = 2;
+  for (PictureRows& run : rows)
+    if (spare_.size() < kMostSpare) spare_.push_back(std::move(run.codes));
 }
 
 }  // namespace quarry

@@ -59,6 +59,8 @@ class LivePicture {
   void Renew();
   /// The rows that have changed, as few runs.
   std::vector<PictureRows> TakeNews();
+  /// Gives back the memory of rows that have been used.
+  void Reuse(std::vector<PictureRows> rows);
 
  private:
   void Set(uint32_t x, uint32_t y, uint32_t code);
@@ -69,8 +71,9 @@ class LivePicture {
   std::vector<FixedRadiance> sums_;  ///< three a pixel; empty before the first
   uint64_t traced_ = 0, waiting_ = 0;
   uint32_t samples_ = 0;
-  uint64_t summed_ = 0;     ///< pixels that have the newest range
-  std::vector<bool> news_;  ///< by band
+  uint64_t summed_ = 0;                       ///< pixels that have the newest range
+  std::vector<bool> news_;                    ///< by band
+  std::vector<std::vector<uint32_t>> spare_;  ///< memory of rows
   bool any_news_ = false;
 };
 

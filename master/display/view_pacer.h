@@ -76,6 +76,8 @@ class ViewPacer {
   void Set(const ViewSettings& settings);
   /// A frame of this viewer's has been drawn.
   void Acknowledged();
+  /// Gives back the memory of a frame's rows.
+  void Reuse(std::vector<PictureRows> rows) { picture_.Reuse(std::move(rows)); }
   /// A finished tile of one of this viewer's frames. False: it is of another's.
   bool Take(const LiveTile& tile, std::span<const std::byte> pixels, double now_s);
 

@@ -214,7 +214,7 @@ void Viewer::EncodeNext() {
   });
 }
 
-void Viewer::OnEncoded(const DueFrame& due, const Result<EncodedFrame>& encoded) {
+void Viewer::OnEncoded(DueFrame& due, const Result<EncodedFrame>& encoded) {
   encoding_ = false;
   if (gone_) return;
   if (!encoded) return End(encoded.error().message);
@@ -223,6 +223,7 @@ void Viewer::OnEncoded(const DueFrame& due, const Result<EncodedFrame>& encoded)
   ++frames_sent_;
   if (due.exact.empty() && due.samples == 0) site_.took_frame(due.trace_s);
   socket_->SendBinary(Pack(Header(due, *encoded, number), *encoded));
+  pacer_.Reuse(std::move(due.rows));
   EncodeNext();
 }
 

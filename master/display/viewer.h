@@ -78,7 +78,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   void OnAck(uint64_t frame);
   bool TooMany();
   void EncodeNext();
-  void OnEncoded(const DueFrame& due, const Result<EncodedFrame>& encoded);
+  void OnEncoded(DueFrame& due, const Result<EncodedFrame>& encoded);
   void Gone(const std::string& why);
 
   ViewerSite& site_;
