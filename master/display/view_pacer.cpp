@@ -12,7 +12,7 @@ constexpr double kNever = 1e18;
 /// Seconds from the last input to rest while inputs follow each other.
 constexpr double kRestS = 0.15;
 /// Seconds after which a frame is sent though its lattice is not complete.
-constexpr double kPatienceS = 0.08;
+constexpr double kPatienceS = 0.06;
 /// Seconds between frames of one view: while its lattice is refined or filled, and while samples accumulate.
 constexpr double kRefinedEveryS = 0.04, kSampledEveryS = 0.1;
 /// Seconds between attempts at pixels that wait for blocks. Without fewer of them for kStuckS, the exact pass

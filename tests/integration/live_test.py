@@ -90,10 +90,11 @@ class Live(Case):
                     client.receive()
             client.close()
         large = LiveClient(url)
-        large._send(1, b'"' + b"x" * (1 << 20) + b'"')
         with self.assertRaises((Closed, OSError)):
+            large._send(1, b'"' + b"x" * (1 << 20) + b'"')
             while True:
                 large.receive()
+        large.close()
         good.want(view)
         good.until_exact()
 
@@ -243,8 +244,8 @@ class Live(Case):
         steps, cookie = set(), ""
         deadline = time.monotonic() + 60 * PATIENCE
         while time.monotonic() < deadline:
+            page = http.client.HTTPConnection(url.hostname, url.port, timeout=10)
             try:
-                page = http.client.HTTPConnection(url.hostname, url.port, timeout=10)
                 if not cookie:
                     page.request("GET", f"/?{url.query}")
                     answer = page.getresponse()
@@ -258,6 +259,8 @@ class Live(Case):
                 steps.add(json.loads(body)["step"])
             except OSError:
                 pass  # one server has ended and the next has not begun
+            finally:
+                page.close()
             time.sleep(0.1)
         self.assertGreater(len(steps), 1, steps)
         client = self.client(urllib.parse.urlunsplit(url))

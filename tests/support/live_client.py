@@ -56,7 +56,10 @@ class LiveClient:
         mask = os.urandom(4)
         length = len(payload)
         head = bytes([0x80 | opcode])
-        head += bytes([0x80 | length]) if length < 126 else bytes([0xFE]) + struct.pack(">H", length)
+        if length < 126:
+            head += bytes([0x80 | length])
+        else:
+            head += bytes([0xFE]) + struct.pack(">H", length) if length < 1 << 16 else bytes([0xFF]) + struct.pack(">Q", length)
         masked = bytes(b ^ mask[i & 3] for i, b in enumerate(payload))
         self.socket.sendall(head + mask + masked)
 
