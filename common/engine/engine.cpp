@@ -151,8 +151,8 @@ void Engine::Run(Mailbox& mailbox) {
     CloseTiles(tiles);
     bool ready = std::ranges::any_of(tiles.open, &Tiles::Open::ready);
     const bool overtake = urgent_queued_ > 0 && std::ranges::none_of(tiles.open, [](const auto& tile) {
-      return tile.urgent && tile.ready();
-    });
+                            return tile.urgent && tile.ready();
+                          });
     if ((!ready || overtake) && MayOpen(tiles)) ready = OpenTile(tiles) || ready;
     // A waiting thread holds no pins: another thread's block may need the room.
     if (!ready || batch % kBatchesPerPin == 0) pins.Release();

@@ -102,9 +102,8 @@ Status Renderer::Render(const View& view, std::span<const Tile> tiles, const OnT
   }
   engine_->SetView(number, view);
   for (size_t i = 0; i < tiles.size(); ++i)
-    if (const Status queued =
-            engine_->Render(number, tiles[i],
-                            [call, i](RenderedTile result) { OnTileDone(*call, i, std::move(result)); });
+    if (const Status queued = engine_->Render(
+            number, tiles[i], [call, i](RenderedTile result) { OnTileDone(*call, i, std::move(result)); });
         !queued)
       End(*call, queued.error());
   Status outcome;

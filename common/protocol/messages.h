@@ -73,7 +73,7 @@ struct TileOrder {
 struct FramesEnd {
   std::vector<uint64_t> frames;
 };
-inline constexpr size_t kMaxFramesEnded = 1024;  ///< limit of frames in a FramesEnd
+inline constexpr size_t kMaxFramesEnded = 1024;     ///< limit of frames in a FramesEnd
 inline constexpr size_t kMaxTileBlocks = 1u << 20;  ///< limit of blocks in a TileDone
 inline constexpr size_t kMaxTileHints = 4096;       ///< limit of blocks in a TileOrder
 /// A rendered tile; the raw part is its pixels.
@@ -82,7 +82,7 @@ struct TileDone {
   uint32_t tile = 0;
   uint64_t lease = 0;
   uint64_t rays = 0, rays_suspended = 0;
-  uint64_t compute_us = 0;       ///< time spent on the tile, without waits for blocks
+  uint64_t compute_us = 0;  ///< time spent on the tile, without waits for blocks
   /// Per depth cell, row by row: t where the farthest primary ray ends. Empty unless the form is kMeans.
   std::vector<float> depths;
   std::vector<uint32_t> blocks;  ///< blocks that its rays touched, ascending; empty unless the form is kMeans

@@ -1,5 +1,6 @@
-// How long the display takes to encode a frame for a viewer: a picture of which every pixel is traced, one of each second and fourth,
-// and an exact one. Usage: quarry bench frames [WIDTH HEIGHT]. Prints medians of 50, on one thread.
+// How long the display takes to encode a frame for a viewer: a picture of which every pixel is traced, one of
+// each second and fourth, and an exact one. Usage: quarry bench frames [WIDTH HEIGHT]. Prints medians of 50,
+// on one thread.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -54,8 +55,9 @@ int Main(int argc, char** argv) {
       bytes = encoded->stripes[0].image.size();
     }
     std::ranges::nth_element(times, times.begin() + 25);
-    fmt::print("{}x{} {}: {:.2f} ms, {:.1f} KB\n", width, height, step == 0 ? "exact" : fmt::format("step {}", step),
-               times[25], static_cast<double>(bytes) / 1e3);
+    fmt::print("{}x{} {}: {:.2f} ms, {:.1f} KB\n", width, height,
+               step == 0 ? "exact" : fmt::format("step {}", step), times[25],
+               static_cast<double>(bytes) / 1e3);
   }
   return 0;
 }

@@ -120,9 +120,11 @@ class Bench final : FrameSource {
   void Answer(const AssignedTile& tile) {
     const TileOrder& order = tile.order;
     TileDone done{order.frame, order.tile, order.lease, 0, 0, cost_us_[order.tile]};
-    done.depths.assign(size_t{DepthCells(order.area.pixels.width)} * DepthCells(order.area.pixels.height), 10.0f);
+    done.depths.assign(size_t{DepthCells(order.area.pixels.width)} * DepthCells(order.area.pixels.height),
+                       10.0f);
     done.blocks = blocks_[order.tile];
-    const auto pixels = std::span(pixels_).first(size_t{order.area.pixels.width} * order.area.pixels.height * 12);
+    const auto pixels =
+        std::span(pixels_).first(size_t{order.area.pixels.width} * order.area.pixels.height * 12);
     if (!dispatcher_->Finish(workers_[tile.worker - 1], done, pixels, now_s_))
       throw std::runtime_error("a tile that does not fit");
   }

@@ -147,11 +147,14 @@ class Cast {
     const TileOrder order = peer.orders.front();
     if (how != 5) peer.orders.pop_front();
     TileDone done{order.frame, order.tile, order.lease + (how == 3), 10, 1, 50, {}, {fill % 4u, fill / 4u}};
-    done.depths.assign(size_t{DepthCells(order.area.pixels.width)} * DepthCells(order.area.pixels.height) - (how == 6), fill / 16.0f);
+    done.depths.assign(
+        size_t{DepthCells(order.area.pixels.width)} * DepthCells(order.area.pixels.height) - (how == 6),
+        fill / 16.0f);
     if (how == 2) done.blocks.clear();
     Message m = MakeMessage(MessageType::kTileDone, done);
-    m.raw.resize(size_t{order.area.pixels.width} * order.area.pixels.height * peer.words[order.frame] * 4 - (how == 4),
-                 std::byte{fill});
+    m.raw.resize(
+        size_t{order.area.pixels.width} * order.area.pixels.height * peer.words[order.frame] * 4 - (how == 4),
+        std::byte{fill});
     peer.connection->Come(std::move(m));
   }
 

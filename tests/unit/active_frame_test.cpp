@@ -37,9 +37,11 @@ void Render(ActiveFrame& frame) {
   for (uint32_t t = 0; t < owners.size(); ++t) {
     const TileOrder order = frame.Lease({t, owners[t]}, 0);
     TileDone done{frame.id(), t, order.lease, 0, 0, 10000};
-    done.depths.assign(size_t{DepthCells(order.area.pixels.width)} * DepthCells(order.area.pixels.height), 10);
+    done.depths.assign(size_t{DepthCells(order.area.pixels.width)} * DepthCells(order.area.pixels.height),
+                       10);
     done.blocks = {t};
-    const Bytes pixels(size_t{order.area.pixels.width} * order.area.pixels.height * WordsPerPixel(frame.view().aov_mask) * 4);
+    const Bytes pixels(size_t{order.area.pixels.width} * order.area.pixels.height *
+                       WordsPerPixel(frame.view().aov_mask) * 4);
     REQUIRE(*frame.Finish(done, pixels, 1));
   }
 }

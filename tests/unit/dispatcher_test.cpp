@@ -93,8 +93,10 @@ class Cluster : FrameSource {
       o.due_s = 2 * kNever;
       Actor& actor = Find(o.worker);
       TileDone done{o.order.frame, o.order.tile, o.order.lease, 0, 0, actor.claimed_us};
-      done.depths.assign(size_t{DepthCells(o.order.area.pixels.width)} * DepthCells(o.order.area.pixels.height), 10);
-      const Bytes pixels(size_t{o.order.area.pixels.width} * o.order.area.pixels.height * WordsPerPixel(view.aov_mask) * 4);
+      done.depths.assign(
+          size_t{DepthCells(o.order.area.pixels.width)} * DepthCells(o.order.area.pixels.height), 10);
+      const Bytes pixels(size_t{o.order.area.pixels.width} * o.order.area.pixels.height *
+                         WordsPerPixel(view.aov_mask) * 4);
       REQUIRE(dispatcher.Finish(actor, done, pixels, now_s).has_value());
     }
   }

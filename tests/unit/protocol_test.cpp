@@ -133,8 +133,7 @@ TEST_CASE("Values that cannot be are refused") {
   TileOrder order{1, 2, 3, {{4, 5, 6, 7}}};
   order.area.form = static_cast<PixelForm>(3);
   CHECK_FALSE(DecodeTileOrder(Encode(order)).has_value());
-  CHECK_FALSE(
-      DecodeFramesEnd(Encode(FramesEnd{std::vector<uint64_t>(kMaxFramesEnded + 1)})).has_value());
+  CHECK_FALSE(DecodeFramesEnd(Encode(FramesEnd{std::vector<uint64_t>(kMaxFramesEnded + 1)})).has_value());
   RenderJob job = MakeJob();
   job.view.spp = 0;
   CHECK_FALSE(DecodeJobRequest(Encode(JobRequest{job, 0})).has_value());
