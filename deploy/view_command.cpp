@@ -5,6 +5,7 @@
 #include <netinet/in.h>
 #include <sys/random.h>
 #include <sys/socket.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -15,7 +16,9 @@
 #include <memory>
 #include <thread>
 
+#include "common/base/bytes.h"
 #include "common/base/cleanup.h"
+#include "common/base/file.h"
 #include "common/base/number.h"
 #include "common/command_line/command_line.h"
 #include "deploy/cluster.h"
@@ -90,16 +93,44 @@ class PrivateFolder {
   const int registered_;
 };
 
-void OpenBrowser(const std::string& url) {
-  if (::fork() != 0) return;
-  ::execlp("xdg-open", "xdg-open", url.c_str(), nullptr);
-  ::_exit(127);
+/// Opens a browser on a page of the folder that leads to the address: a command line, with the token, could
+/// be read by everybody on this machine.
+void OpenBrowser(const PrivateFolder& folder, const std::string& url) {
+  const std::string page = folder.file("open.html");
+  const int fd = ::open(page.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
+  const std::string text =
+      fmt::format("<!doctype html><meta http-equiv=\"refresh\" content=\"0; url={}\">\n", url);
+  const bool written = fd >= 0 && ::write(fd, text.data(), text.size()) == static_cast<ssize_t>(text.size());
+  if (fd >= 0) ::close(fd);
+  if (!written) return;
+  const pid_t child = ::fork();
+  if (child == 0) {
+    if (::fork() == 0) ::execlp("xdg-open", "xdg-open", page.c_str(), nullptr);
+    ::_exit(0);  // the grandchild has no parent to wait for it
+  }
+  if (child > 0) ::waitpid(child, nullptr, 0);
 }
 
-void Announce(const ViewArguments& a, const std::string& url) {
+void Announce(const ViewArguments& a, const PrivateFolder& folder, const std::string& url) {
   fmt::print("{}\n", url);
   std::fflush(stdout);
-  if (a.open) OpenBrowser(url);
+  if (a.open) OpenBrowser(folder, url);
+}
+
+/// The address with the port that a page got where any would do. `own`: the page's address is its server's.
+std::string WithPortOf(const std::string& address, const std::string& url, bool own) {
+  if (!own || !address.ends_with(":0")) return address;
+  const size_t end = url.find("/?"), colon = url.rfind(':', end);
+  return address.substr(0, address.size() - 1) + url.substr(colon + 1, end - colon - 1);
+}
+
+/// Lets the page say that the model could not be made into a scene, before its server ends.
+void TellFailure(const std::string& progress_file) {
+  (void)WriteFileAtomically(
+      progress_file,
+      AsBytes(R"({"step": "failed", "done": 0, "eta_s": null, "failed": true, "message": )"
+              R"("The model could not be preprocessed. The terminal of quarry view says why."})"));
+  std::this_thread::sleep_for(std::chrono::seconds(2));  // the page asks each second
 }
 
 }  // namespace
@@ -147,10 +178,16 @@ Status ShowLive(const ViewArguments& a) {
       const std::string progress = folder->file("progress");
       QUARRY_ASSIGN(page, PreparingPage::Start(a.scene, live, progress));
       url = page->url();
-      Announce(a, url);
+      Announce(a, *folder, url);
+      live.address = WithPortOf(live.address, url, a.viewer_urls.empty());
       ::setenv("QUARRY_PROGRESS_FILE", progress.c_str(), 1);
     }
-    QUARRY_ASSIGN(store, StoreFor(a.scene, a.quiet));
+    auto made = StoreFor(a.scene, a.quiet);
+    if (!made) {
+      if (page) TellFailure(folder->file("progress"));
+      return tl::unexpected<Error>(made.error());
+    }
+    store = std::move(*made);
     ::unsetenv("QUARRY_PROGRESS_FILE");
   }
   QUARRY_ASSIGN(const auto cluster, LocalCluster::Start({.scene = store,
@@ -159,7 +196,7 @@ Status ShowLive(const ViewArguments& a) {
                                                          .cache = a.cache,
                                                          .security = {},
                                                          .live = live}));
-  if (cluster->live_url() != url) Announce(a, cluster->live_url());
+  if (cluster->live_url() != url) Announce(a, *folder, cluster->live_url());
   if (!a.quiet) fmt::print(stderr, "{} is shown until Ctrl-C\n", a.scene);
   while (true) {
     QUARRY_TRY(cluster->Check());

@@ -18,10 +18,11 @@ namespace quarry {
 namespace {
 
 /// What is written, decided before any work.
-Status CheckOutputs(const MasterOptions& options, const SecurityOptions& security) {
+Status CheckOutputs(const MasterOptions& options, const SecurityOptions& security,
+                    const std::string& token_file) {
   OutputGuard guard(OutputGuard::Force::kNotOffered);
-  for (const std::string* file :
-       {&options.scene, &security.secret_file, &security.tls_cert, &security.tls_key, &security.tls_ca})
+  for (const std::string* file : {&options.scene, &security.secret_file, &security.tls_cert,
+                                  &security.tls_key, &security.tls_ca, &token_file})
     guard.AddInput(*file);
   if (!options.spool.empty()) QUARRY_TRY(OutputGuard::TakeFolder(options.spool));
   return options.trace.empty() ? Status{} : guard.Take(options.trace, kTraceOutput).map([](auto&&) {});
@@ -60,12 +61,9 @@ Status Run(MasterOptions options, SecurityOptions security, const std::string& l
            const std::string& schedule, const std::string& foresight, const std::string& frame_memory,
            const DisplayArguments& display) {
   security = WithEnvironment(security);
-  QUARRY_TRY(CheckOutputs(options, security));
+  QUARRY_TRY(CheckOutputs(options, security, display.token_file));
   QUARRY_ASSIGN(options.display, DisplayOf(display, options.scene, security));
-  if (!display.preparing.empty()) {
-    if (!options.display) return BadUsage("--preparing has no effect without --http");
-    return ServePreparing(*options.display, display.preparing);
-  }
+  if (!display.preparing.empty()) return ServePreparing(*options.display, display.preparing);
   QUARRY_ASSIGN(options.listen, ParseEndpoint(listen, "--listen"));
   QUARRY_ASSIGN(options.policy, ParsePolicy(schedule));
   QUARRY_ASSIGN(options.foresight_bytes, ParseSize(foresight, "--foresight"));
@@ -118,21 +116,25 @@ int Main(int argc, char** argv) {
                  "Keep jobs and finished frames in this folder: started again, the master goes on with them");
   app.add_option("--trace", options.trace,
                  "Write what each tile touched and cost to this file, a JSON object a line");
-  app.add_option(
+  auto* const http = app.add_option(
       "--http", display.http,
       "Show the live view at HOST:PORT (beyond loopback with --tls-cert and --tls-key); the address "
       "with its token is printed");
   app.add_option("--viewer-url", display.viewer_urls,
-                 "The address by which browsers come to --http through a proxy");
+                 "The address by which browsers come to --http through a proxy; several may be given")
+      ->needs(http);
   app.add_option(
-      "--view-token-file", display.token_file,
-      "File with the live view's token, to keep it when the master starts again (default: a new one)");
+         "--view-token-file", display.token_file,
+         "File with the live view's token, to keep it when the master starts again (default: a new one)")
+      ->needs(http);
   app.add_option("--view-memory", display.view_memory,
                  "Memory for live views, all together; who asks for more is refused")
+      ->needs(http)
       ->capture_default_str();
   app.add_option(
-      "--preparing", display.preparing,
-      "Show how far the making of the scene is instead, by this file of progress, as `quarry view` does");
+         "--preparing", display.preparing,
+         "Show how far the making of the scene is instead, by this file of progress, as `quarry view` does")
+      ->needs(http);
   AddSecurityOptions(app, security);
   app.add_flag("--quiet", options.quiet, "Print errors only");
   constexpr NoEffect kNoEffect[] = {{"--schedule", "--serve-only"},     {"--foresight", "--serve-only"},

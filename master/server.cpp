@@ -262,7 +262,10 @@ Status Server::OnWorkerStatus(WorkerRecord& worker, const Message& m) {
 
 Status Server::OnTileDone(WorkerRecord& worker, const Message& m) {
   QUARRY_ASSIGN(const TileDone done, DecodeTileDone(m.table));
-  if (Display::Owns(done.frame)) return display_ ? display_->OnTileDone(worker.id, done, m.raw) : Status{};
+  if (Display::Owns(done.frame)) {
+    worker.conduct.Answered(false);  // it works, though not on jobs
+    return display_ ? display_->OnTileDone(worker.id, done, m.raw) : Status{};
+  }
   QUARRY_TRY(CheckBlocks(done.blocks));
   AssignSoon();
   const ActiveFrame* frame = dispatcher_.Find(done.frame);

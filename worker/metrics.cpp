@@ -30,6 +30,16 @@ std::string Format(const WorkerStatus& c) {
   return FormatMetrics(metrics);
 }
 
+/// Whether a program of this machine asks for this machine, and no proxy for somebody else: a page whose name
+/// leads here cannot change the Host header.
+bool IsLocal(const HttpRequest& request) {
+  const std::string host = request.header("host");
+  const std::string name = host.substr(0, host.rfind(':'));
+  const bool named = name == "localhost" || name == "127.0.0.1" || name == "[::1]";
+  return request.loopback && named && request.header("x-forwarded-for").empty() &&
+         request.header("forwarded").empty() && request.header("via").empty();
+}
+
 /// Compared in constant time, against guessing by time.
 bool ShowsToken(const HttpRequest& request, const std::string& token) {
   const std::string shown = request.header("authorization"), right = "Bearer " + token;
@@ -45,7 +55,7 @@ Result<std::unique_ptr<HttpServer>> ServeMetrics(boost::asio::io_context& io, co
     if (request.path == "/healthz") return HttpResponse{.body = "ok\n"};
     if (request.path != "/metrics")
       return HttpResponse{.status = 404, .body = "there is /metrics and /healthz\n"};
-    if (!request.loopback && !ShowsToken(request, token))
+    if (!IsLocal(request) && !ShowsToken(request, token))
       return HttpResponse{.status = 403, .body = "readers from other machines need the token\n"};
     return HttpResponse{.content_type = kMetricsType, .body = Format(counters())};
   };

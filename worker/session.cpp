@@ -283,7 +283,7 @@ Status Session::OnTile(const Message& m) {
           SendTile(order, std::move(result));
         });
       },
-      order.urgent ? Engine::Urgency::kYes : Engine::Urgency::kNo));
+      order.urgency));
   scene_->renderer->Wake();
   return {};
 }

@@ -42,52 +42,65 @@ void Engine::DropViews(uint64_t first, uint64_t end) {
     if (from == to) return;
     for (auto it = from; it != to; ++it) it->second->abandoned = true;
     views_.erase(from, to);
-    for (auto* queue : {&queue_, &urgent_})
-      std::erase_if(*queue, [&](const Queued& q) { return !views_.contains(q.view); });
-    urgent_queued_ = urgent_.size();
+    for (auto& queue : queues_)
+      std::erase_if(queue, [&](const Queued& q) { return !views_.contains(q.view); });
+    NoteQueued();
   }
   WakeAll();
 }
 
 Status Engine::Render(uint64_t view, const Tile& tile, OnTile done, Urgency urgency) {
-  const bool urgent = urgency == Urgency::kYes;
   {
     const std::lock_guard lock(mutex_);
     const auto of = views_.find(view);
     if (of == views_.end()) return {};
     QUARRY_TRY(CheckTile(tile, of->second->view));
-    (urgent ? urgent_ : queue_).push_back({view, tile, std::move(done), urgent});
-    urgent_queued_ = urgent_.size();
+    queues_[static_cast<size_t>(urgency)].push_back({view, tile, std::move(done), urgency});
+    NoteQueued();
   }
   WakeAll();
   return {};
 }
 
+/// Requires: mutex_ is held.
+void Engine::NoteQueued() {
+  int most = kUrgencies - 1;
+  while (most >= 0 && queues_[static_cast<size_t>(most)].empty()) --most;
+  queued_ = most;
+}
+
+/// The highest urgency of the open tiles, or of those that can go on; -1: there is none.
+int Engine::MostUrgent(const Tiles& tiles, bool ready) {
+  int most = -1;
+  for (const auto& tile : tiles.open)
+    if (!ready || tile.ready()) most = std::max(most, static_cast<int>(tile.urgency));
+  return most;
+}
+
 bool Engine::MayOpen(const Tiles& tiles) const {
   if (tiles.open.empty()) return true;
-  // One urgent tile finds room beside any others.
-  if (urgent_queued_ > 0 && std::ranges::none_of(tiles.open, &Tiles::Open::urgent)) return true;
   if (tiles.open.size() >= kMostOpenTiles && !cache_.scarce()) return false;
   return tiles.open.back().renderer->memory_bytes() * (tiles.open.size() + 1) <= TileBytes();
 }
 
-bool Engine::OpenTile(Tiles& tiles) {
+/// Opens a queued tile of this urgency or a higher one.
+bool Engine::OpenTile(Tiles& tiles, int least) {
   std::shared_ptr<const ViewContext> view;
   Queued next;
   {
     const std::lock_guard lock(mutex_);
-    auto& queue = urgent_.empty() ? queue_ : urgent_;
-    if (queue.empty()) {
-      if (!tiles.open.empty()) queue_depth_.Starved(cache_.scarce());
+    if (queued_ < least) {
+      if (least == 0 && !tiles.open.empty()) queue_depth_.Starved(cache_.scarce());
       return false;
     }
+    auto& queue = queues_[static_cast<size_t>(queued_.load())];
     next = std::move(queue.front());
     queue.pop_front();
-    urgent_queued_ = urgent_.size();
+    NoteQueued();
     view = views_.at(next.view);
   }
   if (tiles.spare.empty()) tiles.spare.push_back(std::make_unique<TileRenderer>());
-  tiles.open.push_back({std::move(tiles.spare.back()), std::move(next.done), next.urgent});
+  tiles.open.push_back({std::move(tiles.spare.back()), std::move(next.done), next.urgency});
   tiles.spare.pop_back();
   tiles.open.back().renderer->Open(std::move(view), next.tile);
   return true;
@@ -108,7 +121,7 @@ void Engine::CloseTiles(Tiles& tiles) {
     result.compute_us = open.compute_us;
     rays_ += result.rays;
     rays_suspended_ += result.rays_suspended;
-    if (!open.urgent) {
+    if (open.urgency == Urgency::kJob) {
       const std::lock_guard lock(mutex_);
       queue_depth_.Finished();
     }
@@ -127,13 +140,12 @@ std::vector<BlockKey> Engine::TakeBlocks(Mailbox& mailbox, bool wait, bool stall
   return blocks;
 }
 
-/// Steps each open tile that has ready rays; only urgent ones if there are any.
+/// Steps the open tiles that have ready rays: the most urgent of them.
 void Engine::Step(Tiles& tiles, PinnedBlocks& pins, Mailbox& mailbox) {
   const uint64_t start_us = ThreadTimeUs();
-  const bool urgent =
-      std::ranges::any_of(tiles.open, [](const auto& tile) { return tile.urgent && tile.ready(); });
+  const int most = MostUrgent(tiles, true);
   for (auto& tile : tiles.open) {
-    if (!tile.ready() || (urgent && !tile.urgent)) continue;
+    if (!tile.ready() || static_cast<int>(tile.urgency) < most) continue;
     const auto start = std::chrono::steady_clock::now();
     tile.renderer->Step(pins, [&](BlockKey block, const TileRenderer::Parked& parked) {
       cache_.Want(block, &mailbox, parked.rays, parked.octants);
@@ -149,11 +161,11 @@ void Engine::Run(Mailbox& mailbox) {
   Tiles tiles;
   for (int batch = 0; !stop_; ++batch) {
     CloseTiles(tiles);
-    bool ready = std::ranges::any_of(tiles.open, &Tiles::Open::ready);
-    const bool overtake = urgent_queued_ > 0 && std::ranges::none_of(tiles.open, [](const auto& tile) {
-                            return tile.urgent && tile.ready();
-                          });
-    if ((!ready || overtake) && MayOpen(tiles)) ready = OpenTile(tiles) || ready;
+    const int going = MostUrgent(tiles, true);
+    bool ready = going >= 0;
+    // A more urgent tile than all that are open finds room beside them.
+    const int least = MayOpen(tiles) ? going + 1 : MostUrgent(tiles, false) + 1;
+    if (queued_ >= least || !ready) ready = OpenTile(tiles, least) || ready;
     // A waiting thread holds no pins: another thread's block may need the room.
     if (!ready || batch % kBatchesPerPin == 0) pins.Release();
     for (const BlockKey block : TakeBlocks(mailbox, !ready, !tiles.open.empty())) {

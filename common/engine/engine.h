@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <deque>
 #include <functional>
@@ -39,11 +40,10 @@ class Engine {
   /// Forgets the views with numbers in [first, end). Their queued tiles are dropped and their open tiles
   /// abandoned; `done` is called for none of these tiles.
   void DropViews(uint64_t first, uint64_t end);
-  /// Queues a tile of the view; a tile of a dropped view is ignored. `done` is called once. Urgent tiles go
-  /// before the others, and threads leave others' rays alone while an urgent tile's can go on. Errors:
-  /// CheckTile().
-  enum class Urgency : uint8_t { kNo, kYes };
-  Status Render(uint64_t view, const Tile& tile, OnTile done, Urgency urgency = Urgency::kNo);
+  /// Queues a tile of the view; a tile of a dropped view is ignored. `done` is called once. More urgent tiles
+  /// go before the others, and a thread leaves less urgent rays alone while more urgent ones can go on.
+  /// Errors: CheckTile().
+  Status Render(uint64_t view, const Tile& tile, OnTile done, Urgency urgency = Urgency::kJob);
 
   /// Rays traced and suspensions of rays, of finished and abandoned tiles.
   uint64_t rays() const { return rays_; }
@@ -63,14 +63,14 @@ class Engine {
     uint64_t view;
     Tile tile;
     OnTile done;
-    bool urgent;
+    Urgency urgency;
   };
   /// A thread's tile renderers: at work, and free for the next tile.
   struct Tiles {
     struct Open {
       std::unique_ptr<TileRenderer> renderer;
       OnTile done;
-      bool urgent;
+      Urgency urgency;
       uint64_t compute_us = 0;
 
       bool ready() const { return renderer->has_ready(); }
@@ -79,9 +79,11 @@ class Engine {
     std::vector<std::unique_ptr<TileRenderer>> spare;
   };
   void Run(Mailbox& mailbox);
+  static int MostUrgent(const Tiles& tiles, bool ready);
   bool MayOpen(const Tiles& tiles) const;
   size_t TileBytes() const { return kOpenTileBytes + kSharedTileBytes / mailboxes_.size(); }
-  bool OpenTile(Tiles& tiles);
+  bool OpenTile(Tiles& tiles, int least);
+  void NoteQueued();
   std::vector<BlockKey> TakeBlocks(Mailbox& mailbox, bool wait, bool stalled);
   void CloseTiles(Tiles& tiles);
   void Step(Tiles& tiles, PinnedBlocks& pins, Mailbox& mailbox);
@@ -90,10 +92,10 @@ class Engine {
   const Catalog& catalog_;
   VoxelCache& cache_;
   std::atomic<uint64_t> rays_{0}, rays_suspended_{0}, compute_us_{0}, stall_us_{0};
-  mutable std::mutex mutex_;  ///< guards views_, queue_, urgent_, queue_depth_
+  mutable std::mutex mutex_;  ///< guards views_, queues_, queue_depth_
   std::map<uint64_t, std::shared_ptr<ViewContext>> views_;
-  std::deque<Queued> queue_, urgent_;
-  std::atomic<size_t> urgent_queued_{0};  ///< size of urgent_
+  std::array<std::deque<Queued>, kUrgencies> queues_;  ///< by urgency
+  std::atomic<int> queued_{-1};                        ///< the highest urgency of queues_; -1: they are empty
   AdaptiveQueueDepth queue_depth_;
   std::atomic<bool> stop_{false};
   std::vector<std::unique_ptr<Mailbox>> mailboxes_;

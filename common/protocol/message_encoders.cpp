@@ -148,7 +148,7 @@ Bytes Encode(const TileOrder& m) {
   w.samples = m.area.samples;
   w.form = static_cast<uint8_t>(m.area.form);
   w.leaves_holes = m.area.leaves_holes;
-  w.urgent = m.urgent;
+  w.urgency = static_cast<uint8_t>(m.urgency);
   w.blocks = m.blocks;
   w.holders = m.holders;
   return Pack<wire::TileOrder>(w);

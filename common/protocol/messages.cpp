@@ -211,7 +211,7 @@ Result<TileOrder> DecodeTileOrder(std::span<const std::byte> table) {
   const auto* w = Root<wire::TileOrder>(table);
   if (!w) return NotWellFormed();
   const size_t blocks = SizeOf(w->blocks());
-  if (w->form() > static_cast<uint8_t>(PixelForm::kShown) || blocks > kMaxTileHints ||
+  if (w->form() > static_cast<uint8_t>(PixelForm::kShown) || w->urgency() >= kUrgencies || blocks > kMaxTileHints ||
       SizeOf(w->holders()) != blocks)
     return Fail("received a tile that cannot be");
   TileOrder m{w->frame(), w->tile(), w->lease()};
@@ -223,7 +223,7 @@ Result<TileOrder> DecodeTileOrder(std::span<const std::byte> table) {
   m.area.samples = w->samples();
   m.area.form = static_cast<PixelForm>(w->form());
   m.area.leaves_holes = w->leaves_holes();
-  m.urgent = w->urgent();
+  m.urgency = static_cast<Urgency>(w->urgency());
   m.blocks = Copy(w->blocks());
   m.holders = Copy(w->holders());
   return m;
@@ -238,7 +238,7 @@ Result<FramesEnd> DecodeFramesEnd(std::span<const std::byte> table) {
 Result<TileDone> DecodeTileDone(std::span<const std::byte> table) {
   const auto* w = Root<wire::TileDone>(table);
   if (!w) return NotWellFormed();
-  constexpr size_t kCells = kTileSize / kDepthCell;  // tiles of kMeans have this side at most
+  constexpr size_t kCells = kTileSize / kDepthCell;  // other tiles than jobs' and meters' have none
   if (SizeOf(w->blocks()) > kMaxTileBlocks || SizeOf(w->depths()) > kCells * kCells)
     return Fail("received a tile's result that cannot be");
   std::vector<float> depths = Copy(w->depths());

@@ -59,7 +59,7 @@ struct FrameSetup {
   View view;
   uint64_t oldest = 0;  ///< frames below this number have ended
 };
-/// A tile to render under a lease. A result with another lease or of another frame is dropped.
+/// A tile to render under a lease. A result that its sender holds no lease of is dropped.
 struct TileOrder {
   uint64_t frame = 0;
   uint32_t tile = 0;
@@ -67,7 +67,7 @@ struct TileOrder {
   Tile area;                      ///< colours, not hits
   std::vector<uint32_t> blocks;   ///< hint: blocks that the tile needs and the worker lacks
   std::vector<uint32_t> holders;  ///< hint: for each of `blocks` a worker that has it, or 0
-  bool urgent = false;            ///< somebody watches: it goes before tiles that are not urgent
+  Urgency urgency = Urgency::kJob;
 };
 /// Frames that nobody waits for any more. Their tiles are dropped or abandoned.
 struct FramesEnd {

@@ -9,6 +9,11 @@
 
 namespace quarry {
 
+/// Which tiles of a worker go first: those of jobs last; those of a picture that somebody watches at rest;
+/// those of one in motion, and answers, first.
+enum class Urgency : uint8_t { kJob, kRest, kMotion };
+inline constexpr size_t kUrgencies = 3;
+
 /// What a tile's result holds of each lattice point.
 enum class PixelForm : uint8_t {
   kMeans,  ///< three float32, the mean radiance of the view's samples; then the layers

@@ -213,7 +213,6 @@ bool Access::HostPermitted(const HttpRequest& request) const {
 bool Access::OriginPermitted(const HttpRequest& request) const {
   const auto origin = ParseOrigin(request.header("origin"));
   if (!origin) return false;
-  if (IsLoopbackName(origin->authority.host)) return true;
   for (const ViewerUrl& url : options_.viewer_urls)
     if (url.https == origin->https && Authority{url.host, url.port} == origin->authority) return true;
   auto host = ParseAuthority(request.header("host"));

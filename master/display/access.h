@@ -53,9 +53,9 @@ class Access {
   bool HostPermitted(const HttpRequest& request) const;
 
   /// Whether the page that opens a WebSocket is this server's: its Origin has the host and port of the Host
-  /// header, is that of a viewer URL, or has a loopback name.
-  /// Against cross-site WebSockets: browsers send them from any page, with cookies and without asking. Pages
-  /// of other servers behind a loopback name are kept out by the token alone. Requires: HostPermitted().
+  /// header, or is that of a viewer URL.
+  /// Against cross-site WebSockets: browsers send them from any page, with cookies and without asking; pages
+  /// of other local servers too, since cookies know no ports. Requires: HostPermitted().
   bool OriginPermitted(const HttpRequest& request) const;
 
   /// Whether the request has the session's cookie. Compared in constant time, against guessing by time.

@@ -66,6 +66,7 @@ Display::Display(asio::io_context& io, const DisplayOptions& options, const Scen
             {scene.catalog().id, scene.catalog().meta.offset},
             {},
             {options.view_memory},
+            {},
             [this] { AssignSoon(); },
             [this] { return Now(); },
             [this](double seconds) { stats_.TookFrame(seconds); }} {}
@@ -95,6 +96,7 @@ void Display::WorkerReady(const WorkerRecord& worker) {
 
 void Display::WorkerGone(uint32_t id) {
   dispatcher_.RemoveWorker(id);
+  if (dispatcher_.has_workers()) failure_.clear();  // the others go on
   TellState();
   AssignSoon();
 }

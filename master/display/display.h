@@ -74,7 +74,7 @@ class Display : private LiveDispatcher::Sink {
   LiveStats stats_;
   std::optional<Result<SceneSummary>> summary_;
   std::string welcome_;  ///< JSON; empty until the scene is known
-  std::string failure_;  ///< what the last worker that failed said; empty while a worker is here
+  std::string failure_;  ///< what the last worker said that left none behind
   std::string state_;    ///< JSON that viewers were told last
   uint64_t frames_of_gone_ = 0, abandoned_of_gone_ = 0;
   uint32_t next_viewer_ = 1;

@@ -127,7 +127,8 @@ Result<Bytes> FrameEncoder::Jpeg(uint32_t width, uint32_t height, int quality, b
   return Bytes(jpeg_.begin(), jpeg_.begin() + static_cast<std::ptrdiff_t>(size));
 }
 
-Result<EncodedFrame> FrameEncoder::Encode(const DueFrame& frame, const SceneFacts& scene, int quality) {
+Result<EncodedFrame> FrameEncoder::Encode(const DueFrame& frame, const SceneFacts& scene, int quality,
+                                          std::optional<ToneTable>& tone) {
   const auto start = std::chrono::steady_clock::now();
   EncodedFrame encoded;
   const View& view = frame.wanted.view;
@@ -135,9 +136,9 @@ Result<EncodedFrame> FrameEncoder::Encode(const DueFrame& frame, const SceneFact
     QUARRY_ASSIGN(Bytes png, EncodeImage(view, {"png"}, scene, frame.exposure, frame.exact));
     encoded.stripes.push_back({0, view.height, true, std::move(png)});
   } else {
-    if (!tone_ || tone_->ev() != frame.exposure) tone_.emplace(frame.exposure);
+    if (!tone || tone->ev() != frame.exposure) tone.emplace(frame.exposure);
     for (const PictureRows& rows : frame.rows) {
-      maker_.Make(rows, *tone_, PackShared(view.background));
+      maker_.Make(rows, *tone, PackShared(view.background));
       QUARRY_ASSIGN(Bytes jpeg, Jpeg(rows.width, rows.height(), quality, !frame.in_motion));
       encoded.stripes.push_back({rows.y, rows.height(), false, std::move(jpeg)});
     }

@@ -76,7 +76,7 @@ struct EncodedFrame {
   double encode_s = 0;
 };
 
-/// Encodes frames for a viewer. Keeps its table and compressor from frame to frame. Not thread-safe, but may
+/// Encodes frames for viewers. Keeps its compressor and memory from frame to frame. Not thread-safe, but may
 /// be used by one thread after the other.
 class FrameEncoder {
  public:
@@ -85,9 +85,10 @@ class FrameEncoder {
   FrameEncoder(const FrameEncoder&) = delete;
   FrameEncoder& operator=(const FrameEncoder&) = delete;
 
-  /// An exact frame becomes the PNG of EncodeImage(), another one a JPEG for each run of rows. `quality`: of
-  /// JPEG, in [1, 100]. Errors: the libraries' own.
-  Result<EncodedFrame> Encode(const DueFrame& frame, const SceneFacts& scene, int quality);
+  /// An exact frame becomes the PNG of EncodeImage(), another one a JPEG for each run of rows. `tone`: of the
+  /// viewer's last frame. `quality`: of JPEG, in [1, 100]. Errors: the libraries' own.
+  Result<EncodedFrame> Encode(const DueFrame& frame, const SceneFacts& scene, int quality,
+                              std::optional<ToneTable>& tone);
 
  private:
   Result<Bytes> Jpeg(uint32_t width, uint32_t height, int quality, bool fine);
@@ -95,7 +96,6 @@ class FrameEncoder {
   void* compressor_;  ///< tjhandle
   RgbMaker maker_;
   Bytes jpeg_;  ///< room for a compressed image
-  std::optional<ToneTable> tone_;
 };
 
 }  // namespace quarry

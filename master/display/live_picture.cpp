@@ -11,6 +11,11 @@ namespace quarry {
 void LivePicture::Open(uint32_t width, uint32_t height) {
   width_ = width;
   height_ = height;
+  if (codes_.capacity() > 2 * pixels()) {  // a viewer's window that was large holds no memory
+    codes_ = {};
+    sums_ = {};
+    spare_ = {};
+  }
   codes_.assign(pixels(), kUntraced);
   sums_.clear();
   traced_ = waiting_ = summed_ = 0;
@@ -35,6 +40,7 @@ void LivePicture::Note(const Tile& tile) {
 }
 
 void LivePicture::PutShown(const Tile& tile, std::span<const std::byte> pixels) {
+  if (!sums_.empty()) return;  // a late tile is less than what is there
   const std::byte* from = pixels.data();
   for (uint32_t row = 0; row < tile.rows(); ++row)
     for (uint32_t column = 0; column < tile.columns(); ++column, from += sizeof(uint32_t)) {

@@ -23,15 +23,16 @@ struct PictureRows {
 /// Knows which rows have changed since they were taken. Not thread-safe.
 class LivePicture {
  public:
-  /// Bytes that a pixel takes here, with sums.
-  static constexpr uint64_t kPixelBytes = sizeof(uint32_t) + 3 * sizeof(FixedRadiance);
+  /// Bytes that a pixel takes here, with sums and two copies of rows.
+  static constexpr uint64_t kPixelBytes = 3 * sizeof(uint32_t) + 3 * sizeof(FixedRadiance);
   /// Rows that change together: a multiple of a JPEG's blocks.
   static constexpr uint32_t kBandRows = 32;
 
-  /// Begins a picture of nothing, in the memory of the last.
+  /// Begins a picture of nothing, in the memory of the last unless that is much larger.
   void Open(uint32_t width, uint32_t height);
 
-  /// Takes pixels of kShown. Requires: the tile lies in the picture, as `pixels` has its bytes.
+  /// Takes pixels of kShown, unless there are sums. Requires: the tile lies in the picture, as `pixels` has
+  /// its bytes.
   void PutShown(const Tile& tile, std::span<const std::byte> pixels);
   /// Adds sums of kSums, which are shown from then on. Requires: as PutShown; ranges of samples come in order
   /// and without gaps, each for all pixels before the next.

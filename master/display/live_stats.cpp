@@ -38,19 +38,20 @@ void LiveStats::Sample(double now_s, const WorkerRegistry& registry, const Displ
   const bool moves = now_s - newer_s_ >= kWindowS;
   std::erase_if(workers_, [&](const auto& entry) {
     if (registry.all().contains(entry.first)) return false;
-    gone_.rays += entry.second.now.rays;
-    gone_.loaded += entry.second.now.loaded;
+    gone_[entry.first] = entry.second.now;
     return true;
   });
   for (const auto& [id, record] : registry.all()) {
+    const bool is_new = !workers_.contains(id);
     Worker& worker = workers_[id];
     const WorkerStatus& c = record.counters;
+    gone_.erase(id);
     worker.name = record.name;
     worker.threads = std::max(record.threads, 1u);
     worker.resident = c.cache_bytes;
     const Counters now{c.rays, c.rays_suspended, c.voxel_bytes_loaded, c.compute_us};
-    // A worker that has begun anew.
-    if (now.rays < worker.now.rays || now.compute_us < worker.now.compute_us)
+    // A worker that has come, or begun anew.
+    if (is_new || now.rays < worker.now.rays || now.compute_us < worker.now.compute_us)
       worker.older = worker.newer = now;
     worker.now = now;
     if (moves) worker.older = std::exchange(worker.newer, worker.now);
@@ -98,7 +99,11 @@ std::string LiveStats::Json(double frames_per_s) const {
 
 std::string LiveStats::Metrics() const {
   using enum Metric::Kind;
-  Counters sum = gone_;
+  Counters sum;
+  for (const auto& [id, counters] : gone_) {
+    sum.rays += counters.rays;
+    sum.loaded += counters.loaded;
+  }
   for (const auto& [id, worker] : workers_) {
     sum.rays += worker.now.rays;
     sum.loaded += worker.now.loaded;
@@ -118,7 +123,7 @@ std::string LiveStats::Metrics() const {
                        "Decoded voxels that a worker holds",
                        kGauge,
                        number(worker.resident),
-                       {{"worker", worker.name}}});
+                       {{"worker", worker.name}, {"id", std::to_string(id)}}});
   return prometheus::TextSerializer().Serialize(registry_->Collect()) + FormatMetrics(metrics);
 }
 

@@ -53,7 +53,7 @@ class LiveStats {
   };
   const std::string scene_;
   std::map<uint32_t, Worker> workers_;
-  Counters gone_;  ///< of workers that have left
+  std::map<uint32_t, Counters> gone_;  ///< of workers that have left, until they come back
   DisplayCounters display_;
   uint64_t frames_older_ = 0, frames_newer_ = 0;
   double older_s_ = 0, newer_s_ = 0, now_s_ = 0, began_s_ = -1;

@@ -18,6 +18,8 @@ constexpr double kRefinedEveryS = 0.04, kSampledEveryS = 0.1;
 /// Seconds between attempts at pixels that wait for blocks. Without fewer of them for kStuckS, the exact pass
 /// begins: it waits for blocks where they are.
 constexpr double kRefillS = 0.05, kStuckS = 1;
+/// Seconds of rest after which the exact pass begins, whatever waits.
+constexpr double kMostFillS = 3;
 /// The share of a frame's time that its lattice may take, and that a finer lattice must be expected to take.
 constexpr double kShare = 0.85, kFinerShare = 0.65;
 constexpr uint32_t kCoarsest = 4;
@@ -45,7 +47,8 @@ void ViewPacer::Want(WantedView wanted, double now_s) {
   pending_.reset();
   const bool other_exposure = wanted.exposure != wanted_.exposure;
   wanted_ = std::move(wanted);
-  if (!other_exposure) return;
+  // Who asks again at rest is answered again, by the number of its input.
+  if (!other_exposure && (wanted_.moving || stage_ != Stage::kExact)) return;
   picture_.Renew();
   exact_sent_ = false;
   if (stage_ == Stage::kExact) stage_ = Stage::kSamples;  // whose exposure may be missing
@@ -78,7 +81,10 @@ void ViewPacer::Begin(double now_s) {
     abandoned_ += stage_ != Stage::kExact;
   }
   if (meter_) dispatcher_.End(*std::exchange(meter_, std::nullopt));
-  if (wanted_.view.mode != pending_->view.mode) guess_.reset();
+  if (wanted_.view.mode != pending_->view.mode) {
+    guess_.reset();
+    guessed_from_ = 0;
+  }
   wanted_ = *std::exchange(pending_, std::nullopt);
   frame_ = dispatcher_.Begin(viewer_, wanted_.view);
   picture_.Open(wanted_.view.width, wanted_.view.height);
@@ -90,7 +96,7 @@ void ViewPacer::Begin(double now_s) {
   begun_s_ = traced_s_ = now_s;
   stage_ = Stage::kLattice;
   refining_ = 0;
-  step_ = ChooseStep();
+  step_ = first_step_ = ChooseStep();
   TraceLattice(step_, 0, 0);
 }
 
@@ -98,7 +104,7 @@ uint32_t ViewPacer::ChooseStep() const {
   if (settings_.step != 0) return settings_.step;
   if (point_s_ == 0) return kCoarsest;
   for (uint32_t step = 1; step < kCoarsest; step *= 2) {
-    const double share = step < step_ ? kFinerShare : kShare;
+    const double share = step < first_step_ ? kFinerShare : kShare;
     if (static_cast<double>(PointsOf(wanted_.view, step)) * point_s_ <= share / settings_.frame_rate)
       return step;
   }
@@ -158,6 +164,7 @@ void ViewPacer::Advance(double now_s) {
     NoteTime(traced_s_ - begun_s_, PointsOf(wanted_.view, step_));
     stage_ = Stage::kRefine;
     fewest_waiting_ = picture_.pixels();
+    fewer_s_ = now_s;
   }
   if (under_way_ >= kMostUnderWay) return;
   if (stage_ == Stage::kRefine) Refine(now_s);
@@ -169,6 +176,7 @@ void ViewPacer::Refine(double now_s) {
   if (dispatcher_.Wants(*frame_, LiveUrgency::kMotion)) return;
   if (refining_ != 0) step_ = std::exchange(refining_, 0);
   const bool rests = now_s >= rest_s_ && !pending_;
+  if (settings_.step != 0 && now_s < rest_s_) return Wake(rest_s_);  // in motion the step is locked
   if (step_ == 1 || (rests && picture_.waiting() == 0)) {
     stage_ = Stage::kFill;  // the exact pass brings the pixels between, too
     return;
@@ -184,7 +192,7 @@ void ViewPacer::Fill(double now_s) {
     fewest_waiting_ = picture_.waiting();
     fewer_s_ = now_s;
   }
-  const bool filled = picture_.waiting() == 0 || now_s - fewer_s_ > kStuckS;
+  const bool filled = picture_.waiting() == 0 || now_s - fewer_s_ > kStuckS || now_s - rest_s_ > kMostFillS;
   if (filled && now_s >= rest_s_) {
     stage_ = Stage::kSamples;
     return Meter();
@@ -217,7 +225,7 @@ void ViewPacer::NextSamples() {
   }
   Tile area{wanted_.view.crop};
   area.first_sample = have;
-  area.samples = std::min(std::max(1u, 3 * have), all - have);
+  area.samples = std::min({std::max(1u, 3 * have), dispatcher_.SamplesAtOnce(viewer_), all - have});
   area.form = PixelForm::kSums;
   dispatcher_.Trace(*frame_, area, LiveUrgency::kRest);
 }
@@ -268,7 +276,11 @@ double ViewPacer::ExposureNow() {
   if (wanted_.view.mode == RenderMode::kVoxels) return 0;
   if (own_) return *own_;
   if (exposure_ && exposed_mode_ == wanted_.view.mode) return *exposure_;
-  if (!guess_) guess_ = GuessExposure();
+  // A guess from few pixels is made again.
+  if (!guess_ || picture_.traced() > 2 * guessed_from_) {
+    guess_ = GuessExposure();
+    guessed_from_ = std::max<uint64_t>(picture_.traced(), guessed_from_);
+  }
   return *guess_;
 }
 

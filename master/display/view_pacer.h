@@ -57,8 +57,8 @@ struct DueFrame {
 /// allows; it is
 ///   sent when it is complete, or what there is of it when it is late.
 /// - Then the lattice is refined, and pixels that wait for blocks are traced again.
-/// - 150 ms after the last input, samples accumulate as exact sums, and the exposure is metered. The last
-/// frame is
+/// - 150 ms after the last input, at once if it ends a motion, samples accumulate as exact sums, and the
+/// exposure is metered. The last frame is
 ///   the picture of `quarry render --view`.
 /// - A viewer that does not acknowledge frames costs no tracing.
 /// Units: seconds of any clock that does not go back. No sockets, no threads. Not thread-safe.
@@ -87,6 +87,8 @@ class ViewPacer {
   /// When Step() is to be called again even if nothing else happens; far away if never.
   double due_s() const { return due_s_; }
 
+  /// Pixels of the picture that is held.
+  uint64_t held_pixels() const { return picture_.pixels(); }
   /// Views that were overtaken before they were exact.
   uint64_t abandoned() const { return abandoned_; }
   /// The view that is traced, or null.
@@ -120,8 +122,9 @@ class ViewPacer {
   WantedView wanted_;
   LivePicture picture_;
   Stage stage_ = Stage::kLattice;
-  uint32_t step_ = 1;      ///< of the finest lattice that is complete, or of the first
-  uint32_t refining_ = 0;  ///< step of the lattice under way; 0: none
+  uint32_t step_ = 1;        ///< of the finest lattice that is complete, or of the first
+  uint32_t first_step_ = 4;  ///< of the lattice that came first
+  uint32_t refining_ = 0;    ///< step of the lattice under way; 0: none
   double came_s_ = 0, begun_s_ = 0, traced_s_ = 0, sent_s_ = 0;
   double rest_s_ = 0;  ///< when rest begins
   bool sent_ = false;  ///< a frame of this view has been sent
@@ -133,9 +136,10 @@ class ViewPacer {
 
   std::optional<FrameId> meter_;
   std::vector<MeteredPoint> metered_;
-  std::optional<double> exposure_;  ///< metered, of the newest exact view
+  std::optional<double> exposure_;  ///< metered last
   std::optional<double> own_;       ///< metered, of this view
   std::optional<double> guess_;     ///< before anything was metered
+  uint64_t guessed_from_ = 0;       ///< pixels
   RenderMode exposed_mode_ = RenderMode::kAo;
 
   double point_s_ = 0;  ///< a lattice point's share of a complete lattice's time; 0: not known

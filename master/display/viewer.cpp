@@ -22,6 +22,8 @@ using nlohmann::ordered_json;
 constexpr double kMessagesPerS = 300, kMostMessages = 600;
 /// Bytes on their way to a browser beyond which it is told nothing that it can do without.
 constexpr uint64_t kFarBehind = 1u << 20;
+/// Bytes on their way to a browser that goes on asking: two exact frames of the largest pictures are less.
+constexpr uint64_t kTooFarBehind = 64u << 20;
 
 std::string ErrorText(const std::string& sentence) {
   return ordered_json{{"type", "error"}, {"message", sentence}}.dump(-1, ' ', false,
@@ -130,6 +132,7 @@ bool Viewer::TooMany() {
 
 void Viewer::OnText(const std::string& text) {
   if (gone_) return;
+  if (socket_->queued_bytes() > kTooFarBehind) return End("this page takes nothing of what it asks for");
   if (TooMany()) return End("this page sends more than a viewer does");
   if (const Status status = OnMessage(text); !status) return End(status.error().message);
   Go();
@@ -150,18 +153,25 @@ Status Viewer::OnMessage(const std::string& text) {
 
 /// Takes memory for a view of this size.
 Status Viewer::OnView(WantedView wanted) {
-  const uint64_t needed = uint64_t{wanted.view.width} * wanted.view.height * ViewMemory::kPixelBytes;
+  const uint64_t pixels = uint64_t{wanted.view.width} * wanted.view.height;
   ViewMemory& memory = site_.memory;
-  if (needed > taken_ && memory.taken - taken_ + needed > memory.most)
+  if (!memory.Fits(pixels, taken_))
     return Fail(
         fmt::format("there are too many viewers for another one of this size: all views together may take "
                     "{} (--view-memory)",
                     FormatSize(memory.most)));
-  memory.taken += needed - taken_;
-  taken_ = needed;
+  memory.largest = std::max(memory.largest, pixels);
+  Charge(std::max(pixels, pacer_.held_pixels()));
   newest_ = wanted.view;
   pacer_.Want(std::move(wanted), site_.now());
   return {};
+}
+
+/// Takes memory for so many pixels, or gives back.
+void Viewer::Charge(uint64_t pixels) {
+  const uint64_t bytes = pixels * ViewMemory::kPixelBytes;
+  site_.memory.taken += bytes - taken_;
+  taken_ = bytes;
 }
 
 void Viewer::OnSettings(const SettingsMessage& message) {
@@ -189,12 +199,15 @@ bool Viewer::Take(const LiveTile& tile, std::span<const std::byte> pixels) {
 void Viewer::Go() {
   if (gone_) return;
   while (auto due = pacer_.Step(site_.now())) due_.push_back(std::move(*due));
+  if (newest_) Charge(std::max(uint64_t{newest_->width} * newest_->height, pacer_.held_pixels()));
   EncodeNext();
   site_.assign_soon();
   constexpr double kLongest = 3600;
   const double wait_s = pacer_.due_s() - site_.now();
   if (wait_s < kLongest)
-    timer_.Set(std::max(wait_s, 0.0), [this] { Go(); });
+    timer_.Set(std::max(wait_s, 0.0), [self = weak_from_this()] {
+      if (const auto viewer = self.lock()) viewer->Go();
+    });
   else
     timer_.Stop();
 }
@@ -205,9 +218,9 @@ void Viewer::EncodeNext() {
   encoding_ = true;
   auto due = std::make_shared<DueFrame>(std::move(due_.front()));
   due_.pop_front();
-  asio::post(site_.encoders, [self = weak_from_this(), due, encoder = encoder_, facts = site_.facts,
-                              quality = quality_, &io = site_.io] {
-    auto encoded = std::make_shared<Result<EncodedFrame>>(encoder->Encode(*due, facts, quality));
+  asio::post(site_.encoders, [self = weak_from_this(), due, tone = tone_, facts = site_.facts,
+                              quality = quality_, &encoder = site_.encoder, &io = site_.io] {
+    auto encoded = std::make_shared<Result<EncodedFrame>>(encoder.Encode(*due, facts, quality, *tone));
     asio::post(io, [self, due, encoded] {
       if (const auto viewer = self.lock()) viewer->OnEncoded(*due, *encoded);
     });

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <chrono>
 #include <cstdint>
 #include <deque>
@@ -26,20 +27,27 @@ namespace quarry {
 /// The memory that all views may take together. Units: bytes.
 struct ViewMemory {
   uint64_t most = 256u << 20, taken = 0;
-  /// Bytes that a pixel of a view takes: its picture, two frames under way, and the exact one.
-  static constexpr uint64_t kPixelBytes = LivePicture::kPixelBytes + 2 * sizeof(uint32_t) + 12;
-  uint64_t most_pixels() const { return most / kPixelBytes; }
+  uint64_t largest = 0;  ///< pixels of a view so far; the encoder keeps memory for it
+  /// Bytes that a pixel of a view takes: its picture with rows under way, and the exact frame with its file
+  /// and message; and bytes that the encoder takes for a pixel of the largest view.
+  static constexpr uint64_t kPixelBytes = LivePicture::kPixelBytes + 12 + 4, kEncoderBytes = 24;
+  uint64_t most_pixels() const { return most / (kPixelBytes + kEncoderBytes); }
+  /// Whether a view of `pixels` has room where now `own` bytes are taken for its viewer.
+  bool Fits(uint64_t pixels, uint64_t own) const {
+    return taken - own + pixels * kPixelBytes + std::max(largest, pixels) * kEncoderBytes <= most;
+  }
 };
 
 /// What viewers share. All of it outlives them.
 struct ViewerSite {
   boost::asio::io_context& io;
-  boost::asio::thread_pool& encoders;
+  boost::asio::thread_pool& encoders;  ///< one thread
   LiveDispatcher& dispatcher;
   const Scene& scene;
   SceneFacts facts;
   ViewDescription defaults;  ///< of views
   ViewMemory memory;
+  FrameEncoder encoder{};                  ///< used on the pool's one thread alone
   std::function<void()> assign_soon;       ///< there is something to trace
   std::function<double()> now;             ///< seconds of a steady clock
   std::function<void(double)> took_frame;  ///< seconds that a frame's tracing took
@@ -74,6 +82,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   void OnText(const std::string& text);
   Status OnMessage(const std::string& text);
   Status OnView(WantedView wanted);
+  void Charge(uint64_t pixels);
   void OnSettings(const SettingsMessage& message);
   void OnAck(uint64_t frame);
   bool TooMany();
@@ -93,7 +102,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   Timer timer_;
   std::deque<DueFrame> due_;  ///< to be encoded
   bool encoding_ = false;
-  std::shared_ptr<FrameEncoder> encoder_ = std::make_shared<FrameEncoder>();
+  std::shared_ptr<std::optional<ToneTable>> tone_ = std::make_shared<std::optional<ToneTable>>();
   uint64_t next_frame_ = 1, frames_sent_ = 0;
   std::set<uint64_t> under_way_;  ///< frames sent and not acknowledged
   double tokens_ = 0, tokens_at_s_ = 0;

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -38,6 +39,8 @@ Result<WantedView> ReadWanted(const JsonValue& json, const ViewDescription& defa
   if (view.aov_mask != 0) return object.Wrong("has layers, which a live view does not show");
   if (wanted.exposure && !(std::fabs(*wanted.exposure) <= kMostExposure))
     return object.Wrong(fmt::format("has an exposure beyond {} EV", kMostExposure));
+  if (std::max(view.width, view.height) > kMostSide)
+    return object.Wrong(fmt::format("is more than {} pixels wide or high", kMostSide));
   if (uint64_t{view.width} * view.height > most_pixels)
     return object.Wrong(fmt::format("is {}x{}: more pixels than a view may have here (--view-memory)",
                                     view.width, view.height));

@@ -11,6 +11,9 @@
 
 namespace quarry {
 
+/// Pixels a side of a view, as many as a browser's canvas has.
+inline constexpr uint32_t kMostSide = 16384;
+
 /// What a browser says. See PROTOCOL.md.
 struct AckMessage {
   uint64_t frame = 0;

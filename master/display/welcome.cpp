@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/base/version.h"
+#include "master/display/viewer_message.h"
 
 namespace quarry {
 namespace {
@@ -11,8 +12,6 @@ namespace {
 using nlohmann::ordered_json;
 
 constexpr int kProtocol = 1;
-/// A browser's canvas has at most so many pixels a side.
-constexpr uint32_t kMostSide = 16384;
 
 ordered_json Triple(const glm::dvec3& v) { return {v.x, v.y, v.z}; }
 

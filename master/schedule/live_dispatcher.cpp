@@ -12,6 +12,8 @@ namespace {
 /// Computing that a tile should cost: ten times what it costs beside it (130 to 200 us), and a tenth of a
 /// frame.
 constexpr double kTileS = 2e-3;
+/// Computing of the smallest tile of a range of samples: a viewer in motion waits for no longer one.
+constexpr double kRestTileS = 10e-3;
 /// Tiles that a thread has at hand, one begun and one queued: the next is there when one ends.
 constexpr uint32_t kTilesPerThread = 2;
 /// Seconds after which a held tile is given to an idle worker too, doubled with each holder. A tile that
@@ -26,9 +28,9 @@ constexpr double kNewCost = 0.2;
 
 }  // namespace
 
-uint32_t LiveDispatcher::Worker::free() const {
-  const uint32_t most = threads * kTilesPerThread;
-  return held < most ? most - held : 0;
+bool LiveDispatcher::Worker::MayHave(LiveUrgency urgency) const {
+  // A picture at rest leaves each thread a tile for somebody else's in motion.
+  return held < threads * (urgency == LiveUrgency::kRest ? kTilesPerThread - 1 : kTilesPerThread);
 }
 
 void LiveDispatcher::AddWorker(uint32_t id, uint32_t threads) {
@@ -96,6 +98,8 @@ uint32_t LiveDispatcher::TileSide(const Viewer& viewer, const Frame& frame, cons
   const double most = std::min(kTileS / point_s, points / (2.0 * std::max(threads(), 1u)));
   auto side = static_cast<uint32_t>(std::sqrt(std::max(most, 1.0))) / kPacket * kPacket;
   side = std::clamp(side, kLeastSide, kMostSide);
+  if (area.form == PixelForm::kMeans)
+    side = std::min(side, kTileSize);  // with depths and blocks, as jobs' tiles
   const size_t bytes = BytesPerPoint(area.form, frame.view.aov_mask);
   while (size_t{side} * side * bytes > kMaxTileBytes) side -= kPacket;
   return side;
@@ -115,6 +119,12 @@ void LiveDispatcher::Trace(FrameId id, const Tile& area, LiveUrgency urgency) {
       frame.open[static_cast<size_t>(urgency)].push_back(number);
       ++frame.unfinished[static_cast<size_t>(urgency)];
     }
+}
+
+uint32_t LiveDispatcher::SamplesAtOnce(uint32_t viewer) const {
+  const auto it = viewers_.find(viewer);
+  const double point_s = it == viewers_.end() ? Viewer().point_s : it->second.point_s;
+  return static_cast<uint32_t>(std::clamp(kRestTileS / (point_s * kLeastSide * kLeastSide), 1.0, 65536.0));
 }
 
 bool LiveDispatcher::Wants(FrameId id, LiveUrgency urgency) const {
@@ -162,7 +172,7 @@ void LiveDispatcher::Give(uint32_t id, FrameId frame_id, uint32_t number, double
   tile.leased_at_s = now_s;
   viewer.used_s += CostOf(viewer, frame, tile.area);
   TileOrder order{frame_id, number, next_lease_++, tile.area};
-  order.urgent = true;
+  order.urgency = tile.urgency == LiveUrgency::kRest ? Urgency::kRest : Urgency::kMotion;
   sink_.Order(id, std::move(order));
 }
 
@@ -215,11 +225,11 @@ bool LiveDispatcher::GiveLate(uint32_t id, double now_s) {
 
 /// Gives workers tiles one by one, each in its turn, while they have room.
 template <class GiveOne>
-void LiveDispatcher::GiveInTurns(GiveOne give) {
+void LiveDispatcher::GiveInTurns(LiveUrgency urgency, GiveOne give) {
   for (bool any = true; any;) {
     any = false;
     for (auto& [id, worker] : workers_)
-      if (worker.free() > 0) any = give(id) || any;
+      if (worker.MayHave(urgency)) any = give(id) || any;
   }
 }
 
@@ -231,12 +241,12 @@ void LiveDispatcher::Assign(double now_s) {
       ended.resize(ended.size() - some);
     }
   for (const auto urgency : {LiveUrgency::kAnswer, LiveUrgency::kMotion, LiveUrgency::kRest}) {
-    GiveInTurns([&](uint32_t id) { return GiveOwn(id, urgency, now_s); });
-    GiveInTurns([&](uint32_t id) { return GiveAny(id, urgency, now_s); });
+    GiveInTurns(urgency, [&](uint32_t id) { return GiveOwn(id, urgency, now_s); });
+    GiveInTurns(urgency, [&](uint32_t id) { return GiveAny(id, urgency, now_s); });
   }
   if (now_s < looks_for_late_s_) return;
   looks_for_late_s_ = now_s + kLateS / 4;
-  GiveInTurns([&](uint32_t id) { return GiveLate(id, now_s); });
+  GiveInTurns(LiveUrgency::kRest, [&](uint32_t id) { return GiveLate(id, now_s); });
 }
 
 Result<std::optional<LiveTile>> LiveDispatcher::Finish(uint32_t worker, const TileDone& done,

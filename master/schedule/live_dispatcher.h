@@ -66,6 +66,8 @@ class LiveDispatcher {
   /// Wants `area` to be traced, in as many tiles as are worth it. Requires: the frame has not ended; the
   /// area's parts satisfy CheckTile().
   void Trace(FrameId frame, const Tile& area, LiveUrgency urgency);
+  /// The samples that a range should have at most, so that none of its tiles keeps others waiting for long.
+  uint32_t SamplesAtOnce(uint32_t viewer) const;
   /// Whether tiles of this urgency are wanted that have not been finished.
   bool Wants(FrameId frame, LiveUrgency urgency) const;
 
@@ -94,7 +96,7 @@ class LiveDispatcher {
     uint32_t held = 0;           ///< tiles
     std::set<FrameId> told;      ///< frames that it knows
     std::vector<FrameId> ended;  ///< of these, to be told
-    uint32_t free() const;
+    bool MayHave(LiveUrgency urgency) const;
   };
   static constexpr uint32_t kCells = 32;  ///< a side, of the grid of owners
   struct Viewer {
@@ -112,7 +114,7 @@ class LiveDispatcher {
   bool GiveLate(uint32_t id, double now_s);
   void Give(uint32_t id, FrameId frame_id, uint32_t number, double now_s);
   template <class GiveOne>
-  void GiveInTurns(GiveOne give);
+  void GiveInTurns(LiveUrgency urgency, GiveOne give);
   void Enliven(Viewer& viewer) const;
 
   Sink& sink_;

@@ -44,12 +44,13 @@ int Main(int argc, char** argv) {
   const auto width = static_cast<uint32_t>(argc > 1 ? std::atoi(argv[1]) : 640);
   const auto height = static_cast<uint32_t>(argc > 2 ? std::atoi(argv[2]) : 480);
   FrameEncoder encoder;
+  std::optional<ToneTable> tone;
   for (const uint32_t step : {1u, 2u, 4u, 0u}) {
     const DueFrame frame = FrameOf(width, height, step);
     std::vector<double> times;
     size_t bytes = 0;
     for (int i = 0; i < 50; ++i) {
-      const auto encoded = encoder.Encode(frame, {}, 80);
+      const auto encoded = encoder.Encode(frame, {}, 80, tone);
       if (!encoded) return fmt::print(stderr, "{}\n", encoded.error().message), 1;
       times.push_back(encoded->encode_s * 1e3);
       bytes = encoded->stripes[0].image.size();

@@ -86,7 +86,7 @@ TileOrder AnyTileOrder(Script& script) {
   order.area.samples = script.Below(3);
   order.area.form = static_cast<PixelForm>(script.Below(4));
   order.area.leaves_holes = script.Below(2);
-  order.urgent = script.Below(2);
+  order.urgency = static_cast<Urgency>(script.Below(4));
   order.blocks = {script.Number()};
   order.holders = {script.Number()};
   return order;

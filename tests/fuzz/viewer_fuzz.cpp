@@ -165,7 +165,8 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
                   scene,
                   {scene.catalog().id, {}},
                   Defaults(),
-                  {64u << 10},
+                  {1u << 20},
+                  {},
                   [] {},
                   [&] { return now_s; },
                   [](double) {}};

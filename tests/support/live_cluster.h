@@ -38,7 +38,10 @@ class LiveCluster : public LiveDispatcher::Sink {
   }
   void Order(uint32_t worker, TileOrder order) override {
     CHECK(known_.contains({worker, order.frame}));
-    CHECK(order.urgent);
+    CHECK(order.urgency > Urgency::kJob);
+    const auto received = DecodeTileOrder(Encode(order));
+    REQUIRE(received.has_value());
+    CHECK((received->area.pixels == order.area.pixels && received->area.step == order.area.step));
     CHECK(CheckTile(order.area, views_.at(order.frame)).has_value());
     orders.push_back({worker, std::move(order)});
   }
@@ -51,23 +54,25 @@ class LiveCluster : public LiveDispatcher::Sink {
   }
 
   /// The oldest order, rendered and finished. None: the dispatcher did not want it.
-  std::optional<Finished> RunOne() {
+  std::optional<Finished> RunOne(uint64_t compute_us = 200) {
     REQUIRE_FALSE(orders.empty());
     const Ordered next = std::move(orders.front());
     orders.pop_front();
-    return Run(next);
+    return Run(next, compute_us);
   }
-  std::optional<Finished> Run(const Ordered& ordered) {
+  std::optional<Finished> Run(const Ordered& ordered, uint64_t compute_us = 200) {
     const TileOrder& order = ordered.order;
     Finished done;
-    TileDone answer{order.frame, order.tile, order.lease, 1, 0, 200};
+    TileDone answer{order.frame, order.tile, order.lease, 1, 0, compute_us};
     REQUIRE(renderer_
                 ->Render(views_.at(order.frame), std::span(&order.area, 1),
                          [&](size_t, RenderedTile result, Renderer::Progress) {
                            done.pixels = std::move(result.pixels);
+                           if (order.area.form == PixelForm::kMeans) answer.depths = std::move(result.depths);
                            holes += result.holes;
                          })
                 .has_value());
+    REQUIRE(DecodeTileDone(Encode(answer)).has_value());
     const auto finished = dispatcher.Finish(ordered.worker, answer, done.pixels.size());
     REQUIRE(finished.has_value());
     if (!*finished) return std::nullopt;

@@ -37,7 +37,7 @@ struct Viewer {
   void Pass() {
     now_s += 1e-3;
     if (!cluster.orders.empty() && works)
-      if (const auto done = cluster.RunOne()) REQUIRE(pacer.Take(done->tile, done->pixels, now_s));
+      if (const auto done = cluster.RunOne(tile_us)) REQUIRE(pacer.Take(done->tile, done->pixels, now_s));
     Step();
   }
   void PassFor(double seconds) {
@@ -57,6 +57,7 @@ struct Viewer {
   std::vector<DueFrame> frames;
   uint64_t inputs = 0;
   double now_s = 100;
+  uint64_t tile_us = 200;  ///< what workers say that a tile took
   bool acknowledges = true, works = true;
 };
 
@@ -160,6 +161,45 @@ TEST_CASE("Another exposure needs no ray", "[live]") {
   CHECK(viewer.cluster.orders.empty());
 }
 
+TEST_CASE("Who asks again at rest is answered by the number of the new input", "[live]") {
+  Viewer viewer;
+  viewer.Want(0);
+  viewer.UntilExact();
+  const auto before = viewer.frames.back().exact;
+  viewer.Want(0);
+  viewer.PassFor(0.3);
+  REQUIRE(viewer.exact());
+  CHECK(viewer.frames.back().wanted.input == 2);
+  CHECK(viewer.frames.back().exact == before);
+}
+
+TEST_CASE("A square picture is metered by tiles that messages can carry", "[live]") {
+  // On one thread, and with cheap points, tiles are as large as they get.
+  Viewer viewer;
+  viewer.cluster.dispatcher.RemoveWorker(2);
+  for (int i = 0; i < 3; ++i) {
+    View view = Looking({0.1 * i, -20, 0}, {0.1 * i, 10, 0}, 300, 300);
+    view.mode = RenderMode::kAo;
+    viewer.pacer.Want({view, std::nullopt, ++viewer.inputs, 0, false}, viewer.now_s);
+    viewer.Step();
+    viewer.UntilExact();
+  }
+}
+
+TEST_CASE("Ranges of samples are short where a sample is dear", "[live]") {
+  Viewer viewer;
+  viewer.tile_us = 50000;
+  viewer.Want(0, false, 64);
+  uint32_t most = 0;
+  for (int i = 0; i < 20000 && !viewer.exact(); ++i) {
+    for (const auto& ordered : viewer.cluster.orders)
+      if (ordered.order.area.form == PixelForm::kSums) most = std::max(most, ordered.order.area.samples);
+    viewer.Pass();
+  }
+  CHECK(viewer.exact());
+  CHECK(most < 8);
+}
+
 TEST_CASE("Who asks for owners gets them at rest, too", "[live]") {
   Viewer viewer;
   viewer.Want(0);
@@ -185,7 +225,7 @@ TEST_CASE("Without workers that answer, nothing is shown and nothing is lost", "
   viewer.UntilExact();
 }
 
-TEST_CASE("A locked step is kept in motion", "[live]") {
+TEST_CASE("A locked step is kept in motion, and refined at rest", "[live]") {
   Viewer viewer;
   for (const uint32_t step : {1u, 2u, 4u}) {
     viewer.pacer.Set({.step = step});
@@ -196,6 +236,9 @@ TEST_CASE("A locked step is kept in motion", "[live]") {
     };
     while (first() == viewer.frames.end()) viewer.Pass();
     CHECK(first()->step == step);
+    for (const DueFrame& frame : viewer.frames)
+      if (frame.wanted.input == input) CHECK(frame.step == step);
+    viewer.UntilExact();
   }
 }
 

@@ -6,6 +6,8 @@ const FIRST_PAUSE_MS = 500;
 const LONGEST_PAUSE_MS = 5000;
 /// A server that does not answer for this long is given up. Its welcome may take longer: it waits for the scene.
 const ANSWER_MS = 10000;
+/// The server tells its statistics each second. One that says nothing for this long has gone without a word.
+const SILENCE_MS = 8000;
 const PROTOCOL = 1;
 const NOT_ADMITTED = 'The server is there, but takes no live connection from this page: it has too many viewers, or does not know '
   + 'this address (--viewer-url). The page keeps trying.';
@@ -22,6 +24,8 @@ export class Connection {
     this.pause = FIRST_PAUSE_MS;
     this.timer = 0;
     this.isDenied = false;
+    this.heard = 0;
+    setInterval(() => this.isOpen && performance.now() - this.heard > SILENCE_MS && this.lose(), 1000);
     addEventListener('online', () => this.hurry());
     document.addEventListener('visibilitychange', () => document.hidden || this.hurry());
     // Another tab may have been opened with the token meanwhile.
@@ -73,6 +77,7 @@ export class Connection {
   }
 
   receive(socket, data) {
+    this.heard = performance.now();
     try {
       if (typeof data === 'string') return this.hear(JSON.parse(data));
       const frame = parseFrame(data);
