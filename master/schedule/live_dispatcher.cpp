@@ -246,7 +246,7 @@ void LiveDispatcher::Assign(double now_s) {
   }
   if (now_s < looks_for_late_s_) return;
   looks_for_late_s_ = now_s + kLateS / 4;
-  GiveInTurns(LiveUrgency::kRest, [&](uint32_t id) { return GiveLate(id, now_s); });
+  GiveInTurns(LiveUrgency::kMotion, [&](uint32_t id) { return GiveLate(id, now_s); });
 }
 
 Result<std::optional<LiveTile>> LiveDispatcher::Finish(uint32_t worker, const TileDone& done,
