@@ -211,8 +211,8 @@ Result<TileOrder> DecodeTileOrder(std::span<const std::byte> table) {
   const auto* w = Root<wire::TileOrder>(table);
   if (!w) return NotWellFormed();
   const size_t blocks = SizeOf(w->blocks());
-  if (w->form() > static_cast<uint8_t>(PixelForm::kShown) || w->urgency() >= kUrgencies || blocks > kMaxTileHints ||
-      SizeOf(w->holders()) != blocks)
+  if (w->form() > static_cast<uint8_t>(PixelForm::kShown) || w->urgency() >= kUrgencies ||
+      blocks > kMaxTileHints || SizeOf(w->holders()) != blocks)
     return Fail("received a tile that cannot be");
   TileOrder m{w->frame(), w->tile(), w->lease()};
   m.area.pixels = {w->x(), w->y(), w->width(), w->height()};

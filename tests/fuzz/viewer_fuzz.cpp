@@ -159,16 +159,8 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   LiveDispatcher dispatcher(workers, kFirstLiveFrame);
   dispatcher.AddWorker(1, 1);
   double now_s = 1;
-  ViewerSite site{io,
-                  encoders,
-                  dispatcher,
-                  scene,
-                  {scene.catalog().id, {}},
-                  Defaults(),
-                  {1u << 20},
-                  {},
-                  [] {},
-                  [&] { return now_s; },
+  ViewerSite site{io,           encoders,   dispatcher, scene, {scene.catalog().id, {}},
+                  Defaults(),   {1u << 20}, {},         [] {}, [&] { return now_s; },
                   [](double) {}};
   const auto socket = std::make_shared<Socket>();
   bool gone = false;

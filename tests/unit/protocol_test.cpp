@@ -107,14 +107,15 @@ TEST_CASE("Messages come back field by field") {
   CHECK((frame->frame == 6 && frame->statistics == "{}"));
   const auto tile = DecodeTileOrder(Encode(TileOrder{1, 2, 3, {{4, 5, 6, 7}}}));
   CHECK((tile->frame == 1 && tile->tile == 2 && tile->lease == 3 &&
-         tile->area.pixels == PixelRect{4, 5, 6, 7} && tile->area.step == 1 && tile->urgency == Urgency::kJob &&
-         tile->area.phase_x == Tile::kMiddle && tile->area.form == PixelForm::kMeans));
+         tile->area.pixels == PixelRect{4, 5, 6, 7} && tile->area.step == 1 &&
+         tile->urgency == Urgency::kJob && tile->area.phase_x == Tile::kMiddle &&
+         tile->area.form == PixelForm::kMeans));
   TileOrder live{1, 2, 3, {{4, 5, 6, 7}, 4, false, 2, 0, 1, 3, PixelForm::kSums}, {}, {}, Urgency::kRest};
   live.area.leaves_holes = true;
   const auto seen = DecodeTileOrder(Encode(live));
-  CHECK((seen->urgency == Urgency::kRest && seen->area.leaves_holes && seen->area.step == 4 && seen->area.phase_x == 2 &&
-         seen->area.phase_y == 0 && seen->area.first_sample == 1 && seen->area.samples == 3 &&
-         seen->area.form == PixelForm::kSums));
+  CHECK((seen->urgency == Urgency::kRest && seen->area.leaves_holes && seen->area.step == 4 &&
+         seen->area.phase_x == 2 && seen->area.phase_y == 0 && seen->area.first_sample == 1 &&
+         seen->area.samples == 3 && seen->area.form == PixelForm::kSums));
   CHECK(DecodeFramesEnd(Encode(FramesEnd{{7, 8}}))->frames == std::vector<uint64_t>{7, 8});
   const auto done = DecodeTileDone(Encode(TileDone{1, 2, 3, 4, 5}));
   CHECK((done->frame == 1 && done->tile == 2 && done->lease == 3 && done->rays == 4 &&
