@@ -8,7 +8,6 @@
 #include <cstdlib>
 #include <cstring>
 #include <deque>
-#include <fstream>
 #include <future>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -136,17 +135,6 @@ std::vector<std::vector<uint8_t>> Seeds() {
 }
 
 }  // namespace quarry::fuzz
-
-extern "C" int LLVMFuzzerInitialize(int*, char***) {
-  if (const char* folder = std::getenv("QUARRY_WRITE_SEEDS")) {
-    int number = 0;
-    for (const auto& seed : quarry::fuzz::Seeds())
-      std::ofstream(folder + ("/play-" + std::to_string(number++)), std::ios::binary)
-          .write(reinterpret_cast<const char*>(seed.data()), static_cast<std::streamsize>(seed.size()));
-    std::exit(0);
-  }
-  return 0;
-}
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace quarry;
