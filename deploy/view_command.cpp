@@ -150,7 +150,8 @@ void AddViewCommandOptions(CLI::App& c, ViewArguments& a) {
   c.add_option("--cache", a.cache, "Decoded voxels held per worker")
       ->envname("QUARRY_CACHE")
       ->capture_default_str();
-  c.add_option("--view-memory", a.view_memory, "Memory for views, all together; who asks for more is refused")
+  c.add_option("--view-memory", a.view_memory,
+               "Memory limit of all views together; a viewer that needs more is refused")
       ->capture_default_str();
   c.add_option("--tls-cert", a.tls_cert, "Certificate toward browsers, PEM");
   c.add_option("--tls-key", a.tls_key, "Its private key, PEM");

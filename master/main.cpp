@@ -128,7 +128,7 @@ int Main(int argc, char** argv) {
          "File with the live view's token, to keep it when the master starts again (default: a new one)")
       ->needs(http);
   app.add_option("--view-memory", display.view_memory,
-                 "Memory for live views, all together; who asks for more is refused")
+                 "Memory limit of all live views together; a viewer that needs more is refused")
       ->needs(http)
       ->capture_default_str();
   app.add_option(

@@ -69,7 +69,7 @@ void Engine::NoteQueued() {
   queued_ = most;
 }
 
-/// The highest urgency of the open tiles, or of those that can go on; -1: there is none.
+/// The highest urgency among the open tiles; with `ready`, among those that can go on. -1 if there are none.
 int Engine::MostUrgent(const Tiles& tiles, bool ready) {
   int most = -1;
   for (const auto& tile : tiles.open)

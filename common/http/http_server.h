@@ -33,7 +33,8 @@ struct HttpResponse {
   int status = 200;
   std::string content_type = "text/plain; charset=utf-8";
   std::string body;
-  /// Beside those that every answer has. A name or value with a line end turns the answer into status 500.
+  /// Headers in addition to those of every answer. A line end in a name or value turns the answer into status
+  /// 500.
   std::vector<std::pair<std::string, std::string>> headers;
 };
 

@@ -9,8 +9,8 @@
 
 namespace quarry {
 
-/// Which tiles of a worker go first: those of jobs last; those of a picture that somebody watches at rest;
-/// those of one in motion, and answers, first.
+/// Classes of tiles; a worker renders the most urgent first. kRest: of a watched picture at rest. kMotion: of
+/// one in motion, and of answers to a viewer.
 enum class Urgency : uint8_t { kJob, kRest, kMotion };
 inline constexpr size_t kUrgencies = 3;
 
