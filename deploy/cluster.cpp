@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <boost/asio/io_context.hpp>
 #include <boost/process.hpp>
@@ -11,6 +12,7 @@
 #include <thread>
 #include <utility>
 
+#include "common/base/number.h"
 #include "common/base/resource.h"
 
 namespace quarry {
@@ -177,6 +179,18 @@ Status LocalCluster::Check() {
   for (auto& worker : impl_->workers)
     if (!worker->last_error().empty()) return ended(*worker);
   return Fail("every worker has ended");
+}
+
+void AddLocalClusterOptions(CLI::App& command, unsigned& workers, unsigned& threads, std::string& cache) {
+  command.add_option("--workers", workers, "Worker processes")
+      ->check(WholeNumber(1, 256))
+      ->capture_default_str();
+  command.add_option("--threads", threads, "Threads per worker (default: the processors shared out)")
+      ->envname("QUARRY_THREADS")
+      ->check(WholeNumber(1, 1024));
+  command.add_option("--cache", cache, "Decoded voxels held per worker")
+      ->envname("QUARRY_CACHE")
+      ->capture_default_str();
 }
 
 std::string SiblingProgram(const std::string& name) {

@@ -9,6 +9,10 @@
 #include "common/base/status.h"
 #include "common/net/connection.h"
 
+namespace CLI {
+class App;
+}
+
 namespace quarry {
 
 /// The live view of a local cluster's master.
@@ -68,6 +72,9 @@ class LocalCluster {
   explicit LocalCluster(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
 };
+
+/// Adds --workers, --threads and --cache of a LocalCluster to a command.
+void AddLocalClusterOptions(CLI::App& command, unsigned& workers, unsigned& threads, std::string& cache);
 
 /// The path of a program in the folder of this program.
 std::string SiblingProgram(const std::string& name);

@@ -15,6 +15,7 @@
 #include "common/command_line/security_options.h"
 #include "common/scene/default_view.h"
 #include "common/scene/view_json.h"
+#include "deploy/cluster.h"
 #include "deploy/scene_files.h"
 
 namespace quarry {
@@ -285,13 +286,7 @@ void AddRenderOptions(CLI::App& c, RenderArguments& a) {
                "A scene store, or a model to be preprocessed first; none: the scene of --master");
   c.add_option("-o,--output", a.output, "The picture: .png or .exr")->required();
   c.add_flag("--force", a.force, "Replace outputs that hold something else; never what is read");
-  c.add_option("--workers", a.workers, "Worker processes")->check(WholeNumber(1, 256))->capture_default_str();
-  c.add_option("--threads", a.threads, "Threads per worker (default: the processors shared out)")
-      ->envname("QUARRY_THREADS")
-      ->check(WholeNumber(1, 1024));
-  c.add_option("--cache", a.cache, "Decoded voxels held per worker")
-      ->envname("QUARRY_CACHE")
-      ->capture_default_str();
+  AddLocalClusterOptions(c, a.workers, a.threads, a.cache);
   c.add_option("--size", a.size, "Width x height in pixels")->capture_default_str();
   c.add_option("--crop", a.crop, "Only this part: x,y,w,h");
   AddViewOptions(c, a);

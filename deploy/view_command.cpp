@@ -143,13 +143,7 @@ void AddViewCommandOptions(CLI::App& c, ViewArguments& a) {
        "--tls-cert and --tls-key)")
       ->envname("QUARRY_HTTP");
   c.add_option("--viewer-url", a.viewer_urls, "The address by which browsers come to it through a proxy");
-  c.add_option("--workers", a.workers, "Worker processes")->check(WholeNumber(1, 256))->capture_default_str();
-  c.add_option("--threads", a.threads, "Threads per worker (default: the processors shared out)")
-      ->envname("QUARRY_THREADS")
-      ->check(WholeNumber(1, 1024));
-  c.add_option("--cache", a.cache, "Decoded voxels held per worker")
-      ->envname("QUARRY_CACHE")
-      ->capture_default_str();
+  AddLocalClusterOptions(c, a.workers, a.threads, a.cache);
   c.add_option("--view-memory", a.view_memory,
                "Memory limit of all views together; a viewer that needs more is refused")
       ->capture_default_str();
@@ -173,9 +167,9 @@ Status ShowLive(const ViewArguments& a) {
                        a.view_memory,    a.tls_cert,    a.tls_key};
   std::string store, url;
   {
-    // A store that is there needs no page; a model may take long.
+    // A store needs no page; a model may take long.
     std::unique_ptr<PreparingPage> page;
-    if (!a.scene.ends_with(".quarry")) {
+    if (std::error_code error; fs::exists(a.scene, error) && !a.scene.ends_with(".quarry")) {
       const std::string progress = folder->file("progress");
       QUARRY_ASSIGN(page, PreparingPage::Start(a.scene, live, progress));
       url = page->url();

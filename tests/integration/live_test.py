@@ -142,6 +142,29 @@ class Live(Case):
         # A range under way would take minutes: its tiles have been given up.
         self.assertLess(sorted(times)[5], 5 * PATIENCE)
 
+    def test_a_damaged_block_is_named_to_viewers(self):
+        store = self.store("plant", 50000)
+        data = bytearray(pathlib.Path(store).read_bytes())
+        data[len(data) // 2] ^= 0x55
+        pathlib.Path(store).write_bytes(data)
+        said = self.client(self.start(store)).welcome
+        self.assertEqual(said["type"], "error")
+        self.assertRegex(said["message"], r"plant\.quarry: block \d+ at byte \d+ is damaged \(checksum\)")
+
+    def test_a_cache_of_one_block_makes_the_same_picture(self):
+        store = self.store("plant", 50000)
+        client = self.client(self.start(store, cache=self.info(store)["largest_decoded_bytes"]))
+        view = {**client.welcome["view"], "size": [200, 150]}
+        client.want(view)
+        self.assertEqual(client.until_exact(60 * PATIENCE)[1][0], self.batch(view))
+
+    def test_models_that_cannot_be_are_refused_at_once(self):
+        pathlib.Path(self.path("empty.obj")).touch()
+        for name, sentence in (("empty.obj", "is empty"), ("none.ply", "No such file")):
+            done = self.run_program("quarry", "view", self.path(name), "--quiet")
+            self.assertEqual(done.returncode, 1)
+            self.assertRegex(done.stderr, sentence)
+
     def test_a_job_beside_viewers_writes_the_same_file(self):
         url = self.start(self.store("plant", 100000))
         client = self.client(url)
