@@ -54,12 +54,10 @@ struct DueFrame {
 /// exact at rest.
 /// - The newest view wins. It begins when a frame of the view before has been sent.
 /// - A lattice of sample 0 of each fourth, second or every pixel comes first, as fine as the frame rate
-/// allows; it is
-///   sent when it is complete, or what there is of it when it is late.
+/// allows. It is sent when it is complete, or what there is of it when it is late.
 /// - Then the lattice is refined, and pixels that wait for blocks are traced again.
 /// - 150 ms after the last input, at once if it ends a motion, samples accumulate as exact sums, and the
-/// exposure is metered. The last frame is
-///   the picture of `quarry render --view`.
+/// exposure is metered. The last frame is the picture of `quarry render --view`.
 /// - A viewer that does not acknowledge frames costs no tracing.
 /// Units: seconds of any clock that does not go back. No sockets, no threads. Not thread-safe.
 class ViewPacer {

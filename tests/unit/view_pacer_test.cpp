@@ -82,10 +82,10 @@ TEST_CASE("A view at rest becomes the batch picture, with its exposure", "[live]
 TEST_CASE("Each pixel of a lattice is the picture's sample 0", "[live]") {
   Viewer viewer;
   viewer.Want(0, true);
-  viewer.PassFor(0.12);
-  View one = viewer.frames.back().wanted.view;
+  View one = viewer.pacer.current()->view;
   one.spp = 1;
-  const auto batch = viewer.cluster.Batch(one);
+  const auto batch = viewer.cluster.Batch(one);  // loads each block too, so that no point is a hole
+  viewer.PassFor(0.12);
   uint64_t compared = 0;
   for (const DueFrame& frame : viewer.frames)
     for (const PictureRows& rows : frame.rows)
