@@ -124,12 +124,18 @@ std::string_view Trimmed(std::string_view text) {
   return text;
 }
 
-std::string CookieName(const std::string& token) {
+/// `bytes` bytes of a hash of the token, as hexadecimal digits; another one for each `use`.
+std::string HashFor(const std::string& use, const std::string& token, size_t bytes) {
   std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
   unsigned size = 0;
-  const std::string text = "quarry cookie name " + token;
+  const std::string text = use + " " + token;
   QUARRY_CHECK(EVP_Digest(text.data(), text.size(), digest.data(), &size, EVP_sha256(), nullptr) == 1);
-  return "quarry-" + Hex(digest.data(), kNameBytes);
+  return Hex(digest.data(), bytes);
+}
+
+/// Compared in constant time, against guessing by time.
+bool SameSecret(std::string_view text, const std::string& secret) {
+  return text.size() == secret.size() && CRYPTO_memcmp(text.data(), secret.data(), secret.size()) == 0;
 }
 
 /// Whether a proxy says that it has passed the request on.
@@ -190,14 +196,10 @@ Result<Access> Access::Make(AccessOptions options) {
     const auto parsed = address ? address : ParseHost(host);
     if (parsed) options.hosts.push_back(*parsed);
   }
-  access.cookie_name_ = CookieName(options.token);
+  access.cookie_name_ = "quarry-" + HashFor("quarry cookie name", options.token, kNameBytes);
+  access.session_ = HashFor("quarry session", options.token, kTokenBytes);
   access.options_ = std::move(options);
   return access;
-}
-
-bool Access::IsToken(std::string_view text) const {
-  const std::string& token = options_.token;
-  return text.size() == token.size() && CRYPTO_memcmp(text.data(), token.data(), token.size()) == 0;
 }
 
 bool Access::HostPermitted(const HttpRequest& request) const {
@@ -230,7 +232,7 @@ bool Access::HasSession(const HttpRequest& request) const {
     ForEachPart(value, ';', [&](std::string_view cookie) {
       const size_t equals = cookie.find('=');
       if (equals == std::string_view::npos || Trimmed(cookie.substr(0, equals)) != cookie_name_) return;
-      found = IsToken(Trimmed(cookie.substr(equals + 1))) || found;
+      found = SameSecret(Trimmed(cookie.substr(equals + 1)), session_) || found;
     });
   }
   return found;
@@ -241,7 +243,8 @@ bool Access::HasToken(const HttpRequest& request) const {
   constexpr std::string_view kName = "token=";
   bool found = false;
   ForEachPart(request.query, '&', [&](std::string_view part) {
-    if (part.substr(0, kName.size()) == kName) found = IsToken(part.substr(kName.size())) || found;
+    if (part.substr(0, kName.size()) == kName)
+      found = SameSecret(part.substr(kName.size()), options_.token) || found;
   });
   return found;
 }
@@ -251,7 +254,7 @@ bool Access::MayReadStatistics(const HttpRequest& request) const {
   constexpr std::string_view kScheme = "bearer ";
   const std::string authorization = request.header("authorization");
   if (LowerCase(authorization.substr(0, kScheme.size())) == kScheme &&
-      IsToken(Trimmed(std::string_view(authorization).substr(kScheme.size()))))
+      SameSecret(Trimmed(std::string_view(authorization).substr(kScheme.size())), options_.token))
     return true;
   const bool proxied =
       IsForwarded(request) || !std::all_of(options_.viewer_urls.begin(), options_.viewer_urls.end(),
@@ -268,8 +271,7 @@ std::string Access::SetCookie(const HttpRequest& request) const {
     plain = plain || (!url.https && host && url.host == host->host && url.port == PortOf(*host, false));
   }
   secure = options_.tls || (secure && !plain);
-  return fmt::format("{}={}; HttpOnly; SameSite=Strict{}", cookie_name_, options_.token,
-                     secure ? "; Secure" : "");
+  return fmt::format("{}={}; HttpOnly; SameSite=Strict{}", cookie_name_, session_, secure ? "; Secure" : "");
 }
 
 }  // namespace quarry

@@ -33,8 +33,9 @@ struct AccessOptions {
 };
 
 /// Decides what a request to the live view may do. Whoever has the session's token may see the model; the
-/// token stands in the printed address and becomes a cookie with the first request. Pure: knows no socket and
-/// no clock. Thread-safe.
+/// token stands in the printed address and is exchanged for a cookie with the first request. The cookie's
+/// value is a hash of the token: a master that is started again with the same token knows it, and whoever
+/// reads a browser's cookies does not learn the token. Pure: knows no socket and no clock. Thread-safe.
 class Access {
  public:
   /// Errors: the system has no random bytes; (usage) a token that is too short to resist guessing, or has
@@ -58,7 +59,7 @@ class Access {
   /// of other local servers too, since cookies know no ports. Requires: HostPermitted().
   bool OriginPermitted(const HttpRequest& request) const;
 
-  /// Whether the request has the session's cookie. Compared in constant time, against guessing by time.
+  /// Whether the request has the session's cookie.
   bool HasSession(const HttpRequest& request) const;
 
   /// Whether the request is the first of a session: GET of a path that ends with "/", with ?token=TOKEN. The
@@ -80,10 +81,10 @@ class Access {
 
  private:
   Access() = default;
-  bool IsToken(std::string_view text) const;
 
   AccessOptions options_;
   std::string cookie_name_;
+  std::string session_;  ///< the cookie's value
 };
 
 }  // namespace quarry

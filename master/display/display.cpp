@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
-#include <boost/asio/thread_pool.hpp>
 #include <chrono>
 #include <nlohmann/json.hpp>
 #include <random>
@@ -58,15 +57,16 @@ Display::Display(asio::io_context& io, const DisplayOptions& options, const Scen
       log_(std::move(log)),
       dispatcher_(*this, FirstFrame()),
       stats_(scene.catalog().id),
-      encoders_(std::make_unique<asio::thread_pool>(1)),
+      moving_(io),
+      exact_(io),
       site_{io,
-            *encoders_,
+            moving_,
+            exact_,
             dispatcher_,
             scene,
             {scene.catalog().id, scene.catalog().meta.offset},
             {},
             {options.view_memory},
-            {},
             [this] { AssignSoon(); },
             [this] { return Now(); },
             [this](double seconds) { stats_.TookFrame(seconds); }} {}
@@ -75,7 +75,8 @@ Display::~Display() {
   server_.reset();
   viewers_.clear();
   departed_.clear();
-  encoders_->join();
+  moving_.Join();
+  exact_.Join();
 }
 
 double Display::Now() const {

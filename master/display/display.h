@@ -80,7 +80,7 @@ class Display : private LiveDispatcher::Sink {
   uint32_t next_viewer_ = 1;
   double told_s_ = 0;
   bool assigning_ = false;
-  std::unique_ptr<boost::asio::thread_pool> encoders_;
+  EncodingThread moving_, exact_;
   ViewerSite site_;
   std::map<uint32_t, std::shared_ptr<Viewer>> viewers_;
   std::vector<std::shared_ptr<Viewer>> departed_;  ///< whose callers may still run

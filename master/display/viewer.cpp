@@ -4,8 +4,6 @@
 
 #include <algorithm>
 #include <boost/asio/io_context.hpp>
-#include <boost/asio/post.hpp>
-#include <boost/asio/thread_pool.hpp>
 #include <cstring>
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -218,13 +216,11 @@ void Viewer::EncodeNext() {
   encoding_ = true;
   auto due = std::make_shared<DueFrame>(std::move(due_.front()));
   due_.pop_front();
-  asio::post(site_.encoders, [self = weak_from_this(), due, tone = tone_, facts = site_.facts,
-                              quality = quality_, &encoder = site_.encoder, &io = site_.io] {
-    auto encoded = std::make_shared<Result<EncodedFrame>>(encoder.Encode(*due, facts, quality, *tone));
-    asio::post(io, [self, due, encoded] {
-      if (const auto viewer = self.lock()) viewer->OnEncoded(*due, *encoded);
-    });
-  });
+  EncodingThread& thread = due->exact.empty() ? site_.moving : site_.exact;
+  thread.Encode({due, site_.facts, quality_, tone_},
+                [self = weak_from_this(), due](const Result<EncodedFrame>& encoded) {
+                  if (const auto viewer = self.lock()) viewer->OnEncoded(*due, encoded);
+                });
 }
 
 void Viewer::OnEncoded(DueFrame& due, const Result<EncodedFrame>& encoded) {

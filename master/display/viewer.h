@@ -12,14 +12,13 @@
 #include "common/engine/scene.h"
 #include "common/http/http_server.h"
 #include "common/net/timer.h"
-#include "master/display/frame_encoder.h"
+#include "master/display/encoding_thread.h"
 #include "master/display/picker.h"
 #include "master/display/view_pacer.h"
 #include "master/display/viewer_message.h"
 
 namespace boost::asio {
 class io_context;
-class thread_pool;
 }  // namespace boost::asio
 
 namespace quarry {
@@ -41,20 +40,20 @@ struct ViewMemory {
 /// What viewers share. All of it outlives them.
 struct ViewerSite {
   boost::asio::io_context& io;
-  boost::asio::thread_pool& encoders;  ///< one thread
+  EncodingThread& moving;  ///< for frames in motion
+  EncodingThread& exact;   ///< for exact frames: a large one takes a second
   LiveDispatcher& dispatcher;
   const Scene& scene;
   SceneFacts facts;
   ViewDescription defaults;  ///< of views
   ViewMemory memory;
-  FrameEncoder encoder{};                  ///< used on the pool's one thread alone
   std::function<void()> assign_soon;       ///< there is something to trace
   std::function<double()> now;             ///< seconds of a steady clock
   std::function<void(double)> took_frame;  ///< seconds that a frame's tracing took
 };
 
 /// A browser that watches: its WebSocket, its pacer, and the frames on their way to it. Runs on the
-/// io_context's thread; images are encoded on the site's pool.
+/// io_context's thread; images are encoded on the site's threads.
 class Viewer : public std::enable_shared_from_this<Viewer> {
  public:
   /// `id`: its number at the dispatcher. `on_gone`: called once, when the browser or this side has ended it.

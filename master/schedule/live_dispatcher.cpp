@@ -23,6 +23,8 @@ constexpr double kLateS = 0.25, kLateWithBlocksS = 3;
 constexpr uint32_t kPacket = 8, kLeastSide = 16, kMostSide = 128;
 /// The longest list of a tile's holders.
 constexpr size_t kMostHolders = 4;
+/// Open tiles among which a worker's own is looked for: a large picture at rest has thousands.
+constexpr size_t kLookAhead = 256;
 /// Weight of a tile's cost in the running mean.
 constexpr double kNewCost = 0.2;
 
@@ -182,11 +184,12 @@ bool LiveDispatcher::GiveOwn(uint32_t id, LiveUrgency urgency, double now_s) {
     Frame& frame = frames_.at(frame_id);
     Viewer& viewer = viewers_.at(frame.viewer);
     auto& open = frame.open[static_cast<size_t>(urgency)];
-    const auto mine = std::ranges::find_if(open, [&](uint32_t number) {
+    const auto end = open.begin() + static_cast<std::ptrdiff_t>(std::min(open.size(), kLookAhead));
+    const auto mine = std::find_if(open.begin(), end, [&](uint32_t number) {
       const uint32_t owner = OwnerOf(viewer, frame, frame.tiles.at(number).area);
       return owner == id || !workers_.contains(owner);
     });
-    if (mine == open.end()) continue;
+    if (mine == end) continue;
     const uint32_t number = *mine;
     open.erase(mine);
     SetOwner(viewer, frame, frame.tiles.at(number).area, id);

@@ -74,6 +74,18 @@ export class Cluster {
     return worker;
   }
 
+  /** Changes bytes all over the middle of the scene's file: of many blocks. */
+  damage() {
+    const file = fs.openSync(this.store, 'r+');
+    const { size } = fs.fstatSync(file);
+    const byte = Buffer.alloc(1);
+    for (let at = Math.floor(size / 4); at < size * 3 / 4; at += 4096) {
+      fs.readSync(file, byte, 0, 1, at);
+      fs.writeSync(file, Buffer.from([byte[0] ^ 0x55]), 0, 1, at);
+    }
+    fs.closeSync(file);
+  }
+
   /** A picture of the cluster's, made of a view as a batch job. */
   render(view) {
     fs.writeFileSync(this.file('view.json'), JSON.stringify(view));

@@ -262,4 +262,20 @@ test('on a phone, and with the panels open', async () => {
   await desk.context().close();
 });
 
+test('damaged blocks are named', async () => {
+  const seen = await open(cluster.url);
+  await untilExact(seen);
+  for (const worker of cluster.workers) worker.kill('SIGKILL');
+  cluster.damage();
+  cluster.addWorker();
+  await seen.evaluate(() => {
+    const view = window.quarry.view();
+    view.camera.eye = view.camera.eye.map((x, i) => x + 0.5 * (view.camera.at[i] - x));
+    window.quarry.setView(view);
+  });
+  await seen.waitForFunction(() => /block \d+ at byte \d+ is damaged/.test(document.body.innerText), null, { timeout: 30000 });
+  await shoot(seen, 'damaged');
+  await seen.context().close();
+});
+
 test('no page has raised an error', () => assert.deepEqual(errors, []));

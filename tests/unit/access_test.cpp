@@ -36,6 +36,13 @@ Access Make(std::vector<std::string> viewer_urls = {}, std::vector<std::string> 
   return *Access::Make(std::move(options));
 }
 
+/// The value of the session's cookie.
+std::string SessionOf(const Access& access) {
+  const std::string set = access.SetCookie(Request({{"host", "localhost:8080"}}));
+  const size_t begin = set.find('=') + 1;
+  return set.substr(begin, set.find(';') - begin);
+}
+
 struct Case {
   const char* value;
   bool permitted;
@@ -199,9 +206,18 @@ TEST_CASE("A tunnel's other port is of the same origin as its Host", "[access]")
   CHECK(access.OriginPermitted(request));
 }
 
+TEST_CASE("The session's cookie does not tell the token, and stays the same for one", "[access]") {
+  const std::string session = SessionOf(Make());
+  CHECK(session.size() == 64);
+  CHECK(session == SessionOf(Make()));
+  CHECK(session != SessionOf(*Access::Make({kToken + "0", {}, {}, false})));
+  CHECK_THAT(session, !Contains(kToken));
+  CHECK_FALSE(Make().HasToken(Request({}, "/", "token=" + session)));
+}
+
 TEST_CASE("The session is a cookie of the right name and value, among whatever others", "[access]") {
   const Access access = Make();
-  const std::string name = access.cookie_name(), good = name + "=" + kToken;
+  const std::string name = access.cookie_name(), session = SessionOf(access), good = name + "=" + session;
   for (const auto& [cookies, has] : std::vector<std::pair<std::string, bool>>{
            {good, true},
            {"a=b; " + good, true},
@@ -214,14 +230,15 @@ TEST_CASE("The session is a cookie of the right name and value, among whatever o
            {"=", false},
            {name, false},
            {name + "=", false},
-           {name + "=" + kToken + "0", false},
-           {name + "=" + kToken.substr(1), false},
+           {name + "=" + session + "0", false},
+           {name + "=" + session.substr(1), false},
            {name + "=0123456789ABCDEF0123456789ABCDEF", false},
-           {name + "=%30" + kToken.substr(1), false},
-           {name + "=\"" + kToken + "\"", false},
-           {"quarry-000000000000=" + kToken, false},
+           {name + "=%30" + session.substr(1), false},
+           {name + "=\"" + session + "\"", false},
+           {"quarry-000000000000=" + session, false},
            {"x" + good, false},
            {"a=" + good, false},
+           {name + "=" + kToken, false},
            {"token=" + kToken, false},
        }) {
     INFO(cookies);
@@ -272,7 +289,7 @@ TEST_CASE("Statistics are for the session, for the bearer of the token and for t
     request.loopback = loopback;
     return rules.MayReadStatistics(request);
   };
-  CHECK(may(access, {{"cookie", access.cookie_name() + "=" + kToken}}, false));
+  CHECK(may(access, {{"cookie", access.cookie_name() + "=" + SessionOf(access)}}, false));
   for (const auto& [authorization, permitted] : std::vector<std::pair<std::string, bool>>{
            {"Bearer " + kToken, true},
            {"bearer  " + kToken + " ", true},
@@ -301,7 +318,7 @@ TEST_CASE("The cookie is for this site's requests only, and for HTTPS where the 
   const auto cookie = [](const Access& access, const std::string& host) {
     return access.SetCookie(Request({{"host", host}}));
   };
-  const std::string plain = Make().cookie_name() + "=" + kToken + "; HttpOnly; SameSite=Strict",
+  const std::string plain = Make().cookie_name() + "=" + SessionOf(Make()) + "; HttpOnly; SameSite=Strict",
                     secure = plain + "; Secure";
   CHECK(cookie(Make(), "localhost:8080") == plain);
   CHECK(cookie(Make({}, {}, true), "localhost:8080") == secure);

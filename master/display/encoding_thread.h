@@ -1,0 +1,42 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+
+#include "master/display/frame_encoder.h"
+
+namespace boost::asio {
+class io_context;
+class thread_pool;
+}  // namespace boost::asio
+
+namespace quarry {
+
+/// A thread that encodes frames, one after the other in the order of the calls.
+class EncodingThread {
+ public:
+  struct Work {
+    std::shared_ptr<const DueFrame> frame;
+    SceneFacts scene;
+    int quality = 80;                                ///< of JPEG, in [1, 100]
+    std::shared_ptr<std::optional<ToneTable>> tone;  ///< of the viewer's last frame; has one frame under way
+  };
+
+  /// `io` must outlive this.
+  explicit EncodingThread(boost::asio::io_context& io);
+  ~EncodingThread();
+  EncodingThread(const EncodingThread&) = delete;
+  EncodingThread& operator=(const EncodingThread&) = delete;
+
+  /// Calls `then` on the io_context's thread. Call on that thread.
+  void Encode(Work work, std::function<void(const Result<EncodedFrame>&)> then);
+  /// Ends the work that was given. Nothing is taken afterwards.
+  void Join();
+
+ private:
+  boost::asio::io_context& io_;
+  FrameEncoder encoder_;  ///< used on the thread alone
+  std::unique_ptr<boost::asio::thread_pool> thread_;
+};
+
+}  // namespace quarry
