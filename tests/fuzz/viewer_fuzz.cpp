@@ -1,14 +1,12 @@
 // Plays a browser that may send anything: texts to a viewer, tiles that workers trace for it,
 // acknowledgements and waits; and requests that ask to be let in. What goes to the browser must be as
 // PROTOCOL.md has it.
+#include <boost/asio/executor_work_guard.hpp>
 #include <boost/asio/io_context.hpp>
-#include <boost/asio/post.hpp>
-#include <boost/asio/thread_pool.hpp>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
 #include <deque>
-#include <future>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -86,11 +84,16 @@ std::string Line(Script& script) {
   return line;
 }
 
-/// Waits for what was posted to the pool's one thread.
-void Drain(boost::asio::thread_pool& pool) {
-  std::promise<void> done;
-  boost::asio::post(pool, [&] { done.set_value(); });
-  done.get_future().wait();
+/// Waits until both threads have encoded what they were given, and hands it on.
+void Drain(boost::asio::io_context& io, EncodingThread& moving, EncodingThread& exact) {
+  int left = 2;
+  for (EncodingThread* thread : {&moving, &exact})
+    thread->Encode({std::make_shared<DueFrame>(), {}, 80, std::make_shared<std::optional<ToneTable>>()},
+                   [&left](const Result<EncodedFrame>&) { --left; });
+  const auto work = boost::asio::make_work_guard(io);
+  io.restart();
+  while (left > 0) io.run_one();
+  io.poll();
 }
 
 void AskToComeIn(Script& script) {
@@ -141,14 +144,17 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace quarry::fuzz;
   static const Scene scene = *Scene::Open(StorePath());
   Script script(data, size);
-  boost::asio::io_context io;
-  static boost::asio::thread_pool encoders(1);
+  static boost::asio::io_context io;
+  static EncodingThread moving(io), exact(io);
   Workers workers;
   LiveDispatcher dispatcher(workers, kFirstLiveFrame);
   dispatcher.AddWorker(1, 1);
   double now_s = 1;
-  ViewerSite site{io,           encoders,   dispatcher, scene, {scene.catalog().id, {}},
-                  Defaults(),   {1u << 20}, {},         [] {}, [&] { return now_s; },
+  ViewerSite site{io,           moving,
+                  exact,        dispatcher,
+                  scene,        {scene.catalog().id, {}},
+                  Defaults(),   {1u << 20},
+                  [] {},        [&] { return now_s; },
                   [](double) {}};
   const auto socket = std::make_shared<Socket>();
   bool gone = false;
@@ -189,14 +195,12 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
       default:  // time passes, and what was encoded is sent
         now_s += 0.05;
         viewer->Go();
-        Drain(encoders);
-        io.restart();
-        io.poll();
+        Drain(io, moving, exact);
     }
     if (site.memory.taken > site.memory.most) std::abort();
   }
   if (gone != socket->closed) std::abort();
-  Drain(encoders);
+  Drain(io, moving, exact);
   viewer.reset();
   if (site.memory.taken != 0) std::abort();
   return 0;
