@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 
 #include "master/display/frame_encoder.h"
 
@@ -28,9 +29,10 @@ class EncodingThread {
   EncodingThread(const EncodingThread&) = delete;
   EncodingThread& operator=(const EncodingThread&) = delete;
 
-  /// Calls `then` on the io_context's thread. Call on that thread.
+  /// Encodes a frame, then calls `then` on the io_context's thread. Call on that thread.
+  /// Requires: `work.tone` is given to no other work that is under way; Join() was not called.
   void Encode(Work work, std::function<void(const Result<EncodedFrame>&)> then);
-  /// Ends the work that was given. Nothing is taken afterwards.
+  /// Waits for the work that was given. Nothing may be given afterwards.
   void Join();
 
  private:

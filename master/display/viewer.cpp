@@ -210,23 +210,34 @@ void Viewer::Go() {
     timer_.Stop();
 }
 
-/// One frame at a time, in their order.
+/// One frame at a time, in their order; but a moving frame overtakes an exact one, which then is not sent.
 void Viewer::EncodeNext() {
-  if (encoding_ || due_.empty()) return;
-  encoding_ = true;
+  if (due_.empty() || encoding_ == Encoding::kMoving) return;
+  const bool exact = !due_.front().exact.empty();
+  if (encoding_ == Encoding::kExact) {
+    if (exact) return;
+    ++exact_overtaken_;
+  }
+  encoding_ = exact ? Encoding::kExact : Encoding::kMoving;
   auto due = std::make_shared<DueFrame>(std::move(due_.front()));
   due_.pop_front();
-  EncodingThread& thread = due->exact.empty() ? site_.moving : site_.exact;
-  thread.Encode({due, site_.facts, quality_, tone_},
+  EncodingThread& thread = exact ? site_.exact : site_.moving;
+  // The tone table is of moving frames: an exact one may be encoded beside them.
+  thread.Encode({due, site_.facts, quality_, exact ? std::make_shared<std::optional<ToneTable>>() : tone_},
                 [self = weak_from_this(), due](const Result<EncodedFrame>& encoded) {
                   if (const auto viewer = self.lock()) viewer->OnEncoded(*due, encoded);
                 });
 }
 
 void Viewer::OnEncoded(DueFrame& due, const Result<EncodedFrame>& encoded) {
-  encoding_ = false;
+  const bool overtaken = !due.exact.empty() && exact_overtaken_ > 0;
+  if (overtaken)
+    --exact_overtaken_;
+  else
+    encoding_ = Encoding::kNone;
   if (gone_) return;
   if (!encoded) return End(encoded.error().message);
+  if (overtaken) return pacer_.Acknowledged(), Go();
   const uint64_t number = next_frame_++;
   under_way_.insert(number);
   ++frames_sent_;

@@ -41,7 +41,7 @@ struct ViewMemory {
 struct ViewerSite {
   boost::asio::io_context& io;
   EncodingThread& moving;  ///< for frames in motion
-  EncodingThread& exact;   ///< for exact frames: a large one takes a second
+  EncodingThread& exact;   ///< for exact frames, which take many times as long as moving ones
   LiveDispatcher& dispatcher;
   const Scene& scene;
   SceneFacts facts;
@@ -100,7 +100,9 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   std::optional<View> newest_;
   Timer timer_;
   std::deque<DueFrame> due_;  ///< to be encoded
-  bool encoding_ = false;
+  enum class Encoding { kNone, kMoving, kExact };
+  Encoding encoding_ = Encoding::kNone;  ///< the newest frame under way
+  uint32_t exact_overtaken_ = 0;  ///< exact frames under way that moving ones have overtaken: the oldest
   std::shared_ptr<std::optional<ToneTable>> tone_ = std::make_shared<std::optional<ToneTable>>();
   uint64_t next_frame_ = 1, frames_sent_ = 0;
   std::set<uint64_t> under_way_;  ///< frames sent and not acknowledged

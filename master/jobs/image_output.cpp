@@ -169,7 +169,7 @@ std::vector<Channel> ChannelsOf(const View& view) {
       {{"depth.Z", "Z"}},   {{"normal.X", "N.X"}, {"normal.Y", "N.Y"}, {"normal.Z", "N.Z"}},
       {{"uv.U"}, {"uv.V"}}, {{"primitive.id"}},
       {{"material.id"}},    {{"part.id"}},
-      {{"voxel.id"}}};
+      {{"voxel.id"}},       {{"albedo.R"}, {"albedo.G"}, {"albedo.B"}}};
   std::vector<Channel> channels{{"R", Imf::FLOAT, 0}, {"G", Imf::FLOAT, 1}, {"B", Imf::FLOAT, 2}};
   size_t word = 3;
   for (int a = 0; a < kAovs; ++a) {

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstdlib>
 #include <vector>
@@ -29,7 +30,11 @@ DueFrame FrameOf(uint32_t width, uint32_t height, uint32_t step) {
   frame.wanted.view.crop = {0, 0, width, height};
   frame.in_motion = true;
   if (step == 0) {
-    frame.exact.resize(size_t{3} * width * height, 0x3F000000);
+    for (uint32_t y = 0; y < height; ++y)
+      for (uint32_t x = 0; x < width; ++x) {
+        const glm::vec3 color = UnpackShared(CodeAt(x, y));
+        for (int c = 0; c < 3; ++c) frame.exact.push_back(std::bit_cast<uint32_t>(color[c]));
+      }
     return frame;
   }
   PictureRows rows{0, width, {}};

@@ -65,7 +65,7 @@ class ResidentCache {
       auto block = std::make_unique<ResidentBlock>();
       block->bytes = *PageBuffer::TryGet(catalog.block(id).decoded);
       QUARRY_TRY(DecodeBlock(catalog, id, stored, decoder, *block, &self->trees_.emplace_back()));
-      self->cache_.Reserve(catalog.block(id).decoded);
+      self->cache_.Reserve(id);
       self->cache_.Publish(id, std::move(block));
     }
     return self;
