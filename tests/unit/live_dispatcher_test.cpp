@@ -84,6 +84,25 @@ TEST_CASE("Tiles grow where points are cheap, so that a frame is not made of mes
   CHECK(later >= 4);  // two for each thread
 }
 
+TEST_CASE("A large picture, with more open tiles than a worker's own is looked for among, is given out whole",
+          "[live]") {
+  Site site;
+  site.view = Looking({0, -20, 0}, {0, 10, 0}, 1024, 768);
+  for (int pass = 0; pass < 2; ++pass) {
+    const FrameId frame = site.Begin(1);
+    site.dispatcher().Trace(frame, Site::Shown(site.view), LiveUrgency::kRest);
+    size_t tiles = 0, of_first = 0;
+    for (site.dispatcher().Assign(0); !site.cluster.orders.empty(); site.dispatcher().Assign(0), ++tiles) {
+      of_first += site.cluster.orders.front().worker == 1;
+      (void)site.cluster.RunOne(50000);  // dear points: the next pass has small tiles
+    }
+    if (pass == 1) CHECK(tiles > 512);
+    CHECK((of_first >= tiles / 4 && of_first <= tiles - tiles / 4));
+    CHECK_FALSE(site.dispatcher().Wants(frame, LiveUrgency::kRest));
+    site.dispatcher().End(frame);
+  }
+}
+
 TEST_CASE("What is watched more urgently goes first, and viewers share", "[live]") {
   Site site;
   const FrameId rest = site.Begin(1), motion = site.Begin(2), other = site.Begin(3), answer = site.Begin(2);
