@@ -46,8 +46,8 @@ Status ParseAovs(const std::string& text, View& view) {
     for (int a = 0; a < kAovs; ++a)
       if (name == kAovInfo[a].name) found = a;
     if (found < 0)
-      return BadUsage(
-          fmt::format("--aov knows depth, normal, uv, primitive, material, part and voxel, not '{}'", name));
+      return BadUsage(fmt::format(
+          "--aov knows depth, normal, uv, primitive, material, part, voxel and albedo, not '{}'", name));
     view.aov_mask |= 1u << found;
   }
   return {};
@@ -276,7 +276,7 @@ void AddPictureOptions(CLI::App& c, RenderArguments& a) {
   c.add_option("--lights", a.lights, "Lights, ambient and background as JSON");
   c.add_option("--exposure", a.exposure, "Exposure of PNGs in EV (default: by the first picture's light)")
       ->check(RealNumber(-100, 100));
-  c.add_option("--aov", a.aov, "Layers of EXRs: depth,normal,uv,primitive,material,part,voxel");
+  c.add_option("--aov", a.aov, "Layers of EXRs: depth,normal,uv,primitive,material,part,voxel,albedo");
 }
 
 }  // namespace

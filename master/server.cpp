@@ -37,8 +37,8 @@ constexpr uint64_t kMeterBytes = 64u << 20;
 
 std::vector<uint32_t> StoredBytes(const Catalog& catalog) {
   std::vector<uint32_t> bytes;
-  for (const VoxelEntry& voxel : catalog.voxels)
-    for (const BlockEntry& block : voxel.blocks) bytes.push_back(block.stored);
+  for (uint32_t number = 0; number < catalog.block_numbers(); ++number)
+    bytes.push_back(catalog.block(BlockKey::FromNumber(number)).stored);
   return bytes;
 }
 
@@ -67,13 +67,10 @@ Server::Server(asio::io_context& io, const MasterOptions& options, Scene scene, 
       // From a random start: results for another master's frames are told apart.
       dispatcher_(frames_, block_bytes_, options.policy, (uint64_t{std::random_device{}()} << 24) + 1),
       queries_(io, scene_, [this] { return status_.Json(catalog().id, Now(), registry_, jobs_); }) {
-  uint64_t stored = 0, decoded = 0;
-  for (const VoxelEntry& voxel : catalog().voxels)
-    for (const BlockEntry& block : voxel.blocks) {
-      stored += block.stored;
-      decoded += block.decoded;
-    }
-  if (stored > 0) decoded_per_stored_ = static_cast<double>(decoded) / static_cast<double>(stored);
+  uint64_t stored = 0;
+  for (const uint32_t bytes : block_bytes_) stored += bytes;
+  if (stored > 0)
+    decoded_per_stored_ = static_cast<double>(catalog().DecodedBytes()) / static_cast<double>(stored);
   UpdateCosts();
 }
 

@@ -24,18 +24,11 @@ uint64_t NewInstance() {
   return uint64_t{random()} << 32 | random() | 1;
 }
 
-uint64_t DecodedBytes(const Catalog& catalog) {
-  uint64_t bytes = 0;
-  for (const VoxelEntry& voxel : catalog.voxels)
-    for (const BlockEntry& block : voxel.blocks) bytes += block.decoded;
-  return bytes;
-}
-
 }  // namespace
 
 Session::LoadedScene::LoadedScene(Catalog scene, uint64_t cache_bytes)
     : catalog(std::move(scene)),
-      stored_bytes(StoredCache::ShareOf(cache_bytes, DecodedBytes(catalog), catalog.meta.largest_decoded)) {}
+      stored_bytes(StoredCache::ShareOf(cache_bytes, catalog.DecodedBytes(), catalog.meta.largest_decoded)) {}
 
 Session::Session(const WorkerOptions& options)
     : options_(options),

@@ -15,7 +15,10 @@ constexpr int kBatchesPerPin =
 }  // namespace
 
 Engine::Engine(const Catalog& catalog, VoxelCache& cache, unsigned threads)
-    : catalog_(catalog), cache_(cache), queue_depth_(threads) {
+    : catalog_(catalog),
+      cache_(cache),
+      surfaces_(std::make_shared<const SceneSurfaces>(catalog)),
+      queue_depth_(threads) {
   for (unsigned i = 0; i < threads; ++i) mailboxes_.push_back(std::make_unique<Mailbox>());
   for (auto& mailbox : mailboxes_) threads_.emplace_back([this, &mailbox] { Run(*mailbox); });
 }
@@ -32,7 +35,7 @@ void Engine::WakeAll() {
 
 void Engine::SetView(uint64_t number, const View& view) {
   const std::lock_guard lock(mutex_);
-  views_[number] = std::make_shared<ViewContext>(view, catalog_);
+  views_[number] = std::make_shared<ViewContext>(view, catalog_, surfaces_);
 }
 
 void Engine::DropViews(uint64_t first, uint64_t end) {

@@ -91,6 +91,7 @@ class Engine {
 
   const Catalog& catalog_;
   VoxelCache& cache_;
+  const std::shared_ptr<const SceneSurfaces> surfaces_;
   std::atomic<uint64_t> rays_{0}, rays_suspended_{0}, compute_us_{0}, stall_us_{0};
   mutable std::mutex mutex_;  ///< guards views_, queues_, queue_depth_
   std::map<uint64_t, std::shared_ptr<ViewContext>> views_;

@@ -22,6 +22,13 @@ inline uint64_t LanesWith(uint32_t value, const uint32_t (&values)[RayPacket::kR
   return lanes;
 }
 
+/// The same of small values.
+inline uint64_t LanesAt(uint32_t value, const uint8_t (&values)[RayPacket::kRays]) {
+  uint64_t lanes = 0;
+  for (uint32_t i = 0; i < RayPacket::kRays; ++i) lanes |= uint64_t{values[i] == value} << i;
+  return lanes;
+}
+
 /// The lanes without light.
 inline uint64_t DarkLanes(const Vectors& light) {
   uint64_t lanes = 0;

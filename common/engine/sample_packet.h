@@ -10,7 +10,18 @@ namespace quarry {
 /// The samples of a packet, one array per field. The ray of a sample is in the RayPacket at the same lane.
 struct SamplePacket {
   /// The next step of a sample. A step is done for all samples of a packet together.
-  enum Stage { kTraverse, kSurface, kAttributes, kShade, kLight, kShadow, kBounce, kNext, kStages };
+  enum Stage {
+    kTraverse,
+    kSurface,
+    kAttributes,
+    kTextures,
+    kShade,
+    kLight,
+    kShadow,
+    kBounce,
+    kNext,
+    kStages
+  };
   static constexpr int kLanes = RayPacket::kRays;
 
   uint64_t at[kStages];  ///< lanes in each stage

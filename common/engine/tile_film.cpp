@@ -26,7 +26,7 @@ void TileFilm::Open(const ViewContext& view, const Tile& tile) {
 }
 
 void TileFilm::SetLayers(const ViewContext& context, uint32_t pixel, const Ray& ray, const Hit& hit,
-                         float t_offset, const Surface& surface) {
+                         float t_offset, const Surface& surface, const glm::vec3& albedo) {
   const View& view = context.view;
   uint32_t* out = aovs_.data() + size_t{context.words - 3} * pixel;
   const bool is_hit = hit.triangle != kNoTriangle;
@@ -40,6 +40,7 @@ void TileFilm::SetLayers(const ViewContext& context, uint32_t pixel, const Ray& 
   put(Aov::kMaterial, is_hit ? surface.material : kNone);
   put(Aov::kPart, is_hit ? surface.part : kNone);
   put(Aov::kVoxel, is_hit && view.has(Aov::kVoxel) ? LocateVoxel(context.top, ray, hit.t) : kNone);
+  put(Aov::kAlbedo, albedo.x, albedo.y, albedo.z);
 }
 
 void TileFilm::Take(const ViewContext& view, RenderedTile& result) {

@@ -41,10 +41,10 @@ class TileFilm {
   }
   /// Notes that a primary ray of the depth cell ends at `depth` from the eye.
   void SawTo(uint32_t depth_cell, float depth) { depths_[depth_cell] = std::max(depths_[depth_cell], depth); }
-  /// Sets the layers that the view asks for. `ray`: sample 0's; `hit.t` counts from the eye; `surface`: of
-  /// the hit, if there is one.
+  /// Sets the layers that the view asks for. `ray`: sample 0's; `hit.t` counts from the eye;
+  /// `surface`, `albedo`: of the hit, if there is one.
   void SetLayers(const ViewContext& view, uint32_t pixel, const Ray& ray, const Hit& hit, float t_offset,
-                 const Surface& surface);
+                 const Surface& surface, const glm::vec3& albedo);
   /// Notes that a point's ray has not ended. Requires: the tile leaves holes.
   void LeaveHole(uint32_t pixel) { holes_[pixel] = true; }
   /// Requires: the tile is of hits only.

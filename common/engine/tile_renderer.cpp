@@ -22,7 +22,9 @@ void TileRenderer::Open(std::shared_ptr<const ViewContext> view, const Tile& til
   packets_.resize(std::min<uint64_t>(kPackets, (eye_rays_.left() + RayPacket::kRays - 1) / RayPacket::kRays));
   samples_.resize(packets_.size());
   if (view_->view.mode == RenderMode::kWhitted)
-    pending_.resize(packets_.size() * RayPacket::kRays * kMostPending);
+    pending_.resize(PendingPlace(static_cast<uint32_t>(packets_.size()), 0));
+  looks_.resize(view_->texture_uses != 0 && !tile.hits_only ? packets_.size() : 0);
+  pending_cones_.resize(looks_.empty() || view_->view.mode != RenderMode::kWhitted ? 0 : pending_.size());
   for (uint32_t packet = 0; packet < packets_.size(); ++packet) StartPacket(packet);
 }
 
@@ -56,8 +58,20 @@ void TileRenderer::StartPacket(uint32_t packet) {
     ForEachLane(lanes.missing_box, [&](uint32_t i) { Miss(packet, i); });
     started = lanes.in_box;
   }
+  if (!looks_.empty()) StartCones(packet);
   std::fill_n(s.at, SamplePacket::kStages, 0);
   s.at[SamplePacket::kTraverse] = ready_[packet] = unfinished_[packet] = started;
+}
+
+/// Primary rays begin as cones of a pixel's width.
+void TileRenderer::StartCones(uint32_t packet) {
+  LookPacket& look = looks_[packet];
+  const PixelCone cone = view_->cone;
+  for (int i = 0; i < SamplePacket::kLanes; ++i) {
+    look.cone_width[i] = cone.width + cone.spread * samples_[packet].t_offset[i];
+    look.cone_spread[i] = cone.spread;
+  }
+  look.looked = 0;
 }
 
 void TileRenderer::Resume(BlockKey block) {
@@ -147,6 +161,7 @@ void TileRenderer::Advance(uint32_t packet, PinnedBlocks& pins) {
   if (ready == 0) return;
   ready &= ~FindSurfaces(packet, ready & s.at[SamplePacket::kSurface], pins);
   ready &= ~FindAttributes(packet, ready & s.at[SamplePacket::kAttributes], pins);
+  ready &= ~FindTextures(packet, ready & s.at[SamplePacket::kTextures], pins);
   Shade(packet, ready & s.at[SamplePacket::kShade]);
   if (view_->view.mode == RenderMode::kAo)
     Occlude(packet, ready & s.at[SamplePacket::kLight]);
@@ -158,178 +173,18 @@ void TileRenderer::Advance(uint32_t packet, PinnedBlocks& pins) {
   any_[packet] = ready & s.at[SamplePacket::kShadow];
 }
 
-/// Makes the surfaces of hits. Returns: the lanes that wait for their hot block.
-uint64_t TileRenderer::FindSurfaces(uint32_t packet, uint64_t lanes, PinnedBlocks& pins) {
-  if (lanes == 0) return 0;
-  SamplePacket& s = samples_[packet];
-  const RayPacket& rays = packets_[packet];
-  uint64_t waiting = 0, shaded = 0;
-  uint32_t voxel = kNoVoxel;  // of the last lane; neighbours mostly share it
-  const ResidentBlock* block = nullptr;
-  bool has_shading = false;
-  ForEachLane(lanes, [&](uint32_t i) {
-    const uint64_t bit = uint64_t{1} << i;
-    if (rays.voxel[i] != voxel) {
-      voxel = rays.voxel[i];
-      block = pins.Find(BlockKey::Hot(voxel));
-      has_shading = view_->catalog.Has(BlockKey::Shading(voxel));
-    }
-    if (!block) {
-      Park(packet, i, BlockKey::Hot(voxel));
-      waiting |= bit;
-      return;
-    }
-    const uint32_t local = rays.local[i];
-    gathered_->triangles.Take(static_cast<int>(i), block->hot, local);
-    s.surface.material[i] = block->hot.materials[local];
-    s.surface.part[i] = block->hot.parts[local];
-    if (has_shading) shaded |= bit;
-  });
-  lanes &= ~waiting;
-  MakeSurfaces(gathered_->triangles, rays, lanes, s.surface);
-  s.Move(lanes & shaded, SamplePacket::kSurface, SamplePacket::kAttributes);
-  s.Move(lanes & ~shaded, SamplePacket::kSurface, SamplePacket::kShade);
-  return waiting;
-}
-
-/// Adds normals, uv and colours. Returns: the lanes that wait for their shading block.
-uint64_t TileRenderer::FindAttributes(uint32_t packet, uint64_t lanes, PinnedBlocks& pins) {
-  if (lanes == 0) return 0;
-  SamplePacket& s = samples_[packet];
-  const RayPacket& rays = packets_[packet];
-  uint64_t waiting = 0;
-  uint32_t voxel = kNoVoxel;
-  const ResidentBlock* block = nullptr;
-  ForEachLane(lanes, [&](uint32_t i) {
-    if (rays.voxel[i] != voxel) {
-      voxel = rays.voxel[i];
-      block = pins.Find(BlockKey::Shading(voxel));
-    }
-    if (block) return gathered_->attributes.Take(static_cast<int>(i), block->shading, rays.local[i]);
-    Park(packet, i, BlockKey::Shading(voxel));
-    waiting |= uint64_t{1} << i;
-  });
-  lanes &= ~waiting;
-  AddAttributes(gathered_->attributes, rays, lanes, s.surface);
-  s.Move(lanes, SamplePacket::kAttributes, SamplePacket::kShade);
-  return waiting;
-}
-
-void TileRenderer::Shade(uint32_t packet, uint64_t lanes) {
-  if (lanes == 0) return;
-  SamplePacket& s = samples_[packet];
-  if (view_->view.aov_mask != 0)
-    ForEachLane(lanes, [&](uint32_t i) {
-      if (s.path_code[i] == kPrimaryPath && s.sample[i] == 0) WriteAovs(packet, i);
-    });
-  const RenderMode mode = view_->view.mode;
-  const bool lit = mode != RenderMode::kRaycast && mode != RenderMode::kVoxels;
-  if (mode == RenderMode::kVoxels) {
-    ShadeVoxels(packet, lanes);
-  } else {
-    Vectors& radiance = gathered_->radiance;
-    ForEachMaterial(s.surface, lanes, [&](uint32_t material, uint64_t same) {
-      if (mode == RenderMode::kAo)
-        Studio(view_->catalog.materials[material], view_->up, view_->view.ao_samples, s.surface, same,
-               s.light, radiance);
-      else if (lit)
-        Ambient(view_->catalog.materials[material], mode, view_->view.ambient, s.surface, same, radiance);
-      else
-        Headlight(view_->catalog.materials[material], mode, s.surface, same, radiance);
-    });
-    Add(packet, lanes, radiance);
-  }
-  s.Move(lanes, SamplePacket::kShade, lit ? SamplePacket::kLight : SamplePacket::kNext);
-  if (lit) ForEachLane(lanes, [&](uint32_t i) { s.next_light[i] = 0; });
-}
-
-void TileRenderer::ShadeVoxels(uint32_t packet, uint64_t lanes) {
-  const SamplePacket& s = samples_[packet];
-  ForEachLane(lanes, [&](uint32_t i) {
-    const uint32_t voxel = LocateVoxel(view_->top, RayOf(packet, i), packets_[packet].hit_t[i]);
-    const auto lane = static_cast<int>(i);
-    film_.Add(s.pixel[i], s.weight[lane] * (VoxelColor(voxel) * (0.3f + 0.7f * Facing(s.surface[lane]))));
-  });
-}
-
-/// The next occlusion ray of each sample, or its end.
-void TileRenderer::Occlude(uint32_t packet, uint64_t lanes) {
-  if (lanes == 0) return;
-  SamplePacket& s = samples_[packet];
-  const View& view = view_->view;
-  const uint64_t over = lanes & LanesWith(view.ao_samples, s.next_light), more = lanes & ~over;
-  LightPacket& samples = gathered_->light;
-  std::fill_n(samples.distance, SamplePacket::kLanes, view_->ao_distance);
-  OcclusionDirections({view.seed, view.ao_samples, s.image_pixel, s.sample, s.next_light}, s.surface, more,
-                      samples.direction);
-  LeaveSurfaces(s.surface, samples.direction, samples.distance,
-                OffsetFromSurfaces(view_->catalog.meta.padding), more, packets_[packet]);
-  ForEachLane(more, [&](uint32_t i) { ++s.next_light[i]; });
-  rays_ += static_cast<uint64_t>(std::popcount(more));
-  s.Move(more, SamplePacket::kLight, SamplePacket::kShadow);
-  s.Move(over, SamplePacket::kLight, SamplePacket::kNext);
-}
-
-/// Makes shadow rays toward the next light that can shine on each sample; samples without one go on to their
-/// bounces.
-void TileRenderer::NextLights(uint32_t packet, uint64_t lanes) {
-  if (lanes == 0) return;
-  SamplePacket& s = samples_[packet];
-  const auto lights = static_cast<uint32_t>(view_->view.lights.size());
-  LightPacket& samples = gathered_->light;
-  uint64_t shone_on = 0;
-  for (uint32_t light = 0; light < lights; ++light) {
-    const uint64_t here = lanes & ~shone_on & LanesWith(light, s.next_light);
-    if (here == 0) continue;
-    ForEachMaterial(s.surface, here, [&](uint32_t material, uint64_t same) {
-      Scatter(view_->catalog.materials[material], view_->view.mode, view_->view.lights[light], s.surface,
-              same, samples, s.light);
-    });
-    shone_on |= here & ~DarkLanes(s.light);
-    ForEachLane(here, [&](uint32_t i) { ++s.next_light[i]; });
-    LeaveSurfaces(s.surface, samples.direction, samples.distance,
-                  OffsetFromSurfaces(view_->catalog.meta.padding), here & shone_on, packets_[packet]);
-  }
-  rays_ += static_cast<uint64_t>(std::popcount(shone_on));
-  s.Move(shone_on, SamplePacket::kLight, SamplePacket::kShadow);
-  s.Move(lanes & ~shone_on, SamplePacket::kLight,
-         view_->view.mode == RenderMode::kWhitted ? SamplePacket::kBounce : SamplePacket::kNext);
-}
-
-/// Puts the reflected and transmitted rays on the pending lists.
-void TileRenderer::Spawn(uint32_t packet, uint64_t lanes) {
-  if (lanes == 0) return;
-  SamplePacket& s = samples_[packet];
-  const auto spawn = [&](const Material& material, uint32_t i) {
-    if (s.depth[i] >= kMostBounces) return;
-    const Surface surface = s.surface[static_cast<int>(i)];
-    const glm::vec3 weight = s.weight[static_cast<int>(i)];
-    const Bounces b = Bounce(material, surface);
-    const auto push = [&](const glm::vec3& direction, const glm::vec3& share, uint32_t path_code) {
-      if (Largest(weight * share) < kLeastWeight) return;
-      QUARRY_DCHECK(s.pending_count[i] <= kMostBounces);
-      const glm::vec3 origin = LeaveSurface(surface.position, surface.geometric_normal, direction,
-                                            OffsetFromSurfaces(view_->catalog.meta.padding));
-      PendingOf(packet, i)[s.pending_count[i]++] = {origin, direction, weight * share, path_code,
-                                                    s.depth[i] + 1u};
-    };
-    push(b.refract_direction, b.refract_weight, RefractedPath(s.path_code[i]));
-    push(b.reflect_direction, b.reflect_weight, ReflectedPath(s.path_code[i]));
-  };
-  ForEachMaterial(s.surface, lanes, [&](uint32_t id, uint64_t same) {
-    const Material& material = view_->catalog.materials[id];
-    if (CanBounce(material)) ForEachLane(same, [&](uint32_t i) { spawn(material, i); });
-  });
-  s.Move(lanes, SamplePacket::kBounce, SamplePacket::kNext);
-}
-
 /// Takes the newest pending ray; a sample without one has ended.
 void TileRenderer::TakeNext(uint32_t packet, uint64_t lanes) {
   SamplePacket& s = samples_[packet];
   uint64_t begun = 0;
   ForEachLane(lanes, [&](uint32_t i) {
     if (s.pending_count[i] == 0) return;
-    const Pending& next = PendingOf(packet, i)[--s.pending_count[i]];
+    const size_t place = PendingPlace(packet, i) + --s.pending_count[i];
+    const Pending& next = pending_[place];
+    if (!pending_cones_.empty()) {
+      looks_[packet].cone_width[i] = pending_cones_[place].width;
+      looks_[packet].cone_spread[i] = pending_cones_[place].spread;
+    }
     s.weight.Set(static_cast<int>(i), next.weight);
     s.path_code[i] = next.path_code;
     s.depth[i] = static_cast<uint8_t>(next.depth);
@@ -355,26 +210,10 @@ Ray TileRenderer::RayOf(uint32_t packet, uint32_t lane) const {
   return ray;
 }
 
-void TileRenderer::Add(uint32_t packet, uint64_t lanes, const Vectors& radiance) {
-  const SamplePacket& s = samples_[packet];
-  ForEachLane(lanes, [&](uint32_t i) {
-    const auto lane = static_cast<int>(i);
-    film_.Add(s.pixel[i], s.weight[lane] * radiance[lane]);
-  });
-}
-
 size_t TileRenderer::memory_bytes() const {
   const auto bytes = [](const auto& v) { return v.size() * sizeof(v[0]); };
-  return eye_rays_.memory_bytes() + bytes(packets_) + bytes(samples_) + bytes(pending_) +
-         film_.memory_bytes();
-}
-
-void TileRenderer::WriteAovs(uint32_t packet, uint32_t lane) {
-  const SamplePacket& s = samples_[packet];
-  const Hit hit = packets_[packet].HitOf(lane);
-  const bool is_hit = hit.triangle != kNoTriangle;
-  film_.SetLayers(*view_, s.pixel[lane], RayOf(packet, lane), hit, s.t_offset[lane],
-                  is_hit ? s.surface[static_cast<int>(lane)] : Surface{});
+  return eye_rays_.memory_bytes() + bytes(packets_) + bytes(samples_) + bytes(pending_) + bytes(looks_) +
+         bytes(pending_cones_) + film_.memory_bytes();
 }
 
 RenderedTile TileRenderer::Take() {

@@ -11,6 +11,8 @@
 #include "common/engine/eye_rays.h"
 #include "common/engine/sample_packet.h"
 #include "common/engine/shading/shading_packet.h"
+#include "common/engine/texture/look_packet.h"
+#include "common/engine/texture/texture_packet.h"
 #include "common/engine/tile_film.h"
 #include "common/kdtree/ray_packet.h"
 #include "common/math/random.h"
@@ -77,6 +79,10 @@ class TileRenderer {
     uint32_t path_code;
     uint32_t depth;
   };
+  /// The cone of a pending ray, see LookPacket.
+  struct PendingCone {
+    float width, spread;
+  };
   /// Limit of a sample's pending rays. The newest goes first, so at most one waits at each depth and two at
   /// the last.
   static constexpr size_t kMostPending = kMostBounces + 1;
@@ -89,9 +95,11 @@ class TileRenderer {
     LightPacket light;
     Vectors radiance;
     PrimaryRays eye;
+    FootprintPacket footprints;
   };
 
   void StartPacket(uint32_t packet);
+  void StartCones(uint32_t packet);
   void LeaveHoles(uint32_t packet);
   void Round(PinnedBlocks& pins);
   void Trace(PinnedBlocks& pins, const uint64_t* active, bool any);
@@ -99,6 +107,15 @@ class TileRenderer {
   void Advance(uint32_t packet, PinnedBlocks& pins);
   uint64_t FindSurfaces(uint32_t packet, uint64_t lanes, PinnedBlocks& pins);
   uint64_t FindAttributes(uint32_t packet, uint64_t lanes, PinnedBlocks& pins);
+  uint64_t FrameTextures(uint32_t packet, uint64_t lanes);
+  uint64_t FindTextures(uint32_t packet, uint64_t lanes, PinnedBlocks& pins);
+  uint64_t LookUp(uint32_t packet, uint64_t lanes, const SurfaceTexture& texture, PinnedBlocks& pins);
+  uint64_t LookedAt(uint32_t packet) const { return looks_.empty() ? 0 : looks_[packet].looked; }
+  SurfaceProperties PropertiesOf(uint32_t packet, uint32_t lane) const;
+  void Illuminate(uint32_t packet, uint64_t lanes);
+  void IlluminateLooked(uint32_t packet, uint64_t lanes);
+  void ScatterLight(uint32_t packet, uint64_t lanes, const Light& light);
+  void SpawnFrom(const SurfaceProperties& material, uint32_t packet, uint32_t lane);
   void Shade(uint32_t packet, uint64_t lanes);
   void Occlude(uint32_t packet, uint64_t lanes);
   void NextLights(uint32_t packet, uint64_t lanes);
@@ -111,8 +128,9 @@ class TileRenderer {
   Ray RayOf(uint32_t packet, uint32_t lane) const;
   void WriteAovs(uint32_t packet, uint32_t lane);
   void Add(uint32_t packet, uint64_t lanes, const Vectors& radiance);
-  Pending* PendingOf(uint32_t packet, uint32_t lane) {
-    return pending_.data() + (packet * size_t{RayPacket::kRays} + lane) * kMostPending;
+  /// The first of a sample's places among the pending rays.
+  static size_t PendingPlace(uint32_t packet, uint32_t lane) {
+    return (packet * size_t{RayPacket::kRays} + lane) * kMostPending;
   }
 
   std::shared_ptr<const ViewContext> view_;
@@ -120,7 +138,9 @@ class TileRenderer {
   EyeRayGenerator eye_rays_;
   std::vector<RayPacket> packets_;
   std::vector<SamplePacket> samples_;
-  std::vector<Pending> pending_;  ///< empty where rays do not bounce
+  std::vector<Pending> pending_;            ///< empty where rays do not bounce
+  std::vector<LookPacket> looks_;           ///< empty where the view has no textures
+  std::vector<PendingCone> pending_cones_;  ///< empty where pending_ or looks_ is
   std::unique_ptr<Gathered> gathered_ = std::make_unique<Gathered>();
   uint64_t ready_[kPackets] = {};               ///< samples that can go on, a bit each
   uint64_t closest_[kPackets], any_[kPackets];  ///< rays to trace in this round

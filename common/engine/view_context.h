@@ -4,10 +4,13 @@
 #include <cmath>
 #include <cstdint>
 #include <glm/geometric.hpp>
+#include <memory>
 #include <utility>
 
+#include "common/engine/texture/scene_surfaces.h"
 #include "common/scene/camera.h"
 #include "common/scene/view.h"
+#include "common/scene/view_basis.h"
 #include "common/voxel/catalog.h"
 
 namespace quarry {
@@ -20,12 +23,28 @@ inline float DefaultAoDistance(const SceneMeta& scene) {
   return kShare * std::sqrt(glm::dot(size, size));
 }
 
+/// The cone of a pixel's primary rays: its width at the eye, and the growth of the width with the distance.
+/// Units: scene units.
+struct PixelCone {
+  float width, spread;
+};
+
+inline PixelCone PixelConeOf(const View& view) {
+  const ViewBasis basis = MakeViewBasis(view.camera, view.height);
+  const auto side = static_cast<float>(std::sqrt(glm::dot(basis.right, basis.right)));
+  return basis.orthographic ? PixelCone{side, 0} : PixelCone{0, side};
+}
+
 /// A view of a scene, prepared once for all of its tiles. Immutable except `abandoned`.
 /// Requires: the view is normalized.
 struct ViewContext {
-  ViewContext(View a_view, const Catalog& scene)
+  /// `a_surfaces`: of the scene, shared by its views; made here if null.
+  ViewContext(View a_view, const Catalog& scene, std::shared_ptr<const SceneSurfaces> a_surfaces = {})
       : view(std::move(a_view)),
         catalog(scene),
+        surfaces(a_surfaces ? std::move(a_surfaces) : std::make_shared<const SceneSurfaces>(scene)),
+        texture_uses(surfaces->textured() ? UsesFor(view) : 0),
+        cone(PixelConeOf(view)),
         top(scene.top_tree()),
         camera(view.camera, view.width, view.height, scene.meta.root_lower, scene.meta.root_upper),
         words(WordsPerPixel(view.aov_mask)),
@@ -34,6 +53,9 @@ struct ViewContext {
                                                                         : glm::vec3(0, 0, 1)) {}
   const View view;
   const Catalog& catalog;
+  const std::shared_ptr<const SceneSurfaces> surfaces;
+  const TextureUses texture_uses;  ///< of textures that the picture needs; 0: of none
+  const PixelCone cone;
   const TopTree top;
   const Camera camera;
   const uint32_t words;                ///< 32-bit words per pixel

@@ -17,9 +17,8 @@ glm::vec3 AtMostOne(const glm::vec3& v) {
 /// False for NaN.
 bool Within(float value, float low, float high) { return value >= low && value <= high; }
 
-}  // namespace
-
-void DeriveOpenPbr(Material& m) {
+template <class Properties>
+void ToOpenPbr(Properties& m) {
   const float passes = Most(m.transmittance), mirror = Most(m.reflectance), matte = Most(m.diffuse);
   const bool glass = passes > 0 && (m.fresnel || m.ior > 1);
   const bool mirrors = mirror > 0 && !(glass && m.fresnel);
@@ -40,7 +39,8 @@ void DeriveOpenPbr(Material& m) {
   m.transmission_depth = 0;
 }
 
-void DeriveWhitted(Material& m, bool bends) {
+template <class Properties>
+void ToWhitted(Properties& m, bool bends) {
   const float there = m.geometry_opacity, metal = m.base_metalness, passes = m.transmission_weight;
   const float smooth = (1 - m.specular_roughness) * (1 - m.specular_roughness);
   m.specular = m.reflectance = glm::vec3(0);
@@ -66,6 +66,21 @@ void DeriveWhitted(Material& m, bool bends) {
   m.fresnel = true;
   if (bends) m.ior = m.specular_ior;
   m.reflectance = AtMostOne(m.reflectance + glm::vec3(there * (1 - metal) * smooth));
+}
+
+}  // namespace
+
+void DeriveOpenPbr(Material& m) { ToOpenPbr(m); }
+void DeriveOpenPbr(SurfaceProperties& m) { ToOpenPbr(m); }
+void DeriveWhitted(Material& m, bool bends) { ToWhitted(m, bends); }
+void DeriveWhitted(SurfaceProperties& m, bool bends) { ToWhitted(m, bends); }
+
+bool IsOpenPbr(const Material& m) {
+  SurfaceProperties d(m);
+  DeriveWhitted(d, m.ior > 1);
+  return d.diffuse == m.diffuse && d.specular == m.specular && d.reflectance == m.reflectance &&
+         d.transmittance == m.transmittance && d.emission == m.emission && d.shininess == m.shininess &&
+         d.ior == m.ior && d.fresnel == m.fresnel;
 }
 
 bool IsSane(const Material& m) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "common/scene/material.h"
+#include "common/scene/surface_properties.h"
 
 namespace quarry {
 
@@ -13,12 +14,17 @@ namespace quarry {
 /// opacity.
 /// - `unlit` is kept.
 void DeriveOpenPbr(Material& m);
+void DeriveOpenPbr(SurfaceProperties& m);
 
 /// Derives the weights of Whitted's rays from the OpenPBR parameters. The share (1 - specular_roughness)^2 of
 /// a metal reflects as a mirror; the rest scatters as matte paint of its colour, with a highlight of the same
 /// width. `bends`: transmitted rays are refracted by specular_ior; otherwise they go straight on, as through
 /// a pane. An unlit material emits its base colour; the emission of others is kept.
 void DeriveWhitted(Material& m, bool bends);
+void DeriveWhitted(SurfaceProperties& m, bool bends);
+/// Whether DeriveWhitted() gives the weights that `m` has. Textures then replace OpenPBR's parameters, else
+/// the weights.
+bool IsOpenPbr(const Material& m);
 
 /// Whether every number of `m` is in the range that Material states.
 bool IsSane(const Material& m);

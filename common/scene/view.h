@@ -16,8 +16,8 @@ inline constexpr const char* kRenderModeNames[kRenderModes] = {"raycast", "shado
                                                                "ao"};
 
 /// Layers of an image beside the colour, in the order of their words in a pixel.
-enum class Aov : uint8_t { kDepth, kNormal, kUv, kPrimitive, kMaterial, kPart, kVoxel };
-inline constexpr int kAovs = 7;
+enum class Aov : uint8_t { kDepth, kNormal, kUv, kPrimitive, kMaterial, kPart, kVoxel, kAlbedo };
+inline constexpr int kAovs = 8;
 /// A layer: its name, as for --aov, and the number of its 32-bit words.
 struct AovInfo {
   const char* name;
@@ -26,7 +26,7 @@ struct AovInfo {
 };
 inline constexpr AovInfo kAovInfo[kAovs] = {{"depth", 1, false},    {"normal", 3, false},  {"uv", 2, false},
                                             {"primitive", 1, true}, {"material", 1, true}, {"part", 1, true},
-                                            {"voxel", 1, true}};
+                                            {"voxel", 1, true},     {"albedo", 3, false}};
 
 /// A pinhole or orthographic camera. Units: positions, like the positions of lights, are the model's minus
 /// SceneMeta::offset, as in the store.

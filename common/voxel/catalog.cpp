@@ -10,6 +10,7 @@
 #include "common/kdtree/build/treelets.h"
 #include "common/kdtree/build/wide_tree.h"
 #include "common/scene/open_pbr.h"
+#include "common/voxel/texture_sections.h"
 
 namespace quarry {
 namespace {
@@ -22,8 +23,8 @@ constexpr size_t kMaterialBytes = 4 + 136;
 /// slots.
 constexpr size_t kMostTopNodes = KdNode::kMaxLink / 5;
 
-const Section* Find(const std::vector<Section>& sections, SectionType type) {
-  for (const Section& s : sections)
+const SectionView* Find(const std::vector<SectionView>& sections, SectionType type) {
+  for (const SectionView& s : sections)
     if (s.type == type) return &s;
   return nullptr;
 }
@@ -168,7 +169,45 @@ Status DecodeMaterials(std::span<const std::byte> bytes, Catalog& catalog) {
   return {};
 }
 
+/// Adds the textures, and the materials' uses of them.
+Status DecodeTexturing(const std::vector<SectionView>& sections, const TexturePlaces& places,
+                       Catalog& catalog) {
+  if (const SectionView* directory = Find(sections, SectionType::kTextureDirectory)) {
+    QUARRY_ASSIGN(catalog.textures,
+                  DecodeTextures(directory->bytes, places.strings, places.begin, places.end));
+  }
+  for (const Texture& texture : catalog.textures) {
+    catalog.shapes.emplace_back(texture.layout.width, texture.layout.height);
+    catalog.first_page.push_back(catalog.first_page.back() + catalog.shapes.back().pages());
+    for (const BlockEntry& page : texture.pages) {
+      catalog.meta.largest_decoded = std::max(catalog.meta.largest_decoded, PageRoom(page.decoded));
+      catalog.meta.largest_stored = std::max(catalog.meta.largest_stored, page.stored);
+    }
+  }
+  if (catalog.block_numbers() > UINT32_MAX) return Fail("the scene has more blocks than there may be");
+  const SectionView* uses = Find(sections, SectionType::kMaterialTextures);
+  if (!uses) return {};
+  QUARRY_ASSIGN(const auto bindings,
+                DecodeMaterialTextures(uses->bytes, catalog.materials.size(), catalog.textures.size()));
+  for (const MaterialTexture& use : bindings) catalog.materials[use.material].textures.push_back(use.binding);
+  return {};
+}
+
 }  // namespace
+
+uint32_t Catalog::TextureOf(BlockKey page) const {
+  const uint32_t number = page.number() - static_cast<uint32_t>(voxel_blocks());
+  return static_cast<uint32_t>(std::ranges::upper_bound(first_page, number) - first_page.begin()) - 1;
+}
+
+uint64_t Catalog::DecodedBytes() const {
+  uint64_t bytes = 0;
+  for (const VoxelEntry& voxel : voxels)
+    for (const BlockEntry& block : voxel.blocks) bytes += block.decoded;
+  for (const Texture& texture : textures)
+    for (const BlockEntry& page : texture.pages) bytes += PageRoom(page.decoded);
+  return bytes;
+}
 
 std::string FormatSceneId(const SceneId& id) {
   std::string text;
@@ -275,7 +314,15 @@ Bytes EncodeMaterials(const std::vector<Material>& materials, std::string& strin
   return out.Take();
 }
 
-Result<Catalog> DecodeCatalog(const SceneId& id, const std::vector<Section>& sections) {
+Result<Catalog> DecodeCatalog(const SceneId& id, const std::vector<Section>& sections,
+                              const TexturePlaces& places) {
+  std::vector<SectionView> views;
+  for (const Section& s : sections) views.push_back({s.type, s.bytes});
+  return DecodeCatalog(id, views, places);
+}
+
+Result<Catalog> DecodeCatalog(const SceneId& id, const std::vector<SectionView>& sections,
+                              const TexturePlaces& places) {
   const SectionType needed[] = {SectionType::kMeta, SectionType::kDirectory, SectionType::kTopTree,
                                 SectionType::kMaterials};
   for (SectionType type : needed)
@@ -286,6 +333,7 @@ Result<Catalog> DecodeCatalog(const SceneId& id, const std::vector<Section>& sec
   QUARRY_TRY(DecodeDirectory(Find(sections, SectionType::kDirectory)->bytes, catalog));
   QUARRY_TRY(DecodeTopTree(Find(sections, SectionType::kTopTree)->bytes, catalog));
   QUARRY_TRY(DecodeMaterials(Find(sections, SectionType::kMaterials)->bytes, catalog));
+  QUARRY_TRY(DecodeTexturing(sections, places, catalog));
   return catalog;
 }
 
@@ -300,8 +348,8 @@ Bytes PackSections(const std::vector<Section>& sections) {
   return out.Take();
 }
 
-Result<std::vector<Section>> UnpackSections(std::span<const std::byte> bytes) {
-  std::vector<Section> sections;
+Result<std::vector<SectionView>> UnpackSections(std::span<const std::byte> bytes) {
+  std::vector<SectionView> sections;
   ByteReader in(bytes);
   while (in.remaining() > 0) {
     const auto type = static_cast<SectionType>(in.Get<uint32_t>());
@@ -310,7 +358,7 @@ Result<std::vector<Section>> UnpackSections(std::span<const std::byte> bytes) {
     const auto content = in.GetSpan(size);
     if (!in.ok()) return Fail("the scene's catalog is cut short");
     if (Checksum(content) != checksum) return Fail("the scene's catalog is damaged (checksum)");
-    sections.push_back({type, Bytes(content.begin(), content.end())});
+    sections.push_back({type, content});
   }
   return sections;
 }

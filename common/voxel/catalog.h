@@ -12,10 +12,12 @@
 #include "common/kdtree/node.h"
 #include "common/kdtree/voxel_geometry.h"
 #include "common/scene/material.h"
+#include "common/voxel/texture_shape.h"
 #include "common/voxel/voxel_block.h"
 
 // The catalog is the part of a scene that every worker holds whole: facts about the scene, the top-level
-// tree, the voxel directory and the materials. It is stored as four sections and sent as the same bytes.
+// tree, the directories of voxels and texture pages, the materials and their textures. It is stored as four
+// to six sections and sent as the same bytes.
 
 namespace quarry {
 
@@ -52,8 +54,8 @@ struct SceneMeta {
                                                ///< coordinate
   uint64_t stored_references = 0;              ///< triangles over all voxels, copies included
   uint32_t voxel_size = 0;                     ///< target size of a decoded hot block
-  uint32_t largest_decoded = 0;                ///< largest decoded block of either kind
-  uint32_t largest_stored = 0;                 ///< largest stored block
+  uint32_t largest_decoded = 0;                ///< largest decoded block, once decoded pages too
+  uint32_t largest_stored = 0;                 ///< largest stored block, likewise
   uint32_t lz4_version = 0;                    ///< LZ4_VERSION_NUMBER of the compressor
 
   bool operator==(const SceneMeta&) const = default;
@@ -79,6 +81,21 @@ struct VoxelEntry {
   bool operator==(const VoxelEntry&) const = default;
 };
 
+/// The directory's entry of a texture.
+struct Texture {
+  std::string name;  ///< the model's name for it; workers do not get it
+  TexelLayout layout;
+  std::vector<BlockEntry> pages;  ///< numbered as in TextureShape
+
+  bool operator==(const Texture&) const = default;
+};
+
+/// The bytes that a decoded page counts in a cache: whole pages of memory, and what the cache notes of it.
+inline constexpr uint32_t PageRoom(uint32_t decoded) {
+  constexpr uint32_t kMemoryPage = 4096, kNotes = 256;
+  return (decoded + kMemoryPage - 1) / kMemoryPage * kMemoryPage + kNotes;
+}
+
 /// A hash of 128 bits over a scene's logical content, independent of the compressor. Caches use the key
 /// (scene id, block number).
 using SceneId = std::array<uint8_t, 16>;
@@ -98,25 +115,46 @@ struct Catalog {
   std::vector<uint32_t> chain_end;  ///< per voxel, for kernels: see TopTree
   std::vector<VoxelBounds> bounds;  ///< per voxel, grown by the padding
   std::vector<Material> materials;  ///< names are left out
+  std::vector<Texture> textures;
+  std::vector<TextureShape> shapes;     ///< by texture
+  std::vector<uint32_t> first_page{0};  ///< by texture, and one past the last: pages of earlier textures
 
-  /// Requires: `key.voxel` is a voxel of the scene.
+  /// Requires: `key` is below block_numbers().
   const BlockEntry& block(BlockKey key) const {
-    return voxels[key.voxel].blocks[static_cast<uint32_t>(key.kind)];
+    if (IsPage(key)) return textures[TextureOf(key)].pages[PageOf(key)];
+    return voxels[key.voxel()].blocks[static_cast<uint32_t>(key.kind())];
   }
   /// Whether the scene has this block. A key from outside may name a block that does not exist.
-  bool Has(BlockKey key) const { return key.voxel < voxels.size() && block(key).stored != 0; }
+  bool Has(BlockKey key) const { return key.number() < block_numbers() && block(key).stored != 0; }
   /// Upper limit of block numbers: each is below it.
-  size_t block_numbers() const { return voxels.size() * kBlockKinds; }
+  size_t block_numbers() const { return voxel_blocks() + first_page.back(); }
+  /// The number of the first page.
+  size_t voxel_blocks() const { return voxels.size() * kBlockKinds; }
+  /// Whether a block is the page of a texture, which page of which texture, and the block of a page.
+  bool IsPage(BlockKey key) const { return key.number() >= voxel_blocks(); }
+  uint32_t TextureOf(BlockKey page) const;
+  uint32_t PageOf(BlockKey page) const {
+    return page.number() - static_cast<uint32_t>(voxel_blocks()) - first_page[TextureOf(page)];
+  }
+  BlockKey PageKey(uint32_t texture, uint32_t page) const {
+    return BlockKey::FromNumber(static_cast<uint32_t>(voxel_blocks()) + first_page[texture] + page);
+  }
+  /// Bytes of a cache that has room for all blocks.
+  uint64_t DecodedBytes() const;
   TopTree top_tree() const {
     return {top_nodes.data(), chain_end.data(), bounds.data(),
             meta.root_lower,  meta.root_upper,  top_wide.data()};
   }
 };
 
-/// The bytes of a section.
+/// The bytes of a section, owned or not.
 struct Section {
   SectionType type;
   Bytes bytes;
+};
+struct SectionView {
+  SectionType type;
+  std::span<const std::byte> bytes;
 };
 
 /// Encode a section; FORMAT.md gives the bytes.
@@ -130,14 +168,24 @@ Material GetMaterial(ByteReader& in);
 /// Encodes the MATL section; appends the materials' names to `strings`.
 Bytes EncodeMaterials(const std::vector<Material>& materials, std::string& strings);
 
-/// Decodes a catalog from its four sections and checks everything: kernels and caches rely on it. Other
-/// sections are ignored.
+/// What a reader of the file knows of textures besides their sections: the STRS section with their names, and
+/// the bytes [begin, end) of the file in which pages must lie.
+struct TexturePlaces {
+  std::string_view strings;
+  uint64_t begin = 0, end = uint64_t{1} << 62;
+};
+
+/// Decodes a catalog from its sections and checks everything: kernels and caches rely on it. TEXD and MTEX
+/// may be missing; other sections are ignored.
 /// Errors: a missing section; a section of the wrong size; a link, offset, size or value out of range.
-Result<Catalog> DecodeCatalog(const SceneId& id, const std::vector<Section>& sections);
+Result<Catalog> DecodeCatalog(const SceneId& id, const std::vector<SectionView>& sections,
+                              const TexturePlaces& places = {});
+Result<Catalog> DecodeCatalog(const SceneId& id, const std::vector<Section>& sections,
+                              const TexturePlaces& places = {});
 
 /// Packs sections into bytes for the network: type, size, checksum and content of each.
 Bytes PackSections(const std::vector<Section>& sections);
-/// The inverse of PackSections(). Errors: cut short; a wrong checksum.
-Result<std::vector<Section>> UnpackSections(std::span<const std::byte> bytes);
+/// The inverse of PackSections(), as views of `bytes`. Errors: cut short; a wrong checksum.
+Result<std::vector<SectionView>> UnpackSections(std::span<const std::byte> bytes);
 
 }  // namespace quarry

@@ -15,15 +15,14 @@ namespace {
 
 bool IsCatalogSection(SectionType type) {
   return type == SectionType::kMeta || type == SectionType::kTopTree || type == SectionType::kDirectory ||
-         type == SectionType::kMaterials;
+         type == SectionType::kMaterials || type == SectionType::kTextureDirectory ||
+         type == SectionType::kMaterialTextures;
 }
 
 bool IsKnown(SectionType type) {
   return IsCatalogSection(type) || type == SectionType::kParts || type == SectionType::kStrings ||
          type == SectionType::kBlocks || type == SectionType::kProxies ||
-         type == SectionType::kTexturePages || type == SectionType::kTextureDirectory ||
-         type == SectionType::kMaterialTextures || type == SectionType::kCameras ||
-         type == SectionType::kLights;
+         type == SectionType::kTexturePages || type == SectionType::kCameras || type == SectionType::kLights;
 }
 
 std::string TypeName(SectionType type) {
@@ -100,12 +99,16 @@ Status StoreReader::ReadSections(std::span<const std::byte> table, uint32_t coun
   }
   if (end != file_.size())
     return Fail(fmt::format("{}: {} bytes after the last section", path(), file_.size() - end));
-  auto catalog = DecodeCatalog(id_, catalog_sections_);
+  TexturePlaces places{{}, pages_begin_, pages_end_};
+  for (const Section& s : named)
+    if (s.type == SectionType::kStrings) places.strings = AsText(s.bytes);
+  auto catalog = DecodeCatalog(id_, catalog_sections_, places);
   if (!catalog) return Fail(fmt::format("{}: {}", path(), catalog.error().message));
   catalog_ = std::move(*catalog);
+  for (uint32_t m = 0; m < catalog_.materials.size(); ++m)
+    for (const TextureBinding& binding : catalog_.materials[m].textures)
+      material_textures_.push_back({m, binding});
   QUARRY_TRY(DecodeNames(named));
-  const Status textures = DecodeTextureSections(named);
-  if (!textures) return Fail(fmt::format("{}: {}", path(), textures.error().message));
   const Status views = DecodeViews(named);
   if (!views) return Fail(fmt::format("{}: {}", path(), views.error().message));
   return {};
@@ -145,29 +148,13 @@ Status StoreReader::DecodeNames(const std::vector<Section>& sections) {
   return {};
 }
 
-Status StoreReader::DecodeTextureSections(const std::vector<Section>& sections) {
-  std::string_view strings;
-  const Section *directory = nullptr, *uses = nullptr;
-  for (const Section& s : sections) {
-    if (s.type == SectionType::kStrings) strings = AsText(s.bytes);
-    if (s.type == SectionType::kTextureDirectory) directory = &s;
-    if (s.type == SectionType::kMaterialTextures) uses = &s;
-  }
-  if (directory) {
-    QUARRY_ASSIGN(textures_, DecodeTextures(directory->bytes, strings, pages_begin_, pages_end_));
-  }
-  if (uses) {
-    QUARRY_ASSIGN(material_textures_,
-                  DecodeMaterialTextures(uses->bytes, catalog_.materials.size(), textures_.size()));
-  }
-  return {};
-}
-
 Result<Bytes> StoreReader::ReadBlock(BlockKey block) const {
   if (!catalog_.Has(block))
     return FailForGood(fmt::format("{}: there is no block {}", path(), block.number()));
   const BlockEntry& entry = catalog_.block(block);
-  if (entry.offset < blocks_begin_ || entry.stored > blocks_end_ - entry.offset || entry.offset > blocks_end_)
+  const bool page = catalog_.IsPage(block);
+  const uint64_t begin = page ? pages_begin_ : blocks_begin_, end = page ? pages_end_ : blocks_end_;
+  if (entry.offset < begin || entry.offset > end || entry.stored > end - entry.offset)
     return FailForGood(fmt::format("{}: block {} is not where it should be", path(), block.number()));
   Bytes bytes(entry.stored);
   QUARRY_TRY(file_.ReadAt(entry.offset, bytes));
@@ -178,25 +165,24 @@ Result<Bytes> StoreReader::ReadBlock(BlockKey block) const {
 }
 
 Result<Bytes> StoreReader::ReadPage(uint32_t texture, uint32_t page) const {
-  if (texture >= textures_.size() || page >= textures_[texture].pages.size())
+  if (texture >= textures().size() || page >= textures()[texture].pages.size())
     return FailForGood(fmt::format("{}: there is no page {} of texture {}", path(), page, texture));
   const auto damaged = [&](const std::string& how) {
     return FailForGood(fmt::format("{}: page {} of texture {} ({}) at byte {}: {}; make the store again",
-                                   path(), page, texture, textures_[texture].name,
-                                   textures_[texture].pages[page].offset, how));
+                                   path(), page, texture, textures()[texture].name,
+                                   textures()[texture].pages[page].offset, how));
   };
-  const BlockEntry& entry = textures_[texture].pages[page];
+  const BlockEntry& entry = textures()[texture].pages[page];
   Bytes stored(entry.stored);
   QUARRY_TRY(file_.ReadAt(entry.offset, stored));
   if (Checksum(stored) != entry.checksum) return damaged("is damaged (checksum)");
-  const TexelLayout& layout = textures_[texture].layout;
-  Result<Bytes> texels = DecodePage(TextureShape(layout.width, layout.height), layout, page, stored);
+  Result<Bytes> texels = DecodePage(catalog_.shapes[texture], textures()[texture].layout, page, stored);
   if (!texels) return damaged(texels.error().message);
   return texels;
 }
 
 Status StoreReader::VerifyTexture(uint32_t texture) const {
-  for (uint32_t p = 0; p < textures_[texture].pages.size(); ++p)
+  for (uint32_t p = 0; p < textures()[texture].pages.size(); ++p)
     QUARRY_TRY(ReadPage(texture, p).map([](auto&&) {}));
   return {};
 }
@@ -205,7 +191,7 @@ Status StoreReader::VerifyTexture(uint32_t texture) const {
 /// completed.
 Status StoreReader::CheckPagesFill() const {
   std::vector<std::pair<uint64_t, uint64_t>> places;
-  for (const Texture& t : textures_)
+  for (const Texture& t : textures())
     for (const BlockEntry& page : t.pages) places.emplace_back(page.offset, page.offset + page.stored);
   std::ranges::sort(places);
   uint64_t end = pages_begin_;
@@ -220,7 +206,7 @@ Status StoreReader::CheckPagesFill() const {
 
 Status StoreReader::VerifyVoxel(uint32_t voxel, uint64_t& end, BlockDecoder& decoder) const {
   for (BlockKind kind : {BlockKind::kHot, BlockKind::kShading}) {
-    const BlockKey id{voxel, kind};
+    const BlockKey id = kind == BlockKind::kHot ? BlockKey::Hot(voxel) : BlockKey::Shading(voxel);
     const BlockEntry& entry = catalog_.block(id);
     if (entry.offset != end)
       return Fail(fmt::format("{}: block {} is not where it should be", path(), id.number()));

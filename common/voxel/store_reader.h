@@ -34,14 +34,14 @@ class StoreReader {
   const std::vector<std::string>& parts() const { return parts_; }
 
   /// The textures; empty when the store has none.
-  const std::vector<Texture>& textures() const { return textures_; }
+  const std::vector<Texture>& textures() const { return catalog_.textures; }
   /// The materials' uses of textures, sorted by material, then use.
   const std::vector<MaterialTexture>& material_textures() const { return material_textures_; }
 
   /// The cameras and lights of the model.
   const SceneViews& views() const { return views_; }
 
-  /// Reads a stored block and verifies its checksum.
+  /// Reads a stored block, of a voxel or a page, and verifies its checksum.
   /// Errors: a read error; permanent: no such block, or a damaged block (the message has its byte offset).
   Result<Bytes> ReadBlock(BlockKey block) const;
 
@@ -56,13 +56,13 @@ class StoreReader {
   Status Verify(Progress&& progress) const {
     uint64_t end = blocks_begin_;
     BlockDecoder decoder;
-    const size_t voxels = catalog_.voxels.size(), all = voxels + textures_.size();
+    const size_t voxels = catalog_.voxels.size(), all = voxels + textures().size();
     for (uint32_t v = 0; v < voxels; ++v) {
       QUARRY_TRY(VerifyVoxel(v, end, decoder));
       progress(v + 1, all);
     }
     QUARRY_TRY(CheckBlocksEnd(end));
-    for (uint32_t t = 0; t < textures_.size(); ++t) {
+    for (uint32_t t = 0; t < textures().size(); ++t) {
       QUARRY_TRY(VerifyTexture(t));
       progress(voxels + t + 1, all);
     }
@@ -77,7 +77,6 @@ class StoreReader {
   Status VerifyVoxel(uint32_t voxel, uint64_t& end, BlockDecoder& decoder) const;
   Status CheckBounds(const VoxelGeometry& geometry, uint32_t voxel) const;
   Status CheckBlocksEnd(uint64_t end) const;
-  Status DecodeTextureSections(const std::vector<Section>& sections);
   Status DecodeViews(const std::vector<Section>& sections);
   Status VerifyTexture(uint32_t texture) const;
   Status CheckPagesFill() const;
@@ -88,7 +87,6 @@ class StoreReader {
   std::vector<Section> catalog_sections_;
   std::vector<std::string> material_names_;
   std::vector<std::string> parts_;
-  std::vector<Texture> textures_;
   std::vector<MaterialTexture> material_textures_;
   SceneViews views_;
   uint64_t blocks_begin_ = 0, blocks_end_ = 0;

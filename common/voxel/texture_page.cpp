@@ -111,13 +111,13 @@ Bytes Encode(const std::vector<Block>& blocks, uint32_t channels, std::span<cons
 }
 
 template <class Sample>
-Bytes Decode(const std::vector<Block>& blocks, uint32_t channels, std::span<const std::byte> streams) {
+void Decode(const std::vector<Block>& blocks, uint32_t channels, std::span<const std::byte> streams,
+            std::span<std::byte> texels) {
   const size_t all = streams.size() / sizeof(Sample), count = all / channels;
   std::vector<Sample> differences(all), values(count);
   for (size_t i = 0; i < all; ++i)
     differences[i] = static_cast<Sample>(TakeSample<Sample>(streams, i, all) +
                                          (i < count ? Sample{0} : differences[i - count]));
-  Bytes texels(streams.size());
   for (uint32_t c = 0; c < channels; ++c) {
     for (const Block& block : blocks)
       for (uint32_t y = 0; y < block.height; ++y)
@@ -132,7 +132,6 @@ Bytes Decode(const std::vector<Block>& blocks, uint32_t channels, std::span<cons
       std::memcpy(&texels[(i * channels + c) * sizeof value], &value, sizeof value);
     }
   }
-  return texels;
 }
 
 }  // namespace
@@ -145,10 +144,11 @@ Bytes EncodePage(const TextureShape& shape, const TexelLayout& layout, uint32_t 
                                              : Encode<uint8_t>(blocks, layout.channels, texels);
 }
 
-Result<Bytes> DecodePage(const TextureShape& shape, const TexelLayout& layout, uint32_t page,
-                         std::span<const std::byte> stored) {
+Status DecodePage(const TextureShape& shape, const TexelLayout& layout, uint32_t page,
+                  std::span<const std::byte> stored, std::span<std::byte> texels) {
   QUARRY_CHECK_LT(page, shape.pages());
   const size_t size = size_t{shape.TexelsOf(page)} * layout.texel_bytes();
+  QUARRY_CHECK_EQ(texels.size(), size);
   ByteReader in(stored);
   if (in.Get<uint32_t>() != size) return Fail("texture page: other than as many bytes as its texels take");
   const auto packed = in.GetSpan(in.remaining());
@@ -163,8 +163,18 @@ Result<Bytes> DecodePage(const TextureShape& shape, const TexelLayout& layout, u
       return Fail("texture page: LZ4 finds no such bytes in it");
   }
   const std::vector<Block> blocks = BlocksOf(shape, page);
-  return layout.format == TexelFormat::kHalf ? Decode<uint16_t>(blocks, layout.channels, streams)
-                                             : Decode<uint8_t>(blocks, layout.channels, streams);
+  if (layout.format == TexelFormat::kHalf)
+    Decode<uint16_t>(blocks, layout.channels, streams, texels);
+  else
+    Decode<uint8_t>(blocks, layout.channels, streams, texels);
+  return {};
+}
+
+Result<Bytes> DecodePage(const TextureShape& shape, const TexelLayout& layout, uint32_t page,
+                         std::span<const std::byte> stored) {
+  Bytes texels(size_t{shape.TexelsOf(page)} * layout.texel_bytes());
+  QUARRY_TRY(DecodePage(shape, layout, page, stored, texels));
+  return texels;
 }
 
 }  // namespace quarry

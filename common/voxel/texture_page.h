@@ -16,9 +16,13 @@ namespace quarry {
 Bytes EncodePage(const TextureShape& shape, const TexelLayout& layout, uint32_t page,
                  std::span<const std::byte> texels);
 
-/// Decodes a stored page (CompressBlock of EncodePage). Returns: texels row by row; for the tail's page level
-/// by level. Thread-safe.
+/// Decodes a stored page (CompressBlock of EncodePage). `texels`: row by row; for the tail's page level by
+/// level. Thread-safe.
+/// Requires: `texels` holds TexelsOf(page) texels.
 /// Errors: LZ4 yields another number of bytes than the page has. Any bytes may be given.
+Status DecodePage(const TextureShape& shape, const TexelLayout& layout, uint32_t page,
+                  std::span<const std::byte> stored, std::span<std::byte> texels);
+/// The same into new memory.
 Result<Bytes> DecodePage(const TextureShape& shape, const TexelLayout& layout, uint32_t page,
                          std::span<const std::byte> stored);
 

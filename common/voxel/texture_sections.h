@@ -12,19 +12,9 @@
 #include "common/voxel/catalog.h"
 #include "common/voxel/texture_shape.h"
 
-// The sections TEXD and MTEX: all that a store has of its textures besides their pages. Workers do not get
-// them.
+// The sections TEXD and MTEX: all that a store has of its textures besides their pages.
 
 namespace quarry {
-
-/// The directory's entry of a texture.
-struct Texture {
-  std::string name;  ///< the model's name for it
-  TexelLayout layout;
-  std::vector<BlockEntry> pages;  ///< numbered as in TextureShape
-
-  bool operator==(const Texture&) const = default;
-};
 
 /// A material's use of a texture.
 struct MaterialTexture {

@@ -64,7 +64,7 @@ Status MappedBlocks::Decode(const StoreReader& store) {
     return (size_t{catalog.block(BlockKey::FromNumber(number)).decoded} + kAlignment - 1) / kAlignment *
            kAlignment;
   };
-  const auto count = static_cast<uint32_t>(catalog.voxels.size() * 2);
+  const auto count = static_cast<uint32_t>(catalog.voxel_blocks());
   size_t bytes = 0;
   for (uint32_t id = 0; id < count; ++id) bytes += room(id);
   bytes = (bytes + kChunk - 1) / kChunk * kChunk;
@@ -80,7 +80,7 @@ Status MappedBlocks::Decode(const StoreReader& store) {
     QUARRY_ASSIGN(const Bytes stored, store.ReadBlock(id));
     const std::span out = region_.subspan(at, entry.decoded);
     blocks_[number] = std::make_unique<ResidentBlock>();
-    if (id.kind == BlockKind::kShading) {
+    if (id.kind() == BlockKind::kShading) {
       QUARRY_ASSIGN(blocks_[number]->shading, decoder.Shading(stored, out));
     } else {
       QUARRY_ASSIGN(blocks_[number]->hot, decoder.Hot(stored, out, catalog.meta.padding));

@@ -42,8 +42,8 @@ Simulation::Simulation(const SimulatedCluster& cluster, const TracedWalk& walk, 
       block_bytes_(block_bytes),
       loading_(*ParseLoading(cluster.loading)),
       dispatcher_(*this, block_bytes, *ParsePolicy(cluster.policy), 1) {
-  uint64_t decoded = 0, in_store = 0;
-  for (const VoxelEntry& v : catalog.voxels) decoded += v.blocks[0].decoded + v.blocks[1].decoded;
+  const uint64_t decoded = catalog.DecodedBytes();
+  uint64_t in_store = 0;
   for (const uint32_t bytes : block_bytes) in_store += bytes;
   seconds_per_byte_ = 8e-6 / o_.worker_mbit + static_cast<double>(decoded) / static_cast<double>(in_store) /
                                                   (o_.decode_gb_s * 1e9) / o_.share;

@@ -102,7 +102,10 @@ TEST_CASE("An EXR holds every word of the crop, by name") {
                                                        {"primitive.id"},
                                                        {"material.id"},
                                                        {"part.id"},
-                                                       {"voxel.id"}};
+                                                       {"voxel.id"},
+                                                       {"albedo.R"},
+                                                       {"albedo.G"},
+                                                       {"albedo.B"}};
   const auto channels = static_cast<size_t>(spec.nchannels);
   REQUIRE(channels == names.size() + 4);
   for (size_t word = 0; word < names.size(); ++word)

@@ -112,8 +112,8 @@ Normals StoredNormals(const PreprocessOptions& options, uint32_t* version = null
       size_t space = bytes.size();
       return std::span(static_cast<std::byte*>(std::align(16, size, at, space)), size);
     };
-    const auto hot_stored = store->ReadBlock({v, BlockKind::kHot});
-    const auto stored = store->ReadBlock({v, BlockKind::kShading});
+    const auto hot_stored = store->ReadBlock(BlockKey::Hot(v));
+    const auto stored = store->ReadBlock(BlockKey::Shading(v));
     REQUIRE((hot_stored.has_value() && stored.has_value()));
     const auto hot = DecodeHot(decoder, catalog, v, *hot_stored, room(hot_bytes, blocks[0].decoded));
     REQUIRE(hot.has_value());

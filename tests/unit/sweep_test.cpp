@@ -75,7 +75,7 @@ TEST_CASE("Blocks without room beside each other come one by one, in the sweep's
   CHECK(cache.NextToLoad() == Hot(1));
   CHECK(cache.NextToLoad() == Hot(3));
   CHECK(cache.NextToPublish().block == Hot(1));
-  REQUIRE(cache.Reserve(kBlock));
+  REQUIRE(cache.Reserve(Hot(1)));
   const auto publish = [&](BlockKey block) {
     auto resident = std::make_unique<ResidentBlock>();
     resident->bytes = *cache.TakePages(kBlock);

@@ -12,19 +12,29 @@ namespace {
 
 constexpr uint32_t kBlock = 1000;
 
-/// A cache over ten voxels (twenty blocks of 1000 bytes) and a loader played by hand.
+/// Ten voxels: twenty blocks of 1000 bytes.
+Catalog TenVoxels() {
+  Catalog catalog;
+  catalog.voxels.resize(10);
+  for (VoxelEntry& voxel : catalog.voxels)
+    for (BlockEntry& block : voxel.blocks) block.decoded = kBlock;
+  return catalog;
+}
+
+/// A cache over ten voxels and a loader played by hand.
 struct Fixture {
   explicit Fixture(uint64_t budget)
-      : cache((catalog.voxels.resize(10), catalog), budget, [this] { ++wants; }, [this] { ++spaces; }) {}
+      : cache(
+            catalog, budget, [this] { ++wants; }, [this] { ++spaces; }) {}
 
   bool Load(BlockKey block) {
-    if (!cache.Reserve(kBlock)) return false;
+    if (!cache.Reserve(block)) return false;
     auto resident = std::make_unique<ResidentBlock>();
     resident->bytes = *cache.TakePages(kBlock);
     cache.Publish(block, std::move(resident));
     return true;
   }
-  Catalog catalog;
+  const Catalog catalog = TenVoxels();
   std::atomic<int> wants{0}, spaces{0};
   VoxelCache cache;
 };
@@ -183,8 +193,7 @@ TEST_CASE("Memory that the system lacks is a value") {
 }
 
 TEST_CASE("Changes are told without the caches lock") {
-  Catalog catalog;
-  catalog.voxels.resize(10);
+  const Catalog catalog = TenVoxels();
   std::vector<std::pair<BlockKey, bool>> told;
   VoxelCache* self = nullptr;
   VoxelCache cache(
@@ -195,7 +204,7 @@ TEST_CASE("Changes are told without the caches lock") {
       });
   self = &cache;
   for (const BlockKey block : {1_b, 2_b}) {
-    REQUIRE(cache.Reserve(kBlock));
+    REQUIRE(cache.Reserve(block));
     auto resident = std::make_unique<ResidentBlock>();
     resident->bytes = *cache.TakePages(kBlock);
     cache.Publish(block, std::move(resident));

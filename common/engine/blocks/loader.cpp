@@ -6,16 +6,21 @@
 #include <utility>
 
 #include "common/base/resource.h"
+#include "common/voxel/texture_page.h"
 
 namespace quarry {
 
 Status DecodeBlock(const Catalog& catalog, BlockKey block, std::span<const std::byte> stored,
                    BlockDecoder& decoder, ResidentBlock& resident, std::vector<KdNode>* tree) {
   const std::span<std::byte> out = resident.bytes.bytes();
-  if (block.kind == BlockKind::kShading) {
-    QUARRY_ASSIGN(resident.shading, DecodeShading(decoder, catalog, block.voxel, stored, out));
+  if (catalog.IsPage(block)) {
+    const uint32_t texture = catalog.TextureOf(block);
+    QUARRY_TRY(DecodePage(catalog.shapes[texture], catalog.textures[texture].layout, catalog.PageOf(block),
+                          stored, out));
+  } else if (block.kind() == BlockKind::kShading) {
+    QUARRY_ASSIGN(resident.shading, DecodeShading(decoder, catalog, block.voxel(), stored, out));
   } else {
-    QUARRY_ASSIGN(resident.hot, DecodeHot(decoder, catalog, block.voxel, stored, out, tree));
+    QUARRY_ASSIGN(resident.hot, DecodeHot(decoder, catalog, block.voxel(), stored, out, tree));
   }
   return {};
 }
@@ -70,7 +75,7 @@ void Loader::OnFetched(BlockKey block, Result<Bytes> stored) {
 
 bool Loader::Install(const Arrived& arrived) {
   const BlockEntry& entry = catalog_.block(arrived.block);
-  if (!cache_.Reserve(entry.decoded)) return false;
+  if (!cache_.Reserve(arrived.block)) return false;
   auto resident = std::make_unique<ResidentBlock>();
   const auto start = std::chrono::steady_clock::now();
   auto pages = cache_.TakePages(entry.decoded);

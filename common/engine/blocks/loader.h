@@ -13,7 +13,8 @@
 namespace quarry {
 
 /// Decodes `stored` into `resident` and checks it against the catalog. `tree`: see BlockDecoder.
-/// Requires: `resident.bytes` has the decoded size. Errors: as DecodeHot() and DecodeShading().
+/// Requires: `resident.bytes` has the decoded size. Errors: as DecodeHot(), DecodeShading() and
+/// DecodePage().
 Status DecodeBlock(const Catalog& catalog, BlockKey block, std::span<const std::byte> stored,
                    BlockDecoder& decoder, ResidentBlock& resident, std::vector<KdNode>* tree = nullptr);
 

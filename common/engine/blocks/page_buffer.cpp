@@ -7,15 +7,6 @@
 #include "common/base/check.h"
 
 namespace quarry {
-namespace {
-
-size_t WholePages(size_t bytes) {
-  constexpr size_t kPage = 4096;
-  return (bytes + kPage - 1) / kPage * kPage;
-}
-
-}  // namespace
-
 std::optional<PageBuffer> PageBuffer::TryGet(size_t bytes) {
   PageBuffer buffer;
   if (bytes == 0) return buffer;
@@ -39,7 +30,7 @@ bool PageBuffer::Resize(size_t bytes) {
     *this = std::move(*other);
     return true;
   }
-  void* memory = ::mremap(data_, WholePages(size_), WholePages(bytes), MREMAP_MAYMOVE);
+  void* memory = ::mremap(data_, WholeMemoryPages(size_), WholeMemoryPages(bytes), MREMAP_MAYMOVE);
   if (memory == MAP_FAILED) return false;
   data_ = static_cast<std::byte*>(memory);
   size_ = bytes;
@@ -47,8 +38,8 @@ bool PageBuffer::Resize(size_t bytes) {
 }
 
 PageBuffer PageBuffer::TakeFront(size_t bytes) {
-  const size_t pages = WholePages(bytes);
-  QUARRY_CHECK_LE(pages, WholePages(size_));
+  const size_t pages = WholeMemoryPages(bytes);
+  QUARRY_CHECK_LE(pages, WholeMemoryPages(size_));
   PageBuffer front;
   front.data_ = data_;
   front.size_ = bytes;

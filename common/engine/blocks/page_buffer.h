@@ -7,6 +7,12 @@
 
 namespace quarry {
 
+/// `bytes` in whole pages of memory.
+inline constexpr size_t WholeMemoryPages(size_t bytes) {
+  constexpr size_t kPage = 4096;
+  return (bytes + kPage - 1) / kPage * kPage;
+}
+
 /// Memory of whole pages, mapped from the system and unmapped when destroyed. The heap would keep an evicted
 /// block's pages; this returns them. Movable, not thread-safe. Units: bytes.
 class PageBuffer {

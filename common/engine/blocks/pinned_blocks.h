@@ -26,8 +26,9 @@ class PinnedBlocks {
 
   /// Finds a block and pins it. Returns: null when it is not resident. Requires: LogTo() was called.
   const ResidentBlock* Find(BlockKey block) {
+    const uint32_t number = block.number();
     Recent& recent =
-        recent_[(block.voxel + static_cast<uint32_t>(block.kind) * (kRecent / kBlockKinds)) % kRecent];
+        recent_[(number / kBlockKinds + number % kBlockKinds * (kRecent / kBlockKinds)) % kRecent];
     const uint64_t key = uint64_t{reader_} << 32 | block.number();
     if (recent.key == key) return recent.resident;
     const ResidentBlock* resident = nullptr;

@@ -29,8 +29,7 @@ uint64_t Sweep::Distance(const Stop& stop) const {
   uint64_t least = UINT64_MAX;
   for (uint32_t octant = 0; octant < kOctants; ++octant) {
     if ((stop.octants >> octant & 1) == 0) continue;
-    const uint64_t place = uint64_t{order_.place(octant, stop.block.voxel)} * kBlockKinds +
-                           static_cast<uint32_t>(stop.block.kind);
+    const uint64_t place = order_.BlockPlace(octant, stop.block);
     uint64_t turn = (octant + kOctants - octant_) % kOctants;
     if (turn == 0 && place < at_) turn = kOctants;
     least = std::min(least, turn << 40 | place);

@@ -20,7 +20,8 @@ inline OctantMask OctantBit(float x, float y, float z) {
 }
 
 /// For each octant, an order of the scene's voxels in which every ray of the octant passes them: a ray's
-/// voxels have ascending places. Chained voxels follow each other.
+/// voxels have ascending places. Chained voxels follow each other. Pages of textures follow the voxels: a ray
+/// that waits for one has ended.
 /// Memory: 32 bytes per voxel. Immutable, so thread-safe.
 class VoxelOrder {
  public:
@@ -28,6 +29,11 @@ class VoxelOrder {
 
   /// The place of a voxel in the order of `octant`, from 0.
   uint32_t place(uint32_t octant, uint32_t voxel) const { return places_[octant][voxel]; }
+  /// The place of a block in the order of blocks.
+  uint64_t BlockPlace(uint32_t octant, BlockKey block) const {
+    if (block.number() / kBlockKinds >= places_[octant].size()) return block.number();
+    return uint64_t{place(octant, block.voxel())} * kBlockKinds + static_cast<uint32_t>(block.kind());
+  }
 
  private:
   std::array<std::vector<uint32_t>, kOctants> places_;
@@ -55,7 +61,7 @@ class Sweep {
  private:
   const VoxelOrder& order_;
   uint32_t octant_ = 0;
-  uint64_t at_ = 0;  ///< the sweep's block: kBlockKinds * place + kind
+  uint64_t at_ = 0;  ///< the place of the sweep's block
 };
 
 }  // namespace quarry

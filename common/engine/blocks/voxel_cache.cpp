@@ -1,6 +1,7 @@
 #include "common/engine/blocks/voxel_cache.h"
 
 #include <algorithm>
+#include <functional>
 #include <utility>
 
 #include "common/base/check.h"
@@ -49,7 +50,12 @@ VoxelCache::VoxelCache(const Catalog& catalog, uint64_t budget_bytes, std::funct
       order_(catalog) {}
 
 VoxelCache::~VoxelCache() {
-  for (BlockKey block : residents_) delete slot(block).resident.load();
+  for (const Resident& r : residents_) delete slot(r.block).resident.load();
+}
+
+uint64_t VoxelCache::RoomOf(BlockKey block) const {
+  const uint32_t decoded = catalog_.block(block).decoded;
+  return catalog_.IsPage(block) ? PageRoom(decoded) : decoded;
 }
 
 const ResidentBlock* VoxelCache::TryPin(BlockKey block) {
@@ -58,7 +64,8 @@ const ResidentBlock* VoxelCache::TryPin(BlockKey block) {
   do {
     if (!(state & kResident)) return nullptr;
   } while (!slot.state.compare_exchange_weak(state, state + 1, std::memory_order_acquire));
-  slot.last_use.store(clock_.fetch_add(1, std::memory_order_relaxed), std::memory_order_relaxed);
+  slot.last_use.store(static_cast<uint32_t>(clock_.fetch_add(1, std::memory_order_relaxed)),
+                      std::memory_order_relaxed);
   return slot.resident.load(std::memory_order_acquire);
 }
 
@@ -76,7 +83,7 @@ void VoxelCache::Want(BlockKey block, Mailbox* mailbox, uint32_t rays, OctantMas
       Waiting& w = waiting_[block];
       if (w.rays == 0) {
         w.since = std::chrono::steady_clock::now();
-        wanted_bytes_ += catalog_.block(block).decoded;
+        wanted_bytes_ += RoomOf(block);
       }
       w.rays += rays;
       w.octants |= octants;
@@ -157,42 +164,60 @@ std::optional<BlockKey> VoxelCache::NextToLoad() {
   return best;
 }
 
+/// When a block was last used. Slots keep the low half; blocks whose last use is 2^32 uses ago count as used
+/// lately.
+uint64_t VoxelCache::LastUse(BlockKey block) const {
+  const uint64_t now = clock_.load(std::memory_order_relaxed);
+  return now - static_cast<uint32_t>(static_cast<uint32_t>(now) -
+                                     slot(block).last_use.load(std::memory_order_relaxed));
+}
+
+void VoxelCache::AddResident(const Resident& resident) {
+  residents_.push_back(resident);
+  std::ranges::push_heap(residents_, std::greater());
+}
+
 bool VoxelCache::EvictOne(std::vector<BlockKey>& evicted) {
-  // A linear scan: a cache holds some thousand blocks, and a load costs far more.
-  const uint32_t now = clock_.load();
-  size_t oldest = residents_.size();
-  uint32_t oldest_age = 0;
-  for (size_t i = 0; i < residents_.size(); ++i) {
-    const Slot& slot = this->slot(residents_[i]);
-    const uint32_t age = now - slot.last_use.load(std::memory_order_relaxed);
-    if (slot.state.load() != kResident) continue;  // pinned
-    if (oldest == residents_.size() || age > oldest_age) {
-      oldest = i;
-      oldest_age = age;
+  // A use does not move its block in the heap: a block that has been used since is put back when it comes up.
+  std::vector<Resident> pinned;
+  bool found = false;
+  while (!found && !residents_.empty()) {
+    std::ranges::pop_heap(residents_, std::greater());
+    const Resident oldest = residents_.back();
+    residents_.pop_back();
+    const uint64_t used = LastUse(oldest.block);
+    if (used != oldest.used) {
+      AddResident({used, oldest.block});
+    } else if (TryEvict(oldest.block)) {
+      evicted.push_back(oldest.block);
+      found = true;
+    } else {
+      pinned.push_back(oldest);
     }
   }
-  if (oldest == residents_.size()) return false;
-  Slot& slot = this->slot(residents_[oldest]);
+  for (const Resident& resident : pinned) AddResident(resident);
+  return found;
+}
+
+/// Evicts a block unless it is pinned.
+bool VoxelCache::TryEvict(BlockKey block) {
+  Slot& slot = this->slot(block);
   uint32_t unpinned = kResident;
-  if (!slot.state.compare_exchange_strong(unpinned, 0))
-    return true;  // pinned meanwhile: the caller tries again
+  if (!slot.state.compare_exchange_strong(unpinned, 0)) return false;
   ResidentBlock* gone = slot.resident.exchange(nullptr);
-  used_ -= gone->bytes.bytes().size();
+  used_ -= RoomOf(block);
   ++counters_.evictions;
   unused_ = PageBuffer();  // from now on each block takes the pages of an evicted block
   spare_ = PageBuffer();
   spare_ = std::move(gone->bytes);
   delete gone;
-  evicted.push_back(residents_[oldest]);
-  residents_[oldest] = residents_.back();
-  residents_.pop_back();
   return true;
 }
 
-bool VoxelCache::MakeRoom(uint32_t decoded_bytes, std::vector<BlockKey>& evicted) {
+bool VoxelCache::MakeRoom(uint64_t bytes, std::vector<BlockKey>& evicted) {
   const std::lock_guard lock(mutex_);
-  QUARRY_CHECK_LE(decoded_bytes, budget_);
-  while (used_ + decoded_bytes > budget_) {
+  QUARRY_CHECK_LE(bytes, budget_);
+  while (used_ + bytes > budget_) {
     if (EvictOne(evicted)) continue;
     // The flag is raised before the second look: an unpinning in between is either seen here or sees the
     // flag.
@@ -200,15 +225,15 @@ bool VoxelCache::MakeRoom(uint32_t decoded_bytes, std::vector<BlockKey>& evicted
     if (!EvictOne(evicted)) return false;
     starved_.store(false);
   }
-  used_ += decoded_bytes;
+  used_ += bytes;
   return true;
 }
 
-bool VoxelCache::Reserve(uint32_t decoded_bytes) {
+bool VoxelCache::Reserve(BlockKey block) {
   std::vector<BlockKey> evicted;
-  const bool has_room = MakeRoom(decoded_bytes, evicted);
+  const bool has_room = MakeRoom(RoomOf(block), evicted);
   if (on_change_)
-    for (const BlockKey block : evicted) on_change_(block, false);
+    for (const BlockKey gone : evicted) on_change_(gone, false);
   return has_room;
 }
 
@@ -233,16 +258,17 @@ void VoxelCache::Publish(BlockKey block, std::unique_ptr<ResidentBlock> resident
     if (it != waiting_.end()) {
       mailboxes = std::move(it->second.mailboxes);
       sweep_.MoveTo({block, it->second.octants});
-      wanted_bytes_ -= catalog_.block(block).decoded;
+      wanted_bytes_ -= RoomOf(block);
       in_use_ += static_cast<uint32_t>(mailboxes.size());
       waiting_.erase(it);
     }
     ++counters_.loaded;
     counters_.bytes_loaded += resident->bytes.bytes().size();
     Slot& slot = this->slot(block);
-    slot.last_use.store(clock_.fetch_add(1));
+    const uint64_t now = clock_.fetch_add(1);
+    slot.last_use.store(static_cast<uint32_t>(now));
     slot.resident.store(resident.release(), std::memory_order_release);
-    residents_.push_back(block);
+    AddResident({now, block});
     slot.state.store(kResident + static_cast<uint32_t>(mailboxes.size()), std::memory_order_release);
   }
   if (on_change_) on_change_(block, true);

@@ -21,6 +21,7 @@
 namespace quarry {
 
 /// A decoded block in the cache. Of `hot` and `shading`, the view of its kind is set; it points into `bytes`.
+/// A page of a texture is `bytes`: its texels as DecodePage() gives them.
 struct ResidentBlock {
   PageBuffer bytes;
   VoxelGeometry hot;
@@ -50,10 +51,11 @@ class Mailbox {
   uint32_t in_use_ = 0;  ///< blocks of the last Take(); used by the owner only
 };
 
-/// The cache of decoded blocks, with a limit in bytes. It evicts the least recently used block that is not
-/// pinned. A limit of the scene's largest block is enough to finish every image: an arriving block is pinned
-/// for all threads that wait for it, and is evicted only after all have used it.
-/// Units: bytes, decoded.
+/// The cache of decoded blocks, voxels' and textures', with a limit in bytes. It evicts the least recently
+/// used block that is not pinned. A limit of the scene's largest block is enough to finish every image: an
+/// arriving block is pinned for all threads that wait for it, and is evicted only after all have used it.
+/// Units: bytes, decoded; a page of a texture counts as PageRoom() says.
+/// Memory beyond the limit: 16 bytes a block of the scene.
 /// Thread safety: members above "the loader's thread" may be called from any thread; pinning takes no lock.
 /// Requires: a thread that waits for a block holds no pins.
 /// Source: Wald & Slusallek 2001, section 6.3 (explicit cache, LRU). Pinning for all waiting threads and the
@@ -101,7 +103,7 @@ class VoxelCache {
   Turn NextToPublish() const;
   /// Reserves room for a block and evicts others for it. Returns: false when too much is pinned; on_space is
   /// called when another try may succeed.
-  bool Reserve(uint32_t decoded_bytes);
+  bool Reserve(BlockKey block);
   /// Takes memory for the block that room was reserved for: of the last evicted block, of UseFirst(), or new.
   /// Returns: nothing when the system has no memory.
   std::optional<PageBuffer> TakePages(uint32_t decoded_bytes);
@@ -119,9 +121,15 @@ class VoxelCache {
  private:
   static constexpr uint32_t kResident = 1u << 31;
   struct Slot {
-    std::atomic<uint32_t> state{0};  ///< kResident, and the number of pins in the bits below
-    std::atomic<uint32_t> last_use{0};
+    std::atomic<uint32_t> state{0};     ///< kResident, and the number of pins in the bits below
+    std::atomic<uint32_t> last_use{0};  ///< low half of the clock's time
     std::atomic<ResidentBlock*> resident{nullptr};
+  };
+  /// A block in the cache, with a time that is not after its last use.
+  struct Resident {
+    uint64_t used;
+    BlockKey block;
+    bool operator>(const Resident& other) const { return used > other.used; }
   };
   struct Waiting {
     std::vector<Mailbox*> mailboxes;
@@ -131,10 +139,15 @@ class VoxelCache {
     bool loading = false;
   };
   Slot& slot(BlockKey block) const { return slots_[block.number()]; }
-  /// Evicts a block and appends it to `evicted`; appends none when the block was pinned meanwhile. Returns:
-  /// false when all blocks are pinned.
+  /// The bytes that a block counts.
+  uint64_t RoomOf(BlockKey block) const;
+  /// Evicts the block that was used last the longest ago, and appends it to `evicted`. Returns: false when
+  /// all blocks are pinned.
   bool EvictOne(std::vector<BlockKey>& evicted);
-  bool MakeRoom(uint32_t decoded_bytes, std::vector<BlockKey>& evicted);
+  bool TryEvict(BlockKey block);
+  uint64_t LastUse(BlockKey block) const;
+  void AddResident(const Resident& resident);
+  bool MakeRoom(uint64_t bytes, std::vector<BlockKey>& evicted);
   /// The wanted block that the sweep comes to next. `loading_too`: blocks that are loading count too.
   std::optional<Sweep::Stop> NextInSweep(bool loading_too) const;
 
@@ -145,7 +158,7 @@ class VoxelCache {
   std::function<void()> on_want_, on_space_;
   std::function<void(BlockKey, bool)> on_change_;
   std::unique_ptr<Slot[]> slots_;
-  std::atomic<uint32_t> clock_{0};
+  std::atomic<uint64_t> clock_{0};
   std::atomic<bool> starved_{false};
   std::atomic<uint64_t> wanted_bytes_{0};  ///< decoded bytes of the blocks in waiting_
   mutable std::mutex mutex_;               ///< guards all below
@@ -153,7 +166,7 @@ class VoxelCache {
   uint32_t in_use_ = 0;  ///< delivered blocks that are not used yet
   const VoxelOrder order_;
   Sweep sweep_{order_};
-  std::vector<BlockKey> residents_;
+  std::vector<Resident> residents_;  ///< a heap, the least `used` first
   uint64_t used_ = 0;
   Counters counters_;
 };

@@ -7,7 +7,7 @@
 #include "common/engine/shading/surface.h"
 #include "common/kdtree/ray.h"
 #include "common/math/elementary.h"
-#include "common/scene/material.h"
+#include "common/scene/surface_properties.h"
 #include "common/voxel/block_decoder.h"
 
 // Shading as pure functions of a hit, without voxels, queues or the network. Thread-safe. Vectors of unit
@@ -55,15 +55,16 @@ template <bool kHighlight>
 }
 
 /// Radiance emitted. Vertex colours multiply the emission of an unlit material.
-inline glm::vec3 Emitted(const Material& m, const Surface& s) {
+inline glm::vec3 Emitted(const SurfaceProperties& m, const Surface& s) {
   return m.unlit ? m.emission * s.color : m.emission;
 }
 
 /// Whether the material has a Blinn-Phong highlight.
-inline bool HasHighlight(const Material& m) { return m.shininess > 0 && m.specular != glm::vec3(0); }
+inline bool HasHighlight(const SurfaceProperties& m) { return m.shininess > 0 && m.specular != glm::vec3(0); }
 
 /// Radiance of a light that a surface of this material scatters toward the viewer.
-inline glm::vec3 Scatter(const Material& m, RenderMode mode, const Surface& s, const LightSample& light) {
+inline glm::vec3 Scatter(const SurfaceProperties& m, RenderMode mode, const Surface& s,
+                         const LightSample& light) {
   const glm::vec3 albedo = Albedo(m, mode);
   return HasHighlight(m) ? Scatter<true>(albedo, m.specular, m.shininess, s, light)
                          : Scatter<false>(albedo, m.specular, m.shininess, s, light);
@@ -86,5 +87,20 @@ inline float StudioFactor(const Surface& s, const glm::vec3& up) {
 /// Share of the ambient light that a white surface scatters to the viewer. It is greater where the surface
 /// faces the viewer, so that shapes are visible in shadow.
 inline float AmbientFactor(const Surface& s) { return 0.4f + 0.6f * Facing(s); }
+
+/// Radiance to the viewer by the headlight and by emission, of a surface that is lit.
+inline glm::vec3 ByHeadlight(const glm::vec3& albedo, const glm::vec3& emission, const Surface& s) {
+  return albedo * s.color * Facing(s) + emission;
+}
+/// Radiance to the viewer by ambient light and by emission, of a surface that is lit.
+inline glm::vec3 ByAmbient(const glm::vec3& albedo, const glm::vec3& emission, const glm::vec3& ambient,
+                           const Surface& s) {
+  return albedo * s.color * ambient * AmbientFactor(s) + emission;
+}
+
+/// kAo: part of the light that nothing occludes, so that crevices keep their shapes.
+inline constexpr float kOpenShare = 0.15f;
+/// Part of the light that each of `rays` occlusion rays adds if nothing is in its way.
+inline float OcclusionShare(uint32_t rays) { return (1 - kOpenShare) / static_cast<float>(rays); }
 
 }  // namespace quarry

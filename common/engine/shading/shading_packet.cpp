@@ -1,38 +1,11 @@
 #include "common/engine/shading/shading_packet.h"
 
+#include "common/engine/shading/for_lanes.h"
 #include "common/math/next_float.h"
 #include "common/math/sampling.h"
 
 namespace quarry {
 namespace {
-
-/// Calls body(i, whether lane i is in `lanes`) for every vector of 8 lanes that has one. `body` selects
-/// instead of branching, so that it becomes vector instructions.
-template <class Body>
-inline void ForLanes(uint64_t lanes, Body&& body) {
-  constexpr int kVector = 8, kHalf = 32, kLanes = RayPacket::kRays;
-  uint32_t meant[kLanes];
-  for (int i = 0; i < kHalf; ++i) {
-    meant[i] = static_cast<uint32_t>(lanes) >> i & 1;
-    meant[kHalf + i] = static_cast<uint32_t>(lanes >> kHalf) >> i & 1;
-  }
-  for (int first = 0; first < kLanes; first += kVector) {
-    if ((lanes >> first & ((1u << kVector) - 1)) == 0) continue;
-#pragma GCC ivdep
-    for (int i = first; i < first + kVector; ++i) body(i, meant[i] != 0);
-  }
-}
-
-inline void Put(bool meant, int i, const glm::vec3& value, Vectors& to) {
-  to.x[i] = meant ? value.x : to.x[i];
-  to.y[i] = meant ? value.y : to.y[i];
-  to.z[i] = meant ? value.z : to.z[i];
-}
-
-template <class T>
-inline void Put(bool meant, int i, T value, T (&to)[RayPacket::kRays]) {
-  to[i] = meant ? value : to[i];
-}
 
 void Unlit(const Material& material, const SurfacePacket& surfaces, uint64_t lanes, Vectors& radiance) {
   const glm::vec3 emission = material.emission;
@@ -81,9 +54,8 @@ void Headlight(const Material& material, RenderMode mode, const SurfacePacket& s
                Vectors& radiance) {
   if (material.unlit) return Unlit(material, surfaces, lanes, radiance);
   const glm::vec3 albedo = Albedo(material, mode), emission = material.emission;
-  ForLanes(lanes, [&](int i, bool meant) {
-    Put(meant, i, albedo * surfaces.color[i] * Facing(surfaces[i]) + emission, radiance);
-  });
+  ForLanes(lanes,
+           [&](int i, bool meant) { Put(meant, i, ByHeadlight(albedo, emission, surfaces[i]), radiance); });
 }
 
 void Ambient(const Material& material, RenderMode mode, const glm::vec3& ambient,
@@ -91,16 +63,14 @@ void Ambient(const Material& material, RenderMode mode, const glm::vec3& ambient
   if (material.unlit) return Unlit(material, surfaces, lanes, radiance);
   const glm::vec3 albedo = Albedo(material, mode), emission = material.emission, all = ambient;
   ForLanes(lanes, [&](int i, bool meant) {
-    Put(meant, i, albedo * surfaces.color[i] * all * AmbientFactor(surfaces[i]) + emission, radiance);
+    Put(meant, i, ByAmbient(albedo, emission, all, surfaces[i]), radiance);
   });
 }
 
 void Studio(const Material& material, const glm::vec3& up, uint32_t rays, const SurfacePacket& surfaces,
             uint64_t lanes, Vectors& light, Vectors& radiance) {
-  // Part of the light that nothing occludes, so that crevices keep their shapes.
-  constexpr float kOpen = 0.15f;
   const glm::vec3 color = material.unlit ? glm::vec3(0) : StudioColor(material), zenith = up;
-  const float share = (1 - kOpen) / static_cast<float>(rays);
+  const float share = OcclusionShare(rays);
   if (material.unlit) Unlit(material, surfaces, lanes, radiance);
   const glm::vec3 emission = material.emission;
   const bool lit = !material.unlit;
@@ -108,7 +78,7 @@ void Studio(const Material& material, const glm::vec3& up, uint32_t rays, const 
     const Surface s = surfaces[i];
     const glm::vec3 all = color * s.color * StudioFactor(s, zenith);
     Put(meant, i, all * share, light);
-    Put((static_cast<int>(meant) & static_cast<int>(lit)) != 0, i, all * kOpen + emission, radiance);
+    Put((static_cast<int>(meant) & static_cast<int>(lit)) != 0, i, all * kOpenShare + emission, radiance);
   });
 }
 

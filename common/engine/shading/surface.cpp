@@ -10,7 +10,7 @@ float SchlickPower(float cosine) {
 
 }  // namespace
 
-Bounces Bounce(const Material& material, const Surface& s) {
+Bounces Bounce(const SurfaceProperties& material, const Surface& s) {
   Bounces b;
   const float cosine = std::clamp(glm::dot(s.normal, s.view), 0.0f, 1.0f);
   b.reflect_direction = Unit(s.normal * (2 * cosine) - s.view);

@@ -9,7 +9,7 @@
 
 #include "common/kdtree/ray.h"
 #include "common/kdtree/voxel_geometry.h"
-#include "common/scene/material.h"
+#include "common/scene/surface_properties.h"
 #include "common/scene/view.h"
 
 // Surfaces at hits, and the rays that go on from them. Workers render by these functions, and a master
@@ -94,23 +94,23 @@ struct Bounces {
 };
 /// Bounces of a ray that hits `surface`. Source: Whitted 1980; Schlick 1994 for materials with Fresnel
 /// weights.
-Bounces Bounce(const Material& material, const Surface& surface);
+Bounces Bounce(const SurfaceProperties& material, const Surface& surface);
 
 /// Whether a bounce of the material can have a weight above 0.
-inline bool CanBounce(const Material& m) {
+inline bool CanBounce(const SurfaceProperties& m) {
   return m.fresnel || m.reflectance != glm::vec3(0) || m.transmittance != glm::vec3(0);
 }
 
 /// The colour that scatters light. In modes that follow no reflected or transmitted rays it is the base
 /// colour, so that metals, mirrors and glass are not black; opacity is ignored.
-inline glm::vec3 Albedo(const Material& m, RenderMode mode) {
+inline glm::vec3 Albedo(const SurfaceProperties& m, RenderMode mode) {
   if (m.unlit) return glm::vec3(0);
   return mode == RenderMode::kWhitted ? m.diffuse : m.base_color;
 }
 
 /// The colour of a surface in kAo, where no mirror and no transmitted ray is followed: mirrors and glass
 /// count by what they send on, and nothing is so dark that its shape is lost.
-inline glm::vec3 StudioColor(const Material& m) {
+inline glm::vec3 StudioColor(const SurfaceProperties& m) {
   constexpr float kMirror = 0.8f, kDarkest = 0.03f;
   const glm::vec3 sent_on = glm::min(m.reflectance + m.transmittance + m.specular, glm::vec3(1)) * kMirror;
   return glm::max(glm::max(m.base_color, sent_on), glm::vec3(kDarkest));
