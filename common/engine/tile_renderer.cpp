@@ -105,7 +105,7 @@ void TileRenderer::Traced(uint32_t packet, uint64_t lanes, bool any) {
   ready_[packet] |= lanes;
   const uint64_t missed = lanes & LanesWith(kNoTriangle, rays.triangle), hit = lanes & ~missed;
   if (any) {
-    Add(packet, missed, s.light);
+    Add(packet, missed & ~rays.see_through, s.light);
     return s.Move(lanes, SamplePacket::kShadow, SamplePacket::kLight);
   }
   s.Move(hit, SamplePacket::kTraverse, tile_.hits_only ? SamplePacket::kNext : SamplePacket::kSurface);
@@ -182,7 +182,7 @@ uint64_t TileRenderer::FindSurfaces(uint32_t packet, uint64_t lanes, PinnedBlock
     const uint32_t local = rays.local[i];
     gathered_->triangles.Take(static_cast<int>(i), block->hot, local);
     s.surface.material[i] = block->hot.materials[local];
-    s.surface.part[i] = block->hot.parts[local];
+    s.surface.part[i] = block->hot.part(local);
     if (has_shading) shaded |= bit;
   });
   lanes &= ~waiting;
