@@ -103,11 +103,13 @@ void TileRenderer::Traced(uint32_t packet, uint64_t lanes, bool any) {
   SamplePacket& s = samples_[packet];
   const RayPacket& rays = packets_[packet];
   ready_[packet] |= lanes;
+  if (any) return Shadowed(packet, lanes);
+  const uint64_t in_light = lanes & LanesWith(kNoTriangle, rays.triangle) & s.at[SamplePacket::kPass];
+  Add(packet, in_light, s.light);
+  s.Move(in_light, SamplePacket::kPass, SamplePacket::kLight);
+  s.Move(lanes & s.at[SamplePacket::kPass], SamplePacket::kPass, SamplePacket::kTint);
+  lanes &= s.at[SamplePacket::kTraverse];
   const uint64_t missed = lanes & LanesWith(kNoTriangle, rays.triangle), hit = lanes & ~missed;
-  if (any) {
-    Add(packet, missed & ~rays.see_through, s.light);
-    return s.Move(lanes, SamplePacket::kShadow, SamplePacket::kLight);
-  }
   s.Move(hit, SamplePacket::kTraverse, tile_.hits_only ? SamplePacket::kNext : SamplePacket::kSurface);
   s.Move(missed, SamplePacket::kTraverse, SamplePacket::kNext);
   ForEachLane(missed, [&](uint32_t i) { Miss(packet, i); });
@@ -148,13 +150,14 @@ void TileRenderer::Advance(uint32_t packet, PinnedBlocks& pins) {
   ready &= ~FindSurfaces(packet, ready & s.at[SamplePacket::kSurface], pins);
   ready &= ~FindAttributes(packet, ready & s.at[SamplePacket::kAttributes], pins);
   Shade(packet, ready & s.at[SamplePacket::kShade]);
+  ready &= ~Tint(packet, ready & s.at[SamplePacket::kTint], pins);
   if (view_->view.mode == RenderMode::kAo)
     Occlude(packet, ready & s.at[SamplePacket::kLight]);
   else
     NextLights(packet, ready & s.at[SamplePacket::kLight]);
   Spawn(packet, ready & s.at[SamplePacket::kBounce]);
   TakeNext(packet, ready & s.at[SamplePacket::kNext]);
-  closest_[packet] = ready & s.at[SamplePacket::kTraverse];
+  closest_[packet] = ready & (s.at[SamplePacket::kTraverse] | s.at[SamplePacket::kPass]);
   any_[packet] = ready & s.at[SamplePacket::kShadow];
 }
 
@@ -250,50 +253,6 @@ void TileRenderer::ShadeVoxels(uint32_t packet, uint64_t lanes) {
     const auto lane = static_cast<int>(i);
     film_.Add(s.pixel[i], s.weight[lane] * (VoxelColor(voxel) * (0.3f + 0.7f * Facing(s.surface[lane]))));
   });
-}
-
-/// The next occlusion ray of each sample, or its end.
-void TileRenderer::Occlude(uint32_t packet, uint64_t lanes) {
-  if (lanes == 0) return;
-  SamplePacket& s = samples_[packet];
-  const View& view = view_->view;
-  const uint64_t over = lanes & LanesWith(view.ao_samples, s.next_light), more = lanes & ~over;
-  LightPacket& samples = gathered_->light;
-  std::fill_n(samples.distance, SamplePacket::kLanes, view_->ao_distance);
-  OcclusionDirections({view.seed, view.ao_samples, s.image_pixel, s.sample, s.next_light}, s.surface, more,
-                      samples.direction);
-  LeaveSurfaces(s.surface, samples.direction, samples.distance,
-                OffsetFromSurfaces(view_->catalog.meta.padding), more, packets_[packet]);
-  ForEachLane(more, [&](uint32_t i) { ++s.next_light[i]; });
-  rays_ += static_cast<uint64_t>(std::popcount(more));
-  s.Move(more, SamplePacket::kLight, SamplePacket::kShadow);
-  s.Move(over, SamplePacket::kLight, SamplePacket::kNext);
-}
-
-/// Makes shadow rays toward the next light that can shine on each sample; samples without one go on to their
-/// bounces.
-void TileRenderer::NextLights(uint32_t packet, uint64_t lanes) {
-  if (lanes == 0) return;
-  SamplePacket& s = samples_[packet];
-  const auto lights = static_cast<uint32_t>(view_->view.lights.size());
-  LightPacket& samples = gathered_->light;
-  uint64_t shone_on = 0;
-  for (uint32_t light = 0; light < lights; ++light) {
-    const uint64_t here = lanes & ~shone_on & LanesWith(light, s.next_light);
-    if (here == 0) continue;
-    ForEachMaterial(s.surface, here, [&](uint32_t material, uint64_t same) {
-      Scatter(view_->catalog.materials[material], view_->view.mode, view_->view.lights[light], s.surface,
-              same, samples, s.light);
-    });
-    shone_on |= here & ~DarkLanes(s.light);
-    ForEachLane(here, [&](uint32_t i) { ++s.next_light[i]; });
-    LeaveSurfaces(s.surface, samples.direction, samples.distance,
-                  OffsetFromSurfaces(view_->catalog.meta.padding), here & shone_on, packets_[packet]);
-  }
-  rays_ += static_cast<uint64_t>(std::popcount(shone_on));
-  s.Move(shone_on, SamplePacket::kLight, SamplePacket::kShadow);
-  s.Move(lanes & ~shone_on, SamplePacket::kLight,
-         view_->view.mode == RenderMode::kWhitted ? SamplePacket::kBounce : SamplePacket::kNext);
 }
 
 /// Puts the reflected and transmitted rays on the pending lists.
