@@ -9,7 +9,9 @@ namespace quarry {
 
 /// The samples of a packet, one array per field. The ray of a sample is in the RayPacket at the same lane.
 struct SamplePacket {
-  /// The next step of a sample. A step is done for all samples of a packet together.
+  /// The next step of a sample. A step is done for all samples of a packet together. A shadow ray first looks
+  /// for an opaque occluder (kShadow); one that has met see-through surfaces instead goes from one to the
+  /// next (kPass), and each tints its light (kTint).
   enum Stage {
     kTraverse,
     kSurface,
@@ -18,6 +20,8 @@ struct SamplePacket {
     kShade,
     kLight,
     kShadow,
+    kPass,
+    kTint,
     kBounce,
     kNext,
     kStages
@@ -27,7 +31,7 @@ struct SamplePacket {
   uint64_t at[kStages];  ///< lanes in each stage
   SurfacePacket surface;
   Vectors weight;
-  Vectors light;  ///< radiance that the shadow ray adds if nothing blocks it
+  Vectors light;  ///< radiance that the shadow ray adds if nothing more blocks it
   float t_offset[kLanes];
   uint32_t sample[kLanes];
   uint32_t path_code[kLanes];
@@ -37,6 +41,7 @@ struct SamplePacket {
   uint16_t depth_cell[kLanes];
   uint8_t depth[kLanes];
   uint8_t pending_count[kLanes];
+  uint8_t passed[kLanes];  ///< see-through surfaces that the shadow ray has passed
 
   void Move(uint64_t lanes, Stage from, Stage to) {
     at[from] &= ~lanes;

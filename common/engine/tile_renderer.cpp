@@ -117,11 +117,13 @@ void TileRenderer::Traced(uint32_t packet, uint64_t lanes, bool any) {
   SamplePacket& s = samples_[packet];
   const RayPacket& rays = packets_[packet];
   ready_[packet] |= lanes;
+  if (any) return Shadowed(packet, lanes);
+  const uint64_t in_light = lanes & LanesWith(kNoTriangle, rays.triangle) & s.at[SamplePacket::kPass];
+  Add(packet, in_light, s.light);
+  s.Move(in_light, SamplePacket::kPass, SamplePacket::kLight);
+  s.Move(lanes & s.at[SamplePacket::kPass], SamplePacket::kPass, SamplePacket::kTint);
+  lanes &= s.at[SamplePacket::kTraverse];
   const uint64_t missed = lanes & LanesWith(kNoTriangle, rays.triangle), hit = lanes & ~missed;
-  if (any) {
-    Add(packet, missed, s.light);
-    return s.Move(lanes, SamplePacket::kShadow, SamplePacket::kLight);
-  }
   s.Move(hit, SamplePacket::kTraverse, tile_.hits_only ? SamplePacket::kNext : SamplePacket::kSurface);
   s.Move(missed, SamplePacket::kTraverse, SamplePacket::kNext);
   ForEachLane(missed, [&](uint32_t i) { Miss(packet, i); });
@@ -163,13 +165,14 @@ void TileRenderer::Advance(uint32_t packet, PinnedBlocks& pins) {
   ready &= ~FindAttributes(packet, ready & s.at[SamplePacket::kAttributes], pins);
   ready &= ~FindTextures(packet, ready & s.at[SamplePacket::kTextures], pins);
   Shade(packet, ready & s.at[SamplePacket::kShade]);
+  ready &= ~Tint(packet, ready & s.at[SamplePacket::kTint], pins);
   if (view_->view.mode == RenderMode::kAo)
     Occlude(packet, ready & s.at[SamplePacket::kLight]);
   else
     NextLights(packet, ready & s.at[SamplePacket::kLight]);
   Spawn(packet, ready & s.at[SamplePacket::kBounce]);
   TakeNext(packet, ready & s.at[SamplePacket::kNext]);
-  closest_[packet] = ready & s.at[SamplePacket::kTraverse];
+  closest_[packet] = ready & (s.at[SamplePacket::kTraverse] | s.at[SamplePacket::kPass]);
   any_[packet] = ready & s.at[SamplePacket::kShadow];
 }
 

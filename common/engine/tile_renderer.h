@@ -104,6 +104,7 @@ class TileRenderer {
   void Round(PinnedBlocks& pins);
   void Trace(PinnedBlocks& pins, const uint64_t* active, bool any);
   void Traced(uint32_t packet, uint64_t lanes, bool any);
+  void Shadowed(uint32_t packet, uint64_t lanes);
   void Advance(uint32_t packet, PinnedBlocks& pins);
   uint64_t FindSurfaces(uint32_t packet, uint64_t lanes, PinnedBlocks& pins);
   uint64_t FindAttributes(uint32_t packet, uint64_t lanes, PinnedBlocks& pins);
@@ -119,6 +120,8 @@ class TileRenderer {
   void Shade(uint32_t packet, uint64_t lanes);
   void Occlude(uint32_t packet, uint64_t lanes);
   void NextLights(uint32_t packet, uint64_t lanes);
+  uint64_t Tint(uint32_t packet, uint64_t lanes, PinnedBlocks& pins);
+  bool TintBy(uint32_t packet, uint32_t lane, const VoxelGeometry& voxel);
   void Spawn(uint32_t packet, uint64_t lanes);
   void TakeNext(uint32_t packet, uint64_t lanes);
   void TidyTouched();

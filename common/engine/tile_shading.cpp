@@ -109,47 +109,6 @@ void TileRenderer::ShadeVoxels(uint32_t packet, uint64_t lanes) {
   });
 }
 
-/// The next occlusion ray of each sample, or its end.
-void TileRenderer::Occlude(uint32_t packet, uint64_t lanes) {
-  if (lanes == 0) return;
-  SamplePacket& s = samples_[packet];
-  const View& view = view_->view;
-  const uint64_t over = lanes & LanesWith(view.ao_samples, s.next_light), more = lanes & ~over;
-  LightPacket& samples = gathered_->light;
-  std::fill_n(samples.distance, SamplePacket::kLanes, view_->ao_distance);
-  OcclusionDirections({view.seed, view.ao_samples, s.image_pixel, s.sample, s.next_light}, s.surface, more,
-                      samples.direction);
-  LeaveSurfaces(s.surface, samples.direction, samples.distance,
-                OffsetFromSurfaces(view_->catalog.meta.padding), more, packets_[packet]);
-  ForEachLane(more, [&](uint32_t i) { ++s.next_light[i]; });
-  rays_ += static_cast<uint64_t>(std::popcount(more));
-  s.Move(more, SamplePacket::kLight, SamplePacket::kShadow);
-  s.Move(over, SamplePacket::kLight, SamplePacket::kNext);
-}
-
-/// Makes shadow rays toward the next light that can shine on each sample; samples without one go on to their
-/// bounces.
-void TileRenderer::NextLights(uint32_t packet, uint64_t lanes) {
-  if (lanes == 0) return;
-  SamplePacket& s = samples_[packet];
-  const auto lights = static_cast<uint32_t>(view_->view.lights.size());
-  LightPacket& samples = gathered_->light;
-  uint64_t shone_on = 0;
-  for (uint32_t light = 0; light < lights; ++light) {
-    const uint64_t here = lanes & ~shone_on & LanesWith(light, s.next_light);
-    if (here == 0) continue;
-    ScatterLight(packet, here, view_->view.lights[light]);
-    shone_on |= here & ~DarkLanes(s.light);
-    ForEachLane(here, [&](uint32_t i) { ++s.next_light[i]; });
-    LeaveSurfaces(s.surface, samples.direction, samples.distance,
-                  OffsetFromSurfaces(view_->catalog.meta.padding), here & shone_on, packets_[packet]);
-  }
-  rays_ += static_cast<uint64_t>(std::popcount(shone_on));
-  s.Move(shone_on, SamplePacket::kLight, SamplePacket::kShadow);
-  s.Move(lanes & ~shone_on, SamplePacket::kLight,
-         view_->view.mode == RenderMode::kWhitted ? SamplePacket::kBounce : SamplePacket::kNext);
-}
-
 /// Puts the reflected and transmitted rays on the pending lists.
 void TileRenderer::Spawn(uint32_t packet, uint64_t lanes) {
   if (lanes == 0) return;

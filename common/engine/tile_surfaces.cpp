@@ -30,7 +30,7 @@ uint64_t TileRenderer::FindSurfaces(uint32_t packet, uint64_t lanes, PinnedBlock
     const uint32_t local = rays.local[i];
     gathered_->triangles.Take(static_cast<int>(i), block->hot, local);
     s.surface.material[i] = block->hot.materials[local];
-    s.surface.part[i] = block->hot.parts[local];
+    s.surface.part[i] = block->hot.part(local);
     if (has_shading) shaded |= bit;
   });
   lanes &= ~waiting;

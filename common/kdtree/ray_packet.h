@@ -5,13 +5,14 @@
 #include <cstdint>
 
 #include "common/kdtree/ray.h"
+#include "common/math/host_device.h"
 #include "common/math/next_float.h"
 
 namespace quarry {
 
 /// 64 rays, one array per field of Ray, as kernels read and write them. In a coherent packet ray i belongs to
 /// pixel (i % 8, i / 8) of an 8x8 square; other kernels need no order. A suspended ray stays in its packet.
-/// Memory: 3,840 bytes. Not thread-safe.
+/// Memory: 4,416 bytes. Not thread-safe; on a GPU, see NoteSeeThrough().
 struct alignas(64) RayPacket {
   static constexpr uint32_t kSide = 8;
   static constexpr uint32_t kRays = kSide * kSide;
@@ -23,13 +24,20 @@ struct alignas(64) RayPacket {
   uint32_t triangle[kRays];   ///< scene-wide id of the triangle hit; kNoTriangle: none
   uint32_t chain[kRays];      ///< the voxel of a chain to continue with at `t`; 0: the first
   uint32_t waits_for[kRays];  ///< result: the missing voxel that the ray needs; kNoVoxel: done
-  // Any-hit functions do not use the fields below.
-  float b1[kRays], b2[kRays];  ///< barycentric weights of the second and third vertex
-  uint32_t voxel[kRays];       ///< the voxel in which the triangle was found
-  uint32_t local[kRays];       ///< the triangle's index in that voxel
+  alignas(64) uint64_t bounded = 0;  ///< rays with a lower bound, a bit each; other rays' bounds are not read
+  /// Result of any-hit functions, a bit each: the rays that have met a see-through triangle before their end.
+  /// Such triangles end no any-hit ray. A bit stays set until the ray is set again.
+  uint64_t see_through = 0;
+  // Any-hit functions use the fields below only for rays with a bound.
+  alignas(64) float b1[kRays];
+  float b2[kRays];           ///< barycentric weights of the second and third vertex
+  uint32_t voxel[kRays];     ///< the voxel in which the triangle was found
+  uint32_t local[kRays];     ///< the triangle's index in that voxel
+  float after_t[kRays];      ///< exclusive lower bound of hits, see Ray
+  uint32_t after_id[kRays];  ///< of the same bound
 
-  /// Bytes of the fields that are in use.
-  static constexpr size_t Bytes(bool any_hit) { return (any_hit ? 11 : 15) * sizeof(float[kRays]); }
+  /// Bytes of the fields that are in use by rays without a bound.
+  static constexpr size_t Bytes(bool any_hit) { return (any_hit ? 11 : 15) * sizeof(float[kRays]) + 64; }
 
   void Set(uint32_t i, const Ray& ray) {
     for (int a = 0; a < 3; ++a) {
@@ -45,6 +53,11 @@ struct alignas(64) RayPacket {
     local[i] = ray.hit.local;
     chain[i] = ray.chain;
     waits_for[i] = kNoVoxel;
+    after_t[i] = ray.after_t;
+    after_id[i] = ray.after_id;
+    const uint64_t bit = uint64_t{1} << i;
+    Unbind(bit);
+    if (ray.after_t > 0) bounded |= bit;
   }
   /// Sets all lanes to new rays, from t = 0 to infinity.
   void SetAll(const float (&origins)[3][kRays], const float (&directions)[3][kRays]) {
@@ -57,6 +70,42 @@ struct alignas(64) RayPacket {
     std::fill_n(triangle, kRays, kNoTriangle);
     std::fill_n(chain, kRays, 0u);
     std::fill_n(waits_for, kRays, kNoVoxel);
+    Unbind(~uint64_t{0});
+  }
+  /// Takes the bound from `lanes`, and the note of see-through triangles: for rays that are set field by
+  /// field.
+  void Unbind(uint64_t lanes) {
+    bounded &= ~lanes;
+    see_through &= ~lanes;
+  }
+  /// Ray::GoOnAfterHit() for the ray of lane i, to hits before `t_max`.
+  void GoOnAfterHit(uint32_t i, float t_max) {
+    after_t[i] = hit_t[i];
+    after_id[i] = triangle[i];
+    bounded |= uint64_t{1} << i;
+    t[i] = ResumeBefore(after_t[i]);
+    hit_t[i] = NextBelow(t_max);
+    triangle[i] = kNoTriangle;
+    chain[i] = 0;
+    waits_for[i] = kNoVoxel;
+  }
+  /// Sends an any-hit ray that has hit nothing on its way again, for a closest-hit function: it finds the
+  /// see-through triangles that the ray has passed, up to the same end.
+  void StartAgain(uint32_t i) {
+    Unbind(uint64_t{1} << i);
+    t[i] = 0;
+    triangle[i] = kNoTriangle;
+    chain[i] = 0;
+    waits_for[i] = kNoVoxel;
+  }
+  /// Notes that the ray of lane i has met a see-through triangle. On a GPU the rays of a packet belong to
+  /// many threads.
+  QUARRY_HOST_DEVICE void NoteSeeThrough(uint32_t i) {
+#ifdef __CUDA_ARCH__
+    atomicOr(reinterpret_cast<unsigned long long*>(&see_through), 1ull << i);
+#else
+    see_through |= uint64_t{1} << i;
+#endif
   }
   Hit HitOf(uint32_t i) const {
     if (triangle[i] == kNoTriangle) return {};
@@ -65,6 +114,6 @@ struct alignas(64) RayPacket {
 };
 
 static_assert(offsetof(RayPacket, b1) == RayPacket::Bytes(true) &&
-              sizeof(RayPacket) == RayPacket::Bytes(false));
+              offsetof(RayPacket, after_t) == RayPacket::Bytes(false));
 
 }  // namespace quarry

@@ -27,10 +27,21 @@ struct VoxelGeometryOf {
   const glm::vec3* vertices = nullptr;     ///< scene units, the input's precision
   const uint32_t* triangle_ids = nullptr;  ///< scene-wide ids
   const uint16_t* materials = nullptr;     ///< a triangle's material
-  const uint32_t* parts = nullptr;         ///< a triangle's part
-  const WideNode* wide = nullptr;          ///< the same tree as wide nodes, derived at decode
+  /// A triangle's part, and in the top bit whether light passes it: read by part() and see_through().
+  const uint32_t* parts = nullptr;
+  const WideNode* wide = nullptr;  ///< the same tree as wide nodes, derived at decode
   uint32_t node_count = 0, wide_count = 0, reference_count = 0, triangle_count = 0, vertex_count = 0;
+  bool has_see_through = false;  ///< whether see_through() holds for any triangle
 
+  /// The bit of `parts` that marks a see-through triangle; parts are below it.
+  static constexpr uint32_t kSeeThrough = 1u << 31;
+
+  QUARRY_HOST_DEVICE uint32_t part(uint32_t triangle) const { return parts[triangle] & ~kSeeThrough; }
+  /// Whether any-hit rays pass the triangle and note that they have met one. Decoding derives it from the
+  /// material (LetsLightThrough).
+  QUARRY_HOST_DEVICE bool see_through(uint32_t triangle) const {
+    return (parts[triangle] & kSeeThrough) != 0;
+  }
   const glm::vec3& vertex(uint32_t triangle, int corner) const {
     return vertices[corners[3 * triangle + static_cast<uint32_t>(corner)]];
   }

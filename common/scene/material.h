@@ -75,4 +75,7 @@ struct Material {
   bool operator==(const Material&) const = default;
 };
 
+/// Whether the surface is see-through: shadow rays pass it, and it tints their light.
+inline bool LetsLightThrough(const Material& m) { return m.transmittance != glm::vec3(0); }
+
 }  // namespace quarry

@@ -193,6 +193,9 @@ Result<VoxelGeometry> BlockDecoder::Hot(std::span<const std::byte> stored, std::
     return Fail("voxel block: a corner goes beyond the vertices");
   for (uint32_t* values : {ids, parts})
     ReadDifferences(cut.Next(size_t{counts.triangles} * 4), {values, counts.triangles});
+  const auto beyond = [](uint32_t part) { return (part & VoxelGeometry::kSeeThrough) != 0; };
+  if (std::any_of(parts, parts + counts.triangles, beyond))
+    return Fail("voxel block: it names a part beyond the limit");
   ReadPlanes<uint16_t>(cut.Next(size_t{counts.triangles} * 2), {materials, counts.triangles});
   if (!ReadFromNewest(cut.Next(size_t{counts.references} * 2), {references, counts.references},
                       counts.triangles))
@@ -244,15 +247,30 @@ Result<VoxelShading> BlockDecoder::Shading(std::span<const std::byte> stored, st
   return VoxelShading{corners, vertices, triangles};
 }
 
+void MarkSeeThrough(const std::vector<Material>& materials, VoxelGeometry& hot) {
+  auto* const parts = const_cast<uint32_t*>(hot.parts);
+  uint32_t last = kNoIndex, mark = 0, any = 0;  // neighbours mostly share a material
+  for (uint32_t i = 0; i < hot.triangle_count; ++i) {
+    if (hot.materials[i] != last) {
+      last = hot.materials[i];
+      mark = LetsLightThrough(materials[last]) ? VoxelGeometry::kSeeThrough : 0;
+    }
+    parts[i] |= mark;
+    any |= mark;
+  }
+  hot.has_see_through = any != 0;
+}
+
 Result<VoxelGeometry> DecodeHot(BlockDecoder& decoder, const Catalog& catalog, uint32_t voxel,
                                 std::span<const std::byte> stored, std::span<std::byte> out,
                                 std::vector<KdNode>* tree) {
-  QUARRY_ASSIGN(const VoxelGeometry hot, decoder.Hot(stored, out, catalog.meta.padding, tree));
+  QUARRY_ASSIGN(VoxelGeometry hot, decoder.Hot(stored, out, catalog.meta.padding, tree));
   if (hot.triangle_count != catalog.voxels[voxel].triangles)
     return Fail("its triangles are not those of the directory");
   const auto lacks = [&](uint32_t material) { return material >= catalog.materials.size(); };
   if (std::any_of(hot.materials, hot.materials + hot.triangle_count, lacks))
     return Fail("it names a material that the scene lacks");
+  MarkSeeThrough(catalog.materials, hot);
   return hot;
 }
 

@@ -37,8 +37,9 @@ class BlockDecoder {
   /// Units: `padding` in scene units.
   /// Requires: out.size() is the decoded size in the directory; `out` aligned to 16 bytes.
   /// Errors: data that does not decode to exactly `out`; a count, index or link out of range; an invalid
-  /// tree; leaves with another number of references than the block. Any bytes may be given; after success
-  /// kernels need no further check.
+  /// tree; leaves with another number of references than the block; a part of 2^31 or above. Any bytes may be
+  /// given; after success kernels need no further check.
+  /// No triangle is see-through yet: see MarkSeeThrough().
   Result<VoxelGeometry> Hot(std::span<const std::byte> stored, std::span<std::byte> out, float padding,
                             std::vector<KdNode>* tree = nullptr);
   /// Decodes a stored shading block into `out`, under the contract of Hot().
@@ -49,7 +50,12 @@ class BlockDecoder {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Decode a block of voxel `voxel` of `catalog`, as the members above.
+/// Marks the triangles whose material lets light through.
+/// Requires: `hot` is a decoded block that no other thread reads yet; its materials are below
+/// materials.size().
+void MarkSeeThrough(const std::vector<Material>& materials, VoxelGeometry& hot);
+
+/// Decode a block of voxel `voxel` of `catalog`, as the members above. See-through triangles are marked.
 /// Errors: as there; another number of triangles than the directory's; for a hot block, a material that the
 /// scene lacks.
 Result<VoxelGeometry> DecodeHot(BlockDecoder& decoder, const Catalog& catalog, uint32_t voxel,

@@ -6,6 +6,7 @@
 
 #include "common/engine/shading/shading.h"
 #include "common/math/fixed_radiance.h"
+#include "common/math/next_float.h"
 #include "common/math/sampling.h"
 #include "common/scene/camera.h"
 #include "tests/support/make_surface.h"
@@ -24,6 +25,7 @@ class Tracer {
         view_(view),
         camera_(view.camera, view.width, view.height, catalog.meta.root_lower, catalog.meta.root_upper) {
     rtcInitIntersectContext(&context_);
+    see_through_ = std::ranges::any_of(catalog.materials, LetsLightThrough);
   }
 
   void Pixel(uint32_t x, uint32_t y, float* out) {
@@ -72,9 +74,8 @@ class Tracer {
       const LightSample light = SampleLight(l, s.position);
       const glm::vec3 scattered = Scatter(material, view_.mode, s, light);
       if (Largest(scattered) <= 0) continue;
-      RTCRay shadow = MakeRay(Offset(s, light.direction), light.direction, light.distance);
-      rtcOccluded1(embree_.scene(), &context_, &shadow);
-      if (shadow.tfar >= 0) Add(radiance, weight * scattered);
+      const glm::vec3 passed = PassedTo(Offset(s, light.direction), light);
+      if (Largest(passed) > 0) Add(radiance, weight * scattered * passed);
     }
     if (view_.mode != RenderMode::kWhitted || depth >= kMostBounces) return;
     const Bounces b = Bounce(material, s);
@@ -82,6 +83,27 @@ class Tracer {
          {std::pair{b.reflect_direction, b.reflect_weight}, std::pair{b.refract_direction, b.refract_weight}})
       if (Largest(weight * share) >= kLeastWeight)
         Follow(Offset(s, way), way, weight * share, depth + 1, radiance);
+  }
+
+  /// The share of the light that comes to `origin`. Shadow rays pass see-through surfaces as in the engine.
+  glm::vec3 PassedTo(const glm::vec3& origin, const LightSample& light) {
+    RTCRay shadow = MakeRay(origin, light.direction, light.distance);
+    rtcOccluded1(embree_.scene(), &context_, &shadow);
+    if (shadow.tfar >= 0) return glm::vec3(1);
+    glm::vec3 passed(see_through_ ? 1 : 0);
+    RTCRayHit r{MakeRay(origin, light.direction, light.distance), {}};
+    for (uint32_t surfaces = 0; Largest(passed) > 0; ++surfaces) {
+      r.ray.tfar = light.distance;
+      r.hit.geomID = r.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+      rtcIntersect1(embree_.scene(), &context_, &r);
+      if (r.hit.geomID == RTC_INVALID_GEOMETRY_ID) break;
+      if (surfaces == kMostPassed) return glm::vec3(0);
+      const Surface s = SurfaceOf(r, light.direction);
+      passed *= PassedLight(catalog_.materials[s.material],
+                            std::fabs(glm::dot(s.geometric_normal, light.direction)));
+      r.ray.tnear = NextAbove(r.ray.tfar);
+    }
+    return passed;
   }
 
   Surface SurfaceOf(const RTCRayHit& r, const glm::vec3& direction) const {
@@ -107,6 +129,7 @@ class Tracer {
   const std::vector<std::unique_ptr<ResidentBlock>>& blocks_;
   const View& view_;
   Camera camera_;
+  bool see_through_;
   RTCIntersectContext context_;
 };
 

@@ -103,6 +103,28 @@ class SameImage(Case):
         self.assertEqual(pathlib.Path(output).read_bytes(), reference)
 
 
+class GlassInShadow(Case):
+    def test_shadow_rays_that_pass_a_glass_ball(self):
+        """Shadow rays go from surface to surface of the ball, through many small voxels, and wait for each."""
+        scene = self.store("cornell", 20000, voxel_size="16K")
+        info = self.info(scene)
+        decoded, largest = info["hot_decoded_bytes"] + info["shading_decoded_bytes"], info["largest_decoded_bytes"]
+        image = self.path("ball.exr")
+
+        def render(isa, workers, threads, cache):
+            environment = {} if isa is None else {"QUARRY_ISA": isa}
+            with unittest.mock.patch.dict(os.environ, environment):
+                self.must("quarry", "render", scene, "-o", image, "--quiet", "--mode", "whitted", "--size", "256x192", "--eye", "1,-2.6,1",
+                          "--at", "1,1,0.9", "--sun", "0.2,-1,0.6", "--spp", 2, "--workers", workers, "--threads", threads, "--cache", cache)
+            return pathlib.Path(image).read_bytes()
+
+        reference = render(None, 1, 1, decoded)
+        for isa, workers, threads, cache in ((None, 1, 1, largest), (None, 1, 2, largest), (None, 2, 1, largest), (None, 2, 2, decoded // 20),
+                                             (None, 1, 2, decoded), ("scalar", 1, 2, decoded), ("avx2", 1, 1, largest)):
+            with self.subTest(isa=isa, workers=workers, threads=threads, cache=cache):
+                self.assertEqual(render(isa, workers, threads, cache), reference)
+
+
 class PilesOfVoxels(Case):
     def test_crossing_bars_at_a_cache_of_one_block(self):
         """Layers of crossing bars, in chains of voxels whose boxes overlap: rays wait for one after the other, within one leaf."""

@@ -23,6 +23,7 @@ namespace quarry::test {
 struct StoredTriangle {
   glm::vec3 vertices[3];
   uint32_t id;
+  bool see_through;
 };
 
 /// A model preprocessed into voxels, all of them decoded.
@@ -72,7 +73,9 @@ class LoadedScene {
         const uint32_t global = view.triangle_ids[t];
         if (seen[global]) continue;
         seen[global] = true;
-        triangles_.push_back({{view.vertex(t, 0), view.vertex(t, 1), view.vertex(t, 2)}, global});
+        triangles_.push_back({{view.vertex(t, 0), view.vertex(t, 1), view.vertex(t, 2)},
+                              global,
+                              view.has_see_through && view.see_through(t)});
       }
     }
     for (uint32_t v = 0; v < catalog().voxels.size(); ++v)

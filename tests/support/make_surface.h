@@ -9,7 +9,7 @@ inline Surface MakeSurface(const VoxelGeometry& voxel, const Hit& hit, const glm
   Surface s = SurfaceAt(voxel.vertex(hit.local, 0), voxel.vertex(hit.local, 1), voxel.vertex(hit.local, 2),
                         hit.b1, hit.b2, direction);
   s.material = voxel.materials[hit.local];
-  s.part = voxel.parts[hit.local];
+  s.part = voxel.part(hit.local);
   return s;
 }
 

@@ -76,7 +76,7 @@ Result<std::unique_ptr<ResidentScene>> ResidentScene::Load(const std::string& pa
     QUARRY_ASSIGN(const Bytes stored, scene->store_->ReadBlock(id));
     const std::span<std::byte> bytes = scene->bytes_.emplace_back(catalog.block(id).decoded).bytes();
     QUARRY_ASSIGN(const VoxelGeometry geometry,
-                  decoder.Hot(stored, bytes, catalog.meta.padding, &view.nodes_.emplace_back()));
+                  DecodeHot(decoder, catalog, v, stored, bytes, &view.nodes_.emplace_back()));
     view.voxels_.push_back(geometry);
     scene->decoded_bytes_ += bytes.size();
   }
@@ -110,9 +110,10 @@ const SceneView& ResidentScene::view(Algorithm algorithm) {
 }
 
 Suspensions TraceSuspending(const SceneView& view, std::span<const TraceFunction> traces,
-                            std::vector<RayPacket>& packets) {
+                            std::vector<RayPacket>& packets, std::span<const uint64_t> wanted) {
   Granting granting{view, std::vector<bool>(view.voxels().size())};
   std::vector<uint64_t> active(packets.size(), ~uint64_t{0});
+  std::ranges::copy(wanted, active.begin());
   std::vector<std::vector<uint32_t>> used(packets.size() *
                                           RayPacket::kRays);  // per ray: voxels that were resident
   uint64_t repeated = 0;

@@ -84,9 +84,10 @@ struct Suspensions {
 };
 /// Traces all rays of packets as a worker with a cold cache does. A voxel is absent at its first request. In
 /// each round a third of the wanted voxels is resident, so that the rays of a packet get out of step; after
-/// the round they are absent again. With several kernels, resumed rays continue in the next kernel.
+/// the round they are absent again. With several kernels, resumed rays continue in the next kernel. `wanted`:
+/// the rays of each packet to trace, as bits; empty: all.
 Suspensions TraceSuspending(const SceneView& view, std::span<const TraceFunction> traces,
-                            std::vector<RayPacket>& packets);
+                            std::vector<RayPacket>& packets, std::span<const uint64_t> wanted = {});
 inline Suspensions TraceSuspending(const SceneView& view, TraceFunction trace,
                                    std::vector<RayPacket>& packets) {
   return TraceSuspending(view, std::span(&trace, 1), packets);

@@ -393,6 +393,25 @@ TEST_CASE("Trees whose symbols are no tree are refused") {
   CHECK(refusal({0, 3, 3}) == "voxel block: leaves have not the references there are");
 }
 
+TEST_CASE("Decoding marks see-through triangles by their material, and parts stay as they are") {
+  HotVoxel v = MakeHot();
+  v.parts = {5, (1u << 31) - 1};
+  Bytes out(DecodedBytes(v));
+  auto hot = BlockDecoder().Hot(Stored(EncodeHot(v)), out, 1e-6f);
+  REQUIRE(hot.has_value());
+  CHECK_FALSE(hot->has_see_through);
+  Material wall, glass;
+  glass.transmittance = {0, 0.5f, 0};
+  MarkSeeThrough({wall, wall}, *hot);
+  CHECK_FALSE((hot->has_see_through || hot->see_through(0) || hot->see_through(1)));
+  MarkSeeThrough({wall, glass}, *hot);
+  CHECK((hot->has_see_through && !hot->see_through(0) && hot->see_through(1)));
+  CHECK((hot->part(0) == 5 && hot->part(1) == (1u << 31) - 1));
+  v.parts[0] = 1u << 31;
+  CHECK(BlockDecoder().Hot(Stored(EncodeHot(v)), out, 1e-6f).error().message ==
+        "voxel block: it names a part beyond the limit");
+}
+
 TEST_CASE("Blocks of random numbers come back as they were") {
   std::mt19937 random(12);
   for (uint32_t triangles : {1u, 2u, 63u, 3000u}) {
@@ -405,7 +424,7 @@ TEST_CASE("Blocks of random numbers come back as they were") {
     v.parts.clear();
     for (uint32_t i = 0; i < triangles; ++i) {
       v.triangle_ids.push_back(random());
-      v.parts.push_back(random());
+      v.parts.push_back(random() >> 1);
       v.materials.push_back(static_cast<uint16_t>(random()));
       v.references.push_back(static_cast<uint16_t>(i));
       for (int k = 0; k < 3; ++k) {

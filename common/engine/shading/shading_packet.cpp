@@ -116,6 +116,7 @@ void Scatter(const Material& material, RenderMode mode, const Light& from, const
 
 void LeaveSurfaces(const SurfacePacket& surfaces, const Vectors& directions,
                    const float (&t_max)[RayPacket::kRays], float distance, uint64_t lanes, RayPacket& rays) {
+  rays.Unbind(lanes);
   ForLanes(lanes, [&](int i, bool meant) {
     const glm::vec3 direction = directions[i];
     const glm::vec3 origin =

@@ -8,6 +8,12 @@ float SchlickPower(float cosine) {
   return m * m * m * m * m;
 }
 
+/// The reflected share at a surface that reflects and transmits. Source: Schlick 1994.
+float FresnelShare(const SurfaceProperties& material, float cosine) {
+  const float root = (material.specular_ior - 1) / (material.specular_ior + 1), f0 = root * root;
+  return f0 + (1 - f0) * SchlickPower(cosine);
+}
+
 }  // namespace
 
 Bounces Bounce(const SurfaceProperties& material, const Surface& s) {
@@ -17,10 +23,8 @@ Bounces Bounce(const SurfaceProperties& material, const Surface& s) {
   b.reflect_weight = material.reflectance;
   b.refract_weight = material.transmittance;
   const bool transmits = material.transmittance != glm::vec3(0);
-  float fresnel = 0;
   if (material.fresnel && transmits) {
-    const float root = (material.specular_ior - 1) / (material.specular_ior + 1), f0 = root * root;
-    fresnel = f0 + (1 - f0) * SchlickPower(cosine);
+    const float fresnel = FresnelShare(material, cosine);
     b.reflect_weight = glm::vec3(fresnel);
     b.refract_weight *= 1 - fresnel;
   } else if (material.fresnel) {
@@ -36,6 +40,11 @@ Bounces Bounce(const SurfaceProperties& material, const Surface& s) {
   }
   b.refract_direction = Unit(s.normal * (eta * cosine - std::sqrt(1 - sine2)) - s.view * eta);
   return b;
+}
+
+glm::vec3 PassedLight(const SurfaceProperties& material, float cosine) {
+  return material.fresnel ? material.transmittance * (1 - FresnelShare(material, cosine))
+                          : material.transmittance;
 }
 
 }  // namespace quarry

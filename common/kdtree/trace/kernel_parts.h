@@ -48,18 +48,35 @@ QUARRY_HOST_DEVICE inline typename L::Mask Keep(const TriangleHit<L>& hit, typen
   return kept;
 }
 
-/// Tests moved triangles for the lanes `active`, and keeps the nearest hits; returns the lanes that kept a
-/// hit.
+/// Exclusive lower bounds of hits, in the order of (t, id). `t` is 0 for rays without one: each hit comes
+/// after it.
+template <class L>
+struct RayBound {
+  typename L::Float t;
+  typename L::Int triangle;
+};
+
+/// Tests moved triangles for the lanes `active`, and keeps the nearest hits that come after `bound`; returns
+/// the lanes that kept a hit.
 template <class L, class Statistics>
 QUARRY_HOST_DEVICE inline typename L::Mask TestMoved(const RayFrame<L>& frame, const MovedVertex<L>& a,
                                                      const MovedVertex<L>& b, const MovedVertex<L>& c,
                                                      typename L::Int triangle, typename L::Int voxel,
                                                      typename L::Int local, typename L::Mask active,
-                                                     RayBest<L>& best, Statistics& statistics) {
+                                                     const RayBound<L>& bound, RayBest<L>& best,
+                                                     Statistics& statistics) {
   const auto may = MayContain<L>(a, b, c, active);
   if (L::None(may)) return may;
   statistics.Exact();
-  return Keep<L>(HitMoved<L>(frame, a, b, c, may), triangle, voxel, local, best);
+  TriangleHit<L> found = HitMoved<L>(frame, a, b, c, may);
+  found.hit = L::And(found.hit, Follows<L>(found.t, triangle, bound.t, bound.triangle));
+  return Keep<L>(found, triangle, voxel, local, best);
+}
+
+/// The bound of ray i of the packet.
+QUARRY_HOST_DEVICE inline RayBound<ScalarLane> BoundOf(const RayPacket& rays, uint32_t i) {
+  if ((rays.bounded >> i & 1) == 0) return {0, 0};
+  return {rays.after_t[i], rays.after_id[i]};
 }
 
 /// Frames of the packet's rays from `first` on, as many as lanes.

@@ -52,6 +52,8 @@ struct PacketRays {
   uint32_t axes[3];           ///< in the order of the rays' frames
   float shared_origin[3];     ///< with kSharedOrigin
   Occluder occluder;          ///< of earlier rays
+  RayPacket* rays;            ///< where the rays come from
+  uint64_t bounded;           ///< those of them that have a lower bound, as bits
 
   /// Whether the rays have diverged, so that a stream is faster.
   QUARRY_HOST_DEVICE bool diverges() const {
@@ -75,10 +77,29 @@ QUARRY_HOST_DEVICE inline uint64_t JoinBits(const typename L::Mask* masks) {
   return bits;
 }
 
+/// Takes from the hits of group g those up to the rays' lower bounds.
+template <class L>
+QUARRY_HOST_DEVICE inline void DropPassed(const PacketRays<L>& p, uint32_t g, typename L::Int triangle,
+                                          TriangleHit<L>& found) {
+  const uint32_t at = g * L::kLanes;
+  const auto bounded = L::FromBits(static_cast<uint32_t>(p.bounded >> at) & L::kAllLanes);
+  const auto follows =
+      Follows<L>(found.t, triangle, L::Load(p.rays->after_t + at), L::LoadInt(p.rays->after_id + at));
+  found.hit = L::AndNot(L::AndNot(follows, bounded), found.hit);
+}
+
+/// Notes for the rays of group g that they have hit a see-through triangle before their ends.
+template <class L>
+QUARRY_HOST_DEVICE inline void NoteSeeThrough(const PacketRays<L>& p, uint32_t g,
+                                              const TriangleHit<L>& found) {
+  const uint64_t met = L::Bits(L::And(found.hit, L::LessEqual(found.t, p.best[g].t)));
+  p.rays->see_through |= met << (g * L::kLanes);
+}
+
 /// Tests the triangles that references [first, last) name for the rays of a packet that are `active`, and
-/// keeps the nearest hits. Returns whether any triangle was tested exactly. With kAnyHit a ray ends at its
-/// first hit: it is taken out of `active`, `alive` and p.alive. `kSharedOrigin`: all rays start at
-/// p.shared_origin.
+/// keeps the nearest hits. Returns: false when it has changed no ray. With kAnyHit a ray ends at its
+/// first hit that is not see-through: it is taken out of `active`, `alive` and p.alive. `kSharedOrigin`: all
+/// rays start at p.shared_origin.
 template <class L, bool kAnyHit, bool kSharedOrigin, class Index, class Statistics>
 QUARRY_HOST_DEVICE inline bool TestTriangles(const VoxelGeometryOf<Index>& voxel, uint32_t voxel_id,
                                              uint32_t first, uint32_t last, PacketRays<L>& p,
@@ -156,9 +177,15 @@ QUARRY_HOST_DEVICE inline bool TestTriangles(const VoxelGeometryOf<Index>& voxel
       move(corner, g, moved);
       const Mask candidates =
           L::FromBits(static_cast<uint32_t>(may[tests[i].reference] >> (g * L::kLanes)) & L::kAllLanes);
-      const Mask kept = Keep<L, kAnyHit>(HitMoved<L>(p.frame[g], moved[0], moved[1], moved[2], candidates),
-                                         L::SetInt(voxel.triangle_ids[local]), L::SetInt(voxel_id),
-                                         L::SetInt(local), p.best[g]);
+      TriangleHit<L> found = HitMoved<L>(p.frame[g], moved[0], moved[1], moved[2], candidates);
+      const auto triangle = L::SetInt(voxel.triangle_ids[local]);
+      if (p.bounded != 0) [[unlikely]]
+        DropPassed<L>(p, g, triangle, found);
+      if (kAnyHit && voxel.has_see_through && voxel.see_through(local)) {
+        NoteSeeThrough<L>(p, g, found);
+        continue;
+      }
+      const Mask kept = Keep<L, kAnyHit>(found, triangle, L::SetInt(voxel_id), L::SetInt(local), p.best[g]);
       t_end[g] = L::Min(t_end[g], p.best[g].t);
       kept_any = true;
       if (kAnyHit) {
@@ -232,6 +259,12 @@ QUARRY_HOST_DEVICE inline bool TestTrianglesRayByRay(const VoxelGeometryOf<Index
       block.ForEachHit(block_ray(i), may[k], best_t[i], statistics,
                        [&](uint32_t place, float t, float hit_b1, float hit_b2) {
                          const uint32_t id = voxel.triangle_ids[references[place]];
+                         const RayBound<ScalarLane> bound = BoundOf(*p.rays, i);
+                         if (!Follows<ScalarLane>(t, id, bound.t, bound.triangle)) return;
+                         if (kAnyHit && voxel.has_see_through && voxel.see_through(references[place])) {
+                           p.rays->NoteSeeThrough(i);
+                           return;
+                         }
                          const bool before = (hit >> i & 1) != 0;
                          if (before && !Precedes<ScalarLane>(t, id, best_t[i], triangle[i])) return;
                          hit |= uint64_t{1} << i;

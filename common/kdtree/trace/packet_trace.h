@@ -152,6 +152,8 @@ QUARRY_HOST_DEVICE inline Untraced TracePacket(const TopTree& top, const Finder&
   PacketRays<L> p;
   p.diverged = 0;
   p.occluder = occluder;
+  p.rays = &rays;
+  p.bounded = rays.bounded & active;
   Mask alive[kGroups], backward[3][kGroups], z_is_x[kGroups], z_is_y[kGroups], elsewhere[kGroups];
   const float lower[3] = {top.lower.x, top.lower.y, top.lower.z};
   const float upper[3] = {top.upper.x, top.upper.y, top.upper.z};

@@ -14,12 +14,19 @@
 namespace quarry {
 
 /// The part of space that a packet's rays may be in, as intervals of their origins and directions; the signs
-/// of directions are the same for all.
+/// of directions are the same for all. Intervals are rounded outward, so that the beam enters no cell later
+/// than a ray does by PlaneT, and leaves none earlier.
 struct PacketBeam {
   float origin_near[3], origin_far[3];  ///< the origin nearest to a plane ahead, and the one farthest from it
   float least[3], most[3];              ///< of the directions' reciprocals
   uint32_t near_face[3], far_face[3];   ///< index into a wide node's bounds
 };
+
+/// Widths that make up for rounding, with u = 2^-24 the relative error of one operation. A ray computes
+/// fl(p r + fl(-o r)): the inner rounding moves it by u |o r|, as if its origin lay u |o| away; the outer one
+/// scales it by 1 + u. A beam computes fl(fl(p - o) r), which scales by (1 + u)^2; its widened ends are
+/// rounded once more. So origins need 2 u |o| and reciprocals 4 u; twice as much is given.
+inline constexpr float kOriginSlack = 0x1p-22f, kReciprocalSlack = 0x1p-21f;
 
 /// The beam of the rays that are alive.
 template <class L>
@@ -39,11 +46,16 @@ QUARRY_HOST_DEVICE inline PacketBeam MakeBeam(const PacketRays<L>& p) {
       include(L::Negate(p.frame[g].reciprocal[a]), most);
     }
     const bool forward = p.far_side[a] == 1;
-    const float lowest = L::Least(first), highest = -L::Least(last);
+    float lowest = L::Least(first), highest = -L::Least(last);
+    const float slack = kOriginSlack * ScalarLane::Max(ScalarLane::Abs(lowest), ScalarLane::Abs(highest));
+    lowest -= slack;
+    highest += slack;
     beam.origin_near[a] = forward ? highest : lowest;
     beam.origin_far[a] = forward ? lowest : highest;
     beam.least[a] = L::Least(least);
     beam.most[a] = -L::Least(most);
+    beam.least[a] -= kReciprocalSlack * ScalarLane::Abs(beam.least[a]);
+    beam.most[a] += kReciprocalSlack * ScalarLane::Abs(beam.most[a]);
     beam.near_face[a] = WideNode::Face(a, !forward);
     beam.far_face[a] = WideNode::Face(a, forward);
   }

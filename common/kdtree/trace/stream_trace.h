@@ -61,6 +61,8 @@ class StreamTracer {
   void Run(RayPacket* packets, uint64_t* active, uint32_t count, uint32_t least_coherent) {
     packets_ = packets;
     least_coherent_ = least_coherent;
+    bounded_ = 0;
+    for (uint32_t p = 0; p < count; ++p) bounded_ |= packets[p].bounded & active[p];
     uint32_t end[8];
     uint32_t* const places = ids_;
     const uint32_t n = taken_.TakeUp(packets, active, count, end, places);
@@ -225,10 +227,20 @@ class StreamTracer {
   /// Whether leaves have few visitors.
   bool scattered() const { return visits_ >= kFirstVisits && visitors_ * 4 < visits_ * kLeastVisitorsBy4; }
 
+  // Where a ray comes from.
+  uint32_t SourceOf(uint32_t id) const { return hits_[id].source & ~StreamHit::kIncoherent; }
+  RayPacket& PacketOf(uint32_t id) const { return packets_[SourceOf(id) / RayPacket::kRays]; }
+  uint32_t LaneOf(uint32_t id) const { return SourceOf(id) % RayPacket::kRays; }
+
+  /// Whether a hit of the ray comes before its lower bound, or is the bound.
+  bool Passed(uint32_t id, float t, uint32_t triangle) const {
+    const RayBound<ScalarLane> bound = BoundOf(PacketOf(id), LaneOf(id));
+    return !Follows<ScalarLane>(t, triangle, bound.t, bound.triangle);
+  }
+
   /// The voxel that a ray goes on with in the chain that begins with `first`.
   uint32_t GoesOnAt(uint32_t id, uint32_t first) const {
-    const uint32_t source = hits_[id].source & ~StreamHit::kIncoherent;
-    return top_.GoOnInChain(first, packets_[source / RayPacket::kRays].chain[source % RayPacket::kRays]);
+    return top_.GoOnInChain(first, PacketOf(id).chain[LaneOf(id)]);
   }
 
   /// Whether a ray comes to a voxel of the chain that begins with `first`, before its end.
@@ -292,13 +304,7 @@ class StreamTracer {
       }
     }
     void Visit(const WideNode& node, uint32_t c, uint32_t* ids, uint32_t n) const {
-      // Some rays have found a nearer hit meanwhile.
-      uint32_t m = 0;
-      for (uint32_t i = 0; i < n; ++i) {
-        const StreamRay& ray = tracer.rays_[ids[i]];
-        ids[m] = ids[i];
-        m += tracer.Enter(ray, node, c) < ray.t_end ? 1 : 0;
-      }
+      const uint32_t m = tracer.KeepComing(node, c, ids, n);
       tracer.statistics_.Leaf(m);
       if (m == 0) return;
       tracer.visits_ += 1;
@@ -310,18 +316,6 @@ class StreamTracer {
     }
   };
 
-  static BlockRay<W> BlockRayOf(const StreamRay& ray) {
-    BlockRay<W> out;
-    for (uint32_t a = 0; a < 3; ++a) {
-      out.frame.origin[a] = W::Set(ray.origin[a]);
-      out.axes[a] = (ray.last_axis + 1 + a) % 3;
-    }
-    out.frame.shear_x = W::Set(ray.shear_x);
-    out.frame.shear_y = W::Set(ray.shear_y);
-    out.frame.scale_z = W::Set(ray.scale_z);
-    return out;
-  }
-
   void TestTriangles(const Geometry& voxel, uint32_t voxel_id, const Index* references, uint32_t count,
                      const uint32_t* ids, uint32_t n) {
     const TriangleBlock<W> block(voxel, references, count);
@@ -330,13 +324,17 @@ class StreamTracer {
     uint32_t* const may_ids = may + n + kSlack;
     uint32_t m = 0;
     for (uint32_t i = 0; i < n; ++i) {
-      const uint32_t bits = block.MayHit(BlockRayOf(rays_[ids[i]]), statistics_);
+      const uint32_t bits = block.MayHit(BlockRayOf<W>(rays_[ids[i]]), statistics_);
       W::Prefetch(voxel.triangle_ids + references[bits != 0 ? std::countr_zero(bits) : 0], 1);
       may_ids[m] = ids[i];
       may[m] = bits;
       m += bits != 0 ? 1 : 0;
     }
     const auto keep = [&](uint32_t id, uint32_t local, float t, float b1, float b2) {
+      if (bounded_ != 0 && Passed(id, t, voxel.triangle_ids[local])) [[unlikely]]
+        return;
+      if (kAnyHit && voxel.has_see_through && voxel.see_through(local))
+        return PacketOf(id).NoteSeeThrough(LaneOf(id));
       Keep(id, {true, t, b1, b2}, voxel.triangle_ids[local], voxel_id, local);
     };
     // Then the first triangle that each ray may hit, as many rays at a time as lanes; then the next.
@@ -357,7 +355,7 @@ class StreamTracer {
     }
     for (uint32_t i = 0; i < m; ++i)
       block.ForEachHit(
-          BlockRayOf(rays_[may_ids[i]]), may[i], rays_[may_ids[i]].best_t, statistics_,
+          BlockRayOf<W>(rays_[may_ids[i]]), may[i], rays_[may_ids[i]].best_t, statistics_,
           [&](uint32_t r, float t, float b1, float b2) { keep(may_ids[i], references[r], t, b1, b2); });
   }
 
@@ -389,6 +387,7 @@ class StreamTracer {
   StreamRay* rays_;
   StreamHit* hits_;
   uint32_t least_coherent_ = 0;
+  uint64_t bounded_ = 0;                ///< 0: no ray has a lower bound
   uint64_t visits_ = 0, visitors_ = 0;  ///< visits of leaves in voxels; rays summed over these visits
   uint32_t octant_ = 0, near_face_[3], far_face_[3];
   StreamRays<L, kAnyHit> taken_;

@@ -6,12 +6,28 @@
 
 #include "common/kdtree/ray_frame.h"
 #include "common/kdtree/trace/stream_memory.h"
+#include "common/kdtree/trace/triangle_block.h"
 #include "common/kdtree/trace/triangle_test.h"
 #include "common/kdtree/voxel_geometry.h"
 
-// Exact tests of a stream's rays, each against a triangle of its own that the filter has let pass.
+// Tests of a stream's rays against triangles: one ray against a block, and exact tests of rays that each have
+// a triangle of their own, which the filter has let pass.
 
 namespace quarry {
+
+/// A stream's ray in all lanes.
+template <class W>
+inline BlockRay<W> BlockRayOf(const StreamRay& ray) {
+  BlockRay<W> out;
+  for (uint32_t a = 0; a < 3; ++a) {
+    out.frame.origin[a] = W::Set(ray.origin[a]);
+    out.axes[a] = (ray.last_axis + 1 + a) % 3;
+  }
+  out.frame.shear_x = W::Set(ray.shear_x);
+  out.frame.shear_y = W::Set(ray.shear_y);
+  out.frame.scale_z = W::Set(ray.scale_z);
+  return out;
+}
 
 /// Tests ray ids[i] exactly against the triangle references[j], j the lowest bit of may[i]. Calls
 /// `keep(id, local, t, b1, b2)` for each hit at t up to the ray's best so far. `L`: lanes that are pairs of

@@ -127,6 +127,13 @@ QUARRY_HOST_DEVICE inline typename L::Mask Precedes(typename L::Float t, typenam
   return L::Or(L::Less(t, best_t), L::And(L::Equal(t, best_t), L::LessInt(triangle, best_triangle)));
 }
 
+/// The lanes where (t, triangle) comes after the bound (after_t, after_id): the same order.
+template <class L>
+QUARRY_HOST_DEVICE inline typename L::Mask Follows(typename L::Float t, typename L::Int triangle,
+                                                   typename L::Float after_t, typename L::Int after_id) {
+  return Precedes<L>(after_t, after_id, t, triangle);
+}
+
 /// Tests one ray against the triangle p0, p1, p2 (scene units) with scene-wide id `triangle`; keeps the hit
 /// in `hit` when it precedes the hit there. Returns whether it was kept. Brute force uses it. Requires:
 /// finite vertices, |coordinate| <= 2^60 (the preprocessor drops others).

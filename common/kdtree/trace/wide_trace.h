@@ -41,6 +41,7 @@ struct alignas(64) WideSlot {
   uint32_t last_axis;
   float origin[3], shear_x, shear_y, scale_z;
   RayBest<ScalarLane> best;
+  RayBound<ScalarLane> bound;
   // Where the ray goes on at the top level.
   float top_t, top_exit, scene_end;
   uint32_t chain;
@@ -52,7 +53,7 @@ struct alignas(64) WideSlot {
 };
 
 /// Tests the triangles of the ray's leaf, as many at a time as lanes, and keeps the nearest hit. Returns
-/// whether a hit was kept.
+/// whether a hit was kept. Any-hit rays pass see-through triangles.
 template <class L, bool kAnyHit, class Index, class Statistics>
 QUARRY_HOST_DEVICE inline bool TestLeaf(WideSlot<L, Index>& s, Statistics& statistics) {
   using Float = typename L::Float;
@@ -79,8 +80,12 @@ QUARRY_HOST_DEVICE inline bool TestLeaf(WideSlot<L, Index>& s, Statistics& stati
     statistics.Exact();
     const TriangleHit<L> found = HitMoved<L>(frame, moved[0], moved[1], moved[2], may);
     ForEachLaneHit<L>(found, L::Set(s.best.t), [&](uint32_t i, float t, float b1, float b2) {
-      any |= Keep<ScalarLane, kAnyHit>({true, t, b1, b2}, voxel.triangle_ids[local[i]], s.voxel_id, local[i],
-                                       s.best);
+      const uint32_t id = voxel.triangle_ids[local[i]];
+      if (!Follows<ScalarLane>(t, id, s.bound.t, s.bound.triangle)) return;
+      if (kAnyHit && voxel.has_see_through && voxel.see_through(local[i]))
+        s.packet->NoteSeeThrough(s.index);
+      else
+        any |= Keep<ScalarLane, kAnyHit>({true, t, b1, b2}, id, s.voxel_id, local[i], s.best);
     });
   }
   return any;
@@ -155,6 +160,7 @@ class WideTracer {
       s.last_axis = frame.z_is_x ? 0 : frame.z_is_y ? 1 : 2;
       for (uint32_t a = 0; a < 3; ++a) s.origin[a] = frame.origin[(s.last_axis + 1 + a) % 3];
       s.best = LoadBest<ScalarLane, kAnyHit>(rays, s.index);
+      s.bound = BoundOf(rays, s.index);
       s.chain = rays.chain[s.index];
       rays.waits_for[s.index] = kNoVoxel;
       const float lower[3] = {top_.lower.x, top_.lower.y, top_.lower.z};

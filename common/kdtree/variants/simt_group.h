@@ -35,12 +35,15 @@ struct alignas(64) SimtGroup {
   alignas(64) uint32_t voxel[kLanes] = {};    ///< of the hit
   alignas(64) uint32_t local[kLanes] = {};    ///< of the hit
   alignas(64) uint32_t present[kLanes] = {};  ///< the voxel that the ray is in
+  alignas(64) float after_t[kLanes] = {};     ///< lower bound of hits, see RayBound
+  alignas(64) uint32_t after_id[kLanes] = {};
   // The present tree: the voxel's, or the top-level one.
   const KdNode* nodes[kLanes] = {};
   const Index* references[kLanes] = {};
   const Index* corners[kLanes] = {};
   const float* vertices[kLanes] = {};
   const uint32_t* triangle_ids[kLanes] = {};
+  const VoxelGeometryOf<Index>* see_through[kLanes] = {};  ///< the voxel if it has such triangles, else null
   // Where the ray goes on at the top level.
   float top_t[kLanes] = {}, top_exit[kLanes] = {}, scene_end[kLanes] = {};
   uint32_t top_resume[kLanes] = {}, chain[kLanes] = {};
@@ -71,6 +74,9 @@ struct alignas(64) SimtGroup {
     voxel[i] = rays.voxel[r];
     local[i] = rays.local[r];
     chain[i] = rays.chain[r];
+    const RayBound<ScalarLane> bound = BoundOf(rays, r);
+    after_t[i] = bound.t;
+    after_id[i] = bound.triangle;
   }
 
   /// Writes the state of lane i's ray back to its packet.
@@ -85,6 +91,19 @@ struct alignas(64) SimtGroup {
     rays.voxel[r] = voxel[i];
     rays.local[r] = local[i];
     rays.chain[r] = chain[i];
+  }
+
+  /// Notes for the rays of `kept` (bits of lanes) that hit a see-through triangle, and returns their lanes.
+  /// `locals`: the triangles.
+  QUARRY_HOST_DEVICE uint32_t NoteSeeThrough(uint32_t kept, const uint32_t* locals) const {
+    uint32_t met = 0;
+    for (; kept != 0; kept &= kept - 1) {
+      const auto i = static_cast<uint32_t>(std::countr_zero(kept));
+      if (!see_through[i] || !see_through[i]->see_through(locals[i])) continue;
+      packet[i]->NoteSeeThrough(index[i]);
+      met |= 1u << i;
+    }
+    return met;
   }
 
   /// Fetches each lane's node: `at_node` numbers it in the lane's present tree.

@@ -223,6 +223,7 @@ class SimtTracer {
       g.corners[i] = geometry->corners;
       g.vertices[i] = &geometry->vertices->x;
       g.triangle_ids[i] = geometry->triangle_ids;
+      g.see_through[i] = geometry->has_see_through ? geometry : nullptr;
       g.in_voxel |= bit;
       g.node[i] = g.resume[i] = 0;
       g.down |= bit;
@@ -282,8 +283,15 @@ class SimtTracer {
     }
     RayBest<L> best{L::Load(g.hit_t),       L::Load(g.b1),       L::Load(g.b2),
                     L::LoadInt(g.triangle), L::LoadInt(g.voxel), L::LoadInt(g.local)};
-    const Mask kept = TestMoved<L>(frame, moved[0], moved[1], moved[2], L::LoadInt(ids),
-                                   L::LoadInt(g.present), L::LoadInt(locals), testing, best, statistics_);
+    const RayBound<L> bound{L::Load(g.after_t), L::LoadInt(g.after_id)};
+    Mask kept = TestMoved<L>(frame, moved[0], moved[1], moved[2], L::LoadInt(ids), L::LoadInt(g.present),
+                             L::LoadInt(locals), testing, bound, best, statistics_);
+    if (kAnyHit && !L::None(kept)) {
+      const Mask passes = L::FromBits(g.NoteSeeThrough(L::Bits(kept), locals));
+      kept = L::AndNot(passes, kept);
+      best.t = L::Select(passes, L::Load(g.hit_t), best.t);
+      best.triangle = L::SelectInt(passes, L::LoadInt(g.triangle), best.triangle);
+    }
     uint32_t ended = 0;
     if (!L::None(kept)) {
       L::Store(best.t, g.hit_t);

@@ -103,11 +103,12 @@ QUARRY_HOST_DEVICE inline float Walk(const KdNode* nodes, const SingleRay& ray, 
 }
 
 /// Tests the triangles of a resident voxel along [t, t_exit], the part of the ray in its cell. Returns: false
-/// when a hit ends the ray.
+/// when a hit ends the ray. `met_see_through`: set when an any-hit ray has passed a see-through triangle.
 template <Way kWay, bool kAnyHit, class Index, class Statistics>
 QUARRY_HOST_DEVICE inline bool TraceVoxelSingle(const VoxelGeometryOf<Index>& voxel, uint32_t voxel_id,
                                                 const SingleRay& ray, float t, float t_exit,
-                                                RayBest<ScalarLane>& best, Statistics& statistics) {
+                                                const RayBound<ScalarLane>& bound, RayBest<ScalarLane>& best,
+                                                bool& met_see_through, Statistics& statistics) {
   float t_end = ScalarLane::Min(t_exit, best.t);
   bool ended = false;
   if (!(t < t_end)) return true;
@@ -123,9 +124,15 @@ QUARRY_HOST_DEVICE inline bool TraceVoxelSingle(const VoxelGeometryOf<Index>& vo
         Rotate<ScalarLane>(ray.frame, x, y, z);
         moved[k] = MoveVertex<ScalarLane>(ray.frame, x, y, z);
       }
+      RayBest<ScalarLane> tried = best;
       const bool kept =
           TestMoved<ScalarLane>(ray.frame, moved[0], moved[1], moved[2], voxel.triangle_ids[local], voxel_id,
-                                local, true, best, statistics);
+                                local, true, bound, tried, statistics);
+      if (kAnyHit && voxel.has_see_through && voxel.see_through(local)) {
+        met_see_through |= kept;
+        continue;
+      }
+      best = tried;
       if (kAnyHit && kept) {
         ended = true;
         return false;
@@ -146,6 +153,8 @@ QUARRY_HOST_DEVICE inline void TraceSingle(const TopTree& top, const Finder& fin
   ray.frame = LoadFrame<ScalarLane>(rays, i);
   for (int a = 0; a < 3; ++a) ray.far_side[a] = ray.frame.reciprocal[a] > 0 ? 1 : 0;
   RayBest<ScalarLane> best = LoadBest<ScalarLane>(rays, i);
+  const RayBound<ScalarLane> bound = BoundOf(rays, i);
+  bool met_see_through = false;
   const float lower[3] = {top.lower.x, top.lower.y, top.lower.z};
   const float upper[3] = {top.upper.x, top.upper.y, top.upper.z};
   float t = rays.t[i], t_end = best.t;
@@ -165,13 +174,15 @@ QUARRY_HOST_DEVICE inline void TraceSingle(const TopTree& top, const Finder& fin
               missing = chain = voxel;
               return false;
             }
-            if (!TraceVoxelSingle<kWay, kAnyHit>(*geometry, voxel, ray, enter, exit, best, statistics))
+            if (!TraceVoxelSingle<kWay, kAnyHit>(*geometry, voxel, ray, enter, exit, bound, best,
+                                                 met_see_through, statistics))
               return false;
           }
           chain = 0;
           t_end = ScalarLane::Min(t_end, best.t);
           return true;
         });
+  if (met_see_through) rays.NoteSeeThrough(i);
   rays.t[i] = t;
   rays.chain[i] = chain;
   rays.waits_for[i] = missing;
