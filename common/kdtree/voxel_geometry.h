@@ -28,6 +28,7 @@ struct VoxelGeometryOf {
   const uint32_t* triangle_ids = nullptr;  ///< scene-wide ids
   const uint16_t* materials = nullptr;     ///< a triangle's material
   const uint32_t* parts = nullptr;         ///< a triangle's part
+  const uint32_t* masks = nullptr;         ///< opacity masks; null: no opacity comes from a texture
   const WideNode* wide = nullptr;          ///< the same tree as wide nodes, derived at decode
   uint32_t node_count = 0, wide_count = 0, reference_count = 0, triangle_count = 0, vertex_count = 0;
 

@@ -82,8 +82,9 @@ Bytes EncodePacked(const ShadingVoxel& v) {
 
 }  // namespace
 
-size_t HotBytes(size_t wide_nodes, size_t references, size_t triangles, size_t vertices) {
-  return wide_nodes * sizeof(WideNode) + vertices * 12 + triangles * (4 + 4 + 2 + 6) + references * 2;
+size_t HotBytes(size_t wide_nodes, size_t references, size_t triangles, size_t vertices, size_t masks) {
+  return wide_nodes * sizeof(WideNode) + vertices * 12 + triangles * (4 + 4 + 2 + 6) + references * 2 +
+         masks * 4;
 }
 
 size_t ShadingBytes(size_t triangles, size_t vertices) {
@@ -92,9 +93,10 @@ size_t ShadingBytes(size_t triangles, size_t vertices) {
 
 Bytes EncodeHot(const HotVoxel& v) {
   QUARRY_CHECK(v.triangle_ids.size() <= kMaxVoxelTriangles && v.vertices.size() <= 65535);
+  QUARRY_CHECK(v.masks.empty() || v.masks.size() == v.triangle_ids.size());
   CheckReferences(v);
   ByteWriter header;
-  header.Put(kHotMagic);
+  header.Put(v.masks.empty() ? kHotMagic : kMaskedMagic);
   header.Put(static_cast<uint32_t>(v.triangle_ids.size()));
   header.Put(static_cast<uint32_t>(v.vertices.size()));
   header.Put(static_cast<uint32_t>(v.references.size()));
@@ -110,6 +112,7 @@ Bytes EncodeHot(const HotVoxel& v) {
   PutDifferences<uint32_t>(v.triangle_ids, out);
   PutDifferences<uint32_t>(v.parts, out);
   PutPlanes<uint16_t>(v.materials, out);
+  PutPlanes<uint32_t>(v.masks, out);
   PutFromNewest(v.references, out);
   return out;
 }

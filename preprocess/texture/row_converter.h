@@ -37,4 +37,10 @@ class RowConverter {
   std::vector<uint8_t> bytes_;
 };
 
+/// Whether the texels of an image with `layout` hold opacity, picked by `pick`: an image asked for its alpha
+/// may have none.
+inline bool HasOpacity(const TexelLayout& layout, TexturePick pick) {
+  return pick != TexturePick::kColorAndAlpha || layout.has_alpha();
+}
+
 }  // namespace quarry

@@ -179,10 +179,16 @@ void TextureStage::Know(const WrittenTexture& texture, uint32_t number) {
   texels_.emplace(Checksum(std::as_bytes(std::span(texture.logical))), number);
 }
 
-void TextureStage::Renumber(std::vector<Material>& materials) const {
+void TextureStage::Renumber(std::vector<Material>& materials, const StoreWriter& writer) const {
+  const auto left_out = [&](const TextureBinding& b) {
+    const uint32_t number = numbers_[b.texture];
+    return number == kNoIndex ||
+           (b.use == TextureUse::kOpacity &&
+            !HasOpacity(writer.textures()[number].texture.layout, images_[b.texture].pick));
+  };
   for (Material& material : materials) {
+    std::erase_if(material.textures, left_out);
     for (TextureBinding& binding : material.textures) binding.texture = numbers_[binding.texture];
-    std::erase_if(material.textures, [](const TextureBinding& b) { return b.texture == kNoIndex; });
   }
 }
 

@@ -41,8 +41,9 @@ class TextureStage {
   /// Carries the remaining images. `save` is called now and then with a checkpoint of the images since the
   /// last, after the writer's file has been synchronised. Errors: disk full; too little memory.
   Status Run(StoreWriter& writer, Progress& progress, const std::function<Status(const Bytes&)>& save);
-  /// Renumbers the materials' bindings to the store's textures; bindings of images left out are removed.
-  void Renumber(std::vector<Material>& materials) const;
+  /// Renumbers the materials' bindings to the store's textures. Bindings of images left out are removed, and
+  /// those of opacity to images without alpha.
+  void Renumber(std::vector<Material>& materials, const StoreWriter& writer) const;
   /// A checkpoint of the images carried since the last.
   Bytes TakeUnsaved(const StoreWriter& writer);
   TextureStatistics Statistics(const StoreWriter& writer) const;

@@ -141,7 +141,7 @@ TEST_CASE("Images that a checkpoint has are not carried again", "[texture]") {
     material.textures.push_back(binding);
   }
   std::vector<Material> materials{material};
-  again.Renumber(materials);
+  again.Renumber(materials, *writer);
   REQUIRE(materials[0].textures.size() == 3);
   CHECK((materials[0].textures[0].texture == 0 && materials[0].textures[1].texture == 1));
   CHECK(materials[0].textures[2].texture == 0);  // its texels are those of the first
