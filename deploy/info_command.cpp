@@ -34,10 +34,13 @@ Status PrintInfo(const std::string& scene, bool json) {
   }
   const Catalog& c = store.catalog();
   const StoreTotals t = TotalsOf(store);
-  const auto kept = c.meta.input_triangles - c.meta.dropped_degenerate - c.meta.dropped_not_finite;
+  const uint64_t kept = c.meta.kept_triangles();
   fmt::print("{}\n  scene      {}\n", scene, FormatSceneId(c.id));
   fmt::print("  triangles  {} ({} degenerate and {} not finite dropped)\n", kept, c.meta.dropped_degenerate,
              c.meta.dropped_not_finite);
+  if (c.meta.dropped_transparent > 0)
+    fmt::print("  cut out    {} triangles dropped that are transparent all over\n",
+               c.meta.dropped_transparent);
   fmt::print("  voxels     {} (replication {:.2f}, largest block {})\n", c.voxels.size(),
              static_cast<double>(c.meta.stored_references) / static_cast<double>(std::max<uint64_t>(kept, 1)),
              FormatSize(c.meta.largest_decoded));
@@ -55,6 +58,28 @@ Status PrintInfo(const std::string& scene, bool json) {
   if (t.pages > 0)
     fmt::print("  textures   {} in {} pages, {} stored, {} once decoded\n", store.textures().size(), t.pages,
                FormatSize(t.pages_stored), FormatSize(t.pages_decoded));
+  return {};
+}
+
+Status PrintTextures(const std::string& scene, bool json) {
+  QUARRY_ASSIGN(const StoreReader store, StoreReader::Open(scene));
+  const auto textures = DescribeTextures(store);
+  if (json) {
+    fmt::print("{}\n", textures.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace));
+    return {};
+  }
+  for (size_t i = 0; i < textures.size(); ++i) {
+    const auto& t = textures[i];
+    const auto number = [&](const char* key) { return t[key].get<uint64_t>(); };
+    fmt::print("texture {} {}\n", i, store.textures()[i].name);
+    fmt::print("  {} x {}, {} levels, {} channels, {}; {} pages, {} stored, {} once decoded\n",
+               number("width"), number("height"), number("levels"), number("channels"),
+               t["format"].get<std::string>(), number("pages"), FormatSize(number("stored_bytes")),
+               FormatSize(number("decoded_bytes")));
+    for (const auto& use : t["uses"])
+      fmt::print("  {} of material {} {}\n", use["use"].get<std::string>(), use["material"].get<uint32_t>(),
+                 use["name"].get<std::string>());
+  }
   return {};
 }
 

@@ -14,6 +14,10 @@ Status PrintInfo(const std::string& scene, bool json);
 /// StoreReader::Open().
 Status PrintParts(const std::string& scene);
 
+/// Prints a store's textures, each with its shape, its bytes and the materials that use it, as text or JSON.
+/// Errors: as StoreReader::Open().
+Status PrintTextures(const std::string& scene, bool json);
+
 /// `quarry verify`: reads every byte of a store and decodes every block and page. Errors: the first problem
 /// found.
 Status Verify(const std::string& scene, bool quiet);

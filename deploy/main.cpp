@@ -64,6 +64,11 @@ Status ShowStatus(const std::string& master, const SecurityOptions& options, boo
   return PrintStatus(endpoint, security, json);
 }
 
+Status PrintInfoOf(const std::string& scene, bool json, bool parts, bool textures) {
+  if (parts) return PrintParts(scene);
+  return textures ? PrintTextures(scene, json) : PrintInfo(scene, json);
+}
+
 int Main(int argc, char** argv) {
   RequireCpu();
   if (argc > 1 && std::string(argv[1]) == "bench") return RunBench(argc, argv);
@@ -84,11 +89,14 @@ int Main(int argc, char** argv) {
   ViewArguments view;
   AddViewCommandOptions(*app.add_subcommand("view", "Walk through a scene, live, in a browser"), view);
   std::string scene;
-  bool json = false, parts = false, quiet = false;
+  bool json = false, parts = false, textures = false, quiet = false;
   auto* info = app.add_subcommand("info", "Tell what a store holds");
   info->add_option("scene", scene, "The store")->required();
   auto* const as_json = info->add_flag("--json", json, "As JSON");
-  info->add_flag("--parts", parts, "The names of part and material ids")->excludes(as_json);
+  auto* const of_parts = info->add_flag("--parts", parts, "The names of part and material ids");
+  of_parts->excludes(as_json);
+  info->add_flag("--textures", textures, "The textures: shapes, bytes, and the materials that use them")
+      ->excludes(of_parts);
   auto* verify = app.add_subcommand("verify", "Read and check every byte of a store");
   verify->add_option("scene", scene, "The store")->required();
   verify->add_flag("--quiet", quiet, "Print errors only");
@@ -108,7 +116,7 @@ int Main(int argc, char** argv) {
   try {
     status = app.got_subcommand("render")   ? Render(render)
              : app.got_subcommand("view")   ? ShowLive(view)
-             : app.got_subcommand("info")   ? (parts ? PrintParts(scene) : PrintInfo(scene, json))
+             : app.got_subcommand("info")   ? PrintInfoOf(scene, json, parts, textures)
              : app.got_subcommand("status") ? ShowStatus(master, security, json)
              : app.got_subcommand("cache")  ? RunCacheCommand(*cache_command, cache)
                                             : Verify(scene, quiet);

@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <numeric>
 #include <span>
+#include <system_error>
 
 #include "common/base/resource.h"
 #include "common/kdtree/trace/triangle_test.h"
@@ -47,6 +49,13 @@ uint32_t DepthOf(const std::vector<KdNode>& nodes) {
   return deepest;
 }
 
+/// The leaf in whose cell a point lies: one alone, where cells touch.
+KdNode LeafAt(const std::vector<KdNode>& nodes, const glm::vec3& point) {
+  KdNode node = nodes[0];
+  while (!node.is_leaf()) node = nodes[node.left() + (point[node.axis()] < node.split() ? 0 : 1)];
+  return node;
+}
+
 }  // namespace
 
 BuildStage::BuildStage(const PreprocessOptions& options, WorkFolder& work, Progress& progress,
@@ -78,11 +87,24 @@ Status BuildStage::Run() {
   writer_.emplace(std::move(writer));
   if (options_.crease > 0) writer_->AllowPackedNormals();
   for (const VoxelEntry& v : writer_->directory()) emitted_ += v.triangles;
+  QUARRY_TRY(ReadCutOuts());
   QUARRY_TRY(BuildVoxels());
   if (files_ && !scene_.images.empty()) QUARRY_TRY(SaveBuilt(true));
   return textures_.Run(*writer_, progress_, [&](const Bytes& checkpoint) {
     return work_.kept() ? work_.Add(CheckpointKind::kTextures, checkpoint) : Status{};
   });
+}
+
+/// Reads what opacity textures say of triangles, if a region is still to be built.
+Status BuildStage::ReadCutOuts() {
+  const std::string path = work_.spill_folder() + "/cut-outs";
+  std::error_code none;
+  std::filesystem::remove(path, none);  // a run that was killed may have left it
+  if (subtrees_.size() == tree_.regions.size() || scene_.images.empty()) return {};
+  QUARRY_ASSIGN(cut_outs_,
+                CutOuts::Read(scene_.materials, scene_.images, ImageDecodingOf(options_), path, progress_));
+  partition_.masks = cut_outs_.any();
+  return {};
 }
 
 /// Partitions the regions that the journal does not have, while a pipeline builds their voxels.
@@ -98,11 +120,13 @@ Status BuildStage::BuildVoxels() {
                              uint64_t{0});
   }
   progress_.Begin(fmt::format("building voxels of {} triangles", triangles), "triangles", before);
+  const TriangleMasks masks{[&](uint32_t material) { return cut_outs_.IsMapped(material); },
+                            [&](const TriangleRecord& t) { return cut_outs_.MaskOf(t); }};
   VoxelPipeline pipeline(
       options_.threads,
       [&](const VoxelTask& task) {
-        EncodedVoxel voxel =
-            BuildVoxel(task.triangles, task.cell, meta_.padding, shading, options_.voxel_size);
+        EncodedVoxel voxel = BuildVoxel(task.triangles, task.cell, meta_.padding, shading,
+                                        options_.voxel_size, cut_outs_.any() ? &masks : nullptr);
         voxel.chained = task.chained;
         return voxel;
       },
@@ -112,28 +136,44 @@ Status BuildStage::BuildVoxels() {
     const uint64_t count = files_ ? files_->file(i).count() : scene_.triangles->count();
     PartitionOptions inner = partition_;
     inner.spill_prefix += fmt::format("{}-", i);
-    uint64_t emitted = 0;
-    QUARRY_ASSIGN(TopSubtree subtree, PartitionRegion(i, inner, [&](VoxelTask task) {
-                    emitted += task.triangles.size();
-                    progress_.Update(before + std::min(emitted, count), all);
-                    return pipeline.Add(std::move(task));
-                  }));
+    uint64_t emitted = 0, dropped = 0;
+    const auto emit = [&](VoxelTask task) {
+      emitted += task.triangles.size();
+      progress_.Update(before + std::min(emitted, count), all);
+      return pipeline.Add(std::move(task));
+    };
+    QUARRY_ASSIGN(TopSubtree subtree, PartitionRegion(i, inner, emit, dropped));
     emitted_ += emitted;
+    dropped_.push_back(dropped);
     before += count;
     subtrees_.push_back(std::move(subtree));
     if (files_) QUARRY_TRY(SaveBuilt());
   }
   QUARRY_TRY(pipeline.Finish());
   progress_.End();
-  return {};
+  if (cut_outs_.failed()) return Fail(fmt::format("{}: cannot be read", work_.spill_folder() + "/cut-outs"));
+  if (writer_->voxel_count() > 0) return {};
+  return Fail(fmt::format("{}: no triangle is left: the textures of their opacity cut all {} out",
+                          options_.output, meta_.input_triangles));
 }
 
+/// `dropped`: receives the transparent triangles of the region. Of a triangle in several regions, the one
+/// that has its first vertex counts it.
 Result<TopSubtree> BuildStage::PartitionRegion(size_t region, const PartitionOptions& options,
-                                               const std::function<Status(VoxelTask)>& emit) const {
+                                               const std::function<Status(VoxelTask)>& emit,
+                                               uint64_t& dropped) const {
   const SpillFile& file = files_ ? files_->file(region) : *scene_.triangles;
   const Box content = files_ ? files_->contents()[region] : whole_.cell;
   const SpillFile* const border = borders_ ? &borders_->files()[region] : nullptr;
-  return PartitionSmoothed(file, tree_.regions[region], content, options, border, options_.crease, emit);
+  std::function<bool(const TriangleRecord&)> drop;
+  if (cut_outs_.any())
+    drop = [&](const TriangleRecord& t) {
+      if (!cut_outs_.IsTransparent(t)) return false;
+      if (!files_ || LeafAt(tree_.nodes, t.vertices[0]).first() == region) ++dropped;
+      return true;
+    };
+  return PartitionSmoothed(file, tree_.regions[region], content, options, border, options_.crease, emit,
+                           drop);
 }
 
 Status BuildStage::Finish(PreprocessStatistics& statistics) {
@@ -147,12 +187,15 @@ Status BuildStage::Finish(PreprocessStatistics& statistics) {
   statistics.stored_references = emitted_;
   statistics.top_tree_nodes = static_cast<uint32_t>(top.size());
   statistics.top_tree_depth = DepthOf(top);
-  statistics.meta = meta_;
+  SceneMeta meta = meta_;
+  meta.dropped_transparent = std::accumulate(dropped_.begin(), dropped_.end(), uint64_t{0});
+  statistics.meta = meta;
+  statistics.meta.masks = writer_->has_masks();
   statistics.textures = textures_.Statistics(*writer_);
   statistics.warnings += statistics.textures.left_out;
-  textures_.Renumber(scene_.materials);
+  textures_.Renumber(scene_.materials, *writer_);
   QUARRY_ASSIGN(statistics.scene_id,
-                writer_->Finish(meta_, top, scene_.materials, scene_.parts, scene_.views));
+                writer_->Finish(meta, top, scene_.materials, scene_.parts, scene_.views));
   statistics.store_bytes = writer_->bytes_written();
   return {};
 }
@@ -200,6 +243,8 @@ Status BuildStage::RestoreRecord(const SavedCheckpoint& checkpoint) {
       for (const VoxelEntry& v : in.GetArray<VoxelEntry>(subtree.voxels)) stored_.directory.push_back(v);
       for (const uint64_t v : in.GetArray<uint64_t>(2 * subtree.voxels)) stored_.logical.push_back(v);
       subtrees_.push_back(std::move(subtree));
+      dropped_.push_back(in.Get<uint64_t>());
+      stored_.masks |= in.Get<uint8_t>() != 0;
       readable = in.done();
       break;
     }
@@ -304,6 +349,8 @@ Status BuildStage::SaveBuilt(bool now) {
     checkpoint.PutArray(subtree.nodes);
     checkpoint.PutArray(std::span(writer_->directory()).subspan(saved_voxels_, subtree.voxels));
     checkpoint.PutArray(std::span(writer_->logical()).subspan(2 * saved_voxels_, 2 * subtree.voxels));
+    checkpoint.Put(dropped_[saved_regions_]);
+    checkpoint.Put<uint8_t>(writer_->has_masks());  // what comes later will be built again, with its masks
     QUARRY_TRY(work_.Add(CheckpointKind::kBuilt, checkpoint.Take()));
     files_->file(saved_regions_).Remove();
     if (borders_) borders_->files()[saved_regions_].Remove();

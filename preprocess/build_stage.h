@@ -14,6 +14,7 @@
 #include "preprocess/partition/regions.h"
 #include "preprocess/preprocess.h"
 #include "preprocess/smooth/border_normals.h"
+#include "preprocess/texture/cut_outs.h"
 #include "preprocess/texture/texture_stage.h"
 #include "preprocess/work_folder.h"
 
@@ -40,8 +41,9 @@ class BuildStage {
   Status ChooseTree();
   Status Route();
   Status SmoothBorders();
+  Status ReadCutOuts();
   Result<TopSubtree> PartitionRegion(size_t region, const PartitionOptions& options,
-                                     const std::function<Status(VoxelTask)>& emit) const;
+                                     const std::function<Status(VoxelTask)>& emit, uint64_t& dropped) const;
   Status BuildVoxels();
   Status SaveBuilt(bool now = false);
 
@@ -62,10 +64,12 @@ class BuildStage {
   uint32_t smoothed_ = 0;                 ///< regions whose borders are done
   std::vector<uint64_t> border_counts_;   ///< normals in each region's file, by an earlier run
 
+  CutOuts cut_outs_;
   TextureStage textures_;
   std::optional<StoreWriter> writer_;
   StoreProgress stored_;              ///< what an earlier run has written of the store
   std::vector<TopSubtree> subtrees_;  ///< of the regions partitioned so far
+  std::vector<uint64_t> dropped_;     ///< transparent triangles of each, counted once a scene
   uint64_t emitted_ = 0;              ///< triangles in voxels, copies counted
   size_t saved_regions_ = 0;          ///< regions whose voxels the journal has
   uint32_t saved_voxels_ = 0;

@@ -35,9 +35,7 @@ struct Texts {
 constexpr uint64_t kLeastMemory = 64ull << 20;
 constexpr uint64_t kLeastVoxel = 4u << 10, kLargestVoxel = 4u << 20;
 
-uint64_t Kept(const PreprocessStatistics& s) {
-  return s.meta.input_triangles - s.meta.dropped_degenerate - s.meta.dropped_not_finite;
-}
+uint64_t Kept(const PreprocessStatistics& s) { return s.meta.kept_triangles(); }
 
 double Replication(const PreprocessStatistics& s) {
   return static_cast<double>(s.stored_references) / static_cast<double>(std::max<uint64_t>(Kept(s), 1));
@@ -49,6 +47,8 @@ std::string StatisticsJson(const PreprocessOptions& options, const PreprocessSta
   j["input_triangles"] = s.meta.input_triangles;
   j["dropped_degenerate_triangles"] = s.meta.dropped_degenerate;
   j["dropped_not_finite_triangles"] = s.meta.dropped_not_finite;
+  j["dropped_transparent_triangles"] = s.meta.dropped_transparent;
+  j["opacity_masks"] = s.meta.masks;
   j["voxels"] = s.voxels;
   j["stored_triangle_references"] = s.stored_references;
   j["replication"] = Replication(s);
@@ -110,6 +110,9 @@ void PrintSummary(const PreprocessOptions& options, const PreprocessStatistics& 
   if (s.meta.dropped_degenerate + s.meta.dropped_not_finite > 0)
     fmt::print(stderr, "dropped: {} triangles without area, {} with coordinates that are not finite\n",
                s.meta.dropped_degenerate, s.meta.dropped_not_finite);
+  if (s.meta.dropped_transparent > 0)
+    fmt::print(stderr, "dropped: {} triangles that the textures of their opacity cut out all over\n",
+               s.meta.dropped_transparent);
 }
 
 /// Judges by file names alone: glTF's up axis is y, and Assimp converts to it.

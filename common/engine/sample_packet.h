@@ -9,11 +9,13 @@ namespace quarry {
 
 /// The samples of a packet, one array per field. The ray of a sample is in the RayPacket at the same lane.
 struct SamplePacket {
-  /// The next step of a sample. A step is done for all samples of a packet together. A shadow ray first looks
+  /// The next step of a sample. A step is done for all samples of a packet together. A hit may lie in
+  /// a hole of its triangle (kTest). A shadow ray first looks
   /// for an opaque occluder (kShadow); one that has met see-through surfaces instead goes from one to the
   /// next (kPass), and each tints its light (kTint).
   enum Stage {
     kTraverse,
+    kTest,
     kSurface,
     kAttributes,
     kTextures,

@@ -24,6 +24,7 @@ void TileRenderer::Open(std::shared_ptr<const ViewContext> view, const Tile& til
   if (view_->view.mode == RenderMode::kWhitted)
     pending_.resize(PendingPlace(static_cast<uint32_t>(packets_.size()), 0));
   looks_.resize(view_->texture_uses != 0 && !tile.hits_only ? packets_.size() : 0);
+  cuts_.resize(view_->cut_outs ? packets_.size() : 0);
   pending_cones_.resize(looks_.empty() || view_->view.mode != RenderMode::kWhitted ? 0 : pending_.size());
   for (uint32_t packet = 0; packet < packets_.size(); ++packet) StartPacket(packet);
 }
@@ -121,17 +122,27 @@ void TileRenderer::Traced(uint32_t packet, uint64_t lanes, bool any) {
   const uint64_t in_light = lanes & LanesWith(kNoTriangle, rays.triangle) & s.at[SamplePacket::kPass];
   Add(packet, in_light, s.light);
   s.Move(in_light, SamplePacket::kPass, SamplePacket::kLight);
-  s.Move(lanes & s.at[SamplePacket::kPass], SamplePacket::kPass, SamplePacket::kTint);
+  const uint64_t passed = lanes & s.at[SamplePacket::kPass];
+  s.Move(passed, SamplePacket::kPass, SamplePacket::kTint);
   lanes &= s.at[SamplePacket::kTraverse];
   const uint64_t missed = lanes & LanesWith(kNoTriangle, rays.triangle), hit = lanes & ~missed;
-  s.Move(hit, SamplePacket::kTraverse, tile_.hits_only ? SamplePacket::kNext : SamplePacket::kSurface);
   s.Move(missed, SamplePacket::kTraverse, SamplePacket::kNext);
   ForEachLane(missed, [&](uint32_t i) { Miss(packet, i); });
-  ForEachLane(hit, [&](uint32_t i) {
+  if (!view_->cut_outs) return TakeHits(packet, hit, SamplePacket::kTraverse);
+  StartTests(packet, passed | hit);
+  s.Move(hit, SamplePacket::kTraverse, SamplePacket::kTest);
+}
+
+/// Takes up the hits of `lanes`, which lie on surfaces.
+void TileRenderer::TakeHits(uint32_t packet, uint64_t lanes, SamplePacket::Stage from) {
+  SamplePacket& s = samples_[packet];
+  const RayPacket& rays = packets_[packet];
+  s.Move(lanes, from, tile_.hits_only ? SamplePacket::kNext : SamplePacket::kSurface);
+  ForEachLane(lanes, [&](uint32_t i) {
     if (s.path_code[i] == kPrimaryPath) film_.SawTo(s.depth_cell[i], s.t_offset[i] + rays.hit_t[i]);
   });
   if (!tile_.hits_only) return;
-  ForEachLane(hit, [&](uint32_t i) {
+  ForEachLane(lanes, [&](uint32_t i) {
     Hit seen = rays.HitOf(i);
     seen.t += s.t_offset[i];  // t counts from the eye
     film_.SetHit(s.pixel[i], seen);
@@ -161,6 +172,7 @@ void TileRenderer::Advance(uint32_t packet, PinnedBlocks& pins) {
   uint64_t ready = std::exchange(ready_[packet], 0);
   closest_[packet] = any_[packet] = 0;
   if (ready == 0) return;
+  ready &= ~TestHits(packet, ready & s.at[SamplePacket::kTest], pins);
   ready &= ~FindSurfaces(packet, ready & s.at[SamplePacket::kSurface], pins);
   ready &= ~FindAttributes(packet, ready & s.at[SamplePacket::kAttributes], pins);
   ready &= ~FindTextures(packet, ready & s.at[SamplePacket::kTextures], pins);
@@ -216,7 +228,7 @@ Ray TileRenderer::RayOf(uint32_t packet, uint32_t lane) const {
 size_t TileRenderer::memory_bytes() const {
   const auto bytes = [](const auto& v) { return v.size() * sizeof(v[0]); };
   return eye_rays_.memory_bytes() + bytes(packets_) + bytes(samples_) + bytes(pending_) + bytes(looks_) +
-         bytes(pending_cones_) + film_.memory_bytes();
+         bytes(cuts_) + bytes(pending_cones_) + film_.memory_bytes();
 }
 
 RenderedTile TileRenderer::Take() {

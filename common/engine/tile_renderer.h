@@ -11,6 +11,7 @@
 #include "common/engine/eye_rays.h"
 #include "common/engine/sample_packet.h"
 #include "common/engine/shading/shading_packet.h"
+#include "common/engine/texture/cut_packet.h"
 #include "common/engine/texture/look_packet.h"
 #include "common/engine/texture/texture_packet.h"
 #include "common/engine/tile_film.h"
@@ -106,6 +107,21 @@ class TileRenderer {
   void Traced(uint32_t packet, uint64_t lanes, bool any);
   void Shadowed(uint32_t packet, uint64_t lanes);
   void Advance(uint32_t packet, PinnedBlocks& pins);
+  /// What is known of a hit on a triangle with cut-outs; kOpen: the next step tells.
+  enum class Cut { kThere, kInHole, kWaits, kOpen };
+  struct CutResult {
+    uint64_t there = 0, holes = 0, waiting = 0;  ///< lanes
+  };
+  CutResult TestCuts(uint32_t packet, uint64_t lanes, PinnedBlocks& pins);
+  Cut TestCut(uint32_t packet, uint32_t lane, PinnedBlocks& pins);
+  Cut TestMask(uint32_t packet, uint32_t lane, PinnedBlocks& pins);
+  Cut PlaceCut(uint32_t packet, uint32_t lane, PinnedBlocks& pins);
+  Cut TestOpacity(uint32_t packet, uint32_t lane, PinnedBlocks& pins);
+  float CutShare(uint32_t packet, uint32_t lane) const;
+  uint64_t TestHits(uint32_t packet, uint64_t lanes, PinnedBlocks& pins);
+  void StartTests(uint32_t packet, uint64_t lanes);
+  void TakeHits(uint32_t packet, uint64_t lanes, SamplePacket::Stage from);
+  float EndOfShadowRay(uint32_t packet, uint32_t lane) const;
   uint64_t FindSurfaces(uint32_t packet, uint64_t lanes, PinnedBlocks& pins);
   uint64_t FindAttributes(uint32_t packet, uint64_t lanes, PinnedBlocks& pins);
   uint64_t FrameTextures(uint32_t packet, uint64_t lanes);
@@ -143,6 +159,7 @@ class TileRenderer {
   std::vector<SamplePacket> samples_;
   std::vector<Pending> pending_;            ///< empty where rays do not bounce
   std::vector<LookPacket> looks_;           ///< empty where the view has no textures
+  std::vector<CutPacket> cuts_;             ///< empty where the scene has no cut-outs
   std::vector<PendingCone> pending_cones_;  ///< empty where pending_ or looks_ is
   std::unique_ptr<Gathered> gathered_ = std::make_unique<Gathered>();
   uint64_t ready_[kPackets] = {};               ///< samples that can go on, a bit each

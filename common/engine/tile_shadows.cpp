@@ -49,14 +49,15 @@ void TileRenderer::NextLights(uint32_t packet, uint64_t lanes) {
          view_->view.mode == RenderMode::kWhitted ? SamplePacket::kBounce : SamplePacket::kNext);
 }
 
-/// Takes up the shadow and occlusion rays of `lanes`, which opaque triangles have stopped or not. In kAo all
-/// triangles count as opaque, since glass is drawn so.
+/// Takes up the shadow and occlusion rays of `lanes`, which opaque triangles have stopped or not. In kAo
+/// glass counts as opaque, since it is drawn so; only holes of triangles let rays pass.
 void TileRenderer::Shadowed(uint32_t packet, uint64_t lanes) {
   SamplePacket& s = samples_[packet];
   RayPacket& rays = packets_[packet];
   const uint64_t missed = lanes & LanesWith(kNoTriangle, rays.triangle);
   Add(packet, missed & ~rays.see_through, s.light);
-  const uint64_t passing = view_->view.mode == RenderMode::kAo ? 0 : missed & rays.see_through;
+  const bool may_pass = view_->view.mode != RenderMode::kAo || view_->cut_outs;
+  const uint64_t passing = may_pass ? missed & rays.see_through : 0;
   ForEachLane(passing, [&](uint32_t i) {
     rays.StartAgain(i);
     s.passed[i] = 0;
@@ -65,11 +66,28 @@ void TileRenderer::Shadowed(uint32_t packet, uint64_t lanes) {
   s.Move(lanes & ~passing, SamplePacket::kShadow, SamplePacket::kLight);
 }
 
-/// Tints the light of shadow rays by the see-through surfaces that they have hit, and lets the rays go on.
-/// Returns: the lanes that wait for their hot block.
+/// Where a shadow or occlusion ray ends: the t of the light, or the length of occlusion rays.
+float TileRenderer::EndOfShadowRay(uint32_t packet, uint32_t lane) const {
+  const SamplePacket& s = samples_[packet];
+  if (view_->view.mode == RenderMode::kAo) return view_->ao_distance;
+  const Light& light = view_->view.lights[s.next_light[lane] - 1];
+  return SampleLight(light, s.surface.position[static_cast<int>(lane)]).distance;
+}
+
+/// Tints the light of shadow rays by the see-through surfaces that they have hit, and lets the rays go on, as
+/// it does where they have hit holes. Returns: the lanes that wait for a block.
 uint64_t TileRenderer::Tint(uint32_t packet, uint64_t lanes, PinnedBlocks& pins) {
+  if (lanes == 0) return 0;
   SamplePacket& s = samples_[packet];
   uint64_t waiting = 0, passing = 0;
+  if (view_->cut_outs) {
+    const CutResult result = TestCuts(packet, lanes, pins);
+    ForEachLane(result.holes,
+                [&](uint32_t i) { packets_[packet].GoOnAfterHit(i, EndOfShadowRay(packet, i)); });
+    s.Move(result.holes, SamplePacket::kTint, SamplePacket::kPass);
+    waiting = result.waiting;
+    lanes = result.there;
+  }
   ForEachLane(lanes, [&](uint32_t i) {
     const auto key = BlockKey::Hot(packets_[packet].voxel[i]);
     const ResidentBlock* block = pins.Find(key);
@@ -95,11 +113,11 @@ bool TileRenderer::TintBy(uint32_t packet, uint32_t lane, const VoxelGeometry& v
   const Surface passed = SurfaceAt(voxel.vertex(hit.local, 0), voxel.vertex(hit.local, 1),
                                    voxel.vertex(hit.local, 2), hit.b1, hit.b2, RayOf(packet, lane).direction);
   const Material& material = view_->catalog.materials[voxel.materials[hit.local]];
+  if (view_->view.mode == RenderMode::kAo || !LetsLightThrough(material)) return false;
   const float cosine = glm::dot(passed.normal, passed.view);
   s.light.Set(i, s.light[i] * PassedLight(material, cosine));
   if (++s.passed[i] > kMostPassed || !(Largest(s.light[i]) > 0)) return false;
-  const Light& light = view_->view.lights[s.next_light[lane] - 1];
-  rays.GoOnAfterHit(lane, SampleLight(light, s.surface.position[i]).distance);
+  rays.GoOnAfterHit(lane, EndOfShadowRay(packet, lane));
   return true;
 }
 

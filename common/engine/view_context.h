@@ -45,6 +45,7 @@ struct ViewContext {
         surfaces(a_surfaces ? std::move(a_surfaces) : std::make_shared<const SceneSurfaces>(scene)),
         texture_uses(surfaces->textured() ? UsesFor(view) : 0),
         cone(PixelConeOf(view)),
+        cut_outs(scene.meta.masks),
         top(scene.top_tree()),
         camera(view.camera, view.width, view.height, scene.meta.root_lower, scene.meta.root_upper),
         words(WordsPerPixel(view.aov_mask)),
@@ -56,6 +57,7 @@ struct ViewContext {
   const std::shared_ptr<const SceneSurfaces> surfaces;
   const TextureUses texture_uses;  ///< of textures that the picture needs; 0: of none
   const PixelCone cone;
+  const bool cut_outs;  ///< whether hits may lie in holes of triangles
   const TopTree top;
   const Camera camera;
   const uint32_t words;                ///< 32-bit words per pixel

@@ -29,7 +29,8 @@ struct VoxelGeometryOf {
   const uint16_t* materials = nullptr;     ///< a triangle's material
   /// A triangle's part, and in the top bit whether light passes it: read by part() and see_through().
   const uint32_t* parts = nullptr;
-  const WideNode* wide = nullptr;  ///< the same tree as wide nodes, derived at decode
+  const uint32_t* masks = nullptr;  ///< opacity_mask.h, one per triangle; null: all triangles are opaque
+  const WideNode* wide = nullptr;   ///< the same tree as wide nodes, derived at decode
   uint32_t node_count = 0, wide_count = 0, reference_count = 0, triangle_count = 0, vertex_count = 0;
   bool has_see_through = false;  ///< whether see_through() holds for any triangle
 
@@ -38,7 +39,7 @@ struct VoxelGeometryOf {
 
   QUARRY_HOST_DEVICE uint32_t part(uint32_t triangle) const { return parts[triangle] & ~kSeeThrough; }
   /// Whether any-hit rays pass the triangle and note that they have met one. Decoding derives it from the
-  /// material (LetsLightThrough).
+  /// material (LetsLightThrough) and the mask.
   QUARRY_HOST_DEVICE bool see_through(uint32_t triangle) const {
     return (parts[triangle] & kSeeThrough) != 0;
   }

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/kdtree/opacity_mask.h"
 #include "common/math/packed_normal.h"
 #include "common/voxel/byte_planes.h"
 #include "common/voxel/tree_completion.h"
@@ -17,13 +18,16 @@ namespace {
 
 struct HotCounts {
   uint32_t triangles, vertices, references, inner_nodes, node_slots, wide_nodes;
+  bool masked;
+
+  size_t masks() const { return masked ? triangles : 0; }
 
   size_t nodes() const { return size_t{2} * inner_nodes + 1; }
   size_t stream_bytes() const {
     return kHotHeaderBytes + nodes() * 2 + size_t{inner_nodes} * 4 + size_t{vertices} * 12 +
-           size_t{triangles} * (6 + 4 + 4 + 2) + size_t{references} * 2;
+           size_t{triangles} * (6 + 4 + 4 + 2) + masks() * 4 + size_t{references} * 2;
   }
-  size_t decoded_bytes() const { return HotBytes(wide_nodes, references, triangles, vertices); }
+  size_t decoded_bytes() const { return HotBytes(wide_nodes, references, triangles, vertices, masks()); }
   /// Whether each count is so small that sums of sizes cannot overflow.
   bool sane() const {
     return triangles > 0 && triangles <= kMaxVoxelTriangles && vertices > 0 && vertices <= 65535 &&
@@ -164,7 +168,8 @@ Result<VoxelGeometry> BlockDecoder::Hot(std::span<const std::byte> stored, std::
                           &counts.node_slots, &counts.wide_nodes})
     *count = in.Get<uint32_t>();
   const Box cell{in.GetVec3<glm::vec3>(), in.GetVec3<glm::vec3>()};
-  if (!in.ok() || magic != kHotMagic) return Fail("voxel block: not a hot block");
+  counts.masked = magic == kMaskedMagic;
+  if (!in.ok() || (magic != kHotMagic && !counts.masked)) return Fail("voxel block: not a hot block");
   if (!counts.sane() || counts.stream_bytes() != impl_->streams.size() ||
       counts.decoded_bytes() != out.size())
     return Fail("voxel block: counts do not fit its size");
@@ -177,6 +182,7 @@ Result<VoxelGeometry> BlockDecoder::Hot(std::span<const std::byte> stored, std::
   auto* vertices = place.Next<glm::vec3>(counts.vertices);
   auto* ids = place.Next<uint32_t>(counts.triangles);
   auto* parts = place.Next<uint32_t>(counts.triangles);
+  auto* masks = place.Next<uint32_t>(counts.masks());
   auto* materials = place.Next<uint16_t>(counts.triangles);
   auto* corners = place.Next<uint16_t>(size_t{3} * counts.triangles);
   auto* references = place.Next<uint16_t>(counts.references);
@@ -197,6 +203,9 @@ Result<VoxelGeometry> BlockDecoder::Hot(std::span<const std::byte> stored, std::
   if (std::any_of(parts, parts + counts.triangles, beyond))
     return Fail("voxel block: it names a part beyond the limit");
   ReadPlanes<uint16_t>(cut.Next(size_t{counts.triangles} * 2), {materials, counts.triangles});
+  ReadPlanes<uint32_t>(cut.Next(counts.masks() * 4), {masks, counts.masks()});
+  if (!std::all_of(masks, masks + counts.masks(), IsMask))
+    return Fail("voxel block: an opacity mask holds a state that cannot be");
   if (!ReadFromNewest(cut.Next(size_t{counts.references} * 2), {references, counts.references},
                       counts.triangles))
     return Fail("voxel block: a reference goes beyond the triangles");
@@ -209,6 +218,7 @@ Result<VoxelGeometry> BlockDecoder::Hot(std::span<const std::byte> stored, std::
   v.triangle_ids = ids;
   v.materials = materials;
   v.parts = parts;
+  v.masks = counts.masked ? masks : nullptr;
   v.wide = wide;
   v.node_count = tree ? counts.node_slots : 0;
   v.wide_count = counts.wide_nodes;
@@ -255,8 +265,10 @@ void MarkSeeThrough(const std::vector<Material>& materials, VoxelGeometry& hot) 
       last = hot.materials[i];
       mark = LetsLightThrough(materials[last]) ? VoxelGeometry::kSeeThrough : 0;
     }
-    parts[i] |= mark;
-    any |= mark;
+    const bool cut = hot.masks && hot.masks[i] != kOpaqueMask;
+    const uint32_t passes = cut ? VoxelGeometry::kSeeThrough : mark;
+    parts[i] |= passes;
+    any |= passes;
   }
   hot.has_see_through = any != 0;
 }

@@ -50,7 +50,7 @@ class BlockDecoder {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Marks the triangles whose material lets light through.
+/// Marks the triangles whose material lets light through, or whose mask is not all opaque.
 /// Requires: `hot` is a decoded block that no other thread reads yet; its materials are below
 /// materials.size().
 void MarkSeeThrough(const std::vector<Material>& materials, VoxelGeometry& hot);

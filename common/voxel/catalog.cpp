@@ -16,6 +16,7 @@ namespace quarry {
 namespace {
 
 constexpr size_t kMetaBytes = 192;
+constexpr uint32_t kMasksFlag = 1;  // of META
 constexpr size_t kVoxelBytes = 72;
 constexpr uint32_t kFresnelFlag = 1, kUnlitFlag = 2;  // flags of a material
 constexpr size_t kMaterialBytes = 4 + 136;
@@ -50,6 +51,9 @@ Result<SceneMeta> DecodeMeta(std::span<const std::byte> bytes) {
   m.largest_decoded = in.Get<uint32_t>();
   m.largest_stored = in.Get<uint32_t>();
   m.lz4_version = in.Get<uint32_t>();
+  m.dropped_transparent = in.Get<uint64_t>();
+  const auto flags = in.Get<uint32_t>();
+  m.masks = (flags & kMasksFlag) != 0;
   if (!in.ok() || bytes.size() != kMetaBytes) return Fail("the META section has the wrong size");
   if (!Finite(m.root_lower) || !Finite(m.root_upper) || !std::isfinite(m.padding) || m.padding < 0 ||
       m.up_axis > 2 || m.largest_decoded > kMaxBlockBytes)
@@ -244,6 +248,8 @@ Bytes EncodeMeta(const SceneMeta& m) {
   out.Put(m.largest_decoded);
   out.Put(m.largest_stored);
   out.Put(m.lz4_version);
+  out.Put(m.dropped_transparent);
+  out.Put(m.masks ? kMasksFlag : 0u);
   Bytes bytes = out.Take();
   bytes.resize(kMetaBytes);
   return bytes;

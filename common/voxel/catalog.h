@@ -52,12 +52,17 @@ struct SceneMeta {
   uint64_t dropped_degenerate = 0;             ///< triangles without area
   uint64_t dropped_not_finite = 0;             ///< triangles with a NaN, infinite or larger than 2^60
                                                ///< coordinate
+  uint64_t dropped_transparent = 0;            ///< triangles that their opacity's texture cuts out all over
+  bool masks = false;                          ///< some hot blocks have opacity masks, see opacity_mask.h
   uint64_t stored_references = 0;              ///< triangles over all voxels, copies included
   uint32_t voxel_size = 0;                     ///< target size of a decoded hot block
   uint32_t largest_decoded = 0;                ///< largest decoded block, once decoded pages too
   uint32_t largest_stored = 0;                 ///< largest stored block, likewise
   uint32_t lz4_version = 0;                    ///< LZ4_VERSION_NUMBER of the compressor
 
+  uint64_t kept_triangles() const {
+    return input_triangles - dropped_degenerate - dropped_not_finite - dropped_transparent;
+  }
   bool operator==(const SceneMeta&) const = default;
 };
 

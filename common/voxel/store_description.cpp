@@ -9,12 +9,21 @@ namespace {
 
 nlohmann::ordered_json DescribeTexture(const Texture& texture) {
   const char* const formats[] = {"srgb8", "linear8", "half"};
+  uint64_t stored = 0, decoded = 0;
+  for (const BlockEntry& page : texture.pages) {
+    stored += page.stored;
+    decoded += page.decoded;
+  }
   return {{"name", texture.name},
           {"width", texture.layout.width},
           {"height", texture.layout.height},
           {"channels", texture.layout.channels},
           {"format", formats[static_cast<size_t>(texture.layout.format)]},
-          {"pages", texture.pages.size()}};
+          {"pages", texture.pages.size()},
+          {"levels", TextureShape(texture.layout.width, texture.layout.height).levels().size()},
+          {"stored_bytes", stored},
+          {"decoded_bytes", decoded},
+          {"uses", nlohmann::ordered_json::array()}};
 }
 
 }  // namespace
@@ -53,6 +62,8 @@ nlohmann::ordered_json DescribeStore(const StoreReader& store) {
   j["input_triangles"] = m.input_triangles;
   j["dropped_degenerate_triangles"] = m.dropped_degenerate;
   j["dropped_not_finite_triangles"] = m.dropped_not_finite;
+  j["dropped_transparent_triangles"] = m.dropped_transparent;
+  j["opacity_masks"] = m.masks;
   j["voxels"] = c.voxels.size();
   j["chained_voxels"] = t.chained;
   j["stored_triangle_references"] = m.stored_references;
@@ -76,9 +87,20 @@ nlohmann::ordered_json DescribeStore(const StoreReader& store) {
   j["texture_pages"] = t.pages;
   j["texture_stored_bytes"] = t.pages_stored;
   j["texture_decoded_bytes"] = t.pages_decoded;
-  j["textures"] = nlohmann::ordered_json::array();
-  for (const Texture& texture : store.textures()) j["textures"].push_back(DescribeTexture(texture));
+  j["textures"] = DescribeTextures(store);
   return j;
+}
+
+nlohmann::ordered_json DescribeTextures(const StoreReader& store) {
+  constexpr const char* kUses[kTextureUses] = {"diffuse", "specular", "emission",           "opacity",
+                                               "normal",  "bump",     "metal and roughness"};
+  auto textures = nlohmann::ordered_json::array();
+  for (const Texture& texture : store.textures()) textures.push_back(DescribeTexture(texture));
+  for (const MaterialTexture& use : store.material_textures())
+    textures[use.binding.texture]["uses"].push_back({{"material", use.material},
+                                                     {"name", store.material_names()[use.material]},
+                                                     {"use", kUses[static_cast<size_t>(use.binding.use)]}});
+  return textures;
 }
 
 }  // namespace quarry

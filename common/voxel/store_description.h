@@ -21,5 +21,7 @@ std::pair<glm::dvec3, glm::dvec3> ModelBounds(const SceneMeta& meta);
 
 /// A store's facts as `quarry info --json` prints them. Thread-safe.
 nlohmann::ordered_json DescribeStore(const StoreReader& store);
+/// The textures alone: shape, bytes, and the materials that use each, with the use.
+nlohmann::ordered_json DescribeTextures(const StoreReader& store);
 
 }  // namespace quarry

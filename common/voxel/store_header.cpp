@@ -51,7 +51,7 @@ Result<StoreHeader> DecodeStoreHeader(std::span<const std::byte> bytes, const st
   const auto header_checksum = in.Get<uint64_t>();
   if (Checksum(bytes.first(kStoreHeaderBytes - sizeof header_checksum)) != header_checksum)
     return Refuse("{}: the header is damaged (checksum); make the store again", name);
-  if (version != kStoreVersion && version != kUnpackedStoreVersion)
+  if (version < kUnpackedStoreVersion || version > kStoreVersion)
     return Refuse(
         "{}: store format version {}, this program reads version {}; make the store again with this "
         "quarry-preprocess",

@@ -77,8 +77,9 @@ EncodedVoxel EncodeVoxel(const HotVoxel& hot, const ShadingVoxel* shading) {
   EncodedVoxel voxel;
   Bytes streams = EncodeHot(hot);
   voxel.hot = CompressBlock(streams);
-  voxel.hot_decoded = static_cast<uint32_t>(
-      HotBytes(hot.wide_nodes, hot.references.size(), hot.triangle_ids.size(), hot.vertices.size()));
+  voxel.hot_decoded = static_cast<uint32_t>(HotBytes(
+      hot.wide_nodes, hot.references.size(), hot.triangle_ids.size(), hot.vertices.size(), hot.masks.size()));
+  voxel.masks = !hot.masks.empty();
   voxel.hot_logical = Checksum(streams);
   if (shading) {
     streams = EncodeShading(*shading);
@@ -115,6 +116,7 @@ Result<StoreWriter> StoreWriter::Continue(const std::string& path, const std::st
   writer.directory_ = std::move(progress.directory);
   writer.logical_ = std::move(progress.logical);
   writer.textures_ = std::move(progress.textures);
+  writer.masks_ = progress.masks;
   if (progress.bytes == 0) QUARRY_TRY(writer.file_.Write(Bytes(kBlocksOffset)));
   return writer;
 }
@@ -130,6 +132,7 @@ Status StoreWriter::AddVoxel(const EncodedVoxel& voxel) {
   entry.bounds_upper = voxel.bounds_upper;
   if (voxel.chained) entry.next_in_chain = voxel_count() + 1;
   directory_.push_back(entry);
+  masks_ = masks_ || voxel.masks;
   logical_.push_back(voxel.hot_logical);
   logical_.push_back(voxel.shading_logical);
   QUARRY_TRY(file_.Write(voxel.hot));
@@ -168,6 +171,7 @@ Result<SceneId> StoreWriter::Finish(SceneMeta meta, const std::vector<KdNode>& t
     meta.stored_references += v.triangles;
   }
   meta.lz4_version = CompressorVersion();
+  meta.masks = masks_;
   uint64_t blocks_end = kBlocksOffset;
   if (!directory_.empty()) {
     const auto& [hot, shading] = directory_.back().blocks;
@@ -209,7 +213,8 @@ Result<SceneId> StoreWriter::Finish(SceneMeta meta, const std::vector<KdNode>& t
                     Checksum(s.bytes));
     QUARRY_TRY(file_.Write(s.bytes));
   }
-  QUARRY_TRY(file_.WriteAt(0, EncodeHeader(version_, id, file_.size(), table.bytes())));
+  QUARRY_TRY(
+      file_.WriteAt(0, EncodeHeader(masks_ ? kStoreVersion : version_, id, file_.size(), table.bytes())));
   QUARRY_TRY(file_.WriteAt(kStoreHeaderBytes, table.bytes()));
   QUARRY_TRY(file_.Commit());
   return id;

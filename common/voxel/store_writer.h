@@ -24,6 +24,7 @@ struct EncodedVoxel {
   uint32_t triangles = 0;
   glm::vec3 bounds_lower{0}, bounds_upper{0};  ///< box of the triangles
   bool chained = false;                        ///< the next voxel written is in the same top-level leaf
+  bool masks = false;                          ///< the hot block has opacity masks
 };
 
 /// Encodes and compresses a voxel; `shading` is null when it has no attributes. Thread-safe.
@@ -52,6 +53,7 @@ struct StoreProgress {
   std::vector<VoxelEntry> directory;
   std::vector<uint64_t> logical;  ///< checksums of the streams, two per voxel
   std::vector<WrittenTexture> textures;
+  bool masks = false;  ///< StoreWriter::has_masks()
 };
 
 /// Writes a scene store: the voxels, then the textures, then all other sections. Nothing is at `path` until
@@ -80,8 +82,10 @@ class StoreWriter {
   const std::vector<WrittenTexture>& textures() const { return textures_; }
 
   /// States that shading blocks may have packed normals, which older programs cannot read.
-  void AllowPackedNormals() { version_ = kStoreVersion; }
-  /// Writes all other sections and computes the scene id. Fills in the sizes and the LZ4 version in `meta`.
+  void AllowPackedNormals() { version_ = kPackedStoreVersion; }
+  /// Whether a voxel has opacity masks.
+  bool has_masks() const { return masks_; }
+  /// Writes all other sections and computes the scene id. Fills in `meta`: sizes, the LZ4 version, `masks`.
   Result<SceneId> Finish(SceneMeta meta, const std::vector<KdNode>& top_nodes,
                          const std::vector<Material>& materials, const std::vector<std::string>& parts,
                          const SceneViews& views = {});
@@ -99,6 +103,7 @@ class StoreWriter {
   std::vector<uint64_t> logical_;  ///< checksums of the streams, two per voxel
   std::vector<WrittenTexture> textures_;
   uint32_t version_ = kUnpackedStoreVersion;
+  bool masks_ = false;
   uint64_t texture_begin_ = 0;  ///< size of the file when the last texture began
 };
 

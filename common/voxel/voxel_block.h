@@ -20,6 +20,7 @@
 namespace quarry {
 
 inline constexpr uint32_t kHotMagic = 0x35585651;      // "QVX5"
+inline constexpr uint32_t kMaskedMagic = 0x36585651;   // "QVX6": with opacity masks
 inline constexpr uint32_t kShadingMagic = 0x32535651;  // "QVS2"
 inline constexpr uint32_t kPackedMagic = 0x33535651;   // "QVS3": normals packed in 4 bytes
 inline constexpr size_t kHotHeaderBytes = 52, kShadingHeaderBytes = 12, kPackedHeaderBytes = 16;
@@ -49,6 +50,7 @@ struct HotVoxel {
   std::vector<uint32_t> triangle_ids;
   std::vector<uint16_t> materials;
   std::vector<uint32_t> parts;
+  std::vector<uint32_t> masks;  ///< opacity_mask.h; one per triangle, or none
 };
 
 /// The attributes of a triangle's corner. A zero normal means that the triangle's own normal is used.
@@ -72,9 +74,10 @@ struct ShadingVoxel {
 Bytes EncodeHot(const HotVoxel& voxel);
 Bytes EncodeShading(const ShadingVoxel& voxel);
 
-/// Size in bytes of a decoded block with these counts.
+/// Size in bytes of a decoded block with these counts. `masks`: triangles that have an opacity mask, all or
+/// none.
 /// Requires, for hot blocks: the slots of the tree's nodes take no more bytes than the block.
-size_t HotBytes(size_t wide_nodes, size_t references, size_t triangles, size_t vertices);
+size_t HotBytes(size_t wide_nodes, size_t references, size_t triangles, size_t vertices, size_t masks = 0);
 size_t ShadingBytes(size_t triangles, size_t vertices);
 
 /// The version of the LZ4 in use (LZ4_VERSION_NUMBER). Other versions may compress to other bytes.

@@ -13,8 +13,9 @@
 
 namespace quarry {
 
-/// The images of a scene, without repetition. Images that a model holds as text are written to a file of the
-/// work folder, so that every image lies in a file. Thread safety: none.
+/// The images of a scene, without repetition: the same file, or the same bytes in another place, for the same
+/// use is one image. Images that a model holds as text are written to a file of the work folder, so that
+/// every image lies in a file. Thread safety: none.
 class ImageList {
  public:
   /// `path`: of the file for images that models hold as text.
@@ -32,14 +33,29 @@ class ImageList {
   Result<std::vector<TextureImage>> Finish();
 
  private:
+  /// Another path to the bytes of an image.
+  struct Alias {
+    std::string key, file, identity;
+    uint32_t image;
+  };
+  /// What images with equal bytes have in common; compares them only where the sizes are equal.
+  struct Content {
+    uint64_t size;
+    std::string digest;  ///< of the bytes; empty until another image has as many
+  };
   static std::string KeyOf(const TextureImage& image);
   Status OpenFile(uint64_t size);
+  uint32_t FindEqual(const TextureImage& image, Content& content);
+  void Know(TextureImage image, Content content);
 
   std::string path_;
   std::optional<OutputFile> file_;
   std::vector<TextureImage> images_;
   std::vector<std::string> identities_;  ///< FileIdentity() of each image's file
-  std::unordered_map<std::string, uint32_t> known_;
+  std::vector<Content> contents_;        ///< of each image
+  std::vector<Alias> aliases_;
+  std::unordered_map<std::string, uint32_t> known_;    ///< image of each key, those of aliases included
+  std::unordered_multimap<uint64_t, uint32_t> sized_;  ///< images by the size of their bytes
 };
 
 }  // namespace quarry

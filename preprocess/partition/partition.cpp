@@ -15,7 +15,9 @@ namespace {
 class Partitioner {
  public:
   Partitioner(const PartitionOptions& options, const std::function<Status(VoxelTask)>& emit)
-      : options_(options), emit_(emit), max_triangles_(MaxTrianglesPerVoxel(options.voxel_size)) {}
+      : options_(options),
+        emit_(emit),
+        max_triangles_(MaxTrianglesPerVoxel(options.voxel_size, options.masks)) {}
 
   Status InMemory(const std::vector<TriangleRecord>& records, const Region& region) {
     records_ = &records;

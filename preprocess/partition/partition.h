@@ -29,6 +29,7 @@ struct PartitionOptions {
   uint32_t voxel_size = 0;
   uint64_t memory = 0;       ///< bytes for the buffers of regions within a region
   std::string spill_prefix;  ///< of their files' names
+  bool masks = false;        ///< voxels may have opacity masks, which take room
 };
 
 /// Cuts a region into voxels, in memory, by the planes of a kd-tree over it. A triangle that reaches both

@@ -87,9 +87,9 @@ bool HasShading(std::span<const TriangleRecord> triangles, const ShadingOptions&
 
 }  // namespace
 
-uint32_t MaxTrianglesPerVoxel(uint32_t voxel_size) {
+uint32_t MaxTrianglesPerVoxel(uint32_t voxel_size, bool masks) {
   const size_t fixed = kTreeletHeaderSlots * sizeof(KdNode) + HotBytes(1, 0, 0, 0);
-  const size_t each = HotBytes(1, 1, 1, 3) - HotBytes(1, 0, 0, 0);
+  const size_t each = HotBytes(1, 1, 1, 3, masks ? 1 : 0) - HotBytes(1, 0, 0, 0);
   return static_cast<uint32_t>(
       std::clamp<size_t>((voxel_size - std::min<size_t>(voxel_size, fixed)) / each, 1, kMaxVoxelTriangles));
 }
@@ -168,7 +168,7 @@ std::vector<uint16_t> OrderByLeaves(KdTree& tree, size_t triangles) {
 }  // namespace
 
 EncodedVoxel BuildVoxel(std::span<const TriangleRecord> triangles, const Box& cell, float padding,
-                        const ShadingOptions& options, uint32_t voxel_size) {
+                        const ShadingOptions& options, uint32_t voxel_size, const TriangleMasks* masks) {
   const bool has_shading = HasShading(triangles, options);
   Interner<glm::vec3> interner(triangles.size() * 3);
   std::vector<glm::vec3> vertices;
@@ -176,7 +176,11 @@ EncodedVoxel BuildVoxel(std::span<const TriangleRecord> triangles, const Box& ce
   corners.reserve(triangles.size() * 3);
   for (const TriangleRecord& t : triangles)
     for (const glm::vec3& v : t.vertices) corners.push_back(interner.Index(v, vertices));
-  const size_t without_tree = HotBytes(0, 0, triangles.size(), vertices.size());
+  const bool has_masks = masks != nullptr && std::ranges::any_of(triangles, [&](const TriangleRecord& t) {
+                           return masks->is_mapped(t.material);
+                         });
+  const size_t without_tree =
+      HotBytes(0, 0, triangles.size(), vertices.size(), has_masks ? triangles.size() : 0);
   const size_t room = voxel_size > without_tree ? voxel_size - without_tree : 0;
 
   HotVoxel voxel;
@@ -203,6 +207,7 @@ EncodedVoxel BuildVoxel(std::span<const TriangleRecord> triangles, const Box& ce
     voxel.triangle_ids.push_back(t.id);
     voxel.materials.push_back(static_cast<uint16_t>(t.material));
     voxel.parts.push_back(t.part);
+    if (has_masks) voxel.masks.push_back(masks->mask_of(t));
     if (has_shading) ordered.push_back(options.smoothed ? WithAllNormals(t) : t);
   }
   if (!has_shading) return EncodeVoxel(voxel, nullptr);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <span>
 
 #include "common/kdtree/build/build.h"
@@ -9,8 +10,14 @@
 namespace quarry {
 
 /// Most triangles of a voxel whose decoded hot block never exceeds `voxel_size` bytes, even if no two
-/// triangles share a vertex and the tree is a single leaf.
-uint32_t MaxTrianglesPerVoxel(uint32_t voxel_size);
+/// triangles share a vertex and the tree is a single leaf. `masks`: it may have opacity masks.
+uint32_t MaxTrianglesPerVoxel(uint32_t voxel_size, bool masks = false);
+
+/// The opacity masks of triangles; see opacity_mask.h.
+struct TriangleMasks {
+  std::function<bool(uint32_t material)> is_mapped;  ///< whether a material's triangles have masks
+  std::function<uint32_t(const TriangleRecord&)> mask_of;
+};
 
 /// Which voxels have attributes to store.
 struct ShadingOptions {
@@ -19,9 +26,11 @@ struct ShadingOptions {
 };
 
 /// Builds, lays out and compresses a voxel: vertices shared by value, a kd-tree over `cell` in the room that
-/// `voxel_size` leaves, shading attributes in a block of their own.
+/// `voxel_size` leaves, shading attributes in a block of their own. `masks`: null if no material has masks;
+/// a voxel has them if one of its triangles' materials does.
 /// Requires: 1 <= triangles.size() <= MaxTrianglesPerVoxel(voxel_size). Deterministic. Thread-safe.
 EncodedVoxel BuildVoxel(std::span<const TriangleRecord> triangles, const Box& cell, float padding,
-                        const ShadingOptions& options, uint32_t voxel_size);
+                        const ShadingOptions& options, uint32_t voxel_size,
+                        const TriangleMasks* masks = nullptr);
 
 }  // namespace quarry

@@ -98,8 +98,11 @@ class PassReader {
   bool has_next_ = false;
 };
 
-/// A copy of a file that is too large for memory, with normals.
-Result<SpillFile> SmoothFile(const SpillFile& triangles, RegionNormals normals, const std::string& prefix) {
+using Drop = std::function<bool(const TriangleRecord&)>;
+
+/// A copy of a file that is too large for memory, with normals, without what is dropped.
+Result<SpillFile> SmoothFile(const SpillFile& triangles, RegionNormals normals, const std::string& prefix,
+                             const Drop& drop) {
   constexpr size_t kSmallBlock = 64 << 10;  // a region of 10 million triangles has 39 passes
   SpillFile::Options small;
   small.block_bytes = kSmallBlock;
@@ -128,12 +131,22 @@ Result<SpillFile> SmoothFile(const SpillFile& triangles, RegionNormals normals, 
     TriangleRecord t = record;
     for (PassReader& pass : passes) pass.Apply(number, t);
     ++number;
-    return smooth.Append(&t);
+    return drop && drop(t) ? Status{} : smooth.Append(&t);
   }));
   for (const PassReader& pass : passes) QUARRY_TRY(pass.status());
   QUARRY_TRY(smooth.FinishWriting());
   for (const SpillFile& file : found) file.Remove();
   return smooth;
+}
+
+/// A copy of a file without what is dropped.
+Result<SpillFile> KeptOf(const SpillFile& triangles, const std::string& prefix, const Drop& drop) {
+  QUARRY_ASSIGN(SpillFile kept, SpillFile::Open(prefix + "kept", triangles.element_bytes(), 0));
+  QUARRY_TRY(ForEachRecord(triangles, 0, triangles.count(), [&](const TriangleRecord& t) -> Status {
+    return drop(t) ? Status{} : kept.Append(&t);
+  }));
+  QUARRY_TRY(kept.FinishWriting());
+  return kept;
 }
 
 }  // namespace
@@ -152,17 +165,20 @@ Status SmoothRecords(std::vector<TriangleRecord>& records, const Box& cell, cons
 
 Result<TopSubtree> PartitionSmoothed(const SpillFile& triangles, const Region& region, const Box& content,
                                      const PartitionOptions& options, const SpillFile* border, double crease,
-                                     const std::function<Status(VoxelTask)>& emit) {
-  if (crease <= 0) return PartitionFile(triangles, region, content, options, emit);
+                                     const std::function<Status(VoxelTask)>& emit, const Drop& drop) {
   if (triangles.count() <= kMostInMemory) {
     QUARRY_ASSIGN(std::vector<TriangleRecord> records, LoadRecords(triangles, 0, triangles.count()));
-    QUARRY_TRY(SmoothRecords(records, region.cell, border, crease));
+    if (crease > 0) QUARRY_TRY(SmoothRecords(records, region.cell, border, crease));
+    if (drop) std::erase_if(records, drop);
     return PartitionInMemory(records, region, options, emit);
   }
-  QUARRY_ASSIGN(const SpillFile smooth,
-                SmoothFile(triangles, RegionNormals(region.cell, border, crease), options.spill_prefix));
-  auto part = PartitionFile(smooth, region, content, options, emit);
-  smooth.Remove();
+  if (crease <= 0 && !drop) return PartitionFile(triangles, region, content, options, emit);
+  auto copy = crease > 0 ? SmoothFile(triangles, RegionNormals(region.cell, border, crease),
+                                      options.spill_prefix, drop)
+                         : KeptOf(triangles, options.spill_prefix, drop);
+  if (!copy) return tl::unexpected<Error>(copy.error());
+  auto part = PartitionFile(*copy, region, content, options, emit);
+  copy->Remove();
   return part;
 }
 

@@ -58,6 +58,8 @@ Status ImageDecoder::Start() {
   ::close(out[1]);
   to_ = in[1];
   from_ = out[0];
+  // Fewer turns between the processes. Best effort: the system limits the size.
+  ::fcntl(from_, F_SETPIPE_SZ, 1 << 20);
   if (error == 0) return {};
   child_ = -1;
   Stop();
@@ -151,6 +153,21 @@ Result<ImageFacts> ImageDecoder::ReceiveFacts(const TextureImage& image) {
 }
 
 Status ImageDecoder::Decode(const TextureImage& image, const OnFacts& on_facts, const OnRow& on_row) {
+  uint64_t row_bytes = 1;
+  return DecodeRows(
+      image,
+      [&](const ImageFacts& facts) {
+        row_bytes = facts.row_bytes();
+        return on_facts(facts);
+      },
+      [&](const Bytes& rows) -> Status {
+        for (uint64_t at = 0; at < rows.size(); at += row_bytes)
+          QUARRY_TRY(on_row(std::span(rows).subspan(at, row_bytes)));
+        return {};
+      });
+}
+
+Status ImageDecoder::DecodeRows(const TextureImage& image, const OnFacts& on_facts, const OnRows& on_rows) {
   QUARRY_TRY(Ask(ImageMessage::kDecode, image));
   QUARRY_ASSIGN(const ImageFacts facts, ReceiveFacts(image));
   const auto given = [&](Status status) {
@@ -161,7 +178,7 @@ Status ImageDecoder::Decode(const TextureImage& image, const OnFacts& on_facts, 
   QUARRY_TRY(given(on_facts(facts)));
   uint64_t rows = 0;
   for (;;) {
-    QUARRY_ASSIGN(const Message message, Receive(image));
+    QUARRY_ASSIGN(Message message, Receive(image));
     if (message.kind == ImageMessage::kEnd && rows == facts.height) return {};
     const uint64_t count = message.bytes.size() / facts.row_bytes();
     if (message.kind != ImageMessage::kRows || count * facts.row_bytes() != message.bytes.size() ||
@@ -170,8 +187,7 @@ Status ImageDecoder::Decode(const TextureImage& image, const OnFacts& on_facts, 
       return Refused(image, "the decoder gives other rows than it has said");
     }
     rows += count;
-    for (uint64_t r = 0; r < count; ++r)
-      QUARRY_TRY(given(on_row(std::span(message.bytes).subspan(r * facts.row_bytes(), facts.row_bytes()))));
+    QUARRY_TRY(given(on_rows(std::move(message.bytes))));
   }
 }
 

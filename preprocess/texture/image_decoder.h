@@ -30,8 +30,12 @@ class ImageDecoder {
 
   using OnFacts = std::function<Status(const ImageFacts&)>;
   using OnRow = std::function<Status(std::span<const std::byte>)>;
-  /// Decodes an image: calls `facts`, then passes all rows. Requires: the image lies in a file. Errors, a
-  /// sentence with the image's name: cannot be read; the decoder crashed; the callbacks'. See is_fatal().
+  using OnRows = std::function<Status(Bytes)>;
+  /// Decodes an image: calls `facts`, then passes all rows, many at a time. Requires: the image lies in a
+  /// file. Errors, a sentence with the image's name: cannot be read; the decoder crashed; the callbacks'. See
+  /// is_fatal().
+  Status DecodeRows(const TextureImage& image, const OnFacts& facts, const OnRows& rows);
+  /// Likewise, row by row.
   Status Decode(const TextureImage& image, const OnFacts& facts, const OnRow& row);
   /// The facts from the image's header alone. Errors: as Decode().
   Result<ImageFacts> LookAt(const TextureImage& image);

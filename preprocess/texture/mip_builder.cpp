@@ -27,9 +27,8 @@ Status MipBuilder::AddRow(std::span<const std::byte> texels) {
   const uint32_t row = levels_[0].row;
   QUARRY_TRY(Store(0, texels));
   if (levels_.size() == 1) return {};
-  std::vector<float> linear;
-  ToLinear(texels, layout_, linear);
-  return PassOn(0, row, linear);
+  ToLinear(texels, layout_, linear_);
+  return PassOn(0, row, linear_);
 }
 
 /// Stores a row of a level and emits the pages that it completes.
@@ -68,7 +67,7 @@ Status MipBuilder::EmitStrip(uint32_t l) {
 /// i of the next level covers (n - i) / h of row 2i, n / h of row 2i + 1 and (i + 1) / h of row 2i + 2.
 Status MipBuilder::PassOn(uint32_t l, uint32_t row, const std::vector<float>& linear) {
   const uint32_t height = shape_.levels()[l].height, n = height / 2;
-  std::vector<float> half;
+  std::vector<float>& half = levels_[l].half;
   Halve(linear, shape_.levels()[l].width, half);
   std::vector<float>& mean = levels_[l].mean;
   const auto add = [&](float weight) {
@@ -102,33 +101,40 @@ Status MipBuilder::PassOn(uint32_t l, uint32_t row, const std::vector<float>& li
 }
 
 Status MipBuilder::AddLinear(uint32_t l, const std::vector<float>& linear) {
-  Bytes texels;
-  FromLinear(linear, layout_, texels);
+  FromLinear(linear, layout_, texels_);
   const uint32_t row = levels_[l].row;
-  QUARRY_TRY(Store(l, texels));
+  QUARRY_TRY(Store(l, texels_));
   return l + 1 < levels_.size() ? PassOn(l, row, linear) : Status{};
 }
 
+namespace {
+
+template <uint32_t kChannels>
+void HalveRow(const float* in, uint32_t width, float* out) {
+  const uint32_t n = width / 2;
+  if (width % 2 == 0) {
+    for (uint32_t i = 0; i < n; ++i, in += 2 * kChannels, out += kChannels)
+      for (uint32_t c = 0; c < kChannels; ++c) out[c] = 0.5f * (in[c] + in[kChannels + c]);
+    return;
+  }
+  const auto w = static_cast<float>(width);
+  for (uint32_t i = 0; i < n; ++i, in += 2 * kChannels, out += kChannels)
+    for (uint32_t c = 0; c < kChannels; ++c)
+      out[c] = (static_cast<float>(n - i) * in[c] + static_cast<float>(n) * in[kChannels + c] +
+                static_cast<float>(i + 1) * in[2 * kChannels + c]) /
+               w;
+}
+
+}  // namespace
+
 void MipBuilder::Halve(const std::vector<float>& wide, uint32_t width, std::vector<float>& out) const {
-  const uint32_t channels = layout_.channels, n = width / 2;
   if (width == 1) {
     out = wide;
     return;
   }
-  out.resize(size_t{n} * channels);
-  const auto w = static_cast<float>(width);
-  for (uint32_t i = 0; i < n; ++i) {
-    const float* in = &wide[size_t{2} * i * channels];
-    for (uint32_t c = 0; c < channels; ++c) {
-      float& mean = out[size_t{i} * channels + c];
-      if (width % 2 == 0)
-        mean = 0.5f * (in[c] + in[channels + c]);
-      else
-        mean = (static_cast<float>(n - i) * in[c] + static_cast<float>(n) * in[channels + c] +
-                static_cast<float>(i + 1) * in[2 * channels + c]) /
-               w;
-    }
-  }
+  out.resize(size_t{width / 2} * layout_.channels);
+  constexpr decltype(&HalveRow<1>) kHalve[] = {HalveRow<1>, HalveRow<2>, HalveRow<3>, HalveRow<4>};
+  kHalve[layout_.channels - 1](wide.data(), width, out.data());
 }
 
 }  // namespace quarry

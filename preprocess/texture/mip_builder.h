@@ -29,6 +29,7 @@ class MipBuilder {
     Bytes strip;              ///< rows of the pages that are being filled
     uint32_t row = 0;         ///< the next row's number
     std::vector<float> mean;  ///< of the next level's row, incomplete
+    std::vector<float> half;  ///< working memory: a row of half the width
   };
   Status Store(uint32_t level, std::span<const std::byte> texels);
   Status EmitStrip(uint32_t level);
@@ -41,6 +42,8 @@ class MipBuilder {
   Emit emit_;
   std::vector<Level> levels_;
   Bytes tail_, page_;
+  std::vector<float> linear_;  ///< working memory: rows of level 0, and of others as stored
+  Bytes texels_;
   size_t tail_filled_ = 0;
 };
 

@@ -1,52 +1,86 @@
 #include "preprocess/texture/page_pipeline.h"
 
-#include <algorithm>
+#include <boost/asio/post.hpp>
+#include <boost/asio/thread_pool.hpp>
+#include <deque>
+#include <future>
+#include <optional>
+#include <utility>
 
 namespace quarry {
 namespace {
 
-constexpr size_t kBatchPages = 64;
+constexpr size_t kMostPages = 128;
 
 }  // namespace
 
+struct PagePipeline::Impl {
+  /// A page under way, or a step.
+  struct Entry {
+    uint32_t page = 0;
+    std::future<EncodedPage> encoded;
+    std::function<Status()> step;
+  };
+
+  Impl(StoreWriter& to, unsigned threads) : writer(to) {
+    if (threads > 1) pool.emplace(threads);
+  }
+
+  Status TakeOldest() {
+    Entry entry = std::move(entries.front());
+    entries.pop_front();
+    if (entry.step) return entry.step();
+    --pages;
+    return writer.AddPage(entry.page, entry.encoded.get());
+  }
+
+  /// Takes what is done already, so that steps come soon; waits only beyond kMostPages.
+  Status TakeDone() {
+    while (!entries.empty() &&
+           (entries.front().step || pages > kMostPages ||
+            entries.front().encoded.wait_for(std::chrono::seconds(0)) == std::future_status::ready))
+      QUARRY_TRY(TakeOldest());
+    return {};
+  }
+
+  StoreWriter& writer;
+  TexelLayout layout;
+  std::deque<Entry> entries;
+  size_t pages = 0;  ///< among the entries
+  std::optional<boost::asio::thread_pool> pool;
+};
+
+PagePipeline::PagePipeline(StoreWriter& writer, unsigned threads)
+    : impl_(std::make_unique<Impl>(writer, threads)) {}
+
 PagePipeline::~PagePipeline() {
-  if (under_way_.valid()) under_way_.wait();
+  if (impl_->pool) impl_->pool->join();
 }
 
+void PagePipeline::Begin(const TexelLayout& layout) { impl_->layout = layout; }
+
 Status PagePipeline::Add(uint32_t page, std::span<const std::byte> texels) {
-  gathered_.push_back({page, Bytes(texels.begin(), texels.end()), {}});
-  return gathered_.size() == kBatchPages ? HandOver() : Status{};
+  const TexelLayout layout = impl_->layout;
+  if (!impl_->pool)
+    return impl_->writer.AddPage(
+        page, EncodeTexturePage(TextureShape(layout.width, layout.height), layout, page, texels));
+  auto work = std::make_shared<std::packaged_task<EncodedPage()>>(
+      [layout, page, copy = Bytes(texels.begin(), texels.end())] {
+        return EncodeTexturePage(TextureShape(layout.width, layout.height), layout, page, copy);
+      });
+  impl_->entries.push_back({page, work->get_future(), {}});
+  ++impl_->pages;
+  boost::asio::post(*impl_->pool, [work] { (*work)(); });
+  return impl_->TakeDone();
+}
+
+Status PagePipeline::Then(std::function<Status()> step) {
+  impl_->entries.push_back({0, {}, std::move(step)});
+  return impl_->TakeDone();
 }
 
 Status PagePipeline::Finish() {
-  if (!gathered_.empty()) QUARRY_TRY(HandOver());
-  return under_way_.valid() ? under_way_.get() : Status{};
-}
-
-Status PagePipeline::HandOver() {
-  if (under_way_.valid()) QUARRY_TRY(under_way_.get());
-  batch_.clear();
-  std::swap(batch_, gathered_);
-  if (threads_ == 1) return EncodeBatch();
-  under_way_ = std::async(std::launch::async, [this] { return EncodeBatch(); });
-  return {};
-}
-
-Status PagePipeline::EncodeBatch() {
-  const TexelLayout& layout = writer_.textures().back().texture.layout;
-  const TextureShape shape(layout.width, layout.height);
-  const auto encode = [&](size_t begin, size_t end) {
-    for (size_t i = begin; i < end; ++i)
-      batch_[i].encoded = EncodeTexturePage(shape, layout, batch_[i].page, batch_[i].texels);
-  };
-  // The thread that makes the levels is busy too.
-  const size_t slices = std::max<size_t>(threads_ - 1, 1), each = (batch_.size() + slices - 1) / slices;
-  std::vector<std::future<void>> others;
-  for (size_t begin = each; begin < batch_.size(); begin += each)
-    others.push_back(std::async(std::launch::async, encode, begin, std::min(begin + each, batch_.size())));
-  encode(0, std::min(each, batch_.size()));
-  for (auto& other : others) other.get();
-  for (const Task& task : batch_) QUARRY_TRY(writer_.AddPage(task.page, task.encoded));
+  while (!impl_->entries.empty()) QUARRY_TRY(impl_->TakeOldest());
   return {};
 }
 

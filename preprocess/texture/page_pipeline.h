@@ -1,9 +1,10 @@
 #pragma once
 
 #include <cstdint>
-#include <future>
+#include <functional>
+#include <memory>
 #include <span>
-#include <vector>
+#include <string>
 
 #include "common/base/bytes.h"
 #include "common/base/status.h"
@@ -11,32 +12,25 @@
 
 namespace quarry {
 
-/// Encodes the pages of the writer's last texture on `threads` threads and writes them in the order of Add().
-/// Memory: two batches of pages. Thread safety: one caller.
+/// Encodes the pages of textures on `threads` threads and writes them in the order of Add(). One texture's
+/// pages are encoded while the next one's are made. With one thread, Add() encodes. Memory: 128 pages. Thread
+/// safety: one caller, whose thread also writes.
 class PagePipeline {
  public:
-  PagePipeline(StoreWriter& writer, unsigned threads) : writer_(writer), threads_(threads) {}
+  PagePipeline(StoreWriter& writer, unsigned threads);
   ~PagePipeline();
-  PagePipeline(const PagePipeline&) = delete;
 
-  /// Errors: those of an earlier page; disk full.
+  /// Begins a texture, whose pages follow. Errors, here and below: disk full; those of a step of Then().
+  void Begin(const TexelLayout& layout);
   Status Add(uint32_t page, std::span<const std::byte> texels);
-  /// Waits until all pages are written. Errors: as Add().
+  /// Calls `step` once all pages added before it are written, before any page added after it is.
+  Status Then(std::function<Status()> step);
+  /// Waits until all is written.
   Status Finish();
 
  private:
-  struct Task {
-    uint32_t page = 0;
-    Bytes texels;
-    EncodedPage encoded;
-  };
-  Status HandOver();
-  Status EncodeBatch();
-
-  StoreWriter& writer_;
-  unsigned threads_;
-  std::vector<Task> gathered_, batch_;  ///< a second thread owns the batch while it runs
-  std::future<Status> under_way_;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
 };
 
 }  // namespace quarry

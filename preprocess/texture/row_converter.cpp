@@ -60,6 +60,9 @@ void RowConverter::Pick(std::span<const std::byte> row, std::vector<Sample>& out
 
 std::span<const std::byte> RowConverter::Convert(std::span<const std::byte> row) {
   QUARRY_CHECK(row.size() == facts_.row_bytes());
+  const bool all = (pick_ == TexturePick::kColor || pick_ == TexturePick::kColorAndAlpha) &&
+                   layout_.channels == facts_.channels;
+  if (!facts_.real && all) return row;
   if (!facts_.real) {
     Pick(row, bytes_);
     return std::as_bytes(std::span(bytes_));

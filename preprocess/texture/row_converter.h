@@ -19,7 +19,9 @@ class RowConverter {
   RowConverter(const ImageFacts& facts, bool color, TexturePick pick);
 
   const TexelLayout& layout() const { return layout_; }
-  /// The stored texels of a row, valid until the next call. Requires: row.size() is facts.row_bytes().
+  size_t row_bytes() const { return facts_.row_bytes(); }
+  /// The stored texels of a row, valid until the next call and as long as `row`. Requires: row.size() is
+  /// facts.row_bytes().
   std::span<const std::byte> Convert(std::span<const std::byte> row);
 
  private:
@@ -34,5 +36,11 @@ class RowConverter {
   std::vector<float> reals_;
   std::vector<uint8_t> bytes_;
 };
+
+/// Whether the texels of an image with `layout` hold opacity, picked by `pick`: an image asked for its alpha
+/// may have none.
+inline bool HasOpacity(const TexelLayout& layout, TexturePick pick) {
+  return pick != TexturePick::kColorAndAlpha || layout.has_alpha();
+}
 
 }  // namespace quarry

@@ -2,13 +2,14 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
 #include <memory>
 #include <optional>
+#include <utility>
 
 #include "common/base/resource.h"
 #include "preprocess/texture/mip_builder.h"
-#include "preprocess/texture/page_pipeline.h"
 #include "preprocess/texture/row_converter.h"
 
 namespace quarry {
@@ -18,13 +19,19 @@ using Clock = std::chrono::steady_clock;
 
 constexpr double kSecondsPerCheckpoint = 1;
 
+/// What a checkpoint tells of an image.
+enum class Carried : uint8_t { kLeftOut, kTexture, kShared };
+
 }  // namespace
 
 Status TextureStage::Restore(std::span<const std::byte> checkpoint, std::vector<WrittenTexture>& textures) {
   ByteReader in(checkpoint);
   while (in.ok() && in.remaining() > 0) {
-    if (in.Get<uint8_t>() == 0) {
-      numbers_.push_back(kNoIndex);
+    const auto carried = static_cast<Carried>(in.Get<uint8_t>());
+    if (carried == Carried::kLeftOut || carried == Carried::kShared) {
+      numbers_.push_back(carried == Carried::kShared ? in.Get<uint32_t>() : kNoIndex);
+      if (carried == Carried::kShared && numbers_.back() >= textures.size())
+        return Fail("its journal cannot be read");
       continue;
     }
     WrittenTexture t;
@@ -36,11 +43,14 @@ Status TextureStage::Restore(std::span<const std::byte> checkpoint, std::vector<
     const auto pages = in.Get<uint32_t>();
     t.texture.pages = in.GetArray<BlockEntry>(pages);
     t.logical = in.GetArray<uint64_t>(pages);
-    numbers_.push_back(static_cast<uint32_t>(textures.size()));
+    const auto number = static_cast<uint32_t>(textures.size());
+    numbers_.push_back(number);
     pages_ += pages;
+    Know(t, number);
     textures.push_back(std::move(t));
   }
   saved_ = numbers_.size();
+  saved_textures_ = static_cast<uint32_t>(textures.size());
   if (!in.ok() || numbers_.size() > images_.size()) return Fail("its journal cannot be read");
   return {};
 }
@@ -49,8 +59,13 @@ Bytes TextureStage::TakeUnsaved(const StoreWriter& writer) {
   ByteWriter out;
   for (; saved_ < numbers_.size(); ++saved_) {
     const uint32_t number = numbers_[saved_];
-    out.Put<uint8_t>(number != kNoIndex);
-    if (number == kNoIndex) continue;
+    const Carried carried = number == kNoIndex         ? Carried::kLeftOut
+                            : number < saved_textures_ ? Carried::kShared
+                                                       : Carried::kTexture;
+    out.Put(static_cast<uint8_t>(carried));
+    if (carried == Carried::kShared) out.Put(number);
+    if (carried != Carried::kTexture) continue;
+    ++saved_textures_;
     const WrittenTexture& t = writer.textures()[number];
     out.Put(static_cast<uint32_t>(t.texture.name.size()));
     out.PutArray(t.texture.name);
@@ -71,62 +86,116 @@ Status TextureStage::Run(StoreWriter& writer, Progress& progress,
   const auto start = Clock::now();
   auto saved = start;
   progress.Begin(fmt::format("carrying {} images", images_.size()), "", numbers_.size());
+  ImageReader reader(images_, numbers_.size(), decoding_);
+  PagePipeline pages(writer, threads_);
   for (size_t i = numbers_.size(); i < images_.size(); ++i) {
-    QUARRY_TRY(Carry(images_[i], writer));
-    progress.Update(i + 1, images_.size());
-    if (SecondsSince(saved) < kSecondsPerCheckpoint) continue;
-    QUARRY_TRY(writer.Sync());
-    QUARRY_TRY(save(TakeUnsaved(writer)));
-    saved = Clock::now();
+    QUARRY_TRY(Carry(images_[i], reader, pages, writer));
+    QUARRY_TRY(pages.Then([&]() -> Status {
+      progress.Update(numbers_.size(), images_.size());
+      if (SecondsSince(saved) < kSecondsPerCheckpoint) return {};
+      QUARRY_TRY(writer.Sync());
+      QUARRY_TRY(save(TakeUnsaved(writer)));
+      saved = Clock::now();
+      return {};
+    }));
   }
+  QUARRY_TRY(pages.Finish());
   progress.End();
   wall_s_ = SecondsSince(start);
   return {};
 }
 
-Status TextureStage::Carry(const TextureImage& image, StoreWriter& writer) {
+/// Makes the pages of an image; the pipeline's steps note what becomes of it.
+Status TextureStage::Carry(const TextureImage& image, ImageReader& reader, PagePipeline& pages,
+                           StoreWriter& writer) {
   std::optional<RowConverter> converter;
   std::optional<MipBuilder> mips;
-  PagePipeline pages(writer, threads_);
-  const auto on_facts = [&](const ImageFacts& facts) -> Status {
-    const uint32_t more = TextureShape(facts.width, facts.height).pages();
-    if (more > kMaxPages - pages_)
-      return Fail(
-          fmt::format("{}, image {}: with it, textures have more than {} pages; --no-textures does without",
-                      image.model, image.name, kMaxPages));
-    converter.emplace(facts, image.color, image.pick);
-    writer.BeginTexture(image.name, converter->layout());
-    mips.emplace(converter->layout(), [&pages](uint32_t page, std::span<const std::byte> texels) {
-      return pages.Add(page, texels);
-    });
-    return {};
-  };
-  const auto on_row = [&](std::span<const std::byte> row) { return mips->AddRow(converter->Convert(row)); };
-  Status carried = decoder_.Decode(image, on_facts, on_row);
-  QUARRY_TRY(pages.Finish());
-  if (!carried && decoder_.is_fatal()) return carried;
-  if (carried) {
-    numbers_.push_back(static_cast<uint32_t>(writer.textures().size() - 1));
-    pages_ += static_cast<uint32_t>(writer.textures().back().texture.pages.size());
-    return {};
+  for (;;) {
+    ImageReader::Piece piece = reader.Next();
+    switch (piece.kind) {
+      case ImageReader::Piece::Kind::kFacts: {
+        converter.emplace(piece.facts, image.color, image.pick);
+        const TexelLayout layout = converter->layout();
+        QUARRY_TRY(pages.Then([this, &image, &writer, layout] { return Begin(image, layout, writer); }));
+        pages.Begin(layout);
+        mips.emplace(layout, [&pages](uint32_t page, std::span<const std::byte> texels) {
+          return pages.Add(page, texels);
+        });
+        break;
+      }
+      case ImageReader::Piece::Kind::kRows: {
+        const size_t row = converter->row_bytes();
+        for (size_t at = 0; at < piece.rows.size(); at += row)
+          QUARRY_TRY(mips->AddRow(converter->Convert(std::span(piece.rows).subspan(at, row))));
+        break;
+      }
+      case ImageReader::Piece::Kind::kEnd:
+        if (piece.status) return pages.Then([this, &writer] { return Settle(writer); });
+        if (piece.fatal) return piece.status;
+        return pages.Then(
+            [this, &writer, begun = mips.has_value(), error = piece.status.error()]() -> Status {
+              if (begun) QUARRY_TRY(writer.DropTexture());
+              numbers_.push_back(kNoIndex);
+              warn_(error.message + "; materials do without");
+              return {};
+            });
+    }
   }
-  if (mips) QUARRY_TRY(writer.DropTexture());
-  numbers_.push_back(kNoIndex);
-  warn_(carried.error().message + "; materials do without");
+}
+
+Status TextureStage::Begin(const TextureImage& image, const TexelLayout& layout, StoreWriter& writer) const {
+  if (TextureShape(layout.width, layout.height).pages() > kMaxPages - pages_)
+    return Fail(
+        fmt::format("{}, image {}: with it, textures have more than {} pages; --no-textures does without",
+                    image.model, image.name, kMaxPages));
+  writer.BeginTexture(image.name, layout);
   return {};
 }
 
-void TextureStage::Renumber(std::vector<Material>& materials) const {
+/// Keeps the texture written last, unless it is there already.
+Status TextureStage::Settle(StoreWriter& writer) {
+  const auto number = static_cast<uint32_t>(writer.textures().size() - 1);
+  const WrittenTexture& last = writer.textures().back();
+  const uint32_t equal = FindEqual(last, std::span(writer.textures()).first(number));
+  numbers_.push_back(equal == kNoIndex ? number : equal);
+  if (equal != kNoIndex) return writer.DropTexture();
+  pages_ += static_cast<uint32_t>(last.texture.pages.size());
+  Know(last, number);
+  return {};
+}
+
+/// The earlier texture with the same texels, or kNoIndex. Pages of equal checksums are equal.
+uint32_t TextureStage::FindEqual(const WrittenTexture& texture,
+                                 std::span<const WrittenTexture> earlier) const {
+  const auto [begin, end] = texels_.equal_range(Checksum(std::as_bytes(std::span(texture.logical))));
+  const auto it = std::find_if(begin, end, [&](const auto& entry) {
+    const WrittenTexture& other = earlier[entry.second];
+    return other.texture.layout == texture.texture.layout && other.logical == texture.logical;
+  });
+  return it == end ? kNoIndex : it->second;
+}
+
+void TextureStage::Know(const WrittenTexture& texture, uint32_t number) {
+  texels_.emplace(Checksum(std::as_bytes(std::span(texture.logical))), number);
+}
+
+void TextureStage::Renumber(std::vector<Material>& materials, const StoreWriter& writer) const {
+  const auto left_out = [&](const TextureBinding& b) {
+    const uint32_t number = numbers_[b.texture];
+    return number == kNoIndex ||
+           (b.use == TextureUse::kOpacity &&
+            !HasOpacity(writer.textures()[number].texture.layout, images_[b.texture].pick));
+  };
   for (Material& material : materials) {
+    std::erase_if(material.textures, left_out);
     for (TextureBinding& binding : material.textures) binding.texture = numbers_[binding.texture];
-    std::erase_if(material.textures, [](const TextureBinding& b) { return b.texture == kNoIndex; });
   }
 }
 
 TextureStatistics TextureStage::Statistics(const StoreWriter& writer) const {
   TextureStatistics statistics;
   statistics.textures = writer.textures().size();
-  statistics.left_out = numbers_.size() - writer.textures().size();
+  statistics.left_out = static_cast<uint64_t>(std::ranges::count(numbers_, kNoIndex));
   for (const WrittenTexture& t : writer.textures()) {
     statistics.pages += t.texture.pages.size();
     for (const BlockEntry& page : t.texture.pages) {

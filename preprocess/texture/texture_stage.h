@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <functional>
 #include <string>
+#include <unordered_map>
 #include <vector>
 
 #include "common/base/bytes.h"
@@ -11,6 +12,8 @@
 #include "common/voxel/store_writer.h"
 #include "preprocess/import/texture_image.h"
 #include "preprocess/texture/image_decoder.h"
+#include "preprocess/texture/image_reader.h"
+#include "preprocess/texture/page_pipeline.h"
 
 namespace quarry {
 
@@ -23,13 +26,14 @@ struct TextureStatistics {
 };
 
 /// Carries a scene's images into the store, one after the other: the helper process decodes rows, which
-/// become pages as they come. An image that cannot be read is left out with a warning. Memory: kPageSide rows
-/// of each level, 34 MB for the largest image allowed. Thread safety: none.
+/// become pages as they come; the next image is decoded while one is packed. An image whose texels an earlier
+/// one has is stored once. An image that cannot be read is left out with a warning. Memory: kPageSide rows of
+/// each level, 34 MB for the largest image allowed. Thread safety: none.
 class TextureStage {
  public:
   using Warn = std::function<void(const std::string&)>;
   TextureStage(const std::vector<TextureImage>& images, ImageDecoding decoding, unsigned threads, Warn warn)
-      : images_(images), decoder_(std::move(decoding)), threads_(threads), warn_(std::move(warn)) {}
+      : images_(images), decoding_(std::move(decoding)), threads_(threads), warn_(std::move(warn)) {}
 
   /// Takes over an earlier run's work from a checkpoint; call it for each in order. `textures`: for the
   /// store's writer. Errors: the checkpoint cannot be read.
@@ -37,21 +41,28 @@ class TextureStage {
   /// Carries the remaining images. `save` is called now and then with a checkpoint of the images since the
   /// last, after the writer's file has been synchronised. Errors: disk full; too little memory.
   Status Run(StoreWriter& writer, Progress& progress, const std::function<Status(const Bytes&)>& save);
-  /// Renumbers the materials' bindings to the store's textures; bindings of images left out are removed.
-  void Renumber(std::vector<Material>& materials) const;
+  /// Renumbers the materials' bindings to the store's textures. Bindings of images left out are removed, and
+  /// those of opacity to images without alpha.
+  void Renumber(std::vector<Material>& materials, const StoreWriter& writer) const;
   /// A checkpoint of the images carried since the last.
   Bytes TakeUnsaved(const StoreWriter& writer);
   TextureStatistics Statistics(const StoreWriter& writer) const;
 
  private:
-  Status Carry(const TextureImage& image, StoreWriter& writer);
+  Status Carry(const TextureImage& image, ImageReader& reader, PagePipeline& pages, StoreWriter& writer);
+  Status Begin(const TextureImage& image, const TexelLayout& layout, StoreWriter& writer) const;
+  Status Settle(StoreWriter& writer);
+  uint32_t FindEqual(const WrittenTexture& texture, std::span<const WrittenTexture> earlier) const;
+  void Know(const WrittenTexture& texture, uint32_t number);
 
   const std::vector<TextureImage>& images_;
-  ImageDecoder decoder_;
+  ImageDecoding decoding_;
   unsigned threads_;
   Warn warn_;
   std::vector<uint32_t> numbers_;  ///< of each image done: the store's texture, or kNoIndex
-  size_t saved_ = 0;
+  std::unordered_multimap<uint64_t, uint32_t> texels_;  ///< textures by a checksum of their pages'
+  size_t saved_ = 0;                                    ///< images that checkpoints have
+  uint32_t saved_textures_ = 0;
   uint32_t pages_ = 0;  ///< of the images done
   double wall_s_ = 0;
 };

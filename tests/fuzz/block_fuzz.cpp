@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <span>
 
+#include "common/kdtree/opacity_mask.h"
 #include "common/voxel/block_decoder.h"
 #include "common/voxel/texture_page.h"
 
@@ -44,6 +45,8 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
       if (view->references[r] >= view->triangle_count) std::abort();
     for (uint32_t c = 0; c < 3 * view->triangle_count; ++c)
       if (view->corners[c] >= view->vertex_count) std::abort();
+    for (uint32_t t = 0; view->masks != nullptr && t < view->triangle_count; ++t)
+      if (!quarry::IsMask(view->masks[t])) std::abort();
   }
   std::free(memory);
   return 0;

@@ -238,7 +238,7 @@ TEST_CASE("Stores have the normals of the whole model, whatever regions and memo
   PreprocessOptions options = OptionsFor(folder, WriteObj(folder, ball));
   uint32_t version = 0;
   const Normals stored = StoredNormals(options, &version);
-  CHECK(version == kStoreVersion);
+  CHECK(version == kPackedStoreVersion);
   // The offset moves positions; of a ball about the origin it is zero.
   CHECK(stored == WithFacets(SolveAll(ball, 30), ball));
 

@@ -11,6 +11,7 @@
 #include <random>
 
 #include "common/kdtree/build/treelets.h"
+#include "common/kdtree/opacity_mask.h"
 #include "common/voxel/block_decoder.h"
 #include "common/voxel/store_format.h"
 #include "common/voxel/store_reader.h"
@@ -58,6 +59,7 @@ SceneMeta MakeMeta() {
   m.input_triangles = 9;
   m.dropped_degenerate = 3;
   m.dropped_not_finite = 4;
+  m.dropped_transparent = 1;
   m.voxel_size = 4096;
   return m;
 }
@@ -302,7 +304,8 @@ Bytes Stored(const Bytes& streams) {
 }
 
 size_t DecodedBytes(const HotVoxel& v) {
-  return HotBytes(v.wide_nodes, v.references.size(), v.triangle_ids.size(), v.vertices.size());
+  return HotBytes(v.wide_nodes, v.references.size(), v.triangle_ids.size(), v.vertices.size(),
+                  v.masks.size());
 }
 
 /// The sentence that a block is refused with.
@@ -422,9 +425,12 @@ TEST_CASE("Blocks of random numbers come back as they were") {
     v.triangle_ids.clear();
     v.materials.clear();
     v.parts.clear();
+    v.masks.clear();
     for (uint32_t i = 0; i < triangles; ++i) {
       v.triangle_ids.push_back(random());
       v.parts.push_back(random() >> 1);
+      // States of no more than 2, and in every other voxel none.
+      if (triangles % 2 == 1) v.masks.push_back(random() & kOpaqueMask << (random() % 2));
       v.materials.push_back(static_cast<uint16_t>(random()));
       v.references.push_back(static_cast<uint16_t>(i));
       for (int k = 0; k < 3; ++k) {
@@ -449,7 +455,48 @@ TEST_CASE("Blocks of random numbers come back as they were") {
     CHECK(std::equal(v.triangle_ids.begin(), v.triangle_ids.end(), hot->triangle_ids));
     CHECK(std::equal(v.materials.begin(), v.materials.end(), hot->materials));
     CHECK(std::equal(v.parts.begin(), v.parts.end(), hot->parts));
+    CHECK(encoded.masks == !v.masks.empty());
+    REQUIRE((hot->masks != nullptr) == encoded.masks);
+    CHECK(std::equal(v.masks.begin(), v.masks.end(), hot->masks));
   }
+}
+
+TEST_CASE("A hot block whose opacity masks hold a fourth state is refused") {
+  HotVoxel v = MakeHot();
+  v.masks = {kOpaqueMask, kTransparentMask};
+  CHECK(Refusal(v).empty());
+  for (int bit = 0; bit < 32; bit += 2) {
+    v.masks[1] = kTransparentMask | 1u << bit;
+    CHECK_THAT(Refusal(v), Catch::Contains("an opacity mask holds a state that cannot be"));
+  }
+}
+
+TEST_CASE("A store states whether voxels have opacity masks, in its version too") {
+  const Folder folder;
+  const auto version_of = [&](std::vector<std::vector<uint32_t>> masks, bool packed) {
+    auto writer = StoreWriter::Create(folder.file("s"));
+    if (packed) writer->AllowPackedNormals();
+    for (const std::vector<uint32_t>& of_voxel : masks) {
+      HotVoxel v = MakeHot();
+      v.masks = of_voxel;
+      EncodedVoxel encoded = EncodeVoxel(v, nullptr);
+      encoded.chained = &of_voxel != &masks.back();
+      REQUIRE(writer->AddVoxel(encoded));
+    }
+    REQUIRE(writer->Finish(MakeMeta(), {KdNode::Leaf(0, 1)}, MakeMaterials(), {"valve", "pump"}));
+    const auto store = StoreReader::Open(folder.file("s"));
+    REQUIRE(store);
+    CHECK(FaultOf(folder.file("s")).empty());
+    CHECK(store->catalog().meta.dropped_transparent == 1);
+    CHECK(store->catalog().meta.kept_triangles() == 1);
+    const auto version = static_cast<uint8_t>(ReadFile(folder.file("s"))[8]);
+    CHECK(store->catalog().meta.masks == (version == kStoreVersion));
+    return version;
+  };
+  CHECK(version_of({{}}, false) == kUnpackedStoreVersion);
+  CHECK(version_of({{}}, true) == kPackedStoreVersion);
+  CHECK(version_of({{}, {kOpaqueMask, 0}}, true) == kStoreVersion);
+  CHECK(version_of({{kOpaqueMask, 0}, {}}, false) == kStoreVersion);
 }
 
 TEST_CASE("Nothing is at the final name before a store is finished") {

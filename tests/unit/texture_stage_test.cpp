@@ -60,14 +60,49 @@ TEST_CASE("From a model to texels: what is in the image is in the store, the upp
   for (const MaterialTexture& use : uses) CHECK(use.binding.texture == 0);
 }
 
+TEST_CASE("Images with the same texels are stored once, whatever their paths and forms", "[texture]") {
+  ::signal(SIGPIPE, SIG_IGN);
+  const test::TemporaryFolder folder;
+  Write(folder.file("a.ppm"), "P6 2 1 255\nabcdef");
+  Write(folder.file("copy.ppm"), "P6 2 1 255\nabcdef");             // the same bytes
+  Write(folder.file("other.ppm"), "P6\n# words\n2 1 255\nabcdef");  // other bytes, the same texels
+  Write(folder.file("tall.ppm"), "P6 1 2 255\nabcdef");  // the same bytes of texels, in another shape
+  Write(folder.file("last.ppm"), "P6 2 1 255\nabcdeg");
+  std::string library;
+  for (const char* name : {"a", "copy", "other", "tall", "last", "a"})
+    library += std::string("newmtl ") + name + "\nmap_Kd " + name + ".ppm\nmap_bump " + name + ".ppm\n";
+  Write(folder.file("a.mtl"), library);
+  std::string model = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n";
+  for (const char* name : {"a", "copy", "other", "tall", "last"})
+    model += std::string("usemtl ") + name + "\nf 1/1 2/1 3/1\n";
+  Write(folder.file("a.obj"), model);
+  PreprocessOptions options;
+  options.models = {folder.file("a.obj")};
+  options.output = folder.file("a.quarry");
+  options.quiet = true;
+  const auto statistics = Preprocess(options);
+  REQUIRE(statistics);
+  CHECK(statistics->textures.left_out == 0);
+  const auto store = StoreReader::Open(options.output);
+  REQUIRE(store);
+  // Colours and heights are apart: the one is sRGB-encoded.
+  std::vector<std::string> names;
+  for (const Texture& t : store->textures()) names.push_back(t.name);
+  CHECK(names == std::vector<std::string>{"a.ppm", "a.ppm", "tall.ppm", "tall.ppm", "last.ppm", "last.ppm"});
+  std::vector<uint32_t> numbers;
+  for (const MaterialTexture& use : store->material_textures()) numbers.push_back(use.binding.texture);
+  CHECK(numbers == std::vector<uint32_t>{0, 1, 0, 1, 0, 1, 2, 3, 4, 5});
+}
+
 TEST_CASE("Images that a checkpoint has are not carried again", "[texture]") {
   ::signal(SIGPIPE, SIG_IGN);
   const test::TemporaryFolder folder;
   Write(folder.file("a.ppm"), "P6 2 1 255\nabcdef");
   Write(folder.file("b.ppm"), "P6 2 1 255\n");
   Write(folder.file("c.ppm"), "P6 1 1 255\nxyz");
-  std::vector<TextureImage> images(3);
-  for (size_t i = 0; i < 3; ++i) {
+  Write(folder.file("d.ppm"), "P6 2 1 255\nabcdef");
+  std::vector<TextureImage> images(4);
+  for (size_t i = 0; i < images.size(); ++i) {
     images[i].name = std::string(1, static_cast<char>('a' + i)) + ".ppm";
     images[i].file = folder.file(images[i].name);
     images[i].model = "m";
@@ -100,15 +135,16 @@ TEST_CASE("Images that a checkpoint has are not carried again", "[texture]") {
   REQUIRE(again.Run(*writer, progress, [](const Bytes&) { return Status(); }));
   CHECK(warnings == 1);
   Material material;
-  for (uint32_t i = 0; i < 3; ++i) {
+  for (uint32_t i = 0; i < 4; ++i) {
     TextureBinding binding;
     binding.texture = i;
     material.textures.push_back(binding);
   }
   std::vector<Material> materials{material};
-  again.Renumber(materials);
-  REQUIRE(materials[0].textures.size() == 2);
+  again.Renumber(materials, *writer);
+  REQUIRE(materials[0].textures.size() == 3);
   CHECK((materials[0].textures[0].texture == 0 && materials[0].textures[1].texture == 1));
+  CHECK(materials[0].textures[2].texture == 0);  // its texels are those of the first
   CHECK_FALSE(TextureStage(images, decoding, 1, warn).Restore(std::span(checkpoints[0]).first(20), textures));
 }
 

@@ -47,6 +47,12 @@ class SceneSurfaces {
     const Entry& m = materials_[material];
     return {textures_.data() + m.first, m.count};
   }
+  /// The material's opacity map, or null.
+  const SurfaceTexture* OpacityOf(uint32_t material) const {
+    for (const SurfaceTexture& texture : TexturesOf(material))
+      if (texture.binding.use == TextureUse::kOpacity) return &texture;
+    return nullptr;
+  }
   const TexturePyramid& pyramid(const SurfaceTexture& texture) const {
     return pyramids_[texture.binding.texture];
   }

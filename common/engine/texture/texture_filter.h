@@ -72,6 +72,32 @@ inline void TexelsAlong(float position, uint32_t size, uint32_t& first, uint32_t
   second = static_cast<uint32_t>(i < last ? i + 1 : high);
 }
 
+/// TexelsAlong() for a wrap that is not known before.
+inline void TexelsAlong(TextureWrap wrap, float position, uint32_t size, uint32_t (&texels)[2],
+                        float& weight) {
+  switch (wrap) {
+    case TextureWrap::kRepeat:
+      return TexelsAlong<TextureWrap::kRepeat>(position, size, texels[0], texels[1], weight);
+    case TextureWrap::kClamp:
+      return TexelsAlong<TextureWrap::kClamp>(position, size, texels[0], texels[1], weight);
+    case TextureWrap::kMirror:
+      return TexelsAlong<TextureWrap::kMirror>(position, size, texels[0], texels[1], weight);
+  }
+}
+
+/// The texels of level 0 around a point of the image: of lookups that no footprint may blur.
+inline FilterFootprint BaseFootprint(const TexturePyramid& pyramid, const TextureBinding& binding, float u,
+                                     float v) {
+  const auto& a = binding.transform;
+  FilterFootprint f{};
+  f.count = 1;
+  BilinearTexels& t = f.levels[0];
+  t.share = 1;
+  TexelsAlong(binding.wrap_s, a[0] * u + a[1] * v + a[2], pyramid.levels[0].width, t.x, t.fx);
+  TexelsAlong(binding.wrap_t, a[3] * u + a[4] * v + a[5], pyramid.levels[0].height, t.y, t.fy);
+  return f;
+}
+
 /// The finer of the two levels between which `lod` lies, and the share of the other one: 0 where there is
 /// one.
 inline void LevelsAt(float lod, uint32_t levels, uint32_t& level, float& share) {
