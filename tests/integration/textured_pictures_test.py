@@ -85,6 +85,54 @@ class TexturedPictures(Case):
         print(f"boards: mean error {total / count:.4f}, largest {worst:.4f} of the whites' 0.87", file=sys.stderr)
         self.assertLess(total / count, 0.03)
 
+    def stripes(self, name, cut):
+        """Bars above a floor: by a cut-out of stripes 8 texels wide, or by geometry."""
+        glb = Glb()
+        grey = glb.material(doubleSided=True, pbrMetallicRoughness={"baseColorFactor": [0.7, 0.7, 0.7, 1], "metallicFactor": 0})
+        glb.add(sheet(1, 1, lambda u, v: (14 * u - 2, 14 * v - 2, 0)), grey)
+        if cut:
+            image = glb.image(png(64, 8, lambda y: b"".join(bytes((255, 255, 255, 255 if x // 8 % 2 == 0 else 0)) for x in range(64)), 4))
+            bars = glb.material(doubleSided=True, alphaMode="MASK", pbrMetallicRoughness={
+                "baseColorFactor": [0.7, 0.7, 0.7, 1], "baseColorTexture": {"index": image}, "metallicFactor": 0})
+            for z in (2, 3):
+                glb.add(sheet(5, 5, lambda u, v, z=z: (10 * u, 10 * v, z + u)), bars)
+        else:
+            for z in (2, 3):
+                for k in range(4):
+                    glb.add(sheet(1, 5, lambda u, v, k=k, z=z: (10 * (2 * k + u) / 8, 10 * v, z + (2 * k + u) / 8)), grey)
+        glb.write(self.path(f"{name}.glb"))
+        return self.preprocess([self.path(f"{name}.glb")], f"{name}.quarry", "--up-axis", "z", "--voxel-size", "16K")
+
+    def test_cut_outs_are_holes(self):
+        """Like the same bars without a texture, but for pixels at their edges."""
+        stores = {name: self.stripes(name, name == "cut") for name in ("cut", "bars")}
+        self.assertTrue(self.info(stores["cut"])["opacity_masks"])
+        for mode in ("raycast", "shadow", "whitted", "ao"):
+            for name, store in stores.items():
+                self.picture(store, f"{name}.png", "--mode", mode, "--size", "320x240", "--exposure", 0, "--eye", "13,-7,9",
+                             "--at", "5,5,1", "--up", "0,0,1", "--fov", 50,
+                             *(["--sun", "0.3,0.2,1"] if mode in ("shadow", "whitted") else []))
+            cut, bars = (pixels_of(self.path(f"{name}.png")) for name in stores)
+            unlike = sum(max(abs(a - b) for a, b in zip(p, q)) > 8 for r, s in zip(cut, bars) for p, q in zip(r, s))
+            print(f"cut-outs, {mode}: {unlike} of {320 * 240} pixels unlike", file=sys.stderr)
+            self.assertLess(unlike, 40)
+
+    def test_opacity_without_a_cut_off_is_a_share_of_paths(self):
+        """A sheet of opacity 0.25 over a black floor has a quarter of its brightness, by many samples."""
+        glb = Glb()
+        image = glb.image(png(4, 4, lambda y: bytes((255, 255, 255, 64)) * 4, 4))
+        veil = glb.material(doubleSided=True, alphaMode="BLEND", pbrMetallicRoughness={"baseColorTexture": {"index": image}, "metallicFactor": 0})
+        black = glb.material(pbrMetallicRoughness={"baseColorFactor": [0, 0, 0, 1], "metallicFactor": 0})
+        glb.add(sheet(2, 2, lambda u, v: (10 * u, 10 * v, 1)), veil)
+        glb.add(sheet(2, 2, lambda u, v: (10 * u, 10 * v, 0)), black)
+        glb.write(self.path("v.glb"))
+        store = self.preprocess([self.path("v.glb")], "v.quarry", "--up-axis", "z")
+        self.picture(store, "v.png", "--mode", "raycast", "--exposure", 0, "--size", "16x16", "--spp", 256, "--eye", "5,5,9",
+                     "--at", "5,5,0", "--up", "0,1,0", "--ortho", 8)
+        seen = [as_linear(p[0]) for row in pixels_of(self.path("v.png")) for p in row]
+        self.assertAlmostEqual(sum(seen) / len(seen), 64 / 255, delta=0.01)
+        self.assertGreater(max(seen) - min(seen), 0.01)  # paths differ
+
     def test_the_same_bytes_whatever_happens(self):
         store = self.preprocess(write_scene(self.folder), "s.quarry", "--voxel-size", "32K")
         largest = self.info(store)["largest_decoded_bytes"]
