@@ -339,7 +339,7 @@ TEST_CASE("A tile's memory is fixed when it is opened, and within what engines c
     Bench bench(row);
     bench.Open(view, {kMiddle});
     const size_t opened = bench.renderer.memory_bytes();
-    CHECK(opened <= (view.mode == RenderMode::kWhitted ? 660u << 10 : 230u << 10));
+    CHECK(opened <= (view.mode == RenderMode::kWhitted ? 660u << 10 : 231u << 10));
     while (!bench.renderer.done()) {
       bench.StepOn();
       CHECK(bench.renderer.memory_bytes() == opened);

@@ -124,15 +124,16 @@ QUARRY_HOST_DEVICE inline bool TraceVoxelSingle(const VoxelGeometryOf<Index>& vo
         Rotate<ScalarLane>(ray.frame, x, y, z);
         moved[k] = MoveVertex<ScalarLane>(ray.frame, x, y, z);
       }
-      RayBest<ScalarLane> tried = best;
-      const bool kept =
-          TestMoved<ScalarLane>(ray.frame, moved[0], moved[1], moved[2], voxel.triangle_ids[local], voxel_id,
-                                local, true, bound, tried, statistics);
+      const auto test = [&](RayBest<ScalarLane>& so_far) {
+        return TestMoved<ScalarLane>(ray.frame, moved[0], moved[1], moved[2], voxel.triangle_ids[local],
+                                     voxel_id, local, true, bound, so_far, statistics);
+      };
       if (kAnyHit && voxel.has_see_through && voxel.see_through(local)) {
-        met_see_through |= kept;
+        RayBest<ScalarLane> aside = best;
+        met_see_through |= test(aside);
         continue;
       }
-      best = tried;
+      const bool kept = test(best);
       if (kAnyHit && kept) {
         ended = true;
         return false;
