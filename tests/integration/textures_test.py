@@ -262,6 +262,67 @@ class Textures(Stores):
         self.assertEqual(self.statistics["warnings"], 0)
 
 
+class Named(Stores):
+    """Images that other formats name."""
+
+    PLY = ("ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nproperty float u\nproperty float v\n"
+           "element face 1\nproperty list uchar int vertex_indices\nproperty int material_index\nend_header\n0 0 0 0 0\n1 0 0 1 0\n0 1 0 0 1\n3 0 1 2 0\n")
+    DAE = """<?xml version="1.0" encoding="utf-8"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><asset><up_axis>Y_UP</up_axis></asset>
+<library_images><image id="i"><init_from>%s</init_from></image></library_images>
+<library_effects><effect id="fx"><profile_COMMON><newparam sid="surface"><surface type="2D"><init_from>i</init_from></surface></newparam>
+<newparam sid="sampler"><sampler2D><source>surface</source></sampler2D></newparam><technique sid="t"><lambert><diffuse>
+<texture texture="sampler" texcoord="UV"/></diffuse></lambert></technique></profile_COMMON></effect></library_effects>
+<library_materials><material id="red" name="red"><instance_effect url="#fx"/></material></library_materials>
+<library_geometries><geometry id="g" name="quad"><mesh><source id="p"><float_array id="pa" count="9">0 0 0 1 0 0 0 1 0</float_array>
+<technique_common><accessor source="#pa" count="3" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>
+<param name="Z" type="float"/></accessor></technique_common></source><source id="t"><float_array id="ta" count="6">0 0 1 0 0 1</float_array>
+<technique_common><accessor source="#ta" count="3" stride="2"><param name="S" type="float"/><param name="T" type="float"/></accessor>
+</technique_common></source><vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+<triangles material="m" count="1"><input semantic="VERTEX" source="#v" offset="0"/><input semantic="TEXCOORD" source="#t" offset="1" set="0"/>
+<p>0 0 1 1 2 2</p></triangles></mesh></geometry></library_geometries><library_visual_scenes><visual_scene id="s"><node id="n" name="n">
+<instance_geometry url="#g"><bind_material><technique_common><instance_material symbol="m" target="#red">
+<bind_vertex_input semantic="UV" input_semantic="TEXCOORD" input_set="0"/></instance_material></technique_common></bind_material></instance_geometry>
+</node></visual_scene></library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
+
+    def textures(self):
+        return [(t["name"], t["width"], [u["use"] for u in t["uses"]]) for t in self.info(self.path("s.quarry"))["textures"]]
+
+    def test_a_material_file_beside_a_ply(self):
+        (self.folder / "wood.png").write_bytes(smooth(40, 30))
+        (self.folder / "m.ply").write_text(self.PLY)
+        outside = self.folder.parent / (self.folder.name + "-outside.png")
+        outside.write_bytes(smooth(8, 8))
+        self.addCleanup(outside.unlink)
+        textures = [{"use": "diffuse", "file": "wood.png", "wrap_s": "clamp"}, {"use": "emission", "file": "../" + outside.name},
+                    {"use": "specular", "file": str(outside)}, {"use": "normal", "file": "gone.png"},
+                    {"use": "bump", "file": "wood.png", "coordinates": 1}]
+        (self.folder / "m.materials.json").write_text(json.dumps({"materials": [{"name": "m", "textures": textures}]}))
+        self.same_bytes_always(self.path("m.ply"))
+        self.assertEqual(self.textures(), [("wood.png", 40, ["diffuse"])])
+        self.assertEqual(self.statistics["warnings"], 4)
+        self.assertIn("goes by texture coordinates other than the first", self.told)
+        self.assertEqual(self.told.count("is not in the model's folder; the material does without"), 3)
+
+    def need_assimp(self):
+        if not (BIN / "quarry-import-assimp").exists():
+            self.skipTest("quarry-import-assimp was not built: Assimp is not there")
+
+    def test_a_collada_model(self):
+        self.need_assimp()
+        (self.folder / "maps").mkdir()
+        (self.folder / "maps/wood.png").write_bytes(smooth(40, 30))
+        for name in ("maps/wood.png", "./maps/wood.png"):
+            (self.folder / "m.dae").write_text(self.DAE % name)
+            self.same_bytes_always(self.path("m.dae"))
+            self.assertEqual([(width, uses) for _, width, uses in self.textures()], [(40, ["diffuse"])])
+            self.assertEqual(self.statistics["warnings"], 0)
+        (self.folder / "m.dae").write_text(self.DAE % "gone.png")
+        self.preprocess(self.path("m.dae"), "s.quarry")
+        self.assertEqual(self.textures(), [])
+        self.assertEqual(self.told.count("is not in the model's folder; the material does without"), 1)
+
+
 class CutOuts(Stores):
     """What a texture of opacity makes of triangles."""
 
