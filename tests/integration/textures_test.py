@@ -95,6 +95,13 @@ class Stores(Case):
         self.assertEqual(len(stores), 1)
         return stores.pop()
 
+    def planned_and_made(self, model, *arguments):
+        """Bytes of the pages that --plan tells of, and of those that come."""
+        planned = self.path("plan.json")
+        self.must("quarry-preprocess", model, "-o", self.path("x.quarry"), "--plan", "--quiet", "--stats", planned, *arguments)
+        self.preprocess(model, "x.quarry", *arguments)
+        return (json.loads(pathlib.Path(planned).read_text())["texture_stored_bytes"], self.statistics["texture_stored_bytes"])
+
 
 class Textures(Stores):
     def write_obj(self):
@@ -206,13 +213,6 @@ class Textures(Stores):
             self.assertRegex(self.told, r"warning: \S*maps/wood floor.png \(of \S*s.mtl\): cannot be read as an image: .*; materials do without")
             self.assertEqual([t["name"] for t in self.info(self.path("s.quarry"))["textures"]], ["maps/mask.png", "glow.png"])
 
-    def planned_and_made(self, model, *arguments):
-        """Bytes of the pages that --plan tells of, and of those that come."""
-        planned = self.path("plan.json")
-        self.must("quarry-preprocess", model, "-o", self.path("x.quarry"), "--plan", "--quiet", "--stats", planned, *arguments)
-        self.preprocess(model, "x.quarry", *arguments)
-        return (json.loads(pathlib.Path(planned).read_text())["texture_stored_bytes"], self.statistics["texture_stored_bytes"])
-
     def test_an_image_larger_than_memory(self):
         """192 MiB of texels, of which a plan looks at the first 16."""
         (self.folder / "large.png").write_bytes(png(16384, 4096, lambda y: bytes((y % 256, 7, 9)) * 16384))
@@ -260,6 +260,89 @@ class Textures(Stores):
         self.preprocess(model, "sibenik.quarry")
         self.assertEqual(self.statistics["textures"], 5)
         self.assertEqual(self.statistics["warnings"], 0)
+
+
+# An image inside of a model, in a format that Assimp reads.
+FBX = r"""; FBX 7.3.0 project file
+FBXHeaderExtension:  {
+  FBXHeaderVersion: 1003
+  FBXVersion: 7300
+}
+Objects:  {
+  Geometry: 1000, "Geometry::g", "Mesh" {
+    Vertices: *9 {
+      a: 0,0,0,1,0,0,0,1,0
+    }
+    PolygonVertexIndex: *3 {
+      a: 0,1,-3
+    }
+    GeometryVersion: 124
+    LayerElementUV: 0 {
+      Version: 101
+      Name: "UV"
+      MappingInformationType: "ByPolygonVertex"
+      ReferenceInformationType: "IndexToDirect"
+      UV: *6 {
+        a: 0,0,1,0,0,1
+      }
+      UVIndex: *3 {
+        a: 0,1,2
+      }
+    }
+    LayerElementMaterial: 0 {
+      Version: 101
+      Name: ""
+      MappingInformationType: "AllSame"
+      ReferenceInformationType: "IndexToDirect"
+      Materials: *1 {
+        a: 0
+      }
+    }
+    Layer: 0 {
+      Version: 100
+      LayerElement:  {
+        Type: "LayerElementMaterial"
+        TypedIndex: 0
+      }
+      LayerElement:  {
+        Type: "LayerElementUV"
+        TypedIndex: 0
+      }
+    }
+  }
+  Model: 2000, "Model::m", "Mesh" {
+    Version: 232
+  }
+  Material: 3000, "Material::wood", "" {
+    Version: 102
+    ShadingModel: "phong"
+    MultiLayer: 0
+  }
+  Video: 5000, "Video::v", "Clip" {
+    Type: "Clip"
+    UseMipMap: 0
+    Filename: "C:\maps\wood.png"
+    RelativeFilename: "wood.png"
+    Content: ,
+      "%s"
+  }
+  Texture: 4000, "Texture::t", "" {
+    Type: "TextureVideoClip"
+    Version: 202
+    TextureName: "Texture::t"
+    Media: "Video::v"
+    FileName: "C:\maps\wood.png"
+    RelativeFilename: "wood.png"
+  }
+}
+Connections:  {
+  C: "OO",2000,0
+  C: "OO",1000,2000
+  C: "OO",3000,2000
+  C: "OP",4000,3000, "DiffuseColor"
+  C: "OO",5000,4000
+}
+"""
 
 
 class Named(Stores):
@@ -321,6 +404,19 @@ class Named(Stores):
         self.preprocess(self.path("m.dae"), "s.quarry")
         self.assertEqual(self.textures(), [])
         self.assertEqual(self.told.count("is not in the model's folder; the material does without"), 1)
+
+
+    def test_an_image_inside_of_a_foreign_model(self):
+        """It lies in the work folder while the run lasts, and nothing of it is left behind."""
+        self.need_assimp()
+        (self.folder / "m.fbx").write_text(FBX % base64.b64encode(smooth(40, 30)).decode())
+        self.same_bytes_always(self.path("m.fbx"))
+        self.assertEqual(self.textures(), [("wood.png", 40, ["diffuse"])])
+        self.assertEqual(self.statistics["warnings"], 0)
+        self.assertFalse([i for i in self.statistics["inputs"] if "image-" in i["file"]])
+        planned, made = self.planned_and_made(self.path("m.fbx"))
+        self.assertLess(abs(planned - made), 10)
+        self.assertEqual(sorted(p.name for p in self.folder.iterdir()), ["m.fbx", "plan.json", "s.quarry", "stats.json", "x.quarry"])
 
 
 class CutOuts(Stores):
