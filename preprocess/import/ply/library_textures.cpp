@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <string_view>
+#include <utility>
 
 #include "preprocess/import/find_file.h"
 #include "preprocess/import/text/text_number.h"
@@ -40,13 +41,15 @@ fs::path Locate(const std::string& name, const std::string& library, const fs::p
 Status AddLibraryTextures(const std::vector<MaterialLibrary::Image>& images, const std::string& library,
                           const std::string& model, ModelSink& sink, Material& material) {
   if (!sink.takes_textures()) return {};
+  bool warned = false;  // of texture coordinates
   for (const MaterialLibrary::Image& from : images) {
     const std::string& name = from.name.empty() ? from.file : from.name;
     if (from.coordinates != 0) {
-      sink.Warn(
-          fmt::format("{}: the image {} of the material {} goes by texture coordinates other than the "
-                      "first, which alone are read; the material does without",
-                      model, Quoted(name), Quoted(material.name)));
+      if (!std::exchange(warned, true))
+        sink.Warn(
+            fmt::format("{}: the material {} goes by texture coordinates other than the first, which "
+                        "alone are read; it does without such textures",
+                        model, Quoted(material.name)));
       continue;
     }
     const fs::path file = Locate(from.file, library, fs::path(model).parent_path());
