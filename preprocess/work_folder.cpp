@@ -63,7 +63,7 @@ void RemoveFiles(const std::string& folder) {
   fs::remove(folder + "/journal", error);
   for (const auto& entry : fs::directory_iterator(folder, error)) {
     const std::string name = entry.path().filename().string();
-    if (name == "store" || name == "images" || name.starts_with("triangles-") ||
+    if (name == "store" || name == "images" || name == "cut-outs" || name.starts_with("triangles-") ||
         name.starts_with("region-") || name.starts_with("border-") || name.starts_with("import-") ||
         name.starts_with("foreign."))
       fs::remove(entry.path(), error);
@@ -190,8 +190,9 @@ void WorkFolder::HoldOnSignal() {
   for (const char* file :
        {"/triangles-0", "/triangles-1", "/triangles-2", "/triangles-3", "/import-positions",
         "/import-normals", "/import-uvs", "/import-waiting", "/import-partial-0", "/import-partial-1",
-        "/import-state-0", "/import-state-1", "/images", ""})
+        "/import-state-0", "/import-state-1", "/images"})
     cleanups_.push_back(RemoveOnSignal(spill_ + file));
+  cleanups_.push_back(RemoveFolderOnSignal(spill_));  // with images of foreign models
   if (spill_ != path_) cleanups_.push_back(RemoveOnSignal(path_));
 }
 

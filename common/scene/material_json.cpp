@@ -6,6 +6,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <ostream>
+#include <utility>
 
 #include "common/base/json_file.h"
 #include "common/scene/open_pbr.h"
@@ -44,6 +45,25 @@ Json ToJson(const Material& material) {
   json["transmission_color"] = ToJson(material.transmission_color);
   json["transmission_depth"] = material.transmission_depth;
   json["geometry_opacity"] = material.geometry_opacity;
+  return json;
+}
+
+constexpr const char* kUses[kTextureUses] = {"diffuse", "specular", "emission",       "opacity",
+                                             "normal",  "bump",     "metal_roughness"};
+constexpr const char* kWraps[kTextureWraps] = {"repeat", "clamp", "mirror"};
+
+Json ToJson(const MaterialLibrary::Image& image) {
+  const TextureBinding& b = image.binding;
+  Json json;
+  json["use"] = kUses[static_cast<size_t>(b.use)];
+  json["file"] = image.file;
+  if (!image.name.empty()) json["name"] = image.name;
+  json["coordinates"] = image.coordinates;
+  json["wrap_s"] = kWraps[static_cast<size_t>(b.wrap_s)];
+  json["wrap_t"] = kWraps[static_cast<size_t>(b.wrap_t)];
+  json["transform"] = Json(b.transform);
+  json["factor"] = Json::array({b.factor.x, b.factor.y, b.factor.z, b.factor.w});
+  json["cutoff"] = b.cutoff;
   return json;
 }
 
@@ -128,14 +148,102 @@ Result<Material> ReadMaterial(const Json& json, const std::string& path, size_t 
   return material;
 }
 
+/// One of `names`, by its number.
+template <size_t kCount>
+Status ReadName(const Json& json, const char* key, const char* const (&names)[kCount], size_t& number) {
+  const auto found = json.find(key);
+  if (found == json.end()) return {};
+  const auto it = found->is_string() ? std::ranges::find(names, found->get<std::string>()) : std::end(names);
+  if (it == std::end(names)) return Fail(key);
+  number = static_cast<size_t>(it - std::begin(names));
+  return {};
+}
+
+template <class Numbers>
+Status ReadNumbers(const Json& json, const char* key, size_t count, Numbers& numbers) {
+  const auto found = json.find(key);
+  if (found == json.end()) return {};
+  if (!found->is_array() || found->size() != count) return Fail(key);
+  for (size_t i = 0; i < count; ++i) {
+    constexpr float kLargest = std::numeric_limits<float>::max();
+    if (!(*found)[i].is_number()) return Fail(key);
+    numbers[static_cast<int>(i)] = std::clamp((*found)[i].get<float>(), -kLargest, kLargest);
+  }
+  return {};
+}
+
+/// Errors: the member at fault.
+Result<MaterialLibrary::Image> ReadImage(const Json& json) {
+  MaterialLibrary::Image image;
+  if (!json.is_object()) return Fail("");
+  size_t use = kTextureUses, wrap_s = 0, wrap_t = 0;
+  QUARRY_TRY(ReadName(json, "use", kUses, use));
+  QUARRY_TRY(ReadName(json, "wrap_s", kWraps, wrap_s));
+  QUARRY_TRY(ReadName(json, "wrap_t", kWraps, wrap_t));
+  if (use == kTextureUses) return Fail("use");
+  image.binding.use = static_cast<TextureUse>(use);
+  image.binding.wrap_s = static_cast<TextureWrap>(wrap_s);
+  image.binding.wrap_t = static_cast<TextureWrap>(wrap_t);
+  for (const auto& [key, text] : {std::pair("file", &image.file), std::pair("name", &image.name)}) {
+    const auto found = json.find(key);
+    if (found == json.end()) continue;
+    if (!found->is_string()) return Fail(key);
+    *text = found->get<std::string>();
+  }
+  if (image.file.empty()) return Fail("file");
+  if (const auto found = json.find("coordinates"); found != json.end()) {
+    if (!found->is_number_unsigned() || found->get<uint64_t>() > 255) return Fail("coordinates");
+    image.coordinates = found->get<uint32_t>();
+  }
+  float* const transform = image.binding.transform.data();
+  QUARRY_TRY(ReadNumbers(json, "transform", 6, transform));
+  QUARRY_TRY(ReadNumbers(json, "factor", 4, image.binding.factor));
+  float cutoff[1] = {0};
+  if (const auto found = json.find("cutoff"); found != json.end()) {
+    if (!found->is_number()) return Fail("cutoff");
+    cutoff[0] = std::clamp(found->get<float>(), 0.0f, 1.0f);
+  }
+  image.binding.cutoff = cutoff[0];
+  return image;
+}
+
+/// The textures of a material, at most one of a use, by use.
+Result<std::vector<MaterialLibrary::Image>> ReadImages(const Json& json, const std::string& path,
+                                                       size_t index) {
+  std::vector<MaterialLibrary::Image> images;
+  const auto found = json.find("textures");
+  if (found == json.end()) return images;
+  const auto wrong = [&](size_t i, const std::string& member) {
+    return Fail(fmt::format("{}: {}[{}]{}{} cannot be; correct it, or leave it out.", path,
+                            Where(index, "textures"), i, member.empty() ? "" : ".", member));
+  };
+  if (!found->is_array())
+    return Fail(fmt::format("{}: {} must be an array.", path, Where(index, "textures")));
+  for (size_t i = 0; i < found->size(); ++i) {
+    auto image = ReadImage((*found)[i]);
+    if (!image) return wrong(i, image.error().message);
+    images.push_back(std::move(*image));
+  }
+  const auto use_of = [](const MaterialLibrary::Image& image) { return image.binding.use; };
+  std::ranges::stable_sort(images, {}, use_of);
+  const auto twice = std::ranges::adjacent_find(images, {}, use_of);
+  if (twice != images.end())
+    return Fail(fmt::format("{}: {} has two of one use.", path, Where(index, "textures")));
+  return images;
+}
+
 }  // namespace
 
-MaterialJsonStream::MaterialJsonStream(const std::vector<Material>& materials, std::ostream& out)
+MaterialJsonStream::MaterialJsonStream(const std::vector<Material>& materials, std::ostream& out,
+                                       const std::vector<std::vector<MaterialLibrary::Image>>& images)
     : out_(out) {
   out_ << "{\"materials\": [";
   const char* separator = "\n  ";
-  for (const Material& material : materials) {
-    out_ << separator << Text(ToJson(material));
+  for (size_t i = 0; i < materials.size(); ++i) {
+    Json json = ToJson(materials[i]);
+    if (i < images.size())
+      for (const MaterialLibrary::Image& image : images[i]) json["textures"].push_back(ToJson(image));
+    out_ << separator << Text(json);
     separator = ",\n  ";
   }
   out_ << "],\n\"parts\": [";
@@ -149,7 +257,7 @@ void MaterialJsonStream::AddPart(const std::string& name) {
 void MaterialJsonStream::Finish() { out_ << "]}\n"; }
 
 void WriteMaterialJson(const MaterialLibrary& library, std::ostream& out) {
-  MaterialJsonStream stream(library.materials, out);
+  MaterialJsonStream stream(library.materials, out, library.images);
   for (const std::string& part : library.parts) stream.AddPart(part);
   stream.Finish();
 }
@@ -162,7 +270,9 @@ Result<MaterialLibrary> ReadMaterialJson(const std::string& path) {
     if (!materials->is_array()) return Fail(fmt::format("{}: materials must be an array.", path));
     for (size_t i = 0; i < materials->size(); ++i) {
       QUARRY_ASSIGN(Material material, ReadMaterial((*materials)[i], path, i));
+      QUARRY_ASSIGN(auto images, ReadImages((*materials)[i], path, i));
       library.materials.push_back(std::move(material));
+      library.images.push_back(std::move(images));
     }
   }
   if (const auto parts = json.find("parts"); parts != json.end()) {

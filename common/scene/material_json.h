@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <iosfwd>
 #include <string>
 #include <vector>
@@ -16,14 +17,27 @@ namespace quarry {
 ///                   "transmittance": [..], "shininess": n, "ior": n, "fresnel": false, "unlit": false,
 ///                   "base_color": [..], "base_metalness": n, "specular_roughness": n, "specular_weight": n,
 ///                   "specular_color": [..], "specular_ior": n, "transmission_weight": n,
-///                   "transmission_color": [..], "transmission_depth": n, "geometry_opacity": n}, ...],
+///                   "transmission_color": [..], "transmission_depth": n, "geometry_opacity": n,
+///                   "textures": [{"use": "diffuse", "file": "wood.png", "name": "wood", "coordinates": 0,
+///                                 "wrap_s": "repeat", "wrap_t": "clamp", "transform": [6 numbers],
+///                                 "factor": [4 numbers], "cutoff": n}, ...]}, ...],
 ///    "parts": ["boiler 1", ...]}
 /// All members are optional. Without "base_color", it and the members after it are derived from the members
 /// before it (DeriveOpenPbr()); without "diffuse" the members before "base_color" are derived from the others
 /// (DeriveWhitted()).
+/// A texture needs "use" (diffuse, specular, emission, opacity, normal, bump or metal_roughness) and "file";
+/// wraps are repeat, clamp or mirror. See TextureBinding.
 struct MaterialLibrary {
+  /// A material's texture, by the file of its image.
+  struct Image {
+    std::string file;          ///< as the library names it
+    std::string name;          ///< for people; empty: `file`
+    uint32_t coordinates = 0;  ///< the set of texture coordinates by which it goes
+    TextureBinding binding;    ///< without the texture's number
+  };
   std::vector<Material> materials;
   std::vector<std::string> parts;
+  std::vector<std::vector<Image>> images;  ///< of each material; may be shorter than the materials
 };
 
 /// Writes the same JSON piece by piece, for writers whose part names do not fit in memory. Not thread-safe.
@@ -31,7 +45,8 @@ class MaterialJsonStream {
  public:
   /// Writes `materials` to `out`. Requires: `out` outlives the stream; the caller checks its state after
   /// Finish().
-  MaterialJsonStream(const std::vector<Material>& materials, std::ostream& out);
+  MaterialJsonStream(const std::vector<Material>& materials, std::ostream& out,
+                     const std::vector<std::vector<MaterialLibrary::Image>>& images = {});
   /// Appends a part.
   void AddPart(const std::string& name);
   /// Completes the JSON. Call it once, last.

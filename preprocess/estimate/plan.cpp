@@ -94,14 +94,26 @@ class CountingSink final : public ResolvingSink {
   const bool textures_;
 };
 
+std::string ForeignPrefix(const PreprocessOptions& options) {
+  return fmt::format("{}/quarry-foreign-{}", SpillFolder(options), ::getpid());
+}
+
+/// Removes, at its end, the images that came out of foreign models.
+struct ForeignImages {
+  explicit ForeignImages(std::string of) : prefix(std::move(of)) {}
+  ForeignImages(const ForeignImages&) = delete;
+  ~ForeignImages() { RemoveForeignImages(prefix); }
+  std::string prefix;
+};
+
 template <class Sink>
 Status ReadModels(const PreprocessOptions& options, Sink& sink) {
   for (const std::string& model : options.models) {
     if (model == "-")
       return BadUsage("--plan reads models more than once, which standard input does not allow");
     if constexpr (std::is_base_of_v<ResolvingSink, Sink>) sink.Place(model);
-    const std::string prefix = fmt::format("{}/quarry-foreign-{}", SpillFolder(options), ::getpid());
-    QUARRY_TRY(ImportModel(model, sink, ForeignFormatsOf(options, prefix), options.unpack_limit));
+    QUARRY_TRY(
+        ImportModel(model, sink, ForeignFormatsOf(options, ForeignPrefix(options)), options.unpack_limit));
   }
   return {};
 }
@@ -174,6 +186,7 @@ Result<SampleCost> CostByWindows(const PreprocessOptions& options, const Countin
 
 Result<PreprocessPlan> MakePlan(const PreprocessOptions& options) {
   const TemporaryFile images(fmt::format("{}/quarry-images-{}", SpillFolder(options), ::getpid()));
+  const ForeignImages foreign_images(ForeignPrefix(options));
   CountingSink counted(options, images.path());
   const auto start = Clock::now();
   QUARRY_TRY(ReadModels(options, counted));

@@ -15,6 +15,8 @@ inline constexpr uint64_t kMaxPolygonCorners = 65536;
 /// Each reads one file from its first byte into `sink`; BeginFile() and EndFile() are the caller's. Returns
 /// the number of triangles in the polygons given. Errors: as ImportModel().
 Result<uint64_t> ImportPly(ModelReader& bytes, ModelSink& sink);
+/// PLY that another program made of `model`, whose folder its images lie in.
+Result<uint64_t> ImportConverted(ModelReader& bytes, const std::string& model, ModelSink& sink);
 Result<uint64_t> ImportObj(ModelReader& bytes, ModelSink& sink);
 Result<uint64_t> ImportStl(ModelReader& bytes, ModelSink& sink);
 Result<uint64_t> ImportOff(ModelReader& bytes, ModelSink& sink);

@@ -125,7 +125,7 @@ Status ImportModel(const std::string& path, ModelSink& sink, const ForeignFormat
     if (!converted) return tl::unexpected(converted.error());
     QUARRY_ASSIGN(ModelReader ply, ModelReader::Open(converted->ply()));
     FindOrigin(converted->ply(), 0, ImportPly, sink);
-    QUARRY_TRY(ImportPly(ply, sink));
+    QUARRY_TRY(ImportConverted(ply, path, sink));
     return sink.EndFile();
   }
   if (bytes.can_reopen())

@@ -108,10 +108,15 @@ Result<uint32_t> ImageList::Add(TextureImage image) {
   const std::string key = KeyOf(image);
   const bool has_file = !image.file.empty();
   if (const auto it = known_.find(key); has_file && it != known_.end()) return it->second;
-  const std::string identity = has_file ? FileIdentity(image.file) : "";
+  // Images beside the list's own file were taken out of a model: they go with the run.
+  const bool own =
+      has_file &&
+      std::filesystem::path(image.file).parent_path() == std::filesystem::path(path_).parent_path() &&
+      image.file.find(".image-") != std::string::npos;
+  const std::string identity = has_file && !own ? FileIdentity(image.file) : "";
   Content content;
   const uint32_t equal = FindEqual(image, content);
-  if (has_file) NoteRead(image.file);  // later, by the decoder process
+  if (has_file && !own) NoteRead(image.file);  // later, by the decoder process
   if (equal != kNoIndex) {
     if (has_file) {
       known_.emplace(key, equal);

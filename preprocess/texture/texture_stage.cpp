@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -18,6 +19,15 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr double kSecondsPerCheckpoint = 1;
+
+/// Whether the mean of an image's texels is that of a normal map: straight up, give or take.
+bool IsOfNormals(std::span<const std::byte> texel, const TexelLayout& layout) {
+  constexpr float kAside = 0.15f, kLeastBlue = 0.75f;
+  if (layout.format != TexelFormat::kLinear8 || layout.channels < 3) return false;
+  const auto channel = [&](size_t c) { return static_cast<float>(texel[c]) / 255; };
+  return std::fabs(channel(0) - 0.5f) < kAside && std::fabs(channel(1) - 0.5f) < kAside &&
+         channel(2) > kLeastBlue;
+}
 
 /// What a checkpoint tells of an image.
 enum class Carried : uint8_t { kLeftOut, kTexture, kShared };
@@ -46,6 +56,7 @@ Status TextureStage::Restore(std::span<const std::byte> checkpoint, std::vector<
     const auto number = static_cast<uint32_t>(textures.size());
     numbers_.push_back(number);
     pages_ += pages;
+    of_normals_.push_back(in.Get<uint8_t>() != 0);
     Know(t, number);
     textures.push_back(std::move(t));
   }
@@ -76,6 +87,7 @@ Bytes TextureStage::TakeUnsaved(const StoreWriter& writer) {
     out.Put(static_cast<uint32_t>(t.texture.pages.size()));
     out.PutArray(t.texture.pages);
     out.PutArray(t.logical);
+    out.Put<uint8_t>(of_normals_[number]);
   }
   return out.Take();
 }
@@ -110,6 +122,7 @@ Status TextureStage::Carry(const TextureImage& image, ImageReader& reader, PageP
                            StoreWriter& writer) {
   std::optional<RowConverter> converter;
   std::optional<MipBuilder> mips;
+  bool of_normals = false;
   for (;;) {
     ImageReader::Piece piece = reader.Next();
     switch (piece.kind) {
@@ -118,9 +131,13 @@ Status TextureStage::Carry(const TextureImage& image, ImageReader& reader, PageP
         const TexelLayout layout = converter->layout();
         QUARRY_TRY(pages.Then([this, &image, &writer, layout] { return Begin(image, layout, writer); }));
         pages.Begin(layout);
-        mips.emplace(layout, [&pages](uint32_t page, std::span<const std::byte> texels) {
-          return pages.Add(page, texels);
-        });
+        const uint32_t last = TextureShape(layout.width, layout.height).pages() - 1;
+        mips.emplace(layout,
+                     [&pages, &of_normals, layout, last](uint32_t page, std::span<const std::byte> texels) {
+                       // The tail ends with the level of one texel, the mean.
+                       if (page == last) of_normals = IsOfNormals(texels.last(layout.texel_bytes()), layout);
+                       return pages.Add(page, texels);
+                     });
         break;
       }
       case ImageReader::Piece::Kind::kRows: {
@@ -130,7 +147,8 @@ Status TextureStage::Carry(const TextureImage& image, ImageReader& reader, PageP
         break;
       }
       case ImageReader::Piece::Kind::kEnd:
-        if (piece.status) return pages.Then([this, &writer] { return Settle(writer); });
+        if (piece.status)
+          return pages.Then([this, &writer, of_normals] { return Settle(of_normals, writer); });
         if (piece.fatal) return piece.status;
         return pages.Then(
             [this, &writer, begun = mips.has_value(), error = piece.status.error()]() -> Status {
@@ -153,13 +171,14 @@ Status TextureStage::Begin(const TextureImage& image, const TexelLayout& layout,
 }
 
 /// Keeps the texture written last, unless it is there already.
-Status TextureStage::Settle(StoreWriter& writer) {
+Status TextureStage::Settle(bool of_normals, StoreWriter& writer) {
   const auto number = static_cast<uint32_t>(writer.textures().size() - 1);
   const WrittenTexture& last = writer.textures().back();
   const uint32_t equal = FindEqual(last, std::span(writer.textures()).first(number));
   numbers_.push_back(equal == kNoIndex ? number : equal);
   if (equal != kNoIndex) return writer.DropTexture();
   pages_ += static_cast<uint32_t>(last.texture.pages.size());
+  of_normals_.push_back(of_normals);
   Know(last, number);
   return {};
 }
@@ -186,9 +205,17 @@ void TextureStage::Renumber(std::vector<Material>& materials, const StoreWriter&
            (b.use == TextureUse::kOpacity &&
             !HasOpacity(writer.textures()[number].texture.layout, images_[b.texture].pick));
   };
+  const auto use_of = &TextureBinding::use;
   for (Material& material : materials) {
-    std::erase_if(material.textures, left_out);
-    for (TextureBinding& binding : material.textures) binding.texture = numbers_[binding.texture];
+    std::vector<TextureBinding>& textures = material.textures;
+    std::erase_if(textures, left_out);
+    for (TextureBinding& binding : textures) binding.texture = numbers_[binding.texture];
+    const auto bump = std::ranges::find(textures, TextureUse::kBump, use_of);
+    if (bump == textures.end() || !of_normals_[bump->texture]) continue;
+    if (std::ranges::find(textures, TextureUse::kNormal, use_of) == textures.end())
+      bump->use = TextureUse::kNormal;
+    else
+      textures.erase(bump);
   }
 }
 

@@ -42,7 +42,8 @@ class TextureStage {
   /// last, after the writer's file has been synchronised. Errors: disk full; too little memory.
   Status Run(StoreWriter& writer, Progress& progress, const std::function<Status(const Bytes&)>& save);
   /// Renumbers the materials' bindings to the store's textures. Bindings of images left out are removed, and
-  /// those of opacity to images without alpha.
+  /// those of opacity to images without alpha. Heights that are a normal map by their mean colour become
+  /// normals.
   void Renumber(std::vector<Material>& materials, const StoreWriter& writer) const;
   /// A checkpoint of the images carried since the last.
   Bytes TakeUnsaved(const StoreWriter& writer);
@@ -51,7 +52,7 @@ class TextureStage {
  private:
   Status Carry(const TextureImage& image, ImageReader& reader, PagePipeline& pages, StoreWriter& writer);
   Status Begin(const TextureImage& image, const TexelLayout& layout, StoreWriter& writer) const;
-  Status Settle(StoreWriter& writer);
+  Status Settle(bool of_normals, StoreWriter& writer);
   uint32_t FindEqual(const WrittenTexture& texture, std::span<const WrittenTexture> earlier) const;
   void Know(const WrittenTexture& texture, uint32_t number);
 
@@ -61,7 +62,9 @@ class TextureStage {
   Warn warn_;
   std::vector<uint32_t> numbers_;  ///< of each image done: the store's texture, or kNoIndex
   std::unordered_multimap<uint64_t, uint32_t> texels_;  ///< textures by a checksum of their pages'
-  size_t saved_ = 0;                                    ///< images that checkpoints have
+  std::vector<bool> normals_;     ///< of each image done: whether it is a normal map by its mean colour
+  std::vector<bool> of_normals_;  ///< whether each texture is a normal map, by its mean
+  size_t saved_ = 0;              ///< images that checkpoints have
   uint32_t saved_textures_ = 0;
   uint32_t pages_ = 0;  ///< of the images done
   double wall_s_ = 0;

@@ -71,6 +71,13 @@ void Read(uint8_t reader, const std::string& path) {
       return MustBeUsable(ReadMaterialJson(path), [](const MaterialLibrary& library) {
         for (const Material& m : library.materials)
           if (!IsFinite(m.diffuse) || !(m.ior >= 1)) return false;
+        if (library.images.size() != library.materials.size()) return false;
+        for (const auto& images : library.images)
+          for (const MaterialLibrary::Image& image : images) {
+            if (image.file.empty() || static_cast<uint32_t>(image.binding.use) >= kTextureUses) return false;
+            for (const float x : image.binding.transform)
+              if (!std::isfinite(x)) return false;
+          }
         return true;
       });
     case 4:

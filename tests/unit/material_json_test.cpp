@@ -55,6 +55,20 @@ MaterialLibrary Example() {
   glass.transmission_depth = 12.5f;
   glass.geometry_opacity = 0.95f;
   library.materials = {glass, Material{}};
+  MaterialLibrary::Image image;
+  image.file = "maps\\wood \"floor\".png";
+  image.name = "wood";
+  image.coordinates = 2;
+  image.binding.use = TextureUse::kSpecular;
+  image.binding.wrap_s = TextureWrap::kMirror;
+  image.binding.wrap_t = TextureWrap::kClamp;
+  image.binding.transform = {1.5f, 0.1f, 0.2f, 0.3f, -2.5f, 1.1f};
+  image.binding.factor = {0.25f, 0.5f, 0.75f, 0.125f};
+  image.binding.cutoff = 0.5f;
+  MaterialLibrary::Image bump;
+  bump.file = "b.png";
+  bump.binding.use = TextureUse::kBump;
+  library.images = {{image, bump}, {}};
   library.parts = {"boiler 1", "Kessel \xC3\xBC\n2", ""};
   return library;
 }
@@ -64,6 +78,14 @@ TEST_CASE("Material json round trips every member") {
   const auto read = Read(Write(library));
   REQUIRE(read);
   CHECK(read->materials == library.materials);
+  REQUIRE(read->images.size() == 2);
+  REQUIRE(read->images[0].size() == 2);
+  CHECK(read->images[1].empty());
+  for (size_t k = 0; k < 2; ++k) {
+    const auto &given = library.images[0][k], &got = read->images[0][k];
+    CHECK((got.file == given.file && got.name == given.name && got.coordinates == given.coordinates));
+    CHECK(got.binding == given.binding);
+  }
   CHECK(read->parts == library.parts);
 }
 
@@ -144,4 +166,32 @@ TEST_CASE("Material json path replaces the extension") {
 }
 
 }  // namespace
+TEST_CASE("Textures of a material file that cannot be are named") {
+  const auto fault = [](const std::string& textures) {
+    const auto read = Read("{\"materials\": [{\"name\": \"m\", \"textures\": " + textures + "}]}");
+    return read ? "" : read.error().message;
+  };
+  CHECK(fault(R"([{"use": "normal", "file": "a.png"}])").empty());
+  CHECK_THAT(fault("3"), Catch::Contains("materials[0].textures must be an array"));
+  CHECK_THAT(fault("[3]"), Catch::Contains("materials[0].textures[0] cannot be"));
+  const std::pair<const char*, const char*> kWrong[] = {
+      {"use", R"({"file": "a"})"},
+      {"use", R"({"use": "wood", "file": "a"})"},
+      {"file", R"({"use": "bump"})"},
+      {"file", R"({"use": "bump", "file": 3})"},
+      {"name", R"({"use": "bump", "file": "a", "name": 3})"},
+      {"coordinates", R"({"use": "bump", "file": "a", "coordinates": -1})"},
+      {"coordinates", R"({"use": "bump", "file": "a", "coordinates": 256})"},
+      {"wrap_s", R"({"use": "bump", "file": "a", "wrap_s": "round"})"},
+      {"wrap_t", R"({"use": "bump", "file": "a", "wrap_t": 1})"},
+      {"transform", R"({"use": "bump", "file": "a", "transform": [1, 2, 3, 4, 5]})"},
+      {"factor", R"({"use": "bump", "file": "a", "factor": [1, 2, 3, "4"]})"},
+      {"cutoff", R"({"use": "bump", "file": "a", "cutoff": "x"})"}};
+  for (const auto& [member, text] : kWrong)
+    CHECK_THAT(fault(std::string("[") + text + "]"),
+               Catch::Contains(std::string("materials[0].textures[0].") + member + " cannot be"));
+  CHECK_THAT(fault(R"([{"use": "bump", "file": "a"}, {"use": "bump", "file": "b"}])"),
+             Catch::Contains("has two of one use"));
+}
+
 }  // namespace quarry

@@ -290,6 +290,14 @@ TEST_CASE("glTF: what cannot be carried is one warning each", "[import][texture]
                d.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]["texCoord"] = 1;
              }),
              Contains("goes by TEXCOORD_1"));
+  // Once a material, however many of its textures do.
+  CHECK_THAT(warning([](Document& d) {
+               nlohmann::json& material = d.json["materials"][0];
+               material["pbrMetallicRoughness"]["baseColorTexture"]["texCoord"] = 1;
+               material["emissiveTexture"] = {{"index", 0}, {"texCoord", 1}};
+               material["normalTexture"] = {{"index", 0}, {"texCoord", 1}};
+             }),
+             Contains("goes by TEXCOORD_1"));
   CHECK_THAT(warning([](Document& d) {
                d.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]["index"] = -1;
              }),

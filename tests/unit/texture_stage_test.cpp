@@ -94,6 +94,38 @@ TEST_CASE("Images with the same texels are stored once, whatever their paths and
   CHECK(numbers == std::vector<uint32_t>{0, 1, 0, 1, 0, 1, 2, 3, 4, 5});
 }
 
+TEST_CASE("A bump map that holds normals is a normal map", "[texture]") {
+  ::signal(SIGPIPE, SIG_IGN);
+  const test::TemporaryFolder folder;
+  const auto image = [&](const char* name, std::string_view texels) {
+    Write(folder.file(name), "P6 2 1 255\n" + std::string(texels));
+  };
+  image("normals.ppm", "\x90\x70\xF8\x78\x88\xFA");
+  image("heights.ppm", "\x80\x80\x80\xFE\xFE\xFE");
+  image("sky.ppm", "\x20\x40\xF8\x28\x48\xFA");
+  Write(folder.file("a.mtl"),
+        "newmtl a\nbump -bm 0.5 normals.ppm\nnewmtl b\nbump heights.ppm\nnewmtl c\nbump sky.ppm\n"
+        "newmtl d\nbump normals.ppm\nnorm heights.ppm\n");
+  Write(folder.file("a.obj"),
+        "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\nusemtl b\nf 1/1 2/1 3/1\n"
+        "usemtl c\nf 1/1 2/1 3/1\nusemtl d\nf 1/1 2/1 3/1\n");
+  PreprocessOptions options;
+  options.models = {folder.file("a.obj")};
+  options.output = folder.file("a.quarry");
+  options.quiet = true;
+  REQUIRE(Preprocess(options));
+  const auto store = StoreReader::Open(options.output);
+  REQUIRE(store);
+  std::vector<std::pair<uint32_t, TextureUse>> uses;
+  for (const MaterialTexture& use : store->material_textures())
+    uses.emplace_back(use.material, use.binding.use);
+  CHECK(uses == std::vector<std::pair<uint32_t, TextureUse>>{{0, TextureUse::kNormal},
+                                                             {1, TextureUse::kBump},
+                                                             {2, TextureUse::kBump},
+                                                             {3, TextureUse::kNormal}});
+  CHECK(store->material_textures()[0].binding.factor.x == 0.5f);
+}
+
 TEST_CASE("Images that a checkpoint has are not carried again", "[texture]") {
   ::signal(SIGPIPE, SIG_IGN);
   const test::TemporaryFolder folder;

@@ -112,6 +112,83 @@ Material Converted(const aiMaterial& from, bool srgb) {
   return m;  // the reader of the file clamps
 }
 
+TextureWrap WrapOf(const aiMaterial& from, const char* key, aiTextureType type) {
+  int mode = aiTextureMapMode_Wrap;
+  from.Get(key, type, 0, mode);
+  return mode == aiTextureMapMode_Mirror                                    ? TextureWrap::kMirror
+         : mode == aiTextureMapMode_Clamp || mode == aiTextureMapMode_Decal ? TextureWrap::kClamp
+                                                                            : TextureWrap::kRepeat;
+}
+
+/// Writes an image that lies inside of a model to PREFIX.image-HASH. Returns its path.
+Result<std::string> WriteEmbedded(const aiTexture& texture, const std::string& prefix) {
+  std::string bytes;
+  if (texture.mHeight == 0) {
+    bytes.assign(reinterpret_cast<const char*>(texture.pcData), texture.mWidth);
+  } else {  // texels, as TGA of 32 bits from the upper row on, which has the same order
+    const auto put = [&](unsigned value) {
+      bytes.push_back(static_cast<char>(value & 255));
+      bytes.push_back(static_cast<char>(value >> 8 & 255));
+    };
+    if (texture.mWidth > 65535 || texture.mHeight > 65535) return Fail("an image inside of it is too large");
+    bytes.assign({0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0});
+    put(texture.mWidth);
+    put(texture.mHeight);
+    bytes.append({32, 0x28});
+    bytes.append(reinterpret_cast<const char*>(texture.pcData), size_t{4} * texture.mWidth * texture.mHeight);
+  }
+  const std::string path =
+      fmt::format("{}.image-{:016x}{}", prefix, Checksum(AsBytes(bytes)), texture.mHeight == 0 ? "" : ".tga");
+  // An earlier try of the same run may have written it; it must not seem to change.
+  std::error_code none;
+  if (std::filesystem::file_size(path, none) == bytes.size() && !none) return path;
+  QUARRY_TRY(WriteFileAtomically(path, AsBytes(bytes)));
+  return path;
+}
+
+/// The textures of a material that have a use here; of several for one use the first.
+Result<std::vector<MaterialLibrary::Image>> TexturesOf(const aiScene& scene, const aiMaterial& from,
+                                                       const Material& material, const std::string& prefix) {
+  struct Known {
+    aiTextureType type;
+    TextureUse use;
+    glm::vec3 factor;
+  };
+  const Known known[] = {{aiTextureType_BASE_COLOR, TextureUse::kDiffuse, material.base_color},
+                         {aiTextureType_DIFFUSE, TextureUse::kDiffuse, material.base_color},
+                         {aiTextureType_SPECULAR, TextureUse::kSpecular, material.specular},
+                         {aiTextureType_EMISSIVE, TextureUse::kEmission, material.emission},
+                         {aiTextureType_OPACITY, TextureUse::kOpacity, glm::vec3(1)},
+                         {aiTextureType_NORMALS, TextureUse::kNormal, glm::vec3(1)},
+                         {aiTextureType_HEIGHT, TextureUse::kBump, glm::vec3(1)}};
+  std::vector<MaterialLibrary::Image> images;
+  for (const Known& k : known) {
+    aiString file;
+    if (from.GetTexture(k.type, 0, &file) != aiReturn_SUCCESS || file.length == 0) continue;
+    if (!images.empty() && images.back().binding.use == k.use) continue;
+    MaterialLibrary::Image image;
+    image.file = file.C_Str();
+    image.binding.use = k.use;
+    // A black colour beside a texture means that the texture alone counts: formats have one or the other.
+    image.binding.factor = glm::vec4(k.factor == glm::vec3(0) ? glm::vec3(1) : k.factor, 1);
+    if (const aiTexture* inside = scene.GetEmbeddedTexture(file.C_Str())) {
+      image.name = inside->mFilename.length > 0 ? inside->mFilename.C_Str() : file.C_Str();
+      QUARRY_ASSIGN(image.file, WriteEmbedded(*inside, prefix));
+    }
+    int coordinates = 0;
+    from.Get(AI_MATKEY_UVWSRC(k.type, 0), coordinates);
+    image.coordinates = static_cast<uint32_t>(std::clamp(coordinates, 0, 255));
+    image.binding.wrap_s = WrapOf(from, _AI_MATKEY_MAPPINGMODE_U_BASE, k.type);
+    image.binding.wrap_t = WrapOf(from, _AI_MATKEY_MAPPINGMODE_V_BASE, k.type);
+    // Assimp's v runs up.
+    aiUVTransform t;
+    from.Get(AI_MATKEY_UVTRANSFORM(k.type, 0), t);
+    image.binding.transform = {t.mScaling.x, 0, t.mTranslation.x, 0, -t.mScaling.y, 1 - t.mTranslation.y};
+    images.push_back(std::move(image));
+  }
+  return images;
+}
+
 template <class T>
 void Put(std::string& out, T value) {
   out.append(reinterpret_cast<const char*>(&value), sizeof value);
@@ -204,8 +281,12 @@ Status Run(const std::string& model, const std::string& out, uint64_t memory) {
   MaterialLibrary library;
   Place(*scene, *scene->mRootNode, aiMatrix4x4(), placed, library.parts);
   const bool srgb = HasSrgbColors(model);
-  for (unsigned i = 0; i < scene->mNumMaterials; ++i)
+  const std::string prefix = out.substr(0, out.size() - std::strlen(".ply"));
+  for (unsigned i = 0; i < scene->mNumMaterials; ++i) {
     library.materials.push_back(Converted(*scene->mMaterials[i], srgb));
+    QUARRY_ASSIGN(auto images, TexturesOf(*scene, *scene->mMaterials[i], library.materials.back(), prefix));
+    library.images.push_back(std::move(images));
+  }
   if (const Status written = WritePly(placed, out); !written)
     return Fail(fmt::format("{}: {}{}", model, written.error().message,
                             placed.empty() && IsOf(model, ".3mf") ? kProduction : ""));

@@ -7,6 +7,8 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <filesystem>
+#include <system_error>
 #include <utility>
 
 #include "common/base/cleanup.h"
@@ -32,6 +34,16 @@ std::string ReadAll(int fd) {
 }
 
 }  // namespace
+
+void RemoveForeignImages(const std::string& prefix) {
+  namespace fs = std::filesystem;
+  const fs::path path(prefix + ".image-");
+  std::error_code error;
+  for (const auto& entry :
+       fs::directory_iterator(path.parent_path().empty() ? "." : path.parent_path(), error))
+    if (entry.path().filename().string().starts_with(path.filename().string()))
+      fs::remove(entry.path(), error);
+}
 
 ForeignModel::ForeignModel(std::string prefix)
     : prefix_(std::move(prefix)), cleanups_{RemoveOnSignal(ply()), RemoveOnSignal(library())} {}

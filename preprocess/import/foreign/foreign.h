@@ -10,7 +10,7 @@ namespace quarry {
 /// How to read formats for which Quarry has no reader.
 struct ForeignFormats {
   std::string program;  ///< quarry-import-assimp; empty: such formats are refused
-  std::string prefix;   ///< of the files written: PREFIX.ply and PREFIX.materials.json
+  std::string prefix;   ///< of the files written: PREFIX.ply, PREFIX.materials.json, PREFIX.image-...
   uint64_t memory = 0;  ///< bytes that the program may take
 };
 
@@ -18,7 +18,11 @@ struct ForeignFormats {
 /// (tests/bench/history/preprocess.md). A format that is packed within itself may take more.
 inline constexpr uint64_t kForeignBytesPerByte = 50;
 
-/// A model converted to PLY, with its materials beside it, in files that are deleted with the object.
+/// Removes the files PREFIX.image-..., the images that were inside of models.
+void RemoveForeignImages(const std::string& prefix);
+
+/// A model converted to PLY, with its materials beside it, in files that are deleted with the object. Images
+/// that were inside of the model lie in files PREFIX.image-HASH, which stay: the import names them.
 class ForeignModel {
  public:
   /// Runs the program on `model`. Errors: its own sentence; it crashed.

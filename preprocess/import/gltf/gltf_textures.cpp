@@ -111,16 +111,18 @@ Result<TextureImage> GltfTextures::Locate(uint64_t index) {
   return image;
 }
 
-Result<uint64_t> GltfTextures::Complete(const Json& info, TextureBinding& binding) const {
+Result<uint64_t> GltfTextures::Complete(const Json& info, const std::string& material,
+                                        TextureBinding& binding) const {
   const std::string where = "a material's texture";
   QUARRY_ASSIGN(const uint64_t texture, document_.Unsigned(info, where, "index"));
   const Json& transform = Member(Member(info, "extensions"), "KHR_texture_transform");
   QUARRY_ASSIGN(const uint64_t own, document_.Unsigned(info, where, "texCoord", 0));
   QUARRY_ASSIGN(const uint64_t coordinates, document_.Unsigned(transform, where, "texCoord", own));
   if (coordinates != 0)
-    return document_.FailAt(fmt::format(
-        "textures[{}] goes by TEXCOORD_{}, of which the first alone is read; the material does without",
-        texture, coordinates));
+    return document_.FailAt(
+        fmt::format("the material {} goes by TEXCOORD_{}, of which the first alone is read; it does without "
+                    "such textures",
+                    Quoted(material), coordinates));
   QUARRY_ASSIGN(const Sampled sampled, Find(texture));
   binding.wrap_s = sampled.wrap_s;
   binding.wrap_t = sampled.wrap_t;
@@ -144,7 +146,7 @@ std::invoke_result_t<Read> GltfTextures::Guarded(Read&& read) const {
 Status GltfTextures::Add(const Json& info, TextureBinding binding, bool color, TexturePick pick,
                          Material& material) {
   if (!info.contains("index") || !sink_.takes_textures()) return {};
-  const Result<uint64_t> image_index = Guarded([&] { return Complete(info, binding); });
+  const Result<uint64_t> image_index = Guarded([&] { return Complete(info, material.name, binding); });
   if (!image_index) {
     warn_(image_index.error().message);
     return {};

@@ -33,9 +33,10 @@ class GltfTextures {
     TextureWrap wrap_s, wrap_t;
   };
   Result<Sampled> Find(uint64_t texture) const;
-  /// Fills in `binding` except its texture; returns the image. Errors: why the material does without the
-  /// texture.
-  Result<uint64_t> Complete(const nlohmann::json& info, TextureBinding& binding) const;
+  /// Fills in `binding` except its texture; returns the image. Errors: why the material, named `material`,
+  /// does without the texture.
+  Result<uint64_t> Complete(const nlohmann::json& info, const std::string& material,
+                            TextureBinding& binding) const;
   Result<TextureImage> Locate(uint64_t index);
   template <class Read>
   std::invoke_result_t<Read> Guarded(Read&& read) const;

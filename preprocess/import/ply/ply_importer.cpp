@@ -14,6 +14,7 @@
 #include "preprocess/import/checkpoint.h"
 #include "preprocess/import/file_color.h"
 #include "preprocess/import/formats.h"
+#include "preprocess/import/ply/library_textures.h"
 #include "preprocess/import/ply/ply_row_reader.h"
 #include "preprocess/import/text/text_number.h"
 
@@ -48,8 +49,8 @@ struct IndexTable {
 template <typename Source>
 class PlyBody {
  public:
-  PlyBody(const PlyHeader& header, Source source, ModelSink& sink)
-      : header_(header), rows_(source), sink_(sink), path_(rows_.source.bytes().path()) {}
+  PlyBody(const PlyHeader& header, Source source, const std::string& model, ModelSink& sink)
+      : header_(header), rows_(source), sink_(sink), path_(rows_.source.bytes().path()), model_(model) {}
 
   Result<uint64_t> Import() {
     const PlyElement* vertex = header_.Find("vertex");
@@ -132,8 +133,12 @@ class PlyBody {
     }
     QUARRY_ASSIGN(const MaterialLibrary library, ReadMaterialJson(path));
     materials_.wanted = materials;
-    for (const Material& material : library.materials)
-      if (materials) materials_.scene_index.push_back(sink_.AddMaterial(material));
+    for (size_t i = 0; materials && i < library.materials.size(); ++i) {
+      Material material = library.materials[i];
+      QUARRY_TRY(
+          AddLibraryTextures(library.images[i], path, model_.empty() ? path_ : model_, sink_, material));
+      materials_.scene_index.push_back(sink_.AddMaterial(material));
+    }
     parts_.wanted = parts && !library.parts.empty();
     for (const std::string& part : library.parts)
       if (parts) parts_.scene_index.push_back(sink_.AddPart(part));
@@ -288,7 +293,8 @@ class PlyBody {
   PlyRowReader<Source> rows_;
   ModelSink& sink_;
   const std::string& path_;
-  size_t element_ = 0;  ///< index of the element that is being read
+  const std::string& model_;  ///< that was converted to this PLY; empty: none
+  size_t element_ = 0;        ///< index of the element that is being read
   uint64_t vertex_count_ = 0, triangles_ = 0, short_faces_ = 0;
   bool real_to_255_ = false;  ///< channels of real numbers run to 255
   bool has_normals_ = false, has_uvs_ = false, has_colors_ = false;
@@ -300,17 +306,19 @@ class PlyBody {
 
 }  // namespace
 
-Result<uint64_t> ImportPly(ModelReader& bytes, ModelSink& sink) {
+Result<uint64_t> ImportPly(ModelReader& bytes, ModelSink& sink) { return ImportConverted(bytes, "", sink); }
+
+Result<uint64_t> ImportConverted(ModelReader& bytes, const std::string& model, ModelSink& sink) {
   QUARRY_ASSIGN(const PlyHeader header, ReadPlyHeader(bytes));
   switch (header.encoding) {
     case PlyEncoding::kAscii:
-      return PlyBody(header, AsciiPlySource(bytes, header.lines), sink).Import();
+      return PlyBody(header, AsciiPlySource(bytes, header.lines), model, sink).Import();
     case PlyEncoding::kBinaryLittleEndian:
-      return PlyBody(header, BinaryPlySource<false>(bytes), sink).Import();
+      return PlyBody(header, BinaryPlySource<false>(bytes), model, sink).Import();
     case PlyEncoding::kBinaryBigEndian:
       break;
   }
-  return PlyBody(header, BinaryPlySource<true>(bytes), sink).Import();
+  return PlyBody(header, BinaryPlySource<true>(bytes), model, sink).Import();
 }
 
 }  // namespace quarry

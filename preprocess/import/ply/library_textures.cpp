@@ -1,0 +1,75 @@
+#include "preprocess/import/ply/library_textures.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <string_view>
+#include <utility>
+
+#include "preprocess/import/find_file.h"
+#include "preprocess/import/text/text_number.h"
+#include "preprocess/import/texture_image.h"
+#include "preprocess/import/warn_once.h"
+
+namespace quarry {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Whether a file is NAME.image-... beside NAME.materials.json.
+bool IsOfLibrary(const std::string& file, std::string_view library) {
+  constexpr std::string_view kEnd = ".materials.json";
+  if (!library.ends_with(kEnd)) return false;
+  library.remove_suffix(kEnd.size());
+  const std::string prefix = std::string(library) + ".image-";
+  return file.starts_with(prefix) && file.find('/', prefix.size()) == std::string::npos;
+}
+
+/// The file that an image's name means. Absolute names come from other machines: their last part counts.
+fs::path Locate(const std::string& name, const std::string& library, const fs::path& folder) {
+  if (IsOfLibrary(name, library)) return name;
+  std::string slashed = name;
+  std::ranges::replace(slashed, '\\', '/');
+  const bool absolute = slashed.starts_with('/') || (slashed.size() > 1 && slashed[1] == ':');
+  const std::string wanted = absolute ? fs::path(slashed).filename().string() : name;
+  return LeavesFolder(folder, folder / wanted) ? fs::path() : FindFile(folder, wanted);
+}
+
+}  // namespace
+
+Status AddLibraryTextures(const std::vector<MaterialLibrary::Image>& images, const std::string& library,
+                          const std::string& model, ModelSink& sink, Material& material) {
+  if (!sink.takes_textures()) return {};
+  bool warned = false;  // of texture coordinates
+  for (const MaterialLibrary::Image& from : images) {
+    const std::string& name = from.name.empty() ? from.file : from.name;
+    if (from.coordinates != 0) {
+      if (!std::exchange(warned, true))
+        sink.Warn(
+            fmt::format("{}: the material {} goes by texture coordinates other than the first, which "
+                        "alone are read; it does without such textures",
+                        model, Quoted(material.name)));
+      continue;
+    }
+    const fs::path file = Locate(from.file, library, fs::path(model).parent_path());
+    if (file.empty()) {
+      sink.Warn(fmt::format("{}: the image {} is not in the model's folder; the material does without", model,
+                            Quoted(name)));
+      continue;
+    }
+    TextureImage image;
+    image.file = file.string();
+    image.name = name;
+    image.model = model;
+    const TextureUse use = from.binding.use;
+    image.color = use == TextureUse::kDiffuse || use == TextureUse::kSpecular || use == TextureUse::kEmission;
+    image.pick = use == TextureUse::kOpacity ? TexturePick::kScalar : TexturePick::kColor;
+    TextureBinding binding = Bounded(from.binding);
+    QUARRY_ASSIGN(binding.texture, sink.AddTexture(std::move(image)));
+    material.textures.push_back(binding);
+  }
+  return {};
+}
+
+}  // namespace quarry
