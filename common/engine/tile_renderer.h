@@ -97,6 +97,7 @@ class TileRenderer {
     Vectors radiance;
     PrimaryRays eye;
     FootprintPacket footprints;
+    TexelPacket texels;
   };
 
   void StartPacket(uint32_t packet);
@@ -127,6 +128,9 @@ class TileRenderer {
   uint64_t FrameTextures(uint32_t packet, uint64_t lanes);
   uint64_t FindTextures(uint32_t packet, uint64_t lanes, PinnedBlocks& pins);
   uint64_t LookUp(uint32_t packet, uint64_t lanes, const SurfaceTexture& texture, PinnedBlocks& pins);
+  uint64_t GatherTexels(uint32_t packet, uint64_t lanes, const TexturePyramid& pyramid, PinnedBlocks& pins);
+  uint64_t LookUpSingly(uint32_t packet, uint64_t lanes, const TexturePyramid& pyramid, LookupKind kind,
+                        PinnedBlocks& pins);
   uint64_t LookedAt(uint32_t packet) const { return looks_.empty() ? 0 : looks_[packet].looked; }
   SurfaceProperties PropertiesOf(uint32_t packet, uint32_t lane) const;
   void Illuminate(uint32_t packet, uint64_t lanes);

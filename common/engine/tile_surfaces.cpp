@@ -113,27 +113,12 @@ uint64_t TileRenderer::LookUp(uint32_t packet, uint64_t lanes, const SurfaceText
   LookPacket& look = looks_[packet];
   SurfacePacket& surfaces = samples_[packet].surface;
   const TexturePyramid& pyramid = view_->surfaces->pyramid(texture);
-  FootprintPacket& footprints = gathered_->footprints;
-  MakeFootprints(texture, pyramid, surfaces.u, surfaces.v, look.lod, lanes, footprints);
-  const auto find = [&](BlockKey page) -> const std::byte* {
-    const ResidentBlock* block = pins.Find(page);
-    return block ? block->bytes.bytes().data() : nullptr;
-  };
   const TextureUse use = texture.binding.use;
-  uint64_t waiting = 0;
-  ForEachLane(lanes, [&](uint32_t lane) {
-    const auto i = static_cast<int>(lane);
-    TextureLookup lookup = look.LookupOf(i);
-    BlockKey missing;
-    const FilterFootprint footprint = footprints[i];
-    const bool done = use == TextureUse::kBump
-                          ? GoOnLookup<LookupKind::kSlope>(pyramid, footprint, find, lookup, missing)
-                          : GoOnLookup<LookupKind::kValue>(pyramid, footprint, find, lookup, missing);
-    look.SetLookup(i, lookup);
-    if (done) return;
-    Park(packet, lane, missing);
-    waiting |= uint64_t{1} << lane;
-  });
+  const LookupKind kind = use == TextureUse::kBump ? LookupKind::kSlope : LookupKind::kValue;
+  MakeFootprints(texture, pyramid, surfaces.u, surfaces.v, look.lod, lanes, gathered_->footprints);
+  const uint64_t whole = GatherTexels(packet, lanes, pyramid, pins);
+  SumTexels(pyramid, gathered_->footprints, gathered_->texels, kind, whole, look);
+  const uint64_t waiting = LookUpSingly(packet, lanes & ~whole, pyramid, kind, pins);
   lanes &= ~waiting;
   const bool relief = use == TextureUse::kBump || use == TextureUse::kNormal;
   if (relief) MapNormals(texture, pyramid, look, lanes, surfaces);
@@ -141,6 +126,58 @@ uint64_t TileRenderer::LookUp(uint32_t packet, uint64_t lanes, const SurfaceText
     const auto i = static_cast<int>(lane);
     if (!relief) look.Put(i, texture, look.LookupOf(i).sum);
     look.SetLookup(i, {});
+  });
+  return waiting;
+}
+
+/// Gathers the texels of lookups that have not begun and whose pages are all at hand. Returns: their lanes.
+uint64_t TileRenderer::GatherTexels(uint32_t packet, uint64_t lanes, const TexturePyramid& pyramid,
+                                    PinnedBlocks& pins) {
+  if (pyramid.layout.format == TexelFormat::kHalf) return 0;
+  TexelPacket& texels = gathered_->texels;
+  const FootprintPacket& footprints = gathered_->footprints;
+  lanes &= LanesAt(0, looks_[packet].texels);
+  PlaceTexels(pyramid, footprints, lanes, texels);
+  uint64_t whole = 0;
+  uint32_t page = kNoIndex;  // of the last texel; neighbours mostly share it
+  const ResidentBlock* block = nullptr;
+  ForEachLane(lanes, [&](uint32_t i) {
+    const uint32_t count = footprints.share[i] > 0 ? 8 : 4;
+    for (uint32_t n = 0; n < count; ++n) {
+      if (texels.page[n][i] != page) {
+        page = texels.page[n][i];
+        block = pins.Find(BlockKey::FromNumber(page));
+      }
+      if (!block) return;
+      const std::span<const std::byte> bytes = block->bytes.bytes();
+      texels.codes[n][i] = CodesAt(bytes.data(), bytes.size(), texels.index[n][i], pyramid.layout.channels);
+    }
+    whole |= uint64_t{1} << i;
+  });
+  return whole;
+}
+
+/// Goes on with lookups texel by texel. Returns: the lanes that wait for a page, which are parked.
+uint64_t TileRenderer::LookUpSingly(uint32_t packet, uint64_t lanes, const TexturePyramid& pyramid,
+                                    LookupKind kind, PinnedBlocks& pins) {
+  LookPacket& look = looks_[packet];
+  const auto find = [&](BlockKey page) -> const std::byte* {
+    const ResidentBlock* block = pins.Find(page);
+    return block ? block->bytes.bytes().data() : nullptr;
+  };
+  uint64_t waiting = 0;
+  ForEachLane(lanes, [&](uint32_t lane) {
+    const auto i = static_cast<int>(lane);
+    TextureLookup lookup = look.LookupOf(i);
+    BlockKey missing;
+    const FilterFootprint footprint = gathered_->footprints[i];
+    const bool done = kind == LookupKind::kSlope
+                          ? GoOnLookup<LookupKind::kSlope>(pyramid, footprint, find, lookup, missing)
+                          : GoOnLookup<LookupKind::kValue>(pyramid, footprint, find, lookup, missing);
+    look.SetLookup(i, lookup);
+    if (done) return;
+    Park(packet, lane, missing);
+    waiting |= uint64_t{1} << lane;
   });
   return waiting;
 }

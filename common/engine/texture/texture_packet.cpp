@@ -1,5 +1,7 @@
 #include "common/engine/texture/texture_packet.h"
 
+#include <utility>
+
 #include "common/engine/shading/for_lanes.h"
 #include "common/engine/texture/texture_frame.h"
 
@@ -34,13 +36,60 @@ void TexelsAlongLanes(TextureWrap wrap, const float (&positions)[RayPacket::kRay
   }
 }
 
+using Sums = float[4][RayPacket::kRays];
+
+/// Adds texel kN of lookups to their sums, as AddTexel() does. kChannels 0: slopes.
+template <uint32_t kChannels, uint32_t kN>
+void AddTexels(const float* colors, const FootprintPacket& footprints,
+               const uint32_t (&codes)[RayPacket::kRays], uint64_t lanes, Sums& sums) {
+  constexpr uint32_t kCoarser = kN / 4;
+  constexpr bool kRight = (kN & 1) != 0, kLower = (kN & 2) != 0;
+  const FootprintPacket::Texels& t = footprints.texels[kCoarser];
+  const float(&shares)[RayPacket::kRays] = footprints.share;
+  const float* const linear = kTexelCodes.linear;
+  ForLanes(lanes, [&](int i, bool meant) {
+    const float share = kCoarser == 1 ? shares[i] : 1 - shares[i];
+    const float across = kRight ? t.fx[i] : 1 - t.fx[i], down = kLower ? t.fy[i] : 1 - t.fy[i];
+    const bool there = (static_cast<int>(meant) & static_cast<int>(kCoarser == 0 || shares[i] > 0)) != 0;
+    const auto code = static_cast<int32_t>(codes[i]);
+    const float first = colors[code & 255];
+    if constexpr (kChannels == 0) {
+      const float height = share * first;
+      const auto width = static_cast<float>(static_cast<int32_t>(t.width[i]));
+      const auto rows = static_cast<float>(static_cast<int32_t>(t.height[i]));
+      Put(there, i, sums[0][i] + (kRight ? height : -height) * down * width, sums[0]);
+      Put(there, i, sums[1][i] + (kLower ? height : -height) * across * rows, sums[1]);
+    } else {
+      const float weight = share * across * down;
+      float second = first, third = first, last = 1;
+      if constexpr (kChannels >= 3) {
+        second = colors[code >> 8 & 255];
+        third = colors[code >> 16 & 255];
+      }
+      if constexpr (kChannels % 2 == 0) last = linear[code >> (8 * (kChannels - 1)) & 255];
+      Put(there, i, sums[0][i] + first * weight, sums[0]);
+      Put(there, i, sums[1][i] + second * weight, sums[1]);
+      Put(there, i, sums[2][i] + third * weight, sums[2]);
+      Put(there, i, sums[3][i] + last * weight, sums[3]);
+    }
+  });
+}
+
+template <uint32_t kChannels>
+void SumTexels(const float* colors, const FootprintPacket& footprints, const TexelPacket& texels,
+               uint64_t lanes, Sums& sums) {
+  [&]<uint32_t... kN>(std::integer_sequence<uint32_t, kN...>) {
+    (AddTexels<kChannels, kN>(colors, footprints, texels.codes[kN], lanes, sums), ...);
+  }
+  (std::make_integer_sequence<uint32_t, TexelPacket::kMost>());
+}
+
 }  // namespace
 
 void MakeFootprints(const SurfaceTexture& texture, const TexturePyramid& pyramid,
                     const float (&u)[RayPacket::kRays], const float (&v)[RayPacket::kRays],
                     const float (&lod)[RayPacket::kRays], uint64_t lanes, FootprintPacket& footprints) {
   alignas(64) float s[RayPacket::kRays], t[RayPacket::kRays];
-  alignas(64) uint32_t width[RayPacket::kRays], height[RayPacket::kRays];
   const auto& a = texture.binding.transform;
   const auto levels = static_cast<uint32_t>(pyramid.levels.size());
   const float size_lod = texture.size_lod;
@@ -58,13 +107,58 @@ void MakeFootprints(const SurfaceTexture& texture, const TexturePyramid& pyramid
     for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
       const bool there = (lanes >> i & 1) != 0 && (k == 0 || footprints.share[i] > 0);
       const TexturePyramid::Level& level = pyramid.levels[there ? footprints.level[i] + k : 0];
-      width[i] = level.width;
-      height[i] = level.height;
+      footprints.texels[k].width[i] = level.width;
+      footprints.texels[k].height[i] = level.height;
       with |= uint64_t{there} << i;
     }
     FootprintPacket::Texels& texels = footprints.texels[k];
-    TexelsAlongLanes(texture.binding.wrap_s, s, width, with, texels.x, texels.fx);
-    TexelsAlongLanes(texture.binding.wrap_t, t, height, with, texels.y, texels.fy);
+    TexelsAlongLanes(texture.binding.wrap_s, s, texels.width, with, texels.x, texels.fx);
+    TexelsAlongLanes(texture.binding.wrap_t, t, texels.height, with, texels.y, texels.fy);
+  }
+}
+
+void PlaceTexels(const TexturePyramid& pyramid, const FootprintPacket& footprints, uint64_t lanes,
+                 TexelPacket& texels) {
+  alignas(64) uint32_t columns[RayPacket::kRays], first_block[RayPacket::kRays], offset[RayPacket::kRays];
+  for (uint32_t k = 0; k < 2; ++k) {
+    for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
+      const bool there = (lanes >> i & 1) != 0 && (k == 0 || footprints.share[i] > 0);
+      const TexturePyramid::Level& level = pyramid.levels[there ? footprints.level[i] + k : 0];
+      columns[i] = level.columns;
+      first_block[i] = level.first_block;
+      offset[i] = level.tail_offset;
+    }
+    const FootprintPacket::Texels& t = footprints.texels[k];
+    for (uint32_t n = 0; n < 4; ++n) {
+      const uint32_t(&xs)[RayPacket::kRays] = t.x[n & 1], (&ys)[RayPacket::kRays] = t.y[n >> 1];
+      uint32_t(&page)[RayPacket::kRays] = texels.page[4 * k + n],
+      (&index)[RayPacket::kRays] = texels.index[4 * k + n];
+      ForLanes(lanes, [&](int i, bool) {
+        const uint32_t x = xs[i], y = ys[i], column = x / kPageSide, row = y / kPageSide;
+        const uint32_t rest = t.width[i] - column * kPageSide, width = rest < kPageSide ? rest : kPageSide;
+        const bool tail = columns[i] == 0;
+        page[i] = first_block[i] + (tail ? 0 : row * columns[i] + column);
+        index[i] = tail ? offset[i] + y * t.width[i] + x : y % kPageSide * width + x % kPageSide;
+      });
+    }
+  }
+}
+
+void SumTexels(const TexturePyramid& pyramid, const FootprintPacket& footprints, const TexelPacket& texels,
+               LookupKind kind, uint64_t lanes, LookPacket& looks) {
+  const TexelLayout layout = pyramid.layout;
+  const float* const colors = layout.format == TexelFormat::kSrgb8 ? kTexelCodes.srgb : kTexelCodes.linear;
+  switch (kind == LookupKind::kSlope ? 0 : layout.channels) {
+    case 0:
+      return SumTexels<0>(colors, footprints, texels, lanes, looks.sum);
+    case 1:
+      return SumTexels<1>(colors, footprints, texels, lanes, looks.sum);
+    case 2:
+      return SumTexels<2>(colors, footprints, texels, lanes, looks.sum);
+    case 3:
+      return SumTexels<3>(colors, footprints, texels, lanes, looks.sum);
+    default:
+      return SumTexels<4>(colors, footprints, texels, lanes, looks.sum);
   }
 }
 

@@ -20,6 +20,7 @@ struct FootprintPacket {
   struct Texels {
     uint32_t x[2][RayPacket::kRays], y[2][RayPacket::kRays];
     float fx[RayPacket::kRays], fy[RayPacket::kRays];
+    uint32_t width[RayPacket::kRays], height[RayPacket::kRays];  ///< of the level
   } texels[2];
 
   FilterFootprint operator[](int i) const {
@@ -45,6 +46,31 @@ struct FootprintPacket {
 void MakeFootprints(const SurfaceTexture& texture, const TexturePyramid& pyramid,
                     const float (&u)[RayPacket::kRays], const float (&v)[RayPacket::kRays],
                     const float (&lod)[RayPacket::kRays], uint64_t lanes, FootprintPacket& footprints);
+
+/// Where the texels of lookups lie, and what is there: of lookups of 8-bit texels whose pages are all at
+/// hand.
+struct TexelPacket {
+  static constexpr uint32_t kMost = 8;  ///< texels of a lookup
+  uint32_t page[kMost][RayPacket::kRays], index[kMost][RayPacket::kRays];
+  uint32_t codes[kMost][RayPacket::kRays];  ///< a texel's channels from the lowest byte on
+};
+/// Sets `page` and `index`.
+void PlaceTexels(const TexturePyramid& pyramid, const FootprintPacket& footprints, uint64_t lanes,
+                 TexelPacket& texels);
+/// The channels of a texel of 8 bits a channel, from the lowest byte on. `page` is of whole pages of memory.
+inline uint32_t CodesAt(const std::byte* page, size_t page_bytes, uint32_t index, uint32_t channels) {
+  const size_t at = size_t{channels} * index;
+  uint32_t codes = 0;
+  if (at + sizeof codes <= page_bytes)
+    std::memcpy(&codes, page + at, sizeof codes);
+  else
+    std::memcpy(&codes, page + at, channels);
+  return codes;
+}
+/// Sums whole lookups up, with the bits of GoOnLookup(). Requires: texels of 8 bits a channel; `codes` are
+/// set.
+void SumTexels(const TexturePyramid& pyramid, const FootprintPacket& footprints, const TexelPacket& texels,
+               LookupKind kind, uint64_t lanes, LookPacket& looks);
 
 /// Begins the looks of the triangles that `rays` have hit: their edges, and the cones' widths at the hits.
 void StartLooks(const TrianglePacket& triangles, const RayPacket& rays, uint64_t lanes, LookPacket& looks);
