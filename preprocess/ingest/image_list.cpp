@@ -48,7 +48,7 @@ class Digest {
 /// The digest of the image's bytes in its file; a text that no other image has if they cannot be read.
 std::string DigestOf(const TextureImage& image, uint64_t size) {
   constexpr uint64_t kPiece = 1 << 20;
-  const std::string unreadable = fmt::format("{} {}", image.file, image.offset);
+  std::string unreadable = fmt::format("{} {}", image.file, image.offset);
   const auto file = InputFile::Open(image.file);
   if (!file) return unreadable;
   Digest digest;

@@ -84,10 +84,11 @@ TexelStates StatesAbout(const TexelTriangle& triangle, const OpacityMap& map, co
     // The border rows of a clamped image stand for all beyond.
     const double low = clamped && row == 0 ? -2 * kFarthest : centre - 1 - slack_y;
     const double high = clamped && row == height - 1 ? 2 * kFarthest : centre + 1 + slack_y;
-    const auto [least, most] = Extent(c, low, high);
-    if (!(least <= most)) continue;
+    const std::pair<double, double> extent = Extent(c, low, high);
+    if (!(extent.first <= extent.second)) continue;
+    const Range touched = TouchedBy(extent.first - slack_x, extent.second + slack_x);
     ForEachWithin({row, row}, height, wrap_t, [&](Range inside) {
-      ForEachWithin(TouchedBy(least - slack_x, most + slack_x), width, wrap_s, [&](Range columns) {
+      ForEachWithin(touched, width, wrap_s, [&](Range columns) {
         states.Meet(map.StatesIn(static_cast<uint32_t>(inside.first), static_cast<uint32_t>(columns.first),
                                  static_cast<uint32_t>(columns.last), tiles));
         return !states.mixed();
