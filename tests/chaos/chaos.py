@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Short walks through a small scene by a cluster to which faults happen, drawn from a seed. Each must end with the images of the
 undisturbed walk. Prints a JSON line a run; of one that went wrong also the logs. Exit status: 0 when all were right.
-Usage: tests/chaos/run --seeds A-B [--jobs N] [--kinds KIND,...] [--keep]"""
+Usage: tests/chaos/run --seeds A-B [--jobs N] [--kinds KIND,...] [--textured] [--keep]"""
 import argparse
 import asyncio
 import json
@@ -33,7 +33,8 @@ async def run_seed(stage, seed, able, keep, undisturbed_s=None):
         result = await run.walk()
         print(json.dumps(result), flush=True)
         if run.wrong:
-            print(f"--- seed {seed} went wrong; again: tests/chaos/run --seeds {seed}\n{run.logs()}\n---", file=sys.stderr, flush=True)
+            again = f"tests/chaos/run --seeds {seed}{' --textured' if stage.textured else ''}"
+            print(f"--- seed {seed} went wrong; again: {again}\n{run.logs()}\n---", file=sys.stderr, flush=True)
         return result
     finally:
         run.clean(keep)
@@ -65,6 +66,7 @@ def main():
     parser.add_argument("--seeds", type=seeds, default="1-8", help="as 1-8 or 3,16-20")
     parser.add_argument("--jobs", type=int, default=1, help="runs at once")
     parser.add_argument("--kinds", default=",".join(faults.KINDS), help="only these faults (changes what a seed draws)")
+    parser.add_argument("--textured", action="store_true", help="a scene with textures and cut-outs instead of the plant")
     parser.add_argument("--keep", action="store_true", help="keep each run's folder")
     a = parser.parse_args()
     if unknown := set(a.kinds.split(",")) - set(faults.KINDS):
@@ -72,7 +74,7 @@ def main():
     folder = pathlib.Path(tempfile.mkdtemp(prefix="quarry-chaos-"))
     try:
         able = kinds_here(a.kinds.split(","))
-        results = asyncio.run(run_all(Stage(folder), a.seeds, able, a.jobs, a.keep))
+        results = asyncio.run(run_all(Stage(folder, a.textured), a.seeds, able, a.jobs, a.keep))
     finally:
         if a.keep:
             print(f"chaos: kept {folder}", file=sys.stderr)

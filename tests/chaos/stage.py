@@ -3,6 +3,10 @@ import json
 import os
 import pathlib
 import subprocess
+import sys
+
+sys.path.insert(0, str(pathlib.Path(__file__).parents[1] / "support"))
+from textured_scene import write_scene  # noqa: E402
 
 BIN = pathlib.Path(os.environ.get("QUARRY_BIN", pathlib.Path(__file__).parents[2] / "build/release/bin"))
 TRIANGLES, VOXEL_SIZE, CACHE = 120000, "16K", "2M"
@@ -11,14 +15,14 @@ MODES = ("shadow", "whitted")
 
 
 class Stage:
-    def __init__(self, folder):
+    def __init__(self, folder, textured=False):
         self.folder = pathlib.Path(folder)
+        self.textured = textured
         self.bad_worker = BIN / "quarry-test-bad-worker"
         self.store = self._store("scene", 1)
         self.older = self._store("older", 2)
         self.path = str(self.folder / "walk.json")
-        walk = json.loads((self.folder / "scene.path.json").read_text())
-        walk["frames"] = [walk["frames"][f] for f in FRAMES]
+        walk = self._walk()
         pathlib.Path(self.path).write_text(json.dumps(walk))
         self.images = {}
         for mode in MODES:
@@ -32,7 +36,19 @@ class Stage:
     def render_options(self, mode):
         return ["--camera-path", self.path, "--size", "160x120", "--spp", "4", "--mode", mode]
 
+    def _walk(self):
+        if self.textured:
+            return {"frames": [{"eye": [14 - k, -7 + k / 2, 7 - k / 3], "at": [6, 4, 0.5], "up": [0, 0, 1], "fov": 50}
+                               for k in range(len(FRAMES))]}
+        walk = json.loads((self.folder / "scene.path.json").read_text())
+        return {**walk, "frames": [walk["frames"][f] for f in FRAMES]}
+
     def _store(self, name, seed):
+        if self.textured:
+            store, models = str(self.folder / f"{name}.quarry"), self.folder / f"{name}-models"
+            models.mkdir()
+            self._run("quarry-preprocess", *write_scene(models, 64 + 8 * seed), "-o", store, "--voxel-size", VOXEL_SIZE, "--up-axis", "z", "--quiet")
+            return store
         model, store = self.folder / f"{name}.ply", str(self.folder / f"{name}.quarry")
         self._run("quarry-scene", "plant", "--triangles", TRIANGLES, "--seed", seed, "-o", model, "--quiet")
         self._run("quarry-preprocess", model, "-o", store, "--voxel-size", VOXEL_SIZE, "--quiet")
