@@ -485,9 +485,9 @@ class Resumed(Case):
         names = []
         for i in range(6):
             names.append(f"{i}.png")
-            (self.folder / names[-1]).write_bytes(noise(1500, 1500, i))
+            (self.folder / names[-1]).write_bytes(noise(1500, 1500, i, 4 if i == 0 else 3))
         # The first cuts out of all triangles some.
-        images = [data_uri(noise(700, 700, 10, 4)), *names[:3], data_uri(noise(700, 700, 11)), *names[3:]]
+        images = [names[0], data_uri(noise(700, 700, 10)), *names[1:3], data_uri(noise(700, 700, 11)), *names[3:]]
         materials = [{"name": f"m{i}", "pbrMetallicRoughness": {"baseColorTexture": {"index": i}}} for i in range(len(images))]
         materials[0]["alphaMode"] = "MASK"
         pathlib.Path(self.model).write_bytes(glb(380, images, materials, [{"source": i} for i in range(len(images))]))
@@ -528,8 +528,8 @@ class Resumed(Case):
         self.addCleanup(run.stderr.close)
         self.addCleanup(run.wait)
         self.addCleanup(run.kill)
-        # However slow the build is: the first file is done by then. However fast, with one thread: another note comes.
-        self.assertTrue(any("carrying 8 images: 20 %" in line for line in run.stderr))
+        # The first note comes after a second or more, and has the first file, however slow or fast the build is.
+        self.assertTrue(any("carrying 8 images" in line for line in run.stderr))
         journal = pathlib.Path(self.store + ".work/journal")
         before = journal.stat().st_size
         while journal.stat().st_size == before:
@@ -549,7 +549,7 @@ class Resumed(Case):
         self.assertTrue(pathlib.Path(self.store).read_bytes() == pathlib.Path(self.path("whole.quarry")).read_bytes())
 
     @staticmethod
-    def large(seed, side=2500):
+    def large(seed, side=3500):
         base = random.Random(seed).randbytes(8 * side)
         return png(side, side, lambda y: base[y % side:y % side + 3 * side])
 
