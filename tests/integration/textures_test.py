@@ -11,7 +11,6 @@ import subprocess
 import time
 import zlib
 
-from model_cases import pixels_of
 from programs import BIN, PATIENCE, Case, main
 
 SCENES = pathlib.Path(__file__).parents[3] / "shared/scenes"
@@ -191,15 +190,6 @@ class Textures(Stores):
         (self.folder / "s.mtl").write_text("".join(line + "\n" for line in lines if "map_" not in line and "bump" not in line))
         self.assertEqual(without, self.preprocess(model, "never.quarry"))
 
-    def test_pictures_are_those_without_textures_as_yet(self):
-        model = self.write_obj()
-        pictures = []
-        for name, more in (("with", []), ("without", ["--no-textures"])):
-            self.preprocess(model, name + ".quarry", *more)
-            self.must("quarry", "render", self.path(name + ".quarry"), "-o", self.path(name + ".png"), "--size", "64x48", "--workers", 2,
-                      "--mode", "whitted", "--quiet")
-            pictures.append(pixels_of(self.path(name + ".png")))  # the files name their scenes
-        self.assertEqual(*pictures)
 
     def test_an_image_that_cannot_be_read_is_left_out(self):
         model = self.write_obj()
