@@ -83,7 +83,7 @@ Status MappedBlocks::Decode(const StoreReader& store) {
     if (id.kind() == BlockKind::kShading) {
       QUARRY_ASSIGN(blocks_[number]->shading, decoder.Shading(stored, out));
     } else {
-      QUARRY_ASSIGN(blocks_[number]->hot, DecodeHot(decoder, catalog, id.voxel, stored, out));
+      QUARRY_ASSIGN(blocks_[number]->hot, DecodeHot(decoder, catalog, id.voxel(), stored, out));
     }
     at += room(number);
   }
