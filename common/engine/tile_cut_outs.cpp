@@ -17,8 +17,9 @@ int OpacityChannel(const TexelLayout& layout) {
 /// Finds out which hits of `lanes` lie in holes. Those that wait for a block are parked.
 TileRenderer::CutResult TileRenderer::TestCuts(uint32_t packet, uint64_t lanes, PinnedBlocks& pins) {
   CutResult result;
+  HotBlock hot;
   ForEachLane(lanes, [&](uint32_t i) {
-    const Cut cut = TestCut(packet, i, pins);
+    const Cut cut = TestCut(packet, i, hot, pins);
     (cut == Cut::kThere    ? result.there
      : cut == Cut::kInHole ? result.holes
                            : result.waiting) |= uint64_t{1} << i;
@@ -26,11 +27,11 @@ TileRenderer::CutResult TileRenderer::TestCuts(uint32_t packet, uint64_t lanes, 
   return result;
 }
 
-TileRenderer::Cut TileRenderer::TestCut(uint32_t packet, uint32_t lane, PinnedBlocks& pins) {
+TileRenderer::Cut TileRenderer::TestCut(uint32_t packet, uint32_t lane, HotBlock& hot, PinnedBlocks& pins) {
   CutPacket& cut = cuts_[packet];
   if (cut.texels[lane] == CutPacket::kThere) return Cut::kThere;
   if (cut.texels[lane] == CutPacket::kUnseen) {
-    const Cut seen = TestMask(packet, lane, pins);
+    const Cut seen = TestMask(packet, lane, hot, pins);
     if (seen != Cut::kOpen) return seen;
   }
   if (cut.texels[lane] == CutPacket::kWantsUv) {
@@ -41,13 +42,12 @@ TileRenderer::Cut TileRenderer::TestCut(uint32_t packet, uint32_t lane, PinnedBl
 }
 
 /// Asks the triangle's mask, in the hot block of the hit.
-TileRenderer::Cut TileRenderer::TestMask(uint32_t packet, uint32_t lane, PinnedBlocks& pins) {
+TileRenderer::Cut TileRenderer::TestMask(uint32_t packet, uint32_t lane, HotBlock& hot, PinnedBlocks& pins) {
   CutPacket& cut = cuts_[packet];
   const RayPacket& rays = packets_[packet];
-  const BlockKey key = BlockKey::Hot(rays.voxel[lane]);
-  const ResidentBlock* block = pins.Find(key);
-  if (!block) return Park(packet, lane, key), Cut::kWaits;
-  const VoxelGeometry& voxel = block->hot;
+  if (hot.voxel != rays.voxel[lane]) hot = {rays.voxel[lane], pins.Find(BlockKey::Hot(rays.voxel[lane]))};
+  if (!hot.block) return Park(packet, lane, BlockKey::Hot(hot.voxel)), Cut::kWaits;
+  const VoxelGeometry& voxel = hot.block->hot;
   const uint32_t local = rays.local[lane], mask = voxel.masks ? voxel.masks[local] : kOpaqueMask;
   const OpacityState state = StateAt(mask, rays.b1[lane], rays.b2[lane]);
   if (state == OpacityState::kTransparent) return Cut::kInHole;

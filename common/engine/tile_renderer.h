@@ -113,9 +113,14 @@ class TileRenderer {
   struct CutResult {
     uint64_t there = 0, holes = 0, waiting = 0;  ///< lanes
   };
+  /// The hot block of the last lane; neighbours mostly share it.
+  struct HotBlock {
+    uint32_t voxel = kNoVoxel;
+    const ResidentBlock* block = nullptr;
+  };
   CutResult TestCuts(uint32_t packet, uint64_t lanes, PinnedBlocks& pins);
-  Cut TestCut(uint32_t packet, uint32_t lane, PinnedBlocks& pins);
-  Cut TestMask(uint32_t packet, uint32_t lane, PinnedBlocks& pins);
+  Cut TestCut(uint32_t packet, uint32_t lane, HotBlock& hot, PinnedBlocks& pins);
+  Cut TestMask(uint32_t packet, uint32_t lane, HotBlock& hot, PinnedBlocks& pins);
   Cut PlaceCut(uint32_t packet, uint32_t lane, PinnedBlocks& pins);
   Cut TestOpacity(uint32_t packet, uint32_t lane, PinnedBlocks& pins);
   float CutShare(uint32_t packet, uint32_t lane) const;
