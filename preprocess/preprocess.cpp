@@ -59,6 +59,15 @@ Result<std::unique_ptr<Begun>> Begin(const PreprocessOptions& options, bool resu
   return begun;
 }
 
+/// Textures have no place on models without uv: whether a triangle has any would depend on its voxel.
+void DropTexturesWithoutUv(ImportedScene& scene, Progress& progress) {
+  if (scene.attributes >= Attributes::kUvs || scene.images.empty()) return;
+  scene.images.clear();
+  for (Material& material : scene.materials) material.textures.clear();
+  scene.warnings.emplace_back("no vertex has texture coordinates; the materials do without their textures");
+  progress.Say("warning: " + scene.warnings.back());
+}
+
 Result<PreprocessStatistics> RunIn(Begun& begun, const PreprocessOptions& options, Progress& progress) {
   const auto start = Clock::now();
   QUARRY_ASSIGN(ImportedScene scene, begun.import->Run());
@@ -66,6 +75,7 @@ Result<PreprocessStatistics> RunIn(Begun& begun, const PreprocessOptions& option
   QUARRY_TRY(CheckNotRead(options.output));  // the models' other files are known only now
   PreprocessStatistics statistics;
   statistics.import_wall_s = SecondsSince(start);
+  DropTexturesWithoutUv(scene, progress);
   statistics.warnings = scene.warnings.size();
   const auto build_start = Clock::now();
   BuildStage build(options, begun.work, progress, scene);

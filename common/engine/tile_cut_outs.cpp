@@ -97,7 +97,9 @@ TileRenderer::Cut TileRenderer::TestOpacity(uint32_t packet, uint32_t lane, Pinn
   cut.texels[lane] = static_cast<uint8_t>(lookup.texels);
   cut.opacity[lane] = lookup.sum[channel];
   if (!done) return Park(packet, lane, missing), Cut::kWaits;
-  const float opacity = cut.opacity[lane] * binding.factor.w;
+  // The weights' sum may fall short of 1, so that an opaque texel would seem a little less.
+  constexpr float kRounding = 1e-6f;
+  const float opacity = cut.opacity[lane] * binding.factor.w + kRounding;
   const bool there = binding.cutoff > 0 ? opacity >= binding.cutoff : opacity > CutShare(packet, lane);
   if (!there) return Cut::kInHole;
   cut.texels[lane] = CutPacket::kThere;

@@ -11,6 +11,19 @@
 
 namespace quarry {
 
+namespace {
+
+/// Resizes, and gives the memory back if nothing is left.
+template <class T>
+void Fit(std::vector<T>& values, size_t count) {
+  if (count == 0)
+    values = {};
+  else
+    values.resize(count);
+}
+
+}  // namespace
+
 void TileRenderer::Open(std::shared_ptr<const ViewContext> view, const Tile& tile) {
   view_ = std::move(view);
   tile_ = tile;
@@ -23,9 +36,9 @@ void TileRenderer::Open(std::shared_ptr<const ViewContext> view, const Tile& til
   samples_.resize(packets_.size());
   if (view_->view.mode == RenderMode::kWhitted)
     pending_.resize(PendingPlace(static_cast<uint32_t>(packets_.size()), 0));
-  looks_.resize(view_->texture_uses != 0 && !tile.hits_only ? packets_.size() : 0);
-  cuts_.resize(view_->cut_outs ? packets_.size() : 0);
-  pending_cones_.resize(looks_.empty() || view_->view.mode != RenderMode::kWhitted ? 0 : pending_.size());
+  Fit(looks_, view_->texture_uses != 0 && !tile.hits_only ? packets_.size() : 0);
+  Fit(cuts_, view_->cut_outs ? packets_.size() : 0);
+  Fit(pending_cones_, looks_.empty() || view_->view.mode != RenderMode::kWhitted ? 0 : pending_.size());
   for (uint32_t packet = 0; packet < packets_.size(); ++packet) StartPacket(packet);
 }
 

@@ -41,7 +41,7 @@ Status ReadPages(ByteReader& in, Texture& texture, uint64_t begin, uint64_t end)
 }
 
 bool Sane(const TextureBinding& b) {
-  bool finite = std::isfinite(b.cutoff);
+  bool finite = b.cutoff >= 0 && b.cutoff <= 1e30f;
   for (const float x : b.transform) finite = finite && std::isfinite(x);
   for (int i = 0; i < 4; ++i) finite = finite && std::isfinite(b.factor[i]);
   return finite && static_cast<uint32_t>(b.use) < kTextureUses &&

@@ -10,11 +10,24 @@
 #include <utility>
 
 #include "common/base/resource.h"
+#include "common/scene/open_pbr.h"
 #include "preprocess/texture/mip_builder.h"
 #include "preprocess/texture/row_converter.h"
 
 namespace quarry {
 namespace {
+
+/// Takes back what opacity has done to the material's numbers: its texture says it instead.
+void MakeSolid(Material& m) {
+  if (m.geometry_opacity >= 1 || m.geometry_opacity <= 0) return;
+  if (IsOpenPbr(m)) {
+    m.geometry_opacity = 1;
+    return DeriveWhitted(m, m.ior > 1);
+  }
+  m.diffuse /= m.geometry_opacity;
+  m.transmittance = glm::vec3(0);
+  DeriveOpenPbr(m);
+}
 
 using Clock = std::chrono::steady_clock;
 
@@ -210,6 +223,7 @@ void TextureStage::Renumber(std::vector<Material>& materials, const StoreWriter&
     std::vector<TextureBinding>& textures = material.textures;
     std::erase_if(textures, left_out);
     for (TextureBinding& binding : textures) binding.texture = numbers_[binding.texture];
+    if (std::ranges::find(textures, TextureUse::kOpacity, use_of) != textures.end()) MakeSolid(material);
     const auto bump = std::ranges::find(textures, TextureUse::kBump, use_of);
     if (bump == textures.end() || !of_normals_[bump->texture]) continue;
     if (std::ranges::find(textures, TextureUse::kNormal, use_of) == textures.end())

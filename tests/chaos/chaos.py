@@ -41,7 +41,11 @@ async def run_seed(stage, seed, able, keep, undisturbed_s=None):
 
 
 async def run_all(stage, seeds, able, jobs, keep):
-    undisturbed = await run_seed(stage, 0, set(), keep)
+    # Whether its workers ask each other for enough blocks is a matter of chance.
+    for _ in range(3):
+        undisturbed = await run_seed(stage, 0, set(), keep)
+        if not undisturbed["wrong"] or not all("bytes between workers" in wrong for wrong in undisturbed["wrong"]):
+            break
     if undisturbed["result"] != "ok":
         return [undisturbed]
     turn = asyncio.Semaphore(jobs)

@@ -117,21 +117,46 @@ class TexturedPictures(Case):
             print(f"cut-outs, {mode}: {unlike} of {320 * 240} pixels unlike", file=sys.stderr)
             self.assertLess(unlike, 40)
 
-    def test_opacity_without_a_cut_off_is_a_share_of_paths(self):
-        """A sheet of opacity 0.25 over a black floor has a quarter of its brightness, by many samples."""
+    def veil(self, name, texel, factor):
+        """A sheet of opacity texel / 255 * factor over a black floor."""
         glb = Glb()
-        image = glb.image(png(4, 4, lambda y: bytes((255, 255, 255, 64)) * 4, 4))
-        veil = glb.material(doubleSided=True, alphaMode="BLEND", pbrMetallicRoughness={"baseColorTexture": {"index": image}, "metallicFactor": 0})
+        image = glb.image(png(4, 4, lambda y: bytes((255, 255, 255, texel)) * 4, 4))
+        veil = glb.material(doubleSided=True, alphaMode="BLEND", pbrMetallicRoughness={
+            "baseColorFactor": [1, 1, 1, factor], "baseColorTexture": {"index": image}, "metallicFactor": 0})
         black = glb.material(pbrMetallicRoughness={"baseColorFactor": [0, 0, 0, 1], "metallicFactor": 0})
         glb.add(sheet(2, 2, lambda u, v: (10 * u, 10 * v, 1)), veil)
         glb.add(sheet(2, 2, lambda u, v: (10 * u, 10 * v, 0)), black)
-        glb.write(self.path("v.glb"))
-        store = self.preprocess([self.path("v.glb")], "v.quarry", "--up-axis", "z")
-        self.picture(store, "v.png", "--mode", "raycast", "--exposure", 0, "--size", "16x16", "--spp", 256, "--eye", "5,5,9",
-                     "--at", "5,5,0", "--up", "0,1,0", "--ortho", 8)
-        seen = [as_linear(p[0]) for row in pixels_of(self.path("v.png")) for p in row]
-        self.assertAlmostEqual(sum(seen) / len(seen), 64 / 255, delta=0.01)
-        self.assertGreater(max(seen) - min(seen), 0.01)  # paths differ
+        glb.write(self.path(f"{name}.glb"))
+        return self.preprocess([self.path(f"{name}.glb")], f"{name}.quarry", "--up-axis", "z")
+
+    def test_opacity_without_a_cut_off_is_a_share_of_paths(self):
+        """Opacity 0.25 gives a quarter of the brightness, by many samples, however the texel and the factor share it."""
+        stores = {name: self.veil(name, *of) for name, of in (("texel", (64, 1)), ("factor", (128, 0.5)))}
+        for mode in ("raycast", "shadow", "whitted"):
+            for name, store in stores.items():
+                self.picture(store, f"{name}.png", "--mode", mode, "--exposure", 0, "--size", "16x16", "--spp", 256,
+                             "--eye", "5,5,9", "--at", "5,5,0", "--up", "0,1,0", "--ortho", 8)
+            self.assertEqual(*(pixels_of(self.path(f"{name}.png")) for name in stores), mode)
+            if mode != "raycast":
+                continue
+            seen = [as_linear(p[0]) for row in pixels_of(self.path("texel.png")) for p in row]
+            self.assertAlmostEqual(sum(seen) / len(seen), 64 / 255, delta=0.01)
+            self.assertGreater(max(seen) - min(seen), 0.01)  # paths differ
+
+    def test_textures_need_coordinates(self):
+        """A model without them does without its textures, whatever its voxels; one warning says so."""
+        (self.folder / "t.png").write_bytes(noise(16, 16, 1))
+        (self.folder / "m.mtl").write_text("newmtl a\nKd 0.5 0.5 0.5\nmap_Kd t.png\n")
+        positions, _, triangles = sheet(40, 40, lambda u, v: (10 * u, 10 * v, (u > 0.5) * (v * v + u)))
+        (self.folder / "m.obj").write_text("mtllib m.mtl\nusemtl a\n" + "".join(f"v {x:.4f} {y:.4f} {z:.4f}\n" for x, y, z in positions) +
+                                           "".join(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in triangles))
+        pictures = set()
+        for size in ("8K", "1M"):
+            done = self.must("quarry-preprocess", self.path("m.obj"), "-o", self.path("m.quarry"), "--force", "--voxel-size", size)
+            self.assertIn("no vertex has texture coordinates", done.stderr)
+            self.picture(self.path("m.quarry"), "m.png", "--mode", "raycast", "--size", "64x64", "--exposure", 0, "--eye", "5,-8,9", "--at", "5,5,0")
+            pictures.add(str(pixels_of(self.path("m.png"))))
+        self.assertEqual(len(pictures), 1)
 
     def test_the_same_bytes_whatever_happens(self):
         store = self.preprocess(write_scene(self.folder), "s.quarry", "--voxel-size", "32K")
@@ -140,7 +165,8 @@ class TexturedPictures(Case):
             arguments = ["--mode", mode, "--size", "128x96", "--spp", 2, "--aov", "normal,albedo", *VIEW]
             right = self.picture(store, "r.exr", *arguments, "--workers", 1, "--threads", 1)
             cases = [("--workers", 2, "--threads", 2), ("--workers", 1, "--threads", 2, "--cache", 2 * largest),
-                     ("--workers", 2, "--threads", 1, "--cache", "1M"), ("--workers", 1, "--threads", 1, "--cache", largest)]
+                     ("--workers", 2, "--threads", 1, "--cache", "1M"), ("--workers", 1, "--threads", 1, "--cache", largest),
+                     ("--workers", 1, "--threads", 4, "--cache", largest)]
             for case in cases:
                 with self.subTest(mode=mode, case=case):
                     self.assertEqual(self.picture(store, "c.exr", *arguments, *case), right)

@@ -134,6 +134,11 @@ def write_scene(folder, columns=96):
         "baseColorTexture": {"index": glb.image(checkers(512, 512, 8), wrapS=33648, wrapT=33071)}, "metallicFactor": 0})
     cut = glb.material(alphaMode="MASK", doubleSided=True, pbrMetallicRoughness={
         "baseColorTexture": {"index": glb.image(leaves(128, 128))}, "metallicFactor": 0})
+    veil = glb.material(alphaMode="BLEND", doubleSided=True, pbrMetallicRoughness={
+        "baseColorFactor": [1, 1, 1, 0.7], "baseColorTexture": {"index": glb.image(noise(70, 64, 6, 4))}, "metallicFactor": 0})
+    glass = glb.material(alphaMode="BLEND", doubleSided=True, pbrMetallicRoughness={"baseColorFactor": [0.6, 0.9, 0.7, 0.3], "metallicFactor": 0})
+    glb.add(sheet(6, 6, lambda u, v: (7 * u, 1 + v, 1 + 2 * v)), veil)
+    glb.add(sheet(2, 2, lambda u, v: (3 + 3 * u, 3 + 0.3 * v, 3 * v)), glass)
     glb.add(sheet(columns, columns, lambda u, v: (10 * u, 10 * v, math.sin(9 * u) * math.cos(7 * v) * 0.4), 3), everything)
     glb.add(sheet(columns, columns, lambda u, v: (40 * u - 15, 40 * v - 15, -1), 6), board)
     for k in range(4):

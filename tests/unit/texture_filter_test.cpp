@@ -1,10 +1,12 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <cstring>
+#include <memory>
 #include <optional>
 #include <random>
 #include <set>
 
+#include "common/engine/texture/texture_frame.h"
 #include "common/engine/texture/texture_packet.h"
 #include "common/math/elementary.h"
 #include "common/math/half.h"
@@ -37,6 +39,7 @@ class RandomTexture {
 
   const TexturePyramid& pyramid() const { return *pyramid_; }
   const std::byte* Page(BlockKey key) const { return pages_[catalog_.PageOf(key)].data(); }
+  size_t page_bytes(BlockKey key) const { return pages_[catalog_.PageOf(key)].size(); }
   uint32_t levels() const { return static_cast<uint32_t>(levels_.size()); }
   uint32_t width(uint32_t level) const { return shape_.levels()[level].width; }
   uint32_t height(uint32_t level) const { return shape_.levels()[level].height; }
@@ -248,6 +251,102 @@ TEST_CASE("The slope of a lookup is the derivative of the interpolation", "[text
           Approx((at(step, 0) - at(-step, 0)) / (2 * step)).margin(0.01));
     CHECK(static_cast<double>(lookup.sum.y) ==
           Approx((at(0, step) - at(0, -step)) / (2 * step)).margin(0.01));
+  }
+}
+
+TEST_CASE("Texels that are summed for a packet have the bits of single lookups", "[texture]") {
+  std::mt19937 random(8);
+  std::uniform_real_distribution<float> place(-2, 3), level(-2, 9);
+  const auto looks = std::make_unique<LookPacket>();
+  const auto texels = std::make_unique<TexelPacket>();
+  const auto footprints = std::make_unique<FootprintPacket>();
+  for (const TexelFormat format : {TexelFormat::kSrgb8, TexelFormat::kLinear8})
+    for (const uint32_t channels : {1u, 2u, 3u, 4u}) {
+      const RandomTexture texture(300, 133, channels, format);
+      for (int n = 0; n < 200; ++n) {
+        const LookupKind kind = n % 2 == 0 ? LookupKind::kValue : LookupKind::kSlope;
+        SurfaceTexture use{{}, 0.5f};
+        use.binding.wrap_s = kWraps[random() % 3];
+        use.binding.wrap_t = kWraps[random() % 3];
+        use.binding.transform = {1.5f, 0.25f, 0.125f, -0.5f, 2, 0.75f};
+        float u[RayPacket::kRays], v[RayPacket::kRays], lod[RayPacket::kRays];
+        for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
+          u[i] = place(random);
+          v[i] = place(random);
+          lod[i] = i % 4 == 0 ? std::floor(level(random)) + 0.5f : level(random);  // some of one level
+          looks->SetLookup(static_cast<int>(i), {});
+        }
+        const uint64_t lanes = n % 3 == 0 ? ~uint64_t{0} : uint64_t{random()} << 32 | random();
+        MakeFootprints(use, texture.pyramid(), u, v, lod, lanes, *footprints);
+        PlaceTexels(texture.pyramid(), *footprints, lanes, *texels);
+        for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
+          if ((lanes >> i & 1) == 0) continue;
+          for (uint32_t k = 0; k < (footprints->share[i] > 0 ? 8 : 4); ++k) {
+            const auto key = BlockKey::FromNumber(texels->page[k][i]);
+            texels->codes[k][i] =
+                CodesAt(texture.Page(key), texture.page_bytes(key), texels->index[k][i], channels);
+          }
+        }
+        SumTexels(texture.pyramid(), *footprints, *texels, kind, lanes, *looks);
+        for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
+          TextureLookup right;
+          BlockKey missing;
+          const auto find = [&](BlockKey key) { return texture.Page(key); };
+          const FilterFootprint footprint = (*footprints)[static_cast<int>(i)];
+          if ((lanes >> i & 1) != 0 && kind == LookupKind::kValue)
+            REQUIRE(GoOnLookup<LookupKind::kValue>(texture.pyramid(), footprint, find, right, missing));
+          if ((lanes >> i & 1) != 0 && kind == LookupKind::kSlope)
+            REQUIRE(GoOnLookup<LookupKind::kSlope>(texture.pyramid(), footprint, find, right, missing));
+          const glm::vec4 sum = looks->LookupOf(static_cast<int>(i)).sum;
+          if (sum != right.sum) FAIL(channels << " channels, lane " << i);
+        }
+      }
+    }
+}
+
+TEST_CASE("Frames of a packet have the bits of single ones", "[texture]") {
+  std::mt19937 random(9);
+  std::normal_distribution<float> normal;
+  const auto vector = [&] { return glm::vec3(normal(random), normal(random), normal(random)); };
+  const auto looks = std::make_unique<LookPacket>();
+  const auto triangles = std::make_unique<TrianglePacket>();
+  const auto attributes = std::make_unique<AttributePacket>();
+  const auto surfaces = std::make_unique<SurfacePacket>();
+  const auto rays = std::make_unique<RayPacket>();
+  const uint64_t lanes = 0xF0F123456789ABCDull;
+  for (int i = 0; i < static_cast<int>(RayPacket::kRays); ++i) {
+    for (int c = 0; c < 3; ++c) {
+      triangles->at[c].Set(i, i % 7 == 0 ? glm::vec3(1) : vector());  // some without area
+      attributes->normal[c].Set(i, Unit(vector()));
+      attributes->u[c][i] = i % 5 == 0 ? 0.5f : normal(random);  // some where uv does not vary
+      attributes->v[c][i] = normal(random);
+    }
+    surfaces->geometric_normal.Set(i, Unit(vector()));
+    surfaces->view.Set(i, Unit(vector()));
+    rays->hit_t[i] = std::fabs(normal(random));
+    looks->cone_width[i] = std::fabs(normal(random));
+    looks->cone_spread[i] = normal(random);
+  }
+  const LookPacket before = *looks;
+  StartLooks(*triangles, *rays, lanes, *looks);
+  FrameLooks(*attributes, *surfaces, lanes, *looks);
+  for (int i = 0; i < static_cast<int>(RayPacket::kRays); ++i) {
+    if ((lanes >> i & 1) == 0) {
+      CHECK(looks->cone_width[i] == before.cone_width[i]);
+      continue;
+    }
+    const glm::vec3 e1 = triangles->at[1][i] - triangles->at[0][i],
+                    e2 = triangles->at[2][i] - triangles->at[0][i];
+    const float width = std::fabs(before.cone_width[i] + before.cone_spread[i] * rays->hit_t[i]);
+    const auto uv = [&](int c) { return glm::vec2(attributes->u[c][i], attributes->v[c][i]); };
+    const TextureFrame frame = FrameOf(e1, e2, uv(1) - uv(0), uv(2) - uv(0));
+    const float cosine = std::fabs(glm::dot(surfaces->geometric_normal[i], surfaces->view[i]));
+    CHECK(looks->cone_width[i] == width);
+    CHECK(looks->by_u[i] == frame.by_u);
+    CHECK(looks->by_v[i] == frame.by_v);
+    CHECK(looks->lod[i] == LodOf(frame.uv_area, width, cosine));
+    CHECK(looks->bending[i] ==
+          BendingOf(e1, e2, attributes->normal[0][i], attributes->normal[1][i], attributes->normal[2][i]));
   }
 }
 

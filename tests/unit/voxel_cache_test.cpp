@@ -237,4 +237,45 @@ TEST_CASE("Many threads share a cache of one block") {
   CHECK(f.cache.counters().bytes <= kBlock);
 }
 
+TEST_CASE("Pages count as memory's pages, and the oldest that is not pinned goes first") {
+  Catalog catalog = TenVoxels();
+  const TextureShape shape(256, 256);  // 16, 4 and 1 pages, and the tail
+  catalog.textures.push_back(
+      {"t", {256, 256, 3, TexelFormat::kSrgb8}, std::vector<BlockEntry>(shape.pages())});
+  for (uint32_t p = 0; p < shape.pages(); ++p) catalog.textures[0].pages[p].decoded = shape.TexelsOf(p) * 3;
+  catalog.shapes.push_back(shape);
+  catalog.first_page.push_back(shape.pages());
+  REQUIRE(catalog.block_numbers() == 20 + shape.pages());
+  const auto page = [&](uint32_t number) { return catalog.PageKey(0, number); };
+  const uint64_t room = PageRoom(64 * 64 * 3);
+  CHECK(room == 12288 + 256);
+  VoxelCache cache(
+      catalog, 3 * room, [] {}, [] {});
+  const auto load = [&](BlockKey block) {
+    if (!cache.Reserve(block)) return false;
+    auto resident = std::make_unique<ResidentBlock>();
+    resident->bytes = *cache.TakePages(catalog.block(block).decoded, true);
+    cache.Publish(block, std::move(resident));
+    return true;
+  };
+  for (uint32_t p = 0; p < 3; ++p) REQUIRE(load(page(p)));
+  CHECK(cache.counters().bytes == 3 * room);
+  REQUIRE(cache.TryPin(page(0)));  // the oldest, but in use
+  REQUIRE(load(page(3)));
+  CHECK(cache.TryPin(page(1)) == nullptr);
+  CHECK(cache.TryPin(page(0)));
+  cache.Unpin(page(0));
+  cache.Unpin(page(0));
+  REQUIRE(cache.TryPin(page(2)));  // used last
+  cache.Unpin(page(2));
+  REQUIRE(load(page(4)));
+  CHECK(cache.TryPin(page(3)) == nullptr);
+  CHECK(cache.TryPin(page(2)));
+  cache.Unpin(page(2));
+  for (const uint32_t p : {0u, 2u, 4u}) REQUIRE(cache.TryPin(page(p)));
+  CHECK_FALSE(load(page(5)));  // all are pinned
+  for (const uint32_t p : {0u, 2u, 4u}) cache.Unpin(page(p));
+  CHECK(load(page(5)));
+}
+
 }  // namespace quarry

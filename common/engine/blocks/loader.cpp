@@ -78,7 +78,7 @@ bool Loader::Install(const Arrived& arrived) {
   if (!cache_.Reserve(arrived.block)) return false;
   auto resident = std::make_unique<ResidentBlock>();
   const auto start = std::chrono::steady_clock::now();
-  auto pages = cache_.TakePages(entry.decoded);
+  auto pages = cache_.TakePages(entry.decoded, catalog_.IsPage(arrived.block));
   if (!pages) {
     Fail(Error{fmt::format("the system has no memory for a block of {} bytes; give a smaller --cache",
                            entry.decoded)});

@@ -5,25 +5,50 @@
 #include <algorithm>
 
 #include "common/base/check.h"
+#include "common/engine/blocks/page_slabs.h"
 
 namespace quarry {
+namespace {
+
+std::byte* Map(size_t bytes, int more_flags) {
+  void* memory =
+      ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | more_flags, -1, 0);
+  return memory == MAP_FAILED ? nullptr : static_cast<std::byte*>(memory);
+}
+
+}  // namespace
+
 std::optional<PageBuffer> PageBuffer::TryGet(size_t bytes) {
   PageBuffer buffer;
   if (bytes == 0) return buffer;
   // MAP_POPULATE gets all pages at once, which takes less time than a fault for each.
-  void* memory =
-      ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_POPULATE, -1, 0);
-  if (memory == MAP_FAILED) return {};
-  buffer.data_ = static_cast<std::byte*>(memory);
+  buffer.data_ = Map(bytes, MAP_POPULATE);
+  if (!buffer.data_) return {};
+  buffer.size_ = bytes;
+  return buffer;
+}
+
+std::optional<PageBuffer> PageBuffer::TryReserve(size_t bytes) {
+  PageBuffer buffer;
+  buffer.data_ = Map(bytes, 0);
+  if (!buffer.data_) return {};
   buffer.size_ = bytes;
   return buffer;
 }
 
 PageBuffer::~PageBuffer() {
-  if (data_) ::munmap(data_, size_);
+  if (home_)
+    home_->Return(data_, size_);
+  else if (data_)
+    ::munmap(data_, size_);
 }
 
 bool PageBuffer::Resize(size_t bytes) {
+  if (home_) {
+    if (WholeMemoryPages(bytes) != WholeMemoryPages(size_)) return false;
+    size_ = bytes;
+    return true;
+  }
   if (bytes == 0 || size_ == 0) {
     auto other = TryGet(bytes);
     if (!other) return false;

@@ -20,8 +20,7 @@ inline OctantMask OctantBit(float x, float y, float z) {
 }
 
 /// For each octant, an order of the scene's voxels in which every ray of the octant passes them: a ray's
-/// voxels have ascending places. Chained voxels follow each other. Pages of textures follow the voxels: a ray
-/// that waits for one has ended.
+/// voxels have ascending places. Chained voxels follow each other. Pages of textures follow the voxels.
 /// Memory: 32 bytes per voxel. Immutable, so thread-safe.
 class VoxelOrder {
  public:
@@ -41,7 +40,8 @@ class VoxelOrder {
 
 /// The order of loading while the cache is scarce: the wanted voxels in the order of one octant, then of the
 /// next octant with waiting rays. One pass carries all rays of an octant that wait at its beginning to their
-/// ends, so each of their voxels is loaded once for all of them. Not thread-safe.
+/// ends, so each of their voxels is loaded once for all of them. A ray that goes on through a hole, when the
+/// page of its opacity has come, needs another pass. Not thread-safe.
 /// Source: the elevator of disk schedulers (C-SCAN), here over the order of a kd-tree.
 class Sweep {
  public:

@@ -65,7 +65,7 @@ const ResidentBlock* VoxelCache::TryPin(BlockKey block) {
     if (!(state & kResident)) return nullptr;
   } while (!slot.state.compare_exchange_weak(state, state + 1, std::memory_order_acquire));
   slot.last_use.store(static_cast<uint32_t>(clock_.fetch_add(1, std::memory_order_relaxed)),
-                      std::memory_order_relaxed);
+                      std::memory_order_release);
   return slot.resident.load(std::memory_order_acquire);
 }
 
@@ -167,9 +167,10 @@ std::optional<BlockKey> VoxelCache::NextToLoad() {
 /// When a block was last used. Slots keep the low half; blocks whose last use is 2^32 uses ago count as used
 /// lately.
 uint64_t VoxelCache::LastUse(BlockKey block) const {
+  // The use before the clock: a use in between would seem to lie ahead of it.
+  const uint32_t used = slot(block).last_use.load(std::memory_order_acquire);
   const uint64_t now = clock_.load(std::memory_order_relaxed);
-  return now - static_cast<uint32_t>(static_cast<uint32_t>(now) -
-                                     slot(block).last_use.load(std::memory_order_relaxed));
+  return now - static_cast<uint32_t>(static_cast<uint32_t>(now) - used);
 }
 
 void VoxelCache::AddResident(const Resident& resident) {
@@ -237,7 +238,13 @@ bool VoxelCache::Reserve(BlockKey block) {
   return has_room;
 }
 
-std::optional<PageBuffer> VoxelCache::TakePages(uint32_t decoded_bytes) {
+std::optional<PageBuffer> VoxelCache::TakePages(uint32_t decoded_bytes, bool small) {
+  if (spare_.is_unit() != small) spare_ = PageBuffer();
+  if (small) {
+    if (spare_.is_unit() && spare_.Resize(decoded_bytes)) return std::move(spare_);
+    spare_ = PageBuffer();
+    return slabs_.Take(decoded_bytes, unused_);
+  }
   if (!spare_.bytes().empty() && spare_.Resize(decoded_bytes)) return std::move(spare_);
   if (decoded_bytes <= unused_.bytes().size()) return unused_.TakeFront(decoded_bytes);
   spare_ = PageBuffer();

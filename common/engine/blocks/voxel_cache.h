@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "common/base/status.h"
-#include "common/engine/blocks/page_buffer.h"
+#include "common/engine/blocks/page_slabs.h"
 #include "common/engine/blocks/sweep.h"
 #include "common/kdtree/voxel_geometry.h"
 #include "common/voxel/block_decoder.h"
@@ -105,8 +105,8 @@ class VoxelCache {
   /// called when another try may succeed.
   bool Reserve(BlockKey block);
   /// Takes memory for the block that room was reserved for: of the last evicted block, of UseFirst(), or new.
-  /// Returns: nothing when the system has no memory.
-  std::optional<PageBuffer> TakePages(uint32_t decoded_bytes);
+  /// `small`: out of slabs, for pages of textures. Returns: nothing when the system has no memory.
+  std::optional<PageBuffer> TakePages(uint32_t decoded_bytes, bool small = false);
   /// Gives the cache memory to use first. Bytes beyond the limit are returned to the system.
   void UseFirst(PageBuffer memory);
   /// Puts in a block that room was reserved for and delivers it to all mailboxes that wait for it.
@@ -151,6 +151,7 @@ class VoxelCache {
   /// The wanted block that the sweep comes to next. `loading_too`: blocks that are loading count too.
   std::optional<Sweep::Stop> NextInSweep(bool loading_too) const;
 
+  PageSlabs slabs_;    ///< outlives the blocks; the loader's
   PageBuffer spare_;   ///< of the last evicted block, until reused; the loader's
   PageBuffer unused_;  ///< the rest of UseFirst()'s memory; the loader's
   const Catalog& catalog_;

@@ -9,7 +9,7 @@
 namespace quarry {
 
 /// The samples of a packet as far as textures concern them, one array per field. Tiles of scenes without
-/// textures have none. Memory: 6,536 bytes.
+/// textures have none. Memory: 6,592 bytes.
 struct LookPacket {
   static constexpr int kLanes = RayPacket::kRays;
   uint64_t looked;  ///< lanes whose surface has all that its textures say

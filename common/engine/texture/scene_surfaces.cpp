@@ -52,7 +52,7 @@ SurfaceProperties SceneSurfaces::PropertiesAt(const Material& material, uint32_t
       p.specular_roughness = look.roughness;
     }
     DeriveWhitted(p, material.ior > 1);
-    if (has(TextureUse::kSpecular)) p.specular = look.specular;
+    if (has(TextureUse::kSpecular) && !p.unlit) p.specular = look.specular;
     return p;
   }
   if (has(TextureUse::kDiffuse)) p.diffuse = look.base * material.geometry_opacity;

@@ -83,7 +83,9 @@ inline glm::vec3 MappedNormal(const glm::vec3& relief, const glm::vec3& right, c
   const glm::vec3 seen = Choose(s.entering, mapped, -mapped);
   const float facing = glm::dot(seen, s.view);
   const glm::vec3 turned = Unit(seen + s.view * (kLeastFacing - facing));
-  const bool is_direction = glm::dot(relief, relief)<1e30f, has_axes = glm::dot(along, along)> 0;
+  const float length2 = glm::dot(relief, relief);
+  const bool is_direction = (static_cast<int>(length2 > 1e-12f) & static_cast<int>(length2 < 1e30f)) != 0;
+  const bool has_axes = glm::dot(along, along) > 0;
   const bool maps = (static_cast<int>(is_direction) & static_cast<int>(has_axes)) != 0;
   return Choose(maps, Choose(facing < kLeastFacing, turned, seen), s.normal);
 }

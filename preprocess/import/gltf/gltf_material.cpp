@@ -87,9 +87,10 @@ Status AddTextures(const Json& json, const Json& pbr, const glm::vec4& color, co
   QUARRY_TRY(textures.Add(Member(json, "emissiveTexture"),
                           Use(TextureUse::kEmission, glm::vec4(m.emission, 1)), true, TexturePick::kColor,
                           m));
-  if (!opaque) {
+  const float cutoff = Factor(json, "alphaCutoff", 0.5f);
+  if (!opaque && (alpha_mode == "BLEND" || cutoff > 0)) {  // at a cut-off of 0 all is opaque
     TextureBinding opacity = Use(TextureUse::kOpacity, color);
-    if (alpha_mode == "MASK") opacity.cutoff = Factor(json, "alphaCutoff", 0.5f);
+    if (alpha_mode == "MASK") opacity.cutoff = cutoff;
     QUARRY_TRY(textures.Add(base, opacity, true, pick, m));
   }
   const Json& normal = Member(json, "normalTexture");
