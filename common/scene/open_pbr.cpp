@@ -18,28 +18,6 @@ glm::vec3 AtMostOne(const glm::vec3& v) {
 bool Within(float value, float low, float high) { return value >= low && value <= high; }
 
 template <class Properties>
-void ToOpenPbr(Properties& m) {
-  const float passes = Most(m.transmittance), mirror = Most(m.reflectance), matte = Most(m.diffuse);
-  const bool glass = passes > 0 && (m.fresnel || m.ior > 1);
-  const bool mirrors = mirror > 0 && !(glass && m.fresnel);
-  glm::vec3 color = m.diffuse;
-  m.geometry_opacity = passes > 0 && !glass ? 1 - passes : 1.0f;
-  if (m.geometry_opacity > 0) color /= m.geometry_opacity;
-  if (mirrors) color += m.reflectance;
-  if (glass) color += m.transmittance;
-  m.base_color = AtMostOne(color);
-  m.base_metalness = mirrors ? mirror / (mirror + matte) : 0.0f;
-  const bool highlight = m.shininess > 0 && Most(m.specular) > 0;
-  m.specular_roughness = m.shininess > 0 || !(mirrors || glass) ? std::sqrt(2 / (m.shininess + 2)) : 0.0f;
-  m.specular_weight = highlight || mirrors || glass ? 1.0f : 0.0f;
-  m.specular_color = glm::vec3(1);
-  m.specular_ior = glass ? m.ior : 1.5f;
-  m.transmission_weight = glass ? passes : 0.0f;
-  m.transmission_color = glass ? m.transmittance / passes : glm::vec3(1);
-  m.transmission_depth = 0;
-}
-
-template <class Properties>
 void ToWhitted(Properties& m, bool bends) {
   const float there = m.geometry_opacity, metal = m.base_metalness, passes = m.transmission_weight;
   const float smooth = (1 - m.specular_roughness) * (1 - m.specular_roughness);
@@ -70,8 +48,27 @@ void ToWhitted(Properties& m, bool bends) {
 
 }  // namespace
 
-void DeriveOpenPbr(Material& m) { ToOpenPbr(m); }
-void DeriveOpenPbr(SurfaceProperties& m) { ToOpenPbr(m); }
+void DeriveOpenPbr(Material& m) {
+  const float passes = Most(m.transmittance), mirror = Most(m.reflectance), matte = Most(m.diffuse);
+  const bool glass = passes > 0 && (m.fresnel || m.ior > 1);
+  const bool mirrors = mirror > 0 && !(glass && m.fresnel);
+  glm::vec3 color = m.diffuse;
+  m.geometry_opacity = passes > 0 && !glass ? 1 - passes : 1.0f;
+  if (m.geometry_opacity > 0) color /= m.geometry_opacity;
+  if (mirrors) color += m.reflectance;
+  if (glass) color += m.transmittance;
+  m.base_color = AtMostOne(color);
+  m.base_metalness = mirrors ? mirror / (mirror + matte) : 0.0f;
+  const bool highlight = m.shininess > 0 && Most(m.specular) > 0;
+  m.specular_roughness = m.shininess > 0 || !(mirrors || glass) ? std::sqrt(2 / (m.shininess + 2)) : 0.0f;
+  m.specular_weight = highlight || mirrors || glass ? 1.0f : 0.0f;
+  m.specular_color = glm::vec3(1);
+  m.specular_ior = glass ? m.ior : 1.5f;
+  m.transmission_weight = glass ? passes : 0.0f;
+  m.transmission_color = glass ? m.transmittance / passes : glm::vec3(1);
+  m.transmission_depth = 0;
+}
+
 void DeriveWhitted(Material& m, bool bends) { ToWhitted(m, bends); }
 void DeriveWhitted(SurfaceProperties& m, bool bends) { ToWhitted(m, bends); }
 

@@ -14,7 +14,6 @@ namespace quarry {
 /// opacity.
 /// - `unlit` is kept.
 void DeriveOpenPbr(Material& m);
-void DeriveOpenPbr(SurfaceProperties& m);
 
 /// Derives the weights of Whitted's rays from the OpenPBR parameters. The share (1 - specular_roughness)^2 of
 /// a metal reflects as a mirror; the rest scatters as matte paint of its colour, with a highlight of the same

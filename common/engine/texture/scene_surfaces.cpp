@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <glm/common.hpp>
 
 #include "common/math/elementary.h"
 #include "common/scene/open_pbr.h"
@@ -27,6 +28,10 @@ SceneSurfaces::SceneSurfaces(const Catalog& catalog) {
     Entry entry;
     entry.first = static_cast<uint32_t>(textures_.size());
     entry.open_pbr = IsOpenPbr(material);
+    Material bare = material;
+    bare.diffuse = glm::vec3(0);
+    DeriveOpenPbr(bare);
+    entry.sent_on = bare.base_color;
     for (const TextureBinding& binding : material.textures) {
       const TexelLayout& layout = pyramids_[binding.texture].layout;
       const auto& t = binding.transform;
@@ -55,9 +60,10 @@ SurfaceProperties SceneSurfaces::PropertiesAt(const Material& material, uint32_t
     if (has(TextureUse::kSpecular) && !p.unlit) p.specular = look.specular;
     return p;
   }
-  if (has(TextureUse::kDiffuse)) p.diffuse = look.base * material.geometry_opacity;
   if (has(TextureUse::kSpecular)) p.specular = look.specular;
-  if (has(TextureUse::kDiffuse)) DeriveOpenPbr(p);
+  if (!has(TextureUse::kDiffuse)) return p;
+  p.diffuse = look.base * material.geometry_opacity;
+  p.base_color = glm::min(look.base + materials_[number].sent_on, glm::vec3(1));
   return p;
 }
 

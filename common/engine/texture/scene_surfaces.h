@@ -57,7 +57,8 @@ class SceneSurfaces {
     return pyramids_[texture.binding.texture];
   }
   /// The material's properties where its textures `uses` say `look`. The texture's values replace those of
-  /// the form that the other form was derived from.
+  /// the form that the other form was derived from. Of OpenPBR's parameters, which modes with weights do not
+  /// use, only the base colour follows the weights.
   SurfaceProperties PropertiesAt(const Material& material, uint32_t number, TextureUses uses,
                                  const Look& look) const;
 
@@ -66,6 +67,7 @@ class SceneSurfaces {
     uint32_t first = 0, count = 0;
     TextureUses uses = 0;
     bool open_pbr = false;
+    glm::vec3 sent_on{0};  ///< what mirror and glass add to the base colour that DeriveOpenPbr() makes
   };
   std::vector<TexturePyramid> pyramids_;
   std::vector<SurfaceTexture> textures_;
