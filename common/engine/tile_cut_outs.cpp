@@ -108,7 +108,7 @@ TileRenderer::Cut TileRenderer::TestOpacity(uint32_t packet, uint32_t lane, Pinn
 
 /// A random number in [0, 1) for the ray and the triangle that it has hit.
 float TileRenderer::CutShare(uint32_t packet, uint32_t lane) const {
-  constexpr uint32_t kCutDimension = 0xC07u << 20;  // beyond those of sampling
+  constexpr uint32_t kCutDimension = 0xC07u << 20;  // no sampling uses it
   const SamplePacket& s = samples_[packet];
   const bool of_light = (s.at[SamplePacket::kTint] >> lane & 1) != 0;
   const uint32_t dimension = kCutDimension + (of_light ? s.next_light[lane] : 0);

@@ -54,7 +54,7 @@ class ImageList {
   std::vector<std::string> identities_;  ///< FileIdentity() of each image's file
   std::vector<Content> contents_;        ///< of each image
   std::vector<Alias> aliases_;
-  std::unordered_map<std::string, uint32_t> known_;    ///< image of each key, those of aliases included
+  std::unordered_map<std::string, uint32_t> known_;    ///< image of each key, keys of aliases too
   std::unordered_multimap<uint64_t, uint32_t> sized_;  ///< images by the size of their bytes
 };
 

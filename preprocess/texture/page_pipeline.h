@@ -20,7 +20,8 @@ class PagePipeline {
   PagePipeline(StoreWriter& writer, unsigned threads);
   ~PagePipeline();
 
-  /// Begins a texture, whose pages follow. Errors, here and below: disk full; those of a step of Then().
+  /// Begins a texture, whose pages follow. Errors, here and below: disk full; an error of a
+  /// step of Then().
   void Begin(const TexelLayout& layout);
   Status Add(uint32_t page, std::span<const std::byte> texels);
   /// Calls `step` once all pages added before it are written, before any page added after it is.

@@ -41,9 +41,9 @@ class TextureStage {
   /// Carries the remaining images. `save` is called now and then with a checkpoint of the images since the
   /// last, after the writer's file has been synchronised. Errors: disk full; too little memory.
   Status Run(StoreWriter& writer, Progress& progress, const std::function<Status(const Bytes&)>& save);
-  /// Renumbers the materials' bindings to the store's textures. Bindings of images left out are removed, and
-  /// those of opacity to images without alpha. Heights that are a normal map by their mean colour become
-  /// normals.
+  /// Renumbers the materials' bindings to the store's textures. Removes bindings to images left out, and
+  /// opacity bindings to images without alpha. Heights that are a normal map by their mean colour become
+  /// normals. Where a texture gives the opacity, the material's own no longer counts.
   void Renumber(std::vector<Material>& materials, const StoreWriter& writer) const;
   /// A checkpoint of the images carried since the last.
   Bytes TakeUnsaved(const StoreWriter& writer);

@@ -2,6 +2,7 @@
 import json
 import os
 import pathlib
+import struct
 import sys
 import unittest
 import unittest.mock
@@ -173,6 +174,20 @@ class TexturedPictures(Case):
             for isa in ("scalar", "avx2"):
                 with self.subTest(mode=mode, isa=isa), unittest.mock.patch.dict(os.environ, QUARRY_ISA=isa):
                     self.assertEqual(self.picture(store, "i.exr", *arguments, "--workers", 1), right)
+
+    def test_a_damaged_page_ends_the_job_with_its_place(self):
+        store = self.preprocess(write_scene(self.folder, 32), "s.quarry")
+        data = bytearray(pathlib.Path(store).read_bytes())
+        table = [struct.unpack_from("<4sIQQ", data, 64 + 40 * k) for k in range(12)]
+        offset, size = next((offset, size) for kind, _, offset, size in table if kind == b"TEXP")
+        for at in range(offset, offset + size, 200):
+            data[at] ^= 1
+        pathlib.Path(store).write_bytes(data)
+        for workers in (1, 2):
+            self.must_fail(1, r"s\.quarry: block \d+ at byte \d+ is damaged \(checksum\); make the store again", "quarry", "render", store,
+                           "-o", self.path("no.png"), "--quiet", "--mode", "raycast", "--exposure", 0, "--workers", workers, *VIEW)
+            self.assertFalse(pathlib.Path(self.path("no.png")).exists())
+        self.must_fail(1, r"page \d+ of texture \d+", "quarry", "verify", store)
 
     def test_pages_are_loaded_on_demand(self):
         store = self.preprocess(write_scene(self.folder), "s.quarry", "--voxel-size", "32K")

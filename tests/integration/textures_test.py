@@ -8,24 +8,15 @@ import random
 import shutil
 import struct
 import subprocess
+import sys
 import time
-import zlib
 
 from programs import BIN, PATIENCE, Case, main
 
+sys.path.insert(0, str(pathlib.Path(__file__).parents[1] / "support"))
+from textured_scene import png  # noqa: E402
+
 SCENES = pathlib.Path(__file__).parents[3] / "shared/scenes"
-
-
-def png(width, height, row, channels=3, level=1):
-    """A PNG of 8 bits; `row(y)` gives a row's bytes."""
-    rows = b"".join(b"\0" + row(y) for y in range(height))
-    kind = {1: 0, 2: 4, 3: 2, 4: 6}[channels]
-
-    def chunk(name, data):
-        return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
-
-    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, kind, 0, 0, 0)) +
-            chunk(b"IDAT", zlib.compress(rows, level)) + chunk(b"IEND", b""))
 
 
 def noise(width, height, seed, channels=3):

@@ -265,8 +265,8 @@ std::vector<float> PlanesOf(const SceneView& view, uint32_t axis) {
   return planes;
 }
 
-/// Any-hit rays of every kernel end at opaque triangles only, and those that have met others before their end
-/// find them all when they start again.
+/// Any-hit rays of every kernel end at opaque triangles only. A ray that has met see-through triangles before
+/// its end finds them all when it starts again.
 void CompareShadows(const LoadedScene& scene, uint32_t packets, const std::string& name) {
   const Rays rays(scene, packets, 78);
   std::vector<bool> see_through(scene.catalog().meta.input_triangles);

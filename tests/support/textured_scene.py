@@ -8,9 +8,9 @@ import struct
 import zlib
 
 
-def png(width, height, row, channels=3):
+def png(width, height, row, channels=3, level=1):
     """A PNG of 8 bits; `row(y)` gives a row's bytes."""
-    packer = zlib.compressobj(1)
+    packer = zlib.compressobj(level)
     packed = b"".join(packer.compress(b"\0" + row(y)) for y in range(height)) + packer.flush()
     kind = {1: 0, 2: 4, 3: 2, 4: 6}[channels]
 

@@ -57,7 +57,7 @@ struct TexelPacket {
 /// Sets `page` and `index`.
 void PlaceTexels(const TexturePyramid& pyramid, const FootprintPacket& footprints, uint64_t lanes,
                  TexelPacket& texels);
-/// The channels of a texel of 8 bits a channel, from the lowest byte on. `page` is of whole pages of memory.
+/// The channels of a texel of 8 bits a channel, from the lowest byte on. `page_bytes`: of the whole page.
 inline uint32_t CodesAt(const std::byte* page, size_t page_bytes, uint32_t index, uint32_t channels) {
   const size_t at = size_t{channels} * index;
   uint32_t codes = 0;

@@ -53,7 +53,7 @@ struct PacketRays {
   float shared_origin[3];     ///< with kSharedOrigin
   Occluder occluder;          ///< of earlier rays
   RayPacket* rays;            ///< where the rays come from
-  uint64_t bounded;           ///< those of them that have a lower bound, as bits
+  uint64_t bounded;           ///< rays that have a lower bound, as bits
 
   /// Whether the rays have diverged, so that a stream is faster.
   QUARRY_HOST_DEVICE bool diverges() const {
