@@ -177,7 +177,7 @@ class Slurm(Case):
         readable = self.shared / "readable"
         readable.write_text("0123456789abcdef0123456789abcdef")
         readable.chmod(0o644)
-        self.refused("readable.*(600|owner)", 1, "-N", 1, "--secret-file", "readable", "plant.quarry", *picture)
+        self.refused("readable.*(600|owner)", 2, "-N", 1, "--secret-file", "readable", "plant.quarry", *picture)
         readable.unlink()
 
     def test_a_store_that_the_node_lacks(self):
