@@ -11,9 +11,10 @@
 #include "common/kdtree/variants/device_data.h"
 #include "common/kdtree/variants/persistent_warps.h"
 
-// The kernels of common/kdtree/variants on a GPU: memory and launches. trace_cuda.cu implements it; programs
-// that include this header need no CUDA header. Calls wait for the device. Errors: one sentence with CUDA's
-// own text. Not thread-safe.
+// The kernels of common/kdtree/variants on a GPU: memory and launches. Programs that include this header need
+// no CUDA header. Calls wait for the device. Errors: one sentence with CUDA's own text. Not thread-safe.
+// trace_cuda.cu implements what only a GPU can; trace_emulated.cpp does the same on the CPU, with emulated
+// warps, so that programs and checks for GPUs run in tests. A program links one of the two.
 
 namespace quarry::cuda {
 
@@ -38,6 +39,8 @@ class DeviceMemory {
   /// Copies `from` to `offset` bytes behind the start.
   Status Write(size_t offset, std::span<const std::byte> from) const;
   Status Read(size_t offset, std::span<std::byte> to) const;
+  /// Copies the first bytes of `from`.
+  Status Copy(const DeviceMemory& from, size_t bytes) const;
 
  private:
   struct Free {
