@@ -22,8 +22,11 @@ namespace {
 
 constexpr int kNoDevice = 77;
 
+/// What is measured of a store, once it is checked.
+enum class Measured { kNothing, kFrame, kRays };
+
 struct Options {
-  std::vector<std::string> stores, frames, interior;
+  std::vector<std::string> stores, frames, checks, interior;
   uint64_t rays = 10'000'000;
   double check_seconds = 20;
   uint32_t batch = 8192, size = 1024, frame_size = 512;
@@ -49,6 +52,7 @@ Result<double> TimeOf(int repetitions, cuda::DeviceRays& rays, const std::functi
 /// Bytes that a ray's steps load, caches or not, by the counts of the same steps on the CPU. Climbs count one
 /// treelet's header each; of triangles that the filter drops the id is not counted.
 double BytesARay(const GpuWay& way, const TraceStatistics& s) {
+  if (s.rays == 0) return 0;
   const bool wide = way.way == cuda::DeviceWay::kWide, ropes = way.way == cuda::DeviceWay::kRopes;
   const double node = wide ? sizeof(float) * 6 * WideNode::kChildren : sizeof(KdNode);
   const double leaf = wide ? sizeof(uint32_t) + sizeof(uint16_t) + 3 * sizeof(float)
@@ -122,7 +126,7 @@ class GpuBench {
     return {};
   }
 
-  Status RunStore(const std::string& path, bool frames) {
+  Status RunStore(const std::string& path, Measured measured) {
     const auto start = std::chrono::steady_clock::now();
     name_ = std::filesystem::path(path).stem().string();
     QUARRY_ASSIGN(const auto scene, GpuScene::Load(path));
@@ -132,10 +136,8 @@ class GpuBench {
     QUARRY_TRY(CheckStore(*scene));
     const bool interior = std::ranges::count(options_.interior, name_) != 0;
     QUARRY_ASSIGN(const CameraSpec view, FindView(path, meta, interior));
-    if (frames)
-      QUARRY_TRY(MeasureFrame(*scene, view));
-    else
-      QUARRY_TRY(MeasureRays(*scene, view));
+    if (measured == Measured::kFrame) QUARRY_TRY(MeasureFrame(*scene, view));
+    if (measured == Measured::kRays) QUARRY_TRY(MeasureRays(*scene, view));
     fmt::print("  {:.1f} s in all\n\n", SecondsSince(start));
     std::fflush(stdout);
     return {};
@@ -164,7 +166,7 @@ class GpuBench {
     const std::vector<RaySet> sets = MakeRaySets(scene.resident(), options_.size, view);
     fmt::print("\n| {} | schedule |", name_);
     for (const RaySet& set : sets) fmt::print(" {} |", set.name);
-    fmt::print(" bytes a ray | GB/s |\n|---|---|---|---|---|---|---|---|\n");
+    fmt::print("  bytes a bounce | GB/s |\n|---|---|---|---|---|---|---|---|\n");
     QUARRY_ASSIGN(cuda::DeviceRays rays,
                   cuda::DeviceRays::Make(static_cast<uint32_t>(sets[0].packets.size())));
     for (const GpuWay& way : kGpuWays) QUARRY_TRY(MeasureWay(scene, way, sets, rays));
@@ -354,9 +356,9 @@ class GpuBench {
 };
 
 Status RunAll(const Options& options, GpuBench& bench, const json& results) {
-  const auto run = [&](const std::vector<std::string>& stores, bool frames) -> Status {
+  const auto run = [&](const std::vector<std::string>& stores, Measured measured) -> Status {
     for (const std::string& store : stores) {
-      QUARRY_TRY(bench.RunStore(store, frames));
+      QUARRY_TRY(bench.RunStore(store, measured));
       // After every scene: what was measured is kept.
       (void)WriteFigures(options.json, results.dump(2));
     }
@@ -364,8 +366,9 @@ Status RunAll(const Options& options, GpuBench& bench, const json& results) {
   };
   QUARRY_TRY(bench.DescribeDevice());
   QUARRY_TRY(bench.DescribeKernels());
-  QUARRY_TRY(run(options.frames, true));
-  return run(options.stores, false);
+  QUARRY_TRY(run(options.checks, Measured::kNothing));
+  QUARRY_TRY(run(options.frames, Measured::kFrame));
+  return run(options.stores, Measured::kRays);
 }
 
 int Main(int argc, char** argv) {
@@ -374,6 +377,7 @@ int Main(int argc, char** argv) {
   app.add_option("store", options.stores, "Stores made by quarry-preprocess: millions of rays a second");
   app.add_option("--frames", options.frames, "Stores: milliseconds a frame, by brute force too")
       ->allow_extra_args();
+  app.add_option("--checks", options.checks, "Stores that are checked, not measured")->allow_extra_args();
   app.add_option("--interior", options.interior, "Names of stores that are seen from inside the box")
       ->allow_extra_args();
   app.add_option("--rays", options.rays, "Random rays to check, of each store")->capture_default_str();
