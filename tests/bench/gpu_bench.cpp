@@ -389,13 +389,16 @@ int Main(int argc, char** argv) {
   app.add_option("--size", options.size, "Pixels on a side, a multiple of 8")
       ->check(CLI::Range(8, 16384))
       ->capture_default_str();
+  app.add_option("--frame-size", options.frame_size, "The same of --frames")
+      ->check(CLI::Range(8, 16384))
+      ->capture_default_str();
   app.add_option("--repetitions", options.repetitions, "Medians of so many")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   app.add_option("--json", options.json, "Results as JSON")->check(CheckFigures);
   CLI11_PARSE(app, argc, argv);
-  if (options.size % RayPacket::kSide != 0) {
-    fmt::print(stderr, "quarry-gpu-bench: --size: not a multiple of 8\n");
+  if (options.size % RayPacket::kSide != 0 || options.frame_size % RayPacket::kSide != 0) {
+    fmt::print(stderr, "quarry-gpu-bench: --size, --frame-size: not a multiple of 8\n");
     return 2;
   }
   if (const auto device = cuda::FindDevice(); !device) {
