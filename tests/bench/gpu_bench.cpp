@@ -129,7 +129,7 @@ class GpuBench {
   Status RunStore(const std::string& path, Measured measured) {
     const auto start = std::chrono::steady_clock::now();
     name_ = std::filesystem::path(path).stem().string();
-    QUARRY_ASSIGN(const auto scene, GpuScene::Load(path));
+    QUARRY_ASSIGN(const auto scene, GpuScene::Load(path, measured == Measured::kNothing));
     const SceneMeta& meta = scene->resident().catalog().meta;
     fmt::print("{}: {} triangles, {} voxels, loaded in {:.1f} s\n", name_, meta.input_triangles,
                scene->resident().voxels().size(), SecondsSince(start));
@@ -377,7 +377,8 @@ int Main(int argc, char** argv) {
   app.add_option("store", options.stores, "Stores made by quarry-preprocess: millions of rays a second");
   app.add_option("--frames", options.frames, "Stores: milliseconds a frame, by brute force too")
       ->allow_extra_args();
-  app.add_option("--checks", options.checks, "Stores that are checked, not measured")->allow_extra_args();
+  app.add_option("--checks", options.checks, "Stores that are checked, with opacity masks, not measured")
+      ->allow_extra_args();
   app.add_option("--interior", options.interior, "Names of stores that are seen from inside the box")
       ->allow_extra_args();
   app.add_option("--rays", options.rays, "Random rays to check, of each store")->capture_default_str();

@@ -1,12 +1,30 @@
 #include "tests/bench/gpu_scene.h"
 
 #include <algorithm>
+#include <random>
 #include <thread>
 
 #include "common/base/check.h"
 #include "common/base/resource.h"
+#include "common/kdtree/opacity_mask.h"
 
 namespace quarry::bench {
+
+namespace {
+
+/// Of four triangles two are opaque, one has a mask of all states, one is transparent in part.
+uint32_t MaskOf(uint32_t id) {
+  if (id % 4 < 2) return kOpaqueMask;
+  std::mt19937 random(id);
+  uint32_t mask = 0;
+  for (uint32_t sub = 0; sub < kSubTriangles; ++sub) {
+    const uint32_t state = id % 4 == 2 ? random() % 3 : 1 + random() % 2;
+    mask |= state << (2 * sub);
+  }
+  return mask;
+}
+
+}  // namespace
 
 std::vector<cuda::Schedule> SchedulesOf(const GpuWay& way) {
   using enum cuda::Schedule;
@@ -51,9 +69,10 @@ void TraceInParallel(const test::SceneView& view, TraceFunction trace, std::vect
   });
 }
 
-Result<std::unique_ptr<GpuScene>> GpuScene::Load(const std::string& store) {
+Result<std::unique_ptr<GpuScene>> GpuScene::Load(const std::string& store, bool masks) {
   auto scene = std::make_unique<GpuScene>();
   QUARRY_ASSIGN(scene->resident_, test::ResidentScene::Load(store));
+  if (masks) scene->resident_->SetMasks(MaskOf);
   for (const GpuWay& way : kGpuWays) {
     auto& device = scene->devices_[static_cast<size_t>(way.layout)];
     if (device) continue;

@@ -46,7 +46,8 @@ void TraceInParallel(const test::SceneView& view, TraceFunction trace, std::vect
 /// A store in the memories of CPU and device, once for each layout of its trees.
 class GpuScene {
  public:
-  static Result<std::unique_ptr<GpuScene>> Load(const std::string& store);
+  /// `masks`: triangles get opacity masks of all kinds, as if the store had them.
+  static Result<std::unique_ptr<GpuScene>> Load(const std::string& store, bool masks);
 
   test::ResidentScene& resident() { return *resident_; }
   const test::SceneView& view(const GpuWay& way) { return resident_->view(way.layout); }

@@ -162,7 +162,8 @@ TEST_CASE("The check of GPUs finds no difference on emulated warps, and finds on
   const Status made = MakeStore(model, store);
   INFO((made ? "" : made.error().message));
   REQUIRE(made.has_value());
-  auto scene = bench::GpuScene::Load(store);
+  const bool masks = GENERATE(false, true);
+  auto scene = bench::GpuScene::Load(store, masks);
   INFO((scene ? "" : scene.error().message));
   REQUIRE(scene.has_value());
   const auto check = [&] {

@@ -11,7 +11,7 @@
 namespace quarry {
 
 /// Tests one triangle of a voxel, and keeps its hit in `best` when it counts. Returns: whether it was kept.
-/// `met_see_through`: set when an any-hit ray passes a see-through triangle.
+/// `met_see_through`: set when an any-hit ray passes a see-through triangle, see EffectOf().
 template <bool kAnyHit, class Index, class Statistics>
 QUARRY_HOST_DEVICE inline bool TestOneTriangle(const VoxelGeometryOf<Index>& voxel, uint32_t voxel_id,
                                                uint32_t local, const RayFrame<ScalarLane>& frame,
@@ -30,10 +30,9 @@ QUARRY_HOST_DEVICE inline bool TestOneTriangle(const VoxelGeometryOf<Index>& vox
   const bool hit = TestMoved<ScalarLane>(frame, moved[0], moved[1], moved[2], voxel.triangle_ids[local],
                                          voxel_id, local, true, bound, nearer, statistics);
   if (!hit) return false;
-  if (kAnyHit && voxel.has_see_through && voxel.see_through(local)) {
-    met_see_through = true;
-    return false;
-  }
+  const HitEffect effect = EffectOf<kAnyHit>(voxel, local, nearer.b1, nearer.b2);
+  met_see_through |= effect == HitEffect::kNoted;
+  if (effect != HitEffect::kCounts) return false;
   best = nearer;
   return true;
 }
