@@ -4,6 +4,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cstdio>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -28,7 +29,7 @@ enum class Measured { kNothing, kFrame, kRays };
 struct Options {
   std::vector<std::string> stores, frames, checks, interior;
   uint64_t rays = 10'000'000;
-  double check_seconds = 20;
+  double check_seconds = 15;
   uint32_t batch = 8192, size = 1024, frame_size = 512;
   int repetitions = 5;
   std::string json;
@@ -166,7 +167,7 @@ class GpuBench {
     const std::vector<RaySet> sets = MakeRaySets(scene.resident(), options_.size, view);
     fmt::print("\n| {} | schedule |", name_);
     for (const RaySet& set : sets) fmt::print(" {} |", set.name);
-    fmt::print("  bytes a bounce | GB/s |\n|---|---|---|---|---|---|---|---|\n");
+    fmt::print(" bytes a bounce | GB/s |\n|---|---|---|---|---|---|---|---|\n");
     QUARRY_ASSIGN(cuda::DeviceRays rays,
                   cuda::DeviceRays::Make(static_cast<uint32_t>(sets[0].packets.size())));
     for (const GpuWay& way : kGpuWays) QUARRY_TRY(MeasureWay(scene, way, sets, rays));
@@ -182,6 +183,8 @@ class GpuBench {
   /// A row for each schedule. Bytes and bandwidth are those of the last kind of rays, the bounces.
   Status MeasureWay(GpuScene& scene, const GpuWay& way, const std::vector<RaySet>& sets,
                     cuda::DeviceRays& rays) {
+    std::vector<double> bytes_of;
+    for (const RaySet& set : sets) bytes_of.push_back(BytesARay(way, CountSteps(scene, way, set)));
     for (const cuda::Schedule schedule : SchedulesOf(way)) {
       fmt::print("| {} | {} |", way.name, Name(schedule));
       double bytes = 0, speed = 0;
@@ -191,7 +194,7 @@ class GpuBench {
         QUARRY_ASSIGN(const double seconds, TimeOf(options_.repetitions, rays, [&] {
                         return cuda::Trace(scene.device(way), rays, {way.way, schedule, set.any, {}});
                       }));
-        bytes = BytesARay(way, CountSteps(scene, way, set));
+        bytes = bytes_of[static_cast<size_t>(&set - sets.data())];
         speed = PerSecond(set.rays, seconds);
         fmt::print(" {:.1f} |", speed);
         results_["speeds"].push_back({{"scene", name_},
@@ -406,6 +409,8 @@ int Main(int argc, char** argv) {
     fmt::print(stderr, "quarry-gpu-bench: nothing is measured: {}\n", device.error().message);
     return kNoDevice;
   }
+  // What was measured is seen even when a kernel never ends.
+  std::setvbuf(stdout, nullptr, _IOLBF, BUFSIZ);
   json results;
   GpuBench bench(options, results);
   const Status status = RunAll(options, bench, results);
