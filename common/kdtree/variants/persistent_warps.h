@@ -18,8 +18,8 @@ struct WarpLimits {
   /// The warp takes new rays when fewer lanes have one. 1: once all rays have ended; 32: at once.
   uint32_t refill_below = 20;
   /// Lanes that may wait at nodes while other lanes test triangles. 0: triangles wait until each lane has
-  /// come to a leaf.
-  uint32_t few_at_nodes = 0;
+  /// come to a leaf. Both defaults: tests/bench/history/gpu.md.
+  uint32_t few_at_nodes = 4;
 };
 
 /// Traces the rays from `*next` on that no other warp takes.
