@@ -14,6 +14,7 @@
 
 #include "common/base/number.h"
 #include "common/base/resource.h"
+#include "common/remote/open_store.h"
 
 namespace quarry {
 namespace {
@@ -141,6 +142,11 @@ Result<std::unique_ptr<LocalCluster>> LocalCluster::Start(const Options& options
   for (const SecurityOptionName& name : SecurityOptionNames())
     if (const std::string& value = options.security.*name.field; !value.empty())
       for_all.insert(for_all.end(), {name.flag, value});
+  const auto remote = Flags(options.remote);
+  for_all.insert(for_all.end(), remote.begin(), remote.end());
+  // Workers fetch from the server themselves. What the command names they may send tokens to.
+  const auto source = IsRemote(options.scene) ? std::vector<std::string>{"--source", options.scene}
+                                              : std::vector<std::string>{};
   const auto with = [&](std::vector<std::string> arguments) {
     arguments.insert(arguments.end(), for_all.begin(), for_all.end());
     return arguments;
@@ -157,11 +163,13 @@ Result<std::unique_ptr<LocalCluster>> LocalCluster::Start(const Options& options
     }
     QUARRY_ASSIGN(const std::string address, ReadAnnouncement(*impl->master, "listening"));
     QUARRY_ASSIGN(impl->endpoint, ParseEndpoint(address, "the master's address"));
-    for (unsigned i = 0; i < options.workers; ++i)
-      impl->workers.push_back(std::make_unique<Child>(
-          SiblingProgram("quarry-worker"),
+    for (unsigned i = 0; i < options.workers; ++i) {
+      auto for_worker =
           with({"--master", address, "--cache", options.cache, "--threads", std::to_string(threads), "--name",
-                fmt::format("local-{}", i + 1), "--peers", "off"})));
+                fmt::format("local-{}", i + 1), "--peers", "off"});
+      for_worker.insert(for_worker.end(), source.begin(), source.end());
+      impl->workers.push_back(std::make_unique<Child>(SiblingProgram("quarry-worker"), for_worker));
+    }
   } catch (const std::exception& e) {
     return Fail(fmt::format("cannot start a program of the cluster: {}", e.what()));
   }

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "common/base/status.h"
+#include "common/command_line/remote_options.h"
 #include "common/net/connection.h"
 
 namespace CLI {
@@ -52,6 +53,7 @@ class LocalCluster {
     unsigned threads = 0;        ///< per worker; 0: the machine's processors divided among the workers
     std::string cache = "256M";  ///< each worker's cache, as ParseSize() reads it
     SecurityOptions security;    ///< this command's options only: the environment's belong to other clusters
+    RemoteArguments remote;      ///< of a scene on a server
     std::optional<LiveViewOptions> live;
   };
   /// Starts the programs and waits until the master listens. Errors: a program cannot be started; the

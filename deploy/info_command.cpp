@@ -7,6 +7,7 @@
 
 #include "common/base/progress.h"
 #include "common/base/size.h"
+#include "common/remote/open_store.h"
 #include "common/voxel/store_description.h"
 #include "common/voxel/store_reader.h"
 
@@ -25,8 +26,8 @@ std::string Names(const std::vector<View>& views) {
 
 }  // namespace
 
-Status PrintInfo(const std::string& scene, bool json) {
-  QUARRY_ASSIGN(const StoreReader store, StoreReader::Open(scene));
+Status PrintInfo(const std::string& scene, bool json, const HttpOptions& http) {
+  QUARRY_ASSIGN(const StoreReader store, OpenStore(scene, http));
   if (json) {
     const auto j = DescribeStore(store);
     fmt::print("{}\n", j.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace));
@@ -61,8 +62,8 @@ Status PrintInfo(const std::string& scene, bool json) {
   return {};
 }
 
-Status PrintTextures(const std::string& scene, bool json) {
-  QUARRY_ASSIGN(const StoreReader store, StoreReader::Open(scene));
+Status PrintTextures(const std::string& scene, bool json, const HttpOptions& http) {
+  QUARRY_ASSIGN(const StoreReader store, OpenStore(scene, http));
   const auto textures = DescribeTextures(store);
   if (json) {
     fmt::print("{}\n", textures.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace));
@@ -83,8 +84,8 @@ Status PrintTextures(const std::string& scene, bool json) {
   return {};
 }
 
-Status PrintParts(const std::string& scene) {
-  QUARRY_ASSIGN(const StoreReader store, StoreReader::Open(scene));
+Status PrintParts(const std::string& scene, const HttpOptions& http) {
+  QUARRY_ASSIGN(const StoreReader store, OpenStore(scene, http));
   const auto print = [](const char* kind, const std::vector<std::string>& names) {
     for (size_t id = 0; id < names.size(); ++id) fmt::print("{} {} {}\n", kind, id, names[id]);
   };
@@ -93,8 +94,8 @@ Status PrintParts(const std::string& scene) {
   return {};
 }
 
-Status Verify(const std::string& scene, bool quiet) {
-  QUARRY_ASSIGN(const StoreReader store, StoreReader::Open(scene));
+Status Verify(const std::string& scene, bool quiet, const HttpOptions& http) {
+  QUARRY_ASSIGN(const StoreReader store, OpenStore(scene, http));
   Progress progress(quiet);
   progress.Begin("verifying " + scene);
   QUARRY_TRY(store.Verify([&](uint64_t done, uint64_t total) { progress.Update(done, total); }));

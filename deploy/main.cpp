@@ -14,6 +14,7 @@
 #include "common/base/cpu_check.h"
 #include "common/base/version.h"
 #include "common/command_line/command_line.h"
+#include "common/command_line/remote_options.h"
 #include "common/command_line/security_options.h"
 #include "deploy/cache_command.h"
 #include "deploy/cluster.h"
@@ -65,9 +66,16 @@ Status ShowStatus(const std::string& master, const SecurityOptions& options, boo
   return PrintStatus(endpoint, security, json);
 }
 
-Status PrintInfoOf(const std::string& scene, bool json, bool parts, bool textures) {
-  if (parts) return PrintParts(scene);
-  return textures ? PrintTextures(scene, json) : PrintInfo(scene, json);
+Status PrintInfoOf(const std::string& scene, bool json, bool parts, bool textures,
+                   const RemoteArguments& remote) {
+  QUARRY_ASSIGN(const HttpOptions http, ReadRemoteArguments(remote));
+  if (parts) return PrintParts(scene, http);
+  return textures ? PrintTextures(scene, json, http) : PrintInfo(scene, json, http);
+}
+
+Status VerifyOne(const std::string& scene, bool quiet, const RemoteArguments& remote) {
+  QUARRY_ASSIGN(const HttpOptions http, ReadRemoteArguments(remote));
+  return Verify(scene, quiet, http);
 }
 
 int Main(int argc, char** argv) {
@@ -80,7 +88,7 @@ int Main(int argc, char** argv) {
       "Examples:\n  quarry render plant.ply -o plant.png --mode whitted --workers 3\n"
       "  quarry render plant.quarry -o walk.png --camera-path plant.path.json --frames 0-59\n"
       "  quarry view plant.quarry --open\n"
-      "  quarry info plant.quarry --json\n  quarry verify plant.quarry\n  quarry cache list\n"
+      "  quarry info plant.quarry --json\n  quarry verify s3://models/plant.quarry\n  quarry cache list\n"
       "  quarry status --master 10.0.0.1:9000\n"
       "  quarry cluster --slurm -N 4 plant.quarry -- -o walk.png --camera-path walk.json\n"
       "  quarry bench import plant.ply");
@@ -93,14 +101,17 @@ int Main(int argc, char** argv) {
   std::string scene;
   bool json = false, parts = false, textures = false, quiet = false;
   auto* info = app.add_subcommand("info", "Tell what a store holds");
-  info->add_option("scene", scene, "The store")->required();
+  info->add_option("scene", scene, "The store: a file, or https://... or s3://BUCKET/KEY")->required();
+  RemoteArguments remote;
+  AddRemoteOptions(*info, remote);
   auto* const as_json = info->add_flag("--json", json, "As JSON");
   auto* const of_parts = info->add_flag("--parts", parts, "The names of part and material ids");
   of_parts->excludes(as_json);
   info->add_flag("--textures", textures, "The textures: shapes, bytes, and the materials that use them")
       ->excludes(of_parts);
   auto* verify = app.add_subcommand("verify", "Read and check every byte of a store");
-  verify->add_option("scene", scene, "The store")->required();
+  verify->add_option("scene", scene, "The store: a file, or https://... or s3://BUCKET/KEY")->required();
+  AddRemoteOptions(*verify, remote);
   verify->add_flag("--quiet", quiet, "Print errors only");
   std::string master;
   SecurityOptions security;
@@ -122,11 +133,11 @@ int Main(int argc, char** argv) {
   try {
     status = app.got_subcommand("render")    ? Render(render)
              : app.got_subcommand("view")    ? ShowLive(view)
-             : app.got_subcommand("info")    ? PrintInfoOf(scene, json, parts, textures)
+             : app.got_subcommand("info")    ? PrintInfoOf(scene, json, parts, textures, remote)
              : app.got_subcommand("status")  ? ShowStatus(master, security, json)
              : app.got_subcommand("cluster") ? RunClusterCommand(cluster_arguments)
              : app.got_subcommand("cache")   ? RunCacheCommand(*cache_command, cache)
-                                             : Verify(scene, quiet);
+                                             : VerifyOne(scene, quiet, remote);
     std::fflush(stdout);
   } catch (const std::system_error& e) {  // thrown by fmt::print
     status = Fail(fmt::format("standard output cannot be written: {}", e.code().message()));

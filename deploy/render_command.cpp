@@ -15,6 +15,7 @@
 #include "common/base/version.h"
 #include "common/command_line/security_options.h"
 #include "common/engine/framing_probe.h"
+#include "common/remote/open_store.h"
 #include "common/scene/view_json.h"
 #include "deploy/client.h"
 #include "deploy/cluster.h"
@@ -59,7 +60,9 @@ Status CheckOutputs(const RenderArguments& a, const RenderJob& job,
 
 /// What a client must know of the store. It is looked at only where the camera is left to the scene.
 Result<SceneSummary> SummaryOf(const RenderArguments& a, const std::string& store) {
-  QUARRY_ASSIGN(const Scene scene, Scene::Open(store));
+  QUARRY_ASSIGN(const HttpOptions http, ReadRemoteArguments(a.remote));
+  QUARRY_ASSIGN(StoreReader reader, OpenStore(store, http));
+  const Scene scene(std::make_shared<const StoreReader>(std::move(reader)));
   const SceneMeta& meta = scene.catalog().meta;
   SceneSummary summary{FormatSceneId(scene.catalog().id), meta.offset, scene.store().views(), {}};
   QUARRY_ASSIGN(const uint32_t up_axis, UpAxisOf(a));
@@ -142,7 +145,10 @@ Status Render(const RenderArguments& a) {
     QUARRY_ASSIGN(const uint32_t up_axis, UpAxisOf(a));
     if (up_axis != 0) scene.framing.up_axis = up_axis;
   } else {
-    QUARRY_ASSIGN(store, StoreFor(a.scene, a.quiet));
+    store = a.scene;
+    if (!IsRemote(a.scene)) {
+      QUARRY_ASSIGN(store, StoreFor(a.scene, a.quiet));
+    }
     if (store != a.scene) QUARRY_TRY(CheckOutputs(a, job, FilesOfKept(store)));
     QUARRY_ASSIGN(scene, SummaryOf(a, store));
   }
@@ -153,7 +159,8 @@ Status Render(const RenderArguments& a) {
   std::unique_ptr<LocalCluster> cluster;
   Endpoint master;
   if (a.master.empty()) {
-    QUARRY_ASSIGN(cluster, LocalCluster::Start({store, a.workers, a.threads, a.cache, security_options}));
+    QUARRY_ASSIGN(cluster,
+                  LocalCluster::Start({store, a.workers, a.threads, a.cache, security_options, a.remote}));
     master = cluster->master();
   } else {
     QUARRY_ASSIGN(master, ParseEndpoint(a.master, "--master"));

@@ -297,6 +297,7 @@ void AddRenderOptions(CLI::App& c, RenderArguments& a) {
       ->check(RealNumber(0, 1e6))
       ->capture_default_str();
   AddSecurityOptions(c, a.security);
+  AddRemoteOptions(c, a.remote);
   c.add_flag("--quiet", a.quiet, "Print errors only");
   static constexpr NoEffect kNoEffect[] = {
       {"--eye", "--camera-path"},  {"--at", "--camera-path"},    {"--up", "--camera-path"},

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "common/base/status.h"
+#include "common/command_line/remote_options.h"
 #include "common/net/security.h"
 #include "common/scene/render_job.h"
 #include "common/scene/scene_summary.h"
@@ -31,6 +32,7 @@ struct RenderArguments {
   std::string stats, master;
   double retry_s = 60;
   SecurityOptions security;
+  RemoteArguments remote;
   bool quiet = false, force = false;
   const CLI::App* command = nullptr;  ///< the command that parsed them
   std::string command_line;           ///< the whole command line as typed

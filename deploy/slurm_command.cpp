@@ -19,9 +19,9 @@
 #include "common/base/number.h"
 #include "common/base/size.h"
 #include "common/command_line/command_line.h"
-#include "common/engine/scene.h"
 #include "common/net/connection.h"
 #include "common/net/security.h"
+#include "common/remote/open_store.h"
 #include "deploy/cluster.h"
 #include "deploy/command_output.h"
 #include "deploy/render_command.h"
@@ -275,7 +275,7 @@ Status Start(const ClusterArguments& a) {
   QUARRY_TRY(CheckCluster(a));
   std::pair<uint32_t, uint32_t> frames{0, 0};
   if (a.render.empty()) {
-    QUARRY_TRY(Scene::Open(a.scene).map([](auto&&) {}));
+    QUARRY_TRY(OpenStore(a.scene, {}).map([](auto&&) {}));
   } else {
     QUARRY_ASSIGN(frames, CheckRendering(a));
   }

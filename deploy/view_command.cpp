@@ -21,6 +21,7 @@
 #include "common/base/file.h"
 #include "common/base/number.h"
 #include "common/command_line/command_line.h"
+#include "common/remote/open_store.h"
 #include "deploy/cluster.h"
 #include "deploy/model_cache.h"
 
@@ -136,7 +137,10 @@ void TellFailure(const std::string& progress_file) {
 }  // namespace
 
 void AddViewCommandOptions(CLI::App& c, ViewArguments& a) {
-  c.add_option("scene", a.scene, "A scene store, or a model to be preprocessed first")->required();
+  c.add_option(
+       "scene", a.scene,
+       "A scene store (a file, or https://... or s3://BUCKET/KEY), or a model to be preprocessed first")
+      ->required();
   c.add_option(
        "--http", a.http,
        "HOST:PORT of the page (default: a free port of this machine, 8080 first; beyond loopback with "
@@ -149,6 +153,7 @@ void AddViewCommandOptions(CLI::App& c, ViewArguments& a) {
       ->capture_default_str();
   c.add_option("--tls-cert", a.tls_cert, "Certificate toward browsers, PEM");
   c.add_option("--tls-key", a.tls_key, "Its private key, PEM");
+  AddRemoteOptions(c, a.remote);
   c.add_flag("--open", a.open, "Open the page in a browser");
   c.add_flag("--quiet", a.quiet, "Print the address and errors only");
   c.footer(
@@ -177,7 +182,7 @@ Status ShowLive(const ViewArguments& a) {
       live.address = WithPortOf(live.address, url, a.viewer_urls.empty());
       ::setenv("QUARRY_PROGRESS_FILE", progress.c_str(), 1);
     }
-    auto made = StoreFor(a.scene, a.quiet);
+    auto made = IsRemote(a.scene) ? Result<std::string>(a.scene) : StoreFor(a.scene, a.quiet);
     if (!made) {
       if (page) TellFailure(folder->file("progress"));
       return tl::unexpected<Error>(made.error());
@@ -190,6 +195,7 @@ Status ShowLive(const ViewArguments& a) {
                                                          .threads = a.threads,
                                                          .cache = a.cache,
                                                          .security = {},
+                                                         .remote = a.remote,
                                                          .live = live}));
   if (cluster->live_url() != url) Announce(a, *folder, cluster->live_url());
   if (!a.quiet) fmt::print(stderr, "{} is shown until Ctrl-C\n", a.scene);

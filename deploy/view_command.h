@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "common/base/status.h"
+#include "common/command_line/remote_options.h"
 
 namespace CLI {
 class App;
@@ -19,6 +20,7 @@ struct ViewArguments {
   unsigned workers = 1, threads = 0;  ///< threads: per worker; 0: the processors shared out
   std::string cache = "256M", view_memory = "256M";
   std::string tls_cert, tls_key;
+  RemoteArguments remote;
   bool open = false;  ///< whether to open a browser
   bool quiet = false;
 };

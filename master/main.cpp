@@ -10,7 +10,9 @@
 #include "common/base/size.h"
 #include "common/base/version.h"
 #include "common/command_line/command_line.h"
+#include "common/command_line/remote_options.h"
 #include "common/command_line/security_options.h"
+#include "common/remote/open_store.h"
 #include "master/display/preparing.h"
 #include "master/server.h"
 
@@ -59,7 +61,7 @@ Result<std::optional<DisplayOptions>> DisplayOf(const DisplayArguments& a, const
 
 Status Run(MasterOptions options, SecurityOptions security, const std::string& listen,
            const std::string& schedule, const std::string& foresight, const std::string& frame_memory,
-           const DisplayArguments& display) {
+           const DisplayArguments& display, const RemoteArguments& remote) {
   security = WithEnvironment(security);
   QUARRY_TRY(CheckOutputs(options, security, display.token_file));
   QUARRY_ASSIGN(options.display, DisplayOf(display, options.scene, security));
@@ -69,6 +71,9 @@ Status Run(MasterOptions options, SecurityOptions security, const std::string& l
   QUARRY_ASSIGN(options.foresight_bytes, ParseSize(foresight, "--foresight"));
   QUARRY_ASSIGN(options.frame_memory, ParseSize(frame_memory, "--frame-memory"));
   QUARRY_ASSIGN(options.security, Security::ForServer(security));
+  QUARRY_ASSIGN(options.http, ReadRemoteArguments(remote));
+  // Workers fetch from the server themselves: this master would only pass bytes on.
+  if (IsRemote(options.scene) && options.sources.empty()) options.sources = {options.scene};
   return RunMaster(options);
 }
 
@@ -93,7 +98,8 @@ int Main(int argc, char** argv) {
       "  quarry-master plant.quarry --http 127.0.0.1:8080\n"
       "With --spool, SIGTERM ends it well: finished frames are kept, and workers and clients are told.");
   app.set_version_flag("--version", std::string("quarry-master ") + kVersion);
-  app.add_option("scene", options.scene, "The scene store")->required();
+  app.add_option("scene", options.scene, "The scene store: a file, or https://... or s3://BUCKET/KEY")
+      ->required();
   app.add_option("--listen", listen,
                  "HOST:PORT (port 0 takes a free one; beyond loopback only with a secret or certificates)")
       ->envname("QUARRY_LISTEN")
@@ -101,7 +107,7 @@ int Main(int argc, char** argv) {
   app.add_flag("--serve-only", options.serve_only, "Serve voxels and nothing else");
   app.add_option("--source", options.sources,
                  "Where workers get voxels; several share the load: master, HOST:PORT of one with "
-                 "--serve-only, file:PATH")
+                 "--serve-only, file:PATH, https://... (default: the scene's server, else this master)")
       ->envname("QUARRY_SOURCE");
   app.add_option("--schedule", schedule, "Which worker gets which tile: footprint, last-owner or random")
       ->capture_default_str();
@@ -137,6 +143,8 @@ int Main(int argc, char** argv) {
          "Show how far the making of the scene is instead, by this file of progress, as `quarry view` does")
       ->needs(http);
   AddSecurityOptions(app, security);
+  RemoteArguments remote;
+  AddRemoteOptions(app, remote);
   app.add_flag("--quiet", options.quiet, "Print errors only");
   constexpr NoEffect kNoEffect[] = {{"--schedule", "--serve-only"},     {"--foresight", "--serve-only"},
                                     {"--frame-memory", "--serve-only"}, {"--spool", "--serve-only"},
@@ -144,7 +152,7 @@ int Main(int argc, char** argv) {
                                     {"--http", "--serve-only"}};
   RefuseWithoutEffect(app, kNoEffect);
   if (const auto ended = ParseCommandLine(app, argc, argv)) return *ended;
-  const Status status = Run(options, security, listen, schedule, foresight, frame_memory, display);
+  const Status status = Run(options, security, listen, schedule, foresight, frame_memory, display, remote);
   if (status) return 0;
   fmt::print(stderr, "quarry-master: {}\n", status.error().message);
   return status.error().exit_status();

@@ -13,6 +13,7 @@
 
 #include "common/base/size.h"
 #include "common/net/source_spec.h"
+#include "common/remote/open_store.h"
 #include "master/jobs/exposure_meter.h"
 #include "master/jobs/statistics.h"
 
@@ -309,7 +310,8 @@ void Server::Tick() {
 
 Status RunMaster(const MasterOptions& options) {
   for (const std::string& source : options.sources) QUARRY_TRY(ParseSource(source));
-  QUARRY_ASSIGN(const Scene scene, Scene::Open(options.scene));
+  QUARRY_ASSIGN(StoreReader store, OpenStore(options.scene, options.http));
+  const Scene scene(std::make_shared<const StoreReader>(std::move(store)));
   std::optional<Spool> spool;
   if (!options.spool.empty()) {
     QUARRY_ASSIGN(spool, Spool::Open(options.spool, scene.catalog().id));

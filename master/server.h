@@ -16,6 +16,7 @@
 #include "common/net/termination.h"
 #include "common/net/timer.h"
 #include "common/protocol/messages.h"
+#include "common/remote/http_options.h"
 #include "common/voxel/store_reader.h"
 #include "master/block_service.h"
 #include "master/cluster_status.h"
@@ -40,6 +41,7 @@ struct MasterOptions {
   std::string trace;                      ///< file for the tile log; empty: none
   std::optional<DisplayOptions> display;  ///< of the live view; none: there is none
   Security security;                      ///< of every connection
+  HttpOptions http;                       ///< of requests for a store on a server
   bool quiet = false;
 };
 

@@ -22,6 +22,7 @@ MUST_NOT = [
     ("common/engine/", r"common/net/|openssl/|boost/beast", "the engine knows no socket"),
     ("common/engine/shading", r"common/protocol/|common/engine/(engine|loader|voxel_cache)", "shading never sees blocks on their way"),
     ("common/http/", r"common/(?!(base|http|net)/)", "the server knows nothing of what it serves"),
+    ("common/remote/", r"common/(?!(base|remote|voxel)/)", "reading files on servers needs neither protocol nor renderer"),
     ("common/(base|scene|voxel|protocol|net|kdtree|math)/", r"common/engine/", "only what renders includes the engine"),
     ("worker/sources/", r"worker/[a-z_]+\.h", "sources know nothing of the session around them"),
     ("master/schedule/", r"boost/|common/net/|master/jobs/(jobs|job|spool|image_output)", "the schedule is pure: no sockets, no files"),

@@ -8,6 +8,7 @@
 
 #include "common/engine/blocks/file_source.h"
 #include "common/net/source_spec.h"
+#include "common/remote/open_store.h"
 #include "worker/sources/http_source.h"
 #include "worker/sources/tcp_source.h"
 
@@ -73,9 +74,12 @@ Status BlockSupply::Add(const std::string& text, const SupplyOptions& options) {
                                                     security_, catalog_.id, catalog_.meta.largest_stored));
       return {};
     default: {
-      QUARRY_ASSIGN(HttpLocation location, ParseHttpLocation(spec.place, "--source"));
+      QUARRY_ASSIGN(HttpLocation location, RemoteLocation(spec.place, "--source"));
       const std::string name = location.text();
       HttpOptions http = HttpFor(location, options);
+      if (options.own_sources) {
+        QUARRY_ASSIGN(http, WithCredentials(spec.place, std::move(http)));
+      }
       sources_.Add(spec.kind, name,
                    std::make_unique<HttpVoxelSource>(io_, std::move(location), catalog_, std::move(http)));
       return {};

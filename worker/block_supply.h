@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
+#include "common/remote/http_options.h"
 #include "worker/peer_server.h"
 #include "worker/sources/disk_cache.h"
-#include "worker/sources/http_options.h"
 #include "worker/sources/source_set.h"
 #include "worker/sources/stored_cache.h"
 

@@ -21,7 +21,7 @@ namespace {
 
 /// Options that are parsed after the command line is complete.
 struct Texts {
-  std::string master, cache = "256M", disk_cache, http_header_file, aws, metrics, metrics_token_file;
+  std::string master, cache = "256M", disk_cache, http_header_file, aws, http_ca, metrics, metrics_token_file;
   std::vector<std::string> header_hosts;
   SecurityOptions security;
 };
@@ -44,7 +44,7 @@ Status ReadSourceOptions(const Texts& texts, WorkerOptions& options) {
   }
   if (!options.header_servers.empty() && texts.http_header_file.empty() && texts.aws.empty())
     return BadUsage("--http-header-host has no effect without --http-header-file or --http-aws");
-  options.http.tls_ca = WithEnvironment(texts.security).tls_ca;
+  options.http.tls_ca = texts.http_ca.empty() ? WithEnvironment(texts.security).tls_ca : texts.http_ca;
   for (const std::string& source : options.sources) QUARRY_TRY(ParseSource(source));
   return {};
 }
@@ -116,7 +116,7 @@ int Main(int argc, char** argv) {
   app.add_option("--name", options.name, "Name in the master's log and statistics (default: HOST-PID)");
   app.add_option("--source", options.sources,
                  "Where voxels come from, instead of what the master says; several share the load: master, "
-                 "HOST:PORT, file:PATH, http://... or https://...")
+                 "HOST:PORT, file:PATH, http://..., https://... or s3://BUCKET/KEY")
       ->envname("QUARRY_SOURCE");
   app.add_option("--disk-cache", texts.disk_cache,
                  "Keep voxels in a folder, DIR:BYTES, which workers on this machine may share")
@@ -129,6 +129,9 @@ int Main(int argc, char** argv) {
   app.add_option(
       "--http-aws", texts.aws,
       "Sign requests to HTTP servers for S3: a JSON file of credentials, or env for AWS_* variables");
+  app.add_option(
+      "--http-ca", texts.http_ca,
+      "Authorities trusted for https sources, PEM (default: those of --tls-ca, else the system's)");
   app.add_option(
          "--peers", options.peers,
          "Serve voxels to other workers at HOST:PORT; auto: at the address that reaches the master; off")

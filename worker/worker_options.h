@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "common/net/connection.h"
+#include "common/remote/http_options.h"
 #include "worker/metrics.h"
 #include "worker/sources/disk_cache.h"
-#include "worker/sources/http_options.h"
 
 namespace quarry {
 

@@ -12,7 +12,7 @@ Result<SourceSpec> ParseSource(const std::string& text) {
     spec.master = true;
     return spec;
   }
-  if (text.rfind("http://", 0) == 0 || text.rfind("https://", 0) == 0) {
+  if (text.starts_with("http://") || text.starts_with("https://") || text.starts_with("s3://")) {
     spec.kind = SourceKind::kHttp;
     spec.place = text;
     return spec;
@@ -24,7 +24,8 @@ Result<SourceSpec> ParseSource(const std::string& text) {
   }
   auto server = ParseEndpoint(text, "--source");
   if (!server)
-    return BadUsage(fmt::format("--source is master, HOST:PORT, file:PATH or http://..., not '{}'", text));
+    return BadUsage(fmt::format(
+        "--source is master, HOST:PORT, file:PATH, http://..., https://... or s3://..., not '{}'", text));
   spec.server = std::move(*server);
   return spec;
 }

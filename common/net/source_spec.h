@@ -8,7 +8,7 @@
 namespace quarry {
 
 /// A place that blocks come from, as given on command lines: "master", "HOST:PORT" (a Quarry server),
-/// "file:PATH", "http://..." or "https://...".
+/// "file:PATH", "http://...", "https://..." or "s3://BUCKET/KEY".
 struct SourceSpec {
   SourceKind kind = SourceKind::kTcp;
   bool master = false;  ///< the server inside the master

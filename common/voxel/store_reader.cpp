@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "common/base/file.h"
 #include "common/voxel/store_format.h"
 #include "common/voxel/store_header.h"
 #include "common/voxel/texture_page.h"
@@ -34,6 +35,20 @@ std::string TypeName(SectionType type) {
   return name;
 }
 
+/// A store in a file of this machine.
+class LocalFile final : public StoreFile {
+ public:
+  explicit LocalFile(InputFile file) : file_(std::move(file)) {}
+  const std::string& path() const override { return file_.path(); }
+  uint64_t size() const override { return file_.size(); }
+  Status ReadAt(uint64_t offset, std::span<std::byte> out) const override {
+    return file_.ReadAt(offset, out);
+  }
+
+ private:
+  InputFile file_;
+};
+
 /// An error that a retry cannot help.
 tl::unexpected<Error> FailForGood(std::string sentence) {
   return tl::unexpected<Error>(Error{std::move(sentence), ErrorKind::kPermanent});
@@ -43,21 +58,25 @@ tl::unexpected<Error> FailForGood(std::string sentence) {
 
 Result<StoreReader> StoreReader::Open(const std::string& path) {
   QUARRY_ASSIGN(InputFile file, InputFile::Open(path));
+  return Open(std::make_unique<LocalFile>(std::move(file)));
+}
+
+Result<StoreReader> StoreReader::Open(std::unique_ptr<const StoreFile> file) {
   StoreReader reader(std::move(file));
   QUARRY_TRY(reader.ReadHeader());
   return reader;
 }
 
 Status StoreReader::ReadHeader() {
-  Bytes bytes(std::min(kStoreHeaderBytes, file_.size()));
-  QUARRY_TRY(file_.ReadAt(0, bytes));
+  Bytes bytes(std::min(kStoreHeaderBytes, file_->size()));
+  QUARRY_TRY(file_->ReadAt(0, bytes));
   QUARRY_ASSIGN(const StoreHeader header, DecodeStoreHeader(bytes, path()));
-  if (header.file_size != file_.size())
-    return Fail(fmt::format("{}: {} bytes long, should be {}: truncated or added to", path(), file_.size(),
+  if (header.file_size != file_->size())
+    return Fail(fmt::format("{}: {} bytes long, should be {}: truncated or added to", path(), file_->size(),
                             header.file_size));
   id_ = header.id;
   Bytes table(header.table_bytes());
-  QUARRY_TRY(file_.ReadAt(kStoreHeaderBytes, table));
+  QUARRY_TRY(file_->ReadAt(kStoreHeaderBytes, table));
   QUARRY_TRY(CheckStoreTable(header, table, path()));
   return ReadSections(table, header.sections);
 }
@@ -73,7 +92,7 @@ Status StoreReader::ReadSections(std::span<const std::byte> table, uint32_t coun
     const auto size = in.Get<uint64_t>();
     const auto checksum = in.Get<uint64_t>();
     in.Get<uint64_t>();  // reserved
-    if (offset != end || size > file_.size() - offset)
+    if (offset != end || size > file_->size() - offset)
       return Fail(fmt::format("{}: section {} is not where it should be", path(), TypeName(type)));
     end = offset + size;
     if (!IsKnown(type) && (flags & kSectionCritical))
@@ -88,7 +107,7 @@ Status StoreReader::ReadSections(std::span<const std::byte> table, uint32_t coun
     }
     if (flags & kSectionOwnChecksums) continue;
     Section section{type, Bytes(size)};
-    QUARRY_TRY(file_.ReadAt(offset, section.bytes));
+    QUARRY_TRY(file_->ReadAt(offset, section.bytes));
     if (Checksum(section.bytes) != checksum)
       return Fail(fmt::format("{}: section {} at byte {} is damaged (checksum); make the store again", path(),
                               TypeName(type), offset));
@@ -97,8 +116,8 @@ Status StoreReader::ReadSections(std::span<const std::byte> table, uint32_t coun
     else if (IsKnown(type))
       named.push_back(std::move(section));
   }
-  if (end != file_.size())
-    return Fail(fmt::format("{}: {} bytes after the last section", path(), file_.size() - end));
+  if (end != file_->size())
+    return Fail(fmt::format("{}: {} bytes after the last section", path(), file_->size() - end));
   TexturePlaces places{{}, pages_begin_, pages_end_};
   for (const Section& s : named)
     if (s.type == SectionType::kStrings) places.strings = AsText(s.bytes);
@@ -157,7 +176,7 @@ Result<Bytes> StoreReader::ReadBlock(BlockKey block) const {
   if (entry.offset < begin || entry.offset > end || entry.stored > end - entry.offset)
     return FailForGood(fmt::format("{}: block {} is not where it should be", path(), block.number()));
   Bytes bytes(entry.stored);
-  QUARRY_TRY(file_.ReadAt(entry.offset, bytes));
+  QUARRY_TRY(file_->ReadAt(entry.offset, bytes));
   if (Checksum(bytes) != entry.checksum)
     return FailForGood(fmt::format("{}: block {} at byte {} is damaged (checksum); make the store again",
                                    path(), block.number(), entry.offset));
@@ -174,7 +193,7 @@ Result<Bytes> StoreReader::ReadPage(uint32_t texture, uint32_t page) const {
   };
   const BlockEntry& entry = textures()[texture].pages[page];
   Bytes stored(entry.stored);
-  QUARRY_TRY(file_.ReadAt(entry.offset, stored));
+  QUARRY_TRY(file_->ReadAt(entry.offset, stored));
   if (Checksum(stored) != entry.checksum) return damaged("is damaged (checksum)");
   Result<Bytes> texels = DecodePage(catalog_.shapes[texture], textures()[texture].layout, page, stored);
   if (!texels) return damaged(texels.error().message);

@@ -1,31 +1,33 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "common/base/bytes.h"
-#include "common/base/file.h"
 #include "common/base/status.h"
 #include "common/scene/scene_views.h"
 #include "common/voxel/block_decoder.h"
 #include "common/voxel/catalog.h"
+#include "common/voxel/store_file.h"
 #include "common/voxel/texture_sections.h"
 
 namespace quarry {
 
-/// A scene store opened for reading with pread(); never mapped. Open() reads and checks all but blocks and
-/// pages. Thread-safe after Open().
+/// A scene store opened for reading; a file is read with pread(), never mapped. Open() reads and checks all
+/// but blocks and pages. Thread-safe after Open().
 class StoreReader {
  public:
   /// Errors: not a store; another format version (the message has both); truncated or too long; damaged (the
   /// message names the section); a critical section of an unknown type.
   static Result<StoreReader> Open(const std::string& path);
+  static Result<StoreReader> Open(std::unique_ptr<const StoreFile> file);
 
-  const std::string& path() const { return file_.path(); }
+  const std::string& path() const { return file_->path(); }
   /// Bytes in the file.
-  uint64_t size() const { return file_.size(); }
+  uint64_t size() const { return file_->size(); }
   const Catalog& catalog() const { return catalog_; }
   /// The catalog's sections as stored, for sending.
   const std::vector<Section>& catalog_sections() const { return catalog_sections_; }
@@ -70,7 +72,7 @@ class StoreReader {
   }
 
  private:
-  explicit StoreReader(InputFile file) : file_(std::move(file)) {}
+  explicit StoreReader(std::unique_ptr<const StoreFile> file) : file_(std::move(file)) {}
   Status ReadHeader();
   Status ReadSections(std::span<const std::byte> table, uint32_t count);
   Status DecodeNames(const std::vector<Section>& sections);
@@ -81,7 +83,7 @@ class StoreReader {
   Status VerifyTexture(uint32_t texture) const;
   Status CheckPagesFill() const;
 
-  InputFile file_;
+  std::unique_ptr<const StoreFile> file_;
   SceneId id_{};
   Catalog catalog_;
   std::vector<Section> catalog_sections_;

@@ -10,11 +10,11 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "common/remote/http_options.h"
 #include "common/scene/material_json.h"
 #include "common/scene/scene_summary.h"
 #include "common/scene/view_json.h"
 #include "deploy/scene_files.h"
-#include "worker/sources/http_options.h"
 
 namespace {
 

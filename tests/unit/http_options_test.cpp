@@ -1,4 +1,4 @@
-#include "worker/sources/http_options.h"
+#include "common/remote/http_options.h"
 
 #include <sys/stat.h>
 
@@ -6,8 +6,8 @@
 #include <cstdlib>
 #include <fstream>
 
+#include "common/remote/http_answer.h"
 #include "tests/support/temporary_folder.h"
-#include "worker/sources/http_answer.h"
 
 namespace quarry {
 namespace {

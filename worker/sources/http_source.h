@@ -4,9 +4,9 @@
 #include <memory>
 
 #include "common/engine/blocks/voxel_source.h"
+#include "common/remote/http_client.h"
+#include "common/remote/http_options.h"
 #include "common/voxel/catalog.h"
-#include "worker/sources/http_client.h"
-#include "worker/sources/http_options.h"
 
 namespace quarry {
 

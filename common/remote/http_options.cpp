@@ -1,4 +1,4 @@
-#include "worker/sources/http_options.h"
+#include "common/remote/http_options.h"
 
 #include <fcntl.h>
 #include <fmt/format.h>

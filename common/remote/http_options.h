@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "common/base/status.h"
-#include "worker/sources/aws_signature.h"
-#include "worker/sources/http_header.h"
+#include "common/remote/aws_signature.h"
+#include "common/remote/http_header.h"
 
 namespace quarry {
 

@@ -6,7 +6,7 @@
 
 #include "common/base/bytes.h"
 #include "common/base/status.h"
-#include "worker/sources/http_options.h"
+#include "common/remote/http_options.h"
 
 namespace boost::asio {
 class io_context;

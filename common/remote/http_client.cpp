@@ -1,6 +1,6 @@
 // Long: one class serves a connection from opening to closing, and all steps share its state.
 
-#include "worker/sources/http_client.h"
+#include "common/remote/http_client.h"
 
 #include <fmt/format.h>
 
@@ -22,7 +22,7 @@
 #include <vector>
 
 #include "common/base/version.h"
-#include "worker/sources/http_answer.h"
+#include "common/remote/http_answer.h"
 
 namespace quarry {
 namespace {

@@ -1,4 +1,4 @@
-#include "worker/sources/aws_signature.h"
+#include "common/remote/aws_signature.h"
 
 #include <fmt/format.h>
 #include <openssl/evp.h>

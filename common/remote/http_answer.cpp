@@ -1,4 +1,4 @@
-#include "worker/sources/http_answer.h"
+#include "common/remote/http_answer.h"
 
 #include <fmt/format.h>
 

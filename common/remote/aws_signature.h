@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "worker/sources/http_header.h"
+#include "common/remote/http_header.h"
 
 namespace quarry {
 

@@ -1,0 +1,119 @@
+"""A server of files with range requests, as an object store is one: optionally by https, and with signatures of S3 (Signature V4) that it
+checks by an implementation of its own, from the published rules."""
+import datetime
+import hashlib
+import hmac
+import http.server
+import pathlib
+import re
+import ssl
+import threading
+import urllib.parse
+
+REGION = "eu-test-1"
+
+
+def _hmac(key, text):
+    return hmac.new(key, text.encode(), hashlib.sha256).digest()
+
+
+def signature_fault(method, target, headers, access_key, secret_key, region):
+    """Why a request's signature is not right; None: it is."""
+    match = re.fullmatch(r"AWS4-HMAC-SHA256 Credential=([^/]+)/(\d{8})/([^/]+)/s3/aws4_request, ?SignedHeaders=([^,]+), ?Signature=([0-9a-f]{64})",
+                         headers.get("Authorization", ""))
+    if not match:
+        return "no signature"
+    key, day, named_region, names, signature = match.groups()
+    if key != access_key or named_region != region:
+        return "another key or region"
+    stamp = headers.get("x-amz-date", "")
+    then = datetime.datetime.strptime(stamp, "%Y%m%dT%H%M%SZ").replace(tzinfo=datetime.timezone.utc)
+    if abs((datetime.datetime.now(datetime.timezone.utc) - then).total_seconds()) > 900 or not stamp.startswith(day):
+        return "another time"
+    signed = names.split(";")
+    for name in ("host", "range", "x-amz-content-sha256", "x-amz-date"):
+        if name not in signed:
+            return f"{name} is not signed"
+    path, _, query = target.partition("?")
+    pairs = sorted(urllib.parse.parse_qsl(query, keep_blank_values=True))
+    canonical = "\n".join([method, path, "&".join(f"{urllib.parse.quote(k, safe='-_.~')}={urllib.parse.quote(v, safe='-_.~')}" for k, v in pairs),
+                           "".join(f"{name}:{' '.join(headers.get(name, '').split())}\n" for name in signed), names, headers["x-amz-content-sha256"]])
+    scope = f"{day}/{region}/s3/aws4_request"
+    text = "\n".join(["AWS4-HMAC-SHA256", stamp, scope, hashlib.sha256(canonical.encode()).hexdigest()])
+    derived = _hmac(_hmac(_hmac(_hmac(b"AWS4" + secret_key.encode(), day), region), "s3"), "aws4_request")
+    right = hmac.new(derived, text.encode(), hashlib.sha256).hexdigest()
+    return None if hmac.compare_digest(right, signature) else "another signature"
+
+
+class ObjectStore:
+    """Serves `folder` at http://127.0.0.1:PORT/. `keys`: (access key, secret key) that requests must be signed by."""
+
+    def __init__(self, folder, keys=None, certificate=None):
+        self.folder, self.keys = pathlib.Path(folder), keys
+        self.requests, self.bytes, self.faults = 0, 0, []
+        self.fail_next, self.ranges, self.tells_size = 0, True, True
+        store = self
+
+        class Handler(http.server.BaseHTTPRequestHandler):
+            protocol_version = "HTTP/1.1"
+
+            def do_GET(self):
+                store.answer(self)
+
+            def log_message(self, *_):
+                pass
+
+        self.server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+        self.server.daemon_threads = True
+        if certificate:
+            context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+            context.load_cert_chain(*certificate)
+            self.server.socket = context.wrap_socket(self.server.socket, server_side=True)
+        self.port = self.server.server_address[1]
+        self.url = f"{'https' if certificate else 'http'}://127.0.0.1:{self.port}"
+        threading.Thread(target=self.server.serve_forever, daemon=True).start()
+
+    def close(self):
+        self.server.shutdown()
+        self.server.server_close()
+
+    def answer(self, request):
+        self.requests += 1
+        if self.fail_next > 0:
+            self.fail_next -= 1
+            return self.refuse(request, 503)
+        if self.keys:
+            fault = signature_fault("GET", request.path, {k: v for k, v in request.headers.items()} | {
+                k.lower(): v for k, v in request.headers.items()}, *self.keys, REGION)
+            if fault:
+                self.faults.append(fault)
+                return self.refuse(request, 403)
+        path = self.folder / urllib.parse.unquote(request.path.partition("?")[0]).lstrip("/")
+        if not path.is_file():
+            return self.refuse(request, 404)
+        data = path.read_bytes()
+        match = re.fullmatch(r"bytes=(\d+)-(\d+)", request.headers.get("Range", ""))
+        if not match or not self.ranges:
+            request.send_response(200)
+            request.send_header("Content-Length", str(len(data)))
+            request.end_headers()
+            request.wfile.write(data)
+            return None
+        first, last = int(match.group(1)), min(int(match.group(2)), len(data) - 1)
+        body = data[first:last + 1]
+        self.bytes += len(body)
+        request.send_response(206)
+        request.send_header("Content-Range", f"bytes {first}-{last}/{len(data) if self.tells_size else '*'}")
+        request.send_header("Content-Length", str(len(body)))
+        request.end_headers()
+        try:
+            request.wfile.write(body)
+        except OSError:
+            pass
+        return None
+
+    @staticmethod
+    def refuse(request, status):
+        request.send_response(status)
+        request.send_header("Content-Length", "0")
+        request.end_headers()
