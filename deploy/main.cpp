@@ -53,7 +53,7 @@ int RunBench(int argc, char** argv) {
   if (what == "--help" || what == "-h") {
     fmt::print(
         "Runs a benchmark program.\nUsage: quarry bench WHAT [ARGUMENTS]\n\n"
-        "WHAT is one of: {}\nEach has its own help.\nExample:\n  quarry bench import plant.ply\n",
+        "WHAT is one of: {}\n\nEach has its own help.\n\nExample:\n  quarry bench import plant.ply\n",
         benches.empty() ? kNoBenches : fmt::format("{}", fmt::join(benches, ", ")));
     return argc > 2 ? 0 : 2;
   }

@@ -31,7 +31,11 @@ _quarry() {
     --view) COMPREPLY=($(compgen -W "iso top front back left right inside" -- "$cur")); _filedir json; return ;;
     --up-axis) COMPREPLY=($(compgen -W "y z" -- "$cur")); return ;;
     --schedule) COMPREPLY=($(compgen -W "footprint last-owner random" -- "$cur")); return ;;
-    --aov) COMPREPLY=($(compgen -W "depth normal uv primitive material part voxel albedo" -- "$cur")); return ;;
+    --aov)  # names with commas between them
+      local before=""
+      [[ "$cur" == *,* ]] && before="${cur%,*},"
+      COMPREPLY=($(compgen -P "$before" -W "depth normal uv primitive material part voxel albedo" -- "${cur##*,}"))
+      return ;;
     --peers) COMPREPLY=($(compgen -W "auto off" -- "$cur")); return ;;
     --master) _known_hosts_real -- "$cur"; return ;;
     --tmp | --spool) _filedir -d; return ;;
