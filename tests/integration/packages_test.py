@@ -31,6 +31,12 @@ def must(*command, **options):
     return done.stdout
 
 
+def page_commands(section):
+    """The commands of a section of deploy/README.md."""
+    text = (ROOT / "deploy/README.md").read_text().split(f"\n## {section}\n")[1].split("\n## ")[0]
+    return [line.split("  #")[0].strip() for block in re.findall(r"```sh\n(.*?)```", text, re.S) for line in block.splitlines()]
+
+
 def codename():
     return re.search(r"^VERSION_CODENAME=(\w+)", pathlib.Path("/etc/os-release").read_text(), re.M).group(1)
 
@@ -77,16 +83,18 @@ class BareRoot:
         # What apt downloads is kept, and flushing each file to the disk would take most of the time.
         (KEPT / "archives/partial").mkdir(parents=True, exist_ok=True)
         (self.root / "etc/apt/apt.conf.d/test").write_text(
-            'APT::Keep-Downloaded-Packages "true";\nDpkg::Options:: "--force-unsafe-io";\nAcquire::Languages "none";\n')
+            'APT::Keep-Downloaded-Packages "true";\nDpkg::Options:: "--force-unsafe-io";\nAcquire::Languages "none";\n'
+            'APT::Get::Assume-Yes "true";\nAPT::Install-Recommends "false";\n')
         if self.inside("apt-get update -q").returncode != 0:
             raise unittest.SkipTest("the archive of Debian is out of reach")
         # gzip: of the packages that users get, half of the time goes into xz.
-        must("cpack", "--config", BUILD / "CPackConfig.cmake", "-D", "CPACK_DEBIAN_COMPRESSION_TYPE=gzip", "-B", self.debs)
+        pack, self.install, self.install_all = page_commands("Packages")
+        must("sh", "-c", pack.replace("-B build/release", f"-D CPACK_DEBIAN_COMPRESSION_TYPE=gzip -B '{self.debs}'").replace("build/release", f"'{BUILD}'"))
         self.deb = {name: next(self.debs.glob(f"{name}_*.deb")).name for name in ("quarry", "quarry-bench")}
         for name in self.deb.values():
             shutil.copy(self.debs / name, self.root / "root")
         # What a machine that renders needs and no more.
-        self.must(f"apt-get install -y -q --no-install-recommends /root/{self.deb['quarry']}")
+        self.must(self.install)
         self.must(f"""quarry-scene {' '.join(SCENE)} -o m.ply --quiet; quarry-preprocess m.ply -o m.quarry --quiet
                       quarry render m.quarry -o inside.png {' '.join(PICTURE)} --workers 2""")
         self.store = self.root / "root/m.quarry"
@@ -156,8 +164,10 @@ class Packages(unittest.TestCase):
         shutil.copy(bare_root(), base / "bare.tar")
         (base / "Containerfile").write_text("FROM scratch\nADD bare.tar /\n")
         must(*buildah, "bud", "--isolation", "chroot", "-t", "bare", base)
-        built = run(*buildah, "bud", "--isolation", "chroot", "--build-arg", "BASE=localhost/bare", "-t", "quarry", "-f",
-                    ROOT / "deploy/container/Containerfile", bare.debs)
+        # The page's command, with a base of our own and the folder that the packages are in.
+        (line,) = page_commands("Containers")
+        words = [bare.debs if word == "build/release" else word for word in line.split()[2:]]
+        built = run(*buildah, "bud", "--isolation", "chroot", "--build-arg", "BASE=localhost/bare", *words, cwd=ROOT)
         self.assertEqual(built.returncode, 0, built.stdout[-2000:] + built.stderr[-2000:])
         container = must(*buildah, "from", "quarry").strip()
         work = bare.folder / "work"
@@ -178,13 +188,13 @@ class Packages(unittest.TestCase):
         self.assertRegex(shown, r"(?s)quarry-master.*quarry-worker")
 
     def test_removal_leaves_nothing(self):
-        bare.must(f"apt-get install -y -q --no-install-recommends /root/{bare.deb['quarry-bench']}")
+        bare.must(bare.install_all)
         self.assertRegex(bare.must("quarry bench plan --help"), "Usage")
         bare.must("quarry-scene cornell --triangles 1000 -o c.ply --quiet; quarry bench stores --help >/dev/null; touch /etc/quarry/secret")
         bare.must("apt-get purge -y -q quarry quarry-bench")
         left = bare.must("find / -xdev -name '*quarry*' -not -path '/root/*' -not -path '/proc/*' -not -path '/var/cache/apt/*'")
         self.assertEqual(left, "")
-        bare.must(f"apt-get install -y -q --no-install-recommends /root/{bare.deb['quarry']}")
+        bare.must(bare.install)
 
 
 class Booted:
@@ -228,7 +238,7 @@ class Services(unittest.TestCase):
     def setUpClass(cls):
         if not shutil.which("systemd-nspawn"):
             raise unittest.SkipTest("systemd-nspawn is not installed")
-        bare.must("apt-get install -y -q --no-install-recommends systemd systemd-sysv dbus")
+        bare.must("apt-get install -q systemd systemd-sysv dbus openssl")
         root = bare.root
         (root / "srv/quarry").mkdir()
         shutil.copy(bare.store, root / "srv/quarry/scene.quarry")
@@ -244,9 +254,10 @@ class Services(unittest.TestCase):
         refused = self.booted.run("systemctl start quarry-master")
         self.assertNotEqual(refused.returncode, 0)
         self.assertRegex(self.must("systemctl show -p AssertResult quarry-master"), "no")
-        self.must(f"umask 077; printf '{SECRET}' > /etc/quarry/secret")
-        # The start of each comes back when it serves, so that the next needs no wait.
-        self.must("systemctl start quarry-master; systemctl start quarry-worker@1 quarry-worker@2")
+        # The page's commands. The start of each comes back when it serves, so that the next needs no wait.
+        for command in page_commands("Services"):
+            self.must(command)
+        self.must("systemctl start quarry-worker@2")
         self.assertIn("listening at 0.0.0.0:9000", self.must("systemctl show -p StatusText quarry-master"))
         # A user that exists while the service runs.
         self.assertGreater(int(self.must("stat -c %u /proc/$(systemctl show -p MainPID --value quarry-master)")), 60000)
