@@ -112,6 +112,10 @@ class Client {
         break;
       case MessageType::kPing:
         break;
+      case MessageType::kFarewell: {
+        const auto farewell = DecodeFailure(m.table);
+        return OnLost(farewell ? Error{farewell->message} : farewell.error());
+      }
       case MessageType::kFailure: {
         const auto failure = DecodeFailure(m.table);
         status = Fail(failure ? failure->message : failure.error().message);

@@ -23,6 +23,7 @@
 #include "deploy/model_cache.h"
 #include "deploy/query.h"
 #include "deploy/render_command.h"
+#include "deploy/slurm_command.h"
 #include "deploy/view_command.h"
 
 namespace quarry {
@@ -42,7 +43,7 @@ std::vector<std::string> Benches() {
       if (const std::string name = entry.path().filename().string(); name.starts_with(kPrefix))
         names.push_back(name.substr(kPrefix.size()));
   std::ranges::sort(names);
-  names.erase(std::ranges::unique(names).begin(), names.end());
+  names.erase(std::unique(names.begin(), names.end()), names.end());
   return names;
 }
 
@@ -92,6 +93,7 @@ int Main(int argc, char** argv) {
       "  quarry view plant.quarry --open\n"
       "  quarry info plant.quarry --json\n  quarry verify plant.quarry\n  quarry cache list\n"
       "  quarry status --master 10.0.0.1:9000\n"
+      "  quarry cluster --slurm -N 4 plant.quarry -- -o walk.png --camera-path walk.json\n"
       "  quarry bench import plant.ply");
   app.set_version_flag(
       "--version", [] { return VersionText("quarry", InstructionSets()); },
@@ -122,17 +124,22 @@ int Main(int argc, char** argv) {
   CacheArguments cache;
   auto* cache_command = app.add_subcommand("cache", "Stores that are kept of models: list, limit, clear");
   AddCacheCommands(*cache_command, cache);
+  ClusterArguments cluster_arguments;
+  AddClusterCommandOptions(
+      *app.add_subcommand("cluster", "Start a cluster on machines that Slurm gives, or end it"),
+      cluster_arguments);
   app.add_subcommand("bench", "Run a benchmark program (package quarry-bench)");
   if (const auto ended = ParseCommandLine(app, argc, argv)) return *ended;
   render.command_line = fmt::format("{}", fmt::join(std::span(argv, static_cast<size_t>(argc)), " "));
   Status status;
   try {
-    status = app.got_subcommand("render")   ? Render(render)
-             : app.got_subcommand("view")   ? ShowLive(view)
-             : app.got_subcommand("info")   ? PrintInfoOf(scene, json, parts, textures)
-             : app.got_subcommand("status") ? ShowStatus(master, security, json)
-             : app.got_subcommand("cache")  ? RunCacheCommand(*cache_command, cache)
-                                            : Verify(scene, quiet);
+    status = app.got_subcommand("render")    ? Render(render)
+             : app.got_subcommand("view")    ? ShowLive(view)
+             : app.got_subcommand("info")    ? PrintInfoOf(scene, json, parts, textures)
+             : app.got_subcommand("status")  ? ShowStatus(master, security, json)
+             : app.got_subcommand("cluster") ? RunClusterCommand(cluster_arguments)
+             : app.got_subcommand("cache")   ? RunCacheCommand(*cache_command, cache)
+                                             : Verify(scene, quiet);
     std::fflush(stdout);
   } catch (const std::system_error& e) {  // thrown by fmt::print
     status = Fail(fmt::format("standard output cannot be written: {}", e.code().message()));

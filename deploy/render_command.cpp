@@ -117,6 +117,14 @@ Status WriteStatistics(const RenderArguments& a, const RenderJob& job, const Sce
 
 }  // namespace
 
+Result<RenderJob> CheckedJob(const RenderArguments& a) {
+  QUARRY_ASSIGN(RenderJob job, JobWithoutScene(a));
+  QUARRY_TRY(CheckOutputs(a, job, {}));
+  QUARRY_ASSIGN(const SceneSummary scene, SummaryOf(a, a.scene));
+  QUARRY_TRY(PlaceInScene(a, scene, job));
+  return job;
+}
+
 Status Render(const RenderArguments& a) {
   const auto start = std::chrono::steady_clock::now();
   if (a.scene.empty() && a.master.empty())

@@ -12,4 +12,7 @@ namespace quarry {
 /// effect; an output that OutputGuard refuses.
 Status Render(const RenderArguments& arguments);
 
+/// All that Render() checks before it starts anything, of a store. Returns: the job. Errors: as Render().
+Result<RenderJob> CheckedJob(const RenderArguments& arguments);
+
 }  // namespace quarry

@@ -91,7 +91,8 @@ int Main(int argc, char** argv) {
       "  quarry-master plant.quarry --listen 127.0.0.1:0 --serve-only\n"
       "  quarry-master plant.quarry --source 127.0.0.1:9001 --source 127.0.0.1:9002 --spool jobs\n"
       "  quarry-master plant.quarry --listen 0.0.0.0:9000 --secret-file quarry.secret\n"
-      "  quarry-master plant.quarry --http 127.0.0.1:8080");
+      "  quarry-master plant.quarry --http 127.0.0.1:8080\n"
+      "With --spool, SIGTERM ends it well: finished frames are kept, and workers and clients are told.");
   app.set_version_flag(
       "--version", [] { return VersionText("quarry-master", InstructionSets()); },
       "Tell version, build, instruction set and libraries, and exit");

@@ -67,7 +67,8 @@ Server::Server(asio::io_context& io, const MasterOptions& options, Scene scene, 
           jobs_, registry_, [this] { return blocks_.bytes_served(); }, std::move(tile_log)),
       // From a random start: results for another master's frames are told apart.
       dispatcher_(frames_, block_bytes_, options.policy, (uint64_t{std::random_device{}()} << 24) + 1),
-      queries_(io, scene_, [this] { return status_.Json(catalog().id, Now(), registry_, jobs_); }) {
+      queries_(io, scene_, [this] { return status_.Json(catalog().id, Now(), registry_, jobs_); }),
+      leaving_(io) {
   uint64_t stored = 0;
   for (const uint32_t bytes : block_bytes_) stored += bytes;
   if (stored > 0)
@@ -92,6 +93,7 @@ Status Server::Run() {
   }
   fmt::print("listening {}:{}\n", options_.listen.host, listener_->port());
   std::fflush(stdout);
+  if (!options_.spool.empty()) termination_ = Termination::Take(io_, [this] { StartLeaving(); });
   NotifyReady(fmt::format("listening at {}:{}", options_.listen.host, listener_->port()));
   jobs_.TakeUp();
   asio::steady_timer timer(io_);
@@ -239,6 +241,7 @@ Status Server::OnWorkerMessage(WorkerRecord& worker, const Message& m) {
   if (m.type == MessageType::kTileDone) return OnTileDone(worker, m);
   if (m.type == MessageType::kFailure) return OnWorkerFailure(worker, m);
   if (m.type == MessageType::kWorkerStatus) return OnWorkerStatus(worker, m);
+  if (m.type == MessageType::kLeave) return OnWorkerLeaves(worker, m);
   if (m.type != MessageType::kHello)
     return Fail(fmt::format("a message of type {} does not belong here", static_cast<int>(m.type)));
   QUARRY_ASSIGN(const Hello hello, DecodeHello(m.table));
@@ -271,6 +274,24 @@ Status Server::OnTileDone(WorkerRecord& worker, const Message& m) {
   const uint32_t number = frame ? frames_.NumberOf(done.frame) : 0;
   QUARRY_ASSIGN(const bool kept, dispatcher_.Finish(worker, done, m.raw, Now()));
   if (kept) frames_.LogTile(number, done, worker.name);
+  return {};
+}
+
+/// It is given no tile more. Those that it has begun may still come.
+Status Server::OnWorkerLeaves(WorkerRecord& worker, const Message& m) {
+  QUARRY_ASSIGN(const Leave leave, DecodeLeave(m.table));
+  for (size_t i = 0; i < leave.frames.size(); ++i)
+    dispatcher_.GiveBack(worker.id, leave.frames[i], leave.leases[i]);
+  if (std::exchange(worker.ready, false)) {
+    Log(fmt::format("worker {} leaves, and gives {} tiles back", worker.name, leave.leases.size()));
+    if (display_) display_->WorkerGone(worker.id);
+    WorkersChanged();
+  }
+  AssignSoon();
+  if (!leave.last) return {};
+  const ConnectionPtr c = worker.connection;
+  c->Close();
+  OnGone(c, Error{"it has left"}, true);
   return {};
 }
 
@@ -318,6 +339,7 @@ void Server::AssignSoon() {
 }
 
 void Server::AssignTiles() {
+  if (leaves_) return;
   if (std::exchange(workers_changed_, false)) {
     SendPeers();
     dispatcher_.PlanForWorkers();
@@ -340,6 +362,29 @@ void Server::SendTile(AssignedTile& tile, FrameId oldest) {
   for (const uint32_t block : tile.order.blocks)
     tile.order.holders.push_back(registry_.HolderOf(block, worker.id));
   worker.connection->Send(MakeMessage(MessageType::kTile, tile.order));
+}
+
+/// Ends well: rendered frames go to the spool first, if the disk takes them soon.
+void Server::StartLeaving() {
+  constexpr double kSpoolS = 5;
+  Log("ends; its jobs and finished frames stay in the spool");
+  leaves_ = true;
+  jobs_.Rest([this] { Farewell(); });
+  leaving_.Set(kSpoolS, [this] { Farewell(); });
+}
+
+void Server::Farewell() {
+  constexpr double kFarewellS = 0.3;  // for the words to reach their peers
+  const Failure words{"it was told to end, and goes on with its jobs when it is started again"};
+  std::vector<ConnectionPtr> peers;
+  for (const auto& [id, worker] : registry_.all()) peers.push_back(worker.connection);
+  for (const auto& job : jobs_.all())
+    for (const Job::Client& client : job->clients) peers.push_back(client.connection);
+  for (const ConnectionPtr& c : peers) {
+    c->Send(MakeMessage(MessageType::kFarewell, words));
+    c->Close();
+  }
+  leaving_.Set(kFarewellS, [this] { io_.stop(); });
 }
 
 void Server::Tick() {

@@ -13,6 +13,8 @@
 #include "common/engine/scene.h"
 #include "common/net/connection.h"
 #include "common/net/liveness_monitor.h"
+#include "common/net/termination.h"
+#include "common/net/timer.h"
 #include "common/protocol/messages.h"
 #include "common/voxel/store_reader.h"
 #include "master/block_service.h"
@@ -49,8 +51,8 @@ class Server {
   Server(boost::asio::io_context& io, const MasterOptions& options, Scene scene, std::optional<Spool> spool,
          std::optional<TileLog> tile_log);
 
-  /// Listens, prints "listening HOST:PORT" on standard output, and serves until a signal ends the program.
-  /// Errors: the address cannot be listened at.
+  /// Listens, prints "listening HOST:PORT" on standard output, and serves until a signal ends the program;
+  /// with a spool it returns at the first SIGTERM. Errors: the address cannot be listened at.
   Status Run();
 
  private:
@@ -73,6 +75,7 @@ class Server {
   Status CheckBlocks(const std::vector<uint32_t>& blocks) const;
   uint32_t AddWorker(const ConnectionPtr& c, const Hello& hello);
   Status OnWorkerMessage(WorkerRecord& worker, const Message& m);
+  Status OnWorkerLeaves(WorkerRecord& worker, const Message& m);
   Status OnWorkerStatus(WorkerRecord& worker, const Message& m);
   Status OnTileDone(WorkerRecord& worker, const Message& m);
   Status OnWorkerFailure(const WorkerRecord& worker, const Message& m);
@@ -86,6 +89,10 @@ class Server {
   void AssignTiles();
   void SendTile(AssignedTile& tile, FrameId oldest);
   void Tick();
+
+  // The end by SIGTERM, of a master with a spool.
+  void StartLeaving();
+  void Farewell();
 
   boost::asio::io_context& io_;
   const MasterOptions& options_;
@@ -103,6 +110,7 @@ class Server {
   WorkerRegistry registry_;
   bool assigning_ = false;        ///< AssignTiles() is posted
   bool workers_changed_ = false;  ///< plans and peers do not show it yet
+  bool leaves_ = false;           ///< StartLeaving() was called
   double logged_s_ = 0;
   Jobs jobs_;
   JobFrames frames_;
@@ -110,10 +118,13 @@ class Server {
   ClusterStatus status_;
   QueryService queries_;
   std::unique_ptr<Display> display_;  ///< null without --http
+  Timer leaving_;
+  std::unique_ptr<Termination> termination_;
 };
 
-/// Serves one scene: catalog and blocks to workers, jobs from clients, tiles to workers. Returns only with an
-/// error: the store or the spool cannot be opened, the address cannot be listened at, an option is unusable.
+/// Serves one scene: catalog and blocks to workers, jobs from clients, tiles to workers. With a spool,
+/// SIGTERM makes it keep finished frames, tell its peers and return. Errors: the store or the spool cannot be
+/// opened, the address cannot be listened at, an option is unusable.
 Status RunMaster(const MasterOptions& options);
 
 }  // namespace quarry

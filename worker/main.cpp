@@ -98,6 +98,7 @@ int Main(int argc, char** argv) {
       "  quarry-worker --master 10.0.0.1:9000 --secret-file quarry.secret --source "
       "http://10.0.0.9/plant.quarry "
       "--disk-cache /var/tmp/quarry:20G\n"
+      "SIGTERM makes it leave: tiles not begun go back, those begun are finished for up to a second.\n"
       "QUARRY_ISA=scalar|avx2|avx512 in the environment narrows the instruction sets used; pixels are the "
       "same.");
   app.set_version_flag(

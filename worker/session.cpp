@@ -16,9 +16,11 @@ namespace {
 
 namespace asio = boost::asio;
 
-constexpr double kIdleS = 10;       // time without a new tile after which the log says that the worker waits
-constexpr double kRetryS = 0.3;     // pause between attempts to reach the master
-constexpr double kLastWordsS = 10;  // limit for the master to close the connection after a worker's Failure
+constexpr double kIdleS = 10;        // time without a new tile after which the log says that the worker waits
+constexpr double kRetryS = 0.3;      // pause between attempts to reach the master
+constexpr double kLeaveS = 0.8;      // after SIGTERM, for tiles that are begun
+constexpr double kFarewellS = 0.15;  // then, for the master to close the connection
+constexpr double kLastWordsS = 10;   // limit for the master to close the connection after a worker's Failure
 
 uint64_t NewInstance() {
   std::random_device random;
@@ -36,6 +38,7 @@ Session::Session(const WorkerOptions& options)
       io_(std::make_unique<asio::io_context>()),
       retry_(*io_),
       heartbeat_(*io_),
+      leaving_(*io_),
       instance_(NewInstance()) {}
 
 Session::~Session() = default;
@@ -54,6 +57,7 @@ Status Session::Run() {
     Log(fmt::format("serves metrics at {}:{}", options_.metrics->listen.host, metrics_->port()));
   }
   lost_since_ = Clock::now();
+  termination_ = Termination::Take(*io_, [this] { StartLeaving(); });
   Join();
   Heartbeat();
   io_->run();
@@ -96,6 +100,7 @@ void Session::SendHello() {
 
 void Session::OnLost(const Error& error) {
   if (gives_up_) return End(tl::unexpected<Error>(*gives_up_));
+  if (leaves_) return End({});
   if (connection_) {
     connection_->Close();
     liveness_.Forget(connection_);
@@ -136,8 +141,46 @@ void Session::GiveUp(const Error& error) {
   retry_.Set(kLastWordsS, [this] { End(tl::unexpected<Error>(*gives_up_)); });
 }
 
+// --- The end by SIGTERM
+
+void Session::StartLeaving() {
+  Log(fmt::format("leaves; {} tiles so far", tiles_));
+  if (!connection_ || !welcomed_ || !scene_ || gives_up_) return End({});
+  leaves_ = true;
+  leaves_since_ = Clock::now();
+  scene_->renderer->engine().GiveBackQueued();
+  asio::post(*io_, [this] {  // after the tiles that were given back
+    SendLeave(false);
+    AwaitOpenTiles();
+  });
+}
+
+void Session::GiveBack(const TileOrder& order) {
+  given_back_.frames.push_back(order.frame);
+  given_back_.leases.push_back(order.lease);
+}
+
+void Session::SendLeave(bool last) {
+  given_back_.last = last;
+  if (connection_) connection_->Send(MakeMessage(MessageType::kLeave, std::exchange(given_back_, {})));
+}
+
+void Session::AwaitOpenTiles() {
+  constexpr double kOftenS = 0.005;
+  if (scene_->renderer->engine().has_open() && SecondsSince(leaves_since_) < kLeaveS)
+    return leaving_.Set(kOftenS, [this] { AwaitOpenTiles(); });
+  asio::post(*io_, [this] {  // after the results
+    SendLeave(true);
+    leaving_.Set(kFarewellS, [this] { End({}); });
+  });
+}
+
 void Session::OnMessage(Message m) {
   if (gives_up_) return;
+  if (m.type == MessageType::kFarewell) {
+    const auto farewell = DecodeFailure(m.table);
+    return OnLost(farewell ? Error{farewell->message} : farewell.error());
+  }
   if (m.type == MessageType::kFailure) {
     const auto failure = DecodeFailure(m.table);
     return End(failure ? Status(Fail(failure->message)) : Status(tl::unexpected<Error>(failure.error())));
@@ -269,6 +312,11 @@ Status Session::OnFramesEnd(const Message& m) {
 Status Session::OnTile(const Message& m) {
   if (!scene_) return Fail("the master gave a tile before it gave the scene");
   QUARRY_ASSIGN(const TileOrder order, DecodeTileOrder(m.table));
+  if (leaves_) {
+    GiveBack(order);
+    SendLeave(false);
+    return {};
+  }
   ++tiles_;
   last_tile_ = Clock::now();
   if (!std::exchange(at_work_, true)) Log("is given work");
@@ -287,6 +335,7 @@ Status Session::OnTile(const Message& m) {
 
 void Session::SendTile(const TileOrder& order, RenderedTile result) {
   if (!connection_) return;  // the lease ends and another worker gets the tile
+  if (!result.begun) return GiveBack(order);
   TileDone done{order.frame, order.tile, order.lease, result.rays, result.rays_suspended, result.compute_us};
   if (order.area.form == PixelForm::kMeans) {
     SendStatus(false);  // first, so that a frame's statistics are complete with its last tile

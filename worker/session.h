@@ -9,6 +9,7 @@
 
 #include "common/engine/renderer.h"
 #include "common/net/liveness_monitor.h"
+#include "common/net/termination.h"
 #include "common/net/timer.h"
 #include "common/protocol/messages.h"
 #include "worker/block_supply.h"
@@ -26,9 +27,10 @@ class Session {
   explicit Session(const WorkerOptions& options);
   ~Session();
 
-  /// Works until the master ends it, or until an error.
-  /// Errors: the master is out of reach for WorkerOptions::retry_s; a block cannot be had; the cache is
-  /// smaller than the largest block; no memory for --pretouch.
+  /// Works until the master ends it, until SIGTERM, or until an error. At SIGTERM it gives back the tiles
+  /// that it has not begun, and ends when the others are done, within a second; a second SIGTERM ends the
+  /// process. Errors: the master is out of reach for WorkerOptions::retry_s; a block cannot be had; the cache
+  /// is smaller than the largest block; no memory for --pretouch.
   Status Run();
 
  private:
@@ -61,6 +63,12 @@ class Session {
   Status OnFramesEnd(const Message& m);
   Status OnTile(const Message& m);
 
+  // --- the end by SIGTERM
+  void StartLeaving();
+  void GiveBack(const TileOrder& order);
+  void SendLeave(bool last);
+  void AwaitOpenTiles();
+
   // --- the scene
   Status OpenSupply(LoadedScene& scene);
   Status MakeRenderer(LoadedScene& scene);
@@ -78,11 +86,14 @@ class Session {
 
   const WorkerOptions& options_;
   const std::unique_ptr<boost::asio::io_context> io_;
-  Timer retry_, heartbeat_;
+  Timer retry_, heartbeat_, leaving_;
   std::shared_ptr<Connection> connection_;  ///< null without a connection
   LivenessMonitor liveness_;                ///< of the master
   bool welcomed_ = false, was_welcomed_ = false;
   std::optional<Error> gives_up_;  ///< the reason, once work cannot go on
+  bool leaves_ = false;            ///< takes no tile more
+  Clock::time_point leaves_since_;
+  Leave given_back_;  ///< tiles that the master is yet to be told of
   Clock::time_point lost_since_;
   const uint64_t instance_;           ///< random number of this run of the worker; never 0
   uint32_t worker_ = 0;               ///< the master's number for this worker
@@ -97,6 +108,7 @@ class Session {
   uint64_t peak_rss_ = 0;
   Clock::time_point peak_asked_;
   Status outcome_;
+  std::unique_ptr<Termination> termination_;
 };
 
 /// Runs a Session. Errors: as Session::Run().

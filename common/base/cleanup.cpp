@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
+#include <sys/eventfd.h>
 #include <sys/prctl.h>
 #include <sys/syscall.h>
 #include <unistd.h>
@@ -39,7 +40,8 @@ Left lefts[2];
 // handler sees that `held` is not 0. The thread that sees the other's value calls End().
 std::atomic<int> held{0};
 std::atomic<bool> pending{false}, ending{false};
-thread_local int depth = 0;  // SignalsHeld objects in this thread
+std::atomic<int> on_termination{-1};  // takes the first SIGTERM
+thread_local int depth = 0;           // SignalsHeld objects in this thread
 
 // Time that threads still creating files are given: 50 rounds of 1 ms.
 constexpr int kRounds = 50, kRoundMs = 1;
@@ -106,7 +108,15 @@ void RemoveAll() {
   ::_exit(1);
 }
 
-void OnSignal(int) {
+void OnSignal(int signal) {
+  if (signal == SIGTERM)
+    if (const int taker = on_termination.exchange(-1); taker >= 0) {
+      const int before = errno;
+      constexpr uint64_t kOne = 1;
+      (void)!::write(taker, &kOne, sizeof kOne);
+      errno = before;
+      return;
+    }
   pending.store(true);
   if (held.load() == 0) End();
 }
@@ -166,6 +176,12 @@ void InstallSignalHandlers(const std::string& program, const std::string& kept) 
   action.sa_handler = OnSignal;
   for (int signal : {SIGINT, SIGTERM, SIGHUP}) ::sigaction(signal, &action, nullptr);
   ::signal(SIGPIPE, SIG_IGN);
+}
+
+int AwaitTermination() {
+  const int descriptor = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+  on_termination.store(descriptor);
+  return descriptor;
 }
 
 void TellOnSignal(const std::string& kept) {

@@ -35,6 +35,11 @@ void TellIfLeft(const std::string& path, const std::string& left);
 /// ignored: writes report the error.
 void InstallSignalHandlers(const std::string& program, const std::string& kept);
 
+/// Makes the first SIGTERM a request: it ends nothing, and the descriptor that is returned becomes readable.
+/// A second one ends the program as InstallSignalHandlers() says, which must have been called. Requires: one
+/// call. Returns: -1 when the process can open no descriptor; then each SIGTERM ends the program.
+int AwaitTermination();
+
 /// Replaces the text `kept` of InstallSignalHandlers(). Requires: only few calls, and one thread that calls.
 void TellOnSignal(const std::string& kept);
 

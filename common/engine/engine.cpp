@@ -65,6 +65,19 @@ Status Engine::Render(uint64_t view, const Tile& tile, OnTile done, Urgency urge
   return {};
 }
 
+void Engine::GiveBackQueued() {
+  std::vector<OnTile> unbegun;
+  {
+    const std::lock_guard lock(mutex_);
+    for (auto& queue : queues_) {
+      for (Queued& tile : queue) unbegun.push_back(std::move(tile.done));
+      queue.clear();
+    }
+    NoteQueued();
+  }
+  for (const OnTile& done : unbegun) done({.begun = false});
+}
+
 /// Requires: mutex_ is held.
 void Engine::NoteQueued() {
   int most = kUrgencies - 1;
@@ -99,6 +112,7 @@ bool Engine::OpenTile(Tiles& tiles, int least) {
     auto& queue = queues_[static_cast<size_t>(queued_.load())];
     next = std::move(queue.front());
     queue.pop_front();
+    ++open_;
     NoteQueued();
     view = views_.at(next.view);
   }
@@ -129,6 +143,7 @@ void Engine::CloseTiles(Tiles& tiles) {
       queue_depth_.Finished();
     }
     if (!abandoned) open.done(std::move(result));
+    --open_;
     tiles.spare.push_back(std::move(open.renderer));
     tiles.open.erase(tiles.open.begin() + static_cast<std::ptrdiff_t>(i));
   }

@@ -46,6 +46,11 @@ class Engine {
   /// Errors: CheckTile().
   Status Render(uint64_t view, const Tile& tile, OnTile done, Urgency urgency = Urgency::kJob);
 
+  /// Gives queued tiles back: calls `done` for each, on this thread, with RenderedTile::begun false.
+  void GiveBackQueued();
+  /// Whether a tile is open: begun, and `done` has not returned.
+  bool has_open() const { return open_ > 0; }
+
   /// Rays traced and suspensions of rays, of finished and abandoned tiles.
   uint64_t rays() const { return rays_; }
   uint64_t rays_suspended() const { return rays_suspended_; }
@@ -98,6 +103,7 @@ class Engine {
   std::map<uint64_t, std::shared_ptr<ViewContext>> views_;
   std::array<std::deque<Queued>, kUrgencies> queues_;  ///< by urgency
   std::atomic<int> queued_{-1};                        ///< the highest urgency of queues_; -1: they are empty
+  std::atomic<uint32_t> open_{0};                      ///< tiles of all threads
   AdaptiveQueueDepth queue_depth_;
   std::atomic<bool> stop_{false};
   std::vector<std::unique_ptr<Mailbox>> mailboxes_;

@@ -16,6 +16,7 @@ namespace quarry {
 
 /// A tile's result. Shapes: rows() x columns() lattice points, row by row.
 struct RenderedTile {
+  bool begun = true;             ///< false: the tile was given back, and all below is empty
   Bytes pixels;                  ///< the tile's PixelForm per point; empty with hits_only
   std::vector<Hit> hits;         ///< one per point; empty without hits_only
   std::vector<float> depths;     ///< per depth cell: t where the farthest primary ray ends

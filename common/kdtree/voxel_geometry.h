@@ -5,6 +5,7 @@
 #include <glm/vec3.hpp>
 
 #include "common/kdtree/node.h"
+#include "common/kdtree/opacity_mask.h"
 #include "common/kdtree/ray.h"
 #include "common/kdtree/wide_node.h"
 #include "common/math/host_device.h"
@@ -29,8 +30,10 @@ struct VoxelGeometryOf {
   const uint16_t* materials = nullptr;     ///< a triangle's material
   /// A triangle's part, and in the top bit whether light passes it: read by part() and see_through().
   const uint32_t* parts = nullptr;
-  const uint32_t* masks = nullptr;  ///< opacity_mask.h, one per triangle; null: all triangles are opaque
-  const WideNode* wide = nullptr;   ///< the same tree as wide nodes, derived at decode
+  /// opacity_mask.h, one per triangle; null: all triangles are opaque. Where light passes the material
+  /// itself, decoding has made opaque states mixed: no mask tells what such a surface does.
+  const uint32_t* masks = nullptr;
+  const WideNode* wide = nullptr;  ///< the same tree as wide nodes, derived at decode
   uint32_t node_count = 0, wide_count = 0, reference_count = 0, triangle_count = 0, vertex_count = 0;
   bool has_see_through = false;  ///< whether see_through() holds for any triangle
 
@@ -38,8 +41,8 @@ struct VoxelGeometryOf {
   static constexpr uint32_t kSeeThrough = 1u << 31;
 
   QUARRY_HOST_DEVICE uint32_t part(uint32_t triangle) const { return parts[triangle] & ~kSeeThrough; }
-  /// Whether any-hit rays pass the triangle and note that they have met one. Decoding derives it from the
-  /// material (LetsLightThrough) and the mask.
+  /// Whether rays may pass the triangle, see EffectOf(). Decoding derives it from the material
+  /// (LetsLightThrough) and the mask.
   QUARRY_HOST_DEVICE bool see_through(uint32_t triangle) const {
     return (parts[triangle] & kSeeThrough) != 0;
   }
@@ -49,6 +52,29 @@ struct VoxelGeometryOf {
 };
 
 using VoxelGeometry = VoxelGeometryOf<uint16_t>;
+
+/// What a hit does to a ray.
+enum class HitEffect {
+  kCounts,   ///< it is a hit
+  kNoted,    ///< the ray, an any-hit ray, passes it and notes that it has met a see-through triangle
+  kNothing,  ///< it lies in a hole
+};
+
+/// What a hit of a triangle at the weights `b1` and `b2` does. Shading looks at what masks leave open: it may
+/// reject a hit of a closest-hit ray (Ray::GoOnAfterHit), and traces noted any-hit rays again.
+template <bool kAnyHit, class Index>
+QUARRY_HOST_DEVICE inline HitEffect EffectOf(const VoxelGeometryOf<Index>& voxel, uint32_t triangle, float b1,
+                                             float b2) {
+  if (!voxel.has_see_through || !voxel.see_through(triangle)) return HitEffect::kCounts;
+  const OpacityState state = voxel.masks ? StateAt(voxel.masks[triangle], b1, b2) : OpacityState::kMixed;
+  if (state == OpacityState::kTransparent) return HitEffect::kNothing;
+  return kAnyHit && state == OpacityState::kMixed ? HitEffect::kNoted : HitEffect::kCounts;
+}
+/// Whether EffectOf() may be another than kCounts.
+template <bool kAnyHit, class Index>
+QUARRY_HOST_DEVICE inline bool MayPass(const VoxelGeometryOf<Index>& voxel, uint32_t triangle) {
+  return (kAnyHit ? voxel.has_see_through : voxel.masks != nullptr) && voxel.see_through(triangle);
+}
 
 template <class Index>
 QUARRY_HOST_DEVICE inline TrianglePoints PointsOf(const VoxelGeometryOf<Index>& voxel, uint32_t local) {

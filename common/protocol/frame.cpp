@@ -57,18 +57,18 @@ bool May(Speaker speaker, MessageType type) {
     case Speaker::kStranger:
       return type == kHello;
     case Speaker::kWorker:
-      return type == kHello || type == kTileDone || type == kWorkerStatus || type == kFailure ||
-             type == kPing;
+      return type == kHello || type == kTileDone || type == kWorkerStatus || type == kLeave ||
+             type == kFailure || type == kPing;
     case Speaker::kVoxels:
       return type == kBlockRequest || type == kPing;
     case Speaker::kClient:
       return type == kRenderJob || type == kQuery || type == kPing;
     case Speaker::kMasterOfWorkers:
       return type == kWelcome || type == kCatalog || type == kFrameSetup || type == kTile || type == kPeers ||
-             type == kFramesEnd || type == kFailure || type == kPing;
+             type == kFramesEnd || type == kFailure || type == kFarewell || type == kPing;
     case Speaker::kMasterOfClients:
       return type == kWelcome || type == kFrameProgress || type == kFrameDone || type == kAnswer ||
-             type == kFailure || type == kPing;
+             type == kFailure || type == kFarewell || type == kPing;
     case Speaker::kVoxelServer:
       return type == kWelcome || type == kBlock || type == kFailure || type == kPing;
     case Speaker::kAnyone:

@@ -160,6 +160,14 @@ Bytes Encode(const FramesEnd& m) {
   return Pack<wire::FramesEnd>(w);
 }
 
+Bytes Encode(const Leave& m) {
+  wire::LeaveT w;
+  w.frames = m.frames;
+  w.leases = m.leases;
+  w.last = m.last;
+  return Pack<wire::Leave>(w);
+}
+
 Bytes Encode(const TileDone& m) {
   wire::TileDoneT w;
   w.frame = m.frame;

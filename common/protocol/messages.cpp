@@ -235,6 +235,13 @@ Result<FramesEnd> DecodeFramesEnd(std::span<const std::byte> table) {
   return FramesEnd{Copy(w->frames())};
 }
 
+Result<Leave> DecodeLeave(std::span<const std::byte> table) {
+  const auto* w = Root<wire::Leave>(table);
+  if (!w || SizeOf(w->frames()) > kMaxGivenBack || SizeOf(w->frames()) != SizeOf(w->leases()))
+    return NotWellFormed();
+  return Leave{Copy(w->frames()), Copy(w->leases()), w->last()};
+}
+
 Result<TileDone> DecodeTileDone(std::span<const std::byte> table) {
   const auto* w = Root<wire::TileDone>(table);
   if (!w) return NotWellFormed();

@@ -76,6 +76,12 @@ struct FramesEnd {
 inline constexpr size_t kMaxFramesEnded = 1024;     ///< limit of frames in a FramesEnd
 inline constexpr size_t kMaxTileBlocks = 1u << 20;  ///< limit of blocks in a TileDone
 inline constexpr size_t kMaxTileHints = 4096;       ///< limit of blocks in a TileOrder
+/// A worker leaves: it takes no tile more.
+struct Leave {
+  std::vector<uint64_t> frames, leases;  ///< of tiles that it has not begun and gives back
+  bool last = false;                     ///< nothing follows; the master closes the connection
+};
+inline constexpr size_t kMaxGivenBack = 4096;  ///< limit of tiles in a Leave
 /// A rendered tile; the raw part is its pixels.
 struct TileDone {
   uint64_t frame = 0;
@@ -131,6 +137,7 @@ Bytes Encode(const FrameDone& m);
 Bytes Encode(const FrameSetup& m);
 Bytes Encode(const TileOrder& m);
 Bytes Encode(const FramesEnd& m);
+Bytes Encode(const Leave& m);
 Bytes Encode(const TileDone& m);
 Bytes Encode(const Peers& m);
 Bytes Encode(const WorkerStatus& m);
@@ -148,6 +155,7 @@ Result<FrameDone> DecodeFrameDone(std::span<const std::byte> table);
 Result<FrameSetup> DecodeFrameSetup(std::span<const std::byte> table);
 Result<TileOrder> DecodeTileOrder(std::span<const std::byte> table);
 Result<FramesEnd> DecodeFramesEnd(std::span<const std::byte> table);
+Result<Leave> DecodeLeave(std::span<const std::byte> table);
 Result<TileDone> DecodeTileDone(std::span<const std::byte> table);
 Result<Peers> DecodePeers(std::span<const std::byte> table);
 Result<WorkerStatus> DecodeWorkerStatus(std::span<const std::byte> table);

@@ -259,14 +259,16 @@ Result<VoxelShading> BlockDecoder::Shading(std::span<const std::byte> stored, st
 
 void MarkSeeThrough(const std::vector<Material>& materials, VoxelGeometry& hot) {
   auto* const parts = const_cast<uint32_t*>(hot.parts);
+  auto* const masks = const_cast<uint32_t*>(hot.masks);
   uint32_t last = kNoIndex, mark = 0, any = 0;  // neighbours mostly share a material
   for (uint32_t i = 0; i < hot.triangle_count; ++i) {
     if (hot.materials[i] != last) {
       last = hot.materials[i];
       mark = LetsLightThrough(materials[last]) ? VoxelGeometry::kSeeThrough : 0;
     }
-    const bool cut = hot.masks && hot.masks[i] != kOpaqueMask;
+    const bool cut = masks && masks[i] != kOpaqueMask;
     const uint32_t passes = cut ? VoxelGeometry::kSeeThrough : mark;
+    if (masks && mark != 0) masks[i] &= kTransparentMask;
     parts[i] |= passes;
     any |= passes;
   }

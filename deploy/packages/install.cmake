@@ -26,7 +26,7 @@ foreach(page README.md deploy/README.md deploy/MANUAL.md preprocess/README.md pr
   get_filename_component(folder ${page} DIRECTORY)
   install(FILES ${CMAKE_SOURCE_DIR}/${page} DESTINATION ${CMAKE_INSTALL_DOCDIR}/${folder} COMPONENT documentation)
 endforeach()
-install(DIRECTORY ${CMAKE_SOURCE_DIR}/deploy/container DESTINATION ${CMAKE_INSTALL_DOCDIR}/deploy COMPONENT documentation)
+install(DIRECTORY ${CMAKE_SOURCE_DIR}/deploy/container ${CMAKE_SOURCE_DIR}/deploy/slurm DESTINATION ${CMAKE_INSTALL_DOCDIR}/deploy COMPONENT documentation)
 
 foreach(bench connection frames images import kernels loading plan simulate sources stores)
   if(TARGET quarry-bench-${bench})

@@ -111,7 +111,7 @@ bool Jobs::ForgetClient(const std::shared_ptr<Connection>& client, double now_s)
 }
 
 std::optional<JobFrame> Jobs::Begin() {
-  if (encoding_ >= kMostEncoding || !suspect_.expired()) return std::nullopt;
+  if (rests_ || encoding_ >= kMostEncoding || !suspect_.expired()) return std::nullopt;
   for (const auto& job : jobs_) {
     const size_t index = job->NextToDo();
     if (index == job->states.size()) continue;
@@ -215,13 +215,24 @@ Result<double> Jobs::ExposureOf(Job& job) {
 /// Repeats `write` until it succeeds, for a full disk may get space, or the job is over.
 template <class Write>
 void Jobs::WriteToSpool(const Job& job, Write write) const {
-  for (bool told = false; !job.over; told = true) {
+  for (bool told = false; !job.over && !stop_.stop_requested(); told = true) {
     const Status status = write();
     if (status) break;
     if (!told) callbacks_.log(status.error().message + "; trying every second");
     std::this_thread::sleep_for(std::chrono::seconds(1));
   }
   if (job.over) spool_->Remove(job.id);  // it may have ended while this was at work
+}
+
+void Jobs::Rest(std::function<void()> done) {
+  rests_ = true;
+  std::vector<std::string> tried;
+  for (const auto& job : jobs_)
+    if (job->tried) tried.push_back(job->id);
+  asio::post(*encoder_, [this, tried = std::move(tried), done = std::move(done)] {
+    for (const std::string& id : tried) spool_->TakeBackTry(id);
+    asio::post(io_, done);
+  });
 }
 
 void Jobs::OnImage(const std::shared_ptr<Job>& job, size_t index, Result<Bytes> image,

@@ -67,6 +67,9 @@ class Jobs {
   /// Ends a job that cannot be done, and tells its clients.
   void Fail(std::shared_ptr<Job> job, const std::string& sentence);
 
+  /// Begins no frame more, and calls `done` when the frames that are rendered are in the spool: the end of
+  /// this master is then not counted against its jobs (Spool::kMostTries). Requires: there is a spool.
+  void Rest(std::function<void()> done);
   /// Sends finished frames to clients that have room for more.
   void Deliver();
   /// Ends jobs whose clients have been gone for kClientGraceS, unless a spool keeps them.
@@ -92,6 +95,7 @@ class Jobs {
   FrameMemory memory_;
   const Callbacks callbacks_;
   std::deque<std::shared_ptr<Job>> jobs_;
+  bool rests_ = false;                     ///< Rest() was called
   int encoding_ = 0;                       ///< frames on their way from the last tile to Job::finished
   std::weak_ptr<const uint64_t> suspect_;  ///< the frame of a suspect job that is under way
   std::stop_source stop_;                  ///< metering, when this ends

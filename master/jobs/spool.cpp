@@ -89,6 +89,11 @@ void Spool::NoteTry(const std::string& id) const {
   (void)WriteFileAtomically(TriesPath(id), AsBytes(fmt::format("{}\n", Tries(id) + 1)));
 }
 
+void Spool::TakeBackTry(const std::string& id) const {
+  const uint32_t tries = Tries(id);
+  if (tries > 0) (void)WriteFileAtomically(TriesPath(id), AsBytes(fmt::format("{}\n", tries - 1)));
+}
+
 Status Spool::CheckNotSetAside(const std::string& id) const {
   std::error_code ignored;
   if (!fs::exists(AsidePath(id), ignored)) return {};

@@ -36,6 +36,8 @@ class Spool {
   Status Begin(const std::string& id, const RenderJob& job) const;
   /// Counts a try, on disk before it returns; not counted where the disk cannot be written.
   void NoteTry(const std::string& id) const;
+  /// Counts the last try no more: the master ends because it was told to.
+  void TakeBackTry(const std::string& id) const;
   /// Errors: the job was set aside; the sentence says where it is and how to try it again.
   Status CheckNotSetAside(const std::string& id) const;
   /// Writes a finished frame and resets the job's tries. Errors: the disk is full or cannot be written.

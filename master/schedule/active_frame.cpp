@@ -155,6 +155,11 @@ void ActiveFrame::Forget(uint32_t worker) {
   leases_lost_ += std::erase_if(leases_, [&](const auto& entry) { return entry.second.worker == worker; });
 }
 
+void ActiveFrame::GiveBack(uint32_t worker, uint64_t lease) {
+  const auto it = leases_.find(lease);
+  if (it != leases_.end() && it->second.worker == worker) leases_.erase(it);
+}
+
 void ActiveFrame::AddOutdone(std::set<uint32_t>& workers) const {
   for (const auto& [id, lease] : leases_)
     if (tile_done_[lease.tile]) workers.insert(lease.worker);

@@ -44,6 +44,8 @@ class ActiveFrame {
   bool done() const { return tiles_done_ == image_.tiles().size(); }
   uint64_t rays() const { return rays_; }
   uint64_t rays_suspended() const { return rays_suspended_; }
+  /// Ends a lease of a tile that the worker has not begun. Ignores leases that it does not hold.
+  void GiveBack(uint32_t worker, uint64_t lease);
   uint64_t leases_lost() const { return leases_lost_; }
 
   // Footprints.

@@ -25,6 +25,10 @@ void Dispatcher::RemoveWorker(uint32_t id) {
   for (const auto& [frame_id, frame] : frames_) frame->Forget(id);
 }
 
+void Dispatcher::GiveBack(uint32_t worker, FrameId frame, uint64_t lease) {
+  if (const auto it = frames_.find(frame); it != frames_.end()) it->second->GiveBack(worker, lease);
+}
+
 void Dispatcher::SetCosts(double seconds_per_byte, double decoded_s) {
   seconds_per_byte_ = seconds_per_byte;
   tile_cost_.Decoded(decoded_s);

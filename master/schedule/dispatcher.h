@@ -69,6 +69,9 @@ class Dispatcher {
   void AddWorker(WorkerState& worker) { workers_[worker.id] = &worker; }
   /// Ends the worker's leases. Its tiles go to other workers.
   void RemoveWorker(uint32_t id);
+  /// Ends the worker's lease of a tile that it has not begun, which goes to another worker. Ignores what it
+  /// does not hold.
+  void GiveBack(uint32_t worker, FrameId frame, uint64_t lease);
   /// Plans all frames anew: workers have come, gone, become ready, or hold another cache.
   void PlanForWorkers() { MakePlans(PlanNews::kWorkers); }
   /// Plans all frames anew: probes of frames under way are finished.

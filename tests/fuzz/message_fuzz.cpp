@@ -77,6 +77,8 @@ void ReadAs(int kind, std::span<const std::byte> bytes) {
       return Read(bytes, DecodeQuery);
     case 15:
       return Read(bytes, DecodeFramesEnd);
+    case 16:
+      return Read(bytes, DecodeLeave);
     default:
       return ReadCatalog(bytes);
   }

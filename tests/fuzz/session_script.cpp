@@ -138,6 +138,8 @@ Bytes AnyTable(Script& script) {
       return {};
     case 13:
       return Encode(FramesEnd{{script.Number(), script.Number()}});
+    case 14:
+      return Encode(Leave{{script.Number(), 1}, {script.Number(), script.Number()}, script.Below(2) == 0});
     default:
       return script.Some();
   }

@@ -85,7 +85,7 @@ class Programs(Installation):
         if not pages.exists() or not shutil.which("man"):
             self.skipTest("help2man or man is not installed")
         commands = [[program] for program in PROGRAMS] + [["quarry", name] for name in
-                                                          ("render", "view", "info", "verify", "status", "cache", "bench")]
+                                                          ("render", "view", "info", "verify", "status", "cache", "cluster", "bench")]
         for command in commands:
             with self.subTest(command=command):
                 page = pages / ("-".join(command) + ".1.gz")

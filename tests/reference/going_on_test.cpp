@@ -1,5 +1,6 @@
 // Rays go on after each hit to the next one in the order of (t, id), by every kernel: all hits of a ray, as
-// brute force sorts them. Any-hit rays pass see-through triangles and note that they have met some.
+// brute force sorts them. Any-hit rays pass see-through triangles and note that they have met some. Holes
+// that opacity masks know are no hits.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -23,7 +24,7 @@ Hits AllHits(const LoadedScene& scene, const Ray& ray) {
   for (const StoredTriangle& t : scene.triangles()) {
     Hit hit;
     TestTriangle(frame, t.vertices[0], t.vertices[1], t.vertices[2], t.id, hit);
-    if (hit.t < ray.t_max) hits.push_back(hit);
+    if (hit.t < ray.t_max && !t.HasHoleAt(hit)) hits.push_back(hit);
   }
   std::sort(hits.begin(), hits.end(), Before);
   return hits;
@@ -265,12 +266,13 @@ std::vector<float> PlanesOf(const SceneView& view, uint32_t axis) {
   return planes;
 }
 
-/// Any-hit rays of every kernel end at opaque triangles only. A ray that has met see-through triangles before
-/// its end finds them all when it starts again.
+/// Any-hit rays of every kernel end at opaque triangles, and at opaque parts of triangles, only. A ray that
+/// has met others before its end finds them all when it starts again.
 void CompareShadows(const LoadedScene& scene, uint32_t packets, const std::string& name) {
   const Rays rays(scene, packets, 78);
-  std::vector<bool> see_through(scene.catalog().meta.input_triangles);
-  for (const StoredTriangle& t : scene.triangles()) see_through[t.id] = t.see_through;
+  std::vector<const StoredTriangle*> triangles(scene.catalog().meta.input_triangles);
+  for (const StoredTriangle& t : scene.triangles()) triangles[t.id] = &t;
+  const auto ends = [&](const Hit& hit) { return triangles[hit.triangle]->EndsRaysAt(hit); };
   const std::vector<uint64_t> all(packets, ~uint64_t{0});
   Comparison comparison(scene, name);
   uint64_t refused = 0, wrong = 0, dark = 0, tinted = 0, clear = 0;
@@ -283,12 +285,14 @@ void CompareShadows(const LoadedScene& scene, uint32_t packets, const std::strin
       RayPacket& packet = found[i / RayPacket::kRays];
       const auto lane = static_cast<uint32_t>(i % RayPacket::kRays);
       const Hits& hits = rays.expected[i];
-      const bool occluded =
-          std::any_of(hits.begin(), hits.end(), [&](const Hit& hit) { return !see_through[hit.triangle]; });
+      const bool occluded = std::any_of(hits.begin(), hits.end(), ends);
+      const bool by_one_of_them = std::any_of(hits.begin(), hits.end(), [&](const Hit& hit) {
+        return hit.triangle == packet.triangle[lane] && ends(hit);
+      });
       const bool noted = (packet.see_through >> lane & 1) != 0;
       ++(occluded ? dark : hits.empty() ? clear : tinted);
       const bool right = (packet.triangle[lane] != kNoTriangle) == occluded &&
-                         (occluded ? !see_through[packet.triangle[lane]] : noted == !hits.empty());
+                         (occluded ? by_one_of_them : noted == !hits.empty());
       if (!right && ++wrong < 5)
         UNSCOPED_INFO(name << " shadow ray " << i << " by " << by << ": hits " << packet.triangle[lane]
                            << (noted ? ", has" : ", has not") << " met see-through triangles of "
@@ -356,6 +360,31 @@ TEST_CASE("Any-hit rays pass see-through triangles and note that they have", "[r
   compare("slivers", Slivers(random, 300), 2, 3);
   // Long runs of glass: most voxels have only glass, or none.
   compare("halves", Squares(random, 250, 1), 150, 350);
+}
+
+TEST_CASE("Rays pass holes that opacity masks know, and end at opaque parts", "[reference][going_on]") {
+  const TemporaryFolder folder;
+  std::mt19937 random(12);
+  // Every third triangle has no mask of its own; some are all mixed, some all holes.
+  const MaskOf mask_of = [](uint32_t id) -> uint32_t {
+    if (id % 3 == 0) return kOpaqueMask;
+    if (id % 11 == 1) return 0;
+    if (id % 17 == 1) return kTransparentMask;
+    std::mt19937 states(id);
+    uint32_t mask = 0;
+    for (uint32_t i = 0; i < kSubTriangles; ++i) mask = mask << 2 | states() % 3;
+    return mask;
+  };
+  const auto compare = [&](const std::string& name, const std::vector<glm::vec3>& corners, size_t clear,
+                           size_t period) {
+    const std::string path = folder.file(name + ".obj");
+    WriteGlassSoup(folder, path, corners, clear, period);
+    const LoadedScene scene(path, 4096, mask_of);
+    PeelAll(scene, 24, name);
+    CompareShadows(scene, 24, name);
+  };
+  compare("squares", Doubled(Squares(random, 250, 0.1f)), 1, 6);
+  compare("fan", Fan(random, 200), 1, 10);
 }
 
 TEST_CASE("Packets lose no cell that one of their rays only just passes", "[reference][going_on]") {

@@ -15,14 +15,16 @@
 
 namespace quarry::test {
 
-/// The hit of a ray by definition: the least (t, id) after its bound and before its end, over all triangles.
+/// The hit of a ray by definition: the least (t, id) after its bound and before its end, over all triangles,
+/// those in holes by a triangle's mask apart.
 inline Hit BruteForce(const LoadedScene& scene, const Ray& ray) {
   const auto frame = MakeRayFrame(ray);
   Hit best;
   for (const StoredTriangle& t : scene.triangles()) {
     Hit hit;
     TestTriangle(frame, t.vertices[0], t.vertices[1], t.vertices[2], t.id, hit);
-    if (hit.t < ray.t_max && Follows<ScalarLane>(hit.t, t.id, ray.after_t, ray.after_id) &&
+    if (hit.t < ray.t_max && !t.HasHoleAt(hit) &&
+        Follows<ScalarLane>(hit.t, t.id, ray.after_t, ray.after_id) &&
         Precedes<ScalarLane>(hit.t, t.id, best.t, best.triangle))
       best = hit;
   }

@@ -7,6 +7,7 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <memory>
 #include <random>
 #include <string>
@@ -23,13 +24,23 @@ namespace quarry::test {
 struct StoredTriangle {
   glm::vec3 vertices[3];
   uint32_t id;
-  bool see_through;
+  bool glass;     ///< light passes its material
+  uint32_t mask;  ///< opacity_mask.h
+
+  bool HasHoleAt(const Hit& hit) const { return StateAt(mask, hit.b1, hit.b2) == OpacityState::kTransparent; }
+  /// Whether it ends any-hit rays that hit it so.
+  bool EndsRaysAt(const Hit& hit) const {
+    return !glass && StateAt(mask, hit.b1, hit.b2) == OpacityState::kOpaque;
+  }
 };
 
-/// A model preprocessed into voxels, all of them decoded.
+/// The opacity mask of the triangle with an id.
+using MaskOf = std::function<uint32_t(uint32_t id)>;
+
+/// A model preprocessed into voxels, all of them decoded. With `mask_of`, triangles have opacity masks.
 class LoadedScene {
  public:
-  LoadedScene(const std::string& model, uint32_t voxel_size) {
+  LoadedScene(const std::string& model, uint32_t voxel_size, const MaskOf& mask_of = {}) {
     PreprocessOptions options;
     options.models = {model};
     options.output = folder_.file("scene.quarry");
@@ -43,7 +54,8 @@ class LoadedScene {
     INFO((scene ? "" : scene.error().message));
     REQUIRE(scene.has_value());
     scene_ = std::move(*scene);
-    ListTriangles();
+    if (mask_of) scene_->SetMasks(mask_of);
+    ListTriangles(mask_of);
   }
 
   const Catalog& catalog() const { return scene_->catalog(); }
@@ -66,7 +78,7 @@ class LoadedScene {
   }
 
  private:
-  void ListTriangles() {
+  void ListTriangles(const MaskOf& mask_of) {
     std::vector<bool> seen(catalog().meta.input_triangles);
     for (const VoxelGeometry& view : voxels()) {
       for (uint32_t t = 0; t < view.triangle_count; ++t) {
@@ -75,7 +87,8 @@ class LoadedScene {
         seen[global] = true;
         triangles_.push_back({{view.vertex(t, 0), view.vertex(t, 1), view.vertex(t, 2)},
                               global,
-                              view.has_see_through && view.see_through(t)});
+                              LetsLightThrough(catalog().materials[view.materials[t]]),
+                              mask_of ? mask_of(global) : kOpaqueMask});
       }
     }
     for (uint32_t v = 0; v < catalog().voxels.size(); ++v)

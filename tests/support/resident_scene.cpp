@@ -83,6 +83,15 @@ Result<std::unique_ptr<ResidentScene>> ResidentScene::Load(const std::string& pa
   return scene;
 }
 
+void ResidentScene::SetMasks(const std::function<uint32_t(uint32_t id)>& mask_of) {
+  for (VoxelGeometry& voxel : views_[0]->voxels_) {
+    std::vector<uint32_t>& masks = masks_.emplace_back(voxel.triangle_count);
+    for (uint32_t t = 0; t < voxel.triangle_count; ++t) masks[t] = mask_of(voxel.triangle_ids[t]);
+    voxel.masks = masks.data();
+    MarkSeeThrough(catalog().materials, voxel);
+  }
+}
+
 const SceneView& ResidentScene::view(Algorithm algorithm) {
   const size_t which = algorithm == Algorithm::kTreelets    ? 0
                        : algorithm == Algorithm::kBacktrack ? 1

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -57,11 +58,15 @@ class ResidentScene {
   const SceneView& view() const { return *views_[0]; }
   /// The layout for `algorithm`, made at the first call. Not thread-safe.
   const SceneView& view(Algorithm algorithm);
+  /// Gives each triangle the opacity mask `mask_of(id)`, as if the store had it. Requires: no other layout
+  /// has been made.
+  void SetMasks(const std::function<uint32_t(uint32_t id)>& mask_of);
 
  private:
   std::unique_ptr<StoreReader> store_;
   std::vector<GuardedBytes> bytes_;
-  std::unique_ptr<SceneView> views_[4];  ///< 0: treelets
+  std::vector<std::vector<uint32_t>> masks_;  ///< of voxels; those of SetMasks()
+  std::unique_ptr<SceneView> views_[4];       ///< 0: treelets
   uint64_t decoded_bytes_ = 0;
 };
 

@@ -5,6 +5,7 @@
 #include <deque>
 #include <map>
 #include <memory>
+#include <unordered_map>
 #include <vector>
 
 #include "tests/support/looking.h"
@@ -124,6 +125,32 @@ TEST_CASE("A frame is done though a worker answers nothing, whether it holds til
     CHECK(cluster.Run(60) < 12);
     CHECK(cluster.actors[0].tiles == 80);
   }
+}
+
+TEST_CASE("Tiles that a worker gives back go to others, and no other's lease ends") {
+  Cluster cluster({{1, 1, kNever}, {2, 1, kNever}});
+  cluster.Step();
+  const ActiveFrame& frame = *cluster.dispatcher.Frames().front();
+  const auto held_by = [&](uint32_t worker) {
+    std::unordered_map<uint32_t, uint32_t> held;
+    frame.AddHeld(held);
+    return held[worker];
+  };
+  const uint32_t first = held_by(1), second = held_by(2);
+  REQUIRE((first > 1 && second > 1));
+  cluster.Find(1).ready = false;  // it leaves
+  for (uint64_t lease = 0; lease < 100; ++lease) {
+    cluster.dispatcher.GiveBack(1, frame.id(), lease);
+    cluster.dispatcher.GiveBack(1, frame.id() + 7, lease);  // no such frame
+  }
+  CHECK(held_by(1) == 0);
+  CHECK(held_by(2) == second);
+  CHECK(frame.leases_lost() == 0);
+  cluster.dispatcher.RemoveWorker(2);
+  cluster.Find(2).tile_s = 0.1;
+  cluster.dispatcher.AddWorker(cluster.Find(2));  // it answers now
+  cluster.dispatcher.PlanForWorkers();
+  CHECK(cluster.Run(60) < 20);
 }
 
 TEST_CASE("A worker counts as quiet once it has held tiles for the time of grace and answered none") {

@@ -207,6 +207,29 @@ TEST_CASE("Tiles of dropped views are never done, queued or begun; others are", 
   CHECK(results.count(2) == 0);
 }
 
+TEST_CASE("Queued tiles are given back at once, and begun ones are done", "[engine]") {
+  const Row row;
+  Results results;
+  Works works(row);
+  works.source.held = true;
+  constexpr size_t kTiles = 3 * Engine::kMostOpenTiles;  // more than a thread opens
+  works.engine().SetView(1, Front());
+  for (size_t i = 0; i < kTiles; ++i) works.engine().Render(1, {kMiddle}, results.For(1, i));
+  works.AwaitAsked();
+  CHECK(works.engine().has_open());
+  works.engine().GiveBackQueued();
+  const size_t given_back = results.count(1);
+  CHECK((given_back > 0 && given_back < kTiles));
+  works.Release();
+  size_t begun = 0;
+  for (const auto& [i, tile] : results.Await(1, kTiles)) {
+    begun += tile.begun ? 1 : 0;
+    CHECK(tile.pixels.empty() != tile.begun);
+  }
+  CHECK(begun == kTiles - given_back);
+  Await([&] { return !works.engine().has_open(); });
+}
+
 TEST_CASE("An engine ends while its tiles wait for blocks", "[engine]") {
   const Row row;
   Results results;

@@ -117,6 +117,9 @@ TEST_CASE("Messages come back field by field") {
          seen->area.phase_x == 2 && seen->area.phase_y == 0 && seen->area.first_sample == 1 &&
          seen->area.samples == 3 && seen->area.form == PixelForm::kSums));
   CHECK(DecodeFramesEnd(Encode(FramesEnd{{7, 8}}))->frames == std::vector<uint64_t>{7, 8});
+  const auto leave = DecodeLeave(Encode(Leave{{7, 8}, {9, 10}, true}));
+  CHECK((leave->frames == std::vector<uint64_t>{7, 8} && leave->leases == std::vector<uint64_t>{9, 10} &&
+         leave->last));
   const auto done = DecodeTileDone(Encode(TileDone{1, 2, 3, 4, 5}));
   CHECK((done->frame == 1 && done->tile == 2 && done->lease == 3 && done->rays == 4 &&
          done->rays_suspended == 5));
@@ -135,6 +138,9 @@ TEST_CASE("Values that cannot be are refused") {
   order.area.form = static_cast<PixelForm>(3);
   CHECK_FALSE(DecodeTileOrder(Encode(order)).has_value());
   CHECK_FALSE(DecodeFramesEnd(Encode(FramesEnd{std::vector<uint64_t>(kMaxFramesEnded + 1)})).has_value());
+  CHECK_FALSE(DecodeLeave(Encode(Leave{{7, 8}, {9}})).has_value());
+  const std::vector<uint64_t> many(kMaxGivenBack + 1);
+  CHECK_FALSE(DecodeLeave(Encode(Leave{many, many})).has_value());
   RenderJob job = MakeJob();
   job.view.spp = 0;
   CHECK_FALSE(DecodeJobRequest(Encode(JobRequest{job, 0})).has_value());

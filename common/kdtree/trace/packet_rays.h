@@ -88,17 +88,24 @@ QUARRY_HOST_DEVICE inline void DropPassed(const PacketRays<L>& p, uint32_t g, ty
   found.hit = L::AndNot(L::AndNot(follows, bounded), found.hit);
 }
 
-/// Notes for the rays of group g that they have hit a see-through triangle before their ends.
-template <class L>
-QUARRY_HOST_DEVICE inline void NoteSeeThrough(const PacketRays<L>& p, uint32_t g,
-                                              const TriangleHit<L>& found) {
-  const uint64_t met = L::Bits(L::And(found.hit, L::LessEqual(found.t, p.best[g].t)));
-  p.rays->see_through |= met << (g * L::kLanes);
+/// Takes from the hits of group g, all of one triangle, those that do not count, and notes the see-through
+/// triangle where rays must.
+template <class L, bool kAnyHit, class Index>
+QUARRY_HOST_DEVICE inline void DropUncounted(const PacketRays<L>& p, uint32_t g,
+                                             const VoxelGeometryOf<Index>& voxel, uint32_t local,
+                                             TriangleHit<L>& found) {
+  uint32_t counted = 0;
+  ForEachLaneHit<L>(found, p.best[g].t, [&](uint32_t lane, float, float b1, float b2) {
+    const HitEffect effect = EffectOf<kAnyHit>(voxel, local, b1, b2);
+    if (effect == HitEffect::kCounts) counted |= 1u << lane;
+    if (effect == HitEffect::kNoted) p.rays->NoteSeeThrough(g * L::kLanes + lane);
+  });
+  found.hit = L::FromBits(counted);
 }
 
 /// Tests the triangles that references [first, last) name for the rays of a packet that are `active`, and
 /// keeps the nearest hits. Returns: false when it has changed no ray. With kAnyHit a ray ends at its
-/// first hit that is not see-through: it is taken out of `active`, `alive` and p.alive. `kSharedOrigin`: all
+/// first hit that counts: it is taken out of `active`, `alive` and p.alive. `kSharedOrigin`: all
 /// rays start at p.shared_origin.
 template <class L, bool kAnyHit, bool kSharedOrigin, class Index, class Statistics>
 QUARRY_HOST_DEVICE inline bool TestTriangles(const VoxelGeometryOf<Index>& voxel, uint32_t voxel_id,
@@ -181,9 +188,9 @@ QUARRY_HOST_DEVICE inline bool TestTriangles(const VoxelGeometryOf<Index>& voxel
       const auto triangle = L::SetInt(voxel.triangle_ids[local]);
       if (p.bounded != 0) [[unlikely]]
         DropPassed<L>(p, g, triangle, found);
-      if (kAnyHit && voxel.has_see_through && voxel.see_through(local)) {
-        NoteSeeThrough<L>(p, g, found);
-        continue;
+      if (MayPass<kAnyHit>(voxel, local)) {
+        DropUncounted<L, kAnyHit>(p, g, voxel, local, found);
+        if (L::None(found.hit)) continue;
       }
       const Mask kept = Keep<L, kAnyHit>(found, triangle, L::SetInt(voxel_id), L::SetInt(local), p.best[g]);
       t_end[g] = L::Min(t_end[g], p.best[g].t);
@@ -261,9 +268,11 @@ QUARRY_HOST_DEVICE inline bool TestTrianglesRayByRay(const VoxelGeometryOf<Index
                          const uint32_t id = voxel.triangle_ids[references[place]];
                          const RayBound<ScalarLane> bound = BoundOf(*p.rays, i);
                          if (!Follows<ScalarLane>(t, id, bound.t, bound.triangle)) return;
-                         if (kAnyHit && voxel.has_see_through && voxel.see_through(references[place])) {
-                           p.rays->NoteSeeThrough(i);
-                           return;
+                         if (MayPass<kAnyHit>(voxel, references[place])) {
+                           const HitEffect effect =
+                               EffectOf<kAnyHit>(voxel, references[place], hit_b1, hit_b2);
+                           if (effect == HitEffect::kNoted) p.rays->NoteSeeThrough(i);
+                           if (effect != HitEffect::kCounts) return;
                          }
                          const bool before = (hit >> i & 1) != 0;
                          if (before && !Precedes<ScalarLane>(t, id, best_t[i], triangle[i])) return;

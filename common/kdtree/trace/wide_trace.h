@@ -53,7 +53,7 @@ struct alignas(64) WideSlot {
 };
 
 /// Tests the triangles of the ray's leaf, as many at a time as lanes, and keeps the nearest hit. Returns
-/// whether a hit was kept. Any-hit rays pass see-through triangles.
+/// whether a hit was kept.
 template <class L, bool kAnyHit, class Index, class Statistics>
 QUARRY_HOST_DEVICE inline bool TestLeaf(WideSlot<L, Index>& s, Statistics& statistics) {
   using Float = typename L::Float;
@@ -82,10 +82,12 @@ QUARRY_HOST_DEVICE inline bool TestLeaf(WideSlot<L, Index>& s, Statistics& stati
     ForEachLaneHit<L>(found, L::Set(s.best.t), [&](uint32_t i, float t, float b1, float b2) {
       const uint32_t id = voxel.triangle_ids[local[i]];
       if (!Follows<ScalarLane>(t, id, s.bound.t, s.bound.triangle)) return;
-      if (kAnyHit && voxel.has_see_through && voxel.see_through(local[i]))
-        s.packet->NoteSeeThrough(s.index);
-      else
-        any |= Keep<ScalarLane, kAnyHit>({true, t, b1, b2}, id, s.voxel_id, local[i], s.best);
+      if (MayPass<kAnyHit>(voxel, local[i])) {
+        const HitEffect effect = EffectOf<kAnyHit>(voxel, local[i], b1, b2);
+        if (effect == HitEffect::kNoted) s.packet->NoteSeeThrough(s.index);
+        if (effect != HitEffect::kCounts) return;
+      }
+      any |= Keep<ScalarLane, kAnyHit>({true, t, b1, b2}, id, s.voxel_id, local[i], s.best);
     });
   }
   return any;

@@ -93,17 +93,23 @@ struct alignas(64) SimtGroup {
     rays.chain[r] = chain[i];
   }
 
-  /// Notes for the rays of `kept` (bits of lanes) that hit a see-through triangle, and returns their lanes.
-  /// `locals`: the triangles.
-  QUARRY_HOST_DEVICE uint32_t NoteSeeThrough(uint32_t kept, const uint32_t* locals) const {
-    uint32_t met = 0;
+  /// The lanes of `kept` (as bits) whose hits at `found` do not count. Notes see-through triangles where rays
+  /// must. `locals`: the triangles.
+  template <bool kAnyHit>
+  QUARRY_HOST_DEVICE uint32_t Uncounted(uint32_t kept, const uint32_t* locals,
+                                        const RayBest<L>& found) const {
+    alignas(64) float at_b1[kLanes], at_b2[kLanes];
+    L::Store(found.b1, at_b1);
+    L::Store(found.b2, at_b2);
+    uint32_t out = 0;
     for (; kept != 0; kept &= kept - 1) {
       const auto i = static_cast<uint32_t>(std::countr_zero(kept));
-      if (!see_through[i] || !see_through[i]->see_through(locals[i])) continue;
-      packet[i]->NoteSeeThrough(index[i]);
-      met |= 1u << i;
+      if (!see_through[i]) continue;
+      const HitEffect effect = EffectOf<kAnyHit>(*see_through[i], locals[i], at_b1[i], at_b2[i]);
+      if (effect == HitEffect::kNoted) packet[i]->NoteSeeThrough(index[i]);
+      if (effect != HitEffect::kCounts) out |= 1u << i;
     }
-    return met;
+    return out;
   }
 
   /// Fetches each lane's node: `at_node` numbers it in the lane's present tree.

@@ -286,11 +286,15 @@ class SimtTracer {
     const RayBound<L> bound{L::Load(g.after_t), L::LoadInt(g.after_id)};
     Mask kept = TestMoved<L>(frame, moved[0], moved[1], moved[2], L::LoadInt(ids), L::LoadInt(g.present),
                              L::LoadInt(locals), testing, bound, best, statistics_);
-    if (kAnyHit && !L::None(kept)) {
-      const Mask passes = L::FromBits(g.NoteSeeThrough(L::Bits(kept), locals));
+    if (const uint32_t uncounted = g.template Uncounted<kAnyHit>(L::Bits(kept), locals, best)) {
+      const Mask passes = L::FromBits(uncounted);
       kept = L::AndNot(passes, kept);
       best.t = L::Select(passes, L::Load(g.hit_t), best.t);
+      best.b1 = L::Select(passes, L::Load(g.b1), best.b1);
+      best.b2 = L::Select(passes, L::Load(g.b2), best.b2);
       best.triangle = L::SelectInt(passes, L::LoadInt(g.triangle), best.triangle);
+      best.voxel = L::SelectInt(passes, L::LoadInt(g.voxel), best.voxel);
+      best.local = L::SelectInt(passes, L::LoadInt(g.local), best.local);
     }
     uint32_t ended = 0;
     if (!L::None(kept)) {

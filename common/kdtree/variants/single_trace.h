@@ -128,12 +128,13 @@ QUARRY_HOST_DEVICE inline bool TraceVoxelSingle(const VoxelGeometryOf<Index>& vo
         return TestMoved<ScalarLane>(ray.frame, moved[0], moved[1], moved[2], voxel.triangle_ids[local],
                                      voxel_id, local, true, bound, so_far, statistics);
       };
-      if (kAnyHit && voxel.has_see_through && voxel.see_through(local)) {
-        RayBest<ScalarLane> aside = best;
-        met_see_through |= test(aside);
-        continue;
-      }
-      const bool kept = test(best);
+      RayBest<ScalarLane> nearer = best;
+      const bool hit = test(nearer);
+      const HitEffect effect =
+          hit ? EffectOf<kAnyHit>(voxel, local, nearer.b1, nearer.b2) : HitEffect::kNothing;
+      met_see_through |= effect == HitEffect::kNoted;
+      const bool kept = effect == HitEffect::kCounts;
+      if (kept) best = nearer;
       if (kAnyHit && kept) {
         ended = true;
         return false;
