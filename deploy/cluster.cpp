@@ -14,6 +14,7 @@
 
 #include "common/base/number.h"
 #include "common/base/resource.h"
+#include "common/program/installed_program.h"
 #include "common/remote/open_store.h"
 
 namespace quarry {
@@ -202,9 +203,8 @@ void AddLocalClusterOptions(CLI::App& command, unsigned& workers, unsigned& thre
 }
 
 std::string SiblingProgram(const std::string& name) {
-  std::error_code error;
-  const auto self = std::filesystem::read_symlink("/proc/self/exe", error);
-  return (self.parent_path() / name).string();
+  const std::string found = FindProgram(name);
+  return found.empty() ? (ProgramFolders().front() / name).string() : found;
 }
 
 Result<int> RunSibling(const std::string& name, const std::vector<std::string>& arguments) {

@@ -78,7 +78,7 @@ class LocalCluster {
 /// Adds --workers, --threads and --cache of a LocalCluster to a command.
 void AddLocalClusterOptions(CLI::App& command, unsigned& workers, unsigned& threads, std::string& cache);
 
-/// The path of a program in the folder of this program.
+/// The path of another of Quarry's programs; where it is missing, the path where it is missed.
 std::string SiblingProgram(const std::string& name);
 
 /// Runs a sibling program to its end and passes its output on. Returns: its exit status. Errors: it cannot be

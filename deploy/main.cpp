@@ -12,10 +12,12 @@
 
 #include "common/base/cleanup.h"
 #include "common/base/cpu_check.h"
-#include "common/base/version.h"
 #include "common/command_line/command_line.h"
 #include "common/command_line/remote_options.h"
 #include "common/command_line/security_options.h"
+#include "common/kdtree/instruction_sets.h"
+#include "common/program/installed_program.h"
+#include "common/program/version_text.h"
 #include "deploy/cache_command.h"
 #include "deploy/cluster.h"
 #include "deploy/info_command.h"
@@ -28,16 +30,21 @@
 namespace quarry {
 namespace {
 
-/// The names of the quarry-bench-* programs beside this program, without that prefix.
+constexpr const char* kNoBenches =
+    "no benchmark is installed: the package quarry-bench has them; a build has them with the tests "
+    "(cmake -DBUILD_TESTING=ON)";
+
+/// The names of the quarry-bench-* programs that are installed or built here, without that prefix.
 std::vector<std::string> Benches() {
   constexpr std::string_view kPrefix = "quarry-bench-";
   std::vector<std::string> names;
   std::error_code error;
-  const auto folder = std::filesystem::path(SiblingProgram("quarry")).parent_path();
-  for (const auto& entry : std::filesystem::directory_iterator(folder, error))
-    if (const std::string name = entry.path().filename().string(); name.starts_with(kPrefix))
-      names.push_back(name.substr(kPrefix.size()));
+  for (const auto& folder : ProgramFolders())
+    for (const auto& entry : std::filesystem::directory_iterator(folder, error))
+      if (const std::string name = entry.path().filename().string(); name.starts_with(kPrefix))
+        names.push_back(name.substr(kPrefix.size()));
   std::ranges::sort(names);
+  names.erase(std::unique(names.begin(), names.end()), names.end());
   return names;
 }
 
@@ -47,13 +54,17 @@ int RunBench(int argc, char** argv) {
   const std::vector<std::string> benches = Benches();
   if (what == "--help" || what == "-h") {
     fmt::print(
-        "Runs a benchmark program (built with the tests).\nUsage: quarry bench WHAT [ARGUMENTS]\n\n"
-        "WHAT is one of: {}\nEach has its own help.\nExample:\n  quarry bench import plant.ply\n",
-        benches.empty() ? "none is built here" : fmt::format("{}", fmt::join(benches, ", ")));
+        "Runs a benchmark program.\nUsage: quarry bench WHAT [ARGUMENTS]\n\n"
+        "WHAT is one of: {}\n\nEach has its own help.\n\nExample:\n  quarry bench import plant.ply\n",
+        benches.empty() ? kNoBenches : fmt::format("{}", fmt::join(benches, ", ")));
     return argc > 2 ? 0 : 2;
   }
+  if (benches.empty()) {
+    fmt::print(stderr, "quarry bench: {}\n", kNoBenches);
+    return 1;
+  }
   if (std::ranges::find(benches, what) != benches.end())
-    ::execv(SiblingProgram("quarry-bench-" + what).c_str(), argv + 2);
+    ::execv(FindProgram("quarry-bench-" + what).c_str(), argv + 2);
   const std::string nearest = Nearest(what, benches);
   fmt::print(stderr, "quarry bench: '{}' is not known{}\n", what,
              nearest.empty() ? "; see quarry bench --help" : fmt::format("; did you mean {}?", nearest));
@@ -92,7 +103,9 @@ int Main(int argc, char** argv) {
       "  quarry status --master 10.0.0.1:9000\n"
       "  quarry cluster --slurm -N 4 plant.quarry -- -o walk.png --camera-path walk.json\n"
       "  quarry bench import plant.ply");
-  app.set_version_flag("--version", std::string("quarry ") + kVersion);
+  app.set_version_flag(
+      "--version", [] { return VersionText("quarry", InstructionSets()); },
+      "Tell version, build, instruction set and libraries, and exit");
   app.require_subcommand(1);
   RenderArguments render;
   AddRenderOptions(*app.add_subcommand("render", "Render a picture, or a path of them"), render);
@@ -126,7 +139,7 @@ int Main(int argc, char** argv) {
   AddClusterCommandOptions(
       *app.add_subcommand("cluster", "Start a cluster on machines that Slurm gives, or end it"),
       cluster_arguments);
-  app.add_subcommand("bench", "Run a benchmark program (built with the tests)");
+  app.add_subcommand("bench", "Run a benchmark program (package quarry-bench)");
   if (const auto ended = ParseCommandLine(app, argc, argv)) return *ended;
   render.command_line = fmt::format("{}", fmt::join(std::span(argv, static_cast<size_t>(argc)), " "));
   Status status;

@@ -8,10 +8,11 @@
 #include "common/base/output_path.h"
 #include "common/base/resource.h"
 #include "common/base/size.h"
-#include "common/base/version.h"
 #include "common/command_line/command_line.h"
 #include "common/command_line/remote_options.h"
 #include "common/command_line/security_options.h"
+#include "common/kdtree/instruction_sets.h"
+#include "common/program/version_text.h"
 #include "common/remote/open_store.h"
 #include "master/display/preparing.h"
 #include "master/server.h"
@@ -97,7 +98,9 @@ int Main(int argc, char** argv) {
       "  quarry-master plant.quarry --listen 0.0.0.0:9000 --secret-file quarry.secret\n"
       "  quarry-master plant.quarry --http 127.0.0.1:8080\n"
       "With --spool, SIGTERM ends it well: finished frames are kept, and workers and clients are told.");
-  app.set_version_flag("--version", std::string("quarry-master ") + kVersion);
+  app.set_version_flag(
+      "--version", [] { return VersionText("quarry-master", InstructionSets()); },
+      "Tell version, build, instruction set and libraries, and exit");
   app.add_option("scene", options.scene, "The scene store: a file, or https://... or s3://BUCKET/KEY")
       ->required();
   app.add_option("--listen", listen,

@@ -13,6 +13,7 @@
 
 #include "common/base/size.h"
 #include "common/net/source_spec.h"
+#include "common/program/service_notice.h"
 #include "common/remote/open_store.h"
 #include "master/jobs/exposure_meter.h"
 #include "master/jobs/statistics.h"
@@ -94,6 +95,7 @@ Status Server::Run() {
   fmt::print("listening {}:{}\n", options_.listen.host, listener_->port());
   std::fflush(stdout);
   if (!options_.spool.empty()) termination_ = Termination::Take(io_, [this] { StartLeaving(); });
+  NotifyReady(fmt::format("listening at {}:{}", options_.listen.host, listener_->port()));
   jobs_.TakeUp();
   asio::steady_timer timer(io_);
   const std::function<void()> tick = [&] {

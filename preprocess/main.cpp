@@ -15,6 +15,7 @@
 #include "common/base/size.h"
 #include "common/base/version.h"
 #include "common/command_line/command_line.h"
+#include "common/program/version_text.h"
 #include "common/voxel/store_format.h"
 #include "preprocess/estimate/plan.h"
 #include "preprocess/import/decompressor.h"
@@ -259,7 +260,9 @@ int Main(int argc, char** argv) {
       "  quarry-preprocess city.obj.zst --plan\n"
       "  quarry-preprocess city.obj.zst -o city.quarry --resume\n"
       "  curl -s https://models.example/scan.ply.gz | quarry-preprocess - -o scan.quarry");
-  app.set_version_flag("--version", std::string("quarry-preprocess ") + kVersion);
+  app.set_version_flag(
+      "--version", [] { return VersionText("quarry-preprocess"); },
+      "Tell version, build and libraries, and exit");
   app.add_option("models", options.models,
                  "Model files, packed by gzip or zstd or not; several make one scene; - is standard input")
       ->required();

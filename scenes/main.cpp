@@ -9,8 +9,8 @@
 #include <limits>
 
 #include "common/base/number.h"
-#include "common/base/version.h"
 #include "common/command_line/command_line.h"
+#include "common/program/version_text.h"
 #include "scenes/mesh_writer.h"
 #include "scenes/scene.h"
 
@@ -132,7 +132,9 @@ int main(int argc, char** argv) {
   quarry::scenes::Arguments arguments;
   CLI::App app("Writes procedural scenes of any size as PLY or OBJ files.", "quarry-scene");
   quarry::scenes::DeclareArguments(app, arguments);
-  app.set_version_flag("--version", std::string("quarry-scene ") + quarry::kVersion);
+  app.set_version_flag(
+      "--version", [] { return quarry::VersionText("quarry-scene"); },
+      "Tell version, build and libraries, and exit");
   if (const auto ended = quarry::ParseCommandLine(app, argc, argv)) return *ended;
   return quarry::scenes::Run(arguments);
 }

@@ -9,11 +9,12 @@
 #include "common/base/output_path.h"
 #include "common/base/resource.h"
 #include "common/base/size.h"
-#include "common/base/version.h"
 #include "common/command_line/command_line.h"
 #include "common/command_line/security_options.h"
+#include "common/kdtree/instruction_sets.h"
 #include "common/kdtree/kernels.h"
 #include "common/net/source_spec.h"
+#include "common/program/version_text.h"
 #include "worker/session.h"
 
 namespace quarry {
@@ -100,7 +101,9 @@ int Main(int argc, char** argv) {
       "SIGTERM makes it leave: tiles not begun go back, those begun are finished for up to a second.\n"
       "QUARRY_ISA=scalar|avx2|avx512 in the environment narrows the instruction sets used; pixels are the "
       "same.");
-  app.set_version_flag("--version", std::string("quarry-worker ") + kVersion);
+  app.set_version_flag(
+      "--version", [] { return VersionText("quarry-worker", InstructionSets()); },
+      "Tell version, build, instruction set and libraries, and exit");
   app.add_option("--master", texts.master, "The master's HOST:PORT")->required()->envname("QUARRY_MASTER");
   app.add_option("--cache", texts.cache, "Most bytes of voxels held, decoded and stored")
       ->envname("QUARRY_CACHE")

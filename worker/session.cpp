@@ -9,6 +9,7 @@
 
 #include "common/base/resource.h"
 #include "common/base/size.h"
+#include "common/program/service_notice.h"
 
 namespace quarry {
 namespace {
@@ -181,7 +182,10 @@ Status Session::OnWelcome(const Message& m) {
   worker_ = welcome.worker;
   if (sources_.empty()) sources_ = options_.sources.empty() ? welcome.sources : options_.sources;
   welcomed_ = was_welcomed_ = true;
-  Log(fmt::format("has joined the master at {}:{}", options_.master.host, options_.master.port));
+  const std::string joined =
+      fmt::format("has joined the master at {}:{}", options_.master.host, options_.master.port);
+  Log(joined);
+  NotifyReady(joined);
   return {};
 }
 

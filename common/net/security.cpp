@@ -112,6 +112,15 @@ Status UseSecret(SSL_CTX* context, const std::string& path, bool server) {
   return {};
 }
 
+/// Whether others than the owner may use a file of secrets.
+/// systemd's credentials (LoadCredential=) belong to root, and an access list lets the service's user read
+/// them. The list shows as permission of the group, which the group does not have.
+bool OthersMayUse(const std::string& path, mode_t mode) {
+  const char* const folder = std::getenv("CREDENTIALS_DIRECTORY");
+  const bool credential = folder && path.starts_with(std::string(folder) + '/');
+  return (mode & (credential ? 037 : 077)) != 0;
+}
+
 /// Errors: missing; not readable by this process; not a regular file; a key that other users may access.
 Status CheckReadable(const std::string& path, bool key) {
   // O_NONBLOCK: opening a FIFO would otherwise wait for a writer, perhaps forever.
@@ -121,7 +130,7 @@ Status CheckReadable(const std::string& path, bool key) {
   const bool regular = ::fstat(fd, &info) == 0 && S_ISREG(info.st_mode);
   ::close(fd);
   if (!regular) return BadUsage(fmt::format("{}: is not a regular file", path));
-  if (key && (info.st_mode & 077) != 0)
+  if (key && OthersMayUse(path, info.st_mode))
     return BadUsage(fmt::format("{}: others than its owner may use this private key; chmod 600 it", path));
   return {};
 }
@@ -215,7 +224,7 @@ Result<Bytes> ReadSecret(const std::string& path) {
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> closer(file, std::fclose);
   struct stat info {};
   if (::fstat(fd, &info) != 0) return BadUsage(fmt::format("{}: cannot examine: {}", path, ErrnoText(errno)));
-  if (info.st_mode & 077)
+  if (OthersMayUse(path, info.st_mode))
     return BadUsage(fmt::format("{}: others than its owner may read this secret; chmod 600 it", path));
   Bytes secret(kMostSecret + 1);
   secret.resize(std::fread(secret.data(), 1, secret.size(), file));

@@ -34,8 +34,8 @@ Status ImageDecoder::Start() {
   if (child_ > 0) return {};
   if (decoding_.program.empty())
     return Fail(
-        "quarry-import-image is not beside this program, so images cannot be read; --no-textures does "
-        "without");
+        "quarry-import-image is not installed with this program, so images cannot be read; --no-textures "
+        "does without");
   int in[2], out[2];
   if (::pipe2(in, O_CLOEXEC) != 0) return Fail(fmt::format("a pipe: {}", ErrnoText(errno)));
   if (::pipe2(out, O_CLOEXEC) != 0) {
@@ -85,6 +85,11 @@ tl::unexpected<Error> ImageDecoder::Ended(const TextureImage& image) {
   child_ = -1;
   if (!answered_ && WIFEXITED(status)) {
     fatal_ = true;
+    if (WEXITSTATUS(status) == kNoLibrary)
+      return Fail(
+          fmt::format("{}: {} lacks shared libraries: install OpenImageIO (Debian's package "
+                      "libopenimageio2.4), or give --no-textures",
+                      NameOf(image), decoding_.program));
     return Fail(
         fmt::format("{}: the process that decodes it, {}, has ended before its first answer (status {})",
                     NameOf(image), decoding_.program, WEXITSTATUS(status)));

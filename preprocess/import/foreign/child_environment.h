@@ -5,6 +5,9 @@
 
 namespace quarry {
 
+/// Exit status of a program whose shared libraries the loader (ld.so) does not find.
+inline constexpr int kNoLibrary = 127;
+
 /// The environment of this process for a child program that must end with it: see EndWithParent().
 class ChildEnvironment {
  public:

@@ -1,0 +1,35 @@
+# What `cmake --install` puts where. Components: programs, services, documentation, benchmarks.
+include(${CMAKE_CURRENT_LIST_DIR}/man_pages.cmake)
+set(PACKAGES ${CMAKE_CURRENT_LIST_DIR})
+
+install(TARGETS quarry quarry-master quarry-worker quarry-preprocess quarry-scene
+        RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT programs)
+install(TARGETS quarry-import-image RUNTIME DESTINATION ${QUARRY_LIBEXEC} COMPONENT programs)
+if(TARGET quarry-import-assimp)
+  install(TARGETS quarry-import-assimp RUNTIME DESTINATION ${QUARRY_LIBEXEC} COMPONENT programs)
+endif()
+
+# bash-completion looks for a file by the name of the command.
+set(COMPLETIONS ${CMAKE_INSTALL_DATADIR}/bash-completion/completions)
+install(FILES ${PACKAGES}/completion.bash DESTINATION ${COMPLETIONS} RENAME quarry COMPONENT programs)
+foreach(program quarry-master quarry-worker quarry-preprocess quarry-scene)
+  install(CODE "execute_process(COMMAND ${CMAKE_COMMAND} -E create_symlink quarry \"\$ENV{DESTDIR}\${CMAKE_INSTALL_PREFIX}/${COMPLETIONS}/${program}\")"
+          COMPONENT programs)
+endforeach()
+
+install(CODE "set(SYSTEMD_SOURCES ${CMAKE_SOURCE_DIR}/deploy/systemd)
+set(BINDIR ${CMAKE_INSTALL_BINDIR})" COMPONENT services)
+install(SCRIPT ${CMAKE_SOURCE_DIR}/deploy/systemd/install.cmake COMPONENT services)
+
+# The folders of the sources, so that the pages' links to each other lead somewhere.
+foreach(page README.md deploy/README.md deploy/MANUAL.md preprocess/README.md preprocess/import/README.md)
+  get_filename_component(folder ${page} DIRECTORY)
+  install(FILES ${CMAKE_SOURCE_DIR}/${page} DESTINATION ${CMAKE_INSTALL_DOCDIR}/${folder} COMPONENT documentation)
+endforeach()
+install(DIRECTORY ${CMAKE_SOURCE_DIR}/deploy/container ${CMAKE_SOURCE_DIR}/deploy/slurm DESTINATION ${CMAKE_INSTALL_DOCDIR}/deploy COMPONENT documentation)
+
+foreach(bench connection frames images import kernels loading plan simulate sources stores)
+  if(TARGET quarry-bench-${bench})
+    install(TARGETS quarry-bench-${bench} RUNTIME DESTINATION ${QUARRY_LIBEXEC} COMPONENT benchmarks)
+  endif()
+endforeach()

@@ -1,0 +1,44 @@
+# Man pages, which help2man makes of each --help. Without help2man there are none.
+find_program(HELP2MAN help2man)
+if(NOT HELP2MAN)
+  message(STATUS "help2man not found: man pages are not made; deploy/install installs it")
+  return()
+endif()
+set(MAN_DIR ${CMAKE_BINARY_DIR}/man)
+# The date in the pages is that of the sources, where they tell it: the same sources give the same pages.
+set(MAN_EPOCH "")
+if(QUARRY_REVISION)
+  execute_process(COMMAND ${GIT_EXECUTABLE} -C ${CMAKE_SOURCE_DIR} log -1 --format=%ct OUTPUT_VARIABLE MAN_EPOCH OUTPUT_STRIP_TRAILING_WHITESPACE)
+endif()
+set(MAN_SCRIPT ${CMAKE_CURRENT_LIST_DIR}/man_page)
+set(MAN_SECTIONS ${CMAKE_CURRENT_LIST_DIR}/man_sections)
+
+# One page: its name, the program or the program with a command, and the words after the dash in NAME.
+function(add_man_page name program command words)
+  add_custom_command(OUTPUT ${MAN_DIR}/${name}.1.gz
+    COMMAND ${CMAKE_COMMAND} -E env SOURCE_DATE_EPOCH=${MAN_EPOCH} ${MAN_SCRIPT} ${name} $<TARGET_FILE:${program}> "${command}" "${words}"
+            ${PROJECT_VERSION} ${MAN_SECTIONS} ${MAN_DIR}/${name}.1.gz
+    DEPENDS ${program} ${MAN_SCRIPT} ${MAN_SECTIONS} VERBATIM)
+  set_property(DIRECTORY APPEND PROPERTY MAN_PAGES ${MAN_DIR}/${name}.1.gz)
+endfunction()
+
+add_man_page(quarry quarry "" "ray-trace triangle models that are larger than memory")
+add_man_page(quarry-render quarry render "render pictures of a scene or a model")
+add_man_page(quarry-view quarry view "walk through a scene, live, in a browser")
+add_man_page(quarry-info quarry info "tell what a scene store holds")
+add_man_page(quarry-verify quarry verify "check every byte of a scene store")
+add_man_page(quarry-status quarry status "tell of a cluster's workers, jobs and rates")
+add_man_page(quarry-cache quarry cache "list, limit or clear the stores that are kept of models")
+add_man_page(quarry-cluster quarry cluster "start a cluster on machines that Slurm gives, or end it")
+add_man_page(quarry-bench quarry bench "run a benchmark program")
+add_man_page(quarry-master quarry-master "" "schedule tiles, serve voxels and put frames together")
+add_man_page(quarry-worker quarry-worker "" "render tiles for a master")
+add_man_page(quarry-preprocess quarry-preprocess "" "cut models into a scene store, out of core")
+add_man_page(quarry-scene quarry-scene "" "write procedural scenes of any size")
+
+get_property(MAN_PAGES DIRECTORY PROPERTY MAN_PAGES)
+# Programs of sanitizers and fuzzers are for tests: their pages would only take time.
+if(NOT QUARRY_SANITIZE AND NOT QUARRY_FUZZ)
+  add_custom_target(man ALL DEPENDS ${MAN_PAGES})
+  install(FILES ${MAN_PAGES} DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT programs)
+endif()

@@ -1,0 +1,79 @@
+# Debian packages: `cpack --config build/release/CPackConfig.cmake -B build/release`. quarry holds what running needs, quarry-bench the
+# benchmarks, where these are built (with the tests).
+# Whoever packs is the packages' maintainer; Debian's own tools take the name from the same variables.
+set(packer "Quarry maintainers <maintainers@localhost>")
+if(DEFINED ENV{DEBFULLNAME} AND DEFINED ENV{DEBEMAIL})
+  set(packer "$ENV{DEBFULLNAME} <$ENV{DEBEMAIL}>")
+endif()
+set(QUARRY_MAINTAINER "${packer}" CACHE STRING "Maintainer field of the packages")
+set(QUARRY_DEBIAN_REVISION 1 CACHE STRING "Revision of the packages, after the release")
+set(DEBIAN ${CMAKE_CURRENT_LIST_DIR}/debian)
+set(DEBIAN_MADE ${CMAKE_BINARY_DIR}/debian)
+
+string(TIMESTAMP DEBIAN_DATE "%a, %d %b %Y %H:%M:%S +0000" UTC)
+configure_file(${DEBIAN}/changelog.in ${DEBIAN_MADE}/changelog @ONLY)
+find_program(GZIP gzip REQUIRED)
+execute_process(COMMAND ${GZIP} -9nc ${DEBIAN_MADE}/changelog OUTPUT_FILE ${DEBIAN_MADE}/changelog.Debian.gz COMMAND_ERROR_IS_FATAL ANY)
+execute_process(COMMAND ${GZIP} -9nc ${CMAKE_SOURCE_DIR}/CHANGELOG.md OUTPUT_FILE ${DEBIAN_MADE}/changelog.gz COMMAND_ERROR_IS_FATAL ANY)
+foreach(package quarry quarry-bench)
+  set(component documentation)
+  if(package STREQUAL "quarry-bench")
+    set(component benchmarks)
+  endif()
+  set(docs ${CMAKE_INSTALL_DATAROOTDIR}/doc/${package})
+  install(FILES ${DEBIAN}/copyright ${DEBIAN_MADE}/changelog.Debian.gz ${DEBIAN_MADE}/changelog.gz DESTINATION ${docs} COMPONENT ${component})
+  if(EXISTS ${DEBIAN}/${package}.overrides)
+    install(FILES ${DEBIAN}/${package}.overrides DESTINATION ${CMAKE_INSTALL_DATAROOTDIR}/lintian/overrides RENAME ${package} COMPONENT ${component})
+  endif()
+endforeach()
+
+set(CPACK_GENERATOR DEB)
+set(CPACK_PACKAGE_NAME quarry)
+set(CPACK_PACKAGE_VENDOR Quarry)
+set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+set(CPACK_STRIP_FILES ON)
+set(CPACK_VERBATIM_VARIABLES ON)
+set(CPACK_COMPONENTS_GROUPING ONE_PER_GROUP)
+set(CPACK_DEB_COMPONENT_INSTALL ON)
+set(CPACK_COMPONENTS_ALL programs services documentation)
+if(TARGET quarry-bench-kernels)
+  list(APPEND CPACK_COMPONENTS_ALL benchmarks)
+endif()
+set(CPACK_DEBIAN_PACKAGE_MAINTAINER "${QUARRY_MAINTAINER}")
+set(CPACK_DEBIAN_PACKAGE_RELEASE ${QUARRY_DEBIAN_REVISION})
+set(CPACK_DEBIAN_PACKAGE_SECTION graphics)
+set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_COMPRESSION_TYPE xz)
+# Dependencies are found when packing: see dependencies.cmake.
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS OFF)
+set(CPACK_PROJECT_CONFIG_FILE ${CMAKE_CURRENT_LIST_DIR}/dependencies.cmake)
+set(CPACK_QUARRY_BUILD ${CMAKE_BINARY_DIR})
+set(CPACK_QUARRY_BIN ${CMAKE_RUNTIME_OUTPUT_DIRECTORY})
+
+set(CPACK_DEBIAN_QUARRY_PACKAGE_NAME quarry)
+# Summaries stand in the descriptions.
+set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "")
+set(CPACK_DEBIAN_QUARRY_DESCRIPTION "out-of-core ray tracing of triangle models, on one machine or many
+Quarry ray-traces triangle models that are larger than the memory of any
+machine at hand. A model is cut once, out of core, into compressed voxels;
+workers fetch voxels on demand into a cache of fixed size. The same pixels
+come out for any number of workers, threads and caches.
+.
+This package holds the commands, the master and the worker of a cluster with
+their systemd units, and the preprocessor. Images of models and rare formats
+are read by libraries that it recommends: machines that only render do
+without.")
+set(CPACK_DEBIAN_QUARRY_PACKAGE_CONTROL_EXTRA ${DEBIAN}/postinst ${DEBIAN}/prerm ${DEBIAN}/postrm ${DEBIAN}/conffiles)
+set(CPACK_DEBIAN_BENCH_PACKAGE_NAME quarry-bench)
+set(CPACK_DEBIAN_BENCH_DESCRIPTION "benchmarks of the Quarry ray tracer
+The programs that 'quarry bench' runs: kernels against Embree, pictures,
+importers, voxel sources, connections and schedules.")
+
+include(CPack)
+cpack_add_component_group(quarry)
+cpack_add_component_group(bench)
+foreach(component programs services documentation)
+  cpack_add_component(${component} GROUP quarry)
+endforeach()
+cpack_add_component(benchmarks GROUP bench)

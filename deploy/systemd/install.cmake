@@ -1,0 +1,18 @@
+# Installs units and their environment files; cmake --install runs it. An installation in /usr has its settings in /etc, one elsewhere in etc
+# of its prefix. Settings that are there already are a person's: they stay.
+if(CMAKE_INSTALL_PREFIX STREQUAL "/usr")
+  set(SETTINGS /etc/quarry)
+else()
+  set(SETTINGS ${CMAKE_INSTALL_PREFIX}/etc/quarry)
+endif()
+set(BIN ${CMAKE_INSTALL_PREFIX}/${BINDIR})
+set(FOLDER $ENV{DESTDIR}${CMAKE_INSTALL_PREFIX}/lib/systemd/system)
+foreach(unit quarry-master.service quarry-worker@.service)
+  message(STATUS "Installing: ${FOLDER}/${unit}")
+  configure_file(${SYSTEMD_SOURCES}/${unit}.in ${FOLDER}/${unit} @ONLY)
+endforeach()
+foreach(settings master.conf worker.conf)
+  if(NOT EXISTS $ENV{DESTDIR}${SETTINGS}/${settings})
+    file(INSTALL ${SYSTEMD_SOURCES}/${settings} DESTINATION ${SETTINGS})
+  endif()
+endforeach()
