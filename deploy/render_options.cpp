@@ -283,7 +283,8 @@ void AddPictureOptions(CLI::App& c, RenderArguments& a) {
 
 void AddRenderOptions(CLI::App& c, RenderArguments& a) {
   c.add_option("scene", a.scene,
-               "A scene store, or a model to be preprocessed first; none: the scene of --master");
+               "A scene store (a file, or https://... or s3://BUCKET/KEY), or a model to be preprocessed "
+               "first; none: the scene of --master");
   c.add_option("-o,--output", a.output, "The picture: .png or .exr")->required();
   c.add_flag("--force", a.force, "Replace outputs that hold something else; never what is read");
   AddLocalClusterOptions(c, a.workers, a.threads, a.cache);

@@ -13,7 +13,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).parents[1] / "support"))
 from object_store import REGION, ObjectStore  # noqa: E402
 
 VIEW = ["--mode", "whitted", "--size", "320x240", "--eye", "6,6,14", "--at", "30,30,16", "--fov", "70", "--quiet"]
-KEYS = ("AKEXAMPLE", "a secret/of+S3")
+KEYS = ("AKEXAMPLE", "a-secret/of+S3")
 
 
 class Remote(Case):
@@ -108,7 +108,7 @@ class Remote(Case):
         self.must_fail(1, r"absent\.quarry: .*404", "quarry", "render", f"{server.url}/absent.quarry", "-o", self.path("no.png"))
         self.must_fail(1, r"absent\.quarry: .*404", "quarry-master", f"{server.url}/absent.quarry", "--listen", "127.0.0.1:0")
         self.must_fail(2, "s3://BUCKET/KEY", "quarry", "info", "s3://models")
-        self.must_fail(2, "", "quarry", "info", "https://user@host/x")
+        self.must_fail(2, "user", "quarry", "info", "https://user@host/x")
         server.ranges = False
         self.must_fail(1, "range", "quarry", "info", url)
         server.ranges, server.tells_size = True, False

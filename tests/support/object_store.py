@@ -56,6 +56,7 @@ class ObjectStore:
 
         class Handler(http.server.BaseHTTPRequestHandler):
             protocol_version = "HTTP/1.1"
+            disable_nagle_algorithm = True
 
             def do_GET(self):
                 store.answer(self)
@@ -91,26 +92,34 @@ class ObjectStore:
         path = self.folder / urllib.parse.unquote(request.path.partition("?")[0]).lstrip("/")
         if not path.is_file():
             return self.refuse(request, 404)
-        data = path.read_bytes()
+        size = path.stat().st_size
         match = re.fullmatch(r"bytes=(\d+)-(\d+)", request.headers.get("Range", ""))
         if not match or not self.ranges:
             request.send_response(200)
-            request.send_header("Content-Length", str(len(data)))
+            request.send_header("Content-Length", str(size))
             request.end_headers()
-            request.wfile.write(data)
+            self.write(request, path.read_bytes())
             return None
-        first, last = int(match.group(1)), min(int(match.group(2)), len(data) - 1)
-        body = data[first:last + 1]
+        if int(match.group(1)) >= size:
+            return self.refuse(request, 416)
+        first, last = int(match.group(1)), min(int(match.group(2)), size - 1)
+        with open(path, "rb") as file:
+            file.seek(first)
+            body = file.read(last - first + 1)
         self.bytes += len(body)
         request.send_response(206)
-        request.send_header("Content-Range", f"bytes {first}-{last}/{len(data) if self.tells_size else '*'}")
+        request.send_header("Content-Range", f"bytes {first}-{last}/{size if self.tells_size else '*'}")
         request.send_header("Content-Length", str(len(body)))
         request.end_headers()
+        self.write(request, body)
+        return None
+
+    @staticmethod
+    def write(request, body):
         try:
             request.wfile.write(body)
         except OSError:
-            pass
-        return None
+            pass  # the program has gone
 
     @staticmethod
     def refuse(request, status):
