@@ -16,11 +16,9 @@ namespace {
 
 namespace asio = boost::asio;
 
-constexpr double kIdleS = 10;        // time without a new tile after which the log says that the worker waits
-constexpr double kRetryS = 0.3;      // pause between attempts to reach the master
-constexpr double kLeaveS = 0.8;      // after SIGTERM, for tiles that are begun
-constexpr double kFarewellS = 0.15;  // then, for the master to close the connection
-constexpr double kLastWordsS = 10;   // limit for the master to close the connection after a worker's Failure
+constexpr double kIdleS = 10;       // time without a new tile after which the log says that the worker waits
+constexpr double kRetryS = 0.3;     // pause between attempts to reach the master
+constexpr double kLastWordsS = 10;  // limit for the master to close the connection after a worker's Failure
 
 uint64_t NewInstance() {
   std::random_device random;
@@ -139,40 +137,6 @@ void Session::GiveUp(const Error& error) {
   connection_->Send(MakeMessage(MessageType::kFailure, Failure{error.message}));
   gives_up_ = error;
   retry_.Set(kLastWordsS, [this] { End(tl::unexpected<Error>(*gives_up_)); });
-}
-
-// --- The end by SIGTERM
-
-void Session::StartLeaving() {
-  Log(fmt::format("leaves; {} tiles so far", tiles_));
-  if (!connection_ || !welcomed_ || !scene_ || gives_up_) return End({});
-  leaves_ = true;
-  leaves_since_ = Clock::now();
-  scene_->renderer->engine().GiveBackQueued();
-  asio::post(*io_, [this] {  // after the tiles that were given back
-    SendLeave(false);
-    AwaitOpenTiles();
-  });
-}
-
-void Session::GiveBack(const TileOrder& order) {
-  given_back_.frames.push_back(order.frame);
-  given_back_.leases.push_back(order.lease);
-}
-
-void Session::SendLeave(bool last) {
-  given_back_.last = last;
-  if (connection_) connection_->Send(MakeMessage(MessageType::kLeave, std::exchange(given_back_, {})));
-}
-
-void Session::AwaitOpenTiles() {
-  constexpr double kOftenS = 0.005;
-  if (scene_->renderer->engine().has_open() && SecondsSince(leaves_since_) < kLeaveS)
-    return leaving_.Set(kOftenS, [this] { AwaitOpenTiles(); });
-  asio::post(*io_, [this] {  // after the results
-    SendLeave(true);
-    leaving_.Set(kFarewellS, [this] { End({}); });
-  });
 }
 
 void Session::OnMessage(Message m) {

@@ -21,6 +21,10 @@ enum class Grouping {
   kWide,        ///< single rays through wide nodes, several in step
   kSimt,        ///< each lane follows its own ray; a variant
   kSingle,      ///< single rays through nodes of the kd-tree; a variant
+  kSteps,       ///< the same in steps, as a GPU's threads go; a variant
+  kWarp,        ///< 32 rays that take like steps together, as a GPU's warps go; a variant
+  kWideSteps,   ///< kSteps through wide nodes; a variant
+  kWideWarp,    ///< kWarp through wide nodes; a variant
 };
 
 /// How the next leaf is found. The first three differ only in the layout of trees (LayOutTreelets).

@@ -97,7 +97,8 @@ struct Contender {
 };
 
 std::string_view Name(Grouping g) {
-  constexpr std::string_view names[] = {"wide packet", "packet", "stream", "wide", "simt", "single"};
+  constexpr std::string_view names[] = {"wide packet", "packet", "stream", "wide",       "simt",
+                                        "single",      "steps",  "warp",   "wide steps", "wide warp"};
   return names[static_cast<int>(g)];
 }
 std::string_view Name(Algorithm a) {
@@ -131,11 +132,13 @@ bool GrazesNearer(const test::ResidentScene& scene, const RayPacket& rays, uint3
   return false;
 }
 
-/// Whether the kernel has the widest vectors of its grouping, over treelets. `kernel`: of AllKernels().
+/// Whether the kernel has the widest vectors of its grouping, over treelets, and is made for CPUs. `kernel`:
+/// of AllKernels().
 bool IsBest(const Kernel& kernel) {
-  return &kernel == &*std::ranges::find_if(AllKernels(), [&](const Kernel& other) {
-    return other.grouping == kernel.grouping && other.algorithm == Algorithm::kTreelets;
-  });
+  return kernel.grouping <= Grouping::kSingle &&
+         &kernel == &*std::ranges::find_if(AllKernels(), [&](const Kernel& other) {
+           return other.grouping == kernel.grouping && other.algorithm == Algorithm::kTreelets;
+         });
 }
 
 /// Of shadow rays Embree does not tell which triangle stops them: what it alone has hit is not explained.

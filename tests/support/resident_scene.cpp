@@ -69,6 +69,7 @@ Result<std::unique_ptr<ResidentScene>> ResidentScene::Load(const std::string& pa
   scene->views_[0] = std::make_unique<SceneView>();
   SceneView& view = *scene->views_[0];
   view.top_ = catalog.top_tree();
+  view.top_node_slots_ = static_cast<uint32_t>(catalog.top_nodes.size());
   view.voxels_.reserve(catalog.voxels.size());
   BlockDecoder decoder;
   for (uint32_t v = 0; v < catalog.voxels.size(); ++v) {
@@ -114,6 +115,7 @@ const SceneView& ResidentScene::view(Algorithm algorithm) {
   }
   lay_out(c.top_nodes.data(), static_cast<uint32_t>(c.top_nodes.size()),
           {c.meta.root_lower, c.meta.root_upper}, view->top_.nodes);
+  view->top_node_slots_ = static_cast<uint32_t>(view->nodes_.back().size());
   views_[which] = std::move(view);
   return *views_[which];
 }

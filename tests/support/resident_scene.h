@@ -25,12 +25,17 @@ class SceneView {
         const_cast<SceneView*>(this)};
   }
   const std::vector<VoxelGeometry>& voxels() const { return voxels_; }
+  /// Node slots of a voxel's tree and of the top-level tree, with headers of treelets and records of ropes.
+  uint32_t node_slots(uint32_t voxel) const { return static_cast<uint32_t>(nodes_[voxel].size()); }
+  uint32_t top_node_slots() const { return top_node_slots_; }
 
  private:
   friend class ResidentScene;
   TopTree top_;
   std::vector<VoxelGeometry> voxels_;
-  std::vector<std::vector<KdNode>> nodes_;
+  std::vector<std::vector<KdNode>>
+      nodes_;  ///< of voxels, in order; last the top level's where it is not the store's
+  uint32_t top_node_slots_ = 0;
 };
 
 /// Memory between protected pages: an access outside of it ends the program.

@@ -73,6 +73,15 @@ QUARRY_HOST_DEVICE inline typename L::Mask TestMoved(const RayFrame<L>& frame, c
   return Keep<L>(found, triangle, voxel, local, best);
 }
 
+/// Whether a hit of a triangle that MayPass() counts for ray i of the packet. Notes the triangle if it must.
+template <bool kAnyHit, class Index>
+QUARRY_HOST_DEVICE inline bool Counts(const VoxelGeometryOf<Index>& voxel, uint32_t local, float b1, float b2,
+                                      RayPacket& rays, uint32_t i) {
+  const HitEffect effect = EffectOf<kAnyHit>(voxel, local, b1, b2);
+  if (effect == HitEffect::kNoted) rays.NoteSeeThrough(i);
+  return effect == HitEffect::kCounts;
+}
+
 /// The bound of ray i of the packet.
 QUARRY_HOST_DEVICE inline RayBound<ScalarLane> BoundOf(const RayPacket& rays, uint32_t i) {
   if ((rays.bounded >> i & 1) == 0) return {0, 0};

@@ -96,9 +96,7 @@ QUARRY_HOST_DEVICE inline void DropUncounted(const PacketRays<L>& p, uint32_t g,
                                              TriangleHit<L>& found) {
   uint32_t counted = 0;
   ForEachLaneHit<L>(found, p.best[g].t, [&](uint32_t lane, float, float b1, float b2) {
-    const HitEffect effect = EffectOf<kAnyHit>(voxel, local, b1, b2);
-    if (effect == HitEffect::kCounts) counted |= 1u << lane;
-    if (effect == HitEffect::kNoted) p.rays->NoteSeeThrough(g * L::kLanes + lane);
+    if (Counts<kAnyHit>(voxel, local, b1, b2, *p.rays, g * L::kLanes + lane)) counted |= 1u << lane;
   });
   found.hit = L::FromBits(counted);
 }
@@ -268,12 +266,9 @@ QUARRY_HOST_DEVICE inline bool TestTrianglesRayByRay(const VoxelGeometryOf<Index
                          const uint32_t id = voxel.triangle_ids[references[place]];
                          const RayBound<ScalarLane> bound = BoundOf(*p.rays, i);
                          if (!Follows<ScalarLane>(t, id, bound.t, bound.triangle)) return;
-                         if (MayPass<kAnyHit>(voxel, references[place])) {
-                           const HitEffect effect =
-                               EffectOf<kAnyHit>(voxel, references[place], hit_b1, hit_b2);
-                           if (effect == HitEffect::kNoted) p.rays->NoteSeeThrough(i);
-                           if (effect != HitEffect::kCounts) return;
-                         }
+                         if (MayPass<kAnyHit>(voxel, references[place]) &&
+                             !Counts<kAnyHit>(voxel, references[place], hit_b1, hit_b2, *p.rays, i))
+                           return;
                          const bool before = (hit >> i & 1) != 0;
                          if (before && !Precedes<ScalarLane>(t, id, best_t[i], triangle[i])) return;
                          hit |= uint64_t{1} << i;

@@ -333,11 +333,8 @@ class StreamTracer {
     const auto keep = [&](uint32_t id, uint32_t local, float t, float b1, float b2) {
       if (bounded_ != 0 && Passed(id, t, voxel.triangle_ids[local])) [[unlikely]]
         return;
-      if (MayPass<kAnyHit>(voxel, local)) {
-        const HitEffect effect = EffectOf<kAnyHit>(voxel, local, b1, b2);
-        if (effect == HitEffect::kNoted) PacketOf(id).NoteSeeThrough(LaneOf(id));
-        if (effect != HitEffect::kCounts) return;
-      }
+      if (MayPass<kAnyHit>(voxel, local) && !Counts<kAnyHit>(voxel, local, b1, b2, PacketOf(id), LaneOf(id)))
+        return;
       Keep(id, {true, t, b1, b2}, voxel.triangle_ids[local], voxel_id, local);
     };
     // Then the first triangle that each ray may hit, as many rays at a time as lanes; then the next.
