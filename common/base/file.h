@@ -11,24 +11,34 @@
 
 namespace quarry {
 
+/// The bytes of a file, wherever it lies. Thread-safe.
+class RandomAccessFile {
+ public:
+  virtual ~RandomAccessFile() = default;
+  /// Its name in messages: a path or an address, without secrets.
+  virtual const std::string& path() const = 0;
+  /// Size in bytes when it was opened.
+  virtual uint64_t size() const = 0;
+  /// Fills `out` from `offset`. Errors: they cannot be read; the file ends before `out` is full.
+  virtual Status ReadAt(uint64_t offset, std::span<std::byte> out) const = 0;
+};
+
 /// A regular file opened for reading with pread(); never mapped. Movable; closes when destroyed.
 /// Units: offsets and sizes in bytes.
 /// Thread-safe after Open(): each read carries its own offset.
-class InputFile {
+class InputFile final : public RandomAccessFile {
  public:
   /// Errors: cannot be opened; is a folder, FIFO or device (a FIFO or device could block a reader forever).
   static Result<InputFile> Open(const std::string& path);
   InputFile(InputFile&& other) noexcept;
   InputFile& operator=(InputFile&& other) noexcept;
-  ~InputFile();
+  ~InputFile() override;
 
   /// The path as given to Open().
-  const std::string& path() const { return path_; }
-  /// Size of the file when it was opened.
-  uint64_t size() const { return size_; }
+  const std::string& path() const override { return path_; }
+  uint64_t size() const override { return size_; }
 
-  /// Fills `out` from `offset`. Errors: read error; the file ends before `out` is full.
-  Status ReadAt(uint64_t offset, std::span<std::byte> out) const;
+  Status ReadAt(uint64_t offset, std::span<std::byte> out) const override;
 
  private:
   InputFile(std::string path, int fd, uint64_t size) : path_(std::move(path)), fd_(fd), size_(size) {}

@@ -85,8 +85,8 @@ struct RemoteFile::Impl {
 RemoteFile::RemoteFile(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 RemoteFile::~RemoteFile() = default;
 
-Result<std::unique_ptr<StoreFile>> RemoteFile::Open(const HttpLocation& location,
-                                                    const HttpOptions& options) {
+Result<std::unique_ptr<RandomAccessFile>> RemoteFile::Open(const HttpLocation& location,
+                                                           const HttpOptions& options) {
   auto impl = std::make_unique<Impl>(location, options);
   QUARRY_ASSIGN(const HttpRangeClient::Reply first, impl->AskAgain(0, 1));
   if (first.file_size == 0)
@@ -95,7 +95,7 @@ Result<std::unique_ptr<StoreFile>> RemoteFile::Open(const HttpLocation& location
   Bytes head(std::min(kHeadBytes, impl->size));
   QUARRY_TRY(impl->Read(0, head));
   impl->head = std::move(head);
-  return std::unique_ptr<StoreFile>(new RemoteFile(std::move(impl)));
+  return std::unique_ptr<RandomAccessFile>(new RemoteFile(std::move(impl)));
 }
 
 const std::string& RemoteFile::path() const { return impl_->name; }

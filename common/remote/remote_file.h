@@ -2,19 +2,20 @@
 
 #include <memory>
 
+#include "common/base/file.h"
 #include "common/remote/http_client.h"
 #include "common/remote/http_options.h"
-#include "common/voxel/store_file.h"
 
 namespace quarry {
 
 /// A store on an HTTP server with range requests, read by requests of its own, HttpOptions::connections at
 /// once. The first 64 KiB, where a store's header and section table lie, are read once and kept. A request
 /// that fails for now is repeated for 10 s.
-class RemoteFile final : public StoreFile {
+class RemoteFile final : public RandomAccessFile {
  public:
   /// Errors: as HttpRangeClient::Get(); the server does not state the file's size.
-  static Result<std::unique_ptr<StoreFile>> Open(const HttpLocation& location, const HttpOptions& options);
+  static Result<std::unique_ptr<RandomAccessFile>> Open(const HttpLocation& location,
+                                                        const HttpOptions& options);
   ~RemoteFile() override;
 
   const std::string& path() const override;

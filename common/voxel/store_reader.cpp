@@ -35,20 +35,6 @@ std::string TypeName(SectionType type) {
   return name;
 }
 
-/// A store in a file of this machine.
-class LocalFile final : public StoreFile {
- public:
-  explicit LocalFile(InputFile file) : file_(std::move(file)) {}
-  const std::string& path() const override { return file_.path(); }
-  uint64_t size() const override { return file_.size(); }
-  Status ReadAt(uint64_t offset, std::span<std::byte> out) const override {
-    return file_.ReadAt(offset, out);
-  }
-
- private:
-  InputFile file_;
-};
-
 /// An error that a retry cannot help.
 tl::unexpected<Error> FailForGood(std::string sentence) {
   return tl::unexpected<Error>(Error{std::move(sentence), ErrorKind::kPermanent});
@@ -58,10 +44,10 @@ tl::unexpected<Error> FailForGood(std::string sentence) {
 
 Result<StoreReader> StoreReader::Open(const std::string& path) {
   QUARRY_ASSIGN(InputFile file, InputFile::Open(path));
-  return Open(std::make_unique<LocalFile>(std::move(file)));
+  return Open(std::make_unique<InputFile>(std::move(file)));
 }
 
-Result<StoreReader> StoreReader::Open(std::unique_ptr<const StoreFile> file) {
+Result<StoreReader> StoreReader::Open(std::unique_ptr<const RandomAccessFile> file) {
   StoreReader reader(std::move(file));
   QUARRY_TRY(reader.ReadHeader());
   return reader;

@@ -7,11 +7,11 @@
 #include <vector>
 
 #include "common/base/bytes.h"
+#include "common/base/file.h"
 #include "common/base/status.h"
 #include "common/scene/scene_views.h"
 #include "common/voxel/block_decoder.h"
 #include "common/voxel/catalog.h"
-#include "common/voxel/store_file.h"
 #include "common/voxel/texture_sections.h"
 
 namespace quarry {
@@ -23,7 +23,7 @@ class StoreReader {
   /// Errors: not a store; another format version (the message has both); truncated or too long; damaged (the
   /// message names the section); a critical section of an unknown type.
   static Result<StoreReader> Open(const std::string& path);
-  static Result<StoreReader> Open(std::unique_ptr<const StoreFile> file);
+  static Result<StoreReader> Open(std::unique_ptr<const RandomAccessFile> file);
 
   const std::string& path() const { return file_->path(); }
   /// Bytes in the file.
@@ -72,7 +72,7 @@ class StoreReader {
   }
 
  private:
-  explicit StoreReader(std::unique_ptr<const StoreFile> file) : file_(std::move(file)) {}
+  explicit StoreReader(std::unique_ptr<const RandomAccessFile> file) : file_(std::move(file)) {}
   Status ReadHeader();
   Status ReadSections(std::span<const std::byte> table, uint32_t count);
   Status DecodeNames(const std::vector<Section>& sections);
@@ -83,7 +83,7 @@ class StoreReader {
   Status VerifyTexture(uint32_t texture) const;
   Status CheckPagesFill() const;
 
-  std::unique_ptr<const StoreFile> file_;
+  std::unique_ptr<const RandomAccessFile> file_;
   SceneId id_{};
   Catalog catalog_;
   std::vector<Section> catalog_sections_;
