@@ -1,21 +1,12 @@
 #include "deploy/slurm_command.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <CLI/CLI.hpp>
-#include <chrono>
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <memory>
-#include <optional>
-#include <sstream>
-#include <thread>
 
 #include "common/base/bytes.h"
-#include "common/base/cleanup.h"
-#include "common/base/file.h"
 #include "common/base/number.h"
 #include "common/base/size.h"
 #include "common/command_line/command_line.h"
@@ -23,23 +14,14 @@
 #include "common/net/security.h"
 #include "common/remote/open_store.h"
 #include "deploy/cluster.h"
-#include "deploy/command_output.h"
 #include "deploy/render_command.h"
+#include "deploy/slurm_job.h"
 #include "deploy/slurm_script.h"
 
 namespace quarry {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// What the script's lines begin with.
-constexpr std::string_view kMark = "quarry.sbatch: ";
-
-/// A job of Slurm.
-struct Job {
-  std::string id, log;
-  bool is_array = false;
-};
 
 /// The arguments of `quarry render` that a job makes useless: they are the cluster's.
 constexpr const char* kOfTheCluster[] = {"--master",      "--workers",  "--threads", "--cache",
@@ -90,13 +72,19 @@ Status CheckCluster(const ClusterArguments& a) {
   if (!a.secret_file.empty()) {
     QUARRY_ASSIGN([[maybe_unused]] const Bytes secret, ReadSecret(a.secret_file));
   }
+  for (const std::string& option : a.sbatch)
+    for (const char* own : {"--job-name", "-J", "--output", "-o", "--chdir", "-D", "--array", "-a", "--wrap"})
+      if (option.starts_with(own))
+        return BadUsage(fmt::format("--sbatch={}: quarry cluster needs its own {}", option, own));
   if (a.tasks > 0 && a.render.empty()) return BadUsage("--array needs what to render, after --");
   return {};
 }
 
 /// The options of sbatch, without the script.
 std::vector<std::string> SbatchOptions(const ClusterArguments& a) {
-  std::vector<std::string> options{fmt::format("--nodes={}", a.nodes)};
+  std::vector<std::string> options{fmt::format("--nodes={}", a.nodes), "--export=ALL"};
+  // A worker uses all that its node gives.
+  options.push_back(a.threads > 0 ? fmt::format("--cpus-per-task={}", a.threads) : "--exclusive");
   if (!a.time.empty()) options.push_back("--time=" + a.time);
   if (!a.partition.empty()) options.push_back("--partition=" + a.partition);
   if (a.tasks > 0) options.push_back(fmt::format("--array=0-{}", a.tasks - 1));
@@ -127,148 +115,37 @@ std::string Quoted(const std::string& word) {
   return out + "'";
 }
 
-/// The script in a file of its own until this is destroyed.
-class ScriptFile {
- public:
-  static Result<std::unique_ptr<ScriptFile>> Write() {
-    std::error_code error;
-    std::string path = (fs::temp_directory_path(error) / "quarry-sbatch-XXXXXX").string();
-    const SignalsHeld held;
-    const int fd = error ? -1 : ::mkstemp(path.data());
-    if (fd < 0) return Fail("cannot make a temporary file for the job's script");
-    auto file = std::unique_ptr<ScriptFile>(new ScriptFile(std::move(path)));
-    const std::string_view script = kSlurmScript;
-    const bool written = ::write(fd, script.data(), script.size()) == static_cast<ssize_t>(script.size());
-    ::close(fd);
-    if (!written) return Fail(fmt::format("{}: cannot be written", file->path()));
-    return file;
-  }
-  ~ScriptFile() {
-    ::unlink(path_.c_str());
-    Forget(registered_);
-  }
-  const std::string& path() const { return path_; }
-
- private:
-  explicit ScriptFile(std::string path) : path_(std::move(path)), registered_(RemoveOnSignal(path_)) {}
-  const std::string path_;
-  const int registered_;
-};
-
-/// Slurm's own words without its prefixes.
-std::string WordsOf(const CommandOutput& output) {
-  std::string words = output.LastError();
-  std::istringstream lines(output.err);
-  for (std::string line; std::getline(lines, line);)
-    if (line.find("error: ") != std::string::npos) {
-      words = line;
-      break;
-    }
-  const size_t at = words.rfind("error: ");
-  return at == std::string::npos ? words : words.substr(at + 7);
-}
-
-Result<CommandOutput> Slurm(const std::string& name, const std::vector<std::string>& arguments) {
-  auto output = OutputOf(name, arguments);
-  if (!output) return Fail(output.error().message + ": is Slurm installed here?");
-  return output;
-}
-
-Result<Job> Submit(const ClusterArguments& a, std::pair<uint32_t, uint32_t> frames) {
-  QUARRY_ASSIGN(const auto script, ScriptFile::Write());
-  for (const auto& [name, value] : ScriptEnvironment(a, frames)) ::setenv(name.c_str(), value.c_str(), 1);
-  std::vector<std::string> words{"--parsable"};
-  for (std::string& option : SbatchOptions(a)) words.push_back(std::move(option));
-  words.push_back(script->path());
-  words.push_back(a.scene);
-  for (const std::string& word : a.tasks > 0 ? WithoutFrames(a.render) : a.render) words.push_back(word);
-  QUARRY_ASSIGN(const CommandOutput output, Slurm("sbatch", words));
-  const std::string id = output.out.substr(0, output.out.find_first_of(";\n"));
-  if (output.status != 0 || id.empty()) return Fail("Slurm refuses the job: " + WordsOf(output));
-  return Job{id, fmt::format("quarry-{}.log", id), a.tasks > 0};
-}
-
-/// Whether a job that waits for this reason would wait for ever.
-bool IsHopeless(const std::string& reason) {
-  for (const char* part :
-       {"PartitionNodeLimit", "PartitionTimeLimit", "PartitionConfig", "BadConstraints", "NotAllowed",
-        "PerJob", "PerNode", "Minutes", "InvalidAccount", "InvalidQOS", "JobHeldAdmin", "QOSMin"})
-    if (reason.find(part) != std::string::npos) return true;
-  return false;
-}
-
-/// The words after "quarry.sbatch: KIND" in the last such line of the log; none: there is no such line.
-std::optional<std::string> Told(const std::string& log, const std::string& kind) {
-  std::ifstream in(log);
-  const std::string start = std::string(kMark) + kind;
-  std::optional<std::string> words;
-  for (std::string line; std::getline(in, line);)
-    if (line.starts_with(start)) words = line.substr(std::min(line.size(), start.size() + 1));
-  return words;
-}
-
-struct JobState {
-  std::string state, reason;  ///< as squeue names them; empty: Slurm knows the job no more
-};
-Result<JobState> StateOf(const Job& job) {
-  QUARRY_ASSIGN(const CommandOutput output,
-                Slurm("squeue", {"--noheader", "--jobs=" + job.id, "--format=%T %r"}));
-  std::istringstream line(output.out);
-  JobState state;
-  line >> state.state;
-  std::getline(line >> std::ws, state.reason);
-  return state;
-}
-
-void Cancel(const Job& job) { (void)OutputOf("scancel", {job.id}); }
-
-/// Waits until the job runs. Errors: it fails at its start, or can never start.
-Result<std::string> AwaitStart(const Job& job) {
-  using namespace std::chrono_literals;
-  TellOnSignal(fmt::format("job {} stays; quarry cluster --stop {} ends it", job.id, job.id));
-  std::string told;
-  for (;;) {
-    if (const auto sentence = Told(job.log, "failed:"))
-      return Fail(fmt::format("job {}: {}", job.id, *sentence));
-    if (const auto address = Told(job.log, "ready")) return *address;
-    if (Told(job.log, "done")) return std::string();
-    QUARRY_ASSIGN(const JobState state, StateOf(job));
-    if (IsHopeless(state.reason)) {
-      Cancel(job);
-      return Fail(fmt::format("Slurm would never start the job ({}); it is cancelled", state.reason));
-    }
-    if (state.state.empty() && !Told(job.log, "")) {
-      std::this_thread::sleep_for(1s);  // the log may be late
-      if (!Told(job.log, ""))
-        return Fail(fmt::format("job {} has ended before it began; see {}", job.id, job.log));
-    }
-    const std::string now = state.state == "PENDING" ? fmt::format("waits ({})", state.reason) : "starts";
-    if (now != told) fmt::print(stderr, "quarry: job {} {}\n", job.id, told = now);
-    if (job.is_array && state.state != "PENDING") return std::string();
-    std::this_thread::sleep_for(300ms);
-  }
-}
-
-void PrintRendering(const ClusterArguments& a, const Job& job) {
+void PrintRendering(const ClusterArguments& a, const SlurmJob& job) {
   fmt::print("job {} renders on {} node{}{}; log: {}\nend it: quarry cluster --stop {}\n", job.id, a.nodes,
              a.nodes == 1 ? "" : "s", job.is_array ? fmt::format(", in {} tasks", a.tasks) : "",
              job.is_array ? fmt::format("quarry-{}_*.log", job.id) : job.log, job.id);
 }
 
-/// `address`: "HOST:PORT URL", the URL of the live view if there is one.
-void PrintCluster(const ClusterArguments& a, const Job& job, const std::string& address) {
-  const size_t blank = address.find(' ');
-  const std::string master = address.substr(0, blank),
-                    url = blank == std::string::npos ? "" : address.substr(blank + 1);
+/// `master`: HOST:PORT. The live view's address is a secret, which the job's folder has.
+void PrintCluster(const ClusterArguments& a, const SlurmJob& job, const std::string& master) {
   const std::string secret = a.secret_file.empty() ? fmt::format("quarry-{}/secret", job.id) : a.secret_file;
   fmt::print(
       "job {} runs until: quarry cluster --stop {}\nrender: quarry render -o picture.png --master {} "
       "--secret-file {}\n",
       job.id, job.id, master, Quoted(secret));
   if (a.http.empty()) return;
-  const std::string port = a.http.substr(a.http.rfind(':') + 1);
-  fmt::print("live view: ssh -L {}:{} {}, then open {}\n", port, a.http, master.substr(0, master.rfind(':')),
-             url);
+  std::string url;
+  std::getline(std::ifstream(fmt::format("quarry-{}/url", job.id)), url);
+  const size_t path = url.find("/?"), colon = url.rfind(':', path);
+  const std::string port = colon < path ? url.substr(colon + 1, path - colon - 1) : "";
+  fmt::print("live view: ssh -L {}:{}:{} {}, then open {}\n", port, a.http.substr(0, a.http.rfind(':')), port,
+             master.substr(0, master.rfind(':')), url);
+}
+
+/// The script, and the command that submits it.
+void Print(const SlurmSubmission& submission) {
+  fmt::print("# ");
+  for (const auto& [name, value] : submission.environment) fmt::print("{}={} ", name, Quoted(value));
+  fmt::print("sbatch");
+  for (const std::string& option : submission.options) fmt::print(" {}", Quoted(option));
+  fmt::print(" quarry.sbatch");
+  for (const std::string& word : submission.arguments) fmt::print(" {}", Quoted(word));
+  fmt::print("\n{}", kSlurmScript);
 }
 
 Status Start(const ClusterArguments& a) {
@@ -279,18 +156,14 @@ Status Start(const ClusterArguments& a) {
   } else {
     QUARRY_ASSIGN(frames, CheckRendering(a));
   }
+  SlurmSubmission submission{SbatchOptions(a), ScriptEnvironment(a, frames), {a.scene}, a.tasks > 0};
+  for (const std::string& word : a.tasks > 0 ? WithoutFrames(a.render) : a.render)
+    submission.arguments.push_back(word);
   if (a.print) {
-    fmt::print("# ");
-    for (const auto& [name, value] : ScriptEnvironment(a, frames)) fmt::print("{}={} ", name, Quoted(value));
-    fmt::print("sbatch");
-    for (const std::string& option : SbatchOptions(a)) fmt::print(" {}", Quoted(option));
-    fmt::print(" quarry.sbatch {}", Quoted(a.scene));
-    for (const std::string& word : a.tasks > 0 ? WithoutFrames(a.render) : a.render)
-      fmt::print(" {}", Quoted(word));
-    fmt::print("\n{}", kSlurmScript);
+    Print(submission);
     return {};
   }
-  QUARRY_ASSIGN(const Job job, Submit(a, frames));
+  QUARRY_ASSIGN(const SlurmJob job, SubmitJob(submission));
   std::string address;
   if (!a.no_wait) {
     QUARRY_ASSIGN(address, AwaitStart(job));
@@ -299,34 +172,6 @@ Status Start(const ClusterArguments& a) {
     PrintRendering(a, job);
   else
     PrintCluster(a, job, address);
-  return {};
-}
-
-/// Ends a job and removes what it has left in its folder.
-Status Stop(const std::string& id) {
-  using namespace std::chrono_literals;
-  if (id.find_first_not_of("0123456789") != std::string::npos)
-    return BadUsage(fmt::format("--stop takes the number of a job, not '{}'", id));
-  QUARRY_ASSIGN(const CommandOutput known, Slurm("squeue", {"--noheader", "--jobs=" + id, "--format=%j %Z"}));
-  std::istringstream line(known.out);
-  std::string name, folder;
-  line >> name;
-  std::getline(line >> std::ws, folder);
-  if (known.status != 0 || name.empty()) return Fail(fmt::format("Slurm has no job {}", id));
-  if (name != "quarry") return Fail(fmt::format("job {} is '{}', not a cluster of Quarry", id, name));
-  QUARRY_ASSIGN(const CommandOutput cancelled, Slurm("scancel", {id}));
-  if (cancelled.status != 0) return Fail(fmt::format("job {} cannot be ended: {}", id, WordsOf(cancelled)));
-  for (;; std::this_thread::sleep_for(300ms)) {
-    QUARRY_ASSIGN(const CommandOutput left, Slurm("squeue", {"--noheader", "--jobs=" + id, "--format=%T"}));
-    if (left.out.empty()) break;
-  }
-  std::error_code ignored;
-  for (const auto& entry : fs::directory_iterator(folder, ignored)) {
-    const std::string its = entry.path().filename().string(), mine = "quarry-" + id;
-    if (entry.is_directory(ignored) && (its == mine || its.starts_with(mine + "_")))
-      fs::remove_all(entry.path(), ignored);
-  }
-  fmt::print("job {} has ended\n", id);
   return {};
 }
 
@@ -378,7 +223,7 @@ void AddClusterCommandOptions(CLI::App& command, ClusterArguments& a) {
 }
 
 Status RunClusterCommand(const ClusterArguments& arguments) {
-  if (!arguments.stop.empty()) return Stop(arguments.stop);
+  if (!arguments.stop.empty()) return StopJob(arguments.stop);
   if (!arguments.slurm) return BadUsage("say where: --slurm; or --stop JOB");
   if (arguments.scene.empty()) return BadUsage("name a scene store");
   return Start(arguments);

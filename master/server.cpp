@@ -274,7 +274,7 @@ void Server::StartLeaving() {
 }
 
 void Server::Farewell() {
-  constexpr double kFarewellS = 0.3;  // for the words to reach their peers
+  if (std::exchange(said_farewell_, true)) return;
   const Failure words{"it was told to end, and goes on with its jobs when it is started again"};
   std::vector<ConnectionPtr> peers;
   for (const auto& [id, worker] : registry_.all()) peers.push_back(worker.connection);
@@ -284,7 +284,18 @@ void Server::Farewell() {
     c->Send(MakeMessage(MessageType::kFarewell, words));
     c->Close();
   }
-  leaving_.Set(kFarewellS, [this] { io_.stop(); });
+  AwaitWords(std::move(peers), Now());
+}
+
+/// Ends once the peers have what was sent to them, frames among it, or do not take it.
+void Server::AwaitWords(std::vector<ConnectionPtr> peers, double since_s) {
+  constexpr double kOftenS = 0.05, kLeastS = 0.3, kMostS = 5;
+  const auto waits = [](const ConnectionPtr& c) { return c->queued_bytes() > 0; };
+  const double waited_s = Now() - since_s;
+  if (waited_s > kMostS || (waited_s > kLeastS && std::ranges::none_of(peers, waits))) return io_.stop();
+  leaving_.Set(kOftenS, [this, peers = std::move(peers), since_s]() mutable {
+    AwaitWords(std::move(peers), since_s);
+  });
 }
 
 void Server::Tick() {

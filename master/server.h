@@ -95,6 +95,7 @@ class Server {
   // The end by SIGTERM, of a master with a spool.
   void StartLeaving();
   void Farewell();
+  void AwaitWords(std::vector<ConnectionPtr> peers, double since_s);
 
   boost::asio::io_context& io_;
   const MasterOptions& options_;
@@ -112,7 +113,8 @@ class Server {
   WorkerRegistry registry_;
   bool assigning_ = false;        ///< AssignTiles() is posted
   bool workers_changed_ = false;  ///< plans and peers do not show it yet
-  bool leaves_ = false;           ///< StartLeaving() was called
+  bool said_farewell_ = false;
+  bool leaves_ = false;  ///< StartLeaving() was called
   double logged_s_ = 0;
   Jobs jobs_;
   JobFrames frames_;

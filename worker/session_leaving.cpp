@@ -4,6 +4,7 @@
 #include <boost/asio/post.hpp>
 #include <utility>
 
+#include "common/base/cleanup.h"
 #include "common/base/resource.h"
 #include "worker/session.h"
 
@@ -21,7 +22,9 @@ constexpr double kFarewellS = 0.15;  // then, for the master to close the connec
 
 void Session::StartLeaving() {
   Log(fmt::format("leaves; {} tiles so far", tiles_));
-  if (!connection_ || !welcomed_ || !scene_ || gives_up_) return End({});
+  if (gives_up_) return End(tl::unexpected<Error>(*gives_up_));
+  // A name of the master's that is being resolved would delay the usual end.
+  if (!connection_ || !welcomed_ || !scene_) EndAtOnce(0);
   leaves_ = true;
   leaves_since_ = Clock::now();
   scene_->renderer->engine().GiveBackQueued();

@@ -6,6 +6,7 @@
 #include <sys/eventfd.h>
 #include <sys/prctl.h>
 #include <sys/syscall.h>
+#include <time.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -40,8 +41,10 @@ Left lefts[2];
 // handler sees that `held` is not 0. The thread that sees the other's value calls End().
 std::atomic<int> held{0};
 std::atomic<bool> pending{false}, ending{false};
-std::atomic<int> on_termination{-1};  // takes the first SIGTERM
-thread_local int depth = 0;           // SignalsHeld objects in this thread
+std::atomic<int> on_termination{-1};        // takes the first SIGTERM
+std::atomic<int64_t> terminated_ns{-1};     // when it came
+constexpr int64_t kTogetherNs = 500000000;  // SIGTERMs so soon after it are the same request
+thread_local int depth = 0;                 // SignalsHeld objects in this thread
 
 // Time that threads still creating files are given: 50 rounds of 1 ms.
 constexpr int kRounds = 50, kRoundMs = 1;
@@ -108,15 +111,28 @@ void RemoveAll() {
   ::_exit(1);
 }
 
+int64_t NowNs() {
+  timespec now{};
+  ::clock_gettime(CLOCK_MONOTONIC, &now);
+  return int64_t{now.tv_sec} * 1000000000 + now.tv_nsec;
+}
+
+/// Whether a SIGTERM is a request that ends nothing.
+bool IsTaken() {
+  if (const int taker = on_termination.exchange(-1); taker >= 0) {
+    terminated_ns.store(NowNs());
+    const int before = errno;
+    constexpr uint64_t kOne = 1;
+    (void)!::write(taker, &kOne, sizeof kOne);
+    errno = before;
+    return true;
+  }
+  const int64_t first = terminated_ns.load();
+  return first >= 0 && NowNs() - first < kTogetherNs;
+}
+
 void OnSignal(int signal) {
-  if (signal == SIGTERM)
-    if (const int taker = on_termination.exchange(-1); taker >= 0) {
-      const int before = errno;
-      constexpr uint64_t kOne = 1;
-      (void)!::write(taker, &kOne, sizeof kOne);
-      errno = before;
-      return;
-    }
+  if (signal == SIGTERM && IsTaken()) return;
   pending.store(true);
   if (held.load() == 0) End();
 }
@@ -182,6 +198,16 @@ int AwaitTermination() {
   const int descriptor = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
   on_termination.store(descriptor);
   return descriptor;
+}
+
+void AwaitTerminationNoMore() {
+  on_termination.store(-1);
+  terminated_ns.store(-1);
+}
+
+void EndAtOnce(int status) {
+  RemoveAll();
+  ::_exit(status);
 }
 
 void TellOnSignal(const std::string& kept) {

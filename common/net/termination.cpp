@@ -21,6 +21,7 @@ class SignalledTermination final : public Termination {
                              if (!e) on_request_();
                            });
   }
+  ~SignalledTermination() override { AwaitTerminationNoMore(); }
 
  private:
   std::function<void()> on_request_;

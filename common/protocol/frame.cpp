@@ -26,6 +26,8 @@ Limits LimitsOf(MessageType type) {
       return {0, 0xF0000000u};
     case MessageType::kRenderJob:
       return {10u << 20, 0};  // kMaxFrames cameras take 9 MiB
+    case MessageType::kLeave:
+      return {128u << 10, 0};  // kMaxGivenBack
     case MessageType::kFrameSetup:
     case MessageType::kPeers:
       return {1u << 20, 0};

@@ -67,8 +67,9 @@ class Jobs {
   /// Ends a job that cannot be done, and tells its clients.
   void Fail(std::shared_ptr<Job> job, const std::string& sentence);
 
-  /// Begins no frame more, and calls `done` when the frames that are rendered are in the spool: the end of
-  /// this master is then not counted against its jobs (Spool::kMostTries). Requires: there is a spool.
+  /// Begins no frame more, sends none, and calls `done` when the frames that are rendered are in the spool:
+  /// the end of this master is then not counted against its jobs (Spool::kMostTries). Requires: there is a
+  /// spool.
   void Rest(std::function<void()> done);
   /// Sends finished frames to clients that have room for more.
   void Deliver();

@@ -41,7 +41,7 @@ class Leaving(Case):
 
     def test_a_worker_that_leaves_loses_no_tile_that_it_can_finish(self):
         reference = self.render("reference", "--workers", 1, "--threads", 2, "--spp", 8)
-        gave_back = 0
+        was_at_work = 0
         for run in range(5):
             _, address = self.start_master(self.scene)
             leaver = self.start_worker(address, "--threads", 1)
@@ -49,13 +49,14 @@ class Leaving(Case):
             time.sleep(0.3 + 0.15 * run)
             took, log = self.leave(leaver)
             self.assertIn("leaves", log)
-            gave_back += 0 if " 0 tiles so far" in log else 1
+            was_at_work += 0 if " 0 tiles so far" in log else 1
             self.assertLess(took, 1.2 * PATIENCE)
             self.start_worker(address, "--threads", 2)
             self.assertEqual(client.wait(timeout=TIMEOUT_S), 0, client.stderr.read())
             self.assertEqual(pathlib.Path(output).read_bytes(), reference)
-            self.assertEqual(self.frame()["leases_lost"], 0)
-        self.assertGreater(gave_back, 0, "no worker was at work when it was told to leave")
+            # Where programs are slow a tile may take longer than a worker has.
+            self.assertLessEqual(self.frame()["leases_lost"], 0 if PATIENCE == 1 else 1)
+        self.assertGreater(was_at_work, 0, "no worker was at work when it was told to leave")
 
     def test_a_tile_that_takes_long_is_given_up_within_a_second(self):
         _, address = self.start_master(self.scene)
@@ -74,16 +75,18 @@ class Leaving(Case):
         worker = self.start_worker(address, "--threads", 1)
         self.client(address, "long.exr", "--spp", 4000, "--crop", "224,160,64,32", "--quiet")
         time.sleep(1.2)
-        worker.send_signal(signal.SIGTERM)
-        time.sleep(0.1)
+        for _ in range(3):  # at once: one request
+            worker.send_signal(signal.SIGTERM)
+        time.sleep(0.6)
+        self.assertIsNone(worker.poll())
         worker.send_signal(signal.SIGTERM)
         self.assertEqual(worker.wait(timeout=TIMEOUT_S), 1)
         self.assertIn("interrupted; its tiles go to other workers", worker.stderr.read())
 
     def test_a_worker_without_a_master_ends_at_once(self):
         worker = self.start_worker("127.0.0.1:1")
-        time.sleep(0.3)
-        self.assertLess(self.leave(worker)[0], 1)
+        time.sleep(0.5 * PATIENCE)
+        self.assertLess(self.leave(worker)[0], 1 * PATIENCE)
 
     def test_a_master_with_a_spool_keeps_frames_and_tells_its_peers(self):
         """Four times, more often than a job may end its master (Spool::kMostTries)."""
@@ -100,13 +103,13 @@ class Leaving(Case):
                                   stderr=subprocess.PIPE, text=True)
         self.addCleanup(end, client)
         for _ in range(4):
-            time.sleep(0.4)
+            time.sleep(0.4 * PATIENCE)
             master.send_signal(signal.SIGTERM)
             self.assertEqual(master.wait(timeout=TIMEOUT_S), 0, master.stderr.read())
             master = subprocess.Popen([str(BIN / "quarry-master"), self.scene, "--listen", f"127.0.0.1:{port}", "--spool", spool, "--quiet"],
                                       stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
             self.addCleanup(end, master)
-            time.sleep(0.4)
+            time.sleep(0.4 * PATIENCE)
         self.assertEqual(client.wait(timeout=TIMEOUT_S), 0)
         self.assertIn("it was told to end, and goes on with its jobs when it is started again", client.stderr.read())
         for i in range(len(frames)):

@@ -117,6 +117,7 @@ class Slurm(Case):
         self.slurm.call("scontrol", "requeue", job)
         self.wait_for(lambda: "makes room" in self.log(job), "word of the end", job)
         self.wait_for(lambda: self.slurm.states(job) == ["PENDING"], "second wait", job)
+        self.assertNotIn("interrupted", (self.shared / f"quarry-{job}" / "master.log").read_text(), "the master ended well")
         secret = self.shared / f"quarry-{job}" / "secret"
         self.assertEqual(secret.stat().st_mode & 0o777, 0o600)
         self.slurm.call("scontrol", "update", f"jobid={job}", "StartTime=now")
@@ -125,6 +126,35 @@ class Slurm(Case):
         self.assertEqual(log.count("quarry.sbatch: ready"), 2)
         self.assertIn("quarry.sbatch: done", log)
         self.must_be_the_local_pictures("again")
+        self.nothing_is_left()
+
+    def test_a_job_that_makes_room_often_is_not_set_aside(self):
+        """A master that is told to end is no victim of its job, however often that happens before a frame is done."""
+        job, _ = self.submit("-N", 1, "plant.quarry", "--", "-o", "often.exr", *self.picture(2000))
+        for run in range(4):
+            self.wait_for(lambda: self.log(job).count("quarry.sbatch: ready") > run, "start", job)
+            time.sleep(0.5)
+            self.slurm.call("scontrol", "requeue", job)
+            self.wait_for(lambda: self.slurm.states(job) == ["PENDING"], "wait", job)
+            self.slurm.call("scontrol", "update", f"jobid={job}", "StartTime=now")
+        self.wait_for(lambda: self.log(job).count("quarry.sbatch: ready") > 4, "fifth start", job)
+        self.assertNotIn("failed", self.log(job))
+        self.quarry("cluster", "--stop", job)
+        self.nothing_is_left()
+
+    def test_a_job_that_is_cancelled_while_it_waits_again(self):
+        job, _ = self.submit("-N", 1, "plant.quarry", "--", "-o", "waits.exr", *self.picture(200))
+        self.slurm.call("scontrol", "requeue", job)
+        self.wait_for(lambda: self.slurm.states(job) == ["PENDING"], "wait", job)
+        self.slurm.call("scancel", job)
+        self.await_end(job)
+        foreign = self.shared / f"quarry-{job}_mine"
+        foreign.mkdir()
+        try:
+            self.assertIn("what it had left here is removed", self.quarry("cluster", "--stop", job).stdout)
+            self.assertTrue(foreign.is_dir())
+        finally:
+            foreign.rmdir()
         self.nothing_is_left()
 
     def test_a_job_that_is_cancelled_leaves_nothing(self):
@@ -156,7 +186,8 @@ class Slurm(Case):
     def test_a_cluster_that_stays(self):
         job, printed = self.submit("-N", 2, "--http", "127.0.0.1:0", "plant.quarry")
         command = re.search(r"^render: (.*)$", printed, re.M).group(1).split()
-        self.assertRegex(printed, r"(?m)^live view: ssh -L 0:127\.0\.0\.1:0 \S+, then open http://127\.0\.0\.1:\d+/")
+        self.assertRegex(printed, r"(?m)^live view: ssh -L (\d+):127\.0\.0\.1:\1 \S+, then open http://127\.0\.0\.1:\1/\?token=")
+        self.assertNotIn("token", self.log(job))
         command[command.index("picture.png")] = "stays.exr"
         self.quarry(*command[1:], *self.picture())
         self.must_be_the_local_pictures("stays")
@@ -221,7 +252,7 @@ class Slurm(Case):
     def test_the_script_that_is_printed_is_the_one_that_stands(self):
         printed = self.quarry("cluster", "--slurm", "-N", 3, "--print", "plant.quarry", "--", "-o", "it's.exr", *self.picture()).stdout
         first, _, script = printed.partition("\n")
-        self.assertRegex(first, r"^# QUARRY_BIN=\S+ sbatch --nodes=3 --output=quarry-%j.log quarry.sbatch plant.quarry -o 'it'\\''s.exr' ")
+        self.assertRegex(first, r"^# QUARRY_BIN=\S+ sbatch --nodes=3 --export=ALL --exclusive --output=quarry-%j.log quarry.sbatch plant.quarry -o 'it'\\''s.exr' ")
         self.assertEqual(script, pathlib.Path(slurm_script()).read_text())
 
 
@@ -243,6 +274,8 @@ class WithoutSlurm(Case):
                        self.path("x.png"))
         self.must_fail(2, "--http has no effect", "quarry", "cluster", "--slurm", "--http", "127.0.0.1:1", store, "--", "-o", self.path("x.png"))
         self.must_fail(2, "--stop takes the number of a job", "quarry", "cluster", "--stop", "all")
+        self.must_fail(2, "--stop takes the number of a job", "quarry", "cluster", "--stop", "12_")
+        self.must_fail(2, "needs its own --job-name", "quarry", "cluster", "--slurm", "--sbatch=--job-name=x", store)
 
 
 def slurm_script():

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "common/base/status.h"
+
+namespace quarry {
+
+/// A job of Slurm that runs deploy/slurm/quarry.sbatch. Used by one thread; asks Slurm's own commands.
+struct SlurmJob {
+  std::string id, log;
+  bool is_array = false;
+};
+
+/// What a job is submitted with.
+struct SlurmSubmission {
+  std::vector<std::string> options;                              ///< of sbatch
+  std::vector<std::pair<std::string, std::string>> environment;  ///< what the script reads from it
+  std::vector<std::string> arguments;                            ///< of the script
+  bool is_array = false;
+};
+
+/// Errors: there is no Slurm; it refuses the job, in its own words.
+Result<SlurmJob> SubmitJob(const SlurmSubmission& submission);
+
+/// Waits until the job runs, or for a job array until a task does, and tells what it waits for. Returns: the
+/// master's HOST:PORT; empty for an array, or when the job is done already.
+/// Errors: the job has failed at its start, in its own sentence; Slurm would never start it, and it is
+/// cancelled; Slurm does not answer.
+Result<std::string> AwaitStart(const SlurmJob& job);
+
+/// Ends a job, or a task of an array ("12_3"), waits until it is gone, and removes what it has left in its
+/// folder. Errors (usage): no number of a job. Errors: no such job; one of another program; Slurm does not
+/// answer.
+Status StopJob(const std::string& id);
+
+}  // namespace quarry
