@@ -165,9 +165,9 @@ class Slurm(Case):
 
     def test_a_time_limit(self):
         """The signal comes 15 s after the start, or later: Slurm looks twice a minute. What is left is done after the job is queued again."""
-        frames = json.loads((self.shared / "walk.json").read_text())["frames"] * 6
+        frames = json.loads((self.shared / "walk.json").read_text())["frames"] * 60
         (self.shared / "long.json").write_text(json.dumps({"frames": frames}))
-        job, _ = self.submit("-N", 1, "--time", 1, "--sbatch=--signal=B:TERM@45", "plant.quarry", "--", "-o", "limit.exr", *self.picture(300, "long.json"))
+        job, _ = self.submit("-N", 1, "--time", 1, "--sbatch=--signal=B:TERM@45", "plant.quarry", "--", "-o", "limit.exr", *self.picture(64, "long.json"))
         self.wait_for(lambda: "comes to its time limit" in self.log(job) or "quarry.sbatch: done" in self.log(job), "time limit", job)
         self.assertIn("comes to its time limit", self.log(job))
         self.wait_for(lambda: self.slurm.states(job) == ["PENDING"], "second wait", job)
