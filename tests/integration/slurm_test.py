@@ -200,6 +200,7 @@ class Slurm(Case):
         self.refused("invalid partition specified: nowhere", 1, "-N", 1, "--partition", "nowhere", "plant.quarry", *picture)
         self.refused("Slurm would never start the job \\(Partition(TimeLimit|Config)\\); it is cancelled|Slurm refuses the job: .*time limit", 1, "-N", 1, "--partition",
                      "brief", "--time", 10, "plant.quarry", *picture)
+        self.refused("Slurm refuses the job: .*[Nn]ode|would never start", 1, "-N", 2, "--partition", "small", "plant.quarry", *picture)
         self.refused("Slurm refuses the job: .*[Nn]ode|would never start", 1, "-N", 9, "plant.quarry", *picture)
         self.refused("absent.quarry", 1, "-N", 1, "absent.quarry", *picture)
         self.refused("absent.json", 1, "-N", 1, "plant.quarry", "--", "-o", "no.exr", "--camera-path", "absent.json")

@@ -82,6 +82,7 @@ SchedulerParameters=sched_interval=1,sched_min_interval=0,batch_sched_delay=0
 {nodes}
 PartitionName=main Nodes=n[1-{NODES}] Default=YES MaxTime=INFINITE State=UP
 PartitionName=brief Nodes=n[1-{NODES}] MaxTime=1 State=UP
+PartitionName=small Nodes=n[1-{NODES}] MaxNodes=1 State=UP
 """)
         self.environment = dict(os.environ, SLURM_CONF=str(self.conf))
 
