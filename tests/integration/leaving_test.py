@@ -1,6 +1,7 @@
 """Programs that are told to end (SIGTERM): workers that leave, and masters that keep their jobs."""
 import json
 import pathlib
+import re
 import signal
 import subprocess
 import time
@@ -8,6 +9,7 @@ import time
 from programs import BIN, PATIENCE, TIMEOUT_S, Case, end, main
 
 VIEW = ["--mode", "whitted", "--size", "512x384", "--eye", "6,6,14", "--at", "30,30,16", "--fov", "70"]
+TILES = 16 * 12  # of that picture
 
 
 class Leaving(Case):
@@ -39,36 +41,48 @@ class Leaving(Case):
         self.assertEqual(status, 0, log)
         return took, log
 
+    def at_work(self, worker):
+        """Waits until a worker is given tiles."""
+        for line in worker.stderr:
+            if "is given work" in line:
+                return
+        self.fail("the worker has ended")
+
     def test_a_worker_that_leaves_loses_no_tile_that_it_can_finish(self):
-        reference = self.render("reference", "--workers", 1, "--threads", 2, "--spp", 8)
-        was_at_work = 0
+        picture = ("--spp", 48)
+        reference = self.render("reference", "--workers", 1, "--threads", 2, *picture)
+        in_the_middle = 0
         for run in range(5):
             _, address = self.start_master(self.scene)
             leaver = self.start_worker(address, "--threads", 1)
-            client, output = self.client(address, "left.exr", "--spp", 8, "--quiet")
-            time.sleep(0.3 + 0.15 * run)
+            client, output = self.client(address, "left.exr", *picture, "--quiet")
+            self.at_work(leaver)
+            time.sleep((0.1 + 0.1 * run) * PATIENCE)
             took, log = self.leave(leaver)
-            self.assertIn("leaves", log)
-            was_at_work += 0 if " 0 tiles so far" in log else 1
+            tiles = int(re.search(r"leaves; (\d+) tiles so far", log).group(1))
+            in_the_middle += 0 < tiles < TILES
             self.assertLess(took, 1.2 * PATIENCE)
             self.start_worker(address, "--threads", 2)
             self.assertEqual(client.wait(timeout=TIMEOUT_S), 0, client.stderr.read())
             self.assertEqual(pathlib.Path(output).read_bytes(), reference)
             # Where programs are slow a tile may take longer than a worker has.
             self.assertLessEqual(self.frame()["leases_lost"], 0 if PATIENCE == 1 else 1)
-        self.assertGreater(was_at_work, 0, "no worker was at work when it was told to leave")
+        self.assertGreater(in_the_middle, 2, "the workers had done nothing, or all, when they were told to leave")
 
     def test_a_tile_that_takes_long_is_given_up_within_a_second(self):
         _, address = self.start_master(self.scene)
         leaver = self.start_worker(address, "--threads", 1)
-        samples = ("--spp", 2000, "--crop", "224,160,64,32", "--quiet")
-        client, output = self.client(address, "long.exr", *samples)
-        time.sleep(1.2)
-        self.assertLess(self.leave(leaver)[0], 1.2 * PATIENCE)
+        picture = ("--spp", 20000, "--crop", "224,160,32,32")
+        client, output = self.client(address, "long.exr", *picture, "--quiet")
+        self.at_work(leaver)
+        time.sleep(0.2)
+        took, _ = self.leave(leaver)
+        self.assertGreater(took, 0.7, "the tile was under way")
+        self.assertLess(took, 1.2 * PATIENCE)
         self.start_worker(address, "--threads", 2)
         self.assertEqual(client.wait(timeout=TIMEOUT_S), 0, client.stderr.read())
-        self.assertLessEqual(self.frame()["leases_lost"], 1)
-        self.assertEqual(pathlib.Path(output).read_bytes(), self.render("reference", "--workers", 1, "--threads", 2, *samples[:-1]))
+        self.assertEqual(self.frame()["leases_lost"], 1)
+        self.assertEqual(pathlib.Path(output).read_bytes(), self.render("reference", "--workers", 1, "--threads", 2, *picture))
 
     def test_a_second_signal_ends_a_worker_at_once(self):
         """Signals that come together are one. A worker leaves after 0.8 s: where this machine is slow, another attempt is made."""
