@@ -116,8 +116,9 @@ std::string Quoted(const std::string& word) {
 }
 
 void PrintRendering(const ClusterArguments& a, const SlurmJob& job) {
-  fmt::print("job {} renders on {} node{}{}; log: {}\nend it: quarry cluster --stop {}\n", job.id, a.nodes,
-             a.nodes == 1 ? "" : "s", job.is_array ? fmt::format(", in {} tasks", a.tasks) : "",
+  fmt::print("job {} {} on {} node{}{}; log: {}\nend it: quarry cluster --stop {}\n", job.id,
+             a.no_wait ? "waits for Slurm, to run" : "renders", a.nodes, a.nodes == 1 ? "" : "s",
+             job.is_array ? fmt::format(", in {} tasks", a.tasks) : "",
              job.is_array ? fmt::format("quarry-{}_*.log", job.id) : job.log, job.id);
 }
 

@@ -36,8 +36,9 @@ enum class Algorithm { kRestart, kBacktrack, kTreelets, kPushDown, kRopes };
 /// they are.
 /// Results: `waits_for` of a ray is kNoVoxel when its hit, if any, is final; else the missing voxel that the
 /// ray needs, and the same call resumes the ray later. Closest-hit functions find the least (t, id) after the
-/// ray's bound. Any-hit functions find some hit after it that is not see-through, and set only its `triangle`
-/// and `hit_t`; they note in `see_through` the rays that have met see-through triangles.
+/// ray's bound. Any-hit functions find some hit after it that counts, and set only its `triangle`
+/// and `hit_t`; they note in `see_through` the rays that have met see-through triangles. Hits in holes that
+/// masks know are no hits (EffectOf).
 /// Requires: data checked at decode; trees laid out as the kernel's algorithm requires.
 /// Errors: none. Never blocks, locks or logs. Allocates only for a thread's first streams (StreamMemory).
 /// Thread-safe.

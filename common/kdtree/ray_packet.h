@@ -26,7 +26,8 @@ struct alignas(64) RayPacket {
   uint32_t waits_for[kRays];  ///< result: the missing voxel that the ray needs; kNoVoxel: done
   alignas(64) uint64_t bounded = 0;  ///< rays with a lower bound, a bit each; other rays' bounds are not read
   /// Result of any-hit functions, a bit each: the rays that have met a see-through triangle before their end.
-  /// Such triangles end no any-hit ray. A bit stays set until the ray is set again.
+  /// Such triangles end any-hit rays only where their masks are opaque, and are noted only where masks leave
+  /// it open (EffectOf). A bit stays set until the ray is set again.
   uint64_t see_through = 0;
   // Any-hit functions use the fields below only for rays with a bound.
   alignas(64) float b1[kRays];
