@@ -31,6 +31,8 @@ class LaboratoryScene {
   static Result<std::unique_ptr<LaboratoryScene>> Load(const std::string& store);
 
   const Catalog& catalog() const { return store_->catalog(); }
+  /// The cameras and lights of the model.
+  const SceneViews& views() const { return store_->views(); }
   const std::vector<KdTriangle>& triangles() const { return triangles_; }
   /// By place: the scene-wide ids.
   const std::vector<uint32_t>& ids() const { return ids_; }

@@ -1,0 +1,158 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "common/engine/shading/surface.h"
+#include "common/kdtree/ray.h"
+#include "common/math/fixed_radiance.h"
+#include "tests/laboratory/accelerator.h"
+#include "tests/laboratory/memory.h"
+
+// The state of rays between kernels, in streams. Each kernel loads and stores the parts that it needs.
+
+namespace quarry::laboratory {
+
+/// The state of a ray, in the low bits of its stencil value. Purcell et al. 2002, section 3, has traversing,
+/// intersecting, shading and done; setup and kUp are kernels of their own here as in Foley & Sugerman 2005.
+enum class Stage : uint8_t { kSetup, kTraverse, kUp, kIntersect, kShade, kDone };
+inline constexpr uint32_t kStages = 6;
+
+/// What a ray is for, in the next bits.
+enum class RayKind : uint8_t {
+  kClosest,  ///< finds the nearest hit
+  kAny,      ///< a shadow ray: ends at any opaque hit
+  kPassing,  ///< a shadow ray that goes from one see-through surface to the next
+};
+
+/// The stencil value of a ray, 8 bits.
+struct Stencil {
+  uint8_t bits = 0;
+
+  static Stencil Of(Stage stage, RayKind kind, bool met_see_through = false) {
+    return {static_cast<uint8_t>(static_cast<uint32_t>(stage) | static_cast<uint32_t>(kind) << 3 |
+                                 static_cast<uint32_t>(met_see_through) << 5)};
+  }
+  Stage stage() const { return static_cast<Stage>(bits & 7); }
+  RayKind kind() const { return static_cast<RayKind>(bits >> 3 & 3); }
+  bool met_see_through() const { return (bits >> 5 & 1) != 0; }
+  Stencil At(Stage stage) const { return Of(stage, kind(), met_see_through()); }
+};
+
+/// The nearest hit so far; without a triangle, t is the greatest t at which a hit would count.
+struct HitState {
+  float t, b1, b2;
+  uint32_t triangle;  ///< its place in the scene
+};
+
+/// Exclusive lower bound of hits, see Ray; t = 0: none.
+struct BoundState {
+  float t;
+  uint32_t triangle;
+};
+
+/// The path that a ray belongs to.
+struct PathState {
+  glm::vec3 weight;
+  uint32_t code, depth;
+};
+
+/// What a lit surface keeps while its shadow rays are under way.
+struct LitState {
+  Surface surface;
+  glm::vec3 light;  ///< that the present shadow ray adds if nothing is in its way
+  uint32_t next_light, passed;
+};
+
+/// A ray that is to be traced later.
+struct PendingRay {
+  RayStart ray;
+  PathState path;
+};
+/// As in TileRenderer: the newest goes first, so that this many at most wait.
+inline constexpr size_t kMostPending = kMostBounces + 1;
+struct PendingList {
+  PendingRay rays[kMostPending];
+};
+
+/// A pixel's sum, exact, so that it does not depend on the order of its terms.
+struct PixelSum {
+  FixedRadiance at[3];
+  void Add(const glm::vec3& radiance) {
+    for (int c = 0; c < 3; ++c) at[c].Add(radiance[c]);
+  }
+};
+
+/// All of a ray, as a kernel has it in registers.
+template <class A>
+struct RayRegisters {
+  Stencil stencil;
+  RayStart ray = {};
+  HitState hit = {};
+  BoundState bound = {};
+  typename A::Constant constant = {};
+  typename A::State state = {};
+  TriangleRange range;
+  PathState path = {};
+  LitState lit = {};
+  uint32_t pending = 0;
+};
+
+/// The streams of `count` rays. Lists of pending rays are there only if rays bounce.
+template <class A>
+class RayStreams {
+ public:
+  RayStreams(uint32_t count, bool bounces, AddressSpace& addresses)
+      : stencils_(count),
+        rays_(count),
+        hits_(count),
+        bounds_(count),
+        constants_(count),
+        states_(count),
+        ranges_(count),
+        paths_(count),
+        lits_(count),
+        pendings_(count),
+        lists_(bounces ? count : 0) {
+    stencil = addresses.StreamOf(stencils_, DataKind::kStencil);
+    ray = addresses.StreamOf(rays_);
+    hit = addresses.StreamOf(hits_);
+    bound = addresses.StreamOf(bounds_);
+    constant = addresses.StreamOf(constants_);
+    state = addresses.StreamOf(states_);
+    range = addresses.StreamOf(ranges_);
+    path = addresses.StreamOf(paths_);
+    lit = addresses.StreamOf(lits_);
+    pending = addresses.StreamOf(pendings_);
+    list = addresses.StreamOf(lists_);
+  }
+  RayStreams(const RayStreams&) = delete;
+  uint32_t size() const { return static_cast<uint32_t>(stencils_.size()); }
+
+  Stream<Stencil> stencil;
+  Stream<RayStart> ray;
+  Stream<HitState> hit;
+  Stream<BoundState> bound;
+  Stream<typename A::Constant> constant;
+  Stream<typename A::State> state;
+  Stream<TriangleRange> range;
+  Stream<PathState> path;
+  Stream<LitState> lit;
+  Stream<uint32_t> pending;
+  Stream<PendingList> list;
+
+ private:
+  std::vector<Stencil> stencils_;
+  std::vector<RayStart> rays_;
+  std::vector<HitState> hits_;
+  std::vector<BoundState> bounds_;
+  std::vector<typename A::Constant> constants_;
+  std::vector<typename A::State> states_;
+  std::vector<TriangleRange> ranges_;
+  std::vector<PathState> paths_;
+  std::vector<LitState> lits_;
+  std::vector<uint32_t> pendings_;
+  std::vector<PendingList> lists_;
+};
+
+}  // namespace quarry::laboratory
