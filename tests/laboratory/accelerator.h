@@ -15,7 +15,7 @@ namespace quarry::laboratory {
 enum class Came : uint32_t {
   kOn,    ///< Step comes next
   kUp,    ///< Up comes next
-  kList,  ///< to triangles: they are to be tested, then comes Leave
+  kList,  ///< to triangles, or to none: they are to be tested, then comes Leave
   kOut,   ///< out of the structure: the ray's hit, if any, is final
 };
 

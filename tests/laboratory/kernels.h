@@ -95,7 +95,8 @@ class Kernels {
   [[gnu::noinline]] void UpBody(Registers& r) {
     r.stencil = After(r.stencil, accelerator_.Up(memory_, r.constant, r.state));
   }
-  /// Tests the next triangle of the list. A shadow ray that an opaque triangle stops goes to kShade.
+  /// Tests the next triangle of the list, which is not empty. A shadow ray that an opaque triangle stops goes
+  /// to kShade.
   [[gnu::noinline]] void TestBody(Registers& r) {
     const uint32_t triangle = memory_.Fetch(accelerator_.list(), r.range.next++);
     const RayFrame<ScalarLane> frame = MakeRayFrame<ScalarLane>(r.ray.origin, r.ray.direction);
@@ -191,10 +192,10 @@ class Kernels {
                                       uint32_t& tests) {
     Registers r = Load(s, i, stencil);
     r.range = memory_.Load(s.range, i);
-    do {
+    for (; most > 0 && r.range.next != r.range.end && r.stencil.stage() == Stage::kIntersect; --most) {
       TestBody(r);
       ++tests;
-    } while (--most > 0 && r.range.next != r.range.end && r.stencil.stage() == Stage::kIntersect);
+    }
     memory_.Store(s.hit, i, r.hit);
     if (r.stencil.stage() != Stage::kIntersect) return Put(s, i, r.stencil);
     if (r.range.next != r.range.end) {

@@ -260,8 +260,10 @@ void Machine<A, M>::Trace(uint32_t pixel, uint32_t sample, const HitState* seen)
         break;
       case Stage::kIntersect:
         run(KernelId::kIntersect);
-        ++counts_.tests;
-        kernels_.TestBody(r);
+        if (r.range.next != r.range.end) {
+          ++counts_.tests;
+          kernels_.TestBody(r);
+        }
         if (r.stencil.stage() == Stage::kIntersect && r.range.next == r.range.end) kernels_.LeaveBody(r);
         break;
       case Stage::kShade:
