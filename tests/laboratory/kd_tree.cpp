@@ -76,7 +76,7 @@ TextureTree::TextureTree(const KdTree& tree, const Box& box, AddressSpace& addre
   for (size_t i = 0; i < tree.nodes.size(); ++i)
     if (tree.nodes[i].is_leaf()) pointers[i] = (pointers[i] + splits) | kLeafBit;
   root_ = pointers[0];
-  node_data_.resize(tree.nodes.size());
+  node_data_.resize(tree.nodes.size() + 1);
   extended_data_.resize(splits);
   struct Open {
     uint32_t node;

@@ -76,7 +76,7 @@ class TextureTree {
   const Texture<uint32_t>& list() const { return list_; }
 
   uint64_t splits() const { return extended_data_.size(); }
-  uint64_t leaves() const { return node_data_.size() - extended_data_.size(); }
+  uint64_t leaves() const { return node_data_.size() - 1 - extended_data_.size(); }
   uint64_t references() const { return list_data_.size(); }
   uint32_t depth() const { return depth_; }
 
@@ -84,7 +84,7 @@ class TextureTree {
   Box box_;
   NodePointer root_ = 0;
   uint32_t depth_ = 0;
-  std::vector<TextureNode> node_data_;
+  std::vector<TextureNode> node_data_;  ///< and one more: four words may be read at each node
   std::vector<ExtendedSplit> extended_data_;
   std::vector<uint32_t> list_data_;
   Texture<TextureNode> nodes_;
