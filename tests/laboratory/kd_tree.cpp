@@ -1,0 +1,117 @@
+#include "tests/laboratory/kd_tree.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace quarry::laboratory {
+
+namespace {
+
+/// The builder of Pharr & Humphreys 2004, section 4.4, over KdSplitter.
+class FoleyBuilder {
+ public:
+  static constexpr SahCosts kCosts{.intersect = 0.125f, .empty_bonus = 0.5f};
+
+  FoleyBuilder(std::span<const KdTriangle> triangles, float padding, const Box& box)
+      : splitter_(triangles, padding, box, kCosts), references_(splitter_.ReferencesIn(box)) {}
+
+  KdTree Build(const Box& box) {
+    const int log2 = references_.empty() ? 0 : std::bit_width(references_.size()) - 1;
+    tree_.nodes.resize(1);
+    Node(0, 0, box, static_cast<int>(std::lround(8 + 1.3f * static_cast<float>(log2))), 0);
+    return std::move(tree_);
+  }
+
+ private:
+  static constexpr size_t kMostInLeaf = 1, kFew = 16;
+  static constexpr int kBadRefines = 3;
+
+  /// Takes the references from `begin` on.
+  void Node(uint32_t at, size_t begin, const Box& box, int depth, int bad_refines) {
+    const size_t count = references_.size() - begin;
+    if (count <= kMostInLeaf || depth == 0) return Leaf(at, begin);
+    const KdSplit split = splitter_.Best(box, std::span(references_).subspan(begin));
+    const float uncut = kCosts.intersect * static_cast<float>(count);
+    if (split.axis < 0) return Leaf(at, begin);
+    if (split.cost > uncut) ++bad_refines;
+    if ((split.cost > 4 * uncut && count < kFew) || bad_refines == kBadRefines) return Leaf(at, begin);
+    const size_t left_begin = splitter_.Divide(references_, begin, box, split);
+    const auto left = static_cast<uint32_t>(tree_.nodes.size());
+    tree_.nodes.resize(tree_.nodes.size() + 2);
+    tree_.nodes[at] = KdNode::Inner(split.axis, split.position, left);
+    Box left_box = box, right_box = box;
+    left_box.upper[split.axis] = right_box.lower[split.axis] = split.position;
+    Node(left, left_begin, left_box, depth - 1, bad_refines);
+    Node(left + 1, begin, right_box, depth - 1, bad_refines);
+  }
+
+  void Leaf(uint32_t at, size_t begin) {
+    const auto first = static_cast<uint32_t>(tree_.references.size());
+    for (size_t k = begin; k < references_.size(); ++k) tree_.references.push_back(references_[k].triangle);
+    tree_.nodes[at] = KdNode::Leaf(first, static_cast<uint32_t>(references_.size() - begin));
+    references_.resize(begin);
+  }
+
+  KdSplitter splitter_;
+  std::vector<KdReference> references_;
+  KdTree tree_;
+};
+
+}  // namespace
+
+KdTree BuildFoleyTree(std::span<const KdTriangle> triangles, float padding, const Box& box) {
+  return FoleyBuilder(triangles, padding, box).Build(box);
+}
+
+KdTree BuildStoreTree(std::span<const KdTriangle> triangles, float padding, const Box& box) {
+  constexpr float kByteWorth = 0.015f;  // as preprocess/partition/voxel_builder.cpp
+  return BuildKdTree(triangles, padding, box, {.byte = kByteWorth}, ~size_t{0} / 2);
+}
+
+TextureTree::TextureTree(const KdTree& tree, const Box& box, AddressSpace& addresses)
+    : box_(box), list_data_(tree.references) {
+  uint32_t splits = 0, leaves = 0;
+  std::vector<NodePointer> pointers(tree.nodes.size());
+  for (size_t i = 0; i < tree.nodes.size(); ++i) pointers[i] = tree.nodes[i].is_leaf() ? leaves++ : splits++;
+  for (size_t i = 0; i < tree.nodes.size(); ++i)
+    if (tree.nodes[i].is_leaf()) pointers[i] = (pointers[i] + splits) | kLeafBit;
+  root_ = pointers[0];
+  node_data_.resize(tree.nodes.size() + 1);
+  extended_data_.resize(splits);
+  struct Open {
+    uint32_t node;
+    NodePointer parent;
+    uint32_t depth;
+    Box box;
+  };
+  std::vector<Open> open{{0, kNoNode, 0, box}};
+  while (!open.empty()) {
+    const Open now = open.back();
+    open.pop_back();
+    depth_ = std::max(depth_, now.depth);
+    const KdNode& node = tree.nodes[now.node];
+    const NodePointer place = pointers[now.node] & kPlaceBits;
+    if (node.is_leaf()) {
+      node_data_[place] = TextureNode::Leaf(node.count(), node.first(), now.parent);
+      continue;
+    }
+    const uint32_t left = node.left();
+    node_data_[place] = TextureNode::Split(node.split(), static_cast<uint32_t>(node.axis()), pointers[left],
+                                           pointers[left + 1]);
+    ExtendedSplit& more = extended_data_[place];
+    for (int a = 0; a < 3; ++a) {
+      more.lower[a] = now.box.lower[a];
+      more.upper[a] = now.box.upper[a];
+    }
+    more.parent = now.parent;
+    Open near{left, place, now.depth + 1, now.box}, far{left + 1, place, now.depth + 1, now.box};
+    near.box.upper[node.axis()] = far.box.lower[node.axis()] = node.split();
+    open.push_back(near);
+    open.push_back(far);
+  }
+  nodes_ = addresses.TextureOf(node_data_, DataKind::kCells);
+  extended_ = addresses.TextureOf(extended_data_, DataKind::kCells);
+  list_ = addresses.TextureOf(list_data_, DataKind::kLists);
+}
+
+}  // namespace quarry::laboratory
