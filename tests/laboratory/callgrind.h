@@ -1,0 +1,47 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/base/status.h"
+
+// Instructions of named functions, counted by callgrind. These are our counterpart of the instruction counts
+// of Purcell et al. 2002, table 1. Under valgrind programs see a processor without AVX-512.
+
+namespace quarry::laboratory {
+
+/// What calls of a function cost altogether.
+struct FunctionCost {
+  uint64_t calls = 0;
+  uint64_t instructions = 0;  ///< machine instructions, those of the functions that it calls included
+};
+
+/// Costs by the names asked for.
+using FunctionCosts = std::map<std::string, FunctionCost>;
+
+/// Tells if valgrind is on this machine's PATH.
+bool ValgrindInstalled();
+
+/// Runs `command` (the program and its arguments; no shell) under callgrind, without its output, and counts.
+/// A name of `functions` means the functions of exactly this demangled name, or if there is none, all whose
+/// names contain it; the costs of several are added, so that none of them may call another. A function that
+/// was inlined or never called has the cost 0. Recursive functions are not supported: their inclusive cost
+/// counts inner calls again.
+/// Requires: `command` is not empty. Blocks until the program has ended, about 50 times its own time.
+/// Thread-safe. Errors: valgrind is not installed, the program fails, its profile is not understood; one
+/// sentence each.
+Result<FunctionCosts> CountInstructions(const std::vector<std::string>& command,
+                                        std::span<const std::string> functions);
+
+/// Reads a profile in callgrind's format. Source: "Callgrind Format Specification", version 1, of the
+/// valgrind manual; with name compression, relative positions and jumps, of any events with Ir among them.
+/// `name`: what errors call the profile. Errors: lines that are none of the format, no event Ir, instructions
+/// that do not add up to the profile's own total.
+Result<FunctionCosts> ReadCallgrindProfile(std::string_view profile, const std::string& name,
+                                           std::span<const std::string> functions);
+
+}  // namespace quarry::laboratory
