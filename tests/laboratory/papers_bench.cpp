@@ -1,0 +1,253 @@
+// `quarry bench papers`: the tables of Foley & Sugerman 2005 on this machine, as Markdown, beside theirs.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "tests/bench/figures.h"
+#include "tests/bench/median.h"
+#include "tests/laboratory/kernel_costs.h"
+#include "tests/laboratory/papers_scene.h"
+#include "tests/laboratory/simt.h"
+
+#ifndef NDEBUG
+#error "benchmarks are built with the release preset"
+#endif
+
+namespace quarry::laboratory {
+namespace {
+
+struct Options {
+  std::vector<std::string> stores;
+  std::string folder, json;
+  uint32_t size = 512;
+  int repetitions = 3;
+  size_t calls = 1000000;
+};
+
+double Millions(uint64_t count) { return static_cast<double>(count) / 1e6; }
+double Ratio(uint64_t a, uint64_t b) {
+  return static_cast<double>(a) / static_cast<double>(std::max<uint64_t>(b, 1));
+}
+
+/// The paper's figure, or nothing where it tells none.
+std::string Theirs(double figure) { return figure > 0 ? fmt::format("{:.2f}", figure) : "-"; }
+
+struct Measured {
+  std::unique_ptr<PapersScene> scene;
+  std::vector<Timing> timings;
+  TraceCounts grid;
+  std::vector<TreeCounts> trees;
+  std::vector<KernelCost> kernels;  ///< of the kitchen alone
+};
+
+bool IsKitchen(const PapersScene& scene) {
+  return scene.paper() && std::string_view(scene.paper()->name) == "Kitchen";
+}
+
+Result<Measured> Measure(const std::string& store, const Options& options) {
+  Measured m;
+  QUARRY_ASSIGN(m.scene, PapersScene::Load(store, options.size));
+  QUARRY_ASSIGN(m.timings, m.scene->Time(options.repetitions));
+  QUARRY_ASSIGN(m.trees, m.scene->CountTrees());
+  m.grid = m.scene->CountGrid();
+  if (IsKitchen(*m.scene)) m.kernels = MeasureKernels(*m.scene, options.repetitions, options.calls);
+  return m;
+}
+
+void PrintScenes(const std::vector<Measured>& all) {
+  fmt::print(
+      "Scenes\n\n| scene | triangles | paper's | rays into the box | grid | references in the grid |\n"
+      "|---|---|---|---|---|---|\n");
+  for (const Measured& m : all) {
+    const GridResolution& n = m.scene->grid().resolution();
+    fmt::print("| {} | {} | {} | {} | {}x{}x{} | {} |\n", m.scene->name(),
+               m.scene->scene().triangles().size(),
+               m.scene->paper() ? std::to_string(m.scene->paper()->triangles) : "-", m.scene->rays(), n[0],
+               n[1], n[2], m.scene->grid().references());
+  }
+  fmt::print(
+      "\n| scene | tree | splits | leaves | depth | references | built, s "
+      "|\n|---|---|---|---|---|---|---|\n");
+  for (const Measured& m : all)
+    for (const TreeCounts& tree : m.trees)
+      fmt::print("| {} | {} | {} | {} | {} | {} | {:.2f} |\n", m.scene->name(), tree.name, tree.splits,
+                 tree.leaves, tree.depth, tree.references, tree.build_seconds);
+}
+
+void PrintTable1(const std::vector<Measured>& all) {
+  fmt::print(
+      "\nTable 1: milliseconds a frame, median; {}, one core; the paper's on an ATI X800 XT PE. The last "
+      "columns: the tree as ours\n\n| scene | | brute | grid | restart | backtrack | brute / restart | "
+      "grid / restart | restart / backtrack | restart, ours | backtrack, ours |\n"
+      "|---|---|---|---|---|---|---|---|---|---|---|\n",
+      BestSimt().isa);
+  for (const Measured& m : all) {
+    std::vector<double> ms;
+    for (const Timing& timing : m.timings) ms.push_back(bench::Median(timing.seconds) * 1e3);
+    fmt::print(
+        "| {} | here | {:.1f} | {:.1f} | {:.1f} | {:.1f} | {:.2f} | {:.2f} | {:.2f} | {:.1f} | {:.1f} |\n",
+        m.scene->name(), ms[0], ms[1], ms[2], ms[3], ms[0] / ms[2], ms[1] / ms[2], ms[2] / ms[3], ms[4],
+        ms[5]);
+    if (const PaperFigures* p = m.scene->paper())
+      fmt::print("| | paper | {:.0f} | {:.0f} | {:.0f} | {:.0f} | {:.2f} | {:.2f} | {:.2f} | - | - |\n",
+                 p->brute, p->grid_ms, p->restart, p->backtrack, p->brute / p->restart,
+                 p->grid_ms / p->restart, p->restart / p->backtrack);
+  }
+  fmt::print(
+      "\nCounts a ray: what the grid and kd-restart over their tree do\n\n| scene | grid: cells | lists | "
+      "tests "
+      "| restart: down | leaves | tests |\n|---|---|---|---|---|---|---|\n");
+  for (const Measured& m : all) {
+    const auto a_ray = [&](uint64_t n) { return Ratio(n, m.scene->rays()); };
+    const TraceCounts& kd = m.trees[0].restart;
+    fmt::print("| {} | {:.2f} | {:.2f} | {:.2f} | {:.2f} | {:.2f} | {:.2f} |\n", m.scene->name(),
+               a_ray(m.grid.steps), a_ray(m.grid.lists), a_ray(m.grid.tests), a_ray(kd.steps),
+               a_ray(kd.leaves()), a_ray(kd.tests));
+  }
+}
+
+void PrintTable2(const std::vector<Measured>& all) {
+  fmt::print(
+      "\nTable 2: states of primary rays in millions. Transitions: leaves, each by the kernels Leaf and "
+      "Continue; in brackets those that are not empty. Factor: Down and Up over the stack's Down\n\n"
+      "| scene | tree | way | down | up | intersect | transitions | factor "
+      "|\n|---|---|---|---|---|---|---|---|\n");
+  for (const Measured& m : all) {
+    if (const PaperFigures* p = m.scene->paper(); p && p->restart_down > 0) {
+      fmt::print("| {} | paper | restart | {} | 0 | {} | {} | {:.2f} |\n", p->name, Theirs(p->restart_down),
+                 Theirs(p->intersect), Theirs(p->transitions), p->restart_down / p->backtrack_down);
+      fmt::print("| | paper | backtrack | {} | {} | {} | {} | {:.2f} |\n", Theirs(p->backtrack_down),
+                 Theirs(p->up), Theirs(p->intersect), Theirs(p->transitions),
+                 (p->backtrack_down + p->up) / p->backtrack_down);
+    }
+    for (const TreeCounts& tree : m.trees) {
+      const std::pair<const char*, const TraceCounts*> ways[] = {{"stack", &tree.stack},
+                                                                 {"restart", &tree.restart},
+                                                                 {"backtrack", &tree.backtrack},
+                                                                 {"push-down", &tree.push_down},
+                                                                 {"ropes", &tree.ropes}};
+      for (const auto& [name, c] : ways)
+        fmt::print("| {} | {} | {} | {:.2f} | {:.2f} | {:.2f} | {:.2f} ({:.2f}) | {:.2f} |\n",
+                   m.scene->name(), tree.name, name, Millions(c->steps), Millions(c->ups), Millions(c->tests),
+                   Millions(c->leaves()), Millions(c->lists), Ratio(c->steps + c->ups, tree.stack.steps));
+    }
+  }
+}
+
+void PrintTable3(const std::vector<Measured>& all) {
+  for (const Measured& m : all) {
+    if (m.kernels.empty()) continue;
+    fmt::print(
+        "\nTable 3: kernels over the rays of {}, their tree; scalar, one core. Words of 32 bits, a call. "
+        "Instructions: not counted here, see callgrind\n\n| kernel | instructions | words in | out | "
+        "dependent "
+        "fetches | ns a call | GB/s | calls timed |\n|---|---|---|---|---|---|---|---|\n",
+        m.scene->name());
+    for (const KernelCost& k : m.kernels)
+      fmt::print("| {} | - | {:.1f} | {:.1f} | {:.2f} | {:.1f} | {:.2f} | {} |\n", k.name, k.words_in,
+                 k.words_out, k.fetches, k.nanoseconds, k.gigabytes_per_s, k.calls);
+    fmt::print(
+        "\nThe paper's, on an ATI X800 XT PE\n\n| kernel | instructions | floats in/out | dependent fetches "
+        "| GB/s "
+        "|\n|---|---|---|---|---|\n"
+        "| Brute Intersect | 37 | 12/4 | 0 | 20.7 |\n| Grid Traverse | 57 | 26/16 | 2 | 10.8 |\n"
+        "| Grid Intersect | 83 | 36/8 | 16 | 16.6 |\n| KD Down | 66 | 15/4 | 3 | 15.7 |\n"
+        "| KD Up | 36 | 20/4 | 8 | 24.5 |\n| KD Intersect | 72 | 33/8 | 13 | 18.5 |\n");
+  }
+}
+
+nlohmann::json CountsJson(const TraceCounts& c) {
+  return {{"down", c.steps},  {"up", c.ups},         {"lists", c.lists}, {"empty_lists", c.empty_lists},
+          {"tests", c.tests}, {"resumes", c.resumes}};
+}
+
+nlohmann::json ToJson(const Measured& m) {
+  nlohmann::json j = {{"scene", m.scene->name()},
+                      {"triangles", m.scene->scene().triangles().size()},
+                      {"rays", m.scene->rays()},
+                      {"isa", BestSimt().isa},
+                      {"grid", CountsJson(m.grid)}};
+  for (const Timing& t : m.timings) j["seconds"][t.name] = t.seconds;
+  for (const TreeCounts& tree : m.trees)
+    j["trees"][tree.name] = {{"splits", tree.splits},
+                             {"depth", tree.depth},
+                             {"references", tree.references},
+                             {"stack", CountsJson(tree.stack)},
+                             {"restart", CountsJson(tree.restart)},
+                             {"backtrack", CountsJson(tree.backtrack)},
+                             {"push_down", CountsJson(tree.push_down)},
+                             {"ropes", CountsJson(tree.ropes)}};
+  for (const KernelCost& k : m.kernels)
+    j["kernels"].push_back({{"kernel", k.name},
+                            {"calls", k.calls},
+                            {"words_in", k.words_in},
+                            {"words_out", k.words_out},
+                            {"fetches", k.fetches},
+                            {"ns", k.nanoseconds},
+                            {"gb_per_s", k.gigabytes_per_s}});
+  return j;
+}
+
+/// The stores named, or those of the paper's scenes in the folder, in the paper's order.
+std::vector<std::string> StoresOf(const Options& options) {
+  std::vector<std::string> stores = options.stores;
+  if (options.folder.empty()) return stores;
+  for (const PaperFigures& figures : kPaperFigures) {
+    const std::string path = options.folder + "/" + figures.store + ".quarry";
+    if (std::filesystem::exists(path)) stores.push_back(path);
+  }
+  return stores;
+}
+
+int Main(int argc, char** argv) {
+  Options options;
+  CLI::App app("The tables of Foley & Sugerman 2005 on this machine, on one core, as Markdown.");
+  app.footer(
+      "Example:\n  tests/bench/gpu_stores stores\n  quarry bench papers --folder stores --json "
+      "papers.json\n\n"
+      "Cameras are those of NAME.path.json beside a store.");
+  app.add_option("store", options.stores, "Stores made by quarry-preprocess --no-textures");
+  app.add_option("--folder", options.folder, "Stores frame-*.quarry of this folder: the paper's scenes")
+      ->check(CLI::ExistingDirectory);
+  app.add_option("--size", options.size, "Pixels on a side, a multiple of 8")
+      ->check(CLI::Range(8, 16384))
+      ->capture_default_str();
+  app.add_option("--repetitions", options.repetitions, "Medians of so many")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  app.add_option("--json", options.json, "Results as JSON")->check(bench::CheckFigures);
+  CLI11_PARSE(app, argc, argv);
+  const auto fail = [](const std::string& message, int status) {
+    fmt::print(stderr, "quarry-bench-papers: {}\n", message);
+    return status;
+  };
+  if (options.size % RayPacket::kSide != 0) return fail("--size: not a multiple of 8", 2);
+  const std::vector<std::string> stores = StoresOf(options);
+  if (stores.empty())
+    return fail(options.folder.empty()
+                    ? "name stores, or a folder with --folder"
+                    : options.folder + ": has no store frame-*.quarry; tests/bench/gpu_stores makes them",
+                2);
+  std::vector<Measured> all;
+  nlohmann::json results = nlohmann::json::array();
+  for (const std::string& store : stores) {
+    Result<Measured> measured = Measure(store, options);
+    if (!measured) return fail(measured.error().message, measured.error().exit_status());
+    results.push_back(ToJson(*measured));
+    all.push_back(std::move(*measured));
+  }
+  fmt::print("Primary rays of {0}x{0} pixels, medians of {1}.\n\n", options.size, options.repetitions);
+  PrintScenes(all);
+  PrintTable1(all);
+  PrintTable2(all);
+  PrintTable3(all);
+  return bench::WriteFigures(options.json, results.dump(2)) ? 0 : 1;
+}
+
+}  // namespace
+}  // namespace quarry::laboratory
+
+int main(int argc, char** argv) { return quarry::laboratory::Main(argc, argv); }

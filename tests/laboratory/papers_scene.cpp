@@ -1,0 +1,179 @@
+#include "tests/laboratory/papers_scene.h"
+
+#include <fmt/format.h>
+
+#include <bit>
+#include <cstring>
+#include <filesystem>
+
+#include "common/scene/camera.h"
+#include "tests/bench/stopwatch.h"
+#include "tests/bench/views.h"
+#include "tests/laboratory/simt.h"
+#include "tests/laboratory/stack_trace.h"
+
+namespace quarry::laboratory {
+namespace {
+
+using bench::Clock;
+
+constexpr float kFarthest = std::numeric_limits<float>::max();
+constexpr uint32_t kOtherGrid = 64;  // of scenes that are not the paper's: Purcell et al. 2002, section 4.2
+
+double Seconds(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+bool Same(const Hit& a, const Hit& b) {
+  return a.triangle == b.triangle && std::memcmp(&a.t, &b.t, sizeof a.t) == 0 &&
+         std::memcmp(&a.b1, &b.b1, sizeof a.b1) == 0 && std::memcmp(&a.b2, &b.b2, sizeof a.b2) == 0;
+}
+
+uint64_t Differences(const std::vector<RayPacket>& a, const std::vector<RayPacket>& b) {
+  uint64_t differences = 0;
+  for (size_t p = 0; p < a.size(); ++p)
+    for (uint32_t i = 0; i < RayPacket::kRays; ++i) differences += Same(a[p].HitOf(i), b[p].HitOf(i)) ? 0 : 1;
+  return differences;
+}
+
+}  // namespace
+
+const PaperFigures* FiguresOf(const std::string& store) {
+  const std::string name = std::filesystem::path(store).filename();
+  for (const PaperFigures& figures : kPaperFigures)
+    if (name.starts_with(figures.store)) return &figures;
+  return nullptr;
+}
+
+Result<std::unique_ptr<PapersScene>> PapersScene::Load(const std::string& store, uint32_t size) {
+  constexpr uint32_t kSide = RayPacket::kSide;
+  auto self = std::make_unique<PapersScene>();
+  QUARRY_ASSIGN(self->scene_, LaboratoryScene::Load(store));
+  LaboratoryScene& scene = *self->scene_;
+  self->paper_ = FiguresOf(store);
+  self->name_ = self->paper_ ? self->paper_->name : std::filesystem::path(store).stem().string();
+  const SceneMeta& meta = scene.catalog().meta;
+  QUARRY_ASSIGN(const CameraSpec view, bench::FindView(store, meta, false));
+  const Camera camera(view, size, size, meta.root_lower, meta.root_upper);
+  const uint32_t across = size / kSide;
+  self->packets_.resize(size_t{across} * across);
+  self->active_.resize(self->packets_.size());
+  for (size_t p = 0; p < self->packets_.size(); ++p)
+    for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
+      const auto x = static_cast<double>(p % across * kSide + i % kSide) + 0.5;
+      const auto y = static_cast<double>(p / across * kSide + i / kSide) + 0.5;
+      const PrimaryRay shot = camera.Shoot(x, y);
+      Ray ray;
+      ray.origin = shot.origin;
+      ray.direction = shot.direction;
+      self->packets_[p].Set(i, ray);
+      if (shot.misses) continue;
+      self->active_[p] |= uint64_t{1} << i;
+      self->rays_.push_back(
+          {{ray.origin.x, ray.origin.y, ray.origin.z}, {ray.direction.x, ray.direction.y, ray.direction.z}});
+    }
+  const Box box = scene.box();
+  const GridResolution cells = self->paper_ ? self->paper_->grid : CubicalResolution(box, kOtherGrid);
+  self->grid_ =
+      std::make_unique<UniformGrid>(scene.triangles(), scene.padding(), box, cells, scene.addresses());
+  for (size_t which = 0; which < 2; ++which) {
+    Tree& tree = self->trees_[which];
+    const auto start = Clock::now();
+    const KdTree plain =
+        (which == 0 ? BuildFoleyTree : BuildStoreTree)(scene.triangles(), scene.padding(), box);
+    tree.build_seconds = Seconds(start);
+    tree.tree = std::make_unique<TextureTree>(plain, box, scene.addresses());
+    tree.ropes = std::make_unique<KdRopes>(plain, box, scene.addresses());
+  }
+  return self;
+}
+
+template <class TraceRay>
+Result<TraceCounts> PapersScene::Count(const TraceRay& trace) {
+  TraceCounts counts;
+  const bool first = hits_.empty();
+  uint64_t differences = 0;
+  for (size_t i = 0; i < rays_.size(); ++i) {
+    const Hit hit = trace(rays_[i], counts);
+    if (first)
+      hits_.push_back(hit);
+    else
+      differences += Same(hit, hits_[i]) ? 0 : 1;
+  }
+  if (differences != 0) return Fail(fmt::format("{}: structures disagree on {} rays", name_, differences));
+  return counts;
+}
+
+Result<std::vector<TreeCounts>> PapersScene::CountTrees() {
+  std::vector<TreeCounts> all;
+  PlainMemory memory;
+  for (size_t which = 0; which < 2; ++which) {
+    const TextureTree& tree = *trees_[which].tree;
+    const auto by = [&](const auto& way) {
+      return Count([&](const RayStart& ray, TraceCounts& counts) {
+        return TraceOne(way, *scene_, memory, ray, kFarthest, counts);
+      });
+    };
+    TreeCounts counts{which == 0 ? "theirs" : "ours",
+                      tree.splits(),
+                      tree.leaves(),
+                      tree.references(),
+                      tree.depth(),
+                      trees_[which].build_seconds,
+                      {},
+                      {},
+                      {},
+                      {},
+                      {}};
+    QUARRY_ASSIGN(counts.stack, Count([&](const RayStart& ray, TraceCounts& of_ray) {
+                    return TraceWithStack(tree, *scene_, memory, ray, kFarthest, of_ray);
+                  }));
+    QUARRY_ASSIGN(counts.restart, by(KdRestart(tree)));
+    QUARRY_ASSIGN(counts.backtrack, by(KdBacktrack(tree)));
+    QUARRY_ASSIGN(counts.push_down, by(KdPushDown(tree)));
+    QUARRY_ASSIGN(counts.ropes, by(*trees_[which].ropes));
+    all.push_back(std::move(counts));
+  }
+  return all;
+}
+
+TraceCounts PapersScene::CountGrid() {
+  TraceCounts counts;
+  PlainMemory memory;
+  for (const RayStart& ray : rays_) TraceOne(*grid_, *scene_, memory, ray, kFarthest, counts);
+  return counts;
+}
+
+Result<std::vector<Timing>> PapersScene::Time(int repetitions) {
+  const SimtFunctions& simt = BestSimt();
+  const std::vector<float> corners = CornersOf(*scene_);
+  const SimtScene lanes = SceneOf(*scene_, corners);
+  const SimtGrid grid = GridOf(*grid_);
+  const SimtTree trees[2] = {TreeOf(*trees_[0].tree), TreeOf(*trees_[1].tree)};
+  const std::function<void(SimtRays)> traces[] = {
+      [&](SimtRays rays) { simt.brute(lanes, rays); },
+      [&](SimtRays rays) { simt.grid(lanes, grid, rays); },
+      [&](SimtRays rays) { simt.restart(lanes, trees[0], rays); },
+      [&](SimtRays rays) { simt.backtrack(lanes, trees[0], rays); },
+      [&](SimtRays rays) { simt.restart(lanes, trees[1], rays); },
+      [&](SimtRays rays) { simt.backtrack(lanes, trees[1], rays); }};
+  std::vector<Timing> timings = {{"brute", {}},     {"grid", {}},          {"restart", {}},
+                                 {"backtrack", {}}, {"restart, ours", {}}, {"backtrack, ours", {}}};
+  std::vector<RayPacket> expected;
+  for (int r = 0; r < repetitions; ++r)
+    for (size_t k = 0; k < timings.size(); ++k) {
+      std::vector<RayPacket> found = packets_;
+      const SimtRays rays{found.data(), active_.data(), static_cast<uint32_t>(found.size())};
+      const auto start = Clock::now();
+      traces[k](rays);
+      timings[k].seconds.push_back(Seconds(start));
+      if (expected.empty()) expected = found;
+      const uint64_t differences = Differences(expected, found);
+      if (differences != 0)
+        return Fail(fmt::format("{}: {} finds other hits than brute force for {} rays", name_,
+                                timings[k].name, differences));
+    }
+  return timings;
+}
+
+}  // namespace quarry::laboratory
