@@ -99,7 +99,7 @@ bool ValgrindInstalled() {
 }
 
 Result<FunctionCosts> CountInstructions(const std::vector<std::string>& command,
-                                        std::span<const std::string> functions) {
+                                        std::span<const std::string> functions, bool at_request) {
   QUARRY_CHECK(!command.empty());
   QUARRY_ASSIGN(const TemporaryFolder folder, TemporaryFolder::Create());
   const fs::path profile = folder.path / "profile", errors = folder.path / "errors";
@@ -107,6 +107,7 @@ Result<FunctionCosts> CountInstructions(const std::vector<std::string>& command,
   std::vector<std::string> arguments{"valgrind",         "-q",
                                      "--tool=callgrind", "--callgrind-out-file=" + profile.string(),
                                      "--dump-line=no",   "--demangle=yes"};
+  if (at_request) arguments.emplace_back("--instr-atstart=no");
   arguments.insert(arguments.end(), command.begin(), command.end());
   QUARRY_ASSIGN(const int status, RunProgram(arguments, errors));
   if (WIFSIGNALED(status))

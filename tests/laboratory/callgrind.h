@@ -31,11 +31,13 @@ bool ValgrindInstalled();
 /// names contain it; the costs of several are added, so that none of them may call another. A function that
 /// was inlined or never called has the cost 0. Recursive functions are not supported: their inclusive cost
 /// counts inner calls again.
+/// `at_request`: counts only from where the program asks for it (CALLGRIND_START_INSTRUMENTATION); what goes
+/// before is much faster then.
 /// Requires: `command` is not empty. Blocks until the program has ended, about 50 times its own time.
 /// Thread-safe. Errors: valgrind is not installed, the program fails, its profile is not understood; one
 /// sentence each.
 Result<FunctionCosts> CountInstructions(const std::vector<std::string>& command,
-                                        std::span<const std::string> functions);
+                                        std::span<const std::string> functions, bool at_request = false);
 
 /// Reads a profile in callgrind's format. Source: "Callgrind Format Specification", version 1, of the
 /// valgrind manual; with name compression, relative positions and jumps, of any events with Ir among them.

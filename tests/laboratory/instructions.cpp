@@ -39,7 +39,7 @@ Result<InstructionCount> CountKernelInstructions(const std::vector<std::string>&
     functions.push_back(names.form);
     functions.push_back(names.body);
   }
-  QUARRY_ASSIGN(auto costs, CountInstructions(command, functions));
+  QUARRY_ASSIGN(FunctionCosts costs, CountInstructions(command, functions, true));
   InstructionCount count;
   for (uint32_t k = 0; k < kKernels; ++k) {
     const FunctionCost form = costs[kNames[k].form], body = costs[kNames[k].body];

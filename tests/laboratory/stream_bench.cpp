@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cstring>
 #include <filesystem>
-#include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -51,11 +50,11 @@ Result<std::vector<float>> RenderedPixels(const std::string& store, const View& 
   return image;
 }
 
-Result<Picture> MakePicture(const LaboratoryScene& scene, Renderer renderer, const StudyOptions& o) {
+Result<std::unique_ptr<Picture>> MakePicture(const LaboratoryScene& scene, Renderer renderer, const StudyOptions& o) {
   const bool path = renderer == Renderer::kPath;
   const uint32_t size = path ? std::min(o.path_size, o.size) : o.size;
   QUARRY_ASSIGN(View view, MakeView(scene, renderer, o.camera, size, size, path ? o.path_samples : 1));
-  return Result<Picture>(tl::in_place, scene, renderer, std::move(view));
+  return std::make_unique<Picture>(scene, renderer, std::move(view));
 }
 
 /// A way to make the whole study over one structure.
@@ -89,14 +88,14 @@ template <class A>
 Result<RendererRow> StudyRenderer(const StudyRunner<A>& runner, const Options& o,
                                   const LaboratoryScene& scene, const std::string& store, Renderer renderer) {
   Say(o, fmt::format("{}...", kRendererNames[static_cast<uint32_t>(renderer)]));
-  QUARRY_ASSIGN(const Picture picture, MakePicture(scene, renderer, o.study));
+  QUARRY_ASSIGN(const auto picture, MakePicture(scene, renderer, o.study));
   RendererRow row;
   row.renderer = renderer;
-  row.branching = runner.CountedBranching(picture);
-  const auto pixels = runner.Branching(picture).pixels;
-  row.same_schedules = SamePixels(pixels, runner.Multipass(picture, o.study.oracle, {}, 0).pixels);
+  row.branching = runner.CountedBranching(*picture);
+  const auto pixels = runner.Branching(*picture).pixels;
+  row.same_schedules = SamePixels(pixels, runner.Multipass(*picture, o.study.oracle, {}, 0).pixels);
   if (renderer != Renderer::kPath && !o.no_check) {
-    QUARRY_ASSIGN(const auto rendered, RenderedPixels(store, picture.context.view));
+    QUARRY_ASSIGN(const auto rendered, RenderedPixels(store, picture->context.view));
     row.same_as_render = SamePixels(pixels, rendered);
   }
   if (!o.no_instructions) {
@@ -113,24 +112,24 @@ Result<Study> StudyWith(const A& accelerator, const Options& o, const Laboratory
   study.accelerator = o.accelerator;
   if (!o.only.empty()) {
     const auto name = std::ranges::find(kRendererNames, o.only, [](const char* n) { return std::string(n); });
-    QUARRY_ASSIGN(const Picture picture,
+    QUARRY_ASSIGN(const auto picture,
                   MakePicture(scene, static_cast<Renderer>(name - std::begin(kRendererNames)), o.study));
     StartCountingInstructions();
-    runner.Multipass(picture, o.study.oracle, {}, 0);
+    runner.Multipass(*picture, o.study.oracle, {}, 0);
     StopCountingInstructions();
     return study;
   }
-  QUARRY_ASSIGN(const Picture picture, MakePicture(scene, Renderer::kRaycast, o.study));
+  QUARRY_ASSIGN(const auto picture, MakePicture(scene, Renderer::kRaycast, o.study));
   for (uint32_t k = 0; k < kOracles; ++k) {
     Say(o, fmt::format("oracle {}...", kOracleNames[k]));
     const Oracle oracle{static_cast<OracleKind>(k), o.study.oracle.share};
-    study.oracles.push_back({kOracleNames[k], runner.Multipass(picture, oracle, {}, 0).counts});
+    study.oracles.push_back({kOracleNames[k], runner.Multipass(*picture, oracle, {}, 0).counts});
   }
   Say(o, "bandwidth of both schedules...");
-  study.multipass = runner.CountedMultipass(picture, {}, 0);
-  study.unrolled = runner.CountedMultipass(picture, o.study.unrolling, 0);
-  study.tiled = runner.CountedMultipass(picture, {}, o.study.tile);
-  study.branching = runner.CountedBranching(picture);
+  study.multipass = runner.CountedMultipass(*picture, {}, 0);
+  study.unrolled = runner.CountedMultipass(*picture, o.study.unrolling, 0);
+  study.tiled = runner.CountedMultipass(*picture, {}, o.study.tile);
+  study.branching = runner.CountedBranching(*picture);
   for (uint32_t r = 0; r < kRenderers; ++r) {
     QUARRY_ASSIGN(const RendererRow row, StudyRenderer(runner, o, scene, store, static_cast<Renderer>(r)));
     study.renderers.push_back(row);
