@@ -19,6 +19,7 @@ const std::vector<std::pair<std::string, Maker>>& Makers() {
                                                                  {"city", MakeCity},
                                                                  {"terrain", MakeTerrain},
                                                                  {"forest", MakeForest},
+                                                                 {"stadium", MakeStadium},
                                                                  {"cornell", MakeCornell}};
   return makers;
 }
