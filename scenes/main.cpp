@@ -79,6 +79,7 @@ const char* Describe(const std::string& kind) {
   if (kind == "city") return "blocks of buildings of many shapes with recessed windows";
   if (kind == "terrain") return "a fractal mountain range with a lake";
   if (kind == "forest") return "hills with trees, no two alike";
+  if (kind == "stadium") return "a teapot in a stadium: most triangles in a thousandth of the extent";
   return "a Cornell box with a mirror ball and a glass ball";
 }
 

@@ -15,11 +15,9 @@ namespace {
 using Maker = std::unique_ptr<Scene> (*)(const SceneOptions&);
 
 const std::vector<std::pair<std::string, Maker>>& Makers() {
-  static const std::vector<std::pair<std::string, Maker>> makers{{"plant", MakePlant},
-                                                                 {"city", MakeCity},
-                                                                 {"terrain", MakeTerrain},
-                                                                 {"forest", MakeForest},
-                                                                 {"cornell", MakeCornell}};
+  static const std::vector<std::pair<std::string, Maker>> makers{
+      {"plant", MakePlant},   {"city", MakeCity},       {"terrain", MakeTerrain},
+      {"forest", MakeForest}, {"stadium", MakeStadium}, {"cornell", MakeCornell}};
   return makers;
 }
 

@@ -54,6 +54,7 @@ std::unique_ptr<Scene> MakePlant(const SceneOptions& options);
 std::unique_ptr<Scene> MakeCity(const SceneOptions& options);
 std::unique_ptr<Scene> MakeTerrain(const SceneOptions& options);
 std::unique_ptr<Scene> MakeForest(const SceneOptions& options);
+std::unique_ptr<Scene> MakeStadium(const SceneOptions& options);
 std::unique_ptr<Scene> MakeCornell(const SceneOptions& options);
 
 }  // namespace quarry::scenes

@@ -140,7 +140,7 @@ void CompareAll(const LoadedScene& scene, uint32_t rays, const std::string& name
 
 TEST_CASE("Traversal agrees with brute force to the last bit on generated scenes", "[reference]") {
   const TemporaryFolder folder;
-  for (const std::string kind : {"cornell", "plant", "city", "forest", "terrain"}) {
+  for (const std::string kind : {"cornell", "plant", "city", "forest", "stadium", "terrain"}) {
     const LoadedScene scene(GenerateScene(folder, kind, 2000), 4096);
     CHECK(scene.voxels().size() > 20);
     CompareAll(scene, 48000, kind);

@@ -225,6 +225,24 @@ TEST_CASE("The plant reflects and has glass in both formats", "[scenes]") {
   CHECK_THAT(mtl, Catch::Contains("illum 7"));
 }
 
+TEST_CASE("The stadium's triangles are in its teapot", "[scenes]") {
+  const Collect drawn = Draw(*MakeScene("stadium", {400000, 1}));
+  glm::vec3 low(INFINITY), high(-INFINITY);
+  size_t small = 0;
+  for (const auto& t : drawn.triangles) {
+    for (const glm::vec3& p : t) {
+      low = glm::min(low, p);
+      high = glm::max(high, p);
+    }
+    const auto in_teapot = [](const glm::vec3& p) {
+      return std::abs(p.x) < 0.2f && std::abs(p.y) < 0.2f && p.z > 0.7f && p.z < 1.0f;
+    };
+    small += in_teapot(t[0]) && in_teapot(t[1]) && in_teapot(t[2]);
+  }
+  CHECK(high.x - low.x > 350);  // a box of 0.4 m: about a thousandth
+  CHECK(static_cast<double>(small) > 0.8 * static_cast<double>(drawn.triangles.size()));
+}
+
 /// t of the hit of a ray along `direction`, or infinity; `front` tells the side.
 float Hit(const std::array<glm::vec3, 3>& t, const glm::vec3& eye, const glm::vec3& direction, bool& front) {
   const glm::vec3 u = t[1] - t[0], v = t[2] - t[0], p = glm::cross(direction, v);
@@ -239,7 +257,7 @@ float Hit(const std::array<glm::vec3, 3>& t, const glm::vec3& eye, const glm::ve
 }
 
 TEST_CASE("Cameras stand outside of solids", "[scenes]") {
-  for (const std::string kind : {"plant", "city", "cornell"}) {
+  for (const std::string kind : {"plant", "city", "stadium", "cornell"}) {
     const auto scene = MakeScene(kind, {60000, 1});
     const Collect drawn = Draw(*scene);
     const auto path = scene->Path();

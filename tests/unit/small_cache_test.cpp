@@ -85,7 +85,8 @@ View ViewOf(const SceneMeta& meta, RenderMode mode) {
 TEST_CASE("A cache of one largest block finishes every frame, with the same bits and bounded loads",
           "[cache]") {
   const TemporaryFolder folder;
-  for (const std::string kind : {"plant", "city", "forest", "terrain", "cornell", "fan", "slivers", "soup"}) {
+  for (const std::string kind :
+       {"plant", "city", "forest", "terrain", "stadium", "cornell", "fan", "slivers", "soup"}) {
     const StoreReader store = Store(folder, kind);
     const SceneMeta& meta = store.catalog().meta;
     const uint64_t blocks = store.catalog().voxels.size() * 2;
