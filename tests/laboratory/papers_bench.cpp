@@ -81,7 +81,8 @@ void PrintScenes(const std::vector<Measured>& all) {
 
 void PrintTable1(const std::vector<Measured>& all) {
   fmt::print(
-      "\nTable 1: milliseconds a frame, median; {}, one core; the paper's on an ATI X800 XT PE. The last "
+      "\nTable 1: processor milliseconds a frame, median; {}, one core; the paper's on an ATI X800 XT PE. "
+      "The last "
       "columns: the tree as ours\n\n| scene | | brute | grid | restart | backtrack | brute / restart | "
       "grid / restart | restart / backtrack | restart, ours | backtrack, ours |\n"
       "|---|---|---|---|---|---|---|---|---|---|---|\n",

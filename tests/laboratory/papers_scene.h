@@ -77,7 +77,7 @@ struct TreeCounts {
   TraceCounts stack, restart, backtrack, push_down, ropes;
 };
 
-/// Seconds a frame of each repetition.
+/// Processor seconds a frame of each repetition: other programs on the core do not count.
 struct Timing {
   std::string name;
   std::vector<double> seconds;
