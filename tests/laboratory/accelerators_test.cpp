@@ -73,6 +73,16 @@ void CheckCells(const UniformGrid& grid, const TestRay& ray) {
       CHECK(moved == 1);
       CHECK(state.t_exit >= t);
       t = state.t_exit;
+    } else {
+      t = state.t_exit;
+    }
+    for (uint32_t a = 0; a < 3; ++a) {
+      const uint32_t rises = line.Rises(a) ? 1 : 0;
+      const uint32_t last = rises ? grid.resolution()[a] - 1 : 0;
+      CHECK((first && state.cell[a] == grid.resolution()[a] - 1 - last) |
+            (line.PlaneAt(grid.Plane(a, state.cell[a] + 1 - rises), a) <= t));
+      const float exit = line.PlaneAt(grid.Plane(a, state.cell[a] + rises), a);
+      CHECK((exit > t || (!first && exit == t) || (first && state.cell[a] == last)));
     }
     before = state;
     came = grid.Step(memory, line, state, range);

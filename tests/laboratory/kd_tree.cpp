@@ -3,17 +3,22 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/math/next_float.h"
+
 namespace quarry::laboratory {
 
 namespace {
 
-/// The builder of Pharr & Humphreys 2004, section 4.4, over KdSplitter.
+constexpr float kTraversal = 1, kIntersect = 0.125f;  // section 3.2
+constexpr float kEmptyBonus = 0.5f;
+constexpr size_t kMostInLeaf = 1, kFew = 16;
+constexpr int kBadRefines = 3;
+
+/// The builder of Pharr & Humphreys 2004, section 4.4, over the references of KdSplitter.
 class FoleyBuilder {
  public:
-  static constexpr SahCosts kCosts{.intersect = 0.125f, .empty_bonus = 0.5f};
-
   FoleyBuilder(std::span<const KdTriangle> triangles, float padding, const Box& box)
-      : splitter_(triangles, padding, box, kCosts), references_(splitter_.ReferencesIn(box)) {}
+      : splitter_(triangles, padding, box, SahCosts{}), references_(splitter_.ReferencesIn(box)) {}
 
   KdTree Build(const Box& box) {
     const int log2 = references_.empty() ? 0 : std::bit_width(references_.size()) - 1;
@@ -23,16 +28,19 @@ class FoleyBuilder {
   }
 
  private:
-  static constexpr size_t kMostInLeaf = 1, kFew = 16;
-  static constexpr int kBadRefines = 3;
+  /// An end of a reference's box, moved outside so that the box lies on one side of it.
+  struct Edge {
+    float position;
+    bool ends;
+  };
 
   /// Takes the references from `begin` on.
   void Node(uint32_t at, size_t begin, const Box& box, int depth, int bad_refines) {
     const size_t count = references_.size() - begin;
     if (count <= kMostInLeaf || depth == 0) return Leaf(at, begin);
-    const KdSplit split = splitter_.Best(box, std::span(references_).subspan(begin));
-    const float uncut = kCosts.intersect * static_cast<float>(count);
+    const KdSplit split = Choose(begin, box);
     if (split.axis < 0) return Leaf(at, begin);
+    const float uncut = kIntersect * static_cast<float>(count);
     if (split.cost > uncut) ++bad_refines;
     if ((split.cost > 4 * uncut && count < kFew) || bad_refines == kBadRefines) return Leaf(at, begin);
     const size_t left_begin = splitter_.Divide(references_, begin, box, split);
@@ -45,6 +53,44 @@ class FoleyBuilder {
     Node(left + 1, begin, right_box, depth - 1, bad_refines);
   }
 
+  /// The cheapest plane across the longest side; across the others where that one has none.
+  KdSplit Choose(size_t begin, const Box& box) {
+    const float x = box.extent(0), y = box.extent(1), z = box.extent(2);
+    int axis = x > y && x > z ? 0 : y > z ? 1 : 2;
+    KdSplit best;
+    for (int tries = 0; tries < 3 && best.axis < 0; ++tries, axis = (axis + 1) % 3)
+      Weigh(begin, box, axis, best);
+    return best;
+  }
+
+  void Weigh(size_t begin, const Box& box, int axis, KdSplit& best) {
+    edges_.clear();
+    for (size_t k = begin; k < references_.size(); ++k) {
+      edges_.push_back({NextBelow(references_[k].lower[axis]), false});
+      edges_.push_back({NextAbove(references_[k].upper[axis]), true});
+    }
+    std::ranges::sort(edges_, [](const Edge& a, const Edge& b) {
+      return a.position != b.position ? a.position < b.position : a.ends < b.ends;
+    });
+    const float e1 = box.extent((axis + 1) % 3), e2 = box.extent((axis + 2) % 3);
+    const auto area = [&](float extent) { return e1 * e2 + extent * (e1 + e2); };
+    const float whole = area(box.extent(axis));
+    size_t below = 0, above = references_.size() - begin;
+    for (const Edge& edge : edges_) {
+      if (edge.ends) --above;
+      if (edge.position > box.lower[axis] && edge.position < box.upper[axis]) {
+        const float bonus = below == 0 || above == 0 ? kEmptyBonus : 0;
+        const float cost =
+            kTraversal + kIntersect * (1 - bonus) *
+                             (area(edge.position - box.lower[axis]) * static_cast<float>(below) +
+                              area(box.upper[axis] - edge.position) * static_cast<float>(above)) /
+                             whole;
+        if (cost < best.cost) best = {cost, edge.position, axis};
+      }
+      if (!edge.ends) ++below;
+    }
+  }
+
   void Leaf(uint32_t at, size_t begin) {
     const auto first = static_cast<uint32_t>(tree_.references.size());
     for (size_t k = begin; k < references_.size(); ++k) tree_.references.push_back(references_[k].triangle);
@@ -54,6 +100,7 @@ class FoleyBuilder {
 
   KdSplitter splitter_;
   std::vector<KdReference> references_;
+  std::vector<Edge> edges_;
   KdTree tree_;
 };
 

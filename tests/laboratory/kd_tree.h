@@ -49,12 +49,13 @@ struct ExtendedSplit {
 };
 static_assert(sizeof(ExtendedSplit) == 32, "256 bits, section 3.1");
 
-/// A tree as theirs: traversal costs 8 times an intersection (section 3.2), and nodes end as in pbrt (Pharr &
-/// Humphreys 2004, section 4.4): one triangle, depth round(8 + 1.3 log2 n), the third split that costs more
-/// than none, or a cost above 4 times that of none with under 16 triangles. Planes are those of KdSplitter:
-/// perfect splits (Havran & Bittner 2002), borders of 32 bins above 32 triangles, where pbrt weighs each end
-/// of a box; the empty bonus of 0.5 takes from the whole cost, pbrt's from the intersections alone.
-/// Units, requirements: see BuildKdTree(). Deterministic.
+/// A tree as theirs: traversal costs 8 times an intersection (section 3.2). Planes, costs and the end of
+/// nodes are those of pbrt (Pharr & Humphreys 2004, section 4.4): ends of boxes across the longest side, an
+/// empty bonus of 0.5 on intersections; a leaf has one triangle, the depth round(8 + 1.3 log2 n), the third
+/// split on its way that costs more than none, or a cost above 4 times that of none with under 16 triangles.
+/// Boxes are those of the triangles' parts in the node (Havran & Bittner 2002), by KdSplitter. KdSplitter
+/// does not weigh planes here: its bonus takes from the cost of traversal too, which would be most of the
+/// cost and would fill the tree with empty leaves. Units, requirements: see BuildKdTree(). Deterministic.
 KdTree BuildFoleyTree(std::span<const KdTriangle> triangles, float padding, const Box& box);
 
 /// The tree that voxels of stores have, over all triangles and without a limit of bytes.

@@ -8,8 +8,6 @@
 namespace quarry::laboratory {
 namespace {
 
-using bench::Clock;
-
 /// A hit as a stream has it: 4 words.
 struct HitState {
   float t;
@@ -56,9 +54,9 @@ KernelCost Measure(std::string name, size_t calls, double in, double out, int re
   std::vector<double> times;
   PlainMemory memory;
   for (int r = 0; r < repetitions; ++r) {
-    const auto start = Clock::now();
+    const double start = bench::ProcessSeconds();
     for (size_t i = 0; i < calls; ++i) run(memory, i);
-    times.push_back(std::chrono::duration<double>(Clock::now() - start).count());
+    times.push_back(bench::ProcessSeconds() - start);
   }
   const double seconds = bench::Median(times);
   cost.nanoseconds = seconds / n * 1e9;

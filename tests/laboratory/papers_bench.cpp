@@ -4,6 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "tests/bench/figures.h"
@@ -21,7 +22,7 @@ namespace {
 
 struct Options {
   std::vector<std::string> stores;
-  std::string folder, json;
+  std::string folder, json, instructions;
   uint32_t size = 512;
   int repetitions = 3;
   size_t calls = 1000000;
@@ -47,13 +48,14 @@ bool IsKitchen(const PapersScene& scene) {
   return scene.paper() && std::string_view(scene.paper()->name) == "Kitchen";
 }
 
-Result<Measured> Measure(const std::string& store, const Options& options) {
+Result<Measured> Measure(const std::string& store, bool from_key, const Options& options) {
   Measured m;
-  QUARRY_ASSIGN(m.scene, PapersScene::Load(store, options.size));
+  QUARRY_ASSIGN(m.scene, PapersScene::Load(store, options.size, from_key));
   QUARRY_ASSIGN(m.timings, m.scene->Time(options.repetitions));
   QUARRY_ASSIGN(m.trees, m.scene->CountTrees());
   m.grid = m.scene->CountGrid();
-  if (IsKitchen(*m.scene)) m.kernels = MeasureKernels(*m.scene, options.repetitions, options.calls);
+  if (IsKitchen(*m.scene) && !from_key)
+    m.kernels = MeasureKernels(*m.scene, options.repetitions, options.calls);
   return m;
 }
 
@@ -79,7 +81,8 @@ void PrintScenes(const std::vector<Measured>& all) {
 
 void PrintTable1(const std::vector<Measured>& all) {
   fmt::print(
-      "\nTable 1: milliseconds a frame, median; {}, one core; the paper's on an ATI X800 XT PE. The last "
+      "\nTable 1: processor milliseconds a frame, median; {}, one core; the paper's on an ATI X800 XT PE. "
+      "The last "
       "columns: the tree as ours\n\n| scene | | brute | grid | restart | backtrack | brute / restart | "
       "grid / restart | restart / backtrack | restart, ours | backtrack, ours |\n"
       "|---|---|---|---|---|---|---|---|---|---|---|\n",
@@ -112,14 +115,16 @@ void PrintTable1(const std::vector<Measured>& all) {
 void PrintTable2(const std::vector<Measured>& all) {
   fmt::print(
       "\nTable 2: states of primary rays in millions. Transitions: leaves, each by the kernels Leaf and "
-      "Continue; in brackets those that are not empty. Factor: Down and Up over the stack's Down\n\n"
-      "| scene | tree | way | down | up | intersect | transitions | factor "
-      "|\n|---|---|---|---|---|---|---|---|\n");
+      "Continue; in brackets those that are not empty. Factors: Down and Up over the stack's Down, and over "
+      "kd-backtrack's Down, which the paper takes for the stack's\n\n"
+      "| scene | tree | way | down | up | intersect | transitions | to stack | to backtrack "
+      "|\n|---|---|---|---|---|---|---|---|---|\n");
   for (const Measured& m : all) {
     if (const PaperFigures* p = m.scene->paper(); p && p->restart_down > 0) {
-      fmt::print("| {} | paper | restart | {} | 0 | {} | {} | {:.2f} |\n", p->name, Theirs(p->restart_down),
-                 Theirs(p->intersect), Theirs(p->transitions), p->restart_down / p->backtrack_down);
-      fmt::print("| | paper | backtrack | {} | {} | {} | {} | {:.2f} |\n", Theirs(p->backtrack_down),
+      fmt::print("| {} | paper | restart | {} | 0 | {} | {} | - | {:.2f} |\n", p->name,
+                 Theirs(p->restart_down), Theirs(p->intersect), Theirs(p->transitions),
+                 p->restart_down / p->backtrack_down);
+      fmt::print("| | paper | backtrack | {} | {} | {} | {} | - | {:.2f} |\n", Theirs(p->backtrack_down),
                  Theirs(p->up), Theirs(p->intersect), Theirs(p->transitions),
                  (p->backtrack_down + p->up) / p->backtrack_down);
     }
@@ -130,25 +135,32 @@ void PrintTable2(const std::vector<Measured>& all) {
                                                                  {"push-down", &tree.push_down},
                                                                  {"ropes", &tree.ropes}};
       for (const auto& [name, c] : ways)
-        fmt::print("| {} | {} | {} | {:.2f} | {:.2f} | {:.2f} | {:.2f} ({:.2f}) | {:.2f} |\n",
+        fmt::print("| {} | {} | {} | {:.2f} | {:.2f} | {:.2f} | {:.2f} ({:.2f}) | {:.2f} | {:.2f} |\n",
                    m.scene->name(), tree.name, name, Millions(c->steps), Millions(c->ups), Millions(c->tests),
-                   Millions(c->leaves()), Millions(c->lists), Ratio(c->steps + c->ups, tree.stack.steps));
+                   Millions(c->leaves()), Millions(c->lists), Ratio(c->steps + c->ups, tree.stack.steps),
+                   Ratio(c->steps + c->ups, tree.backtrack.steps));
     }
   }
 }
 
-void PrintTable3(const std::vector<Measured>& all) {
+/// `instructions`: of kernels, by their names, a call; "-" is printed for the others.
+void PrintTable3(const std::vector<Measured>& all, const nlohmann::json& instructions) {
+  const auto counted = [&](const std::string& kernel) {
+    const auto found = instructions.find(kernel);
+    return found != instructions.end() && found->is_number() ? fmt::format("{:.1f}", found->get<double>())
+                                                             : "-";
+  };
   for (const Measured& m : all) {
     if (m.kernels.empty()) continue;
     fmt::print(
         "\nTable 3: kernels over the rays of {}, their tree; scalar, one core. Words of 32 bits, a call. "
-        "Instructions: not counted here, see callgrind\n\n| kernel | instructions | words in | out | "
+        "Instructions: those of --instructions\n\n| kernel | instructions | words in | out | "
         "dependent "
         "fetches | ns a call | GB/s | calls timed |\n|---|---|---|---|---|---|---|---|\n",
         m.scene->name());
     for (const KernelCost& k : m.kernels)
-      fmt::print("| {} | - | {:.1f} | {:.1f} | {:.2f} | {:.1f} | {:.2f} | {} |\n", k.name, k.words_in,
-                 k.words_out, k.fetches, k.nanoseconds, k.gigabytes_per_s, k.calls);
+      fmt::print("| {} | {} | {:.1f} | {:.1f} | {:.2f} | {:.1f} | {:.2f} | {} |\n", k.name, counted(k.name),
+                 k.words_in, k.words_out, k.fetches, k.nanoseconds, k.gigabytes_per_s, k.calls);
     fmt::print(
         "\nThe paper's, on an ATI X800 XT PE\n\n| kernel | instructions | floats in/out | dependent fetches "
         "| GB/s "
@@ -208,7 +220,9 @@ int Main(int argc, char** argv) {
   app.footer(
       "Example:\n  tests/bench/gpu_stores stores\n  quarry bench papers --folder stores --json "
       "papers.json\n\n"
-      "Cameras are those of NAME.path.json beside a store.");
+      "Cameras are those of NAME.path.json beside a store; BART scenes are measured by the first key of "
+      "their\n"
+      "animation as well.");
   app.add_option("store", options.stores, "Stores made by quarry-preprocess --no-textures");
   app.add_option("--folder", options.folder, "Stores frame-*.quarry of this folder: the paper's scenes")
       ->check(CLI::ExistingDirectory);
@@ -218,6 +232,9 @@ int Main(int argc, char** argv) {
   app.add_option("--repetitions", options.repetitions, "Medians of so many")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
+  app.add_option("--instructions", options.instructions,
+                 "Table 3's instructions, counted by another program: JSON, {\"KD Down\": 66, ...}")
+      ->check(CLI::ExistingFile);
   app.add_option("--json", options.json, "Results as JSON")->check(bench::CheckFigures);
   CLI11_PARSE(app, argc, argv);
   const auto fail = [](const std::string& message, int status) {
@@ -231,19 +248,29 @@ int Main(int argc, char** argv) {
                     ? "name stores, or a folder with --folder"
                     : options.folder + ": has no store frame-*.quarry; tests/bench/gpu_stores makes them",
                 2);
+  nlohmann::json instructions = nlohmann::json::object();
+  if (!options.instructions.empty()) {
+    instructions = nlohmann::json::parse(std::ifstream(options.instructions), nullptr, false);
+    if (!instructions.is_object()) return fail(options.instructions + ": is no JSON object of kernels", 2);
+  }
   std::vector<Measured> all;
   nlohmann::json results = nlohmann::json::array();
   for (const std::string& store : stores) {
-    Result<Measured> measured = Measure(store, options);
-    if (!measured) return fail(measured.error().message, measured.error().exit_status());
-    results.push_back(ToJson(*measured));
-    all.push_back(std::move(*measured));
+    const PaperFigures* paper = FiguresOf(store);
+    const bool has_key = paper && paper->key.fov_degrees > 0;
+    for (const bool from_key : {false, true}) {
+      if (from_key && !has_key) continue;
+      Result<Measured> measured = Measure(store, from_key, options);
+      if (!measured) return fail(measured.error().message, measured.error().exit_status());
+      results.push_back(ToJson(*measured));
+      all.push_back(std::move(*measured));
+    }
   }
   fmt::print("Primary rays of {0}x{0} pixels, medians of {1}.\n\n", options.size, options.repetitions);
   PrintScenes(all);
   PrintTable1(all);
   PrintTable2(all);
-  PrintTable3(all);
+  PrintTable3(all, instructions);
   return bench::WriteFigures(options.json, results.dump(2)) ? 0 : 1;
 }
 
