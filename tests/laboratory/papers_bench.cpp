@@ -48,14 +48,13 @@ bool IsKitchen(const PapersScene& scene) {
   return scene.paper() && std::string_view(scene.paper()->name) == "Kitchen";
 }
 
-Result<Measured> Measure(const std::string& store, bool from_key, const Options& options) {
+Result<Measured> Measure(const std::string& store, const Options& options) {
   Measured m;
-  QUARRY_ASSIGN(m.scene, PapersScene::Load(store, options.size, from_key));
+  QUARRY_ASSIGN(m.scene, PapersScene::Load(store, options.size));
   QUARRY_ASSIGN(m.timings, m.scene->Time(options.repetitions));
   QUARRY_ASSIGN(m.trees, m.scene->CountTrees());
   m.grid = m.scene->CountGrid();
-  if (IsKitchen(*m.scene) && !from_key)
-    m.kernels = MeasureKernels(*m.scene, options.repetitions, options.calls);
+  if (IsKitchen(*m.scene)) m.kernels = MeasureKernels(*m.scene, options.repetitions, options.calls);
   return m;
 }
 
@@ -218,11 +217,9 @@ int Main(int argc, char** argv) {
   Options options;
   CLI::App app("The tables of Foley & Sugerman 2005 on this machine, on one core, as Markdown.");
   app.footer(
-      "Example:\n  tests/bench/gpu_stores stores\n  quarry bench papers --folder stores --json "
+      "Example:\n  tests/laboratory/make_scenes stores\n  quarry bench papers --folder stores --json "
       "papers.json\n\n"
-      "Cameras are those of NAME.path.json beside a store; BART scenes are measured by the first key of "
-      "their\n"
-      "animation as well.");
+      "Cameras are those of NAME.path.json beside a store.");
   app.add_option("store", options.stores, "Stores made by quarry-preprocess --no-textures");
   app.add_option("--folder", options.folder, "Stores frame-*.quarry of this folder: the paper's scenes")
       ->check(CLI::ExistingDirectory);
@@ -256,15 +253,10 @@ int Main(int argc, char** argv) {
   std::vector<Measured> all;
   nlohmann::json results = nlohmann::json::array();
   for (const std::string& store : stores) {
-    const PaperFigures* paper = FiguresOf(store);
-    const bool has_key = paper && paper->key.fov_degrees > 0;
-    for (const bool from_key : {false, true}) {
-      if (from_key && !has_key) continue;
-      Result<Measured> measured = Measure(store, from_key, options);
-      if (!measured) return fail(measured.error().message, measured.error().exit_status());
-      results.push_back(ToJson(*measured));
-      all.push_back(std::move(*measured));
-    }
+    Result<Measured> measured = Measure(store, options);
+    if (!measured) return fail(measured.error().message, measured.error().exit_status());
+    results.push_back(ToJson(*measured));
+    all.push_back(std::move(*measured));
   }
   fmt::print("Primary rays of {0}x{0} pixels, medians of {1}.\n\n", options.size, options.repetitions);
   PrintScenes(all);

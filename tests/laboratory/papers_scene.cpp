@@ -36,17 +36,6 @@ uint64_t Differences(const std::vector<RayPacket>& a, const std::vector<RayPacke
   return differences;
 }
 
-CameraSpec ViewOf(const KeyView& key) {
-  CameraSpec camera;
-  for (int a = 0; a < 3; ++a) {
-    camera.eye[a] = key.eye[a];
-    camera.at[a] = key.eye[a] + key.direction[a];
-    camera.up[a] = key.up[a];
-  }
-  camera.fov_degrees = key.fov_degrees;
-  return camera;
-}
-
 }  // namespace
 
 const PaperFigures* FiguresOf(const std::string& store) {
@@ -56,8 +45,7 @@ const PaperFigures* FiguresOf(const std::string& store) {
   return nullptr;
 }
 
-Result<std::unique_ptr<PapersScene>> PapersScene::Load(const std::string& store, uint32_t size,
-                                                       bool from_key) {
+Result<std::unique_ptr<PapersScene>> PapersScene::Load(const std::string& store, uint32_t size) {
   constexpr uint32_t kSide = RayPacket::kSide;
   auto self = std::make_unique<PapersScene>();
   QUARRY_ASSIGN(self->scene_, LaboratoryScene::Load(store));
@@ -65,11 +53,7 @@ Result<std::unique_ptr<PapersScene>> PapersScene::Load(const std::string& store,
   self->paper_ = FiguresOf(store);
   self->name_ = self->paper_ ? self->paper_->name : std::filesystem::path(store).stem().string();
   const SceneMeta& meta = scene.catalog().meta;
-  QUARRY_ASSIGN(CameraSpec view, bench::FindView(store, meta, false));
-  if (from_key) {
-    view = ViewOf(self->paper_->key);
-    self->name_ += ", first key";
-  }
+  QUARRY_ASSIGN(const CameraSpec view, bench::FindView(store, meta, false));
   const Camera camera(view, size, size, meta.root_lower, meta.root_upper);
   const uint32_t across = size / kSide;
   self->packets_.resize(size_t{across} * across);

@@ -15,13 +15,6 @@
 
 namespace quarry::laboratory {
 
-/// A camera of a BART scene's animation: the first key of `k camera` in its .aff, and the angle of its `v`.
-/// Unturned, a camera looks along -z with y up.
-struct KeyView {
-  double eye[3], direction[3], up[3];
-  double fov_degrees;  ///< 0: the scene has no animation
-};
-
 /// What Foley & Sugerman 2005 tell of one of their scenes. Times: milliseconds a frame, on an ATI X800 XT PE.
 struct PaperFigures {
   const char* store;  ///< the store's name begins so
@@ -31,39 +24,12 @@ struct PaperFigures {
   double brute, grid_ms, restart, backtrack;
   /// Table 2, in millions; 0: not told.
   double restart_down, backtrack_down, up, intersect, transitions;
-  KeyView key;
 };
 inline constexpr PaperFigures kPaperFigures[] = {
-    {"frame-cornell", "Cornell Box", 32, {2, 2, 2}, 23, 63, 80, 84, 0, 0, 0, 0, 0, {}},
-    {"frame-bunny", "Bunny", 69451, {50, 50, 50}, 4620, 357, 701, 690, 0, 0, 0, 0, 0, {}},
-    {"frame-robots",
-     "Robots",
-     71708,
-     {50, 50, 50},
-     4770,
-     8344,
-     968,
-     946,
-     31.68,
-     13.49,
-     9.80,
-     6.84,
-     2.48,
-     {{-3.5, 2, -203}, {0.058812, 0.098707, -0.993377}, {-0.005843, 0.995116, 0.098534}, 36.869890479389504}},
-    {"frame-kitchen",
-     "Kitchen",
-     110561,
-     {50, 50, 50},
-     7350,
-     2687,
-     992,
-     857,
-     21.80,
-     10.86,
-     7.78,
-     5.91,
-     2.13,
-     {{3.75, 2.3, 3.6}, {-0.313464, -0.419814, -0.851761}, {-0.127003, 0.907444, -0.400520}, 40}}};
+    {"frame-cornell", "Cornell Box", 32, {2, 2, 2}, 23, 63, 80, 84, 0, 0, 0, 0, 0},
+    {"frame-bunny", "Bunny", 69451, {50, 50, 50}, 4620, 357, 701, 690, 0, 0, 0, 0, 0},
+    {"frame-robots", "Robots", 71708, {50, 50, 50}, 4770, 8344, 968, 946, 31.68, 13.49, 9.80, 6.84, 2.48},
+    {"frame-kitchen", "Kitchen", 110561, {50, 50, 50}, 7350, 2687, 992, 857, 21.80, 10.86, 7.78, 5.91, 2.13}};
 
 /// The figures of a store's scene; null for another scene.
 const PaperFigures* FiguresOf(const std::string& store);
@@ -86,9 +52,8 @@ struct Timing {
 /// One scene with all structures of the paper.
 class PapersScene {
  public:
-  /// `size`: pixels on a side, a multiple of 8. `from_key`: by the view of the paper's figures, which must
-  /// have one; else by the camera beside the store.
-  static Result<std::unique_ptr<PapersScene>> Load(const std::string& store, uint32_t size, bool from_key);
+  /// `size`: pixels on a side, a multiple of 8. The view is that of the camera beside the store.
+  static Result<std::unique_ptr<PapersScene>> Load(const std::string& store, uint32_t size);
 
   LaboratoryScene& scene() const { return *scene_; }
   const std::string& name() const { return name_; }
