@@ -233,7 +233,11 @@ int Main(int argc, char** argv) {
                  "Table 3's instructions, counted by another program: JSON, {\"KD Down\": 66, ...}")
       ->check(CLI::ExistingFile);
   app.add_option("--json", options.json, "Results as JSON")->check(bench::CheckFigures);
-  CLI11_PARSE(app, argc, argv);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;
+  }
   const auto fail = [](const std::string& message, int status) {
     fmt::print(stderr, "quarry-bench-papers: {}\n", message);
     return status;

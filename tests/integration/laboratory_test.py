@@ -1,0 +1,95 @@
+#!/usr/bin/env python3
+"""The papers' laboratory, as a user runs it on small scenes: `quarry bench stream` and `quarry bench papers`, their tables, JSON and pictures,
+and one sentence for what cannot be.
+Usage: tests/integration/laboratory_test.py   QUARRY_BIN: the programs, else build/release/bin"""
+import json
+import shutil
+import unittest
+
+from programs import Case, main
+
+VALGRIND = shutil.which("valgrind")
+SMALL = ("--size", 96, "--path-size", 48, "--quiet")
+
+
+class Laboratory(Case):
+    def stream(self, store, *options):
+        return self.must("quarry", "bench", "stream", store, *SMALL, *options).stdout
+
+    @unittest.skipUnless(VALGRIND, "valgrind is not installed: instructions are not counted")
+    def test_instructions_are_counted(self):
+        figures = self.folder / "counted.json"
+        text = self.stream(self.store("cornell", 3000), "--structure", "backtrack", "--tree", "theirs", "--no-check", "--count-size", 16, "--json", figures)
+        self.assertNotIn("not counted", text)
+        for row in json.loads(figures.read_text())["renderers"]:
+            self.assertGreater(row["instructions"]["up"]["body"], 5, row["renderer"])
+
+    def test_the_machine_makes_the_papers_tables_and_figures(self):
+        store = self.store("cornell", 3000)
+        for structure in ("grid", "restart", "push-down", "backtrack"):
+            figures = self.folder / f"{structure}.json"
+            options = ["--plots", self.folder] if structure == "grid" else []
+            if structure != "grid" or not VALGRIND:
+                options.append("--no-instructions")
+            text = self.stream(store, "--structure", structure, "--cells", 16, "--json", figures, *options)
+            for heading in ("Table 1", "Table 2", "Figure 6", "Figure 7", "Figures 8 and 9", "Table 3"):
+                self.assertIn(heading, text)
+            study = json.loads(figures.read_text())
+            for row in study["oracles"]:
+                self.assertGreaterEqual(row["structure_passes"], row["least_structure_passes"], row)
+            for row in study["renderers"]:
+                self.assertTrue(row["same_schedules"], row["renderer"])
+                if row["renderer"] != "path":
+                    self.assertTrue(row["same_as_render"], row["renderer"])
+            tests = study["renderers"][0]["tests"]
+            self.assertEqual(tests, study["multipass"]["tests"])
+            self.assertEqual(tests, study["tiled"]["tests"])
+            self.assertLess(sum(study["unrolled"]["bytes"].values()), sum(study["multipass"]["bytes"].values()))
+        if VALGRIND:
+            instructions = json.loads((self.folder / "grid.json").read_text())["renderers"][0]["instructions"]
+            self.assertTrue(20 < instructions["traverse"]["body"] < 1000, instructions)
+            self.assertTrue((self.folder / "cornell-figure-7.png").exists())
+        for figure in (8, 9):
+            picture = (self.folder / f"cornell-figure-{figure}.png").read_bytes()
+            self.assertTrue(picture.startswith(b"\x89PNG"))
+            self.assertGreater(len(picture), 5000)
+
+    def test_a_larger_cache_of_more_ways_reads_less(self):
+        store = self.store("forest", 20000)
+
+        def cached(*options):
+            figures = self.folder / "cache.json"
+            self.stream(store, "--cells", 24, "--no-instructions", "--no-check", "--json", figures, *options)
+            return sum(json.loads(figures.read_text())["renderers"][0]["cached_bytes"].values())
+        self.assertLess(cached("--cache", 1 << 20, "--ways", 4), cached("--cache", 16384))
+
+    def test_foleys_tables(self):
+        figures = self.folder / "papers.json"
+        stores = self.store("cornell", 3000), self.store("forest", 20000)
+        text = self.must("quarry", "bench", "papers", *stores, "--size", 64, "--repetitions", 1, "--json", figures).stdout
+        self.assertIn("Table 1", text)
+        self.assertIn("Table 2", text)
+        for scene in json.loads(figures.read_text()):
+            for name, tree in scene["trees"].items():
+                stack, restart, backtrack = tree["stack"], tree["restart"], tree["backtrack"]
+                for of in (restart, backtrack):
+                    self.assertEqual((stack["lists"], stack["empty_lists"], stack["tests"]), (of["lists"], of["empty_lists"], of["tests"]), name)
+                # The pseudocode searches the split again that it resumes at.
+                self.assertEqual(backtrack["down"], stack["down"] + backtrack["resumes"])
+                self.assertGreaterEqual(restart["down"], backtrack["down"])
+
+    def test_what_cannot_be_is_one_sentence(self):
+        store = self.store("cornell", 3000)
+        for options, words in ((["--line", 3], "line"), (["--structure", "octree"], "octree"), (["--oracle", "delphi"], "delphi"),
+                               (["--json", self.folder / "none" / "x.json"], "none")):
+            done = self.must_fail(2, ".", "quarry", "bench", "stream", store, *SMALL, *options)
+            self.assertIn(words, done.stderr)
+            self.assertEqual(done.stdout, "")
+        (self.folder / "no.quarry").write_bytes(b"no store")
+        done = self.must_fail(1, r"no\.quarry", "quarry", "bench", "stream", self.folder / "no.quarry", "--quiet")
+        self.assertEqual(len(done.stderr.strip().splitlines()), 1, done.stderr)
+        self.must_fail(1, r"absent\.quarry", "quarry", "bench", "papers", self.folder / "absent.quarry")
+
+
+if __name__ == "__main__":
+    main()
