@@ -79,8 +79,8 @@ void CheckCells(const UniformGrid& grid, const TestRay& ray) {
     for (uint32_t a = 0; a < 3; ++a) {
       const uint32_t rises = line.Rises(a) ? 1 : 0;
       const uint32_t last = rises ? grid.resolution()[a] - 1 : 0;
-      CHECK((first && state.cell[a] == grid.resolution()[a] - 1 - last) |
-            (line.PlaneAt(grid.Plane(a, state.cell[a] + 1 - rises), a) <= t));
+      const bool at_border = first && state.cell[a] == grid.resolution()[a] - 1 - last;
+      CHECK((at_border || line.PlaneAt(grid.Plane(a, state.cell[a] + 1 - rises), a) <= t));
       const float exit = line.PlaneAt(grid.Plane(a, state.cell[a] + rises), a);
       CHECK((exit > t || (!first && exit == t) || (first && state.cell[a] == last)));
     }

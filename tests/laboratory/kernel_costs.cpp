@@ -38,7 +38,8 @@ struct Written {
   Came came;
 };
 
-constexpr double Words(size_t bytes) { return static_cast<double>(bytes / sizeof(uint32_t)); }
+/// Requires: whole words.
+constexpr double Words(size_t bytes) { return static_cast<double>(bytes) / sizeof(uint32_t); }
 
 /// Times `run(memory, i)` over the calls, and counts its fetches. `in`, `out`: words of streams a call.
 template <class Run>

@@ -68,10 +68,7 @@ class Kernels {
 
   /// The eye ray of a sample. Returns: false where it misses the scene's box; the background is then added.
   [[gnu::noinline]] bool GenerateBody(uint32_t pixel, uint32_t sample, Registers& r, PixelSum& sum) {
-    const View& view = picture_.context.view;
-    const glm::vec2 at = PixelSample(view.seed, pixel, sample);
-    const PrimaryRay ray = picture_.context.camera.Shoot(pixel % view.width + static_cast<double>(at.x),
-                                                         pixel / view.width + static_cast<double>(at.y));
+    const PrimaryRay ray = EyeRayOf(picture_, pixel, sample);
     for (int a = 0; a < 3; ++a) {
       r.ray.origin[a] = ray.origin[a];
       r.ray.direction[a] = ray.direction[a];
@@ -81,7 +78,7 @@ class Kernels {
     r.path = {glm::vec3(1), kPrimaryPath, 0};
     r.pending = 0;
     r.stencil = Stencil::Of(ray.misses ? Stage::kDone : Stage::kSetup, RayKind::kClosest);
-    if (ray.misses) sum.Add(view.background);
+    if (ray.misses) sum.Add(picture_.context.view.background);
     return !ray.misses;
   }
 

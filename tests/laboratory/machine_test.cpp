@@ -2,6 +2,7 @@
 // bit.
 #include "tests/laboratory/machine.h"
 
+#include <bit>
 #include <cstring>
 
 #include "common/engine/renderer.h"
@@ -77,7 +78,8 @@ std::vector<float> RenderedBy(const std::string& store, const View& view) {
 size_t Unlike(const std::vector<float>& a, const std::vector<float>& b) {
   REQUIRE(a.size() == b.size());
   size_t unlike = 0;
-  for (size_t i = 0; i < a.size(); ++i) unlike += std::memcmp(&a[i], &b[i], sizeof(float)) != 0 ? 1 : 0;
+  for (size_t i = 0; i < a.size(); ++i)
+    unlike += std::bit_cast<uint32_t>(a[i]) != std::bit_cast<uint32_t>(b[i]) ? 1 : 0;
   return unlike;
 }
 

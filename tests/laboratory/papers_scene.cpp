@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <bit>
-#include <cstring>
 #include <filesystem>
 
 #include "common/scene/camera.h"
@@ -25,8 +24,9 @@ double Seconds(Clock::time_point start) {
 }
 
 bool Same(const Hit& a, const Hit& b) {
-  return a.triangle == b.triangle && std::memcmp(&a.t, &b.t, sizeof a.t) == 0 &&
-         std::memcmp(&a.b1, &b.b1, sizeof a.b1) == 0 && std::memcmp(&a.b2, &b.b2, sizeof a.b2) == 0;
+  const auto bits = [](float value) { return std::bit_cast<uint32_t>(value); };
+  return a.triangle == b.triangle && bits(a.t) == bits(b.t) && bits(a.b1) == bits(b.b1) &&
+         bits(a.b2) == bits(b.b2);
 }
 
 uint64_t Differences(const std::vector<RayPacket>& a, const std::vector<RayPacket>& b) {
@@ -60,9 +60,8 @@ Result<std::unique_ptr<PapersScene>> PapersScene::Load(const std::string& store,
   self->active_.resize(self->packets_.size());
   for (size_t p = 0; p < self->packets_.size(); ++p)
     for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
-      const auto x = static_cast<double>(p % across * kSide + i % kSide) + 0.5;
-      const auto y = static_cast<double>(p / across * kSide + i / kSide) + 0.5;
-      const PrimaryRay shot = camera.Shoot(x, y);
+      const size_t x = p % across * kSide + i % kSide, y = p / across * kSide + i / kSide;
+      const PrimaryRay shot = camera.Shoot(static_cast<double>(x) + 0.5, static_cast<double>(y) + 0.5);
       Ray ray;
       ray.origin = shot.origin;
       ray.direction = shot.direction;

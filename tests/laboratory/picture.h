@@ -6,6 +6,7 @@
 
 #include "common/base/status.h"
 #include "common/engine/view_context.h"
+#include "common/math/sampling.h"
 #include "tests/laboratory/ray_state.h"
 #include "tests/laboratory/scene.h"
 
@@ -36,6 +37,14 @@ struct Picture {
   bool bounces() const { return renderer == Renderer::kWhitted; }
   uint32_t pixels() const { return context.view.width * context.view.height; }
 };
+
+/// The eye ray of a sample, as workers generate it.
+inline PrimaryRay EyeRayOf(const Picture& picture, uint32_t pixel, uint32_t sample) {
+  const View& view = picture.context.view;
+  const glm::vec2 at = PixelSample(view.seed, pixel, sample);
+  const uint32_t x = pixel % view.width, y = pixel / view.width;
+  return picture.context.camera.Shoot(x + static_cast<double>(at.x), y + static_cast<double>(at.y));
+}
 
 /// A view of the scene with the lights that `quarry render` would take. Errors: those of NormalizeView().
 Result<View> MakeView(const LaboratoryScene& scene, Renderer renderer, const CameraSpec& camera,

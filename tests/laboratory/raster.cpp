@@ -7,7 +7,6 @@
 
 #include "common/kdtree/trace/triangle_test.h"
 #include "common/math/next_float.h"
-#include "common/math/sampling.h"
 #include "common/scene/view_basis.h"
 
 namespace quarry::laboratory {
@@ -78,9 +77,7 @@ std::vector<HitState> Rasterize(const Picture& picture, std::span<const uint32_t
   for (uint32_t i = 0; i < pixels.size(); ++i) {
     const uint32_t pixel = pixels[i];
     place[pixel] = i;
-    const glm::vec2 at = PixelSample(view.seed, pixel, sample);
-    const PrimaryRay eye = picture.context.camera.Shoot(pixel % view.width + static_cast<double>(at.x),
-                                                        pixel / view.width + static_cast<double>(at.y));
+    const PrimaryRay eye = EyeRayOf(picture, pixel, sample);
     Ray ray;
     ray.origin = eye.origin;
     ray.direction = eye.direction;
