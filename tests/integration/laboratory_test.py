@@ -26,7 +26,7 @@ class Laboratory(Case):
 
     def test_the_machine_makes_the_papers_tables_and_figures(self):
         store = self.store("cornell", 3000)
-        for structure in ("grid", "restart", "push-down", "backtrack"):
+        for structure in ("grid", "restart", "push-down", "backtrack", "ropes"):
             figures = self.folder / f"{structure}.json"
             options = ["--plots", self.folder] if structure == "grid" else []
             if structure != "grid" or not VALGRIND:

@@ -9,13 +9,15 @@
 namespace quarry::laboratory {
 
 GridResolution CubicalResolution(const Box& box, uint32_t least) {
-  const float shortest = std::min({box.extent(0), box.extent(1), box.extent(2)});
-  const float size = shortest / static_cast<float>(least);
-  GridResolution resolution;
-  for (uint32_t a = 0; a < 3; ++a)
-    resolution[a] =
-        std::max(least, static_cast<uint32_t>(std::lround(box.extent(static_cast<int>(a)) / size)));
-  return resolution;
+  const double shortest = std::min({box.extent(0), box.extent(1), box.extent(2)});
+  const double longest = std::max({box.extent(0), box.extent(1), box.extent(2)});
+  for (double size = std::max(shortest / least, longest / kMostCells);; size *= 1.25) {
+    double cells[3], all = 1;
+    for (int a = 0; a < 3; ++a) all *= cells[a] = std::max(1.0, std::round(box.extent(a) / size));
+    if (all > kMostCells) continue;
+    return {static_cast<uint32_t>(cells[0]), static_cast<uint32_t>(cells[1]),
+            static_cast<uint32_t>(cells[2])};
+  }
 }
 
 UniformGrid::UniformGrid(std::span<const KdTriangle> triangles, float padding, const Box& box,

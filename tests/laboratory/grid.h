@@ -14,7 +14,11 @@ namespace quarry::laboratory {
 /// Cells along each axis.
 using GridResolution = std::array<uint32_t, 3>;
 
-/// Nearly cubical cells, `least` of them along the shortest axis of `box`.
+/// Limit of CubicalResolution(): 512 MiB of cells.
+inline constexpr double kMostCells = 1 << 27;
+
+/// Nearly cubical cells, `least` of them along the shortest axis of `box`; fewer where all together would be
+/// more than kMostCells, as in a flat box. Requires: the box has an extent.
 GridResolution CubicalResolution(const Box& box, uint32_t least);
 
 /// A uniform grid. A cell is one word: null, or the place of its list, whose first word is the number of

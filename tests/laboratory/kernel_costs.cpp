@@ -9,7 +9,7 @@ namespace quarry::laboratory {
 namespace {
 
 /// A hit as a stream has it: 4 words.
-struct HitState {
+struct HitWords {
   float t;
   uint32_t triangle;
   float b1, b2;
@@ -27,7 +27,7 @@ struct Call {
 struct Test {
   RayStart ray;
   uint32_t entry;  ///< of the list texture
-  HitState hit;
+  HitWords hit;
 };
 
 /// What a kernel's call writes.
@@ -46,7 +46,7 @@ template <class Run>
 KernelCost Measure(std::string name, size_t calls, double in, double out, int repetitions, const Run& run) {
   KernelCost cost{std::move(name), calls};
   if (calls == 0) return cost;
-  CountingMemory counting;
+  FetchCounter counting;
   for (size_t i = 0; i < calls; ++i) run(counting, i);
   const auto n = static_cast<double>(calls);
   cost.words_in = in + static_cast<double>(counting.words) / n;
@@ -147,9 +147,9 @@ std::vector<KernelCost> KernelsOf(const std::string& prefix, const A& structure,
                             out[i].state = call.state;
                             out[i].came = structure.Leave(memory, call.constant, out[i].state, call.best_t);
                           }));
-  std::vector<HitState> hits(recorded.tests.size());
+  std::vector<HitWords> hits(recorded.tests.size());
   costs.push_back(Measure(prefix + " Intersect", recorded.tests.size(), Words(sizeof(Test)),
-                          Words(sizeof(HitState)), repetitions, [&](auto& memory, size_t i) {
+                          Words(sizeof(HitWords)), repetitions, [&](auto& memory, size_t i) {
                             const Test& test = recorded.tests[i];
                             Hit hit{test.hit.t, test.hit.triangle, test.hit.b1, test.hit.b2};
                             TestPlace(scene, memory, FrameOf(test.ray),
@@ -163,10 +163,10 @@ std::vector<KernelCost> KernelsOf(const std::string& prefix, const A& structure,
 KernelCost BruteIntersect(const PapersScene& papers, int repetitions, size_t most) {
   const std::vector<KdTriangle>& triangles = papers.scene().triangles();
   const size_t calls = std::min(papers.rays(), most);
-  std::vector<HitState> hits(calls, {std::numeric_limits<float>::max(), kNoTriangle, 0, 0});
+  std::vector<HitWords> hits(calls, {std::numeric_limits<float>::max(), kNoTriangle, 0, 0});
   uint32_t triangle = 0;
-  return Measure("Brute Intersect", calls, Words(sizeof(RayStart) + sizeof(HitState)),
-                 Words(sizeof(HitState)), repetitions, [&](auto&, size_t i) {
+  return Measure("Brute Intersect", calls, Words(sizeof(RayStart) + sizeof(HitWords)),
+                 Words(sizeof(HitWords)), repetitions, [&](auto&, size_t i) {
                    if (i == 0) triangle = (triangle + 1) % static_cast<uint32_t>(triangles.size());
                    const glm::vec3* p = triangles[triangle].vertices;
                    Hit hit{hits[i].t, hits[i].triangle, hits[i].b1, hits[i].b2};

@@ -12,7 +12,7 @@ namespace quarry::laboratory {
 
 /// Memory that counts the words and the places read of textures. Streams are counted by the size of their
 /// elements.
-struct CountingMemory {
+struct FetchCounter {
   uint64_t fetches = 0, words = 0;
 
   template <class T>

@@ -121,7 +121,13 @@ TEST_CASE("Multipass and branching give the pixels of a render") {
         CHECK(run.counts.steps == branching.counts.steps);
         CHECK(run.counts.tests == branching.counts.tests);
         CHECK(run.counts.shaded == branching.counts.shaded);
-        if (tile == 0) CHECK(run.counts.structure_passes() >= run.counts.least_passes);
+        if (tile != 0 || renderer != Renderer::kRaycast) continue;
+        // Each ray goes through all lists and tests all triangles.
+        const auto triangles = static_cast<uint32_t>(scene->triangles().size()), lists = (triangles + 6) / 7;
+        CHECK(run.counts.most_steps == lists);
+        CHECK(run.counts.most_tests == triangles);
+        CHECK(run.counts.least_passes == uint64_t{2} * (lists + triangles));
+        CHECK(run.counts.structure_passes() >= run.counts.least_passes);
       }
   }
 }

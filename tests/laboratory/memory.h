@@ -40,8 +40,8 @@ struct Stream {
   DataKind kind = DataKind::kState;
 };
 
-/// Gives out addresses in the machine's memory, one array behind the other, each at a multiple of 4,096
-/// bytes. Not thread-safe.
+/// Gives out addresses in the machine's memory, one array behind the other, each at a multiple of
+/// 12,288 bytes: a page, and whole lines of 48 bytes. Not thread-safe.
 class AddressSpace {
  public:
   uint64_t Take(size_t bytes) {
@@ -59,7 +59,7 @@ class AddressSpace {
   }
 
  private:
-  static constexpr uint64_t kAlignment = 4096;
+  static constexpr uint64_t kAlignment = 12288;
   uint64_t next_ = kAlignment;
 };
 

@@ -239,16 +239,17 @@ int Main(int argc, char** argv) {
     return app.exit(error) == 0 ? 0 : 2;
   }
   const auto fail = [](const std::string& message, int status) {
-    fmt::print(stderr, "quarry-bench-papers: {}\n", message);
+    fmt::print(stderr, "quarry bench papers: {}\n", message);
     return status;
   };
   if (options.size % RayPacket::kSide != 0) return fail("--size: not a multiple of 8", 2);
   const std::vector<std::string> stores = StoresOf(options);
   if (stores.empty())
-    return fail(options.folder.empty()
-                    ? "name stores, or a folder with --folder"
-                    : options.folder + ": has no store frame-*.quarry; tests/bench/gpu_stores makes them",
-                2);
+    return fail(
+        options.folder.empty()
+            ? "name stores, or a folder with --folder"
+            : options.folder + ": has no store frame-*.quarry; tests/laboratory/make_scenes makes them",
+        2);
   nlohmann::json instructions = nlohmann::json::object();
   if (!options.instructions.empty()) {
     instructions = nlohmann::json::parse(std::ifstream(options.instructions), nullptr, false);

@@ -39,6 +39,8 @@ std::string ScriptOf(const StackedPlot& plot, const std::string& path) {
 
 }  // namespace
 
+bool GnuplotInstalled() { return !boost::process::search_path("gnuplot").empty(); }
+
 Status DrawStacked(const StackedPlot& plot, const std::string& path) {
   namespace bp = boost::process;
   const auto gnuplot = bp::search_path("gnuplot");

@@ -20,6 +20,8 @@ struct StackedPlot {
   std::vector<Column> columns;
 };
 
+bool GnuplotInstalled();
+
 /// Draws the plot by gnuplot into `path`, a PNG file. Errors: gnuplot is missing or fails; names the file.
 Status DrawStacked(const StackedPlot& plot, const std::string& path);
 

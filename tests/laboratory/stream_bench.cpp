@@ -12,9 +12,11 @@
 #include "deploy/model_cache.h"
 #include "tests/bench/figures.h"
 #include "tests/bench/views.h"
+#include "tests/laboratory/callgrind.h"
 #include "tests/laboratory/grid.h"
 #include "tests/laboratory/instructions.h"
 #include "tests/laboratory/kd_ways.h"
+#include "tests/laboratory/plots.h"
 #include "tests/laboratory/stream_tables.h"
 #include "tests/laboratory/study_run.h"
 
@@ -121,16 +123,22 @@ Result<Study> StudyWith(const A& accelerator, const Options& o, const Laboratory
     return study;
   }
   QUARRY_ASSIGN(const auto picture, MakePicture(scene, Renderer::kRaycast, o.study));
+  std::vector<std::vector<float>> pixels;
   for (uint32_t k = 0; k < kOracles; ++k) {
     Say(o, fmt::format("oracle {}...", kOracleNames[k]));
     const Oracle oracle{static_cast<OracleKind>(k), o.study.oracle.share};
-    study.oracles.push_back({kOracleNames[k], runner.Multipass(*picture, oracle, {}, 0).counts});
+    const auto run = runner.Multipass(*picture, oracle, {}, 0);
+    study.oracles.push_back({kOracleNames[k], run.counts});
+    pixels.push_back(run.pixels);
   }
   Say(o, "bandwidth of both schedules...");
   study.multipass = runner.CountedMultipass(*picture, {}, 0);
   study.unrolled = runner.CountedMultipass(*picture, o.study.unrolling, 0);
   study.tiled = runner.CountedMultipass(*picture, {}, o.study.tile);
   study.branching = runner.CountedBranching(*picture);
+  for (const CountedRun* run : {&study.multipass, &study.unrolled, &study.tiled})
+    pixels.push_back(run->pixels);
+  for (const auto& of : pixels) study.same_runs &= SamePixels(of, study.branching.pixels);
   for (uint32_t r = 0; r < kRenderers; ++r) {
     QUARRY_ASSIGN(const RendererRow row, StudyRenderer(runner, o, scene, store, static_cast<Renderer>(r)));
     study.renderers.push_back(row);
@@ -152,11 +160,16 @@ Result<Study> MakeStudy(const Options& o, LaboratoryScene& scene, const std::str
                                           : BuildStoreTree(scene.triangles(), scene.padding(), scene.box());
   const TextureTree tree(plain, scene.box(), addresses);
   if (o.accelerator == "restart") return StudyWith(KdRestart(tree), o, scene, addresses, store);
+  if (o.accelerator == "ropes")
+    return StudyWith(KdRopes(plain, scene.box(), addresses), o, scene, addresses, store);
   if (o.accelerator == "push-down") return StudyWith(KdPushDown(tree), o, scene, addresses, store);
   return StudyWith(KdBacktrack(tree), o, scene, addresses, store);
 }
 
 Result<int> Run(Options& o) {
+  if (o.only.empty() && !o.no_instructions && !ValgrindInstalled())
+    return Fail("valgrind is not installed: it counts instructions; without it, give --no-instructions");
+  if (!o.plots.empty() && !GnuplotInstalled()) return Fail("gnuplot is not installed: it draws --plots");
   QUARRY_ASSIGN(const std::string store, StoreFor(o.model, true));
   QUARRY_ASSIGN(const auto scene, LaboratoryScene::Load(store));
   QUARRY_ASSIGN(o.study.camera, bench::FindView(store, scene->catalog().meta, o.interior));
@@ -171,8 +184,12 @@ Result<int> Run(Options& o) {
   // The paper's bunny, or the same on a floor of two triangles.
   const size_t triangles = scene->triangles().size();
   PrintStudy(study, o.study, triangles == 69451 || triangles == 69453);
-  if (!o.plots.empty()) QUARRY_TRY(DrawStudy(study, o.plots, name));
   if (!bench::WriteFigures(o.json, StudyToJson(study).dump(2))) return 1;
+  if (!o.plots.empty()) QUARRY_TRY(DrawStudy(study, o.plots, name));
+  if (!study.same_runs) {
+    fmt::print(stderr, "{}: pictures of oracles, unrolled, tiled and branching runs differ\n", o.model);
+    return 1;
+  }
   for (const RendererRow& row : study.renderers)
     if (!row.same_schedules || (row.same_as_render && !*row.same_as_render)) {
       fmt::print(stderr, "{}: pictures differ, see table 3\n", o.model);
@@ -193,7 +210,7 @@ int Main(int argc, char** argv) {
   };
   app.add_option("model", o.model, "Store, or model without textures")->required();
   app.add_option("--structure", o.accelerator, "What rays go through")
-      ->check(CLI::IsMember({"grid", "restart", "push-down", "backtrack"}))
+      ->check(CLI::IsMember({"grid", "restart", "push-down", "backtrack", "ropes"}))
       ->capture_default_str();
   app.add_option("--tree", o.tree, "kd-trees: as stores have them, or as Foley & Sugerman's")
       ->check(CLI::IsMember({"ours", "theirs"}))

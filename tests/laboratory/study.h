@@ -23,6 +23,7 @@ struct CountedRun {
   std::array<uint64_t, kDataKinds> bytes{};           ///< read and written, by kind (figure 8)
   std::array<uint64_t, kDataKinds> cached_bytes{};    ///< the same behind a texture cache (figure 9)
   uint64_t triangle_accesses = 0, triangle_hits = 0;  ///< of vertices, in the cache
+  std::vector<float> pixels;                          ///< see MeansOf()
 
   uint64_t all_bytes() const;
   uint64_t all_cached_bytes() const;
@@ -40,8 +41,9 @@ using Instructions = std::array<KernelInstructions, kKernels>;
 CountedRun CountsOf(const CountingMemory& memory, const TextureCache& cache, const MachineCounts& counts,
                     bool multipass);
 
-/// The cost model C = R (Cr + v Cv + t Ct + s Cs) + R P Cstencil of section 3.2, in instructions.
-/// `branching`: bodies alone.
+/// The cost model of section 3.2, C = R (Cr + v Cv + t Ct + s Cs), in instructions: for each kernel the cost
+/// of a run, from one picture, times the runs of another. Without the term of the stencil, whose reads are no
+/// kernel's: they are MachineCounts::places bytes. `branching`: bodies alone.
 double PredictedInstructions(const Instructions& instructions, const MachineCounts& counts, bool branching);
 /// The same in 32-bit words: of each kernel the words a run from one picture, by the runs of another.
 double PredictedWords(const CountedRun& measured, const MachineCounts& counts);
@@ -77,6 +79,8 @@ struct Study {
   std::vector<OracleRow> oracles;
   CountedRun multipass, branching, unrolled, tiled;
   std::vector<RendererRow> renderers;  ///< the first is the ray caster
+  /// All oracles, the unrolled, the tiled and the branching run give the same bits.
+  bool same_runs = true;
 };
 
 }  // namespace quarry::laboratory

@@ -58,7 +58,9 @@ class StudyRunner {
     AddressSpace addresses = addresses_;
     Machine<A, CountingMemory> machine(accelerator_, picture, memory, addresses);
     body(machine);
-    return CountsOf(memory, cache, machine.counts(), multipass);
+    CountedRun run = CountsOf(memory, cache, machine.counts(), multipass);
+    run.pixels = MeansOf(machine.sums(), picture.context.view.spp);
+    return run;
   }
 
   const A& accelerator_;
