@@ -82,12 +82,18 @@ class Laboratory(Case):
         store = self.store("cornell", 3000)
         for options, words in ((["--line", 3], "line"), (["--structure", "octree"], "octree"), (["--oracle", "delphi"], "delphi"),
                                (["--json", self.folder / "none" / "x.json"], "none")):
-            done = self.must_fail(2, ".", "quarry", "bench", "stream", store, *SMALL, *options)
+            done = self.must_fail(2, rf"{words}|--help", "quarry", "bench", "stream", store, *SMALL, *options)
             self.assertIn(words, done.stderr)
             self.assertEqual(done.stdout, "")
         (self.folder / "no.quarry").write_bytes(b"no store")
         done = self.must_fail(1, r"no\.quarry", "quarry", "bench", "stream", self.folder / "no.quarry", "--quiet")
         self.assertEqual(len(done.stderr.strip().splitlines()), 1, done.stderr)
+        (self.folder / "empty.quarry").write_bytes(b"")
+        for what in ("stream", "papers"):
+            self.must_fail(1, r"empty\.quarry", "quarry", "bench", what, self.folder / "empty.quarry")
+        self.must_fail(2, "multiple of 8", "quarry", "bench", "papers", store, "--size", 12)
+        self.must_fail(2, "no store frame", "quarry", "bench", "papers", "--folder", self.folder)
+        self.must_fail(2, "no JSON object", "quarry", "bench", "papers", store, "--instructions", self.folder / "empty.quarry")
         self.must_fail(1, r"absent\.quarry", "quarry", "bench", "papers", self.folder / "absent.quarry")
 
 

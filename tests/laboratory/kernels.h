@@ -43,14 +43,10 @@ struct LocalPending {
 /// Rays for later in a stream: each is stored and loaded alone.
 template <class M>
 struct StreamPending {
-  void Push(const PendingRay& ray) { memory.Store(At(count++), 0, ray); }
-  PendingRay Pop() { return memory.Load(At(--count), 0); }
-  Stream<PendingRay> At(uint32_t place) const {
-    return {list.data[i].rays + place, list.address + i * sizeof(PendingList) + place * sizeof(PendingRay),
-            list.kind};
-  }
+  void Push(const PendingRay& ray) { memory.Store(list, i * kMostPending + count++, ray); }
+  PendingRay Pop() { return memory.Load(list, i * kMostPending + --count); }
   M& memory;
-  const Stream<PendingList>& list;
+  const Stream<PendingRay>& list;
   size_t i;
   uint32_t& count;
 };

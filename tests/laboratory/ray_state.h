@@ -71,9 +71,6 @@ struct PendingRay {
 };
 /// As in TileRenderer: the newest goes first, so that this many at most wait.
 inline constexpr size_t kMostPending = kMostBounces + 1;
-struct PendingList {
-  PendingRay rays[kMostPending];
-};
 
 /// A pixel's sum, exact, so that it does not depend on the order of its terms.
 struct PixelSum {
@@ -113,7 +110,7 @@ class RayStreams {
         paths_(count),
         lits_(count),
         pendings_(count),
-        lists_(bounces ? count : 0) {
+        lists_(bounces ? count * kMostPending : 0) {
     stencil = addresses.StreamOf(stencils_, DataKind::kStencil);
     ray = addresses.StreamOf(rays_);
     hit = addresses.StreamOf(hits_);
@@ -139,7 +136,7 @@ class RayStreams {
   Stream<PathState> path;
   Stream<LitState> lit;
   Stream<uint32_t> pending;
-  Stream<PendingList> list;
+  Stream<PendingRay> list;  ///< kMostPending a ray
 
  private:
   std::vector<Stencil> stencils_;
@@ -152,7 +149,7 @@ class RayStreams {
   std::vector<PathState> paths_;
   std::vector<LitState> lits_;
   std::vector<uint32_t> pendings_;
-  std::vector<PendingList> lists_;
+  std::vector<PendingRay> lists_;
 };
 
 }  // namespace quarry::laboratory

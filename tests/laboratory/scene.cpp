@@ -65,7 +65,6 @@ Result<std::unique_ptr<LaboratoryScene>> LaboratoryScene::Load(const std::string
   std::ranges::sort(places, {}, &Place::id);
   for (const Place& place : places) {
     const KdTriangle& triangle = triangles[place.at];
-    scene->ids_.push_back(place.id);
     scene->triangles_.push_back(triangle);
     scene->records_.push_back(records[place.at]);
     for (int c = 0; c < 3; ++c)

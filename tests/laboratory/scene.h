@@ -34,8 +34,6 @@ class LaboratoryScene {
   /// The cameras and lights of the model.
   const SceneViews& views() const { return store_->views(); }
   const std::vector<KdTriangle>& triangles() const { return triangles_; }
-  /// By place: the scene-wide ids.
-  const std::vector<uint32_t>& ids() const { return ids_; }
   /// Bound on the distance from a triangle to a hit, scene units; see ReferencePadding().
   float padding() const { return catalog().meta.padding; }
   /// The scene's box, padded.
@@ -49,7 +47,6 @@ class LaboratoryScene {
  private:
   std::unique_ptr<StoreReader> store_;
   std::vector<KdTriangle> triangles_;
-  std::vector<uint32_t> ids_;
   std::vector<Float3> corners_[3];
   std::vector<ShadingRecord> records_;
   AddressSpace addresses_;
