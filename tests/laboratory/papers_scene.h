@@ -43,7 +43,8 @@ struct TreeCounts {
   TraceCounts stack, restart, backtrack, push_down, ropes;
 };
 
-/// Processor seconds a frame of each repetition: other programs on the core do not count.
+/// Seconds a frame of each repetition: of a processor, so that other programs on the core do not count, or
+/// of a GPU.
 struct Timing {
   std::string name;
   std::vector<double> seconds;
@@ -68,9 +69,17 @@ class PapersScene {
   /// Counts, ray by ray. Errors: structures that find different hits.
   Result<std::vector<TreeCounts>> CountTrees();
   TraceCounts CountGrid();
-  /// Times brute force, grid, restart and backtrack over their tree, then over ours, on one core.
-  /// Errors: structures that find different hits.
-  Result<std::vector<Timing>> Time(int repetitions);
+  /// Times brute force, grid, restart and backtrack over their tree, then over ours, on one core. Brute force
+  /// can be left out. Errors: structures that find different hits.
+  Result<std::vector<Timing>> Time(int repetitions, bool brute_force);
+
+  /// The frame's rays, and of each packet the bits of those that meet the scene's box.
+  const std::vector<RayPacket>& packets() const { return packets_; }
+  const std::vector<uint64_t>& active() const { return active_; }
+  /// How many of the frame's rays have other hits in `found` than the first structure of Time() has found.
+  /// Requires: Time() has run.
+  uint64_t Differences(const std::vector<RayPacket>& found) const;
+  const KdRopes& ropes(size_t which) const { return *trees_[which].ropes; }
 
  private:
   struct Tree {
@@ -84,7 +93,7 @@ class PapersScene {
   std::string name_;
   const PaperFigures* paper_ = nullptr;
   std::unique_ptr<LaboratoryScene> scene_;
-  std::vector<RayPacket> packets_;
+  std::vector<RayPacket> packets_, found_;
   std::vector<uint64_t> active_;
   std::vector<RayStart> rays_;
   std::vector<Hit> hits_;  ///< of rays_, from the first structure counted

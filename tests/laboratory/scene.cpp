@@ -68,10 +68,12 @@ Result<std::unique_ptr<LaboratoryScene>> LaboratoryScene::Load(const std::string
     scene->triangles_.push_back(triangle);
     scene->records_.push_back(records[place.at]);
     for (int c = 0; c < 3; ++c)
-      scene->corners_[c].push_back({triangle.vertices[c].x, triangle.vertices[c].y, triangle.vertices[c].z});
+      scene->corner_data_[c].push_back(
+          {triangle.vertices[c].x, triangle.vertices[c].y, triangle.vertices[c].z});
   }
   for (int c = 0; c < 3; ++c)
-    scene->corner_[c] = scene->addresses_.TextureOf(scene->corners_[c], DataKind::kTriangles);
+    scene->corners_.corner[c] = scene->addresses_.TextureOf(scene->corner_data_[c], DataKind::kTriangles);
+  scene->corners_.count = static_cast<uint32_t>(scene->triangles_.size());
   scene->shading_ = scene->addresses_.TextureOf(scene->records_, DataKind::kShading);
   return scene;
 }

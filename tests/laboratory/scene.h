@@ -7,14 +7,9 @@
 #include "common/base/status.h"
 #include "common/kdtree/build/build.h"
 #include "common/voxel/store_reader.h"
-#include "tests/laboratory/memory.h"
+#include "tests/laboratory/triangles.h"
 
 namespace quarry::laboratory {
-
-/// Three floats of a texture.
-struct Float3 {
-  float x, y, z;
-};
 
 /// The shading data of a triangle: what the shade kernel reads at a hit.
 struct ShadingRecord {
@@ -41,16 +36,17 @@ class LaboratoryScene {
 
   /// Addresses behind those of the scene's textures. Not thread-safe.
   AddressSpace& addresses() { return addresses_; }
-  const Texture<Float3>& corner(int i) const { return corner_[i]; }
+  const TriangleCorners& corners() const { return corners_; }
+  const Texture<Float3>& corner(int i) const { return corners_.corner[i]; }
   const Texture<ShadingRecord>& shading() const { return shading_; }
 
  private:
   std::unique_ptr<StoreReader> store_;
   std::vector<KdTriangle> triangles_;
-  std::vector<Float3> corners_[3];
+  std::vector<Float3> corner_data_[3];
   std::vector<ShadingRecord> records_;
   AddressSpace addresses_;
-  Texture<Float3> corner_[3];
+  TriangleCorners corners_;
   Texture<ShadingRecord> shading_;
 };
 
