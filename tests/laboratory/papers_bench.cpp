@@ -41,7 +41,7 @@ std::string Theirs(double figure) { return figure > 0 ? fmt::format("{:.2f}", fi
 struct Measured {
   std::unique_ptr<PapersScene> scene;
   std::vector<Timing> timings, on_device;  ///< on_device: empty without a GPU
-  TraceCounts grid;
+  FrameCounts grid;
   std::vector<TreeCounts> trees;
   std::vector<KernelCost> kernels;  ///< of the kitchen alone
 };
@@ -220,9 +220,37 @@ void PrintTable3(const std::vector<Measured>& all, const nlohmann::json& instruc
   }
 }
 
-nlohmann::json CountsJson(const TraceCounts& c) {
-  return {{"down", c.steps},  {"up", c.ups},         {"lists", c.lists}, {"empty_lists", c.empty_lists},
-          {"tests", c.tests}, {"resumes", c.resumes}};
+/// Bytes that a frame reads from textures, over its time: of the fused kernels, whose streams are registers.
+void PrintFrames(const std::vector<Measured>& all) {
+  fmt::print(
+      "\nTable 3 of whole frames: megabytes read from textures, each read counted, and over table 1's times "
+      "the effective bandwidth in GB/s\n\n| scene | structure | MB | {}, one core | GPU |\n"
+      "|---|---|---|---|---|\n",
+      BestSimt().isa);
+  for (const Measured& m : all) {
+    const auto row = [&](const std::string& name, uint64_t words) {
+      const double megabytes = static_cast<double>(words) * sizeof(uint32_t) / 1e6;
+      const auto speed = [&](const std::vector<Timing>& timings) {
+        const double ms = Milliseconds(timings).Of(name);
+        return ms > 0 ? fmt::format("{:.2f}", megabytes / ms) : "-";
+      };
+      fmt::print("| {} | {} | {:.1f} | {} | {} |\n", m.scene->name(), name, megabytes, speed(m.timings),
+                 speed(m.on_device));
+    };
+    row("grid", m.grid.words);
+    for (const TreeCounts& tree : m.trees) {
+      const std::string of = &tree == m.trees.data() ? "" : ", ours";
+      row("restart" + of, tree.restart.words);
+      row("backtrack" + of, tree.backtrack.words);
+      row("push-down" + of, tree.push_down.words);
+      row("ropes" + of, tree.ropes.words);
+    }
+  }
+}
+
+nlohmann::json CountsJson(const FrameCounts& c) {
+  return {{"down", c.steps},  {"up", c.ups},          {"lists", c.lists}, {"empty_lists", c.empty_lists},
+          {"tests", c.tests}, {"resumes", c.resumes}, {"words", c.words}};
 }
 
 nlohmann::json ToJson(const Measured& m) {
@@ -329,6 +357,7 @@ int Main(int argc, char** argv) {
   PrintDevice(all, device);
   PrintTable2(all);
   PrintTable3(all, instructions);
+  PrintFrames(all);
   return bench::WriteFigures(options.json, results.dump(2)) ? 0 : 1;
 }
 

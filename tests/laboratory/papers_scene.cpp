@@ -81,28 +81,29 @@ Result<std::unique_ptr<PapersScene>> PapersScene::Load(const std::string& store,
 }
 
 template <class TraceRay>
-Result<TraceCounts> PapersScene::Count(const TraceRay& trace) {
-  TraceCounts counts;
+Result<FrameCounts> PapersScene::Count(const TraceRay& trace) {
+  FrameCounts counts;
+  FetchCounter memory;
   const bool first = hits_.empty();
   uint64_t differences = 0;
   for (size_t i = 0; i < rays_.size(); ++i) {
-    const Hit hit = trace(rays_[i], counts);
+    const Hit hit = trace(rays_[i], memory, counts);
     if (first)
       hits_.push_back(hit);
     else
       differences += Same(hit, hits_[i]) ? 0 : 1;
   }
   if (differences != 0) return Fail(fmt::format("{}: structures disagree on {} rays", name_, differences));
+  counts.words = memory.words;
   return counts;
 }
 
 Result<std::vector<TreeCounts>> PapersScene::CountTrees() {
   std::vector<TreeCounts> all;
-  PlainMemory memory;
   for (size_t which = 0; which < 2; ++which) {
     const TextureTree& tree = *trees_[which].tree;
     const auto by = [&](const auto& way) {
-      return Count([&](const RayStart& ray, TraceCounts& counts) {
+      return Count([&](const RayStart& ray, FetchCounter& memory, TraceCounts& counts) {
         return TraceOne(way, scene_->corners(), memory, ray, kFarthest, counts);
       });
     };
@@ -117,7 +118,7 @@ Result<std::vector<TreeCounts>> PapersScene::CountTrees() {
                       {},
                       {},
                       {}};
-    QUARRY_ASSIGN(counts.stack, Count([&](const RayStart& ray, TraceCounts& of_ray) {
+    QUARRY_ASSIGN(counts.stack, Count([&](const RayStart& ray, FetchCounter& memory, TraceCounts& of_ray) {
                     return TraceWithStack(tree, scene_->corners(), memory, ray, kFarthest, of_ray);
                   }));
     QUARRY_ASSIGN(counts.restart, by(KdRestart(tree)));
@@ -129,10 +130,11 @@ Result<std::vector<TreeCounts>> PapersScene::CountTrees() {
   return all;
 }
 
-TraceCounts PapersScene::CountGrid() {
-  TraceCounts counts;
-  PlainMemory memory;
+FrameCounts PapersScene::CountGrid() {
+  FrameCounts counts;
+  FetchCounter memory;
   for (const RayStart& ray : rays_) TraceOne(*grid_, scene_->corners(), memory, ray, kFarthest, counts);
+  counts.words = memory.words;
   return counts;
 }
 

@@ -70,7 +70,7 @@ TEST_CASE("the kernels of table 3 have the calls and the words of the frame") {
   const TestScene made = Generated("plant", 3000);
   const auto papers = Must(PapersScene::Load(made.store(), 64));
   const std::vector<TreeCounts> trees = Must(papers->CountTrees());
-  const TraceCounts grid = papers->CountGrid(), &kd = trees[0].backtrack;
+  const FrameCounts grid = papers->CountGrid(), &kd = trees[0].backtrack;
   constexpr size_t kAll = 1u << 30, kFew = 5000;
   const auto all = MeasureKernels(*papers, 1, kAll), few = MeasureKernels(*papers, 1, kFew);
   CHECK(Of(all, "Grid Setup").calls == papers->rays());
@@ -100,6 +100,10 @@ TEST_CASE("the kernels of table 3 have the calls and the words of the frame") {
   words("KD Down", 10 + 3 + 3 * leaves, 3 + 2, 1 + leaves);
   words("KD Up", 10 + 8, 3, 1);
   words("KD Intersect", 11 + 10, 4, 4);
+  // A frame's words: a cell a step and its list's length; a node a step and one a leaf, a leaf's parent where
+  // the ray goes on, a record a step up; of a test the entry of the list and three corners.
+  CHECK(grid.words == grid.steps + grid.lists + 10 * grid.tests);
+  CHECK(kd.words == 3 * (kd.steps + kd.leaves() + kd.resumes) + 8 * kd.ups + 10 * kd.tests);
   // Some calls: from all of the frame, and about so many as were asked for.
   for (const char* name : {"Grid Traverse", "Grid Intersect", "KD Down", "KD Intersect"}) {
     CAPTURE(name);
