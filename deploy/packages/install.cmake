@@ -28,8 +28,11 @@ foreach(page README.md deploy/README.md deploy/MANUAL.md preprocess/README.md pr
 endforeach()
 install(DIRECTORY ${CMAKE_SOURCE_DIR}/deploy/container ${CMAKE_SOURCE_DIR}/deploy/slurm DESTINATION ${CMAKE_INSTALL_DOCDIR}/deploy COMPONENT documentation)
 
-foreach(bench connection frames images import kernels loading papers plan simulate sources stores stream)
+foreach(bench connection frames images import kernels loading plan simulate sources stores stream)
   if(TARGET quarry-bench-${bench})
     install(TARGETS quarry-bench-${bench} RUNTIME DESTINATION ${QUARRY_LIBEXEC} COMPONENT benchmarks)
   endif()
 endforeach()
+if(TARGET quarry-packaged-bench-papers)
+  install(TARGETS quarry-packaged-bench-papers RUNTIME DESTINATION ${QUARRY_LIBEXEC} COMPONENT benchmarks)
+endif()

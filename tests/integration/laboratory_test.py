@@ -4,9 +4,10 @@ and one sentence for what cannot be.
 Usage: tests/integration/laboratory_test.py   QUARRY_BIN: the programs, else build/release/bin"""
 import json
 import shutil
+import subprocess
 import unittest
 
-from programs import Case, main
+from programs import BIN, Case, main
 
 VALGRIND = shutil.which("valgrind")
 SMALL = ("--size", 96, "--path-size", 48, "--quiet")
@@ -69,7 +70,7 @@ class Laboratory(Case):
         text = self.must("quarry", "bench", "papers", *stores, "--size", 64, "--repetitions", 1, "--json", figures).stdout
         self.assertIn("Table 1", text)
         self.assertIn("Table 2", text)
-        for scene in json.loads(figures.read_text()):
+        for scene in json.loads(figures.read_text())["scenes"]:
             for name, tree in scene["trees"].items():
                 stack, restart, backtrack = tree["stack"], tree["restart"], tree["backtrack"]
                 for of in (restart, backtrack):
@@ -83,12 +84,14 @@ class Laboratory(Case):
         text = self.must("quarry-emulated-bench-papers", self.store("cornell", 3000), "--size", 32, "--repetitions", 2, "--no-brute-force",
                          "--json", figures).stdout
         self.assertIn("Table 1 on a GPU, emulated warps", text)
-        self.assertNotIn("No GPU", text)
-        scene = json.loads(figures.read_text())[0]
+        self.assertNotIn("Nothing is measured on a GPU", text)
+        results = json.loads(figures.read_text())
+        self.assertEqual(results["gpu"]["name"], "emulated warps")
+        scene = results["scenes"][0]
         ways = [way + of for of in ("", ", ours") for way in ("restart", "backtrack", "push-down", "ropes")]
         self.assertEqual(sorted(scene["gpu_seconds"]), sorted(["grid", *ways]))
         for name, seconds in scene["gpu_seconds"].items():
-            self.assertEqual(len(seconds), 2, name)
+            self.assertEqual(len(seconds), 20, name)
         self.assertNotIn("brute", scene["seconds"])
         row = next(line for line in text.splitlines() if line.startswith("| cornell | - |"))
         self.assertEqual(row.count("|"), 15, row)
@@ -107,9 +110,16 @@ class Laboratory(Case):
         for what in ("stream", "papers"):
             self.must_fail(1, r"empty\.quarry", "quarry", "bench", what, self.folder / "empty.quarry")
         self.must_fail(2, "multiple of 8", "quarry", "bench", "papers", store, "--size", 12)
-        self.must_fail(2, "no store frame", "quarry", "bench", "papers", "--folder", self.folder)
+        self.must_fail(2, "none of the paper's scenes", "quarry", "bench", "papers", "--folder", self.folder)
         self.must_fail(2, "no JSON object", "quarry", "bench", "papers", store, "--instructions", self.folder / "empty.quarry")
-        self.must_fail(1, r"absent\.quarry", "quarry", "bench", "papers", self.folder / "absent.quarry")
+        # Before the first is measured, which takes minutes.
+        self.must_fail(1, r"absent\.quarry", "quarry", "bench", "papers", store, self.folder / "absent.quarry", "--size", 4096)
+        for what, options in (("papers", ["--size", 64]), ("stream", [*SMALL, "--no-instructions", "--no-check"])):
+            with open("/dev/full", "w", encoding="ascii") as full:
+                done = subprocess.run([str(BIN / "quarry"), "bench", what, str(store), *map(str, options)], stdout=full, stderr=subprocess.PIPE,
+                                      text=True, check=False)
+            self.assertEqual(done.returncode, 1, what)
+            self.assertIn("the tables cannot be written: No space left on device", done.stderr)
 
 
 if __name__ == "__main__":

@@ -152,6 +152,8 @@ class UniformGrid : public GridView {
   UniformGrid(const UniformGrid&) = delete;
   UniformGrid& operator=(const UniformGrid&) = delete;
 
+  /// What kernels read; it needs this to live.
+  GridView view() const { return *this; }
   uint64_t references() const { return references_; }
   uint64_t bytes() const { return sizeof(uint32_t) * (cell_data_.size() + list_data_.size()); }
 

@@ -28,6 +28,8 @@ class TextureTree : public TreeView {
   TextureTree(const TextureTree&) = delete;
   TextureTree& operator=(const TextureTree&) = delete;
 
+  /// What kernels read; it needs this to live.
+  TreeView view() const { return *this; }
   uint64_t splits() const { return extended_data_.size(); }
   uint64_t leaves() const { return node_data_.size() - 1 - extended_data_.size(); }
   uint64_t references() const { return list_data_.size(); }

@@ -259,6 +259,8 @@ class KdRopes : public RopesView {
   KdRopes(const KdTree& tree, const Box& box, AddressSpace& addresses);
   KdRopes(const KdRopes&) = delete;
   KdRopes& operator=(const KdRopes&) = delete;
+  /// What kernels read; it needs this to live.
+  RopesView view() const { return *this; }
 
  private:
   std::vector<KdNode> node_data_;

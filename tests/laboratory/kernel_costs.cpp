@@ -115,6 +115,17 @@ size_t StrideFor(const A& structure, const PapersScene& papers, size_t most) {
   return std::max<size_t>(1, (kEvery * busiest + most - 1) / most);
 }
 
+/// At most `most` rays from all of the frame.
+struct SomeRays {
+  const PapersScene& papers;
+  size_t stride, count;
+  SomeRays(const PapersScene& of, size_t most)
+      : papers(of), stride(std::max<size_t>(1, (of.rays() + most - 1) / most)) {
+    count = (of.rays() + stride - 1) / stride;
+  }
+  const RayStart& operator[](size_t i) const { return papers.ray_list()[i * stride]; }
+};
+
 template <class A>
 std::vector<KernelCost> KernelsOf(const std::string& prefix, const A& structure, const PapersScene& papers,
                                   int repetitions, size_t most) {
@@ -125,13 +136,12 @@ std::vector<KernelCost> KernelsOf(const std::string& prefix, const A& structure,
   std::vector<KernelCost> costs;
   constexpr double kRayWords = Words(sizeof(typename A::Constant)),
                    kStateWords = Words(sizeof(typename A::State));
-  const size_t starts = std::min(papers.rays(), most);
-  std::vector<Call<A>> set_up(starts);
-  costs.push_back(Measure(prefix + " Setup", starts, Words(sizeof(RayStart)), kRayWords + kStateWords,
+  const SomeRays some(papers, most);
+  std::vector<Call<A>> set_up(some.count);
+  costs.push_back(Measure(prefix + " Setup", some.count, Words(sizeof(RayStart)), kRayWords + kStateWords,
                           repetitions, [&](auto& memory, size_t i) {
-                            structure.Setup(memory, papers.ray_list()[i], 0,
-                                            std::numeric_limits<float>::max(), set_up[i].constant,
-                                            set_up[i].state);
+                            structure.Setup(memory, some[i], 0, std::numeric_limits<float>::max(),
+                                            set_up[i].constant, set_up[i].state);
                           }));
   std::vector<Written<A>> out(std::max({recorded.steps.size(), recorded.ups.size(), recorded.leaves.size()}));
   costs.push_back(Measure(prefix + (A::kGoesUp ? " Down" : " Traverse"), recorded.steps.size(),
@@ -168,15 +178,15 @@ std::vector<KernelCost> KernelsOf(const std::string& prefix, const A& structure,
 /// Every ray against one triangle, which is a constant of the kernel: no fetch depends on data.
 KernelCost BruteIntersect(const PapersScene& papers, int repetitions, size_t most) {
   const std::vector<KdTriangle>& triangles = papers.scene().triangles();
-  const size_t calls = std::min(papers.rays(), most);
-  std::vector<HitWords> hits(calls, {std::numeric_limits<float>::max(), kNoTriangle, 0, 0});
+  const SomeRays some(papers, most);
+  std::vector<HitWords> hits(some.count, {std::numeric_limits<float>::max(), kNoTriangle, 0, 0});
   uint32_t triangle = 0;
-  return Measure("Brute Intersect", calls, Words(sizeof(RayStart) + sizeof(HitWords)),
+  return Measure("Brute Intersect", some.count, Words(sizeof(RayStart) + sizeof(HitWords)),
                  Words(sizeof(HitWords)), repetitions, [&](auto&, size_t i) {
                    if (i == 0) triangle = (triangle + 1) % static_cast<uint32_t>(triangles.size());
                    const glm::vec3* p = triangles[triangle].vertices;
                    Hit hit{hits[i].t, hits[i].triangle, hits[i].b1, hits[i].b2};
-                   TestTriangle(FrameOf(papers.ray_list()[i]), p[0], p[1], p[2], triangle, hit);
+                   TestTriangle(FrameOf(some[i]), p[0], p[1], p[2], triangle, hit);
                    hits[i] = {hit.t, hit.triangle, hit.b1, hit.b2};
                  });
 }

@@ -5,6 +5,7 @@
 #include <bit>
 #include <filesystem>
 
+#include "common/base/check.h"
 #include "common/scene/camera.h"
 #include "tests/bench/stopwatch.h"
 #include "tests/bench/views.h"
@@ -23,18 +24,12 @@ double Seconds(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-bool Same(const Hit& a, const Hit& b) {
-  const auto bits = [](float value) { return std::bit_cast<uint32_t>(value); };
-  return a.triangle == b.triangle && bits(a.t) == bits(b.t) && bits(a.b1) == bits(b.b1) &&
-         bits(a.b2) == bits(b.b2);
-}
-
 }  // namespace
 
 const PaperFigures* FiguresOf(const std::string& store) {
-  const std::string name = std::filesystem::path(store).filename();
+  const std::string name = std::filesystem::path(store).stem();
   for (const PaperFigures& figures : kPaperFigures)
-    if (name.starts_with(figures.store)) return &figures;
+    if (name == figures.store) return &figures;
   return nullptr;
 }
 
@@ -87,7 +82,8 @@ Result<FrameCounts> PapersScene::Count(const TraceRay& trace) {
   const bool first = hits_.empty();
   uint64_t differences = 0;
   for (size_t i = 0; i < rays_.size(); ++i) {
-    const Hit hit = trace(rays_[i], memory, counts);
+    Hit hit = trace(rays_[i], memory, counts);
+    if (hit.triangle == kNoTriangle) hit = {};  // as RayPacket::HitOf()
     if (first)
       hits_.push_back(hit);
     else
@@ -130,19 +126,26 @@ Result<std::vector<TreeCounts>> PapersScene::CountTrees() {
   return all;
 }
 
-FrameCounts PapersScene::CountGrid() {
-  FrameCounts counts;
-  FetchCounter memory;
-  for (const RayStart& ray : rays_) TraceOne(*grid_, scene_->corners(), memory, ray, kFarthest, counts);
-  counts.words = memory.words;
-  return counts;
+Result<FrameCounts> PapersScene::CountGrid() {
+  return Count([&](const RayStart& ray, FetchCounter& memory, TraceCounts& counts) {
+    return TraceOne(*grid_, scene_->corners(), memory, ray, kFarthest, counts);
+  });
+}
+
+template <class F>
+void PapersScene::ForRays(const F& f) const {
+  size_t ray = 0;
+  for (size_t p = 0; p < packets_.size(); ++p)
+    for (uint64_t left = active_[p]; left != 0; left &= left - 1)
+      f(ray++, p, static_cast<uint32_t>(std::countr_zero(left)));
 }
 
 uint64_t PapersScene::Differences(const std::vector<RayPacket>& found) const {
+  QUARRY_CHECK_EQ(hits_.size(), rays_.size());
+  QUARRY_CHECK_EQ(found.size(), packets_.size());
   uint64_t differences = 0;
-  for (size_t p = 0; p < found.size(); ++p)
-    for (uint32_t i = 0; i < RayPacket::kRays; ++i)
-      differences += Same(found_[p].HitOf(i), found[p].HitOf(i)) ? 0 : 1;
+  ForRays(
+      [&](size_t ray, size_t p, uint32_t i) { differences += Same(hits_[ray], found[p].HitOf(i)) ? 0 : 1; });
   return differences;
 }
 
@@ -153,18 +156,17 @@ Result<std::vector<Timing>> PapersScene::Time(int repetitions, bool brute_force)
   const SimtGrid grid = GridOf(*grid_);
   const SimtTree trees[2] = {TreeOf(*trees_[0].tree), TreeOf(*trees_[1].tree)};
   struct Structure {
-    const char* name;
+    std::string name;
     std::function<void(SimtRays)> trace;
   };
   const std::vector<Structure> structures = {
       {"brute", [&](SimtRays rays) { simt.brute(lanes, rays); }},
       {"grid", [&](SimtRays rays) { simt.grid(lanes, grid, rays); }},
-      {"restart", [&](SimtRays rays) { simt.restart(lanes, trees[0], rays); }},
-      {"backtrack", [&](SimtRays rays) { simt.backtrack(lanes, trees[0], rays); }},
-      {"restart, ours", [&](SimtRays rays) { simt.restart(lanes, trees[1], rays); }},
-      {"backtrack, ours", [&](SimtRays rays) { simt.backtrack(lanes, trees[1], rays); }}};
+      {NameOf("restart", 0), [&](SimtRays rays) { simt.restart(lanes, trees[0], rays); }},
+      {NameOf("backtrack", 0), [&](SimtRays rays) { simt.backtrack(lanes, trees[0], rays); }},
+      {NameOf("restart", 1), [&](SimtRays rays) { simt.restart(lanes, trees[1], rays); }},
+      {NameOf("backtrack", 1), [&](SimtRays rays) { simt.backtrack(lanes, trees[1], rays); }}};
   std::vector<Timing> timings;
-  found_.clear();
   for (const Structure& structure : structures) {
     if (!brute_force && &structure == structures.data()) continue;
     Timing timing{structure.name, {}};
@@ -174,7 +176,7 @@ Result<std::vector<Timing>> PapersScene::Time(int repetitions, bool brute_force)
       const double start = bench::ProcessSeconds();
       structure.trace(rays);
       timing.seconds.push_back(bench::ProcessSeconds() - start);
-      if (found_.empty()) found_ = found;
+      if (hits_.empty()) ForRays([&](size_t, size_t p, uint32_t i) { hits_.push_back(found[p].HitOf(i)); });
       if (const uint64_t differences = Differences(found))
         return Fail(fmt::format("{}: {} finds other hits for {} rays", name_, structure.name, differences));
     }

@@ -17,7 +17,7 @@ namespace quarry::laboratory {
 
 /// What Foley & Sugerman 2005 tell of one of their scenes. Times: milliseconds a frame, on an ATI X800 XT PE.
 struct PaperFigures {
-  const char* store;  ///< the store's name begins so
+  const char* store;  ///< the store's name without .quarry
   const char* name;
   uint32_t triangles;
   GridResolution grid;
@@ -30,6 +30,11 @@ inline constexpr PaperFigures kPaperFigures[] = {
     {"frame-bunny", "Bunny", 69451, {50, 50, 50}, 4620, 357, 701, 690, 0, 0, 0, 0, 0},
     {"frame-robots", "Robots", 71708, {50, 50, 50}, 4770, 8344, 968, 946, 31.68, 13.49, 9.80, 6.84, 2.48},
     {"frame-kitchen", "Kitchen", 110561, {50, 50, 50}, 7350, 2687, 992, 857, 21.80, 10.86, 7.78, 5.91, 2.13}};
+
+/// What structures are called in tables and JSON, over their tree (0) and ours (1).
+inline std::string NameOf(const char* way, size_t tree) {
+  return way + std::string(tree == 0 ? "" : ", ours");
+}
 
 /// The figures of a store's scene; null for another scene.
 const PaperFigures* FiguresOf(const std::string& store);
@@ -84,18 +89,21 @@ class PapersScene {
   /// 0: theirs; 1: ours.
   const TextureTree& tree(size_t which) const { return *trees_[which].tree; }
 
-  /// Counts, ray by ray. Errors: structures that find different hits.
+  // The hits of all functions below, and of Differences(), are compared with those of the structure that ran
+  // first. Errors: structures that find different hits.
+
+  /// Counts, ray by ray.
   Result<std::vector<TreeCounts>> CountTrees();
-  FrameCounts CountGrid();
+  Result<FrameCounts> CountGrid();
   /// Times brute force, grid, restart and backtrack over their tree, then over ours, on one core. Brute force
-  /// can be left out. Errors: structures that find different hits.
+  /// can be left out.
   Result<std::vector<Timing>> Time(int repetitions, bool brute_force);
 
   /// The frame's rays, and of each packet the bits of those that meet the scene's box.
   const std::vector<RayPacket>& packets() const { return packets_; }
   const std::vector<uint64_t>& active() const { return active_; }
-  /// How many of the frame's rays have other hits in `found` than the first structure of Time() has found.
-  /// Requires: Time() has run.
+  /// How many of the frame's rays have other hits in `found` than the first structure. Requires: one has run;
+  /// `found` has the packets of the frame.
   uint64_t Differences(const std::vector<RayPacket>& found) const;
   const KdRopes& ropes(size_t which) const { return *trees_[which].ropes; }
 
@@ -105,16 +113,19 @@ class PapersScene {
     std::unique_ptr<KdRopes> ropes;
     double build_seconds = 0;
   };
+  /// Calls f(place in rays_, packet, lane) for the rays of ray_list().
+  template <class F>
+  void ForRays(const F& f) const;
   template <class TraceRay>
   Result<FrameCounts> Count(const TraceRay& trace);
 
   std::string name_;
   const PaperFigures* paper_ = nullptr;
   std::unique_ptr<LaboratoryScene> scene_;
-  std::vector<RayPacket> packets_, found_;
+  std::vector<RayPacket> packets_;
   std::vector<uint64_t> active_;
   std::vector<RayStart> rays_;
-  std::vector<Hit> hits_;  ///< of rays_, from the first structure counted
+  std::vector<Hit> hits_;  ///< of rays_, from the first structure
   std::unique_ptr<UniformGrid> grid_;
   Tree trees_[2];
 };

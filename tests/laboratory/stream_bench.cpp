@@ -3,6 +3,8 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <csignal>
+#include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <memory>
@@ -185,6 +187,8 @@ Result<int> Run(Options& o) {
   const size_t triangles = scene->triangles().size();
   PrintStudy(study, o.study, triangles == 69451 || triangles == 69453);
   if (!bench::WriteFigures(o.json, StudyToJson(study).dump(2))) return 1;
+  if (std::fflush(stdout) != 0)
+    return Fail(fmt::format("the tables cannot be written: {}", ErrnoText(errno)));
   if (!o.plots.empty()) QUARRY_TRY(DrawStudy(study, o.plots, name));
   if (!study.same_runs) {
     fmt::print(stderr, "{}: pictures of oracles, unrolled, tiled and branching runs differ\n", o.model);
@@ -267,6 +271,7 @@ int Main(int argc, char** argv) {
     fmt::print(stderr, "quarry bench stream: {}\n", cache.error().message);
     return 2;
   }
+  std::signal(SIGPIPE, SIG_IGN);  // of a gnuplot that ends early
   const auto status = Run(o);
   if (status) return *status;
   if (!status.error().message.empty())

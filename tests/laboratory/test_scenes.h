@@ -104,13 +104,6 @@ inline TestRay MakeRay(const LaboratoryScene& scene, std::mt19937& random) {
   return ray;
 }
 
-/// Whether hits are the same to the last bit.
-inline bool Same(const Hit& a, const Hit& b) {
-  const auto bits = [](float x) { return std::bit_cast<uint32_t>(x); };
-  return a.triangle == b.triangle && bits(a.t) == bits(b.t) && bits(a.b1) == bits(b.b1) &&
-         bits(a.b2) == bits(b.b2);
-}
-
 /// Packets of random rays, of which each packet leaves one out, with the hits that brute force finds.
 struct TestPackets {
   std::vector<RayPacket> packets;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <bit>
 #include <cstdint>
 #include <glm/vec3.hpp>
 
@@ -48,6 +49,13 @@ struct NoCounts {
   QUARRY_HOST_DEVICE void Test(uint32_t) {}
   QUARRY_HOST_DEVICE void Resume() {}
 };
+
+/// Whether hits are the same to the last bit.
+inline bool Same(const Hit& a, const Hit& b) {
+  const auto bits = [](float x) { return std::bit_cast<uint32_t>(x); };
+  return a.triangle == b.triangle && bits(a.t) == bits(b.t) && bits(a.b1) == bits(b.b1) &&
+         bits(a.b2) == bits(b.b2);
+}
 
 QUARRY_HOST_DEVICE inline RayFrame<ScalarLane> FrameOf(const RayStart& ray) {
   return MakeRayFrame<ScalarLane>(ray.origin, ray.direction);
