@@ -2,7 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <cerrno>
+#include <cstdio>
 #include <string>
+#include <system_error>
 
 #include "common/base/bytes.h"
 #include "common/base/file.h"
@@ -24,6 +27,22 @@ inline bool WriteFigures(const std::string& path, const std::string& json) {
   const Status written = WriteFileAtomically(path, AsBytes(json + "\n"));
   if (!written) fmt::print(stderr, "{}\n", written.error().message);
   return written.has_value();
+}
+
+/// Runs a program that prints tables. Returns: its exit status; 1, and a sentence, when standard output
+/// cannot be written.
+template <class Run>
+int RunPrinting(const char* program, const Run& run) {
+  int error = 0;
+  try {
+    const int status = run();
+    if (std::fflush(stdout) == 0) return status;
+    error = errno;
+  } catch (const std::system_error& thrown) {  // by fmt::print
+    error = thrown.code().value();
+  }
+  fmt::print(stderr, "{}: the tables cannot be written: {}\n", program, ErrnoText(error));
+  return 1;
 }
 
 }  // namespace quarry::bench

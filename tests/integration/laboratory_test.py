@@ -114,7 +114,7 @@ class Laboratory(Case):
         self.must_fail(2, "no JSON object", "quarry", "bench", "papers", store, "--instructions", self.folder / "empty.quarry")
         # Before the first is measured, which takes minutes.
         self.must_fail(1, r"absent\.quarry", "quarry", "bench", "papers", store, self.folder / "absent.quarry", "--size", 4096)
-        for what, options in (("papers", ["--size", 64]), ("stream", [*SMALL, "--no-instructions", "--no-check"])):
+        for what, options in (("papers", [str(store)] * 5 + ["--size", 64, "--repetitions", 1]), ("stream", [*SMALL, "--no-instructions", "--no-check"])):
             with open("/dev/full", "w", encoding="ascii") as full:
                 done = subprocess.run([str(BIN / "quarry"), "bench", what, str(store), *map(str, options)], stdout=full, stderr=subprocess.PIPE,
                                       text=True, check=False)

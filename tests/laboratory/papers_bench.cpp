@@ -387,8 +387,6 @@ int Main(int argc, char** argv) {
   PrintTable3(all, instructions);
   PrintFrames(all);
   if (!bench::WriteFigures(options.json, results.dump(2))) return 1;
-  if (std::fflush(stdout) != 0)
-    return fail(fmt::format("the tables cannot be written: {}", ErrnoText(errno)), 1);
   for (const Measured& m : all)
     if (m.on_device && *m.on_device && (*m.on_device)->differences != 0)
       return fail(fmt::format("{}: {} on the GPU finds other hits for {} rays", m.scene->name(),
@@ -400,4 +398,7 @@ int Main(int argc, char** argv) {
 }  // namespace
 }  // namespace quarry::laboratory
 
-int main(int argc, char** argv) { return quarry::laboratory::Main(argc, argv); }
+int main(int argc, char** argv) {
+  return quarry::bench::RunPrinting("quarry bench papers",
+                                    [&] { return quarry::laboratory::Main(argc, argv); });
+}

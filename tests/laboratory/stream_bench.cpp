@@ -4,7 +4,6 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <csignal>
-#include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <memory>
@@ -187,8 +186,6 @@ Result<int> Run(Options& o) {
   const size_t triangles = scene->triangles().size();
   PrintStudy(study, o.study, triangles == 69451 || triangles == 69453);
   if (!bench::WriteFigures(o.json, StudyToJson(study).dump(2))) return 1;
-  if (std::fflush(stdout) != 0)
-    return Fail(fmt::format("the tables cannot be written: {}", ErrnoText(errno)));
   if (!o.plots.empty()) QUARRY_TRY(DrawStudy(study, o.plots, name));
   if (!study.same_runs) {
     fmt::print(stderr, "{}: pictures of oracles, unrolled, tiled and branching runs differ\n", o.model);
@@ -282,4 +279,7 @@ int Main(int argc, char** argv) {
 }  // namespace
 }  // namespace quarry::laboratory
 
-int main(int argc, char** argv) { return quarry::laboratory::Main(argc, argv); }
+int main(int argc, char** argv) {
+  return quarry::bench::RunPrinting("quarry bench stream",
+                                    [&] { return quarry::laboratory::Main(argc, argv); });
+}
