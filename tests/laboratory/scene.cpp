@@ -34,7 +34,10 @@ Result<std::unique_ptr<LaboratoryScene>> LaboratoryScene::Load(const std::string
   };
   std::vector<Place> places;
   std::vector<KdTriangle> triangles;
-  std::vector<ShadingRecord> records;
+  std::vector<TriangleMaterial> materials;
+  std::vector<TriangleAttributes> attributes;
+  bool has_attributes = false;
+  for (uint32_t v = 0; v < catalog.voxels.size(); ++v) has_attributes |= catalog.Has(BlockKey::Shading(v));
   BlockDecoder decoder;
   std::vector<Aligned> hot_memory, shading_memory;
   std::vector<bool> seen;
@@ -56,23 +59,26 @@ Result<std::unique_ptr<LaboratoryScene>> LaboratoryScene::Load(const std::string
       seen[id] = true;
       places.push_back({id, static_cast<uint32_t>(places.size())});
       triangles.push_back({{hot.vertex(t, 0), hot.vertex(t, 1), hot.vertex(t, 2)}});
-      ShadingRecord record{hot.materials[t], shading.vertices ? 1u : 0u, {}};
+      materials.push_back(TriangleMaterial::Of(hot.materials[t], shading.vertices != nullptr));
+      if (!has_attributes) continue;
+      TriangleAttributes& own = attributes.emplace_back();
       if (shading.vertices)
-        for (int c = 0; c < 3; ++c) record.vertices[c] = shading.vertex(t, c);
-      records.push_back(record);
+        for (int c = 0; c < 3; ++c) own.vertices[c] = shading.vertex(t, c);
     }
   }
   std::ranges::sort(places, {}, &Place::id);
   for (const Place& place : places) {
     const KdTriangle& triangle = triangles[place.at];
     scene->triangles_.push_back(triangle);
-    scene->records_.push_back(records[place.at]);
+    scene->materials_.push_back(materials[place.at]);
+    if (has_attributes) scene->attributes_.push_back(attributes[place.at]);
     for (int c = 0; c < 3; ++c)
       scene->corners_[c].push_back({triangle.vertices[c].x, triangle.vertices[c].y, triangle.vertices[c].z});
   }
   for (int c = 0; c < 3; ++c)
     scene->corner_[c] = scene->addresses_.TextureOf(scene->corners_[c], DataKind::kTriangles);
-  scene->shading_ = scene->addresses_.TextureOf(scene->records_, DataKind::kShading);
+  scene->material_ = scene->addresses_.TextureOf(scene->materials_, DataKind::kShading);
+  scene->attribute_ = scene->addresses_.TextureOf(scene->attributes_, DataKind::kShading);
   return scene;
 }
 

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "common/base/check.h"
 #include "common/base/status.h"
 #include "common/kdtree/build/build.h"
 #include "common/voxel/store_reader.h"
@@ -16,10 +17,25 @@ struct Float3 {
   float x, y, z;
 };
 
-/// The shading data of a triangle: what the shade kernel reads at a hit.
-struct ShadingRecord {
-  uint32_t material;
-  uint32_t has_attributes;
+/// A triangle's word of shading: its material's index, and in the top bit whether it has attributes. The
+/// materials themselves are few: they are constants of the kernels and no words of memory.
+struct TriangleMaterial {
+  uint32_t bits = 0;
+
+  /// Requires: material < 2^31.
+  static TriangleMaterial Of(uint32_t material, bool has_attributes) {
+    QUARRY_CHECK_LT(material, kAttributes);
+    return {material | (has_attributes ? kAttributes : 0)};
+  }
+  uint32_t material() const { return bits & ~kAttributes; }
+  bool has_attributes() const { return (bits & kAttributes) != 0; }
+
+ private:
+  static constexpr uint32_t kAttributes = 1u << 31;
+};
+
+/// The attributes of a triangle's corners: what the shade kernel reads beside, where a triangle has them.
+struct TriangleAttributes {
   ShadingVertex vertices[3];
 };
 
@@ -42,16 +58,20 @@ class LaboratoryScene {
   /// Addresses behind those of the scene's textures. Not thread-safe.
   AddressSpace& addresses() { return addresses_; }
   const Texture<Float3>& corner(int i) const { return corner_[i]; }
-  const Texture<ShadingRecord>& shading() const { return shading_; }
+  const Texture<TriangleMaterial>& materials() const { return material_; }
+  /// Empty if no triangle has attributes.
+  const Texture<TriangleAttributes>& attributes() const { return attribute_; }
 
  private:
   std::unique_ptr<StoreReader> store_;
   std::vector<KdTriangle> triangles_;
   std::vector<Float3> corners_[3];
-  std::vector<ShadingRecord> records_;
+  std::vector<TriangleMaterial> materials_;
+  std::vector<TriangleAttributes> attributes_;
   AddressSpace addresses_;
   Texture<Float3> corner_[3];
-  Texture<ShadingRecord> shading_;
+  Texture<TriangleMaterial> material_;
+  Texture<TriangleAttributes> attribute_;
 };
 
 }  // namespace quarry::laboratory
