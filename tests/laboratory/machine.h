@@ -98,7 +98,7 @@ std::vector<std::vector<uint32_t>> Machine<A, M>::Tiles(uint32_t side) const {
 template <class A, class M>
 void Machine<A, M>::RunMultipass(const Oracle& oracle, const Unrolling& unrolling, uint32_t tile) {
   const auto tiles = Tiles(tile);
-  RayStreams<A> streams(static_cast<uint32_t>(tiles[0].size()), picture_.bounces(), addresses_);
+  RayStreams<A> streams(static_cast<uint32_t>(tiles[0].size()), picture_.parts(), addresses_);
   for (uint32_t sample = 0; sample < picture_.context.view.spp; ++sample)
     for (const auto& pixels : tiles) RunTile(pixels, sample, oracle, unrolling, streams);
 }
