@@ -87,32 +87,54 @@ Result<Instructions> InstructionsOf(const Options& o, const std::string& store, 
   return count.instructions;
 }
 
-template <class A>
-Result<RendererRow> StudyRenderer(const StudyRunner<A>& runner, const Options& o,
-                                  const LaboratoryScene& scene, const std::string& store, Renderer renderer) {
-  Say(o, fmt::format("{}...", kRendererNames[static_cast<uint32_t>(renderer)]));
-  QUARRY_ASSIGN(const auto picture, MakePicture(scene, renderer, o.study));
-  RendererRow row;
-  row.renderer = renderer;
-  row.branching = runner.CountedBranching(*picture);
-  const auto pixels = runner.Branching(*picture).pixels;
-  row.same_schedules = SamePixels(pixels, runner.Multipass(*picture, o.study.oracle, {}, 0).pixels);
-  if (renderer != Renderer::kPath && !o.no_check) {
-    QUARRY_ASSIGN(const auto rendered, RenderedPixels(store, picture->context.view));
-    row.same_as_render = SamePixels(pixels, rendered);
+/// Checks and instructions of a renderer whose runs `row` has. Its pictures are dropped.
+Result<RendererRow> CheckedRow(RendererRow row, const Options& o, const Picture& picture,
+                               const std::string& store) {
+  row.same_schedules = SamePixels(row.multipass.pixels, row.branching.pixels);
+  if (row.renderer != Renderer::kPath && !o.no_check) {
+    QUARRY_ASSIGN(const auto rendered, RenderedPixels(store, picture.context.view));
+    row.same_as_render = SamePixels(row.branching.pixels, rendered);
   }
+  row.multipass.pixels = row.branching.pixels = {};
   if (!o.no_instructions) {
-    QUARRY_ASSIGN(row.instructions, InstructionsOf(o, store, renderer));
+    QUARRY_ASSIGN(row.instructions, InstructionsOf(o, store, row.renderer));
   }
   return row;
+}
+
+/// The runs of the ray caster by all oracles and schedules. Pictures are compared with the branching run's,
+/// and kept of it and of the multipass run.
+template <class A>
+Study StudyRayCaster(const StudyRunner<A>& runner, const Options& o, const Picture& picture) {
+  Study study;
+  study.accelerator = o.accelerator;
+  Say(o, "bandwidth of both schedules...");
+  study.branching = runner.CountedBranching(picture);
+  const auto compare = [&](const std::vector<float>& pixels) {
+    study.same_runs &= SamePixels(pixels, study.branching.pixels);
+  };
+  study.multipass = runner.CountedMultipass(picture, {}, 0);
+  study.unrolled = runner.CountedMultipass(picture, o.study.unrolling, 0);
+  study.tiled = runner.CountedMultipass(picture, {}, o.study.tile);
+  compare(study.multipass.pixels);
+  for (CountedRun* run : {&study.unrolled, &study.tiled}) {
+    compare(run->pixels);
+    run->pixels = {};
+  }
+  for (uint32_t k = 0; k < kOracles; ++k) {
+    Say(o, fmt::format("oracle {}...", kOracleNames[k]));
+    const Oracle oracle{static_cast<OracleKind>(k), o.study.oracle.share};
+    const auto run = runner.Multipass(picture, oracle, {}, 0);
+    study.oracles.push_back({kOracleNames[k], run.counts});
+    compare(run.pixels);
+  }
+  return study;
 }
 
 template <class A>
 Result<Study> StudyWith(const A& accelerator, const Options& o, const LaboratoryScene& scene,
                         const AddressSpace& addresses, const std::string& store) {
   const StudyRunner<A> runner(accelerator, addresses, o.study);
-  Study study;
-  study.accelerator = o.accelerator;
   if (!o.only.empty()) {
     const auto name = std::ranges::find(kRendererNames, o.only, [](const char* n) { return std::string(n); });
     QUARRY_ASSIGN(const auto picture,
@@ -120,28 +142,25 @@ Result<Study> StudyWith(const A& accelerator, const Options& o, const Laboratory
     StartCountingInstructions();
     runner.Multipass(*picture, o.study.oracle, {}, 0);
     StopCountingInstructions();
-    return study;
+    return Study{};
   }
-  QUARRY_ASSIGN(const auto picture, MakePicture(scene, Renderer::kRaycast, o.study));
-  std::vector<std::vector<float>> pixels;
-  for (uint32_t k = 0; k < kOracles; ++k) {
-    Say(o, fmt::format("oracle {}...", kOracleNames[k]));
-    const Oracle oracle{static_cast<OracleKind>(k), o.study.oracle.share};
-    const auto run = runner.Multipass(*picture, oracle, {}, 0);
-    study.oracles.push_back({kOracleNames[k], run.counts});
-    pixels.push_back(run.pixels);
-  }
-  Say(o, "bandwidth of both schedules...");
-  study.multipass = runner.CountedMultipass(*picture, {}, 0);
-  study.unrolled = runner.CountedMultipass(*picture, o.study.unrolling, 0);
-  study.tiled = runner.CountedMultipass(*picture, {}, o.study.tile);
-  study.branching = runner.CountedBranching(*picture);
-  for (const CountedRun* run : {&study.multipass, &study.unrolled, &study.tiled})
-    pixels.push_back(run->pixels);
-  for (const auto& of : pixels) study.same_runs &= SamePixels(of, study.branching.pixels);
+  Study study;
   for (uint32_t r = 0; r < kRenderers; ++r) {
-    QUARRY_ASSIGN(const RendererRow row, StudyRenderer(runner, o, scene, store, static_cast<Renderer>(r)));
-    study.renderers.push_back(row);
+    const auto renderer = static_cast<Renderer>(r);
+    QUARRY_ASSIGN(const auto picture, MakePicture(scene, renderer, o.study));
+    RendererRow row{renderer, {}, {}, {}};
+    if (renderer == Renderer::kRaycast) {
+      study = StudyRayCaster(runner, o, *picture);
+      row.multipass = study.multipass;
+      row.branching = study.branching;
+      study.multipass.pixels = {};
+    } else {
+      Say(o, fmt::format("{}...", kRendererNames[r]));
+      row.multipass = runner.CountedMultipass(*picture, {}, 0);
+      row.branching = runner.CountedBranching(*picture);
+    }
+    QUARRY_ASSIGN(row, CheckedRow(std::move(row), o, *picture, store));
+    study.renderers.push_back(std::move(row));
   }
   return study;
 }
