@@ -49,6 +49,13 @@ class Machine {
   /// All kernels in one pass: each ray is in registers from its beginning to its end.
   void RunBranching(uint32_t tile);
 
+  /// Memory of a run for each pixel. `rasterizes`: the eye rays' hits come from Rasterize().
+  static constexpr uint64_t BytesPerPixel(const RayParts& parts, bool rasterizes) {
+    constexpr uint64_t kPixelList = 3 * sizeof(uint32_t);  // while it grows, a half is copied to a new place
+    return RayStreams<A>::BytesPerRay(parts) + sizeof(PixelSum) + sizeof(Taken) + kPixelList +
+           sizeof(uint32_t) + (rasterizes ? kRasterBytes : 0);
+  }
+
   const MachineCounts& counts() const { return counts_; }
   const std::vector<PixelSum>& sums() const { return sums_; }
 

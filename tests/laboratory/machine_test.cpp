@@ -133,7 +133,7 @@ TEST_CASE("Multipass and branching give the pixels of a render") {
 }
 
 TEST_CASE("Streams that a picture does not need have no memory, and the others the same addresses") {
-  constexpr uint32_t kRays = 5000;
+  constexpr uint32_t kRays = 12288;  // all streams are whole multiples of the alignment
   AddressSpace first, second;
   const RayStreams<OneList> all(kRays, {}, first);
   const RayStreams<OneList> few(kRays, {false, false, false}, second);
@@ -145,6 +145,10 @@ TEST_CASE("Streams that a picture does not need have no memory, and the others t
   CHECK(all.constant.address == few.constant.address);
   CHECK(all.state.address == few.state.address);
   CHECK(all.range.address == few.range.address);
+  CHECK(first.Take(0) - all.stencil.address == kRays * RayStreams<OneList>::BytesPerRay({}));
+  const uint64_t before_bounds = (few.bound.address - few.stencil.address) / kRays;
+  CHECK(RayStreams<OneList>::BytesPerRay({false, false, false}) ==
+        before_bounds + sizeof(OneList::Constant) + sizeof(OneList::State) + sizeof(TriangleRange));
 }
 
 TEST_CASE("A picture needs the parts of its renderer") {

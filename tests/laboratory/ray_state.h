@@ -127,6 +127,13 @@ class RayStreams {
     make(list, lists_, parts.lists, kMostPending);
   }
   RayStreams(const RayStreams&) = delete;
+  /// Memory of each ray.
+  static constexpr uint64_t BytesPerRay(const RayParts& parts) {
+    return sizeof(Stencil) + sizeof(RayStart) + sizeof(HitState) + (parts.bounds ? sizeof(BoundState) : 0) +
+           sizeof(typename A::Constant) + sizeof(typename A::State) + sizeof(TriangleRange) +
+           (parts.paths ? sizeof(PathState) + sizeof(LitState) + sizeof(uint32_t) : 0) +
+           (parts.lists ? kMostPending * sizeof(PendingRay) : 0);
+  }
   uint32_t size() const { return static_cast<uint32_t>(stencils_.size()); }
 
   Stream<Stencil> stencil;

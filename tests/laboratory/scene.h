@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "common/base/check.h"
+#include "common/base/resource.h"
 #include "common/base/status.h"
 #include "common/kdtree/build/build.h"
 #include "common/voxel/store_reader.h"
@@ -39,12 +40,33 @@ struct TriangleAttributes {
   ShadingVertex vertices[3];
 };
 
+/// Memory of structures and of their building, bytes a triangle: the most of the papers' scenes of a million
+/// triangles, the forest in a grid of 64 cells and in a tree as Foley's with ropes (VmHWM, less the scene).
+inline constexpr uint64_t kGridBytes = 380, kTreeBytes = 140;
+
+/// What a program needs of memory beside a scene.
+struct MemoryNeeds {
+  uint64_t structure_bytes = kGridBytes;  ///< a triangle
+  uint64_t pixels = 0;                    ///< of the picture that it renders; 0: none
+  uint64_t bytes_per_pixel = 0;           ///< of its largest state while it renders
+  bool twice = false;  ///< between pictures, a child process or another renderer holds the scene as well
+  uint64_t limit = MemoryLimitBytes();
+};
+
+/// Checks before anything large is allocated. It is an estimate: scenes of other shapes may take more.
+/// Errors: the scene, its structure, and the larger of the picture and the second scene take more than
+/// needs.limit; the message names `store`, both sizes and the remedy.
+Status CheckMemory(const std::string& store, const Catalog& catalog, const MemoryNeeds& needs);
+
 /// The triangles of a store, each once, in the order of their ids: a triangle's place here stands for its id.
 /// Its textures are those of Purcell et al. 2002, figure 4. Immutable once loaded.
 class LaboratoryScene {
  public:
-  /// Errors: those of stores; textures or cut-outs, which the machine does not have.
-  static Result<std::unique_ptr<LaboratoryScene>> Load(const std::string& store);
+  /// Errors: those of stores; textures or cut-outs, which the machine does not have; those of CheckMemory().
+  static Result<std::unique_ptr<LaboratoryScene>> Load(const std::string& store,
+                                                       const MemoryNeeds& needs = {});
+  /// Memory of a loaded scene, and while it is loaded. `attributes`: a triangle has some.
+  static uint64_t BytesPerTriangle(bool attributes);
 
   const Catalog& catalog() const { return store_->catalog(); }
   /// The cameras and lights of the model.
@@ -63,6 +85,8 @@ class LaboratoryScene {
   const Texture<TriangleAttributes>& attributes() const { return attribute_; }
 
  private:
+  Status ReadTriangles();
+
   std::unique_ptr<StoreReader> store_;
   std::vector<KdTriangle> triangles_;
   std::vector<Float3> corners_[3];

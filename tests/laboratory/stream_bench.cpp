@@ -185,12 +185,29 @@ Result<Study> MakeStudy(const Options& o, LaboratoryScene& scene, const std::str
   return StudyWith(KdBacktrack(tree), o, scene, addresses, store);
 }
 
+/// Memory of the largest run for each pixel: Whitted's renderer has lists, the shadow caster rasterises.
+template <class... A>
+constexpr uint64_t RunBytes() {
+  constexpr uint64_t kPictures = 4;  // of both schedules, of one more run, of the workers
+  return kPictures * 3 * sizeof(float) +
+         std::max({std::max(Machine<A, CountingMemory>::BytesPerPixel({}, false),
+                            Machine<A, CountingMemory>::BytesPerPixel({true, true, false}, true))...});
+}
+
+MemoryNeeds NeedsOf(const Options& o) {
+  const bool others = o.only.empty() && !(o.no_instructions && o.no_check);
+  return {.structure_bytes = o.accelerator == "grid" ? kGridBytes : kTreeBytes,
+          .pixels = uint64_t{o.study.size} * o.study.size,
+          .bytes_per_pixel = RunBytes<UniformGrid, KdRestart, KdPushDown, KdBacktrack, KdRopes>(),
+          .twice = others};
+}
+
 Result<int> Run(Options& o) {
   if (o.only.empty() && !o.no_instructions && !ValgrindInstalled())
     return Fail("valgrind is not installed: it counts instructions; without it, give --no-instructions");
   if (!o.plots.empty() && !GnuplotInstalled()) return Fail("gnuplot is not installed: it draws --plots");
   QUARRY_ASSIGN(const std::string store, StoreFor(o.model, true));
-  QUARRY_ASSIGN(const auto scene, LaboratoryScene::Load(store));
+  QUARRY_ASSIGN(const auto scene, LaboratoryScene::Load(store, NeedsOf(o)));
   QUARRY_ASSIGN(o.study.camera, bench::FindView(store, scene->catalog().meta, o.interior));
   o.study.oracle.kind = static_cast<OracleKind>(
       std::ranges::find(kOracleNames, o.oracle, [](const char* n) { return std::string(n); }) -
