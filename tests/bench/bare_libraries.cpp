@@ -1,5 +1,5 @@
-// What quarry-gpu-bench uses of libraries of which Debian has no static form, so that the program runs on
-// machines that lack them: the source of libfmt.so, and Highway's question about the processor.
+// What programs for GPUs use of libraries of which Debian has no static form, so that they run on machines
+// that lack them: the source of libfmt.so, and Highway's question about the processor.
 #include <fmt/format-inl.h>
 #include <hwy/targets.h>
 

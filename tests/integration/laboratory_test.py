@@ -52,7 +52,7 @@ class Laboratory(Case):
             instructions = json.loads((self.folder / "grid.json").read_text())["renderers"][0]["instructions"]
             self.assertTrue(20 < instructions["traverse"]["body"] < 1000, instructions)
             self.assertTrue((self.folder / "cornell-figure-7.png").exists())
-        for figure in (8, 9):
+        for figure in (6, 8, 9):
             picture = (self.folder / f"cornell-figure-{figure}.png").read_bytes()
             self.assertTrue(picture.startswith(b"\x89PNG"))
             self.assertGreater(len(picture), 5000)
@@ -95,6 +95,21 @@ class Laboratory(Case):
                 # The pseudocode searches the split again that it resumes at.
                 self.assertEqual(backtrack["down"], stack["down"] + backtrack["resumes"])
                 self.assertGreaterEqual(restart["down"], backtrack["down"])
+
+    def test_foleys_first_table_on_an_emulated_gpu(self):
+        figures = self.folder / "gpu.json"
+        text = self.must("quarry-emulated-bench-papers", self.store("cornell", 3000), "--size", 32, "--repetitions", 2, "--no-brute-force",
+                         "--json", figures).stdout
+        self.assertIn("Table 1 on a GPU, emulated warps", text)
+        self.assertNotIn("No GPU", text)
+        scene = json.loads(figures.read_text())[0]
+        ways = [way + of for of in ("", ", ours") for way in ("restart", "backtrack", "push-down", "ropes")]
+        self.assertEqual(sorted(scene["gpu_seconds"]), sorted(["grid", *ways]))
+        for name, seconds in scene["gpu_seconds"].items():
+            self.assertEqual(len(seconds), 2, name)
+        self.assertNotIn("brute", scene["seconds"])
+        row = next(line for line in text.splitlines() if line.startswith("| cornell | - |"))
+        self.assertEqual(row.count("|"), 15, row)
 
     def test_what_cannot_be_is_one_sentence(self):
         store = self.store("cornell", 3000)

@@ -29,11 +29,12 @@ void CheckTree(const LaboratoryScene& scene, const TextureTree& tree, const KdRo
                const TestRay& ray, const Hit& expected) {
   PlainMemory memory;
   Recording stack, restart, backtrack, push_down, roped;
-  CHECK(Same(expected, TraceWithStack(tree, scene, memory, ray.start, ray.t_end, stack)));
-  CHECK(Same(expected, TraceOne(KdRestart(tree), scene, memory, ray.start, ray.t_end, restart)));
-  CHECK(Same(expected, TraceOne(KdBacktrack(tree), scene, memory, ray.start, ray.t_end, backtrack)));
-  CHECK(Same(expected, TraceOne(KdPushDown(tree), scene, memory, ray.start, ray.t_end, push_down)));
-  CHECK(Same(expected, TraceOne(ropes, scene, memory, ray.start, ray.t_end, roped)));
+  CHECK(Same(expected, TraceWithStack(tree, scene.corners(), memory, ray.start, ray.t_end, stack)));
+  CHECK(Same(expected, TraceOne(KdRestart(tree), scene.corners(), memory, ray.start, ray.t_end, restart)));
+  CHECK(
+      Same(expected, TraceOne(KdBacktrack(tree), scene.corners(), memory, ray.start, ray.t_end, backtrack)));
+  CHECK(Same(expected, TraceOne(KdPushDown(tree), scene.corners(), memory, ray.start, ray.t_end, push_down)));
+  CHECK(Same(expected, TraceOne(ropes, scene.corners(), memory, ray.start, ray.t_end, roped)));
   CHECK(restart.visits == stack.visits);
   CHECK(backtrack.visits == stack.visits);
   CHECK(push_down.visits == stack.visits);
@@ -110,12 +111,12 @@ void CheckScene(LaboratoryScene& scene, int rays) {
   for (int i = 0; i < rays; ++i) {
     const TestRay ray = MakeRay(scene, random);
     CAPTURE(i, ray.start.origin, ray.start.direction, ray.t_end);
-    const Hit expected = BruteForce(scene, memory, ray.start, ray.t_end);
+    const Hit expected = BruteForce(scene.corners(), memory, ray.start, ray.t_end);
     hits += expected.triangle != kNoTriangle ? 1 : 0;
     CheckTree(scene, theirs, their_ropes, ray, expected);
     CheckTree(scene, ours, our_ropes, ray, expected);
     for (const UniformGrid* grid : {&coarse, &fine, &cubes}) {
-      CHECK(Same(expected, TraceOne(*grid, scene, memory, ray.start, ray.t_end, none)));
+      CHECK(Same(expected, TraceOne(*grid, scene.corners(), memory, ray.start, ray.t_end, none)));
       CheckCells(*grid, ray);
     }
   }
@@ -165,13 +166,13 @@ TEST_CASE("a tree of one leaf, a grid of one cell, a ray that misses the scene")
       const glm::vec3 above = scene.box().upper + glm::vec3(1);
       ray = {{{above.x, above.y, above.z}, {0, 0, 1}}, NextBelow(kInfinity)};
     }
-    const Hit expected = BruteForce(scene, memory, ray.start, ray.t_end);
-    CHECK(Same(expected, TraceOne(KdRestart(tree), scene, memory, ray.start, ray.t_end, none)));
-    CHECK(Same(expected, TraceOne(KdBacktrack(tree), scene, memory, ray.start, ray.t_end, none)));
-    CHECK(Same(expected, TraceOne(KdPushDown(tree), scene, memory, ray.start, ray.t_end, none)));
-    CHECK(Same(expected, TraceOne(ropes, scene, memory, ray.start, ray.t_end, none)));
-    CHECK(Same(expected, TraceOne(cell, scene, memory, ray.start, ray.t_end, none)));
-    CHECK(Same(expected, TraceWithStack(tree, scene, memory, ray.start, ray.t_end, none)));
+    const Hit expected = BruteForce(scene.corners(), memory, ray.start, ray.t_end);
+    CHECK(Same(expected, TraceOne(KdRestart(tree), scene.corners(), memory, ray.start, ray.t_end, none)));
+    CHECK(Same(expected, TraceOne(KdBacktrack(tree), scene.corners(), memory, ray.start, ray.t_end, none)));
+    CHECK(Same(expected, TraceOne(KdPushDown(tree), scene.corners(), memory, ray.start, ray.t_end, none)));
+    CHECK(Same(expected, TraceOne(ropes, scene.corners(), memory, ray.start, ray.t_end, none)));
+    CHECK(Same(expected, TraceOne(cell, scene.corners(), memory, ray.start, ray.t_end, none)));
+    CHECK(Same(expected, TraceWithStack(tree, scene.corners(), memory, ray.start, ray.t_end, none)));
   }
 }
 

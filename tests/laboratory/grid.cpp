@@ -21,8 +21,9 @@ GridResolution CubicalResolution(const Box& box, uint32_t least) {
 }
 
 UniformGrid::UniformGrid(std::span<const KdTriangle> triangles, float padding, const Box& box,
-                         const GridResolution& resolution, AddressSpace& addresses)
-    : box_(box), resolution_(resolution) {
+                         const GridResolution& resolution, AddressSpace& addresses) {
+  box_ = box;
+  resolution_ = resolution;
   float largest = padding;
   for (int a = 0; a < 3; ++a) {
     const auto axis = static_cast<uint32_t>(a);

@@ -116,7 +116,8 @@ KdTree BuildStoreTree(std::span<const KdTriangle> triangles, float padding, cons
 }
 
 TextureTree::TextureTree(const KdTree& tree, const Box& box, AddressSpace& addresses)
-    : box_(box), list_data_(tree.references) {
+    : list_data_(tree.references) {
+  box_ = box;
   uint32_t splits = 0, leaves = 0;
   std::vector<NodePointer> pointers(tree.nodes.size());
   for (size_t i = 0; i < tree.nodes.size(); ++i) pointers[i] = tree.nodes[i].is_leaf() ? leaves++ : splits++;

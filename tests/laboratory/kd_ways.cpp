@@ -8,8 +8,8 @@ namespace quarry::laboratory {
 
 static_assert(sizeof(KdRopes::Leaf) == sizeof(RopeLeaf) && kNoNode == kNoRope);
 
-KdRopes::KdRopes(const KdTree& tree, const Box& box, AddressSpace& addresses)
-    : box_(box), list_data_(tree.references) {
+KdRopes::KdRopes(const KdTree& tree, const Box& box, AddressSpace& addresses) : list_data_(tree.references) {
+  box_ = box;
   const std::vector<KdNode> roped = MakeRopes(tree.nodes, box);
   node_data_.assign(roped.begin(), roped.begin() + static_cast<std::ptrdiff_t>(tree.nodes.size()));
   for (KdNode& node : node_data_) {

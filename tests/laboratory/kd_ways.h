@@ -21,7 +21,8 @@ struct KdState {
 
 /// Reads the leaf at `node`.
 template <class M>
-inline Came ReadLeaf(const TextureTree& tree, M& memory, NodePointer node, TriangleRange& range) {
+QUARRY_HOST_DEVICE inline Came ReadLeaf(const TreeView& tree, M& memory, NodePointer node,
+                                        TriangleRange& range) {
   const TextureNode leaf = memory.Fetch(tree.nodes(), node & kPlaceBits);
   range = {leaf.first(), leaf.first() + leaf.count()};
   return Came::kList;
@@ -30,8 +31,8 @@ inline Came ReadLeaf(const TextureTree& tree, M& memory, NodePointer node, Trian
 /// The routine search-split of figure 2, without its push. Returns: whether the split's plane divides the
 /// part of the ray; `far` is then the child beyond it, and state.t_exit the t of the plane.
 template <class M>
-inline bool GoDown(const TextureTree& tree, M& memory, const RayLine& line, KdState& state,
-                   NodePointer& far) {
+QUARRY_HOST_DEVICE inline bool GoDown(const TreeView& tree, M& memory, const RayLine& line, KdState& state,
+                                      NodePointer& far) {
   const TextureNode split = memory.Fetch(tree.nodes(), state.node);
   const uint32_t axis = split.axis();
   const float plane = line.PlaneAt(split.plane(), axis);
@@ -54,35 +55,37 @@ class KdRestart {
   using Constant = RayLine;
   using State = KdState;
 
-  /// Requires: `tree` outlives this.
-  explicit KdRestart(const TextureTree& tree) : tree_(tree) {}
-  const Texture<uint32_t>& list() const { return tree_.list(); }
+  /// Requires: the textures of `tree` outlive this.
+  explicit KdRestart(const TreeView& tree) : tree_(tree) {}
+  QUARRY_HOST_DEVICE const TreeView& tree() const { return tree_; }
+  QUARRY_HOST_DEVICE const Texture<uint32_t>& list() const { return tree_.list(); }
 
   template <class M>
-  Came Setup(M&, const RayStart& ray, float t, float t_end, Constant& line, State& state) const {
+  QUARRY_HOST_DEVICE Came Setup(M&, const RayStart& ray, float t, float t_end, Constant& line,
+                                State& state) const {
     t = ClipToScene(ray, tree_.box(), t, t_end, line);
     state = {tree_.root(), t, line.t_end};
     return t < line.t_end ? Came::kOn : Came::kOut;
   }
   template <class M>
-  Came Step(M& memory, const Constant& line, State& state, TriangleRange& range) const {
+  QUARRY_HOST_DEVICE Came Step(M& memory, const Constant& line, State& state, TriangleRange& range) const {
     NodePointer far = 0;
     if (!(state.node & kLeafBit)) GoDown(tree_, memory, line, state, far);
     return state.node & kLeafBit ? ReadLeaf(tree_, memory, state.node, range) : Came::kOn;
   }
   template <class M>
-  Came Up(M&, const Constant&, State&) const {
+  QUARRY_HOST_DEVICE Came Up(M&, const Constant&, State&) const {
     return Came::kOut;
   }
   template <class M>
-  Came Leave(M&, const Constant& line, State& state, float best_t) const {
+  QUARRY_HOST_DEVICE Came Leave(M&, const Constant& line, State& state, float best_t) const {
     if (best_t < state.t_exit || !(state.t_exit < line.t_end)) return Came::kOut;
     state = {tree_.root(), state.t_exit, line.t_end};
     return Came::kOn;
   }
 
  private:
-  const TextureTree& tree_;
+  TreeView tree_;
 };
 
 /// kd-backtrack: up by parent links to the first split whose cell holds the rest of the ray, which is then
@@ -93,21 +96,22 @@ class KdBacktrack {
   using Constant = RayLine;
   using State = KdState;
 
-  /// Requires: `tree` outlives this.
-  explicit KdBacktrack(const TextureTree& tree) : tree_(tree), down_(tree) {}
-  const Texture<uint32_t>& list() const { return tree_.list(); }
+  /// Requires: the textures of `tree` outlive this.
+  explicit KdBacktrack(const TreeView& tree) : down_(tree) {}
+  QUARRY_HOST_DEVICE const Texture<uint32_t>& list() const { return down_.tree().list(); }
 
   template <class M>
-  Came Setup(M& memory, const RayStart& ray, float t, float t_end, Constant& line, State& state) const {
+  QUARRY_HOST_DEVICE Came Setup(M& memory, const RayStart& ray, float t, float t_end, Constant& line,
+                                State& state) const {
     return down_.Setup(memory, ray, t, t_end, line, state);
   }
   template <class M>
-  Came Step(M& memory, const Constant& line, State& state, TriangleRange& range) const {
+  QUARRY_HOST_DEVICE Came Step(M& memory, const Constant& line, State& state, TriangleRange& range) const {
     return down_.Step(memory, line, state, range);
   }
   template <class M>
-  Came Up(M& memory, const Constant& line, State& state) const {
-    const ExtendedSplit split = memory.Fetch(tree_.extended(), state.node);
+  QUARRY_HOST_DEVICE Came Up(M& memory, const Constant& line, State& state) const {
+    const ExtendedSplit split = memory.Fetch(down_.tree().extended(), state.node);
     float enter = 0, exit = line.t_end;
     const auto t_of = [&](float plane, int axis) { return line.PlaneAt(plane, static_cast<uint32_t>(axis)); };
     ClipToSlabs<ScalarLane>(split.lower, split.upper, t_of, enter, exit);
@@ -119,15 +123,14 @@ class KdBacktrack {
     return Came::kOn;
   }
   template <class M>
-  Came Leave(M& memory, const Constant& line, State& state, float best_t) const {
+  QUARRY_HOST_DEVICE Came Leave(M& memory, const Constant& line, State& state, float best_t) const {
     if (best_t < state.t_exit || !(state.t_exit < line.t_end)) return Came::kOut;
     state.t = state.t_exit;
-    state.node = memory.Fetch(tree_.nodes(), state.node & kPlaceBits).parent();
+    state.node = memory.Fetch(down_.tree().nodes(), state.node & kPlaceBits).parent();
     return Came::kUp;
   }
 
  private:
-  const TextureTree& tree_;
   KdRestart down_;
 };
 
@@ -142,41 +145,41 @@ class KdPushDown {
     NodePointer resume;
   };
 
-  /// Requires: `tree` outlives this.
-  explicit KdPushDown(const TextureTree& tree) : tree_(tree), down_(tree) {}
-  const Texture<uint32_t>& list() const { return tree_.list(); }
+  /// Requires: the textures of `tree` outlive this.
+  explicit KdPushDown(const TreeView& tree) : down_(tree) {}
+  QUARRY_HOST_DEVICE const Texture<uint32_t>& list() const { return down_.tree().list(); }
 
   template <class M>
-  Came Setup(M& memory, const RayStart& ray, float t, float t_end, Constant& line, State& state) const {
-    state.resume = tree_.root();
+  QUARRY_HOST_DEVICE Came Setup(M& memory, const RayStart& ray, float t, float t_end, Constant& line,
+                                State& state) const {
+    state.resume = down_.tree().root();
     return down_.Setup(memory, ray, t, t_end, line, state.at);
   }
   template <class M>
-  Came Step(M& memory, const Constant& line, State& state, TriangleRange& range) const {
+  QUARRY_HOST_DEVICE Came Step(M& memory, const Constant& line, State& state, TriangleRange& range) const {
     const Came came = down_.Step(memory, line, state.at, range);
     // While no plane has divided the rest of the ray, the node holds all of it.
     if (!(state.at.t_exit < line.t_end)) state.resume = state.at.node;
     return came;
   }
   template <class M>
-  Came Up(M&, const Constant&, State&) const {
+  QUARRY_HOST_DEVICE Came Up(M&, const Constant&, State&) const {
     return Came::kOut;
   }
   template <class M>
-  Came Leave(M&, const Constant& line, State& state, float best_t) const {
+  QUARRY_HOST_DEVICE Came Leave(M&, const Constant& line, State& state, float best_t) const {
     if (best_t < state.at.t_exit || !(state.at.t_exit < line.t_end)) return Came::kOut;
     state.at = {state.resume, state.at.t_exit, line.t_end};
     return Came::kOn;
   }
 
  private:
-  const TextureTree& tree_;
   KdRestart down_;
 };
 
 /// Links from each face of a leaf to the node beyond it; by the tree's box a ray never climbs. Source: Popov
 /// et al. 2007, "Stackless KD-Tree Traversal for High Performance GPU Ray Tracing", section 4.1.
-class KdRopes {
+class RopesView {
  public:
   static constexpr bool kGoesUp = false;
   using Constant = RayLine;
@@ -191,20 +194,25 @@ class KdRopes {
     uint32_t first, count;
   };
 
-  KdRopes(const KdTree& tree, const Box& box, AddressSpace& addresses);
-  KdRopes(const KdRopes&) = delete;
-  KdRopes& operator=(const KdRopes&) = delete;
-  const Texture<uint32_t>& list() const { return list_; }
+  QUARRY_HOST_DEVICE const Texture<uint32_t>& list() const { return list_; }
+  /// Calls f(texture) for each texture that kernels read.
+  template <class F>
+  Status ForTextures(const F& f) {
+    QUARRY_TRY(f(nodes_));
+    QUARRY_TRY(f(leaves_));
+    return f(list_);
+  }
 
   template <class M>
-  Came Setup(M&, const RayStart& ray, float t, float t_end, Constant& line, State& state) const {
+  QUARRY_HOST_DEVICE Came Setup(M&, const RayStart& ray, float t, float t_end, Constant& line,
+                                State& state) const {
     t = ClipToScene(ray, box_, t, t_end, line);
     state = {0, t, line.t_end};
     return t < line.t_end ? Came::kOn : Came::kOut;
   }
   /// Down by one node, to the child that holds the ray at state.t.
   template <class M>
-  Came Step(M& memory, const Constant& line, State& state, TriangleRange& range) const {
+  QUARRY_HOST_DEVICE Came Step(M& memory, const Constant& line, State& state, TriangleRange& range) const {
     KdNode node = memory.Fetch(nodes_, state.node);
     if (!node.is_leaf()) {
       const auto axis = static_cast<uint32_t>(node.axis());
@@ -227,24 +235,35 @@ class KdRopes {
     return Came::kList;
   }
   template <class M>
-  Came Up(M&, const Constant&, State&) const {
+  QUARRY_HOST_DEVICE Came Up(M&, const Constant&, State&) const {
     return Came::kOut;
   }
   template <class M>
-  Came Leave(M&, const Constant& line, State& state, float best_t) const {
+  QUARRY_HOST_DEVICE Came Leave(M&, const Constant& line, State& state, float best_t) const {
     if (best_t < state.t_exit || !(state.t_exit < line.t_end) || state.node == kNoNode) return Came::kOut;
     state.t = state.t_exit;
     return Came::kOn;
   }
 
  private:
+  friend class KdRopes;
   Box box_;
-  std::vector<KdNode> node_data_;
-  std::vector<Leaf> leaf_data_;
-  std::vector<uint32_t> list_data_;
   Texture<KdNode> nodes_;
   Texture<Leaf> leaves_;
   Texture<uint32_t> list_;
+};
+
+/// A tree with ropes and its textures. Immutable, so thread-safe.
+class KdRopes : public RopesView {
+ public:
+  KdRopes(const KdTree& tree, const Box& box, AddressSpace& addresses);
+  KdRopes(const KdRopes&) = delete;
+  KdRopes& operator=(const KdRopes&) = delete;
+
+ private:
+  std::vector<KdNode> node_data_;
+  std::vector<Leaf> leaf_data_;
+  std::vector<uint32_t> list_data_;
 };
 
 }  // namespace quarry::laboratory

@@ -70,14 +70,8 @@ template <class A>
 struct Recorder {
   const A& structure;
   const LaboratoryScene& scene;
-  size_t most;
   std::vector<Call<A>> steps{}, ups{}, leaves{};
   std::vector<Test> tests{};
-
-  template <class T>
-  void Note(std::vector<T>& to, const T& call) const {
-    if (to.size() < most) to.push_back(call);
-  }
 
   void Ray(const RayStart& ray) {
     PlainMemory memory;
@@ -90,32 +84,44 @@ struct Recorder {
     Came came = structure.Setup(memory, ray, 0, hit.t, constant, state);
     while (came != Came::kOut) {
       if (came == Came::kOn) {
-        Note(steps, {constant, state, hit.t});
+        steps.push_back({constant, state, hit.t});
         came = structure.Step(memory, constant, state, range);
       } else if (came == Came::kUp) {
-        Note(ups, {constant, state, hit.t});
+        ups.push_back({constant, state, hit.t});
         came = structure.Up(memory, constant, state);
       } else {
         for (uint32_t i = range.next; i < range.end; ++i) {
-          Note(tests, {ray, i, {hit.t, hit.triangle, hit.b1, hit.b2}});
-          TestPlace(scene, memory, frame, structure.list().data[i], hit);
+          tests.push_back({ray, i, {hit.t, hit.triangle, hit.b1, hit.b2}});
+          TestPlace(scene.corners(), memory, frame, structure.list().data[i], hit);
         }
-        Note(leaves, {constant, state, hit.t});
+        leaves.push_back({constant, state, hit.t});
         came = structure.Leave(memory, constant, state, hit.t);
       }
     }
   }
 };
 
+/// Every so many rays of the frame are recorded, so that they come from all of it and no kernel has many more
+/// than `most` calls. Estimated from every 16th ray.
+template <class A>
+size_t StrideFor(const A& structure, const PapersScene& papers, size_t most) {
+  constexpr size_t kEvery = 16;
+  TraceCounts counts;
+  PlainMemory memory;
+  for (size_t i = 0; i < papers.rays(); i += kEvery)
+    TraceOne(structure, papers.scene().corners(), memory, papers.ray_list()[i],
+             std::numeric_limits<float>::max(), counts);
+  const uint64_t busiest = std::max({counts.steps, counts.ups, counts.leaves(), counts.tests});
+  return std::max<size_t>(1, (kEvery * busiest + most - 1) / most);
+}
+
 template <class A>
 std::vector<KernelCost> KernelsOf(const std::string& prefix, const A& structure, const PapersScene& papers,
                                   int repetitions, size_t most) {
   const LaboratoryScene& scene = papers.scene();
-  Recorder<A> recorded{structure, scene, most};
-  // Rays from the whole frame: every so many-th.
-  constexpr size_t kEvery = 16;
-  for (size_t first = 0; first < kEvery && recorded.steps.size() < most; ++first)
-    for (size_t i = first; i < papers.rays(); i += kEvery) recorded.Ray(papers.ray_list()[i]);
+  Recorder<A> recorded{structure, scene};
+  const size_t stride = StrideFor(structure, papers, most);
+  for (size_t i = 0; i < papers.rays(); i += stride) recorded.Ray(papers.ray_list()[i]);
   std::vector<KernelCost> costs;
   constexpr double kRayWords = Words(sizeof(typename A::Constant)),
                    kStateWords = Words(sizeof(typename A::State));
@@ -152,7 +158,7 @@ std::vector<KernelCost> KernelsOf(const std::string& prefix, const A& structure,
                           Words(sizeof(HitWords)), repetitions, [&](auto& memory, size_t i) {
                             const Test& test = recorded.tests[i];
                             Hit hit{test.hit.t, test.hit.triangle, test.hit.b1, test.hit.b2};
-                            TestPlace(scene, memory, FrameOf(test.ray),
+                            TestPlace(scene.corners(), memory, FrameOf(test.ray),
                                       memory.Fetch(structure.list(), test.entry), hit);
                             hits[i] = {hit.t, hit.triangle, hit.b1, hit.b2};
                           }));

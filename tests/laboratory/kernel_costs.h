@@ -10,19 +10,6 @@
 
 namespace quarry::laboratory {
 
-/// Memory that counts the words and the places read of textures. Streams are counted by the size of their
-/// elements.
-struct FetchCounter {
-  uint64_t fetches = 0, words = 0;
-
-  template <class T>
-  const T& Fetch(const Texture<T>& texture, size_t i) {
-    ++fetches;
-    words += sizeof(T) / sizeof(uint32_t);
-    return texture.data[i];
-  }
-};
-
 /// A kernel over the states that the rays of a frame bring to it, as a machine of streams runs it: one call
 /// reads its ray's stream elements and textures, and writes its stream elements.
 struct KernelCost {
@@ -36,7 +23,7 @@ struct KernelCost {
 };
 
 /// Costs of brute force's intersect, the grid's and the tree's kernels. The grid and the tree intersect by
-/// the same kernel. `most_calls`: of each kernel, the first so many calls of every so many-th ray.
+/// the same kernel. `most_calls`: about so many of each kernel at most, of rays from all of the frame.
 std::vector<KernelCost> MeasureKernels(const PapersScene& scene, int repetitions, size_t most_calls);
 
 }  // namespace quarry::laboratory

@@ -5,6 +5,8 @@
 #include <span>
 #include <vector>
 
+#include "common/math/host_device.h"
+
 // The memory of Purcell's machine: textures that kernels read at random, and streams that kernels read and
 // write at the place of their ray. Kernels reach both only through a memory policy, so that the same kernel
 // counts words, feeds a simulated cache, or does neither.
@@ -30,6 +32,7 @@ struct Texture {
   const T* data = nullptr;
   uint64_t address = 0;
   DataKind kind = DataKind::kCells;
+  size_t size = 0;  ///< elements
 };
 
 /// An array with an element a ray.
@@ -51,7 +54,7 @@ class AddressSpace {
   }
   template <class T>
   Texture<T> TextureOf(const std::vector<T>& data, DataKind kind) {
-    return {data.data(), Take(data.size() * sizeof(T)), kind};
+    return {data.data(), Take(data.size() * sizeof(T)), kind, data.size()};
   }
   template <class T>
   Stream<T> StreamOf(std::vector<T>& data, DataKind kind = DataKind::kState) {
@@ -66,7 +69,7 @@ class AddressSpace {
 /// Memory of which nothing is counted.
 struct PlainMemory {
   template <class T>
-  const T& Fetch(const Texture<T>& texture, size_t i) {
+  QUARRY_HOST_DEVICE const T& Fetch(const Texture<T>& texture, size_t i) {
     return texture.data[i];
   }
   template <class T>

@@ -9,8 +9,9 @@
 
 #include "tests/bench/figures.h"
 #include "tests/bench/median.h"
+#include "tests/cuda/trace_cuda.h"
 #include "tests/laboratory/kernel_costs.h"
-#include "tests/laboratory/papers_scene.h"
+#include "tests/laboratory/papers_device.h"
 #include "tests/laboratory/simt.h"
 
 #ifndef NDEBUG
@@ -26,6 +27,7 @@ struct Options {
   uint32_t size = 512;
   int repetitions = 3;
   size_t calls = 1000000;
+  bool no_brute_force = false;
 };
 
 double Millions(uint64_t count) { return static_cast<double>(count) / 1e6; }
@@ -38,8 +40,8 @@ std::string Theirs(double figure) { return figure > 0 ? fmt::format("{:.2f}", fi
 
 struct Measured {
   std::unique_ptr<PapersScene> scene;
-  std::vector<Timing> timings;
-  TraceCounts grid;
+  std::vector<Timing> timings, on_device;  ///< on_device: empty without a GPU
+  FrameCounts grid;
   std::vector<TreeCounts> trees;
   std::vector<KernelCost> kernels;  ///< of the kitchen alone
 };
@@ -48,10 +50,14 @@ bool IsKitchen(const PapersScene& scene) {
   return scene.paper() && std::string_view(scene.paper()->name) == "Kitchen";
 }
 
-Result<Measured> Measure(const std::string& store, const Options& options) {
+/// `gpu`: there is one.
+Result<Measured> Measure(const std::string& store, const Options& options, bool gpu) {
   Measured m;
   QUARRY_ASSIGN(m.scene, PapersScene::Load(store, options.size));
-  QUARRY_ASSIGN(m.timings, m.scene->Time(options.repetitions));
+  QUARRY_ASSIGN(m.timings, m.scene->Time(options.repetitions, !options.no_brute_force));
+  if (gpu) {
+    QUARRY_ASSIGN(m.on_device, TimeOnDevice(*m.scene, options.repetitions, !options.no_brute_force));
+  }
   QUARRY_ASSIGN(m.trees, m.scene->CountTrees());
   m.grid = m.scene->CountGrid();
   if (IsKitchen(*m.scene)) m.kernels = MeasureKernels(*m.scene, options.repetitions, options.calls);
@@ -78,21 +84,45 @@ void PrintScenes(const std::vector<Measured>& all) {
                  tree.leaves, tree.depth, tree.references, tree.build_seconds);
 }
 
+/// Milliseconds by the names of structures; 0: not measured.
+class Milliseconds {
+ public:
+  explicit Milliseconds(const std::vector<Timing>& timings) : timings_(timings) {}
+  double Of(std::string_view name) const {
+    const auto found = std::ranges::find(timings_, name, &Timing::name);
+    return found == timings_.end() ? 0 : bench::Median(found->seconds) * 1e3;
+  }
+  std::string Cells(std::initializer_list<const char*> names, int digits) const {
+    std::string cells;
+    for (const char* name : names) cells += Cell(Of(name), digits);
+    return cells;
+  }
+  /// The ratios of table 1.
+  std::string Ratios() const {
+    const double restart = Of("restart");
+    return Cell(Of("brute") / restart, 2) + Cell(Of("grid") / restart, 2) +
+           Cell(restart / Of("backtrack"), 2);
+  }
+
+ private:
+  static std::string Cell(double value, int digits) {
+    return value > 0 ? fmt::format(" {:.{}f} |", value, digits) : " - |";
+  }
+  const std::vector<Timing>& timings_;
+};
+
 void PrintTable1(const std::vector<Measured>& all) {
   fmt::print(
       "\nTable 1: processor milliseconds a frame, median; {}, one core; the paper's on an ATI X800 XT PE. "
-      "The last "
-      "columns: the tree as ours\n\n| scene | | brute | grid | restart | backtrack | brute / restart | "
-      "grid / restart | restart / backtrack | restart, ours | backtrack, ours |\n"
+      "The last columns: the tree as ours\n\n| scene | | brute | grid | restart | backtrack | brute / "
+      "restart | grid / restart | restart / backtrack | restart, ours | backtrack, ours |\n"
       "|---|---|---|---|---|---|---|---|---|---|---|\n",
       BestSimt().isa);
   for (const Measured& m : all) {
-    std::vector<double> ms;
-    for (const Timing& timing : m.timings) ms.push_back(bench::Median(timing.seconds) * 1e3);
-    fmt::print(
-        "| {} | here | {:.1f} | {:.1f} | {:.1f} | {:.1f} | {:.2f} | {:.2f} | {:.2f} | {:.1f} | {:.1f} |\n",
-        m.scene->name(), ms[0], ms[1], ms[2], ms[3], ms[0] / ms[2], ms[1] / ms[2], ms[2] / ms[3], ms[4],
-        ms[5]);
+    const Milliseconds ms(m.timings);
+    fmt::print("| {} | here |{}{}{}\n", m.scene->name(),
+               ms.Cells({"brute", "grid", "restart", "backtrack"}, 1), ms.Ratios(),
+               ms.Cells({"restart, ours", "backtrack, ours"}, 1));
     if (const PaperFigures* p = m.scene->paper())
       fmt::print("| | paper | {:.0f} | {:.0f} | {:.0f} | {:.0f} | {:.2f} | {:.2f} | {:.2f} | - | - |\n",
                  p->brute, p->grid_ms, p->restart, p->backtrack, p->brute / p->restart,
@@ -108,6 +138,26 @@ void PrintTable1(const std::vector<Measured>& all) {
     fmt::print("| {} | {:.2f} | {:.2f} | {:.2f} | {:.2f} | {:.2f} | {:.2f} |\n", m.scene->name(),
                a_ray(m.grid.steps), a_ray(m.grid.lists), a_ray(m.grid.tests), a_ray(kd.steps),
                a_ray(kd.leaves()), a_ray(kd.tests));
+  }
+}
+
+/// `device`: its name, or why nothing is measured.
+void PrintDevice(const std::vector<Measured>& all, const Result<cuda::DeviceInfo>& device) {
+  if (!device) {
+    fmt::print("\nNo GPU, so no times of one: {}.\n", device.error().message);
+    return;
+  }
+  fmt::print(
+      "\nTable 1 on a GPU, {}: milliseconds a frame, median; a thread a ray, copies not counted\n\n"
+      "| scene | brute | grid | restart | backtrack | push-down | ropes | brute / restart | grid / restart | "
+      "restart / backtrack | restart, ours | backtrack, ours | push-down, ours | ropes, ours |\n"
+      "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
+      device->name);
+  for (const Measured& m : all) {
+    const Milliseconds ms(m.on_device);
+    fmt::print("| {} |{}{}{}\n", m.scene->name(),
+               ms.Cells({"brute", "grid", "restart", "backtrack", "push-down", "ropes"}, 3), ms.Ratios(),
+               ms.Cells({"restart, ours", "backtrack, ours", "push-down, ours", "ropes, ours"}, 3));
   }
 }
 
@@ -170,9 +220,37 @@ void PrintTable3(const std::vector<Measured>& all, const nlohmann::json& instruc
   }
 }
 
-nlohmann::json CountsJson(const TraceCounts& c) {
-  return {{"down", c.steps},  {"up", c.ups},         {"lists", c.lists}, {"empty_lists", c.empty_lists},
-          {"tests", c.tests}, {"resumes", c.resumes}};
+/// Bytes that a frame reads from textures, over its time: of the fused kernels, whose streams are registers.
+void PrintFrames(const std::vector<Measured>& all) {
+  fmt::print(
+      "\nTable 3 of whole frames: megabytes read from textures, each read counted, and over table 1's times "
+      "the effective bandwidth in GB/s\n\n| scene | structure | MB | {}, one core | GPU |\n"
+      "|---|---|---|---|---|\n",
+      BestSimt().isa);
+  for (const Measured& m : all) {
+    const auto row = [&](const std::string& name, uint64_t words) {
+      const double megabytes = static_cast<double>(words) * sizeof(uint32_t) / 1e6;
+      const auto speed = [&](const std::vector<Timing>& timings) {
+        const double ms = Milliseconds(timings).Of(name);
+        return ms > 0 ? fmt::format("{:.2f}", megabytes / ms) : "-";
+      };
+      fmt::print("| {} | {} | {:.1f} | {} | {} |\n", m.scene->name(), name, megabytes, speed(m.timings),
+                 speed(m.on_device));
+    };
+    row("grid", m.grid.words);
+    for (const TreeCounts& tree : m.trees) {
+      const std::string of = &tree == m.trees.data() ? "" : ", ours";
+      row("restart" + of, tree.restart.words);
+      row("backtrack" + of, tree.backtrack.words);
+      row("push-down" + of, tree.push_down.words);
+      row("ropes" + of, tree.ropes.words);
+    }
+  }
+}
+
+nlohmann::json CountsJson(const FrameCounts& c) {
+  return {{"down", c.steps},  {"up", c.ups},          {"lists", c.lists}, {"empty_lists", c.empty_lists},
+          {"tests", c.tests}, {"resumes", c.resumes}, {"words", c.words}};
 }
 
 nlohmann::json ToJson(const Measured& m) {
@@ -182,6 +260,7 @@ nlohmann::json ToJson(const Measured& m) {
                       {"isa", BestSimt().isa},
                       {"grid", CountsJson(m.grid)}};
   for (const Timing& t : m.timings) j["seconds"][t.name] = t.seconds;
+  for (const Timing& t : m.on_device) j["gpu_seconds"][t.name] = t.seconds;
   for (const TreeCounts& tree : m.trees)
     j["trees"][tree.name] = {{"splits", tree.splits},
                              {"depth", tree.depth},
@@ -215,7 +294,9 @@ std::vector<std::string> StoresOf(const Options& options) {
 
 int Main(int argc, char** argv) {
   Options options;
-  CLI::App app("The tables of Foley & Sugerman 2005 on this machine, on one core, as Markdown.");
+  CLI::App app(
+      "The tables of Foley & Sugerman 2005 on this machine, on one core and on a GPU where there is one, as "
+      "Markdown.");
   app.footer(
       "Example:\n  tests/laboratory/make_scenes stores\n  quarry bench papers --folder stores --json "
       "papers.json\n\n"
@@ -232,6 +313,8 @@ int Main(int argc, char** argv) {
   app.add_option("--instructions", options.instructions,
                  "Table 3's instructions, counted by another program: JSON, {\"KD Down\": 66, ...}")
       ->check(CLI::ExistingFile);
+  app.add_flag("--no-brute-force", options.no_brute_force,
+               "Without brute force, which takes minutes for a million triangles");
   app.add_option("--json", options.json, "Results as JSON")->check(bench::CheckFigures);
   try {
     app.parse(argc, argv);
@@ -255,10 +338,15 @@ int Main(int argc, char** argv) {
     instructions = nlohmann::json::parse(std::ifstream(options.instructions), nullptr, false);
     if (!instructions.is_object()) return fail(options.instructions + ": is no JSON object of kernels", 2);
   }
+#ifdef QUARRY_WITHOUT_CUDA
+  const Result<cuda::DeviceInfo> device = Fail("the program was built without CUDA");
+#else
+  const Result<cuda::DeviceInfo> device = cuda::FindDevice();
+#endif
   std::vector<Measured> all;
   nlohmann::json results = nlohmann::json::array();
   for (const std::string& store : stores) {
-    Result<Measured> measured = Measure(store, options);
+    Result<Measured> measured = Measure(store, options, device.has_value());
     if (!measured) return fail(measured.error().message, measured.error().exit_status());
     results.push_back(ToJson(*measured));
     all.push_back(std::move(*measured));
@@ -266,8 +354,10 @@ int Main(int argc, char** argv) {
   fmt::print("Primary rays of {0}x{0} pixels, medians of {1}.\n\n", options.size, options.repetitions);
   PrintScenes(all);
   PrintTable1(all);
+  PrintDevice(all, device);
   PrintTable2(all);
   PrintTable3(all, instructions);
+  PrintFrames(all);
   return bench::WriteFigures(options.json, results.dump(2)) ? 0 : 1;
 }
 

@@ -29,13 +29,6 @@ bool Same(const Hit& a, const Hit& b) {
          bits(a.b2) == bits(b.b2);
 }
 
-uint64_t Differences(const std::vector<RayPacket>& a, const std::vector<RayPacket>& b) {
-  uint64_t differences = 0;
-  for (size_t p = 0; p < a.size(); ++p)
-    for (uint32_t i = 0; i < RayPacket::kRays; ++i) differences += Same(a[p].HitOf(i), b[p].HitOf(i)) ? 0 : 1;
-  return differences;
-}
-
 }  // namespace
 
 const PaperFigures* FiguresOf(const std::string& store) {
@@ -88,29 +81,30 @@ Result<std::unique_ptr<PapersScene>> PapersScene::Load(const std::string& store,
 }
 
 template <class TraceRay>
-Result<TraceCounts> PapersScene::Count(const TraceRay& trace) {
-  TraceCounts counts;
+Result<FrameCounts> PapersScene::Count(const TraceRay& trace) {
+  FrameCounts counts;
+  FetchCounter memory;
   const bool first = hits_.empty();
   uint64_t differences = 0;
   for (size_t i = 0; i < rays_.size(); ++i) {
-    const Hit hit = trace(rays_[i], counts);
+    const Hit hit = trace(rays_[i], memory, counts);
     if (first)
       hits_.push_back(hit);
     else
       differences += Same(hit, hits_[i]) ? 0 : 1;
   }
   if (differences != 0) return Fail(fmt::format("{}: structures disagree on {} rays", name_, differences));
+  counts.words = memory.words;
   return counts;
 }
 
 Result<std::vector<TreeCounts>> PapersScene::CountTrees() {
   std::vector<TreeCounts> all;
-  PlainMemory memory;
   for (size_t which = 0; which < 2; ++which) {
     const TextureTree& tree = *trees_[which].tree;
     const auto by = [&](const auto& way) {
-      return Count([&](const RayStart& ray, TraceCounts& counts) {
-        return TraceOne(way, *scene_, memory, ray, kFarthest, counts);
+      return Count([&](const RayStart& ray, FetchCounter& memory, TraceCounts& counts) {
+        return TraceOne(way, scene_->corners(), memory, ray, kFarthest, counts);
       });
     };
     TreeCounts counts{which == 0 ? "theirs" : "ours",
@@ -124,8 +118,8 @@ Result<std::vector<TreeCounts>> PapersScene::CountTrees() {
                       {},
                       {},
                       {}};
-    QUARRY_ASSIGN(counts.stack, Count([&](const RayStart& ray, TraceCounts& of_ray) {
-                    return TraceWithStack(tree, *scene_, memory, ray, kFarthest, of_ray);
+    QUARRY_ASSIGN(counts.stack, Count([&](const RayStart& ray, FetchCounter& memory, TraceCounts& of_ray) {
+                    return TraceWithStack(tree, scene_->corners(), memory, ray, kFarthest, of_ray);
                   }));
     QUARRY_ASSIGN(counts.restart, by(KdRestart(tree)));
     QUARRY_ASSIGN(counts.backtrack, by(KdBacktrack(tree)));
@@ -136,42 +130,56 @@ Result<std::vector<TreeCounts>> PapersScene::CountTrees() {
   return all;
 }
 
-TraceCounts PapersScene::CountGrid() {
-  TraceCounts counts;
-  PlainMemory memory;
-  for (const RayStart& ray : rays_) TraceOne(*grid_, *scene_, memory, ray, kFarthest, counts);
+FrameCounts PapersScene::CountGrid() {
+  FrameCounts counts;
+  FetchCounter memory;
+  for (const RayStart& ray : rays_) TraceOne(*grid_, scene_->corners(), memory, ray, kFarthest, counts);
+  counts.words = memory.words;
   return counts;
 }
 
-Result<std::vector<Timing>> PapersScene::Time(int repetitions) {
+uint64_t PapersScene::Differences(const std::vector<RayPacket>& found) const {
+  uint64_t differences = 0;
+  for (size_t p = 0; p < found.size(); ++p)
+    for (uint32_t i = 0; i < RayPacket::kRays; ++i)
+      differences += Same(found_[p].HitOf(i), found[p].HitOf(i)) ? 0 : 1;
+  return differences;
+}
+
+Result<std::vector<Timing>> PapersScene::Time(int repetitions, bool brute_force) {
   const SimtFunctions& simt = BestSimt();
   const std::vector<float> corners = CornersOf(*scene_);
   const SimtScene lanes = SceneOf(*scene_, corners);
   const SimtGrid grid = GridOf(*grid_);
   const SimtTree trees[2] = {TreeOf(*trees_[0].tree), TreeOf(*trees_[1].tree)};
-  const std::function<void(SimtRays)> traces[] = {
-      [&](SimtRays rays) { simt.brute(lanes, rays); },
-      [&](SimtRays rays) { simt.grid(lanes, grid, rays); },
-      [&](SimtRays rays) { simt.restart(lanes, trees[0], rays); },
-      [&](SimtRays rays) { simt.backtrack(lanes, trees[0], rays); },
-      [&](SimtRays rays) { simt.restart(lanes, trees[1], rays); },
-      [&](SimtRays rays) { simt.backtrack(lanes, trees[1], rays); }};
-  std::vector<Timing> timings = {{"brute", {}},     {"grid", {}},          {"restart", {}},
-                                 {"backtrack", {}}, {"restart, ours", {}}, {"backtrack, ours", {}}};
-  std::vector<RayPacket> expected;
-  for (int r = 0; r < repetitions; ++r)
-    for (size_t k = 0; k < timings.size(); ++k) {
+  struct Structure {
+    const char* name;
+    std::function<void(SimtRays)> trace;
+  };
+  const std::vector<Structure> structures = {
+      {"brute", [&](SimtRays rays) { simt.brute(lanes, rays); }},
+      {"grid", [&](SimtRays rays) { simt.grid(lanes, grid, rays); }},
+      {"restart", [&](SimtRays rays) { simt.restart(lanes, trees[0], rays); }},
+      {"backtrack", [&](SimtRays rays) { simt.backtrack(lanes, trees[0], rays); }},
+      {"restart, ours", [&](SimtRays rays) { simt.restart(lanes, trees[1], rays); }},
+      {"backtrack, ours", [&](SimtRays rays) { simt.backtrack(lanes, trees[1], rays); }}};
+  std::vector<Timing> timings;
+  found_.clear();
+  for (const Structure& structure : structures) {
+    if (!brute_force && &structure == structures.data()) continue;
+    Timing timing{structure.name, {}};
+    for (int r = 0; r < repetitions; ++r) {
       std::vector<RayPacket> found = packets_;
       const SimtRays rays{found.data(), active_.data(), static_cast<uint32_t>(found.size())};
       const double start = bench::ProcessSeconds();
-      traces[k](rays);
-      timings[k].seconds.push_back(bench::ProcessSeconds() - start);
-      if (expected.empty()) expected = found;
-      const uint64_t differences = Differences(expected, found);
-      if (differences != 0)
-        return Fail(fmt::format("{}: {} finds other hits than brute force for {} rays", name_,
-                                timings[k].name, differences));
+      structure.trace(rays);
+      timing.seconds.push_back(bench::ProcessSeconds() - start);
+      if (found_.empty()) found_ = found;
+      if (const uint64_t differences = Differences(found))
+        return Fail(fmt::format("{}: {} finds other hits for {} rays", name_, structure.name, differences));
     }
+    timings.push_back(std::move(timing));
+  }
   return timings;
 }
 

@@ -34,16 +34,35 @@ inline constexpr PaperFigures kPaperFigures[] = {
 /// The figures of a store's scene; null for another scene.
 const PaperFigures* FiguresOf(const std::string& store);
 
+/// Memory that counts the words and the places read of textures. Streams are counted by the size of their
+/// elements.
+struct FetchCounter {
+  uint64_t fetches = 0, words = 0;
+
+  template <class T>
+  const T& Fetch(const Texture<T>& texture, size_t i) {
+    ++fetches;
+    words += sizeof(T) / sizeof(uint32_t);
+    return texture.data[i];
+  }
+};
+
+/// What a structure does for the rays of a frame.
+struct FrameCounts : TraceCounts {
+  uint64_t words = 0;  ///< of 32 bits, read from textures
+};
+
 /// A tree and what its traversals count for the rays of a frame.
 struct TreeCounts {
   std::string name;  ///< "theirs" or "ours"
   uint64_t splits, leaves, references;
   uint32_t depth;
   double build_seconds;
-  TraceCounts stack, restart, backtrack, push_down, ropes;
+  FrameCounts stack, restart, backtrack, push_down, ropes;
 };
 
-/// Processor seconds a frame of each repetition: other programs on the core do not count.
+/// Seconds a frame of each repetition: of a processor, so that other programs on the core do not count, or
+/// of a GPU.
 struct Timing {
   std::string name;
   std::vector<double> seconds;
@@ -67,10 +86,18 @@ class PapersScene {
 
   /// Counts, ray by ray. Errors: structures that find different hits.
   Result<std::vector<TreeCounts>> CountTrees();
-  TraceCounts CountGrid();
-  /// Times brute force, grid, restart and backtrack over their tree, then over ours, on one core.
-  /// Errors: structures that find different hits.
-  Result<std::vector<Timing>> Time(int repetitions);
+  FrameCounts CountGrid();
+  /// Times brute force, grid, restart and backtrack over their tree, then over ours, on one core. Brute force
+  /// can be left out. Errors: structures that find different hits.
+  Result<std::vector<Timing>> Time(int repetitions, bool brute_force);
+
+  /// The frame's rays, and of each packet the bits of those that meet the scene's box.
+  const std::vector<RayPacket>& packets() const { return packets_; }
+  const std::vector<uint64_t>& active() const { return active_; }
+  /// How many of the frame's rays have other hits in `found` than the first structure of Time() has found.
+  /// Requires: Time() has run.
+  uint64_t Differences(const std::vector<RayPacket>& found) const;
+  const KdRopes& ropes(size_t which) const { return *trees_[which].ropes; }
 
  private:
   struct Tree {
@@ -79,12 +106,12 @@ class PapersScene {
     double build_seconds = 0;
   };
   template <class TraceRay>
-  Result<TraceCounts> Count(const TraceRay& trace);
+  Result<FrameCounts> Count(const TraceRay& trace);
 
   std::string name_;
   const PaperFigures* paper_ = nullptr;
   std::unique_ptr<LaboratoryScene> scene_;
-  std::vector<RayPacket> packets_;
+  std::vector<RayPacket> packets_, found_;
   std::vector<uint64_t> active_;
   std::vector<RayStart> rays_;
   std::vector<Hit> hits_;  ///< of rays_, from the first structure counted

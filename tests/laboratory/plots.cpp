@@ -4,9 +4,11 @@
 
 #include <algorithm>
 #include <boost/process.hpp>
+#include <cmath>
 
 #include "common/base/bytes.h"
 #include "common/base/file.h"
+#include "common/math/elementary.h"
 
 namespace quarry::laboratory {
 
@@ -37,24 +39,42 @@ std::string ScriptOf(const StackedPlot& plot, const std::string& path) {
   return script + "\n";
 }
 
+/// Sends `script` to gnuplot, which makes the file at `path`.
+Status Draw(const std::string& script, const std::string& path) {
+  namespace bp = boost::process;
+  const auto gnuplot = bp::search_path("gnuplot");
+  if (gnuplot.empty()) return Fail(path + ": gnuplot is not installed");
+  std::error_code error;
+  bp::opstream input;
+  bp::child child(gnuplot, bp::std_in<input, bp::std_err> bp::null, bp::std_out > bp::null, error);
+  if (error) return Fail(fmt::format("{}: gnuplot cannot be started: {}", path, error.message()));
+  input << script;
+  input.flush();
+  input.pipe().close();
+  child.wait(error);
+  if (error || child.exit_code() != 0) return Fail(path + ": gnuplot could not draw it");
+  return {};
+}
+
 }  // namespace
 
 bool GnuplotInstalled() { return !boost::process::search_path("gnuplot").empty(); }
 
 Status DrawStacked(const StackedPlot& plot, const std::string& path) {
-  namespace bp = boost::process;
-  const auto gnuplot = bp::search_path("gnuplot");
-  if (gnuplot.empty()) return Fail(path + ": gnuplot is not installed");
-  std::error_code error;
-  bp::opstream script;
-  bp::child child(gnuplot, bp::std_in<script, bp::std_err> bp::null, bp::std_out > bp::null, error);
-  if (error) return Fail(fmt::format("{}: gnuplot cannot be started: {}", path, error.message()));
-  script << ScriptOf(plot, path);
-  script.flush();
-  script.pipe().close();
-  child.wait(error);
-  if (error || child.exit_code() != 0) return Fail(path + ": gnuplot could not draw it");
-  return {};
+  return Draw(ScriptOf(plot, path), path);
+}
+
+Status DrawPicture(const std::vector<float>& pixels, uint32_t size, const std::string& title,
+                   const std::string& path) {
+  constexpr int kSide = 620, kHeight = 660;
+  std::string script = fmt::format(
+      "set terminal pngcairo size {0},{1}\nset output {2}\nset title {3} noenhanced\nunset key\n"
+      "unset border\nunset tics\nset size ratio -1\nset xrange [-0.5:{4}-0.5]\nset yrange [-0.5:{4}-0.5]\n"
+      "plot '-' binary array=({4},{4}) flip=y format='%uchar' using 1:2:3 with rgbimage\n",
+      kSide, kHeight, Quoted(path), Quoted(title), size);
+  for (const float value : pixels)
+    script += static_cast<char>(std::lround(255 * EncodeSrgb(static_cast<double>(value))));
+  return Draw(script, path);
 }
 
 }  // namespace quarry::laboratory

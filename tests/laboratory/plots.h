@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -24,5 +25,9 @@ bool GnuplotInstalled();
 
 /// Draws the plot by gnuplot into `path`, a PNG file. Errors: gnuplot is missing or fails; names the file.
 Status DrawStacked(const StackedPlot& plot, const std::string& path);
+/// Draws a rendered picture under `title` in the same way. Shape: pixels[3 * size * size], linear RGB, the
+/// upper row first; `size`: pixels a side.
+Status DrawPicture(const std::vector<float>& pixels, uint32_t size, const std::string& title,
+                   const std::string& path);
 
 }  // namespace quarry::laboratory

@@ -73,7 +73,8 @@ Result<std::unique_ptr<LaboratoryScene>> LaboratoryScene::Load(const std::string
   QUARRY_TRY(CheckMemory(path, catalog, needs));
   QUARRY_TRY(scene->ReadTriangles());
   for (int c = 0; c < 3; ++c)
-    scene->corner_[c] = scene->addresses_.TextureOf(scene->corners_[c], DataKind::kTriangles);
+    scene->corners_.corner[c] = scene->addresses_.TextureOf(scene->corner_data_[c], DataKind::kTriangles);
+  scene->corners_.count = static_cast<uint32_t>(scene->triangles_.size());
   scene->material_ = scene->addresses_.TextureOf(scene->materials_, DataKind::kShading);
   scene->attribute_ = scene->addresses_.TextureOf(scene->attributes_, DataKind::kShading);
   return scene;
@@ -85,7 +86,7 @@ Status LaboratoryScene::ReadTriangles() {
   const uint64_t ids = catalog.meta.input_triangles;
   std::vector<bool> seen(ids);
   triangles_.resize(ids);
-  for (auto& corners : corners_) corners.resize(ids);
+  for (auto& corners : corner_data_) corners.resize(ids);
   materials_.resize(ids);
   if (HasAttributes(catalog)) attributes_.resize(ids);
   BlockDecoder decoder;
@@ -109,14 +110,14 @@ Status LaboratoryScene::ReadTriangles() {
       seen[id] = true;
       for (int c = 0; c < 3; ++c) {
         const glm::vec3& p = triangles_[id].vertices[c] = hot.vertex(t, c);
-        corners_[c][id] = {p.x, p.y, p.z};
+        corner_data_[c][id] = {p.x, p.y, p.z};
         if (shading.vertices) attributes_[id].vertices[c] = shading.vertex(t, c);
       }
       materials_[id] = TriangleMaterial::Of(hot.materials[t], shading.vertices != nullptr);
     }
   }
   Compact(triangles_, seen);
-  for (auto& corners : corners_) Compact(corners, seen);
+  for (auto& corners : corner_data_) Compact(corners, seen);
   Compact(materials_, seen);
   Compact(attributes_, seen);
   return {};

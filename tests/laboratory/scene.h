@@ -9,14 +9,9 @@
 #include "common/base/status.h"
 #include "common/kdtree/build/build.h"
 #include "common/voxel/store_reader.h"
-#include "tests/laboratory/memory.h"
+#include "tests/laboratory/triangles.h"
 
 namespace quarry::laboratory {
-
-/// Three floats of a texture.
-struct Float3 {
-  float x, y, z;
-};
 
 /// A triangle's word of shading: its material's index, and in the top bit whether it has attributes. The
 /// materials themselves are few: they are constants of the kernels and no words of memory.
@@ -79,7 +74,8 @@ class LaboratoryScene {
 
   /// Addresses behind those of the scene's textures. Not thread-safe.
   AddressSpace& addresses() { return addresses_; }
-  const Texture<Float3>& corner(int i) const { return corner_[i]; }
+  const TriangleCorners& corners() const { return corners_; }
+  const Texture<Float3>& corner(int i) const { return corners_.corner[i]; }
   const Texture<TriangleMaterial>& materials() const { return material_; }
   /// Empty if no triangle has attributes.
   const Texture<TriangleAttributes>& attributes() const { return attribute_; }
@@ -89,11 +85,11 @@ class LaboratoryScene {
 
   std::unique_ptr<StoreReader> store_;
   std::vector<KdTriangle> triangles_;
-  std::vector<Float3> corners_[3];
+  std::vector<Float3> corner_data_[3];
   std::vector<TriangleMaterial> materials_;
   std::vector<TriangleAttributes> attributes_;
   AddressSpace addresses_;
-  Texture<Float3> corner_[3];
+  TriangleCorners corners_;
   Texture<TriangleMaterial> material_;
   Texture<TriangleAttributes> attribute_;
 };

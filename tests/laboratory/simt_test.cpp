@@ -17,38 +17,11 @@ void CheckAll(const SimtFunctions& simt, LaboratoryScene& scene, const GridResol
   const UniformGrid grid(scene.triangles(), scene.padding(), scene.box(), resolution, scene.addresses());
   const KdTree plain = BuildFoleyTree(scene.triangles(), scene.padding(), scene.box());
   const TextureTree tree(plain, scene.box(), scene.addresses());
-  std::mt19937 random(3);
-  std::vector<RayPacket> fresh(40);
-  std::vector<uint64_t> active(fresh.size());
-  std::vector<Hit> expected;
-  PlainMemory memory;
-  for (size_t p = 0; p < fresh.size(); ++p) {
-    active[p] = ~(uint64_t{1} << p);
-    for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
-      const TestRay made = MakeRay(scene, random);
-      Ray ray;
-      ray.origin = {made.start.origin[0], made.start.origin[1], made.start.origin[2]};
-      ray.direction = {made.start.direction[0], made.start.direction[1], made.start.direction[2]};
-      fresh[p].Set(i, ray);
-      fresh[p].hit_t[i] = made.t_end;
-      expected.push_back(BruteForce(scene, memory, made.start, made.t_end));
-    }
-  }
+  const TestPackets test(scene);
   const auto check = [&](const auto& trace) {
-    std::vector<RayPacket> packets = fresh;
-    trace(SimtRays{packets.data(), active.data(), static_cast<uint32_t>(packets.size())});
-    for (size_t p = 0; p < packets.size(); ++p)
-      for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
-        const Hit& hit = expected[p * RayPacket::kRays + i];
-        CAPTURE(p, i, hit.t, hit.triangle, packets[p].hit_t[i], packets[p].triangle[i]);
-        if ((active[p] >> i & 1) == 0) {
-          CHECK(packets[p].triangle[i] == kNoTriangle);
-        } else {
-          CHECK(packets[p].hit_t[i] == hit.t);
-          CHECK(packets[p].triangle[i] == hit.triangle);
-          if (hit.triangle != kNoTriangle) CHECK((packets[p].b1[i] == hit.b1 && packets[p].b2[i] == hit.b2));
-        }
-      }
+    std::vector<RayPacket> packets = test.packets;
+    trace(SimtRays{packets.data(), test.active.data(), static_cast<uint32_t>(packets.size())});
+    test.Check(packets);
   };
   const SimtGrid lanes_grid = GridOf(grid);
   const SimtTree lanes_tree = TreeOf(tree);

@@ -12,7 +12,7 @@ namespace quarry::laboratory {
 
 /// The standard traversal. As TraceOne(). Source: Foley & Sugerman 2005, figure 2.
 template <class M, class Counts>
-inline Hit TraceWithStack(const TextureTree& tree, const LaboratoryScene& scene, M& memory,
+inline Hit TraceWithStack(const TextureTree& tree, const TriangleCorners& corners, M& memory,
                           const RayStart& ray, float t_end, Counts& counts) {
   const RayFrame<ScalarLane> frame = FrameOf(ray);
   Hit hit;
@@ -32,7 +32,7 @@ inline Hit TraceWithStack(const TextureTree& tree, const LaboratoryScene& scene,
     }
     TriangleRange range;
     ReadLeaf(tree, memory, state.node, range);
-    TestRange(scene, tree.list(), memory, frame, range, hit, counts);
+    TestRange(corners, tree.list(), memory, frame, range, hit, counts);
     if (hit.t < state.t_exit || height == 0) return hit;
     counts.Resume();
     state = stack[--height];

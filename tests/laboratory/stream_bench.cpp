@@ -286,7 +286,7 @@ int Main(int argc, char** argv) {
   app.add_flag("--no-instructions", o.no_instructions, "Do not count instructions (valgrind)");
   app.add_flag("--no-check", o.no_check, "Do not compare with Quarry's own pictures");
   app.add_flag("--interior", o.interior, "Look from inside a scene without a camera path");
-  app.add_option("--plots", o.plots, "Draw figures 7 to 9 into this folder (gnuplot)")
+  app.add_option("--plots", o.plots, "Draw figures 6 to 9 into this folder (gnuplot)")
       ->check(CLI::ExistingDirectory);
   app.add_option("--json", o.json, "Write all figures to this file")->check(bench::CheckFigures);
   app.add_flag("--quiet", o.quiet, "No progress");

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
+
 #include "tests/laboratory/plots.h"
 
 namespace quarry::laboratory {
@@ -280,6 +282,12 @@ nlohmann::ordered_json StudyToJson(const Study& study) {
 
 Status DrawStudy(const Study& study, const std::string& folder, const std::string& name) {
   const auto path = [&](int figure) { return fmt::format("{}/{}-figure-{}.png", folder, name, figure); };
+  const MachineCounts& c = study.branching.counts;
+  const auto size = static_cast<uint32_t>(std::lround(std::sqrt(study.branching.pixels.size() / 3)));
+  QUARRY_TRY(DrawPicture(study.branching.pixels, size,
+                         fmt::format("Figure 6, {}: v = {:.2f}, t = {:.2f}, s = {:.2f}", name,
+                                     Of(c.steps + c.ups, c.rays), Of(c.tests, c.rays), Of(c.shaded, c.rays)),
+                         path(6)));
   if (const Instructions* instructions = InstructionsOf(study)) {
     StackedPlot plot{
         "Figure 7, " + name + ": computation and bandwidth by kernel", "million instructions or MB", {}, {}};

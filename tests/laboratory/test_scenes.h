@@ -4,8 +4,10 @@
 #include <random>
 #include <string>
 
+#include "common/kdtree/ray_packet.h"
 #include "common/math/next_float.h"
 #include "preprocess/preprocess.h"
+#include "tests/laboratory/scene.h"
 #include "tests/laboratory/trace.h"
 #include "tests/reference/scene_fixture.h"
 
@@ -18,7 +20,7 @@ class TestScene {
   explicit TestScene(const std::string& model) {
     PreprocessOptions options;
     options.models = {model};
-    options.output = folder_.file("scene.quarry");
+    options.output = store();
     options.textures = false;
     options.quiet = true;
     const auto made = Preprocess(options);
@@ -30,6 +32,7 @@ class TestScene {
     scene_ = std::move(*loaded);
   }
   LaboratoryScene& scene() const { return *scene_; }
+  std::string store() const { return folder_.file("scene.quarry"); }
 
  private:
   test::TemporaryFolder folder_;
@@ -95,7 +98,7 @@ inline TestRay MakeRay(const LaboratoryScene& scene, std::mt19937& random) {
   PlainMemory memory;
   if (random() % 4 == 0) ray.t_end = test::Uniform(random, 0, 1) * box.extent(axis);
   if (random() % 8 == 0) {
-    const float t = BruteForce(scene, memory, ray.start, ray.t_end).t;
+    const float t = BruteForce(scene.corners(), memory, ray.start, ray.t_end).t;
     ray.t_end = random() % 2 ? t : NextBelow(t);
   }
   return ray;
@@ -107,5 +110,45 @@ inline bool Same(const Hit& a, const Hit& b) {
   return a.triangle == b.triangle && bits(a.t) == bits(b.t) && bits(a.b1) == bits(b.b1) &&
          bits(a.b2) == bits(b.b2);
 }
+
+/// Packets of random rays, of which each packet leaves one out, with the hits that brute force finds.
+struct TestPackets {
+  std::vector<RayPacket> packets;
+  std::vector<uint64_t> active;
+  std::vector<Hit> expected;
+
+  explicit TestPackets(const LaboratoryScene& scene, size_t count = 40) : packets(count), active(count) {
+    std::mt19937 random(3);
+    PlainMemory memory;
+    for (size_t p = 0; p < count; ++p) {
+      active[p] = ~(uint64_t{1} << p % RayPacket::kRays);
+      for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
+        const TestRay made = MakeRay(scene, random);
+        Ray ray;
+        ray.origin = {made.start.origin[0], made.start.origin[1], made.start.origin[2]};
+        ray.direction = {made.start.direction[0], made.start.direction[1], made.start.direction[2]};
+        packets[p].Set(i, ray);
+        packets[p].hit_t[i] = made.t_end;
+        expected.push_back(BruteForce(scene.corners(), memory, made.start, made.t_end));
+      }
+    }
+  }
+
+  /// `found`: the packets after active rays have been traced.
+  void Check(const std::vector<RayPacket>& found) const {
+    for (size_t p = 0; p < found.size(); ++p)
+      for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
+        const Hit& hit = expected[p * RayPacket::kRays + i];
+        CAPTURE(p, i, hit.t, hit.triangle, found[p].hit_t[i], found[p].triangle[i]);
+        if ((active[p] >> i & 1) == 0) {
+          CHECK(found[p].triangle[i] == kNoTriangle);
+        } else {
+          CHECK(found[p].hit_t[i] == hit.t);
+          CHECK(found[p].triangle[i] == hit.triangle);
+          if (hit.triangle != kNoTriangle) CHECK((found[p].b1[i] == hit.b1 && found[p].b2[i] == hit.b2));
+        }
+      }
+  }
+};
 
 }  // namespace quarry::laboratory

@@ -5,7 +5,7 @@
 
 #include "common/kdtree/trace/triangle_test.h"
 #include "tests/laboratory/accelerator.h"
-#include "tests/laboratory/scene.h"
+#include "tests/laboratory/triangles.h"
 
 // Drives the kernels of an acceleration structure for one ray.
 
@@ -41,25 +41,25 @@ struct TraceCounts {
 
 /// Counts nothing.
 struct NoCounts {
-  void Setup() {}
-  void Step() {}
-  void Up() {}
-  void List(const TriangleRange&) {}
-  void Test(uint32_t) {}
-  void Resume() {}
+  QUARRY_HOST_DEVICE void Setup() {}
+  QUARRY_HOST_DEVICE void Step() {}
+  QUARRY_HOST_DEVICE void Up() {}
+  QUARRY_HOST_DEVICE void List(const TriangleRange&) {}
+  QUARRY_HOST_DEVICE void Test(uint32_t) {}
+  QUARRY_HOST_DEVICE void Resume() {}
 };
 
-inline RayFrame<ScalarLane> FrameOf(const RayStart& ray) {
+QUARRY_HOST_DEVICE inline RayFrame<ScalarLane> FrameOf(const RayStart& ray) {
   return MakeRayFrame<ScalarLane>(ray.origin, ray.direction);
 }
 
 /// The intersect kernel: tests one triangle, whose place in the scene stands for its id.
 template <class M>
-inline void TestPlace(const LaboratoryScene& scene, M& memory, const RayFrame<ScalarLane>& frame,
-                      uint32_t triangle, Hit& hit) {
+QUARRY_HOST_DEVICE inline void TestPlace(const TriangleCorners& corners, M& memory,
+                                         const RayFrame<ScalarLane>& frame, uint32_t triangle, Hit& hit) {
   glm::vec3 points[3];
   for (int c = 0; c < 3; ++c) {
-    const Float3& p = memory.Fetch(scene.corner(c), triangle);
+    const Float3& p = memory.Fetch(corners.corner[c], triangle);
     points[c] = {p.x, p.y, p.z};
   }
   TestTriangle(frame, points[0], points[1], points[2], triangle, hit);
@@ -67,23 +67,24 @@ inline void TestPlace(const LaboratoryScene& scene, M& memory, const RayFrame<Sc
 
 /// Tests the triangles of `range` in `list`.
 template <class M, class Counts>
-inline void TestRange(const LaboratoryScene& scene, const Texture<uint32_t>& list, M& memory,
-                      const RayFrame<ScalarLane>& frame, const TriangleRange& range, Hit& hit,
-                      Counts& counts) {
+QUARRY_HOST_DEVICE inline void TestRange(const TriangleCorners& corners, const Texture<uint32_t>& list,
+                                         M& memory, const RayFrame<ScalarLane>& frame,
+                                         const TriangleRange& range, Hit& hit, Counts& counts) {
   counts.List(range);
   for (uint32_t i = range.next; i < range.end; ++i) {
     const uint32_t triangle = memory.Fetch(list, i);
     counts.Test(triangle);
-    TestPlace(scene, memory, frame, triangle, hit);
+    TestPlace(corners, memory, frame, triangle, hit);
   }
 }
 
 /// Traces one ray from t = 0 to its nearest hit up to `t_end`, that one included, in multiples of
 /// |direction|. Returns: the hit, whose triangle is a place in the scene; t = t_end without one.
 template <class A, class M, class Counts>
-requires Accelerator<A, M>
-inline Hit TraceOne(const A& structure, const LaboratoryScene& scene, M& memory, const RayStart& ray,
-                    float t_end, Counts& counts) {
+requires Accelerator<A, M> QUARRY_HOST_DEVICE inline Hit TraceOne(const A& structure,
+                                                                  const TriangleCorners& corners, M& memory,
+                                                                  const RayStart& ray, float t_end,
+                                                                  Counts& counts) {
   const RayFrame<ScalarLane> frame = FrameOf(ray);
   Hit hit;
   hit.t = t_end;
@@ -103,7 +104,7 @@ inline Hit TraceOne(const A& structure, const LaboratoryScene& scene, M& memory,
         came = structure.Up(memory, constant, state);
         break;
       default:
-        TestRange(scene, structure.list(), memory, frame, range, hit, counts);
+        TestRange(corners, structure.list(), memory, frame, range, hit, counts);
         came = structure.Leave(memory, constant, state, hit.t);
         if (came != Came::kOut) counts.Resume();
     }
@@ -113,11 +114,12 @@ inline Hit TraceOne(const A& structure, const LaboratoryScene& scene, M& memory,
 
 /// The hit of a ray by definition: the least (t, id) over all triangles. As TraceOne().
 template <class M>
-inline Hit BruteForce(const LaboratoryScene& scene, M& memory, const RayStart& ray, float t_end) {
+QUARRY_HOST_DEVICE inline Hit BruteForce(const TriangleCorners& corners, M& memory, const RayStart& ray,
+                                         float t_end) {
   const RayFrame<ScalarLane> frame = FrameOf(ray);
   Hit hit;
   hit.t = t_end;
-  for (uint32_t i = 0; i < scene.triangles().size(); ++i) TestPlace(scene, memory, frame, i, hit);
+  for (uint32_t i = 0; i < corners.count; ++i) TestPlace(corners, memory, frame, i, hit);
   return hit;
 }
 
