@@ -102,8 +102,8 @@ Result<RendererRow> CheckedRow(RendererRow row, const Options& o, const Picture&
   return row;
 }
 
-/// The runs of the ray caster by all oracles and schedules. Pictures are compared with the branching run's,
-/// and kept of it and of the multipass run.
+/// The runs of the ray caster by all oracles and schedules. Their pictures are compared with the branching
+/// run's. Only its picture and the multipass run's are kept.
 template <class A>
 Study StudyRayCaster(const StudyRunner<A>& runner, const Options& o, const Picture& picture) {
   Study study;
