@@ -42,6 +42,9 @@ class Laboratory(Case):
                 self.assertTrue(row["same_schedules"], row["renderer"])
                 if row["renderer"] != "path":
                     self.assertTrue(row["same_as_render"], row["renderer"])
+                for count in ("rays", "steps", "tests", "shaded"):
+                    self.assertEqual(row["multipass"][count], row[count], row["renderer"])
+            self.check_shade_kernels(text, study)
             tests = study["renderers"][0]["tests"]
             self.assertEqual(tests, study["multipass"]["tests"])
             self.assertEqual(tests, study["tiled"]["tests"])
@@ -54,6 +57,21 @@ class Laboratory(Case):
             picture = (self.folder / f"cornell-figure-{figure}.png").read_bytes()
             self.assertTrue(picture.startswith(b"\x89PNG"))
             self.assertGreater(len(picture), 5000)
+
+    def check_shade_kernels(self, text, study):
+        """Table 1 has the shade kernels of each renderer, and the words of a run are those of the JSON."""
+        kernels = {cells[0]: cells for cells in ([cell.strip() for cell in line.split("|")[1:-1]] for line in text.split("## Table 2")[0].splitlines()
+                                                 if line.startswith("| ")) if cells}
+        self.assertNotIn("shadow", kernels)
+        for row in study["renderers"][1:]:
+            for kernel in ("color", "shadow"):
+                cells = kernels[f"{kernel}, {row['renderer']}"]
+                self.assertEqual(len(cells), 9)
+                for run, first in ((row["multipass"], 2), (row, 6)):
+                    counts = run["kernels"][kernel]
+                    for place, words in enumerate(("words_read", "words_written", "words_fetched")):
+                        self.assertAlmostEqual(float(cells[first + place]), counts[words] / counts["runs"], delta=0.0501, msg=(cells, words))
+                self.assertGreater(float(cells[2]), 10, cells)
 
     def test_a_larger_cache_of_more_ways_reads_less(self):
         store = self.store("forest", 20000)

@@ -107,7 +107,7 @@ class Kernels {
       return;
     if (r.stencil.kind() == RayKind::kAny) {
       if (picture_.has_see_through &&
-          picture_.lets_light_through[memory_.Fetch(picture_.scene.shading(), triangle).material] != 0) {
+          picture_.lets_light_through[memory_.Fetch(picture_.scene.materials(), triangle).material()] != 0) {
         r.stencil = Stencil::Of(r.stencil.stage(), RayKind::kAny, true);
         return;
       }

@@ -49,6 +49,13 @@ class Machine {
   /// All kernels in one pass: each ray is in registers from its beginning to its end.
   void RunBranching(uint32_t tile);
 
+  /// Memory of a run for each pixel. `rasterizes`: the eye rays' hits come from Rasterize().
+  static constexpr uint64_t BytesPerPixel(const RayParts& parts, bool rasterizes) {
+    constexpr uint64_t kPixelList = 3 * sizeof(uint32_t);  // while it grows, a half is copied to a new place
+    return RayStreams<A>::BytesPerRay(parts) + sizeof(PixelSum) + sizeof(Taken) + kPixelList +
+           sizeof(uint32_t) + (rasterizes ? kRasterBytes : 0);
+  }
+
   const MachineCounts& counts() const { return counts_; }
   const std::vector<PixelSum>& sums() const { return sums_; }
 
@@ -98,7 +105,7 @@ std::vector<std::vector<uint32_t>> Machine<A, M>::Tiles(uint32_t side) const {
 template <class A, class M>
 void Machine<A, M>::RunMultipass(const Oracle& oracle, const Unrolling& unrolling, uint32_t tile) {
   const auto tiles = Tiles(tile);
-  RayStreams<A> streams(static_cast<uint32_t>(tiles[0].size()), picture_.bounces(), addresses_);
+  RayStreams<A> streams(static_cast<uint32_t>(tiles[0].size()), picture_.parts(), addresses_);
   for (uint32_t sample = 0; sample < picture_.context.view.spp; ++sample)
     for (const auto& pixels : tiles) RunTile(pixels, sample, oracle, unrolling, streams);
 }

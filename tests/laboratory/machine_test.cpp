@@ -132,6 +132,43 @@ TEST_CASE("Multipass and branching give the pixels of a render") {
   }
 }
 
+TEST_CASE("Streams that a picture does not need have no memory, and the others the same addresses") {
+  constexpr uint32_t kRays = 12288;  // all streams are whole multiples of the alignment
+  AddressSpace first, second;
+  const RayStreams<OneList> all(kRays, {}, first);
+  const RayStreams<OneList> few(kRays, {false, false, false}, second);
+  CHECK((all.bound.data && all.path.data && all.lit.data && all.pending.data && all.list.data));
+  CHECK(!(few.bound.data || few.path.data || few.lit.data || few.pending.data || few.list.data));
+  CHECK((few.stencil.data && few.ray.data && few.hit.data && few.constant.data && few.state.data &&
+         few.range.data));
+  CHECK(few.size() == kRays);
+  CHECK(all.constant.address == few.constant.address);
+  CHECK(all.state.address == few.state.address);
+  CHECK(all.range.address == few.range.address);
+  CHECK(first.Take(0) - all.stencil.address == kRays * RayStreams<OneList>::BytesPerRay({}));
+  const uint64_t before_bounds = (few.bound.address - few.stencil.address) / kRays;
+  CHECK(RayStreams<OneList>::BytesPerRay({false, false, false}) ==
+        before_bounds + sizeof(OneList::Constant) + sizeof(OneList::State) + sizeof(TriangleRange));
+}
+
+TEST_CASE("A picture needs the parts of its renderer") {
+  test::TemporaryFolder folder;
+  MadeScene glass(GlassModel(folder)), opaque(Generated(folder, "city", 1000));
+  const auto parts = [](MadeScene& scene, Renderer renderer) {
+    const auto view = MakeView(*scene, renderer, FirstCamera(), 8, 8, 1);
+    REQUIRE(view.has_value());
+    return Picture(*scene, renderer, *view).parts();
+  };
+  const RayParts cast = parts(glass, Renderer::kRaycast);
+  CHECK(!(cast.paths || cast.bounds || cast.lists));
+  const RayParts shadow = parts(glass, Renderer::kShadow);
+  CHECK((shadow.paths && shadow.bounds && !shadow.lists));
+  CHECK(!parts(opaque, Renderer::kShadow).bounds);
+  const RayParts whitted = parts(glass, Renderer::kWhitted);
+  CHECK((whitted.paths && whitted.bounds && whitted.lists));
+  CHECK(!parts(glass, Renderer::kPath).lists);
+}
+
 TEST_CASE("Oracles choose by the counts of rays") {
   StageCounts counts;
   counts[Stage::kTraverse] = 70;

@@ -34,7 +34,10 @@ struct Picture {
   std::vector<uint8_t> lets_light_through;  ///< by material
   bool has_see_through = false;             ///< whether a material is see-through
 
-  bool bounces() const { return renderer == Renderer::kWhitted; }
+  RayParts parts() const {
+    const bool paths = renderer != Renderer::kRaycast;
+    return {paths, paths && has_see_through, renderer == Renderer::kWhitted};
+  }
   uint32_t pixels() const { return context.view.width * context.view.height; }
 };
 

@@ -4,6 +4,7 @@
 #include <span>
 #include <vector>
 
+#include "common/kdtree/trace/kernel_parts.h"
 #include "tests/laboratory/picture.h"
 
 namespace quarry::laboratory {
@@ -13,5 +14,9 @@ namespace quarry::laboratory {
 /// hits are theirs to the last bit. Stands for the first pass of the shadow caster, which graphics hardware
 /// draws. Shapes: one per element of `pixels`. Thread-safe. Source: Purcell et al. 2002, section 3.1.4.
 std::vector<HitState> Rasterize(const Picture& picture, std::span<const uint32_t> pixels, uint32_t sample);
+
+/// Memory of Rasterize() for each pixel.
+inline constexpr uint64_t kRasterBytes =
+    sizeof(uint32_t) + sizeof(RayFrame<ScalarLane>) + sizeof(Hit) + sizeof(HitState);
 
 }  // namespace quarry::laboratory

@@ -95,35 +95,45 @@ struct RayRegisters {
   uint32_t pending = 0;
 };
 
-/// The streams of `count` rays. Lists of pending rays are there only if rays bounce.
+/// The parts of a ray's state that not every picture needs.
+struct RayParts {
+  bool paths = true;   ///< rays go on from hits: path, lit surface, number of pending rays
+  bool bounds = true;  ///< shadow rays go through see-through surfaces
+  bool lists = true;   ///< rays wait for later
+};
+
+/// The streams of `count` rays. Those of parts that the picture does not need have no memory. Their addresses
+/// stay taken, so that all renderers' streams displace one another in a cache alike.
 template <class A>
 class RayStreams {
  public:
-  RayStreams(uint32_t count, bool bounces, AddressSpace& addresses)
-      : stencils_(count),
-        rays_(count),
-        hits_(count),
-        bounds_(count),
-        constants_(count),
-        states_(count),
-        ranges_(count),
-        paths_(count),
-        lits_(count),
-        pendings_(count),
-        lists_(bounces ? count * kMostPending : 0) {
-    stencil = addresses.StreamOf(stencils_, DataKind::kStencil);
-    ray = addresses.StreamOf(rays_);
-    hit = addresses.StreamOf(hits_);
-    bound = addresses.StreamOf(bounds_);
-    constant = addresses.StreamOf(constants_);
-    state = addresses.StreamOf(states_);
-    range = addresses.StreamOf(ranges_);
-    path = addresses.StreamOf(paths_);
-    lit = addresses.StreamOf(lits_);
-    pending = addresses.StreamOf(pendings_);
-    list = addresses.StreamOf(lists_);
+  RayStreams(uint32_t count, const RayParts& parts, AddressSpace& addresses) {
+    const auto make = [&](auto& stream, auto& data, bool needed = true, size_t elements = 1,
+                          DataKind kind = DataKind::kState) {
+      const size_t size = count * elements;
+      if (needed) data.resize(size);
+      stream = {data.data(), addresses.Take(size * sizeof(data[0])), kind};
+    };
+    make(stencil, stencils_, true, 1, DataKind::kStencil);
+    make(ray, rays_);
+    make(hit, hits_);
+    make(bound, bounds_, parts.bounds);
+    make(constant, constants_);
+    make(state, states_);
+    make(range, ranges_);
+    make(path, paths_, parts.paths);
+    make(lit, lits_, parts.paths);
+    make(pending, pendings_, parts.paths);
+    make(list, lists_, parts.lists, kMostPending);
   }
   RayStreams(const RayStreams&) = delete;
+  /// Memory of each ray.
+  static constexpr uint64_t BytesPerRay(const RayParts& parts) {
+    return sizeof(Stencil) + sizeof(RayStart) + sizeof(HitState) + (parts.bounds ? sizeof(BoundState) : 0) +
+           sizeof(typename A::Constant) + sizeof(typename A::State) + sizeof(TriangleRange) +
+           (parts.paths ? sizeof(PathState) + sizeof(LitState) + sizeof(uint32_t) : 0) +
+           (parts.lists ? kMostPending * sizeof(PendingRay) : 0);
+  }
   uint32_t size() const { return static_cast<uint32_t>(stencils_.size()); }
 
   Stream<Stencil> stencil;

@@ -1,7 +1,10 @@
 #include "tests/laboratory/scene.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
+#include "common/base/size.h"
 #include "common/voxel/block_decoder.h"
 
 namespace quarry::laboratory {
@@ -18,9 +21,47 @@ std::span<std::byte> Fit(std::vector<Aligned>& memory, size_t bytes) {
   return {memory.data()->bytes, bytes};
 }
 
+bool HasAttributes(const Catalog& catalog) {
+  for (uint32_t v = 0; v < catalog.voxels.size(); ++v)
+    if (catalog.Has(BlockKey::Shading(v))) return true;
+  return false;
+}
+
+/// Keeps the elements that `kept` marks, in their order.
+template <class T>
+void Compact(std::vector<T>& data, const std::vector<bool>& kept) {
+  size_t count = 0;
+  for (size_t i = 0; i < data.size(); ++i)
+    if (kept[i]) data[count++] = data[i];
+  data.resize(count);
+}
+
 }  // namespace
 
-Result<std::unique_ptr<LaboratoryScene>> LaboratoryScene::Load(const std::string& path) {
+uint64_t LaboratoryScene::BytesPerTriangle(bool attributes) {
+  return sizeof(KdTriangle) + 3 * sizeof(Float3) + sizeof(TriangleMaterial) +
+         (attributes ? sizeof(TriangleAttributes) : 0);
+}
+
+Status CheckMemory(const std::string& store, const Catalog& catalog, const MemoryNeeds& needs) {
+  const uint64_t triangles = catalog.meta.input_triangles;
+  // In double, since a damaged store may claim any number.
+  const double scene =
+      static_cast<double>(triangles) *
+      static_cast<double>(LaboratoryScene::BytesPerTriangle(HasAttributes(catalog)) + needs.structure_bytes);
+  const double pictures = static_cast<double>(needs.pixels) * static_cast<double>(needs.bytes_per_pixel);
+  const double all = scene + std::max(pictures, needs.twice ? scene : 0);
+  if (all <= static_cast<double>(needs.limit)) return {};
+  const std::string picture =
+      needs.pixels == 0 ? "" : fmt::format(" and a picture of {} pixels", needs.pixels);
+  return Fail(fmt::format(
+      "{}: {} triangles{} take about {} of memory, and this machine has {}: take a smaller model{}", store,
+      triangles, picture, FormatSize(static_cast<uint64_t>(std::min(all, 0x1p62))), FormatSize(needs.limit),
+      needs.pixels == 0 ? "" : " or a smaller --size"));
+}
+
+Result<std::unique_ptr<LaboratoryScene>> LaboratoryScene::Load(const std::string& path,
+                                                               const MemoryNeeds& needs) {
   auto scene = std::make_unique<LaboratoryScene>();
   QUARRY_ASSIGN(StoreReader store, StoreReader::Open(path));
   scene->store_ = std::make_unique<StoreReader>(std::move(store));
@@ -29,53 +70,57 @@ Result<std::unique_ptr<LaboratoryScene>> LaboratoryScene::Load(const std::string
     return Fail(path +
                 ": the store has textures, and the machine of the papers has none: make it with "
                 "quarry-preprocess --no-textures");
-  struct Place {
-    uint32_t id, at;
-  };
-  std::vector<Place> places;
-  std::vector<KdTriangle> triangles;
-  std::vector<ShadingRecord> records;
+  QUARRY_TRY(CheckMemory(path, catalog, needs));
+  QUARRY_TRY(scene->ReadTriangles());
+  for (int c = 0; c < 3; ++c)
+    scene->corners_.corner[c] = scene->addresses_.TextureOf(scene->corner_data_[c], DataKind::kTriangles);
+  scene->corners_.count = static_cast<uint32_t>(scene->triangles_.size());
+  scene->material_ = scene->addresses_.TextureOf(scene->materials_, DataKind::kShading);
+  scene->attribute_ = scene->addresses_.TextureOf(scene->attributes_, DataKind::kShading);
+  return scene;
+}
+
+Status LaboratoryScene::ReadTriangles() {
+  const Catalog& catalog = this->catalog();
+  // Each triangle goes to the place of its id; then those that no voxel has are taken out.
+  const uint64_t ids = catalog.meta.input_triangles;
+  std::vector<bool> seen(ids);
+  triangles_.resize(ids);
+  for (auto& corners : corner_data_) corners.resize(ids);
+  materials_.resize(ids);
+  if (HasAttributes(catalog)) attributes_.resize(ids);
   BlockDecoder decoder;
   std::vector<Aligned> hot_memory, shading_memory;
-  std::vector<bool> seen;
   for (uint32_t v = 0; v < catalog.voxels.size(); ++v) {
     const BlockKey hot_key = BlockKey::Hot(v), shading_key = BlockKey::Shading(v);
-    QUARRY_ASSIGN(const Bytes hot_bytes, scene->store_->ReadBlock(hot_key));
+    QUARRY_ASSIGN(const Bytes hot_bytes, store_->ReadBlock(hot_key));
     QUARRY_ASSIGN(const VoxelGeometry hot,
                   DecodeHot(decoder, catalog, v, hot_bytes, Fit(hot_memory, catalog.block(hot_key).decoded)));
     VoxelShading shading;
     if (catalog.Has(shading_key)) {
-      QUARRY_ASSIGN(const Bytes bytes, scene->store_->ReadBlock(shading_key));
+      QUARRY_ASSIGN(const Bytes bytes, store_->ReadBlock(shading_key));
       QUARRY_ASSIGN(shading, DecodeShading(decoder, catalog, v, bytes,
                                            Fit(shading_memory, catalog.block(shading_key).decoded)));
     }
     for (uint32_t t = 0; t < hot.triangle_count; ++t) {
       const uint32_t id = hot.triangle_ids[t];
-      if (id >= seen.size()) seen.resize(size_t{id} + 1 + seen.size() / 2);
+      if (id >= ids)
+        return Fail(fmt::format("{}: damaged: voxel {} has triangle {} of {}", store_->path(), v, id, ids));
       if (seen[id]) continue;
       seen[id] = true;
-      places.push_back({id, static_cast<uint32_t>(places.size())});
-      triangles.push_back({{hot.vertex(t, 0), hot.vertex(t, 1), hot.vertex(t, 2)}});
-      ShadingRecord record{hot.materials[t], shading.vertices ? 1u : 0u, {}};
-      if (shading.vertices)
-        for (int c = 0; c < 3; ++c) record.vertices[c] = shading.vertex(t, c);
-      records.push_back(record);
+      for (int c = 0; c < 3; ++c) {
+        const glm::vec3& p = triangles_[id].vertices[c] = hot.vertex(t, c);
+        corner_data_[c][id] = {p.x, p.y, p.z};
+        if (shading.vertices) attributes_[id].vertices[c] = shading.vertex(t, c);
+      }
+      materials_[id] = TriangleMaterial::Of(hot.materials[t], shading.vertices != nullptr);
     }
   }
-  std::ranges::sort(places, {}, &Place::id);
-  for (const Place& place : places) {
-    const KdTriangle& triangle = triangles[place.at];
-    scene->triangles_.push_back(triangle);
-    scene->records_.push_back(records[place.at]);
-    for (int c = 0; c < 3; ++c)
-      scene->corner_data_[c].push_back(
-          {triangle.vertices[c].x, triangle.vertices[c].y, triangle.vertices[c].z});
-  }
-  for (int c = 0; c < 3; ++c)
-    scene->corners_.corner[c] = scene->addresses_.TextureOf(scene->corner_data_[c], DataKind::kTriangles);
-  scene->corners_.count = static_cast<uint32_t>(scene->triangles_.size());
-  scene->shading_ = scene->addresses_.TextureOf(scene->records_, DataKind::kShading);
-  return scene;
+  Compact(triangles_, seen);
+  for (auto& corners : corner_data_) Compact(corners, seen);
+  Compact(materials_, seen);
+  Compact(attributes_, seen);
+  return {};
 }
 
 }  // namespace quarry::laboratory

@@ -4,6 +4,8 @@
 #include <string>
 #include <vector>
 
+#include "common/base/check.h"
+#include "common/base/resource.h"
 #include "common/base/status.h"
 #include "common/kdtree/build/build.h"
 #include "common/voxel/store_reader.h"
@@ -11,19 +13,57 @@
 
 namespace quarry::laboratory {
 
-/// The shading data of a triangle: what the shade kernel reads at a hit.
-struct ShadingRecord {
-  uint32_t material;
-  uint32_t has_attributes;
+/// A triangle's word of shading: its material's index, and in the top bit whether it has attributes. The
+/// materials themselves are few: they are constants of the kernels and no words of memory.
+struct TriangleMaterial {
+  uint32_t bits = 0;
+
+  /// Requires: material < 2^31.
+  static TriangleMaterial Of(uint32_t material, bool has_attributes) {
+    QUARRY_CHECK_LT(material, kAttributes);
+    return {material | (has_attributes ? kAttributes : 0)};
+  }
+  uint32_t material() const { return bits & ~kAttributes; }
+  bool has_attributes() const { return (bits & kAttributes) != 0; }
+
+ private:
+  static constexpr uint32_t kAttributes = 1u << 31;
+};
+
+/// The attributes of a triangle's corners: what the shade kernel reads beside, where a triangle has them.
+struct TriangleAttributes {
   ShadingVertex vertices[3];
 };
+
+/// Memory of structures and of their building, bytes a triangle: the most of the papers' scenes of a million
+/// triangles, the forest in a grid of 64 cells and in a tree as Foley's with ropes: peak resident memory,
+/// less the scene, of `quarry-bench-stream stream-forest.quarry --only raycast --size 8` with --structure
+/// grid and with --structure ropes --tree theirs.
+inline constexpr uint64_t kGridBytes = 380, kTreeBytes = 140;
+
+/// What a program needs of memory beside a scene.
+struct MemoryNeeds {
+  uint64_t structure_bytes = kGridBytes;  ///< a triangle
+  uint64_t pixels = 0;                    ///< of the picture that it renders; 0: none
+  uint64_t bytes_per_pixel = 0;           ///< of its largest state while it renders
+  bool twice = false;  ///< between pictures, a child process or another renderer holds the scene as well
+  uint64_t limit = MemoryLimitBytes();
+};
+
+/// Checks before anything large is allocated. It is an estimate: scenes of other shapes may take more.
+/// Errors: the scene, its structure, and the larger of the picture and the second scene take more than
+/// needs.limit; the message names `store`, both sizes and the remedy.
+Status CheckMemory(const std::string& store, const Catalog& catalog, const MemoryNeeds& needs);
 
 /// The triangles of a store, each once, in the order of their ids: a triangle's place here stands for its id.
 /// Its textures are those of Purcell et al. 2002, figure 4. Immutable once loaded.
 class LaboratoryScene {
  public:
-  /// Errors: those of stores; textures or cut-outs, which the machine does not have.
-  static Result<std::unique_ptr<LaboratoryScene>> Load(const std::string& store);
+  /// Errors: those of stores; textures or cut-outs, which the machine does not have; those of CheckMemory().
+  static Result<std::unique_ptr<LaboratoryScene>> Load(const std::string& store,
+                                                       const MemoryNeeds& needs = {});
+  /// Memory of a loaded scene, and while it is loaded. `attributes`: a triangle has some.
+  static uint64_t BytesPerTriangle(bool attributes);
 
   const Catalog& catalog() const { return store_->catalog(); }
   /// The cameras and lights of the model.
@@ -38,16 +78,22 @@ class LaboratoryScene {
   AddressSpace& addresses() { return addresses_; }
   const TriangleCorners& corners() const { return corners_; }
   const Texture<Float3>& corner(int i) const { return corners_.corner[i]; }
-  const Texture<ShadingRecord>& shading() const { return shading_; }
+  const Texture<TriangleMaterial>& materials() const { return material_; }
+  /// Empty if no triangle has attributes.
+  const Texture<TriangleAttributes>& attributes() const { return attribute_; }
 
  private:
+  Status ReadTriangles();
+
   std::unique_ptr<StoreReader> store_;
   std::vector<KdTriangle> triangles_;
   std::vector<Float3> corner_data_[3];
-  std::vector<ShadingRecord> records_;
+  std::vector<TriangleMaterial> materials_;
+  std::vector<TriangleAttributes> attributes_;
   AddressSpace addresses_;
   TriangleCorners corners_;
-  Texture<ShadingRecord> shading_;
+  Texture<TriangleMaterial> material_;
+  Texture<TriangleAttributes> attribute_;
 };
 
 }  // namespace quarry::laboratory

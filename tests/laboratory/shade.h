@@ -88,14 +88,15 @@ class Shader {
       const Float3& at = memory_.Fetch(picture_.scene.corner(c), t);
       p[c] = {at.x, at.y, at.z};
     }
-    const ShadingRecord& record = memory_.Fetch(picture_.scene.shading(), t);
+    const TriangleMaterial of = memory_.Fetch(picture_.scene.materials(), t);
     const glm::vec3 direction(r_.ray.direction[0], r_.ray.direction[1], r_.ray.direction[2]);
     Surface surface = SurfaceAt(p[0], p[1], p[2], r_.hit.b1, r_.hit.b2, direction);
-    surface.material = record.material;
-    if (record.has_attributes != 0)
-      AddAttributes(record.vertices[0], record.vertices[1], record.vertices[2], r_.hit.b1, r_.hit.b2,
-                    surface);
-    material = picture_.scene.catalog().materials[record.material];
+    surface.material = of.material();
+    if (of.has_attributes()) {
+      const ShadingVertex* v = memory_.Fetch(picture_.scene.attributes(), t).vertices;
+      AddAttributes(v[0], v[1], v[2], r_.hit.b1, r_.hit.b2, surface);
+    }
+    material = picture_.scene.catalog().materials[of.material()];
     return surface;
   }
 
@@ -143,7 +144,7 @@ class Shader {
     }
     const glm::vec3 direction(r_.ray.direction[0], r_.ray.direction[1], r_.ray.direction[2]);
     const Surface passed = SurfaceAt(p[0], p[1], p[2], r_.hit.b1, r_.hit.b2, direction);
-    material = picture_.scene.catalog().materials[memory_.Fetch(picture_.scene.shading(), t).material];
+    material = picture_.scene.catalog().materials[memory_.Fetch(picture_.scene.materials(), t).material()];
     if (!LetsLightThrough(material)) return false;
     r_.lit.light *= PassedLight(material, glm::dot(passed.normal, passed.view));
     return ++r_.lit.passed <= kMostPassed && Largest(r_.lit.light) > 0;

@@ -88,32 +88,54 @@ Result<Instructions> InstructionsOf(const Options& o, const std::string& store, 
   return count.instructions;
 }
 
-template <class A>
-Result<RendererRow> StudyRenderer(const StudyRunner<A>& runner, const Options& o,
-                                  const LaboratoryScene& scene, const std::string& store, Renderer renderer) {
-  Say(o, fmt::format("{}...", kRendererNames[static_cast<uint32_t>(renderer)]));
-  QUARRY_ASSIGN(const auto picture, MakePicture(scene, renderer, o.study));
-  RendererRow row;
-  row.renderer = renderer;
-  row.branching = runner.CountedBranching(*picture);
-  const auto pixels = runner.Branching(*picture).pixels;
-  row.same_schedules = SamePixels(pixels, runner.Multipass(*picture, o.study.oracle, {}, 0).pixels);
-  if (renderer != Renderer::kPath && !o.no_check) {
-    QUARRY_ASSIGN(const auto rendered, RenderedPixels(store, picture->context.view));
-    row.same_as_render = SamePixels(pixels, rendered);
+/// Checks and instructions of a renderer whose runs `row` has. Its pictures are dropped.
+Result<RendererRow> CheckedRow(RendererRow row, const Options& o, const Picture& picture,
+                               const std::string& store) {
+  row.same_schedules = SamePixels(row.multipass.pixels, row.branching.pixels);
+  if (row.renderer != Renderer::kPath && !o.no_check) {
+    QUARRY_ASSIGN(const auto rendered, RenderedPixels(store, picture.context.view));
+    row.same_as_render = SamePixels(row.branching.pixels, rendered);
   }
+  row.multipass.pixels = row.branching.pixels = {};
   if (!o.no_instructions) {
-    QUARRY_ASSIGN(row.instructions, InstructionsOf(o, store, renderer));
+    QUARRY_ASSIGN(row.instructions, InstructionsOf(o, store, row.renderer));
   }
   return row;
+}
+
+/// The runs of the ray caster by all oracles and schedules. Their pictures are compared with the branching
+/// run's. Only its picture and the multipass run's are kept.
+template <class A>
+Study StudyRayCaster(const StudyRunner<A>& runner, const Options& o, const Picture& picture) {
+  Study study;
+  study.accelerator = o.accelerator;
+  Say(o, "bandwidth of both schedules...");
+  study.branching = runner.CountedBranching(picture);
+  const auto compare = [&](const std::vector<float>& pixels) {
+    study.same_runs &= SamePixels(pixels, study.branching.pixels);
+  };
+  study.multipass = runner.CountedMultipass(picture, {}, 0);
+  study.unrolled = runner.CountedMultipass(picture, o.study.unrolling, 0);
+  study.tiled = runner.CountedMultipass(picture, {}, o.study.tile);
+  compare(study.multipass.pixels);
+  for (CountedRun* run : {&study.unrolled, &study.tiled}) {
+    compare(run->pixels);
+    run->pixels = {};
+  }
+  for (uint32_t k = 0; k < kOracles; ++k) {
+    Say(o, fmt::format("oracle {}...", kOracleNames[k]));
+    const Oracle oracle{static_cast<OracleKind>(k), o.study.oracle.share};
+    const auto run = runner.Multipass(picture, oracle, {}, 0);
+    study.oracles.push_back({kOracleNames[k], run.counts});
+    compare(run.pixels);
+  }
+  return study;
 }
 
 template <class A>
 Result<Study> StudyWith(const A& accelerator, const Options& o, const LaboratoryScene& scene,
                         const AddressSpace& addresses, const std::string& store) {
   const StudyRunner<A> runner(accelerator, addresses, o.study);
-  Study study;
-  study.accelerator = o.accelerator;
   if (!o.only.empty()) {
     const auto name = std::ranges::find(kRendererNames, o.only, [](const char* n) { return std::string(n); });
     QUARRY_ASSIGN(const auto picture,
@@ -121,28 +143,25 @@ Result<Study> StudyWith(const A& accelerator, const Options& o, const Laboratory
     StartCountingInstructions();
     runner.Multipass(*picture, o.study.oracle, {}, 0);
     StopCountingInstructions();
-    return study;
+    return Study{};
   }
-  QUARRY_ASSIGN(const auto picture, MakePicture(scene, Renderer::kRaycast, o.study));
-  std::vector<std::vector<float>> pixels;
-  for (uint32_t k = 0; k < kOracles; ++k) {
-    Say(o, fmt::format("oracle {}...", kOracleNames[k]));
-    const Oracle oracle{static_cast<OracleKind>(k), o.study.oracle.share};
-    const auto run = runner.Multipass(*picture, oracle, {}, 0);
-    study.oracles.push_back({kOracleNames[k], run.counts});
-    pixels.push_back(run.pixels);
-  }
-  Say(o, "bandwidth of both schedules...");
-  study.multipass = runner.CountedMultipass(*picture, {}, 0);
-  study.unrolled = runner.CountedMultipass(*picture, o.study.unrolling, 0);
-  study.tiled = runner.CountedMultipass(*picture, {}, o.study.tile);
-  study.branching = runner.CountedBranching(*picture);
-  for (const CountedRun* run : {&study.multipass, &study.unrolled, &study.tiled})
-    pixels.push_back(run->pixels);
-  for (const auto& of : pixels) study.same_runs &= SamePixels(of, study.branching.pixels);
+  Study study;
   for (uint32_t r = 0; r < kRenderers; ++r) {
-    QUARRY_ASSIGN(const RendererRow row, StudyRenderer(runner, o, scene, store, static_cast<Renderer>(r)));
-    study.renderers.push_back(row);
+    const auto renderer = static_cast<Renderer>(r);
+    QUARRY_ASSIGN(const auto picture, MakePicture(scene, renderer, o.study));
+    RendererRow row{renderer, {}, {}, {}};
+    if (renderer == Renderer::kRaycast) {
+      study = StudyRayCaster(runner, o, *picture);
+      row.multipass = study.multipass;
+      row.branching = study.branching;
+      study.multipass.pixels = {};
+    } else {
+      Say(o, fmt::format("{}...", kRendererNames[r]));
+      row.multipass = runner.CountedMultipass(*picture, {}, 0);
+      row.branching = runner.CountedBranching(*picture);
+    }
+    QUARRY_ASSIGN(row, CheckedRow(std::move(row), o, *picture, store));
+    study.renderers.push_back(std::move(row));
   }
   return study;
 }
@@ -167,12 +186,29 @@ Result<Study> MakeStudy(const Options& o, LaboratoryScene& scene, const std::str
   return StudyWith(KdBacktrack(tree), o, scene, addresses, store);
 }
 
+/// Memory of the largest run for each pixel: Whitted's renderer has lists, the shadow caster rasterises.
+template <class... A>
+constexpr uint64_t RunBytes() {
+  constexpr uint64_t kPictures = 4;  // of both schedules, of one more run, of the workers
+  return kPictures * 3 * sizeof(float) +
+         std::max({std::max(Machine<A, CountingMemory>::BytesPerPixel({}, false),
+                            Machine<A, CountingMemory>::BytesPerPixel({true, true, false}, true))...});
+}
+
+MemoryNeeds NeedsOf(const Options& o) {
+  const bool others = o.only.empty() && !(o.no_instructions && o.no_check);
+  return {.structure_bytes = o.accelerator == "grid" ? kGridBytes : kTreeBytes,
+          .pixels = uint64_t{o.study.size} * o.study.size,
+          .bytes_per_pixel = RunBytes<UniformGrid, KdRestart, KdPushDown, KdBacktrack, KdRopes>(),
+          .twice = others};
+}
+
 Result<int> Run(Options& o) {
   if (o.only.empty() && !o.no_instructions && !ValgrindInstalled())
     return Fail("valgrind is not installed: it counts instructions; without it, give --no-instructions");
   if (!o.plots.empty() && !GnuplotInstalled()) return Fail("gnuplot is not installed: it draws --plots");
   QUARRY_ASSIGN(const std::string store, StoreFor(o.model, true));
-  QUARRY_ASSIGN(const auto scene, LaboratoryScene::Load(store));
+  QUARRY_ASSIGN(const auto scene, LaboratoryScene::Load(store, NeedsOf(o)));
   QUARRY_ASSIGN(o.study.camera, bench::FindView(store, scene->catalog().meta, o.interior));
   o.study.oracle.kind = static_cast<OracleKind>(
       std::ranges::find(kOracleNames, o.oracle, [](const char* n) { return std::string(n); }) -

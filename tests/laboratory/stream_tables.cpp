@@ -40,27 +40,45 @@ std::string InstructionsCell(const Instructions* instructions, const MachineCoun
       "{:.0f}", Part(ByKernel(*instructions, counts, branching)[k], static_cast<double>(counts.runs[k])));
 }
 
-void PrintKernels(const Study& study) {
+/// A row of table 1. `instructions`: null if they are not counted.
+void PrintKernel(const std::string& name, uint32_t k, const Instructions* instructions,
+                 const CountedRun& multipass, const CountedRun& branching) {
+  const auto cells = [&](const CountedRun& run, bool branches) {
+    const uint64_t runs = run.counts.runs[k];
+    const MemoryWords& words = run.words[k];
+    return fmt::format(" {} | {:.1f} | {:.1f} | {:.1f} |",
+                       InstructionsCell(instructions, run.counts, k, branches), Of(words.read, runs),
+                       Of(words.written, runs), Of(words.fetched, runs));
+  };
+  fmt::print("| {} |{}{}\n", name, cells(multipass, false), cells(branching, true));
+}
+
+void PrintKernels(const Study& study, bool bunny) {
   fmt::print(
-      "## Table 1: kernels of the ray caster\n\n"
+      "## Table 1: kernels of the ray caster, and the shade kernels of the other renderers\n\n"
       "Averages of one run (an empty leaf is a run of intersect): instructions, from a smaller picture; "
-      "32-bit words read from and written to streams (R, W) and fetched "
-      "from "
-      "textures (M). Stencil: each pass reads a byte of every ray, each run writes one.\n\n"
+      "32-bit words read from and written to streams (R, W) and fetched from textures (M). Stencil: each "
+      "pass reads a byte of every ray, each run writes one.\n\n"
       "| kernel | multipass: instructions | R | W | M | branching: instructions | R | W | M |\n"
       "|---|---|---|---|---|---|---|---|---|\n");
   const Instructions* instructions = InstructionsOf(study);
-  for (uint32_t k = 0; k < kKernels; ++k) {
-    const auto cells = [&](const CountedRun& run, bool branching) {
-      const uint64_t runs = run.counts.runs[k];
-      const MemoryWords& words = run.words[k];
-      return fmt::format(" {} | {:.1f} | {:.1f} | {:.1f} |",
-                         InstructionsCell(instructions, run.counts, k, branching), Of(words.read, runs),
-                         Of(words.written, runs), Of(words.fetched, runs));
-    };
-    if (study.multipass.counts.runs[k] == 0) continue;
-    fmt::print("| {} |{}{}\n", kKernelNames[k], cells(study.multipass, false), cells(study.branching, true));
+  for (uint32_t k = 0; k < kKernels; ++k)
+    if (study.multipass.counts.runs[k] != 0)
+      PrintKernel(kKernelNames[k], k, instructions, study.multipass, study.branching);
+  for (size_t r = 1; r < study.renderers.size(); ++r) {
+    const RendererRow& row = study.renderers[r];
+    for (const KernelId kernel : {KernelId::kColor, KernelId::kShadow}) {
+      const auto k = static_cast<uint32_t>(kernel);
+      if (row.multipass.counts.runs[k] == 0) continue;
+      PrintKernel(fmt::format("{}, {}", kKernelNames[k], kRendererNames[static_cast<uint32_t>(row.renderer)]),
+                  k, row.instructions ? &*row.instructions : nullptr, row.multipass, row.branching);
+    }
   }
+  if (bunny)
+    fmt::print(
+        "\nThe paper's shade kernels, in these columns: color 36, 10, 3, 21 and 25, 0, 3, 21; shadow 16, 11, "
+        "8, 0 and 10, 0, 0, 0; reflected 26, 11, 9, 9 and 12, 0, 0, 0; path 17, 14, 9, 9 and 11, 3, 0, 0. "
+        "Here color and shadow also begin the reflected and scattered rays.\n");
 }
 
 void PrintPasses(const Study& study, bool bunny) {
@@ -224,7 +242,7 @@ nlohmann::ordered_json ToJson(const CountedRun& run) {
 }  // namespace
 
 void PrintStudy(const Study& study, const StudyOptions& options, bool bunny) {
-  PrintKernels(study);
+  PrintKernels(study, bunny);
   PrintPasses(study, bunny);
   PrintScene(study, bunny);
   PrintUse(study);
@@ -248,6 +266,7 @@ nlohmann::ordered_json StudyToJson(const Study& study) {
   json["tiled"] = ToJson(study.tiled);
   for (const RendererRow& row : study.renderers) {
     nlohmann::ordered_json one = ToJson(row.branching);
+    one["multipass"] = ToJson(row.multipass);
     one["renderer"] = kRendererNames[static_cast<uint32_t>(row.renderer)];
     one["same_schedules"] = row.same_schedules;
     if (row.same_as_render) one["same_as_render"] = *row.same_as_render;

@@ -23,7 +23,7 @@ struct CountedRun {
   std::array<uint64_t, kDataKinds> bytes{};           ///< read and written, by kind (figure 8)
   std::array<uint64_t, kDataKinds> cached_bytes{};    ///< the same behind a texture cache (figure 9)
   uint64_t triangle_accesses = 0, triangle_hits = 0;  ///< of vertices, in the cache
-  std::vector<float> pixels;                          ///< see MeansOf()
+  std::vector<float> pixels;  ///< see MeansOf(); of Study::branching, else dropped once compared
 
   uint64_t all_bytes() const;
   uint64_t all_cached_bytes() const;
@@ -54,10 +54,10 @@ struct OracleRow {
   MachineCounts counts;
 };
 
-/// A renderer by the branching machine, for table 3 and the last columns of figure 9.
+/// A renderer by both machines, for the shade kernels of table 1, table 3 and the last columns of figure 9.
 struct RendererRow {
   Renderer renderer;
-  CountedRun branching;
+  CountedRun multipass, branching;
   std::optional<Instructions> instructions;
   bool same_schedules = false;         ///< multipass gives the same bits
   std::optional<bool> same_as_render;  ///< none: Quarry has no such mode

@@ -30,9 +30,6 @@ class StudyRunner {
                   uint32_t tile) const {
     return RunPlain(picture, [&](auto& machine) { machine.RunMultipass(oracle, unrolling, tile); });
   }
-  Plain Branching(const Picture& picture) const {
-    return RunPlain(picture, [](auto& machine) { machine.RunBranching(0); });
-  }
 
   CountedRun CountedMultipass(const Picture& picture, const Unrolling& unrolling, uint32_t tile) const {
     return RunCounted(picture, true,
