@@ -36,7 +36,11 @@ const PaperFigures* FiguresOf(const std::string& store) {
 Result<std::unique_ptr<PapersScene>> PapersScene::Load(const std::string& store, uint32_t size) {
   constexpr uint32_t kSide = RayPacket::kSide;
   auto self = std::make_unique<PapersScene>();
-  QUARRY_ASSIGN(self->scene_, LaboratoryScene::Load(store));
+  // Each ray is held as such, with its hit, and in a packet that is traced and one that is not.
+  constexpr uint64_t kPixelBytes = sizeof(RayStart) + sizeof(Hit) + 2 * sizeof(RayPacket) / RayPacket::kRays;
+  QUARRY_ASSIGN(self->scene_, LaboratoryScene::Load(store, {.structure_bytes = kGridBytes + 2 * kTreeBytes,
+                                                            .pixels = uint64_t{size} * size,
+                                                            .bytes_per_pixel = kPixelBytes}));
   LaboratoryScene& scene = *self->scene_;
   self->paper_ = FiguresOf(store);
   self->name_ = self->paper_ ? self->paper_->name : std::filesystem::path(store).stem().string();
