@@ -1,9 +1,11 @@
 // Every structure of the laboratory against brute force, to the last bit, and the counts of kd-trees.
 #include <catch2/catch.hpp>
+#include <fstream>
 
 #include "tests/laboratory/grid.h"
 #include "tests/laboratory/kd_ways.h"
 #include "tests/laboratory/stack_trace.h"
+#include "tests/laboratory/store_tree.h"
 #include "tests/laboratory/test_scenes.h"
 #include "tests/support/skip.h"
 
@@ -97,7 +99,7 @@ void CheckCells(const UniformGrid& grid, const TestRay& ray) {
 void CheckScene(LaboratoryScene& scene, int rays) {
   const Box box = scene.box();
   const KdTree plain[] = {BuildFoleyTree(scene.triangles(), scene.padding(), box),
-                          BuildStoreTree(scene.triangles(), scene.padding(), box)};
+                          Must(ReadStoreTree(scene))};
   const TextureTree theirs(plain[0], box, scene.addresses()), ours(plain[1], box, scene.addresses());
   const KdRopes their_ropes(plain[0], box, scene.addresses()), our_ropes(plain[1], box, scene.addresses());
   const UniformGrid coarse(scene.triangles(), scene.padding(), box, {2, 2, 2}, scene.addresses());
@@ -127,6 +129,12 @@ void CheckScene(LaboratoryScene& scene, int rays) {
 
 TEST_CASE("the papers' structures find the hits of brute force: terrain") {
   CheckScene(Generated("terrain", 2000).scene(), 10000);
+}
+
+TEST_CASE("the papers' structures find the hits of brute force: a store of many voxels") {
+  const TestScene made = Generated("plant", 20000, 16 << 10);
+  CHECK(made.scene().catalog().voxels.size() > 20);
+  CheckScene(made.scene(), 500);
 }
 
 TEST_CASE("the papers' structures find the hits of brute force: plant") {
@@ -174,6 +182,40 @@ TEST_CASE("a tree of one leaf, a grid of one cell, a ray that misses the scene")
     CHECK(Same(expected, TraceOne(cell, scene.corners(), memory, ray.start, ray.t_end, none)));
     CHECK(Same(expected, TraceWithStack(tree, scene.corners(), memory, ray.start, ray.t_end, none)));
   }
+}
+
+TEST_CASE("a store's tree has the voxels' leaves, and of a chain one leaf") {
+  // Triangles that share a point: no plane divides them, so that their leaf is a chain.
+  const test::TemporaryFolder folder;
+  const std::string model = folder.file("star.obj");
+  {
+    std::ofstream out(model);
+    std::mt19937 random(3);
+    for (int i = 0; i < 3000; ++i) {
+      out << "v 0.25 0.25 0.25\n";
+      for (int c = 0; c < 2; ++c)
+        out << "v " << test::Uniform(random, -1, 1) << ' ' << test::Uniform(random, -1, 1) << ' '
+            << test::Uniform(random, -1, 1) << '\n';
+      out << "f -3 -2 -1\n";
+    }
+  }
+  const TestScene made(model, 16 << 10);
+  const Catalog& catalog = made.scene().catalog();
+  uint32_t longest = 0;
+  for (uint32_t v = 0; v < catalog.chain_end.size(); ++v)
+    longest = std::max(longest, catalog.chain_end[v] - v);
+  CHECK(longest > 1);
+  const KdTree tree = Must(ReadStoreTree(made.scene()));
+  size_t leaves = 0, splits = 0, references = 0;
+  for (const KdNode& node : tree.nodes) {
+    (node.is_leaf() ? leaves : splits) += 1;
+    if (node.is_leaf()) references += node.count();
+    if (!node.is_leaf()) CHECK(node.left() + 1 < tree.nodes.size());
+  }
+  CHECK(leaves == splits + 1);
+  CHECK(references == tree.references.size());
+  for (const uint32_t place : tree.references) CHECK(place < made.scene().triangles().size());
+  CheckScene(made.scene(), 500);
 }
 
 TEST_CASE("trees of the laboratory keep what the textures say") {

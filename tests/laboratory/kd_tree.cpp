@@ -110,11 +110,6 @@ KdTree BuildFoleyTree(std::span<const KdTriangle> triangles, float padding, cons
   return FoleyBuilder(triangles, padding, box).Build(box);
 }
 
-KdTree BuildStoreTree(std::span<const KdTriangle> triangles, float padding, const Box& box) {
-  constexpr float kByteWorth = 0.015f;  // as preprocess/partition/voxel_builder.cpp
-  return BuildKdTree(triangles, padding, box, {.byte = kByteWorth}, ~size_t{0} / 2);
-}
-
 TextureTree::TextureTree(const KdTree& tree, const Box& box, AddressSpace& addresses)
     : list_data_(tree.references) {
   box_ = box;

@@ -17,9 +17,6 @@ namespace quarry::laboratory {
 /// cost and would fill the tree with empty leaves. Units, requirements: see BuildKdTree(). Deterministic.
 KdTree BuildFoleyTree(std::span<const KdTriangle> triangles, float padding, const Box& box);
 
-/// The tree that voxels of stores have, over all triangles and without a limit of bytes.
-KdTree BuildStoreTree(std::span<const KdTriangle> triangles, float padding, const Box& box);
-
 /// A tree and its textures. Immutable, so thread-safe.
 class TextureTree : public TreeView {
  public:

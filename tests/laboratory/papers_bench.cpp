@@ -80,7 +80,7 @@ void PrintScenes(const std::vector<Measured>& all) {
                n[1], n[2], m.scene->grid().references());
   }
   fmt::print(
-      "\n| scene | tree | splits | leaves | depth | references | built, s "
+      "\n| scene | tree | splits | leaves | depth | references | built or read, s "
       "|\n|---|---|---|---|---|---|---|\n");
   for (const Measured& m : all)
     for (const TreeCounts& tree : m.trees)

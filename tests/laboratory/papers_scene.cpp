@@ -11,6 +11,7 @@
 #include "tests/bench/views.h"
 #include "tests/laboratory/simt.h"
 #include "tests/laboratory/stack_trace.h"
+#include "tests/laboratory/store_tree.h"
 
 namespace quarry::laboratory {
 namespace {
@@ -70,8 +71,8 @@ Result<std::unique_ptr<PapersScene>> PapersScene::Load(const std::string& store,
   for (size_t which = 0; which < 2; ++which) {
     Tree& tree = self->trees_[which];
     const auto start = Clock::now();
-    const KdTree plain =
-        (which == 0 ? BuildFoleyTree : BuildStoreTree)(scene.triangles(), scene.padding(), box);
+    QUARRY_ASSIGN(const KdTree plain, which == 0 ? BuildFoleyTree(scene.triangles(), scene.padding(), box)
+                                                 : ReadStoreTree(scene));
     tree.build_seconds = Seconds(start);
     tree.tree = std::make_unique<TextureTree>(plain, box, scene.addresses());
     tree.ropes = std::make_unique<KdRopes>(plain, box, scene.addresses());

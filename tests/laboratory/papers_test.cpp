@@ -10,12 +10,6 @@
 namespace quarry::laboratory {
 namespace {
 
-template <class T>
-T Must(Result<T> result) {
-  if (!result) FAIL(result.error().message);
-  return std::move(*result);
-}
-
 /// The hits of every structure in the device's memory. That of an emulated device is the host's, where a
 /// texture that was forgotten could be read too: so all bytes are counted, and all addresses are others.
 void CheckOnDevice(LaboratoryScene& scene, const KdTree& plain, const GridResolution& resolution) {

@@ -11,16 +11,6 @@ namespace quarry::laboratory {
 
 namespace {
 
-/// Memory for decoded blocks, aligned as decoders ask.
-struct alignas(64) Aligned {
-  std::byte bytes[64];
-};
-
-std::span<std::byte> Fit(std::vector<Aligned>& memory, size_t bytes) {
-  memory.resize((bytes + sizeof(Aligned) - 1) / sizeof(Aligned));
-  return {memory.data()->bytes, bytes};
-}
-
 bool HasAttributes(const Catalog& catalog) {
   for (uint32_t v = 0; v < catalog.voxels.size(); ++v)
     if (catalog.Has(BlockKey::Shading(v))) return true;
@@ -38,8 +28,12 @@ void Compact(std::vector<T>& data, const std::vector<bool>& kept) {
 
 }  // namespace
 
+uint32_t LaboratoryScene::PlaceOf(uint32_t id) const {
+  return static_cast<uint32_t>(std::ranges::lower_bound(ids_, id) - ids_.begin());
+}
+
 uint64_t LaboratoryScene::BytesPerTriangle(bool attributes) {
-  return sizeof(KdTriangle) + 3 * sizeof(Float3) + sizeof(TriangleMaterial) +
+  return sizeof(uint32_t) + sizeof(KdTriangle) + 3 * sizeof(Float3) + sizeof(TriangleMaterial) +
          (attributes ? sizeof(TriangleAttributes) : 0);
 }
 
@@ -90,17 +84,17 @@ Status LaboratoryScene::ReadTriangles() {
   materials_.resize(ids);
   if (HasAttributes(catalog)) attributes_.resize(ids);
   BlockDecoder decoder;
-  std::vector<Aligned> hot_memory, shading_memory;
+  BlockMemory hot_memory, shading_memory;
   for (uint32_t v = 0; v < catalog.voxels.size(); ++v) {
     const BlockKey hot_key = BlockKey::Hot(v), shading_key = BlockKey::Shading(v);
     QUARRY_ASSIGN(const Bytes hot_bytes, store_->ReadBlock(hot_key));
     QUARRY_ASSIGN(const VoxelGeometry hot,
-                  DecodeHot(decoder, catalog, v, hot_bytes, Fit(hot_memory, catalog.block(hot_key).decoded)));
+                  DecodeHot(decoder, catalog, v, hot_bytes, hot_memory.Fit(catalog.block(hot_key).decoded)));
     VoxelShading shading;
     if (catalog.Has(shading_key)) {
       QUARRY_ASSIGN(const Bytes bytes, store_->ReadBlock(shading_key));
       QUARRY_ASSIGN(shading, DecodeShading(decoder, catalog, v, bytes,
-                                           Fit(shading_memory, catalog.block(shading_key).decoded)));
+                                           shading_memory.Fit(catalog.block(shading_key).decoded)));
     }
     for (uint32_t t = 0; t < hot.triangle_count; ++t) {
       const uint32_t id = hot.triangle_ids[t];
@@ -116,6 +110,8 @@ Status LaboratoryScene::ReadTriangles() {
       materials_[id] = TriangleMaterial::Of(hot.materials[t], shading.vertices != nullptr);
     }
   }
+  for (uint32_t id = 0; id < ids; ++id)
+    if (seen[id]) ids_.push_back(id);
   Compact(triangles_, seen);
   for (auto& corners : corner_data_) Compact(corners, seen);
   Compact(materials_, seen);

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstddef>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -55,6 +57,22 @@ struct MemoryNeeds {
 /// needs.limit; the message names `store`, both sizes and the remedy.
 Status CheckMemory(const std::string& store, const Catalog& catalog, const MemoryNeeds& needs);
 
+/// Memory for decoded blocks, aligned as decoders ask.
+class BlockMemory {
+ public:
+  /// Valid until the next call.
+  std::span<std::byte> Fit(size_t bytes) {
+    memory_.resize((bytes + sizeof(Line) - 1) / sizeof(Line));
+    return {memory_.data()->bytes, bytes};
+  }
+
+ private:
+  struct alignas(64) Line {
+    std::byte bytes[64];
+  };
+  std::vector<Line> memory_;
+};
+
 /// The triangles of a store, each once, in the order of their ids: a triangle's place here stands for its id.
 /// Its textures are those of Purcell et al. 2002, figure 4. Immutable once loaded.
 class LaboratoryScene {
@@ -66,9 +84,12 @@ class LaboratoryScene {
   static uint64_t BytesPerTriangle(bool attributes);
 
   const Catalog& catalog() const { return store_->catalog(); }
+  const StoreReader& store() const { return *store_; }
   /// The cameras and lights of the model.
   const SceneViews& views() const { return store_->views(); }
   const std::vector<KdTriangle>& triangles() const { return triangles_; }
+  /// The place of the triangle `id`. Requires: a voxel has it.
+  uint32_t PlaceOf(uint32_t id) const;
   /// Bound on the distance from a triangle to a hit, scene units; see ReferencePadding().
   float padding() const { return catalog().meta.padding; }
   /// The scene's box, padded.
@@ -86,6 +107,7 @@ class LaboratoryScene {
   Status ReadTriangles();
 
   std::unique_ptr<StoreReader> store_;
+  std::vector<uint32_t> ids_;  ///< of the triangles, ascending
   std::vector<KdTriangle> triangles_;
   std::vector<Float3> corner_data_[3];
   std::vector<TriangleMaterial> materials_;

@@ -16,8 +16,10 @@
 #include "tests/laboratory/callgrind.h"
 #include "tests/laboratory/grid.h"
 #include "tests/laboratory/instructions.h"
+#include "tests/laboratory/kd_tree.h"
 #include "tests/laboratory/kd_ways.h"
 #include "tests/laboratory/plots.h"
+#include "tests/laboratory/store_tree.h"
 #include "tests/laboratory/stream_tables.h"
 #include "tests/laboratory/study_run.h"
 
@@ -176,8 +178,9 @@ Result<Study> MakeStudy(const Options& o, LaboratoryScene& scene, const std::str
     Say(o, fmt::format("{} x {} x {} cells", n[0], n[1], n[2]));
     return StudyWith(grid, o, scene, addresses, store);
   }
-  const KdTree plain = o.tree == "theirs" ? BuildFoleyTree(scene.triangles(), scene.padding(), scene.box())
-                                          : BuildStoreTree(scene.triangles(), scene.padding(), scene.box());
+  QUARRY_ASSIGN(const KdTree plain, o.tree == "theirs"
+                                        ? BuildFoleyTree(scene.triangles(), scene.padding(), scene.box())
+                                        : ReadStoreTree(scene));
   const TextureTree tree(plain, scene.box(), addresses);
   if (o.accelerator == "restart") return StudyWith(KdRestart(tree), o, scene, addresses, store);
   if (o.accelerator == "ropes")
@@ -249,7 +252,7 @@ int Main(int argc, char** argv) {
   app.add_option("--structure", o.accelerator, "What rays go through")
       ->check(CLI::IsMember({"grid", "restart", "push-down", "backtrack", "ropes"}))
       ->capture_default_str();
-  app.add_option("--tree", o.tree, "kd-trees: as stores have them, or as Foley & Sugerman's")
+  app.add_option("--tree", o.tree, "kd-trees: the store's, or as Foley & Sugerman's")
       ->check(CLI::IsMember({"ours", "theirs"}))
       ->capture_default_str();
   app.add_option("--cells", o.cells, "Cells of the grid along the shortest side")

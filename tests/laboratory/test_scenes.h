@@ -14,11 +14,20 @@
 // Scenes and rays of the laboratory's tests.
 
 namespace quarry::laboratory {
+
+/// What a function returns; the test ends where it failed.
+template <class T>
+T Must(Result<T> result) {
+  if (!result) FAIL(result.error().message);
+  return std::move(*result);
+}
+
 /// A model as a scene of the laboratory.
 class TestScene {
  public:
-  explicit TestScene(const std::string& model) {
+  explicit TestScene(const std::string& model, uint32_t voxel_size = 0) {
     PreprocessOptions options;
+    if (voxel_size != 0) options.voxel_size = voxel_size;
     options.models = {model};
     options.output = store();
     options.textures = false;
@@ -40,9 +49,9 @@ class TestScene {
 };
 
 /// A scene that quarry-scene makes.
-inline TestScene Generated(const std::string& kind, uint64_t triangles) {
+inline TestScene Generated(const std::string& kind, uint64_t triangles, uint32_t voxel_size = 0) {
   const test::TemporaryFolder folder;
-  return TestScene(test::GenerateScene(folder, kind, triangles));
+  return TestScene(test::GenerateScene(folder, kind, triangles), voxel_size);
 }
 
 /// A ray and its end.
