@@ -184,7 +184,7 @@ TEST_CASE("a tree of one leaf, a grid of one cell, a ray that misses the scene")
   }
 }
 
-TEST_CASE("a store's tree has the voxels' leaves, and of a chain one leaf") {
+TEST_CASE("a store's tree has the voxels' leaves, and of a chain one tree") {
   // Triangles that share a point: no plane divides them, so that their leaf is a chain.
   const test::TemporaryFolder folder;
   const std::string model = folder.file("star.obj");

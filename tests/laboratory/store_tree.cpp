@@ -8,6 +8,8 @@
 namespace quarry::laboratory {
 namespace {
 
+constexpr float kVoxelByteWorth = 0.015f;  // as preprocess/partition/voxel_builder.cpp
+
 /// Puts trees together.
 class Stitcher {
  public:
@@ -16,48 +18,61 @@ class Stitcher {
   Result<KdTree> Run() {
     tree_.nodes = test::FlattenTreelets(catalog_.top_nodes);
     const size_t top = tree_.nodes.size();
-    for (size_t i = 0; i < top; ++i)
-      if (tree_.nodes[i].is_leaf() && tree_.nodes[i].count() != 0) QUARRY_TRY(Replace(i));
+    std::vector<Box> cells(top);
+    cells[0] = scene_.box();
+    for (size_t i = 0; i < top; ++i) {
+      const KdNode node = tree_.nodes[i];
+      if (node.is_leaf()) {
+        if (node.count() != 0) QUARRY_TRY(Replace(i, cells[i]));
+        continue;
+      }
+      Box &left = cells[node.left()], &right = cells[node.left() + 1];
+      left = right = cells[i];
+      left.upper[node.axis()] = right.lower[node.axis()] = node.split();
+    }
     return std::move(tree_);
   }
 
  private:
   /// Puts the trees of a top-level leaf's voxels into its place.
-  Status Replace(size_t at) {
+  Status Replace(size_t at, const Box& cell) {
     const uint32_t first = tree_.nodes[at].first(), end = catalog_.chain_end[first];
-    QUARRY_TRY(Decode(first));
     if (end - first == 1) {
-      PutVoxel(at);
+      QUARRY_TRY(Decode(first));
+      std::vector<uint32_t> places;
+      for (uint32_t r = 0; r < voxel_.reference_count; ++r)
+        places.push_back(scene_.PlaceOf(voxel_.triangle_ids[voxel_.references[r]]));
+      Put(at, test::FlattenTreelets(nodes_), places);
       return {};
     }
     std::vector<uint32_t> places;
     for (uint32_t voxel = first; voxel < end; ++voxel) {
-      if (voxel != first) QUARRY_TRY(Decode(voxel));
+      QUARRY_TRY(Decode(voxel));
       for (uint32_t t = 0; t < voxel_.triangle_count; ++t)
         places.push_back(scene_.PlaceOf(voxel_.triangle_ids[t]));
     }
     std::ranges::sort(places);
     places.erase(std::ranges::unique(places).begin(), places.end());
-    const auto begin = static_cast<uint32_t>(tree_.references.size());
-    tree_.references.insert(tree_.references.end(), places.begin(), places.end());
-    tree_.nodes[at] = KdNode::Leaf(begin, static_cast<uint32_t>(places.size()));
+    std::vector<KdTriangle> triangles;
+    for (const uint32_t place : places) triangles.push_back(scene_.triangles()[place]);
+    KdTree chain = BuildKdTree(triangles, scene_.padding(), cell, {.byte = kVoxelByteWorth}, ~size_t{0} / 2);
+    for (uint32_t& reference : chain.references) reference = places[reference];
+    Put(at, chain.nodes, chain.references);
     return {};
   }
 
-  /// Puts the decoded voxel's tree into the place of the node `at`.
-  void PutVoxel(size_t at) {
-    const std::vector<KdNode> nodes = test::FlattenTreelets(nodes_);
-    const auto references = static_cast<uint32_t>(tree_.references.size());
+  /// Puts a tree into the place of the node `at`.
+  void Put(size_t at, const std::vector<KdNode>& nodes, const std::vector<uint32_t>& references) {
+    const auto first = static_cast<uint32_t>(tree_.references.size());
     // The root takes the leaf's place; all others follow behind.
     const auto behind = static_cast<uint32_t>(tree_.nodes.size()) - 1;
     const auto moved = [&](const KdNode& node) {
-      return node.is_leaf() ? KdNode::Leaf(references + node.first(), node.count())
+      return node.is_leaf() ? KdNode::Leaf(first + node.first(), node.count())
                             : KdNode::Inner(node.axis(), node.split(), behind + node.left());
     };
     tree_.nodes[at] = moved(nodes[0]);
     for (size_t i = 1; i < nodes.size(); ++i) tree_.nodes.push_back(moved(nodes[i]));
-    for (uint32_t r = 0; r < voxel_.reference_count; ++r)
-      tree_.references.push_back(scene_.PlaceOf(voxel_.triangle_ids[voxel_.references[r]]));
+    tree_.references.insert(tree_.references.end(), references.begin(), references.end());
   }
 
   Status Decode(uint32_t voxel) {
