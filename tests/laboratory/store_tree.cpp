@@ -52,7 +52,7 @@ class Stitcher {
         places.push_back(scene_.PlaceOf(voxel_.triangle_ids[t]));
     }
     std::ranges::sort(places);
-    places.erase(std::ranges::unique(places).begin(), places.end());
+    places.erase(std::unique(places.begin(), places.end()), places.end());
     std::vector<KdTriangle> triangles;
     for (const uint32_t place : places) triangles.push_back(scene_.triangles()[place]);
     KdTree chain = BuildKdTree(triangles, scene_.padding(), cell, {.byte = kVoxelByteWorth}, ~size_t{0} / 2);
