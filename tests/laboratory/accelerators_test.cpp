@@ -6,7 +6,7 @@
 #include "tests/laboratory/kd_ways.h"
 #include "tests/laboratory/stack_trace.h"
 #include "tests/laboratory/store_tree.h"
-#include "tests/laboratory/test_scenes.h"
+#include "tests/laboratory/test_rays.h"
 #include "tests/support/skip.h"
 
 namespace quarry::laboratory {
@@ -128,17 +128,17 @@ void CheckScene(LaboratoryScene& scene, int rays) {
 }  // namespace
 
 TEST_CASE("the papers' structures find the hits of brute force: terrain") {
-  CheckScene(Generated("terrain", 2000).scene(), 10000);
+  CheckScene(*Generated("terrain", 2000), 10000);
 }
 
 TEST_CASE("the papers' structures find the hits of brute force: a store of many voxels") {
-  const TestScene made = Generated("plant", 20000, 16 << 10);
-  CHECK(made.scene().catalog().voxels.size() > 20);
-  CheckScene(made.scene(), 500);
+  const MadeScene made = Generated("plant", 20000, 16 << 10);
+  CHECK(made->catalog().voxels.size() > 20);
+  CheckScene(*made, 500);
 }
 
 TEST_CASE("the papers' structures find the hits of brute force: plant") {
-  CheckScene(Generated("plant", 3000).scene(), 10000);
+  CheckScene(*Generated("plant", 3000), 10000);
 }
 
 TEST_CASE("the papers' structures find the hits of brute force: the papers' scenes") {
@@ -152,13 +152,13 @@ TEST_CASE("the papers' structures find the hits of brute force: the papers' scen
       continue;
     }
     INFO(model);
-    CheckScene(TestScene(path).scene(), rays);
+    CheckScene(*MadeScene(path), rays);
   }
 }
 
 TEST_CASE("a tree of one leaf, a grid of one cell, a ray that misses the scene") {
-  TestScene loaded = Generated("terrain", 1000);
-  LaboratoryScene& scene = loaded.scene();
+  MadeScene loaded = Generated("terrain", 1000);
+  LaboratoryScene& scene = *loaded;
   KdTree leaf;
   leaf.nodes = {KdNode::Leaf(0, static_cast<uint32_t>(scene.triangles().size()))};
   for (uint32_t i = 0; i < scene.triangles().size(); ++i) leaf.references.push_back(i);
@@ -199,13 +199,13 @@ TEST_CASE("a store's tree has the voxels' leaves, and of a chain one tree") {
       out << "f -3 -2 -1\n";
     }
   }
-  const TestScene made(model, 16 << 10);
-  const Catalog& catalog = made.scene().catalog();
+  const MadeScene made(model, 16 << 10);
+  const Catalog& catalog = made->catalog();
   uint32_t longest = 0;
   for (uint32_t v = 0; v < catalog.chain_end.size(); ++v)
     longest = std::max(longest, catalog.chain_end[v] - v);
   CHECK(longest > 1);
-  const KdTree tree = Must(ReadStoreTree(made.scene()));
+  const KdTree tree = Must(ReadStoreTree(*made));
   size_t leaves = 0, splits = 0, references = 0;
   for (const KdNode& node : tree.nodes) {
     (node.is_leaf() ? leaves : splits) += 1;
@@ -214,13 +214,13 @@ TEST_CASE("a store's tree has the voxels' leaves, and of a chain one tree") {
   }
   CHECK(leaves == splits + 1);
   CHECK(references == tree.references.size());
-  for (const uint32_t place : tree.references) CHECK(place < made.scene().triangles().size());
-  CheckScene(made.scene(), 500);
+  for (const uint32_t place : tree.references) CHECK(place < made->triangles().size());
+  CheckScene(*made, 500);
 }
 
 TEST_CASE("trees of the laboratory keep what the textures say") {
-  TestScene loaded = Generated("plant", 3000);
-  const LaboratoryScene& scene = loaded.scene();
+  MadeScene loaded = Generated("plant", 3000);
+  const LaboratoryScene& scene = *loaded;
   AddressSpace addresses;
   const KdTree plain = BuildFoleyTree(scene.triangles(), scene.padding(), scene.box());
   const TextureTree tree(plain, scene.box(), addresses);

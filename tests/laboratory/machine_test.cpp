@@ -153,7 +153,7 @@ TEST_CASE("Streams that a picture does not need have no memory, and the others t
 
 TEST_CASE("A picture needs the parts of its renderer") {
   test::TemporaryFolder folder;
-  MadeScene glass(GlassModel(folder)), opaque(Generated(folder, "city", 1000));
+  MadeScene glass(GlassModel(folder)), opaque = Generated("city", 1000);
   const auto parts = [](MadeScene& scene, Renderer renderer) {
     const auto view = MakeView(*scene, renderer, FirstCamera(), 8, 8, 1);
     REQUIRE(view.has_value());

@@ -7,9 +7,17 @@
 
 #include "preprocess/preprocess.h"
 #include "tests/laboratory/scene.h"
+#include "tests/reference/scene_fixture.h"
 #include "tests/support/temporary_folder.h"
 
 namespace quarry::laboratory {
+
+/// What a function returns; the test ends where it failed.
+template <class T>
+T Must(Result<T> result) {
+  if (!result) FAIL(result.error().message);
+  return std::move(*result);
+}
 
 /// A store of a model, in a folder of its own, and the scene out of it.
 class MadeScene {
@@ -17,37 +25,27 @@ class MadeScene {
   explicit MadeScene(const std::string& model, uint32_t voxel_size = 64 << 10) {
     PreprocessOptions options;
     options.models = {model};
-    options.output = store_ = folder_.file("scene.quarry");
+    options.output = store();
     options.voxel_size = voxel_size;
     options.threads = 2;
     options.quiet = true;
     options.textures = false;
-    const auto made = Preprocess(options);
-    INFO((made ? "" : made.error().message));
-    REQUIRE(made.has_value());
-    auto scene = LaboratoryScene::Load(store_);
-    INFO((scene ? "" : scene.error().message));
-    REQUIRE(scene.has_value());
-    scene_ = std::move(*scene);
+    Must(Preprocess(options));
+    scene_ = Must(LaboratoryScene::Load(store()));
   }
-  LaboratoryScene& operator*() { return *scene_; }
-  LaboratoryScene* operator->() { return scene_.get(); }
-  const std::string& store() const { return store_; }
+  LaboratoryScene& operator*() const { return *scene_; }
+  LaboratoryScene* operator->() const { return scene_.get(); }
+  std::string store() const { return folder_.file("scene.quarry"); }
 
  private:
   test::TemporaryFolder folder_;
-  std::string store_;
   std::unique_ptr<LaboratoryScene> scene_;
 };
 
-/// The path of a model that quarry-scene writes into `folder`.
-inline std::string Generated(const test::TemporaryFolder& folder, const std::string& kind,
-                             uint32_t triangles) {
-  const std::string path = folder.file(kind + ".obj");
-  const std::string command = std::string(QUARRY_BIN_DIR) + "/quarry-scene " + kind + " --triangles " +
-                              std::to_string(triangles) + " --quiet -o " + path;
-  REQUIRE(std::system(command.c_str()) == 0);
-  return path;
+/// A scene that quarry-scene makes.
+inline MadeScene Generated(const std::string& kind, uint64_t triangles, uint32_t voxel_size = 64 << 10) {
+  const test::TemporaryFolder folder;
+  return MadeScene(test::GenerateScene(folder, kind, triangles), voxel_size);
 }
 
 /// A box on a floor before a mirror and a pane of glass, with a small clutter of triangles: rays of all

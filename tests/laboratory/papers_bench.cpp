@@ -166,6 +166,12 @@ void PrintDevice(const std::vector<Measured>& all, const Result<cuda::DeviceInfo
     fmt::print("| {} |{}{}{}\n", m.scene->name(),
                ms.Cells({"brute", "grid", "restart", "backtrack", "push-down", "ropes"}, 3), ms.Ratios(),
                ms.Cells({"restart, ours", "backtrack, ours", "push-down, ours", "ropes, ours"}, 3));
+    if (const PaperFigures* p = m.scene->paper())
+      fmt::print(
+          "| the paper's | {:.0f} | {:.0f} | {:.0f} | {:.0f} | - | - | {:.2f} | {:.2f} | {:.2f} | - | - | - "
+          "| - |\n",
+          p->brute, p->grid_ms, p->restart, p->backtrack, p->brute / p->restart, p->grid_ms / p->restart,
+          p->restart / p->backtrack);
   }
 }
 

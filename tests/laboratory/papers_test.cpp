@@ -5,7 +5,7 @@
 #include "tests/laboratory/device_trace.h"
 #include "tests/laboratory/kernel_costs.h"
 #include "tests/laboratory/papers_device.h"
-#include "tests/laboratory/test_scenes.h"
+#include "tests/laboratory/test_rays.h"
 
 namespace quarry::laboratory {
 namespace {
@@ -77,18 +77,18 @@ const KernelCost& Of(const std::vector<KernelCost>& costs, const std::string& na
 }  // namespace
 
 TEST_CASE("the papers' structures find the hits of brute force in a device's memory") {
-  CheckOnDevice(Generated("terrain", 2000).scene(), {2, 2, 2});
-  CheckOnDevice(Generated("plant", 3000).scene(), {50, 50, 50});
+  CheckOnDevice(*Generated("terrain", 2000), {2, 2, 2});
+  CheckOnDevice(*Generated("plant", 3000), {50, 50, 50});
   // A tree of one leaf has no splits, so that a texture is empty.
-  const TestScene made = Generated("terrain", 1000);
+  const MadeScene made = Generated("terrain", 1000);
   KdTree leaf;
-  leaf.nodes = {KdNode::Leaf(0, static_cast<uint32_t>(made.scene().triangles().size()))};
-  for (uint32_t i = 0; i < made.scene().triangles().size(); ++i) leaf.references.push_back(i);
-  CheckOnDevice(made.scene(), leaf, {1, 1, 1});
+  leaf.nodes = {KdNode::Leaf(0, static_cast<uint32_t>(made->triangles().size()))};
+  for (uint32_t i = 0; i < made->triangles().size(); ++i) leaf.references.push_back(i);
+  CheckOnDevice(*made, leaf, {1, 1, 1});
 }
 
 TEST_CASE("the kernels of table 3 have the calls and the words of the frame") {
-  const TestScene made = Generated("plant", 3000);
+  const MadeScene made = Generated("plant", 3000);
   const auto papers = Must(PapersScene::Load(made.store(), 64));
   const std::vector<TreeCounts> trees = Must(papers->CountTrees());
   const FrameCounts grid = Must(papers->CountGrid()), &kd = trees[0].backtrack;
@@ -137,7 +137,7 @@ TEST_CASE("the kernels of table 3 have the calls and the words of the frame") {
 }
 
 TEST_CASE("times are of every structure, and rays with other hits are counted") {
-  const TestScene made = Generated("terrain", 2000);
+  const MadeScene made = Generated("terrain", 2000);
   const auto papers = Must(PapersScene::Load(made.store(), 32));
   const auto names = [](const std::vector<Timing>& timings) {
     std::vector<std::string> list;

@@ -5,7 +5,7 @@
 
 #include <catch2/catch.hpp>
 
-#include "tests/laboratory/test_scenes.h"
+#include "tests/laboratory/test_rays.h"
 #include "tests/support/skip.h"
 
 namespace quarry::laboratory {
@@ -34,7 +34,7 @@ void CheckAll(const SimtFunctions& simt, LaboratoryScene& scene, const GridResol
 }  // namespace
 
 TEST_CASE("lanes find the hits of brute force") {
-  const TestScene terrain = Generated("terrain", 2000), plant = Generated("plant", 3000);
+  const MadeScene terrain = Generated("terrain", 2000), plant = Generated("plant", 3000);
   std::vector<const SimtFunctions*> sets{&kSimtAvx2};
   if ((hwy::SupportedTargets() & HWY_AVX3) != 0)
     sets.push_back(&kSimtAvx512);
@@ -42,9 +42,9 @@ TEST_CASE("lanes find the hits of brute force") {
     test::Skip("this processor has no AVX-512: lanes of 16 are not tested");
   for (const SimtFunctions* simt : sets) {
     INFO(simt->isa);
-    CheckAll(*simt, terrain.scene(), {2, 2, 2});
-    CheckAll(*simt, plant.scene(), {50, 50, 50});
-    CheckAll(*simt, plant.scene(), CubicalResolution(plant.scene().box(), 8));
+    CheckAll(*simt, *terrain, {2, 2, 2});
+    CheckAll(*simt, *plant, {50, 50, 50});
+    CheckAll(*simt, *plant, CubicalResolution(plant->box(), 8));
   }
 }
 

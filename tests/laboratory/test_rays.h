@@ -6,53 +6,12 @@
 
 #include "common/kdtree/ray_packet.h"
 #include "common/math/next_float.h"
-#include "preprocess/preprocess.h"
-#include "tests/laboratory/scene.h"
+#include "tests/laboratory/made_scene.h"
 #include "tests/laboratory/trace.h"
-#include "tests/reference/scene_fixture.h"
 
-// Scenes and rays of the laboratory's tests.
+// Rays of the laboratory's tests.
 
 namespace quarry::laboratory {
-
-/// What a function returns; the test ends where it failed.
-template <class T>
-T Must(Result<T> result) {
-  if (!result) FAIL(result.error().message);
-  return std::move(*result);
-}
-
-/// A model as a scene of the laboratory.
-class TestScene {
- public:
-  explicit TestScene(const std::string& model, uint32_t voxel_size = 0) {
-    PreprocessOptions options;
-    if (voxel_size != 0) options.voxel_size = voxel_size;
-    options.models = {model};
-    options.output = store();
-    options.textures = false;
-    options.quiet = true;
-    const auto made = Preprocess(options);
-    INFO((made ? "" : made.error().message));
-    REQUIRE(made.has_value());
-    auto loaded = LaboratoryScene::Load(options.output);
-    INFO((loaded ? "" : loaded.error().message));
-    REQUIRE(loaded.has_value());
-    scene_ = std::move(*loaded);
-  }
-  LaboratoryScene& scene() const { return *scene_; }
-  std::string store() const { return folder_.file("scene.quarry"); }
-
- private:
-  test::TemporaryFolder folder_;
-  std::unique_ptr<LaboratoryScene> scene_;
-};
-
-/// A scene that quarry-scene makes.
-inline TestScene Generated(const std::string& kind, uint64_t triangles, uint32_t voxel_size = 0) {
-  const test::TemporaryFolder folder;
-  return TestScene(test::GenerateScene(folder, kind, triangles), voxel_size);
-}
 
 /// A ray and its end.
 struct TestRay {
