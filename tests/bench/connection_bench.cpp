@@ -14,6 +14,7 @@
 
 #include "common/net/connection.h"
 #include "common/protocol/messages.h"
+#include "tests/bench/arguments.h"
 #include "tests/bench/figures.h"
 #include "tests/bench/median.h"
 #include "tests/bench/stopwatch.h"
@@ -147,7 +148,7 @@ int Main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--total", total, "Bytes to fetch in each of five runs")->capture_default_str();
   app.add_option("--json", json, "Write the figures to this file")->check(bench::CheckFigures);
-  CLI11_PARSE(app, argc, argv);
+  if (const auto status = ReadArguments(app, argc, argv)) return *status;
 
   char path[] = "/tmp/quarry-bench-secret-XXXXXX";
   const int fd = ::mkstemp(path);
@@ -169,4 +170,7 @@ int Main(int argc, char** argv) {
 }  // namespace
 }  // namespace quarry::bench
 
-int main(int argc, char** argv) { return quarry::bench::Main(argc, argv); }
+int main(int argc, char** argv) {
+  return quarry::bench::RunPrinting("quarry bench connection",
+                                    [&] { return quarry::bench::Main(argc, argv); });
+}

@@ -1,16 +1,15 @@
-// How long the display takes to encode a frame for a viewer: a picture of which every pixel is traced, one of
-// each second and fourth, and an exact one. Usage: quarry bench frames [WIDTH HEIGHT]. Prints medians of 50,
-// on one thread.
+// `quarry bench frames`: how long the display takes to encode a frame for a viewer.
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <cstdlib>
 #include <vector>
 
 #include "common/math/shared_exponent.h"
 #include "master/display/frame_encoder.h"
+#include "tests/bench/arguments.h"
+#include "tests/bench/figures.h"
 
 namespace quarry {
 namespace {
@@ -46,8 +45,15 @@ DueFrame FrameOf(uint32_t width, uint32_t height, uint32_t step) {
 }
 
 int Main(int argc, char** argv) {
-  const auto width = static_cast<uint32_t>(argc > 1 ? std::atoi(argv[1]) : 640);
-  const auto height = static_cast<uint32_t>(argc > 2 ? std::atoi(argv[2]) : 480);
+  uint32_t width = 640, height = 480;
+  CLI::App app(
+      "How long the display takes to encode a frame for a viewer: a picture of which every pixel is traced, "
+      "one "
+      "of each second and fourth, and an exact one. Medians of 50, on one thread.");
+  app.footer("Example:\n  quarry bench frames 1920 1080");
+  app.add_option("width", width, "Pixels")->check(CLI::Range(1, 16384))->capture_default_str();
+  app.add_option("height", height, "Pixels")->check(CLI::Range(1, 16384))->capture_default_str();
+  if (const auto status = bench::ReadArguments(app, argc, argv)) return *status;
   FrameEncoder encoder;
   std::optional<ToneTable> tone;
   for (const uint32_t step : {1u, 2u, 4u, 0u}) {
@@ -71,4 +77,6 @@ int Main(int argc, char** argv) {
 }  // namespace
 }  // namespace quarry
 
-int main(int argc, char** argv) { return quarry::Main(argc, argv); }
+int main(int argc, char** argv) {
+  return quarry::bench::RunPrinting("quarry bench frames", [&] { return quarry::Main(argc, argv); });
+}

@@ -11,6 +11,7 @@
 
 #include "common/base/resource.h"
 #include "common/kdtree/variants/variant_kernels.h"
+#include "tests/bench/arguments.h"
 #include "tests/bench/figures.h"
 #include "tests/bench/gpu_check.h"
 #include "tests/bench/gpu_scene.h"
@@ -400,7 +401,7 @@ int Main(int argc, char** argv) {
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   app.add_option("--json", options.json, "Results as JSON")->check(CheckFigures);
-  CLI11_PARSE(app, argc, argv);
+  if (const auto status = ReadArguments(app, argc, argv)) return *status;
   if (options.size % RayPacket::kSide != 0 || options.frame_size % RayPacket::kSide != 0) {
     fmt::print(stderr, "quarry-gpu-bench: --size, --frame-size: not a multiple of 8\n");
     return 2;
@@ -423,4 +424,6 @@ int Main(int argc, char** argv) {
 }  // namespace
 }  // namespace quarry::bench
 
-int main(int argc, char** argv) { return quarry::bench::Main(argc, argv); }
+int main(int argc, char** argv) {
+  return quarry::bench::RunPrinting("quarry-gpu-bench", [&] { return quarry::bench::Main(argc, argv); });
+}

@@ -13,6 +13,7 @@
 #include "common/scene/framing.h"
 #include "common/voxel/store_reader.h"
 #include "deploy/cluster.h"
+#include "tests/bench/arguments.h"
 #include "tests/bench/embree_image.h"
 #include "tests/bench/figures.h"
 #include "tests/bench/median.h"
@@ -195,7 +196,7 @@ int Main(int argc, char** argv) {
       ->capture_default_str();
   app.add_flag("--interior", options.interior, "The eye is inside the scene's box");
   app.add_option("--json", options.json, "Results as JSON")->check(bench::CheckFigures);
-  CLI11_PARSE(app, argc, argv);
+  if (const auto status = ReadArguments(app, argc, argv)) return *status;
   nlohmann::json results = nlohmann::json::array();
   for (const std::string& store : options.stores) {
     if (const Status status = RunScene(store, options, results); !status) {
@@ -210,4 +211,6 @@ int Main(int argc, char** argv) {
 }  // namespace
 }  // namespace quarry::bench
 
-int main(int argc, char** argv) { return quarry::bench::Main(argc, argv); }
+int main(int argc, char** argv) {
+  return quarry::bench::RunPrinting("quarry bench images", [&] { return quarry::bench::Main(argc, argv); });
+}

@@ -1,5 +1,5 @@
-// Speed of the importers, to a sink that keeps nothing: import_bench FILE...
-// Prints the median and the spread of kRuns readings of each file, in MB (10^6 bytes) of file per second.
+// `quarry bench import`: speed of the importers, to a sink that keeps nothing. Prints the median and the
+// spread of kRuns readings of each file, in MB (10^6 bytes) of file per second.
 
 #include <fmt/format.h>
 
@@ -8,6 +8,8 @@
 #include <filesystem>
 
 #include "preprocess/import/importer.h"
+#include "tests/bench/arguments.h"
+#include "tests/bench/figures.h"
 
 #ifndef NDEBUG
 #error "benchmarks are built with the release preset"
@@ -55,14 +57,22 @@ Status Measure(const std::string& path) {
   return {};
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  for (int i = 1; i < argc; ++i) {
-    if (const Status status = Measure(argv[i]); !status) {
+int Main(int argc, char** argv) {
+  std::vector<std::string> files;
+  CLI::App app("Speed of the importers, to a sink that keeps nothing: the median of readings of each file.");
+  app.footer("Example:\n  quarry bench import dragon.ply");
+  app.add_option("model", files, "Model files")->required();
+  if (const auto status = bench::ReadArguments(app, argc, argv)) return *status;
+  for (const std::string& file : files)
+    if (const Status status = Measure(file); !status) {
       fmt::print(stderr, "{}\n", status.error().message);
       return status.error().exit_status();
     }
-  }
-  return argc > 1 ? 0 : 2;
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return quarry::bench::RunPrinting("quarry bench import", [&] { return Main(argc, argv); });
 }

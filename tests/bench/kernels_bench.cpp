@@ -15,6 +15,7 @@
 #include "common/engine/blocks/loader.h"
 #include "common/engine/blocks/pinned_blocks.h"
 #include "common/kdtree/variants/all_kernels.h"
+#include "tests/bench/arguments.h"
 #include "tests/bench/embree_rays.h"
 #include "tests/bench/figures.h"
 #include "tests/bench/grazing.h"
@@ -431,7 +432,7 @@ int Main(int argc, char** argv) {
       "--identical", options.identical,
       "Instead: so many random rays through every kernel, resident and suspended, hits compared bit by bit");
   app.add_option("--json", options.json, "Results as JSON")->check(bench::CheckFigures);
-  CLI11_PARSE(app, argc, argv);
+  if (const auto status = ReadArguments(app, argc, argv)) return *status;
   options.order = orders.at(order);
   const auto fail = [](const std::string& message) {
     fmt::print(stderr, "quarry-bench-kernels: {}\n", message);
@@ -456,4 +457,6 @@ int Main(int argc, char** argv) {
 }  // namespace
 }  // namespace quarry::bench
 
-int main(int argc, char** argv) { return quarry::bench::Main(argc, argv); }
+int main(int argc, char** argv) {
+  return quarry::bench::RunPrinting("quarry bench kernels", [&] { return quarry::bench::Main(argc, argv); });
+}

@@ -15,6 +15,7 @@
 
 #include "common/base/number.h"
 #include "master/schedule/dispatcher.h"
+#include "tests/bench/arguments.h"
 #include "tests/bench/figures.h"
 #include "tests/bench/median.h"
 #include "tests/bench/stopwatch.h"
@@ -224,7 +225,7 @@ int Main(int argc, char** argv) {
   app.add_option("cases", cases, "COLUMNSxROWSxWORKERS each, in tiles")->capture_default_str();
   app.add_option("--repetitions", repetitions)->check(CLI::Range(1, 1000))->capture_default_str();
   app.add_option("--json", json, "Write the figures to this file")->check(bench::CheckFigures);
-  CLI11_PARSE(app, argc, argv);
+  if (const auto status = ReadArguments(app, argc, argv)) return *status;
   fmt::print(
       "tiles x workers  each holds         plan ms (spread)     busiest/mean  MB to fetch  hand out ms  "
       "at the end\n");
@@ -262,4 +263,6 @@ int Main(int argc, char** argv) {
 }  // namespace
 }  // namespace quarry::bench
 
-int main(int argc, char** argv) { return quarry::bench::Main(argc, argv); }
+int main(int argc, char** argv) {
+  return quarry::bench::RunPrinting("quarry bench plan", [&] { return quarry::bench::Main(argc, argv); });
+}

@@ -17,6 +17,7 @@
 
 #include "common/engine/scene.h"
 #include "deploy/cluster.h"
+#include "tests/bench/arguments.h"
 #include "tests/bench/figures.h"
 #include "tests/bench/median.h"
 #include "tests/bench/stopwatch.h"
@@ -242,7 +243,7 @@ int Main(int argc, char** argv) {
   CLI::App app("What ways of having blocks cost: file, tcp, http, https, disk cache.");
   app.add_option("store", path, "A store made by quarry-preprocess")->required();
   app.add_option("--json", json, "Results as JSON")->check(bench::CheckFigures);
-  CLI11_PARSE(app, argc, argv);
+  if (const auto status = ReadArguments(app, argc, argv)) return *status;
   const auto store = StoreReader::Open(path);
   std::optional<SourcesBench> bench;
   if (store) bench.emplace(*store);
@@ -258,4 +259,6 @@ int Main(int argc, char** argv) {
 }  // namespace
 }  // namespace quarry::bench
 
-int main(int argc, char** argv) { return quarry::bench::Main(argc, argv); }
+int main(int argc, char** argv) {
+  return quarry::bench::RunPrinting("quarry bench sources", [&] { return quarry::bench::Main(argc, argv); });
+}

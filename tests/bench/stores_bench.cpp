@@ -11,6 +11,7 @@
 #include "common/base/resource.h"
 #include "common/kdtree/build/treelets.h"
 #include "common/voxel/store_reader.h"
+#include "tests/bench/arguments.h"
 #include "tests/bench/figures.h"
 #include "tests/bench/median.h"
 #include "tests/support/flat_tree.h"
@@ -180,7 +181,7 @@ int Main(int argc, char** argv) {
   app.add_option("store", stores, "Stores made by quarry-preprocess")->required();
   app.add_flag("--one-level", one_level, "Also the SAH cost of one tree over all triangles");
   app.add_option("--json", json, "Results as JSON")->check(bench::CheckFigures);
-  CLI11_PARSE(app, argc, argv);
+  if (const auto status = ReadArguments(app, argc, argv)) return *status;
   nlohmann::ordered_json results = nlohmann::ordered_json::array();
   fmt::print("{:20} {:>10} {:>8} {:>12} {:>8} {:>12} {:>8} {:>13} {:>12} {:>10} {:>10} {:>7}\n", "store",
              "triangles", "voxels", "bytes/tri", "decoded", "decode MB/s", "ns/tri", "shading MB/s",
@@ -225,4 +226,6 @@ int Main(int argc, char** argv) {
 }  // namespace
 }  // namespace quarry::bench
 
-int main(int argc, char** argv) { return quarry::bench::Main(argc, argv); }
+int main(int argc, char** argv) {
+  return quarry::bench::RunPrinting("quarry bench stores", [&] { return quarry::bench::Main(argc, argv); });
+}

@@ -2,7 +2,7 @@
 import os
 import pathlib
 
-from programs import Case, main
+from programs import BIN, Case, main
 from bad_input_test import CUBE
 
 
@@ -53,6 +53,18 @@ class BadJson(Case):
         for scene in (self.path("fifo"), "/dev/zero", str(self.folder)):
             self.must_fail(1, "is not a regular file|is a folder", "quarry", "render", scene, "-o", self.path("x.png"))
             self.must_fail(1, "is not a regular file", "quarry-preprocess", scene, "-o", self.path("x.quarry"))
+
+
+class BadBenchArguments(Case):
+    def test_every_benchmark_tells_of_options_that_it_lacks(self):
+        benches = sorted(path.name.removeprefix("quarry-bench-") for path in BIN.glob("quarry-bench-*"))
+        self.assertGreater(len(benches), 8, benches)
+        for bench in benches:
+            with self.subTest(bench=bench):
+                done = self.run_program("quarry", "bench", bench, "--no-such-option")
+                self.assertEqual(done.returncode, 2, done.stderr)
+                self.assertIn("Run with --help", done.stderr)
+                self.assertIn("--help", self.must("quarry", "bench", bench, "--help").stdout)
 
 
 class BadNumbers(Case):

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "tests/bench/arguments.h"
 #include "tests/bench/figures.h"
 #include "tests/bench/median.h"
 #include "tests/cuda/trace_cuda.h"
@@ -340,11 +341,7 @@ int Main(int argc, char** argv) {
   app.add_flag("--no-brute-force", options.no_brute_force,
                "Without brute force, which takes minutes for a million triangles");
   app.add_option("--json", options.json, "Results as JSON")->check(bench::CheckFigures);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : 2;
-  }
+  if (const auto status = bench::ReadArguments(app, argc, argv)) return *status;
   const auto fail = [](const std::string& message, int status) {
     fmt::print(stderr, "quarry bench papers: {}\n", message);
     return status;

@@ -11,6 +11,7 @@
 
 #include "common/engine/renderer.h"
 #include "deploy/model_cache.h"
+#include "tests/bench/arguments.h"
 #include "tests/bench/figures.h"
 #include "tests/bench/views.h"
 #include "tests/laboratory/callgrind.h"
@@ -298,11 +299,7 @@ int Main(int argc, char** argv) {
       ->check(names(kRendererNames))
       ->group("");
   app.footer("Example:\n  quarry bench stream bunny.quarry --size 1024 --plots figures");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : 2;
-  }
+  if (const auto status = bench::ReadArguments(app, argc, argv)) return *status;
   if (const auto cache = TextureCache::Create(o.study.cache); !cache) {
     fmt::print(stderr, "quarry bench stream: {}\n", cache.error().message);
     return 2;

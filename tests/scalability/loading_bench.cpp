@@ -18,6 +18,7 @@
 #include "common/scene/framing.h"
 #include "common/voxel/store_reader.h"
 #include "deploy/scene_files.h"
+#include "tests/bench/arguments.h"
 #include "tests/bench/figures.h"
 #include "tests/bench/stopwatch.h"
 #include "tests/scalability/line.h"
@@ -277,7 +278,7 @@ int Main(int argc, char** argv) {
       ->check(CLI::IsMember({"raycast", "whitted"}))
       ->capture_default_str();
   app.add_option("--json", options.json, "Results as JSON")->check(bench::CheckFigures);
-  CLI11_PARSE(app, argc, argv);
+  if (const auto status = ReadArguments(app, argc, argv)) return *status;
   nlohmann::json results = nlohmann::json::array();
   const Status status = RunBench(options, results);
   (void)bench::WriteFigures(options.json, results.dump(2));
@@ -289,4 +290,6 @@ int Main(int argc, char** argv) {
 }  // namespace
 }  // namespace quarry::bench
 
-int main(int argc, char** argv) { return quarry::bench::Main(argc, argv); }
+int main(int argc, char** argv) {
+  return quarry::bench::RunPrinting("quarry bench loading", [&] { return quarry::bench::Main(argc, argv); });
+}
