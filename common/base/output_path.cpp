@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <initializer_list>
 #include <mutex>
+#include <optional>
 #include <utility>
 
 namespace quarry {
@@ -101,25 +102,46 @@ std::string OneSpelling(const std::string& path) {
   return error ? path : whole.string();
 }
 
+/// What tells a file from all others, also from one that takes over its inode when it is deleted.
+struct FileIdentity {
+  uint64_t device = 0, inode = 0;
+  int64_t born_s = 0, born_ns = 0;  ///< 0 where the file system does not tell
+
+  bool operator==(const FileIdentity&) const = default;
+};
+
+/// Of the file at `path`, links followed; none if there is no file.
+std::optional<FileIdentity> IdentityOf(const std::string& path) {
+  struct statx info {};
+  if (::statx(AT_FDCWD, path.c_str(), 0, STATX_INO | STATX_BTIME, &info) != 0) return std::nullopt;
+  FileIdentity identity{uint64_t{info.stx_dev_major} << 32 | info.stx_dev_minor, info.stx_ino, 0, 0};
+  if (info.stx_mask & STATX_BTIME) {
+    identity.born_s = info.stx_btime.tv_sec;
+    identity.born_ns = info.stx_btime.tv_nsec;
+  }
+  return identity;
+}
+
 /// A file that an output will replace, and whether this run has read it.
 struct Claim {
-  uint64_t device, inode;
+  FileIdentity file;
   bool read;
 };
 std::mutex claims_mutex;
 std::vector<Claim> claims;
 
-Claim* FindClaim(const struct stat& info) {
-  const auto found = std::ranges::find_if(
-      claims, [&](const Claim& c) { return c.device == info.st_dev && c.inode == info.st_ino; });
+/// The claim of the file at `path`, or null.
+Claim* FindClaim(const std::string& path) {
+  const auto identity = IdentityOf(path);
+  if (!identity) return nullptr;
+  const auto found = std::ranges::find(claims, *identity, &Claim::file);
   return found == claims.end() ? nullptr : &*found;
 }
 
 void ClaimFile(const std::string& path) {
-  struct stat info {};
-  if (::stat(path.c_str(), &info) != 0) return;
   const std::lock_guard lock(claims_mutex);
-  if (!FindClaim(info)) claims.push_back({info.st_dev, info.st_ino, false});
+  const auto identity = IdentityOf(path);
+  if (identity && !FindClaim(path)) claims.push_back({*identity, false});
 }
 
 }  // namespace
@@ -127,16 +149,13 @@ void ClaimFile(const std::string& path) {
 void NoteRead(const std::string& path) {
   const std::lock_guard lock(claims_mutex);
   if (claims.empty()) return;
-  struct stat info {};
-  if (::stat(path.c_str(), &info) != 0) return;
-  if (Claim* const claim = FindClaim(info)) claim->read = true;
+  if (Claim* const claim = FindClaim(path)) claim->read = true;
 }
 
 Status CheckNotRead(const std::string& path) {
   const std::lock_guard lock(claims_mutex);
-  struct stat info {};
-  if (claims.empty() || ::stat(path.c_str(), &info) != 0) return {};
-  const Claim* const claim = FindClaim(info);
+  if (claims.empty()) return {};
+  const Claim* const claim = FindClaim(path);
   if (!claim || !claim->read) return {};
   return BadUsage(fmt::format("{}: is read in this run, and would be replaced; name another file", path));
 }

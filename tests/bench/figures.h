@@ -30,19 +30,21 @@ inline bool WriteFigures(const std::string& path, const std::string& json) {
 }
 
 /// Runs a program that prints tables. Returns: its exit status; 1, and a sentence, when standard output
-/// cannot be written.
+/// cannot be written or the system refuses something else.
 template <class Run>
 int RunPrinting(const char* program, const Run& run) {
-  int error = 0;
+  const auto not_written = [&](int error) {
+    fmt::print(stderr, "{}: the tables cannot be written: {}\n", program, ErrnoText(error));
+    return 1;
+  };
   try {
     const int status = run();
-    if (std::fflush(stdout) == 0) return status;
-    error = errno;
-  } catch (const std::system_error& thrown) {  // by fmt::print
-    error = thrown.code().value();
+    return std::fflush(stdout) == 0 ? status : not_written(errno);
+  } catch (const std::system_error& error) {
+    if (std::ferror(stdout)) return not_written(error.code().value());  // thrown by fmt::print
+    fmt::print(stderr, "{}: {}\n", program, error.what());
+    return 1;
   }
-  fmt::print(stderr, "{}: the tables cannot be written: {}\n", program, ErrnoText(error));
-  return 1;
 }
 
 }  // namespace quarry::bench

@@ -2,11 +2,13 @@
 #include <catch2/catch.hpp>
 #include <fstream>
 
+#include "common/voxel/block_decoder.h"
 #include "tests/laboratory/grid.h"
 #include "tests/laboratory/kd_ways.h"
 #include "tests/laboratory/stack_trace.h"
 #include "tests/laboratory/store_tree.h"
 #include "tests/laboratory/test_rays.h"
+#include "tests/support/flat_tree.h"
 #include "tests/support/skip.h"
 
 namespace quarry::laboratory {
@@ -132,9 +134,36 @@ TEST_CASE("the papers' structures find the hits of brute force: terrain") {
 }
 
 TEST_CASE("the papers' structures find the hits of brute force: a store of many voxels") {
-  const MadeScene made = Generated("plant", 20000, 16 << 10);
-  CHECK(made->catalog().voxels.size() > 20);
+  const MadeScene made = Generated("terrain", 20000, 16 << 10);
+  const Catalog& catalog = made->catalog();
+  CHECK(catalog.voxels.size() > 20);
   CheckScene(*made, 500);
+  // The leaves of voxels outside of chains are those of the voxels' own trees.
+  const KdTree tree = Must(ReadStoreTree(*made));
+  std::vector<uint32_t> expected, found;
+  const auto note = [](const std::vector<KdNode>& nodes, std::vector<uint32_t>& counts) {
+    for (const KdNode& node : nodes)
+      if (node.is_leaf()) counts.push_back(node.count());
+  };
+  BlockDecoder decoder;
+  BlockMemory memory;
+  uint32_t alone = 0;
+  for (uint32_t v = 0; v < catalog.voxels.size(); ++v) {
+    if (catalog.chain_end[v] != v + 1 || (v > 0 && catalog.chain_end[v - 1] > v)) continue;
+    ++alone;
+    std::vector<KdNode> nodes;
+    const BlockKey key = BlockKey::Hot(v);
+    Must(DecodeHot(decoder, catalog, v, Must(made->store().ReadBlock(key)),
+                   memory.Fit(catalog.block(key).decoded), &nodes));
+    note(test::FlattenTreelets(nodes), expected);
+  }
+  for (const KdNode& node : test::FlattenTreelets(catalog.top_nodes))
+    if (node.is_leaf() && node.count() == 0) expected.push_back(0);
+  note(tree.nodes, found);
+  std::ranges::sort(expected);
+  std::ranges::sort(found);
+  CHECK(alone > 20);
+  CHECK(std::ranges::includes(found, expected));
 }
 
 TEST_CASE("the papers' structures find the hits of brute force: plant") {
@@ -206,6 +235,7 @@ TEST_CASE("a store's tree has the voxels' leaves, and of a chain one tree") {
     longest = std::max(longest, catalog.chain_end[v] - v);
   CHECK(longest > 1);
   const KdTree tree = Must(ReadStoreTree(*made));
+  CHECK(tree.nodes.size() > 2 * test::FlattenTreelets(catalog.top_nodes).size());
   size_t leaves = 0, splits = 0, references = 0;
   for (const KdNode& node : tree.nodes) {
     (node.is_leaf() ? leaves : splits) += 1;

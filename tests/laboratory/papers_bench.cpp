@@ -40,8 +40,12 @@ double Ratio(uint64_t a, uint64_t b) {
 /// The paper's figure, or nothing where it tells none.
 std::string Theirs(double figure) { return figure > 0 ? fmt::format("{:.2f}", figure) : "-"; }
 
+/// What is measured of a scene, which itself is gone by then.
 struct Measured {
-  std::unique_ptr<PapersScene> scene;
+  std::string name;
+  const PaperFigures* paper;
+  uint64_t triangles, rays, grid_references;
+  GridResolution cells;
   std::vector<Timing> timings;
   std::optional<Result<DeviceTimes>> on_device;  ///< none without a GPU
   FrameCounts grid;
@@ -53,19 +57,24 @@ bool IsKitchen(const PapersScene& scene) {
   return scene.paper() && std::string_view(scene.paper()->name) == "Kitchen";
 }
 
-/// Times on a GPU are of so many times more repetitions: they are of parts of a millisecond.
+/// Repetitions on a GPU are so many times as many, because a frame takes less than a millisecond there.
 constexpr int kDeviceRepetitions = 10;
 
-/// `gpu`: there is one. What goes wrong with it loses nothing of the processor's figures.
+/// `gpu`: there is one. A fault of the GPU keeps the processor's figures.
 Result<Measured> Measure(const std::string& store, const Options& options, bool gpu) {
-  Measured m;
-  QUARRY_ASSIGN(m.scene, PapersScene::Load(store, options.size));
-  QUARRY_ASSIGN(m.timings, m.scene->Time(options.repetitions, !options.no_brute_force));
+  QUARRY_ASSIGN(const auto scene, PapersScene::Load(store, options.size));
+  Measured m{.name = scene->name(),
+             .paper = scene->paper(),
+             .triangles = scene->scene().triangles().size(),
+             .rays = scene->rays(),
+             .grid_references = scene->grid().references(),
+             .cells = scene->grid().resolution()};
+  QUARRY_ASSIGN(m.timings, scene->Time(options.repetitions, !options.no_brute_force));
   if (gpu)
-    m.on_device = TimeOnDevice(*m.scene, kDeviceRepetitions * options.repetitions, !options.no_brute_force);
-  QUARRY_ASSIGN(m.trees, m.scene->CountTrees());
-  QUARRY_ASSIGN(m.grid, m.scene->CountGrid());
-  if (IsKitchen(*m.scene)) m.kernels = MeasureKernels(*m.scene, options.repetitions, options.calls);
+    m.on_device = TimeOnDevice(*scene, kDeviceRepetitions * options.repetitions, !options.no_brute_force);
+  QUARRY_ASSIGN(m.trees, scene->CountTrees());
+  QUARRY_ASSIGN(m.grid, scene->CountGrid());
+  if (IsKitchen(*scene)) m.kernels = MeasureKernels(*scene, options.repetitions, options.calls);
   return m;
 }
 
@@ -74,19 +83,18 @@ void PrintScenes(const std::vector<Measured>& all) {
       "Scenes\n\n| scene | triangles | paper's | rays into the box | grid | references in the grid |\n"
       "|---|---|---|---|---|---|\n");
   for (const Measured& m : all) {
-    const GridResolution& n = m.scene->grid().resolution();
-    fmt::print("| {} | {} | {} | {} | {}x{}x{} | {} |\n", m.scene->name(),
-               m.scene->scene().triangles().size(),
-               m.scene->paper() ? std::to_string(m.scene->paper()->triangles) : "-", m.scene->rays(), n[0],
-               n[1], n[2], m.scene->grid().references());
+    const GridResolution& n = m.cells;
+    fmt::print("| {} | {} | {} | {} | {}x{}x{} | {} |\n", m.name, m.triangles,
+               m.paper ? std::to_string(m.paper->triangles) : "-", m.rays, n[0], n[1], n[2],
+               m.grid_references);
   }
   fmt::print(
       "\n| scene | tree | splits | leaves | depth | references | built or read, s "
       "|\n|---|---|---|---|---|---|---|\n");
   for (const Measured& m : all)
     for (const TreeCounts& tree : m.trees)
-      fmt::print("| {} | {} | {} | {} | {} | {} | {:.2f} |\n", m.scene->name(), tree.name, tree.splits,
-                 tree.leaves, tree.depth, tree.references, tree.build_seconds);
+      fmt::print("| {} | {} | {} | {} | {} | {} | {:.2f} |\n", m.name, tree.name, tree.splits, tree.leaves,
+                 tree.depth, tree.references, tree.build_seconds);
 }
 
 /// Milliseconds by the names of structures; 0: not measured.
@@ -125,10 +133,9 @@ void PrintTable1(const std::vector<Measured>& all) {
       BestSimt().isa);
   for (const Measured& m : all) {
     const Milliseconds ms(m.timings);
-    fmt::print("| {} | here |{}{}{}\n", m.scene->name(),
-               ms.Cells({"brute", "grid", "restart", "backtrack"}, 1), ms.Ratios(),
-               ms.Cells({"restart, ours", "backtrack, ours"}, 1));
-    if (const PaperFigures* p = m.scene->paper())
+    fmt::print("| {} | here |{}{}{}\n", m.name, ms.Cells({"brute", "grid", "restart", "backtrack"}, 1),
+               ms.Ratios(), ms.Cells({"restart, ours", "backtrack, ours"}, 1));
+    if (const PaperFigures* p = m.paper)
       fmt::print("| | paper | {:.0f} | {:.0f} | {:.0f} | {:.0f} | {:.2f} | {:.2f} | {:.2f} | - | - |\n",
                  p->brute, p->grid_ms, p->restart, p->backtrack, p->brute / p->restart,
                  p->grid_ms / p->restart, p->restart / p->backtrack);
@@ -138,11 +145,11 @@ void PrintTable1(const std::vector<Measured>& all) {
       "tests "
       "| restart: down | leaves | tests |\n|---|---|---|---|---|---|---|\n");
   for (const Measured& m : all) {
-    const auto a_ray = [&](uint64_t n) { return Ratio(n, m.scene->rays()); };
+    const auto a_ray = [&](uint64_t n) { return Ratio(n, m.rays); };
     const TraceCounts& kd = m.trees[0].restart;
-    fmt::print("| {} | {:.2f} | {:.2f} | {:.2f} | {:.2f} | {:.2f} | {:.2f} |\n", m.scene->name(),
-               a_ray(m.grid.steps), a_ray(m.grid.lists), a_ray(m.grid.tests), a_ray(kd.steps),
-               a_ray(kd.leaves()), a_ray(kd.tests));
+    fmt::print("| {} | {:.2f} | {:.2f} | {:.2f} | {:.2f} | {:.2f} | {:.2f} |\n", m.name, a_ray(m.grid.steps),
+               a_ray(m.grid.lists), a_ray(m.grid.tests), a_ray(kd.steps), a_ray(kd.leaves()),
+               a_ray(kd.tests));
   }
 }
 
@@ -160,14 +167,14 @@ void PrintDevice(const std::vector<Measured>& all, const Result<cuda::DeviceInfo
       device->name);
   for (const Measured& m : all) {
     if (!*m.on_device) {
-      fmt::print("| {} | {} |\n", m.scene->name(), m.on_device->error().message);
+      fmt::print("| {} | {} |\n", m.name, m.on_device->error().message);
       continue;
     }
     const Milliseconds ms((*m.on_device)->timings);
-    fmt::print("| {} |{}{}{}\n", m.scene->name(),
+    fmt::print("| {} |{}{}{}\n", m.name,
                ms.Cells({"brute", "grid", "restart", "backtrack", "push-down", "ropes"}, 3), ms.Ratios(),
                ms.Cells({"restart, ours", "backtrack, ours", "push-down, ours", "ropes, ours"}, 3));
-    if (const PaperFigures* p = m.scene->paper())
+    if (const PaperFigures* p = m.paper)
       fmt::print(
           "| the paper's | {:.0f} | {:.0f} | {:.0f} | {:.0f} | - | - | {:.2f} | {:.2f} | {:.2f} | - | - | - "
           "| - |\n",
@@ -184,7 +191,7 @@ void PrintTable2(const std::vector<Measured>& all) {
       "| scene | tree | way | down | up | intersect | transitions | to stack | to backtrack "
       "|\n|---|---|---|---|---|---|---|---|---|\n");
   for (const Measured& m : all) {
-    if (const PaperFigures* p = m.scene->paper(); p && p->restart_down > 0) {
+    if (const PaperFigures* p = m.paper; p && p->restart_down > 0) {
       fmt::print("| {} | paper | restart | {} | 0 | {} | {} | - | {:.2f} |\n", p->name,
                  Theirs(p->restart_down), Theirs(p->intersect), Theirs(p->transitions),
                  p->restart_down / p->backtrack_down);
@@ -200,7 +207,7 @@ void PrintTable2(const std::vector<Measured>& all) {
                                                                  {"ropes", &tree.ropes}};
       for (const auto& [name, c] : ways)
         fmt::print("| {} | {} | {} | {:.2f} | {:.2f} | {:.2f} | {:.2f} ({:.2f}) | {:.2f} | {:.2f} |\n",
-                   m.scene->name(), tree.name, name, Millions(c->steps), Millions(c->ups), Millions(c->tests),
+                   m.name, tree.name, name, Millions(c->steps), Millions(c->ups), Millions(c->tests),
                    Millions(c->leaves()), Millions(c->lists), Ratio(c->steps + c->ups, tree.stack.steps),
                    Ratio(c->steps + c->ups, tree.backtrack.steps));
     }
@@ -221,7 +228,7 @@ void PrintTable3(const std::vector<Measured>& all, const nlohmann::json& instruc
         "Instructions: those of --instructions\n\n| kernel | instructions | words in | out | "
         "dependent "
         "fetches | ns a call | GB/s | calls timed |\n|---|---|---|---|---|---|---|---|\n",
-        m.scene->name());
+        m.name);
     for (const KernelCost& k : m.kernels)
       fmt::print("| {} | {} | {:.1f} | {:.1f} | {:.2f} | {:.1f} | {:.2f} | {} |\n", k.name, counted(k.name),
                  k.words_in, k.words_out, k.fetches, k.nanoseconds, k.gigabytes_per_s, k.calls);
@@ -251,7 +258,7 @@ void PrintFrames(const std::vector<Measured>& all) {
         const double ms = Milliseconds(timings).Of(name);
         return ms > 0 ? fmt::format("{:.2f}", megabytes / ms) : "-";
       };
-      fmt::print("| {} | {} | {:.1f} | {} | {} |\n", m.scene->name(), name, megabytes, speed(m.timings),
+      fmt::print("| {} | {} | {:.1f} | {} | {} |\n", m.name, name, megabytes, speed(m.timings),
                  m.on_device && *m.on_device ? speed((*m.on_device)->timings) : "-");
     };
     row("grid", m.grid.words);
@@ -271,10 +278,10 @@ nlohmann::json CountsJson(const FrameCounts& c) {
 }
 
 nlohmann::json ToJson(const Measured& m) {
-  nlohmann::json j = {{"scene", m.scene->name()},
-                      {"triangles", m.scene->scene().triangles().size()},
-                      {"rays", m.scene->rays()},
-                      {"grid_resolution", m.scene->grid().resolution()},
+  nlohmann::json j = {{"scene", m.name},
+                      {"triangles", m.triangles},
+                      {"rays", m.rays},
+                      {"grid_resolution", m.cells},
                       {"grid", CountsJson(m.grid)}};
   for (const Timing& t : m.timings) j["seconds"][t.name] = t.seconds;
   if (m.on_device && !*m.on_device) j["gpu_error"] = m.on_device->error().message;
@@ -364,10 +371,10 @@ int Main(int argc, char** argv) {
 #else
   const Result<cuda::DeviceInfo> device = cuda::FindDevice();
 #endif
-  // What cannot be read is told before minutes are spent on the others.
+  // What cannot be measured is told before minutes are spent on the others.
   for (const std::string& store : stores)
-    if (const auto opened = StoreReader::Open(store); !opened)
-      return fail(opened.error().message, opened.error().exit_status());
+    if (const Status fit = PapersScene::Check(store, options.size); !fit)
+      return fail(fit.error().message, fit.error().exit_status());
   std::vector<Measured> all;
   nlohmann::json results = {
       {"size", options.size}, {"repetitions", options.repetitions}, {"isa", BestSimt().isa}};
@@ -390,11 +397,14 @@ int Main(int argc, char** argv) {
   PrintTable3(all, instructions);
   PrintFrames(all);
   if (!bench::WriteFigures(options.json, results.dump(2))) return 1;
-  for (const Measured& m : all)
-    if (m.on_device && *m.on_device && (*m.on_device)->differences != 0)
-      return fail(fmt::format("{}: {} on the GPU finds other hits for {} rays", m.scene->name(),
+  for (const Measured& m : all) {
+    if (!m.on_device) continue;
+    if (!*m.on_device) return fail(fmt::format("{} on the GPU: {}", m.name, m.on_device->error().message), 1);
+    if ((*m.on_device)->differences != 0)
+      return fail(fmt::format("{}: {} on the GPU finds other hits for {} rays", m.name,
                               (*m.on_device)->different, (*m.on_device)->differences),
                   1);
+  }
   return 0;
 }
 

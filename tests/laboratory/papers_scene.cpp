@@ -25,6 +25,15 @@ double Seconds(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
+/// Of a frame with `size` pixels on a side.
+MemoryNeeds NeedsOf(uint32_t size) {
+  // Each ray is held as such, with its hit, and in a packet that is traced and one that is not.
+  constexpr uint64_t kPixelBytes = sizeof(RayStart) + sizeof(Hit) + 2 * sizeof(RayPacket) / RayPacket::kRays;
+  return {.structure_bytes = kGridBytes + 2 * kTreeBytes,
+          .pixels = uint64_t{size} * size,
+          .bytes_per_pixel = kPixelBytes};
+}
+
 }  // namespace
 
 const PaperFigures* FiguresOf(const std::string& store) {
@@ -34,14 +43,15 @@ const PaperFigures* FiguresOf(const std::string& store) {
   return nullptr;
 }
 
+Status PapersScene::Check(const std::string& store, uint32_t size) {
+  QUARRY_ASSIGN(const StoreReader opened, StoreReader::Open(store));
+  return LaboratoryScene::Check(store, opened.catalog(), NeedsOf(size));
+}
+
 Result<std::unique_ptr<PapersScene>> PapersScene::Load(const std::string& store, uint32_t size) {
   constexpr uint32_t kSide = RayPacket::kSide;
   auto self = std::make_unique<PapersScene>();
-  // Each ray is held as such, with its hit, and in a packet that is traced and one that is not.
-  constexpr uint64_t kPixelBytes = sizeof(RayStart) + sizeof(Hit) + 2 * sizeof(RayPacket) / RayPacket::kRays;
-  QUARRY_ASSIGN(self->scene_, LaboratoryScene::Load(store, {.structure_bytes = kGridBytes + 2 * kTreeBytes,
-                                                            .pixels = uint64_t{size} * size,
-                                                            .bytes_per_pixel = kPixelBytes}));
+  QUARRY_ASSIGN(self->scene_, LaboratoryScene::Load(store, NeedsOf(size)));
   LaboratoryScene& scene = *self->scene_;
   self->paper_ = FiguresOf(store);
   self->name_ = self->paper_ ? self->paper_->name : std::filesystem::path(store).stem().string();

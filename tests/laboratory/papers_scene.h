@@ -76,6 +76,8 @@ struct Timing {
 /// One scene with all structures of the paper.
 class PapersScene {
  public:
+  /// Whether Load() can load the store, but for blocks that are damaged.
+  static Status Check(const std::string& store, uint32_t size);
   /// `size`: pixels on a side, a multiple of 8. The view is that of the camera beside the store.
   static Result<std::unique_ptr<PapersScene>> Load(const std::string& store, uint32_t size);
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "common/base/size.h"
+#include "common/kdtree/ray.h"
 #include "common/voxel/block_decoder.h"
 
 namespace quarry::laboratory {
@@ -39,19 +40,31 @@ uint64_t LaboratoryScene::BytesPerTriangle(bool attributes) {
 
 Status CheckMemory(const std::string& store, const Catalog& catalog, const MemoryNeeds& needs) {
   const uint64_t triangles = catalog.meta.input_triangles;
-  // In double, since a damaged store may claim any number.
-  const double scene =
-      static_cast<double>(triangles) *
-      static_cast<double>(LaboratoryScene::BytesPerTriangle(HasAttributes(catalog)) + needs.structure_bytes);
+  // Ids have 32 bits.
+  if (triangles > kNoTriangle)
+    return Fail(fmt::format("{}: damaged: it claims {} triangles", store, triangles));
+  const double scene = static_cast<double>(triangles) *
+                           static_cast<double>(LaboratoryScene::BytesPerTriangle(HasAttributes(catalog)) +
+                                               needs.structure_bytes) +
+                       static_cast<double>(needs.cells * kCellBytes);
   const double pictures = static_cast<double>(needs.pixels) * static_cast<double>(needs.bytes_per_pixel);
   const double all = scene + std::max(pictures, needs.twice ? scene : 0);
   if (all <= static_cast<double>(needs.limit)) return {};
+  const char* remedy = needs.pixels == 0 ? "" : " or a smaller --size";
+  if (needs.twice && scene > pictures) remedy = ", or --no-instructions and --no-check, which need it once";
   const std::string picture =
       needs.pixels == 0 ? "" : fmt::format(" and a picture of {} pixels", needs.pixels);
   return Fail(fmt::format(
-      "{}: {} triangles{} take about {} of memory, and this machine has {}: take a smaller model{}", store,
-      triangles, picture, FormatSize(static_cast<uint64_t>(std::min(all, 0x1p62))), FormatSize(needs.limit),
-      needs.pixels == 0 ? "" : " or a smaller --size"));
+      "{}: {} triangles{} take about {} of memory, and there is {}: take a smaller model{}", store, triangles,
+      picture, FormatSize(static_cast<uint64_t>(std::min(all, 0x1p62))), FormatSize(needs.limit), remedy));
+}
+
+Status LaboratoryScene::Check(const std::string& store, const Catalog& catalog, const MemoryNeeds& needs) {
+  if (catalog.meta.masks || !catalog.textures.empty())
+    return Fail(store +
+                ": the store has textures, and the machine of the papers has none: make it with "
+                "quarry-preprocess --no-textures");
+  return CheckMemory(store, catalog, needs);
 }
 
 Result<std::unique_ptr<LaboratoryScene>> LaboratoryScene::Load(const std::string& path,
@@ -60,11 +73,7 @@ Result<std::unique_ptr<LaboratoryScene>> LaboratoryScene::Load(const std::string
   QUARRY_ASSIGN(StoreReader store, StoreReader::Open(path));
   scene->store_ = std::make_unique<StoreReader>(std::move(store));
   const Catalog& catalog = scene->catalog();
-  if (catalog.meta.masks || !catalog.textures.empty())
-    return Fail(path +
-                ": the store has textures, and the machine of the papers has none: make it with "
-                "quarry-preprocess --no-textures");
-  QUARRY_TRY(CheckMemory(path, catalog, needs));
+  QUARRY_TRY(Check(path, catalog, needs));
   QUARRY_TRY(scene->ReadTriangles());
   for (int c = 0; c < 3; ++c)
     scene->corners_.corner[c] = scene->addresses_.TextureOf(scene->corner_data_[c], DataKind::kTriangles);

@@ -42,10 +42,13 @@ struct TriangleAttributes {
 /// less the scene, of `quarry-bench-stream stream-forest.quarry --only raycast --size 8` with --structure
 /// grid and with --structure ropes --tree theirs.
 inline constexpr uint64_t kGridBytes = 380, kTreeBytes = 140;
+/// Bytes a cell of a grid while it is built: a count, then a place.
+inline constexpr uint64_t kCellBytes = 8;
 
 /// What a program needs of memory beside a scene.
 struct MemoryNeeds {
   uint64_t structure_bytes = kGridBytes;  ///< a triangle
+  uint64_t cells = 0;                     ///< of a grid
   uint64_t pixels = 0;                    ///< of the picture that it renders; 0: none
   uint64_t bytes_per_pixel = 0;           ///< of its largest state while it renders
   bool twice = false;  ///< between pictures, a child process or another renderer holds the scene as well
@@ -77,7 +80,9 @@ class BlockMemory {
 /// Its textures are those of Purcell et al. 2002, figure 4. Immutable once loaded.
 class LaboratoryScene {
  public:
-  /// Errors: those of stores; textures or cut-outs, which the machine does not have; those of CheckMemory().
+  /// Errors: textures or cut-outs, which the machine does not have; those of CheckMemory().
+  static Status Check(const std::string& store, const Catalog& catalog, const MemoryNeeds& needs);
+  /// Errors: those of stores and of Check().
   static Result<std::unique_ptr<LaboratoryScene>> Load(const std::string& store,
                                                        const MemoryNeeds& needs = {});
   /// Memory of a loaded scene, and while it is loaded. `attributes`: a triangle has some.

@@ -30,6 +30,7 @@ TEST_CASE("What fits to the last byte is taken, and one byte less is refused") {
        {std::pair{MemoryNeeds{}, scene},
         {MemoryNeeds{.pixels = kTriangles, .bytes_per_pixel = 1000}, scene + picture},
         {MemoryNeeds{.twice = true}, 2 * scene},
+        {MemoryNeeds{.cells = 1000}, scene + 8000},
         {MemoryNeeds{.pixels = kTriangles, .bytes_per_pixel = 1000, .twice = true}, scene + picture}}) {
     MemoryNeeds of = needs;
     of.structure_bytes = kTreeBytes;
@@ -44,15 +45,20 @@ TEST_CASE("A refusal names the store, what it takes, what there is, and the reme
   const std::string scene = Refusal(
       CheckMemory("x.quarry", CatalogOf(10 * kTriangles), {.structure_bytes = kTreeBytes, .limit = kGiB}));
   CHECK(scene == "x.quarry: 10000000 triangles take about " + FormatSize(10 * SceneBytes()) +
-                     " of memory, and this machine has 1.00 GiB: take a smaller model");
+                     " of memory, and there is 1.00 GiB: take a smaller model");
   const std::string picture = Refusal(
       CheckMemory("x.quarry", CatalogOf(0), {.pixels = 1 << 24, .bytes_per_pixel = 512, .limit = kGiB}));
   CHECK(picture ==
         "x.quarry: 0 triangles and a picture of 16777216 pixels take about 8.00 GiB of memory, and "
-        "this machine has 1.00 GiB: take a smaller model or a smaller --size");
-  // No number overflows.
-  CHECK(Refusal(CheckMemory("x.quarry", CatalogOf(~0ull), {.pixels = ~0ull, .bytes_per_pixel = ~0ull}))
-            .starts_with("x.quarry: 18446744073709551615 triangles"));
+        "there is 1.00 GiB: take a smaller model or a smaller --size");
+  const std::string twice =
+      Refusal(CheckMemory("x.quarry", CatalogOf(10 * kTriangles), {.twice = true, .limit = kGiB}));
+  CHECK(twice.ends_with("take a smaller model, or --no-instructions and --no-check, which need it once"));
+  // No number overflows, and ids have 32 bits.
+  CHECK(Refusal(CheckMemory("x.quarry", CatalogOf(0), {.pixels = ~0ull, .bytes_per_pixel = ~0ull}))
+            .starts_with("x.quarry: 0 triangles and a picture of 18446744073709551615 pixels"));
+  CHECK(Refusal(CheckMemory("x.quarry", CatalogOf(1ull << 32), {.limit = ~0ull})) ==
+        "x.quarry: damaged: it claims 4294967296 triangles");
 }
 
 TEST_CASE("A store is loaded where it fits, and refused where it does not") {
@@ -62,7 +68,7 @@ TEST_CASE("A store is loaded where it fits, and refused where it does not") {
   const auto refused = LaboratoryScene::Load(scene.store(), {.limit = 4096});
   REQUIRE(!refused.has_value());
   CHECK(refused.error().message.starts_with(scene.store() + ": "));
-  CHECK(refused.error().message.ends_with("this machine has 4.00 KiB: take a smaller model"));
+  CHECK(refused.error().message.ends_with("there is 4.00 KiB: take a smaller model"));
   CHECK(refused.error().exit_status() == 1);
 }
 

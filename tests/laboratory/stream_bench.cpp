@@ -199,9 +199,16 @@ constexpr uint64_t RunBytes() {
                             Machine<A, CountingMemory>::BytesPerPixel({true, true, false}, true))...});
 }
 
-MemoryNeeds NeedsOf(const Options& o) {
+/// `box`: of the scene.
+MemoryNeeds NeedsOf(const Options& o, const Box& box) {
   const bool others = o.only.empty() && !(o.no_instructions && o.no_check);
+  uint64_t cells = 0;
+  if (o.accelerator == "grid") {
+    const GridResolution n = CubicalResolution(box, o.cells);
+    cells = uint64_t{n[0]} * n[1] * n[2];
+  }
   return {.structure_bytes = o.accelerator == "grid" ? kGridBytes : kTreeBytes,
+          .cells = cells,
           .pixels = uint64_t{o.study.size} * o.study.size,
           .bytes_per_pixel = RunBytes<UniformGrid, KdRestart, KdPushDown, KdBacktrack, KdRopes>(),
           .twice = others};
@@ -212,7 +219,10 @@ Result<int> Run(Options& o) {
     return Fail("valgrind is not installed: it counts instructions; without it, give --no-instructions");
   if (!o.plots.empty() && !GnuplotInstalled()) return Fail("gnuplot is not installed: it draws --plots");
   QUARRY_ASSIGN(const std::string store, StoreFor(o.model, true));
-  QUARRY_ASSIGN(const auto scene, LaboratoryScene::Load(store, NeedsOf(o)));
+  QUARRY_ASSIGN(const StoreReader opened, StoreReader::Open(store));
+  const SceneMeta& meta = opened.catalog().meta;
+  QUARRY_ASSIGN(const auto scene,
+                LaboratoryScene::Load(store, NeedsOf(o, {meta.root_lower, meta.root_upper})));
   QUARRY_ASSIGN(o.study.camera, bench::FindView(store, scene->catalog().meta, o.interior));
   o.study.oracle.kind = static_cast<OracleKind>(
       std::ranges::find(kOracleNames, o.oracle, [](const char* n) { return std::string(n); }) -

@@ -126,6 +126,27 @@ TEST_CASE("A file of another kind is replaced by force only", "[outputs]") {
   CHECK(OutputGuard::TakeFolder(folder.file("new")).has_value());
 }
 
+TEST_CASE("An output that has been read is not replaced; a file that only has its inode may be",
+          "[outputs]") {
+  const test::TemporaryFolder folder;
+  OutputGuard guard(Force::kNo);
+  const std::string read = Put(folder, "read", "");
+  REQUIRE(Refusal(guard, read) == "");
+  CHECK(CheckNotRead(read));
+  NoteRead(read);
+  CHECK_THAT(CheckNotRead(read).error().message, Contains("is read in this run"));
+  // Most file systems give a deleted file's inode to the next one.
+  for (int i = 0; i < 8; ++i) {
+    const std::string name = "taken-" + std::to_string(i);
+    REQUIRE(Refusal(guard, Put(folder, name, "")) == "");
+    fs::remove(folder.file(name));
+    ::usleep(20000);  // births are as fine as the kernel's clock ticks
+    Put(folder, name, "another file");
+    NoteRead(folder.file(name));
+    CHECK(CheckNotRead(folder.file(name)));
+  }
+}
+
 TEST_CASE("Only regular files are opened for reading", "[outputs]") {
   const test::TemporaryFolder folder;
   REQUIRE(::mkfifo(folder.file("fifo").c_str(), 0600) == 0);
