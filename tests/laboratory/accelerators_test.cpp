@@ -138,7 +138,7 @@ TEST_CASE("the papers' structures find the hits of brute force: a store of many 
   const Catalog& catalog = made->catalog();
   CHECK(catalog.voxels.size() > 20);
   CheckScene(*made, 500);
-  // The leaves of voxels outside of chains are those of the voxels' own trees.
+  // Voxels outside of chains keep the leaves of their own trees.
   const KdTree tree = Must(ReadStoreTree(*made));
   std::vector<uint32_t> expected, found;
   const auto note = [](const std::vector<KdNode>& nodes, std::vector<uint32_t>& counts) {

@@ -16,8 +16,8 @@ struct InstructionCount {
 
 /// Runs `command`, a program that runs the multipass machine with PlainMemory between
 /// StartCountingInstructions() and StopCountingInstructions(), under callgrind, and finds the instructions of
-/// its kernels. They are those of the scalar instance on this processor's instruction set. Kernels that did
-/// not run have 0. Errors: those of CountInstructions(); no kernel has run.
+/// its kernels: the scalar instance, on this processor's instruction set. Kernels that did not run have 0.
+/// Errors: as CountInstructions(); no kernel has run.
 Result<InstructionCount> CountKernelInstructions(const std::vector<std::string>& command);
 
 /// Under callgrind with --instr-atstart=no: counts from here on. Else does nothing.

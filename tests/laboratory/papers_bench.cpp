@@ -328,7 +328,7 @@ int Main(int argc, char** argv) {
   app.footer(
       "Example:\n  tests/laboratory/make_scenes stores\n  quarry bench papers --folder stores --json "
       "papers.json\n\n"
-      "Cameras are those of NAME.path.json beside a store. Table 3 is of the kitchen.\n"
+      "NAME.path.json beside a store has its camera. Table 3 is measured for the kitchen alone.\n"
       "CUDA_VISIBLE_DEVICES= (empty) leaves the GPU out.");
   app.add_option("store", options.stores, "Stores made by quarry-preprocess --no-textures");
   app.add_option(

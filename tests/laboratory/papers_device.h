@@ -9,7 +9,7 @@ namespace quarry::laboratory {
 /// Times of the structures of a scene on a GPU.
 struct DeviceTimes {
   std::vector<Timing> timings;
-  uint64_t differences = 0;  ///< rays with other hits than those of the first structure of the processor
+  uint64_t differences = 0;  ///< rays with other hits than the processor finds
   std::string different;     ///< the structure that finds them
 };
 

@@ -91,8 +91,7 @@ class PapersScene {
   /// 0: theirs; 1: ours.
   const TextureTree& tree(size_t which) const { return *trees_[which].tree; }
 
-  // The hits of all functions below, and of Differences(), are compared with those of the structure that ran
-  // first. Errors: structures that find different hits.
+  // Each function below compares its hits with the hits of the structure that ran first. Errors: they differ.
 
   /// Counts, ray by ray.
   Result<std::vector<TreeCounts>> CountTrees();

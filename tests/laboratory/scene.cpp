@@ -85,7 +85,7 @@ Result<std::unique_ptr<LaboratoryScene>> LaboratoryScene::Load(const std::string
 
 Status LaboratoryScene::ReadTriangles() {
   const Catalog& catalog = this->catalog();
-  // Each triangle goes to the place of its id; then those that no voxel has are taken out.
+  // Each triangle goes to the place of its id. Places that stay empty are taken out afterwards.
   const uint64_t ids = catalog.meta.input_triangles;
   std::vector<bool> seen(ids);
   triangles_.resize(ids);
