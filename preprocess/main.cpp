@@ -7,16 +7,17 @@
 #include <nlohmann/json.hpp>
 
 #include "common/base/cleanup.h"
-#include "common/base/cpu_check.h"
 #include "common/base/file.h"
+#include "common/base/log.h"
 #include "common/base/number.h"
 #include "common/base/output_path.h"
 #include "common/base/resource.h"
 #include "common/base/size.h"
 #include "common/base/version.h"
 #include "common/command_line/command_line.h"
+#include "common/program/run_program.h"
 #include "common/program/version_text.h"
-#include "common/voxel/store_format.h"
+#include "common/voxel/store_header.h"
 #include "preprocess/estimate/plan.h"
 #include "preprocess/import/decompressor.h"
 #include "preprocess/import/file_identity.h"
@@ -79,7 +80,10 @@ std::string StatisticsJson(const PreprocessOptions& options, const PreprocessSta
   j["inputs"] = nlohmann::ordered_json::array();
   for (const ModelFile& file : ModelFiles()) {
     nlohmann::ordered_json input = {{"file", file.path}, {"there", file.there}};
-    if (file.there) input.update({{"bytes", file.bytes}, {"changed_ns", file.changed_ns}});
+    if (file.there)
+      input.update({{"bytes", file.bytes},
+                    {"changed_ns", file.changed_ns},
+                    {"status_changed_ns", file.status_changed_ns}});
     j["inputs"].push_back(std::move(input));
   }
   return j.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
@@ -92,28 +96,29 @@ std::string NameOf(const PreprocessOptions& options) {
 }
 
 void PrintSummary(const PreprocessOptions& options, const PreprocessStatistics& s) {
-  fmt::print(stderr,
-             "{}: {} triangles in {} voxels, {} ({:.1f} bytes a triangle)\n"
-             "replication {:.2f}, top-level tree {} levels deep; {:.1f} s ({:.2f} million triangles a "
-             "second), peak memory {}\n",
-             NameOf(options), Kept(s), s.voxels, FormatSize(s.store_bytes),
-             static_cast<double>(s.store_bytes - s.textures.stored_bytes) /
-                 static_cast<double>(std::max<uint64_t>(Kept(s), 1)),
-             Replication(s), s.top_tree_depth, s.preprocess_wall_s,
-             static_cast<double>(s.meta.input_triangles) / std::max(s.preprocess_wall_s, 1e-9) * 1e-6,
-             FormatSize(s.peak_rss_bytes));
+  Log(
+      fmt::format("{}: {} triangles in {} voxels, {} ({:.1f} bytes a triangle)\n"
+                  "replication {:.2f}, top-level tree {} levels deep; {:.1f} s ({:.2f} million triangles a "
+                  "second), peak memory {}",
+                  NameOf(options), Kept(s), s.voxels, FormatSize(s.store_bytes),
+                  static_cast<double>(s.store_bytes - s.textures.stored_bytes) /
+                      static_cast<double>(std::max<uint64_t>(Kept(s), 1)),
+                  Replication(s), s.top_tree_depth, s.preprocess_wall_s,
+                  static_cast<double>(s.meta.input_triangles) / std::max(s.preprocess_wall_s, 1e-9) * 1e-6,
+                  FormatSize(s.peak_rss_bytes)));
   if (options.up_axis == 0)
-    fmt::print(stderr, "up axis: {}, a guess (--up-axis {} for the other)\n", s.meta.up_axis == 1 ? "y" : "z",
-               s.meta.up_axis == 1 ? "z" : "y");
+    Log(fmt::format("up axis: {}, a guess (--up-axis {} for the other)", s.meta.up_axis == 1 ? "y" : "z",
+                    s.meta.up_axis == 1 ? "z" : "y"));
   if (s.textures.textures > 0)
-    fmt::print(stderr, "{} textures in {} pages, {} stored, {} once decoded\n", s.textures.textures,
-               s.textures.pages, FormatSize(s.textures.stored_bytes), FormatSize(s.textures.decoded_bytes));
+    Log(fmt::format("{} textures in {} pages, {} stored, {} once decoded", s.textures.textures,
+                    s.textures.pages, FormatSize(s.textures.stored_bytes),
+                    FormatSize(s.textures.decoded_bytes)));
   if (s.meta.dropped_degenerate + s.meta.dropped_not_finite > 0)
-    fmt::print(stderr, "dropped: {} triangles without area, {} with coordinates that are not finite\n",
-               s.meta.dropped_degenerate, s.meta.dropped_not_finite);
+    Log(fmt::format("dropped: {} triangles without area, {} with coordinates that are not finite",
+                    s.meta.dropped_degenerate, s.meta.dropped_not_finite));
   if (s.meta.dropped_transparent > 0)
-    fmt::print(stderr, "dropped: {} triangles that the textures of their opacity cut out all over\n",
-               s.meta.dropped_transparent);
+    Log(fmt::format("dropped: {} triangles that the textures of their opacity cut out all over",
+                    s.meta.dropped_transparent));
 }
 
 /// Judges by file names alone: glTF's up axis is y, and Assimp converts to it.
@@ -165,7 +170,7 @@ Status ParsePlacement(const std::string& text, PreprocessOptions& options) {
 Status PrintPlan(const PreprocessOptions& options, const std::string& stats) {
   QUARRY_ASSIGN(const PreprocessPlan plan, MakePlan(options));
   if (!options.quiet)
-    fmt::print(
+    Print(fmt::format(
         "{} triangles, {} vertices{}\n  spill     {} at most, in {}\n  store     {} ({:.1f} bytes a "
         "triangle)\n"
         "{}  memory    {} at most\n  time      about {:.0f} s with {} threads\n",
@@ -173,7 +178,7 @@ Status PrintPlan(const PreprocessOptions& options, const std::string& stats) {
         FormatSize(plan.spill_bytes), SpillFolder(options), FormatSize(plan.store_bytes),
         static_cast<double>(plan.store_bytes - plan.texture_bytes) / static_cast<double>(plan.triangles),
         plan.texture_bytes ? fmt::format("  textures  {} of it\n", FormatSize(plan.texture_bytes)) : "",
-        FormatSize(plan.memory_bytes), plan.seconds, options.threads);
+        FormatSize(plan.memory_bytes), plan.seconds, options.threads));
   if (!stats.empty()) {
     const nlohmann::ordered_json j = {{"input_triangles", plan.triangles},
                                       {"input_vertices", plan.vertices},
@@ -203,7 +208,7 @@ Status CheckOutputs(const Texts& texts, PreprocessOptions& options) {
   if (options.output.empty()) return texts.stats.empty() ? Status{} : TakeStatistics(texts, guard);
   QUARRY_ASSIGN(const OutputPlace store, guard.Take(options.output, kStoreOutput));
   options.output = store.path;
-  QUARRY_TRY(OutputGuard::TakeFolder(options.output + ".work"));
+  QUARRY_TRY(OutputGuard::TakeFolder(BesidePath(options.output, ".work")));
   if (!options.tmp_folder.empty()) QUARRY_TRY(OutputGuard::TakeFolder(options.tmp_folder));
   return texts.stats.empty() ? Status{} : TakeStatistics(texts, guard);
 }
@@ -229,8 +234,7 @@ Status Run(PreprocessOptions options, const Texts& texts, bool plan) {
   QUARRY_TRY(CheckOutputs(texts, options));
   if (plan) return PrintPlan(options, stats);
   if (options.resume == PreprocessOptions::Resume::kNo && RoomIsTight(options)) {
-    if (!options.quiet)
-      fmt::print(stderr, "reading the model beforehand, to see whether the disk has room (see --plan)\n");
+    if (!options.quiet) Log("reading the model beforehand, to see whether the disk has room (see --plan)");
     QUARRY_ASSIGN(const PreprocessPlan needed, MakePlan(options));
     QUARRY_TRY(CheckRoom(options, needed));
   }
@@ -241,10 +245,7 @@ Status Run(PreprocessOptions options, const Texts& texts, bool plan) {
 }
 
 int Main(int argc, char** argv) {
-  RequireCpu();
   KeepHeapSmall(4 << 20);  // voxels are built again and again in buffers below this size
-  InstallSignalHandlers("quarry-preprocess", "nothing was written");
-  EndWithParent();  // when quarry render has started this process
   PreprocessOptions options;
   options.threads = UsableProcessors();
   Texts texts;
@@ -311,10 +312,10 @@ int Main(int argc, char** argv) {
   RefuseWithoutEffect(app, kNoEffect);
   if (const auto ended = ParseCommandLine(app, argc, argv)) return *ended;
   if (options.output.empty() && !plan) {
-    fmt::print(stderr,
-               "quarry-preprocess: -o says which store to write, e.g. -o {}.quarry; see "
-               "quarry-preprocess --help\n",
-               std::filesystem::path(options.models[0]).stem().string());
+    Log(
+        fmt::format("quarry-preprocess: -o says which store to write, e.g. -o {}.quarry; see "
+                    "quarry-preprocess --help",
+                    std::filesystem::path(options.models[0]).stem().string()));
     return 2;
   }
   if (resume) options.resume = PreprocessOptions::Resume::kYes;
@@ -322,13 +323,12 @@ int Main(int argc, char** argv) {
     options.resume = PreprocessOptions::Resume::kIfFit;
     options.goes_on = "the same command goes on";
   }
-  const Status status = Run(options, texts, plan);
-  if (status) return 0;
-  fmt::print(stderr, "quarry-preprocess: {}\n", status.error().message);
-  return status.error().exit_status();
+  return ExitStatus(Run(options, texts, plan));
 }
 
 }  // namespace
 }  // namespace quarry
 
-int main(int argc, char** argv) { return quarry::Main(argc, argv); }
+int main(int argc, char** argv) {
+  return quarry::RunProgram({"quarry-preprocess", "nothing was written"}, argc, argv, quarry::Main);
+}

@@ -8,8 +8,10 @@
 #include <functional>
 #include <limits>
 
+#include "common/base/log.h"
 #include "common/base/number.h"
 #include "common/command_line/command_line.h"
+#include "common/program/run_program.h"
 #include "common/program/version_text.h"
 #include "scenes/mesh_writer.h"
 #include "scenes/scene.h"
@@ -21,15 +23,13 @@ volatile std::sig_atomic_t interrupted = 0;
 
 void OnSignal(int) { interrupted = 1; }
 
-/// Temporaries are removed on the way out, so signals only ask to stop; a file that exceeds its limit is an
-/// error of write() like any other.
+/// Temporaries are removed on the way out, so signals only ask to stop.
 void CatchSignals() {
   struct sigaction action {};
   action.sa_handler = OnSignal;
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
   sigaction(SIGHUP, &action, nullptr);
-  std::signal(SIGXFSZ, SIG_IGN);
 }
 
 /// One line that renews itself on a terminal, a plain line now and then elsewhere.
@@ -45,20 +45,20 @@ class Progress {
     const double part = static_cast<double>(done) / static_cast<double>(total);
     const double elapsed = std::chrono::duration<double>(now - start_).count();
     const double left = part > 0 ? elapsed / part - elapsed : 0;
-    fmt::print(stderr, "{}{:3.0f} %, about {:.0f} s left{}", terminal_ ? "\r" : "", 100 * part, left,
-               terminal_ ? "   " : "\n");
+    LogRaw(fmt::format("{}{:3.0f} %, about {:.0f} s left{}", terminal_ ? "\r" : "", 100 * part, left,
+                       terminal_ ? "   " : "\n"));
     return {};
   }
 
   void Done(const std::string& path, uint64_t triangles) {
     if (quiet_) return;
     const double elapsed = std::chrono::duration<double>(Clock::now() - start_).count();
-    fmt::print(stderr, "{}{}: {} triangles in {:.1f} s\n", terminal_ ? "\r" : "", path, triangles, elapsed);
+    Log(fmt::format("{}{}: {} triangles in {:.1f} s", terminal_ ? "\r" : "", path, triangles, elapsed));
   }
 
   /// Leaves the renewed line, so that an error has its own.
   void Break() {
-    if (!quiet_ && terminal_) fmt::print(stderr, "\n");
+    if (!quiet_ && terminal_) Log("");
   }
 
  private:
@@ -119,23 +119,25 @@ int Run(const Arguments& arguments) {
   }
   if (!written) {
     progress.Break();
-    fmt::print(stderr, "quarry-scene: {}\n", written.error().message);
-    return written.error().exit_status();
+    return ExitStatus(written);
   }
   progress.Done(arguments.output, arguments.options.triangles);
   return 0;
+}
+
+int Main(int argc, char** argv) {
+  Arguments arguments;
+  CLI::App app("Writes procedural scenes of any size as PLY or OBJ files.", "quarry-scene");
+  DeclareArguments(app, arguments);
+  app.set_version_flag(
+      "--version", [] { return VersionText("quarry-scene"); }, "Tell version, build and libraries, and exit");
+  if (const auto ended = ParseCommandLine(app, argc, argv)) return *ended;
+  return Run(arguments);
 }
 
 }  // namespace
 }  // namespace quarry::scenes
 
 int main(int argc, char** argv) {
-  quarry::scenes::Arguments arguments;
-  CLI::App app("Writes procedural scenes of any size as PLY or OBJ files.", "quarry-scene");
-  quarry::scenes::DeclareArguments(app, arguments);
-  app.set_version_flag(
-      "--version", [] { return quarry::VersionText("quarry-scene"); },
-      "Tell version, build and libraries, and exit");
-  if (const auto ended = quarry::ParseCommandLine(app, argc, argv)) return *ended;
-  return quarry::scenes::Run(arguments);
+  return quarry::RunProgram({"quarry-scene", "nothing was kept"}, argc, argv, quarry::scenes::Main);
 }

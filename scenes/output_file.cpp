@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -27,6 +28,9 @@ Result<std::unique_ptr<OutputFile>> OutputFile::Create(const std::string& path) 
   if (descriptor < 0)
     return Fail(
         fmt::format("{}: cannot be written: {}; choose another place with -o.", path, ErrnoText(errno)));
+  struct stat replaced {};  // leaves its mode to the new file
+  if (lstat(place.path.c_str(), &replaced) == 0 && S_ISREG(replaced.st_mode))
+    (void)fchmod(descriptor, replaced.st_mode & 0777);
   return std::unique_ptr<OutputFile>(new OutputFile(std::move(place.path), std::move(temporary), descriptor));
 }
 

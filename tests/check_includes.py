@@ -39,6 +39,8 @@ MUST_NOT = [
 ]
 # Asio, Beast and OpenImageIO take seconds a file: they stay out of headers altogether.
 HEAVY = re.compile(r"boost/asio|boost/beast|boost/process|OpenImageIO|nlohmann/json\.hpp|flatbuffers|CLI/")
+# What throws, or is lost in silence, when standard output or error cannot be written.
+UNCHECKED = re.compile(r"fmt::print\(|std::(cout|cerr|clog|puts)\b")
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', re.M)
 
 
@@ -48,6 +50,8 @@ def faults(root):
             if path.suffix not in {".h", ".cpp", ".cu", ".cuh"}:
                 continue
             name = path.relative_to(root).as_posix()
+            if UNCHECKED.search(path.read_text()):
+                yield f"{name}: writes to a standard stream itself: Log() and Print() of common/base/log.h do"
             for kind, target in INCLUDE.findall(path.read_text()):
                 first = target.split("/")[0]
                 if (first in MAY_INCLUDE or first == "tests") and first not in allowed:

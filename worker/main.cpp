@@ -4,7 +4,7 @@
 #include <CLI/CLI.hpp>
 
 #include "common/base/cleanup.h"
-#include "common/base/cpu_check.h"
+#include "common/base/log.h"
 #include "common/base/number.h"
 #include "common/base/output_path.h"
 #include "common/base/resource.h"
@@ -14,6 +14,7 @@
 #include "common/kdtree/instruction_sets.h"
 #include "common/kdtree/kernels.h"
 #include "common/net/source_spec.h"
+#include "common/program/run_program.h"
 #include "common/program/version_text.h"
 #include "worker/session.h"
 
@@ -45,6 +46,7 @@ Status ReadSourceOptions(const Texts& texts, WorkerOptions& options) {
   }
   if (!options.header_servers.empty() && texts.http_header_file.empty() && texts.aws.empty())
     return BadUsage("--http-header-host has no effect without --http-header-file or --http-aws");
+  options.http.ca_option = "--http-ca";
   options.http.tls_ca = texts.http_ca.empty() ? WithEnvironment(texts.security).tls_ca : texts.http_ca;
   for (const std::string& source : options.sources) QUARRY_TRY(ParseSource(source));
   return {};
@@ -82,11 +84,8 @@ Status Run(WorkerOptions options, const Texts& texts) {
 }
 
 int Main(int argc, char** argv) {
-  RequireCpu();
   KeepHeapSmall();
   RaiseDescriptorLimit();
-  EndWithParent();
-  InstallSignalHandlers("quarry-worker", "its tiles go to other workers");
   WorkerOptions options;
   Texts texts;
   options.threads = UsableProcessors();
@@ -131,7 +130,8 @@ int Main(int argc, char** argv) {
                  "Send them, and signatures, also to HOST or HOST:PORT when the master alone names it");
   app.add_option(
       "--http-aws", texts.aws,
-      "Sign requests to HTTP servers for S3: a JSON file of credentials, or env for AWS_* variables");
+      "Sign requests to HTTP servers for S3: a JSON file of credentials, or env for AWS_* variables or the "
+      "profile in ~/.aws");
   app.add_option(
       "--http-ca", texts.http_ca,
       "Authorities trusted for https sources, PEM (default: those of --tls-ca, else the system's)");
@@ -152,13 +152,12 @@ int Main(int argc, char** argv) {
   AddSecurityOptions(app, texts.security);
   app.add_flag("--quiet", options.quiet, "Print errors only");
   if (const auto ended = ParseCommandLine(app, argc, argv)) return *ended;
-  const Status status = Run(options, texts);
-  if (status) return 0;
-  fmt::print(stderr, "quarry-worker: {}\n", status.error().message);
-  return status.error().exit_status();
+  return ExitStatus(Run(options, texts));
 }
 
 }  // namespace
 }  // namespace quarry
 
-int main(int argc, char** argv) { return quarry::Main(argc, argv); }
+int main(int argc, char** argv) {
+  return quarry::RunProgram({"quarry-worker", "its tiles go to other workers"}, argc, argv, quarry::Main);
+}

@@ -2,20 +2,35 @@
 
 #include <xxhash.h>
 
+#include <new>
+
 namespace quarry {
 
 uint64_t Checksum(std::span<const std::byte> bytes) { return XXH3_64bits(bytes.data(), bytes.size()); }
 
+namespace {
+
+XXH3_state_t* State(void* state) { return static_cast<XXH3_state_t*>(state); }
+
+}  // namespace
+
+RunningChecksum::RunningChecksum() : state_(XXH3_createState()) {
+  if (!state_) throw std::bad_alloc();
+  XXH3_64bits_reset(State(state_));
+}
+RunningChecksum::~RunningChecksum() { XXH3_freeState(State(state_)); }
+void RunningChecksum::Add(std::span<const std::byte> bytes) {
+  if (!bytes.empty()) XXH3_64bits_update(State(state_), bytes.data(), bytes.size());
+}
+uint64_t RunningChecksum::value() const { return XXH3_64bits_digest(State(state_)); }
+
 uint64_t Checksum(std::span<const std::byte> first, std::span<const std::byte> second) {
   if (second.empty()) return Checksum(first);
   if (first.empty()) return Checksum(second);
-  XXH3_state_t* const state = XXH3_createState();
-  XXH3_64bits_reset(state);
-  XXH3_64bits_update(state, first.data(), first.size());
-  XXH3_64bits_update(state, second.data(), second.size());
-  const uint64_t checksum = XXH3_64bits_digest(state);
-  XXH3_freeState(state);
-  return checksum;
+  RunningChecksum checksum;
+  checksum.Add(first);
+  checksum.Add(second);
+  return checksum.value();
 }
 
 }  // namespace quarry

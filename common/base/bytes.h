@@ -115,4 +115,19 @@ uint64_t Checksum(std::span<const std::byte> bytes);
 /// The checksum of `first` and `second` joined.
 uint64_t Checksum(std::span<const std::byte> first, std::span<const std::byte> second);
 
+/// The checksum of bytes that come in pieces: after any Add()s, value() is Checksum() of all of them joined.
+/// Not thread-safe.
+class RunningChecksum {
+ public:
+  RunningChecksum();
+  ~RunningChecksum();
+  RunningChecksum(const RunningChecksum&) = delete;
+  RunningChecksum& operator=(const RunningChecksum&) = delete;
+  void Add(std::span<const std::byte> bytes);
+  uint64_t value() const;
+
+ private:
+  void* state_;  // of XXH3
+};
+
 }  // namespace quarry

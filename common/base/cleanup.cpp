@@ -190,8 +190,14 @@ void InstallSignalHandlers(const std::string& program, const std::string& kept) 
   TellOnSignal(kept);
   struct sigaction action {};
   action.sa_handler = OnSignal;
-  for (int signal : {SIGINT, SIGTERM, SIGHUP}) ::sigaction(signal, &action, nullptr);
-  ::signal(SIGPIPE, SIG_IGN);
+  for (int signal : {SIGINT, SIGTERM}) ::sigaction(signal, &action, nullptr);
+  struct sigaction before {};
+  if (::sigaction(SIGHUP, nullptr, &before) == 0 && before.sa_handler != SIG_IGN)  // nohup ignores it
+    ::sigaction(SIGHUP, &action, nullptr);
+  // Handlers that do nothing, not SIG_IGN: programs that this one starts would inherit that.
+  action.sa_handler = [](int) {};
+  action.sa_flags = SA_RESTART;
+  for (int signal : {SIGPIPE, SIGXFSZ}) ::sigaction(signal, &action, nullptr);
 }
 
 int AwaitTermination() {

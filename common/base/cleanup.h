@@ -31,8 +31,8 @@ class SignalsHeld {
 void TellIfLeft(const std::string& path, const std::string& left);
 
 /// Makes SIGINT, SIGTERM and SIGHUP remove the registered files, print "PROGRAM: interrupted; KEPT" on
-/// standard error and exit with status 1. `kept` says which results the interruption keeps. SIGPIPE is
-/// ignored: writes report the error.
+/// standard error and exit with status 1. `kept` says which results the interruption keeps. SIGHUP stays
+/// ignored where it is (nohup). SIGPIPE and SIGXFSZ do nothing: writes report the error.
 void InstallSignalHandlers(const std::string& program, const std::string& kept);
 
 /// Makes the first SIGTERM a request: it ends nothing, and the descriptor that is returned becomes readable.

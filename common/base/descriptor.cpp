@@ -1,10 +1,15 @@
 #include "common/base/descriptor.h"
 
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <cerrno>
 
 namespace quarry {
+
+OwnedDescriptor::~OwnedDescriptor() {
+  if (fd_ >= 0) ::close(fd_);
+}
 
 bool ReadAll(int fd, std::span<std::byte> out) {
   for (size_t done = 0; done < out.size();) {
@@ -24,6 +29,16 @@ bool WriteAll(int fd, std::span<const std::byte> bytes) {
     done += static_cast<size_t>(n);
   }
   return true;
+}
+
+bool StrangerOwns(const struct stat& info) { return info.st_uid != ::geteuid() && info.st_uid != 0; }
+
+std::string StrangerSentence(const std::string& path, const struct stat& info) {
+  return fmt::format(
+      "{}: belongs to another user ({}) than this program's ({}), who may read and change this secret; make "
+      "a "
+      "copy of your own",
+      path, info.st_uid, ::geteuid());
 }
 
 }  // namespace quarry

@@ -29,6 +29,14 @@ Status WriteAll(int fd, const std::string& path, const char* bytes, size_t size,
   return {};
 }
 
+/// Gives a file the mode of the file that it is to replace: who has hidden a picture wants the next one
+/// hidden too.
+void KeepModeOf(const std::string& path, int fd) {
+  struct stat replaced {};
+  if (::lstat(path.c_str(), &replaced) == 0 && S_ISREG(replaced.st_mode))
+    (void)::fchmod(fd, replaced.st_mode & 0777);
+}
+
 }  // namespace
 
 void SyncFolderOf(const std::string& path) {
@@ -121,7 +129,7 @@ Result<OutputFile> OutputFile::OpenStream(const std::string& path) {
 Result<OutputFile> OutputFile::Create(const std::string& path) {
   QUARRY_ASSIGN(const OutputPlace place, PlaceOf(path));
   if (place.stream) return OpenStream(place.path);
-  std::string temporary = fmt::format("{}.tmp-{}", place.path, ::getpid());
+  std::string temporary = BesidePath(place.path, fmt::format(".tmp-{}", ::getpid()));
   constexpr int kFlags = O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC;
   const SignalsHeld held;
   int fd = ::open(temporary.c_str(), kFlags, 0644);
@@ -132,6 +140,7 @@ Result<OutputFile> OutputFile::Create(const std::string& path) {
   if (fd < 0 && errno == ENOENT)
     return Fail(fmt::format("{}: cannot write: its folder is not there; make it first", path));
   if (fd < 0) return Fail(fmt::format("{}: cannot write: {}", path, ErrnoText(errno)));
+  KeepModeOf(place.path, fd);
   return OutputFile(place.path, std::move(temporary), fd, false);
 }
 
@@ -210,6 +219,7 @@ Status OutputFile::Sync() {
 
 Status OutputFile::Commit() {
   QUARRY_TRY(CheckNotRead(path_));
+  if (!stream()) KeepModeOf(path_, fd_);
   QUARRY_TRY(Sync());
   if (!stream() && ::rename(temporary_.c_str(), path_.c_str()) != 0)
     return Fail(fmt::format("{}: cannot write: {}", path_, ErrnoText(errno)));

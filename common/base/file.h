@@ -78,8 +78,9 @@ class OutputFile {
   uint64_t size() const { return size_; }
   /// Flushes and calls fsync(): the appended bytes survive a loss of power. Errors: write errors.
   Status Sync();
-  /// Flushes, calls fsync() and renames; the object is unusable afterwards. Errors: write errors; (usage) a
-  /// file that this run has read would be replaced (CheckNotRead()).
+  /// Flushes, calls fsync() and renames; a file that is replaced leaves its mode to the new one. The object
+  /// is unusable afterwards. Errors: write errors; (usage) a file that this run has read would be replaced
+  /// (CheckNotRead()).
   Status Commit();
 
  private:

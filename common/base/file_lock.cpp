@@ -9,6 +9,7 @@
 #include <cerrno>
 
 #include "common/base/cleanup.h"
+#include "common/base/output_path.h"
 
 namespace quarry {
 
@@ -19,7 +20,7 @@ Result<FileLock> FileLock::Take(const std::string& path, const std::string& hold
 }
 
 Result<std::optional<FileLock>> FileLock::TryTake(const std::string& path) {
-  std::string name = path + ".lock";
+  std::string name = BesidePath(path, ".lock");
   const SignalsHeld held;
   for (;;) {
     const int fd = ::open(name.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NONBLOCK | O_NOCTTY, 0644);

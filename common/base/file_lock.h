@@ -8,9 +8,9 @@
 
 namespace quarry {
 
-/// An exclusive lock on an output: holds "PATH.lock" while the object lives. The system releases the lock
-/// when the process dies in any way; the next process takes over the file left behind. Advisory; works
-/// between processes of one machine, or on a file system with locks. Movable.
+/// An exclusive lock on an output: holds "PATH.lock" (BesidePath()) while the object lives. The system
+/// releases the lock when the process dies in any way; the next process takes over the file left behind.
+/// Advisory; works between processes of one machine, or on a file system with locks. Movable.
 class FileLock {
  public:
   /// Takes the lock. `holder` names the other process in messages: "another quarry-preprocess".

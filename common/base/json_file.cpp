@@ -214,8 +214,21 @@ Result<double> JsonValue::Number() const {
 }
 
 Status JsonValue::Numbers(std::span<double> out, double least, double most) const {
+  constexpr const char* kCounts[] = {"no", "one", "two", "three", "four"};
+  constexpr double kAny = 1e300;  // limits beyond it need no words
   const auto wrong = [&] {
-    return Wrong(fmt::format("is no list of {} numbers from {} to {}", out.size(), least, most));
+    const std::string count =
+        out.size() < std::size(kCounts) ? kCounts[out.size()] : fmt::format("{}", out.size());
+    std::string example;
+    for (size_t i = 0; i < out.size() && i < 4; ++i)
+      example += fmt::format("{}{}", i == 0 ? "" : ", ", std::clamp(static_cast<double>(i + 1), least, most));
+    const bool above = least > -kAny, below = most < kAny;
+    const std::string range = above && below ? fmt::format(" from {:.3g} to {:.3g}", least, most)
+                              : above        ? fmt::format(" of at least {:.3g}", least)
+                              : below        ? fmt::format(" of at most {:.3g}", most)
+                                             : "";
+    return Wrong(fmt::format("{} numbers{} should be here, like [{}{}]", count, range, example,
+                             out.size() > 4 ? ", ..." : ""));
   };
   if (!value_->is_array() || value_->size() != out.size()) return wrong();
   for (size_t i = 0; i < out.size(); ++i) {

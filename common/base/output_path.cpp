@@ -14,6 +14,8 @@
 #include <optional>
 #include <utility>
 
+#include "common/base/bytes.h"
+
 namespace quarry {
 namespace {
 
@@ -180,6 +182,17 @@ Result<OutputPlace> PlaceOf(const std::string& path) {
   if (S_ISDIR(info.st_mode))
     return BadUsage(fmt::format("{}: is a folder, and a file is to be written; name a file in it", path));
   return BadUsage(fmt::format("{}: is a disk or a socket, and a file is to be written; name another", path));
+}
+
+std::string BesidePath(const std::string& path, std::string_view suffix) {
+  const std::string folder = FolderOf(path), name = path.substr(folder.size());
+  const long limit = ::pathconf(folder.empty() ? "." : folder.c_str(), _PC_NAME_MAX);
+  const size_t most = limit > 0 ? static_cast<size_t>(limit) : NAME_MAX;
+  if (name.size() + suffix.size() <= most) return path + std::string(suffix);
+  const std::string hash = fmt::format("-{:016x}", Checksum(AsBytes(name)));
+  size_t kept = most - std::min(most, suffix.size() + hash.size());
+  while (kept > 0 && (name[kept] & 0xC0) == 0x80) --kept;  // not in the middle of a UTF-8 letter
+  return folder + name.substr(0, kept) + hash + std::string(suffix);
 }
 
 void OutputGuard::AddInput(const std::string& path) {

@@ -21,6 +21,10 @@ struct OutputPlace {
 /// Finds the place of `path`. Errors (usage): a folder, a disk, a socket, a circle of links, an empty name.
 Result<OutputPlace> PlaceOf(const std::string& path);
 
+/// The name of a file beside `path` that belongs to it: `path` with `suffix` at its end. Where the file
+/// system takes no name so long, a hash stands for the end of the name. The same in every run.
+std::string BesidePath(const std::string& path, std::string_view suffix);
+
 /// A kind of file that a program writes. An output may replace a file of the same kind.
 struct OutputKind {
   const char* name;                      ///< for messages: "a PNG image"

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/base/file.h"
+#include "common/base/log.h"
 
 namespace quarry {
 
@@ -26,7 +27,7 @@ Progress::Progress(bool quiet) : quiet_(quiet), terminal_(::isatty(2) != 0) {
 
 void Progress::Begin(std::string phase, std::string unit, uint64_t before) {
   End();
-  phase_ = std::move(phase);
+  phase_ = PrintableName(phase);
   unit_ = std::move(unit);
   before_ = before;
   begun_ = shown_ = Clock::now();
@@ -84,7 +85,7 @@ void Progress::Update(uint64_t done, uint64_t total) {
     open_ = true;
   } else if (const int tenth = static_cast<int>(fraction * 10); tenth > tenth_) {
     tenth_ = tenth;
-    fmt::print(stderr, "{}: {} %{}\n", phase_, tenth * 10, Details(done, total));
+    Log(fmt::format("{}: {} %{}", phase_, tenth * 10, Details(done, total)));
   }
 }
 
@@ -103,21 +104,21 @@ void Progress::Show(const std::string& state, const std::string& details) {
     while (!phase.empty() && (phase.back() & 0x80) != 0) phase.pop_back();
     line = fmt::format("{}...: {}", phase, state).substr(0, columns);
   }
-  fmt::print(stderr, "\r{}\033[K", line);
+  LogRaw(fmt::format("\r{}\033[K", line));
 }
 
 void Progress::End() {
   if (open_) {
     Show("done");
-    fmt::print(stderr, "\n");
+    Log("");
   }
   open_ = false;
 }
 
 void Progress::Say(const std::string& text) {
   if (quiet_) return;
-  if (open_) fmt::print(stderr, "\r\033[K");
-  fmt::print(stderr, "{}\n", text);
+  if (open_) LogRaw("\r\033[K");
+  Log(text);
 }
 
 }  // namespace quarry

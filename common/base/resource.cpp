@@ -14,6 +14,14 @@
 
 namespace quarry {
 
+const char* SentenceOf(const std::exception& exception) {
+  if (dynamic_cast<const std::bad_alloc*>(&exception)) return kNoMemory;
+  const auto* const system = dynamic_cast<const std::system_error*>(&exception);
+  const bool refused = system && (system->code() == std::errc::resource_unavailable_try_again ||
+                                  system->code() == std::errc::not_enough_memory);
+  return refused ? kNoThread : exception.what();
+}
+
 uint64_t PeakResidentBytes() {
   std::ifstream status("/proc/self/status");
   std::string word;

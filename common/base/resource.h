@@ -3,7 +3,12 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <exception>
+#include <new>
 #include <string>
+#include <system_error>
+
+#include "common/base/status.h"
 
 namespace quarry {
 
@@ -18,6 +23,30 @@ uint64_t DescriptorLimit();
 
 /// Memory that this process may use: the machine's, or less when its cgroup has a limit.
 uint64_t MemoryLimitBytes();
+
+/// The sentences for a failed allocation, and for a thread that the system refuses.
+inline constexpr const char* kNoMemory =
+    "no memory is left; raise its limit (ulimit -v, the job's or the cgroup's), or give a smaller --cache, "
+    "--memory or --threads";
+inline constexpr const char* kNoThread =
+    "the system refuses a thread; raise the limit of processes (ulimit -u) or of memory (ulimit -v), or give "
+    "fewer "
+    "--threads";
+/// The sentence for an exception of the standard library: kNoMemory, kNoThread, or its own text.
+const char* SentenceOf(const std::exception& exception);
+
+/// `work()`, a Result or Status; an error with SentenceOf() where it throws for want of memory or of a
+/// thread. Threads call their work so: the job fails, and the program lives.
+template <class Work>
+auto WithinLimits(Work&& work) -> decltype(work()) {
+  try {
+    return work();
+  } catch (const std::bad_alloc&) {
+    return tl::unexpected<Error>(Error{kNoMemory});
+  } catch (const std::system_error& e) {
+    return tl::unexpected<Error>(Error{SentenceOf(e)});
+  }
+}
 
 /// Processors that this process may use: its affinity mask (sched_setaffinity), or fewer when its cgroup has
 /// a quota. Rounded up; at least 1.

@@ -4,9 +4,13 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <charconv>
 #include <cstdlib>
 #include <numeric>
+#include <sstream>
 #include <vector>
+
+#include "common/base/log.h"
 
 namespace quarry {
 namespace {
@@ -76,7 +80,12 @@ std::string Unknown(const Place& place) {
   }
   if (const std::vector<std::string> commands = Commands(*place.command); !commands.empty())
     return fmt::format("'{}' is not a command{}", left.front(), Suggestion(left.front(), commands));
-  return fmt::format("'{}' is one argument too many", left.front());
+  double number = 0;
+  const std::string& first = left.front();
+  const auto [end, error] = std::from_chars(first.data(), first.data() + first.size(), number);
+  const bool of_list = error == std::errc() && (end == first.data() + first.size() || *end == ',');
+  return fmt::format("'{}' is one argument too many{}", first,
+                     of_list ? "; lists of numbers have no blanks: 1,2,3" : "");
 }
 
 std::string Sentence(const CLI::ParseError& error, const Place& place) {
@@ -128,9 +137,12 @@ std::optional<int> ParseCommandLine(CLI::App& app, int argc, char** argv) {
     app.parse(argc, argv);
     return std::nullopt;
   } catch (const CLI::Success& answered) {
-    return app.exit(answered);
+    std::ostringstream text;
+    const int status = app.exit(answered, text, text);
+    PrintRaw(text.str());
+    return status;
   } catch (const CLI::ParseError& error) {
-    fmt::print(stderr, "{}\n", Sentence(error, PlaceOf(app)));
+    Log(Sentence(error, PlaceOf(app)));
     return 2;
   }
 }

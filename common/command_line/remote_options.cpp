@@ -9,9 +9,11 @@ void AddRemoteOptions(CLI::App& command, RemoteArguments& arguments) {
                      "Lines 'Name: value' to be sent to a store's HTTP server; readable by its owner alone");
   command.add_option("--http-aws", arguments.aws,
                      "Sign requests to a store's server for S3: a JSON file of credentials, or env for AWS_* "
-                     "variables (default for s3:// where they are set)");
-  command.add_option("--http-ca", arguments.ca,
-                     "Authorities trusted for https stores, PEM (default: the system's)");
+                     "variables or the profile in ~/.aws (default for s3:// where there are any)");
+  command.add_option(
+      "--http-ca", arguments.ca,
+      "Authorities trusted for https stores, PEM (default: AWS_CA_BUNDLE, SSL_CERT_FILE, else the "
+      "system's)");
 }
 
 Result<HttpOptions> ReadRemoteArguments(const RemoteArguments& arguments) {
@@ -24,6 +26,7 @@ Result<HttpOptions> ReadRemoteArguments(const RemoteArguments& arguments) {
                                                       : ReadAwsCredentials(arguments.aws));
   }
   options.tls_ca = arguments.ca;
+  options.ca_option = "--http-ca";
   return options;
 }
 

@@ -12,7 +12,9 @@
 #include <set>
 #include <thread>
 
+#include "common/base/log.h"
 #include "common/net/connection.h"
+#include "common/program/run_program.h"
 #include "common/protocol/messages.h"
 #include "tests/bench/arguments.h"
 #include "tests/bench/figures.h"
@@ -127,12 +129,12 @@ Figures Measure(const Security& server_security, const Security& client_security
 
 nlohmann::ordered_json Report(const char* name, const Figures& f) {
   const auto [low, high] = std::ranges::minmax(f.bytes_per_s);
-  fmt::print(
+  Print(fmt::format(
       "{}: {:.0f} MB/s (median of {}, {:.0f} to {:.0f}), {:.2f} s of processor a GB, {:.2f} ms from "
       "connecting to "
       "being greeted (median of {})\n",
       name, Median(f.bytes_per_s) / 1e6, kRepetitions, low / 1e6, high / 1e6, Median(f.cpu_s_per_gigabyte),
-      Median(f.connect_s) * 1e3, kConnections);
+      Median(f.connect_s) * 1e3, kConnections));
   return {{"name", name},
           {"bytes_per_s", Median(f.bytes_per_s)},
           {"cpu_s_per_gigabyte", Median(f.cpu_s_per_gigabyte)},
@@ -158,7 +160,7 @@ int Main(int argc, char** argv) {
   ::close(fd);
   ::unlink(path);
   if (!written || !server || !client) {
-    fmt::print(stderr, "cannot make a secret: {}\n", server ? "disk" : server.error().message);
+    Log(fmt::format("cannot make a secret: {}", server ? "disk" : server.error().message));
     return 1;
   }
   nlohmann::ordered_json results;
@@ -171,6 +173,6 @@ int Main(int argc, char** argv) {
 }  // namespace quarry::bench
 
 int main(int argc, char** argv) {
-  return quarry::bench::RunPrinting("quarry bench connection",
-                                    [&] { return quarry::bench::Main(argc, argv); });
+  return quarry::RunProgram({"quarry bench connection", "figures that were printed stand"}, argc, argv,
+                            quarry::bench::Main);
 }

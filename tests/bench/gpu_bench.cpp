@@ -9,8 +9,10 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "common/base/log.h"
 #include "common/base/resource.h"
 #include "common/kdtree/variants/variant_kernels.h"
+#include "common/program/run_program.h"
 #include "tests/bench/arguments.h"
 #include "tests/bench/figures.h"
 #include "tests/bench/gpu_check.h"
@@ -90,12 +92,12 @@ class GpuBench {
   Status DescribeDevice() {
     QUARRY_ASSIGN(const cuda::DeviceInfo info, cuda::FindDevice());
     QUARRY_ASSIGN(const double copies, cuda::MeasureBandwidth());
-    fmt::print(
+    Print(fmt::format(
         "{}: compute capability {}.{}, {} multiprocessors, {:.1f} GB, memory {:.0f} GB/s by its clock, "
         "{:.0f} GB/s measured by copies; CUDA {}.{}, driver for {}.{}; {} processors\n\n",
         info.name, info.major, info.minor, info.multiprocessors, static_cast<double>(info.memory_bytes) / 1e9,
         info.bandwidth_bytes_per_s / 1e9, copies / 1e9, info.runtime / 1000, info.runtime % 1000 / 10,
-        info.driver / 1000, info.driver % 1000 / 10, UsableProcessors());
+        info.driver / 1000, info.driver % 1000 / 10, UsableProcessors()));
     results_["device"] = {{"name", info.name},
                           {"multiprocessors", info.multiprocessors},
                           {"memory_bytes", info.memory_bytes},
@@ -106,7 +108,7 @@ class GpuBench {
   }
 
   Status DescribeKernels() {
-    fmt::print(
+    Print(
         "| kernel | schedule | hits | registers | local bytes | warps a multiprocessor "
         "|\n|---|---|---|---|---|---|\n");
     for (const GpuWay& way : kGpuWays) {
@@ -114,8 +116,8 @@ class GpuBench {
       for (const cuda::Schedule schedule : SchedulesOf(way))
         for (const bool any : {false, true}) {
           QUARRY_ASSIGN(const cuda::KernelFacts facts, cuda::FactsOf({way.way, schedule, any, {}}));
-          fmt::print("| {} | {} | {} | {} | {} | {} |\n", way.name, Name(schedule), any ? "any" : "closest",
-                     facts.registers, facts.local_bytes, facts.warps);
+          Print(fmt::format("| {} | {} | {} | {} | {} | {} |\n", way.name, Name(schedule),
+                            any ? "any" : "closest", facts.registers, facts.local_bytes, facts.warps));
           results_["kernels"].push_back({{"way", way.name},
                                          {"schedule", Name(schedule)},
                                          {"any", any},
@@ -124,7 +126,7 @@ class GpuBench {
                                          {"warps", facts.warps}});
         }
     }
-    fmt::print("\n");
+    Print("\n");
     return {};
   }
 
@@ -133,14 +135,14 @@ class GpuBench {
     name_ = std::filesystem::path(path).stem().string();
     QUARRY_ASSIGN(const auto scene, GpuScene::Load(path, measured == Measured::kNothing));
     const SceneMeta& meta = scene->resident().catalog().meta;
-    fmt::print("{}: {} triangles, {} voxels, loaded in {:.1f} s\n", name_, meta.input_triangles,
-               scene->resident().voxels().size(), SecondsSince(start));
+    Print(fmt::format("{}: {} triangles, {} voxels, loaded in {:.1f} s\n", name_, meta.input_triangles,
+                      scene->resident().voxels().size(), SecondsSince(start)));
     QUARRY_TRY(CheckStore(*scene));
     const bool interior = std::ranges::count(options_.interior, name_) != 0;
     QUARRY_ASSIGN(const CameraSpec view, FindView(path, meta, interior));
     if (measured == Measured::kFrame) QUARRY_TRY(MeasureFrame(*scene, view));
     if (measured == Measured::kRays) QUARRY_TRY(MeasureRays(*scene, view));
-    fmt::print("  {:.1f} s in all\n\n", SecondsSince(start));
+    Print(fmt::format("  {:.1f} s in all\n\n", SecondsSince(start)));
     std::fflush(stdout);
     return {};
   }
@@ -151,9 +153,10 @@ class GpuBench {
   Status CheckStore(GpuScene& scene) {
     QUARRY_ASSIGN(const GpuCheck check,
                   CheckOnDevice(scene, options_.rays, options_.check_seconds, options_.batch));
-    fmt::print("  check: {} random rays, {} hits, {} times through kernels, {} waits: {} differences\n",
-               check.rays, check.hits, check.traced, check.suspended, check.differences);
-    for (const std::string& difference : check.first) fmt::print("    {}\n", difference);
+    Print(
+        fmt::format("  check: {} random rays, {} hits, {} times through kernels, {} waits: {} differences\n",
+                    check.rays, check.hits, check.traced, check.suspended, check.differences));
+    for (const std::string& difference : check.first) Print(fmt::format("    {}\n", difference));
     results_["checks"].push_back({{"scene", name_},
                                   {"rays", check.rays},
                                   {"hits", check.hits},
@@ -166,9 +169,9 @@ class GpuBench {
 
   Status MeasureRays(GpuScene& scene, const CameraSpec& view) {
     const std::vector<RaySet> sets = MakeRaySets(scene.resident(), options_.size, view);
-    fmt::print("\n| {} | schedule |", name_);
-    for (const RaySet& set : sets) fmt::print(" {} |", set.name);
-    fmt::print(" bytes a bounce | GB/s |\n|---|---|---|---|---|---|---|---|\n");
+    Print(fmt::format("\n| {} | schedule |", name_));
+    for (const RaySet& set : sets) Print(fmt::format(" {} |", set.name));
+    Print(" bytes a bounce | GB/s |\n|---|---|---|---|---|---|---|---|\n");
     QUARRY_ASSIGN(cuda::DeviceRays rays,
                   cuda::DeviceRays::Make(static_cast<uint32_t>(sets[0].packets.size())));
     for (const GpuWay& way : kGpuWays) QUARRY_TRY(MeasureWay(scene, way, sets, rays));
@@ -187,7 +190,7 @@ class GpuBench {
     std::vector<double> bytes_of;
     for (const RaySet& set : sets) bytes_of.push_back(BytesARay(way, CountSteps(scene, way, set)));
     for (const cuda::Schedule schedule : SchedulesOf(way)) {
-      fmt::print("| {} | {} |", way.name, Name(schedule));
+      Print(fmt::format("| {} | {} |", way.name, Name(schedule)));
       double bytes = 0, speed = 0;
       for (const RaySet& set : sets) {
         if (set.rays == 0) continue;
@@ -197,7 +200,7 @@ class GpuBench {
                       }));
         bytes = bytes_of[static_cast<size_t>(&set - sets.data())];
         speed = PerSecond(set.rays, seconds);
-        fmt::print(" {:.1f} |", speed);
+        Print(fmt::format(" {:.1f} |", speed));
         results_["speeds"].push_back({{"scene", name_},
                                       {"way", way.name},
                                       {"schedule", Name(schedule)},
@@ -206,7 +209,7 @@ class GpuBench {
                                       {"mrays_per_s", speed},
                                       {"bytes_a_ray", bytes}});
       }
-      fmt::print(" {:.0f} | {:.0f} |\n", bytes, bytes * speed / 1e3);
+      Print(fmt::format(" {:.0f} | {:.0f} |\n", bytes, bytes * speed / 1e3));
     }
     return {};
   }
@@ -215,8 +218,8 @@ class GpuBench {
   void MeasureCpu(GpuScene& scene, const std::vector<RaySet>& sets) {
     const test::SceneView& view = scene.resident().view();
     for (const bool all : {false, true}) {
-      fmt::print("| CPU, rule of renders | {} |",
-                 all ? fmt::format("{} processors", UsableProcessors()) : "one processor");
+      Print(fmt::format("| CPU, rule of renders | {} |",
+                        all ? fmt::format("{} processors", UsableProcessors()) : "one processor"));
       for (const RaySet& set : sets) {
         if (set.rays == 0) continue;
         const TraceFunction trace = set.any ? AnyByRule : ClosestByRule;
@@ -232,13 +235,13 @@ class GpuBench {
           if (r > 0) times.push_back(SecondsSince(start));
         }
         const double speed = PerSecond(set.rays, Median(times));
-        fmt::print(" {:.2f} |", speed);
+        Print(fmt::format(" {:.2f} |", speed));
         results_["cpu"].push_back({{"scene", name_},
                                    {"processors", all ? UsableProcessors() : 1},
                                    {"ray", set.name},
                                    {"mrays_per_s", speed}});
       }
-      fmt::print(" | |\n");
+      Print(" | |\n");
     }
   }
 
@@ -253,9 +256,9 @@ class GpuBench {
 
   /// When warps take new rays, and when lanes at nodes wait: the limits of WarpLimits are chosen by this.
   Status MeasureLimits(GpuScene& scene, const std::vector<RaySet>& sets, cuda::DeviceRays& rays) {
-    fmt::print("\n| {}, persistent | refill below | few at nodes |", name_);
-    for (const RaySet& set : sets) fmt::print(" {} |", set.name);
-    fmt::print("\n|---|---|---|---|---|---|---|\n");
+    Print(fmt::format("\n| {}, persistent | refill below | few at nodes |", name_));
+    for (const RaySet& set : sets) Print(fmt::format(" {} |", set.name));
+    Print("\n|---|---|---|---|---|---|---|\n");
     for (const GpuWay& way : kGpuWays) {
       if (way.way != cuda::DeviceWay::kRopes && way.way != cuda::DeviceWay::kWide) continue;
       for (const WarpLimits limits : {WarpLimits{1, 0},
@@ -269,7 +272,7 @@ class GpuBench {
                                       {20, 8},
                                       {20, 16},
                                       {28, 8}}) {
-        fmt::print("| {} | {} | {} |", way.name, limits.refill_below, limits.few_at_nodes);
+        Print(fmt::format("| {} | {} | {} |", way.name, limits.refill_below, limits.few_at_nodes));
         for (const RaySet& set : sets) {
           if (set.rays == 0) continue;
           QUARRY_TRY(Choose(set, rays));
@@ -277,7 +280,7 @@ class GpuBench {
                           return cuda::Trace(scene.device(way), rays,
                                              {way.way, cuda::Schedule::kPersistent, set.any, limits});
                         }));
-          fmt::print(" {:.1f} |", PerSecond(set.rays, seconds));
+          Print(fmt::format(" {:.1f} |", PerSecond(set.rays, seconds)));
           results_["limits"].push_back({{"scene", name_},
                                         {"way", way.name},
                                         {"refill_below", limits.refill_below},
@@ -285,7 +288,7 @@ class GpuBench {
                                         {"ray", set.name},
                                         {"mrays_per_s", PerSecond(set.rays, seconds)}});
         }
-        fmt::print("\n");
+        Print("\n");
       }
     }
     return {};
@@ -297,12 +300,12 @@ class GpuBench {
     QUARRY_ASSIGN(cuda::DeviceRays rays,
                   cuda::DeviceRays::Make(static_cast<uint32_t>(primary.packets.size())));
     QUARRY_TRY(Choose(primary, rays));
-    fmt::print(
+    Print(fmt::format(
         "  {0} x {0} primary rays, {1} of them meet the scene's box\n\n| {2} | schedule | ms a frame "
         "|\n|---|---|---|\n",
-        options_.frame_size, primary.rays, name_);
+        options_.frame_size, primary.rays, name_));
     const auto print = [&](const char* way, const char* schedule, double seconds) {
-      fmt::print("| {} | {} | {:.3f} |\n", way, schedule, seconds * 1e3);
+      Print(fmt::format("| {} | {} | {:.3f} |\n", way, schedule, seconds * 1e3));
       results_["frames"].push_back(
           {{"scene", name_}, {"way", way}, {"schedule", schedule}, {"ms_a_frame", seconds * 1e3}});
     };
@@ -332,7 +335,7 @@ class GpuBench {
             found[p].triangle[i] == expected[p].triangle[i] && found[p].hit_t[i] == expected[p].hit_t[i] ? 0
                                                                                                          : 1;
       }
-    fmt::print("  brute force and the last way differ on {} rays\n", differences);
+    Print(fmt::format("  brute force and the last way differ on {} rays\n", differences));
     results_["checks"].push_back(
         {{"scene", name_}, {"brute_force_rays", primary.rays}, {"differences", differences}});
     sound_ = sound_ && differences == 0;
@@ -403,11 +406,11 @@ int Main(int argc, char** argv) {
   app.add_option("--json", options.json, "Results as JSON")->check(CheckFigures);
   if (const auto status = ReadArguments(app, argc, argv)) return *status;
   if (options.size % RayPacket::kSide != 0 || options.frame_size % RayPacket::kSide != 0) {
-    fmt::print(stderr, "quarry-gpu-bench: --size, --frame-size: not a multiple of 8\n");
+    Log("quarry-gpu-bench: --size, --frame-size: not a multiple of 8");
     return 2;
   }
   if (const auto device = cuda::FindDevice(); !device) {
-    fmt::print(stderr, "quarry-gpu-bench: nothing is measured: {}\n", device.error().message);
+    Log(fmt::format("quarry-gpu-bench: nothing is measured: {}", device.error().message));
     return kNoDevice;
   }
   // What was measured is seen even when a kernel never ends.
@@ -416,8 +419,8 @@ int Main(int argc, char** argv) {
   GpuBench bench(options, results);
   const Status status = RunAll(options, bench, results);
   (void)WriteFigures(options.json, results.dump(2));
-  if (!status) fmt::print(stderr, "quarry-gpu-bench: {}\n", status.error().message);
-  if (!bench.sound()) fmt::print(stderr, "quarry-gpu-bench: the device and the CPU disagree\n");
+  if (!status) Log(fmt::format("quarry-gpu-bench: {}", status.error().message));
+  if (!bench.sound()) Log("quarry-gpu-bench: the device and the CPU disagree");
   return status && bench.sound() ? 0 : 1;
 }
 
@@ -425,5 +428,6 @@ int Main(int argc, char** argv) {
 }  // namespace quarry::bench
 
 int main(int argc, char** argv) {
-  return quarry::bench::RunPrinting("quarry-gpu-bench", [&] { return quarry::bench::Main(argc, argv); });
+  return quarry::RunProgram({"quarry-gpu-bench", "figures that were printed stand"}, argc, argv,
+                            quarry::bench::Main);
 }

@@ -9,7 +9,9 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "common/base/log.h"
 #include "common/engine/renderer.h"
+#include "common/program/run_program.h"
 #include "common/scene/framing.h"
 #include "common/voxel/store_reader.h"
 #include "deploy/cluster.h"
@@ -135,8 +137,8 @@ Status RunScene(const std::string& path, const Options& options, nlohmann::json&
   QUARRY_ASSIGN(const auto renderer, Renderer::Create(scene, {uint64_t{1} << 40, kThreads}));
   const EmbreeImage reference(embree, catalog, blocks);
   const std::string name = std::filesystem::path(path).stem().string();
-  fmt::print("{}: {} triangles; Embree's tree (robust, best quality) takes {:.1f} s\n", name,
-             catalog.meta.input_triangles, build_s);
+  Print(fmt::format("{}: {} triangles; Embree's tree (robust, best quality) takes {:.1f} s\n", name,
+                    catalog.meta.input_triangles, build_s));
   View view;
   view.width = view.height = options.size;
   view.spp = options.spp;
@@ -162,11 +164,11 @@ Status RunScene(const std::string& path, const Options& options, nlohmann::json&
     }
     const double a = Median(engine_s), b = Median(embree_s), c = Median(command_s);
     const Difference d = Compare(ours, theirs);
-    fmt::print(
+    Print(fmt::format(
         "  {:8} engine {:.3f} s, quarry render {:.3f} s, Embree {:.3f} s; Embree's time over the engine's "
         "{:.2f}, "
         "over the command's {:.2f}; {} of {} pixels differ, mean difference {:.1e}\n",
-        mode_name, a, c, b, b / a, b / c, d.pixels, size_t{view.width} * view.height, d.mean);
+        mode_name, a, c, b, b / a, b / c, d.pixels, size_t{view.width} * view.height, d.mean));
     std::fflush(stdout);
     results.push_back({{"scene", name},
                        {"triangles", catalog.meta.input_triangles},
@@ -200,7 +202,7 @@ int Main(int argc, char** argv) {
   nlohmann::json results = nlohmann::json::array();
   for (const std::string& store : options.stores) {
     if (const Status status = RunScene(store, options, results); !status) {
-      fmt::print(stderr, "quarry-bench-images: {}\n", status.error().message);
+      Log(fmt::format("quarry-bench-images: {}", status.error().message));
       return 1;
     }
     (void)bench::WriteFigures(options.json, results.dump(2));
@@ -212,5 +214,6 @@ int Main(int argc, char** argv) {
 }  // namespace quarry::bench
 
 int main(int argc, char** argv) {
-  return quarry::bench::RunPrinting("quarry bench images", [&] { return quarry::bench::Main(argc, argv); });
+  return quarry::RunProgram({"quarry bench images", "figures that were printed stand"}, argc, argv,
+                            quarry::bench::Main);
 }

@@ -7,6 +7,8 @@
 #include <chrono>
 #include <filesystem>
 
+#include "common/base/log.h"
+#include "common/program/run_program.h"
 #include "preprocess/import/importer.h"
 #include "tests/bench/arguments.h"
 #include "tests/bench/figures.h"
@@ -52,8 +54,8 @@ Status Measure(const std::string& path) {
     triangles = sink.triangles;
   }
   std::ranges::sort(speeds);
-  fmt::print("{}: {} triangles, {:.0f} MB/s (median of {}, {:.0f} to {:.0f})\n", path, triangles,
-             speeds[kRuns / 2], kRuns, speeds.front(), speeds.back());
+  Print(fmt::format("{}: {} triangles, {:.0f} MB/s (median of {}, {:.0f} to {:.0f})\n", path, triangles,
+                    speeds[kRuns / 2], kRuns, speeds.front(), speeds.back()));
   return {};
 }
 
@@ -65,7 +67,7 @@ int Main(int argc, char** argv) {
   if (const auto status = bench::ReadArguments(app, argc, argv)) return *status;
   for (const std::string& file : files)
     if (const Status status = Measure(file); !status) {
-      fmt::print(stderr, "{}\n", status.error().message);
+      Log(status.error().message);
       return status.error().exit_status();
     }
   return 0;
@@ -74,5 +76,5 @@ int Main(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  return quarry::bench::RunPrinting("quarry bench import", [&] { return Main(argc, argv); });
+  return quarry::RunProgram({"quarry bench import", "figures that were printed stand"}, argc, argv, Main);
 }

@@ -12,9 +12,11 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
+#include "common/base/log.h"
 #include "common/engine/blocks/loader.h"
 #include "common/engine/blocks/pinned_blocks.h"
 #include "common/kdtree/variants/all_kernels.h"
+#include "common/program/run_program.h"
 #include "tests/bench/arguments.h"
 #include "tests/bench/embree_rays.h"
 #include "tests/bench/figures.h"
@@ -186,12 +188,12 @@ class SceneBench {
     }
     if (options_.one_level) one_level_ = std::make_unique<OneLevelScene>(*scene_);
     PinToOneCore();
-    fmt::print("{}: {} triangles, {} voxels, {:.1f} bytes a triangle decoded, replication {:.2f}\n", name_,
-               scene_->catalog().meta.input_triangles, scene_->voxels().size(),
-               static_cast<double>(scene_->decoded_bytes()) /
-                   static_cast<double>(scene_->catalog().meta.input_triangles),
-               static_cast<double>(scene_->catalog().meta.stored_references) /
-                   static_cast<double>(scene_->catalog().meta.input_triangles));
+    Print(fmt::format("{}: {} triangles, {} voxels, {:.1f} bytes a triangle decoded, replication {:.2f}\n",
+                      name_, scene_->catalog().meta.input_triangles, scene_->voxels().size(),
+                      static_cast<double>(scene_->decoded_bytes()) /
+                          static_cast<double>(scene_->catalog().meta.input_triangles),
+                      static_cast<double>(scene_->catalog().meta.stored_references) /
+                          static_cast<double>(scene_->catalog().meta.input_triangles)));
     for (const RaySet& set : sets_) Measure(set, results);
     if (others_ != 0)
       return Fail(
@@ -283,8 +285,9 @@ class SceneBench {
       j["embree_single_mrays_per_s"] = speeds[ours];
     }
     if (robust_) j["embree_robust_best_mrays_per_s"] = best_of(robust, robust + 3);
-    fmt::print("  {:8} {:9} rays:", set.name, set.rays);
-    for (size_t i = 0; i < contenders.size(); ++i) fmt::print(" {} {:.2f}", contenders[i].name, speeds[i]);
+    Print(fmt::format("  {:8} {:9} rays:", set.name, set.rays));
+    for (size_t i = 0; i < contenders.size(); ++i)
+      Print(fmt::format(" {} {:.2f}", contenders[i].name, speeds[i]));
     if (robust_) {
       contenders[0].run();
       robust_->Trace(EmbreeMode::kSingle);
@@ -294,13 +297,14 @@ class SceneBench {
       j["grazing"] = check.grazing;
       others_ += check.other;
       j["other"] = check.other;
-      fmt::print("\n      ratio to embree robust {:.2f}", speeds[0] / best_of(robust, robust + 3));
+      Print(fmt::format("\n      ratio to embree robust {:.2f}", speeds[0] / best_of(robust, robust + 3)));
       if (fast_)
-        fmt::print(" best {:.2f} single {:.2f}", speeds[0] / best_of(ours, robust), speeds[0] / speeds[ours]);
-      fmt::print("; hits same {} tie {} grazing {} other {}", check.same, check.tie, check.grazing,
-                 check.other);
+        Print(fmt::format(" best {:.2f} single {:.2f}", speeds[0] / best_of(ours, robust),
+                          speeds[0] / speeds[ours]));
+      Print(fmt::format("; hits same {} tie {} grazing {} other {}", check.same, check.tie, check.grazing,
+                        check.other));
     }
-    fmt::print("\n");
+    Print("\n");
     std::fflush(stdout);
     if (options_.statistics) PrintStatistics(set);
     results.push_back(std::move(j));
@@ -349,8 +353,8 @@ class SceneBench {
         hits += static_cast<uint64_t>(std::count_if(packet.triangle, packet.triangle + RayPacket::kRays,
                                                     [](uint32_t id) { return id != kNoTriangle; }));
     }
-    fmt::print("{}: {} rays, {} hits, {} kernels, {} suspended: {} mismatches\n", name_, rays, hits,
-               AllKernels().size(), suspended, mismatches);
+    Print(fmt::format("{}: {} rays, {} hits, {} kernels, {} suspended: {} mismatches\n", name_, rays, hits,
+                      AllKernels().size(), suspended, mismatches));
     if (mismatches != 0) return Fail(fmt::format("{}: kernels disagree on {} rays", name_, mismatches));
     return {};
   }
@@ -377,7 +381,7 @@ class SceneBench {
                                                               set.active.data(),
                                                               static_cast<uint32_t>(found_.size()), s);
       const auto per_ray = [&](uint64_t n) { return static_cast<double>(n) / static_cast<double>(set.rays); };
-      fmt::print(
+      Print(fmt::format(
           "      {}: a ray: node steps {:.2f} (lanes used {:.2f}), leaves {:.2f}, triangle tests {:.2f} "
           "({:.2f}), "
           "exact {:.2f}, climbs {:.2f}, voxels {:.2f}\n",
@@ -385,7 +389,7 @@ class SceneBench {
           static_cast<double>(s.node_lanes_used) / static_cast<double>(s.node_lanes), per_ray(s.leaves),
           per_ray(s.triangle_tests),
           static_cast<double>(s.triangle_lanes_used) / static_cast<double>(s.triangle_lanes),
-          per_ray(s.exact_tests), per_ray(s.climbs), per_ray(s.voxel_visits));
+          per_ray(s.exact_tests), per_ray(s.climbs), per_ray(s.voxel_visits)));
     }
   }
 
@@ -435,7 +439,7 @@ int Main(int argc, char** argv) {
   if (const auto status = ReadArguments(app, argc, argv)) return *status;
   options.order = orders.at(order);
   const auto fail = [](const std::string& message) {
-    fmt::print(stderr, "quarry-bench-kernels: {}\n", message);
+    Log(fmt::format("quarry-bench-kernels: {}", message));
     return 2;
   };
   if (options.size % RayPacket::kSide != 0) return fail("--size: not a multiple of 8");
@@ -448,7 +452,7 @@ int Main(int argc, char** argv) {
     // After every scene: large ones take long, and what was measured is kept.
     (void)bench::WriteFigures(options.json, results.dump(2));
     if (status) continue;
-    fmt::print(stderr, "quarry-bench-kernels: {}\n", status.error().message);
+    Log(fmt::format("quarry-bench-kernels: {}", status.error().message));
     exit_status = 1;
   }
   return exit_status;
@@ -458,5 +462,6 @@ int Main(int argc, char** argv) {
 }  // namespace quarry::bench
 
 int main(int argc, char** argv) {
-  return quarry::bench::RunPrinting("quarry bench kernels", [&] { return quarry::bench::Main(argc, argv); });
+  return quarry::RunProgram({"quarry bench kernels", "figures that were printed stand"}, argc, argv,
+                            quarry::bench::Main);
 }

@@ -13,7 +13,9 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
+#include "common/base/log.h"
 #include "common/base/number.h"
+#include "common/program/run_program.h"
 #include "master/schedule/dispatcher.h"
 #include "tests/bench/arguments.h"
 #include "tests/bench/figures.h"
@@ -226,7 +228,7 @@ int Main(int argc, char** argv) {
   app.add_option("--repetitions", repetitions)->check(CLI::Range(1, 1000))->capture_default_str();
   app.add_option("--json", json, "Write the figures to this file")->check(bench::CheckFigures);
   if (const auto status = ReadArguments(app, argc, argv)) return *status;
-  fmt::print(
+  Print(
       "tiles x workers  each holds         plan ms (spread)     busiest/mean  MB to fetch  hand out ms  "
       "at the end\n");
   nlohmann::ordered_json results;
@@ -235,7 +237,7 @@ int Main(int argc, char** argv) {
     const auto& [columns, rows, workers] = counts;
     if (!ParseCounts(text, "xx", counts) || columns == 0 || columns > 4096 || rows == 0 || rows > 4096 ||
         workers == 0 || workers > 65536) {
-      fmt::print(stderr, "a case is COLUMNSxROWSxWORKERS, not '{}'\n", text);
+      Log(fmt::format("a case is COLUMNSxROWSxWORKERS, not '{}'", text));
       return 2;
     }
     Bench bench(columns, rows, workers);
@@ -243,9 +245,9 @@ int Main(int argc, char** argv) {
       const Bench::Figures f = bench.Run(holding, repetitions);
       const auto [low, high] = std::ranges::minmax(f.plan_s);
       const double end_s = f.end_s.empty() ? 0 : Median(f.end_s);
-      fmt::print("{:6} x {:<6}  {:<17} {:7.1f} ({:.1f}-{:.1f}) {:18.2f} {:12.1f} {:12.2f} {:11.2f}\n",
-                 columns * rows, workers, name, Median(f.plan_s) * 1e3, low * 1e3, high * 1e3, f.busiest,
-                 f.fetched_bytes * 1e-6, Median(f.hand_out_s) * 1e3, end_s * 1e3);
+      Print(fmt::format("{:6} x {:<6}  {:<17} {:7.1f} ({:.1f}-{:.1f}) {:18.2f} {:12.1f} {:12.2f} {:11.2f}\n",
+                        columns * rows, workers, name, Median(f.plan_s) * 1e3, low * 1e3, high * 1e3,
+                        f.busiest, f.fetched_bytes * 1e-6, Median(f.hand_out_s) * 1e3, end_s * 1e3));
       std::fflush(stdout);
       results.push_back({{"tiles", columns * rows},
                          {"workers", workers},
@@ -264,5 +266,6 @@ int Main(int argc, char** argv) {
 }  // namespace quarry::bench
 
 int main(int argc, char** argv) {
-  return quarry::bench::RunPrinting("quarry bench plan", [&] { return quarry::bench::Main(argc, argv); });
+  return quarry::RunProgram({"quarry bench plan", "figures that were printed stand"}, argc, argv,
+                            quarry::bench::Main);
 }

@@ -15,7 +15,9 @@
 #include <optional>
 #include <utility>
 
+#include "common/base/log.h"
 #include "common/engine/scene.h"
+#include "common/program/run_program.h"
 #include "deploy/cluster.h"
 #include "tests/bench/arguments.h"
 #include "tests/bench/figures.h"
@@ -149,22 +151,23 @@ class SourcesBench {
                                               catalog_.meta.largest_stored);
     }));
     if (!test::Nginx::Program().empty()) return MeasureNginx(folder);
-    fmt::print("nginx is not installed: http is left out\n");
+    Print("nginx is not installed: http is left out\n");
     return {};
   }
 
-  void Print() const {
+  void PrintTable() const {
     const auto blocks = static_cast<double>(blocks_.size()), bytes = static_cast<double>(bytes_);
-    fmt::print("{}: {} blocks, {:.1f} MB, {:.1f} KB a block; {} in flight; median of {} (fastest, slowest)\n",
-               std::filesystem::path(store_.path()).filename().string(), blocks_.size(), bytes / 1e6,
-               bytes / blocks / 1e3, kInFlight, kRepetitions);
-    fmt::print("{:26} {:>10} {:>8} {:>18} {:>14} {:>12}\n", "source", "blocks/s", "MB/s", "", "CPU us/block",
-               "alone, us");
+    Print(fmt::format(
+        "{}: {} blocks, {:.1f} MB, {:.1f} KB a block; {} in flight; median of {} (fastest, slowest)\n",
+        std::filesystem::path(store_.path()).filename().string(), blocks_.size(), bytes / 1e6,
+        bytes / blocks / 1e3, kInFlight, kRepetitions));
+    Print(fmt::format("{:26} {:>10} {:>8} {:>18} {:>14} {:>12}\n", "source", "blocks/s", "MB/s", "",
+                      "CPU us/block", "alone, us"));
     for (const Figures& f : figures_)
-      fmt::print("{:26} {:10.0f} {:8.0f} {:>18} {:14.1f} {:>12}\n", f.name, blocks / f.seconds,
-                 bytes / f.seconds / 1e6,
-                 fmt::format("({:.0f}, {:.0f})", bytes / f.fastest_s / 1e6, bytes / f.slowest_s / 1e6),
-                 f.cpu_s / blocks * 1e6, f.alone_s > 0 ? fmt::format("{:.0f}", f.alone_s * 1e6) : "");
+      Print(fmt::format("{:26} {:10.0f} {:8.0f} {:>18} {:14.1f} {:>12}\n", f.name, blocks / f.seconds,
+                        bytes / f.seconds / 1e6,
+                        fmt::format("({:.0f}, {:.0f})", bytes / f.fastest_s / 1e6, bytes / f.slowest_s / 1e6),
+                        f.cpu_s / blocks * 1e6, f.alone_s > 0 ? fmt::format("{:.0f}", f.alone_s * 1e6) : ""));
   }
 
   nlohmann::ordered_json Json() const {
@@ -184,9 +187,9 @@ class SourcesBench {
  private:
   Status MeasureCache(const std::string& name, const std::string& folder, const Make& make) {
     const auto cached = [&, folder](asio::io_context& io) {
-      return std::make_unique<DiskCachedSource>(io, make(io), DiskCacheLocation{folder, uint64_t{1} << 40},
-                                                catalog_,
-                                                [](const std::string& line) { fmt::print("{}\n", line); });
+      return std::make_unique<DiskCachedSource>(
+          io, make(io), DiskCacheLocation{folder, uint64_t{1} << 40}, catalog_,
+          [](const std::string& line) { Print(fmt::format("{}\n", line)); });
     };
     QUARRY_TRY(Measure(name + ", empty", cached, [&] { std::filesystem::remove_all(folder); }));
     // The one before may have left out blocks that its disk was too slow for.
@@ -248,9 +251,9 @@ int Main(int argc, char** argv) {
   std::optional<SourcesBench> bench;
   if (store) bench.emplace(*store);
   const Status status = bench ? bench->Run() : Status(Fail(store.error().message));
-  if (bench) bench->Print();
+  if (bench) bench->PrintTable();
   if (!status) {
-    fmt::print(stderr, "quarry-bench-sources: {}\n", status.error().message);
+    Log(fmt::format("quarry-bench-sources: {}", status.error().message));
     return 1;
   }
   return bench::WriteFigures(json, bench->Json().dump(2)) ? 0 : 1;
@@ -260,5 +263,6 @@ int Main(int argc, char** argv) {
 }  // namespace quarry::bench
 
 int main(int argc, char** argv) {
-  return quarry::bench::RunPrinting("quarry bench sources", [&] { return quarry::bench::Main(argc, argv); });
+  return quarry::RunProgram({"quarry bench sources", "figures that were printed stand"}, argc, argv,
+                            quarry::bench::Main);
 }

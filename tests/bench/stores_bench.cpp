@@ -8,8 +8,10 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "common/base/log.h"
 #include "common/base/resource.h"
 #include "common/kdtree/build/treelets.h"
+#include "common/program/run_program.h"
 #include "common/voxel/store_reader.h"
 #include "tests/bench/arguments.h"
 #include "tests/bench/figures.h"
@@ -183,15 +185,15 @@ int Main(int argc, char** argv) {
   app.add_option("--json", json, "Results as JSON")->check(bench::CheckFigures);
   if (const auto status = ReadArguments(app, argc, argv)) return *status;
   nlohmann::ordered_json results = nlohmann::ordered_json::array();
-  fmt::print("{:20} {:>10} {:>8} {:>12} {:>8} {:>12} {:>8} {:>13} {:>12} {:>10} {:>10} {:>7}\n", "store",
-             "triangles", "voxels", "bytes/tri", "decoded", "decode MB/s", "ns/tri", "shading MB/s",
-             "replication", "SAH", "one level", "ratio");
+  Print(fmt::format("{:20} {:>10} {:>8} {:>12} {:>8} {:>12} {:>8} {:>13} {:>12} {:>10} {:>10} {:>7}\n",
+                    "store", "triangles", "voxels", "bytes/tri", "decoded", "decode MB/s", "ns/tri",
+                    "shading MB/s", "replication", "SAH", "one level", "ratio"));
   for (const std::string& path : stores) {
     auto store = StoreReader::Open(path);
     const auto f =
         store ? StoreBench(std::move(*store)).Run(one_level) : Result<Figures>(Fail(store.error().message));
     if (!f) {
-      fmt::print(stderr, "quarry-bench-stores: {}\n", f.error().message);
+      Log(fmt::format("quarry-bench-stores: {}", f.error().message));
       return 1;
     }
     const auto triangles = static_cast<double>(f->triangles);
@@ -202,11 +204,12 @@ int Main(int argc, char** argv) {
                  shading_speed = static_cast<double>(f->shading_decoded) / f->shading_s / kMega,
                  replication = static_cast<double>(f->references) / triangles;
     const std::string name = std::filesystem::path(path).stem().string();
-    fmt::print("{:20} {:10} {:8} {:12.2f} {:7.1f}x {:12.0f} {:8.1f} {:>13} {:12.3f} {:10.2f} {:10} {:>7}\n",
-               name, f->triangles, f->voxels, per_triangle, ratio, speed, ns,
-               f->shading_decoded != 0 ? fmt::format("{:.0f}", shading_speed) : "", replication, f->two_level,
-               one_level ? fmt::format("{:.2f}", f->one_level) : "",
-               one_level ? fmt::format("{:.3f}", f->two_level / f->one_level) : "");
+    Print(fmt::format(
+        "{:20} {:10} {:8} {:12.2f} {:7.1f}x {:12.0f} {:8.1f} {:>13} {:12.3f} {:10.2f} {:10} {:>7}\n", name,
+        f->triangles, f->voxels, per_triangle, ratio, speed, ns,
+        f->shading_decoded != 0 ? fmt::format("{:.0f}", shading_speed) : "", replication, f->two_level,
+        one_level ? fmt::format("{:.2f}", f->one_level) : "",
+        one_level ? fmt::format("{:.3f}", f->two_level / f->one_level) : ""));
     nlohmann::ordered_json j = {{"store", name},
                                 {"triangles", f->triangles},
                                 {"voxels", f->voxels},
@@ -227,5 +230,6 @@ int Main(int argc, char** argv) {
 }  // namespace quarry::bench
 
 int main(int argc, char** argv) {
-  return quarry::bench::RunPrinting("quarry bench stores", [&] { return quarry::bench::Main(argc, argv); });
+  return quarry::RunProgram({"quarry bench stores", "figures that were printed stand"}, argc, argv,
+                            quarry::bench::Main);
 }

@@ -27,8 +27,8 @@ class BadJson(Case):
                 ('{"frames": []}', "frames: has no frame"), ('{"frames": [3]}', r"frames\[0\]: is no object"),
                 ('{"frames": [{"eye": [0, 0, 1]}]}', r"frames\[0\]: 'at' is missing"),
                 ('{"frames": [{"eye": [0, 0, 1e999], "at": [0, 0, 0]}]}', r"frames\[0\]\.eye\[2\] is the number 1e999"),
-                ('{"frames": [{"eye": [0, 0, "1"], "at": [0, 0, 0]}]}', r"frames\[0\]\.eye: is no list of 3 numbers"),
-                ('{"frames": [{"eye": {"x": 1}, "at": [0, 0, 0]}]}', r"frames\[0\]\.eye: is no list"),
+                ('{"frames": [{"eye": [0, 0, "1"], "at": [0, 0, 0]}]}', r"frames\[0\]\.eye: three numbers should be here, like \[1, 2, 3\]"),
+                ('{"frames": [{"eye": {"x": 1}, "at": [0, 0, 0]}]}', r"frames\[0\]\.eye: three numbers should be here"),
                 ('{"frames": [{"eye": [0, 0, 1], "at": [0, 0, 0], "fov": true}]}', r"frames\[0\]\.fov: is no number"),
                 ('{"frames": [{"eye": [0, 0, 1], "at": [0, 0, 0], "fov": 1e308}]}', r"frames\[0\]\.fov: must lie between"),
                 ("[" * 400000, "deeper than 64"), ('{"frames":' * 400000, "deeper than 64"),
@@ -40,9 +40,9 @@ class BadJson(Case):
                 ("{}", "'lights' is missing"), ('{"lights": {}}', "lights: is no list"), ('{"lights": [7]}', r"lights\[0\]: is no object"),
                 ('{"lights": [{"type": 7}]}', r"lights\[0\]\.type: is no text"), ('{"lights": [{"type": "moon"}]}', "neither sun nor point"),
                 ('{"lights": [{"type": "sun", "direction": [0, 0, 1]}]}', r"lights\[0\]: 'radiance' is missing"),
-                ('{"lights": [{"type": "sun", "direction": [0, 0, 1], "radiance": [1e39, 0, 0]}]}', r"lights\[0\]\.radiance: is no list"),
+                ('{"lights": [{"type": "sun", "direction": [0, 0, 1], "radiance": [1e39, 0, 0]}]}', r"lights\[0\]\.radiance: three numbers from 0 to 3.4e\+38 should"),
                 ('{"lights": [], "ambient": [1, 1, 1e999]}', r"ambient\[2\] is the number 1e999"),
-                ('{"lights": [], "background": "blue"}', "background: is no list")):
+                ('{"lights": [], "background": "blue"}', "background: three numbers")):
             self.refuse("--lights", text, sentence)
 
     def test_files_that_keep_one_waiting(self):

@@ -140,8 +140,7 @@ class BadPlaces(Case):
         told = subprocess.Popen([str(BIN / "quarry"), "info", self.path("m.quarry"), "--json"], stdout=subprocess.PIPE,
                                 stderr=subprocess.PIPE, text=True)
         told.stdout.close()
-        self.assertEqual(told.wait(timeout=30), 1)
-        self.assertIn("standard output cannot be written", told.stderr.read())
+        self.assertEqual((told.wait(timeout=30), told.stderr.read()), (0, ""))  # it has seen enough, as `| head` has
         told.stderr.close()
 
     def test_full_disk(self):

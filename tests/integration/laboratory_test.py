@@ -10,7 +10,8 @@ import unittest
 
 from programs import BIN, Case, main
 
-VALGRIND = shutil.which("valgrind")
+# Under valgrind libhwy executes RDTSCP at start, which some virtual processors lack.
+VALGRIND = shutil.which("valgrind") and " rdtscp " in pathlib.Path("/proc/cpuinfo").read_text()
 SMALL = ("--size", 96, "--path-size", 48, "--quiet")
 
 
@@ -18,7 +19,7 @@ class Laboratory(Case):
     def stream(self, store, *options):
         return self.must("quarry", "bench", "stream", store, *SMALL, *options).stdout
 
-    @unittest.skipUnless(VALGRIND, "valgrind is not installed: instructions are not counted")
+    @unittest.skipUnless(VALGRIND, "valgrind is not installed, or the processor lacks RDTSCP: instructions are not counted")
     def test_instructions_are_counted(self):
         figures = self.folder / "counted.json"
         text = self.stream(self.store("cornell", 3000), "--structure", "backtrack", "--tree", "theirs", "--no-check", "--count-size", 16, "--json", figures)
@@ -141,7 +142,7 @@ class Laboratory(Case):
                 done = subprocess.run([str(BIN / "quarry"), "bench", what, str(store), *map(str, options)], stdout=full, stderr=subprocess.PIPE,
                                       text=True, check=False)
             self.assertEqual(done.returncode, 1, what)
-            self.assertIn("the tables cannot be written: No space left on device", done.stderr)
+            self.assertIn("standard output cannot be written: No space left on device", done.stderr)
 
 
 if __name__ == "__main__":

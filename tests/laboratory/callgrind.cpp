@@ -1,5 +1,6 @@
 #include "tests/laboratory/callgrind.h"
 
+#include <cpuid.h>
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <spawn.h>
@@ -96,6 +97,15 @@ bool ValgrindInstalled() {
   for (std::string folder; std::getline(folders, folder, ':');)
     if (::access((folder + "/valgrind").c_str(), X_OK) == 0) return true;
   return false;
+}
+
+std::string WhyNotCounted() {
+  if (!ValgrindInstalled()) return "valgrind is not installed";
+  constexpr unsigned kExtended = 0x80000001, kRdtscp = 1u << 27;  // of EDX
+  unsigned a = 0, b = 0, c = 0, d = 0;
+  return __get_cpuid(kExtended, &a, &b, &c, &d) != 0 && (d & kRdtscp) != 0
+             ? ""
+             : "under valgrind libhwy needs RDTSCP, which this processor lacks";
 }
 
 Result<FunctionCosts> CountInstructions(const std::vector<std::string>& command,

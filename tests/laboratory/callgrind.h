@@ -25,6 +25,10 @@ using FunctionCosts = std::map<std::string, FunctionCost>;
 
 /// Tells if valgrind is on this machine's PATH.
 bool ValgrindInstalled();
+/// Why instructions of Quarry's programs cannot be counted on this machine: valgrind is not installed; or the
+/// processor lacks RDTSCP, which libhwy executes at start since valgrind says that it is there. Empty: they
+/// can be counted.
+std::string WhyNotCounted();
 
 /// Runs `command` (the program and its arguments; no shell) under callgrind, without its output, and counts.
 /// A name of `functions` means the functions of exactly this demangled name, or if there is none, all whose

@@ -45,7 +45,7 @@ TEST_CASE("The cost model foretells words and instructions within 5 %") {
     REQUIRE(small.has_value());
     const CountedRun measured = runner.CountedMultipass(Picture(*scene, renderer, *small), {}, 0);
     std::optional<Result<InstructionCount>> of_small, of_large;
-    if (ValgrindInstalled()) of_small = CountKernelInstructions(CommandFor(scene.store(), name, 48));
+    if (WhyNotCounted().empty()) of_small = CountKernelInstructions(CommandFor(scene.store(), name, 48));
 
     const CameraSpec other = SetCamera(scene.store(), "-3, -6, 4", -3, -6, 4);
     const auto large = MakeView(*scene, renderer, other, 96, 96, 1);
@@ -56,8 +56,8 @@ TEST_CASE("The cost model foretells words and instructions within 5 %") {
     CHECK(counted.counts.rays > 3 * measured.counts.rays);
     CHECK(Error(PredictedWords(measured, counted.counts), static_cast<double>(words)) < 0.05);
 
-    if (!ValgrindInstalled()) {
-      test::Skip("instructions of kernels: valgrind is not installed");
+    if (const std::string why = WhyNotCounted(); !why.empty()) {
+      test::Skip("instructions of kernels: " + why);
       continue;
     }
     of_large = CountKernelInstructions(CommandFor(scene.store(), name, 96));

@@ -8,6 +8,8 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "common/base/log.h"
+#include "common/program/run_program.h"
 #include "tests/bench/arguments.h"
 #include "tests/bench/figures.h"
 #include "tests/bench/median.h"
@@ -79,22 +81,22 @@ Result<Measured> Measure(const std::string& store, const Options& options, bool 
 }
 
 void PrintScenes(const std::vector<Measured>& all) {
-  fmt::print(
+  Print(
       "Scenes\n\n| scene | triangles | paper's | rays into the box | grid | references in the grid |\n"
       "|---|---|---|---|---|---|\n");
   for (const Measured& m : all) {
     const GridResolution& n = m.cells;
-    fmt::print("| {} | {} | {} | {} | {}x{}x{} | {} |\n", m.name, m.triangles,
-               m.paper ? std::to_string(m.paper->triangles) : "-", m.rays, n[0], n[1], n[2],
-               m.grid_references);
+    Print(fmt::format("| {} | {} | {} | {} | {}x{}x{} | {} |\n", m.name, m.triangles,
+                      m.paper ? std::to_string(m.paper->triangles) : "-", m.rays, n[0], n[1], n[2],
+                      m.grid_references));
   }
-  fmt::print(
+  Print(
       "\n| scene | tree | splits | leaves | depth | references | built or read, s "
       "|\n|---|---|---|---|---|---|---|\n");
   for (const Measured& m : all)
     for (const TreeCounts& tree : m.trees)
-      fmt::print("| {} | {} | {} | {} | {} | {} | {:.2f} |\n", m.name, tree.name, tree.splits, tree.leaves,
-                 tree.depth, tree.references, tree.build_seconds);
+      Print(fmt::format("| {} | {} | {} | {} | {} | {} | {:.2f} |\n", m.name, tree.name, tree.splits,
+                        tree.leaves, tree.depth, tree.references, tree.build_seconds));
 }
 
 /// Milliseconds by the names of structures; 0: not measured.
@@ -125,66 +127,68 @@ class Milliseconds {
 };
 
 void PrintTable1(const std::vector<Measured>& all) {
-  fmt::print(
+  Print(fmt::format(
       "\nTable 1: processor milliseconds a frame, median; {}, one core; the paper's on an ATI X800 XT PE. "
       "The last columns: the tree as ours\n\n| scene | | brute | grid | restart | backtrack | brute / "
       "restart | grid / restart | restart / backtrack | restart, ours | backtrack, ours |\n"
       "|---|---|---|---|---|---|---|---|---|---|---|\n",
-      BestSimt().isa);
+      BestSimt().isa));
   for (const Measured& m : all) {
     const Milliseconds ms(m.timings);
-    fmt::print("| {} | here |{}{}{}\n", m.name, ms.Cells({"brute", "grid", "restart", "backtrack"}, 1),
-               ms.Ratios(), ms.Cells({"restart, ours", "backtrack, ours"}, 1));
+    Print(fmt::format("| {} | here |{}{}{}\n", m.name, ms.Cells({"brute", "grid", "restart", "backtrack"}, 1),
+                      ms.Ratios(), ms.Cells({"restart, ours", "backtrack, ours"}, 1)));
     if (const PaperFigures* p = m.paper)
-      fmt::print("| | paper | {:.0f} | {:.0f} | {:.0f} | {:.0f} | {:.2f} | {:.2f} | {:.2f} | - | - |\n",
-                 p->brute, p->grid_ms, p->restart, p->backtrack, p->brute / p->restart,
-                 p->grid_ms / p->restart, p->restart / p->backtrack);
+      Print(
+          fmt::format("| | paper | {:.0f} | {:.0f} | {:.0f} | {:.0f} | {:.2f} | {:.2f} | {:.2f} | - | - |\n",
+                      p->brute, p->grid_ms, p->restart, p->backtrack, p->brute / p->restart,
+                      p->grid_ms / p->restart, p->restart / p->backtrack));
   }
-  fmt::print(
+  Print(
       "\nCounts a ray: what the grid and kd-restart over their tree do\n\n| scene | grid: cells | lists | "
       "tests "
       "| restart: down | leaves | tests |\n|---|---|---|---|---|---|---|\n");
   for (const Measured& m : all) {
     const auto a_ray = [&](uint64_t n) { return Ratio(n, m.rays); };
     const TraceCounts& kd = m.trees[0].restart;
-    fmt::print("| {} | {:.2f} | {:.2f} | {:.2f} | {:.2f} | {:.2f} | {:.2f} |\n", m.name, a_ray(m.grid.steps),
-               a_ray(m.grid.lists), a_ray(m.grid.tests), a_ray(kd.steps), a_ray(kd.leaves()),
-               a_ray(kd.tests));
+    Print(fmt::format("| {} | {:.2f} | {:.2f} | {:.2f} | {:.2f} | {:.2f} | {:.2f} |\n", m.name,
+                      a_ray(m.grid.steps), a_ray(m.grid.lists), a_ray(m.grid.tests), a_ray(kd.steps),
+                      a_ray(kd.leaves()), a_ray(kd.tests)));
   }
 }
 
 /// `device`: its name, or why nothing is measured.
 void PrintDevice(const std::vector<Measured>& all, const Result<cuda::DeviceInfo>& device) {
   if (!device) {
-    fmt::print("\nNothing is measured on a GPU: {}.\n", device.error().message);
+    Print(fmt::format("\nNothing is measured on a GPU: {}.\n", device.error().message));
     return;
   }
-  fmt::print(
+  Print(fmt::format(
       "\nTable 1 on a GPU, {}: milliseconds a frame, median; a thread a ray, copies not counted\n\n"
       "| scene | brute | grid | restart | backtrack | push-down | ropes | brute / restart | grid / restart | "
       "restart / backtrack | restart, ours | backtrack, ours | push-down, ours | ropes, ours |\n"
       "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
-      device->name);
+      device->name));
   for (const Measured& m : all) {
     if (!*m.on_device) {
-      fmt::print("| {} | {} |\n", m.name, m.on_device->error().message);
+      Print(fmt::format("| {} | {} |\n", m.name, m.on_device->error().message));
       continue;
     }
     const Milliseconds ms((*m.on_device)->timings);
-    fmt::print("| {} |{}{}{}\n", m.name,
-               ms.Cells({"brute", "grid", "restart", "backtrack", "push-down", "ropes"}, 3), ms.Ratios(),
-               ms.Cells({"restart, ours", "backtrack, ours", "push-down, ours", "ropes, ours"}, 3));
+    Print(fmt::format("| {} |{}{}{}\n", m.name,
+                      ms.Cells({"brute", "grid", "restart", "backtrack", "push-down", "ropes"}, 3),
+                      ms.Ratios(),
+                      ms.Cells({"restart, ours", "backtrack, ours", "push-down, ours", "ropes, ours"}, 3)));
     if (const PaperFigures* p = m.paper)
-      fmt::print(
+      Print(fmt::format(
           "| the paper's | {:.0f} | {:.0f} | {:.0f} | {:.0f} | - | - | {:.2f} | {:.2f} | {:.2f} | - | - | - "
           "| - |\n",
           p->brute, p->grid_ms, p->restart, p->backtrack, p->brute / p->restart, p->grid_ms / p->restart,
-          p->restart / p->backtrack);
+          p->restart / p->backtrack));
   }
 }
 
 void PrintTable2(const std::vector<Measured>& all) {
-  fmt::print(
+  Print(
       "\nTable 2: states of primary rays in millions. Transitions: leaves, each by the kernels Leaf and "
       "Continue; in brackets those that are not empty. Factors: Down and Up over the stack's Down, and over "
       "kd-backtrack's Down, which the paper takes for the stack's\n\n"
@@ -192,12 +196,12 @@ void PrintTable2(const std::vector<Measured>& all) {
       "|\n|---|---|---|---|---|---|---|---|---|\n");
   for (const Measured& m : all) {
     if (const PaperFigures* p = m.paper; p && p->restart_down > 0) {
-      fmt::print("| {} | paper | restart | {} | 0 | {} | {} | - | {:.2f} |\n", p->name,
-                 Theirs(p->restart_down), Theirs(p->intersect), Theirs(p->transitions),
-                 p->restart_down / p->backtrack_down);
-      fmt::print("| | paper | backtrack | {} | {} | {} | {} | - | {:.2f} |\n", Theirs(p->backtrack_down),
-                 Theirs(p->up), Theirs(p->intersect), Theirs(p->transitions),
-                 (p->backtrack_down + p->up) / p->backtrack_down);
+      Print(fmt::format("| {} | paper | restart | {} | 0 | {} | {} | - | {:.2f} |\n", p->name,
+                        Theirs(p->restart_down), Theirs(p->intersect), Theirs(p->transitions),
+                        p->restart_down / p->backtrack_down));
+      Print(fmt::format("| | paper | backtrack | {} | {} | {} | {} | - | {:.2f} |\n",
+                        Theirs(p->backtrack_down), Theirs(p->up), Theirs(p->intersect),
+                        Theirs(p->transitions), (p->backtrack_down + p->up) / p->backtrack_down));
     }
     for (const TreeCounts& tree : m.trees) {
       const std::pair<const char*, const TraceCounts*> ways[] = {{"stack", &tree.stack},
@@ -206,10 +210,11 @@ void PrintTable2(const std::vector<Measured>& all) {
                                                                  {"push-down", &tree.push_down},
                                                                  {"ropes", &tree.ropes}};
       for (const auto& [name, c] : ways)
-        fmt::print("| {} | {} | {} | {:.2f} | {:.2f} | {:.2f} | {:.2f} ({:.2f}) | {:.2f} | {:.2f} |\n",
-                   m.name, tree.name, name, Millions(c->steps), Millions(c->ups), Millions(c->tests),
-                   Millions(c->leaves()), Millions(c->lists), Ratio(c->steps + c->ups, tree.stack.steps),
-                   Ratio(c->steps + c->ups, tree.backtrack.steps));
+        Print(fmt::format("| {} | {} | {} | {:.2f} | {:.2f} | {:.2f} | {:.2f} ({:.2f}) | {:.2f} | {:.2f} |\n",
+                          m.name, tree.name, name, Millions(c->steps), Millions(c->ups), Millions(c->tests),
+                          Millions(c->leaves()), Millions(c->lists),
+                          Ratio(c->steps + c->ups, tree.stack.steps),
+                          Ratio(c->steps + c->ups, tree.backtrack.steps)));
     }
   }
 }
@@ -223,16 +228,17 @@ void PrintTable3(const std::vector<Measured>& all, const nlohmann::json& instruc
   };
   for (const Measured& m : all) {
     if (m.kernels.empty()) continue;
-    fmt::print(
+    Print(fmt::format(
         "\nTable 3: kernels over the rays of {}, their tree; scalar, one core. Words of 32 bits, a call. "
         "Instructions: those of --instructions\n\n| kernel | instructions | words in | out | "
         "dependent "
         "fetches | ns a call | GB/s | calls timed |\n|---|---|---|---|---|---|---|---|\n",
-        m.name);
+        m.name));
     for (const KernelCost& k : m.kernels)
-      fmt::print("| {} | {} | {:.1f} | {:.1f} | {:.2f} | {:.1f} | {:.2f} | {} |\n", k.name, counted(k.name),
-                 k.words_in, k.words_out, k.fetches, k.nanoseconds, k.gigabytes_per_s, k.calls);
-    fmt::print(
+      Print(fmt::format("| {} | {} | {:.1f} | {:.1f} | {:.2f} | {:.1f} | {:.2f} | {} |\n", k.name,
+                        counted(k.name), k.words_in, k.words_out, k.fetches, k.nanoseconds, k.gigabytes_per_s,
+                        k.calls));
+    Print(
         "\nThe paper's, on an ATI X800 XT PE\n\n| kernel | instructions | floats in/out | dependent fetches "
         "| GB/s "
         "|\n|---|---|---|---|---|\n"
@@ -244,13 +250,13 @@ void PrintTable3(const std::vector<Measured>& all, const nlohmann::json& instruc
 
 /// Bytes that a frame reads from textures, over its time: of the fused kernels, whose streams are registers.
 void PrintFrames(const std::vector<Measured>& all) {
-  fmt::print(
+  Print(fmt::format(
       "\nTable 3 of whole frames: megabytes that the scalar kernels read from textures, each read counted, "
       "caches or not; over table 1's times the effective bandwidth in GB/s. Lanes of the processor read a "
       "fourth word with each corner and node, which is not counted\n\n| scene | structure | MB | {}, one "
       "core | GPU |\n"
       "|---|---|---|---|---|\n",
-      BestSimt().isa);
+      BestSimt().isa));
   for (const Measured& m : all) {
     const auto row = [&](const std::string& name, uint64_t words) {
       const double megabytes = static_cast<double>(words) * sizeof(uint32_t) / 1e6;
@@ -258,8 +264,8 @@ void PrintFrames(const std::vector<Measured>& all) {
         const double ms = Milliseconds(timings).Of(name);
         return ms > 0 ? fmt::format("{:.2f}", megabytes / ms) : "-";
       };
-      fmt::print("| {} | {} | {:.1f} | {} | {} |\n", m.name, name, megabytes, speed(m.timings),
-                 m.on_device && *m.on_device ? speed((*m.on_device)->timings) : "-");
+      Print(fmt::format("| {} | {} | {:.1f} | {} | {} |\n", m.name, name, megabytes, speed(m.timings),
+                        m.on_device && *m.on_device ? speed((*m.on_device)->timings) : "-"));
     };
     row("grid", m.grid.words);
     for (const TreeCounts& tree : m.trees) {
@@ -350,7 +356,7 @@ int Main(int argc, char** argv) {
   app.add_option("--json", options.json, "Results as JSON")->check(bench::CheckFigures);
   if (const auto status = bench::ReadArguments(app, argc, argv)) return *status;
   const auto fail = [](const std::string& message, int status) {
-    fmt::print(stderr, "quarry bench papers: {}\n", message);
+    Log(fmt::format("quarry bench papers: {}", message));
     return status;
   };
   if (options.size % RayPacket::kSide != 0) return fail("--size: not a multiple of 8", 2);
@@ -389,7 +395,8 @@ int Main(int argc, char** argv) {
     results["scenes"].push_back(ToJson(*measured));
     all.push_back(std::move(*measured));
   }
-  fmt::print("Primary rays of {0}x{0} pixels, medians of {1}.\n\n", options.size, options.repetitions);
+  Print(
+      fmt::format("Primary rays of {0}x{0} pixels, medians of {1}.\n\n", options.size, options.repetitions));
   PrintScenes(all);
   PrintTable1(all);
   PrintDevice(all, device);
@@ -412,6 +419,6 @@ int Main(int argc, char** argv) {
 }  // namespace quarry::laboratory
 
 int main(int argc, char** argv) {
-  return quarry::bench::RunPrinting("quarry bench papers",
-                                    [&] { return quarry::laboratory::Main(argc, argv); });
+  return quarry::RunProgram({"quarry bench papers", "figures that were printed stand"}, argc, argv,
+                            quarry::laboratory::Main);
 }

@@ -9,7 +9,9 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "common/base/log.h"
 #include "common/engine/renderer.h"
+#include "common/program/run_program.h"
 #include "deploy/model_cache.h"
 #include "tests/bench/arguments.h"
 #include "tests/bench/figures.h"
@@ -36,7 +38,7 @@ struct Options {
 };
 
 void Say(const Options& options, const std::string& what) {
-  if (!options.quiet && options.only.empty()) fmt::print(stderr, "{}\n", what);
+  if (!options.quiet && options.only.empty()) Log(what);
 }
 
 /// The pixels that workers render.
@@ -215,11 +217,11 @@ MemoryNeeds NeedsOf(const Options& o, const Box& box) {
 }
 
 Result<int> Run(Options& o) {
-  if (o.only.empty() && !o.no_instructions && !ValgrindInstalled())
-    return Fail("valgrind is not installed: it counts instructions; without it, give --no-instructions");
   if (!o.plots.empty() && !GnuplotInstalled()) return Fail("gnuplot is not installed: it draws --plots");
-  QUARRY_ASSIGN(const std::string store, StoreFor(o.model, true));
+  QUARRY_ASSIGN(const std::string store, StoreFor(o.model, {}, true));
   QUARRY_ASSIGN(const StoreReader opened, StoreReader::Open(store));
+  if (const std::string why = WhyNotCounted(); o.only.empty() && !o.no_instructions && !why.empty())
+    return Fail(why + "; valgrind counts instructions: without it, give --no-instructions");
   const SceneMeta& meta = opened.catalog().meta;
   QUARRY_ASSIGN(const auto scene,
                 LaboratoryScene::Load(store, NeedsOf(o, {meta.root_lower, meta.root_upper})));
@@ -230,20 +232,20 @@ Result<int> Run(Options& o) {
   QUARRY_ASSIGN(const Study study, MakeStudy(o, *scene, store));
   if (!o.only.empty()) return 0;
   const std::string name = std::filesystem::path(o.model).stem().string();
-  fmt::print("# {}: {} triangles, {}, {} x {} pixels, oracle {}\n\n", name, scene->triangles().size(),
-             o.accelerator, o.study.size, o.study.size, o.oracle);
+  Print(fmt::format("# {}: {} triangles, {}, {} x {} pixels, oracle {}\n\n", name, scene->triangles().size(),
+                    o.accelerator, o.study.size, o.study.size, o.oracle));
   // The paper's bunny, or the same on a floor of two triangles.
   const size_t triangles = scene->triangles().size();
   PrintStudy(study, o.study, triangles == 69451 || triangles == 69453);
   if (!bench::WriteFigures(o.json, StudyToJson(study).dump(2))) return 1;
   if (!o.plots.empty()) QUARRY_TRY(DrawStudy(study, o.plots, name));
   if (!study.same_runs) {
-    fmt::print(stderr, "{}: pictures of oracles, unrolled, tiled and branching runs differ\n", o.model);
+    Log(fmt::format("{}: pictures of oracles, unrolled, tiled and branching runs differ", o.model));
     return 1;
   }
   for (const RendererRow& row : study.renderers)
     if (!row.same_schedules || (row.same_as_render && !*row.same_as_render)) {
-      fmt::print(stderr, "{}: pictures differ, see table 3\n", o.model);
+      Log(fmt::format("{}: pictures differ, see table 3", o.model));
       return 1;
     }
   return 0;
@@ -311,14 +313,13 @@ int Main(int argc, char** argv) {
   app.footer("Example:\n  quarry bench stream bunny.quarry --size 1024 --plots figures");
   if (const auto status = bench::ReadArguments(app, argc, argv)) return *status;
   if (const auto cache = TextureCache::Create(o.study.cache); !cache) {
-    fmt::print(stderr, "quarry bench stream: {}\n", cache.error().message);
+    Log(fmt::format("quarry bench stream: {}", cache.error().message));
     return 2;
   }
   std::signal(SIGPIPE, SIG_IGN);  // of a gnuplot that ends early
   const auto status = Run(o);
   if (status) return *status;
-  if (!status.error().message.empty())
-    fmt::print(stderr, "quarry bench stream: {}\n", status.error().message);
+  if (!status.error().message.empty()) Log(fmt::format("quarry bench stream: {}", status.error().message));
   return 1;
 }
 
@@ -326,6 +327,6 @@ int Main(int argc, char** argv) {
 }  // namespace quarry::laboratory
 
 int main(int argc, char** argv) {
-  return quarry::bench::RunPrinting("quarry bench stream",
-                                    [&] { return quarry::laboratory::Main(argc, argv); });
+  return quarry::RunProgram({"quarry bench stream", "figures that were printed stand"}, argc, argv,
+                            quarry::laboratory::Main);
 }

@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "common/base/log.h"
 #include "tests/laboratory/plots.h"
 
 namespace quarry::laboratory {
@@ -50,11 +51,11 @@ void PrintKernel(const std::string& name, uint32_t k, const Instructions* instru
                        InstructionsCell(instructions, run.counts, k, branches), Of(words.read, runs),
                        Of(words.written, runs), Of(words.fetched, runs));
   };
-  fmt::print("| {} |{}{}\n", name, cells(multipass, false), cells(branching, true));
+  Print(fmt::format("| {} |{}{}\n", name, cells(multipass, false), cells(branching, true)));
 }
 
 void PrintKernels(const Study& study, bool bunny) {
-  fmt::print(
+  Print(
       "## Table 1: kernels of the ray caster, and the shade kernels of the other renderers\n\n"
       "Averages of one run (an empty leaf is a run of intersect): instructions, from a smaller picture; "
       "32-bit words read from and written to streams (R, W) and fetched from textures (M). Stencil: each "
@@ -75,14 +76,14 @@ void PrintKernels(const Study& study, bool bunny) {
     }
   }
   if (bunny)
-    fmt::print(
+    Print(
         "\nThe paper's shade kernels, in these columns: color 36, 10, 3, 21 and 25, 0, 3, 21; shadow 16, 11, "
         "8, 0 and 10, 0, 0, 0; reflected 26, 11, 9, 9 and 12, 0, 0, 0; path 17, 14, 9, 9 and 11, 3, 0, 0. "
         "Here color and shadow also begin the reflected and scattered rays.\n");
 }
 
 void PrintPasses(const Study& study, bool bunny) {
-  fmt::print(
+  Print(
       "\n## Table 2: passes of the multipass machine\n\n"
       "Bound: no order of passes has fewer in the structure, since each kernel runs as often as its busiest "
       "ray needs "
@@ -92,16 +93,17 @@ void PrintPasses(const Study& study, bool bunny) {
   for (const OracleRow& row : study.oracles) {
     const MachineCounts& c = row.counts;
     const auto passes = [&](KernelId kernel) { return c.passes[static_cast<uint32_t>(kernel)]; };
-    fmt::print("| {} | {} | {} | {} | {} | {} | {:.2f} | {} | {} | {:.3f} |\n", row.name, c.all_passes(),
-               passes(KernelId::kTraverse), passes(KernelId::kUp), passes(KernelId::kIntersect),
-               c.all_passes() - c.structure_passes(), Of(c.structure_passes(), c.least_passes), c.most_steps,
-               c.most_tests, c.simd_efficiency());
+    Print(fmt::format("| {} | {} | {} | {} | {} | {} | {:.2f} | {} | {} | {:.3f} |\n", row.name,
+                      c.all_passes(), passes(KernelId::kTraverse), passes(KernelId::kUp),
+                      passes(KernelId::kIntersect), c.all_passes() - c.structure_passes(),
+                      Of(c.structure_passes(), c.least_passes), c.most_steps, c.most_tests,
+                      c.simd_efficiency()));
   }
   if (!study.oracles.empty())
-    fmt::print("| bound | | | | | | 1.00 | | | |\n\nThe bound is {} passes.\n",
-               study.oracles[0].counts.least_passes);
+    Print(fmt::format("| bound | | | | | | 1.00 | | | |\n\nThe bound is {} passes.\n",
+                      study.oracles[0].counts.least_passes));
   if (bunny)
-    fmt::print(
+    Print(
         "The paper, bunny, 1024x1024, share of 20 %: 1085 passes (610 traversal, 471 intersection, 4 other), "
         "maxima 221 and 328, SIMD efficiency 0.105; within a factor of 2 to 3 of the optimum, as soon as any "
         "at "
@@ -110,16 +112,16 @@ void PrintPasses(const Study& study, bool bunny) {
 
 void PrintScene(const Study& study, bool bunny) {
   const MachineCounts& c = study.branching.counts;
-  fmt::print(
+  Print(fmt::format(
       "\n## Figure 6: the scene\n\n| v: cells or nodes a ray | t: triangles a ray | s: shadings a ray "
       "|\n|---|---|---|\n"
       "| {:.2f} | {:.2f} | {:.2f} |\n",
-      Of(c.steps + c.ups, c.rays), Of(c.tests, c.rays), Of(c.shaded, c.rays));
-  if (bunny) fmt::print("| the paper's bunny: 93.93 | 13.88 | 0.82 |\n");
+      Of(c.steps + c.ups, c.rays), Of(c.tests, c.rays), Of(c.shaded, c.rays)));
+  if (bunny) Print("| the paper's bunny: 93.93 | 13.88 | 0.82 |\n");
 }
 
 void PrintUse(const Study& study) {
-  fmt::print(
+  Print(
       "\n## Figure 7: computation and bandwidth by kernel\n\n| kernel | multipass: million instructions | MB "
       "| "
       "branching: million instructions | MB |\n|---|---|---|---|---|\n");
@@ -134,29 +136,31 @@ void PrintUse(const Study& study) {
       return fmt::format(" {} | {:.1f} |", million,
                          4 * static_cast<double>(w.read + w.written + w.fetched) / kMillion);
     };
-    fmt::print("| {} |{}{}\n", kKernelNames[k], cells(study.multipass, false), cells(study.branching, true));
+    Print(fmt::format("| {} |{}{}\n", kKernelNames[k], cells(study.multipass, false),
+                      cells(study.branching, true)));
   }
-  fmt::print(
+  Print(fmt::format(
       "| stencil | | {:.1f} | | |\n",
-      static_cast<double>(study.multipass.bytes[static_cast<uint32_t>(DataKind::kStencil)]) / kMillion);
+      static_cast<double>(study.multipass.bytes[static_cast<uint32_t>(DataKind::kStencil)]) / kMillion));
 }
 
 void PrintBandwidth(const Study& study, const StudyOptions& options) {
-  fmt::print(
+  Print(fmt::format(
       "\n## Figures 8 and 9: bandwidth by type of data, without and with a texture cache\n\n"
       "MB of the picture. Cache: {} bytes, lines of {}, {} way{}.\n\n| schedule |",
-      options.cache.bytes, options.cache.line, options.cache.ways, options.cache.ways == 1 ? "" : "s");
-  for (const char* kind : kDataKindNames) fmt::print(" {} |", kind);
-  fmt::print(" all | with cache | ratio | hits of vertices |\n|---|");
-  for (uint32_t k = 0; k < kDataKinds + 4; ++k) fmt::print("---|");
-  fmt::print("\n");
+      options.cache.bytes, options.cache.line, options.cache.ways, options.cache.ways == 1 ? "" : "s"));
+  for (const char* kind : kDataKindNames) Print(fmt::format(" {} |", kind));
+  Print(" all | with cache | ratio | hits of vertices |\n|---|");
+  for (uint32_t k = 0; k < kDataKinds + 4; ++k) Print("---|");
+  Print("\n");
   const auto row = [](const std::string& name, const CountedRun& run) {
-    fmt::print("| {} |", name);
-    for (const uint64_t bytes : run.bytes) fmt::print(" {:.1f} |", static_cast<double>(bytes) / kMillion);
-    fmt::print(" {:.1f} | {:.1f} | {:.2f} | {:.1f} % |\n", static_cast<double>(run.all_bytes()) / kMillion,
-               static_cast<double>(run.all_cached_bytes()) / kMillion,
-               Of(run.all_cached_bytes(), run.all_bytes()),
-               100 * Of(run.triangle_hits, run.triangle_accesses));
+    Print(fmt::format("| {} |", name));
+    for (const uint64_t bytes : run.bytes)
+      Print(fmt::format(" {:.1f} |", static_cast<double>(bytes) / kMillion));
+    Print(fmt::format(
+        " {:.1f} | {:.1f} | {:.2f} | {:.1f} % |\n", static_cast<double>(run.all_bytes()) / kMillion,
+        static_cast<double>(run.all_cached_bytes()) / kMillion, Of(run.all_cached_bytes(), run.all_bytes()),
+        100 * Of(run.triangle_hits, run.triangle_accesses)));
   };
   row("multipass", study.multipass);
   row(fmt::format("unrolled {} and {}", options.unrolling.traverse, options.unrolling.intersect),
@@ -168,21 +172,21 @@ void PrintBandwidth(const Study& study, const StudyOptions& options) {
         study.renderers[r].branching);
   const Instructions* instructions = InstructionsOf(study);
   const double whole = static_cast<double>(study.multipass.all_bytes());
-  fmt::print("\nUnrolling {} and {}: {:.0f} % less bandwidth", options.unrolling.traverse,
-             options.unrolling.intersect,
-             100 - 100 * Part(static_cast<double>(study.unrolled.all_bytes()), whole));
+  Print(fmt::format("\nUnrolling {} and {}: {:.0f} % less bandwidth", options.unrolling.traverse,
+                    options.unrolling.intersect,
+                    100 - 100 * Part(static_cast<double>(study.unrolled.all_bytes()), whole)));
   if (instructions)
-    fmt::print(", {:+.0f} % instructions",
-               100 * Part(PredictedInstructions(*instructions, study.unrolled.counts, false),
-                          PredictedInstructions(*instructions, study.multipass.counts, false)) -
-                   100);
-  fmt::print(
+    Print(fmt::format(", {:+.0f} % instructions",
+                      100 * Part(PredictedInstructions(*instructions, study.unrolled.counts, false),
+                                 PredictedInstructions(*instructions, study.multipass.counts, false)) -
+                          100));
+  Print(
       " (the paper: 60 % less where memory is left alone after a ray's end, under 10 % more "
       "instructions).\n");
 }
 
 void PrintRenderers(const Study& study, bool bunny) {
-  fmt::print(
+  Print(
       "\n## Table 3: the other renderers against the ray caster, branching\n\nA sample's cost: shadow, "
       "whitted and path against raycast of "
       "as many samples.\n\n| renderer | rays a sample | instructions | bandwidth | with cache | multipass "
@@ -201,18 +205,18 @@ void PrintRenderers(const Study& study, bool bunny) {
                   scale * Part(PredictedInstructions(*row.instructions, row.branching.counts, true),
                                PredictedInstructions(*base.instructions, base.branching.counts, true)))
             : "not counted";
-    fmt::print("| {} | {:.2f} | {} | {:.2f} | {:.2f} | {} | {} |\n",
-               kRendererNames[static_cast<uint32_t>(row.renderer)],
-               Part(static_cast<double>(row.branching.counts.rays), samples(row)), instructions,
-               scale * Of(row.branching.all_bytes(), base.branching.all_bytes()),
-               scale * Of(row.branching.all_cached_bytes(), base.branching.all_cached_bytes()),
-               row.same_schedules ? "yes" : "NO",
-               !row.same_as_render   ? "no such mode"
-               : *row.same_as_render ? "yes"
-                                     : "NO");
+    Print(fmt::format("| {} | {:.2f} | {} | {:.2f} | {:.2f} | {} | {} |\n",
+                      kRendererNames[static_cast<uint32_t>(row.renderer)],
+                      Part(static_cast<double>(row.branching.counts.rays), samples(row)), instructions,
+                      scale * Of(row.branching.all_bytes(), base.branching.all_bytes()),
+                      scale * Of(row.branching.all_cached_bytes(), base.branching.all_cached_bytes()),
+                      row.same_schedules ? "yes" : "NO",
+                      !row.same_as_render   ? "no such mode"
+                      : *row.same_as_render ? "yes"
+                                            : "NO"));
   }
   if (bunny)
-    fmt::print(
+    Print(
         "\nThe paper's bunny, instructions and bandwidth: shadow 0.85 and 1.15, whitted 2.62 and 3.00, path "
         "3.24 and 4.06.\n");
 }

@@ -14,7 +14,9 @@
 #include <thread>
 #include <utility>
 
+#include "common/base/log.h"
 #include "common/engine/renderer.h"
+#include "common/program/run_program.h"
 #include "common/scene/framing.h"
 #include "common/voxel/store_reader.h"
 #include "deploy/scene_files.h"
@@ -162,8 +164,8 @@ class Bench {
       : options_(options), store_(store), cameras_(std::move(cameras)), view_(std::move(view)) {}
 
   Status Run(nlohmann::json& results) {
-    fmt::print("{:>8} {:>7} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8}\n", "mbit/s", "ms", "loading", "cold s",
-               "warm s", "MB", "limit s", "overlap");
+    Print(fmt::format("{:>8} {:>7} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8}\n", "mbit/s", "ms", "loading",
+                      "cold s", "warm s", "MB", "limit s", "overlap"));
     const std::string no_map = MappedBlocks::WhyNot();
     for (const double mbit : options_.mbits)
       for (const double latency_ms : options_.latencies_ms)
@@ -171,7 +173,7 @@ class Bench {
                                             {"wait", Walker::Loading::kWait},
                                             {"map", Walker::Loading::kMap}}) {
           if (loading == Walker::Loading::kMap && !no_map.empty()) {
-            fmt::print("{:8} {:7} {:>8} skipped: {}\n", mbit, latency_ms, name, no_map);
+            Print(fmt::format("{:8} {:7} {:>8} skipped: {}\n", mbit, latency_ms, name, no_map));
             continue;
           }
           Line line(latency_ms * 1e-3, mbit * 1e6 / 8);
@@ -179,10 +181,10 @@ class Bench {
           row["mbit_per_s"] = mbit;
           row["latency_ms"] = latency_ms;
           row["loading"] = name;
-          fmt::print("{:8} {:7} {:>8} {:8.2f} {:8.2f} {:8.1f} {:8.2f} {:8.2f}\n", mbit, latency_ms, name,
-                     row["cold_s"].get<double>(), row["warm_s"].get<double>(),
-                     row["bytes"].get<double>() / 1e6, row["limit_s"].get<double>(),
-                     row["overlap"].get<double>());
+          Print(fmt::format("{:8} {:7} {:>8} {:8.2f} {:8.2f} {:8.1f} {:8.2f} {:8.2f}\n", mbit, latency_ms,
+                            name, row["cold_s"].get<double>(), row["warm_s"].get<double>(),
+                            row["bytes"].get<double>() / 1e6, row["limit_s"].get<double>(),
+                            row["overlap"].get<double>()));
           std::fflush(stdout);
           results.push_back(std::move(row));
         }
@@ -283,7 +285,7 @@ int Main(int argc, char** argv) {
   const Status status = RunBench(options, results);
   (void)bench::WriteFigures(options.json, results.dump(2));
   if (status) return 0;
-  fmt::print(stderr, "quarry-bench-loading: {}\n", status.error().message);
+  Log(fmt::format("quarry-bench-loading: {}", status.error().message));
   return 1;
 }
 
@@ -291,5 +293,6 @@ int Main(int argc, char** argv) {
 }  // namespace quarry::bench
 
 int main(int argc, char** argv) {
-  return quarry::bench::RunPrinting("quarry bench loading", [&] { return quarry::bench::Main(argc, argv); });
+  return quarry::RunProgram({"quarry bench loading", "figures that were printed stand"}, argc, argv,
+                            quarry::bench::Main);
 }

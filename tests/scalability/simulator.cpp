@@ -7,8 +7,10 @@
 #include <set>
 
 #include "common/base/file.h"
+#include "common/base/log.h"
 #include "common/base/resource.h"
 #include "common/base/size.h"
+#include "common/program/run_program.h"
 #include "tests/bench/figures.h"
 #include "tests/scalability/simulation.h"
 
@@ -36,7 +38,8 @@ Result<Foreseen> Foresee(const Scene& scene, uint64_t cache_bytes, const TracedW
     QUARRY_ASSIGN(ProbedFrame frame, ProbeFrame(*renderer, view));
     foreseen.push_back(std::make_shared<const ProbedFrame>(std::move(frame)));
   }
-  fmt::print("coarse rays: {:.1f} ms a frame\n", 1e3 * SecondsSince(start) / double(walk.views.size()));
+  Print(
+      fmt::format("coarse rays: {:.1f} ms a frame\n", 1e3 * SecondsSince(start) / double(walk.views.size())));
   return foreseen;
 }
 
@@ -54,11 +57,11 @@ Status Run(const SimulatorOptions& o) {
     for (const auto& tile : frame) touched.insert(tile.blocks.begin(), tile.blocks.end());
   uint64_t touched_bytes = 0;
   for (const uint32_t b : touched) touched_bytes += bytes[b];
-  fmt::print("{} frames of {} tiles, {:.1f} MB touched\n", walk.views.size(), walk.tiles[0].size(),
-             touched_bytes * 1e-6);
+  Print(fmt::format("{} frames of {} tiles, {:.1f} MB touched\n", walk.views.size(), walk.tiles[0].size(),
+                    touched_bytes * 1e-6));
   QUARRY_ASSIGN(const uint64_t foresight_bytes, ParseSize(o.foresight, "--foresight"));
   QUARRY_ASSIGN(const Foreseen foreseen, Foresee(scene, foresight_bytes, walk));
-  fmt::print(
+  Print(
       "workers  seconds  speed-up  MB loaded  from peers  processors busy  busiest server  overlap  foreseen "
       " "
       "fulfilled  ms planning a frame\n");
@@ -68,13 +71,13 @@ Status Run(const SimulatorOptions& o) {
     Simulation simulation(o.cluster, walk, foreseen, scene.catalog(), bytes, workers);
     const double s = simulation.Run();
     if (one_s == 0) one_s = s * workers;  // estimate from the first count when that is not 1
-    fmt::print(
+    Print(fmt::format(
         "{:7}  {:7.2f}  {:8.2f}  {:9.1f}  {:10.1f}  {:14.0f}%  {:13.0f}%  {:7.2f}  {:7.0f}%  {:8.0f}%  "
         "{:19.1f}\n",
         workers, s, one_s / s, simulation.bytes() * 1e-6, simulation.peer_bytes() * 1e-6,
         100 * simulation.compute_s() / workers / s, 100 * simulation.server_busy_s() / s,
         simulation.least_s() / s, 100 * simulation.foreseen(), 100 * simulation.fulfilled(),
-        1e3 * simulation.planning_s());
+        1e3 * simulation.planning_s()));
     rows.push_back({{"workers", workers},
                     {"servers", o.cluster.servers},
                     {"peers", o.cluster.peers},
@@ -139,11 +142,14 @@ int Main(int argc, char** argv) {
   }
   const Status status = Run(o);
   if (status) return 0;
-  fmt::print(stderr, "quarry-bench-simulate: {}\n", status.error().message);
+  Log(fmt::format("quarry-bench-simulate: {}", status.error().message));
   return status.error().exit_status();
 }
 
 }  // namespace
 }  // namespace quarry
 
-int main(int argc, char** argv) { return quarry::Main(argc, argv); }
+int main(int argc, char** argv) {
+  return quarry::RunProgram({"quarry bench simulate", "figures that were printed stand"}, argc, argv,
+                            quarry::Main);
+}

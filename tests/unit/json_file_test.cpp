@@ -75,7 +75,7 @@ TEST_CASE("Values of the wrong type are named by file and key", "[json]") {
   CHECK_FALSE(whole.Optional("m")->has_value());
   CHECK(item.Member("at").error().message == "f.json: list[0]: 'at' is missing");
   CHECK_THAT(item.Member("eye")->Numbers(eye, 0, 2).error().message,
-             Contains("f.json: list[0].eye: is no list of 3"));
+             Contains("f.json: list[0].eye: three numbers"));
   CHECK_THAT(item.Member("two")->Numbers(std::span(eye, 2), 0, 2).error().message, Contains("list[0].two"));
   CHECK_THAT(item.Member("name")->Number().error().message, Contains("list[0].name: is no number"));
   CHECK_THAT(item.Member("eye")->Text().error().message, Contains("list[0].eye: is no text"));

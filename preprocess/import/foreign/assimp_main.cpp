@@ -21,9 +21,10 @@
 #include <vector>
 
 #include "common/base/address_space.h"
-#include "common/base/cleanup.h"
 #include "common/base/file.h"
+#include "common/base/log.h"
 #include "common/math/elementary.h"
+#include "common/program/run_program.h"
 #include "common/scene/material_json.h"
 #include "common/scene/open_pbr.h"
 #include "preprocess/import/foreign/foreign.h"
@@ -262,7 +263,10 @@ Status WritePly(const std::vector<Placed>& placed, const std::string& path) {
 /// The error, with the model's name once.
 Status CannotRead(const std::string& model, std::string why) {
   if (why.starts_with("No suitable reader found"))
-    return Fail(fmt::format("{}: is of no format that is known here; export it as glTF, OBJ or PLY", model));
+    return Fail(fmt::format(
+        "{}: is of none of the formats that are read: PLY, OBJ, STL, OFF, glTF, GLB, NFF, AFF, and by "
+        "Assimp COLLADA, 3MF, AMF, FBX, 3DS, DXF, X3D and more; export it as glTF, OBJ or PLY",
+        model));
   for (size_t at; (at = why.find(model)) != why.npos;) why.replace(at, model.size(), "it");
   while (why.ends_with('.') || why.ends_with('\n')) why.pop_back();
   return Fail(fmt::format("{}: Assimp cannot read it ({}); export it as glTF, OBJ or PLY", model, why));
@@ -296,26 +300,27 @@ Status Run(const std::string& model, const std::string& out, uint64_t memory) {
   return {};
 }
 
+int Main(int argc, char** argv) {
+  if (argc != 4) {
+    Log("quarry-import-assimp MODEL OUT.ply BYTES: started by quarry-preprocess");
+    return 2;
+  }
+  try {
+    const Status status = Run(argv[1], argv[2], std::strtoull(argv[3], nullptr, 10));
+    if (status) return 0;
+    Log(status.error().message);
+  } catch (const std::bad_alloc&) {
+    Log(fmt::format("{}: needs more than --memory: Assimp holds a model whole, in up to {} times its bytes",
+                    argv[1], kForeignBytesPerByte));
+  } catch (const std::exception& e) {
+    Log(fmt::format("{}: Assimp cannot read it: {}", argv[1], e.what()));
+  }
+  return 1;
+}
+
 }  // namespace
 }  // namespace quarry
 
 int main(int argc, char** argv) {
-  if (argc != 4) {
-    fmt::print(stderr, "quarry-import-assimp MODEL OUT.ply BYTES: started by quarry-preprocess\n");
-    return 2;
-  }
-  quarry::InstallSignalHandlers("quarry-import-assimp", "nothing was written");
-  quarry::EndWithParent();
-  try {
-    const auto status = quarry::Run(argv[1], argv[2], std::strtoull(argv[3], nullptr, 10));
-    if (status) return 0;
-    fmt::print(stderr, "{}\n", status.error().message);
-  } catch (const std::bad_alloc&) {
-    fmt::print(stderr,
-               "{}: needs more than --memory: Assimp holds a model whole, in up to {} times its bytes\n",
-               argv[1], quarry::kForeignBytesPerByte);
-  } catch (const std::exception& e) {
-    fmt::print(stderr, "{}: Assimp cannot read it: {}\n", argv[1], e.what());
-  }
-  return 1;
+  return quarry::RunProgram({"quarry-import-assimp", "nothing was written"}, argc, argv, quarry::Main);
 }

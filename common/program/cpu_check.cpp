@@ -1,6 +1,6 @@
 // Compiled for plain x86-64 (see CMakeLists.txt), so that the check runs on processors that cannot run the
 // rest.
-#include "common/base/cpu_check.h"
+#include "common/program/cpu_check.h"
 
 #include <unistd.h>
 
