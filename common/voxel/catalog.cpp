@@ -19,7 +19,6 @@ constexpr size_t kMetaBytes = 192;
 constexpr uint32_t kMasksFlag = 1;  // of META
 constexpr size_t kVoxelBytes = 72;
 constexpr uint32_t kFresnelFlag = 1, kUnlitFlag = 2;  // flags of a material
-constexpr size_t kMaterialBytes = 4 + 136;
 /// Laid out in treelets, two nodes take at most nine slots with headers and alignment, and links number
 /// slots.
 constexpr size_t kMostTopNodes = KdNode::kMaxLink / 5;
@@ -177,8 +176,7 @@ Status DecodeMaterials(std::span<const std::byte> bytes, Catalog& catalog) {
 Status DecodeTexturing(const std::vector<SectionView>& sections, const TexturePlaces& places,
                        Catalog& catalog) {
   if (const SectionView* directory = Find(sections, SectionType::kTextureDirectory)) {
-    QUARRY_ASSIGN(catalog.textures,
-                  DecodeTextures(directory->bytes, places.strings, places.begin, places.end));
+    QUARRY_ASSIGN(catalog.textures, DecodeTextures(directory->bytes, places.begin, places.end));
   }
   for (const Texture& texture : catalog.textures) {
     catalog.shapes.emplace_back(texture.layout.width, texture.layout.height);

@@ -88,7 +88,7 @@ struct VoxelEntry {
 
 /// The directory's entry of a texture.
 struct Texture {
-  std::string name;  ///< the model's name for it; workers do not get it
+  std::string name;  ///< the model's name for it, for writing; readers ask StoreNames
   TexelLayout layout;
   std::vector<BlockEntry> pages;  ///< numbered as in TextureShape
 
@@ -166,6 +166,8 @@ struct SectionView {
 Bytes EncodeMeta(const SceneMeta& meta);
 Bytes EncodeTopTree(const std::vector<KdNode>& nodes);
 Bytes EncodeDirectory(const std::vector<VoxelEntry>& voxels);
+/// Bytes of a material in MATL, its name's offset first.
+inline constexpr size_t kMaterialBytes = 4 + 136;
 /// Appends a material's numbers, without its name and textures.
 void PutMaterial(const Material& material, ByteWriter& out);
 /// Reads a material's numbers; IsSane() must check them. Errors: unknown flags make in.ok() false.
@@ -173,10 +175,8 @@ Material GetMaterial(ByteReader& in);
 /// Encodes the MATL section; appends the materials' names to `strings`.
 Bytes EncodeMaterials(const std::vector<Material>& materials, std::string& strings);
 
-/// What a reader of the file knows of textures besides their sections: the STRS section with their names, and
-/// the bytes [begin, end) of the file in which pages must lie.
+/// The bytes [begin, end) of the file in which texture pages must lie.
 struct TexturePlaces {
-  std::string_view strings;
   uint64_t begin = 0, end = uint64_t{1} << 62;
 };
 

@@ -1,20 +1,24 @@
 #include "common/voxel/store_description.h"
 
+#include <fmt/format.h>
+
 #include <nlohmann/json.hpp>
+#include <string>
+#include <utility>
 
 #include "common/scene/scene_summary.h"
 
 namespace quarry {
 namespace {
 
-nlohmann::ordered_json DescribeTexture(const Texture& texture) {
+nlohmann::ordered_json DescribeTexture(const Texture& texture, std::string name) {
   const char* const formats[] = {"srgb8", "linear8", "half"};
   uint64_t stored = 0, decoded = 0;
   for (const BlockEntry& page : texture.pages) {
     stored += page.stored;
     decoded += page.decoded;
   }
-  return {{"name", texture.name},
+  return {{"name", std::move(name)},
           {"width", texture.layout.width},
           {"height", texture.layout.height},
           {"channels", texture.layout.channels},
@@ -25,6 +29,27 @@ nlohmann::ordered_json DescribeTexture(const Texture& texture) {
           {"decoded_bytes", decoded},
           {"uses", nlohmann::ordered_json::array()}};
 }
+
+/// Counts the bytes of names that a description holds. Entries of a forged store may all name one long
+/// string.
+class NameBudget {
+ public:
+  /// The names of a material come again with each use of its textures.
+  static constexpr uint64_t kMostCopies = 1 + kTextureUses;
+  explicit NameBudget(const StoreReader& store) : store_(store), left_(kMostCopies * store.name_bytes()) {}
+
+  Result<std::string> Take(Result<std::string> name) {
+    if (name && name->size() > left_)
+      return Fail(fmt::format("{}: its entries name more than the names that it has; make the store again",
+                              store_.path()));
+    if (name) left_ -= name->size();
+    return name;
+  }
+
+ private:
+  const StoreReader& store_;
+  uint64_t left_;
+};
 
 }  // namespace
 
@@ -52,7 +77,7 @@ std::pair<glm::dvec3, glm::dvec3> ModelBounds(const SceneMeta& m) {
   return {glm::dvec3(m.bounds_lower) + m.offset, glm::dvec3(m.bounds_upper) + m.offset};
 }
 
-nlohmann::ordered_json DescribeStore(const StoreReader& store) {
+nlohmann::ordered_json DescribeFacts(const StoreReader& store) {
   const Catalog& c = store.catalog();
   const SceneMeta& m = c.meta;
   const StoreTotals t = TotalsOf(store);
@@ -80,26 +105,46 @@ nlohmann::ordered_json DescribeStore(const StoreReader& store) {
   j["up_axis"] = m.up_axis == 1 ? "y" : "z";
   j["offset"] = {m.offset.x, m.offset.y, m.offset.z};
   j["lz4_version"] = m.lz4_version;
-  j["materials"] = store.material_names();
-  j["parts"] = store.parts();
   j["cameras"] = CamerasToJson(store.views());
   j["lights"] = LightsToJson(store.views());
   j["texture_pages"] = t.pages;
   j["texture_stored_bytes"] = t.pages_stored;
   j["texture_decoded_bytes"] = t.pages_decoded;
-  j["textures"] = DescribeTextures(store);
   return j;
 }
 
-nlohmann::ordered_json DescribeTextures(const StoreReader& store) {
+Result<nlohmann::ordered_json> DescribeStore(const StoreReader& store) {
+  nlohmann::ordered_json j = DescribeFacts(store);
+  NameBudget names(store);
+  auto& materials = j["materials"] = nlohmann::ordered_json::array();
+  for (uint32_t m = 0; m < store.catalog().materials.size(); ++m) {
+    QUARRY_ASSIGN(std::string name, names.Take(store.MaterialName(m)));
+    materials.push_back(std::move(name));
+  }
+  auto& parts = j["parts"] = nlohmann::ordered_json::array();
+  for (uint32_t p = 0; p < store.part_count(); ++p) {
+    QUARRY_ASSIGN(std::string name, names.Take(store.PartName(p)));
+    parts.push_back(std::move(name));
+  }
+  QUARRY_ASSIGN(j["textures"], DescribeTextures(store));
+  return j;
+}
+
+Result<nlohmann::ordered_json> DescribeTextures(const StoreReader& store) {
   constexpr const char* kUses[kTextureUses] = {"diffuse", "specular", "emission",           "opacity",
                                                "normal",  "bump",     "metal and roughness"};
+  NameBudget names(store);
   auto textures = nlohmann::ordered_json::array();
-  for (const Texture& texture : store.textures()) textures.push_back(DescribeTexture(texture));
-  for (const MaterialTexture& use : store.material_textures())
+  for (uint32_t t = 0; t < store.textures().size(); ++t) {
+    QUARRY_ASSIGN(std::string name, names.Take(store.TextureName(t)));
+    textures.push_back(DescribeTexture(store.textures()[t], std::move(name)));
+  }
+  for (const MaterialTexture& use : store.material_textures()) {
+    QUARRY_ASSIGN(std::string name, names.Take(store.MaterialName(use.material)));
     textures[use.binding.texture]["uses"].push_back({{"material", use.material},
-                                                     {"name", store.material_names()[use.material]},
+                                                     {"name", std::move(name)},
                                                      {"use", kUses[static_cast<size_t>(use.binding.use)]}});
+  }
   return textures;
 }
 

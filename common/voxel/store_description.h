@@ -19,9 +19,13 @@ StoreTotals TotalsOf(const StoreReader& store);
 /// The bounds in the model's own coordinates.
 std::pair<glm::dvec3, glm::dvec3> ModelBounds(const SceneMeta& meta);
 
-/// A store's facts as `quarry info --json` prints them. Thread-safe.
-nlohmann::ordered_json DescribeStore(const StoreReader& store);
-/// The textures alone: shape, bytes, and the materials that use each, with the use.
-nlohmann::ordered_json DescribeTextures(const StoreReader& store);
+/// A store's facts: `quarry info --json` without the names of materials, parts and textures, which may be
+/// millions. Thread-safe.
+nlohmann::ordered_json DescribeFacts(const StoreReader& store);
+/// The facts and names as `quarry info --json` prints them. Thread-safe. Errors: the file cannot be read.
+Result<nlohmann::ordered_json> DescribeStore(const StoreReader& store);
+/// The textures alone: shape, bytes, and the materials that use each, with the use. Errors: as
+/// DescribeStore().
+Result<nlohmann::ordered_json> DescribeTextures(const StoreReader& store);
 
 }  // namespace quarry

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cstring>
 
-#include "common/voxel/store_format.h"
+#include "common/base/size.h"
 
 namespace quarry {
 namespace {
@@ -91,6 +91,17 @@ Status CheckSameStore(const StoreHeader& header, std::span<const std::byte> tabl
         "very store there that is rendered",
         name);
   return {};
+}
+
+std::string WrongSizeText(const std::string& name, uint64_t bytes, uint64_t expected) {
+  if (bytes > expected)
+    return fmt::format("{}: has {} bytes behind the end of its store; fetch it, or make it, again", name,
+                       bytes - expected);
+  const std::string here = FormatSize(bytes), whole = FormatSize(expected);
+  return here == whole
+             ? fmt::format("{}: incomplete: {} of {} bytes; fetch it, or make it, again", name, bytes,
+                           expected)
+             : fmt::format("{}: incomplete: {} of {}; fetch it, or make it, again", name, here, whole);
 }
 
 }  // namespace quarry

@@ -4,11 +4,29 @@
 #include <cstdint>
 #include <span>
 #include <string>
+#include <string_view>
 
 #include "common/base/status.h"
 #include "common/voxel/catalog.h"
 
 namespace quarry {
+
+/// The first eight bytes of a store. The line ending reveals transfers that change line endings.
+inline constexpr std::string_view kStoreMagic = "QUARRY\r\n";
+/// Versions of the format: of stores with opacity masks; of others, whose shading blocks may have packed
+/// normals; of all others. Stores of other versions are refused; they change freely until the first release.
+inline constexpr uint32_t kStoreVersion = 11, kPackedStoreVersion = 10, kUnpackedStoreVersion = 9;
+
+/// Sizes of the header and of an entry of the section table; limit of sections against damaged headers.
+inline constexpr uint64_t kStoreHeaderBytes = 64;
+inline constexpr uint64_t kSectionEntryBytes = 40;
+inline constexpr uint32_t kMaxSections = 64;
+
+/// Flags of sections.
+inline constexpr uint32_t kSectionCritical =
+    1;  ///< a reader that does not know the type must refuse the store
+inline constexpr uint32_t kSectionOwnChecksums =
+    2;  ///< the section's parts have checksums elsewhere (blocks: in VDIR)
 
 /// The contents of the first 64 bytes of a store. FORMAT.md gives the layout.
 struct StoreHeader {
@@ -36,5 +54,8 @@ Status CheckStoreTable(const StoreHeader& header, std::span<const std::byte> tab
 /// Errors, permanent: another scene (the message has both ids); another layout.
 Status CheckSameStore(const StoreHeader& header, std::span<const std::byte> table, const Catalog& catalog,
                       const std::string& name);
+
+/// The sentence about a store's file that has `bytes` bytes where its header says `expected`.
+std::string WrongSizeText(const std::string& name, uint64_t bytes, uint64_t expected);
 
 }  // namespace quarry

@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "common/base/file.h"
-#include "common/voxel/store_format.h"
 #include "common/voxel/store_header.h"
 #include "common/voxel/texture_page.h"
 #include "common/voxel/view_sections.h"
@@ -14,16 +13,44 @@
 namespace quarry {
 namespace {
 
-bool IsCatalogSection(SectionType type) {
-  return type == SectionType::kMeta || type == SectionType::kTopTree || type == SectionType::kDirectory ||
-         type == SectionType::kMaterials || type == SectionType::kTextureDirectory ||
-         type == SectionType::kMaterialTextures;
+constexpr uint64_t kUnlimited = ~uint64_t{0};
+/// A section is read and checked in pieces of so many bytes: no more memory is taken than bytes have come.
+constexpr uint64_t kPieceBytes = 8 << 20;
+
+/// What a reader knows of a type of section, and the most bytes that a section of it may have.
+struct KnownSection {
+  SectionType type;
+  bool catalog;
+  uint64_t most;
+};
+constexpr uint64_t kGiB = uint64_t{1} << 30;
+constexpr KnownSection kKnown[] = {
+    {SectionType::kMeta, true, 192},
+    {SectionType::kTopTree, true, kGiB / 4},
+    {SectionType::kDirectory, true, kGiB},
+    {SectionType::kMaterials, true, 16 << 20},
+    {SectionType::kTextureDirectory, true, kGiB},
+    {SectionType::kMaterialTextures, true, 32 << 20},
+    {SectionType::kParts, false, kGiB / 4},
+    {SectionType::kStrings, false, 4 * kGiB},
+    {SectionType::kCameras, false, 1 << 20},
+    {SectionType::kLights, false, 1 << 20},
+    {SectionType::kBlocks, false, kUnlimited},
+    {SectionType::kProxies, false, kUnlimited},
+    {SectionType::kTexturePages, false, kUnlimited},
+};
+
+const KnownSection* Known(SectionType type) {
+  for (const KnownSection& known : kKnown)
+    if (known.type == type) return &known;
+  return nullptr;
 }
 
-bool IsKnown(SectionType type) {
-  return IsCatalogSection(type) || type == SectionType::kParts || type == SectionType::kStrings ||
-         type == SectionType::kBlocks || type == SectionType::kProxies ||
-         type == SectionType::kTexturePages || type == SectionType::kCameras || type == SectionType::kLights;
+/// Whether a whole piece is zeros. A sparse file costs its maker nothing, and its reader memory; no section
+/// of entries has so many zeros in a row.
+bool IsHole(std::span<const std::byte> piece) {
+  return piece.size() == kPieceBytes &&
+         std::ranges::all_of(piece, [](std::byte b) { return b == std::byte{0}; });
 }
 
 std::string TypeName(SectionType type) {
@@ -57,9 +84,7 @@ Status StoreReader::ReadHeader() {
   Bytes bytes(std::min(kStoreHeaderBytes, file_->size()));
   QUARRY_TRY(file_->ReadAt(0, bytes));
   QUARRY_ASSIGN(const StoreHeader header, DecodeStoreHeader(bytes, path()));
-  if (header.file_size != file_->size())
-    return Fail(fmt::format("{}: {} bytes long, should be {}: truncated or added to", path(), file_->size(),
-                            header.file_size));
+  if (header.file_size != file_->size()) return Fail(WrongSizeText(path(), file_->size(), header.file_size));
   id_ = header.id;
   Bytes table(header.table_bytes());
   QUARRY_TRY(file_->ReadAt(kStoreHeaderBytes, table));
@@ -67,90 +92,154 @@ Status StoreReader::ReadHeader() {
   return ReadSections(table, header.sections);
 }
 
-Status StoreReader::ReadSections(std::span<const std::byte> table, uint32_t count) {
-  std::vector<Section> named;
+Status StoreReader::Damaged(const SectionEntry& entry, const char* how) const {
+  return Fail(fmt::format("{}: section {} at byte {} is damaged ({}); make the store again", path(),
+                          TypeName(entry.type), entry.offset, how));
+}
+
+/// Reads a section and checks it.
+Result<Bytes> StoreReader::ReadBytes(const SectionEntry& entry) const {
+  Bytes bytes;
+  bytes.reserve(entry.size);
+  while (bytes.size() < entry.size) {
+    const uint64_t at = bytes.size(), piece = std::min(kPieceBytes, entry.size - at);
+    bytes.resize(at + piece);
+    const auto read = std::span(bytes).subspan(at);
+    QUARRY_TRY(file_->ReadAt(entry.offset + at, read));
+    if (IsHole(read)) return tl::unexpected<Error>(Damaged(entry, "zeros where entries should be").error());
+  }
+  if (Checksum(bytes) != entry.checksum) return tl::unexpected<Error>(Damaged(entry, "checksum").error());
+  return bytes;
+}
+
+/// Checks a section that does not stay in memory.
+Status StoreReader::CheckBytes(const SectionEntry& entry) const {
+  RunningChecksum checksum;
+  Bytes piece;
+  for (uint64_t at = 0; at < entry.size; at += piece.size()) {
+    piece.resize(std::min(kPieceBytes, entry.size - at));
+    QUARRY_TRY(file_->ReadAt(entry.offset + at, piece));
+    if (entry.type == SectionType::kParts && IsHole(piece))
+      return Damaged(entry, "zeros where entries should be");
+    checksum.Add(piece);
+  }
+  return checksum.value() == entry.checksum ? Status() : Damaged(entry, "checksum");
+}
+
+/// Reads a section of the catalog, or of `views`; checks any other that readers use.
+Status StoreReader::ReadSection(const SectionEntry& entry, std::vector<Section>& views) {
+  const KnownSection* const known = Known(entry.type);
+  if (!known || (entry.flags & kSectionOwnChecksums)) return {};
+  const bool views_too = entry.type == SectionType::kCameras || entry.type == SectionType::kLights;
+  if (!known->catalog && !views_too) return CheckBytes(entry);
+  QUARRY_ASSIGN(Bytes bytes, ReadBytes(entry));
+  (known->catalog ? catalog_sections_ : views).push_back({entry.type, std::move(bytes)});
+  return {};
+}
+
+/// Checks the entries of the section table. Sections follow each other without gaps, so that none overlap.
+Result<std::vector<SectionEntry>> StoreReader::ReadTable(std::span<const std::byte> table,
+                                                         uint32_t count) const {
+  std::vector<SectionEntry> entries;
   ByteReader in(table);
   uint64_t end = kStoreHeaderBytes + table.size();
   for (uint32_t i = 0; i < count; ++i) {
-    const auto type = static_cast<SectionType>(in.Get<uint32_t>());
-    const auto flags = in.Get<uint32_t>();
-    const auto offset = in.Get<uint64_t>();
-    const auto size = in.Get<uint64_t>();
-    const auto checksum = in.Get<uint64_t>();
+    SectionEntry e;
+    e.type = static_cast<SectionType>(in.Get<uint32_t>());
+    e.flags = in.Get<uint32_t>();
+    e.offset = in.Get<uint64_t>();
+    e.size = in.Get<uint64_t>();
+    e.checksum = in.Get<uint64_t>();
     in.Get<uint64_t>();  // reserved
-    if (offset != end || size > file_->size() - offset)
-      return Fail(fmt::format("{}: section {} is not where it should be", path(), TypeName(type)));
-    end = offset + size;
-    if (!IsKnown(type) && (flags & kSectionCritical))
+    const KnownSection* const known = Known(e.type);
+    if (e.offset != end || e.size > file_->size() - e.offset)
+      return Fail(fmt::format("{}: section {} is not where it should be", path(), TypeName(e.type)));
+    end = e.offset + e.size;
+    if (!known && (e.flags & kSectionCritical))
       return Fail(
-          fmt::format("{}: needs a newer program: section {} is not known here", path(), TypeName(type)));
-    if (type == SectionType::kBlocks) {
-      blocks_begin_ = offset;
-      blocks_end_ = end;
-    } else if (type == SectionType::kTexturePages) {
-      pages_begin_ = offset;
-      pages_end_ = end;
-    }
-    if (flags & kSectionOwnChecksums) continue;
-    Section section{type, Bytes(size)};
-    QUARRY_TRY(file_->ReadAt(offset, section.bytes));
-    if (Checksum(section.bytes) != checksum)
-      return Fail(fmt::format("{}: section {} at byte {} is damaged (checksum); make the store again", path(),
-                              TypeName(type), offset));
-    if (IsCatalogSection(type))
-      catalog_sections_.push_back(std::move(section));
-    else if (IsKnown(type))
-      named.push_back(std::move(section));
+          fmt::format("{}: needs a newer program: section {} is not known here", path(), TypeName(e.type)));
+    if (known && e.size > known->most)
+      return Fail(
+          fmt::format("{}: section {} claims {} bytes, more than the {} that it may have; make the "
+                      "store again",
+                      path(), TypeName(e.type), e.size, known->most));
+    if (known && std::ranges::find(entries, e.type, &SectionEntry::type) != entries.end())
+      return Fail(fmt::format("{}: has two sections {}; make the store again", path(), TypeName(e.type)));
+    entries.push_back(e);
   }
   if (end != file_->size())
     return Fail(fmt::format("{}: {} bytes after the last section", path(), file_->size() - end));
-  TexturePlaces places{{}, pages_begin_, pages_end_};
-  for (const Section& s : named)
-    if (s.type == SectionType::kStrings) places.strings = AsText(s.bytes);
-  auto catalog = DecodeCatalog(id_, catalog_sections_, places);
+  return entries;
+}
+
+Status StoreReader::ReadSections(std::span<const std::byte> table, uint32_t count) {
+  QUARRY_ASSIGN(const std::vector<SectionEntry> entries, ReadTable(table, count));
+  std::vector<Section> views;
+  StoreNames::Place parts, strings;
+  for (const SectionEntry& e : entries) {
+    QUARRY_TRY(ReadSection(e, views));
+    if (e.type == SectionType::kParts) parts = {e.offset, e.size};
+    if (e.type == SectionType::kStrings) strings = {e.offset, e.size};
+    if (e.type == SectionType::kBlocks) {
+      blocks_begin_ = e.offset;
+      blocks_end_ = e.offset + e.size;
+    } else if (e.type == SectionType::kTexturePages) {
+      pages_begin_ = e.offset;
+      pages_end_ = e.offset + e.size;
+    }
+  }
+  names_ = std::make_unique<StoreNames>(*file_, parts, strings);
+  auto catalog = DecodeCatalog(id_, catalog_sections_, {pages_begin_, pages_end_});
   if (!catalog) return Fail(fmt::format("{}: {}", path(), catalog.error().message));
   catalog_ = std::move(*catalog);
   for (uint32_t m = 0; m < catalog_.materials.size(); ++m)
     for (const TextureBinding& binding : catalog_.materials[m].textures)
       material_textures_.push_back({m, binding});
-  QUARRY_TRY(DecodeNames(named));
-  const Status views = DecodeViews(named);
-  if (!views) return Fail(fmt::format("{}: {}", path(), views.error().message));
+  const Status decoded = DecodeViews(views);
+  if (!decoded) return Fail(fmt::format("{}: {}", path(), decoded.error().message));
   return {};
 }
 
 Status StoreReader::DecodeViews(const std::vector<Section>& sections) {
-  std::string_view strings;
-  for (const Section& s : sections)
-    if (s.type == SectionType::kStrings) strings = AsText(s.bytes);
+  size_t names = 0;
+  const NameLookup name_at = [&](uint32_t offset) -> Result<std::string> {
+    QUARRY_ASSIGN(std::string name, names_->At(offset));
+    names += name.size();
+    if (names > kMostViewNameBytes)
+      return Fail(
+          fmt::format("the names of its cameras and lights take more than {} bytes", kMostViewNameBytes));
+    return name;
+  };
   for (const Section& s : sections) {
     if (s.type == SectionType::kCameras) {
-      QUARRY_ASSIGN(views_.cameras, DecodeCameras(s.bytes, strings));
+      QUARRY_ASSIGN(views_.cameras, DecodeCameras(s.bytes, name_at));
     } else if (s.type == SectionType::kLights) {
-      QUARRY_ASSIGN(views_.lights, DecodeLights(s.bytes, strings));
+      QUARRY_ASSIGN(views_.lights, DecodeLights(s.bytes, name_at));
     }
   }
   return {};
 }
 
-Status StoreReader::DecodeNames(const std::vector<Section>& sections) {
-  std::string_view strings;
-  std::span<const std::byte> parts;
-  for (const Section& s : sections) {
-    if (s.type == SectionType::kStrings) strings = AsText(s.bytes);
-    if (s.type == SectionType::kParts) parts = s.bytes;
-  }
-  ByteReader in(parts);
-  while (in.remaining() >= 4) parts_.push_back(StringAt(strings, in.Get<uint32_t>()));
+/// The name whose offset in STRS stands at byte `at` of a section of the catalog.
+Result<std::string> StoreReader::NameIn(SectionType section, uint64_t at) const {
   for (const Section& s : catalog_sections_) {
-    if (s.type != SectionType::kMaterials) continue;
-    ByteReader materials(s.bytes);
-    const auto count = materials.Get<uint32_t>();
-    const size_t entry = count ? materials.remaining() / count : 0;
-    for (uint32_t i = 0; i < count; ++i)
-      material_names_.push_back(StringAt(strings, ByteReader(materials.GetSpan(entry)).Get<uint32_t>()));
+    if (s.type != section) continue;
+    ByteReader in(s.bytes);
+    in.GetSpan(at);
+    const auto offset = in.Get<uint32_t>();
+    return in.ok() ? names_->At(offset) : std::string();
   }
-  return {};
+  return std::string();
+}
+
+Result<std::string> StoreReader::MaterialName(uint32_t material) const {
+  if (material >= catalog_.materials.size()) return std::string();
+  return NameIn(SectionType::kMaterials, sizeof(uint32_t) + kMaterialBytes * material);
+}
+
+Result<std::string> StoreReader::TextureName(uint32_t texture) const {
+  if (texture >= textures().size()) return std::string();
+  return NameIn(SectionType::kTextureDirectory, sizeof(uint32_t) + kTextureBytes * texture);
 }
 
 Result<Bytes> StoreReader::ReadBlock(BlockKey block) const {
@@ -174,7 +263,7 @@ Result<Bytes> StoreReader::ReadPage(uint32_t texture, uint32_t page) const {
     return FailForGood(fmt::format("{}: there is no page {} of texture {}", path(), page, texture));
   const auto damaged = [&](const std::string& how) {
     return FailForGood(fmt::format("{}: page {} of texture {} ({}) at byte {}: {}; make the store again",
-                                   path(), page, texture, textures()[texture].name,
+                                   path(), page, texture, TextureName(texture).value_or(""),
                                    textures()[texture].pages[page].offset, how));
   };
   const BlockEntry& entry = textures()[texture].pages[page];

@@ -12,16 +12,26 @@
 #include "common/scene/scene_views.h"
 #include "common/voxel/block_decoder.h"
 #include "common/voxel/catalog.h"
+#include "common/voxel/store_names.h"
 #include "common/voxel/texture_sections.h"
 
 namespace quarry {
 
+/// An entry of a store's section table.
+struct SectionEntry {
+  SectionType type{};
+  uint32_t flags = 0;
+  uint64_t offset = 0, size = 0, checksum = 0;
+};
+
 /// A scene store opened for reading; a file is read with pread(), never mapped. Open() reads and checks all
-/// but blocks and pages. Thread-safe after Open().
+/// but blocks and pages. The catalog, cameras and lights stay in memory; names do not. Thread-safe after
+/// Open().
 class StoreReader {
  public:
   /// Errors: not a store; another format version (the message has both); truncated or too long; damaged (the
-  /// message names the section); a critical section of an unknown type.
+  /// message names the section); a critical section of an unknown type; a section larger than its type may be
+  /// (FORMAT.md), before a byte of it is read.
   static Result<StoreReader> Open(const std::string& path);
   static Result<StoreReader> Open(std::unique_ptr<const RandomAccessFile> file);
 
@@ -31,9 +41,14 @@ class StoreReader {
   const Catalog& catalog() const { return catalog_; }
   /// The catalog's sections as stored, for sending.
   const std::vector<Section>& catalog_sections() const { return catalog_sections_; }
-  /// Names by material index, and by part index.
-  const std::vector<std::string>& material_names() const { return material_names_; }
-  const std::vector<std::string>& parts() const { return parts_; }
+  /// Bytes of STRS, which has all names.
+  uint64_t name_bytes() const { return names_->bytes(); }
+  uint64_t part_count() const { return names_->part_count(); }
+  /// The name of a part, material or texture, read from the file; empty when there is none.
+  /// Errors: the file cannot be read.
+  Result<std::string> PartName(uint32_t part) const { return names_->Part(part); }
+  Result<std::string> MaterialName(uint32_t material) const;
+  Result<std::string> TextureName(uint32_t texture) const;
 
   /// The textures; empty when the store has none.
   const std::vector<Texture>& textures() const { return catalog_.textures; }
@@ -74,8 +89,13 @@ class StoreReader {
  private:
   explicit StoreReader(std::unique_ptr<const RandomAccessFile> file) : file_(std::move(file)) {}
   Status ReadHeader();
+  Result<std::vector<SectionEntry>> ReadTable(std::span<const std::byte> table, uint32_t count) const;
   Status ReadSections(std::span<const std::byte> table, uint32_t count);
-  Status DecodeNames(const std::vector<Section>& sections);
+  Status ReadSection(const SectionEntry& entry, std::vector<Section>& views);
+  Result<Bytes> ReadBytes(const SectionEntry& entry) const;
+  Status CheckBytes(const SectionEntry& entry) const;
+  Status Damaged(const SectionEntry& entry, const char* how) const;
+  Result<std::string> NameIn(SectionType section, uint64_t at) const;
   Status VerifyVoxel(uint32_t voxel, uint64_t& end, BlockDecoder& decoder) const;
   Status CheckBounds(const VoxelGeometry& geometry, uint32_t voxel) const;
   Status CheckBlocksEnd(uint64_t end) const;
@@ -87,8 +107,7 @@ class StoreReader {
   SceneId id_{};
   Catalog catalog_;
   std::vector<Section> catalog_sections_;
-  std::vector<std::string> material_names_;
-  std::vector<std::string> parts_;
+  std::unique_ptr<const StoreNames> names_;
   std::vector<MaterialTexture> material_textures_;
   SceneViews views_;
   uint64_t blocks_begin_ = 0, blocks_end_ = 0;

@@ -10,7 +10,7 @@
 #include "common/base/status.h"
 #include "common/scene/scene_views.h"
 #include "common/voxel/catalog.h"
-#include "common/voxel/store_format.h"
+#include "common/voxel/store_header.h"
 #include "common/voxel/texture_sections.h"
 #include "common/voxel/voxel_block.h"
 

@@ -7,7 +7,7 @@
 namespace quarry {
 namespace {
 
-constexpr size_t kTextureBytes = 20, kPageBytes = 24, kMaterialTextureBytes = 64;
+constexpr size_t kPageBytes = 24, kMaterialTextureBytes = 64;
 /// Bytes before a stored page's streams: their size.
 constexpr uint32_t kMostStoredOverStreams = 4;
 
@@ -49,12 +49,6 @@ bool Sane(const TextureBinding& b) {
 }
 
 }  // namespace
-
-std::string StringAt(std::string_view strings, uint32_t offset) {
-  if (offset >= strings.size()) return {};
-  const std::string_view rest = strings.substr(offset);
-  return std::string(rest.substr(0, rest.find('\0')));
-}
 
 Bytes EncodeTextures(const std::vector<Texture>& textures, std::string& strings) {
   ByteWriter out;
@@ -114,8 +108,7 @@ Bytes EncodeMaterialTextures(const std::vector<Material>& materials) {
   return out.Take();
 }
 
-Result<std::vector<Texture>> DecodeTextures(std::span<const std::byte> bytes, std::string_view strings,
-                                            uint64_t begin, uint64_t end) {
+Result<std::vector<Texture>> DecodeTextures(std::span<const std::byte> bytes, uint64_t begin, uint64_t end) {
   ByteReader in(bytes);
   const auto count = in.Get<uint32_t>();
   if (!in.ok() || count > kMaxTextures || in.remaining() / kTextureBytes < count)
@@ -124,7 +117,7 @@ Result<std::vector<Texture>> DecodeTextures(std::span<const std::byte> bytes, st
   uint64_t pages = 0;
   for (size_t i = 0; i < count; ++i) {
     TexelLayout& layout = textures[i].layout;
-    textures[i].name = StringAt(strings, in.Get<uint32_t>());
+    in.Get<uint32_t>();  // the name, which StoreNames gives
     layout.width = in.Get<uint32_t>();
     layout.height = in.Get<uint32_t>();
     layout.channels = in.Get<uint32_t>();

@@ -16,6 +16,9 @@
 
 namespace quarry {
 
+/// Bytes of a texture in TEXD, its name's offset first.
+inline constexpr size_t kTextureBytes = 20;
+
 /// A material's use of a texture.
 struct MaterialTexture {
   uint32_t material = 0;
@@ -31,10 +34,10 @@ Bytes EncodeTextureFacts(const std::vector<Texture>& textures);
 /// Encodes MTEX.
 Bytes EncodeMaterialTextures(const std::vector<Material>& materials);
 
-/// Decodes TEXD and checks it. Names come from `strings`; pages must lie in bytes [begin, end) of the file.
+/// Decodes TEXD and checks it, without names (see StoreNames). Pages must lie in bytes [begin, end) of the
+/// file.
 /// Errors: an impossible size, format or position (the message names the texture).
-Result<std::vector<Texture>> DecodeTextures(std::span<const std::byte> bytes, std::string_view strings,
-                                            uint64_t begin, uint64_t end);
+Result<std::vector<Texture>> DecodeTextures(std::span<const std::byte> bytes, uint64_t begin, uint64_t end);
 /// Decodes MTEX. Errors: an unknown material, texture, use or wrap; a number that is not finite; entries out
 /// of order.
 Result<std::vector<MaterialTexture>> DecodeMaterialTextures(std::span<const std::byte> bytes,
@@ -45,8 +48,5 @@ Result<std::vector<MaterialTexture>> DecodeMaterialTextures(std::span<const std:
 void PutBinding(const TextureBinding& binding, ByteWriter& out);
 /// The inverse of PutBinding(), unchecked.
 TextureBinding GetBinding(ByteReader& in);
-
-/// The zero-terminated string at `offset` of `strings`; empty when `offset` is beyond the end.
-std::string StringAt(std::string_view strings, uint32_t offset);
 
 }  // namespace quarry

@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include "common/voxel/texture_sections.h"
-
 namespace quarry {
 namespace {
 
@@ -43,14 +41,14 @@ Bytes EncodeLights(const std::vector<NamedLight>& lights, std::string& strings) 
   return out.Take();
 }
 
-Result<std::vector<NamedCamera>> DecodeCameras(std::span<const std::byte> bytes, std::string_view strings) {
+Result<std::vector<NamedCamera>> DecodeCameras(std::span<const std::byte> bytes, const NameLookup& name_at) {
   if (bytes.size() % kCameraBytes != 0 || bytes.size() / kCameraBytes > kMaxSceneCameras)
     return Fail("the CAMS section has the wrong size");
   ByteReader in(bytes);
   std::vector<NamedCamera> cameras(bytes.size() / kCameraBytes);
   for (size_t i = 0; i < cameras.size(); ++i) {
     NamedCamera& camera = cameras[i];
-    camera.name = StringAt(strings, in.Get<uint32_t>());
+    QUARRY_ASSIGN(camera.name, name_at(in.Get<uint32_t>()));
     in.Get<uint32_t>();
     for (glm::dvec3* v : {&camera.spec.eye, &camera.spec.at, &camera.spec.up}) *v = in.GetVec3<glm::dvec3>();
     camera.spec.fov_degrees = in.Get<double>();
@@ -60,14 +58,14 @@ Result<std::vector<NamedCamera>> DecodeCameras(std::span<const std::byte> bytes,
   return cameras;
 }
 
-Result<std::vector<NamedLight>> DecodeLights(std::span<const std::byte> bytes, std::string_view strings) {
+Result<std::vector<NamedLight>> DecodeLights(std::span<const std::byte> bytes, const NameLookup& name_at) {
   if (bytes.size() % kLightBytes != 0 || bytes.size() / kLightBytes > kMaxLights)
     return Fail("the LITE section has the wrong size");
   ByteReader in(bytes);
   std::vector<NamedLight> lights(bytes.size() / kLightBytes);
   for (size_t i = 0; i < lights.size(); ++i) {
     NamedLight& light = lights[i];
-    light.name = StringAt(strings, in.Get<uint32_t>());
+    QUARRY_ASSIGN(light.name, name_at(in.Get<uint32_t>()));
     const auto kind = in.Get<uint32_t>();
     light.kind = static_cast<LightKind>(kind);
     light.position = in.GetVec3<glm::dvec3>();

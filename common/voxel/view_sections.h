@@ -2,11 +2,11 @@
 
 #include <span>
 #include <string>
-#include <string_view>
 
 #include "common/base/bytes.h"
 #include "common/base/status.h"
 #include "common/scene/scene_views.h"
+#include "common/voxel/store_names.h"
 
 namespace quarry {
 
@@ -15,8 +15,8 @@ Bytes EncodeCameras(const std::vector<NamedCamera>& cameras, std::string& string
 Bytes EncodeLights(const std::vector<NamedLight>& lights, std::string& strings);
 
 /// Decode the sections CAMS and LITE. Errors: a wrong size; too many entries; values that no camera or light
-/// may have.
-Result<std::vector<NamedCamera>> DecodeCameras(std::span<const std::byte> bytes, std::string_view strings);
-Result<std::vector<NamedLight>> DecodeLights(std::span<const std::byte> bytes, std::string_view strings);
+/// may have; what `name_at` returns.
+Result<std::vector<NamedCamera>> DecodeCameras(std::span<const std::byte> bytes, const NameLookup& name_at);
+Result<std::vector<NamedLight>> DecodeLights(std::span<const std::byte> bytes, const NameLookup& name_at);
 
 }  // namespace quarry

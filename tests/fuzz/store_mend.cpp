@@ -6,7 +6,7 @@
 
 #include "common/base/bytes.h"
 #include "common/voxel/catalog.h"
-#include "common/voxel/store_format.h"
+#include "common/voxel/store_header.h"
 
 namespace quarry::fuzz {
 namespace {

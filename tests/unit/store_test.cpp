@@ -13,7 +13,7 @@
 #include "common/kdtree/build/treelets.h"
 #include "common/kdtree/opacity_mask.h"
 #include "common/voxel/block_decoder.h"
-#include "common/voxel/store_format.h"
+#include "common/voxel/store_header.h"
 #include "common/voxel/store_reader.h"
 #include "common/voxel/store_writer.h"
 #include "tests/support/flat_tree.h"
@@ -132,8 +132,12 @@ TEST_CASE("A store gives back all that was put in") {
   CHECK(c.voxels[0].next_in_chain == 1);
   CHECK(c.voxels[1].next_in_chain == kNoIndex);
   CHECK(c.voxels[1].blocks[1].stored == 0);
-  CHECK(store->parts() == std::vector<std::string>{"valve", "pump"});
-  CHECK(store->material_names() == std::vector<std::string>{"paint", "steel"});
+  CHECK(store->part_count() == 2);
+  CHECK(store->PartName(0) == "valve");
+  CHECK(store->PartName(1) == "pump");
+  CHECK(store->PartName(2) == "");
+  CHECK(store->MaterialName(0) == "paint");
+  CHECK(store->MaterialName(1) == "steel");
   auto materials = MakeMaterials();
   for (Material& m : materials) m.name.clear();
   CHECK(c.materials == materials);

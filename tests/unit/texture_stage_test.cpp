@@ -44,14 +44,16 @@ TEST_CASE("From a model to texels: what is in the image is in the store, the upp
   const auto store = StoreReader::Open(options.output);
   REQUIRE(store);
   REQUIRE(store->textures().size() == 1);
-  CHECK(store->textures()[0].name == "five.ppm");
+  CHECK(store->TextureName(0) == "five.ppm");
   CHECK(store->textures()[0].layout == TexelLayout{5, 3, 3, TexelFormat::kSrgb8});
   const Bytes page = store->ReadPage(0, 0).value();
   REQUIRE(page.size() == (15 + 2 + 1) * 3);
   CHECK(std::string(AsText(page)).substr(0, 45) == texels);
   const auto& uses = store->material_textures();
   REQUIRE(uses.size() == 3);
-  CHECK(store->material_names() == std::vector<std::string>{"bare", "both", "again"});
+  CHECK(store->MaterialName(0) == "bare");
+  CHECK(store->MaterialName(1) == "both");
+  CHECK(store->MaterialName(2) == "again");
   CHECK((uses[0].material == 1 && uses[0].binding.use == TextureUse::kDiffuse));
   CHECK(uses[0].binding.wrap_s == TextureWrap::kClamp);
   CHECK((uses[1].material == 1 && uses[1].binding.use == TextureUse::kEmission));
@@ -87,7 +89,7 @@ TEST_CASE("Images with the same texels are stored once, whatever their paths and
   REQUIRE(store);
   // Colours and heights are apart: the one is sRGB-encoded.
   std::vector<std::string> names;
-  for (const Texture& t : store->textures()) names.push_back(t.name);
+  for (uint32_t t = 0; t < store->textures().size(); ++t) names.push_back(*store->TextureName(t));
   CHECK(names == std::vector<std::string>{"a.ppm", "a.ppm", "tall.ppm", "tall.ppm", "last.ppm", "last.ppm"});
   std::vector<uint32_t> numbers;
   for (const MaterialTexture& use : store->material_textures()) numbers.push_back(use.binding.texture);

@@ -83,9 +83,9 @@ TEST_CASE("A store gives back its textures, page by page", "[texture][store]") {
   const auto store = StoreReader::Open(folder.file("s"));
   REQUIRE(store);
   REQUIRE(store->textures().size() == 2);
-  CHECK(store->textures()[0].name == "wood.png");
+  CHECK(store->TextureName(0) == "wood.png");
   CHECK(store->textures()[0].layout == kWood);
-  CHECK(store->textures()[1].name == "sky.exr");
+  CHECK(store->TextureName(1) == "sky.exr");
   CHECK(store->textures()[1].layout == kSky);
   for (uint32_t t = 0; t < 2; ++t) {
     const TexelLayout layout = t == 0 ? kWood : kSky;
@@ -143,7 +143,7 @@ TEST_CASE("Directories of textures that cannot be are refused", "[texture][store
   const auto refused = [&](const Texture& t, uint64_t begin = 1000, uint64_t more = 0) -> std::string {
     std::string strings;
     const Bytes bytes = EncodeTextures({t}, strings);
-    const auto decoded = DecodeTextures(bytes, strings, begin, at + more);
+    const auto decoded = DecodeTextures(bytes, begin, at + more);
     return decoded ? "" : decoded.error().message;
   };
   CHECK(refused(texture) == "");
@@ -166,7 +166,7 @@ TEST_CASE("Directories of textures that cannot be are refused", "[texture][store
   // More textures than bytes.
   ByteWriter many;
   many.Put(uint32_t{60000});
-  CHECK_FALSE(DecodeTextures(many.bytes(), "", 0, 0));
+  CHECK_FALSE(DecodeTextures(many.bytes(), 0, 0));
 }
 
 TEST_CASE("Uses of textures that cannot be are refused", "[texture][store]") {
@@ -207,7 +207,7 @@ TEST_CASE("A directory of more pages than there may be is refused before any is 
     out.Put(textures);
     for (uint32_t i = 0; i < textures; ++i)
       for (const uint32_t word : {0u, kMaxTextureSide, kMaxTextureSide, 3u, 0u}) out.Put(word);
-    return DecodeTextures(out.bytes(), "name", 0, 100).error().message;
+    return DecodeTextures(out.bytes(), 0, 100).error().message;
   };
   const uint32_t pages = TextureShape(kMaxTextureSide, kMaxTextureSide).pages(), most = kMaxPages / pages;
   CHECK(fault(most + 1) == "the TEXD section has more pages than there may be");

@@ -1,0 +1,214 @@
+// Stores of strangers, whose names and sizes lie, and of models with very many parts.
+#include <malloc.h>
+
+#include <catch2/catch.hpp>
+#include <cstring>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "common/voxel/store_description.h"
+#include "common/voxel/store_header.h"
+#include "common/voxel/store_reader.h"
+#include "common/voxel/store_writer.h"
+#include "tests/fuzz/store_mend.h"
+#include "tests/support/small_store.h"
+#include "tests/support/temporary_folder.h"
+
+namespace quarry {
+namespace {
+
+using test::TemporaryFolder;
+
+constexpr uint64_t kMiB = 1 << 20;
+
+/// A store in memory whose last section may be followed by zeros that take no memory. Counts what is read.
+class MemoryFile final : public RandomAccessFile {
+ public:
+  struct Counts {
+    uint64_t read = 0;
+  };
+  MemoryFile(std::vector<char> bytes, uint64_t size, std::shared_ptr<Counts> counts)
+      : bytes_(std::move(bytes)), size_(size), counts_(std::move(counts)) {}
+  const std::string& path() const override { return path_; }
+  uint64_t size() const override { return size_; }
+  Status ReadAt(uint64_t offset, std::span<std::byte> out) const override {
+    counts_->read += out.size();
+    std::ranges::fill(out, std::byte{0});
+    if (offset < bytes_.size())
+      std::memcpy(out.data(), bytes_.data() + offset, std::min<uint64_t>(out.size(), bytes_.size() - offset));
+    return {};
+  }
+
+ private:
+  std::string path_ = "memory";
+  std::vector<char> bytes_;
+  uint64_t size_;
+  std::shared_ptr<Counts> counts_;
+};
+
+/// A store that a test changes.
+class Changed {
+ public:
+  explicit Changed(const std::string& path) : bytes(test::ReadFile(path)), size(bytes.size()) {}
+
+  template <class T>
+  void Put(uint64_t at, T value) {
+    std::memcpy(bytes.data() + at, &value, sizeof value);
+  }
+  template <class T>
+  T Get(uint64_t at) const {
+    T value;
+    std::memcpy(&value, bytes.data() + at, sizeof value);
+    return value;
+  }
+  /// Where the entry of a section is in the table.
+  uint64_t Entry(SectionType type) const {
+    for (uint64_t at = kStoreHeaderBytes;; at += kSectionEntryBytes)
+      if (Get<uint32_t>(at) == static_cast<uint32_t>(type)) return at;
+  }
+  /// Where a section begins.
+  uint64_t Begin(SectionType type) const { return Get<uint64_t>(Entry(type) + 8); }
+  /// Gives the last section another type, and a size that the file has in zeros.
+  void ClaimLast(SectionType type, uint64_t section_size) {
+    const uint64_t entry = Entry(SectionType::kLights);
+    Put(entry, static_cast<uint32_t>(type));
+    Put(entry + 16, section_size);
+    size = Get<uint64_t>(entry + 8) + section_size;
+    MendTable();
+  }
+  void MendTable() {
+    const auto file = std::as_writable_bytes(std::span(bytes));
+    Put(16, size);
+    Put(48, Checksum(file.subspan(kStoreHeaderBytes, Get<uint32_t>(12) * kSectionEntryBytes)));
+    Put(56, Checksum(file.first(56)));
+  }
+  Result<StoreReader> Open() { return StoreReader::Open(std::make_unique<MemoryFile>(bytes, size, counts)); }
+
+  std::vector<char> bytes;
+  uint64_t size;
+  std::shared_ptr<MemoryFile::Counts> counts = std::make_shared<MemoryFile::Counts>();
+};
+
+void WriteNamed(const std::string& path, const std::vector<std::string>& parts,
+                std::vector<Material> materials = {Material{"paint"}}, const SceneViews& views = {}) {
+  auto writer = StoreWriter::Create(path);
+  REQUIRE(writer);
+  REQUIRE(writer->AddVoxel(EncodeVoxel(test::TwoTriangles(), nullptr)));
+  SceneMeta meta;
+  meta.bounds_upper = meta.root_upper = glm::vec3(1);
+  meta.input_triangles = 2;
+  REQUIRE(writer->Finish(meta, {KdNode::Leaf(0, 1)}, materials, parts, views));
+}
+
+uint64_t AllocatedBytes() {
+  const struct mallinfo2 info = ::mallinfo2();
+  return info.uordblks + info.hblkhd;
+}
+
+}  // namespace
+
+TEST_CASE("A million parts take no memory of a store's reader", "[store]") {
+  const TemporaryFolder folder;
+  {
+    std::vector<std::string> parts;
+    for (int i = 0; i < 1000000; ++i)
+      parts.push_back("building 7/floor 3/pipe rack/valve number " + std::to_string(i));
+    WriteNamed(folder.file("s"), parts);
+  }
+  const uint64_t before = AllocatedBytes();
+  const auto store = StoreReader::Open(folder.file("s"));
+  REQUIRE(store);
+  CHECK(store->part_count() == 1000000);
+  CHECK(store->PartName(999999) == "building 7/floor 3/pipe rack/valve number 999999");
+  CHECK(store->PartName(3) == "building 7/floor 3/pipe rack/valve number 3");
+  CHECK(store->PartName(1000000) == "");
+  CHECK(AllocatedBytes() < before + kMiB);
+  // In order, every name is right, on both sides of each window's border too.
+  uint64_t wrong = 0;
+  for (uint32_t i = 0; i < 1000000; ++i)
+    wrong += store->PartName(i) != "building 7/floor 3/pipe rack/valve number " + std::to_string(i);
+  CHECK(wrong == 0);
+}
+
+TEST_CASE("Entries that all name one long string take no memory for each", "[store]") {
+  const TemporaryFolder folder;
+  const std::string long_name(600000, 'n');
+  SceneViews views;
+  for (int i = 0; i < 2000; ++i) views.cameras.push_back({"c", {{1, 2, 3}, {4, 5, 6}, {0, 1, 0}, 30, 0}});
+  WriteNamed(folder.file("s"), {long_name, "a", "b"}, std::vector<Material>(60000), views);
+  Changed store(folder.file("s"));
+  const uint64_t parts = store.Begin(SectionType::kParts), materials = store.Begin(SectionType::kMaterials);
+  const auto where = store.Get<uint32_t>(parts);
+  for (uint64_t i = 0; i < 3; ++i) store.Put(parts + 4 * i, where);
+  for (uint64_t i = 0; i < 60000; ++i) store.Put(materials + 4 + kMaterialBytes * i, where);
+  fuzz::MendStore(std::as_writable_bytes(std::span(store.bytes)));
+  const uint64_t before = AllocatedBytes();
+  {
+    const auto reader = store.Open();
+    REQUIRE(reader);
+    CHECK(reader->PartName(2) == std::string(kMostNameBytes, 'n'));
+    CHECK(reader->MaterialName(59999) == std::string(kMostNameBytes, 'n'));
+    CHECK(AllocatedBytes() < before + store.bytes.size() + 40 * kMiB);
+  }
+  const auto described = DescribeStore(*store.Open());
+  REQUIRE_FALSE(described);
+  CHECK_THAT(described.error().message, Catch::Contains("name more than the names that it has"));
+  // Cameras keep their names, so that they have a limit together.
+  const uint64_t cameras = store.Begin(SectionType::kCameras);
+  for (uint64_t i = 0; i < 2000; ++i) store.Put(cameras + 96 * i, where);
+  fuzz::MendStore(std::as_writable_bytes(std::span(store.bytes)));
+  const auto refused = store.Open();
+  REQUIRE_FALSE(refused);
+  CHECK_THAT(refused.error().message, Catch::Contains("names of its cameras and lights take more than"));
+}
+
+TEST_CASE("The size of a section is not believed", "[store]") {
+  const TemporaryFolder folder;
+  WriteNamed(folder.file("s"), {"part"});
+  SECTION("larger than its type may be") {
+    Changed store(folder.file("s"));
+    const uint64_t entry = store.Entry(SectionType::kMeta);
+    store.Put(entry + 16, uint64_t{6} << 30);
+    // The sections behind it move, so that the table is consistent.
+    uint64_t end = store.Get<uint64_t>(entry + 8) + (uint64_t{6} << 30);
+    const uint64_t table_end = kStoreHeaderBytes + kSectionEntryBytes * store.Get<uint32_t>(12);
+    for (uint64_t at = entry + kSectionEntryBytes; at < table_end; at += kSectionEntryBytes) {
+      store.Put(at + 8, end);
+      end += store.Get<uint64_t>(at + 16);
+    }
+    store.size = end;
+    store.MendTable();
+    const auto refused = store.Open();
+    REQUIRE_FALSE(refused);
+    CHECK_THAT(refused.error().message, Catch::Contains("section META claims 6442450944 bytes"));
+    CHECK(store.counts->read < 4096);
+  }
+  SECTION("zeros of a sparse file") {
+    Changed store(folder.file("s"));
+    const uint64_t directory = store.Entry(SectionType::kDirectory);
+    store.Put(directory, uint32_t{0x58585858});  // unknown now, and not critical
+    store.Put(directory + 4, uint32_t{0});
+    store.ClaimLast(SectionType::kDirectory, uint64_t{900} << 20);
+    const auto refused = store.Open();
+    REQUIRE_FALSE(refused);
+    CHECK_THAT(refused.error().message, Catch::Contains("section VDIR") && Catch::Contains("zeros"));
+    CHECK(store.counts->read < 20 * kMiB);
+  }
+  SECTION("an unknown section is not read") {
+    Changed store(folder.file("s"));
+    store.ClaimLast(static_cast<SectionType>(0x58585858), uint64_t{6} << 30);
+    CHECK(store.Open());
+    CHECK(store.counts->read < kMiB);
+  }
+  SECTION("no section comes twice") {
+    Changed store(folder.file("s"));
+    store.ClaimLast(SectionType::kCameras, 0);
+    const auto refused = store.Open();
+    REQUIRE_FALSE(refused);
+    CHECK_THAT(refused.error().message, Catch::Contains("has two sections CAMS"));
+  }
+}
+
+}  // namespace quarry
