@@ -1,36 +1,25 @@
 #include "common/remote/http_options.h"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cctype>
-#include <cerrno>
 #include <charconv>
-#include <cstdlib>
 #include <nlohmann/json.hpp>
 #include <string_view>
 
 #include "common/base/json_file.h"
+#include "common/remote/aws_profile.h"
+#include "common/remote/environment.h"
+#include "common/remote/secret_file.h"
 
 namespace quarry {
 namespace {
 
-// Limit of a file with headers or credentials in bytes; real files are far shorter.
-constexpr size_t kMaxFileBytes = 64 << 10;
 // Headers that requests set themselves.
 constexpr std::string_view kOwnHeaders[] = {
     "host",    "range",           "connection",           "content-length", "transfer-encoding", "te",
     "trailer", "accept-encoding", "x-amz-content-sha256", "x-amz-date",     "upgrade",           "expect"};
-
-std::string Lower(std::string_view text) {
-  std::string lower(text);
-  std::ranges::transform(lower, lower.begin(),
-                         [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return lower;
-}
 
 /// Whether `c` may stand in a header's name (RFC 9110, section 5.6.2).
 bool IsTokenCharacter(char c) {
@@ -39,43 +28,6 @@ bool IsTokenCharacter(char c) {
 }
 
 bool IsPrintable(char c) { return c > ' ' && c <= '~'; }
-
-struct OpenFd {
-  ~OpenFd() {
-    if (fd >= 0) ::close(fd);
-  }
-  int fd;
-};
-
-/// Reads the whole of a file that holds a secret.
-Result<std::string> ReadSecretFile(const std::string& path) {
-  const OpenFd file{::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)};
-  if (file.fd < 0) return BadUsage(fmt::format("{}: cannot open: {}", path, ErrnoText(errno)));
-  struct stat info {};
-  if (::fstat(file.fd, &info) != 0 || !S_ISREG(info.st_mode))
-    return BadUsage(fmt::format("{}: is not a plain file", path));
-  if ((info.st_mode & 077) != 0)
-    return BadUsage(
-        fmt::format("{}: others than its owner may read it, and it holds a secret; do chmod 600", path));
-  std::string text(kMaxFileBytes + 1, '\0');
-  size_t size = 0;
-  while (size < text.size()) {
-    const ssize_t n = ::read(file.fd, text.data() + size, text.size() - size);
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) return BadUsage(fmt::format("{}: cannot read: {}", path, ErrnoText(errno)));
-    if (n == 0) break;
-    size += static_cast<size_t>(n);
-  }
-  if (size > kMaxFileBytes) return BadUsage(fmt::format("{}: longer than 64 KiB", path));
-  text.resize(size);
-  return text;
-}
-
-std::string_view Trimmed(std::string_view text) {
-  while (!text.empty() && (text.front() == ' ' || text.front() == '\t')) text.remove_prefix(1);
-  while (!text.empty() && (text.back() == ' ' || text.back() == '\t')) text.remove_suffix(1);
-  return text;
-}
 
 Result<HttpHeader> ParseHeader(std::string_view line, const std::string& where) {
   const size_t colon = line.find(':');
@@ -103,11 +55,6 @@ Status CheckCredentials(const AwsCredentials& c, const std::string& source, cons
       return BadUsage(fmt::format("{}: {} has a character that is not printable ASCII", source, names[i]));
   }
   return {};
-}
-
-std::string FromEnvironment(const char* name) {
-  const char* value = std::getenv(name);
-  return value ? value : "";
 }
 
 /// Splits "HOST", "HOST:PORT" or "[ADDRESS]:PORT". Returns: false for other text.
@@ -220,17 +167,41 @@ Result<AwsCredentials> ReadAwsCredentials(const std::string& path) {
     return found != json.end() && found->is_string() ? found->get<std::string>() : "";
   };
   AwsCredentials c{value("Region"), value("AccessKeyId"), value("SecretAccessKey"), value("SessionToken")};
-  if (c.region.empty()) c.region = FromEnvironment("AWS_REGION");
+  if (c.region.empty()) c.region = Environment({"AWS_REGION", "AWS_DEFAULT_REGION"});
   QUARRY_TRY(CheckCredentials(c, path, {"Region", "AccessKeyId", "SecretAccessKey", "SessionToken"}));
   return c;
 }
 
 Result<AwsCredentials> AwsCredentialsFromEnvironment() {
-  const AwsCredentials c{FromEnvironment("AWS_REGION"), FromEnvironment("AWS_ACCESS_KEY_ID"),
-                         FromEnvironment("AWS_SECRET_ACCESS_KEY"), FromEnvironment("AWS_SESSION_TOKEN")};
-  QUARRY_TRY(CheckCredentials(
-      c, "environment", {"AWS_REGION", "AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_SESSION_TOKEN"}));
+  QUARRY_ASSIGN(std::string region, AwsRegion());
+  if (!Environment({"AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"}).empty()) {
+    AwsCredentials c{std::move(region), Environment({"AWS_ACCESS_KEY_ID"}),
+                     Environment({"AWS_SECRET_ACCESS_KEY"}), Environment({"AWS_SESSION_TOKEN"})};
+    QUARRY_TRY(CheckCredentials(
+        c, "environment", {"AWS_REGION", "AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_SESSION_TOKEN"}));
+    return c;
+  }
+  QUARRY_ASSIGN(const AwsProfile profile, ReadAwsProfile());
+  if (profile.access_key.empty() && !profile.other_means.empty())
+    return BadUsage(fmt::format(
+        "the profile {} gets its keys by {}, which is not done here; put them into variables: eval \"$(aws "
+        "configure export-credentials --profile {} --format env)\"",
+        profile.name, profile.other_means, profile.name));
+  if (profile.access_key.empty() && profile.secret_key.empty())
+    return BadUsage(
+        "no credentials: AWS_ACCESS_KEY_ID is missing, and ~/.aws has none of the profile; requests cannot "
+        "be "
+        "signed without");
+  AwsCredentials c{std::move(region), profile.access_key, profile.secret_key, profile.session_token};
+  QUARRY_TRY(CheckCredentials(c, fmt::format("the profile {} of ~/.aws", profile.name),
+                              {"region", "aws_access_key_id", "aws_secret_access_key", "aws_session_token"}));
   return c;
+}
+
+Result<bool> HasAwsCredentials() {
+  if (!Environment({"AWS_ACCESS_KEY_ID"}).empty()) return true;
+  QUARRY_ASSIGN(const AwsProfile profile, ReadAwsProfile());
+  return !profile.access_key.empty() || !profile.other_means.empty();
 }
 
 }  // namespace quarry

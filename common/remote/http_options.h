@@ -36,12 +36,17 @@ Result<HttpLocation> ParseHttpLocation(const std::string& url, const std::string
 struct HttpOptions {
   std::vector<HttpHeader> headers;    ///< added to each request
   std::optional<AwsCredentials> aws;  ///< each request is signed with them; replaces other Authorization
-  std::string tls_ca;                 ///< PEM file of trusted authorities; empty: the system's
-  std::function<std::time_t()> now;   ///< clock for signatures; null: the system's
-  uint32_t connections = 6;           ///< connections at once
-  double connect_s = 10;              ///< limit for connecting, TLS included
-  double first_byte_s = 20;           ///< limit from a request to the end of its answer's head
-  double stall_s = 10;                ///< limit for the next 4 KiB, or for the rest, of a body
+  /// PEM file of trusted authorities; empty: those of AWS_CA_BUNDLE and SSL_CERT_FILE, else the system's
+  std::string tls_ca;
+  std::string ca_option;             ///< the program's option for `tls_ca`, for advice; empty: it has none
+  std::function<std::time_t()> now;  ///< clock for signatures; null: the system's
+  uint32_t connections = 6;          ///< connections at once
+  double connect_s = 10;             ///< limit for connecting, TLS included
+  double first_byte_s = 20;          ///< limit from a request to the end of its answer's head
+  double stall_s = 10;               ///< limit for the next 4 KiB, or for the rest, of a body
+  /// Bytes a second: after stall_s, a body that has come more slowly is given up. A judgement: a block of
+  /// 256 KiB then takes 16 s, and six connections 0.8 Mbit/s.
+  double least_rate = 16 << 10;
 };
 
 /// A server that may receive headers and signatures.
@@ -64,14 +69,17 @@ HttpOptions OptionsFor(const HttpLocation& location, HttpOptions options,
 Result<std::vector<HttpHeader>> ReadHttpHeaders(const std::string& path);
 
 /// Reads credentials from a file with JSON as AWS tools print it: {"AccessKeyId": "...", "SecretAccessKey":
-/// "...", "SessionToken": "...", "Region": "..."}. The token is optional; AWS_REGION replaces a missing
-/// region.
-/// Errors (usage): as for ReadHttpHeaders(); invalid JSON; a value missing or not printable ASCII.
+/// "...", "SessionToken": "...", "Region": "..."}. The token is optional; AWS_REGION or AWS_DEFAULT_REGION
+/// replaces a missing region. Errors (usage): as for ReadHttpHeaders(); invalid JSON; a value missing or not
+/// printable ASCII.
 Result<AwsCredentials> ReadAwsCredentials(const std::string& path);
 
-/// Reads credentials from AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, AWS_SESSION_TOKEN (optional) and
-/// AWS_REGION.
-/// Errors (usage): a variable missing or not printable ASCII.
+/// Reads credentials from AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and AWS_SESSION_TOKEN (optional); else
+/// from the profile of ~/.aws (ReadAwsProfile()). The region is AwsRegion().
+/// Errors (usage): no credentials, or half of them; keys that a program of AWS would have to fetch; a value
+/// that is not printable ASCII; as ReadAwsProfile().
 Result<AwsCredentials> AwsCredentialsFromEnvironment();
+/// Whether variables or the profile have credentials, or say how to get them. Errors: as ReadAwsProfile().
+Result<bool> HasAwsCredentials();
 
 }  // namespace quarry

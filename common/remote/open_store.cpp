@@ -2,23 +2,18 @@
 
 #include <fmt/format.h>
 
-#include <cstdlib>
 #include <memory>
 #include <string_view>
 #include <utility>
 
+#include "common/remote/aws_profile.h"
+#include "common/remote/environment.h"
 #include "common/remote/remote_file.h"
 
 namespace quarry {
 namespace {
 
 constexpr std::string_view kS3 = "s3://";
-
-std::string Environment(std::initializer_list<const char*> names) {
-  for (const char* name : names)
-    if (const char* value = std::getenv(name); value && *value) return value;
-  return {};
-}
 
 /// A key as a path in an address: what S3 signs percent-encoded is sent so.
 std::string Encoded(std::string_view key) {
@@ -44,12 +39,16 @@ Result<HttpLocation> RemoteLocation(const std::string& place, const std::string&
   if (slash == 0 || slash == std::string::npos || slash + 1 == rest.size())
     return BadUsage(fmt::format("{} is not s3://BUCKET/KEY: '{}'", what, place));
   const std::string bucket = rest.substr(0, slash), key = Encoded(std::string_view(rest).substr(slash + 1));
-  if (const std::string server = Environment({"AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL"}); !server.empty())
+  std::string server = Environment({"AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL"});
+  if (server.empty()) {
+    QUARRY_ASSIGN(const AwsProfile profile, ReadAwsProfile());
+    server = profile.endpoint;
+  }
+  if (!server.empty())
     return ParseHttpLocation(
         fmt::format("{}{}{}/{}", server, server.back() == '/' ? "" : "/", Encoded(bucket), key),
         "AWS_ENDPOINT_URL");
-  std::string region = Environment({"AWS_REGION", "AWS_DEFAULT_REGION"});
-  if (region.empty()) region = "us-east-1";
+  QUARRY_ASSIGN(const std::string region, AwsRegion());
   // A certificate for *.s3.REGION.amazonaws.com does not cover a bucket with dots.
   const std::string address = bucket.find('.') == std::string::npos
                                   ? fmt::format("https://{}.s3.{}.amazonaws.com/{}", bucket, region, key)
@@ -58,8 +57,9 @@ Result<HttpLocation> RemoteLocation(const std::string& place, const std::string&
 }
 
 Result<HttpOptions> WithCredentials(const std::string& place, HttpOptions options) {
-  if (place.starts_with(kS3) && !options.aws && options.headers.empty() &&
-      !Environment({"AWS_ACCESS_KEY_ID"}).empty()) {
+  if (!place.starts_with(kS3) || options.aws || !options.headers.empty()) return options;
+  QUARRY_ASSIGN(const bool has, HasAwsCredentials());
+  if (has) {
     QUARRY_ASSIGN(options.aws, AwsCredentialsFromEnvironment());
   }
   return options;

@@ -7,6 +7,9 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <mutex>
@@ -82,11 +85,14 @@ struct FaultServer::Impl {
         answer = handler(request);
       }
       for (size_t done = 0; done < answer.bytes.size();) {
-        const ssize_t n = ::send(fd, answer.bytes.data() + done, answer.bytes.size() - done, MSG_NOSIGNAL);
+        const bool trickle = answer.then == Then::kTrickle;
+        const size_t size = std::min<size_t>(answer.bytes.size() - done, trickle ? 8 << 10 : SIZE_MAX);
+        const ssize_t n = ::send(fd, answer.bytes.data() + done, size, MSG_NOSIGNAL);
         if (n <= 0) return;
         done += static_cast<size_t>(n);
+        if (trickle) std::this_thread::sleep_for(std::chrono::milliseconds(50));
       }
-      if (answer.then == Then::kClose) ::shutdown(fd, SHUT_RDWR);
+      if (answer.then == Then::kClose || answer.then == Then::kTrickle) ::shutdown(fd, SHUT_RDWR);
       if (answer.then != Then::kKeep) return;
     }
   }

@@ -12,9 +12,10 @@ namespace quarry::test {
 class FaultServer {
  public:
   enum class Then {
-    kKeep,   ///< wait for the next request
-    kClose,  ///< close the connection
-    kStall,  ///< send nothing more and keep the connection open
+    kKeep,     ///< wait for the next request
+    kClose,    ///< close the connection
+    kStall,    ///< send nothing more and keep the connection open
+    kTrickle,  ///< send it in pieces of 8 KiB, 50 ms apart, and close the connection
   };
   struct Answer {
     std::string bytes;

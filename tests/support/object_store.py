@@ -3,9 +3,12 @@ checks by an implementation of its own, from the published rules."""
 import datetime
 import hashlib
 import hmac
+import http.client
 import http.server
 import pathlib
 import re
+import select
+import socket
 import ssl
 import threading
 import urllib.parse
@@ -46,10 +49,11 @@ def signature_fault(method, target, headers, access_key, secret_key, region):
 
 
 class ObjectStore:
-    """Serves `folder` at http://127.0.0.1:PORT/. `keys`: (access key, secret key) that requests must be signed by."""
+    """Serves `folder` at http://127.0.0.1:PORT/. `keys`: (access key, secret key) that requests must be signed by, in `region`. `prefix`: the path below
+    which it serves. `before`: called with each request first; it may answer, and return True."""
 
-    def __init__(self, folder, keys=None, certificate=None):
-        self.folder, self.keys = pathlib.Path(folder), keys
+    def __init__(self, folder, keys=None, certificate=None, region=REGION, prefix="", before=None):
+        self.folder, self.keys, self.region, self.prefix, self.before = pathlib.Path(folder), keys, region, prefix, before
         self.requests, self.bytes, self.faults = 0, 0, []
         self.fail_next, self.ranges, self.tells_size = 0, True, True
         store = self
@@ -83,15 +87,18 @@ class ObjectStore:
         if self.fail_next > 0:
             self.fail_next -= 1
             return self.refuse(request, 503)
+        if self.before and self.before(request):
+            return None
         if self.keys:
             fault = signature_fault("GET", request.path, {k: v for k, v in request.headers.items()} | {
-                k.lower(): v for k, v in request.headers.items()}, *self.keys, REGION)
+                k.lower(): v for k, v in request.headers.items()}, *self.keys, self.region)
             if fault:
                 self.faults.append(fault)
                 return self.refuse(request, 403)
-        path = self.folder / urllib.parse.unquote(request.path.partition("?")[0]).lstrip("/")
-        if not path.is_file():
-            return self.refuse(request, 404)
+        place = urllib.parse.unquote(request.path.partition("?")[0])
+        path = self.folder / place.removeprefix(self.prefix).lstrip("/")
+        if not place.startswith(self.prefix + "/") or not path.is_file():
+            return self.refuse(request, 404, "NoSuchKey")
         size = path.stat().st_size
         match = re.fullmatch(r"bytes=(\d+)-(\d+)", request.headers.get("Range", ""))
         if not match or not self.ranges:
@@ -122,7 +129,69 @@ class ObjectStore:
             pass  # the program has gone
 
     @staticmethod
-    def refuse(request, status):
+    def refuse(request, status, code=""):
+        body = f"<?xml version=\"1.0\"?>\n<Error><Code>{code}</Code><Message>a message</Message></Error>".encode() if code else b""
         request.send_response(status)
+        request.send_header("Content-Length", str(len(body)))
+        request.end_headers()
+        ObjectStore.write(request, body)
+
+    @staticmethod
+    def redirect(request, target):
+        request.send_response(302)
+        request.send_header("Location", target)
         request.send_header("Content-Length", "0")
         request.end_headers()
+        return True
+
+
+class Proxy:
+    """A proxy for HTTP at http://127.0.0.1:PORT that sends every request on to `port` of this machine, whatever host it names. `targets`: what it was
+    asked for."""
+
+    def __init__(self, port):
+        self.targets = []
+        proxy = self
+
+        class Handler(http.server.BaseHTTPRequestHandler):
+            protocol_version = "HTTP/1.1"
+
+            def do_GET(self):
+                proxy.targets.append(self.path)
+                url = urllib.parse.urlsplit(self.path)
+                there = http.client.HTTPConnection("127.0.0.1", port)
+                there.request("GET", url.path, headers=dict(self.headers.items()))
+                answer = there.getresponse()
+                body = answer.read()
+                self.send_response(answer.status)
+                for name, value in answer.headers.items():
+                    if name.lower() in ("content-range", "content-length"):
+                        self.send_header(name, value)
+                self.end_headers()
+                self.wfile.write(body)
+
+            def do_CONNECT(self):
+                proxy.targets.append(self.path)
+                self.send_response(200)
+                self.end_headers()
+                with socket.create_connection(("127.0.0.1", port)) as there:
+                    ends = {there: self.connection, self.connection: there}
+                    while True:
+                        for end in select.select(list(ends), [], [], 60)[0]:
+                            data = end.recv(65536)
+                            if not data:
+                                self.close_connection = True
+                                return
+                            ends[end].sendall(data)
+
+            def log_message(self, *_):
+                pass
+
+        self.server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+        self.server.daemon_threads = True
+        self.url = f"http://127.0.0.1:{self.server.server_address[1]}"
+        threading.Thread(target=self.server.serve_forever, daemon=True).start()
+
+    def close(self):
+        self.server.shutdown()
+        self.server.server_close()

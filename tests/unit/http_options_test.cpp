@@ -1,12 +1,15 @@
 #include "common/remote/http_options.h"
 
+#include <fmt/format.h>
 #include <sys/stat.h>
 
 #include <catch2/catch.hpp>
 #include <cstdlib>
 #include <fstream>
 
+#include "common/remote/aws_profile.h"
 #include "common/remote/http_answer.h"
+#include "common/remote/http_proxy.h"
 #include "tests/support/temporary_folder.h"
 
 namespace quarry {
@@ -129,14 +132,106 @@ TEST_CASE("AWS credentials come from a file or the environment") {
   ::setenv("AWS_SECRET_ACCESS_KEY", "S", 1);
   ::unsetenv("AWS_SESSION_TOKEN");
   ::unsetenv("AWS_REGION");
-  const auto missing = AwsCredentialsFromEnvironment();
-  REQUIRE(!missing.has_value());
-  CHECK_THAT(missing.error().message, Contains("AWS_REGION"));
+  ::unsetenv("AWS_DEFAULT_REGION");
+  ::setenv("HOME", folder.path().c_str(), 1);  // has no .aws
+  CHECK(AwsCredentialsFromEnvironment().value() == AwsCredentials{"us-east-1", "A", "S", ""});
+  ::setenv("AWS_DEFAULT_REGION", "d", 1);
+  CHECK(AwsCredentialsFromEnvironment().value() == AwsCredentials{"d", "A", "S", ""});
   ::setenv("AWS_REGION", "r", 1);
   const auto from_environment = AwsCredentialsFromEnvironment();
   REQUIRE(from_environment.has_value());
   CHECK(*from_environment == AwsCredentials{"r", "A", "S", ""});
-  for (const char* name : {"AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_REGION"}) ::unsetenv(name);
+  for (const char* name : {"AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_REGION", "AWS_DEFAULT_REGION"})
+    ::unsetenv(name);
+}
+
+TEST_CASE("AWS credentials come from profiles, as the tools of AWS write them") {
+  const test::TemporaryFolder folder;
+  const std::string credentials = folder.file("credentials"), config = folder.file("config");
+  WriteText(credentials,
+            "# kept by aws configure\n[default]\naws_access_key_id = A\naws_secret_access_key=S/x+=\n\n"
+            "[work]\r\naws_access_key_id=W\r\naws_secret_access_key = V  \r\naws_session_token = T\r\n");
+  WriteText(
+      config,
+      "[default]\nregion = eu-north-1\ns3 =\n  region = nested\n[profile work]\nregion=eu-west-9 # here\n"
+      "endpoint_url = http://127.0.0.1:9/x\n[profile single]\nsso_session = mine\nregion = r\n");
+  const char* const names[] = {"AWS_ACCESS_KEY_ID",  "AWS_SECRET_ACCESS_KEY", "AWS_SESSION_TOKEN",
+                               "AWS_REGION",         "AWS_DEFAULT_REGION",    "AWS_PROFILE",
+                               "AWS_DEFAULT_PROFILE"};
+  for (const char* name : names) ::unsetenv(name);
+  ::setenv("AWS_SHARED_CREDENTIALS_FILE", credentials.c_str(), 1);
+  ::setenv("AWS_CONFIG_FILE", config.c_str(), 1);
+  CHECK(HasAwsCredentials().value());
+  CHECK(AwsCredentialsFromEnvironment().value() == AwsCredentials{"eu-north-1", "A", "S/x+=", ""});
+  ::setenv("AWS_PROFILE", "work", 1);
+  CHECK(AwsCredentialsFromEnvironment().value() == AwsCredentials{"eu-west-9", "W", "V", "T"});
+  CHECK(ReadAwsProfile()->endpoint == "http://127.0.0.1:9/x");
+  ::setenv("AWS_REGION", "r2", 1);
+  CHECK(AwsCredentialsFromEnvironment()->region == "r2");
+  ::setenv("AWS_PROFILE", "single", 1);
+  CHECK_THAT(AwsCredentialsFromEnvironment().error().message,
+             Contains("sso_session") && Contains("export-credentials --profile single"));
+  ::setenv("AWS_PROFILE", "absent", 1);
+  CHECK_THAT(AwsCredentialsFromEnvironment().error().message, Contains("no profile absent"));
+  ::setenv("AWS_PROFILE", "work", 1);
+  ::setenv("AWS_CONFIG_FILE", folder.file("none").c_str(), 1);
+  CHECK_FALSE(AwsCredentialsFromEnvironment().has_value());
+  ::unsetenv("AWS_CONFIG_FILE");
+  ::unsetenv("AWS_SHARED_CREDENTIALS_FILE");
+  for (const char* name : names) ::unsetenv(name);
+}
+
+TEST_CASE("Proxies are those of the environment, but for hosts that need none") {
+  const char* const names[] = {"http_proxy", "https_proxy", "HTTPS_PROXY", "all_proxy",
+                               "ALL_PROXY",  "no_proxy",    "NO_PROXY",    "HTTP_PROXY"};
+  for (const char* name : names) ::unsetenv(name);
+  const auto proxy_for = [](const std::string& url) {
+    const auto proxy = ProxyFor(*ParseHttpLocation(url, "it"));
+    if (!proxy) return proxy.error().message;
+    return *proxy ? fmt::format("{}:{} {}", (*proxy)->host, (*proxy)->port, (*proxy)->authorization) : "none";
+  };
+  CHECK(proxy_for("http://models.example/x") == "none");
+  ::setenv("HTTP_PROXY", "http://evil:1", 1);
+  CHECK(proxy_for("http://models.example/x") == "none");
+  ::setenv("http_proxy", "http://proxy.example:3128/", 1);
+  CHECK(proxy_for("http://models.example/x") == "proxy.example:3128 ");
+  CHECK(proxy_for("https://models.example/x") == "none");
+  ::setenv("HTTPS_PROXY", "user:p%40ss@10.0.0.1", 1);
+  CHECK(proxy_for("https://models.example/x") == "10.0.0.1:80 Basic dXNlcjpwQHNz");
+  for (const char* local : {"http://localhost/x", "http://127.0.0.5:80/x", "http://[::1]/x"})
+    CHECK(proxy_for(local) == "none");
+  ::setenv("no_proxy", "a.example, .b.example ,c.example:81, 10.1.2.3", 1);
+  for (const char* direct : {"http://a.example/x", "http://sub.A.example/x", "http://z.b.example/x",
+                             "http://c.example:81/x", "http://10.1.2.3/x"})
+    CHECK(proxy_for(direct) == "none");
+  for (const char* proxied : {"http://xa.example/x", "http://c.example/x", "http://10.1.2.4/x"})
+    CHECK(proxy_for(proxied) == "proxy.example:3128 ");
+  ::setenv("no_proxy", "*", 1);
+  CHECK(proxy_for("http://models.example/x") == "none");
+  ::unsetenv("no_proxy");
+  ::setenv("http_proxy", "socks5://user:secret@h:1", 1);
+  CHECK_THAT(proxy_for("http://models.example/x"), Contains("http_proxy: only proxies that speak HTTP"));
+  CHECK(proxy_for("http://models.example/x").find("secret") == std::string::npos);
+  for (const char* name : names) ::unsetenv(name);
+}
+
+TEST_CASE("A redirection leads to an absolute address or a relative one, and never from https to http") {
+  const auto to = [](const std::string& from, const std::string& target) {
+    const auto location = RedirectedTo(*ParseHttpLocation(from, "it"), target);
+    if (!location) return location.error().message;
+    return fmt::format("{}://{}{}", location->tls ? "https" : "http", location->authority(),
+                       location->target);
+  };
+  CHECK(to("http://h:8/a/b?q", "https://o.example/x?sig=1#f") == "https://o.example/x?sig=1");
+  CHECK(to("http://h:8/a/b?q", "/x?sig=1") == "http://h:8/x?sig=1");
+  CHECK(to("http://h:8/a/b?q", "c") == "http://h:8/a/c");
+  CHECK(to("http://h:8/a/b?q", "?r") == "http://h:8/a/b?r");
+  CHECK(to("https://h/a", "//o/x") == "https://o/x");
+  CHECK_THAT(to("https://h/a", "http://o/x?secret"), Contains("from https to http://o/x?"));
+  CHECK(to("https://h/a", "http://o/x?secret").find("secret") == std::string::npos);
+  CHECK_THAT(to("http://h/a", "ftp://o/x"), Contains("neither http:// nor https://"));
+  CHECK_THAT(to("http://h/a", "http://user@o/x"), Contains("user or password"));
+  CHECK_THAT(to("http://h/a", ""), Contains("does not say where"));
 }
 
 // Examples of "Signature Calculations for the Authorization Header" in the S3 API reference: 24 May 2013.

@@ -9,7 +9,7 @@
 #include <mutex>
 #include <utility>
 
-#include "common/voxel/store_format.h"
+#include "common/voxel/store_header.h"
 #include "tests/support/fault_server.h"
 #include "tests/support/http_fetches.h"
 
@@ -44,6 +44,20 @@ Error FaultOfBlock(
   CHECK_THAT(got.error().message, Contains(server.url()));
   CHECK(got.error().message.find('\n') == std::string::npos);
   return got.error();
+}
+
+/// The last answer to `times` requests, one after the other, for a file of `size` bytes.
+Result<HttpRangeClient::Reply> GetAll(const FaultServer& server, uint64_t size, const HttpOptions& options,
+                                      int times = 1) {
+  boost::asio::io_context io;
+  HttpRangeClient client(io, Location(server.url()), options);
+  Result<HttpRangeClient::Reply> last = Fail("not asked");
+  for (int i = 0; i < times; ++i) {
+    client.Get(0, static_cast<uint32_t>(size), [&](auto reply) { last = std::move(reply); });
+    io.restart();
+    io.run();
+  }
+  return last;
 }
 
 Error FaultOfBlock(const std::string& answer, Then then = Then::kKeep, double seconds = 60) {
@@ -156,24 +170,132 @@ TEST_CASE("Statuses become sentences, permanent where asking again cannot help")
     std::string status, sentence;
     bool permanent;
   };
-  for (const Case& c :
-       std::vector<Case>{{"200 OK", "does not serve ranges", true},
-                         {"204 No Content", "204", true},
-                         {"302 Found\r\nLocation: http://elsewhere/", "302 Found: redirections", true},
-                         {"401 Unauthorized", "401 Unauthorized", true},
-                         {"403 Forbidden", "403 Forbidden", true},
-                         {"404 Not Found", "404 Not Found", true},
-                         {"408 Request Timeout", "408", false},
-                         {"416 Range Not Satisfiable", "416 Range Not Satisfiable", true},
-                         {"429 Too Many Requests", "429 Too Many Requests", false},
-                         {"500 Internal Server Error", "500 Internal Server Error", false},
-                         {"503 <script>", "503 Service Unavailable", false},
-                         {"599 What", "599", false}}) {
+  for (const Case& c : std::vector<Case>{{"200 OK", "does not serve ranges", true},
+                                         {"204 No Content", "204", true},
+                                         {"302 Found", "302 Found: it does not say where", true},
+                                         {"401 Unauthorized", "401 Unauthorized", true},
+                                         {"403 Forbidden", "403 Forbidden", true},
+                                         {"404 Not Found", "404 Not Found", true},
+                                         {"408 Request Timeout", "408", false},
+                                         {"416 Range Not Satisfiable", "416 Range Not Satisfiable", true},
+                                         {"429 Too Many Requests", "429 Too Many Requests", false},
+                                         {"500 Internal Server Error", "500 Internal Server Error", false},
+                                         {"503 <script>", "503 Service Unavailable", false},
+                                         {"599 What", "599", false}}) {
     INFO(c.status);
     const Error error = FaultOfBlock("HTTP/1.1 " + c.status + "\r\nContent-Length: 4\r\n\r\nbody");
     CHECK_THAT(error.message, Contains(c.sentence));
     CHECK(error.permanent() == c.permanent);
   }
+}
+
+TEST_CASE("The server's code is in a refusal, and nothing else of its text") {
+  const auto refusal = [](const std::string& head, const std::string& body) {
+    return FaultOfBlock(fmt::format("HTTP/1.1 {}\r\nContent-Length: {}\r\n\r\n{}", head, body.size(), body))
+        .message;
+  };
+  const std::string xml =
+      "<?xml version=\"1.0\"?>\n<Error><Code>ExpiredToken</Code><Message>secret</Message></Error>";
+  const std::string expired = refusal("403 Forbidden", xml);
+  CHECK_THAT(expired, Contains("answers 403 Forbidden (ExpiredToken): the credentials have expired"));
+  CHECK(expired.find("secret") == std::string::npos);
+  CHECK_THAT(refusal("400 Bad Request", xml + std::string(50000, ' ')),
+             Contains("400 Bad Request (ExpiredToken)"));
+  CHECK_THAT(refusal("404 Not Found", "<Error><Code>NoSuchBucket</Code></Error>"),
+             Contains("(NoSuchBucket)"));
+  CHECK_THAT(refusal("403 Forbidden", "{\"error\": {\"code\": \"Denied\"}}"),
+             Contains("403 Forbidden (Denied)"));
+  for (const char* odd :
+       {"<Code>a b</Code>", "<Code>\x1b[31m</Code>", "<Code></Code>", "<Code>x", "\"code\":", "<Code>"})
+    CHECK_THAT(refusal("403 Forbidden", odd), Contains("answers 403 Forbidden: "));
+  // A body that never comes does not hold the sentence back.
+  CHECK_THAT(FaultOfBlock("HTTP/1.1 403 Forbidden\r\nContent-Length: 100\r\n\r\n<Code>Slow</Code>",
+                          Then::kStall, 0.3)
+                 .message,
+             Contains("403 Forbidden (Slow)"));
+}
+
+TEST_CASE("A body that trickles is given up") {
+  const std::string file(512 << 10, 'x');
+  FaultServer server([&](const FaultServer::Request& r) -> FaultServer::Answer {
+    return {FaultServer::Part(r, file), Then::kTrickle};
+  });
+  HttpOptions options = Patient(0.25);  // pieces of 8 KiB in 50 ms never stall
+  options.least_rate = 1 << 20;
+  CHECK_THAT(GetAll(server, file.size(), options).error().message,
+             Contains("too slow: less than 1024 KiB a second"));
+}
+
+TEST_CASE("Redirections are followed, without secrets to other servers") {
+  const std::string file = "the file's bytes";
+  std::vector<std::string> heads;
+  FaultServer other([&](const FaultServer::Request& r) -> FaultServer::Answer {
+    heads.push_back(r.head);
+    return {FaultServer::Part(r, file)};
+  });
+  std::vector<std::string> first_heads;
+  const auto sends_to = [](const std::string& place) {
+    return FaultServer::Answer{
+        fmt::format("HTTP/1.1 302 Found\r\nLocation: {}\r\nContent-Length: 0\r\n\r\n", place)};
+  };
+  FaultServer first([&](const FaultServer::Request& r) {
+    first_heads.push_back(r.head);
+    return r.head.starts_with("GET /store ") ? sends_to("/moved?x=1") : sends_to(other.url() + "?sig=secret");
+  });
+  HttpOptions options = Patient();
+  options.headers = {{"Authorization", "Bearer secret"}};
+  const auto got = GetAll(first, file.size(), options, 2);
+  REQUIRE(got.has_value());
+  CHECK(AsText(got->bytes) == file);
+  REQUIRE(first_heads.size() == 2);  // the second request goes to the last address at once
+  CHECK_THAT(first_heads[0], Contains("Bearer secret"));
+  CHECK_THAT(first_heads[1], Contains("GET /moved?x=1 ") && Contains("Bearer secret"));
+  REQUIRE(heads.size() == 2);
+  for (const std::string& head : heads) {
+    CHECK_THAT(head, Contains("GET /store?sig=secret ") &&
+                         Contains(fmt::format("Host: 127.0.0.1:{}", other.port())));
+    CHECK(head.find("Bearer") == std::string::npos);
+  }
+}
+
+TEST_CASE("Redirections end after five, and a refused address is asked for anew") {
+  const std::string file = "the file's bytes";
+  int asked = 0;
+  FaultServer circle([&](const FaultServer::Request&) -> FaultServer::Answer {
+    ++asked;
+    return {"HTTP/1.1 307 Temporary Redirect\r\nLocation: /store\r\nContent-Length: 0\r\n\r\n"};
+  });
+  const auto circling = GetAll(circle, file.size(), Patient());
+  REQUIRE_FALSE(circling.has_value());
+  CHECK_THAT(circling.error().message, Contains("sends elsewhere more than 5 times"));
+  CHECK(circling.error().permanent());
+  CHECK(asked == 6);
+
+  // An address with a signature that serves one request, then is refused.
+  int signature = 0, served = 0;
+  FaultServer server([&](const FaultServer::Request& r) -> FaultServer::Answer {
+    if (r.head.starts_with("GET /store "))
+      return {fmt::format("HTTP/1.1 302 Found\r\nLocation: /real?sig={}\r\nContent-Length: 0\r\n\r\n",
+                          ++signature)};
+    const bool fresh =
+        r.head.find(fmt::format("sig={} ", signature)) != std::string::npos && served < signature;
+    if (!fresh) return {"HTTP/1.1 403 Forbidden\r\nContent-Length: 0\r\n\r\n"};
+    ++served;
+    return {FaultServer::Part(r, file)};
+  });
+  CHECK(GetAll(server, file.size(), Patient(), 3).has_value());
+  CHECK(signature == 3);
+
+  FaultServer refusing([&](const FaultServer::Request& r) -> FaultServer::Answer {
+    if (r.head.starts_with("GET /store "))
+      return {"HTTP/1.1 302 Found\r\nLocation: /real?sig=secret\r\nContent-Length: 0\r\n\r\n"};
+    return {"HTTP/1.1 403 Forbidden\r\nContent-Length: 0\r\n\r\n"};
+  });
+  const auto refused = GetAll(refusing, file.size(), Patient());
+  REQUIRE_FALSE(refused.has_value());
+  CHECK_THAT(refused.error().message,
+             Contains("/store: sends to http://127.0.0.1") && Contains("/real?…, which answers 403"));
+  CHECK(refused.error().message.find("secret") == std::string::npos);
 }
 
 TEST_CASE("After a 503 the next request is answered") {
@@ -338,7 +460,7 @@ TEST_CASE("A file that is not the scene's store is refused before a block is ask
              Contains(FormatSceneId(other.catalog().id)) && Contains(FormatSceneId(scene.catalog().id)));
   CHECK_THAT(refusal(longer.bytes), Contains("another scene"));
   CHECK_THAT(refusal(std::string(5000, 'x')), Contains("not a Quarry scene store"));
-  CHECK_THAT(refusal(scene.bytes + "x"), Contains("truncated or added to"));
+  CHECK_THAT(refusal(scene.bytes + "x"), Contains("has 1 bytes behind the end of its store"));
   std::string damaged = scene.bytes;
   damaged[40] ^= 1;
   CHECK_THAT(refusal(damaged), Contains("header is damaged"));

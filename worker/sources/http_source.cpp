@@ -8,7 +8,6 @@
 #include <utility>
 #include <vector>
 
-#include "common/voxel/store_format.h"
 #include "common/voxel/store_header.h"
 
 namespace quarry {
@@ -39,9 +38,7 @@ struct HttpVoxelSource::Impl : std::enable_shared_from_this<HttpVoxelSource::Imp
 
   void CheckTable(const StoreHeader& header, uint64_t served) {
     if (served != 0 && served != header.file_size)
-      return FailCheck(Error{fmt::format("{}: {} bytes long, should be {}: truncated or added to", name,
-                                         served, header.file_size),
-                             ErrorKind::kPermanent});
+      return FailCheck(Error{WrongSizeText(name, served, header.file_size), ErrorKind::kPermanent});
     if (header.sections == 0)
       return FailCheck(Error{fmt::format("{}: a store without sections", name), ErrorKind::kPermanent});
     client->Get(kStoreHeaderBytes, static_cast<uint32_t>(header.table_bytes()),
