@@ -14,16 +14,24 @@ constexpr int kBatchesPerPin =
 
 }  // namespace
 
-Engine::Engine(const Catalog& catalog, VoxelCache& cache, unsigned threads)
+Engine::Engine(const Catalog& catalog, VoxelCache& cache, unsigned threads, OnFault on_fault)
     : catalog_(catalog),
       cache_(cache),
+      on_fault_(std::move(on_fault)),
       surfaces_(std::make_shared<const SceneSurfaces>(catalog)),
       queue_depth_(threads) {
   for (unsigned i = 0; i < threads; ++i) mailboxes_.push_back(std::make_unique<Mailbox>());
-  for (auto& mailbox : mailboxes_) threads_.emplace_back([this, &mailbox] { Run(*mailbox); });
+  try {
+    for (auto& mailbox : mailboxes_) threads_.emplace_back([this, &mailbox] { Run(*mailbox); });
+  } catch (...) {  // a thread is refused: those that run must end before the error goes on
+    Stop();
+    throw;
+  }
 }
 
-Engine::~Engine() {
+Engine::~Engine() { Stop(); }
+
+void Engine::Stop() {
   stop_ = true;
   WakeAll();
   for (std::thread& thread : threads_) thread.join();
@@ -174,9 +182,21 @@ void Engine::Step(Tiles& tiles, PinnedBlocks& pins, Mailbox& mailbox) {
   compute_us_ += ThreadTimeUs() - start_us;
 }
 
+/// A failed allocation ends this thread's work, not the program.
 void Engine::Run(Mailbox& mailbox) {
-  PinnedBlocks pins(cache_);
   Tiles tiles;
+  const Status worked = WithinLimits([&]() -> Status {
+    Work(mailbox, tiles);
+    return {};
+  });
+  if (worked) return;
+  open_ -= static_cast<uint32_t>(tiles.open.size());
+  tiles = {};  // gives memory back before the fault is told
+  if (on_fault_) on_fault_(worked.error());
+}
+
+void Engine::Work(Mailbox& mailbox, Tiles& tiles) {
+  PinnedBlocks pins(cache_);
   for (int batch = 0; !stop_; ++batch) {
     CloseTiles(tiles);
     const int going = MostUrgent(tiles, true);

@@ -32,8 +32,12 @@ class Engine {
   /// Called on a compute thread.
   using OnTile = std::function<void(RenderedTile)>;
 
-  /// `catalog` and `cache` must outlive this.
-  Engine(const Catalog& catalog, VoxelCache& cache, unsigned threads);
+  /// Called on a compute thread, which has ended for want of memory. The tiles that it had begun are lost:
+  /// their `done` is never called.
+  using OnFault = std::function<void(const Error&)>;
+
+  /// `catalog` and `cache` must outlive this. Throws std::system_error when the system refuses a thread.
+  Engine(const Catalog& catalog, VoxelCache& cache, unsigned threads, OnFault on_fault = {});
   ~Engine();
 
   /// Announces a view before its tiles. Requires: the view is normalized; no view has had `number`.
@@ -85,6 +89,8 @@ class Engine {
     std::vector<std::unique_ptr<TileRenderer>> spare;
   };
   void Run(Mailbox& mailbox);
+  void Work(Mailbox& mailbox, Tiles& tiles);
+  void Stop();
   static int MostUrgent(const Tiles& tiles, bool ready);
   bool MayOpen(const Tiles& tiles) const;
   size_t TileBytes() const { return kOpenTileBytes + kSharedTileBytes / mailboxes_.size(); }
@@ -97,6 +103,7 @@ class Engine {
 
   const Catalog& catalog_;
   VoxelCache& cache_;
+  const OnFault on_fault_;
   const std::shared_ptr<const SceneSurfaces> surfaces_;
   std::atomic<uint64_t> rays_{0}, rays_suspended_{0}, compute_us_{0}, stall_us_{0};
   mutable std::mutex mutex_;  ///< guards views_, queues_, queue_depth_

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "common/base/resource.h"
 #include "common/base/size.h"
 #include "common/kdtree/kernels.h"
 
@@ -40,34 +41,45 @@ Renderer::Renderer(const Catalog& catalog, const Options& options, Hooks hooks)
 Result<std::unique_ptr<Renderer>> Renderer::Create(const Catalog& catalog, VoxelSource& source,
                                                    Executor executor, const Options& options, Hooks hooks) {
   QUARRY_TRY(Check(catalog, options));
-  std::unique_ptr<Renderer> renderer(new Renderer(catalog, options, std::move(hooks)));
-  renderer->Begin(source, std::move(executor), options);
-  return renderer;
+  return WithinLimits([&]() -> Result<std::unique_ptr<Renderer>> {
+    std::unique_ptr<Renderer> renderer(new Renderer(catalog, options, std::move(hooks)));
+    renderer->Begin(source, std::move(executor), options);
+    return renderer;
+  });
 }
 
 Result<std::unique_ptr<Renderer>> Renderer::Create(const Scene& scene, const Options& options) {
   QUARRY_TRY(Check(scene.catalog(), options));
-  std::unique_ptr<Renderer> renderer(new Renderer(scene.catalog(), options, {}));
-  Renderer& r = *renderer;
-  r.scene_ = scene;
-  r.loader_thread_ = std::thread([&r] { r.tasks_.Run(); });
-  const auto executor = [&r](std::function<void()> task) { r.tasks_.Post(std::move(task)); };
-  r.source_ = scene.MakeSource(executor);
-  r.Begin(*r.source_, executor, options);
-  return renderer;
+  return WithinLimits([&]() -> Result<std::unique_ptr<Renderer>> {
+    std::unique_ptr<Renderer> renderer(new Renderer(scene.catalog(), options, {}));
+    Renderer& r = *renderer;
+    r.scene_ = scene;
+    r.loader_thread_ = std::thread([&r] { r.tasks_.Run(); });
+    const auto executor = [&r](std::function<void()> task) { r.tasks_.Post(std::move(task)); };
+    r.source_ = scene.MakeSource(executor);
+    r.Begin(*r.source_, executor, options);
+    return renderer;
+  });
 }
 
 void Renderer::Begin(VoxelSource& source, Executor executor, const Options& options) {
   executor_ = std::move(executor);
-  loader_.emplace(catalog_, cache_, source, [this](const Error& error) {
-    {
-      const std::lock_guard lock(mutex_);
-      failure_ = error;
-      for (const auto& call : calls_) End(*call, error);
-    }
-    if (hooks_.on_error) hooks_.on_error(error);
+  loader_.emplace(catalog_, cache_, source, [this](const Error& error) { Failed(error); });
+  // A compute thread tells the loader's thread, which its hooks belong to.
+  engine_ = std::make_unique<Engine>(catalog_, cache_, options.threads, [this](const Error& error) {
+    executor_([this, error] { Failed(error); });
   });
-  engine_ = std::make_unique<Engine>(catalog_, cache_, options.threads);
+}
+
+/// On the loader's thread.
+void Renderer::Failed(const Error& error) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (failure_) return;
+    failure_ = error;
+    for (const auto& call : calls_) End(*call, error);
+  }
+  if (hooks_.on_error) hooks_.on_error(error);
 }
 
 Renderer::~Renderer() {
@@ -129,11 +141,19 @@ void Renderer::OnTileDone(Call& call, size_t index, RenderedTile result) {
   ++call.progress.done;
   const Progress progress = call.progress;
   lock.unlock();  // on_tile may cancel the call
-  (*call.on_tile)(index, std::move(result), progress);
-  lock.lock();
-  call.delivering = false;
-  lock.unlock();
-  call.changed.notify_all();
+  const auto delivered = [&] {
+    lock.lock();
+    call.delivering = false;
+    lock.unlock();
+    call.changed.notify_all();
+  };
+  try {
+    (*call.on_tile)(index, std::move(result), progress);
+  } catch (...) {  // for want of memory: Engine::Run() tells of it
+    delivered();
+    throw;
+  }
+  delivered();
 }
 
 void Renderer::End(Call& call, const Error& error) {

@@ -44,7 +44,7 @@ class Renderer {
   };
   /// Callbacks, called on the loader's thread outside locks. Each may be empty.
   struct Hooks {
-    std::function<void(const Error&)> on_error;         ///< called once: a block cannot be had
+    std::function<void(const Error&)> on_error;         ///< called once: no block, or no memory
     std::function<void(BlockKey, bool here)> on_block;  ///< a block came (true) or was evicted
     std::function<void()> on_idle;                      ///< the loader has requested all it may
   };
@@ -102,6 +102,7 @@ class Renderer {
     std::optional<Error> error;
   };
   Renderer(const Catalog& catalog, const Options& options, Hooks hooks);
+  void Failed(const Error& error);
   void Begin(VoxelSource& source, Executor executor, const Options& options);
   void ScheduleLoader();
   static void End(Call& call, const Error& error);

@@ -8,6 +8,7 @@
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <deque>
+#include <memory>
 #include <utility>
 #include <vector>
 
@@ -51,19 +52,23 @@ class TcpListener final : public Listener {
     Accept();
     Watch();
   }
+  ~TcpListener() override { *alive_ = false; }
   uint16_t port() const override { return acceptor_.local_endpoint().port(); }
 
  private:
   using ConnectionPtr = std::shared_ptr<AcceptedConnection>;
 
   void Accept() {
-    acceptor_.async_accept([this](const ErrorCode& error, tcp::socket socket) {
-      if (error == asio::error::operation_aborted) return;
+    // What has happened already is told even after the acceptor is destroyed, and not as aborted.
+    acceptor_.async_accept([this, alive = alive_](const ErrorCode& error, tcp::socket socket) {
+      if (!*alive || error == asio::error::operation_aborted) return;
       if (error) return AcceptLater(error);
       const bool crowded = MakeRoom();
       auto connection = MakeConnection(io_, socket.release(), security_, {}, budget_);
       connections_.push_back(connection);
-      on_connection_(connection);
+      const OnConnection on_connection = on_connection_;  // which may destroy this listener
+      on_connection(connection);
+      if (!*alive) return;
       if (!crowded) return Accept();
       // The new connection needs a moment to greet before further ones take its place.
       AcceptAfter(kCrowded);
@@ -82,8 +87,8 @@ class TcpListener final : public Listener {
 
   void AcceptAfter(std::chrono::milliseconds pause) {
     pause_.expires_after(pause);
-    pause_.async_wait([this](const ErrorCode& e) {
-      if (!e) Accept();
+    pause_.async_wait([this, alive = alive_](const ErrorCode& e) {
+      if (!e && *alive) Accept();
     });
   }
 
@@ -93,8 +98,8 @@ class TcpListener final : public Listener {
     for (const auto& weak : std::vector(connections_.begin(), connections_.end()))
       if (const ConnectionPtr connection = weak.lock()) connection->Watch(now);
     watch_.expires_after(kWatchEvery);
-    watch_.async_wait([this](const ErrorCode& e) {
-      if (!e) Watch();
+    watch_.async_wait([this, alive = alive_](const ErrorCode& e) {
+      if (!e && *alive) Watch();
     });
   }
 
@@ -155,6 +160,7 @@ class TcpListener final : public Listener {
   const std::shared_ptr<IncomingBudget> budget_;
   std::deque<std::weak_ptr<AcceptedConnection>> connections_;  ///< open connections, oldest first
   bool said_ = false;                                          ///< whether the log has told of the limit
+  const std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);  ///< false once this is destroyed
 };
 
 /// An attempt to connect and its time limit.

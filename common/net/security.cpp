@@ -18,6 +18,7 @@
 #include <utility>
 
 #include "common/base/check.h"
+#include "common/base/descriptor.h"
 
 namespace quarry {
 namespace {
@@ -132,6 +133,7 @@ Status CheckReadable(const std::string& path, bool key) {
   if (!regular) return BadUsage(fmt::format("{}: is not a regular file", path));
   if (key && OthersMayUse(path, info.st_mode))
     return BadUsage(fmt::format("{}: others than its owner may use this private key; chmod 600 it", path));
+  if (key && StrangerOwns(info)) return BadUsage(StrangerSentence(path, info));
   return {};
 }
 
@@ -226,6 +228,7 @@ Result<Bytes> ReadSecret(const std::string& path) {
   if (::fstat(fd, &info) != 0) return BadUsage(fmt::format("{}: cannot examine: {}", path, ErrnoText(errno)));
   if (OthersMayUse(path, info.st_mode))
     return BadUsage(fmt::format("{}: others than its owner may read this secret; chmod 600 it", path));
+  if (StrangerOwns(info)) return BadUsage(StrangerSentence(path, info));
   Bytes secret(kMostSecret + 1);
   secret.resize(std::fread(secret.data(), 1, secret.size(), file));
   if (std::ferror(file)) return BadUsage(fmt::format("{}: cannot read: {}", path, ErrnoText(errno)));

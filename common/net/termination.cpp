@@ -17,15 +17,19 @@ class SignalledTermination final : public Termination {
     if (descriptor < 0) return;
     descriptor_.assign(descriptor);
     descriptor_.async_wait(boost::asio::posix::stream_descriptor::wait_read,
-                           [this](const boost::system::error_code& e) {
-                             if (!e) on_request_();
+                           [this, alive = alive_](const boost::system::error_code& e) {
+                             if (!e && *alive) on_request_();
                            });
   }
-  ~SignalledTermination() override { AwaitTerminationNoMore(); }
+  ~SignalledTermination() override {
+    *alive_ = false;
+    AwaitTerminationNoMore();
+  }
 
  private:
   std::function<void()> on_request_;
   boost::asio::posix::stream_descriptor descriptor_;
+  const std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);  ///< false once this is destroyed
 };
 
 }  // namespace

@@ -15,7 +15,9 @@
 #include <fstream>
 #include <functional>
 #include <optional>
+#include <thread>
 
+#include "common/net/timer.h"
 #include "common/protocol/messages.h"
 #include "master/block_service.h"
 #include "tests/support/block_literal.h"
@@ -403,6 +405,57 @@ TEST_CASE("Who asks for more blocks at once than it may is told so") {
   held.AnswerOne();
   CHECK(service.Answer(greedy, Request(7)).has_value());
   CHECK_FALSE(service.Answer(greedy, Request(7)).has_value());
+}
+
+TEST_CASE("A listener that is destroyed is not used by what has happened before") {
+  asio::io_context io;
+  std::unique_ptr<Listener> listener;
+  int connections = 0;
+  const auto open = [&] {
+    auto opened = Listener::Open(io, {"127.0.0.1", 0}, {}, [&](ConnectionPtr) {
+      ++connections;
+      listener.reset();  // by its own callback
+    });
+    REQUIRE(opened.has_value());
+    listener = std::move(*opened);
+  };
+  open();
+  const tcp::endpoint address(asio::ip::address_v4::loopback(), listener->port());
+  tcp::socket first(io), second(io);
+  first.connect(address);
+  second.connect(address);
+  io.run_for(std::chrono::milliseconds(200));
+  CHECK(connections == 1);
+  // By another handler, when its own are due already: its watch, and a connection.
+  open();
+  Timer timer(io);
+  timer.Set(0.2, [&] { listener.reset(); });
+  tcp::socket third(io);
+  third.connect({asio::ip::address_v4::loopback(), listener->port()});
+  connections = 100;  // the accepting callback would come first
+  std::this_thread::sleep_for(std::chrono::milliseconds(1200));
+  io.restart();
+  io.run_for(std::chrono::milliseconds(200));
+  CHECK_FALSE(listener);
+}
+
+TEST_CASE("A timer that is destroyed, stopped or set anew does not call, though it has expired") {
+  asio::io_context io;
+  Timer first(io), stopped(io), anew(io);
+  std::optional<Timer> destroyed(std::in_place, io);
+  std::string calls;
+  first.Set(0.01, [&] {
+    calls += "first ";
+    destroyed.reset();
+    stopped.Stop();
+    anew.Set(0.01, [&] { calls += "anew "; });
+  });
+  destroyed->Set(0.02, [&] { calls += "destroyed "; });
+  stopped.Set(0.02, [&] { calls += "stopped "; });
+  anew.Set(0.02, [&] { calls += "old "; });
+  std::this_thread::sleep_for(std::chrono::milliseconds(60));  // all are due
+  io.run();
+  CHECK(calls == "first anew ");
 }
 
 TEST_CASE("Beyond loopback a listener needs a secret") {

@@ -3,6 +3,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <cstring>
+#include <new>
 #include <stop_token>
 #include <thread>
 
@@ -170,6 +171,18 @@ TEST_CASE("A store that is damaged meanwhile ends every call with its sentence",
     REQUIRE_FALSE(status.has_value());
     CHECK(status.error().message.find(path) != std::string::npos);
   }
+}
+
+TEST_CASE("A compute thread without memory ends every call with a sentence, not the program", "[renderer]") {
+  const Row row;
+  const auto renderer = MakeRenderer(row, 1 << 20, 2);
+  const View view = Seen({0, -20, 0}, {3, 10, 4});
+  const std::vector<Tile> tiles = TilesOf(view.crop);
+  const Status failed =
+      renderer->Render(view, tiles, [](size_t, RenderedTile, Renderer::Progress) { throw std::bad_alloc(); });
+  REQUIRE_FALSE(failed.has_value());
+  CHECK_THAT(failed.error().message, Catch::Contains("no memory is left"));
+  CHECK_FALSE(renderer->Render(view, tiles, [](size_t, RenderedTile, Renderer::Progress) {}).has_value());
 }
 
 TEST_CASE("A voxel that names a material that the scene lacks is not believed", "[renderer]") {

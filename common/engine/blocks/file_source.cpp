@@ -1,12 +1,20 @@
 #include "common/engine/blocks/file_source.h"
 
+#include <system_error>
 #include <utility>
+
+#include "common/base/resource.h"
 
 namespace quarry {
 
 FileVoxelSource::FileVoxelSource(Executor executor, std::shared_ptr<const StoreReader> store)
     : executor_(std::move(executor)), store_(std::move(store)) {
-  for (unsigned i = 0; i < kThreads; ++i) threads_.emplace_back([this] { reads_.Run(); });
+  // Fewer threads read more slowly, and none cannot.
+  try {
+    for (unsigned i = 0; i < kThreads; ++i) threads_.emplace_back([this] { reads_.Run(); });
+  } catch (const std::system_error&) {
+    if (threads_.empty()) throw;
+  }
 }
 
 FileVoxelSource::~FileVoxelSource() {
@@ -17,7 +25,8 @@ FileVoxelSource::~FileVoxelSource() {
 
 void FileVoxelSource::Fetch(BlockKey block, Done done) {
   reads_.Post([this, block, done = std::move(done)]() mutable {
-    executor_([alive = alive_, result = store_->ReadBlock(block), done = std::move(done)]() mutable {
+    Result<Bytes> read = WithinLimits([&] { return store_->ReadBlock(block); });
+    executor_([alive = alive_, result = std::move(read), done = std::move(done)]() mutable {
       if (*alive) done(std::move(result));
     });
   });

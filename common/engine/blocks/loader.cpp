@@ -34,11 +34,15 @@ void Loader::Run() {
   // answer up.
   again_ = true;
   if (std::exchange(running_, true)) return;
-  while (std::exchange(again_, false) && !failed_) {
-    InstallArrived();
-    AskForMore();
-  }
+  const Status ran = WithinLimits([&]() -> Status {
+    while (std::exchange(again_, false) && !failed_) {
+      InstallArrived();
+      AskForMore();
+    }
+    return {};
+  });
   running_ = false;
+  if (!ran) Fail(ran.error());
 }
 
 void Loader::InstallArrived() {
