@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <string>
 
 #include "master/jobs/jobs.h"
@@ -16,16 +17,20 @@ class ClusterStatus {
   /// master.
   void Sample(double now_s, const WorkerRegistry& registry, uint64_t bytes_served);
   /// {"scene_id", "up_s", "workers": [...], "jobs": [...], "rays_per_s", "voxel_bytes_per_s"}; each name
-  /// bears its unit.
-  std::string Json(const SceneId& scene, double now_s, const WorkerRegistry& registry,
-                   const Jobs& jobs) const;
+  /// bears its unit. A worker's "load" is the share of its threads' time spent computing, 0 to 1. A job's
+  /// "left_s" is null while too little is done to tell. `under_way`: by job id, the sum of the parts done of
+  /// frames under way.
+  std::string Json(const SceneId& scene, double now_s, const WorkerRegistry& registry, const Jobs& jobs,
+                   const std::map<std::string, double>& under_way) const;
 
  private:
   static constexpr double kWindowS = 2;  ///< rates are means over one to two windows
   struct Counters {
     double at_s = 0;
     uint64_t rays = 0, bytes = 0;
+    std::map<uint32_t, uint64_t> compute_us = {};  ///< by worker
   };
+  double Load(uint32_t id, const WorkerRecord& worker) const;
   Counters older_, newer_, now_;
 };
 

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "common/base/resource.h"
 #include "common/engine/framing_probe.h"
 #include "common/scene/scene_summary.h"
 #include "common/voxel/store_description.h"
@@ -22,7 +23,7 @@ void SendJson(Connection& client, const std::string& json) {
 
 Result<std::string> DescribeScene(const Scene& scene) {
   QUARRY_ASSIGN(const Framing framing, ProbeFraming(scene, 0, true));
-  nlohmann::ordered_json j = DescribeStore(scene.store());
+  nlohmann::ordered_json j = DescribeFacts(scene.store());
   j["framing"] = FramingToJson(framing, scene.catalog().meta.offset);
   return j.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
 }
@@ -54,7 +55,7 @@ void QueryService::Describe(std::function<void(const Result<std::string>&)> then
   waiting_.push_back(std::move(then));
   if (waiting_.size() > 1) return;
   asio::post(*thread_, [this] {
-    asio::post(io_, [this, description = DescribeScene(scene_)]() mutable {
+    asio::post(io_, [this, description = WithinLimits([&] { return DescribeScene(scene_); })]() mutable {
       description_ = std::move(description);
       for (const auto& waiting : std::exchange(waiting_, {})) waiting(*description_);
     });

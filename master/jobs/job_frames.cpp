@@ -79,6 +79,14 @@ std::vector<FrameId> JobFrames::Forget(const Job& job) {
   return ids;
 }
 
+std::map<std::string, double> JobFrames::PartsDone(std::span<ActiveFrame* const> frames) const {
+  std::map<std::string, double> parts;
+  for (const ActiveFrame* frame : frames)
+    parts[under_way_.at(frame->id()).frame.job->id] +=
+        frame->tiles_done() / static_cast<double>(std::max<size_t>(frame->image().tiles().size(), 1));
+  return parts;
+}
+
 void JobFrames::SendProgress(std::span<ActiveFrame* const> frames) const {
   const auto send = [](const Job::Client& client, const FrameProgress& progress) {
     client.connection->Send(MakeMessage(MessageType::kFrameProgress, progress));

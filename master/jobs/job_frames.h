@@ -56,6 +56,8 @@ class JobFrames final : public FrameSource {
   void OnWorkerFailure(const WorkerRecord& worker, const std::string& sentence);
   /// Forgets the frames of a job that is over. Returns the frames that were under way.
   std::vector<FrameId> Forget(const Job& job);
+  /// By job id, the sum of the parts done of the frames.
+  std::map<std::string, double> PartsDone(std::span<ActiveFrame* const> frames) const;
   /// Sends each client how far its job's oldest frame is.
   void SendProgress(std::span<ActiveFrame* const> frames) const;
 

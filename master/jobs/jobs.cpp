@@ -182,8 +182,9 @@ void Jobs::Finish(JobFrame frame, std::vector<uint32_t> pixels, std::string stat
   asio::post(*encoder_, [this, frame = std::move(frame), pixels = std::move(pixels),
                          statistics = std::move(statistics)]() mutable {
     const auto ev = ExposureOf(*frame.job);
-    auto image = ev ? EncodeImage(frame.view, frame.job->job.format, scene_, *ev, pixels)
-                    : Result<Bytes>(tl::unexpected<Error>(ev.error()));
+    auto image =
+        ev ? WithinLimits([&] { return EncodeImage(frame.view, frame.job->job.format, scene_, *ev, pixels); })
+           : Result<Bytes>(tl::unexpected<Error>(ev.error()));
     pixels = {};
     if (ev) statistics = WithExposure(statistics, *ev);
     if (image && image->size() > kMostImageBytes)
@@ -207,7 +208,8 @@ Result<double> Jobs::ExposureOf(Job& job) {
   if (job.job.format.name != "png") return 0;
   if (job.job.format.exposure) return *job.job.format.exposure;
   if (!job.ev) {
-    QUARRY_ASSIGN(job.ev, callbacks_.meter(FrameView(job.job), stop_.get_token()));
+    QUARRY_ASSIGN(job.ev,
+                  WithinLimits([&] { return callbacks_.meter(FrameView(job.job), stop_.get_token()); }));
   }
   return *job.ev;
 }
@@ -295,7 +297,11 @@ bool Jobs::SendFrame(Job& job, const Job::Client& client) {
   Bytes image = job.finished[f].image;
   if (image.empty() && spool_) {
     auto read = spool_->ReadFrame(job.id, job.job, f);
-    if (read) image = std::move(*read);
+    if (read)
+      image = std::move(*read);
+    else
+      callbacks_.log(
+          fmt::format("job {}: {}; the frame is rendered again", ShortId(job.id), read.error().message));
   }
   if (image.empty()) {
     job.states[f] = Job::FrameState::kToDo;

@@ -55,6 +55,8 @@ class Jobs {
   Status Ask(const std::shared_ptr<Connection>& client, JobRequest request);
   /// Returns whether the client still waited for frames.
   bool ForgetClient(const std::shared_ptr<Connection>& client, double now_s);
+  /// Counts bytes of an image that a client has been given and that this process still holds.
+  FrameMemory::Reservation Hold(uint64_t bytes) { return memory_.Take(bytes); }
   const std::deque<std::shared_ptr<Job>>& all() const { return jobs_; }
 
   /// Begins the next frame. None: no frame is to do, too many are on their way to the disk, or a frame under

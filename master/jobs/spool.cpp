@@ -1,11 +1,17 @@
 #include "master/jobs/spool.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/stat.h>
 
 #include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <cstring>
 #include <filesystem>
-#include <fstream>
+#include <string_view>
 
+#include "common/base/descriptor.h"
 #include "common/base/file.h"
 
 namespace quarry {
@@ -44,12 +50,45 @@ void RemoveRemains(const fs::path& folder) {
   fs::remove(folder, ignored);  // if it is empty
 }
 
-Result<Bytes> ReadAll(const std::string& path, uint64_t most) {
-  QUARRY_ASSIGN(const InputFile file, InputFile::Open(path));
-  if (file.size() > most) return Fail(fmt::format("{}: is larger than it can be", path));
-  Bytes bytes(file.size());
-  QUARRY_TRY(file.ReadAt(0, bytes));
+/// Reads a file that a master has written. A link is not one, wherever it leads.
+Result<Bytes> ReadOwn(const std::string& path, uint64_t most) {
+  const OwnedDescriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK | O_NOCTTY));
+  if (!file) return Fail(fmt::format("{}: cannot open: {}", path, ErrnoText(errno)));
+  struct stat info {};
+  if (::fstat(file.get(), &info) != 0 || !S_ISREG(info.st_mode))
+    return Fail(fmt::format("{}: is not a regular file", path));
+  if (static_cast<uint64_t>(info.st_size) > most)
+    return Fail(fmt::format("{}: is larger than it can be", path));
+  Bytes bytes(static_cast<size_t>(info.st_size));
+  if (!ReadAll(file.get(), bytes)) return Fail(fmt::format("{}: cannot be read", path));
   return bytes;
+}
+
+/// Writes a file of the spool. A link that lies in its place is removed, not written through.
+Status WriteOwn(const std::string& path, std::span<const std::byte> bytes) {
+  std::error_code ignored;
+  if (const fs::file_status there = fs::symlink_status(path, ignored);
+      fs::exists(there) && !fs::is_regular_file(there))
+    fs::remove(path, ignored);
+  return WriteFileAtomically(path, bytes);
+}
+
+bool IsRegular(const std::string& path) {
+  std::error_code ignored;
+  return fs::is_regular_file(fs::symlink_status(path, ignored));
+}
+
+bool IsFolder(const fs::path& path) {
+  std::error_code ignored;
+  return fs::is_directory(fs::symlink_status(path, ignored));
+}
+
+/// Bytes of the checksum after a frame's picture.
+constexpr size_t kFrameEndBytes = sizeof(uint64_t);
+
+/// The checksum of a frame: of its picture, and of its place, so that no frame is taken for another.
+uint64_t FrameChecksum(const std::string& place, std::span<const std::byte> image) {
+  return Checksum(AsBytes(place), image);
 }
 
 /// Checksum, scene, job.
@@ -78,20 +117,24 @@ Result<RenderJob> UnpackJob(const SceneId& scene, std::span<const std::byte> fil
 }  // namespace
 
 uint32_t Spool::Tries(const std::string& id) const {
-  std::ifstream file(TriesPath(id));
+  const auto bytes = ReadOwn(TriesPath(id), 64);
   uint32_t tries = 0;
-  return file >> tries ? tries : 0;
+  if (bytes) {
+    const std::string_view text = AsText(*bytes);
+    std::from_chars(text.data(), text.data() + text.size(), tries);
+  }
+  return tries;
 }
 
 void Spool::NoteTry(const std::string& id) const {
   std::error_code ignored;
   if (!fs::exists(folder_ + "/" + id, ignored)) return;  // its folder comes with a try in it, see Begin
-  (void)WriteFileAtomically(TriesPath(id), AsBytes(fmt::format("{}\n", Tries(id) + 1)));
+  (void)WriteOwn(TriesPath(id), AsBytes(fmt::format("{}\n", Tries(id) + 1)));
 }
 
 void Spool::TakeBackTry(const std::string& id) const {
   const uint32_t tries = Tries(id);
-  if (tries > 0) (void)WriteFileAtomically(TriesPath(id), AsBytes(fmt::format("{}\n", tries - 1)));
+  if (tries > 0) (void)WriteOwn(TriesPath(id), AsBytes(fmt::format("{}\n", tries - 1)));
 }
 
 Status Spool::CheckNotSetAside(const std::string& id) const {
@@ -120,7 +163,7 @@ Result<Spool> Spool::Open(const std::string& folder, const SceneId& scene) {
   QUARRY_ASSIGN(FileLock lock, FileLock::Take(folder + "/jobs", "another quarry-master"));
   std::vector<fs::path> folders;
   for (const auto& entry : fs::directory_iterator(folder, error))
-    if (entry.is_directory() && IsJobFolder(entry.path().filename().string()))
+    if (IsFolder(entry.path()) && IsJobFolder(entry.path().filename().string()))
       folders.push_back(entry.path());
   for (const fs::path& path : folders) {
     RemoveTemporaries(path);
@@ -135,9 +178,9 @@ std::vector<Spool::Found> Spool::Jobs(const std::function<void(const std::string
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(folder_, error)) {
     Found found{entry.path().filename().string(), {}, {}, 0};
-    if (!entry.is_directory() || !IsJobFolder(found.id) || !fs::exists(JobPath(found.id))) continue;
+    if (!IsFolder(entry.path()) || !IsJobFolder(found.id) || !fs::exists(JobPath(found.id))) continue;
     bool other_scene = false;
-    auto bytes = ReadAll(JobPath(found.id), kMostJobBytes);
+    auto bytes = ReadOwn(JobPath(found.id), kMostJobBytes);
     auto job = bytes ? UnpackJob(scene_, *bytes, other_scene)
                      : Result<RenderJob>(tl::unexpected<Error>(bytes.error()));
     if (!job) {
@@ -155,7 +198,7 @@ std::vector<Spool::Found> Spool::Jobs(const std::function<void(const std::string
     }
     found.job = std::move(*job);
     for (size_t f = 0; f < found.job.cameras.size(); ++f)
-      found.finished.push_back(fs::exists(FramePath(found.id, found.job, f)));
+      found.finished.push_back(IsRegular(FramePath(found.id, found.job, f)));
     std::error_code ignored;
     jobs.push_back({fs::last_write_time(JobPath(found.id), ignored), std::move(found)});
   }
@@ -169,22 +212,36 @@ Status Spool::Begin(const std::string& id, const RenderJob& job) const {
   std::error_code error;
   fs::create_directories(folder_ + "/" + id, error);
   if (error) return Fail(fmt::format("{}/{}: cannot be made: {}", folder_, id, error.message()));
+  if (!IsFolder(folder_ + "/" + id))
+    return Fail(fmt::format("{}/{}: is a link, where a job's folder should be; remove it", folder_, id));
   SyncFolderOf(folder_ + "/" + id);
   // Before the job itself: a job that ends the master at once has been tried.
-  if (!fs::exists(TriesPath(id), error)) QUARRY_TRY(WriteFileAtomically(TriesPath(id), AsBytes("1\n")));
-  return WriteFileAtomically(JobPath(id), PackJob(scene_, job));
+  if (!fs::exists(TriesPath(id), error)) QUARRY_TRY(WriteOwn(TriesPath(id), AsBytes("1\n")));
+  return WriteOwn(JobPath(id), PackJob(scene_, job));
 }
 
 Status Spool::WriteFrame(const std::string& id, const RenderJob& job, size_t frame,
                          std::span<const std::byte> image) const {
-  QUARRY_TRY(WriteFileAtomically(FramePath(id, job, frame), image));
+  const std::string path = FramePath(id, job, frame);
+  ByteWriter file;
+  file.PutArray(image);
+  file.Put(FrameChecksum(path.substr(folder_.size()), image));
+  QUARRY_TRY(WriteOwn(path, file.bytes()));
   std::error_code ignored;
   fs::remove(TriesPath(id), ignored);
   return {};
 }
 
 Result<Bytes> Spool::ReadFrame(const std::string& id, const RenderJob& job, size_t frame) const {
-  return ReadAll(FramePath(id, job, frame), 0xF0000000u);
+  const std::string path = FramePath(id, job, frame);
+  QUARRY_ASSIGN(Bytes image, ReadOwn(path, 0xF0000000u));
+  if (image.size() < kFrameEndBytes) return Fail(fmt::format("{}: is damaged (too short)", path));
+  uint64_t checksum = 0;
+  std::memcpy(&checksum, image.data() + image.size() - kFrameEndBytes, kFrameEndBytes);
+  image.resize(image.size() - kFrameEndBytes);
+  if (FrameChecksum(path.substr(folder_.size()), image) != checksum)
+    return Fail(fmt::format("{}: is damaged (checksum)", path));
+  return image;
 }
 
 void Spool::Remove(const std::string& id) const {

@@ -13,7 +13,8 @@
 namespace quarry {
 
 /// Jobs on disk, with which a master that is started again goes on. Each job has a folder with the request
-/// and the finished frames, each file written whole or not at all. Thread-safe after Open.
+/// and the finished frames, each file written whole or not at all, and with a checksum: a frame's is 8 bytes
+/// after its picture. Links in the folder are neither read nor written through. Thread-safe after Open.
 class Spool {
  public:
   /// Makes the folder if need be. `scene`: jobs of other scenes are left alone.
@@ -43,6 +44,7 @@ class Spool {
   /// Writes a finished frame and resets the job's tries. Errors: the disk is full or cannot be written.
   Status WriteFrame(const std::string& id, const RenderJob& job, size_t frame,
                     std::span<const std::byte> image) const;
+  /// Errors: no such frame; a link; damaged, or another frame's file.
   Result<Bytes> ReadFrame(const std::string& id, const RenderJob& job, size_t frame) const;
   void Remove(const std::string& id) const;
 

@@ -13,6 +13,7 @@ nlohmann::ordered_json WorkerStatistics(const WorkerRecord& w) {
   const WorkerStatus& c = w.counters;
   nlohmann::ordered_json j;
   j["name"] = w.name;
+  j["threads"] = w.threads;
   j["tiles"] = w.tiles;
   j["cache_bytes"] = c.cache_bytes;
   j["voxel_blocks_loaded"] = c.voxels_loaded;
@@ -41,6 +42,7 @@ std::string FrameStatistics(const ActiveFrame& frame, const FrameTimes& times,
   j["frame"] = times.number;
   j["frame_wall_s"] = times.end_s - times.start_s;
   j["frame_start_s"] = times.start_s;
+  j["first_tile_s"] = frame.first_tile_s() - times.start_s;
   j["tiles"] = frame.image().tiles().size();
   j["rays"] = frame.rays();
   j["rays_suspended"] = frame.rays_suspended();

@@ -139,7 +139,7 @@ Result<bool> ActiveFrame::Finish(const TileDone& done, std::span<const std::byte
   QUARRY_TRY(image_.Put(done.tile, pixels));
   owners_[done.tile] = lease.worker;
   tile_done_[done.tile] = true;
-  ++tiles_done_;
+  if (tiles_done_++ == 0) first_tile_s_ = now_s;
   tile_time_s_ += now_s - lease.since_s;
   rays_ += done.rays;
   rays_suspended_ += done.rays_suspended;

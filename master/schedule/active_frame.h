@@ -41,6 +41,8 @@ class ActiveFrame {
   /// Moves the pixels out; footprints for the next frame's plan stay. Requires: done().
   std::vector<uint32_t> TakePixels() { return image_.TakePixels(); }
   uint32_t tiles_done() const { return tiles_done_; }
+  /// When the first tile was done. Requires: tiles_done() > 0.
+  double first_tile_s() const { return first_tile_s_; }
   bool done() const { return tiles_done_ == image_.tiles().size(); }
   uint64_t rays() const { return rays_; }
   uint64_t rays_suspended() const { return rays_suspended_; }
@@ -129,6 +131,7 @@ class ActiveFrame {
   std::vector<bool> tile_done_;
   std::map<uint64_t, LeaseRecord> leases_;
   uint64_t next_lease_ = 1;
+  double first_tile_s_ = 0;
   uint32_t tiles_done_ = 0;
   double tile_time_s_ = 0;  ///< from lease to result, summed over tiles done
   uint64_t rays_ = 0, rays_suspended_ = 0, leases_lost_ = 0;

@@ -7,6 +7,7 @@
 #include <catch2/catch.hpp>
 #include <chrono>
 #include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "tests/support/still_connection.h"
@@ -370,6 +371,39 @@ TEST_CASE("Another master goes on with a spool's jobs and renders their missing 
   Office office(OpenSpool(path));
   office.jobs.TakeUp();
   CHECK(office.jobs.all().empty());
+}
+
+TEST_CASE("A frame that has been damaged in the spool is rendered again", "[jobs]") {
+  const test::TemporaryFolder folder;
+  const std::string path = folder.file("spool");
+  std::string frame;
+  {
+    Office office(OpenSpool(path));
+    const auto client = std::make_shared<Client>();
+    REQUIRE(office.Ask(client, Walk(2)).has_value());
+    auto begun = office.BeginAll();
+    frame = path + "/" + begun[1].job->id + "/0011.png";
+    office.Render(begun[1]);
+    office.RunUntil([&] { return begun[1].job->states[1] == Job::FrameState::kFinished; });
+  }
+  {
+    std::fstream file(frame, std::ios::in | std::ios::out | std::ios::binary);
+    file.seekp(40);
+    file.put('\x55');
+  }
+  Office office(OpenSpool(path));
+  office.jobs.TakeUp();
+  CHECK(office.Logged("1 of 2 frames are done"));
+  const auto client = std::make_shared<Client>();
+  REQUIRE(office.Ask(client, Walk(2)).has_value());
+  office.RunUntil([&] {
+    office.RenderAll();
+    return office.over.size() == 1;
+  });
+  CHECK(client->Frames() == Numbers{10, 11});
+  CHECK(office.Logged("0011.png: is damaged (checksum); the frame is rendered again"));
+  for (const Message& message : client->got)
+    CHECK_THAT(DecodeFrameDone(message.table)->statistics, Catch::Contains("test"));
 }
 
 TEST_CASE("A frame of a job that may have ended a master is under way alone", "[jobs]") {
