@@ -4,7 +4,7 @@
 #include <filesystem>
 
 #include "common/base/cleanup.h"
-#include "common/base/cpu_check.h"
+#include "common/base/log.h"
 #include "common/base/output_path.h"
 #include "common/base/resource.h"
 #include "common/base/size.h"
@@ -12,6 +12,7 @@
 #include "common/command_line/remote_options.h"
 #include "common/command_line/security_options.h"
 #include "common/kdtree/instruction_sets.h"
+#include "common/program/run_program.h"
 #include "common/program/version_text.h"
 #include "common/remote/open_store.h"
 #include "master/display/preparing.h"
@@ -33,7 +34,7 @@ Status CheckOutputs(const MasterOptions& options, const SecurityOptions& securit
 
 /// Options of the live view, as text.
 struct DisplayArguments {
-  std::string http, token_file, preparing, view_memory = "256M";
+  std::string http, token_file, preparing, view_memory = "256M", up_axis;
   std::vector<std::string> viewer_urls;
 };
 
@@ -44,6 +45,15 @@ Result<std::string> ReadToken(const std::string& path) {
   return std::string(AsText(secret));
 }
 
+/// Where the scene is, as a command names it from any folder. What stands behind "?" in an address may be a
+/// signature, which viewers do not get.
+std::string StoreForPeople(const std::string& scene) {
+  if (IsRemote(scene)) return scene.substr(0, scene.find('?'));
+  std::error_code error;
+  const auto absolute = std::filesystem::absolute(scene, error).lexically_normal();
+  return error ? scene : absolute.string();
+}
+
 /// The display's options. Browsers get the certificate of --tls-cert; with a secret besides, Quarry's own
 /// programs use the secret, and without an authority for their certificates nothing.
 Result<std::optional<DisplayOptions>> DisplayOf(const DisplayArguments& a, const std::string& scene,
@@ -52,10 +62,12 @@ Result<std::optional<DisplayOptions>> DisplayOf(const DisplayArguments& a, const
   DisplayOptions options;
   QUARRY_ASSIGN(options.listen, ParseEndpoint(a.http, "--http"));
   QUARRY_ASSIGN(options.view_memory, ParseSize(a.view_memory, "--view-memory"));
+  options.up_axis = a.up_axis == "y" ? 1 : a.up_axis == "z" ? 2 : 0;
   QUARRY_ASSIGN(options.token, ReadToken(a.token_file));
   options.tls = {security.tls_cert, security.tls_key};
   options.viewer_urls = a.viewer_urls;
   options.name = std::filesystem::path(scene).stem().string();
+  options.store = StoreForPeople(scene);
   if (!security.secret_file.empty() || security.tls_ca.empty()) security.tls_cert = security.tls_key = "";
   return std::optional(std::move(options));
 }
@@ -79,11 +91,8 @@ Status Run(MasterOptions options, SecurityOptions security, const std::string& l
 }
 
 int Main(int argc, char** argv) {
-  RequireCpu();
   KeepHeapSmall();
   RaiseDescriptorLimit();
-  EndWithParent();
-  InstallSignalHandlers("quarry-master", "finished frames are with whoever asked for them");
   MasterOptions options;
   SecurityOptions security;
   std::string listen = "127.0.0.1:9000", schedule = "footprint", foresight = "256M";
@@ -137,6 +146,9 @@ int Main(int argc, char** argv) {
          "--view-token-file", display.token_file,
          "File with the live view's token, to keep it when the master starts again (default: a new one)")
       ->needs(http);
+  app.add_option("--up-axis", display.up_axis, "The live view's up axis, y or z (default: the scene's)")
+      ->check(CLI::IsMember({"y", "z"}))
+      ->needs(http);
   app.add_option("--view-memory", display.view_memory,
                  "Memory limit of all live views together; a viewer that needs more is refused")
       ->needs(http)
@@ -155,13 +167,13 @@ int Main(int argc, char** argv) {
                                     {"--http", "--serve-only"}};
   RefuseWithoutEffect(app, kNoEffect);
   if (const auto ended = ParseCommandLine(app, argc, argv)) return *ended;
-  const Status status = Run(options, security, listen, schedule, foresight, frame_memory, display, remote);
-  if (status) return 0;
-  fmt::print(stderr, "quarry-master: {}\n", status.error().message);
-  return status.error().exit_status();
+  return ExitStatus(Run(options, security, listen, schedule, foresight, frame_memory, display, remote));
 }
 
 }  // namespace
 }  // namespace quarry
 
-int main(int argc, char** argv) { return quarry::Main(argc, argv); }
+int main(int argc, char** argv) {
+  return quarry::RunProgram({"quarry-master", "finished frames are with whoever asked for them"}, argc, argv,
+                            quarry::Main);
+}

@@ -11,6 +11,7 @@
 #include <random>
 #include <utility>
 
+#include "common/base/log.h"
 #include "common/base/size.h"
 #include "common/net/source_spec.h"
 #include "common/program/service_notice.h"
@@ -68,7 +69,11 @@ Server::Server(asio::io_context& io, const MasterOptions& options, Scene scene, 
           jobs_, registry_, [this] { return blocks_.bytes_served(); }, std::move(tile_log)),
       // From a random start: results for another master's frames are told apart.
       dispatcher_(frames_, block_bytes_, options.policy, (uint64_t{std::random_device{}()} << 24) + 1),
-      queries_(io, scene_, [this] { return status_.Json(catalog().id, Now(), registry_, jobs_); }),
+      queries_(io, scene_,
+               [this] {
+                 return status_.Json(catalog().id, Now(), registry_, jobs_,
+                                     frames_.PartsDone(dispatcher_.Frames()));
+               }),
       leaving_(io) {
   uint64_t stored = 0;
   for (const uint32_t bytes : block_bytes_) stored += bytes;
@@ -88,12 +93,12 @@ Status Server::Run() {
                                io_, options_.listen, options_.security,
                                [this](ConnectionPtr c) { OnConnection(c); }, std::move(listening)));
   if (options_.display) {
-    QUARRY_ASSIGN(display_, Display::Open(io_, *options_.display, scene_, registry_, queries_,
+    QUARRY_ASSIGN(display_, Display::Open(io_, *options_.display, scene_, registry_, queries_, ForViewers(),
                                           [this](const std::string& line) { Log(line); }));
-    fmt::print("viewing {}\n", display_->url());
+    Print(fmt::format("viewing {}\n", display_->url()));
   }
-  fmt::print("listening {}:{}\n", options_.listen.host, listener_->port());
-  std::fflush(stdout);
+  Print(fmt::format("listening {}:{}\n", options_.listen.host, listener_->port()));
+  FlushOutput();
   if (!options_.spool.empty()) termination_ = Termination::Take(io_, [this] { StartLeaving(); });
   NotifyReady(fmt::format("listening at {}:{}", options_.listen.host, listener_->port()));
   jobs_.TakeUp();
@@ -110,12 +115,20 @@ Status Server::Run() {
   return {};
 }
 
+/// What the pictures need that viewers save.
+SavedPictures::JobService Server::ForViewers() {
+  return {[this](const ConnectionPtr& c, JobRequest request) { return jobs_.Ask(c, std::move(request)); },
+          // A viewer does not come back for a picture: its job need not wait for it.
+          [this](const ConnectionPtr& c) { jobs_.ForgetClient(c, -1e9); },
+          [this](uint64_t bytes) { return jobs_.Hold(bytes); }};
+}
+
 double Server::Now() const {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
 }
 
 void Server::Log(const std::string& text) const {
-  if (!options_.quiet) fmt::print(stderr, "quarry-master: {}\n", text);
+  if (!options_.quiet) quarry::Log(fmt::format("quarry-master: {}", text));
 }
 
 // --- Connections

@@ -60,6 +60,7 @@ class Server {
  private:
   using ConnectionPtr = std::shared_ptr<Connection>;
 
+  SavedPictures::JobService ForViewers();
   double Now() const;
   void Log(const std::string& text) const;
   const Catalog& catalog() const { return scene_.catalog(); }

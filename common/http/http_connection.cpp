@@ -182,16 +182,33 @@ class HttpConnection final : public ServedConnection,
   }
 
   void Answer(HttpResponse answer, bool keep) {
-    response_ = {};
+    const auto headers = AnswerHeaders(answer);
+    file_ = std::move(answer.file);
+    if (file_) {
+      const auto* from = reinterpret_cast<const char*>(file_->data());
+      return Send(file_response_, answer.status, headers, {from, file_->size()}, keep);
+    }
+    Send(response_, answer.status, headers, std::move(answer.body), keep);
+  }
+
+  /// A request that asks for the head alone gets no body.
+  template <class Response>
+  void Send(Response& response, int status, const std::vector<std::pair<std::string, std::string>>& headers,
+            typename Response::body_type::value_type body, bool keep) {
+    const size_t bytes = body.size();
+    response = {};
     // A request that could not be parsed may have no version.
-    response_.version(parser_->is_header_done() ? parser_->get().version() : 11);
-    for (const auto& [name, value] : AnswerHeaders(answer)) response_.insert(name, value);
-    response_.result(static_cast<unsigned>(answer.status));
-    response_.content_length(answer.body.size());
-    response_.keep_alive(keep);
-    if (parser_->get().method() != http::verb::head) response_.body() = std::move(answer.body);
-    tcp_stream().expires_after(Seconds(times().answer_s));
-    http::async_write(stream_, response_, [self = Self(), keep](const ErrorCode& error, size_t) {
+    response.version(parser_->is_header_done() ? parser_->get().version() : 11);
+    for (const auto& [name, value] : headers) response.insert(name, value);
+    response.result(static_cast<unsigned>(status));
+    response.content_length(bytes);
+    response.keep_alive(keep);
+    if (parser_->get().method() != http::verb::head) response.body() = std::move(body);
+    constexpr double kSlowLine = 16 << 10;  // bytes a second of a file that a peer takes at least
+    const double more_s = file_ ? static_cast<double>(bytes) / kSlowLine : 0;
+    tcp_stream().expires_after(Seconds(times().answer_s + more_s));
+    http::async_write(stream_, response, [self = Self(), keep](const ErrorCode& error, size_t) {
+      self->file_.reset();
       if (self->closed_) return;
       if (error) return self->Drop();
       if (keep) return self->AwaitRequest();
@@ -231,7 +248,9 @@ class HttpConnection final : public ServedConnection,
   bool loopback_ = false;
   std::optional<http::request_parser<http::empty_body>> parser_;
   http::response<http::string_body> response_;
-  std::array<char, 4096> rest_;  ///< receives bytes that are dropped after the last answer
+  http::response<http::span_body<const char>> file_response_;
+  std::shared_ptr<const Bytes> file_;  ///< that an answer on its way has
+  std::array<char, 4096> rest_;        ///< receives bytes that are dropped after the last answer
   Clock::time_point active_ = Clock::now();
   bool closed_ = false;
 };

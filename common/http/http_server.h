@@ -36,6 +36,8 @@ struct HttpResponse {
   /// Headers in addition to those of every answer. A line end in a name or value turns the answer into status
   /// 500.
   std::vector<std::pair<std::string, std::string>> headers;
+  /// Instead of `body`: bytes that others may share, held until they are sent. Null: there are none.
+  std::shared_ptr<const Bytes> file;
 };
 
 /// A WebSocket. Used from the io_context's thread. Pending work keeps the object alive; it may be kept for as
@@ -50,7 +52,8 @@ class WebSocket {
                      std::function<void(const Error&)> on_close) = 0;
   /// Queues a message, which goes as one frame. Dropped after Close() or on_close. Requires: UTF-8.
   virtual void SendText(std::string text) = 0;
-  virtual void SendBinary(std::shared_ptr<const Bytes> message) = 0;
+  /// `taken` is called once the system has taken the message's last byte; never after Close() or on_close.
+  virtual void SendBinary(std::shared_ptr<const Bytes> message, std::function<void()> taken = {}) = 0;
   /// Sends what is queued, then the closing handshake, for at most 5 s. No callback comes any more.
   virtual void Close() = 0;
   /// Bytes of the messages that the system has not taken whole. A message counts until its last byte is
@@ -69,7 +72,7 @@ struct HttpTimes {
   double handshake_s = 10;       ///< for the TLS handshake
   double request_s = 10;         ///< from a request's first byte to the end of its headers
   double idle_s = 60;            ///< for a connection without a request
-  double answer_s = 30;          ///< for the peer to take an answer
+  double answer_s = 30;          ///< for the peer to take an answer, and a file more
   double socket_silence_s = 30;  ///< for a WebSocket from which nothing comes; a ping goes each half of it
   double closing_s = 5;          ///< for the end of a WebSocket
 };
@@ -86,7 +89,8 @@ struct HttpServerOptions {
 /// An HTTP/1.1 server for a few requests and WebSockets: GET and HEAD only, no bodies, keep-alive. Everything
 /// runs on the io_context's thread.
 /// - Headers take at most 16 KiB; a request must be complete within 10 s, a connection without requests is
-/// closed after 60 s, and one that does not take its answer after 30 s.
+/// closed after 60 s, and one that does not take its answer after 30 s, and a second for each 16 KiB of a
+/// file.
 /// - At most `most_connections`; then the longest idle one without a WebSocket is closed, else the newcomer.
 /// - WebSockets: no compression, TCP_NODELAY, a ping every 15 s, closed when no byte comes from the peer for
 /// 15 s after one, so after 30 s of silence at most.

@@ -28,6 +28,7 @@ using ErrorCode = boost::system::error_code;
 struct Outgoing {
   std::string text;
   std::shared_ptr<const Bytes> bytes;  ///< null for a text
+  std::function<void()> taken;         ///< may be empty
 
   size_t size() const { return bytes ? bytes->size() : text.size(); }
   asio::const_buffer buffer() const { return bytes ? asio::buffer(*bytes) : asio::buffer(text); }
@@ -72,8 +73,10 @@ class StreamWebSocket final : public WebSocket,
     on_close_ = std::move(on_close);
     Read();
   }
-  void SendText(std::string text) override { Send({std::move(text), nullptr}); }
-  void SendBinary(std::shared_ptr<const Bytes> message) override { Send({{}, std::move(message)}); }
+  void SendText(std::string text) override { Send({std::move(text), nullptr, {}}); }
+  void SendBinary(std::shared_ptr<const Bytes> message, std::function<void()> taken) override {
+    Send({{}, std::move(message), std::move(taken)});
+  }
   void Close() override {
     on_text_ = nullptr;
     on_close_ = nullptr;
@@ -147,9 +150,13 @@ class StreamWebSocket final : public WebSocket,
       if (self->closed_) return self->Forget();
       if (error) return self->Finish(self->Sentence(error));
       self->queued_ -= self->outgoing_.front().size();
+      const auto taken = std::move(self->outgoing_.front().taken);
       self->outgoing_.pop_front();
-      if (!self->outgoing_.empty()) return self->Write();
-      if (self->closing_) self->ShakeHands();
+      if (!self->outgoing_.empty())
+        self->Write();
+      else if (self->closing_)
+        self->ShakeHands();
+      if (taken && !self->closing_ && !self->closed_) taken();
     });
   }
 

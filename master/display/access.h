@@ -54,9 +54,10 @@ class Access {
   bool HostPermitted(const HttpRequest& request) const;
 
   /// Whether the page that opens a WebSocket is this server's: its Origin has the host and port of the Host
-  /// header, or is that of a viewer URL.
-  /// Against cross-site WebSockets: browsers send them from any page, with cookies and without asking; pages
-  /// of other local servers too, since cookies know no ports. Requires: HostPermitted().
+  /// header, or is that of a viewer URL. An Origin without encryption is none of this server's where the
+  /// server speaks HTTPS, or the Host header is that of a viewer URL with https. Against cross-site
+  /// WebSockets: browsers send them from any page, with cookies and without asking; pages of other local
+  /// servers too, since cookies know no ports. Requires: HostPermitted().
   bool OriginPermitted(const HttpRequest& request) const;
 
   /// Whether the request has the session's cookie.

@@ -31,11 +31,11 @@ uint64_t FirstFrame() { return kFirstLiveFrame | uint64_t{std::random_device{}()
 
 Result<std::unique_ptr<Display>> Display::Open(asio::io_context& io, const DisplayOptions& options,
                                                const Scene& scene, WorkerRegistry& workers,
-                                               QueryService& queries,
+                                               QueryService& queries, SavedPictures::JobService jobs,
                                                std::function<void(const std::string&)> log) {
   QUARRY_ASSIGN(Access access, MakeAccess(options));
   std::unique_ptr<Display> display(
-      new Display(io, options, scene, workers, std::move(access), std::move(log)));
+      new Display(io, options, scene, workers, std::move(access), std::move(jobs), std::move(log)));
   Display& d = *display;
   QUARRY_ASSIGN(d.server_,
                 HttpServer::Open(io, {.listen = options.listen, .tls = options.tls, .log = d.log_},
@@ -49,7 +49,8 @@ Result<std::unique_ptr<Display>> Display::Open(asio::io_context& io, const Displ
 }
 
 Display::Display(asio::io_context& io, const DisplayOptions& options, const Scene& scene,
-                 WorkerRegistry& workers, Access access, std::function<void(const std::string&)> log)
+                 WorkerRegistry& workers, Access access, SavedPictures::JobService jobs,
+                 std::function<void(const std::string&)> log)
     : io_(io),
       options_(options),
       workers_(workers),
@@ -59,11 +60,15 @@ Display::Display(asio::io_context& io, const DisplayOptions& options, const Scen
       stats_(scene.catalog().id),
       moving_(io),
       exact_(io),
+      source_(scene.MakeSource([&io](std::function<void()> task) { asio::post(io, std::move(task)); })),
+      saved_(io, std::move(jobs), [this] { return Now(); }),
       site_{io,
             moving_,
             exact_,
             dispatcher_,
             scene,
+            *source_,
+            saved_,
             {scene.catalog().id, scene.catalog().meta.offset},
             {},
             {options.view_memory},
@@ -148,6 +153,9 @@ void Display::AssignSoon() {
 HttpResponse Display::OnRequest(const HttpRequest& request) {
   if (const auto common = AnswerForAll(request, access_)) return *common;
   const std::string name = NameOfPage(request.path);
+  if (name == "live") return OnLostUpgrade(request);
+  if (name == "refusal") return refusals_.Answer(request);
+  if (name == "access" || SavedPictures::Names(name)) return OnPrivate(request, name);
   if (name != "stats" && name != "metrics") return PageFor(request, access_, "index.html");
   if (!access_.MayReadStatistics(request)) return Refused(403, "the session's token is needed");
   if (name == "stats")
@@ -155,11 +163,32 @@ HttpResponse Display::OnRequest(const HttpRequest& request) {
   return {.content_type = kMetricsType, .body = stats_.Metrics()};
 }
 
-HttpResponse Display::MayUpgrade(const HttpRequest& request) const {
+/// What a browser with the session gets.
+HttpResponse Display::OnPrivate(const HttpRequest& request, const std::string& name) const {
+  if (!access_.HasSession(request)) return Refused(403, "the session's cookie is missing");
+  return name == "access" ? HttpResponse{.body = access_.token()} : saved_.Fetch(name);
+}
+
+/// A request for the WebSocket that does not ask for one.
+HttpResponse Display::OnLostUpgrade(const HttpRequest& request) {
+  const std::string swallowed = SwallowedUpgrade(request);
+  if (!swallowed.empty()) refusals_.Note(request, swallowed);
+  HttpResponse answer = Refused(426, swallowed.empty() ? "this address is for WebSockets" : swallowed);
+  answer.headers.emplace_back("Upgrade", "websocket");
+  return answer;
+}
+
+HttpResponse Display::MayUpgrade(const HttpRequest& request) {
+  HttpResponse answer = MayOpen(request);
+  if (answer.status != 101) refusals_.Note(request, answer.body.substr(0, answer.body.size() - 1));
+  return answer;
+}
+
+HttpResponse Display::MayOpen(const HttpRequest& request) const {
   if (NameOfPage(request.path) != "live") return Refused(404, "there is no such WebSocket");
   if (!access_.HostPermitted(request) || !access_.OriginPermitted(request))
-    return Refused(403, "this page is not the live view's; --viewer-url permits it");
-  if (!access_.HasSession(request)) return Refused(403, "the session's cookie is missing");
+    return Refused(403, "The live view does not know the address of this page; --viewer-url permits it.");
+  if (!access_.HasSession(request)) return Refused(403, "The session's cookie is missing.");
   return {.status = 101};
 }
 
@@ -195,8 +224,14 @@ void Display::OnScene(const Result<std::string>& description) {
   };
   summary_ = read();
   if (*summary_) {
+    if (options_.up_axis != 0 && options_.up_axis != (*summary_)->framing.up_axis) {
+      (*summary_)->framing.up_axis = options_.up_axis;
+      (*summary_)->framing.inside.reset();  // it belongs to the axis that it was found with
+      (*summary_)->framing.interior = false;
+    }
     site_.defaults.view = DefaultView(**summary_, kDefaultWidth, kDefaultHeight);
-    welcome_ = MakeWelcome(options_.name, **summary_, site_.scene.catalog(), site_.defaults,
+    site_.defaults.view.up_axis = options_.up_axis;
+    welcome_ = MakeWelcome(options_.name, options_.store, **summary_, site_.scene.catalog(), site_.defaults,
                            site_.memory.most_pixels());
   }
   for (const auto& [id, viewer] : std::map(viewers_)) Welcome(viewer);
@@ -205,7 +240,7 @@ void Display::OnScene(const Result<std::string>& description) {
 void Display::Welcome(const std::shared_ptr<Viewer>& viewer) {
   if (!*summary_) return viewer->End(summary_->error().message);
   viewer->Start(welcome_);
-  if (!state_.empty()) viewer->Tell(state_);
+  if (!state_.empty()) viewer->TellState(state_);
 }
 
 /// Tells viewers whether there is somebody to trace for them.
@@ -220,7 +255,7 @@ void Display::TellState() {
       -1, ' ', false, ordered_json::error_handler_t::replace);
   if (json == state_) return;
   state_ = std::move(json);
-  for (const auto& [id, viewer] : viewers_) viewer->Tell(state_);
+  for (const auto& [id, viewer] : viewers_) viewer->TellState(state_);
 }
 
 DisplayCounters Display::Counters() const {
@@ -235,12 +270,13 @@ DisplayCounters Display::Counters() const {
 void Display::Tick() {
   const double now_s = Now();
   departed_.clear();
+  saved_.Tick();
   stats_.Sample(now_s, workers_, Counters());
   TellState();
   AssignSoon();  // late tiles
   if (now_s - told_s_ < kTellEveryS) return;
   told_s_ = now_s;
-  for (const auto& [id, viewer] : viewers_) {
+  for (const auto& [id, viewer] : std::map(viewers_)) {  // a viewer may end
     viewer->Sample(now_s);
     viewer->Tell(stats_.Json(viewer->frames_per_s()));
   }

@@ -12,6 +12,7 @@
 #include "common/scene/scene_summary.h"
 #include "master/display/live_stats.h"
 #include "master/display/page.h"
+#include "master/display/socket_refusals.h"
 #include "master/display/viewer.h"
 #include "master/query_service.h"
 #include "master/worker_registry.h"
@@ -23,11 +24,11 @@ namespace quarry {
 /// own.
 class Display : private LiveDispatcher::Sink {
  public:
-  /// Listens. `io`, `scene`, `workers` and `queries` outlive it. Errors: as HttpServer::Open() and
-  /// Access::Make(); (usage) a viewer URL that is none.
+  /// Listens. `io`, `scene`, `workers`, `queries` and what `jobs` uses outlive it. Errors: as
+  /// HttpServer::Open() and Access::Make(); (usage) a viewer URL that is none.
   static Result<std::unique_ptr<Display>> Open(boost::asio::io_context& io, const DisplayOptions& options,
                                                const Scene& scene, WorkerRegistry& workers,
-                                               QueryService& queries,
+                                               QueryService& queries, SavedPictures::JobService jobs,
                                                std::function<void(const std::string&)> log);
   ~Display() override;
 
@@ -48,7 +49,8 @@ class Display : private LiveDispatcher::Sink {
 
  private:
   Display(boost::asio::io_context& io, const DisplayOptions& options, const Scene& scene,
-          WorkerRegistry& workers, Access access, std::function<void(const std::string&)> log);
+          WorkerRegistry& workers, Access access, SavedPictures::JobService jobs,
+          std::function<void(const std::string&)> log);
 
   // LiveDispatcher::Sink
   void SetUp(uint32_t worker, FrameId frame, const View& view) override;
@@ -56,7 +58,10 @@ class Display : private LiveDispatcher::Sink {
   void End(uint32_t worker, std::vector<FrameId> frames) override;
 
   HttpResponse OnRequest(const HttpRequest& request);
-  HttpResponse MayUpgrade(const HttpRequest& request) const;
+  HttpResponse OnPrivate(const HttpRequest& request, const std::string& name) const;
+  HttpResponse OnLostUpgrade(const HttpRequest& request);
+  HttpResponse MayUpgrade(const HttpRequest& request);
+  HttpResponse MayOpen(const HttpRequest& request) const;
   void OnSocket(std::shared_ptr<WebSocket> socket);
   void OnScene(const Result<std::string>& description);
   void Welcome(const std::shared_ptr<Viewer>& viewer);
@@ -72,6 +77,7 @@ class Display : private LiveDispatcher::Sink {
   const std::function<void(const std::string&)> log_;
   LiveDispatcher dispatcher_;
   LiveStats stats_;
+  SocketRefusals refusals_;
   std::optional<Result<SceneSummary>> summary_;
   std::string welcome_;  ///< JSON; empty until the scene is known
   std::string failure_;  ///< what the last worker said that left none behind
@@ -81,6 +87,8 @@ class Display : private LiveDispatcher::Sink {
   double told_s_ = 0;
   bool assigning_ = false;
   EncodingThread moving_, exact_;
+  const std::unique_ptr<VoxelSource> source_;
+  SavedPictures saved_;
   ViewerSite site_;
   std::map<uint32_t, std::shared_ptr<Viewer>> viewers_;
   std::vector<std::shared_ptr<Viewer>> departed_;  ///< whose callers may still run

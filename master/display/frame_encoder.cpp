@@ -17,6 +17,9 @@ namespace {
 
 using Level = RgbMaker::Level;
 
+/// Least quality of images that are stretched: their faults grow with them, and they are small.
+constexpr int kSmallQuality = 92;
+
 /// Makes the level of half the size: means of the known pixels of each square.
 void Halve(const Level& fine, Level& half) {
   half.Open((fine.width + 1) / 2, (fine.height + 1) / 2);
@@ -99,9 +102,42 @@ void RgbMaker::Make(const PictureRows& rows, const ToneTable& tone, uint32_t bac
   levels_[0].Open(rows.width, rows.height());
   for (size_t i = 0; i < codes.size(); ++i)
     if (codes[i] < kUntraced) levels_[0].pixels[i] = pixel(codes[i]);
-  FillHoles(levels_, 0, pixel(background));
-  for (size_t i = 0; i < codes.size(); ++i) {
-    const Level::Pixel& p = levels_[0].pixels[i];
+  Fill(pixel(background));
+}
+
+void RgbMaker::MakeSmall(const PictureRows& rows, const ToneTable& tone, uint32_t background, uint32_t step) {
+  if (levels_.empty()) levels_.emplace_back();
+  Level& small = levels_[0];
+  small.Open((rows.width + step - 1) / step, (rows.height() + step - 1) / step);
+  for (uint32_t y = 0; y < small.height; ++y)
+    for (uint32_t x = 0; x < small.width; ++x) {
+      uint32_t r = 0, g = 0, b = 0, known = 0;
+      const uint32_t right = std::min((x + 1) * step, rows.width);
+      for (uint32_t j = y * step; j < std::min((y + 1) * step, rows.height()); ++j)
+        for (uint32_t i = x * step; i < right; ++i) {
+          const uint32_t code = rows.codes[size_t{j} * rows.width + i];
+          if (code >= kUntraced) continue;
+          const auto color = tone(code);
+          r += color[0];
+          g += color[1];
+          b += color[2];
+          ++known;
+        }
+      if (known > 0)
+        small.at(x, y) = {static_cast<uint16_t>(r / known), static_cast<uint16_t>(g / known),
+                          static_cast<uint16_t>(b / known), 1};
+    }
+  const auto color = tone(background);
+  Fill({color[0], color[1], color[2], 1});
+}
+
+/// Fills the holes of the first level and takes its colours.
+void RgbMaker::Fill(const Level::Pixel& background) {
+  FillHoles(levels_, 0, background);
+  const auto& pixels = levels_[0].pixels;
+  rgb_.resize(3 * pixels.size());
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    const Level::Pixel& p = pixels[i];
     rgb_[3 * i] = static_cast<uint8_t>(p.r);
     rgb_[3 * i + 1] = static_cast<uint8_t>(p.g);
     rgb_[3 * i + 2] = static_cast<uint8_t>(p.b);
@@ -134,13 +170,20 @@ Result<EncodedFrame> FrameEncoder::Encode(const DueFrame& frame, const SceneFact
   const View& view = frame.wanted.view;
   if (!frame.exact.empty()) {
     QUARRY_ASSIGN(Bytes png, EncodeImage(view, {"png"}, scene, frame.exposure, frame.exact));
-    encoded.stripes.push_back({0, view.height, true, std::move(png)});
+    encoded.stripes.push_back({0, view.height, 1, true, std::move(png)});
   } else {
     if (!tone || tone->ev() != frame.exposure) tone.emplace(frame.exposure);
+    const uint32_t step = frame.scale, background = PackShared(view.background);
     for (const PictureRows& rows : frame.rows) {
-      maker_.Make(rows, *tone, PackShared(view.background));
-      QUARRY_ASSIGN(Bytes jpeg, Jpeg(rows.width, rows.height(), quality, !frame.in_motion));
-      encoded.stripes.push_back({rows.y, rows.height(), false, std::move(jpeg)});
+      const auto small = [step](uint32_t length) { return (length + step - 1) / step; };
+      if (step == 1)
+        maker_.Make(rows, *tone, background);
+      else
+        maker_.MakeSmall(rows, *tone, background, step);
+      const bool fine = !frame.in_motion || step > 1;
+      QUARRY_ASSIGN(Bytes jpeg, Jpeg(small(rows.width), small(rows.height()),
+                                     step > 1 ? std::max(quality, kSmallQuality) : quality, fine));
+      encoded.stripes.push_back({rows.y, rows.height(), step, false, std::move(jpeg)});
     }
   }
   encoded.encode_s = SecondsSince(start);

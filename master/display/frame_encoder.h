@@ -56,10 +56,15 @@ class RgbMaker {
   /// Pixels without a colour get one from their neighbours, near ones first; all of them, if there is none,
   /// that of `background` (a code).
   void Make(const PictureRows& rows, const ToneTable& tone, uint32_t background);
+  /// A pixel for each square of `step` x `step`: the mean of those of its pixels that have a colour; for
+  /// squares without any as above. Squares at the borders may be cut.
+  void MakeSmall(const PictureRows& rows, const ToneTable& tone, uint32_t background, uint32_t step);
   /// Three bytes a pixel, row by row.
   const std::vector<uint8_t>& rgb() const { return rgb_; }
 
  private:
+  void Fill(const Level::Pixel& background);
+
   std::vector<uint8_t> rgb_;
   std::vector<Level> levels_;
 };
@@ -67,7 +72,8 @@ class RgbMaker {
 /// An encoded part of a frame: all columns from row `y` on.
 struct Stripe {
   uint32_t y = 0, height = 0;
-  bool png = false;  ///< else JPEG
+  uint32_t scale = 1;  ///< side of the squares that the image has one pixel each of
+  bool png = false;    ///< else JPEG
   Bytes image;
 };
 
@@ -85,7 +91,8 @@ class FrameEncoder {
   FrameEncoder(const FrameEncoder&) = delete;
   FrameEncoder& operator=(const FrameEncoder&) = delete;
 
-  /// An exact frame becomes the PNG of EncodeImage(), another one a JPEG for each run of rows. `tone`: of the
+  /// An exact frame becomes the PNG of EncodeImage(), another one a JPEG for each run of rows, with a pixel
+  /// for each square of DueFrame::scale, which the browser stretches. `tone`: of the
   /// viewer's last frame. `quality`: of JPEG, in [1, 100]. Errors: the libraries' own.
   Result<EncodedFrame> Encode(const DueFrame& frame, const SceneFacts& scene, int quality,
                               std::optional<ToneTable>& tone);

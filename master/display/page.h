@@ -16,6 +16,8 @@ struct DisplayOptions {
   std::string token;                     ///< of the session; empty: a new one
   uint64_t view_memory = 256u << 20;     ///< bytes that all views may take together
   std::string name;                      ///< of the scene, for people
+  std::string store;                     ///< where it is, for a command that renders it
+  uint32_t up_axis = 0;                  ///< 1 for y, 2 for z; 0: the scene's
 };
 
 // The answers that the display's servers have in common. Thread-safe.

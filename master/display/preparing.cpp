@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <fstream>
 
+#include "common/base/log.h"
 #include "master/display/page.h"
 
 namespace quarry {
@@ -35,8 +36,8 @@ Status ServePreparing(const DisplayOptions& options, const std::string& progress
   };
   QUARRY_ASSIGN(const auto server,
                 HttpServer::Open(io, {.listen = options.listen, .tls = options.tls}, {answer, {}, {}}));
-  fmt::print("viewing {}\n", AddressOf(options, access, server->port()));
-  std::fflush(stdout);
+  Print(fmt::format("viewing {}\n", AddressOf(options, access, server->port())));
+  FlushOutput();
   io.run();
   return {};
 }

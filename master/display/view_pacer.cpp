@@ -22,7 +22,14 @@ constexpr double kRefillS = 0.05, kStuckS = 1;
 constexpr double kMostFillS = 3;
 /// The share of a frame's time that its lattice may take, and that a finer lattice must be expected to take.
 constexpr double kShare = 0.85, kFinerShare = 0.65;
-constexpr uint32_t kCoarsest = 4;
+/// Step of the coarsest lattice: 1,200 points of a picture of 640x480, 2 to 3 ms of one core. A twentieth of
+/// a core traces some of them a second.
+constexpr uint32_t kCoarsest = 16;
+/// Step of the lattice that is fine enough to go on with all pixels at rest. A coarser one is refined first,
+/// for the first sample of all pixels may take a starved cluster a minute.
+constexpr uint32_t kRestStep = 4;
+/// Seconds that a lattice of any size takes: messages there and back, and the last tile's wait.
+constexpr double kLatticeS = 4e-3;
 /// Weight of a lattice's time in the running mean.
 constexpr double kNewTime = 0.3;
 /// Points that an exposure is guessed from.
@@ -96,8 +103,9 @@ void ViewPacer::Begin(double now_s) {
   begun_s_ = traced_s_ = now_s;
   stage_ = Stage::kLattice;
   refining_ = 0;
+  coarse_asked_ = false;
   step_ = first_step_ = ChooseStep();
-  TraceLattice(step_, 0, 0);
+  TraceLattice(step_, 0, 0, LiveUrgency::kMotion);
 }
 
 uint32_t ViewPacer::ChooseStep() const {
@@ -105,26 +113,36 @@ uint32_t ViewPacer::ChooseStep() const {
   if (point_s_ == 0) return kCoarsest;
   for (uint32_t step = 1; step < kCoarsest; step *= 2) {
     const double share = step < first_step_ ? kFinerShare : kShare;
-    if (static_cast<double>(PointsOf(wanted_.view, step)) * point_s_ <= share / settings_.frame_rate)
-      return step;
+    const double lattice_s = kLatticeS + static_cast<double>(PointsOf(wanted_.view, step)) * point_s_;
+    if (lattice_s <= share / settings_.frame_rate) return step;
   }
   return kCoarsest;
 }
 
 /// Notes how long lattice points took.
 void ViewPacer::NoteTime(double seconds, uint64_t points) {
-  const double point_s = std::max(seconds, 1e-6) / static_cast<double>(std::max<uint64_t>(points, 1));
+  const double tracing_s = std::max({seconds - kLatticeS, seconds / 4, 1e-6});
+  const double point_s = tracing_s / static_cast<double>(std::max<uint64_t>(points, 1));
   point_s_ = point_s_ == 0 ? point_s : point_s_ + kNewTime * (point_s - point_s_);
 }
 
-void ViewPacer::TraceLattice(uint32_t step, uint32_t phase_x, uint32_t phase_y) {
+void ViewPacer::TraceLattice(uint32_t step, uint32_t phase_x, uint32_t phase_y, LiveUrgency urgency) {
   Tile area{wanted_.view.crop, step};
   area.phase_x = phase_x;
   area.phase_y = phase_y;
   area.samples = 1;
   area.form = PixelForm::kShown;
   area.leaves_holes = !settings_.wait;
-  dispatcher_.Trace(*frame_, area, LiveUrgency::kMotion);
+  dispatcher_.Trace(*frame_, area, urgency);
+}
+
+/// Asks for the coarsest lattice, before all other tiles, where the first lattice is late: tiles here and
+/// there say less than a coarse picture of all.
+void ViewPacer::Hurry(double now_s) {
+  if (coarse_asked_ || settings_.wait || stage_ != Stage::kLattice || step_ == kCoarsest) return;
+  if (now_s < begun_s_ + kPatienceS) return Wake(begun_s_ + kPatienceS);
+  coarse_asked_ = true;
+  TraceLattice(kCoarsest, 0, 0, LiveUrgency::kAnswer);
 }
 
 bool ViewPacer::Take(const LiveTile& tile, std::span<const std::byte> pixels, double now_s) {
@@ -142,7 +160,8 @@ bool ViewPacer::Take(const LiveTile& tile, std::span<const std::byte> pixels, do
   if (tile.area.form == PixelForm::kShown) {
     picture_.PutShown(tile.area, pixels);
     if (picture_.Waits(tile.area)) holed_.push_back(tile.area);
-    if (stage_ == Stage::kLattice) owners_.push_back({tile.area.pixels, tile.worker});
+    if (stage_ == Stage::kLattice && tile.area.step == step_)
+      owners_.push_back({tile.area.pixels, tile.worker});
   } else {
     picture_.PutSums(tile.area, pixels);
   }
@@ -160,13 +179,15 @@ std::optional<DueFrame> ViewPacer::Step(double now_s) {
 /// Goes through the stages as far as tiles are done.
 void ViewPacer::Advance(double now_s) {
   if (stage_ == Stage::kLattice) {
-    if (dispatcher_.Wants(*frame_, LiveUrgency::kMotion)) return;
+    if (dispatcher_.Wants(*frame_, LiveUrgency::kMotion)) return Hurry(now_s);
     NoteTime(traced_s_ - begun_s_, PointsOf(wanted_.view, step_));
     stage_ = Stage::kRefine;
     fewest_waiting_ = picture_.pixels();
     fewer_s_ = now_s;
   }
   if (under_way_ >= kMostUnderWay) return;
+  // Early: until then a view is exposed as the one before was.
+  if (now_s >= rest_s_ && !pending_) Meter();
   if (stage_ == Stage::kRefine) Refine(now_s);
   if (stage_ == Stage::kFill) Fill(now_s);
   if (stage_ == Stage::kSamples) NextSamples();
@@ -177,13 +198,13 @@ void ViewPacer::Refine(double now_s) {
   if (refining_ != 0) step_ = std::exchange(refining_, 0);
   const bool rests = now_s >= rest_s_ && !pending_;
   if (settings_.step != 0 && now_s < rest_s_) return Wake(rest_s_);  // in motion the step is locked
-  if (step_ == 1 || (rests && picture_.waiting() == 0)) {
+  if (step_ == 1 || (rests && step_ <= kRestStep && picture_.waiting() == 0)) {
     stage_ = Stage::kFill;  // the exact pass brings the pixels between, too
     return;
   }
   refining_ = step_ / 2;
   for (const auto& [x, y] : {std::pair{refining_, 0u}, {0u, refining_}, {refining_, refining_}})
-    TraceLattice(step_, x, y);
+    TraceLattice(step_, x, y, LiveUrgency::kMotion);
 }
 
 /// Traces tiles with waiting pixels again, until rest begins and none waits.
@@ -195,7 +216,7 @@ void ViewPacer::Fill(double now_s) {
   const bool filled = picture_.waiting() == 0 || now_s - fewer_s_ > kStuckS || now_s - rest_s_ > kMostFillS;
   if (filled && now_s >= rest_s_) {
     stage_ = Stage::kSamples;
-    return Meter();
+    return;
   }
   if (now_s < rest_s_) Wake(rest_s_);
   if (picture_.waiting() == 0 || dispatcher_.Wants(*frame_, LiveUrgency::kMotion)) return;
@@ -236,20 +257,25 @@ bool ViewPacer::IsDue(double now_s) {
   if (stage_ == Stage::kExact) return !exact_sent_;
   if (!picture_.has_news()) return false;
   if (!sent_) {
-    if (stage_ != Stage::kLattice) return true;
-    if (settings_.wait || now_s >= begun_s_ + kPatienceS) return !settings_.wait && picture_.traced() > 0;
-    return Wake(begun_s_ + kPatienceS), false;
+    // A lattice is shown whole, its holes for absent blocks included.
+    return stage_ != Stage::kLattice || (HasCoarse() && picture_.traced() > 0);
   }
   const double next_s = sent_s_ + (stage_ == Stage::kSamples ? kSampledEveryS : kRefinedEveryS);
   if (now_s >= next_s) return true;
   return Wake(next_s), false;
 }
 
+/// Whether the coarsest lattice, which was asked for since the first one is late, is complete.
+bool ViewPacer::HasCoarse() const {
+  return coarse_asked_ && !dispatcher_.Wants(*frame_, LiveUrgency::kAnswer);
+}
+
 std::optional<DueFrame> ViewPacer::MakeDue(double now_s) {
   if (!IsDue(now_s)) return std::nullopt;
   DueFrame due;
   due.wanted = wanted_;
-  due.step = picture_.samples() > 0 ? 1 : step_;
+  due.step = picture_.samples() > 0 ? 1 : stage_ == Stage::kLattice ? kCoarsest : step_;
+  due.scale = stage_ == Stage::kSamples ? 1 : due.step;  // finished tiles show all their pixels
   due.traced = picture_.traced();
   due.waiting = picture_.waiting();
   due.samples = picture_.samples();

@@ -39,7 +39,8 @@ struct TracedBy {
 /// What is to be sent to a viewer now.
 struct DueFrame {
   WantedView wanted;
-  uint32_t step = 1;  ///< side of the squares of which each has a traced pixel
+  uint32_t step = 1;   ///< side of the squares of which each has a traced pixel
+  uint32_t scale = 1;  ///< side of the squares that are sent as one pixel; at most `step`
   uint64_t traced = 0, waiting = 0;
   uint32_t samples = 0;
   double exposure = 0;
@@ -53,11 +54,11 @@ struct DueFrame {
 /// Decides what is traced of a viewer's views and what is sent, so that the picture never freezes and becomes
 /// exact at rest.
 /// - The newest view wins. It begins when a frame of the view before has been sent.
-/// - A lattice of sample 0 of each fourth, second or every pixel comes first, as fine as the frame rate
-/// allows. It is sent when it is complete, or what there is of it when it is late.
+/// - A lattice of sample 0 comes first, of each 16th to every pixel a side, as fine as the frame rate allows.
+/// It is sent when it is complete. When it is late, the coarsest one is traced before all else and sent.
 /// - Then the lattice is refined, and pixels that wait for blocks are traced again.
-/// - 150 ms after the last input, at once if it ends a motion, samples accumulate as exact sums, and the
-/// exposure is metered. The last frame is the picture of `quarry render --view`.
+/// - 150 ms after the last input, at once if it ends a motion, the exposure is metered, and samples
+/// accumulate as exact sums. The last frame is the picture of `quarry render --view`.
 /// - A viewer that does not acknowledge frames costs no tracing.
 /// Units: seconds of any clock that does not go back. No sockets, no threads. Not thread-safe.
 class ViewPacer {
@@ -96,7 +97,9 @@ class ViewPacer {
   enum class Stage { kLattice, kRefine, kFill, kSamples, kExact };
   bool MayBegin(double now_s);
   void Begin(double now_s);
-  void TraceLattice(uint32_t step, uint32_t phase_x, uint32_t phase_y);
+  void TraceLattice(uint32_t step, uint32_t phase_x, uint32_t phase_y, LiveUrgency urgency);
+  void Hurry(double now_s);
+  bool HasCoarse() const;
   uint32_t ChooseStep() const;
   void NoteTime(double seconds, uint64_t points);
   void Advance(double now_s);
@@ -120,9 +123,10 @@ class ViewPacer {
   WantedView wanted_;
   LivePicture picture_;
   Stage stage_ = Stage::kLattice;
-  uint32_t step_ = 1;        ///< of the finest lattice that is complete, or of the first
-  uint32_t first_step_ = 4;  ///< of the lattice that came first
-  uint32_t refining_ = 0;    ///< step of the lattice under way; 0: none
+  uint32_t step_ = 1;          ///< of the finest lattice that is complete, or of the first
+  uint32_t first_step_ = 4;    ///< of the lattice that came first
+  uint32_t refining_ = 0;      ///< step of the lattice under way; 0: none
+  bool coarse_asked_ = false;  ///< the coarsest lattice, too, since the first one is late
   double came_s_ = 0, begun_s_ = 0, traced_s_ = 0, sent_s_ = 0;
   double rest_s_ = 0;  ///< when rest begins
   bool sent_ = false;  ///< a frame of this view has been sent

@@ -18,14 +18,22 @@ using nlohmann::ordered_json;
 
 /// Messages of a browser: a few for each frame of its screen, and a burst when a page wakes up.
 constexpr double kMessagesPerS = 300, kMostMessages = 600;
-/// Bytes on their way to a browser beyond which it is told nothing that it can do without.
-constexpr uint64_t kFarBehind = 1u << 20;
-/// Bytes on their way to a browser that goes on asking: two exact frames of the largest pictures are less.
-constexpr uint64_t kTooFarBehind = 64u << 20;
+/// Messages that cannot be read: a page of another version sends some, a flood ends the viewer.
+constexpr double kMistakesPerS = 1, kMostMistakes = 20;
+/// Bytes of texts on their way to a browser, beside its welcome, beyond which it is told nothing that it can
+/// do without; and beyond which it is ended, since it goes on asking. 64 viewers make 16 MiB.
+constexpr uint64_t kBehindBytes = 32u << 10, kFarBehindBytes = 256u << 10;
+/// Seconds for which a browser may take no whole frame, and bytes a second that a slow line takes at least.
+constexpr double kStallS = 30, kSlowLine = 16 << 10;
 
 std::string ErrorText(const std::string& sentence) {
   return ordered_json{{"type", "error"}, {"message", sentence}}.dump(-1, ' ', false,
                                                                      ordered_json::error_handler_t::replace);
+}
+
+std::string RefusalText(const std::string& sentence) {
+  return ordered_json{{"type", "refused"}, {"message", sentence}}.dump(
+      -1, ' ', false, ordered_json::error_handler_t::replace);
 }
 
 double Rounded(double ms) { return std::round(ms * 100) / 100; }
@@ -51,6 +59,7 @@ ordered_json Header(const DueFrame& due, const EncodedFrame& encoded, uint64_t n
   for (const Stripe& stripe : encoded.stripes)
     j["stripes"].push_back({{"y", stripe.y},
                             {"height", stripe.height},
+                            {"scale", stripe.scale},
                             {"format", stripe.png ? "png" : "jpeg"},
                             {"bytes", stripe.image.size()}});
   if (due.owners.empty()) return j;
@@ -86,10 +95,15 @@ Viewer::Viewer(ViewerSite& site, uint32_t id, std::shared_ptr<WebSocket> socket,
       socket_(std::move(socket)),
       on_gone_(std::move(on_gone)),
       pacer_(site.dispatcher, id),
-      picker_(site.dispatcher, site.scene, id),
+      picker_(site.dispatcher, site.scene, site.source, id,
+              [this](std::string json) {
+                if (!gone_) SendAnswer(std::move(json));
+              }),
       timer_(site.io),
       tokens_(kMostMessages),
-      tokens_at_s_(site.now()) {}
+      tokens_at_s_(site.now()),
+      mistakes_(kMostMistakes),
+      mistakes_at_s_(site.now()) {}
 
 Viewer::~Viewer() { site_.memory.taken -= taken_; }
 
@@ -102,12 +116,14 @@ void Viewer::Start(const std::string& welcome) {
         if (const auto viewer = self.lock()) viewer->Gone(error.message);
       });
   socket_->SendText(welcome);
+  welcome_bytes_ = welcome.size();
   started_ = true;
 }
 
 void Viewer::Gone(const std::string& why) {
   if (std::exchange(gone_, true)) return;
   timer_.Stop();
+  saved_.reset();
   on_gone_(why);  // may destroy this once its caller is done
 }
 
@@ -118,8 +134,40 @@ void Viewer::End(const std::string& sentence) {
   Gone(sentence);
 }
 
+/// Bytes of texts that the browser has not taken.
+uint64_t Viewer::text_bytes() const {
+  uint64_t frames = 0;
+  for (const auto& [number, sent] : under_way_)
+    if (!sent.taken) frames += sent.bytes;
+  const uint64_t queued = socket_->queued_bytes();
+  return queued > frames ? queued - frames : 0;
+}
+
 void Viewer::Tell(std::string json) {
-  if (started_ && !gone_ && socket_->queued_bytes() < kFarBehind) socket_->SendText(std::move(json));
+  if (started_ && !gone_ && text_bytes() <= welcome_bytes_ + kBehindBytes) socket_->SendText(std::move(json));
+}
+
+void Viewer::TellState(std::string json) {
+  if (!started_ || gone_) return;
+  untold_.reset();
+  if (text_bytes() <= welcome_bytes_ + kBehindBytes) return socket_->SendText(std::move(json));
+  untold_ = std::move(json);
+}
+
+/// Sends what the browser has asked for.
+void Viewer::SendAnswer(std::string json) {
+  if (text_bytes() > welcome_bytes_ + kFarBehindBytes)
+    return End("this page takes nothing of what it asks for");
+  socket_->SendText(std::move(json));
+}
+
+/// A message that cannot be taken: the view stays as it is.
+void Viewer::Refuse(const std::string& sentence) {
+  const double now_s = site_.now();
+  mistakes_ =
+      std::min(kMostMistakes, mistakes_ + (now_s - std::exchange(mistakes_at_s_, now_s)) * kMistakesPerS);
+  if (--mistakes_ < 0) return End("this page goes on with messages that cannot be read; load it again");
+  SendAnswer(RefusalText(sentence));
 }
 
 bool Viewer::TooMany() {
@@ -130,23 +178,47 @@ bool Viewer::TooMany() {
 
 void Viewer::OnText(const std::string& text) {
   if (gone_) return;
-  if (socket_->queued_bytes() > kTooFarBehind) return End("this page takes nothing of what it asks for");
   if (TooMany()) return End("this page sends more than a viewer does");
   if (const Status status = OnMessage(text); !status) return End(status.error().message);
   Go();
 }
 
 Status Viewer::OnMessage(const std::string& text) {
-  QUARRY_ASSIGN(auto message,
-                ReadViewerMessage(text, site_.defaults, site_.facts.offset, site_.memory.most_pixels()));
-  if (auto* view = std::get_if<WantedView>(&message)) return OnView(std::move(*view));
-  if (const auto* ack = std::get_if<AckMessage>(&message)) OnAck(ack->frame);
-  if (const auto* settings = std::get_if<SettingsMessage>(&message)) OnSettings(*settings);
-  if (const auto* pick = std::get_if<PickMessage>(&message); pick && newest_) {
-    picker_.Ask(*pick, *newest_);
-    site_.assign_soon();
-  }
+  auto message = ReadViewerMessage(text, site_.defaults, site_.facts.offset, site_.memory.most_pixels());
+  if (!message) return Refuse(message.error().message), Status{};
+  if (auto* view = std::get_if<WantedView>(&*message)) return OnView(std::move(*view));
+  if (const auto* ack = std::get_if<AckMessage>(&*message)) OnAck(ack->frame);
+  if (const auto* settings = std::get_if<SettingsMessage>(&*message)) OnSettings(*settings);
+  if (const auto* pick = std::get_if<PickMessage>(&*message)) OnPick(*pick);
+  if (auto* save = std::get_if<SaveMessage>(&*message)) OnSave(std::move(*save));
   return {};
+}
+
+void Viewer::OnPick(const PickMessage& pick) {
+  if (!newest_) return Refuse("a pick came before any view");
+  picker_.Ask(pick, *newest_);
+  site_.assign_soon();
+}
+
+/// Asks for a picture in the place of the one that was asked for before.
+void Viewer::OnSave(SaveMessage message) {
+  saved_.reset();
+  if (!message.job) return;
+  const auto told = [save = message.save](const SavedPictures::News& news) {
+    ordered_json j{{"type", "saved"}, {"save", save}, {"done", news.done}};
+    if (!news.failure.empty()) j["error"] = news.failure;
+    if (!news.file.empty()) j.update({{"file", news.file}, {"bytes", news.bytes}});
+    return j.dump(-1, ' ', false, ordered_json::error_handler_t::replace);
+  };
+  auto asked = site_.saved.Ask(std::move(*message.job),
+                               [self = weak_from_this(), told](const SavedPictures::News& news) {
+                                 if (const auto viewer = self.lock(); viewer && !viewer->gone_)
+                                   viewer->SendAnswer(told(news));
+                               });
+  if (asked)
+    saved_ = std::move(*asked);
+  else
+    SendAnswer(told({.failure = asked.error().message}));
 }
 
 /// Takes memory for a view of this size.
@@ -182,15 +254,29 @@ void Viewer::OnSettings(const SettingsMessage& message) {
 }
 
 void Viewer::OnAck(uint64_t frame) {
-  if (under_way_.erase(frame) > 0) pacer_.Acknowledged();
+  const auto it = under_way_.find(frame);
+  if (it == under_way_.end()) return;
+  it->second.acknowledged = true;
+  if (!it->second.taken) return;
+  under_way_.erase(it);
+  pacer_.Acknowledged();
+}
+
+/// The system has taken a frame's message.
+void Viewer::OnTaken(uint64_t frame) {
+  const auto it = under_way_.find(frame);
+  if (gone_ || it == under_way_.end()) return;
+  it->second.taken = true;
+  if (untold_) TellState(*std::exchange(untold_, std::nullopt));
+  if (!it->second.acknowledged) return;
+  under_way_.erase(it);
+  pacer_.Acknowledged();
+  Go();
 }
 
 bool Viewer::Take(const LiveTile& tile, std::span<const std::byte> pixels) {
   if (gone_) return false;
-  if (std::string picked = picker_.Take(tile, pixels); !picked.empty()) {
-    socket_->SendText(std::move(picked));
-    return true;
-  }
+  if (picker_.Take(tile, pixels)) return true;
   return pacer_.Take(tile, pixels, site_.now());
 }
 
@@ -239,10 +325,13 @@ void Viewer::OnEncoded(DueFrame& due, const Result<EncodedFrame>& encoded) {
   if (!encoded) return End(encoded.error().message);
   if (overtaken) return pacer_.Acknowledged(), Go();
   const uint64_t number = next_frame_++;
-  under_way_.insert(number);
   ++frames_sent_;
   if (due.exact.empty() && due.samples == 0) site_.took_frame(due.trace_s);
-  socket_->SendBinary(Pack(Header(due, *encoded, number), *encoded));
+  auto message = Pack(Header(due, *encoded, number), *encoded);
+  under_way_.emplace(number, Sent{message->size(), site_.now()});
+  socket_->SendBinary(std::move(message), [self = weak_from_this(), number] {
+    if (const auto viewer = self.lock()) viewer->OnTaken(number);
+  });
   pacer_.Reuse(std::move(due.rows));
   EncodeNext();
 }
@@ -251,6 +340,13 @@ void Viewer::Sample(double now_s) {
   const double seconds = now_s - std::exchange(sampled_s_, now_s);
   frames_per_s_ = static_cast<double>(frames_sent_ - std::exchange(sampled_frames_, frames_sent_)) /
                   std::max(seconds, 0.1);
+  if (untold_) TellState(*std::exchange(untold_, std::nullopt));
+  double bytes = 0;
+  for (const auto& [number, sent] : under_way_) {
+    bytes += static_cast<double>(sent.bytes);
+    if (!sent.taken && now_s - sent.at_s > kStallS + bytes / kSlowLine)
+      return End("this page takes nothing of what it is sent");
+  }
 }
 
 }  // namespace quarry

@@ -5,8 +5,9 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <map>
 #include <memory>
-#include <set>
+#include <optional>
 #include <string>
 
 #include "common/engine/scene.h"
@@ -14,6 +15,7 @@
 #include "common/net/timer.h"
 #include "master/display/encoding_thread.h"
 #include "master/display/picker.h"
+#include "master/display/saved_picture.h"
 #include "master/display/view_pacer.h"
 #include "master/display/viewer_message.h"
 
@@ -27,9 +29,10 @@ namespace quarry {
 struct ViewMemory {
   uint64_t most = 256u << 20, taken = 0;
   uint64_t largest = 0;  ///< pixels of a view so far; the encoder keeps memory for it
-  /// Bytes that a pixel of a view takes: its picture with rows under way, and the exact frame with its file
-  /// and message; and bytes that the encoder takes for a pixel of the largest view.
-  static constexpr uint64_t kPixelBytes = LivePicture::kPixelBytes + 12 + 4, kEncoderBytes = 24;
+  /// Bytes that a pixel of a view takes: its picture with rows under way, the exact frame, and the messages
+  /// of the two frames that may be under way, PNGs that do not compress; and bytes that the encoder takes for
+  /// a pixel of the largest view.
+  static constexpr uint64_t kPixelBytes = LivePicture::kPixelBytes + 12 + 2 * 4, kEncoderBytes = 24;
   uint64_t most_pixels() const { return most / (kPixelBytes + kEncoderBytes); }
   /// Whether a view of `pixels` has room where now `own` bytes are taken for its viewer.
   bool Fits(uint64_t pixels, uint64_t own) const {
@@ -44,6 +47,8 @@ struct ViewerSite {
   EncodingThread& exact;   ///< for exact frames, which take many times as long as moving ones
   LiveDispatcher& dispatcher;
   const Scene& scene;
+  VoxelSource& source;  ///< of the scene's blocks
+  SavedPictures& saved;
   SceneFacts facts;
   ViewDescription defaults;  ///< of views
   ViewMemory memory;
@@ -66,15 +71,17 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   bool Take(const LiveTile& tile, std::span<const std::byte> pixels);
   /// Goes on with what is due.
   void Go();
-  /// Sends a text, unless the browser is far behind or has not been welcomed.
+  /// Sends a text, unless the browser is behind or has not been welcomed.
   void Tell(std::string json);
+  /// Sends the cluster's state, once the browser is not behind.
+  void TellState(std::string json);
   /// Sends the reason and ends the connection.
   void End(const std::string& sentence);
 
   uint64_t frames_sent() const { return frames_sent_; }
   uint64_t abandoned() const { return pacer_.abandoned(); }
   double frames_per_s() const { return frames_per_s_; }
-  /// Measures frames_per_s(). Called about once a second.
+  /// Measures frames_per_s(), and ends a viewer that takes nothing. Called about once a second.
   void Sample(double now_s);
 
  private:
@@ -84,7 +91,13 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   void Charge(uint64_t pixels);
   void OnSettings(const SettingsMessage& message);
   void OnAck(uint64_t frame);
+  void OnPick(const PickMessage& pick);
+  void OnSave(SaveMessage message);
   bool TooMany();
+  void Refuse(const std::string& sentence);
+  void SendAnswer(std::string json);
+  uint64_t text_bytes() const;
+  void OnTaken(uint64_t frame);
   void EncodeNext();
   void OnEncoded(DueFrame& due, const Result<EncodedFrame>& encoded);
   void Gone(const std::string& why);
@@ -98,6 +111,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   int quality_ = 80;
   uint64_t taken_ = 0;  ///< bytes of site_.memory
   std::optional<View> newest_;
+  std::shared_ptr<SavedPicture> saved_;  ///< the picture that is being saved, or was saved last
   Timer timer_;
   std::deque<DueFrame> due_;  ///< to be encoded
   enum class Encoding { kNone, kMoving, kExact };
@@ -105,8 +119,18 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   uint32_t exact_overtaken_ = 0;  ///< exact frames under way that moving ones have overtaken: the oldest
   std::shared_ptr<std::optional<ToneTable>> tone_ = std::make_shared<std::optional<ToneTable>>();
   uint64_t next_frame_ = 1, frames_sent_ = 0;
-  std::set<uint64_t> under_way_;  ///< frames sent and not acknowledged
+  /// A frame that was sent. It makes room for another one when the browser has acknowledged it and the system
+  /// has taken its message: a browser may acknowledge what it does not read.
+  struct Sent {
+    uint64_t bytes = 0;
+    double at_s = 0;
+    bool acknowledged = false, taken = false;
+  };
+  std::map<uint64_t, Sent> under_way_;  ///< by number
+  std::optional<std::string> untold_;   ///< the newest state, while the browser is behind
+  uint64_t welcome_bytes_ = 0;
   double tokens_ = 0, tokens_at_s_ = 0;
+  double mistakes_ = 0, mistakes_at_s_ = 0;
   uint64_t sampled_frames_ = 0;
   double sampled_s_ = 0, frames_per_s_ = 0;
   bool started_ = false, gone_ = false;

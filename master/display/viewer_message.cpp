@@ -17,6 +17,30 @@ constexpr JsonLimits kLimits{64u << 10, 16, 4096, 64};
 constexpr double kLeastRate = 10, kMostRate = 60, kMostExposure = 100;
 constexpr uint64_t kLeastQuality = 30, kMostQuality = 95;
 
+/// The view of a message: members that it lacks have the default's values; exposure is automatic without one.
+Result<ViewDescription> ReadDescription(const JsonValue& object, const ViewDescription& defaults,
+                                        const glm::dvec3& offset) {
+  ViewDescription description = defaults;
+  description.format.exposure.reset();
+  QUARRY_ASSIGN(const auto lights, object.Optional("lights"));
+  if (lights) description.view.lights.clear();  // instead of the default ones
+  QUARRY_TRY(ReadView(object, offset, description));
+  View& view = description.view;
+  if (view.aov_mask != 0) return object.Wrong("has layers, which a live view does not show");
+  const auto& exposure = description.format.exposure;
+  if (exposure && !(std::fabs(*exposure) <= kMostExposure))
+    return object.Wrong(fmt::format("has an exposure beyond {} EV", kMostExposure));
+  const bool cropped = view.crop.width != 0 && view.crop != PixelRect{0, 0, view.width, view.height};
+  if (cropped) return object.Wrong("is cropped, which a live view cannot be");
+  view.crop = {};
+  return description;
+}
+
+Status Normalize(const JsonValue& object, View& view) {
+  if (const Status status = NormalizeView(view); !status) return object.Wrong(status.error().message);
+  return {};
+}
+
 Result<WantedView> ReadWanted(const JsonValue& json, const ViewDescription& defaults,
                               const glm::dvec3& offset, uint64_t most_pixels) {
   QUARRY_TRY(json.HasOnly({"type", "input", "time", "moving", "view"}));
@@ -28,27 +52,32 @@ Result<WantedView> ReadWanted(const JsonValue& json, const ViewDescription& defa
   QUARRY_ASSIGN(const JsonValue moving, json.Member("moving"));
   QUARRY_ASSIGN(wanted.moving, moving.Flag());
   QUARRY_ASSIGN(const JsonValue object, json.Member("view"));
-  ViewDescription description = defaults;
-  description.format.exposure.reset();
-  QUARRY_ASSIGN(const auto lights, object.Optional("lights"));
-  if (lights) description.view.lights.clear();  // instead of the default ones
-  QUARRY_TRY(ReadView(object, offset, description));
+  QUARRY_ASSIGN(ViewDescription description, ReadDescription(object, defaults, offset));
   wanted.view = std::move(description.view);
   wanted.exposure = description.format.exposure;
-  View& view = wanted.view;
-  if (view.aov_mask != 0) return object.Wrong("has layers, which a live view does not show");
-  if (wanted.exposure && !(std::fabs(*wanted.exposure) <= kMostExposure))
-    return object.Wrong(fmt::format("has an exposure beyond {} EV", kMostExposure));
+  const View& view = wanted.view;
   if (std::max(view.width, view.height) > kMostSide)
     return object.Wrong(fmt::format("is more than {} pixels wide or high", kMostSide));
   if (uint64_t{view.width} * view.height > most_pixels)
     return object.Wrong(fmt::format("is {}x{}: more pixels than a view may have here (--view-memory)",
                                     view.width, view.height));
-  const bool cropped = view.crop.width != 0 && view.crop != PixelRect{0, 0, view.width, view.height};
-  if (cropped) return object.Wrong("is cropped, which a live view cannot be");
-  view.crop = {};
-  if (const Status status = NormalizeView(view); !status) return object.Wrong(status.error().message);
+  QUARRY_TRY(Normalize(object, wanted.view));
   return wanted;
+}
+
+Result<SaveMessage> ReadSave(const JsonValue& json, const ViewDescription& defaults,
+                             const glm::dvec3& offset) {
+  QUARRY_TRY(json.HasOnly({"type", "save", "view"}));
+  SaveMessage message;
+  QUARRY_ASSIGN(const JsonValue save, json.Member("save"));
+  QUARRY_ASSIGN(message.save, save.Whole());
+  QUARRY_ASSIGN(const auto object, json.Optional("view"));
+  if (!object) return message;
+  QUARRY_ASSIGN(ViewDescription description, ReadDescription(*object, defaults, offset));
+  QUARRY_TRY(Normalize(*object, description.view));
+  const CameraSpec camera = description.view.camera;
+  message.job = RenderJob{std::move(description.view), {camera}, 0, {"png", description.format.exposure}};
+  return message;
 }
 
 Result<PickMessage> ReadPick(const JsonValue& json) {
@@ -109,6 +138,7 @@ Result<ViewerMessage> ReadViewerMessage(std::string_view text, const ViewDescrip
   if (name == "view") return ReadWanted(json, defaults, offset, most_pixels);
   if (name == "pick") return ReadPick(json);
   if (name == "settings") return ReadSettings(json);
+  if (name == "save") return ReadSave(json, defaults, offset);
   if (name != "ack") return type.Wrong("is no type of message");
   QUARRY_TRY(json.HasOnly({"type", "frame"}));
   QUARRY_ASSIGN(const JsonValue frame, json.Member("frame"));

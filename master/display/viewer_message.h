@@ -6,6 +6,7 @@
 #include <variant>
 
 #include "common/base/status.h"
+#include "common/scene/render_job.h"
 #include "common/scene/view_json.h"
 #include "master/display/view_pacer.h"
 
@@ -28,7 +29,12 @@ struct SettingsMessage {
   std::optional<uint32_t> step;
   std::optional<bool> wait, owners;
 };
-using ViewerMessage = std::variant<WantedView, AckMessage, PickMessage, SettingsMessage>;
+/// A picture of any size is to be rendered as a job; without a job the one under way is given up.
+struct SaveMessage {
+  uint64_t save = 0;
+  std::optional<RenderJob> job;
+};
+using ViewerMessage = std::variant<WantedView, AckMessage, PickMessage, SettingsMessage, SaveMessage>;
 
 /// Reads a browser's message. `defaults`: members of views that are missing. `offset`: SceneMeta::offset.
 /// `most_pixels`: of a view. Views come out normalized. Errors: a sentence for the viewer. Thread-safe.

@@ -32,10 +32,17 @@ ordered_json NamedViews(const SceneSummary& scene) {
   return views;
 }
 
+/// The scene with its other axis up. A place inside belongs to the axis that it was found with.
+SceneSummary Turned(SceneSummary scene) {
+  scene.framing.up_axis = scene.framing.up_axis == 1 ? 2 : 1;
+  scene.framing.inside.reset();
+  return scene;
+}
+
 }  // namespace
 
-std::string MakeWelcome(const std::string& name, const SceneSummary& scene, const Catalog& catalog,
-                        const ViewDescription& defaults, uint64_t most_pixels) {
+std::string MakeWelcome(const std::string& name, const std::string& store, const SceneSummary& scene,
+                        const Catalog& catalog, const ViewDescription& defaults, uint64_t most_pixels) {
   const Framing& framing = scene.framing;
   auto cameras = ordered_json::array();
   for (const NamedCamera& camera : scene.views.cameras)
@@ -45,6 +52,7 @@ std::string MakeWelcome(const std::string& name, const SceneSummary& scene, cons
                        {"version", kVersion},
                        {"scene",
                         {{"name", name},
+                         {"store", store},
                          {"scene_id", scene.scene_id},
                          {"triangles", catalog.meta.input_triangles},
                          {"voxels", catalog.voxels.size()},
@@ -54,6 +62,7 @@ std::string MakeWelcome(const std::string& name, const SceneSummary& scene, cons
                          {"size", glm::length(framing.upper - framing.lower)},
                          {"interior", framing.interior},
                          {"views", NamedViews(scene)},
+                         {"turned_views", NamedViews(Turned(scene))},
                          {"cameras", std::move(cameras)}}},
                        {"view", ViewToJson(defaults.view, std::nullopt, scene.offset)},
                        {"limits", {{"most_pixels", most_pixels}, {"most_side", kMostSide}}}};

@@ -2,6 +2,8 @@
 import assert from 'node:assert/strict';
 import test from 'node:test';
 
+import { command, quoted } from '../../master/display/page/command.js';
+import { shown } from '../../master/display/page/formats.js';
 import * as camera from '../../master/display/page/camera.js';
 import { cross, distance, dot, subtract } from '../../master/display/page/vectors.js';
 
@@ -39,6 +41,20 @@ function samples(count = 200) {
 }
 
 const isUpright = (spec, upAxis) => near(dot(camera.axes(spec).right, UP[upAxis]), 0);
+
+test('foreign names are shown without control codes and marks of direction', () => {
+  assert.equal(shown('a\u001b[31mb\u202ec\u0007'), 'a\ufffd[31mb\ufffdc\ufffd');
+  assert.equal(shown('Anlage Süd プラント (1)'), 'Anlage Süd プラント (1)');
+});
+
+test('a command is one line for a shell, whatever the names', () => {
+  assert.equal(quoted('/a/b.quarry'), '/a/b.quarry');
+  assert.equal(quoted("it's $HOME `x`"), "'it'\\''s $HOME `x`'");
+  const view = { camera: { eye: [-1, 2, 3], at: [0, 0, 0], up: [0, 0, 1], fov: 45 }, size: [4, 3], mode: 'ao', spp: 4, seed: 0 };
+  assert.equal(command({ store: '-a.quarry' }, view, view, '-x.png'),
+    'quarry render ./-a.quarry -o ./-x.png --size=4x3 --mode=ao --spp=4 --eye=-1,2,3 --at=0,0,0 --up=0,0,1 --fov=45');
+  assert.match(command({ store: 'a.quarry' }, view, { ...view, seed: 3 }, 'x.png'), /^printf %s '.*"seed":3.*' > x.view.json && quarry render a.quarry -o x.png --view x.view.json$/);
+});
 
 test('a projected point comes back by its ray', () => {
   for (const { spec, pixel, point } of samples()) {

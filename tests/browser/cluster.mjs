@@ -45,10 +45,10 @@ export class Cluster {
     return child;
   }
 
-  /** Makes the scene and starts a master at ports that stay the same when it is started again. */
-  async begin(triangles) {
+  /** Makes the scene and starts a master at ports that stay the same when it is started again. `name`: of the store. */
+  async begin(triangles, name = 'plant') {
     this.run('quarry-scene', 'plant', '--triangles', String(triangles), '-o', this.file('plant.ply'));
-    this.store = this.file('plant.quarry');
+    this.store = this.file(`${name}.quarry`);
     this.run('quarry-preprocess', this.file('plant.ply'), '-o', this.store, '--quiet');
     this.token = 'a-token-of-the-browser-tests-0123456789';
     fs.writeFileSync(this.file('token'), this.token, { mode: 0o600 });
@@ -94,7 +94,7 @@ export class Cluster {
     return fs.readFileSync(this.file('view.png'));
   }
 
-  /** nginx with a certificate of its own, the live view at /a/b/. */
+  /** nginx with a certificate of its own, the live view at /a/b/, at /whole/ with its prefix, and at /deaf/ without WebSockets. */
   async startNginx() {
     const made = spawnSync('openssl', ['req', '-x509', '-newkey', 'rsa:2048', '-nodes', '-days', '2', '-subj', '/CN=localhost', '-keyout',
       this.file('key.pem'), '-out', this.file('cert.pem')]);
@@ -105,7 +105,10 @@ export class Cluster {
         uwsgi_temp_path ${this.folder}; scgi_temp_path ${this.folder};
         server { listen 127.0.0.1:${this.nginxPort} ssl; ssl_certificate ${this.file('cert.pem')}; ssl_certificate_key ${this.file('key.pem')};
           location /a/b/ { proxy_pass http://127.0.0.1:${this.httpPort}/; proxy_http_version 1.1; proxy_set_header Host $http_host;
-            proxy_set_header Upgrade $http_upgrade; proxy_set_header Connection "upgrade"; } } }`);
+            proxy_set_header Upgrade $http_upgrade; proxy_set_header Connection "upgrade"; }
+          location /whole/ { proxy_pass http://127.0.0.1:${this.httpPort}; proxy_http_version 1.1; proxy_set_header Host $http_host;
+            proxy_set_header Upgrade $http_upgrade; proxy_set_header Connection "upgrade"; }
+          location /deaf/ { proxy_pass http://127.0.0.1:${this.httpPort}/; proxy_set_header Host $http_host; } } }`);
     this.start('nginx', '-p', this.folder, '-c', this.file('nginx.conf'));
     for (let tries = 0; tries < 100; ++tries) {
       const open = await new Promise(resolve => {

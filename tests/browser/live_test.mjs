@@ -1,44 +1,18 @@
 // The live view in a real browser: headless Chromium against a master and three workers. Screenshots go to $QUARRY_SCREENSHOTS.
 // Exit status 77: skipped, with the reason.
 import assert from 'node:assert/strict';
-import fs from 'node:fs';
 import http from 'node:http';
-import path from 'node:path';
-import { createRequire } from 'node:module';
 import { after, before, test } from 'node:test';
 import { Cluster } from './cluster.mjs';
-
-const CHROMIUM = process.env.QUARRY_CHROMIUM ?? '/usr/bin/chromium';
-const SCREENS = process.env.QUARRY_SCREENSHOTS ?? '';
-const SIZE = { width: 640, height: 480 };
-const { chromium } = createRequire(path.join(process.env.QUARRY_NODE_MODULES ?? '.', 'x'))('playwright-core');
+import { apart, drawnBy, errors, exactOf, eyeOf, launch, open as openIn, pause, shoot, untilExact, viewOf } from './viewing.mjs';
 
 const cluster = new Cluster();
 let browser, page;
-const errors = [];
-
-/** A page on the live view. */
-async function open(url, options = {}) {
-  const context = await browser.newContext({ viewport: SIZE, deviceScaleFactor: 1, ...options });
-  const opened = await context.newPage();
-  opened.on('pageerror', error => errors.push(error.message));
-  await opened.goto(url);
-  return opened;
-}
-
-async function untilExact(of, timeout = 60000) {
-  await of.waitForFunction(() => window.quarry?.lastExactPng() != null, null, { timeout });
-}
-
-async function shoot(of, name) {
-  if (SCREENS) await of.screenshot({ path: path.join(SCREENS, `${name}.png`) });
-}
+const open = (url, options) => openIn(browser, url, options);
 
 /** The frame that is exact must be the batch job's file, and the canvas its pixels. */
 async function checkExact(of) {
-  await untilExact(of);
-  const view = await of.evaluate(() => window.quarry.view());
-  const live = Buffer.from(await of.evaluate(() => Array.from(window.quarry.lastExactPng())));
+  const { view, png: live } = await exactOf(of);
   const batch = cluster.render(view);
   assert.ok(live.equals(batch), 'the exact frame is the file that quarry render writes');
   const differing = await of.evaluate(async base64 => {
@@ -60,11 +34,6 @@ async function checkExact(of) {
   assert.equal(differing, 0, 'the canvas has the pixels of the file');
 }
 
-const eyeOf = of => of.evaluate(() => window.quarry.view().camera.eye);
-const drawnBy = of => of.evaluate(() => window.quarry.state().framesDrawn);
-const apart = (a, b) => Math.hypot(...a.map((x, i) => x - b[i]));
-const pause = ms => new Promise(resolve => setTimeout(resolve, ms));
-
 /** Status of a request with these headers. */
 function ask(target, headers = {}, method = 'GET') {
   return new Promise((resolve, reject) => {
@@ -79,13 +48,9 @@ function ask(target, headers = {}, method = 'GET') {
 }
 
 before(async () => {
-  if (SCREENS) fs.mkdirSync(SCREENS, { recursive: true });
   await cluster.begin(300000);
   for (let i = 0; i < 3; ++i) cluster.addWorker();
-  browser = await chromium.launch({
-    executablePath: CHROMIUM,
-    args: ['--no-sandbox', '--disable-gpu', '--disable-background-networking', '--disable-component-update', '--disable-sync'],
-  });
+  browser = await launch();
   page = await open(cluster.url);
 });
 
@@ -128,10 +93,9 @@ test('a click says which part is there', async () => {
 });
 
 test('another mode is rendered as a batch job renders it', async () => {
-  const view = await page.evaluate(() => window.quarry.view());
+  const view = await viewOf(page);
   for (const mode of ['whitted', 'voxels', 'raycast', 'ao']) {
     await page.evaluate(next => window.quarry.setView(next), { ...view, mode, spp: mode === 'ao' ? 4 : 2 });
-    await page.waitForFunction(wanted => window.quarry.view().mode === wanted && window.quarry.lastExactPng() == null, mode);
     await checkExact(page);
     await shoot(page, mode);
   }
@@ -139,7 +103,7 @@ test('another mode is rendered as a batch job renders it', async () => {
 
 test('a worker dies and another joins while it flies', async () => {
   const [before, drawn] = [await eyeOf(page), await drawnBy(page)];
-  await page.keyboard.press('f');
+  await page.keyboard.press('g');
   await page.keyboard.down('w');
   await pause(700);
   cluster.workers[0].kill('SIGKILL');
@@ -148,7 +112,7 @@ test('a worker dies and another joins while it flies', async () => {
   await pause(1200);
   await shoot(page, 'flight');
   await page.keyboard.up('w');
-  await page.keyboard.press('f');
+  await page.keyboard.press('g');
   assert.ok(apart(before, await eyeOf(page)) > 0.1);
   assert.ok(await drawnBy(page) > drawn + 8);
   await checkExact(page);
@@ -175,6 +139,7 @@ test('a second browser looks elsewhere, and a third that stalls stops nobody', a
       }, 50);
     };
   }, `ws://127.0.0.1:${cluster.httpPort}/live`);
+  await viewOf(second);
   await second.evaluate(() => {
     const view = window.quarry.view();
     view.camera.eye = view.camera.eye.map((x, i) => view.camera.at[i] + 0.6 * (x - view.camera.at[i]));
@@ -203,7 +168,6 @@ test('the page finds a master that was started again', async () => {
     view.camera.eye[2] += 1;
     window.quarry.setView(view);
   });
-  await page.waitForFunction(() => window.quarry.lastExactPng() == null);
   await checkExact(page);
 });
 
@@ -223,6 +187,8 @@ test('wrong tokens, hosts and origins are refused', async () => {
   };
   const origin = `http://127.0.0.1:${cluster.httpPort}`;
   assert.equal(await ask('/'), 403);
+  assert.equal(await ask('/access'), 403);
+  assert.equal(await ask('/access', { Cookie: good }), 200);
   assert.equal(await ask('/?token=wrong'), 403);
   assert.equal(await ask('/', { Cookie: good }), 200);
   assert.equal(await ask('/', { Cookie: good, Host: 'evil.example' }), 403);

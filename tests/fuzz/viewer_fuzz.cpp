@@ -3,6 +3,7 @@
 // PROTOCOL.md has it.
 #include <boost/asio/executor_work_guard.hpp>
 #include <boost/asio/io_context.hpp>
+#include <boost/asio/post.hpp>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
@@ -30,7 +31,7 @@ class Socket final : public WebSocket {
   void SendText(std::string message) override {
     if (!nlohmann::json::accept(message)) std::abort();
   }
-  void SendBinary(std::shared_ptr<const Bytes> message) override {
+  void SendBinary(std::shared_ptr<const Bytes> message, std::function<void()> taken) override {
     uint32_t length = 0;
     if (message->size() < sizeof length) std::abort();
     std::memcpy(&length, message->data(), sizeof length);
@@ -41,6 +42,7 @@ class Socket final : public WebSocket {
     if (bytes != message->size() || !(header.at("traced").get<double>() <= 1)) std::abort();
     frames.push_back(header.at("frame").get<uint64_t>());
     if (frames.size() > ViewPacer::kMostUnderWay) std::abort();  // more than are acknowledged
+    if (taken) taken();
   }
   void Close() override { closed = true; }
   uint64_t queued_bytes() const override { return 0; }
@@ -134,7 +136,7 @@ std::vector<std::vector<uint8_t>> Seeds() {
                "m{\"type\":\"pick\",\"pick\":1,\"x\":3,\"y\":4}\n" + tiles),
           play(std::string("r\ntoken=") + kToken + "\n" + '\2' + '\0' + "localhost:1\n" + '\1' +
                "http://localhost:1\n"),
-          play("m{\"type\":\"ack\",\"frame\":1}\nm[]\n")};
+          play("m{\"type\":\"ack\",\"frame\":1}\nm[]\n"), play("m{\"type\":\"save\",\"save\":1}\nm[]\n")};
 }
 
 }  // namespace quarry::fuzz
@@ -150,11 +152,16 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   LiveDispatcher dispatcher(workers, kFirstLiveFrame);
   dispatcher.AddWorker(1, 1);
   double now_s = 1;
-  ViewerSite site{io,           moving,
-                  exact,        dispatcher,
-                  scene,        {scene.catalog().id, {}},
-                  Defaults(),   {1u << 20},
-                  [] {},        [&] { return now_s; },
+  const auto source =
+      scene.MakeSource([](std::function<void()> task) { boost::asio::post(io, std::move(task)); });
+  // No job is ever done here; a viewer may ask for many.
+  SavedPictures saved(io,
+                      {[](const auto&, const JobRequest&) { return Status{}; }, [](const auto&) {},
+                       [](uint64_t) { return FrameMemory::Reservation(); }},
+                      [&] { return now_s; });
+  ViewerSite site{io,           moving,     exact, dispatcher,
+                  scene,        *source,    saved, {scene.catalog().id, {}},
+                  Defaults(),   {1u << 20}, [] {}, [&] { return now_s; },
                   [](double) {}};
   const auto socket = std::make_shared<Socket>();
   bool gone = false;

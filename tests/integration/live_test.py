@@ -1,17 +1,21 @@
 """The live view without a browser: exactness, limits, a crowd of viewers, jobs beside it, the page of a model that is being made."""
+import contextlib
 import http.client
 import json
+import math
 import os
 import pathlib
 import random
 import re
+import signal
+import socket
 import subprocess
 import sys
 import threading
 import time
 import urllib.parse
 
-from programs import BIN, PATIENCE, Case, end, main
+from programs import BIN, PATIENCE, TIMEOUT_S, Case, end, main
 
 sys.path.insert(0, str(pathlib.Path(__file__).parents[1] / "support"))
 from live_client import Closed, LiveClient  # noqa: E402
@@ -27,12 +31,18 @@ def descriptors(pid):
 
 
 class Live(Case):
-    def start(self, store, *arguments, workers=2, cache="64M"):
+    def free_port(self):
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            return free.getsockname()[1]
+
+    def start(self, store, *arguments, workers=2, cache="64M", port=0):
         """A master with a live view and its workers. Returns the view's address."""
-        self.master = subprocess.Popen([str(BIN / "quarry-master"), store, "--listen", "127.0.0.1:0", "--http", "127.0.0.1:0", *arguments],
+        self.master = subprocess.Popen([str(BIN / "quarry-master"), store, "--listen", "127.0.0.1:0", "--http", f"127.0.0.1:{port}", *arguments],
                                        stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
         self.addCleanup(end, self.master)
         url = re.match(r"viewing (\S+)", self.master.stdout.readline()).group(1)
+        self.url = url
         self.address = re.match(r"listening (\S+)", self.master.stdout.readline()).group(1)
         self.workers = [self.start_worker(self.address, "--threads", 1, "--cache", cache, "--quiet") for _ in range(workers)]
         return url
@@ -68,27 +78,31 @@ class Live(Case):
         client.want(view)
         self.assertEqual(client.until_exact(60)[1][0], self.batch(view))
 
-    def test_bad_messages_end_their_viewer_with_a_sentence_and_nobody_else(self):
+    def test_bad_messages_are_answered_by_a_sentence_and_keep_their_viewer(self):
         url = self.start(self.store("plant", 20000), "--view-memory", "20M")
         good = self.client(url)
         view = self.view(good)
         bad = ["{", "[]", '{"type":"view"}', '{"type":"nothing"}', '{"type":"ack","frame":-1}', '{"type":"pick","pick":1,"x":"a","y":0}',
-               json.dumps({"type": "settings", "frame_rate": 1e9}), "[" * 1000, '{"type":"ack","frame":1,"frame":2,"more":3}']
+               json.dumps({"type": "settings", "frame_rate": 1e9}), "[" * 1000, '{"type":"ack","frame":1,"frame":2,"more":3}',
+               '{"type":"pick","pick":1,"x":1,"y":1}']  # before any view
         bad += [json.dumps({"type": "view", "input": 1, "time": 0, "moving": False, "view": {**view, **change}})
                 for change in ({"size": [0, 5]}, {"size": [60000, 60000]}, {"spp": 0}, {"mode": "none"}, {"crop": [0, 0, 5, 5]}, {"aov": ["depth"]},
                                {"camera": {"eye": [0, 0, 0], "at": [0, 0, 0]}}, {"exposure": 1e9}, {"unknown": 1})]
+        self.assertLess(len(bad), 20)  # as many at once as a viewer is forgiven
+        client = self.client(url)
         for text in bad:
-            client = LiveClient(url)
             client._send(1, text.encode())
-            said = client.receive()
-            while isinstance(said, tuple) or said["type"] in ("stats", "state"):
-                said = client.receive()
-            self.assertEqual(said["type"], "error", text)
-            self.assertGreater(len(said["message"]), 10)
-            with self.assertRaises(Closed):
-                while True:
-                    client.receive()
-            client.close()
+            said = client.until("refused")
+            self.assertGreater(len(said["message"]), 10, text)
+        client.want(view)
+        client.until_exact()
+        flood = self.client(url)
+        with self.assertRaises((Closed, OSError)):
+            for _ in range(200):
+                flood._send(1, b"{")
+            self.assertRegex(flood.until("error")["message"], "messages that cannot be read")
+            while True:
+                flood.receive()
         large = LiveClient(url)
         with self.assertRaises((Closed, OSError)):
             large._send(1, b'"' + b"x" * (1 << 20) + b'"')
@@ -97,6 +111,152 @@ class Live(Case):
         large.close()
         good.want(view)
         good.until_exact()
+
+    def test_viewers_that_acknowledge_what_they_do_not_read_take_no_more_memory_than_they_may(self):
+        url = self.start(self.store("plant", 20000), "--view-memory", "88M", workers=1)
+        before = resident(self.master.pid)
+        deaf = [LiveClient(url, acknowledges=False, receive_buffer=4096) for _ in range(8)]
+        most, number, ended = 0, 0, 0
+        for client in deaf:
+            self.addCleanup(client.close)
+            client.send({"type": "settings", "quality": 95})
+            client.want(self.view(client, size=[500, 380], spp=4096))
+        end_s = time.monotonic() + 10
+        while time.monotonic() < end_s and ended < 8:
+            number += 1
+            ended = 0
+            for client in deaf:
+                # Another exposure of the same rays: a whole picture, ten times a second.
+                view = self.view(client, size=[500, 380], spp=4096, exposure=0.001 * number)
+                try:
+                    client.want(view)
+                    # It does not know which frames have been sent: all that may have been.
+                    for frame in range(max(1, number - 14), number + 8):
+                        client.send({"type": "ack", "frame": frame})
+                except OSError:
+                    ended += 1
+            most = max(most, resident(self.master.pid))
+            time.sleep(0.08)
+        print(f"  master {before >> 20} MiB before, {most >> 20} at most")
+        self.assertLess(most, (88 << 20) + (64 << 20))
+        # They cost the others nothing.
+        for client in deaf:
+            client.close()
+        one = self.client(url)
+        one.want(self.view(one))
+        one.until_exact()
+
+    def test_a_pick_has_the_precision_of_the_vertices_and_each_pick_is_answered(self):
+        # A slope of one in 64 far away, with normals that say otherwise.
+        corners = [(0, 0, 0), (4096, 0, 64), (0, 4096, 0)]
+        model = "".join(f"v {x} {y} {z}\n" for x, y, z in corners) + "vn 0.6 0 0.8\n" + "f 1//1 2//1 3//1\n"
+        pathlib.Path(self.path("slope.obj")).write_text(model)
+        self.must("quarry-preprocess", self.path("slope.obj"), "-o", self.path("slope.quarry"), "--quiet", "--up-axis", "z")
+        client = self.client(self.start(self.path("slope.quarry"), workers=1))
+        client.want(self.view(client, size=[301, 301], camera={"eye": [1000, 1000, 30000], "at": [1001, 1003, 0], "up": [0, 1, 0], "fov": 12}))
+        client.until_exact()
+        length = math.hypot(1, 64)
+        for pick in range(5):
+            client.send({"type": "pick", "pick": pick, "x": 150 + pick, "y": 140.5})
+            hit = client.until("picked")["hit"]
+            x, y, z = hit["position"]
+            self.assertLess(abs(z - x / 64), 1e-9, "the point lies in the triangle's plane")
+            for got, face in zip(hit["normal"], (-1 / length, 0, 64 / length)):
+                self.assertAlmostEqual(got, face, delta=1e-12)
+            self.assertAlmostEqual(hit["distance"], math.dist(hit["position"], [1000, 1000, 30000]), delta=0.01)
+        for pick in range(100, 140):
+            client.send({"type": "pick", "pick": pick, "x": pick, "y": pick})
+        answered = {}
+        while len(answered) < 40:
+            said = client.until("picked")
+            answered[said["pick"]] = said
+        self.assertEqual(sorted(answered), list(range(100, 140)))
+        for said in answered.values():
+            self.assertTrue(said["hit"] is None or not said.get("replaced"))
+        self.assertIsNotNone(answered[139]["hit"])
+
+    def test_a_picture_of_any_size_is_saved_as_a_job_writes_it(self):
+        client = self.client(self.start(self.store("plant", 50000), "--frame-memory", "300M"))
+        view = {**client.welcome["view"], "size": [500, 300]}
+        client.want(self.view(client))
+        client.send({"type": "save", "save": 1, "view": view})
+        done = [client.until("saved", 60 * PATIENCE)]
+        while "file" not in done[-1]:
+            self.assertNotIn("error", done[-1])
+            done.append(client.until("saved", 60 * PATIENCE))
+        self.assertEqual(done[-1]["done"], 1)
+        status, picture = client.get(done[-1]["file"])
+        self.assertEqual((status, len(picture)), (200, done[-1]["bytes"]))
+        self.assertEqual(picture, self.batch(view))
+        self.assertEqual(client.get(done[-1]["file"], cookie=False)[0], 403)
+        self.assertEqual(client.get("saved-0123456789abcdef.png")[0], 404)
+        client.send({"type": "save", "save": 2, "view": {**view, "size": [60000, 60000]}})
+        self.assertRegex(client.until("saved")["error"], "60000x60000 takes .* of the master's memory.*--frame-memory")
+        # One that is given up, and one that is asked for again.
+        client.send({"type": "save", "save": 3, "view": {**view, "spp": 4096}})
+        client.send({"type": "save", "save": 4})
+        client.send({"type": "save", "save": 5, "view": {**view, "size": [64, 48]}})
+        said = client.until("saved", 60 * PATIENCE)
+        while "file" not in said:
+            said = client.until("saved", 60 * PATIENCE)
+        self.assertEqual(said["save"], 5)
+        self.assertEqual(client.get("access"), (200, urllib.parse.parse_qs(client.at.query)["token"][0].encode()))
+        self.assertEqual(client.get("access", cookie=False)[0], 403)
+
+    def test_a_view_that_is_started_again_has_its_token_again(self):
+        store, state = self.store("plant", 20000), self.path("state")
+        port = self.free_port()
+
+        def view_once(scene, **extra):
+            viewing = subprocess.Popen([str(BIN / "quarry"), "view", scene, "--http", f"127.0.0.1:{port}"], stdout=subprocess.PIPE,
+                                       stderr=subprocess.PIPE, text=True, env={**os.environ, "XDG_STATE_HOME": state, **extra})
+            self.addCleanup(end, viewing)
+            url = viewing.stdout.readline().strip()
+            client = LiveClient(url)
+            client.close()
+            viewing.terminate()
+            viewing.wait(timeout=20)
+            return url, client.cookie, viewing.stderr.read()
+
+        first, again = view_once(store), view_once(store)
+        self.assertEqual(first[:2], again[:2])
+        self.assertNotIn("the token is new", first[2])
+        folder = pathlib.Path(state) / "quarry/tokens"
+        self.assertEqual(folder.stat().st_mode & 0o777, 0o700)
+        self.assertEqual([file.stat().st_mode & 0o777 for file in folder.iterdir()], [0o600])
+        pathlib.Path(self.path("other.quarry")).write_bytes(pathlib.Path(store).read_bytes())
+        self.assertNotEqual(view_once(self.path("other.quarry"))[0], first[0])
+        folder.chmod(0o755)
+        opened = view_once(store)
+        self.assertNotEqual(opened[0], first[0])
+        self.assertRegex(opened[2], "the token is new.*tokens: is not a folder that this user alone may open")
+        self.assertNotEqual(view_once(store, XDG_STATE_HOME="", HOME="")[0], first[0])
+
+    def test_who_comes_by_another_name_or_without_upgrade_gets_a_reason(self):
+        port = self.free_port()
+        self.start(self.store("plant", 20000), "--viewer-url", f"http://127.0.0.1:{port}/", "--viewer-url", "https://viewer.example.org/", port=port)
+        client = self.client(self.url)
+
+        def ask(path, **headers):
+            page = http.client.HTTPConnection(client.at.hostname, client.at.port, timeout=10)
+            page.request("GET", path, headers={name.replace("_", "-"): value for name, value in headers.items()})
+            answer = page.getresponse()
+            body = answer.read().decode()
+            page.close()
+            return answer.status, answer.getheader("Content-Type"), body
+
+        status, kind, body = ask("/", Host="evil.example")
+        self.assertEqual((status, kind), (403, "text/html; charset=utf-8"))
+        self.assertIn("--viewer-url", body)
+        self.assertEqual(ask("/style.css", Host="evil.example")[0], 200)
+        self.assertEqual(ask("/stats", Host="evil.example")[0], 403)
+        status, _, body = ask("/live?try=abc", Cookie=client.cookie, Sec_WebSocket_Key="AAAAAAAAAAAAAAAAAAAAAA==", Sec_WebSocket_Version="13")
+        self.assertEqual(status, 426)
+        self.assertRegex(ask("/refusal?try=abc")[2], "proxy.*takes the headers Upgrade and Connection away")
+        self.assertEqual(ask("/refusal?try=abd")[0], 404)
+        upgrade = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec_WebSocket_Key": "AAAAAAAAAAAAAAAAAAAAAA==", "Sec_WebSocket_Version": "13"}
+        self.assertEqual(ask("/live?try=def", Cookie=client.cookie, Origin="http://viewer.example.org", Host="viewer.example.org", **upgrade)[0], 403)
+        self.assertRegex(ask("/refusal?try=def")[2], "does not know the address of this page")
 
     def test_views_take_no_more_memory_than_they_may(self):
         url = self.start(self.store("plant", 20000), "--view-memory", "40M")
@@ -257,6 +417,28 @@ class Live(Case):
         self.assertLess(after_files - before_files, 8)
         one.want(self.view(one))
         one.until_exact()
+
+    def test_the_up_axis_turns_the_view_and_nothing_is_made_again(self):
+        model = self.path("plant.ply")
+        self.must("quarry-scene", "plant", "--triangles", 20000, "-o", model, "--quiet")
+        seen = {}
+        for axis in ("", "y", "z"):
+            view = subprocess.Popen([str(BIN / "quarry"), "view", model, "--http", "127.0.0.1:0", *(["--up-axis", axis] if axis else [])],
+                                    stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+            self.addCleanup(end, view)
+            url, told = view.stdout.readline().strip(), ""
+            while "is shown until" not in told:
+                told += view.stderr.readline()
+            scene = self.client(url).welcome["scene"]
+            seen[axis] = scene["up_axis"], scene["views"], scene["turned_views"]
+            view.send_signal(signal.SIGINT)
+            told += view.communicate(timeout=TIMEOUT_S)[1]
+            self.assertEqual("using the store kept of it" in told, bool(axis), told)
+        self.assertEqual([seen["y"][0], seen["z"][0]], ["y", "z"])
+        self.assertEqual(seen[""][1]["iso"], seen[seen[""][0]][1]["iso"])
+        for name in ("iso", "top", "front"):
+            self.assertEqual(seen["y"][1][name], seen["z"][2][name])
+            self.assertNotEqual(seen["y"][1][name], seen["z"][1][name])
 
     def test_a_model_has_a_page_that_says_how_far_it_is(self):
         self.must("quarry-scene", "plant", "--triangles", 1500000, "-o", self.path("plant.ply"), "--quiet")

@@ -18,8 +18,9 @@ class Closed(Exception):
 class LiveClient:
     """A WebSocket to a display. `url`: as the master prints it, with its token. Received frames are (header, images)."""
 
-    def __init__(self, url, acknowledges=True, timeout=30):
+    def __init__(self, url, acknowledges=True, timeout=30, receive_buffer=0):
         at = urllib.parse.urlsplit(url)
+        self.at = at
         self.acknowledges, self.buffer, self.pieces, self.bytes = acknowledges, b"", b"", 0
         page = http.client.HTTPConnection(at.hostname, at.port, timeout=timeout)
         page.request("GET", f"{at.path}?{at.query}")
@@ -27,7 +28,11 @@ class LiveClient:
         answer.read()
         self.cookie = (answer.getheader("Set-Cookie") or "").split(";")[0]
         page.close()
-        self.socket = socket.create_connection((at.hostname, at.port), timeout)
+        self.socket = socket.socket(socket.AF_INET)
+        self.socket.settimeout(timeout)
+        if receive_buffer:
+            self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer)
+        self.socket.connect((at.hostname, at.port))
         self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         key = base64.b64encode(os.urandom(16)).decode()
         self.socket.sendall((f"GET {at.path}live HTTP/1.1\r\nHost: {at.netloc}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
@@ -71,6 +76,24 @@ class LiveClient:
         self.input += 1
         self.send({"type": "view", "input": self.input, "time": time.monotonic() * 1e3, "moving": moving, "view": view})
         return self.input
+
+    def get(self, path, cookie=True):
+        """(status, body) of a page beside the live view's."""
+        page = http.client.HTTPConnection(self.at.hostname, self.at.port, timeout=30)
+        page.request("GET", f"{self.at.path}{path}", headers={"Cookie": self.cookie} if cookie else {})
+        answer = page.getresponse()
+        body = answer.read()
+        page.close()
+        return answer.status, body
+
+    def until(self, type_, seconds=30):
+        """The next text of this type; frames and other texts are taken and dropped."""
+        end = time.monotonic() + seconds
+        while self.ready(end - time.monotonic()):
+            got = self.receive()
+            if isinstance(got, dict) and got["type"] == type_:
+                return got
+        raise TimeoutError(f"no {type_}")
 
     def ready(self, seconds):
         """Whether something is to be received within `seconds`."""

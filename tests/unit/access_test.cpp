@@ -189,6 +189,28 @@ TEST_CASE("A WebSocket's Origin is the page's host or a viewer URL", "[access]")
   CHECK_FALSE(permitted("node7:443", "http://node7"));
 }
 
+TEST_CASE("A page without encryption opens no WebSocket of a view that is shown with it", "[access]") {
+  const auto permitted = [](const Access& access, const std::string& host, const std::string& origin) {
+    return access.OriginPermitted(Request({{"host", host}, {"origin", origin}}));
+  };
+  const Access access = Make({"https://viewer.example.org/a/", "https://localhost:8443/"});
+  CHECK_FALSE(permitted(access, "viewer.example.org", "http://viewer.example.org"));
+  CHECK_FALSE(permitted(access, "viewer.example.org:443", "http://viewer.example.org:443"));
+  CHECK_FALSE(permitted(access, "localhost:8443", "http://localhost:8443"));
+  CHECK(permitted(access, "viewer.example.org", "https://viewer.example.org"));
+  CHECK(permitted(access, "localhost:8443", "https://localhost:8443"));
+  // This server's own address, beside the proxy's.
+  CHECK(permitted(access, "localhost:8080", "http://localhost:8080"));
+  CHECK(permitted(access, "127.0.0.1:8080", "http://127.0.0.1:8080"));
+  // The same proxy without encryption, where that was asked for.
+  const Access both = Make({"https://viewer.example.org/", "http://viewer.example.org/"});
+  CHECK(permitted(both, "viewer.example.org", "http://viewer.example.org"));
+  const Access tls =
+      Access::Make({.token = "a-token-of-the-tests-0123456789", .hosts = {"node7"}, .tls = true}).value();
+  CHECK_FALSE(permitted(tls, "node7:8443", "http://node7:8443"));
+  CHECK(permitted(tls, "node7:8443", "https://node7:8443"));
+}
+
 TEST_CASE("Behind a proxy the page's origin fits its outer name, whichever Host the proxy sends",
           "[access]") {
   const Access access = Make({"https://hpc.example.org/rnode/n7/8080/"}, {"127.0.0.1"});

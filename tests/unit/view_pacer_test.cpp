@@ -225,6 +225,47 @@ TEST_CASE("Without workers that answer, nothing is shown and nothing is lost", "
   viewer.UntilExact();
 }
 
+TEST_CASE("A first lattice that is late is preceded by the coarsest one, whole", "[live]") {
+  Viewer viewer;
+  viewer.pacer.Set({.step = 1});
+  viewer.Want(0, true);
+  viewer.cluster.Batch(viewer.pacer.current()->view);  // loads each block, so that no point is a hole
+  const double asked_s = viewer.now_s;
+  while (viewer.frames.empty()) {  // a tile each 20 ms
+    for (int i = 0; i < 20; ++i) {
+      viewer.works = i == 0;
+      viewer.Pass();
+    }
+    REQUIRE(viewer.now_s < asked_s + 0.5);
+  }
+  const DueFrame& first = viewer.frames.front();
+  CHECK(first.step == 16);
+  CHECK(first.scale == 16);
+  REQUIRE(first.rows.size() == 1);
+  for (uint32_t y = 0; y < 150; y += 16)
+    for (uint32_t x = 0; x < 200; x += 16) CHECK(first.rows[0].codes[size_t{y} * 200 + x] != kUntraced);
+  viewer.works = true;
+  viewer.UntilExact();
+}
+
+TEST_CASE("After a jump at rest the exposure is the exact picture's before its samples are done", "[live]") {
+  Viewer viewer;
+  viewer.Want(0);
+  viewer.UntilExact();
+  viewer.frames.clear();
+  viewer.Want(300, false, 256);
+  const double asked_s = viewer.now_s;
+  while (viewer.frames.empty()) viewer.Pass();
+  const View view = viewer.frames.front().wanted.view;
+  const double metered = MeterExposure(*viewer.row.scene, view, 1 << 20, {}).value();
+  CHECK(viewer.frames.front().exposure != metered);
+  while (viewer.frames.back().exposure != metered) {
+    viewer.Pass();
+    REQUIRE(viewer.now_s < asked_s + 0.2);
+  }
+  CHECK(viewer.frames.back().samples < 256);
+}
+
 TEST_CASE("A locked step is kept in motion, and refined at rest", "[live]") {
   Viewer viewer;
   for (const uint32_t step : {1u, 2u, 4u}) {

@@ -153,6 +153,11 @@ export function centred(camera, size, point) {
   return { ...there, at: along(there.eye, unit(subtract(point, there.eye)), distance(point, there.eye)) };
 }
 
+/// The camera that looks at the same point from the other side.
+export function opposite(camera) {
+  return { ...camera, eye: camera.eye.map((x, i) => 2 * camera.at[i] - x) };
+}
+
 /// A camera made for pictures of 4:3, taken back so that a narrower picture shows as much.
 export function fitAspect(camera, size) {
   const factor = Math.max(1, (4 / 3) * size[1] / size[0]);

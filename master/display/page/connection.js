@@ -9,8 +9,8 @@ const ANSWER_MS = 10000;
 /// The server tells its statistics each second. One that says nothing for this long has gone without a word.
 const SILENCE_MS = 8000;
 const PROTOCOL = 1;
-const NOT_ADMITTED = 'The server is there, but takes no live connection from this page: it has too many viewers, or does not know '
-  + 'this address (--viewer-url). The page keeps trying.';
+const NO_WEB_SOCKETS = 'The server is there, but no live connection reaches it: something between, a proxy or a filter, lets no WebSockets '
+  + 'through. The page keeps trying.';
 
 /// A connection that is kept up. `on` has the functions
 ///   state(NAME, SENTENCE): 'connecting', 'open', 'lost', 'denied', 'refused' or 'outdated'
@@ -24,6 +24,7 @@ export class Connection {
     this.pause = FIRST_PAUSE_MS;
     this.timer = 0;
     this.isDenied = false;
+    this.word = '';  // names the try, for the question why it was refused
     this.heard = 0;
     setInterval(() => this.isOpen && performance.now() - this.heard > SILENCE_MS && this.lose(), 1000);
     addEventListener('online', () => this.hurry());
@@ -61,7 +62,9 @@ export class Connection {
     this.isDenied = false;
     const address = new URL('live', document.baseURI);
     address.protocol = address.protocol === 'https:' ? 'wss:' : 'ws:';
-    address.search = address.hash = '';
+    this.word = Array.from(crypto.getRandomValues(new Uint32Array(2)), (x) => x.toString(36)).join('');
+    address.search = `?try=${this.word}`;
+    address.hash = '';
     const socket = this.socket = new WebSocket(address);
     socket.binaryType = 'arraybuffer';
     const late = setTimeout(() => this.socket === socket && this.lose(), ANSWER_MS);
@@ -122,7 +125,7 @@ export class Connection {
     this.drop();
     this.on.state('lost', '');
     // A connection that had its welcome was permitted; only a refused one needs a reason.
-    const answer = wasOpen ? null : await askForReason();
+    const answer = wasOpen ? null : await askForReason(this.word);
     if (this.socket || this.timer) return;
     this.isDenied = answer?.state === 'denied';
     if (answer) this.on.state(answer.state, answer.sentence);
@@ -133,7 +136,7 @@ export class Connection {
 }
 
 /// Why the server refuses a WebSocket, which scripts are not told: {state, sentence}, or null while the server is away.
-async function askForReason() {
+async function askForReason(word) {
   try {
     const answer = await fetch(new URL('./', document.baseURI), { cache: 'no-store' });
     if (answer.status === 403) return { state: 'denied', sentence: '' };
@@ -141,7 +144,9 @@ async function askForReason() {
       return { state: 'refused', sentence: (await answer.text()).trim().slice(0, 500) };
     }
     const health = answer.ok && await fetch(new URL('healthz', document.baseURI), { cache: 'no-store' });
-    if (health && health.ok && (await health.text()).trim() === 'ok') return { state: 'lost', sentence: NOT_ADMITTED };
+    if (!health || !health.ok || (await health.text()).trim() !== 'ok') return null;
+    const reason = await fetch(new URL(`refusal?try=${word}`, document.baseURI), { cache: 'no-store' });
+    return { state: 'lost', sentence: reason.ok ? `${(await reason.text()).trim()} The page keeps trying.` : NO_WEB_SOCKETS };
   } catch {
     // No answer: the server is away.
   }

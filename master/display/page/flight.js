@@ -93,7 +93,7 @@ export class Flight {
     if (length > 0) {
       const step = this.speed * this.factor * (this.isFast ? SHIFT : 1) * seconds / length;
       this.live.hold('flight');
-      this.live.moveTo(cameras.fly(this.live.camera, ...way.map((x) => x * step), this.live.scene.up_axis));
+      this.live.moveTo(cameras.fly(this.live.camera, ...way.map((x) => x * step), this.live.upAxis));
       this.live.flushInFrame();
     }
     this.ticking = requestAnimationFrame((next) => this.tick(next));

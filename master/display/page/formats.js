@@ -21,6 +21,9 @@ export const percent = (share) => (Number.isFinite(share) ? `${(share * 100).toF
 export const milliseconds = (ms) => (Number.isFinite(ms) ? `${ms < 10 ? ms.toFixed(1) : Math.round(ms)} ms` : '–');
 export const coordinate = (x) => String(Number(x.toPrecision(7)));
 
+/// A foreign name as it may be shown: without control codes, and without marks that turn the direction of other text.
+export const shown = (name) => String(name).replace(/[\u0000-\u001f\u007f-\u009f\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff]/g, '\ufffd');
+
 export function duration(seconds) {
   if (seconds < 90) return `${Math.round(seconds)} s`;
   if (seconds < 5400) return `${Math.round(seconds / 60)} min`;

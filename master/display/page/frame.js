@@ -31,14 +31,14 @@ export function parseFrame(buffer) {
 
 const count = (n, one, many) => `${n.toLocaleString('en')} ${n === 1 ? one : many}`;
 
-/// What a frame shows, in words; `isNewest`: it is of the view that was sent last.
+/// What a frame shows, in words for people; `isNewest`: it is of the view that was sent last; `isMoving`: more follow.
 /// Returns {text, kind}; kind is 'exact', 'refining' or 'moving'.
-export function describe(header, isNewest) {
-  if (header.exact) return isNewest ? { text: 'exact', kind: 'exact' } : { text: 'waiting for the new view', kind: 'moving' };
+export function describe(header, isNewest, isMoving) {
+  if (header.exact) return isNewest ? { text: 'exact', kind: 'exact' } : { text: 'the new view is coming', kind: 'moving' };
   const parts = [];
-  if (header.traced < 1) parts.push(`${Math.floor(header.traced * 100)} % traced`);
-  else parts.push(`${header.samples} of ${count(header.spp, 'sample', 'samples')}`);
-  if (header.step > 1) parts.push(`step ${header.step}`);
-  if (header.waiting > 0) parts.push(`waiting for ${count(header.waiting, 'ray', 'rays')}`);
+  if (isMoving) parts.push('in motion');
+  else if (header.traced < 1) parts.push(`getting sharper: ${Math.floor(header.traced * 100)} %`);
+  else parts.push(`getting smoother: ${header.samples} of ${count(header.spp, 'sample', 'samples')}`);
+  if (header.waiting > 0) parts.push('parts are loading');
   return { text: parts.join(' · '), kind: header.traced < 1 ? 'moving' : 'refining' };
 }

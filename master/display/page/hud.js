@@ -1,11 +1,13 @@
 // The line that always says what is shown, and the details below it.
 
 import { describe } from './frame.js';
-import { bytes, compact, fillList, milliseconds } from './formats.js';
+import { bytes, compact, fillList, milliseconds, shown } from './formats.js';
 
 const $ = (id) => document.getElementById(id);
 /// Time between two updates of the rates; faster ones cannot be read.
 const RATES_MS = 250;
+/// A state that lasts for this long is told to screen readers: a picture in motion has many.
+const SPOKEN_MS = 700;
 
 const CONNECTIONS = {
   connecting: 'connecting', open: 'connected', lost: 'looking for the master', denied: 'no access', refused: 'refused', outdated: 'another version',
@@ -49,31 +51,41 @@ export class Hud {
     const { header } = this.picture;
     const isOpen = this.connection === 'open';
     const said = !isOpen ? { text: CONNECTIONS[this.connection], kind: 'lost' }
-      : header ? describe(header, this.isNewest) : { text: 'waiting for the first picture', kind: 'moving' };
+      : header ? describe(header, this.isNewest, this.live.isMoving) : { text: 'waiting for the first picture', kind: 'moving' };
     if ($('status-text').textContent !== said.text) $('status-text').textContent = said.text;
     $('status-dot').className = `dot ${said.kind}`;
+    this.speak(!isOpen ? said.text : said.kind === 'exact' ? 'The picture is exact.' : 'The picture is changing.');
+  }
+
+  /// Tells screen readers the state once it lasts, and each only once.
+  speak(sentence) {
+    if (sentence === this.sentence) return;
+    this.sentence = sentence;
+    clearTimeout(this.speaking);
+    this.speaking = setTimeout(() => { $('spoken').textContent = sentence; }, SPOKEN_MS);
   }
 
   showRates() {
     this.show();
     const rates = this.picture.rates();
     const latency = this.picture.latency;
-    $('status-rates').textContent = `${rates.frames.toFixed(rates.frames < 10 ? 1 : 0)} frames/s · ${milliseconds(latency ?? NaN)}`;
+    const answered = Number.isFinite(latency ?? NaN) ? `answers in ${milliseconds(latency)}` : '';
+    $('status-rates').textContent = rates.frames === 0 ? answered : `${rates.frames.toFixed(rates.frames < 10 ? 1 : 0)} frames/s · ${answered}`;
     const { queue, trace, encode } = this.times ?? {};
-    const split = this.times ? `queue ${milliseconds(queue)}, trace ${milliseconds(trace)}, encode ${milliseconds(encode)}, `
+    const split = this.times ? `waiting ${milliseconds(queue)}, rendering ${milliseconds(trace)}, packing ${milliseconds(encode)}, `
       + `line and drawing ${milliseconds(Math.max(0, latency - queue - trace - encode))}` : '–';
-    $('status').title = `Latency from input to drawn: ${milliseconds(latency ?? NaN)} (${split})`;
+    $('status').title = `From your move to the picture: ${milliseconds(latency ?? NaN)} (${split})`;
     if (!$('details').hidden) this.showDetails(rates, split);
   }
 
   showDetails(rates, split) {
     const { header } = this.picture, { scene } = this.live;
     fillList($('details'), [
-      ['Model', scene && `${scene.name}, ${compact(scene.triangles)} triangles, ${compact(scene.voxels)} voxels`],
+      ['Model', scene && `${shown(scene.name)}, ${compact(scene.triangles)} triangles, ${compact(scene.voxels)} voxels`],
       ['Connection', CONNECTIONS[this.connection]],
-      ['Latency', `${milliseconds(this.picture.latency ?? NaN)}: ${split}`],
-      ['Picture', header && `${header.size.join(' × ')}, step ${header.step}, ${header.samples} of ${header.spp} samples`],
-      ['Traced', header && `${Math.floor(header.traced * 100)} %, waiting for ${header.waiting.toLocaleString('en')} rays`],
+      ['Answer', `${milliseconds(this.picture.latency ?? NaN)}: ${split}`],
+      ['Picture', header && `${header.size.join(' × ')}, ${header.samples} of ${header.spp} samples`],
+      ['Pixels', header && `${Math.floor(header.traced * 100)} % seen${header.waiting > 0 ? `, ${header.waiting.toLocaleString('en')} wait for parts that load` : ''}`],
       ['Exposure', header && Number.isFinite(header.exposure) ? `${header.exposure.toFixed(2)} EV` : null],
       ['Line', `${bytes(rates.bytes)}/s`],
     ]);

@@ -4,7 +4,7 @@ const CLICK_MOST_PIXELS = 4, CLICK_MOST_MS = 600;
 const LINE_PIXELS = 16;  // of a wheel that counts lines
 const PINCH_WHEEL = 6;  // a trackpad's pinch comes as a wheel of small steps with ctrl
 
-/// Listens on `stage`. `on` has click(x, y, event) and doubleClick(x, y) in pixels of the view.
+/// Listens on `stage`. `on` has drag() when one begins, click(x, y, event) and doubleClick(x, y) in pixels of the view.
 export class Pointers {
   constructor(stage, live, navigation, flight, on) {
     Object.assign(this, { stage, live, navigation, flight, on });
@@ -72,6 +72,7 @@ export class Pointers {
     const dx = event.clientX - pointer.x, dy = event.clientY - pointer.y;
     if (this.press && Math.hypot(event.clientX - this.press.x, event.clientY - this.press.y) < CLICK_MOST_PIXELS) return;
     this.press = null;
+    this.on.drag();
     Object.assign(pointer, { x: event.clientX, y: event.clientY });
     if (this.pointers.size >= 2) {
       const pair = this.pair();

@@ -3,6 +3,9 @@
 const STEP = Math.PI / 45;  // of an arrow key, 4 degrees
 const NEARER = 0.9;  // of a + key
 
+/// The number pad looks as in Blender: from the front, the right and above, with Ctrl from the other side.
+const PAD_VIEWS = { Numpad1: ['front', 'back'], Numpad3: ['right', 'left'], Numpad7: ['top', 'bottom'] };
+
 const isTyping = ({ target }) => target instanceof HTMLElement
   && (target.isContentEditable || target.matches('textarea, select, input:not([type=checkbox]):not([type=radio]):not([type=range])'));
 /// Keys with which a control that has the focus is operated.
@@ -10,11 +13,23 @@ const isOperating = ({ target, key }) => target instanceof HTMLElement
   && (target.matches('input[type=range], input[type=radio]') ? /^(Arrow|Home|End|Page)/.test(key)
     : target.matches('button, a, summary, input') && (key === 'Enter' || key === ' '));
 
-/// `on`: showView(NUMBER), home(), help(), escape(), panel(), activity().
-export function listenToKeys(live, navigation, flight, on) {
+/// The action of a key of the number pad, whether it locks numbers or not.
+function padAction({ code, ctrlKey }, navigation, on) {
+  const [view, opposite] = PAD_VIEWS[code] ?? [];
+  if (view) return () => on.showView(ctrlKey ? opposite : view);
+  const others = {
+    Numpad5: on.projection, Numpad0: on.home,
+    Numpad4: () => navigation.nudge(STEP, 0), Numpad6: () => navigation.nudge(-STEP, 0),
+    Numpad8: () => navigation.nudge(0, -STEP), Numpad2: () => navigation.nudge(0, STEP),
+  };
+  return ctrlKey ? undefined : others[code];
+}
+
+/// `on`: showView(NAME), home(), frame(), projection(), help(), escape(), panel(), activity(). `views`: names by number.
+export function listenToKeys(live, navigation, flight, views, on) {
   const actions = {
-    f: () => flight.toggle(), o: () => navigation.toggleProjection(),
-    Home: on.home, h: on.home, 0: () => navigation.frameAll(),
+    g: () => flight.toggle(), o: on.projection,
+    Home: on.home, h: on.home, f: on.frame, 0: on.frame,
     p: on.panel, t: on.activity,
     '+': () => (flight.isOn ? flight.faster(1.5) : navigation.nudgeNearer(NEARER)),
     '-': () => (flight.isOn ? flight.faster(1 / 1.5) : navigation.nudgeNearer(1 / NEARER)),
@@ -22,15 +37,16 @@ export function listenToKeys(live, navigation, flight, on) {
     ArrowUp: () => navigation.nudge(0, -STEP), ArrowDown: () => navigation.nudge(0, STEP),
   };
   actions['='] = actions['+'];
-  for (let number = 1; number <= 7; ++number) actions[number] = () => on.showView(number);
+  views.forEach((name, i) => { actions[i + 1] = () => on.showView(name); });
 
   addEventListener('keydown', (event) => {
     if (event.key === 'Escape') return on.escape();
-    if (event.ctrlKey || event.metaKey || event.altKey || isTyping(event) || isOperating(event)) return;
+    const pad = padAction(event, navigation, on), isPad = /^Numpad\d$/.test(event.code);
+    if (event.metaKey || event.altKey || (event.ctrlKey && !pad) || isTyping(event) || isOperating(event)) return;
     if (event.key === '?') return on.help();
     if (!live.view || document.querySelector('dialog[open]')) return;
     flight.isFast = event.shiftKey;
-    const action = actions[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+    const action = isPad ? pad : actions[event.key.length === 1 ? event.key.toLowerCase() : event.key];
     if (flight.press(event.code)) event.preventDefault();
     else if (action) {
       event.preventDefault();

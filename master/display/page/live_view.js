@@ -31,6 +31,10 @@ export class LiveView {
 
   get camera() { return this.view.camera; }
   get size() { return this.view.size; }
+  /// "y" or "z": the scene's, unless the view has been turned.
+  get upAxis() { return this.view?.up_axis ?? this.scene.up_axis; }
+  /// The named views with that axis up.
+  get namedViews() { return this.upAxis === this.scene?.up_axis ? this.scene.views : this.scene?.turned_views; }
   get isMoving() { return this.holds.size > 0; }
 
   /// Moves the camera. Within a hold the camera is rounded when the hold ends.

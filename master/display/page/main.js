@@ -1,9 +1,11 @@
 // Starts the page and ties its parts together.
 
 import { Activity } from './activity.js';
-import { fitAspect, isOrthographic } from './camera.js';
+import { fitAspect, isOrthographic, opposite } from './camera.js';
 import { Connection } from './connection.js';
 import { Flight } from './flight.js';
+import { shown } from './formats.js';
+import { Hint } from './hint.js';
 import { Hud } from './hud.js';
 import { Pointers } from './input.js';
 import { listenToKeys } from './keyboard.js';
@@ -15,12 +17,14 @@ import { Panel } from './panel.js';
 import { Mark, PickCard } from './pick.js';
 import { Picture } from './picture.js';
 import { Settings } from './settings.js';
+import { Share } from './share.js';
 import { StageSize } from './stage_size.js';
 import { fromWire, ownMembers, toWire } from './view_state.js';
 
 const $ = (id) => document.getElementById(id);
 const VIEWS = ['iso', 'top', 'front', 'back', 'left', 'right', 'inside'];
-const TOAST_MS = 2500;
+/// How long a sentence is shown: time to read it.
+const TOAST_MS = 2500, LETTER_MS = 45;
 
 removeToken();
 
@@ -36,7 +40,9 @@ const hud = new Hud(live, picture);
 const overlays = new Overlays((state) => (state === 'outdated' ? location.reload() : connection.retry()));
 const activity = new Activity();
 const card = new PickCard(live, marker, tell);
-const panel = new Panel({ live, settings, navigation, flight, picture, link, tell, showView, showCamera });
+const share = new Share({ live, connection, picture, link, tell, wholeView, defaults: () => defaults, isExact });
+const panel = new Panel({ live, settings, navigation, flight, picture, share, toggleProjection, showView, showCamera });
+const hint = new Hint();
 const stageSize = new StageSize($('stage'), (size) => {
   if (live.view && String(size) !== String(live.size)) live.change({ size });
 });
@@ -44,6 +50,7 @@ let limits = null, defaults = {};
 
 function connectionState(state, text) {
   if (state === 'lost') picture.forget();
+  if (state !== 'open') share.connectionLost();
   hud.setConnection(state);
   overlays.setConnection(state, text);
 }
@@ -69,7 +76,7 @@ function welcome(message) {
     live.endHolds();
     live.view = isFirst ? link.read(location.hash) : link.home;
     viewChanged();
-    document.title = `${scene.name} – Quarry`;
+    document.title = `${shown(scene.name)} – Quarry`;
     panel.setScene(scene);
     panel.refresh();
   }
@@ -86,6 +93,8 @@ function replaceView(view) {
 function message(message) {
   if (message.type === 'picked') live.picked(message);
   else if (message.type === 'stats') activity.take(message);
+  else if (message.type === 'saved') share.take(message);
+  else if (message.type === 'refused') tell(message.message);
   else if (message.type === 'state') overlays.setServer(message.state, message.message);
 }
 
@@ -123,7 +132,7 @@ function tell(sentence) {
   $('toast').textContent = sentence;
   $('toast').hidden = false;
   clearTimeout(tell.timer);
-  tell.timer = setTimeout(() => { $('toast').hidden = true; }, TOAST_MS);
+  tell.timer = setTimeout(() => { $('toast').hidden = true; }, Math.max(TOAST_MS, LETTER_MS * sentence.length));
 }
 
 function showCamera(camera) {
@@ -131,12 +140,20 @@ function showCamera(camera) {
 }
 
 function showView(name) {
-  const camera = live.scene?.views?.[name];
+  const views = live.scene && live.namedViews, camera = views?.[name] ?? (name === 'bottom' && views?.top ? opposite(views.top) : null);
   if (!camera) return tell(`This model has no view “${name}”.`);
   if (name === 'inside') navigation.show(fromWire(camera));
   else showCamera(camera);
 }
 
+/// Flight has a perspective: it ends where the view becomes orthographic.
+function toggleProjection() {
+  if (!live.view) return;
+  flight.stop();
+  navigation.toggleProjection();
+}
+
+const frameAll = () => live.view && navigation.frameAll();
 const goHome = () => live.view && navigation.glideTo(link.home.camera);
 
 /// Opens the one and closes the other where both do not fit.
@@ -163,31 +180,37 @@ function escape() {
 }
 
 new Pointers($('stage'), live, navigation, flight, {
+  drag: () => hint.known(),
   click: () => navigation.lastPick.then((hit) => card.show(hit)),
   doubleClick: (x, y) => navigation.centre(x, y),
 });
-listenToKeys(live, navigation, flight, {
-  showView: (number) => showView(VIEWS[number - 1]), home: goHome, help: showHelp, escape, panel: togglePanel, activity: toggleActivity,
+listenToKeys(live, navigation, flight, VIEWS, {
+  showView, home: goHome, frame: frameAll, projection: toggleProjection, help: showHelp, escape, panel: togglePanel, activity: toggleActivity,
 });
 const tools = {
-  home: goHome, frame: () => live.view && navigation.frameAll(), fly: () => flight.toggle(),
-  ortho: () => live.view && navigation.toggleProjection(), activity: toggleActivity, panel: togglePanel, help: showHelp,
+  home: goHome, frame: frameAll, fly: () => flight.toggle(),
+  ortho: toggleProjection, activity: toggleActivity, panel: togglePanel, help: showHelp,
 };
 for (const [name, use] of Object.entries(tools)) $(`tool-${name}`).addEventListener('click', use);
+
+/// The whole view, as `quarry render --view` reads it.
+function wholeView() { return live.view ? { ...defaults, ...toWire(live.view) } : null; }
+
+/// Whether the picture on the screen is the exact one of the newest view.
+function isExact() { return connection.isOpen && Boolean(picture.header?.exact) && hud.isNewest; }
 
 /// For tests and for the console: what the page shows, and a way to show something else.
 window.quarry = {
   state: () => ({
     connection: hud.connection, header: picture.header, input: live.input, framesDrawn: picture.framesDrawn, latency: picture.latency,
-    isExact: connection.isOpen && Boolean(picture.header?.exact) && hud.isNewest, limits,
+    isExact: isExact(), isFlying: flight.isOn, limits,
   }),
   lastExactPng: () => picture.exactPng,
   /// Shows a view; members that are missing have the default's values. Returns its input number, or null when it could not be sent.
   setView(view) {
     return replaceView({ ...link.home, size: live.size, ...view, camera: fromWire(view.camera ?? link.home.camera) });
   },
-  /// The whole view, as `quarry render --view` reads it.
-  view: () => (live.view ? { ...defaults, ...toWire(live.view) } : null),
+  view: wholeView,
 };
 
 connection.open();

@@ -24,7 +24,7 @@ export class Navigation {
     this.lastPick = Promise.resolve(null);
   }
 
-  get upAxis() { return this.live.scene.up_axis; }
+  get upAxis() { return this.live.upAxis; }
 
   /// Forgets everything of the scene before.
   reset() {

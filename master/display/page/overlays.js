@@ -49,7 +49,7 @@ export class Overlays {
     const { state, text } = this.shown, page = PAGES[state];
     $('overlay').hidden = !page;
     if (!page) return;
-    $('overlay-title').textContent = state === 'lost' && text ? 'Not admitted' : page.title;
+    $('overlay-title').textContent = state === 'lost' && text ? 'No live connection' : page.title;
     $('overlay-text').textContent = text || page.text;
     $('overlay-button').hidden = !page.button;
     $('overlay-button').textContent = page.button ?? '';

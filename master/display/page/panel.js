@@ -2,7 +2,7 @@
 
 import { isOrthographic } from './camera.js';
 import { hexToRadiance, radianceToHex } from './colours.js';
-import { copyText, element } from './formats.js';
+import { element, shown } from './formats.js';
 import { MODES } from './view_state.js';
 
 const $ = (id) => document.getElementById(id);
@@ -20,13 +20,12 @@ const SETTINGS = [
 ];
 
 export class Panel {
-  /// `app` has live, settings, navigation, flight, picture, link, tell(SENTENCE) and showView(NAME).
+  /// `app` has live, settings, navigation, flight, picture, share, toggleProjection(), showView(NAME) and showCamera(CAMERA).
   constructor(app) {
     Object.assign(this, app);
     this.bindCamera();
     this.bindPicture();
     this.bindSettings();
-    this.bindSharing();
   }
 
   get isOpen() { return !$('panel').hidden; }
@@ -49,9 +48,23 @@ export class Panel {
       if (chosen) this.showCamera(chosen.camera);
       target.value = '';
     });
-    $('projection').addEventListener('change', () => this.navigation.toggleProjection());
+    $('up-axis').addEventListener('change', ({ target }) => this.turnUp(target.value));
+    $('projection').addEventListener('change', () => this.toggleProjection());
     $('fov').addEventListener('input', ({ target }) => this.slide({ camera: { ...this.live.camera, fov: Number(target.value) } }));
     $('speed').addEventListener('input', ({ target }) => this.flight.faster(2 ** Number(target.value) / this.flight.factor));
+  }
+
+  /// Shows the scene with another axis up, from the same named view as at the start.
+  turnUp(axis) {
+    const { live } = this;
+    live.change({ up_axis: axis === live.scene.up_axis ? undefined : axis });
+    this.showViews();
+    this.showView('iso');
+  }
+
+  /// Which named views there are.
+  showViews() {
+    for (const button of $('views').children) button.disabled = !this.live.namedViews?.[button.dataset.view];
   }
 
   bindPicture() {
@@ -75,27 +88,6 @@ export class Panel {
     }
   }
 
-  bindSharing() {
-    $('copy-link').addEventListener('click', async () => {
-      this.tell(await copyText(this.link.address()) ? 'The link is copied.' : 'The browser did not let the page copy.');
-    });
-    $('save-picture').addEventListener('click', () => this.save());
-    $('full-screen').addEventListener('click', () => {
-      if (document.fullscreenElement) document.exitFullscreen();
-      else document.documentElement.requestFullscreen?.().catch(() => this.tell('The browser did not let the page fill the screen.'));
-    });
-    $('full-screen').hidden = !document.fullscreenEnabled;
-  }
-
-  /// Hands the bytes of the exact picture to the browser's downloads.
-  save() {
-    const png = this.picture.exactPng;
-    if (!png) return;
-    const address = URL.createObjectURL(new Blob([png], { type: 'image/png' }));
-    element('a', { href: address, download: `${this.live.scene.name || 'quarry'}.png` }).click();
-    setTimeout(() => URL.revokeObjectURL(address), 10000);
-  }
-
   /// The exposure of the picture on the screen, EV.
   shownExposure() {
     return this.live.view?.exposure ?? this.picture.header?.exposure ?? 0;
@@ -103,11 +95,11 @@ export class Panel {
 
   /// Fills in what a new scene has.
   setScene(scene) {
-    for (const button of $('views').children) button.disabled = !scene.views?.[button.dataset.view];
+    this.showViews();
     const own = scene.cameras ?? [];
     $('cameras-row').hidden = own.length === 0;
     $('cameras').replaceChildren(element('option', { value: '' }, 'Choose…'),
-      ...own.map(({ name }, i) => element('option', { value: String(i) }, name || `Camera ${i + 1}`)));
+      ...own.map(({ name }, i) => element('option', { value: String(i) }, shown(name) || `Camera ${i + 1}`)));
   }
 
   /// Makes the controls say what the view and the settings say.
@@ -115,6 +107,7 @@ export class Panel {
     const { view } = this.live;
     if (!view || !this.isOpen) return;
     const isFlat = isOrthographic(view.camera);
+    $('up-axis').value = this.live.upAxis;
     $('projection').value = isFlat ? 'orthographic' : 'perspective';
     this.showSlider('fov', view.camera.fov, `${Math.round(view.camera.fov)}°`);
     $('fov').disabled = isFlat;
@@ -122,6 +115,7 @@ export class Panel {
     this.showSlider('speed', Math.log2(this.flight.factor), `× ${Number(this.flight.factor.toPrecision(2))}`);
     if (MODES.includes(view.mode)) $('mode').value = view.mode;
     this.refreshSamples(view.spp);
+    this.share.refresh();
     this.refreshPicture();
     for (const { id, name, text } of SETTINGS) {
       const control = $(id), value = this.settings.values[name];
@@ -148,7 +142,6 @@ export class Panel {
     $('exposure').disabled = isAutomatic;
     this.showSlider('exposure', exposure, `${exposure > 0 ? '+' : ''}${exposure.toFixed(1)} EV`);
     if (view.background && document.activeElement !== $('background')) $('background').value = radianceToHex(view.background, exposure);
-    $('save-picture').disabled = !this.picture.exactPng;
   }
 
   showSlider(id, value, text) {

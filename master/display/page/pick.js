@@ -1,6 +1,6 @@
 // What a click shows: a card with the facts of the point, and marks that stay at their points in the picture.
 
-import { coordinate, copyText, fillList } from './formats.js';
+import { coordinate, copyText, fillList, shown } from './formats.js';
 import { project } from './camera.js';
 
 const $ = (id) => document.getElementById(id);
@@ -46,7 +46,7 @@ export class PickCard {
     if (!hit) return this.close();
     this.hit = hit;
     this.mark.put(hit.position);
-    $('pick-title').textContent = hit.part || 'A part without a name';
+    $('pick-title').textContent = shown(hit.part) || 'A part without a name';
     fillList($('pick-facts'), this.rows());
     $('pick').hidden = false;
   }
@@ -54,7 +54,7 @@ export class PickCard {
   rows() {
     const { hit } = this;
     return [
-      ['Material', hit.material || '–'],
+      ['Material', shown(hit.material) || '–'],
       ['Position', hit.position.map(coordinate).join(', ')],
       ['Distance', coordinate(hit.distance)],
       ['Normal', hit.normal?.map((x) => x.toFixed(3)).join(', ')],
@@ -64,7 +64,7 @@ export class PickCard {
   }
 
   text() {
-    return [['Part', this.hit.part], ...this.rows()].map(([name, value]) => `${name}: ${value}`).join('\n');
+    return [['Part', shown(this.hit.part)], ...this.rows()].map(([name, value]) => `${name}: ${value}`).join('\n');
   }
 
   close() {

@@ -69,13 +69,28 @@ export class Picture {
       this.canvas.width = width;
       this.canvas.height = height;
     }
-    this.context.imageSmoothingEnabled = false;
-    bitmaps.forEach((bitmap, i) => this.context.drawImage(bitmap, 0, header.stripes[i].y));
+    bitmaps.forEach((bitmap, i) => this.drawStripe(bitmap, header.stripes[i], width));
     if (header.owners) this.drawOwners(header);
     this.exactPng = header.exact && header.stripes[0]?.format === 'png' ? images[0].slice() : null;
     this.count(header, images);
     this.header = header;
     this.onDrawn(header);
+  }
+
+  /// Draws a stripe, stretched where its image has one pixel for a square of `scale` pixels. The traced pixel is the
+  /// square's first, so that the image is moved by half a square: what it leaves free at the end is drawn before.
+  drawStripe(bitmap, { y, height, scale = 1 }, width) {
+    const { context } = this;
+    context.imageSmoothingEnabled = scale > 1;
+    if (scale === 1) return context.drawImage(bitmap, 0, y);
+    const across = bitmap.width * scale, down = bitmap.height * scale, half = (scale - 1) / 2;
+    context.save();
+    context.beginPath();
+    context.rect(0, y, width, height);
+    context.clip();
+    context.drawImage(bitmap, 0, y, across, down);
+    context.drawImage(bitmap, -half, y - half, across, down);
+    context.restore();
   }
 
   count(header, images) {

@@ -30,7 +30,10 @@ export class StageSize {
   /// The size now due. Requires: limits are known.
   size() {
     const css = [this.stage.clientWidth, this.stage.clientHeight];
-    return limitedSize(this.device ?? css.map((x) => x * devicePixelRatio), this.share, this.limits);
+    const byRatio = css.map((x) => x * devicePixelRatio);
+    // Where the browser plays another screen, its boxes are of the real one.
+    const fits = this.device?.every((x, i) => Math.abs(x - byRatio[i]) < 2);
+    return limitedSize(fits ? this.device : byRatio, this.share, this.limits);
   }
 
   setShare(share) {

@@ -1,7 +1,7 @@
 // Views as data: what is sent, and how a view stands in the URL's fragment. No DOM.
 //
 // In the page a view's camera has `fov` always, and `ortho` beside it while it is orthographic. On the wire it has one.
-// A fragment names what differs from the default: #eye=1,2,3&at=0,0,0&up=0,0,1&fov=60&ortho=4&mode=voxels&spp=16&ev=-1&bg=0,0,0
+// A fragment names what differs from the default: #eye=1,2,3&at=0,0,0&up=0,0,1&fov=60&ortho=4&mode=voxels&spp=16&ev=-1&bg=0,0,0&axis=y
 
 import { cross, distance, length, subtract } from './vectors.js';
 
@@ -11,8 +11,8 @@ const MOST_FOV = 179, MOST_SPP = 65536, MOST_EV = 100;
 
 /// What the page itself shows and sends of the server's default view. Lights and the like stay the server's: a member
 /// that is missing has its value there, and a scene's lights could be longer than a message.
-export function ownMembers({ mode, spp, exposure, background }) {
-  return Object.fromEntries(Object.entries({ mode, spp, exposure, background }).filter(([, value]) => value !== undefined));
+export function ownMembers({ mode, spp, exposure, background, up_axis }) {
+  return Object.fromEntries(Object.entries({ mode, spp, exposure, background, up_axis }).filter(([, value]) => value !== undefined));
 }
 
 /// The page's form of a camera from the wire.
@@ -56,6 +56,7 @@ export function fromFragment(fragment, defaults) {
   const exposure = numbers(given.get('ev'), 1)?.[0];
   if (given.get('ev') === 'auto') delete view.exposure;
   else if (exposure !== undefined && Math.abs(exposure) <= MOST_EV) view.exposure = exposure;
+  if (['y', 'z'].includes(given.get('axis'))) view.up_axis = given.get('axis');
   view.background = numbers(given.get('bg'), 3, 0) ?? view.background;
   return view;
 }
@@ -76,6 +77,7 @@ export function toFragment(view, defaults) {
   put('mode', view.mode, defaults.mode);
   put('spp', view.spp, defaults.spp);
   put('ev', view.exposure ?? 'auto', defaults.exposure ?? 'auto');
+  put('axis', view.up_axis ?? '', defaults.up_axis ?? '');
   put('bg', view.background ?? '', defaults.background ?? '');
   return parts.length ? '#' + parts.join('&') : '';
 }

@@ -1,0 +1,29 @@
+// The command line that renders a view. No DOM.
+
+/// A word of a POSIX shell that stands for `text`.
+export function quoted(text) {
+  return /^[A-Za-z0-9_\/.,:=@%+-]+$/.test(text) ? text : `'${text.replaceAll("'", "'\\''")}'`;
+}
+
+/// What options tell of a view; where anything else differs from the default, the whole view is told, in a file.
+const TOLD = ['camera', 'size', 'mode', 'spp', 'exposure'];
+
+/// `scene.store`: where the master has the scene. `defaults`: the server's default view. `view`: with all members.
+/// `output`: the picture's name, with ".png". Returns one line for a shell.
+export function command(scene, defaults, view, output) {
+  // A word that begins with a dash would be an option.
+  const [store, picture] = [scene.store, output].map((name) => (name.startsWith('-') ? `./${name}` : name));
+  const render = ['quarry', 'render', quoted(store), '-o', quoted(picture)];
+  const isTold = Object.keys(view).every((name) => TOLD.includes(name) || JSON.stringify(view[name]) === JSON.stringify(defaults[name]));
+  if (!isTold) {
+    const file = quoted(picture.replace(/\.png$/, '.view.json'));
+    return `printf %s ${quoted(JSON.stringify(view))} > ${file} && ${[...render, '--view', file].join(' ')}`;
+  }
+  const { camera } = view;
+  const options = {
+    size: view.size.join('x'), mode: view.mode, spp: view.spp, eye: camera.eye, at: camera.at, up: camera.up, fov: camera.fov, ortho: camera.ortho,
+    exposure: view.exposure,
+  };
+  const words = Object.entries(options).filter(([, value]) => value !== undefined).map(([name, value]) => `--${name}=${value}`);
+  return [...render, ...words].join(' ');
+}

@@ -1,0 +1,157 @@
+// Sharing: links, the view as a file, the command that renders it, and pictures of any size.
+
+import { copyText, element, milliseconds, shown } from './formats.js';
+import { command } from './command.js';
+import { toWire } from './view_state.js';
+
+const $ = (id) => document.getElementById(id);
+const LOOPBACK = ['localhost', '127.0.0.1', '[::1]'];
+const MOST_SIDE = 65536;
+
+/// A name for a file that any system takes.
+const fileName = (name) => shown(name || 'quarry').replace(/[\/\\:*?"<>|\ufffd]+/g, '_').slice(0, 100) || 'quarry';
+
+/// Hands an address to the browser's downloads.
+function download(address, name) {
+  element('a', { href: address, download: name }).click();
+}
+
+function downloadBytes(parts, type, name) {
+  const address = URL.createObjectURL(new Blob(parts, { type }));
+  download(address, name);
+  setTimeout(() => URL.revokeObjectURL(address), 10000);
+}
+
+export class Share {
+  /// `app` has live, connection, picture, link, tell(SENTENCE) and wholeView(): the view with all members.
+  constructor(app) {
+    Object.assign(this, app);
+    this.saves = 0;
+    this.isSaving = false;
+    const uses = {
+      'copy-link': () => this.copyLink(), 'copy-access': () => this.copyAccess(), 'save-view': () => this.saveView(),
+      'copy-command': () => this.copyCommand(), 'save-picture': () => this.savePicture(), 'save-cancel': () => this.cancel(),
+    };
+    for (const [id, use] of Object.entries(uses)) $(id).addEventListener('click', use);
+    $('full-screen').addEventListener('click', () => {
+      if (document.fullscreenElement) document.exitFullscreen();
+      else document.documentElement.requestFullscreen?.().catch(() => this.tell('The browser did not let the page fill the screen.'));
+    });
+    $('full-screen').hidden = !document.fullscreenEnabled;
+  }
+
+  async copy(text, sentence) {
+    this.tell(await copyText(text) ? sentence : 'The browser did not let the page copy.');
+  }
+
+  /// What a colleague needs beside a link to this page.
+  get reach() {
+    return LOOPBACK.includes(location.hostname)
+      ? ` It names this machine (${location.hostname}): elsewhere it opens through ssh -L ${location.port || 80}:localhost:${location.port || 80}.` : '';
+  }
+
+  copyLink() {
+    return this.copy(this.link.address(), `The link is copied. It opens for who has access; others need “Copy link with access”.${this.reach}`);
+  }
+
+  /// The link with the token: whoever has it gets in.
+  async copyAccess() {
+    const token = await this.token();
+    if (!token) return this.tell('The server did not give the token. Copy the address that “quarry view” has printed.');
+    const address = new URL(this.link.address());
+    address.searchParams.set('token', token);
+    return this.copy(address.href, `The link is copied. Whoever has it can see the model.${this.reach}`);
+  }
+
+  async token() {
+    try {
+      const answer = await fetch(new URL('access', document.baseURI), { cache: 'no-store' });
+      return answer.ok ? (await answer.text()).trim() : '';
+    } catch {
+      return '';
+    }
+  }
+
+  get name() { return fileName(this.live.scene.name); }
+
+  /// The size that is asked for, or null with a sentence.
+  size() {
+    const size = ['save-width', 'save-height'].map((id) => Number($(id).value));
+    if (size.every((x) => Number.isInteger(x) && x >= 1 && x <= MOST_SIDE)) return size;
+    this.tell(`A picture is 1 to ${MOST_SIDE} pixels wide and high.`);
+    return null;
+  }
+
+  /// The view that is shared, or null: it has the size that is asked for.
+  view() {
+    const size = this.live.view && this.size();
+    return size ? { ...this.wholeView(), size } : null;
+  }
+
+  saveView() {
+    const view = this.view();
+    if (!view) return;
+    downloadBytes([JSON.stringify(view, null, 1), '\n'], 'application/json', `${this.name}.view.json`);
+    this.tell('The view is saved: quarry render --view reads the file.');
+  }
+
+  copyCommand() {
+    const view = this.view();
+    if (!view) return null;
+    return this.copy(command(this.live.scene, this.defaults(), view, `${this.name}.png`), 'The command is copied. It writes this picture where the model is.');
+  }
+
+  /// Saves what is on the screen when it is the picture; else the cluster renders it.
+  savePicture() {
+    const view = this.view();
+    if (!view || this.isSaving) return;
+    const png = this.isExact() && String(view.size) === String(this.live.size) && this.picture.exactPng;
+    if (png) return downloadBytes([png], 'image/png', `${this.name}.png`);
+    const own = { ...toWire(this.live.view), size: view.size };
+    if (!this.connection.send({ type: 'save', save: ++this.saves, view: own })) return this.tell('There is no connection now.');
+    this.isSaving = true;
+    this.beganAt = performance.now();
+    this.showProgress(0);
+  }
+
+  cancel() {
+    this.connection.send({ type: 'save', save: ++this.saves });
+    this.stop('The picture is given up.');
+  }
+
+  stop(sentence) {
+    this.isSaving = false;
+    $('save-progress').hidden = true;
+    $('save-picture').disabled = false;
+    if (sentence) this.tell(sentence);
+  }
+
+  showProgress(done) {
+    $('save-progress').hidden = false;
+    $('save-picture').disabled = true;
+    $('save-bar').value = done;
+  }
+
+  /// Takes the server's news of the picture.
+  take({ save, done, file, error }) {
+    if (save !== this.saves || !this.isSaving) return;
+    if (error) return this.stop(`The picture cannot be saved: ${error}`);
+    if (!file) return this.showProgress(done);
+    download(new URL(file, document.baseURI).href, `${this.name}.png`);
+    this.stop(`The picture is saved, ${milliseconds(performance.now() - this.beganAt)} after it was asked for.`);
+  }
+
+  /// A picture that was under way is lost with its connection.
+  connectionLost() {
+    if (this.isSaving) this.stop('The connection was lost, and the picture with it. Save it again.');
+  }
+
+  /// Fills in the size of the view, unless a person has typed another.
+  refresh() {
+    const { size } = this.live;
+    if (String(this.filled ?? '') === String(size)) return;
+    const isOwn = !this.filled || ['save-width', 'save-height'].every((id, i) => Number($(id).value) === this.filled[i]);
+    this.filled = size;
+    if (isOwn) ['save-width', 'save-height'].forEach((id, i) => { $(id).value = String(size[i]); });
+  }
+}

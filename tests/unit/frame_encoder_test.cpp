@@ -1,0 +1,42 @@
+#include "master/display/frame_encoder.h"
+
+#include <catch2/catch.hpp>
+
+#include "common/math/shared_exponent.h"
+
+// Pictures for viewers before they are compressed.
+
+namespace quarry {
+
+TEST_CASE(
+    "A lattice becomes a picture with one pixel a square, and squares without a colour get their neighbours'",
+    "[live]") {
+  const uint32_t red = PackShared({1, 0, 0}), blue = PackShared({0, 0, 1}),
+                 grey = PackShared({0.5f, 0.5f, 0.5f});
+  const ToneTable tone(0);
+  // Cut squares at both borders: 4 x 2 squares of 4 pixels.
+  PictureRows rows{0, 14, std::vector<uint32_t>(14 * 6, kUntraced)};
+  for (uint32_t x = 0; x < 14; x += 4)
+    for (uint32_t y = 0; y < 6; y += 4) rows.codes[y * 14 + x] = x < 8 ? red : blue;
+  rows.codes[0 * 14 + 13] = blue;     // a second pixel of a square
+  rows.codes[4 * 14 + 4] = kWaiting;  // a hole
+  RgbMaker maker;
+  maker.MakeSmall(rows, tone, grey, 4);
+  const auto& rgb = maker.rgb();
+  REQUIRE(rgb.size() == 3 * 4 * 2);
+  const auto pixel = [&](size_t i) {
+    return std::array<uint8_t, 3>{rgb[3 * i], rgb[3 * i + 1], rgb[3 * i + 2]};
+  };
+  CHECK(pixel(0) == tone(red));
+  CHECK(pixel(1) == tone(red));
+  CHECK(pixel(2) == tone(blue));
+  CHECK(pixel(3) == tone(blue));
+  CHECK(pixel(4) == tone(red));
+  CHECK(pixel(5)[0] > 128);  // between red neighbours, of which more are near than blue ones
+  CHECK(pixel(6) == tone(blue));
+  // Nothing traced: the background.
+  maker.MakeSmall({0, 14, std::vector<uint32_t>(14 * 6, kWaiting)}, tone, grey, 4);
+  for (size_t i = 0; i < 8; ++i) CHECK(pixel(i) == tone(grey));
+}
+
+}  // namespace quarry
