@@ -4,6 +4,8 @@
 
 #include <chrono>
 #include <memory>
+#include <optional>
+#include <thread>
 #include <utility>
 
 #include "common/base/cleanup.h"
@@ -12,7 +14,7 @@
 #include "common/base/progress.h"
 #include "common/base/resource.h"
 #include "common/base/version.h"
-#include "common/voxel/store_format.h"
+#include "common/voxel/store_header.h"
 #include "common/voxel/voxel_block.h"
 #include "preprocess/build_stage.h"
 #include "preprocess/import/importer.h"
@@ -87,11 +89,24 @@ Result<PreprocessStatistics> RunIn(Begun& begun, const PreprocessOptions& option
   return statistics;
 }
 
+/// Locks the output. Whoever starts this program for `quarry render` holds a lock of its own: another holder
+/// can only be a killed run, which has it until the system is done with its memory.
+Result<FileLock> TakeOutput(const PreprocessOptions& options) {
+  constexpr const char* kOther = "another quarry-preprocess";
+  constexpr std::chrono::milliseconds kPatience{30000}, kPause{50};
+  if (options.resume != PreprocessOptions::Resume::kIfFit) return FileLock::Take(options.output, kOther);
+  for (const auto end = Clock::now() + kPatience; Clock::now() < end; std::this_thread::sleep_for(kPause)) {
+    QUARRY_ASSIGN(std::optional<FileLock> lock, FileLock::TryTake(options.output));
+    if (lock) return std::move(*lock);
+  }
+  return FileLock::Take(options.output, kOther);
+}
+
 }  // namespace
 
 Result<PreprocessStatistics> Preprocess(const PreprocessOptions& options) {
   // The output first: an unwritable place must not cost an import.
-  QUARRY_ASSIGN(const FileLock lock, FileLock::Take(options.output, "another quarry-preprocess"));
+  QUARRY_ASSIGN(const FileLock lock, TakeOutput(options));
   using Resume = PreprocessOptions::Resume;
   Progress progress(options.quiet);
   auto opened = Begin(options, options.resume != Resume::kNo, progress);

@@ -75,8 +75,8 @@ void RemoveFiles(const std::string& folder) {
 std::string SpillFolderFor(const std::string& output, const std::string& spill) {
   std::error_code error;
   const std::string whole = fs::weakly_canonical(output, error).string();
-  return fmt::format("{}/{}-{:016x}.work", spill, fs::path(output).filename().string(),
-                     Checksum(AsBytes(error ? output : whole)));
+  return BesidePath(spill + "/" + fs::path(output).filename().string(),
+                    fmt::format("-{:016x}.work", Checksum(AsBytes(error ? output : whole))));
 }
 
 Status MakeFolder(const std::string& path) {
@@ -90,7 +90,7 @@ Status MakeFolder(const std::string& path) {
 Result<WorkFolder> WorkFolder::Open(const std::string& output, const std::string& spill,
                                     const std::string& command, bool resume, const std::string& goes_on) {
   WorkFolder folder;
-  folder.path_ = output + ".work";
+  folder.path_ = BesidePath(output, ".work");
   folder.spill_ = spill.empty() ? folder.path_ : SpillFolderFor(output, spill);
   const std::string left = "what is done is kept in " + folder.path_ + ": " + goes_on;
   TellIfLeft(folder.path_, left);

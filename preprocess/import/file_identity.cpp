@@ -13,6 +13,8 @@ namespace {
 std::mutex noted_mutex;
 std::map<std::string, ModelFile> noted;
 
+int64_t Nanoseconds(const timespec& time) { return int64_t{time.tv_sec} * 1000000000 + time.tv_nsec; }
+
 }  // namespace
 
 std::string FileIdentity(const std::string& path) {
@@ -32,7 +34,8 @@ void NoteModelFile(const std::string& path) {
   if (::stat(path.c_str(), &info) == 0) {
     file.there = true;
     file.bytes = static_cast<uint64_t>(info.st_size);
-    file.changed_ns = int64_t{info.st_mtim.tv_sec} * 1000000000 + info.st_mtim.tv_nsec;
+    file.changed_ns = Nanoseconds(info.st_mtim);
+    file.status_changed_ns = Nanoseconds(info.st_ctim);
   }
   const std::lock_guard lock(noted_mutex);
   noted.try_emplace(file.path, file);

@@ -15,7 +15,8 @@ struct ModelFile {
   std::string path;    ///< absolute
   bool there = false;  ///< a missing file may appear later
   uint64_t bytes = 0;
-  int64_t changed_ns = 0;  ///< time of its last change, in ns since 1970
+  int64_t changed_ns = 0;         ///< time of its last change, in ns since 1970
+  int64_t status_changed_ns = 0;  ///< the same of its bytes, name, mode or time: nobody can set it
 };
 
 /// Records a file for ModelFiles(), once. Standard input is ignored. Thread-safe.

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <glm/geometric.hpp>
+#include <limits>
 #include <span>
 
 #include "preprocess/spill/saved_tables.h"
@@ -26,8 +27,10 @@ void SceneTables::BeginFile(std::string_view name, bool restored) {
   file_parts_.clear();
 }
 
-uint32_t SceneTables::AddMaterial(const Material& material) {
+uint32_t SceneTables::AddMaterial(const Material& material, double unit_length) {
   tables_.materials.push_back(material);
+  float& depth = tables_.materials.back().transmission_depth;
+  depth = static_cast<float>(std::min(depth * unit_length, double{std::numeric_limits<float>::max()}));
   return static_cast<uint32_t>(tables_.materials.size() - 1);
 }
 

@@ -29,8 +29,9 @@ class SceneTables {
   void EndFile() { restored_ = false; }
   const std::string& file_name() const { return file_name_; }
 
-  /// Each returns the index in the scene. Equal part names within a file share an index.
-  uint32_t AddMaterial(const Material& material);
+  /// Each returns the index in the scene. Equal part names within a file share an index. `unit_length`: scene
+  /// length of a unit of the material's lengths.
+  uint32_t AddMaterial(const Material& material, double unit_length = 1);
   uint32_t AddPart(std::string_view name);
   /// The material of faces without a material, added on first use.
   uint32_t DefaultMaterial();

@@ -50,7 +50,9 @@ class SpillSink final : public ModelSink {
 
   Status BeginFile(std::string_view name) override;
   Status EndFile() override;
-  uint32_t AddMaterial(const Material& material) override { return tables_.AddMaterial(material); }
+  uint32_t AddMaterial(const Material& material) override {
+    return tables_.AddMaterial(material, coordinates_.UnitLength());
+  }
   uint32_t AddPart(std::string_view name) override { return tables_.AddPart(name); }
   bool takes_textures() const override { return textures_; }
   Result<uint32_t> AddTexture(TextureImage image) override { return images_.Add(std::move(image)); }

@@ -27,8 +27,11 @@ void PutViews(const SceneViews& views, ByteWriter& out) {
 
 SceneViews GetViews(ByteReader& in) {
   const std::string names = GetText(in), cameras = GetText(in), lights = GetText(in);
-  return {DecodeCameras(AsBytes(cameras), names).value_or(std::vector<NamedCamera>()),
-          DecodeLights(AsBytes(lights), names).value_or(std::vector<NamedLight>())};
+  const auto name_at = [&](uint32_t at) -> Result<std::string> {
+    return at < names.size() ? std::string(names.c_str() + at) : std::string();
+  };
+  return {DecodeCameras(AsBytes(cameras), name_at).value_or(std::vector<NamedCamera>()),
+          DecodeLights(AsBytes(lights), name_at).value_or(std::vector<NamedLight>())};
 }
 
 void PutTexts(const std::vector<std::string>& texts, ByteWriter& out) {

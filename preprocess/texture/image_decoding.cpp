@@ -134,6 +134,7 @@ class Decoding {
     facts_.width = static_cast<uint32_t>(spec.width);
     facts_.height = static_cast<uint32_t>(spec.height);
     facts_.channels = static_cast<uint32_t>(colors + with_alpha_);
+    facts_.in_file = static_cast<uint32_t>(spec.nchannels);
     facts_.real = spec.format.size() > 1;
     facts_.encoded = facts_.real && !spec.format.is_floating_point();
     return {};

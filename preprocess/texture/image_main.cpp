@@ -11,13 +11,16 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <filesystem>
 #include <new>
+#include <optional>
 #include <string>
 
 #include "common/base/address_space.h"
 #include "common/base/bytes.h"
-#include "common/base/cleanup.h"
 #include "common/base/descriptor.h"
+#include "common/base/log.h"
+#include "common/program/run_program.h"
 #include "preprocess/texture/image_decoding.h"
 #include "preprocess/texture/image_protocol.h"
 
@@ -59,22 +62,52 @@ bool OfMemory(const std::string& why) {
   return false;
 }
 
-void Answer(int out, ImageMessage kind, std::span<const std::byte> request) {
+/// What is known of an image when its decoder runs out of memory.
+struct Known {
+  uint64_t file_bytes = 0;  ///< of the image, compressed
+  std::optional<ImageFacts> facts;
+};
+
+/// Whether a sound image may have needed more than `memory` bytes. A damaged header asks for any number.
+bool NeedsSoMuch(const Known& known, uint64_t memory) {
+  constexpr uint64_t kMostRatio = 1100;                    // of compression: deflate's is 1032
+  constexpr uint64_t kMostSampleBytes = 4;                 // a float
+  if (!known.facts) return known.file_bytes > memory / 2;  // opening takes at most the file
+  const uint64_t decoded =
+      uint64_t{known.facts->width} * known.facts->height * known.facts->in_file * kMostSampleBytes;
+  return decoded + known.file_bytes > memory / 2 && decoded / kMostRatio <= known.file_bytes;
+}
+
+void SendShortage(int out, const Known& known, uint64_t memory, const std::string& why) {
+  if (NeedsSoMuch(known, memory)) return Send(out, ImageMessage::kTooLarge, AsBytes(why));
+  Send(out, ImageMessage::kRefused, AsBytes("is damaged: it asks for more memory than such an image takes"));
+}
+
+void Answer(int out, ImageMessage kind, std::span<const std::byte> request, uint64_t memory) {
   ByteReader in(request);
   const auto offset = in.Get<uint64_t>(), size = in.Get<uint64_t>();
   const std::string path(AsText(in.GetSpan(in.remaining())));
+  std::error_code ignored;
+  const uint64_t whole = std::filesystem::file_size(path, ignored);
+  Known known{ignored || whole < offset ? 0 : std::min(size, whole - offset), std::nullopt};
   try {
     const Status done = DecodeImage(
         path, offset, size, kind == ImageMessage::kLookAt,
-        [&](const ImageFacts& facts) { SendFacts(out, facts); },
+        [&](const ImageFacts& facts) {
+          known.facts = facts;
+          SendFacts(out, facts);
+        },
         [&](std::span<const std::byte> rows) { Send(out, ImageMessage::kRows, rows); });
     if (done) return Send(out, ImageMessage::kEnd, {});
     const std::string why = WithoutPath(done.error().message, path);
-    Send(out, OfMemory(why) ? ImageMessage::kTooLarge : ImageMessage::kRefused, AsBytes(why));
+    if (OfMemory(why)) return SendShortage(out, known, memory, why);
+    Send(out, ImageMessage::kRefused, AsBytes(why));
   } catch (const std::bad_alloc&) {
-    Send(out, ImageMessage::kTooLarge, AsBytes("the decoder holds it whole"));
+    SendShortage(out, known, memory, "the decoder holds it whole");
   } catch (const std::exception& e) {
-    Send(out, ImageMessage::kRefused, AsBytes(WithoutPath(Refusal(e.what()), path)));
+    const std::string why = WithoutPath(Refusal(e.what()), path);
+    if (OfMemory(why)) return SendShortage(out, known, memory, why);
+    Send(out, ImageMessage::kRefused, AsBytes(why));
   }
 }
 
@@ -88,7 +121,7 @@ void LimitTime(rlim_t seconds) {
   ::setrlimit(RLIMIT_CPU, &limit);
 }
 
-int Main(uint64_t memory) {
+int Serve(uint64_t memory) {
   const int out = ::dup(1), nowhere = ::open("/dev/null", O_WRONLY);
   if (out < 0 || nowhere < 0) return 1;
   ::dup2(nowhere, 1);  // libraries print there
@@ -104,18 +137,21 @@ int Main(uint64_t memory) {
     Bytes request(std::min(in.Get<uint32_t>(), kMostImageMessage));
     if (!ReadAll(0, request)) return 0;
     LimitTime(kMostSecondsOfImage);
-    Answer(out, kind, request);
+    Answer(out, kind, request, memory);
   }
+}
+
+int Main(int argc, char** argv) {
+  if (argc != 2) {
+    Log("quarry-import-image BYTES: started by quarry-preprocess");
+    return 2;
+  }
+  return Serve(std::strtoull(argv[1], nullptr, 10));
 }
 
 }  // namespace
 }  // namespace quarry
 
 int main(int argc, char** argv) {
-  if (argc != 2) {
-    fmt::print(stderr, "quarry-import-image BYTES: started by quarry-preprocess\n");
-    return 2;
-  }
-  quarry::EndWithParent();
-  return quarry::Main(std::strtoull(argv[1], nullptr, 10));
+  return quarry::RunProgram({"quarry-import-image", "nothing was written"}, argc, argv, quarry::Main);
 }

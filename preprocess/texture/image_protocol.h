@@ -27,6 +27,7 @@ struct ImageFacts {
   uint32_t width = 0, height = 0, channels = 0;
   uint32_t real = 0;     ///< 1: floats; 0: bytes
   uint32_t encoded = 0;  ///< of floats, 1: they were whole numbers of more than 8 bits, scaled to 0..1
+  uint32_t in_file = 0;  ///< channels of the file, of layers too; not sent
 
   uint64_t row_bytes() const { return uint64_t{width} * channels * (real ? 4 : 1); }
 };

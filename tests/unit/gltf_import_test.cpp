@@ -140,6 +140,28 @@ TEST_CASE("glTF: strips, fans, no indices, strides, sparse elements", "[import][
   CHECK(sparse.positions[2] == glm::dvec3(4, 0, 0));
 }
 
+TEST_CASE("glTF: elements that stand in no buffer have a limit", "[import][gltf]") {
+  const auto error_of = [](uint64_t count, bool sparse) {
+    Builder b;
+    const size_t index = b.Accessor(std::vector<uint8_t>{1}, "SCALAR", 5121);
+    const size_t value = b.Accessor(std::vector<float>{7, 8, 9}, "VEC3", 5126);
+    b.json["accessors"].push_back({{"componentType", 5126}, {"count", count}, {"type", "VEC3"}});
+    if (sparse)
+      b.json["accessors"].back()["sparse"] = {{"count", 1},
+                                              {"indices", {{"bufferView", index}, {"componentType", 5121}}},
+                                              {"values", {{"bufferView", value}}}};
+    b.json["meshes"] = {{{"primitives", {{{"attributes", {{"POSITION", 2}}}}}}}};
+    b.json["nodes"] = {{{"mesh", 0}}};
+    RecordingSink sink;
+    const std::string error = ImportText("m.gltf", b.Text(), sink);
+    if (!error.empty()) CHECK(sink.positions.empty());
+    return error;
+  };
+  CHECK(error_of(300, true).empty());
+  for (const bool sparse : {false, true})
+    CHECK_THAT(error_of(4000000000, sparse), Catch::Contains("elements without a buffer view"));
+}
+
 TEST_CASE("glTF: what cannot be is refused by one sentence", "[import][gltf]") {
   CHECK_THAT(ErrorAfter([](Json& j) { j["asset"]["version"] = "1.0"; }), Catch::Contains("is not glTF 2"));
   CHECK_THAT(ErrorAfter([](Json& j) { j["accessors"][0]["count"] = 5; }),

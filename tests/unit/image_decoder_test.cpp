@@ -350,4 +350,27 @@ TEST_CASE("An EXR that shows another window than it has data for is refused", "[
   CHECK_FALSE(decoder.is_fatal());
 }
 
+TEST_CASE("A damaged EXR is refused as an image, whatever memory it asks for", "[texture][decoder]") {
+  const TemporaryFolder folder;
+  const std::string sound = folder.file("sound.exr"), damaged = folder.file("damaged.exr");
+  WriteImage(sound, 8, 8, 3, OIIO::TypeDesc::HALF);
+  const std::string bytes = ReadText(sound);
+  ImageDecoder decoder(Helper(64u << 20));
+  int refused = 0;
+  // Any word of the header large: windows, lengths of attributes, counts of channels.
+  for (const uint32_t word : {0x7FFFFFFFu, 0x3FFFFFFFu, 0x00FFFFFFu, 30000u})
+    for (size_t at = 4; at + 4 <= std::min<size_t>(bytes.size(), 420); at += 3) {
+      std::string changed = bytes;
+      std::memcpy(&changed[at], &word, sizeof word);
+      std::ofstream(damaged, std::ios::binary) << changed;
+      const Decoded decoded = Decode(decoder, ImageIn(damaged));
+      CAPTURE(at, word, decoded.error);
+      REQUIRE_FALSE(decoder.is_fatal());
+      if (decoded.error.empty()) continue;
+      ++refused;
+      REQUIRE_THAT(decoded.error, Catch::Contains("damaged.exr"));
+    }
+  CHECK(refused > 100);
+}
+
 }  // namespace quarry

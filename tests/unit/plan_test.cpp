@@ -1,3 +1,5 @@
+#include <fmt/format.h>
+
 #include <catch2/catch.hpp>
 #include <filesystem>
 #include <fstream>
@@ -7,6 +9,8 @@
 #include "master/jobs/spool.h"
 #include "master/schedule/scheduler.h"
 #include "tests/support/looking.h"
+#include "tests/support/small_store.h"
+#include "tests/support/temporary_folder.h"
 
 namespace quarry {
 namespace {
@@ -222,6 +226,53 @@ TEST_CASE("A spool gives back jobs and frames, and leaves other scenes' and dama
   REQUIRE(log.size() == 1);
   CHECK_THAT(log[0], Catch::Contains("damaged"));
   std::filesystem::remove_all(folder);
+}
+
+TEST_CASE("A frame of the spool that is flipped, cut, another's or a link is none") {
+  const test::TemporaryFolder folder;
+  RenderJob job = test::JobOf(Looking({0, 0, 0}, {0, 1, 0}), 3);
+  const std::string id = JobId(SceneId{}, job), jobs = folder.file("spool") + "/" + id;
+  const auto spool = Spool::Open(folder.file("spool"), SceneId{});
+  REQUIRE(spool.has_value());
+  REQUIRE(spool->Begin(id, job).has_value());
+  Bytes image;
+  for (int i = 0; i < 1000; ++i) image.push_back(static_cast<std::byte>(i));
+  const auto write = [&] {
+    for (size_t f = 0; f < 2; ++f) REQUIRE(spool->WriteFrame(id, job, f, image).has_value());
+  };
+  write();
+  CHECK(*spool->ReadFrame(id, job, 0) == image);
+  const std::string frame = fmt::format("{}/{:04}.{}", jobs, job.first_frame, job.format.name),
+                    next = fmt::format("{}/{:04}.{}", jobs, job.first_frame + 1, job.format.name);
+  std::vector<char> whole = test::ReadFile(frame);
+  for (const size_t at : {size_t{0}, whole.size() / 2, whole.size() - 1}) {
+    auto flipped = whole;
+    flipped[at] = static_cast<char>(flipped[at] ^ 4);
+    test::WriteFile(frame, flipped);
+    CHECK_THAT(spool->ReadFrame(id, job, 0).error().message, Catch::Contains("damaged"));
+  }
+  for (const size_t size : {size_t{0}, size_t{5}, whole.size() - 1}) {
+    test::WriteFile(frame, {whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(size)});
+    CHECK_FALSE(spool->ReadFrame(id, job, 0).has_value());
+  }
+  test::WriteFile(frame, test::ReadFile(next));
+  CHECK_FALSE(spool->ReadFrame(id, job, 0).has_value());
+  // A link is not read, and not written through.
+  write();
+  std::filesystem::rename(frame, folder.file("elsewhere"));
+  std::filesystem::create_symlink(folder.file("elsewhere"), frame);
+  CHECK_FALSE(spool->ReadFrame(id, job, 0).has_value());
+  CHECK(spool->Jobs([](const std::string&) {}).at(0).finished == std::vector<bool>{false, true, false});
+  image[0] = std::byte{99};
+  write();
+  CHECK(*spool->ReadFrame(id, job, 0) == image);
+  CHECK(test::ReadFile(folder.file("elsewhere")) == whole);
+  // Nor is a job's folder that is a link.
+  spool->Remove(id);
+  std::filesystem::create_directory(folder.file("other"));
+  std::filesystem::create_directory_symlink(folder.file("other"), jobs);
+  CHECK_THAT(spool->Begin(id, job).error().message, Catch::Contains("is a link"));
+  CHECK(std::filesystem::is_empty(folder.file("other")));
 }
 
 }  // namespace quarry

@@ -270,4 +270,19 @@ TEST_CASE("A model is scaled, turned and moved to its place") {
   CHECK(close(records[2].normals[0], {1, 0, 0}));
 }
 
+TEST_CASE("A material's length is scaled with its model") {
+  const Folder folder;
+  SpillSink sink = MakeSink(folder, 1 << 20);
+  Material glass{"glass"};
+  glass.transmission_depth = 3;
+  sink.AddMaterial(glass);
+  sink.Place({2, 90, {10, 20, 30}}, 2);
+  sink.AddMaterial(glass);
+  const auto scene = sink.Finish();
+  REQUIRE(scene.has_value());
+  REQUIRE(scene->materials.size() == 2);
+  CHECK(scene->materials[0].transmission_depth == 3);
+  CHECK(scene->materials[1].transmission_depth == 6);
+}
+
 }  // namespace quarry

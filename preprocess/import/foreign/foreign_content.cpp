@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "common/voxel/store_format.h"
+#include "common/voxel/store_header.h"
 #include "preprocess/import/text/text_number.h"
 
 namespace quarry {

@@ -15,6 +15,8 @@ using Json = nlohmann::json;
 
 constexpr uint64_t kChunkBytes = 1u << 18;
 constexpr uint64_t kMostSparse = 1u << 24;  // elements; they are held in memory
+// Zeros that each sparse element may bring; more count (GltfDocument::TakeZeros())
+constexpr uint64_t kZerosASparse = 256;
 enum ComponentType : uint32_t { kByte = 5120, kUbyte, kShort, kUshort, kUint = 5125, kFloat };
 
 uint32_t SizeOf(uint64_t type) {
@@ -86,10 +88,24 @@ Status GltfAccessor::Load(const Json& json) {
     QUARRY_ASSIGN(place_, FindPlace(json, count_, element_bytes_));
   } else {
     place_.nothing = true;
+    QUARRY_TRY(CountZeros(json));
   }
   if (json.contains("sparse")) return LoadSparse(json.at("sparse"));
-  if (place_.nothing && count_ > kMostSparse) return FailAt("so many elements without a buffer view");
   return {};
+}
+
+/// Counts elements that stand in no file: few bytes could ask for any number of them.
+Status GltfAccessor::CountZeros(const Json& json) {
+  uint64_t given = 0;
+  if (json.contains("sparse")) {
+    QUARRY_ASSIGN(given, Unsigned(json.at("sparse"), "count"));
+  }
+  const uint64_t free = std::min(given, kMostSparse) * kZerosASparse;
+  if (count_ <= free || document_->TakeZeros(count_ - free)) return {};
+  return FailAt(
+      fmt::format("{} elements without a buffer view, of which {} are sparse ones: so many zeros are "
+                  "not read",
+                  count_, given));
 }
 
 /// The place of `count` elements of `size` bytes that `json` names (bufferView, byteOffset).

@@ -34,6 +34,7 @@ class GltfAccessor {
   };
   GltfAccessor(GltfDocument& document, uint64_t index) : document_(&document), index_(index) {}
   Status Load(const nlohmann::json& json);
+  Status CountZeros(const nlohmann::json& json);
   Status LoadSparse(const nlohmann::json& json);
   Result<Place> FindPlace(const nlohmann::json& json, uint64_t count, uint32_t size);
   Result<std::vector<std::byte>> ReadAll(const Place& place, uint64_t count, uint32_t size);

@@ -22,6 +22,9 @@ class GltfDocument {
   /// Limits: bytes of JSON; bytes of all buffers that the JSON holds.
   static constexpr uint64_t kMostJsonBytes = 256u << 20;
 
+  /// Elements of accessors that stand in no buffer, over all uses of accessors.
+  static constexpr uint64_t kMostZeros = 1u << 24;
+
   /// Errors: no glTF 2.0; damaged JSON (with the place); a chunk beyond the file's end; a packed file or
   /// standard input, since buffers are read in any order.
   static Result<GltfDocument> Open(ModelReader& bytes);
@@ -46,6 +49,14 @@ class GltfDocument {
 
   /// Whether the document says where the buffer's bytes are.
   bool HasBytes(uint64_t buffer) const;
+
+  /// Counts elements that stand in no buffer. Returns: false when they are more than kMostZeros with all
+  /// before.
+  bool TakeZeros(uint64_t count) {
+    if (count > kMostZeros - zeros_) return false;
+    zeros_ += count;
+    return true;
+  }
 
   /// Bytes of a buffer: a place in a file, or the bytes themselves if the JSON holds them (valid until
   /// another buffer is opened).
@@ -82,7 +93,7 @@ class GltfDocument {
   std::string path_;
   std::unique_ptr<nlohmann::json> json_;
   uint64_t glb_begin_ = 0, glb_size_ = 0;  ///< the GLB's binary chunk, in bytes
-  uint64_t inline_bytes_ = 0;
+  uint64_t inline_bytes_ = 0, zeros_ = 0;
   std::vector<std::optional<Buffer>> buffers_;  ///< opened so far
 };
 
