@@ -6,6 +6,7 @@
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
+#include "common/base/log.h"
 #include "common/base/size.h"
 #include "deploy/model_cache.h"
 
@@ -26,15 +27,16 @@ Status List(bool as_json) {
                              {"bytes", s.bytes},
                              {"used_s", static_cast<double>(s.used_ns) * 1e-9},
                              {"finished", s.finished}});
-    fmt::print("{}\n", j.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace));
+    PrintRaw(j.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n");
     return {};
   }
   for (const KeptStore& s : kept)
-    fmt::print("{:>9}  {:%Y-%m-%d %H:%M}  {}{}\n", FormatSize(s.bytes),
-               fmt::localtime(s.used_ns / 1000000000), s.model.empty() ? s.path : s.model,
-               s.finished ? "" : " (unfinished)");
-  fmt::print("{}: {} store{}, {}{}\n", CacheFolder(), kept.size(), kept.size() == 1 ? "" : "s",
-             FormatSize(bytes), limit ? fmt::format(" of {} at most", FormatSize(limit)) : ", no limit");
+    Print(fmt::format("{:>9}  {:%Y-%m-%d %H:%M}  {}{}\n", FormatSize(s.bytes),
+                      fmt::localtime(s.used_ns / 1000000000),
+                      PrintableName(s.model.empty() ? s.path : s.model), s.finished ? "" : " (unfinished)"));
+  Print(fmt::format("{}: {} store{}, {}{}\n", CacheFolder(), kept.size(), kept.size() == 1 ? "" : "s",
+                    FormatSize(bytes),
+                    limit ? fmt::format(" of {} at most", FormatSize(limit)) : ", no limit"));
   return {};
 }
 
@@ -42,15 +44,15 @@ Status Shrink(uint64_t most) {
   QUARRY_ASSIGN(const std::vector<KeptStore> gone, ShrinkKeptStores(most));
   uint64_t bytes = 0;
   for (const KeptStore& store : gone) bytes += store.bytes;
-  fmt::print("{}: removed {} store{}, {}\n", CacheFolder(), gone.size(), gone.size() == 1 ? "" : "s",
-             FormatSize(bytes));
+  Print(fmt::format("{}: removed {} store{}, {}\n", CacheFolder(), gone.size(), gone.size() == 1 ? "" : "s",
+                    FormatSize(bytes)));
   return {};
 }
 
 Status Limit(const std::string& text) {
   if (text.empty()) {
     QUARRY_ASSIGN(const uint64_t limit, KeptStoresLimit());
-    fmt::print("{}\n", limit ? FormatSize(limit) : "no limit");
+    Print(fmt::format("{}\n", limit ? FormatSize(limit) : "no limit"));
     return {};
   }
   uint64_t bytes = 0;

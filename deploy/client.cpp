@@ -5,6 +5,7 @@
 #include <boost/asio/io_context.hpp>
 #include <chrono>
 #include <deque>
+#include <thread>
 #include <utility>
 
 #include "common/base/resource.h"
@@ -81,8 +82,18 @@ class Client {
       lost_ = Clock::now();
       callbacks_.say(fmt::format("lost the master, trying for {:.0f} s: {}", retry_s_, error.message));
     }
-    if (!was_welcomed_ || SecondsSince(lost_) > retry_s_) return End(tl::unexpected<Error>(error));
+    if (!was_welcomed_ || SecondsSince(lost_) > retry_s_) return End(ReasonFor(error));
     retry_.Set(0.3, [this] { Reach(); });
+  }
+
+  /// The system closes a dying master's connections a moment before it tells of the death, which says more.
+  Status ReasonFor(const Error& error) const {
+    constexpr int kTries = 15;
+    for (int i = 0; i < kTries; ++i) {
+      if (Status why = callbacks_.check(); !why) return why;
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+    return tl::unexpected<Error>(error);
   }
 
   void Tick() {

@@ -1,13 +1,18 @@
 #include "deploy/cluster.h"
 
 #include <fmt/format.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <boost/asio/io_context.hpp>
 #include <boost/process.hpp>
+#include <csignal>
+#include <cstring>
 #include <filesystem>
+#include <functional>
+#include <limits>
 #include <mutex>
 #include <thread>
 #include <utility>
@@ -21,6 +26,21 @@ namespace quarry {
 namespace {
 
 namespace bp = boost::process;
+
+/// Deaths by signals, one soon after the other, after which a render gives a worker up: some 6 s.
+constexpr int kMostDeaths = 5;
+
+/// Removes the program's name from a message ("quarry-master: x.quarry: no such file"); the caller adds its
+/// own.
+std::string WithoutProgram(const std::string& line) {
+  const size_t colon = line.find(": ");
+  return line.rfind("quarry-", 0) == 0 && colon != std::string::npos ? line.substr(colon + 2) : line;
+}
+
+std::string SignalText(int signal) {
+  return signal == SIGKILL ? "killed by signal 9, out of memory?"
+                           : fmt::format("ended by signal {} ({})", signal, ::strsignal(signal));
+}
 
 /// A child process, and a thread that reads its standard error and keeps the last line.
 class Child {
@@ -44,11 +64,18 @@ class Child {
     return child_.running(ignored);
   }
   bool ReadLine(std::string& line) { return static_cast<bool>(std::getline(out_, line)); }
-  int exit_status() const { return child_.exit_code(); }
-  std::string last_error() {
+  /// What ended it: its own last message, or the signal. Requires: !Running().
+  Error Why(const std::string& name) {
+    const int ended = child_.native_exit_code();
+    if (WIFSIGNALED(ended)) return Error{fmt::format("{} was {}", name, SignalText(WTERMSIG(ended)))};
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));  // time to read the last message
     const std::lock_guard lock(mutex_);
-    return last_error_;
+    const int status = child_.exit_code();
+    return Error{last_error_.empty() ? fmt::format("{} ended with status {}", name, status)
+                                     : WithoutProgram(last_error_),
+                 status == 0 ? ErrorKind::kFailed : KindOfExit(status)};
   }
+  bool WasKilled() const { return WIFSIGNALED(child_.native_exit_code()); }
 
  private:
   void ReadErrors() {
@@ -66,21 +93,13 @@ class Child {
   std::string last_error_;
 };
 
-/// Removes the program's name from a message ("quarry-master: x.quarry: no such file"); the caller adds its
-/// own.
-std::string WithoutProgram(const std::string& line) {
-  const size_t colon = line.find(": ");
-  return line.rfind("quarry-", 0) == 0 && colon != std::string::npos ? line.substr(colon + 2) : line;
-}
-
 /// The rest of the child's next line, which begins with `word`. Errors: the child has ended; its last
 /// message.
 Result<std::string> ReadAnnouncement(Child& child, const std::string& word) {
   std::string line;
   if (child.ReadLine(line) && line.rfind(word + " ", 0) == 0) return line.substr(word.size() + 1);
   while (child.Running()) std::this_thread::sleep_for(std::chrono::milliseconds(5));
-  std::this_thread::sleep_for(std::chrono::milliseconds(20));
-  return tl::unexpected<Error>(Error{WithoutProgram(child.last_error()), KindOfExit(child.exit_status())});
+  return tl::unexpected<Error>(child.Why("the master"));
 }
 
 /// The master's arguments for a live view.
@@ -88,6 +107,7 @@ std::vector<std::string> ArgumentsOf(const LiveViewOptions& live) {
   std::vector<std::string> arguments{"--http",        live.address,    "--view-token-file",
                                      live.token_file, "--view-memory", live.view_memory};
   for (const std::string& url : live.viewer_urls) arguments.insert(arguments.end(), {"--viewer-url", url});
+  if (!live.up_axis.empty()) arguments.insert(arguments.end(), {"--up-axis", live.up_axis});
   if (!live.tls_cert.empty()) arguments.insert(arguments.end(), {"--tls-cert", live.tls_cert});
   if (!live.tls_key.empty()) arguments.insert(arguments.end(), {"--tls-key", live.tls_key});
   return arguments;
@@ -115,16 +135,48 @@ Result<std::unique_ptr<PreparingPage>> PreparingPage::Start(const std::string& s
     impl->master = std::make_unique<Child>(SiblingProgram("quarry-master"), arguments);
     QUARRY_ASSIGN(impl->url, ReadAnnouncement(*impl->master, "viewing"));
   } catch (const std::exception& e) {
-    return Fail(fmt::format("cannot start the page: {}", e.what()));
+    return Fail(fmt::format("cannot start the page: {}", SentenceOf(e)));
   }
   return std::unique_ptr<PreparingPage>(new PreparingPage(std::move(impl)));
 }
 
+/// A worker of the cluster, which is started again when a signal ends it.
+struct LocalWorker {
+  using Clock = std::chrono::steady_clock;
+  std::string name;
+  std::vector<std::string> arguments;
+  std::unique_ptr<Child> child;  ///< none while it waits to be started again
+  Error why;                     ///< what ended it last
+  bool gave_up = false;          ///< not started again
+  int deaths = 0;                ///< one soon after the other
+  Clock::time_point started, again;
+
+  void Start() {
+    child = std::make_unique<Child>(SiblingProgram("quarry-worker"), arguments);
+    started = Clock::now();
+  }
+
+  /// Decides what follows its end. `most_deaths`: one soon after the other, beyond which it stays ended.
+  void OnEnded(int most_deaths, const std::function<void(const std::string&)>& say) {
+    // Deaths that lie further apart are no series; waits between them double up to the longest.
+    constexpr auto kApart = std::chrono::seconds(60), kLongest = std::chrono::seconds(10);
+    constexpr auto kFirst = std::chrono::milliseconds(200);
+    why = child->Why("worker " + name);
+    deaths = Clock::now() - started > kApart ? 1 : deaths + 1;
+    gave_up = !child->WasKilled() || deaths > most_deaths;
+    child.reset();
+    again = Clock::now() + std::min<Clock::duration>(kLongest, kFirst * (1 << std::min(deaths - 1, 6)));
+    if (!gave_up) say(why.message + "; it is started again");
+  }
+};
+
 struct LocalCluster::Impl {
   std::unique_ptr<Child> master;
-  std::vector<std::unique_ptr<Child>> workers;
+  std::vector<LocalWorker> workers;
   Endpoint endpoint;
   std::string live_url;
+  int most_deaths = 0;
+  std::function<void(const std::string&)> say;
 };
 
 LocalCluster::LocalCluster(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -137,6 +189,8 @@ const std::string& LocalCluster::live_url() const { return impl_->live_url; }
 
 Result<std::unique_ptr<LocalCluster>> LocalCluster::Start(const Options& options) {
   auto impl = std::make_unique<Impl>();
+  impl->most_deaths = options.lasting ? std::numeric_limits<int>::max() : kMostDeaths;
+  impl->say = options.say ? options.say : [](const std::string&) {};
   unsigned threads = options.threads;
   if (threads == 0) threads = std::max(1u, UsableProcessors() / std::max(1u, options.workers));
   std::vector<std::string> for_all{"--quiet"};
@@ -169,25 +223,27 @@ Result<std::unique_ptr<LocalCluster>> LocalCluster::Start(const Options& options
           with({"--master", address, "--cache", options.cache, "--threads", std::to_string(threads), "--name",
                 fmt::format("local-{}", i + 1), "--peers", "off"});
       for_worker.insert(for_worker.end(), source.begin(), source.end());
-      impl->workers.push_back(std::make_unique<Child>(SiblingProgram("quarry-worker"), for_worker));
+      impl->workers.push_back({.name = fmt::format("local-{}", i + 1), .arguments = std::move(for_worker)});
+      impl->workers.back().Start();
     }
   } catch (const std::exception& e) {
-    return Fail(fmt::format("cannot start a program of the cluster: {}", e.what()));
+    return Fail(fmt::format("cannot start a program of the cluster: {}", SentenceOf(e)));
   }
   return std::unique_ptr<LocalCluster>(new LocalCluster(std::move(impl)));
 }
 
 Status LocalCluster::Check() {
-  const auto ended = [](Child& child) {
-    return tl::unexpected<Error>(Error{WithoutProgram(child.last_error()), KindOfExit(child.exit_status())});
-  };
-  if (!impl_->master->Running()) return ended(*impl_->master);
-  for (auto& worker : impl_->workers)
-    if (worker->Running()) return {};
-  std::this_thread::sleep_for(std::chrono::milliseconds(20));  // time to read the last messages
-  for (auto& worker : impl_->workers)
-    if (!worker->last_error().empty()) return ended(*worker);
-  return Fail("every worker has ended");
+  if (!impl_->master->Running()) return tl::unexpected<Error>(impl_->master->Why("the master"));
+  try {
+    for (LocalWorker& worker : impl_->workers) {
+      if (worker.child && !worker.child->Running()) worker.OnEnded(impl_->most_deaths, impl_->say);
+      if (!worker.child && !worker.gave_up && LocalWorker::Clock::now() >= worker.again) worker.Start();
+    }
+  } catch (const std::exception& e) {
+    return Fail(fmt::format("cannot start a worker again: {}", e.what()));
+  }
+  const bool any = std::ranges::any_of(impl_->workers, [](const LocalWorker& w) { return !w.gave_up; });
+  return any ? Status{} : tl::unexpected<Error>(impl_->workers.front().why);
 }
 
 void AddLocalClusterOptions(CLI::App& command, unsigned& workers, unsigned& threads, std::string& cache) {

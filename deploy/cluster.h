@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -23,6 +24,7 @@ struct LiveViewOptions {
   std::string token_file;
   std::string view_memory = "256M";  ///< as ParseSize() reads it
   std::string tls_cert, tls_key;     ///< PEM files toward browsers; empty: no TLS
+  std::string up_axis;               ///< "y" or "z"; empty: the scene's
 };
 
 /// A page that says how far the making of a scene is, served by a master until this is destroyed. Not
@@ -55,6 +57,8 @@ class LocalCluster {
     SecurityOptions security;    ///< this command's options only: the environment's belong to other clusters
     RemoteArguments remote;      ///< of a scene on a server
     std::optional<LiveViewOptions> live;
+    bool lasting = false;  ///< workers that signals end are started again for ever, not some times
+    std::function<void(const std::string&)> say = {};  ///< takes a line for the user; may be empty
   };
   /// Starts the programs and waits until the master listens. Errors: a program cannot be started; the
   /// master's own message.
@@ -66,7 +70,8 @@ class LocalCluster {
   Endpoint master() const;
   /// The live view's address for a browser; empty without one.
   const std::string& live_url() const;
-  /// Errors: the master, or every worker, has ended; the message is the program's last.
+  /// Starts workers again that a signal has ended (the system's, when memory runs out), and says so.
+  /// Errors: the master, or every worker, has ended for good; the message is the program's last.
   Status Check();
 
  private:

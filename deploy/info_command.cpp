@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "common/base/log.h"
 #include "common/base/progress.h"
 #include "common/base/size.h"
 #include "common/remote/open_store.h"
@@ -20,7 +21,7 @@ std::string Names(const std::vector<View>& views) {
   constexpr size_t kShown = 8;
   std::string names = fmt::format("{}", views.size());
   for (size_t i = 0; i < std::min(views.size(), kShown); ++i)
-    names += fmt::format("{}{}", i == 0 ? ": " : ", ", views[i].name);
+    names += fmt::format("{}{}", i == 0 ? ": " : ", ", PrintableName(views[i].name));
   return views.size() > kShown ? names + ", ..." : names;
 }
 
@@ -29,68 +30,76 @@ std::string Names(const std::vector<View>& views) {
 Status PrintInfo(const std::string& scene, bool json, const HttpOptions& http) {
   QUARRY_ASSIGN(const StoreReader store, OpenStore(scene, http));
   if (json) {
-    const auto j = DescribeStore(store);
-    fmt::print("{}\n", j.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace));
+    QUARRY_ASSIGN(const auto j, DescribeStore(store));
+    PrintRaw(j.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n");
     return {};
   }
   const Catalog& c = store.catalog();
   const StoreTotals t = TotalsOf(store);
   const uint64_t kept = c.meta.kept_triangles();
-  fmt::print("{}\n  scene      {}\n", scene, FormatSceneId(c.id));
-  fmt::print("  triangles  {} ({} degenerate and {} not finite dropped)\n", kept, c.meta.dropped_degenerate,
-             c.meta.dropped_not_finite);
+  Print(fmt::format("{}\n  scene      {}\n", scene, FormatSceneId(c.id)));
+  Print(fmt::format("  triangles  {} ({} degenerate and {} not finite dropped)\n", kept,
+                    c.meta.dropped_degenerate, c.meta.dropped_not_finite));
   if (c.meta.dropped_transparent > 0)
-    fmt::print("  cut out    {} triangles dropped that are transparent all over\n",
-               c.meta.dropped_transparent);
-  fmt::print("  voxels     {} (replication {:.2f}, largest block {})\n", c.voxels.size(),
-             static_cast<double>(c.meta.stored_references) / static_cast<double>(std::max<uint64_t>(kept, 1)),
-             FormatSize(c.meta.largest_decoded));
-  fmt::print("  size       {} stored, {} hot and {} shading once decoded\n", FormatSize(store.size()),
-             FormatSize(t.hot_decoded), FormatSize(t.shading_decoded));
+    Print(fmt::format("  cut out    {} triangles dropped that are transparent all over\n",
+                      c.meta.dropped_transparent));
+  Print(fmt::format(
+      "  voxels     {} (replication {:.2f}, largest block {})\n", c.voxels.size(),
+      static_cast<double>(c.meta.stored_references) / static_cast<double>(std::max<uint64_t>(kept, 1)),
+      FormatSize(c.meta.largest_decoded)));
+  Print(fmt::format("  size       {} stored, {} hot and {} shading once decoded\n", FormatSize(store.size()),
+                    FormatSize(t.hot_decoded), FormatSize(t.shading_decoded)));
   const auto [lower, upper] = ModelBounds(c.meta);
-  fmt::print("  bounds     {:.10g} {:.10g} {:.10g} to {:.10g} {:.10g} {:.10g}, {} up\n", lower.x, lower.y,
-             lower.z, upper.x, upper.y, upper.z, c.meta.up_axis == 1 ? "y" : "z");
+  Print(fmt::format("  bounds     {:.10g} {:.10g} {:.10g} to {:.10g} {:.10g} {:.10g}, {} up\n", lower.x,
+                    lower.y, lower.z, upper.x, upper.y, upper.z, c.meta.up_axis == 1 ? "y" : "z"));
+  const glm::dvec3 extent = upper - lower;
+  Print(fmt::format("  extent     {:.6g} x {:.6g} x {:.6g} scene units\n", extent.x, extent.y, extent.z));
   if (c.meta.offset != glm::dvec3(0))
-    fmt::print("  offset     {:.10g} {:.10g} {:.10g} (stored positions are that much less)\n",
-               c.meta.offset.x, c.meta.offset.y, c.meta.offset.z);
-  fmt::print("  materials  {}\n  parts      {}\n", store.material_names().size(), store.parts().size());
-  if (!store.views().cameras.empty()) fmt::print("  cameras    {}\n", Names(store.views().cameras));
-  if (!store.views().lights.empty()) fmt::print("  lights     {}\n", Names(store.views().lights));
+    Print(fmt::format("  offset     {:.10g} {:.10g} {:.10g} (stored positions are that much less)\n",
+                      c.meta.offset.x, c.meta.offset.y, c.meta.offset.z));
+  Print(fmt::format("  materials  {}\n  parts      {}\n", c.materials.size(), store.part_count()));
+  if (!store.views().cameras.empty()) Print(fmt::format("  cameras    {}\n", Names(store.views().cameras)));
+  if (!store.views().lights.empty()) Print(fmt::format("  lights     {}\n", Names(store.views().lights)));
   if (t.pages > 0)
-    fmt::print("  textures   {} in {} pages, {} stored, {} once decoded\n", store.textures().size(), t.pages,
-               FormatSize(t.pages_stored), FormatSize(t.pages_decoded));
+    Print(fmt::format("  textures   {} in {} pages, {} stored ({:.0f} % of the store), {} once decoded\n",
+                      store.textures().size(), t.pages, FormatSize(t.pages_stored),
+                      100 * static_cast<double>(t.pages_stored) / static_cast<double>(store.size()),
+                      FormatSize(t.pages_decoded)));
   return {};
 }
 
 Status PrintTextures(const std::string& scene, bool json, const HttpOptions& http) {
   QUARRY_ASSIGN(const StoreReader store, OpenStore(scene, http));
-  const auto textures = DescribeTextures(store);
+  QUARRY_ASSIGN(const auto textures, DescribeTextures(store));
   if (json) {
-    fmt::print("{}\n", textures.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace));
+    PrintRaw(textures.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n");
     return {};
   }
   for (size_t i = 0; i < textures.size(); ++i) {
     const auto& t = textures[i];
     const auto number = [&](const char* key) { return t[key].get<uint64_t>(); };
-    fmt::print("texture {} {}\n", i, store.textures()[i].name);
-    fmt::print("  {} x {}, {} levels, {} channels, {}; {} pages, {} stored, {} once decoded\n",
-               number("width"), number("height"), number("levels"), number("channels"),
-               t["format"].get<std::string>(), number("pages"), FormatSize(number("stored_bytes")),
-               FormatSize(number("decoded_bytes")));
+    Print(fmt::format("texture {} {}\n", i, PrintableName(t["name"].get<std::string>())));
+    Print(fmt::format("  {} x {}, {} levels, {} channels, {}; {} pages, {} stored, {} once decoded\n",
+                      number("width"), number("height"), number("levels"), number("channels"),
+                      t["format"].get<std::string>(), number("pages"), FormatSize(number("stored_bytes")),
+                      FormatSize(number("decoded_bytes"))));
     for (const auto& use : t["uses"])
-      fmt::print("  {} of material {} {}\n", use["use"].get<std::string>(), use["material"].get<uint32_t>(),
-                 use["name"].get<std::string>());
+      Print(fmt::format("  {} of material {} {}\n", use["use"].get<std::string>(),
+                        use["material"].get<uint32_t>(), PrintableName(use["name"].get<std::string>())));
   }
   return {};
 }
 
 Status PrintParts(const std::string& scene, const HttpOptions& http) {
   QUARRY_ASSIGN(const StoreReader store, OpenStore(scene, http));
-  const auto print = [](const char* kind, const std::vector<std::string>& names) {
-    for (size_t id = 0; id < names.size(); ++id) fmt::print("{} {} {}\n", kind, id, names[id]);
-  };
-  print("part", store.parts());
-  print("material", store.material_names());
+  for (uint32_t p = 0; p < store.part_count(); ++p) {
+    QUARRY_ASSIGN(const std::string name, store.PartName(p));
+    if (!Print(fmt::format("part {} {}\n", p, PrintableName(name)))) return {};
+  }
+  for (uint32_t m = 0; m < store.catalog().materials.size(); ++m) {
+    QUARRY_ASSIGN(const std::string name, store.MaterialName(m));
+    if (!Print(fmt::format("material {} {}\n", m, PrintableName(name)))) return {};
+  }
   return {};
 }
 

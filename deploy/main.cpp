@@ -3,7 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <cstdio>
+#include <cerrno>
 #include <filesystem>
 #include <span>
 #include <string>
@@ -11,12 +11,13 @@
 #include <vector>
 
 #include "common/base/cleanup.h"
-#include "common/base/cpu_check.h"
+#include "common/base/log.h"
 #include "common/command_line/command_line.h"
 #include "common/command_line/remote_options.h"
 #include "common/command_line/security_options.h"
 #include "common/kdtree/instruction_sets.h"
 #include "common/program/installed_program.h"
+#include "common/program/run_program.h"
 #include "common/program/version_text.h"
 #include "deploy/cache_command.h"
 #include "deploy/cluster.h"
@@ -24,7 +25,7 @@
 #include "deploy/model_cache.h"
 #include "deploy/query.h"
 #include "deploy/render_command.h"
-#include "deploy/slurm_command.h"
+#include "deploy/slurm/slurm_command.h"
 #include "deploy/view_command.h"
 
 namespace quarry {
@@ -48,26 +49,46 @@ std::vector<std::string> Benches() {
   return names;
 }
 
+/// Commands that are programs of their own.
+struct ProgramCommand {
+  std::string_view command;
+  const char* program;
+  const char* help;
+};
+constexpr ProgramCommand kProgramCommands[] = {
+    {"preprocess", "quarry-preprocess", "Cut a model into a store (the program quarry-preprocess)"},
+    {"master", "quarry-master", "Serve a scene to workers (the program quarry-master)"},
+    {"worker", "quarry-worker", "Render for a master (the program quarry-worker)"},
+    {"scene", "quarry-scene", "Write a generated model (the program quarry-scene)"}};
+
+/// Becomes the program of `quarry COMMAND ...`. Returns: the exit status where it is not to be had.
+int BecomeProgram(const ProgramCommand& command, char** argv) {
+  const std::string path = SiblingProgram(command.program);
+  ::execv(path.c_str(), argv + 1);
+  return ExitStatus(Fail(fmt::format("cannot run {}: {}", path, ErrnoText(errno))));
+}
+
 /// Runs `quarry bench WHAT ...` as the program quarry-bench-WHAT beside this program.
 int RunBench(int argc, char** argv) {
   const std::string what = argc > 2 ? argv[2] : "--help";
   const std::vector<std::string> benches = Benches();
   if (what == "--help" || what == "-h") {
-    fmt::print(
+    Print(fmt::format(
         "Runs a benchmark program.\nUsage: quarry bench WHAT [ARGUMENTS]\n\n"
         "WHAT is one of: {}\n\nEach has its own help.\n\nExample:\n  quarry bench import plant.ply\n",
-        benches.empty() ? kNoBenches : fmt::format("{}", fmt::join(benches, ", ")));
+        benches.empty() ? kNoBenches : fmt::format("{}", fmt::join(benches, ", "))));
     return argc > 2 ? 0 : 2;
   }
   if (benches.empty()) {
-    fmt::print(stderr, "quarry bench: {}\n", kNoBenches);
+    Log(fmt::format("quarry bench: {}", kNoBenches));
     return 1;
   }
   if (std::ranges::find(benches, what) != benches.end())
     ::execv(FindProgram("quarry-bench-" + what).c_str(), argv + 2);
   const std::string nearest = Nearest(what, benches);
-  fmt::print(stderr, "quarry bench: '{}' is not known{}\n", what,
-             nearest.empty() ? "; see quarry bench --help" : fmt::format("; did you mean {}?", nearest));
+  Log(fmt::format(
+      "quarry bench: '{}' is not known{}", what,
+      nearest.empty() ? "; see quarry bench --help" : fmt::format("; did you mean {}?", nearest)));
   return 2;
 }
 
@@ -90,13 +111,15 @@ Status VerifyOne(const std::string& scene, bool quiet, const RemoteArguments& re
 }
 
 int Main(int argc, char** argv) {
-  RequireCpu();
   if (argc > 1 && std::string(argv[1]) == "bench") return RunBench(argc, argv);
-  InstallSignalHandlers("quarry", kKeptOnSignal);
+  for (const ProgramCommand& command : kProgramCommands)
+    if (argc > 1 && argv[1] == command.command) return BecomeProgram(command, argv);
   CLI::App app{"Quarry: ray tracing of triangle models larger than memory, on the machines at hand.",
                "quarry"};
   app.footer(
-      "Examples:\n  quarry render plant.ply -o plant.png --mode whitted --workers 3\n"
+      "Examples:\n  quarry scene plant --triangles 1000000 -o plant.ply\n"
+      "  quarry preprocess plant.ply -o plant.quarry\n"
+      "  quarry render plant.ply -o plant.png --mode whitted --workers 3\n"
       "  quarry render plant.quarry -o walk.png --camera-path plant.path.json --frames 0-59\n"
       "  quarry view plant.quarry --open\n"
       "  quarry info plant.quarry --json\n  quarry verify s3://models/plant.quarry\n  quarry cache list\n"
@@ -139,28 +162,23 @@ int Main(int argc, char** argv) {
   AddClusterCommandOptions(
       *app.add_subcommand("cluster", "Start a cluster on machines that Slurm gives, or end it"),
       cluster_arguments);
+  for (const ProgramCommand& command : kProgramCommands)
+    app.add_subcommand(std::string(command.command), command.help);
   app.add_subcommand("bench", "Run a benchmark program (package quarry-bench)");
   if (const auto ended = ParseCommandLine(app, argc, argv)) return *ended;
   render.command_line = fmt::format("{}", fmt::join(std::span(argv, static_cast<size_t>(argc)), " "));
-  Status status;
-  try {
-    status = app.got_subcommand("render")    ? Render(render)
-             : app.got_subcommand("view")    ? ShowLive(view)
-             : app.got_subcommand("info")    ? PrintInfoOf(scene, json, parts, textures, remote)
-             : app.got_subcommand("status")  ? ShowStatus(master, security, json)
-             : app.got_subcommand("cluster") ? RunClusterCommand(cluster_arguments)
-             : app.got_subcommand("cache")   ? RunCacheCommand(*cache_command, cache)
-                                             : VerifyOne(scene, quiet, remote);
-    std::fflush(stdout);
-  } catch (const std::system_error& e) {  // thrown by fmt::print
-    status = Fail(fmt::format("standard output cannot be written: {}", e.code().message()));
-  }
-  if (status) return 0;
-  if (!status.error().message.empty()) fmt::print(stderr, "quarry: {}\n", status.error().message);
-  return status.error().exit_status();
+  return ExitStatus(app.got_subcommand("render")    ? Render(render)
+                    : app.got_subcommand("view")    ? ShowLive(view)
+                    : app.got_subcommand("info")    ? PrintInfoOf(scene, json, parts, textures, remote)
+                    : app.got_subcommand("status")  ? ShowStatus(master, security, json)
+                    : app.got_subcommand("cluster") ? RunClusterCommand(cluster_arguments)
+                    : app.got_subcommand("cache")   ? RunCacheCommand(*cache_command, cache)
+                                                    : VerifyOne(scene, quiet, remote));
 }
 
 }  // namespace
 }  // namespace quarry
 
-int main(int argc, char** argv) { return quarry::Main(argc, argv); }
+int main(int argc, char** argv) {
+  return quarry::RunProgram({"quarry", quarry::kKeptOnSignal}, argc, argv, quarry::Main);
+}

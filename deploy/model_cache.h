@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "common/base/status.h"
+#include "deploy/import_options.h"
 
 namespace quarry {
 
@@ -12,16 +13,22 @@ namespace quarry {
 inline constexpr const char* kKeptOnSignal = "frames finished before are kept, nothing partial is left";
 
 /// The folder of stores made from models: $QUARRY_CACHE_DIR, else $XDG_CACHE_HOME/quarry, else
-/// ~/.cache/quarry, else /tmp/quarry-cache. An empty variable counts as unset.
+/// ~/.cache/quarry, else /tmp/quarry-cache-UID. An empty variable counts as unset.
 std::string CacheFolder();
 
 /// The store to render: `scene` itself if it is a store, else the store of that model in the cache folder. A
-/// store is reused while the model, and every file that the model names, has the recorded size and time (or
-/// is still missing), and importer and format have the same version. Otherwise it is made; an unfinished
-/// store is resumed. Blocks while another process makes the store.
-/// Errors: no such file; failure of the preprocessor, with its exit status and no message, because it has
-/// printed its own.
-Result<std::string> StoreFor(const std::string& scene, bool quiet);
+/// store is reused while the model, and every file that the model names, has the recorded size and times (or
+/// is still missing), importer and format have the same version, and its catalog is sound; every byte of it
+/// where it was written to since its last use. Otherwise it is made; an unfinished store is resumed. Blocks
+/// while another process makes the store. The store has the model's permissions, its folder is the user's
+/// alone.
+/// Errors: no such file; a folder that others may write to; failure of the preprocessor, with its exit status
+/// and no message, because it has printed its own; (usage) import options beside a store.
+Result<std::string> StoreFor(const std::string& scene, const ImportArguments& import, bool quiet);
+
+/// Removes a kept store that has damaged bytes, after a failure that they may explain, so that StoreFor()
+/// makes it anew. Returns: whether there was damage; false where no store is kept of `model`.
+Result<bool> DiscardDamaged(const std::string& model, const ImportArguments& import);
 
 /// The files that a kept store is made from: the model and the files that it names. Empty when unknown.
 std::vector<std::string> FilesOfKept(const std::string& store);
@@ -35,7 +42,8 @@ struct KeptStore {
   bool finished = true;
 };
 
-/// The kept stores, least recently used first. Errors: the folder cannot be listed.
+/// The kept stores, least recently used first: what has a record of ours beside it. Errors: the folder cannot
+/// be listed.
 Result<std::vector<KeptStore>> ListKeptStores();
 
 /// Removes stores, least recently used first, until the cache folder holds at most `most` bytes. A process

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "common/base/json_file.h"
+#include "common/base/log.h"
 #include "common/base/size.h"
 #include "common/net/timer.h"
 #include "common/protocol/messages.h"
@@ -85,31 +86,44 @@ Result<SceneSummary> AskForScene(const Endpoint& master, const Security& securit
   return ReadSceneSummary(JsonValue(json, kName));
 }
 
+namespace {
+
+/// ", about 12 s left"; empty where the master cannot tell.
+std::string TimeLeft(const nlohmann::ordered_json& job) {
+  const auto left = job.find("left_s");
+  return left == job.end() || !left->is_number() ? ""
+                                                 : fmt::format(", about {:.0f} s left", left->get<double>());
+}
+
+}  // namespace
+
 Status PrintStatus(const Endpoint& master, const Security& security, bool as_json) {
   QUARRY_ASSIGN(const std::string text, AskMaster(master, security, kStatusTopic));
   QUARRY_ASSIGN(const auto json,
                 ParseJson<nlohmann::ordered_json>(text, "the master's status", kAnswerLimits));
   if (as_json) {
-    fmt::print("{}\n", json.dump(2));
+    PrintRaw(json.dump(2) + "\n");
     return {};
   }
   try {
-    fmt::print("scene {}, up {:.0f} s, {:.2f} million rays/s, {}/s of voxels served\n",
-               json.at("scene_id").get<std::string>(), json.at("up_s").get<double>(),
-               json.at("rays_per_s").get<double>() * 1e-6,
-               FormatSize(static_cast<uint64_t>(json.at("voxel_bytes_served_per_s").get<double>())));
-    fmt::print("workers: {}\n", json.at("workers").size());
+    Print(fmt::format("scene {}, up {:.0f} s, {:.2f} million rays/s, {}/s of voxels served\n",
+                      json.at("scene_id").get<std::string>(), json.at("up_s").get<double>(),
+                      json.at("rays_per_s").get<double>() * 1e-6,
+                      FormatSize(static_cast<uint64_t>(json.at("voxel_bytes_served_per_s").get<double>()))));
+    Print(fmt::format("workers: {}\n", json.at("workers").size()));
     for (const auto& w : json.at("workers"))
-      fmt::print("  {}: {} threads, {} tiles, cache {}, {} received, {:.1f} million rays\n",
-                 w.at("name").get<std::string>(), w.at("threads").get<uint64_t>(),
-                 w.at("tiles").get<uint64_t>(), FormatSize(w.at("cache_bytes").get<uint64_t>()),
-                 FormatSize(w.at("voxel_bytes_received").get<uint64_t>()), w.at("rays").get<double>() * 1e-6);
-    fmt::print("jobs: {}\n", json.at("jobs").size());
+      Print(fmt::format(
+          "  {}: {} threads, load {:.0f} %, {} tiles, cache {}, {} received, {:.1f} million rays\n",
+          PrintableName(w.at("name").get<std::string>()), w.at("threads").get<uint64_t>(),
+          100 * w.value("load", 0.0), w.at("tiles").get<uint64_t>(),
+          FormatSize(w.at("cache_bytes").get<uint64_t>()),
+          FormatSize(w.at("voxel_bytes_received").get<uint64_t>()), w.at("rays").get<double>() * 1e-6));
+    Print(fmt::format("jobs: {}\n", json.at("jobs").size()));
     for (const auto& job : json.at("jobs"))
-      fmt::print("  {}: {}; {} of {} frames finished, {} clients, {:.0f} s\n",
-                 job.at("id").get<std::string>(), job.at("what").get<std::string>(),
-                 job.at("frames_finished").get<uint64_t>(), job.at("frames").get<uint64_t>(),
-                 job.at("clients").get<uint64_t>(), job.at("age_s").get<double>());
+      Print(fmt::format("  {}: {}; {} of {} frames finished, {} clients, {:.0f} s{}\n",
+                        job.at("id").get<std::string>(), PrintableName(job.at("what").get<std::string>()),
+                        job.at("frames_finished").get<uint64_t>(), job.at("frames").get<uint64_t>(),
+                        job.at("clients").get<uint64_t>(), job.at("age_s").get<double>(), TimeLeft(job)));
   } catch (const nlohmann::json::exception&) {
     return Fail("the master's status is not well formed");
   }

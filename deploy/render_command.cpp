@@ -9,6 +9,7 @@
 
 #include "common/base/file.h"
 #include "common/base/json_file.h"
+#include "common/base/log.h"
 #include "common/base/output_path.h"
 #include "common/base/progress.h"
 #include "common/base/resource.h"
@@ -84,17 +85,70 @@ Status WriteView(const RenderArguments& a, const SceneSummary& scene, const Rend
 }
 
 /// The sum of `key` over the frames that have it; frames from a spool lack it.
-uint64_t Total(const nlohmann::ordered_json& frames, const char* key) {
-  uint64_t sum = 0;
+double Total(const nlohmann::ordered_json& frames, const char* key) {
+  double sum = 0;
   for (const auto& frame : frames)
-    if (frame.is_object() && frame.contains(key) && frame[key].is_number_unsigned())
-      sum += frame[key].get<uint64_t>();
+    if (frame.is_object() && frame.contains(key) && frame[key].is_number()) sum += frame[key].get<double>();
   return sum;
 }
 
+/// Where the time of a run went. Units: seconds.
+struct RunTimes {
+  double wall_s = 0;
+  double start_s = 0;  ///< until the job was sent: the cluster's start, or the model's preprocessing
+  double load_s = 0;   ///< of the time between, the workers' share of waiting for blocks
+  double trace_s = 0;  ///< the rest of the time between
+  double write_s = 0;  ///< after the last tile: encoding, sending, writing
+  double first_pixel_s = 0;
+};
+
+/// Sums a counter over the workers of the last frame's statistics: counters go on from frame to frame.
+double OfWorkers(const nlohmann::ordered_json& frames, const char* key) {
+  for (auto frame = frames.rbegin(); frame != frames.rend(); ++frame)
+    if (frame->is_object() && frame->contains("workers") && (*frame)["workers"].is_array())
+      return Total((*frame)["workers"], key);
+  return 0;
+}
+
+RunTimes TimesOf(const nlohmann::ordered_json& frames, double wall_s, double start_s) {
+  RunTimes t{.wall_s = wall_s, .start_s = std::min(start_s, wall_s)};
+  const double between = std::min(Total(frames, "frame_wall_s"), wall_s - t.start_s);
+  const double stall = OfWorkers(frames, "stall_s"), compute = OfWorkers(frames, "compute_s");
+  t.load_s = between * stall / std::max(stall + compute, 1e-9);
+  t.trace_s = between - t.load_s;
+  t.write_s = wall_s - t.start_s - between;
+  const bool told = !frames.empty() && frames[0].is_object() && frames[0].contains("first_tile_s") &&
+                    frames[0]["first_tile_s"].is_number();
+  t.first_pixel_s = std::min(wall_s, t.start_s + (told ? frames[0]["first_tile_s"].get<double>() : between));
+  return t;
+}
+
+/// What the user sees at the end: the picture's facts, and the run's.
+std::string Summary(const RenderArguments& a, const RenderJob& job, const nlohmann::ordered_json& frames,
+                    const RunTimes& t) {
+  const View& view = job.view;
+  std::string text = FramePath(a, job.first_frame);
+  if (job.cameras.size() > 1) text += fmt::format(" and {} more", job.cameras.size() - 1);
+  text += fmt::format(": {}x{}, {}, {} sample{} a pixel", view.crop.width, view.crop.height,
+                      kRenderModeNames[static_cast<size_t>(view.mode)], view.spp, view.spp == 1 ? "" : "s");
+  for (const auto& frame : frames)
+    if (job.format.name == "png" && frame.is_object() && frame.contains("exposure_ev") &&
+        frame["exposure_ev"].is_number()) {
+      text += fmt::format(", exposure {:+.2f} EV", frame["exposure_ev"].get<double>());
+      break;
+    }
+  const double rays = Total(frames, "rays");
+  return text + fmt::format(
+                    "\n{:.1f} million rays, {:.1f} million a second; first pixel after {:.2f} s; {:.2f} s in "
+                    "all: start {:.2f}, loading {:.2f}, tracing {:.2f}, writing {:.2f}",
+                    rays * 1e-6, rays * 1e-6 / std::max(t.load_s + t.trace_s, 1e-9), t.first_pixel_s,
+                    t.wall_s, t.start_s, t.load_s, t.trace_s, t.write_s);
+}
+
 Status WriteStatistics(const RenderArguments& a, const RenderJob& job, const SceneId& id,
-                       const nlohmann::ordered_json& frames, double wall_s) {
+                       const nlohmann::ordered_json& frames, const RunTimes& times) {
   if (a.stats.empty()) return {};
+  const auto count = [&](const char* key) { return static_cast<uint64_t>(Total(frames, key)); };
   nlohmann::ordered_json j;
   j["scene_id"] = FormatSceneId(id);  // first, since it identifies statistics
   j["scene"] = a.scene;
@@ -107,66 +161,83 @@ Status WriteStatistics(const RenderArguments& a, const RenderJob& job, const Sce
   j["spp"] = job.view.spp;
   j["seed"] = job.view.seed;
   j["frames_rendered"] = frames.size();
-  j["render_wall_s"] = wall_s;
-  j["rays"] = Total(frames, "rays");
-  j["rays_suspended"] = Total(frames, "rays_suspended");
-  j["rays_per_s"] = static_cast<double>(Total(frames, "rays")) / std::max(wall_s, 1e-9);
-  j["tiles"] = Total(frames, "tiles");
-  j["leases_lost"] = Total(frames, "leases_lost");
+  j["render_wall_s"] = times.wall_s;
+  j["start_s"] = times.start_s;
+  j["load_s"] = times.load_s;
+  j["trace_s"] = times.trace_s;
+  j["write_s"] = times.write_s;
+  j["first_pixel_s"] = times.first_pixel_s;
+  j["rays"] = count("rays");
+  j["rays_suspended"] = count("rays_suspended");
+  j["rays_per_s"] = Total(frames, "rays") / std::max(times.wall_s, 1e-9);
+  j["tiles"] = count("tiles");
+  j["leases_lost"] = count("leases_lost");
   j["frames"] = frames;
   return WriteFileAtomically(
       a.stats, AsBytes(j.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n"));
 }
 
-}  // namespace
-
-Result<RenderJob> CheckedJob(const RenderArguments& a) {
-  QUARRY_ASSIGN(RenderJob job, JobWithoutScene(a));
-  QUARRY_TRY(CheckOutputs(a, job, {}));
-  QUARRY_ASSIGN(const SceneSummary scene, SummaryOf(a, a.scene));
-  QUARRY_TRY(PlaceInScene(a, scene, job));
-  return job;
+/// The store that the scene of a local cluster is in; a model is preprocessed first.
+Result<std::string> StoreToRender(const RenderArguments& a) {
+  if (!IsRemote(a.scene)) return StoreFor(a.scene, a.import, a.quiet);
+  QUARRY_TRY(RefuseImportOptions(a.import, a.scene + " is a store"));
+  return a.scene;
 }
 
-Status Render(const RenderArguments& a) {
-  const auto start = std::chrono::steady_clock::now();
-  if (a.scene.empty() && a.master.empty())
-    return BadUsage("name a scene store or a model, or the --master of a scene");
+/// A job with all that is needed to run it.
+struct Prepared {
+  RenderJob job;
+  std::string store;  ///< empty with --master
+  SceneId scene;
+};
+
+Result<Prepared> Prepare(const RenderArguments& a, const Security& security) {
   QUARRY_ASSIGN(RenderJob job, JobWithoutScene(a));
-  // The environment applies to the cluster that --master names, not to a local cluster.
-  const SecurityOptions security_options = a.master.empty() ? a.security : WithEnvironment(a.security);
-  QUARRY_ASSIGN(const Security security, Security::ForClient(security_options));
   QUARRY_TRY(CheckOutputs(a, job, {}));
   std::string store;
   SceneSummary scene;
   if (a.scene.empty()) {
+    QUARRY_TRY(RefuseImportOptions(a.import, "the scene of --master is a store"));
     QUARRY_ASSIGN(const Endpoint endpoint, ParseEndpoint(a.master, "--master"));
     QUARRY_ASSIGN(scene, AskForScene(endpoint, security));
     QUARRY_ASSIGN(const uint32_t up_axis, UpAxisOf(a));
     if (up_axis != 0) scene.framing.up_axis = up_axis;
   } else {
-    store = a.scene;
-    if (!IsRemote(a.scene)) {
-      QUARRY_ASSIGN(store, StoreFor(a.scene, a.quiet));
-    }
+    QUARRY_ASSIGN(store, StoreToRender(a));
     if (store != a.scene) QUARRY_TRY(CheckOutputs(a, job, FilesOfKept(store)));
     QUARRY_ASSIGN(scene, SummaryOf(a, store));
   }
   QUARRY_TRY(PlaceInScene(a, scene, job));
   QUARRY_TRY(WriteView(a, scene, job));
   QUARRY_ASSIGN(const SceneId id, ParseSceneId(scene.scene_id));
+  return Prepared{std::move(job), std::move(store), id};
+}
 
+/// Renders once. Errors: as Render().
+Status RenderOnce(const RenderArguments& a) {
+  const auto start = std::chrono::steady_clock::now();
+  // The environment applies to the cluster that --master names, not to a local cluster.
+  const SecurityOptions security_options = a.master.empty() ? a.security : WithEnvironment(a.security);
+  QUARRY_ASSIGN(const Security security, Security::ForClient(security_options));
+  QUARRY_ASSIGN(const Prepared prepared, Prepare(a, security));
+  const RenderJob& job = prepared.job;
+  Progress progress(a.quiet);
+  const auto say = [&](const std::string& line) { progress.Say(line); };
   std::unique_ptr<LocalCluster> cluster;
   Endpoint master;
   if (a.master.empty()) {
-    QUARRY_ASSIGN(cluster,
-                  LocalCluster::Start({store, a.workers, a.threads, a.cache, security_options, a.remote}));
+    QUARRY_ASSIGN(cluster, LocalCluster::Start({.scene = prepared.store,
+                                                .workers = a.workers,
+                                                .threads = a.threads,
+                                                .cache = a.cache,
+                                                .security = security_options,
+                                                .remote = a.remote,
+                                                .live = {},
+                                                .say = say}));
     master = cluster->master();
   } else {
     QUARRY_ASSIGN(master, ParseEndpoint(a.master, "--master"));
   }
-
-  Progress progress(a.quiet);
   progress.Begin(fmt::format("rendering {}", a.output));
   nlohmann::ordered_json frames = nlohmann::ordered_json::array();
   RenderCallbacks callbacks;
@@ -183,14 +254,36 @@ Status Render(const RenderArguments& a) {
     frames.push_back(statistics ? std::move(*statistics) : nlohmann::ordered_json());
     return {};
   };
-  callbacks.say = [&](const std::string& line) { progress.Say(line); };
-  QUARRY_TRY(RenderRemotely(master, security, id, job, callbacks, a.retry_s));
+  callbacks.say = say;
+  const double start_s = SecondsSince(start);
+  QUARRY_TRY(RenderRemotely(master, security, prepared.scene, job, callbacks, a.retry_s));
   progress.Update(1, 1);
   progress.End();
-  const double wall_s = SecondsSince(start);
-  progress.Say(fmt::format("{}: {} frame{}, {:.1f} s", FramePath(a, job.first_frame), job.cameras.size(),
-                           job.cameras.size() == 1 ? "" : "s", wall_s));
-  return WriteStatistics(a, job, id, frames, wall_s);
+  const RunTimes times = TimesOf(frames, SecondsSince(start), start_s);
+  progress.Say(Summary(a, job, frames, times));
+  return WriteStatistics(a, job, prepared.scene, frames, times);
+}
+
+}  // namespace
+
+Result<RenderJob> CheckedJob(const RenderArguments& a) {
+  QUARRY_ASSIGN(RenderJob job, JobWithoutScene(a));
+  QUARRY_TRY(CheckOutputs(a, job, {}));
+  QUARRY_ASSIGN(const SceneSummary scene, SummaryOf(a, a.scene));
+  QUARRY_TRY(PlaceInScene(a, scene, job));
+  return job;
+}
+
+Status Render(const RenderArguments& a) {
+  if (a.scene.empty() && a.master.empty())
+    return BadUsage("name a scene store or a model, or the --master of a scene");
+  const Status done = RenderOnce(a);
+  if (done || a.scene.empty() || IsRemote(a.scene) || done.error().kind == ErrorKind::kUsage) return done;
+  // Damage to a kept store heals: the model makes it again.
+  const auto discarded = DiscardDamaged(a.scene, a.import);
+  if (!discarded || !*discarded) return done;
+  if (!a.quiet) Log(fmt::format("{}: the store kept of it is damaged, and is made anew", a.scene));
+  return RenderOnce(a);
 }
 
 }  // namespace quarry

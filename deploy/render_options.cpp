@@ -4,6 +4,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cctype>
 #include <filesystem>
 #include <limits>
 #include <nlohmann/json.hpp>
@@ -23,7 +24,9 @@ namespace {
 
 bool Typed(const RenderArguments& a, const char* option) { return WasTyped(*a.command, option); }
 
-Status ParseMode(const std::string& text, View& view) {
+Status ParseMode(const std::string& typed, View& view) {
+  std::string text = typed;
+  std::ranges::transform(text, text.begin(), [](unsigned char c) { return std::tolower(c); });
   for (int m = 0; m < kRenderModes; ++m)
     if (text == kRenderModeNames[m]) {
       view.mode = static_cast<RenderMode>(m);
@@ -299,6 +302,7 @@ void AddRenderOptions(CLI::App& c, RenderArguments& a) {
       ->capture_default_str();
   AddSecurityOptions(c, a.security);
   AddRemoteOptions(c, a.remote);
+  AddImportOptions(c, a.import);
   c.add_flag("--quiet", a.quiet, "Print errors only");
   static constexpr NoEffect kNoEffect[] = {
       {"--eye", "--camera-path"},  {"--at", "--camera-path"},    {"--up", "--camera-path"},

@@ -8,6 +8,7 @@
 #include "common/net/security.h"
 #include "common/scene/render_job.h"
 #include "common/scene/scene_summary.h"
+#include "deploy/import_options.h"
 
 namespace CLI {
 class App;
@@ -33,6 +34,7 @@ struct RenderArguments {
   double retry_s = 60;
   SecurityOptions security;
   RemoteArguments remote;
+  ImportArguments import;
   bool quiet = false, force = false;
   const CLI::App* command = nullptr;  ///< the command that parsed them
   std::string command_line;           ///< the whole command line as typed

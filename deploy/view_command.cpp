@@ -3,13 +3,11 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <netinet/in.h>
-#include <sys/random.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
-#include <array>
 #include <chrono>
 #include <cstdlib>
 #include <filesystem>
@@ -19,11 +17,13 @@
 #include "common/base/bytes.h"
 #include "common/base/cleanup.h"
 #include "common/base/file.h"
+#include "common/base/log.h"
 #include "common/base/number.h"
 #include "common/command_line/command_line.h"
 #include "common/remote/open_store.h"
 #include "deploy/cluster.h"
 #include "deploy/model_cache.h"
+#include "deploy/view_token.h"
 
 namespace quarry {
 namespace {
@@ -72,27 +72,24 @@ class PrivateFolder {
   }
   std::string file(const char* name) const { return path_ + "/" + name; }
 
-  /// Writes a new token, which nobody else may read.
-  Status WriteToken() const {
-    std::array<unsigned char, 32> random{};
-    if (::getrandom(random.data(), random.size(), 0) != static_cast<ssize_t>(random.size()))
-      return Fail("the system gives no random bytes");
-    std::string text;
-    for (const unsigned char byte : random) text += fmt::format("{:02x}", byte);
-    const int fd = ::open(file("token").c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
-    const bool written =
-        fd >= 0 && ::write(fd, text.data(), text.size()) == static_cast<ssize_t>(text.size());
-    if (fd >= 0) ::close(fd);
-    if (written) return {};
-    return Fail(fmt::format("{}: cannot be written", file("token")));
-  }
-
  private:
   explicit PrivateFolder(std::string path)
       : path_(std::move(path)), registered_(RemoveFolderOnSignal(path_)) {}
   const std::string path_;
   const int registered_;
 };
+
+/// The file with the view's token: the one kept for this store and port, else one of this run's own.
+Result<std::string> TokenFile(const ViewArguments& a, const std::string& address,
+                              const PrivateFolder& folder) {
+  auto kept = KeptTokenFile(a.scene, address);
+  if (kept) return kept;
+  if (!a.quiet)
+    Log("the token is new, and pages of an earlier view need the address below: " + kept.error().message);
+  std::string own = folder.file("token");
+  QUARRY_TRY(WriteNewToken(own));
+  return own;
+}
 
 /// Opens a browser on a page of the folder that leads to the address: a command line, with the token, could
 /// be read by everybody on this machine.
@@ -104,17 +101,33 @@ void OpenBrowser(const PrivateFolder& folder, const std::string& url) {
   const bool written = fd >= 0 && ::write(fd, text.data(), text.size()) == static_cast<ssize_t>(text.size());
   if (fd >= 0) ::close(fd);
   if (!written) return;
-  const pid_t child = ::fork();
+  // Without a display xdg-open would start a browser inside of this terminal.
+  const bool shown = std::getenv("DISPLAY") || std::getenv("WAYLAND_DISPLAY") || std::getenv("BROWSER");
+  const pid_t child = shown ? ::fork() : -1;
   if (child == 0) {
-    if (::fork() == 0) ::execlp("xdg-open", "xdg-open", page.c_str(), nullptr);
-    ::_exit(0);  // the grandchild has no parent to wait for it
+    const int nowhere = ::open("/dev/null", O_RDWR);
+    for (const int stream : {0, 1, 2}) ::dup2(nowhere, stream);  // it writes sentences of its own
+    ::execlp("xdg-open", "xdg-open", page.c_str(), nullptr);
+    ::_exit(127);
   }
-  if (child > 0) ::waitpid(child, nullptr, 0);
+  // It may last as long as the browser.
+  std::thread([child] {
+    int ended = 1;
+    if (child < 0 || ::waitpid(child, &ended, 0) != child || ended != 0)
+      Log("no browser could be opened from here; open the address by hand");
+  }).detach();
+}
+
+/// What a signal leaves to say: how the view comes back.
+std::string GoesOn(const ViewArguments& a) {
+  return fmt::format("the live view has ended; quarry view {}{}{} shows it again", a.scene,
+                     a.http.empty() ? "" : " --http " + a.http,
+                     a.up_axis.empty() ? "" : " --up-axis " + a.up_axis);
 }
 
 void Announce(const ViewArguments& a, const PrivateFolder& folder, const std::string& url) {
-  fmt::print("{}\n", url);
-  std::fflush(stdout);
+  Print(url + "\n");
+  if (!FlushOutput()) Log(url);
   if (a.open) OpenBrowser(folder, url);
 }
 
@@ -148,12 +161,15 @@ void AddViewCommandOptions(CLI::App& c, ViewArguments& a) {
       ->envname("QUARRY_HTTP");
   c.add_option("--viewer-url", a.viewer_urls, "The address by which browsers come to it through a proxy");
   AddLocalClusterOptions(c, a.workers, a.threads, a.cache);
+  c.add_option("--up-axis", a.up_axis, "y or z (default: the store's); nothing is preprocessed again")
+      ->check(CLI::IsMember({"y", "z"}));
   c.add_option("--view-memory", a.view_memory,
                "Memory limit of all views together; a viewer that needs more is refused")
       ->capture_default_str();
   c.add_option("--tls-cert", a.tls_cert, "Certificate toward browsers, PEM");
   c.add_option("--tls-key", a.tls_key, "Its private key, PEM");
   AddRemoteOptions(c, a.remote);
+  AddImportOptions(c, a.import);
   c.add_flag("--open", a.open, "Open the page in a browser");
   c.add_flag("--quiet", a.quiet, "Print the address and errors only");
   c.footer(
@@ -165,11 +181,11 @@ void AddViewCommandOptions(CLI::App& c, ViewArguments& a) {
 }
 
 Status ShowLive(const ViewArguments& a) {
-  TellOnSignal("the live view has ended");
+  TellOnSignal(GoesOn(a));
   QUARRY_ASSIGN(const auto folder, PrivateFolder::Make());
-  QUARRY_TRY(folder->WriteToken());
-  LiveViewOptions live{ChooseAddress(a), a.viewer_urls, folder->file("token"),
-                       a.view_memory,    a.tls_cert,    a.tls_key};
+  const std::string address = ChooseAddress(a);
+  QUARRY_ASSIGN(const std::string token_file, TokenFile(a, address, *folder));
+  LiveViewOptions live{address, a.viewer_urls, token_file, a.view_memory, a.tls_cert, a.tls_key, a.up_axis};
   std::string store, url;
   {
     // A store needs no page; a model may take long.
@@ -182,23 +198,30 @@ Status ShowLive(const ViewArguments& a) {
       live.address = WithPortOf(live.address, url, a.viewer_urls.empty());
       ::setenv("QUARRY_PROGRESS_FILE", progress.c_str(), 1);
     }
-    auto made = IsRemote(a.scene) ? Result<std::string>(a.scene) : StoreFor(a.scene, a.quiet);
+    if (IsRemote(a.scene)) QUARRY_TRY(RefuseImportOptions(a.import, a.scene + " is a store"));
+    auto made = IsRemote(a.scene) ? Result<std::string>(a.scene) : StoreFor(a.scene, a.import, a.quiet);
     if (!made) {
       if (page) TellFailure(folder->file("progress"));
       return tl::unexpected<Error>(made.error());
     }
+    TellOnSignal(GoesOn(a));
     store = std::move(*made);
     ::unsetenv("QUARRY_PROGRESS_FILE");
   }
+  const auto say = [&](const std::string& line) {
+    if (!a.quiet) Log(line);
+  };
   QUARRY_ASSIGN(const auto cluster, LocalCluster::Start({.scene = store,
                                                          .workers = a.workers,
                                                          .threads = a.threads,
                                                          .cache = a.cache,
                                                          .security = {},
                                                          .remote = a.remote,
-                                                         .live = live}));
+                                                         .live = live,
+                                                         .lasting = true,
+                                                         .say = say}));
   if (cluster->live_url() != url) Announce(a, *folder, cluster->live_url());
-  if (!a.quiet) fmt::print(stderr, "{} is shown until Ctrl-C\n", a.scene);
+  if (!a.quiet) Log(fmt::format("{} is shown until Ctrl-C", a.scene));
   while (true) {
     QUARRY_TRY(cluster->Check());
     std::this_thread::sleep_for(std::chrono::milliseconds(200));

@@ -5,6 +5,7 @@
 
 #include "common/base/status.h"
 #include "common/command_line/remote_options.h"
+#include "deploy/import_options.h"
 
 namespace CLI {
 class App;
@@ -20,7 +21,9 @@ struct ViewArguments {
   unsigned workers = 1, threads = 0;  ///< threads: per worker; 0: the processors shared out
   std::string cache = "256M", view_memory = "256M";
   std::string tls_cert, tls_key;
+  std::string up_axis;  ///< "y" or "z"; empty: the scene's
   RemoteArguments remote;
+  ImportArguments import;
   bool open = false;  ///< whether to open a browser
   bool quiet = false;
 };

@@ -5,6 +5,7 @@ import os
 import pathlib
 import pty
 import re
+import shutil
 import signal
 import struct
 import subprocess
@@ -161,6 +162,120 @@ class KeptStores(Case):
         self.assertEqual([d.returncode for d in done], [0, 0], [d.stderr for d in done])
         self.assertEqual(sum("using the store kept of it" in d.stderr for d in done), 1, [d.stderr for d in done])
         self.assertEqual((self.folder / "0.png").read_bytes(), (self.folder / "1.png").read_bytes())
+
+    def test_a_damaged_store_heals(self):
+        right, _ = self.render("a.png")
+        store = pathlib.Path(self.kept()["stores"][0]["store"])
+        whole = store.read_bytes()
+        for at in (0, 40, len(whole) // 2, len(whole) - 8):
+            with self.subTest(byte=at):
+                times = store.stat()
+                store.write_bytes(whole[:at] + bytes([whole[at] ^ 0x55]) + whole[at + 1:])
+                os.utime(store, ns=(times.st_atime_ns, times.st_mtime_ns))  # as by a disk: no time tells of it
+                done = self.must("quarry", "render", self.model, "-o", self.path("b.png"), "--size", "32x32")
+                self.assertEqual((self.folder / "b.png").read_bytes(), right)
+                self.assertEqual(store.read_bytes(), whole, done.stderr)
+        store.write_bytes(whole[:-100])
+        self.assertEqual(self.render("c.png")[0], right)
+        self.assertEqual(store.read_bytes(), whole)
+
+    def test_other_bytes_of_the_same_size_and_time(self):
+        before, _ = self.render("a.png")
+        times = os.stat(self.model)
+        self.write("m.obj", OBJ.replace("v 0 1 0", "v 0 2 0"))
+        os.utime(self.model, ns=(times.st_atime_ns, times.st_mtime_ns))
+        after, kept = self.render("b.png")
+        self.assertFalse(kept)
+        self.assertNotEqual(after, before)
+
+    def test_the_folder_is_the_user_s_own(self):
+        cache = self.folder / "cache"
+        self.render("a.png")
+        self.assertEqual(cache.stat().st_mode & 0o777, 0o700)
+        cache.chmod(0o777)
+        self.must_fail(1, r"cache: other users may write there; chmod go-w it, or name another by QUARRY_CACHE_DIR", "quarry", "render",
+                       self.model, "-o", self.path("b.png"))
+        cache.chmod(0o755)
+        self.render("c.png")
+        if os.geteuid() == 0:
+            os.chown(cache, 54321, -1)
+            self.must_fail(1, "cache: belongs to another user", "quarry", "render", self.model, "-o", self.path("d.png"))
+
+    def test_a_link_in_a_store_s_place_is_not_written_through(self):
+        self.render("a.png")
+        store = pathlib.Path(self.kept()["stores"][0]["store"])
+        victim = self.folder / "victim"
+        for place in (store, pathlib.Path(str(store) + ".json")):
+            victim.write_text("mine")
+            place.unlink()
+            place.symlink_to(victim)
+            self.assertFalse(self.render("b.png")[1])
+            self.assertEqual(victim.read_text(), "mine")
+            self.assertFalse(place.is_symlink())
+
+    def test_a_copy_has_the_model_s_permissions(self):
+        os.chmod(self.model, 0o640)
+        self.render("a.png")
+        store = self.kept()["stores"][0]["store"]
+        self.assertEqual(os.stat(store).st_mode & 0o777, 0o640)
+
+    def test_only_what_was_kept_is_removed(self):
+        self.render("a.png")
+        own = self.folder / "cache/my.quarry"
+        self.must("quarry-preprocess", self.model, "-o", own, "--stats", str(own) + ".json", "--quiet")
+        named = self.folder / "cache/plant-0123456789abcdef.quarry"
+        named.write_bytes(own.read_bytes())
+        self.assertEqual(len(self.kept()["stores"]), 1)
+        self.must("quarry", "cache", "limit", "1K")
+        self.must("quarry", "cache", "clear")
+        self.assertTrue(own.exists() and named.exists() and pathlib.Path(str(own) + ".json").exists())
+        self.assertEqual(self.kept()["stores"], [])
+
+    def test_without_a_home(self):
+        environment = {k: v for k, v in os.environ.items() if k not in ("QUARRY_CACHE_DIR", "XDG_CACHE_HOME", "HOME")}
+        render = ["quarry", "render", self.model, "-o", self.path("x.png"), "--size", "8x8"]
+        own = pathlib.Path(f"/tmp/quarry-cache-{os.geteuid()}")
+        was_there = own.exists()
+        done = self.run_program(*render, env=environment)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual(own.stat().st_mode & 0o777, 0o700)
+        if not was_there:
+            shutil.rmtree(own)
+        for home in ("/proc", "/nonexistent/there" if os.geteuid() else "/proc/1"):
+            done = self.run_program(*render, env={**environment, "HOME": home})
+            self.assertEqual(done.returncode, 1)
+            self.assertRegex(done.stderr, r"stores of models cannot be kept there: .*; name another by QUARRY_CACHE_DIR\n$")
+
+    def test_import_options_pass_through_and_are_part_of_the_key(self):
+        plain, _ = self.render("a.png")
+        scaled = ["quarry", "render", self.model, "-o", self.path("b.png"), "--size", "32x32", "--scale", "0.001"]
+        self.must(*scaled)
+        self.assertEqual(len(self.kept()["stores"]), 2)
+        self.assertIn("using the store kept of it", self.must(*scaled).stderr)
+        self.assertTrue(self.render("a.png")[1])
+        lengths = sorted(self.info(s["store"])["bounds_upper"][0] for s in self.kept()["stores"])
+        self.assertAlmostEqual(lengths[0] * 1000, lengths[1], 5)
+        self.must("quarry", "render", self.model, "-o", self.path("c.png"), "--size", "8x8", "--crease", 0, "--memory", "128M", "--no-textures",
+                  "--voxel-size", "8K")
+        self.must_fail(2, "--memory must be at least 64M", "quarry", "render", self.model, "-o", self.path("c.png"), "--memory", "1M")
+        store = self.kept()["stores"][0]["store"]
+        for option in (["--scale", 2], ["--crease", 1], ["--no-textures"], ["--memory", "1G"]):
+            for command in (["render", store, "-o", self.path("d.png")], ["view", store]):
+                self.must_fail(2, f"{option[0]} is for models that are preprocessed, and .* is a store; leave it out", "quarry", *command, *option)
+
+    def test_killed_with_its_group_the_same_command_goes_on_at_once(self):
+        model = self.path("plant.ply")
+        self.must("quarry-scene", "plant", "--triangles", 400000, "-o", model, "--quiet")
+        command = [str(BIN / "quarry"), "render", model, "-o", self.path("x.png"), "--size", "16x16", "--quiet"]
+        for delay_s in (0.3, 0.5, 0.7, 0.9, 1.1):
+            self.must("quarry", "cache", "clear")
+            render = subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True)
+            self.addCleanup(end, render)
+            time.sleep(delay_s)
+            os.killpg(render.pid, signal.SIGKILL)
+            done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S)
+            self.assertEqual((done.returncode, done.stderr), (0, ""))
+            render.wait()
 
 
 class Options(Case):

@@ -1,6 +1,7 @@
-#include "deploy/slurm_job.h"
+#include "deploy/slurm/slurm_job.h"
 
 #include <fmt/format.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <chrono>
@@ -13,8 +14,9 @@
 #include <thread>
 
 #include "common/base/cleanup.h"
+#include "common/base/log.h"
 #include "deploy/command_output.h"
-#include "deploy/slurm_script.h"
+#include "deploy/slurm/slurm_script.h"
 
 namespace quarry {
 namespace {
@@ -118,11 +120,14 @@ Result<JobState> StateOf(const SlurmJob& job) {
 
 void Cancel(const SlurmJob& job) { (void)OutputOf("scancel", {job.id}); }
 
-/// Whether a folder is what the job, or a task of it, keeps while it lives.
+/// Whether a folder is what the job, or a task of it, keeps while it lives. A folder that another user made
+/// is not.
 bool IsKeptBy(const std::string& id, const fs::path& folder) {
   std::error_code ignored;
   const std::string name = folder.filename().string(), mine = "quarry-" + id;
-  if (!name.starts_with(mine) || !fs::is_directory(folder, ignored)) return false;
+  struct stat info {};
+  const bool own = ::lstat(folder.c_str(), &info) == 0 && S_ISDIR(info.st_mode) && info.st_uid == ::geteuid();
+  if (!name.starts_with(mine) || !own) return false;
   const std::string rest = name.substr(mine.size());
   const bool is_task =
       rest.size() > 1 && rest[0] == '_' && rest.find_first_not_of("0123456789", 1) == std::string::npos;
@@ -178,7 +183,7 @@ Result<std::string> AwaitStart(const SlurmJob& job) {
       continue;
     }
     const std::string now = state.state == "PENDING" ? fmt::format("waits ({})", state.reason) : "starts";
-    if (now != told) fmt::print(stderr, "quarry: job {} {}\n", job.id, told = now);
+    if (now != told) Log(fmt::format("quarry: job {} {}", job.id, told = now));
     if (job.is_array && state.state != "PENDING") return std::string();
     std::this_thread::sleep_for(300ms);
   }
@@ -199,7 +204,7 @@ Status StopJob(const std::string& id) {
   std::getline(line >> std::ws, folder);
   if (name.empty()) {
     if (!RemoveKept(id, ".")) return Fail(fmt::format("Slurm has no job {}", id));
-    fmt::print("job {} had ended; what it had left here is removed\n", id);
+    Print(fmt::format("job {} had ended; what it had left here is removed\n", id));
     return {};
   }
   if (name != "quarry") return Fail(fmt::format("job {} is '{}', not a cluster of Quarry", id, name));
@@ -213,7 +218,7 @@ Status StopJob(const std::string& id) {
                               left.substr(0, left.find('\n'))));
   }
   RemoveKept(id, folder);
-  fmt::print("job {} has ended\n", id);
+  Print(fmt::format("job {} has ended\n", id));
   return {};
 }
 

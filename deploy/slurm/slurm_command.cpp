@@ -1,4 +1,4 @@
-#include "deploy/slurm_command.h"
+#include "deploy/slurm/slurm_command.h"
 
 #include <fmt/format.h>
 
@@ -7,6 +7,7 @@
 #include <fstream>
 
 #include "common/base/bytes.h"
+#include "common/base/log.h"
 #include "common/base/number.h"
 #include "common/base/size.h"
 #include "common/command_line/command_line.h"
@@ -15,8 +16,8 @@
 #include "common/remote/open_store.h"
 #include "deploy/cluster.h"
 #include "deploy/render_command.h"
-#include "deploy/slurm_job.h"
-#include "deploy/slurm_script.h"
+#include "deploy/slurm/slurm_job.h"
+#include "deploy/slurm/slurm_script.h"
 
 namespace quarry {
 namespace {
@@ -60,6 +61,25 @@ std::vector<std::string> WithoutFrames(const std::vector<std::string>& arguments
   return rest;
 }
 
+/// The option of quarry cluster's own that `option` gives to sbatch, perhaps abbreviated or behind other
+/// letters; empty: none.
+std::string OwnOptionIn(std::string_view option) {
+  constexpr std::string_view kOwn[] = {"--job-name", "--output", "--chdir", "--array", "--wrap"};
+  constexpr std::string_view kOwnLetters = "JoDa";
+  constexpr std::string_view kFlags = "hHkOQsuvVW";  // letters of sbatch that take no value
+  if (option.starts_with("--")) {
+    const std::string_view name = option.substr(0, option.find('='));
+    for (const std::string_view own : kOwn)
+      if (name.size() > 2 && own.starts_with(name)) return std::string(own);
+    return {};
+  }
+  for (size_t i = 1; i < option.size() && option.front() == '-'; ++i) {
+    if (kOwnLetters.find(option[i]) != std::string_view::npos) return fmt::format("-{}", option[i]);
+    if (kFlags.find(option[i]) == std::string_view::npos) break;
+  }
+  return {};
+}
+
 Status CheckCluster(const ClusterArguments& a) {
   if (!a.cache.empty()) {
     QUARRY_ASSIGN([[maybe_unused]] const uint64_t bytes, ParseSize(a.cache, "--cache"));
@@ -73,9 +93,8 @@ Status CheckCluster(const ClusterArguments& a) {
     QUARRY_ASSIGN([[maybe_unused]] const Bytes secret, ReadSecret(a.secret_file));
   }
   for (const std::string& option : a.sbatch)
-    for (const char* own : {"--job-name", "-J", "--output", "-o", "--chdir", "-D", "--array", "-a", "--wrap"})
-      if (option.starts_with(own))
-        return BadUsage(fmt::format("--sbatch={}: quarry cluster needs its own {}", option, own));
+    if (const std::string own = OwnOptionIn(option); !own.empty())
+      return BadUsage(fmt::format("--sbatch={}: quarry cluster needs its own {}", option, own));
   if (a.tasks > 0 && a.render.empty()) return BadUsage("--array needs what to render, after --");
   return {};
 }
@@ -116,37 +135,38 @@ std::string Quoted(const std::string& word) {
 }
 
 void PrintRendering(const ClusterArguments& a, const SlurmJob& job) {
-  fmt::print("job {} {} on {} node{}{}; log: {}\nend it: quarry cluster --stop {}\n", job.id,
-             a.no_wait ? "waits for Slurm, to run" : "renders", a.nodes, a.nodes == 1 ? "" : "s",
-             job.is_array ? fmt::format(", in {} tasks", a.tasks) : "",
-             job.is_array ? fmt::format("quarry-{}_*.log", job.id) : job.log, job.id);
+  Print(fmt::format("job {} {} on {} node{}{}; log: {}\nend it: quarry cluster --stop {}\n", job.id,
+                    a.no_wait ? "waits for Slurm, to run" : "renders", a.nodes, a.nodes == 1 ? "" : "s",
+                    job.is_array ? fmt::format(", in {} tasks", a.tasks) : "",
+                    job.is_array ? fmt::format("quarry-{}_*.log", job.id) : job.log, job.id));
 }
 
 /// `master`: HOST:PORT. The live view's address is a secret, which the job's folder has.
 void PrintCluster(const ClusterArguments& a, const SlurmJob& job, const std::string& master) {
   const std::string secret = a.secret_file.empty() ? fmt::format("quarry-{}/secret", job.id) : a.secret_file;
-  fmt::print(
+  Print(fmt::format(
       "job {} runs until: quarry cluster --stop {}\nrender: quarry render -o picture.png --master {} "
       "--secret-file {}\n",
-      job.id, job.id, master, Quoted(secret));
+      job.id, job.id, master, Quoted(secret)));
   if (a.http.empty()) return;
   std::string url;
   std::getline(std::ifstream(fmt::format("quarry-{}/url", job.id)), url);
   const size_t path = url.find("/?"), colon = url.rfind(':', path);
   const std::string port = colon < path ? url.substr(colon + 1, path - colon - 1) : "";
-  fmt::print("live view: ssh -L {}:{}:{} {}, then open {}\n", port, a.http.substr(0, a.http.rfind(':')), port,
-             master.substr(0, master.rfind(':')), url);
+  Print(fmt::format("live view: ssh -L {}:{}:{} {}, then open {}\n", port,
+                    a.http.substr(0, a.http.rfind(':')), port, master.substr(0, master.rfind(':')), url));
 }
 
 /// The script, and the command that submits it.
-void Print(const SlurmSubmission& submission) {
-  fmt::print("# ");
-  for (const auto& [name, value] : submission.environment) fmt::print("{}={} ", name, Quoted(value));
-  fmt::print("sbatch");
-  for (const std::string& option : submission.options) fmt::print(" {}", Quoted(option));
-  fmt::print(" quarry.sbatch");
-  for (const std::string& word : submission.arguments) fmt::print(" {}", Quoted(word));
-  fmt::print("\n{}", kSlurmScript);
+void PrintScript(const SlurmSubmission& submission) {
+  PrintRaw("# ");
+  for (const auto& [name, value] : submission.environment)
+    PrintRaw(fmt::format("{}={} ", name, Quoted(value)));
+  PrintRaw("sbatch");
+  for (const std::string& option : submission.options) PrintRaw(fmt::format(" {}", Quoted(option)));
+  PrintRaw(" quarry.sbatch");
+  for (const std::string& word : submission.arguments) PrintRaw(fmt::format(" {}", Quoted(word)));
+  PrintRaw(fmt::format("\n{}", kSlurmScript));
 }
 
 Status Start(const ClusterArguments& a) {
@@ -161,7 +181,7 @@ Status Start(const ClusterArguments& a) {
   for (const std::string& word : a.tasks > 0 ? WithoutFrames(a.render) : a.render)
     submission.arguments.push_back(word);
   if (a.print) {
-    Print(submission);
+    PrintScript(submission);
     return {};
   }
   QUARRY_ASSIGN(const SlurmJob job, SubmitJob(submission));
