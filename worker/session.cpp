@@ -7,6 +7,7 @@
 #include <random>
 #include <utility>
 
+#include "common/base/log.h"
 #include "common/base/resource.h"
 #include "common/base/size.h"
 #include "common/program/service_notice.h"
@@ -68,7 +69,7 @@ void Session::End(Status outcome) {
 }
 
 void Session::Log(const std::string& text) const {
-  if (!options_.quiet) fmt::print(stderr, "quarry-worker: {}: {}\n", options_.name, text);
+  if (!options_.quiet) quarry::Log(fmt::format("quarry-worker: {}: {}", options_.name, text));
 }
 
 void Session::Join() {

@@ -42,7 +42,7 @@ struct JobRequest {
 struct Query {
   std::string topic;  ///< kSceneTopic or kStatusTopic
 };
-inline constexpr const char* kSceneTopic = "scene";    ///< DescribeStore() with a framing: see SceneSummary
+inline constexpr const char* kSceneTopic = "scene";    ///< DescribeFacts() with a framing: see SceneSummary
 inline constexpr const char* kStatusTopic = "status";  ///< workers, jobs and rates
 /// Progress of the frame that the client waits for.
 struct FrameProgress {

@@ -145,7 +145,7 @@ class Foreign(Case):
         for name, content in (("junk.fbx", os.urandom(5000)), ("a.txt", b"hello"), ("cut.dae", model.read_bytes()[:900])):
             with self.subTest(name=name):
                 (self.folder / name).write_bytes(content)
-                self.must_fail(1, name + ": (Assimp|is of no format)", "quarry-preprocess", self.folder / name, "-o", self.path("x.quarry"), "--quiet")
+                self.must_fail(1, name + ": (Assimp|is of none of the formats)", "quarry-preprocess", self.folder / name, "-o", self.path("x.quarry"), "--quiet")
         if PATIENCE == 1:  # with sanitizers nothing is limited
             self.expect_too_large()
         self.assertEqual(sorted(p.name for p in self.folder.iterdir()), ["a.txt", "cut.dae", "junk.fbx", "two.dae", "two.quarry"])

@@ -55,6 +55,18 @@ class Outputs(Case):
         self.assertEqual(sorted(os.listdir(self.folder)), names, "something was made")
         self.assertLess(time.monotonic() - began, 10 * PATIENCE)
 
+    def test_a_file_that_is_replaced_keeps_its_mode(self):
+        picture, model = self.path("x.png"), self.path("m.ply")
+        programs = ((picture, ["quarry", "render", self.scene, "-o", picture, *SMALL]),
+                    (self.scene, ["quarry-preprocess", self.model, "-o", self.scene, "--quiet"]),
+                    (model, ["quarry-scene", "plant", "--triangles", "2000", "-o", model, "--quiet"]))
+        for output, command in programs:
+            self.must(*command)
+            for mode in (0o600, 0o640, 0o664):
+                os.chmod(output, mode)
+                self.must(*command)
+                self.assertEqual(stat.S_IMODE(os.stat(output).st_mode), mode, output)
+
     def test_an_input_is_never_an_output(self):
         model, here = self.model, os.getcwd()
         os.link(model, self.path("hard.ply"))

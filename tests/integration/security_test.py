@@ -341,6 +341,18 @@ class Tokens(Case):
         self.must_fail(2, "--http-header-host is HOST or HOST:PORT", "quarry-worker", "--master", "127.0.0.1:1", "--http-header-host",
                        "http://a/b")
 
+    @unittest.skipUnless(os.geteuid() == 0, "only root can read another user's secret")
+    def test_a_secret_that_another_user_owns_is_refused(self):
+        """Root could read it; its owner could change it at any time."""
+        for name, text, arguments in (("secret", "0123456789abcdef" * 2, ["quarry-master", self.scene, "--listen", "127.0.0.1:0", "--secret-file"]),
+                                      ("headers", "Authorization: x", ["quarry", "info", "http://127.0.0.1:1/x", "--http-header-file"]),
+                                      ("keys", "{}", ["quarry", "info", "s3://a/b", "--http-aws"])):
+            path = self.folder / name
+            path.write_text(text)
+            path.chmod(0o600)
+            os.chown(path, 65534, 65534)
+            self.must_fail(2, f"{name}: belongs to another user \\(65534\\)", *arguments, path)
+
     def test_a_private_key_that_others_may_use_is_refused(self):
         subprocess.run(["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=localhost", "-keyout",
                         self.path("key"), "-out", self.path("cert")], check=True, capture_output=True)

@@ -3,6 +3,8 @@ import json
 import os
 import pathlib
 import re
+import shlex
+import shutil
 import subprocess
 import sys
 import time
@@ -34,7 +36,7 @@ class Slurm(Case):
         for command in (["quarry-scene", "plant", "--triangles", "200000", "-o", "plant.ply", "--quiet"],
                         ["quarry-preprocess", "plant.ply", "-o", "plant.quarry", "--quiet"],
                         ["quarry", "render", "plant.quarry", "-o", "local.exr", *cls.picture(), "--quiet"]):
-            subprocess.run([BIN / command[0], *command[1:]], cwd=cls.shared, check=True, timeout=TIMEOUT_S)
+            subprocess.run([BIN / command[0], *command[1:]], cwd=cls.shared, check=True, timeout=3 * TIMEOUT_S)
 
     @staticmethod
     def picture(spp=128, path="walk.json"):
@@ -214,6 +216,42 @@ class Slurm(Case):
         self.refused("readable.*(600|owner)", 2, "-N", 1, "--secret-file", "readable", "plant.quarry", *picture)
         readable.unlink()
 
+    def test_names_with_spaces(self):
+        folder = self.shared / "my work & co's (1)"
+        folder.mkdir()
+        try:
+            (folder / "plant v2 (final).quarry").write_bytes((self.shared / "plant.quarry").read_bytes())
+            (folder / "my walk.json").write_text((self.shared / "walk.json").read_text())
+            done = subprocess.run([BIN / "quarry", "cluster", "--slurm", "-N", "1", "plant v2 (final).quarry", "--", "-o", "out 1.png", *self.picture(1, "my walk.json")],
+                                  cwd=folder, env=self.slurm.environment, capture_output=True, text=True, timeout=TIMEOUT_S)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.await_end()
+            self.assertIn("quarry.sbatch: done", "".join(log.read_text() for log in folder.glob("quarry-*.log")))
+            self.assertEqual(len(list(folder.glob("out 1.*.png"))), FRAMES)
+            self.assertEqual([p.name for p in folder.iterdir() if p.is_dir()], [])
+        finally:
+            shutil.rmtree(folder)
+        self.nothing_is_left()
+
+    def test_a_folder_that_another_has_made(self):
+        """It would have the secret of the cluster, and frames of another's."""
+        done = self.quarry("cluster", "--slurm", "-N", 1, "--no-wait", "--sbatch=--hold", "plant.quarry", "--", "-o", "no.exr", *self.picture())
+        job = re.search(r"^job (\d+) ", done.stdout, re.M).group(1)
+        folder = self.shared / f"quarry-{job}"
+        folder.mkdir()
+        try:
+            (folder / "master.out").write_text("")
+            os.chown(folder, 65534, 65534)
+            self.slurm.call("scontrol", "release", job)
+            self.await_end(job)
+            self.assertIn(f"quarry-{job} was made by another", self.log(job))
+            self.assertEqual([p.name for p in folder.iterdir()], ["master.out"])
+            self.quarry("cluster", "--stop", job, status=1)
+            self.assertTrue(folder.is_dir(), "another's folder is not removed")
+        finally:
+            shutil.rmtree(folder)
+        self.nothing_is_left()
+
     def test_a_store_that_the_node_lacks(self):
         """The submitting machine sees it, the node does not: the folder goes while the job waits."""
         (self.shared / "gone.quarry").write_bytes((self.shared / "plant.quarry").read_bytes())
@@ -278,7 +316,28 @@ class WithoutSlurm(Case):
         self.must_fail(2, "--http has no effect", "quarry", "cluster", "--slurm", "--http", "127.0.0.1:1", store, "--", "-o", self.path("x.png"))
         self.must_fail(2, "--stop takes the number of a job", "quarry", "cluster", "--stop", "all")
         self.must_fail(2, "--stop takes the number of a job", "quarry", "cluster", "--stop", "12_")
-        self.must_fail(2, "needs its own --job-name", "quarry", "cluster", "--slurm", "--sbatch=--job-name=x", store)
+        for option, own in (("--job-name=x", "--job-name"), ("--jo=x", "--job-name"), ("--arr=0-3", "--array"), ("--out=x", "--output"), ("--chd=/", "--chdir"),
+                            ("--w", "--wrap"), ("-Jx", "-J"), ("-HJx", "-J"), ("-sQa0-3", "-a"), ("-o", "-o")):
+            self.must_fail(2, f"needs its own {own}$", "quarry", "cluster", "--slurm", f"--sbatch={option}", "--print", store)
+        for option in ("--account=joJoDa", "-Ajo", "--wait", "-p", "--open-mode=append", "--comment=-J"):
+            self.must("quarry", "cluster", "--slurm", f"--sbatch={option}", "--print", store)
+
+    def test_more_jobs_than_frames(self):
+        (self.folder / "walk.json").write_text(json.dumps({"frames": [{"eye": [6, 6, 14 + i], "at": [30, 30, 16]} for i in range(3)]}))
+        self.must_fail(2, "--array 16: there are 3 frames to divide", "quarry", "cluster", "--slurm", "-N", 1, "--array", 16, self.store("plant", 2000), "--print",
+                       "--", "-o", "w.png", "--camera-path", self.path("walk.json"))
+
+    def test_names_with_spaces_in_the_script(self):
+        folder = self.folder / "my work & co"
+        folder.mkdir()
+        (folder / "plant v2 (final).quarry").write_bytes(pathlib.Path(self.store("plant", 2000)).read_bytes())
+        done = subprocess.run([BIN / "quarry", "cluster", "--slurm", "--print", "-N", "2", "plant v2 (final).quarry", "--", "-o", "out 1.png"], cwd=folder,
+                              capture_output=True, text=True, timeout=TIMEOUT_S)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        first, _, script = done.stdout.partition("\n")
+        self.assertEqual(subprocess.run(["bash", "-n"], input=script, text=True, capture_output=True).stderr, "")
+        words = shlex.split(first.removeprefix("# "))
+        self.assertEqual(words[-4:], ["quarry.sbatch", "plant v2 (final).quarry", "-o", "out 1.png"])
 
 
 def slurm_script():
