@@ -29,8 +29,7 @@ Status WriteAll(int fd, const std::string& path, const char* bytes, size_t size,
   return {};
 }
 
-/// Gives a file the mode of the file that it is to replace: who has hidden a picture wants the next one
-/// hidden too.
+/// Gives a file the mode of the file that it replaces: the next picture is as private as the one before.
 void KeepModeOf(const std::string& path, int fd) {
   struct stat replaced {};
   if (::lstat(path.c_str(), &replaced) == 0 && S_ISREG(replaced.st_mode))

@@ -23,7 +23,7 @@ Engine::Engine(const Catalog& catalog, VoxelCache& cache, unsigned threads, OnFa
   for (unsigned i = 0; i < threads; ++i) mailboxes_.push_back(std::make_unique<Mailbox>());
   try {
     for (auto& mailbox : mailboxes_) threads_.emplace_back([this, &mailbox] { Run(*mailbox); });
-  } catch (...) {  // a thread is refused: those that run must end before the error goes on
+  } catch (...) {  // The system refuses a thread: the running ones end before the error leaves.
     Stop();
     throw;
   }

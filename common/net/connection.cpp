@@ -59,7 +59,7 @@ class TcpListener final : public Listener {
   using ConnectionPtr = std::shared_ptr<AcceptedConnection>;
 
   void Accept() {
-    // What has happened already is told even after the acceptor is destroyed, and not as aborted.
+    // A connection that came before the acceptor was destroyed is reported after it, without an error.
     acceptor_.async_accept([this, alive = alive_](const ErrorCode& error, tcp::socket socket) {
       if (!*alive || error == asio::error::operation_aborted) return;
       if (error) return AcceptLater(error);

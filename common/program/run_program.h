@@ -4,7 +4,7 @@
 
 namespace quarry {
 
-/// What all programs have in common, from main's first line to its last.
+/// A program's name and its words on interruption, for RunProgram().
 struct ProgramFacts {
   const char* name;  ///< "quarry-worker", before each of its errors
   const char* kept;  ///< what an interruption keeps, as InstallSignalHandlers() says it

@@ -7,7 +7,7 @@
 
 namespace quarry {
 
-/// What the files of AWS tools say of a profile; empty texts where they say nothing.
+/// A profile as the files of the AWS tools give it. Members that no file has are empty.
 struct AwsProfile {
   std::string name;  ///< AWS_PROFILE, else "default"
   std::string region, access_key, secret_key, session_token;

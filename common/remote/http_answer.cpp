@@ -40,7 +40,7 @@ bool IsPermanentStatus(unsigned status) {
 
 namespace {
 
-/// What the user can do about an answer.
+/// The advice behind a refusal: the option or variable that helps.
 std::string_view AdviceFor(unsigned status, std::string_view code) {
   struct Known {
     std::string_view code, advice;

@@ -391,7 +391,7 @@ class HttpRangeClient::Lane : public std::enable_shared_from_this<HttpRangeClien
   void FailRefused() {
     const size_t have = reply_.bytes.size() - parser_->get().body().size();
     std::string body(AsText(std::span(reply_.bytes).first(have)));
-    // What the reply has no room for stays in the buffer.
+    // Bytes beyond the reply stay in the buffer.
     const auto rest = buffer_.cdata();
     body.append(static_cast<const char*>(rest.data()), std::min(rest.size(), kRefusalBytes));
     const unsigned status = std::exchange(refusal_, 0);
