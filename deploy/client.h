@@ -9,14 +9,15 @@
 
 namespace quarry {
 
-/// The callbacks of RenderRemotely(), called on its thread. Requires: none is empty.
+/// The callbacks of RenderRemotely(), called on its thread. Requires: none but `check` is empty.
 struct RenderCallbacks {
   std::function<void(const FrameProgress&)> on_progress;
   /// Takes the finished frames in order, each with the bytes of its image file. An error is retried every
   /// second, since a full disk may get space, and ends the job after `retry_s`; an error of usage ends it at
   /// once.
   std::function<Status(const FrameDone&, const Bytes& image)> on_frame;
-  /// Called several times a second. An error ends the job, for example when a needed process has died.
+  /// Called several times a second. An error ends the job, for example when a needed process has died. Empty:
+  /// the job needs no process of this command's.
   std::function<Status()> check;
   /// Takes a line for the user, for example that the master is out of reach and is tried again.
   std::function<void(const std::string&)> say;

@@ -66,8 +66,8 @@ class Child {
   bool ReadLine(std::string& line) { return static_cast<bool>(std::getline(out_, line)); }
   /// What ended it: its own last message, or the signal. Requires: !Running().
   Error Why(const std::string& name) {
-    const int ended = child_.native_exit_code();
-    if (WIFSIGNALED(ended)) return Error{fmt::format("{} was {}", name, SignalText(WTERMSIG(ended)))};
+    if (const std::string signal = SignalThatEnded(); !signal.empty())
+      return Error{fmt::format("{} was {}", name, signal)};
     std::this_thread::sleep_for(std::chrono::milliseconds(20));  // time to read the last message
     const std::lock_guard lock(mutex_);
     const int status = child_.exit_code();
@@ -75,7 +75,11 @@ class Child {
                                      : WithoutProgram(last_error_),
                  status == 0 ? ErrorKind::kFailed : KindOfExit(status)};
   }
-  bool WasKilled() const { return WIFSIGNALED(child_.native_exit_code()); }
+  /// "killed by signal 9, ...", or empty when no signal ended it. Requires: !Running().
+  std::string SignalThatEnded() const {
+    const int ended = child_.native_exit_code();
+    return WIFSIGNALED(ended) ? SignalText(WTERMSIG(ended)) : std::string();
+  }
 
  private:
   void ReadErrors() {
@@ -147,12 +151,15 @@ struct LocalWorker {
   std::vector<std::string> arguments;
   std::unique_ptr<Child> child;  ///< none while it waits to be started again
   Error why;                     ///< what ended it last
+  std::string end;               ///< the signal that ended it last
   bool gave_up = false;          ///< not started again
   int deaths = 0;                ///< one soon after the other
   Clock::time_point started, again;
 
   void Start() {
-    child = std::make_unique<Child>(SiblingProgram("quarry-worker"), arguments);
+    auto all = arguments;
+    if (!end.empty()) all.insert(all.end(), {"--previous-end", end});
+    child = std::make_unique<Child>(SiblingProgram("quarry-worker"), all);
     started = Clock::now();
   }
 
@@ -162,8 +169,9 @@ struct LocalWorker {
     constexpr auto kApart = std::chrono::seconds(60), kLongest = std::chrono::seconds(10);
     constexpr auto kFirst = std::chrono::milliseconds(200);
     why = child->Why("worker " + name);
+    end = child->SignalThatEnded();
     deaths = Clock::now() - started > kApart ? 1 : deaths + 1;
-    gave_up = !child->WasKilled() || deaths > most_deaths;
+    gave_up = end.empty() || deaths > most_deaths;
     child.reset();
     again = Clock::now() + std::min<Clock::duration>(kLongest, kFirst * (1 << std::min(deaths - 1, 6)));
     if (!gave_up) say(why.message + "; it is started again");

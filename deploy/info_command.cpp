@@ -15,14 +15,24 @@
 namespace quarry {
 namespace {
 
+/// How many names are shown of models, cameras and lights.
+constexpr size_t kShown = 8;
+
 /// The number of cameras or lights, and the names of the first eight.
 template <class View>
 std::string Names(const std::vector<View>& views) {
-  constexpr size_t kShown = 8;
   std::string names = fmt::format("{}", views.size());
   for (size_t i = 0; i < std::min(views.size(), kShown); ++i)
     names += fmt::format("{}{}", i == 0 ? ": " : ", ", PrintableName(views[i].name));
   return views.size() > kShown ? names + ", ..." : names;
+}
+
+/// The names of the first eight models, and how many others there are.
+std::string Names(const ModelNames& models) {
+  const size_t shown = std::min(models.names.size(), kShown);
+  std::string names;
+  for (size_t i = 0; i < shown; ++i) names += (i == 0 ? "" : ", ") + PrintableName(models.names[i]);
+  return models.count > shown ? fmt::format("{} and {} others", names, models.count - shown) : names;
 }
 
 }  // namespace
@@ -38,6 +48,9 @@ Status PrintInfo(const std::string& scene, bool json, const HttpOptions& http) {
   const StoreTotals t = TotalsOf(store);
   const uint64_t kept = c.meta.kept_triangles();
   Print(fmt::format("{}\n  scene      {}\n", scene, FormatSceneId(c.id)));
+  if (store.models().count > 0)
+    Print(
+        fmt::format("  {:<10} {}\n", store.models().count == 1 ? "model" : "models", Names(store.models())));
   Print(fmt::format("  triangles  {} ({} degenerate and {} not finite dropped)\n", kept,
                     c.meta.dropped_degenerate, c.meta.dropped_not_finite));
   if (c.meta.dropped_transparent > 0)

@@ -241,7 +241,7 @@ Status RenderOnce(const RenderArguments& a) {
   progress.Begin(fmt::format("rendering {}", a.output));
   nlohmann::ordered_json frames = nlohmann::ordered_json::array();
   RenderCallbacks callbacks;
-  callbacks.check = [&]() -> Status { return cluster ? cluster->Check() : Status{}; };
+  if (cluster) callbacks.check = [&] { return cluster->Check(); };
   callbacks.on_progress = [&](const FrameProgress& p) {
     const uint64_t done = uint64_t{p.frame - job.first_frame} * p.tiles + p.tiles_done;
     progress.Update(done, uint64_t{p.tiles} * job.cameras.size());

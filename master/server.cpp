@@ -213,9 +213,11 @@ void Server::OnGone(const ConnectionPtr& c, const Error& error, bool dropped) {
   if (const WorkerRecord* worker = registry_.Find(c.get())) {
     Log(fmt::format("worker {} is gone: {}", worker->name, error.message));
     const uint32_t id = worker->id;
+    const std::string lost =
+        worker->ready ? fmt::format("Worker {} is gone: {}.", worker->name, error.message) : "";
     dispatcher_.RemoveWorker(id);
     registry_.Remove(c.get());
-    if (display_) display_->WorkerGone(id);
+    if (display_) display_->WorkerGone(id, lost);
     UpdateCosts();
     WorkersChanged();
     return;

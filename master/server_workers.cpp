@@ -26,6 +26,13 @@ uint32_t Server::AddWorker(const ConnectionPtr& c, const Hello& hello) {
   WorkerRecord& worker = registry_.Add(c, hello);
   dispatcher_.AddWorker(worker);
   Log(fmt::format("worker {} has joined with {} threads", worker.name, worker.threads));
+  if (!hello.previous_end.empty()) {
+    const char* const stop = hello.previous_end.ends_with('?') ? "" : ".";
+    const std::string sentence =
+        fmt::format("Worker {} was {}{} It is started again.", worker.name, hello.previous_end, stop);
+    Log(sentence);
+    if (display_) display_->Notify(sentence);
+  }
   return worker.id;
 }
 

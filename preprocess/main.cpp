@@ -136,10 +136,7 @@ double UpHabit(const std::vector<std::string>& models) {
   constexpr double kObj = 0.75, kStl = -0.5;
   double habit = 0;
   for (const std::string& m : models) {
-    std::filesystem::path path(m);
-    for (const char* const packed : {".gz", ".zst"})
-      if (EqualsIgnoringCase(path.extension().string(), packed)) path = path.stem();
-    const std::string extension = path.extension().string();
+    const std::string extension = std::filesystem::path(UnpackedPath(m)).extension().string();
     habit += EqualsIgnoringCase(extension, ".obj") ? kObj : EqualsIgnoringCase(extension, ".stl") ? kStl : 0;
   }
   return habit / static_cast<double>(std::max<size_t>(models.size(), 1));

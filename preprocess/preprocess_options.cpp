@@ -3,11 +3,28 @@
 #include <filesystem>
 
 #include "common/program/installed_program.h"
+#include "preprocess/import/text/text_number.h"
 
 namespace quarry {
+
 Placement PlacementOf(const PreprocessOptions& options, const std::string& model) {
   const auto found = options.placements.find(model);
   return found == options.placements.end() ? Placement{} : found->second;
+}
+
+std::string UnpackedPath(const std::string& model) {
+  const std::filesystem::path path(model);
+  for (const char* const packed : {".gz", ".zst"})
+    if (EqualsIgnoringCase(path.extension().string(), packed))
+      return (path.parent_path() / path.stem()).string();
+  return model;
+}
+
+std::vector<std::string> ModelNamesOf(const PreprocessOptions& options) {
+  std::vector<std::string> names;
+  for (const std::string& model : options.models)
+    if (model != "-") names.push_back(std::filesystem::path(UnpackedPath(model)).filename().string());
+  return names;
 }
 
 ForeignFormats ForeignFormatsOf(const PreprocessOptions& options, const std::string& prefix) {

@@ -44,6 +44,12 @@ inline uint32_t PlacedAbout(const PreprocessOptions& options) {
 /// The placement of a model; the default if none is given.
 Placement PlacementOf(const PreprocessOptions& options, const std::string& model);
 
+/// A model's path without the suffix of a packed file.
+std::string UnpackedPath(const std::string& model);
+
+/// The models' file names as the store keeps them, without folders; none of standard input.
+std::vector<std::string> ModelNamesOf(const PreprocessOptions& options);
+
 /// How this run reads formats that Quarry has no reader for: by the program beside this one, if there is one.
 /// `prefix`: of its files.
 ForeignFormats ForeignFormatsOf(const PreprocessOptions& options, const std::string& prefix);

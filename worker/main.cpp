@@ -116,6 +116,9 @@ int Main(int argc, char** argv) {
       ->check(WholeNumber(1, 1024))
       ->capture_default_str();
   app.add_option("--name", options.name, "Name in the master's log and statistics (default: HOST-PID)");
+  app.add_option("--previous-end", options.previous_end,
+                 "How the worker ended that this one replaces, for the live view")
+      ->group("");
   app.add_option("--source", options.sources,
                  "Where voxels come from, instead of what the master says; several share the load: master, "
                  "HOST:PORT, file:PATH, http://..., https://... or s3://BUCKET/KEY")

@@ -93,8 +93,9 @@ void Session::Join() {
 
 void Session::SendHello() {
   const uint16_t serves_at = scene_ ? scene_->supply->serves_at() : uint16_t{0};
-  connection_->Send(MakeMessage(MessageType::kHello,
-                                Hello{Role::kWorker, options_.name, options_.threads, instance_, serves_at}));
+  connection_->Send(
+      MakeMessage(MessageType::kHello, Hello{Role::kWorker, options_.name, options_.threads, instance_,
+                                             serves_at, scene_ ? std::string() : options_.previous_end}));
 }
 
 void Session::OnLost(const Error& error) {

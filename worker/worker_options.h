@@ -20,7 +20,8 @@ struct WorkerOptions {
   bool pretouch = false;  ///< get all memory of the cache at the start
   unsigned threads = 1;
   std::string name;
-  double retry_s = 60;  ///< time of retries while the master or a block is out of reach
+  std::string previous_end;  ///< see Hello
+  double retry_s = 60;       ///< time of retries while the master or a block is out of reach
   std::vector<std::string>
       sources;  ///< sources of blocks; empty: the sources that the master's Welcome names
   std::optional<DiskCacheLocation> disk_cache;

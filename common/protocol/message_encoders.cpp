@@ -77,6 +77,7 @@ Bytes Encode(const Hello& m) {
   w.threads = m.threads;
   w.instance = m.instance;
   w.serves_at = m.serves_at;
+  w.previous_end = m.previous_end;
   return Pack<wire::Hello>(w);
 }
 

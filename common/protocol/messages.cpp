@@ -138,9 +138,11 @@ Result<Hello> DecodeHello(std::span<const std::byte> table) {
   const auto* w = Root<wire::Hello>(table);
   if (!w) return NotWellFormed();
   const bool idle = static_cast<Role>(w->role()) == Role::kWorker && w->threads() == 0;
-  if (w->role() > 2 || SizeOf(w->name()) > 256 || w->threads() > 4096 || idle)
+  if (w->role() > 2 || SizeOf(w->name()) > 256 || SizeOf(w->previous_end()) > 256 || w->threads() > 4096 ||
+      idle)
     return Fail("received a greeting that is not well formed");
-  return Hello{static_cast<Role>(w->role()), Legible(w->name()), w->threads(), w->instance(), w->serves_at()};
+  return Hello{static_cast<Role>(w->role()), Legible(w->name()), w->threads(), w->instance(), w->serves_at(),
+               Legible(w->previous_end())};
 }
 
 Result<Welcome> DecodeWelcome(std::span<const std::byte> table) {

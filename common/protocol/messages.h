@@ -22,6 +22,8 @@ struct Hello {
   uint32_t threads = 0;
   uint64_t instance = 0;   ///< a worker's random number, which identifies it after a loss of the connection
   uint16_t serves_at = 0;  ///< port at which a worker serves blocks to others; 0: none
+  /// How the worker ended that this one replaces ("killed by signal 9, out of memory?"); mostly empty.
+  std::string previous_end = {};
 };
 /// The answer to a Hello.
 struct Welcome {

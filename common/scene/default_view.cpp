@@ -9,6 +9,14 @@ std::vector<Light> DefaultLights(const SceneSummary& scene) {
   return lights;
 }
 
+void TurnDefaultSun(View& view) {
+  for (const uint32_t axis : {1u, 2u})
+    if (view.up_axis == 3 - axis && view.lights == std::vector{DefaultSun(axis)}) {
+      view.lights = {DefaultSun(view.up_axis)};
+      return;
+    }
+}
+
 float InsideAoDistance(const SceneSummary& scene) {
   constexpr double kShareOfDistance = 0.3;
   return static_cast<float>(kShareOfDistance * scene.framing.inside_distance);

@@ -8,6 +8,10 @@ namespace quarry {
 /// Lights of a view that names none: the scene's own, else DefaultSun(). Thread-safe.
 std::vector<Light> DefaultLights(const SceneSummary& scene);
 
+/// Turns DefaultSun() to the up axis that the view names; other lights stay. For views whose lights are the
+/// default ones. Thread-safe.
+void TurnDefaultSun(View& view);
+
 /// Length of occlusion rays of a view from inside: a share of the distance of things, so that pipes near the
 /// eye do not all lie in each other's shade. Units: scene units. Requires: `scene.framing.inside` is set.
 /// Thread-safe.

@@ -36,7 +36,11 @@ enum class SectionType : uint32_t {
   kMaterialTextures = 0x5845544D,  // "MTEX"
   kCameras = 0x534D4143,           // "CAMS"
   kLights = 0x4554494C,            // "LITE"
+  kModels = 0x534C444D,            // "MDLS"
 };
+
+/// Limits of section MDLS: how many models it names, and the bytes of a name, its end excluded.
+inline constexpr size_t kMostModelNames = 256, kMostModelNameBytes = 255;
 
 /// Facts about a scene.
 /// Units: lengths and positions in scene units, sizes in bytes.

@@ -83,6 +83,7 @@ nlohmann::ordered_json DescribeFacts(const StoreReader& store) {
   const StoreTotals t = TotalsOf(store);
   nlohmann::ordered_json j;
   j["scene_id"] = FormatSceneId(c.id);
+  j["models"] = store.models().names;
   j["store_bytes"] = store.size();
   j["input_triangles"] = m.input_triangles;
   j["dropped_degenerate_triangles"] = m.dropped_degenerate;

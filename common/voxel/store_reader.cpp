@@ -35,6 +35,7 @@ constexpr KnownSection kKnown[] = {
     {SectionType::kStrings, false, 4 * kGiB},
     {SectionType::kCameras, false, 1 << 20},
     {SectionType::kLights, false, 1 << 20},
+    {SectionType::kModels, false, sizeof(uint32_t) + kMostModelNames*(kMostModelNameBytes + 1)},
     {SectionType::kBlocks, false, kUnlimited},
     {SectionType::kProxies, false, kUnlimited},
     {SectionType::kTexturePages, false, kUnlimited},
@@ -131,9 +132,22 @@ Status StoreReader::ReadSection(const SectionEntry& entry, std::vector<Section>&
   const KnownSection* const known = Known(entry.type);
   if (!known || (entry.flags & kSectionOwnChecksums)) return {};
   const bool views_too = entry.type == SectionType::kCameras || entry.type == SectionType::kLights;
-  if (!known->catalog && !views_too) return CheckBytes(entry);
+  const bool models = entry.type == SectionType::kModels;
+  if (!known->catalog && !views_too && !models) return CheckBytes(entry);
   QUARRY_ASSIGN(Bytes bytes, ReadBytes(entry));
+  if (models) return DecodeModels(entry, bytes);
   (known->catalog ? catalog_sections_ : views).push_back({entry.type, std::move(bytes)});
+  return {};
+}
+
+Status StoreReader::DecodeModels(const SectionEntry& entry, std::span<const std::byte> bytes) {
+  ByteReader in(bytes);
+  models_.count = in.Get<uint32_t>();
+  std::string_view text = AsText(bytes.subspan(std::min(bytes.size(), sizeof(uint32_t))));
+  for (size_t end = 0; (end = text.find('\0')) != std::string_view::npos; text.remove_prefix(end + 1))
+    models_.names.emplace_back(text.substr(0, end));
+  if (!in.ok() || !text.empty() || models_.names.size() != std::min<size_t>(models_.count, kMostModelNames))
+    return Damaged(entry, "another number of names than it says");
   return {};
 }
 

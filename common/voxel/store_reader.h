@@ -24,6 +24,12 @@ struct SectionEntry {
   uint64_t offset = 0, size = 0, checksum = 0;
 };
 
+/// The files that a store was made of.
+struct ModelNames {
+  uint32_t count = 0;              ///< 0 when unknown: standard input, or a store from before
+  std::vector<std::string> names;  ///< of the first kMostModelNames files, without their folders
+};
+
 /// A scene store opened for reading; a file is read with pread(), never mapped. Open() reads and checks all
 /// but blocks and pages. The catalog, cameras and lights stay in memory; names do not. Thread-safe after
 /// Open().
@@ -54,6 +60,9 @@ class StoreReader {
   const std::vector<Texture>& textures() const { return catalog_.textures; }
   /// The materials' uses of textures, sorted by material, then use.
   const std::vector<MaterialTexture>& material_textures() const { return material_textures_; }
+
+  /// The files that the store was made of. Other programs' bytes: print them as such.
+  const ModelNames& models() const { return models_; }
 
   /// The cameras and lights of the model.
   const SceneViews& views() const { return views_; }
@@ -99,6 +108,7 @@ class StoreReader {
   Status VerifyVoxel(uint32_t voxel, uint64_t& end, BlockDecoder& decoder) const;
   Status CheckBounds(const VoxelGeometry& geometry, uint32_t voxel) const;
   Status CheckBlocksEnd(uint64_t end) const;
+  Status DecodeModels(const SectionEntry& entry, std::span<const std::byte> bytes);
   Status DecodeViews(const std::vector<Section>& sections);
   Status VerifyTexture(uint32_t texture) const;
   Status CheckPagesFill() const;
@@ -110,6 +120,7 @@ class StoreReader {
   std::unique_ptr<const StoreNames> names_;
   std::vector<MaterialTexture> material_textures_;
   SceneViews views_;
+  ModelNames models_;
   uint64_t blocks_begin_ = 0, blocks_end_ = 0;
   uint64_t pages_begin_ = 0, pages_end_ = 0;
 };

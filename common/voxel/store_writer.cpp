@@ -12,7 +12,7 @@
 namespace quarry {
 namespace {
 
-constexpr uint32_t kSectionCount = 12;
+constexpr uint32_t kSectionCount = 13;
 constexpr uint64_t kBlocksOffset = kStoreHeaderBytes + kSectionCount * kSectionEntryBytes;
 
 SceneId HashScene(const std::vector<uint64_t>& logical, const std::vector<WrittenTexture>& textures,
@@ -60,6 +60,16 @@ Bytes EncodeParts(const std::vector<std::string>& parts, std::string& strings) {
   for (const std::string& part : parts) {
     out.Put(static_cast<uint32_t>(strings.size()));
     strings.append(part).push_back('\0');
+  }
+  return out.Take();
+}
+
+Bytes EncodeModels(const std::vector<std::string>& models) {
+  ByteWriter out;
+  out.Put(static_cast<uint32_t>(models.size()));
+  for (size_t i = 0; i < std::min(models.size(), kMostModelNames); ++i) {
+    out.PutArray(std::string_view(models[i]).substr(0, kMostModelNameBytes));
+    out.Put('\0');
   }
   return out.Take();
 }
@@ -162,7 +172,8 @@ Status StoreWriter::DropTexture() {
 
 Result<SceneId> StoreWriter::Finish(SceneMeta meta, const std::vector<KdNode>& top_nodes,
                                     const std::vector<Material>& materials,
-                                    const std::vector<std::string>& parts, const SceneViews& views) {
+                                    const std::vector<std::string>& parts, const SceneViews& views,
+                                    const std::vector<std::string>& models) {
   for (const VoxelEntry& v : directory_) {
     for (const BlockEntry& b : v.blocks) {
       meta.largest_decoded = std::max(meta.largest_decoded, b.decoded);
@@ -202,6 +213,7 @@ Result<SceneId> StoreWriter::Finish(SceneMeta meta, const std::vector<KdNode>& t
   logical[6].bytes = EncodeTextureFacts(textures);
   logical.erase(logical.begin() + 2);  // the directory: positions and sizes of compressed blocks
   const SceneId id = HashScene(logical_, textures_, logical);
+  sections.push_back({SectionType::kModels, EncodeModels(models)});  // a renamed model is the same scene
 
   ByteWriter table;
   PutSectionEntry(table, SectionType::kBlocks, kSectionCritical | kSectionOwnChecksums, kBlocksOffset,

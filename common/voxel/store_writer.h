@@ -86,9 +86,10 @@ class StoreWriter {
   /// Whether a voxel has opacity masks.
   bool has_masks() const { return masks_; }
   /// Writes all other sections and computes the scene id. Fills in `meta`: sizes, the LZ4 version, `masks`.
+  /// `models`: the names of the models' files, without zeros in them; not part of the scene id.
   Result<SceneId> Finish(SceneMeta meta, const std::vector<KdNode>& top_nodes,
                          const std::vector<Material>& materials, const std::vector<std::string>& parts,
-                         const SceneViews& views = {});
+                         const SceneViews& views = {}, const std::vector<std::string>& models = {});
   /// Bytes in the file so far.
   uint64_t bytes_written() const { return file_.size(); }
   /// Makes the voxels and textures written so far survive a loss of power.

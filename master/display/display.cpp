@@ -96,15 +96,26 @@ void Display::WorkerReady(const WorkerRecord& worker) {
   dispatcher_.RemoveWorker(worker.id);
   dispatcher_.AddWorker(worker.id, worker.threads);
   failure_.clear();
+  lost_.clear();
   TellState();
   AssignSoon();
 }
 
-void Display::WorkerGone(uint32_t id) {
+void Display::WorkerGone(uint32_t id, const std::string& lost) {
   dispatcher_.RemoveWorker(id);
-  if (dispatcher_.has_workers()) failure_.clear();  // the others go on
+  lost_ = lost;
+  if (dispatcher_.has_workers()) {
+    failure_.clear();
+    if (!lost.empty()) Notify(lost + " The others go on.");
+  }
   TellState();
   AssignSoon();
+}
+
+void Display::Notify(const std::string& sentence) {
+  const std::string json = ordered_json{{"type", "notice"}, {"message", sentence}}.dump(
+      -1, ' ', false, ordered_json::error_handler_t::replace);
+  for (const auto& [id, viewer] : viewers_) viewer->Tell(json);
 }
 
 void Display::WorkerFailed(const std::string& sentence) {
@@ -247,9 +258,10 @@ void Display::Welcome(const std::shared_ptr<Viewer>& viewer) {
 void Display::TellState() {
   const bool works = dispatcher_.has_workers();
   const char* const state = works ? "ok" : failure_.empty() ? "no-workers" : "failed";
-  const std::string message = works ? ""
-                              : !failure_.empty()
-                                  ? failure_
+  const std::string message = works               ? ""
+                              : !failure_.empty() ? failure_
+                              : !lost_.empty()
+                                  ? lost_ + " The picture goes on when a worker joins."
                                   : "No worker is connected. The picture goes on when one joins.";
   std::string json = ordered_json{{"type", "state"}, {"state", state}, {"message", message}}.dump(
       -1, ' ', false, ordered_json::error_handler_t::replace);

@@ -39,7 +39,10 @@ class Display : private LiveDispatcher::Sink {
   static bool Owns(FrameId frame) { return frame >= kFirstLiveFrame; }
   /// The worker has the scene and takes tiles.
   void WorkerReady(const WorkerRecord& worker);
-  void WorkerGone(uint32_t id);
+  /// The worker takes no tile more. `lost`: the sentence for viewers; empty when it has left in order.
+  void WorkerGone(uint32_t id, const std::string& lost = {});
+  /// Shows viewers a sentence for a while.
+  void Notify(const std::string& sentence);
   /// A worker could not go on, for a reason that viewers should know.
   void WorkerFailed(const std::string& sentence);
   /// A result of a frame that the display owns. Errors: it does not fit its tile.
@@ -81,6 +84,7 @@ class Display : private LiveDispatcher::Sink {
   std::optional<Result<SceneSummary>> summary_;
   std::string welcome_;  ///< JSON; empty until the scene is known
   std::string failure_;  ///< what the last worker said that left none behind
+  std::string lost_;     ///< the sentence about the worker that was lost last
   std::string state_;    ///< JSON that viewers were told last
   uint64_t frames_of_gone_ = 0, abandoned_of_gone_ = 0;
   uint32_t next_viewer_ = 1;

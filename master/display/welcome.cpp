@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/base/version.h"
+#include "common/scene/default_view.h"
 #include "master/display/viewer_message.h"
 
 namespace quarry {
@@ -39,6 +40,14 @@ SceneSummary Turned(SceneSummary scene) {
   return scene;
 }
 
+/// The lights of the default view with the scene's other axis up.
+ordered_json TurnedLights(const ViewDescription& defaults, const SceneSummary& scene) {
+  View view = defaults.view;
+  view.up_axis = Turned(scene).framing.up_axis;
+  TurnDefaultSun(view);
+  return ViewToJson(view, std::nullopt, scene.offset)["lights"];
+}
+
 }  // namespace
 
 std::string MakeWelcome(const std::string& name, const std::string& store, const SceneSummary& scene,
@@ -63,6 +72,7 @@ std::string MakeWelcome(const std::string& name, const std::string& store, const
                          {"interior", framing.interior},
                          {"views", NamedViews(scene)},
                          {"turned_views", NamedViews(Turned(scene))},
+                         {"turned_lights", TurnedLights(defaults, scene)},
                          {"cameras", std::move(cameras)}}},
                        {"view", ViewToJson(defaults.view, std::nullopt, scene.offset)},
                        {"limits", {{"most_pixels", most_pixels}, {"most_side", kMostSide}}}};

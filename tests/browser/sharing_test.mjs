@@ -129,6 +129,46 @@ test('what cannot be saved has a sentence, and what takes long can be given up',
   await page.locator('#save-progress').waitFor({ state: 'hidden' });
 });
 
+/** The process of `quarry view`'s worker. */
+async function workerOf(viewing) {
+  for (;;) {
+    const children = spawnSync('pgrep', ['-P', String(viewing.pid), '-f', 'quarry-worker'], { encoding: 'utf8' }).stdout.trim();
+    if (children) return Number(children.split('\n')[0]);
+    await new Promise(resolve => setTimeout(resolve, 50));
+  }
+}
+
+test('a killed worker of a view is named on the page, with the signal, and is started again', async () => {
+  const viewing = spawn(path.join(BIN, 'quarry'), ['view', cluster.store, '--http', '127.0.0.1:0', '--quiet'], { stdio: ['ignore', 'pipe', 'ignore'] });
+  const url = await new Promise(resolve => viewing.stdout.once('data', text => resolve(String(text).trim())));
+  const seen = await open(url);
+  await untilExact(seen);
+  process.kill(await workerOf(viewing), 'SIGKILL');
+  await seen.waitForFunction(() => /Worker local-1 is gone/.test(document.getElementById('overlay').innerText), null, { timeout: 20000 });
+  await seen.waitForFunction(() => /Worker local-1 was killed by signal 9, out of memory\? It is started again/.test(document.getElementById('toast').innerText), null, { timeout: 20000 });
+  await shoot(seen, 'killed-worker');
+  await seen.evaluate(view => window.quarry.setView({ ...view, mode: 'raycast' }), await viewOf(seen));
+  await untilExact(seen);
+  await seen.context().close();
+  const ended = new Promise(resolve => viewing.once('exit', resolve));
+  viewing.kill('SIGTERM');
+  await ended;
+});
+
+test('the saved view of a model with its other axis up has the sun turned, and is the picture on the page', async () => {
+  const before = await viewOf(page);
+  assert.equal(before.up_axis, undefined);
+  await page.selectOption('#up-axis', 'y');
+  await page.evaluate(camera => window.quarry.setView({ camera, up_axis: 'y', mode: 'shadow', spp: 1 }), before.camera);
+  const exact = await exactOf(page);
+  assert.notDeepEqual(exact.view.lights, before.lights);
+  const view = await downloadOf(page, '#save-view');
+  fs.writeFileSync(cluster.file('turned.json'), JSON.stringify({ ...JSON.parse(view.bytes), size: exact.view.size }));
+  cluster.run('quarry', 'render', '-o', cluster.file('turned.png'), '--view', cluster.file('turned.json'), '--force', '--quiet', cluster.store);
+  assert.ok(exact.png.equals(fs.readFileSync(cluster.file('turned.png'))));
+  await page.selectOption('#up-axis', 'z');
+});
+
 test('a view that is started again lets its page in again', async () => {
   const port = await freePort();
   const env = { ...process.env, XDG_STATE_HOME: cluster.file('state') };

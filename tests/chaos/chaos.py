@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Short walks through a small scene by a cluster to which faults happen, drawn from a seed. Each must end with the images of the
 undisturbed walk. Prints a JSON line a run; of one that went wrong also the logs. Exit status: 0 when all were right.
-Usage: tests/chaos/run --seeds A-B [--jobs N] [--kinds KIND,...] [--textured] [--keep]"""
+Usage: tests/chaos/run --seeds A-B [--jobs N] [--kinds KIND,...] [--textured] [--viewer] [--keep]"""
 import argparse
 import asyncio
 import json
@@ -27,23 +27,23 @@ def kinds_here(wanted):
     return able
 
 
-async def run_seed(stage, seed, able, keep, undisturbed_s=None):
-    run = Run(stage, seed, able, undisturbed_s)
+async def run_seed(stage, seed, able, keep, watched, undisturbed_s=None):
+    run = Run(stage, seed, able, undisturbed_s, watched)
     try:
         result = await run.walk()
         print(json.dumps(result), flush=True)
         if run.wrong:
-            again = f"tests/chaos/run --seeds {seed}{' --textured' if stage.textured else ''}"
+            again = f"tests/chaos/run --seeds {seed}{' --textured' * stage.textured}{' --viewer' * watched}"
             print(f"--- seed {seed} went wrong; again: {again}\n{run.logs()}\n---", file=sys.stderr, flush=True)
         return result
     finally:
         run.clean(keep)
 
 
-async def run_all(stage, seeds, able, jobs, keep):
+async def run_all(stage, seeds, able, jobs, keep, watched):
     # Whether its workers ask each other for enough blocks is a matter of chance.
     for _ in range(3):
-        undisturbed = await run_seed(stage, 0, set(), keep)
+        undisturbed = await run_seed(stage, 0, set(), keep, watched)
         if not undisturbed["wrong"] or not all("bytes between workers" in wrong for wrong in undisturbed["wrong"]):
             break
     if undisturbed["result"] != "ok":
@@ -52,7 +52,7 @@ async def run_all(stage, seeds, able, jobs, keep):
 
     async def one(seed):
         async with turn:
-            return await run_seed(stage, seed, able, keep, undisturbed["seconds"])
+            return await run_seed(stage, seed, able, keep, watched, undisturbed["seconds"])
 
     return await asyncio.gather(*(one(seed) for seed in seeds))
 
@@ -71,6 +71,7 @@ def main():
     parser.add_argument("--jobs", type=int, default=1, help="runs at once")
     parser.add_argument("--kinds", default=",".join(faults.KINDS), help="only these faults (changes what a seed draws)")
     parser.add_argument("--textured", action="store_true", help="a scene with textures and cut-outs instead of the plant")
+    parser.add_argument("--viewer", action="store_true", help="a viewer moves meanwhile, and must get an exact picture at the end")
     parser.add_argument("--keep", action="store_true", help="keep each run's folder")
     a = parser.parse_args()
     if unknown := set(a.kinds.split(",")) - set(faults.KINDS):
@@ -78,7 +79,7 @@ def main():
     folder = pathlib.Path(tempfile.mkdtemp(prefix="quarry-chaos-"))
     try:
         able = kinds_here(a.kinds.split(","))
-        results = asyncio.run(run_all(Stage(folder, a.textured), a.seeds, able, a.jobs, a.keep))
+        results = asyncio.run(run_all(Stage(folder, a.textured), a.seeds, able, a.jobs, a.keep, a.viewer))
     finally:
         if a.keep:
             print(f"chaos: kept {folder}", file=sys.stderr)

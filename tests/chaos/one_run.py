@@ -11,24 +11,28 @@ import clock
 import disk
 import faults
 from link import Link
+from moving_viewer import MovingViewer
 from processes import Program, left_over
 from stage import BIN, CACHE
 
 # A run may take this long: thrice the time of an undisturbed one and this, and for each fault what it lasts and the longest of the stated
 # time-outs that may follow it (ten seconds to greet after six of silence, or a pause of five before a source is asked again).
 GRACE_S, RECOVERY_S = 20, 17
+START_S = 60  # until the cluster's programs listen
 UNDISTURBED_S = 120  # for the undisturbed one itself
 MARK = "QUARRY_CHAOS_RUN"
 OUTPUT_DISK, SPOOL_DISK = "1M", "1M"
 LEAST_FROM_PEERS = 10000  # bytes, some blocks of this scene: that workers ask each other at all
 FRAMES_BEFORE_JOIN = 3  # of the undisturbed walk's last worker
+VIEWER_S = 60  # after the walk, until a viewer has an exact picture
 LINK_RATE = 300000  # bytes a second: slow enough that a walk takes some seconds, most of them on the way
 
 
 class Run:
     """Everything of one seed. Its folder is below the stage's."""
 
-    def __init__(self, stage, seed, able, undisturbed_s=None):
+    def __init__(self, stage, seed, able, undisturbed_s=None, watched=False):
+        self.watched, self.viewer, self.token = watched, None, secrets.token_hex(32)
         self.stage, self.seed, self.undisturbed_s = stage, seed, undisturbed_s
         self.random = random.Random(seed)
         self.folder = stage.folder / f"run-{seed}"
@@ -75,6 +79,14 @@ class Run:
             secret.chmod(0o600)
         return ["--secret-file", str(secret)]
 
+    def _live(self):
+        if not self.watched:
+            return []
+        token = self.folder / "token"
+        token.write_text(self.token)
+        token.chmod(0o600)
+        return ["--http", f"{self.host}:9500", "--view-token-file", token]
+
     async def _program(self, name, program, *arguments, restart=True):
         self.programs[name] = Program(name, [str(BIN / program), *map(str, arguments), *self._security()], self.folder / f"{name}.log",
                                       self._environment(), restart)
@@ -100,8 +112,10 @@ class Run:
             await self._program(name, "quarry-master", self.stage.store, "--listen", f"{self.host}:{9001 + i}", "--serve-only")
             sources.append(await self._link("to-" + name, 9301 + i, 9001 + i))
         await self._program("master", "quarry-master", self.stage.store, "--listen", f"{self.host}:9000", "--spool", self.folder / "spool",
-                            "--schedule", self.schedule, *(part for source in sources for part in ("--source", source)))
+                            "--schedule", self.schedule, *(part for source in sources for part in ("--source", source)), *self._live())
         await self._listens(9000)
+        if self.watched:
+            self.viewer = MovingViewer(f"http://{self.host}:9500/?token={self.token}")
         for name in self.workers if self.seed else self.workers[:-1]:
             await self._start_worker(name)
         address = await self._link("to-client", 9100, 9000)
@@ -144,7 +158,11 @@ class Run:
         begin = time.monotonic()
         hurting = None
         try:
-            await self._start_cluster()
+            try:
+                await asyncio.wait_for(self._start_cluster(), START_S)
+            except asyncio.TimeoutError:
+                self.wrong.append(f"the cluster does not listen within {START_S} s")
+                return {"seed": self.seed, "result": "wrong", "seconds": START_S, "wrong": self.wrong}
             hurting = asyncio.create_task(self._hurt() if self.seed else self._join_late())
             try:
                 status = await asyncio.wait_for(self.programs["client"].process.wait(), self.limit_s)
@@ -159,6 +177,8 @@ class Run:
                 for failed in await asyncio.gather(hurting, return_exceptions=True):
                     if isinstance(failed, Exception):
                         self.wrong.append(f"the harness failed: {failed!r}")
+            if self.viewer and (wrong := await asyncio.to_thread(self.viewer.end, VIEWER_S)):
+                self.wrong.append(wrong)
             await asyncio.sleep(0.3)  # for the master to let go of the job
             await self._end()
         self._check()
@@ -167,7 +187,7 @@ class Run:
                 "mode": self.mode, "schedule": self.schedule, "tls": self.tls, "workers": len(self.workers), "servers": len(self.servers),
                 "faults": [str(fault) for fault in self.faults], "met": sum("healed" not in event for event in self.events),
                 "bits_flipped": sum(link.flipped for link in self.links.values()), "bytes_of_peers": self._bytes_of_peers(),
-                "own_ends": restarts, "wrong": self.wrong}
+                "frames_seen": self.viewer.frames if self.viewer else None, "own_ends": restarts, "wrong": self.wrong}
 
     async def _end(self):
         for program in reversed(list(self.programs.values())):

@@ -421,7 +421,7 @@ class Live(Case):
     def test_the_up_axis_turns_the_view_and_nothing_is_made_again(self):
         model = self.path("plant.ply")
         self.must("quarry-scene", "plant", "--triangles", 20000, "-o", model, "--quiet")
-        seen = {}
+        seen, lights = {}, {}
         for axis in ("", "y", "z"):
             view = subprocess.Popen([str(BIN / "quarry"), "view", model, "--http", "127.0.0.1:0", *(["--up-axis", axis] if axis else [])],
                                     stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
@@ -429,8 +429,10 @@ class Live(Case):
             url, told = view.stdout.readline().strip(), ""
             while "is shown until" not in told:
                 told += view.stderr.readline()
-            scene = self.client(url).welcome["scene"]
+            welcome = self.client(url).welcome
+            scene = welcome["scene"]
             seen[axis] = scene["up_axis"], scene["views"], scene["turned_views"]
+            lights[axis] = welcome["view"]["lights"], scene["turned_lights"]
             view.send_signal(signal.SIGINT)
             told += view.communicate(timeout=TIMEOUT_S)[1]
             self.assertEqual("using the store kept of it" in told, bool(axis), told)
@@ -439,6 +441,8 @@ class Live(Case):
         for name in ("iso", "top", "front"):
             self.assertEqual(seen["y"][1][name], seen["z"][2][name])
             self.assertNotEqual(seen["y"][1][name], seen["z"][1][name])
+        self.assertEqual(lights["y"], lights["z"][::-1])
+        self.assertNotEqual(*lights["y"])
 
     def test_a_model_has_a_page_that_says_how_far_it_is(self):
         self.must("quarry-scene", "plant", "--triangles", 1500000, "-o", self.path("plant.ply"), "--quiet")

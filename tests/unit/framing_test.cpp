@@ -5,6 +5,7 @@
 #include <glm/geometric.hpp>
 
 #include "common/math/elementary.h"
+#include "common/scene/default_view.h"
 #include "common/scene/view_basis.h"
 
 namespace quarry {
@@ -79,6 +80,22 @@ TEST_CASE("Directions are named by the scene's axes", "[framing]") {
   framing.up_axis = 1;
   CHECK(glm::length(toward(NamedView::kFront) - glm::dvec3(0, 0, 1)) < 1e-9);
   CHECK(glm::length(toward(NamedView::kTop) - glm::dvec3(0, 1, 0)) < 1e-9);
+}
+
+TEST_CASE("The default sun turns with a view's up axis, and a scene's own lights stay", "[framing]") {
+  View view;
+  view.lights = {DefaultSun(2)};
+  TurnDefaultSun(view);
+  CHECK(view.lights == std::vector{DefaultSun(2)});  // the view names no axis
+  view.up_axis = 1;
+  TurnDefaultSun(view);
+  CHECK(view.lights == std::vector{DefaultSun(1)});
+  TurnDefaultSun(view);
+  CHECK(view.lights == std::vector{DefaultSun(1)});
+  const std::vector<Light> own{{LightKind::kSun, {0, 0, 1}, glm::vec3(0.9f)}};
+  view.lights = own;
+  TurnDefaultSun(view);
+  CHECK(view.lights == own);
 }
 
 TEST_CASE("A scene of one point has a camera", "[framing]") {

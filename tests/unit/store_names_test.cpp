@@ -72,7 +72,7 @@ class Changed {
   uint64_t Begin(SectionType type) const { return Get<uint64_t>(Entry(type) + 8); }
   /// Gives the last section another type, and a size that the file has in zeros.
   void ClaimLast(SectionType type, uint64_t section_size) {
-    const uint64_t entry = Entry(SectionType::kLights);
+    const uint64_t entry = Entry(SectionType::kModels);
     Put(entry, static_cast<uint32_t>(type));
     Put(entry + 16, section_size);
     size = Get<uint64_t>(entry + 8) + section_size;

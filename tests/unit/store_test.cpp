@@ -104,8 +104,8 @@ SceneId WriteStore(const std::string& path) {
   first.chained = true;
   REQUIRE(writer->AddVoxel(first).has_value());
   REQUIRE(writer->AddVoxel(EncodeVoxel(MakeHot(), nullptr)).has_value());
-  const auto id =
-      writer->Finish(MakeMeta(), {KdNode::Leaf(0, 1)}, MakeMaterials(), {"valve", "pump"}, MakeViews());
+  const auto id = writer->Finish(MakeMeta(), {KdNode::Leaf(0, 1)}, MakeMaterials(), {"valve", "pump"},
+                                 MakeViews(), {"plant.obj", "pipes.ply"});
   REQUIRE(id.has_value());
   return *id;
 }
@@ -132,6 +132,8 @@ TEST_CASE("A store gives back all that was put in") {
   CHECK(c.voxels[0].next_in_chain == 1);
   CHECK(c.voxels[1].next_in_chain == kNoIndex);
   CHECK(c.voxels[1].blocks[1].stored == 0);
+  CHECK(store->models().count == 2);
+  CHECK(store->models().names == std::vector<std::string>{"plant.obj", "pipes.ply"});
   CHECK(store->part_count() == 2);
   CHECK(store->PartName(0) == "valve");
   CHECK(store->PartName(1) == "pump");

@@ -94,7 +94,7 @@ function message(message) {
   if (message.type === 'picked') live.picked(message);
   else if (message.type === 'stats') activity.take(message);
   else if (message.type === 'saved') share.take(message);
-  else if (message.type === 'refused') tell(message.message);
+  else if (message.type === 'refused' || message.type === 'notice') tell(message.message);
   else if (message.type === 'state') overlays.setServer(message.state, message.message);
 }
 
@@ -194,7 +194,7 @@ const tools = {
 for (const [name, use] of Object.entries(tools)) $(`tool-${name}`).addEventListener('click', use);
 
 /// The whole view, as `quarry render --view` reads it.
-function wholeView() { return live.view ? { ...defaults, ...toWire(live.view) } : null; }
+function wholeView() { return live.view ? { ...defaults, lights: live.lights(defaults.lights), ...toWire(live.view) } : null; }
 
 /// Whether the picture on the screen is the exact one of the newest view.
 function isExact() { return connection.isOpen && Boolean(picture.header?.exact) && hud.isNewest; }
