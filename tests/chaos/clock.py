@@ -2,6 +2,10 @@
 import glob
 import os
 
+from stage import BIN
+
+REAL_TIMERS = BIN / "quarry-test-real-timers.so"  # see real_timers.cpp
+
 
 class Clock:
     """Programs started with `environment` read their time of day through `file`."""
@@ -9,7 +13,7 @@ class Clock:
     def __init__(self, file):
         self.file = file
         self.set(0)
-        self.environment = {"LD_PRELOAD": library(), "FAKETIME_TIMESTAMP_FILE": file, "FAKETIME_NO_CACHE": "1",
+        self.environment = {"LD_PRELOAD": f"{REAL_TIMERS}:{library()}", "FAKETIME_TIMESTAMP_FILE": file, "FAKETIME_NO_CACHE": "1",
                             "FAKETIME_DONT_FAKE_MONOTONIC": "1", "DONT_FAKE_MONOTONIC": "1"}
 
     def set(self, offset_s):
