@@ -96,7 +96,8 @@ Status ParseImage(const RenderArguments& a, RenderJob& job) {
     view.crop = {crop[0], crop[1], crop[2], crop[3]};
   }
   if (!a.has_view_file() || Typed(a, "--mode")) QUARRY_TRY(ParseMode(a.mode, view));
-  if (!a.has_view_file()) view.spp = view.mode == RenderMode::kAo ? 4 : 1;
+  if (!a.has_view_file())
+    view.spp = view.mode == RenderMode::kAo || view.mode == RenderMode::kWhitted ? 4 : 1;
   if (Typed(a, "--spp")) view.spp = a.spp;
   if (Typed(a, "--seed")) view.seed = a.seed;
   if (Typed(a, "--ao-samples")) view.ao_samples = a.ao_samples;
@@ -264,7 +265,7 @@ void AddViewOptions(CLI::App& c, RenderArguments& a) {
 
 void AddPictureOptions(CLI::App& c, RenderArguments& a) {
   c.add_option("--mode", a.mode, "ao, raycast, shadow, whitted or voxels")->capture_default_str();
-  c.add_option("--spp", a.spp, "Samples per pixel (default: 4 in ao, else 1)")
+  c.add_option("--spp", a.spp, "Samples per pixel (default: 4 in ao and whitted, else 1)")
       ->check(WholeNumber(1, kMaxSpp));
   c.add_option("--seed", a.seed, "Seed of the sample pattern")
       ->check(WholeNumber(0, std::numeric_limits<uint64_t>::max()))

@@ -42,6 +42,23 @@ bool LeavesFolder(const fs::path& folder, const fs::path& file) {
   return inside.empty() || *inside.begin() == "..";
 }
 
+fs::path FindOnlyFile(const fs::path& folder, const std::string& name,
+                      std::initializer_list<const char*> extensions) {
+  if (std::ranges::all_of(name, [](char c) { return static_cast<unsigned char>(c) < 0x80; })) return {};
+  fs::path found;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(folder.empty() ? "." : folder, error)) {
+    const std::string extension = entry.path().extension().string();
+    const bool fits = std::ranges::any_of(
+        extensions, [&](const char* known) { return EqualsIgnoringCase(extension, known); });
+    if (!fits || !IsFile(entry.path())) continue;
+    if (!found.empty()) return {};
+    found = folder / entry.path().filename();
+  }
+  if (!found.empty()) NoteModelFile(found.string());
+  return found;
+}
+
 fs::path FindFile(const fs::path& folder, const std::string& name) {
   if (name.empty() || name.find('\0') != std::string::npos) return {};
   const std::string slashed = Slashed(name);

@@ -42,11 +42,13 @@ Import ChooseFormat(ModelReader& bytes, std::filesystem::path path) {
 
 /// The kind of a foreign file by its first bytes and its name without ".gz".
 ForeignContent ContentOf(ModelReader& bytes, std::filesystem::path path) {
-  constexpr size_t kLook = 1024;
+  constexpr size_t kLook = 16 << 10;   // headers of STEP and IFC are long
   if (LooksLikeStl(bytes)) return {};  // its 80-byte header may hold anything
   if (bytes.is_packed()) path = path.stem();
   bytes.Ensure(kLook);
-  return RecognizeForeign(bytes.view().substr(0, kLook), path.extension().string());
+  const ForeignContent content = RecognizeForeign(bytes.view().substr(0, kLook), path.extension().string());
+  const bool has_vertices = content.what == kMaterialLibrary && LooksLikeObj(bytes);
+  return has_vertices ? ForeignContent{} : content;
 }
 
 tl::unexpected<Error> IsForeign(const ModelReader& bytes, const ForeignContent& content) {

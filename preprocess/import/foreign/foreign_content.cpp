@@ -21,6 +21,10 @@ constexpr std::string_view kMesh =
 constexpr std::string_view kUnpack = "unpack it, and give the model in it";
 constexpr std::string_view kExact =
     "export triangles, as glTF, OBJ or STL, from a CAD program (FreeCAD, say)";
+constexpr std::string_view kBuilding = "make triangles of it: IfcConvert FILE.ifc FILE.glb";
+constexpr std::string_view kUsd = "open it in Blender (File, Import, USD), and export glTF";
+constexpr std::string_view kKernel =
+    "export glTF, or STEP, from the CAD program that made it, or convert it (CAD Exchanger, say)";
 constexpr std::string_view kSurface =
     "write its surface as PLY or STL (ParaView: Extract Surface, Save Data)";
 constexpr std::string_view kImage = "give the model that it belongs to";
@@ -46,8 +50,8 @@ constexpr Signature kSignatures[] = {
     {"Rar!\x1A\x07"sv, "a RAR archive", kUnpack},
     {"MSCF\0\0\0\0"sv, "a CAB archive", kUnpack},
     {kStoreMagic, "a scene store already", "render it: quarry render STORE -o OUT.png"},
-    {"#usda"sv, "a USD scene", kExport},
-    {"PXR-USDC"sv, "a USD scene", kExport},
+    {"#usda"sv, "a USD scene", kUsd},
+    {"PXR-USDC"sv, "a USD scene", kUsd},
     {"Ogawa"sv, "an Alembic file", kExport},
     {"\x89HDF\r\n"sv, "an HDF5 file (Alembic, or data)", kExport},
     {"LASF"sv, "a LAS or LAZ point cloud", kMesh},
@@ -80,8 +84,8 @@ constexpr Signature kSignatures[] = {
     {"#Ascii Scene"sv, "an OpenSceneGraph file", "convert it to OBJ or PLY (osgconv)"},
     {"MATLAB 5.0"sv, "a file of MATLAB", "write it as a model with faces first (stlwrite)"},
     {"\x08\x09\xFE\x02"sv, "a MicroStation drawing (DGN)", kExport},
-    {"**ABCDEFGHIJKLMNOPQRSTUVWXYZ"sv, "a Parasolid file, of exact surfaces", kExact},
-    {"PS\0\0\0"sv, "a Parasolid file, of exact surfaces", kExact},
+    {"**ABCDEFGHIJKLMNOPQRSTUVWXYZ"sv, "a Parasolid file, of exact surfaces", kKernel},
+    {"PS\0\0\0"sv, "a Parasolid file, of exact surfaces", kKernel},
     {"DBRep_DrawableShape"sv, "a BREP file, of exact surfaces", kExact},
     {"CASCADE Topology"sv, "a BREP file, of exact surfaces", kExact},
     {"ACIS BinaryFile"sv, "an ACIS file, of exact surfaces", kExact},
@@ -129,7 +133,11 @@ constexpr Signature kExtensions[] = {
     {".iam"sv, "an Inventor file", kExact},
     {".dgn"sv, "a MicroStation drawing (DGN)", kExport},
     {".c4d"sv, "a Cinema 4D file", kExport},
-    {".jt"sv, "a JT file", kExact},
+    {".jt"sv, "a JT file, of a CAD program", kKernel},
+    {".x_t"sv, "a Parasolid file, of exact surfaces", kKernel},
+    {".x_b"sv, "a Parasolid file, of exact surfaces", kKernel},
+    {".ifczip"sv, "an IFC building model, packed", kBuilding},
+    {".ifcxml"sv, "an IFC building model", kBuilding},
     {".sat"sv, "an ACIS file, of exact surfaces", kExact},
     {".sab"sv, "an ACIS file, of exact surfaces", kExact},
     {".scad"sv, "a program of OpenSCAD", "let it write an STL first: openscad FILE -o OUT.stl"},
@@ -224,7 +232,7 @@ ForeignContent Within(std::string_view start) {
   if (at(0, "FOR") && start.substr(0, 64).find("MAYA") != start.npos)
     return {"a Maya scene", std::string(kExport)};
   if (at(0, "Version ") && start.substr(0, 80).find(" JT ") != start.npos)
-    return {"a JT file", std::string(kExact)};
+    return {"a JT file, of a CAD program", std::string(kKernel)};
   if (IsIges(start)) return {"an IGES file, of exact surfaces", std::string(kExact)};
   return {};
 }
@@ -232,7 +240,7 @@ ForeignContent Within(std::string_view start) {
 ForeignContent Zip(std::string_view extension) {
   for (const std::string_view zipped : {".3mf", ".amf", ".zae", ".pk3"})
     if (EqualsIgnoringCase(extension, zipped)) return {};  // models that are zip archives; Assimp reads them
-  if (EqualsIgnoringCase(extension, ".usdz")) return {"a USD scene", std::string(kExport)};
+  if (EqualsIgnoringCase(extension, ".usdz")) return {"a USD scene", std::string(kUsd)};
   return {"a zip archive", "unpack it, and give the model in it"};
 }
 
@@ -256,9 +264,8 @@ ForeignContent RecognizeForeign(std::string_view start, std::string_view extensi
     return {kMaterialLibrary, "give the OBJ file that names it"};
   const auto holds = [&](std::string_view word) { return text.find(word) != std::string_view::npos; };
   if (text.starts_with("ISO-10303-21"))
-    return holds("'IFC")
-               ? ForeignContent{"an IFC building model", "convert it to glTF or OBJ (IfcConvert)", true}
-               : ForeignContent{"a STEP file, of exact surfaces", std::string(kExact)};
+    return holds("'IFC") ? ForeignContent{"an IFC building model", std::string(kBuilding), true}
+                         : ForeignContent{"a STEP file, of exact surfaces", std::string(kExact)};
   // OFF may begin like a table.
   if (!IsOfModel(extension) && IsTableOfNumbers(text))
     return {"a table of numbers (a point cloud, or a grid of heights)", std::string(kMesh), true};

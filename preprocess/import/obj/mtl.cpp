@@ -6,6 +6,7 @@
 #include <limits>
 #include <map>
 #include <optional>
+#include <utility>
 
 #include "common/scene/open_pbr.h"
 #include "preprocess/import/foreign/foreign_content.h"
@@ -36,7 +37,12 @@ glm::vec3 ClampColor(const glm::dvec3& c, double high = 1.0) {
   return {Clamp(c.x, 0, high), Clamp(c.y, 0, high), Clamp(c.z, 0, high)};
 }
 
+/// Programs that make meshes of photographs (openMVS, OpenDroneMap) write "Tr 1" of opaque materials, without
+/// "d". Nobody makes a material that is not there at all.
+bool MeansOpaque(const MtlBlock& block) { return !block.d && block.tr.value_or(0.0) >= 1; }
+
 double DissolveOf(const MtlBlock& block) {
+  if (MeansOpaque(block)) return 1;
   return Clamp(block.d ? *block.d : 1.0 - block.tr.value_or(0.0), 0, 1);
 }
 
@@ -120,6 +126,7 @@ class MtlParser {
   const std::function<void(std::string)>& warn_;
   std::vector<MtlMaterial> materials_;
   std::optional<MtlBlock> block_;
+  bool warned_of_tr_ = false;
 };
 
 Result<std::vector<MtlMaterial>> MtlParser::Parse() {
@@ -150,6 +157,12 @@ void MtlParser::Begin(std::string_view name) {
 
 void MtlParser::End() {
   if (block_) {
+    if (MeansOpaque(*block_) && !std::exchange(warned_of_tr_, true))
+      warn_(lines_
+                .FailHere(fmt::format("the material {} has \"Tr 1\" and no \"d\"; it is taken to be opaque",
+                                      Quoted(block_->name)))
+                .value()
+                .message);
     materials_.push_back({ToMaterial(*block_), {}});
     for (const auto& [use, texture] : block_->textures)
       materials_.back().textures.push_back(Completed(texture, *block_));

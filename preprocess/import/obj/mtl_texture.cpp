@@ -92,18 +92,44 @@ std::optional<MtlTexture> MtlTextureFor(std::string_view keyword) {
   return std::nullopt;
 }
 
-bool ParseMtlTexture(TextCursor& rest, MtlTexture& texture) {
-  Options options;
+namespace {
+
+/// Reads options up to a word that is none. False: an option is malformed.
+bool ReadOptions(TextCursor& rest, Options& options, MtlTexture& texture) {
   for (;;) {
     TextCursor after = rest;
     const std::string_view word = after.Word();
-    if (!word.starts_with('-')) break;
+    if (!word.starts_with('-')) return true;
     const std::optional<bool> read = Option(word, after, options, texture);
-    if (!read) break;  // a file name may begin with a hyphen
+    if (!read) return true;  // a file name may begin with a hyphen
     if (!*read) return false;
     rest = after;
   }
-  std::string_view name = rest.Name();
+}
+
+/// Reads the options that stand behind the name of a file, where some programs write them, and returns the
+/// name without them. What is not options to the end of the line belongs to the name.
+std::string_view TakeOptionsBehind(std::string_view name, Options& options, MtlTexture& texture) {
+  for (size_t at = name.find(" -"); at != name.npos; at = name.find(" -", at + 1)) {
+    TextCursor rest(name.substr(at));
+    Options behind = options;
+    MtlTexture with = texture;
+    if (!ReadOptions(rest, behind, with) || !rest.AtEnd()) continue;
+    options = behind;
+    texture = with;
+    name = name.substr(0, at);
+    while (name.ends_with(' ') || name.ends_with('\t')) name.remove_suffix(1);
+    return name;
+  }
+  return name;
+}
+
+}  // namespace
+
+bool ParseMtlTexture(TextCursor& rest, MtlTexture& texture) {
+  Options options;
+  if (!ReadOptions(rest, options, texture)) return false;
+  std::string_view name = TakeOptionsBehind(rest.Name(), options, texture);
   if (name.size() >= 2 && name.front() == '"' && name.back() == '"') name = name.substr(1, name.size() - 2);
   if (name.empty()) return false;
   texture.file = std::string(name);

@@ -181,6 +181,9 @@ Status ObjFile::OtherLine(std::string_view keyword, TextCursor& rest) {
   } else if (keyword == "mtllib") {
     materials_.AddLibraries(rest.Name());
     material_changed_ = true;  // a missing material may be defined now
+  } else if (keyword == "newmtl" && bytes_.can_reopen()) {
+    materials_.AddOwn();
+    material_changed_ = true;
   } else if (keyword == "o") {
     object_ = std::string(rest.Name());
     group_.clear();
@@ -369,10 +372,13 @@ bool LooksLikeObj(ModelReader& bytes) {
   bytes.Ensure(ModelReader::kBufferBytes);
   std::string_view text = bytes.view();
   if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
+  bool library = false;
   while (!text.empty()) {
     const std::string_view line = text.substr(0, text.find_first_of("\r\n"));
     text.remove_prefix(std::min(text.size(), line.size() + 1));
     const std::string_view word = TextCursor(line).Word();
+    library = library || EqualsIgnoringCase(word, "newmtl");
+    if (library && word != "v") continue;  // materials may stand before the model, in its own file
     if (!word.empty() && !word.starts_with('#')) return IsObjKeyword(word);
   }
   return false;

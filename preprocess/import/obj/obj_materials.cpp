@@ -53,7 +53,13 @@ void ObjMaterials::AddLibraries(std::string_view names) {
 }
 
 void ObjMaterials::AddLibrary(const std::string& name) {
-  const fs::path path = Find(name);
+  fs::path path = Find(name);
+  if (path.empty()) {
+    path = FindOnlyFile(fs::path(obj_path_).parent_path(), name, {".mtl"});
+    if (!path.empty())
+      warn_(fmt::format("{}: the material file {} is not there; the only one beside it is read: {}",
+                        obj_path_, Quoted(name), path.string()));
+  }
   if (path.empty()) {
     missing_library_ = true;
     return warn_(fmt::format("{}: the material file {} is not there", obj_path_, Quoted(name)));
@@ -61,6 +67,8 @@ void ObjMaterials::AddLibrary(const std::string& name) {
   WarnIfOutside(obj_path_, path);
   ReadLibrary(path.string());
 }
+
+void ObjMaterials::AddOwn() { ReadLibrary(obj_path_); }
 
 void ObjMaterials::WarnIfOutside(const std::string& by, const fs::path& file) {
   if (LeavesFolder(fs::path(obj_path_).parent_path(), file))
@@ -131,7 +139,14 @@ Status ObjMaterials::GiveToSink(Entry& entry) {
   Material& material = entry.material.material;
   for (const MtlTexture& texture : entry.material.textures) {
     if (!sink_.takes_textures()) break;
-    const fs::path file = FindFile(fs::path(entry.library).parent_path(), texture.file);
+    const fs::path folder = fs::path(entry.library).parent_path();
+    fs::path file = FindFile(folder, texture.file);
+    if (file.empty()) {
+      file = FindOnlyFile(folder, texture.file, {".png", ".jpg", ".jpeg", ".tga", ".bmp", ".tif", ".tiff"});
+      if (!file.empty())
+        warn_(fmt::format("{}, line {}: the image {} is not there; the only one beside it is read: {}",
+                          entry.library, texture.line, Quoted(texture.file), file.string()));
+    }
     if (file.empty()) {
       warn_(fmt::format("{}, line {}: the image {} is not there; the material does without", entry.library,
                         texture.line, Quoted(texture.file)));

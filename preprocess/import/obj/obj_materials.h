@@ -24,6 +24,8 @@ class ObjMaterials {
   /// space. Names are relative to the OBJ's folder, with slashes or backslashes; a missing file is looked for
   /// beside the OBJ.
   void AddLibraries(std::string_view names);
+  /// Reads the materials that stand in the OBJ itself. Requires: it can be opened again.
+  void AddOwn();
 
   /// The scene's index of the material `name`; kNoIndex (the default material) if no library so far has it.
   /// Errors: the sink's.

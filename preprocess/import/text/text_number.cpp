@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "common/base/log.h"
+
 namespace quarry {
 namespace {
 
@@ -41,9 +43,10 @@ bool ParseUnusualReal(std::string_view word, double& value) {
 
 std::string Quoted(std::string_view text) {
   constexpr size_t kLongest = 40;
-  std::string quoted = "\"";
-  for (const char c : text.substr(0, kLongest)) quoted += c >= ' ' && c <= '~' ? c : '?';
-  return quoted + (text.size() > kLongest ? "...\"" : "\"");
+  size_t length = std::min(text.size(), kLongest);
+  const auto continues = [&](size_t at) { return at < text.size() && (text[at] & 0xC0) == 0x80; };
+  for (int i = 0; i < 3 && length > 0 && continues(length); ++i) --length;  // no letter is cut
+  return '"' + PrintableName(text.substr(0, length)) + (length < text.size() ? "...\"" : "\"");
 }
 
 bool EqualsIgnoringCase(std::string_view a, std::string_view b) {

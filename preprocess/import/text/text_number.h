@@ -88,8 +88,8 @@ inline bool ParseInteger(TextCursor& cursor, int64_t& value) {
   return true;
 }
 
-/// `text` in quotation marks for an error sentence: at most 40 characters, control and non-ASCII bytes as
-/// '?'.
+/// `text` in quotation marks for an error sentence: at most 40 bytes, as PrintableName() shows them, so that
+/// names in encodings other than UTF-8 appear as bytes.
 std::string Quoted(std::string_view text);
 
 /// Whether the texts are equal but for the case of ASCII letters.
