@@ -147,7 +147,7 @@ void ViewPacer::Hurry(double now_s) {
 
 bool ViewPacer::Take(const LiveTile& tile, std::span<const std::byte> pixels, double now_s) {
   if (meter_ && tile.frame == *meter_) {
-    AddMeteredPoints(pixels, metered_);
+    AddMeteredPoints(pixels, materials_, metered_);
     if (dispatcher_.Wants(*meter_, LiveUrgency::kAnswer)) return true;
     dispatcher_.End(*std::exchange(meter_, std::nullopt));
     own_ = exposure_ = ExposureFor(metered_);

@@ -66,7 +66,9 @@ class ViewPacer {
   /// Frames that may be under way, from encoding to acknowledgement.
   static constexpr uint32_t kMostUnderWay = 2;
   /// `dispatcher` must outlive this. `viewer`: its number there.
-  ViewPacer(LiveDispatcher& dispatcher, uint32_t viewer) : dispatcher_(dispatcher), viewer_(viewer) {}
+  /// `materials`: the scene's, for the exposure. They outlive this.
+  ViewPacer(LiveDispatcher& dispatcher, uint32_t viewer, std::span<const Material> materials)
+      : dispatcher_(dispatcher), viewer_(viewer), materials_(materials) {}
   ~ViewPacer();
   ViewPacer(const ViewPacer&) = delete;
   ViewPacer& operator=(const ViewPacer&) = delete;
@@ -137,6 +139,7 @@ class ViewPacer {
   std::vector<TracedBy> owners_;
 
   std::optional<FrameId> meter_;
+  const std::span<const Material> materials_;
   std::vector<MeteredPoint> metered_;
   std::optional<double> exposure_;  ///< metered last
   std::optional<double> own_;       ///< metered, of this view

@@ -94,7 +94,7 @@ Viewer::Viewer(ViewerSite& site, uint32_t id, std::shared_ptr<WebSocket> socket,
     : site_(site),
       socket_(std::move(socket)),
       on_gone_(std::move(on_gone)),
-      pacer_(site.dispatcher, id),
+      pacer_(site.dispatcher, id, site.scene.catalog().materials),
       picker_(site.dispatcher, site.scene, site.source, id,
               [this](std::string json) {
                 if (!gone_) SendAnswer(std::move(json));

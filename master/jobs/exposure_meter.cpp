@@ -20,12 +20,18 @@ constexpr size_t kClippedOf = 64;
 /// Lattice points along the image's longer side.
 constexpr uint32_t kLattice = 64;
 
+/// Textures of an emission are mostly black, so that their materials are no lamps.
+bool Emits(const Material& m) {
+  const auto is_emission = [](const TextureBinding& b) { return b.use == TextureUse::kEmission; };
+  return !m.unlit && m.emission != glm::vec3(0) && std::ranges::none_of(m.textures, is_emission);
+}
+
 }  // namespace
 
 View MeteredView(View view) {
   view.crop = {0, 0, view.width, view.height};
   view.spp = 1;
-  view.aov_mask = 1u << static_cast<int>(Aov::kDepth);
+  view.aov_mask = 1u << static_cast<int>(Aov::kDepth) | 1u << static_cast<int>(Aov::kMaterial);
   return view;
 }
 
@@ -33,19 +39,28 @@ Tile MeteredTile(const View& view) {
   return {{0, 0, view.width, view.height}, (std::max(view.width, view.height) + kLattice - 1) / kLattice};
 }
 
-void AddMeteredPoints(std::span<const std::byte> pixels, std::vector<MeteredPoint>& points) {
-  float words[4];  // colour and depth
-  for (; pixels.size() >= sizeof words; pixels = pixels.subspan(sizeof words)) {
-    std::memcpy(words, pixels.data(), sizeof words);
-    points.push_back({0.2126f * words[0] + 0.7152f * words[1] + 0.0722f * words[2],
-                      std::max({words[0], words[1], words[2]}), std::isfinite(words[3])});
+void AddMeteredPoints(std::span<const std::byte> pixels, std::span<const Material> materials,
+                      std::vector<MeteredPoint>& points) {
+  struct Pixel {
+    float color[3], depth;
+    uint32_t material;
+  };
+  for (Pixel p; pixels.size() >= sizeof p; pixels = pixels.subspan(sizeof p)) {
+    std::memcpy(&p, pixels.data(), sizeof p);
+    const auto& [r, g, b] = p.color;
+    const bool surface = std::isfinite(p.depth);
+    points.push_back({0.2126f * r + 0.7152f * g + 0.0722f * b, std::max({r, g, b}), surface,
+                      surface && p.material < materials.size() && Emits(materials[p.material])});
   }
 }
 
 double ExposureFor(std::span<const MeteredPoint> points) {
   std::vector<double> logarithms;
   std::vector<float> largest;
+  const auto is_lit = [](const MeteredPoint& p) { return p.surface && !p.emits && p.luminance > 0; };
+  const bool others = std::ranges::any_of(points, is_lit);
   for (const MeteredPoint& point : points) {
+    if (point.emits && others) continue;
     largest.push_back(point.largest);
     if (point.surface && point.luminance > 0)
       logarithms.push_back(Log2(std::max(static_cast<double>(point.luminance), 1e-6)));
@@ -74,7 +89,7 @@ Result<double> MeterExposure(const Scene& scene, View view, uint64_t cache_bytes
       [&](size_t, RenderedTile result, Renderer::Progress) { pixels = std::move(result.pixels); },
       std::move(stop)));
   std::vector<MeteredPoint> points;
-  AddMeteredPoints(pixels, points);
+  AddMeteredPoints(pixels, scene.catalog().materials, points);
   return ExposureFor(points);
 }
 

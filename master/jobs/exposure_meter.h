@@ -7,6 +7,7 @@
 
 #include "common/base/status.h"
 #include "common/engine/scene.h"
+#include "common/scene/material.h"
 #include "common/scene/tile.h"
 #include "common/scene/view.h"
 
@@ -17,20 +18,24 @@ struct MeteredPoint {
   float luminance = 0;   ///< of its radiance, by the weights of sRGB's primaries
   float largest = 0;     ///< component of its radiance
   bool surface = false;  ///< it shows a surface, not the background
+  bool emits = false;    ///< a surface that shines by itself
 };
 
 /// The exposure that shows the points well: surfaces come to a mean grey in the logarithmic mean, but no more
-/// than one point of 64 is clipped. Units: EV, a multiple of 1/64 in [-16, 16]; 0 without a lit
-/// surface. The same for the same points in any order. Thread-safe. Source: Reinhard et al. 2002, section 3.1
-/// (the key).
+/// than one point of 64 is clipped. Surfaces that emit light do not count beside others: a window that shines
+/// may be clipped, and the room that it lights is seen. Units: EV, a multiple of 1/64 in [-16, 16]; 0 without
+/// a lit surface. The same for the same points in any order. Thread-safe. Source: Reinhard et al. 2002,
+/// section 3.1 (the key).
 double ExposureFor(std::span<const MeteredPoint> points);
 
-/// What a meter renders of a view: sample 0 with depth of the whole image, on a lattice. Requires: `view` is
-/// normalized.
+/// What a meter renders of a view: sample 0 with depth and material of the whole image, on a lattice.
+/// Requires: `view` is normalized.
 View MeteredView(View view);
 Tile MeteredTile(const View& view);
-/// Appends the points of a part of MeteredTile(), from its pixels of PixelForm::kMeans.
-void AddMeteredPoints(std::span<const std::byte> pixels, std::vector<MeteredPoint>& points);
+/// Appends the points of a part of MeteredTile(), from its pixels of PixelForm::kMeans. `materials`: the
+/// scene's. A material emits that has an emission without a texture and is not unlit.
+void AddMeteredPoints(std::span<const std::byte> pixels, std::span<const Material> materials,
+                      std::vector<MeteredPoint>& points);
 
 /// The exposure of a view, by sample 0 on a lattice of the whole image, whatever the view's crop and samples.
 /// The renderer that it needs has one thread and lives for the call only. Units: `cache_bytes` of decoded

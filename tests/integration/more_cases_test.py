@@ -171,7 +171,25 @@ ply("edges", XYZ + FACE + "element edge 1\nproperty int vertex1\nproperty int ve
 ply("strips", XYZ + "element tristrips 1\nproperty list int int vertex_indices\n", POINTS + "8 0 1 3 -1 1 2 3 -1\n")
 ply("strip_alternates", XYZ + "element tristrips 1\nproperty list int int vertex_indices\n", POINTS + "4 0 1 3 2\n")
 ply("wedge_uv", XYZ + FACE + "property list uchar float texcoord\nproperty int texnumber\n", POINTS + "4 0 1 2 3 8 0 0 1 0 1 1 0 1 0\n", SHAPE)
-ply("texture_file", "comment TextureFile my.png\n" + XYZ + FACE, POINTS + QUAD, Model(**SQUARE, warns="my.png"), my__png="")
+ply("texture_file_without_uv", "comment TextureFile my.png\n" + XYZ + FACE, POINTS + QUAD, Model(**SQUARE, warns="my.png.*no texture coordinates"), my__png="")
+BLUE, YELLOW = (0, 0, 255), (255, 255, 0)
+QUARTERS = b"P6 16 16 255\n" + bytes(RED * 8 + GREEN * 8) * 8 + bytes(BLUE * 8 + YELLOW * 8) * 8  # the upper row is the first
+TEXTURED = colored(None, pixels={(0.25, 0.75): RED, (0.75, 0.75): GREEN, (0.25, 0.25): BLUE, (0.75, 0.25): YELLOW}, silent=True)
+UV = "".join(f"property float {c}\n" for c in "st")
+WEDGES = FACE + "property list uchar float texcoord\n"
+CORNER_UVS = "8 0 0 1 0 1 1 0 1"
+ply("texture_of_vertices", "comment TextureFile my.ppm\n" + XYZ + UV + FACE, "".join("%d %d %d %d %d\n" % (*p, *p[:2]) for p in CORNERS) + QUAD, TEXTURED, my__ppm=QUARTERS)
+ply("texture_of_corners", "comment TextureFile my.ppm\n" + XYZ + WEDGES, POINTS + f"4 0 1 2 3 {CORNER_UVS}\n", TEXTURED, my__ppm=QUARTERS)
+ply("texture_of_corners_beside_vertices", "comment TextureFile my.ppm\n" + XYZ + UV + WEDGES, "".join("%d %d %d 9 9\n" % p for p in CORNERS) + f"4 0 1 2 3 {CORNER_UVS}\n", TEXTURED, my__ppm=QUARTERS)
+ply("texture_of_corners_binary", "comment TextureFile my.ppm\n" + XYZ + WEDGES, b"".join(struct.pack("<3f", *p) for p in CORNERS) + struct.pack("<B4iB8f", 4, 0, 1, 2, 3, 8, 0, 0, 1, 0, 1, 1, 0, 1),
+    TEXTURED, kind="<", my__ppm=QUARTERS)
+ply("texture_of_two", "comment TextureFile a.ppm\ncomment TextureFile my.ppm\n" + XYZ + WEDGES + "property int texnumber\n", POINTS + f"4 0 1 2 3 {CORNER_UVS} 1\n", TEXTURED,
+    a__ppm=b"P6 1 1 255\nabc", my__ppm=QUARTERS)
+ply("texture_number_of_none", "comment TextureFile my.ppm\n" + XYZ + WEDGES + "property int texnumber\n", POINTS + f"4 0 1 2 3 {CORNER_UVS} -1\n", Model(**SQUARE, silent=True), my__ppm=QUARTERS)
+ply("texture_of_some_corners", "comment TextureFile my.ppm\n" + XYZ + WEDGES, POINTS + "4 0 1 2 3 0\n", Model(**SQUARE, warns="no vertex has texture coordinates"), my__ppm=QUARTERS)
+ply("texture_missing", "comment TextureFile my.ppm\n" + XYZ + WEDGES, POINTS + f"4 0 1 2 3 {CORNER_UVS}\n", Model(**SQUARE, warns="my.ppm.*is not there"))
+ply("texture_list_cut", "comment TextureFile my.ppm\n" + XYZ + WEDGES, POINTS + "4 0 1 2 3 8 0 0 1\n", Sentence("face 0"), my__ppm=QUARTERS)
+ply("texture_list_negative", "comment TextureFile my.ppm\n" + XYZ + WEDGES.replace("list uchar float", "list int float"), POINTS + "4 0 1 2 3 -8\n", Sentence("-8 texture coordinates"), my__ppm=QUARTERS)
 ply("elements_around", "element camera 1\nproperty float view_px\nelement nothing 0\nproperty list uchar int a\n" + XYZ + FACE + "element multi_texture_face 1\nproperty uchar tx\nproperty list uchar float uv\n",
     "7\n" + POINTS + QUAD + "0 2 0 1\n")
 ply("trailing", XYZ + FACE, POINTS + QUAD + "\n\nmore\n")

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <limits>
 #include <random>
 #include <vector>
 
@@ -31,6 +32,41 @@ TEST_CASE("Surfaces are exposed to one grey, highlights are held", "[exposure]")
   CHECK(ExposureFor(Grey(0, 0, 100, 0.5f)) == 0);
   CHECK(ExposureFor(Grey(100, 0)) == 0);
   CHECK(std::fabs(ExposureFor(Grey(100, 1e-30f))) <= 16);
+}
+
+TEST_CASE("Lamps and windows that shine do not decide the exposure of the room that they light",
+          "[exposure]") {
+  const double room = ExposureFor(Grey(1000, 0.01f));
+  auto points = Grey(1000, 0.01f);
+  points.insert(points.end(), 500, {100, 120, true, true});
+  CHECK(ExposureFor(points) == room);
+  // A picture of a lamp alone is exposed for the lamp.
+  CHECK(ExposureFor(std::vector<MeteredPoint>(50, {4, 4, true, true})) == ExposureFor(Grey(50, 4)));
+  auto dark = Grey(100, 0);
+  dark.insert(dark.end(), 50, {4, 4, true, true});
+  CHECK(ExposureFor(dark) == ExposureFor(Grey(50, 4)));
+}
+
+TEST_CASE("Materials emit by their emission, unless it is a texture's or they are unlit", "[exposure]") {
+  std::vector<Material> materials(4);
+  for (size_t m = 1; m < materials.size(); ++m) materials[m].emission = glm::vec3(3);
+  materials[2].unlit = true;
+  materials[3].textures.push_back({.use = TextureUse::kEmission});
+  Bytes pixels;
+  for (const uint32_t material : {0u, 1u, 2u, 3u, 4u, ~0u}) {
+    const float color_and_depth[] = {1, 1, 1, material == 4 ? std::numeric_limits<float>::infinity() : 2.0f};
+    const auto floats = std::as_bytes(std::span(color_and_depth)),
+               word = std::as_bytes(std::span(&material, 1));
+    pixels.insert(pixels.end(), floats.begin(), floats.end());
+    pixels.insert(pixels.end(), word.begin(), word.end());
+  }
+  std::vector<MeteredPoint> points;
+  AddMeteredPoints(pixels, materials, points);
+  REQUIRE(points.size() == 6);
+  for (size_t i = 0; i < points.size(); ++i) {
+    CHECK(points[i].emits == (i == 1));
+    CHECK(points[i].surface == (i != 4));
+  }
 }
 
 TEST_CASE("An exposure does not depend on the order of points", "[exposure]") {

@@ -53,7 +53,7 @@ struct Viewer {
 
   test::Row row;
   test::LiveCluster cluster{*row.scene};
-  ViewPacer pacer{cluster.dispatcher, 1};
+  ViewPacer pacer{cluster.dispatcher, 1, {}};
   std::vector<DueFrame> frames;
   uint64_t inputs = 0;
   double now_s = 100;

@@ -69,7 +69,9 @@ Result<bool> HeaderParser::Line(std::string_view line) {
   if (keyword == "format") QUARRY_TRY(Format(words));
   if (keyword == "element") QUARRY_TRY(Element(words));
   if (keyword == "property") QUARRY_TRY(Property(words));
-  if (keyword == "comment" && words.Word() == "TextureFile") header_.texture_file = std::string(words.Rest());
+  if (keyword == "comment" && words.Word() == "TextureFile" &&
+      header_.texture_files.size() < kMostTextureFiles)
+    header_.texture_files.emplace_back(words.Rest());
   return false;
 }
 

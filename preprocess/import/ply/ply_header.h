@@ -36,12 +36,15 @@ enum class PlyEncoding { kAscii, kBinaryLittleEndian, kBinaryBigEndian };
 
 struct PlyHeader {
   PlyEncoding encoding = PlyEncoding::kAscii;
-  std::vector<PlyElement> elements;  ///< in file order, with distinct names
-  std::string texture_file;          ///< from "comment TextureFile" (MeshLab)
-  uint64_t lines = 0;                ///< of the header
+  std::vector<PlyElement> elements;        ///< in file order, with distinct names
+  std::vector<std::string> texture_files;  ///< from lines "comment TextureFile" (MeshLab)
+  uint64_t lines = 0;                      ///< of the header
 
   const PlyElement* Find(std::string_view name) const;
 };
+
+/// Images that a header may name; further ones are ignored.
+inline constexpr size_t kMostTextureFiles = 4096;
 
 /// Reads the header at the start of `bytes` and stops after it. Comments, obj_info and unknown keywords are
 /// ignored; lines end in LF, CR LF or CR. Limits: 256 elements, 4096 properties.

@@ -16,6 +16,7 @@
 #include "preprocess/import/formats.h"
 #include "preprocess/import/ply/library_textures.h"
 #include "preprocess/import/ply/ply_row_reader.h"
+#include "preprocess/import/ply/ply_textures.h"
 #include "preprocess/import/text/text_number.h"
 
 namespace quarry {
@@ -66,13 +67,14 @@ class PlyBody {
           path_, vertex_count_));
     if (HasNoFaces(header_) && vertex_count_ != 0) return NoFaces(path_, vertex_count_);
     has_normals_ = plan.Has(kNx, kNz);
-    has_uvs_ = plan.Has(kU, kV);
+    const PlyElement* const face = header_.Find("face");
+    has_uv_lists_ =
+        face != nullptr && PlanFace(*face).has_uv_list;  // of corners: finer than those of vertices
+    has_uvs_ = plan.Has(kU, kV) && !has_uv_lists_;
     has_colors_ = plan.Has(kRed, kBlue);
     QUARRY_ASSIGN(const bool goes_on, GoOnFromCheckpoint(sink_, path_, *this));
-    if (const PlyElement* face = header_.Find("face"); face && !goes_on) QUARRY_TRY(LoadTables(*face));
-    if (!header_.texture_file.empty() && !goes_on)
-      sink_.Warn(fmt::format("{}: names the image {} (TextureFile), which is left out", path_,
-                             Quoted(header_.texture_file)));
+    if (face && !goes_on) QUARRY_TRY(LoadTables(*face));
+    if (!goes_on) QUARRY_TRY(LoadTextures());
     uint64_t rows = 0;
     for (const PlyElement& element : header_.elements) rows += element.properties.empty() ? 0 : element.count;
     if (!goes_on) rows_.source.LookForRows(rows);
@@ -94,6 +96,8 @@ class PlyBody {
       out.Put(n);
     out.Put<uint8_t>(rows_.source.by_line());
     out.Put<uint8_t>(real_to_255_);
+    out.Put(uv_count_);
+    textures_.Save(out);
     materials_.Save(out);
     parts_.Save(out);
   }
@@ -108,6 +112,8 @@ class PlyBody {
     rows_.long_rows = in.Get<uint64_t>();
     rows_.source.SetByLine(in.Get<uint8_t>() != 0);
     real_to_255_ = in.Get<uint8_t>() != 0;
+    uv_count_ = in.Get<uint32_t>();
+    textures_.Restore(in);
     materials_.Restore(in);
     parts_.Restore(in);
     return {};
@@ -142,6 +148,42 @@ class PlyBody {
     parts_.wanted = parts && !library.parts.empty();
     for (const std::string& part : library.parts)
       if (parts) parts_.scene_index.push_back(sink_.AddPart(part));
+    return {};
+  }
+
+  Status LoadTextures() {
+    if (header_.texture_files.empty() || materials_.wanted) return {};
+    if (!has_uvs_ && !has_uv_lists_) {
+      sink_.Warn(fmt::format("{}: names the image {} (TextureFile), but has no texture coordinates", path_,
+                             Quoted(header_.texture_files.front())));
+      return {};
+    }
+    QUARRY_ASSIGN(textures_.scene_index, AddPlyTextures(header_, path_, sink_));
+    textures_.wanted = !textures_.scene_index.empty();
+    return {};
+  }
+
+  bool HasCornerUvs() const { return has_uv_lists_ && rows_.row.uvs.size() == 2 * corners_.size(); }
+
+  /// The material of a face's image: the only image, or that of the row's number; kNoIndex: the face has
+  /// none.
+  uint32_t TextureMaterial(const PlyPlan& plan) const {
+    if (!textures_.wanted || (has_uv_lists_ && !HasCornerUvs())) return kNoIndex;
+    const double number = plan.Has(kTextureNumber, kTextureNumber) ? rows_.row.values[kTextureNumber] : 0;
+    const bool is_listed = number >= 0 && number < static_cast<double>(textures_.scene_index.size());
+    return is_listed ? textures_.scene_index[static_cast<size_t>(number)] : kNoIndex;
+  }
+
+  /// Gives the corners their own texture coordinates, if the row has as many.
+  Status AddCornerUvs() {
+    if (!HasCornerUvs()) return {};
+    const std::vector<float>& uvs = rows_.row.uvs;
+    if (uv_count_ >= kNoIndex - corners_.size())
+      return rows_.source.FailHere("there are more texture coordinates than 4,294,967,294");
+    for (size_t i = 0; i < corners_.size(); ++i) {
+      QUARRY_TRY(sink_.AddUv({uvs[2 * i], uvs[2 * i + 1]}));
+      corners_[i].uv = uv_count_++;
+    }
     return {};
   }
 
@@ -201,6 +243,8 @@ class PlyBody {
     uint32_t material, part;
     if (!Look(materials_, kMaterial, material)) return NotListed(materials_, kMaterial, "material_index");
     if (!Look(parts_, kPart, part)) return NotListed(parts_, kPart, "part_index");
+    if (!materials_.wanted) material = TextureMaterial(plan);
+    QUARRY_TRY(AddCornerUvs());
     triangles_ += corners_.size() - 2;
     // Vertices' colours take precedence: they are finer.
     if (!has_colors_ && plan.Has(kRed, kBlue)) QUARRY_TRY(sink_.SetFaceColor(RowColor(plan)));
@@ -286,7 +330,7 @@ class PlyBody {
     Corner triangle[] = {strip_[0], strip_[1], strip_[2]};
     if (strip_length_ % 2 == 0) std::swap(triangle[0], triangle[1]);
     ++triangles_;
-    return sink_.AddPolygon(triangle, kNoIndex, kNoIndex);
+    return sink_.AddPolygon(triangle, textures_.wanted ? textures_.scene_index.front() : kNoIndex, kNoIndex);
   }
 
   const PlyHeader& header_;
@@ -298,7 +342,10 @@ class PlyBody {
   uint64_t vertex_count_ = 0, triangles_ = 0, short_faces_ = 0;
   bool real_to_255_ = false;  ///< channels of real numbers run to 255
   bool has_normals_ = false, has_uvs_ = false, has_colors_ = false;
+  bool has_uv_lists_ = false;
+  uint32_t uv_count_ = 0;  ///< of corners
   IndexTable materials_, parts_;
+  IndexTable textures_;  ///< materials of the images that the header names
   std::vector<Corner> corners_;
   Corner strip_[3];
   uint32_t strip_length_ = 0;

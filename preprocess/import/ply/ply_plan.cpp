@@ -16,7 +16,8 @@ constexpr SlotName kVertexSlots[] = {
     {"x", kX},         {"y", kY},         {"z", kZ},         {"nx", kNx},      {"ny", kNy},
     {"nz", kNz},       {"s", kU},         {"t", kV},         {"u", kU},        {"v", kV},
     {"texture_u", kU}, {"texture_v", kV}, {"texture_s", kU}, {"texture_t", kV}};
-constexpr SlotName kFaceSlots[] = {{"material_index", kMaterial}, {"part_index", kPart}};
+constexpr SlotName kFaceSlots[] = {
+    {"material_index", kMaterial}, {"part_index", kPart}, {"texnumber", kTextureNumber}};
 /// Names of red, green, blue and alpha, of vertices and of faces.
 constexpr std::string_view kColorNames[][4] = {
     {"red", "green", "blue", "alpha"},
@@ -34,6 +35,10 @@ bool IsIndexList(const PlyProperty& property) {
          (property.name == "vertex_indices" || property.name == "vertex_index");
 }
 
+bool IsUvList(const PlyProperty& property) {
+  return property.count_type && IsReal(property.type) && property.name == "texcoord";
+}
+
 PlyPlan MakePlan(const PlyElement& element, std::span<const SlotName> slots, bool wants_indices) {
   PlyPlan plan;
   for (const PlyProperty& property : element.properties) {
@@ -41,6 +46,9 @@ PlyPlan MakePlan(const PlyElement& element, std::span<const SlotName> slots, boo
     if (wants_indices && IsIndexList(property)) {
       step.target = PlyStep::kIndexList;
       plan.has_index_list = true;
+    } else if (wants_indices && IsUvList(property)) {
+      step.target = PlyStep::kUvList;
+      plan.has_uv_list = true;
     } else if (!property.count_type) {
       for (const SlotName& slot : slots)
         if (slot.name == property.name) step.target = slot.slot;

@@ -11,7 +11,7 @@ namespace quarry {
 
 /// Slots in PlyRow::values for the properties of vertices and of faces.
 enum VertexSlot : uint8_t { kX, kY, kZ, kNx, kNy, kNz, kRed, kGreen, kBlue, kAlpha, kU, kV };
-enum FaceSlot : uint8_t { kMaterial, kPart };  // faces also use kRed to kAlpha
+enum FaceSlot : uint8_t { kMaterial, kPart, kTextureNumber };  // faces also use kRed to kAlpha
 
 /// PlyPlan::color_scale of real channels, which run to 1.
 inline constexpr double kScaleOfReal = 255;
@@ -24,7 +24,8 @@ struct PlyPlan {
   uint32_t filled = 0;
   double color_scale[4] = {1, 1, 1, 1};  ///< factors for red, green, blue, alpha to reach 0..255
   bool has_index_list = false;
-  bool has_lists = false;  ///< whether rows differ in size
+  bool has_uv_list = false;  ///< of a face: u and v of each corner
+  bool has_lists = false;    ///< whether rows differ in size
   /// Bytes of a face's row with three corners, if the list comes first, has a count of one byte and 32-bit
   /// indices, and is the only list; else 0.
   uint32_t triangle_bytes = 0;

@@ -33,6 +33,7 @@ class PlyRowReader {
   /// Reads one value, or one list of a row. False: see RowFailure().
   bool ReadStep(const PlyStep& step) {
     if (step.target == PlyStep::kIndexList) return ReadIndexList(step);
+    if (step.target == PlyStep::kUvList) return ReadUvList(step);
     if (!step.count_type) {
       double ignored;
       return source.Scalar(step.type, step.target == PlyStep::kSkip ? ignored : row.values[step.target]);
@@ -137,6 +138,23 @@ class PlyRowReader {
       return false;
     }
     return source.Integers(step.type, static_cast<uint64_t>(count), row.indices);
+  }
+
+  bool ReadUvList(const PlyStep& step) {
+    row.uvs.clear();
+    int64_t count;
+    if (!source.Integer(*step.count_type, count)) return false;
+    if (count < 0 || static_cast<uint64_t>(count) > 2 * kMaxPolygonCorners) {
+      complaint_ = fmt::format(" has {} texture coordinates, where 0 to {} are possible", count,
+                               2 * kMaxPolygonCorners);
+      return false;
+    }
+    for (; count > 0; --count) {
+      double value;
+      if (!source.Scalar(step.type, value)) return false;
+      row.uvs.push_back(static_cast<float>(value));
+    }
+    return true;
   }
 
   std::string complaint_;  ///< why a step failed, if the source itself has no objection

@@ -17,6 +17,7 @@ namespace quarry {
 struct PlyStep {
   static constexpr uint8_t kSkip = 0xFF;
   static constexpr uint8_t kIndexList = 0xFE;
+  static constexpr uint8_t kUvList = 0xFD;
 
   PlyType type;
   std::optional<PlyType> count_type;
@@ -28,6 +29,7 @@ struct PlyRow {
   static constexpr size_t kMaxValues = 16;
   double values[kMaxValues] = {};
   std::vector<int64_t> indices;
+  std::vector<float> uvs;  ///< u and v of each corner of a face
 };
 
 template <typename T, bool kSwap>
