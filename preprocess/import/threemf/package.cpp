@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "preprocess/import/text/text_number.h"
 #include "preprocess/import/threemf/xml_reader.h"
 
 namespace quarry {
@@ -89,7 +90,8 @@ Result<uint64_t> FindModelPart(ZipArchive& archive) {
                     archive.path()));
   if (!relationships.model.empty()) {
     if (const auto part = FindPart(archive, relationships.model)) return *part;
-    return Fail(fmt::format("{}: its model, {}, is not in the archive", archive.path(), relationships.model));
+    return Fail(
+        fmt::format("{}: its model, {}, is not in the archive", archive.path(), Quoted(relationships.model)));
   }
   if (const auto part = archive.Find("3D/3dmodel.model")) return *part;
   return Fail(

@@ -18,6 +18,7 @@ namespace quarry {
 namespace {
 
 constexpr double kMillimetre = 0.001;
+constexpr size_t kMostText = 1024;  // bytes of a name that is kept; longer ones are cut
 
 /// The length of a unit in metres; 0: no unit of 3MF.
 double UnitInMetres(std::string_view unit) {
@@ -28,6 +29,8 @@ double UnitInMetres(std::string_view unit) {
     if (unit == name) return metres;
   return 0;
 }
+
+std::string Kept(std::string_view name) { return std::string(name.substr(0, kMostText)); }
 
 /// A use as the file states it: the object may come later, in this part or another.
 struct Reference {
@@ -54,7 +57,8 @@ class StructureReader final : public XmlHandler {
 
   void Prefix(std::string_view prefix, std::string_view address) override {
     constexpr size_t kMostPrefixes = 1000;
-    if (prefixes_.size() < kMostPrefixes) prefixes_.emplace(prefix, address);
+    if (prefixes_.size() < kMostPrefixes && prefix.size() + address.size() < kMostText)
+      prefixes_.emplace(prefix, address);
   }
 
   Status Start(XmlSpace space, std::string_view name, const XmlAttributes& a) override {
@@ -120,7 +124,7 @@ class StructureReader final : public XmlHandler {
       return s_.properties.AddColor(color);
     }
     if (depth_ != 3) return {};  // within what is left out
-    warn_(fmt::format("{}: {} left out", archive_.path(), name));
+    warn_(fmt::format("{}: {} left out", archive_.path(), Quoted(name)));
     uint32_t id;
     const bool is_group =
         name == "texture2dgroup" || name == "compositematerials" || name == "multiproperties";
@@ -163,7 +167,7 @@ class StructureReader final : public XmlHandler {
       return Fail(fmt::format("has more than {} objects", ThreeMfStructure::kMostObjects));
     ThreeMfStructure::Object object{part_, 0, {}};
     if (!ReadIndex(a.Find("id"), object.id)) return Fail("an object needs an id, a whole number");
-    if (const char* const name = a.Find("name")) object.name = name;
+    if (const char* const name = a.Find("name")) object.name = Kept(name);
     if (const char* const group = a.Find("pid")) {
       s_.uses_properties = true;
       if (!ReadIndex(group, object.group)) return Fail("a pid is a whole number");
@@ -200,7 +204,7 @@ class StructureReader final : public XmlHandler {
     Rgba8 color = kGrey;
     if (text != nullptr && !ParseThreeMfColor(text, color))
       return Fail("a displaycolor is written #RRGGBB or #RRGGBBAA");
-    return s_.properties.AddMaterial(name == nullptr ? "" : name, color);
+    return s_.properties.AddMaterial(name == nullptr ? "" : Kept(name), color);
   }
 
   /// A component or an item of the build.
@@ -223,7 +227,7 @@ class StructureReader final : public XmlHandler {
   Result<uint32_t> PartAt(const std::string& path) {
     if (const auto known = part_of_.find(path); known != part_of_.end()) return known->second;
     const std::optional<uint64_t> entry = FindPart(archive_, path);
-    if (!entry) return Fail(fmt::format("{} is not in the archive", Quoted(path)));
+    if (!entry || path.size() > kMostText) return Fail(fmt::format("{} is not in the archive", Quoted(path)));
     const auto same = std::ranges::find(s_.parts, *entry, &ThreeMfStructure::Part::entry);
     const auto part = static_cast<uint32_t>(same - s_.parts.begin());
     if (same == s_.parts.end()) s_.parts.push_back({*entry});

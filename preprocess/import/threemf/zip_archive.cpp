@@ -156,7 +156,8 @@ std::optional<uint64_t> ZipArchive::Find(const std::string& name) const {
 
 std::string ZipArchive::Name(uint64_t part) const {
   const char* const name = zip_get_name(archive_, part, ZIP_FL_ENC_GUESS);
-  return name == nullptr ? fmt::format("part {}", part) : name;
+  constexpr size_t kShown = 200;
+  return name == nullptr ? fmt::format("part {}", part) : std::string(name).substr(0, kShown);
 }
 
 uint64_t ZipArchive::StatedSize(uint64_t part) const {

@@ -36,7 +36,7 @@ class ZipArchive {
 
   /// The number of the part with that name, the case of ASCII letters apart. Names have no slash in front.
   std::optional<uint64_t> Find(const std::string& name) const;
-  /// The part's name as the archive has it.
+  /// The beginning of the part's name, for error sentences.
   std::string Name(uint64_t part) const;
   /// Units: bytes once unpacked, as the directory states them.
   uint64_t StatedSize(uint64_t part) const;
