@@ -34,7 +34,7 @@ def document(resources, build, unit="millimeter"):
 
 
 def mesh(vertices, triangles):
-    return ("<mesh><vertices>" + "".join('<vertex x="%g" y="%g" z="%g"/>' % v for v in vertices) + "</vertices><triangles>"
+    return ("<mesh><vertices>" + "".join('<vertex x="%.10g" y="%.10g" z="%.10g"/>' % v for v in vertices) + "</vertices><triangles>"
             + "".join('<triangle v1="%d" v2="%d" v3="%d"/>' % t for t in triangles) + "</triangles></mesh>")
 
 

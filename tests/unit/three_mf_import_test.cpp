@@ -117,8 +117,9 @@ TEST_CASE("3MF: looks that are not there give a warning and the default", "[impo
   const Read read(ThreeMfModel(
       colors + ThreeMfObject(1, SquareMesh("pid=\"9\" p1=\"1\"", "pid=\"8\" p1=\"0\"")), Item(1)));
   CHECK(read.sink.polygons[0].material == kNoIndex);
-  REQUIRE(!read.sink.warnings.empty());
-  CHECK(read.sink.warnings[0].find("colour 1 of group 9, which is not there") != std::string::npos);
+  REQUIRE(read.sink.warnings.size() == 1);
+  CHECK_THAT(read.sink.warnings[0],
+             Catch::Contains("2 triangles have a material or colour that is not there"));
   const Read unused(ThreeMfModel(colors + ThreeMfObject(1, SquareMesh()), Item(1)));
   CHECK(unused.sink.warnings.size() == 1);
 }
@@ -135,7 +136,7 @@ TEST_CASE("3MF: textures, mixtures, lattices and slices are left out with a warn
   CHECK(read.sink.triangles == 2);
   std::string all;
   for (const std::string& warning : read.sink.warnings) all += warning + "\n";
-  for (const char* said : {"\"texture2d\" left out", "beams of lattices left out", "group 4"})
+  for (const char* said : {"\"texture2d\" left out", "beams of lattices left out", "2 triangles have"})
     CHECK_THAT(all, Catch::Contains(said));
 }
 
@@ -245,6 +246,16 @@ TEST_CASE("3MF: the archive's relationships name the model", "[import][3mf]") {
       {"3D/Größe A.model", Square()}};
   CHECK(ImportText("a.3mf", Zip(parts, 0), sink) == "");
   CHECK(sink.triangles == 2);
+  for (const std::string& odd : {std::string("\\"), std::string("/")}) {
+    RecordingSink spelt;
+    const std::string name = odd == "/" ? "/3D/3dmodel.model" : "3D\\3dmodel.model";
+    CHECK(ImportText("a.3mf",
+                     Zip({{name, Square()},
+                          {odd == "/" ? "/_rels/.rels" : "_rels\\.rels",
+                           Relationships(Relationship("/3D/3dmodel.model", kModelType))}}),
+                     spelt) == "");
+    CHECK(spelt.triangles == 2);
+  }
   // By content, whatever the name.
   RecordingSink unnamed;
   CHECK(ImportText("a", Zip(ThreeMfParts(Square())), unnamed) == "");

@@ -76,13 +76,17 @@ std::string PartName(std::string_view target) {
 
 std::optional<uint64_t> FindPart(const ZipArchive& archive, std::string_view target) {
   const std::string name = PartName(target);
-  const std::optional<uint64_t> part = archive.Find(name);
-  return part ? part : archive.Find(PercentDecoded(name));
+  std::string backslashes = name;
+  std::ranges::replace(backslashes, '/', '\\');
+  // The last two are of writers that do not keep to zip's rules.
+  for (const std::string& spelling : {name, PercentDecoded(name), backslashes, "/" + name})
+    if (const std::optional<uint64_t> part = archive.Find(spelling)) return part;
+  return std::nullopt;
 }
 
 Result<uint64_t> FindModelPart(ZipArchive& archive) {
   Relationships relationships;
-  if (const auto part = archive.Find("_rels/.rels")) QUARRY_TRY(ReadXml(archive, *part, relationships));
+  if (const auto part = FindPart(archive, "_rels/.rels")) QUARRY_TRY(ReadXml(archive, *part, relationships));
   if (relationships.encrypted)
     return Fail(
         fmt::format("{}: has encrypted parts (3MF's secure content), which are not read; export it "
@@ -93,7 +97,7 @@ Result<uint64_t> FindModelPart(ZipArchive& archive) {
     return Fail(
         fmt::format("{}: its model, {}, is not in the archive", archive.path(), Quoted(relationships.model)));
   }
-  if (const auto part = archive.Find("3D/3dmodel.model")) return *part;
+  if (const auto part = FindPart(archive, "3D/3dmodel.model")) return *part;
   return Fail(
       fmt::format("{}: is a zip archive without a 3D model, so no 3MF; unpack it, and give the model in it",
                   archive.path()));

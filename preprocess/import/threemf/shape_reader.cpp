@@ -71,11 +71,6 @@ Status ShapeReader::BeginObject(const XmlAttributes& a) {
     faces_.reserve(Object().triangles);
     return {};
   }
-  if (Object().blended != 0)
-    warn_(
-        fmt::format("{}: object {} is large, and its triangles with a colour for each corner get the mean "
-                    "of the three",
-                    path_, Object().id));
   return s_.graph.ForEach(object_, [this](const glm::dmat4& world, const std::vector<uint32_t>& way) {
     instances_.push_back(ToInstance(world, way));
     return Status{};
@@ -119,11 +114,14 @@ Status ShapeReader::Triangle(const XmlAttributes& a) {
                               face.vertex[corner], Object().id, Object().vertices));
   }
   QUARRY_ASSIGN(const TriangleLook stated, TriangleLook::Read(a));
+  looks_missing_ = false;
   const uint32_t group = stated.stated && stated.group != 0 ? stated.group : Object().group;
   for (int corner = 0; corner < 3; ++corner)
     face.look[corner] = corner > 0 && !stated.differs()
                             ? face.look[0]
                             : LookOf(group, stated.stated ? stated.index[corner] : Object().index);
+  if (looks_missing_) ++plain_;
+  if (!held_ && IsBlended(face)) ++averaged_;
   if (held_) {
     if (faces_.size() >= Object().triangles) return Changed();
     faces_.push_back(face);
@@ -140,11 +138,7 @@ Status ShapeReader::Triangle(const XmlAttributes& a) {
 
 ThreeMfProperties::Look ShapeReader::LookOf(uint32_t group, uint32_t index) {
   ThreeMfProperties::Look look;
-  if (group != 0 && !s_.properties.Find(part_, group, index, look))
-    warn_(
-        fmt::format("{}: object {} has triangles with material or colour {} of group {}, which is not there "
-                    "or not read",
-                    path_, Object().id, index, group));
+  if (group != 0 && !s_.properties.Find(part_, group, index, look)) looks_missing_ = true;
   return look;
 }
 
@@ -162,8 +156,7 @@ Status ShapeReader::GiveHeld(const Instance& instance) {
   positions_ += vertices_.size();
   for (const Face& face : faces_) {
     uint32_t corners[3];
-    const bool blended =
-        face.look[0].colored && (face.look[0] != face.look[1] || face.look[0] != face.look[2]);
+    const bool blended = IsBlended(face);
     for (int corner = 0; corner < 3; ++corner) {
       corners[corner] = static_cast<uint32_t>(blended ? positions_++ : first + face.vertex[corner]);
       if (blended)
@@ -177,8 +170,7 @@ Status ShapeReader::GiveHeld(const Instance& instance) {
 /// Gives a triangle whose corners have those numbers in the sink; the first corner's material counts.
 Status ShapeReader::GiveFace(const Face& face, const uint32_t (&corners)[3], const Instance& instance) {
   const auto& look = face.look;
-  const bool blended = look[0].colored && (look[0] != look[1] || look[0] != look[2]);
-  if (blended)
+  if (IsBlended(face))
     QUARRY_TRY(SetColor(held_ ? Rgba8() : Mean(look[0].color, look[1].color, look[2].color)));
   else
     QUARRY_TRY(SetColor(look[0].colored ? look[0].color : Rgba8()));
@@ -194,15 +186,27 @@ Status ShapeReader::SetColor(const Rgba8& color) {
   return Sent(sink_.SetFaceColor(color));
 }
 
+void ShapeReader::Finish() {
+  if (plain_ != 0)
+    sink_.Warn(
+        fmt::format("{}: {} triangles have a material or colour that is not there or not read; they get "
+                    "the default",
+                    path_, plain_));
+  if (averaged_ != 0)
+    sink_.Warn(
+        fmt::format("{}: {} triangles of large objects have a colour for each corner; they get the mean",
+                    path_, averaged_));
+}
+
 void ShapeReader::Save(ByteWriter& out) const {
-  for (const uint64_t n : {objects_, positions_, triangles_}) out.Put(n);
+  for (const uint64_t n : {objects_, positions_, triangles_, plain_, averaged_}) out.Put(n);
   out.Put(face_color_);
   out.Put(static_cast<uint32_t>(s_.properties.materials().size()));
   out.PutArray(s_.properties.materials());
 }
 
 Status ShapeReader::Restore(ByteReader& in) {
-  for (uint64_t* const n : {&given_, &positions_, &triangles_}) *n = in.Get<uint64_t>();
+  for (uint64_t* const n : {&given_, &positions_, &triangles_, &plain_, &averaged_}) *n = in.Get<uint64_t>();
   face_color_ = in.Get<uint32_t>();
   return {};
 }

@@ -10,7 +10,6 @@
 #include "preprocess/import/threemf/structure.h"
 #include "preprocess/import/threemf/triangle_look.h"
 #include "preprocess/import/threemf/xml_reader.h"
-#include "preprocess/import/warn_once.h"
 
 namespace quarry {
 
@@ -23,13 +22,15 @@ class ShapeReader final : public XmlHandler {
   static constexpr uint64_t kMostHeldVertices = 1 << 16, kMostHeldTriangles = 1 << 17;
 
   ShapeReader(const std::string& path, const ThreeMfStructure& structure, ModelSink& sink)
-      : path_(path), s_(structure), sink_(sink), warn_(sink) {}
+      : path_(path), s_(structure), sink_(sink) {}
 
   void BeginPart(uint32_t part);
   Status Start(XmlSpace space, std::string_view name, const XmlAttributes& attributes) override;
   Status End(XmlSpace space, std::string_view name) override;
   bool failed_elsewhere() const override { return sink_failed_; }
 
+  /// Warns of what was left out. Requires: all parts have been read.
+  void Finish();
   /// Of all instances.
   uint64_t triangles() const { return triangles_; }
 
@@ -52,6 +53,10 @@ class ShapeReader final : public XmlHandler {
   Status EndObject();
   Status Vertex(const XmlAttributes& attributes);
   Status Triangle(const XmlAttributes& attributes);
+  /// Whether the corners have colours that differ.
+  static bool IsBlended(const Face& face) {
+    return face.look[0].colored && (face.look[0] != face.look[1] || face.look[0] != face.look[2]);
+  }
   ThreeMfProperties::Look LookOf(uint32_t group, uint32_t index);
   Instance ToInstance(const glm::dmat4& world, const std::vector<uint32_t>& way);
   Status GiveHeld(const Instance& instance);
@@ -67,7 +72,6 @@ class ShapeReader final : public XmlHandler {
   const std::string& path_;
   const ThreeMfStructure& s_;
   ModelSink& sink_;
-  WarnOnce warn_;
   uint32_t part_ = 0, next_object_ = 0, object_ = 0;
   int depth_ = 0, skipped_ = 0;  ///< depths of elements, from 1; 0: none
   bool in_object_ = false, in_mesh_ = false, shown_ = false, held_ = false, sink_failed_ = false;
@@ -77,6 +81,8 @@ class ShapeReader final : public XmlHandler {
   std::vector<Instance> instances_;
   uint64_t given_ = 0, objects_ = 0;  ///< objects with triangles: given by an earlier run, met
   uint64_t positions_ = 0, triangles_ = 0;
+  bool looks_missing_ = false;         ///< of the current triangle
+  uint64_t plain_ = 0, averaged_ = 0;  ///< triangles with missing looks, and with mean colours
   uint32_t face_color_ = Packed(Rgba8());
 };
 

@@ -33,6 +33,7 @@ class ThreeMfImport {
     QUARRY_TRY(ReadShapes(shapes, [this](uint64_t done, uint64_t all) {
       sink_.HasRead(archive_.size() * done / std::max<uint64_t>(all, 1), archive_.size());
     }));
+    shapes.Finish();
     return shapes.triangles();
   }
 
