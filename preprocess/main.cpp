@@ -121,13 +121,18 @@ void PrintSummary(const PreprocessOptions& options, const PreprocessStatistics& 
                     s.meta.dropped_transparent));
 }
 
-/// Judges by file names alone: glTF's up axis is y, and Assimp converts to it.
-bool AllHaveYUp(const std::vector<std::string>& models) {
-  return std::ranges::none_of(models, [](const std::string& m) {
+/// Judges by file names alone: 1 where all formats state y as their up axis (glTF, and Assimp converts to
+/// it), 2 where all state z (3MF), else 0.
+uint32_t StatedUpAxis(const std::vector<std::string>& models) {
+  const auto have = [](const std::string& m, std::initializer_list<const char*> extensions) {
     const std::string extension = std::filesystem::path(m).extension().string();
-    const char* const z_up[] = {"", ".ply", ".obj", ".stl", ".off", ".nff", ".aff", ".gz", ".zst"};
-    return std::ranges::any_of(z_up, [&](const char* e) { return EqualsIgnoringCase(extension, e); });
-  });
+    return std::ranges::any_of(extensions, [&](const char* e) { return EqualsIgnoringCase(extension, e); });
+  };
+  if (std::ranges::all_of(models, [&](const std::string& m) { return have(m, {".3mf"}); })) return 2;
+  const auto has_y_up = [&](const std::string& m) {
+    return !have(m, {"", ".ply", ".obj", ".stl", ".off", ".nff", ".aff", ".3mf", ".gz", ".zst"});
+  };
+  return std::ranges::all_of(models, has_y_up) ? 1 : 0;
 }
 
 /// Habits of formats that do not say which axis points up: most OBJ files are exported with y up, most STL
@@ -225,7 +230,7 @@ Status Run(PreprocessOptions options, const Texts& texts, bool plan) {
     return BadUsage("--voxel-size must lie between 4K and 4M");
   if (!(options.scale > 0) || options.scale > 1e12) return BadUsage("--scale must be a positive number");
   options.voxel_size = static_cast<uint32_t>(voxel);
-  options.up_axis = up == "y" || (up.empty() && AllHaveYUp(options.models)) ? 1 : up == "z" ? 2 : 0;
+  options.up_axis = up == "y" ? 1 : up == "z" ? 2 : StatedUpAxis(options.models);
   options.up_habit = UpHabit(options.models);
   for (const std::string& place : texts.places) QUARRY_TRY(ParsePlacement(place, options));
   QUARRY_TRY(CheckOutputs(texts, options));
@@ -248,7 +253,8 @@ int Main(int argc, char** argv) {
   Texts texts;
   bool plan = false, resume = false, resume_if_fit = false;
   CLI::App app{
-      "Cuts triangle models (PLY, OBJ, STL, OFF, NFF, AFF, glTF; others by Assimp) into a scene store, out "
+      "Cuts triangle models (PLY, OBJ, STL, OFF, NFF, AFF, glTF, 3MF; others by Assimp) into a scene store, "
+      "out "
       "of core.",
       "quarry-preprocess"};
   app.footer(
@@ -280,7 +286,7 @@ int Main(int argc, char** argv) {
   app.add_option("--voxel-size", texts.voxel_size, "Most bytes of a decoded voxel's hot part")
       ->capture_default_str();
   app.add_option("--up-axis,--up", texts.up,
-                 "The models' up axis (default: y for glTF and what Assimp reads, else guessed)")
+                 "The models' up axis (default: y for glTF and what Assimp reads, z for 3MF, else guessed)")
       ->check(CLI::IsMember({"y", "z"}));
   app.add_option("--crease", options.crease,
                  "Most degrees between neighbouring triangles without normals that meet smoothly; 0: facets. "

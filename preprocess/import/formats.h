@@ -21,6 +21,8 @@ Result<uint64_t> ImportObj(ModelReader& bytes, ModelSink& sink);
 Result<uint64_t> ImportStl(ModelReader& bytes, ModelSink& sink);
 Result<uint64_t> ImportOff(ModelReader& bytes, ModelSink& sink);
 Result<uint64_t> ImportGltf(ModelReader& bytes, ModelSink& sink);
+/// Requires: bytes.can_reopen().
+Result<uint64_t> ImportThreeMf(ModelReader& bytes, ModelSink& sink);
 /// NFF and AFF.
 Result<uint64_t> ImportNff(ModelReader& bytes, ModelSink& sink);
 
@@ -33,6 +35,8 @@ bool LooksLikeStl(ModelReader& bytes);
 bool LooksLikeOff(ModelReader& bytes);
 bool LooksLikeNff(ModelReader& bytes);
 bool LooksLikeGltf(ModelReader& bytes);
+/// Whether the bytes begin a zip archive, in a file, that holds a 3MF's model.
+bool LooksLikeThreeMf(ModelReader& bytes);
 /// Whether the bytes look like the text of an OBJ file.
 bool LooksLikeObj(ModelReader& bytes);
 

@@ -27,6 +27,7 @@ Import ChooseFormat(ModelReader& bytes, std::filesystem::path path) {
   if (bytes.is_packed()) path = path.stem();  // "model.obj.gz"
   if (LooksLikePly(bytes)) return ImportPly;
   if (LooksLikeGltf(bytes)) return ImportGltf;
+  if (LooksLikeThreeMf(bytes)) return ImportThreeMf;
   if (LooksLikeOff(bytes)) return ImportOff;
   if (LooksLikeNff(bytes)) return ImportNff;
   if (LooksLikeStl(bytes)) return ImportStl;
@@ -35,6 +36,7 @@ Import ChooseFormat(ModelReader& bytes, std::filesystem::path path) {
   if (EqualsIgnoringCase(extension, ".off")) return ImportOff;
   if (EqualsIgnoringCase(extension, ".nff") || EqualsIgnoringCase(extension, ".aff")) return ImportNff;
   if (EqualsIgnoringCase(extension, ".gltf") || EqualsIgnoringCase(extension, ".glb")) return ImportGltf;
+  if (EqualsIgnoringCase(extension, ".3mf")) return ImportThreeMf;
   if (EqualsIgnoringCase(extension, ".stl")) return LooksLikeObj(bytes) ? ImportObj : ImportStl;
   if (EqualsIgnoringCase(extension, ".ply")) return LooksLikeObj(bytes) ? ImportObj : ImportPly;
   return LooksLikeObj(bytes) ? ImportObj : nullptr;
@@ -44,6 +46,9 @@ Import ChooseFormat(ModelReader& bytes, std::filesystem::path path) {
 ForeignContent ContentOf(ModelReader& bytes, std::filesystem::path path) {
   constexpr size_t kLook = 16 << 10;   // headers of STEP and IFC are long
   if (LooksLikeStl(bytes)) return {};  // its 80-byte header may hold anything
+  if (LooksLikeThreeMf(bytes)) return {};
+  if (!bytes.can_reopen() && bytes.view().starts_with("PK\3\4"))
+    return {"a zip archive, as 3MF is, whose directory is at its end", "give it as a file, not by a pipe"};
   if (bytes.is_packed()) path = path.stem();
   bytes.Ensure(kLook);
   const ForeignContent content = RecognizeForeign(bytes.view().substr(0, kLook), path.extension().string());
@@ -108,13 +113,14 @@ Status ImportModel(const std::string& path, ModelSink& sink, const ForeignFormat
   const bool by_assimp = !foreign.program.empty() && bytes.can_reopen() && !bytes.is_packed();
   if (import == nullptr && !by_assimp && !content.what.empty()) return IsForeign(bytes, content);
   if (import == nullptr && !by_assimp && !foreign.program.empty())
-    return Fail(
-        fmt::format("{}: is neither PLY, OBJ, STL, OFF, NFF, AFF nor glTF; other formats are read from files "
-                    "that are not packed: {}",
-                    bytes.path(), bytes.is_packed() ? "unpack it first" : "give it as a file"));
+    return Fail(fmt::format(
+        "{}: is neither PLY, OBJ, STL, OFF, NFF, AFF, glTF nor 3MF; other formats are read from files "
+        "that are not packed: {}",
+        bytes.path(), bytes.is_packed() ? "unpack it first" : "give it as a file"));
   if (import == nullptr && !by_assimp)
-    return Fail(fmt::format("{}: is neither PLY, OBJ, STL, OFF, NFF, AFF nor glTF, the formats that are read",
-                            bytes.path()));
+    return Fail(
+        fmt::format("{}: is neither PLY, OBJ, STL, OFF, NFF, AFF, glTF nor 3MF, the formats that are read",
+                    bytes.path()));
   QUARRY_TRY(sink.BeginFile(name));
   if (import == ImportGltf || import == ImportNff) sink.SetSmoothing(kFlat);  // as these formats state
   if (sink.HasAll()) return sink.EndFile();
@@ -130,10 +136,10 @@ Status ImportModel(const std::string& path, ModelSink& sink, const ForeignFormat
     QUARRY_TRY(ImportConverted(ply, path, sink));
     return sink.EndFile();
   }
-  if (bytes.can_reopen())
-    FindOrigin(path, unpack_limit, import, sink);
-  else
+  if (!bytes.can_reopen())
     FindOriginOfPipe(bytes, import, sink);
+  else if (import != ImportThreeMf)  // whose reader does so itself: it has read the structure then
+    FindOrigin(path, unpack_limit, import, sink);
   QUARRY_ASSIGN(const uint64_t triangles, import(bytes, sink));
   if (triangles == 0) return Fail(fmt::format("{}: holds no triangles", bytes.path()));
   return sink.EndFile();

@@ -23,6 +23,7 @@ Result<ModelReader> ModelReader::Open(const std::string& path, uint64_t unpack_l
   const std::string name = standard_input ? "standard input" : path;
   if (fd < 0) return Fail(fmt::format("{}: cannot be opened: {}", name, ErrnoText(errno)));
   ModelReader reader(name, fd);
+  reader.unpack_limit_ = unpack_limit;
   struct stat info {};
   const bool regular = fstat(fd, &info) == 0 && S_ISREG(info.st_mode);
   if (!regular && !standard_input) return Fail(fmt::format("{}: is not a regular file", path));
@@ -39,7 +40,6 @@ Result<ModelReader> ModelReader::Open(const std::string& path, uint64_t unpack_l
     return reader;
   }
   // The buffered bytes are packed.
-  reader.unpack_limit_ = unpack_limit;
   reader.packed_bytes_ = regular && !standard_input ? static_cast<uint64_t>(info.st_size) : reader.end_;
   reader.packed_ = std::exchange(reader.buffer_, std::make_unique<char[]>(kBufferBytes));
   reader.packed_end_ = std::exchange(reader.end_, 0);

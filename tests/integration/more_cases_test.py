@@ -641,8 +641,8 @@ row("dae_broken.dae", "<?xml version='1.0'?><COLLADA>", Sentence("Assimp|COLLADA
 row("dae_html.dae", "<html><body>404</body></html>", Sentence("web page"))
 row("fbx_cut.fbx", b"Kaydara FBX Binary  \0\x1a\0" + struct.pack("<I", 7400) + bytes(20), Sentence("Assimp|FBX"))
 row("a.3ds", b"MM" + struct.pack("<I", 500) + bytes(10), Sentence("Assimp|3DS"))
-row("cut.3mf", archive("zip")[:-30], Sentence("Assimp|3MF"))
-row("other.3mf", archive("zip"), Sentence("Assimp|3MF"))
+row("cut.3mf", archive("zip")[:-30], Sentence("3MF"))
+row("other.3mf", archive("zip"), Sentence("3MF"))
 
 
 def three_mf(model, extension="3mf", name="3D/3dmodel.model"):
@@ -692,7 +692,7 @@ for name in "sp ace", "per%20cent", "ha#sh", "umläut":
 
 row("far_coarse.obj", "".join("v %.3f %.3f %.3f\n" % (0.05 * x + far, 0.05 * y, z) for far in (0, 400000) for x, y, z in CORNERS) + "f 1 2 3 4\nf 5 6 7 8\n", Model(4, warns="are kept to"), Model(4, warns="kept to", dropped=2))
 row("far_millimetres.obj", "".join("v %.3f %.3f %.3f\n" % (1.2 * x + far, 1.3 * y, z) for far in (0, 20000) for x, y, z in CORNERS) + "f 1 2 3 4\nf 5 6 7 8\n", Model(4, silent=True))
-mf("production", Sentence("production"), objects='', build='')
+mf("without_items", Model(warns="build shows no object", **SQUARE), build='')
 
 
 class MoreCases(ModelCase):

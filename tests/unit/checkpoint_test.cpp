@@ -13,6 +13,7 @@
 #include "preprocess/ingest/spill_sink.h"
 #include "preprocess/spill/paged_file.h"
 #include "tests/support/temporary_folder.h"
+#include "tests/unit/three_mf_builder.h"
 
 namespace quarry {
 namespace {
@@ -165,6 +166,30 @@ void WriteGltf(const std::string& path) {
   Write(std::filesystem::path(path).parent_path().string() + "/grid.bin", buffer);
 }
 
+/// Each of six objects has a look of its own; some are shown twice.
+void WriteThreeMf(const std::string& path) {
+  std::string mesh = "<mesh><vertices>";
+  for (uint32_t v = 0; v < kSide * kSide; ++v)
+    mesh += fmt::format("<vertex x=\"{}\" y=\"{}\" z=\"{}\"/>", Position(v).x, Position(v).y, Position(v).z);
+  mesh += "</vertices><triangles>";
+  ForEachTriangle([&](uint32_t a, uint32_t b, uint32_t c) {
+    mesh += fmt::format("<triangle v1=\"{}\" v2=\"{}\" v3=\"{}\"/>", a, b, c);
+  });
+  mesh += "</triangles></mesh>";
+  std::string objects =
+      "<basematerials id=\"90\"><base name=\"a\" displaycolor=\"#ff0000\"/><base name=\"b\" "
+      "displaycolor=\"#00ff00\"/></basematerials><m:colorgroup id=\"91\"><m:color color=\"#0000ff\"/>"
+      "</m:colorgroup>";
+  std::string build;
+  for (int i = 1; i <= 6; ++i) {
+    objects += ThreeMfObject(i, mesh,
+                             fmt::format("name=\"n{}\" pid=\"{}\" pindex=\"{}\"", i / 2, 90 + i % 2, i % 3));
+    for (int shown = 0; shown < 1 + i % 2; ++shown)
+      build += Item(i, Moved(fmt::format("{} 0 {}", 200 * shown, 100 * i)));
+  }
+  Write(path, Zip(ThreeMfParts(ThreeMfModel(objects, build))));
+}
+
 /// What a store is made of.
 struct Outcome {
   std::vector<std::string> records, parts, warnings;
@@ -275,6 +300,8 @@ TEST_CASE("Imports of every format go on from every checkpoint", "[import][resum
   MustGoOn(folder.file("x.obj"), 6);
   WriteGltf(folder.file("x.gltf"));
   MustGoOn(folder.file("x.gltf"), 11);
+  WriteThreeMf(folder.file("x.3mf"));
+  MustGoOn(folder.file("x.3mf"), 6);
 }
 
 TEST_CASE("A checkpoint does not go on with another material library, or other buffers", "[import][resume]") {

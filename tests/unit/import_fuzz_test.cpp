@@ -7,7 +7,11 @@
 #include <string>
 #include <vector>
 
+#include "tests/unit/three_mf_builder.h"
+
 namespace {
+
+using namespace quarry;
 
 std::string PlyHeader(const std::string& format, const std::string& more) {
   return "ply\nformat " + format +
@@ -24,6 +28,12 @@ std::vector<std::string> Seeds() {
       "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n";
   std::string binary_stl(84 + 100, '\0');
   binary_stl[80] = 2;
+  const std::string three_mf = ThreeMfModel(
+      "<basematerials id=\"7\"><base name=\"a\" displaycolor=\"#ff0000\"/></basematerials>"
+      "<m:colorgroup id=\"8\"><m:color color=\"#00ff00\"/><m:color color=\"#0000ffff\"/></m:colorgroup>" +
+          ThreeMfObject(1, SquareMesh("pid=\"8\" p1=\"0\" p2=\"1\"", "p1=\"0\""), "pid=\"7\" pindex=\"0\"") +
+          ThreeMfObject(2, Components(Component(1) + Component(1, Moved("1 2 3")))),
+      Item(1) + Item(2, Moved("4 5 6")));
   return {
       '\0' + PlyHeader("ascii", "") + "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n3 2 1 0\n",
       '\0' + PlyHeader("ascii", "property uchar red\nproperty list int float w\n") +
@@ -42,6 +52,8 @@ std::vector<std::string> Seeds() {
       "\2solid a\n" + facet + "endsolid\nsolid b\n" + facet + "endsolid\n",
       '\2' + binary_stl,
       '\3' + obj + "f 1 2 3 1 2 3\n",
+      '\7' + Zip(ThreeMfParts(three_mf)),
+      '\10' + three_mf,
   };
 }
 

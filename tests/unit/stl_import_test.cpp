@@ -83,7 +83,7 @@ TEST_CASE("The format is chosen by content before the extension", "[import]") {
   CHECK(ErrorOf("a", obj) == "");
   CHECK(ErrorOf("a.obj", BinaryStl("x", 1, 1)) == "");
   CHECK(ErrorOf("a.dat", "hello world") ==
-        "a.dat: is neither PLY, OBJ, STL, OFF, NFF, AFF nor glTF, the formats that are read");
+        "a.dat: is neither PLY, OBJ, STL, OFF, NFF, AFF, glTF nor 3MF, the formats that are read");
   RecordingSink sink;
   CHECK(ImportModel("/nowhere/a.obj", sink).error().message ==
         "/nowhere/a.obj: cannot be opened: No such file or directory");

@@ -69,16 +69,12 @@ bool HasHighlight(const aiMaterial& from) {
          model != aiShadingMode_NoShading;
 }
 
-constexpr const char* kProduction =
-    ", or has its objects in files of its own (the production extension, as slicers write it), which are not "
-    "read; export it as STL or OBJ";
-
 bool IsOf(const std::string& model, const char* extension) {
   return ::strcasecmp(std::filesystem::path(model).extension().c_str(), extension) == 0;
 }
 
-/// 3MF and AMF state that their colours are sRGB.
-bool HasSrgbColors(const std::string& model) { return IsOf(model, ".3mf") || IsOf(model, ".amf"); }
+/// AMF states that its colours are sRGB.
+bool HasSrgbColors(const std::string& model) { return IsOf(model, ".amf"); }
 
 Material Converted(const aiMaterial& from, bool srgb) {
   Material m;
@@ -264,8 +260,8 @@ Status WritePly(const std::vector<Placed>& placed, const std::string& path) {
 Status CannotRead(const std::string& model, std::string why) {
   if (why.starts_with("No suitable reader found"))
     return Fail(fmt::format(
-        "{}: is of none of the formats that are read: PLY, OBJ, STL, OFF, glTF, GLB, NFF, AFF, and by "
-        "Assimp COLLADA, 3MF, AMF, FBX, 3DS, DXF, X3D and more; export it as glTF, OBJ or PLY",
+        "{}: is of none of the formats that are read: PLY, OBJ, STL, OFF, glTF, GLB, NFF, AFF, 3MF, and by "
+        "Assimp COLLADA, AMF, FBX, 3DS, DXF, X3D and more; export it as glTF, OBJ or PLY",
         model));
   for (size_t at; (at = why.find(model)) != why.npos;) why.replace(at, model.size(), "it");
   while (why.ends_with('.') || why.ends_with('\n')) why.pop_back();
@@ -292,8 +288,7 @@ Status Run(const std::string& model, const std::string& out, uint64_t memory) {
     library.images.push_back(std::move(images));
   }
   if (const Status written = WritePly(placed, out); !written)
-    return Fail(fmt::format("{}: {}{}", model, written.error().message,
-                            placed.empty() && IsOf(model, ".3mf") ? kProduction : ""));
+    return Fail(fmt::format("{}: {}", model, written.error().message));
   std::ofstream json(MaterialJsonPath(out));
   WriteMaterialJson(library, json);
   if (!json.flush()) return Fail(fmt::format("{}: cannot be written", MaterialJsonPath(out)));

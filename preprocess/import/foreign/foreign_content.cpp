@@ -155,7 +155,8 @@ constexpr Signature kExtensions[] = {
 
 /// Extensions of models that Quarry reads, whatever they hold.
 bool IsOfModel(std::string_view extension) {
-  constexpr std::string_view kModels[] = {".ply", ".obj", ".stl", ".off", ".nff", ".aff", ".gltf", ".glb"};
+  constexpr std::string_view kModels[] = {".ply", ".obj",  ".stl", ".off", ".nff",
+                                          ".aff", ".gltf", ".glb", ".3mf"};
   return std::ranges::any_of(kModels,
                              [&](std::string_view known) { return EqualsIgnoringCase(extension, known); });
 }
@@ -239,7 +240,7 @@ ForeignContent Within(std::string_view start) {
 
 ForeignContent Zip(std::string_view extension) {
   for (const std::string_view zipped : {".3mf", ".amf", ".zae", ".pk3"})
-    if (EqualsIgnoringCase(extension, zipped)) return {};  // models that are zip archives; Assimp reads them
+    if (EqualsIgnoringCase(extension, zipped)) return {};  // models that are zip archives
   if (EqualsIgnoringCase(extension, ".usdz")) return {"a USD scene", std::string(kUsd)};
   return {"a zip archive", "unpack it, and give the model in it"};
 }
