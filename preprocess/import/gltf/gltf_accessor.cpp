@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "preprocess/import/gltf/gltf_extensions.h"
+#include "preprocess/import/gltf/gltf_meshopt.h"
 
 namespace quarry {
 namespace {
@@ -114,10 +115,17 @@ Result<GltfAccessor::Place> GltfAccessor::FindPlace(const Json& json, uint64_t c
   QUARRY_ASSIGN(const uint64_t offset, Unsigned(json, "byteOffset", 0));
   QUARRY_ASSIGN(const Json* view, document_->Find("bufferViews", view_index));
   Place place;
-  QUARRY_ASSIGN(place.buffer, Unsigned(*view, "buffer"));
-  QUARRY_TRY(CheckNotCompressed(*document_, *view, fmt::format("bufferViews[{}]", view_index),
-                                document_->HasBytes(place.buffer)));
-  QUARRY_ASSIGN(const uint64_t begin, Unsigned(*view, "byteOffset", 0));
+  uint64_t begin = 0;
+  QUARRY_ASSIGN(const std::optional<uint64_t> decoded, DecodeMeshoptView(*document_, view_index, *view));
+  if (decoded) {
+    place.buffer = GltfDocument::kDecoded;
+    begin = *decoded;
+  } else {
+    QUARRY_ASSIGN(place.buffer, Unsigned(*view, "buffer"));
+    QUARRY_TRY(CheckNotCompressed(*document_, *view, fmt::format("bufferViews[{}]", view_index),
+                                  document_->HasBytes(place.buffer)));
+    QUARRY_ASSIGN(begin, Unsigned(*view, "byteOffset", 0));
+  }
   QUARRY_ASSIGN(const uint64_t length, Unsigned(*view, "byteLength"));
   QUARRY_ASSIGN(place.stride, Unsigned(*view, "byteStride", size));
   if (place.stride < size || place.stride > 4096)

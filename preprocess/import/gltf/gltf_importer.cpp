@@ -348,10 +348,10 @@ bool LooksLikeGltf(ModelReader& bytes) {
   return first != std::string_view::npos && text[first] == '{';
 }
 
-Result<uint64_t> ImportGltf(ModelReader& bytes, ModelSink& sink) {
+Result<uint64_t> ImportGltf(ModelReader& bytes, ModelSink& sink, const GltfDecoding& decoding) {
   const std::string path = bytes.path();
   try {
-    QUARRY_ASSIGN(GltfDocument document, GltfDocument::Open(bytes));
+    QUARRY_ASSIGN(GltfDocument document, GltfDocument::Open(bytes, decoding));
     return GltfImport(std::move(document), sink).Run();
   } catch (const Json::exception& e) {
     return Fail(fmt::format("{}: a member has a type that it cannot have: {}", path, e.what()));
