@@ -34,7 +34,7 @@ ForeignFormats ForeignFormatsOf(const PreprocessOptions& options, const std::str
 }
 
 GltfDecoding GltfDecodingOf(const PreprocessOptions& options, const std::string& folder) {
-  return {folder, options.memory};
+  return {FindProgram("quarry-import-draco"), folder, options.memory};
 }
 
 ImageDecoding ImageDecodingOf(const PreprocessOptions& options) {

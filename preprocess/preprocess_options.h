@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "preprocess/import/foreign/foreign.h"
-#include "preprocess/import/gltf/gltf_decoded.h"
+#include "preprocess/import/gltf/gltf_decoding.h"
 #include "preprocess/ingest/scene_coordinates.h"
 #include "preprocess/texture/image_decoder.h"
 

@@ -4,7 +4,7 @@
 #include <string>
 
 #include "common/base/status.h"
-#include "preprocess/import/gltf/gltf_decoded.h"
+#include "preprocess/import/gltf/gltf_decoding.h"
 #include "preprocess/import/model_reader.h"
 #include "preprocess/import/model_sink.h"
 

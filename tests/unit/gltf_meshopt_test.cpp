@@ -1,6 +1,7 @@
 #include <meshoptimizer.h>
 
 #include <algorithm>
+#include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <cstring>
@@ -194,14 +195,14 @@ void Refill(Builder& b, size_t view, const std::vector<T>& filtered) {
 
 }  // namespace
 
-TEST_CASE("glTF, meshopt: a compressed model is the same as the plain one", "[import][gltf][meshopt]") {
+TEST_CASE("glTF by meshopt: a compressed model is the same as the plain one", "[import][gltf][meshopt]") {
   CheckGrid<uint16_t>("TRIANGLES");
   CheckGrid<uint32_t>("TRIANGLES");
   CheckGrid<uint16_t>("INDICES");
   CheckGrid<uint32_t>("INDICES");
 }
 
-TEST_CASE("glTF, meshopt: octahedral normals of 8 and of 16 bits", "[import][gltf][meshopt]") {
+TEST_CASE("glTF by meshopt: octahedral normals of 8 and of 16 bits", "[import][gltf][meshopt]") {
   std::vector<float> normals;
   for (int i = 0; i < 4; ++i) {
     const glm::vec3 n = glm::normalize(glm::vec3(i - 1.5f, 0.5f * static_cast<float>(i), 1.0f - i));
@@ -226,7 +227,7 @@ TEST_CASE("glTF, meshopt: octahedral normals of 8 and of 16 bits", "[import][glt
   }
 }
 
-TEST_CASE("glTF, meshopt: quaternions turn instances", "[import][gltf][meshopt]") {
+TEST_CASE("glTF by meshopt: quaternions turn instances", "[import][gltf][meshopt]") {
   // No turn, and half a turn about z.
   const std::vector<float> turns = {0, 0, 0, 1, 0, 0, 1, 0};
   RecordingSink sink;
@@ -247,7 +248,7 @@ TEST_CASE("glTF, meshopt: quaternions turn instances", "[import][gltf][meshopt]"
   CHECK(glm::distance(sink.positions[6], glm::dvec3(-1, -1, 0)) < 1e-3);
 }
 
-TEST_CASE("glTF, meshopt: exponential floats", "[import][gltf][meshopt]") {
+TEST_CASE("glTF by meshopt: exponential floats", "[import][gltf][meshopt]") {
   RecordingSink sink;
   REQUIRE(ImportText("m.gltf", Square([&](Builder& b) {
                                  std::vector<uint32_t> filtered(12);
@@ -261,7 +262,7 @@ TEST_CASE("glTF, meshopt: exponential floats", "[import][gltf][meshopt]") {
   CHECK(glm::distance(sink.positions[2], glm::dvec3(1, 1, 0)) < 1e-5);
 }
 
-TEST_CASE("glTF, meshopt: sparse elements are compressed too", "[import][gltf][meshopt]") {
+TEST_CASE("glTF by meshopt: sparse elements are compressed too", "[import][gltf][meshopt]") {
   RecordingSink sink;
   REQUIRE(ImportText("m.gltf", Square([&](Builder& b) {
                                  const std::vector<uint32_t> indices = {1, 2};
@@ -280,7 +281,8 @@ TEST_CASE("glTF, meshopt: sparse elements are compressed too", "[import][gltf][m
   CHECK(sink.positions[2] == glm::dvec3(5, 1, 0));
 }
 
-TEST_CASE("glTF, meshopt: parameters that cannot be are refused by one sentence", "[import][gltf][meshopt]") {
+TEST_CASE("glTF by meshopt: parameters that cannot be are refused by one sentence",
+          "[import][gltf][meshopt]") {
   struct Row {
     size_t view;
     const char* key;
@@ -326,7 +328,7 @@ TEST_CASE("glTF, meshopt: parameters that cannot be are refused by one sentence"
   }
 }
 
-TEST_CASE("glTF, meshopt: a newer version of the codec is named", "[import][gltf][meshopt]") {
+TEST_CASE("glTF by meshopt: a newer version of the codec is named", "[import][gltf][meshopt]") {
   Builder b = CompressedSquare();
   b.buffer[ExtensionOf(b, 0)["byteOffset"].get<size_t>()] = '\xAE';
   CHECK_THAT(
@@ -334,7 +336,7 @@ TEST_CASE("glTF, meshopt: a newer version of the codec is named", "[import][gltf
       Catch::Contains("bufferViews[0].extensions.EXT_meshopt_compression: is of version 14 of the codec"));
 }
 
-TEST_CASE("glTF, meshopt: decoding keeps to half of the memory", "[import][gltf][meshopt]") {
+TEST_CASE("glTF by meshopt: decoding keeps to half of the memory", "[import][gltf][meshopt]") {
   const TempFolder folder;
   const std::string path = folder.Write("m.glb", CompressedGrid<uint32_t>("TRIANGLES").Glb());
   GltfDecoding decoding;
@@ -352,7 +354,7 @@ TEST_CASE("glTF, meshopt: decoding keeps to half of the memory", "[import][gltf]
              Catch::Contains("a file for decoded bytes cannot be made"));
 }
 
-TEST_CASE("glTF, meshopt: cut streams are refused, each by one sentence", "[import][gltf][meshopt]") {
+TEST_CASE("glTF by meshopt: cut streams are refused, each by one sentence", "[import][gltf][meshopt]") {
   for (const char* mode : {"TRIANGLES", "INDICES"})
     for (const size_t view : {size_t{0}, size_t{2}}) {
       Builder whole = Square([&](Builder& b) {
@@ -370,7 +372,7 @@ TEST_CASE("glTF, meshopt: cut streams are refused, each by one sentence", "[impo
     }
 }
 
-TEST_CASE("glTF, meshopt: changed bytes give a model or a sentence", "[import][gltf][meshopt]") {
+TEST_CASE("glTF by meshopt: changed bytes give a model or a sentence", "[import][gltf][meshopt]") {
   uint64_t refused = 0;
   for (const char* mode : {"TRIANGLES", "INDICES"})
     for (const size_t view : {size_t{0}, size_t{1}, size_t{2}}) {

@@ -15,7 +15,8 @@ GltfDecoded::GltfDecoded(GltfDecoded&& other) noexcept
     : decoding_(std::move(other.decoding_)),
       fd_(std::exchange(other.fd_, -1)),
       size_(other.size_),
-      views_(std::move(other.views_)) {}
+      views_(std::move(other.views_)),
+      elements_(other.elements_) {}
 
 GltfDecoded::~GltfDecoded() {
   if (fd_ >= 0) ::close(fd_);
@@ -59,6 +60,12 @@ Status GltfDecoded::Read(uint64_t offset, std::span<std::byte> out) const {
     out = out.subspan(static_cast<size_t>(n));
   }
   return {};
+}
+
+const GltfElements* GltfDecoded::FindElements(uint64_t accessor) const {
+  if (!elements_) return nullptr;
+  const auto found = elements_->find(accessor);
+  return found == elements_->end() ? nullptr : &found->second;
 }
 
 std::optional<uint64_t> GltfDecoded::FindView(uint64_t view) const {

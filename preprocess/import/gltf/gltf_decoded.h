@@ -8,13 +8,16 @@
 #include <string>
 
 #include "common/base/status.h"
+#include "preprocess/import/gltf/gltf_decoding.h"
 
 namespace quarry {
 
-/// How to decode the compressed parts of a glTF file.
-struct GltfDecoding {
-  std::string folder;              ///< for decoded bytes; empty: the system's folder for temporary files
-  uint64_t memory = 256ull << 20;  ///< bytes, a ceiling; a decoder in this process takes half
+/// Elements of an accessor that were decoded with the mesh around them: packed, one after the other.
+struct GltfElements {
+  uint64_t offset = 0, count = 0;  ///< offset in the decoded bytes; elements
+  uint32_t component_type = 0;     ///< glTF's number
+  uint32_t components = 0;
+  bool normalized = false;
 };
 
 /// The decoded bytes of a glTF file's compressed parts. They lie in one temporary file without a name, since
@@ -40,6 +43,14 @@ class GltfDecoded {
   std::optional<uint64_t> FindView(uint64_t view) const;
   void NoteView(uint64_t view, uint64_t offset) { views_[view] = offset; }
 
+  /// The elements of accessors, by the accessors' numbers.
+  using Elements = std::map<uint64_t, GltfElements>;
+  /// Accessors that are opened from now on take these elements, if they are among them. Null: none. Requires:
+  /// `elements` outlives the accessors' opening.
+  void UseElements(const Elements* elements) { elements_ = elements; }
+  /// Null: the accessor's elements stand in its buffer view.
+  const GltfElements* FindElements(uint64_t accessor) const;
+
  private:
   Status Create();
 
@@ -47,6 +58,7 @@ class GltfDecoded {
   int fd_ = -1;
   uint64_t size_ = 0;
   std::map<uint64_t, uint64_t> views_;
+  const Elements* elements_ = nullptr;
 };
 
 }  // namespace quarry
