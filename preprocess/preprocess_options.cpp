@@ -33,6 +33,10 @@ ForeignFormats ForeignFormatsOf(const PreprocessOptions& options, const std::str
   return {program, prefix, options.memory};
 }
 
+GltfDecoding GltfDecodingOf(const PreprocessOptions& options, const std::string& folder) {
+  return {FindProgram("quarry-import-draco"), folder, options.memory};
+}
+
 ImageDecoding ImageDecodingOf(const PreprocessOptions& options) {
   return {FindProgram("quarry-import-image"), options.memory};
 }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "preprocess/import/foreign/foreign.h"
+#include "preprocess/import/gltf/gltf_decoding.h"
 #include "preprocess/ingest/scene_coordinates.h"
 #include "preprocess/texture/image_decoder.h"
 
@@ -53,6 +54,8 @@ std::vector<std::string> ModelNamesOf(const PreprocessOptions& options);
 /// How this run reads formats that Quarry has no reader for: by the program beside this one, if there is one.
 /// `prefix`: of its files.
 ForeignFormats ForeignFormatsOf(const PreprocessOptions& options, const std::string& prefix);
+/// How this run decodes compressed parts of glTF. `folder`: of decoded bytes.
+GltfDecoding GltfDecodingOf(const PreprocessOptions& options, const std::string& folder);
 /// How this run decodes images.
 ImageDecoding ImageDecodingOf(const PreprocessOptions& options);
 

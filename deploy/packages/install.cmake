@@ -5,9 +5,11 @@ set(PACKAGES ${CMAKE_CURRENT_LIST_DIR})
 install(TARGETS quarry quarry-master quarry-worker quarry-preprocess quarry-scene
         RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT programs)
 install(TARGETS quarry-import-image RUNTIME DESTINATION ${QUARRY_LIBEXEC} COMPONENT programs)
-if(TARGET quarry-import-assimp)
-  install(TARGETS quarry-import-assimp RUNTIME DESTINATION ${QUARRY_LIBEXEC} COMPONENT programs)
-endif()
+foreach(helper quarry-import-assimp quarry-import-draco)
+  if(TARGET ${helper})
+    install(TARGETS ${helper} RUNTIME DESTINATION ${QUARRY_LIBEXEC} COMPONENT programs)
+  endif()
+endforeach()
 
 # bash-completion looks for a file by the name of the command.
 set(COMPLETIONS ${CMAKE_INSTALL_DATADIR}/bash-completion/completions)

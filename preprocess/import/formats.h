@@ -4,6 +4,7 @@
 #include <string>
 
 #include "common/base/status.h"
+#include "preprocess/import/gltf/gltf_decoding.h"
 #include "preprocess/import/model_reader.h"
 #include "preprocess/import/model_sink.h"
 
@@ -20,7 +21,7 @@ Result<uint64_t> ImportConverted(ModelReader& bytes, const std::string& model, M
 Result<uint64_t> ImportObj(ModelReader& bytes, ModelSink& sink);
 Result<uint64_t> ImportStl(ModelReader& bytes, ModelSink& sink);
 Result<uint64_t> ImportOff(ModelReader& bytes, ModelSink& sink);
-Result<uint64_t> ImportGltf(ModelReader& bytes, ModelSink& sink);
+Result<uint64_t> ImportGltf(ModelReader& bytes, ModelSink& sink, const GltfDecoding& decoding);
 /// Requires: bytes.can_reopen().
 Result<uint64_t> ImportThreeMf(ModelReader& bytes, ModelSink& sink);
 /// NFF and AFF.

@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <filesystem>
+#include <functional>
 #include <system_error>
 
 #include "preprocess/import/foreign/foreign_content.h"
@@ -15,31 +16,56 @@
 namespace quarry {
 namespace {
 
-using Import = Result<uint64_t> (*)(ModelReader&, ModelSink&);
+/// A reader of a format.
+using Import = std::function<Result<uint64_t>(ModelReader&, ModelSink&)>;
+
+enum class Format { kNone, kPly, kObj, kStl, kOff, kNff, kGltf, kThreeMf };
+
+Import ImportOf(Format format, const GltfDecoding& decoding) {
+  switch (format) {
+    case Format::kPly:
+      return ImportPly;
+    case Format::kObj:
+      return ImportObj;
+    case Format::kStl:
+      return ImportStl;
+    case Format::kOff:
+      return ImportOff;
+    case Format::kNff:
+      return ImportNff;
+    case Format::kGltf:
+      return [&decoding](ModelReader& bytes, ModelSink& sink) { return ImportGltf(bytes, sink, decoding); };
+    case Format::kThreeMf:
+      return ImportThreeMf;
+    case Format::kNone:
+      break;
+  }
+  return {};
+}
 
 bool LooksLikePly(ModelReader& bytes) {
   return bytes.Ensure(4) && bytes.view().starts_with("ply") && IsSpace(bytes.data()[3]);
 }
 
 /// Chooses a reader by content first, since extensions are often wrong, then by the extension, whose reader
-/// reports errors. Null: neither decides.
-Import ChooseFormat(ModelReader& bytes, std::filesystem::path path) {
+/// reports errors. kNone: neither decides.
+Format ChooseFormat(ModelReader& bytes, std::filesystem::path path) {
   if (bytes.is_packed()) path = path.stem();  // "model.obj.gz"
-  if (LooksLikePly(bytes)) return ImportPly;
-  if (LooksLikeGltf(bytes)) return ImportGltf;
-  if (LooksLikeThreeMf(bytes)) return ImportThreeMf;
-  if (LooksLikeOff(bytes)) return ImportOff;
-  if (LooksLikeNff(bytes)) return ImportNff;
-  if (LooksLikeStl(bytes)) return ImportStl;
+  if (LooksLikePly(bytes)) return Format::kPly;
+  if (LooksLikeGltf(bytes)) return Format::kGltf;
+  if (LooksLikeThreeMf(bytes)) return Format::kThreeMf;
+  if (LooksLikeOff(bytes)) return Format::kOff;
+  if (LooksLikeNff(bytes)) return Format::kNff;
+  if (LooksLikeStl(bytes)) return Format::kStl;
   const std::string extension = path.extension().string();
-  if (EqualsIgnoringCase(extension, ".obj")) return ImportObj;
-  if (EqualsIgnoringCase(extension, ".off")) return ImportOff;
-  if (EqualsIgnoringCase(extension, ".nff") || EqualsIgnoringCase(extension, ".aff")) return ImportNff;
-  if (EqualsIgnoringCase(extension, ".gltf") || EqualsIgnoringCase(extension, ".glb")) return ImportGltf;
-  if (EqualsIgnoringCase(extension, ".3mf")) return ImportThreeMf;
-  if (EqualsIgnoringCase(extension, ".stl")) return LooksLikeObj(bytes) ? ImportObj : ImportStl;
-  if (EqualsIgnoringCase(extension, ".ply")) return LooksLikeObj(bytes) ? ImportObj : ImportPly;
-  return LooksLikeObj(bytes) ? ImportObj : nullptr;
+  if (EqualsIgnoringCase(extension, ".obj")) return Format::kObj;
+  if (EqualsIgnoringCase(extension, ".off")) return Format::kOff;
+  if (EqualsIgnoringCase(extension, ".nff") || EqualsIgnoringCase(extension, ".aff")) return Format::kNff;
+  if (EqualsIgnoringCase(extension, ".gltf") || EqualsIgnoringCase(extension, ".glb")) return Format::kGltf;
+  if (EqualsIgnoringCase(extension, ".3mf")) return Format::kThreeMf;
+  if (EqualsIgnoringCase(extension, ".stl")) return LooksLikeObj(bytes) ? Format::kObj : Format::kStl;
+  if (EqualsIgnoringCase(extension, ".ply")) return LooksLikeObj(bytes) ? Format::kObj : Format::kPly;
+  return LooksLikeObj(bytes) ? Format::kObj : Format::kNone;
 }
 
 /// The kind of a foreign file by its first bytes and its name without ".gz".
@@ -72,7 +98,7 @@ void WarnOfMemory(const std::string& path, uint64_t memory, ModelSink& sink) {
 }
 
 /// Reads the model's beginning to find a point for the scene's offset.
-void FindOrigin(const std::string& path, uint64_t unpack_limit, Import import, ModelSink& sink) {
+void FindOrigin(const std::string& path, uint64_t unpack_limit, const Import& import, ModelSink& sink) {
   if (!sink.WantsOrigin()) return;
   Result<ModelReader> bytes = ModelReader::Open(path, unpack_limit);
   if (!bytes) return;
@@ -82,7 +108,7 @@ void FindOrigin(const std::string& path, uint64_t unpack_limit, Import import, M
 }
 
 /// Does so for a pipe, from the bytes in the buffer: they become a file in memory that ends early.
-void FindOriginOfPipe(ModelReader& bytes, Import import, ModelSink& sink) {
+void FindOriginOfPipe(ModelReader& bytes, const Import& import, ModelSink& sink) {
   if (!sink.WantsOrigin()) return;
   bytes.Ensure(ModelReader::kBufferBytes);
   const int fd = ::memfd_create("beginning", MFD_CLOEXEC);
@@ -102,12 +128,13 @@ tl::unexpected<Error> NoFaces(const std::string& path, uint64_t vertices) {
 }
 
 Status ImportModel(const std::string& path, ModelSink& sink, const ForeignFormats& foreign,
-                   uint64_t unpack_limit) {
+                   uint64_t unpack_limit, const GltfDecoding& decoding) {
   QUARRY_ASSIGN(ModelReader bytes, ModelReader::Open(path, unpack_limit));
   if (!bytes.Ensure(1) && !bytes.failed()) return Fail(fmt::format("{}: is empty", bytes.path()));
   const ForeignContent content = ContentOf(bytes, path);
   if (!content.what.empty() && !content.may_be_read) return IsForeign(bytes, content);
-  const Import import = content.what.empty() ? ChooseFormat(bytes, path) : nullptr;
+  const Format format = content.what.empty() ? ChooseFormat(bytes, path) : Format::kNone;
+  const Import import = ImportOf(format, decoding);
   if (bytes.failed()) return bytes.Truncated("");
   const std::string name = std::filesystem::path(bytes.path()).filename().string();
   const bool by_assimp = !foreign.program.empty() && bytes.can_reopen() && !bytes.is_packed();
@@ -122,7 +149,7 @@ Status ImportModel(const std::string& path, ModelSink& sink, const ForeignFormat
         fmt::format("{}: is neither PLY, OBJ, STL, OFF, NFF, AFF, glTF nor 3MF, the formats that are read",
                     bytes.path()));
   QUARRY_TRY(sink.BeginFile(name));
-  if (import == ImportGltf || import == ImportNff) sink.SetSmoothing(kFlat);  // as these formats state
+  if (format == Format::kGltf || format == Format::kNff) sink.SetSmoothing(kFlat);  // as these formats state
   if (sink.HasAll()) return sink.EndFile();
   if (import == nullptr || !bytes.can_reopen()) sink.ReadsOnce();
   bytes.OnRead([&sink](uint64_t done, uint64_t total) { sink.HasRead(done, total); });
@@ -138,7 +165,7 @@ Status ImportModel(const std::string& path, ModelSink& sink, const ForeignFormat
   }
   if (!bytes.can_reopen())
     FindOriginOfPipe(bytes, import, sink);
-  else if (import != ImportThreeMf)  // whose reader does so itself: it has read the structure then
+  else if (format != Format::kThreeMf)  // whose reader does so itself: it has read the structure then
     FindOrigin(path, unpack_limit, import, sink);
   QUARRY_ASSIGN(const uint64_t triangles, import(bytes, sink));
   if (triangles == 0) return Fail(fmt::format("{}: holds no triangles", bytes.path()));

@@ -1,12 +1,8 @@
 #include "preprocess/texture/image_decoder.h"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <spawn.h>
 #include <sys/wait.h>
-#include <unistd.h>
 
-#include <cerrno>
 #include <csignal>
 #include <utility>
 #include <vector>
@@ -31,68 +27,26 @@ tl::unexpected<Error> Refused(const TextureImage& image, const std::string& why)
 }  // namespace
 
 Status ImageDecoder::Start() {
-  if (child_ > 0) return {};
-  if (decoding_.program.empty())
+  if (helper_.program().empty())
     return Fail(
         "quarry-import-image is not installed with this program, so images cannot be read; --no-textures "
         "does without");
-  int in[2], out[2];
-  if (::pipe2(in, O_CLOEXEC) != 0) return Fail(fmt::format("a pipe: {}", ErrnoText(errno)));
-  if (::pipe2(out, O_CLOEXEC) != 0) {
-    const int error = errno;
-    ::close(in[0]);
-    ::close(in[1]);
-    return Fail(fmt::format("a pipe: {}", ErrnoText(error)));
-  }
-  posix_spawn_file_actions_t actions;
-  ::posix_spawn_file_actions_init(&actions);
-  ::posix_spawn_file_actions_adddup2(&actions, in[0], 0);
-  ::posix_spawn_file_actions_adddup2(&actions, out[1], 1);
-  const std::string memory = std::to_string(decoding_.memory);
-  char* arguments[] = {decoding_.program.data(), const_cast<char*>(memory.c_str()), nullptr};
-  ChildEnvironment environment;
-  const int error =
-      ::posix_spawn(&child_, decoding_.program.c_str(), &actions, nullptr, arguments, environment.get());
-  ::posix_spawn_file_actions_destroy(&actions);
-  ::close(in[0]);
-  ::close(out[1]);
-  to_ = in[1];
-  from_ = out[0];
-  // Fewer turns between the processes. Best effort: the system limits the size.
-  ::fcntl(from_, F_SETPIPE_SZ, 1 << 20);
-  if (error == 0) return {};
-  child_ = -1;
-  Stop();
-  return Fail(fmt::format("{}: cannot be started: {}", decoding_.program, ErrnoText(error)));
-}
-
-void ImageDecoder::Stop() {
-  for (int* fd : {&to_, &from_})
-    if (*fd >= 0) ::close(std::exchange(*fd, -1));
-  if (child_ <= 0) return;
-  ::kill(child_, SIGKILL);  // it may still work on a result that is no longer wanted
-  while (::waitpid(child_, nullptr, 0) < 0 && errno == EINTR) {
-  }
-  child_ = -1;
+  return helper_.Start();
 }
 
 /// The helper has ended; the result tells why.
 tl::unexpected<Error> ImageDecoder::Ended(const TextureImage& image) {
-  int status = 0;
-  for (int* fd : {&to_, &from_}) ::close(std::exchange(*fd, -1));
-  while (::waitpid(child_, &status, 0) < 0 && errno == EINTR) {
-  }
-  child_ = -1;
+  const int status = helper_.Wait();
   if (!answered_ && WIFEXITED(status)) {
     fatal_ = true;
     if (WEXITSTATUS(status) == kNoLibrary)
       return Fail(
           fmt::format("{}: {} lacks shared libraries: install OpenImageIO (Debian's package "
                       "libopenimageio2.4), or give --no-textures",
-                      NameOf(image), decoding_.program));
+                      NameOf(image), helper_.program()));
     return Fail(
         fmt::format("{}: the process that decodes it, {}, has ended before its first answer (status {})",
-                    NameOf(image), decoding_.program, WEXITSTATUS(status)));
+                    NameOf(image), helper_.program(), WEXITSTATUS(status)));
   }
   const int signal = WIFSIGNALED(status) ? WTERMSIG(status) : 0;
   if (signal == SIGXCPU) {  // leaving the image out would make the store depend on the machine's speed
@@ -117,21 +71,21 @@ Status ImageDecoder::Ask(ImageMessage kind, const TextureImage& image) {
   request.Put(image.offset);
   request.Put(image.size);
   request.PutArray(image.file);
-  return WriteAll(to_, request.bytes()) ? Status{} : Ended(image);
+  return WriteAll(helper_.to(), request.bytes()) ? Status{} : Ended(image);
 }
 
 Result<ImageDecoder::Message> ImageDecoder::Receive(const TextureImage& image) {
   std::byte header[kImageHeaderBytes];
-  if (!ReadAll(from_, header)) return Ended(image);
+  if (!ReadAll(helper_.from(), header)) return Ended(image);
   ByteReader in(header);
   Message message{static_cast<ImageMessage>(in.Get<uint32_t>()), {}};
   const auto size = in.Get<uint32_t>();
   if (size > kMostImageMessage) {
-    Stop();
+    helper_.Stop();
     return Refused(image, "the decoder says what cannot be");
   }
   message.bytes.resize(size);
-  if (!ReadAll(from_, message.bytes)) return Ended(image);
+  if (!ReadAll(helper_.from(), message.bytes)) return Ended(image);
   answered_ = true;
   if (message.kind == ImageMessage::kTooLarge) {
     fatal_ = true;
@@ -151,7 +105,7 @@ Result<ImageFacts> ImageDecoder::ReceiveFacts(const TextureImage& image) {
   // A decoder that was misled by its input may send anything.
   if (message.kind != ImageMessage::kFacts || !in.done() || facts.channels - 1 > 3 ||
       facts.width - 1 >= kMaxTextureSide || facts.height - 1 >= kMaxTextureSide) {
-    Stop();
+    helper_.Stop();
     return Refused(image, "the decoder says what cannot be");
   }
   return facts;
@@ -177,7 +131,7 @@ Status ImageDecoder::DecodeRows(const TextureImage& image, const OnFacts& on_fac
   QUARRY_ASSIGN(const ImageFacts facts, ReceiveFacts(image));
   const auto given = [&](Status status) {
     fatal_ = !status;
-    if (!status) Stop();  // rows are in flight
+    if (!status) helper_.Stop();  // rows are in flight
     return status;
   };
   QUARRY_TRY(given(on_facts(facts)));
@@ -188,7 +142,7 @@ Status ImageDecoder::DecodeRows(const TextureImage& image, const OnFacts& on_fac
     const uint64_t count = message.bytes.size() / facts.row_bytes();
     if (message.kind != ImageMessage::kRows || count * facts.row_bytes() != message.bytes.size() ||
         rows + count > facts.height) {
-      Stop();
+      helper_.Stop();
       return Refused(image, "the decoder gives other rows than it has said");
     }
     rows += count;

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <sys/types.h>
-
 #include <cstdint>
 #include <functional>
 #include <span>
@@ -9,6 +7,7 @@
 
 #include "common/base/bytes.h"
 #include "common/base/status.h"
+#include "preprocess/import/foreign/helper_process.h"
 #include "preprocess/import/texture_image.h"
 #include "preprocess/texture/image_protocol.h"
 
@@ -24,9 +23,7 @@ struct ImageDecoding {
 /// is ignored. Thread safety: none.
 class ImageDecoder {
  public:
-  explicit ImageDecoder(ImageDecoding decoding) : decoding_(std::move(decoding)) {}
-  ~ImageDecoder() { Stop(); }
-  ImageDecoder(const ImageDecoder&) = delete;
+  explicit ImageDecoder(const ImageDecoding& decoding) : helper_(decoding.program, decoding.memory) {}
 
   using OnFacts = std::function<Status(const ImageFacts&)>;
   using OnRow = std::function<Status(std::span<const std::byte>)>;
@@ -50,15 +47,12 @@ class ImageDecoder {
     Bytes bytes;
   };
   Status Start();
-  void Stop();
   Status Ask(ImageMessage kind, const TextureImage& image);
   Result<Message> Receive(const TextureImage& image);
   Result<ImageFacts> ReceiveFacts(const TextureImage& image);
   tl::unexpected<Error> Ended(const TextureImage& image);
 
-  ImageDecoding decoding_;
-  pid_t child_ = -1;
-  int to_ = -1, from_ = -1;
+  HelperProcess helper_;
   bool answered_ = false;  ///< at least once: the program works
   bool fatal_ = false;
 };

@@ -6,7 +6,6 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <malloc.h>
-#include <sys/resource.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -20,6 +19,7 @@
 #include "common/base/bytes.h"
 #include "common/base/descriptor.h"
 #include "common/base/log.h"
+#include "common/program/processor_time.h"
 #include "common/program/run_program.h"
 #include "preprocess/texture/image_decoding.h"
 #include "preprocess/texture/image_protocol.h"
@@ -111,16 +111,6 @@ void Answer(int out, ImageMessage kind, std::span<const std::byte> request, uint
   }
 }
 
-/// Limits processor time from now on; SIGXCPU then ends the process. A decoder in an endless loop must not
-/// block a run.
-void LimitTime(rlim_t seconds) {
-  rusage used{};
-  ::getrusage(RUSAGE_SELF, &used);
-  const rlimit limit{static_cast<rlim_t>(used.ru_utime.tv_sec + used.ru_stime.tv_sec) + 1 + seconds,
-                     RLIM_INFINITY};
-  ::setrlimit(RLIMIT_CPU, &limit);
-}
-
 int Serve(uint64_t memory) {
   const int out = ::dup(1), nowhere = ::open("/dev/null", O_WRONLY);
   if (out < 0 || nowhere < 0) return 1;
@@ -136,7 +126,7 @@ int Serve(uint64_t memory) {
     const auto kind = static_cast<ImageMessage>(in.Get<uint32_t>());
     Bytes request(std::min(in.Get<uint32_t>(), kMostImageMessage));
     if (!ReadAll(0, request)) return 0;
-    LimitTime(kMostSecondsOfImage);
+    LimitProcessorTime(kMostSecondsOfImage);
     Answer(out, kind, request, memory);
   }
 }

@@ -28,6 +28,7 @@ inline std::string Base64(const std::string& bytes) {
 struct Builder {
   Json json = {{"asset", {{"version", "2.0"}}}};
   std::string buffer;
+  std::vector<Json> other_buffers;  ///< after the buffer, as they stand in the document
 
   template <class T>
   size_t Accessor(const std::vector<T>& values, const char* type, int component_type,
@@ -47,10 +48,12 @@ struct Builder {
   std::string Text() {
     json["buffers"] = {
         {{"byteLength", buffer.size()}, {"uri", "data:application/octet-stream;base64," + Base64(buffer)}}};
+    for (const Json& other : other_buffers) json["buffers"].push_back(other);
     return json.dump();
   }
   std::string Glb() {
     json["buffers"] = {{{"byteLength", buffer.size()}}};
+    for (const Json& other : other_buffers) json["buffers"].push_back(other);
     std::string text = json.dump();
     while (text.size() % 4 != 0) text.push_back(' ');
     std::string out = "glTF";

@@ -196,8 +196,8 @@ TEST_CASE("glTF: what cannot be is refused by one sentence", "[import][gltf]") {
              Catch::Contains("materials[1] is not there"));
   CHECK_THAT(ErrorAfter([](Json& j) { j["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = 4; }),
              Catch::Contains("accessors[4]: has 1 components"));
-  CHECK_THAT(ErrorAfter([](Json& j) { j["extensionsRequired"] = {"KHR_draco_mesh_compression"}; }),
-             Catch::Contains("needs the extension \"KHR_draco_mesh_compression\""));
+  CHECK_THAT(ErrorAfter([](Json& j) { j["extensionsRequired"] = {"KHR_coming_compression"}; }),
+             Catch::Contains("needs the extension \"KHR_coming_compression\""));
   CHECK_THAT(ErrorAfter([](Json& j) { j["scenes"][0]["nodes"] = Json::array(); }),
              Catch::Contains("holds no triangles"));
   // An index beyond the vertices.

@@ -72,18 +72,18 @@ TEST_CASE("glTF: instances that cannot be are refused", "[import][gltf]") {
 }
 
 TEST_CASE("glTF: what compresses or changes geometry and is not read ends the import", "[import][gltf]") {
-  CHECK_THAT(ErrorOfSquare([](Builder& b) {
-               b.json["extensionsUsed"] = {"KHR_draco_mesh_compression"};
-               b.json["meshes"][0]["primitives"][0]["extensions"]["KHR_draco_mesh_compression"] = {
-                   {"bufferView", 0}};
-               b.json["accessors"][0].erase("bufferView");
-             }),
-             Catch::Contains("\"KHR_draco_mesh_compression\""));
+  CHECK_THAT(
+      ErrorOfSquare([](Builder& b) {
+        b.json["extensionsUsed"] = {"KHR_coming_compression"};
+        b.json["meshes"][0]["primitives"][0]["extensions"]["KHR_coming_compression"] = {{"bufferView", 0}};
+        b.json["accessors"][0].erase("bufferView");
+      }),
+      Catch::Contains("\"KHR_coming_compression\""));
   CHECK_THAT(ErrorOfSquare([](Builder& b) {
                b.json["bufferViews"][0]["buffer"] = 1;
-               b.json["bufferViews"][0]["extensions"]["EXT_meshopt_compression"] = {{"buffer", 0}};
+               b.json["bufferViews"][0]["extensions"]["EXT_coming_compression"] = {{"buffer", 0}};
              }),
-             Catch::Contains("\"EXT_meshopt_compression\""));
+             Catch::Contains("\"EXT_coming_compression\""));
   CHECK_THAT(ErrorOfSquare([](Builder& b) { b.json["extensionsUsed"] = {"KHR_gaussian_splatting"}; }),
              Catch::Contains("\"KHR_gaussian_splatting\", which changes its geometry"));
   CHECK_THAT(ErrorOfSquare([](Builder& b) { b.json["extensionsRequired"] = {"KHR_materials_sheen"}; }),
@@ -91,16 +91,16 @@ TEST_CASE("glTF: what compresses or changes geometry and is not read ends the im
   // With a copy that is not compressed beside it, and extensions of no matter here, there is a warning each.
   RecordingSink sink;
   REQUIRE(Import(Square([](Builder& b) {
-                   b.json["extensionsUsed"] = {"KHR_draco_mesh_compression", "KHR_materials_sheen",
+                   b.json["extensionsUsed"] = {"KHR_coming_compression", "KHR_materials_sheen",
                                                "KHR_materials_sheen", "KHR_materials_ior"};
-                   b.json["meshes"][0]["primitives"][0]["extensions"]["KHR_draco_mesh_compression"] = {
+                   b.json["meshes"][0]["primitives"][0]["extensions"]["KHR_coming_compression"] = {
                        {"bufferView", 0}};
                  }),
                  sink)
               .empty());
   CHECK(sink.polygons.size() == 2);
   REQUIRE(sink.warnings.size() == 2);
-  CHECK_THAT(sink.warnings[0], Catch::Contains("\"KHR_draco_mesh_compression\" is not read"));
+  CHECK_THAT(sink.warnings[0], Catch::Contains("\"KHR_coming_compression\" is not read"));
   CHECK_THAT(sink.warnings[1], Catch::Contains("\"KHR_materials_sheen\" is not read"));
 }
 

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "preprocess/import/gltf/gltf_extensions.h"
+#include "preprocess/import/gltf/gltf_meshopt.h"
 
 namespace quarry {
 namespace {
@@ -74,6 +75,30 @@ Result<GltfAccessor> GltfAccessor::Open(GltfDocument& document, uint64_t index, 
   return accessor;
 }
 
+GltfAccessor GltfAccessor::OfDecoded(GltfDocument& document, uint64_t offset, uint64_t count) {
+  GltfAccessor accessor(document, 0);
+  accessor.count_ = count;
+  accessor.components_ = 1;
+  accessor.component_type_ = kUint;
+  accessor.element_bytes_ = sizeof(uint32_t);
+  accessor.place_ = {GltfDocument::kDecoded, offset, sizeof(uint32_t)};
+  return accessor;
+}
+
+/// Takes elements that were decoded with their mesh; what the accessor says of its place and its number does
+/// not count.
+Status GltfAccessor::TakeElements(const GltfElements& elements) {
+  if (elements.components != components_)
+    return FailAt(
+        fmt::format("has {} components, but its compressed attribute {}", components_, elements.components));
+  normalized_ |= component_type_ == kFloat && elements.normalized;
+  component_type_ = elements.component_type;
+  element_bytes_ = components_ * SizeOf(component_type_);
+  count_ = elements.count;
+  place_ = {GltfDocument::kDecoded, elements.offset, element_bytes_};
+  return {};
+}
+
 Status GltfAccessor::Load(const Json& json) {
   QUARRY_ASSIGN(const uint64_t component_type, Unsigned(json, "componentType"));
   if (SizeOf(component_type) == 0) return FailAt(fmt::format("componentType {} is none", component_type));
@@ -82,6 +107,8 @@ Status GltfAccessor::Load(const Json& json) {
   if (components_ == 0) return FailAt("its type is not SCALAR, VEC2, VEC3, VEC4 or MAT4");
   element_bytes_ = components_ * SizeOf(component_type);
   normalized_ = json.value("normalized", false);
+  if (const GltfElements* elements = document_->decoded().FindElements(index_))
+    return TakeElements(*elements);
   QUARRY_ASSIGN(count_, Unsigned(json, "count"));
   if (count_ > 0xFFFFFFFF) return FailAt(fmt::format("{} elements are more than 32 bits number", count_));
   if (json.contains("bufferView")) {
@@ -114,10 +141,17 @@ Result<GltfAccessor::Place> GltfAccessor::FindPlace(const Json& json, uint64_t c
   QUARRY_ASSIGN(const uint64_t offset, Unsigned(json, "byteOffset", 0));
   QUARRY_ASSIGN(const Json* view, document_->Find("bufferViews", view_index));
   Place place;
-  QUARRY_ASSIGN(place.buffer, Unsigned(*view, "buffer"));
-  QUARRY_TRY(CheckNotCompressed(*document_, *view, fmt::format("bufferViews[{}]", view_index),
-                                document_->HasBytes(place.buffer)));
-  QUARRY_ASSIGN(const uint64_t begin, Unsigned(*view, "byteOffset", 0));
+  uint64_t begin = 0;
+  QUARRY_ASSIGN(const std::optional<uint64_t> decoded, DecodeMeshoptView(*document_, view_index, *view));
+  if (decoded) {
+    place.buffer = GltfDocument::kDecoded;
+    begin = *decoded;
+  } else {
+    QUARRY_ASSIGN(place.buffer, Unsigned(*view, "buffer"));
+    QUARRY_TRY(CheckNotCompressed(*document_, *view, fmt::format("bufferViews[{}]", view_index),
+                                  document_->HasBytes(place.buffer)));
+    QUARRY_ASSIGN(begin, Unsigned(*view, "byteOffset", 0));
+  }
   QUARRY_ASSIGN(const uint64_t length, Unsigned(*view, "byteLength"));
   QUARRY_ASSIGN(place.stride, Unsigned(*view, "byteStride", size));
   if (place.stride < size || place.stride > 4096)

@@ -20,6 +20,9 @@ class GltfAccessor {
   /// elements beyond the buffer view; a stride too small.
   static Result<GltfAccessor> Open(GltfDocument& document, uint64_t index, uint32_t least, uint32_t most);
 
+  /// Reads whole numbers of 32 bits that stand in the decoded bytes from `offset` on.
+  static GltfAccessor OfDecoded(GltfDocument& document, uint64_t offset, uint64_t count);
+
   uint64_t count() const { return count_; }
   uint32_t components() const { return components_; }
   bool is_real() const;
@@ -34,6 +37,7 @@ class GltfAccessor {
   };
   GltfAccessor(GltfDocument& document, uint64_t index) : document_(&document), index_(index) {}
   Status Load(const nlohmann::json& json);
+  Status TakeElements(const GltfElements& elements);
   Status CountZeros(const nlohmann::json& json);
   Status LoadSparse(const nlohmann::json& json);
   Result<Place> FindPlace(const nlohmann::json& json, uint64_t count, uint32_t size);

@@ -106,8 +106,8 @@ std::string PercentDecoded(std::string_view uri) {
   return out;
 }
 
-GltfDocument::GltfDocument(std::string path, std::unique_ptr<Json> json)
-    : path_(std::move(path)), json_(std::move(json)) {}
+GltfDocument::GltfDocument(std::string path, std::unique_ptr<Json> json, GltfDecoding decoding)
+    : path_(std::move(path)), json_(std::move(json)), decoded_(std::move(decoding)) {}
 GltfDocument::GltfDocument(GltfDocument&&) noexcept = default;
 GltfDocument::~GltfDocument() = default;
 
@@ -115,7 +115,7 @@ tl::unexpected<Error> GltfDocument::FailAt(const std::string& what) const {
   return Fail(fmt::format("{}: {}", path_, what));
 }
 
-Result<GltfDocument> GltfDocument::Open(ModelReader& bytes) {
+Result<GltfDocument> GltfDocument::Open(ModelReader& bytes, GltfDecoding decoding) {
   if (!bytes.has_size())
     return Fail(
         fmt::format("{}: glTF is read in any order; give it as a file that is not packed", bytes.path()));
@@ -154,7 +154,7 @@ Result<GltfDocument> GltfDocument::Open(ModelReader& bytes) {
   }
   QUARRY_ASSIGN(Json json, ParseJson<Json>(text, bytes.path(), kJsonLimits));
   DropNulls(json);
-  GltfDocument document(bytes.path(), std::make_unique<Json>(std::move(json)));
+  GltfDocument document(bytes.path(), std::make_unique<Json>(std::move(json)), std::move(decoding));
   document.glb_begin_ = glb_begin;
   document.glb_size_ = glb_size;
   constexpr const char* kOther = "holds JSON that is no glTF: {}; give the model itself";
@@ -283,6 +283,7 @@ Result<const GltfDocument::Buffer*> GltfDocument::Reach(uint64_t index, uint64_t
 }
 
 Status GltfDocument::ReadBuffer(uint64_t index, uint64_t offset, std::span<std::byte> out) {
+  if (index == kDecoded) return decoded_.Read(offset, out);
   QUARRY_ASSIGN(const Buffer* buffer, Reach(index, offset, out.size()));
   if (buffer->file) return buffer->file->ReadAt(buffer->begin + offset, out);
   std::memcpy(out.data(), buffer->bytes.data() + offset, out.size());

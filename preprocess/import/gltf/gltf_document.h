@@ -12,6 +12,7 @@
 #include "common/base/bytes.h"
 #include "common/base/file.h"
 #include "common/base/status.h"
+#include "preprocess/import/gltf/gltf_decoded.h"
 #include "preprocess/import/model_reader.h"
 
 namespace quarry {
@@ -25,9 +26,12 @@ class GltfDocument {
   /// Elements of accessors that stand in no buffer, over all uses of accessors.
   static constexpr uint64_t kMostZeros = 1u << 24;
 
+  /// The number of the decoded bytes, for ReadBuffer(); no buffer of a document has it.
+  static constexpr uint64_t kDecoded = ~uint64_t{0};
+
   /// Errors: no glTF 2.0; damaged JSON (with the place); a chunk beyond the file's end; a packed file or
   /// standard input, since buffers are read in any order.
-  static Result<GltfDocument> Open(ModelReader& bytes);
+  static Result<GltfDocument> Open(ModelReader& bytes, GltfDecoding decoding);
   GltfDocument(GltfDocument&&) noexcept;
   ~GltfDocument();
 
@@ -46,6 +50,9 @@ class GltfDocument {
   /// Fills `out` from byte `offset` of a buffer. Errors: no such buffer; its file cannot be read; too few
   /// bytes.
   Status ReadBuffer(uint64_t buffer, uint64_t offset, std::span<std::byte> out);
+
+  /// The decoded bytes of the document's compressed parts.
+  GltfDecoded& decoded() { return decoded_; }
 
   /// Whether the document says where the buffer's bytes are.
   bool HasBytes(uint64_t buffer) const;
@@ -85,13 +92,14 @@ class GltfDocument {
     uint64_t begin = 0, size = 0;
     Bytes bytes;
   };
-  GltfDocument(std::string path, std::unique_ptr<nlohmann::json> json);
+  GltfDocument(std::string path, std::unique_ptr<nlohmann::json> json, GltfDecoding decoding);
   Result<Buffer> OpenBuffer(uint64_t index);
   /// Opens the buffer. Errors: also if it ends before byte `offset` + `size`.
   Result<const Buffer*> Reach(uint64_t index, uint64_t offset, uint64_t size);
 
   std::string path_;
   std::unique_ptr<nlohmann::json> json_;
+  GltfDecoded decoded_;
   uint64_t glb_begin_ = 0, glb_size_ = 0;  ///< the GLB's binary chunk, in bytes
   uint64_t inline_bytes_ = 0, zeros_ = 0;
   std::vector<std::optional<Buffer>> buffers_;  ///< opened so far

@@ -16,7 +16,8 @@ namespace {
 using Json = nlohmann::json;
 
 /// Extensions that Quarry reads.
-constexpr std::string_view kRead[] = {"EXT_mesh_gpu_instancing", "EXT_texture_webp",
+constexpr std::string_view kRead[] = {"EXT_mesh_gpu_instancing", "EXT_meshopt_compression",
+                                      "EXT_texture_webp",        "KHR_draco_mesh_compression",
                                       "KHR_lights_punctual",     "KHR_materials_emissive_strength",
                                       "KHR_materials_ior",       "KHR_materials_pbrSpecularGlossiness",
                                       "KHR_materials_specular",  "KHR_materials_transmission",
@@ -73,6 +74,10 @@ Result<std::vector<std::string>> CheckGltfExtensions(const GltfDocument& documen
             .message);
   }
   return warnings;
+}
+
+bool RequiresExtension(const GltfDocument& document, const std::string& name) {
+  return NamesIn(document.json(), "extensionsRequired").contains(name);
 }
 
 Status CheckNotCompressed(const GltfDocument& document, const Json& object, const std::string& where,

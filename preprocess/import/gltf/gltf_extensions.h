@@ -12,6 +12,9 @@ namespace quarry {
 /// Errors: an unread extension is required, or changes the triangles.
 Result<std::vector<std::string>> CheckGltfExtensions(const GltfDocument& document);
 
+/// Whether the document's list of required extensions holds `name`.
+bool RequiresExtension(const GltfDocument& document, const std::string& name);
+
 /// Errors: `object` (a primitive or a buffer view, called `where`) names an extension that compresses it, and
 /// there is no uncompressed copy (`has_copy`).
 Status CheckNotCompressed(const GltfDocument& document, const nlohmann::json& object,

@@ -13,6 +13,7 @@
 #include "preprocess/import/checkpoint.h"
 #include "preprocess/import/formats.h"
 #include "preprocess/import/gltf/gltf_accessor.h"
+#include "preprocess/import/gltf/gltf_draco.h"
 #include "preprocess/import/gltf/gltf_extensions.h"
 #include "preprocess/import/gltf/gltf_material.h"
 #include "preprocess/import/gltf/gltf_nodes.h"
@@ -157,7 +158,7 @@ class GltfImport {
   Status Primitive(const Json& primitive, const std::string& mesh, const glm::dmat4& world, uint32_t part,
                    HeldPrimitive* held) {
     if (held != nullptr && held->ready) return Again(*held, world, part);
-    QUARRY_ASSIGN(const uint64_t mode, document_.Unsigned(primitive, mesh, "mode", kTriangles));
+    QUARRY_ASSIGN(uint64_t mode, document_.Unsigned(primitive, mesh, "mode", kTriangles));
     if (mode < kTriangles || mode > kFan) {
       ++left_out_;
       return {};
@@ -169,9 +170,13 @@ class GltfImport {
     }
     QUARRY_ASSIGN(const uint64_t position, document_.Unsigned(attributes, mesh + ".attributes", "POSITION"));
     QUARRY_ASSIGN(const Json* accessor, document_.Find("accessors", position));
-    QUARRY_TRY(CheckNotCompressed(document_, primitive, "a primitive of " + mesh,
-                                  accessor->contains("bufferView") || accessor->contains("sparse")));
+    QUARRY_ASSIGN(const DracoMesh* draco, draco_.Find(primitive, mesh));
+    if (draco) mode = kTriangles;
+    const bool stands = draco || accessor->contains("bufferView") || accessor->contains("sparse");
+    QUARRY_TRY(CheckNotCompressed(document_, primitive, "a primitive of " + mesh, stands));
+    document_.decoded().UseElements(draco ? &draco->attributes : nullptr);
     QUARRY_ASSIGN(GltfVertices source, GltfVertices::Open(document_, primitive, mesh, weights_, joints_));
+    document_.decoded().UseElements(nullptr);
     uint32_t material = kNoIndex;
     if (primitive.contains("material")) {
       QUARRY_ASSIGN(const uint64_t index, document_.Unsigned(primitive, mesh, "material"));
@@ -179,7 +184,7 @@ class GltfImport {
         return document_.FailAt(fmt::format("materials[{}] is not there", index));
       material = materials_[index];
     }
-    QUARRY_ASSIGN(std::optional<GltfAccessor> indices, Indices(primitive, mesh));
+    QUARRY_ASSIGN(std::optional<GltfAccessor> indices, Indices(primitive, draco, mesh));
     if (held != nullptr && !source.skinned() && MayHold(source, indices)) {
       held->material = material;
       QUARRY_TRY(Hold(source, indices, mesh, mode, *held));
@@ -252,8 +257,10 @@ class GltfImport {
     return {};
   }
 
-  Result<std::optional<GltfAccessor>> Indices(const Json& primitive, const std::string& mesh) {
+  Result<std::optional<GltfAccessor>> Indices(const Json& primitive, const DracoMesh* draco,
+                                              const std::string& mesh) {
     std::optional<GltfAccessor> indices;
+    if (draco) return GltfAccessor::OfDecoded(document_, draco->indices, draco->corners);
     if (!primitive.contains("indices")) return indices;
     QUARRY_ASSIGN(const uint64_t index, document_.Unsigned(primitive, mesh, "indices"));
     QUARRY_ASSIGN(indices, GltfAccessor::Open(document_, index, 1, 1));
@@ -326,6 +333,7 @@ class GltfImport {
   GltfDocument document_;
   ModelSink& sink_;
   GltfSkins skins_{document_};
+  GltfDraco draco_{document_};
   std::vector<uint32_t> materials_;
   std::vector<glm::dmat4> joints_;                  ///< of the current node's skin; empty: no skin
   uint64_t held_vertices_ = 0, held_indices_ = 0;   ///< in the node's held primitives
@@ -348,10 +356,10 @@ bool LooksLikeGltf(ModelReader& bytes) {
   return first != std::string_view::npos && text[first] == '{';
 }
 
-Result<uint64_t> ImportGltf(ModelReader& bytes, ModelSink& sink) {
+Result<uint64_t> ImportGltf(ModelReader& bytes, ModelSink& sink, const GltfDecoding& decoding) {
   const std::string path = bytes.path();
   try {
-    QUARRY_ASSIGN(GltfDocument document, GltfDocument::Open(bytes));
+    QUARRY_ASSIGN(GltfDocument document, GltfDocument::Open(bytes, decoding));
     return GltfImport(std::move(document), sink).Run();
   } catch (const Json::exception& e) {
     return Fail(fmt::format("{}: a member has a type that it cannot have: {}", path, e.what()));
