@@ -56,7 +56,8 @@ class Compressed(Case):
 
     def triangles(self, model):
         self.made(model)
-        return self.info(self.path("s.quarry"))["triangles"]
+        info = self.info(self.path("s.quarry"))
+        return info["input_triangles"] - info["dropped_degenerate_triangles"]
 
     def check_sameness(self, model):
         whole = self.made(model)

@@ -423,8 +423,8 @@ gltf("material_beyond", Sentence(r"materials\[2\]"), like=put((*PRIMITIVE, "mate
 gltf("short_buffer", Sentence("go beyond"), like=lambda g: g.json["accessors"][0].update(count=400))
 gltf("sparse", Model(upper=(1, 1, 5)), like=lambda g: (g.add(struct.pack("<2H", 2, 3), 5123, "SCALAR", 2), g.add(struct.pack("<6f", 1, 1, 5, 0, 1, 5), 5126, "VEC3", 2),
      g.json["accessors"][0].update(sparse={"count": 2, "indices": {"bufferView": 2, "componentType": 5123}, "values": {"bufferView": 3}}), None)[3])
-gltf("draco_required", Sentence("KHR_draco_mesh_compression"), like=put(("extensionsRequired",), ["KHR_draco_mesh_compression"]))
-gltf("draco_fallback", Model(**SQUARE, warns="draco"), like=both(put(("extensionsUsed",), ["KHR_draco_mesh_compression"]), put((*PRIMITIVE, "extensions"), {"KHR_draco_mesh_compression": {"bufferView": 0, "attributes": {"POSITION": 0}}})))
+gltf("draco_required", Model(**SQUARE), like=put(("extensionsRequired",), ["KHR_draco_mesh_compression"]))
+gltf("draco_fallback", Model(**SQUARE), like=both(put(("extensionsUsed",), ["KHR_draco_mesh_compression"]), put((*PRIMITIVE, "extensions"), {"KHR_draco_mesh_compression": {"bufferView": 0, "attributes": {"POSITION": 0}}})))
 gltf("quantized", Model(upper=(1, 1, 0)), like=lambda g: (g.json.update(extensionsRequired=["KHR_mesh_quantization"]), g.primitive["attributes"].update(
     POSITION=g.add(b"".join(struct.pack("<3Bx", *(255 * x for x in p)) for p in CORNERS), 5121, "VEC3", 4, normalized=True)), g.json["bufferViews"][-1].update(byteStride=4), None)[3])
 for name, expected in (("KHR_materials_clearcoat", "clearcoat"), ("KHR_materials_sheen", "sheen"), ("KHR_materials_variants", "variants"), ("KHR_xmp_json_ld", "xmp"), ("KHR_materials_iridescence", "iridescence"),
