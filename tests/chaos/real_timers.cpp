@@ -1,5 +1,6 @@
-// Preloaded before libfaketime, which shifts the deadlines of timers of the monotonic clock too, even where it is told to leave that
-// clock alone: with the time of day in another year, a timer that is due at once never fires. Real clocks have no such fault.
+// Preloaded before libfaketime, which shifts the deadlines of timers of the monotonic clock too, even where
+// it is told to leave that clock alone: with the time of day in another year, a timer that is due at once
+// never fires. Real clocks have no such fault.
 #include <sys/syscall.h>
 #include <sys/timerfd.h>
 #include <unistd.h>
