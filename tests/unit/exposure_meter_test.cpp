@@ -55,8 +55,8 @@ TEST_CASE("Materials emit by their emission, unless it is a texture's or they ar
   Bytes pixels;
   for (const uint32_t material : {0u, 1u, 2u, 3u, 4u, ~0u}) {
     const float color_and_depth[] = {1, 1, 1, material == 4 ? std::numeric_limits<float>::infinity() : 2.0f};
-    const auto floats = std::as_bytes(std::span(color_and_depth)),
-               word = std::as_bytes(std::span(&material, 1));
+    const std::span<const std::byte> floats = std::as_bytes(std::span(color_and_depth));
+    const std::span<const std::byte> word = std::as_bytes(std::span(&material, 1));
     pixels.insert(pixels.end(), floats.begin(), floats.end());
     pixels.insert(pixels.end(), word.begin(), word.end());
   }
