@@ -28,8 +28,8 @@ struct MeteredPoint {
 /// section 3.1 (the key).
 double ExposureFor(std::span<const MeteredPoint> points);
 
-/// What a meter renders of a view: sample 0 with depth and material of the whole image, on a lattice.
-/// Requires: `view` is normalized.
+/// The picture of a view that a meter renders: sample 0 with depth and material of the whole image, on a
+/// lattice. Requires: `view` is normalized.
 View MeteredView(View view);
 Tile MeteredTile(const View& view);
 /// Appends the points of a part of MeteredTile(), from its pixels of PixelForm::kMeans. `materials`: the

@@ -198,6 +198,8 @@ class Inputs(Case):
         self.must("quarry-preprocess", packed, "-o", self.path("packed.quarry"), "--quiet")
         self.assertEqual(pathlib.Path(self.path("plain.quarry")).read_bytes(),
                          pathlib.Path(self.path("packed.quarry")).read_bytes())
+        self.assertEqual(self.info(self.path("packed.quarry"))["models"], ["p.obj"])
+        self.assertRegex(self.must("quarry", "info", self.path("packed.quarry")).stdout, r"(?m)^  model      p\.obj$")
 
     @staticmethod
     def chunks_of_exr(path):

@@ -177,6 +177,13 @@ QUARTERS = b"P6 16 16 255\n" + bytes(RED * 8 + GREEN * 8) * 8 + bytes(BLUE * 8 +
 TEXTURED = colored(None, pixels={(0.25, 0.75): RED, (0.75, 0.75): GREEN, (0.25, 0.25): BLUE, (0.75, 0.25): YELLOW}, silent=True)
 UV = "".join(f"property float {c}\n" for c in "st")
 WEDGES = FACE + "property list uchar float texcoord\n"
+UV_OBJ = V + "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3 4/4\n"
+obj("options_behind_image", "mtllib my.mtl\n" + UV_OBJ, TEXTURED, my__mtl="newmtl m\nmap_Kd my.ppm -clamp on -s 1 1 1\n", my__ppm=QUARTERS)
+obj("options_behind_image_count", "mtllib my.mtl\n" + UV_OBJ, colored(None, pixels={(0.25, 0.75): GREEN, (0.25, 0.25): YELLOW}, silent=True),
+    my__mtl="newmtl m\nmap_Kd my.ppm -o 0.5 0\n", my__ppm=QUARTERS)
+obj("image_name_like_options", "mtllib my.mtl\n" + UV_OBJ, Model(**SQUARE, warns="my -bm.ppm"), my__mtl="newmtl m\nmap_Kd my -bm.ppm\n", my__ppm=QUARTERS)
+obj("image_in_another_encoding", "mtllib my.mtl\n" + UV_OBJ, colored(None, pixels=TEXTURED.pixels, warns=r"\\xb4\\xf3.*only one beside"), my__mtl=b"newmtl m\nmap_Kd \xb4\xf3.ppm\n",
+    my__png=QUARTERS)
 CORNER_UVS = "8 0 0 1 0 1 1 0 1"
 ply("texture_of_vertices", "comment TextureFile my.ppm\n" + XYZ + UV + FACE, "".join("%d %d %d %d %d\n" % (*p, *p[:2]) for p in CORNERS) + QUAD, TEXTURED, my__ppm=QUARTERS)
 ply("texture_of_corners", "comment TextureFile my.ppm\n" + XYZ + WEDGES, POINTS + f"4 0 1 2 3 {CORNER_UVS}\n", TEXTURED, my__ppm=QUARTERS)

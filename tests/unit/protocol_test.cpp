@@ -85,6 +85,13 @@ TEST_CASE("Messages come back field by field") {
   CheckSame(view, setup->view);
   const auto hello = DecodeHello(Encode(Hello{Role::kClient, "me", 5}));
   CHECK((hello->role == Role::kClient && hello->name == "me" && hello->threads == 5));
+  CHECK(hello->previous_end.empty());
+  Hello again{Role::kWorker, "w", 1, 7, 9000, "killed by signal 9"};
+  CHECK(DecodeHello(Encode(again))->previous_end == "killed by signal 9");
+  again.previous_end = "\33[2J";
+  CHECK(DecodeHello(Encode(again))->previous_end == "?[2J");
+  again.previous_end = std::string(257, 'x');
+  CHECK_FALSE(DecodeHello(Encode(again)).has_value());
   Welcome w;
   w.scene_id = {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16};
   w.worker = 17;

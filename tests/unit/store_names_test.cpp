@@ -91,15 +91,18 @@ class Changed {
   std::shared_ptr<MemoryFile::Counts> counts = std::make_shared<MemoryFile::Counts>();
 };
 
-void WriteNamed(const std::string& path, const std::vector<std::string>& parts,
-                std::vector<Material> materials = {Material{"paint"}}, const SceneViews& views = {}) {
+SceneId WriteNamed(const std::string& path, const std::vector<std::string>& parts,
+                   std::vector<Material> materials = {Material{"paint"}}, const SceneViews& views = {},
+                   const std::vector<std::string>& models = {}) {
   auto writer = StoreWriter::Create(path);
   REQUIRE(writer);
   REQUIRE(writer->AddVoxel(EncodeVoxel(test::TwoTriangles(), nullptr)));
   SceneMeta meta;
   meta.bounds_upper = meta.root_upper = glm::vec3(1);
   meta.input_triangles = 2;
-  REQUIRE(writer->Finish(meta, {KdNode::Leaf(0, 1)}, materials, parts, views));
+  const auto id = writer->Finish(meta, {KdNode::Leaf(0, 1)}, materials, parts, views, models);
+  REQUIRE(id);
+  return *id;
 }
 
 uint64_t AllocatedBytes() {
@@ -208,6 +211,41 @@ TEST_CASE("The size of a section is not believed", "[store]") {
     const auto refused = store.Open();
     REQUIRE_FALSE(refused);
     CHECK_THAT(refused.error().message, Catch::Contains("has two sections CAMS"));
+  }
+}
+
+TEST_CASE("A store names its models' files, which are no part of the scene", "[store]") {
+  const TemporaryFolder folder;
+  std::vector<std::string> tiles;
+  for (int i = 0; i < 300; ++i) tiles.push_back("tile" + std::to_string(i) + ".obj");
+  tiles[1] = std::string(300, 'n');
+  const SceneId nameless = WriteNamed(folder.file("nameless"), {"a"});
+  CHECK(WriteNamed(folder.file("tiles"), {"a"}, {Material{"paint"}}, {}, tiles) == nameless);
+  CHECK(StoreReader::Open(folder.file("nameless"))->models().count == 0);
+  const auto store = StoreReader::Open(folder.file("tiles"));
+  REQUIRE(store);
+  CHECK(store->models().count == 300);
+  REQUIRE(store->models().names.size() == kMostModelNames);
+  CHECK(store->models().names[0] == "tile0.obj");
+  CHECK(store->models().names[1] == std::string(kMostModelNameBytes, 'n'));
+  CHECK(store->models().names[255] == "tile255.obj");
+}
+
+TEST_CASE("A section of models that says another number of names than it has is refused", "[store]") {
+  const TemporaryFolder folder;
+  WriteNamed(folder.file("s"), {"a"}, {Material{"paint"}}, {}, {"plant.obj", "pipes.ply"});
+  for (const uint32_t count : {0u, 1u, 3u, 257u, ~0u}) {
+    Changed store(folder.file("s"));
+    const uint64_t entry = store.Entry(SectionType::kModels), begin = store.Begin(SectionType::kModels);
+    store.Put(begin, count);
+    const auto section =
+        std::as_bytes(std::span(store.bytes)).subspan(begin, store.Get<uint64_t>(entry + 16));
+    store.Put(entry + 24, Checksum(section));
+    store.MendTable();
+    const auto refused = store.Open();
+    REQUIRE_FALSE(refused);
+    CHECK_THAT(refused.error().message,
+               Catch::Contains("section MDLS") && Catch::Contains("number of names"));
   }
 }
 

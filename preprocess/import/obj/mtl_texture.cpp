@@ -108,7 +108,7 @@ bool ReadOptions(TextCursor& rest, Options& options, MtlTexture& texture) {
 }
 
 /// Reads the options that stand behind the name of a file, where some programs write them, and returns the
-/// name without them. What is not options to the end of the line belongs to the name.
+/// name without them. Words belong to the name unless all of the line after them is options.
 std::string_view TakeOptionsBehind(std::string_view name, Options& options, MtlTexture& texture) {
   for (size_t at = name.find(" -"); at != name.npos; at = name.find(" -", at + 1)) {
     TextCursor rest(name.substr(at));

@@ -29,7 +29,7 @@ class ShapeReader final : public XmlHandler {
   Status End(XmlSpace space, std::string_view name) override;
   bool failed_elsewhere() const override { return sink_failed_; }
 
-  /// Warns of what was left out. Requires: all parts have been read.
+  /// Warns of materials and colours that triangles do without. Requires: all parts have been read.
   void Finish();
   /// Of all instances.
   uint64_t triangles() const { return triangles_; }

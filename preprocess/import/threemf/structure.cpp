@@ -123,7 +123,7 @@ class StructureReader final : public XmlHandler {
         return Fail("a colour is written #RRGGBB or #RRGGBBAA");
       return s_.properties.AddColor(color);
     }
-    if (depth_ != 3) return {};  // within what is left out
+    if (depth_ != 3) return {};  // within an element that is left out
     warn_(fmt::format("{}: {} left out", archive_.path(), Quoted(name)));
     uint32_t id;
     const bool is_group =

@@ -40,7 +40,7 @@ struct ThreeMfStructure {
 };
 
 /// Reads all parts that the model consists of, each once. Errors: XML or numbers that are no 3MF; a limit;
-/// references to what is not there; an extension is required that is not read.
+/// references to objects or parts that are not there; an extension is required that is not read.
 Result<ThreeMfStructure> ReadThreeMfStructure(ZipArchive& archive, uint64_t model_part, WarnOnce& warn);
 
 }  // namespace quarry
