@@ -48,12 +48,12 @@ constexpr std::string_view kObjStatements[] = {
     "v",      "vt",   "vn",   "f",     "fo",  "o",      "g",   "s",     "usemtl", "mtllib",
     "newmtl", "surf", "curv", "curv2", "vp",  "cstype", "deg", "bmat",  "step",   "parm",
     "trim",   "hole", "scrv", "sp",    "end", "con",    "mg",  "ctech", "stech"};
-// Quarry has no ambient light of materials (Ka) and no maps of reflections to sharpen. "-d" of `illum`
-// counts.
-constexpr std::string_view kMtlStatements[] = {"newmtl", "Kd",     "Ks",     "Ke",     "Tf",       "Kr",
-                                               "Ns",     "Ni",     "Pm",     "Pr",     "d",        "Tr",
-                                               "illum",  "map_Kd", "map_Ks", "map_Ke", "map_d",    "map_bump",
-                                               "bump",   "norm",   "map_Kn", "Ka",     "sharpness"};
+// Quarry has no ambient light of materials (Ka, map_Ka) and no maps of reflections to sharpen. "-d" of
+// `illum` counts.
+constexpr std::string_view kMtlStatements[] = {"newmtl", "Kd",     "Ks",     "Ke",     "Tf",     "Kr",
+                                               "Ns",     "Ni",     "Pm",     "Pr",     "d",      "Tr",
+                                               "illum",  "map_Kd", "map_Ks", "map_Ke", "map_d",  "map_bump",
+                                               "bump",   "norm",   "map_Kn", "Ka",     "map_Ka", "sharpness"};
 constexpr std::string_view kGltf[] = {
     "accessors",      "asset",  "buffers", "bufferViews", "cameras", "extensions", "extensionsRequired",
     "extensionsUsed", "extras", "images",  "materials",   "meshes",  "nodes",      "samplers",

@@ -73,6 +73,7 @@ ForeignContent ContentOf(ModelReader& bytes, std::filesystem::path path) {
   constexpr size_t kLook = 16 << 10;   // headers of STEP and IFC are long
   if (LooksLikeStl(bytes)) return {};  // its 80-byte header may hold anything
   if (LooksLikeThreeMf(bytes)) return {};
+  if (LooksLikeOff(bytes)) return {};  // whose numbers look like a table
   if (!bytes.can_reopen() && bytes.view().starts_with("PK\3\4"))
     return {"a zip archive, as 3MF is, whose directory is at its end", "give it as a file, not by a pipe"};
   if (bytes.is_packed()) path = path.stem();

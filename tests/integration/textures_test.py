@@ -363,10 +363,11 @@ class Named(Stores):
                     {"use": "bump", "file": "wood.png", "coordinates": 1}, {"use": "opacity", "file": "wood.png", "coordinates": 1}]
         (self.folder / "m.materials.json").write_text(json.dumps({"materials": [{"name": "m", "textures": textures}]}))
         self.same_bytes_always(self.path("m.ply"))
-        self.assertEqual(self.textures(), [("wood.png", 40, ["diffuse"])])
+        self.assertEqual(self.textures(), [("wood.png", 40, ["diffuse"]), (str(outside), 8, ["specular", "emission"])])
         self.assertEqual(self.statistics["warnings"], 4)
-        self.assertEqual(self.told.count("goes by texture coordinates other than the first"), 1)
-        self.assertEqual(self.told.count("is not in the model's folder; the material does without"), 3)
+        self.assertEqual(self.told.count("goes by more than one set of texture coordinates"), 1)
+        self.assertEqual(self.told.count("outside the model's folder; it is read"), 2)
+        self.assertEqual(self.told.count('"gone.png" is not there; the material does without'), 1)
 
     def need_assimp(self):
         if not (BIN / "quarry-import-assimp").exists():
@@ -384,7 +385,7 @@ class Named(Stores):
         (self.folder / "m.dae").write_text(self.DAE % "gone.png")
         self.preprocess(self.path("m.dae"), "s.quarry")
         self.assertEqual(self.textures(), [])
-        self.assertEqual(self.told.count("is not in the model's folder; the material does without"), 1)
+        self.assertEqual(self.told.count('"gone.png" is not there; the material does without'), 1)
 
 
     def test_an_image_inside_of_a_foreign_model(self):
