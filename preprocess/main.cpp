@@ -123,6 +123,13 @@ void PrintSummary(const PreprocessOptions& options, const PreprocessStatistics& 
                     s.meta.dropped_transparent));
 }
 
+/// Whether a file's name is that of STEP or IGES.
+bool IsCad(const std::string& model) {
+  const std::string extension = std::filesystem::path(model).extension().string();
+  return std::ranges::any_of(std::initializer_list<const char*>{".step", ".stp", ".stpz", ".iges", ".igs"},
+                             [&](const char* e) { return EqualsIgnoringCase(extension, e); });
+}
+
 /// Judges by file names alone: 1 where all formats state y as their up axis (glTF, and Assimp converts to
 /// it), 2 where all state z (3MF), else 0.
 uint32_t StatedUpAxis(const std::vector<std::string>& models) {
@@ -132,19 +139,22 @@ uint32_t StatedUpAxis(const std::vector<std::string>& models) {
   };
   if (std::ranges::all_of(models, [&](const std::string& m) { return have(m, {".3mf"}); })) return 2;
   const auto has_y_up = [&](const std::string& m) {
-    return !have(m, {"", ".ply", ".obj", ".stl", ".off", ".nff", ".aff", ".3mf", ".gz", ".zst"});
+    return !have(m, {"", ".ply", ".obj", ".stl", ".off", ".nff", ".aff", ".3mf", ".gz", ".zst"}) && !IsCad(m);
   };
   return std::ranges::all_of(models, has_y_up) ? 1 : 0;
 }
 
 /// Habits of formats that do not say which axis points up: most OBJ files are exported with y up, most STL
-/// files with z.
+/// files and nearly all of CAD programs with z.
 double UpHabit(const std::vector<std::string>& models) {
-  constexpr double kObj = 0.75, kStl = -0.5;
+  constexpr double kObj = 0.75, kStl = -0.5, kCad = -1;
   double habit = 0;
   for (const std::string& m : models) {
-    const std::string extension = std::filesystem::path(UnpackedPath(m)).extension().string();
-    habit += EqualsIgnoringCase(extension, ".obj") ? kObj : EqualsIgnoringCase(extension, ".stl") ? kStl : 0;
+    const std::string unpacked = UnpackedPath(m), extension = std::filesystem::path(unpacked).extension();
+    habit += EqualsIgnoringCase(extension, ".obj")   ? kObj
+             : EqualsIgnoringCase(extension, ".stl") ? kStl
+             : IsCad(unpacked)                       ? kCad
+                                                     : 0;
   }
   return habit / static_cast<double>(std::max<size_t>(models.size(), 1));
 }

@@ -11,6 +11,7 @@
 #include <BRepPrimAPI_MakeTorus.hxx>
 #include <GProp_GProps.hxx>
 #include <IGESCAFControl_Writer.hxx>
+#include <IGESControl_Controller.hxx>
 #include <Interface_Static.hxx>
 #include <STEPCAFControl_Writer.hxx>
 #include <TDataStd_Name.hxx>
@@ -26,7 +27,7 @@ namespace {
 
 constexpr int kPartsOfRack = 100;
 
-/// A solid in millimetres; its volume depends on `i`.
+/// A solid in the file's unit; its volume depends on `i`.
 TopoDS_Shape MakeShape(int i) {
   const double size = 4 + i % 7, more = 0.01 * i;
   switch (i % 5) {
@@ -66,7 +67,7 @@ constexpr Color kOfFace{255, 0, 0}, kOfInstance{20, 200, 120};
 
 class Writer {
  public:
-  Writer(const WantedAssembly& wanted, double millimetres) : wanted_(wanted), millimetres_(millimetres) {
+  explicit Writer(const WantedAssembly& wanted) : wanted_(wanted) {
     XCAFApp_Application::GetApplication()->NewDocument("MDTV-XCAF", document_);
     XCAFDoc_ShapeTool::SetAutoNaming(false);
     shapes_ = XCAFDoc_DocumentTool::ShapeTool(document_->Main());
@@ -89,7 +90,8 @@ class Writer {
     std::string name;
     double volume = 0;
     std::vector<std::string> colors;
-    bool face = false;
+    bool face = false;   ///< has a face of a colour of its own
+    bool whole = false;  ///< and no other
   };
 
   void AddShape(int i) {
@@ -104,6 +106,8 @@ class Writer {
       TopExp_Explorer face(shape, TopAbs_FACE);
       colors_->SetColor(shapes_->AddSubShape(to.label, face.Current()), kOfFace.quantity(),
                         XCAFDoc_ColorSurf);
+      face.Next();
+      to.whole = !face.More();
     }
     made_.push_back(std::move(to));
   }
@@ -130,19 +134,19 @@ class Writer {
     TDataStd_Name::Set(component, shape.name.c_str());
     WrittenPart part;
     part.path = path + "/" + shape.name + (met > 1 ? fmt::format(":{}", met) : "");
-    part.volume = shape.volume / (millimetres_ * millimetres_ * millimetres_);
+    part.volume = shape.volume;
     part.colors = shape.colors;
     if (i % 10 == 9) {
       colors_->SetColor(component, kOfInstance.quantity(), XCAFDoc_ColorSurf);
       part.colors = {kOfInstance.text()};
     }
+    if (shape.whole) part.colors.clear();
     if (shape.face) part.colors.push_back(kOfFace.text());
     std::ranges::sort(part.colors);
     parts_.push_back(std::move(part));
   }
 
   const WantedAssembly& wanted_;
-  double millimetres_;
   Handle(TDocStd_Document) document_;
   Handle(XCAFDoc_ShapeTool) shapes_;
   Handle(XCAFDoc_ColorTool) colors_;
@@ -154,10 +158,10 @@ class Writer {
 
 std::vector<WrittenPart> WriteAssembly(const std::string& path, const WantedAssembly& wanted) {
   STEPCAFControl_Writer step;  // makes the parameters below known
-  const double millimetres = wanted.unit == "INCH" ? 25.4 : wanted.unit == "M" ? 1000 : 1;
+  IGESControl_Controller::Init();
   Interface_Static::SetCVal("write.step.unit", wanted.unit.c_str());
   Interface_Static::SetCVal("write.iges.unit", wanted.unit.c_str());
-  Writer writer(wanted, millimetres);
+  Writer writer(wanted);
   std::vector<WrittenPart> parts = writer.Run();
   if (!path.ends_with(".iges"))
     return step.Transfer(writer.document()) && step.Write(path.c_str()) == IFSelect_RetDone

@@ -16,6 +16,6 @@ struct CadReading {
 
 /// Memory that Open CASCADE takes, over a file's bytes (tests/bench/history/preprocess.md). Larger files are
 /// refused before they are read.
-inline constexpr uint64_t kCadBytesPerByte = 40;
+inline constexpr uint64_t kCadBytesPerByte = 24;
 
 }  // namespace quarry

@@ -4,8 +4,8 @@
 #include <string>
 
 #include "common/base/status.h"
-#include "preprocess/import/cad/open_cascade/cad_output.h"
 #include "preprocess/import/cad/cad_protocol.h"
+#include "preprocess/import/cad/open_cascade/cad_output.h"
 
 namespace quarry {
 

@@ -7,6 +7,7 @@
 #include <Poly_Triangulation.hxx>
 #include <algorithm>
 #include <utility>
+#include <vector>
 
 namespace quarry {
 namespace {
@@ -36,35 +37,39 @@ void SendPoints(const Poly_Triangulation& mesh, const gp_Trsf& place, double sca
   });
 }
 
-/// The mean of the normals of the triangles about a point, weighted by their areas.
-gp_Vec NormalOfTriangles(const Poly_Triangulation& mesh, int point) {
-  gp_Vec sum(0, 0, 0);
+/// The sum of the normals of the triangles about each point, weighted by their areas.
+std::vector<gp_Vec> NormalsOfTriangles(const Poly_Triangulation& mesh) {
+  std::vector<gp_Vec> sums(static_cast<size_t>(mesh.NbNodes()), gp_Vec(0, 0, 0));
   for (int t = 1; t <= mesh.NbTriangles(); ++t) {
-    int a, b, c;
-    mesh.Triangle(t).Get(a, b, c);
-    if (a != point && b != point && c != point) continue;
-    const gp_Pnt first = mesh.Node(a);
-    sum += gp_Vec(first, mesh.Node(b)).Crossed(gp_Vec(first, mesh.Node(c)));
+    int corners[3];
+    mesh.Triangle(t).Get(corners[0], corners[1], corners[2]);
+    const gp_Pnt first = mesh.Node(corners[0]);
+    const gp_Vec normal = gp_Vec(first, mesh.Node(corners[1])).Crossed(gp_Vec(first, mesh.Node(corners[2])));
+    for (const int corner : corners) sums[static_cast<size_t>(corner - 1)] += normal;
   }
-  return sum;
+  return sums;
 }
 
-/// The surface has no normal at a few points, as at the apex of a cone.
-gp_Vec NormalAt(const Poly_Triangulation& mesh, const Handle(Geom_Surface) & surface, int point) {
+/// Keeps normals of the surface with the triangles, on their side. Where a surface has no normal, as at the
+/// apex of a cone, the triangles' counts.
+void ComputeNormals(Poly_Triangulation& mesh, const Handle(Geom_Surface) & surface) {
   constexpr double kTolerance = 1e-7;  // where derivatives count as none, as elsewhere in the library
-  gp_Dir direction;
-  gp_Vec normal(0, 0, 0);
-  if (GeomLib::NormEstim(surface, mesh.UVNode(point), kTolerance, direction) <= 1)
-    normal = gp_Vec(direction);
-  else
-    normal = NormalOfTriangles(mesh, point);
-  return normal.SquareMagnitude() > 0 ? normal.Normalized() : gp_Vec(0, 0, 1);
+  const std::vector<gp_Vec> of_triangles = NormalsOfTriangles(mesh);
+  mesh.AddNormals();
+  for (int i = 1; i <= mesh.NbNodes(); ++i) {
+    const gp_Vec& of_triangle = of_triangles[static_cast<size_t>(i - 1)];
+    gp_Dir direction;
+    gp_Vec normal = of_triangle;
+    if (GeomLib::NormEstim(surface, mesh.UVNode(i), kTolerance, direction) == 0) normal = direction;
+    if (normal.Dot(of_triangle) < 0) normal.Reverse();
+    const bool is_null = normal.SquareMagnitude() < 1e-200;
+    mesh.SetNormal(i, is_null ? gp_Dir(0, 0, 1) : gp_Dir(normal));
+  }
 }
 
-void SendNormals(const Poly_Triangulation& mesh, const Handle(Geom_Surface) & surface, const gp_Trsf& place,
-                 bool reversed, CadOutput& out) {
+void SendNormals(const Poly_Triangulation& mesh, const gp_Trsf& place, bool reversed, CadOutput& out) {
   SendEach(mesh.NbNodes(), kMostCadMessage / 12, CadMessage::kNormals, out, [&](int i, ByteWriter& content) {
-    gp_Vec normal = NormalAt(mesh, surface, i).Transformed(place).Normalized();
+    gp_Vec normal = gp_Vec(mesh.Normal(i)).Transformed(place).Normalized();
     if (reversed) normal.Reverse();
     for (const double x : {normal.X(), normal.Y(), normal.Z()}) content.Put(static_cast<float>(x));
   });
@@ -95,9 +100,13 @@ bool SendFace(const TopoDS_Face& face, const TopLoc_Location& place, double scal
   SendPoints(*mesh, to_model, scale, out);
   TopLoc_Location of_surface;
   const Handle(Geom_Surface)& surface = BRep_Tool::Surface(face, of_surface);
-  if (!surface.IsNull() && !IsPlane(surface) && mesh->HasUVNodes())
-    SendNormals(*mesh, surface, to_model, reversed, out);
-  SendTriangles(*mesh, reversed != to_model.IsNegative(), out);
+  if (!surface.IsNull() && !IsPlane(surface) && mesh->HasUVNodes()) {
+    if (!mesh->HasNormals()) ComputeNormals(*mesh, surface);
+    SendNormals(*mesh, to_model, reversed, out);
+  }
+  // IGES gives mirrors whose scale is not negative.
+  const bool mirrored = to_model.VectorialPart().Determinant() < 0;
+  SendTriangles(*mesh, reversed != mirrored, out);
   return true;
 }
 

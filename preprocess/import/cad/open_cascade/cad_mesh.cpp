@@ -108,7 +108,6 @@ void CadMesher::Mesh(const TopoDS_Shape& shape) const {
   IMeshTools_Parameters parameters;
   parameters.Deflection = deflection_.linear * document_.millimetres;
   parameters.Angle = deflection_.angle * kRadians;
-  parameters.AngleInterior = parameters.Angle;
   parameters.MinSize = kShortest * parameters.Deflection;
   parameters.InParallel = false;  // triangles in one order
   try {
