@@ -152,7 +152,8 @@ Result<CadDocument> ReadStep(const std::string& path, CadOutput& out) {
   for (const TCollection_AsciiString& name : lengths) units.emplace_back(name.ToCString());
   SetUnit(units, read, out);
   Handle(TransferProgress) progress = new TransferProgress(out);
-  if (!reader.Transfer(read.document, progress->Start())) return Fail("Open CASCADE finds no shapes in it");
+  if (!reader.Transfer(read.document, progress->Start()))
+    return Fail("is a STEP file in which Open CASCADE finds no shapes");
   WarnOfExternFiles(reader, out);
   return read;
 }
@@ -176,7 +177,8 @@ Result<CadDocument> ReadIges(const std::string& path, CadOutput& out) {
   if (const Handle(IGESData_IGESModel) model = reader.IGESModel(); !model.IsNull())
     SetUnit(IgesUnits(model->GlobalSection()), read, out);
   Handle(TransferProgress) progress = new TransferProgress(out);
-  if (!reader.Transfer(read.document, progress->Start())) return Fail("Open CASCADE finds no surfaces in it");
+  if (!reader.Transfer(read.document, progress->Start()))
+    return Fail("is an IGES file in which Open CASCADE finds no surfaces");
   return read;
 }
 
