@@ -254,13 +254,33 @@ void MaterialJsonStream::AddPart(const std::string& name) {
   first_ = false;
 }
 
-void MaterialJsonStream::Finish() { out_ << "]}\n"; }
+void MaterialJsonStream::Finish(const std::vector<std::string>& left_out) {
+  out_ << ']';
+  if (!left_out.empty()) out_ << ",\n\"left_out\": " << Text(Json(left_out));
+  out_ << "}\n";
+}
 
 void WriteMaterialJson(const MaterialLibrary& library, std::ostream& out) {
   MaterialJsonStream stream(library.materials, out, library.images);
   for (const std::string& part : library.parts) stream.AddPart(part);
-  stream.Finish();
+  stream.Finish(library.left_out);
 }
+
+namespace {
+
+Status ReadTexts(const Json& json, const char* key, const std::string& path,
+                 std::vector<std::string>& texts) {
+  const auto list = json.find(key);
+  if (list == json.end()) return {};
+  if (!list->is_array()) return Fail(fmt::format("{}: {} must be an array.", path, key));
+  for (size_t i = 0; i < list->size(); ++i) {
+    if (!(*list)[i].is_string()) return Fail(fmt::format("{}: {}[{}] must be a string.", path, key, i));
+    texts.push_back((*list)[i].get<std::string>());
+  }
+  return {};
+}
+
+}  // namespace
 
 Result<MaterialLibrary> ReadMaterialJson(const std::string& path) {
   QUARRY_ASSIGN(const Json json, ReadJsonFile<Json>(path, kLimits));
@@ -275,13 +295,8 @@ Result<MaterialLibrary> ReadMaterialJson(const std::string& path) {
       library.images.push_back(std::move(images));
     }
   }
-  if (const auto parts = json.find("parts"); parts != json.end()) {
-    if (!parts->is_array()) return Fail(fmt::format("{}: parts must be an array.", path));
-    for (size_t i = 0; i < parts->size(); ++i) {
-      if (!(*parts)[i].is_string()) return Fail(fmt::format("{}: parts[{}] must be a string.", path, i));
-      library.parts.push_back((*parts)[i].get<std::string>());
-    }
-  }
+  QUARRY_TRY(ReadTexts(json, "parts", path, library.parts));
+  QUARRY_TRY(ReadTexts(json, "left_out", path, library.left_out));
   return library;
 }
 

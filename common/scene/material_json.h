@@ -38,6 +38,7 @@ struct MaterialLibrary {
   std::vector<Material> materials;
   std::vector<std::string> parts;
   std::vector<std::vector<Image>> images;  ///< of each material; may be shorter than the materials
+  std::vector<std::string> left_out;       ///< what the model holds and the library cannot: "animations", say
 };
 
 /// Writes the same JSON piece by piece, for writers whose part names do not fit in memory. Not thread-safe.
@@ -50,7 +51,7 @@ class MaterialJsonStream {
   /// Appends a part.
   void AddPart(const std::string& name);
   /// Completes the JSON. Call it once, last.
-  void Finish();
+  void Finish(const std::vector<std::string>& left_out = {});
 
  private:
   std::ostream& out_;

@@ -3,22 +3,28 @@
 #include <filesystem>
 #include <initializer_list>
 #include <string>
+#include <vector>
 
 namespace quarry {
 
-/// Finds the regular file that a model in `folder` means by `name`: relative to the folder, with slashes or
-/// backslashes; else a file of that name beside the model; else a file whose name differs only in case.
-/// Empty: there is none.
-std::filesystem::path FindFile(const std::filesystem::path& folder, const std::string& name);
+/// The folders that names in a file are relative to: its own, then that of the file that it is a symbolic
+/// link to. Examples: {"", "../shelf"}.
+std::vector<std::filesystem::path> FoldersOf(const std::string& file);
 
-/// The only regular file of `folder` with one of `extensions` (".mtl", in any case), for a name in an
-/// encoding that the file system does not use. Empty: `name` is ASCII, or there is none, or there are
+/// Finds the regular file that `by`, a model or a file of it, means by `name`. One rule for all formats. For
+/// each of FoldersOf(by): the name as it is, with slashes or backslashes; then ever fewer of its last parts,
+/// since a name may be of another machine ("C:/work/textures/a.png": "textures/a.png", "a.png"); then names
+/// that differ in case alone. Empty: there is none.
+std::filesystem::path FindFile(const std::string& by, const std::string& name);
+
+/// The only regular file in the folders of `by` with one of `extensions` (".mtl", in any case), for a name in
+/// an encoding that the file system does not use. Empty: `name` is ASCII, or there is none, or there are
 /// several.
-std::filesystem::path FindOnlyFile(const std::filesystem::path& folder, const std::string& name,
+std::filesystem::path FindOnlyFile(const std::string& by, const std::string& name,
                                    std::initializer_list<const char*> extensions);
 
-/// Whether `file` lies outside a model's `folder`, judged by the names alone. Models come from strangers, who
-/// have no business with other files of the machine.
-bool LeavesFolder(const std::filesystem::path& folder, const std::filesystem::path& file);
+/// Whether `file` lies outside of `model`'s folders, judged by the names alone. Models come from strangers,
+/// who have no business with other files of the machine: readers tell that they read it, or refuse to.
+bool LeavesFolder(const std::string& model, const std::filesystem::path& file);
 
 }  // namespace quarry

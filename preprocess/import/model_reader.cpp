@@ -12,6 +12,7 @@
 
 #include "common/base/output_path.h"
 #include "common/base/size.h"
+#include "preprocess/import/text/text_number.h"
 
 namespace quarry {
 
@@ -181,6 +182,16 @@ tl::unexpected<Error> ModelReader::Truncated(const std::string& where) const {
 
 tl::unexpected<Error> ModelReader::FailHere(const std::string& what) const {
   return Fail(fmt::format("{}, byte {}: {}", path_, offset(), what));
+}
+
+std::string_view BehindComments(ModelReader& bytes) {
+  constexpr size_t kLook = 1 << 16;
+  bytes.Ensure(kLook);
+  std::string_view text = bytes.view().substr(0, kLook);
+  if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
+  while (!text.empty() && (IsSpace(text.front()) || text.front() == '#'))
+    text.remove_prefix(text.front() == '#' ? std::min(text.size(), text.find_first_of("\r\n")) : 1);
+  return text;
 }
 
 }  // namespace quarry

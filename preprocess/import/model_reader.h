@@ -97,4 +97,8 @@ class ModelReader {
            unpacked_bytes_ = 0;  ///< packed bytes in all, or so far
 };
 
+/// The text of the first 64 KiB behind blanks and lines that begin with '#'. Consumes nothing. Valid until
+/// more is read.
+std::string_view BehindComments(ModelReader& bytes);
+
 }  // namespace quarry

@@ -29,6 +29,9 @@ struct Rgba8 {
   uint8_t r = 255, g = 255, b = 255, a = 255;
 };
 
+/// Steps of the vertices' alpha below 1.
+inline constexpr uint32_t kAlphaLevels = 16;
+
 /// The colour as 32 bits, r in the lowest byte.
 inline uint32_t Packed(const Rgba8& c) {
   return static_cast<uint32_t>(c.r) | static_cast<uint32_t>(c.g) << 8 | static_cast<uint32_t>(c.b) << 16 |
@@ -52,6 +55,11 @@ class ModelSink {
   /// one part.
   virtual uint32_t AddMaterial(const Material& material) = 0;
   virtual uint32_t AddPart(std::string_view name) = 0;
+
+  /// Makes the vertices' alpha count for `material`: a triangle whose corners have the mean alpha n /
+  /// kAlphaLevels, rounded, gets the material `first` + n in its place; one of alpha 1 keeps it. Before the
+  /// first such polygon. Errors: disk full.
+  virtual Status SetAlphaLevels(uint32_t /*material*/, uint32_t /*first*/) { return {}; }
 
   /// Whether importers should give textures; otherwise they look for no image.
   virtual bool takes_textures() const = 0;

@@ -208,8 +208,7 @@ class OffFile {
 }  // namespace
 
 bool LooksLikeOff(ModelReader& bytes) {
-  bytes.Ensure(1024);
-  const std::string_view text = bytes.view().substr(0, 1024);
+  const std::string_view text = BehindComments(bytes);
   TextCursor cursor(text.substr(0, text.find_first_of("\r\n")));
   Layout layout;
   return ParseKeyword(cursor, layout);

@@ -36,16 +36,6 @@ uint32_t CountOf(ModelReader& bytes) {
 }
 bool IsCount(uint32_t count) { return count != 0 && count != 0xFFFFFFFFu; }
 
-/// The first bytes after comments and blanks.
-std::string_view Beginning(ModelReader& bytes) {
-  bytes.Ensure(1024);
-  std::string_view text = bytes.view().substr(0, 1024);
-  if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
-  while (!text.empty() && (IsSpace(text.front()) || text.front() == '#'))
-    text.remove_prefix(text.front() == '#' ? std::min(text.size(), text.find_first_of("\r\n")) : 1);
-  return text;
-}
-
 /// The position of `word` in `text`, between blanks, in any case; npos: absent.
 size_t FindWord(std::string_view text, std::string_view word) {
   for (size_t at = 0; at + word.size() <= text.size(); ++at)
@@ -62,7 +52,7 @@ bool SizeIsBinary(ModelReader& bytes) {
 /// Programs write "solid" into binary headers too; a zero byte near the start shows them, unless facets
 /// follow. The first line may be missing.
 bool LooksAscii(ModelReader& bytes) {
-  std::string_view text = Beginning(bytes);
+  std::string_view text = BehindComments(bytes);
   const bool solid = text.size() >= 5 && EqualsIgnoringCase(text.substr(0, 5), "solid");
   const size_t facet = FindWord(text, "facet");
   if (!solid && (facet != 0 || FindWord(text, "outer") == text.npos)) return false;
@@ -113,6 +103,11 @@ class FacetColors {
                    : FileColor(channel(10), channel(5), channel(0));
   }
 
+  /// Whether the attributes say something that is no colour.
+  bool IsOther(uint16_t attributes) const {
+    return !magics_ && attributes != 0 && (attributes & 0x8000) == 0;
+  }
+
  private:
   bool magics_ = false;
   Rgba8 of_all_;
@@ -127,10 +122,12 @@ class BinaryStl {
   void Save(ByteWriter& out) const {
     out.Put(bytes_.offset());
     out.Put(read_);
+    out.Put<uint8_t>(has_others_);
   }
   Status Restore(ByteReader& in) {
     QUARRY_TRY(bytes_.SkipTo(in.Get<uint64_t>()));
     read_ = in.Get<uint64_t>();
+    has_others_ = in.Get<uint8_t>() != 0;
     return {};
   }
 
@@ -144,6 +141,7 @@ class BinaryStl {
   uint64_t count_ = 0, read_ = 0;  ///< facets
   bool counted_ = true;            ///< false: facets continue to the file's end
   bool payloads_ = false;          ///< attributes are lengths of extra bytes after the facet
+  bool has_others_ = false;        ///< attributes that are no colours
   Rgba8 color_;
 };
 
@@ -199,6 +197,9 @@ Result<uint64_t> BinaryStl::Import() {
   }
   if (counted_ && !bytes_.has_size() && bytes_.Ensure(1))
     sink_.Warn(fmt::format("{}: bytes behind the last facet left out", bytes_.path()));
+  if (has_others_)
+    sink_.Warn(fmt::format("{}: left out, since they are not read: attributes of facets that are no colours",
+                           bytes_.path()));
   return read_;
 }
 
@@ -214,6 +215,7 @@ Status BinaryStl::Facet(const FacetColors& colors) {
   const Rgba8 color = payloads_ ? Rgba8{} : colors.ColorOf(attributes);
   if (Packed(color) != Packed(color_)) QUARRY_TRY(sink_.SetFaceColor(color));
   color_ = color;
+  has_others_ |= payloads_ ? attributes != 0 : colors.IsOther(attributes);
   bytes_.Consume(kFacetBytes);
   if (payloads_ && !bytes_.Skip(attributes)) return bytes_.Truncated(fmt::format("behind facet {}", read_));
   return sink_.AddPolygon(corners, kNoIndex, kNoIndex);

@@ -53,6 +53,11 @@ class SpillSink final : public ModelSink {
   uint32_t AddMaterial(const Material& material) override {
     return tables_.AddMaterial(material, coordinates_.UnitLength());
   }
+  Status SetAlphaLevels(uint32_t material, uint32_t first) override {
+    QUARRY_TRY(faces_->Settle());
+    triangles_.SetAlphaLevels(material, first);
+    return {};
+  }
   uint32_t AddPart(std::string_view name) override { return tables_.AddPart(name); }
   bool takes_textures() const override { return textures_; }
   Result<uint32_t> AddTexture(TextureImage image) override { return images_.Add(std::move(image)); }

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "preprocess/import/model_sink.h"
 #include "preprocess/ingest/up_evidence.h"
 #include "preprocess/partition/regions.h"
 
@@ -54,8 +55,25 @@ Status TriangleSpill::WidenNow(Attributes attributes) {
 
 Status TriangleSpill::AddPolygon(std::vector<TriangleRecord>& fan) {
   if (fan.size() > 1) polygon_.Split(fan);
-  for (const TriangleRecord& record : fan) QUARRY_TRY(Add(record));
+  for (TriangleRecord& record : fan) {
+    if (!alpha_levels_.empty()) TakeAlpha(record);
+    QUARRY_TRY(Add(record));
+  }
   return {};
+}
+
+/// Turns the alpha of the corners into the material of its level. Stores hold opaque colours.
+void TriangleSpill::TakeAlpha(TriangleRecord& record) const {
+  constexpr uint32_t kOpaque = 0xFF000000;
+  uint32_t sum = 0;
+  for (uint32_t& color : record.colors) {
+    sum += color >> 24;
+    color |= kOpaque;
+  }
+  const auto levels = alpha_levels_.find(record.material);
+  const uint32_t level = (sum * kAlphaLevels + 3 * 255 / 2) / (3 * 255);
+  if (levels == alpha_levels_.end() || level >= kAlphaLevels) return;
+  record.material = static_cast<uint16_t>(std::min<uint32_t>(levels->second + level, 65535));
 }
 
 Status TriangleSpill::Add(const TriangleRecord& record) {
@@ -87,6 +105,11 @@ Status TriangleSpill::Save(ByteWriter& out) {
   for (const uint64_t n :
        {out_.triangles->count(), out_.input_triangles, out_.dropped_degenerate, out_.dropped_not_finite})
     out.Put(n);
+  out.Put(static_cast<uint32_t>(alpha_levels_.size()));
+  for (const auto& [material, first] : alpha_levels_) {
+    out.Put(material);
+    out.Put(first);
+  }
   out_.sample.Save(out);
   return {};
 }
@@ -99,6 +122,10 @@ Status TriangleSpill::Restore(ByteReader& in, bool routed) {
   out_.input_triangles = in.Get<uint64_t>();
   out_.dropped_degenerate = in.Get<uint64_t>();
   out_.dropped_not_finite = in.Get<uint64_t>();
+  for (auto n = in.Get<uint32_t>(); n > 0 && in.ok(); --n) {
+    const auto material = in.Get<uint32_t>();
+    alpha_levels_[material] = in.Get<uint32_t>();
+  }
   out_.sample.Restore(in);
   if (routed) {
     out_.triangles = SpillFile::Left(Path(), RecordBytes(out_.attributes), count);

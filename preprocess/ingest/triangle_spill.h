@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -37,6 +38,9 @@ class TriangleSpill {
     return WidenNow(attributes);
   }
 
+  /// See ModelSink. Not beside AddPolygon().
+  void SetAlphaLevels(uint32_t material, uint32_t first) { alpha_levels_[material] = first; }
+
   /// Splits the fan of one polygon in place (see PolygonFan) and keeps its triangles. Errors: disk full.
   Status AddPolygon(std::vector<TriangleRecord>& fan);
   /// Whether the triangles exceed the number that is split in memory.
@@ -62,11 +66,13 @@ class TriangleSpill {
   Result<SpillFile> OpenFile(uint64_t count);
   Status WidenNow(Attributes attributes);
   Status Add(const TriangleRecord& record);
+  void TakeAlpha(TriangleRecord& record) const;
 
   std::string folder_;
   ImportCheckpoints& checkpoints_;
   ImportedTriangles out_;
   PolygonFan polygon_;
+  std::map<uint32_t, uint32_t> alpha_levels_;  ///< by material: the first of its levels
   SpillWriter writer_;  ///< of the file in out_; declared last, so that it ends before the file
 };
 

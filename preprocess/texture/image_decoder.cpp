@@ -127,6 +127,7 @@ Status ImageDecoder::Decode(const TextureImage& image, const OnFacts& on_facts, 
 }
 
 Status ImageDecoder::DecodeRows(const TextureImage& image, const OnFacts& on_facts, const OnRows& on_rows) {
+  remark_.clear();
   QUARRY_TRY(Ask(ImageMessage::kDecode, image));
   QUARRY_ASSIGN(const ImageFacts facts, ReceiveFacts(image));
   const auto given = [&](Status status) {
@@ -138,7 +139,11 @@ Status ImageDecoder::DecodeRows(const TextureImage& image, const OnFacts& on_fac
   uint64_t rows = 0;
   for (;;) {
     QUARRY_ASSIGN(Message message, Receive(image));
-    if (message.kind == ImageMessage::kEnd && rows == facts.height) return {};
+    if (message.kind == ImageMessage::kEnd && rows == facts.height) {
+      if (!message.bytes.empty())
+        remark_ = fmt::format("{}: is read, but its decoder says: {}", NameOf(image), AsText(message.bytes));
+      return {};
+    }
     const uint64_t count = message.bytes.size() / facts.row_bytes();
     if (message.kind != ImageMessage::kRows || count * facts.row_bytes() != message.bytes.size() ||
         rows + count > facts.height) {

@@ -37,6 +37,10 @@ class ImageDecoder {
   /// The facts from the image's header alone. Errors: as Decode().
   Result<ImageFacts> LookAt(const TextureImage& image);
 
+  /// What the decoder found wrong with the last image, which it read nevertheless: a sentence with the
+  /// image's name. Empty: nothing.
+  const std::string& remark() const { return remark_; }
+
   /// Whether the last error is not the image's fault: too little memory; the helper was killed, cannot be
   /// started or has never answered; a callback failed.
   bool is_fatal() const { return fatal_; }
@@ -55,6 +59,7 @@ class ImageDecoder {
   HelperProcess helper_;
   bool answered_ = false;  ///< at least once: the program works
   bool fatal_ = false;
+  std::string remark_;
 };
 
 }  // namespace quarry

@@ -70,15 +70,16 @@ class Decoding {
  public:
   Decoding(const OnFacts& on_facts, const OnRows& on_rows) : on_facts_(on_facts), on_rows_(on_rows) {}
 
-  Status Run(const std::string& path, uint64_t offset, uint64_t size, bool look_only) {
+  Result<std::string> Run(const std::string& path, uint64_t offset, uint64_t size, bool look_only) {
     QUARRY_ASSIGN(const InputFile file, InputFile::Open(path));
     if (offset > file.size()) return Fail("ends before its image begins");
     FilePart part(file, offset, std::min(size, file.size() - offset));
     QUARRY_TRY(OpenImage(part, path, file.size()));
     QUARRY_TRY(CheckFacts());
     on_facts_(facts_);
-    if (look_only) return {};
-    return input_->spec().tile_width > 0 ? Tiles() : Scanlines();
+    if (look_only) return std::string();
+    QUARRY_TRY(input_->spec().tile_width > 0 ? Tiles() : Scanlines());
+    return input_->has_error() ? Refusal(input_->geterror()) : std::string();
   }
 
  private:
@@ -219,8 +220,8 @@ void PrepareDecoding() {
   OIIO::ImageInput::create("png");
 }
 
-Status DecodeImage(const std::string& path, uint64_t offset, uint64_t size, bool look_only,
-                   const OnFacts& on_facts, const OnRows& on_rows) {
+Result<std::string> DecodeImage(const std::string& path, uint64_t offset, uint64_t size, bool look_only,
+                                const OnFacts& on_facts, const OnRows& on_rows) {
   return Decoding(on_facts, on_rows).Run(path, offset, size, look_only);
 }
 

@@ -91,14 +91,14 @@ void Answer(int out, ImageMessage kind, std::span<const std::byte> request, uint
   const uint64_t whole = std::filesystem::file_size(path, ignored);
   Known known{ignored || whole < offset ? 0 : std::min(size, whole - offset), std::nullopt};
   try {
-    const Status done = DecodeImage(
+    const Result<std::string> done = DecodeImage(
         path, offset, size, kind == ImageMessage::kLookAt,
         [&](const ImageFacts& facts) {
           known.facts = facts;
           SendFacts(out, facts);
         },
         [&](std::span<const std::byte> rows) { Send(out, ImageMessage::kRows, rows); });
-    if (done) return Send(out, ImageMessage::kEnd, {});
+    if (done) return Send(out, ImageMessage::kEnd, AsBytes(WithoutPath(*done, path)));
     const std::string why = WithoutPath(done.error().message, path);
     if (OfMemory(why)) return SendShortage(out, known, memory, why);
     Send(out, ImageMessage::kRefused, AsBytes(why));

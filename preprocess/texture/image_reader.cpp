@@ -34,6 +34,7 @@ struct ImageReader::Impl {
             piece.rows = std::move(rows);
             return Put(std::move(piece));
           });
+      end.remark = decoder.remark();
       end.fatal = !end.status && decoder.is_fatal();
       const bool last = end.fatal;
       if (!Put(std::move(end)) || last) return;

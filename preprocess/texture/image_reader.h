@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "common/base/bytes.h"
@@ -26,6 +27,7 @@ class ImageReader {
     Bytes rows;          ///< whole rows
     Status status;       ///< at the end: why the image cannot be read
     bool fatal = false;  ///< ImageDecoder::is_fatal(); nothing follows
+    std::string remark;  ///< at the end: ImageDecoder::remark()
   };
   /// Waits for the next piece. Requires: images remain, and none was fatal.
   Piece Next();

@@ -161,7 +161,10 @@ Status TextureStage::Carry(const TextureImage& image, ImageReader& reader, PageP
       }
       case ImageReader::Piece::Kind::kEnd:
         if (piece.status)
-          return pages.Then([this, &writer, of_normals] { return Settle(of_normals, writer); });
+          return pages.Then([this, &writer, of_normals, remark = piece.remark] {
+            if (!remark.empty()) warn_(remark);
+            return Settle(of_normals, writer);
+          });
         if (piece.fatal) return piece.status;
         return pages.Then(
             [this, &writer, begun = mips.has_value(), error = piece.status.error()]() -> Status {

@@ -19,6 +19,7 @@ from programs import BIN, PATIENCE, TIMEOUT_S, Case, end, main
 
 sys.path.insert(0, str(pathlib.Path(__file__).parents[1] / "support"))
 from live_client import Closed, LiveClient  # noqa: E402
+from starved import Starved, is_whole, why_not_starved  # noqa: E402
 
 
 def resident(pid):
@@ -111,6 +112,29 @@ class Live(Case):
         large.close()
         good.want(view)
         good.until_exact()
+
+    def test_starved_workers_give_coarse_frames_that_are_whole(self):
+        """On a twentieth of a core, with all blocks in the cache: no frame of a moving view is a few sharp tiles beside nothing."""
+        if why_not_starved():
+            self.skipTest(why_not_starved())
+        client = self.client(self.start(self.store("plant", 100000)))
+        client.send({"type": "settings", "frame_rate": 30, "step": 0})
+        view = self.view(client, size=[640, 480], mode="raycast", spp=1)
+        client.want(view)
+        client.until_exact(60 * PATIENCE)
+        starved = Starved(0.05, [worker.pid for worker in self.workers])
+        self.addCleanup(starved.end)
+        eye, frames = view["camera"]["eye"], []
+        for i in range(60):
+            client.want({**view, "camera": {**view["camera"], "eye": [eye[0] * (1 + i / 400), *eye[1:]]}}, moving=True)
+            end_s = time.monotonic() + 0.1
+            while client.ready(end_s - time.monotonic()):
+                got = client.receive()
+                if isinstance(got, tuple):
+                    frames.append(got[0])
+        self.assertGreater(len(frames), 5)
+        self.assertGreater(max(frame["step"] for frame in frames), 1)
+        self.assertEqual([frame for frame in frames if not is_whole(frame)], [])
 
     def test_viewers_that_acknowledge_what_they_do_not_read_take_no_more_memory_than_they_may(self):
         url = self.start(self.store("plant", 20000), "--view-memory", "88M", workers=1)

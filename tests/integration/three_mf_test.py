@@ -13,13 +13,6 @@ import zipfile
 from programs import BIN, main
 from model_cases import RED, SQUARE, Model, ModelCase, Sentence, colored
 
-CASES = pathlib.Path(__file__).parents[3] / "shared/cases-2"
-REPORTED = {
-    "3mf_thumbnail/q.3mf": Model(silent=True, **SQUARE),
-    "3mf_colour_group/object.3mf": colored(RED),
-    "3mf_colour_group/triangle.3mf": colored(RED),
-    "3mf_colour_group/plain_group.3mf": Model(warns="materials or colours that no object uses", **SQUARE),
-}
 CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 MATERIAL = "http://schemas.microsoft.com/3dmanufacturing/material/2015/02"
 PRODUCTION = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06"
@@ -108,14 +101,6 @@ class ThreeMf(ModelCase):
         path = self.write("x.3mf", content)
         self.check_one_of([Sentence(sentence)], self.preprocess(path, *more), "x.3mf")
         self.assertEqual([p.name for p in self.folder.iterdir() if p.name.startswith("x.quarry")], [])
-
-    def test_reported_files(self):
-        if not CASES.is_dir():
-            self.skipTest("../shared/cases-2 is not there")
-        for name, right in REPORTED.items():
-            with self.subTest(file=name):
-                shutil.copy(CASES / name, self.path("x.3mf"))
-                self.check_one_of([right], self.preprocess(self.path("x.3mf")), "x.3mf")
 
     def test_kinds_of_archives(self):
         for name, content in kinds():

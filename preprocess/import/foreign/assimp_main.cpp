@@ -27,6 +27,7 @@
 #include "common/program/run_program.h"
 #include "common/scene/material_json.h"
 #include "common/scene/open_pbr.h"
+#include "preprocess/import/foreign/collada_sets.h"
 #include "preprocess/import/foreign/foreign.h"
 
 namespace quarry {
@@ -143,9 +144,11 @@ Result<std::string> WriteEmbedded(const aiTexture& texture, const std::string& p
   return path;
 }
 
-/// The textures of a material that have a use here; of several for one use the first.
+/// The textures of a material that have a use here; of several for one use the first. Their `coordinates` are
+/// channels of the meshes.
 Result<std::vector<MaterialLibrary::Image>> TexturesOf(const aiScene& scene, const aiMaterial& from,
-                                                       const Material& material, const std::string& prefix) {
+                                                       const Material& material, const ColladaSets& sets,
+                                                       const std::string& prefix) {
   struct Known {
     aiTextureType type;
     TextureUse use;
@@ -174,7 +177,8 @@ Result<std::vector<MaterialLibrary::Image>> TexturesOf(const aiScene& scene, con
     }
     int coordinates = 0;
     from.Get(AI_MATKEY_UVWSRC(k.type, 0), coordinates);
-    image.coordinates = static_cast<uint32_t>(std::clamp(coordinates, 0, 255));
+    image.coordinates =
+        std::min(sets.ChannelOf(material.name, k.use, static_cast<uint32_t>(std::max(coordinates, 0))), 255u);
     image.binding.wrap_s = WrapOf(from, _AI_MATKEY_MAPPINGMODE_U_BASE, k.type);
     image.binding.wrap_t = WrapOf(from, _AI_MATKEY_MAPPINGMODE_V_BASE, k.type);
     // Assimp's v runs up.
@@ -186,6 +190,45 @@ Result<std::vector<MaterialLibrary::Image>> TexturesOf(const aiScene& scene, con
   return images;
 }
 
+/// The channel that the material's triangles carry: that of its base colour, else of its first texture.
+uint32_t ChannelOf(const std::vector<MaterialLibrary::Image>& images) {
+  const auto use_of = [](const MaterialLibrary::Image& image) { return image.binding.use; };
+  const auto base = std::ranges::find(images, TextureUse::kDiffuse, use_of);
+  if (base != images.end()) return base->coordinates;
+  return images.empty() ? 0 : images.front().coordinates;
+}
+
+/// Numbers the coordinates as the PLY holds them: 0 is that channel, 1 any other.
+void NumberFrom(uint32_t channel, std::vector<MaterialLibrary::Image>& images) {
+  for (MaterialLibrary::Image& image : images) image.coordinates = image.coordinates == channel ? 0 : 1;
+}
+
+/// The texture coordinates of a mesh that its material goes by, else its first; null: it has none.
+const aiVector3D* UvsOf(const aiMesh& mesh, const std::vector<uint32_t>& channels) {
+  const uint32_t channel = channels[mesh.mMaterialIndex];
+  const bool has = channel < AI_MAX_NUMBER_OF_TEXTURECOORDS && mesh.HasTextureCoords(channel);
+  return mesh.mTextureCoords[has ? channel : 0];
+}
+
+/// What the scene holds and the store does not carry.
+std::vector<std::string> LeftOut(const aiScene& scene) {
+  bool bones = false, colors = false;
+  for (unsigned i = 0; i < scene.mNumMeshes; ++i) {
+    bones |= scene.mMeshes[i]->HasBones();
+    colors |= scene.mMeshes[i]->GetNumColorChannels() > 1;
+  }
+  std::vector<std::string> left_out;
+  const auto note = [&](bool holds, const char* name) {
+    if (holds) left_out.emplace_back(name);
+  };
+  note(scene.HasAnimations(), "animations");
+  note(bones, "bones");
+  note(scene.HasCameras(), "cameras");
+  note(scene.HasLights(), "lights");
+  note(colors, "second colours of vertices");
+  return left_out;
+}
+
 template <class T>
 void Put(std::string& out, T value) {
   out.append(reinterpret_cast<const char*>(&value), sizeof value);
@@ -193,14 +236,16 @@ void Put(std::string& out, T value) {
 
 uint8_t ByteOf(float x) { return static_cast<uint8_t>(x > 0 ? std::min(x, 1.0f) * 255 + 0.5f : 0); }
 
-Status WritePly(const std::vector<Placed>& placed, const std::string& path) {
+/// `channels`: the texture coordinates that each material's triangles carry.
+Status WritePly(const std::vector<Placed>& placed, const std::vector<uint32_t>& channels,
+                const std::string& path) {
   uint64_t vertices = 0, faces = 0;
   bool normals = true, uvs = false, colors = false;
   for (const Placed& p : placed) {
     vertices += p.mesh->mNumVertices;
     for (unsigned f = 0; f < p.mesh->mNumFaces; ++f) faces += p.mesh->mFaces[f].mNumIndices == 3;
     normals &= p.mesh->HasNormals();
-    uvs |= p.mesh->HasTextureCoords(0);
+    uvs |= UvsOf(*p.mesh, channels) != nullptr;
     colors |= p.mesh->HasVertexColors(0);
   }
   if (faces == 0) return Fail("holds no triangles");
@@ -217,6 +262,7 @@ Status WritePly(const std::vector<Placed>& placed, const std::string& path) {
   for (const Placed& p : placed) {
     aiMatrix3x3 turn(p.to_world);
     turn.Inverse().Transpose();
+    const aiVector3D* const own = UvsOf(*p.mesh, channels);
     for (unsigned i = 0; i < p.mesh->mNumVertices; ++i) {
       const aiVector3D v = p.to_world * p.mesh->mVertices[i];
       for (const float x : {v.x, v.y, v.z}) Put(text, x);
@@ -225,9 +271,8 @@ Status WritePly(const std::vector<Placed>& placed, const std::string& path) {
         for (const float x : {n.x, n.y, n.z}) Put(text, x);
       }
       if (uvs) {
-        const bool has = p.mesh->HasTextureCoords(0);
-        Put(text, has ? p.mesh->mTextureCoords[0][i].x : 0.0f);
-        Put(text, has ? p.mesh->mTextureCoords[0][i].y : 0.0f);
+        Put(text, own != nullptr ? own[i].x : 0.0f);
+        Put(text, own != nullptr ? own[i].y : 0.0f);
       }
       if (colors) {
         const aiColor4D c = p.mesh->HasVertexColors(0) ? p.mesh->mColors[0][i] : aiColor4D(1, 1, 1, 1);
@@ -280,14 +325,20 @@ Status Run(const std::string& model, const std::string& out, uint64_t memory) {
   std::vector<Placed> placed;
   MaterialLibrary library;
   Place(*scene, *scene->mRootNode, aiMatrix4x4(), placed, library.parts);
+  library.left_out = LeftOut(*scene);
   const bool srgb = HasSrgbColors(model);
   const std::string prefix = out.substr(0, out.size() - std::strlen(".ply"));
+  const ColladaSets sets = IsOf(model, ".dae") ? ColladaSets::Read(model) : ColladaSets();
+  std::vector<uint32_t> channels;
   for (unsigned i = 0; i < scene->mNumMaterials; ++i) {
     library.materials.push_back(Converted(*scene->mMaterials[i], srgb));
-    QUARRY_ASSIGN(auto images, TexturesOf(*scene, *scene->mMaterials[i], library.materials.back(), prefix));
+    QUARRY_ASSIGN(auto images,
+                  TexturesOf(*scene, *scene->mMaterials[i], library.materials.back(), sets, prefix));
+    channels.push_back(ChannelOf(images));
+    NumberFrom(channels.back(), images);
     library.images.push_back(std::move(images));
   }
-  if (const Status written = WritePly(placed, out); !written)
+  if (const Status written = WritePly(placed, channels, out); !written)
     return Fail(fmt::format("{}: {}", model, written.error().message));
   std::ofstream json(MaterialJsonPath(out));
   WriteMaterialJson(library, json);

@@ -205,10 +205,9 @@ Result<GltfDocument::Buffer> GltfDocument::OpenBuffer(uint64_t index) {
   if (uri.find("://") != uri.npos)
     return named(
         fmt::format("{} is an address; download it beside the model, and name that file", Quoted(uri)));
-  const auto folder = std::filesystem::path(path_).parent_path();
   const std::string name = FileNameOf(uri);
-  const auto file = folder / name;
-  if (std::filesystem::path(name).is_absolute() || LeavesFolder(folder, file) ||
+  const std::filesystem::path file = PathOf(name);
+  if (std::filesystem::path(name).is_absolute() || LeavesFolder(path_, file) ||
       name.find('\0') != std::string::npos)
     return named(
         fmt::format("the uri {} leads out of the model's folder, where buffers must lie", Quoted(name)));
@@ -234,8 +233,7 @@ std::string GltfDocument::BufferFiles() const {
   for (const Json& buffer : *buffers) {
     const std::string uri = buffer.is_object() ? buffer.value("uri", "") : "";
     if (uri.empty() || uri.starts_with("data:")) continue;
-    const auto file = std::filesystem::path(path_).parent_path() / FileNameOf(uri);
-    files += FileIdentity(file.string()) + '\n';
+    files += FileIdentity(PathOf(FileNameOf(uri)).string()) + '\n';
   }
   return files;
 }
@@ -244,11 +242,18 @@ std::string GltfDocument::FileNameOf(const std::string& uri) const {
   std::string decoded = PercentDecoded(uri);
   if (decoded == uri) return decoded;
   // Some exporters write names without encoding them: "50%20.bin".
-  const auto folder = std::filesystem::path(path_).parent_path();
   std::error_code none;
   const bool as_it_is =
-      !std::filesystem::exists(folder / decoded, none) && std::filesystem::exists(folder / uri, none);
+      !std::filesystem::exists(PathOf(decoded), none) && std::filesystem::exists(PathOf(uri), none);
   return as_it_is ? uri : decoded;
+}
+
+std::filesystem::path GltfDocument::PathOf(const std::string& name) const {
+  const std::vector<std::filesystem::path> folders = FoldersOf(path_);
+  std::error_code none;
+  for (const std::filesystem::path& folder : folders)
+    if (std::filesystem::exists(folder / name, none)) return folder / name;
+  return folders.front() / name;
 }
 
 Result<Bytes> GltfDocument::ReadDataUri(const std::string& uri, const std::string& where) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
@@ -80,6 +81,9 @@ class GltfDocument {
   /// The file that `uri` names, relative to the model's folder: decoded, or as written if only that file
   /// exists.
   std::string FileNameOf(const std::string& uri) const;
+
+  /// The path of the file `name`, beside the model or beside the file that the model is a symbolic link to.
+  std::filesystem::path PathOf(const std::string& name) const;
 
   /// The bytes of a data: URI; `where` names it in errors. Errors: damaged; too many bytes in all data: URIs
   /// together.

@@ -20,7 +20,7 @@ enum Mode : uint64_t { kTriangles = 4, kStrip = 5 };
 
 /// Whether an attribute is one that is read.
 bool IsRead(const std::string& name) {
-  return name == "POSITION" || name == "NORMAL" || name == "TEXCOORD_0" || name == "COLOR_0" ||
+  return name == "POSITION" || name == "NORMAL" || name == "COLOR_0" || name.starts_with("TEXCOORD_") ||
          name.starts_with("JOINTS_") || name.starts_with("WEIGHTS_");
 }
 

@@ -16,6 +16,7 @@
 #include "preprocess/import/gltf/gltf_draco.h"
 #include "preprocess/import/gltf/gltf_extensions.h"
 #include "preprocess/import/gltf/gltf_material.h"
+#include "preprocess/import/gltf/gltf_materials.h"
 #include "preprocess/import/gltf/gltf_nodes.h"
 #include "preprocess/import/gltf/gltf_vertices.h"
 #include "preprocess/import/gltf/gltf_views.h"
@@ -49,7 +50,8 @@ class GltfImport {
     QUARRY_ASSIGN(const bool goes_on, GoOnFromCheckpoint(sink_, document_.path(), *this));
     if (!goes_on) {
       for (const std::string& warning : warnings) sink_.Warn(warning);
-      QUARRY_TRY(Materials());
+      QUARRY_TRY(materials_.Read());
+      materials_.TellLeftOut();
       QUARRY_TRY(ReadGltfViews(document_, sink_));
     }
     QUARRY_ASSIGN(GltfNodes nodes, GltfNodes::Open(document_));
@@ -73,14 +75,13 @@ class GltfImport {
   /// State between primitives.
   void Save(ByteWriter& out) const {
     for (const uint64_t n : {primitives_, positions_, normals_, uvs_, triangles_, left_out_}) out.Put(n);
-    out.Put(static_cast<uint32_t>(materials_.size()));
-    out.PutArray(materials_);
+    materials_.Save(out);
     PutText(document_.BufferFiles(), out);
   }
   Status Restore(ByteReader& in) {
     for (uint64_t* n : {&given_, &positions_, &normals_, &uvs_, &triangles_, &left_out_})
       *n = in.Get<uint64_t>();
-    materials_ = in.GetArray<uint32_t>(in.Get<uint32_t>());
+    materials_.Restore(in);
     if (GetText(in) != document_.BufferFiles())
       return CannotResume(
           fmt::format("{}: a file of its buffers has changed since the run was begun", document_.path()));
@@ -88,19 +89,6 @@ class GltfImport {
   }
 
  private:
-  const Json& json() const { return document_.json(); }
-
-  Status Materials() {
-    const auto it = json().find("materials");
-    if (it == json().end() || !it->is_array()) return {};
-    GltfTextures textures(document_, sink_);
-    for (const Json& json : *it) {
-      QUARRY_ASSIGN(const Material material, ToMaterial(json, materials_.size(), textures));
-      materials_.push_back(sink_.AddMaterial(material));
-    }
-    return {};
-  }
-
   /// Gives a node's mesh, once for each instance.
   Status Node(const GltfNodes::Node& node) {
     const std::string where = fmt::format("nodes[{}]", node.index);
@@ -175,25 +163,20 @@ class GltfImport {
     const bool stands = draco || accessor->contains("bufferView") || accessor->contains("sparse");
     QUARRY_TRY(CheckNotCompressed(document_, primitive, "a primitive of " + mesh, stands));
     document_.decoded().UseElements(draco ? &draco->attributes : nullptr);
-    QUARRY_ASSIGN(GltfVertices source, GltfVertices::Open(document_, primitive, mesh, weights_, joints_));
+    QUARRY_ASSIGN(const GltfMaterials::Use use, materials_.Find(primitive, mesh));
+    QUARRY_ASSIGN(GltfVertices source,
+                  GltfVertices::Open(document_, primitive, mesh, weights_, joints_, use.wanted));
     document_.decoded().UseElements(nullptr);
-    uint32_t material = kNoIndex;
-    if (primitive.contains("material")) {
-      QUARRY_ASSIGN(const uint64_t index, document_.Unsigned(primitive, mesh, "material"));
-      if (index >= materials_.size())
-        return document_.FailAt(fmt::format("materials[{}] is not there", index));
-      material = materials_[index];
-    }
     QUARRY_ASSIGN(std::optional<GltfAccessor> indices, Indices(primitive, draco, mesh));
     if (held != nullptr && !source.skinned() && MayHold(source, indices)) {
-      held->material = material;
+      held->material = use.material;
       QUARRY_TRY(Hold(source, indices, mesh, mode, *held));
       return Again(*held, world, part);
     }
     QUARRY_ASSIGN(const uint64_t vertices, Vertices(source, world));
     const bool turned = IsMirror(source.skinned() ? joints_[0] : world);
     QUARRY_TRY(Faces(indices, mesh, mode, vertices, [&](uint32_t a, uint32_t b, uint32_t c) {
-      return Face(a, b, c, turned, material, part);
+      return Face(a, b, c, turned, use.material, part);
     }));
     CountVertices(vertices);
     return {};
@@ -334,7 +317,7 @@ class GltfImport {
   ModelSink& sink_;
   GltfSkins skins_{document_};
   GltfDraco draco_{document_};
-  std::vector<uint32_t> materials_;
+  GltfMaterials materials_{document_, sink_};
   std::vector<glm::dmat4> joints_;                  ///< of the current node's skin; empty: no skin
   uint64_t held_vertices_ = 0, held_indices_ = 0;   ///< in the node's held primitives
   std::vector<double> weights_;                     ///< of the node's morph targets

@@ -77,12 +77,24 @@ void ReadExtensions(const Json& extensions, Material& m) {
   m.unlit = extensions.contains("KHR_materials_unlit");
 }
 
+const Json& BaseTexture(const Json& pbr) {
+  return Member(pbr, pbr.contains("diffuseTexture") ? "diffuseTexture" : "baseColorTexture");
+}
+
+/// The set of texture coordinates of the base colour, else of the first texture of a material.
+uint32_t UvSetOf(const Json& json, const Json& pbr) {
+  for (const Json* info : {&BaseTexture(pbr), &Member(json, "emissiveTexture"),
+                           &Member(json, "normalTexture"), &Member(pbr, "metallicRoughnessTexture")})
+    if (info->contains("index")) return GltfTextures::UvSetOf(*info);
+  return 0;
+}
+
 /// Adds base colour or diffuse (`color` is its factor), emission, opacity, normals, metalness and roughness.
 Status AddTextures(const Json& json, const Json& pbr, const glm::vec4& color, const std::string& alpha_mode,
                    GltfTextures& textures, Material& m) {
   const bool opaque = alpha_mode != "BLEND" && alpha_mode != "MASK";
   const auto pick = opaque ? TexturePick::kColor : TexturePick::kColorAndAlpha;
-  const Json& base = Member(pbr, pbr.contains("diffuseTexture") ? "diffuseTexture" : "baseColorTexture");
+  const Json& base = BaseTexture(pbr);
   QUARRY_TRY(textures.Add(base, Use(TextureUse::kDiffuse, color), true, pick, m));
   QUARRY_TRY(textures.Add(Member(json, "emissiveTexture"),
                           Use(TextureUse::kEmission, glm::vec4(m.emission, 1)), true, TexturePick::kColor,
@@ -110,7 +122,8 @@ const Json& Member(const Json& object, const char* key) {
   return it != object.end() && it->is_object() ? *it : kEmpty;
 }
 
-Result<Material> ToMaterial(const Json& json, size_t index, GltfTextures& textures) {
+Result<Material> ToMaterial(const Json& json, size_t index, GltfTextures& textures, uint32_t& uv_set,
+                            float vertex_alpha) {
   Material m;
   m.name = json.value("name", "");
   if (m.name.empty()) m.name = fmt::format("material {}", index);
@@ -120,7 +133,7 @@ Result<Material> ToMaterial(const Json& json, size_t index, GltfTextures& textur
   const Json& pbr = Member(json, "pbrMetallicRoughness");
   glm::vec4 base(1);
   ReadNumbers(is_glossy ? glossy : pbr, is_glossy ? "diffuseFactor" : "baseColorFactor", 4, base);
-  const float alpha = std::clamp(base.a, 0.0f, 1.0f);
+  const float alpha = std::clamp(base.a, 0.0f, 1.0f) * vertex_alpha;
   ReadExtensions(extensions, m);
   if (is_glossy) {
     ReadSpecularGlossiness(glossy, m);
@@ -142,7 +155,10 @@ Result<Material> ToMaterial(const Json& json, size_t index, GltfTextures& textur
   const float thickness = Member(extensions, "KHR_materials_volume").value("thicknessFactor", 0.0f);
   if (m.transmission_depth <= 0) m.transmission_color = m.base_color;
   DeriveWhitted(m, thickness > 0);
-  QUARRY_TRY(AddTextures(json, is_glossy ? glossy : pbr, {m.base_color, alpha}, alpha_mode, textures, m));
+  const Json& surface = is_glossy ? glossy : pbr;
+  uv_set = UvSetOf(json, surface);
+  textures.UseSet(uv_set);
+  QUARRY_TRY(AddTextures(json, surface, {m.base_color, alpha}, alpha_mode, textures, m));
   return m;
 }
 

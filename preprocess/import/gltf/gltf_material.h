@@ -26,7 +26,10 @@ void ReadNumbers(const Json& object, const char* key, int count, Vector& values)
 /// emissive_strength and unlit. The weights of Whitted's model follow by DeriveWhitted(); light is refracted
 /// where the material has a thickness.
 /// Textures: base colour or diffuse (alpha as opacity, unless the material is opaque), metalness and
-/// roughness, normals, emission. Each binding's factor holds the glTF factors. Errors: the sink's.
-Result<Material> ToMaterial(const nlohmann::json& json, size_t index, GltfTextures& textures);
+/// roughness, normals, emission. Each binding's factor holds the glTF factors. `uv_set` becomes the set of
+/// texture coordinates that its triangles carry: that of the base colour, else of the first texture; textures
+/// of other sets are left out with a warning. `alpha`: of the vertices. Errors: the sink's.
+Result<Material> ToMaterial(const nlohmann::json& json, size_t index, GltfTextures& textures,
+                            uint32_t& uv_set, float alpha = 1);
 
 }  // namespace quarry

@@ -84,11 +84,10 @@ Result<TextureImage> GltfTextures::Locate(uint64_t index) {
     if (std::filesystem::path(name).is_absolute())
       return document_.FailAt(
           fmt::format("the image {} is named by an absolute path; the material does without", Quoted(name)));
-    const auto folder = std::filesystem::path(document_.path()).parent_path();
-    if (LeavesFolder(folder, folder / name))
+    if (LeavesFolder(document_.path(), document_.PathOf(name)))
       return document_.FailAt(fmt::format(
           "the image {} lies outside the model's folder; the material does without", Quoted(name)));
-    const auto file = FindFile(folder, name);
+    const auto file = FindFile(document_.path(), name);
     if (file.empty())
       return document_.FailAt(
           fmt::format("the image {} is not there; the material does without", Quoted(name)));
@@ -111,18 +110,25 @@ Result<TextureImage> GltfTextures::Locate(uint64_t index) {
   return image;
 }
 
+uint32_t GltfTextures::UvSetOf(const Json& info) {
+  const Json& transform = Member(Member(info, "extensions"), "KHR_texture_transform");
+  const Json& by = transform.contains("texCoord") ? transform : info;
+  const auto found = by.find("texCoord");
+  if (found == by.end()) return 0;
+  const bool is_number = found->is_number_unsigned() && found->get<uint64_t>() < kNoIndex;
+  return is_number ? found->get<uint32_t>() : kNoIndex;
+}
+
 Result<uint64_t> GltfTextures::Complete(const Json& info, const std::string& material,
                                         TextureBinding& binding) const {
   const std::string where = "a material's texture";
   QUARRY_ASSIGN(const uint64_t texture, document_.Unsigned(info, where, "index"));
   const Json& transform = Member(Member(info, "extensions"), "KHR_texture_transform");
-  QUARRY_ASSIGN(const uint64_t own, document_.Unsigned(info, where, "texCoord", 0));
-  QUARRY_ASSIGN(const uint64_t coordinates, document_.Unsigned(transform, where, "texCoord", own));
-  if (coordinates != 0)
+  if (UvSetOf(info) != uv_set_)
     return document_.FailAt(
-        fmt::format("the material {} goes by TEXCOORD_{}, of which the first alone is read; it does without "
-                    "such textures",
-                    Quoted(material), coordinates));
+        fmt::format("the material {} goes by more than one set of texture coordinates, of which a triangle "
+                    "carries TEXCOORD_{}; it does without the textures of the others",
+                    Quoted(material), uv_set_));
   QUARRY_ASSIGN(const Sampled sampled, Find(texture));
   binding.wrap_s = sampled.wrap_s;
   binding.wrap_t = sampled.wrap_t;
@@ -148,7 +154,7 @@ Status GltfTextures::Add(const Json& info, TextureBinding binding, bool color, T
   if (!info.contains("index") || !sink_.takes_textures()) return {};
   const Result<uint64_t> image_index = Guarded([&] { return Complete(info, material.name, binding); });
   if (!image_index) {
-    warn_(image_index.error().message);
+    Warn(image_index.error().message);
     return {};
   }
   const auto key = std::tuple(*image_index, color, pick);
@@ -156,7 +162,7 @@ Status GltfTextures::Add(const Json& info, TextureBinding binding, bool color, T
   if (given == given_.end()) {
     Result<TextureImage> image = Guarded([&] { return Locate(*image_index); });
     if (!image) {
-      warn_(image.error().message);
+      Warn(image.error().message);
       return {};
     }
     image->color = color;

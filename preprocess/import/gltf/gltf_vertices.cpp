@@ -33,8 +33,9 @@ uint8_t Byte(double x) { return static_cast<uint8_t>(x > 0 ? std::min(x, 1.0) * 
 
 Result<GltfVertices> GltfVertices::Open(GltfDocument& document, const Json& primitive,
                                         const std::string& mesh, std::span<const double> weights,
-                                        std::span<const glm::dmat4> joints) {
+                                        std::span<const glm::dmat4> joints, Wanted wanted) {
   GltfVertices vertices(document);
+  vertices.alpha_ = wanted.alpha;
   vertices.mesh_ = mesh;
   const auto open = [&](const Json& attributes, const std::string& name, uint32_t least, uint32_t most,
                         std::optional<GltfAccessor>& accessor) -> Status {
@@ -49,7 +50,7 @@ Result<GltfVertices> GltfVertices::Open(GltfDocument& document, const Json& prim
   const Json& attributes = Member(primitive, "attributes");
   QUARRY_TRY(open(attributes, "POSITION", 3, 3, vertices.position_));
   QUARRY_TRY(open(attributes, "NORMAL", 3, 3, vertices.normal_));
-  QUARRY_TRY(open(attributes, "TEXCOORD_0", 2, 2, vertices.uv_));
+  QUARRY_TRY(open(attributes, fmt::format("TEXCOORD_{}", wanted.uv_set), 2, 2, vertices.uv_));
   QUARRY_TRY(open(attributes, "COLOR_0", 3, 4, vertices.color_));
   for (uint32_t set = 0; !joints.empty() && set < kMostInfluences; ++set) {
     Influences influences;
@@ -96,7 +97,7 @@ Result<GltfVertices::Vertex> GltfVertices::Next(const glm::dmat4& world, const g
   Values v = {0, 0, 0, 1};
   if (color_) {
     QUARRY_TRY(color_->Next(v));
-    vertex.color = {Byte(v[0]), Byte(v[1]), Byte(v[2]), 255};
+    vertex.color = {Byte(v[0]), Byte(v[1]), Byte(v[2]), alpha_ ? Byte(v[3]) : uint8_t{255}};
   }
   if (uv_) {
     QUARRY_TRY(uv_->Next(v));

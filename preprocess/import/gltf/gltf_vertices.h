@@ -23,12 +23,17 @@ class GltfVertices {
     glm::vec2 uv{0};
     Rgba8 color;
   };
+  /// What of a primitive's attributes its material goes by.
+  struct Wanted {
+    uint32_t uv_set = 0;  ///< n of TEXCOORD_n
+    bool alpha = false;   ///< whether the alpha of COLOR_0 counts
+  };
   /// `weights`: of the morph targets. `joints`: of the skin; empty: no skin. Both, and `mesh`, must outlive
   /// the object. Requires: the primitive has positions. Errors: accessors are absent, unusable, or of
   /// different counts.
   static Result<GltfVertices> Open(GltfDocument& document, const nlohmann::json& primitive,
                                    const std::string& mesh, std::span<const double> weights,
-                                   std::span<const glm::dmat4> joints);
+                                   std::span<const glm::dmat4> joints, Wanted wanted);
 
   uint64_t count() const { return position_->count(); }
   bool has_normals() const { return normal_.has_value(); }
@@ -57,6 +62,7 @@ class GltfVertices {
   std::vector<Target> targets_;
   std::vector<Influences> influences_;
   std::span<const glm::dmat4> joints_;
+  bool alpha_ = false;
 };
 
 }  // namespace quarry

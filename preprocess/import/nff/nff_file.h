@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <filesystem>
 #include <glm/ext/matrix_transform.hpp>
 #include <glm/geometric.hpp>
 #include <glm/mat4x4.hpp>
@@ -42,13 +41,10 @@ struct NffAnimation {
 /// The state that a file shares with the files it includes, during a pass.
 struct NffScene {
   NffScene(ModelSink& s, const ModelReader& model)
-      : sink(s),
-        warn(s),
-        folder(std::filesystem::path(model.path()).parent_path()),
-        unpack_limit(model.unpack_limit()) {}
+      : sink(s), warn(s), path(model.path()), unpack_limit(model.unpack_limit()) {}
   ModelSink& sink;
   WarnOnce warn;
-  const std::filesystem::path folder;  ///< of the main file
+  const std::string path;  ///< of the main file
   const uint64_t unpack_limit;
   bool animations_only = false;  ///< first pass: animations may follow the objects they move
   double first_moment = 0;

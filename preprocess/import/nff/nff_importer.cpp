@@ -26,7 +26,7 @@ constexpr int kMostIncludes = 32;  // depth of files included in one another
 class NffReader {
  public:
   NffReader(ModelReader& bytes, NffScene& scene, uint32_t part, int depth)
-      : file_(bytes, scene, part), folder_(fs::path(bytes.path()).parent_path()), depth_(depth) {}
+      : file_(bytes, scene, part), path_(bytes.path()), depth_(depth) {}
 
   Status Read(const glm::dmat4& to_world) {
     transforms_.push_back(to_world);
@@ -163,11 +163,13 @@ class NffReader {
     QUARRY_ASSIGN(const std::string name, words_.Word("a file's name"));
     if (depth_ == kMostIncludes)
       return words_.FailHere(fmt::format("{} files included in one another are too many", kMostIncludes));
-    auto bytes = ModelReader::Open((folder_ / name).string(), scene_.unpack_limit);
-    if (LeavesFolder(scene_.folder, folder_ / name))
+    const fs::path found = FindFile(path_, name);
+    const fs::path file = found.empty() ? fs::path(path_).parent_path() / name : found;
+    auto bytes = ModelReader::Open(file.string(), scene_.unpack_limit);
+    if (LeavesFolder(scene_.path, file))
       scene_.warn(words_
                       .FailHere(fmt::format("names the file {}, outside the model's folder; it is read",
-                                            (folder_ / name).string()))
+                                            file.string()))
                       .value()
                       .message);
     if (!bytes) return words_.FailHere(bytes.error().message);
@@ -264,15 +266,16 @@ class NffReader {
   WordReader& words_ = file_.words;
   NffScene& scene_ = file_.scene;
   std::vector<glm::dmat4>& transforms_ = file_.transforms;
-  fs::path folder_;
+  std::string path_;
   int depth_;
 };
 
 }  // namespace
 
 bool LooksLikeNff(ModelReader& bytes) {
-  bytes.Ensure(4096);
-  std::string_view text = bytes.view().substr(0, 4096);
+  constexpr size_t kLook = 1 << 16;  // comments may be long
+  bytes.Ensure(kLook);
+  std::string_view text = bytes.view().substr(0, kLook);
   // The first word that is no comment: a view, a background or a light, with which no other format begins.
   while (!text.empty()) {
     TextCursor line(text.substr(0, text.find('\n')));

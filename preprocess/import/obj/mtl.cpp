@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "common/scene/open_pbr.h"
+#include "preprocess/import/carried_fields.h"
 #include "preprocess/import/foreign/foreign_content.h"
 #include "preprocess/import/model_reader.h"
 #include "preprocess/import/text/line_reader.h"
@@ -104,9 +105,24 @@ MtlTexture Completed(MtlTexture texture, const MtlBlock& block) {
   return texture;
 }
 
+/// Without map_d, the alpha of map_Kd is the opacity, if the image has one: exporters of plants and fences
+/// write one image for both.
+void TakeAlphaOfColor(std::map<TextureUse, MtlTexture>& textures) {
+  const auto color = textures.find(TextureUse::kDiffuse);
+  if (color == textures.end() || color->second.pick != TexturePick::kColor ||
+      textures.contains(TextureUse::kOpacity))
+    return;
+  color->second.pick = TexturePick::kColorAndAlpha;
+  MtlTexture opacity = color->second;
+  opacity.binding.use = TextureUse::kOpacity;
+  opacity.binding.factor = glm::vec4(1);
+  textures.emplace(TextureUse::kOpacity, opacity);
+}
+
 class MtlParser {
  public:
-  MtlParser(ModelReader& bytes, const std::function<void(std::string)>& warn) : lines_(bytes), warn_(warn) {}
+  MtlParser(ModelReader& bytes, const std::function<void(std::string)>& warn)
+      : path_(bytes.path()), lines_(bytes), warn_(warn) {}
 
   Result<std::vector<MtlMaterial>> Parse();
 
@@ -122,11 +138,13 @@ class MtlParser {
   /// False: `keyword` is known, but its arguments are malformed.
   bool Statement(std::string_view keyword, TextCursor& rest);
 
+  std::string path_;
   LineReader lines_;
   const std::function<void(std::string)>& warn_;
   std::vector<MtlMaterial> materials_;
   std::optional<MtlBlock> block_;
   bool warned_of_tr_ = false;
+  CarriedFields fields_;
 };
 
 Result<std::vector<MtlMaterial>> MtlParser::Parse() {
@@ -137,6 +155,7 @@ Result<std::vector<MtlMaterial>> MtlParser::Parse() {
     Line(line);
   }
   End();
+  if (const std::string left_out = fields_.Sentence(path_); !left_out.empty()) warn_(left_out);
   return std::move(materials_);
 }
 
@@ -163,6 +182,7 @@ void MtlParser::End() {
                                       Quoted(block_->name)))
                 .value()
                 .message);
+    TakeAlphaOfColor(block_->textures);
     materials_.push_back({ToMaterial(*block_), {}});
     for (const auto& [use, texture] : block_->textures)
       materials_.back().textures.push_back(Completed(texture, *block_));
@@ -185,6 +205,7 @@ bool MtlParser::Statement(std::string_view keyword, TextCursor& rest) {
   if (is("Tr")) return OptionalReal(rest, block_->tr);
   if (is("illum")) return ParseReal(rest, block_->illum);
   if (const auto texture = MtlTextureFor(keyword)) return Texture(rest, *texture);
+  fields_.Names(FieldKind::kMtlStatement, keyword);
   return true;
 }
 

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "preprocess/import/carried_fields.h"
 #include "preprocess/import/checkpoint.h"
 #include "preprocess/import/file_color.h"
 #include "preprocess/import/formats.h"
@@ -83,6 +84,7 @@ class ObjFile {
   LineReader lines_;
   ModelSink& sink_;
   ObjMaterials materials_;
+  CarriedFields fields_;
   IndexRange positions_{"vertex"}, normals_{"normal"}, uvs_{"texture coordinate"};
   std::vector<Corner> corners_;
   std::string object_, group_, material_name_;
@@ -124,6 +126,7 @@ Result<uint64_t> ObjFile::Import() {
     sink_.Warn(fmt::format("{}: {} free-form curves or surfaces left out", bytes_.path(), free_forms_));
   if (short_faces_ != 0)
     sink_.Warn(fmt::format("{}: {} faces of fewer than 3 corners left out", bytes_.path(), short_faces_));
+  fields_.Tell(bytes_.path(), sink_);
   return triangles_;
 }
 
@@ -139,6 +142,7 @@ void ObjFile::Save(ByteWriter& out) const {
   out.Put(color_scale_);
   out.Put<uint8_t>(has_painted_);
   out.Put(smoothing_);
+  fields_.Save(out);
   materials_.Save(out);
 }
 
@@ -158,6 +162,7 @@ Status ObjFile::Restore(ByteReader& in) {
   has_painted_ = in.Get<uint8_t>() != 0;
   smoothing_ = in.Get<uint16_t>();
   sink_.SetSmoothing(smoothing_);
+  fields_.Restore(in);
   return materials_.Restore(in);
 }
 
@@ -199,6 +204,8 @@ Status ObjFile::OtherLine(std::string_view keyword, TextCursor& rest) {
     ++free_forms_;
   } else if (std::string lower; IsInCapitals(keyword, lower)) {
     return Line(lower, rest);
+  } else {
+    fields_.Names(FieldKind::kObjStatement, keyword);
   }
   return {};
 }

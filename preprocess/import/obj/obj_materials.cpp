@@ -55,7 +55,7 @@ void ObjMaterials::AddLibraries(std::string_view names) {
 void ObjMaterials::AddLibrary(const std::string& name) {
   fs::path path = Find(name);
   if (path.empty()) {
-    path = FindOnlyFile(fs::path(obj_path_).parent_path(), name, {".mtl"});
+    path = FindOnlyFile(obj_path_, name, {".mtl"});
     if (!path.empty())
       warn_(fmt::format("{}: the material file {} is not there; the only one beside it is read: {}",
                         obj_path_, Quoted(name), path.string()));
@@ -71,7 +71,7 @@ void ObjMaterials::AddLibrary(const std::string& name) {
 void ObjMaterials::AddOwn() { ReadLibrary(obj_path_); }
 
 void ObjMaterials::WarnIfOutside(const std::string& by, const fs::path& file) {
-  if (LeavesFolder(fs::path(obj_path_).parent_path(), file))
+  if (LeavesFolder(obj_path_, file))
     warn_(fmt::format("{}: names the file {}, outside the model's folder; it is read", by, file.string()));
 }
 
@@ -86,9 +86,7 @@ void ObjMaterials::ReadLibrary(const std::string& path) {
   }
 }
 
-fs::path ObjMaterials::Find(const std::string& name) const {
-  return FindFile(fs::path(obj_path_).parent_path(), name);
-}
+fs::path ObjMaterials::Find(const std::string& name) const { return FindFile(obj_path_, name); }
 
 Result<uint32_t> ObjMaterials::Use(std::string_view name) {
   const auto found = entries_.find(name);
@@ -139,10 +137,10 @@ Status ObjMaterials::GiveToSink(Entry& entry) {
   Material& material = entry.material.material;
   for (const MtlTexture& texture : entry.material.textures) {
     if (!sink_.takes_textures()) break;
-    const fs::path folder = fs::path(entry.library).parent_path();
-    fs::path file = FindFile(folder, texture.file);
+    fs::path file = FindFile(entry.library, texture.file);
     if (file.empty()) {
-      file = FindOnlyFile(folder, texture.file, {".png", ".jpg", ".jpeg", ".tga", ".bmp", ".tif", ".tiff"});
+      file = FindOnlyFile(entry.library, texture.file,
+                          {".png", ".jpg", ".jpeg", ".tga", ".bmp", ".tif", ".tiff"});
       if (!file.empty())
         warn_(fmt::format("{}, line {}: the image {} is not there; the only one beside it is read: {}",
                           entry.library, texture.line, Quoted(texture.file), file.string()));

@@ -26,16 +26,6 @@ bool IsOfLibrary(const std::string& file, std::string_view library) {
   return file.starts_with(prefix) && file.find('/', prefix.size()) == std::string::npos;
 }
 
-/// The file that an image's name means. Absolute names come from other machines: their last part counts.
-fs::path Locate(const std::string& name, const std::string& library, const fs::path& folder) {
-  if (IsOfLibrary(name, library)) return name;
-  std::string slashed = name;
-  std::ranges::replace(slashed, '\\', '/');
-  const bool absolute = slashed.starts_with('/') || (slashed.size() > 1 && slashed[1] == ':');
-  const std::string wanted = absolute ? fs::path(slashed).filename().string() : name;
-  return LeavesFolder(folder, folder / wanted) ? fs::path() : FindFile(folder, wanted);
-}
-
 }  // namespace
 
 Status AddLibraryTextures(const std::vector<MaterialLibrary::Image>& images, const std::string& library,
@@ -47,17 +37,20 @@ Status AddLibraryTextures(const std::vector<MaterialLibrary::Image>& images, con
     if (from.coordinates != 0) {
       if (!std::exchange(warned, true))
         sink.Warn(
-            fmt::format("{}: the material {} goes by texture coordinates other than the first, which "
-                        "alone are read; it does without such textures",
+            fmt::format("{}: the material {} goes by more than one set of texture coordinates, of which a "
+                        "triangle carries one; it does without the textures of the others",
                         model, Quoted(material.name)));
       continue;
     }
-    const fs::path file = Locate(from.file, library, fs::path(model).parent_path());
+    const bool own = IsOfLibrary(from.file, library);
+    const fs::path file = own ? fs::path(from.file) : FindFile(model, from.file);
     if (file.empty()) {
-      sink.Warn(fmt::format("{}: the image {} is not in the model's folder; the material does without", model,
-                            Quoted(name)));
+      sink.Warn(fmt::format("{}: the image {} is not there; the material does without", model, Quoted(name)));
       continue;
     }
+    if (!own && LeavesFolder(model, file))
+      sink.Warn(
+          fmt::format("{}: names the file {}, outside the model's folder; it is read", model, file.string()));
     TextureImage image;
     image.file = file.string();
     image.name = name;

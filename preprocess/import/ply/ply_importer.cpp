@@ -11,8 +11,10 @@
 #include <utility>
 
 #include "common/scene/material_json.h"
+#include "preprocess/import/carried_fields.h"
 #include "preprocess/import/checkpoint.h"
 #include "preprocess/import/file_color.h"
+#include "preprocess/import/find_file.h"
 #include "preprocess/import/formats.h"
 #include "preprocess/import/ply/library_textures.h"
 #include "preprocess/import/ply/ply_row_reader.h"
@@ -73,6 +75,7 @@ class PlyBody {
     has_uvs_ = plan.Has(kU, kV) && !has_uv_lists_;
     has_colors_ = plan.Has(kRed, kBlue);
     QUARRY_ASSIGN(const bool goes_on, GoOnFromCheckpoint(sink_, path_, *this));
+    if (!goes_on) CompareFields();
     if (face && !goes_on) QUARRY_TRY(LoadTables(*face));
     if (!goes_on) QUARRY_TRY(LoadTextures());
     uint64_t rows = 0;
@@ -120,10 +123,25 @@ class PlyBody {
   }
 
  private:
+  void CompareFields() {
+    CarriedFields fields;
+    for (const PlyElement& element : header_.elements) {
+      if (element.count == 0) continue;
+      fields.Names(FieldKind::kPlyElement, element.name);
+      for (const PlyProperty& property : element.properties) {
+        if (element.name == "vertex") fields.Names(FieldKind::kPlyVertex, property.name);
+        if (element.name == "face") fields.Names(FieldKind::kPlyFace, property.name);
+      }
+    }
+    fields.Tell(path_, sink_);
+  }
+
   /// The materials' file; for "model.ply.gz" that of "model.ply".
   std::string LibraryPath() const {
-    return MaterialJsonPath(
+    std::string path = MaterialJsonPath(
         rows_.source.bytes().is_packed() ? std::filesystem::path(path_).replace_extension().string() : path_);
+    const auto found = FindFile(path_, std::filesystem::path(path).filename().string());
+    return found.empty() ? path : found.string();
   }
 
   Status LoadTables(const PlyElement& face) {
@@ -138,6 +156,9 @@ class PlyBody {
       return {};
     }
     QUARRY_ASSIGN(const MaterialLibrary library, ReadMaterialJson(path));
+    CarriedFields left_out;
+    for (const std::string& field : library.left_out) left_out.Names(FieldKind::kForeign, field);
+    left_out.Tell(model_.empty() ? path_ : model_, sink_);
     materials_.wanted = materials;
     for (size_t i = 0; materials && i < library.materials.size(); ++i) {
       Material material = library.materials[i];

@@ -17,17 +17,16 @@ Result<std::vector<uint32_t>> AddPlyTextures(const PlyHeader& header, const std:
                                              ModelSink& sink) {
   std::vector<uint32_t> materials;
   if (!sink.takes_textures()) return materials;
-  const fs::path folder = fs::path(path).parent_path();
   for (const std::string& name : header.texture_files) {
     Material material;
     material.name = name;
     material.diffuse = material.base_color = glm::vec3(1);
-    const fs::path file = FindFile(folder, name);
+    const fs::path file = FindFile(path, name);
     if (file.empty()) {
       sink.Warn(fmt::format("{}: the image {} (TextureFile) is not there; its faces do without", path,
                             Quoted(name)));
     } else {
-      if (LeavesFolder(folder, file))
+      if (LeavesFolder(path, file))
         sink.Warn(fmt::format("{}: names the file {}, outside the model's folder; it is read", path,
                               file.string()));
       TextureImage image;

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+
+#include "common/scene/material.h"
+
+namespace quarry {
+
+/// The sets of texture coordinates that the materials of a COLLADA file go by. Assimp takes the number of a
+/// set from the digits in its name ("CHANNEL1") and reads no `bind_vertex_input`, which says what the name
+/// stands for. Source: COLLADA 1.4.1, chapter 5, bind_vertex_input. Thread safety: none.
+class ColladaSets {
+ public:
+  /// Reads the bindings of the file. Of a file that is no COLLADA, or is damaged: those up to there.
+  static ColladaSets Read(const std::string& path);
+
+  /// The mesh's channel, as Assimp numbers them, by which the texture of `material`, a name or id, goes.
+  /// `fallback`: what Assimp says, for a material that is not bound.
+  uint32_t ChannelOf(const std::string& material, TextureUse use, uint32_t fallback) const;
+
+ private:
+  friend class ColladaParser;
+  struct Bound {
+    std::string effect;
+    std::map<std::string, uint32_t> sets;  ///< by the name that the effect uses
+  };
+  std::map<std::string, Bound> materials_;                            ///< by id
+  std::map<std::string, std::string> ids_;                            ///< of materials, by name
+  std::map<std::string, std::map<TextureUse, std::string>> effects_;  ///< names of coordinates, by id and use
+  std::map<uint32_t, uint32_t> channels_;  ///< of the sets that meshes have, which Assimp moves together
+};
+
+}  // namespace quarry
