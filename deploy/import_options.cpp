@@ -16,6 +16,9 @@ constexpr Option kOptions[] = {
     {"--memory", &ImportArguments::memory, "Of a model: ceiling on the preprocessor's memory (default: 1G)"},
     {"--crease", &ImportArguments::crease,
      "Of a model: most degrees between triangles without normals that meet smoothly; 0: facets"},
+    {"--deflection", &ImportArguments::deflection,
+     "Of a STEP or IGES model: LINEAR[,ANGLE], most distance of triangles from surfaces, and degrees between "
+     "neighbours"},
     {"--scale", &ImportArguments::scale, "Of a model: factor on all coordinates"},
     {"--voxel-size", &ImportArguments::voxel_size, "Of a model: most bytes of a decoded voxel's hot part"},
     {"--tmp", &ImportArguments::tmp, "Of a model: folder for the preprocessor's spill files"},

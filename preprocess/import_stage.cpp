@@ -59,7 +59,8 @@ Result<ImportedScene> ImportStage::Run() {
     sink_.Place(PlacementOf(options_, options_.models[i]), static_cast<int>(PlacedAbout(options_)));
     QUARRY_TRY(ImportModel(options_.models[i], sink_,
                            ForeignFormatsOf(options_, work_.spill_folder() + "/foreign"),
-                           options_.unpack_limit, GltfDecodingOf(options_, work_.spill_folder())));
+                           options_.unpack_limit, GltfDecodingOf(options_, work_.spill_folder()),
+                           CadReadingOf(options_, work_.spill_folder())));
     progress_.End();
     ++models_;
     const bool last = models_ == options_.models.size();

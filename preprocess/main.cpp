@@ -29,7 +29,7 @@ namespace {
 
 /// Options that are parsed after all of them are known.
 struct Texts {
-  std::string memory = "1G", voxel_size = "256K", up, stats, unpack_limit;
+  std::string memory = "1G", voxel_size = "256K", up, stats, unpack_limit, deflection;
   std::vector<std::string> places;
   bool force = false;
 };
@@ -67,6 +67,7 @@ std::string StatisticsJson(const PreprocessOptions& options, const PreprocessSta
   j["up_axis_guessed"] = options.up_axis == 0;
   j["store_bytes"] = s.store_bytes;
   j["warnings"] = s.warnings;
+  j["notes"] = s.notes;
   j["import_wall_s"] = s.import_wall_s;
   j["build_wall_s"] = s.build_wall_s;
   j["preprocess_wall_s"] = s.preprocess_wall_s;
@@ -106,6 +107,7 @@ void PrintSummary(const PreprocessOptions& options, const PreprocessStatistics& 
                   Replication(s), s.top_tree_depth, s.preprocess_wall_s,
                   static_cast<double>(s.meta.input_triangles) / std::max(s.preprocess_wall_s, 1e-9) * 1e-6,
                   FormatSize(s.peak_rss_bytes)));
+  for (const std::string& note : s.notes) Log(note);
   if (options.up_axis == 0)
     Log(fmt::format("up axis: {}, a guess (--up-axis {} for the other)", s.meta.up_axis == 1 ? "y" : "z",
                     s.meta.up_axis == 1 ? "z" : "y"));
@@ -121,6 +123,13 @@ void PrintSummary(const PreprocessOptions& options, const PreprocessStatistics& 
                     s.meta.dropped_transparent));
 }
 
+/// Whether a file's name is that of STEP or IGES.
+bool IsCad(const std::string& model) {
+  const std::string extension = std::filesystem::path(model).extension().string();
+  return std::ranges::any_of(std::initializer_list<const char*>{".step", ".stp", ".stpz", ".iges", ".igs"},
+                             [&](const char* e) { return EqualsIgnoringCase(extension, e); });
+}
+
 /// Judges by file names alone: 1 where all formats state y as their up axis (glTF, and Assimp converts to
 /// it), 2 where all state z (3MF), else 0.
 uint32_t StatedUpAxis(const std::vector<std::string>& models) {
@@ -130,19 +139,22 @@ uint32_t StatedUpAxis(const std::vector<std::string>& models) {
   };
   if (std::ranges::all_of(models, [&](const std::string& m) { return have(m, {".3mf"}); })) return 2;
   const auto has_y_up = [&](const std::string& m) {
-    return !have(m, {"", ".ply", ".obj", ".stl", ".off", ".nff", ".aff", ".3mf", ".gz", ".zst"});
+    return !have(m, {"", ".ply", ".obj", ".stl", ".off", ".nff", ".aff", ".3mf", ".gz", ".zst"}) && !IsCad(m);
   };
   return std::ranges::all_of(models, has_y_up) ? 1 : 0;
 }
 
 /// Habits of formats that do not say which axis points up: most OBJ files are exported with y up, most STL
-/// files with z.
+/// files and nearly all of CAD programs with z.
 double UpHabit(const std::vector<std::string>& models) {
-  constexpr double kObj = 0.75, kStl = -0.5;
+  constexpr double kObj = 0.75, kStl = -0.5, kCad = -1;
   double habit = 0;
   for (const std::string& m : models) {
-    const std::string extension = std::filesystem::path(UnpackedPath(m)).extension().string();
-    habit += EqualsIgnoringCase(extension, ".obj") ? kObj : EqualsIgnoringCase(extension, ".stl") ? kStl : 0;
+    const std::string unpacked = UnpackedPath(m), extension = std::filesystem::path(unpacked).extension();
+    habit += EqualsIgnoringCase(extension, ".obj")   ? kObj
+             : EqualsIgnoringCase(extension, ".stl") ? kStl
+             : IsCad(unpacked)                       ? kCad
+                                                     : 0;
   }
   return habit / static_cast<double>(std::max<size_t>(models.size(), 1));
 }
@@ -166,6 +178,25 @@ Status ParsePlacement(const std::string& text, PreprocessOptions& options) {
   if (count < 3 || !cursor.AtEnd()) return wrong("three to five numbers are wanted");
   if (!(values[4] > 0)) return wrong("the scale must be positive");
   options.placements[model] = {values[4], values[3], {values[0], values[1], values[2]}};
+  return {};
+}
+
+/// "LINEAR[,ANGLE]"
+Status ParseDeflection(std::string text, PreprocessOptions& options) {
+  if (text.empty()) return {};
+  const auto wrong = [&](const char* what) {
+    return BadUsage(fmt::format("--deflection {}: {}", text, what));
+  };
+  std::string list = text;
+  std::ranges::replace(list, ',', ' ');
+  TextCursor cursor(list);
+  double linear = 0, angle = 0;
+  if (!ParseReal(cursor, linear) || !(linear > 0 && linear < 1e15))
+    return wrong("a positive distance is wanted, in the model's unit");
+  if (!cursor.AtEnd() && (!ParseReal(cursor, angle) || !(angle >= 1 && angle <= 90) || !cursor.AtEnd()))
+    return wrong("behind the distance an angle of 1 to 90 degrees is wanted, and nothing more");
+  options.linear_deflection = linear;
+  options.angular_deflection = angle;
   return {};
 }
 
@@ -232,6 +263,7 @@ Status Run(PreprocessOptions options, const Texts& texts, bool plan) {
   options.voxel_size = static_cast<uint32_t>(voxel);
   options.up_axis = up == "y" ? 1 : up == "z" ? 2 : StatedUpAxis(options.models);
   options.up_habit = UpHabit(options.models);
+  QUARRY_TRY(ParseDeflection(texts.deflection, options));
   for (const std::string& place : texts.places) QUARRY_TRY(ParsePlacement(place, options));
   QUARRY_TRY(CheckOutputs(texts, options));
   if (plan) return PrintPlan(options, stats);
@@ -253,7 +285,8 @@ int Main(int argc, char** argv) {
   Texts texts;
   bool plan = false, resume = false, resume_if_fit = false;
   CLI::App app{
-      "Cuts triangle models (PLY, OBJ, STL, OFF, NFF, AFF, glTF, 3MF; others by Assimp) into a scene store, "
+      "Cuts triangle models (PLY, OBJ, STL, OFF, NFF, AFF, glTF, 3MF; STEP and IGES by Open CASCADE; others "
+      "by Assimp) into a scene store, "
       "out "
       "of core.",
       "quarry-preprocess"};
@@ -293,6 +326,9 @@ int Main(int argc, char** argv) {
                  "Smoothing groups of OBJ go before")
       ->check(RealNumber(0, 180))
       ->capture_default_str();
+  app.add_option("--deflection", texts.deflection,
+                 "Of STEP and IGES: LINEAR[,ANGLE], most distance of triangles from surfaces, in the file's "
+                 "unit, and degrees between neighbours (default: a 2,000th of the model's diagonal, 12)");
   app.add_option("--scale", options.scale, "Factor on all coordinates")
       ->check(RealNumber(1e-12, 1e12))
       ->capture_default_str();

@@ -27,19 +27,20 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 /// Version of the journal's checkpoints, and of everything a store depends on that no option states.
-constexpr int kJournalVersion = 9;
+constexpr int kJournalVersion = 10;
 
 /// The options that a store depends on, a line each, as the journal keeps them.
 std::string Command(const PreprocessOptions& options) {
   std::string command = fmt::format(
       "version {}\nformat {}\nimport {}\njournal {}\nLZ4 {}\n--tmp {}\n--voxel-size {}\n--scale {}\n--up "
-      "{}\n--crease {}\n{}",
+      "{}\n--crease {}\n--deflection {},{}\n{}",
       kVersion, kStoreVersion, kImportVersion, kJournalVersion, CompressorVersion(), options.tmp_folder,
       options.voxel_size, options.scale,
       options.up_axis == 0   ? "guessed"
       : options.up_axis == 1 ? "y"
                              : "z",
-      options.crease, options.textures ? "" : "--no-textures\n");
+      options.crease, options.linear_deflection, options.angular_deflection,
+      options.textures ? "" : "--no-textures\n");
   for (const auto& [model, p] : options.placements)
     command += fmt::format("--place {}={},{},{},{},{}\n", model, p.translation.x, p.translation.y,
                            p.translation.z, p.turn_degrees, p.scale);
@@ -79,6 +80,7 @@ Result<PreprocessStatistics> RunIn(Begun& begun, const PreprocessOptions& option
   statistics.import_wall_s = SecondsSince(start);
   DropTexturesWithoutUv(scene, progress);
   statistics.warnings = scene.warnings.size();
+  statistics.notes = scene.notes;
   const auto build_start = Clock::now();
   BuildStage build(options, begun.work, progress, scene);
   QUARRY_TRY(build.Run());

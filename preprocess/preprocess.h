@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
+#include <vector>
 
 #include "common/base/status.h"
 #include "common/voxel/catalog.h"
@@ -14,6 +16,7 @@ struct PreprocessStatistics {
   SceneId scene_id{};
   SceneMeta meta;
   uint64_t voxels = 0, warnings = 0;
+  std::vector<std::string> notes;  ///< how models were read, a sentence each
   uint64_t store_bytes = 0;
   double import_wall_s = 0, build_wall_s = 0, preprocess_wall_s = 0;
   uint64_t peak_rss_bytes = 0;

@@ -37,6 +37,11 @@ GltfDecoding GltfDecodingOf(const PreprocessOptions& options, const std::string&
   return {FindProgram("quarry-import-draco"), folder, options.memory};
 }
 
+CadReading CadReadingOf(const PreprocessOptions& options, const std::string& folder) {
+  return {FindProgram("quarry-import-cad"), folder, options.memory, options.linear_deflection,
+          options.angular_deflection};
+}
+
 ImageDecoding ImageDecodingOf(const PreprocessOptions& options) {
   return {FindProgram("quarry-import-image"), options.memory};
 }

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "preprocess/import/cad/cad_reading.h"
 #include "preprocess/import/foreign/foreign.h"
 #include "preprocess/import/gltf/gltf_decoding.h"
 #include "preprocess/ingest/scene_coordinates.h"
@@ -24,6 +25,9 @@ struct PreprocessOptions {
   double scale = 1;
   /// Crease angle in degrees: up to it, triangles without normals meet smoothly. 0: nothing is smoothed.
   double crease = 30;
+  /// Of STEP and IGES: most distance of triangles from surfaces, of the file's unit, and degrees between
+  /// neighbouring triangles. 0: by the model's size, and the default.
+  double linear_deflection = 0, angular_deflection = 0;
   std::map<std::string, Placement> placements;  ///< of some models, by the path given
   bool textures = true;                         ///< carry the images that materials name
   double checkpoint_seconds = 5;  ///< of work that is repeated after a kill, or one unit of work
@@ -56,6 +60,8 @@ std::vector<std::string> ModelNamesOf(const PreprocessOptions& options);
 ForeignFormats ForeignFormatsOf(const PreprocessOptions& options, const std::string& prefix);
 /// How this run decodes compressed parts of glTF. `folder`: of decoded bytes.
 GltfDecoding GltfDecodingOf(const PreprocessOptions& options, const std::string& folder);
+/// How this run makes triangles of exact surfaces. `folder`: of copies of packed models.
+CadReading CadReadingOf(const PreprocessOptions& options, const std::string& folder);
 /// How this run decodes images.
 ImageDecoding ImageDecodingOf(const PreprocessOptions& options);
 

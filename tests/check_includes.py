@@ -34,8 +34,9 @@ MUST_NOT = [
     ("preprocess/partition/", r"preprocess/(import|ingest|smooth|estimate|texture)/", "partitioning starts from spilled triangles"),
     ("preprocess/smooth/", r"preprocess/(import|ingest|estimate|texture)/", "smoothing starts from spilled triangles"),
     ("", r"embree", "only tests link Embree"),
-    ("common/", r"OpenImageIO|assimp|draco/|meshoptimizer", "libraries of large appetite stay out of what all programs share"),
-    ("worker/", r"OpenImageIO|assimp|draco/|meshoptimizer", "libraries of large appetite stay out of the worker"),
+    ("common/", r"OpenImageIO|assimp|draco/|meshoptimizer|\.hxx", "libraries of large appetite stay out of what all programs share"),
+    ("worker/", r"OpenImageIO|assimp|draco/|meshoptimizer|\.hxx", "libraries of large appetite stay out of the worker"),
+    ("(?!preprocess/import/cad/open_cascade/)", r"\.hxx", "only quarry-import-cad links Open CASCADE"),
 ]
 # Asio, Beast and OpenImageIO take seconds a file: they stay out of headers altogether.
 HEAVY = re.compile(r"boost/asio|boost/beast|boost/process|OpenImageIO|nlohmann/json\.hpp|flatbuffers|CLI/")

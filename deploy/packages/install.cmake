@@ -1,4 +1,4 @@
-# What `cmake --install` puts where. Components: programs, services, documentation, benchmarks.
+# What `cmake --install` puts where. Components: programs, cad, services, documentation, benchmarks.
 include(${CMAKE_CURRENT_LIST_DIR}/man_pages.cmake)
 set(PACKAGES ${CMAKE_CURRENT_LIST_DIR})
 
@@ -10,6 +10,9 @@ foreach(helper quarry-import-assimp quarry-import-draco)
     install(TARGETS ${helper} RUNTIME DESTINATION ${QUARRY_LIBEXEC} COMPONENT programs)
   endif()
 endforeach()
+if(TARGET quarry-import-cad)
+  install(TARGETS quarry-import-cad RUNTIME DESTINATION ${QUARRY_LIBEXEC} COMPONENT cad)
+endif()
 
 # bash-completion looks for a file by the name of the command.
 set(COMPLETIONS ${CMAKE_INSTALL_DATADIR}/bash-completion/completions)

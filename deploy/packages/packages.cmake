@@ -1,5 +1,5 @@
-# Debian packages: `cpack --config build/release/CPackConfig.cmake -B build/release`. quarry holds what running needs, quarry-bench the
-# benchmarks, where these are built (with the tests).
+# Debian packages: `cpack --config build/release/CPackConfig.cmake -B build/release`. quarry holds what running needs, quarry-cad the
+# reader of STEP and IGES with its large library, quarry-bench the benchmarks, where these are built (with the tests).
 # Whoever packs is the packages' maintainer; Debian's own tools take the name from the same variables.
 set(packer "Quarry maintainers <maintainers@localhost>")
 if(DEFINED ENV{DEBFULLNAME} AND DEFINED ENV{DEBEMAIL})
@@ -15,10 +15,12 @@ configure_file(${DEBIAN}/changelog.in ${DEBIAN_MADE}/changelog @ONLY)
 find_program(GZIP gzip REQUIRED)
 execute_process(COMMAND ${GZIP} -9nc ${DEBIAN_MADE}/changelog OUTPUT_FILE ${DEBIAN_MADE}/changelog.Debian.gz COMMAND_ERROR_IS_FATAL ANY)
 execute_process(COMMAND ${GZIP} -9nc ${CMAKE_SOURCE_DIR}/CHANGELOG.md OUTPUT_FILE ${DEBIAN_MADE}/changelog.gz COMMAND_ERROR_IS_FATAL ANY)
-foreach(package quarry quarry-bench)
+foreach(package quarry quarry-bench quarry-cad)
   set(component documentation)
   if(package STREQUAL "quarry-bench")
     set(component benchmarks)
+  elseif(package STREQUAL "quarry-cad")
+    set(component cad)
   endif()
   set(docs ${CMAKE_INSTALL_DATAROOTDIR}/doc/${package})
   install(FILES ${DEBIAN}/copyright ${DEBIAN_MADE}/changelog.Debian.gz ${DEBIAN_MADE}/changelog.gz DESTINATION ${docs} COMPONENT ${component})
@@ -38,6 +40,9 @@ set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_COMPONENTS_ALL programs services documentation)
 if(TARGET quarry-bench-kernels)
   list(APPEND CPACK_COMPONENTS_ALL benchmarks)
+endif()
+if(TARGET quarry-import-cad)
+  list(APPEND CPACK_COMPONENTS_ALL cad)
 endif()
 set(CPACK_DEBIAN_PACKAGE_MAINTAINER "${QUARRY_MAINTAINER}")
 set(CPACK_DEBIAN_PACKAGE_RELEASE ${QUARRY_DEBIAN_REVISION})
@@ -69,11 +74,18 @@ set(CPACK_DEBIAN_BENCH_PACKAGE_NAME quarry-bench)
 set(CPACK_DEBIAN_BENCH_DESCRIPTION "benchmarks of the Quarry ray tracer
 The programs that 'quarry bench' runs: kernels against Embree, pictures,
 importers, voxel sources, connections and schedules.")
+set(CPACK_DEBIAN_CAD_PACKAGE_NAME quarry-cad)
+set(CPACK_DEBIAN_CAD_DESCRIPTION "STEP and IGES for the Quarry ray tracer
+The program by which quarry-preprocess makes triangles of exact surfaces.
+It links Open CASCADE, some 150 MB with what it needs, which machines that
+only render do without.")
 
 include(CPack)
 cpack_add_component_group(quarry)
 cpack_add_component_group(bench)
+cpack_add_component_group(cad)
 foreach(component programs services documentation)
   cpack_add_component(${component} GROUP quarry)
 endforeach()
 cpack_add_component(benchmarks GROUP bench)
+cpack_add_component(cad GROUP cad)

@@ -113,7 +113,8 @@ Status ReadModels(const PreprocessOptions& options, Sink& sink) {
       return BadUsage("--plan reads models more than once, which standard input does not allow");
     if constexpr (std::is_base_of_v<ResolvingSink, Sink>) sink.Place(model);
     QUARRY_TRY(ImportModel(model, sink, ForeignFormatsOf(options, ForeignPrefix(options)),
-                           options.unpack_limit, GltfDecodingOf(options, SpillFolder(options))));
+                           options.unpack_limit, GltfDecodingOf(options, SpillFolder(options)),
+                           CadReadingOf(options, SpillFolder(options))));
   }
   return {};
 }

@@ -8,6 +8,7 @@
 #include <functional>
 #include <system_error>
 
+#include "preprocess/import/cad/cad_importer.h"
 #include "preprocess/import/foreign/foreign_content.h"
 #include "preprocess/import/formats.h"
 #include "preprocess/import/origin_survey.h"
@@ -41,6 +42,11 @@ Import ImportOf(Format format, const GltfDecoding& decoding) {
       break;
   }
   return {};
+}
+
+/// The reader of STEP or IGES.
+Import CadImportOf(CadFormat format, const CadReading& cad) {
+  return [format, &cad](ModelReader& bytes, ModelSink& sink) { return ImportCad(bytes, format, cad, sink); };
 }
 
 bool LooksLikePly(ModelReader& bytes) {
@@ -129,13 +135,14 @@ tl::unexpected<Error> NoFaces(const std::string& path, uint64_t vertices) {
 }
 
 Status ImportModel(const std::string& path, ModelSink& sink, const ForeignFormats& foreign,
-                   uint64_t unpack_limit, const GltfDecoding& decoding) {
+                   uint64_t unpack_limit, const GltfDecoding& decoding, const CadReading& cad) {
   QUARRY_ASSIGN(ModelReader bytes, ModelReader::Open(path, unpack_limit));
   if (!bytes.Ensure(1) && !bytes.failed()) return Fail(fmt::format("{}: is empty", bytes.path()));
   const ForeignContent content = ContentOf(bytes, path);
-  if (!content.what.empty() && !content.may_be_read) return IsForeign(bytes, content);
+  const bool is_cad = content.cad != CadFormat::kNone && !cad.program.empty();
+  if (!content.what.empty() && !content.may_be_read && !is_cad) return IsForeign(bytes, content);
   const Format format = content.what.empty() ? ChooseFormat(bytes, path) : Format::kNone;
-  const Import import = ImportOf(format, decoding);
+  const Import import = is_cad ? CadImportOf(content.cad, cad) : ImportOf(format, decoding);
   if (bytes.failed()) return bytes.Truncated("");
   const std::string name = std::filesystem::path(bytes.path()).filename().string();
   const bool by_assimp = !foreign.program.empty() && bytes.can_reopen() && !bytes.is_packed();
@@ -152,8 +159,8 @@ Status ImportModel(const std::string& path, ModelSink& sink, const ForeignFormat
   QUARRY_TRY(sink.BeginFile(name));
   if (format == Format::kGltf || format == Format::kNff) sink.SetSmoothing(kFlat);  // as these formats state
   if (sink.HasAll()) return sink.EndFile();
-  if (import == nullptr || !bytes.can_reopen()) sink.ReadsOnce();
-  bytes.OnRead([&sink](uint64_t done, uint64_t total) { sink.HasRead(done, total); });
+  if (import == nullptr || is_cad || !bytes.can_reopen()) sink.ReadsOnce();
+  if (!is_cad) bytes.OnRead([&sink](uint64_t done, uint64_t total) { sink.HasRead(done, total); });
   if (import == nullptr) {
     WarnOfMemory(path, foreign.memory, sink);
     const Result<ForeignModel> converted = ForeignModel::Convert(path, foreign);
@@ -164,7 +171,9 @@ Status ImportModel(const std::string& path, ModelSink& sink, const ForeignFormat
     QUARRY_TRY(ImportConverted(ply, path, sink));
     return sink.EndFile();
   }
-  if (!bytes.can_reopen())
+  if (is_cad) {
+    // Its reader tells the origin itself.
+  } else if (!bytes.can_reopen())
     FindOriginOfPipe(bytes, import, sink);
   else if (format != Format::kThreeMf)  // whose reader does so itself: it has read the structure then
     FindOrigin(path, unpack_limit, import, sink);

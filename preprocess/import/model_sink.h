@@ -94,6 +94,9 @@ class ModelSink {
   /// Reports a line to the user; the statistics count it.
   virtual void Warn(std::string message) = 0;
 
+  /// Tells the user how a file was read; the summary of the run has it again.
+  virtual void Note(std::string /*message*/) {}
+
   /// Reports progress. Units: bytes of the file.
   virtual void HasRead(uint64_t /*done*/, uint64_t /*total*/) {}
   /// States that the file cannot be read a second time to the same effect, so checkpoints are useless.

@@ -35,6 +35,7 @@ struct ImportedTables {
   std::vector<Material> materials;  ///< at least one after the import
   std::vector<std::string> parts;   ///< at least one after the import
   std::vector<std::string> warnings;
+  std::vector<std::string> notes;  ///< how files were read, a sentence each, for the summary
   SceneViews views;
 };
 

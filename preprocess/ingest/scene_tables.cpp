@@ -106,6 +106,7 @@ void SceneTables::Save(ByteWriter& out) const {
   PutMaterials(tables_.materials, out);
   PutTexts(tables_.parts, out);
   PutTexts(tables_.warnings, out);
+  PutTexts(tables_.notes, out);
   PutViews(tables_.views, out);
   for (const uint32_t n : {default_material_, file_part_, first_part_, first_warning_}) out.Put(n);
 }
@@ -114,6 +115,7 @@ void SceneTables::Restore(ByteReader& in) {
   tables_.materials = GetMaterials(in);
   tables_.parts = GetTexts(in);
   tables_.warnings = GetTexts(in);
+  tables_.notes = GetTexts(in);
   tables_.views = GetViews(in);
   default_material_ = in.Get<uint32_t>();
   file_part_ = in.Get<uint32_t>();

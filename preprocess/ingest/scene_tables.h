@@ -44,6 +44,7 @@ class SceneTables {
   void AddLight(NamedLight light, const SceneCoordinates& coordinates);
 
   void Warn(std::string message);
+  void Note(std::string message) { tables_.notes.push_back(std::move(message)); }
 
   void Save(ByteWriter& out) const;
   /// Bytes that end too early make `in` not ok().

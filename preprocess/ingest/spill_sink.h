@@ -72,6 +72,7 @@ class SpillSink final : public ModelSink {
   void SetSmoothing(uint16_t smoothing) override { smoothing_ = SmoothingOfFile(smoothing, file_number_); }
   Status AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t part) override;
   void Warn(std::string message) override { tables_.Warn(std::move(message)); }
+  void Note(std::string message) override { tables_.Note(std::move(message)); }
   void HasRead(uint64_t done, uint64_t total) override {
     if (on_read_) on_read_(done, total);
   }

@@ -88,9 +88,9 @@ class BareRoot:
         if self.inside("apt-get update -q").returncode != 0:
             raise unittest.SkipTest("the archive of Debian is out of reach")
         # gzip: of the packages that users get, half of the time goes into xz.
-        pack, self.install, self.install_all = page_commands("Packages")
+        pack, self.install, self.install_all, self.install_cad = page_commands("Packages")
         must("sh", "-c", pack.replace("-B build/release", f"-D CPACK_DEBIAN_COMPRESSION_TYPE=gzip -B '{self.debs}'").replace("build/release", f"'{BUILD}'"))
-        self.deb = {name: next(self.debs.glob(f"{name}_*.deb")).name for name in ("quarry", "quarry-bench")}
+        self.deb = {name: next(self.debs.glob(f"{name}_*.deb")).name for name in ("quarry", "quarry-bench", *["quarry-cad"] * (BIN / "quarry-import-cad").exists())}
         for name in self.deb.values():
             shutil.copy(self.debs / name, self.root / "root")
         # What a machine that renders needs and no more.
@@ -136,7 +136,11 @@ class Packages(unittest.TestCase):
     def test_libraries_are_named_and_rare_ones_recommended(self):
         field = lambda deb, name: must("dpkg-deb", "-f", bare.debs / bare.deb[deb], name)
         self.assertRegex(field("quarry", "Depends"), r"libssl3 .*libstdc\+\+6")
-        self.assertNotRegex(field("quarry", "Depends"), "openimageio|assimp|draco|embree")
+        self.assertNotRegex(field("quarry", "Depends"), "openimageio|assimp|draco|occt|embree")
+        self.assertNotRegex(field("quarry", "Recommends"), "occt")
+        if "quarry-cad" in bare.deb:
+            self.assertRegex(field("quarry", "Recommends"), "quarry-cad")
+            self.assertRegex(field("quarry-cad", "Depends"), r"libocct-data-exchange-7.6.* quarry \(= ")
         self.assertRegex(field("quarry", "Recommends"), "libopenimageio2.4")
         self.assertRegex(field("quarry-bench", "Depends"), r"libembree3-3 .*quarry \(= ")
         planned = bare.must(f"apt-get install -s -q --reinstall /root/{bare.deb['quarry']} && apt-get install -s -q libopenimageio2.4 libassimp5")

@@ -21,6 +21,10 @@ constexpr std::string_view kMesh =
 constexpr std::string_view kUnpack = "unpack it, and give the model in it";
 constexpr std::string_view kExact =
     "export triangles, as glTF, OBJ or STL, from a CAD program (FreeCAD, say)";
+constexpr std::string_view kInstall =
+    "install quarry-import-cad, which reads it (the package quarry-cad), or export triangles, as glTF, OBJ "
+    "or STL, from a CAD "
+    "program (FreeCAD, say)";
 constexpr std::string_view kBuilding = "make triangles of it: IfcConvert FILE.ifc FILE.glb";
 constexpr std::string_view kUsd = "open it in Blender (File, Import, USD), and export glTF";
 constexpr std::string_view kKernel =
@@ -234,7 +238,8 @@ ForeignContent Within(std::string_view start) {
     return {"a Maya scene", std::string(kExport)};
   if (at(0, "Version ") && start.substr(0, 80).find(" JT ") != start.npos)
     return {"a JT file, of a CAD program", std::string(kKernel)};
-  if (IsIges(start)) return {"an IGES file, of exact surfaces", std::string(kExact)};
+  if (IsIges(start))
+    return {"an IGES file, of exact surfaces", std::string(kInstall), false, CadFormat::kIges};
   return {};
 }
 
@@ -266,7 +271,8 @@ ForeignContent RecognizeForeign(std::string_view start, std::string_view extensi
   const auto holds = [&](std::string_view word) { return text.find(word) != std::string_view::npos; };
   if (text.starts_with("ISO-10303-21"))
     return holds("'IFC") ? ForeignContent{"an IFC building model", std::string(kBuilding), true}
-                         : ForeignContent{"a STEP file, of exact surfaces", std::string(kExact)};
+                         : ForeignContent{"a STEP file, of exact surfaces", std::string(kInstall), false,
+                                          CadFormat::kStep};
   // OFF may begin like a table.
   if (!IsOfModel(extension) && IsTableOfNumbers(text))
     return {"a table of numbers (a point cloud, or a grid of heights)", std::string(kMesh), true};

@@ -3,13 +3,16 @@
 #include <string>
 #include <string_view>
 
+#include "preprocess/import/cad/cad_protocol.h"
+
 namespace quarry {
 
 /// The kind of a file that is no model of Quarry's.
 struct ForeignContent {
-  std::string what;          ///< "a zip archive"; empty: not recognised
-  std::string advice;        ///< what the user can do
-  bool may_be_read = false;  ///< whether Assimp may be able to read it
+  std::string what;                  ///< "a zip archive"; empty: not recognised
+  std::string advice;                ///< what the user can do
+  bool may_be_read = false;          ///< whether Assimp may be able to read it
+  CadFormat cad = CadFormat::kNone;  ///< which Open CASCADE reads
 };
 
 /// ForeignContent::what of an MTL file.

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string_view>
+
+#include "common/base/bytes.h"
+#include "preprocess/import/cad/cad_protocol.h"
+
+namespace quarry {
+
+/// The helper's side of the pipe. Messages are gathered and sent in pieces. Ends the process when the reader
+/// is gone. Thread safety: none.
+class CadOutput {
+ public:
+  explicit CadOutput(int fd) : fd_(fd) {}
+  CadOutput(const CadOutput&) = delete;
+
+  /// Requires: at most kMostCadMessage bytes.
+  void Put(CadMessage kind, std::span<const std::byte> content);
+  /// Text beyond kMostCadText bytes is cut.
+  void Put(CadMessage kind, std::string_view text);
+  void Progress(double share);
+  void Flush();
+
+ private:
+  int fd_;
+  Bytes gathered_;
+  double told_ = -1;
+};
+
+/// Whether this process has come near the limit of its address space. Open CASCADE hides an allocation that
+/// failed: it leaves out the shape. A model is refused then, so that what is read never depends on memory.
+bool MemoryIsShort();
+
+}  // namespace quarry
