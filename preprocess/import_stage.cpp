@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "common/base/resource.h"
-#include "preprocess/import/file_identity.h"
+#include "preprocess/import/files/file_identity.h"
 #include "preprocess/import/importer.h"
 
 namespace quarry {

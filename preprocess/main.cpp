@@ -20,7 +20,7 @@
 #include "common/voxel/store_header.h"
 #include "preprocess/estimate/plan.h"
 #include "preprocess/import/decompressor.h"
-#include "preprocess/import/file_identity.h"
+#include "preprocess/import/files/file_identity.h"
 #include "preprocess/import/text/text_number.h"
 #include "preprocess/preprocess.h"
 

@@ -10,7 +10,7 @@
 
 #include "common/base/output_path.h"
 #include "common/voxel/texture_shape.h"
-#include "preprocess/import/file_identity.h"
+#include "preprocess/import/files/file_identity.h"
 #include "preprocess/spill/saved_tables.h"
 
 namespace quarry {

@@ -8,8 +8,8 @@
 #include <nlohmann/json.hpp>
 
 #include "common/base/json_file.h"
-#include "preprocess/import/file_identity.h"
-#include "preprocess/import/find_file.h"
+#include "preprocess/import/files/file_identity.h"
+#include "preprocess/import/files/find_file.h"
 #include "preprocess/import/foreign/foreign_content.h"
 #include "preprocess/import/text/text_number.h"
 

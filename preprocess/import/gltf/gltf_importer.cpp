@@ -12,8 +12,8 @@
 
 #include "preprocess/import/checkpoint.h"
 #include "preprocess/import/formats.h"
+#include "preprocess/import/gltf/draco/gltf_draco.h"
 #include "preprocess/import/gltf/gltf_accessor.h"
-#include "preprocess/import/gltf/gltf_draco.h"
 #include "preprocess/import/gltf/gltf_extensions.h"
 #include "preprocess/import/gltf/gltf_material.h"
 #include "preprocess/import/gltf/gltf_materials.h"

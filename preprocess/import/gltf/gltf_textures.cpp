@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "preprocess/import/find_file.h"
+#include "preprocess/import/files/find_file.h"
 #include "preprocess/import/gltf/gltf_material.h"
 #include "preprocess/import/text/text_number.h"
 

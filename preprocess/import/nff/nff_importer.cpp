@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "common/scene/open_pbr.h"
-#include "preprocess/import/find_file.h"
+#include "preprocess/import/files/find_file.h"
 #include "preprocess/import/formats.h"
 #include "preprocess/import/nff/nff_shapes.h"
 

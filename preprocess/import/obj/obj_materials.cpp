@@ -5,8 +5,8 @@
 #include <algorithm>
 
 #include "preprocess/import/checkpoint.h"
-#include "preprocess/import/file_identity.h"
-#include "preprocess/import/find_file.h"
+#include "preprocess/import/files/file_identity.h"
+#include "preprocess/import/files/find_file.h"
 #include "preprocess/import/text/text_number.h"
 
 namespace quarry {

@@ -7,7 +7,7 @@
 #include <string_view>
 #include <utility>
 
-#include "preprocess/import/find_file.h"
+#include "preprocess/import/files/find_file.h"
 #include "preprocess/import/text/text_number.h"
 #include "preprocess/import/texture_image.h"
 #include "preprocess/import/warn_once.h"

@@ -14,7 +14,7 @@
 #include "preprocess/import/carried_fields.h"
 #include "preprocess/import/checkpoint.h"
 #include "preprocess/import/file_color.h"
-#include "preprocess/import/find_file.h"
+#include "preprocess/import/files/find_file.h"
 #include "preprocess/import/formats.h"
 #include "preprocess/import/ply/library_textures.h"
 #include "preprocess/import/ply/ply_row_reader.h"

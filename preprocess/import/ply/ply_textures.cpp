@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <utility>
 
-#include "preprocess/import/find_file.h"
+#include "preprocess/import/files/find_file.h"
 #include "preprocess/import/text/text_number.h"
 #include "preprocess/import/texture_image.h"
 

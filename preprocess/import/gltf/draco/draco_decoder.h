@@ -9,7 +9,7 @@
 
 #include "common/base/status.h"
 #include "preprocess/import/foreign/helper_process.h"
-#include "preprocess/import/gltf/draco_protocol.h"
+#include "preprocess/import/gltf/draco/draco_protocol.h"
 
 namespace quarry {
 

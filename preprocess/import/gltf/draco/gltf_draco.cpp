@@ -1,4 +1,4 @@
-#include "preprocess/import/gltf/gltf_draco.h"
+#include "preprocess/import/gltf/draco/gltf_draco.h"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include "preprocess/import/gltf/draco_decoder.h"
+#include "preprocess/import/gltf/draco/draco_decoder.h"
 
 #include <fmt/format.h>
 #include <sys/wait.h>

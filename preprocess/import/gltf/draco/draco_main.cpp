@@ -22,7 +22,7 @@
 #include "common/base/log.h"
 #include "common/program/processor_time.h"
 #include "common/program/run_program.h"
-#include "preprocess/import/gltf/draco_protocol.h"
+#include "preprocess/import/gltf/draco/draco_protocol.h"
 
 namespace quarry {
 namespace {

@@ -1,4 +1,4 @@
-#include "preprocess/import/file_identity.h"
+#include "preprocess/import/files/file_identity.h"
 
 #include <fmt/format.h>
 #include <sys/stat.h>

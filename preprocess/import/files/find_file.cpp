@@ -1,9 +1,9 @@
-#include "preprocess/import/find_file.h"
+#include "preprocess/import/files/find_file.h"
 
 #include <algorithm>
 #include <system_error>
 
-#include "preprocess/import/file_identity.h"
+#include "preprocess/import/files/file_identity.h"
 #include "preprocess/import/text/text_number.h"
 
 namespace quarry {

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "common/base/status.h"
-#include "preprocess/import/gltf/draco_decoder.h"
+#include "preprocess/import/gltf/draco/draco_decoder.h"
 #include "preprocess/import/gltf/gltf_document.h"
 
 namespace quarry {
