@@ -245,7 +245,7 @@ if WHOLE:
             model, wanted = self.written("a.step", 2000, 2000)
             self.assertGreater(pathlib.Path(model).stat().st_size, 17e6)
             self.check_assembly(wanted, self.read(model))
-            self.made(model, "--memory", "1G")
+            self.made(model, "--memory", "1G", "--deflection", "1,40")
 
 
 if __name__ == "__main__":
