@@ -27,7 +27,7 @@ struct Mesh {
       tipped.Add(tip(t.vertices[0]), tip(t.vertices[1]), tip(t.vertices[2]));
     return tipped;
   }
-  double evidence() const { return UpEvidence(triangles, bounds); }
+  double evidence() const { return UpEvidence(triangles); }
 };
 
 /// A house on a plot: z up.
