@@ -21,8 +21,8 @@ constexpr double kBase = 0.03, kFloor = 0.35;
 constexpr double kRaised = 0.7;
 /// Share of a section's cells that make it a storey, and the sections that a staircase or a room has.
 constexpr double kWhole = 0.9;
-constexpr int kFewStoreys = 3;
-constexpr double kFloorWeight = 7.5, kLowWeight = 0.7, kHorizontalWeight = 0.15, kStoreyWeight = 0.12,
+constexpr int kFewStoreys = 4;
+constexpr double kFloorWeight = 7.5, kLowWeight = 0.7, kHorizontalWeight = 0.15,
                  kThinWeight = 0.05;
 
 /// The triangles' box without those that lie far from the rest. Along each axis it holds all but one of 200
@@ -88,12 +88,14 @@ class Axis {
       floor =
           std::max(floor, kRaised * (levels_[static_cast<size_t>(i)] + levels_[static_cast<size_t>(i) + 1]));
     int storeys = 0;
+    double all = 0;
     for (size_t i = 0; i < whole_.size(); ++i) {
-      const bool begins = i == 0 || !IsWhole(i - 1);  // a slab has two faces, in neighbouring levels perhaps
-      storeys += IsWhole(i) && begins;
+      if (!IsWhole(i)) continue;
+      storeys += i == 0 || !IsWhole(i - 1);  // a slab has two faces, in neighbouring levels perhaps
+      all += levels_[i];
     }
-    return (kFloorWeight * floor + kLowWeight * low_ + kHorizontalWeight * horizontal_) / area +
-           kStoreyWeight * std::clamp(storeys - kFewStoreys, 0, 4);
+    if (storeys > kFewStoreys) floor = std::max(floor, kRaised * all);
+    return (kFloorWeight * floor + kLowWeight * low_ + kHorizontalWeight * horizontal_) / area;
   }
 
  private:
