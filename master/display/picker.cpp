@@ -22,7 +22,7 @@ constexpr Aov kLayers[] = {Aov::kDepth,    Aov::kNormal, Aov::kPrimitive,
 
 /// A pixel with the layers of a pick.
 struct PickedPixel {
-  float color[3];
+  float color[3], coverage;
   float depth;
   float normal[3];
   uint32_t primitive, material, part, voxel;

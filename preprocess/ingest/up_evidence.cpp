@@ -22,8 +22,7 @@ constexpr double kRaised = 0.7;
 /// Share of a section's cells that make it a storey, and the sections that a staircase or a room has.
 constexpr double kWhole = 0.9;
 constexpr int kFewStoreys = 4;
-constexpr double kFloorWeight = 7.5, kLowWeight = 0.7, kHorizontalWeight = 0.15,
-                 kThinWeight = 0.05;
+constexpr double kFloorWeight = 7.5, kLowWeight = 0.7, kHorizontalWeight = 0.15, kThinWeight = 0.05;
 
 /// The triangles' box without those that lie far from the rest. Along each axis it holds all but one of 200
 /// triangles at either end, unless all take less than twice as much of it.

@@ -111,8 +111,8 @@ def still_life(backdrop=False):
     return m
 
 
-def car(plate=20.0):
-    """A body of some hundred thousand triangles on four wheels; `plate`: how many times as long the plate is under it, 0 for none."""
+def car(plate=20.0, n=220):
+    """A body of 2 * n * n triangles on four wheels; `plate`: how many times as long the plate is under it, 0 for none."""
     m = Mesh().part("car")
 
     def body(u, v):
@@ -124,7 +124,7 @@ def car(plate=20.0):
         c, w = math.cos(angle), math.sin(angle)
         power = 0.35
         return (2.2 * s, half * math.copysign(abs(c) ** power, c), 0.25 + (roof / 2) * (1 + math.copysign(abs(w) ** power, w)) * (1 - 0.25 * abs(s) ** 4))
-    m.grid(body, 220, 220)
+    m.grid(body, n, n)
     for x in (-1.4, 1.35):
         for y in (-0.95, 0.7):
             m.wheel((x, y, 0.33), 0.33, 0.25, 48)

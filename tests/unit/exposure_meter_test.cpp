@@ -83,6 +83,18 @@ TEST_CASE("An exposure does not depend on the order of points", "[exposure]") {
   }
 }
 
+TEST_CASE("What lies behind the picture is not exposed; a background of light is", "[exposure]") {
+  const test::Row row;
+  View view = test::Looking({0, -20, 0}, {3, 10, 4});
+  view.background = glm::vec3(100);
+  const auto behind = MeterExposure(*row.scene, view, 1 << 20, {});
+  view.backdrop = false;
+  const auto light = MeterExposure(*row.scene, view, 1 << 20, {});
+  REQUIRE(behind.has_value());
+  REQUIRE(light.has_value());
+  CHECK(*behind > *light + 2);
+}
+
 TEST_CASE("A crop, samples and caches do not change the exposure of a view", "[exposure]") {
   const test::Row row;
   View view = test::Looking({0, -20, 0}, {3, 10, 4});
