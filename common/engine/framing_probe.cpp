@@ -152,20 +152,32 @@ Core MeasureCore(const std::vector<WeightedBox>& boxes) {
   return core;
 }
 
+/// Cuts the bulk along an axis where all boxes take far more of it than nearly all triangles do: to those
+/// boxes that lie near these.
+void MeasureBulk(const std::vector<WeightedBox>& boxes, int axis, Framing& framing) {
+  constexpr double kFew = 16;  // triangles of which none is a stray
+  double all = 0;
+  for (const WeightedBox& box : boxes) all += box.weight;
+  const double strays = all < kFew ? kStrays : std::max(kStrays, 1.01 / all);
+  const double lower = Quantile(boxes, axis, strays), upper = Quantile(boxes, axis, 1 - strays);
+  if (framing.upper[axis] - framing.lower[axis] <= kFarLarger * (upper - lower)) return;
+  const double near = (kFarLarger - 1) / 2 * (upper - lower);
+  double least = upper, most = lower;
+  for (const WeightedBox& box : boxes) {
+    const auto from = static_cast<double>(box.lower[axis]), to = static_cast<double>(box.upper[axis]);
+    if (from < lower - near || to > upper + near) continue;
+    least = std::min(least, from);
+    most = std::max(most, to);
+  }
+  framing.lower[axis] = std::min(least, lower);
+  framing.upper[axis] = std::max(most, upper);
+}
+
 /// Sets the bulk and the hull.
 void MeasureBulk(const std::vector<WeightedBox>& boxes, const SceneMeta& meta, Framing& framing) {
   framing.lower = glm::dvec3(meta.bounds_lower);
   framing.upper = glm::dvec3(meta.bounds_upper);
-  glm::dvec3 lower, upper;
-  for (int a = 0; a < 3; ++a) {
-    lower[a] = Quantile(boxes, a, kStrays);
-    upper[a] = Quantile(boxes, a, 1 - kStrays);
-  }
-  for (int a = 0; a < 3; ++a) {
-    if (framing.upper[a] - framing.lower[a] <= kFarLarger * (upper[a] - lower[a])) continue;
-    framing.lower[a] = lower[a];
-    framing.upper[a] = upper[a];
-  }
+  for (int a = 0; a < 3; ++a) MeasureBulk(boxes, a, framing);
   std::vector<glm::vec3> corners;
   for (const WeightedBox& box : boxes) {
     const glm::dvec3 from = glm::max(glm::dvec3(box.lower), framing.lower),
