@@ -12,8 +12,7 @@ from pictures_test import png
 sys.path.insert(0, str(pathlib.Path(__file__).parents[1] / "bench"))
 import first_models  # noqa: E402
 
-MODELS = {"bust": first_models.bust, "staircase": first_models.staircase, "still life": first_models.still_life, "tower": first_models.tower,
-          "car on a plate": lambda: first_models.car(n=60), "room": first_models.lit_room}
+MODELS = {"bust": first_models.bust, "tower": lambda: first_models.tower(6), "car on a plate": lambda: first_models.car(n=40), "room": first_models.lit_room}
 
 
 def changed(mesh, triangles):
