@@ -171,6 +171,8 @@ Result<bool> IsInterior(Prober& prober, const Core& core, const Framing& framing
       place[up] = core.lower[up] + height * size[up];
       QUARRY_ASSIGN(const Surroundings around, LookAround(prober, place, diagonal, nullptr));
       if (around.hits < kNearlyAll || around.mean_distance < kSpace) continue;
+      // Backs within walls that show theirs too: the place lies in a solid thing in an open box.
+      if (around.backs > kNearlyAll && outside.backs > 0.5) continue;
       if (around.detail > kAsMuch * outside.detail) return true;
       if (outside.planes <= kBox && outside.backs > 0.5 && around.hits < 1) return true;
     }
