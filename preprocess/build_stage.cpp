@@ -30,7 +30,9 @@ SceneMeta MakeMeta(const ImportedScene& scene, const PreprocessOptions& options)
   meta.padding = ReferencePadding(largest);
   meta.root_lower = scene.bounds.lower - glm::vec3(2 * meta.padding);
   meta.root_upper = scene.bounds.upper + glm::vec3(2 * meta.padding);
-  meta.up_axis = options.up_axis != 0 ? options.up_axis : scene.up_evidence + options.up_habit > 0 ? 1 : 2;
+  meta.up_axis = options.up_axis != 0                                  ? options.up_axis
+                 : scene.up_evidence + options.up_habit.evidence() > 0 ? 1
+                                                                       : 2;
   meta.input_triangles = scene.input_triangles;
   meta.dropped_degenerate = scene.dropped_degenerate;
   meta.dropped_not_finite = scene.dropped_not_finite;
@@ -185,6 +187,7 @@ Status BuildStage::Finish(PreprocessStatistics& statistics) {
   }
   statistics.voxels = writer_->voxel_count();
   statistics.stored_references = emitted_;
+  statistics.up_evidence = scene_.up_evidence;
   statistics.top_tree_nodes = static_cast<uint32_t>(top.size());
   statistics.top_tree_depth = DepthOf(top);
   SceneMeta meta = meta_;

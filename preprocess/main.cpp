@@ -65,6 +65,8 @@ std::string StatisticsJson(const PreprocessOptions& options, const PreprocessSta
   j["texture_wall_s"] = s.textures.wall_s;
   j["up_axis"] = s.meta.up_axis == 1 ? "y" : "z";
   j["up_axis_guessed"] = options.up_axis == 0;
+  if (options.up_axis == 0)
+    j["up_axis_sureness"] = kSurenessNames[static_cast<int>(SurenessOf(s.up_evidence, options.up_habit))];
   j["store_bytes"] = s.store_bytes;
   j["warnings"] = s.warnings;
   j["notes"] = s.notes;
@@ -108,9 +110,7 @@ void PrintSummary(const PreprocessOptions& options, const PreprocessStatistics& 
                   static_cast<double>(s.meta.input_triangles) / std::max(s.preprocess_wall_s, 1e-9) * 1e-6,
                   FormatSize(s.peak_rss_bytes)));
   for (const std::string& note : s.notes) Log(note);
-  if (options.up_axis == 0)
-    Log(fmt::format("up axis: {}, a guess (--up-axis {} for the other)", s.meta.up_axis == 1 ? "y" : "z",
-                    s.meta.up_axis == 1 ? "z" : "y"));
+  if (options.up_axis == 0) Log(GuessText(s.meta.up_axis, s.up_evidence, options.up_habit));
   if (s.textures.textures > 0)
     Log(fmt::format("{} textures in {} pages, {} stored, {} once decoded", s.textures.textures,
                     s.textures.pages, FormatSize(s.textures.stored_bytes),
@@ -121,42 +121,6 @@ void PrintSummary(const PreprocessOptions& options, const PreprocessStatistics& 
   if (s.meta.dropped_transparent > 0)
     Log(fmt::format("dropped: {} triangles that the textures of their opacity cut out all over",
                     s.meta.dropped_transparent));
-}
-
-/// Whether a file's name is that of STEP or IGES.
-bool IsCad(const std::string& model) {
-  const std::string extension = std::filesystem::path(model).extension().string();
-  return std::ranges::any_of(std::initializer_list<const char*>{".step", ".stp", ".stpz", ".iges", ".igs"},
-                             [&](const char* e) { return EqualsIgnoringCase(extension, e); });
-}
-
-/// Judges by file names alone: 1 where all formats state y as their up axis (glTF, and Assimp converts to
-/// it), 2 where all state z (3MF), else 0.
-uint32_t StatedUpAxis(const std::vector<std::string>& models) {
-  const auto have = [](const std::string& m, std::initializer_list<const char*> extensions) {
-    const std::string extension = std::filesystem::path(m).extension().string();
-    return std::ranges::any_of(extensions, [&](const char* e) { return EqualsIgnoringCase(extension, e); });
-  };
-  if (std::ranges::all_of(models, [&](const std::string& m) { return have(m, {".3mf"}); })) return 2;
-  const auto has_y_up = [&](const std::string& m) {
-    return !have(m, {"", ".ply", ".obj", ".stl", ".off", ".nff", ".aff", ".3mf", ".gz", ".zst"}) && !IsCad(m);
-  };
-  return std::ranges::all_of(models, has_y_up) ? 1 : 0;
-}
-
-/// Habits of formats that do not say which axis points up: most OBJ files are exported with y up, most STL
-/// files and nearly all of CAD programs with z.
-double UpHabit(const std::vector<std::string>& models) {
-  constexpr double kObj = 0.75, kStl = -0.5, kCad = -1;
-  double habit = 0;
-  for (const std::string& m : models) {
-    const std::string unpacked = UnpackedPath(m), extension = std::filesystem::path(unpacked).extension();
-    habit += EqualsIgnoringCase(extension, ".obj")   ? kObj
-             : EqualsIgnoringCase(extension, ".stl") ? kStl
-             : IsCad(unpacked)                       ? kCad
-                                                     : 0;
-  }
-  return habit / static_cast<double>(std::max<size_t>(models.size(), 1));
 }
 
 /// "MODEL=x,y,z[,turn[,scale]]"
@@ -262,8 +226,8 @@ Status Run(PreprocessOptions options, const Texts& texts, bool plan) {
   if (!(options.scale > 0) || options.scale > 1e12) return BadUsage("--scale must be a positive number");
   options.voxel_size = static_cast<uint32_t>(voxel);
   options.up_axis = up == "y" ? 1 : up == "z" ? 2 : StatedUpAxis(options.models);
-  options.up_habit = UpHabit(options.models);
   QUARRY_TRY(ParseDeflection(texts.deflection, options));
+  if (options.up_axis == 0) options.up_habit = UpHabitOf(options.models, options.unpack_limit);
   for (const std::string& place : texts.places) QUARRY_TRY(ParsePlacement(place, options));
   QUARRY_TRY(CheckOutputs(texts, options));
   if (plan) return PrintPlan(options, stats);

@@ -10,6 +10,7 @@
 #include "preprocess/import/gltf/gltf_decoding.h"
 #include "preprocess/ingest/scene_coordinates.h"
 #include "preprocess/texture/image_decoder.h"
+#include "preprocess/up_axis.h"
 
 namespace quarry {
 
@@ -21,7 +22,7 @@ struct PreprocessOptions {
   unsigned threads = 1;
   uint32_t voxel_size = 256u << 10;  ///< bytes of a decoded hot block, at most
   uint32_t up_axis = 0;              ///< 1 for y, 2 for z; 0: guessed from the triangles and `up_habit`
-  double up_habit = 0;               ///< evidence of the formats' habits, as UpEvidence() weighs it
+  UpHabit up_habit;                  ///< what else is known of it
   double scale = 1;
   /// Crease angle in degrees: up to it, triangles without normals meet smoothly. 0: nothing is smoothed.
   double crease = 30;

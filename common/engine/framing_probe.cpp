@@ -5,171 +5,27 @@
 #include <cmath>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
+#include <glm/vector_relational.hpp>
+#include <map>
 #include <optional>
 #include <set>
 #include <utility>
 #include <vector>
 
+#include "common/engine/framing_bulk.h"
 #include "common/engine/renderer.h"
 #include "common/math/elementary.h"
-#include "common/voxel/block_decoder.h"
 
 namespace quarry {
 namespace {
-
-/// Triangles that may lie outside the bulk at either end of an axis, as a share of all.
-constexpr double kStrays = 0.005;
-/// Along an axis the bulk is as long as the box of all triangles unless that is so many times as long.
-constexpr double kFarLarger = 2;
-/// Stores of at most so many voxels are measured by their triangles, others by their voxels' cells.
-constexpr size_t kFewVoxels = 16;
-/// Directions in which the hull has points.
-constexpr int kHullDirections = 256;
-
-/// A box that holds `weight` triangles.
-struct WeightedBox {
-  glm::vec3 lower, upper;
-  double weight;
-};
-
-/// The cells of the top-level tree's leaves that have voxels, cut down to these.
-std::vector<WeightedBox> CellsOf(const Catalog& catalog) {
-  struct Open {
-    uint32_t node;
-    glm::vec3 lower, upper;
-  };
-  std::vector<WeightedBox> boxes;
-  std::vector<Open> open{{0, catalog.meta.root_lower, catalog.meta.root_upper}};
-  while (!open.empty()) {
-    const Open cell = open.back();
-    open.pop_back();
-    const KdNode& node = catalog.top_nodes[cell.node];
-    if (!node.is_leaf()) {
-      Open left = cell, right = cell;
-      left.node = node.left();
-      right.node = node.left() + 1;
-      left.upper[node.axis()] = right.lower[node.axis()] = node.split();
-      open.push_back(left);
-      open.push_back(right);
-      continue;
-    }
-    if (node.count() == 0) continue;
-    for (uint32_t v = node.first(); v < catalog.chain_end[node.first()]; ++v) {
-      const VoxelEntry& voxel = catalog.voxels[v];
-      boxes.push_back({glm::max(cell.lower, voxel.bounds_lower), glm::min(cell.upper, voxel.bounds_upper),
-                       static_cast<double>(voxel.triangles)});
-    }
-  }
-  return boxes;
-}
-
-/// A decoded hot block.
-struct DecodedVoxel {
-  Bytes memory;
-  VoxelGeometry geometry;
-};
-
-Result<DecodedVoxel> Decode(const Scene& scene, uint32_t voxel, BlockDecoder& decoder) {
-  const Catalog& catalog = scene.catalog();
-  QUARRY_ASSIGN(const Bytes stored, scene.store().ReadBlock(BlockKey::Hot(voxel)));
-  DecodedVoxel decoded;
-  decoded.memory.resize(catalog.block(BlockKey::Hot(voxel)).decoded);
-  QUARRY_ASSIGN(decoded.geometry, DecodeHot(decoder, catalog, voxel, stored, decoded.memory));
-  return decoded;
-}
-
-Result<std::vector<WeightedBox>> TrianglesOf(const Scene& scene) {
-  std::vector<WeightedBox> boxes;
-  BlockDecoder decoder;
-  for (uint32_t v = 0; v < scene.catalog().voxels.size(); ++v) {
-    QUARRY_ASSIGN(const DecodedVoxel voxel, Decode(scene, v, decoder));
-    for (uint32_t t = 0; t < scene.catalog().voxels[v].triangles; ++t) {
-      const glm::vec3 a = voxel.geometry.vertex(t, 0), b = voxel.geometry.vertex(t, 1),
-                      c = voxel.geometry.vertex(t, 2);
-      boxes.push_back({glm::min(a, glm::min(b, c)), glm::max(a, glm::max(b, c)), 1});
-    }
-  }
-  return boxes;
-}
-
-/// The place along an axis below which a share of the weight lies, spread evenly over each box.
-double Quantile(const std::vector<WeightedBox>& boxes, int axis, double share) {
-  double all = 0, low = 1e300, high = -1e300;
-  for (const WeightedBox& box : boxes) {
-    all += box.weight;
-    low = std::min(low, static_cast<double>(box.lower[axis]));
-    high = std::max(high, static_cast<double>(box.upper[axis]));
-  }
-  for (int step = 0; step < 40; ++step) {
-    const double middle = (low + high) / 2;
-    double below = 0;
-    for (const WeightedBox& box : boxes) {
-      const double length = static_cast<double>(box.upper[axis]) - static_cast<double>(box.lower[axis]);
-      const double inside = middle - static_cast<double>(box.lower[axis]);
-      below += box.weight * (length > 0 ? std::clamp(inside / length, 0.0, 1.0) : inside >= 0 ? 1.0 : 0.0);
-    }
-    (below < share * all ? low : high) = middle;
-  }
-  return (low + high) / 2;
-}
-
-/// Where most triangles lie along each axis.
-struct Core {
-  glm::dvec3 lower, middle, upper;
-};
-
-Core MeasureCore(const std::vector<WeightedBox>& boxes) {
-  constexpr double kOutside = 0.02;
-  Core core;
-  for (int a = 0; a < 3; ++a) {
-    core.lower[a] = Quantile(boxes, a, kOutside);
-    core.middle[a] = Quantile(boxes, a, 0.5);
-    core.upper[a] = Quantile(boxes, a, 1 - kOutside);
-  }
-  return core;
-}
-
-/// Sets the bulk and the hull.
-void MeasureBulk(const std::vector<WeightedBox>& boxes, const SceneMeta& meta, Framing& framing) {
-  framing.lower = glm::dvec3(meta.bounds_lower);
-  framing.upper = glm::dvec3(meta.bounds_upper);
-  glm::dvec3 lower, upper;
-  for (int a = 0; a < 3; ++a) {
-    lower[a] = Quantile(boxes, a, kStrays);
-    upper[a] = Quantile(boxes, a, 1 - kStrays);
-  }
-  for (int a = 0; a < 3; ++a) {
-    if (framing.upper[a] - framing.lower[a] <= kFarLarger * (upper[a] - lower[a])) continue;
-    framing.lower[a] = lower[a];
-    framing.upper[a] = upper[a];
-  }
-  std::vector<glm::vec3> corners;
-  for (const WeightedBox& box : boxes) {
-    const glm::dvec3 from = glm::max(glm::dvec3(box.lower), framing.lower),
-                     to = glm::min(glm::dvec3(box.upper), framing.upper);
-    if (from.x > to.x || from.y > to.y || from.z > to.z) continue;
-    for (int corner = 0; corner < 8; ++corner)
-      corners.emplace_back(corner & 1 ? to.x : from.x, corner & 2 ? to.y : from.y,
-                           corner & 4 ? to.z : from.z);
-  }
-  if (corners.empty()) corners = {glm::vec3(framing.lower), glm::vec3(framing.upper)};
-  // The farthest point in each of many directions spread over the sphere (a Fibonacci lattice).
-  for (int i = 0; i < kHullDirections; ++i) {
-    const double z = 1 - (2 * i + 1) / static_cast<double>(kHullDirections), radius = std::sqrt(1 - z * z);
-    double sine = 0, cosine = 1;
-    SinCos(i * 2.39996322972865332223, sine, cosine);  // the golden angle
-    const glm::vec3 direction(static_cast<float>(radius * cosine), static_cast<float>(radius * sine),
-                              static_cast<float>(z));
-    framing.hull.push_back(
-        *std::ranges::max_element(corners, {}, [&](const glm::vec3& p) { return glm::dot(p, direction); }));
-  }
-}
 
 /// A hit as a probe sees it.
 struct ProbedPoint {
   float distance = kInfinity;
   uint32_t triangle = kNoTriangle;
   bool inward = false;  ///< the side that is hit faces the eye by its triangle's winding
+  glm::dvec3 place{0};
+  glm::dvec4 plane{0};  ///< of the triangle: its unit normal, and its distance from the origin along it
 };
 
 /// Traces small pictures from places in a scene. Not thread-safe.
@@ -201,7 +57,8 @@ class Prober {
       points[i].distance = hits[i].t;
       points[i].triangle = hits[i].triangle;
       if (sides) {
-        QUARRY_ASSIGN(points[i].inward, FacesEye(hits[i], eye));
+        QUARRY_TRY(LookAtSide(hits[i], eye, points[i]));
+        points[i].place = eye + Direction(i, forward, up, degrees) * static_cast<double>(hits[i].t);
       }
     }
     return points;
@@ -211,13 +68,30 @@ class Prober {
   Prober(const Scene& scene, std::unique_ptr<Renderer> renderer)
       : scene_(scene), renderer_(std::move(renderer)) {}
 
-  Result<bool> FacesEye(const Hit& hit, const glm::dvec3& eye) {
+  /// The unit vector through a pixel's middle.
+  static glm::dvec3 Direction(size_t pixel, const glm::dvec3& forward, const glm::dvec3& up, double degrees) {
+    const glm::dvec3 ahead = glm::normalize(forward), right = glm::normalize(glm::cross(ahead, up));
+    const auto across = [&](size_t at) {
+      return ((static_cast<double>(at) + 0.5) * 2 / kSide - 1) * TanHalfDegrees(degrees);
+    };
+    return glm::normalize(ahead + across(pixel % kSide) * right -
+                          across(pixel / kSide) * glm::cross(right, ahead));
+  }
+
+  Status LookAtSide(const Hit& hit, const glm::dvec3& eye, ProbedPoint& point) {
     if (hit.voxel != voxel_) {
-      QUARRY_ASSIGN(decoded_, Decode(scene_, hit.voxel, decoder_));
+      QUARRY_ASSIGN(decoded_, DecodeVoxel(scene_, hit.voxel, decoder_));
       voxel_ = hit.voxel;
     }
     const auto corner = [&](int c) { return glm::dvec3(decoded_.geometry.vertex(hit.local, c)); };
-    return glm::dot(glm::cross(corner(1) - corner(0), corner(2) - corner(0)), eye - corner(0)) > 0;
+    glm::dvec3 normal = glm::cross(corner(1) - corner(0), corner(2) - corner(0));
+    point.inward = glm::dot(normal, eye - corner(0)) > 0;
+    normal /= std::max(std::sqrt(glm::dot(normal, normal)), 1e-300);
+    // Which way the triangle winds does not matter.
+    const bool turn = normal.z != 0 ? normal.z < 0 : normal.y != 0 ? normal.y < 0 : normal.x < 0;
+    if (turn) normal = -normal;
+    point.plane = {normal, glm::dot(normal, corner(0))};
+    return {};
   }
 
   const Scene& scene_;
@@ -230,51 +104,77 @@ class Prober {
 /// Rays in all directions from a place, seen together. Distances are shares of the diagonal; a miss counts
 /// as 1.
 struct Surroundings {
-  double inward = 0, backs = 0, mean_distance = 0;
+  double hits = 0;    ///< share of rays
+  double backs = 0;   ///< share of hits on the sides that face away by their windings
+  double planes = 0;  ///< different planes that are hit
+  double detail =
+      0;  ///< these of a hit; outside, hits on the plane that is hit most do not count: the ground
+  double mean_distance = 0;
 };
 
-/// Looks along both ways of each axis from `eye`, or from outside toward it.
-Result<Surroundings> LookAround(Prober& prober, const glm::dvec3& eye, double diagonal, bool from_outside) {
+bool Holds(const Framing& bulk, const glm::dvec3& place, double margin) {
+  return glm::all(glm::greaterThan(place, bulk.lower - margin)) &&
+         glm::all(glm::lessThan(place, bulk.upper + margin));
+}
+
+/// Looks along both ways of each axis from `eye`, or askew from outside toward it: then `bulk` alone counts.
+Result<Surroundings> LookAround(Prober& prober, const glm::dvec3& eye, double diagonal, const Framing* bulk) {
+  constexpr double kNormalSteps = 16, kPlaceSteps = 100;
+  const bool from_outside = bulk != nullptr;
   Surroundings all;
+  std::map<std::array<int, 4>, double> planes;
   double rays = 0, hits = 0;
   for (int face = 0; face < 6; ++face) {
     glm::dvec3 forward(0), up(0);
     forward[face / 2] = face % 2 ? 1 : -1;
     up[(face / 2 + 1) % 3] = 1;
+    if (from_outside) forward = glm::normalize(forward + 0.4 * up + 0.3 * glm::cross(forward, up));
     const glm::dvec3 from = from_outside ? eye - forward * (2 * diagonal) : eye;
     QUARRY_ASSIGN(const auto points, prober.Look(from, forward, up, from_outside ? 20 : 90, true));
     for (const ProbedPoint& p : points) {
-      const bool hit = p.distance < kInfinity;
+      const bool hit = p.distance < kInfinity && (!from_outside || Holds(*bulk, p.place, 0.01 * diagonal));
       ++rays;
       hits += hit;
-      all.inward += p.inward;
       all.backs += hit && !p.inward;
       all.mean_distance += hit ? static_cast<double>(p.distance) / diagonal : 1;
+      if (!hit) continue;
+      const auto step = [](double v, double steps) { return static_cast<int>(std::floor(v * steps + 0.5)); };
+      ++planes[{step(p.plane.x, kNormalSteps), step(p.plane.y, kNormalSteps), step(p.plane.z, kNormalSteps),
+                step(p.plane.w / diagonal, kPlaceSteps)}];
     }
   }
-  all.inward /= rays;
+  all.planes = static_cast<double>(planes.size());
+  double ground = 0;
+  for (const auto& [plane, count] : planes) ground = std::max(ground, from_outside ? count : 0);
+  all.detail = hits > ground ? all.planes / (hits - ground) : 0;
+  all.hits = hits / rays;
   all.mean_distance /= rays;
   all.backs = hits > 0 ? all.backs / hits : 0;
   return all;
 }
 
-/// Whether nearly all rays from the middle hit sides that face inwards, and the scene is a room rather than a
-/// dense plant: its walls show their backs to the outside, or there is a place in its middle with space
-/// around.
-Result<bool> IsInterior(Prober& prober, const Core& core, uint32_t up_axis) {
-  constexpr double kNearlyAll = 0.7, kMostBacks = 0.5, kSpace = 0.1;
+/// Whether the scene is a room that shows little from outside: the outside is plain, nearly all rays from a
+/// place in its midst hit something, there is space around it, and about as much is to be seen from there. Of
+/// an empty box its windings decide, if a side is open.
+Result<bool> IsInterior(Prober& prober, const Core& core, const Framing& framing) {
+  constexpr double kNearlyAll = 0.7, kSpace = 0.1, kPlain = 0.4, kAsMuch = 0.6;
   constexpr double kHeights[] = {0.5, 0.25, 0.75};
+  constexpr double kBox = 12;  // planes that a box has at most, with its open side
+  const auto up = static_cast<int>(framing.up_axis);
   const glm::dvec3 size = core.upper - core.lower, middle = (core.lower + core.upper) * 0.5;
   const double diagonal = glm::length(size);
-  QUARRY_ASSIGN(const Surroundings outside, LookAround(prober, middle, diagonal, true));
+  QUARRY_ASSIGN(const Surroundings outside, LookAround(prober, middle, diagonal, &framing));
+  if (outside.detail > kPlain) return false;
   // The middle of the room may lie in a thing, that of the triangles in another room.
   for (glm::dvec3 place : {middle, core.middle})
     for (const double height : kHeights) {
-      place[static_cast<int>(up_axis)] =
-          core.lower[static_cast<int>(up_axis)] + height * size[static_cast<int>(up_axis)];
-      QUARRY_ASSIGN(const Surroundings around, LookAround(prober, place, diagonal, false));
-      if (around.inward < kNearlyAll) break;
-      if (outside.backs >= kMostBacks || around.mean_distance >= kSpace) return true;
+      place[up] = core.lower[up] + height * size[up];
+      QUARRY_ASSIGN(const Surroundings around, LookAround(prober, place, diagonal, nullptr));
+      if (around.hits < kNearlyAll || around.mean_distance < kSpace) continue;
+      // Backs within walls that show theirs too: the place lies in a solid thing in an open box.
+      if (around.backs > kNearlyAll && outside.backs > 0.5) continue;
+      if (around.detail > kAsMuch * outside.detail) return true;
+      if (outside.planes <= kBox && outside.backs > 0.5 && around.hits < 1) return true;
     }
   return false;
 }
@@ -303,8 +203,19 @@ struct Prospect {
       0;  ///< distance and detail; the sky shows nothing, and a thing close before the eye hides the rest
 };
 
+/// The logarithm of the distance of the nearest thing in the picture's middle, as a share of the diagonal.
+double ClearView(const std::vector<ProbedPoint>& points, double diagonal) {
+  constexpr double kNothing = 0.05;
+  constexpr uint32_t kSide = Prober::kSide;
+  double nearest = kInfinity;
+  for (uint32_t y = kSide / 2 - 1; y <= kSide / 2; ++y)
+    for (uint32_t x = kSide / 2 - 2; x <= kSide / 2 + 1; ++x)
+      nearest = std::min(nearest, static_cast<double>(points[y * kSide + x].distance) / diagonal);
+  return Log2(nearest < kInfinity ? std::max(nearest, 1e-6) : kNothing);
+}
+
 Prospect Judge(const std::vector<ProbedPoint>& points, double diagonal) {
-  constexpr double kSky = -5, kClose = 0.03, kDetail = 0.6;
+  constexpr double kSky = -5, kClose = 0.03, kDetail = 0.6, kClear = 1;
   double sum = 0, seen = 0;
   bool close = false;
   std::set<uint32_t> triangles;
@@ -318,7 +229,8 @@ Prospect Judge(const std::vector<ProbedPoint>& points, double diagonal) {
   }
   const auto count = static_cast<double>(points.size());
   const double detail = Log2(static_cast<double>(triangles.size() + 1) / count);
-  return {Exp2(seen / count), sum / count + kDetail * detail - (close ? 1 : 0)};
+  return {Exp2(seen / count),
+          sum / count + kDetail * detail + kClear * ClearView(points, diagonal) - (close ? 1 : 0)};
 }
 
 /// A place and direction inside: before an open side; else of a few places at eye height, each looking eight
@@ -363,16 +275,12 @@ Result<Framing> ProbeFraming(const Scene& scene, uint32_t up_axis, bool find_ins
   const Catalog& catalog = scene.catalog();
   Framing framing;
   framing.up_axis = up_axis != 0 ? up_axis : catalog.meta.up_axis;
-  std::vector<WeightedBox> boxes;
-  if (catalog.voxels.size() <= kFewVoxels) {
-    QUARRY_ASSIGN(boxes, TrianglesOf(scene));
-  } else
-    boxes = CellsOf(catalog);
+  QUARRY_ASSIGN(const std::vector<WeightedBox> boxes, BoxesOf(scene));
   MeasureBulk(boxes, catalog.meta, framing);
-  const Core core = MeasureCore(boxes);
+  const Core core = MeasureCore(boxes, framing);
   if (catalog.voxels.empty()) return framing;
   QUARRY_ASSIGN(const std::unique_ptr<Prober> prober, Prober::Create(scene));
-  QUARRY_ASSIGN(framing.interior, IsInterior(*prober, core, framing.up_axis));
+  QUARRY_ASSIGN(framing.interior, IsInterior(*prober, core, framing));
   if (framing.interior || find_inside) {
     QUARRY_ASSIGN(framing.inside, FindInside(*prober, core, framing));
   }

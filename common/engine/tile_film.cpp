@@ -19,8 +19,8 @@ void TileFilm::Open(const ViewContext& view, const Tile& tile) {
   tile_ = tile;
   const size_t pixels = size_t{tile.columns()} * tile.rows();
   depths_.assign(size_t{DepthCells(tile.columns())} * DepthCells(tile.rows()), 0);
-  radiance_.assign(tile.hits_only ? 0 : 3 * pixels, {});
-  aovs_.assign(tile.hits_only ? 0 : (view.words - 3) * pixels, 0);
+  sums_.assign(tile.hits_only ? 0 : kColorWords * pixels, {});
+  aovs_.assign(tile.hits_only ? 0 : (view.words - kColorWords) * pixels, 0);
   hits_.assign(tile.hits_only ? pixels : 0, {});
   holes_.assign(tile.leaves_holes ? pixels : 0, false);
 }
@@ -28,7 +28,7 @@ void TileFilm::Open(const ViewContext& view, const Tile& tile) {
 void TileFilm::SetLayers(const ViewContext& context, uint32_t pixel, const Ray& ray, const Hit& hit,
                          float t_offset, const Surface& surface, const glm::vec3& albedo) {
   const View& view = context.view;
-  uint32_t* out = aovs_.data() + size_t{context.words - 3} * pixel;
+  uint32_t* out = aovs_.data() + size_t{context.words - kColorWords} * pixel;
   const bool is_hit = hit.triangle != kNoTriangle;
   const auto put = [&](Aov aov, auto... values) {
     if (view.has(aov)) ((*out++ = std::bit_cast<uint32_t>(values)), ...);
@@ -55,12 +55,12 @@ void TileFilm::Take(const ViewContext& view, RenderedTile& result) {
 }
 
 void TileFilm::PutMeans(const ViewContext& context, Bytes& out) const {
-  const size_t pixels = radiance_.size() / 3, extra = context.words - 3;
+  const size_t pixels = sums_.size() / kColorWords, extra = context.words - kColorWords;
   out.resize(pixels * context.words * 4);
   std::byte* to = out.data();
   for (size_t p = 0; p < pixels; ++p) {
-    float color[3];
-    for (size_t c = 0; c < 3; ++c) color[c] = radiance_[3 * p + c].Mean(context.view.spp);
+    float color[kColorWords];
+    for (size_t c = 0; c < kColorWords; ++c) color[c] = sums_[kColorWords * p + c].Mean(context.view.spp);
     std::memcpy(to, color, sizeof color);
     if (extra > 0)  // without layers aovs_ is empty
       std::memcpy(to + sizeof color, aovs_.data() + p * extra, extra * 4);
@@ -69,12 +69,12 @@ void TileFilm::PutMeans(const ViewContext& context, Bytes& out) const {
 }
 
 void TileFilm::PutSums(const ViewContext& context, Bytes& out) const {
-  const size_t pixels = radiance_.size() / 3, extra = context.words - 3;
-  out.resize(pixels * (3 * sizeof(int64_t) + extra * 4));
+  const size_t pixels = sums_.size() / kColorWords, extra = context.words - kColorWords;
+  out.resize(pixels * (kColorWords * sizeof(int64_t) + extra * 4));
   std::byte* to = out.data();
   for (size_t p = 0; p < pixels; ++p) {
-    for (size_t c = 0; c < 3; ++c, to += sizeof(int64_t)) {
-      const int64_t sum = radiance_[3 * p + c].bits();
+    for (size_t c = 0; c < kColorWords; ++c, to += sizeof(int64_t)) {
+      const int64_t sum = sums_[kColorWords * p + c].bits();
       std::memcpy(to, &sum, sizeof sum);
     }
     if (extra > 0) std::memcpy(to, aovs_.data() + p * extra, extra * 4);
@@ -83,14 +83,16 @@ void TileFilm::PutSums(const ViewContext& context, Bytes& out) const {
 }
 
 void TileFilm::PutShown(const ViewContext& context, Bytes& out) const {
-  const size_t pixels = radiance_.size() / 3;
+  const size_t pixels = sums_.size() / kColorWords;
   const uint32_t samples = tile_.samples_of(context.view.spp);
   out.resize(pixels * sizeof(uint32_t));
   for (size_t p = 0; p < pixels; ++p) {
-    const FixedRadiance* of = &radiance_[3 * p];
+    const FixedRadiance* of = &sums_[kColorWords * p];
     const bool hole = !holes_.empty() && holes_[p];
-    const uint32_t code =
-        hole ? kHole : PackShared({of[0].Mean(samples), of[1].Mean(samples), of[2].Mean(samples)});
+    const uint32_t code = hole ? kHole
+                          : of[3].bits() == 0
+                              ? kUncovered
+                              : PackShared({of[0].Mean(samples), of[1].Mean(samples), of[2].Mean(samples)});
     std::memcpy(out.data() + p * sizeof code, &code, sizeof code);
   }
 }

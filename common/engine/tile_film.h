@@ -26,20 +26,22 @@ struct RenderedTile {
   uint64_t compute_us = 0;  ///< wall time of its thread without waits for blocks
 };
 
-/// The pixels of a tile under way: the sums of their samples' radiance, the layers and hits of sample 0, and
-/// the depth cells. Sums do not depend on the order of samples: see FixedRadiance. Units: pixels are lattice
-/// points of the tile, row by row; depths are scene units. Not thread-safe.
+/// The pixels of a tile under way: the sums of their samples' radiance and coverage, the layers and hits of
+/// sample 0, and the depth cells. Sums do not depend on the order of samples: see FixedRadiance. Units:
+/// pixels are lattice points of the tile, row by row; depths are scene units. Not thread-safe.
 class TileFilm {
  public:
   /// Begins a tile and reuses the memory of the last.
   void Open(const ViewContext& view, const Tile& tile);
 
   void Add(uint32_t pixel, const glm::vec3& radiance) {
-    FixedRadiance* to = &radiance_[size_t{3} * pixel];
+    FixedRadiance* to = &sums_[size_t{kColorWords} * pixel];
     to[0].Add(radiance.x);
     to[1].Add(radiance.y);
     to[2].Add(radiance.z);
   }
+  /// Notes that the primary ray of a sample hits something, or sees light.
+  void Cover(uint32_t pixel) { sums_[size_t{kColorWords} * pixel + 3].Add(1); }
   /// Notes that a primary ray of the depth cell ends at `depth` from the eye.
   void SawTo(uint32_t depth_cell, float depth) { depths_[depth_cell] = std::max(depths_[depth_cell], depth); }
   /// Sets the layers that the view asks for. `ray`: sample 0's; `hit.t` counts from the eye;
@@ -54,7 +56,7 @@ class TileFilm {
   /// Moves pixels, hits and depths into `result`.
   void Take(const ViewContext& view, RenderedTile& result);
   size_t memory_bytes() const {
-    return depths_.size() * sizeof(float) + radiance_.size() * sizeof(FixedRadiance) + aovs_.size() * 4 +
+    return depths_.size() * sizeof(float) + sums_.size() * sizeof(FixedRadiance) + aovs_.size() * 4 +
            hits_.size() * sizeof(Hit);
   }
 
@@ -64,11 +66,11 @@ class TileFilm {
   void PutShown(const ViewContext& view, Bytes& out) const;
 
   Tile tile_;
-  std::vector<float> depths_;            ///< by depth cell
-  std::vector<FixedRadiance> radiance_;  ///< 3 per pixel; empty with hits_only
-  std::vector<uint32_t> aovs_;           ///< words - 3 per pixel; empty with hits_only
-  std::vector<Hit> hits_;                ///< one per pixel; empty without hits_only
-  std::vector<bool> holes_;              ///< by pixel; empty if the tile leaves none
+  std::vector<float> depths_;        ///< by depth cell
+  std::vector<FixedRadiance> sums_;  ///< kColorWords per pixel; empty with hits_only
+  std::vector<uint32_t> aovs_;       ///< words - kColorWords per pixel; empty with hits_only
+  std::vector<Hit> hits_;            ///< one per pixel; empty without hits_only
+  std::vector<bool> holes_;          ///< by pixel; empty if the tile leaves none
 };
 
 }  // namespace quarry

@@ -152,7 +152,9 @@ void TileRenderer::TakeHits(uint32_t packet, uint64_t lanes, SamplePacket::Stage
   const RayPacket& rays = packets_[packet];
   s.Move(lanes, from, tile_.hits_only ? SamplePacket::kNext : SamplePacket::kSurface);
   ForEachLane(lanes, [&](uint32_t i) {
-    if (s.path_code[i] == kPrimaryPath) film_.SawTo(s.depth_cell[i], s.t_offset[i] + rays.hit_t[i]);
+    if (s.path_code[i] != kPrimaryPath) return;
+    film_.SawTo(s.depth_cell[i], s.t_offset[i] + rays.hit_t[i]);
+    if (!tile_.hits_only) film_.Cover(s.pixel[i]);
   });
   if (!tile_.hits_only) return;
   ForEachLane(lanes, [&](uint32_t i) {
@@ -167,13 +169,16 @@ void TileRenderer::TidyTouched() {
   touched_.erase(std::unique(touched_.begin(), touched_.end()), touched_.end());
 }
 
-/// Ends a ray that has hit nothing: the background, and depth and layers of a primary ray.
+/// Ends a ray that has hit nothing: the background, and depth and layers of a primary ray. Before a backdrop
+/// a primary ray adds nothing.
 void TileRenderer::Miss(uint32_t packet, uint32_t lane) {
   const SamplePacket& s = samples_[packet];
   if (s.path_code[lane] == kPrimaryPath) {
     film_.SawTo(s.depth_cell[lane], kInfinity);
     if (tile_.hits_only) return;
     if (s.sample[lane] == 0) WriteAovs(packet, lane);
+    if (view_->view.backdrop) return;
+    film_.Cover(s.pixel[lane]);
   }
   film_.Add(s.pixel[lane], s.weight[static_cast<int>(lane)] * view_->view.background);
 }

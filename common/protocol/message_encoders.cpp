@@ -53,6 +53,7 @@ std::unique_ptr<wire::ViewT> ViewToWire(const View& view) {
   w->ao_distance = view.ao_distance;
   w->ambient = ToVector(view.ambient);
   w->background = ToVector(view.background);
+  w->background_is_light = !view.backdrop;
   for (const Light& light : view.lights) w->lights.push_back(LightToWire(light));
   return w;
 }

@@ -91,6 +91,7 @@ Status ReadView(const wire::View& w, size_t message_bytes, View& view) {
   view.up_axis = w.up_axis();
   view.ao_samples = w.ao_samples();
   view.ao_distance = w.ao_distance();
+  view.backdrop = !w.background_is_light();
   return {};
 }
 

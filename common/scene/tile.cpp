@@ -5,7 +5,7 @@ namespace quarry {
 size_t BytesPerPoint(PixelForm form, uint32_t aov_mask) {
   const size_t words = WordsPerPixel(aov_mask);
   if (form == PixelForm::kShown) return sizeof(uint32_t);
-  return form == PixelForm::kSums ? 3 * sizeof(int64_t) + 4 * (words - 3) : 4 * words;
+  return form == PixelForm::kSums ? kColorWords * sizeof(int64_t) + 4 * (words - kColorWords) : 4 * words;
 }
 
 Status CheckTile(const Tile& tile, const View& view) {

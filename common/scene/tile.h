@@ -16,12 +16,16 @@ inline constexpr size_t kUrgencies = 3;
 
 /// What a tile's result holds of each lattice point.
 enum class PixelForm : uint8_t {
-  kMeans,  ///< three float32, the mean radiance of the view's samples; then the layers
-  kSums,   ///< three int64, the sum of the tile's samples as FixedRadiance has it; then the layers
-  kShown,  ///< a uint32, the mean of the tile's samples as PackShared() has it, or kHole
+  kMeans,  ///< four float32, the mean radiance and coverage of the view's samples; then the layers
+  kSums,   ///< four int64, the sums of the tile's samples as FixedRadiance has them; then the layers
+  /// A uint32, the mean of the tile's samples as PackShared() has it, kUncovered or kHole. What is covered in
+  /// part counts as covered.
+  kShown,
 };
 /// A point of kShown whose rays wait for blocks. PackShared() never gives it.
 inline constexpr uint32_t kHole = 0xFFFFFFFFu;
+/// A point of kShown that no sample covers. PackShared() never gives it.
+inline constexpr uint32_t kUncovered = 0xFFFFFFFDu;
 
 /// Limits of a tile: lattice points a side, and bytes of its result's points.
 inline constexpr uint32_t kMaxTilePoints = 256;

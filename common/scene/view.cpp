@@ -35,7 +35,7 @@ Status CheckCamera(const CameraSpec& c) {
 }
 
 uint32_t WordsPerPixel(uint32_t aov_mask) {
-  uint32_t words = 3;
+  uint32_t words = kColorWords;
   for (int a = 0; a < kAovs; ++a)
     if (aov_mask >> a & 1) words += static_cast<uint32_t>(kAovInfo[a].words);
   return words;

@@ -200,7 +200,10 @@ Status ReadLighting(const JsonValue& object, const glm::dvec3& offset, View& vie
     }
   }
   QUARRY_TRY(ReadOptional(object, "ambient", ReadColour, view.ambient));
-  return ReadOptional(object, "background", ReadColour, view.background);
+  QUARRY_ASSIGN(const std::optional<JsonValue> background, object.Optional("background"));
+  if (!background) return {};
+  view.backdrop = false;
+  return ReadColour(*background, view.background);
 }
 
 Status ReadView(const JsonValue& json, const glm::dvec3& offset, ViewDescription& into) {
@@ -247,7 +250,7 @@ ordered_json ViewToJson(const View& view, const std::optional<double>& exposure,
   j["lights"] = ordered_json::array();
   for (const Light& light : view.lights) j["lights"].push_back(ToJson(light, offset));
   j["ambient"] = ToJson(view.ambient);
-  j["background"] = ToJson(view.background);
+  if (!view.backdrop) j["background"] = ToJson(view.background);
   if (exposure) j["exposure"] = *exposure;
   return j;
 }

@@ -11,6 +11,7 @@
 #include "common/base/resource.h"
 #include "common/math/elementary.h"
 #include "common/math/shared_exponent.h"
+#include "master/jobs/shown_color.h"
 
 namespace quarry {
 namespace {
@@ -80,6 +81,7 @@ void FillHoles(std::vector<Level>& levels, size_t at, const Level::Pixel& backgr
 
 ToneTable::ToneTable(double ev) : ev_(ev) {
   const double gain = Exp2(ev);
+  for (size_t c = 0; c < 3; ++c) backdrop_[c] = ShownByte(0, gain, 0, c);
   for (uint32_t exponent = 0; exponent < 32; ++exponent)
     for (uint32_t mantissa = 0; mantissa < 512; ++mantissa) {
       const auto linear = static_cast<double>(UnpackShared(exponent << 27 | mantissa).x) * gain;
@@ -87,22 +89,39 @@ ToneTable::ToneTable(double ev) : ev_(ev) {
     }
 }
 
+std::array<uint8_t, 3> ToneTable::BeforeBackdrop(uint32_t code, uint8_t coverage) const {
+  const glm::vec3 radiance = UnpackShared(code);
+  const double gain = Exp2(ev_);
+  std::array<uint8_t, 3> shown{};
+  for (size_t c = 0; c < 3; ++c)
+    shown[c] = ShownByte(radiance[static_cast<int>(c)], gain, static_cast<float>(coverage) / 255, c);
+  return shown;
+}
+
+namespace {
+
+/// The colour of pixel `i` of the rows. Requires: it has one.
+std::array<uint8_t, 3> ShownAt(const PictureRows& rows, size_t i, const ToneTable& tone) {
+  return rows.coverage.empty() ? tone(rows.codes[i]) : tone(rows.codes[i], rows.coverage[i]);
+}
+
+}  // namespace
+
 void RgbMaker::Make(const PictureRows& rows, const ToneTable& tone, uint32_t background) {
   const auto& codes = rows.codes;
   rgb_.resize(3 * codes.size());
   if (std::ranges::all_of(codes, [](uint32_t code) { return code < kUntraced; })) {
-    for (size_t i = 0; i < codes.size(); ++i) std::ranges::copy(tone(codes[i]), &rgb_[3 * i]);
+    for (size_t i = 0; i < codes.size(); ++i) std::ranges::copy(ShownAt(rows, i, tone), &rgb_[3 * i]);
     return;
   }
-  const auto pixel = [&](uint32_t code) {
-    const auto color = tone(code);
+  const auto pixel = [&](const std::array<uint8_t, 3>& color) {
     return Level::Pixel{color[0], color[1], color[2], 1};
   };
   if (levels_.empty()) levels_.emplace_back();
   levels_[0].Open(rows.width, rows.height());
   for (size_t i = 0; i < codes.size(); ++i)
-    if (codes[i] < kUntraced) levels_[0].pixels[i] = pixel(codes[i]);
-  Fill(pixel(background));
+    if (codes[i] < kUntraced) levels_[0].pixels[i] = pixel(ShownAt(rows, i, tone));
+  Fill(pixel(tone(background)));
 }
 
 void RgbMaker::MakeSmall(const PictureRows& rows, const ToneTable& tone, uint32_t background, uint32_t step) {
@@ -115,9 +134,9 @@ void RgbMaker::MakeSmall(const PictureRows& rows, const ToneTable& tone, uint32_
       const uint32_t right = std::min((x + 1) * step, rows.width);
       for (uint32_t j = y * step; j < std::min((y + 1) * step, rows.height()); ++j)
         for (uint32_t i = x * step; i < right; ++i) {
-          const uint32_t code = rows.codes[size_t{j} * rows.width + i];
-          if (code >= kUntraced) continue;
-          const auto color = tone(code);
+          const size_t at = size_t{j} * rows.width + i;
+          if (rows.codes[at] >= kUntraced) continue;
+          const auto color = ShownAt(rows, at, tone);
           r += color[0];
           g += color[1];
           b += color[2];
@@ -173,7 +192,7 @@ Result<EncodedFrame> FrameEncoder::Encode(const DueFrame& frame, const SceneFact
     encoded.stripes.push_back({0, view.height, 1, true, std::move(png)});
   } else {
     if (!tone || tone->ev() != frame.exposure) tone.emplace(frame.exposure);
-    const uint32_t step = frame.scale, background = PackShared(view.background);
+    const uint32_t step = frame.scale, background = view.backdrop ? kUncovered : PackShared(view.background);
     for (const PictureRows& rows : frame.rows) {
       const auto small = [step](uint32_t length) { return (length + step - 1) / step; };
       if (step == 1)

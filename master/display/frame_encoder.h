@@ -14,7 +14,8 @@
 
 namespace quarry {
 
-/// A table from shared-exponent codes to 8 bits of sRGB, for one exposure: as PNGs are encoded. Immutable.
+/// A table from shared-exponent codes to 8 bits of sRGB, for one exposure: as PNGs are encoded. What is not
+/// covered has kBackdrop behind it. Immutable.
 class ToneTable {
  public:
   /// `ev`: exposure.
@@ -22,13 +23,21 @@ class ToneTable {
   double ev() const { return ev_; }
   /// The three channels of a code of PackShared().
   std::array<uint8_t, 3> operator()(uint32_t code) const {
+    if (code == kUncovered) return backdrop_;
     const uint32_t exponent = code >> 27 << 9;
     return {values_[exponent | (code & 511)], values_[exponent | (code >> 9 & 511)],
             values_[exponent | (code >> 18 & 511)]};
   }
+  /// The same of a code that covers a part of its pixel. Units: `coverage` in 255ths.
+  std::array<uint8_t, 3> operator()(uint32_t code, uint8_t coverage) const {
+    return coverage == 255 || code == kUncovered ? (*this)(code) : BeforeBackdrop(code, coverage);
+  }
 
  private:
+  std::array<uint8_t, 3> BeforeBackdrop(uint32_t code, uint8_t coverage) const;
+
   double ev_;
+  std::array<uint8_t, 3> backdrop_;
   std::array<uint8_t, size_t{32} * 512> values_;  ///< by exponent and mantissa
 };
 

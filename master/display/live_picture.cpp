@@ -14,10 +14,12 @@ void LivePicture::Open(uint32_t width, uint32_t height) {
   if (codes_.capacity() > 2 * pixels()) {  // a viewer's window that was large holds no memory
     codes_ = {};
     sums_ = {};
+    coverage_ = {};
     spare_ = {};
   }
   codes_.assign(pixels(), kUntraced);
   sums_.clear();
+  coverage_.clear();
   traced_ = waiting_ = summed_ = 0;
   samples_ = 0;
   news_.assign((height + kBandRows - 1) / kBandRows, false);
@@ -52,19 +54,27 @@ void LivePicture::PutShown(const Tile& tile, std::span<const std::byte> pixels) 
 }
 
 void LivePicture::PutSums(const Tile& tile, std::span<const std::byte> pixels) {
-  if (sums_.empty()) sums_.resize(3 * this->pixels());
+  if (sums_.empty()) {
+    sums_.resize(kColorWords * this->pixels());
+    coverage_.assign(this->pixels(), 255);
+  }
   const uint32_t samples = tile.first_sample + tile.samples;
   const std::byte* from = pixels.data();
   for (uint32_t row = 0; row < tile.rows(); ++row)
     for (uint32_t column = 0; column < tile.columns(); ++column) {
       const uint32_t x = tile.X(column), y = tile.Y(row);
-      FixedRadiance* sum = &sums_[3 * (size_t{y} * width_ + x)];
-      for (int c = 0; c < 3; ++c, from += sizeof(int64_t)) {
+      const size_t pixel = size_t{y} * width_ + x;
+      FixedRadiance* sum = &sums_[kColorWords * pixel];
+      for (uint32_t c = 0; c < kColorWords; ++c, from += sizeof(int64_t)) {
         int64_t bits = 0;
         std::memcpy(&bits, from, sizeof bits);
         sum[c].Add(FixedRadiance::FromBits(bits));
       }
-      Set(x, y, PackShared({sum[0].Mean(samples), sum[1].Mean(samples), sum[2].Mean(samples)}));
+      Set(x, y,
+          sum[3].bits() == 0
+              ? kUncovered
+              : PackShared({sum[0].Mean(samples), sum[1].Mean(samples), sum[2].Mean(samples)}));
+      coverage_[pixel] = static_cast<uint8_t>(255 * sum[3].Mean(samples) + 0.5f);
     }
   Note(tile);
   summed_ += uint64_t{tile.columns()} * tile.rows();
@@ -108,7 +118,13 @@ std::vector<PictureRows> LivePicture::TakeNews() {
       spare_.pop_back();
     }
     codes.assign(row(y), row(end));
-    runs.push_back({y, width_, std::move(codes)});
+    runs.push_back({y, width_, std::move(codes), {}});
+    if (!coverage_.empty()) {
+      const auto at = [&](uint32_t r) {
+        return coverage_.begin() + static_cast<std::ptrdiff_t>(size_t{r} * width_);
+      };
+      runs.back().coverage.assign(at(y), at(end));
+    }
   }
   news_.assign(news_.size(), false);
   any_news_ = false;

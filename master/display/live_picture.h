@@ -15,7 +15,9 @@ inline constexpr uint32_t kWaiting = kHole, kUntraced = kHole - 1;
 /// Rows of a picture, to be encoded. Units: pixels.
 struct PictureRows {
   uint32_t y = 0, width = 0;
-  std::vector<uint32_t> codes;  ///< PackShared(), kWaiting or kUntraced, row by row
+  std::vector<uint32_t> codes;  ///< PackShared(), kUncovered, kWaiting or kUntraced, row by row
+  /// 255 for what is covered, row by row; empty: all that has a colour is.
+  std::vector<uint8_t> coverage;
   uint32_t height() const { return static_cast<uint32_t>(codes.size() / width); }
 };
 
@@ -24,7 +26,7 @@ struct PictureRows {
 class LivePicture {
  public:
   /// Bytes that a pixel takes here, with sums and two copies of rows.
-  static constexpr uint64_t kPixelBytes = 3 * sizeof(uint32_t) + 3 * sizeof(FixedRadiance);
+  static constexpr uint64_t kPixelBytes = 3 * (sizeof(uint32_t) + 1) + kColorWords * sizeof(FixedRadiance);
   /// Rows that change together: a multiple of a JPEG's blocks.
   static constexpr uint32_t kBandRows = 32;
 
@@ -69,7 +71,8 @@ class LivePicture {
 
   uint32_t width_ = 0, height_ = 0;
   std::vector<uint32_t> codes_;
-  std::vector<FixedRadiance> sums_;  ///< three a pixel; empty before the first
+  std::vector<FixedRadiance> sums_;  ///< kColorWords a pixel; empty before the first
+  std::vector<uint8_t> coverage_;    ///< of the sums; empty before the first
   uint64_t traced_ = 0, waiting_ = 0;
   uint32_t samples_ = 0;
   uint64_t summed_ = 0;                       ///< pixels that have the newest range

@@ -22,12 +22,12 @@ constexpr Aov kLayers[] = {Aov::kDepth,    Aov::kNormal, Aov::kPrimitive,
 
 /// A pixel with the layers of a pick.
 struct PickedPixel {
-  float color[3];
+  float color[3], coverage;
   float depth;
   float normal[3];
   uint32_t primitive, material, part, voxel;
 };
-static_assert(sizeof(PickedPixel) == 11 * 4);
+static_assert(sizeof(PickedPixel) == 4 * (kColorWords + 8));
 
 /// The point that a pick hits, by the triangle's vertices in double: a traced depth has the precision of a
 /// float, and a traced normal may be an interpolated one.

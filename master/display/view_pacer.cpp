@@ -310,13 +310,14 @@ double ViewPacer::ExposureNow() {
   return *guess_;
 }
 
-/// The exposure by the pixels at hand, of which those in the background's colour count as no surface.
+/// The exposure by the pixels at hand that are covered, of which those in the background's colour count as no
+/// surface.
 double ViewPacer::GuessExposure() const {
   const uint32_t background = PackShared(wanted_.view.background);
   std::vector<MeteredPoint> points;
   const auto& codes = picture_.codes();
   std::vector<uint32_t> colored;
-  std::ranges::copy_if(codes, std::back_inserter(colored), [](uint32_t code) { return code < kUntraced; });
+  std::ranges::copy_if(codes, std::back_inserter(colored), [](uint32_t code) { return code < kUncovered; });
   for (size_t i = 0; i < colored.size(); i += 1 + colored.size() / kGuessPoints) {
     const glm::vec3 color = UnpackShared(colored[i]);
     points.push_back({0.2126f * color.x + 0.7152f * color.y + 0.0722f * color.z,

@@ -42,11 +42,12 @@ Tile MeteredTile(const View& view) {
 void AddMeteredPoints(std::span<const std::byte> pixels, std::span<const Material> materials,
                       std::vector<MeteredPoint>& points) {
   struct Pixel {
-    float color[3], depth;
+    float color[3], coverage, depth;
     uint32_t material;
   };
   for (Pixel p; pixels.size() >= sizeof p; pixels = pixels.subspan(sizeof p)) {
     std::memcpy(&p, pixels.data(), sizeof p);
+    if (p.coverage == 0) continue;  // what is put behind the picture is not exposed
     const auto& [r, g, b] = p.color;
     const bool surface = std::isfinite(p.depth);
     points.push_back({0.2126f * r + 0.7152f * g + 0.0722f * b, std::max({r, g, b}), surface,

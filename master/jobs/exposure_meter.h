@@ -17,7 +17,7 @@ namespace quarry {
 struct MeteredPoint {
   float luminance = 0;   ///< of its radiance, by the weights of sRGB's primaries
   float largest = 0;     ///< component of its radiance
-  bool surface = false;  ///< it shows a surface, not the background
+  bool surface = false;  ///< it shows a surface, not a background of light
   bool emits = false;    ///< a surface that shines by itself
 };
 
@@ -32,8 +32,8 @@ double ExposureFor(std::span<const MeteredPoint> points);
 /// lattice. Requires: `view` is normalized.
 View MeteredView(View view);
 Tile MeteredTile(const View& view);
-/// Appends the points of a part of MeteredTile(), from its pixels of PixelForm::kMeans. `materials`: the
-/// scene's. A material emits that has an emission without a texture and is not unlit.
+/// Appends the points that are covered of a part of MeteredTile(), from its pixels of PixelForm::kMeans.
+/// `materials`: the scene's. A material emits that has an emission without a texture and is not unlit.
 void AddMeteredPoints(std::span<const std::byte> pixels, std::span<const Material> materials,
                       std::vector<MeteredPoint>& points);
 

@@ -19,6 +19,7 @@
 #include "common/base/version.h"
 #include "common/math/elementary.h"
 #include "master/jobs/frame_memory.h"
+#include "master/jobs/shown_color.h"
 
 namespace quarry {
 namespace {
@@ -73,11 +74,17 @@ struct PngWriter {
   ~PngWriter() { png_destroy_write_struct(&png, &info); }
 };
 
-void WriteRows(PngWriter& writer, const View& view, const uint32_t* pixel, const SrgbEncoder& encode) {
+void WriteRows(PngWriter& writer, const View& view, const uint32_t* pixel, double ev,
+               const SrgbEncoder& encode) {
   const size_t words = WordsPerPixel(view.aov_mask);
+  const double gain = Exp2(ev);
   for (size_t y = 0; y < view.crop.height; ++y) {
-    for (size_t x = 0; x < writer.row.size(); x += 3, pixel += words)
-      for (size_t c = 0; c < 3; ++c) writer.row[x + c] = encode(pixel[c]);
+    for (size_t x = 0; x < writer.row.size(); x += 3, pixel += words) {
+      const float coverage = std::bit_cast<float>(pixel[3]);
+      for (size_t c = 0; c < 3; ++c)
+        writer.row[x + c] =
+            coverage == 1 ? encode(pixel[c]) : ShownByte(std::bit_cast<float>(pixel[c]), gain, coverage, c);
+    }
     png_write_row(writer.png, writer.row.data());
   }
 }
@@ -134,7 +141,7 @@ Result<Bytes> EncodePng(const View& view, const ImageFormat& format, const Scene
   png_set_filter(writer.png, 0, PNG_FILTER_UP);
   PutText(writer, TextsOf(view, scene, ev));
   png_write_info(writer.png, writer.info);
-  WriteRows(writer, view, pixels.data(), encode);
+  WriteRows(writer, view, pixels.data(), ev, encode);
   png_write_end(writer.png, nullptr);
   return file;
 }
@@ -170,8 +177,9 @@ std::vector<Channel> ChannelsOf(const View& view) {
       {{"uv.U"}, {"uv.V"}}, {{"primitive.id"}},
       {{"material.id"}},    {{"part.id"}},
       {{"voxel.id"}},       {{"albedo.R"}, {"albedo.G"}, {"albedo.B"}}};
-  std::vector<Channel> channels{{"R", Imf::FLOAT, 0}, {"G", Imf::FLOAT, 1}, {"B", Imf::FLOAT, 2}};
-  size_t word = 3;
+  std::vector<Channel> channels{
+      {"R", Imf::FLOAT, 0}, {"G", Imf::FLOAT, 1}, {"B", Imf::FLOAT, 2}, {"A", Imf::FLOAT, 3}};
+  size_t word = kColorWords;
   for (int a = 0; a < kAovs; ++a) {
     if (!view.has(static_cast<Aov>(a))) continue;
     for (const auto& same : names[a]) {

@@ -92,7 +92,7 @@ Status TriangleSpill::Add(const TriangleRecord& record) {
 
 void TriangleSpill::WeighUp() {
   const std::vector<KdTriangle>& sample = out_.sample.triangles();
-  if (!sample.empty()) out_.up_evidence = UpEvidence(sample, out_.bounds);
+  if (!sample.empty()) out_.up_evidence = UpEvidence(sample);
 }
 
 bool TriangleSpill::spills() const { return out_.triangles && out_.triangles->count() > kMostInMemory; }

@@ -45,9 +45,9 @@ Result<std::vector<float>> RenderImage(Renderer& renderer, const View& view) {
   const std::vector<Tile> tiles = TilesOf(view.crop);
   QUARRY_TRY(renderer.Render(view, tiles, [&](size_t i, const RenderedTile& result, Renderer::Progress) {
     const PixelRect& r = tiles[i].pixels;
-    for (uint32_t y = 0; y < r.height; ++y)
-      std::memcpy(&image[size_t{3} * ((r.y + y) * view.width + r.x)],
-                  result.pixels.data() + size_t{12} * y * r.width, size_t{12} * r.width);
+    for (uint32_t p = 0; p < r.height * r.width; ++p)
+      std::memcpy(&image[size_t{3} * ((r.y + p / r.width) * view.width + r.x + p % r.width)],
+                  result.pixels.data() + size_t{4 * kColorWords} * p, 3 * sizeof(float));
   }));
   return image;
 }
@@ -142,6 +142,7 @@ Status RunScene(const std::string& path, const Options& options, nlohmann::json&
   View view;
   view.width = view.height = options.size;
   view.spp = options.spp;
+  view.backdrop = false;
   view.lights = {DefaultSun(catalog.meta.up_axis)};
   QUARRY_ASSIGN(view.camera, FindView(path, catalog.meta, options.interior));
   QUARRY_TRY(NormalizeView(view));

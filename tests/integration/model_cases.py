@@ -11,7 +11,7 @@ from programs import Case
 SIDE = 40  # pixels of a picture
 
 RED, GREEN = (255, 0, 0), (0, 255, 0)
-BACKGROUND = (196, 211, 231)
+BACKGROUND = (232, 236, 241)
 SQUARE = dict(lower=(0, 0, 0), upper=(1, 1, 0))
 
 

@@ -93,7 +93,7 @@ class Pictures(Case):
     def test_the_up_axis_is_guessed_and_said(self):
         self.must("quarry-scene", "city", "--triangles", 5000, "-o", self.path("c.obj"), "--quiet")
         told = self.must("quarry-preprocess", self.path("c.obj"), "-o", self.path("c.quarry"))
-        self.assertIn("up axis: z, a guess (--up-axis y for the other)", told.stderr)
+        self.assertIn("up axis: z, a sure guess (--up-axis y for the other)", told.stderr)
         told = self.must("quarry-preprocess", self.path("c.obj"), "-o", self.path("y.quarry"), "--up-axis", "y")
         self.assertNotIn("guess", told.stderr)
         self.assertEqual(self.info(self.path("y.quarry"))["up_axis"], "y")

@@ -67,9 +67,10 @@ std::vector<float> RenderedBy(const std::string& store, const View& view) {
               ->Render(view, tiles,
                        [&](size_t i, const RenderedTile& result, quarry::Renderer::Progress) {
                          const PixelRect& r = tiles[i].pixels;
-                         for (uint32_t y = 0; y < r.height; ++y)
-                           std::memcpy(&image[size_t{3} * ((r.y + y) * view.width + r.x)],
-                                       result.pixels.data() + size_t{12} * y * r.width, size_t{12} * r.width);
+                         for (uint32_t p = 0; p < r.height * r.width; ++p)
+                           std::memcpy(
+                               &image[size_t{3} * ((r.y + p / r.width) * view.width + r.x + p % r.width)],
+                               result.pixels.data() + size_t{4 * kColorWords} * p, 3 * sizeof(float));
                        })
               .has_value());
   return image;

@@ -37,6 +37,7 @@ Result<View> MakeView(const LaboratoryScene& scene, Renderer renderer, const Cam
   view.height = height;
   view.spp = samples;
   view.mode = ModeOf(renderer);
+  view.backdrop = false;
   view.camera = camera;
   const SceneMeta& meta = scene.catalog().meta;
   SceneSummary summary{"", meta.offset, scene.views(), {}};

@@ -79,18 +79,18 @@ class LiveCluster : public LiveDispatcher::Sink {
     done.tile = **finished;
     return done;
   }
-  /// A picture as a batch job renders it: float32 means.
+  /// A picture as a batch job renders it: float32 means and coverage.
   std::vector<uint32_t> Batch(const View& view) {
-    std::vector<uint32_t> words(3 * size_t{view.width} * view.height);
+    std::vector<uint32_t> words(kColorWords * size_t{view.width} * view.height);
     const std::vector<Tile> tiles = TilesOf(view.crop);
     REQUIRE(renderer_
                 ->Render(view, tiles,
                          [&](size_t i, RenderedTile result, Renderer::Progress) {
                            const PixelRect& p = tiles[i].pixels;
                            for (uint32_t y = 0; y < p.height; ++y)
-                             std::memcpy(&words[3 * (size_t{p.y + y} * view.width + p.x)],
-                                         result.pixels.data() + size_t{y} * p.width * 12,
-                                         size_t{p.width} * 12);
+                             std::memcpy(&words[kColorWords * (size_t{p.y + y} * view.width + p.x)],
+                                         result.pixels.data() + size_t{y} * p.width * 4 * kColorWords,
+                                         size_t{p.width} * 4 * kColorWords);
                          })
                 .has_value());
     return words;

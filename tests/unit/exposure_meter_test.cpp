@@ -54,7 +54,7 @@ TEST_CASE("Materials emit by their emission, unless it is a texture's or they ar
   materials[3].textures.push_back({.use = TextureUse::kEmission});
   Bytes pixels;
   for (const uint32_t material : {0u, 1u, 2u, 3u, 4u, ~0u}) {
-    const float color_and_depth[] = {1, 1, 1, material == 4 ? std::numeric_limits<float>::infinity() : 2.0f};
+    const float color_and_depth[] = {1, 1, 1, 1, material == 4 ? std::numeric_limits<float>::infinity() : 2.0f};
     const std::span<const std::byte> floats = std::as_bytes(std::span(color_and_depth));
     const std::span<const std::byte> word = std::as_bytes(std::span(&material, 1));
     pixels.insert(pixels.end(), floats.begin(), floats.end());
@@ -81,6 +81,18 @@ TEST_CASE("An exposure does not depend on the order of points", "[exposure]") {
     std::shuffle(points.begin(), points.end(), random);
     CHECK(ExposureFor(points) == ev);
   }
+}
+
+TEST_CASE("What lies behind the picture is not exposed; a background of light is", "[exposure]") {
+  const test::Row row;
+  View view = test::Looking({0, -20, 0}, {3, 10, 4});
+  view.background = glm::vec3(100);
+  const auto behind = MeterExposure(*row.scene, view, 1 << 20, {});
+  view.backdrop = false;
+  const auto light = MeterExposure(*row.scene, view, 1 << 20, {});
+  REQUIRE(behind.has_value());
+  REQUIRE(light.has_value());
+  CHECK(*behind > *light + 2);
 }
 
 TEST_CASE("A crop, samples and caches do not change the exposure of a view", "[exposure]") {

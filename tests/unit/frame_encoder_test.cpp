@@ -2,6 +2,7 @@
 
 #include <catch2/catch.hpp>
 
+#include "common/math/elementary.h"
 #include "common/math/shared_exponent.h"
 
 // Pictures for viewers before they are compressed.
@@ -37,6 +38,22 @@ TEST_CASE(
   // Nothing traced: the background.
   maker.MakeSmall({0, 14, std::vector<uint32_t>(14 * 6, kWaiting)}, tone, grey, 4);
   for (size_t i = 0; i < 8; ++i) CHECK(pixel(i) == tone(grey));
+}
+
+TEST_CASE("Behind what is not covered lies the same colour at every exposure, by coverage at edges",
+          "[live]") {
+  const uint32_t red = PackShared({0.5f, 0, 0});
+  PictureRows rows{0, 3, {kUncovered, red, PackShared({0.25f, 0, 0})}, {0, 255, 128}};
+  const std::array<uint8_t, 3> behind{232, 236, 241};
+  for (const double ev : {-7.0, 0.0, 5.5}) {
+    const ToneTable tone(ev);
+    RgbMaker maker;
+    maker.Make(rows, tone, kUncovered);
+    for (size_t c = 0; c < 3; ++c) CHECK(maker.rgb()[c] == behind[c]);
+    CHECK(maker.rgb()[3] == tone(red)[0]);
+    CHECK(maker.rgb()[4] == 0);
+    CHECK(maker.rgb()[7] == static_cast<uint8_t>(EncodeSrgb(kBackdrop[1] * 127 / 255) * 255 + 0.5));
+  }
 }
 
 }  // namespace quarry

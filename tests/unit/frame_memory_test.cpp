@@ -27,9 +27,9 @@ uint64_t BytesOf(const RenderJob& job) { return FrameBytes(job.view, job.format)
 
 TEST_CASE("A frame's memory is reckoned before it is made, without overflow") {
   const uint64_t pixels = uint64_t{1} << 32;
-  CHECK(BytesOf(Job(65536)) > pixels * (12 + 2 * 3));
-  CHECK(BytesOf(Job(65536)) < pixels * 20);
-  CHECK(BytesOf(Job(65536, "exr", 127)) > pixels * 3 * 13 * 4);
+  CHECK(BytesOf(Job(65536)) > pixels * (16 + 2 * 3));
+  CHECK(BytesOf(Job(65536)) < pixels * 24);
+  CHECK(BytesOf(Job(65536, "exr", 127)) > pixels * 3 * 14 * 4);
   CHECK(BytesOf(Job(64)) < 2 << 20);
 }
 
@@ -49,7 +49,7 @@ TEST_CASE("A job that takes too much is refused with figures") {
   CHECK(memory.CheckJob(Job(1000), 0).has_value());
   const Status large = memory.CheckJob(Job(65536), 0);
   REQUIRE_FALSE(large.has_value());
-  CHECK_THAT(large.error().message, Catch::Contains("65536x65536 takes 76.") &&
+  CHECK_THAT(large.error().message, Catch::Contains("65536x65536 takes 92.") &&
                                         Catch::Contains("it has 56.0 MiB for pictures") &&
                                         Catch::Contains("--frame-memory"));
   const RenderJob longest = Job(16, "png", 0, kMaxFrames);

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <fstream>
@@ -46,6 +47,32 @@ class Model {
     if (!open) wall(o, z, x);
     wall(o, y, z);
     wall(x, z, y);
+  }
+  void AddBox(const glm::dvec3& low, const glm::dvec3& high) {
+    const auto at = [&](int corner) {
+      return glm::dvec3(corner & 1 ? high.x : low.x, corner & 2 ? high.y : low.y,
+                        corner & 4 ? high.z : low.z);
+    };
+    for (const auto& [a, b, c, d] : {std::array{0, 2, 3, 1}, std::array{4, 5, 7, 6}, std::array{0, 1, 5, 4},
+                                     std::array{2, 6, 7, 3}, std::array{0, 4, 6, 2}, std::array{1, 3, 7, 5}})
+      AddQuad(at(a), at(b), at(c), at(d));
+  }
+  /// Storeys of slabs and columns.
+  void AddTower(int storeys) {
+    for (int k = 0; k <= storeys; ++k) AddBox({0, 0, 3.5 * k - 0.3}, {18, 14, 3.5 * k});
+    for (int k = 0; k < storeys; ++k)
+      for (int i = 0; i < 7; ++i)
+        for (int j = 0; j < 5; ++j)
+          if (i % 6 == 0 || j % 4 == 0)
+            AddBox({2.9 * i, 3.3 * j, 3.5 * k}, {2.9 * i + 0.4, 3.3 * j + 0.4, 3.5 * k + 3.2});
+  }
+  /// Appends another model's faces; the other way round if `reversed`.
+  void Add(const Model& other, bool reversed) {
+    text_ += other.text_;
+    if (!reversed) return;
+    size_t at = 0;
+    while ((at = text_.find("f -4 -3 -2 -1", at)) != std::string::npos)
+      text_.replace(at, 13, "f -1 -2 -3 -4");
   }
   Framing Probe(bool find_inside) const {
     const TemporaryFolder folder;
@@ -97,6 +124,55 @@ TEST_CASE("Without strays all of a model is framed", "[framing]") {
   const Framing framing = model.Probe(false);
   CHECK(framing.upper.x == Approx(1.5));
   CHECK(framing.lower.z == Approx(-1));
+}
+
+TEST_CASE("A thing on a plate is framed, whatever voxels the plate crosses, and so is one before a backdrop",
+          "[framing]") {
+  for (const bool backdrop : {false, true}) {
+    Model model;
+    model.AddSphere({0, 0, 1}, 1, 250);
+    model.AddQuad({-20, -20, 0}, {20, -20, 0}, {20, 20, 0}, {-20, 20, 0});
+    if (backdrop) model.AddQuad({-20, 1.5, 0}, {20, 1.5, 0}, {20, 1.5, 20}, {-20, 1.5, 20});
+    const Framing framing = model.Probe(false);
+    CHECK_FALSE(framing.interior);
+    CHECK(glm::length(framing.lower - glm::dvec3(-1, -1, 0)) < 0.1);
+    CHECK(glm::length(framing.upper - glm::dvec3(1, backdrop ? 1.5 : 1, 2)) < 0.6);
+  }
+}
+
+TEST_CASE("What is solid, or a tower of storeys, is no interior, whichever way its faces turn", "[framing]") {
+  for (const bool reversed : {false, true}) {
+    Model solid, tower, room, things;
+    things.AddSphere({0, 0, 0}, 1, 32);
+    solid.Add(things, reversed);
+    CHECK_FALSE(solid.Probe(false).interior);
+    Model storeys;
+    storeys.AddTower(12);
+    tower.Add(storeys, reversed);
+    CHECK_FALSE(tower.Probe(false).interior);
+    Model hall;
+    hall.AddRoom({8, 6, 3}, false);
+    hall.AddSphere({4, 3, 0.5}, 0.5, 12);
+    room.Add(hall, reversed);
+    CHECK(room.Probe(false).interior);
+  }
+}
+
+TEST_CASE("The view inside has no column in its middle", "[framing]") {
+  Model model;
+  model.AddRoom({16, 12, 3}, false);
+  model.AddSphere({8, 6, 0.5}, 0.5, 12);
+  for (const glm::dvec3 place :
+       {glm::dvec3(5, 4, 0), glm::dvec3(11, 4, 0), glm::dvec3(5, 8, 0), glm::dvec3(11, 8, 0)})
+    model.AddBox(place - glm::dvec3(0.3, 0.3, 0), place + glm::dvec3(0.3, 0.3, 3));
+  const Framing framing = model.Probe(true);
+  REQUIRE(framing.inside.has_value());
+  const glm::dvec3 forward = glm::normalize(framing.inside->at - framing.inside->eye);
+  for (double along = 0.1; along < 6; along += 0.1) {
+    const glm::dvec3 p = framing.inside->eye + along * forward;
+    for (const double x : {5.0, 11.0})
+      for (const double y : {4.0, 8.0}) CHECK_FALSE((std::fabs(p.x - x) < 0.3 && std::fabs(p.y - y) < 0.3));
+  }
 }
 
 TEST_CASE("A closed room is an interior, seen from a place inside", "[framing]") {

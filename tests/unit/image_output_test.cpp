@@ -59,6 +59,9 @@ TEST_CASE("A PNG holds the sRGB encoding of every value") {
                              -std::numeric_limits<float>::infinity(),
                              std::numeric_limits<float>::quiet_NaN()};
     for (size_t i = 0; i < std::size(special); ++i) pixels[i] = std::bit_cast<uint32_t>(special[i]);
+    // Covered wholly, not at all, and in part.
+    for (size_t p = 0; p < pixels.size() / 4; ++p)
+      pixels[4 * p + 3] = std::bit_cast<uint32_t>(p % 3 == 0 ? 1.0f : p % 3 == 1 ? 0.0f : 0.25f);
     const auto file = EncodeImage(job.view, job.format, {}, job.format.exposure.value_or(0), pixels);
     REQUIRE(file.has_value());
     OIIO::ImageSpec spec;
@@ -68,7 +71,10 @@ TEST_CASE("A PNG holds the sRGB encoding of every value") {
     REQUIRE(spec.nchannels == 3);
     size_t differing = 0;
     for (size_t i = 0; i < values.size(); ++i) {
-      const double linear = static_cast<double>(std::bit_cast<float>(pixels[i])) * Exp2(exposure);
+      const size_t word = 4 * (i / 3) + i % 3;
+      const double behind =
+          (1 - static_cast<double>(std::bit_cast<float>(pixels[4 * (i / 3) + 3]))) * kBackdrop[i % 3];
+      const double linear = static_cast<double>(std::bit_cast<float>(pixels[word])) * Exp2(exposure) + behind;
       differing += values[i] != static_cast<uint8_t>(EncodeSrgb(linear) * 255 + 0.5);
     }
     CHECK(differing == 0);
@@ -93,6 +99,7 @@ TEST_CASE("An EXR holds every word of the crop, by name") {
   const std::vector<std::vector<std::string>> names = {{"R"},
                                                        {"G"},
                                                        {"B"},
+                                                       {"A"},
                                                        {"depth.Z", "Z"},
                                                        {"normal.X", "N.X"},
                                                        {"normal.Y", "N.Y"},
@@ -113,7 +120,7 @@ TEST_CASE("An EXR holds every word of the crop, by name") {
       const auto at = static_cast<size_t>(spec.channelindex(name));
       REQUIRE(at < channels);
       CHECK(spec.channelformat(static_cast<int>(at)) ==
-            (word < 9 || word >= 13 ? OIIO::TypeFloat : OIIO::TypeUInt32));
+            (word < 10 || word >= 14 ? OIIO::TypeFloat : OIIO::TypeUInt32));
       size_t differing = 0;
       for (size_t p = 0; p < pixels.size() / names.size(); ++p)
         differing += words[p * channels + at] != pixels[p * names.size() + word];

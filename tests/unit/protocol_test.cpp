@@ -24,6 +24,7 @@ RenderJob MakeJob() {
                      {LightKind::kSun, {0, 0, 1}, {1, 1, 1}}};
   job.view.ambient = {0.1f, 0.2f, 0.3f};
   job.view.background = {0.4f, 0.5f, 0.6f};
+  job.view.backdrop = false;
   job.cameras = {{{1, 2, 3}, {4, 5, 7}, {0, 1, 0}, 33.5, 0}, {{0, 0, 0}, {1, 0, 0}, {0, 0, 1}, 60, 12.5}};
   job.first_frame = 7;
   return job;
@@ -47,6 +48,7 @@ void CheckSame(const View& a, const View& b) {
   CHECK(a.aov_mask == b.aov_mask);
   CHECK(a.ambient == b.ambient);
   CHECK(a.background == b.background);
+  CHECK(a.backdrop == b.backdrop);
   REQUIRE(a.lights.size() == b.lights.size());
   for (size_t i = 0; i < a.lights.size(); ++i) {
     CHECK(a.lights[i].kind == b.lights[i].kind);

@@ -133,10 +133,10 @@ TEST_CASE("A lattice renders the pixels in the middle of its squares", "[rendere
   const View view = Seen({5, -20, 3}, {3, 10, 4});
   const RenderedTile all = RenderOne(*renderer, view, {kMiddle}),
                      some = RenderOne(*renderer, view, {kMiddle, 4});
-  REQUIRE(some.pixels.size() == 8 * 8 * 12);
+  REQUIRE(some.pixels.size() == 8 * 8 * 16);
   for (size_t y = 0; y < 8; ++y)
     for (size_t x = 0; x < 8; ++x)
-      CHECK(std::memcmp(&some.pixels[12 * (8 * y + x)], &all.pixels[12 * (32 * (4 * y + 2) + 4 * x + 2)],
+      CHECK(std::memcmp(&some.pixels[16 * (8 * y + x)], &all.pixels[16 * (32 * (4 * y + 2) + 4 * x + 2)],
                         12) == 0);
 }
 

@@ -155,15 +155,15 @@ void CheckWall(double eye_y, double fov_degrees) {
       // The wall's diagonal parts its two triangles; on it the lower id counts.
       const uint32_t triangle = right > up - 1e-9 ? 4 : 5;
       INFO("pixel " << x << ", " << y);
-      CHECK(number(3) == Approx(depth).epsilon(1e-5));
-      CHECK(number(5) == -1);  // the normal, toward the eye
-      CHECK(word(9) == triangle);
-      CHECK(word(10) == 0);  // material
-      CHECK(word(11) == 0);  // part
-      CHECK(word(12) == 2);  // voxel
+      CHECK(number(4) == Approx(depth).epsilon(1e-5));
+      CHECK(number(6) == -1);  // the normal, toward the eye
+      CHECK(word(10) == triangle);
+      CHECK(word(11) == 0);  // material
+      CHECK(word(12) == 0);  // part
+      CHECK(word(13) == 2);  // voxel
       CHECK(hits.hits[32 * y + x].triangle == triangle);
-      CHECK(hits.hits[32 * y + x].t == number(3));
-      CHECK(tile.depths.at(8 * (y / kDepthCell) + x / kDepthCell) >= number(3));
+      CHECK(hits.hits[32 * y + x].t == number(4));
+      CHECK(tile.depths.at(8 * (y / kDepthCell) + x / kDepthCell) >= number(4));
       // The headlight: albedo times the cosine between the ray and the wall's normal.
       for (uint32_t c = 0; c < 3; ++c)
         CHECK(number(c) == Approx(static_cast<double>(albedo[static_cast<int>(c)]) / length).epsilon(1e-4));
@@ -182,15 +182,24 @@ TEST_CASE("Where rays hit nothing a tile has the background, and the layers say 
   View view = Looking({0, kEyeY, 0}, {0, -30, 0});
   view.aov_mask = 127;
   view.background = {0.25f, 0.5f, 0.75f};
+  view.backdrop = false;
   Bench bench(row);
   const RenderedTile tile = bench.Render(view, {kMiddle});
   for (const uint32_t at : {0u, 17u, 31u}) {
     for (uint32_t c = 0; c < 3; ++c)
-      CHECK(WordAt<float>(tile, 32, 13, at, at, c) == view.background[static_cast<int>(c)]);
-    CHECK(std::isinf(WordAt<float>(tile, 32, 13, at, at, 3)));
-    for (const uint32_t word : {9u, 10u, 11u, 12u})
-      CHECK(WordAt<uint32_t>(tile, 32, 13, at, at, word) == 0xFFFFFFFFu);
+      CHECK(WordAt<float>(tile, 32, 14, at, at, c) == view.background[static_cast<int>(c)]);
+    CHECK(WordAt<float>(tile, 32, 14, at, at, 3) == 1);
+    CHECK(std::isinf(WordAt<float>(tile, 32, 14, at, at, 4)));
+    for (const uint32_t word : {10u, 11u, 12u, 13u})
+      CHECK(WordAt<uint32_t>(tile, 32, 14, at, at, word) == 0xFFFFFFFFu);
   }
+  view.backdrop = true;
+  const RenderedTile uncovered = bench.Render(view, {kMiddle});
+  for (uint32_t c = 0; c < 4; ++c) CHECK(WordAt<float>(uncovered, 32, 14, 17, 17, c) == 0);
+  Tile shown{kMiddle};
+  shown.form = PixelForm::kShown;
+  shown.samples = 1;
+  CHECK(WordAt<uint32_t>(bench.Render(view, shown), 32, 1, 17, 17, 0) == kUncovered);
   CHECK(tile.rays == kPixels);
   CHECK(tile.rays_suspended == 0);
   CHECK(tile.blocks.empty());
@@ -262,7 +271,7 @@ TEST_CASE("A lattice at the picture's edge stays in it, and its points are the w
   for (const uint32_t step : {1u, 4u, 5u, 8u}) {
     const Tile lattice{edge, step};
     const RenderedTile some = bench.Render(view, lattice);
-    REQUIRE(some.pixels.size() == size_t{lattice.columns()} * lattice.rows() * 12);
+    REQUIRE(some.pixels.size() == size_t{lattice.columns()} * lattice.rows() * 16);
     CHECK(some.depths.size() == size_t{DepthCells(lattice.columns())} * DepthCells(lattice.rows()));
     for (uint32_t y = 0; y < lattice.rows(); ++y)
       for (uint32_t x = 0; x < lattice.columns(); ++x) {
@@ -270,8 +279,8 @@ TEST_CASE("A lattice at the picture's edge stays in it, and its points are the w
                        py = std::min(y * step + step / 2, edge.height - 1);
         INFO("step " << step << ", point " << x << ", " << y);
         for (uint32_t c = 0; c < 3; ++c)
-          CHECK(WordAt<float>(some, lattice.columns(), 3, x, y, c) ==
-                WordAt<float>(all, edge.width, 3, px, py, c));
+          CHECK(WordAt<float>(some, lattice.columns(), 4, x, y, c) ==
+                WordAt<float>(all, edge.width, 4, px, py, c));
       }
   }
 }
@@ -287,8 +296,8 @@ TEST_CASE("Hits alone belong to sample 0 and cost one ray a point", "[tile_rende
   CHECK(hits.rays == kPixels);
   REQUIRE(hits.hits.size() == kPixels);
   for (uint32_t i = 0; i < kPixels; ++i) {
-    CHECK(hits.hits[i].t == WordAt<float>(all, 32, 5, i % 32, i / 32, 3));
-    CHECK(hits.hits[i].triangle == WordAt<uint32_t>(all, 32, 5, i % 32, i / 32, 4));
+    CHECK(hits.hits[i].t == WordAt<float>(all, 32, 6, i % 32, i / 32, 4));
+    CHECK(hits.hits[i].triangle == WordAt<uint32_t>(all, 32, 6, i % 32, i / 32, 5));
   }
   CHECK(hits.blocks == Blocks{BlockKey::Hot(0), BlockKey::Hot(1), BlockKey::Hot(2)});
 }
@@ -339,7 +348,7 @@ TEST_CASE("A tile's memory is fixed when it is opened, and within what engines c
     Bench bench(row);
     bench.Open(view, {kMiddle});
     const size_t opened = bench.renderer.memory_bytes();
-    CHECK(opened <= (view.mode == RenderMode::kWhitted ? 660u << 10 : 231u << 10));
+    CHECK(opened <= (view.mode == RenderMode::kWhitted ? 660u << 10 : 239u << 10));
     while (!bench.renderer.done()) {
       bench.StepOn();
       CHECK(bench.renderer.memory_bytes() == opened);
@@ -362,14 +371,14 @@ TEST_CASE("Nested lattices trace each pixel once, as the first sample of the who
     tile.phase_x = x;
     tile.phase_y = y;
     const RenderedTile part = bench.Render(view, tile);
-    REQUIRE(part.pixels.size() == size_t{12} * tile.columns() * tile.rows());
+    REQUIRE(part.pixels.size() == size_t{16} * tile.columns() * tile.rows());
     for (uint32_t r = 0; r < tile.rows(); ++r)
       for (uint32_t c = 0; c < tile.columns(); ++c) {
         const uint32_t px = tile.X(c) - cut.x, py = tile.Y(r) - cut.y;
         ++traced.at(py * cut.width + px);
-        for (uint32_t w = 0; w < 3; ++w)
-          REQUIRE(WordAt<uint32_t>(part, tile.columns(), 3, c, r, w) ==
-                  WordAt<uint32_t>(whole, cut.width, 3, px, py, w));
+        for (uint32_t w = 0; w < 4; ++w)
+          REQUIRE(WordAt<uint32_t>(part, tile.columns(), 4, c, r, w) ==
+                  WordAt<uint32_t>(whole, cut.width, 4, px, py, w));
       }
   };
   trace(4, 0, 0);
@@ -387,7 +396,7 @@ TEST_CASE("Sums of ranges of samples are the sum of all", "[renderer][live]") {
   view.aov_mask = 1;  // depth, with the first range
   Bench bench(row);
   const RenderedTile whole = bench.Render(view, {kCentre});
-  std::vector<FixedRadiance> sums(3 * size_t{kPixels});
+  std::vector<FixedRadiance> sums(4 * size_t{kPixels});
   std::vector<uint32_t> depths(kPixels);
   for (const auto& [first, count] : {std::pair(3u, 1u), std::pair(0u, 1u), std::pair(1u, 2u)}) {
     Tile tile{kCentre};
@@ -395,18 +404,18 @@ TEST_CASE("Sums of ranges of samples are the sum of all", "[renderer][live]") {
     tile.samples = count;
     tile.form = PixelForm::kSums;
     const RenderedTile part = bench.Render(view, tile);
-    REQUIRE(part.pixels.size() == size_t{kPixels} * 28);
+    REQUIRE(part.pixels.size() == size_t{kPixels} * 36);
     for (size_t p = 0; p < kPixels; ++p) {
-      int64_t sum[3];
-      std::memcpy(sum, part.pixels.data() + 28 * p, sizeof sum);
-      for (size_t c = 0; c < 3; ++c) sums[3 * p + c].Add(FixedRadiance::FromBits(sum[c]));
-      if (first == 0) std::memcpy(&depths[p], part.pixels.data() + 28 * p + 24, 4);
+      int64_t sum[4];
+      std::memcpy(sum, part.pixels.data() + 36 * p, sizeof sum);
+      for (size_t c = 0; c < 4; ++c) sums[4 * p + c].Add(FixedRadiance::FromBits(sum[c]));
+      if (first == 0) std::memcpy(&depths[p], part.pixels.data() + 36 * p + 32, 4);
     }
   }
   for (uint32_t p = 0; p < kPixels; ++p) {
-    for (uint32_t c = 0; c < 3; ++c)
-      REQUIRE(WordAt<float>(whole, 32, 4, p % 32, p / 32, c) == sums[3 * size_t{p} + c].Mean(view.spp));
-    REQUIRE(WordAt<uint32_t>(whole, 32, 4, p % 32, p / 32, 3) == depths[p]);
+    for (uint32_t c = 0; c < 4; ++c)
+      REQUIRE(WordAt<float>(whole, 32, 5, p % 32, p / 32, c) == sums[4 * size_t{p} + c].Mean(view.spp));
+    REQUIRE(WordAt<uint32_t>(whole, 32, 5, p % 32, p / 32, 4) == depths[p]);
   }
 }
 
@@ -436,11 +445,14 @@ TEST_CASE("What is shown in motion is near the mean, and rays that wait leave ho
   const RenderedTile shown = bench.Render(view, tile);
   CHECK(shown.holes == 0);
   for (uint32_t p = 0; p < kPixels; ++p) {
-    const glm::vec3 color = UnpackShared(WordAt<uint32_t>(shown, 32, 1, p % 32, p / 32, 0));
+    const auto code = WordAt<uint32_t>(shown, 32, 1, p % 32, p / 32, 0);
+    REQUIRE((code == kUncovered) == (WordAt<float>(whole, 32, 4, p % 32, p / 32, 3) == 0));
+    if (code == kUncovered) continue;
+    const glm::vec3 color = UnpackShared(code);
     float most = 0;
-    for (uint32_t c = 0; c < 3; ++c) most = std::max(most, WordAt<float>(whole, 32, 3, p % 32, p / 32, c));
+    for (uint32_t c = 0; c < 3; ++c) most = std::max(most, WordAt<float>(whole, 32, 4, p % 32, p / 32, c));
     for (uint32_t c = 0; c < 3; ++c)
-      REQUIRE(std::fabs(color[static_cast<int>(c)] - WordAt<float>(whole, 32, 3, p % 32, p / 32, c)) <=
+      REQUIRE(std::fabs(color[static_cast<int>(c)] - WordAt<float>(whole, 32, 4, p % 32, p / 32, c)) <=
               most / 512);
   }
 }

@@ -40,6 +40,7 @@ View AnyView() {
                  {LightKind::kSun, {0, 0, 1}, {0.1f, 1, 1}}};
   view.ambient = {0.1f, 0.2f, 0.3f};
   view.background = {0.4f, 0.5f, 0.6f};
+  view.backdrop = false;
   view.camera = {{1, 2, 3}, {4, 5, 7}, {0, 1, 0}, 33.5, 0};
   return view;
 }
@@ -72,6 +73,16 @@ TEST_CASE("Members that a view lacks stay as they were", "[view]") {
   CHECK(description.view.spp == 3);
   CHECK(description.view.width == 321);
   CHECK_FALSE(description.format.exposure.has_value());
+}
+
+TEST_CASE("A background that is given is light; without one the view keeps its backdrop", "[view]") {
+  ViewDescription given, none;
+  REQUIRE(Read(R"({"background": [0.1, 0.2, 0.3]})", given).has_value());
+  CHECK_FALSE(given.view.backdrop);
+  REQUIRE(Read(R"({"spp": 2})", none).has_value());
+  CHECK(none.view.backdrop);
+  CHECK_FALSE(ViewToJson(none.view, std::nullopt, {}).contains("background"));
+  CHECK(ViewToJson(given.view, std::nullopt, {}).contains("background"));
 }
 
 TEST_CASE("A view that cannot be is refused with its place", "[view]") {

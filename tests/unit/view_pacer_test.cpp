@@ -91,10 +91,11 @@ TEST_CASE("Each pixel of a lattice is the picture's sample 0", "[live]") {
     for (const PictureRows& rows : frame.rows)
       for (size_t i = 0; i < rows.codes.size(); ++i) {
         if (rows.codes[i] >= kUntraced) continue;
-        float color[3];
-        std::memcpy(color, &batch[3 * (size_t{rows.y} * 200 + i)], sizeof color);
-        compared += rows.codes[i] == PackShared({color[0], color[1], color[2]});
-        REQUIRE(rows.codes[i] == PackShared({color[0], color[1], color[2]}));
+        float color[4];
+        std::memcpy(color, &batch[4 * (size_t{rows.y} * 200 + i)], sizeof color);
+        const uint32_t code = color[3] == 0 ? kUncovered : PackShared({color[0], color[1], color[2]});
+        compared += rows.codes[i] == code;
+        REQUIRE(rows.codes[i] == code);
       }
   CHECK(compared > 200 * 150 / 2);
 }
