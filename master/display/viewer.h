@@ -32,7 +32,8 @@ struct ViewMemory {
   /// Bytes that a pixel of a view takes: its picture with rows under way, the exact frame, and the messages
   /// of the two frames that may be under way, PNGs that do not compress; and bytes that the encoder takes for
   /// a pixel of the largest view.
-  static constexpr uint64_t kPixelBytes = LivePicture::kPixelBytes + kColorWords * 4 + 2 * 4, kEncoderBytes = 24;
+  static constexpr uint64_t kPixelBytes = LivePicture::kPixelBytes + kColorWords * 4 + 2 * 4,
+                            kEncoderBytes = 24;
   uint64_t most_pixels() const { return most / (kPixelBytes + kEncoderBytes); }
   /// Whether a view of `pixels` has room where now `own` bytes are taken for its viewer.
   bool Fits(uint64_t pixels, uint64_t own) const {

@@ -54,7 +54,8 @@ TEST_CASE("Materials emit by their emission, unless it is a texture's or they ar
   materials[3].textures.push_back({.use = TextureUse::kEmission});
   Bytes pixels;
   for (const uint32_t material : {0u, 1u, 2u, 3u, 4u, ~0u}) {
-    const float color_and_depth[] = {1, 1, 1, 1, material == 4 ? std::numeric_limits<float>::infinity() : 2.0f};
+    const float color_and_depth[] = {1, 1, 1, 1,
+                                     material == 4 ? std::numeric_limits<float>::infinity() : 2.0f};
     const std::span<const std::byte> floats = std::as_bytes(std::span(color_and_depth));
     const std::span<const std::byte> word = std::as_bytes(std::span(&material, 1));
     pixels.insert(pixels.end(), floats.begin(), floats.end());
