@@ -126,8 +126,8 @@ class Bench final : FrameSource {
     done.depths.assign(size_t{DepthCells(order.area.pixels.width)} * DepthCells(order.area.pixels.height),
                        10.0f);
     done.blocks = blocks_[order.tile];
-    const auto pixels =
-        std::span(pixels_).first(size_t{order.area.pixels.width} * order.area.pixels.height * 12);
+    const auto pixels = std::span(pixels_).first(size_t{order.area.pixels.width} * order.area.pixels.height *
+                                                 4 * kColorWords);
     if (!dispatcher_->Finish(workers_[tile.worker - 1], done, pixels, now_s_))
       throw std::runtime_error("a tile that does not fit");
   }
@@ -213,7 +213,7 @@ class Bench final : FrameSource {
   std::vector<uint64_t> cost_us_;              ///< by tile
   std::vector<uint32_t> bytes_;                ///< by block
   BlockSet all_;
-  const Bytes pixels_ = Bytes(size_t{kTileSize} * kTileSize * 12);
+  const Bytes pixels_ = Bytes(size_t{kTileSize} * kTileSize * 4 * kColorWords);
   std::vector<View> waiting_;  ///< the frame that may begin
   Dispatcher* dispatcher_ = nullptr;
   double now_s_ = 0;

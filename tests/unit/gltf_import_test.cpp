@@ -58,7 +58,10 @@ void CheckTwoSquares(const RecordingSink& sink) {
   CHECK(glm::distance(sink.normals[4], glm::vec3(0, 0, 1)) < 1e-6f);
   CHECK(sink.uvs[2] == glm::vec2(1));
   CHECK((sink.colors[1].g == 255 && sink.colors[1].r == 0 && sink.colors[3].r == 51));
-  REQUIRE(sink.materials.size() == 1);
+  // Beside the material its levels of alpha, since a vertex has 0.
+  REQUIRE(sink.materials.size() == 1 + kAlphaLevels);
+  CHECK(sink.materials[1].name == "glass, alpha 0/16");
+  CHECK(sink.materials[1].transmittance == glm::vec3(1));
   CHECK(sink.materials[0].name == "glass");
   CHECK(sink.materials[0].diffuse == glm::vec3(0.25f, 0.125f, 0.5f));
   CHECK(sink.materials[0].transmittance == glm::vec3(0.5f));

@@ -103,7 +103,8 @@ TEST_CASE("What a worker holds of one frame it is not given of the next") {
   CHECK(count(given, first) == 4);
   CHECK(AssignTiles({&first, &second}, {{1, 6}}, 0, false, {}, next).empty());
   const TileOrder& order = given[0].order;
-  REQUIRE(*first.Finish({1, order.tile, order.lease, 0, 0, 0, Depths()}, Bytes(32 * 32 * 3 * 4), 1));
+  REQUIRE(
+      *first.Finish({1, order.tile, order.lease, 0, 0, 0, Depths()}, Bytes(32 * 32 * kColorWords * 4), 1));
   const auto more = AssignTiles({&first, &second}, {{1, 6}}, 1, false, {}, next);
   CHECK(more.size() == 1);
   CHECK(count(more, second) == 1);
@@ -133,7 +134,7 @@ TEST_CASE("Results count once, under a lease that is known; a dead worker's tile
   ActiveFrame frame(5, view, nullptr);
   const TileOrder first = frame.Lease({0, 1}, 0), second = frame.Lease({0, 2}, 1),
                   other = frame.Lease({1, 1}, 1);
-  const Bytes pixels(32 * 32 * 3 * 4);
+  const Bytes pixels(32 * 32 * kColorWords * 4);
   CHECK_FALSE(*frame.Finish({4, 0, first.lease, 0, 0}, pixels, 2));  // another frame
   CHECK_FALSE(*frame.Finish({5, 0, 999, 0, 0}, pixels, 2));          // no such lease
   CHECK_FALSE(*frame.Finish({5, 2, first.lease, 0, 0}, pixels, 2));  // a lease of another tile

@@ -253,6 +253,27 @@ TEST_CASE("glTF: texture coordinates scaled, turned and moved", "[import][textur
     CHECK(sink.materials[0].textures[0].transform[i] == Approx(wanted[i]).margin(1e-6));
 }
 
+TEST_CASE("glTF: a triangle carries the coordinates of its base colour", "[import][texture][gltf]") {
+  const TempFolder folder;
+  folder.Write("a.png", "x");
+  Document d;
+  d.json["images"] = {{{"uri", "a.png"}}};
+  nlohmann::json& material = d.json["materials"][0];
+  material["pbrMetallicRoughness"]["baseColorTexture"]["texCoord"] = 1;
+  material["emissiveTexture"] = {{"index", 0}, {"texCoord", 1}};
+  const RecordingSink one = d.Import(folder);
+  CHECK(one.materials[0].textures.size() == 2);
+  CHECK(one.warnings.empty());
+  // Once a material, however many of its textures go by other coordinates.
+  material["emissiveTexture"]["texCoord"] = 0;
+  material["normalTexture"] = {{"index", 0}, {"texCoord", 2}};
+  const RecordingSink mixed = d.Import(folder);
+  CHECK(mixed.materials[0].textures.size() == 1);
+  REQUIRE(mixed.warnings.size() == 1);
+  CHECK_THAT(mixed.warnings[0], Catch::Contains("more than one set of texture coordinates") &&
+                                    Catch::Contains("carries TEXCOORD_1"));
+}
+
 TEST_CASE("glTF: what cannot be carried is one warning each", "[import][texture][gltf]") {
   const auto warning = [](auto&& change) {
     const TempFolder folder;
@@ -286,18 +307,6 @@ TEST_CASE("glTF: what cannot be carried is one warning each", "[import][texture]
              Contains("images[3] is not there"));
   CHECK_THAT(warning([](Document& d) { d.json["textures"][0].erase("source"); }),
              Contains("textures[0] has no image of a format that is read"));
-  CHECK_THAT(warning([](Document& d) {
-               d.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]["texCoord"] = 1;
-             }),
-             Contains("goes by TEXCOORD_1"));
-  // Once a material, however many of its textures do.
-  CHECK_THAT(warning([](Document& d) {
-               nlohmann::json& material = d.json["materials"][0];
-               material["pbrMetallicRoughness"]["baseColorTexture"]["texCoord"] = 1;
-               material["emissiveTexture"] = {{"index", 0}, {"texCoord", 1}};
-               material["normalTexture"] = {{"index", 0}, {"texCoord", 1}};
-             }),
-             Contains("goes by TEXCOORD_1"));
   CHECK_THAT(warning([](Document& d) {
                d.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]["index"] = -1;
              }),

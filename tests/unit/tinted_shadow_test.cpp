@@ -75,7 +75,7 @@ View FloorView(RenderMode mode, const Light& light) {
 
 glm::vec3 PixelAt(const Bytes& tile, uint32_t x, uint32_t y) {
   float rgb[3];
-  std::memcpy(rgb, tile.data() + (size_t{y} * kPixels + x) * sizeof rgb, sizeof rgb);
+  std::memcpy(rgb, tile.data() + (size_t{y} * kPixels + x) * 4 * kColorWords, sizeof rgb);
   return {rgb[0], rgb[1], rgb[2]};
 }
 
