@@ -186,6 +186,23 @@ test('tabs have views of their own, and a screen of two pixels a pixel gets them
   await sharp.context().close();
 });
 
+test('a background of one\'s own, and the plain one again', async () => {
+  const seen = await open(cluster.url);
+  await untilExact(seen);
+  await seen.getByRole('button', { name: 'Settings' }).click();
+  assert.equal((await viewOf(seen)).background, undefined);
+  assert.ok(await seen.locator('#background-automatic').isChecked());
+  await seen.locator('#background').fill('#204060');
+  await seen.waitForFunction(() => window.quarry.view().background !== undefined);
+  await untilExact(seen);
+  assert.ok(!await seen.locator('#background-automatic').isChecked());
+  await shoot(seen, 'background');
+  await seen.locator('#background-automatic').check();
+  await untilExact(seen);
+  assert.equal((await viewOf(seen)).background, undefined);
+  await seen.context().close();
+});
+
 test('a page of another site cannot frame the view', async () => {
   const portal = http.createServer((_, answer) => {
     answer.setHeader('Content-Type', 'text/html');

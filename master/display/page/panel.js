@@ -74,6 +74,9 @@ export class Panel {
       this.live.change({ exposure: target.checked ? undefined : Number(this.shownExposure().toFixed(2)) });
     });
     $('exposure').addEventListener('input', ({ target }) => this.slide({ exposure: Number(target.value) }));
+    $('background-automatic').addEventListener('change', ({ target }) => {
+      this.live.change({ background: target.checked ? undefined : hexToRadiance($('background').value, this.shownExposure()) });
+    });
     $('background').addEventListener('input', ({ target }) => {
       this.slide({ background: hexToRadiance(target.value, this.shownExposure()) });
     });
@@ -141,6 +144,7 @@ export class Panel {
     $('exposure-automatic').checked = isAutomatic;
     $('exposure').disabled = isAutomatic;
     this.showSlider('exposure', exposure, `${exposure > 0 ? '+' : ''}${exposure.toFixed(1)} EV`);
+    $('background-automatic').checked = view.background === undefined;
     if (view.background && document.activeElement !== $('background')) $('background').value = radianceToHex(view.background, exposure);
   }
 
