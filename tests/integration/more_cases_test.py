@@ -707,6 +707,7 @@ class MoreCases(ModelCase):
         """What is wrong with what became of a row, in a folder of its own; None: nothing."""
         file, content, rights, beside = ROWS[number]
         own = copy.copy(self)
+        own.number = number
         own.folder = self.folder / str(number)
         own.folder.mkdir()
         for name, bytes_ in {**beside, file: content}.items():
