@@ -138,7 +138,9 @@ Result<Surroundings> LookAround(Prober& prober, const glm::dvec3& eye, double di
       all.backs += hit && !p.inward;
       all.mean_distance += hit ? static_cast<double>(p.distance) / diagonal : 1;
       if (!hit) continue;
-      const auto step = [](double v, double steps) { return static_cast<int>(std::floor(v * steps + 0.5)); };
+      const auto step = [](double v, double steps) {
+        return static_cast<int>(std::clamp(std::floor(v * steps + 0.5), -1e9, 1e9));
+      };
       ++planes[{step(p.plane.x, kNormalSteps), step(p.plane.y, kNormalSteps), step(p.plane.z, kNormalSteps),
                 step(p.plane.w / diagonal, kPlaceSteps)}];
     }

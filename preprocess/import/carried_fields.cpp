@@ -12,7 +12,7 @@
 namespace quarry {
 namespace {
 
-constexpr size_t kMostNames = 64;  // of a kind
+constexpr size_t kMostNames = 64, kMostLetters = 64;  // of a kind, of a name
 
 // The fields that are carried, or that say nothing about what is seen. A star stands for a number.
 constexpr std::string_view kPlyElements[] = {"vertex", "face", "tristrips"};
@@ -94,7 +94,7 @@ void CarriedFields::Names(FieldKind kind, std::string_view field) {
   if (kind == FieldKind::kObjStatement && carries(FieldKind::kMtlStatement)) return;
   if (kind == FieldKind::kMtlStatement && carries(FieldKind::kObjStatement)) return;
   std::set<std::string>& names = left_out_[kind];
-  if (names.size() < kMostNames) names.emplace(field);
+  if (names.size() < kMostNames) names.emplace(field.substr(0, kMostLetters));
 }
 
 std::string CarriedFields::Sentence(const std::string& path) const {

@@ -164,7 +164,8 @@ std::vector<WrittenPart> WriteAssembly(const std::string& path, const WantedAsse
   Writer writer(wanted);
   std::vector<WrittenPart> parts = writer.Run();
   if (!path.ends_with(".iges"))
-    return step.Transfer(writer.document()) && step.Write(path.c_str()) == IFSelect_RetDone
+    return step.Transfer(writer.document(), STEPControl_AsIs, wanted.apart ? "part" : nullptr) &&
+                   step.Write(path.c_str()) == IFSelect_RetDone
                ? parts
                : std::vector<WrittenPart>();
   IGESCAFControl_Writer iges;

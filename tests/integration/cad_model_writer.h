@@ -15,6 +15,7 @@ struct WantedAssembly {
   int parts = 0;
   int shapes = 0;           ///< different ones; parts beyond are instances of these
   std::string unit = "MM";  ///< as the library names it
+  bool apart = false;       ///< a STEP file for each shape, beside that of the assembly, which names them
 };
 
 /// Writes an assembly of racks of a hundred parts: blocks with holes, bars, balls, rings and cones of every

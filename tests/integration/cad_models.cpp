@@ -96,6 +96,7 @@ class PartSums : public IgnoringSink {
 int Write(char** words, int count) {
   WantedAssembly wanted{std::atoi(words[1]), std::atoi(words[2])};
   if (count > 3) wanted.unit = words[3];
+  wanted.apart = count > 4;
   const std::vector<WrittenPart> parts = WriteAssembly(words[0], wanted);
   Json json = Json::array();
   for (const WrittenPart& part : parts)
@@ -127,6 +128,6 @@ int main(int argc, char** argv) {
   const std::string_view verb = argc > 1 ? argv[1] : "";
   if (verb == "write" && argc > 4) return quarry::Write(argv + 2, argc - 2);
   if (verb == "read" && argc > 2) return quarry::Read(argv + 2, argc - 2);
-  quarry::Log("quarry-test-cad write MODEL PARTS SHAPES [UNIT] | read MODEL [LINEAR ANGLE]");
+  quarry::Log("quarry-test-cad write MODEL PARTS SHAPES [UNIT [apart]] | read MODEL [LINEAR ANGLE]");
   return 2;
 }

@@ -60,6 +60,20 @@ class Cad(Case):
 
 
 class Content(Cad):
+    def test_files_that_an_assembly_names_are_not_read(self):
+        """A STEP file of a stranger names files of this machine, which are there."""
+        self.must("quarry-test-cad", "write", self.path("apart.step"), 6, 3, "MM", "apart")
+        text = (self.folder / "apart.step").read_text()
+        names = set(re.findall(r"DOCUMENT_FILE\('([^']*\.stp)'", text))
+        self.assertEqual({p.name for p in self.folder.glob("*.stp")}, names)
+        done = self.run_program("quarry-preprocess", self.path("apart.step"), "-o", self.path("no.quarry"))
+        self.assertEqual(done.returncode, 1)
+        self.assertRegex(done.stderr, r"warning: .*has parts in 3 other files")
+        for outside in (f"{self.folder}/", f"../../..{self.folder}/", "../"):
+            (self.folder / "named.step").write_text(re.sub(r"DOCUMENT_FILE\('", f"DOCUMENT_FILE('{outside}", text))
+            self.must_fail(1, "outside the model's folder, which is not read", "quarry-preprocess", self.path("named.step"), "-o", self.path("no.quarry"), "--quiet")
+        self.assertFalse((self.folder / "no.quarry").exists())
+
     def test_names_colours_and_volumes(self):
         model, wanted = self.written("a.step", 60, 20)
         got = self.read(model)

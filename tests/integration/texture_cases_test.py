@@ -301,6 +301,14 @@ class TextureCases(more.MoreCases):
                 link.symlink_to(f"../shelf/{file}")
                 self.must_be(PICTURE, link)
 
+    def test_a_link_in_the_model_s_own_folder(self):
+        """The only material file beside it is found once, not twice."""
+        self.write("a.obj", b"mtllib \xb4\xf3.mtl\n" + UV_OBJ.encode())
+        self.write("my.mtl", "newmtl m\nmap_Kd t.png\n")
+        self.write("t.png", RGB)
+        (self.folder / "b.obj").symlink_to("a.obj")
+        self.must_be(quarters(RED, GREEN, BLUE, YELLOW, warns="only one beside"), self.folder / "b.obj")
+
     def test_there_are_a_hundred_and_fifty(self):
         self.assertGreaterEqual(len(more.ROWS), 150)
 

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "common/base/descriptor.h"
+#include "common/base/log.h"
 #include "common/math/elementary.h"
 #include "common/scene/open_pbr.h"
 #include "preprocess/import/cad/cad_client.h"
@@ -151,7 +152,8 @@ class CadImport {
     const auto origin = in.GetVec3<glm::dvec3>();
     const auto linear = in.Get<double>(), angle = in.Get<double>();
     const std::string unit = TextOf(in.GetSpan(in.remaining()));
-    if (!in.ok() || has_facts_ || !(linear > 0) || !(angle > 0) || unit.size() > 16) return false;
+    const bool can_be = linear > 0 && angle > 0 && std::isfinite(linear) && std::isfinite(angle);
+    if (!in.ok() || has_facts_ || !can_be || Printable(unit) != unit || unit.size() > 16) return false;
     has_facts_ = true;
     for (int a = 0; a < 3; ++a)
       if (!std::isfinite(origin[a])) return false;

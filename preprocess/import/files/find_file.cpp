@@ -78,7 +78,9 @@ std::vector<fs::path> FoldersOf(const std::string& file) {
   std::error_code error;
   if (!fs::is_symlink(file, error)) return folders;
   const fs::path target = fs::canonical(file, error);
-  if (!error) folders.push_back(target.parent_path());
+  if (error) return folders;
+  const fs::path own = folders[0].empty() ? fs::path(".") : folders[0];
+  if (!fs::equivalent(own, target.parent_path(), error)) folders.push_back(target.parent_path());
   return folders;
 }
 

@@ -31,7 +31,7 @@ class ColladaParser {
   }
 
  private:
-  static constexpr size_t kMostEntries = 1u << 20;
+  static constexpr uint64_t kMostElements = 1u << 22;  // beyond them nothing is kept
 
   class Attributes {
    public:
@@ -73,7 +73,7 @@ class ColladaParser {
   }
 
   void Element(std::string_view name, const Attributes& attributes) {
-    if (sets_.materials_.size() + sets_.effects_.size() + sets_.channels_.size() > kMostEntries) return;
+    if (++elements_ > kMostElements) return;
     if (name == "effect") effect_ = attributes["id"];
     if (const auto use = UseOf(name)) use_ = use;
     if (name == "texture" && use_) sets_.effects_[effect_].emplace(*use_, attributes["texcoord"]);
@@ -82,15 +82,23 @@ class ColladaParser {
       sets_.ids_.emplace(attributes["name"], material_);
     }
     if (name == "instance_effect") sets_.materials_[material_].effect = WithoutHash(attributes["url"]);
-    if (name == "instance_material") bound_ = &sets_.materials_[WithoutHash(attributes["target"])];
+    if (name == "geometry") geometry_ = attributes["id"];
+    if (name == "instance_geometry") instance_ = WithoutHash(attributes["url"]);
+    if (name == "instance_controller") instance_.clear();
+    if (name == "instance_material") {
+      bound_ = &sets_.materials_[WithoutHash(attributes["target"])];
+      bound_->geometry = instance_;
+    }
     if (name == "bind_vertex_input" && bound_ != nullptr && attributes["input_semantic"] == "TEXCOORD")
       bound_->sets.emplace(attributes["semantic"], attributes.Number("input_set").value_or(0));
     if (name == "input" && attributes["semantic"] == "TEXCOORD")
-      sets_.channels_.emplace(attributes.Number("set").value_or(0), 0);
+      for (const std::string& geometry : {geometry_, std::string()})
+        sets_.channels_[geometry].emplace(attributes.Number("set").value_or(0), 0);
   }
 
   ColladaSets& sets_;
-  std::string effect_, material_;
+  uint64_t elements_ = 0;
+  std::string effect_, material_, geometry_, instance_;
   std::optional<TextureUse> use_;        ///< of the element that holds the current one
   ColladaSets::Bound* bound_ = nullptr;  ///< within instance_material
 };
@@ -99,8 +107,10 @@ ColladaSets ColladaSets::Read(const std::string& path) {
   ColladaSets sets;
   std::ifstream in(path, std::ios::binary);
   ColladaParser(sets).Read(in);
-  uint32_t channel = 0;
-  for (auto& [set, number] : sets.channels_) number = channel++;
+  for (auto& [geometry, channels] : sets.channels_) {
+    uint32_t channel = 0;
+    for (auto& [set, number] : channels) number = channel++;
+  }
   return sets;
 }
 
@@ -114,8 +124,11 @@ uint32_t ColladaSets::ChannelOf(const std::string& material, TextureUse use, uin
   if (name == effect->second.end()) return fallback;
   const auto set = found->second.sets.find(name->second);
   if (set == found->second.sets.end()) return fallback;
-  const auto channel = channels_.find(set->second);
-  return channel == channels_.end() ? fallback : channel->second;
+  if (channels_.empty()) return fallback;
+  const auto geometry = channels_.find(found->second.geometry);
+  const auto& channels = geometry != channels_.end() ? geometry->second : channels_.find("")->second;
+  const auto channel = channels.find(set->second);
+  return channel == channels.end() ? fallback : channel->second;
 }
 
 }  // namespace quarry

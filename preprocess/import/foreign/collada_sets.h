@@ -23,13 +23,15 @@ class ColladaSets {
  private:
   friend class ColladaParser;
   struct Bound {
-    std::string effect;
+    std::string effect, geometry;
     std::map<std::string, uint32_t> sets;  ///< by the name that the effect uses
   };
   std::map<std::string, Bound> materials_;                            ///< by id
   std::map<std::string, std::string> ids_;                            ///< of materials, by name
   std::map<std::string, std::map<TextureUse, std::string>> effects_;  ///< names of coordinates, by id and use
-  std::map<uint32_t, uint32_t> channels_;  ///< of the sets that meshes have, which Assimp moves together
+  /// Of each geometry, by id, the channels of its sets: Assimp moves those that are there together. Under ""
+  /// those of the whole file, for geometries behind a skin.
+  std::map<std::string, std::map<uint32_t, uint32_t>> channels_;
 };
 
 }  // namespace quarry

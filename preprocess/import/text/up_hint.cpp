@@ -36,6 +36,9 @@ std::string CommentsOf(std::string_view extension, std::string_view head) {
   if (EqualsIgnoringCase(extension, ".stl"))
     return std::string(head.substr(0, std::min(kStlHeader, head.find('\n'))));
   const bool ply = EqualsIgnoringCase(extension, ".ply");
+  // Lines of other formats begin with '#' too: STEP's data do.
+  const auto is_of = [&](const char* known) { return EqualsIgnoringCase(extension, known); };
+  if (!ply && !is_of(".obj") && !is_of(".off") && !is_of(".nff") && !is_of(".aff")) return {};
   std::string comments;
   while (!head.empty()) {
     const size_t end = std::min(head.find('\n'), head.size());

@@ -89,7 +89,10 @@ class Walk {
       assembly_.instances.push_back({NumberOf(definition), here.place, here.path, own, above.color});
       return;
     }
-    if (here.depth >= kMostDepth) return;
+    if (here.depth >= kMostDepth) {
+      ++assembly_.too_deep;
+      return;
+    }
     const Color of_definition = own ? own : ColorOf(definition);
     here.color = of_definition ? of_definition : above.color;
     TDF_LabelSequence components;

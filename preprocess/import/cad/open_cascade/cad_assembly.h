@@ -25,7 +25,8 @@ struct CadInstance {
 struct CadAssembly {
   std::vector<TDF_Label> definitions;  ///< shapes that are no assemblies, each once
   std::vector<CadInstance> instances;
-  size_t hidden = 0;  ///< instances that the document does not show
+  size_t hidden = 0;    ///< instances that the document does not show
+  size_t too_deep = 0;  ///< assemblies below 256 others, whose shapes are left out
 };
 
 /// Walks a document from its roots to its shapes. Siblings of one name get ":2", ":3", ... behind it.

@@ -8,8 +8,8 @@
 #include <Interface_Static.hxx>
 #include <Message_ProgressIndicator.hxx>
 #include <Message_ProgressScope.hxx>
-#include <STEPCAFControl_ExternFile.hxx>
 #include <STEPCAFControl_Reader.hxx>
+#include <STEPConstruct_ExternRefs.hxx>
 #include <TColStd_SequenceOfAsciiString.hxx>
 #include <TCollection_HAsciiString.hxx>
 #include <XCAFApp_Application.hxx>
@@ -116,18 +116,30 @@ Handle(TDocStd_Document) NewDocument() {
   return document;
 }
 
-void WarnOfExternFiles(const STEPCAFControl_Reader& reader, CadOutput& out) {
-  size_t count = 0;
+/// Warns of the files that a STEP file names, which Open CASCADE would read. Names that could reach a file
+/// end the import: a model of a stranger has no business with other files of the machine.
+Status CheckExternFiles(const STEPCAFControl_Reader& reader, CadOutput& out) {
+  STEPConstruct_ExternRefs refs(reader.Reader().WS());
+  refs.LoadExternRefs();
+  constexpr size_t kShown = 1000;
   std::string first;
-  for (NCollection_DataMap<TCollection_AsciiString, Handle(STEPCAFControl_ExternFile)>::Iterator it(
-           reader.ExternFiles());
-       it.More(); it.Next(), ++count)
-    if (first.empty()) first = it.Key().ToCString();
-  if (count == 0) return;
-  out.Put(CadMessage::kWarning,
-          fmt::format("has parts in {} other files (\"{}\" is one), which are left out; give them as models "
-                      "of their own, or export the assembly as one file",
-                      count, first));
+  for (Standard_Integer i = 1; i <= refs.NbExternRefs(); ++i) {
+    const Standard_CString named = refs.FileName(i);
+    const std::string name = named != nullptr ? named : "";
+    if (name.starts_with('/') || name.find("..") != name.npos)
+      return Fail(
+          fmt::format("has parts in the file \"{}\", outside the model's folder, which is not read; "
+                      "export the assembly as one file",
+                      name.substr(0, kShown)));
+    if (first.empty()) first = name.substr(0, kShown);
+  }
+  if (refs.NbExternRefs() > 0)
+    out.Put(
+        CadMessage::kWarning,
+        fmt::format("has parts in {} other files (\"{}\" is one), which are left out; give them as models "
+                    "of their own, or export the assembly as one file",
+                    refs.NbExternRefs(), first));
+  return {};
 }
 
 Result<CadDocument> ReadStep(const std::string& path, CadOutput& out) {
@@ -142,8 +154,7 @@ Result<CadDocument> ReadStep(const std::string& path, CadOutput& out) {
   ToldFile file(path, out);
   if (!file.is_open()) return Fail("cannot be opened");
   std::istream stream(&file);
-  // Files that the model names are looked for beside this name, which has no folder: a model reads no other
-  // files.
+  // Files that the model names are looked for beside this name, which has no folder: none is found.
   if (reader.ChangeReader().ReadStream("/proc/self/no-folder/model", stream) != IFSelect_RetDone)
     return Fail("Open CASCADE cannot read it: it is damaged, or no STEP file");
   TColStd_SequenceOfAsciiString lengths, angles, solid_angles;
@@ -151,10 +162,10 @@ Result<CadDocument> ReadStep(const std::string& path, CadOutput& out) {
   std::vector<std::string> units;
   for (const TCollection_AsciiString& name : lengths) units.emplace_back(name.ToCString());
   SetUnit(units, read, out);
+  QUARRY_TRY(CheckExternFiles(reader, out));
   Handle(TransferProgress) progress = new TransferProgress(out);
   if (!reader.Transfer(read.document, progress->Start()))
     return Fail("is a STEP file in which Open CASCADE finds no shapes");
-  WarnOfExternFiles(reader, out);
   return read;
 }
 
