@@ -70,7 +70,7 @@ class Content(Cad):
         self.assertEqual(done.returncode, 1)
         self.assertRegex(done.stderr, r"warning: .*has parts in 3 other files")
         for outside in (f"{self.folder}/", f"../../..{self.folder}/", "../"):
-            (self.folder / "named.step").write_text(re.sub(r"DOCUMENT_FILE\('", f"DOCUMENT_FILE('{outside}", text))
+            (self.folder / "named.step").write_text(re.sub(r"'([^']*\.stp)'", rf"'{outside}\1'", text))
             self.must_fail(1, "outside the model's folder, which is not read", "quarry-preprocess", self.path("named.step"), "-o", self.path("no.quarry"), "--quiet")
         self.assertFalse((self.folder / "no.quarry").exists())
 
