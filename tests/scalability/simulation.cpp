@@ -169,7 +169,7 @@ void Simulation::OnTileDone(Worker& w, const Tile& tile) {
   done.depths = tile.traced->depths;
   done.blocks = tile.traced->blocks;
   if (dispatcher_.Find(done.frame)) Compare(w, tile);
-  const Bytes pixels(size_t{tile.order.area.pixels.width} * tile.order.area.pixels.height * 12);
+  const Bytes pixels(size_t{tile.order.area.pixels.width} * tile.order.area.pixels.height * 4 * kColorWords);
   (void)Timed([&] { return dispatcher_.Finish(w, done, pixels, clock_.now_s()); });
   AssignTiles();
 }
