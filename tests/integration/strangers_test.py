@@ -132,7 +132,7 @@ class Strangers(Case):
         self.assertEqual([name for name in os.listdir(spool) if name != "jobs.lock"], [])
         self.assertIsNone(master.poll())
         self.picture("small", "--master", address)
-        self.must_fail(1, r"a picture of 65536x65536 takes 76\.\d GiB", "quarry", "render", self.scene, "-o", self.path("large.png"), "--size",
+        self.must_fail(1, r"a picture of 65536x65536 takes 92\.\d GiB", "quarry", "render", self.scene, "-o", self.path("large.png"), "--size",
                        "65536x65536")
 
     def test_a_job_that_ends_three_masters_is_set_aside(self):
