@@ -16,9 +16,12 @@ namespace {
 constexpr double kStrays = 0.005;
 /// Along an axis the bulk is as long as the box of all triangles unless that is so many times as long.
 constexpr double kFarLarger = 2;
-/// So many voxels, those of the largest cells, are measured by their triangles, the others by their cells: a
-/// plate or a backdrop makes the cells large that it crosses.
+/// So many voxels of the largest cells are measured by their triangles, the others by their cells. A plate or
+/// a backdrop enlarges the cells that it crosses.
 constexpr size_t kFewVoxels = 32;
+/// Triangles of a voxel above which they are gathered, and the grids that may lie in one another.
+constexpr size_t kManyTriangles = 512;
+constexpr int kGrids = 6;
 /// Directions in which the hull has points.
 constexpr int kHullDirections = 256;
 
@@ -57,6 +60,47 @@ std::vector<PlacedVoxel> CellsOf(const Catalog& catalog) {
     }
   }
   return cells;
+}
+
+/// Gathers the boxes of a voxel's triangles: those together whose middles lie in one cell of a grid over
+/// them. A triangle longer than two cells stays alone. A cell that holds more than an eighth of the triangles
+/// gets a grid of its own, since strays can make the first grid far coarser than the model.
+void Gather(std::vector<WeightedBox> boxes, size_t crowd, int levels, std::vector<WeightedBox>& gathered) {
+  constexpr int kSide = 8;
+  WeightedBox bounds = boxes.front();
+  for (const WeightedBox& box : boxes) {
+    bounds.lower = glm::min(bounds.lower, box.lower);
+    bounds.upper = glm::max(bounds.upper, box.upper);
+  }
+  const glm::vec3 step = (bounds.upper - bounds.lower) / static_cast<float>(kSide);
+  std::vector<std::vector<WeightedBox>> cells(size_t{kSide} * kSide * kSide);
+  for (const WeightedBox& box : boxes) {
+    if (glm::any(glm::greaterThan(box.upper - box.lower, 2.0f * step))) {
+      gathered.push_back(box);
+      continue;
+    }
+    size_t at = 0;
+    for (int a = 0; a < 3; ++a) {
+      const float place = ((box.lower[a] + box.upper[a]) / 2 - bounds.lower[a]) / step[a];
+      const int index = place > 0 ? std::min(static_cast<int>(place), kSide - 1) : 0;  // NaN: no extent
+      at = at * kSide + static_cast<size_t>(index);
+    }
+    cells[at].push_back(box);
+  }
+  for (std::vector<WeightedBox>& cell : cells) {
+    if (cell.empty()) continue;
+    if (cell.size() > crowd && levels > 1) {
+      Gather(std::move(cell), crowd, levels - 1, gathered);
+      continue;
+    }
+    WeightedBox all = cell.front();
+    for (size_t i = 1; i < cell.size(); ++i) {
+      all.lower = glm::min(all.lower, cell[i].lower);
+      all.upper = glm::max(all.upper, cell[i].upper);
+      all.weight += cell[i].weight;
+    }
+    gathered.push_back(all);
+  }
 }
 
 /// The place along an axis below which a share of the weight lies, spread evenly over each box.
@@ -137,13 +181,20 @@ Result<std::vector<WeightedBox>> BoxesOf(const Scene& scene) {
       continue;
     }
     QUARRY_ASSIGN(const DecodedVoxel voxel, DecodeVoxel(scene, v, decoder));
+    std::vector<WeightedBox> triangles;
     for (uint32_t t = 0; t < scene.catalog().voxels[v].triangles; ++t) {
       const glm::vec3 a = voxel.geometry.vertex(t, 0), b = voxel.geometry.vertex(t, 1),
                       c = voxel.geometry.vertex(t, 2);
       // The rest of a triangle lies in other voxels.
       const glm::vec3 lower = glm::max(glm::min(a, glm::min(b, c)), cell.lower),
                       upper = glm::min(glm::max(a, glm::max(b, c)), cell.upper);
-      boxes.push_back({lower, glm::max(lower, upper), 1});
+      triangles.push_back({lower, glm::max(lower, upper), 1});
+    }
+    if (triangles.size() <= kManyTriangles) {
+      std::ranges::copy(triangles, std::back_inserter(boxes));
+    } else {
+      const size_t crowd = triangles.size() / 8;
+      Gather(std::move(triangles), crowd, kGrids, boxes);
     }
   }
   return boxes;
@@ -153,16 +204,13 @@ void MeasureBulk(const std::vector<WeightedBox>& boxes, const SceneMeta& meta, F
   framing.lower = glm::dvec3(meta.bounds_lower);
   framing.upper = glm::dvec3(meta.bounds_upper);
   for (int a = 0; a < 3; ++a) MeasureBulk(boxes, a, framing);
-  std::vector<glm::vec3> corners;
+  std::vector<WeightedBox> parts;
   for (const WeightedBox& box : boxes) {
     const glm::dvec3 from = glm::max(glm::dvec3(box.lower), framing.lower),
                      to = glm::min(glm::dvec3(box.upper), framing.upper);
-    if (from.x > to.x || from.y > to.y || from.z > to.z) continue;
-    for (int corner = 0; corner < 8; ++corner)
-      corners.emplace_back(corner & 1 ? to.x : from.x, corner & 2 ? to.y : from.y,
-                           corner & 4 ? to.z : from.z);
+    if (glm::all(glm::lessThanEqual(from, to))) parts.push_back({glm::vec3(from), glm::vec3(to), 1});
   }
-  if (corners.empty()) corners = {glm::vec3(framing.lower), glm::vec3(framing.upper)};
+  if (parts.empty()) parts = {{glm::vec3(framing.lower), glm::vec3(framing.upper), 1}};
   // The farthest point in each of many directions spread over the sphere (a Fibonacci lattice).
   for (int i = 0; i < kHullDirections; ++i) {
     const double z = 1 - (2 * i + 1) / static_cast<double>(kHullDirections), radius = std::sqrt(1 - z * z);
@@ -170,8 +218,12 @@ void MeasureBulk(const std::vector<WeightedBox>& boxes, const SceneMeta& meta, F
     SinCos(i * 2.39996322972865332223, sine, cosine);  // the golden angle
     const glm::vec3 direction(static_cast<float>(radius * cosine), static_cast<float>(radius * sine),
                               static_cast<float>(z));
-    framing.hull.push_back(
-        *std::ranges::max_element(corners, {}, [&](const glm::vec3& p) { return glm::dot(p, direction); }));
+    // A box is farthest at the corner on the direction's side.
+    const auto corner = [&](const WeightedBox& box) {
+      return glm::mix(box.lower, box.upper, glm::greaterThan(direction, glm::vec3(0)));
+    };
+    framing.hull.push_back(corner(*std::ranges::max_element(
+        parts, {}, [&](const WeightedBox& box) { return glm::dot(corner(box), direction); })));
   }
 }
 

@@ -10,7 +10,7 @@ namespace quarry {
 /// The bulk leaves out far strays, large plates and backdrops: along each axis it holds all but 0.5 % of the
 /// triangles at either end and what lies near them, unless all triangles take less than twice as much of it.
 /// An interior is a room that shows little from outside: nearly all rays from its midst hit something, not
-/// too near, and its outside is plain. Windings count only for an empty box with an open side. A few thousand
+/// too near, and its outside is plain. Windings count only for an empty box with an open side. At most 16,000
 /// rays are traced, and only blocks that they pass, and those of the largest voxels, are read. Errors: as
 /// Renderer::Render's. Thread-safe.
 Result<Framing> ProbeFraming(const Scene& scene, uint32_t up_axis, bool find_inside);

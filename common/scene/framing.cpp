@@ -82,7 +82,7 @@ glm::dvec3 FitPerspective(const std::vector<glm::vec3>& points, const Axes& axes
 }  // namespace
 
 glm::dvec3 InAxes(double right, double back, double up, uint32_t up_axis) {
-  return up_axis == 1 ? glm::dvec3(right, up, back) : glm::dvec3(right, -back, up);
+  return up_axis == 1 ? glm::dvec3(right, up, back) : glm::dvec3(right, 0 - back, up);  // never -0
 }
 
 CameraSpec CameraFor(const Framing& framing, NamedView view, const Lens& lens) {

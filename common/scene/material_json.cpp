@@ -232,6 +232,18 @@ Result<std::vector<MaterialLibrary::Image>> ReadImages(const Json& json, const s
   return images;
 }
 
+Status ReadTexts(const Json& json, const char* key, const std::string& path,
+                 std::vector<std::string>& texts) {
+  const auto list = json.find(key);
+  if (list == json.end()) return {};
+  if (!list->is_array()) return Fail(fmt::format("{}: {} must be an array.", path, key));
+  for (size_t i = 0; i < list->size(); ++i) {
+    if (!(*list)[i].is_string()) return Fail(fmt::format("{}: {}[{}] must be a string.", path, key, i));
+    texts.push_back((*list)[i].get<std::string>());
+  }
+  return {};
+}
+
 }  // namespace
 
 MaterialJsonStream::MaterialJsonStream(const std::vector<Material>& materials, std::ostream& out,
@@ -265,22 +277,6 @@ void WriteMaterialJson(const MaterialLibrary& library, std::ostream& out) {
   for (const std::string& part : library.parts) stream.AddPart(part);
   stream.Finish(library.left_out);
 }
-
-namespace {
-
-Status ReadTexts(const Json& json, const char* key, const std::string& path,
-                 std::vector<std::string>& texts) {
-  const auto list = json.find(key);
-  if (list == json.end()) return {};
-  if (!list->is_array()) return Fail(fmt::format("{}: {} must be an array.", path, key));
-  for (size_t i = 0; i < list->size(); ++i) {
-    if (!(*list)[i].is_string()) return Fail(fmt::format("{}: {}[{}] must be a string.", path, key, i));
-    texts.push_back((*list)[i].get<std::string>());
-  }
-  return {};
-}
-
-}  // namespace
 
 Result<MaterialLibrary> ReadMaterialJson(const std::string& path) {
   QUARRY_ASSIGN(const Json json, ReadJsonFile<Json>(path, kLimits));

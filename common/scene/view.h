@@ -73,8 +73,9 @@ struct View {
   std::vector<Light> lights;
   glm::vec3 ambient{0.2f};                   ///< radiance
   glm::vec3 background{0.55f, 0.65f, 0.8f};  ///< radiance where a ray hits nothing
-  /// Whether primary rays that hit nothing leave the picture uncovered instead: kBackdrop is put behind it,
-  /// and reflected and refracted rays still see `background`. False where a background is given: it is light.
+  /// Whether primary rays that hit nothing leave the picture uncovered, and kBackdrop is put behind it.
+  /// Reflected and refracted rays see `background` either way. False where a background is given: it is
+  /// light.
   bool backdrop = true;
   CameraSpec camera;
 
@@ -104,9 +105,9 @@ Status NormalizeView(View& view);
 /// Words of a pixel's colour: 3 floats of radiance, and its coverage, the share of samples whose primary ray
 /// hits something or sees light. Radiance holds nothing of what is uncovered.
 inline constexpr uint32_t kColorWords = 4;
-/// What is shown where a picture is not covered, whatever its exposure and mode: lighter than what an
-/// exposure makes of surfaces, which come to a mean of 150, and darker than what it clips. Units: linear
-/// value; 8-bit sRGB is (232, 236, 241).
+/// The colour behind a picture, where nothing covers it. Neither exposure nor mode changes it. It is lighter
+/// than exposed surfaces, whose mean comes to 150, and darker than what is clipped. Units: linear value;
+/// 8-bit sRGB is (232, 236, 241).
 inline constexpr double kBackdrop[3] = {0.806952, 0.838799, 0.879622};
 
 /// The number of 32-bit words of a pixel in tiles and frames: the colour's, then the layers in order.

@@ -77,7 +77,7 @@ importers, voxel sources, connections and schedules.")
 set(CPACK_DEBIAN_CAD_PACKAGE_NAME quarry-cad)
 set(CPACK_DEBIAN_CAD_DESCRIPTION "STEP and IGES for the Quarry ray tracer
 The program by which quarry-preprocess makes triangles of exact surfaces.
-It links Open CASCADE, some 150 MB with what it needs, which machines that
+It links Open CASCADE, 390 MB with what it needs, which machines that
 only render do without.")
 
 include(CPack)

@@ -77,35 +77,29 @@ void FillHoles(std::vector<Level>& levels, size_t at, const Level::Pixel& backgr
   FillFrom(levels[at + 1], levels[at]);
 }
 
-}  // namespace
-
-ToneTable::ToneTable(double ev) : ev_(ev) {
-  const double gain = Exp2(ev);
-  for (size_t c = 0; c < 3; ++c) backdrop_[c] = ShownByte(0, gain, 0, c);
-  for (uint32_t exponent = 0; exponent < 32; ++exponent)
-    for (uint32_t mantissa = 0; mantissa < 512; ++mantissa) {
-      const auto linear = static_cast<double>(UnpackShared(exponent << 27 | mantissa).x) * gain;
-      values_[exponent << 9 | mantissa] = static_cast<uint8_t>(EncodeSrgb(linear) * 255 + 0.5);
-    }
-}
-
-std::array<uint8_t, 3> ToneTable::BeforeBackdrop(uint32_t code, uint8_t coverage) const {
-  const glm::vec3 radiance = UnpackShared(code);
-  const double gain = Exp2(ev_);
-  std::array<uint8_t, 3> shown{};
-  for (size_t c = 0; c < 3; ++c)
-    shown[c] = ShownByte(radiance[static_cast<int>(c)], gain, static_cast<float>(coverage) / 255, c);
-  return shown;
-}
-
-namespace {
-
 /// The colour of pixel `i` of the rows. Requires: it has one.
 std::array<uint8_t, 3> ShownAt(const PictureRows& rows, size_t i, const ToneTable& tone) {
   return rows.coverage.empty() ? tone(rows.codes[i]) : tone(rows.codes[i], rows.coverage[i]);
 }
 
 }  // namespace
+
+ToneTable::ToneTable(double ev) : ev_(ev), gain_(Exp2(ev)) {
+  for (size_t c = 0; c < 3; ++c) backdrop_[c] = ShownByte(0, gain_, 0, c);
+  for (uint32_t exponent = 0; exponent < 32; ++exponent)
+    for (uint32_t mantissa = 0; mantissa < 512; ++mantissa) {
+      const auto linear = static_cast<double>(UnpackShared(exponent << 27 | mantissa).x) * gain_;
+      values_[exponent << 9 | mantissa] = static_cast<uint8_t>(EncodeSrgb(linear) * 255 + 0.5);
+    }
+}
+
+std::array<uint8_t, 3> ToneTable::BeforeBackdrop(uint32_t code, uint8_t coverage) const {
+  const glm::vec3 radiance = UnpackShared(code);
+  std::array<uint8_t, 3> shown{};
+  for (size_t c = 0; c < 3; ++c)
+    shown[c] = ShownByte(radiance[static_cast<int>(c)], gain_, static_cast<float>(coverage) / 255, c);
+  return shown;
+}
 
 void RgbMaker::Make(const PictureRows& rows, const ToneTable& tone, uint32_t background) {
   const auto& codes = rows.codes;

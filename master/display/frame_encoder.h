@@ -36,7 +36,7 @@ class ToneTable {
  private:
   std::array<uint8_t, 3> BeforeBackdrop(uint32_t code, uint8_t coverage) const;
 
-  double ev_;
+  double ev_, gain_;
   std::array<uint8_t, 3> backdrop_;
   std::array<uint8_t, size_t{32} * 512> values_;  ///< by exponent and mantissa
 };

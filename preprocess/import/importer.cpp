@@ -171,12 +171,10 @@ Status ImportModel(const std::string& path, ModelSink& sink, const ForeignFormat
     QUARRY_TRY(ImportConverted(ply, path, sink));
     return sink.EndFile();
   }
-  if (is_cad) {
-    // Its reader tells the origin itself.
-  } else if (!bytes.can_reopen())
-    FindOriginOfPipe(bytes, import, sink);
-  else if (format != Format::kThreeMf)  // whose reader does so itself: it has read the structure then
-    FindOrigin(path, unpack_limit, import, sink);
+  // These readers know the structure before the first triangle, and tell the origin themselves.
+  const bool tells_origin = is_cad || format == Format::kThreeMf;
+  if (!tells_origin && bytes.can_reopen()) FindOrigin(path, unpack_limit, import, sink);
+  if (!tells_origin && !bytes.can_reopen()) FindOriginOfPipe(bytes, import, sink);
   QUARRY_ASSIGN(const uint64_t triangles, import(bytes, sink));
   if (triangles == 0) return Fail(fmt::format("{}: holds no triangles", bytes.path()));
   return sink.EndFile();

@@ -37,6 +37,25 @@ std::vector<Wanted> WantedBy(const std::vector<Material>& materials) {
   return images;
 }
 
+/// Leaves out the images whose headers show no alpha. A colour may have one, most have none: an image is not
+/// decoded to find that out. Errors: no image can be read.
+Status LeaveOutOpaque(std::vector<Wanted>& wanted, const std::vector<TextureImage>& images,
+                      const ImageDecoding& decoding) {
+  ImageDecoder decoder(decoding);
+  std::vector<Wanted> left;
+  for (Wanted& w : wanted) {
+    const TextureImage& image = images[w.image];
+    if (image.pick == TexturePick::kColorAndAlpha) {
+      const Result<ImageFacts> facts = decoder.LookAt(image);
+      if (!facts && decoder.is_fatal()) return tl::unexpected<Error>(facts.error());
+      if (!facts || !HasOpacity(RowConverter(*facts, image.color, image.pick).layout(), image.pick)) continue;
+    }
+    left.push_back(std::move(w));
+  }
+  wanted = std::move(left);
+  return {};
+}
+
 /// Reads an image's rows into a map for each rule. Empty: it cannot be read, or has no opacity.
 Result<std::vector<OpacityMap>> ReadMaps(const TextureImage& image, const Wanted& wanted, ImageReader& reader,
                                          OpacityTiles& tiles) {
@@ -91,7 +110,8 @@ TexelTriangle SubTriangle(const TexelTriangle& whole, uint32_t sub) {
 Result<CutOuts> CutOuts::Read(const std::vector<Material>& materials, const std::vector<TextureImage>& images,
                               const ImageDecoding& decoding, const std::string& path, Progress& progress) {
   CutOuts cut_outs;
-  const std::vector<Wanted> wanted = WantedBy(materials);
+  std::vector<Wanted> wanted = WantedBy(materials);
+  QUARRY_TRY(LeaveOutOpaque(wanted, images, decoding));
   if (wanted.empty()) return cut_outs;
   QUARRY_ASSIGN(cut_outs.tiles_, OpacityTiles::Create(path));
   cut_outs.uses_.resize(materials.size());

@@ -18,7 +18,7 @@
 namespace quarry {
 
 /// The opacity of a scene's triangles by its textures, before voxels are built. Decodes the images that
-/// opacity comes from once more than the texture stage. Memory: 4 bytes a page of theirs, 256 KiB a thread
+/// have opacity once more than the texture stage. Memory: 4 bytes a page of theirs, 256 KiB a thread
 /// that asks; their texels lie in a temporary file, two bits each. Thread-safe after Read().
 class CutOuts {
  public:

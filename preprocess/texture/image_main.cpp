@@ -3,10 +3,7 @@
 // is a process of its own because decoders of foreign bytes may crash, and because OpenImageIO's libraries
 // take 100 MB.
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <malloc.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cstdlib>
@@ -20,7 +17,7 @@
 #include "common/base/descriptor.h"
 #include "common/base/log.h"
 #include "common/program/processor_time.h"
-#include "common/program/run_program.h"
+#include "common/program/run_helper.h"
 #include "preprocess/texture/image_decoding.h"
 #include "preprocess/texture/image_protocol.h"
 
@@ -111,13 +108,8 @@ void Answer(int out, ImageMessage kind, std::span<const std::byte> request, uint
   }
 }
 
-int Serve(uint64_t memory) {
-  const int out = ::dup(1), nowhere = ::open("/dev/null", O_WRONLY);
-  if (out < 0 || nowhere < 0) return 1;
-  ::dup2(nowhere, 1);  // libraries print there
-  ::dup2(nowhere, 2);
-  ::mallopt(M_ARENA_MAX, 1);  // each arena takes 128 MB of address space
-  PrepareDecoding();          // its memory counts as the program's own
+int Serve(uint64_t memory, int out) {
+  PrepareDecoding();  // its memory counts as the program's own
   LimitAddressSpace(kOwnBytes + memory);
   for (;;) {
     std::byte header[kImageHeaderBytes];
@@ -131,17 +123,9 @@ int Serve(uint64_t memory) {
   }
 }
 
-int Main(int argc, char** argv) {
-  if (argc != 2) {
-    Log("quarry-import-image BYTES: started by quarry-preprocess");
-    return 2;
-  }
-  return Serve(std::strtoull(argv[1], nullptr, 10));
-}
-
 }  // namespace
 }  // namespace quarry
 
 int main(int argc, char** argv) {
-  return quarry::RunProgram({"quarry-import-image", "nothing was written"}, argc, argv, quarry::Main);
+  return quarry::RunHelper<quarry::Serve>("quarry-import-image", argc, argv);
 }

@@ -7,6 +7,7 @@ import struct
 import subprocess
 import sys
 
+from exr import attributes_of
 from programs import BIN, PATIENCE, TIMEOUT_S, Case, main
 
 sys.path.append(str(pathlib.Path(__file__).parents[1] / "support"))
@@ -204,11 +205,9 @@ class Inputs(Case):
     @staticmethod
     def chunks_of_exr(path):
         """What follows the header, which states the camera, and the table of places."""
-        data, at = pathlib.Path(path).read_bytes(), 8
-        while data[at] != 0:
-            at = data.index(b"\0", data.index(b"\0", at) + 1) + 1  # past name and type
-            at += 4 + int.from_bytes(data[at:at + 4], "little")
-        return data[int.from_bytes(data[at + 1:at + 9], "little"):]
+        data = pathlib.Path(path).read_bytes()
+        table = attributes_of(data)[1]
+        return data[int.from_bytes(data[table:table + 8], "little"):]
 
     def test_millimetres_survive_far_from_the_origin(self):
         """A model in UTM metres gives the picture of the same model beside the origin, bit for bit."""

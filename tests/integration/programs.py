@@ -3,9 +3,11 @@ import json
 import os
 import pathlib
 import re
+import signal
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 
 BIN = pathlib.Path(os.environ.get("QUARRY_BIN", pathlib.Path(__file__).parents[2] / "build/release/bin"))
@@ -56,6 +58,21 @@ class Case(unittest.TestCase):
 
     def info(self, store):
         return json.loads(self.must("quarry", "info", store, "--json").stdout)
+
+    def made_in_spite_of_kills(self, moments, *arguments):
+        """The bytes of the store that quarry-preprocess makes when it is killed after each of `moments`, in seconds, and started again with --resume."""
+        store = pathlib.Path(self.path("killed.quarry"))
+        command = [str(BIN / "quarry-preprocess"), *map(str, arguments), "-o", str(store), "--resume", "--quiet"]
+        for seconds in moments:
+            run = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+            time.sleep(seconds)
+            run.kill()
+            self.assertIn(run.wait(), (0, -signal.SIGKILL))
+            if store.exists():
+                break
+        else:
+            subprocess.run(command, check=True, timeout=TIMEOUT_S)
+        return store.read_bytes()
 
     def start_master(self, store, *arguments):
         """A master on a free port: the process and its address."""

@@ -3,6 +3,7 @@ and green above blue and yellow; most rows say that this picture is seen."""
 import itertools
 import os
 import pathlib
+import random
 import struct
 import zlib
 
@@ -103,7 +104,7 @@ for name, image in IMAGES.items():
     obj("image_" + name.replace(".", "_"), f"newmtl m\nmap_Kd {name}\n", **{name.replace(".", "__"): image})
 
 # Names of images.
-for number, name in enumerate(("./t.png", ".\\t.png", "T.PNG", "t.png ", '"t.png"', "C:\\work\\textures\\t.png", "C:/work/t.png", "/home/other/t.png", "../gone/t.png", "..\\..\\t.png", "\\\\server\\share\\t.png")):
+for number, name in enumerate(("./t.png", ".\\t.png", "T.PNG", "t.png ", '"t.png"', "C:\\plant\\textures\\t.png", "C:/plant/t.png", "/home/other/t.png", "../gone/t.png", "..\\..\\t.png", "\\\\server\\share\\t.png")):
     obj(f"name_{number}_" + "".join(c if c.isalnum() else "_" for c in name), f"newmtl m\nmap_Kd {name}\n", t__png=RGB)
 obj("name_blanks", "newmtl m\nmap_Kd my big  tex.png\n", **{"my big  tex__png": RGB})
 obj("name_umlaut", "newmtl m\nmap_Kd größe.png\n", größe__png=RGB)
@@ -215,7 +216,7 @@ for semantic in "CHANNEL1", "CHANNEL0", "UVSET1", "TEX2", "map1":
 dae("numbered_from_1", bound=binding("UV", 1), sets=(1,))
 dae("unbound", bound="")
 dae("bound_to_nothing", bound=binding("OTHER", 1))
-for name in "./t.png", "file://t.png", "file:///C:/work/t.png", "C:\\work\\t.png", "../gone/t.png":
+for name in "./t.png", "file://t.png", "file:///C:/plant/t.png", "C:\\plant\\t.png", "../gone/t.png":
     dae("image_" + "".join(c if c.isalnum() else "_" for c in name), quarters(RED, GREEN, BLUE, YELLOW), file=name)
 
 
@@ -300,6 +301,35 @@ class TextureCases(more.MoreCases):
                 link = self.folder / "desk" / ("link" + pathlib.Path(file).suffix)
                 link.symlink_to(f"../shelf/{file}")
                 self.must_be(PICTURE, link)
+
+    def test_levels_of_alpha_are_the_same_for_memory_and_threads_and_after_kills(self):
+        side, chance = 250, random.Random(4)
+        corner = lambda x, y: y * (side + 1) + x  # noqa: E731
+        square = Gltf(b"".join(struct.pack("<6I", corner(x, y), corner(x + 1, y), corner(x + 1, y + 1), corner(x, y), corner(x + 1, y + 1), corner(x, y + 1))
+                               for y in range(side) for x in range(side)), 5125, 6 * side * side)
+        count = (side + 1) ** 2
+        square.primitive["attributes"] = {
+            "POSITION": square.add(b"".join(struct.pack("<3f", x, y, chance.random()) for y in range(side + 1) for x in range(side + 1)), 5126, "VEC3", count),
+            "COLOR_0": square.add(b"".join(bytes((255, 255, 255, chance.randrange(256))) for _ in range(count)), 5121, "VEC4", count, normalized=True)}
+        square.json.update(materials=[{"alphaMode": "BLEND"}])
+        square.primitive["material"] = 0
+        square.json["meshes"][0]["primitives"] *= 3  # checkpoints lie between them
+        model = self.write("a.gltf", square.text())
+        whole = None
+        for options in ((), ("--threads", 1), ("--memory", "64M")):
+            self.must("quarry-preprocess", model, "-o", self.path("x.quarry"), "--force", *options)
+            made = pathlib.Path(self.path("x.quarry")).read_bytes()
+            self.assertTrue(made == (whole or made), options)
+            whole = made
+        self.assertEqual(len(self.info(self.path("x.quarry"))["materials"]), 17)
+        self.assertTrue(self.made_in_spite_of_kills((0.1, 0.2, 0.3), model, "--checkpoint", "0.02") == whole, "other bytes after kills")
+
+    def test_images_without_alpha_are_not_decoded_for_it(self):
+        for image, read in ((RGB, False), (HOLES, True)):
+            self.write("my.mtl", "newmtl m\nmap_Kd t.png\n")
+            self.write("t.png", image)
+            done = self.must("quarry-preprocess", self.write("a.obj", "mtllib my.mtl\n" + UV_OBJ), "-o", self.path("x.quarry"), "--force")
+            self.assertEqual("reading the opacity of 1 images" in done.stderr, read, done.stderr)
 
     def test_a_link_in_the_model_s_own_folder(self):
         """The only material file beside it is found once, not twice."""

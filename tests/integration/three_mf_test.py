@@ -5,12 +5,10 @@ import json
 import pathlib
 import random
 import shutil
-import signal
-import subprocess
 import unittest.mock
 import zipfile
 
-from programs import BIN, main
+from programs import main
 from model_cases import RED, SQUARE, Model, ModelCase, Sentence, colored
 
 CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
@@ -170,18 +168,9 @@ class ThreeMf(ModelCase):
     def test_a_killed_run_goes_on(self):
         path, second = self.large(), self.write("second.3mf", model())
         whole = self.made(path, "a.quarry", second)
-        chance, ended = random.Random(5), False
-        for kill in range(12):
-            run = subprocess.Popen([str(BIN / "quarry-preprocess"), path, second, "-o", self.path("b.quarry"), "--resume", "--checkpoint", "0.02", "--quiet"])
-            try:
-                ended = run.wait(timeout=chance.uniform(0.1, 1.5) if kill < 11 else 600) == 0
-            except subprocess.TimeoutExpired:
-                run.send_signal(signal.SIGKILL)
-                run.wait()
-            if ended:
-                break
-        self.assertTrue(ended)
-        self.assertTrue((self.folder / "b.quarry").read_bytes() == whole, "another store than that of a run without kills")
+        chance = random.Random(5)
+        killed = self.made_in_spite_of_kills([chance.uniform(0.1, 1.5) for _ in range(11)], path, second, "--checkpoint", "0.02")
+        self.assertTrue(killed == whole, "another store than that of a run without kills")
 
 
 if __name__ == "__main__":

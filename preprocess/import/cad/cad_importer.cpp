@@ -101,10 +101,9 @@ class CadImport {
     for (;;) {
       const Result<CadClient::Message> message = client.Next(part_name_);
       if (!message) return OfFile(path_, message.error());
-      const bool is_end = message->kind == CadMessage::kDone;
-      QUARRY_ASSIGN(const bool sound, is_end ? EndFace() : Take(*message));
+      QUARRY_ASSIGN(const bool sound, Take(*message));
       if (!sound) return OfFile(path_, CadClient::Lies().value());
-      if (is_end) return {};
+      if (message->kind == CadMessage::kDone) return {};
     }
   }
   uint64_t triangles() const { return triangles_; }
@@ -133,6 +132,8 @@ class CadImport {
         return TakeNormals(in);
       case CadMessage::kTriangles:
         return TakeTriangles(in);
+      case CadMessage::kDone:
+        return EndFace() && IsAll(in);
       default:
         return false;
     }
@@ -178,6 +179,7 @@ class CadImport {
   bool TakePart(std::string name) {
     part_ = name.empty() ? kNoIndex : sink_.AddPart(name);
     part_name_ = std::move(name);
+    ++parts_;
     return has_facts_;
   }
 
@@ -189,7 +191,14 @@ class CadImport {
     first_normal_ += normals_;
     points_ = normals_ = 0;
     in_face_ = true;
+    ++faces_;
     return true;
+  }
+
+  /// Whether as many parts and faces have come as the helper has sent.
+  bool IsAll(ByteReader& in) const {
+    const auto parts = in.Get<uint64_t>(), faces = in.Get<uint64_t>();
+    return in.done() && parts == parts_ && faces == faces_;
   }
 
   bool EndFace() const { return normals_ == 0 || normals_ == points_; }
@@ -243,7 +252,7 @@ class CadImport {
   std::string part_name_;
   uint64_t first_point_ = 0, first_normal_ = 0;  ///< of the current face
   uint64_t points_ = 0, normals_ = 0;            ///< of the current face
-  uint64_t triangles_ = 0;
+  uint64_t parts_ = 0, faces_ = 0, triangles_ = 0;
 };
 
 }  // namespace

@@ -13,7 +13,7 @@ std::vector<std::filesystem::path> FoldersOf(const std::string& file);
 
 /// Finds the regular file that `by`, a model or a file of it, means by `name`. One rule for all formats. For
 /// each of FoldersOf(by): the name as it is, with slashes or backslashes; then ever fewer of its last parts,
-/// since a name may be of another machine ("C:/work/textures/a.png": "textures/a.png", "a.png"); then names
+/// since a name may be of another machine ("C:/plant/textures/a.png": "textures/a.png", "a.png"); then names
 /// that differ in case alone. Empty: there is none.
 std::filesystem::path FindFile(const std::string& by, const std::string& name);
 

@@ -304,10 +304,11 @@ Status WritePly(const std::vector<Placed>& placed, const std::vector<uint32_t>& 
 /// The error, with the model's name once.
 Status CannotRead(const std::string& model, std::string why) {
   if (why.starts_with("No suitable reader found"))
-    return Fail(fmt::format(
-        "{}: is of none of the formats that are read: PLY, OBJ, STL, OFF, glTF, GLB, NFF, AFF, 3MF, and by "
-        "Assimp COLLADA, AMF, FBX, 3DS, DXF, X3D and more; export it as glTF, OBJ or PLY",
-        model));
+    return Fail(
+        fmt::format("{}: is of none of the formats that are read: PLY, OBJ, STL, OFF, glTF, GLB, NFF, AFF, "
+                    "3MF, STEP, IGES, "
+                    "and by Assimp COLLADA, AMF, FBX, 3DS, DXF, X3D and more; export it as glTF, OBJ or PLY",
+                    model));
   for (size_t at; (at = why.find(model)) != why.npos;) why.replace(at, model.size(), "it");
   while (why.ends_with('.') || why.ends_with('\n')) why.pop_back();
   return Fail(fmt::format("{}: Assimp cannot read it ({}); export it as glTF, OBJ or PLY", model, why));

@@ -5,6 +5,7 @@
 #include <Geom_Plane.hxx>
 #include <Geom_RectangularTrimmedSurface.hxx>
 #include <Poly_Triangulation.hxx>
+#include <TopoDS.hxx>
 #include <algorithm>
 #include <utility>
 #include <vector>
@@ -98,8 +99,8 @@ bool SendFace(const TopoDS_Face& face, const TopLoc_Location& place, double scal
   begin.Put(material);
   out.Put(CadMessage::kFace, begin.bytes());
   SendPoints(*mesh, to_model, scale, out);
-  TopLoc_Location of_surface;
-  const Handle(Geom_Surface)& surface = BRep_Tool::Surface(face, of_surface);
+  // The surface where the triangulation is: its own place within the face counts, that of the face does not.
+  const Handle(Geom_Surface) surface = BRep_Tool::Surface(TopoDS::Face(face.Located(TopLoc_Location())));
   if (!surface.IsNull() && !IsPlane(surface) && mesh->HasUVNodes()) {
     if (!mesh->HasNormals()) ComputeNormals(*mesh, surface);
     SendNormals(*mesh, to_model, reversed, out);

@@ -3,10 +3,7 @@
 // program's own. It is a process of its own because Open CASCADE holds models whole, may crash on damaged
 // ones, and is large.
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <malloc.h>
-#include <unistd.h>
 
 #include <Standard_Failure.hxx>
 #include <Standard_OutOfMemory.hxx>
@@ -17,7 +14,7 @@
 #include "common/base/address_space.h"
 #include "common/base/descriptor.h"
 #include "common/base/log.h"
-#include "common/program/run_program.h"
+#include "common/program/run_helper.h"
 #include "preprocess/import/cad/open_cascade/cad_assembly.h"
 #include "preprocess/import/cad/open_cascade/cad_document.h"
 #include "preprocess/import/cad/open_cascade/cad_mesh.h"
@@ -83,12 +80,7 @@ int Answer(const Request& request, CadOutput& out) {
   std::_Exit(0);
 }
 
-int Serve(uint64_t memory) {
-  const int to = ::dup(1), nowhere = ::open("/dev/null", O_WRONLY);
-  if (to < 0 || nowhere < 0) return 1;
-  ::dup2(nowhere, 1);  // the library prints there
-  ::dup2(nowhere, 2);
-  ::mallopt(M_ARENA_MAX, 1);  // each arena takes 128 MB of address space
+int Serve(uint64_t memory, int to) {
   LimitAddressSpace(kOwnBytes + memory);
   Request request;
   if (!Read(request)) return 1;
@@ -96,17 +88,7 @@ int Serve(uint64_t memory) {
   return Answer(request, out);
 }
 
-int Main(int argc, char** argv) {
-  if (argc != 2) {
-    Log("quarry-import-cad BYTES: started by quarry-preprocess");
-    return 2;
-  }
-  return Serve(std::strtoull(argv[1], nullptr, 10));
-}
-
 }  // namespace
 }  // namespace quarry
 
-int main(int argc, char** argv) {
-  return quarry::RunProgram({"quarry-import-cad", "nothing was written"}, argc, argv, quarry::Main);
-}
+int main(int argc, char** argv) { return quarry::RunHelper<quarry::Serve>("quarry-import-cad", argc, argv); }

@@ -78,6 +78,7 @@ bool CadMesher::Run() {
     shape.styles.reset();
     shape.shape.Nullify();
   }
+  if (without_triangles_.count > 0 && MemoryIsShort(true)) return false;
   WarnOfLosses();
   ByteWriter content;
   content.Put(uint64_t{instances.size()});

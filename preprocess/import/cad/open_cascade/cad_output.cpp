@@ -50,7 +50,7 @@ void CadOutput::Flush() {
   gathered_.clear();
 }
 
-bool MemoryIsShort() {
+bool MemoryIsShort(bool losses) {
   rlimit limit{};
   if (::getrlimit(RLIMIT_AS, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY) return false;
   std::ifstream status("/proc/self/status");
@@ -58,7 +58,9 @@ bool MemoryIsShort() {
   constexpr std::string_view kPeak = "VmPeak:";
   while (std::getline(status, line))
     if (line.starts_with(kPeak))
-      return (std::strtoull(line.c_str() + kPeak.size(), nullptr, 10) << 10) + kMargin > limit.rlim_cur;
+      return (std::strtoull(line.c_str() + kPeak.size(), nullptr, 10) << 10) +
+                 (losses ? std::max<uint64_t>(kMargin, limit.rlim_cur / 4) : kMargin) >
+             limit.rlim_cur;
   return false;
 }
 

@@ -3,10 +3,7 @@
 // is a process of its own because Draco holds meshes whole, and may crash on damaged ones.
 
 #include <draco/compression/decode.h>
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <malloc.h>
-#include <unistd.h>
 
 #include <cstdlib>
 #include <cstring>
@@ -21,7 +18,7 @@
 #include "common/base/descriptor.h"
 #include "common/base/log.h"
 #include "common/program/processor_time.h"
-#include "common/program/run_program.h"
+#include "common/program/run_helper.h"
 #include "preprocess/import/gltf/draco/draco_protocol.h"
 
 namespace quarry {
@@ -171,29 +168,16 @@ bool AnswerNext(int out) {
   }
 }
 
-int Serve(uint64_t memory) {
-  const int out = ::dup(1), nowhere = ::open("/dev/null", O_WRONLY);
-  if (out < 0 || nowhere < 0) return 1;
-  ::dup2(nowhere, 1);  // the library prints there
-  ::dup2(nowhere, 2);
-  ::mallopt(M_ARENA_MAX, 1);  // each arena takes 128 MB of address space
+int Serve(uint64_t memory, int out) {
   LimitAddressSpace(kOwnBytes + memory);
   while (AnswerNext(out)) {
   }
   return 0;
 }
 
-int Main(int argc, char** argv) {
-  if (argc != 2) {
-    Log("quarry-import-draco BYTES: started by quarry-preprocess");
-    return 2;
-  }
-  return Serve(std::strtoull(argv[1], nullptr, 10));
-}
-
 }  // namespace
 }  // namespace quarry
 
 int main(int argc, char** argv) {
-  return quarry::RunProgram({"quarry-import-draco", "nothing was written"}, argc, argv, quarry::Main);
+  return quarry::RunHelper<quarry::Serve>("quarry-import-draco", argc, argv);
 }
