@@ -1,12 +1,13 @@
 """glTF whose meshes are compressed, by meshopt (gltfpack) and by Draco (draco_encoder)."""
-import json
 import pathlib
 import shutil
 import subprocess
+import sys
 
 from programs import BIN, Case, main
 
-DRACO = "KHR_draco_mesh_compression"
+sys.path.insert(0, str(pathlib.Path(__file__).parents[1] / "bench"))
+import first_files  # noqa: E402
 
 
 class Compressed(Case):
@@ -32,20 +33,8 @@ class Compressed(Case):
             self.skipTest("quarry-import-draco was not built: Draco is not there")
         self.tool("draco_encoder", "-i", self.plain, "-o", self.path("t.drc"), "-qp", 14)
         mesh = pathlib.Path(self.path("t.drc")).read_bytes()
-        document = {
-            "asset": {"version": "2.0"}, "extensionsUsed": [DRACO], "extensionsRequired": [DRACO],
-            "buffers": [{"byteLength": len(mesh)}], "bufferViews": [{"buffer": 0, "byteLength": len(mesh)}],
-            "accessors": [{"componentType": 5126, "count": 1, "type": "VEC3"}, {"componentType": 5125, "count": 3, "type": "SCALAR"}],
-            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1,
-                                        "extensions": {DRACO: {"bufferView": 0, "attributes": {"POSITION": 0}}}}]}],
-            "nodes": [{"mesh": 0}]}
-        text = json.dumps(document).encode()
-        text += b" " * (-len(text) % 4)
-        mesh += bytes(-len(mesh) % 4)
-        word = lambda n: n.to_bytes(4, "little")
-        glb = b"glTF" + word(2) + word(28 + len(text) + len(mesh)) + word(len(text)) + b"JSON" + text + word(len(mesh)) + b"BIN\0" + mesh
         model = pathlib.Path(self.path("draco.glb"))
-        model.write_bytes(glb)
+        model.write_bytes(first_files.draco_glb(mesh))
         return str(model)
 
     def made(self, model, *options):
@@ -84,7 +73,7 @@ class Compressed(Case):
 
     def test_damaged_meshes_leave_one_sentence_and_no_store(self):
         for model, sentence in ((self.packed("packed.glb", "-c"), r"packed\.glb: bufferViews\[\d\]\.extensions\.EXT_meshopt_compression: its bytes are damaged"),
-                                (self.draco(), r"draco\.glb: a primitive of meshes\[0\]\." + DRACO + r": bufferViews\[0\]: ")):
+                                (self.draco(), r"draco\.glb: a primitive of meshes\[0\]\." + first_files.DRACO + r": bufferViews\[0\]: ")):
             with self.subTest(model=model):
                 document = bytearray(pathlib.Path(model).read_bytes())
                 middle = document.index(b"BIN\0") + 4
