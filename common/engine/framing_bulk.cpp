@@ -15,7 +15,7 @@ namespace {
 /// Triangles that may lie outside the bulk at either end of an axis, as a share of all.
 constexpr double kStrays = 0.005;
 /// Along an axis the bulk is as long as the box of all triangles unless that is so many times as long.
-constexpr double kFarLarger = 2;
+constexpr double kFarLarger = 3;
 /// So many voxels of the largest cells are measured by their triangles, the others by their cells. A plate or
 /// a backdrop enlarges the cells that it crosses.
 constexpr size_t kFewVoxels = 32;

@@ -19,6 +19,9 @@
 namespace quarry {
 namespace {
 
+/// Rays in a row of a picture: of one all around, and of one that may become the inside view.
+constexpr uint32_t kAround = 8, kAhead = 12;
+
 /// A hit as a probe sees it.
 struct ProbedPoint {
   float distance = kInfinity;
@@ -31,20 +34,19 @@ struct ProbedPoint {
 /// Traces small pictures from places in a scene. Not thread-safe.
 class Prober {
  public:
-  static constexpr uint32_t kSide = 8;  ///< pixels
-
   static Result<std::unique_ptr<Prober>> Create(const Scene& scene) {
     const uint64_t cache = std::max<uint64_t>(64u << 20, scene.catalog().meta.largest_decoded);
     QUARRY_ASSIGN(auto renderer, Renderer::Create(scene, {cache, 1}));
     return std::unique_ptr<Prober>(new Prober(scene, std::move(renderer)));
   }
 
-  /// kSide x kSide points seen from `eye` along `forward`, `degrees` wide and high.
+  /// Points seen from `eye` along `forward`, `degrees` wide and high: `across` a row, as many rows. `sides`:
+  /// with the side that is hit, its place and plane.
   Result<std::vector<ProbedPoint>> Look(const glm::dvec3& eye, const glm::dvec3& forward,
-                                        const glm::dvec3& up, double degrees, bool sides) {
+                                        const glm::dvec3& up, double degrees, uint32_t across, bool sides) {
     View view;
-    view.width = view.height = kSide;
-    view.crop = {0, 0, kSide, kSide};
+    view.width = view.height = across;
+    view.crop = {0, 0, across, across};
     view.camera = {.eye = eye, .at = eye + forward, .up = up, .fov_degrees = degrees};
     const Tile tile{view.crop, 1, true};
     std::vector<Hit> hits;
@@ -58,7 +60,7 @@ class Prober {
       points[i].triangle = hits[i].triangle;
       if (sides) {
         QUARRY_TRY(LookAtSide(hits[i], eye, points[i]));
-        points[i].place = eye + Direction(i, forward, up, degrees) * static_cast<double>(hits[i].t);
+        points[i].place = eye + Direction(i, across, forward, up, degrees) * static_cast<double>(hits[i].t);
       }
     }
     return points;
@@ -69,13 +71,14 @@ class Prober {
       : scene_(scene), renderer_(std::move(renderer)) {}
 
   /// The unit vector through a pixel's middle.
-  static glm::dvec3 Direction(size_t pixel, const glm::dvec3& forward, const glm::dvec3& up, double degrees) {
+  static glm::dvec3 Direction(size_t pixel, uint32_t pixels, const glm::dvec3& forward, const glm::dvec3& up,
+                              double degrees) {
     const glm::dvec3 ahead = glm::normalize(forward), right = glm::normalize(glm::cross(ahead, up));
     const auto across = [&](size_t at) {
-      return ((static_cast<double>(at) + 0.5) * 2 / kSide - 1) * TanHalfDegrees(degrees);
+      return ((static_cast<double>(at) + 0.5) * 2 / pixels - 1) * TanHalfDegrees(degrees);
     };
-    return glm::normalize(ahead + across(pixel % kSide) * right -
-                          across(pixel / kSide) * glm::cross(right, ahead));
+    return glm::normalize(ahead + across(pixel % pixels) * right -
+                          across(pixel / pixels) * glm::cross(right, ahead));
   }
 
   Status LookAtSide(const Hit& hit, const glm::dvec3& eye, ProbedPoint& point) {
@@ -130,7 +133,7 @@ Result<Surroundings> LookAround(Prober& prober, const glm::dvec3& eye, double di
     up[(face / 2 + 1) % 3] = 1;
     if (from_outside) forward = glm::normalize(forward + 0.4 * up + 0.3 * glm::cross(forward, up));
     const glm::dvec3 from = from_outside ? eye - forward * (2 * diagonal) : eye;
-    QUARRY_ASSIGN(const auto points, prober.Look(from, forward, up, from_outside ? 20 : 90, true));
+    QUARRY_ASSIGN(const auto points, prober.Look(from, forward, up, from_outside ? 20 : 90, kAround, true));
     for (const ProbedPoint& p : points) {
       const bool hit = p.distance < kInfinity && (!from_outside || Holds(*bulk, p.place, 0.01 * diagonal));
       ++rays;
@@ -189,7 +192,7 @@ Result<std::optional<CameraSpec>> BeforeOpenSide(Prober& prober, const Core& cor
   const glm::dvec3 middle = (core.lower + core.upper) * 0.5, up = InAxes(0, 0, 1, framing.up_axis);
   for (const auto& [right, back] : kWays) {
     const glm::dvec3 out = InAxes(right, back, 0, framing.up_axis);
-    QUARRY_ASSIGN(const auto points, prober.Look(middle, out, up, 40, false));
+    QUARRY_ASSIGN(const auto points, prober.Look(middle, out, up, 40, kAround, false));
     const auto misses =
         std::ranges::count_if(points, [](const ProbedPoint& p) { return !(p.distance < kInfinity); });
     if (static_cast<double>(misses) < kOpen * static_cast<double>(points.size())) continue;
@@ -208,16 +211,15 @@ struct Prospect {
 /// The logarithm of the distance of the nearest thing in the picture's middle, as a share of the diagonal.
 double ClearView(const std::vector<ProbedPoint>& points, double diagonal) {
   constexpr double kNothing = 0.05;
-  constexpr uint32_t kSide = Prober::kSide;
   double nearest = kInfinity;
-  for (uint32_t y = kSide / 2 - 1; y <= kSide / 2; ++y)
-    for (uint32_t x = kSide / 2 - 2; x <= kSide / 2 + 1; ++x)
-      nearest = std::min(nearest, static_cast<double>(points[y * kSide + x].distance) / diagonal);
+  for (uint32_t y = kAhead / 2 - 1; y <= kAhead / 2; ++y)
+    for (uint32_t x = kAhead / 4; x < kAhead * 3 / 4; ++x)
+      nearest = std::min(nearest, static_cast<double>(points[y * kAhead + x].distance) / diagonal);
   return Log2(nearest < kInfinity ? std::max(nearest, 1e-6) : kNothing);
 }
 
 Prospect Judge(const std::vector<ProbedPoint>& points, double diagonal) {
-  constexpr double kSky = -5, kClose = 0.03, kDetail = 0.6, kClear = 1;
+  constexpr double kSky = -5, kClose = 0.03, kDetail = 1, kClear = 1;
   double sum = 0, seen = 0;
   bool close = false;
   std::set<uint32_t> triangles;
@@ -259,7 +261,7 @@ Result<CameraSpec> FindInside(Prober& prober, const Core& core, Framing& framing
       double sine = 0, cosine = 1;
       SinCos(way * (6.28318530717958647693 / kWays), sine, cosine);
       const glm::dvec3 forward = InAxes(sine, cosine, 0, framing.up_axis);
-      QUARRY_ASSIGN(const auto points, prober.Look(eye, forward, up, kFov, false));
+      QUARRY_ASSIGN(const auto points, prober.Look(eye, forward, up, kFov, kAhead, false));
       const Prospect prospect = Judge(points, diagonal);
       if (prospect.score <= best_score) continue;
       best_score = prospect.score;

@@ -15,8 +15,8 @@ namespace {
 /// Linear value that the logarithmic mean of surfaces comes to: a light grey, since a picture of a model
 /// should show its shape rather than a mood.
 constexpr double kKey = 0.3;
-/// The share of points that may be clipped.
-constexpr size_t kClippedOf = 64;
+/// Of so many points one may be clipped.
+constexpr size_t kClippedOf = 128;
 /// Lattice points along the image's longer side.
 constexpr uint32_t kLattice = 64;
 
