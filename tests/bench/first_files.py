@@ -1,4 +1,5 @@
 """Models in formats of today's tools, for tests/bench/first_pictures and the tests of readers: STEP, Draco in glTF, 3MF, and a PLY with a texture."""
+import io
 import json
 import math
 import pathlib
@@ -10,6 +11,7 @@ import zlib
 
 import first_models
 
+MODEL_PART = "3D/3dmodel.model"
 DRACO = "KHR_draco_mesh_compression"
 
 
@@ -46,6 +48,17 @@ def draco_scan(folder, _, scenes):
     return path
 
 
+def archive_3mf(model):
+    """A 3MF of the bytes of its model."""
+    relationships = ('<?xml version="1.0"?><Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships"><Relationship Id="r" '
+                     f'Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel" Target="/{MODEL_PART}"/></Relationships>')
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in (("[Content_Types].xml", "<Types/>"), ("_rels/.rels", relationships), (MODEL_PART, model)):
+            archive.writestr(name, content)
+    return out.getvalue()
+
+
 def print_3mf(folder, *_):
     """A bust of 80 mm on a printer's plate, three times, one of them red."""
     mesh = first_models.bust()
@@ -61,12 +74,7 @@ def print_3mf(folder, *_):
     items = "".join(f'<item objectid="{i}" transform="1 0 0 0 1 0 0 0 1 {x} 100 0"/>' for i, x in ((1, 30), (2, 110), (1, 190)))
     model = ('<?xml version="1.0"?><model unit="millimeter" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"><resources><basematerials id="9">'
              f'<base name="red" displaycolor="#D03020FF"/></basematerials>{objects}</resources><build>{items}</build></model>')
-    relationships = ('<?xml version="1.0"?><Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships"><Relationship Id="r" '
-                     'Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel" Target="/3D/3dmodel.model"/></Relationships>')
-    with zipfile.ZipFile(folder / "print.3mf", "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("[Content_Types].xml", "<Types/>")
-        archive.writestr("_rels/.rels", relationships)
-        archive.writestr("3D/3dmodel.model", model)
+    (folder / "print.3mf").write_bytes(archive_3mf(model.encode()))
     return folder / "print.3mf"
 
 
@@ -82,10 +90,10 @@ def vase_image(path, width=256, height=256):
     path.write_bytes(b"\x89PNG\r\n\x1a\n" + header + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b""))
 
 
-def textured_ply(folder, *_):
+def textured_ply(folder, *_, columns=96):
     """A painted vase, z up: `comment TextureFile`, and coordinates at each face's corners as scanners write them."""
     profile = [(0.0, 0.0), (0.5, 0.0), (0.62, 0.25), (0.85, 0.8), (0.8, 1.4), (0.45, 1.9), (0.33, 2.2), (0.36, 2.5), (0.5, 2.65)]
-    columns, rows = 96, 8 * (len(profile) - 1)
+    rows = 8 * (len(profile) - 1)
     vertices = []
     for j in range(rows + 1):
         i, t = divmod(j, 8)
