@@ -158,6 +158,14 @@ TEST_CASE("What is solid, or a tower of storeys, is no interior, whichever way i
   }
 }
 
+TEST_CASE("A solid case whose pins reach into it is no interior", "[framing]") {
+  Model relay;
+  relay.AddBox({0, 0, 0}, {29, 12, 15});
+  for (const double x : {3.0, 9.0, 20.0, 26.0})
+    for (const double y : {2.0, 9.0}) relay.AddBox({x, y, -0.5}, {x + 0.5, y + 1, 6});
+  CHECK_FALSE(relay.Probe(false).interior);
+}
+
 TEST_CASE("The view inside has no column in its middle", "[framing]") {
   Model model;
   model.AddRoom({16, 12, 3}, false);
