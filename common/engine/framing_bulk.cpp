@@ -16,6 +16,8 @@ namespace {
 constexpr double kStrays = 0.005;
 /// Along an axis the bulk is as long as the box of all triangles unless that is so many times as long.
 constexpr double kFarLarger = 3;
+/// Boxes that lie so near nearly all triangles, as a share of their length, belong to the bulk.
+constexpr double kNear = 0.5;
 /// So many voxels of the largest cells are measured by their triangles, the others by their cells. A plate or
 /// a backdrop enlarges the cells that it crosses.
 constexpr size_t kFewVoxels = 32;
@@ -133,7 +135,7 @@ void MeasureBulk(const std::vector<WeightedBox>& boxes, int axis, Framing& frami
   const double strays = all < kFew ? kStrays : std::max(kStrays, 1.01 / all);
   const double lower = Quantile(boxes, axis, strays), upper = Quantile(boxes, axis, 1 - strays);
   if (framing.upper[axis] - framing.lower[axis] <= kFarLarger * (upper - lower)) return;
-  const double near = (kFarLarger - 1) / 2 * (upper - lower);
+  const double near = kNear * (upper - lower);
   double least = upper, most = lower;
   for (const WeightedBox& box : boxes) {
     const auto from = static_cast<double>(box.lower[axis]), to = static_cast<double>(box.upper[axis]);

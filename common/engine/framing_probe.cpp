@@ -162,7 +162,7 @@ Result<Surroundings> LookAround(Prober& prober, const glm::dvec3& eye, double di
 /// place in its midst hit something, there is space around it, and about as much is to be seen from there. Of
 /// an empty box its windings decide, if a side is open.
 Result<bool> IsInterior(Prober& prober, const Core& core, const Framing& framing) {
-  constexpr double kNearlyAll = 0.7, kSpace = 0.1, kPlain = 0.4, kAsMuch = 0.6, kMore = 1.5;
+  constexpr double kNearlyAll = 0.7, kSpace = 0.1, kPlain = 0.4, kAsMuch = 0.6, kMore = 1;
   constexpr double kHeights[] = {0.5, 0.25, 0.75};
   constexpr double kBox = 12;  // planes that a box has at most, with its open side
   const auto up = static_cast<int>(framing.up_axis);
