@@ -17,7 +17,7 @@ constexpr double kStrays = 0.005;
 /// Along an axis the bulk is as long as the box of all triangles unless that is so many times as long.
 constexpr double kFarLarger = 3;
 /// Boxes that lie so near nearly all triangles, as a share of their length, belong to the bulk.
-constexpr double kNear = 0.5;
+constexpr double kNear = 1;
 /// So many voxels of the largest cells are measured by their triangles, the others by their cells. A plate or
 /// a backdrop enlarges the cells that it crosses.
 constexpr size_t kFewVoxels = 32;
@@ -187,10 +187,7 @@ Result<std::vector<WeightedBox>> BoxesOf(const Scene& scene) {
     for (uint32_t t = 0; t < scene.catalog().voxels[v].triangles; ++t) {
       const glm::vec3 a = voxel.geometry.vertex(t, 0), b = voxel.geometry.vertex(t, 1),
                       c = voxel.geometry.vertex(t, 2);
-      // The rest of a triangle lies in other voxels.
-      const glm::vec3 lower = glm::max(glm::min(a, glm::min(b, c)), cell.lower),
-                      upper = glm::min(glm::max(a, glm::max(b, c)), cell.upper);
-      triangles.push_back({lower, glm::max(lower, upper), 1});
+      triangles.push_back({glm::min(a, glm::min(b, c)), glm::max(a, glm::max(b, c)), 1});
     }
     if (triangles.size() <= kManyTriangles) {
       std::ranges::copy(triangles, std::back_inserter(boxes));
