@@ -18,7 +18,8 @@ struct WeightedBox {
   double weight;
 };
 
-/// Boxes of triangles, and of the triangles of voxels, see ProbeFraming(). Errors: the store cannot be read.
+/// Boxes of whole triangles in the largest voxels, many of them together, and of the other voxels, see
+/// ProbeFraming(). A triangle counts once in each voxel that it crosses. Errors: the store cannot be read.
 Result<std::vector<WeightedBox>> BoxesOf(const Scene& scene);
 
 /// A decoded hot block.

@@ -159,10 +159,10 @@ Result<Surroundings> LookAround(Prober& prober, const glm::dvec3& eye, double di
 }
 
 /// Whether the scene is a room that shows little from outside: the outside is plain, nearly all rays from a
-/// place in its midst hit something, there is space around it, and about as much is to be seen from there. Of
-/// an empty box its windings decide, if a side is open.
+/// place in its midst hit something, there is space around it, and about as much is to be seen from there.
+/// What its windings call a solid must show more. Of an empty box they decide, if a side is open.
 Result<bool> IsInterior(Prober& prober, const Core& core, const Framing& framing) {
-  constexpr double kNearlyAll = 0.7, kSpace = 0.1, kPlain = 0.4, kAsMuch = 0.6, kMore = 1;
+  constexpr double kNearlyAll = 0.7, kSpace = 0.1, kPlain = 0.4, kAsMuch = 0.6, kAsMuchOfSolid = 1;
   constexpr double kHeights[] = {0.5, 0.25, 0.75};
   constexpr double kBox = 12;  // planes that a box has at most, with its open side
   const auto up = static_cast<int>(framing.up_axis);
@@ -178,9 +178,9 @@ Result<bool> IsInterior(Prober& prober, const Core& core, const Framing& framing
       if (around.hits < kNearlyAll || around.mean_distance < kSpace) continue;
       // Backs within walls that show theirs too: the place lies in a solid thing in an open box.
       if (around.backs > kNearlyAll && outside.backs > 0.5) continue;
-      // Backs inside and fronts outside are those of a solid thing, or of a room whose windings are turned.
+      // A solid thing shows backs inside and fronts outside. So does a room whose windings are turned.
       const bool solid = around.backs > kNearlyAll && outside.backs < 1 - kNearlyAll;
-      if (around.detail > (solid ? kMore : kAsMuch) * outside.detail) return true;
+      if (around.detail > (solid ? kAsMuchOfSolid : kAsMuch) * outside.detail) return true;
       if (outside.planes <= kBox && outside.backs > 0.5 && around.hits < 1) return true;
     }
   return false;

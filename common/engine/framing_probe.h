@@ -10,9 +10,9 @@ namespace quarry {
 /// The bulk leaves out far strays, large plates and backdrops: along each axis it holds all but 0.5 % of the
 /// triangles at either end and what lies near them, unless all triangles take less than three times as much.
 /// An interior is a room that shows little from outside: nearly all rays from its midst hit something, not
-/// too near, and its outside is plain. Windings count only for an empty box with an open side. At most 32,000
-/// rays are traced, and only blocks that they pass, and those of the largest voxels, are read. Errors: as
-/// Renderer::Render's. Thread-safe.
+/// too near, and its outside is plain. Windings count for an empty box with an open side, and a solid by its
+/// windings must show more inside. At most 32,000 rays are traced, and only blocks that they pass, and those
+/// of the largest voxels, are read. Errors: as Renderer::Render's. Thread-safe.
 Result<Framing> ProbeFraming(const Scene& scene, uint32_t up_axis, bool find_inside);
 
 }  // namespace quarry

@@ -28,6 +28,7 @@ TEST_CASE("Surfaces are exposed to one grey, highlights are held", "[exposure]")
   // A large bright sky is not clipped; a few lamps are.
   CHECK(ExposureFor(Grey(900, 0.01f, 100, 0.8f)) <= -std::log2(0.8) + 1e-9);
   CHECK(ExposureFor(Grey(1000, 0.01f, 5, 1000.0f)) == dark);
+  CHECK(ExposureFor(Grey(1000, 0.01f, 10, 1000.0f)) < dark - 4);  // one of 100: more than may be clipped
   CHECK(ExposureFor({}) == 0);
   CHECK(ExposureFor(Grey(0, 0, 100, 0.5f)) == 0);
   CHECK(ExposureFor(Grey(100, 0)) == 0);
