@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "master/display/live_picture.h"
-#include "master/jobs/exposure_meter.h"
+#include "master/pictures/exposure_meter.h"
 #include "master/schedule/live_dispatcher.h"
 
 namespace quarry {
