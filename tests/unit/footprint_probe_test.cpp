@@ -6,7 +6,7 @@
 #include <mutex>
 #include <thread>
 
-#include "master/jobs/frame_image.h"
+#include "master/pictures/frame_image.h"
 #include "tests/support/looking.h"
 #include "tests/support/row_scene.h"
 

@@ -1,4 +1,4 @@
-#include "master/jobs/image_output.h"
+#include "master/pictures/image_output.h"
 
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfFrameBuffer.h>
@@ -18,8 +18,7 @@
 
 #include "common/base/version.h"
 #include "common/math/elementary.h"
-#include "master/jobs/frame_memory.h"
-#include "master/jobs/shown_color.h"
+#include "master/pictures/shown_color.h"
 
 namespace quarry {
 namespace {
@@ -225,6 +224,16 @@ Result<Bytes> EncodeExr(const View& view, const ImageFormat& format, const Scene
 }
 
 }  // namespace
+
+uint64_t EncodedBytes(const View& view, const ImageFormat& format) {
+  const uint64_t rows = view.crop.height, pixels = rows * view.crop.width;
+  // PNG: three bytes a pixel, a filter's byte a row, and five for each 16 KiB that zlib stores as they are.
+  // EXR: the words as they are, by 16 rows where they do not compress, and a place for each.
+  if (format.name == "png") return pixels * 3 * 1001 / 1000 + rows + (64 << 10);
+  // Depths and normals have two names (EncodeImage).
+  const uint64_t again = (view.has(Aov::kDepth) ? 1 : 0) + (view.has(Aov::kNormal) ? 3 : 0);
+  return pixels * 4 * (WordsPerPixel(view.aov_mask) + again) + rows * 16 + (64 << 10);
+}
 
 Result<Bytes> EncodeImage(const View& view, const ImageFormat& format, const SceneFacts& scene, double ev,
                           const std::vector<uint32_t>& pixels) {

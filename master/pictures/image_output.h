@@ -25,5 +25,7 @@ struct SceneFacts {
 /// or a number of threads.
 Result<Bytes> EncodeImage(const View& view, const ImageFormat& format, const SceneFacts& scene, double ev,
                           const std::vector<uint32_t>& pixels);
+/// Upper bound on the bytes of an encoded image, one that does not compress.
+uint64_t EncodedBytes(const View& view, const ImageFormat& format);
 
 }  // namespace quarry

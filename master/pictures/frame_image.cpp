@@ -1,4 +1,4 @@
-#include "master/jobs/frame_image.h"
+#include "master/pictures/frame_image.h"
 
 #include <fmt/format.h>
 
