@@ -41,6 +41,7 @@ struct PacketWork {
   TileFilm& film;
   PinnedBlocks* const pins;  ///< null while a tile is opened
   Scratch& scratch;
+  uint64_t scatters = 0;  ///< lanes whose surfaces have not changed since `scratch.scatter` was set for them
 
   /// Requires: `pins` is not null.
   const ResidentBlock* Find(BlockKey block) const { return pins->Find(block); }

@@ -228,7 +228,7 @@ void ViewPacer::Fill(double now_s) {
 }
 
 void ViewPacer::Meter() {
-  if (meter_ || own_ || wanted_.exposure || wanted_.view.mode == RenderMode::kVoxels) return;
+  if (meter_ || own_ || wanted_.exposure || !InfoOf(wanted_.view.mode).metered) return;
   const View view = MeteredView(wanted_.view);
   metered_.clear();
   meter_ = dispatcher_.Begin(viewer_, view);
@@ -299,7 +299,7 @@ std::optional<DueFrame> ViewPacer::MakeDue(double now_s) {
 
 double ViewPacer::ExposureNow() {
   if (wanted_.exposure) return *wanted_.exposure;
-  if (wanted_.view.mode == RenderMode::kVoxels) return 0;
+  if (!InfoOf(wanted_.view.mode).metered) return 0;
   if (own_) return *own_;
   if (exposure_ && exposed_mode_ == wanted_.view.mode) return *exposure_;
   // A guess from few pixels is made again.

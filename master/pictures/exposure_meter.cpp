@@ -79,7 +79,7 @@ double ExposureFor(std::span<const MeteredPoint> points) {
 }
 
 Result<double> MeterExposure(const Scene& scene, View view, uint64_t cache_bytes, std::stop_token stop) {
-  if (view.mode == RenderMode::kVoxels) return 0;
+  if (!InfoOf(view.mode).metered) return 0;
   view = MeteredView(std::move(view));
   const Tile tile = MeteredTile(view);
   cache_bytes = std::max<uint64_t>(cache_bytes, scene.catalog().meta.largest_decoded);

@@ -100,7 +100,7 @@ std::vector<std::pair<std::string, std::string>> TextsOf(const View& view, const
                              vector(c.at + scene.offset), vector(c.up),
                              c.ortho_height > 0 ? fmt::format("ortho {}", c.ortho_height)
                                                 : fmt::format("fov {}", c.fov_degrees))},
-      {"Mode", kRenderModeNames[static_cast<size_t>(view.mode)]},
+      {"Mode", InfoOf(view.mode).name},
       {"Samples", fmt::format("{} a pixel", view.spp)}};
   if (ev) texts.emplace_back("Exposure", fmt::format("{} EV", *ev));
   return texts;

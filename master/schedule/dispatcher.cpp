@@ -5,6 +5,8 @@
 #include <unordered_map>
 #include <utility>
 
+#include "common/engine/adaptive_queue_depth.h"
+
 namespace quarry {
 
 uint32_t WorkerState::Credit(bool any_proven) const {

@@ -119,7 +119,7 @@ TEST_CASE("Messages come back field by field") {
          tile->area.pixels == PixelRect{4, 5, 6, 7} && tile->area.step == 1 &&
          tile->urgency == Urgency::kJob && tile->area.phase_x == Tile::kMiddle &&
          tile->area.form == PixelForm::kMeans));
-  TileOrder live{1, 2, 3, {{4, 5, 6, 7}, 4, false, 2, 0, 1, 3, PixelForm::kSums}, {}, {}, Urgency::kRest};
+  TileOrder live{1, 2, 3, {{4, 5, 6, 7}, 4, 2, 0, 1, 3, PixelForm::kSums}, {}, {}, Urgency::kRest};
   live.area.leaves_holes = true;
   const auto seen = DecodeTileOrder(Encode(live));
   CHECK((seen->urgency == Urgency::kRest && seen->area.leaves_holes && seen->area.step == 4 &&

@@ -140,23 +140,6 @@ TEST_CASE("A lattice renders the pixels in the middle of its squares", "[rendere
                         12) == 0);
 }
 
-TEST_CASE("Hits alone come without colours and without attributes", "[renderer]") {
-  const Row row;
-  const auto renderer = MakeRenderer(row);
-  const View view = Seen({0, -20, 0}, {0, 10, 0});
-  const RenderedTile tile = RenderOne(*renderer, view, {kMiddle, 1, true});
-  CHECK(tile.pixels.empty());
-  CHECK(tile.blocks == Blocks{BlockKey::Hot(0), BlockKey::Hot(1), BlockKey::Hot(2)});
-  REQUIRE(tile.hits.size() == 32 * 32);
-  for (const Hit& hit : tile.hits) {
-    CHECK((hit.triangle == 4 || hit.triangle == 5));
-    CHECK(hit.t == Approx(35).epsilon(0.02));
-    CHECK(hit.voxel == 2);
-  }
-  const RenderedTile empty = RenderOne(*renderer, Seen({0, -20, 0}, {0, -30, 0}), {kMiddle, 1, true});
-  for (const Hit& hit : empty.hits) CHECK(hit.triangle == kNoTriangle);
-}
-
 TEST_CASE("A store that is damaged meanwhile ends every call with its sentence", "[renderer]") {
   const Row row;
   const auto renderer = MakeRenderer(row);

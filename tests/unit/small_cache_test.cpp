@@ -6,6 +6,7 @@
 #include <random>
 #include <string>
 
+#include "common/engine/integrators/bounce.h"
 #include "preprocess/preprocess.h"
 #include "tests/support/engine_run.h"
 #include "tests/support/temporary_folder.h"

@@ -27,9 +27,10 @@ void AddLight(PacketWork& work, uint64_t lanes, const Vectors& radiance) {
 
 const ScatterPacket& ScatterOfSurfaces(PacketWork& work, uint64_t lanes, AlbedoOf albedo) {
   ScatterPacket& scatter = work.scratch.scatter;
-  ForEachProperties(work, lanes, [&](const SurfaceProperties& properties, uint64_t same) {
+  ForEachProperties(work, lanes & ~work.scatters, [&](const SurfaceProperties& properties, uint64_t same) {
     SetScatter(ScatterOf(properties, albedo), same, scatter);
   });
+  work.scatters |= lanes;
   return scatter;
 }
 

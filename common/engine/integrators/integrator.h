@@ -41,7 +41,7 @@ class Integrator {
 /// Adds radiance to the pixels of `lanes`, by the weights of their paths.
 void AddLight(PacketWork& work, uint64_t lanes, const Vectors& radiance);
 
-/// Sets the scattering properties of `lanes` in the scratch memory.
+/// The scattering properties of `lanes`, in the scratch memory. Requires: always the same `albedo`.
 const ScatterPacket& ScatterOfSurfaces(PacketWork& work, uint64_t lanes, AlbedoOf albedo);
 
 }  // namespace quarry
