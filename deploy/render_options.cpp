@@ -265,14 +265,6 @@ void AddViewOptions(CLI::App& c, RenderArguments& a) {
   c.add_option("--write-view", a.write_view, "Write the (first) picture's view to this file, for --view");
 }
 
-/// "a, b or c".
-std::string Listed(const std::vector<std::string>& names, const char* last_word) {
-  std::string text = names.front();
-  for (size_t i = 1; i < names.size(); ++i)
-    text += (i + 1 == names.size() ? fmt::format(" {} ", last_word) : ", ") + names[i];
-  return text;
-}
-
 /// What --help says of --spp: the modes that have more than one sample by default.
 std::string DefaultSamples() {
   std::map<uint32_t, std::vector<std::string>> by_count;
@@ -285,8 +277,7 @@ std::string DefaultSamples() {
 
 void AddPictureOptions(CLI::App& c, RenderArguments& a) {
   c.add_option("--mode", a.mode, Listed(RenderModeNames(), "or"))->capture_default_str();
-  c.add_option("--spp", a.spp, DefaultSamples())
-      ->check(WholeNumber(1, kMaxSpp));
+  c.add_option("--spp", a.spp, DefaultSamples())->check(WholeNumber(1, kMaxSpp));
   c.add_option("--seed", a.seed, "Seed of the sample pattern")
       ->check(WholeNumber(0, std::numeric_limits<uint64_t>::max()))
       ->capture_default_str();

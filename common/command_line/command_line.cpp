@@ -117,6 +117,13 @@ std::string Nearest(const std::string& text, std::span<const std::string> candid
   return best;
 }
 
+std::string Listed(std::span<const std::string> names, std::string_view last_word) {
+  std::string text = names.front();
+  for (size_t i = 1; i < names.size(); ++i)
+    text += (i + 1 == names.size() ? fmt::format(" {} ", last_word) : ", ") + names[i];
+  return text;
+}
+
 bool WasTyped(const CLI::App& command, const char* name) {
   const CLI::Option* const option = command.get_option(name);
   return option->count() > 0 &&

@@ -3,6 +3,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 
 namespace CLI {
 class App;
@@ -31,5 +32,8 @@ bool WasTyped(const CLI::App& command, const char* option);
 
 /// The candidate that `text` was probably meant to be; empty when none comes near.
 std::string Nearest(const std::string& text, std::span<const std::string> candidates);
+
+/// "a, b or c", with `last_word` before the last. Requires: there are names.
+std::string Listed(std::span<const std::string> names, std::string_view last_word);
 
 }  // namespace quarry

@@ -127,7 +127,8 @@ Result<std::vector<Hit>> Renderer::Trace(std::vector<RayQuery> rays, RayGoal goa
   const OnTile keep = [&](size_t i, const RenderedTile& result, Progress) {
     std::ranges::copy(result.hits, hits.begin() + static_cast<std::ptrdiff_t>(i * kMostRays));
   };
-  QUARRY_TRY(Run({}, std::move(integrator), (count + kMostRays - 1) / kMostRays, queue, keep, std::move(stop)));
+  QUARRY_TRY(
+      Run({}, std::move(integrator), (count + kMostRays - 1) / kMostRays, queue, keep, std::move(stop)));
   return hits;
 }
 

@@ -90,8 +90,8 @@ class Renderer {
   Result<std::vector<Hit>> Trace(std::vector<RayQuery> rays, RayGoal goal, std::stop_token stop = {});
   static constexpr size_t kMostRaysOfCall = 1u << 24;  ///< limit of the rays of a call
 
-  // For callers that order tiles themselves, as workers do. Their view numbers are below kFirstOwnView; Render()
-  // takes the others.
+  // For callers that order tiles themselves, as workers do. Their view numbers are below kFirstOwnView;
+  // Render() takes the others.
   static constexpr uint64_t kFirstOwnView = uint64_t{1} << 63;
   /// See Engine::SetView(), DropViews(), Render(), GiveBackQueued() and has_open().
   void SetView(uint64_t number, const View& view);
@@ -136,9 +136,10 @@ class Renderer {
   void Failed(const Error& error);
   void Begin(VoxelSource& source, Executor executor, const Options& options);
   void ScheduleLoader();
-  Status Run(const View& view, std::shared_ptr<const Integrator> integrator, size_t parts,
-             const std::function<Status(uint64_t view, size_t part, std::function<void(RenderedTile)>)>& queue,
-             const OnTile& on_tile, std::stop_token stop);
+  Status Run(
+      const View& view, std::shared_ptr<const Integrator> integrator, size_t parts,
+      const std::function<Status(uint64_t view, size_t part, std::function<void(RenderedTile)>)>& queue,
+      const OnTile& on_tile, std::stop_token stop);
   static void End(Call& call, const Error& error);
   static void OnTileDone(Call& call, size_t index, RenderedTile result);
 

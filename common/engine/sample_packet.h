@@ -35,7 +35,7 @@ struct SamplePacket {
   uint64_t at[kStages];  ///< lanes in each stage
   SurfacePacket surface;
   Vectors weight;
-  Vectors light;  ///< radiance that the shadow ray adds if nothing more blocks it
+  Vectors light;           ///< radiance that the shadow ray adds if nothing more blocks it
   float t_offset[kLanes];  ///< from where the sample's depth counts to the first ray's origin
   float t_end[kLanes];     ///< where the ray under way to its nearest hit ends
   uint32_t sample[kLanes];

@@ -11,7 +11,7 @@ namespace quarry {
 /// store.
 struct RayQuery {
   glm::dvec3 origin{0};
-  glm::dvec3 direction{0, 0, 1};  ///< of any length but 0
+  glm::dvec3 direction{0, 0, 1};                         ///< of any length but 0
   double end = std::numeric_limits<double>::infinity();  ///< distance from origin; hits lie before it
 };
 

@@ -9,9 +9,8 @@ namespace quarry {
 std::string Describe(const RenderJob& job) {
   const auto plural = [](size_t n) { return n == 1 ? "" : "s"; };
   return fmt::format("{} frame{} of {}x{}, {}, {} sample{} a pixel, {}", job.cameras.size(),
-                     plural(job.cameras.size()), job.view.width, job.view.height,
-                     InfoOf(job.view.mode).name, job.view.spp, plural(job.view.spp),
-                     job.format.name);
+                     plural(job.cameras.size()), job.view.width, job.view.height, InfoOf(job.view.mode).name,
+                     job.view.spp, plural(job.view.spp), job.format.name);
 }
 
 View FrameView(const RenderJob& job, size_t frame) {

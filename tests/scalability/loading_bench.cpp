@@ -116,8 +116,8 @@ class Walker {
     const auto start = Clock::now();
     for (size_t f = 0; f < cameras.size(); ++f)
       for (const Tile& tile : tiles)
-        renderer_->Order(
-            f, tile, [this, &cost = costs[f]](const RenderedTile& result) { Put(result, cost); });
+        renderer_->Order(f, tile,
+                         [this, &cost = costs[f]](const RenderedTile& result) { Put(result, cost); });
     std::unique_lock lock(mutex_);
     done_.wait(lock, [&] { return left_ == 0 || error_; });
     if (error_) return tl::unexpected<Error>(*error_);

@@ -95,13 +95,11 @@ TEST_CASE("A ray of a list begins and ends where it says", "[rays]") {
   const Row row;
   const auto renderer = MakeRenderer(*row.scene);
   constexpr double kFar = 1e6;  // beyond the reach of kernels
-  const std::vector<RayQuery> rays{{{0, -9, 0}, {0, 1, 0}, 24.5},  // the wall lies at 24
-                                   {{0, -9, 0}, {0, 1, 0}, 23.5},
-                                   {{0, -kFar, 0}, {0, 1, 0}},
-                                   {{0, -kFar, 0}, {0, 1, 0}, kFar + 14},
-                                   {{0, -kFar, 0}, {0, 1, 0}, 1},
-                                   {{0, 16, 0}, {0, 1e-9, 0}},   // behind the wall
-                                   {{0, 16, 0}, {0, -1e9, 0}}};  // back to it
+  const std::vector<RayQuery> rays{
+      {{0, -9, 0}, {0, 1, 0}, 24.5},  // the wall lies at 24
+      {{0, -9, 0}, {0, 1, 0}, 23.5}, {{0, -kFar, 0}, {0, 1, 0}}, {{0, -kFar, 0}, {0, 1, 0}, kFar + 14},
+      {{0, -kFar, 0}, {0, 1, 0}, 1}, {{0, 16, 0}, {0, 1e-9, 0}},  // behind the wall
+      {{0, 16, 0}, {0, -1e9, 0}}};                                // back to it
   for (const RayGoal goal : {RayGoal::kNearest, RayGoal::kAny}) {
     const std::vector<Hit> hits = Trace(*renderer, rays, goal);
     const double along[] = {24, 0, kFar + 15, 0, 0, 0, 1};

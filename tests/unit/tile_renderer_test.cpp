@@ -133,8 +133,7 @@ std::vector<RayQuery> EyeRaysThrough(const View& view, const PixelRect& pixels, 
   const Camera camera(view.camera, view.width, view.height, meta.root_lower, meta.root_upper);
   std::vector<RayQuery> rays;
   for (uint32_t i = 0; i < pixels.width * pixels.height; ++i) {
-    const PrimaryRay ray =
-        camera.Shoot(pixels.x + i % pixels.width + 0.5, pixels.y + i / pixels.width + 0.5);
+    const PrimaryRay ray = camera.Shoot(pixels.x + i % pixels.width + 0.5, pixels.y + i / pixels.width + 0.5);
     rays.push_back({view.camera.eye, ray.direction});
   }
   return rays;

@@ -193,4 +193,4 @@ TEST_CASE("Glass is a hit for rays of a list, whichever hit they ask for", "[goi
   }
 }
 
-}  // namespace quarry
+}  // namespace quarry::test

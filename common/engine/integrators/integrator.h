@@ -19,8 +19,8 @@ class Integrator {
     bool surfaces = true;
     /// Whether the first ray of a sample may end at any hit.
     bool any_hit = false;
-    TextureUses uses = 0;        ///< of textures, in what it shades
-    uint32_t pending_rays = 0;   ///< limit of rays that a sample has waiting in PendingRays
+    TextureUses uses = 0;       ///< of textures, in what it shades
+    uint32_t pending_rays = 0;  ///< limit of rays that a sample has waiting in PendingRays
   };
   virtual Needs needs() const = 0;
 

@@ -18,9 +18,8 @@ void SetScatter(const ScatterProperties& properties, uint64_t lanes, ScatterPack
 
 void Headlight(const ScatterPacket& properties, const SurfacePacket& surfaces, uint64_t lanes,
                Vectors& radiance) {
-  ForLanes(lanes, [&](int i, bool meant) {
-    Put(meant, i, UnderHeadlight(properties[i], surfaces[i]), radiance);
-  });
+  ForLanes(lanes,
+           [&](int i, bool meant) { Put(meant, i, UnderHeadlight(properties[i], surfaces[i]), radiance); });
 }
 
 void Ambient(const ScatterPacket& properties, const glm::vec3& ambient, const SurfacePacket& surfaces,

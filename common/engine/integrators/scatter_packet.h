@@ -63,8 +63,7 @@ void Scatter(const ScatterPacket& properties, const Light& light, const SurfaceP
 /// The lanes without light.
 inline uint64_t DarkLanes(const Vectors& light) {
   uint64_t lanes = 0;
-  for (int i = 0; i < static_cast<int>(RayPacket::kRays); ++i)
-    lanes |= uint64_t{Largest(light[i]) <= 0} << i;
+  for (int i = 0; i < static_cast<int>(RayPacket::kRays); ++i) lanes |= uint64_t{Largest(light[i]) <= 0} << i;
   return lanes;
 }
 

@@ -4,7 +4,7 @@
 #include <glm/geometric.hpp>
 #include <utility>
 
-#include "common/scene/primary_ray.h"
+#include "common/scene/camera.h"
 
 namespace quarry {
 

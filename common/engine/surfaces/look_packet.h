@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cstdint>
 
-#include "common/engine/surfaces/surface_packet.h"
 #include "common/engine/surfaces/scene_surfaces.h"
+#include "common/engine/surfaces/surface_packet.h"
 
 namespace quarry {
 

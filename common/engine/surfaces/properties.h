@@ -7,8 +7,9 @@
 
 namespace quarry {
 
-/// Calls body(const SurfaceProperties&, lanes) until all of `lanes` have had their surfaces' properties. Lanes
-/// of a material come together, but those with textures come one by one. Requires: the surfaces are complete.
+/// Calls body(const SurfaceProperties&, lanes) until all of `lanes` have had their surfaces' properties.
+/// Lanes of a material come together, but those with textures come one by one. Requires: the surfaces are
+/// complete.
 template <class Body>
 void ForEachProperties(const PacketWork& work, uint64_t lanes, Body&& body) {
   const SceneSurfaces& scene = *work.view.surfaces;

@@ -2,9 +2,9 @@
 
 #include <cstdint>
 
-#include "common/engine/surfaces/surface_packet.h"
 #include "common/engine/surfaces/look_packet.h"
 #include "common/engine/surfaces/scene_surfaces.h"
+#include "common/engine/surfaces/surface_packet.h"
 #include "common/engine/surfaces/texture_filter.h"
 
 // The functions of texture_frame.h and texture_filter.h for all samples of a packet, in loops over lanes that
