@@ -130,7 +130,7 @@ std::string Summary(const RenderArguments& a, const RenderJob& job, const nlohma
   std::string text = FramePath(a, job.first_frame);
   if (job.cameras.size() > 1) text += fmt::format(" and {} more", job.cameras.size() - 1);
   text += fmt::format(": {}x{}, {}, {} sample{} a pixel", view.crop.width, view.crop.height,
-                      kRenderModeNames[static_cast<size_t>(view.mode)], view.spp, view.spp == 1 ? "" : "s");
+                      InfoOf(view.mode).name, view.spp, view.spp == 1 ? "" : "s");
   for (const auto& frame : frames)
     if (job.format.name == "png" && frame.is_object() && frame.contains("exposure_ev") &&
         frame["exposure_ev"].is_number()) {
@@ -155,7 +155,7 @@ Status WriteStatistics(const RenderArguments& a, const RenderJob& job, const Sce
   j["command"] = a.command_line;
   j["version"] = kVersion;
   j["host"] = HostName();
-  j["mode"] = kRenderModeNames[static_cast<size_t>(job.view.mode)];
+  j["mode"] = InfoOf(job.view.mode).name;
   j["width"] = job.view.width;
   j["height"] = job.view.height;
   j["spp"] = job.view.spp;

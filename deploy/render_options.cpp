@@ -7,6 +7,7 @@
 #include <cctype>
 #include <filesystem>
 #include <limits>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 
@@ -27,12 +28,11 @@ bool Typed(const RenderArguments& a, const char* option) { return WasTyped(*a.co
 Status ParseMode(const std::string& typed, View& view) {
   std::string text = typed;
   std::ranges::transform(text, text.begin(), [](unsigned char c) { return std::tolower(c); });
-  for (int m = 0; m < kRenderModes; ++m)
-    if (text == kRenderModeNames[m]) {
-      view.mode = static_cast<RenderMode>(m);
-      return {};
-    }
-  const std::vector<std::string> all(std::begin(kRenderModeNames), std::end(kRenderModeNames));
+  if (const std::optional<RenderMode> mode = FindRenderMode(text)) {
+    view.mode = *mode;
+    return {};
+  }
+  const std::vector<std::string> all = RenderModeNames();
   const std::string nearest = Nearest(text, all);
   return BadUsage(fmt::format("--mode is one of {}, not '{}'{}", fmt::join(all, ", "), text,
                               nearest.empty() ? "" : fmt::format("; did you mean {}?", nearest)));
@@ -56,19 +56,22 @@ Status ParseAovs(const std::string& text, View& view) {
   return {};
 }
 
+bool Takes(const RenderModeInfo& mode, std::string_view option) {
+  return std::ranges::any_of(mode.options, [&](const char* own) { return own && own == option; });
+}
+
 /// Refuses options that were typed and would change nothing.
 Status RefuseWhatHasNoEffect(const RenderArguments& a, const RenderJob& job) {
   const auto refuse = [&](const char* option, const std::string& where) {
     return BadUsage(fmt::format("{} has no effect {}; leave it out", option, where));
   };
-  const RenderMode mode = job.view.mode;
-  const std::string in_mode = fmt::format("in --mode {}", kRenderModeNames[static_cast<size_t>(mode)]);
-  if (mode != RenderMode::kAo)
-    for (const char* option : {"--ao-distance", "--ao-samples"})
-      if (Typed(a, option)) return refuse(option, in_mode);
-  if (mode != RenderMode::kShadow && mode != RenderMode::kWhitted)
-    for (const char* option : {"--sun", "--lights"})
-      if (Typed(a, option)) return refuse(option, in_mode + ", which has its own light");
+  const RenderModeInfo& mode = InfoOf(job.view.mode);
+  for (const RenderModeInfo& other : kRenderModeInfo)
+    for (const char* option : other.options) {
+      if (!option || !Typed(a, option) || Takes(mode, option)) continue;
+      return refuse(option, fmt::format("in --mode {}{}", mode.name,
+                                        other.uses_lights ? ", which has its own light" : ""));
+    }
   if (job.format.name == "exr" && Typed(a, "--exposure"))
     return refuse("--exposure", "on an EXR image, which holds radiance as it is");
   if (job.view.aov_mask != 0 && job.format.name != "exr") return BadUsage("--aov needs an .exr output");
@@ -96,8 +99,7 @@ Status ParseImage(const RenderArguments& a, RenderJob& job) {
     view.crop = {crop[0], crop[1], crop[2], crop[3]};
   }
   if (!a.has_view_file() || Typed(a, "--mode")) QUARRY_TRY(ParseMode(a.mode, view));
-  if (!a.has_view_file())
-    view.spp = view.mode == RenderMode::kAo || view.mode == RenderMode::kWhitted ? 4 : 1;
+  if (!a.has_view_file()) view.spp = InfoOf(view.mode).default_spp;
   if (Typed(a, "--spp")) view.spp = a.spp;
   if (Typed(a, "--seed")) view.seed = a.seed;
   if (Typed(a, "--ao-samples")) view.ao_samples = a.ao_samples;
@@ -263,9 +265,27 @@ void AddViewOptions(CLI::App& c, RenderArguments& a) {
   c.add_option("--write-view", a.write_view, "Write the (first) picture's view to this file, for --view");
 }
 
+/// "a, b or c".
+std::string Listed(const std::vector<std::string>& names, const char* last_word) {
+  std::string text = names.front();
+  for (size_t i = 1; i < names.size(); ++i)
+    text += (i + 1 == names.size() ? fmt::format(" {} ", last_word) : ", ") + names[i];
+  return text;
+}
+
+/// What --help says of --spp: the modes that have more than one sample by default.
+std::string DefaultSamples() {
+  std::map<uint32_t, std::vector<std::string>> by_count;
+  for (const RenderModeInfo& mode : kRenderModeInfo) by_count[mode.default_spp].emplace_back(mode.name);
+  std::string text;
+  for (const auto& [count, names] : by_count)
+    if (count > 1) text += fmt::format("{} in {}, ", count, Listed(names, "and"));
+  return fmt::format("Samples per pixel (default: {}else 1)", text);
+}
+
 void AddPictureOptions(CLI::App& c, RenderArguments& a) {
-  c.add_option("--mode", a.mode, "ao, raycast, shadow, whitted or voxels")->capture_default_str();
-  c.add_option("--spp", a.spp, "Samples per pixel (default: 4 in ao and whitted, else 1)")
+  c.add_option("--mode", a.mode, Listed(RenderModeNames(), "or"))->capture_default_str();
+  c.add_option("--spp", a.spp, DefaultSamples())
       ->check(WholeNumber(1, kMaxSpp));
   c.add_option("--seed", a.seed, "Seed of the sample pattern")
       ->check(WholeNumber(0, std::numeric_limits<uint64_t>::max()))

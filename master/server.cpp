@@ -16,8 +16,8 @@
 #include "common/net/source_spec.h"
 #include "common/program/service_notice.h"
 #include "common/remote/open_store.h"
-#include "master/jobs/exposure_meter.h"
 #include "master/jobs/statistics.h"
+#include "master/pictures/exposure_meter.h"
 
 namespace quarry {
 namespace {

@@ -20,13 +20,17 @@ MUST_NOT = [
     ("common/math/", r"boost/|common/(net|protocol|voxel)/", "mathematics stands alone"),
     ("common/protocol/", r"boost/|common/kdtree/|common/net/", "the protocol is bytes only"),
     ("common/engine/", r"common/net/|openssl/|boost/beast", "the engine knows no socket"),
-    ("common/engine/shading", r"common/protocol/|common/engine/(engine|loader|voxel_cache)", "shading never sees blocks on their way"),
+    ("common/engine/rays/", r"common/scene/|common/engine/(?!rays/|blocks/)", "rays know no camera, no material and no pixel"),
+    ("common/engine/sources/", r"common/engine/(surfaces|integrators|film|blocks)/", "sources only ask"),
+    ("common/engine/surfaces/", r"common/engine/(sources|integrators|film)/", "surfaces know nothing of what is made of them"),
+    ("common/engine/film/", r"common/engine/(rays|sources|integrators)/", "the film only keeps what it is given"),
+    ("common/engine/(surfaces|integrators)/", r"common/protocol/|common/engine/(engine|renderer|blocks/(loader|voxel_cache))", "shading never sees blocks on their way"),
     ("common/http/", r"common/(?!(base|http|net)/)", "the server knows nothing of what it serves"),
     ("common/remote/", r"common/(?!(base|remote|voxel)/)", "reading files on servers needs neither protocol nor renderer"),
     ("common/(base|scene|voxel|protocol|net|kdtree|math)/", r"common/engine/", "only what renders includes the engine"),
     ("worker/sources/", r"worker/[a-z_]+\.h", "sources know nothing of the session around them"),
-    ("master/schedule/", r"boost/|common/net/|master/jobs/(jobs|job|spool|image_output)", "the schedule is pure: no sockets, no files"),
-    ("master/schedule/", r"master/display/", "the schedule knows no viewer"),
+    ("master/pictures/", r"boost/|common/net/|master/(?!pictures/)", "pictures know neither sockets nor who asks for them"),
+    ("master/schedule/", r"boost/|common/net/|master/(?!(pictures|schedule)/)|master/pictures/image_output", "the schedule is pure: no sockets, no files, no jobs, no viewer"),
     ("master/jobs/", r"master/display/", "jobs know no viewer"),
     ("master/display/(live_picture|view_pacer|picker|viewer_message|live_stats|welcome)", r"common/http/http|common/net/|boost/", "what a viewer sees is decided without sockets"),
     ("preprocess/import/", r"preprocess/(ingest|spill|partition|estimate|texture)/", "importers know only their sink"),
@@ -44,6 +48,10 @@ HEAVY = re.compile(r"boost/asio|boost/beast|boost/process|OpenImageIO|nlohmann/j
 UNCHECKED = re.compile(r"fmt::print\(|std::(cout|cerr|clog|puts)\b")
 # But for the one stream that Beast's HTTP and WebSockets are made with: two files include it.
 MAY_BE_HEAVY = {"common/http/served_stream.h"}
+# What files under a path must not say, and why.
+MUST_NOT_SAY = [
+    ("common/engine/(rays|sources|surfaces|film)/", r"RenderMode|\.mode\b", "a mode is a class of integrators, not a branch"),
+]
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', re.M)
 
 
@@ -55,6 +63,9 @@ def faults(root):
             name = path.relative_to(root).as_posix()
             if UNCHECKED.search(path.read_text()):
                 yield f"{name}: writes to a standard stream itself: Log() and Print() of common/base/log.h do"
+            for prefix, pattern, why in MUST_NOT_SAY:
+                if re.match(prefix, name) and (said := re.search(pattern, path.read_text())):
+                    yield f"{name}: says {said.group()}: {why}"
             for kind, target in INCLUDE.findall(path.read_text()):
                 first = target.split("/")[0]
                 if (first in MAY_INCLUDE or first == "tests") and first not in allowed:

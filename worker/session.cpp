@@ -111,7 +111,7 @@ void Session::OnLost(const Error& error) {
     Log(fmt::format("lost the master, trying for {:.0f} s: {}", options_.retry_s, error.message));
   }
   if (scene_) {
-    scene_->renderer->engine().DropViews(0, ~uint64_t{0});
+    scene_->renderer->DropViews(0, ~uint64_t{0});
     scene_->supply->ClearExpected();
   }
   // Secret and version fit a master that has welcomed this worker before; a later mismatch is damage on the
@@ -242,7 +242,7 @@ Status Session::MakeRenderer(LoadedScene& scene) {
                     scene.catalog, scene.supply->source(),
                     [this](std::function<void()> task) { asio::post(*io_, std::move(task)); },
                     {options_.cache_bytes - scene.stored_bytes, options_.threads}, std::move(hooks)));
-  scene.renderer->cache().UseFirst(std::move(memory_));
+  scene.renderer->UseFirst(std::move(memory_));
   return {};
 }
 
@@ -262,8 +262,8 @@ Status Session::OnPeers(const Message& m) {
 Status Session::OnFrameSetup(const Message& m) {
   if (!scene_) return Fail("the master set up a frame before it gave the scene");
   QUARRY_ASSIGN(const FrameSetup setup, DecodeFrameSetup(m.table));
-  scene_->renderer->engine().DropViews(0, setup.oldest);
-  scene_->renderer->engine().SetView(setup.frame, setup.view);
+  scene_->renderer->DropViews(0, setup.oldest);
+  scene_->renderer->SetView(setup.frame, setup.view);
   return {};
 }
 
@@ -271,7 +271,7 @@ Status Session::OnFramesEnd(const Message& m) {
   if (!scene_) return Fail("the master ended frames before it gave the scene");
   QUARRY_ASSIGN(const FramesEnd end, DecodeFramesEnd(m.table));
   for (const uint64_t frame : end.frames)
-    if (frame < Renderer::kFirstOwnView) scene_->renderer->engine().DropViews(frame, frame + 1);
+    if (frame < Renderer::kFirstOwnView) scene_->renderer->DropViews(frame, frame + 1);
   return {};
 }
 
@@ -287,7 +287,7 @@ Status Session::OnTile(const Message& m) {
   last_tile_ = Clock::now();
   if (!std::exchange(at_work_, true)) Log("is given work");
   scene_->supply->Expect(order);
-  QUARRY_TRY(scene_->renderer->engine().Render(
+  QUARRY_TRY(scene_->renderer->Order(
       order.frame, order.area,
       [this, order](RenderedTile result) {
         asio::post(*io_, [this, order, result = std::move(result)]() mutable {
@@ -340,10 +340,10 @@ WorkerStatus Session::MakeStatus(bool whole) {
 /// Without the changes of the cache.
 WorkerStatus Session::Counters() const {
   if (!scene_) return {};
-  const Engine& engine = scene_->renderer->engine();
-  const VoxelCache::Counters c = scene_->renderer->cache().counters();
+  const Renderer::Counters rendered = scene_->renderer->counters();
+  const VoxelCache::Counters& c = rendered.cache;
   WorkerStatus status{c.bytes,     c.loaded,      c.bytes_loaded,          0,
-                      c.evictions, engine.rays(), engine.rays_suspended(), peak_rss_};
+                      c.evictions, rendered.rays, rendered.rays_suspended, peak_rss_};
   const SourceSet::Counters& from = scene_->supply->counters();
   const StoredCache::Counters stored = scene_->supply->stored();
   status.bytes_from = from.bytes_from;
@@ -352,12 +352,12 @@ WorkerStatus Session::Counters() const {
   status.bytes_from[static_cast<size_t>(SourceKind::kDisk)] = scene_->supply->bytes_from_disk();
   status.fetch_us = from.busy_us;
   status.decode_us = scene_->renderer->decode_us();
-  status.tiles_wanted = engine.tiles_wanted();
+  status.tiles_wanted = rendered.tiles_wanted;
   status.retries = from.retries;
   status.hedges = from.hedges;
   status.damaged = from.damaged;
-  status.stall_us = engine.stall_us();
-  status.compute_us = engine.compute_us();
+  status.stall_us = rendered.stall_us;
+  status.compute_us = rendered.compute_us;
   status.prefetched_bytes = stored.prefetched_bytes;
   status.prefetch_wasted_bytes = stored.prefetch_wasted_bytes;
   return status;

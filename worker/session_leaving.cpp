@@ -27,7 +27,7 @@ void Session::StartLeaving() {
   if (!connection_ || !welcomed_ || !scene_) EndAtOnce(0);
   leaves_ = true;
   leaves_since_ = Clock::now();
-  scene_->renderer->engine().GiveBackQueued();
+  scene_->renderer->GiveBackQueued();
   asio::post(*io_, [this] {  // after the tiles that were given back
     SendLeave(false);
     AwaitOpenTiles();
@@ -46,7 +46,7 @@ void Session::SendLeave(bool last) {
 
 void Session::AwaitOpenTiles() {
   constexpr double kOftenS = 0.005;
-  if (scene_->renderer->engine().has_open() && SecondsSince(leaves_since_) < kLeaveS)
+  if (scene_->renderer->has_open() && SecondsSince(leaves_since_) < kLeaveS)
     return leaving_.Set(kOftenS, [this] { AwaitOpenTiles(); });
   asio::post(*io_, [this] {  // after the results
     SendLeave(true);

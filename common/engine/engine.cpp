@@ -41,9 +41,9 @@ void Engine::WakeAll() {
   for (auto& mailbox : mailboxes_) mailbox->Wake();
 }
 
-void Engine::SetView(uint64_t number, const View& view) {
+void Engine::SetView(uint64_t number, const View& view, std::shared_ptr<const Integrator> integrator) {
   const std::lock_guard lock(mutex_);
-  views_[number] = std::make_shared<ViewContext>(view, catalog_, surfaces_);
+  views_[number] = std::make_shared<ViewContext>(view, catalog_, surfaces_, std::move(integrator));
 }
 
 void Engine::DropViews(uint64_t first, uint64_t end) {
@@ -66,11 +66,25 @@ Status Engine::Render(uint64_t view, const Tile& tile, OnTile done, Urgency urge
     const auto of = views_.find(view);
     if (of == views_.end()) return {};
     QUARRY_TRY(CheckTile(tile, of->second->view));
-    queues_[static_cast<size_t>(urgency)].push_back({view, tile, std::move(done), urgency});
-    NoteQueued();
+    Queue({view, tile, std::move(done), urgency});
   }
   WakeAll();
   return {};
+}
+
+void Engine::Trace(uint64_t view, RayPart part, OnTile done, Urgency urgency) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!views_.contains(view)) return;
+    Queue({view, std::move(part), std::move(done), urgency});
+  }
+  WakeAll();
+}
+
+/// Requires: mutex_ is held.
+void Engine::Queue(Queued next) {
+  queues_[static_cast<size_t>(next.urgency)].push_back(std::move(next));
+  NoteQueued();
 }
 
 void Engine::GiveBackQueued() {
@@ -127,7 +141,8 @@ bool Engine::OpenTile(Tiles& tiles, int least) {
   if (tiles.spare.empty()) tiles.spare.push_back(std::make_unique<TileRenderer>());
   tiles.open.push_back({std::move(tiles.spare.back()), std::move(next.done), next.urgency});
   tiles.spare.pop_back();
-  tiles.open.back().renderer->Open(std::move(view), next.tile);
+  TileRenderer& renderer = *tiles.open.back().renderer;
+  std::visit([&](auto& what) { renderer.Open(std::move(view), std::move(what)); }, next.what);
   return true;
 }
 
@@ -173,7 +188,7 @@ void Engine::Step(Tiles& tiles, PinnedBlocks& pins, Mailbox& mailbox) {
   for (auto& tile : tiles.open) {
     if (!tile.ready() || static_cast<int>(tile.urgency) < most) continue;
     const auto start = std::chrono::steady_clock::now();
-    tile.renderer->Step(pins, [&](BlockKey block, const TileRenderer::Parked& parked) {
+    tile.renderer->Step(pins, [&](BlockKey block, const RayBatch::Parked& parked) {
       cache_.Want(block, &mailbox, parked.rays, parked.octants);
     });
     // Wall time, since a shared or throttled processor makes a tile slower.

@@ -8,6 +8,7 @@
 #include <memory>
 #include <mutex>
 #include <thread>
+#include <variant>
 #include <vector>
 
 #include "common/engine/adaptive_queue_depth.h"
@@ -40,8 +41,9 @@ class Engine {
   Engine(const Catalog& catalog, VoxelCache& cache, unsigned threads, OnFault on_fault = {});
   ~Engine();
 
-  /// Announces a view before its tiles. Requires: the view is normalized; no view has had `number`.
-  void SetView(uint64_t number, const View& view);
+  /// Announces a view before its tiles. `integrator`: null for the one of the view's mode. Requires: the view
+  /// is normalized; no view has had `number`.
+  void SetView(uint64_t number, const View& view, std::shared_ptr<const Integrator> integrator = {});
   /// Forgets the views with numbers in [first, end). Their queued tiles are dropped and their open tiles
   /// abandoned; `done` is called for none of these tiles.
   void DropViews(uint64_t first, uint64_t end);
@@ -49,6 +51,9 @@ class Engine {
   /// go before the others, and a thread leaves less urgent rays alone while more urgent ones can go on.
   /// Errors: CheckTile().
   Status Render(uint64_t view, const Tile& tile, OnTile done, Urgency urgency = Urgency::kJob);
+  /// Queues a part of a list of rays in the same way. Requires: the view's integrator needs no surfaces; the
+  /// rays are such as RayList needs.
+  void Trace(uint64_t view, RayPart part, OnTile done, Urgency urgency = Urgency::kJob);
 
   /// Gives queued tiles back: calls `done` for each, on this thread, with RenderedTile::begun false.
   void GiveBackQueued();
@@ -71,7 +76,7 @@ class Engine {
  private:
   struct Queued {
     uint64_t view;
-    Tile tile;
+    std::variant<Tile, RayPart> what;
     OnTile done;
     Urgency urgency;
   };
@@ -88,6 +93,7 @@ class Engine {
     std::vector<Open> open;
     std::vector<std::unique_ptr<TileRenderer>> spare;
   };
+  void Queue(Queued next);
   void Run(Mailbox& mailbox);
   void Work(Mailbox& mailbox, Tiles& tiles);
   void Stop();

@@ -31,7 +31,7 @@ struct ProbedPoint {
   glm::dvec4 plane{0};  ///< of the triangle: its unit normal, and its distance from the origin along it
 };
 
-/// Traces small pictures from places in a scene. Not thread-safe.
+/// Looks from places in a scene. Not thread-safe.
 class Prober {
  public:
   static Result<std::unique_ptr<Prober>> Create(const Scene& scene) {
@@ -44,15 +44,9 @@ class Prober {
   /// with the side that is hit, its place and plane.
   Result<std::vector<ProbedPoint>> Look(const glm::dvec3& eye, const glm::dvec3& forward,
                                         const glm::dvec3& up, double degrees, uint32_t across, bool sides) {
-    View view;
-    view.width = view.height = across;
-    view.crop = {0, 0, across, across};
-    view.camera = {.eye = eye, .at = eye + forward, .up = up, .fov_degrees = degrees};
-    const Tile tile{view.crop, 1, true};
-    std::vector<Hit> hits;
-    QUARRY_TRY(renderer_->Render(
-        view, std::span(&tile, 1),
-        [&](size_t, RenderedTile result, Renderer::Progress) { hits = std::move(result.hits); }));
+    std::vector<RayQuery> rays(size_t{across} * across);
+    for (size_t i = 0; i < rays.size(); ++i) rays[i] = {eye, Direction(i, across, forward, up, degrees)};
+    QUARRY_ASSIGN(const std::vector<Hit> hits, renderer_->Trace(rays, RayGoal::kNearest));
     std::vector<ProbedPoint> points(hits.size());
     for (size_t i = 0; i < hits.size(); ++i) {
       if (hits[i].triangle == kNoTriangle) continue;
@@ -60,7 +54,7 @@ class Prober {
       points[i].triangle = hits[i].triangle;
       if (sides) {
         QUARRY_TRY(LookAtSide(hits[i], eye, points[i]));
-        points[i].place = eye + Direction(i, across, forward, up, degrees) * static_cast<double>(hits[i].t);
+        points[i].place = eye + rays[i].direction * static_cast<double>(hits[i].t);
       }
     }
     return points;

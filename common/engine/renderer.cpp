@@ -7,18 +7,19 @@
 
 #include "common/base/resource.h"
 #include "common/base/size.h"
+#include "common/engine/engine.h"
+#include "common/engine/integrators/hits.h"
 #include "common/kdtree/kernels.h"
 
 namespace quarry {
-std::vector<Tile> TilesOf(const PixelRect& pixels, uint32_t step, bool hits_only) {
+std::vector<Tile> TilesOf(const PixelRect& pixels, uint32_t step) {
   std::vector<Tile> tiles;
   const uint32_t side = kTileSize * step;
   for (uint32_t y = 0; y < pixels.height; y += side)
     for (uint32_t x = 0; x < pixels.width; x += side)
       tiles.push_back(
           {{pixels.x + x, pixels.y + y, std::min(side, pixels.width - x), std::min(side, pixels.height - y)},
-           step,
-           hits_only});
+           step});
   return tiles;
 }
 
@@ -100,10 +101,43 @@ void Renderer::ScheduleLoader() {
 }
 
 Status Renderer::Render(const View& view, std::span<const Tile> tiles, const OnTile& on_tile,
-                        std::stop_token stop) {
+                        std::stop_token stop, std::shared_ptr<const Integrator> integrator) {
+  const auto queue = [&](uint64_t number, size_t i, Engine::OnTile done) {
+    return engine_->Render(number, tiles[i], std::move(done));
+  };
+  return Run(view, std::move(integrator), tiles.size(), queue, on_tile, std::move(stop));
+}
+
+Result<std::vector<Hit>> Renderer::Trace(std::vector<RayQuery> rays, RayGoal goal, std::stop_token stop) {
+  if (rays.size() > kMostRaysOfCall) return BadUsage(fmt::format("more than {} rays", kMostRaysOfCall));
+  for (const RayQuery& ray : rays) QUARRY_TRY(CheckRay(ray));
+  std::shared_ptr<const Integrator> integrator;
+  if (goal == RayGoal::kAny)
+    integrator = std::make_shared<const AnyHits>();
+  else
+    integrator = std::make_shared<const NearestHits>();
+  std::vector<Hit> hits(rays.size());
+  const auto count = static_cast<uint32_t>(rays.size());
+  const auto list = std::make_shared<const std::vector<RayQuery>>(std::move(rays));
+  const auto queue = [&](uint64_t number, size_t i, Engine::OnTile done) -> Status {
+    const auto first = static_cast<uint32_t>(i) * kMostRays;
+    engine_->Trace(number, {list, first, std::min(kMostRays, count - first)}, std::move(done));
+    return {};
+  };
+  const OnTile keep = [&](size_t i, const RenderedTile& result, Progress) {
+    std::ranges::copy(result.hits, hits.begin() + static_cast<std::ptrdiff_t>(i * kMostRays));
+  };
+  QUARRY_TRY(Run({}, std::move(integrator), (count + kMostRays - 1) / kMostRays, queue, keep, std::move(stop)));
+  return hits;
+}
+
+/// Announces a view, queues its parts and waits until all are done.
+Status Renderer::Run(const View& view, std::shared_ptr<const Integrator> integrator, size_t parts,
+                     const std::function<Status(uint64_t, size_t, std::function<void(RenderedTile)>)>& queue,
+                     const OnTile& on_tile, std::stop_token stop) {
   const auto call = std::make_shared<Call>();
   call->on_tile = &on_tile;
-  call->progress.all = static_cast<uint32_t>(tiles.size());
+  call->progress.all = static_cast<uint32_t>(parts);
   const std::stop_callback stopped(stop, [&] { End(*call, {"cancelled", ErrorKind::kCancelled}); });
   uint64_t number = 0;
   {
@@ -112,12 +146,11 @@ Status Renderer::Render(const View& view, std::span<const Tile> tiles, const OnT
     number = next_view_++;
     calls_.insert(call);
   }
-  engine_->SetView(number, view);
-  for (size_t i = 0; i < tiles.size(); ++i)
-    if (const Status queued = engine_->Render(
-            number, tiles[i], [call, i](RenderedTile result) { OnTileDone(*call, i, std::move(result)); });
-        !queued)
-      End(*call, queued.error());
+  engine_->SetView(number, view, std::move(integrator));
+  for (size_t i = 0; i < parts; ++i) {
+    const auto done = [call, i](RenderedTile result) { OnTileDone(*call, i, std::move(result)); };
+    if (const Status queued = queue(number, i, done); !queued) End(*call, queued.error());
+  }
   Status outcome;
   {
     std::unique_lock lock(call->mutex);
@@ -131,6 +164,21 @@ Status Renderer::Render(const View& view, std::span<const Tile> tiles, const OnT
   const std::lock_guard lock(mutex_);
   calls_.erase(call);
   return outcome;
+}
+
+void Renderer::SetView(uint64_t number, const View& view) { engine_->SetView(number, view); }
+void Renderer::DropViews(uint64_t first, uint64_t end) { engine_->DropViews(first, end); }
+void Renderer::GiveBackQueued() { engine_->GiveBackQueued(); }
+bool Renderer::has_open() const { return engine_->has_open(); }
+
+Status Renderer::Order(uint64_t view, const Tile& tile, std::function<void(RenderedTile)> done,
+                       Urgency urgency) {
+  return engine_->Render(view, tile, std::move(done), urgency);
+}
+
+Renderer::Counters Renderer::counters() const {
+  return {engine_->rays(),     engine_->rays_suspended(), engine_->compute_us(),
+          engine_->stall_us(), engine_->tiles_wanted(),   cache_.counters()};
 }
 
 void Renderer::OnTileDone(Call& call, size_t index, RenderedTile result) {

@@ -10,17 +10,22 @@
 #include <span>
 #include <stop_token>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "common/engine/blocks/loader.h"
-#include "common/engine/engine.h"
+#include "common/engine/film/tile_film.h"
 #include "common/engine/scene.h"
+#include "common/scene/ray_query.h"
 
 namespace quarry {
 
+class Engine;
+class Integrator;
+
 /// The tiles that cover a rectangle of a view, row by row. A tile has kTileSize x kTileSize lattice points
 /// whatever the step, fewer at the border, so that packets are full. Units: pixels.
-std::vector<Tile> TilesOf(const PixelRect& pixels, uint32_t step = 1, bool hits_only = false);
+std::vector<Tile> TilesOf(const PixelRect& pixels, uint32_t step = 1);
 
 /// Renders views of one scene. Holds the cache of decoded blocks, the loader that fills it, and the compute
 /// threads. A failure is a value; nothing here ends the process.
@@ -75,15 +80,41 @@ class Renderer {
   /// Requires: `view` is normalized; `on_tile` does not call Render(). It may request `stop`.
   /// Errors: a block cannot be had, and every later call fails too; `stop` was requested (kCancelled); a tile
   /// that cannot be (CheckTile()).
+  /// `integrator`: null for the one of the view's mode.
   Status Render(const View& view, std::span<const Tile> tiles, const OnTile& on_tile,
-                std::stop_token stop = {});
+                std::stop_token stop = {}, std::shared_ptr<const Integrator> integrator = {});
+  /// Traces rays. Returns one hit for each, in their order: the nearest by (t, triangle), or with kAny some
+  /// hit, of which only `t` and `triangle` are known; `triangle` is kNoTriangle where there is none. `t` is
+  /// the distance from the ray's origin, in scene units. Holes of triangles are no hits; glass is.
+  /// Errors (usage): CheckRay(); more than kMostRaysOfCall. Else as Render()'s.
+  Result<std::vector<Hit>> Trace(std::vector<RayQuery> rays, RayGoal goal, std::stop_token stop = {});
+  static constexpr size_t kMostRaysOfCall = 1u << 24;  ///< limit of the rays of a call
 
-  /// The compute threads, for callers that order tiles themselves. Their view numbers must be below
-  /// kFirstOwnView; Render() takes the others.
+  // For callers that order tiles themselves, as workers do. Their view numbers are below kFirstOwnView; Render()
+  // takes the others.
   static constexpr uint64_t kFirstOwnView = uint64_t{1} << 63;
-  Engine& engine() { return *engine_; }
-  /// The cache, so that blocks can be put in before the first tile.
-  VoxelCache& cache() { return cache_; }
+  /// See Engine::SetView(), DropViews(), Render(), GiveBackQueued() and has_open().
+  void SetView(uint64_t number, const View& view);
+  void DropViews(uint64_t first, uint64_t end);
+  Status Order(uint64_t view, const Tile& tile, std::function<void(RenderedTile)> done,
+               Urgency urgency = Urgency::kJob);
+  void GiveBackQueued();
+  bool has_open() const;
+  /// What the compute threads and the cache have done since the start; the meanings are those of Engine's and
+  /// VoxelCache's.
+  struct Counters {
+    uint64_t rays = 0, rays_suspended = 0;
+    uint64_t compute_us = 0, stall_us = 0;
+    uint32_t tiles_wanted = 0;
+    VoxelCache::Counters cache;
+  };
+  Counters counters() const;
+  /// Gives the cache memory to use first, see VoxelCache::UseFirst().
+  void UseFirst(PageBuffer memory) { cache_.UseFirst(std::move(memory)); }
+  /// Puts a block into the cache before the first tile. Requires: there is room for it.
+  void Publish(BlockKey block, std::unique_ptr<ResidentBlock> resident) {
+    cache_.Publish(block, std::move(resident));
+  }
   /// Whether no block is on its way. Call on the loader's thread.
   bool idle() const { return loader_->idle(); }
   /// Microseconds spent decoding. Call on the loader's thread.
@@ -105,6 +136,9 @@ class Renderer {
   void Failed(const Error& error);
   void Begin(VoxelSource& source, Executor executor, const Options& options);
   void ScheduleLoader();
+  Status Run(const View& view, std::shared_ptr<const Integrator> integrator, size_t parts,
+             const std::function<Status(uint64_t view, size_t part, std::function<void(RenderedTile)>)>& queue,
+             const OnTile& on_tile, std::stop_token stop);
   static void End(Call& call, const Error& error);
   static void OnTileDone(Call& call, size_t index, RenderedTile result);
 

@@ -12,6 +12,8 @@ namespace quarry {
 inline constexpr float kInfinity = std::numeric_limits<float>::infinity();
 inline constexpr uint32_t kNoTriangle = 0xFFFFFFFFu;
 inline constexpr uint32_t kNoVoxel = 0xFFFFFFFFu;
+/// The instance of triangles that are the scene's own. No store has others yet.
+inline constexpr uint32_t kNoInstance = 0xFFFFFFFFu;
 
 /// The nearest hit known so far, or none (`triangle == kNoTriangle`).
 struct Hit {
@@ -20,6 +22,7 @@ struct Hit {
   float b1 = 0, b2 = 0;             ///< barycentric weights of the second and third vertex
   uint32_t voxel = kNoVoxel;        ///< the voxel in which the triangle was found
   uint32_t local = 0;               ///< the triangle's index in that voxel
+  uint32_t instance = kNoInstance;  ///< of the part that holds the triangle
 };
 
 /// Limit of a ray origin's coordinates, in multiples of the scene's largest coordinate in magnitude.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <glm/vec3.hpp>
 
 #include "common/kdtree/ray.h"
 #include "common/math/host_device.h"
@@ -12,7 +13,7 @@ namespace quarry {
 
 /// 64 rays, one array per field of Ray, as kernels read and write them. In a coherent packet ray i belongs to
 /// pixel (i % 8, i / 8) of an 8x8 square; other kernels need no order. A suspended ray stays in its packet.
-/// Memory: 4,416 bytes. Not thread-safe; on a GPU, see NoteSeeThrough().
+/// Memory: 4,672 bytes. Not thread-safe; on a GPU, see NoteSeeThrough().
 struct alignas(64) RayPacket {
   static constexpr uint32_t kSide = 8;
   static constexpr uint32_t kRays = kSide * kSide;
@@ -36,6 +37,8 @@ struct alignas(64) RayPacket {
   uint32_t local[kRays];     ///< the triangle's index in that voxel
   float after_t[kRays];      ///< exclusive lower bound of hits, see Ray
   uint32_t after_id[kRays];  ///< of the same bound
+  // No kernel uses the field below.
+  uint32_t instance[kRays];  ///< of the part that holds the triangle hit
 
   /// Bytes of the fields that are in use by rays without a bound.
   static constexpr size_t Bytes(bool any_hit) { return (any_hit ? 11 : 15) * sizeof(float[kRays]) + 64; }
@@ -52,6 +55,7 @@ struct alignas(64) RayPacket {
     b2[i] = ray.hit.b2;
     voxel[i] = ray.hit.voxel;
     local[i] = ray.hit.local;
+    instance[i] = ray.hit.instance;
     chain[i] = ray.chain;
     waits_for[i] = kNoVoxel;
     after_t[i] = ray.after_t;
@@ -71,6 +75,7 @@ struct alignas(64) RayPacket {
     std::fill_n(triangle, kRays, kNoTriangle);
     std::fill_n(chain, kRays, 0u);
     std::fill_n(waits_for, kRays, kNoVoxel);
+    std::fill_n(instance, kRays, kNoInstance);
     Unbind(~uint64_t{0});
   }
   /// Takes the bound from `lanes`, and the note of see-through triangles: for rays that are set field by
@@ -108,9 +113,17 @@ struct alignas(64) RayPacket {
     see_through |= uint64_t{1} << i;
 #endif
   }
+  glm::vec3 DirectionOf(uint32_t i) const { return {direction[0][i], direction[1][i], direction[2][i]}; }
+  /// A ray like that of lane i, from its start.
+  Ray RayOf(uint32_t i) const {
+    Ray ray;
+    ray.origin = {origin[0][i], origin[1][i], origin[2][i]};
+    ray.direction = DirectionOf(i);
+    return ray;
+  }
   Hit HitOf(uint32_t i) const {
     if (triangle[i] == kNoTriangle) return {};
-    return {hit_t[i], triangle[i], b1[i], b2[i], voxel[i], local[i]};
+    return {hit_t[i], triangle[i], b1[i], b2[i], voxel[i], local[i], instance[i]};
   }
 };
 

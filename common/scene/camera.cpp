@@ -7,16 +7,12 @@
 #include "common/kdtree/ray.h"
 
 namespace quarry {
-namespace {
 
-/// Whether ReferencePadding() holds for rays from `eye`.
-bool IsWithinReach(const glm::dvec3& eye, const glm::vec3& lower, const glm::vec3& upper) {
+bool IsWithinReach(const glm::dvec3& origin, const glm::vec3& lower, const glm::vec3& upper) {
   const glm::dvec3 farthest = glm::max(glm::abs(lower), glm::abs(upper));
   const double largest = std::fmax(std::fmax(farthest.x, farthest.y), farthest.z);
-  return glm::all(glm::lessThanEqual(glm::abs(eye), glm::dvec3(kReach * largest)));
+  return glm::all(glm::lessThanEqual(glm::abs(origin), glm::dvec3(kReach * largest)));
 }
-
-}  // namespace
 
 Camera::Camera(const CameraSpec& spec, uint32_t width, uint32_t height, const glm::vec3& lower,
                const glm::vec3& upper)
@@ -36,20 +32,7 @@ inline PrimaryRay Camera::ShootAs(double x, double y) const {
   const glm::dvec3 origin = kOrthographic ? view_.eye + across : view_.eye;
   const glm::dvec3 direction = kOrthographic ? view_.forward : Unit(view_.forward + across);
   if constexpr (!kClip) return {glm::vec3(origin), glm::vec3(direction), 0, false};
-  double enter = 0, exit = 1e300;
-  const auto clip = [&](double o, double along, double lower, double upper) {
-    const double d = std::fabs(along) < 1e-18 ? 1e-18 : along;
-    const double t0 = (lower - o) / d, t1 = (upper - o) / d;
-    const double first = t1 < t0 ? t1 : t0, last = t0 < t1 ? t1 : t0;
-    enter = enter < first ? first : enter;
-    exit = last < exit ? last : exit;
-  };
-  clip(origin.x, direction.x, lower_.x, upper_.x);
-  clip(origin.y, direction.y, lower_.y, upper_.y);
-  clip(origin.z, direction.z, lower_.z, upper_.z);
-  const double start = start_at_eye_ ? 0 : enter;
-  return {glm::vec3(origin + direction * start), glm::vec3(direction), static_cast<float>(start),
-          enter > exit};
+  return ClipToBox(origin, direction, lower_, upper_, start_at_eye_);
 }
 
 /// Calls body<orthographic, rays must be clipped to the box>() for this camera.

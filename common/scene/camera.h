@@ -2,27 +2,10 @@
 
 #include <glm/vec3.hpp>
 
+#include "common/scene/primary_ray.h"
 #include "common/scene/view_basis.h"
 
 namespace quarry {
-
-/// A primary ray for traversal. Its origin is the eye while the eye is within kReach, since packets of rays
-/// that start at one point are faster. From farther away, and for orthographic cameras, the origin is moved
-/// along the ray to the scene's box, so that the bound behind ReferencePadding() holds.
-/// Units: scene units.
-struct PrimaryRay {
-  glm::vec3 origin{0}, direction{0, 0, 1};  ///< direction has unit length
-  float t_offset = 0;                       ///< distance from the eye to origin
-  bool misses = false;                      ///< whether the ray misses the scene's box
-};
-
-/// Primary rays, one array per field of PrimaryRay.
-struct PrimaryRays {
-  static constexpr int kCount = 64;
-  float origin[3][kCount], direction[3][kCount];
-  float t_offset[kCount];
-  uint32_t misses[kCount];  ///< 0 or 1
-};
 
 /// Makes primary rays for positions in the image; x runs right, y down. Computes in double, with no libm
 /// function but sqrt, so that rays are the same on every machine. Immutable, so thread-safe.

@@ -27,7 +27,7 @@ View DefaultView(const SceneSummary& scene, uint32_t width, uint32_t height) {
   view.width = width;
   view.height = height;
   view.mode = RenderMode::kAo;
-  view.spp = 4;
+  view.spp = InfoOf(view.mode).default_spp;
   view.lights = DefaultLights(scene);
   const bool inside = scene.framing.interior && scene.framing.inside;
   if (inside) view.ao_distance = InsideAoDistance(scene);

@@ -10,7 +10,7 @@ std::string Describe(const RenderJob& job) {
   const auto plural = [](size_t n) { return n == 1 ? "" : "s"; };
   return fmt::format("{} frame{} of {}x{}, {}, {} sample{} a pixel, {}", job.cameras.size(),
                      plural(job.cameras.size()), job.view.width, job.view.height,
-                     kRenderModeNames[static_cast<size_t>(job.view.mode)], job.view.spp, plural(job.view.spp),
+                     InfoOf(job.view.mode).name, job.view.spp, plural(job.view.spp),
                      job.format.name);
 }
 

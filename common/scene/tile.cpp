@@ -26,8 +26,7 @@ Status CheckTile(const Tile& tile, const View& view) {
   if (!all && (tile.samples == 0 || tile.samples > view.spp || tile.first_sample > view.spp - tile.samples ||
                tile.form == PixelForm::kMeans))
     return Fail("a tile asks for samples that its view does not have");
-  if (tile.leaves_holes &&
-      (tile.form != PixelForm::kShown || tile.samples_of(view.spp) != 1 || tile.hits_only))
+  if (tile.leaves_holes && (tile.form != PixelForm::kShown || tile.samples_of(view.spp) != 1))
     return Fail("a tile leaves holes where none can be");
   return {};
 }

@@ -37,8 +37,6 @@ struct Tile {
   PixelRect pixels;
   /// Side of the squares that have one lattice point each. 1: every pixel is a lattice point.
   uint32_t step = 1;
-  /// Whether the result is the hits of sample 0 instead of colours; nothing is shaded then.
-  bool hits_only = false;
   /// Place of the lattice point in its square; kMiddle: in its middle. Squares that the tile cuts have a
   /// point all the same with kMiddle, at the border, and else only if the point lies in the tile. Requires:
   /// both are kMiddle or below `step`.
@@ -58,7 +56,7 @@ struct Tile {
   uint32_t X(uint32_t column) const { return pixels.x + Place(column, phase_x, pixels.width); }
   uint32_t Y(uint32_t row) const { return pixels.y + Place(row, phase_y, pixels.height); }
   /// The samples of each point of this view.
-  uint32_t samples_of(uint32_t spp) const { return hits_only ? 1 : samples == 0 ? spp : samples; }
+  uint32_t samples_of(uint32_t spp) const { return samples == 0 ? spp : samples; }
 
  private:
   uint32_t Points(uint32_t length, uint32_t phase) const {

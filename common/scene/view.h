@@ -5,15 +5,9 @@
 #include <vector>
 
 #include "common/base/status.h"
+#include "common/scene/render_mode.h"
 
 namespace quarry {
-
-/// Modes of shading; the README describes them.
-enum class RenderMode : uint8_t { kRaycast = 0, kShadow = 1, kWhitted = 2, kVoxels = 3, kAo = 4 };
-inline constexpr int kRenderModes = 5;
-/// Names of the modes, as for --mode.
-inline constexpr const char* kRenderModeNames[kRenderModes] = {"raycast", "shadow", "whitted", "voxels",
-                                                               "ao"};
 
 /// Layers of an image beside the colour, in the order of their words in a pixel.
 enum class Aov : uint8_t { kDepth, kNormal, kUv, kPrimitive, kMaterial, kPart, kVoxel, kAlbedo };

@@ -92,12 +92,10 @@ Status ReadCrop(const JsonValue& value, View& view) {
 
 Status ReadMode(const JsonValue& value, View& view) {
   QUARRY_ASSIGN(const std::string name, value.Text());
-  for (int m = 0; m < kRenderModes; ++m)
-    if (name == kRenderModeNames[m]) {
-      view.mode = static_cast<RenderMode>(m);
-      return {};
-    }
-  return value.Wrong("is no mode");
+  const std::optional<RenderMode> mode = FindRenderMode(name);
+  if (!mode) return value.Wrong("is no mode");
+  view.mode = *mode;
+  return {};
 }
 
 Status ReadLayers(const JsonValue& value, View& view) {
@@ -240,7 +238,7 @@ ordered_json ViewToJson(const View& view, const std::optional<double>& exposure,
   ordered_json j = {{"camera", std::move(camera)}, {"size", {view.width, view.height}}};
   if (view.crop.width > 0 && view.crop != PixelRect{0, 0, view.width, view.height})
     j["crop"] = {view.crop.x, view.crop.y, view.crop.width, view.crop.height};
-  j["mode"] = kRenderModeNames[static_cast<size_t>(view.mode)];
+  j["mode"] = InfoOf(view.mode).name;
   j["spp"] = view.spp;
   j["seed"] = view.seed;
   for (int a = 0; a < kAovs; ++a)

@@ -13,6 +13,10 @@ _quarry_benches() {
   quarry bench --help 2>/dev/null | sed -n 's/^WHAT is one of: //p' | tr -d ,
 }
 
+_quarry_modes() {
+  quarry render --help 2>/dev/null | sed -n 's/^  --mode TEXT=[a-z]* *//p' | sed 's/,/ /g; s/ or / /'
+}
+
 _quarry() {
   local cur prev words cword
   _init_completion -n = || return
@@ -27,7 +31,7 @@ _quarry() {
   done
 
   case "$prev" in
-    --mode) COMPREPLY=($(compgen -W "ao raycast shadow whitted voxels" -- "$cur")); return ;;
+    --mode) COMPREPLY=($(compgen -W "$(_quarry_modes)" -- "$cur")); return ;;
     --view) COMPREPLY=($(compgen -W "iso top front back left right inside" -- "$cur")); _filedir json; return ;;
     --up-axis) COMPREPLY=($(compgen -W "y z" -- "$cur")); return ;;
     --schedule) COMPREPLY=($(compgen -W "footprint last-owner random" -- "$cur")); return ;;

@@ -142,11 +142,8 @@ Status Display::OnTileDone(uint32_t worker, const TileDone& done, std::span<cons
   QUARRY_ASSIGN(const auto tile, dispatcher_.Finish(worker, done, pixels.size()));
   AssignSoon();
   if (!tile) return {};
-  for (const auto& [id, viewer] : viewers_)
-    if (viewer->Take(*tile, pixels)) {
-      viewer->Go();
-      break;
-    }
+  if (const auto viewer = viewers_.find(tile->viewer); viewer != viewers_.end())
+    viewer->second->Take(*tile, pixels);
   return {};
 }
 

@@ -11,7 +11,7 @@
 #include "common/base/resource.h"
 #include "common/math/elementary.h"
 #include "common/math/shared_exponent.h"
-#include "master/jobs/shown_color.h"
+#include "master/pictures/shown_color.h"
 
 namespace quarry {
 namespace {

@@ -10,7 +10,7 @@
 #include "common/base/bytes.h"
 #include "common/base/status.h"
 #include "master/display/view_pacer.h"
-#include "master/jobs/image_output.h"
+#include "master/pictures/image_output.h"
 
 namespace quarry {
 

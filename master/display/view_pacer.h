@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "master/display/live_picture.h"
-#include "master/jobs/exposure_meter.h"
+#include "master/pictures/exposure_meter.h"
 #include "master/schedule/live_dispatcher.h"
 
 namespace quarry {
@@ -79,7 +79,7 @@ class ViewPacer {
   void Acknowledged();
   /// Gives back the memory of a frame's rows.
   void Reuse(std::vector<PictureRows> rows) { picture_.Reuse(std::move(rows)); }
-  /// A finished tile of one of this viewer's frames. False: it is of another's.
+  /// Takes a finished tile. False: it is of none of the pacer's frames.
   bool Take(const LiveTile& tile, std::span<const std::byte> pixels, double now_s);
 
   /// Goes on: orders what is to be traced next. Returns what is to be sent now, at most kMostUnderWay frames

@@ -274,10 +274,9 @@ void Viewer::OnTaken(uint64_t frame) {
   Go();
 }
 
-bool Viewer::Take(const LiveTile& tile, std::span<const std::byte> pixels) {
-  if (gone_) return false;
-  if (picker_.Take(tile, pixels)) return true;
-  return pacer_.Take(tile, pixels, site_.now());
+void Viewer::Take(const LiveTile& tile, std::span<const std::byte> pixels) {
+  if (gone_) return;
+  if (picker_.Take(tile, pixels) || pacer_.Take(tile, pixels, site_.now())) Go();
 }
 
 void Viewer::Go() {

@@ -68,8 +68,8 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   ~Viewer();
 
   void Start(const std::string& welcome);
-  /// Takes a tile. False: it is of another viewer's frame.
-  bool Take(const LiveTile& tile, std::span<const std::byte> pixels);
+  /// Takes a finished tile of one of its frames, and goes on.
+  void Take(const LiveTile& tile, std::span<const std::byte> pixels);
   /// Goes on with what is due.
   void Go();
   /// Sends a text, unless the browser is behind or has not been welcomed.

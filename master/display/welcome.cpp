@@ -33,6 +33,13 @@ ordered_json NamedViews(const SceneSummary& scene) {
   return views;
 }
 
+ordered_json Modes() {
+  auto modes = ordered_json::array();
+  for (const RenderModeInfo& mode : kRenderModeInfo)
+    modes.push_back({{"name", mode.name}, {"label", mode.label}});
+  return modes;
+}
+
 /// The scene with its other axis up. A place inside belongs to the axis that it was found with.
 SceneSummary Turned(SceneSummary scene) {
   scene.framing.up_axis = scene.framing.up_axis == 1 ? 2 : 1;
@@ -74,6 +81,7 @@ std::string MakeWelcome(const std::string& name, const std::string& store, const
                          {"turned_views", NamedViews(Turned(scene))},
                          {"turned_lights", TurnedLights(defaults, scene)},
                          {"cameras", std::move(cameras)}}},
+                       {"modes", Modes()},
                        {"view", ViewToJson(defaults.view, std::nullopt, scene.offset)},
                        {"limits", {{"most_pixels", most_pixels}, {"most_side", kMostSide}}}};
   return j.dump(-1, ' ', false, ordered_json::error_handler_t::replace);

@@ -4,6 +4,7 @@
 
 #include "common/base/size.h"
 #include "master/jobs/job.h"
+#include "master/pictures/image_output.h"
 
 namespace quarry {
 namespace {
@@ -18,16 +19,6 @@ constexpr uint64_t kTraceBytesPerTile = 16 << 10;
 uint64_t Pixels(const View& view) { return uint64_t{view.crop.width} * view.crop.height; }
 
 }  // namespace
-
-uint64_t EncodedBytes(const View& view, const ImageFormat& format) {
-  const uint64_t rows = view.crop.height;
-  // PNG: three bytes a pixel, a filter's byte a row, and five for each 16 KiB that zlib stores as they are.
-  // EXR: the words as they are, by 16 rows where they do not compress, and a place for each.
-  if (format.name == "png") return Pixels(view) * 3 * 1001 / 1000 + rows + (64 << 10);
-  // Depths and normals have two names (EncodeImage).
-  const uint64_t again = (view.has(Aov::kDepth) ? 1 : 0) + (view.has(Aov::kNormal) ? 3 : 0);
-  return Pixels(view) * 4 * (WordsPerPixel(view.aov_mask) + again) + rows * 16 + (64 << 10);
-}
 
 uint64_t FrameBytes(const View& view, const ImageFormat& format) {
   const uint64_t tiles = uint64_t{(view.crop.width + kTileSize - 1) / kTileSize} *

@@ -15,8 +15,6 @@ namespace quarry {
 uint64_t FrameBytes(const View& view, const ImageFormat& format);
 /// Bytes that a job of `frames` frames takes while it is kept.
 uint64_t JobBytes(size_t frames);
-/// Upper bound on the bytes of an encoded image, one that does not compress.
-uint64_t EncodedBytes(const View& view, const ImageFormat& format);
 
 /// The budget of --frame-memory: an eighth for jobs, the rest for frames and their images.
 /// Units: bytes. Not thread-safe, but reservations may end on any thread.

@@ -12,8 +12,8 @@
 
 #include "common/base/resource.h"
 #include "common/base/size.h"
-#include "master/jobs/image_output.h"
 #include "master/jobs/statistics.h"
+#include "master/pictures/image_output.h"
 
 namespace quarry {
 namespace {

@@ -10,9 +10,9 @@
 #include <vector>
 
 #include "master/jobs/frame_memory.h"
-#include "master/jobs/image_output.h"
 #include "master/jobs/job.h"
 #include "master/jobs/spool.h"
+#include "master/pictures/image_output.h"
 
 namespace boost::asio {
 class io_context;

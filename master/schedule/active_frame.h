@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "common/protocol/messages.h"
-#include "master/jobs/frame_image.h"
+#include "master/pictures/frame_image.h"
 #include "master/schedule/footprint.h"
 #include "master/schedule/scheduler.h"
 

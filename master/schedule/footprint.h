@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "common/scene/view.h"
-#include "master/jobs/frame_image.h"
+#include "master/pictures/frame_image.h"
 #include "master/schedule/footprint_probe.h"
 #include "master/schedule/scheduler.h"
 

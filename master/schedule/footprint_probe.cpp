@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "master/jobs/frame_image.h"
+#include "master/pictures/frame_image.h"
 
 namespace quarry {
 

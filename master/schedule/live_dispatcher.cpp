@@ -262,6 +262,7 @@ Result<std::optional<LiveTile>> LiveDispatcher::Finish(uint32_t worker, const Ti
       std::ranges::find(tile->second.holders, worker) == tile->second.holders.end())
     return std::optional<LiveTile>();
   const Tile area = tile->second.area;
+  const LiveTile traced{done.frame, frame.viewer, area, worker, done.rays};
   const size_t points = size_t{area.columns()} * area.rows();
   if (pixel_bytes != points * BytesPerPoint(area.form, frame.view.aov_mask))
     return Fail(fmt::format("a tile came with {} bytes of pixels, which it does not have", pixel_bytes));
@@ -270,12 +271,12 @@ Result<std::optional<LiveTile>> LiveDispatcher::Finish(uint32_t worker, const Ti
   frame.tiles.erase(tile);
   Viewer& viewer = viewers_.at(frame.viewer);
   SetOwner(viewer, frame, area, worker);
-  if (points < kLeastSide * kLeastSide) return std::optional(LiveTile{done.frame, area, worker, done.rays});
+  if (points < kLeastSide * kLeastSide) return std::optional(traced);
   // The worker's word for its time is believed within bounds. Of a few points it tells nothing.
   const double point_s = static_cast<double>(done.compute_us) * 1e-6 /
                          (static_cast<double>(points) * area.samples_of(frame.view.spp));
   viewer.point_s += kNewCost * (std::clamp(point_s, 1e-8, 1e-3) - viewer.point_s);
-  return std::optional(LiveTile{done.frame, area, worker, done.rays});
+  return std::optional(traced);
 }
 
 }  // namespace quarry

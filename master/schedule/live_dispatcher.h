@@ -24,6 +24,7 @@ inline constexpr size_t kLiveUrgencies = 3;
 /// A traced part of a live frame.
 struct LiveTile {
   FrameId frame = 0;
+  uint32_t viewer = 0;  ///< whose frame it is
   Tile area;
   uint32_t worker = 0;
   uint64_t rays = 0;

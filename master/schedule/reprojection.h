@@ -6,7 +6,7 @@
 
 #include "common/scene/view.h"
 #include "common/scene/view_basis.h"
-#include "master/jobs/frame_image.h"
+#include "master/pictures/frame_image.h"
 
 namespace quarry {
 

@@ -4,7 +4,8 @@
 #include <atomic>
 #include <thread>
 
-#include "common/engine/shading/shading.h"
+#include "common/engine/integrators/bounce.h"
+#include "common/engine/integrators/scatter.h"
 #include "common/math/fixed_radiance.h"
 #include "common/math/next_float.h"
 #include "common/math/sampling.h"
@@ -66,13 +67,13 @@ class Tracer {
     if (r.hit.geomID == RTC_INVALID_GEOMETRY_ID) return Add(radiance, weight * view_.background);
     const Surface s = SurfaceOf(r, direction);
     const Material& material = catalog_.materials[s.material];
-    const glm::vec3 albedo = Albedo(material, view_.mode) * s.color;
-    if (view_.mode == RenderMode::kRaycast)
-      return Add(radiance, weight * (albedo * Facing(s) + Emitted(material, s)));
-    Add(radiance, weight * (albedo * view_.ambient * AmbientFactor(s) + Emitted(material, s)));
+    const ScatterProperties scatter =
+        ScatterOf(material, view_.mode == RenderMode::kWhitted ? DiffuseColor : BaseColor);
+    if (view_.mode == RenderMode::kRaycast) return Add(radiance, weight * UnderHeadlight(scatter, s));
+    Add(radiance, weight * UnderAmbient(scatter, view_.ambient, s));
     for (const Light& l : view_.lights) {
       const LightSample light = SampleLight(l, s.position);
-      const glm::vec3 scattered = Scatter(material, view_.mode, s, light);
+      const glm::vec3 scattered = Scatter(scatter, s, light);
       if (Largest(scattered) <= 0) continue;
       const glm::vec3 passed = PassedTo(Offset(s, light.direction), light);
       if (Largest(passed) > 0) Add(radiance, weight * scattered * passed);

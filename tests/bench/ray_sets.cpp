@@ -7,7 +7,7 @@
 #include <random>
 #include <utility>
 
-#include "common/engine/shading/shading.h"
+#include "common/engine/integrators/scatter.h"
 #include "common/scene/camera.h"
 #include "common/scene/framing.h"
 #include "tests/support/make_surface.h"

@@ -38,6 +38,16 @@ class Slurm(Case):
                         ["quarry", "render", "plant.quarry", "-o", "local.exr", *cls.picture(), "--quiet"]):
             subprocess.run([BIN / command[0], *command[1:]], cwd=cls.shared, check=True, timeout=3 * TIMEOUT_S)
 
+    def tearDown(self):
+        """What a test that failed has left makes no other fail."""
+        self.slurm.call("scancel", "--user=root")
+        deadline = time.monotonic() + TIMEOUT_S / 2
+        while self.slurm.call("squeue", "--noheader").stdout and time.monotonic() < deadline:
+            time.sleep(0.1)
+        for folder in self.shared.iterdir():
+            if folder.is_dir():
+                shutil.rmtree(folder)
+
     @staticmethod
     def picture(spp=128, path="walk.json"):
         return ["--camera-path", path, "--mode", "whitted", "--size", "320x240", "--spp", str(spp)]
@@ -77,6 +87,16 @@ class Slurm(Case):
     def await_end(self, job=None):
         self.wait_for(lambda: not self.slurm.call("squeue", "--noheader").stdout, "end", job)
 
+    def start_again(self, job):
+        """Starts a job that waits again, at once. Slurm itself waits a while. Before its nodes are idle, what has ended of the last run would
+        end the next one too."""
+        self.wait_for(lambda: self.slurm.states(job) == ["PENDING"], "second wait", job)
+        self.wait_for(self.all_idle, "idle nodes", job)
+        self.slurm.call("scontrol", "update", f"jobid={job}", "StartTime=now")
+
+    def all_idle(self):
+        return self.slurm.call("sinfo", "--noheader", "--states=idle", "--format=%D").stdout.strip() == "4"
+
     def written(self, name):
         return sorted(p.name for p in self.shared.glob(f"{name}.*.exr"))
 
@@ -112,7 +132,7 @@ class Slurm(Case):
         self.assertIn("quarry.sbatch: done", self.log(job))
         self.must_be_the_local_pictures("killed")
         self.nothing_is_left()
-        self.wait_for(lambda: self.slurm.call("sinfo", "--noheader", "--states=idle", "--format=%D").stdout.strip() == "4", "fourth node", job)
+        self.wait_for(self.all_idle, "fourth node", job)
 
     def test_a_job_that_is_queued_again_goes_on(self):
         job, _ = self.submit("-N", 2, "plant.quarry", "--", "-o", "again.exr", *self.picture())
@@ -124,7 +144,7 @@ class Slurm(Case):
         self.assertNotIn("interrupted", (self.shared / f"quarry-{job}" / "master.log").read_text(), "the master ended well")
         secret = self.shared / f"quarry-{job}" / "secret"
         self.assertEqual(secret.stat().st_mode & 0o777, 0o600)
-        self.slurm.call("scontrol", "update", f"jobid={job}", "StartTime=now")
+        self.start_again(job)
         self.await_end(job)
         log = self.log(job)
         self.assertEqual(log.count("quarry.sbatch: ready"), 2)
@@ -139,8 +159,7 @@ class Slurm(Case):
             self.wait_for(lambda: self.log(job).count("quarry.sbatch: ready") > run, "start", job)
             time.sleep(0.5)
             self.slurm.call("scontrol", "requeue", job)
-            self.wait_for(lambda: self.slurm.states(job) == ["PENDING"], "wait", job)
-            self.slurm.call("scontrol", "update", f"jobid={job}", "StartTime=now")
+            self.start_again(job)
         self.wait_for(lambda: self.log(job).count("quarry.sbatch: ready") > 4, "fifth start", job)
         self.assertNotIn("failed", self.log(job))
         self.quarry("cluster", "--stop", job)

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "common/engine/shading/surface.h"
+#include "common/engine/surfaces/surface.h"
 #include "common/kdtree/ray.h"
 #include "common/math/fixed_radiance.h"
 #include "tests/laboratory/accelerator.h"

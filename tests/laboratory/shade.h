@@ -3,7 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/engine/shading/shading.h"
+#include "common/engine/integrators/bounce.h"
+#include "common/engine/integrators/scatter.h"
 #include "common/math/next_float.h"
 #include "common/math/sampling.h"
 #include "tests/laboratory/picture.h"
@@ -39,14 +40,12 @@ class Shader {
     Material material;
     const Surface surface = SurfaceOf(material);
     if (picture_.renderer == Renderer::kPath) return Scattered(material, surface);
-    const RenderMode mode = view().mode;
-    if (material.unlit)
-      Add(Emitted(material, surface));
-    else if (mode == RenderMode::kRaycast)
-      Add(ByHeadlight(Albedo(material, mode), material.emission, surface));
-    else
-      Add(ByAmbient(Albedo(material, mode), material.emission, view().ambient, surface));
-    if (mode == RenderMode::kRaycast) return Next();
+    const ScatterProperties scatter = Scattering(material);
+    if (picture_.renderer == Renderer::kRaycast) {
+      Add(UnderHeadlight(scatter, surface));
+      return Next();
+    }
+    Add(UnderAmbient(scatter, view().ambient, surface));
     r_.lit.surface = surface;
     r_.lit.next_light = 0;
     NextLight();
@@ -78,6 +77,10 @@ class Shader {
 
  private:
   const View& view() const { return picture_.context.view; }
+  /// The scattering of a material in the picture's mode.
+  ScatterProperties Scattering(const Material& material) const {
+    return ScatterOf(material, picture_.renderer == Renderer::kWhitted ? DiffuseColor : BaseColor);
+  }
   void Add(const glm::vec3& radiance) { sum_.Add(r_.path.weight * radiance); }
 
   /// The surface at the ray's hit, and its material.
@@ -108,10 +111,11 @@ class Shader {
   void NextLight() {
     const Surface& surface = r_.lit.surface;
     const Material& material = picture_.scene.catalog().materials[surface.material];
+    const ScatterProperties scatter = Scattering(material);
     const auto lights = static_cast<uint32_t>(view().lights.size());
     while (r_.lit.next_light < lights) {
       const LightSample sample = SampleLight(view().lights[r_.lit.next_light++], surface.position);
-      r_.lit.light = Scatter(material, view().mode, surface, sample);
+      r_.lit.light = Scatter(scatter, surface, sample);
       if (!(Largest(r_.lit.light) > 0)) continue;
       StartRay(surface, sample.direction, sample.distance, RayKind::kAny);
       return;
@@ -168,7 +172,7 @@ class Shader {
 
   /// Path tracing: emission, then the lights, then Bounced().
   void Scattered(const Material& material, const Surface& surface) {
-    Add(Emitted(material, surface));
+    Add(Emitted(Scattering(material), surface));
     r_.lit.surface = surface;
     r_.lit.next_light = 0;
     NextLight();
@@ -176,7 +180,7 @@ class Shader {
   /// Path tracing: a diffuse bounce with a density by the cosine, so that the weight is the albedo alone.
   void Bounced(const Material& material, const Surface& surface) {
     if (r_.path.depth == kPathBounces) return Next();
-    const glm::vec3 weight = r_.path.weight * (Albedo(material, view().mode) * surface.color);
+    const glm::vec3 weight = r_.path.weight * (Scattering(material).albedo * surface.color);
     if (Largest(weight) < kLeastWeight) return Next();
     const glm::vec2 u = SobolSample(view().seed, pixel_, sample_,
                                     kDimensionsPerBounce * (r_.path.depth + 1) + kDirectionSlot);

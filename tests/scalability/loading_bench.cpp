@@ -100,7 +100,7 @@ class Walker {
   /// By block number.
   void Publish(std::vector<std::unique_ptr<ResidentBlock>> blocks) {
     for (uint32_t number = 0; number < blocks.size(); ++number)
-      if (blocks[number]) renderer_->cache().Publish(BlockKey::FromNumber(number), std::move(blocks[number]));
+      if (blocks[number]) renderer_->Publish(BlockKey::FromNumber(number), std::move(blocks[number]));
   }
 
   /// Renders a frame for each camera, tile after tile; rays of several tiles are under way. Returns: seconds.
@@ -111,18 +111,18 @@ class Walker {
     left_ = cameras.size() * tiles.size();
     for (size_t f = 0; f < cameras.size(); ++f) {
       view.camera = cameras[f];
-      renderer_->engine().SetView(f, view);
+      renderer_->SetView(f, view);
     }
     const auto start = Clock::now();
     for (size_t f = 0; f < cameras.size(); ++f)
       for (const Tile& tile : tiles)
-        renderer_->engine().Render(
+        renderer_->Order(
             f, tile, [this, &cost = costs[f]](const RenderedTile& result) { Put(result, cost); });
     std::unique_lock lock(mutex_);
     done_.wait(lock, [&] { return left_ == 0 || error_; });
     if (error_) return tl::unexpected<Error>(*error_);
     const double seconds = SecondsSince(start);
-    renderer_->engine().DropViews(0, cameras.size());
+    renderer_->DropViews(0, cameras.size());
     return seconds;
   }
 

@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/protocol/messages.h"
-#include "master/jobs/frame_image.h"
+#include "master/pictures/frame_image.h"
 
 namespace quarry {
 namespace {

@@ -81,7 +81,7 @@ inline EngineRun RunEngine(const StoreReader& store, const View& view, uint64_t 
   run.ended = status.has_value() || status.error().kind != ErrorKind::kCancelled;
   INFO((status ? "" : status.error().message));
   CHECK(run.ended == status.has_value());
-  run.loads = (*renderer)->cache().counters().loaded;
+  run.loads = (*renderer)->counters().cache.loaded;
   tasks.Stop();
   loading.join();
   return run;

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "common/engine/shading/surface.h"
+#include "common/engine/surfaces/surface.h"
 
 namespace quarry::test {
 

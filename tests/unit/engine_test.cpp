@@ -85,7 +85,6 @@ struct Works {
     tasks.Stop();
     loading.join();
   }
-  Engine& engine() { return renderer->engine(); }
   void Release() {
     tasks.Post([this] { source.Release(); });
   }
@@ -148,15 +147,15 @@ TEST_CASE("A tile of a view that is not there is let go of at once, and never do
   const Row row;
   Results results;
   Works works(row);
-  works.engine().SetView(5, Front());
-  works.engine().DropViews(5, 6);
+  works.renderer->SetView(5, Front());
+  works.renderer->DropViews(5, 6);
   for (const uint64_t view : {4, 5, 6}) {
     auto token = std::make_shared<int>();
-    works.engine().Render(view, {kMiddle}, results.For(view, 0, token));
+    works.renderer->Order(view, {kMiddle}, results.For(view, 0, token));
     CHECK(token.use_count() == 1);
   }
-  works.engine().SetView(7, Front());
-  works.engine().Render(7, {kMiddle}, results.For(7, 0));
+  works.renderer->SetView(7, Front());
+  works.renderer->Order(7, {kMiddle}, results.For(7, 0));
   results.Await(7, 1);
   for (const uint64_t view : {4, 5, 6}) CHECK(results.count(view) == 0);
 }
@@ -170,9 +169,9 @@ TEST_CASE("Tiles of several views at once are each its own view's", "[engine]") 
   for (const unsigned threads : {1u, 3u}) {
     Results results;
     Works works(row, threads, row.largest());
-    for (uint64_t v = 0; v < 3; ++v) works.engine().SetView(v, views[v]);
+    for (uint64_t v = 0; v < 3; ++v) works.renderer->SetView(v, views[v]);
     for (size_t i = 0; i < tiles.size(); ++i)
-      for (uint64_t v = 0; v < 3; ++v) works.engine().Render(v, tiles[i], results.For(v, i));
+      for (uint64_t v = 0; v < 3; ++v) works.renderer->Order(v, tiles[i], results.For(v, i));
     for (uint64_t v = 0; v < 3; ++v) {
       const auto rendered = results.Await(v, tiles.size());
       const auto alone = RenderedAlone(row, views[v], tiles);
@@ -191,12 +190,12 @@ TEST_CASE("Tiles of dropped views are never done, queued or begun; others are", 
   for (const uint64_t view : {1, 2, 3}) {
     auto token = std::make_shared<int>();
     tokens[view] = token;
-    works.engine().SetView(view, Front());
-    for (size_t i = 0; i < kTiles; ++i) works.engine().Render(view, {kMiddle}, results.For(view, i, token));
+    works.renderer->SetView(view, Front());
+    for (size_t i = 0; i < kTiles; ++i) works.renderer->Order(view, {kMiddle}, results.For(view, i, token));
   }
   works.AwaitAsked();
-  works.engine().DropViews(50, 60);  // there are none
-  works.engine().DropViews(1, 3);    // not the third
+  works.renderer->DropViews(50, 60);  // there are none
+  works.renderer->DropViews(1, 3);    // not the third
   // Begun tiles let go too, though their blocks never came.
   Await([&] { return tokens[1].expired(); });
   Await([&] { return tokens[2].expired(); });
@@ -213,11 +212,11 @@ TEST_CASE("Queued tiles are given back at once, and begun ones are done", "[engi
   Works works(row);
   works.source.held = true;
   constexpr size_t kTiles = 3 * Engine::kMostOpenTiles;  // more than a thread opens
-  works.engine().SetView(1, Front());
-  for (size_t i = 0; i < kTiles; ++i) works.engine().Render(1, {kMiddle}, results.For(1, i));
+  works.renderer->SetView(1, Front());
+  for (size_t i = 0; i < kTiles; ++i) works.renderer->Order(1, {kMiddle}, results.For(1, i));
   works.AwaitAsked();
-  CHECK(works.engine().has_open());
-  works.engine().GiveBackQueued();
+  CHECK(works.renderer->has_open());
+  works.renderer->GiveBackQueued();
   const size_t given_back = results.count(1);
   CHECK((given_back > 0 && given_back < kTiles));
   works.Release();
@@ -227,7 +226,7 @@ TEST_CASE("Queued tiles are given back at once, and begun ones are done", "[engi
     CHECK(tile.pixels.empty() != tile.begun);
   }
   CHECK(begun == kTiles - given_back);
-  Await([&] { return !works.engine().has_open(); });
+  Await([&] { return !works.renderer->has_open(); });
 }
 
 TEST_CASE("An engine ends while its tiles wait for blocks", "[engine]") {
@@ -237,8 +236,8 @@ TEST_CASE("An engine ends while its tiles wait for blocks", "[engine]") {
   {
     Works works(row, 2);
     works.source.held = true;
-    works.engine().SetView(1, Front());
-    for (size_t i = 0; i < 30; ++i) works.engine().Render(1, {kMiddle}, results.For(1, i, token));
+    works.renderer->SetView(1, Front());
+    for (size_t i = 0; i < 30; ++i) works.renderer->Order(1, {kMiddle}, results.For(1, i, token));
     works.AwaitAsked();
   }
   CHECK(token.use_count() == 1);
@@ -250,25 +249,25 @@ TEST_CASE("Rays are counted tile by tile, and waiting is no computing", "[engine
   Results results;
   Works works(row);
   works.source.held = true;
-  works.engine().SetView(1, Front());
-  works.engine().Render(1, {kMiddle}, results.For(1, 0));
+  works.renderer->SetView(1, Front());
+  works.renderer->Order(1, {kMiddle}, results.For(1, 0));
   works.AwaitAsked();
   const auto held = 500ms;
   std::this_thread::sleep_for(held);
-  CHECK(works.engine().rays() == 0);
+  CHECK(works.renderer->counters().rays == 0);
   works.Release();
   const auto first = results.Await(1, 1);
   const auto held_us = static_cast<uint64_t>(std::chrono::microseconds(held).count());
-  CHECK(works.engine().stall_us() > held_us / 2);
-  CHECK(works.engine().compute_us() < held_us / 2);
+  CHECK(works.renderer->counters().stall_us > held_us / 2);
+  CHECK(works.renderer->counters().compute_us < held_us / 2);
   CHECK(first.at(0).compute_us < held_us / 2);
-  CHECK(works.engine().rays() == 1024);
-  CHECK(works.engine().rays_suspended() == 4 * 1024);
-  works.engine().Render(1, {kMiddle, 4}, results.For(1, 1));
+  CHECK(works.renderer->counters().rays == 1024);
+  CHECK(works.renderer->counters().rays_suspended == 4 * 1024);
+  works.renderer->Order(1, {kMiddle, 4}, results.For(1, 1));
   const auto second = results.Await(1, 2);
   CHECK(second.at(1).rays == 64);
-  CHECK(works.engine().rays() == 1024 + 64);
-  CHECK(works.engine().rays_suspended() == 4 * 1024);
+  CHECK(works.renderer->counters().rays == 1024 + 64);
+  CHECK(works.renderer->counters().rays_suspended == 4 * 1024);
 }
 
 TEST_CASE("A block that cannot be had is an error of every call, whichever it is", "[engine]") {
@@ -282,9 +281,9 @@ TEST_CASE("A block that cannot be had is an error of every call, whichever it is
       Results results;
       Works works(row, 2);
       (wrong ? works.source.wrong_from : works.source.fails_from) = from;
-      works.engine().SetView(1, view);
+      works.renderer->SetView(1, view);
       auto token = std::make_shared<int>();
-      for (size_t i = 0; i < tiles.size(); ++i) works.engine().Render(1, tiles[i], results.For(1, i, token));
+      for (size_t i = 0; i < tiles.size(); ++i) works.renderer->Order(1, tiles[i], results.For(1, i, token));
       for (int call = 0; call < 2; ++call) {
         const Status status = works.renderer->Render(view, tiles, ignore);
         REQUIRE_FALSE(status.has_value());
@@ -294,7 +293,7 @@ TEST_CASE("A block that cannot be had is an error of every call, whichever it is
       CHECK(works.errors == 1);
       CHECK(works.last_error.find(wrong ? "block " : "the test's fault") != std::string::npos);
       // Tiles that wait in vain are let go of with their view.
-      works.engine().DropViews(1, 2);
+      works.renderer->DropViews(1, 2);
       std::weak_ptr<int> waiting = std::exchange(token, nullptr);
       Await([&] { return waiting.expired(); });
       CHECK(results.count(1) < tiles.size());

@@ -1,4 +1,4 @@
-#include "master/jobs/exposure_meter.h"
+#include "master/pictures/exposure_meter.h"
 
 #include <algorithm>
 #include <catch2/catch.hpp>

@@ -6,7 +6,7 @@
 #include <mutex>
 #include <thread>
 
-#include "master/jobs/frame_image.h"
+#include "master/pictures/frame_image.h"
 #include "tests/support/looking.h"
 #include "tests/support/row_scene.h"
 
@@ -87,7 +87,7 @@ TEST_CASE("A probe sends one ray a lattice point, whatever the samples", "[probe
   View view = Looking({0, -20, 0}, {0, 10, 0});
   view.spp = 16;
   REQUIRE(ProbeFrame(**renderer, view).has_value());
-  CHECK((*renderer)->engine().rays() == uint64_t{view.width / 2} * (view.height / 2));
+  CHECK((*renderer)->counters().rays == uint64_t{view.width / 2} * (view.height / 2));
 }
 
 }  // namespace quarry

@@ -4,8 +4,8 @@
 #include <filesystem>
 #include <fstream>
 
-#include "master/jobs/image_output.h"
 #include "master/jobs/spool.h"
+#include "master/pictures/image_output.h"
 #include "tests/support/temporary_folder.h"
 
 namespace quarry {

@@ -1,4 +1,4 @@
-#include "master/jobs/image_output.h"
+#include "master/pictures/image_output.h"
 
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>

@@ -121,6 +121,7 @@ TEST_CASE("What is watched more urgently goes first, and viewers share", "[live]
     if (of_motion + of_other < 20) CHECK(site.OrdersOf(rest) == 0);
     const auto done = site.cluster.RunOne();
     REQUIRE(done);
+    CHECK(done->tile.viewer == (done->tile.frame == other ? 3 : 2));
     of_motion += done->tile.frame == motion;
     of_other += done->tile.frame == other;
     site.dispatcher().Assign(0);

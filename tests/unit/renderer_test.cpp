@@ -98,7 +98,7 @@ TEST_CASE("A cache of one block and any number of threads render the same pictur
                 .has_value());
     CHECK(last == tiles.size());
     CHECK(all == tiles.size());
-    CHECK(renderer->cache().counters().bytes <= cache_bytes);
+    CHECK(renderer->counters().cache.bytes <= cache_bytes);
     return out;
   };
   const auto whole = render(1 << 20, 1), small = render(row.largest(), 2);

@@ -6,8 +6,8 @@
 #include <random>
 #include <set>
 
-#include "common/engine/texture/texture_frame.h"
-#include "common/engine/texture/texture_packet.h"
+#include "common/engine/surfaces/texture_frame.h"
+#include "common/engine/surfaces/texture_packet.h"
 #include "common/math/elementary.h"
 #include "common/math/half.h"
 

@@ -3,9 +3,9 @@
 #include <memory>
 #include <random>
 
-#include "common/engine/texture/scene_surfaces.h"
-#include "common/engine/texture/texture_frame.h"
-#include "common/engine/texture/texture_packet.h"
+#include "common/engine/surfaces/scene_surfaces.h"
+#include "common/engine/surfaces/texture_frame.h"
+#include "common/engine/surfaces/texture_packet.h"
 #include "common/scene/open_pbr.h"
 
 namespace quarry {

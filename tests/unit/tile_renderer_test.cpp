@@ -60,7 +60,7 @@ class Bench {
   /// A step, and the blocks that rays have been parked on in it.
   std::vector<Wanted> Step() {
     std::vector<Wanted> wanted;
-    renderer.Step(pins_, [&](BlockKey block, const TileRenderer::Parked& parked) {
+    renderer.Step(pins_, [&](BlockKey block, const RayBatch::Parked& parked) {
       wanted.push_back({block, parked.rays, parked.octants});
       cache_.Want(block, &mailbox_, parked.rays, parked.octants);
     });
@@ -143,7 +143,7 @@ void CheckWall(double eye_y, double fov_degrees) {
   REQUIRE(tile.pixels.size() == size_t{kPixels} * words * 4);
   REQUIRE(hits.hits.size() == kPixels);
   const double scale = 2 * std::tan(fov_degrees * 3.14159265358979 / 360) / view.height;
-  const glm::vec3 albedo = Albedo(row.scene->catalog().materials[0], view.mode);
+  const glm::vec3 albedo = row.scene->catalog().materials[0].base_color;
   for (uint32_t y = 0; y < 32; ++y)
     for (uint32_t x = 0; x < 32; ++x) {
       // The ray through the pixel's middle, one unit of y long.

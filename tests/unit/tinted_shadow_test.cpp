@@ -6,7 +6,7 @@
 #include <fstream>
 #include <string>
 
-#include "common/engine/shading/surface.h"
+#include "common/engine/integrators/bounce.h"
 #include "preprocess/preprocess.h"
 #include "tests/support/engine_run.h"
 #include "tests/support/temporary_folder.h"
@@ -172,4 +172,25 @@ TEST_CASE("A see-through surface passes its transmittance, less what it reflects
   CHECK(PassedLight(glass, 1) == Bounce(glass, s).refract_weight);
 }
 
-}  // namespace quarry::test
+TEST_CASE("Glass is a hit for rays of a list, whichever hit they ask for", "[going_on]") {
+  const TemporaryFolder folder;
+  const Scene scene(std::make_shared<const StoreReader>(MakeStore(folder, true)));
+  const auto renderer = Renderer::Create(scene, {64 << 20, 2});
+  REQUIRE(renderer.has_value());
+  std::vector<RayQuery> rays;
+  for (int strip = 0; strip < kStrips; ++strip)
+    rays.push_back({{strip - static_cast<double>(kHalf) + 0.5, 0.25, 0.5}, {0, 0, 1}, 4.0});
+  for (const RayGoal goal : {RayGoal::kNearest, RayGoal::kAny}) {
+    const auto hits = (*renderer)->Trace(rays, goal);
+    REQUIRE(hits.has_value());
+    for (size_t strip = 0; strip < rays.size(); ++strip) {
+      INFO(strip);
+      const bool hit = kPanes[strip] > 0;
+      CHECK(((*hits)[strip].triangle != kNoTriangle) == hit);
+      if (hit && goal == RayGoal::kNearest)
+        CHECK((*hits)[strip].t == Approx(HeightOf(0) - 0.5f).epsilon(1e-5));
+    }
+  }
+}
+
+}  // namespace quarry

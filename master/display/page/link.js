@@ -18,12 +18,13 @@ export class Link {
   constructor(live, onView) {
     this.live = live;
     this.home = null;  // the default view
+    this.modes = [];  // names of the server's modes
     this.timer = 0;
     addEventListener('hashchange', () => this.home && onView(this.read(location.hash)));
   }
 
   /// The view of a fragment: what it does not name is the default's.
-  read(fragment) { return fromFragment(fragment, this.home); }
+  read(fragment) { return fromFragment(fragment, this.home, this.modes); }
 
   /// Writes the view into the address bar soon.
   write() {

@@ -61,6 +61,7 @@ function welcome(message) {
   const isFirst = !live.scene;
   stageSize.limits = limits = message.limits;
   defaults = message.view;
+  link.modes = message.modes.map(({ name }) => name);
   stageSize.share = settings.values.resolution;
   live.scene = scene;
   const size = stageSize.size(), camera = fromWire(message.view.camera);
@@ -77,6 +78,7 @@ function welcome(message) {
     live.view = isFirst ? link.read(location.hash) : link.home;
     viewChanged();
     document.title = `${shown(scene.name)} – Quarry`;
+    panel.setModes(message.modes);
     panel.setScene(scene);
     panel.refresh();
   }

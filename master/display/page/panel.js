@@ -3,7 +3,6 @@
 import { isOrthographic } from './camera.js';
 import { hexToRadiance, radianceToHex } from './colours.js';
 import { element, shown } from './formats.js';
-import { MODES } from './view_state.js';
 
 const $ = (id) => document.getElementById(id);
 const SAMPLES = [1, 2, 4, 8, 16, 32, 64, 128, 256];
@@ -96,6 +95,9 @@ export class Panel {
     return this.live.view?.exposure ?? this.picture.header?.exposure ?? 0;
   }
 
+  /// Fills in the modes that the server has.
+  setModes(modes) { $('mode').replaceChildren(...modes.map(({ name, label }) => element('option', { value: name }, label))); }
+
   /// Fills in what a new scene has.
   setScene(scene) {
     this.showViews();
@@ -116,7 +118,7 @@ export class Panel {
     $('fov').disabled = isFlat;
     $('speed-row').hidden = !this.flight.isOn;
     this.showSlider('speed', Math.log2(this.flight.factor), `× ${Number(this.flight.factor.toPrecision(2))}`);
-    if (MODES.includes(view.mode)) $('mode').value = view.mode;
+    $('mode').value = view.mode;
     this.refreshSamples(view.spp);
     this.share.refresh();
     this.refreshPicture();

@@ -5,7 +5,6 @@
 
 import { cross, distance, length, subtract } from './vectors.js';
 
-export const MODES = ['ao', 'raycast', 'shadow', 'whitted', 'voxels'];
 const DEFAULT_FOV = 45;
 const MOST_FOV = 179, MOST_SPP = 65536, MOST_EV = 100;
 
@@ -39,8 +38,8 @@ function numbers(text, count, least = -Infinity) {
   return list.length === count && list.every((x) => Number.isFinite(x) && x >= least) ? list : null;
 }
 
-/// Reads a fragment onto the default view. What a fragment has wrong is left at the default.
-export function fromFragment(fragment, defaults) {
+/// Reads a fragment onto the default view. What a fragment has wrong is left at the default. `modes`: names of the server's modes.
+export function fromFragment(fragment, defaults, modes) {
   const given = new URLSearchParams(fragment.replace(/^#/, ''));
   const view = { ...defaults };
   const camera = { ...defaults.camera };
@@ -50,7 +49,7 @@ export function fromFragment(fragment, defaults) {
   if (ortho === 0) delete camera.ortho;
   else if (ortho) camera.ortho = ortho;
   if (isSane(camera)) view.camera = camera;
-  if (MODES.includes(given.get('mode'))) view.mode = given.get('mode');
+  if (modes.includes(given.get('mode'))) view.mode = given.get('mode');
   const spp = numbers(given.get('spp'), 1, 1)?.[0];
   if (Number.isInteger(spp) && spp <= MOST_SPP) view.spp = spp;
   const exposure = numbers(given.get('ev'), 1)?.[0];

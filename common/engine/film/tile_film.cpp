@@ -1,0 +1,107 @@
+#include "common/engine/film/tile_film.h"
+
+#include <algorithm>
+#include <bit>
+#include <cstring>
+#include <utility>
+
+#include "common/kdtree/locate.h"
+#include "common/math/shared_exponent.h"
+
+namespace quarry {
+namespace {
+
+constexpr uint32_t kNone = 0xFFFFFFFFu;  // value of integer layers where nothing is hit
+
+}  // namespace
+
+void TileFilm::Open(const ViewContext& view, const Tile& tile) {
+  tile_ = tile;
+  const size_t pixels = size_t{tile.columns()} * tile.rows();
+  depths_.assign(size_t{DepthCells(tile.columns())} * DepthCells(tile.rows()), 0);
+  sums_.assign(kColorWords * pixels, {});
+  aovs_.assign((view.words - kColorWords) * pixels, 0);
+  hits_ = {};
+  holes_.assign(tile.leaves_holes ? pixels : 0, false);
+}
+
+void TileFilm::OpenHits(size_t count) {
+  tile_ = {};
+  depths_.clear();
+  sums_.clear();
+  aovs_.clear();
+  holes_.clear();
+  hits_.assign(count, {});
+}
+
+void TileFilm::SetLayers(const ViewContext& context, uint32_t pixel, const Ray& ray, const Hit& hit,
+                         float t_offset, const Surface& surface, const glm::vec3& albedo) {
+  const View& view = context.view;
+  uint32_t* out = aovs_.data() + size_t{context.words - kColorWords} * pixel;
+  const bool is_hit = hit.triangle != kNoTriangle;
+  const auto put = [&](Aov aov, auto... values) {
+    if (view.has(aov)) ((*out++ = std::bit_cast<uint32_t>(values)), ...);
+  };
+  put(Aov::kDepth, is_hit ? t_offset + hit.t : kInfinity);
+  put(Aov::kNormal, surface.normal.x, surface.normal.y, surface.normal.z);
+  put(Aov::kUv, surface.uv.x, surface.uv.y);
+  put(Aov::kPrimitive, is_hit ? hit.triangle : kNone);
+  put(Aov::kMaterial, is_hit ? surface.material : kNone);
+  put(Aov::kPart, is_hit ? surface.part : kNone);
+  put(Aov::kVoxel, is_hit && view.has(Aov::kVoxel) ? LocateVoxel(context.top, ray, hit.t) : kNone);
+  put(Aov::kAlbedo, albedo.x, albedo.y, albedo.z);
+}
+
+void TileFilm::Take(const ViewContext& view, RenderedTile& result) {
+  if (tile_.form == PixelForm::kMeans) PutMeans(view, result.pixels);
+  if (tile_.form == PixelForm::kSums) PutSums(view, result.pixels);
+  if (tile_.form == PixelForm::kShown) PutShown(view, result.pixels);
+  result.holes = static_cast<uint32_t>(std::ranges::count(holes_, true));
+  result.hits = std::exchange(hits_, {});
+  result.depths = std::exchange(depths_, {});
+}
+
+void TileFilm::PutMeans(const ViewContext& context, Bytes& out) const {
+  const size_t pixels = sums_.size() / kColorWords, extra = context.words - kColorWords;
+  out.resize(pixels * context.words * 4);
+  std::byte* to = out.data();
+  for (size_t p = 0; p < pixels; ++p) {
+    float color[kColorWords];
+    for (size_t c = 0; c < kColorWords; ++c) color[c] = sums_[kColorWords * p + c].Mean(context.view.spp);
+    std::memcpy(to, color, sizeof color);
+    if (extra > 0)  // without layers aovs_ is empty
+      std::memcpy(to + sizeof color, aovs_.data() + p * extra, extra * 4);
+    to += context.words * 4;
+  }
+}
+
+void TileFilm::PutSums(const ViewContext& context, Bytes& out) const {
+  const size_t pixels = sums_.size() / kColorWords, extra = context.words - kColorWords;
+  out.resize(pixels * (kColorWords * sizeof(int64_t) + extra * 4));
+  std::byte* to = out.data();
+  for (size_t p = 0; p < pixels; ++p) {
+    for (size_t c = 0; c < kColorWords; ++c, to += sizeof(int64_t)) {
+      const int64_t sum = sums_[kColorWords * p + c].bits();
+      std::memcpy(to, &sum, sizeof sum);
+    }
+    if (extra > 0) std::memcpy(to, aovs_.data() + p * extra, extra * 4);
+    to += extra * 4;
+  }
+}
+
+void TileFilm::PutShown(const ViewContext& context, Bytes& out) const {
+  const size_t pixels = sums_.size() / kColorWords;
+  const uint32_t samples = tile_.samples_of(context.view.spp);
+  out.resize(pixels * sizeof(uint32_t));
+  for (size_t p = 0; p < pixels; ++p) {
+    const FixedRadiance* of = &sums_[kColorWords * p];
+    const bool hole = !holes_.empty() && holes_[p];
+    const uint32_t code = hole ? kHole
+                          : of[3].bits() == 0
+                              ? kUncovered
+                              : PackShared({of[0].Mean(samples), of[1].Mean(samples), of[2].Mean(samples)});
+    std::memcpy(out.data() + p * sizeof code, &code, sizeof code);
+  }
+}
+
+}  // namespace quarry

@@ -1,0 +1,78 @@
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <vector>
+
+#include "common/base/bytes.h"
+#include "common/engine/surfaces/surface.h"
+#include "common/engine/view_context.h"
+#include "common/kdtree/ray.h"
+#include "common/math/fixed_radiance.h"
+#include "common/scene/tile.h"
+#include "common/voxel/block_key.h"
+
+namespace quarry {
+
+/// A tile's result. Shapes: rows() x columns() lattice points, row by row.
+struct RenderedTile {
+  bool begun = true;             ///< false: the tile was given back, and all below is empty
+  Bytes pixels;                  ///< the tile's PixelForm per point; empty for a list of rays
+  std::vector<Hit> hits;         ///< one per ray of a list, `t` from the ray's given origin
+  std::vector<float> depths;     ///< per depth cell: t where the farthest primary ray ends
+  std::vector<BlockKey> blocks;  ///< blocks that its rays touched, ascending
+  uint64_t rays = 0, rays_suspended = 0;
+  uint32_t holes = 0;       ///< points of kHole
+  uint64_t compute_us = 0;  ///< wall time of its thread without waits for blocks
+};
+
+/// The pixels of a tile under way: the sums of their samples' radiance and coverage, the layers and hits of
+/// sample 0, and the depth cells. Sums do not depend on the order of samples: see FixedRadiance. Units:
+/// pixels are lattice points of the tile, row by row; depths are scene units. Not thread-safe.
+class TileFilm {
+ public:
+  /// Begins a tile and reuses the memory of the last.
+  void Open(const ViewContext& view, const Tile& tile);
+  /// Begins a list of rays, which has hits and no pixels.
+  void OpenHits(size_t count);
+
+  void Add(uint32_t pixel, const glm::vec3& radiance) {
+    FixedRadiance* to = &sums_[size_t{kColorWords} * pixel];
+    to[0].Add(radiance.x);
+    to[1].Add(radiance.y);
+    to[2].Add(radiance.z);
+  }
+  /// Notes that the primary ray of a sample hits something, or sees light.
+  void Cover(uint32_t pixel) { sums_[size_t{kColorWords} * pixel + 3].Add(1); }
+  /// Notes that a primary ray of the depth cell ends at `depth` from the eye.
+  void SawTo(uint32_t depth_cell, float depth) { depths_[depth_cell] = std::max(depths_[depth_cell], depth); }
+  /// Sets the layers that the view asks for. `ray`: sample 0's; `hit.t` counts from the eye;
+  /// `surface`, `albedo`: of the hit, if there is one.
+  void SetLayers(const ViewContext& view, uint32_t pixel, const Ray& ray, const Hit& hit, float t_offset,
+                 const Surface& surface, const glm::vec3& albedo);
+  /// Notes that a point's ray has not ended. Requires: the tile leaves holes.
+  void LeaveHole(uint32_t pixel) { holes_[pixel] = true; }
+  /// Requires: a list of rays; `pixel` is the ray's number.
+  void SetHit(uint32_t pixel, const Hit& hit) { hits_[pixel] = hit; }
+
+  /// Moves pixels, hits and depths into `result`.
+  void Take(const ViewContext& view, RenderedTile& result);
+  size_t memory_bytes() const {
+    return depths_.size() * sizeof(float) + sums_.size() * sizeof(FixedRadiance) + aovs_.size() * 4 +
+           hits_.size() * sizeof(Hit);
+  }
+
+ private:
+  void PutMeans(const ViewContext& view, Bytes& out) const;
+  void PutSums(const ViewContext& view, Bytes& out) const;
+  void PutShown(const ViewContext& view, Bytes& out) const;
+
+  Tile tile_;
+  std::vector<float> depths_;        ///< by depth cell
+  std::vector<FixedRadiance> sums_;  ///< kColorWords per pixel
+  std::vector<uint32_t> aovs_;       ///< words - kColorWords per pixel
+  std::vector<Hit> hits_;            ///< one per ray of a list
+  std::vector<bool> holes_;          ///< by pixel; empty if the tile leaves none
+};
+
+}  // namespace quarry

@@ -1,0 +1,28 @@
+#pragma once
+
+#include "common/engine/integrators/light_rays.h"
+
+namespace quarry {
+
+/// No picture: the nearest hit of each ray.
+class NearestHits final : public Integrator {
+ public:
+  Needs needs() const override { return {.surfaces = false}; }
+  void Shade(PacketWork& work, uint64_t lanes) const override;
+};
+
+/// No picture: some hit of each ray, if it has one: its `t` and its triangle. Glass counts as opaque.
+class AnyHits final : public LightRays {
+ public:
+  Needs needs() const override { return {.surfaces = false, .any_hit = true}; }
+  void Shade(PacketWork& /*work*/, uint64_t /*lanes*/) const override {}
+  void SendLightRays(PacketWork& work, uint64_t lanes) const override;
+
+ protected:
+  bool LooksAtSeeThrough(const PacketWork& /*work*/) const override { return true; }
+  float End(const PacketWork& work, uint32_t lane) const override;
+  void Arrived(PacketWork& /*work*/, uint64_t /*lanes*/) const override {}
+  void Stopped(PacketWork& work, uint64_t lanes) const override;
+};
+
+}  // namespace quarry

@@ -1,0 +1,47 @@
+#pragma once
+
+#include <cstdint>
+
+#include "common/engine/packet_work.h"
+
+namespace quarry {
+
+/// Where rays go on: what becomes of a sample once its ray has hit something. A mode of rendering is a class,
+/// and so is a question that needs no picture. All functions take lanes of one packet and move them to their
+/// next stages; there is one call a packet and stage, with lanes that are not empty. Immutable, so
+/// thread-safe. Source: Purcell et al. 2002, section 3: new rays carry their weight; no recursion.
+class Integrator {
+ public:
+  virtual ~Integrator() = default;
+
+  struct Needs {
+    /// Whether surfaces of hits are made and pixels written; else a hit alone is enough.
+    bool surfaces = true;
+    /// Whether the first ray of a sample may end at any hit.
+    bool any_hit = false;
+    TextureUses uses = 0;        ///< of textures, in what it shades
+    uint32_t pending_rays = 0;   ///< limit of rays that a sample has waiting in PendingRays
+  };
+  virtual Needs needs() const = 0;
+
+  /// kShade: the surfaces are complete; without them, the hits are found. Adds the light that needs no ray.
+  virtual void Shade(PacketWork& work, uint64_t lanes) const = 0;
+  /// kLight: sends the next light ray of each sample, or none.
+  virtual void SendLightRays(PacketWork& work, uint64_t lanes) const;
+  /// kShadow: the light rays have been traced to any opaque hit.
+  virtual void Shadowed(PacketWork& work, uint64_t lanes) const;
+  /// kPass: the light rays, traced again to their nearest hits, have hit nothing more.
+  virtual void Passed(PacketWork& work, uint64_t lanes) const;
+  /// kTint: the light rays have hit something on that way. Returns: the lanes that wait for a block.
+  virtual uint64_t Tint(PacketWork& work, uint64_t lanes) const;
+  /// kBounce: all light has come; puts the rays that go on into the list of pending rays.
+  virtual void Bounce(PacketWork& work, uint64_t lanes) const;
+};
+
+/// Adds radiance to the pixels of `lanes`, by the weights of their paths.
+void AddLight(PacketWork& work, uint64_t lanes, const Vectors& radiance);
+
+/// Sets the scattering properties of `lanes` in the scratch memory.
+const ScatterPacket& ScatterOfSurfaces(PacketWork& work, uint64_t lanes, AlbedoOf albedo);
+
+}  // namespace quarry

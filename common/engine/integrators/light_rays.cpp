@@ -1,0 +1,78 @@
+#include "common/engine/integrators/light_rays.h"
+
+#include "common/engine/integrators/bounce.h"
+#include "common/engine/rays/lanes.h"
+#include "common/engine/surfaces/hit_filter.h"
+
+namespace quarry {
+
+void LightRays::Arrived(PacketWork& work, uint64_t lanes) const { AddLight(work, lanes, work.samples.light); }
+void LightRays::Stopped(PacketWork& /*work*/, uint64_t /*lanes*/) const {}
+
+void LightRays::Shadowed(PacketWork& work, uint64_t lanes) const {
+  SamplePacket& s = work.samples;
+  RayPacket& rays = work.rays;
+  const uint64_t missed = lanes & LanesWith(kNoTriangle, rays.triangle);
+  const uint64_t passing = LooksAtSeeThrough(work) ? missed & rays.see_through : 0;
+  const uint64_t arrived = missed & ~rays.see_through;
+  Arrived(work, arrived);
+  Stopped(work, lanes & ~arrived & ~passing);
+  ForEachLane(passing, [&](uint32_t i) {
+    rays.StartAgain(i);
+    s.passed[i] = 0;
+  });
+  s.Move(passing, SamplePacket::kShadow, SamplePacket::kPass);
+  s.Move(lanes & ~passing, SamplePacket::kShadow, SamplePacket::kLight);
+}
+
+void LightRays::Passed(PacketWork& work, uint64_t lanes) const {
+  Arrived(work, lanes);
+  work.samples.Move(lanes, SamplePacket::kPass, SamplePacket::kLight);
+}
+
+uint64_t LightRays::Tint(PacketWork& work, uint64_t lanes) const {
+  SamplePacket& s = work.samples;
+  uint64_t waiting = 0, passing = 0;
+  if (work.view.filter) {
+    const HitFilter::Verdict verdict = work.view.filter->Test(work, lanes);
+    ForEachLane(verdict.rejected, [&](uint32_t i) { work.rays.GoOnAfterHit(i, End(work, i)); });
+    s.Move(verdict.rejected, SamplePacket::kTint, SamplePacket::kPass);
+    waiting = verdict.waiting;
+    lanes = verdict.there;
+  }
+  if (tints()) {
+    HotBlockOfLane hot(work);
+    ForEachLane(lanes, [&](uint32_t i) {
+      const ResidentBlock* block = hot(i);
+      if (!block)
+        waiting |= uint64_t{1} << i;
+      else if (TintBy(work, i, block->hot))
+        passing |= uint64_t{1} << i;
+    });
+  }
+  const uint64_t stopped = lanes & ~waiting & ~passing;
+  Stopped(work, stopped);
+  s.Move(passing, SamplePacket::kTint, SamplePacket::kPass);
+  s.Move(stopped, SamplePacket::kTint, SamplePacket::kLight);
+  return waiting;
+}
+
+/// Tints a light ray by the triangle of `voxel` that it has hit. Returns: whether light is left; then the ray
+/// goes on behind the triangle, up to its end.
+bool LightRays::TintBy(PacketWork& work, uint32_t lane, const VoxelGeometry& voxel) const {
+  SamplePacket& s = work.samples;
+  RayPacket& rays = work.rays;
+  const auto i = static_cast<int>(lane);
+  const Hit hit = rays.HitOf(lane);
+  const Surface passed = SurfaceAt(voxel.vertex(hit.local, 0), voxel.vertex(hit.local, 1),
+                                   voxel.vertex(hit.local, 2), hit.b1, hit.b2, rays.DirectionOf(lane));
+  const Material& material = work.view.catalog.materials[voxel.materials[hit.local]];
+  if (!LetsLightThrough(material)) return false;
+  const float cosine = glm::dot(passed.normal, passed.view);
+  s.light.Set(i, s.light[i] * PassedLight(material, cosine));
+  if (++s.passed[i] > kMostPassed || !(Largest(s.light[i]) > 0)) return false;
+  rays.GoOnAfterHit(lane, End(work, lane));
+  return true;
+}
+
+}  // namespace quarry

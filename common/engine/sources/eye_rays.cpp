@@ -1,0 +1,57 @@
+#include "common/engine/sources/eye_rays.h"
+
+#include <algorithm>
+
+#include "common/math/sampling.h"
+
+namespace quarry {
+
+void EyeRays::Open(const View& view, const Camera& camera, const Tile& tile) {
+  view_ = &view;
+  camera_ = &camera;
+  tile_ = tile;
+  constexpr uint32_t kSide = RayPacket::kSide;
+  places_.clear();
+  for (uint32_t y0 = 0; y0 < tile_.rows(); y0 += kSide)
+    for (uint32_t x0 = 0; x0 < tile_.columns(); x0 += kSide)
+      for (uint32_t y = y0; y < std::min(y0 + kSide, tile_.rows()); ++y)
+        for (uint32_t x = x0; x < std::min(x0 + kSide, tile_.columns()); ++x)
+          places_.push_back({static_cast<uint16_t>(y * tile_.columns() + x), static_cast<uint8_t>(x),
+                             static_cast<uint8_t>(y)});
+  count_ = places_.size() * uint64_t{tile.samples_of(view.spp)};
+  next_ = 0;
+}
+
+RaySource::Lanes EyeRays::Next(SamplePacket& s, RayPacket& rays) {
+  const View& view = *view_;
+  const auto count = static_cast<uint32_t>(std::min<uint64_t>(RayPacket::kRays, count_ - next_));
+  auto sample = tile_.first_sample + static_cast<uint32_t>(next_ / places_.size());
+  auto place = static_cast<uint32_t>(next_ % places_.size());
+  const uint32_t across = DepthCells(tile_.columns());
+  double x[RayPacket::kRays] = {}, y[RayPacket::kRays] = {};
+  for (uint32_t i = 0; i < count; ++i) {
+    const Place& p = places_[place];
+    const uint32_t px = tile_.X(p.x), py = tile_.Y(p.y);
+    const glm::vec2 at = PixelSample(view.seed, s.image_pixel[i] = py * view.width + px, sample);
+    x[i] = px + static_cast<double>(at.x);
+    y[i] = py + static_cast<double>(at.y);
+    s.pixel[i] = p.pixel;
+    s.depth_cell[i] = static_cast<uint16_t>(p.y / kDepthCell * across + p.x / kDepthCell);
+    s.sample[i] = sample;
+    if (++place == places_.size()) {
+      place = 0;
+      ++sample;
+    }
+  }
+  next_ += count;
+  camera_->Shoot(x, y, primary_);
+  rays.SetAll(primary_.origin, primary_.direction);
+  std::copy_n(primary_.t_offset, RayPacket::kRays, s.t_offset);
+  s.BeginPaths();
+  Lanes lanes;
+  for (uint32_t i = 0; i < count; ++i)
+    (primary_.misses[i] ? lanes.missing_box : lanes.in_box) |= uint64_t{1} << i;
+  return lanes;
+}
+
+}  // namespace quarry

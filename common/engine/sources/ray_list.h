@@ -1,0 +1,36 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "common/engine/sources/ray_source.h"
+#include "common/scene/ray_query.h"
+#include "common/voxel/catalog.h"
+
+namespace quarry {
+
+/// A part of a list of rays that is traced as a whole.
+struct RayPart {
+  std::shared_ptr<const std::vector<RayQuery>> list;
+  uint32_t first = 0, count = 0;
+};
+/// Limit of the rays of a part. A judgement: as many as the points of a tile.
+inline constexpr uint32_t kMostRays = 1024;
+
+/// The rays of a part of a list, in its order. Not thread-safe.
+class RayList final : public RaySource {
+ public:
+  /// Begins a part. Requires: CheckRay(); at most kMostRays; `scene` outlives its rays.
+  void Open(RayPart part, const SceneMeta& scene);
+  uint64_t left() const override { return part_.count - next_; }
+  Lanes Next(SamplePacket& samples, RayPacket& rays) override;
+  size_t memory_bytes() const override { return 0; }
+
+ private:
+  RayPart part_;
+  const SceneMeta* scene_ = nullptr;
+  uint32_t next_ = 0;
+};
+
+}  // namespace quarry

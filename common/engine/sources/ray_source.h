@@ -1,0 +1,29 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "common/engine/sample_packet.h"
+#include "common/kdtree/ray_packet.h"
+
+namespace quarry {
+
+/// Who asks: makes the first rays of samples, packet by packet. Not thread-safe.
+class RaySource {
+ public:
+  virtual ~RaySource() = default;
+  /// Samples that have not begun.
+  virtual uint64_t left() const = 0;
+
+  /// Lanes of a packet.
+  struct Lanes {
+    uint64_t in_box = 0, missing_box = 0;
+  };
+  /// Begins the next samples of a packet: their places in the result, their weights, and their rays.
+  /// Requires: left() > 0. Returns the lanes whose rays meet the scene's box, and the others that are
+  /// samples.
+  virtual Lanes Next(SamplePacket& samples, RayPacket& rays) = 0;
+  virtual size_t memory_bytes() const = 0;
+};
+
+}  // namespace quarry

@@ -1,0 +1,23 @@
+#pragma once
+
+#include "common/engine/packet_work.h"
+#include "common/engine/surfaces/hit_filter.h"
+
+namespace quarry {
+
+/// Rejects hits in the holes of triangles: by the mask of the triangle, else by its opacity map.
+class CutOuts final : public HitFilter {
+ public:
+  void Begin(PacketWork& work, uint64_t lanes) const override;
+  Verdict Test(PacketWork& work, uint64_t lanes) const override;
+
+ private:
+  /// What is known of a hit; kOpen: the next step tells.
+  enum class Cut { kThere, kInHole, kWaits, kOpen };
+  static Cut TestHit(const PacketWork& work, uint32_t lane, HotBlockOfLane& hot);
+  static Cut TestMask(const PacketWork& work, uint32_t lane, HotBlockOfLane& hot);
+  static Cut PlaceUv(const PacketWork& work, uint32_t lane);
+  static Cut TestOpacity(const PacketWork& work, uint32_t lane);
+};
+
+}  // namespace quarry

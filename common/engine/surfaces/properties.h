@@ -1,0 +1,28 @@
+#pragma once
+
+#include <cstdint>
+
+#include "common/engine/packet_work.h"
+#include "common/scene/surface_properties.h"
+
+namespace quarry {
+
+/// Calls body(const SurfaceProperties&, lanes) until all of `lanes` have had their surfaces' properties. Lanes
+/// of a material come together, but those with textures come one by one. Requires: the surfaces are complete.
+template <class Body>
+void ForEachProperties(const PacketWork& work, uint64_t lanes, Body&& body) {
+  const SceneSurfaces& scene = *work.view.surfaces;
+  const auto& materials = work.view.catalog.materials;
+  const uint64_t looked = lanes & work.looked();
+  ForEachMaterial(work.samples.surface, lanes & ~looked, [&](uint32_t material, uint64_t same) {
+    body(SurfaceProperties(materials[material]), same);
+  });
+  ForEachLane(looked, [&](uint32_t i) {
+    const uint32_t material = work.samples.surface.material[i];
+    const TextureUses uses = scene.UsesOf(material) & work.view.texture_uses;
+    body(scene.PropertiesAt(materials[material], material, uses, work.look->LookOf(static_cast<int>(i))),
+         uint64_t{1} << i);
+  });
+}
+
+}  // namespace quarry

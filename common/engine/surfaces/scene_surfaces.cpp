@@ -1,0 +1,57 @@
+#include "common/engine/surfaces/scene_surfaces.h"
+
+#include <algorithm>
+#include <cmath>
+#include <glm/common.hpp>
+
+#include "common/math/elementary.h"
+#include "common/scene/open_pbr.h"
+
+namespace quarry {
+
+SceneSurfaces::SceneSurfaces(const Catalog& catalog) {
+  for (uint32_t t = 0; t < catalog.textures.size(); ++t) pyramids_.emplace_back(catalog, t);
+  for (const Material& material : catalog.materials) {
+    Entry entry;
+    entry.first = static_cast<uint32_t>(textures_.size());
+    entry.open_pbr = IsOpenPbr(material);
+    Material bare = material;
+    bare.diffuse = glm::vec3(0);
+    DeriveOpenPbr(bare);
+    entry.sent_on = bare.base_color;
+    for (const TextureBinding& binding : material.textures) {
+      const TexelLayout& layout = pyramids_[binding.texture].layout;
+      const auto& t = binding.transform;
+      const double area = std::fabs(static_cast<double>(t[0]) * t[4] - static_cast<double>(t[1]) * t[3]) *
+                          layout.width * layout.height;
+      textures_.push_back({binding, static_cast<float>(Log2(area) / 2)});
+      entry.uses |= UseBit(binding.use);
+    }
+    entry.count = static_cast<uint32_t>(textures_.size()) - entry.first;
+    materials_.push_back(entry);
+  }
+}
+
+SurfaceProperties SceneSurfaces::PropertiesAt(const Material& material, uint32_t number, TextureUses uses,
+                                              const Look& look) const {
+  SurfaceProperties p(material);
+  const auto has = [&](TextureUse use) { return (uses & UseBit(use)) != 0; };
+  if (has(TextureUse::kEmission)) p.emission = look.emission;
+  if (materials_[number].open_pbr) {
+    if (has(TextureUse::kDiffuse)) p.base_color = look.base;
+    if (has(TextureUse::kMetalRoughness)) {
+      p.base_metalness = look.metalness;
+      p.specular_roughness = look.roughness;
+    }
+    DeriveWhitted(p, material.ior > 1);
+    if (has(TextureUse::kSpecular) && !p.unlit) p.specular = look.specular;
+    return p;
+  }
+  if (has(TextureUse::kSpecular)) p.specular = look.specular;
+  if (!has(TextureUse::kDiffuse)) return p;
+  p.diffuse = look.base * material.geometry_opacity;
+  p.base_color = glm::min(look.base + materials_[number].sent_on, glm::vec3(1));
+  return p;
+}
+
+}  // namespace quarry

@@ -1,0 +1,211 @@
+#include "common/engine/surfaces/texture_packet.h"
+
+#include <utility>
+
+#include "common/engine/surfaces/for_lanes.h"
+#include "common/engine/surfaces/texture_frame.h"
+
+namespace quarry {
+namespace {
+
+/// TexelsAlong() for the positions in images with the sides `sizes`.
+template <TextureWrap kWrap>
+void TexelsAlongLanes(const float (&positions)[RayPacket::kRays], const uint32_t (&sizes)[RayPacket::kRays],
+                      uint64_t lanes, uint32_t (&texels)[2][RayPacket::kRays],
+                      float (&weights)[RayPacket::kRays]) {
+  ForLanes(lanes, [&](int i, bool meant) {
+    uint32_t first = 0, second = 0;
+    float weight = 0;
+    TexelsAlong<kWrap>(positions[i], sizes[i], first, second, weight);
+    Put(meant, i, first, texels[0]);
+    Put(meant, i, second, texels[1]);
+    Put(meant, i, weight, weights);
+  });
+}
+
+void TexelsAlongLanes(TextureWrap wrap, const float (&positions)[RayPacket::kRays],
+                      const uint32_t (&sizes)[RayPacket::kRays], uint64_t lanes,
+                      uint32_t (&texels)[2][RayPacket::kRays], float (&weights)[RayPacket::kRays]) {
+  switch (wrap) {
+    case TextureWrap::kRepeat:
+      return TexelsAlongLanes<TextureWrap::kRepeat>(positions, sizes, lanes, texels, weights);
+    case TextureWrap::kClamp:
+      return TexelsAlongLanes<TextureWrap::kClamp>(positions, sizes, lanes, texels, weights);
+    case TextureWrap::kMirror:
+      return TexelsAlongLanes<TextureWrap::kMirror>(positions, sizes, lanes, texels, weights);
+  }
+}
+
+using Sums = float[4][RayPacket::kRays];
+
+/// Adds texel kN of lookups to their sums, as AddTexel() does. kChannels 0: slopes.
+template <uint32_t kChannels, uint32_t kN>
+void AddTexels(const float* colors, const FootprintPacket& footprints,
+               const uint32_t (&codes)[RayPacket::kRays], uint64_t lanes, Sums& sums) {
+  constexpr uint32_t kCoarser = kN / 4;
+  constexpr bool kRight = (kN & 1) != 0, kLower = (kN & 2) != 0;
+  const FootprintPacket::Texels& t = footprints.texels[kCoarser];
+  const float(&shares)[RayPacket::kRays] = footprints.share;
+  const float* const linear = kTexelCodes.linear;
+  ForLanes(lanes, [&](int i, bool meant) {
+    const float share = kCoarser == 1 ? shares[i] : 1 - shares[i];
+    const float across = kRight ? t.fx[i] : 1 - t.fx[i], down = kLower ? t.fy[i] : 1 - t.fy[i];
+    const bool there = (static_cast<int>(meant) & static_cast<int>(kCoarser == 0 || shares[i] > 0)) != 0;
+    const auto code = static_cast<int32_t>(codes[i]);
+    const float first = colors[code & 255];
+    if constexpr (kChannels == 0) {
+      const float height = share * first;
+      const auto width = static_cast<float>(static_cast<int32_t>(t.width[i]));
+      const auto rows = static_cast<float>(static_cast<int32_t>(t.height[i]));
+      Put(there, i, sums[0][i] + (kRight ? height : -height) * down * width, sums[0]);
+      Put(there, i, sums[1][i] + (kLower ? height : -height) * across * rows, sums[1]);
+    } else {
+      const float weight = share * across * down;
+      float second = first, third = first, last = 1;
+      if constexpr (kChannels >= 3) {
+        second = colors[code >> 8 & 255];
+        third = colors[code >> 16 & 255];
+      }
+      if constexpr (kChannels % 2 == 0) last = linear[code >> (8 * (kChannels - 1)) & 255];
+      Put(there, i, sums[0][i] + first * weight, sums[0]);
+      Put(there, i, sums[1][i] + second * weight, sums[1]);
+      Put(there, i, sums[2][i] + third * weight, sums[2]);
+      Put(there, i, sums[3][i] + last * weight, sums[3]);
+    }
+  });
+}
+
+template <uint32_t kChannels>
+void SumTexels(const float* colors, const FootprintPacket& footprints, const TexelPacket& texels,
+               uint64_t lanes, Sums& sums) {
+  [&]<uint32_t... kN>(std::integer_sequence<uint32_t, kN...>) {
+    (AddTexels<kChannels, kN>(colors, footprints, texels.codes[kN], lanes, sums), ...);
+  }
+  (std::make_integer_sequence<uint32_t, TexelPacket::kMost>());
+}
+
+}  // namespace
+
+void MakeFootprints(const SurfaceTexture& texture, const TexturePyramid& pyramid,
+                    const float (&u)[RayPacket::kRays], const float (&v)[RayPacket::kRays],
+                    const float (&lod)[RayPacket::kRays], uint64_t lanes, FootprintPacket& footprints) {
+  alignas(64) float s[RayPacket::kRays], t[RayPacket::kRays];
+  const auto& a = texture.binding.transform;
+  const auto levels = static_cast<uint32_t>(pyramid.levels.size());
+  const float size_lod = texture.size_lod;
+  ForLanes(lanes, [&](int i, bool meant) {
+    s[i] = a[0] * u[i] + a[1] * v[i] + a[2];
+    t[i] = a[3] * u[i] + a[4] * v[i] + a[5];
+    uint32_t level = 0;
+    float share = 0;
+    LevelsAt(lod[i] + size_lod, levels, level, share);
+    Put(meant, i, level, footprints.level);
+    Put(meant, i, share, footprints.share);
+  });
+  for (uint32_t k = 0; k < 2; ++k) {
+    uint64_t with = 0;
+    for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
+      const bool there = (lanes >> i & 1) != 0 && (k == 0 || footprints.share[i] > 0);
+      const TexturePyramid::Level& level = pyramid.levels[there ? footprints.level[i] + k : 0];
+      footprints.texels[k].width[i] = level.width;
+      footprints.texels[k].height[i] = level.height;
+      with |= uint64_t{there} << i;
+    }
+    FootprintPacket::Texels& texels = footprints.texels[k];
+    TexelsAlongLanes(texture.binding.wrap_s, s, texels.width, with, texels.x, texels.fx);
+    TexelsAlongLanes(texture.binding.wrap_t, t, texels.height, with, texels.y, texels.fy);
+  }
+}
+
+void PlaceTexels(const TexturePyramid& pyramid, const FootprintPacket& footprints, uint64_t lanes,
+                 TexelPacket& texels) {
+  alignas(64) uint32_t columns[RayPacket::kRays], first_block[RayPacket::kRays], offset[RayPacket::kRays];
+  for (uint32_t k = 0; k < 2; ++k) {
+    for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
+      const bool there = (lanes >> i & 1) != 0 && (k == 0 || footprints.share[i] > 0);
+      const TexturePyramid::Level& level = pyramid.levels[there ? footprints.level[i] + k : 0];
+      columns[i] = level.columns;
+      first_block[i] = level.first_block;
+      offset[i] = level.tail_offset;
+    }
+    const FootprintPacket::Texels& t = footprints.texels[k];
+    for (uint32_t n = 0; n < 4; ++n) {
+      const uint32_t(&xs)[RayPacket::kRays] = t.x[n & 1], (&ys)[RayPacket::kRays] = t.y[n >> 1];
+      uint32_t(&page)[RayPacket::kRays] = texels.page[4 * k + n],
+      (&index)[RayPacket::kRays] = texels.index[4 * k + n];
+      ForLanes(lanes, [&](int i, bool) {
+        const uint32_t x = xs[i], y = ys[i], column = x / kPageSide, row = y / kPageSide;
+        const uint32_t rest = t.width[i] - column * kPageSide, width = rest < kPageSide ? rest : kPageSide;
+        const bool tail = columns[i] == 0;
+        page[i] = first_block[i] + (tail ? 0 : row * columns[i] + column);
+        index[i] = tail ? offset[i] + y * t.width[i] + x : y % kPageSide * width + x % kPageSide;
+      });
+    }
+  }
+}
+
+void SumTexels(const TexturePyramid& pyramid, const FootprintPacket& footprints, const TexelPacket& texels,
+               LookupKind kind, uint64_t lanes, LookPacket& looks) {
+  const TexelLayout layout = pyramid.layout;
+  const float* const colors = layout.format == TexelFormat::kSrgb8 ? kTexelCodes.srgb : kTexelCodes.linear;
+  switch (kind == LookupKind::kSlope ? 0 : layout.channels) {
+    case 0:
+      return SumTexels<0>(colors, footprints, texels, lanes, looks.sum);
+    case 1:
+      return SumTexels<1>(colors, footprints, texels, lanes, looks.sum);
+    case 2:
+      return SumTexels<2>(colors, footprints, texels, lanes, looks.sum);
+    case 3:
+      return SumTexels<3>(colors, footprints, texels, lanes, looks.sum);
+    default:
+      return SumTexels<4>(colors, footprints, texels, lanes, looks.sum);
+  }
+}
+
+void StartLooks(const TrianglePacket& triangles, const RayPacket& rays, uint64_t lanes, LookPacket& looks) {
+  ForLanes(lanes, [&](int i, bool meant) {
+    const glm::vec3 first = triangles.at[0][i];
+    Put(meant, i, triangles.at[1][i] - first, looks.by_u);
+    Put(meant, i, triangles.at[2][i] - first, looks.by_v);
+    Put(meant, i, std::fabs(looks.cone_width[i] + looks.cone_spread[i] * rays.hit_t[i]), looks.cone_width);
+    Put(meant, i, 0.0f, looks.bending);
+  });
+}
+
+void FrameLooks(const AttributePacket& attributes, const SurfacePacket& surfaces, uint64_t lanes,
+                LookPacket& looks) {
+  ForLanes(lanes, [&](int i, bool meant) {
+    const glm::vec3 e1 = looks.by_u[i], e2 = looks.by_v[i];
+    const glm::vec2 uv0{attributes.u[0][i], attributes.v[0][i]};
+    const TextureFrame frame = FrameOf(e1, e2, glm::vec2{attributes.u[1][i], attributes.v[1][i]} - uv0,
+                                       glm::vec2{attributes.u[2][i], attributes.v[2][i]} - uv0);
+    const float bending =
+        BendingOf(e1, e2, attributes.normal[0][i], attributes.normal[1][i], attributes.normal[2][i]);
+    const float cosine = std::fabs(glm::dot(surfaces.geometric_normal[i], surfaces.view[i]));
+    Put(meant, i, LodOf(frame.uv_area, looks.cone_width[i], cosine), looks.lod);
+    Put(meant, i, bending, looks.bending);
+    Put(meant, i, frame.by_u, looks.by_u);
+    Put(meant, i, frame.by_v, looks.by_v);
+  });
+}
+
+void MapNormals(const SurfaceTexture& texture, const TexturePyramid& pyramid, const LookPacket& looks,
+                uint64_t lanes, SurfacePacket& surfaces) {
+  const TextureBinding binding = texture.binding;
+  const auto width = static_cast<float>(pyramid.layout.width),
+             height = static_cast<float>(pyramid.layout.height);
+  const auto map = [&](auto relief_of) {
+    ForLanes(lanes, [&](int i, bool meant) {
+      glm::vec3 right, up;
+      ImageAxes(binding, looks.by_u[i], looks.by_v[i], right, up);
+      const glm::vec4 sum{looks.sum[0][i], looks.sum[1][i], looks.sum[2][i], 0};
+      Put(meant, i, MappedNormal(relief_of(sum), right, up, surfaces[i]), surfaces.normal);
+    });
+  };
+  const float strength = binding.factor.x;
+  if (binding.use == TextureUse::kBump)
+    return map([=](const glm::vec4& sum) { return ReliefOfSlope(sum, strength, width, height); });
+  map([=](const glm::vec4& sum) { return ReliefOfNormal(sum, strength); });
+}
+
+}  // namespace quarry

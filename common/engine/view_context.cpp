@@ -1,0 +1,41 @@
+#include "common/engine/view_context.h"
+
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <utility>
+
+#include "common/engine/integrators/make_integrator.h"
+#include "common/engine/surfaces/cut_outs.h"
+#include "common/scene/view_basis.h"
+
+namespace quarry {
+namespace {
+
+PixelCone PixelConeOf(const View& view) {
+  const ViewBasis basis = MakeViewBasis(view.camera, view.height);
+  const auto side = static_cast<float>(std::sqrt(glm::dot(basis.right, basis.right)));
+  return basis.orthographic ? PixelCone{side, 0} : PixelCone{0, side};
+}
+
+TextureUses UsesFor(const View& view, const SceneSurfaces& surfaces, const Integrator& integrator) {
+  if (!surfaces.textured()) return 0;
+  return integrator.needs().uses | (view.has(Aov::kAlbedo) ? UseBit(TextureUse::kDiffuse) : 0);
+}
+
+}  // namespace
+
+ViewContext::ViewContext(View a_view, const Catalog& scene, std::shared_ptr<const SceneSurfaces> a_surfaces,
+                         std::shared_ptr<const Integrator> an_integrator)
+    : view(std::move(a_view)),
+      catalog(scene),
+      surfaces(a_surfaces ? std::move(a_surfaces) : std::make_shared<const SceneSurfaces>(scene)),
+      integrator(an_integrator ? std::move(an_integrator) : MakeIntegrator(view, scene.meta)),
+      filter(scene.meta.masks ? std::make_shared<const CutOuts>() : nullptr),
+      texture_uses(UsesFor(view, *surfaces, *integrator)),
+      cone(PixelConeOf(view)),
+      top(scene.top_tree()),
+      camera(view.camera, view.width, view.height, scene.meta.root_lower, scene.meta.root_upper),
+      words(WordsPerPixel(view.aov_mask)),
+      offset(OffsetFromSurfaces(scene.meta.padding)) {}
+
+}  // namespace quarry

@@ -1,0 +1,53 @@
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <glm/common.hpp>
+#include <glm/vec3.hpp>
+#include <glm/vector_relational.hpp>
+
+namespace quarry {
+
+/// A first ray for traversal. Its origin is where it was asked for while that is within kReach, since packets
+/// of rays that start at one point are faster. From farther away, and for orthographic cameras, the origin is
+/// moved along the ray to the scene's box, so that the bound behind ReferencePadding() holds.
+/// Units: scene units.
+struct PrimaryRay {
+  glm::vec3 origin{0}, direction{0, 0, 1};  ///< direction has unit length
+  float t_offset = 0;                       ///< distance to origin from where the ray was asked for
+  bool misses = false;                      ///< whether the ray misses the scene's box
+};
+
+/// Primary rays, one array per field of PrimaryRay.
+struct PrimaryRays {
+  static constexpr int kCount = 64;
+  float origin[3][kCount], direction[3][kCount];
+  float t_offset[kCount];
+  uint32_t misses[kCount];  ///< 0 or 1
+};
+
+/// The ray from `origin` along `direction`, of unit length, clipped to a box. `stays`: the origin is not moved.
+/// Computes in double, with no libm function, so that rays are the same on every machine. Selects instead of
+/// branching, so that a loop of it becomes vector instructions. Thread-safe.
+inline PrimaryRay ClipToBox(const glm::dvec3& origin, const glm::dvec3& direction, const glm::dvec3& lower,
+                            const glm::dvec3& upper, bool stays) {
+  double enter = 0, exit = 1e300;
+  const auto clip = [&](double o, double along, double least, double most) {
+    const double d = std::fabs(along) < 1e-18 ? 1e-18 : along;
+    const double t0 = (least - o) / d, t1 = (most - o) / d;
+    const double first = t1 < t0 ? t1 : t0, last = t0 < t1 ? t1 : t0;
+    enter = enter < first ? first : enter;
+    exit = last < exit ? last : exit;
+  };
+  clip(origin.x, direction.x, lower.x, upper.x);
+  clip(origin.y, direction.y, lower.y, upper.y);
+  clip(origin.z, direction.z, lower.z, upper.z);
+  const double start = stays ? 0 : enter;
+  return {glm::vec3(origin + direction * start), glm::vec3(direction), static_cast<float>(start),
+          enter > exit};
+}
+
+/// Whether ReferencePadding() holds for rays from `origin` through a scene with this box. Thread-safe.
+bool IsWithinReach(const glm::dvec3& origin, const glm::vec3& lower, const glm::vec3& upper);
+
+}  // namespace quarry

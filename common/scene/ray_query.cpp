@@ -1,0 +1,18 @@
+#include "common/scene/ray_query.h"
+
+#include <cmath>
+#include <glm/geometric.hpp>
+
+namespace quarry {
+
+Status CheckRay(const RayQuery& ray) {
+  const glm::dvec3 &o = ray.origin, &d = ray.direction;
+  const double length = glm::length(d);
+  if (!std::isfinite(o.x) || !std::isfinite(o.y) || !std::isfinite(o.z) || !std::isfinite(length))
+    return BadUsage("a ray has a coordinate that is no number");
+  if (!(length > 0)) return BadUsage("a ray has no direction");
+  if (!(ray.end > 0)) return BadUsage("a ray ends before it begins");
+  return {};
+}
+
+}  // namespace quarry

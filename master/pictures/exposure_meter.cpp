@@ -1,0 +1,97 @@
+#include "master/pictures/exposure_meter.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <utility>
+#include <vector>
+
+#include "common/engine/renderer.h"
+#include "common/math/elementary.h"
+
+namespace quarry {
+namespace {
+
+/// Linear value that the logarithmic mean of surfaces comes to: a light grey, since a picture of a model
+/// should show its shape rather than a mood.
+constexpr double kKey = 0.3;
+/// Of so many points one may be clipped.
+constexpr size_t kClippedOf = 128;
+/// Lattice points along the image's longer side.
+constexpr uint32_t kLattice = 64;
+
+/// Textures of an emission are mostly black, so that their materials are no lamps.
+bool Emits(const Material& m) {
+  const auto is_emission = [](const TextureBinding& b) { return b.use == TextureUse::kEmission; };
+  return !m.unlit && m.emission != glm::vec3(0) && std::ranges::none_of(m.textures, is_emission);
+}
+
+}  // namespace
+
+View MeteredView(View view) {
+  view.crop = {0, 0, view.width, view.height};
+  view.spp = 1;
+  view.aov_mask = 1u << static_cast<int>(Aov::kDepth) | 1u << static_cast<int>(Aov::kMaterial);
+  return view;
+}
+
+Tile MeteredTile(const View& view) {
+  return {{0, 0, view.width, view.height}, (std::max(view.width, view.height) + kLattice - 1) / kLattice};
+}
+
+void AddMeteredPoints(std::span<const std::byte> pixels, std::span<const Material> materials,
+                      std::vector<MeteredPoint>& points) {
+  struct Pixel {
+    float color[3], coverage, depth;
+    uint32_t material;
+  };
+  for (Pixel p; pixels.size() >= sizeof p; pixels = pixels.subspan(sizeof p)) {
+    std::memcpy(&p, pixels.data(), sizeof p);
+    if (p.coverage == 0) continue;  // what is put behind the picture is not exposed
+    const auto& [r, g, b] = p.color;
+    const bool surface = std::isfinite(p.depth);
+    points.push_back({0.2126f * r + 0.7152f * g + 0.0722f * b, std::max({r, g, b}), surface,
+                      surface && p.material < materials.size() && Emits(materials[p.material])});
+  }
+}
+
+double ExposureFor(std::span<const MeteredPoint> points) {
+  std::vector<double> logarithms;
+  std::vector<float> largest;
+  const auto is_lit = [](const MeteredPoint& p) { return p.surface && !p.emits && p.luminance > 0; };
+  const bool others = std::ranges::any_of(points, is_lit);
+  for (const MeteredPoint& point : points) {
+    if (point.emits && others) continue;
+    largest.push_back(point.largest);
+    if (point.surface && point.luminance > 0)
+      logarithms.push_back(Log2(std::max(static_cast<double>(point.luminance), 1e-6)));
+  }
+  if (logarithms.empty()) return 0;
+  std::ranges::sort(logarithms);  // one order of the sum, whatever the order of points
+  double sum = 0;
+  for (const double logarithm : logarithms) sum += logarithm;
+  const auto bright =
+      largest.begin() + static_cast<std::ptrdiff_t>(largest.size() - 1 - largest.size() / kClippedOf);
+  std::ranges::nth_element(largest, bright);
+  const double ev = std::min(Log2(kKey) - sum / static_cast<double>(logarithms.size()),
+                             -Log2(std::max(static_cast<double>(*bright), 1e-6)));
+  return std::clamp(std::floor(ev * 64) / 64, -16.0, 16.0);
+}
+
+Result<double> MeterExposure(const Scene& scene, View view, uint64_t cache_bytes, std::stop_token stop) {
+  if (view.mode == RenderMode::kVoxels) return 0;
+  view = MeteredView(std::move(view));
+  const Tile tile = MeteredTile(view);
+  cache_bytes = std::max<uint64_t>(cache_bytes, scene.catalog().meta.largest_decoded);
+  QUARRY_ASSIGN(const auto renderer, Renderer::Create(scene, {cache_bytes, 1}));
+  Bytes pixels;
+  QUARRY_TRY(renderer->Render(
+      view, std::span(&tile, 1),
+      [&](size_t, RenderedTile result, Renderer::Progress) { pixels = std::move(result.pixels); },
+      std::move(stop)));
+  std::vector<MeteredPoint> points;
+  AddMeteredPoints(pixels, scene.catalog().materials, points);
+  return ExposureFor(points);
+}
+
+}  // namespace quarry

@@ -1,0 +1,165 @@
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <fstream>
+#include <limits>
+
+#include "common/engine/renderer.h"
+#include "preprocess/preprocess.h"
+#include "tests/support/row_scene.h"
+#include "tests/support/temporary_folder.h"
+
+// Renderer::Trace(): lists of rays.
+
+namespace quarry {
+namespace {
+
+using test::Row;
+
+constexpr double kWallY = 15;
+
+std::unique_ptr<Renderer> MakeRenderer(const Scene& scene, uint64_t cache_bytes = 1 << 20,
+                                       unsigned threads = 1) {
+  auto made = Renderer::Create(scene, {cache_bytes, threads});
+  REQUIRE(made.has_value());
+  return std::move(*made);
+}
+
+std::vector<Hit> Trace(Renderer& renderer, const std::vector<RayQuery>& rays, RayGoal goal) {
+  const auto hits = renderer.Trace(rays, goal);
+  REQUIRE(hits.has_value());
+  REQUIRE(hits->size() == rays.size());
+  return *hits;
+}
+
+/// Rays toward the wall from many places before it, every third away from it.
+std::vector<RayQuery> Fan(int count) {
+  std::vector<RayQuery> rays;
+  for (int i = 0; i < count; ++i) {
+    const double x = i % 37 * 0.5 - 9, z = i % 41 * 0.5 - 10, y = -9 - i % 5;
+    rays.push_back({{x, y, z}, {0.1 * std::cos(i), i % 3 == 2 ? -2.0 : 2.0, 0.1 * std::sin(i)}});
+  }
+  return rays;
+}
+
+double WallAlong(const RayQuery& ray) {
+  const double length = std::sqrt(ray.direction.x * ray.direction.x + ray.direction.y * ray.direction.y +
+                                  ray.direction.z * ray.direction.z);
+  return (kWallY - ray.origin.y) / ray.direction.y * length;
+}
+
+/// A plate with holes above a floor: the plate's texture is opaque on its left half.
+Scene PlateScene(const TemporaryFolder& folder) {
+  std::ofstream(folder.file("half.pgm")) << "P2 4 1 255 255 255 0 0\n";
+  std::ofstream(folder.file("plate.mtl")) << "newmtl floor\nnewmtl plate\nmap_d half.pgm\n";
+  std::ofstream(folder.file("plate.obj"))
+      << "mtllib plate.mtl\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
+         "v -2 -2 0\nv 2 -2 0\nv 2 2 0\nv -2 2 0\nusemtl floor\nf 1 2 3 4\n"
+         "v -2 -2 1\nv 2 -2 1\nv 2 2 1\nv -2 2 1\nusemtl plate\nf 5/1 6/2 7/3 8/4\n";
+  PreprocessOptions options;
+  options.models = {folder.file("plate.obj")};
+  options.output = folder.file("plate.quarry");
+  options.quiet = true;
+  const auto made = Preprocess(options);
+  INFO((made ? "" : made.error().message));
+  REQUIRE(made.has_value());
+  auto scene = Scene::Open(options.output);
+  REQUIRE(scene.has_value());
+  return std::move(*scene);
+}
+
+}  // namespace
+
+TEST_CASE("A list of rays has its hits in order, at distances from the rays' origins", "[rays]") {
+  const Row row;
+  const auto renderer = MakeRenderer(*row.scene);
+  const std::vector<RayQuery> rays = Fan(3000);
+  const std::vector<Hit> hits = Trace(*renderer, rays, RayGoal::kNearest),
+                         some = Trace(*renderer, rays, RayGoal::kAny);
+  for (size_t i = 0; i < rays.size(); ++i) {
+    INFO(i);
+    const bool hit = i % 3 != 2;
+    CHECK((hits[i].triangle != kNoTriangle) == hit);
+    CHECK((some[i].triangle != kNoTriangle) == hit);
+    if (!hit) continue;
+    CHECK(static_cast<double>(hits[i].t) == Approx(WallAlong(rays[i])).epsilon(1e-5));
+    CHECK(static_cast<double>(some[i].t) == Approx(WallAlong(rays[i])).epsilon(1e-5));
+    CHECK((hits[i].triangle == 4 || hits[i].triangle == 5));
+    CHECK(hits[i].voxel == 2);
+    CHECK(hits[i].instance == kNoInstance);
+  }
+  CHECK(Trace(*renderer, {}, RayGoal::kNearest).empty());
+}
+
+TEST_CASE("A ray of a list begins and ends where it says", "[rays]") {
+  const Row row;
+  const auto renderer = MakeRenderer(*row.scene);
+  constexpr double kFar = 1e6;  // beyond the reach of kernels
+  const std::vector<RayQuery> rays{{{0, -9, 0}, {0, 1, 0}, 24.5},  // the wall lies at 24
+                                   {{0, -9, 0}, {0, 1, 0}, 23.5},
+                                   {{0, -kFar, 0}, {0, 1, 0}},
+                                   {{0, -kFar, 0}, {0, 1, 0}, kFar + 14},
+                                   {{0, -kFar, 0}, {0, 1, 0}, 1},
+                                   {{0, 16, 0}, {0, 1e-9, 0}},   // behind the wall
+                                   {{0, 16, 0}, {0, -1e9, 0}}};  // back to it
+  for (const RayGoal goal : {RayGoal::kNearest, RayGoal::kAny}) {
+    const std::vector<Hit> hits = Trace(*renderer, rays, goal);
+    const double along[] = {24, 0, kFar + 15, 0, 0, 0, 1};
+    for (size_t i = 0; i < rays.size(); ++i) {
+      INFO(i);
+      CHECK((hits[i].triangle != kNoTriangle) == (along[i] > 0));
+      if (along[i] > 0) CHECK(static_cast<double>(hits[i].t) == Approx(along[i]).epsilon(1e-6));
+    }
+  }
+}
+
+TEST_CASE("A list of rays has the same hits with any cache and threads", "[rays]") {
+  const Row row;
+  const std::vector<RayQuery> rays = Fan(5000);
+  const auto whole = Trace(*MakeRenderer(*row.scene), rays, RayGoal::kNearest),
+             small = Trace(*MakeRenderer(*row.scene, row.largest(), 3), rays, RayGoal::kNearest);
+  for (size_t i = 0; i < rays.size(); ++i) {
+    CHECK(whole[i].triangle == small[i].triangle);
+    CHECK(whole[i].t == small[i].t);
+    CHECK(whole[i].b1 == small[i].b1);
+  }
+}
+
+TEST_CASE("A ray that cannot be is told, and a list that is not wanted is left", "[rays]") {
+  const Row row;
+  const auto renderer = MakeRenderer(*row.scene);
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  for (const RayQuery& ray : {RayQuery{{0, 0, 0}, {0, 0, 0}}, RayQuery{{nan, 0, 0}, {0, 0, 1}},
+                              RayQuery{{0, 0, 0}, {0, nan, 1}}, RayQuery{{0, 0, 0}, {0, 0, 1}, 0},
+                              RayQuery{{0, 0, 0}, {0, 0, 1}, nan}, RayQuery{{0, 0, 0}, {1e300, 1e300, 1}}}) {
+    const auto hits = renderer->Trace({ray}, RayGoal::kNearest);
+    REQUIRE_FALSE(hits.has_value());
+    CHECK(hits.error().kind == ErrorKind::kUsage);
+  }
+  std::stop_source stop;
+  stop.request_stop();
+  const auto hits = renderer->Trace(Fan(10), RayGoal::kNearest, stop.get_token());
+  REQUIRE_FALSE(hits.has_value());
+  CHECK(hits.error().kind == ErrorKind::kCancelled);
+}
+
+TEST_CASE("Rays of a list pass holes of triangles, up to their ends", "[rays]") {
+  const TemporaryFolder folder;
+  const Scene scene = PlateScene(folder);
+  const auto renderer = MakeRenderer(scene, 64 << 20);
+  constexpr glm::dvec3 kDown{0, 0, -1};
+  const std::vector<RayQuery> rays{{{-1.2, 0.3, 3}, kDown},         // the plate
+                                   {{1.2, 0.3, 3}, kDown},          // the floor, through a hole
+                                   {{1.2, 0.3, 3}, kDown, 2.5},     // ends between both
+                                   {{1.2, 0.3, 3}, {0, 0, 1}}};     // nothing
+  const double along[] = {2, 3, 0, 0};
+  for (const RayGoal goal : {RayGoal::kNearest, RayGoal::kAny}) {
+    const std::vector<Hit> hits = Trace(*renderer, rays, goal);
+    for (size_t i = 0; i < rays.size(); ++i) {
+      INFO(i);
+      CHECK((hits[i].triangle != kNoTriangle) == (along[i] > 0));
+      if (along[i] > 0) CHECK(static_cast<double>(hits[i].t) == Approx(along[i]).epsilon(1e-5));
+    }
+  }
+}
+
+}  // namespace quarry
