@@ -213,8 +213,7 @@ class HttpConnection final : public ServedConnection, public std::enable_shared_
 }  // namespace
 
 void ServeConnection(asio::io_context& io, int socket, std::shared_ptr<HttpService> service) {
-  auto connection =
-      std::make_shared<HttpConnection>(ServedStream(io, socket, service->tls.get()), service);
+  auto connection = std::make_shared<HttpConnection>(ServedStream(io, socket, service->tls.get()), service);
   service->connections.push_back(connection);
   connection->Run();
 }

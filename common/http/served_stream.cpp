@@ -42,11 +42,11 @@ bool IsLoopback(const asio::ip::address& address) {
 
 /// Stream is beast::tcp_stream or TlsStream.
 template <class Stream>
-class StreamBytes final : public ServedStream::Bytes {
+class StreamTransport final : public ServedStream::Transport {
   static constexpr bool kTls = std::is_same_v<Stream, TlsStream>;
 
  public:
-  explicit StreamBytes(Stream stream) : stream_(std::move(stream)) {
+  explicit StreamTransport(Stream stream) : stream_(std::move(stream)) {
     ErrorCode ignored;
     socket().set_option(tcp::no_delay(true), ignored);
   }
@@ -102,19 +102,19 @@ class StreamBytes final : public ServedStream::Bytes {
   Stream stream_;
 };
 
-std::unique_ptr<ServedStream::Bytes> MakeBytes(asio::io_context& io, int socket, ssl_ctx_st* tls) {
+std::unique_ptr<ServedStream::Transport> MakeTransport(asio::io_context& io, int socket, ssl_ctx_st* tls) {
   sockaddr_storage address{};
   socklen_t size = sizeof address;
   const bool v6 = ::getsockname(socket, reinterpret_cast<sockaddr*>(&address), &size) == 0 &&
                   address.ss_family == AF_INET6;
   tcp::socket plain(io, v6 ? tcp::v6() : tcp::v4(), socket);
-  if (tls) return std::make_unique<StreamBytes<TlsStream>>(Encrypted(std::move(plain), tls));
-  return std::make_unique<StreamBytes<beast::tcp_stream>>(beast::tcp_stream(std::move(plain)));
+  if (tls) return std::make_unique<StreamTransport<TlsStream>>(Encrypted(std::move(plain), tls));
+  return std::make_unique<StreamTransport<beast::tcp_stream>>(beast::tcp_stream(std::move(plain)));
 }
 
 }  // namespace
 
 ServedStream::ServedStream(asio::io_context& io, int socket, ssl_ctx_st* tls)
-    : executor_(io.get_executor()), bytes_(MakeBytes(io, socket, tls)) {}
+    : executor_(io.get_executor()), transport_(MakeTransport(io, socket, tls)) {}
 
 }  // namespace quarry

@@ -21,10 +21,9 @@ enum class role_type;
 
 namespace quarry {
 
-/// The bytes of an accepted connection, plain or over TLS, as one type: what Beast is made of is compiled once, not once for each of the
-/// two. An AsyncStream as Asio means it.
-/// A time limit holds for reading and writing together, and ends them with beast::error::timeout.
-/// Used from the io_context's thread.
+/// The bytes of an accepted connection, plain or over TLS, as one type: what Beast is made of is compiled
+/// once, not once for each of the two. An AsyncStream as Asio means it. A time limit holds for reading and
+/// writing together, and ends them with beast::error::timeout. Used from the io_context's thread.
 class ServedStream {
  public:
   using ErrorCode = boost::system::error_code;
@@ -35,10 +34,10 @@ class ServedStream {
     virtual ~Then() = default;
     virtual void Call(const ErrorCode& error, size_t bytes) = 0;
   };
-  /// The stream by its kind.
-  class Bytes {
+  /// A stream of one kind: plain, or over TLS.
+  class Transport {
    public:
-    virtual ~Bytes() = default;
+    virtual ~Transport() = default;
     virtual void Handshake(std::unique_ptr<Then> then) = 0;
     virtual void ReadSome(const std::vector<boost::asio::mutable_buffer>& room,
                           std::unique_ptr<Then> then) = 0;
@@ -61,37 +60,37 @@ class ServedStream {
   executor_type get_executor() const { return executor_; }
   template <class Room, class Handler>
   void async_read_some(const Room& room, Handler&& handler) {
-    bytes_->ReadSome(List<boost::asio::mutable_buffer>(room), Erased(std::forward<Handler>(handler)));
+    transport_->ReadSome(List<boost::asio::mutable_buffer>(room), Erased(std::forward<Handler>(handler)));
   }
   template <class Pieces, class Handler>
   void async_write_some(const Pieces& pieces, Handler&& handler) {
-    bytes_->WriteSome(List<boost::asio::const_buffer>(pieces), Erased(std::forward<Handler>(handler)));
+    transport_->WriteSome(List<boost::asio::const_buffer>(pieces), Erased(std::forward<Handler>(handler)));
   }
   /// The TLS handshake of a server; at once without TLS.
   template <class Handler>
   void Handshake(Handler&& handler) {
-    bytes_->Handshake(Erased(std::forward<Handler>(handler)));
+    transport_->Handshake(Erased(std::forward<Handler>(handler)));
   }
   template <class Handler>
   void TakeLeave(Handler&& handler) {
-    bytes_->TakeLeave(Erased(std::forward<Handler>(handler)));
+    transport_->TakeLeave(Erased(std::forward<Handler>(handler)));
   }
   /// Ends the connection as a WebSocket's end asks.
   template <class Handler>
   void TearDown(Handler&& handler) {
-    bytes_->TearDown(Erased(std::forward<Handler>(handler)));
+    transport_->TearDown(Erased(std::forward<Handler>(handler)));
   }
   /// Reads from the socket itself, below TLS.
   template <class Handler>
   void ReadBelow(const boost::asio::mutable_buffer& room, Handler&& handler) {
-    bytes_->ReadBelow(room, Erased(std::forward<Handler>(handler)));
+    transport_->ReadBelow(room, Erased(std::forward<Handler>(handler)));
   }
-  void StopSending() { bytes_->StopSending(); }
-  void Close() { bytes_->Close(); }
-  void ExpiresAfter(std::chrono::steady_clock::duration time) { bytes_->ExpiresAfter(time); }
-  void ExpiresNever() { bytes_->ExpiresNever(); }
+  void StopSending() { transport_->StopSending(); }
+  void Close() { transport_->Close(); }
+  void ExpiresAfter(std::chrono::steady_clock::duration time) { transport_->ExpiresAfter(time); }
+  void ExpiresNever() { transport_->ExpiresNever(); }
   /// The peer's address and port for logs, and whether it is this machine. "?": the peer is gone already.
-  std::string PeerAddress(bool& loopback) { return bytes_->PeerAddress(loopback); }
+  std::string PeerAddress(bool& loopback) { return transport_->PeerAddress(loopback); }
 
  private:
   template <class Handler>
@@ -117,13 +116,14 @@ class ServedStream {
     constexpr size_t kMostBuffers = 64;
     std::vector<Buffer> list;
     const auto end = boost::asio::buffer_sequence_end(sequence);
-    for (auto at = boost::asio::buffer_sequence_begin(sequence); at != end && list.size() < kMostBuffers; ++at)
+    for (auto at = boost::asio::buffer_sequence_begin(sequence); at != end && list.size() < kMostBuffers;
+         ++at)
       list.emplace_back(*at);
     return list;
   }
 
   executor_type executor_;
-  std::unique_ptr<Bytes> bytes_;
+  std::unique_ptr<Transport> transport_;
 };
 
 // How Beast's WebSockets end a stream.

@@ -16,7 +16,8 @@ namespace quarry {
 namespace {
 
 constexpr size_t kBufferBytes = 1 << 18;
-constexpr const char* kOtherFormats = "export triangles, as glTF, OBJ or STL, from a CAD program (FreeCAD, say)";
+constexpr const char* kOtherFormats =
+    "export triangles, as glTF, OBJ or STL, from a CAD program (FreeCAD, say)";
 
 }  // namespace
 
@@ -52,8 +53,8 @@ bool CadClient::Read(std::span<std::byte> out) {
 }
 
 tl::unexpected<Error> CadClient::Lies() {
-  return Fail(
-      fmt::format("the process that reads it says what cannot be: the model may be damaged; {}", kOtherFormats));
+  return Fail(fmt::format("the process that reads it says what cannot be: the model may be damaged; {}",
+                          kOtherFormats));
 }
 
 Result<CadClient::Message> CadClient::Next(const std::string& part) {
