@@ -30,7 +30,7 @@ namespace quarry {
 namespace {
 
 namespace fs = std::filesystem;
-using nlohmann::json;
+using Json = nlohmann::json;
 
 constexpr char kStoreExtension[] = ".quarry";
 constexpr const char* kLimitFile = "limit";
@@ -69,7 +69,7 @@ std::string RecordOf(const std::string& store) { return store + kRecordEnd; }
 int64_t Nanoseconds(const timespec& time) { return int64_t{time.tv_sec} * 1000000000 + time.tv_nsec; }
 
 /// Whether a file is unchanged since the record was made.
-bool IsAsRecorded(const json& input) {
+bool IsAsRecorded(const Json& input) {
   const auto file = input.find("file"), there = input.find("there");
   if (file == input.end() || !file->is_string() || there == input.end() || !there->is_boolean()) return false;
   struct stat info {};
@@ -84,8 +84,8 @@ bool IsAsRecorded(const json& input) {
 }
 
 /// A store's record; none where there is no file as the preprocessor writes it.
-std::optional<json> ReadRecord(const std::string& store) {
-  auto record = ReadJsonFile<json>(RecordOf(store));
+std::optional<Json> ReadRecord(const std::string& store) {
+  auto record = ReadJsonFile<Json>(RecordOf(store));
   if (!record || !record->is_object()) return std::nullopt;
   const auto models = record->find("models"), inputs = record->find("inputs");
   if (models == record->end() || !models->is_array() || models->empty() || !models->front().is_string() ||
@@ -97,10 +97,10 @@ std::optional<json> ReadRecord(const std::string& store) {
 /// The record of a store that is being made. It says whose store this is.
 Status WriteFirstRecord(const std::string& store, const std::string& model) {
   std::error_code error;
-  const json record = {{"models", {fs::absolute(model, error).lexically_normal().string()}},
-                       {"inputs", json::array()}};
+  const Json record = {{"models", {fs::absolute(model, error).lexically_normal().string()}},
+                       {"inputs", Json::array()}};
   return WriteFileAtomically(RecordOf(store),
-                             AsBytes(record.dump(2, ' ', false, json::error_handler_t::replace) + "\n"));
+                             AsBytes(record.dump(2, ' ', false, Json::error_handler_t::replace) + "\n"));
 }
 
 bool IsRegular(const std::string& path) {
@@ -126,8 +126,8 @@ bool IsSound(const std::string& store) {
 bool IsCurrent(const std::string& store) {
   if (!IsRegular(store) || !IsRegular(RecordOf(store))) return false;
   const auto record = ReadRecord(store);
-  const auto inputs = record ? record->find("inputs") : json::const_iterator();
-  return record && !inputs->empty() && std::ranges::all_of(*inputs, [](const json& input) {
+  const auto inputs = record ? record->find("inputs") : Json::const_iterator();
+  return record && !inputs->empty() && std::ranges::all_of(*inputs, [](const Json& input) {
            return input.is_object() && IsAsRecorded(input);
          });
 }
@@ -272,7 +272,7 @@ std::vector<std::string> FilesOfKept(const std::string& store) {
   std::vector<std::string> files;
   const auto record = ReadRecord(store);
   if (!record) return files;
-  for (const json& input : (*record)["inputs"])
+  for (const Json& input : (*record)["inputs"])
     if (input.is_object() && input.contains("file") && input["file"].is_string())
       files.push_back(input["file"].get<std::string>());
   return files;

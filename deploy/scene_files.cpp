@@ -9,17 +9,15 @@
 #include "common/scene/view_json.h"
 
 namespace quarry {
-using nlohmann::json;
-
 Status ReadLights(const std::string& path, const glm::dvec3& offset, View& view) {
-  QUARRY_ASSIGN(const json root, ReadJsonFile<json>(path));
+  QUARRY_ASSIGN(const nlohmann::json root, ReadJsonFile<nlohmann::json>(path));
   const JsonValue whole(root, path);
   QUARRY_ASSIGN(const JsonValue lights, whole.Member("lights"));
   return ReadLighting(whole, offset, view);
 }
 
 Result<std::vector<CameraSpec>> ReadCameraPath(const std::string& path, const glm::dvec3& up) {
-  QUARRY_ASSIGN(const json root, ReadJsonFile<json>(path));
+  QUARRY_ASSIGN(const nlohmann::json root, ReadJsonFile<nlohmann::json>(path));
   QUARRY_ASSIGN(const JsonValue frames, JsonValue(root, path).Member("frames"));
   QUARRY_ASSIGN(const std::vector<JsonValue> list, frames.List());
   if (list.empty()) return frames.Wrong("has no frame in it");

@@ -80,7 +80,7 @@ void HeightField::Draw(Builder& b, double triangles, uint16_t material) const {
 
 namespace {
 
-enum TerrainMaterial : uint16_t { kGround, kWater, kStone };
+enum TerrainMaterial : uint16_t { kTerrainGround, kWater, kStone };
 
 class Terrain : public Scene {
  public:
@@ -88,8 +88,8 @@ class Terrain : public Scene {
 
   std::vector<Material> Materials() const override {
     std::vector<Material> materials(3);
-    materials[kGround].name = "ground";
-    materials[kGround].diffuse = vec3(1.0f);
+    materials[kTerrainGround].name = "ground";
+    materials[kTerrainGround].diffuse = vec3(1.0f);
     materials[kWater].name = "water";
     materials[kWater].diffuse = vec3(0.02f, 0.07f, 0.1f);
     materials[kWater].reflectance = materials[kWater].specular = vec3(0.6f);
@@ -102,7 +102,7 @@ class Terrain : public Scene {
 
   void Draw(Builder& b) const override {
     const double n = static_cast<double>(options_.triangles);
-    field_.Draw(b, 0.97 * n, kGround);
+    field_.Draw(b, 0.97 * n, kTerrainGround);
     b.Part("water");
     b.Use(kWater);
     Sheet(b, {0, 0, 0}, {field_.extent(), 0, 0}, {0, field_.extent(), 0});

@@ -2,14 +2,31 @@
 """Runs clang-tidy (.clang-tidy) over sources, and the headers that they include. Usage: check_tidy.py ROOT BUILD [FOLDER...]
 Without folders: those that run in a cluster. All would take a test too long."""
 import concurrent.futures
+import json
 import os
 import pathlib
+import re
 import shutil
 import subprocess
 import sys
+import tempfile
 
 FOLDERS = ("common", "master", "worker")
 SKIPPED = 77  # as tests/CMakeLists.txt says to ctest
+
+
+def separate_commands(build, folder):
+    """Writes `build`'s compile_commands.json to `folder`, with an entry for each file of a unit of several (QUARRY_UNITY): each file is
+    checked alone, so that it must include what it uses."""
+    entries = []
+    for entry in json.loads((pathlib.Path(build) / "compile_commands.json").read_text()):
+        unit = pathlib.Path(entry["file"])
+        if "Unity" not in unit.parts:
+            entries.append(entry)
+            continue
+        for source in re.findall(r'^#include "(.*)"', unit.read_text(), re.M):
+            entries.append({**entry, "file": source, "command": entry["command"].replace(str(unit), source)})
+    (pathlib.Path(folder) / "compile_commands.json").write_text(json.dumps(entries))
 
 
 def faults(build, source):
@@ -28,8 +45,9 @@ def main():
     sources = [path for folder in folders for path in (root / folder).rglob("*.cpp")]
     # The dearest first, so that no processor ends long after the others: kernels, then by size.
     sources.sort(key=lambda path: ("kernels" not in path.name, -path.stat().st_size))
-    with concurrent.futures.ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
-        found = [text for text in pool.map(lambda source: faults(build, source), sources) if text]
+    with tempfile.TemporaryDirectory() as commands, concurrent.futures.ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+        separate_commands(build, commands)
+        found = [text for text in pool.map(lambda source: faults(commands, source), sources) if text]
     print("\n".join(found) or f"{len(sources)} sources without a fault")
     return 1 if found else 0
 

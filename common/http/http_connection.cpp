@@ -1,24 +1,18 @@
 #include "common/http/http_connection.h"
 
 #include <fmt/format.h>
-#include <openssl/ssl.h>
-#include <sys/socket.h>
 
 #include <algorithm>
 #include <array>
 #include <boost/asio/io_context.hpp>
-#include <boost/asio/ip/tcp.hpp>
-#include <boost/asio/ssl.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
-#include <boost/beast/core/tcp_stream.hpp>
 #include <boost/beast/http.hpp>
-#include <boost/beast/ssl/ssl_stream.hpp>
 #include <boost/beast/websocket/rfc6455.hpp>
 #include <optional>
-#include <type_traits>
 #include <utility>
 
 #include "common/http/http_message.h"
+#include "common/http/served_stream.h"
 
 namespace quarry {
 namespace {
@@ -26,9 +20,7 @@ namespace {
 namespace asio = boost::asio;
 namespace beast = boost::beast;
 namespace http = boost::beast::http;
-using asio::ip::tcp;
 using ErrorCode = boost::system::error_code;
-using TlsStream = beast::ssl_stream<beast::tcp_stream>;
 using Request = http::request<http::empty_body>;
 
 /// Limit for a request's headers in bytes. Cookies of other servers of the same host come with every request;
@@ -40,57 +32,25 @@ constexpr size_t kMostBufferBytes = kMostHeadBytes + (4 << 10);
 /// connection, and the peer could lose the answer.
 constexpr auto kFarewellTime = std::chrono::seconds(1);
 
-template <class Stream>
-Stream MakeStream(tcp::socket socket, const HttpService& service) {
-  if constexpr (std::is_same_v<Stream, TlsStream>) {
-    SSL_CTX_up_ref(service.tls.get());
-    asio::ssl::context context(service.tls.get());
-    return TlsStream(std::move(socket), context);
-  } else {
-    return Stream(std::move(socket));
-  }
-}
-
-bool IsLoopback(const asio::ip::address& address) {
-  if (address.is_v6() && address.to_v6().is_v4_mapped())
-    return asio::ip::make_address_v4(asio::ip::v4_mapped, address.to_v6()).is_loopback();
-  return address.is_loopback();
-}
-
 std::string ToString(beast::string_view text) { return {text.data(), text.size()}; }
 
-/// A connection until it ends or becomes a WebSocket, one request at a time. Stream is beast::tcp_stream or
-/// TlsStream.
-template <class Stream>
-class HttpConnection final : public ServedConnection,
-                             public std::enable_shared_from_this<HttpConnection<Stream>> {
-  static constexpr bool kTls = std::is_same_v<Stream, TlsStream>;
-
+/// A connection until it ends or becomes a WebSocket, one request at a time.
+class HttpConnection final : public ServedConnection, public std::enable_shared_from_this<HttpConnection> {
  public:
-  HttpConnection(tcp::socket socket, std::shared_ptr<HttpService> service)
+  HttpConnection(ServedStream stream, std::shared_ptr<HttpService> service)
       : service_(std::move(service)),
-        stream_(MakeStream<Stream>(std::move(socket), *service_)),
-        buffer_(kMostBufferBytes) {
-    ErrorCode error;
-    tcp_stream().socket().set_option(tcp::no_delay(true), error);
-    const auto remote = tcp_stream().socket().remote_endpoint(error);
-    if (error) return;
-    const std::string host = remote.address().to_string();
-    peer_ = fmt::format(fmt::runtime(remote.address().is_v6() ? "[{}]:{}" : "{}:{}"), host, remote.port());
-    loopback_ = IsLoopback(remote.address());
-  }
+        stream_(std::move(stream)),
+        buffer_(kMostBufferBytes),
+        peer_(stream_.PeerAddress(loopback_)) {}
 
   void Run() {
-    if constexpr (kTls) {
-      tcp_stream().expires_after(Seconds(times().handshake_s));
-      stream_.async_handshake(asio::ssl::stream_base::server, [self = Self()](const ErrorCode& error) {
-        if (self->closed_) return;
-        if (error) return self->Drop();
-        self->AwaitRequest();
-      });
-    } else {
-      AwaitRequest();
-    }
+    if (!service_->tls) return AwaitRequest();
+    stream_.ExpiresAfter(Seconds(times().handshake_s));
+    stream_.Handshake([self = Self()](const ErrorCode& error, size_t) {
+      if (self->closed_) return;
+      if (error) return self->Drop();
+      self->AwaitRequest();
+    });
   }
 
   bool closed() const override { return closed_; }
@@ -98,18 +58,17 @@ class HttpConnection final : public ServedConnection,
   Clock::time_point active() const override { return active_; }
   void Drop() override {
     if (std::exchange(closed_, true)) return;
-    tcp_stream().close();
+    stream_.Close();
   }
 
  private:
-  std::shared_ptr<HttpConnection> Self() { return this->shared_from_this(); }
-  beast::tcp_stream& tcp_stream() { return beast::get_lowest_layer(stream_); }
+  std::shared_ptr<HttpConnection> Self() { return shared_from_this(); }
   const HttpTimes& times() const { return service_->options.times; }
 
   void AwaitRequest() {
     active_ = Clock::now();
     if (buffer_.size() > 0) return ReadRequest();
-    tcp_stream().expires_after(Seconds(times().idle_s));
+    stream_.ExpiresAfter(Seconds(times().idle_s));
     stream_.async_read_some(buffer_.prepare(4 << 10), [self = Self()](const ErrorCode& error, size_t size) {
       if (self->closed_) return;
       if (error) return self->Drop();
@@ -121,7 +80,7 @@ class HttpConnection final : public ServedConnection,
   void ReadRequest() {
     parser_.emplace();
     parser_->header_limit(kMostHeadBytes);
-    tcp_stream().expires_after(Seconds(times().request_s));
+    stream_.ExpiresAfter(Seconds(times().request_s));
     http::async_read_header(stream_, buffer_, *parser_,
                             [self = Self()](const ErrorCode& error, size_t head_bytes) {
                               if (self->closed_) return;
@@ -177,8 +136,8 @@ class HttpConnection final : public ServedConnection,
     if (closed_) return;
     if (answer.status != 101) return Answer(std::move(answer), parser_->keep_alive());
     closed_ = true;
-    tcp_stream().expires_never();
-    AcceptWebSocket<Stream, Request>(std::move(stream_), parser_->get(), std::move(head), service_);
+    stream_.ExpiresNever();
+    AcceptWebSocket(std::move(stream_), parser_->get(), std::move(head), service_);
   }
 
   void Answer(HttpResponse answer, bool keep) {
@@ -206,7 +165,7 @@ class HttpConnection final : public ServedConnection,
     if (parser_->get().method() != http::verb::head) response.body() = std::move(body);
     constexpr double kSlowLine = 16 << 10;  // bytes a second of a file that a peer takes at least
     const double more_s = file_ ? static_cast<double>(bytes) / kSlowLine : 0;
-    tcp_stream().expires_after(Seconds(times().answer_s + more_s));
+    stream_.ExpiresAfter(Seconds(times().answer_s + more_s));
     http::async_write(stream_, response, [self = Self(), keep](const ErrorCode& error, size_t) {
       self->file_.reset();
       if (self->closed_) return;
@@ -218,23 +177,19 @@ class HttpConnection final : public ServedConnection,
 
   void SayFarewell() {
     active_ = Clock::now();
-    tcp_stream().expires_after(kFarewellTime);
-    if constexpr (kTls) {
-      stream_.async_shutdown([self = Self()](const ErrorCode&) { self->Drain(); });
-    } else {
-      Drain();
-    }
+    stream_.ExpiresAfter(kFarewellTime);
+    if (!service_->tls) return Drain();
+    stream_.TakeLeave([self = Self()](const ErrorCode&, size_t) { self->Drain(); });
   }
 
   void Drain() {
     if (closed_) return;
-    ErrorCode ignored;
-    tcp_stream().socket().shutdown(tcp::socket::shutdown_send, ignored);
+    stream_.StopSending();
     DrainMore();
   }
 
   void DrainMore() {
-    tcp_stream().async_read_some(asio::buffer(rest_), [self = Self()](const ErrorCode& error, size_t) {
+    stream_.ReadBelow(asio::buffer(rest_), [self = Self()](const ErrorCode& error, size_t) {
       if (self->closed_) return;
       if (error) return self->Drop();
       self->DrainMore();
@@ -242,10 +197,10 @@ class HttpConnection final : public ServedConnection,
   }
 
   const std::shared_ptr<HttpService> service_;
-  Stream stream_;
+  ServedStream stream_;
   beast::flat_buffer buffer_;
-  std::string peer_ = "?";
   bool loopback_ = false;
+  std::string peer_;
   std::optional<http::request_parser<http::empty_body>> parser_;
   http::response<http::string_body> response_;
   http::response<http::span_body<const char>> file_response_;
@@ -255,26 +210,12 @@ class HttpConnection final : public ServedConnection,
   bool closed_ = false;
 };
 
-template <class Stream>
-void Serve(tcp::socket socket, std::shared_ptr<HttpService> service) {
-  auto connection = std::make_shared<HttpConnection<Stream>>(std::move(socket), service);
-  service->connections.push_back(connection);
-  connection->Run();
-}
-
 }  // namespace
 
 void ServeConnection(asio::io_context& io, int socket, std::shared_ptr<HttpService> service) {
-  sockaddr_storage address{};
-  socklen_t size = sizeof address;
-  const bool v6 = ::getsockname(socket, reinterpret_cast<sockaddr*>(&address), &size) == 0 &&
-                  address.ss_family == AF_INET6;
-  tcp::socket stream(io, v6 ? tcp::v6() : tcp::v4(), socket);
-  if (service->tls) {
-    Serve<TlsStream>(std::move(stream), std::move(service));
-  } else {
-    Serve<beast::tcp_stream>(std::move(stream), std::move(service));
-  }
+  auto connection = std::make_shared<HttpConnection>(ServedStream(io, socket, service->tls.get()), service);
+  service->connections.push_back(connection);
+  connection->Run();
 }
 
 }  // namespace quarry

@@ -11,6 +11,8 @@
 
 namespace quarry {
 
+class ServedStream;
+
 /// The view that a server has of a connection, with or without a WebSocket.
 class ServedConnection {
  public:
@@ -41,9 +43,9 @@ void ServeConnection(boost::asio::io_context& io, int socket, std::shared_ptr<Ht
 
 /// Makes a stream a WebSocket as its `request` asks, which is `head` in Beast's form. Sends the answer, then
 /// calls on_socket.
-/// Instances: the two streams of http_connection.cpp.
-template <class Stream, class Request>
-void AcceptWebSocket(Stream stream, const Request& request, HttpRequest head,
+/// Instances: the requests of http_connection.cpp.
+template <class Request>
+void AcceptWebSocket(ServedStream stream, const Request& request, HttpRequest head,
                      std::shared_ptr<HttpService> service);
 
 /// A limit of HttpTimes in the clock's unit.

@@ -1,20 +1,16 @@
 #include <fmt/format.h>
 
-#include <boost/asio/ip/tcp.hpp>
-#include <boost/asio/ssl.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <boost/beast/core/buffers_to_string.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
-#include <boost/beast/core/tcp_stream.hpp>
 #include <boost/beast/http/empty_body.hpp>
 #include <boost/beast/http/message.hpp>
-#include <boost/beast/ssl/ssl_stream.hpp>
 #include <boost/beast/websocket.hpp>
-#include <boost/beast/websocket/ssl.hpp>
 #include <deque>
 #include <utility>
 
 #include "common/http/http_connection.h"
+#include "common/http/served_stream.h"
 
 namespace quarry {
 namespace {
@@ -34,12 +30,11 @@ struct Outgoing {
   asio::const_buffer buffer() const { return bytes ? asio::buffer(*bytes) : asio::buffer(text); }
 };
 
-template <class Stream>
 class StreamWebSocket final : public WebSocket,
                               public ServedConnection,
-                              public std::enable_shared_from_this<StreamWebSocket<Stream>> {
+                              public std::enable_shared_from_this<StreamWebSocket> {
  public:
-  StreamWebSocket(Stream stream, const std::string& peer, std::shared_ptr<HttpService> service)
+  StreamWebSocket(ServedStream stream, const std::string& peer, std::shared_ptr<HttpService> service)
       : service_(std::move(service)),
         socket_(std::move(stream)),
         deadline_(socket_.get_executor()),
@@ -94,7 +89,7 @@ class StreamWebSocket final : public WebSocket,
   }
 
  private:
-  std::shared_ptr<StreamWebSocket> Self() { return this->shared_from_this(); }
+  std::shared_ptr<StreamWebSocket> Self() { return shared_from_this(); }
 
   void Read() {
     socket_.async_read(incoming_, [self = Self()](const ErrorCode& error, size_t) { self->OnRead(error); });
@@ -179,7 +174,7 @@ class StreamWebSocket final : public WebSocket,
   void Finish(const std::string& sentence) {
     if (std::exchange(closed_, true)) return;
     deadline_.cancel();
-    beast::get_lowest_layer(socket_).close();
+    socket_.next_layer().Close();
     if (!writing_) Forget();
     on_text_ = nullptr;
     // Moved out first: the handler may release this WebSocket.
@@ -192,7 +187,7 @@ class StreamWebSocket final : public WebSocket,
   }
 
   const std::shared_ptr<HttpService> service_;
-  websocket::stream<Stream, false> socket_;
+  websocket::stream<ServedStream, false> socket_;
   beast::flat_buffer incoming_;
   asio::steady_timer deadline_;
   const std::string peer_;
@@ -206,18 +201,15 @@ class StreamWebSocket final : public WebSocket,
 
 }  // namespace
 
-template <class Stream, class Request>
-void AcceptWebSocket(Stream stream, const Request& request, HttpRequest head,
+template <class Request>
+void AcceptWebSocket(ServedStream stream, const Request& request, HttpRequest head,
                      std::shared_ptr<HttpService> service) {
-  auto socket = std::make_shared<StreamWebSocket<Stream>>(std::move(stream), head.peer, service);
+  auto socket = std::make_shared<StreamWebSocket>(std::move(stream), head.peer, service);
   service->connections.push_back(socket);
   socket->Accept(request, std::move(head));
 }
 
-using PlainStream = beast::tcp_stream;
-using TlsStream = beast::ssl_stream<beast::tcp_stream>;
-using Request = beast::http::request<beast::http::empty_body>;
-template void AcceptWebSocket(PlainStream, const Request&, HttpRequest, std::shared_ptr<HttpService>);
-template void AcceptWebSocket(TlsStream, const Request&, HttpRequest, std::shared_ptr<HttpService>);
+template void AcceptWebSocket(ServedStream, const beast::http::request<beast::http::empty_body>&, HttpRequest,
+                              std::shared_ptr<HttpService>);
 
 }  // namespace quarry

@@ -7,21 +7,21 @@ namespace quarry {
 namespace {
 
 template <class V>
-bool Finite(const V& v) {
+bool IsFinite(const V& v) {
   return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
 }
 
 }  // namespace
 
 bool IsSane(const CameraSpec& c) {
-  return Finite(c.eye) && Finite(c.at) && Finite(c.up) && c.eye != c.at && c.fov_degrees > 0 &&
+  return IsFinite(c.eye) && IsFinite(c.at) && IsFinite(c.up) && c.eye != c.at && c.fov_degrees > 0 &&
          c.fov_degrees <= 179 && c.ortho_height >= 0 && std::isfinite(c.ortho_height);
 }
 
 bool IsSane(const NamedLight& l) {
   const auto cosine = [](float x) { return x >= -1 && x <= 1; };
-  return l.kind <= LightKind::kPoint && Finite(l.position) && Finite(l.direction) &&
-         l.direction != glm::vec3(0) && Finite(l.radiance) && l.radiance.x >= 0 && l.radiance.y >= 0 &&
+  return l.kind <= LightKind::kPoint && IsFinite(l.position) && IsFinite(l.direction) &&
+         l.direction != glm::vec3(0) && IsFinite(l.radiance) && l.radiance.x >= 0 && l.radiance.y >= 0 &&
          l.radiance.z >= 0 && cosine(l.cos_inner) && cosine(l.cos_outer) && l.cos_outer <= l.cos_inner;
 }
 

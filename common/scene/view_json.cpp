@@ -76,7 +76,7 @@ Status ReadWholes(const JsonValue& value, uint32_t (&out)[kCount]) {
 }
 
 Status ReadSize(const JsonValue& value, View& view) {
-  uint32_t size[2];
+  uint32_t size[2] = {};
   QUARRY_TRY(ReadWholes(value, size));
   view.width = size[0];
   view.height = size[1];

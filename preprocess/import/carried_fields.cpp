@@ -54,7 +54,7 @@ constexpr std::string_view kMtlStatements[] = {"newmtl", "Kd",     "Ks",     "Ke
                                                "Ns",     "Ni",     "Pm",     "Pr",     "d",      "Tr",
                                                "illum",  "map_Kd", "map_Ks", "map_Ke", "map_d",  "map_bump",
                                                "bump",   "norm",   "map_Kn", "Ka",     "map_Ka", "sharpness"};
-constexpr std::string_view kGltf[] = {
+constexpr std::string_view kGltfMembers[] = {
     "accessors",      "asset",  "buffers", "bufferViews", "cameras", "extensions", "extensionsRequired",
     "extensionsUsed", "extras", "images",  "materials",   "meshes",  "nodes",      "samplers",
     "scene",          "scenes", "skins",   "textures"};
@@ -71,7 +71,7 @@ struct Carried {
 };
 constexpr Carried kCarried[kFieldKinds] = {
     {"elements", kPlyElements},          {"vertex properties", kPlyVertex},  {"face properties", kPlyFace},
-    {"statements", kObjStatements},      {"MTL statements", kMtlStatements}, {"members", kGltf},
+    {"statements", kObjStatements},      {"MTL statements", kMtlStatements}, {"members", kGltfMembers},
     {"material members", kGltfMaterial}, {"attributes", kGltfAttribute},     {"parts", {}},
 };
 

@@ -20,6 +20,8 @@ inline constexpr float kBay = 5.0f, kLevel = 8.0f;
 inline constexpr int kBaysX = 10, kBaysY = 8, kLevels = 10;
 inline constexpr float kSizeX = kBay * kBaysX, kSizeY = kBay * kBaysY, kSizeZ = kLevel * kLevels;
 
+inline constexpr glm::vec3 kUp(0, 0, 1);
+
 enum PlantMaterial : uint16_t {
   kConcrete,
   kCladding,

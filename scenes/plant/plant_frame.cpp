@@ -12,7 +12,6 @@ namespace {
 using glm::vec3;
 
 constexpr float kColumn = 0.5f;
-constexpr vec3 kUp(0, 0, 1);
 
 /// A corner of the bay grid that has a column; those in the walls stand just inside them.
 bool HasColumn(int x, int y) { return !(x > 3 && x < 7 && y > 2 && y < 6); }

@@ -15,7 +15,6 @@ using glm::vec2;
 using glm::vec3;
 
 constexpr float kThickness = 0.3f;
-constexpr vec3 kUp(0, 0, 1);
 
 /// A rectangle on a wall: u along it, v up.
 struct Opening {

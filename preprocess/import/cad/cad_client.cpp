@@ -16,7 +16,8 @@ namespace quarry {
 namespace {
 
 constexpr size_t kBufferBytes = 1 << 18;
-constexpr const char* kTriangles = "export triangles, as glTF, OBJ or STL, from a CAD program (FreeCAD, say)";
+constexpr const char* kOtherFormats =
+    "export triangles, as glTF, OBJ or STL, from a CAD program (FreeCAD, say)";
 
 }  // namespace
 
@@ -52,8 +53,8 @@ bool CadClient::Read(std::span<std::byte> out) {
 }
 
 tl::unexpected<Error> CadClient::Lies() {
-  return Fail(
-      fmt::format("the process that reads it says what cannot be: the model may be damaged; {}", kTriangles));
+  return Fail(fmt::format("the process that reads it says what cannot be: the model may be damaged; {}",
+                          kOtherFormats));
 }
 
 Result<CadClient::Message> CadClient::Next(const std::string& part) {
@@ -67,9 +68,9 @@ Result<CadClient::Message> CadClient::Next(const std::string& part) {
   if (!Read(content_)) return Ended(part);
   if (kind == CadMessage::kTooLarge)
     return Fail(fmt::format("needs more memory than --memory allows Open CASCADE, {} MiB; give more, or {}",
-                            reading_.memory >> 20, kTriangles));
+                            reading_.memory >> 20, kOtherFormats));
   if (kind == CadMessage::kRefused)
-    return Fail(fmt::format("{}; {}", AsText(content_).substr(0, 1000), kTriangles));
+    return Fail(fmt::format("{}; {}", AsText(content_).substr(0, 1000), kOtherFormats));
   return Message{kind, content_};
 }
 
@@ -79,19 +80,19 @@ tl::unexpected<Error> CadClient::Ended(const std::string& part) {
   if (WIFEXITED(status) && WEXITSTATUS(status) == kNoLibrary)
     return Fail(fmt::format(
         "{} lacks shared libraries: install Open CASCADE (Debian's package libocct-data-exchange-7.6), or {}",
-        helper_.program(), kTriangles));
+        helper_.program(), kOtherFormats));
   if (WIFEXITED(status))
     return Fail(fmt::format("the process that reads it, {}, has ended before its answer (status {}); {}",
-                            helper_.program(), WEXITSTATUS(status), kTriangles));
+                            helper_.program(), WEXITSTATUS(status), kOtherFormats));
   const std::string where = part.empty() ? "" : fmt::format(" (in \"{}\")", part);
   const int signal = WTERMSIG(status);
   if (signal == SIGXCPU)
     return Fail(fmt::format("Open CASCADE makes no progress with it in ten minutes of processor time{}; {}",
-                            where, kTriangles));
+                            where, kOtherFormats));
   // The kernel kills so when memory is short, and so do people: the model is not at fault.
   if (signal == SIGKILL || signal == SIGTERM || signal == SIGINT || signal == SIGHUP)
     return Fail(fmt::format("the process that reads it was ended by signal {}", signal));
-  return Fail(fmt::format("Open CASCADE has crashed on it{}: it may be damaged; {}", where, kTriangles));
+  return Fail(fmt::format("Open CASCADE has crashed on it{}: it may be damaged; {}", where, kOtherFormats));
 }
 
 }  // namespace quarry

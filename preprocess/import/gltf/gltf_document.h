@@ -18,6 +18,11 @@
 
 namespace quarry {
 
+/// Modes of a primitive that has triangles, as glTF numbers them.
+struct GltfMode {
+  static constexpr uint64_t kTriangles = 4, kStrip = 5, kFan = 6;
+};
+
 /// A glTF 2.0 or GLB file: its JSON in memory, its buffers in their files. Thread safety: none.
 class GltfDocument {
  public:

@@ -27,7 +27,6 @@ namespace {
 using Json = nlohmann::json;
 
 constexpr uint32_t kGltfMagic = 0x46546C67;
-enum Mode : uint64_t { kTriangles = 4, kStrip = 5, kFan = 6 };
 
 /// A small primitive that a node shows many times: read once, transformed for each instance.
 struct HeldPrimitive {
@@ -146,8 +145,8 @@ class GltfImport {
   Status Primitive(const Json& primitive, const std::string& mesh, const glm::dmat4& world, uint32_t part,
                    HeldPrimitive* held) {
     if (held != nullptr && held->ready) return Again(*held, world, part);
-    QUARRY_ASSIGN(uint64_t mode, document_.Unsigned(primitive, mesh, "mode", kTriangles));
-    if (mode < kTriangles || mode > kFan) {
+    QUARRY_ASSIGN(uint64_t mode, document_.Unsigned(primitive, mesh, "mode", GltfMode::kTriangles));
+    if (mode < GltfMode::kTriangles || mode > GltfMode::kFan) {
       ++left_out_;
       return {};
     }
@@ -159,7 +158,7 @@ class GltfImport {
     QUARRY_ASSIGN(const uint64_t position, document_.Unsigned(attributes, mesh + ".attributes", "POSITION"));
     QUARRY_ASSIGN(const Json* accessor, document_.Find("accessors", position));
     QUARRY_ASSIGN(const DracoMesh* draco, draco_.Find(primitive, mesh));
-    if (draco) mode = kTriangles;
+    if (draco) mode = GltfMode::kTriangles;
     const bool stands = draco || accessor->contains("bufferView") || accessor->contains("sparse");
     QUARRY_TRY(CheckNotCompressed(document_, primitive, "a primitive of " + mesh, stands));
     document_.decoded().UseElements(draco ? &draco->attributes : nullptr);
@@ -286,16 +285,16 @@ class GltfImport {
         vertex = static_cast<uint64_t>(value[0]);
       }
       const auto at = static_cast<uint32_t>(vertex);
-      if (mode == kTriangles) {
+      if (mode == GltfMode::kTriangles) {
         corner[i % 3] = at;
         if (i % 3 == 2) QUARRY_TRY(use(corner[0], corner[1], corner[2]));
         continue;
       }
       // A strip joins each vertex to the two before, every second triangle turned; a fan to the first vertex
       // and the vertex before.
-      const bool odd = mode == kStrip && i % 2 == 1;
+      const bool odd = mode == GltfMode::kStrip && i % 2 == 1;
       if (i >= 2) QUARRY_TRY(use(corner[0], odd ? at : corner[1], odd ? corner[1] : at));
-      if (i == 0 || (mode == kStrip && i >= 2)) corner[0] = i == 0 ? at : corner[1];
+      if (i == 0 || (mode == GltfMode::kStrip && i >= 2)) corner[0] = i == 0 ? at : corner[1];
       if (i >= 1) corner[1] = at;
     }
     return {};

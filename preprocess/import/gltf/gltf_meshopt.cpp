@@ -16,31 +16,31 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr const char* kExtension = "EXT_meshopt_compression";
+constexpr const char* kMeshopt = "EXT_meshopt_compression";
 
-enum class Mode { kAttributes, kTriangles, kIndices };
+enum class MeshoptMode { kAttributes, kTriangles, kIndices };
 
 /// A compressed stream: where it lies and what it holds.
 struct Stream {
   uint64_t buffer = 0, offset = 0, length = 0;  ///< bytes
   uint64_t count = 0, stride = 0;               ///< elements, bytes of each
-  Mode mode = Mode::kAttributes;
+  MeshoptMode mode = MeshoptMode::kAttributes;
   std::string filter;
   uint64_t decoded() const { return count * stride; }
 };
 
 /// The upper half of a stream's first byte; the lower half is the codec's version.
-unsigned MagicOf(Mode mode) {
-  return mode == Mode::kAttributes ? 0xA0u : mode == Mode::kTriangles ? 0xE0u : 0xD0u;
+unsigned MagicOf(MeshoptMode mode) {
+  return mode == MeshoptMode::kAttributes ? 0xA0u : mode == MeshoptMode::kTriangles ? 0xE0u : 0xD0u;
 }
 
 /// The most elements that a sound stream of so many bytes holds. Of attributes, a block of 256 elements of n
 /// bytes takes 4 n bytes or more; a triangle and an index take a byte or more.
 uint64_t MostElements(const Stream& stream) {
   switch (stream.mode) {
-    case Mode::kAttributes:
+    case MeshoptMode::kAttributes:
       return stream.length * 64 / stream.stride;
-    case Mode::kTriangles:
+    case MeshoptMode::kTriangles:
       return stream.length * 3;
     default:
       return stream.length;
@@ -50,10 +50,10 @@ uint64_t MostElements(const Stream& stream) {
 /// Why the extension does not allow these parameters; empty: it does.
 std::string Fault(const Stream& stream) {
   const uint64_t stride = stream.stride;
-  if (stream.mode != Mode::kAttributes) {
+  if (stream.mode != MeshoptMode::kAttributes) {
     if (stride != 2 && stride != 4) return fmt::format("a byteStride of {} for indices", stride);
     if (stream.filter != "NONE") return "a filter for indices";
-    if (stream.mode == Mode::kTriangles && stream.count % 3 != 0)
+    if (stream.mode == MeshoptMode::kTriangles && stream.count % 3 != 0)
       return fmt::format("{} indices, which make no whole triangles", stream.count);
     return {};
   }
@@ -72,9 +72,9 @@ std::string Fault(const Stream& stream) {
 int Decode(const Stream& stream, std::span<const std::byte> from, std::span<std::byte> to) {
   const auto* bytes = reinterpret_cast<const unsigned char*>(from.data());
   switch (stream.mode) {
-    case Mode::kAttributes:
+    case MeshoptMode::kAttributes:
       return meshopt_decodeVertexBuffer(to.data(), stream.count, stream.stride, bytes, from.size());
-    case Mode::kTriangles:
+    case MeshoptMode::kTriangles:
       return meshopt_decodeIndexBuffer(to.data(), stream.count, stream.stride, bytes, from.size());
     default:
       return meshopt_decodeIndexSequence(to.data(), stream.count, stream.stride, bytes, from.size());
@@ -90,7 +90,7 @@ void Unfilter(const Stream& stream, std::span<std::byte> bytes) {
 class MeshoptView {
  public:
   MeshoptView(GltfDocument& document, uint64_t index)
-      : document_(document), name_(fmt::format("bufferViews[{}].extensions.{}", index, kExtension)) {}
+      : document_(document), name_(fmt::format("bufferViews[{}].extensions.{}", index, kMeshopt)) {}
 
   Result<uint64_t> Decode(const Json& view, const Json& extension) {
     QUARRY_ASSIGN(const Stream stream, Read(extension));
@@ -130,9 +130,9 @@ class MeshoptView {
     const std::string mode = extension.value("mode", "");
     if (mode != "ATTRIBUTES" && mode != "TRIANGLES" && mode != "INDICES")
       return FailAt(fmt::format("the mode {} is none", Quoted(mode)));
-    stream.mode = mode == "ATTRIBUTES"  ? Mode::kAttributes
-                  : mode == "TRIANGLES" ? Mode::kTriangles
-                                        : Mode::kIndices;
+    stream.mode = mode == "ATTRIBUTES"  ? MeshoptMode::kAttributes
+                  : mode == "TRIANGLES" ? MeshoptMode::kTriangles
+                                        : MeshoptMode::kIndices;
     stream.filter = extension.value("filter", "NONE");
     if (const std::string fault = Fault(stream); !fault.empty()) return FailAt("has " + fault);
     // Errors: the bytes are not all there.
@@ -156,7 +156,7 @@ class MeshoptView {
       return FailAt(
           fmt::format("is of version {} of the codec, which is not read; export the model with {} or "
                       "without compression",
-                      first & kVersion, kExtension));
+                      first & kVersion, kMeshopt));
     return FailAt("its bytes are damaged; export the model again");
   }
 
@@ -168,10 +168,10 @@ class MeshoptView {
 
 Result<std::optional<uint64_t>> DecodeMeshoptView(GltfDocument& document, uint64_t index, const Json& view) {
   const Json& extensions = Member(view, "extensions");
-  if (!extensions.contains(kExtension)) return std::optional<uint64_t>();
+  if (!extensions.contains(kMeshopt)) return std::optional<uint64_t>();
   if (const auto decoded = document.decoded().FindView(index)) return decoded;
   QUARRY_ASSIGN(const uint64_t offset,
-                MeshoptView(document, index).Decode(view, Member(extensions, kExtension)));
+                MeshoptView(document, index).Decode(view, Member(extensions, kMeshopt)));
   document.decoded().NoteView(index, offset);
   return std::optional(offset);
 }

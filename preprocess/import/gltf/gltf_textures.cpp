@@ -31,7 +31,7 @@ Result<TextureWrap> WrapOf(const GltfDocument& document, const Json& sampler, co
 
 /// KHR_texture_transform: scales, rotates counter-clockwise as seen in the image, then translates. The
 /// specification's text, its test model and renderers agree on the direction; its GLSL rotates the other way.
-bool ReadTransform(const Json& transform, std::array<float, 6>& out) {
+bool ReadTextureTransform(const Json& transform, std::array<float, 6>& out) {
   glm::dvec2 offset(0), scale(1);
   ReadNumbers(transform, "offset", 2, offset);
   ReadNumbers(transform, "scale", 2, scale);
@@ -132,7 +132,7 @@ Result<uint64_t> GltfTextures::Complete(const Json& info, const std::string& mat
   QUARRY_ASSIGN(const Sampled sampled, Find(texture));
   binding.wrap_s = sampled.wrap_s;
   binding.wrap_t = sampled.wrap_t;
-  if (!ReadTransform(transform, binding.transform))
+  if (!ReadTextureTransform(transform, binding.transform))
     return document_.FailAt(
         "a KHR_texture_transform holds numbers that cannot be; the material does without");
   return sampled.image;

@@ -20,7 +20,7 @@ int HexDigit(char c) {
   return -1;
 }
 
-std::string PercentDecoded(std::string_view text) {
+std::string PartNameDecoded(std::string_view text) {
   std::string out;
   for (size_t i = 0; i < text.size(); ++i) {
     const int high = text[i] == '%' && i + 2 < text.size() ? HexDigit(text[i + 1]) : -1;
@@ -79,7 +79,7 @@ std::optional<uint64_t> FindPart(const ZipArchive& archive, std::string_view tar
   std::string backslashes = name;
   std::ranges::replace(backslashes, '/', '\\');
   // The last two are of writers that do not keep to zip's rules.
-  for (const std::string& spelling : {name, PercentDecoded(name), backslashes, "/" + name})
+  for (const std::string& spelling : {name, PartNameDecoded(name), backslashes, "/" + name})
     if (const std::optional<uint64_t> part = archive.Find(spelling)) return part;
   return std::nullopt;
 }

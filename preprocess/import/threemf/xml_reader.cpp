@@ -15,7 +15,7 @@ namespace {
 constexpr char kSeparator = '|';  // between a namespace's address and a name
 constexpr size_t kMostMemory = 16 << 20;
 constexpr int kMostDepth = 100;
-constexpr int kPieceBytes = 1 << 16;
+constexpr int kXmlPieceBytes = 1 << 16;
 
 /// Bytes that this thread's parser holds. Expat's allocator has no argument of the caller's.
 thread_local size_t held_bytes = 0;
@@ -83,9 +83,9 @@ class Reading {
 
   Status Run(const std::function<void(uint64_t)>& told) {
     for (bool last = false; !last;) {
-      void* const room = XML_GetBuffer(parser_.get(), kPieceBytes);
+      void* const room = XML_GetBuffer(parser_.get(), kXmlPieceBytes);
       if (room == nullptr) return Wrong();
-      QUARRY_ASSIGN(const size_t got, archive_.Read({static_cast<char*>(room), size_t{kPieceBytes}}));
+      QUARRY_ASSIGN(const size_t got, archive_.Read({static_cast<char*>(room), size_t{kXmlPieceBytes}}));
       last = got == 0;
       const XML_Status parsed = XML_ParseBuffer(parser_.get(), static_cast<int>(got), last);
       if (thrown_) std::rethrow_exception(thrown_);

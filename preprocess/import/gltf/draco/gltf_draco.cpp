@@ -15,8 +15,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr const char* kExtension = "KHR_draco_mesh_compression";
-enum Mode : uint64_t { kTriangles = 4, kStrip = 5 };
+constexpr const char* kDraco = "KHR_draco_mesh_compression";
 
 /// Whether an attribute is one that is read.
 bool IsRead(const std::string& name) {
@@ -37,17 +36,17 @@ bool GltfDraco::HasOwnPositions(const Json& primitive) const {
 
 Result<const DracoMesh*> GltfDraco::Find(const Json& primitive, const std::string& mesh) {
   const Json& extensions = Member(primitive, "extensions");
-  if (!extensions.contains(kExtension)) return nullptr;
+  if (!extensions.contains(kDraco)) return nullptr;
   if (const auto found = meshes_.find(&primitive); found != meshes_.end()) return &found->second;
-  if (!RequiresExtension(document_, kExtension) && HasOwnPositions(primitive)) return nullptr;
-  QUARRY_ASSIGN(DracoMesh decoded, Decode(primitive, Member(extensions, kExtension), mesh));
+  if (!RequiresExtension(document_, kDraco) && HasOwnPositions(primitive)) return nullptr;
+  QUARRY_ASSIGN(DracoMesh decoded, Decode(primitive, Member(extensions, kDraco), mesh));
   return &meshes_.emplace(&primitive, std::move(decoded)).first->second;
 }
 
 Result<DracoMesh> GltfDraco::Decode(const Json& primitive, const Json& extension, const std::string& mesh) {
-  const std::string where = fmt::format("a primitive of {}.{}", mesh, kExtension);
-  QUARRY_ASSIGN(const uint64_t mode, document_.Unsigned(primitive, mesh, "mode", kTriangles));
-  if (mode != kTriangles && mode != kStrip)
+  const std::string where = fmt::format("a primitive of {}.{}", mesh, kDraco);
+  QUARRY_ASSIGN(const uint64_t mode, document_.Unsigned(primitive, mesh, "mode", GltfMode::kTriangles));
+  if (mode != GltfMode::kTriangles && mode != GltfMode::kStrip)
     return document_.FailAt(fmt::format("{}: is not allowed for the mode {}", where, mode));
   QUARRY_ASSIGN(const uint64_t view_index, document_.Unsigned(extension, where, "bufferView"));
   QUARRY_ASSIGN(const Json* view, document_.Find("bufferViews", view_index));
