@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "common/engine/integrators/scatter_packet.h"
 #include "common/engine/rays/ray_batch.h"
@@ -14,6 +15,15 @@ namespace quarry {
 
 class PendingRays;
 class TileFilm;
+
+/// Resizes memory of a tile, and gives it back if nothing is left.
+template <class T>
+void Fit(std::vector<T>& values, size_t count) {
+  if (count == 0)
+    values = {};
+  else
+    values.resize(count);
+}
 
 /// Memory for what a stage gathers; packets use it one after the other.
 struct Scratch {

@@ -15,15 +15,6 @@ namespace quarry {
 
 namespace {
 
-/// Resizes, and gives the memory back if nothing is left.
-template <class T>
-void Fit(std::vector<T>& values, size_t count) {
-  if (count == 0)
-    values = {};
-  else
-    values.resize(count);
-}
-
 /// Sets the layers of a pixel by its sample 0.
 void WriteLayers(PacketWork& work, uint32_t lane) {
   const SamplePacket& s = work.samples;

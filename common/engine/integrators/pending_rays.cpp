@@ -4,18 +4,6 @@
 #include "common/engine/rays/lanes.h"
 
 namespace quarry {
-namespace {
-
-/// Resizes, and gives the memory back if nothing is left.
-template <class T>
-void Fit(std::vector<T>& values, size_t count) {
-  if (count == 0)
-    values = {};
-  else
-    values.resize(count);
-}
-
-}  // namespace
 
 void PendingRays::Open(uint32_t packets, uint32_t per_sample, bool cones) {
   per_sample_ = per_sample;
