@@ -13,7 +13,7 @@ class Conduct {
   /// worker is doubtful (it gets one tile at a time) and mute (it is dropped). A tile that takes every worker
   /// long makes no worker mute. Trades the loss of a worker that still computes against a frame that waits
   /// for a worker that does not. A judgement: a tile takes seconds at most with cold caches on a slow link,
-  /// and a dropped worker joins again. Stated in PROTOCOL.md; tests/unit/dispatcher_test.cpp.
+  /// and a dropped worker joins again. Stated in PROTOCOL.md; tests/unit/master/schedule/dispatcher_test.cpp.
   static constexpr double kDoubtfulS = 5, kMuteS = 20;
   /// Seconds of holding tiles without an answer before a worker counts as quiet. Trades the wait for a
   /// silent worker against tiles that are taken from a slow one and loaded twice: with cold caches and a slow
