@@ -33,6 +33,7 @@ MUST_NOT = [
     ("master/schedule/", r"boost/|common/net/|master/(?!(pictures|schedule)/)|master/pictures/image_output", "the schedule is pure: no sockets, no files, no jobs, no viewer"),
     ("master/jobs/", r"master/display/", "jobs know no viewer"),
     ("master/display/(live_picture|view_pacer|picker|viewer_message|live_stats|welcome)", r"common/http/http|common/net/|boost/", "what a viewer sees is decided without sockets"),
+    ("preprocess/(build_stage|import_stage|estimate/)", r"preprocess/preprocess\.h", "stages know nothing of the run around them"),
     ("preprocess/import/", r"preprocess/(ingest|spill|partition|estimate|texture)/", "importers know only their sink"),
     ("preprocess/spill/", r"preprocess/(ingest|partition|smooth|estimate|texture)/", "spilling knows nothing of its users"),
     ("preprocess/partition/", r"preprocess/(import|ingest|smooth|estimate|texture)/", "partitioning starts from spilled triangles"),

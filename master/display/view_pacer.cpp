@@ -39,15 +39,30 @@ uint64_t PointsOf(const View& view, uint32_t step) {
   return uint64_t{(view.width + step - 1) / step} * ((view.height + step - 1) / step);
 }
 
+/// The exposure by the pixels at hand that are covered, of which those in the background's colour count as no
+/// surface.
+double GuessExposure(const LivePicture& picture, const View& view) {
+  const uint32_t background = PackShared(view.background);
+  std::vector<MeteredPoint> points;
+  std::vector<uint32_t> colored;
+  std::ranges::copy_if(picture.codes(), std::back_inserter(colored),
+                       [](uint32_t code) { return code < kUncovered; });
+  for (size_t i = 0; i < colored.size(); i += 1 + colored.size() / kGuessPoints) {
+    const glm::vec3 color = UnpackShared(colored[i]);
+    points.push_back({0.2126f * color.x + 0.7152f * color.y + 0.0722f * color.z,
+                      std::max({color.x, color.y, color.z}), colored[i] != background});
+  }
+  return ExposureFor(points);
+}
+
 }  // namespace
 
 ViewPacer::~ViewPacer() { dispatcher_.RemoveViewer(viewer_); }
 
 void ViewPacer::Want(WantedView wanted, double now_s) {
   rest_s_ = now_s + (wanted.moving ? kRestS : 0);
-  if (!frame_ || wanted.view != wanted_.view) {
-    pending_ = std::move(wanted);
-    pending_s_ = now_s;
+  if (stage_ == Stage::kNone || wanted.view != wanted_.view) {
+    pending_ = Pending{std::move(wanted), now_s};
     return;
   }
   // The same rays: at most it is shown otherwise.
@@ -57,62 +72,171 @@ void ViewPacer::Want(WantedView wanted, double now_s) {
   // Who asks again at rest is answered again, by the number of its input.
   if (!other_exposure && (wanted_.moving || stage_ != Stage::kExact)) return;
   picture_.Renew();
-  exact_sent_ = false;
-  if (stage_ == Stage::kExact) stage_ = Stage::kSamples;  // whose exposure may be missing
+  sent_.exact = false;
+  if (stage_ == Stage::kExact) Enter(Stage::kSamples, now_s);  // whose exposure may be missing
 }
 
 void ViewPacer::Set(const ViewSettings& settings) {
   const bool tells_more = settings.owners && !settings_.owners;
   settings_ = settings;
-  if (!tells_more || !frame_) return;
+  if (!tells_more || stage_ == Stage::kNone) return;
   picture_.Renew();
-  exact_sent_ = false;
+  sent_.exact = false;
 }
 
 void ViewPacer::Acknowledged() {
   if (under_way_ > 0) --under_way_;
 }
 
+bool ViewPacer::Take(const LiveTile& tile, std::span<const std::byte> pixels, double now_s) {
+  if (exposure_.meter && tile.frame == *exposure_.meter) {
+    AddMeteredPoints(pixels, materials_, exposure_.points);
+    if (dispatcher_.Wants(*exposure_.meter, LiveUrgency::kAnswer)) return true;
+    dispatcher_.End(*std::exchange(exposure_.meter, std::nullopt));
+    exposure_.own = exposure_.last = ExposureFor(exposure_.points);
+    exposure_.last_mode = wanted_.view.mode;
+    picture_.Renew();
+    return true;
+  }
+  if (stage_ == Stage::kNone || tile.frame != frame_) return false;
+  traced_s_ = now_s;
+  if (tile.area.form == PixelForm::kShown) {
+    picture_.PutShown(tile.area, pixels);
+    if (picture_.Waits(tile.area)) holes_.tiles.push_back(tile.area);
+    if (stage_ == Stage::kLattice && tile.area.step == lattice_.step)
+      lattice_.owners.push_back({tile.area.pixels, tile.worker});
+  } else {
+    picture_.PutSums(tile.area, pixels);
+  }
+  return true;
+}
+
+std::optional<DueFrame> ViewPacer::Step(double now_s) {
+  due_s_ = kNever;
+  if (stage_ != Stage::kNone) Advance(now_s);
+  auto due = MakeDue(now_s);
+  if (pending_ && MayBegin(now_s)) Begin(now_s);
+  return due;
+}
+
+// --- Stages
+
+/// Goes through the stages as far as tiles are done, and orders what the last of them traces.
+void ViewPacer::Advance(double now_s) {
+  for (;;) {
+    if (stage_ != Stage::kLattice) {
+      if (under_way_ >= kMostUnderWay) return;
+      // Early: until then a view is exposed as the one before was.
+      if (stage_ == Stage::kSamples || (now_s >= rest_s_ && !pending_)) Meter();
+    }
+    Note(now_s);
+    const Stage next = Next(now_s);
+    if (next == stage_) return Order(now_s);
+    Enter(next, now_s);
+  }
+}
+
+/// Notes what the tiles that are done have brought.
+void ViewPacer::Note(double now_s) {
+  if (stage_ == Stage::kRefine && lattice_.refining != 0 && !dispatcher_.Wants(frame_, LiveUrgency::kMotion))
+    lattice_.step = std::exchange(lattice_.refining, 0);
+  if (stage_ == Stage::kFill && picture_.waiting() < holes_.fewest) {
+    holes_.fewest = picture_.waiting();
+    holes_.fewer_s = now_s;
+  }
+}
+
+/// The stage that the view is in from now on: the present one, or the next.
+ViewPacer::Stage ViewPacer::Next(double now_s) const {
+  const bool rests = now_s >= rest_s_;
+  switch (stage_) {
+    case Stage::kLattice:
+      return dispatcher_.Wants(frame_, LiveUrgency::kMotion) ? Stage::kLattice : Stage::kRefine;
+    case Stage::kRefine: {
+      const bool locked = settings_.step != 0 && !rests;
+      if (locked || dispatcher_.Wants(frame_, LiveUrgency::kMotion)) return Stage::kRefine;
+      // The exact pass brings the pixels between, too.
+      const bool fine = rests && !pending_ && lattice_.step <= kRestStep && picture_.waiting() == 0;
+      return fine || lattice_.step == 1 ? Stage::kFill : Stage::kRefine;
+    }
+    case Stage::kFill: {
+      const bool filled =
+          picture_.waiting() == 0 || now_s - holes_.fewer_s > kStuckS || now_s - rest_s_ > kMostFillS;
+      return filled && rests ? Stage::kSamples : Stage::kFill;
+    }
+    case Stage::kSamples: {
+      const bool all = picture_.samples() == wanted_.view.spp && !exposure_.meter &&
+                       !dispatcher_.Wants(frame_, LiveUrgency::kRest);
+      return all ? Stage::kExact : Stage::kSamples;
+    }
+    case Stage::kNone:
+    case Stage::kExact:
+      break;  // Want() leads on
+  }
+  return stage_;
+}
+
+/// The only place where a stage begins.
+void ViewPacer::Enter(Stage stage, double now_s) {
+  stage_ = stage;
+  if (stage == Stage::kLattice) {
+    const uint32_t step = ChooseStep();
+    lattice_ = {.step = step, .first_step = step};
+    holes_.tiles.clear();
+    TraceLattice(step, 0, 0, LiveUrgency::kMotion);
+  }
+  if (stage == Stage::kRefine) {
+    NoteTime(traced_s_ - begun_s_, PointsOf(wanted_.view, lattice_.step));
+    holes_.fewest = picture_.pixels();
+    holes_.fewer_s = now_s;
+  }
+}
+
+/// Orders what the stage traces next.
+void ViewPacer::Order(double now_s) {
+  if (stage_ == Stage::kLattice) Hurry(now_s);
+  if (stage_ == Stage::kRefine) Refine(now_s);
+  if (stage_ == Stage::kFill) Fill(now_s);
+  if (stage_ == Stage::kSamples) TraceSamples();
+}
+
+// --- What is traced
+
 bool ViewPacer::MayBegin(double now_s) {
-  if (under_way_ >= kMostUnderWay || (frame_ && !sent_)) return false;
+  if (stage_ == Stage::kNone) return under_way_ < kMostUnderWay;
+  if (under_way_ >= kMostUnderWay || !sent_.any) return false;
   const double begins_s = begun_s_ + 1 / settings_.frame_rate - 1e-3;
-  if (!frame_ || now_s >= begins_s) return true;
+  if (now_s >= begins_s) return true;
   Wake(begins_s);
   return false;
 }
 
 void ViewPacer::Begin(double now_s) {
-  if (frame_) {
+  if (stage_ != Stage::kNone) {
     if (stage_ == Stage::kLattice) NoteTime(now_s - begun_s_, picture_.traced() + picture_.waiting());
-    dispatcher_.End(*frame_);
+    dispatcher_.End(frame_);
     abandoned_ += stage_ != Stage::kExact;
   }
-  if (meter_) dispatcher_.End(*std::exchange(meter_, std::nullopt));
-  if (wanted_.view.mode != pending_->view.mode) {
-    guess_.reset();
-    guessed_from_ = 0;
+  if (exposure_.meter) dispatcher_.End(*std::exchange(exposure_.meter, std::nullopt));
+  if (wanted_.view.mode != pending_->wanted.view.mode) {
+    exposure_.guess.reset();
+    exposure_.guessed_from = 0;
   }
-  wanted_ = *std::exchange(pending_, std::nullopt);
+  exposure_.own.reset();
+  came_s_ = pending_->came_s;
+  wanted_ = std::exchange(pending_, std::nullopt)->wanted;
   frame_ = dispatcher_.Begin(viewer_, wanted_.view);
   picture_.Open(wanted_.view.width, wanted_.view.height);
-  own_.reset();
-  owners_.clear();
-  holed_.clear();
-  sent_ = exact_sent_ = false;
-  came_s_ = pending_s_;
+  sent_.any = sent_.exact = false;
   begun_s_ = traced_s_ = now_s;
-  stage_ = Stage::kLattice;
-  refining_ = 0;
-  coarse_asked_ = false;
-  step_ = first_step_ = ChooseStep();
-  TraceLattice(step_, 0, 0, LiveUrgency::kMotion);
+  Enter(Stage::kLattice, now_s);
 }
 
 uint32_t ViewPacer::ChooseStep() const {
   if (settings_.step != 0) return settings_.step;
   if (point_s_ == 0) return kCoarsest;
   for (uint32_t step = 1; step < kCoarsest; step *= 2) {
-    const double share = step < first_step_ ? kFinerShare : kShare;
+    const double share = step < lattice_.first_step ? kFinerShare : kShare;
     const double lattice_s = kLatticeS + static_cast<double>(PointsOf(wanted_.view, step)) * point_s_;
     if (lattice_s <= share / settings_.frame_rate) return step;
   }
@@ -133,148 +257,81 @@ void ViewPacer::TraceLattice(uint32_t step, uint32_t phase_x, uint32_t phase_y, 
   area.samples = 1;
   area.form = PixelForm::kShown;
   area.leaves_holes = !settings_.wait;
-  dispatcher_.Trace(*frame_, area, urgency);
+  dispatcher_.Trace(frame_, area, urgency);
 }
 
 /// Asks for the coarsest lattice, before all other tiles, where the first lattice is late: tiles here and
 /// there say less than a coarse picture of all.
 void ViewPacer::Hurry(double now_s) {
-  if (coarse_asked_ || settings_.wait || stage_ != Stage::kLattice || step_ == kCoarsest) return;
+  if (lattice_.coarse_asked || settings_.wait || lattice_.step == kCoarsest) return;
   if (now_s < begun_s_ + kPatienceS) return Wake(begun_s_ + kPatienceS);
-  coarse_asked_ = true;
+  lattice_.coarse_asked = true;
   TraceLattice(kCoarsest, 0, 0, LiveUrgency::kAnswer);
 }
 
-bool ViewPacer::Take(const LiveTile& tile, std::span<const std::byte> pixels, double now_s) {
-  if (meter_ && tile.frame == *meter_) {
-    AddMeteredPoints(pixels, materials_, metered_);
-    if (dispatcher_.Wants(*meter_, LiveUrgency::kAnswer)) return true;
-    dispatcher_.End(*std::exchange(meter_, std::nullopt));
-    own_ = exposure_ = ExposureFor(metered_);
-    exposed_mode_ = wanted_.view.mode;
-    picture_.Renew();
-    return true;
-  }
-  if (!frame_ || tile.frame != *frame_) return false;
-  traced_s_ = now_s;
-  if (tile.area.form == PixelForm::kShown) {
-    picture_.PutShown(tile.area, pixels);
-    if (picture_.Waits(tile.area)) holed_.push_back(tile.area);
-    if (stage_ == Stage::kLattice && tile.area.step == step_)
-      owners_.push_back({tile.area.pixels, tile.worker});
-  } else {
-    picture_.PutSums(tile.area, pixels);
-  }
-  return true;
-}
-
-std::optional<DueFrame> ViewPacer::Step(double now_s) {
-  due_s_ = kNever;
-  if (frame_) Advance(now_s);
-  auto due = MakeDue(now_s);
-  if (pending_ && MayBegin(now_s)) Begin(now_s);
-  return due;
-}
-
-/// Goes through the stages as far as tiles are done.
-void ViewPacer::Advance(double now_s) {
-  if (stage_ == Stage::kLattice) {
-    if (dispatcher_.Wants(*frame_, LiveUrgency::kMotion)) return Hurry(now_s);
-    NoteTime(traced_s_ - begun_s_, PointsOf(wanted_.view, step_));
-    stage_ = Stage::kRefine;
-    fewest_waiting_ = picture_.pixels();
-    fewer_s_ = now_s;
-  }
-  if (under_way_ >= kMostUnderWay) return;
-  // Early: until then a view is exposed as the one before was.
-  if (now_s >= rest_s_ && !pending_) Meter();
-  if (stage_ == Stage::kRefine) Refine(now_s);
-  if (stage_ == Stage::kFill) Fill(now_s);
-  if (stage_ == Stage::kSamples) NextSamples();
-}
-
+/// Asks for the points between those of the finest lattice, unless they are under way.
 void ViewPacer::Refine(double now_s) {
-  if (dispatcher_.Wants(*frame_, LiveUrgency::kMotion)) return;
-  if (refining_ != 0) step_ = std::exchange(refining_, 0);
-  const bool rests = now_s >= rest_s_ && !pending_;
+  if (dispatcher_.Wants(frame_, LiveUrgency::kMotion)) return;
   if (settings_.step != 0 && now_s < rest_s_) return Wake(rest_s_);  // in motion the step is locked
-  if (step_ == 1 || (rests && step_ <= kRestStep && picture_.waiting() == 0)) {
-    stage_ = Stage::kFill;  // the exact pass brings the pixels between, too
-    return;
-  }
-  refining_ = step_ / 2;
-  for (const auto& [x, y] : {std::pair{refining_, 0u}, {0u, refining_}, {refining_, refining_}})
-    TraceLattice(step_, x, y, LiveUrgency::kMotion);
+  const uint32_t half = lattice_.step / 2;
+  lattice_.refining = half;
+  for (const auto& [x, y] : {std::pair{half, 0u}, {0u, half}, {half, half}})
+    TraceLattice(lattice_.step, x, y, LiveUrgency::kMotion);
 }
 
-/// Traces tiles with waiting pixels again, until rest begins and none waits.
+/// Traces tiles with waiting pixels again.
 void ViewPacer::Fill(double now_s) {
-  if (picture_.waiting() < fewest_waiting_) {
-    fewest_waiting_ = picture_.waiting();
-    fewer_s_ = now_s;
-  }
-  const bool filled = picture_.waiting() == 0 || now_s - fewer_s_ > kStuckS || now_s - rest_s_ > kMostFillS;
-  if (filled && now_s >= rest_s_) {
-    stage_ = Stage::kSamples;
-    return;
-  }
   if (now_s < rest_s_) Wake(rest_s_);
-  if (picture_.waiting() == 0 || dispatcher_.Wants(*frame_, LiveUrgency::kMotion)) return;
-  if (now_s < refill_s_) return Wake(refill_s_);
-  refill_s_ = now_s + kRefillS;
-  Wake(refill_s_);
-  for (const Tile& tile : std::exchange(holed_, {}))
-    if (picture_.Waits(tile)) dispatcher_.Trace(*frame_, tile, LiveUrgency::kMotion);
+  if (picture_.waiting() == 0 || dispatcher_.Wants(frame_, LiveUrgency::kMotion)) return;
+  if (now_s < holes_.refill_s) return Wake(holes_.refill_s);
+  holes_.refill_s = now_s + kRefillS;
+  Wake(holes_.refill_s);
+  for (const Tile& tile : std::exchange(holes_.tiles, {}))
+    if (picture_.Waits(tile)) dispatcher_.Trace(frame_, tile, LiveUrgency::kMotion);
 }
 
 void ViewPacer::Meter() {
-  if (meter_ || own_ || wanted_.exposure || !InfoOf(wanted_.view.mode).metered) return;
+  if (exposure_.meter || exposure_.own || wanted_.exposure || !InfoOf(wanted_.view.mode).metered) return;
   const View view = MeteredView(wanted_.view);
-  metered_.clear();
-  meter_ = dispatcher_.Begin(viewer_, view);
-  dispatcher_.Trace(*meter_, MeteredTile(view), LiveUrgency::kAnswer);
+  exposure_.points.clear();
+  exposure_.meter = dispatcher_.Begin(viewer_, view);
+  dispatcher_.Trace(*exposure_.meter, MeteredTile(view), LiveUrgency::kAnswer);
 }
 
 /// One sample first, then three times as many as there are: few ranges, and something to see early.
-void ViewPacer::NextSamples() {
-  Meter();
-  if (dispatcher_.Wants(*frame_, LiveUrgency::kRest)) return;
+void ViewPacer::TraceSamples() {
   const uint32_t have = picture_.samples(), all = wanted_.view.spp;
-  if (have == all) {
-    if (!meter_) stage_ = Stage::kExact;
-    return;
-  }
+  if (have == all || dispatcher_.Wants(frame_, LiveUrgency::kRest)) return;
   Tile area{wanted_.view.crop};
   area.first_sample = have;
   area.samples = std::min({std::max(1u, 3 * have), dispatcher_.SamplesAtOnce(viewer_), all - have});
   area.form = PixelForm::kSums;
-  dispatcher_.Trace(*frame_, area, LiveUrgency::kRest);
+  dispatcher_.Trace(frame_, area, LiveUrgency::kRest);
 }
+
+// --- What is sent
 
 /// Whether the frame may be sent now.
 bool ViewPacer::IsDue(double now_s) {
-  if (!frame_ || under_way_ >= kMostUnderWay) return false;
-  if (stage_ == Stage::kExact) return !exact_sent_;
+  if (stage_ == Stage::kNone || under_way_ >= kMostUnderWay) return false;
+  if (stage_ == Stage::kExact) return !sent_.exact;
   if (!picture_.has_news()) return false;
-  if (!sent_) {
-    // A lattice is shown whole, its holes for absent blocks included.
-    return stage_ != Stage::kLattice || (HasCoarse() && picture_.traced() > 0);
+  if (!sent_.any) {
+    if (stage_ != Stage::kLattice) return true;
+    // A lattice is shown whole, its holes for absent blocks included: the coarsest one, where it was asked
+    // for.
+    return lattice_.coarse_asked && !dispatcher_.Wants(frame_, LiveUrgency::kAnswer) && picture_.traced() > 0;
   }
-  const double next_s = sent_s_ + (stage_ == Stage::kSamples ? kSampledEveryS : kRefinedEveryS);
+  const double next_s = sent_.at_s + (stage_ == Stage::kSamples ? kSampledEveryS : kRefinedEveryS);
   if (now_s >= next_s) return true;
   return Wake(next_s), false;
-}
-
-/// Whether the coarsest lattice, which was asked for since the first one is late, is complete.
-bool ViewPacer::HasCoarse() const {
-  return coarse_asked_ && !dispatcher_.Wants(*frame_, LiveUrgency::kAnswer);
 }
 
 std::optional<DueFrame> ViewPacer::MakeDue(double now_s) {
   if (!IsDue(now_s)) return std::nullopt;
   DueFrame due;
   due.wanted = wanted_;
-  due.step = picture_.samples() > 0 ? 1 : stage_ == Stage::kLattice ? kCoarsest : step_;
+  due.step = picture_.samples() > 0 ? 1 : stage_ == Stage::kLattice ? kCoarsest : lattice_.step;
   due.scale = stage_ == Stage::kSamples ? 1 : due.step;  // finished tiles show all their pixels
   due.traced = picture_.traced();
   due.waiting = picture_.waiting();
@@ -285,14 +342,14 @@ std::optional<DueFrame> ViewPacer::MakeDue(double now_s) {
   due.in_motion = now_s < rest_s_ || pending_.has_value();
   if (stage_ == Stage::kExact) {
     due.exact = picture_.Means();
-    exact_sent_ = true;
+    sent_.exact = true;
   } else {
-    if (!sent_) picture_.Renew();
+    if (!sent_.any) picture_.Renew();
     due.rows = picture_.TakeNews();
   }
-  if (settings_.owners) due.owners = owners_;
-  sent_ = true;
-  sent_s_ = now_s;
+  if (settings_.owners) due.owners = lattice_.owners;
+  sent_.any = true;
+  sent_.at_s = now_s;
   ++under_way_;
   return due;
 }
@@ -300,30 +357,14 @@ std::optional<DueFrame> ViewPacer::MakeDue(double now_s) {
 double ViewPacer::ExposureNow() {
   if (wanted_.exposure) return *wanted_.exposure;
   if (!InfoOf(wanted_.view.mode).metered) return 0;
-  if (own_) return *own_;
-  if (exposure_ && exposed_mode_ == wanted_.view.mode) return *exposure_;
+  if (exposure_.own) return *exposure_.own;
+  if (exposure_.last && exposure_.last_mode == wanted_.view.mode) return *exposure_.last;
   // A guess from few pixels is made again.
-  if (!guess_ || picture_.traced() > 2 * guessed_from_) {
-    guess_ = GuessExposure();
-    guessed_from_ = std::max<uint64_t>(picture_.traced(), guessed_from_);
+  if (!exposure_.guess || picture_.traced() > 2 * exposure_.guessed_from) {
+    exposure_.guess = GuessExposure(picture_, wanted_.view);
+    exposure_.guessed_from = std::max<uint64_t>(picture_.traced(), exposure_.guessed_from);
   }
-  return *guess_;
-}
-
-/// The exposure by the pixels at hand that are covered, of which those in the background's colour count as no
-/// surface.
-double ViewPacer::GuessExposure() const {
-  const uint32_t background = PackShared(wanted_.view.background);
-  std::vector<MeteredPoint> points;
-  const auto& codes = picture_.codes();
-  std::vector<uint32_t> colored;
-  std::ranges::copy_if(codes, std::back_inserter(colored), [](uint32_t code) { return code < kUncovered; });
-  for (size_t i = 0; i < colored.size(); i += 1 + colored.size() / kGuessPoints) {
-    const glm::vec3 color = UnpackShared(colored[i]);
-    points.push_back({0.2126f * color.x + 0.7152f * color.y + 0.0722f * color.z,
-                      std::max({color.x, color.y, color.z}), colored[i] != background});
-  }
-  return ExposureFor(points);
+  return *exposure_.guess;
 }
 
 }  // namespace quarry

@@ -93,59 +93,104 @@ class ViewPacer {
   /// Views that were overtaken before they were exact.
   uint64_t abandoned() const { return abandoned_; }
   /// The view that is traced, or null.
-  const WantedView* current() const { return frame_ ? &wanted_ : nullptr; }
+  const WantedView* current() const { return stage_ != Stage::kNone ? &wanted_ : nullptr; }
 
  private:
-  enum class Stage { kLattice, kRefine, kFill, kSamples, kExact };
+  /// Stages of the view that is traced. Next() has the conditions of the arrows downwards.
+  ///
+  ///     kNone
+  ///       |  a view begins, as it may in every stage: Begin()
+  ///       v
+  ///     kLattice     the first lattice of sample 0 and, where it is late, the coarsest one
+  ///       |  it is complete
+  ///       v
+  ///     kRefine      lattices of half the step, one after the other
+  ///       |  each pixel is traced; or the view rests, and a step that is fine enough has no hole
+  ///       v
+  ///     kFill        pixels that wait for blocks, again and again
+  ///       |  the view rests, and no pixel waits or holes do not close
+  ///       v
+  ///     kSamples <------------------------------+   ranges of samples, as exact sums
+  ///       |  all are there, the exposure too    |
+  ///       v                                     |
+  ///     kExact ---------------------------------+   the picture of `quarry render --view`, sent once
+  ///                the view is wanted again: Want()
+  enum class Stage { kNone, kLattice, kRefine, kFill, kSamples, kExact };
+  // Stages
+  void Advance(double now_s);
+  void Note(double now_s);
+  Stage Next(double now_s) const;
+  void Enter(Stage stage, double now_s);
+  void Order(double now_s);
+  // What is traced
   bool MayBegin(double now_s);
   void Begin(double now_s);
-  void TraceLattice(uint32_t step, uint32_t phase_x, uint32_t phase_y, LiveUrgency urgency);
-  void Hurry(double now_s);
-  bool HasCoarse() const;
   uint32_t ChooseStep() const;
   void NoteTime(double seconds, uint64_t points);
-  void Advance(double now_s);
+  void TraceLattice(uint32_t step, uint32_t phase_x, uint32_t phase_y, LiveUrgency urgency);
+  void Hurry(double now_s);
   void Refine(double now_s);
   void Fill(double now_s);
   void Meter();
-  void NextSamples();
+  void TraceSamples();
+  // What is sent
   bool IsDue(double now_s);
   std::optional<DueFrame> MakeDue(double now_s);
-  double GuessExposure() const;
   double ExposureNow();
   void Wake(double at_s) { due_s_ = std::min(due_s_, at_s); }
 
+  /// A view that waits for its turn.
+  struct Pending {
+    WantedView wanted;
+    double came_s = 0;
+  };
+  /// Of kLattice and kRefine.
+  struct Lattice {
+    uint32_t step = 1;             ///< of the finest lattice that is complete, or of the first
+    uint32_t first_step = 4;       ///< of the lattice that came first
+    uint32_t refining = 0;         ///< step of the lattice under way after the first; 0: none
+    bool coarse_asked = false;     ///< the coarsest lattice, too, since the first one is late
+    std::vector<TracedBy> owners;  ///< of the first lattice's tiles
+  };
+  /// Of kFill; holes are noted from the first lattice on.
+  struct Holes {
+    std::vector<Tile> tiles;  ///< with waiting pixels
+    double refill_s = 0;      ///< when they may be traced again; goes on from view to view
+    uint64_t fewest = 0;      ///< waiting pixels so far
+    double fewer_s = 0;       ///< when they became as few
+  };
+  /// Frames that were sent of the view.
+  struct Sent {
+    bool any = false, exact = false;
+    double at_s = 0;  ///< the last one; goes on from view to view
+  };
+  /// The exposure of views. Metered for the view that is traced from rest on, until then of the view before.
+  struct Exposure {
+    std::optional<FrameId> meter;  ///< under way
+    std::vector<MeteredPoint> points;
+    std::optional<double> own;   ///< metered, of this view
+    std::optional<double> last;  ///< metered last
+    RenderMode last_mode = RenderMode::kAo;
+    std::optional<double> guess;  ///< before anything was metered
+    uint64_t guessed_from = 0;    ///< pixels
+  };
+
   LiveDispatcher& dispatcher_;
   const uint32_t viewer_;
-  ViewSettings settings_;
-  std::optional<WantedView> pending_;
-  double pending_s_ = 0;  ///< when it came
-
-  std::optional<FrameId> frame_;  ///< of `wanted_`
-  WantedView wanted_;
-  LivePicture picture_;
-  Stage stage_ = Stage::kLattice;
-  uint32_t step_ = 1;          ///< of the finest lattice that is complete, or of the first
-  uint32_t first_step_ = 4;    ///< of the lattice that came first
-  uint32_t refining_ = 0;      ///< step of the lattice under way; 0: none
-  bool coarse_asked_ = false;  ///< the coarsest lattice, too, since the first one is late
-  double came_s_ = 0, begun_s_ = 0, traced_s_ = 0, sent_s_ = 0;
-  double rest_s_ = 0;  ///< when rest begins
-  bool sent_ = false;  ///< a frame of this view has been sent
-  bool exact_sent_ = false;
-  std::vector<Tile> holed_;  ///< tiles with waiting pixels
-  double refill_s_ = 0, fewer_s_ = 0;
-  uint64_t fewest_waiting_ = 0;
-  std::vector<TracedBy> owners_;
-
-  std::optional<FrameId> meter_;
   const std::span<const Material> materials_;
-  std::vector<MeteredPoint> metered_;
-  std::optional<double> exposure_;  ///< metered last
-  std::optional<double> own_;       ///< metered, of this view
-  std::optional<double> guess_;     ///< before anything was metered
-  uint64_t guessed_from_ = 0;       ///< pixels
-  RenderMode exposed_mode_ = RenderMode::kAo;
+  ViewSettings settings_;
+  std::optional<Pending> pending_;
+  double rest_s_ = 0;  ///< when rest begins
+
+  Stage stage_ = Stage::kNone;
+  WantedView wanted_;  ///< the view that is traced
+  FrameId frame_ = 0;  ///< its frame; none in kNone
+  LivePicture picture_;
+  double came_s_ = 0, begun_s_ = 0, traced_s_ = 0;  ///< when it came, was begun, and got its last tile
+  Lattice lattice_;
+  Holes holes_;
+  Sent sent_;
+  Exposure exposure_;
 
   double point_s_ = 0;  ///< a lattice point's share of a complete lattice's time; 0: not known
   uint32_t under_way_ = 0;

@@ -44,9 +44,9 @@ std::string FrameStatistics(const ActiveFrame& frame, const FrameTimes& times,
   j["frame_start_s"] = times.start_s;
   j["first_tile_s"] = frame.first_tile_s() - times.start_s;
   j["tiles"] = frame.image().tiles().size();
-  j["rays"] = frame.rays();
-  j["rays_suspended"] = frame.rays_suspended();
-  j["leases_lost"] = frame.leases_lost();
+  j["rays"] = frame.counts().rays;
+  j["rays_suspended"] = frame.counts().rays_suspended;
+  j["leases_lost"] = frame.counts().leases_lost;
   j["voxel_bytes_served"] = times.voxel_bytes_served;
   j["master_peak_rss_bytes"] = PeakResidentBytes();
   j["workers"] = nlohmann::ordered_json::array();

@@ -51,8 +51,9 @@ void ActiveFrame::Foresee(const ActiveFrame* before) {
 
 std::vector<uint32_t> ActiveFrame::Holders() const {
   std::vector<uint32_t> holders = owners_;
-  for (const auto& [id, lease] : leases_)
-    if (holders[lease.tile] == kNoWorker) holders[lease.tile] = lease.worker;
+  leases_.ForEach([&](uint32_t tile, const TileLease& lease) {
+    if (holders[tile] == kNoWorker) holders[tile] = lease.worker;
+  });
   return holders;
 }
 
@@ -112,61 +113,47 @@ Snapshot ActiveFrame::MakeSnapshot(std::vector<WorkerView> workers, double now_s
     s.tiles[t].owner = plan_[t];
     s.tiles[t].cost_s = CostOf(t);
   }
-  for (const auto& [id, lease] : leases_) {
-    TileView& tile = s.tiles[lease.tile];
-    if (tile.holders++ > 0) tile.earlier_holders.push_back(tile.holder);
-    tile.holder = lease.worker;
-    tile.leased_at_s = lease.since_s;
-  }
+  leases_.ForEach([&](uint32_t tile, const TileLease&) { s.tiles[tile].held = true; });
+  s.leases = &leases_;
   return s;
 }
 
 TileOrder ActiveFrame::Lease(const Assignment& a, double now_s) {
-  const uint64_t lease = next_lease_++;
-  leases_[lease] = {a.tile, a.worker, now_s};
-  return {id_, a.tile, lease, {image_.tiles()[a.tile]}, {}, {}};
+  return {id_, a.tile, leases_.Give(a.tile, a.worker, now_s), {image_.tiles()[a.tile]}, {}, {}};
 }
 
 Result<bool> ActiveFrame::Finish(const TileDone& done, std::span<const std::byte> pixels, double now_s) {
-  const auto it = leases_.find(done.lease);
-  if (done.frame != id_ || it == leases_.end() || it->second.tile != done.tile) return false;
-  const LeaseRecord lease = it->second;
-  leases_.erase(it);
-  if (tile_done_[done.tile]) return false;
+  if (done.frame != id_) return false;
+  const auto lease = leases_.End(done.tile, done.lease);
+  if (!lease || tile_done_[done.tile]) return false;
   const PixelRect& tile = image_.tiles()[done.tile];
   if (done.depths.size() != size_t{DepthCells(tile.width)} * DepthCells(tile.height))
     return Fail("a tile came with more or fewer depths than it has cells");
   QUARRY_TRY(image_.Put(done.tile, pixels));
-  owners_[done.tile] = lease.worker;
+  owners_[done.tile] = lease->worker;
   tile_done_[done.tile] = true;
   if (tiles_done_++ == 0) first_tile_s_ = now_s;
-  tile_time_s_ += now_s - lease.since_s;
-  rays_ += done.rays;
-  rays_suspended_ += done.rays_suspended;
+  tile_time_s_ += now_s - lease->since_s;
+  counts_.rays += done.rays;
+  counts_.rays_suspended += done.rays_suspended;
   TileFootprint& trace = traces_[done.tile];
-  const double cost_s = std::min(static_cast<double>(done.compute_us) * 1e-6, now_s - lease.since_s);
+  const double cost_s = std::min(static_cast<double>(done.compute_us) * 1e-6, now_s - lease->since_s);
   trace = {{}, {}, done.depths, cost_s, true};
   traced_ += done.blocks.size();
   if (traced_ <= kMostTraced) trace.blocks = done.blocks;
   return true;
 }
 
-void ActiveFrame::Forget(uint32_t worker) {
-  leases_lost_ += std::erase_if(leases_, [&](const auto& entry) { return entry.second.worker == worker; });
-}
-
-void ActiveFrame::GiveBack(uint32_t worker, uint64_t lease) {
-  const auto it = leases_.find(lease);
-  if (it != leases_.end() && it->second.worker == worker) leases_.erase(it);
-}
+void ActiveFrame::Forget(uint32_t worker) { counts_.leases_lost += leases_.Forget(worker).size(); }
 
 void ActiveFrame::AddOutdone(std::set<uint32_t>& workers) const {
-  for (const auto& [id, lease] : leases_)
-    if (tile_done_[lease.tile]) workers.insert(lease.worker);
+  leases_.ForEach([&](uint32_t tile, const TileLease& lease) {
+    if (tile_done_[tile]) workers.insert(lease.worker);
+  });
 }
 
 void ActiveFrame::AddHeld(std::unordered_map<uint32_t, uint32_t>& held) const {
-  for (const auto& [id, lease] : leases_) ++held[lease.worker];
+  leases_.ForEach([&](uint32_t, const TileLease& lease) { ++held[lease.worker]; });
 }
 
 FrameFootprint ActiveFrame::Footprint() const {

@@ -14,18 +14,22 @@
 #include "common/protocol/messages.h"
 #include "master/pictures/frame_image.h"
 #include "master/schedule/footprint.h"
+#include "master/schedule/leases.h"
 #include "master/schedule/scheduler.h"
 
 namespace quarry {
-
-/// Names a frame under way, in messages of this master only. Never used twice.
-using FrameId = uint64_t;
 
 /// The costs that plans count with.
 struct PlanCosts {
   const std::vector<uint32_t>& block_bytes;  ///< stored, by block
   double seconds_per_byte;                   ///< a worker's, to fetch and decode a stored byte
   double tile_s;                             ///< a thread's, for a tile beside tracing
+};
+
+/// What the statistics of a frame count.
+struct FrameCounts {
+  uint64_t rays = 0, rays_suspended = 0;
+  uint64_t leases_lost = 0;  ///< with their workers
 };
 
 /// A frame under way: its plan, its leases, the footprints of its tiles, and its pixels.
@@ -44,11 +48,9 @@ class ActiveFrame {
   /// When the first tile was done. Requires: tiles_done() > 0.
   double first_tile_s() const { return first_tile_s_; }
   bool done() const { return tiles_done_ == image_.tiles().size(); }
-  uint64_t rays() const { return rays_; }
-  uint64_t rays_suspended() const { return rays_suspended_; }
-  /// Ends a lease of a tile that the worker has not begun. Ignores leases that it does not hold.
-  void GiveBack(uint32_t worker, uint64_t lease);
-  uint64_t leases_lost() const { return leases_lost_; }
+  const FrameCounts& counts() const { return counts_; }
+  /// As Leases::GiveBack().
+  void GiveBack(uint32_t worker, uint64_t lease) { leases_.GiveBack(worker, lease); }
 
   // Footprints.
   /// Takes in the finished probe of the frame. The next Foresee() and MakePlan() use it.
@@ -79,7 +81,7 @@ class ActiveFrame {
   size_t open_tiles() const {
     return tile_done_.size() - std::min<size_t>(tile_done_.size(), tiles_done_ + leases_.size());
   }
-  /// The input of Schedule().
+  /// The input of Schedule(). Valid until a lease is given or ends.
   Snapshot MakeSnapshot(std::vector<WorkerView> workers, double now_s) const;
   TileOrder Lease(const Assignment& assignment, double now_s);
   /// A result. False: dropped, since the frame or the lease is unknown or the tile is done.
@@ -107,10 +109,6 @@ class ActiveFrame {
   /// The state of the frame before that a prediction is made from: its id, how often it was predicted, and
   /// how many quarters of its tiles were done.
   using Basis = std::tuple<FrameId, uint64_t, size_t>;
-  struct LeaseRecord {
-    uint32_t tile, worker;
-    double since_s;
-  };
   /// The worker that has, or had, each tile; kNoWorker: none yet.
   std::vector<uint32_t> Holders() const;
   double CostOf(size_t tile) const;
@@ -129,12 +127,11 @@ class ActiveFrame {
   std::shared_ptr<const ProbedFrame> coarse_;
   bool has_news_ = false;  ///< coarse_ has come since the last prediction
   std::vector<bool> tile_done_;
-  std::map<uint64_t, LeaseRecord> leases_;
-  uint64_t next_lease_ = 1;
+  Leases leases_;  ///< of tiles done, too, until their holders answer
   double first_tile_s_ = 0;
   uint32_t tiles_done_ = 0;
   double tile_time_s_ = 0;  ///< from lease to result, summed over tiles done
-  uint64_t rays_ = 0, rays_suspended_ = 0, leases_lost_ = 0;
+  FrameCounts counts_;
 };
 
 }  // namespace quarry

@@ -21,7 +21,7 @@ constexpr uint32_t kTilesPerThread = 2;
 constexpr double kLateS = 0.25, kLateWithBlocksS = 3;
 /// Lattice points a side of a tile; packets have eight.
 constexpr uint32_t kPacket = 8, kLeastSide = 16, kMostSide = 128;
-/// The longest list of a tile's holders.
+/// Workers that may hold a tile.
 constexpr size_t kMostHolders = 4;
 /// Open tiles among which a worker's own is looked for: a large picture at rest has thousands.
 constexpr size_t kLookAhead = 256;
@@ -42,9 +42,9 @@ void LiveDispatcher::AddWorker(uint32_t id, uint32_t threads) {
 void LiveDispatcher::RemoveWorker(uint32_t id) {
   if (workers_.erase(id) == 0) return;
   for (auto& [frame_id, frame] : frames_)
-    for (auto& [number, tile] : frame.tiles)
-      if (std::erase(tile.holders, id) > 0 && tile.holders.empty())
-        frame.open[static_cast<size_t>(tile.urgency)].push_front(number);
+    for (const uint32_t number : frame.leases.Forget(id))
+      if (frame.leases.Of(number).empty())
+        frame.open[static_cast<size_t>(frame.tiles.at(number).urgency)].push_front(number);
 }
 
 uint32_t LiveDispatcher::threads() const {
@@ -72,9 +72,7 @@ void LiveDispatcher::Enliven(Viewer& viewer) const {
 void LiveDispatcher::End(FrameId id) {
   const auto it = frames_.find(id);
   if (it == frames_.end()) return;
-  for (const auto& [number, tile] : it->second.tiles)
-    for (const uint32_t holder : tile.holders)
-      if (const auto worker = workers_.find(holder); worker != workers_.end()) --worker->second.held;
+  it->second.leases.ForEach([&](uint32_t, const TileLease& lease) { --workers_.at(lease.worker).held; });
   frames_.erase(it);
   for (auto& [worker_id, worker] : workers_)
     if (worker.told.erase(id) > 0) worker.ended.push_back(id);
@@ -167,13 +165,11 @@ void LiveDispatcher::Give(uint32_t id, FrameId frame_id, uint32_t number, double
   Worker& worker = workers_.at(id);
   Frame& frame = frames_.at(frame_id);
   Viewer& viewer = viewers_.at(frame.viewer);
-  Wanted& tile = frame.tiles.at(number);
+  const Wanted& tile = frame.tiles.at(number);
   if (worker.told.insert(frame_id).second) sink_.SetUp(id, frame_id, frame.view);
   ++worker.held;
-  tile.holders.push_back(id);
-  tile.leased_at_s = now_s;
   viewer.used_s += CostOf(viewer, frame, tile.area);
-  TileOrder order{frame_id, number, next_lease_++, tile.area};
+  TileOrder order{frame_id, number, frame.leases.Give(number, id, now_s), tile.area};
   order.urgency = tile.urgency == LiveUrgency::kRest ? Urgency::kRest : Urgency::kMotion;
   sink_.Order(id, std::move(order));
 }
@@ -212,17 +208,16 @@ bool LiveDispatcher::GiveAny(uint32_t id, LiveUrgency urgency, double now_s) {
 
 /// Gives an idle worker a tile that another one is late with.
 bool LiveDispatcher::GiveLate(uint32_t id, double now_s) {
-  for (auto& [frame_id, frame] : frames_)
-    for (auto& [number, tile] : frame.tiles) {
-      if (tile.holders.empty() || tile.holders.size() >= kMostHolders ||
-          std::ranges::find(tile.holders, id) != tile.holders.end())
-        continue;
-      const double late_s = (tile.area.leaves_holes ? kLateS : kLateWithBlocksS) *
-                            static_cast<double>(1u << (tile.holders.size() - 1));
-      if (now_s - tile.leased_at_s <= late_s) continue;
+  for (auto& [frame_id, frame] : frames_) {
+    const auto after_s = [&](uint32_t number) {
+      return frame.tiles.at(number).area.leaves_holes ? kLateS : kLateWithBlocksS;
+    };
+    for (const uint32_t number : frame.leases.Late(now_s, after_s, [](uint32_t) { return true; })) {
+      if (frame.leases.Of(number).size() >= kMostHolders || frame.leases.Holds(id, number)) continue;
       Give(id, frame_id, number, now_s);
       return true;
     }
+  }
   return false;
 }
 
@@ -257,16 +252,16 @@ Result<std::optional<LiveTile>> LiveDispatcher::Finish(uint32_t worker, const Ti
   const auto it = frames_.find(done.frame);
   if (it == frames_.end()) return std::optional<LiveTile>();
   Frame& frame = it->second;
+  const TileLease* lease = frame.leases.Find(done.tile, done.lease);
+  if (!lease || lease->worker != worker) return std::optional<LiveTile>();
   const auto tile = frame.tiles.find(done.tile);
-  if (tile == frame.tiles.end() ||
-      std::ranges::find(tile->second.holders, worker) == tile->second.holders.end())
-    return std::optional<LiveTile>();
   const Tile area = tile->second.area;
   const LiveTile traced{done.frame, frame.viewer, area, worker, done.rays};
   const size_t points = size_t{area.columns()} * area.rows();
   if (pixel_bytes != points * BytesPerPoint(area.form, frame.view.aov_mask))
     return Fail(fmt::format("a tile came with {} bytes of pixels, which it does not have", pixel_bytes));
-  for (const uint32_t holder : tile->second.holders) --workers_.at(holder).held;
+  for (const TileLease& held : frame.leases.Of(done.tile)) --workers_.at(held.worker).held;
+  frame.leases.EndAll(done.tile);
   --frame.unfinished[static_cast<size_t>(tile->second.urgency)];
   frame.tiles.erase(tile);
   Viewer& viewer = viewers_.at(frame.viewer);

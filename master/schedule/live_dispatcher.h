@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "common/protocol/messages.h"
-#include "master/schedule/active_frame.h"
+#include "master/schedule/leases.h"
 
 namespace quarry {
 
@@ -81,13 +81,12 @@ class LiveDispatcher {
   struct Wanted {
     Tile area;
     LiveUrgency urgency;
-    std::vector<uint32_t> holders;  ///< workers
-    double leased_at_s = 0;         ///< the newest lease
   };
   struct Frame {
     uint32_t viewer;
     View view;
-    std::map<uint32_t, Wanted> tiles;                       ///< by number
+    std::map<uint32_t, Wanted> tiles;                       ///< by number, until they are finished
+    Leases leases;                                          ///< of these
     std::array<std::deque<uint32_t>, kLiveUrgencies> open;  ///< numbers of tiles that nobody holds
     std::array<uint32_t, kLiveUrgencies> unfinished{};
     uint32_t next_tile = 0;
@@ -120,7 +119,6 @@ class LiveDispatcher {
 
   Sink& sink_;
   FrameId next_frame_;
-  uint64_t next_lease_ = 1;
   double looks_for_late_s_ = 0;  ///< when late tiles are looked for again
   std::map<uint32_t, Worker> workers_;
   std::map<uint32_t, Viewer> viewers_;

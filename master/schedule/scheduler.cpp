@@ -31,7 +31,7 @@ std::vector<std::deque<uint32_t>> Belongings(const Snapshot& s) {
   for (size_t w = 0; w < s.workers.size(); ++w) index[s.workers[w].id] = w;
   for (uint32_t t = 0; t < s.tiles.size(); ++t) {
     const TileView& tile = s.tiles[t];
-    if (tile.done || tile.holders > 0) continue;
+    if (tile.done || tile.held) continue;
     const auto owner = index.find(tile.owner);
     own[owner != index.end() ? owner->second : t * s.workers.size() / s.tiles.size()].push_back(t);
   }
@@ -109,32 +109,18 @@ class Thief {
   std::set<std::pair<double, uint32_t>> victims_;  ///< by open work, the most first
 };
 
-bool Holds(const TileView& tile, uint32_t worker) {
-  return tile.holder == worker || std::find(tile.earlier_holders.begin(), tile.earlier_holders.end(),
-                                            worker) != tile.earlier_holders.end();
-}
-
 /// Tiles to be leased to one worker more, the oldest lease first: see Schedule.
 std::vector<uint32_t> LateTiles(const Snapshot& s) {
-  constexpr uint32_t kMostDoublings = 20;
+  if (!s.leases) return {};
   std::unordered_map<uint32_t, bool> answers;
   for (const WorkerView& w : s.workers) answers[w.id] = w.quiet_s <= s.straggler_after_s;
-  std::vector<uint32_t> late;
-  for (uint32_t t = 0; t < s.tiles.size(); ++t) {
-    const TileView& tile = s.tiles[t];
-    if (tile.done || tile.holders == 0) continue;
-    const auto does = [&](uint32_t worker) {
-      const auto it = answers.find(worker);
-      return it == answers.end() || it->second;
-    };
-    const auto holders = static_cast<uint32_t>(
-        does(tile.holder) + std::count_if(tile.earlier_holders.begin(), tile.earlier_holders.end(), does));
-    const double after_s =
-        s.straggler_after_s * static_cast<double>(1u << std::min(std::max(holders, 1u) - 1, kMostDoublings));
-    if (holders == 0 || s.now_s - tile.leased_at_s > after_s) late.push_back(t);
-  }
-  std::stable_sort(late.begin(), late.end(),
-                   [&](uint32_t a, uint32_t b) { return s.tiles[a].leased_at_s < s.tiles[b].leased_at_s; });
+  auto late = s.leases->Late(
+      s.now_s, [&](uint32_t) { return s.straggler_after_s; },
+      [&](uint32_t worker) {
+        const auto it = answers.find(worker);
+        return it == answers.end() || it->second;
+      });
+  std::erase_if(late, [&](uint32_t tile) { return s.tiles[tile].done; });
   return late;
 }
 
@@ -209,7 +195,7 @@ std::vector<Assignment> Schedule(const Snapshot& s, Stealing stealing) {
   // No open tile is left: stragglers go to idle workers.
   for (const uint32_t t : LateTiles(s))
     for (size_t w = 0; w < s.workers.size(); ++w) {
-      if (free[w] == 0 || Holds(s.tiles[t], s.workers[w].id)) continue;
+      if (free[w] == 0 || s.leases->Holds(s.workers[w].id, t)) continue;
       out.push_back({t, s.workers[w].id});
       --free[w];
       break;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/base/status.h"
+#include "master/schedule/leases.h"
 
 // Which worker renders which tile: pure functions of a snapshot. No clock, no state, no order of arrival.
 // Thread-safe. Units: seconds, stored bytes.
@@ -76,12 +77,9 @@ std::vector<uint32_t> Plan(const PlanInput& input, SchedulingPolicy policy);
 /// A tile to be given to workers.
 struct TileView {
   bool done = false;
-  uint32_t owner = kNoWorker;             ///< as planned
-  uint32_t holders = 0;                   ///< leases on it now
-  uint32_t holder = kNoWorker;            ///< the newest lease's worker
-  double leased_at_s = 0;                 ///< when that lease was given
-  double cost_s = 0;                      ///< computing expected
-  std::vector<uint32_t> earlier_holders;  ///< workers of the leases before that, while they are on it
+  bool held = false;           ///< under a lease
+  uint32_t owner = kNoWorker;  ///< as planned
+  double cost_s = 0;           ///< computing expected
 };
 
 /// A worker to be given tiles. Its position in the snapshot is not its id.
@@ -94,6 +92,7 @@ struct WorkerView {
 struct Snapshot {
   std::vector<TileView> tiles;  ///< in the order of the frame's space-filling curve
   std::vector<WorkerView> workers;
+  const Leases* leases = nullptr;  ///< of the tiles; null: none
   double now_s = 0;
   /// A tile held for so long is leased to an idle worker as well. A worker that is quiet for so long loses
   /// the tiles planned for it to idle workers.
@@ -118,8 +117,7 @@ enum class Stealing { kNo, kYes };
 /// most the taker's cost, while it exceeds it. From a quiet worker (longer than straggler_after_s) it takes
 /// any tile.
 /// When no open tile is left, idle workers get stragglers, the oldest first, each one worker more at a time:
-/// at once if all its holders are quiet; else when the newest has held it for straggler_after_s, doubled with
-/// each holder. All results of a tile are the same, and the first counts.
+/// Leases::Late() with straggler_after_s, where quiet workers do not answer.
 /// Quiet workers are given nothing while another worker is not quiet. So no tile waits for one worker.
 std::vector<Assignment> Schedule(const Snapshot& snapshot, Stealing stealing);
 

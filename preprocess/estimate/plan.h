@@ -3,7 +3,7 @@
 #include <cstdint>
 
 #include "common/base/status.h"
-#include "preprocess/preprocess.h"
+#include "preprocess/preprocess_options.h"
 
 namespace quarry {
 

@@ -9,7 +9,7 @@
 
 #include "common/base/status.h"
 #include "preprocess/import/ignoring_sink.h"
-#include "preprocess/preprocess.h"
+#include "preprocess/preprocess_options.h"
 #include "preprocess/spill/triangle_record.h"
 
 // Estimates a run from cubes of the model, which are built as a run builds everything: cubes around some of

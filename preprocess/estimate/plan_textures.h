@@ -5,7 +5,7 @@
 
 #include "common/base/status.h"
 #include "preprocess/ingest/image_list.h"
-#include "preprocess/preprocess.h"
+#include "preprocess/preprocess_options.h"
 
 namespace quarry {
 

@@ -145,7 +145,7 @@ TEST_CASE("Tiles that a worker gives back go to others, and no other's lease end
   }
   CHECK(held_by(1) == 0);
   CHECK(held_by(2) == second);
-  CHECK(frame.leases_lost() == 0);
+  CHECK(frame.counts().leases_lost == 0);
   cluster.dispatcher.RemoveWorker(2);
   cluster.Find(2).tile_s = 0.1;
   cluster.dispatcher.AddWorker(cluster.Find(2));  // it answers now

@@ -195,6 +195,21 @@ TEST_CASE("Tiles of a worker that is lost or late go to another one", "[live]") 
   CHECK_FALSE(site.dispatcher().Wants(frame, LiveUrgency::kMotion));
 }
 
+TEST_CASE("A result under a lease that its sender does not hold is dropped", "[live]") {
+  Site site;
+  const FrameId frame = site.Begin(1);
+  site.dispatcher().Trace(frame, Site::Shown(site.view), LiveUrgency::kMotion);
+  site.dispatcher().Assign(0);
+  const auto ordered = site.cluster.orders.front();
+  auto forged = ordered;
+  forged.order.lease += 1000;
+  CHECK_FALSE(site.cluster.Run(forged));
+  forged = ordered;
+  forged.worker = 3 - ordered.worker;
+  CHECK_FALSE(site.cluster.Run(forged));
+  CHECK(site.cluster.Run(ordered));
+}
+
 TEST_CASE("A result of another size than its tile's is refused", "[live]") {
   Site site;
   const FrameId frame = site.Begin(1);

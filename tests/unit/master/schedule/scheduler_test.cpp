@@ -78,11 +78,13 @@ TEST_CASE("Stragglers go to an idle worker once, never to their holder") {
   Snapshot s = MakeSnapshot(3, {{1, 5}, {2, 5}});
   s.now_s = 10;
   s.tiles[0].done = true;
-  s.tiles[1] = {false, kNoWorker, 1, 1, 10 - 2 * s.straggler_after_s};
-  s.tiles[2] = {false, kNoWorker, 1, 1, 10 - s.straggler_after_s / 2};
+  s.tiles[1].held = s.tiles[2].held = true;
+  Leases leases;
+  s.leases = &leases;
+  leases.Give(1, 1, 10 - 4 * s.straggler_after_s);
+  leases.Give(2, 1, 10 - s.straggler_after_s / 2);
   CHECK(Schedule(s, Stealing::kYes) == std::vector<Assignment>{{1, 2}});
-  s.tiles[1].holders = 2;
-  s.tiles[1].earlier_holders = {2};
+  leases.Give(1, 2, 10 - 3 * s.straggler_after_s);
   CHECK(Schedule(s, Stealing::kYes).empty());
   CHECK(Schedule(MakeSnapshot(3, {}), Stealing::kYes).empty());
 }
@@ -144,7 +146,7 @@ TEST_CASE("Results count once, under a lease that is known; a dead worker's tile
   CHECK(*frame.Finish({5, 0, second.lease, 10, 0, 0, Depths()}, pixels, 2));
   CHECK_FALSE(*frame.Finish({5, 0, first.lease, 10, 0, 0, Depths()}, pixels, 2));  // the straggler's
   CHECK(frame.tiles_done() == 1);
-  CHECK(frame.rays() == 10);
+  CHECK(frame.counts().rays == 10);
   CHECK(frame.owners()[0] == 2);
   const auto held = [&](uint32_t worker) {
     std::unordered_map<uint32_t, uint32_t> all;
@@ -154,9 +156,9 @@ TEST_CASE("Results count once, under a lease that is known; a dead worker's tile
   CHECK(held(1) == 1);
   frame.Forget(1);
   CHECK(held(1) == 0);
-  CHECK(frame.leases_lost() == 1);
+  CHECK(frame.counts().leases_lost == 1);
   CHECK_FALSE(frame.MakeSnapshot({}, 2).tiles[1].done);
-  CHECK(frame.MakeSnapshot({}, 2).tiles[1].holders == 0);
+  CHECK(frame.MakeSnapshot({}, 2).tiles[1].held == false);
   CHECK_FALSE(*frame.Finish({5, 1, other.lease, 0, 0}, pixels, 2));
 }
 
