@@ -80,20 +80,62 @@ bool IsTlsRecord(std::span<const std::byte> bytes) {
          bytes[1] == std::byte{3};
 }
 
+/// What a connection knows of its peer, whatever carries it. `host` is the name that a client connects to;
+/// empty on the accepting side.
+class PeerRecord : public AcceptedConnection {
+ public:
+  explicit PeerRecord(std::string host)
+      : host_(std::move(host)), speaker_(accepted() ? Speaker::kStranger : Speaker::kAnyone) {}
+
+  void Expect(Speaker speaker, uint32_t most_raw_bytes) override {
+    speaker_ = speaker;
+    most_raw_bytes_ = most_raw_bytes;
+  }
+  bool newcomer() const override { return !closed_ && !greeted_; }
+  bool closed() const override { return closed_; }
+  bool fetches() const override { return speaker_ == Speaker::kVoxels; }
+  Clock::time_point heard() const override { return heard_; }
+  uint64_t queued_bytes() const override { return queued_; }
+  double unread_s() const override {
+    return queued_ == 0 ? 0 : std::chrono::duration<double>(Clock::now() - taken_since_).count();
+  }
+  void SetOnSent(std::function<void()> on_sent) override { on_sent_ = std::move(on_sent); }
+  uint64_t received_bytes() const override { return received_; }
+  const std::string& peer() const override { return peer_; }
+
+ protected:
+  bool accepted() const { return host_.empty(); }
+  void Heard(size_t bytes) {
+    received_ += bytes;
+    heard_ = Clock::now();
+  }
+
+  const std::string host_;
+  Speaker speaker_;
+  uint32_t most_raw_bytes_ = ~uint32_t{0};
+  std::string peer_;
+  bool greeted_ = false;  ///< preamble received; on the accepting side the first message too
+  bool closed_ = false;
+  Clock::time_point heard_ = Clock::now();
+  uint64_t received_ = 0;
+  std::atomic<uint64_t> queued_{0};
+  Clock::time_point taken_since_ = Clock::now();
+  std::function<void()> on_sent_;
+};
+
 /// Stream is tcp::socket or TlsStream; the latter adds a handshake at the start and a notification at the
-/// end. `host` is the name that a client connects to; empty on the accepting side.
+/// end.
 template <class Stream>
-class StreamConnection final : public AcceptedConnection {
+class StreamConnection final : public PeerRecord {
   static constexpr bool kTls = std::is_same_v<Stream, TlsStream>;
 
  public:
   StreamConnection(tcp::socket socket, Security security, std::string host,
                    std::shared_ptr<IncomingBudget> budget)
-      : stream_(MakeStream<Stream>(std::move(socket), security)),
+      : PeerRecord(std::move(host)),
+        stream_(MakeStream<Stream>(std::move(socket), security)),
         security_(std::move(security)),
-        host_(std::move(host)),
         budget_(std::move(budget)),
-        speaker_(accepted() ? Speaker::kStranger : Speaker::kAnyone),
         deadline_(stream_.get_executor()) {
     ErrorCode ignored;
     stream_.lowest_layer().set_option(tcp::no_delay(true), ignored);
@@ -117,11 +159,6 @@ class StreamConnection final : public AcceptedConnection {
         self->Greet();
       }
     });
-  }
-
-  void Expect(Speaker speaker, uint32_t most_raw_bytes) override {
-    speaker_ = speaker;
-    most_raw_bytes_ = most_raw_bytes;
   }
 
   void Send(Message message) override {
@@ -165,10 +202,6 @@ class StreamConnection final : public AcceptedConnection {
                     permanent ? ErrorKind::kPermanent : ErrorKind::kFailed});
   }
 
-  bool newcomer() const override { return !closed_ && !greeted_; }
-  bool closed() const override { return closed_; }
-  bool fetches() const override { return speaker_ == Speaker::kVoxels; }
-  Clock::time_point heard() const override { return heard_; }
   void Watch(Clock::time_point now) override {
     if (closed_ || closing_ || !greeted_) return;
     const auto rate_time = std::chrono::seconds(
@@ -181,22 +214,15 @@ class StreamConnection final : public AcceptedConnection {
     if (queued_ == 0 || std::exchange(taken_, taken) != taken) taken_since_ = now;
     if (now - taken_since_ > kUnreadTime) Drop("is dropped: it does not read what it asked for", false);
   }
-  uint64_t queued_bytes() const override { return queued_; }
   uint64_t taken_bytes() const override {
     int unacknowledged = 0;
     if (closed_ || ::ioctl(SocketNumber(), SIOCOUTQ, &unacknowledged) != 0) return written_;
     return written_ - std::min<uint64_t>(written_, static_cast<uint64_t>(std::max(0, unacknowledged)));
   }
-  double unread_s() const override {
-    return queued_ == 0 ? 0 : std::chrono::duration<double>(Clock::now() - taken_since_).count();
-  }
-  void SetOnSent(std::function<void()> on_sent) override { on_sent_ = std::move(on_sent); }
-  uint64_t received_bytes() const override { return received_; }
   std::string local_host() const override {
     ErrorCode ignored;
     return stream_.lowest_layer().local_endpoint(ignored).address().to_string();
   }
-  const std::string& peer() const override { return peer_; }
 
  private:
   std::shared_ptr<StreamConnection> Self() {
@@ -211,7 +237,6 @@ class StreamConnection final : public AcceptedConnection {
   int SocketNumber() const {
     return const_cast<StreamConnection*>(this)->stream_.lowest_layer().native_handle();
   }
-  bool accepted() const { return host_.empty(); }
 
   /// Clears the callbacks when destroyed; they may own this connection's owner. It is part of a posted
   /// handler, so it also runs when the io_context ends before the handler is called.
@@ -357,11 +382,6 @@ class StreamConnection final : public AcceptedConnection {
     });
   }
 
-  void Heard(size_t bytes) {
-    received_ += bytes;
-    heard_ = Clock::now();
-  }
-
   /// Reads the table, then the raw part, as far as bytes arrive. A claimed size alone reserves no memory.
   void ReadPart() {
     Bytes& part = in_raw_ ? incoming_.raw : incoming_.table;
@@ -461,12 +481,8 @@ class StreamConnection final : public AcceptedConnection {
 
   Stream stream_;
   const Security security_;
-  const std::string host_;
   const std::shared_ptr<IncomingBudget> budget_;  ///< null on the connecting side
-  Speaker speaker_;
-  uint32_t most_raw_bytes_ = ~uint32_t{0};
   asio::steady_timer deadline_;
-  std::string peer_;
   OnMessage on_message_;
   OnClose on_close_;
   std::array<std::byte, kPreambleBytes> preamble_{};
@@ -476,20 +492,15 @@ class StreamConnection final : public AcceptedConnection {
   size_t have_ = 0;      ///< bytes received of the part being read
   bool in_raw_ = false;  ///< the part being read is the raw part
   bool reading_message_ = false;
-  Clock::time_point message_since_, heard_ = Clock::now();
-  uint64_t received_ = 0;
+  Clock::time_point message_since_;
   uint64_t written_ = 0;  ///< bytes handed to the system
   uint64_t taken_ = 0;    ///< taken_bytes() at the last Watch()
-  Clock::time_point taken_since_ = Clock::now();
-  std::function<void()> on_sent_;
   std::deque<Bytes> outgoing_;
-  std::atomic<uint64_t> queued_{0};
   std::atomic<bool> close_asked_{false};  ///< Close() was called: no more callbacks
   bool ready_ = false;                    ///< the handshake is over, writing may begin
-  bool greeted_ = false;                  ///< preamble received; on the accepting side the first message too
   std::array<std::byte, 4096> rest_;      ///< receives bytes that are dropped after closing
   bool write_planned_ = false, writing_ = false, cannot_write_ = false;
-  bool closing_ = false, parting_ = false, closed_ = false;
+  bool closing_ = false, parting_ = false;
 };
 
 }  // namespace

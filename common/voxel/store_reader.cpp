@@ -68,6 +68,32 @@ tl::unexpected<Error> FailForGood(std::string sentence) {
   return tl::unexpected<Error>(Error{std::move(sentence), ErrorKind::kPermanent});
 }
 
+/// What is wrong with a section of the file at `path`.
+tl::unexpected<Error> Damaged(const std::string& path, const SectionEntry& entry, const char* how) {
+  return Fail(fmt::format("{}: section {} at byte {} is damaged ({}); make the store again", path,
+                          TypeName(entry.type), entry.offset, how));
+}
+
+Result<ModelNames> DecodeModels(const std::string& path, const SectionEntry& entry,
+                                std::span<const std::byte> bytes) {
+  ModelNames models;
+  ByteReader in(bytes);
+  models.count = in.Get<uint32_t>();
+  std::string_view text = AsText(bytes.subspan(std::min(bytes.size(), sizeof(uint32_t))));
+  for (size_t end = 0; (end = text.find('\0')) != std::string_view::npos; text.remove_prefix(end + 1))
+    models.names.emplace_back(text.substr(0, end));
+  if (!in.ok() || !text.empty() || models.names.size() != std::min<size_t>(models.count, kMostModelNames))
+    return Damaged(path, entry, "another number of names than it says");
+  return models;
+}
+
+/// Checks that the directory's box of a voxel is the box of its triangles.
+Status CheckBounds(const VoxelGeometry& geometry, const VoxelEntry& entry) {
+  const Box box = BoundsOf({geometry.vertices, geometry.vertex_count});
+  if (box.lower == entry.bounds_lower && box.upper == entry.bounds_upper) return {};
+  return Fail("its triangles lie elsewhere than the VDIR section says");
+}
+
 }  // namespace
 
 Result<StoreReader> StoreReader::Open(const std::string& path) {
@@ -93,11 +119,6 @@ Status StoreReader::ReadHeader() {
   return ReadSections(table, header.sections);
 }
 
-Status StoreReader::Damaged(const SectionEntry& entry, const char* how) const {
-  return Fail(fmt::format("{}: section {} at byte {} is damaged ({}); make the store again", path(),
-                          TypeName(entry.type), entry.offset, how));
-}
-
 /// Reads a section and checks it.
 Result<Bytes> StoreReader::ReadBytes(const SectionEntry& entry) const {
   Bytes bytes;
@@ -107,9 +128,9 @@ Result<Bytes> StoreReader::ReadBytes(const SectionEntry& entry) const {
     bytes.resize(at + piece);
     const auto read = std::span(bytes).subspan(at);
     QUARRY_TRY(file_->ReadAt(entry.offset + at, read));
-    if (IsHole(read)) return tl::unexpected<Error>(Damaged(entry, "zeros where entries should be").error());
+    if (IsHole(read)) return Damaged(path(), entry, "zeros where entries should be");
   }
-  if (Checksum(bytes) != entry.checksum) return tl::unexpected<Error>(Damaged(entry, "checksum").error());
+  if (Checksum(bytes) != entry.checksum) return Damaged(path(), entry, "checksum");
   return bytes;
 }
 
@@ -121,10 +142,11 @@ Status StoreReader::CheckBytes(const SectionEntry& entry) const {
     piece.resize(std::min(kPieceBytes, entry.size - at));
     QUARRY_TRY(file_->ReadAt(entry.offset + at, piece));
     if (entry.type == SectionType::kParts && IsHole(piece))
-      return Damaged(entry, "zeros where entries should be");
+      return Damaged(path(), entry, "zeros where entries should be");
     checksum.Add(piece);
   }
-  return checksum.value() == entry.checksum ? Status() : Damaged(entry, "checksum");
+  if (checksum.value() != entry.checksum) return Damaged(path(), entry, "checksum");
+  return {};
 }
 
 /// Reads a section of the catalog, or of `views`; checks any other that readers use.
@@ -135,19 +157,11 @@ Status StoreReader::ReadSection(const SectionEntry& entry, std::vector<Section>&
   const bool models = entry.type == SectionType::kModels;
   if (!known->catalog && !views_too && !models) return CheckBytes(entry);
   QUARRY_ASSIGN(Bytes bytes, ReadBytes(entry));
-  if (models) return DecodeModels(entry, bytes);
+  if (models) {
+    QUARRY_ASSIGN(models_, DecodeModels(path(), entry, bytes));
+    return {};
+  }
   (known->catalog ? catalog_sections_ : views).push_back({entry.type, std::move(bytes)});
-  return {};
-}
-
-Status StoreReader::DecodeModels(const SectionEntry& entry, std::span<const std::byte> bytes) {
-  ByteReader in(bytes);
-  models_.count = in.Get<uint32_t>();
-  std::string_view text = AsText(bytes.subspan(std::min(bytes.size(), sizeof(uint32_t))));
-  for (size_t end = 0; (end = text.find('\0')) != std::string_view::npos; text.remove_prefix(end + 1))
-    models_.names.emplace_back(text.substr(0, end));
-  if (!in.ok() || !text.empty() || models_.names.size() != std::min<size_t>(models_.count, kMostModelNames))
-    return Damaged(entry, "another number of names than it says");
   return {};
 }
 
@@ -325,7 +339,7 @@ Status StoreReader::VerifyVoxel(uint32_t voxel, uint64_t& end, BlockDecoder& dec
     const Status status =
         kind == BlockKind::kHot
             ? DecodeHot(decoder, catalog_, voxel, stored, decoded).and_then([&](const VoxelGeometry& v) {
-                return CheckBounds(v, voxel);
+                return CheckBounds(v, catalog_.voxels[voxel]);
               })
             : DecodeShading(decoder, catalog_, voxel, stored, decoded).map([](auto&&) {});
     if (!status)
@@ -333,14 +347,6 @@ Status StoreReader::VerifyVoxel(uint32_t voxel, uint64_t& end, BlockDecoder& dec
                               status.error().message));
   }
   return {};
-}
-
-/// Checks that the directory's box of a voxel is the box of its triangles.
-Status StoreReader::CheckBounds(const VoxelGeometry& geometry, uint32_t voxel) const {
-  const VoxelEntry& entry = catalog_.voxels[voxel];
-  const Box box = BoundsOf({geometry.vertices, geometry.vertex_count});
-  if (box.lower == entry.bounds_lower && box.upper == entry.bounds_upper) return {};
-  return Fail("its triangles lie elsewhere than the VDIR section says");
 }
 
 Status StoreReader::CheckBlocksEnd(uint64_t end) const {

@@ -103,12 +103,9 @@ class StoreReader {
   Status ReadSection(const SectionEntry& entry, std::vector<Section>& views);
   Result<Bytes> ReadBytes(const SectionEntry& entry) const;
   Status CheckBytes(const SectionEntry& entry) const;
-  Status Damaged(const SectionEntry& entry, const char* how) const;
   Result<std::string> NameIn(SectionType section, uint64_t at) const;
   Status VerifyVoxel(uint32_t voxel, uint64_t& end, BlockDecoder& decoder) const;
-  Status CheckBounds(const VoxelGeometry& geometry, uint32_t voxel) const;
   Status CheckBlocksEnd(uint64_t end) const;
-  Status DecodeModels(const SectionEntry& entry, std::span<const std::byte> bytes);
   Status DecodeViews(const std::vector<Section>& sections);
   Status VerifyTexture(uint32_t texture) const;
   Status CheckPagesFill() const;

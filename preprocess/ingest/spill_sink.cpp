@@ -22,14 +22,38 @@ std::pair<float, float> StepAndSide(const KdTriangle& triangle) {
   return {std::nextafter(reach, kInfinity) - reach, side};
 }
 
+/// Warns if floats are too coarse for a sample of the triangles. Whether a loss matters depends on the
+/// triangles' size, in metres or millimetres.
+void WarnOfLoss(const std::vector<KdTriangle>& sample, const SceneCoordinates& coordinates,
+                SceneTables& tables) {
+  // A side of 32 steps is kept to a thirtieth: the triangle's shape visibly suffers.
+  constexpr float kStepsOfSide = 32;
+  constexpr size_t kOneOf = 100;
+  size_t coarse = 0;
+  float largest = 0;
+  for (const KdTriangle& triangle : sample) {
+    const auto [step, side] = StepAndSide(triangle);
+    if (side >= kStepsOfSide * step) continue;
+    ++coarse;
+    largest = std::max(largest, step);
+  }
+  if (coarse * kOneOf < std::max<size_t>(sample.size(), 1) || coordinates.largest_loss() < largest / 4)
+    return;
+  tables.Warn(
+      fmt::format("{}: has small triangles far from the origin chosen for it: positions there are kept to "
+                  "{:.2g} units; smaller "
+                  "details are lost",
+                  tables.file_name(), largest));
+}
+
 }  // namespace
 
 SpillSink::SpillSink(std::string folder, uint64_t memory, double scale,
                      std::function<void(const std::string&)> warn, bool textures)
-    : folder_(std::move(folder)),
+    : CheckpointedSink(folder),
+      folder_(std::move(folder)),
       memory_(memory),
       textures_(textures),
-      checkpoints_(folder_),
       coordinates_(scale),
       tables_(std::move(warn)),
       images_(folder_ + "/images"),
@@ -98,11 +122,6 @@ Status SpillSink::EndFile() {
   return {};
 }
 
-Status SpillSink::Checkpoint(const Bytes& state) {
-  checkpoints_.importer_state = state;
-  return checkpoints_.Make();
-}
-
 Result<Bytes> SpillSink::Save() {
   if (in_file()) QUARRY_TRY(faces_->Settle());
   ByteWriter out;
@@ -140,30 +159,6 @@ Status SpillSink::Restore(std::span<const std::byte> saved, bool routed) {
   return {};
 }
 
-/// Warns if floats are too coarse for the triangles. Whether a loss matters depends on the triangles'
-/// size, in metres or millimetres.
-void SpillSink::WarnOfLoss() {
-  // A side of 32 steps is kept to a thirtieth: the triangle's shape visibly suffers.
-  constexpr float kStepsOfSide = 32;
-  constexpr size_t kOneOf = 100;
-  const std::vector<KdTriangle>& sample = triangles_.result().sample.triangles();
-  size_t coarse = 0;
-  float largest = 0;
-  for (const KdTriangle& triangle : sample) {
-    const auto [step, side] = StepAndSide(triangle);
-    if (side >= kStepsOfSide * step) continue;
-    ++coarse;
-    largest = std::max(largest, step);
-  }
-  if (coarse * kOneOf < std::max<size_t>(sample.size(), 1) || coordinates_.largest_loss() < largest / 4)
-    return;
-  Warn(
-      fmt::format("{}: has small triangles far from the origin chosen for it: positions there are kept to "
-                  "{:.2g} units; smaller "
-                  "details are lost",
-                  tables_.file_name(), largest));
-}
-
 Result<ImportedScene> SpillSink::Finish() {
   const std::string& file_name = tables_.file_name();
   QUARRY_TRY(triangles_.FinishWriting());
@@ -177,7 +172,7 @@ Result<ImportedScene> SpillSink::Finish() {
                                            : fmt::format("; positions are kept to {:.2g} so far from "
                                                          "the origin",
                                                          2 * coordinates_.largest_loss())));
-  WarnOfLoss();
+  WarnOfLoss(kept.sample.triangles(), coordinates_, tables_);
   ImportedScene scene{triangles_.Take(), tables_.Take(), coordinates_.offset(), {}};
   QUARRY_ASSIGN(scene.images, images_.Finish());
   return scene;

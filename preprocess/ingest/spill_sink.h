@@ -9,8 +9,7 @@
 
 #include "common/base/bytes.h"
 #include "common/base/status.h"
-#include "preprocess/import/model_sink.h"
-#include "preprocess/ingest/checkpoint.h"
+#include "preprocess/ingest/checkpointed_sink.h"
 #include "preprocess/ingest/face_resolver.h"
 #include "preprocess/ingest/image_list.h"
 #include "preprocess/ingest/imported_scene.h"
@@ -30,7 +29,7 @@ namespace quarry {
 /// Large data lies in files "FOLDER/triangles-..." and "FOLDER/import-...", which outlive the process.
 /// Memory: the streams' pages, batches of faces, windows of `memory` / 4 bytes, and the tables.
 /// Thread safety: none; a second thread of its own resolves faces.
-class SpillSink final : public ModelSink {
+class SpillSink final : public CheckpointedSink {
  public:
   /// Units: memory in bytes; scale multiplies positions, after Place(). `warn` is called with each warning.
   /// Without `textures`, materials get no images.
@@ -38,13 +37,6 @@ class SpillSink final : public ModelSink {
             bool textures = true);
   SpillSink(const SpillSink&) = delete;
 
-  /// Calls `make` so many seconds after the last checkpoint: within a file, and between passes over many
-  /// waiting faces. `make` records Save()'s result where a later process finds it, then calls Committed().
-  void CheckpointEvery(double seconds, std::function<Status()> make) {
-    checkpoints_.Every(seconds, std::move(make));
-  }
-  /// Calls `told` with the bytes read of the current file and its size.
-  void OnRead(std::function<void(uint64_t done, uint64_t total)> told) { on_read_ = std::move(told); }
   /// Places the files that begin after this. Requires: up_axis is 1 or 2.
   void Place(const Placement& placement, int up_axis) { coordinates_.Place(placement, up_axis); }
 
@@ -73,22 +65,12 @@ class SpillSink final : public ModelSink {
   Status AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t part) override;
   void Warn(std::string message) override { tables_.Warn(std::move(message)); }
   void Note(std::string message) override { tables_.Note(std::move(message)); }
-  void HasRead(uint64_t done, uint64_t total) override {
-    if (on_read_) on_read_(done, total);
-  }
-  void ReadsOnce() override { checkpoints_.SkipFile(); }
   bool CheckpointDue() override { return checkpoints_.Due(elements()); }
-  Status Checkpoint(const Bytes& state) override;
-  std::span<const std::byte> LastCheckpoint() const override { return checkpoints_.importer_state; }
   bool HasAll() const override { return faces_->waiting().has_all(); }
 
   /// Makes the import so far durable and returns a reference to it, a few bytes, for Restore(). Names,
   /// materials and the sample may be many: they are written to a file. Errors: disk full.
   Result<Bytes> Save();
-  /// The last Save()'s result is on disk: deletes the files that only earlier checkpoints name.
-  void Committed() { checkpoints_.Committed(); }
-  /// Whether a checkpoint must follow before the next file begins or the triangles are read.
-  bool must_save() const { return checkpoints_.must_save(); }
   /// Continues where Save() was called. With `routed`, Save() came after the last file and the triangles have
   /// been routed to regions since. Requires: no file has begun. Errors: files are absent or differ.
   Status Restore(std::span<const std::byte> saved, bool routed);
@@ -103,16 +85,13 @@ class SpillSink final : public ModelSink {
 
  private:
   uint64_t elements() const { return faces_->vertices().positions() + triangles_.input_triangles(); }
-  void WarnOfLoss();
 
   std::string folder_;
   uint64_t memory_;
   bool textures_;
-  std::function<void(uint64_t, uint64_t)> on_read_;
   uint32_t face_color_ = kWhite;
   uint16_t smoothing_ = kSmoothByAngle;
   uint32_t file_number_ = 0;  ///< of the current file, from 1
-  ImportCheckpoints checkpoints_;
   SceneCoordinates coordinates_;
   SceneTables tables_;
   ImageList images_;
