@@ -60,17 +60,18 @@ class Engine {
   /// Whether a tile is open: begun, and `done` has not returned.
   bool has_open() const { return open_ > 0; }
 
-  /// Rays traced and suspensions of rays, of finished and abandoned tiles.
-  uint64_t rays() const { return rays_; }
-  uint64_t rays_suspended() const { return rays_suspended_; }
-  /// Microseconds, summed over the threads: processor time spent on rays; wall time with open tiles whose
-  /// rays all wait.
-  uint64_t compute_us() const { return compute_us_; }
-  uint64_t stall_us() const { return stall_us_; }
-  /// The number of tiles to have here, begun or queued.
-  uint32_t tiles_wanted() const {
+  struct Counters {
+    /// Rays traced and suspensions of rays, of finished and abandoned tiles.
+    uint64_t rays, rays_suspended;
+    /// Microseconds, summed over the threads: processor time spent on rays; wall time with open tiles whose
+    /// rays all wait.
+    uint64_t compute_us, stall_us;
+    /// The number of tiles to have here, begun or queued.
+    uint32_t tiles_wanted;
+  };
+  Counters counters() const {
     const std::lock_guard lock(mutex_);
-    return queue_depth_.wanted();
+    return {rays_, rays_suspended_, compute_us_, stall_us_, queue_depth_.wanted()};
   }
 
  private:

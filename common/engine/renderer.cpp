@@ -178,8 +178,8 @@ Status Renderer::Order(uint64_t view, const Tile& tile, std::function<void(Rende
 }
 
 Renderer::Counters Renderer::counters() const {
-  return {engine_->rays(),     engine_->rays_suspended(), engine_->compute_us(),
-          engine_->stall_us(), engine_->tiles_wanted(),   cache_.counters()};
+  const Engine::Counters e = engine_->counters();
+  return {e.rays, e.rays_suspended, e.compute_us, e.stall_us, e.tiles_wanted, cache_.counters()};
 }
 
 void Renderer::OnTileDone(Call& call, size_t index, RenderedTile result) {

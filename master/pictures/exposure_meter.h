@@ -39,7 +39,7 @@ void AddMeteredPoints(std::span<const std::byte> pixels, std::span<const Materia
 
 /// The exposure of a view, by sample 0 on a lattice of the whole image, whatever the view's crop and samples.
 /// The renderer that it needs has one thread and lives for the call only. Units: `cache_bytes` of decoded
-/// blocks, raised to the largest block. Returns 0 for kVoxels, whose colours are names. Errors: as
+/// blocks, raised to the largest block. Returns 0 for modes that are not metered. Errors: as
 /// Renderer::Render's. Thread-safe.
 Result<double> MeterExposure(const Scene& scene, View view, uint64_t cache_bytes, std::stop_token stop);
 
