@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "common/engine/integrators/bounce.h"
 #include "common/engine/surfaces/surface.h"
 #include "common/kdtree/ray.h"
 #include "common/math/fixed_radiance.h"
