@@ -394,11 +394,17 @@ class StreamConnection final : public PeerRecord {
     if (have_ == part.size() && !Grow(part, whole)) return;
     stream_.async_read_some(asio::buffer(part.data() + have_, part.size() - have_),
                             [self = Self()](const ErrorCode& error, size_t n) {
-                              if (error) return self->DropOn(error);
+                              if (error) return self->DropHalfRead(error);
                               self->Heard(n);
                               self->have_ += n;
                               self->ReadPart();
                             });
+  }
+
+  /// Whoever holds the connection on does not hold its message.
+  void DropHalfRead(const ErrorCode& error) {
+    incoming_ = {};
+    DropOn(error);
   }
 
   /// Enlarges `part` by one step. Returns: false when the memory budget is exhausted; the connection is
@@ -409,6 +415,7 @@ class StreamConnection final : public PeerRecord {
         accepted() ? std::min(kLargestStep, std::max(kFirstStep, 3 * part.size())) : kTrustedStep;
     const size_t size = std::min(whole, part.size() + step);
     if (budget_ && !budget_->Take(*this, size - part.size())) {
+      incoming_ = {};
       Drop("is dropped: half-read messages of all connections take too much memory", false);
       return false;
     }
