@@ -32,7 +32,7 @@ def separate_commands(build, folder):
 def faults(build, source):
     """What clang-tidy says of a source and of the project's headers that it includes; empty when nothing."""
     # Pragmas of g++ are no faults.
-    done = subprocess.run(["clang-tidy", "-p", build, "--quiet", "--extra-arg=-Wno-unknown-pragmas", source],
+    done = subprocess.run(["clang-tidy", "-p", build, "--quiet", "--extra-arg=-Wno-unknown-pragmas", "--extra-arg=-Wno-unknown-warning-option", source],
                           stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     return "" if done.returncode == 0 else done.stdout or done.stderr
 

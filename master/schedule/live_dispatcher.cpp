@@ -208,7 +208,8 @@ bool LiveDispatcher::GiveAny(uint32_t id, LiveUrgency urgency, double now_s) {
 
 /// Gives an idle worker a tile that another one is late with.
 bool LiveDispatcher::GiveLate(uint32_t id, double now_s) {
-  for (auto& [frame_id, frame] : frames_) {
+  for (auto& [frame_id, its_frame] : frames_) {
+    Frame& frame = its_frame;  // clang 14 captures no binding
     const auto after_s = [&](uint32_t number) {
       return frame.tiles.at(number).area.leaves_holes ? kLateS : kLateWithBlocksS;
     };
