@@ -37,7 +37,8 @@ struct Scratch {
 };
 
 /// A packet of a tile in the hands of a stage: its rays, its samples, and what the stage may use. A stage
-/// takes lanes of the packet, and moves those that are done to their next stage. It parks those that wait.
+/// works on some lanes of the packet. It moves the lanes that are done to their next stages, and parks the
+/// lanes that wait for a block.
 /// Not thread-safe.
 struct PacketWork {
   const ViewContext& view;

@@ -80,7 +80,7 @@ class Renderer {
   /// Requires: `view` is normalized; `on_tile` does not call Render(). It may request `stop`.
   /// Errors: a block cannot be had, and every later call fails too; `stop` was requested (kCancelled); a tile
   /// that cannot be (CheckTile()).
-  /// `integrator`: null for the one of the view's mode.
+  /// `integrator`: one that needs surfaces, or null for the one of the view's mode.
   Status Render(const View& view, std::span<const Tile> tiles, const OnTile& on_tile,
                 std::stop_token stop = {}, std::shared_ptr<const Integrator> integrator = {});
   /// Traces rays. Returns one hit for each, in their order: the nearest by (t, triangle), or with kAny some
@@ -100,8 +100,8 @@ class Renderer {
                Urgency urgency = Urgency::kJob);
   void GiveBackQueued();
   bool has_open() const;
-  /// What the compute threads and the cache have done since the start; the meanings are those of Engine's and
-  /// VoxelCache's.
+  /// The work of the compute threads and of the cache since the start. See Engine::Counters and
+  /// VoxelCache::Counters.
   struct Counters {
     uint64_t rays = 0, rays_suspended = 0;
     uint64_t compute_us = 0, stall_us = 0;

@@ -4,6 +4,7 @@
 #include <bit>
 #include <utility>
 
+#include "common/base/check.h"
 #include "common/engine/integrators/integrator.h"
 #include "common/engine/rays/lanes.h"
 #include "common/engine/surfaces/find_surfaces.h"
@@ -44,6 +45,7 @@ void StartCones(PacketWork& work) {
 }  // namespace
 
 void TileRenderer::Open(std::shared_ptr<const ViewContext> view, const Tile& tile) {
+  QUARRY_CHECK(view->integrator->needs().surfaces);
   film_.Open(*view, tile);
   eye_rays_.Open(view->view, view->camera, tile);
   leaves_holes_ = tile.leaves_holes;
@@ -51,6 +53,7 @@ void TileRenderer::Open(std::shared_ptr<const ViewContext> view, const Tile& til
 }
 
 void TileRenderer::Open(std::shared_ptr<const ViewContext> view, RayPart part) {
+  QUARRY_CHECK(!view->integrator->needs().surfaces);
   film_.OpenHits(part.count);
   ray_list_.Open(std::move(part), view->catalog.meta);
   leaves_holes_ = false;
@@ -181,7 +184,8 @@ void TileRenderer::Traced(PacketWork& work, uint64_t lanes, bool any) {
   s.Move(hit, SamplePacket::kTraverse, SamplePacket::kTest);
 }
 
-/// Takes up hits: rays go on behind those that do not count. Returns: the lanes that wait for a block.
+/// Tests hits. The ray of a hit that does not count goes on behind it. Returns: the lanes that wait for a
+/// block.
 uint64_t TileRenderer::TestHits(PacketWork& work, uint64_t lanes) {
   const HitFilter::Verdict verdict = view_->filter->Test(work, lanes);
   ForEachLane(verdict.rejected, [&](uint32_t i) { work.rays.GoOnAfterHit(i, work.samples.t_end[i]); });

@@ -28,7 +28,7 @@ class ServedStream {
  public:
   using ErrorCode = boost::system::error_code;
   using executor_type = boost::asio::io_context::executor_type;
-  /// What follows an operation. Destroyed without a call when the io_context ends first.
+  /// A handler, called when its operation ends. It is destroyed without a call if the io_context ends first.
   class Then {
    public:
     virtual ~Then() = default;

@@ -1,7 +1,9 @@
 #include "common/scene/ray_query.h"
 
 #include <cmath>
+#include <glm/common.hpp>
 #include <glm/geometric.hpp>
+#include <glm/vector_relational.hpp>
 
 namespace quarry {
 
@@ -10,6 +12,8 @@ Status CheckRay(const RayQuery& ray) {
   const double length = glm::length(d);
   if (!std::isfinite(o.x) || !std::isfinite(o.y) || !std::isfinite(o.z) || !std::isfinite(length))
     return BadUsage("a ray has a coordinate that is no number");
+  if (glm::any(glm::greaterThan(glm::abs(o), glm::dvec3(kFarthestOrigin))))
+    return BadUsage("a ray begins too far from the scene");
   if (!(length > 0)) return BadUsage("a ray has no direction");
   if (!(ray.end > 0)) return BadUsage("a ray ends before it begins");
   return {};

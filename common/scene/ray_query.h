@@ -18,7 +18,11 @@ struct RayQuery {
 /// The hit that a ray is asked for: the nearest, or any.
 enum class RayGoal { kNearest, kAny };
 
-/// Errors (usage): a number that is none, a direction of length 0, an end that is not above 0; one sentence.
+/// Limit of a ray origin's coordinates: beyond it the distance to the scene is no float. Units: scene units.
+inline constexpr double kFarthestOrigin = 1e30;
+
+/// Errors (usage): a number that is none, an origin beyond kFarthestOrigin, a direction of length 0, an end
+/// that is not above 0; one sentence.
 Status CheckRay(const RayQuery& ray);
 
 }  // namespace quarry

@@ -12,7 +12,7 @@ namespace quarry {
 enum class RenderMode : uint8_t { kRaycast = 0, kShadow = 1, kWhitted = 2, kVoxels = 3, kAo = 4 };
 inline constexpr int kRenderModes = 5;
 
-/// What programs and pages need to know of a mode. The engine has a class for each, see MakeIntegrator().
+/// A mode as programs and the page see it. In the engine each mode is a class, see MakeIntegrator().
 struct RenderModeInfo {
   RenderMode mode;
   const char* name;        ///< as for --mode

@@ -79,8 +79,8 @@ class SpillSink final : public CheckpointedSink {
   /// Whether the triangles exceed the number that is split in memory.
   bool spills() const { return triangles_.spills(); }
 
-  /// The scene, after the last file. Requires: no call has failed. Errors: no triangle is left; more than
-  /// 65,536 materials.
+  /// The scene, after the last file. Requires: there was one, and no call has failed. Errors: no triangle is
+  /// left; more than 65,536 materials.
   Result<ImportedScene> Finish();
 
  private:

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/base/bytes.h"
+#include "common/base/check.h"
 #include "common/base/status.h"
 #include "preprocess/ingest/checkpoint.h"
 #include "preprocess/ingest/imported_scene.h"
@@ -53,7 +54,11 @@ class TriangleSpill {
   Status Restore(ByteReader& in, bool routed);
   std::string Path() const;
 
-  Status FinishWriting() { return out_.triangles->FinishWriting(); }
+  /// Requires: Open() was called.
+  Status FinishWriting() {
+    QUARRY_CHECK(out_.triangles);
+    return out_.triangles->FinishWriting();
+  }
   const ImportedTriangles& result() const { return out_; }
   ImportedTriangles Take() {
     WeighUp();

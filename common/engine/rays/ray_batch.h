@@ -53,8 +53,8 @@ class RayBatch {
     nearest_[packet] = nearest;
     any_[packet] = any;
   }
-  /// Traces all rays of SetTraced(), parks those that wait, makes the others ready, and calls
-  /// ended(packet, lanes, whether to any hit) for them.
+  /// Traces the rays that SetTraced() has named. Parks the rays that wait for a block. Makes the others ready
+  /// and calls ended(packet, lanes, whether to any hit) for them.
   template <class Ended>
   void Trace(const TopTree& top, PinnedBlocks& pins, Ended&& ended) {
     TraceAll(top, pins, nearest_, false, ended);

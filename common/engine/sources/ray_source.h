@@ -8,7 +8,7 @@
 
 namespace quarry {
 
-/// Who asks: makes the first rays of samples, packet by packet. Not thread-safe.
+/// Makes the first ray of each sample, packet by packet. Not thread-safe.
 class RaySource {
  public:
   virtual ~RaySource() = default;

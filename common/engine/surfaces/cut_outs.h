@@ -12,7 +12,7 @@ class CutOuts final : public HitFilter {
   Verdict Test(PacketWork& work, uint64_t lanes) const override;
 
  private:
-  /// What is known of a hit; kOpen: the next step tells.
+  /// The outcome of a step of a test. kOpen: the next step decides.
   enum class Cut { kThere, kInHole, kWaits, kOpen };
   static Cut TestHit(const PacketWork& work, uint32_t lane, HotBlockOfLane& hot);
   static Cut TestMask(const PacketWork& work, uint32_t lane, HotBlockOfLane& hot);

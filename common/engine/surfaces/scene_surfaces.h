@@ -16,7 +16,7 @@ namespace quarry {
 /// Sets of uses of textures, a bit each.
 using TextureUses = uint32_t;
 constexpr TextureUses UseBit(TextureUse use) { return 1u << static_cast<uint32_t>(use); }
-/// What gives a surface its colour and its normal, and beside them its highlights.
+/// The uses that decide a surface's colour and normal; and all that decide these or its highlights.
 inline constexpr TextureUses kUsesOfColor = UseBit(TextureUse::kDiffuse) | UseBit(TextureUse::kEmission) |
                                             UseBit(TextureUse::kNormal) | UseBit(TextureUse::kBump);
 inline constexpr TextureUses kUsesOfHighlights =

@@ -25,7 +25,7 @@ bool Holds(const PageBuffer& buffer, int value) {
 
 }  // namespace
 
-TEST_CASE("Small buffers of mixed sizes come from few mappings, and none overlap", "[slabs]") {
+TEST_CASE("Small buffers of mixed sizes come from few mappings, and none overlap", "[slabs][long]") {
   PageSlabs slabs;
   PageBuffer none;
   std::mt19937 random(1);

@@ -111,6 +111,17 @@ TEST_CASE("A ray of a list begins and ends where it says", "[rays]") {
   }
 }
 
+TEST_CASE("A ray from as far as it may begin ends", "[rays]") {
+  const Row row;
+  const auto renderer = MakeRenderer(*row.scene);
+  std::vector<RayQuery> rays;
+  for (const double far : {1e9, 1e20, kFarthestOrigin})
+    for (const double askew : {0.0, 1e-3, 1.0}) rays.push_back({{far * askew, -far, far}, {-askew, 1, -1}});
+  for (const RayGoal goal : {RayGoal::kNearest, RayGoal::kAny})
+    for (const Hit& hit : Trace(*renderer, rays, goal))
+      CHECK((hit.triangle == kNoTriangle || std::isfinite(hit.t)));
+}
+
 TEST_CASE("A list of rays has the same hits with any cache and threads", "[rays]") {
   const Row row;
   const std::vector<RayQuery> rays = Fan(5000);
@@ -121,15 +132,19 @@ TEST_CASE("A list of rays has the same hits with any cache and threads", "[rays]
     CHECK(whole[i].t == small[i].t);
     CHECK(whole[i].b1 == small[i].b1);
   }
+  const auto any = Trace(*MakeRenderer(*row.scene, row.largest(), 3), rays, RayGoal::kAny);
+  for (size_t i = 0; i < rays.size(); ++i)
+    CHECK((any[i].triangle == kNoTriangle) == (whole[i].triangle == kNoTriangle));
 }
 
 TEST_CASE("A ray that cannot be is told, and a list that is not wanted is left", "[rays]") {
   const Row row;
   const auto renderer = MakeRenderer(*row.scene);
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  for (const RayQuery& ray : {RayQuery{{0, 0, 0}, {0, 0, 0}}, RayQuery{{nan, 0, 0}, {0, 0, 1}},
-                              RayQuery{{0, 0, 0}, {0, nan, 1}}, RayQuery{{0, 0, 0}, {0, 0, 1}, 0},
-                              RayQuery{{0, 0, 0}, {0, 0, 1}, nan}, RayQuery{{0, 0, 0}, {1e300, 1e300, 1}}}) {
+  for (const RayQuery& ray :
+       {RayQuery{{0, 0, 0}, {0, 0, 0}}, RayQuery{{nan, 0, 0}, {0, 0, 1}}, RayQuery{{0, 1e31, 0}, {0, -1, 0}},
+        RayQuery{{0, 0, 0}, {0, nan, 1}}, RayQuery{{0, 0, 0}, {0, 0, 1}, 0},
+        RayQuery{{0, 0, 0}, {0, 0, 1}, nan}, RayQuery{{0, 0, 0}, {1e300, 1e300, 1}}}) {
     const auto hits = renderer->Trace({ray}, RayGoal::kNearest);
     REQUIRE_FALSE(hits.has_value());
     CHECK(hits.error().kind == ErrorKind::kUsage);

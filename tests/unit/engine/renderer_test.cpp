@@ -7,6 +7,8 @@
 #include <stop_token>
 #include <thread>
 
+#include "common/engine/integrators/integrator.h"
+#include "common/engine/rays/lanes.h"
 #include "tests/support/looking.h"
 #include "tests/support/row_scene.h"
 #include "tests/support/small_store.h"
@@ -138,6 +140,41 @@ TEST_CASE("A lattice renders the pixels in the middle of its squares", "[rendere
     for (size_t x = 0; x < 8; ++x)
       CHECK(std::memcmp(&some.pixels[16 * (8 * y + x)], &all.pixels[16 * (32 * (4 * y + 2) + 4 * x + 2)],
                         12) == 0);
+}
+
+TEST_CASE("An integrator of one's own is given to the renderer from outside", "[renderer]") {
+  /// Its radiance is the distance of what is seen.
+  class Distances final : public Integrator {
+   public:
+    Needs needs() const override { return {}; }
+    void Shade(PacketWork& work, uint64_t lanes) const override {
+      ForEachLane(lanes, [&](uint32_t i) {
+        work.scratch.radiance.Set(static_cast<int>(i),
+                                  glm::vec3(work.samples.t_offset[i] + work.rays.hit_t[i]));
+      });
+      AddLight(work, lanes, work.scratch.radiance);
+      work.samples.Move(lanes, SamplePacket::kShade, SamplePacket::kNext);
+    }
+  };
+  const Row row;
+  View view = Seen({0, -20, 0}, {0, 10, 0});
+  view.mode = RenderMode::kWhitted;  // of which nothing is to be seen
+  const Tile tile{kMiddle};
+  Bytes pixels;
+  REQUIRE(MakeRenderer(row)
+              ->Render(
+                  view, std::span(&tile, 1),
+                  [&](size_t, RenderedTile result, Renderer::Progress) { pixels = std::move(result.pixels); },
+                  {}, std::make_shared<const Distances>())
+              .has_value());
+  REQUIRE(pixels.size() == size_t{32} * 32 * 4 * kColorWords);
+  for (size_t i = 0; i < 32 * 32; ++i) {
+    float pixel[kColorWords];
+    std::memcpy(pixel, &pixels[i * sizeof pixel], sizeof pixel);
+    CHECK(pixel[0] == Approx(35).epsilon(0.02));
+    CHECK(pixel[0] == pixel[2]);
+    CHECK(pixel[3] == 1);
+  }
 }
 
 TEST_CASE("A store that is damaged meanwhile ends every call with its sentence", "[renderer]") {

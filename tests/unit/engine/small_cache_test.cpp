@@ -84,7 +84,7 @@ View ViewOf(const SceneMeta& meta, RenderMode mode) {
 }  // namespace
 
 TEST_CASE("A cache of one largest block finishes every frame, with the same bits and bounded loads",
-          "[cache]") {
+          "[cache][long]") {
   const TemporaryFolder folder;
   for (const std::string kind :
        {"plant", "city", "forest", "terrain", "stadium", "cornell", "fan", "slivers", "soup"}) {

@@ -279,7 +279,8 @@ TEST_CASE("glTF by Draco: a mesh larger than the decoder's memory is refused", "
              Catch::Contains("needs more memory to be decoded than --memory"));
 }
 
-TEST_CASE("glTF by Draco: cut and changed bytes give a model or one sentence", "[import][gltf][draco]") {
+TEST_CASE("glTF by Draco: cut and changed bytes give a model or one sentence",
+          "[import][gltf][draco][long]") {
   for (const int method : {draco::MESH_SEQUENTIAL_ENCODING, draco::MESH_EDGEBREAKER_ENCODING}) {
     const Compressed whole = Encode(method, 11);
     uint64_t refused = 0;

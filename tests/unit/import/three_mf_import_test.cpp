@@ -277,7 +277,7 @@ TEST_CASE("3MF: encrypted archives and unknown packings are refused", "[import][
   CHECK_THAT(ErrorOf("a.3mf", Zip(parts)), Catch::Contains("encrypted parts"));
 }
 
-TEST_CASE("3MF: archives that unpack without end are refused", "[import][3mf]") {
+TEST_CASE("3MF: archives that unpack without end are refused", "[import][3mf][long]") {
   std::string model = Square();
   model.insert(model.find("<resources>"), std::string(30 << 20, ' '));
   const TempFolder folder;

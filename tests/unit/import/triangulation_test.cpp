@@ -276,7 +276,7 @@ TEST_CASE("Polygons that cross themselves, or are none, become as many triangles
   check(std::vector<glm::vec3>(3));
 }
 
-TEST_CASE("Polygons of 60,000 corners are split too", "[triangulation]") {
+TEST_CASE("Polygons of 60,000 corners are split too", "[triangulation][long]") {
   std::mt19937 chance(5);
   constexpr uint32_t kCorners = 60000;
   Polygon comb, spiral, crossing, far = RandomStar(chance, kCorners, 0.01f);

@@ -227,7 +227,7 @@ TEST_CASE("A connection that is closed goes, though nobody runs its io_context a
   CHECK(watched.expired());
 }
 
-TEST_CASE("Close does not wait for a peer that no longer answers or reads") {
+TEST_CASE("Close does not wait for a peer that no longer answers or reads", "[long]") {
   const auto [tls, queued] = GENERATE(table<bool, size_t>({{false, 0}, {true, 0}, {true, 60'000'000}}));
   Network network(tls ? WithSecret('a', true) : Security());
   End& client = network.ConnectTo(tls ? WithSecret('a', false) : Security());
@@ -351,7 +351,7 @@ TEST_CASE("Nothing on the way to a voxel server is final for a block") {
   }
 }
 
-TEST_CASE("However many blocks are wanted, a server is asked for no more at once than it takes") {
+TEST_CASE("However many blocks are wanted, a server is asked for no more at once than it takes", "[long]") {
   constexpr size_t kWanted = 3 * kMostBlockRequests + 7;
   Network network{Security()};
   TcpVoxelSource source(network.client_io, {"127.0.0.1", network.listener->port()}, {}, SceneId{}, 1000);

@@ -285,7 +285,7 @@ void MustGoOn(const std::string& path, size_t least_kills) {
 
 }  // namespace
 
-TEST_CASE("Imports of every format go on from every checkpoint", "[import][resume]") {
+TEST_CASE("Imports of every format go on from every checkpoint", "[import][resume][long]") {
   const test::TemporaryFolder folder;
   for (const bool binary : {true, false}) {
     const std::string name = binary ? "binary" : "text";
@@ -372,7 +372,7 @@ TEST_CASE("The pages in memory, and what may still be loaded, are the same after
   MustBeTheSame(pieces, whole);
 }
 
-TEST_CASE("Windows over faces that waited go on from the last", "[import][resume]") {
+TEST_CASE("Windows over faces that waited go on from the last", "[import][resume][long]") {
   // Faces before their vertices, enough of them to be worth checkpoints, in several windows.
   constexpr uint32_t kVertices = 1500000, kFaces = (1 << 20) + 1000;
   const auto give = [&](SpillSink& sink) -> Status {

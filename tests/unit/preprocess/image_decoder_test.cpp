@@ -247,7 +247,7 @@ TEST_CASE("Damaged images never harm who wants them decoded", "[texture][decoder
 }
 
 TEST_CASE("A decoder that crashes costs one image, one that is short of memory ends the run",
-          "[texture][decoder]") {
+          "[texture][decoder][long]") {
   const TemporaryFolder folder;
   WriteImage(folder.file("a.png"), 20, 20, 3, OIIO::TypeDesc::UINT8);
   Helper();

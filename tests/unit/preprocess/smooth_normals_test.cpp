@@ -230,7 +230,7 @@ TEST_CASE("A fan of very many corners stays flat", "[smooth]") {
 }
 
 TEST_CASE("Stores have the normals of the whole model, whatever regions and memory it was built in",
-          "[smooth]") {
+          "[smooth][long]") {
   // 359,400 triangles: more than memory holds at once, so that they are routed to regions.
   const std::vector<TriangleRecord> ball = Ball(300);
   REQUIRE(ball.size() > kMostInMemory);
