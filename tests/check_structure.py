@@ -5,11 +5,13 @@ import re
 import sys
 
 FOLDERS = ("common", "preprocess", "worker", "master", "scenes", "deploy")
+TESTS = "tests"             # only its folders' subjects are counted
 FILE_LINES = 400            # or a reason at the top: "Long: ..."
-FOLDER_SUBJECTS = 16        # a header with its source is one
+FOLDER_SUBJECTS = 16        # a header with its source is one; among tests so is a script
 FUNCTION_LINES = 100
 FUNCTION_LINES_P99 = 45
 SOURCES = {".h", ".cpp", ".cu", ".cuh"}
+SCRIPTS = {".py", ".mjs", ""}
 NO_FUNCTION = re.compile(r"(namespace|class|struct|enum|union|extern|switch|if|for|while|else|do|case|template <[^(]*> (class|struct))\b")
 
 
@@ -48,11 +50,13 @@ def functions(lines):
 def main():
     root = pathlib.Path(sys.argv[1])
     faults, lengths = [], []
-    for folder in FOLDERS:
+    for folder in (*FOLDERS, TESTS):
+        counted = SOURCES | SCRIPTS if folder == TESTS else SOURCES
         for place in [root / folder, *sorted(p for p in (root / folder).rglob("*") if p.is_dir())]:
-            subjects = {p.stem for p in place.iterdir() if p.suffix in SOURCES}
+            subjects = {p.stem for p in place.iterdir() if p.suffix in counted and p.is_file()}
             if len(subjects) > FOLDER_SUBJECTS:
                 faults.append(f"{place.relative_to(root)}: {len(subjects)} subjects, more than {FOLDER_SUBJECTS}")
+    for folder in FOLDERS:
         for path in sorted((root / folder).rglob("*")):
             if path.suffix not in SOURCES:
                 continue

@@ -28,7 +28,7 @@ using Clock = std::chrono::steady_clock;
 
 constexpr uint64_t kOverheadBytes = 44ull << 20;  // of a run beyond --memory: README.md, "Limits"
 // Seconds a byte of a triangle's record: to resolve and spill it at import; to route it to regions and read
-// it back. Fitted to models that the page cache holds (tests/bench/plans).
+// it back. Fitted to models that the page cache holds (tests/bench/stores/plans).
 constexpr double kImportSeconds = 3e-9, kRoutingSeconds = 6.5e-9;
 
 /// Bytes for vertices; the rest of --memory is for building.

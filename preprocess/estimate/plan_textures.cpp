@@ -13,10 +13,10 @@
 namespace quarry {
 namespace {
 
-constexpr double kStartSeconds = 0.4;     // to start the decoder process
-constexpr double kMoreLevels = 4.0 / 3;   // texels of all levels over the image's
-constexpr double kTexelSeconds = 1.5e-8;  // for a byte of texels of all levels; tests/bench/plans measures it
-constexpr size_t kSamples = 24;           // images that are decoded
+constexpr double kStartSeconds = 0.4;        // to start the decoder process
+constexpr double kMoreLevels = 4.0 / 3;      // texels of all levels over the image's
+constexpr double kTexelSeconds = 1.5e-8;     // for a byte of all levels, by tests/bench/stores/plans
+constexpr size_t kSamples = 24;              // images that are decoded
 constexpr uint64_t kSampleBytes = 16 << 20;  // of texels decoded of each image
 constexpr uint32_t kEncodedPages = 4;        // encodes each n-th page
 

@@ -11,7 +11,7 @@ namespace quarry {
 /// storeys are whole horizontal sections; a scene is often low, and has more horizontal surface than it has
 /// surface on one side. Neither windings nor triangles far from the rest change it, and a triangle that is
 /// larger than the rest counts as large as the rest. The same for the same triangles in the same order.
-/// Thread-safe. The weights are ours, judged by the models of tests/bench/first_pictures.
+/// Thread-safe. The weights are ours, judged by the models of tests/bench/pictures/first_pictures.
 double UpEvidence(std::span<const KdTriangle> triangles);
 
 }  // namespace quarry

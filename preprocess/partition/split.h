@@ -55,7 +55,7 @@ static_assert(kMaxTopDepth + 6 <= int{kMostLevels}, "one plane for each side tha
 /// and some crossing triangles are cut by every plane. `share`: the node's part of all triangles. Planes that
 /// thin triangles out may copy more: a node of a thousandth may have grown by 5, the root by 1.5. Where
 /// planes only copy (slivers across the whole box, a fan round a vertex), a chain has fewer voxels, and rays
-/// load each once (tests/bench/voxel_chains, cache of 32M).
+/// load each once (tests/bench/pictures/voxel_chains, cache of 32M).
 inline double MaxGrowthOfRegions(double share) { return std::min(5.0, 1.5 * std::pow(share, -0.175)); }
 /// Most growth within a region: a fifth, or, where voxels are small, a twenty-eighth a level. Plant of 350
 /// million: 1.22 references a triangle instead of 2.23, and rays as fast (tests/bench/history/preprocess.md).

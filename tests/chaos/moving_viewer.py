@@ -6,8 +6,8 @@ import sys
 import threading
 import time
 
-sys.path.insert(0, str(pathlib.Path(__file__).parents[1] / "support"))
-from live_client import Closed, LiveClient  # noqa: E402
+sys.path.insert(0, str(pathlib.Path(__file__).parents[2]))
+from tests.support.cluster.live_client import Closed, LiveClient
 
 LOST = (Closed, OSError, TimeoutError, json.JSONDecodeError)  # what a master that is killed, stopped or refused does to a connection
 SIZE, TURN, PERIOD_S = [160, 120], 0.05, 0.1

@@ -5,8 +5,8 @@ import pathlib
 import subprocess
 import sys
 
-sys.path.insert(0, str(pathlib.Path(__file__).parents[1] / "support"))
-from textured_scene import write_scene  # noqa: E402
+sys.path.insert(0, str(pathlib.Path(__file__).parents[2]))
+from tests.support.models.textured_scene import write_scene
 
 BIN = pathlib.Path(os.environ.get("QUARRY_BIN", pathlib.Path(__file__).parents[2] / "build/release/bin"))
 TRIANGLES, VOXEL_SIZE, CACHE = 120000, "16K", "2M"

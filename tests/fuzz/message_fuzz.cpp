@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "common/protocol/messages.h"
-#include "tests/support/shared_tables.h"
+#include "tests/support/cluster/shared_tables.h"
 
 namespace {
 

@@ -5,7 +5,7 @@
 
 #include "common/kdtree/variants/brute_force_trace.h"
 #include "common/kdtree/variants/variant_kernels.h"
-#include "tests/bench/gpu_check.h"
+#include "tests/bench/gpu/gpu_check.h"
 #include "tests/reference/reference_rays.h"
 
 namespace quarry::test {

@@ -15,7 +15,7 @@
 
 #include "common/kdtree/trace/triangle_test.h"
 #include "preprocess/preprocess.h"
-#include "tests/support/resident_scene.h"
+#include "tests/support/rendering/resident_scene.h"
 #include "tests/support/temporary_folder.h"
 
 namespace quarry::test {

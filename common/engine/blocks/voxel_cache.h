@@ -82,8 +82,8 @@ class VoxelCache {
   /// `mailbox` and delivered to it. It is loaded once, however many threads want it.
   void Want(BlockKey block, Mailbox* mailbox, uint32_t rays, OctantMask octants = kAllOctants);
   /// Whether the wanted blocks take more than half of the limit. The other half holds blocks in use, which a
-  /// new block would evict before all their rays have passed. Chosen by `tests/bench/voxel_chains`, fan with
-  /// a cache of 32 MiB: 1,606 loads; 6,987 with the whole limit in place of half.
+  /// new block would evict before all their rays have passed. Chosen by `tests/bench/pictures/voxel_chains`,
+  /// fan with a cache of 32 MiB: 1,606 loads; 6,987 with the whole limit in place of half.
   bool scarce() const { return wanted_bytes_.load(std::memory_order_relaxed) > budget_ / 2; }
   /// Notes that the owner of a mailbox has used `blocks` delivered blocks.
   void Used(uint32_t blocks);

@@ -9,8 +9,8 @@
 #include "common/net/stream_connection.h"
 #include "common/protocol/messages.h"
 #include "master/block_service.h"
-#include "tests/support/block_literal.h"
-#include "tests/support/shared_tables.h"
+#include "tests/support/cluster/shared_tables.h"
+#include "tests/support/stores/block_literal.h"
 #include "worker/sources/tcp_source.h"
 
 // What a program that listens takes from whoever connects, and for how long.

@@ -9,8 +9,8 @@
 #include <thread>
 
 #include "common/engine/renderer.h"
-#include "tests/support/looking.h"
-#include "tests/support/row_scene.h"
+#include "tests/support/rendering/looking.h"
+#include "tests/support/rendering/row_scene.h"
 
 namespace quarry {
 namespace {

@@ -11,7 +11,7 @@
 #include <deque>
 #include <fstream>
 
-#include "tests/support/small_store.h"
+#include "tests/support/stores/small_store.h"
 #include "tests/support/temporary_folder.h"
 
 namespace quarry {

@@ -5,7 +5,7 @@
 
 #include "common/engine/renderer.h"
 #include "preprocess/preprocess.h"
-#include "tests/support/row_scene.h"
+#include "tests/support/rendering/row_scene.h"
 #include "tests/support/temporary_folder.h"
 
 // Renderer::Trace(): lists of rays.

@@ -9,9 +9,9 @@
 
 #include "common/engine/integrators/integrator.h"
 #include "common/engine/rays/lanes.h"
-#include "tests/support/looking.h"
-#include "tests/support/row_scene.h"
-#include "tests/support/small_store.h"
+#include "tests/support/rendering/looking.h"
+#include "tests/support/rendering/row_scene.h"
+#include "tests/support/stores/small_store.h"
 
 namespace quarry {
 namespace {

@@ -9,8 +9,8 @@
 #include "common/engine/blocks/loader.h"
 #include "common/engine/integrators/hits.h"
 #include "common/math/shared_exponent.h"
-#include "tests/support/looking.h"
-#include "tests/support/row_scene.h"
+#include "tests/support/rendering/looking.h"
+#include "tests/support/rendering/row_scene.h"
 
 // Tiles rendered on the test's own thread: each step, and each block that comes, is the test's doing.
 

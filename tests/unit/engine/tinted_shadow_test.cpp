@@ -8,7 +8,7 @@
 
 #include "common/engine/integrators/bounce.h"
 #include "preprocess/preprocess.h"
-#include "tests/support/engine_run.h"
+#include "tests/support/rendering/engine_run.h"
 #include "tests/support/temporary_folder.h"
 
 namespace quarry::test {

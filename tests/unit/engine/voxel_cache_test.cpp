@@ -5,7 +5,7 @@
 #include <thread>
 
 #include "common/engine/blocks/pinned_blocks.h"
-#include "tests/support/block_literal.h"
+#include "tests/support/stores/block_literal.h"
 
 namespace quarry {
 namespace {

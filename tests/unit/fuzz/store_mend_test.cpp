@@ -2,7 +2,7 @@
 
 #include <catch2/catch.hpp>
 
-#include "tests/support/small_store.h"
+#include "tests/support/stores/small_store.h"
 #include "tests/support/temporary_folder.h"
 
 namespace quarry {

@@ -1,4 +1,4 @@
-#include "tests/bench/grazing.h"
+#include "tests/bench/rays/grazing.h"
 
 #include <catch2/catch.hpp>
 

@@ -1,4 +1,4 @@
-#include "tests/bench/ray_order.h"
+#include "tests/bench/rays/ray_order.h"
 
 #include <algorithm>
 #include <catch2/catch.hpp>

@@ -3,8 +3,8 @@
 #include <catch2/catch.hpp>
 #include <random>
 
-#include "tests/support/flat_tree.h"
-#include "tests/support/ropes.h"
+#include "tests/support/rendering/flat_tree.h"
+#include "tests/support/rendering/ropes.h"
 
 namespace quarry {
 namespace {

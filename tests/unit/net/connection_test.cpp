@@ -20,7 +20,7 @@
 #include "common/net/timer.h"
 #include "common/protocol/messages.h"
 #include "master/block_service.h"
-#include "tests/support/block_literal.h"
+#include "tests/support/stores/block_literal.h"
 #include "worker/sources/tcp_source.h"
 
 namespace quarry {

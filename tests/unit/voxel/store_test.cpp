@@ -16,8 +16,8 @@
 #include "common/voxel/store_header.h"
 #include "common/voxel/store_reader.h"
 #include "common/voxel/store_writer.h"
-#include "tests/support/flat_tree.h"
-#include "tests/support/small_store.h"
+#include "tests/support/rendering/flat_tree.h"
+#include "tests/support/stores/small_store.h"
 
 namespace quarry {
 namespace {

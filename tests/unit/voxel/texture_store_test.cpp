@@ -6,7 +6,7 @@
 #include "common/voxel/store_reader.h"
 #include "common/voxel/store_writer.h"
 #include "common/voxel/texture_page.h"
-#include "tests/support/small_store.h"
+#include "tests/support/stores/small_store.h"
 #include "tests/support/temporary_folder.h"
 
 namespace quarry {

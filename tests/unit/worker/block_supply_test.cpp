@@ -6,7 +6,7 @@
 #include <catch2/catch.hpp>
 #include <chrono>
 
-#include "tests/support/cached_store.h"
+#include "tests/support/stores/cached_store.h"
 
 // Where a worker's blocks come from, over real sockets and files on one thread.
 

@@ -13,8 +13,8 @@
 #include <thread>
 #include <vector>
 
-#include "tests/support/cached_store.h"
 #include "tests/support/skip.h"
+#include "tests/support/stores/cached_store.h"
 #include "worker/sources/cache_folder.h"
 #include "worker/sources/disk_cache.h"
 

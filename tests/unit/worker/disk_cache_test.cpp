@@ -10,7 +10,7 @@
 #include <limits>
 #include <utility>
 
-#include "tests/support/cached_store.h"
+#include "tests/support/stores/cached_store.h"
 #include "worker/sources/cache_folder.h"
 
 namespace quarry {

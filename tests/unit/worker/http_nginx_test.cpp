@@ -5,8 +5,8 @@
 #include <cstdlib>
 #include <utility>
 
-#include "tests/support/http_fetches.h"
-#include "tests/support/nginx.h"
+#include "tests/support/servers/http_fetches.h"
+#include "tests/support/servers/nginx.h"
 #include "tests/support/skip.h"
 #include "worker/sources/http_source.h"
 

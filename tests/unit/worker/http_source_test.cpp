@@ -10,8 +10,8 @@
 #include <utility>
 
 #include "common/voxel/store_header.h"
-#include "tests/support/fault_server.h"
-#include "tests/support/http_fetches.h"
+#include "tests/support/servers/fault_server.h"
+#include "tests/support/servers/http_fetches.h"
 
 namespace quarry {
 namespace {

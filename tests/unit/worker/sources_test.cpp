@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "common/net/source_spec.h"
-#include "tests/support/block_literal.h"
+#include "tests/support/stores/block_literal.h"
 #include "worker/sources/source_policy.h"
 #include "worker/sources/source_set.h"
 #include "worker/sources/stored_cache.h"

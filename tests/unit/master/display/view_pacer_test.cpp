@@ -4,9 +4,9 @@
 #include <cmath>
 
 #include "common/math/shared_exponent.h"
-#include "tests/support/live_cluster.h"
-#include "tests/support/looking.h"
-#include "tests/support/row_scene.h"
+#include "tests/support/cluster/live_cluster.h"
+#include "tests/support/rendering/looking.h"
+#include "tests/support/rendering/row_scene.h"
 
 // A viewer's pictures, from views in to frames out, by a clock that the test moves.
 

@@ -10,7 +10,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "tests/support/still_connection.h"
+#include "tests/support/cluster/still_connection.h"
 #include "tests/support/temporary_folder.h"
 
 namespace quarry {

@@ -8,8 +8,8 @@
 
 #include "master/jobs/spool.h"
 #include "master/schedule/scheduler.h"
-#include "tests/support/looking.h"
-#include "tests/support/small_store.h"
+#include "tests/support/rendering/looking.h"
+#include "tests/support/stores/small_store.h"
 #include "tests/support/temporary_folder.h"
 
 namespace quarry {

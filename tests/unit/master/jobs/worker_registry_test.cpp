@@ -2,7 +2,7 @@
 
 #include <catch2/catch.hpp>
 
-#include "tests/support/still_connection.h"
+#include "tests/support/cluster/still_connection.h"
 
 namespace quarry {
 namespace {

@@ -4,7 +4,7 @@
 #include <span>
 
 #include "master/schedule/tile_assignment.h"
-#include "tests/support/looking.h"
+#include "tests/support/rendering/looking.h"
 
 namespace quarry {
 namespace {

@@ -8,7 +8,7 @@
 #include <unordered_map>
 #include <vector>
 
-#include "tests/support/looking.h"
+#include "tests/support/rendering/looking.h"
 
 // Frames dispatched to workers that answer late, never, or with lies: the master's dispatcher by a clock that
 // the test moves.

@@ -7,8 +7,8 @@
 #include <thread>
 
 #include "master/pictures/frame_image.h"
-#include "tests/support/looking.h"
-#include "tests/support/row_scene.h"
+#include "tests/support/rendering/looking.h"
+#include "tests/support/rendering/row_scene.h"
 
 namespace quarry {
 

@@ -4,7 +4,7 @@
 #include <catch2/catch.hpp>
 #include <limits>
 
-#include "tests/support/looking.h"
+#include "tests/support/rendering/looking.h"
 
 namespace quarry {
 namespace {

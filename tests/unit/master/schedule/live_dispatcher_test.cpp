@@ -2,9 +2,9 @@
 
 #include <catch2/catch.hpp>
 
-#include "tests/support/live_cluster.h"
-#include "tests/support/looking.h"
-#include "tests/support/row_scene.h"
+#include "tests/support/cluster/live_cluster.h"
+#include "tests/support/rendering/looking.h"
+#include "tests/support/rendering/row_scene.h"
 
 // Tiles of watched views, given to workers that answer when the test says so.
 

@@ -1,0 +1,109 @@
+#include "tests/bench/gpu/gpu_scene.h"
+
+#include <algorithm>
+#include <random>
+#include <thread>
+
+#include "common/base/check.h"
+#include "common/base/resource.h"
+#include "common/kdtree/opacity_mask.h"
+#include "common/kdtree/variants/variant_kernels.h"
+
+namespace quarry::bench {
+
+namespace {
+
+/// Of four triangles two are opaque, one has a mask of all states, one is transparent in part.
+uint32_t MaskOf(uint32_t id) {
+  if (id % 4 < 2) return kOpaqueMask;
+  std::mt19937 random(id);
+  uint32_t mask = 0;
+  for (uint32_t sub = 0; sub < kSubTriangles; ++sub) {
+    const uint32_t state = id % 4 == 2 ? random() % 3 : 1 + random() % 2;
+    mask |= state << (2 * sub);
+  }
+  return mask;
+}
+
+}  // namespace
+
+std::vector<cuda::Schedule> SchedulesOf(const GpuWay& way) {
+  using enum cuda::Schedule;
+  if (way.way == cuda::DeviceWay::kWide) return {kStepping, kPersistent};
+  return {kNested, kStepping, kPersistent};
+}
+
+const char* Name(cuda::Schedule schedule) {
+  switch (schedule) {
+    case cuda::Schedule::kNested:
+      return "nested";
+    case cuda::Schedule::kStepping:
+      return "stepping";
+    case cuda::Schedule::kPersistent:
+      return "persistent";
+  }
+  return "";
+}
+
+const Kernel& CpuKernelOf(const GpuWay& way) {
+  // Not from AllKernels(): QUARRY_ISA may leave them out there.
+  static const std::vector<Kernel> kernels = [] {
+    std::vector<Kernel> all(kGpuKernels);
+    FillGpuKernels(all.data());
+    return all;
+  }();
+  const auto found = std::ranges::find_if(kernels, [&](const Kernel& kernel) {
+    return kernel.grouping == way.on_cpu && kernel.algorithm == way.layout;
+  });
+  QUARRY_CHECK(found != kernels.end());
+  return *found;
+}
+
+void InParallel(size_t n, const std::function<void(size_t first, size_t count)>& f) {
+  const size_t threads = std::max<size_t>(1, std::min<size_t>(UsableProcessors(), n));
+  std::vector<std::jthread> running;
+  for (size_t i = 0; i < threads; ++i) {
+    const size_t first = n * i / threads, end = n * (i + 1) / threads;
+    running.emplace_back([&f, first, end] { f(first, end - first); });
+  }
+}
+
+void TraceInParallel(const test::SceneView& view, TraceFunction trace, std::vector<RayPacket>& packets,
+                     std::span<const uint64_t> active) {
+  InParallel(packets.size(), [&](size_t first, size_t count) {
+    trace(view.top(), view.finder(), packets.data() + first, active.data() + first,
+          static_cast<uint32_t>(count));
+  });
+}
+
+Result<std::unique_ptr<GpuScene>> GpuScene::Load(const std::string& store, bool masks) {
+  auto scene = std::make_unique<GpuScene>();
+  QUARRY_ASSIGN(scene->resident_, test::ResidentScene::Load(store));
+  if (masks) scene->resident_->SetMasks(MaskOf);
+  for (const GpuWay& way : kGpuWays) {
+    auto& device = scene->devices_[static_cast<size_t>(way.layout)];
+    if (device) continue;
+    QUARRY_ASSIGN(device, scene->Empty(way));
+    QUARRY_TRY(device->Upload(scene->Voxels(way, 1, 0)));
+  }
+  return scene;
+}
+
+cuda::DeviceScene& GpuScene::device(const GpuWay& way) { return *devices_[static_cast<size_t>(way.layout)]; }
+
+Result<cuda::DeviceScene> GpuScene::Empty(const GpuWay& way) {
+  const test::SceneView& layout = view(way);
+  return cuda::DeviceScene::Make({layout.top(), layout.top_node_slots(),
+                                  static_cast<uint32_t>(resident_->catalog().top_wide.size()),
+                                  static_cast<uint32_t>(layout.voxels().size())});
+}
+
+std::vector<cuda::HostVoxel> GpuScene::Voxels(const GpuWay& way, uint32_t parts, uint32_t part) {
+  const test::SceneView& layout = view(way);
+  std::vector<cuda::HostVoxel> voxels;
+  for (uint32_t v = part; v < layout.voxels().size(); v += parts)
+    voxels.push_back({v, &layout.voxels()[v], layout.node_slots(v)});
+  return voxels;
+}
+
+}  // namespace quarry::bench

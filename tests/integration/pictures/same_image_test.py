@@ -1,0 +1,175 @@
+"""The same picture, bit for bit, whatever the workers, threads, caches and faults (design: what must always be true)."""
+import json
+import os
+import pathlib
+import signal
+import struct
+import subprocess
+import sys
+import time
+import unittest
+import unittest.mock
+
+sys.path.insert(0, str(pathlib.Path(__file__).parents[3]))
+from tests.integration.programs import BIN, TIMEOUT_S, Case, end, main
+
+TRIANGLES = int(os.environ.get("QUARRY_TEST_TRIANGLES", "1000000"))
+VIEW = ["--mode", "whitted", "--size", "512x384", "--eye", "6,6,14", "--at", "30,30,16", "--fov", "70",
+        "--aov", "depth,normal,uv,primitive,material,part,voxel"]
+
+
+def write_ply(path, vertices, faces):
+    with open(path, "wb") as out:
+        out.write(f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\nproperty float x\n"
+                  f"property float y\nproperty float z\nelement face {len(faces)}\n"
+                  "property list uchar int vertex_indices\nend_header\n".encode())
+        out.write(b"".join(struct.pack("<3f", *v) for v in vertices))
+        out.write(b"".join(struct.pack("<B3i", 3, *f) for f in faces))
+
+
+def crossing_bars(bars, layers):
+    """Square bars of 1 x 1 x `bars`, every other place empty, each layer across the one below."""
+    vertices, faces = [], []
+    for layer in range(layers):
+        for bar in range(bars // 2):
+            first = len(vertices)
+            for corner in range(8):
+                along, across, up = corner & 1, corner >> 1 & 1, corner >> 2
+                x, y = along * bars, 2 * bar + across
+                vertices.append((x, y, layer + up) if layer % 2 == 0 else (y, x, layer + up))
+            for a, b, c, d in ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5)):
+                faces += [(first + a, first + b, first + c), (first + a, first + c, first + d)]
+    return vertices, faces
+
+
+class SameImage(Case):
+    def render(self, name, *arguments):
+        output = self.path(name + ".exr")
+        self.must("quarry", "render", self.scene, "-o", output, "--quiet", *VIEW, *arguments)
+        return pathlib.Path(output).read_bytes()
+
+    def test_workers_threads_caches_and_a_killed_worker(self):
+        self.scene = self.store("plant", TRIANGLES)
+        info = self.info(self.scene)
+        decoded = info["hot_decoded_bytes"] + info["shading_decoded_bytes"]
+        largest = info["largest_decoded_bytes"]
+        reference = self.render("reference", "--workers", 1, "--threads", 1, "--cache", decoded)
+        self.assertGreater(len(reference), 100000)
+        for workers in (1, 2, 4):
+            for threads in (1, 2):
+                with self.subTest(workers=workers, threads=threads):
+                    self.assertEqual(self.render("w", "--workers", workers, "--threads", threads), reference)
+        for workers, threads, cache in ((1, 2, largest), (2, 1, largest), (2, 2, decoded // 20), (1, 2, decoded)):
+            with self.subTest(workers=workers, threads=threads, cache=cache):
+                self.assertEqual(self.render("c", "--workers", workers, "--threads", threads, "--cache", cache), reference)
+        for isa in ("scalar", "avx2"):
+            with self.subTest(isa=isa), unittest.mock.patch.dict(os.environ, QUARRY_ISA=isa):
+                self.assertEqual(self.render("i", "--workers", 1, "--threads", 2), reference)
+        self.kill_one_worker()
+        self.worker_that_starts_late(reference)
+
+    def render_with(self, address, name, *arguments):
+        output = self.path(name + ".exr")
+        client = subprocess.Popen([str(BIN / "quarry"), "render", self.scene, "-o", output, "--master", address,
+                                   "--stats", self.path(name + ".json"), "--quiet", *VIEW, *map(str, arguments)],
+                                  stderr=subprocess.PIPE, text=True)
+        self.addCleanup(end, client)
+        return client, output
+
+    def kill_one_worker(self):
+        # How fast the machine is decides when the victim has tiles in hand: several moments are tried until the
+        # master has counted leases lost, of a picture that takes long. It must be right at every one of them.
+        samples = ("--spp", 8)
+        reference = self.render("reference", "--workers", 1, "--threads", 2, *samples)
+        for delay in (0.3, 0.15, 0.6, 1.2, 2.4):
+            _, address = self.start_master(self.scene)
+            victim = self.start_worker(address, "--threads", 1, "--cache", "2M")
+            client, output = self.render_with(address, "killed", *samples)
+            time.sleep(delay)
+            victim.send_signal(signal.SIGKILL)
+            self.start_worker(address, "--threads", 2)
+            self.assertEqual(client.wait(timeout=TIMEOUT_S - 10), 0, client.stderr.read())
+            self.assertEqual(pathlib.Path(output).read_bytes(), reference)
+            stats = json.loads(pathlib.Path(self.path("killed.json")).read_text())
+            if stats["frames"][0]["leases_lost"] > 0:
+                return
+        self.fail("the worker never held a tile when it was killed")
+
+    def worker_that_starts_late(self, reference):
+        _, address = self.start_master(self.scene)
+        client, output = self.render_with(address, "late")
+        time.sleep(0.5)
+        self.start_worker(address, "--threads", 1)
+        self.start_worker(address, "--threads", 1)
+        self.assertEqual(client.wait(timeout=TIMEOUT_S - 10), 0, client.stderr.read())
+        self.assertEqual(pathlib.Path(output).read_bytes(), reference)
+
+
+class GlassInShadow(Case):
+    def test_shadow_rays_that_pass_a_glass_ball(self):
+        """Shadow rays go from surface to surface of the ball, through many small voxels, and wait for each."""
+        scene = self.store("cornell", 20000, voxel_size="16K")
+        info = self.info(scene)
+        decoded, largest = info["hot_decoded_bytes"] + info["shading_decoded_bytes"], info["largest_decoded_bytes"]
+        image = self.path("ball.exr")
+
+        def render(isa, workers, threads, cache):
+            environment = {} if isa is None else {"QUARRY_ISA": isa}
+            with unittest.mock.patch.dict(os.environ, environment):
+                self.must("quarry", "render", scene, "-o", image, "--quiet", "--mode", "whitted", "--size", "256x192", "--eye", "1,-2.6,1",
+                          "--at", "1,1,0.9", "--sun", "0.2,-1,0.6", "--spp", 2, "--workers", workers, "--threads", threads, "--cache", cache)
+            return pathlib.Path(image).read_bytes()
+
+        reference = render(None, 1, 1, decoded)
+        for isa, workers, threads, cache in ((None, 1, 1, largest), (None, 1, 2, largest), (None, 2, 1, largest), (None, 2, 2, decoded // 20),
+                                             (None, 1, 2, decoded), ("scalar", 1, 2, decoded), ("avx2", 1, 1, largest)):
+            with self.subTest(isa=isa, workers=workers, threads=threads, cache=cache):
+                self.assertEqual(render(isa, workers, threads, cache), reference)
+
+
+class PilesOfVoxels(Case):
+    def test_crossing_bars_at_a_cache_of_one_block(self):
+        """Layers of crossing bars, in chains of voxels whose boxes overlap: rays wait for one after the other, within one leaf."""
+        model, scene = self.path("bars.ply"), self.path("bars.quarry")
+        write_ply(model, *crossing_bars(400, 4))
+        self.must("quarry-preprocess", model, "-o", scene, "--voxel-size", "8K", "--quiet")
+        info = self.info(scene)
+        self.assertGreater(info["chained_voxels"], 20)
+        images = set()
+        for threads, cache in ((1, info["hot_decoded_bytes"]), (1, info["largest_decoded_bytes"]), (2, info["largest_decoded_bytes"])):
+            image = self.path("bars.exr")
+            self.must("quarry", "render", scene, "-o", image, "--quiet", "--mode", "whitted", "--size", "256x192", "--eye", "-90,-60,90",
+                      "--at", "200,200,0", "--aov", "depth,primitive", "--workers", 1, "--threads", threads, "--cache", cache)
+            images.add(pathlib.Path(image).read_bytes())
+        self.assertEqual(len(images), 1)
+        self.assertGreater(len(images.pop()), 50000)
+
+
+class SameStore(Case):
+    def test_memory_and_threads_do_not_change_the_store(self):
+        model = self.path("m.ply")
+        self.must("quarry-scene", "plant", "--triangles", 300000, "-o", model, "--quiet")
+        self.expect_one_store(model)
+
+    def test_a_pile_that_no_plane_parts_is_the_same_from_disk_and_from_memory(self):
+        """200,000 times one triangle, more than a quarter of the least memory holds; others beside it, with space."""
+        vertices = [(0, 0, 0), (3, 2, 1), (1, 3, 2), (90, 90, 90), (91, 90, 90), (90, 91, 91)]
+        faces = [(0, 1, 2)] * 200000 + [(3, 4, 5)] * 5
+        model = self.path("chain.ply")
+        write_ply(model, vertices, faces)
+        self.expect_one_store(model)
+        info = self.info(self.path("s-1G-2.quarry"))
+        self.assertEqual(info["chained_voxels"], info["voxels"] - 1)  # all but that of those beside it
+
+    def expect_one_store(self, model):
+        stores = []
+        for memory, threads in (("1G", 2), ("64M", 1), ("64M", 2)):
+            store = self.path(f"s-{memory}-{threads}.quarry")
+            self.must("quarry-preprocess", model, "-o", store, "--memory", memory, "--threads", threads, "--quiet")
+            stores.append(pathlib.Path(store).read_bytes())
+        self.assertEqual(stores[0], stores[1])
+        self.assertEqual(stores[0], stores[2])
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,144 @@
+#include "tests/laboratory/costs/callgrind.h"
+
+#include <catch2/catch.hpp>
+#include <cstdlib>
+
+#include "tests/support/skip.h"
+
+namespace quarry::laboratory {
+namespace {
+
+const std::vector<std::string> kFunctions{"probe::Inner", "probe::Outer(unsigned long)",
+                                          "quarry::laboratory::probe::Outer(unsigned long)", "probe::Never"};
+
+const std::string kProbe = QUARRY_LABORATORY_PROBE;
+
+bool SkippedWithoutValgrind() {
+  if (ValgrindInstalled()) return false;
+  test::Skip("valgrind is not installed on this machine");
+  return true;
+}
+
+FunctionCosts Count(int calls) {
+  const auto costs = CountInstructions({kProbe, std::to_string(calls)}, kFunctions);
+  if (!costs) FAIL(costs.error().message);
+  return *costs;
+}
+
+TEST_CASE("Calls and instructions of a program are counted", "[laboratory]") {
+  if (SkippedWithoutValgrind()) return;
+  FunctionCosts few = Count(50), many = Count(100);
+  CHECK(few["probe::Inner"].calls == 150);
+  CHECK(few[kFunctions[1]].calls == 50);
+  CHECK(many["probe::Inner"].calls == 300);
+  CHECK(many[kFunctions[1]].calls == 100);
+  for (const std::string name : {"probe::Inner", kFunctions[1].c_str()}) {
+    CAPTURE(name);
+    const auto n = static_cast<double>(few[name].instructions);
+    CHECK(static_cast<double>(many[name].instructions) == Approx(2 * n).epsilon(0.01));
+  }
+  // Inner: 100 steps of at least six instructions. Outer: Inner, and less than 50 instructions a call of its
+  // own.
+  CHECK(few["probe::Inner"].instructions >= 150 * 600);
+  CHECK(few[kFunctions[1]].instructions > few["probe::Inner"].instructions);
+  CHECK(few[kFunctions[1]].instructions < few["probe::Inner"].instructions + 50 * 50);
+  // A part of the name, or the name itself.
+  CHECK(few[kFunctions[1]].instructions == few[kFunctions[2]].instructions);
+  CHECK(few["probe::Never"].calls == 0);
+  CHECK(few["probe::Never"].instructions == 0);
+}
+
+TEST_CASE("A program that fails under valgrind is told with its status", "[laboratory]") {
+  if (SkippedWithoutValgrind()) return;
+  const auto failed = CountInstructions({kProbe, "1", "3"}, kFunctions);
+  REQUIRE(!failed);
+  CHECK(failed.error().message == kProbe + " failed with status 3 under valgrind: the probe fails as asked");
+  const auto aborted = CountInstructions({kProbe, "1", "-1"}, kFunctions);
+  REQUIRE(!aborted);
+  CHECK_THAT(aborted.error().message, Catch::Contains("was ended by signal 6 (Aborted)"));
+  const auto missing = CountInstructions({kProbe + "-missing"}, kFunctions);
+  REQUIRE(!missing);
+  CHECK_THAT(missing.error().message, Catch::Contains("failed with status"));
+}
+
+TEST_CASE("A machine without valgrind is told so", "[laboratory]") {
+  const char* path = ::getenv("PATH");
+  const std::string kept = path ? path : "";
+  ::setenv("PATH", "/nonexistent", 1);
+  const bool installed = ValgrindInstalled();
+  const auto costs = CountInstructions({kProbe, "1"}, kFunctions);
+  ::setenv("PATH", kept.c_str(), 1);
+  CHECK(!installed);
+  REQUIRE(!costs);
+  CHECK_THAT(costs.error().message, Catch::StartsWith("valgrind is not installed: "));
+}
+
+/// Compressed names, relative positions, two events, jumps; as callgrind writes them with other options.
+constexpr const char* kProfile = R"(# callgrind format
+version: 1
+creator: by hand
+positions: instr line
+events: Dr Ir
+summary: 9 60
+
+fl=(1) probe.cpp
+fn=(1) main
+0x400 16 1 10
++3 +1 1 10
+jcnd=2/5 0x400 16
+* *
+cfn=(2) outer(int)
+calls=2 0x500 40
++3 * 6 36
+fn=(2)
+0x500 40 1 4
++4 -2 0
+cfi=(2) other.cpp
+cfn=(3) inner(int)
+calls=6 0x600 7
+* +2 4 32
+fn=(3)
+fe=(2)
+0x600 7 6 30
+- * 0 2
+fn=(4) inner(long)
+0x700 9 0 4
+totals: 9 60
+)";
+
+TEST_CASE("A profile's names and costs are read", "[laboratory]") {
+  const std::vector<std::string> functions{"main", "outer", "inner", "inner(int)", "other"};
+  auto costs = ReadCallgrindProfile(kProfile, "p", functions);
+  if (!costs) FAIL(costs.error().message);
+  FunctionCosts& c = *costs;
+  CHECK(c["main"].instructions == 56);  // 10 + 10 of its own, 36 of outer
+  CHECK(c["main"].calls == 0);
+  CHECK(c["outer"].calls == 2);
+  CHECK(c["outer"].instructions == 36);  // 4 of its own, 32 of inner; a line without costs counts 0
+  CHECK(c["inner(int)"].calls == 6);
+  CHECK(c["inner(int)"].instructions == 32);
+  CHECK(c["inner"].calls == 6);
+  CHECK(c["inner"].instructions == 36);  // both
+  CHECK(c["other"].instructions == 0);
+}
+
+TEST_CASE("Broken profiles are told with their line", "[laboratory]") {
+  const auto message = [](const std::string& profile) {
+    const auto costs = ReadCallgrindProfile(profile, "p", {});
+    return costs ? std::string() : costs.error().message;
+  };
+  CHECK(message("events: Dr\n") == "p: line 1: the profile does not count instructions (Ir)");
+  CHECK(message("events: Ir\n1 2\n") == "p: line 2: costs of no function");
+  CHECK(message("fn=f\n1 2\n") == "p: line 2: costs before the names of events");
+  CHECK(message("events: Ir\nfn=(3)\n") == "p: line 2: function (3) has no name yet");
+  CHECK(message("events: Ir\nfn=f\n1 x\n") == "p: line 3: a cost that is no number");
+  CHECK(message("events: Ir\nfn=f\ncalls=1 2\n") == "p: line 3: calls without a number or a function");
+  CHECK(message("events: Ir\nfn=f\ncfn=g\ncalls=1 2\n") == "p: line 4: the profile ends within a call");
+  CHECK(message("events: Ir\nfn=f\n1 2\n") == "p: line 3: the profile has no total");
+  CHECK(message("events: Ir\nfn=f\n1 2\ntotals: 3\n") ==
+        "p: line 4: the functions have 2 instructions, and the total is 3");
+  CHECK(message("events: Ir\nhello\n") == "p: line 2: neither costs nor a name");
+}
+
+}  // namespace
+}  // namespace quarry::laboratory
