@@ -163,3 +163,32 @@ def write_scene(folder, columns=96):
         lines += ["f " + " ".join(f"{v + 1}/{v + 1}/{v + 1}" for v in t) for t in of]
     (folder / "s.obj").write_text("\n".join(lines) + "\n")
     return [folder / "every.glb", folder / "s.obj"]
+
+
+def write_leaves(folder, count=40):
+    """Leaves over a floor that mirrors a little: an OBJ whose leaves are rectangles with an opacity map. Returns its path."""
+    folder = pathlib.Path(folder)
+
+    def row(y):
+        across = abs((y + 0.5) / 16 - 1)
+        along = [(x + 0.5) / 64 for x in range(64)]
+        return bytes(255 if across < 4 * a * (1 - a) and not (0.2 < across < 0.7 and a * 8 % 1 < 0.25) else 0 for a in along)
+
+    (folder / "leaf.png").write_bytes(png(64, 32, row, 1))
+    (folder / "leaves.mtl").write_text("newmtl floor\nKd 0.5 0.45 0.4\nKs 0.3 0.3 0.3\nNs 200\nillum 3\n"
+                                       "newmtl leaf\nKd 0.2 0.6 0.15\nmap_d leaf.png\nnewmtl dry\nKd 0.7 0.4 0.1\nmap_d leaf.png\n")
+    lines = ["mtllib leaves.mtl", "vt 0 0", "vt 1 0", "vt 1 1", "vt 0 1"]
+
+    def rectangle(material, middle, a, b):
+        for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
+            lines.append("v " + " ".join(f"{m + i * u + j * v:.4f}" for m, u, v in zip(middle, a, b)))
+        lines.extend((f"usemtl {material}", "f -4/1 -3/2 -2/3 -1/4"))
+
+    rectangle("floor", (0, 0, 0), (20, 0, 0), (0, 20, 0))
+    chance = random.Random(1)
+    for i in range(count):
+        a = [chance.uniform(-1, 1) for _ in range(3)]
+        rectangle("dry" if i % 5 == 0 else "leaf", (chance.uniform(-3, 3), chance.uniform(-3, 3), chance.uniform(1, 5)), a,
+                  (-a[1] / 2, a[0] / 2, chance.uniform(-0.3, 0.3)))
+    (folder / "leaves.obj").write_text("\n".join(lines) + "\n")
+    return folder / "leaves.obj"
