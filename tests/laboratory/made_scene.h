@@ -5,9 +5,9 @@
 #include <memory>
 #include <string>
 
-#include "preprocess/preprocess.h"
 #include "tests/laboratory/scene.h"
 #include "tests/reference/scene_fixture.h"
+#include "tests/support/models/made_store.h"
 #include "tests/support/temporary_folder.h"
 
 namespace quarry::laboratory {
@@ -23,14 +23,8 @@ T Must(Result<T> result) {
 class MadeScene {
  public:
   explicit MadeScene(const std::string& model, uint32_t voxel_size = 64 << 10) {
-    PreprocessOptions options;
-    options.models = {model};
-    options.output = store();
-    options.voxel_size = voxel_size;
-    options.threads = 2;
-    options.quiet = true;
-    options.textures = false;
-    Must(Preprocess(options));
+    test::MakeStore(
+        {.models = {model}, .output = store(), .threads = 2, .voxel_size = voxel_size, .textures = false});
     scene_ = Must(LaboratoryScene::Load(store()));
   }
   LaboratoryScene& operator*() const { return *scene_; }

@@ -51,16 +51,6 @@ std::vector<uint32_t> Rays(uint32_t first, uint32_t count) {
   return list;
 }
 
-Status MakeStore(const std::string& model, const std::string& store) {
-  PreprocessOptions options;
-  options.models = {model};
-  options.output = store;
-  options.voxel_size = 4096;
-  options.quiet = true;
-  const auto made = Preprocess(options);
-  return made ? Status() : tl::unexpected<Error>(made.error());
-}
-
 }  // namespace
 
 TEST_CASE("A warp traces each ray once, whatever its limits and the length of the list", "[reference][gpu]") {
@@ -159,9 +149,7 @@ TEST_CASE("The check of GPUs finds no difference on emulated warps, and finds on
       out << "usemtl " << (i % 3 == 0 ? "wall" : "glass") << "\nf -3 -2 -1\n";
     }
   }
-  const Status made = MakeStore(model, store);
-  INFO((made ? "" : made.error().message));
-  REQUIRE(made.has_value());
+  MakeStore({.models = {model}, .output = store, .voxel_size = 4096});
   const bool masks = GENERATE(false, true);
   auto scene = bench::GpuScene::Load(store, masks);
   INFO((scene ? "" : scene.error().message));

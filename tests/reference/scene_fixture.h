@@ -6,7 +6,6 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <functional>
 #include <memory>
 #include <random>
@@ -14,7 +13,7 @@
 #include <vector>
 
 #include "common/kdtree/trace/triangle_test.h"
-#include "preprocess/preprocess.h"
+#include "tests/support/models/made_store.h"
 #include "tests/support/rendering/resident_scene.h"
 #include "tests/support/temporary_folder.h"
 
@@ -41,16 +40,9 @@ using MaskOf = std::function<uint32_t(uint32_t id)>;
 class LoadedScene {
  public:
   LoadedScene(const std::string& model, uint32_t voxel_size, const MaskOf& mask_of = {}) {
-    PreprocessOptions options;
-    options.models = {model};
-    options.output = folder_.file("scene.quarry");
-    options.voxel_size = voxel_size;
-    options.threads = 2;
-    options.quiet = true;
-    const auto made = Preprocess(options);
-    INFO((made ? "" : made.error().message));
-    REQUIRE(made.has_value());
-    auto scene = ResidentScene::Load(options.output);
+    const std::string store = folder_.file("scene.quarry");
+    MakeStore({.models = {model}, .output = store, .threads = 2, .voxel_size = voxel_size});
+    auto scene = ResidentScene::Load(store);
     INFO((scene ? "" : scene.error().message));
     REQUIRE(scene.has_value());
     scene_ = std::move(*scene);
@@ -100,15 +92,6 @@ class LoadedScene {
   std::unique_ptr<ResidentScene> scene_;
   std::vector<StoredTriangle> triangles_;
 };
-
-/// Runs the quarry-scene beside the tests; the model's path.
-inline std::string GenerateScene(const TemporaryFolder& folder, const std::string& kind, uint64_t triangles) {
-  const std::string path = folder.file(kind + ".ply");
-  const std::string command = std::string(QUARRY_BIN_DIR) + "/quarry-scene " + kind + " --triangles " +
-                              std::to_string(triangles) + " --quiet -o " + path;
-  REQUIRE(std::system(command.c_str()) == 0);
-  return path;
-}
 
 /// The real models, or empty when they are not there.
 inline std::string ScenesFolder() {

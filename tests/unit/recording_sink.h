@@ -1,7 +1,5 @@
 #pragma once
 
-#include <filesystem>
-#include <fstream>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -9,6 +7,7 @@
 
 #include "preprocess/import/importer.h"
 #include "preprocess/import/model_sink.h"
+#include "tests/support/temporary_folder.h"
 
 namespace quarry {
 
@@ -95,31 +94,15 @@ struct RecordingSink : ModelSink {
   static bool Within(uint32_t index, size_t count) { return index == kNoIndex || index < count; }
 };
 
-/// A folder of its own that goes with its files.
-class TempFolder {
- public:
-  TempFolder() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "quarry-import-XXXXXX").string();
-    path_ = mkdtemp(pattern.data());
-  }
-  ~TempFolder() { std::filesystem::remove_all(path_); }
-  std::string Write(const std::string& name, std::string_view content) const {
-    std::ofstream(path_ / name, std::ios::binary) << content;
-    return (path_ / name).string();
-  }
-  std::string Path(const std::string& name) const { return (path_ / name).string(); }
-
- private:
-  std::filesystem::path path_;
-};
+using test::TemporaryFolder;
 
 /// Imports `content` as a file of that name; the error's sentence without the folder, or "" if it went well.
 inline std::string ImportText(const std::string& name, std::string_view content, ModelSink& sink) {
-  const TempFolder folder;
+  const TemporaryFolder folder;
   const Status status = ImportModel(folder.Write(name, content), sink);
   if (status) return "";
   std::string message = status.error().message;
-  const std::string prefix = folder.Path("");
+  const std::string prefix = folder.file("");
   for (size_t at; (at = message.find(prefix)) != std::string::npos;) message.erase(at, prefix.size());
   return message;
 }

@@ -9,12 +9,12 @@ import shutil
 import struct
 import sys
 import unittest
-import zlib
 
 sys.path.insert(0, str(pathlib.Path(__file__).parents[3]))
 from tests.integration.cases.model_cases import BACKGROUND, GREEN, RED, SQUARE, Model, ModelCase, Sentence, colored, is_color, pixels_of
 from tests.integration.exr import read_exr
 from tests.integration.programs import main
+from tests.support.models.textured_scene import png
 
 CASES = pathlib.Path(__file__).parents[4] / "shared/cases-2"
 BLUE, YELLOW, NONE = (0, 0, 255), (255, 255, 0), BACKGROUND
@@ -88,15 +88,6 @@ OWN = {"double_faces", "exr_crop_windows", "exr_layers_for_others", "gltf_camera
        "many_materials_one_image", "many_stl_parts", "normal_map_green_up_gltf", "normal_map_mirrored_uv", "obj_zero_vn", "png_says_srgb",
        "stl_zero_and_nan_normals", "texture_16k", "texture_not_power_of_two", "texture_two_uses", "tiny_and_huge_extents", "up_axis_of_exports"}
 ABSENT = {"real_TextureTransformTest"}
-
-
-def png(width, rows):
-    """A PNG of 8-bit RGB of rows of bytes; the same row again and again is not held twice."""
-    packer = zlib.compressobj(1)
-    data = b"".join(packer.compress(b"\0" + row) for row in rows) + packer.flush()
-    height = len(rows)
-    chunk = lambda kind, content: struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
-    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)) + chunk(b"IDAT", data) + chunk(b"IEND", b"")
 
 
 @unittest.skipUnless(CASES.is_dir(), "../shared/cases-2 is not there")
@@ -210,7 +201,7 @@ class FileCases(ModelCase):
                 self.assertEqual(self.info(self.path("x.quarry"))["input_triangles"], 2)
 
     def test_many_materials_one_image(self):
-        (self.folder / "a.png").write_bytes(png(512, [bytes((x * 7 + y * 13) % 251 for x in range(1536)) for y in range(512)]))
+        (self.folder / "a.png").write_bytes(png(512, 512, lambda y: bytes((x * 7 + y * 13) % 251 for x in range(1536))))
         (self.folder / "q.mtl").write_text("".join(f"newmtl m{i}\nmap_Kd a.png\n" for i in range(400)))
         (self.folder / "q.obj").write_text("mtllib q.mtl\nvt 0 0\nvt 1 0\nvt 0 1\n" + "".join(
             f"v {i} 0 0\nv {i + 1} 0 0\nv {i} 1 0\nusemtl m{i}\nf -3/1 -2/2 -1/3\n" for i in range(400)))
@@ -241,7 +232,7 @@ class FileCases(ModelCase):
         """16,384 texels a side by QUARRY_CASES_WHOLE, else 2,048: the large one takes a minute."""
         side = 16384 if os.environ.get("QUARRY_CASES_WHOLE") == "1" else 2048
         row = bytes((200, 100, 50)) * side
-        (self.folder / "t.png").write_bytes(png(side, [row] * side))
+        (self.folder / "t.png").write_bytes(png(side, side, lambda y: row))
         (self.folder / "q.mtl").write_text("newmtl m\nKd 1 1 1\nmap_Kd t.png\n")
         (self.folder / "q.obj").write_text("mtllib q.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3 4/4\n")
         self.must("quarry-preprocess", self.path("q.obj"), "-o", self.path("x.quarry"), "--memory", "256M")

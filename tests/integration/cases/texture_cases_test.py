@@ -6,13 +6,13 @@ import pathlib
 import random
 import struct
 import sys
-import zlib
 
 sys.path.insert(0, str(pathlib.Path(__file__).parents[3]))
 from tests.integration.cases import more_cases_test as more
 from tests.integration.cases.model_cases import BACKGROUND, GREEN, RED, SQUARE, Model, Sentence, colored
 from tests.integration.cases.more_cases_test import BLUE, CORNERS, UV_OBJ, XYZ, YELLOW, Gltf, gltf, put, row
 from tests.integration.programs import main
+from tests.support.models import textured_scene
 
 more.ROWS.clear()  # those of the other file, which this one shares its writers with
 
@@ -34,10 +34,7 @@ CUT = quarters(NONE, GREEN, NONE, YELLOW)  # the left half has no opacity
 
 # Images.
 def png(kind, depth, rows, *before):
-    """`rows`: bytes; `before`: chunks ahead of the data."""
-    chunk = lambda name, content: struct.pack(">I", len(content)) + name + content + struct.pack(">I", zlib.crc32(name + content))
-    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", SIDE, len(rows), depth, kind, 0, 0, 0)) + b"".join(chunk(*b) for b in before)
-            + chunk(b"IDAT", zlib.compress(b"".join(b"\0" + r for r in rows))) + chunk(b"IEND", b""))
+    return textured_scene.png(SIDE, len(rows), lambda y: rows[y], depth=depth, kind=kind, before=before)
 
 
 def each(of_pixel, rows=PIXELS):

@@ -1,5 +1,4 @@
 """Images that models name, in the store: where they come from, what is wrong with them, the same bytes always."""
-import array
 import base64
 import json
 import os
@@ -13,8 +12,7 @@ import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).parents[3]))
 from tests.integration.programs import BIN, PATIENCE, Case, main
-from tests.support.models.textured_scene import png
-
+from tests.support.models.textured_scene import Glb, png, sheet
 
 SCENES = pathlib.Path(__file__).parents[4] / "shared/scenes"
 
@@ -33,35 +31,16 @@ SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
 
 def glb(columns, images, materials, textures):
     """A grid of columns squared squares; `images` are bytes (put into the buffer) or uri strings."""
-    side = columns + 1
-    positions = array.array("f", (v for y in range(side) for x in range(side) for v in (x, y, (x * y) % 7 / 10)))
-    uvs = array.array("f", (v for y in range(side) for x in range(side) for v in (x / columns, y / columns)))
-    indices = array.array("I")
-    for y in range(columns):
-        for x in range(columns):
-            a = y * side + x
-            indices.extend((a, a + 1, a + side, a + 1, a + side + 1, a + side))
-    buffer, views = b"", []
 
-    def view(data):
-        nonlocal buffer
-        views.append({"buffer": 0, "byteOffset": len(buffer), "byteLength": len(data)})
-        buffer += data + b"\0" * (-len(data) % 4)
-        return len(views) - 1
+    def place(u, v):
+        x, y = round(u * columns), round(v * columns)
+        return x, y, (x * y) % 7 / 10
 
-    def accessor(data, kind, component, count):
-        return {"bufferView": view(data.tobytes()), "componentType": component, "count": count, "type": kind}
-
-    accessors = [accessor(positions, "VEC3", 5126, side * side), accessor(uvs, "VEC2", 5126, side * side),
-                 accessor(indices, "SCALAR", 5125, len(indices))]
-    document = {"asset": {"version": "2.0"}, "accessors": accessors, "materials": materials, "textures": textures,
-                "images": [{"uri": i} if isinstance(i, str) else {"bufferView": view(i), "mimeType": "image/png"} for i in images],
-                "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0}]}],
-                "nodes": [{"mesh": 0}], "bufferViews": views, "buffers": [{"byteLength": len(buffer)}]}
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    return (b"glTF" + struct.pack("<III", 2, 28 + len(text) + len(buffer), len(text)) + b"JSON" + text +
-            struct.pack("<I", len(buffer)) + b"BIN\0" + buffer)
+    made = Glb()
+    made.add(sheet(columns, columns, place), 0)
+    made.images = [{"uri": i} if isinstance(i, str) else {"bufferView": made.view(i), "mimeType": "image/png"} for i in images]
+    made.materials, made.textures = materials, textures
+    return made.content()
 
 
 def data_uri(content):

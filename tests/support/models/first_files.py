@@ -1,15 +1,12 @@
 """Models in formats of today's tools, for tests/bench/pictures/first_pictures and the tests of readers: STEP, Draco in glTF, 3MF, and a PLY with a texture."""
 import io
-import json
 import math
-import pathlib
 import shutil
-import struct
 import subprocess
 import zipfile
-import zlib
 
 from tests.support.models import first_models
+from tests.support.models.textured_scene import glb, png
 
 MODEL_PART = "3D/3dmodel.model"
 DRACO = "KHR_draco_mesh_compression"
@@ -23,11 +20,7 @@ def draco_glb(mesh):
         "accessors": [{"componentType": 5126, "count": 1, "type": "VEC3"}, {"componentType": 5125, "count": 3, "type": "SCALAR"}],
         "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "extensions": {DRACO: {"bufferView": 0, "attributes": {"POSITION": 0}}}}]}],
         "nodes": [{"mesh": 0}]}
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    mesh += bytes(-len(mesh) % 4)
-    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(mesh), b"BIN\0") + mesh
-    return b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks
+    return glb(document, mesh)
 
 
 def assembly(folder, binaries, _):
@@ -84,10 +77,7 @@ def vase_image(path, width=256, height=256):
         if y % 64 < 10:
             return (20, 60, 130)
         return (190, 70, 30) if math.hypot(x % 32 - 16, y % 64 - 37) < 10 else (232, 222, 200)
-    rows = b"".join(b"\0" + b"".join(bytes(colour(x, y)) for x in range(width)) for y in range(height))
-    chunk = lambda kind, body: struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
-    header = chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0))
-    path.write_bytes(b"\x89PNG\r\n\x1a\n" + header + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b""))
+    path.write_bytes(png(width, height, lambda y: b"".join(bytes(colour(x, y)) for x in range(width))))
 
 
 def textured_ply(folder, *_, columns=96):

@@ -8,17 +8,17 @@ import struct
 import zlib
 
 
-def png(width, height, row, channels=3, level=1):
-    """A PNG of 8 bits; `row(y)` gives a row's bytes."""
+def png(width, height, row, channels=3, level=1, depth=8, kind=None, before=()):
+    """A PNG; `row(y)` gives a row's bytes. `kind`: of colour, PNG's number; `before`: names and contents of chunks ahead of the data."""
     packer = zlib.compressobj(level)
     packed = b"".join(packer.compress(b"\0" + row(y)) for y in range(height)) + packer.flush()
-    kind = {1: 0, 2: 4, 3: 2, 4: 6}[channels]
+    kind = {1: 0, 2: 4, 3: 2, 4: 6}[channels] if kind is None else kind
 
     def chunk(name, data):
         return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
 
-    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, kind, 0, 0, 0)) +
-            chunk(b"IDAT", packed) + chunk(b"IEND", b""))
+    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, depth, kind, 0, 0, 0)) +
+            b"".join(chunk(*one) for one in before) + chunk(b"IDAT", packed) + chunk(b"IEND", b""))
 
 
 def noise(width, height, seed, channels=3, low=0):
@@ -69,6 +69,15 @@ def sheet(columns, rows, place, repeat=1.0):
     return positions, uvs, triangles
 
 
+def glb(document, buffer):
+    """The bytes of a glTF in one file."""
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    buffer += bytes(-len(buffer) % 4)
+    return (b"glTF" + struct.pack("<III", 2, 28 + len(text) + len(buffer), len(text)) + b"JSON" + text +
+            struct.pack("<I", len(buffer)) + b"BIN\0" + buffer)
+
+
 class Glb:
     """A glTF in one file, of sheets and materials with images."""
 
@@ -106,19 +115,15 @@ class Glb:
             "indices": accessor("SCALAR", 5125, array.array("I", (v for t in triangles for v in t)), 3 * len(triangles)),
             "material": material})
 
-    def write(self, path):
+    def content(self):
         document = {"asset": {"version": "2.0"}, "accessors": self.accessors, "materials": self.materials,
                     "textures": self.textures, "images": self.images, "samplers": self.samplers,
                     "meshes": [{"primitives": self.primitives}], "nodes": [{"mesh": 0}],
                     "bufferViews": self.views, "buffers": [{"byteLength": len(self.buffer)}]}
-        if not self.textures:
-            for name in ("textures", "images", "samplers"):
-                del document[name]
-        text = json.dumps(document).encode()
-        text += b" " * (-len(text) % 4)
-        pathlib.Path(path).write_bytes(
-            b"glTF" + struct.pack("<III", 2, 28 + len(text) + len(self.buffer), len(text)) + b"JSON" + text +
-            struct.pack("<I", len(self.buffer)) + b"BIN\0" + self.buffer)
+        return glb({name: member for name, member in document.items() if member}, self.buffer)
+
+    def write(self, path):
+        pathlib.Path(path).write_bytes(self.content())
 
 
 def write_scene(folder, columns=96):

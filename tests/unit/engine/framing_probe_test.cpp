@@ -9,7 +9,7 @@
 #include <glm/geometric.hpp>
 #include <string>
 
-#include "preprocess/preprocess.h"
+#include "tests/support/models/made_store.h"
 #include "tests/support/temporary_folder.h"
 
 namespace quarry::test {
@@ -77,13 +77,8 @@ class Model {
   Framing Probe(bool find_inside) const {
     const TemporaryFolder folder;
     std::ofstream(folder.file("m.obj")) << text_;
-    PreprocessOptions options;
-    options.models = {folder.file("m.obj")};
-    options.output = folder.file("m.quarry");
-    options.up_axis = 2;
-    options.quiet = true;
-    REQUIRE(Preprocess(options).has_value());
-    const auto scene = Scene::Open(options.output);
+    MakeStore({.models = {folder.file("m.obj")}, .output = folder.file("m.quarry"), .up_axis = 2});
+    const auto scene = Scene::Open(folder.file("m.quarry"));
     REQUIRE(scene.has_value());
     const auto framing = ProbeFraming(*scene, 0, find_inside);
     REQUIRE(framing.has_value());

@@ -4,7 +4,7 @@
 #include <limits>
 
 #include "common/engine/renderer.h"
-#include "preprocess/preprocess.h"
+#include "tests/support/models/made_store.h"
 #include "tests/support/rendering/row_scene.h"
 #include "tests/support/temporary_folder.h"
 
@@ -56,14 +56,8 @@ Scene PlateScene(const TemporaryFolder& folder) {
       << "mtllib plate.mtl\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
          "v -2 -2 0\nv 2 -2 0\nv 2 2 0\nv -2 2 0\nusemtl floor\nf 1 2 3 4\n"
          "v -2 -2 1\nv 2 -2 1\nv 2 2 1\nv -2 2 1\nusemtl plate\nf 5/1 6/2 7/3 8/4\n";
-  PreprocessOptions options;
-  options.models = {folder.file("plate.obj")};
-  options.output = folder.file("plate.quarry");
-  options.quiet = true;
-  const auto made = Preprocess(options);
-  INFO((made ? "" : made.error().message));
-  REQUIRE(made.has_value());
-  auto scene = Scene::Open(options.output);
+  test::MakeStore({.models = {folder.file("plate.obj")}, .output = folder.file("plate.quarry")});
+  auto scene = Scene::Open(folder.file("plate.quarry"));
   REQUIRE(scene.has_value());
   return std::move(*scene);
 }

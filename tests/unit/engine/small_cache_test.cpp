@@ -1,13 +1,12 @@
 // A cache that holds one largest block finishes every picture, with the same bits, and loads no more than it
 // says. Stores with chains and without.
 #include <cmath>
-#include <cstdlib>
 #include <fstream>
 #include <random>
 #include <string>
 
 #include "common/engine/integrators/bounce.h"
-#include "preprocess/preprocess.h"
+#include "tests/support/models/made_store.h"
 #include "tests/support/rendering/engine_run.h"
 #include "tests/support/temporary_folder.h"
 
@@ -16,13 +15,7 @@ namespace {
 
 /// A model by quarry-scene, or one of ours.
 std::string Model(const TemporaryFolder& folder, const std::string& kind) {
-  if (kind != "fan" && kind != "slivers" && kind != "soup") {
-    const std::string path = folder.file(kind + ".ply");
-    const std::string command =
-        std::string(QUARRY_BIN_DIR) + "/quarry-scene " + kind + " --triangles 4000 --quiet -o " + path;
-    REQUIRE(std::system(command.c_str()) == 0);
-    return path;
-  }
+  if (kind != "fan" && kind != "slivers" && kind != "soup") return GenerateScene(folder, kind, 4000);
   const std::string path = folder.file(kind + ".obj");
   std::ofstream out(path);
   std::mt19937 random(3);
@@ -52,16 +45,9 @@ std::string Model(const TemporaryFolder& folder, const std::string& kind) {
 }
 
 StoreReader Store(const TemporaryFolder& folder, const std::string& kind) {
-  PreprocessOptions options;
-  options.models = {Model(folder, kind)};
-  options.output = folder.file(kind + ".quarry");
-  options.voxel_size = 4096;
-  options.threads = 2;
-  options.quiet = true;
-  const auto made = Preprocess(options);
-  INFO((made ? "" : made.error().message));
-  REQUIRE(made.has_value());
-  auto store = StoreReader::Open(options.output);
+  const std::string path = folder.file(kind + ".quarry");
+  MakeStore({.models = {Model(folder, kind)}, .output = path, .threads = 2, .voxel_size = 4096});
+  auto store = StoreReader::Open(path);
   REQUIRE(store.has_value());
   return std::move(*store);
 }

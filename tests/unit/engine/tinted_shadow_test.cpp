@@ -7,7 +7,7 @@
 #include <string>
 
 #include "common/engine/integrators/bounce.h"
-#include "preprocess/preprocess.h"
+#include "tests/support/models/made_store.h"
 #include "tests/support/rendering/engine_run.h"
 #include "tests/support/temporary_folder.h"
 
@@ -48,15 +48,9 @@ StoreReader MakeStore(const TemporaryFolder& folder, bool panes) {
     if (strip == kLid) square("wall", left, left + 1, kLidHeight);
   }
   out.close();
-  PreprocessOptions options;
-  options.models = {folder.file(name + ".obj")};
-  options.output = folder.file(name + ".quarry");
-  options.voxel_size = 4096;
-  options.quiet = true;
-  const auto made = Preprocess(options);
-  INFO((made ? "" : made.error().message));
-  REQUIRE(made.has_value());
-  auto store = StoreReader::Open(options.output);
+  const std::string path = folder.file(name + ".quarry");
+  test::MakeStore({.models = {folder.file(name + ".obj")}, .output = path, .voxel_size = 4096});
+  auto store = StoreReader::Open(path);
   REQUIRE(store.has_value());
   return std::move(*store);
 }

@@ -98,18 +98,18 @@ Builder Document(const Compressed& mesh) {
 
 Json& ExtensionOf(Builder& b) { return b.json["meshes"][0]["primitives"][0]["extensions"][kExtension]; }
 
-GltfDecoding Decoding(const TempFolder& folder) {
+GltfDecoding Decoding(const TemporaryFolder& folder) {
   ::signal(SIGPIPE, SIG_IGN);
-  return {FindProgram("quarry-import-draco"), folder.Path(""), 256u << 20};
+  return {FindProgram("quarry-import-draco"), folder.file(""), 256u << 20};
 }
 
 /// The error's sentence without the folder, or "" if it went well.
 std::string Import(Builder b, RecordingSink& sink, uint64_t memory = 256u << 20) {
-  const TempFolder folder;
+  const TemporaryFolder folder;
   GltfDecoding decoding = Decoding(folder);
   decoding.memory = memory;
   const Status status = ImportModel(folder.Write("m.gltf", b.Text()), sink, {}, 0, decoding);
-  return status ? "" : status.error().message.substr(folder.Path("").size());
+  return status ? "" : status.error().message.substr(folder.file("").size());
 }
 
 std::string ErrorOf(Builder b) {
@@ -236,7 +236,7 @@ TEST_CASE("glTF by Draco: members that cannot be are refused by one sentence", "
 TEST_CASE("glTF by Draco: the decoder keeps to its memory, and its absence is told",
           "[import][gltf][draco]") {
   const Builder b = Document(Encode(draco::MESH_EDGEBREAKER_ENCODING, 14));
-  const TempFolder folder;
+  const TemporaryFolder folder;
   Builder text = b;
   const std::string path = folder.Write("m.gltf", text.Text());
   const auto error_of = [&](const std::string& program) {
@@ -271,7 +271,7 @@ TEST_CASE("glTF by Draco: a mesh larger than the decoder's memory is refused", "
   Builder b = Document(Encode(draco::MESH_EDGEBREAKER_ENCODING, 14));
   b.buffer.resize(100u << 20);
   b.json["bufferViews"][0]["byteLength"] = b.buffer.size();
-  const TempFolder folder;
+  const TemporaryFolder folder;
   GltfDecoding decoding = Decoding(folder);
   decoding.memory = 16u << 20;
   RecordingSink sink;

@@ -92,7 +92,7 @@ TEST_CASE("GLB is the same in one file, known by its content", "[import][gltf]")
 }
 
 TEST_CASE("glTF: buffers in files of their own, names percent-encoded", "[import][gltf]") {
-  const TempFolder folder;
+  const TemporaryFolder folder;
   Builder b = TwoSquares();
   folder.Write("the data.bin", b.buffer);
   b.json["buffers"] = {{{"byteLength", b.buffer.size()}, {"uri", "the%20data.bin"}}};

@@ -337,10 +337,10 @@ TEST_CASE("glTF by meshopt: a newer version of the codec is named", "[import][gl
 }
 
 TEST_CASE("glTF by meshopt: decoding keeps to half of the memory", "[import][gltf][meshopt]") {
-  const TempFolder folder;
+  const TemporaryFolder folder;
   const std::string path = folder.Write("m.glb", CompressedGrid<uint32_t>("TRIANGLES").Glb());
   GltfDecoding decoding;
-  decoding.folder = folder.Path("");
+  decoding.folder = folder.file("");
   decoding.memory = 2 << 20;
   RecordingSink sink;
   REQUIRE(ImportModel(path, sink, {}, 0, decoding));
@@ -349,7 +349,7 @@ TEST_CASE("glTF by meshopt: decoding keeps to half of the memory", "[import][glt
   CHECK_THAT(ImportModel(path, other, {}, 0, decoding).error().message,
              Catch::Contains("takes 1 MiB to decode, more than half of --memory"));
   decoding.memory = 2 << 20;
-  decoding.folder = folder.Path("nowhere");
+  decoding.folder = folder.file("nowhere");
   CHECK_THAT(ImportModel(path, other, {}, 0, decoding).error().message,
              Catch::Contains("a file for decoded bytes cannot be made"));
 }

@@ -15,7 +15,7 @@ struct Read {
 };
 
 Read ReadText(const std::string& text) {
-  const TempFolder folder;
+  const TemporaryFolder folder;
   Read read;
   auto result = ReadMtl(folder.Write("a.mtl", text),
                         [&](std::string message) { read.warnings.push_back(std::move(message)); });

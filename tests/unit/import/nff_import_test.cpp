@@ -84,7 +84,7 @@ TEST_CASE("NFF: spheres and cones become triangles with normals that point out")
 }
 
 TEST_CASE("AFF: included files, transforms, animations at their first moment") {
-  const TempFolder folder;
+  const TemporaryFolder folder;
   folder.Write("leaf.aff",
                "% one triangle\nfm 0 0 0  0.5 0.5 0.5  0.1 0.1 0.1  9 0 0\nm\nvertices 3\n1 0 0  0 1 0  0 0 "
                "1\nnormals 1\n1 0 0\n"

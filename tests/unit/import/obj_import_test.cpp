@@ -106,7 +106,7 @@ TEST_CASE("OBJ: objects and groups are parts", "[import][obj]") {
 }
 
 TEST_CASE("OBJ: materials, before or after their library, with odd names and paths", "[import][obj]") {
-  const TempFolder folder;
+  const TemporaryFolder folder;
   folder.Write("with space.mtl", "newmtl red one \nKd 1 0 0\n");
   folder.Write("b.mtl", "newmtl blue\nKd 0 0 1\nnewmtl red one\nKd 0 1 0\n");
   folder.Write("c.mtl", "newmtl late\n");

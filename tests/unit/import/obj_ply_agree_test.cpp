@@ -1,25 +1,19 @@
 // The generators write the same materials into OBJ+MTL and into PLY+JSON: reading either must give the same.
 #include <catch2/catch.hpp>
-#include <cstdlib>
-#include <filesystem>
 #include <map>
 
 #include "common/scene/material_json.h"
 #include "preprocess/import/obj/mtl.h"
+#include "tests/support/models/made_store.h"
 
 namespace quarry {
 
 TEST_CASE("A generated scene has the same materials as OBJ and as PLY") {
-  std::string folder = (std::filesystem::temp_directory_path() / "quarry-agree-XXXXXX").string();
-  REQUIRE(mkdtemp(folder.data()) != nullptr);
+  const test::TemporaryFolder folder;
   for (const std::string kind : {"cornell", "plant", "city"}) {
-    for (const std::string extension : {".obj", ".ply"}) {
-      const std::string command = std::string(QUARRY_BIN_DIR) + "/quarry-scene " + kind +
-                                  " --triangles 20000 --quiet -o " + folder + "/" + kind + extension;
-      REQUIRE(std::system(command.c_str()) == 0);
-    }
-    const auto json = ReadMaterialJson(folder + "/" + kind + ".materials.json");
-    const auto mtl = ReadMtl(folder + "/" + kind + ".mtl", [](const std::string& text) { FAIL(text); });
+    for (const char* extension : {".obj", ".ply"}) test::GenerateScene(folder, kind, 20000, extension);
+    const auto json = ReadMaterialJson(folder.file(kind + ".materials.json"));
+    const auto mtl = ReadMtl(folder.file(kind + ".mtl"), [](const std::string& text) { FAIL(text); });
     REQUIRE(json.has_value());
     REQUIRE(mtl.has_value());
     std::map<std::string, Material> by_name;
@@ -40,7 +34,6 @@ TEST_CASE("A generated scene has the same materials as OBJ and as PLY") {
       if (m.transmittance != glm::vec3(0)) CHECK(o.ior == Approx(m.ior));
     }
   }
-  std::filesystem::remove_all(folder);
 }
 
 }  // namespace quarry

@@ -133,7 +133,7 @@ TEST_CASE("PLY: materials and parts through the file beside it", "[import][ply]"
                              "element face 2\nproperty list uchar int vertex_indices\n"
                              "property int material_index\nproperty int part_index\nend_header\n"
                              "0 0 0 1 0 0 0 1 0\n";
-  const TempFolder folder;
+  const TemporaryFolder folder;
   RecordingSink sink;
   const std::string path = folder.Write("m.ply", header + "3 0 1 2 1 0\n3 0 1 2 0 1\n");
   REQUIRE(ImportModel(path, sink));

@@ -70,8 +70,8 @@ TEST_CASE("MTL textures: names with blanks, quotes and options before them", "[i
 }
 
 TEST_CASE("OBJ: images by their MTL, with the material's own colours", "[import][texture][obj]") {
-  const TempFolder folder;
-  std::filesystem::create_directories(folder.Path("mats/maps"));
+  const TemporaryFolder folder;
+  std::filesystem::create_directories(folder.file("mats/maps"));
   folder.Write("mats/maps/wood.png", "not looked at yet");
   folder.Write("mats/leaf.png", "nor this");
   folder.Write("mats/a.mtl",
@@ -88,9 +88,9 @@ TEST_CASE("OBJ: images by their MTL, with the material's own colours", "[import]
   const TextureBinding& kd = BindingOf(m, TextureUse::kDiffuse);
   CHECK(kd.factor == glm::vec4(0.5f, 0.25f, 1, 0.5f));
   const TextureImage& wood = sink.images[kd.texture];
-  CHECK(std::filesystem::equivalent(wood.file, folder.Path("mats/maps/wood.png")));
+  CHECK(std::filesystem::equivalent(wood.file, folder.file("mats/maps/wood.png")));
   CHECK(wood.name == "maps\\wood.png");
-  CHECK(wood.model == folder.Path("mats/a.mtl"));
+  CHECK(wood.model == folder.file("mats/a.mtl"));
   CHECK((wood.color && wood.pick == TexturePick::kColor));
   // Light without a colour of its own is the image's.
   CHECK(BindingOf(m, TextureUse::kEmission).factor == glm::vec4(1));
@@ -102,14 +102,14 @@ TEST_CASE("OBJ: images by their MTL, with the material's own colours", "[import]
 
 TEST_CASE("OBJ: an image that is not there is one warning, and the material does without",
           "[import][texture][obj]") {
-  const TempFolder folder;
+  const TemporaryFolder folder;
   folder.Write("a.mtl", "newmtl m\nKd 1 0 0\n\nmap_Kd gone.png\nnewmtl unused\nmap_Kd gone too.png\n");
   RecordingSink sink;
   REQUIRE(ImportModel(
       folder.Write("a.obj", std::string("mtllib a.mtl\n") + kTriangle + "usemtl m\nf 1 2 3\n"), sink));
   REQUIRE(sink.warnings.size() == 1);
   CHECK(sink.warnings[0] ==
-        folder.Path("a.mtl") + ", line 4: the image \"gone.png\" is not there; the material does without");
+        folder.file("a.mtl") + ", line 4: the image \"gone.png\" is not there; the material does without");
   REQUIRE(sink.materials.size() == 1);
   CHECK(sink.materials[0].textures.empty());
   CHECK(sink.materials[0].diffuse == glm::vec3(1, 0, 0));
@@ -156,7 +156,7 @@ struct Document {
     return out + std::string("BIN\0", 4) + buffer;
   }
   /// The document as it is imported, with what lies beside it.
-  RecordingSink Import(const TempFolder& folder) {
+  RecordingSink Import(const TemporaryFolder& folder) {
     RecordingSink sink;
     const Status status = ImportModel(folder.Write("m.glb", Glb()), sink);
     INFO((status ? "" : status.error().message));
@@ -171,7 +171,7 @@ std::string Text(const Bytes& bytes) { return std::string(AsText(bytes)); }
 }  // namespace
 
 TEST_CASE("glTF: images in files, in the buffer, in the JSON", "[import][texture][gltf]") {
-  const TempFolder folder;
+  const TemporaryFolder folder;
   folder.Write("wood floor.png", "the file");
   Document d;
   d.json["images"] = {{{"uri", "wood%20floor.png"}},
@@ -197,7 +197,7 @@ TEST_CASE("glTF: images in files, in the buffer, in the JSON", "[import][texture
   CHECK(base.wrap_t == TextureWrap::kMirror);
   CHECK(base.transform == std::array<float, 6>{1, 0, 0, 0, 1, 0});
   const TextureImage& file = sink.images[base.texture];
-  CHECK(file.file == folder.Path("wood floor.png"));
+  CHECK(file.file == folder.file("wood floor.png"));
   CHECK((file.color && file.pick == TexturePick::kColor));
 
   const TextureBinding& rough = BindingOf(material, TextureUse::kMetalRoughness);
@@ -224,7 +224,7 @@ TEST_CASE("glTF: images in files, in the buffer, in the JSON", "[import][texture
 
 TEST_CASE("glTF: alpha is carried where it is used, and once", "[import][texture][gltf]") {
   for (const char* mode : {"OPAQUE", "MASK", "BLEND"}) {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     folder.Write("a.png", "x");
     Document d;
     d.json["images"] = {{{"uri", "a.png"}}};
@@ -241,7 +241,7 @@ TEST_CASE("glTF: alpha is carried where it is used, and once", "[import][texture
 }
 
 TEST_CASE("glTF: texture coordinates scaled, turned and moved", "[import][texture][gltf]") {
-  const TempFolder folder;
+  const TemporaryFolder folder;
   folder.Write("a.png", "x");
   Document d;
   d.json["images"] = {{{"uri", "a.png"}}};
@@ -254,7 +254,7 @@ TEST_CASE("glTF: texture coordinates scaled, turned and moved", "[import][textur
 }
 
 TEST_CASE("glTF: a triangle carries the coordinates of its base colour", "[import][texture][gltf]") {
-  const TempFolder folder;
+  const TemporaryFolder folder;
   folder.Write("a.png", "x");
   Document d;
   d.json["images"] = {{{"uri", "a.png"}}};
@@ -276,7 +276,7 @@ TEST_CASE("glTF: a triangle carries the coordinates of its base colour", "[impor
 
 TEST_CASE("glTF: what cannot be carried is one warning each", "[import][texture][gltf]") {
   const auto warning = [](auto&& change) {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     folder.Write("a.png", "x");
     Document d;
     d.json["images"] = {{{"uri", "a.png"}}};
@@ -284,7 +284,7 @@ TEST_CASE("glTF: what cannot be carried is one warning each", "[import][texture]
     const RecordingSink sink = d.Import(folder);
     CHECK(sink.materials[0].textures.empty());
     REQUIRE(sink.warnings.size() == 1);
-    CHECK(sink.warnings[0].find(folder.Path("m.glb") + ": ") == 0);
+    CHECK(sink.warnings[0].find(folder.file("m.glb") + ": ") == 0);
     return sink.warnings[0];
   };
   using Catch::Contains;
@@ -323,7 +323,7 @@ TEST_CASE("glTF: what cannot be carried is one warning each", "[import][texture]
 }
 
 TEST_CASE("glTF, MTL: numbers beyond all bounds are ones that a store takes", "[import][texture]") {
-  const TempFolder folder;
+  const TemporaryFolder folder;
   folder.Write("a.png", "x");
   Document d;
   d.json["images"] = {{{"uri", "a.png"}}};

@@ -280,7 +280,7 @@ TEST_CASE("3MF: encrypted archives and unknown packings are refused", "[import][
 TEST_CASE("3MF: archives that unpack without end are refused", "[import][3mf][long]") {
   std::string model = Square();
   model.insert(model.find("<resources>"), std::string(30 << 20, ' '));
-  const TempFolder folder;
+  const TemporaryFolder folder;
   const std::string path = folder.Write("a.3mf", Zip(ThreeMfParts(model)));
   RecordingSink sink;
   CHECK(ImportModel(path, sink).has_value());

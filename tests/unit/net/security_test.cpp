@@ -3,33 +3,22 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include <catch2/catch.hpp>
 #include <cstdlib>
-#include <filesystem>
-#include <fstream>
+
+#include "tests/support/temporary_folder.h"
 
 namespace quarry {
 namespace {
 
-/// A folder for one test's files.
-class Folder {
- public:
-  Folder() : path_(std::filesystem::temp_directory_path() / fmt::format("quarry-security-{}", ::getpid())) {
-    std::filesystem::create_directory(path_);
-  }
-  ~Folder() { std::filesystem::remove_all(path_); }
-
+/// A folder for one test's files, with their modes.
+struct Folder : test::TemporaryFolder {
   std::string Write(const std::string& name, const std::string& text, mode_t mode = 0600) const {
-    const std::string path = (path_ / name).string();
-    std::ofstream(path, std::ios::binary) << text;
+    const std::string path = TemporaryFolder::Write(name, text);
     REQUIRE(::chmod(path.c_str(), mode) == 0);
     return path;
   }
-
- private:
-  std::filesystem::path path_;
 };
 
 std::string Text(const Bytes& bytes) { return {reinterpret_cast<const char*>(bytes.data()), bytes.size()}; }

@@ -1,12 +1,9 @@
 #include "preprocess/partition/partition.h"
 
-#include <stdlib.h>
-
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <cstring>
-#include <filesystem>
 #include <glm/vector_relational.hpp>
 #include <random>
 #include <tuple>
@@ -188,10 +185,9 @@ TEST_CASE("Planes chosen from a sample lie at borders of bins, and part it into 
 }
 
 TEST_CASE("Regions hold every triangle that touches their cells, in order, and go on where they were left") {
-  std::string folder = (std::filesystem::temp_directory_path() / "quarry-regions-XXXXXX").string();
-  REQUIRE(::mkdtemp(folder.data()));
+  const test::TemporaryFolder folder;
   const auto records = Triangles(400000, 0.02f);
-  auto spill = SpillFile::Open(folder + "/all", RecordBytes(Attributes::kNone), 0);
+  auto spill = SpillFile::Open(folder.file("all"), RecordBytes(Attributes::kNone), 0);
   REQUIRE(spill.has_value());
   for (const TriangleRecord& r : records) REQUIRE(spill->Append(&r));
   REQUIRE(spill->FinishWriting());
@@ -201,7 +197,7 @@ TEST_CASE("Regions hold every triangle that touches their cells, in order, and g
   std::vector<uint64_t> counts;
   std::vector<Box> contents;
   {
-    auto files = RegionFiles::Open(tree, folder + "/r-", spill->element_bytes(), 1 << 20, 0, {}, {});
+    auto files = RegionFiles::Open(tree, folder.file("r-"), spill->element_bytes(), 1 << 20, 0, {}, {});
     REQUIRE(files.has_value());
     REQUIRE(files->Add(*spill, 0, 150000, kPadding, nothing));
     REQUIRE(files->Sync());
@@ -210,7 +206,8 @@ TEST_CASE("Regions hold every triangle that touches their cells, in order, and g
     REQUIRE(files->Add(*spill, 150000, 170000, kPadding, nothing));  // lost
     REQUIRE(files->FinishWriting());
   }
-  auto files = RegionFiles::Open(tree, folder + "/r-", spill->element_bytes(), 1 << 20, 0, counts, contents);
+  auto files =
+      RegionFiles::Open(tree, folder.file("r-"), spill->element_bytes(), 1 << 20, 0, counts, contents);
   REQUIRE(files.has_value());
   REQUIRE(files->Add(*spill, 150000, records.size(), kPadding, nothing));
   REQUIRE(files->FinishWriting());
@@ -230,7 +227,6 @@ TEST_CASE("Regions hold every triangle that touches their cells, in order, and g
     CHECK(wrong == 0);
   }
   CHECK(std::count(seen.begin(), seen.end(), false) == 0);
-  std::filesystem::remove_all(folder);
 }
 
 TEST_CASE("The partition gives voxels of the size allowed, none twice, every triangle in its own") {

@@ -1,7 +1,5 @@
 #include "preprocess/ingest/spill_sink.h"
 
-#include <stdlib.h>
-
 #include <catch2/catch.hpp>
 #include <cstring>
 #include <filesystem>
@@ -9,8 +7,12 @@
 #include <glm/geometric.hpp>
 #include <set>
 
+#include "tests/support/temporary_folder.h"
+
 namespace quarry {
 namespace {
+
+using test::TemporaryFolder;
 
 constexpr uint32_t kRed = 0xFF0000FFu;
 
@@ -41,17 +43,8 @@ std::vector<TriangleRecord> Records(const ImportedScene& scene) {
   return all;
 }
 
-/// A folder of its own, gone with the object.
-struct Folder {
-  Folder() : path((std::filesystem::temp_directory_path() / "quarry-sink-XXXXXX").string()) {
-    REQUIRE(::mkdtemp(path.data()));
-  }
-  ~Folder() { std::filesystem::remove_all(path); }
-  std::string path;
-};
-
-SpillSink MakeSink(const Folder& folder, uint64_t memory) {
-  return SpillSink(folder.path, memory, 1, [](const std::string&) {});
+SpillSink MakeSink(const TemporaryFolder& folder, uint64_t memory) {
+  return SpillSink(folder.path(), memory, 1, [](const std::string&) {});
 }
 
 }  // namespace
@@ -60,7 +53,7 @@ TEST_CASE("A concave polygon is split alike whether its vertices have come or no
   const glm::dvec3 corners[] = {{2, 0, 0}, {2, 1, 0}, {1, 1, 0}, {1, 2, 0}, {0, 2, 0}, {0, 0, 0}};
   std::vector<TriangleRecord> records[2];
   for (const bool faces_first : {false, true}) {
-    const Folder folder;
+    const TemporaryFolder folder;
     SpillSink sink = MakeSink(folder, 1 << 20);
     const auto faces = [&] {
       REQUIRE(sink.SetFaceColor({255, 0, 0, 255}));
@@ -97,7 +90,7 @@ TEST_CASE("Triangles are spilled without shading until a file has some") {
   // Little memory: indices are resolved in several passes.
   for (uint64_t memory : {uint64_t{1} << 20, uint64_t{1} << 30}) {
     constexpr uint32_t kCount = 40000;
-    const Folder folder;
+    const TemporaryFolder folder;
     SpillSink sink = MakeSink(folder, memory);
     AddFile(sink, kCount, 0, false, false);
     AddFile(sink, 10, 1e4, true, false);
@@ -115,7 +108,7 @@ TEST_CASE("Triangles are spilled without shading until a file has some") {
     CHECK(records[kCount].normals[0] == glm::vec3(0));
     CHECK(records[kCount + 10].normals[1] == glm::vec3(0, 0, 1));
   }
-  const Folder folder;
+  const TemporaryFolder folder;
   SpillSink plain = MakeSink(folder, 1 << 20);
   AddFile(plain, 40000, 0, false, false);
   AddFile(plain, 5, 0, false, false);
@@ -127,7 +120,7 @@ TEST_CASE("Triangles are spilled without shading until a file has some") {
 }
 
 TEST_CASE("A model far from the origin is brought near it, by whole steps") {
-  const Folder folder;
+  const TemporaryFolder folder;
   SpillSink sink = MakeSink(folder, 1 << 20);
   AddFile(sink, 3, 500736.25, false, false);
   const auto scene = sink.Finish();
@@ -148,7 +141,7 @@ TEST_CASE("Triangles whose vertices lie far apart, or come later, are the same i
   };
   for (uint64_t memory : {uint64_t{1} << 20, uint64_t{1} << 28}) {
     for (const bool faces_first : {false, true}) {
-      const Folder folder;
+      const TemporaryFolder folder;
       SpillSink sink = MakeSink(folder, memory);
       REQUIRE(sink.BeginFile("f"));
       const auto vertices = [&] {
@@ -175,7 +168,7 @@ TEST_CASE("Triangles whose vertices lie far apart, or come later, are the same i
 }
 
 TEST_CASE("An import goes on where it was saved") {
-  const Folder folder;
+  const TemporaryFolder folder;
   Bytes saved;
   {
     SpillSink sink = MakeSink(folder, 1 << 20);
@@ -211,8 +204,8 @@ TEST_CASE("An import goes on where it was saved") {
 TEST_CASE(
     "Leftovers of a kill that no checkpoint names are deleted, and a checkpoint whose files are gone is "
     "refused") {
-  const Folder folder;
-  const auto file = [&](const char* name) { return folder.path + "/" + name; };
+  const TemporaryFolder folder;
+  const auto file = [&](const char* name) { return folder.path() + "/" + name; };
   Bytes saved;
   {
     SpillSink sink = MakeSink(folder, 1 << 20);
@@ -231,7 +224,7 @@ TEST_CASE(
     REQUIRE(sink.Restore(saved, false));
   }
   std::set<std::string> left;
-  for (const auto& entry : std::filesystem::directory_iterator(folder.path))
+  for (const auto& entry : std::filesystem::directory_iterator(folder.path()))
     left.insert(entry.path().filename().string());
   CHECK(left == std::set<std::string>{"images", "import-state-1", "triangles-1"});
 
@@ -250,7 +243,7 @@ TEST_CASE(
 }
 
 TEST_CASE("A model is scaled, turned and moved to its place") {
-  const Folder folder;
+  const TemporaryFolder folder;
   SpillSink sink = MakeSink(folder, 1 << 20);
   AddFile(sink, 1, 0, false, false);
   sink.Place({2, 90, {10, 20, 30}}, 2);
@@ -271,7 +264,7 @@ TEST_CASE("A model is scaled, turned and moved to its place") {
 }
 
 TEST_CASE("A material's length is scaled with its model") {
-  const Folder folder;
+  const TemporaryFolder folder;
   SpillSink sink = MakeSink(folder, 1 << 20);
   Material glass{"glass"};
   glass.transmission_depth = 3;

@@ -6,7 +6,7 @@
 #include <fstream>
 
 #include "common/voxel/store_reader.h"
-#include "preprocess/preprocess.h"
+#include "tests/support/models/made_store.h"
 #include "tests/support/temporary_folder.h"
 
 namespace quarry {
@@ -31,17 +31,13 @@ TEST_CASE("From a model to texels: what is in the image is in the store, the upp
   Write(folder.file("a.obj"),
         "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl bare\nf 1 2 3\nusemtl both\nf 1/1 2/1 3/1\n"
         "usemtl again\nf 3/1 2/1 1/1\n");
-  PreprocessOptions options;
-  options.models = {folder.file("a.obj")};
-  options.output = folder.file("a.quarry");
-  options.quiet = true;
-  const auto statistics = Preprocess(options);
-  REQUIRE(statistics);
-  CHECK(statistics->textures.textures == 1);  // one image, three uses
-  CHECK(statistics->textures.left_out == 1);
-  CHECK(statistics->warnings == 1);
+  const PreprocessStatistics statistics =
+      test::MakeStore({.models = {folder.file("a.obj")}, .output = folder.file("a.quarry")});
+  CHECK(statistics.textures.textures == 1);  // one image, three uses
+  CHECK(statistics.textures.left_out == 1);
+  CHECK(statistics.warnings == 1);
 
-  const auto store = StoreReader::Open(options.output);
+  const auto store = StoreReader::Open(folder.file("a.quarry"));
   REQUIRE(store);
   REQUIRE(store->textures().size() == 1);
   CHECK(store->TextureName(0) == "five.ppm");
@@ -78,14 +74,10 @@ TEST_CASE("Images with the same texels are stored once, whatever their paths and
   for (const char* name : {"a", "copy", "other", "tall", "last"})
     model += std::string("usemtl ") + name + "\nf 1/1 2/1 3/1\n";
   Write(folder.file("a.obj"), model);
-  PreprocessOptions options;
-  options.models = {folder.file("a.obj")};
-  options.output = folder.file("a.quarry");
-  options.quiet = true;
-  const auto statistics = Preprocess(options);
-  REQUIRE(statistics);
-  CHECK(statistics->textures.left_out == 0);
-  const auto store = StoreReader::Open(options.output);
+  const PreprocessStatistics statistics =
+      test::MakeStore({.models = {folder.file("a.obj")}, .output = folder.file("a.quarry")});
+  CHECK(statistics.textures.left_out == 0);
+  const auto store = StoreReader::Open(folder.file("a.quarry"));
   REQUIRE(store);
   // Colours and heights are apart: the one is sRGB-encoded.
   std::vector<std::string> names;
@@ -111,12 +103,8 @@ TEST_CASE("A bump map that holds normals is a normal map", "[texture]") {
   Write(folder.file("a.obj"),
         "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\nusemtl b\nf 1/1 2/1 3/1\n"
         "usemtl c\nf 1/1 2/1 3/1\nusemtl d\nf 1/1 2/1 3/1\n");
-  PreprocessOptions options;
-  options.models = {folder.file("a.obj")};
-  options.output = folder.file("a.quarry");
-  options.quiet = true;
-  REQUIRE(Preprocess(options));
-  const auto store = StoreReader::Open(options.output);
+  test::MakeStore({.models = {folder.file("a.obj")}, .output = folder.file("a.quarry")});
+  const auto store = StoreReader::Open(folder.file("a.quarry"));
   REQUIRE(store);
   std::vector<std::pair<uint32_t, TextureUse>> uses;
   for (const MaterialTexture& use : store->material_textures())

@@ -1,28 +1,17 @@
 #include "common/scene/material_json.h"
 
-#include <unistd.h>
-
 #include <catch2/catch.hpp>
-#include <filesystem>
-#include <fstream>
 #include <sstream>
+
+#include "tests/support/stores/every_material.h"
+#include "tests/support/temporary_folder.h"
 
 namespace quarry {
 namespace {
 
-/// A file in the temporary folder that goes away with the test.
-struct TemporaryFile {
-  explicit TemporaryFile(const std::string& text)
-      : path(std::filesystem::temp_directory_path() / ("quarry_material_json_" + std::to_string(getpid()))) {
-    std::ofstream(path, std::ios::binary) << text;
-  }
-  ~TemporaryFile() { std::filesystem::remove(path); }
-  std::filesystem::path path;
-};
-
 Result<MaterialLibrary> Read(const std::string& text) {
-  const TemporaryFile file(text);
-  return ReadMaterialJson(file.path);
+  const test::TemporaryFolder folder;
+  return ReadMaterialJson(folder.Write("m.json", text));
 }
 
 std::string Write(const MaterialLibrary& library) {
@@ -33,28 +22,7 @@ std::string Write(const MaterialLibrary& library) {
 
 MaterialLibrary Example() {
   MaterialLibrary library;
-  Material glass;
-  glass.name = "glass \"clear\"";
-  glass.diffuse = {0.1f, 0.2f, 0.3f};
-  glass.specular = {0.4f, 0.5f, 0.6f};
-  glass.emission = {7.5f, 1e-20f, 3e20f};
-  glass.reflectance = {0.11f, 0.22f, 0.33f};
-  glass.transmittance = {0.7f, 0.8f, 0.9f};
-  glass.shininess = 123.456f;
-  glass.ior = 1.5f;
-  glass.fresnel = true;
-  glass.unlit = true;
-  glass.base_color = {0.15f, 0.25f, 0.35f};
-  glass.base_metalness = 0.45f;
-  glass.specular_roughness = 0.55f;
-  glass.specular_weight = 0.65f;
-  glass.specular_color = {0.16f, 0.26f, 0.36f};
-  glass.specular_ior = 1.75f;
-  glass.transmission_weight = 0.85f;
-  glass.transmission_color = {0.17f, 0.27f, 0.37f};
-  glass.transmission_depth = 12.5f;
-  glass.geometry_opacity = 0.95f;
-  library.materials = {glass, Material{}};
+  library.materials = {test::EveryMaterial("glass \"clear\""), Material{}};
   MaterialLibrary::Image image;
   image.file = "maps\\wood \"floor\".png";
   image.name = "wood";

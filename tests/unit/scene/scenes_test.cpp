@@ -20,6 +20,7 @@
 #include "scenes/mesh_writer.h"
 #include "scenes/obj_writer.h"
 #include "scenes/scene.h"
+#include "tests/support/temporary_folder.h"
 
 namespace quarry::scenes {
 namespace {
@@ -28,17 +29,11 @@ namespace fs = std::filesystem;
 
 /// A folder that goes away with the test.
 struct Folder {
-  Folder() {
-    static int count = 0;
-    path = fs::temp_directory_path() /
-           ("quarry_scenes_" + std::to_string(getpid()) + "_" + std::to_string(count++));
-    fs::create_directory(path);
-  }
-  ~Folder() { fs::remove_all(path); }
   size_t Files() const {
     return static_cast<size_t>(std::distance(fs::directory_iterator(path), fs::directory_iterator()));
   }
-  fs::path path;
+  test::TemporaryFolder made;
+  fs::path path = made.path();
 };
 
 std::string Contents(const fs::path& path) {

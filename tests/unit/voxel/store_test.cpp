@@ -1,4 +1,3 @@
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -6,7 +5,6 @@
 #include <catch2/catch.hpp>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <limits>
 #include <random>
 
@@ -17,22 +15,17 @@
 #include "common/voxel/store_reader.h"
 #include "common/voxel/store_writer.h"
 #include "tests/support/rendering/flat_tree.h"
+#include "tests/support/stores/every_material.h"
 #include "tests/support/stores/small_store.h"
+#include "tests/support/temporary_folder.h"
 
 namespace quarry {
 namespace {
 
 using test::FaultOf;
 using test::ReadFile;
+using test::TemporaryFolder;
 using test::WriteFile;
-
-struct Folder {
-  Folder() { std::filesystem::create_directories(path); }
-  ~Folder() { std::filesystem::remove_all(path); }
-  std::string path =
-      (std::filesystem::temp_directory_path() / ("quarry-store-" + std::to_string(::getpid()))).string();
-  std::string file(const std::string& name) const { return path + "/" + name; }
-};
 
 HotVoxel MakeHot() {
   HotVoxel v = test::TwoTriangles();
@@ -64,29 +57,7 @@ SceneMeta MakeMeta() {
   return m;
 }
 
-std::vector<Material> MakeMaterials() {
-  Material steel{"steel"};
-  steel.diffuse = {0.4f, 0.5f, 0.6f};
-  steel.specular = {0.7f, 0.8f, 0.9f};
-  steel.reflectance = {0.1f, 0.2f, 0.3f};
-  steel.transmittance = {0.11f, 0.12f, 0.13f};
-  steel.emission = {1, 2, 3};
-  steel.shininess = 50;
-  steel.ior = 1.5f;
-  steel.fresnel = true;
-  steel.unlit = true;
-  steel.base_color = {0.15f, 0.25f, 0.35f};
-  steel.base_metalness = 0.45f;
-  steel.specular_roughness = 0.55f;
-  steel.specular_weight = 0.65f;
-  steel.specular_color = {0.16f, 0.26f, 0.36f};
-  steel.specular_ior = 1.75f;
-  steel.transmission_weight = 0.85f;
-  steel.transmission_color = {0.17f, 0.27f, 0.37f};
-  steel.transmission_depth = 12.5f;
-  steel.geometry_opacity = 0.95f;
-  return {Material{"paint"}, steel};
-}
+std::vector<Material> MakeMaterials() { return {Material{"paint"}, test::EveryMaterial("steel")}; }
 
 SceneViews MakeViews() {
   SceneViews views;
@@ -113,7 +84,7 @@ SceneId WriteStore(const std::string& path) {
 }  // namespace
 
 TEST_CASE("A store gives back all that was put in") {
-  const Folder folder;
+  const TemporaryFolder folder;
   const SceneId id = WriteStore(folder.file("s"));
   const auto store = StoreReader::Open(folder.file("s"));
   REQUIRE(store.has_value());
@@ -179,7 +150,7 @@ TEST_CASE("A store gives back all that was put in") {
 }
 
 TEST_CASE("Whoever reads a damaged block is told that another try is no use") {
-  const Folder folder;
+  const TemporaryFolder folder;
   WriteStore(folder.file("s"));
   const auto store = StoreReader::Open(folder.file("s"));
   REQUIRE(store.has_value());
@@ -197,7 +168,7 @@ TEST_CASE("Whoever reads a damaged block is told that another try is no use") {
 }
 
 TEST_CASE("A store whose directory lies of where voxels are is found out") {
-  const Folder folder;
+  const TemporaryFolder folder;
   // What is wrong with a store of two voxels, of which the first was changed before it was written.
   const auto fault = [&](auto change, std::vector<KdNode> top) {
     auto writer = StoreWriter::Create(folder.file("s"));
@@ -260,7 +231,7 @@ TEST_CASE("A hot block of nothing is refused") {
 }
 
 TEST_CASE("Every byte of a store that is flipped is found") {
-  const Folder folder;
+  const TemporaryFolder folder;
   WriteStore(folder.file("s"));
   const auto good = ReadFile(folder.file("s"));
   for (size_t at = 0; at < good.size(); ++at) {
@@ -274,7 +245,7 @@ TEST_CASE("Every byte of a store that is flipped is found") {
 }
 
 TEST_CASE("Truncated stores are refused at every length") {
-  const Folder folder;
+  const TemporaryFolder folder;
   WriteStore(folder.file("s"));
   auto bytes = ReadFile(folder.file("s"));
   while (!bytes.empty()) {
@@ -285,7 +256,7 @@ TEST_CASE("Truncated stores are refused at every length") {
 }
 
 TEST_CASE("Another format version is named beside this one") {
-  const Folder folder;
+  const TemporaryFolder folder;
   WriteStore(folder.file("s"));
   for (uint32_t version : {0u, kStoreVersion + 1}) {
     auto bytes = ReadFile(folder.file("s"));
@@ -478,7 +449,7 @@ TEST_CASE("A hot block whose opacity masks hold a fourth state is refused") {
 }
 
 TEST_CASE("A store states whether voxels have opacity masks, in its version too") {
-  const Folder folder;
+  const TemporaryFolder folder;
   const auto version_of = [&](std::vector<std::vector<uint32_t>> masks, bool packed) {
     auto writer = StoreWriter::Create(folder.file("s"));
     if (packed) writer->AllowPackedNormals();
@@ -506,13 +477,13 @@ TEST_CASE("A store states whether voxels have opacity masks, in its version too"
 }
 
 TEST_CASE("Nothing is at the final name before a store is finished") {
-  const Folder folder;
+  const TemporaryFolder folder;
   {
     auto writer = StoreWriter::Create(folder.file("s"));
     REQUIRE(writer->AddVoxel(EncodeVoxel(MakeHot(), nullptr)).has_value());
     CHECK_FALSE(std::filesystem::exists(folder.file("s")));
   }
-  CHECK(std::filesystem::is_empty(folder.path));
+  CHECK(std::filesystem::is_empty(folder.path()));
 }
 
 }  // namespace quarry

@@ -177,8 +177,8 @@ TEST_CASE("Tiles that somebody has stay there, and count") {
 }
 
 TEST_CASE("A spool gives back jobs and frames, and leaves other scenes' and damaged ones alone") {
-  const std::string folder = (std::filesystem::temp_directory_path() / "quarry-spool-test").string();
-  std::filesystem::remove_all(folder);
+  const test::TemporaryFolder around;
+  const std::string folder = around.file("spool");
   SceneId scene{}, other{};
   other[0] = 1;
   RenderJob job = test::JobOf(Looking({0, 0, 0}, {0, 1, 0}), 2);
@@ -225,7 +225,6 @@ TEST_CASE("A spool gives back jobs and frames, and leaves other scenes' and dama
   CHECK(jobs(scene).empty());
   REQUIRE(log.size() == 1);
   CHECK_THAT(log[0], Catch::Contains("damaged"));
-  std::filesystem::remove_all(folder);
 }
 
 TEST_CASE("A frame of the spool that is flipped, cut, another's or a link is none") {
