@@ -81,6 +81,7 @@ class Server {
   Status OnWorkerLeaves(WorkerRecord& worker, const Message& m);
   Status OnWorkerStatus(WorkerRecord& worker, const Message& m);
   Status OnTileDone(WorkerRecord& worker, const Message& m);
+  Status OnRayDone(WorkerRecord& worker, const Message& m);
   Status OnWorkerFailure(const WorkerRecord& worker, const Message& m);
   void UpdateCosts();
   void SendPeers();

@@ -38,6 +38,7 @@ uint32_t Server::AddWorker(const ConnectionPtr& c, const Hello& hello) {
 
 Status Server::OnWorkerMessage(WorkerRecord& worker, const Message& m) {
   if (m.type == MessageType::kTileDone) return OnTileDone(worker, m);
+  if (m.type == MessageType::kRayDone) return OnRayDone(worker, m);
   if (m.type == MessageType::kFailure) return OnWorkerFailure(worker, m);
   if (m.type == MessageType::kWorkerStatus) return OnWorkerStatus(worker, m);
   if (m.type == MessageType::kLeave) return OnWorkerLeaves(worker, m);
@@ -73,6 +74,13 @@ Status Server::OnTileDone(WorkerRecord& worker, const Message& m) {
   const uint32_t number = frame ? frames_.NumberOf(done.frame) : 0;
   QUARRY_ASSIGN(const bool kept, dispatcher_.Finish(worker, done, m.raw, Now()));
   if (kept) frames_.LogTile(number, done, worker.name);
+  return {};
+}
+
+Status Server::OnRayDone(WorkerRecord& worker, const Message& m) {
+  QUARRY_ASSIGN(const RayDone done, DecodeRayDone(m.table));
+  worker.conduct.Answered(false);  // it works, though not on jobs
+  if (display_) display_->OnRayDone(worker.id, done);
   return {};
 }
 

@@ -164,6 +164,8 @@ Status Session::Dispatch(const Message& m) {
       return OnFrameSetup(m);
     case MessageType::kTile:
       return OnTile(m);
+    case MessageType::kRay:
+      return OnRay(m);
     case MessageType::kFramesEnd:
       return OnFramesEnd(m);
     case MessageType::kPeers:
@@ -297,6 +299,31 @@ Status Session::OnTile(const Message& m) {
       order.urgency));
   scene_->renderer->Wake();
   return {};
+}
+
+Status Session::OnRay(const Message& m) {
+  if (!scene_) return Fail("the master gave a ray before it gave the scene");
+  QUARRY_ASSIGN(const RayOrder order, DecodeRayOrder(m.table));
+  if (leaves_) return {};  // the master gives it to another worker
+  QUARRY_TRY(scene_->renderer->Order(
+      order.query,
+      [this, order, to = std::weak_ptr(connection_)](RenderedTile result) {
+        asio::post(*io_, [this, order, to, result = std::move(result)] { SendHit(order, to, result); });
+      },
+      Urgency::kMotion));
+  scene_->renderer->Wake();
+  return {};
+}
+
+/// A master that is reached again numbers rays anew, so it gets no hits of those that it gave before.
+void Session::SendHit(const RayOrder& order, const std::weak_ptr<Connection>& to,
+                      const RenderedTile& result) {
+  const auto connection = to.lock();
+  if (!connection || connection != connection_ || !result.begun) return;
+  const Hit& hit = result.hits.front();
+  static_assert(kNoTriangle == kNoIndex);
+  connection->Send(MakeMessage(MessageType::kRayDone,
+                               RayDone{order.ray, order.lease, hit.t, hit.triangle, hit.voxel, hit.local}));
 }
 
 void Session::SendTile(const TileOrder& order, RenderedTile result) {

@@ -62,6 +62,7 @@ class Session {
   Status OnFrameSetup(const Message& m);
   Status OnFramesEnd(const Message& m);
   Status OnTile(const Message& m);
+  Status OnRay(const Message& m);
 
   // --- the end by SIGTERM
   void StartLeaving();
@@ -75,6 +76,7 @@ class Session {
 
   // --- reports to the master
   void SendTile(const TileOrder& order, RenderedTile result);
+  void SendHit(const RayOrder& order, const std::weak_ptr<Connection>& to, const RenderedTile& result);
   /// `whole`: lists all blocks of the cache, not only the changes.
   void SendStatus(bool whole);
   WorkerStatus MakeStatus(bool whole);

@@ -70,6 +70,7 @@ void Renderer::Begin(VoxelSource& source, Executor executor, const Options& opti
   engine_ = std::make_unique<Engine>(catalog_, cache_, options.threads, [this](const Error& error) {
     executor_([this, error] { Failed(error); });
   });
+  engine_->SetView(kRaysView, {}, std::make_shared<const NearestHits>());
 }
 
 /// On the loader's thread.
@@ -175,6 +176,13 @@ bool Renderer::has_open() const { return engine_->has_open(); }
 Status Renderer::Order(uint64_t view, const Tile& tile, std::function<void(RenderedTile)> done,
                        Urgency urgency) {
   return engine_->Render(view, tile, std::move(done), urgency);
+}
+
+Status Renderer::Order(const RayQuery& ray, std::function<void(RenderedTile)> done, Urgency urgency) {
+  QUARRY_TRY(CheckRay(ray));
+  engine_->Trace(kRaysView, {std::make_shared<const std::vector<RayQuery>>(1, ray), 0, 1}, std::move(done),
+                 urgency);
+  return {};
 }
 
 Renderer::Counters Renderer::counters() const {

@@ -98,6 +98,9 @@ class Renderer {
   void DropViews(uint64_t first, uint64_t end);
   Status Order(uint64_t view, const Tile& tile, std::function<void(RenderedTile)> done,
                Urgency urgency = Urgency::kJob);
+  /// Queues a ray whose nearest hit is wanted, in the same way: `done` gets one hit, as Trace() gives it.
+  /// Errors: CheckRay().
+  Status Order(const RayQuery& ray, std::function<void(RenderedTile)> done, Urgency urgency);
   void GiveBackQueued();
   bool has_open() const;
   /// The work of the compute threads and of the cache since the start. See Engine::Counters and
@@ -158,7 +161,9 @@ class Renderer {
   std::mutex mutex_;  ///< guards calls_, failure_, next_view_
   std::set<std::shared_ptr<Call>> calls_;
   std::optional<Error> failure_;
-  uint64_t next_view_ = kFirstOwnView;
+  /// The view of rays that are ordered, which ends with the renderer.
+  static constexpr uint64_t kRaysView = kFirstOwnView;
+  uint64_t next_view_ = kRaysView + 1;
   std::unique_ptr<Engine> engine_;
 };
 

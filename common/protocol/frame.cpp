@@ -43,6 +43,8 @@ Limits LimitsOf(MessageType type) {
     case MessageType::kQuery:
     case MessageType::kFrameProgress:
     case MessageType::kBlockRequest:
+    case MessageType::kRay:
+    case MessageType::kRayDone:
       return {kSmall, 0};
     case MessageType::kAnswer:
       return {0, 256u << 20};  // names of materials and parts
@@ -59,15 +61,15 @@ bool May(Speaker speaker, MessageType type) {
     case Speaker::kStranger:
       return type == kHello;
     case Speaker::kWorker:
-      return type == kHello || type == kTileDone || type == kWorkerStatus || type == kLeave ||
-             type == kFailure || type == kPing;
+      return type == kHello || type == kTileDone || type == kRayDone || type == kWorkerStatus ||
+             type == kLeave || type == kFailure || type == kPing;
     case Speaker::kVoxels:
       return type == kBlockRequest || type == kPing;
     case Speaker::kClient:
       return type == kRenderJob || type == kQuery || type == kPing;
     case Speaker::kMasterOfWorkers:
-      return type == kWelcome || type == kCatalog || type == kFrameSetup || type == kTile || type == kPeers ||
-             type == kFramesEnd || type == kFailure || type == kFarewell || type == kPing;
+      return type == kWelcome || type == kCatalog || type == kFrameSetup || type == kTile || type == kRay ||
+             type == kPeers || type == kFramesEnd || type == kFailure || type == kFarewell || type == kPing;
     case Speaker::kMasterOfClients:
       return type == kWelcome || type == kFrameProgress || type == kFrameDone || type == kAnswer ||
              type == kFailure || type == kFarewell || type == kPing;

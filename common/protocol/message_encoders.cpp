@@ -183,6 +183,27 @@ Bytes Encode(const TileDone& m) {
   return Pack<wire::TileDone>(w);
 }
 
+Bytes Encode(const RayOrder& m) {
+  wire::RayOrderT w;
+  w.ray = m.ray;
+  w.lease = m.lease;
+  w.origin = ToVector(m.query.origin);
+  w.direction = ToVector(m.query.direction);
+  w.end = m.query.end;
+  return Pack<wire::RayOrder>(w);
+}
+
+Bytes Encode(const RayDone& m) {
+  wire::RayDoneT w;
+  w.ray = m.ray;
+  w.lease = m.lease;
+  w.t = m.t;
+  w.triangle = m.triangle;
+  w.voxel = m.voxel;
+  w.local = m.local;
+  return Pack<wire::RayDone>(w);
+}
+
 Bytes Encode(const Peers& m) {
   wire::PeersT w;
   w.workers = m.workers;

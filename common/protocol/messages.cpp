@@ -258,6 +258,24 @@ Result<TileDone> DecodeTileDone(std::span<const std::byte> table) {
                   w->rays_suspended(), w->compute_us(), std::move(depths), Copy(w->blocks())};
 }
 
+Result<RayOrder> DecodeRayOrder(std::span<const std::byte> table) {
+  const auto* w = Root<wire::RayOrder>(table);
+  RayOrder m;
+  if (!w || !Read(w->origin(), m.query.origin) || !Read(w->direction(), m.query.direction))
+    return NotWellFormed();
+  m.ray = w->ray();
+  m.lease = w->lease();
+  m.query.end = w->end();
+  QUARRY_TRY(CheckRay(m.query));
+  return m;
+}
+
+Result<RayDone> DecodeRayDone(std::span<const std::byte> table) {
+  const auto* w = Root<wire::RayDone>(table);
+  if (!w || !(w->t() >= 0)) return NotWellFormed();
+  return RayDone{w->ray(), w->lease(), w->t(), w->triangle(), w->voxel(), w->local()};
+}
+
 Result<Peers> DecodePeers(std::span<const std::byte> table) {
   const auto* w = Root<wire::Peers>(table);
   Peers m;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/protocol/frame.h"
+#include "common/scene/ray_query.h"
 #include "common/scene/render_job.h"
 #include "common/scene/tile.h"
 #include "common/voxel/catalog.h"
@@ -95,6 +96,21 @@ struct TileDone {
   std::vector<float> depths;
   std::vector<uint32_t> blocks;  ///< blocks that its rays touched, ascending; empty unless the form is kMeans
 };
+/// A ray whose nearest hit is wanted, under a lease.
+struct RayOrder {
+  uint32_t ray = 0;
+  uint64_t lease = 0;
+  RayQuery query;
+};
+/// The nearest hit of a ray.
+struct RayDone {
+  uint32_t ray = 0;
+  uint64_t lease = 0;
+  float t = 0;            ///< distance from the ray's origin, scene units
+  uint32_t triangle = 0;  ///< scene-wide id; kNoIndex: the ray hits nothing
+  uint32_t voxel = 0;     ///< the voxel in which the triangle was found
+  uint32_t local = 0;     ///< the triangle's index in that voxel
+};
 /// The workers that serve blocks to others.
 struct Peers {
   std::vector<uint32_t> workers;
@@ -141,6 +157,8 @@ Bytes Encode(const TileOrder& m);
 Bytes Encode(const FramesEnd& m);
 Bytes Encode(const Leave& m);
 Bytes Encode(const TileDone& m);
+Bytes Encode(const RayOrder& m);
+Bytes Encode(const RayDone& m);
 Bytes Encode(const Peers& m);
 Bytes Encode(const WorkerStatus& m);
 Bytes Encode(const BlockRequest& m);
@@ -159,6 +177,8 @@ Result<TileOrder> DecodeTileOrder(std::span<const std::byte> table);
 Result<FramesEnd> DecodeFramesEnd(std::span<const std::byte> table);
 Result<Leave> DecodeLeave(std::span<const std::byte> table);
 Result<TileDone> DecodeTileDone(std::span<const std::byte> table);
+Result<RayOrder> DecodeRayOrder(std::span<const std::byte> table);
+Result<RayDone> DecodeRayDone(std::span<const std::byte> table);
 Result<Peers> DecodePeers(std::span<const std::byte> table);
 Result<WorkerStatus> DecodeWorkerStatus(std::span<const std::byte> table);
 Result<BlockRequest> DecodeBlockRequest(std::span<const std::byte> table);

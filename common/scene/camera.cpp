@@ -49,6 +49,12 @@ PrimaryRay Camera::Shoot(double x, double y) const {
   return ray;
 }
 
+RayQuery Camera::Query(double x, double y) const {
+  if (view_.orthographic) return {glm::dvec3(Shoot(x, y).origin), view_.forward};
+  const glm::dvec3 across = view_.right * (x - width_ / 2) + view_.down * (y - height_ / 2);
+  return {view_.eye, Unit(view_.forward + across)};
+}
+
 void Camera::Shoot(const double (&x)[PrimaryRays::kCount], const double (&y)[PrimaryRays::kCount],
                    PrimaryRays& rays) const {
   Choose([&, camera = *this]<bool kOrthographic, bool kClip>() {

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <glm/vec3.hpp>
 
+#include "common/scene/ray_query.h"
 #include "common/scene/view_basis.h"
 
 namespace quarry {
@@ -60,6 +61,9 @@ class Camera {
          const glm::vec3& upper);
   /// The ray at (x, y). Units: pixels; centres at +0.5.
   PrimaryRay Shoot(double x, double y) const;
+  /// The ray of Shoot(x, y) for a list of rays. It begins at the eye, and an orthographic camera's at the
+  /// scene's box.
+  RayQuery Query(double x, double y) const;
   /// The same rays, PrimaryRays::kCount at once.
   void Shoot(const double (&x)[PrimaryRays::kCount], const double (&y)[PrimaryRays::kCount],
              PrimaryRays& rays) const;

@@ -57,6 +57,10 @@ Display::Display(asio::io_context& io, const DisplayOptions& options, const Scen
       access_(std::move(access)),
       log_(std::move(log)),
       dispatcher_(*this, FirstFrame()),
+      rays_([this](uint32_t worker, const RayOrder& order) {
+        if (const WorkerRecord* w = workers_.FindById(worker))
+          w->connection->Send(MakeMessage(MessageType::kRay, order));
+      }),
       stats_(scene.catalog().id),
       moving_(io),
       exact_(io),
@@ -66,6 +70,7 @@ Display::Display(asio::io_context& io, const DisplayOptions& options, const Scen
             moving_,
             exact_,
             dispatcher_,
+            rays_,
             scene,
             *source_,
             saved_,
@@ -95,6 +100,8 @@ std::string Display::url() const { return AddressOf(options_, access_, server_->
 void Display::WorkerReady(const WorkerRecord& worker) {
   dispatcher_.RemoveWorker(worker.id);
   dispatcher_.AddWorker(worker.id, worker.threads);
+  rays_.RemoveWorker(worker.id);
+  rays_.AddWorker(worker.id);
   failure_.clear();
   lost_.clear();
   TellState();
@@ -103,6 +110,7 @@ void Display::WorkerReady(const WorkerRecord& worker) {
 
 void Display::WorkerGone(uint32_t id, const std::string& lost) {
   dispatcher_.RemoveWorker(id);
+  rays_.RemoveWorker(id);
   lost_ = lost;
   if (dispatcher_.has_workers()) {
     failure_.clear();
@@ -153,6 +161,7 @@ void Display::AssignSoon() {
   asio::post(io_, [this] {
     assigning_ = false;
     dispatcher_.Assign(Now());
+    rays_.Assign(Now());
   });
 }
 

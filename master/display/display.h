@@ -47,6 +47,8 @@ class Display : private LiveDispatcher::Sink {
   void WorkerFailed(const std::string& sentence);
   /// A result of a frame that the display owns. Errors: it does not fit its tile.
   Status OnTileDone(uint32_t worker, const TileDone& done, std::span<const std::byte> pixels);
+  /// The hit of a ray of the display's. One that nobody waits for is ignored.
+  void OnRayDone(uint32_t worker, const RayDone& done) { rays_.Finish(worker, done); }
   /// Called several times a second.
   void Tick();
 
@@ -79,6 +81,7 @@ class Display : private LiveDispatcher::Sink {
   const Access access_;
   const std::function<void(const std::string&)> log_;
   LiveDispatcher dispatcher_;
+  RayDispatcher rays_;
   LiveStats stats_;
   SocketRefusals refusals_;
   std::optional<Result<SceneSummary>> summary_;

@@ -4,52 +4,47 @@
 #include <functional>
 #include <map>
 #include <memory>
-#include <span>
 #include <string>
 #include <utility>
 
 #include "common/engine/blocks/voxel_source.h"
 #include "common/engine/scene.h"
+#include "common/scene/view.h"
 #include "master/display/viewer_message.h"
-#include "master/schedule/live_dispatcher.h"
+#include "master/schedule/ray_dispatcher.h"
 
 namespace quarry {
 
-/// Answers a viewer's picks: what a pixel of its view shows. A pick is a frame of one pixel with all layers,
-/// traced by a worker. The point and the normal are then computed from the vertices of the triangle, whose
-/// block is fetched. No sockets. Not thread-safe.
+/// Answers a viewer's picks: the surface that is seen at a pixel of its view. A pick is one ray, traced by a
+/// worker. The block of the triangle that it hits is then fetched, for the point and the normal by the
+/// triangle's vertices, its part and its material. No sockets. Not thread-safe.
 class Picker {
  public:
   /// The picks that may be under way; a newer one replaces the oldest.
   static constexpr size_t kMost = 8;
-  /// `dispatcher`, `scene` and `source` (of the scene's blocks) must outlive this. `viewer`: its number at
-  /// the dispatcher. `answer` takes the answers for the viewer, JSON; none comes after this is destroyed.
-  Picker(LiveDispatcher& dispatcher, const Scene& scene, VoxelSource& source, uint32_t viewer,
+  /// `rays`, `scene` and `source` (of the scene's blocks) must outlive this. `answer` takes the answers for
+  /// the viewer, JSON; none comes after this is destroyed.
+  Picker(RayDispatcher& rays, const Scene& scene, VoxelSource& source,
          std::function<void(std::string)> answer)
-      : dispatcher_(dispatcher),
+      : rays_(rays),
         scene_(scene),
         source_(source),
-        viewer_(viewer),
         answer_(std::make_shared<const Answer>(std::move(answer))) {}
+  ~Picker();
 
-  /// Asks what is seen at a pixel. A place beside the view is moved to its border. Requires: `view` is
+  /// Asks for the surface at a pixel. A place beside the view is moved to its border. Requires: `view` is
   /// normalized.
-  void Ask(const PickMessage& pick, View view);
-  /// Takes a finished tile. False: the tile is of no pick.
-  bool Take(const LiveTile& tile, std::span<const std::byte> pixels);
+  void Ask(const PickMessage& pick, const View& view);
 
  private:
   using Answer = std::function<void(std::string)>;
-  struct Asked {
-    uint64_t pick;
-    View view;
-  };
-  LiveDispatcher& dispatcher_;
+  void OnHit(uint64_t pick, const RayQuery& ray, const glm::dvec3& eye, const RayDone& hit);
+
+  RayDispatcher& rays_;
   const Scene& scene_;
   VoxelSource& source_;
-  const uint32_t viewer_;
   std::shared_ptr<const Answer> answer_;  ///< blocks that come later find it gone
-  std::map<FrameId, Asked> asked_;
+  std::map<uint32_t, uint64_t> asked_;    ///< picks under way, by their rays
 };
 
 }  // namespace quarry

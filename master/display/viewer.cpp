@@ -95,7 +95,7 @@ Viewer::Viewer(ViewerSite& site, uint32_t id, std::shared_ptr<WebSocket> socket,
       socket_(std::move(socket)),
       on_gone_(std::move(on_gone)),
       pacer_(site.dispatcher, id, site.scene.catalog().materials),
-      picker_(site.dispatcher, site.scene, site.source, id,
+      picker_(site.rays, site.scene, site.source,
               [this](std::string json) {
                 if (!gone_) SendAnswer(std::move(json));
               }),
@@ -276,7 +276,7 @@ void Viewer::OnTaken(uint64_t frame) {
 
 void Viewer::Take(const LiveTile& tile, std::span<const std::byte> pixels) {
   if (gone_) return;
-  if (picker_.Take(tile, pixels) || pacer_.Take(tile, pixels, site_.now())) Go();
+  if (pacer_.Take(tile, pixels, site_.now())) Go();
 }
 
 void Viewer::Go() {

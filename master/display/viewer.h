@@ -47,6 +47,7 @@ struct ViewerSite {
   EncodingThread& moving;  ///< for frames in motion
   EncodingThread& exact;   ///< for exact frames, which take many times as long as moving ones
   LiveDispatcher& dispatcher;
+  RayDispatcher& rays;
   const Scene& scene;
   VoxelSource& source;  ///< of the scene's blocks
   SavedPictures& saved;

@@ -20,8 +20,12 @@ struct TileLease {
   double since_s = 0;
 };
 
-/// The leases of one frame's tiles, of a job's frame or a watched one. Several workers may hold a tile: their
-/// results are the same, and the first counts. Units: seconds of the caller's clock. Not thread-safe.
+/// Workers that may hold a tile of a watched frame, or a ray.
+inline constexpr size_t kMostLiveHolders = 4;
+
+/// The leases of one frame's tiles, of a job's frame or a watched one, or of single rays, which count as
+/// tiles here. Several workers may hold a tile: their results are the same, and the first counts. Units:
+/// seconds of the caller's clock. Not thread-safe.
 class Leases {
  public:
   /// Leases a tile to a worker. Returns the lease's number, which the frame uses once.

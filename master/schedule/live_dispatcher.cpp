@@ -21,8 +21,6 @@ constexpr uint32_t kTilesPerThread = 2;
 constexpr double kLateS = 0.25, kLateWithBlocksS = 3;
 /// Lattice points a side of a tile; packets have eight.
 constexpr uint32_t kPacket = 8, kLeastSide = 16, kMostSide = 128;
-/// Workers that may hold a tile.
-constexpr size_t kMostHolders = 4;
 /// Open tiles among which a worker's own is looked for: a large picture at rest has thousands.
 constexpr size_t kLookAhead = 256;
 /// Weight of a tile's cost in the running mean.
@@ -214,7 +212,7 @@ bool LiveDispatcher::GiveLate(uint32_t id, double now_s) {
       return frame.tiles.at(number).area.leaves_holes ? kLateS : kLateWithBlocksS;
     };
     for (const uint32_t number : frame.leases.Late(now_s, after_s, [](uint32_t) { return true; })) {
-      if (frame.leases.Of(number).size() >= kMostHolders || frame.leases.Holds(id, number)) continue;
+      if (frame.leases.Of(number).size() >= kMostLiveHolders || frame.leases.Holds(id, number)) continue;
       Give(id, frame_id, number, now_s);
       return true;
     }

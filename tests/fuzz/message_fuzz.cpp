@@ -43,7 +43,7 @@ void ReadCatalog(std::span<const std::byte> bytes) {
   if (sections) (void)DecodeCatalog(SceneId{}, *sections);
 }
 
-constexpr int kKinds = 16;
+constexpr int kKinds = 19;
 
 void ReadAs(int kind, std::span<const std::byte> bytes) {
   switch (kind) {
@@ -79,6 +79,10 @@ void ReadAs(int kind, std::span<const std::byte> bytes) {
       return Read(bytes, DecodeFramesEnd);
     case 16:
       return Read(bytes, DecodeLeave);
+    case 17:
+      return Read(bytes, DecodeRayOrder);
+    case 18:
+      return Read(bytes, DecodeRayDone);
     default:
       return ReadCatalog(bytes);
   }
@@ -112,7 +116,11 @@ void WriteSeeds(const std::string& folder) {
                                     Encode(BlockRequest{12}),
                                     EncodeFrameHeader(framed),
                                     PackSections({}),
-                                    Encode(Query{kStatusTopic})};
+                                    Encode(Query{kStatusTopic}),
+                                    Encode(FramesEnd{{5, 6}}),
+                                    Encode(Leave{{5}, {2}, true}),
+                                    Encode(RayOrder{3, 1, {{1, 2, 3}, {0, 0, -1}, 100}}),
+                                    Encode(RayDone{3, 1, 2.5f, 7, 1, 6})};
   const auto write = [&](const std::string& name, size_t kind, const Bytes& bytes) {
     std::ofstream file(folder + "/" + name, std::ios::binary);
     file.put(static_cast<char>(kind));

@@ -93,7 +93,7 @@ TileOrder AnyTileOrder(Script& script) {
 }
 
 Bytes AnyTable(Script& script) {
-  switch (script.Below(15)) {
+  switch (script.Below(17)) {
     case 0:
       return Encode(Hello{static_cast<Role>(script.Below(4)), script.Text(), script.Number(), script.Number(),
                           static_cast<uint16_t>(script.Number())});
@@ -140,6 +140,14 @@ Bytes AnyTable(Script& script) {
       return Encode(FramesEnd{{script.Number(), script.Number()}});
     case 14:
       return Encode(Leave{{script.Number(), 1}, {script.Number(), script.Number()}, script.Below(2) == 0});
+    case 15:
+      return Encode(
+          RayOrder{script.Number(),
+                   script.Number(),
+                   {{script.Number(), 0, 0}, {script.Number() - 100.0, 1, script.Below(3) - 1.0}, 1e9}});
+    case 16:
+      return Encode(RayDone{script.Number(), script.Number(), script.Below(9) - 1.0f, script.Number(),
+                            script.Number(), script.Number()});
     default:
       return script.Some();
   }

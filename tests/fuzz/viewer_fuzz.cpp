@@ -159,9 +159,22 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
                       {[](const auto&, const JobRequest&) { return Status{}; }, [](const auto&) {},
                        [](uint64_t) { return FrameMemory::Reservation(); }},
                       [&] { return now_s; });
-  ViewerSite site{io,           moving,     exact, dispatcher,
-                  scene,        *source,    saved, {scene.catalog().id, {}},
-                  Defaults(),   {1u << 20}, [] {}, [&] { return now_s; },
+  std::deque<std::pair<uint32_t, RayOrder>> asked;
+  RayDispatcher rays([&](uint32_t worker, const RayOrder& order) { asked.emplace_back(worker, order); });
+  rays.AddWorker(1);
+  ViewerSite site{io,
+                  moving,
+                  exact,
+                  dispatcher,
+                  rays,
+                  scene,
+                  *source,
+                  saved,
+                  {scene.catalog().id, {}},
+                  Defaults(),
+                  {1u << 20},
+                  [] {},
+                  [&] { return now_s; },
                   [](double) {}};
   const auto socket = std::make_shared<Socket>();
   bool gone = false;
@@ -185,13 +198,18 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
         break;
       case 't': {
         const uint8_t fill = script.Byte();
+        rays.Assign(now_s);
+        if (!asked.empty()) {
+          const auto [worker, order] = asked.front();
+          asked.pop_front();
+          rays.Finish(worker, {order.ray, order.lease, 1, fill, fill % 4u, fill / 4u});
+        }
         dispatcher.Assign(now_s);
         if (workers.orders.empty()) break;
         const auto [worker, order] = std::move(workers.orders.front());
         workers.orders.pop_front();
         const Tile& area = order.area;
-        const uint32_t layers =
-            area.form == PixelForm::kMeans ? (area.columns() * area.rows() == 1 ? 0x7Bu : 1u) : 0;
+        const uint32_t layers = area.form == PixelForm::kMeans ? 1 : 0;
         const Bytes pixels(size_t{area.columns()} * area.rows() * BytesPerPoint(area.form, layers),
                            std::byte{fill});
         const auto tile =

@@ -31,6 +31,7 @@ enum Action : uint8_t {
   kAsk,
   kMeet,
   kPause,
+  kRay,
   kActions
 };
 /// How voxels are served.
@@ -203,6 +204,12 @@ class Cast {
           order.holders.push_back(script_.Below(4));
         }
         return master_->Come(MakeMessage(MessageType::kTile, order));
+      }
+      case kRay: {
+        RayOrder order{script_.Below(4), script_.Number(), {LastView().camera.eye}};
+        order.query.direction = LastView().camera.at - LastView().camera.eye;
+        if (script_.Below(4) == 0) order.query.end = script_.Byte();
+        return master_->Come(MakeMessage(MessageType::kRay, order));
       }
       case kPeers: {
         Peers peers;

@@ -93,8 +93,11 @@ function replaceView(view) {
 }
 
 function message(message) {
-  if (message.type === 'picked') live.picked(message);
-  else if (message.type === 'stats') activity.take(message);
+  if (message.type === 'picked') {
+    live.picked(message);
+    if (message.error) tell(message.error);
+  }
+  if (message.type === 'stats') activity.take(message);
   else if (message.type === 'saved') share.take(message);
   else if (message.type === 'refused' || message.type === 'notice') tell(message.message);
   else if (message.type === 'state') overlays.setServer(message.state, message.message);

@@ -122,6 +122,11 @@ TEST_CASE("Each kind of speaker may send its own messages only, and no larger on
   CHECK_FALSE(takes(Speaker::kClient, MessageType::kTileDone, 100, 100));
   CHECK(takes(Speaker::kWorker, MessageType::kTileDone, 100, 52 << 10));
   CHECK_FALSE(takes(Speaker::kWorker, MessageType::kTileDone, 100, 257 << 10));
+  CHECK(takes(Speaker::kWorker, MessageType::kRayDone, 100, 0));
+  CHECK_FALSE(takes(Speaker::kWorker, MessageType::kRay, 100, 0));
+  CHECK(takes(Speaker::kMasterOfWorkers, MessageType::kRay, 100, 0));
+  CHECK_FALSE(takes(Speaker::kMasterOfWorkers, MessageType::kRay, 2000, 0));
+  CHECK_FALSE(takes(Speaker::kMasterOfClients, MessageType::kRayDone, 100, 0));
   CHECK_FALSE(takes(Speaker::kVoxelServer, MessageType::kCatalog, 0, 100));
   CHECK_FALSE(takes(Speaker::kMasterOfClients, MessageType::kCatalog, 0, 100));
   // The largest job there may be.

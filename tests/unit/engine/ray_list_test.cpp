@@ -1,10 +1,13 @@
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <cstring>
 #include <fstream>
 #include <limits>
 
 #include "common/engine/renderer.h"
+#include "common/scene/camera.h"
 #include "tests/support/models/made_store.h"
+#include "tests/support/rendering/looking.h"
 #include "tests/support/rendering/row_scene.h"
 #include "tests/support/temporary_folder.h"
 
@@ -101,6 +104,46 @@ TEST_CASE("A ray of a list begins and ends where it says", "[rays]") {
       INFO(i);
       CHECK((hits[i].triangle != kNoTriangle) == (along[i] > 0));
       if (along[i] > 0) CHECK(static_cast<double>(hits[i].t) == Approx(along[i]).epsilon(1e-6));
+    }
+  }
+}
+
+TEST_CASE("A camera's rays that are asked for hit as the picture's do", "[rays]") {
+  const Row row;
+  const auto renderer = MakeRenderer(*row.scene);
+  const SceneMeta& meta = row.scene->catalog().meta;
+  View views[3];
+  views[0] = test::Looking({0.3, -20, 0.2}, {0.1, 10, 0}, 64, 48);
+  views[1] = test::Looking({300, -2e5, 100}, {0.1, 10, 0}, 64, 48);  // beyond the reach of kernels
+  views[1].camera.fov_degrees = 0.01;
+  views[2] = test::Looking({0.3, -20, 0.2}, {0.1, 10, 0}, 64, 48);
+  views[2].camera.ortho_height = 30;
+  for (View& view : views) {
+    view.aov_mask = 1u << static_cast<int>(Aov::kPrimitive);
+    REQUIRE(NormalizeView(view).has_value());
+    const Camera camera(view.camera, view.width, view.height, meta.root_lower, meta.root_upper);
+    for (const Tile& tile : TilesOf(view.crop)) {
+      const PixelRect& at = tile.pixels;
+      std::vector<RayQuery> rays;
+      for (uint32_t i = 0; i < at.width * at.height; ++i)
+        rays.push_back(camera.Query(at.x + i % at.width + 0.5, at.y + i / at.width + 0.5));
+      const std::vector<Hit> hits = Trace(*renderer, rays, RayGoal::kNearest);
+      Bytes pixels;
+      REQUIRE(renderer
+                  ->Render(view, std::span(&tile, 1),
+                           [&](size_t, RenderedTile result, Renderer::Progress) {
+                             pixels = std::move(result.pixels);
+                           })
+                  .has_value());
+      REQUIRE(pixels.size() == hits.size() * 4 * (kColorWords + 1));
+      size_t seen = 0;
+      for (size_t i = 0; i < hits.size(); ++i) {
+        uint32_t primitive = 0;
+        std::memcpy(&primitive, &pixels[4 * (i * (kColorWords + 1) + kColorWords)], 4);
+        CHECK(hits[i].triangle == primitive);
+        seen += primitive != kNoTriangle;
+      }
+      CHECK(seen > hits.size() / 4);
     }
   }
 }

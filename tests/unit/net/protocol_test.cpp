@@ -132,6 +132,12 @@ TEST_CASE("Messages come back field by field") {
   const auto done = DecodeTileDone(Encode(TileDone{1, 2, 3, 4, 5}));
   CHECK((done->frame == 1 && done->tile == 2 && done->lease == 3 && done->rays == 4 &&
          done->rays_suspended == 5));
+  const auto ray = DecodeRayOrder(Encode(RayOrder{5, 6, {{1, 2, 3}, {0, -0.5, 0}, 7}}));
+  CHECK((ray->ray == 5 && ray->lease == 6 && ray->query.origin == glm::dvec3(1, 2, 3) &&
+         ray->query.direction == glm::dvec3(0, -0.5, 0) && ray->query.end == 7));
+  const auto hit = DecodeRayDone(Encode(RayDone{5, 6, 1.5f, 7, 8, 9}));
+  CHECK((hit->ray == 5 && hit->lease == 6 && hit->t == 1.5f && hit->triangle == 7 && hit->voxel == 8 &&
+         hit->local == 9));
   const auto alive = DecodeWorkerStatus(Encode(WorkerStatus{1, 2, 3, 4, 5, 6, 7, 8}));
   CHECK((alive->cache_bytes == 1 && alive->voxels_loaded == 2 && alive->voxel_bytes_loaded == 3 &&
          alive->voxel_bytes_received == 4 && alive->evictions == 5 && alive->rays == 6 &&
@@ -150,6 +156,12 @@ TEST_CASE("Values that cannot be are refused") {
   CHECK_FALSE(DecodeLeave(Encode(Leave{{7, 8}, {9}})).has_value());
   const std::vector<uint64_t> many(kMaxGivenBack + 1);
   CHECK_FALSE(DecodeLeave(Encode(Leave{many, many})).has_value());
+  const double none = std::numeric_limits<double>::quiet_NaN();
+  for (const RayQuery& ray : {RayQuery{{none, 0, 0}, {0, 0, 1}, 1}, RayQuery{{0, 0, 0}, {0, 0, 0}, 1},
+                              RayQuery{{0, 0, 0}, {0, 0, 1}, 0}, RayQuery{{0, 0, 0}, {0, 0, 1}, none}})
+    CHECK_FALSE(DecodeRayOrder(Encode(RayOrder{1, 1, ray})).has_value());
+  for (const float t : {-1.0f, std::numeric_limits<float>::quiet_NaN()})
+    CHECK_FALSE(DecodeRayDone(Encode(RayDone{1, 1, t, 7, 8, 9})).has_value());
   RenderJob job = MakeJob();
   job.view.spp = 0;
   CHECK_FALSE(DecodeJobRequest(Encode(JobRequest{job, 0})).has_value());
@@ -179,9 +191,10 @@ TEST_CASE("A job is the same however many programs it has passed through") {
 TEST_CASE("Mutated messages are refused or read, never worse") {
   std::mt19937 random(11);
   const Bytes good[] = {Encode(JobRequest{MakeJob(), 0}), Encode(Hello{Role::kWorker, "w", 2}),
-                        Encode(TileOrder{1, 2, 3, {{4, 5, 6, 7}}}), Encode(FrameDone{6, "{}"})};
+                        Encode(TileOrder{1, 2, 3, {{4, 5, 6, 7}}}), Encode(FrameDone{6, "{}"}),
+                        Encode(RayOrder{1, 2, {}})};
   for (int i = 0; i < 40000; ++i) {
-    Bytes bad = good[i % 4];
+    Bytes bad = good[static_cast<size_t>(i) % std::size(good)];
     for (int k = 0; k < 1 + i % 4; ++k) bad[random() % bad.size()] = static_cast<std::byte>(random());
     if (i % 7 == 0) bad.resize(random() % (bad.size() + 1));
     (void)DecodeJobRequest(bad);
@@ -189,6 +202,7 @@ TEST_CASE("Mutated messages are refused or read, never worse") {
     (void)DecodeHello(bad);
     (void)DecodeTileOrder(bad);
     (void)DecodeFrameDone(bad);
+    (void)DecodeRayOrder(bad);
     (void)UnpackSections(bad);
   }
 }

@@ -98,6 +98,7 @@ struct Watching {
 
   test::Row row;
   test::LiveCluster cluster{*row.scene};
+  RayDispatcher rays{[](uint32_t, const RayOrder&) {}};
   boost::asio::io_context io;
   EncodingThread moving{io}, exact{io};
   double now_s = 100;
@@ -113,6 +114,7 @@ struct Watching {
                   moving,
                   exact,
                   cluster.dispatcher,
+                  rays,
                   *row.scene,
                   *source,
                   saved,
