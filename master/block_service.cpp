@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 namespace quarry {
@@ -24,35 +25,39 @@ Status BlockService::Answer(const std::shared_ptr<Connection>& c, const Message&
   if (reader.owed == kMostBlockRequests)
     return Fail(fmt::format("more than {} blocks are asked for at once", kMostBlockRequests));
   ++reader.owed;
-  const uint64_t bytes = size_of_ ? size_of_(request.block) : 0;
+  const std::optional<BlockKey> block = catalog_.BlockOf(request.block);
+  const uint64_t bytes = block ? catalog_.block(*block).stored : 0;
   // An answer whose connection has gone is dropped.
-  Add(reader, {bytes, [this, c = std::weak_ptr(c), block = request.block, id = m.request, bytes] {
-                 if (const auto connection = c.lock()) Fetch(connection, block, id, bytes);
+  Add(reader, {bytes, [this, c = std::weak_ptr(c), block, number = request.block, id = m.request] {
+                 const auto connection = c.lock();
+                 if (!connection) return;
+                 if (block) return Fetch(connection, *block, id);
+                 Reply(connection, id, Fail(fmt::format("there is no block {}", number)));
                }});
   return {};
 }
 
-void BlockService::Fetch(const std::shared_ptr<Connection>& c, uint32_t block, uint64_t request,
-                         uint64_t bytes) {
+void BlockService::Fetch(const std::shared_ptr<Connection>& c, BlockKey block, uint64_t request) {
+  const uint64_t bytes = catalog_.block(block).stored;
   ReaderOf(c).reading += bytes;
   reading_ += bytes;
-  source_.Fetch(
-      BlockKey::FromNumber(block), [this, weak = std::weak_ptr(c), request, bytes](Result<Bytes> result) {
-        reading_ -= bytes;
-        const auto connection = weak.lock();
-        const auto place = places_.find(connection.get());
-        if (connection && place != places_.end()) {
-          place->second->reading -= bytes;
-          --place->second->owed;
-          if (result) {
-            bytes_served_ += result->size();
-            connection->Send({MessageType::kBlock, request, {}, std::move(*result)});
-          } else {
-            connection->Send(MakeMessage(MessageType::kFailure, Failure{result.error().message}, request));
-          }
-        }
-        Pump();
-      });
+  source_.Fetch(block, [this, weak = std::weak_ptr(c), request, bytes](Result<Bytes> result) {
+    reading_ -= bytes;
+    const auto connection = weak.lock();
+    const auto place = places_.find(connection.get());
+    if (connection && place != places_.end()) {
+      place->second->reading -= bytes;
+      Reply(connection, request, std::move(result));
+    }
+    Pump();
+  });
+}
+
+void BlockService::Reply(const std::shared_ptr<Connection>& c, uint64_t request, Result<Bytes> block) {
+  --ReaderOf(c).owed;
+  if (!block) return c->Send(MakeMessage(MessageType::kFailure, Failure{block.error().message}, request));
+  bytes_served_ += block->size();
+  c->Send({MessageType::kBlock, request, {}, std::move(*block)});
 }
 
 void BlockService::Send(const std::shared_ptr<Connection>& c, uint64_t bytes, std::function<Message()> make) {

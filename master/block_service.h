@@ -10,6 +10,7 @@
 #include "common/engine/blocks/voxel_source.h"
 #include "common/net/connection.h"
 #include "common/protocol/messages.h"
+#include "common/voxel/catalog.h"
 
 namespace quarry {
 
@@ -24,9 +25,8 @@ class BlockService {
   /// Seconds without reading after which a connection is dropped while others wait for room.
   static constexpr double kMostUnreadS = 2;
 
-  /// `size_of`: bytes of a stored block; empty: 0. `source` must outlive this.
-  explicit BlockService(VoxelSource& source, std::function<uint64_t(uint32_t)> size_of = {})
-      : source_(source), size_of_(std::move(size_of)) {}
+  /// Requires: `source` and `catalog` outlive this.
+  BlockService(VoxelSource& source, const Catalog& catalog) : source_(source), catalog_(catalog) {}
 
   /// Errors: not a request; more than kMostBlockRequests of the connection are open.
   Status Answer(const std::shared_ptr<Connection>& c, const Message& request);
@@ -51,14 +51,15 @@ class BlockService {
     uint64_t reading = 0;  ///< bytes that the source has been asked for
   };
   Reader& ReaderOf(const std::shared_ptr<Connection>& c);
-  void Fetch(const std::shared_ptr<Connection>& c, uint32_t block, uint64_t request, uint64_t bytes);
+  void Fetch(const std::shared_ptr<Connection>& c, BlockKey block, uint64_t request);
+  void Reply(const std::shared_ptr<Connection>& c, uint64_t request, Result<Bytes> block);
   void Add(Reader& reader, Item item);
   void Pump();
   uint64_t Queued() const;
   bool HasRoom(const Reader& reader) const;
 
   VoxelSource& source_;
-  const std::function<uint64_t(uint32_t)> size_of_;
+  const Catalog& catalog_;
   std::list<Reader> readers_;  ///< in the order of their turns
   std::map<const Connection*, std::list<Reader>::iterator> places_;
   size_t waiting_ = 0;    ///< items

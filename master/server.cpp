@@ -8,6 +8,7 @@
 #include <boost/asio/steady_timer.hpp>
 #include <cstdio>
 #include <functional>
+#include <optional>
 #include <random>
 #include <utility>
 
@@ -40,8 +41,10 @@ constexpr uint64_t kMeterBytes = 64u << 20;
 
 std::vector<uint32_t> StoredBytes(const Catalog& catalog) {
   std::vector<uint32_t> bytes;
-  for (uint32_t number = 0; number < catalog.block_numbers(); ++number)
-    bytes.push_back(catalog.block(BlockKey::FromNumber(number)).stored);
+  for (uint32_t number = 0; number < catalog.block_numbers(); ++number) {
+    const std::optional<BlockKey> block = catalog.BlockOf(number);
+    bytes.push_back(block ? catalog.block(*block).stored : 0);
+  }
   return bytes;
 }
 
@@ -54,7 +57,7 @@ Server::Server(asio::io_context& io, const MasterOptions& options, Scene scene, 
       scene_(std::move(scene)),
       source_(scene_.MakeSource([&io](std::function<void()> task) { asio::post(io, std::move(task)); })),
       block_bytes_(StoredBytes(catalog())),
-      blocks_(*source_, [this](uint32_t b) { return b < block_bytes_.size() ? block_bytes_[b] : 0; }),
+      blocks_(*source_, catalog()),
       packed_catalog_(PackSections(scene_.store().catalog_sections())),
       jobs_(io, {catalog().id, catalog().meta.offset}, std::move(spool), options.frame_memory,
             {[this] { AssignSoon(); },

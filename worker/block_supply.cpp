@@ -4,6 +4,7 @@
 
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
+#include <optional>
 #include <utility>
 
 #include "common/engine/blocks/file_source.h"
@@ -27,7 +28,7 @@ BlockSupply::BlockSupply(boost::asio::io_context& io, const Catalog& catalog, co
                 ? std::make_unique<DiskCachedSource>(io, sources_, *options.disk_cache, catalog, options.log)
                 : nullptr),
       stored_(disk_ ? static_cast<VoxelSource&>(*disk_) : sources_, options.stored_bytes, inventory),
-      server_(catalog.id, stored_) {}
+      server_(catalog, stored_) {}
 
 Result<std::unique_ptr<BlockSupply>> BlockSupply::Open(boost::asio::io_context& io, const Catalog& catalog,
                                                        const SupplyOptions& options,
@@ -71,7 +72,7 @@ Status BlockSupply::Add(const std::string& text, const SupplyOptions& options) {
     case SourceKind::kTcp:
       sources_.Add(spec.kind, text,
                    std::make_unique<TcpVoxelSource>(io_, spec.master ? options.master : spec.server,
-                                                    security_, catalog_.id, catalog_.meta.largest_stored));
+                                                    security_, catalog_));
       return {};
     default: {
       QUARRY_ASSIGN(HttpLocation location, RemoteLocation(spec.place, "--source"));
@@ -89,17 +90,16 @@ Status BlockSupply::Add(const std::string& text, const SupplyOptions& options) {
 
 void BlockSupply::SetPeers(const Peers& peers) {
   sources_.SetPeers(peers, [this](const Endpoint& endpoint) {
-    return std::make_unique<TcpVoxelSource>(io_, endpoint, security_, catalog_.id,
-                                            catalog_.meta.largest_stored);
+    return std::make_unique<TcpVoxelSource>(io_, endpoint, security_, catalog_);
   });
 }
 
 void BlockSupply::Expect(const TileOrder& order) {
   for (size_t i = 0; i < order.blocks.size(); ++i) {
-    const auto block = BlockKey::FromNumber(order.blocks[i]);
-    if (!catalog_.Has(block)) continue;
-    if (order.holders[i] != 0) sources_.SetHolder(block, order.holders[i]);
-    if (expected_.size() < kMostExpected) expected_.push_back(block);
+    const std::optional<BlockKey> block = catalog_.BlockOf(order.blocks[i]);
+    if (!block) continue;
+    if (order.holders[i] != 0) sources_.SetHolder(*block, order.holders[i]);
+    if (expected_.size() < kMostExpected) expected_.push_back(*block);
   }
 }
 

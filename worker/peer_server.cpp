@@ -1,6 +1,7 @@
 #include "worker/peer_server.h"
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -42,7 +43,7 @@ void PeerServer::OnMessage(const std::shared_ptr<Connection>& c, const Message& 
     newcomers_.erase(c);
     peers_.insert(c);
     c->Expect(Speaker::kVoxels);
-    return c->Send(MakeMessage(MessageType::kWelcome, Welcome{scene_, 0, {}}));
+    return c->Send(MakeMessage(MessageType::kWelcome, Welcome{catalog_.id, 0, {}}));
   }
   if (m.type == MessageType::kPing) return;
   const auto request = DecodeBlockRequest(m.table);
@@ -50,11 +51,11 @@ void PeerServer::OnMessage(const std::shared_ptr<Connection>& c, const Message& 
     return Drop(c);
   if (QueuedBytes() >= kMaxQueuedBytes) DropStalled();
   if (!peers_.contains(c)) return;
-  const Bytes* block =
-      QueuedBytes() < kMaxQueuedBytes ? blocks_.Find(BlockKey::FromNumber(request->block)) : nullptr;
-  if (block) {
-    bytes_served_ += block->size();
-    return c->Send({MessageType::kBlock, m.request, {}, *block});
+  const std::optional<BlockKey> block = catalog_.BlockOf(request->block);
+  const Bytes* bytes = block && QueuedBytes() < kMaxQueuedBytes ? blocks_.Find(*block) : nullptr;
+  if (bytes) {
+    bytes_served_ += bytes->size();
+    return c->Send({MessageType::kBlock, m.request, {}, *bytes});
   }
   c->Send(MakeMessage(MessageType::kFailure,
                       Failure{"this worker does not have the block, or too much to send"}, m.request));

@@ -19,7 +19,8 @@ class PeerServer {
   /// for 2 s are dropped.
   static constexpr uint64_t kMaxQueuedBytes = 8u << 20;
 
-  PeerServer(const SceneId& scene, StoredCache& blocks) : scene_(scene), blocks_(blocks) {}
+  /// Requires: `catalog` and `blocks` outlive this.
+  PeerServer(const Catalog& catalog, StoredCache& blocks) : catalog_(catalog), blocks_(blocks) {}
   /// Errors: as Listener::Open().
   Status Listen(boost::asio::io_context& io, const Endpoint& endpoint, const Security& security);
   /// The port in use, or 0 before Listen().
@@ -35,7 +36,7 @@ class PeerServer {
   void Drop(const std::shared_ptr<Connection>& c);
   uint64_t QueuedBytes() const;
 
-  const SceneId scene_;
+  const Catalog& catalog_;
   StoredCache& blocks_;
   std::unique_ptr<Listener> listener_;
   std::set<std::shared_ptr<Connection>> newcomers_, peers_;

@@ -333,7 +333,7 @@ void Session::SendTile(const TileOrder& order, RenderedTile result) {
   if (order.area.form == PixelForm::kMeans) {
     SendStatus(false);  // first, so that a frame's statistics are complete with its last tile
     done.depths = std::move(result.depths);
-    for (const BlockKey block : result.blocks) done.blocks.push_back(block.number());
+    done.blocks = scene_->catalog.NumbersOf(result.blocks);
   }
   Message m = MakeMessage(MessageType::kTileDone, done);
   m.raw = std::move(result.pixels);
@@ -355,11 +355,11 @@ WorkerStatus Session::MakeStatus(bool whole) {
   WorkerStatus status = Counters();
   status.whole = whole;
   if (whole) {
-    status.cached = scene_->inventory.TakeAll();
+    status.cached = scene_->catalog.NumbersOf(scene_->inventory.TakeAll());
   } else {
-    auto changes = scene_->inventory.TakeChanges();
-    status.cached = std::move(changes.come);
-    status.dropped = std::move(changes.gone);
+    const CacheInventory::Changes changes = scene_->inventory.TakeChanges();
+    status.cached = scene_->catalog.NumbersOf(changes.come);
+    status.dropped = scene_->catalog.NumbersOf(changes.gone);
   }
   return status;
 }

@@ -79,7 +79,7 @@ void Renderer::Failed(const Error& error) {
     const std::lock_guard lock(mutex_);
     if (failure_) return;
     failure_ = error;
-    for (const auto& call : calls_) End(*call, error);
+    for (const auto& call : calls_) call->End(error);
   }
   if (hooks_.on_error) hooks_.on_error(error);
 }
@@ -140,7 +140,7 @@ Status Renderer::Run(const View& view, std::shared_ptr<const Integrator> integra
   const auto call = std::make_shared<Call>();
   call->on_tile = &on_tile;
   call->progress.all = static_cast<uint32_t>(parts);
-  const std::stop_callback stopped(stop, [&] { End(*call, {"cancelled", ErrorKind::kCancelled}); });
+  const std::stop_callback stopped(stop, [&] { call->End({"cancelled", ErrorKind::kCancelled}); });
   uint64_t number = 0;
   {
     const std::lock_guard lock(mutex_);
@@ -150,8 +150,8 @@ Status Renderer::Run(const View& view, std::shared_ptr<const Integrator> integra
   }
   engine_->SetView(number, view, std::move(integrator));
   for (size_t i = 0; i < parts; ++i) {
-    const auto done = [call, i](RenderedTile result) { OnTileDone(*call, i, std::move(result)); };
-    if (const Status queued = queue(number, i, done); !queued) End(*call, queued.error());
+    const auto done = [call, i](RenderedTile result) { call->OnTileDone(i, std::move(result)); };
+    if (const Status queued = queue(number, i, done); !queued) call->End(queued.error());
   }
   Status outcome;
   {
@@ -190,22 +190,22 @@ Renderer::Counters Renderer::counters() const {
   return {e.rays, e.rays_suspended, e.compute_us, e.stall_us, e.tiles_wanted, cache_.counters()};
 }
 
-void Renderer::OnTileDone(Call& call, size_t index, RenderedTile result) {
-  std::unique_lock lock(call.mutex);
-  call.changed.wait(lock, [&] { return !call.delivering; });
-  if (!call.on_tile || call.error) return;
-  call.delivering = true;
-  ++call.progress.done;
-  const Progress progress = call.progress;
+void Renderer::Call::OnTileDone(size_t index, RenderedTile result) {
+  std::unique_lock lock(mutex);
+  changed.wait(lock, [&] { return !delivering; });
+  if (!on_tile || error) return;
+  delivering = true;
+  ++progress.done;
+  const Progress now = progress;
   lock.unlock();  // on_tile may cancel the call
   const auto delivered = [&] {
     lock.lock();
-    call.delivering = false;
+    delivering = false;
     lock.unlock();
-    call.changed.notify_all();
+    changed.notify_all();
   };
   try {
-    (*call.on_tile)(index, std::move(result), progress);
+    (*on_tile)(index, std::move(result), now);
   } catch (...) {  // for want of memory: Engine::Run() tells of it
     delivered();
     throw;
@@ -213,10 +213,10 @@ void Renderer::OnTileDone(Call& call, size_t index, RenderedTile result) {
   delivered();
 }
 
-void Renderer::End(Call& call, const Error& error) {
-  const std::lock_guard lock(call.mutex);
-  call.error = error;
-  call.changed.notify_all();
+void Renderer::Call::End(const Error& e) {
+  const std::lock_guard lock(mutex);
+  error = e;
+  changed.notify_all();
 }
 
 }  // namespace quarry

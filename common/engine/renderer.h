@@ -68,6 +68,7 @@ class Renderer {
   static Result<std::unique_ptr<Renderer>> Create(const Catalog& catalog, VoxelSource& source,
                                                   Executor executor, const Options& options, Hooks hooks);
   ~Renderer();
+  const Catalog& catalog() const { return catalog_; }
 
   /// Tiles of a call to Render().
   struct Progress {
@@ -128,6 +129,9 @@ class Renderer {
  private:
   /// A call of Render() under way.
   struct Call {
+    void End(const Error& error);
+    void OnTileDone(size_t index, RenderedTile result);
+
     std::mutex mutex;  ///< guards all below
     std::condition_variable changed;
     const OnTile* on_tile;    ///< null once the call is over
@@ -143,8 +147,6 @@ class Renderer {
       const View& view, std::shared_ptr<const Integrator> integrator, size_t parts,
       const std::function<Status(uint64_t view, size_t part, std::function<void(RenderedTile)>)>& queue,
       const OnTile& on_tile, std::stop_token stop);
-  static void End(Call& call, const Error& error);
-  static void OnTileDone(Call& call, size_t index, RenderedTile result);
 
   const Catalog& catalog_;
   const Hooks hooks_;

@@ -7,35 +7,44 @@
 
 namespace quarry {
 
-/// The parts of a voxel that are loaded apart: kHot is the tree and the triangles, kShading the attributes.
-enum class BlockKind : uint32_t { kHot = 0, kShading = 1 };
-inline constexpr uint32_t kBlockKinds = 2;
+/// The kinds of blocks. Of a voxel, kHot is the tree and the triangles, and kShading the attributes: they are
+/// loaded apart. kPage is a page of a texture. There may be 16 kinds; a voxel's come first.
+enum class BlockKind : uint8_t { kHot, kShading, kPage };
+inline constexpr uint32_t kVoxelBlocks = 2;  ///< blocks of a voxel
 
-/// Identifies a block of a scene, the unit of loading, by its number. The blocks of voxels come first, those
-/// of a voxel side by side; the pages of textures follow, texture by texture (Catalog::PageKey). Messages,
-/// logs and arrays indexed by block use number().
+/// Identifies a block of a scene, the unit of loading: its kind, and which voxel or page it is. Pages are
+/// counted over all textures (Catalog::PageKey). Keys ascend from voxel to voxel, there from kind to kind;
+/// pages follow. Messages, files and arrays know a block by its number, which the catalog gives
+/// (Catalog::NumberOf).
 class BlockKey {
  public:
-  constexpr BlockKey() = default;
-  /// Require: `voxel` belongs to a scene, so that the number fits in 32 bits.
-  static constexpr BlockKey Hot(uint32_t voxel) { return BlockKey(voxel * kBlockKinds); }
-  static constexpr BlockKey Shading(uint32_t voxel) { return BlockKey(voxel * kBlockKinds + 1); }
-  static constexpr BlockKey FromNumber(uint32_t number) { return BlockKey(number); }
+  static constexpr uint32_t kBits = 40;  ///< of bits(), so that a key and 24 bits more are one word
 
-  constexpr uint32_t number() const { return number_; }
-  /// The voxel and the kind of a voxel's block. Require: the block is no page.
-  constexpr uint32_t voxel() const { return number_ / kBlockKinds; }
-  constexpr BlockKind kind() const { return static_cast<BlockKind>(number_ % kBlockKinds); }
+  constexpr BlockKey() = default;
+  /// `index`: of the voxel or page.
+  constexpr BlockKey(BlockKind kind, uint32_t index)
+      : bits_(uint64_t{kind == BlockKind::kPage} << kOfBit | uint64_t{index} << kIndexBit |
+              static_cast<uint32_t>(kind)) {}
+  static constexpr BlockKey Hot(uint32_t voxel) { return {BlockKind::kHot, voxel}; }
+  static constexpr BlockKey Shading(uint32_t voxel) { return {BlockKind::kShading, voxel}; }
+  static constexpr BlockKey Page(uint32_t page) { return {BlockKind::kPage, page}; }
+
+  constexpr BlockKind kind() const { return static_cast<BlockKind>(bits_ & kKindMask); }
+  /// The voxel or the page, as the kind says.
+  constexpr uint32_t index() const { return static_cast<uint32_t>(bits_ >> kIndexBit); }
+  /// The key as a number of kBits bits, in the order of keys. Only for tables in memory.
+  constexpr uint64_t bits() const { return bits_; }
   constexpr auto operator<=>(const BlockKey&) const = default;
 
  private:
-  explicit constexpr BlockKey(uint32_t number) : number_(number) {}
-  uint32_t number_ = 0;
+  // From the lowest bit on: the kind, the index, and what the block is of, a voxel (0) or a texture (1).
+  static constexpr uint32_t kIndexBit = 4, kOfBit = 36, kKindMask = (1u << kIndexBit) - 1;
+  uint64_t bits_ = 0;
 };
 
 }  // namespace quarry
 
 template <>
 struct std::hash<quarry::BlockKey> {
-  size_t operator()(const quarry::BlockKey& key) const noexcept { return key.number(); }
+  size_t operator()(const quarry::BlockKey& key) const noexcept { return key.bits(); }
 };

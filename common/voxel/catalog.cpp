@@ -198,8 +198,22 @@ Status DecodeTexturing(const std::vector<SectionView>& sections, const TexturePl
 }  // namespace
 
 uint32_t Catalog::TextureOf(BlockKey page) const {
-  const uint32_t number = page.number() - static_cast<uint32_t>(voxel_blocks());
-  return static_cast<uint32_t>(std::ranges::upper_bound(first_page, number) - first_page.begin()) - 1;
+  return static_cast<uint32_t>(std::ranges::upper_bound(first_page, page.index()) - first_page.begin()) - 1;
+}
+
+std::vector<uint32_t> Catalog::NumbersOf(std::span<const BlockKey> keys) const {
+  std::vector<uint32_t> numbers;
+  numbers.reserve(keys.size());
+  for (const BlockKey key : keys) numbers.push_back(NumberOf(key));
+  return numbers;
+}
+
+std::optional<BlockKey> Catalog::BlockOf(uint32_t number) const {
+  const size_t pages = voxel_blocks();
+  const BlockKey key = number < pages
+                           ? BlockKey(static_cast<BlockKind>(number % kVoxelBlocks), number / kVoxelBlocks)
+                           : BlockKey::Page(static_cast<uint32_t>(number - pages));
+  return Has(key) ? std::optional(key) : std::nullopt;
 }
 
 uint64_t Catalog::DecodedBytes() const {

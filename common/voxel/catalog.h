@@ -3,6 +3,8 @@
 #include <array>
 #include <cstdint>
 #include <glm/vec3.hpp>
+#include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -82,7 +84,7 @@ struct BlockEntry {
 
 /// The directory's entry of a voxel; 72 bytes in the file.
 struct VoxelEntry {
-  BlockEntry blocks[kBlockKinds];  ///< indexed by BlockKind; shading follows hot in the file
+  BlockEntry blocks[kVoxelBlocks];  ///< indexed by BlockKind; shading follows hot in the file
   uint32_t triangles = 0;
   uint32_t next_in_chain = kNoIndex;           ///< next voxel of the same top-level leaf; kNoIndex at the end
   glm::vec3 bounds_lower{0}, bounds_upper{0};  ///< box of its whole triangles, scene units
@@ -128,25 +130,35 @@ struct Catalog {
   std::vector<TextureShape> shapes;     ///< by texture
   std::vector<uint32_t> first_page{0};  ///< by texture, and one past the last: pages of earlier textures
 
-  /// Requires: `key` is below block_numbers().
+  /// Requires: the scene has the key's voxel or page.
   const BlockEntry& block(BlockKey key) const {
-    if (IsPage(key)) return textures[TextureOf(key)].pages[PageOf(key)];
-    return voxels[key.voxel()].blocks[static_cast<uint32_t>(key.kind())];
+    if (key.kind() == BlockKind::kPage) return textures[TextureOf(key)].pages[PageOf(key)];
+    return voxels[key.index()].blocks[static_cast<uint32_t>(key.kind())];
   }
-  /// Whether the scene has this block. A key from outside may name a block that does not exist.
-  bool Has(BlockKey key) const { return key.number() < block_numbers() && block(key).stored != 0; }
+  /// Whether the scene has this block.
+  bool Has(BlockKey key) const {
+    const size_t most = key.kind() == BlockKind::kPage ? first_page.back() : voxels.size();
+    return key.index() < most && block(key).stored != 0;
+  }
+  /// The number of a block in messages, in the files of disk caches, in logs and in arrays. The blocks of
+  /// voxels come first, those of a voxel side by side. The pages of textures follow, texture by texture.
+  /// Numbers ascend as keys do. Requires: as block().
+  uint32_t NumberOf(BlockKey key) const {
+    if (key.kind() == BlockKind::kPage) return static_cast<uint32_t>(voxel_blocks()) + key.index();
+    return key.index() * kVoxelBlocks + static_cast<uint32_t>(key.kind());
+  }
+  std::vector<uint32_t> NumbersOf(std::span<const BlockKey> keys) const;
+  /// The block of a number, which may come from outside. Returns: nothing where the scene has no such block.
+  std::optional<BlockKey> BlockOf(uint32_t number) const;
   /// Upper limit of block numbers: each is below it.
   size_t block_numbers() const { return voxel_blocks() + first_page.back(); }
   /// The number of the first page.
-  size_t voxel_blocks() const { return voxels.size() * kBlockKinds; }
-  /// Whether a block is the page of a texture, which page of which texture, and the block of a page.
-  bool IsPage(BlockKey key) const { return key.number() >= voxel_blocks(); }
+  size_t voxel_blocks() const { return voxels.size() * kVoxelBlocks; }
+  /// Which page of which texture a block is, and the block of a page.
   uint32_t TextureOf(BlockKey page) const;
-  uint32_t PageOf(BlockKey page) const {
-    return page.number() - static_cast<uint32_t>(voxel_blocks()) - first_page[TextureOf(page)];
-  }
+  uint32_t PageOf(BlockKey page) const { return page.index() - first_page[TextureOf(page)]; }
   BlockKey PageKey(uint32_t texture, uint32_t page) const {
-    return BlockKey::FromNumber(static_cast<uint32_t>(voxel_blocks()) + first_page[texture] + page);
+    return BlockKey::Page(first_page[texture] + page);
   }
   /// Bytes of a cache that has room for all blocks.
   uint64_t DecodedBytes() const;

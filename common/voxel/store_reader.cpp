@@ -272,17 +272,18 @@ Result<std::string> StoreReader::TextureName(uint32_t texture) const {
 
 Result<Bytes> StoreReader::ReadBlock(BlockKey block) const {
   if (!catalog_.Has(block))
-    return FailForGood(fmt::format("{}: there is no block {}", path(), block.number()));
+    return FailForGood(fmt::format("{}: there is no block {}", path(), catalog_.NumberOf(block)));
   const BlockEntry& entry = catalog_.block(block);
-  const bool page = catalog_.IsPage(block);
+  const bool page = block.kind() == BlockKind::kPage;
   const uint64_t begin = page ? pages_begin_ : blocks_begin_, end = page ? pages_end_ : blocks_end_;
   if (entry.offset < begin || entry.offset > end || entry.stored > end - entry.offset)
-    return FailForGood(fmt::format("{}: block {} is not where it should be", path(), block.number()));
+    return FailForGood(
+        fmt::format("{}: block {} is not where it should be", path(), catalog_.NumberOf(block)));
   Bytes bytes(entry.stored);
   QUARRY_TRY(file_->ReadAt(entry.offset, bytes));
   if (Checksum(bytes) != entry.checksum)
     return FailForGood(fmt::format("{}: block {} at byte {} is damaged (checksum); make the store again",
-                                   path(), block.number(), entry.offset));
+                                   path(), catalog_.NumberOf(block), entry.offset));
   return bytes;
 }
 
@@ -328,10 +329,10 @@ Status StoreReader::CheckPagesFill() const {
 
 Status StoreReader::VerifyVoxel(uint32_t voxel, uint64_t& end, BlockDecoder& decoder) const {
   for (BlockKind kind : {BlockKind::kHot, BlockKind::kShading}) {
-    const BlockKey id = kind == BlockKind::kHot ? BlockKey::Hot(voxel) : BlockKey::Shading(voxel);
+    const BlockKey id(kind, voxel);
     const BlockEntry& entry = catalog_.block(id);
     if (entry.offset != end)
-      return Fail(fmt::format("{}: block {} is not where it should be", path(), id.number()));
+      return Fail(fmt::format("{}: block {} is not where it should be", path(), catalog_.NumberOf(id)));
     end += entry.stored;
     if (entry.stored == 0) continue;
     QUARRY_ASSIGN(const Bytes stored, ReadBlock(id));
@@ -343,7 +344,7 @@ Status StoreReader::VerifyVoxel(uint32_t voxel, uint64_t& end, BlockDecoder& dec
               })
             : DecodeShading(decoder, catalog_, voxel, stored, decoded).map([](auto&&) {});
     if (!status)
-      return Fail(fmt::format("{}: block {} at byte {}: {}", path(), id.number(), entry.offset,
+      return Fail(fmt::format("{}: block {} at byte {}: {}", path(), catalog_.NumberOf(id), entry.offset,
                               status.error().message));
   }
   return {};

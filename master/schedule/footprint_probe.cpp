@@ -19,7 +19,7 @@ Result<ProbedFrame> ProbeFrame(Renderer& renderer, const View& view, std::stop_t
   QUARRY_TRY(renderer.Render(
       sparse, tiles,
       [&](size_t i, RenderedTile result, Renderer::Progress) {
-        for (const BlockKey block : result.blocks) frame[i].blocks.push_back(block.number());
+        frame[i].blocks = renderer.catalog().NumbersOf(result.blocks);
         frame[i].depths = std::move(result.depths);
       },
       std::move(stop)));

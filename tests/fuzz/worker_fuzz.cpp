@@ -105,11 +105,12 @@ class Cast {
     uint64_t request;
   };
   void Serve(const Request& r, Serving how) {
-    if (!Store().catalog().Has(BlockKey::FromNumber(r.block))) {
+    const std::optional<BlockKey> key = Store().catalog().BlockOf(r.block);
+    if (!key) {
       std::fprintf(stderr, "the worker asks for block %u\n", r.block);
       std::abort();
     }
-    Bytes block = *Store().ReadBlock(BlockKey::FromNumber(r.block));
+    Bytes block = *Store().ReadBlock(*key);
     const Message right{MessageType::kBlock, r.request, {}, block};
     switch (how) {
       case Serving::kRight:

@@ -100,7 +100,8 @@ class Walker {
   /// By block number.
   void Publish(std::vector<std::unique_ptr<ResidentBlock>> blocks) {
     for (uint32_t number = 0; number < blocks.size(); ++number)
-      if (blocks[number]) renderer_->Publish(BlockKey::FromNumber(number), std::move(blocks[number]));
+      if (blocks[number])
+        renderer_->Publish(*renderer_->catalog().BlockOf(number), std::move(blocks[number]));
   }
 
   /// Renders a frame for each camera, tile after tile; rays of several tiles are under way. Returns: seconds.

@@ -13,6 +13,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <optional>
 #include <utility>
 
 #include "common/engine/blocks/loader.h"
@@ -60,32 +61,31 @@ MappedBlocks::~MappedBlocks() {
 Status MappedBlocks::Decode(const StoreReader& store) {
   constexpr size_t kAlignment = 64;
   const Catalog& catalog = store.catalog();
-  const auto room = [&](uint32_t number) {
-    return (size_t{catalog.block(BlockKey::FromNumber(number)).decoded} + kAlignment - 1) / kAlignment *
-           kAlignment;
+  const auto room = [](const BlockEntry& entry) {
+    return (size_t{entry.decoded} + kAlignment - 1) / kAlignment * kAlignment;
   };
-  const auto count = static_cast<uint32_t>(catalog.voxel_blocks());
   size_t bytes = 0;
-  for (uint32_t id = 0; id < count; ++id) bytes += room(id);
+  for (const VoxelEntry& voxel : catalog.voxels)
+    for (const BlockEntry& entry : voxel.blocks) bytes += room(entry);
   bytes = (bytes + kChunk - 1) / kChunk * kChunk;
   QUARRY_ASSIGN(region_, Map(bytes));
   QUARRY_ASSIGN(file_, Map(bytes));
-  blocks_.resize(count);
+  blocks_.resize(catalog.voxel_blocks());
   BlockDecoder decoder;
   size_t at = 0;
-  for (uint32_t number = 0; number < count; ++number) {
-    const auto id = BlockKey::FromNumber(number);
-    const BlockEntry& entry = catalog.block(id);
-    if (entry.stored == 0) continue;
-    QUARRY_ASSIGN(const Bytes stored, store.ReadBlock(id));
+  for (uint32_t number = 0; number < blocks_.size(); ++number) {
+    const std::optional<BlockKey> id = catalog.BlockOf(number);
+    if (!id) continue;
+    const BlockEntry& entry = catalog.block(*id);
+    QUARRY_ASSIGN(const Bytes stored, store.ReadBlock(*id));
     const std::span out = region_.subspan(at, entry.decoded);
     blocks_[number] = std::make_unique<ResidentBlock>();
-    if (id.kind() == BlockKind::kShading) {
+    if (id->kind() == BlockKind::kShading) {
       QUARRY_ASSIGN(blocks_[number]->shading, decoder.Shading(stored, out));
     } else {
-      QUARRY_ASSIGN(blocks_[number]->hot, DecodeHot(decoder, catalog, id.voxel(), stored, out));
+      QUARRY_ASSIGN(blocks_[number]->hot, DecodeHot(decoder, catalog, id->index(), stored, out));
     }
-    at += room(number);
+    at += room(entry);
   }
   std::memcpy(file_.data(), region_.data(), bytes);
   return {};

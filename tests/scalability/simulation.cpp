@@ -18,8 +18,6 @@ namespace {
 /// Bytes of a mapped file that come at a time: the default read-ahead of NFS clients.
 constexpr double kMappedPiece = 128 << 10;
 
-BlockKey Key(uint32_t number) { return BlockKey::FromNumber(number); }
-
 double Share(uint64_t part, uint64_t of) {
   return static_cast<double>(part) / static_cast<double>(std::max<uint64_t>(1, of));
 }
@@ -247,7 +245,7 @@ void Simulation::Load(Worker& w) {
 
 /// The number of a source: servers first, then workers.
 uint32_t Simulation::SourceOf(const Worker& w, uint32_t block) const {
-  std::vector<uint32_t> order = HomeOrder(Key(block), keys_);
+  std::vector<uint32_t> order = HomeOrder(block, keys_);
   if (o_.peers)
     for (const auto& other : workers_)
       if (other.get() != &w && other->stored.Has(Key(block))) {
@@ -306,7 +304,7 @@ void Simulation::Decode(Worker& w, uint32_t block) {
 
 /// Tells the dispatcher whether the worker holds these blocks.
 void Simulation::TellHoldings(Worker& w, const std::vector<BlockKey>& blocks) {
-  for (const BlockKey b : blocks) w.holds.Set(b.number(), w.stored.Has(b) || w.decoded.Has(b));
+  for (const BlockKey b : blocks) w.holds.Set(catalog_.NumberOf(b), w.stored.Has(b) || w.decoded.Has(b));
 }
 
 }  // namespace quarry

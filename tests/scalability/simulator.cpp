@@ -4,6 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
 
 #include "common/base/file.h"
@@ -50,8 +51,10 @@ Status Run(const SimulatorOptions& o) {
   QUARRY_ASSIGN(const Scene scene, Scene::Open(o.store));
   QUARRY_ASSIGN(const TracedWalk walk, ReadTracedWalk(o.trace, scene.catalog(), o.step, o.frames));
   std::vector<uint32_t> bytes;
-  for (uint32_t number = 0; number < scene.catalog().block_numbers(); ++number)
-    bytes.push_back(scene.catalog().block(BlockKey::FromNumber(number)).stored);
+  for (uint32_t number = 0; number < scene.catalog().block_numbers(); ++number) {
+    const std::optional<BlockKey> block = scene.catalog().BlockOf(number);
+    bytes.push_back(block ? scene.catalog().block(*block).stored : 0);
+  }
   std::set<uint32_t> touched;
   for (const auto& frame : walk.tiles)
     for (const auto& tile : frame) touched.insert(tile.blocks.begin(), tile.blocks.end());

@@ -55,7 +55,7 @@ Status CheckFrame(const std::vector<TracedWalk::Tile>& tiles, const FrameImage& 
         size_t{DepthCells(frame.tiles()[t].width)} * DepthCells(frame.tiles()[t].height))
       return Fail("has a tile whose depths do not fit");
     for (const uint32_t block : tiles[t].blocks)
-      if (block >= 2 * catalog.voxels.size()) return Fail("touches blocks that the store has not");
+      if (!catalog.BlockOf(block)) return Fail("touches blocks that the store has not");
   }
   return {};
 }

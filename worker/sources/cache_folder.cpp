@@ -155,8 +155,8 @@ CacheFolder::~CacheFolder() {
   Forget(cleanup_);
 }
 
-std::string CacheFolder::BlockPath(const SceneId& scene, BlockKey block) const {
-  return fmt::format("{}/{}/{}", folder_, FormatSceneId(scene), block.number());
+std::string CacheFolder::BlockPath(const SceneId& scene, uint32_t block) const {
+  return fmt::format("{}/{}/{}", folder_, FormatSceneId(scene), block);
 }
 
 Status CacheFolder::Open() {
@@ -199,7 +199,7 @@ void CacheFolder::RemoveDeadWriters() {
   }
 }
 
-Result<CacheFolder::Found> CacheFolder::Read(const SceneId& scene, BlockKey block, const BlockEntry& entry,
+Result<CacheFolder::Found> CacheFolder::Read(const SceneId& scene, uint32_t block, const BlockEntry& entry,
                                              Bytes& out) {
   const std::string path = BlockPath(scene, block);
   const OpenFd file{::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK)};
@@ -231,7 +231,7 @@ Result<CacheFolder::Found> CacheFolder::Read(const SceneId& scene, BlockKey bloc
   return Found::kYes;
 }
 
-Status CacheFolder::Write(const SceneId& scene, BlockKey block, std::span<const std::byte> bytes) {
+Status CacheFolder::Write(const SceneId& scene, uint32_t block, std::span<const std::byte> bytes) {
   if (OnDisk(static_cast<int64_t>(bytes.size())) > budget_) return {};
   int error = 0;
   Status status = WriteOnce(scene, block, bytes, error);
@@ -242,7 +242,7 @@ Status CacheFolder::Write(const SceneId& scene, BlockKey block, std::span<const 
   return status;
 }
 
-Status CacheFolder::WriteOnce(const SceneId& scene, BlockKey block, std::span<const std::byte> bytes,
+Status CacheFolder::WriteOnce(const SceneId& scene, uint32_t block, std::span<const std::byte> bytes,
                               int& error) {
   const auto fail = [&](const std::string& path, int number) {
     error = number;

@@ -38,11 +38,11 @@ class AgeHistogram {
   uint64_t total_ = 0;
 };
 
-/// A folder of stored blocks, one file each: FOLDER/SCENE/BLOCK. Several processes may use one folder for any
-/// scenes at once: files appear whole, by rename, and no file is locked. Damage after a crash or a loss of
-/// power shows in the checksum. Temporaries are in FOLDER/writer-RANDOM, which belongs to one CacheFolder
-/// while it lives (FOLDER/writer-RANDOM.lock); the next Open() removes the folders of dead writers. Not
-/// thread-safe.
+/// A folder of stored blocks, one file each: FOLDER/SCENE/BLOCK, where BLOCK is the block's number. Several
+/// processes may use one folder for any scenes at once: files appear whole, by rename, and no file is locked.
+/// Damage after a crash or a loss of power shows in the checksum. Temporaries are in FOLDER/writer-RANDOM,
+/// which belongs to one CacheFolder while it lives (FOLDER/writer-RANDOM.lock); the next Open() removes the
+/// folders of dead writers. Not thread-safe.
 class CacheFolder {
  public:
   /// The result of a Read(): read, not there, or damaged and removed.
@@ -63,11 +63,11 @@ class CacheFolder {
   /// Reads a block into `out` if a file with the size and checksum of `entry` exists; removes a damaged file.
   /// A file's modification time is the time of its last use, to a minute.
   /// Errors: cannot be read.
-  Result<Found> Read(const SceneId& scene, BlockKey block, const BlockEntry& entry, Bytes& out);
+  Result<Found> Read(const SceneId& scene, uint32_t block, const BlockEntry& entry, Bytes& out);
 
   /// Writes a block. A block larger than the whole budget is not written.
   /// Errors: disk full and other write errors; no partial file remains.
-  Status Write(const SceneId& scene, BlockKey block, std::span<const std::byte> bytes);
+  Status Write(const SceneId& scene, uint32_t block, std::span<const std::byte> bytes);
 
   /// Whether enough bytes were written that Sweep() should run.
   bool SweepDue() const { return sweep_ != nullptr || written_ >= next_sweep_; }
@@ -81,11 +81,11 @@ class CacheFolder {
 
  private:
   struct Walk;
-  std::string BlockPath(const SceneId& scene, BlockKey block) const;
+  std::string BlockPath(const SceneId& scene, uint32_t block) const;
   Status BecomeWriter();
   void EndSweep(uint64_t left);
   void RemoveDeadWriters();
-  Status WriteOnce(const SceneId& scene, BlockKey block, std::span<const std::byte> bytes, int& error);
+  Status WriteOnce(const SceneId& scene, uint32_t block, std::span<const std::byte> bytes, int& error);
 
   std::string folder_;
   uint64_t budget_;

@@ -26,21 +26,21 @@ class CacheInventory {
   /// Whether the block is held in any form.
   bool Has(BlockKey block) const { return tiers_.contains(block); }
   struct Changes {
-    std::vector<uint32_t> come, gone;
+    std::vector<BlockKey> come, gone;
   };
-  /// The blocks that came or went since the last call of TakeChanges() or TakeAll(), as block numbers.
+  /// The blocks that came or went since the last call of TakeChanges() or TakeAll().
   Changes TakeChanges() {
     Changes changes;
     for (const BlockKey block : changed_)
-      (tiers_.contains(block) ? changes.come : changes.gone).push_back(block.number());
+      (tiers_.contains(block) ? changes.come : changes.gone).push_back(block);
     changed_.clear();
     return changes;
   }
-  /// The numbers of all blocks held. Clears the changes.
-  std::vector<uint32_t> TakeAll() {
+  /// All blocks held. Clears the changes.
+  std::vector<BlockKey> TakeAll() {
     changed_.clear();
-    std::vector<uint32_t> all;
-    for (const auto& [block, tiers] : tiers_) all.push_back(block.number());
+    std::vector<BlockKey> all;
+    for (const auto& [block, tiers] : tiers_) all.push_back(block);
     return all;
   }
 

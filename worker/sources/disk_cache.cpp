@@ -130,7 +130,8 @@ struct DiskCachedSource::Impl : std::enable_shared_from_this<DiskCachedSource::I
 
   void DoRead(const Read& read) {
     std::optional<Bytes> bytes(std::in_place);
-    const auto found = folder.Read(catalog.id, read.block, catalog.block(read.block), *bytes);
+    const auto found =
+        folder.Read(catalog.id, catalog.NumberOf(read.block), catalog.block(read.block), *bytes);
     if (!found) Tell(told_read, found.error().message + "; blocks are fetched without the disk cache");
     if (found && *found == CacheFolder::Found::kDamaged) ++damaged;
     if (found && *found == CacheFolder::Found::kYes) {
@@ -151,7 +152,8 @@ struct DiskCachedSource::Impl : std::enable_shared_from_this<DiskCachedSource::I
       ++not_written;
       return;
     }
-    if (const Status status = folder.Write(catalog.id, write.block, write.bytes); !status) {
+    const uint32_t number = catalog.NumberOf(write.block);
+    if (const Status status = folder.Write(catalog.id, number, write.bytes); !status) {
       ++not_written;
       return PauseWrites(status.error());
     }

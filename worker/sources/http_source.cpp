@@ -104,7 +104,8 @@ void HttpVoxelSource::Fetch(BlockKey block, Done done) {
     return boost::asio::post(impl_->io, [impl = impl_, block, done = std::move(done)] {
       if (!impl->stopped)
         done(tl::unexpected<Error>(
-            Error{fmt::format("{}: no block {} there", impl->name, block.number()), ErrorKind::kPermanent}));
+            Error{fmt::format("{}: no block {} there", impl->name, impl->catalog.NumberOf(block)),
+                  ErrorKind::kPermanent}));
     });
   }
   if (impl_->checked == Impl::Checked::kYes) return impl_->Ask(block, std::move(done));

@@ -7,10 +7,10 @@
 
 namespace quarry {
 
-std::vector<uint32_t> HomeOrder(BlockKey block, std::span<const uint64_t> keys) {
+std::vector<uint32_t> HomeOrder(uint32_t block, std::span<const uint64_t> keys) {
   std::vector<std::pair<uint64_t, uint32_t>> weights;
   for (uint32_t i = 0; i < keys.size(); ++i)
-    weights.push_back({Mix64(keys[i] ^ Mix64(block.number() + 0x9E3779B97F4A7C15ull)), i});
+    weights.push_back({Mix64(keys[i] ^ Mix64(block + 0x9E3779B97F4A7C15ull)), i});
   std::sort(weights.begin(), weights.end(), std::greater<>());
   std::vector<uint32_t> order;
   for (const auto& [weight, i] : weights) order.push_back(i);

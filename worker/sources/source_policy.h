@@ -4,8 +4,6 @@
 #include <span>
 #include <vector>
 
-#include "common/voxel/block_key.h"
-
 // Rules for sharing blocks over several sources, some of which may be slow or fail. No clock and no network.
 // Units: times in seconds of a steady clock; the names ending in _s and S are in seconds.
 // Not thread-safe.
@@ -14,9 +12,9 @@ namespace quarry {
 
 /// The indices of the sources in the order in which a block asks them; the first is the block's home. With
 /// rendezvous hashing, a source that comes or goes moves only its own blocks.
-/// Requires: `keys` has one key per source, the same on every machine.
+/// Requires: `block` is the block's number; `keys` has one key per source, the same on every machine.
 /// Source: Thaler & Ravishankar 1998.
-std::vector<uint32_t> HomeOrder(BlockKey block, std::span<const uint64_t> keys);
+std::vector<uint32_t> HomeOrder(uint32_t block, std::span<const uint64_t> keys);
 
 /// The wait before a failed source is asked again: 0.1 s, doubled by each further failure up to 5 s. Each
 /// wait is shortened at random by up to a quarter, so that many workers do not return at once.

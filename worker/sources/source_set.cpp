@@ -78,7 +78,7 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
   /// slower.
   std::vector<uint32_t> OrderFor(BlockKey block) const {
     std::vector<uint32_t> order;
-    for (const uint32_t home : HomeOrder(block, keys)) order.push_back(homes[home]);
+    for (const uint32_t home : HomeOrder(catalog.NumberOf(block), keys)) order.push_back(homes[home]);
     if (const auto hint = holders.find(block); hint != holders.end())
       if (const auto peer = peers.find(hint->second); peer != peers.end()) order.push_back(peer->second);
     return order;
@@ -134,8 +134,8 @@ struct SourceSet::Impl : std::enable_shared_from_this<SourceSet::Impl> {
       if (!good) {
         ++counters.damaged;
         ++it->second.damaged;
-        result = Fail(
-            fmt::format("block {} arrived damaged {} times (checksum)", block.number(), it->second.damaged));
+        result = Fail(fmt::format("block {} arrived damaged {} times (checksum)", catalog.NumberOf(block),
+                                  it->second.damaged));
       }
     }
     // The server works, but has no such block to give.

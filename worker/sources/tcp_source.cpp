@@ -18,13 +18,8 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
     BlockKey block;
     Done done;
   };
-  Impl(boost::asio::io_context& context, Endpoint e, Security s, SceneId id, uint32_t most_bytes)
-      : io(context),
-        server(std::move(e)),
-        security(std::move(s)),
-        scene(id),
-        most_block_bytes(most_bytes),
-        watch(context) {}
+  Impl(boost::asio::io_context& context, Endpoint e, Security s, const Catalog& c)
+      : io(context), server(std::move(e)), security(std::move(s)), catalog(c), watch(context) {}
 
   void Reach() {
     reaching = true;
@@ -33,7 +28,7 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
       if (self->stopped) return;
       if (!result) return self->Lost(result.error());
       self->connection = *result;
-      self->connection->Expect(Speaker::kVoxelServer, self->most_block_bytes);
+      self->connection->Expect(Speaker::kVoxelServer, self->catalog.meta.largest_stored);
       self->connection->Start([self](Message m) { self->OnMessage(std::move(m)); },
                               [self](const Error& e) { self->Lost(e); });
       self->connection->Send(MakeMessage(MessageType::kHello, Hello{Role::kVoxels, "voxels", 0}));
@@ -92,7 +87,7 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
 
   void OnWelcome(const Message& m) {
     const auto welcome = DecodeWelcome(m.table);
-    if (!welcome || welcome->scene_id != scene)
+    if (!welcome || welcome->scene_id != catalog.id)
       return Lost(Error{fmt::format("{}:{} serves another scene", server.host, server.port)});
     ready = true;
     AskMore();
@@ -103,16 +98,15 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
     for (; asked < kMostBlockRequests && !unasked.empty(); unasked.pop_front()) {
       const uint64_t request = unasked.front();
       ++asked;
-      connection->Send(
-          MakeMessage(MessageType::kBlockRequest, BlockRequest{waiting.at(request).block.number()}, request));
+      const uint32_t block = catalog.NumberOf(waiting.at(request).block);
+      connection->Send(MakeMessage(MessageType::kBlockRequest, BlockRequest{block}, request));
     }
   }
 
   boost::asio::io_context& io;
   Endpoint server;
   Security security;
-  SceneId scene;
-  const uint32_t most_block_bytes;
+  const Catalog& catalog;
   boost::asio::steady_timer watch;
   std::shared_ptr<Connection> connection;
   std::unordered_map<uint64_t, Waiting> waiting;  ///< by request id
@@ -123,9 +117,9 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
   bool owes = false;  ///< answers were outstanding at the last check
 };
 
-TcpVoxelSource::TcpVoxelSource(boost::asio::io_context& io, Endpoint server, Security security, SceneId scene,
-                               uint32_t most_block_bytes)
-    : impl_(std::make_shared<Impl>(io, std::move(server), std::move(security), scene, most_block_bytes)) {}
+TcpVoxelSource::TcpVoxelSource(boost::asio::io_context& io, Endpoint server, Security security,
+                               const Catalog& catalog)
+    : impl_(std::make_shared<Impl>(io, std::move(server), std::move(security), catalog)) {}
 
 TcpVoxelSource::~TcpVoxelSource() {
   impl_->stopped = true;

@@ -19,10 +19,9 @@ class TcpVoxelSource final : public VoxelSource {
  public:
   /// Seconds.
   static constexpr double kStallS = 5;
-  /// `most_block_bytes` is the size of the largest stored block. A server that sends a larger block is
-  /// dropped.
-  TcpVoxelSource(boost::asio::io_context& io, Endpoint server, Security security, SceneId scene,
-                 uint32_t most_block_bytes);
+  /// A server that sends a block larger than the scene's largest is dropped. Requires: `catalog` outlives the
+  /// source.
+  TcpVoxelSource(boost::asio::io_context& io, Endpoint server, Security security, const Catalog& catalog);
   ~TcpVoxelSource() override;
   void Fetch(BlockKey block, Done done) override;
 

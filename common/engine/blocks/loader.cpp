@@ -13,14 +13,20 @@ namespace quarry {
 Status DecodeBlock(const Catalog& catalog, BlockKey block, std::span<const std::byte> stored,
                    BlockDecoder& decoder, ResidentBlock& resident, std::vector<KdNode>* tree) {
   const std::span<std::byte> out = resident.bytes.bytes();
-  if (catalog.IsPage(block)) {
-    const uint32_t texture = catalog.TextureOf(block);
-    QUARRY_TRY(DecodePage(catalog.shapes[texture], catalog.textures[texture].layout, catalog.PageOf(block),
-                          stored, out));
-  } else if (block.kind() == BlockKind::kShading) {
-    QUARRY_ASSIGN(resident.shading, DecodeShading(decoder, catalog, block.voxel(), stored, out));
-  } else {
-    QUARRY_ASSIGN(resident.hot, DecodeHot(decoder, catalog, block.voxel(), stored, out, tree));
+  switch (block.kind()) {
+    case BlockKind::kHot: {
+      QUARRY_ASSIGN(resident.hot, DecodeHot(decoder, catalog, block.index(), stored, out, tree));
+      return {};
+    }
+    case BlockKind::kShading: {
+      QUARRY_ASSIGN(resident.shading, DecodeShading(decoder, catalog, block.index(), stored, out));
+      return {};
+    }
+    case BlockKind::kPage: {
+      const uint32_t texture = catalog.TextureOf(block);
+      return DecodePage(catalog.shapes[texture], catalog.textures[texture].layout, catalog.PageOf(block),
+                        stored, out);
+    }
   }
   return {};
 }
@@ -82,7 +88,7 @@ bool Loader::Install(const Arrived& arrived) {
   if (!cache_.Reserve(arrived.block)) return false;
   auto resident = std::make_unique<ResidentBlock>();
   const auto start = std::chrono::steady_clock::now();
-  auto pages = cache_.TakePages(entry.decoded, catalog_.IsPage(arrived.block));
+  auto pages = cache_.TakePages(entry.decoded, arrived.block.kind() == BlockKind::kPage);
   if (!pages) {
     Fail(Error{fmt::format("the system has no memory for a block of {} bytes; give a smaller --cache",
                            entry.decoded)});
@@ -92,7 +98,7 @@ bool Loader::Install(const Arrived& arrived) {
   const Status status = DecodeBlock(catalog_, arrived.block, arrived.stored, decoder_, *resident);
   decode_us_ += MicrosecondsSince(start);
   if (!status) {
-    Fail(Error{fmt::format("block {}: {}", arrived.block.number(), status.error().message)});
+    Fail(Error{fmt::format("block {}: {}", catalog_.NumberOf(arrived.block), status.error().message)});
     return false;
   }
   cache_.Publish(arrived.block, std::move(resident));

@@ -20,16 +20,21 @@ class PinnedBlocks {
   /// NewReader(), one for each list.
   void LogTo(std::vector<BlockKey>& touched, uint32_t reader) {
     touched_ = &touched;
-    reader_ = reader;
+    reader_ = uint64_t{reader} << BlockKey::kBits;
   }
-  uint32_t NewReader() { return ++readers_; }
+  /// A number that no other reader of late has; never 0.
+  uint32_t NewReader() {
+    if (readers_ == kMostReaders) {
+      readers_ = 0;
+      ForgetRecent();
+    }
+    return ++readers_;
+  }
 
   /// Finds a block and pins it. Returns: null when it is not resident. Requires: LogTo() was called.
   const ResidentBlock* Find(BlockKey block) {
-    const uint32_t number = block.number();
-    Recent& recent =
-        recent_[(number / kBlockKinds + number % kBlockKinds * (kRecent / kBlockKinds)) % kRecent];
-    const uint64_t key = uint64_t{reader_} << 32 | block.number();
+    Recent& recent = recent_[(block.index() + static_cast<uint32_t>(block.kind()) * kKindsApart) % kRecent];
+    const uint64_t key = reader_ | block.bits();
     if (recent.key == key) return recent.resident;
     const ResidentBlock* resident = nullptr;
     if (const auto it = pinned_.find(block); it != pinned_.end()) {
@@ -59,22 +64,31 @@ class PinnedBlocks {
   void Release() {
     for (const auto& [block, resident] : pinned_) cache_.Unpin(block);
     pinned_.clear();
-    for (Recent& recent : recent_) recent = {};
+    ForgetRecent();
   }
 
  private:
   /// Entries of the table; 16 KiB. Trades look-ups against the cache lines of L1. A judgement: scenes have
   /// hundreds of voxels in view.
   static constexpr uint32_t kRecent = 1024;
+  /// Entries between the blocks of a voxel, so that the kinds do not push each other out. A third of the
+  /// table, for three kinds.
+  static constexpr uint32_t kKindsApart = kRecent / 3;
+  static constexpr uint32_t kMostReaders = (1u << (64 - BlockKey::kBits)) - 1;
   struct Recent {
-    uint64_t key = 0;  ///< reader in the high half, block number in the low
+    uint64_t key = 0;  ///< the reader above BlockKey::kBits bits of the block; 0: none
     const ResidentBlock* resident = nullptr;
   };
+  void ForgetRecent() {
+    for (Recent& recent : recent_) recent = {};
+  }
+
   VoxelCache& cache_;
   std::unordered_map<BlockKey, const ResidentBlock*> pinned_;
   Recent recent_[kRecent];
   std::vector<BlockKey>* touched_ = nullptr;
-  uint32_t reader_ = 0, readers_ = 0;
+  uint64_t reader_ = 0;  ///< above a key's bits
+  uint32_t readers_ = 0;
 };
 
 }  // namespace quarry

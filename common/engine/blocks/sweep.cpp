@@ -32,15 +32,15 @@ uint64_t Sweep::Distance(const Stop& stop) const {
     const uint64_t place = order_.BlockPlace(octant, stop.block);
     uint64_t turn = (octant + kOctants - octant_) % kOctants;
     if (turn == 0 && place < at_) turn = kOctants;
-    least = std::min(least, turn << 40 | place);
+    least = std::min(least, turn << BlockKey::kBits | place);
   }
   return least;
 }
 
 void Sweep::MoveTo(const Stop& stop) {
   const uint64_t distance = Distance(stop);
-  octant_ = static_cast<uint32_t>((octant_ + (distance >> 40)) % kOctants);
-  at_ = distance & ((uint64_t{1} << 40) - 1);
+  octant_ = static_cast<uint32_t>((octant_ + (distance >> BlockKey::kBits)) % kOctants);
+  at_ = distance & ((uint64_t{1} << BlockKey::kBits) - 1);
 }
 
 }  // namespace quarry

@@ -28,10 +28,11 @@ class VoxelOrder {
 
   /// The place of a voxel in the order of `octant`, from 0.
   uint32_t place(uint32_t octant, uint32_t voxel) const { return places_[octant][voxel]; }
-  /// The place of a block in the order of blocks.
+  /// The place of a block in the order of blocks, of BlockKey::kBits bits: the order of keys whose voxels are
+  /// their places.
   uint64_t BlockPlace(uint32_t octant, BlockKey block) const {
-    if (block.number() / kBlockKinds >= places_[octant].size()) return block.number();
-    return uint64_t{place(octant, block.voxel())} * kBlockKinds + static_cast<uint32_t>(block.kind());
+    if (block.kind() == BlockKind::kPage) return block.bits();
+    return BlockKey(block.kind(), place(octant, block.index())).bits();
   }
 
  private:

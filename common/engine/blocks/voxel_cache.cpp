@@ -55,7 +55,7 @@ VoxelCache::~VoxelCache() {
 
 uint64_t VoxelCache::RoomOf(BlockKey block) const {
   const uint32_t decoded = catalog_.block(block).decoded;
-  return catalog_.IsPage(block) ? PageRoom(decoded) : decoded;
+  return block.kind() == BlockKind::kPage ? PageRoom(decoded) : decoded;
 }
 
 const ResidentBlock* VoxelCache::TryPin(BlockKey block) {

@@ -138,7 +138,7 @@ class VoxelCache {
     OctantMask octants = 0;
     bool loading = false;
   };
-  Slot& slot(BlockKey block) const { return slots_[block.number()]; }
+  Slot& slot(BlockKey block) const { return slots_[catalog_.NumberOf(block)]; }
   /// The bytes that a block counts.
   uint64_t RoomOf(BlockKey block) const;
   /// Evicts the block that was used last the longest ago, and appends it to `evicted`. Returns: false when
@@ -158,7 +158,7 @@ class VoxelCache {
   const uint64_t budget_;
   std::function<void()> on_want_, on_space_;
   std::function<void(BlockKey, bool)> on_change_;
-  std::unique_ptr<Slot[]> slots_;
+  std::unique_ptr<Slot[]> slots_;  ///< by block number
   std::atomic<uint64_t> clock_{0};
   std::atomic<bool> starved_{false};
   std::atomic<uint64_t> wanted_bytes_{0};  ///< decoded bytes of the blocks in waiting_

@@ -22,7 +22,7 @@ uint64_t GatherTexels(const PacketWork& work, uint64_t lanes, const TexturePyram
     for (uint32_t n = 0; n < count; ++n) {
       if (texels.page[n][i] != page) {
         page = texels.page[n][i];
-        block = work.Find(BlockKey::FromNumber(page));
+        block = work.Find(BlockKey::Page(page));
       }
       if (!block) return;
       const std::span<const std::byte> bytes = block->bytes.bytes();

@@ -20,7 +20,7 @@ TexturePyramid::TexturePyramid(const Catalog& catalog, uint32_t texture)
     const TextureShape::Level& level = shape.levels()[l];
     const bool tail = l >= shape.tail();
     levels.push_back({level.width, level.height, tail ? 0 : level.columns,
-                      catalog.PageKey(texture, level.first_page).number(), tail ? shape.TailOffset(l) : 0});
+                      catalog.PageKey(texture, level.first_page).index(), tail ? shape.TailOffset(l) : 0});
   }
 }
 

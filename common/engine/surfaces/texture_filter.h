@@ -23,7 +23,7 @@ struct TexturePyramid {
   struct Level {
     uint32_t width, height;    ///< texels
     uint32_t columns;          ///< pages in a row; 0: the level lies in the tail's page
-    uint32_t first_block;      ///< number of the block of its first page
+    uint32_t first_page;       ///< as BlockKey::Page() counts pages
     uint32_t tail_offset = 0;  ///< texels before it in the tail's page
   };
   TexelLayout layout;
@@ -114,11 +114,10 @@ struct TexelPlace {
 };
 inline TexelPlace PlaceOf(const TexturePyramid& pyramid, uint32_t level, uint32_t x, uint32_t y) {
   const TexturePyramid::Level& l = pyramid.levels[level];
-  if (l.columns == 0) return {BlockKey::FromNumber(l.first_block), l.tail_offset + y * l.width + x};
+  if (l.columns == 0) return {BlockKey::Page(l.first_page), l.tail_offset + y * l.width + x};
   const uint32_t column = x / kPageSide, row = y / kPageSide;
   const uint32_t width = std::min(kPageSide, l.width - column * kPageSide);
-  return {BlockKey::FromNumber(l.first_block + row * l.columns + column),
-          y % kPageSide * width + x % kPageSide};
+  return {BlockKey::Page(l.first_page + row * l.columns + column), y % kPageSide * width + x % kPageSide};
 }
 
 /// A lookup under way. Begins with zeros.

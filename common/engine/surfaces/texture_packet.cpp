@@ -119,13 +119,13 @@ void MakeFootprints(const SurfaceTexture& texture, const TexturePyramid& pyramid
 
 void PlaceTexels(const TexturePyramid& pyramid, const FootprintPacket& footprints, uint64_t lanes,
                  TexelPacket& texels) {
-  alignas(64) uint32_t columns[RayPacket::kRays], first_block[RayPacket::kRays], offset[RayPacket::kRays];
+  alignas(64) uint32_t columns[RayPacket::kRays], first_page[RayPacket::kRays], offset[RayPacket::kRays];
   for (uint32_t k = 0; k < 2; ++k) {
     for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
       const bool there = (lanes >> i & 1) != 0 && (k == 0 || footprints.share[i] > 0);
       const TexturePyramid::Level& level = pyramid.levels[there ? footprints.level[i] + k : 0];
       columns[i] = level.columns;
-      first_block[i] = level.first_block;
+      first_page[i] = level.first_page;
       offset[i] = level.tail_offset;
     }
     const FootprintPacket::Texels& t = footprints.texels[k];
@@ -137,7 +137,7 @@ void PlaceTexels(const TexturePyramid& pyramid, const FootprintPacket& footprint
         const uint32_t x = xs[i], y = ys[i], column = x / kPageSide, row = y / kPageSide;
         const uint32_t rest = t.width[i] - column * kPageSide, width = rest < kPageSide ? rest : kPageSide;
         const bool tail = columns[i] == 0;
-        page[i] = first_block[i] + (tail ? 0 : row * columns[i] + column);
+        page[i] = first_page[i] + (tail ? 0 : row * columns[i] + column);
         index[i] = tail ? offset[i] + y * t.width[i] + x : y % kPageSide * width + x % kPageSide;
       });
     }

@@ -50,8 +50,9 @@ void MakeFootprints(const SurfaceTexture& texture, const TexturePyramid& pyramid
 /// Where the texels of lookups lie, and what is there: of lookups of 8-bit texels whose pages are all at
 /// hand.
 struct TexelPacket {
-  static constexpr uint32_t kMost = 8;  ///< texels of a lookup
-  uint32_t page[kMost][RayPacket::kRays], index[kMost][RayPacket::kRays];
+  static constexpr uint32_t kMost = 8;     ///< texels of a lookup
+  uint32_t page[kMost][RayPacket::kRays];  ///< as BlockKey::Page() counts pages
+  uint32_t index[kMost][RayPacket::kRays];
   uint32_t codes[kMost][RayPacket::kRays];  ///< a texel's channels from the lowest byte on
 };
 /// Sets `page` and `index`.

@@ -67,7 +67,7 @@ class Fetching {
       if (!bytes)
         status_ = tl::unexpected<Error>(bytes.error());
       else if (bytes->size() != entry.stored || Checksum(*bytes) != entry.checksum)
-        status_ = Fail(fmt::format("block {} is not the store's", block.number()));
+        status_ = Fail(fmt::format("block {} is not the store's", catalog_.NumberOf(block)));
       ++done_;
       asio::post(io_, [this] { Next(); });
     });
@@ -90,10 +90,10 @@ class SourcesBench {
  public:
   explicit SourcesBench(const StoreReader& store) : store_(store), catalog_(store.catalog()) {
     for (uint32_t number = 0; number < catalog_.block_numbers(); ++number) {
-      const auto block = BlockKey::FromNumber(number);
-      if (!catalog_.Has(block)) continue;
-      blocks_.push_back(block);
-      bytes_ += catalog_.block(block).stored;
+      const std::optional<BlockKey> block = catalog_.BlockOf(number);
+      if (!block) continue;
+      blocks_.push_back(*block);
+      bytes_ += catalog_.block(*block).stored;
     }
   }
 
@@ -147,8 +147,7 @@ class SourcesBench {
     options.threads = 1;
     QUARRY_ASSIGN(const auto cluster, LocalCluster::Start(options));
     QUARRY_TRY(Measure("tcp", [&](asio::io_context& io) {
-      return std::make_unique<TcpVoxelSource>(io, cluster->master(), Security(), catalog_.id,
-                                              catalog_.meta.largest_stored);
+      return std::make_unique<TcpVoxelSource>(io, cluster->master(), Security(), catalog_);
     }));
     if (!test::Nginx::Program().empty()) return MeasureNginx(folder);
     Print("nginx is not installed: http is left out\n");

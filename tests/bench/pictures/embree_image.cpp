@@ -116,8 +116,9 @@ class Tracer {
     hit.local = place.local;
     hit.b1 = r.hit.u;
     hit.b2 = r.hit.v;
-    Surface s = test::MakeSurface(blocks_[BlockKey::Hot(place.voxel).number()]->hot, hit, direction);
-    if (const auto& shading = blocks_[BlockKey::Shading(place.voxel).number()])
+    Surface s =
+        test::MakeSurface(blocks_[catalog_.NumberOf(BlockKey::Hot(place.voxel))]->hot, hit, direction);
+    if (const auto& shading = blocks_[catalog_.NumberOf(BlockKey::Shading(place.voxel))])
       AddAttributes(shading->shading, hit, s);
     return s;
   }

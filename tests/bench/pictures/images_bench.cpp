@@ -8,6 +8,7 @@
 #include <cstring>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "common/base/log.h"
 #include "common/engine/renderer.h"
@@ -57,12 +58,12 @@ Result<std::vector<std::unique_ptr<ResidentBlock>>> DecodeAll(const StoreReader&
   std::vector<std::unique_ptr<ResidentBlock>> blocks(catalog.block_numbers());
   BlockDecoder decoder;
   for (uint32_t number = 0; number < blocks.size(); ++number) {
-    const auto key = BlockKey::FromNumber(number);
-    if (!catalog.Has(key)) continue;
-    QUARRY_ASSIGN(const Bytes stored, store.ReadBlock(key));
+    const std::optional<BlockKey> key = catalog.BlockOf(number);
+    if (!key) continue;
+    QUARRY_ASSIGN(const Bytes stored, store.ReadBlock(*key));
     blocks[number] = std::make_unique<ResidentBlock>();
-    blocks[number]->bytes = *PageBuffer::TryGet(catalog.block(key).decoded);
-    QUARRY_TRY(DecodeBlock(catalog, key, stored, decoder, *blocks[number]));
+    blocks[number]->bytes = *PageBuffer::TryGet(catalog.block(*key).decoded);
+    QUARRY_TRY(DecodeBlock(catalog, *key, stored, decoder, *blocks[number]));
   }
   return blocks;
 }
@@ -130,7 +131,7 @@ Status RunScene(const std::string& path, const Options& options, nlohmann::json&
   QUARRY_ASSIGN(const auto blocks, DecodeAll(scene.store()));
   std::vector<VoxelGeometry> voxels;
   for (uint32_t v = 0; v < catalog.voxels.size(); ++v)
-    voxels.push_back(blocks[BlockKey::Hot(v).number()]->hot);
+    voxels.push_back(blocks[catalog.NumberOf(BlockKey::Hot(v))]->hot);
   const auto start = Clock::now();
   const EmbreeScene embree(voxels, catalog.meta.input_triangles, true);
   const double build_s = SecondsSince(start);

@@ -76,7 +76,7 @@ inline void CheckAllBlocks(boost::asio::io_context& io, VoxelSource& source, con
   REQUIRE(!blocks.empty());
   const auto got = FetchAll(io, source, blocks);
   for (size_t i = 0; i < blocks.size(); ++i) {
-    INFO("block " << blocks[i].number() << (got[i] ? "" : ": " + got[i].error().message));
+    INFO("block " << store.catalog().NumberOf(blocks[i]) << (got[i] ? "" : ": " + got[i].error().message));
     REQUIRE(got[i].has_value());
     REQUIRE(*got[i] == store.ReadBlock(blocks[i]).value());
   }

@@ -98,7 +98,7 @@ struct Cached {
 
 /// The path of a cached block.
 inline std::string PathOf(const CacheScene& scene, const std::string& folder, BlockKey block) {
-  return fmt::format("{}/{}/{}", folder, FormatSceneId(scene.id()), block.number());
+  return fmt::format("{}/{}/{}", folder, FormatSceneId(scene.id()), scene.catalog().NumberOf(block));
 }
 
 /// The number of blocks in the folder over all scenes, and their bytes in whole blocks of the disk.

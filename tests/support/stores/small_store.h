@@ -10,7 +10,7 @@
 
 #include "common/voxel/store_reader.h"
 #include "common/voxel/store_writer.h"
-#include "tests/support/stores/block_literal.h"
+#include "tests/support/stores/voxel_blocks.h"
 
 namespace quarry::test {
 
@@ -82,7 +82,7 @@ inline void WriteSmallStore(const std::string& path, uint32_t voxels, uint32_t s
 inline std::vector<BlockKey> BlocksOf(const Catalog& catalog) {
   std::vector<BlockKey> blocks;
   for (uint32_t number = 0; number < catalog.block_numbers(); ++number)
-    if (const auto block = BlockKey::FromNumber(number); catalog.Has(block)) blocks.push_back(block);
+    if (const auto block = catalog.BlockOf(number)) blocks.push_back(*block);
   return blocks;
 }
 

@@ -10,7 +10,7 @@
 #include "common/protocol/messages.h"
 #include "master/block_service.h"
 #include "tests/support/cluster/shared_tables.h"
-#include "tests/support/stores/block_literal.h"
+#include "tests/support/stores/voxel_blocks.h"
 #include "worker/sources/tcp_source.h"
 
 // What a program that listens takes from whoever connects, and for how long.
@@ -221,7 +221,8 @@ TEST_CASE("A server that sends more than a block is lost", "[strangers]") {
   Server server;
   server.speaker = Speaker::kVoxels;
   asio::io_context io;
-  TcpVoxelSource source(io, {"127.0.0.1", server.listener->port()}, {}, SceneId{}, 1000);
+  const Catalog catalog = test::CatalogOf(2, 1000);
+  TcpVoxelSource source(io, {"127.0.0.1", server.listener->port()}, {}, catalog);
   std::optional<Result<Bytes>> got;
   source.Fetch(3_b, [&](Result<Bytes> r) { got = std::move(r); });
   const auto both = [&](auto done) {
@@ -256,8 +257,9 @@ TEST_CASE("Blocks are read only as others take them, and who takes none holds up
   Server server;
   server.speaker = Speaker::kVoxels;
   CountingSource source;
-  BlockService service(source, [](uint32_t) { return 100 << 10; });
   constexpr size_t kStrangers = 30, kWanted = 100;
+  const Catalog catalog = test::CatalogOf(kWanted / 2, 100 << 10);
+  BlockService service(source, catalog);
   for (size_t i = 0; i < kStrangers; ++i) {
     server.Stranger();
     for (uint32_t b = 0; b < kWanted; ++b)

@@ -30,7 +30,6 @@ class RandomTexture {
       levels_.push_back(std::move(texels));
     }
     for (uint32_t p = 0; p < shape_.pages(); ++p) pages_.push_back(PageOf(p));
-    catalog_.voxels.resize(3);  // pages come after blocks
     catalog_.textures.push_back({"random", layout_, std::vector<BlockEntry>(shape_.pages())});
     catalog_.shapes.push_back(shape_);
     catalog_.first_page.push_back(shape_.pages());
@@ -192,7 +191,7 @@ TEST_CASE("A lookup that has one page at a time ends with the same bits", "[text
         FootprintAt(texture.pyramid(), kWraps[n % 3], TextureWrap::kRepeat, st, level(random));
     const glm::vec4 right = LookUp(texture, footprint);
     TextureLookup lookup;
-    BlockKey here = BlockKey::FromNumber(~0u), missing;
+    BlockKey here = BlockKey::Hot(0), missing;
     std::set<BlockKey> brought;
     for (int tries = 0; !GoOnLookup<LookupKind::kValue>(
              texture.pyramid(), footprint,
@@ -282,7 +281,7 @@ TEST_CASE("Texels that are summed for a packet have the bits of single lookups",
         for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
           if ((lanes >> i & 1) == 0) continue;
           for (uint32_t k = 0; k < (footprints->share[i] > 0 ? 8 : 4); ++k) {
-            const auto key = BlockKey::FromNumber(texels->page[k][i]);
+            const auto key = BlockKey::Page(texels->page[k][i]);
             texels->codes[k][i] =
                 CodesAt(texture.Page(key), texture.page_bytes(key), texels->index[k][i], channels);
           }

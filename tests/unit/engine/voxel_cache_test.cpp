@@ -5,7 +5,7 @@
 #include <thread>
 
 #include "common/engine/blocks/pinned_blocks.h"
-#include "tests/support/stores/block_literal.h"
+#include "tests/support/stores/voxel_blocks.h"
 
 namespace quarry {
 namespace {
@@ -13,18 +13,25 @@ namespace {
 constexpr uint32_t kBlock = 1000;
 
 /// Ten voxels: twenty blocks of 1000 bytes.
-Catalog TenVoxels() {
-  Catalog catalog;
-  catalog.voxels.resize(10);
-  for (VoxelEntry& voxel : catalog.voxels)
-    for (BlockEntry& block : voxel.blocks) block.decoded = kBlock;
+Catalog TenVoxels() { return test::CatalogOf(10, kBlock); }
+
+/// Ten voxels, and the pages of a texture.
+Catalog TexturedVoxels() {
+  Catalog catalog = TenVoxels();
+  const TextureShape shape(256, 256);  // 16, 4 and 1 pages
+  catalog.textures.push_back(
+      {"t", {256, 256, 3, TexelFormat::kSrgb8}, std::vector<BlockEntry>(shape.pages())});
+  for (uint32_t p = 0; p < shape.pages(); ++p) catalog.textures[0].pages[p].decoded = shape.TexelsOf(p) * 3;
+  catalog.shapes.push_back(shape);
+  catalog.first_page.push_back(shape.pages());
   return catalog;
 }
 
-/// A cache over ten voxels and a loader played by hand.
+/// A cache and a loader played by hand.
 struct Fixture {
-  explicit Fixture(uint64_t budget)
-      : cache(
+  explicit Fixture(uint64_t budget, Catalog c = TenVoxels())
+      : catalog(std::move(c)),
+        cache(
             catalog, budget, [this] { ++wants; }, [this] { ++spaces; }) {}
 
   bool Load(BlockKey block) {
@@ -34,7 +41,7 @@ struct Fixture {
     cache.Publish(block, std::move(resident));
     return true;
   }
-  const Catalog catalog = TenVoxels();
+  const Catalog catalog;
   std::atomic<int> wants{0}, spaces{0};
   VoxelCache cache;
 };
@@ -91,7 +98,7 @@ TEST_CASE("Memory got beforehand is used first") {
   const std::byte* const begin = memory.bytes().data();
   f.cache.UseFirst(std::move(memory));
   for (uint32_t number = 0; number < 3; ++number) {
-    const auto block = BlockKey::FromNumber(number);
+    const BlockKey block = test::VoxelBlock(number);
     REQUIRE(f.Load(block));
     const std::span<std::byte> bytes = f.cache.TryPin(block)->bytes.bytes();
     CHECK(bytes.data() == begin + number * kPage);
@@ -100,7 +107,7 @@ TEST_CASE("Memory got beforehand is used first") {
     f.cache.Unpin(block);
   }
   // The rest of the budget is the last page's; who is in the middle leaves its own alone.
-  for (uint32_t number = 3; number < 20; ++number) REQUIRE(f.Load(BlockKey::FromNumber(number)));
+  for (uint32_t number = 3; number < 20; ++number) REQUIRE(f.Load(test::VoxelBlock(number)));
   CHECK(f.cache.TryPin(2_b) == nullptr);
   CHECK(f.cache.counters().bytes <= 3 * kPage + kBlock);
 }
@@ -185,6 +192,37 @@ TEST_CASE("Pinned blocks hold one pin a block") {
   CHECK(f.Load(2_b));
 }
 
+TEST_CASE("A thread finds each of its blocks by kind and index") {
+  Fixture f(1 << 20, TexturedVoxels());
+  std::vector<BlockKey> blocks;
+  for (uint32_t i = 0; i < 10; ++i)
+    for (const BlockKind kind : {BlockKind::kHot, BlockKind::kShading, BlockKind::kPage})
+      blocks.push_back({kind, i});
+  std::vector<BlockKey> touched;
+  PinnedBlocks pins(f.cache);
+  pins.LogTo(touched, pins.NewReader());
+  for (const BlockKey block : blocks) REQUIRE(f.Load(block));
+  for (int pass = 0; pass < 2; ++pass)
+    for (const BlockKey block : blocks) CHECK(pins.Find(block) == f.cache.Pinned(block));
+  CHECK(touched == blocks);
+}
+
+TEST_CASE("A list whose number another had before has its blocks all the same") {
+  Fixture f(kBlock);
+  REQUIRE(f.Load(1_b));
+  std::vector<BlockKey> touched, other;
+  PinnedBlocks pins(f.cache);
+  const uint32_t first = pins.NewReader();
+  pins.LogTo(touched, first);
+  REQUIRE(pins.Find(1_b));
+  uint32_t numbers = 0;
+  while (pins.NewReader() != first) ++numbers;
+  CHECK(numbers > 1'000'000);
+  pins.LogTo(other, first);
+  REQUIRE(pins.Find(1_b));
+  CHECK(other == std::vector<BlockKey>{1_b});
+}
+
 TEST_CASE("Memory that the system lacks is a value") {
   CHECK_FALSE(PageBuffer::TryGet(size_t{1} << 50).has_value());
   PageBuffer buffer = *PageBuffer::TryGet(5000);
@@ -220,7 +258,7 @@ TEST_CASE("Many threads share a cache of one block") {
   for (int k = 0; k < 3; ++k)
     threads.emplace_back([&, k] {
       for (uint32_t i = 0; i < 200; ++i) {
-        f.cache.Want(BlockKey::FromNumber((i * 7 + static_cast<uint32_t>(k)) % 20), &boxes[k], 1);
+        f.cache.Want(test::VoxelBlock((i * 7 + static_cast<uint32_t>(k)) % 20), &boxes[k], 1);
         for (const BlockKey block : boxes[k].Take(true)) {
           REQUIRE(f.cache.Pinned(block) != nullptr);
           f.cache.Unpin(block);
@@ -238,14 +276,8 @@ TEST_CASE("Many threads share a cache of one block") {
 }
 
 TEST_CASE("Pages count as memory's pages, and the oldest that is not pinned goes first") {
-  Catalog catalog = TenVoxels();
-  const TextureShape shape(256, 256);  // 16, 4 and 1 pages, and the tail
-  catalog.textures.push_back(
-      {"t", {256, 256, 3, TexelFormat::kSrgb8}, std::vector<BlockEntry>(shape.pages())});
-  for (uint32_t p = 0; p < shape.pages(); ++p) catalog.textures[0].pages[p].decoded = shape.TexelsOf(p) * 3;
-  catalog.shapes.push_back(shape);
-  catalog.first_page.push_back(shape.pages());
-  REQUIRE(catalog.block_numbers() == 20 + shape.pages());
+  const Catalog catalog = TexturedVoxels();
+  REQUIRE(catalog.block_numbers() == 20 + 21);
   const auto page = [&](uint32_t number) { return catalog.PageKey(0, number); };
   const uint64_t room = PageRoom(64 * 64 * 3);
   CHECK(room == 12288 + 256);

@@ -20,7 +20,7 @@
 #include "common/net/timer.h"
 #include "common/protocol/messages.h"
 #include "master/block_service.h"
-#include "tests/support/stores/block_literal.h"
+#include "tests/support/stores/voxel_blocks.h"
 #include "worker/sources/tcp_source.h"
 
 namespace quarry {
@@ -338,10 +338,10 @@ TEST_CASE("A message with a changed bit drops the connection and is not delivere
 TEST_CASE("Nothing on the way to a voxel server is final for a block") {
   // Flipped bits in a handshake look like another secret.
   Network network(WithSecret('a', true));
+  const Catalog catalog = test::CatalogOf(2, 1000);
   for (const auto& [security, sentence] :
        {std::pair(WithSecret('b', false), "secret"), std::pair(Security(), "asks for TLS")}) {
-    TcpVoxelSource source(network.client_io, {"127.0.0.1", network.listener->port()}, security, SceneId{},
-                          1000);
+    TcpVoxelSource source(network.client_io, {"127.0.0.1", network.listener->port()}, security, catalog);
     std::optional<Result<Bytes>> got;
     source.Fetch(3_b, [&](Result<Bytes> r) { got = std::move(r); });
     REQUIRE(network.Run([&] { return got.has_value(); }));
@@ -354,16 +354,17 @@ TEST_CASE("Nothing on the way to a voxel server is final for a block") {
 TEST_CASE("However many blocks are wanted, a server is asked for no more at once than it takes", "[long]") {
   constexpr size_t kWanted = 3 * kMostBlockRequests + 7;
   Network network{Security()};
-  TcpVoxelSource source(network.client_io, {"127.0.0.1", network.listener->port()}, {}, SceneId{}, 1000);
+  const Catalog catalog = test::CatalogOf(kWanted / 2 + 1, 10);
+  TcpVoxelSource source(network.client_io, {"127.0.0.1", network.listener->port()}, {}, catalog);
   size_t came = 0;
   for (uint32_t b = 0; b < kWanted; ++b)
-    source.Fetch(BlockKey::FromNumber(b), [&](const Result<Bytes>& r) { came += r.has_value(); });
+    source.Fetch(test::VoxelBlock(b), [&](const Result<Bytes>& r) { came += r.has_value(); });
   REQUIRE(
       network.Run([&] { return network.accepted.size() == 1 && network.accepted[0]->messages.size() == 1; }));
   End& server = *network.accepted[0];
   server.connection->Send(MakeMessage(MessageType::kWelcome, Welcome{SceneId{}, 0, {}}));
   HeldSource held;
-  BlockService service(held);
+  BlockService service(held, catalog);
   size_t taken = 1;  // without the greeting
   const auto serve = [&] {
     for (; taken < server.messages.size(); ++taken)
@@ -396,7 +397,8 @@ TEST_CASE("Who asks for more blocks at once than it may is told so") {
   REQUIRE(network.Run([&] { return network.accepted.size() == 2; }));
   const ConnectionPtr greedy = network.accepted[0]->connection, other = network.accepted[1]->connection;
   HeldSource held;
-  BlockService service(held);
+  const Catalog catalog = test::CatalogOf(kMostBlockRequests / 2, 10);
+  BlockService service(held, catalog);
   for (uint32_t b = 0; b < kMostBlockRequests; ++b) REQUIRE(service.Answer(greedy, Request(b)).has_value());
   const Status status = service.Answer(greedy, Request(7));
   REQUIRE_FALSE(status.has_value());

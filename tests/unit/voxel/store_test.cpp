@@ -145,8 +145,11 @@ TEST_CASE("A store gives back all that was put in") {
   REQUIRE(shaded.has_value());
   CHECK(same(MakeShading().corners, shaded->corners));
   CHECK(same(MakeShading().vertices, shaded->vertices));
-  REQUIRE_FALSE(store->ReadBlock(BlockKey::FromNumber(99)).has_value());
-  CHECK(store->ReadBlock(BlockKey::FromNumber(99)).error().permanent());
+  for (const BlockKey none : {BlockKey::Hot(2), BlockKey::Shading(1), BlockKey::Page(0)}) {
+    const auto block = store->ReadBlock(none);
+    REQUIRE_FALSE(block.has_value());
+    CHECK(block.error().permanent());
+  }
 }
 
 TEST_CASE("Whoever reads a damaged block is told that another try is no use") {

@@ -87,7 +87,7 @@ struct Site {
   TileOrder NeedsAll(uint32_t holder) const {
     TileOrder order;
     for (const BlockKey block : scene.blocks) {
-      order.blocks.push_back(block.number());
+      order.blocks.push_back(scene.catalog().NumberOf(block));
       order.holders.push_back(holder);
     }
     return order;

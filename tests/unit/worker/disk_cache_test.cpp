@@ -223,7 +223,7 @@ TEST_CASE("Over its budget a folder loses what was used longest ago, over all sc
     REQUIRE(all.Open().has_value());
     for (const Scene* s : {&scene, &old})
       for (const BlockKey b : s->blocks)
-        REQUIRE(all.Write(s->id(), b, s->store->ReadBlock(b).value()).has_value());
+        REQUIRE(all.Write(s->id(), s->catalog().NumberOf(b), s->store->ReadBlock(b).value()).has_value());
     SweepAll(all);
     CHECK(all.evicted() == 0);
   }

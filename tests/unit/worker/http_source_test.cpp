@@ -127,7 +127,7 @@ TEST_CASE("A kept connection that the server closed is made again without a word
   HttpVoxelSource source(io, Location(server.url()), scene.catalog(), Patient());
   for (const BlockKey block : test::BlocksOf(scene.catalog())) {
     const auto got = FetchOne(io, source, block);
-    INFO("block " << block.number() << (got ? "" : ": " + got.error().message));
+    INFO("block " << scene.catalog().NumberOf(block) << (got ? "" : ": " + got.error().message));
     REQUIRE(got.has_value());
     REQUIRE(*got == scene.store->ReadBlock(block).value());
   }
@@ -495,7 +495,7 @@ TEST_CASE("Blocks that the catalog lacks are errors, and a source that ends call
   });
   boost::asio::io_context io;
   auto source = std::make_unique<HttpVoxelSource>(io, Location(server.url()), scene.catalog(), Patient());
-  for (const BlockKey none : {3_b, 16_b, BlockKey::FromNumber(~0u)}) {
+  for (const BlockKey none : {3_b, 16_b, BlockKey::Page(0), BlockKey::Page(~0u)}) {
     const auto got = FetchOne(io, *source, none);
     REQUIRE(!got.has_value());
     CHECK(got.error().permanent());

@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "common/net/source_spec.h"
-#include "tests/support/stores/block_literal.h"
+#include "tests/support/stores/voxel_blocks.h"
 #include "worker/sources/source_policy.h"
 #include "worker/sources/source_set.h"
 #include "worker/sources/stored_cache.h"
@@ -30,11 +30,12 @@ Catalog MakeCatalog(uint32_t voxels) {
 class FakeSource final : public VoxelSource {
  public:
   enum class Mood { kAnswers, kIsSlow, kFails, kDamages, kRefuses, kSilent };
-  FakeSource(boost::asio::io_context& io, Mood& mood, std::vector<uint32_t>& asked)
-      : io_(io), mood_(mood), asked_(asked) {}
+  FakeSource(boost::asio::io_context& io, const Catalog& catalog, Mood& mood, std::vector<uint32_t>& asked)
+      : io_(io), catalog_(catalog), mood_(mood), asked_(asked) {}
   void Fetch(BlockKey block, Done done) override {
-    asked_.push_back(block.number());
-    Bytes bytes = Content(block.number());
+    const uint32_t number = catalog_.NumberOf(block);
+    asked_.push_back(number);
+    Bytes bytes = Content(number);
     if (mood_ == Mood::kSilent) return;
     if (mood_ == Mood::kDamages) bytes[3] ^= std::byte{1};
     const bool fails = mood_ == Mood::kFails || mood_ == Mood::kRefuses, permanent = mood_ == Mood::kRefuses;
@@ -50,6 +51,7 @@ class FakeSource final : public VoxelSource {
 
  private:
   boost::asio::io_context& io_;
+  const Catalog& catalog_;
   Mood& mood_;
   std::vector<uint32_t>& asked_;
 };
@@ -71,11 +73,13 @@ struct SetFixture {
       set->Add(SourceKind::kTcp, "s" + std::to_string(moods.size()), Make());
     }
   }
-  std::unique_ptr<VoxelSource> Make() { return std::make_unique<FakeSource>(io, moods.back(), asked.back()); }
+  std::unique_ptr<VoxelSource> Make() {
+    return std::make_unique<FakeSource>(io, catalog, moods.back(), asked.back());
+  }
   /// Runs until the block has come or its fetch has ended.
   Result<Bytes> Get(uint32_t block) {
     std::optional<Result<Bytes>> got;
-    set->Fetch(BlockKey::FromNumber(block), [&](Result<Bytes> r) { got = std::move(r); });
+    set->Fetch(test::VoxelBlock(block), [&](Result<Bytes> r) { got = std::move(r); });
     io.restart();
     while (!got) io.run_one();
     return std::move(*got);
@@ -89,8 +93,7 @@ TEST_CASE("Homes are shared out evenly, and a source that goes moves only its ow
   const std::vector<uint64_t> four{11, 22, 33, 44}, three{11, 22, 44};
   std::map<uint64_t, int> homes;
   for (uint32_t block = 0; block < 4000; ++block) {
-    const auto before = HomeOrder(BlockKey::FromNumber(block), four),
-               after = HomeOrder(BlockKey::FromNumber(block), three);
+    const auto before = HomeOrder(block, four), after = HomeOrder(block, three);
     CHECK(before.size() == 4);
     ++homes[four[before[0]]];
     if (four[before[0]] != 33)
@@ -209,7 +212,7 @@ TEST_CASE("A source that has gone mute holds up nobody for longer than it takes 
   size_t come = 0;
   for (uint32_t round = 0; round < 2; ++round)
     for (uint32_t b = 0; b < 100; ++b)
-      f.set->Fetch(BlockKey::FromNumber(b),
+      f.set->Fetch(test::VoxelBlock(b),
                    [&come, b](Result<Bytes> r) { come += r.has_value() && *r == Content(b); });
   f.io.restart();
   while (come < 200) f.io.run_one();
@@ -226,7 +229,7 @@ TEST_CASE(
   Mood peer_mood = Mood::kAnswers;
   std::vector<uint32_t> peer_asked;
   const auto make = [&](const Endpoint&) {
-    return std::make_unique<FakeSource>(f.io, peer_mood, peer_asked);
+    return std::make_unique<FakeSource>(f.io, f.catalog, peer_mood, peer_asked);
   };
   f.set->SetPeers({{7}, {"127.0.0.1:1"}}, make);
   for (const BlockKey block : {4_b, 5_b, 6_b}) f.set->SetHolder(block, 7);
@@ -263,18 +266,19 @@ TEST_CASE("Stored blocks go least recently used first, unused prefetched ones be
   boost::asio::io_context io;
   Mood mood = Mood::kAnswers;
   std::vector<uint32_t> asked;
-  FakeSource inner(io, mood, asked);
+  const Catalog catalog = MakeCatalog(20);
+  FakeSource inner(io, catalog, mood, asked);
   CacheInventory inventory;
   StoredCache cache(inner, 1000, inventory);
   const auto get = [&](uint32_t block) {
     Bytes got;
-    cache.Fetch(BlockKey::FromNumber(block), [&](Result<Bytes> r) { got = *r; });
+    cache.Fetch(test::VoxelBlock(block), [&](Result<Bytes> r) { got = *r; });
     io.restart();
     io.run();
     CHECK(got == Content(block));
   };
   const auto prefetch = [&](uint32_t block) {
-    const bool asked_for = cache.Prefetch(BlockKey::FromNumber(block), [] {});
+    const bool asked_for = cache.Prefetch(test::VoxelBlock(block), [] {});
     io.restart();
     io.run();
     return asked_for;
@@ -312,12 +316,12 @@ TEST_CASE("What a worker holds is told as changes, in either tier once") {
   h.Set(2_b, CacheInventory::kDecoded, true);
   h.Set(2_b, CacheInventory::kDecoded, false);
   auto changes = h.TakeChanges();
-  CHECK(changes.come == std::vector<uint32_t>{1});
-  CHECK(changes.gone == std::vector<uint32_t>{2});  // harmless: the master did not have it
+  CHECK(changes.come == std::vector<BlockKey>{1_b});
+  CHECK(changes.gone == std::vector<BlockKey>{2_b});  // harmless: the master did not have it
   h.Set(1_b, CacheInventory::kStored, false);
   CHECK(h.TakeChanges().gone.empty());
   h.Set(1_b, CacheInventory::kDecoded, false);
-  CHECK(h.TakeChanges().gone == std::vector<uint32_t>{1});
+  CHECK(h.TakeChanges().gone == std::vector<BlockKey>{1_b});
   CHECK(h.TakeAll().empty());
 }
 
