@@ -9,7 +9,8 @@
 
 namespace quarry::bench {
 
-/// What is wrong with a benchmark's --json, told before it runs; CLI::Option::check() takes it.
+/// Checks a benchmark's --json before the benchmark runs, for CLI::Option::check(). Returns the fault; empty:
+/// none.
 inline std::string CheckFigures(const std::string& path) {
   OutputGuard guard(OutputGuard::Force::kNotOffered);
   const auto place = guard.Take(path, kFiguresOutput);

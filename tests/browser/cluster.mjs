@@ -30,7 +30,7 @@ export class Cluster {
 
   file(name) { return path.join(this.folder, name); }
 
-  /** Runs a program to its end; throws with what it printed if it fails. */
+  /** Runs a program to its end; throws with its standard error if it fails. */
   run(program, ...args) {
     const ended = spawnSync(path.join(BIN, program), args, { encoding: 'utf8' });
     if (ended.status !== 0) throw new Error(`${program} ${args.join(' ')}: ${ended.stderr}`);

@@ -1,4 +1,4 @@
-// What people expect of a page with a model: keys, wheel, touch, tabs, the browser's own habits; and a cluster that has little time.
+// Habits of users on a page with a model: keys, wheel, touch, tabs, the browser's own shortcuts; and a cluster that has little time.
 import assert from 'node:assert/strict';
 import http from 'node:http';
 import { after, before, test } from 'node:test';

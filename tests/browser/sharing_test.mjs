@@ -1,4 +1,4 @@
-// What leaves the live view: links, views, commands and pictures; and what a view that is started again lets in.
+// Outputs of the live view: links, views, commands and pictures; and the page that a restarted view lets in again.
 import assert from 'node:assert/strict';
 import fs from 'node:fs';
 import path from 'node:path';
@@ -13,7 +13,7 @@ const open = (url, options) => openIn(browser, url, options);
 const link = () => page.evaluate(() => navigator.clipboard.readText());
 const toast = of => of.locator('#toast').innerText();
 
-/** Runs a line in a shell that finds the programs, in an empty folder. Returns what the file that it writes holds. */
+/** Runs a line in a shell that finds the programs, in an empty folder. Returns the content of the file that the line writes. */
 function runLine(line, file) {
   const folder = cluster.file(`line-${Math.random()}`);
   fs.mkdirSync(folder);
@@ -22,7 +22,7 @@ function runLine(line, file) {
   return fs.readFileSync(path.join(folder, file));
 }
 
-/** What a click makes the browser save. */
+/** The name and bytes of the file that the browser saves after a click. */
 async function downloadOf(of, button) {
   const [saved] = await Promise.all([of.waitForEvent('download', { timeout: 60000 }), of.click(button)]);
   return { name: saved.suggestedFilename(), bytes: fs.readFileSync(await saved.path()) };
@@ -108,7 +108,7 @@ test('a command tells all that differs from the default', async () => {
     await page.click('#copy-command');
     await page.waitForFunction(() => /command is copied/.test(document.getElementById('toast').innerText));
     assert.ok(runLine(await link(), "it's a plant (1).png").equals(exact.png), JSON.stringify(change));
-    const picture = await downloadOf(page, '#save-picture');  // what is on the screen
+    const picture = await downloadOf(page, '#save-picture');  // the picture on the screen
     assert.ok(picture.bytes.equals(exact.png));
   }
 });

@@ -1,4 +1,4 @@
-// What the browser tests share: Chromium, pages on the live view, and what they show. Screenshots go to $QUARRY_SCREENSHOTS.
+// Shared by the browser tests: Chromium, pages on the live view, and readings of their content. Screenshots go to $QUARRY_SCREENSHOTS.
 import fs from 'node:fs';
 import path from 'node:path';
 import { createRequire } from 'node:module';
@@ -8,7 +8,7 @@ const SCREENS = process.env.QUARRY_SCREENSHOTS ?? '';
 const { chromium } = createRequire(path.join(process.env.QUARRY_NODE_MODULES ?? '.', 'x'))('playwright-core');
 
 export const SIZE = { width: 640, height: 480 };
-/** What pages have thrown. */
+/** Errors thrown by pages. */
 export const errors = [];
 export const pause = ms => new Promise(resolve => setTimeout(resolve, ms));
 export const apart = (a, b) => Math.hypot(...a.map((x, i) => x - b[i]));

@@ -13,7 +13,7 @@
 
 // The kernels of common/kdtree/variants on a GPU: memory and launches. Programs that include this header need
 // no CUDA header. Calls wait for the device. Errors: one sentence with CUDA's own text. Not thread-safe.
-// trace_cuda.cu implements what only a GPU can; trace_emulated.cpp does the same on the CPU, with emulated
+// trace_cuda.cu implements the calls on a GPU; trace_emulated.cpp implements them on the CPU, with emulated
 // warps, so that programs and checks for GPUs run in tests. A program links one of the two.
 
 namespace quarry::cuda {
@@ -91,7 +91,7 @@ class DeviceRays {
   /// Requires: no more packets than Make() made room for.
   Status Put(std::span<const RayPacket> packets);
   Status Get(std::span<RayPacket> packets) const;
-  /// Makes the rays again what Put() was given.
+  /// Resets the rays to those given to Put().
   Status Reset();
   /// The rays to trace, named as in RayList.
   Status Choose(std::span<const uint32_t> rays);
@@ -127,7 +127,7 @@ Result<double> Trace(const DeviceScene& scene, const DeviceRays& rays, const Lau
 /// Finds the nearest hits of the chosen rays without a tree. `triangles`: PlainTriangle[count].
 Result<double> TraceByBruteForce(const DeviceMemory& triangles, uint32_t count, const DeviceRays& rays);
 
-/// What the compiler made of a kernel.
+/// A kernel's use of resources, as compiled.
 struct KernelFacts {
   int registers = 0;       ///< per thread
   size_t local_bytes = 0;  ///< per thread, in memory

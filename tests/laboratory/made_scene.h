@@ -12,7 +12,7 @@
 
 namespace quarry::laboratory {
 
-/// What a function returns; the test ends where it failed.
+/// The value of a result; an error ends the test.
 template <class T>
 T Must(Result<T> result) {
   if (!result) FAIL(result.error().message);

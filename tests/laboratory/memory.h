@@ -13,7 +13,7 @@
 
 namespace quarry::laboratory {
 
-/// What words are read or written for; the parts of figures 8 and 9 of Purcell et al. 2002.
+/// Purposes of words read or written; the parts of figures 8 and 9 of Purcell et al. 2002.
 enum class DataKind : uint32_t {
   kStencil,    ///< the states of rays, a byte each
   kState,      ///< streams between kernels

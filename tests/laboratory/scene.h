@@ -32,7 +32,7 @@ struct TriangleMaterial {
   static constexpr uint32_t kAttributes = 1u << 31;
 };
 
-/// The attributes of a triangle's corners: what the shade kernel reads beside, where a triangle has them.
+/// The attributes of a triangle's corners, which the shade kernel reads too where a triangle has them.
 struct TriangleAttributes {
   ShadingVertex vertices[3];
 };
@@ -45,7 +45,7 @@ inline constexpr uint64_t kGridBytes = 380, kTreeBytes = 140;
 /// Bytes a cell of a grid while it is built: a count, then a place.
 inline constexpr uint64_t kCellBytes = 8;
 
-/// What a program needs of memory beside a scene.
+/// A program's need of memory beside the scene.
 struct MemoryNeeds {
   uint64_t structure_bytes = kGridBytes;  ///< a triangle
   uint64_t cells = 0;                     ///< of a grid
@@ -77,12 +77,12 @@ class BlockMemory {
 };
 
 /// The triangles of a store, each once, in the order of their ids: a triangle's place here stands for its id.
-/// Its textures are those of Purcell et al. 2002, figure 4. Immutable once loaded.
+/// Its textures are as in Purcell et al. 2002, figure 4. Immutable once loaded.
 class LaboratoryScene {
  public:
-  /// Errors: textures or cut-outs, which the machine does not have; those of CheckMemory().
+  /// Errors: textures or cut-outs, which the machine does not have; errors of CheckMemory().
   static Status Check(const std::string& store, const Catalog& catalog, const MemoryNeeds& needs);
-  /// Errors: those of stores and of Check().
+  /// Errors: as of stores and of Check().
   static Result<std::unique_ptr<LaboratoryScene>> Load(const std::string& store,
                                                        const MemoryNeeds& needs = {});
   /// Memory of a loaded scene, and while it is loaded. `attributes`: a triangle has some.
@@ -100,7 +100,7 @@ class LaboratoryScene {
   /// The scene's box, padded.
   Box box() const { return {catalog().meta.root_lower, catalog().meta.root_upper}; }
 
-  /// Addresses behind those of the scene's textures. Not thread-safe.
+  /// Addresses behind the addresses of the scene's textures. Not thread-safe.
   AddressSpace& addresses() { return addresses_; }
   const TriangleCorners& corners() const { return corners_; }
   const Texture<Float3>& corner(int i) const { return corners_.corner[i]; }

@@ -100,7 +100,8 @@ void Classify(const EmbreeScene::Found& e, const Hit& q, float scale, Classes& c
     ++(Inside(e.u, e.v) < 1e-4f || Inside(q.b1, q.b2) < 1e-4f ? c.edge_tie : c.same_plane);
     return;
   }
-  // What the nearer of the two has found is in doubt for the other: on an edge, or where the ray starts.
+  // The nearer of the two hits is in doubt for the other program if it lies on an edge or where the ray
+  // starts.
   const bool e_first = e_hit && (!q_hit || e.t < q.t);
   const float inside = e_first ? Inside(e.u, e.v) : Inside(q.b1, q.b2);
   const float t = e_first ? e.t : q.t;

@@ -1,6 +1,6 @@
-// What is specific to GPUs, on the CPU: warps of 32 lanes that go in step and take rays from a common list,
-// and scenes whose voxels are uploaded piece by piece. brute_force_test.cpp and going_on_test.cpp compare the
-// same kernels with brute force.
+// Behaviour specific to GPUs, on the CPU: warps of 32 lanes that run in step and take rays from a common
+// list, and scenes whose voxels are uploaded piece by piece. brute_force_test.cpp and going_on_test.cpp
+// compare the same kernels with brute force.
 #include <thread>
 
 #include "common/kdtree/variants/brute_force_trace.h"

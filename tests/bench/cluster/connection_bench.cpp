@@ -1,6 +1,6 @@
-// What TLS costs: blocks asked for and answered over one loopback connection, as a worker asks a voxel
-// server, and connections made one after another, plain and with a shared secret. Each side has a thread of
-// its own.
+// The cost of TLS: blocks requested and answered over one loopback connection, as between a worker and a
+// voxel server, and connections made one after another, both plain and with a shared secret. Each side has a
+// thread of its own.
 
 #include <fmt/format.h>
 #include <unistd.h>

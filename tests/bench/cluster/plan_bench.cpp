@@ -34,7 +34,7 @@ constexpr uint32_t kBlockBytes = 17000;
 constexpr int kBatch = 16;            // results that come between two turns of handing out
 constexpr uint32_t kTilesWanted = 4;  // at once, by each worker
 
-/// Who holds what when the second frame is planned.
+/// The blocks that workers hold when the second frame is planned.
 enum class Holding { kOwn, kAll, kOne, kNothing };
 constexpr std::pair<Holding, const char*> kHoldings[] = {{Holding::kOwn, "what it rendered"},
                                                          {Holding::kAll, "everything"},
@@ -185,7 +185,7 @@ class Bench final : FrameSource {
     figures.busiest = most_s * static_cast<double>(workers_.size()) / sum_s;
   }
 
-  /// Every few results the dispatcher hands out what is free; no other frame begins.
+  /// After every few results the dispatcher hands out the free tiles; no other frame begins.
   void HandOutAll(Figures& figures) {
     std::deque<AssignedTile> out;
     const auto hand_out = [&] {

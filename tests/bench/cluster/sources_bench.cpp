@@ -1,6 +1,6 @@
-// What ways of having blocks cost on one machine: the store's file, Quarry's own server, a web server
-// (nginx) with and without TLS, and a disk cache, empty and full. All blocks of a store, 16 in flight as the
-// loader of a worker has; then one at a time.
+// The cost of sources of blocks on one machine: the store's file, Quarry's own server, a web server
+// (nginx) with and without TLS, and a disk cache, empty and full. All blocks of a store are fetched, 16 in
+// flight as by a worker's loader; then one at a time.
 
 #include <fmt/format.h>
 
@@ -42,7 +42,7 @@ constexpr int kRepetitions = 7;
 constexpr uint32_t kInFlight = 16;
 constexpr size_t kAlone = 500;  // blocks fetched one at a time
 
-/// Fetches a list of blocks, a number of them in flight, and checks what comes.
+/// Fetches a list of blocks, a number of them in flight, and checks each block that arrives.
 class Fetching {
  public:
   Fetching(asio::io_context& io, VoxelSource& source, const Catalog& catalog, std::vector<BlockKey> blocks)

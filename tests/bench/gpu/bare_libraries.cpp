@@ -1,5 +1,6 @@
-// What programs for GPUs use of libraries of which Debian has no static form, so that they run on machines
-// that lack them: the source of libfmt.so, and Highway's question about the processor.
+// The parts of two libraries that programs for GPUs use: the source of libfmt.so, and Highway's question
+// about the processor. Debian has no static form of these libraries; with the parts compiled in, the programs
+// run on machines that lack them.
 #include <fmt/format-inl.h>
 #include <hwy/targets.h>
 

@@ -26,7 +26,7 @@ namespace {
 
 constexpr int kNoDevice = 77;
 
-/// What is measured of a store, once it is checked.
+/// The measurements of a store, after its check.
 enum class Measured { kNothing, kFrame, kRays };
 
 struct Options {
@@ -184,7 +184,7 @@ class GpuBench {
     return rays.Choose(ListRays(set.active.data(), static_cast<uint32_t>(set.active.size())));
   }
 
-  /// A row for each schedule. Bytes and bandwidth are those of the last kind of rays, the bounces.
+  /// A row for each schedule. Bytes and bandwidth are of the last kind of rays, the bounces.
   Status MeasureWay(GpuScene& scene, const GpuWay& way, const std::vector<RaySet>& sets,
                     cuda::DeviceRays& rays) {
     std::vector<double> bytes_of;
@@ -366,7 +366,7 @@ Status RunAll(const Options& options, GpuBench& bench, const json& results) {
   const auto run = [&](const std::vector<std::string>& stores, Measured measured) -> Status {
     for (const std::string& store : stores) {
       QUARRY_TRY(bench.RunStore(store, measured));
-      // After every scene: what was measured is kept.
+      // After every scene, so that an end before the last scene loses no figures.
       (void)WriteFigures(options.json, results.dump(2));
     }
     return {};
@@ -413,7 +413,7 @@ int Main(int argc, char** argv) {
     Log(fmt::format("quarry-gpu-bench: nothing is measured: {}", device.error().message));
     return kNoDevice;
   }
-  // What was measured is seen even when a kernel never ends.
+  // Line by line: the figures before a kernel that never ends are seen.
   std::setvbuf(stdout, nullptr, _IOLBF, BUFSIZ);
   json results;
   GpuBench bench(options, results);

@@ -15,7 +15,7 @@ struct GpuCheck {
   uint64_t traced = 0;     ///< rays times kernels
   uint64_t suspended = 0;  ///< waits for an absent voxel
   uint64_t differences = 0;
-  std::vector<std::string> first;  ///< what the first few of them were
+  std::vector<std::string> first;  ///< the first few of the differences, described
 };
 
 /// Random rays through every kernel of the device: nearest hits, the hits behind them, any hits, with all

@@ -24,8 +24,7 @@ class EmbreeRays {
                bool coherent);
   /// Traces all of them, once; the time in seconds, without setting rays up.
   double Trace(EmbreeMode mode);
-  /// What the last Trace has found for ray `index` of the active ones: id (any-hit: kNoTriangle or another)
-  /// and t.
+  /// The result of the last Trace for active ray number `index`: id (any-hit: kNoTriangle or another) and t.
   Hit Result(size_t index) const;
 
  private:

@@ -88,7 +88,7 @@ class ResidentCache {
   StoreReader store_;
   std::vector<std::vector<KdNode>> trees_;  ///< for kernels that no render uses
   VoxelCache cache_;
-  std::vector<BlockKey> touched_;  ///< what pins_ notes, as in a render
+  std::vector<BlockKey> touched_;  ///< the blocks that pins_ notes, as in a render
   PinnedBlocks pins_;
 };
 
@@ -113,8 +113,9 @@ std::string Name(const Kernel& k) {
   return fmt::format("{} {} {}", k.isa, Name(k.grouping), Name(k.algorithm));
 }
 
-/// Rays for which Quarry and Embree have found the same triangle; two at the same t, but for rounding; one of
-/// which that the other has not seen the ray passes the border too closely for single precision; what else.
+/// Rays by how Quarry's hit compares with Embree's. same: the same triangle. tie: two triangles at the same
+/// t, but for rounding. grazing: one of the two misses a triangle whose border the ray passes too closely for
+/// single precision. other: none of these.
 struct Check {
   uint64_t same = 0, tie = 0, grazing = 0, other = 0;
 };
@@ -144,7 +145,7 @@ bool IsBest(const Kernel& kernel) {
          });
 }
 
-/// Of shadow rays Embree does not tell which triangle stops them: what it alone has hit is not explained.
+/// Embree does not name the triangle that stops a shadow ray: a hit of Embree alone cannot be explained.
 bool MayGraze(const test::ResidentScene& scene, const RaySet& set, size_t packet, uint32_t i,
               const Hit& embree, const Hit& quarry) {
   if (set.any && quarry.triangle == kNoTriangle) return false;
@@ -449,7 +450,7 @@ int Main(int argc, char** argv) {
   for (const std::string& store : options.stores) {
     SceneBench bench(options, std::filesystem::path(store).stem().string());
     const Status status = bench.Run(store, results);
-    // After every scene: large ones take long, and what was measured is kept.
+    // After every scene: large ones take long, and an end before the last one loses no figures.
     (void)bench::WriteFigures(options.json, results.dump(2));
     if (status) continue;
     Log(fmt::format("quarry-bench-kernels: {}", status.error().message));

@@ -8,8 +8,8 @@
 
 namespace quarry::bench {
 
-/// All triangles of a scene under one tree by the same builder, without voxels: the yardstick for what two
-/// levels cost. Indices have 32 bits.
+/// All triangles of a scene under one tree by the same builder, without voxels: the yardstick for the cost of
+/// two levels. Indices have 32 bits.
 class OneLevelScene {
  public:
   explicit OneLevelScene(const test::ResidentScene& scene);

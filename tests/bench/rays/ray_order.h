@@ -5,9 +5,9 @@
 
 namespace quarry::bench {
 
-/// What rays are put in order by before they are traced: where they begin, along a Morton curve of 1,024
-/// cells a side over the scene's box, or the signs and the largest axis of their directions; the first named
-/// counts most.
+/// The key by which rays are sorted before they are traced. Place: the ray's origin, along a Morton curve of
+/// 1,024 cells a side over the scene's box. Octant: the signs and the largest axis of the direction. The key
+/// named first counts most.
 enum class RayOrder { kPixels, kPlace, kOctant, kPlaceOctant, kOctantPlace };
 
 /// Puts the active rays of `set` in another order, in full packets but for the last; rays with the same key

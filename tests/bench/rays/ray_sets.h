@@ -19,7 +19,7 @@ struct RaySet {
   uint64_t rays = 0;
 };
 
-/// Primary rays of `size` x `size` pixels, and from what they hit: shadow rays to the sun, mirror rays and
+/// Primary rays of `size` x `size` pixels, and rays from their hits: shadow rays to the sun, mirror rays and
 /// diffuse bounces.
 std::vector<RaySet> MakeRaySets(const test::ResidentScene& scene, uint32_t size, const CameraSpec& view);
 

@@ -1,6 +1,6 @@
-// What a store is worth: its size against what it decodes to, how fast it decodes, what its voxels replicate,
-// and the SAH cost of its two levels beside that of one tree over all triangles by the same builder. One
-// thread. 20 M triangles take about 6 GB.
+// Figures of a store: its size against its decoded size, the speed of decoding, the replication of triangles
+// by voxels, and the SAH cost of its two levels beside the cost of one tree over all triangles by the same
+// builder. One thread. 20 M triangles take about 6 GB.
 
 #include <fmt/format.h>
 
@@ -33,7 +33,7 @@ class SahCost {
  public:
   explicit SahCost(const Box& root) : root_area_(Area(root)) {}
 
-  /// Adds the tree, `leaf(node, cell)` being asked for what its leaves cost.
+  /// Adds the tree's cost; `leaf(node, cell)` adds the cost of a leaf.
   template <class Leaf>
   void Add(std::span<const KdNode> nodes, const Box& cell, Leaf&& leaf, uint32_t index = 0) {
     const KdNode node = nodes[index];

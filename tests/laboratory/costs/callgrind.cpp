@@ -58,7 +58,7 @@ std::string Contents(const fs::path& path) {
   return text.str();
 }
 
-/// The last line with letters of what a program wrote, after ": "; or nothing.
+/// The last line of a program's output that is not blank, after ": "; "." if there is none.
 std::string LastWords(const fs::path& path) {
   std::istringstream lines(Contents(path));
   std::string last;

@@ -14,10 +14,10 @@
 
 namespace quarry::laboratory {
 
-/// What calls of a function cost altogether.
+/// The cost of all calls of a function.
 struct FunctionCost {
   uint64_t calls = 0;
-  uint64_t instructions = 0;  ///< machine instructions, those of the functions that it calls included
+  uint64_t instructions = 0;  ///< machine instructions, including the functions that it calls
 };
 
 /// Costs by the names asked for.
@@ -35,8 +35,8 @@ std::string WhyNotCounted();
 /// names contain it; the costs of several are added, so that none of them may call another. A function that
 /// was inlined or never called has the cost 0. Recursive functions are not supported: their inclusive cost
 /// counts inner calls again.
-/// `at_request`: counts only from where the program asks for it (CALLGRIND_START_INSTRUMENTATION); what goes
-/// before is much faster then.
+/// `at_request`: counts only after the program asks for it (CALLGRIND_START_INSTRUMENTATION); the part before
+/// runs much faster.
 /// Requires: `command` is not empty. Blocks until the program has ended, about 50 times its own time.
 /// Thread-safe. Errors: valgrind is not installed, the program fails, its profile is not understood; one
 /// sentence each.
@@ -45,7 +45,7 @@ Result<FunctionCosts> CountInstructions(const std::vector<std::string>& command,
 
 /// Reads a profile in callgrind's format. Source: "Callgrind Format Specification", version 1, of the
 /// valgrind manual; with name compression, relative positions and jumps, of any events with Ir among them.
-/// `name`: what errors call the profile. Errors: lines that are none of the format, no event Ir, instructions
+/// `name`: the profile's name in errors. Errors: lines that are none of the format, no event Ir, instructions
 /// that do not add up to the profile's own total.
 Result<FunctionCosts> ReadCallgrindProfile(std::string_view profile, const std::string& name,
                                            std::span<const std::string> functions);

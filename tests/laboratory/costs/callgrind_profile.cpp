@@ -31,7 +31,8 @@ std::optional<uint64_t> Number(std::string_view text) {
 /// Costs of every function, by its demangled name.
 using Costs = std::unordered_map<std::string, FunctionCost>;
 
-/// Reads line by line. What a cost belongs to needs no positions, so that relative ones are only counted.
+/// Reads line by line. No position is needed to find a cost's function, so that relative positions are only
+/// counted.
 class ProfileReader {
  public:
   explicit ProfileReader(const std::string& name) : name_(name) {}
@@ -53,7 +54,7 @@ class ProfileReader {
   const Costs& costs() const { return costs_; }
 
  private:
-  /// What the next line of costs is.
+  /// The kind of the next line of costs.
   enum class Next { kOwn, kCall, kJump };
 
   tl::unexpected<Error> Broken(const std::string& reason) const {

@@ -8,7 +8,7 @@
 
 namespace quarry::laboratory {
 
-/// What callgrind has counted in one run of the multipass machine.
+/// Callgrind's counts of one run of the multipass machine.
 struct InstructionCount {
   Instructions instructions;
   uint64_t all = 0;  ///< instructions of all kernels together

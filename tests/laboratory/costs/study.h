@@ -11,8 +11,8 @@
 #include "tests/laboratory/machine/machine.h"
 #include "tests/laboratory/machine/texture_cache.h"
 
-// What `quarry bench stream` finds out about one store: the numbers behind tables 1 to 3 and figures 6 to 9
-// of Purcell et al. 2002.
+// Results of `quarry bench stream` for one store: the numbers behind tables 1 to 3 and figures 6 to 9 of
+// Purcell et al. 2002.
 
 namespace quarry::laboratory {
 
@@ -37,7 +37,7 @@ struct KernelInstructions {
 };
 using Instructions = std::array<KernelInstructions, kKernels>;
 
-/// Gathers what a run of the machine has counted.
+/// Gathers the counts of a run of the machine.
 CountedRun CountsOf(const CountingMemory& memory, const TextureCache& cache, const MachineCounts& counts,
                     bool multipass);
 

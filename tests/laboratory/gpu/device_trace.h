@@ -44,7 +44,7 @@ class DeviceTextures {
   uint64_t bytes_ = 0;
 };
 
-/// What rays go through. Its textures lie in device memory.
+/// The structure that rays traverse. Its textures lie in device memory.
 using DeviceStructure = std::variant<AllTriangles, GridView, KdRestart, KdBacktrack, KdPushDown, RopesView>;
 
 /// Traces the chosen rays, a thread a ray. Results: see TraceInPacket(). Returns: seconds that the kernel

@@ -13,7 +13,8 @@
 
 namespace quarry::laboratory {
 
-/// What the lanes read of a scene. Shapes: corners[12 * triangles], three corners a triangle of four floats.
+/// The parts of a scene that the lanes read. Shapes: corners[12 * triangles], three corners a triangle of
+/// four floats.
 struct SimtScene {
   const float* corners;
   uint32_t triangles;

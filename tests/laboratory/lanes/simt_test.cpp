@@ -1,4 +1,4 @@
-// The papers' structures on vectors find what single rays find.
+// The papers' structures on vectors find the same hits as single rays.
 #include "tests/laboratory/lanes/simt.h"
 
 #include <hwy/targets.h>

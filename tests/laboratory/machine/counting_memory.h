@@ -43,12 +43,12 @@ struct StencilBytes {
 
 /// A memory policy that counts words by kernel and by kind, and sends reads through a simulated cache.
 ///
-/// The cache is a GPU's of 2002. It holds what is read as texture: textures, and streams, which thereby
+/// The cache is a GPU's of 2002. It holds all data read as texture: textures, and streams, which thereby
 /// displace textures (Purcell et al. 2002, sections 3.1 and 5.3). Two things do not go through it:
 ///   Stores go to the framebuffer, which has no part in the texture cache. They allocate no line. The stream
 ///   that a pass writes is another texture than the one that it reads, so that lines read in the pass stay
-///   good to its end; then the streams that it wrote take the places of those that it read, and all their
-///   lines are dropped.
+///   good to its end; then the streams that it wrote take the places of the streams that it read, and all
+///   their lines are dropped.
 ///   The stencil is read by the early fragment kill (section 2.2), not by a fragment program.
 /// Memory for the figures is O(streams). Not thread-safe.
 class CountingMemory {

@@ -10,8 +10,8 @@
 #include "tests/laboratory/machine/shade.h"
 
 // The machine's kernels. Each has a body over one ray in registers, which the branching machine runs in a
-// loop, and a multipass form that loads the parts of the ray that the body reads from streams and stores
-// those that it changes. They are not inlined, so that their instructions can be counted one by one.
+// loop, and a multipass form that loads from streams the parts of the ray that the body reads, and stores the
+// parts that it changes. They are not inlined, so that their instructions can be counted one by one.
 
 namespace quarry::laboratory {
 

@@ -11,7 +11,7 @@
 
 namespace quarry::laboratory {
 
-/// What a machine has done. Units: counts.
+/// The work of a machine. Units: counts.
 struct MachineCounts {
   uint64_t rays = 0;             ///< traced: primary and others
   uint64_t steps = 0, ups = 0;   ///< of traversal: cells or nodes
@@ -135,7 +135,7 @@ void Machine<A, M>::RunTile(std::span<const uint32_t> pixels, uint32_t sample, c
   }
 }
 
-/// Generates the eye rays of a tile, or takes what rasterising has found.
+/// Generates the eye rays of a tile, or takes the hits that rasterising has found.
 template <class A, class M>
 void Machine<A, M>::Begin(std::span<const uint32_t> pixels, uint32_t sample, RayStreams<A>& s,
                           StageCounts& stages) {

@@ -1,5 +1,4 @@
-// Purcell's machine: pictures of both schedules and all oracles are those that Quarry renders, to the last
-// bit.
+// Purcell's machine: pictures of both schedules and all oracles equal Quarry's, to the last bit.
 #include "tests/laboratory/machine/machine.h"
 
 #include <bit>
@@ -184,7 +183,7 @@ TEST_CASE("Oracles choose by the counts of rays") {
   CHECK(choose(OracleKind::kFoley, Stage::kIntersect) == Stage::kTraverse);
   counts[Stage::kIntersect] = 21;  // of 102: more than 20 %
   CHECK(choose(OracleKind::kShare) == Stage::kIntersect);
-  counts[Stage::kIntersect] = 35;  // half of those that traverse: not less than half
+  counts[Stage::kIntersect] = 35;  // half of the traversing rays: not less than half
   CHECK(choose(OracleKind::kFoley, Stage::kIntersect) == Stage::kIntersect);
   CHECK(choose(OracleKind::kFoley, Stage::kUp) == Stage::kTraverse);
   CHECK(choose(OracleKind::kFoley, Stage::kSetup) == Stage::kTraverse);

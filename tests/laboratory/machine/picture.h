@@ -49,7 +49,7 @@ inline PrimaryRay EyeRayOf(const Picture& picture, uint32_t pixel, uint32_t samp
   return picture.context.camera.Shoot(x + static_cast<double>(at.x), y + static_cast<double>(at.y));
 }
 
-/// A view of the scene with the lights that `quarry render` would take. Errors: those of NormalizeView().
+/// A view of the scene with the lights that `quarry render` would take. Errors: as of NormalizeView().
 Result<View> MakeView(const LaboratoryScene& scene, Renderer renderer, const CameraSpec& camera,
                       uint32_t width, uint32_t height, uint32_t samples);
 

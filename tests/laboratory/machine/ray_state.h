@@ -19,7 +19,7 @@ namespace quarry::laboratory {
 enum class Stage : uint8_t { kSetup, kTraverse, kUp, kIntersect, kShade, kDone };
 inline constexpr uint32_t kStages = 6;
 
-/// What a ray is for, in the next bits.
+/// The purpose of a ray, in the next bits.
 enum class RayKind : uint8_t {
   kClosest,  ///< finds the nearest hit
   kAny,      ///< a shadow ray: ends at any opaque hit
@@ -58,7 +58,7 @@ struct PathState {
   uint32_t code, depth;
 };
 
-/// What a lit surface keeps while its shadow rays are under way.
+/// The state of a lit surface while its shadow rays are under way.
 struct LitState {
   Surface surface;
   glm::vec3 light;  ///< that the present shadow ray adds if nothing is in its way
@@ -103,8 +103,8 @@ struct RayParts {
   bool lists = true;   ///< rays wait for later
 };
 
-/// The streams of `count` rays. Those of parts that the picture does not need have no memory. Their addresses
-/// stay taken, so that all renderers' streams displace one another in a cache alike.
+/// The streams of `count` rays. Streams that the picture does not need have no memory. Their addresses stay
+/// taken, so that all renderers' streams displace one another in a cache alike.
 template <class A>
 class RayStreams {
  public:

@@ -10,8 +10,8 @@
 #include "tests/laboratory/machine/picture.h"
 #include "tests/laboratory/machine/ray_state.h"
 
-// The shade kernels of the four renderers, over one ray in registers: the colour of a hit, what a shadow ray
-// brings, and which ray goes on. The functions of light and surfaces are those that workers render by, so
+// The shade kernels of the four renderers, over one ray in registers: the colour of a hit, the light of a
+// shadow ray, and the choice of the next ray. The functions of light and surfaces are the workers' own, so
 // that pictures are the same bits. No recursion: rays carry their weight (Purcell et al. 2002,
 // section 3.1.4).
 

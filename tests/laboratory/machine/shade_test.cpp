@@ -1,4 +1,4 @@
-// What the shade kernels fetch: a word of each triangle, its attributes only where it has them.
+// The fetches of the shade kernels: a word of each triangle, its attributes only where it has them.
 #include "tests/laboratory/machine/shade.h"
 
 #include "tests/laboratory/costs/study_run.h"

@@ -10,12 +10,12 @@ namespace quarry::laboratory {
 
 /// The shape of a simulated cache. The default is that of Purcell et al. 2002, section 4.1.
 struct TextureCacheOptions {
-  uint64_t bytes = 64 * 1024;  ///< size; what is left over behind the last whole set is not used
+  uint64_t bytes = 64 * 1024;  ///< size; the rest behind the last whole set is not used
   uint32_t line = 48;          ///< bytes of a line, any number from 4
   uint32_t ways = 1;           ///< lines of a set; 1: direct mapped
 };
 
-/// What a cache was asked for. Lines are counted apart: an access that spans two lines is one access and two
+/// The accesses to a cache. Lines are counted apart: an access that spans two lines is one access and two
 /// lines.
 struct CacheTotals {
   uint64_t accesses = 0;

@@ -194,7 +194,7 @@ TEST_CASE("Streams pass the cache when read and leave it when written", "[labora
   memory.Store(rays, 4, Vector4{});               // no line for a store
   memory.Load(rays, 4);
   CHECK(cache.totals() == CacheTotals{5, 3, 2});
-  memory.SetKernel(0);  // the next pass reads what this one wrote
+  memory.SetKernel(0);  // the next pass reads the stream that this pass wrote
   memory.Load(rays, 0);
   memory.Load(rays, 4);
   CHECK(cache.totals() == CacheTotals{7, 3, 4});

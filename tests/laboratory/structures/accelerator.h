@@ -6,7 +6,7 @@
 
 #include "tests/laboratory/memory.h"
 
-// What an acceleration structure is to the machine: four short kernels over one ray. A ray's part of the
+// The machine's interface to an acceleration structure: four short kernels over one ray. A ray's part of the
 // structure is `Constant`, written once by Setup, and `State`, which each step reads and writes.
 
 namespace quarry::laboratory {

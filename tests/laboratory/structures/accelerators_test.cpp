@@ -28,7 +28,8 @@ struct Recording : TraceCounts {
   }
 };
 
-/// What the ways through one tree find and count for a ray; all checks but the last are of section 4.1.
+/// Compares hits and counts of all ways through one tree for a ray; all checks but the last are of
+/// section 4.1.
 void CheckTree(const LaboratoryScene& scene, const TextureTree& tree, const KdRopes& ropes,
                const TestRay& ray, const Hit& expected) {
   PlainMemory memory;

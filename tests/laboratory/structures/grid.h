@@ -22,10 +22,10 @@ inline constexpr double kMostCells = 1 << 27;
 /// more than kMostCells, as in a flat box. Requires: the box has an extent.
 GridResolution CubicalResolution(const Box& box, uint32_t least);
 
-/// What kernels read of a uniform grid, which may be copied to another memory. A cell is one word: null, or
-/// the place of its list, whose first word is the number of triangles behind it. The paper ends lists by a
-/// delimiter instead; with a count the cell stays one word and an empty cell costs one fetch, while Step can
-/// tell the whole range.
+/// The part of a uniform grid that kernels read; it may be copied to another memory. A cell is one word:
+/// null, or the place of its list, whose first word is the number of triangles behind it. The paper ends
+/// lists by a delimiter instead; with a count the cell stays one word and an empty cell costs one fetch,
+/// while Step can tell the whole range.
 /// Source: Purcell et al. 2002, section 3.1.2 and figure 4; Fujimoto et al. 1986 and Amanatides & Woo 1987
 /// for the way from cell to cell. Differs: the t of a plane comes from the plane's coordinate and is not
 /// added up, so that no rounding accumulates (ReferencePadding()); hits beyond the cell are kept, not found
@@ -152,7 +152,7 @@ class UniformGrid : public GridView {
   UniformGrid(const UniformGrid&) = delete;
   UniformGrid& operator=(const UniformGrid&) = delete;
 
-  /// What kernels read; it needs this to live.
+  /// The part that kernels read; it must not outlive this.
   GridView view() const { return *this; }
   uint64_t references() const { return references_; }
   uint64_t bytes() const { return sizeof(uint32_t) * (cell_data_.size() + list_data_.size()); }

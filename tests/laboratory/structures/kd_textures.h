@@ -42,7 +42,7 @@ struct TextureNode {
 };
 static_assert(sizeof(TextureNode) == 12, "96 bits, section 3.1");
 
-/// What kd-backtrack needs besides of a split: the box of its cell (scene units) and its parent. 32 bytes.
+/// Additional data of a split for kd-backtrack: the box of its cell (scene units) and its parent. 32 bytes.
 struct ExtendedSplit {
   float lower[3], upper[3];
   NodePointer parent;  ///< kNoNode: the root
@@ -50,8 +50,8 @@ struct ExtendedSplit {
 };
 static_assert(sizeof(ExtendedSplit) == 32, "256 bits, section 3.1");
 
-/// What kernels read of a tree, which may be copied to another memory: splits first, each after its parent,
-/// then leaves. Immutable, so thread-safe.
+/// The part of a tree that kernels read; it may be copied to another memory: splits first, each after its
+/// parent, then leaves. Immutable, so thread-safe.
 class TreeView {
  public:
   QUARRY_HOST_DEVICE NodePointer root() const { return root_; }

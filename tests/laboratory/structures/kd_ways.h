@@ -259,7 +259,7 @@ class KdRopes : public RopesView {
   KdRopes(const KdTree& tree, const Box& box, AddressSpace& addresses);
   KdRopes(const KdRopes&) = delete;
   KdRopes& operator=(const KdRopes&) = delete;
-  /// What kernels read; it needs this to live.
+  /// The part that kernels read; it must not outlive this.
   RopesView view() const { return *this; }
 
  private:

@@ -8,7 +8,7 @@
 
 namespace quarry::laboratory {
 
-/// What a structure keeps of a ray: where it meets planes, and its end in the scene. 7 words.
+/// A structure's record of a ray: the factors that give its t at planes, and its end in the scene. 7 words.
 struct RayLine {
   float reciprocal[3];  ///< as RayFrame
   float shift[3];       ///< as RayFrame

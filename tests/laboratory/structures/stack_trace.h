@@ -6,7 +6,7 @@
 #include "tests/laboratory/structures/kd_ways.h"
 #include "tests/laboratory/structures/trace.h"
 
-// A yardstick only: what the paper measures its algorithms by. Quarry's own traversal is stackless.
+// Only the yardstick by which the paper measures its algorithms. Quarry's own traversal is stackless.
 
 namespace quarry::laboratory {
 

@@ -15,7 +15,7 @@ struct HitWords {
   float b1, b2;
 };
 
-/// One call of a kernel of structure A: what streams bring to it.
+/// The input of one call of a kernel of structure A, as loaded from streams.
 template <class A>
 struct Call {
   typename A::Constant constant;
@@ -30,7 +30,7 @@ struct Test {
   HitWords hit;
 };
 
-/// What a kernel's call writes.
+/// The output of a kernel's call.
 template <class A>
 struct Written {
   typename A::State state;

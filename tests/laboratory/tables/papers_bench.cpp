@@ -42,7 +42,7 @@ double Ratio(uint64_t a, uint64_t b) {
 /// The paper's figure, or nothing where it tells none.
 std::string Theirs(double figure) { return figure > 0 ? fmt::format("{:.2f}", figure) : "-"; }
 
-/// What is measured of a scene, which itself is gone by then.
+/// The measurements of a scene, kept after the scene itself is freed.
 struct Measured {
   std::string name;
   const PaperFigures* paper;
@@ -315,7 +315,7 @@ nlohmann::json ToJson(const Measured& m) {
   return j;
 }
 
-/// The stores named, or those of the paper's scenes in the folder, in the paper's order.
+/// The stores named, or the stores of the paper's scenes in the folder, in the paper's order.
 std::vector<std::string> StoresOf(const Options& options) {
   std::vector<std::string> stores = options.stores;
   if (options.folder.empty()) return stores;
@@ -377,7 +377,7 @@ int Main(int argc, char** argv) {
 #else
   const Result<cuda::DeviceInfo> device = cuda::FindDevice();
 #endif
-  // What cannot be measured is told before minutes are spent on the others.
+  // A store that cannot be measured is refused before minutes are spent on the others.
   for (const std::string& store : stores)
     if (const Status fit = PapersScene::Check(store, options.size); !fit)
       return fail(fit.error().message, fit.error().exit_status());

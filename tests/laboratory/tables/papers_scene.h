@@ -15,7 +15,8 @@
 
 namespace quarry::laboratory {
 
-/// What Foley & Sugerman 2005 tell of one of their scenes. Times: milliseconds a frame, on an ATI X800 XT PE.
+/// The figures of Foley & Sugerman 2005 for one of their scenes. Times: milliseconds a frame, on an ATI X800
+/// XT PE.
 struct PaperFigures {
   const char* store;  ///< the store's name without .quarry
   const char* name;
@@ -31,7 +32,7 @@ inline constexpr PaperFigures kPaperFigures[] = {
     {"frame-robots", "Robots", 71708, {50, 50, 50}, 4770, 8344, 968, 946, 31.68, 13.49, 9.80, 6.84, 2.48},
     {"frame-kitchen", "Kitchen", 110561, {50, 50, 50}, 7350, 2687, 992, 857, 21.80, 10.86, 7.78, 5.91, 2.13}};
 
-/// What structures are called in tables and JSON, over their tree (0) and ours (1).
+/// Name of a structure in tables and JSON, over the paper's tree (0) or ours (1).
 inline std::string NameOf(const char* way, size_t tree) {
   return way + std::string(tree == 0 ? "" : ", ours");
 }
@@ -52,12 +53,12 @@ struct FetchCounter {
   }
 };
 
-/// What a structure does for the rays of a frame.
+/// The work of a structure for the rays of a frame.
 struct FrameCounts : TraceCounts {
   uint64_t words = 0;  ///< of 32 bits, read from textures
 };
 
-/// A tree and what its traversals count for the rays of a frame.
+/// A tree and the counts of its traversals for the rays of a frame.
 struct TreeCounts {
   std::string name;  ///< "theirs" or "ours"
   uint64_t splits, leaves, references;
@@ -100,7 +101,7 @@ class PapersScene {
   /// can be left out.
   Result<std::vector<Timing>> Time(int repetitions, bool brute_force);
 
-  /// The frame's rays, and of each packet the bits of those that meet the scene's box.
+  /// The frame's rays, and for each packet the bits of the rays that meet the scene's box.
   const std::vector<RayPacket>& packets() const { return packets_; }
   const std::vector<uint64_t>& active() const { return active_; }
   /// How many of the frame's rays have other hits in `found` than the first structure. Requires: one has run;
