@@ -1,8 +1,9 @@
-// A worker that is mute or lies: the real one, and between it and its master this program, which holds back
-// or forges what the worker says. Usage: quarry-test-bad-worker mute|lie quarry-worker --master HOST:PORT
-// [--secret-file F] ... mute: tiles are never answered; all else passes. lie: a thousand threads, every block
-// of the scene held and touched, counters and costs that cannot be, results twice and under leases that there
-// are not. Pixels stay right: whoever has the secret is trusted with those. It ends with the worker.
+// A worker that is mute or lies: the real worker, with this program between it and its master, which holds
+// back or forges the worker's messages. Usage:
+// quarry-test-bad-worker mute|lie quarry-worker --master HOST:PORT [--secret-file F] ...
+// mute: tiles are never answered; all else passes. lie: a thousand threads, every block of the scene held and
+// touched, impossible counters and costs, results twice and under leases that do not exist. Pixels stay
+// right: a worker that has the secret is trusted with pixels. The program ends with the worker.
 #include <fmt/format.h>
 #include <signal.h>
 #include <spawn.h>

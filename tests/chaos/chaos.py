@@ -18,7 +18,7 @@ from stage import Stage
 
 
 def kinds_here(wanted):
-    """Those that can be done on this machine; says why the others cannot."""
+    """The wanted kinds of faults that this machine can do; prints why it cannot do the others."""
     able = set(wanted)
     for kinds, why in (({"full-output", "full-spool"}, disk.why_not()), ({"clock"}, clock.why_not())):
         if why and able & kinds:

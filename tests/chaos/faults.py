@@ -1,4 +1,4 @@
-"""What can go wrong: drawn from a seed before a run, so that the same seed hurts the same things at the same times, for as long."""
+"""Faults, drawn from a seed before a run: the same seed hurts the same programs and links at the same times, for as long."""
 import asyncio
 import contextlib
 import dataclasses
@@ -6,7 +6,7 @@ import dataclasses
 KINDS = ("kill-worker", "stop-worker", "kill-server", "stop-server", "kill-master", "stop-master", "link-down", "trickle", "flip", "cut",
          "delay", "older-server", "older-master", "full-output", "full-spool", "clock", "mute-worker", "lying-worker")
 
-SPREAD_S = 5  # within which faults begin: about what a walk takes
+SPREAD_S = 5  # faults begin within it: about the time of a walk
 
 
 @dataclasses.dataclass
@@ -15,7 +15,7 @@ class Fault:
     target: str   # the program's name, or the link's
     at_s: float   # after the first is due
     for_s: float  # until it heals
-    detail: float = 0  # what the kind makes of it: between 0 and 1
+    detail: float = 0  # between 0 and 1; its meaning depends on the kind
 
     def __str__(self):
         return f"{self.kind} {self.target} at {self.at_s:.2f} for {self.for_s:.2f}".replace("  ", " ")

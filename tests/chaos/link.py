@@ -6,11 +6,11 @@ SLICE_S = 0.05  # of a throttled connection's time
 
 
 class Link:
-    """Listens at `listen` and passes bytes on to `target`, both (host, port). What hurts it is set from outside:
-    down        nothing passes, and connections wait without a word; `refuse` besides closes the door
-    rate        bytes a second, each way and connection; None: as many as come
+    """Listens at `listen` and passes bytes on to `target`, both (host, port). The harness sets its faults:
+    down        nothing passes, and connections wait without a word; with `refuse` new connections are refused
+    rate        bytes a second, each way and connection; None: no limit
     delay_s     before each piece of data
-    cut()       ends every connection in the middle of what it carries next
+    cut()       ends every connection in the middle of its next piece of data
     flip        chance for each piece of data that one bit of it changes"""
 
     def __init__(self, name, listen, target, random, rate=None, comes_from=None):
@@ -51,7 +51,7 @@ class Link:
                 await self.open()
 
     def cut(self):
-        """Every connection that there is: after some of what it carries next, or at once when that is nothing."""
+        """Ends every connection there is within its next piece of data, perhaps before the first byte."""
         self.cuts += len(self._pairs)
         for pair in self._pairs:
             pair.cut = True

@@ -9,7 +9,7 @@ import time
 sys.path.insert(0, str(pathlib.Path(__file__).parents[2]))
 from tests.support.cluster.live_client import Closed, LiveClient
 
-LOST = (Closed, OSError, TimeoutError, json.JSONDecodeError)  # what a master that is killed, stopped or refused does to a connection
+LOST = (Closed, OSError, TimeoutError, json.JSONDecodeError)  # errors of a connection to a master that is killed, stopped or out of reach
 SIZE, TURN, PERIOD_S = [160, 120], 0.05, 0.1
 
 
@@ -55,7 +55,7 @@ class MovingViewer(threading.Thread):
         return {"camera": {**camera, "eye": eye}, "size": SIZE, "spp": 2, "mode": ("shadow", "ao", "raycast")[step // 20 % 3]}
 
     def end(self, seconds):
-        """Ends the moving. Returns what is wrong: nothing, when another viewer gets an exact picture within `seconds`."""
+        """Ends the moving. Returns the fault; None when another viewer gets an exact picture within `seconds`."""
         self.over.set()
         self.join(10)
         end = time.monotonic() + seconds

@@ -1,4 +1,4 @@
-"""One seeded run: a cluster behind links that can be hurt, a walk, faults, and what must be so afterwards."""
+"""One seeded run: a cluster behind links that can be hurt, a walk, faults, and the checks of the images and of the spool afterwards."""
 import asyncio
 import os
 import pathlib
@@ -15,7 +15,7 @@ from moving_viewer import MovingViewer
 from processes import Program, left_over
 from stage import BIN, CACHE
 
-# A run may take this long: thrice the time of an undisturbed one and this, and for each fault what it lasts and the longest of the stated
+# Limit of a run: thrice the time of an undisturbed run, GRACE_S, and for each fault its duration and RECOVERY_S, the longest of the stated
 # time-outs that may follow it (ten seconds to greet after six of silence, or a pause of five before a source is asked again).
 GRACE_S, RECOVERY_S = 20, 17
 START_S = 60  # until the cluster's programs listen
@@ -44,7 +44,7 @@ class Run:
         self.workers = [f"worker-{i + 1}" for i in range(r.randint(2, 3))]
         self.servers = [f"server-{i + 1}" for i in range(r.randint(1, 2))]
         self.master_serves = r.random() < 0.3
-        self.schedule = r.choice(("footprint", "random"))  # tiles given at random make workers lack what others have
+        self.schedule = r.choice(("footprint", "random"))  # workers with tiles given at random lack blocks that other workers hold
         links = ["to-client", *("to-" + name for name in self.workers + self.servers), *("peers-to-" + name for name in self.workers)]
         self.faults = faults.draw(r, self.workers, self.servers, links, able)
         kinds = {fault.kind for fault in self.faults}
@@ -131,7 +131,7 @@ class Run:
                             f"{self.host}:{9401 + i}")
 
     async def _join_late(self):
-        """The undisturbed walk's last worker: it lacks what the others have, and the way to them is faster than to the voxel servers,
+        """Starts the undisturbed walk's last worker late: it lacks the others' blocks, and the way to them is faster than to the voxel servers,
         so that it must ask them."""
         while len(list((self.folder / "out").iterdir())) < FRAMES_BEFORE_JOIN:
             await asyncio.sleep(0.02)
@@ -140,7 +140,7 @@ class Run:
     # --- the walk
 
     async def _hurt(self):
-        """From when the client has been heard: who is not reached at first is told so at once."""
+        """Applies the faults once the client has been heard: a client that fails to connect at first ends at once."""
         while self.links["to-client"].bytes < 500:
             await asyncio.sleep(0.02)
         begin = time.monotonic()

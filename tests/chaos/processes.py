@@ -9,7 +9,7 @@ RESTART_S = 0.3  # from an end to the new start
 
 
 class Program:
-    """What hurts it may overlap: it is as usual again when the last of that is over."""
+    """A program under faults. Faults may overlap: the program is as usual again after the last of them."""
 
     def __init__(self, name, command, log, environment, restart=True):
         self.name, self.command, self.log, self.environment, self.restart = name, command, log, environment, restart
@@ -19,7 +19,7 @@ class Program:
         self._held = asyncio.Event()
         self._held.set()
         self._ended = False
-        self._instead, self._holders = [], 0  # what those that want it otherwise want: the last one counts
+        self._instead, self._holders = [], 0  # commands of faults in its place, of which the last counts; faults that keep it from starting
         self._starting = asyncio.Lock()
         self._watch = None
 
@@ -116,7 +116,7 @@ class Program:
 
 
 def left_over(mark):
-    """Ids of living processes whose environment holds `mark`: those of a run that should have ended."""
+    """Ids of living processes whose environment holds `mark`: the processes of a run that should have ended."""
     found = []
     for entry in os.listdir("/proc"):
         if not entry.isdigit() or int(entry) == os.getpid():

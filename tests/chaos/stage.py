@@ -1,4 +1,4 @@
-"""What all runs share: the scene, an older state of it, a walk through it, and the images that nothing disturbed."""
+"""Shared by all runs: the scene, an older state of it, a walk through it, and the images of the undisturbed walk."""
 import json
 import os
 import pathlib

@@ -1,6 +1,6 @@
 // Decodes the bytes as a block, as if their checksum were right: two bytes of decoded size (in units of 16),
-// one of kind and rest of it, then what is stored. Or as a page of a texture: its sides less 1, kind with
-// channels and format, then what is stored.
+// one of kind and rest of the size, then the stored bytes. Or as a page of a texture: its sides less 1, kind
+// with channels and format, then the stored bytes.
 #include <cstdint>
 #include <cstdlib>
 #include <span>
@@ -40,7 +40,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   if ((data[2] & 16) != 0) {
     (void)decoder.Shading(stored, out);
   } else if (const auto view = decoder.Hot(stored, out, 1e-6f, (data[2] & 64) != 0 ? &tree : nullptr)) {
-    // What kernels rely on.
+    // Kernels rely on these bounds.
     for (uint32_t r = 0; r < view->reference_count; ++r)
       if (view->references[r] >= view->triangle_count) std::abort();
     for (uint32_t c = 0; c < 3 * view->triangle_count; ++c)

@@ -1,6 +1,6 @@
-// A client whose master does what the bytes tell, in whatever order and at whatever time, and whose disk
-// takes frames or does not. At the end the master behaves and the disk has space: the client must have its
-// frames, each once and in order, or have ended with a sentence.
+// A client whose master follows the bytes, in any order and at any time, and whose disk takes frames or does
+// not. At the end the master behaves and the disk has space: the client must have its frames, each once and
+// in order, or have ended with a sentence.
 #include <chrono>
 #include <cstdlib>
 #include <utility>
@@ -13,7 +13,7 @@
 namespace quarry::fuzz {
 namespace {
 
-/// What an input's bytes choose; the seeds are written in it.
+/// Actions that an input's bytes choose; the seeds are written in them.
 enum Action : uint8_t {
   kWelcome,
   kProgress,
@@ -112,7 +112,7 @@ class Cast {
     if (!std::exchange(last_, true)) {
       reachable_ = true;
       full_ = false;
-      // What it has asked this connection for may have been left unanswered: it asks the next one.
+      // Its requests on this connection may have no answer: on the next connection the client asks again.
       master_->Break(false);
     }
     if (++steps_ > kRounds) NeverEnds("a client whose frames are there");

@@ -20,7 +20,7 @@ namespace {
 
 using namespace quarry;
 
-/// A reader says what is wrong, or gives what can be used.
+/// A reader names the fault, or gives a usable value.
 template <class Value, class Check>
 void MustBeUsable(const Result<Value>& result, Check&& check) {
   if (!result && result.error().message.empty()) std::abort();

@@ -1,6 +1,6 @@
-// A master whose workers, clients and voxel fetchers do what the bytes tell, in whatever order and at
-// whatever time. At the end all but the clients go, an honest worker comes, and every client must get its
-// frames or be told why not.
+// A master whose workers, clients and voxel fetchers follow the bytes, in any order and at any time. At the
+// end all but the clients leave, an honest worker connects, and every client must get its frames or the
+// reason why not.
 #include <chrono>
 #include <cstdlib>
 #include <filesystem>
@@ -18,7 +18,7 @@
 namespace quarry::fuzz {
 namespace {
 
-/// What an input's bytes choose; the seeds are written in it.
+/// Actions that an input's bytes choose; the seeds are written in them.
 enum Action : uint8_t {
   kConnect,
   kHello,
@@ -100,7 +100,7 @@ class Cast {
       case kJob: {
         RenderJob job = AnyJob(script_);
         const uint32_t have = script_.Below(3);
-        // What does not come through the decoder is refused with a sentence, as it must be.
+        // A job that the decoder refuses must be refused with a sentence.
         if (have <= job.cameras.size())
           peer.frames_wanted += static_cast<uint32_t>(job.cameras.size()) - have;
         return c.Come(MakeMessage(MessageType::kRenderJob, JobRequest{std::move(job), have}));
@@ -178,7 +178,7 @@ class Cast {
       waits = waits || peer->Waits();
       peer->connection->Come({MessageType::kPing, 0, {}, {}});
     }
-    if (++steps_ < kSettle) return false;  // what is on its way comes first
+    if (++steps_ < kSettle) return false;  // messages on their way arrive first
     if (!waits) return true;
     if (steps_ > kRounds) NeverEnds("a client's job");
     PassTime(*io_, 0.05);
@@ -199,7 +199,7 @@ class Cast {
 }  // namespace
 
 std::vector<std::vector<uint8_t>> Seeds() {
-  // The first two bytes are the policy and what else the master is told. Then two clients, each with a job,
+  // The first two bytes are the policy and the master's other settings. Then two clients, each with a job,
   // and a worker that answers, or fails with tiles of both in its hands. A job (see AnyJob): sides, no crop,
   // mode, spp, seed, exposure, layers, format, number, no lights, frames, a camera for each, have.
   const std::vector<uint8_t> beginning = {

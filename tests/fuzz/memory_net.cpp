@@ -111,7 +111,7 @@ void MemoryConnection::Close() {
 void MemoryConnection::Come(Message message) {
   asio::post(io_, [self = Self(), message = std::move(message)]() mutable {
     if (self->closed_ || self->close_asked_ || !self->on_message_) return;
-    // Of what is not for the other side to send no more than the header is read.
+    // A message that the other side may not send is read no further than its header.
     if (!DecodeFrameHeader(EncodeFrameHeader(message), self->speaker_)) return self->Break(false);
     self->received_ += kFrameHeaderBytes + message.table.size() + message.raw.size();
     self->on_message_(std::move(message));

@@ -9,9 +9,9 @@
 
 #include "common/net/connection.h"
 
-/// Stands in for common/net/connection.cpp, whose functions memory_net.cpp defines instead: whom a program
-/// under test connects to, and who connects to it, is the fuzz program, in the same process and thread. And
-/// for the clock: time stands still unless it is moved. Programs are unchanged by it.
+/// Stands in for common/net/connection.cpp, whose functions memory_net.cpp defines instead: a program under
+/// test connects to the fuzz program, and is connected to by it, in the same process and thread. Stands in
+/// for the clock too: time stands still unless it is moved. Programs are unchanged by it.
 namespace quarry::fuzz {
 
 /// A connection as the program under test has it; `Come`, `Break` and `sent` are the other side's. On one
@@ -42,10 +42,11 @@ class MemoryConnection final : public Connection {
   /// Where the program has connected to.
   const Endpoint& endpoint() const { return endpoint_; }
   boost::asio::io_context& io() const { return io_; }
-  /// Called with what the program sends, on the io_context's thread; until `reads` it waits.
+  /// Called with each message that the program sends, on the io_context's thread; unread messages wait until
+  /// SetReads(true).
   std::function<void(Message)> on_sent;
   void SetReads(bool reads);
-  /// For the end, when no io_context runs any more: lets go of what holds this.
+  /// For the end, when no io_context runs any more: drops the handlers, which may hold this connection.
   void Release();
 
  private:
@@ -67,7 +68,7 @@ class MemoryConnection final : public Connection {
 };
 using MemoryConnectionPtr = std::shared_ptr<MemoryConnection>;
 
-/// What the program under test does with the network; one at a time.
+/// The network of the program under test, as hooks; one instance at a time.
 struct MemoryNet {
   /// The program wants to connect: whether it can. `connected` follows.
   std::function<bool(const Endpoint&)> on_connect = [](const Endpoint&) { return true; };
@@ -83,7 +84,7 @@ struct MemoryNet {
   std::deque<std::weak_ptr<MemoryConnection>> connections;  ///< all there have been
 };
 
-/// Moves the clock on; what has been waited for is then due.
+/// Moves the clock on; timers that end by then are due.
 void PassTime(boost::asio::io_context& io, double seconds);
 /// Calls `step` again and again, each time after all that is due; until it returns false.
 void Repeat(boost::asio::io_context& io, std::function<bool()> step);

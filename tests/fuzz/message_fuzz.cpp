@@ -1,5 +1,5 @@
-// Reads the bytes as each kind of message in turn of the first byte. What is accepted must come back the same
-// when it is encoded and read again. With QUARRY_WRITE_SEEDS=FOLDER it writes a well-formed message of each
+// Reads the bytes as the kind of message that the first byte names. An accepted message must be the same
+// after it is encoded and read again. With QUARRY_WRITE_SEEDS=FOLDER it writes a well-formed message of each
 // kind there, and ends.
 #include <cstdint>
 #include <cstdlib>
@@ -15,7 +15,7 @@ namespace {
 
 using namespace quarry;
 
-/// Decodes; what is accepted and encoded must be accepted again, to the same bytes.
+/// Decodes; an accepted message, encoded, must be accepted again and encode to the same bytes.
 template <class Decode>
 void Read(std::span<const std::byte> bytes, Decode decode) {
   const auto message = decode(bytes);

@@ -7,7 +7,7 @@
 #include "common/protocol/messages.h"
 #include "common/voxel/store_reader.h"
 
-/// What the programs that fuzz sessions share: bytes read as a play, and parts of messages made from them.
+/// Shared by the programs that fuzz sessions: bytes read as a script, and parts of messages made from them.
 namespace quarry::fuzz {
 
 /// The fuzz program's bytes, from the first to the last; zeroes after them.
@@ -36,8 +36,7 @@ RenderJob AnyJob(Script& script);
 /// for a picture that would take all memory or a day, which is no finding here.
 Message AnyMessage(Script& script);
 
-/// The other sides behave from now on, so that what is under test must come to an end: says what did not, and
-/// aborts.
+/// Prints the name of a program under test that does not end although the other sides behave, and aborts.
 [[noreturn]] void NeverEnds(const char* what);
 
 /// Each program's own plays to begin with. With QUARRY_WRITE_SEEDS=FOLDER it writes them there and ends.

@@ -5,8 +5,8 @@
 
 namespace quarry::fuzz {
 
-/// Makes every checksum of a scene store right for the bytes that it has, and the file's size, so that a
-/// fuzzer's changes are looked at for what they say. What lies nowhere in the file is left as it is.
+/// Sets every checksum of a scene store, and the file's size in its header, to fit the bytes, so that readers
+/// see a fuzzer's changes instead of a false checksum. Checksums of ranges outside the file stay.
 void MendStore(std::span<std::byte> file);
 
 }  // namespace quarry::fuzz

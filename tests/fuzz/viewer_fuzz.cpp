@@ -1,6 +1,5 @@
 // Plays a browser that may send anything: texts to a viewer, tiles that workers trace for it,
-// acknowledgements and waits; and requests that ask to be let in. What goes to the browser must be as
-// PROTOCOL.md has it.
+// acknowledgements and waits; and requests for entry. Messages to the browser must be as PROTOCOL.md states.
 #include <boost/asio/executor_work_guard.hpp>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
@@ -86,7 +85,7 @@ std::string Line(Script& script) {
   return line;
 }
 
-/// Waits until both threads have encoded what they were given, and hands it on.
+/// Waits until both threads have encoded their frames, and passes the frames on.
 void Drain(boost::asio::io_context& io, EncodingThread& moving, EncodingThread& exact) {
   int left = 2;
   for (EncodingThread* thread : {&moving, &exact})
@@ -217,7 +216,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
         if (tile && *tile) viewer->Take(**tile, pixels);
         break;
       }
-      default:  // time passes, and what was encoded is sent
+      default:  // time passes, and encoded frames are sent
         now_s += 0.05;
         viewer->Go();
         Drain(io, moving, exact);

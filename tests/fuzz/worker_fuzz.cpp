@@ -1,6 +1,6 @@
-// A worker whose master, voxel servers and fellow workers do what the bytes tell, in whatever order and at
-// whatever time. At the end all of them behave: the worker must render a tile, to the pixels that it has
-// always had, or have ended with a sentence.
+// A worker whose master, voxel servers and fellow workers follow the bytes, in any order and at any time. At
+// the end all of them behave: the worker must render a tile to its usual pixels, or have ended with a
+// sentence.
 #include <chrono>
 #include <cstdlib>
 #include <deque>
@@ -16,7 +16,7 @@
 namespace quarry::fuzz {
 namespace {
 
-/// What an input's bytes choose; the seeds are written in it.
+/// Actions that an input's bytes choose; the seeds are written in them.
 enum Action : uint8_t {
   kWelcome,
   kCatalog,

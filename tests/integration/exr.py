@@ -1,4 +1,4 @@
-"""A reader of the EXRs that Quarry writes: ZIP, samples of 32 bits. Tests compare with it what other programs would read."""
+"""A reader of the EXRs that Quarry writes: ZIP, samples of 32 bits. Tests compare by it the pixels that other programs would read."""
 import dataclasses
 import pathlib
 import struct

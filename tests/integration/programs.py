@@ -1,4 +1,4 @@
-"""What the integration tests share: the programs under test, a temporary folder, and how they are run."""
+"""Shared by the integration tests: the programs under test, a temporary folder, and functions that run the programs."""
 import json
 import os
 import pathlib

@@ -1,4 +1,4 @@
-"""Guesses from a file's content, without an extension that helps: what the format is, and whether colours run to 1 or to 255. They are metamorphic tests: the
+"""Guesses from a file's content, without an extension that helps: the format, and whether colours run to 1 or to 255. They are metamorphic tests: the
 same model is written otherwise (faces doubled, turned, in another order, comments first, in another scale, with a stray point), and the guess stays."""
 import pathlib
 import random

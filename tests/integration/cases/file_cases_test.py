@@ -47,7 +47,7 @@ def texels(path):
     return {((x + 0.5) / len(row), 1 - (y + 0.5) / len(rows)): color for y, row in enumerate(rows) for x, color in enumerate(row)}
 
 
-# Files of a case, each with what is right of it: one of several.
+# Files of a case, each with its right outcomes, of which one must be met.
 TABLE = {
     "3mf_colour_group": {"object.3mf": [colored(RED)], "triangle.3mf": [colored(RED)], "plain_group.3mf": [Model(**SQUARE, warns="colours")]},
     "3mf_thumbnail": {"q.3mf": [Model()]},

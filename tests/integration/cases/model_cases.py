@@ -1,4 +1,4 @@
-"""What tables of small models share: what is right of a model, and how it is told."""
+"""Shared by tables of small models: the right outcome of a model, and the checks of it."""
 import dataclasses
 import math
 import pathlib
@@ -18,7 +18,7 @@ SQUARE = dict(lower=(0, 0, 0), upper=(1, 1, 0))
 @dataclasses.dataclass
 class Model:
     """A model that is read. `pixels`: colours at places x,y seen from +z, full or dimmed by the default albedo (0.8);
-    `area`: what its picture covers; `warns`: what standard error says."""
+    `area`: square units that its picture covers; `warns`: text of standard error."""
     triangles: int = 2
     lower: tuple = None
     upper: tuple = None
@@ -132,7 +132,7 @@ class ModelCase(Case):
         self.assertEqual([p.name for p in self.folder.iterdir() if p.name.startswith("x.quarry")], [])
 
     def check_one_of(self, rights, done, file):
-        """That one of `rights` is what came of `file` (None: of standard input)."""
+        """Checks that the outcome of `file` (None: of standard input) is one of `rights`."""
         told = []
         for right in rights:
             try:

@@ -1,4 +1,4 @@
-"""Small models of the kinds that people report of programs that open meshes, written here. One row a case: see cases_test.py for those that were reported."""
+"""Small models of the kinds reported for programs that open meshes, written here. One row a case: cases_test.py has the reported files themselves."""
 import base64
 import bz2
 import concurrent.futures
@@ -21,7 +21,7 @@ ROWS = []
 
 
 def row(file, content, *rights, **beside):
-    """A model `file` and what it must become; `beside`: other files by name, with a dot for each double underscore."""
+    """A model `file` and its right outcomes; `beside`: other files by name, with a dot for each double underscore."""
     as_bytes = lambda text: text.encode() if isinstance(text, str) else text
     ROWS.append((file, as_bytes(content), rights, {name.replace("__", "."): as_bytes(text) for name, text in beside.items()}))
 
@@ -328,7 +328,7 @@ off("points", "OFF\n4 0 0\n" + POINTS, Sentence("point cloud"))
 
 # glTF.
 class Gltf:
-    """A unit square, in one buffer; `parts` are added to what the square needs."""
+    """A unit square, in one buffer; `parts` are added to the square's members."""
 
     def __init__(self, indices=struct.pack("<6H", 0, 1, 2, 0, 2, 3), kind=5123, count=6):
         self.blob = b""
@@ -502,7 +502,7 @@ gltf("utf16", Sentence("UTF-16"), SHAPE, text=b"\xff\xfe" + Gltf().text().encode
 row("gltf_packed.gltf.gz", gzip.compress(Gltf().text().encode()), Sentence("not packed|unpack"), SHAPE)
 
 
-# What is no model.
+# Files that are no models.
 def foreign(file, content, *says):
     row(file, content, Sentence(says[0]))
 
@@ -707,7 +707,7 @@ mf("without_items", Model(warns="build shows no object", **SQUARE), build='')
 
 class MoreCases(ModelCase):
     def complaint(self, number):
-        """What is wrong with what became of a row, in a folder of its own; None: nothing."""
+        """The fault of a row's outcome, in a folder of its own; None: no fault."""
         file, content, rights, beside = ROWS[number]
         own = copy.copy(self)
         own.number = number

@@ -14,7 +14,7 @@ from tests.integration.cases.more_cases_test import BLUE, CORNERS, UV_OBJ, XYZ, 
 from tests.integration.programs import main
 from tests.support.models import textured_scene
 
-more.ROWS.clear()  # those of the other file, which this one shares its writers with
+more.ROWS.clear()  # the rows of the other file, whose writers this file shares
 
 WHOLE = os.environ.get("QUARRY_CASES_WHOLE") == "1"
 SIDE = 16
@@ -253,8 +253,8 @@ gltf("fields_none", Model(**SQUARE, silent=True), like=more.material(name="a", d
 
 
 class TextureCases(more.MoreCases):
-    """The rows above by the test of MoreCases, and what names of files beyond the model's folder come to. Every row is read; without QUARRY_CASES_WHOLE
-    every third one is looked at."""
+    """The rows above by the test of MoreCases, and images named outside the model's folder. Every row is read; without QUARRY_CASES_WHOLE only every
+    third picture is checked."""
 
     def check_picture(self, wanted, info):
         if WHOLE or getattr(self, "number", 0) % 3 == 0:

@@ -18,7 +18,7 @@ MATERIAL = "http://schemas.microsoft.com/3dmanufacturing/material/2015/02"
 PRODUCTION = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06"
 RELATIONSHIPS = ('<?xml version="1.0"?><Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships"><Relationship '
                  'Target="/3D/3dmodel.model" Id="r" Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/></Relationships>')
-OVER_MEMORY = 44 << 20  # what --memory does not count, as README.md of preprocess/ states
+OVER_MEMORY = 44 << 20  # memory that --memory does not count, as README.md of preprocess/ states
 
 
 def document(resources, build, unit="millimeter"):

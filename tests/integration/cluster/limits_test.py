@@ -1,4 +1,4 @@
-"""Limits of memory, threads and files that a user or a queue of jobs sets (ulimit): all works, or one sentence says what to raise."""
+"""Limits of memory, threads and files that a user or a queue of jobs sets (ulimit): all works, or one sentence names the limit to raise."""
 import os
 import pathlib
 import resource

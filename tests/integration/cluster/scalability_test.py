@@ -1,4 +1,4 @@
-"""The experiments of tests/scalability, small: that they run to their end and count what there is to count."""
+"""The experiments of tests/scalability, small: they run to their end and their counts are right."""
 import csv
 import json
 import pathlib
@@ -23,7 +23,7 @@ class Scalability(Case):
         self.walk = self.path("plant.path.json")
 
     def experiment(self, name, *arguments):
-        """The rows of what it wrote as CSV."""
+        """The rows of the CSV file that the experiment wrote."""
         table = self.path(name + ".csv")
         done = subprocess.run([str(SCRIPTS / name), self.scene, self.walk, "--size", "96x64", "--csv", table,
                                *map(str, arguments)], capture_output=True, text=True, timeout=2 * TIMEOUT_S)
@@ -90,7 +90,7 @@ class Scalability(Case):
         frames = path_of_frames(self.walk, range(FRAMES), self.path("frames.json"))
         said = self.must("quarry", "bench", "loading", self.scene, frames, "--mbit", "800", "--latency-ms", "0.1", "--json", table)
         rows = {row["loading"]: row for row in json.loads(pathlib.Path(table).read_text())}
-        # Each voxel that is touched comes once, whoever waits for it; of a mapped file, what is decoded.
+        # Each touched voxel is loaded once, however many rays wait for it; of a mapped file the decoded bytes count.
         self.assertGreater(rows["suspend"]["bytes"], 0)
         self.assertEqual(rows["suspend"]["bytes"], rows["wait"]["bytes"])
         if "skipped: userfaultfd" not in said.stdout:

@@ -1,4 +1,4 @@
-"""TLS between the programs: by a shared secret, by certificates, and what strangers can and cannot do."""
+"""TLS between the programs: by a shared secret, by certificates, and the limits of strangers."""
 import http.server
 import os
 import pathlib
@@ -17,7 +17,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).parents[3]))
 from tests.integration.programs import BIN, Case, end, main
 
 VIEW = ["--size", "256x192", "--mode", "whitted", "--quiet"]
-PATIENCE_S = 60  # for what must happen at some time
+PATIENCE_S = 60  # for events that must happen at some time
 
 
 class Security(Case):
@@ -238,7 +238,7 @@ class Strangers(Security):
             peer.shutdown(socket.SHUT_WR)
             garbage.append(peer)
         half = socket.create_connection((host, int(port)))
-        half.sendall(b"\x16\x03\x01\x02\x00\x01" if arguments else b"QUARRY\0\0")  # the beginning of what would be right
+        half.sendall(b"\x16\x03\x01\x02\x00\x01" if arguments else b"QUARRY\0\0")  # the beginning of a right greeting
         idle += [half] + [socket.create_connection((host, int(port))) for _ in range(100)]
         picture = self.picture("among-strangers", "--master", address, *arguments)
         self.assertEqual(picture, self.picture("alone"))
@@ -262,7 +262,7 @@ class Strangers(Security):
 
 
 class Wire:
-    """Between a client and the server at `address`: keeps what passes, both ways."""
+    """Between a client and the server at `address`: keeps the bytes that pass, both ways."""
 
     def __init__(self, address):
         host, port = address.split(":")
@@ -322,7 +322,7 @@ class Tokens(Case):
         self.url = f"http://127.0.0.1:{self.port}/plant.quarry"
 
     def tokens(self, of_master, of_worker):
-        """What the server heard."""
+        """The tokens that the server received."""
         self.heard.clear()
         master, address = self.start_master(self.scene, *of_master)
         worker = self.start_worker(address, "--http-header-file", self.token, *of_worker)

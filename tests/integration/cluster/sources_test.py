@@ -88,7 +88,7 @@ class Sources(Case):
         self.assertEqual(client.wait(timeout=TIMEOUT_S - 10), 0, client.stderr.read())
         self.assertTrue(self.frames(name) == self.reference, "other pictures than from one local cluster")
         frames = json.loads(pathlib.Path(self.path(name + ".json")).read_text())["frames"]
-        # What a master before this one had left in its spool has no times.
+        # Frames from the spool of an earlier master have no times.
         frames = [frame for frame in frames if not frame.get("from_spool")]
         return max(frames, key=lambda frame: frame["frame_start_s"] + frame["frame_wall_s"])
 

@@ -26,7 +26,7 @@ namespace {
 std::atomic<bool> over{false};
 std::atomic<int> connected{0};
 
-/// A socket whose every call gives up after a while; what it cannot do it leaves.
+/// A socket whose every call gives up after a while, without an error.
 class Peer {
  public:
   explicit Peer(uint16_t port) : fd_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {

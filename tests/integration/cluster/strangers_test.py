@@ -1,4 +1,4 @@
-"""What strangers can do to a master and a worker: memory, descriptors, jobs that are too large, workers that do not answer."""
+"""Attacks of strangers on a master and a worker: memory, descriptors, jobs that are too large, workers that do not answer."""
 import os
 import pathlib
 import re
@@ -88,7 +88,7 @@ class Strangers(Case):
         begin = time.monotonic()
         self.assertEqual(self.picture("among-strangers", "--master", address), plain)
         took = time.monotonic() - begin
-        time.sleep(max(0, 12 - took))  # what they do in the meantime counts too
+        time.sleep(max(0, 12 - took))  # their attacks in the meantime count too
         self.assertIsNone(master.poll())
         self.assertIsNone(worker.poll())
         voxels = self.info(self.scene)["voxels"]
@@ -146,7 +146,7 @@ class Strangers(Case):
                 client = subprocess.Popen([str(BIN / "quarry"), "render", self.scene, "-o", self.path("x.png"), *VIEW, "--master", address],
                                           stderr=subprocess.DEVNULL)
                 self.addCleanup(end, client)
-            # Who holds the tile when the master ends, and never answers.
+            # A worker that holds the tile when the master ends, and never answers.
             mute = self.strangers(address, 1, "mute")
             until = time.monotonic() + 20
             # The first try is noted before the job; a master that is killed between the two never had the job.

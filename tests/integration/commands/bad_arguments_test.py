@@ -1,4 +1,4 @@
-"""What people name on command lines, bad of every kind: JSON files, numbers. One sentence, before any work."""
+"""Bad arguments of every kind on command lines: JSON files, numbers. Each gets one sentence, before any work."""
 import os
 import pathlib
 import sys

@@ -1,4 +1,4 @@
-"""What a person meets at the command line: stores kept of models, refused and mistyped options, progress, statistics, logs."""
+"""The command line as a user meets it: stores kept of models, refused and mistyped options, progress, statistics, logs."""
 import fcntl
 import json
 import os
@@ -375,7 +375,7 @@ class Options(Case):
 
 
 class Sentences(Case):
-    """Each says what to do next."""
+    """Each sentence names the next step for the user."""
 
     def test_wrong_files(self):
         (self.folder / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
@@ -418,7 +418,7 @@ class Sentences(Case):
 
 class Progress(Case):
     def on_terminal(self, columns, *command):
-        """What a program writes to a terminal of that width."""
+        """A program's output to a terminal of that width."""
         master, slave = pty.openpty()
         fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
         process = subprocess.Popen(list(map(str, command)), stdin=slave, stdout=slave, stderr=slave, close_fds=True)

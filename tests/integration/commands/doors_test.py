@@ -1,5 +1,5 @@
-"""What people reported of other programs at the door: names, locales, limits, full disks, killed commands. Files are those of
-../shared/cases-2 where the case needs one; each is right or ends with one sentence."""
+"""Reports about other programs on names, locales, limits, full disks and killed commands. A case that needs a file takes it from
+../shared/cases-2; each is right or ends with one sentence."""
 import json
 import os
 import pathlib

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """The papers' laboratory, as a user runs it on small scenes: `quarry bench stream` and `quarry bench papers`, their tables, JSON and pictures,
-and one sentence for what cannot be.
+and one sentence for each impossible request.
 Usage: tests/integration/commands/laboratory_test.py   QUARRY_BIN: the programs, else build/release/bin"""
 import json
 import pathlib
@@ -63,7 +63,7 @@ class Laboratory(Case):
             self.assertGreater(len(picture), 5000)
 
     def check_shade_kernels(self, text, study):
-        """Table 1 has the shade kernels of each renderer, and the words of a run are those of the JSON."""
+        """Table 1 has the shade kernels of each renderer, and its words of a run equal the JSON's."""
         kernels = {cells[0]: cells for cells in ([cell.strip() for cell in line.split("|")[1:-1]] for line in text.split("## Table 2")[0].splitlines()
                                                  if line.startswith("| ")) if cells}
         self.assertNotIn("shadow", kernels)

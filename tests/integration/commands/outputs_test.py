@@ -1,4 +1,4 @@
-"""What is written never destroys what is there: inputs, files of another kind, devices, links; and a signal leaves nothing unsaid."""
+"""Outputs never destroy existing files: inputs, files of another kind, devices, links; and after a signal a sentence names the work that is left."""
 import hashlib
 import os
 import pathlib
@@ -31,7 +31,7 @@ SMALL = ["--size", "32x32", "--quiet"]
 
 
 def seen(path):
-    """What must stay as it is: kind, file and content."""
+    """The parts of a file that must stay the same: kind, inode and content."""
     info = os.lstat(path)
     content = hashlib.sha256(pathlib.Path(path).read_bytes()).hexdigest() if stat.S_ISREG(info.st_mode) else None
     return stat.S_IFMT(info.st_mode), info.st_ino, content

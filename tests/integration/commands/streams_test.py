@@ -22,7 +22,7 @@ class Streams(Case):
         self.scene = self.store(triangles=3000)
 
     def run_with(self, words, closed=(), full=(), gone=(), **options):
-        """Runs a program with descriptors closed, on a full disk, or on a pipe whose reader is gone: status, and what could be read."""
+        """Runs a program with descriptors closed, on a full disk, or on a pipe whose reader is gone: status, and the output that could be read."""
         def prepare():
             for fd in full:
                 os.dup2(os.open("/dev/full", os.O_WRONLY), fd)

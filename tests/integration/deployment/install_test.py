@@ -22,7 +22,7 @@ def run(*command, **options):
 
 
 class Installation(unittest.TestCase):
-    """A test of what has been installed into a folder."""
+    """Tests an installation in a folder."""
 
     @classmethod
     def setUpClass(cls):
@@ -149,7 +149,7 @@ class Services(Installation):
             with self.subTest(unit=name):
                 verified = run("systemd-analyze", "verify", "--man=no", unit)
                 self.assertEqual((verified.returncode, verified.stderr), (0, ""))
-                # In tenths: what is left is the network, which they are for.
+                # In tenths: the remaining exposure is the network, which the services need.
                 exposed = run("systemd-analyze", "security", "--offline=yes", "--threshold=15", unit)
                 self.assertEqual(exposed.returncode, 0, exposed.stdout + exposed.stderr)
 
@@ -171,7 +171,7 @@ class Services(Installation):
 
 
 class Readiness(Case):
-    """What systemd's Type=notify and LoadCredential= ask of a program."""
+    """Demands of systemd's Type=notify and LoadCredential= on a program."""
 
     def test_master_and_worker_say_when_they_are_ready(self):
         store = self.store("cornell", 1000)
@@ -207,7 +207,7 @@ class Readiness(Case):
             with self.subTest(folder=folder, mode=oct(mode)):
                 secret.chmod(mode)
                 environment = {**os.environ, **({"CREDENTIALS_DIRECTORY": str(folder)} if folder else {})}
-                # A trusted secret is read; then the address is what fails.
+                # A trusted secret is read; then the address fails.
                 done = self.run_program(*command, env=environment)
                 self.assertNotEqual(done.returncode, 0)
                 self.assertEqual("others than its owner may read this secret" not in done.stderr, trusted, done.stderr)

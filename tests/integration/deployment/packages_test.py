@@ -76,13 +76,13 @@ def bare_root():
 
 
 class BareRoot:
-    """A bare root with the package quarry and what it depends on, and the picture that the build renders."""
+    """A bare root with the package quarry and its dependencies, and the picture that the build renders."""
 
     def __init__(self, folder):
         self.folder, self.root, self.debs = folder, folder / "root", folder / "debs"
         self.root.mkdir()
         must("tar", "-C", self.root, "-xf", bare_root())
-        # What apt downloads is kept, and flushing each file to the disk would take most of the time.
+        # Downloads of apt are kept; and files are not flushed to the disk, which would take most of the time.
         (KEPT / "archives/partial").mkdir(parents=True, exist_ok=True)
         (self.root / "etc/apt/apt.conf.d/test").write_text(
             'APT::Keep-Downloaded-Packages "true";\nDpkg::Options:: "--force-unsafe-io";\nAcquire::Languages "none";\n'
@@ -95,7 +95,7 @@ class BareRoot:
         self.deb = {name: next(self.debs.glob(f"{name}_*.deb")).name for name in ("quarry", "quarry-bench", *["quarry-cad"] * (BIN / "quarry-import-cad").exists())}
         for name in self.deb.values():
             shutil.copy(self.debs / name, self.root / "root")
-        # What a machine that renders needs and no more.
+        # The packages that a machine needs for rendering, and no more.
         self.must(self.install)
         self.must(f"""quarry-scene {' '.join(SCENE)} -o m.ply --quiet; quarry-preprocess m.ply -o m.quarry --quiet
                       quarry render m.quarry -o inside.png {' '.join(PICTURE)} --workers 2""")

@@ -39,7 +39,7 @@ class Slurm(Case):
             subprocess.run([BIN / command[0], *command[1:]], cwd=cls.shared, check=True, timeout=3 * TIMEOUT_S)
 
     def tearDown(self):
-        """What a test that failed has left makes no other fail."""
+        """Ends the jobs and removes the folders that a failed test has left, so that no other test fails by them."""
         self.slurm.call("scancel", "--user=root")
         deadline = time.monotonic() + TIMEOUT_S / 2
         while self.slurm.call("squeue", "--noheader").stdout and time.monotonic() < deadline:
@@ -59,7 +59,7 @@ class Slurm(Case):
         return done
 
     def submit(self, *arguments):
-        """The job's number and what `quarry cluster` has printed."""
+        """The job's number and the output of `quarry cluster`."""
         done = self.quarry("cluster", "--slurm", *arguments)
         match = re.search(r"^job (\d+) ", done.stdout, re.M)
         self.assertTrue(match, done.stdout + done.stderr)
@@ -88,8 +88,8 @@ class Slurm(Case):
         self.wait_for(lambda: not self.slurm.call("squeue", "--noheader").stdout, "end", job)
 
     def start_again(self, job):
-        """Starts a job that waits again, at once. Slurm itself waits a while. Before its nodes are idle, what has ended of the last run would
-        end the next one too."""
+        """Starts a job in its second wait at once; Slurm itself would wait. First all nodes must be idle: a step of the last run that ends later
+        would end the next run too."""
         self.wait_for(lambda: self.slurm.states(job) == ["PENDING"], "second wait", job)
         self.wait_for(self.all_idle, "idle nodes", job)
         self.slurm.call("scontrol", "update", f"jobid={job}", "StartTime=now")
@@ -187,8 +187,8 @@ class Slurm(Case):
         self.nothing_is_left()
 
     def test_a_time_limit(self):
-        """The signal comes 15 s after the start, or later: Slurm looks twice a minute. What is left is done after the job is queued again.
-        Frames are many and cheap: on a busy machine too one is done before the signal, and on a fast one some are left."""
+        """The signal comes 15 s after the start, or later: Slurm looks twice a minute. The other frames are rendered after the job is queued again.
+        Frames are many and cheap: even a busy machine finishes a frame before the signal, and a fast machine leaves some frames."""
         frames = json.loads((self.shared / "walk.json").read_text())["frames"] * 480
         (self.shared / "long.json").write_text(json.dumps({"frames": frames}))
         job, _ = self.submit("-N", 1, "--time", 1, "--sbatch=--signal=B:TERM@45", "plant.quarry", "--", "-o", "limit.exr", *self.picture(8, "long.json"))

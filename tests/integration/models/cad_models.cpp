@@ -1,5 +1,5 @@
-// quarry-test-cad write MODEL PARTS SHAPES [UNIT]: writes an assembly, and what it holds as JSON.
-// quarry-test-cad read MODEL [LINEAR ANGLE]: imports a model, and writes the parts that came as JSON.
+// quarry-test-cad write MODEL PARTS SHAPES [UNIT]: writes an assembly, and prints its content as JSON.
+// quarry-test-cad read MODEL [LINEAR ANGLE]: imports a model, and prints the imported parts as JSON.
 
 #include <fmt/format.h>
 

@@ -30,7 +30,7 @@ def setUpModule():
 
 class Cad(Case):
     def written(self, name, parts, shapes, unit="MM"):
-        """An assembly that Open CASCADE writes. Returns its path and what it holds."""
+        """Lets Open CASCADE write an assembly. Returns its path and its content."""
         made = self.must("quarry-test-cad", "write", self.path(name), parts, shapes, unit)
         return self.path(name), json.loads(made.stdout.splitlines()[-1])
 

@@ -1,5 +1,5 @@
-"""What is guessed of a model (its up axis, its origin, what is framed, whether it is a room) stays when the file says the same in another way: doubled faces,
-reversed windings, another order, comments first, another scale, a stray point."""
+"""Guesses about a model (its up axis, its origin, the part in the frame, whether it is a room) stay when the file says the same in another way:
+doubled faces, reversed windings, another order, comments first, another scale, a stray point."""
 import copy
 import pathlib
 import random

@@ -18,7 +18,7 @@ FACES = [(1, 3, 4, 2), (5, 6, 8, 7), (1, 2, 6, 5), (3, 7, 8, 4), (1, 5, 7, 3), (
 
 
 class Plan(Case):
-    """`--plan` tells beforehand what a run then takes."""
+    """`--plan` predicts the figures of a run."""
 
     def plan(self, *arguments):
         self.must("quarry-preprocess", *arguments, "-o", self.path("x.quarry"), "--plan", "--quiet", "--stats", self.path("plan.json"))
@@ -119,7 +119,7 @@ NODE = """<node id="%s" name="%s"><translate>%s</translate><instance_geometry ur
 
 
 class Foreign(Case):
-    """What Quarry has no reader for, by way of Assimp."""
+    """Formats for which Quarry has no reader, by way of Assimp."""
 
     def expect_too_large(self):
         """More than the process may take."""
@@ -204,7 +204,7 @@ class Inputs(Case):
 
     @staticmethod
     def chunks_of_exr(path):
-        """What follows the header, which states the camera, and the table of places."""
+        """The bytes behind the header, which states the camera, and the table of places."""
         data = pathlib.Path(path).read_bytes()
         table = attributes_of(data)[1]
         return data[int.from_bytes(data[table:table + 8], "little"):]

@@ -1,4 +1,4 @@
-"""Odd and malformed files of other projects' parser tests, through the program; what they hold is checked by quarry-unit-tests "[odd]"."""
+"""Odd and malformed files of other projects' parser tests, through the program; quarry-unit-tests "[odd]" checks their content."""
 import os
 import pathlib
 import subprocess

@@ -1,4 +1,4 @@
-"""Runs of quarry-preprocess that end before their time, and what goes on from there."""
+"""Runs of quarry-preprocess that end early, and runs that go on from there."""
 import os
 import pathlib
 import random
@@ -14,7 +14,7 @@ KILLS = 20
 
 
 class Resume(Case):
-    """`--resume` finishes what was killed, with the same bytes, whatever the moment."""
+    """`--resume` finishes a killed run, with the same bytes, whatever the moment of the kill."""
 
     def setUp(self):
         super().setUp()
@@ -104,7 +104,7 @@ class Resume(Case):
                 self.must_be(whole)
 
     def test_a_kill_before_tidying_up(self):
-        """The store has its name, and the journal still speaks of what has become the store."""
+        """The store has its name, and the journal still names the file that has become the store."""
         self.make(1000000)
         whole = self.whole()
         run = self.start("--quiet", "--checkpoint", 0.1, "--threads", 1)
@@ -181,7 +181,7 @@ class Resume(Case):
             lay(content)
             self.must(*command)
             self.must_be(whole)
-        # What was synchronised is not there, though what it made superfluous may be gone: no loss of power does that.
+        # Synchronised bytes are missing, though the files that they replace may be gone: no loss of power does that.
         for content in (journal[:-1], journal[:len(journal) // 2] + b"?" + journal[len(journal) // 2 + 1:]):
             lay(content)
             done = self.run_program(*command)

@@ -1,4 +1,4 @@
-"""Images that models name, in the store: where they come from, what is wrong with them, the same bytes always."""
+"""Images that models name, in the store: their sources, their faults, the same bytes always."""
 import base64
 import json
 import os
@@ -48,7 +48,7 @@ def data_uri(content):
 
 
 class Stores(Case):
-    """Preprocesses, and keeps what was told."""
+    """Preprocesses, and keeps the printed text."""
 
     def preprocess(self, model, name, *arguments):
         store = self.path(name)
@@ -65,7 +65,7 @@ class Stores(Case):
         return stores.pop()
 
     def planned_and_made(self, model, *arguments):
-        """Bytes of the pages that --plan tells of, and of those that come."""
+        """Bytes of the pages that --plan predicts, and of the stored pages."""
         planned = self.path("plan.json")
         self.must("quarry-preprocess", model, "-o", self.path("x.quarry"), "--plan", "--quiet", "--stats", planned, *arguments)
         self.preprocess(model, "x.quarry", *arguments)
@@ -195,8 +195,8 @@ class Textures(Stores):
         self.assertGreater(plan["store_bytes"], plan["texture_stored_bytes"])
 
     def test_a_plan_samples_images(self):
-        """Some that shrink and some that do not, fewer and more than a plan decodes: of the pages that come, what was planned within a
-        fifth; one image cannot be read."""
+        """Images that shrink and images that do not, fewer and more than a plan decodes: the planned bytes of pages are within a fifth of the
+        stored bytes; one image cannot be read."""
         for images in (20, 60):
             materials = ""
             for i in range(images):
@@ -381,7 +381,7 @@ class Named(Stores):
 
 
 class CutOuts(Stores):
-    """What a texture of opacity makes of triangles."""
+    """Triangles with a texture of opacity."""
 
     def leaf(self, columns, visible, mode="MASK"):
         """A grid of columns squared squares, 4 to a texel each way, of which the columns of texels that `visible` names can be seen."""
@@ -413,7 +413,7 @@ class CutOuts(Stores):
             self.assertEqual(self.statistics["dropped_transparent_triangles"], 2 * columns * columns - kept)
             self.assertTrue(info["opacity_masks"])
             self.assertIn("that the textures of their opacity cut out all over", self.told)
-            # Ids stay those of the input.
+            # Ids are still the input's.
             self.assertGreaterEqual(info["stored_triangle_references"], kept)
 
     def test_opaque_textures_drop_nothing_and_stay_the_former_format(self):
@@ -498,7 +498,7 @@ class Resumed(Case):
             time.sleep(0.01)
         run.kill()
         run.wait()
-        # What the notes say is done is not looked at: the file is another one, as far as can be seen the same.
+        # Images that the notes call done are not read again: the file has other content, with the same name, size and time.
         path = self.folder / "0.png"
         told, content = path.stat(), path.read_bytes()
         other = self.large(77)[:len(content)].ljust(len(content), b"\0")

@@ -1,4 +1,4 @@
-"""The plant of two million triangles, from PLY to picture, within what is promised of memory, size and tree; larger ones by hand:
+"""The plant of two million triangles, from PLY to picture, within the promises of memory, size and tree; larger plants by hand:
 tests/bench/stores/preprocess."""
 import json
 import pathlib
@@ -11,7 +11,7 @@ TRIANGLES = 2_000_000
 POSITIONS_PLY = 20.18  # bytes a triangle of the plant's indexed binary PLY, positions only
 OVER_MEMORY = 44 << 20
 PER_VOXEL, WORKER, PER_THREAD = 400, 24 << 20, 4 << 20
-FORESIGHT = 16 << 20  # over --foresight: its thread, what it decodes, what it has foreseen; more pictures at once
+FORESIGHT = 16 << 20  # over --foresight: its thread, the blocks that it decodes, its forecasts; more pictures at once
 
 
 class TwoMillion(Case):

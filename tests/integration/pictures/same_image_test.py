@@ -1,4 +1,4 @@
-"""The same picture, bit for bit, whatever the workers, threads, caches and faults (design: what must always be true)."""
+"""The same picture, bit for bit, whatever the workers, threads, caches and faults (design: the invariants)."""
 import json
 import os
 import pathlib

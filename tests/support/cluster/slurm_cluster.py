@@ -36,7 +36,7 @@ def free_ports(count):
 
 
 class SlurmCluster:
-    """Nodes n1 to n4. `environment` is what Slurm's commands need."""
+    """Nodes n1 to n4. `environment`: the variables that Slurm's commands need."""
 
     def __init__(self, folder):
         self.folder = pathlib.Path(folder)

@@ -1,4 +1,4 @@
-"""Workers with a share of a core, by a cgroup (v1, root): what a live view makes of too little."""
+"""Workers with a share of a core, by a cgroup (v1, root), to starve a live view."""
 import contextlib
 import os
 import pathlib

@@ -8,7 +8,7 @@
 
 namespace quarry::test {
 
-/// A connection on which nothing happens. Tests override what they look at.
+/// A connection on which nothing happens. Tests override the functions that they observe.
 struct StillConnection : Connection {
   explicit StillConnection(std::string its_name = "there:1") : name(std::move(its_name)) {}
   void Start(OnMessage, OnClose) override {}

@@ -105,6 +105,6 @@ def textured_ply(folder, *_, columns=96):
     return folder / "textured.ply"
 
 
-# name -> (function of the folder, the programs' folder and the scenes' folder that gives the model's path, or nothing; what it needs)
+# name -> (function of the folder, the programs' folder and the scenes' folder that gives the model's path, or nothing; its needs)
 FILES = {"assembly": (assembly, "quarry-test-cad"), "draco-scan": (draco_scan, "dragon, or draco_encoder,"), "print": (print_3mf, ""),
          "textured": (textured_ply, "")}

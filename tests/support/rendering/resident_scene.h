@@ -70,7 +70,7 @@ class ResidentScene {
  private:
   std::unique_ptr<StoreReader> store_;
   std::vector<GuardedBytes> bytes_;
-  std::vector<std::vector<uint32_t>> masks_;  ///< of voxels; those of SetMasks()
+  std::vector<std::vector<uint32_t>> masks_;  ///< of voxels, as given to SetMasks()
   std::unique_ptr<SceneView> views_[4];       ///< 0: treelets
   uint64_t decoded_bytes_ = 0;
 };

@@ -146,8 +146,8 @@ class ObjectStore:
 
 
 class Proxy:
-    """A proxy for HTTP at http://127.0.0.1:PORT that sends every request on to `port` of this machine, whatever host it names. `targets`: what it was
-    asked for."""
+    """A proxy for HTTP at http://127.0.0.1:PORT that sends every request on to `port` of this machine, whatever host it names. `targets`: the
+    targets of its requests."""
 
     def __init__(self, port):
         self.targets = []
