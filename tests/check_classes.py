@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Checks that no class has too many methods. Usage: check_classes.py ROOT [--list]
-A method is a function that a class declares, constructors included; functions that are defaulted or deleted are none. With --list:
-prints every class with more than half of what it may have."""
+A method is a function that a class declares, constructors included, defaulted and deleted functions excluded. With --list: prints every
+class with more than half of the methods allowed."""
 import pathlib
 import re
 import sys
@@ -56,7 +56,7 @@ def is_method(statement):
 
 
 def methods(body):
-    """How many functions the body of a class declares. Bodies inside count as the end of what stands before them."""
+    """How many functions the body of a class declares. A body inside it ends the declaration in front of it."""
     count, start, place, depth = 0, 0, 0, 0
     while place < len(body):
         sign = body[place]

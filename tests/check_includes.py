@@ -13,7 +13,7 @@ MAY_INCLUDE = {
     "deploy": {"common", "deploy"},
     "tests": {"common", "preprocess", "worker", "master", "scenes", "deploy", "tests"},
 }
-# Inside folders: what files under a path must not include, and why.
+# Inside folders: includes that files under a path must not have, and the reasons.
 MUST_NOT = [
     ("common/kdtree/", r"boost/|openssl/|cuda|common/net/|common/protocol/", "kernels know no network and no CUDA header"),
     ("(?!common/kdtree/variants/|tests/)", r"common/kdtree/variants/", "programs never link the variants: only tests and benches include them"),
@@ -50,11 +50,11 @@ MUST_NOT = [
 ]
 # Asio, Beast and OpenImageIO take seconds a file: they stay out of headers altogether.
 HEAVY = re.compile(r"boost/asio|boost/beast|boost/process|OpenImageIO|nlohmann/json\.hpp|flatbuffers|CLI/")
-# What throws, or is lost in silence, when standard output or error cannot be written.
+# Calls that throw, or lose their text in silence, when standard output or error cannot be written.
 UNCHECKED = re.compile(r"fmt::print\(|std::(cout|cerr|clog|puts)\b")
 # But for the one stream that Beast's HTTP and WebSockets are made with: two files include it.
 MAY_BE_HEAVY = {"common/http/served_stream.h"}
-# What files under a path must not say, and why.
+# Names that files under a path must not use, and the reasons.
 MUST_NOT_SAY = [
     ("common/engine/(rays|sources|surfaces|film)/", r"RenderMode|\.mode\b", "a mode is a class of integrators, not a branch"),
 ]

@@ -11,7 +11,7 @@ for row in re.findall(r"^\| (.*) \| (.*) \|$", table, re.M)[1:]:
         name, _, cases = part.partition(": ")
         path = tests / name
         text = path.read_text() if path.is_file() else ""
-        # Names of Python's tests are listed; those of Catch2 may hold commas.
+        # A comma separates names of Python's tests; a name of Catch2's may hold commas.
         for case in cases.split(", ") if name.endswith("_test.py") else [cases]:
             named += 1
             # Catch2's names may be broken over lines.

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Runs clang-tidy (.clang-tidy) over sources, and the headers that they include. Usage: check_tidy.py ROOT BUILD [FOLDER...]
-Without folders: those that run in a cluster. All would take a test too long."""
+Without FOLDER: the folders of programs that run in a cluster, as all folders would take a test too long."""
 import concurrent.futures
 import json
 import os
@@ -17,7 +17,7 @@ SKIPPED = 77  # as tests/CMakeLists.txt says to ctest
 
 def separate_commands(build, folder):
     """Writes `build`'s compile_commands.json to `folder`, with an entry for each file of a unit of several (QUARRY_UNITY): each file is
-    checked alone, so that it must include what it uses."""
+    checked alone, so that it must include all that it uses."""
     entries = []
     for entry in json.loads((pathlib.Path(build) / "compile_commands.json").read_text()):
         unit = pathlib.Path(entry["file"])
@@ -30,7 +30,7 @@ def separate_commands(build, folder):
 
 
 def faults(build, source):
-    """What clang-tidy says of a source and of the project's headers that it includes; empty when nothing."""
+    """clang-tidy's findings in a source and in the project's headers that it includes; empty: none."""
     # Pragmas of g++ are no faults.
     done = subprocess.run(["clang-tidy", "-p", build, "--quiet", "--extra-arg=-Wno-unknown-pragmas", "--extra-arg=-Wno-unknown-warning-option", source],
                           stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

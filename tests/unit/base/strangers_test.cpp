@@ -13,7 +13,7 @@
 #include "tests/support/stores/voxel_blocks.h"
 #include "worker/sources/tcp_source.h"
 
-// What a program that listens takes from whoever connects, and for how long.
+// Limits of a listening program on strangers: bytes, connections and time.
 
 namespace quarry {
 namespace {
@@ -22,7 +22,7 @@ namespace asio = boost::asio;
 using asio::ip::tcp;
 using test::SharedCameras, test::SharedSources;
 
-/// A listener, and what comes to it.
+/// A listener, its connections and the count of their messages.
 struct Server {
   explicit Server(ListenerOptions options = {}) {
     listener = std::move(*Listener::Open(
@@ -150,7 +150,7 @@ TEST_CASE("A claimed size costs nothing, and what has come of messages is bounde
   }
   CHECK(server.Run([&] { return server.messages == 40; }));
   CHECK(PeakResidentBytes() - before < (14 << 20));  // the message itself, here, and forty beginnings
-  // Now they send on: the bytes that have come stay below what the listener takes, and small ones get in.
+  // Now they send on: the bytes received stay below the listener's limit, and small messages get in.
   for (size_t i = 0; i < 40; ++i) {
     tcp::socket& peer = server.peers[i];
     peer.non_blocking(true);
@@ -206,7 +206,7 @@ TEST_CASE("Where a listener has as many connections as it takes, idle ones go fo
   options.log = [&](const std::string& line) { log.push_back(line); };
   Server server(options);
   server.speaker = Speaker::kClient;
-  server.Stranger();  // who is no fetcher of blocks stays while it is not silent
+  server.Stranger();  // a peer that fetches no blocks stays while it is not silent
   server.speaker = Speaker::kVoxels;
   for (int i = 0; i < 20; ++i) server.Stranger();
   const auto open = std::ranges::count(server.closed, std::string());
@@ -242,7 +242,7 @@ TEST_CASE("A server that sends more than a block is lost", "[strangers]") {
 
 namespace {
 
-/// A source that answers at once, and counts what it has been asked for.
+/// A source that answers at once, and counts its requests.
 struct CountingSource final : VoxelSource {
   size_t asked = 0;
   void Fetch(BlockKey, Done done) override {
@@ -273,7 +273,7 @@ TEST_CASE("Blocks are read only as others take them, and who takes none holds up
   uint64_t queued = 0;
   for (const auto& c : server.connections) queued += c->queued_bytes();
   CHECK(queued <= BlockService::kMostBytes);
-  // Nobody reads; one who does gets all that it wants, those that hold it up being dropped meanwhile.
+  // Nobody reads. A peer that does read gets all its blocks; peers that hold it up are dropped meanwhile.
   tcp::socket& reader = server.Stranger();
   for (uint32_t b = 0; b < kWanted; ++b)
     REQUIRE(service

@@ -66,8 +66,8 @@ struct Fixture {
   std::optional<StoreReader> store;
 };
 
-/// What `say` returns in a process of its own, to which the system gives no more than `more_bytes` beyond
-/// what it has.
+/// The return value of `say` in a process of its own, to which the system gives at most `more_bytes` of
+/// further memory.
 template <class Say>
 std::string WithLittleMemory(uint64_t more_bytes, Say say) {
   std::array<int, 2> pipe{};

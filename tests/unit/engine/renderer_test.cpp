@@ -143,7 +143,7 @@ TEST_CASE("A lattice renders the pixels in the middle of its squares", "[rendere
 }
 
 TEST_CASE("An integrator of one's own is given to the renderer from outside", "[renderer]") {
-  /// Its radiance is the distance of what is seen.
+  /// Its radiance is the distance of the visible surface.
   class Distances final : public Integrator {
    public:
     Needs needs() const override { return {}; }

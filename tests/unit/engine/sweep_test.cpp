@@ -82,7 +82,8 @@ TEST_CASE("Blocks without room beside each other come one by one, in the sweep's
     cache.Publish(block, std::move(resident));
   };
   publish(Hot(1));
-  // Not before the rays that waited for it have been there, and said what they want next.
+  // No block is next before the rays that waited for this block have visited it and asked for their next
+  // blocks.
   CHECK_FALSE(cache.NextToPublish().any);
   CHECK_FALSE(cache.NextToPublish().block.has_value());
   REQUIRE(mailbox.Take(false) == std::vector<BlockKey>{Hot(1)});
@@ -93,7 +94,7 @@ TEST_CASE("Blocks without room beside each other come one by one, in the sweep's
   CHECK(mailbox.Take(false).empty());
   CHECK(wants == before + 1);
   CHECK(cache.NextToPublish().block == Hot(2));
-  // It has not been asked for, and goes before those that have.
+  // Block 2 has not been requested yet, and is ahead of the requested blocks.
   CHECK(cache.TurnToLoad() == Hot(2));
   CHECK_FALSE(cache.TurnToLoad().has_value());
 }

@@ -26,7 +26,7 @@ constexpr float kLidHeight = 5;
 
 float HeightOf(int pane) { return 1 + 0.1f * static_cast<float>(pane); }
 
-/// A floor; with `panes`, what hangs over it.
+/// A floor; with `panes`, also the panes and the lid above it.
 StoreReader MakeStore(const TemporaryFolder& folder, bool panes) {
   const std::string name = panes ? "panes" : "floor";
   std::ofstream(folder.file("glass.mtl"))

@@ -106,7 +106,7 @@ TEST_CASE("Memory got beforehand is used first") {
     std::ranges::fill(bytes, static_cast<std::byte>(number));
     f.cache.Unpin(block);
   }
-  // The rest of the budget is the last page's; who is in the middle leaves its own alone.
+  // The last page holds the rest of the budget; a buffer cut from the middle keeps to its own page.
   for (uint32_t number = 3; number < 20; ++number) REQUIRE(f.Load(test::VoxelBlock(number)));
   CHECK(f.cache.TryPin(2_b) == nullptr);
   CHECK(f.cache.counters().bytes <= 3 * kPage + kBlock);

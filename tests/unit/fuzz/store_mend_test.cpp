@@ -22,7 +22,7 @@ TEST_CASE("A store whose checksums are mended is looked at for what it says") {
     test::WriteFile(changed, bad);
     past += test::FaultOf(changed).find("checksum") == std::string::npos;
   }
-  // All but those of which the place of a section or block has changed.
+  // All changes pass the checksums, except changes to the place of a section or block.
   CHECK(past > good.size() / 37 * 95 / 100);
   std::vector<char> same = good;
   fuzz::MendStore(std::as_writable_bytes(std::span(same)));

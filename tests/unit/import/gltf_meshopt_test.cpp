@@ -157,7 +157,7 @@ void CheckGrid(const std::string& mode) {
   CHECK(text.warnings.empty());
 }
 
-/// A square with normals, and what else `change` makes of it. Views: positions, normals, indices.
+/// A square with normals, changed by `change`. Views: positions, normals, indices.
 template <class Change>
 Builder Square(Change&& change) {
   Builder b;

@@ -9,7 +9,7 @@ using namespace quarry;
 
 namespace {
 
-/// One node that shows a square, and what else `change` makes of it.
+/// One node that shows a square, changed by `change`.
 template <class Change>
 Builder Square(Change&& change) {
   Builder b;

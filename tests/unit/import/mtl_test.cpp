@@ -102,7 +102,7 @@ TEST_CASE("MTL: glass", "[import][mtl]") {
   const Material half = One(model + "d 0.75\nTf 0.5 1 1\nKd 0.8 0.8 0.8");
   CHECK(half.transmittance == glm::vec3(0.5f, 1, 1));
   CHECK(One(model + "d 0.75").transmittance == glm::vec3(0.25f));
-  CHECK(half.diffuse.x == Approx(0.8f));  // Tf says by itself what passes
+  CHECK(half.diffuse.x == Approx(0.8f));  // Tf alone states the light that passes
   CHECK(One(model + "d 0.75\nKd 0.8 0.8 0.8").diffuse.x == Approx(0.6f));
   CHECK(One(model + "Ni 0.5").ior == 1.0f);
 }

@@ -30,7 +30,7 @@ std::optional<fs::path> ScenesFolder() {
 }
 
 struct Expectation {
-  std::string error;       ///< What its sentence must contain; empty if the file is to be read.
+  std::string error;       ///< Text that its sentence must contain; empty if the file is to be read.
   uint64_t triangles = 0;  ///< Where the table's script counts otherwise.
 };
 
@@ -49,7 +49,7 @@ const std::map<std::string, Expectation> kDifferent = {
     {"tinyobjloader/line-prim.obj", {kEmpty}},
     {"tinyobjloader/points-prim.obj", {kEmpty}},
     {"tobj/lines.obj", {kEmpty}},
-    // Faces that refer to what is not there.
+    // Faces that refer to absent vertices or coordinates.
     {"tinyobjloader/invalid-relative-texture-index.obj",
      {", line 2: \"-2\" in a face reaches before the first"}},
     {"tinyobjloader/invalid-relative-vertex-index.obj",

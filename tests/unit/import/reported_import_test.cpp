@@ -1,4 +1,4 @@
-// What people reported of other programs: files that readers refuse, or read otherwise than they are meant.
+// Files from reports about other programs, whose readers refuse them or read them wrongly.
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <cstring>

@@ -155,7 +155,7 @@ struct Document {
     put(buffer.size());
     return out + std::string("BIN\0", 4) + buffer;
   }
-  /// The document as it is imported, with what lies beside it.
+  /// Imports the document, with the files beside it.
   RecordingSink Import(const TemporaryFolder& folder) {
     RecordingSink sink;
     const Status status = ImportModel(folder.Write("m.glb", Glb()), sink);

@@ -54,8 +54,8 @@ bool IsWhole(const Polygon& polygon, const std::vector<Triangulator::Triangle>& 
   return std::ranges::all_of(edges, [](const auto& e) { return e.second == 0; });
 }
 
-/// As many triangles as it has corners less two, none turned over, together as large as the polygon: of those
-/// that do not turn over and fit edge to edge that means that none overlaps.
+/// Checks that the triangles are as many as the corners less two, that none is turned over, and that their
+/// area is the polygon's. Triangles that are not turned over and fit edge to edge then do not overlap.
 void CheckCovers(const Polygon& polygon) {
   const auto triangles = TrianglesOf(polygon);
   REQUIRE(triangles.size() == polygon.size() - 2);

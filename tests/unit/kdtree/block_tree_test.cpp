@@ -1,4 +1,4 @@
-// The trees of blocks, which are decoded in one pass, against what is made of them node by node.
+// The trees of blocks, which are decoded in one pass, against trees converted node by node.
 #include <catch2/catch.hpp>
 #include <cstring>
 #include <random>

@@ -48,7 +48,7 @@ Security WithSecret(char fill, bool server) {
   return *security;
 }
 
-/// One end of a connection and what has come to it.
+/// One end of a connection, and the messages received there.
 struct End {
   ConnectionPtr connection;
   std::vector<Message> messages;
@@ -66,8 +66,7 @@ struct End {
   }
 };
 
-/// A listener and those who connect to it; each side on an io_context of its own, so that one can stand
-/// still.
+/// A listener and connections to it; each side on an io_context of its own, so that one side can stand still.
 struct Network {
   explicit Network(Security security) {
     auto opened = Listener::Open(server_io, {"127.0.0.1", 0}, security, [this](ConnectionPtr c) {
@@ -217,7 +216,7 @@ TEST_CASE("A connection that is closed goes, though nobody runs its io_context a
     Connect(io, {"127.0.0.1", network.listener->port()}, {}, [&](Result<ConnectionPtr> c) {
       REQUIRE(c.has_value());
       watched = *c;
-      // Held by itself, as by who waits for its answers.
+      // Its own handlers hold it, as in a program that waits for answers.
       (*c)->Start([c = *c](const Message&) {}, [c = *c](const Error&) {});
     });
     while (watched.expired()) io.run_one();

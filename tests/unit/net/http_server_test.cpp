@@ -44,7 +44,7 @@ using ErrorCode = boost::system::error_code;
 using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 
-constexpr auto kPatience = 20s;  // for what must come; far more than any needs
+constexpr auto kPatience = 20s;  // for events that must happen; far more than any needs
 
 double Since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
@@ -59,7 +59,8 @@ bool Eventually(Condition condition) {
   return true;
 }
 
-/// A server on a thread of its own. It answers each path with itself, and WebSockets with what they say.
+/// A server on a thread of its own. It answers each path with the path, and each message of a WebSocket with
+/// the same message.
 class Served {
  public:
   explicit Served(HttpServerOptions options = {}, HttpServer::Handlers handlers = {}) {
@@ -182,7 +183,7 @@ class Client {
     REQUIRE_FALSE(Send(text));
     return Receive(head);
   }
-  /// Waits for the server to close. Returns: what it sent before.
+  /// Waits for the server to close. Returns: the bytes that it sent before.
   std::string Rest() {
     std::string rest = beast::buffers_to_string(buffer_.data());
     ErrorCode error;
@@ -679,7 +680,7 @@ TEST_CASE("A WebSocket's end is told once, whether the browser says goodbye or v
   CHECK_THAT(served.closed(),
              Contains("127.0.0.1:") && (Contains("closed the connection") || Contains("is gone")));
   const auto socket = served.socket();
-  // Sending to what is gone does nothing.
+  // Sending to a closed socket does nothing.
   served.On([&] {
     socket->SendText("late");
     socket->Close();

@@ -1,4 +1,4 @@
-// Imports that are killed at every checkpoint give what one gives that nothing disturbs.
+// Imports killed at every checkpoint give the results of an undisturbed import.
 
 #include <fmt/format.h>
 
@@ -18,7 +18,7 @@
 namespace quarry {
 namespace {
 
-constexpr uint32_t kSide = 110;  // vertices along one side of a grid: several times what makes a sink look up
+constexpr uint32_t kSide = 110;  // vertices along one side of a grid: enough for several look-ups of a sink
 
 uint32_t At(uint32_t x, uint32_t y) { return y * kSide + x; }
 
@@ -190,7 +190,7 @@ void WriteThreeMf(const std::string& path) {
   Write(path, Zip(ThreeMfParts(ThreeMfModel(objects, build))));
 }
 
-/// What a store is made of.
+/// The records and counts from which a store is made.
 struct Outcome {
   std::vector<std::string> records, parts, warnings;
   std::vector<Material> materials;
@@ -357,7 +357,7 @@ TEST_CASE("The pages in memory, and what may still be loaded, are the same after
       QUARRY_TRY(sink.AddPosition(glm::dvec3(vertex % 1024, vertex / 1024, vertex % 7), Rgba8{}));
     }
     for (; face < kFaces; ++face) {
-      if (face % 1001 == 0) QUARRY_TRY(look());  // out of step with what else is counted
+      if (face % 1001 == 0) QUARRY_TRY(look());  // out of step with other counts
       Corner corners[4];                         // crossing, most of them
       for (uint32_t k = 0; k < 4; ++k)
         corners[k].position = (face / 3 * 2654435761u + (face % 5 == 0 ? k * 4000037u : k)) % kVertices;

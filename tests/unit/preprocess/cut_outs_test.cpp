@@ -167,7 +167,7 @@ TEST_CASE("Masks state no more than every texel that lookups touch, and little l
   }
   CHECK(stated > 2000);
   CHECK(mixed > 500);
-  CHECK(needless * 20 < mixed);  // what points do not meet, or lies within the slack
+  CHECK(needless * 20 < mixed);  // texels between the sampled points, or within the slack
 }
 
 TEST_CASE("Texels at borders of tiles and far coordinates are judged right", "[texture]") {

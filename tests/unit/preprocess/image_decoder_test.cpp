@@ -114,7 +114,7 @@ TEST_CASE("Images of the formats that are read", "[texture][decoder]") {
         std::ofstream(path + ".glb", std::ios::binary)
             << std::string(1001, 'x') << ReadText(path) << std::string(500, 'y');
         image.file = path + ".glb";
-        if (path.ends_with(".tga")) continue;  // nothing in it tells what it is
+        if (path.ends_with(".tga")) continue;  // its bytes do not name its format
       }
       const Decoded decoded = Decode(decoder, image);
       REQUIRE(decoded.error == "");
@@ -128,7 +128,8 @@ TEST_CASE("Images of the formats that are read", "[texture][decoder]") {
         if (!decoded.facts.real) return static_cast<double>(decoded.rows[i]);
         float real;
         std::memcpy(&real, &decoded.rows[i * 4], 4);
-        // Colours of EXR are multiplied by alpha: what was written has been divided.
+        // The colours written are multiplied by alpha, as EXR has them; the decoded colours are divided by
+        // it.
         const size_t last = i | 3;
         if (kind.channels < 4 || i == last) return static_cast<double>(real) * 255;
         float alpha;
@@ -168,7 +169,7 @@ TEST_CASE("Colours come without alpha, also where a format or its reader has mul
   REQUIRE(decoded.facts.channels == 4);
   const int wanted[] = {200, 100, 50, 128, 10, 20, 30, 255, 100, 0, 200, 64, 40, 80, 120, 200};
   REQUIRE(decoded.rows.size() == 16);
-  // Two roundings of what was multiplied to 8 bits.
+  // Colours multiplied by alpha are rounded to 8 bits, and again after the division.
   for (size_t i = 0; i < 16; ++i)
     CHECK(std::abs(static_cast<int>(decoded.rows[i]) - wanted[i]) <= (i % 4 == 3 ? 0 : 255 / wanted[i | 3]));
 
@@ -283,7 +284,7 @@ TEST_CASE("A decoder that finds no end is ended, and the run with it", "[texture
   std::ofstream(program) << "#!/bin/sh\nkill -XCPU $$\n";
   std::filesystem::permissions(program, std::filesystem::perms::owner_all);
   ImageDecoder circling({program, 1 << 20});
-  // Its first answer never comes, but what ended it is known.
+  // Its first answer never arrives, but the cause of its end is known.
   CHECK(
       Decode(circling, ImageIn(folder.file("a.png"))).error.find("took its decoder more than ten minutes") !=
       std::string::npos);

@@ -72,7 +72,7 @@ TEST_CASE("Pruned trees are small enough and lose no triangle") {
     CHECK(lost == 0);
     CHECK(twice == 0);
   }
-  // What costs nothing goes even where there is room.
+  // Splits whose removal costs nothing are removed even where there is room.
   KdTree tree = whole;
   PruneKdTree(tree, kCube.cell, SahCosts{.byte = 0.02f}, ~size_t{0});
   CHECK(tree.nodes.size() < whole.nodes.size());

@@ -15,7 +15,7 @@
 namespace quarry {
 namespace {
 
-/// Packs well: what a triangle's record is like.
+/// Packs well, as a triangle's record does.
 struct Element {
   uint32_t number;
   uint32_t same[11];
@@ -89,7 +89,7 @@ TEST_CASE("Spill files give back what was appended, packed or not, written here 
         }
         Element beyond;
         CHECK_FALSE(file->Read(kCount, std::as_writable_bytes(std::span(&beyond, 1))).has_value());
-        // Another process finds it; what it gave back is gone, and what follows that is not.
+        // Another process finds the file; a part given back is gone, and the part behind it is not.
         SpillFile left = SpillFile::Left(path, sizeof(Element), kCount);
         CHECK(WrongIn(left, 0, kCount) == 0);
         const auto room = [&] {

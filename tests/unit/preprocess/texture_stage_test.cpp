@@ -166,7 +166,7 @@ TEST_CASE("Images that a checkpoint has are not carried again", "[texture]") {
   again.Renumber(materials, *writer);
   REQUIRE(materials[0].textures.size() == 3);
   CHECK((materials[0].textures[0].texture == 0 && materials[0].textures[1].texture == 1));
-  CHECK(materials[0].textures[2].texture == 0);  // its texels are those of the first
+  CHECK(materials[0].textures[2].texture == 0);  // its texels equal the first texture's
   CHECK_FALSE(TextureStage(images, decoding, 1, warn).Restore(std::span(checkpoints[0]).first(20), textures));
 }
 

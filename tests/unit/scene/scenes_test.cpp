@@ -79,7 +79,7 @@ Collect Draw(const Scene& scene) {
   return collect;
 }
 
-/// What a header claims and what the file holds.
+/// The counts that a header claims and the content of the file.
 struct Ply {
   explicit Ply(const fs::path& path) : bytes(Contents(path)) {
     std::istringstream in(bytes);

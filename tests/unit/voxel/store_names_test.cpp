@@ -23,7 +23,7 @@ using test::TemporaryFolder;
 
 constexpr uint64_t kMiB = 1 << 20;
 
-/// A store in memory whose last section may be followed by zeros that take no memory. Counts what is read.
+/// A store in memory whose last section may be followed by zeros that take no memory. Counts the bytes read.
 class MemoryFile final : public RandomAccessFile {
  public:
   struct Counts {

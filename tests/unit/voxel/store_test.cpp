@@ -172,7 +172,7 @@ TEST_CASE("Whoever reads a damaged block is told that another try is no use") {
 
 TEST_CASE("A store whose directory lies of where voxels are is found out") {
   const TemporaryFolder folder;
-  // What is wrong with a store of two voxels, of which the first was changed before it was written.
+  // The fault found in a store of two voxels, of which the first was changed before it was written.
   const auto fault = [&](auto change, std::vector<KdNode> top) {
     auto writer = StoreWriter::Create(folder.file("s"));
     REQUIRE(writer.has_value());
@@ -194,7 +194,8 @@ TEST_CASE("A store whose directory lies of where voxels are is found out") {
              Catch::Contains("lies where it cannot"));
   CHECK_THAT(fault([&](EncodedVoxel& v) { v.bounds_lower.z = nan; }, leaf),
              Catch::Contains("lies where it cannot"));
-  // Decoded sizes that so large a block cannot have, and the least that it can, which are not what it has.
+  // A decoded size too small for the block's stored size, and the least possible size, which is not the true
+  // one.
   const auto decodes_to = [](uint32_t less) {
     return [=](EncodedVoxel& v) { v.hot_decoded = (static_cast<uint32_t>(v.hot.size()) - 15) / 2 - less; };
   };

@@ -17,7 +17,7 @@ using namespace std::chrono_literals;
 using test::CacheScene;
 using test::kPlenty;
 
-/// A supply and what it says.
+/// A supply and its log.
 struct Supplied {
   CacheInventory inventory;
   std::vector<std::string> log;

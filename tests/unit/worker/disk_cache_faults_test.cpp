@@ -32,7 +32,7 @@ using test::HeldBy;
 using test::kPlenty;
 using Scene = test::CacheScene;
 
-/// Runs `work` in a process of its own, which ends with what it returns.
+/// Runs `work` in a process of its own, which ends with its return value as status.
 template <class Work>
 pid_t InChild(Work&& work) {
   const pid_t pid = ::fork();
@@ -101,7 +101,7 @@ TEST_CASE("A writer killed at any time leaves nothing half and nothing behind") 
   std::vector<Bytes> bytes;
   for (const BlockKey b : scene.blocks) bytes.push_back(scene.store->ReadBlock(b).value());
   const std::vector<uint32_t> numbers = scene.catalog().NumbersOf(scene.blocks);
-  // It lives through all of this: what is its own stays.
+  // This process lives throughout: its own files stay.
   int ready[2], end[2];
   REQUIRE((::pipe2(ready, O_CLOEXEC) == 0 && ::pipe2(end, O_CLOEXEC) == 0));
   const pid_t living = InChild([&] {

@@ -26,8 +26,8 @@ using test::Patient;
 using Scene = test::ServedScene;
 using Then = FaultServer::Then;
 
-/// The error of fetching block 0 from a server that answers the requests for blocks with `fault`, and those
-/// of the check rightly.
+/// The error of fetching block 0 from a server that answers requests for blocks with `fault`, and requests of
+/// the check rightly.
 Error FaultOfBlock(
     const std::function<FaultServer::Answer(const FaultServer::Request&, const std::string&)>& fault,
     double seconds = 60) {

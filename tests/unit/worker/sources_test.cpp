@@ -26,7 +26,7 @@ Catalog MakeCatalog(uint32_t voxels) {
   return catalog;
 }
 
-/// Does what the test says: answers, at once or after 0.02 s, fails, damages or stays silent.
+/// Behaves by its mood: answers, at once or after 0.02 s, fails, damages, refuses or stays silent.
 class FakeSource final : public VoxelSource {
  public:
   enum class Mood { kAnswers, kIsSlow, kFails, kDamages, kRefuses, kSilent };
@@ -303,7 +303,7 @@ TEST_CASE("Stored blocks go least recently used first, unused prefetched ones be
   const size_t before = asked.size();
   get(0);
   CHECK(asked.size() == before);
-  // Who asks for what is being prefetched shares the answer.
+  // A request for a block that is being prefetched shares the answer.
   CHECK(cache.Prefetch(30_b, [] {}));
   get(30);
   CHECK(asked.size() == before + 1);

@@ -57,7 +57,7 @@ struct Viewer {
   std::vector<DueFrame> frames;
   uint64_t inputs = 0;
   double now_s = 100;
-  uint64_t tile_us = 200;  ///< what workers say that a tile took
+  uint64_t tile_us = 200;  ///< time of a tile, as reported by workers
   bool acknowledges = true, works = true;
 };
 

@@ -9,7 +9,7 @@
 #include "tests/support/rendering/looking.h"
 #include "tests/support/rendering/row_scene.h"
 
-// A browser that does not read what it is sent.
+// A browser that does not read its messages.
 
 namespace quarry {
 namespace {

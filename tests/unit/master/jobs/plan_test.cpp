@@ -38,7 +38,7 @@ TEST_CASE("Footprint gives tiles to who holds their blocks, whoever rendered the
   for (uint32_t t = 0; t < 4; ++t) {
     f.blocks[t] = {10 * t, 10 * t + 1};
     f.in.tiles[t].last_owner = t < 2 ? 1 : 2;
-    f.holds[t < 2 ? 1 : 0].Set(10 * t, true);  // the view has moved: what 1 rendered is with 2
+    f.holds[t < 2 ? 1 : 0].Set(10 * t, true);  // the view has moved: worker 2 holds 1's blocks
   }
   CHECK(Plan(f.in, SchedulingPolicy::kLastOwner) == std::vector<uint32_t>{1, 1, 2, 2});
   CHECK(Plan(f.in, SchedulingPolicy::kFootprint) == std::vector<uint32_t>{2, 2, 1, 1});
@@ -201,7 +201,7 @@ TEST_CASE("A spool gives back jobs and frames, and leaves other scenes' and dama
     CHECK(*spool->ReadFrame(id, job, 1) == image);
     CHECK_FALSE(spool->ReadFrame(id, job, 0).has_value());
     std::ofstream(folder + "/" + id + "/0040.png.tmp-1") << "half";
-    // A job that a master was killed while beginning or removing; and what is not the master's.
+    // A job whose master was killed while it began or removed the job; and a folder that is not the master's.
     for (const char* name : {"/0123456789abcdef", "/of somebody else"}) {
       std::filesystem::create_directory(folder + name);
       std::ofstream(folder + name + "/0003.png") << "x";

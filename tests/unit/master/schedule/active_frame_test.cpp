@@ -24,14 +24,14 @@ struct Cluster {
   }
 };
 
-/// Who each tile is planned for.
+/// The worker that each tile is planned for.
 std::vector<uint32_t> Planned(const ActiveFrame& frame) {
   std::vector<uint32_t> workers;
   for (const TileView& tile : frame.MakeSnapshot({}, 0).tiles) workers.push_back(tile.owner);
   return workers;
 }
 
-/// All tiles rendered by who is planned for them, each having touched the block of its own number, 10 away.
+/// Renders every tile by its planned worker; each tile touches the block of its own number, 10 away.
 void Render(ActiveFrame& frame) {
   const auto owners = Planned(frame);
   for (uint32_t t = 0; t < owners.size(); ++t) {
@@ -72,17 +72,17 @@ TEST_CASE("A frame under way is planned with what those before it are to bring")
   ActiveFrame shown(1, view, nullptr);
   cluster.Plan({&shown}, nullptr, PlanNews::kFrames);
   Render(shown);
-  // Nobody holds anything now: who gets a tile of the second frame follows from the first one's plan alone.
+  // Nobody holds anything now: the second frame's owners follow from the first frame's plan alone.
   ActiveFrame first(2, view, &shown), second(3, view, &first);
-  // Worker 2 has what every odd tile of the first touches.
+  // Worker 2 has the block that every odd tile of the first touches.
   for (uint32_t b = 1; b < shown.owners().size(); b += 2) cluster.holds[2].Set(b, true);
   cluster.Plan({&first, &second}, &shown, PlanNews::kFrames);
   const auto of_first = Planned(first), of_second = Planned(second);
   CHECK(std::set<uint32_t>(of_first.begin(), of_first.end()) == std::set<uint32_t>{1, 2});
   size_t alike = 0;
   for (size_t t = 0; t < of_first.size(); ++t) alike += of_first[t] == of_second[t];
-  CHECK(alike >= of_first.size() - 4);  // with what the first brings it costs nothing; but all are levelled
-  // By itself it goes by what is there.
+  CHECK(alike >= of_first.size() - 4);  // free, as the first brings the blocks; but costs are levelled
+  // A frame alone is planned by the blocks held.
   ActiveFrame alone(4, view, &shown);
   for (uint32_t b = 0; b < of_first.size(); ++b) cluster.holds[of_first[b] == 1 ? 2 : 1].Set(b, true);
   cluster.Plan({&alone}, &shown, PlanNews::kFrames);

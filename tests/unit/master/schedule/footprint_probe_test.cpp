@@ -49,7 +49,7 @@ TEST_CASE("Frames are probed in the order in which they are wanted, and forgotte
     CHECK((*first)[t].blocks == std::vector<uint32_t>{0, 2, 4, 5});
     CHECK((*second)[t].blocks == std::vector<uint32_t>{4, 5, 6});
   }
-  // What is known stays known while it is wanted.
+  // A known footprint stays known while it is wanted.
   probe.Want({{"j", 1, back}, {"j", 2, front}});
   CHECK(probe.Find("j", 1) == second);
   CHECK(probe.Find("j", 0) == nullptr);

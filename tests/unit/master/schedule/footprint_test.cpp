@@ -42,7 +42,7 @@ TEST_CASE("A tile's blocks follow what it saw when the camera turns") {
     CHECK(std::find(same[t].blocks.begin(), same[t].blocks.end(), t) != same[t].blocks.end());
     CHECK(same[t].cost_s == Approx(0.5).epsilon(0.1));
   }
-  // To the right: what was in the middle moves to the left of the image; at the right edge nothing is known.
+  // To the right: the middle of the image moves to the left; at the right edge nothing is known.
   const View turned = Looking({0, 0, 0}, {3, 10, 0});
   const auto next = Predict(before, turned, before.tiles, nullptr);
   bool seen_left = false;

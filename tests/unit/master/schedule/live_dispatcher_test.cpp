@@ -177,7 +177,7 @@ TEST_CASE("Tiles of a worker that is lost or late go to another one", "[live]") 
     site.RunAll();
   }
   SECTION("late") {
-    // The first worker keeps what it gets.
+    // The first worker keeps its orders.
     std::vector<test::LiveCluster::Ordered> kept;
     for (site.dispatcher().Assign(0); !site.cluster.orders.empty(); site.dispatcher().Assign(0.1)) {
       if (site.cluster.orders.front().worker == 1) {

@@ -20,7 +20,7 @@ TEST_CASE("What tiles take beside tracing and decoding is the rest of the time i
   CHECK(overhead.seconds() == Approx(0.5));
   overhead.Decoded(3);
   CHECK(overhead.seconds() == Approx(0.5));
-  overhead.Decoded(1);  // a worker has gone, with what it had decoded
+  overhead.Decoded(1);  // a worker has left, with its decoded blocks
   CHECK(overhead.seconds() == Approx(0.5));
   overhead.Decoded(10);  // more than there was
   CHECK(overhead.seconds() == 0);
