@@ -38,7 +38,7 @@ struct MaterialLibrary {
   std::vector<Material> materials;
   std::vector<std::string> parts;
   std::vector<std::vector<Image>> images;  ///< of each material; may be shorter than the materials
-  std::vector<std::string> left_out;       ///< what the model holds and the library cannot: "animations", say
+  std::vector<std::string> left_out;       ///< contents that the library cannot hold, such as "animations"
 };
 
 /// Writes the same JSON piece by piece, for writers whose part names do not fit in memory. Not thread-safe.
