@@ -31,7 +31,7 @@ struct LiveViewOptions {
 /// thread-safe.
 class PreparingPage {
  public:
-  /// `progress_file`: what the maker of the scene writes to. Errors: as LocalCluster::Start().
+  /// `progress_file`: the file to which the maker of the scene writes. Errors: as LocalCluster::Start().
   static Result<std::unique_ptr<PreparingPage>> Start(const std::string& scene,
                                                       const LiveViewOptions& options,
                                                       const std::string& progress_file);

@@ -10,7 +10,7 @@ namespace quarry {
 /// lie in "OUTPUT.work" and in a folder of that name in tmp_folder. Continues an earlier run if
 /// options.resume says so; killed, it leaves these folders for the next run.
 /// Memory: at most options.memory and the overhead in README.md, "Limits". Thread safety: one run a process.
-/// Errors: a sentence with the file and what to do.
+/// Errors: a sentence with the file and the remedy.
 Result<PreprocessStatistics> Preprocess(const PreprocessOptions& options);
 
 }  // namespace quarry

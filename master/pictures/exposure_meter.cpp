@@ -47,7 +47,7 @@ void AddMeteredPoints(std::span<const std::byte> pixels, std::span<const Materia
   };
   for (Pixel p; pixels.size() >= sizeof p; pixels = pixels.subspan(sizeof p)) {
     std::memcpy(&p, pixels.data(), sizeof p);
-    if (p.coverage == 0) continue;  // what is put behind the picture is not exposed
+    if (p.coverage == 0) continue;  // the backdrop is not exposed
     const auto& [r, g, b] = p.color;
     const bool surface = std::isfinite(p.depth);
     points.push_back({0.2126f * r + 0.7152f * g + 0.0722f * b, std::max({r, g, b}), surface,

@@ -28,8 +28,8 @@ struct WorkerState {
   uint32_t tiles = 0;  ///< finished
   Conduct conduct;
 
-  /// Tiles that the worker may have at once: the number it wants, within what its threads can use; a bounded
-  /// number before its first result, and one tile while it is doubtful.
+  /// Tiles that the worker may have at once: the number that it wants, within the number that its threads can
+  /// use; a bounded number before its first result, and one tile while it is doubtful.
   /// `any_proven`: another worker has finished tiles, so this one is not needed to make a start.
   uint32_t Credit(bool any_proven) const;
   bool proven() const { return tiles > 0 && !conduct.doubtful(); }
@@ -69,8 +69,8 @@ class Dispatcher {
   void AddWorker(WorkerState& worker) { workers_[worker.id] = &worker; }
   /// Ends the worker's leases. Its tiles go to other workers.
   void RemoveWorker(uint32_t id);
-  /// Ends the worker's lease of a tile that it has not begun, which goes to another worker. Ignores what it
-  /// does not hold.
+  /// Ends the worker's lease of a tile that it has not begun. The tile goes to another worker. Ignores a
+  /// lease that the worker does not hold.
   void GiveBack(uint32_t worker, FrameId frame, uint64_t lease);
   /// Plans all frames anew: workers have come, gone, become ready, or hold another cache.
   void PlanForWorkers() { MakePlans(PlanNews::kWorkers); }

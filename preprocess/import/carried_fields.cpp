@@ -14,7 +14,7 @@ namespace {
 
 constexpr size_t kMostNames = 64, kMostLetters = 64;  // of a kind, of a name
 
-// The fields that are carried, or that say nothing about what is seen. A star stands for a number.
+// The fields that are carried, or that do not change pictures. A star stands for a number.
 constexpr std::string_view kPlyElements[] = {"vertex", "face", "tristrips"};
 constexpr std::string_view kPlyVertex[] = {"x",           "y",
                                            "z",           "nx",

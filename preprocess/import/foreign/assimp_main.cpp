@@ -210,7 +210,7 @@ const aiVector3D* UvsOf(const aiMesh& mesh, const std::vector<uint32_t>& channel
   return mesh.mTextureCoords[has ? channel : 0];
 }
 
-/// What the scene holds and the store does not carry.
+/// The scene's contents that the store does not carry.
 std::vector<std::string> LeftOut(const aiScene& scene) {
   bool bones = false, colors = false;
   for (unsigned i = 0; i < scene.mNumMeshes; ++i) {

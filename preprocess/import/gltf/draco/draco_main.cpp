@@ -24,7 +24,7 @@
 namespace quarry {
 namespace {
 
-constexpr uint64_t kOwnBytes = 32u << 20;  // buffers, and what malloc keeps
+constexpr uint64_t kOwnBytes = 32u << 20;  // buffers, and malloc's reserve
 constexpr rlim_t kMostSecondsOfMesh = 600;
 constexpr size_t kPieceBytes = 1 << 20;
 
