@@ -20,7 +20,7 @@ namespace quarry {
 /// The live view of a local cluster's master.
 struct LiveViewOptions {
   std::string address;                   ///< HOST:PORT
-  std::vector<std::string> viewer_urls;  ///< by which browsers come through a proxy
+  std::vector<std::string> viewer_urls;  ///< that browsers use through a proxy
   std::string token_file;
   std::string view_memory = "256M";  ///< as ParseSize() reads it
   std::string tls_cert, tls_key;     ///< PEM files toward browsers; empty: no TLS

@@ -147,7 +147,7 @@ void Server::Refuse(const ConnectionPtr& c, const std::string& sentence) {
   Lose(c, sentence);
 }
 
-/// Without a sentence to the peer, which may come back.
+/// The peer gets no sentence: it may connect again.
 void Server::Lose(const ConnectionPtr& c, const std::string& why) {
   c->Close();
   OnGone(c, Error{fmt::format("{} is dropped: {}", c->peer(), why)}, true);

@@ -73,7 +73,7 @@ struct HttpTimes {
   double request_s = 10;         ///< from a request's first byte to the end of its headers
   double idle_s = 60;            ///< for a connection without a request
   double answer_s = 30;          ///< for the peer to take an answer, and a file more
-  double socket_silence_s = 30;  ///< for a WebSocket from which nothing comes; a ping goes each half of it
+  double socket_silence_s = 30;  ///< for a silent WebSocket; a ping is sent each half of it
   double closing_s = 5;          ///< for the end of a WebSocket
 };
 

@@ -28,8 +28,8 @@ void OpenStandardDescriptors() {
     if (::fcntl(fd, F_GETFD) < 0) (void)::open("/dev/null", kModes[fd]);  // takes the lowest number, `fd`
 }
 
-/// The sentence of the exception that is being handled. `known`: whether it tells of the machine's limits
-/// rather than of an error of Quarry's own.
+/// The sentence of the exception that is being handled. `known`: whether a limit of the machine caused it,
+/// rather than an error of Quarry's own.
 std::string ExceptionText(bool& known) {
   known = true;
   try {

@@ -32,7 +32,7 @@ struct MaterialLibrary {
   struct Image {
     std::string file;          ///< as the library names it
     std::string name;          ///< for people; empty: `file`
-    uint32_t coordinates = 0;  ///< the set of texture coordinates by which it goes
+    uint32_t coordinates = 0;  ///< the set of texture coordinates that it uses
     TextureBinding binding;    ///< without the texture's number
   };
   std::vector<Material> materials;

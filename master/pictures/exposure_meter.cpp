@@ -12,8 +12,8 @@
 namespace quarry {
 namespace {
 
-/// Linear value that the logarithmic mean of surfaces comes to: a light grey, since a picture of a model
-/// should show its shape rather than a mood.
+/// Linear value of the logarithmic mean of exposed surfaces: a light grey, since a picture of a model should
+/// show its shape rather than a mood.
 constexpr double kKey = 0.3;
 /// Of so many points one may be clipped.
 constexpr size_t kClippedOf = 128;

@@ -54,9 +54,9 @@ class FrameSource {
 };
 
 /// Gives tiles of frames to workers: begins frames, plans which worker renders which tile, leases tiles,
-/// takes results in, and notices workers that answer nothing. No socket, no clock, no thread: events and the
-/// time come in, tiles to send go out. The master and the simulator (tests/scalability) drive the same class.
-/// Units: seconds of any clock that does not go back; bytes as stored. Not thread-safe.
+/// takes results in, and notices workers that answer nothing. No socket, no clock, no thread: callers give
+/// events and the time, and get tiles to send. The master and the simulator (tests/scalability) drive the
+/// same class. Units: seconds of any clock that does not go back; bytes as stored. Not thread-safe.
 class Dispatcher {
  public:
   /// `block_bytes`: stored bytes of each block. `first_id`: the first frame's; later frames count up.

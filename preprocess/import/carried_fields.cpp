@@ -62,7 +62,7 @@ constexpr std::string_view kGltfMembers[] = {
 constexpr std::string_view kGltfMaterial[] = {
     "name",           "extensions", "extras",      "pbrMetallicRoughness", "normalTexture", "emissiveTexture",
     "emissiveFactor", "alphaMode",  "alphaCutoff", "doubleSided"};
-// The reader knows which TEXCOORD_n a material goes by.
+// The reader knows which TEXCOORD_n a material uses.
 constexpr std::string_view kGltfAttribute[] = {"POSITION", "NORMAL", "COLOR_0", "JOINTS_*", "WEIGHTS_*"};
 
 struct Carried {

@@ -22,8 +22,8 @@ struct BorderNormal {
   uint32_t corner() const { return hash_corner & 3; }
 };
 
-/// Corners of one pass over a region are those whose position has this share of hashes: so a pass takes the
-/// same memory whatever the region.
+/// The share of hashes of positions whose corners one pass over a region takes, so that a pass takes the same
+/// memory whatever the region.
 struct HashShare {
   uint32_t pass = 0, passes = 1;
 

@@ -77,7 +77,7 @@ QUARRY_HOST_DEVICE inline uint64_t JoinBits(const typename L::Mask* masks) {
   return bits;
 }
 
-/// Takes from the hits of group g those up to the rays' lower bounds.
+/// Removes the hits of group g up to the rays' lower bounds.
 template <class L>
 QUARRY_HOST_DEVICE inline void DropPassed(const PacketRays<L>& p, uint32_t g, typename L::Int triangle,
                                           TriangleHit<L>& found) {
