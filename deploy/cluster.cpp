@@ -64,7 +64,7 @@ class Child {
     return child_.running(ignored);
   }
   bool ReadLine(std::string& line) { return static_cast<bool>(std::getline(out_, line)); }
-  /// What ended it: its own last message, or the signal. Requires: !Running().
+  /// The reason for its end: its own last message, or the signal. Requires: !Running().
   Error Why(const std::string& name) {
     if (const std::string signal = SignalThatEnded(); !signal.empty())
       return Error{fmt::format("{} was {}", name, signal)};
@@ -150,7 +150,7 @@ struct LocalWorker {
   std::string name;
   std::vector<std::string> arguments;
   std::unique_ptr<Child> child;  ///< none while it waits to be started again
-  Error why;                     ///< what ended it last
+  Error why;                     ///< the reason for its last end
   std::string end;               ///< the signal that ended it last
   bool gave_up = false;          ///< not started again
   int deaths = 0;                ///< one soon after the other
@@ -163,7 +163,7 @@ struct LocalWorker {
     started = Clock::now();
   }
 
-  /// Decides what follows its end. `most_deaths`: one soon after the other, beyond which it stays ended.
+  /// Decides whether and when it starts again. `most_deaths`: after more deaths in a row it stays ended.
   void OnEnded(int most_deaths, const std::function<void(const std::string&)>& say) {
     // Deaths that lie further apart are no series; waits between them double up to the longest.
     constexpr auto kApart = std::chrono::seconds(60), kLongest = std::chrono::seconds(10);
@@ -207,7 +207,7 @@ Result<std::unique_ptr<LocalCluster>> LocalCluster::Start(const Options& options
       for_all.insert(for_all.end(), {name.flag, value});
   const auto remote = Flags(options.remote);
   for_all.insert(for_all.end(), remote.begin(), remote.end());
-  // Workers fetch from the server themselves. What the command names they may send tokens to.
+  // Workers fetch from the server themselves. They may send tokens to a server that the command names.
   const auto source = IsRemote(options.scene) ? std::vector<std::string>{"--source", options.scene}
                                               : std::vector<std::string>{};
   const auto with = [&](std::vector<std::string> arguments) {

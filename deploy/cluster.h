@@ -20,7 +20,7 @@ namespace quarry {
 /// The live view of a local cluster's master.
 struct LiveViewOptions {
   std::string address;                   ///< HOST:PORT
-  std::vector<std::string> viewer_urls;  ///< by which browsers come through a proxy
+  std::vector<std::string> viewer_urls;  ///< that browsers use through a proxy
   std::string token_file;
   std::string view_memory = "256M";  ///< as ParseSize() reads it
   std::string tls_cert, tls_key;     ///< PEM files toward browsers; empty: no TLS
@@ -31,7 +31,7 @@ struct LiveViewOptions {
 /// thread-safe.
 class PreparingPage {
  public:
-  /// `progress_file`: what the maker of the scene writes to. Errors: as LocalCluster::Start().
+  /// `progress_file`: the file to which the maker of the scene writes. Errors: as LocalCluster::Start().
   static Result<std::unique_ptr<PreparingPage>> Start(const std::string& scene,
                                                       const LiveViewOptions& options,
                                                       const std::string& progress_file);

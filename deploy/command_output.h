@@ -7,7 +7,7 @@
 
 namespace quarry {
 
-/// What a command has written, and how it ended.
+/// The output of a command, and its exit status.
 struct CommandOutput {
   int status = 0;
   std::string out, err;

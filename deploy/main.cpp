@@ -68,7 +68,7 @@ int BecomeProgram(const ProgramCommand& command, char** argv) {
   return ExitStatus(Fail(fmt::format("cannot run {}: {}", path, ErrnoText(errno))));
 }
 
-/// Runs `quarry bench WHAT ...` as the program quarry-bench-WHAT beside this program.
+/// Runs `quarry bench NAME ...` as the program quarry-bench-NAME beside this program.
 int RunBench(int argc, char** argv) {
   const std::string what = argc > 2 ? argv[2] : "--help";
   const std::vector<std::string> benches = Benches();

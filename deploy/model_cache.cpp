@@ -78,7 +78,7 @@ bool IsAsRecorded(const Json& input) {
     const auto found = input.find(key);
     return found != input.end() && *found == value;
   };
-  // The second time cannot be set: it tells of a file that was changed and given its old time.
+  // The second time cannot be set: it shows that a file was changed and given its old time.
   return there->get<bool>() && is("bytes", static_cast<uint64_t>(info.st_size)) &&
          is("changed_ns", Nanoseconds(info.st_mtim)) && is("status_changed_ns", Nanoseconds(info.st_ctim));
 }

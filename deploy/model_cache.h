@@ -42,8 +42,8 @@ struct KeptStore {
   bool finished = true;
 };
 
-/// The kept stores, least recently used first: what has a record of ours beside it. Errors: the folder cannot
-/// be listed.
+/// The kept stores, least recently used first: the stores with a record of ours beside them. Errors: the
+/// folder cannot be listed.
 Result<std::vector<KeptStore>> ListKeptStores();
 
 /// Removes stores, least recently used first, until the cache folder holds at most `most` bytes. A process

@@ -59,7 +59,7 @@ Status CheckOutputs(const RenderArguments& a, const RenderJob& job,
   return {};
 }
 
-/// What a client must know of the store. It is looked at only where the camera is left to the scene.
+/// The facts about the store that a client needs. They are read only where the scene gives the camera.
 Result<SceneSummary> SummaryOf(const RenderArguments& a, const std::string& store) {
   QUARRY_ASSIGN(const HttpOptions http, ReadRemoteArguments(a.remote));
   QUARRY_ASSIGN(StoreReader reader, OpenStore(store, http));
@@ -123,7 +123,7 @@ RunTimes TimesOf(const nlohmann::ordered_json& frames, double wall_s, double sta
   return t;
 }
 
-/// What the user sees at the end: the picture's facts, and the run's.
+/// The text that the user sees at the end: facts about the picture and about the run.
 std::string Summary(const RenderArguments& a, const RenderJob& job, const nlohmann::ordered_json& frames,
                     const RunTimes& t) {
   const View& view = job.view;

@@ -265,7 +265,7 @@ void AddViewOptions(CLI::App& c, RenderArguments& a) {
   c.add_option("--write-view", a.write_view, "Write the (first) picture's view to this file, for --view");
 }
 
-/// What --help says of --spp: the modes that have more than one sample by default.
+/// The text of --help on --spp: the modes that have more than one sample by default.
 std::string DefaultSamples() {
   std::map<uint32_t, std::vector<std::string>> by_count;
   for (const RenderModeInfo& mode : kRenderModeInfo) by_count[mode.default_spp].emplace_back(mode.name);

@@ -118,7 +118,7 @@ void OpenBrowser(const PrivateFolder& folder, const std::string& url) {
   }).detach();
 }
 
-/// What a signal leaves to say: how the view comes back.
+/// The line that a signal prints: the command that shows the view again.
 std::string GoesOn(const ViewArguments& a) {
   return fmt::format("the live view has ended; quarry view {}{}{} shows it again", a.scene,
                      a.http.empty() ? "" : " --http " + a.http,

@@ -21,7 +21,7 @@
 namespace quarry {
 namespace {
 
-/// What is written, decided before any work.
+/// Checks the files that are to be written, before any work.
 Status CheckOutputs(const MasterOptions& options, const SecurityOptions& security,
                     const std::string& token_file) {
   OutputGuard guard(OutputGuard::Force::kNotOffered);
@@ -45,8 +45,8 @@ Result<std::string> ReadToken(const std::string& path) {
   return std::string(AsText(secret));
 }
 
-/// Where the scene is, as a command names it from any folder. What stands behind "?" in an address may be a
-/// signature, which viewers do not get.
+/// The scene's place, as a command can name it from any folder. Cuts off the text behind "?" in an address:
+/// it may be a signature, which viewers do not get.
 std::string StoreForPeople(const std::string& scene) {
   if (IsRemote(scene)) return scene.substr(0, scene.find('?'));
   std::error_code error;

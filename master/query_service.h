@@ -28,7 +28,7 @@ class QueryService {
 
   /// Sends the answer, at once or when it is known.
   void Answer(const std::shared_ptr<Connection>& client, const Query& query);
-  /// Gives what is known of the scene as JSON, at once or when it is known.
+  /// Gives the facts about the scene as JSON, at once or when they are known.
   void Describe(std::function<void(const Result<std::string>&)> then);
 
  private:

@@ -118,7 +118,7 @@ Status Server::Run() {
   return {};
 }
 
-/// What the pictures need that viewers save.
+/// The service that renders the pictures that viewers save.
 SavedPictures::JobService Server::ForViewers() {
   return {[this](const ConnectionPtr& c, JobRequest request) { return jobs_.Ask(c, std::move(request)); },
           // A viewer does not come back for a picture: its job need not wait for it.
@@ -147,7 +147,7 @@ void Server::Refuse(const ConnectionPtr& c, const std::string& sentence) {
   Lose(c, sentence);
 }
 
-/// Without a sentence to the peer, which may come back.
+/// The peer gets no sentence: it may connect again.
 void Server::Lose(const ConnectionPtr& c, const std::string& why) {
   c->Close();
   OnGone(c, Error{fmt::format("{} is dropped: {}", c->peer(), why)}, true);
@@ -305,7 +305,7 @@ void Server::Farewell() {
   AwaitWords(std::move(peers), Now());
 }
 
-/// Ends once the peers have what was sent to them, frames among it, or do not take it.
+/// Ends once the peers have taken all messages sent to them, frames included, or do not take them in time.
 void Server::AwaitWords(std::vector<ConnectionPtr> peers, double since_s) {
   constexpr double kOftenS = 0.05, kLeastS = 0.3, kMostS = 5;
   const auto waits = [](const ConnectionPtr& c) { return c->queued_bytes() > 0; };

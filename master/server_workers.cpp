@@ -4,7 +4,7 @@
 
 #include "master/server.h"
 
-// What a Server does with its workers' messages.
+// How a Server handles its workers' messages.
 
 namespace quarry {
 
@@ -84,7 +84,7 @@ Status Server::OnRayDone(WorkerRecord& worker, const Message& m) {
   return {};
 }
 
-/// It is given no tile more. Those that it has begun may still come.
+/// The worker gets no more tiles. Results of tiles that it has begun may still arrive.
 Status Server::OnWorkerLeaves(WorkerRecord& worker, const Message& m) {
   QUARRY_ASSIGN(const Leave leave, DecodeLeave(m.table));
   for (size_t i = 0; i < leave.frames.size(); ++i)

@@ -24,7 +24,7 @@ struct WorkerRecord : WorkerState {
   std::set<FrameId> frames_told;
   bool has_scene = false;  ///< it has confirmed the catalog, so it can be told of other workers
 
-  /// `port`: at the host that the connection comes from; 0: it serves no blocks.
+  /// `port`: at the connection's host; 0: it serves no blocks.
   void SetServesAt(uint16_t port);
 };
 

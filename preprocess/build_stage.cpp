@@ -97,7 +97,7 @@ Status BuildStage::Run() {
   });
 }
 
-/// Reads what opacity textures say of triangles, if a region is still to be built.
+/// Reads the opacity of triangles from textures, if a region is still to be built.
 Status BuildStage::ReadCutOuts() {
   const std::string path = work_.spill_folder() + "/cut-outs";
   std::error_code none;
@@ -353,7 +353,7 @@ Status BuildStage::SaveBuilt(bool now) {
     checkpoint.PutArray(std::span(writer_->directory()).subspan(saved_voxels_, subtree.voxels));
     checkpoint.PutArray(std::span(writer_->logical()).subspan(2 * saved_voxels_, 2 * subtree.voxels));
     checkpoint.Put(dropped_[saved_regions_]);
-    checkpoint.Put<uint8_t>(writer_->has_masks());  // what comes later will be built again, with its masks
+    checkpoint.Put<uint8_t>(writer_->has_masks());  // later regions are built again, with their masks
     QUARRY_TRY(work_.Add(CheckpointKind::kBuilt, checkpoint.Take()));
     files_->file(saved_regions_).Remove();
     if (borders_) borders_->files()[saved_regions_].Remove();

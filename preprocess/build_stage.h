@@ -68,7 +68,7 @@ class BuildStage {
   CutOuts cut_outs_;
   TextureStage textures_;
   std::optional<StoreWriter> writer_;
-  StoreProgress stored_;              ///< what an earlier run has written of the store
+  StoreProgress stored_;              ///< the part of the store that an earlier run has written
   std::vector<TopSubtree> subtrees_;  ///< of the regions partitioned so far
   std::vector<uint64_t> dropped_;     ///< transparent triangles of each, counted once a scene
   uint64_t emitted_ = 0;              ///< triangles in voxels, copies counted

@@ -32,7 +32,7 @@ class ImportStage {
   Progress& progress_;
   SpillSink sink_;
   uint32_t models_ = 0;     ///< read to the end
-  std::string identities_;  ///< of those models and the current one, a line each
+  std::string identities_;  ///< of these models and the current one, a line each
   Clock::time_point saved_at_ = Clock::now();
 };
 

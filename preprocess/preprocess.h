@@ -8,9 +8,9 @@ namespace quarry {
 
 /// Makes a scene store of one or several models. Nothing is at `output` unless it succeeds; meanwhile files
 /// lie in "OUTPUT.work" and in a folder of that name in tmp_folder. Continues an earlier run if
-/// options.resume says so; killed, it leaves these folders for the next run.
+/// options.resume is set; a run that is killed leaves these folders for the next.
 /// Memory: at most options.memory and the overhead in README.md, "Limits". Thread safety: one run a process.
-/// Errors: a sentence with the file and what to do.
+/// Errors: a sentence with the file and the remedy.
 Result<PreprocessStatistics> Preprocess(const PreprocessOptions& options);
 
 }  // namespace quarry

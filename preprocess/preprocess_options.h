@@ -22,7 +22,7 @@ struct PreprocessOptions {
   unsigned threads = 1;
   uint32_t voxel_size = 256u << 10;  ///< bytes of a decoded hot block, at most
   uint32_t up_axis = 0;              ///< 1 for y, 2 for z; 0: guessed from the triangles and `up_habit`
-  UpHabit up_habit;                  ///< what else is known of it
+  UpHabit up_habit;                  ///< further evidence about the up axis
   double scale = 1;
   /// Crease angle in degrees: up to it, triangles without normals meet smoothly. 0: nothing is smoothed.
   double crease = 30;

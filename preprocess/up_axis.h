@@ -10,10 +10,10 @@ namespace quarry {
 /// it), 2 where all state z (3MF), else 0. Thread-safe.
 uint32_t StatedUpAxis(const std::vector<std::string>& models);
 
-/// What is known of the up axis beside the triangles, as evidence that UpEvidence() weighs: positive for y.
+/// Evidence about the up axis beside the triangles, which UpEvidence() weighs: positive for y.
 struct UpHabit {
   double formats = 0;   ///< most OBJ files are exported with y up, most STL files with z: decides a toss
-  double comments = 0;  ///< what their comments say, or the programs that wrote them do
+  double comments = 0;  ///< of their comments, or of habits of the programs that wrote them
   std::string format;   ///< the name of the one format that has a habit; else empty
 
   double evidence() const { return comments != 0 ? comments : formats; }

@@ -31,10 +31,10 @@ struct SavedCheckpoint {
 /// leaves them on a failure or signal, and the signal's line names them. Movable. Thread safety: none.
 class WorkFolder {
  public:
-  /// `spill`: the folder for large files; empty: OUTPUT.work. `command`: what the store depends on, as lines
-  /// "NAME VALUE". `resume`: continue, instead of beginning anew. `goes_on`: tells the user how to continue.
-  /// Errors: cannot be written; the journal was begun by another command (the sentence names the first line
-  /// that differs).
+  /// `spill`: the folder for large files; empty: OUTPUT.work. `command`: the settings that the store depends
+  /// on, as lines "NAME VALUE". `resume`: continue, instead of beginning anew. `goes_on`: tells the user how
+  /// to continue. Errors: cannot be written; the journal was begun by another command (the sentence names the
+  /// first line that differs).
   static Result<WorkFolder> Open(const std::string& output, const std::string& spill,
                                  const std::string& command, bool resume, const std::string& goes_on);
   WorkFolder(WorkFolder&& other) noexcept;

@@ -315,7 +315,7 @@ Status Session::OnRay(const Message& m) {
   return {};
 }
 
-/// A master that is reached again numbers rays anew, so it gets no hits of those that it gave before.
+/// A master numbers rays anew after a reconnection, so it gets no hits of rays that it gave before.
 void Session::SendHit(const RayOrder& order, const std::weak_ptr<Connection>& to,
                       const RenderedTile& result) {
   const auto connection = to.lock();

@@ -35,15 +35,16 @@ void TellIfLeft(const std::string& path, const std::string& left);
 /// ignored where it is (nohup). SIGPIPE and SIGXFSZ do nothing: writes report the error.
 void InstallSignalHandlers(const std::string& program, const std::string& kept);
 
-/// Makes the first SIGTERM a request: it ends nothing, and the descriptor that is returned becomes readable.
-/// A second one, half a second later or more, ends the program as InstallSignalHandlers() says, which must
-/// have been called: who ends a group of processes may send several at once. Requires: one call. Returns: -1
-/// when the process can open no descriptor; then each SIGTERM ends the program.
+/// Makes the first SIGTERM a request: the program goes on, and the returned descriptor becomes readable. A
+/// SIGTERM at least half a second later ends the program as InstallSignalHandlers() says. Earlier ones are
+/// ignored: a program that ends a group of processes may send several at once. Requires: one call, after
+/// InstallSignalHandlers(). Returns: -1 when the process can open no descriptor; then each SIGTERM ends the
+/// program.
 int AwaitTermination();
 /// From now on each SIGTERM ends the program.
 void AwaitTerminationNoMore();
 
-/// Removes what is registered, and ends the process at once, without destructors.
+/// Removes the registered files and folders, and ends the process at once, without destructors.
 [[noreturn]] void EndAtOnce(int status);
 
 /// Replaces the text `kept` of InstallSignalHandlers(). Requires: only few calls, and one thread that calls.

@@ -62,7 +62,7 @@ class JsonValue {
   /// Errors: not a string.
   Result<std::string> Text() const;
 
-  /// Makes the error that says `what` is wrong with this value.
+  /// Makes the error about this value: the file, the value's place in it, then `what`.
   tl::unexpected<Error> Wrong(const std::string& what) const;
 
  private:

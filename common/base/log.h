@@ -15,7 +15,7 @@ std::string Printable(std::string_view text);
 std::string PrintableName(std::string_view text);
 
 /// Writes `text`, made printable, and the end of the line to standard error, by one write(2): lines of
-/// several threads and processes do not mix. What cannot be written is lost (a full disk, a closed
+/// several threads and processes do not mix. Text that cannot be written is lost (a full disk, a closed
 /// descriptor, a reader that is gone): the program goes on. Never throws; blocks as write(2) does.
 /// Thread-safe.
 void Log(std::string_view text) noexcept;
@@ -24,12 +24,12 @@ void LogRaw(std::string_view text) noexcept;
 
 /// Writes `text`, made printable, to standard output, buffered: results for a person. Names of strangers in
 /// it, which may hold ends of lines, go through PrintableName() before.
-/// Returns: false once something could not be written; what follows is then lost, and may be left out.
+/// Returns: false once something could not be written; later text is then lost, and callers may leave it out.
 /// Never throws. Thread-safe.
 bool Print(std::string_view text) noexcept;
 /// The same for programs: JSON, scripts. The text is written as it is.
 bool PrintRaw(std::string_view text) noexcept;
-/// Writes what Print() holds back. Returns: false as Print().
+/// Writes the text that Print() has buffered. Returns: false as Print().
 bool FlushOutput() noexcept;
 /// Whether all output was written, at the end of a program. A reader that has seen enough (`| head`) is no
 /// error. Errors: standard output cannot be written, and why.

@@ -104,7 +104,8 @@ std::string OneSpelling(const std::string& path) {
   return error ? path : whole.string();
 }
 
-/// What tells a file from all others, also from one that takes over its inode when it is deleted.
+/// The facts that tell a file from all others, also from a file that takes over its inode after it is
+/// deleted.
 struct FileIdentity {
   uint64_t device = 0, inode = 0;
   int64_t born_s = 0, born_ns = 0;  ///< 0 where the file system does not tell

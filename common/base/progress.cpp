@@ -52,7 +52,7 @@ void Progress::Write(uint64_t done, uint64_t total) {
   nlohmann::ordered_json j{{"step", phase_},
                            {"done", static_cast<double>(done) / static_cast<double>(total)}};
   j["eta_s"] = left_s < 0 ? nlohmann::ordered_json() : nlohmann::ordered_json(left_s);
-  // Who reads it sees it again soon.
+  // An error is ignored: readers look at the file again, and it is soon rewritten.
   (void)WriteFileAtomically(
       file_, AsBytes(j.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n"));
 }

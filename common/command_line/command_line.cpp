@@ -34,7 +34,7 @@ size_t Distance(const std::string& a, const std::string& b) {
   return above[b.size()];
 }
 
-/// The command whose arguments were being parsed, and what a person types to get there.
+/// The command whose arguments were being parsed, and the words that a person types to reach it.
 struct Place {
   CLI::App* command;
   std::string words;
@@ -68,7 +68,7 @@ std::string Suggestion(const std::string& text, std::span<const std::string> can
   return nearest.empty() ? "" : fmt::format("; did you mean {}?", nearest);
 }
 
-/// What was typed and fits nowhere, in one sentence; empty when there is none.
+/// A sentence about the typed words that fit nowhere; empty when there are none.
 std::string Unknown(const Place& place) {
   std::vector<std::string> left = place.command->remaining();
   if (left.empty()) return "";

@@ -12,8 +12,8 @@ class App;
 namespace quarry {
 
 /// Parses the arguments of a program whose app bears its name. --help and --version are answered on standard
-/// output, what is wrong in one sentence on standard error: with the program's name, and, where an option or
-/// a command is mistyped, with the one that comes nearest.
+/// output. An error is one sentence on standard error: it begins with the program's name, and for a mistyped
+/// option or command it names the nearest known one.
 /// Returns: the exit status to end with (0 or 2), or nothing where the program is to go on.
 std::optional<int> ParseCommandLine(CLI::App& app, int argc, char** argv);
 
@@ -23,11 +23,12 @@ struct NoEffect {
   const char* beside;
 };
 
-/// Refuses (in ParseCommandLine) an option that has no effect beside another. What the environment says is
-/// refused nowhere: it is said for many commands.
+/// Refuses (in ParseCommandLine) an option that has no effect beside another. Values from the environment are
+/// never refused: they are meant for many commands.
 void RefuseWithoutEffect(CLI::App& command, std::span<const NoEffect> rules);
 
-/// What option of `command` was typed, by its long name ("--eye"); what comes from the environment was not.
+/// Whether `option` of `command`, a long name ("--eye"), was typed. A value from the environment was not
+/// typed.
 bool WasTyped(const CLI::App& command, const char* option);
 
 /// The candidate that `text` was probably meant to be; empty when none comes near.

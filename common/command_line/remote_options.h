@@ -12,7 +12,7 @@ class App;
 
 namespace quarry {
 
-/// What a command line says of stores on servers.
+/// The arguments of a command about stores on servers.
 struct RemoteArguments {
   std::string header_file, aws, ca;
 };

@@ -8,8 +8,8 @@ class App;
 
 namespace quarry {
 
-/// --secret-file, --tls-cert, --tls-key and --tls-ca of a program, into `options`. What the environment says
-/// is added after parsing, by WithEnvironment.
+/// --secret-file, --tls-cert, --tls-key and --tls-ca of a program, into `options`. WithEnvironment() adds the
+/// environment's values after parsing.
 void AddSecurityOptions(CLI::App& command, SecurityOptions& options);
 
 }  // namespace quarry

@@ -107,7 +107,8 @@ void Engine::NoteQueued() {
   queued_ = most;
 }
 
-/// The highest urgency among the open tiles; with `ready`, among those that can go on. -1 if there are none.
+/// The highest urgency among the open tiles; with `ready`, among the open tiles that can go on. -1: there are
+/// none.
 int Engine::MostUrgent(const Tiles& tiles, bool ready) {
   int most = -1;
   for (const auto& tile : tiles.open)

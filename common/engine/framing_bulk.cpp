@@ -64,7 +64,7 @@ std::vector<PlacedVoxel> CellsOf(const Catalog& catalog) {
   return cells;
 }
 
-/// Gathers the boxes of a voxel's triangles: those together whose middles lie in one cell of a grid over
+/// Gathers the boxes of a voxel's triangles: boxes are joined whose middles lie in one cell of a grid over
 /// them. A triangle longer than two cells stays alone. A cell that holds more than an eighth of the triangles
 /// gets a grid of its own, since strays can make the first grid far coarser than the model.
 void Gather(std::vector<WeightedBox> boxes, size_t crowd, int levels, std::vector<WeightedBox>& gathered) {
@@ -126,8 +126,8 @@ double Quantile(const std::vector<WeightedBox>& boxes, int axis, double share) {
   return (low + high) / 2;
 }
 
-/// Cuts the bulk along an axis where all boxes take far more of it than nearly all triangles do: to those
-/// boxes that lie near these.
+/// Cuts the bulk along an axis where all boxes are far longer than the range of nearly all triangles: to the
+/// boxes near that range.
 void MeasureBulk(const std::vector<WeightedBox>& boxes, int axis, Framing& framing) {
   constexpr double kFew = 16;  // triangles of which none is a stray
   double all = 0;

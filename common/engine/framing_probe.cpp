@@ -153,8 +153,9 @@ Result<Surroundings> LookAround(Prober& prober, const glm::dvec3& eye, double di
 }
 
 /// Whether the scene is a room that shows little from outside: the outside is plain, nearly all rays from a
-/// place in its midst hit something, there is space around it, and about as much is to be seen from there.
-/// What its windings call a solid must show more. Of an empty box they decide, if a side is open.
+/// place in its midst hit something, there is space around it, and it shows about as much as the outside. A
+/// scene that its windings call a solid must show more. For an empty box with an open side the windings
+/// decide.
 Result<bool> IsInterior(Prober& prober, const Core& core, const Framing& framing) {
   constexpr double kNearlyAll = 0.7, kSpace = 0.1, kPlain = 0.4, kAsMuch = 0.6, kAsMuchOfSolid = 1;
   constexpr double kHeights[] = {0.5, 0.25, 0.75};

@@ -25,7 +25,7 @@ void Fit(std::vector<T>& values, size_t count) {
     values.resize(count);
 }
 
-/// Memory for what a stage gathers; packets use it one after the other.
+/// Memory for the data that a stage gathers; packets use it one after the other.
 struct Scratch {
   TrianglePacket triangles;
   AttributePacket attributes;
@@ -36,9 +36,9 @@ struct Scratch {
   Vectors radiance;
 };
 
-/// A packet of a tile in the hands of a stage: its rays, its samples, and what the stage may use. A stage
-/// works on some lanes of the packet. It moves the lanes that are done to their next stages, and parks the
-/// lanes that wait for a block.
+/// A packet of a tile in the hands of a stage: its rays, its samples, and the other data that the stage may
+/// use. A stage works on some lanes of the packet. It moves the lanes that are done to their next stages, and
+/// parks the lanes that wait for a block.
 /// Not thread-safe.
 struct PacketWork {
   const ViewContext& view;
@@ -57,7 +57,7 @@ struct PacketWork {
   /// Requires: `pins` is not null.
   const ResidentBlock* Find(BlockKey block) const { return pins->Find(block); }
   void Park(uint32_t lane, BlockKey block) const { batch.Park(number, lane, block); }
-  /// The lanes whose surfaces have what their textures say.
+  /// The lanes whose surfaces have the values of their textures.
   uint64_t looked() const { return look ? look->looked : 0; }
 };
 

@@ -206,7 +206,7 @@ void Renderer::Call::OnTileDone(size_t index, RenderedTile result) {
   };
   try {
     (*on_tile)(index, std::move(result), now);
-  } catch (...) {  // for want of memory: Engine::Run() tells of it
+  } catch (...) {  // for want of memory: Engine::Run() reports it
     delivered();
     throw;
   }

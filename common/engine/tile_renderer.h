@@ -16,9 +16,9 @@ namespace quarry {
 
 /// Renders one tile, or traces one part of a list of rays, at a time and never blocks. Samples go in packets
 /// of 64. A source gives them their first rays, the batch traces these, surfaces are made of their hits, an
-/// integrator says what light they bring and which rays go on, and the film keeps the result. All rays of a
-/// packet take a step together, but each waits for its blocks on its own. Pixels do not depend on the order
-/// of samples: see FixedRadiance. Owned by one thread.
+/// integrator finds their light and the rays that go on, and the film keeps the result. All rays of a packet
+/// take a step together, but each waits for its blocks on its own. Pixels do not depend on the order of
+/// samples: see FixedRadiance. Owned by one thread.
 /// Source: Purcell et al. 2002, section 3: generate, traverse, shade, then new rays.
 class TileRenderer {
  public:

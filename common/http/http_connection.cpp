@@ -106,7 +106,8 @@ class HttpConnection final : public ServedConnection, public std::enable_shared_
 
   void OnRequest(size_t head_bytes) {
     active_ = Clock::now();
-    // The parser's limit starts again behind what it has parsed of headers that come in pieces.
+    // The parser's limit is no limit of the whole head: where headers arrive in pieces, it starts again after
+    // each piece.
     if (head_bytes > kMostHeadBytes) return RefuseLongHead();
     const Request& request = parser_->get();
     if (request.method() != http::verb::get && request.method() != http::verb::head)

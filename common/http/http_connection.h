@@ -29,7 +29,8 @@ class ServedConnection {
   virtual void Drop() = 0;
 };
 
-/// What the connections of one server share. Connections may outlive the server for a moment.
+/// The settings and objects that the connections of one server share. Connections may outlive the server for
+/// a moment.
 struct HttpService {
   HttpServerOptions options;
   HttpServer::Handlers handlers;

@@ -7,7 +7,7 @@
 
 #include "common/http/http_server.h"
 
-// What requests and answers hold.
+// Helpers for the text of requests and answers.
 
 namespace quarry {
 

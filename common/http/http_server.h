@@ -33,8 +33,8 @@ struct HttpResponse {
   int status = 200;
   std::string content_type = "text/plain; charset=utf-8";
   std::string body;
-  /// Headers in addition to those of every answer. A line end in a name or value turns the answer into status
-  /// 500.
+  /// Headers beside the ones that every answer has. A line end in a name or value turns the answer into
+  /// status 500.
   std::vector<std::pair<std::string, std::string>> headers;
   /// Instead of `body`: bytes that others may share, held until they are sent. Null: there are none.
   std::shared_ptr<const Bytes> file;
@@ -47,14 +47,14 @@ class WebSocket {
   virtual ~WebSocket() = default;
   /// Starts reading. `on_text` gets each text message; a binary message ends the connection. `on_close` is
   /// called once, and nothing after it.
-  /// Errors: the error names the peer, and says what it did.
+  /// Errors: a sentence that begins with the peer's name, such as "PEER closed the connection".
   virtual void Start(std::function<void(std::string)> on_text,
                      std::function<void(const Error&)> on_close) = 0;
   /// Queues a message, which goes as one frame. Dropped after Close() or on_close. Requires: UTF-8.
   virtual void SendText(std::string text) = 0;
   /// `taken` is called once the system has taken the message's last byte; never after Close() or on_close.
   virtual void SendBinary(std::shared_ptr<const Bytes> message, std::function<void()> taken = {}) = 0;
-  /// Sends what is queued, then the closing handshake, for at most 5 s. No callback comes any more.
+  /// Sends the queued messages, then the closing handshake, for at most 5 s. No callback is called any more.
   virtual void Close() = 0;
   /// Bytes of the messages that the system has not taken whole. A message counts until its last byte is
   /// taken, because its memory is held until then.
@@ -73,7 +73,7 @@ struct HttpTimes {
   double request_s = 10;         ///< from a request's first byte to the end of its headers
   double idle_s = 60;            ///< for a connection without a request
   double answer_s = 30;          ///< for the peer to take an answer, and a file more
-  double socket_silence_s = 30;  ///< for a WebSocket from which nothing comes; a ping goes each half of it
+  double socket_silence_s = 30;  ///< for a silent WebSocket; a ping is sent each half of it
   double closing_s = 5;          ///< for the end of a WebSocket
 };
 

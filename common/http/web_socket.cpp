@@ -119,7 +119,7 @@ class StreamWebSocket final : public WebSocket,
     if (!closed_) Read();
   }
 
-  /// What the peer did, as text that follows its name.
+  /// The rest of a sentence that begins with the peer's name and tells why the connection ends.
   std::string Sentence(const ErrorCode& error) const {
     if (error == websocket::error::closed || error == asio::error::eof) return "closed the connection";
     if (error == beast::error::timeout)
@@ -170,7 +170,7 @@ class StreamWebSocket final : public WebSocket,
                         [self = Self()](const ErrorCode&) { self->Finish({}); });
   }
 
-  /// Closes, and tells so if somebody still listens. `sentence`: what the peer did.
+  /// Closes, and calls `on_close` if it is still set. `sentence`: as Sentence() gives it.
   void Finish(const std::string& sentence) {
     if (std::exchange(closed_, true)) return;
     deadline_.cancel();

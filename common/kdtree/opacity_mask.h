@@ -9,7 +9,7 @@
 
 namespace quarry {
 
-/// What all texels say that a lookup in a sub-triangle can touch, at the texture's level 0.
+/// The state of all texels that a lookup in a sub-triangle can touch, at the texture's level 0.
 enum class OpacityState : uint32_t {
   kMixed = 0,        ///< look at the texels
   kOpaque = 1,       ///< each is opaque: not below the cut-off; without one, 1 or more

@@ -31,7 +31,7 @@ struct VoxelGeometryOf {
   /// A triangle's part, and in the top bit whether light passes it: read by part() and see_through().
   const uint32_t* parts = nullptr;
   /// opacity_mask.h, one per triangle; null: all triangles are opaque. Where light passes the material
-  /// itself, decoding has made opaque states mixed: no mask tells what such a surface does.
+  /// itself, decoding has made opaque states mixed: no mask describes such a surface.
   const uint32_t* masks = nullptr;
   const WideNode* wide = nullptr;  ///< the same tree as wide nodes, derived at decode
   uint32_t node_count = 0, wide_count = 0, reference_count = 0, triangle_count = 0, vertex_count = 0;
@@ -53,15 +53,15 @@ struct VoxelGeometryOf {
 
 using VoxelGeometry = VoxelGeometryOf<uint16_t>;
 
-/// What a hit does to a ray.
+/// The effect of a hit on a ray.
 enum class HitEffect {
   kCounts,   ///< it is a hit
   kNoted,    ///< the ray, an any-hit ray, passes it and notes that it has met a see-through triangle
   kNothing,  ///< it lies in a hole
 };
 
-/// What a hit of a triangle at the weights `b1` and `b2` does. Shading looks at what masks leave open: it may
-/// reject a hit of a closest-hit ray (Ray::GoOnAfterHit), and traces noted any-hit rays again.
+/// The effect of a hit of a triangle at the weights `b1` and `b2`. Shading looks at the hits that masks leave
+/// open: it may reject a hit of a closest-hit ray (Ray::GoOnAfterHit), and traces noted any-hit rays again.
 template <bool kAnyHit, class Index>
 QUARRY_HOST_DEVICE inline HitEffect EffectOf(const VoxelGeometryOf<Index>& voxel, uint32_t triangle, float b1,
                                              float b2) {

@@ -20,7 +20,7 @@ class FixedRadiance {
   QUARRY_HOST_DEVICE void Add(const FixedRadiance& other) {
     sum_ = other.sum_ < kMax - sum_ ? sum_ + other.sum_ : kMax;
   }
-  /// The sum as 64 bits, for sending, and back. FromBits clamps what is no sum.
+  /// The sum as 64 bits, for sending, and back. FromBits clamps values that are no sum.
   QUARRY_HOST_DEVICE int64_t bits() const { return sum_; }
   QUARRY_HOST_DEVICE static FixedRadiance FromBits(int64_t bits) {
     FixedRadiance sum;

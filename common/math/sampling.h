@@ -55,8 +55,8 @@ QUARRY_HOST_DEVICE inline float ScrambleAroundHalf(uint32_t reversed, uint32_t k
 }
 
 /// Position of a sample within its pixel, in [0, 1)^2. Sample 0 is the pixel's centre. For any k the first
-/// 2^k samples are stratified in every elementary interval; the samples of `--spp n` are a prefix of those of
-/// any larger count.
+/// 2^k samples are stratified in every elementary interval; the samples of `--spp n` are the first n samples
+/// of any larger count.
 QUARRY_HOST_DEVICE inline glm::vec2 PixelSample(uint64_t seed, uint32_t pixel, uint32_t sample) {
   if (sample == 0) return {0.5f, 0.5f};
   const RandomKey key{seed, pixel, 0, 0};
@@ -64,7 +64,8 @@ QUARRY_HOST_DEVICE inline glm::vec2 PixelSample(uint64_t seed, uint32_t pixel, u
           ScrambleAroundHalf(ReverseBits(Sobol2(sample)), RandomBits(key, 1))};
 }
 
-/// Dimensions of a path are numbered: this many for each bounce, slots of which a mode uses what it needs.
+/// Dimensions of a path are numbered: each bounce has this many, as slots; a mode uses the slots that it
+/// needs.
 inline constexpr uint32_t kDimensionsPerBounce = 16;
 /// Slots: even numbers, two dimensions each.
 inline constexpr uint32_t kDirectionSlot = 4;

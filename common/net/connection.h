@@ -28,7 +28,7 @@ Result<Endpoint> ParseEndpoint(const std::string& text, const std::string& what)
 /// Units: sizes in bytes, times in seconds.
 /// Thread safety: Send(), Close() and queued_bytes() may be called from any thread, all other members from
 /// the io_context's thread, where all callbacks run. Pending work keeps the object alive. After a Close()
-/// from that thread no callback comes.
+/// from that thread no callback is called.
 class Connection : public std::enable_shared_from_this<Connection> {
  public:
   using OnMessage = std::function<void(Message)>;

@@ -80,8 +80,8 @@ bool IsTlsRecord(std::span<const std::byte> bytes) {
          bytes[1] == std::byte{3};
 }
 
-/// The part of a connection that does not depend on its stream: who the peer is, and what it has sent. `host`
-/// is the name that a client connects to; empty on the accepting side.
+/// The part of a connection that does not depend on its stream: the peer, its limits, and the traffic with
+/// it. `host` is the name that a client connects to; empty on the accepting side.
 class PeerRecord : public AcceptedConnection {
  public:
   explicit PeerRecord(std::string host)

@@ -19,16 +19,17 @@ namespace {
 
 const char* program_name = "quarry";
 
-/// Descriptors 0 to 2 that are closed get /dev/null, opened the other way round: a use of them is an error
-/// still, as it is with a closed one. Standard error takes what is written, for libraries that write there.
+/// Opens /dev/null for each of the descriptors 0 to 2 that is closed, input for writing and output for
+/// reading: using it is still an error, as with a closed descriptor. Standard error can be written, for
+/// libraries that write there.
 void OpenStandardDescriptors() {
   constexpr int kModes[] = {O_WRONLY, O_RDONLY, O_WRONLY};
   for (int fd = 0; fd < 3; ++fd)
     if (::fcntl(fd, F_GETFD) < 0) (void)::open("/dev/null", kModes[fd]);  // takes the lowest number, `fd`
 }
 
-/// The sentence of the exception that is being handled. `known`: whether it tells of the machine's limits
-/// rather than of an error of Quarry's own.
+/// The sentence of the exception that is being handled. `known`: whether a limit of the machine caused it,
+/// rather than an error of Quarry's own.
 std::string ExceptionText(bool& known) {
   known = true;
   try {

@@ -7,7 +7,7 @@ namespace quarry {
 /// A program's name and its words on interruption, for RunProgram().
 struct ProgramFacts {
   const char* name;  ///< "quarry-worker", before each of its errors
-  const char* kept;  ///< what an interruption keeps, as InstallSignalHandlers() says it
+  const char* kept;  ///< results that an interruption keeps; see InstallSignalHandlers()
 };
 
 /// Runs a program: `body(argc, argv)` between one start and one end.

@@ -23,7 +23,7 @@ Bytes EncodePreamble(uint32_t protocol = kProtocolVersion, const std::string& ve
 /// Errors: not a preamble of Quarry; another protocol version, in a sentence that names both.
 Status CheckPreamble(std::span<const std::byte> bytes);
 
-/// Types of messages; PROTOCOL.md tells who sends each.
+/// Types of messages; PROTOCOL.md names the sender of each.
 enum class MessageType : uint16_t {
   kHello = 1,
   kWelcome,

@@ -208,7 +208,7 @@ class HttpRangeClient::Lane : public std::enable_shared_from_this<HttpRangeClien
                         });
   }
 
-  /// Asks the proxy for a connection to the server, inside which TLS goes.
+  /// Asks the proxy for a connection to the server, which then carries TLS.
   void OpenTunnel() {
     const std::string target = fmt::format(
         "{}:{}", location_.host.find(':') == std::string::npos ? location_.host : "[" + location_.host + "]",

@@ -36,7 +36,7 @@ Result<HttpLocation> ParseHttpLocation(const std::string& url, const std::string
 struct HttpOptions {
   std::vector<HttpHeader> headers;    ///< added to each request
   std::optional<AwsCredentials> aws;  ///< each request is signed with them; replaces other Authorization
-  /// PEM file of trusted authorities; empty: those of AWS_CA_BUNDLE and SSL_CERT_FILE, else the system's
+  /// PEM file of trusted authorities; empty: the files of AWS_CA_BUNDLE and SSL_CERT_FILE, else the system's
   std::string tls_ca;
   std::string ca_option;             ///< the program's option for `tls_ca`, for advice; empty: it has none
   std::function<std::time_t()> now;  ///< clock for signatures; null: the system's

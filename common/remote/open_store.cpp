@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::string_view kS3 = "s3://";
 
-/// A key as a path in an address: what S3 signs percent-encoded is sent so.
+/// A key as a path in an address: characters that S3 signs percent-encoded are sent percent-encoded too.
 std::string Encoded(std::string_view key) {
   std::string out;
   for (const char c : key) {

@@ -17,7 +17,7 @@ bool IsRemote(const std::string& place);
 Result<HttpLocation> RemoteLocation(const std::string& place, const std::string& what);
 
 /// Requests to s3:// are signed by the AWS_* variables or the profile of ~/.aws, where no other credentials
-/// are given and those have some. Errors: as AwsCredentialsFromEnvironment().
+/// are given and they hold some. Errors: as AwsCredentialsFromEnvironment().
 Result<HttpOptions> WithCredentials(const std::string& place, HttpOptions options);
 
 /// Opens a store, a file or one on a server. Errors: as StoreReader::Open(), RemoteLocation(),

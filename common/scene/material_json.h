@@ -32,13 +32,13 @@ struct MaterialLibrary {
   struct Image {
     std::string file;          ///< as the library names it
     std::string name;          ///< for people; empty: `file`
-    uint32_t coordinates = 0;  ///< the set of texture coordinates by which it goes
+    uint32_t coordinates = 0;  ///< the set of texture coordinates that it uses
     TextureBinding binding;    ///< without the texture's number
   };
   std::vector<Material> materials;
   std::vector<std::string> parts;
   std::vector<std::vector<Image>> images;  ///< of each material; may be shorter than the materials
-  std::vector<std::string> left_out;       ///< what the model holds and the library cannot: "animations", say
+  std::vector<std::string> left_out;       ///< contents that the library cannot hold, such as "animations"
 };
 
 /// Writes the same JSON piece by piece, for writers whose part names do not fit in memory. Not thread-safe.

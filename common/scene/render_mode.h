@@ -17,9 +17,9 @@ struct RenderModeInfo {
   RenderMode mode;
   const char* name;        ///< as for --mode
   const char* label;       ///< in the viewer
-  uint32_t default_spp;    ///< samples per pixel of a picture that says nothing else
+  uint32_t default_spp;    ///< samples per pixel of a picture that names no number
   bool uses_lights;        ///< else it has its own light
-  bool metered;            ///< whether an exposure is found by what the picture shows; else it is 0 EV
+  bool metered;            ///< whether the exposure is measured from the picture; else it is 0 EV
   const char* options[2];  ///< of `quarry render`, that other modes may not have
 };
 /// In the order in which they are shown.

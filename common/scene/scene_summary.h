@@ -11,7 +11,7 @@
 
 namespace quarry {
 
-/// What a client must know of a scene to make views of it. Units: scene units.
+/// The facts about a scene that a client needs to make views of it. Units: scene units.
 struct SceneSummary {
   std::string scene_id;  ///< as FormatSceneId() writes it
   glm::dvec3 offset{0};  ///< SceneMeta::offset

@@ -14,12 +14,12 @@ namespace quarry {
 enum class Urgency : uint8_t { kJob, kRest, kMotion };
 inline constexpr size_t kUrgencies = 3;
 
-/// What a tile's result holds of each lattice point.
+/// The form of a lattice point in a tile's result.
 enum class PixelForm : uint8_t {
   kMeans,  ///< four float32, the mean radiance and coverage of the view's samples; then the layers
   kSums,   ///< four int64, the sums of the tile's samples as FixedRadiance has them; then the layers
-  /// A uint32, the mean of the tile's samples as PackShared() has it, kUncovered or kHole. What is covered in
-  /// part counts as covered.
+  /// A uint32, the mean of the tile's samples as PackShared() has it, kUncovered or kHole. A point that is
+  /// covered in part counts as covered.
   kShown,
 };
 /// A point of kShown whose rays wait for blocks. PackShared() never gives it.

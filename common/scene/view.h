@@ -97,11 +97,11 @@ Status CheckCamera(const CameraSpec& camera);
 Status NormalizeView(View& view);
 
 /// Words of a pixel's colour: 3 floats of radiance, and its coverage, the share of samples whose primary ray
-/// hits something or sees light. Radiance holds nothing of what is uncovered.
+/// hits something or sees light. Uncovered samples add no radiance.
 inline constexpr uint32_t kColorWords = 4;
 /// The colour behind a picture, where nothing covers it. Neither exposure nor mode changes it. It is lighter
-/// than exposed surfaces, whose mean comes to 150, and darker than what is clipped. Units: linear value;
-/// 8-bit sRGB is (232, 236, 241).
+/// than exposed surfaces, whose mean becomes 150, and darker than clipped pixels. Units: linear value; 8-bit
+/// sRGB is (232, 236, 241).
 inline constexpr double kBackdrop[3] = {0.806952, 0.838799, 0.879622};
 
 /// The number of 32-bit words of a pixel in tiles and frames: the colour's, then the layers in order.

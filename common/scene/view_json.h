@@ -21,10 +21,10 @@ struct ViewDescription {
 ///    "up_axis": "y",
 ///    "ao": {"samples": 4, "distance": d}, "lights": [...], "ambient": [r,g,b], "background": [r,g,b],
 ///    "exposure": EV}
-/// Members that are missing keep what `into` has. Lights are as in ReadLight(). Units: lengths in scene
-/// units, of the model's coordinates; `offset` (SceneMeta::offset) is subtracted from positions. Errors (each
-/// names the place): a member of another name, or of a value that cannot be. The view is not normalized.
-/// Thread-safe.
+/// A missing member leaves its value in `into` unchanged. Lights are as in ReadLight(). Units: lengths in
+/// scene units, of the model's coordinates; `offset` (SceneMeta::offset) is subtracted from positions. Errors
+/// (each names the place): a member of another name, or of a value that cannot be. The view is not
+/// normalized. Thread-safe.
 Status ReadView(const JsonValue& json, const glm::dvec3& offset, ViewDescription& into);
 
 /// The view as ReadView() reads it, each member written. Thread-safe.

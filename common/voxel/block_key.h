@@ -37,7 +37,8 @@ class BlockKey {
   constexpr auto operator<=>(const BlockKey&) const = default;
 
  private:
-  // From the lowest bit on: the kind, the index, and what the block is of, a voxel (0) or a texture (1).
+  // From the lowest bit on: the kind, the index, and whether it is a block of a voxel (0) or of a texture
+  // (1).
   static constexpr uint32_t kIndexBit = 4, kOfBit = 36, kKindMask = (1u << kIndexBit) - 1;
   uint64_t bits_ = 0;
 };

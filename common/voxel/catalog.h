@@ -101,7 +101,7 @@ struct Texture {
   bool operator==(const Texture&) const = default;
 };
 
-/// The bytes that a decoded page counts in a cache: whole pages of memory, and what the cache notes of it.
+/// The bytes that a decoded page counts in a cache: whole pages of memory, and the cache's notes about it.
 inline constexpr uint32_t PageRoom(uint32_t decoded) {
   constexpr uint32_t kMemoryPage = 4096, kNotes = 256;
   return (decoded + kMemoryPage - 1) / kMemoryPage * kMemoryPage + kNotes;
@@ -141,8 +141,8 @@ struct Catalog {
     return key.index() < most && block(key).stored != 0;
   }
   /// The number of a block in messages, in the files of disk caches, in logs and in arrays. The blocks of
-  /// voxels come first, those of a voxel side by side. The pages of textures follow, texture by texture.
-  /// Numbers ascend as keys do. Requires: as block().
+  /// voxels have the first numbers, and the blocks of one voxel follow each other. The pages of textures are
+  /// next, texture by texture. Numbers ascend as keys do. Requires: as block().
   uint32_t NumberOf(BlockKey key) const {
     if (key.kind() == BlockKind::kPage) return static_cast<uint32_t>(voxel_blocks()) + key.index();
     return key.index() * kVoxelBlocks + static_cast<uint32_t>(key.kind());

@@ -34,7 +34,7 @@ nlohmann::ordered_json DescribeTexture(const Texture& texture, std::string name)
 /// string.
 class NameBudget {
  public:
-  /// The names of a material come again with each use of its textures.
+  /// The names of a material are repeated with each use of its textures.
   static constexpr uint64_t kMostCopies = 1 + kTextureUses;
   explicit NameBudget(const StoreReader& store) : store_(store), left_(kMostCopies * store.name_bytes()) {}
 

@@ -17,7 +17,7 @@ constexpr uint64_t kUnlimited = ~uint64_t{0};
 /// A section is read and checked in pieces of so many bytes: no more memory is taken than bytes have come.
 constexpr uint64_t kPieceBytes = 8 << 20;
 
-/// What a reader knows of a type of section, and the most bytes that a section of it may have.
+/// A type of section that readers know, and the most bytes that a section of it may have.
 struct KnownSection {
   SectionType type;
   bool catalog;
@@ -68,7 +68,7 @@ tl::unexpected<Error> FailForGood(std::string sentence) {
   return tl::unexpected<Error>(Error{std::move(sentence), ErrorKind::kPermanent});
 }
 
-/// What is wrong with a section of the file at `path`.
+/// The error for a damaged section of the file at `path`.
 tl::unexpected<Error> Damaged(const std::string& path, const SectionEntry& entry, const char* how) {
   return Fail(fmt::format("{}: section {} at byte {} is damaged ({}); make the store again", path,
                           TypeName(entry.type), entry.offset, how));

@@ -78,8 +78,8 @@ std::vector<Sample> Channels(std::span<const std::byte> texels, uint32_t channel
   return planes;
 }
 
-/// The differences of a row's values, from the second on, from what neighbours predict: as Nearest(), but
-/// without branches, so that compilers take many values at once.
+/// The differences of a row's values, from the second on, from the values that neighbours predict: as
+/// Nearest(), but without branches, so that compilers take many values at once.
 template <class Sample>
 void SubtractRow(const Sample* __restrict row, const Sample* __restrict above, size_t width,
                  Sample* __restrict out) {

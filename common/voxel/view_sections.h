@@ -15,7 +15,7 @@ Bytes EncodeCameras(const std::vector<NamedCamera>& cameras, std::string& string
 Bytes EncodeLights(const std::vector<NamedLight>& lights, std::string& strings);
 
 /// Decode the sections CAMS and LITE. Errors: a wrong size; too many entries; values that no camera or light
-/// may have; what `name_at` returns.
+/// may have; the errors of `name_at`.
 Result<std::vector<NamedCamera>> DecodeCameras(std::span<const std::byte> bytes, const NameLookup& name_at);
 Result<std::vector<NamedLight>> DecodeLights(std::span<const std::byte> bytes, const NameLookup& name_at);
 

@@ -1,4 +1,4 @@
-# What `cmake --install` puts where. Components: programs, cad, services, documentation, benchmarks.
+# The files that `cmake --install` installs, and their places. Components: programs, cad, services, documentation, benchmarks.
 include(${CMAKE_CURRENT_LIST_DIR}/man_pages.cmake)
 set(PACKAGES ${CMAKE_CURRENT_LIST_DIR})
 

@@ -1,6 +1,6 @@
-# Debian packages: `cpack --config build/release/CPackConfig.cmake -B build/release`. quarry holds what running needs, quarry-cad the
+# Debian packages: `cpack --config build/release/CPackConfig.cmake -B build/release`. quarry holds all that running needs, quarry-cad the
 # reader of STEP and IGES with its large library, quarry-bench the benchmarks, where these are built (with the tests).
-# Whoever packs is the packages' maintainer; Debian's own tools take the name from the same variables.
+# The packages' maintainer is the person named by DEBFULLNAME and DEBEMAIL, as for Debian's own tools.
 set(packer "Quarry maintainers <maintainers@localhost>")
 if(DEFINED ENV{DEBFULLNAME} AND DEFINED ENV{DEBEMAIL})
   set(packer "$ENV{DEBFULLNAME} <$ENV{DEBEMAIL}>")

@@ -28,7 +28,8 @@ namespace fs = std::filesystem;
 constexpr const char* kOfTheCluster[] = {"--master",      "--workers",  "--threads", "--cache",
                                          "--secret-file", "--tls-cert", "--tls-key", "--tls-ca"};
 
-/// Checks what a job is to render, as `quarry render` does. Returns: the frames' first and last number.
+/// Checks the arguments of a job's rendering, as `quarry render` does. Returns: the frames' first and last
+/// number.
 Result<std::pair<uint32_t, uint32_t>> CheckRendering(const ClusterArguments& a) {
   RenderArguments render;
   CLI::App app{"Render a picture, or a path of them", "quarry render"};
@@ -112,7 +113,7 @@ std::vector<std::string> SbatchOptions(const ClusterArguments& a) {
   return options;
 }
 
-/// What the script reads from its environment, as NAME=VALUE.
+/// The variables that the script reads from its environment, with their values.
 std::vector<std::pair<std::string, std::string>> ScriptEnvironment(const ClusterArguments& a,
                                                                    std::pair<uint32_t, uint32_t> frames) {
   std::vector<std::pair<std::string, std::string>> out{

@@ -14,7 +14,7 @@ namespace quarry {
 /// The arguments of `quarry cluster`, as given.
 struct ClusterArguments {
   bool slurm = false, print = false, no_wait = false;
-  unsigned nodes = 1, tasks = 0, threads = 0;  ///< 0: no job array; by what Slurm allocates
+  unsigned nodes = 1, tasks = 0, threads = 0;  ///< 0: no job array; by Slurm's allocation
   std::string time, partition, cache, http, secret_file, scene, stop;
   std::vector<std::string> sbatch;  ///< further options of sbatch
   std::vector<std::string> render;  ///< the arguments of `quarry render`, without a scene

@@ -23,7 +23,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// What the script's lines begin with.
+/// The beginning of the lines that the script writes.
 constexpr std::string_view kMark = "quarry.sbatch: ";
 
 /// The script in a file of its own until this is destroyed.
@@ -73,8 +73,8 @@ Result<CommandOutput> Slurm(const std::string& name, const std::vector<std::stri
   return output;
 }
 
-/// What squeue tells of a job in `format`; empty: Slurm knows the job no more. A controller that does not
-/// answer is asked again for a while. Errors: it does not answer.
+/// The answer of squeue about a job in `format`; empty: Slurm no longer knows the job. A controller that does
+/// not answer is asked again for a while. Errors: it does not answer.
 Result<std::string> AskOf(const std::string& id, const std::string& format) {
   constexpr int kMostAttempts = 20;
   CommandOutput output;
@@ -120,8 +120,8 @@ Result<JobState> StateOf(const SlurmJob& job) {
 
 void Cancel(const SlurmJob& job) { (void)OutputOf("scancel", {job.id}); }
 
-/// Whether a folder is what the job, or a task of it, keeps while it lives. A folder that another user made
-/// is not.
+/// Whether the job, or a task of it, keeps its files in a folder while it lives. A folder that another user
+/// made is not the job's.
 bool IsKeptBy(const std::string& id, const fs::path& folder) {
   std::error_code ignored;
   const std::string name = folder.filename().string(), mine = "quarry-" + id;
@@ -134,7 +134,8 @@ bool IsKeptBy(const std::string& id, const fs::path& folder) {
   return (rest.empty() || is_task) && fs::exists(folder / "master.out", ignored);
 }
 
-/// Removes what a job has left in the folder in which it was submitted. Returns whether there was something.
+/// Removes the folders that a job has left in the folder in which it was submitted. Returns: whether there
+/// was one.
 bool RemoveKept(const std::string& id, const std::string& submitted_in) {
   std::error_code ignored;
   bool any = false;
@@ -147,7 +148,7 @@ bool RemoveKept(const std::string& id, const std::string& submitted_in) {
 
 Result<SlurmJob> SubmitJob(const SlurmSubmission& submission) {
   QUARRY_ASSIGN(const auto script, ScriptFile::Write());
-  // What a job that submits this one has for itself.
+  // Variables of a job that submits this one: they describe that job alone.
   for (const char* name : {"SLURM_ARRAY_JOB_ID", "SLURM_ARRAY_TASK_ID", "SLURM_ARRAY_TASK_COUNT",
                            "SLURM_ARRAY_TASK_MIN", "SLURM_ARRAY_TASK_MAX", "SLURM_RESTART_COUNT"})
     ::unsetenv(name);

@@ -14,10 +14,10 @@ struct SlurmJob {
   bool is_array = false;
 };
 
-/// What a job is submitted with.
+/// The options, environment and arguments of a job.
 struct SlurmSubmission {
   std::vector<std::string> options;                              ///< of sbatch
-  std::vector<std::pair<std::string, std::string>> environment;  ///< what the script reads from it
+  std::vector<std::pair<std::string, std::string>> environment;  ///< variables that the script reads
   std::vector<std::string> arguments;                            ///< of the script
   bool is_array = false;
 };
@@ -25,15 +25,15 @@ struct SlurmSubmission {
 /// Errors: there is no Slurm; it refuses the job, in its own words.
 Result<SlurmJob> SubmitJob(const SlurmSubmission& submission);
 
-/// Waits until the job runs, or for a job array until a task does, and tells what it waits for. Returns: the
+/// Waits until the job runs, or for a job array until a task does, and tells why it waits. Returns: the
 /// master's HOST:PORT; empty for an array, or when the job is done already.
 /// Errors: the job has failed at its start, in its own sentence; Slurm would never start it, and it is
 /// cancelled; Slurm does not answer.
 Result<std::string> AwaitStart(const SlurmJob& job);
 
-/// Ends a job, or a task of an array ("12_3"), waits until it is gone, and removes what it has left in its
-/// folder. Errors (usage): no number of a job. Errors: no such job; one of another program; Slurm does not
-/// answer.
+/// Ends a job, or a task of an array ("12_3"), waits until it is gone, and removes the files that it has left
+/// in its folder. Errors (usage): no number of a job. Errors: no such job; one of another program; Slurm does
+/// not answer.
 Status StopJob(const std::string& id);
 
 }  // namespace quarry

@@ -219,7 +219,7 @@ bool Access::OriginPermitted(const HttpRequest& request) const {
     if (url.https == origin->https && Authority{url.host, url.port} == origin->authority) return true;
   auto host = ParseAuthority(request.header("host"));
   if (!host) return false;
-  // Who can change a page without encryption must not look through a view that is shown with it.
+  // A person that can change a page without encryption must not see a view that is shown with it.
   const auto with_tls = [&](const ViewerUrl& url) {
     return url.https && url.host == host->host && host->port.value_or(url.port) == url.port;
   };

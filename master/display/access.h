@@ -32,10 +32,10 @@ struct AccessOptions {
   bool tls = false;                    ///< this server speaks HTTPS
 };
 
-/// Decides what a request to the live view may do. Whoever has the session's token may see the model; the
-/// token stands in the printed address and is exchanged for a cookie with the first request. The cookie's
-/// value is a hash of the token: a master that is started again with the same token knows it, and whoever
-/// reads a browser's cookies does not learn the token. Pure: knows no socket and no clock. Thread-safe.
+/// Decides whether a request to the live view is allowed. The session's token lets a browser see the model;
+/// the token stands in the printed address and is exchanged for a cookie with the first request. The cookie's
+/// value is a hash of the token: a master that is started again with the same token knows it, and a reader of
+/// the browser's cookies does not learn the token. Pure: knows no socket and no clock. Thread-safe.
 class Access {
  public:
   /// Errors: the system has no random bytes; (usage) a token that is too short to resist guessing, or has

@@ -180,7 +180,7 @@ HttpResponse Display::OnRequest(const HttpRequest& request) {
   return {.content_type = kMetricsType, .body = stats_.Metrics()};
 }
 
-/// What a browser with the session gets.
+/// The answer to a browser that has the session.
 HttpResponse Display::OnPrivate(const HttpRequest& request, const std::string& name) const {
   if (!access_.HasSession(request)) return Refused(403, "the session's cookie is missing");
   return name == "access" ? HttpResponse{.body = access_.token()} : saved_.Fetch(name);

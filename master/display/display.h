@@ -24,7 +24,7 @@ namespace quarry {
 /// own.
 class Display : private LiveDispatcher::Sink {
  public:
-  /// Listens. `io`, `scene`, `workers`, `queries` and what `jobs` uses outlive it. Errors: as
+  /// Listens. `io`, `scene`, `workers`, `queries` and the objects that `jobs` uses outlive it. Errors: as
   /// HttpServer::Open() and Access::Make(); (usage) a viewer URL that is none.
   static Result<std::unique_ptr<Display>> Open(boost::asio::io_context& io, const DisplayOptions& options,
                                                const Scene& scene, WorkerRegistry& workers,
@@ -86,7 +86,7 @@ class Display : private LiveDispatcher::Sink {
   SocketRefusals refusals_;
   std::optional<Result<SceneSummary>> summary_;
   std::string welcome_;  ///< JSON; empty until the scene is known
-  std::string failure_;  ///< what the last worker said that left none behind
+  std::string failure_;  ///< the reason of the last worker that ended, when none is left
   std::string lost_;     ///< the sentence about the worker that was lost last
   std::string state_;    ///< JSON that viewers were told last
   uint64_t frames_of_gone_ = 0, abandoned_of_gone_ = 0;

@@ -14,8 +14,8 @@
 
 namespace quarry {
 
-/// A table from shared-exponent codes to 8 bits of sRGB, for one exposure: as PNGs are encoded. What is not
-/// covered has kBackdrop behind it. Immutable.
+/// A table from shared-exponent codes to 8 bits of sRGB, for one exposure: as PNGs are encoded. Pixels that
+/// are not covered have kBackdrop behind them. Immutable.
 class ToneTable {
  public:
   /// `ev`: exposure.
@@ -65,7 +65,7 @@ class RgbMaker {
   /// Pixels without a colour get one from their neighbours, near ones first; all of them, if there is none,
   /// that of `background` (a code).
   void Make(const PictureRows& rows, const ToneTable& tone, uint32_t background);
-  /// A pixel for each square of `step` x `step`: the mean of those of its pixels that have a colour; for
+  /// A pixel for each square of `step` x `step`: the mean of its pixels that have a colour; for
   /// squares without any as above. Squares at the borders may be cut.
   void MakeSmall(const PictureRows& rows, const ToneTable& tone, uint32_t background, uint32_t step);
   /// Three bytes a pixel, row by row.

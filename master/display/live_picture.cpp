@@ -42,7 +42,7 @@ void LivePicture::Note(const Tile& tile) {
 }
 
 void LivePicture::PutShown(const Tile& tile, std::span<const std::byte> pixels) {
-  if (!sums_.empty()) return;  // a late tile is less than what is there
+  if (!sums_.empty()) return;  // the picture has more samples than a late tile
   const std::byte* from = pixels.data();
   for (uint32_t row = 0; row < tile.rows(); ++row)
     for (uint32_t column = 0; column < tile.columns(); ++column, from += sizeof(uint32_t)) {

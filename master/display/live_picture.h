@@ -16,7 +16,7 @@ inline constexpr uint32_t kWaiting = kHole, kUntraced = kHole - 1;
 struct PictureRows {
   uint32_t y = 0, width = 0;
   std::vector<uint32_t> codes;  ///< PackShared(), kUncovered, kWaiting or kUntraced, row by row
-  /// 255 for what is covered, row by row; empty: all that has a colour is.
+  /// 255 for pixels that are covered, row by row; empty: all that has a colour is.
   std::vector<uint8_t> coverage;
   uint32_t height() const { return static_cast<uint32_t>(codes.size() / width); }
 };

@@ -16,13 +16,13 @@ class Histogram;
 
 namespace quarry {
 
-/// What the display has done, over all viewers.
+/// Counters of the display, over all viewers.
 struct DisplayCounters {
   uint64_t viewers = 0;  ///< here now
   uint64_t frames_sent = 0, abandoned_views = 0;
 };
 
-/// What is going on in a cluster, as rates of the last second or two for viewers, and as metrics. See
+/// The activity of a cluster, as rates of the last second or two for viewers, and as metrics. See
 /// PROTOCOL.md, Statistics. Units: seconds of the caller's clock. Not thread-safe.
 class LiveStats {
  public:
@@ -33,7 +33,7 @@ class LiveStats {
   void Sample(double now_s, const WorkerRegistry& workers, const DisplayCounters& display);
   /// Notes a frame of a view: seconds from its first tile to its last.
   void TookFrame(double seconds);
-  /// The rates as a JSON object. `frames_per_s`: of the viewer who is told.
+  /// The rates as a JSON object. `frames_per_s`: of the viewer that gets them.
   std::string Json(double frames_per_s) const;
   /// Frames a second over all viewers.
   double frames_per_s() const { return frames_per_s_; }

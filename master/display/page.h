@@ -22,7 +22,7 @@ struct DisplayOptions {
 
 // The answers that the display's servers have in common. Thread-safe.
 
-/// Who gets in. Errors: as Access::Make(); (usage) a viewer URL that is none.
+/// Decides which requests get in. Errors: as Access::Make(); (usage) a viewer URL that is none.
 Result<Access> MakeAccess(const DisplayOptions& options);
 /// The address that lets a browser in, with the token. `port`: in use.
 std::string AddressOf(const DisplayOptions& options, const Access& access, uint16_t port);

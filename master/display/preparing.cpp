@@ -12,7 +12,7 @@
 namespace quarry {
 namespace {
 
-/// What the preprocessor has written last.
+/// The preprocessor's last line.
 std::string ReadProgress(const std::string& path) {
   constexpr size_t kMost = 1 << 16;
   std::string text(kMost, '\0');

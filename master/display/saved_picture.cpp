@@ -12,14 +12,14 @@
 
 namespace quarry {
 
-/// The job's client: jobs see it as a connection, but what is sent comes here.
+/// The job's client: jobs see it as a connection, whose messages come here.
 class SavedPicture final : public Connection {
  public:
   SavedPicture(SavedPictures& site, SavedPictures::Tell tell) : site_(site), tell_(std::move(tell)) {}
 
   void Start(OnMessage, OnClose) override {}
   void Expect(Speaker, uint32_t) override {}
-  /// Jobs send while they go through their clients: what follows from a message waits for its own turn.
+  /// Jobs send while they go through their clients, so a message is handled in a turn of its own.
   void Send(Message message) override {
     queued_ += message.raw.size();
     boost::asio::post(site_.io_, [self = weak_from_this(), message = std::move(message)]() mutable {
@@ -71,7 +71,7 @@ SavedPictures::~SavedPictures() = default;
 Result<std::shared_ptr<SavedPicture>> SavedPictures::Ask(RenderJob job, Tell tell) {
   const auto picture = std::make_shared<SavedPicture>(*this, std::move(tell));
   QUARRY_TRY(jobs_.ask(picture, JobRequest{std::move(job), 0}));
-  // The jobs hold their clients: what the viewer holds tells them when it goes.
+  // The jobs hold their clients. The viewer holds this object, whose end tells the jobs.
   return std::shared_ptr<SavedPicture>(picture.get(),
                                        [this, picture](SavedPicture*) { jobs_.forget(picture); });
 }

@@ -24,7 +24,7 @@ class SavedPicture;
 /// they are. Runs on the io_context's thread.
 class SavedPictures {
  public:
-  /// What the master's jobs offer, on the io_context's thread.
+  /// The functions of the master's jobs, on the io_context's thread.
   struct JobService {
     /// As Jobs::Ask() and Jobs::ForgetClient().
     std::function<Status(const std::shared_ptr<Connection>&, JobRequest)> ask;

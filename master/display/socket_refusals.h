@@ -26,8 +26,8 @@ class SocketRefusals {
   std::deque<std::pair<std::string, std::string>> refused_;  ///< by the word of the try
 };
 
-/// What a request for a WebSocket says whose header Upgrade is missing: a proxy has taken it away. Other
-/// headers of WebSockets pass proxies. Empty: the request asked for no WebSocket.
+/// The sentence about a request for a WebSocket whose header Upgrade is missing: a proxy has taken it away.
+/// Other headers of WebSockets pass proxies. Empty: the request asked for no WebSocket.
 std::string SwallowedUpgrade(const HttpRequest& request);
 
 }  // namespace quarry

@@ -69,7 +69,7 @@ void ViewPacer::Want(WantedView wanted, double now_s) {
   pending_.reset();
   const bool other_exposure = wanted.exposure != wanted_.exposure;
   wanted_ = std::move(wanted);
-  // Who asks again at rest is answered again, by the number of its input.
+  // The same view, asked for again at rest, is answered by a frame with its new input number.
   if (!other_exposure && (wanted_.moving || stage_ != Stage::kExact)) return;
   picture_.Renew();
   sent_.exact = false;
@@ -121,7 +121,7 @@ std::optional<DueFrame> ViewPacer::Step(double now_s) {
 
 // --- Stages
 
-/// Goes through the stages as far as tiles are done, and orders what the last of them traces.
+/// Goes through the stages as far as tiles are done, and orders the last one's tiles.
 void ViewPacer::Advance(double now_s) {
   for (;;) {
     if (stage_ != Stage::kLattice) {
@@ -136,7 +136,7 @@ void ViewPacer::Advance(double now_s) {
   }
 }
 
-/// Notes what the tiles that are done have brought.
+/// Notes the results of finished tiles.
 void ViewPacer::Note(double now_s) {
   if (stage_ == Stage::kRefine && lattice_.refining != 0 && !dispatcher_.Wants(frame_, LiveUrgency::kMotion))
     lattice_.step = std::exchange(lattice_.refining, 0);
@@ -192,7 +192,7 @@ void ViewPacer::Enter(Stage stage, double now_s) {
   }
 }
 
-/// Orders what the stage traces next.
+/// Orders the stage's next tiles.
 void ViewPacer::Order(double now_s) {
   if (stage_ == Stage::kLattice) Hurry(now_s);
   if (stage_ == Stage::kRefine) Refine(now_s);
@@ -200,7 +200,7 @@ void ViewPacer::Order(double now_s) {
   if (stage_ == Stage::kSamples) TraceSamples();
 }
 
-// --- What is traced
+// --- Tracing
 
 bool ViewPacer::MayBegin(double now_s) {
   if (stage_ == Stage::kNone) return under_way_ < kMostUnderWay;
@@ -269,7 +269,7 @@ void ViewPacer::Hurry(double now_s) {
   TraceLattice(kCoarsest, 0, 0, LiveUrgency::kAnswer);
 }
 
-/// Asks for the points between those of the finest lattice, unless they are under way.
+/// Asks for the points between the points of the finest lattice, unless they are under way.
 void ViewPacer::Refine(double now_s) {
   if (dispatcher_.Wants(frame_, LiveUrgency::kMotion)) return;
   if (settings_.step != 0 && now_s < rest_s_) return Wake(rest_s_);  // in motion the step is locked
@@ -309,7 +309,7 @@ void ViewPacer::TraceSamples() {
   dispatcher_.Trace(frame_, area, LiveUrgency::kRest);
 }
 
-// --- What is sent
+// --- Sending
 
 /// Whether the frame may be sent now.
 bool ViewPacer::IsDue(double now_s) {

@@ -27,7 +27,7 @@ struct ViewSettings {
   double frame_rate = 30;  ///< frames a second that motion should have, in [10, 60]
   uint32_t step = 0;       ///< in motion: 1, 2 or 4; 0: as fine as the frame rate allows
   bool wait = false;       ///< whether frames wait for all their pixels
-  bool owners = false;     ///< whether frames tell which worker traced what
+  bool owners = false;     ///< whether frames name the worker of each tile
 };
 
 /// A part of a picture and the worker (id) that traced it.
@@ -36,7 +36,7 @@ struct TracedBy {
   uint32_t worker = 0;
 };
 
-/// What is to be sent to a viewer now.
+/// A frame that is to be sent to a viewer now.
 struct DueFrame {
   WantedView wanted;
   uint32_t step = 1;   ///< side of the squares of which each has a traced pixel
@@ -51,8 +51,8 @@ struct DueFrame {
   std::vector<TracedBy> owners;
 };
 
-/// Decides what is traced of a viewer's views and what is sent, so that the picture never freezes and becomes
-/// exact at rest.
+/// Decides which tiles of a viewer's views are traced and which frames are sent, so that the picture never
+/// freezes and becomes exact at rest.
 /// - The newest view wins. It begins when a frame of the view before has been sent.
 /// - A lattice of sample 0 comes first, of each 16th to every pixel a side, as fine as the frame rate allows.
 /// It is sent when it is complete. When it is late, the coarsest one is traced before all else and sent.
@@ -82,8 +82,8 @@ class ViewPacer {
   /// Takes a finished tile. False: it is of none of the pacer's frames.
   bool Take(const LiveTile& tile, std::span<const std::byte> pixels, double now_s);
 
-  /// Goes on: orders what is to be traced next. Returns what is to be sent now, at most kMostUnderWay frames
-  /// that have not been acknowledged.
+  /// Goes on: orders the tiles that come next. Returns the frame that is to be sent now, at most
+  /// kMostUnderWay frames that have not been acknowledged.
   std::optional<DueFrame> Step(double now_s);
   /// When Step() is to be called again even if nothing else happens; far away if never.
   double due_s() const { return due_s_; }
@@ -122,7 +122,7 @@ class ViewPacer {
   Stage Next(double now_s) const;
   void Enter(Stage stage, double now_s);
   void Order(double now_s);
-  // What is traced
+  // Tracing
   bool MayBegin(double now_s);
   void Begin(double now_s);
   uint32_t ChooseStep() const;
@@ -133,7 +133,7 @@ class ViewPacer {
   void Fill(double now_s);
   void Meter();
   void TraceSamples();
-  // What is sent
+  // Sending
   bool IsDue(double now_s);
   std::optional<DueFrame> MakeDue(double now_s);
   double ExposureNow();

@@ -154,7 +154,7 @@ void Viewer::TellState(std::string json) {
   untold_ = std::move(json);
 }
 
-/// Sends what the browser has asked for.
+/// Sends an answer to a message of the browser.
 void Viewer::SendAnswer(std::string json) {
   if (text_bytes() > welcome_bytes_ + kFarBehindBytes)
     return End("this page takes nothing of what it asks for");

@@ -41,7 +41,7 @@ struct ViewMemory {
   }
 };
 
-/// What viewers share. All of it outlives them.
+/// The objects that viewers share. They outlive the viewers.
 struct ViewerSite {
   boost::asio::io_context& io;
   EncodingThread& moving;  ///< for frames in motion
@@ -71,7 +71,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   void Start(const std::string& welcome);
   /// Takes a finished tile of one of its frames, and goes on.
   void Take(const LiveTile& tile, std::span<const std::byte> pixels);
-  /// Goes on with what is due.
+  /// Sends frames that are due, and orders tiles.
   void Go();
   /// Sends a text, unless the browser is behind or has not been welcomed.
   void Tell(std::string json);
@@ -122,7 +122,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   std::shared_ptr<std::optional<ToneTable>> tone_ = std::make_shared<std::optional<ToneTable>>();
   uint64_t next_frame_ = 1, frames_sent_ = 0;
   /// A frame that was sent. It makes room for another one when the browser has acknowledged it and the system
-  /// has taken its message: a browser may acknowledge what it does not read.
+  /// has taken its message: a browser may acknowledge frames that it does not read.
   struct Sent {
     uint64_t bytes = 0;
     double at_s = 0;

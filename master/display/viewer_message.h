@@ -15,7 +15,7 @@ namespace quarry {
 /// Pixels a side of a view, as many as a browser's canvas has.
 inline constexpr uint32_t kMostSide = 16384;
 
-/// What a browser says. See PROTOCOL.md.
+/// The messages of a browser. See PROTOCOL.md.
 struct AckMessage {
   uint64_t frame = 0;
 };

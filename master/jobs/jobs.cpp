@@ -270,7 +270,7 @@ void Jobs::Deliver() {
 
 /// Sends finished frames on, in order; lets go of a job that everyone has.
 void Jobs::Deliver(const std::shared_ptr<Job>& job) {
-  if (rests_) return;  // what a client does not get now stays in the spool
+  if (rests_) return;  // frames that clients do not get now stay in the spool
   size_t needed = job->states.size();
   for (Job::Client& client : job->clients) {
     while (client.next < job->states.size() && job->states[client.next] == Job::FrameState::kFinished &&

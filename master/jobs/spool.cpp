@@ -25,7 +25,7 @@ bool IsJobFolder(const std::string& name) {
   return name.size() == 16 && name.find_first_not_of("0123456789abcdef") == std::string::npos;
 }
 
-/// What a master was killed while writing.
+/// Removes files that a master was writing when it was killed.
 void RemoveTemporaries(const fs::path& folder) {
   std::error_code ignored;
   for (const auto& entry : fs::directory_iterator(folder, ignored))
@@ -41,8 +41,8 @@ bool IsOurs(const fs::path& file) {
   return image && !frame.empty() && frame.find_first_not_of("0123456789") == std::string::npos;
 }
 
-/// A job that a master was killed while beginning or removing. A folder of somebody else's that happens to
-/// have such a name keeps what is in it.
+/// Removes a job that a master was beginning or removing when it was killed. Another program's folder that
+/// happens to have such a name keeps its files.
 void RemoveRemains(const fs::path& folder) {
   std::error_code ignored;
   for (const auto& entry : fs::directory_iterator(folder, ignored))

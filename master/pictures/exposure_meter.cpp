@@ -12,8 +12,8 @@
 namespace quarry {
 namespace {
 
-/// Linear value that the logarithmic mean of surfaces comes to: a light grey, since a picture of a model
-/// should show its shape rather than a mood.
+/// Linear value of the logarithmic mean of exposed surfaces: a light grey, since a picture of a model should
+/// show its shape rather than a mood.
 constexpr double kKey = 0.3;
 /// Of so many points one may be clipped.
 constexpr size_t kClippedOf = 128;
@@ -47,7 +47,7 @@ void AddMeteredPoints(std::span<const std::byte> pixels, std::span<const Materia
   };
   for (Pixel p; pixels.size() >= sizeof p; pixels = pixels.subspan(sizeof p)) {
     std::memcpy(&p, pixels.data(), sizeof p);
-    if (p.coverage == 0) continue;  // what is put behind the picture is not exposed
+    if (p.coverage == 0) continue;  // the backdrop is not exposed
     const auto& [r, g, b] = p.color;
     const bool surface = std::isfinite(p.depth);
     points.push_back({0.2126f * r + 0.7152f * g + 0.0722f * b, std::max({r, g, b}), surface,

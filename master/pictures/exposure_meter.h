@@ -21,7 +21,7 @@ struct MeteredPoint {
   bool emits = false;    ///< a surface that shines by itself
 };
 
-/// The exposure that shows the points well: surfaces come to a mean grey in the logarithmic mean, but no more
+/// The exposure that shows the points well: the logarithmic mean of surfaces becomes a mean grey, but no more
 /// than one point of 128 is clipped. Surfaces that emit light do not count beside others: a window that
 /// shines may be clipped, and the room that it lights is seen. Units: EV, a multiple of 1/64 in [-16, 16]; 0
 /// without a lit surface. The same for the same points in any order. Thread-safe. Source: Reinhard et al.

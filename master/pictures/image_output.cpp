@@ -239,7 +239,7 @@ Result<Bytes> EncodeImage(const View& view, const ImageFormat& format, const Sce
                           const std::vector<uint32_t>& pixels) {
   auto file = format.name == "png" ? EncodePng(view, format, scene, ev, pixels)
                                    : EncodeExr(view, format, scene, pixels);
-  // What was reserved counts where it is part of the heap, as for small images it is.
+  // Unused capacity takes memory where it is part of the heap, as for small images.
   constexpr size_t kSmall = 1 << 20;
   if (file && file->capacity() < kSmall) file->shrink_to_fit();
   return file;

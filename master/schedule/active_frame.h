@@ -26,7 +26,7 @@ struct PlanCosts {
   double tile_s;                             ///< a thread's, for a tile beside tracing
 };
 
-/// What the statistics of a frame count.
+/// The counters of a frame's statistics.
 struct FrameCounts {
   uint64_t rays = 0, rays_suspended = 0;
   uint64_t leases_lost = 0;  ///< with their workers

@@ -28,8 +28,8 @@ struct WorkerState {
   uint32_t tiles = 0;  ///< finished
   Conduct conduct;
 
-  /// Tiles that the worker may have at once: the number it wants, within what its threads can use; a bounded
-  /// number before its first result, and one tile while it is doubtful.
+  /// Tiles that the worker may have at once: the number that it wants, within the number that its threads can
+  /// use; a bounded number before its first result, and one tile while it is doubtful.
   /// `any_proven`: another worker has finished tiles, so this one is not needed to make a start.
   uint32_t Credit(bool any_proven) const;
   bool proven() const { return tiles > 0 && !conduct.doubtful(); }
@@ -54,9 +54,9 @@ class FrameSource {
 };
 
 /// Gives tiles of frames to workers: begins frames, plans which worker renders which tile, leases tiles,
-/// takes results in, and notices workers that answer nothing. No socket, no clock, no thread: events and the
-/// time come in, tiles to send go out. The master and the simulator (tests/scalability) drive the same class.
-/// Units: seconds of any clock that does not go back; bytes as stored. Not thread-safe.
+/// takes results in, and notices workers that answer nothing. No socket, no clock, no thread: callers give
+/// events and the time, and get tiles to send. The master and the simulator (tests/scalability) drive the
+/// same class. Units: seconds of any clock that does not go back; bytes as stored. Not thread-safe.
 class Dispatcher {
  public:
   /// `block_bytes`: stored bytes of each block. `first_id`: the first frame's; later frames count up.
@@ -69,8 +69,8 @@ class Dispatcher {
   void AddWorker(WorkerState& worker) { workers_[worker.id] = &worker; }
   /// Ends the worker's leases. Its tiles go to other workers.
   void RemoveWorker(uint32_t id);
-  /// Ends the worker's lease of a tile that it has not begun, which goes to another worker. Ignores what it
-  /// does not hold.
+  /// Ends the worker's lease of a tile that it has not begun. The tile goes to another worker. Ignores a
+  /// lease that the worker does not hold.
   void GiveBack(uint32_t worker, FrameId frame, uint64_t lease);
   /// Plans all frames anew: workers have come, gone, become ready, or hold another cache.
   void PlanForWorkers() { MakePlans(PlanNews::kWorkers); }

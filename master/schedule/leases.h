@@ -52,9 +52,9 @@ class Leases {
       for (const TileLease& lease : leases) take(tile, lease);
   }
 
-  /// The tiles that are late, so that one worker more is to have each; those that were given out least
-  /// recently come first. A tile is late at once if none of its holders answers; else when the newest has
-  /// held it for `after_s`, doubled with each holder that answers.
+  /// The late tiles, each of which another worker is to have too; tiles given out least recently are first. A
+  /// tile is late at once if none of its holders answers; else when the newest has held it for `after_s`,
+  /// doubled with each holder that answers.
   std::vector<uint32_t> Late(double now_s, const std::function<double(uint32_t tile)>& after_s,
                              const std::function<bool(uint32_t worker)>& answers) const;
 

@@ -9,8 +9,7 @@
 namespace quarry {
 namespace {
 
-/// Computing that a tile should cost: ten times what it costs beside it (130 to 200 us), and a tenth of a
-/// frame.
+/// Time that computing a tile should take: ten times its other costs (130 to 200 us), and a tenth of a frame.
 constexpr double kTileS = 2e-3;
 /// Computing of the smallest tile of a range of samples: a viewer in motion waits for no longer one.
 constexpr double kRestTileS = 10e-3;
@@ -147,7 +146,7 @@ void LiveDispatcher::SetOwner(Viewer& viewer, const Frame& frame, const Tile& ar
       viewer.owners[y * kCells + x] = worker;
 }
 
-/// The frames that have open tiles of an urgency, those of the viewer that has got least time first.
+/// The frames that have open tiles of an urgency, first the frames of the viewer that has got least time.
 std::vector<FrameId> LiveDispatcher::FramesWith(LiveUrgency urgency) const {
   std::vector<std::pair<double, FrameId>> found;
   for (const auto& [id, frame] : frames_)

@@ -30,7 +30,7 @@ struct LiveTile {
   uint64_t rays = 0;
 };
 
-/// Gives tiles of watched views to workers: cuts what is to be traced into tiles that cost about two
+/// Gives tiles of watched views to workers: cuts the points to be traced into tiles that cost about two
 /// milliseconds, sends a part of the screen to the worker that traced it last, divides the workers' time
 /// among viewers, leases late tiles again, and tells workers which frames have ended. No socket, no clock, no
 /// thread, no foresight. Units: seconds of any clock that does not go back. Not thread-safe.
@@ -72,7 +72,7 @@ class LiveDispatcher {
   /// Whether tiles of this urgency are wanted that have not been finished.
   bool Wants(FrameId frame, LiveUrgency urgency) const;
 
-  /// Sends what workers have room for.
+  /// Sends tiles to workers that have room for them.
   void Assign(double now_s);
   /// A worker's result. None: nobody waits for it. Errors: more or fewer bytes than the tile has.
   Result<std::optional<LiveTile>> Finish(uint32_t worker, const TileDone& done, size_t pixel_bytes);

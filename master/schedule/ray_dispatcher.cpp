@@ -28,7 +28,7 @@ void RayDispatcher::Forget(uint32_t ray) {
   leases_.EndAll(ray);
 }
 
-/// Gives a ray to the worker that has fewest rays, of those that do not have it.
+/// Gives a ray to the worker with the fewest rays among the workers that do not have it.
 void RayDispatcher::Give(uint32_t ray, double now_s) {
   std::map<uint32_t, size_t> held;
   leases_.ForEach([&](uint32_t, const TileLease& lease) { ++held[lease.worker]; });

@@ -16,7 +16,7 @@ namespace quarry {
 /// Whether another frame may begin beside these.
 bool MayBegin(std::span<ActiveFrame* const> frames);
 
-/// What has changed since frames were planned.
+/// The kind of change since frames were planned.
 enum class PlanNews { kFrames, kWorkers };
 
 /// Predicts and plans the frames under way. Requires: the oldest is first; each is planned as if the frames

@@ -250,7 +250,7 @@ Status CheckRoom(const PreprocessOptions& options, const PreprocessPlan& plan) {
   const fs::path store = fs::path(options.output).parent_path(), spill = SpillFolder(options);
   const auto store_space = fs::space(store.empty() ? "." : store, error),
              spill_space = fs::space(spill, error);
-  if (error) return {};  // the run reports what is wrong with the folders
+  if (error) return {};  // the run reports the folders' faults
   const bool same = store_space.capacity == spill_space.capacity && store_space.free == spill_space.free;
   // The store grows while spill shrinks.
   const uint64_t wanted =

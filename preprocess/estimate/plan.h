@@ -7,7 +7,7 @@
 
 namespace quarry {
 
-/// An estimate of what a run takes, made before it.
+/// An estimate of a run's needs, made before it.
 struct PreprocessPlan {
   uint64_t triangles = 0, vertices = 0;  ///< as counted in the models; exact
   bool has_shading = false;              ///< normals, texture coordinates or colours

@@ -14,7 +14,7 @@ namespace {
 
 constexpr size_t kMostNames = 64, kMostLetters = 64;  // of a kind, of a name
 
-// The fields that are carried, or that say nothing about what is seen. A star stands for a number.
+// The fields that are carried, or that do not change pictures. A star stands for a number.
 constexpr std::string_view kPlyElements[] = {"vertex", "face", "tristrips"};
 constexpr std::string_view kPlyVertex[] = {"x",           "y",
                                            "z",           "nx",
@@ -62,7 +62,7 @@ constexpr std::string_view kGltfMembers[] = {
 constexpr std::string_view kGltfMaterial[] = {
     "name",           "extensions", "extras",      "pbrMetallicRoughness", "normalTexture", "emissiveTexture",
     "emissiveFactor", "alphaMode",  "alphaCutoff", "doubleSided"};
-// The reader knows which TEXCOORD_n a material goes by.
+// The reader knows which TEXCOORD_n a material uses.
 constexpr std::string_view kGltfAttribute[] = {"POSITION", "NORMAL", "COLOR_0", "JOINTS_*", "WEIGHTS_*"};
 
 struct Carried {

@@ -67,8 +67,8 @@ class ModelSink {
   /// same file for the same use share an index. Errors: more than kMaxTextures; disk full.
   virtual Result<uint32_t> AddTexture(TextureImage image) = 0;
 
-  /// Each adds a camera or light in model coordinates. Those beyond the store's limit are left out with a
-  /// warning.
+  /// Each adds a camera or light in model coordinates. Cameras and lights beyond the store's limit are left
+  /// out with a warning.
   virtual void AddCamera(NamedCamera /*camera*/) {}
   virtual void AddLight(NamedLight /*light*/) {}
   /// Whether the sink wants SetOrigin() before the first position: a point in the midst of the model.

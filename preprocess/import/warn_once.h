@@ -47,7 +47,7 @@ class WarnOnce {
     size_t count = 0;
   };
   struct Kind {
-    std::string text;   ///< the message without what differs
+    std::string text;   ///< the message without quoted names and digits
     std::string names;  ///< the quoted names in it
   };
 

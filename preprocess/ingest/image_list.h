@@ -38,7 +38,7 @@ class ImageList {
     std::string key, file, identity;
     uint32_t image;
   };
-  /// What images with equal bytes have in common; compares them only where the sizes are equal.
+  /// Size and digest, equal for images with equal bytes; digests are compared only where the sizes are equal.
   struct Content {
     uint64_t size;
     std::string digest;  ///< of the bytes; empty until another image has as many

@@ -17,15 +17,15 @@ constexpr double kFlat = 0.985;
 constexpr int kLevels = 64, kCells = 16;
 /// Share of the extent at the lower end in which a base lies; a floor above a cellar lies in kFloor.
 constexpr double kBase = 0.03, kFloor = 0.35;
-/// What a floor above the lower end counts beside a base.
+/// Weight of a floor above the lower end; a base has weight 1.
 constexpr double kRaised = 0.7;
 /// Share of a section's cells that make it a storey, and the sections that a staircase or a room has.
 constexpr double kWhole = 0.9;
 constexpr int kFewStoreys = 4;
 constexpr double kFloorWeight = 7.5, kLowWeight = 0.7, kHorizontalWeight = 0.15, kThinWeight = 0.05;
 
-/// The triangles' box without those that lie far from the rest. Along each axis it holds all but one of 200
-/// triangles at either end, unless all take less than twice as much of it.
+/// The triangles' box without the triangles that lie far from the rest. Along each axis it holds all but one
+/// of 200 triangles at either end, unless all take less than twice as much of it.
 Box BulkOf(std::span<const KdTriangle> triangles) {
   constexpr size_t kStraysOf = 200, kFew = 16;
   const size_t strays = triangles.size() < kFew ? 0 : (triangles.size() + kStraysOf - 1) / kStraysOf;
@@ -53,7 +53,7 @@ Box BulkOf(std::span<const KdTriangle> triangles) {
   return bulk;
 }
 
-/// What is known of an axis.
+/// Measures of the triangles along an axis, as evidence that it points up.
 class Axis {
  public:
   Axis(int axis, const Box& bulk) : axis_(axis), bulk_(bulk), whole_(kLevels) {

@@ -56,7 +56,7 @@ class Partitioner {
   TopSubtree tree;
 
  private:
-  /// Splits a node. Its references are those from `begin` on; they are removed.
+  /// Splits a node. Its references are the last ones, from `begin` on; they are removed.
   Status Split(uint32_t node, size_t begin, const Region& region) {
     const std::span<const KdReference> references = std::span(references_).subspan(begin);
     const size_t count = references.size();

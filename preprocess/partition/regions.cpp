@@ -28,7 +28,7 @@ class RegionChooser {
   RegionTree tree{{KdNode{}}, {}, {}};
 
  private:
-  /// Splits a node. Its references are those from `begin` on; they are removed.
+  /// Splits a node. Its references are the last ones, from `begin` on; they are removed.
   void Split(uint32_t node, size_t begin, const Region& region) {
     const std::span<const KdReference> references = std::span(references_).subspan(begin);
     const SplitPlane plane = references.size() * weight_ <= kRegionTriangles

@@ -22,8 +22,8 @@ struct BorderNormal {
   uint32_t corner() const { return hash_corner & 3; }
 };
 
-/// Corners of one pass over a region are those whose position has this share of hashes: so a pass takes the
-/// same memory whatever the region.
+/// The share of hashes of positions whose corners one pass over a region takes, so that a pass takes the same
+/// memory whatever the region.
 struct HashShare {
   uint32_t pass = 0, passes = 1;
 
@@ -44,7 +44,7 @@ inline bool Contains(const Box& cell, const glm::vec3& p) {
          p.y <= cell.upper.y && p.z <= cell.upper.z;
 }
 
-/// What regions have to tell each other: a region has every triangle about the positions in its cell, so it
+/// The normals that regions must exchange: a region has every triangle about the positions in its cell, so it
 /// alone finds the normals there, but a triangle that lies in several regions needs them in each. Each region
 /// has a file for the normals of its triangles' corners that lie outside its cell.
 /// Memory: kThreadBytes for each thread at most. Thread safety: none.
@@ -74,7 +74,8 @@ class BorderNormals {
     uint32_t id;
     CornerNormal found;
   };
-  /// What a pass over a region finds. `too_many`: more than memory is meant for; the pass is to be parted.
+  /// The result of a pass over a region. `too_many`: more straddlers than memory has room for; the pass must
+  /// be split.
   struct Border {
     std::vector<Straddler> straddlers;
     bool too_many = false;

@@ -137,7 +137,7 @@ void CornerFans::SolveFan(std::span<const uint32_t> fan, std::vector<CornerNorma
   for (size_t i = 0; i < fan.size(); ++i) {
     const Face& face = faces_[fan[i] >> 2];
     const float length = std::sqrt(glm::dot(sums[i], sums[i]));
-    // Negated, so that what is no number is left out too.
+    // Negated, so that sums that are no numbers are left out too.
     if (!(length > kLeastShare * angles[i] && glm::dot(sums[i], face.normal) < kFlatCosine * length))
       continue;
     normals.push_back({face.triangle, fan[i] & 3, PackNormal(sums[i])});

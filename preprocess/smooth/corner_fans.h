@@ -20,12 +20,12 @@ struct CornerNormal {
 uint32_t HashOfPosition(const glm::vec3& position);
 
 /// The corners that meet at positions, and their smooth normals: of each corner, the mean of the unit normals
-/// of those triangles about its position that its own triangle meets smoothly, weighted by their angles
-/// there. Triangles meet smoothly when they share a smoothing group, or, without groups, when their planes
-/// meet at most at the crease angle; which side faces outwards does not matter then. Positions are one if
-/// their coordinates are equal. More than kMostAround corners about a position stay flat. Memory: about 40
-/// bytes a corner. Thread safety: none. Source: Thürmer & Wüthrich, Computing Vertex Normals from Polygonal
-/// Facets, 1998.
+/// of the triangles about its position that its own triangle meets smoothly, weighted by their angles there.
+/// Triangles meet smoothly when they share a smoothing group, or, without groups, when their planes meet at
+/// most at the crease angle; which side faces outwards does not matter then. Positions are one if their
+/// coordinates are equal. More than kMostAround corners about a position stay flat. Memory: about 40 bytes a
+/// corner. Thread safety: none. Source: Thürmer & Wüthrich, Computing Vertex Normals from Polygonal Facets,
+/// 1998.
 class CornerFans {
  public:
   /// The time of a fan grows with the square of its corners.
@@ -71,7 +71,7 @@ class CornerFans {
   int table_shift_ = 0;          ///< 32 less the bits of a place in the table
   std::vector<glm::vec3> positions_;
   std::vector<uint32_t> opened_;  ///< times, of each slot
-  std::vector<uint32_t> counts_;  ///< corners of each slot, those beyond kMostAround included
+  std::vector<uint32_t> counts_;  ///< corners of each slot, corners beyond kMostAround included
   std::vector<Face> faces_;
   std::vector<PlacedCorner> corners_;
 };

@@ -100,7 +100,7 @@ class PassReader {
 
 using Drop = std::function<bool(const TriangleRecord&)>;
 
-/// A copy of a file that is too large for memory, with normals, without what is dropped.
+/// A copy of a file that is too large for memory, with normals, without the triangles that `drop` names.
 Result<SpillFile> SmoothFile(const SpillFile& triangles, RegionNormals normals, const std::string& prefix,
                              const Drop& drop) {
   constexpr size_t kSmallBlock = 64 << 10;  // a region of 10 million triangles has 39 passes
@@ -139,7 +139,7 @@ Result<SpillFile> SmoothFile(const SpillFile& triangles, RegionNormals normals, 
   return smooth;
 }
 
-/// A copy of a file without what is dropped.
+/// A copy of a file without the triangles that `drop` names.
 Result<SpillFile> KeptOf(const SpillFile& triangles, const std::string& prefix, const Drop& drop) {
   QUARRY_ASSIGN(SpillFile kept, SpillFile::Open(prefix + "kept", triangles.element_bytes(), 0));
   QUARRY_TRY(ForEachRecord(triangles, 0, triangles.count(), [&](const TriangleRecord& t) -> Status {

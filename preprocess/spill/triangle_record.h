@@ -13,7 +13,7 @@
 
 namespace quarry {
 
-/// The attributes of a scene's triangles beside positions; each value includes those before it.
+/// The attributes of a scene's triangles beside positions; each value includes the values before it.
 enum class Attributes : uint8_t { kNone, kColors, kNormals, kUvs };
 
 /// A self-contained triangle, as spilled to disk (never stored): its first RecordBytes(attributes) bytes.

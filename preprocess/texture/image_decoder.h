@@ -37,8 +37,8 @@ class ImageDecoder {
   /// The facts from the image's header alone. Errors: as Decode().
   Result<ImageFacts> LookAt(const TextureImage& image);
 
-  /// What the decoder found wrong with the last image, which it read nevertheless: a sentence with the
-  /// image's name. Empty: nothing.
+  /// The fault of the last image, which the decoder read nevertheless: a sentence with the image's name.
+  /// Empty: no fault.
   const std::string& remark() const { return remark_; }
 
   /// Whether the last error is not the image's fault: too little memory; the helper was killed, cannot be

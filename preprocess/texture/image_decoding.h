@@ -19,9 +19,9 @@ using OnRows = std::function<void(std::span<const std::byte>)>;
 /// Decodes an image: the `size` bytes from `offset` of the file, or fewer if the file ends. Sends its facts
 /// and, unless `look_only`, all rows in messages of about 1 MB. Memory: a row of tiles, or whatever the
 /// decoder takes.
-/// Returns what the decoder finds wrong with an image that it reads nevertheless: one that ends too early,
-/// say. Empty: nothing.
-/// Errors: a sentence why the image cannot be read. Throws what decoders throw (std::bad_alloc). Thread
+/// Returns: a sentence about the fault of an image that the decoder reads nevertheless, such as an early end.
+/// Empty: no fault.
+/// Errors: a sentence why the image cannot be read. Throws the decoders' exceptions (std::bad_alloc). Thread
 /// safety: none.
 Result<std::string> DecodeImage(const std::string& path, uint64_t offset, uint64_t size, bool look_only,
                                 const OnFacts& on_facts, const OnRows& on_rows);

@@ -59,7 +59,7 @@ bool OfMemory(const std::string& why) {
   return false;
 }
 
-/// What is known of an image when its decoder runs out of memory.
+/// The facts known about an image when its decoder runs out of memory.
 struct Known {
   uint64_t file_bytes = 0;  ///< of the image, compressed
   std::optional<ImageFacts> facts;

@@ -12,7 +12,7 @@ enum class ImageMessage : uint32_t {
   kLookAt,      ///< likewise, but only kFacts is answered
   kFacts,       ///< from the helper: ImageFacts, each as uint32
   kRows,        ///< whole rows from the top; channels interleaved, bytes or floats
-  kEnd,         ///< after the last row; what the decoder finds wrong with it, if anything
+  kEnd,         ///< after the last row; a sentence about the image's fault, or nothing
   kRefused,     ///< a sentence without the path: the image cannot be read
   kTooLarge,    ///< a sentence: the helper has too little memory
 };

@@ -20,7 +20,7 @@ class ImageReader {
   ImageReader(const std::vector<TextureImage>& images, size_t first, ImageDecoding decoding);
   ~ImageReader();
 
-  /// What comes of an image: its facts, then rows, at last the end; the end alone if it cannot be read.
+  /// A piece of an image: first its facts, then rows, at last the end; the end alone if it cannot be read.
   struct Piece {
     enum class Kind { kFacts, kRows, kEnd } kind = Kind::kEnd;
     ImageFacts facts;

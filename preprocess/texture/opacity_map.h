@@ -18,7 +18,7 @@
 
 namespace quarry {
 
-/// What some texels have in common.
+/// The states that all texels of a set share.
 struct TexelStates {
   bool opaque = true, transparent = true;
 

@@ -34,7 +34,7 @@ struct PagePipeline::Impl {
     return writer.AddPage(entry.page, entry.encoded.get());
   }
 
-  /// Takes what is done already, so that steps come soon; waits only beyond kMostPages.
+  /// Takes finished entries, so that steps run soon; waits only beyond kMostPages.
   Status TakeDone() {
     while (!entries.empty() &&
            (entries.front().step || pages > kMostPages ||

@@ -14,8 +14,8 @@ struct TexelTriangle {
   std::array<double, 2> slack{0, 0};             ///< each way
 };
 
-/// What all texels have in common that a lookup in the triangle can touch, nearest or bilinear. Where rows
-/// are too many to look at, what all texels of the image have in common. A lookup at x touches the texels
+/// The states that all texels share that a lookup in the triangle, nearest or bilinear, can touch. Where rows
+/// are too many to look at, the states that all texels of the image share. A lookup at x touches the texels
 /// whose centres are less than 1 away. So row by row: the part of the triangle that is less than 1 from the
 /// row's centre, and the columns about it.
 TexelStates StatesAbout(const TexelTriangle& triangle, const OpacityMap& map, const OpacityTiles& tiles,

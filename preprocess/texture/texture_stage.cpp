@@ -17,7 +17,7 @@
 namespace quarry {
 namespace {
 
-/// Takes back what opacity has done to the material's numbers: its texture says it instead.
+/// Undoes the effect of opacity on the material's numbers: its texture gives the opacity instead.
 void MakeSolid(Material& m) {
   if (m.geometry_opacity >= 1 || m.geometry_opacity <= 0) return;
   if (IsOpenPbr(m)) {
@@ -42,7 +42,7 @@ bool IsOfNormals(std::span<const std::byte> texel, const TexelLayout& layout) {
          channel(2) > kLeastBlue;
 }
 
-/// What a checkpoint tells of an image.
+/// The outcome of an image, as a checkpoint has it.
 enum class Carried : uint8_t { kLeftOut, kTexture, kShared };
 
 }  // namespace
@@ -130,7 +130,7 @@ Status TextureStage::Run(StoreWriter& writer, Progress& progress,
   return {};
 }
 
-/// Makes the pages of an image; the pipeline's steps note what becomes of it.
+/// Makes the pages of an image; the pipeline's steps note its outcome.
 Status TextureStage::Carry(const TextureImage& image, ImageReader& reader, PagePipeline& pages,
                            StoreWriter& writer) {
   std::optional<RowConverter> converter;

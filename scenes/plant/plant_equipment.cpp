@@ -13,7 +13,7 @@ namespace {
 using glm::vec2;
 using glm::vec3;
 
-constexpr float kClear = 0.45f;    ///< From the edge of a bay to what stands in it: columns, railings.
+constexpr float kClear = 0.45f;    ///< From the edge of a bay to its equipment: columns, railings.
 constexpr float kHeadroom = 7.9f;  ///< From floor to the floor above.
 
 /// A bay to be filled.
@@ -213,7 +213,7 @@ void DrawSite(Plant& plant, const Site& site, Budget budget) {
 }  // namespace
 
 void DrawEquipment(Plant& plant, Budget budget) {
-  // Small plants fill only some bays, those of the lower levels first.
+  // Small plants fill only some bays, the bays of the lower levels first.
   const auto affordable = static_cast<int>(budget.Share(1) / (5 * plant.item));
   int sites = 0, done = 0;
   for (int pass = 0; pass < 2; ++pass)

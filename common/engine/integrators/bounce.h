@@ -24,10 +24,10 @@ inline bool CanBounce(const SurfaceProperties& m) {
   return m.fresnel || m.reflectance != glm::vec3(0) || m.transmittance != glm::vec3(0);
 }
 
-/// The share of a shadow ray's light that a see-through surface lets pass: its transmittance, less what a
-/// material with Fresnel weights reflects. These are the weights of the transmitted ray, but shadow rays go
-/// straight on: no refraction, no total reflection. Each surface counts, so that a solid pane tints twice.
-/// `cosine`: between ray and geometric normal, at least 0.
+/// The share of a shadow ray's light that a see-through surface lets pass: its transmittance, less the share
+/// that a material with Fresnel weights reflects. These are the weights of the transmitted ray, but shadow
+/// rays go straight on: no refraction, no total reflection. Each surface counts, so that a solid pane tints
+/// twice. `cosine`: between ray and geometric normal, at least 0.
 glm::vec3 PassedLight(const SurfaceProperties& material, float cosine);
 
 /// Limit of see-through surfaces that a shadow ray passes; behind more it is dark. Trades rays against light

@@ -6,10 +6,10 @@
 
 namespace quarry {
 
-/// Where rays go on: what becomes of a sample once its ray has hit something. A mode of rendering is a class,
-/// and so is a question that needs no picture. All functions take lanes of one packet and move them to their
-/// next stages; there is one call a packet and stage, with lanes that are not empty. Immutable, so
-/// thread-safe. Source: Purcell et al. 2002, section 3: new rays carry their weight; no recursion.
+/// Decides how a sample goes on once its ray has hit something. Each mode of rendering is a class, and so is
+/// each question that needs no picture. All functions take lanes of one packet and move them to their next
+/// stages; there is one call a packet and stage, with lanes that are not empty. Immutable, so thread-safe.
+/// Source: Purcell et al. 2002, section 3: new rays carry their weight; no recursion.
 class Integrator {
  public:
   virtual ~Integrator() = default;
@@ -19,7 +19,7 @@ class Integrator {
     bool surfaces = true;
     /// Whether the first ray of a sample may end at any hit.
     bool any_hit = false;
-    TextureUses uses = 0;       ///< of textures, in what it shades
+    TextureUses uses = 0;       ///< uses of textures that its shading needs
     uint32_t pending_rays = 0;  ///< limit of rays that a sample has waiting in PendingRays
   };
   virtual Needs needs() const = 0;

@@ -16,7 +16,7 @@ class LightRays : public Integrator {
  protected:
   /// Whether glass lets light rays pass, tinted; else it stops them.
   virtual bool tints() const { return false; }
-  /// Whether see-through triangles must be looked at. False: what has met one is stopped.
+  /// Whether see-through triangles must be looked at. False: a ray that has met one is stopped.
   virtual bool LooksAtSeeThrough(const PacketWork& work) const = 0;
   /// Where the lane's light ray ends. Units: t.
   virtual float End(const PacketWork& work, uint32_t lane) const = 0;

@@ -51,8 +51,8 @@ using AlbedoOf = glm::vec3 (*)(const SurfaceProperties&);
 inline glm::vec3 BaseColor(const SurfaceProperties& m) { return m.base_color; }
 /// For paths that go on with reflected and transmitted rays.
 inline glm::vec3 DiffuseColor(const SurfaceProperties& m) { return m.diffuse; }
-/// For a studio's light, which follows neither: mirrors and glass count by what they send on, and nothing is
-/// so dark that its shape is lost.
+/// For a studio's light, which uses neither colour: mirrors and glass count by the light that they send on,
+/// and no surface is so dark that its shape is lost.
 inline glm::vec3 StudioColor(const SurfaceProperties& m) {
   constexpr float kMirror = 0.8f, kDarkest = 0.03f;
   const glm::vec3 sent_on = glm::min(m.reflectance + m.transmittance + m.specular, glm::vec3(1)) * kMirror;

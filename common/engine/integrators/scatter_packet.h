@@ -34,8 +34,8 @@ void Headlight(const ScatterPacket& properties, const SurfacePacket& surfaces, u
 void Ambient(const ScatterPacket& properties, const glm::vec3& ambient, const SurfacePacket& surfaces,
              uint64_t lanes, Vectors& radiance);
 
-/// A studio's light: what each of `rays` occlusion rays of a surface adds if nothing is in its way, and the
-/// radiance that needs none. `up`: the dome's zenith.
+/// A studio's light: the light that each of `rays` occlusion rays of a surface adds if nothing is in its way,
+/// and the radiance that needs no ray. `up`: the dome's zenith.
 void Studio(const ScatterPacket& properties, const glm::vec3& up, uint32_t rays,
             const SurfacePacket& surfaces, uint64_t lanes, Vectors& light, Vectors& radiance);
 

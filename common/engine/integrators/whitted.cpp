@@ -9,10 +9,10 @@
 namespace quarry {
 namespace {
 
-/// Puts the reflected and the transmitted ray of a surface on the list. A cone that is reflected widens by
-/// twice the curvature of the surface, and one that is refracted by what the direction bends, both times its
-/// width. Source: Akenine-Moeller et al. 2021 (see LodOf), sections 3 and 4; refraction is an approximation
-/// of ours.
+/// Puts the reflected and the transmitted ray of a surface on the list. A cone gains spread by its width
+/// times the surface's curvature: twice that in reflection, that times the bend of the direction in
+/// refraction. Source: Akenine-Moeller et al. 2021 (see LodOf), sections 3 and 4; refraction is an
+/// approximation of ours.
 void BounceFrom(const SurfaceProperties& material, const PacketWork& work, uint32_t lane) {
   const SamplePacket& s = work.samples;
   if (s.depth[lane] >= kMostBounces) return;

@@ -64,9 +64,9 @@ class RayBatch {
   void Park(uint32_t packet, uint32_t lane, BlockKey block);
   /// Makes the rays parked on `block` ready.
   void Resume(BlockKey block);
-  /// Forgets what a packet's rays wait for.
+  /// Forgets the blocks that a packet's rays wait for.
   void Forget(uint32_t packet);
-  /// Forgets what all rays wait for; none is ready.
+  /// Forgets the blocks that all rays wait for; no ray is ready.
   void ForgetAll();
   /// Calls want(block, const Parked&) once for each block that rays were parked on since the last call.
   template <class Want>

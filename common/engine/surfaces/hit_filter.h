@@ -13,7 +13,7 @@ class HitFilter {
   /// Takes up new hits of `lanes`, which Test() has not seen.
   virtual void Begin(PacketWork& work, uint64_t lanes) const = 0;
 
-  /// Lanes by what is known of their hits. Those that wait are parked.
+  /// Lanes by the result for their hits. Lanes that wait are parked.
   struct Verdict {
     uint64_t there = 0, rejected = 0, waiting = 0;
   };

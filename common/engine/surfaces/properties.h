@@ -8,8 +8,8 @@
 namespace quarry {
 
 /// Calls body(const SurfaceProperties&, lanes) until all of `lanes` have had their surfaces' properties.
-/// Lanes of a material come together, but those with textures come one by one. Requires: the surfaces are
-/// complete.
+/// Lanes of a material are called for together, but lanes with textures one by one. Requires: the surfaces
+/// are complete.
 template <class Body>
 void ForEachProperties(const PacketWork& work, uint64_t lanes, Body&& body) {
   const SceneSurfaces& scene = *work.view.surfaces;

@@ -28,7 +28,7 @@ struct SurfaceTexture {
   float size_lod;  ///< add to the level of detail of an image of one texel for that of this image
 };
 
-/// What textures say of a point of a surface.
+/// The values of textures at a point of a surface.
 struct Look {
   glm::vec3 base{0}, specular{0}, emission{0};
   float roughness = 0, metalness = 0;
@@ -58,9 +58,9 @@ class SceneSurfaces {
   const TexturePyramid& pyramid(const SurfaceTexture& texture) const {
     return pyramids_[texture.binding.texture];
   }
-  /// The material's properties where its textures `uses` say `look`. The texture's values replace those of
-  /// the form that the other form was derived from. Of OpenPBR's parameters, which modes with weights do not
-  /// use, only the base colour follows the weights.
+  /// The material's properties where its textures `uses` have the values `look`. These replace values of the
+  /// form that the other form was derived from. Of OpenPBR's parameters, which modes with weights do not use,
+  /// only the base colour follows the weights.
   SurfaceProperties PropertiesAt(const Material& material, uint32_t number, TextureUses uses,
                                  const Look& look) const;
 
@@ -69,7 +69,7 @@ class SceneSurfaces {
     uint32_t first = 0, count = 0;
     TextureUses uses = 0;
     bool open_pbr = false;
-    glm::vec3 sent_on{0};  ///< what mirror and glass add to the base colour that DeriveOpenPbr() makes
+    glm::vec3 sent_on{0};  ///< share of mirror and glass in DeriveOpenPbr()'s base colour
   };
   std::vector<TexturePyramid> pyramids_;
   std::vector<SurfaceTexture> textures_;

@@ -11,12 +11,12 @@
 #include "common/math/elementary.h"
 #include "common/scene/material.h"
 
-// How textures lie on triangles: what filters and relief need. Pure functions, thread-safe. They select
-// instead of branching, so that loops over lanes become vector instructions (texture_packet.h).
+// How textures lie on triangles: the derivatives that filters and relief need. Pure functions, thread-safe.
+// They select instead of branching, so that loops over lanes become vector instructions (texture_packet.h).
 
 namespace quarry {
 
-/// Derivatives of the position by uv along a triangle, and what filters need of it.
+/// Derivatives of the position by uv along a triangle, and the area that filters need.
 struct TextureFrame {
   glm::vec3 by_u{0}, by_v{0};  ///< zeros where uv does not vary in two directions
   float uv_area = 0;           ///< area of uv over area of the triangle; 1 over squared scene units

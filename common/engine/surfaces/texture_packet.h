@@ -47,8 +47,7 @@ void MakeFootprints(const SurfaceTexture& texture, const TexturePyramid& pyramid
                     const float (&u)[RayPacket::kRays], const float (&v)[RayPacket::kRays],
                     const float (&lod)[RayPacket::kRays], uint64_t lanes, FootprintPacket& footprints);
 
-/// Where the texels of lookups lie, and what is there: of lookups of 8-bit texels whose pages are all at
-/// hand.
+/// Places and values of the texels of lookups: of lookups of 8-bit texels whose pages are all at hand.
 struct TexelPacket {
   static constexpr uint32_t kMost = 8;     ///< texels of a lookup
   uint32_t page[kMost][RayPacket::kRays];  ///< as BlockKey::Page() counts pages

@@ -77,7 +77,7 @@ QUARRY_HOST_DEVICE inline uint64_t JoinBits(const typename L::Mask* masks) {
   return bits;
 }
 
-/// Takes from the hits of group g those up to the rays' lower bounds.
+/// Removes the hits of group g up to the rays' lower bounds.
 template <class L>
 QUARRY_HOST_DEVICE inline void DropPassed(const PacketRays<L>& p, uint32_t g, typename L::Int triangle,
                                           TriangleHit<L>& found) {
@@ -88,8 +88,8 @@ QUARRY_HOST_DEVICE inline void DropPassed(const PacketRays<L>& p, uint32_t g, ty
   found.hit = L::AndNot(L::AndNot(follows, bounded), found.hit);
 }
 
-/// Takes from the hits of group g, all of one triangle, those that do not count, and notes the see-through
-/// triangle where rays must.
+/// Removes the hits of group g that do not count. All hits are of one triangle. Notes a see-through triangle
+/// for the rays that must remember it.
 template <class L, bool kAnyHit, class Index>
 QUARRY_HOST_DEVICE inline void DropUncounted(const PacketRays<L>& p, uint32_t g,
                                              const VoxelGeometryOf<Index>& voxel, uint32_t local,

@@ -12,7 +12,7 @@
 // Source: Woop, Benthin & Wald 2013. Differs in the arithmetic behind the edge functions:
 //  * Vertices are moved to the ray's frame in float; a vertex goes to the same place whichever triangle it
 //    serves.
-//  * The three edge functions of those float coordinates have exact signs: in float by monotone rounding
+//  * The three edge functions of these float coordinates have exact signs: in float by monotone rounding
 //    whenever the two products differ after rounding, else in double, where the products are exact. So a
 //    shared edge gives the same answer in both triangles, and no ray passes between them.
 //  * A triangle that passes is evaluated again in double. Each edge function then carries one rounding

@@ -7,9 +7,8 @@
 
 namespace quarry {
 
-/// Tests ray `i` of the packet against all triangles, without a tree; finds the nearest hit. Its `voxel` and
-/// `local` are those of no voxel. For tables only. Source: the first of the schemes of Foley & Sugerman 2005,
-/// section 3.
+/// Tests ray `i` of the packet against all triangles, without a tree; finds the nearest hit. The hit has no
+/// voxel. For tables only. Source: the first scheme of Foley & Sugerman 2005, section 3.
 QUARRY_HOST_DEVICE inline void TraceByBruteForce(const PlainTriangle* triangles, uint32_t count,
                                                  RayPacket& rays, uint32_t i) {
   const RayFrame<ScalarLane> frame = LoadFrame<ScalarLane>(rays, i);

@@ -5,7 +5,7 @@
 #include "common/kdtree/ray_packet.h"
 #include "common/kdtree/voxel_geometry.h"
 
-// What kernels of one ray a thread read, in the memory of a GPU or of a CPU.
+// The data that kernels of one ray a thread read, in the memory of a GPU or of a CPU.
 
 namespace quarry {
 

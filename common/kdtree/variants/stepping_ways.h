@@ -18,7 +18,7 @@ namespace quarry {
 enum class Reached : uint32_t {
   kNode,  ///< an inner node
   kLeaf,  ///< a leaf that is not empty
-  kEnd,   ///< the end of a leaf, or of the cells of a node: Leave() finds what follows
+  kEnd,   ///< the end of a leaf, or of the cells of a node: Leave() finds the next node
 };
 
 /// A leaf: references `first` to `last` of a voxel's tree; at the top level the voxel `first`.
@@ -44,7 +44,7 @@ template <Way kWay>
 class KdSteps {
  public:
   using Node = KdNode;
-  /// What the top-level tree needs of a ray that is in a voxel.
+  /// The state that the top-level tree keeps of a ray that is in a voxel.
   struct Place {
     uint32_t resume = 0;
   };

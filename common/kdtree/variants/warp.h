@@ -7,12 +7,12 @@
 #include "common/math/host_device.h"
 
 // Warps: 32 lanes that take each step together. A kernel for warps is a template over one of the two classes
-// below, so that the CPU runs what the GPU runs:
+// below, so that the CPU runs the same code as the GPU:
 //   PerLane<T>       a T for each lane
 //   ForEach(m, f)    calls f(lane) for the lanes of `m`
 //   Ballot(f)        the lanes for which f(lane) holds, as bits; all lanes get it
 //   FetchAdd(p, n)   adds n to *p, once for the warp; all lanes get the value before
-// Control flow depends only on what all lanes know: all of them come to each Ballot.
+// Control flow depends only on values that all lanes know: all lanes reach each Ballot.
 
 namespace quarry {
 

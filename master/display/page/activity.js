@@ -1,4 +1,4 @@
-// The drawer that tells what is going on: live plots and the workers, as they join and leave.
+// The drawer with the cluster's activity: live plots and the workers, as they join and leave.
 
 import { workerColour } from './colours.js';
 import { bytes, compact, duration, element, percent, shown } from './formats.js';

@@ -3,7 +3,7 @@
 // A camera is {eye, at, up, fov, ortho}: positions in scene units, fov in degrees (vertical), ortho the height of an
 // orthographic picture in scene units, or missing. `at` lies ahead of the eye; its distance is the view distance.
 // A size is [width, height] in pixels, a pixel position counts from the picture's upper left corner; the centre of
-// the first pixel is (0.5, 0.5). The formulas of the picture are those of common/scene/view_basis.h.
+// the first pixel is (0.5, 0.5). The formulas of the picture are the same as in common/scene/view_basis.h.
 
 import { add, along, cross, distance, dot, length, mix, scale, subtract, unit } from './vectors.js';
 
@@ -132,12 +132,12 @@ export function fly(camera, right, up, forward, upAxis) {
   return moved(camera, add(scale(own.right, right), add(scale(upVector(upAxis), up), scale(own.forward, forward))));
 }
 
-/// The orthographic camera that shows what lies at `depth` as large as the perspective one does.
+/// The orthographic camera that shows things at `depth` as large as the perspective one does.
 export function toOrthographic(camera, depth) {
   return isOrthographic(camera) ? camera : { ...camera, ortho: 2 * tangentOf(camera) * depth };
 }
 
-/// The perspective camera that shows what lies at `depth` as large as the orthographic one does.
+/// The perspective camera that shows things at `depth` as large as the orthographic one does.
 export function toPerspective(camera, depth) {
   if (!isOrthographic(camera)) return camera;
   const forward = unit(subtract(camera.at, camera.eye));

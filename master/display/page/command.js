@@ -5,7 +5,7 @@ export function quoted(text) {
   return /^[A-Za-z0-9_\/.,:=@%+-]+$/.test(text) ? text : `'${text.replaceAll("'", "'\\''")}'`;
 }
 
-/// What options tell of a view; where anything else differs from the default, the whole view is told, in a file.
+/// The part of a view that options express; where anything else differs from the default, the whole view is told, in a file.
 const TOLD = ['camera', 'size', 'mode', 'spp', 'exposure'];
 
 /// `scene.store`: where the master has the scene. `defaults`: the server's default view. `view`: with all members.

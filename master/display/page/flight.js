@@ -48,7 +48,7 @@ export class Flight {
     this.onChange();
   }
 
-  /// Whether a key moves the camera. Codes are those of KeyboardEvent.code.
+  /// Whether a key moves the camera. Codes are values of KeyboardEvent.code.
   press(code) {
     if (!this.isOn || !MOVES[code]) return false;
     this.keys.add(code);

@@ -31,7 +31,7 @@ export function parseFrame(buffer) {
 
 const count = (n, one, many) => `${n.toLocaleString('en')} ${n === 1 ? one : many}`;
 
-/// What a frame shows, in words for people; `isNewest`: it is of the view that was sent last; `isMoving`: more follow.
+/// A frame's state, in words for people; `isNewest`: it is of the view that was sent last; `isMoving`: more follow.
 /// Returns {text, kind}; kind is 'exact', 'refining' or 'moving'.
 export function describe(header, isNewest, isMoving) {
   if (header.exact) return isNewest ? { text: 'exact', kind: 'exact' } : { text: 'the new view is coming', kind: 'moving' };

@@ -1,4 +1,4 @@
-// The line that always says what is shown, and the details below it.
+// The line that describes the picture, and the details below it.
 
 import { describe } from './frame.js';
 import { bytes, compact, fillList, milliseconds, shown } from './formats.js';

@@ -23,7 +23,7 @@ export class Link {
     addEventListener('hashchange', () => this.home && onView(this.read(location.hash)));
   }
 
-  /// The view of a fragment: what it does not name is the default's.
+  /// The view of a fragment. Members that it does not name are the default's.
   read(fragment) { return fromFragment(fragment, this.home, this.modes); }
 
   /// Writes the view into the address bar soon.

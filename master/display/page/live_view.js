@@ -18,7 +18,7 @@ export class LiveView {
     this.view = null;
     this.scene = null;
     this.input = 0;  // number of the view sent last
-    this.holds = new Map();  // what is moving: name to its timer, or 0
+    this.holds = new Map();  // the parts of the page that are moving: name to timer, or 0
     this.hasMoved = false;  // whether the camera has moved since the last rest
     this.sent = '';
     this.sentAt = -Infinity;
@@ -33,7 +33,7 @@ export class LiveView {
   get size() { return this.view.size; }
   /// "y" or "z": the scene's, unless the view has been turned.
   get upAxis() { return this.view?.up_axis ?? this.scene.up_axis; }
-  /// The lights of the view, where `lights` are those of the default view.
+  /// The lights of the view, where `lights` are the default view's.
   lights(lights) { return this.upAxis === this.scene?.up_axis ? lights : this.scene?.turned_lights; }
   /// The named views with that axis up.
   get namedViews() { return this.upAxis === this.scene?.up_axis ? this.scene.views : this.scene?.turned_views; }
@@ -119,7 +119,7 @@ export class LiveView {
     return true;
   }
 
-  /// Sends the view once more, for frames with what a setting has added.
+  /// Sends the view once more, for frames with a setting's additions.
   resend() {
     this.sent = '';
     this.schedule();
@@ -136,7 +136,7 @@ export class LiveView {
     this.flush();
   }
 
-  /// What is seen at a pixel: the server's HIT, or null.
+  /// The surface at a pixel: the server's HIT, or null.
   pick(x, y) {
     if (!this.flush()) return Promise.resolve(null);
     const pick = ++this.pickCount;

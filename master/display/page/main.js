@@ -204,7 +204,7 @@ function wholeView() { return live.view ? { ...defaults, lights: live.lights(def
 /// Whether the picture on the screen is the exact one of the newest view.
 function isExact() { return connection.isOpen && Boolean(picture.header?.exact) && hud.isNewest; }
 
-/// For tests and for the console: what the page shows, and a way to show something else.
+/// For tests and for the console: the state of the page, and a way to change the view.
 window.quarry = {
   state: () => ({
     connection: hud.connection, header: picture.header, input: live.input, framesDrawn: picture.framesDrawn, latency: picture.latency,

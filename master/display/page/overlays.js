@@ -1,4 +1,4 @@
-// What stands over the last picture while there is no newer one: plain sentences, and a button where one helps.
+// The sentences over the last picture while there is no newer one, and a button where one helps.
 
 const $ = (id) => document.getElementById(id);
 /// A state shorter than this is not worth a flicker.

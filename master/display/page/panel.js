@@ -98,7 +98,7 @@ export class Panel {
   /// Fills in the modes that the server has.
   setModes(modes) { $('mode').replaceChildren(...modes.map(({ name, label }) => element('option', { value: name }, label))); }
 
-  /// Fills in what a new scene has.
+  /// Fills in the choices of a new scene.
   setScene(scene) {
     this.showViews();
     const own = scene.cameras ?? [];
@@ -107,7 +107,7 @@ export class Panel {
       ...own.map(({ name }, i) => element('option', { value: String(i) }, shown(name) || `Camera ${i + 1}`)));
   }
 
-  /// Makes the controls say what the view and the settings say.
+  /// Makes the controls show the view and the settings.
   refresh() {
     const { view } = this.live;
     if (!view || !this.isOpen) return;
@@ -138,7 +138,7 @@ export class Panel {
     $('spp').value = String(spp);
   }
 
-  /// What depends on the picture on the screen too.
+  /// The controls that depend on the picture on the screen too.
   refreshPicture() {
     const { view } = this.live;
     if (!view || !this.isOpen) return;

@@ -1,4 +1,4 @@
-// What a click shows: a card with the facts of the point, and marks that stay at their points in the picture.
+// The answer to a click: a card with the facts of the point, and marks that stay at their points in the picture.
 
 import { coordinate, copyText, fillList, shown } from './formats.js';
 import { project } from './camera.js';

@@ -78,7 +78,7 @@ export class Picture {
   }
 
   /// Draws a stripe, stretched where its image has one pixel for a square of `scale` pixels. The traced pixel is the
-  /// square's first, so that the image is moved by half a square: what it leaves free at the end is drawn before.
+  /// square's first, so that the image is moved by half a square: the border that it leaves free at the end is drawn before.
   drawStripe(bitmap, { y, height, scale = 1 }, width) {
     const { context } = this;
     context.imageSmoothingEnabled = scale > 1;

@@ -7,7 +7,7 @@ const PERMITTED = {
   wait: (x) => typeof x === 'boolean', owners: (x) => typeof x === 'boolean', resolution: (x) => [1, 0.5, 0.25].includes(x),
 };
 const DEFAULTS = { frame_rate: 30, quality: 80, step: 0, wait: false, owners: false, resolution: 1 };
-/// What the server is told; the rest is the page's own.
+/// The settings that the server is told; the others are the page's own.
 const SENT = ['frame_rate', 'quality', 'step', 'wait', 'owners'];
 
 export class Settings {
@@ -23,7 +23,7 @@ export class Settings {
     } catch {
       // Storage may be forbidden or hold something else; the defaults stand.
     }
-    // What a person would not see soon is not carried into another visit.
+    // Settings without a visible effect are not carried into another visit.
     this.values.owners = false;
   }
 

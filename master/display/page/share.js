@@ -44,7 +44,7 @@ export class Share {
     this.tell(await copyText(text) ? sentence : 'The browser did not let the page copy.');
   }
 
-  /// What a colleague needs beside a link to this page.
+  /// The things that a colleague needs beside a link to this page.
   get reach() {
     return LOOPBACK.includes(location.hostname)
       ? ` It names this machine (${location.hostname}): elsewhere it opens through ssh -L ${location.port || 80}:localhost:${location.port || 80}.` : '';
@@ -101,7 +101,7 @@ export class Share {
     return this.copy(command(this.live.scene, this.defaults(), view, `${this.name}.png`), 'The command is copied. It writes this picture where the model is.');
   }
 
-  /// Saves what is on the screen when it is the picture; else the cluster renders it.
+  /// Saves the image on the screen when it is the exact picture; else the cluster renders it.
   savePicture() {
     const view = this.view();
     if (!view || this.isSaving) return;

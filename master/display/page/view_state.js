@@ -1,14 +1,14 @@
-// Views as data: what is sent, and how a view stands in the URL's fragment. No DOM.
+// Views as data: their form in messages and in the URL's fragment. No DOM.
 //
 // In the page a view's camera has `fov` always, and `ortho` beside it while it is orthographic. On the wire it has one.
-// A fragment names what differs from the default: #eye=1,2,3&at=0,0,0&up=0,0,1&fov=60&ortho=4&mode=voxels&spp=16&ev=-1&bg=0,0,0&axis=y
+// A fragment names the members that differ from the default: #eye=1,2,3&at=0,0,0&up=0,0,1&fov=60&ortho=4&mode=voxels&spp=16&ev=-1&bg=0,0,0&axis=y
 
 import { cross, distance, length, subtract } from './vectors.js';
 
 const DEFAULT_FOV = 45;
 const MOST_FOV = 179, MOST_SPP = 65536, MOST_EV = 100;
 
-/// What the page itself shows and sends of the server's default view. Lights and the like stay the server's: a member
+/// The part of the server's default view that the page itself shows and sends. Lights and the like stay the server's: a member
 /// that is missing has its value there, and a scene's lights could be longer than a message.
 export function ownMembers({ mode, spp, exposure, background, up_axis }) {
   return Object.fromEntries(Object.entries({ mode, spp, exposure, background, up_axis }).filter(([, value]) => value !== undefined));
@@ -38,7 +38,7 @@ function numbers(text, count, least = -Infinity) {
   return list.length === count && list.every((x) => Number.isFinite(x) && x >= least) ? list : null;
 }
 
-/// Reads a fragment onto the default view. What a fragment has wrong is left at the default. `modes`: names of the server's modes.
+/// Reads a fragment onto the default view. A wrong member of a fragment is left at the default. `modes`: names of the server's modes.
 export function fromFragment(fragment, defaults, modes) {
   const given = new URLSearchParams(fragment.replace(/^#/, ''));
   const view = { ...defaults };

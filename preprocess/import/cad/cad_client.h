@@ -24,9 +24,9 @@ class CadClient {
     CadMessage kind{};
     std::span<const std::byte> content;  ///< valid until the next call
   };
-  /// Waits for the next message. Errors, an end of a sentence about the file: the process refuses it, takes
-  /// too much memory or time, has crashed, or says what cannot be. `part`: the one that it works on, or
-  /// empty.
+  /// Waits for the next message. Errors, each the end of a sentence about the file: the process refuses it,
+  /// takes too much memory or time, has crashed, or sends an impossible message. `part`: the part that it
+  /// works on, or empty.
   Result<Message> Next(const std::string& part);
 
   /// The error for a message that no sound process sends.

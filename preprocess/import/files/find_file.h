@@ -23,8 +23,8 @@ std::filesystem::path FindFile(const std::string& by, const std::string& name);
 std::filesystem::path FindOnlyFile(const std::string& by, const std::string& name,
                                    std::initializer_list<const char*> extensions);
 
-/// Whether `file` lies outside of `model`'s folders, judged by the names alone. Models come from strangers,
-/// who have no business with other files of the machine: readers tell that they read it, or refuse to.
+/// Whether `file` lies outside of `model`'s folders, judged by the names alone. A model from a stranger must
+/// not use other files of the machine: readers tell that they read such a file, or refuse to.
 bool LeavesFolder(const std::string& model, const std::filesystem::path& file);
 
 }  // namespace quarry

@@ -203,14 +203,14 @@ void NumberFrom(uint32_t channel, std::vector<MaterialLibrary::Image>& images) {
   for (MaterialLibrary::Image& image : images) image.coordinates = image.coordinates == channel ? 0 : 1;
 }
 
-/// The texture coordinates of a mesh that its material goes by, else its first; null: it has none.
+/// The texture coordinates of a mesh that its material uses, else the mesh's first; null: it has none.
 const aiVector3D* UvsOf(const aiMesh& mesh, const std::vector<uint32_t>& channels) {
   const uint32_t channel = channels[mesh.mMaterialIndex];
   const bool has = channel < AI_MAX_NUMBER_OF_TEXTURECOORDS && mesh.HasTextureCoords(channel);
   return mesh.mTextureCoords[has ? channel : 0];
 }
 
-/// What the scene holds and the store does not carry.
+/// The scene's contents that the store does not carry.
 std::vector<std::string> LeftOut(const aiScene& scene) {
   bool bones = false, colors = false;
   for (unsigned i = 0; i < scene.mNumMeshes; ++i) {

@@ -12,7 +12,7 @@
 
 namespace quarry {
 
-/// What expat calls while it reads the file.
+/// The functions that expat calls while it reads the file.
 class ColladaParser {
  public:
   explicit ColladaParser(ColladaSets& sets) : sets_(sets) {}

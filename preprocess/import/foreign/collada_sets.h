@@ -8,16 +8,17 @@
 
 namespace quarry {
 
-/// The sets of texture coordinates that the materials of a COLLADA file go by. Assimp takes the number of a
-/// set from the digits in its name ("CHANNEL1") and reads no `bind_vertex_input`, which says what the name
-/// stands for. Source: COLLADA 1.4.1, chapter 5, bind_vertex_input. Thread safety: none.
+/// The sets of texture coordinates that the materials of a COLLADA file use. Assimp takes the number of a set
+/// from the digits in its name ("CHANNEL1") and reads no `bind_vertex_input`, which binds the name to a set.
+/// Source: COLLADA 1.4.1, chapter 5, bind_vertex_input. Thread safety: none.
 class ColladaSets {
  public:
-  /// Reads the bindings of the file. Of a file that is no COLLADA, or is damaged: those up to there.
+  /// Reads the bindings of the file. A file that is damaged or no COLLADA gives the bindings before the
+  /// error.
   static ColladaSets Read(const std::string& path);
 
-  /// The mesh's channel, as Assimp numbers them, by which the texture of `material`, a name or id, goes.
-  /// `fallback`: what Assimp says, for a material that is not bound.
+  /// The mesh's channel, in Assimp's numbers, that the texture of `material`, a name or id, uses. `fallback`:
+  /// Assimp's own choice, for a material that is not bound.
   uint32_t ChannelOf(const std::string& material, TextureUse use, uint32_t fallback) const;
 
  private:
@@ -29,8 +30,8 @@ class ColladaSets {
   std::map<std::string, Bound> materials_;                            ///< by id
   std::map<std::string, std::string> ids_;                            ///< of materials, by name
   std::map<std::string, std::map<TextureUse, std::string>> effects_;  ///< names of coordinates, by id and use
-  /// Of each geometry, by id, the channels of its sets: Assimp moves those that are there together. Under ""
-  /// those of the whole file, for geometries behind a skin.
+  /// Of each geometry, by id, the channels of its sets: Assimp numbers the existing sets without gaps. Under
+  /// "" the channels of the whole file, for geometries behind a skin.
   std::map<std::string, std::map<uint32_t, uint32_t>> channels_;
 };
 

@@ -10,7 +10,7 @@ namespace quarry {
 /// The kind of a file that is no model of Quarry's.
 struct ForeignContent {
   std::string what;                  ///< "a zip archive"; empty: not recognised
-  std::string advice;                ///< what the user can do
+  std::string advice;                ///< a step that the user can take
   bool may_be_read = false;          ///< whether Assimp may be able to read it
   CadFormat cad = CadFormat::kNone;  ///< which Open CASCADE reads
 };

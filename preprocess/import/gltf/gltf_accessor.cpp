@@ -85,8 +85,7 @@ GltfAccessor GltfAccessor::OfDecoded(GltfDocument& document, uint64_t offset, ui
   return accessor;
 }
 
-/// Takes elements that were decoded with their mesh; what the accessor says of its place and its number does
-/// not count.
+/// Takes elements that were decoded with their mesh; the accessor's own place and count are ignored.
 Status GltfAccessor::TakeElements(const GltfElements& elements) {
   if (elements.components != components_)
     return FailAt(

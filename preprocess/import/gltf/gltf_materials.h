@@ -12,7 +12,8 @@
 
 namespace quarry {
 
-/// A glTF document's materials as the sink knows them, and what their primitives' vertices must give.
+/// A glTF document's materials as the sink knows them, and the attributes that their primitives' vertices
+/// need.
 /// Thread safety: none.
 class GltfMaterials {
  public:
@@ -27,8 +28,8 @@ class GltfMaterials {
     GltfVertices::Wanted wanted;
   };
   /// Where the material is not opaque and the vertices' alpha is less than 1, gives the sink the material's
-  /// levels of alpha. Requires: the document's elements are those of the primitive. Errors: no such material;
-  /// unusable colours; the sink's.
+  /// levels of alpha. Requires: the document's decoded elements belong to the primitive. Errors: no such
+  /// material; unusable colours; the sink's.
   Result<Use> Find(const nlohmann::json& primitive, const std::string& mesh);
 
   /// Tells the sink of the fields that the document names and that are not carried. Requires: Read().

@@ -20,7 +20,7 @@ constexpr const char* kMeshopt = "EXT_meshopt_compression";
 
 enum class MeshoptMode { kAttributes, kTriangles, kIndices };
 
-/// A compressed stream: where it lies and what it holds.
+/// A compressed stream: its place and the form of its contents.
 struct Stream {
   uint64_t buffer = 0, offset = 0, length = 0;  ///< bytes
   uint64_t count = 0, stride = 0;               ///< elements, bytes of each

@@ -23,8 +23,8 @@ class GltfTextures {
   GltfTextures(GltfDocument& document, ModelSink& sink, Warnings warnings = Warnings::kAll)
       : document_(document), sink_(sink), warnings_(warnings), warn_(sink) {}
 
-  /// The n of TEXCOORD_n by which the texture of `info` (a textureInfo) goes; one that cannot be: the
-  /// largest.
+  /// The n of TEXCOORD_n that the texture of `info` (a textureInfo) uses; an impossible n becomes the largest
+  /// number.
   static uint32_t UvSetOf(const nlohmann::json& info);
   /// Sets the texture coordinates that the next material's triangles carry.
   void UseSet(uint32_t uv_set) { uv_set_ = uv_set; }

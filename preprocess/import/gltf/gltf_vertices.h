@@ -23,7 +23,7 @@ class GltfVertices {
     glm::vec2 uv{0};
     Rgba8 color;
   };
-  /// What of a primitive's attributes its material goes by.
+  /// The attributes of a primitive that its material uses.
   struct Wanted {
     uint32_t uv_set = 0;  ///< n of TEXCOORD_n
     bool alpha = false;   ///< whether the alpha of COLOR_0 counts

@@ -71,7 +71,7 @@ class PlyBody {
     has_normals_ = plan.Has(kNx, kNz);
     const PlyElement* const face = header_.Find("face");
     has_uv_lists_ =
-        face != nullptr && PlanFace(*face).has_uv_list;  // of corners: finer than those of vertices
+        face != nullptr && PlanFace(*face).has_uv_list;  // uvs of corners are finer than uvs of vertices
     has_uvs_ = plan.Has(kU, kV) && !has_uv_lists_;
     has_colors_ = plan.Has(kRed, kBlue);
     QUARRY_ASSIGN(const bool goes_on, GoOnFromCheckpoint(sink_, path_, *this));

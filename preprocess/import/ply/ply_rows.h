@@ -13,7 +13,7 @@
 
 namespace quarry {
 
-/// What to do with a property of a row; decided once per element.
+/// How to treat a property of a row; decided once per element.
 struct PlyStep {
   static constexpr uint8_t kSkip = 0xFF;
   static constexpr uint8_t kIndexList = 0xFE;

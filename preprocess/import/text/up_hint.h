@@ -6,7 +6,7 @@
 
 namespace quarry {
 
-/// What the comments at a model's beginning tell of the axis that points up.
+/// The up axis that the comments at a model's beginning name or suggest.
 struct UpHint {
   uint32_t axis = 0;    ///< 1 for y, 2 for z; 0: nothing, or both
   bool stated = false;  ///< in words such as "Z-up"; else by the habit of the program that wrote it

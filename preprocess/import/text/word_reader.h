@@ -19,7 +19,7 @@ class WordReader {
   Result<std::string_view> Peek();
   /// Consumes the word that Peek() returned.
   void Skip() { cursor_.Word(); }
-  /// Consumes and returns the next word. Errors also: the file ends where `what` should be.
+  /// Consumes and returns the next word. Errors also: the file ends before the word.
   Result<std::string> Word(const char* what);
   /// Whether the next word is a number.
   Result<bool> AtNumber();

@@ -42,7 +42,8 @@ class InstanceGraph {
   double count(uint32_t object) const { return counts_[object]; }
 
   /// Calls visit(transform to the world, the objects on the way to the build from the object itself on) for
-  /// each instance of an object, in the order of the uses. Errors: those of `visit`, which end it.
+  /// each instance of an object, in the order of the uses. Errors: the first of `visit`, which ends the
+  /// calls.
   using Visit = std::function<Status(const glm::dmat4& world, const std::vector<uint32_t>& way)>;
   Status ForEach(uint32_t object, const Visit& visit) const;
 

@@ -35,14 +35,15 @@ class ThreeMfProperties {
     }
   };
 
-  /// Begins a group of a part; what follows belongs to it. Errors: the part has the number twice; too many.
+  /// Begins a group of a part; materials and colours that are added next belong to it. Errors: the part has
+  /// the number twice; too many.
   Status BeginGroup(uint32_t part, uint32_t id, Kind kind);
   /// Each adds to the group, if it is of that kind. `color`: as ParseThreeMfColor() gives it. Requires:
   /// BeginGroup(). Errors: too many.
   Status AddMaterial(std::string name, const Rgba8& color);
   Status AddColor(const Rgba8& color);
 
-  /// Gives the materials to the sink; or takes what the sink called them in an earlier run.
+  /// Gives the materials to the sink; or takes the numbers that the sink gave them in an earlier run.
   void GiveTo(ModelSink& sink);
   void Restore(std::vector<uint32_t> materials) { materials_ = std::move(materials); }
   const std::vector<uint32_t>& materials() const { return materials_; }

@@ -14,8 +14,8 @@
 
 namespace quarry {
 
-/// A 3MF without its vertices and triangles, which are counted: what must be known before the first of them
-/// is given. Bytes: about 150 an object or use, 4 a colour, and names.
+/// A 3MF without its vertices and triangles, but with their numbers: all must be known before the first
+/// triangle is given to the sink. Bytes: about 150 an object or use, 4 a colour, and names.
 struct ThreeMfStructure {
   static constexpr size_t kMostObjects = 1 << 16;
 

@@ -1,5 +1,5 @@
 // 3MF: the triangles of the objects that the build shows, transformed to the build's coordinates. The archive
-// is read twice: first for what its objects are and how often each is shown, then for their triangles.
+// is read twice: first for its objects and the number of times that each is shown, then for their triangles.
 
 #include <fmt/format.h>
 

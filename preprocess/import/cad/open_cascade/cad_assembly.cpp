@@ -33,7 +33,7 @@ bool IsMade(std::string_view name) {
   return name.find_first_not_of("0123456789") == name.npos;
 }
 
-/// What a node of the assembly passes on to the nodes below.
+/// The data that a node of the assembly passes on to the nodes below.
 struct Above {
   TopLoc_Location place;
   std::string path;

@@ -18,10 +18,10 @@ struct CadInstance {
   TopLoc_Location place;
   std::string part;  ///< names from the root on, joined by "/"; empty: nothing has a name
   std::optional<Quantity_ColorRGBA> own;        ///< of this instance: replaces the shape's colour
-  std::optional<Quantity_ColorRGBA> inherited;  ///< of what it is in: counts where the shape has none
+  std::optional<Quantity_ColorRGBA> inherited;  ///< of the assembly around it: for shapes that have none
 };
 
-/// What a document shows, in the document's order.
+/// The shapes that a document shows, in the document's order.
 struct CadAssembly {
   std::vector<TDF_Label> definitions;  ///< shapes that are no assemblies, each once
   std::vector<CadInstance> instances;

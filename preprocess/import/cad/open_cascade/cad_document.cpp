@@ -88,7 +88,7 @@ const Unit* FindUnit(std::string name) {
   return nullptr;
 }
 
-/// Sets the document's unit to the first of those that a file names.
+/// Sets the document's unit to the first unit that its file names.
 void SetUnit(const std::vector<std::string>& names, CadDocument& document, CadOutput& out) {
   const Unit* const unit = names.empty() ? nullptr : FindUnit(names[0]);
   if (!unit) {

@@ -23,7 +23,7 @@
 namespace quarry {
 namespace {
 
-constexpr uint64_t kOwnBytes = 128u << 20;  // buffers, what malloc keeps, and MemoryIsShort()'s margin
+constexpr uint64_t kOwnBytes = 128u << 20;  // buffers, malloc's reserve, and MemoryIsShort()'s margin
 
 struct Request {
   CadFormat format = CadFormat::kNone;

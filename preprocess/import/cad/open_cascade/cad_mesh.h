@@ -29,8 +29,8 @@ class CadMesher {
   CadMesher(const CadDocument& document, const CadAssembly& assembly, CadDeflection deflection,
             CadOutput& out);
 
-  /// Sends facts, materials, parts and faces, warnings of what is left out, and the end. False: memory has
-  /// become short.
+  /// Sends facts, materials, parts and faces, warnings about shapes that are left out, and the end. False:
+  /// memory has become short.
   bool Run();
 
  private:

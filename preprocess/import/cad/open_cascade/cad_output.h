@@ -30,9 +30,9 @@ class CadOutput {
 };
 
 /// Whether this process has come near the limit of its address space. Open CASCADE hides an allocation that
-/// failed: it leaves out the shape or the face. A model is refused then, so that what is read never depends
-/// on memory. `losses`: something was left out, so a quarter of the limit is near. A larger allocation that
-/// failed is not seen.
+/// failed: it leaves out the shape or the face. A model is refused then, so that its triangles never depend
+/// on memory. `losses`: something was left out, so within a quarter of the limit is near. The failure of a
+/// larger allocation is not seen.
 bool MemoryIsShort(bool losses = false);
 
 }  // namespace quarry

@@ -16,8 +16,8 @@ class CadStyles {
  public:
   CadStyles(const TDF_Label& definition, const TopoDS_Shape& shape);
 
-  /// The colour of a face of the shape in one of its instances. Of the face, else of the instance, the whole
-  /// shape, what the instance is in; nothing: none has one.
+  /// The colour of a face of the shape in one of its instances. The first that exists: the face's colour, the
+  /// instance's, the whole shape's, the colour of the assembly around the instance. Nothing: none exists.
   std::optional<Quantity_ColorRGBA> ColorOf(const TopoDS_Shape& face, const CadInstance& instance) const;
   /// Whether the file hides a face.
   bool IsHidden(const TopoDS_Shape& face) const;

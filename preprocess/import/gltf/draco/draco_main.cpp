@@ -24,7 +24,7 @@
 namespace quarry {
 namespace {
 
-constexpr uint64_t kOwnBytes = 32u << 20;  // buffers, and what malloc keeps
+constexpr uint64_t kOwnBytes = 32u << 20;  // buffers, and malloc's reserve
 constexpr rlim_t kMostSecondsOfMesh = 600;
 constexpr size_t kPieceBytes = 1 << 20;
 
@@ -131,7 +131,7 @@ void SendMesh(int out, const draco::Mesh& mesh, std::span<const uint32_t> ids) {
     }
   for (const draco::PointAttribute* attribute : attributes)
     for (uint32_t p = 0; p < mesh.num_points(); ++p)
-      if (!PutValue(*attribute, p, pieces)) std::abort();  // the facts are sent: only an end tells of it
+      if (!PutValue(*attribute, p, pieces)) std::abort();  // the facts are sent: only an end shows the error
 }
 
 void Answer(int out, const Bytes& compressed, std::span<const uint32_t> ids) {
