@@ -136,7 +136,7 @@ int Main(int argc, char** argv) {
   AddViewCommandOptions(*app.add_subcommand("view", "Walk through a scene, live, in a browser"), view);
   std::string scene;
   bool json = false, parts = false, textures = false, quiet = false;
-  auto* info = app.add_subcommand("info", "Tell what a store holds");
+  auto* info = app.add_subcommand("info", "Describe the contents of a store");
   info->add_option("scene", scene, "The store: a file, or https://... or s3://BUCKET/KEY")->required();
   RemoteArguments remote;
   AddRemoteOptions(*info, remote);

@@ -253,9 +253,9 @@ Result<std::string> StoreFor(const std::string& scene, const ImportArguments& im
     ::utimensat(AT_FDCWD, RecordOf(store).c_str(), nullptr, 0);  // the time of last use
     return store;
   }
-  TellOnSignal("nothing was rendered");
+  PrintOnSignal("nothing was rendered");
   QUARRY_TRY(Make(scene, import, store, quiet));
-  TellOnSignal(kKeptOnSignal);
+  PrintOnSignal(kKeptOnSignal);
   return store;
 }
 

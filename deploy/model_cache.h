@@ -9,7 +9,7 @@
 
 namespace quarry {
 
-/// The text of TellOnSignal() while pictures are rendered.
+/// The text of PrintOnSignal() while pictures are rendered.
 inline constexpr const char* kKeptOnSignal = "frames finished before are kept, nothing partial is left";
 
 /// The folder of stores made from models: $QUARRY_CACHE_DIR, else $XDG_CACHE_HOME/quarry, else

@@ -301,7 +301,7 @@ void AddRenderOptions(CLI::App& c, RenderArguments& a) {
                "A scene store (a file, or https://... or s3://BUCKET/KEY), or a model to be preprocessed "
                "first; none: the scene of --master");
   c.add_option("-o,--output", a.output, "The picture: .png or .exr")->required();
-  c.add_flag("--force", a.force, "Replace outputs that hold something else; never what is read");
+  c.add_flag("--force", a.force, "Replace outputs of other kinds; a file that is read is never replaced");
   AddLocalClusterOptions(c, a.workers, a.threads, a.cache);
   c.add_option("--size", a.size, "Width x height in pixels")->capture_default_str();
   c.add_option("--crop", a.crop, "Only this part: x,y,w,h");

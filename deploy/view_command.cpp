@@ -181,7 +181,7 @@ void AddViewCommandOptions(CLI::App& c, ViewArguments& a) {
 }
 
 Status ShowLive(const ViewArguments& a) {
-  TellOnSignal(GoesOn(a));
+  PrintOnSignal(GoesOn(a));
   QUARRY_ASSIGN(const auto folder, PrivateFolder::Make());
   const std::string address = ChooseAddress(a);
   QUARRY_ASSIGN(const std::string token_file, TokenFile(a, address, *folder));
@@ -204,7 +204,7 @@ Status ShowLive(const ViewArguments& a) {
       if (page) TellFailure(folder->file("progress"));
       return tl::unexpected<Error>(made.error());
     }
-    TellOnSignal(GoesOn(a));
+    PrintOnSignal(GoesOn(a));
     store = std::move(*made);
     ::unsetenv("QUARRY_PROGRESS_FILE");
   }

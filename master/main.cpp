@@ -124,17 +124,17 @@ int Main(int argc, char** argv) {
   app.add_option("--schedule", schedule, "Which worker gets which tile: footprint, last-owner or random")
       ->capture_default_str();
   app.add_option("--foresight", foresight,
-                 "Memory for voxels with which to foresee, by coarse rays, what tiles will need; 0: none")
+                 "Memory for voxels through which coarse rays foresee the blocks of tiles; 0: none")
       ->capture_default_str();
   app.add_option("--frame-memory", frame_memory,
                  "Memory for pictures being made, with all that they take until their clients have them, and "
-                 "for the jobs; who asks for more is refused (default: half of this machine's, or of its "
+                 "for the jobs; a job that needs more is refused (default: half of this machine's, or of its "
                  "cgroup's limit)")
       ->envname("QUARRY_FRAME_MEMORY");
   app.add_option("--spool", options.spool,
                  "Keep jobs and finished frames in this folder: started again, the master goes on with them");
   app.add_option("--trace", options.trace,
-                 "Write what each tile touched and cost to this file, a JSON object a line");
+                 "Write each tile's blocks and cost to this file, a JSON object a line");
   auto* const http = app.add_option(
       "--http", display.http,
       "Show the live view at HOST:PORT (beyond loopback with --tls-cert and --tls-key); the address "

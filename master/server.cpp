@@ -187,7 +187,8 @@ Status Server::OnHello(const ConnectionPtr& c, const Message& m) {
 
 /// Every message after the first: by role.
 Status Server::OnMessage(const ConnectionPtr& c, Role role, const Message& m) {
-  if (c->queued_bytes() > kMaxQueuedBytes) return Lose(c, "it does not read what it asked for"), Status{};
+  if (c->queued_bytes() > kMaxQueuedBytes)
+    return Lose(c, "it does not read the answers to its requests"), Status{};
   if (m.type == MessageType::kPing) return {};
   if (role == Role::kVoxels && m.type == MessageType::kBlockRequest) return blocks_.Answer(c, m);
   if (role == Role::kClient && m.type == MessageType::kRenderJob) {
@@ -302,29 +303,28 @@ void Server::Farewell() {
     c->Send(MakeMessage(MessageType::kFarewell, words));
     c->Close();
   }
-  AwaitWords(std::move(peers), Now());
+  AwaitSent(std::move(peers), Now());
 }
 
 /// Ends once the peers have taken all messages sent to them, frames included, or do not take them in time.
-void Server::AwaitWords(std::vector<ConnectionPtr> peers, double since_s) {
+void Server::AwaitSent(std::vector<ConnectionPtr> peers, double since_s) {
   constexpr double kOftenS = 0.05, kLeastS = 0.3, kMostS = 5;
   const auto waits = [](const ConnectionPtr& c) { return c->queued_bytes() > 0; };
   const double waited_s = Now() - since_s;
   if (waited_s > kMostS || (waited_s > kLeastS && std::ranges::none_of(peers, waits))) return io_.stop();
-  leaving_.Set(kOftenS, [this, peers = std::move(peers), since_s]() mutable {
-    AwaitWords(std::move(peers), since_s);
-  });
+  leaving_.Set(kOftenS,
+               [this, peers = std::move(peers), since_s]() mutable { AwaitSent(std::move(peers), since_s); });
 }
 
 void Server::Tick() {
   for (const ConnectionPtr& c : liveness_.Silent(Now()))
     Lose(c, fmt::format("silent for {:.0f} seconds", kSilenceS));
-  for (const ConnectionPtr& c : blocks_.Stalled()) Lose(c, "it does not read what it asked for");
+  for (const ConnectionPtr& c : blocks_.Stalled()) Lose(c, "it does not read the answers to its requests");
   for (const uint32_t id : dispatcher_.MuteWorkers()) {
     const ConnectionPtr mute = registry_.FindById(id)->connection;
-    Lose(mute, fmt::format("it has answered nothing for {:.0f} s in which it held tiles, and others have "
-                           "finished those",
-                           Conduct::kMuteS));
+    Lose(mute, fmt::format("it has answered nothing for {:.0f} s in which it held tiles that others have "
+                           "finished",
+                           Responsiveness::kMuteS));
   }
   jobs_.DropAbandoned(Now());
   AssignTiles();

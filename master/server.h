@@ -97,7 +97,7 @@ class Server {
   // The end by SIGTERM, of a master with a spool.
   void StartLeaving();
   void Farewell();
-  void AwaitWords(std::vector<ConnectionPtr> peers, double since_s);
+  void AwaitSent(std::vector<ConnectionPtr> peers, double since_s);
 
   boost::asio::io_context& io_;
   const MasterOptions& options_;

@@ -65,7 +65,7 @@ Status Server::OnWorkerStatus(WorkerRecord& worker, const Message& m) {
 Status Server::OnTileDone(WorkerRecord& worker, const Message& m) {
   QUARRY_ASSIGN(const TileDone done, DecodeTileDone(m.table));
   if (Display::Owns(done.frame)) {
-    worker.conduct.Answered(false);  // it works, though not on jobs
+    worker.responsiveness.Answered(false);  // it works, though not on jobs
     return display_ ? display_->OnTileDone(worker.id, done, m.raw) : Status{};
   }
   QUARRY_TRY(CheckBlocks(done.blocks));
@@ -79,7 +79,7 @@ Status Server::OnTileDone(WorkerRecord& worker, const Message& m) {
 
 Status Server::OnRayDone(WorkerRecord& worker, const Message& m) {
   QUARRY_ASSIGN(const RayDone done, DecodeRayDone(m.table));
-  worker.conduct.Answered(false);  // it works, though not on jobs
+  worker.responsiveness.Answered(false);  // it works, though not on jobs
   if (display_) display_->OnRayDone(worker.id, done);
   return {};
 }

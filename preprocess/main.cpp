@@ -283,7 +283,7 @@ int Main(int argc, char** argv) {
   app.add_option("--voxel-size", texts.voxel_size, "Most bytes of a decoded voxel's hot part")
       ->capture_default_str();
   app.add_option("--up-axis,--up", texts.up,
-                 "The models' up axis (default: y for glTF and what Assimp reads, z for 3MF, else guessed)")
+                 "The models' up axis (default: y for glTF and Assimp's formats, z for 3MF, else guessed)")
       ->check(CLI::IsMember({"y", "z"}));
   app.add_option("--crease", options.crease,
                  "Most degrees between neighbouring triangles without normals that meet smoothly; 0: facets. "
@@ -307,7 +307,7 @@ int Main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--unpack-limit", texts.unpack_limit,
                  "Most bytes that a packed model unpacks to (default: 100 times its own, at least 256M)");
-  app.add_flag("--resume", resume, "Go on with what an earlier run of the same command has left");
+  app.add_flag("--resume", resume, "Continue an earlier run of the same command from its kept files");
   app.add_flag("--resume-if-fit", resume_if_fit)->group("");  // quarry render's
   app.add_flag("--plan", plan, "Only tell triangles, disk, memory and time, and whether the disk has room");
   app.add_flag("--quiet", options.quiet, "Print errors only");

@@ -118,10 +118,10 @@ Result<PreprocessStatistics> Preprocess(const PreprocessOptions& options) {
   auto statistics = RunIn(begun, options, progress);
   if (statistics) {
     begun.work.Remove();
-    TellOnSignal(options.output + " is written");
+    PrintOnSignal(options.output + " is written");
   } else if (begun.work.kept() && statistics.error().kind != ErrorKind::kCannotResume)
     statistics.error().message +=
-        fmt::format("; what is done is kept in {}: {}", begun.work.path(), options.goes_on);
+        fmt::format("; the finished part is kept in {}: {}", begun.work.path(), options.goes_on);
   return statistics;
 }
 

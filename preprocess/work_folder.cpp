@@ -92,9 +92,9 @@ Result<WorkFolder> WorkFolder::Open(const std::string& output, const std::string
   WorkFolder folder;
   folder.path_ = BesidePath(output, ".work");
   folder.spill_ = spill.empty() ? folder.path_ : SpillFolderFor(output, spill);
-  const std::string left = "what is done is kept in " + folder.path_ + ": " + goes_on;
-  TellIfLeft(folder.path_, left);
-  if (folder.spill_ != folder.path_) TellIfLeft(folder.spill_, left);
+  const std::string left = "the finished part is kept in " + folder.path_ + ": " + goes_on;
+  ReportIfLeft(folder.path_, left);
+  if (folder.spill_ != folder.path_) ReportIfLeft(folder.spill_, left);
   if (resume) {
     QUARRY_ASSIGN(const bool going_on, folder.GoOn(command));
     if (going_on) return folder;

@@ -120,7 +120,7 @@ int Main(int argc, char** argv) {
                  "How the worker ended that this one replaces, for the live view")
       ->group("");
   app.add_option("--source", options.sources,
-                 "Where voxels come from, instead of what the master says; several share the load: master, "
+                 "Where voxels come from, instead of the master's sources; several share the load: master, "
                  "HOST:PORT, file:PATH, http://..., https://... or s3://BUCKET/KEY")
       ->envname("QUARRY_SOURCE");
   app.add_option("--disk-cache", texts.disk_cache,
@@ -137,7 +137,7 @@ int Main(int argc, char** argv) {
       "profile in ~/.aws");
   app.add_option(
       "--http-ca", texts.http_ca,
-      "Authorities trusted for https sources, PEM (default: those of --tls-ca, else the system's)");
+      "Authorities trusted for https sources, PEM (default: the authorities of --tls-ca, else the system's)");
   app.add_option(
          "--peers", options.peers,
          "Serve voxels to other workers at HOST:PORT; auto: at the address that reaches the master; off")

@@ -174,7 +174,7 @@ SignalsHeld::~SignalsHeld() {
   if (held.fetch_sub(1) == 1 && pending.load()) End();
 }
 
-void TellIfLeft(const std::string& path, const std::string& left) {
+void ReportIfLeft(const std::string& path, const std::string& left) {
   const std::string text = Line(left);
   for (Left& l : lefts) {
     if (l.used.load() || path.size() >= sizeof l.path || text.size() >= sizeof l.text) continue;
@@ -187,7 +187,7 @@ void TellIfLeft(const std::string& path, const std::string& left) {
 
 void InstallSignalHandlers(const std::string& program, const std::string& kept) {
   program_name = program;
-  TellOnSignal(kept);
+  PrintOnSignal(kept);
   struct sigaction action {};
   action.sa_handler = OnSignal;
   for (int signal : {SIGINT, SIGTERM}) ::sigaction(signal, &action, nullptr);
@@ -216,7 +216,7 @@ void EndAtOnce(int status) {
   ::_exit(status);
 }
 
-void TellOnSignal(const std::string& kept) {
+void PrintOnSignal(const std::string& kept) {
   const std::string text = Line(kept);
   const int next = 1 - message.load();
   std::strncpy(messages[next], text.c_str(), kMessageBytes - 1);

@@ -28,7 +28,7 @@ class SignalsHeld {
 /// Sets the line that a signal prints when `path` still exists after the removals: `left` replaces the text
 /// of InstallSignalHandlers(). The check is made on the disk, so the line is true whenever the signal comes.
 /// Holds two paths, checked in the order of registration; further paths are ignored.
-void TellIfLeft(const std::string& path, const std::string& left);
+void ReportIfLeft(const std::string& path, const std::string& left);
 
 /// Makes SIGINT, SIGTERM and SIGHUP remove the registered files, print "PROGRAM: interrupted; KEPT" on
 /// standard error and exit with status 1. `kept` says which results the interruption keeps. SIGHUP stays
@@ -48,7 +48,7 @@ void AwaitTerminationNoMore();
 [[noreturn]] void EndAtOnce(int status);
 
 /// Replaces the text `kept` of InstallSignalHandlers(). Requires: only few calls, and one thread that calls.
-void TellOnSignal(const std::string& kept);
+void PrintOnSignal(const std::string& kept);
 
 /// Ties this process to its parent when the environment's QUARRY_PARENT holds the parent's process id: the
 /// system then sends SIGTERM when the parent dies in any way. Does nothing without QUARRY_PARENT.

@@ -34,11 +34,8 @@ bool WriteAll(int fd, std::span<const std::byte> bytes) {
 bool StrangerOwns(const struct stat& info) { return info.st_uid != ::geteuid() && info.st_uid != 0; }
 
 std::string StrangerSentence(const std::string& path, const struct stat& info) {
-  return fmt::format(
-      "{}: belongs to another user ({}) than this program's ({}), who may read and change this secret; make "
-      "a "
-      "copy of your own",
-      path, info.st_uid, ::geteuid());
+  return fmt::format("{}: belongs to another user ({}) than this program's ({}); use a copy that you own",
+                     path, info.st_uid, ::geteuid());
 }
 
 }  // namespace quarry

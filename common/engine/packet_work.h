@@ -7,7 +7,7 @@
 #include "common/engine/rays/ray_batch.h"
 #include "common/engine/sample_packet.h"
 #include "common/engine/surfaces/cut_packet.h"
-#include "common/engine/surfaces/look_packet.h"
+#include "common/engine/surfaces/texture_lookups.h"
 #include "common/engine/surfaces/texture_packet.h"
 #include "common/engine/view_context.h"
 
@@ -46,8 +46,8 @@ struct PacketWork {
   RayBatch& batch;
   RayPacket& rays;
   SamplePacket& samples;
-  LookPacket* const look;  ///< null: no textures are looked up
-  CutPacket* const cut;    ///< null: all hits count
+  TextureLookups* const lookups;  ///< null: no textures are looked up
+  CutPacket* const cut;           ///< null: all hits count
   PendingRays& pending;
   TileFilm& film;
   PinnedBlocks* const pins;  ///< null while a tile is opened
@@ -58,7 +58,7 @@ struct PacketWork {
   const ResidentBlock* Find(BlockKey block) const { return pins->Find(block); }
   void Park(uint32_t lane, BlockKey block) const { batch.Park(number, lane, block); }
   /// The lanes whose surfaces have the values of their textures.
-  uint64_t looked() const { return look ? look->looked : 0; }
+  uint64_t looked_up() const { return lookups ? lookups->looked_up : 0; }
 };
 
 /// Finds blocks for a packet's lanes. It asks for the block of the last lane only once, since neighbours

@@ -36,10 +36,10 @@ void WriteLayers(PacketWork& work, uint32_t lane) {
 void StartCones(PacketWork& work) {
   const PixelCone cone = work.view.cone;
   for (int i = 0; i < SamplePacket::kLanes; ++i) {
-    work.look->cone_width[i] = cone.width + cone.spread * work.samples.t_offset[i];
-    work.look->cone_spread[i] = cone.spread;
+    work.lookups->cone_width[i] = cone.width + cone.spread * work.samples.t_offset[i];
+    work.lookups->cone_spread[i] = cone.spread;
   }
-  work.look->looked = 0;
+  work.lookups->looked_up = 0;
 }
 
 }  // namespace
@@ -73,9 +73,9 @@ void TileRenderer::Begin(std::shared_ptr<const ViewContext> view, RaySource& sou
       std::min<uint64_t>(RayBatch::kPackets, (source.left() + RayPacket::kRays - 1) / RayPacket::kRays));
   batch_.Open(packets);
   samples_.resize(packets);
-  Fit(looks_, view_->texture_uses != 0 ? packets : 0);
+  Fit(lookups_, view_->texture_uses != 0 ? packets : 0);
   Fit(cuts_, view_->filter ? packets : 0);
-  pending_.Open(packets, needs.pending_rays, !looks_.empty());
+  pending_.Open(packets, needs.pending_rays, !lookups_.empty());
   for (uint32_t packet = 0; packet < packets; ++packet) {
     PacketWork work = WorkOn(packet, nullptr);
     Start(work);
@@ -88,7 +88,7 @@ PacketWork TileRenderer::WorkOn(uint32_t packet, PinnedBlocks* pins) {
           batch_,
           batch_[packet],
           samples_[packet],
-          looks_.empty() ? nullptr : &looks_[packet],
+          lookups_.empty() ? nullptr : &lookups_[packet],
           cuts_.empty() ? nullptr : &cuts_[packet],
           pending_,
           film_,
@@ -123,7 +123,7 @@ void TileRenderer::Start(PacketWork& work) {
     ForEachLane(lanes.missing_box, [&](uint32_t i) { Miss(work, i); });
     started = lanes.in_box;
   }
-  if (work.look) StartCones(work);
+  if (work.lookups) StartCones(work);
   std::fill_n(s.at, SamplePacket::kStages, 0);
   s.at[first_] = unfinished_[work.number] = started;
   batch_.MakeReady(work.number, started);
@@ -245,7 +245,7 @@ void TileRenderer::TidyTouched() {
 
 size_t TileRenderer::memory_bytes() const {
   const auto bytes = [](const auto& v) { return v.size() * sizeof(v[0]); };
-  return source_->memory_bytes() + batch_.memory_bytes() + bytes(samples_) + bytes(looks_) + bytes(cuts_) +
+  return source_->memory_bytes() + batch_.memory_bytes() + bytes(samples_) + bytes(lookups_) + bytes(cuts_) +
          pending_.memory_bytes() + film_.memory_bytes();
 }
 

@@ -35,7 +35,7 @@ class TileRenderer {
     pins.LogTo(touched_, reader_);
     Round(pins);
     if (touched_.size() > kMostTouched) TidyTouched();
-    batch_.TellParked(want);
+    batch_.ReportParked(want);
   }
   /// Ends the tile unfinished. Blocks that its rays waited for may still be delivered.
   void Abandon();
@@ -86,8 +86,8 @@ class TileRenderer {
   RaySource* source_ = nullptr;  ///< one of the two
   RayBatch batch_;
   std::vector<SamplePacket> samples_;
-  std::vector<LookPacket> looks_;  ///< empty where the view has no textures
-  std::vector<CutPacket> cuts_;    ///< empty where all hits count
+  std::vector<TextureLookups> lookups_;  ///< empty where the view has no textures
+  std::vector<CutPacket> cuts_;          ///< empty where all hits count
   PendingRays pending_;
   TileFilm film_;
   std::unique_ptr<Scratch> scratch_ = std::make_unique<Scratch>();

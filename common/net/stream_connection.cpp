@@ -212,7 +212,8 @@ class StreamConnection final : public PeerRecord {
       return Drop(fmt::format("is dropped: idle for {} seconds", kIdleTime.count()), false);
     const uint64_t taken = taken_bytes();
     if (queued_ == 0 || std::exchange(taken_, taken) != taken) taken_since_ = now;
-    if (now - taken_since_ > kUnreadTime) Drop("is dropped: it does not read what it asked for", false);
+    if (now - taken_since_ > kUnreadTime)
+      Drop("is dropped: it does not read the answers to its requests", false);
   }
   uint64_t taken_bytes() const override {
     int unacknowledged = 0;

@@ -229,7 +229,7 @@ class HttpRangeClient::Lane : public std::enable_shared_from_this<HttpRangeClien
             const unsigned status = self->tunnel_->get().result_int();
             if (status / 100 != 2)
               return self->Fail("its proxy " + StatusSentence(status, ""), IsPermanentStatus(status));
-            if (self->buffer_.size() > 0) return self->Fail("its proxy sends what is not TLS");
+            if (self->buffer_.size() > 0) return self->Fail("its proxy does not speak TLS");
             self->Handshake();
           });
     });
@@ -464,7 +464,7 @@ class HttpRangeClient::Lane : public std::enable_shared_from_this<HttpRangeClien
       return Fail("sends more than was asked for");
     if (error == http::error::header_limit) return Fail("sends a head of more than 8 KiB");
     if (error.category() == http::make_error_code(http::error::bad_version).category())
-      return Fail(fmt::format("sends what is not HTTP ({})", error.message()));
+      return Fail(fmt::format("does not speak HTTP ({})", error.message()));
     Fail(error.message());
   }
 

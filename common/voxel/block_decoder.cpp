@@ -280,7 +280,7 @@ Result<VoxelGeometry> DecodeHot(BlockDecoder& decoder, const Catalog& catalog, u
                                 std::vector<KdNode>* tree) {
   QUARRY_ASSIGN(VoxelGeometry hot, decoder.Hot(stored, out, catalog.meta.padding, tree));
   if (hot.triangle_count != catalog.voxels[voxel].triangles)
-    return Fail("its triangles are not those of the directory");
+    return Fail("its triangles differ from the directory's");
   const auto lacks = [&](uint32_t material) { return material >= catalog.materials.size(); };
   if (std::any_of(hot.materials, hot.materials + hot.triangle_count, lacks))
     return Fail("it names a material that the scene lacks");
@@ -292,7 +292,7 @@ Result<VoxelShading> DecodeShading(BlockDecoder& decoder, const Catalog& catalog
                                    std::span<const std::byte> stored, std::span<std::byte> out) {
   QUARRY_ASSIGN(const VoxelShading shading, decoder.Shading(stored, out));
   if (shading.triangle_count != catalog.voxels[voxel].triangles)
-    return Fail("its triangles are not those of the directory");
+    return Fail("its triangles differ from the directory's");
   return shading;
 }
 

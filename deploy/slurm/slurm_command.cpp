@@ -25,8 +25,8 @@ namespace {
 namespace fs = std::filesystem;
 
 /// The arguments of `quarry render` that a job makes useless: they are the cluster's.
-constexpr const char* kOfTheCluster[] = {"--master",      "--workers",  "--threads", "--cache",
-                                         "--secret-file", "--tls-cert", "--tls-key", "--tls-ca"};
+constexpr const char* kClusterOptions[] = {"--master",      "--workers",  "--threads", "--cache",
+                                           "--secret-file", "--tls-cert", "--tls-key", "--tls-ca"};
 
 /// Checks the arguments of a job's rendering, as `quarry render` does. Returns: the frames' first and last
 /// number.
@@ -39,7 +39,7 @@ Result<std::pair<uint32_t, uint32_t>> CheckRendering(const ClusterArguments& a) 
   std::vector<char*> argv;
   for (std::string& word : line) argv.push_back(word.data());
   if (ParseCommandLine(app, static_cast<int>(argv.size()), argv.data())) return BadUsage("");
-  for (const char* option : kOfTheCluster)
+  for (const char* option : kClusterOptions)
     if (WasTyped(app, option))
       return BadUsage(
           fmt::format("{} has no effect on a job, which has a cluster of its own; leave it out", option));
@@ -96,7 +96,8 @@ Status CheckCluster(const ClusterArguments& a) {
   for (const std::string& option : a.sbatch)
     if (const std::string own = OwnOptionIn(option); !own.empty())
       return BadUsage(fmt::format("--sbatch={}: quarry cluster needs its own {}", option, own));
-  if (a.tasks > 0 && a.render.empty()) return BadUsage("--array needs what to render, after --");
+  if (a.tasks > 0 && a.render.empty())
+    return BadUsage("--array needs the arguments of quarry render, after --");
   return {};
 }
 
@@ -221,12 +222,10 @@ void AddClusterCommandOptions(CLI::App& command, ClusterArguments& a) {
                   "A further option of sbatch, such as --sbatch=--account=x; several may be given")
       ->allow_extra_args(false)
       ->needs(slurm);
-  command
-      .add_option("--threads", a.threads, "Compute threads of a worker (default: by what Slurm allocates)")
+  command.add_option("--threads", a.threads, "Compute threads of a worker (default: by Slurm's allocation)")
       ->check(WholeNumber(1, 1024))
       ->needs(slurm);
-  command.add_option("--cache", a.cache, "Cache of a worker (default: by what Slurm allocates)")
-      ->needs(slurm);
+  command.add_option("--cache", a.cache, "Cache of a worker (default: by Slurm's allocation)")->needs(slurm);
   command
       .add_option("--http", a.http, "HOST:PORT of the live view on the first node, for a cluster that stays")
       ->needs(slurm);
@@ -241,7 +240,7 @@ void AddClusterCommandOptions(CLI::App& command, ClusterArguments& a) {
   command.add_option("--stop", a.stop, "End the job with this number")->excludes(slurm);
   command.add_option("scene", a.scene, "The scene store, on a disk that the nodes share");
   command.add_option("render", a.render,
-                     "After --: what to render, as `quarry render` has it; without, the cluster stays");
+                     "After --: arguments of `quarry render`; without them the cluster stays");
 }
 
 Status RunClusterCommand(const ClusterArguments& arguments) {

@@ -97,7 +97,7 @@ bool IsHopeless(const std::string& reason) {
 }
 
 /// The words after "quarry.sbatch: KIND" in the last such line of the log; none: there is no such line.
-std::optional<std::string> Told(const std::string& log, const std::string& kind) {
+std::optional<std::string> LineOf(const std::string& log, const std::string& kind) {
   std::ifstream in(log);
   const std::string start = std::string(kMark) + kind;
   std::optional<std::string> words;
@@ -165,13 +165,13 @@ Result<SlurmJob> SubmitJob(const SlurmSubmission& submission) {
 
 Result<std::string> AwaitStart(const SlurmJob& job) {
   using namespace std::chrono_literals;
-  TellOnSignal(fmt::format("job {} stays; quarry cluster --stop {} ends it", job.id, job.id));
+  PrintOnSignal(fmt::format("job {} stays; quarry cluster --stop {} ends it", job.id, job.id));
   std::string told;
   for (bool gone = false;;) {
-    if (const auto sentence = Told(job.log, "failed:"))
+    if (const auto sentence = LineOf(job.log, "failed:"))
       return Fail(fmt::format("job {}: {}", job.id, *sentence));
-    if (const auto address = Told(job.log, "ready")) return *address;
-    if (Told(job.log, "done")) return std::string();
+    if (const auto address = LineOf(job.log, "ready")) return *address;
+    if (LineOf(job.log, "done")) return std::string();
     QUARRY_ASSIGN(const JobState state, StateOf(job));
     if (IsHopeless(state.reason)) {
       Cancel(job);
@@ -205,7 +205,7 @@ Status StopJob(const std::string& id) {
   std::getline(line >> std::ws, folder);
   if (name.empty()) {
     if (!RemoveKept(id, ".")) return Fail(fmt::format("Slurm has no job {}", id));
-    Print(fmt::format("job {} had ended; what it had left here is removed\n", id));
+    Print(fmt::format("job {} had ended; its files here are removed\n", id));
     return {};
   }
   if (name != "quarry") return Fail(fmt::format("job {} is '{}', not a cluster of Quarry", id, name));

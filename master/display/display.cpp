@@ -104,7 +104,7 @@ void Display::WorkerReady(const WorkerRecord& worker) {
   rays_.AddWorker(worker.id);
   failure_.clear();
   lost_.clear();
-  TellState();
+  SendState();
   AssignSoon();
 }
 
@@ -116,19 +116,19 @@ void Display::WorkerGone(uint32_t id, const std::string& lost) {
     failure_.clear();
     if (!lost.empty()) Notify(lost + " The others go on.");
   }
-  TellState();
+  SendState();
   AssignSoon();
 }
 
 void Display::Notify(const std::string& sentence) {
   const std::string json = ordered_json{{"type", "notice"}, {"message", sentence}}.dump(
       -1, ' ', false, ordered_json::error_handler_t::replace);
-  for (const auto& [id, viewer] : viewers_) viewer->Tell(json);
+  for (const auto& [id, viewer] : viewers_) viewer->Send(json);
 }
 
 void Display::WorkerFailed(const std::string& sentence) {
   failure_ = sentence;
-  TellState();
+  SendState();
 }
 
 void Display::SetUp(uint32_t worker, FrameId frame, const View& view) {
@@ -257,11 +257,11 @@ void Display::OnScene(const Result<std::string>& description) {
 void Display::Welcome(const std::shared_ptr<Viewer>& viewer) {
   if (!*summary_) return viewer->End(summary_->error().message);
   viewer->Start(welcome_);
-  if (!state_.empty()) viewer->TellState(state_);
+  if (!state_.empty()) viewer->SendState(state_);
 }
 
 /// Tells viewers whether there is somebody to trace for them.
-void Display::TellState() {
+void Display::SendState() {
   const bool works = dispatcher_.has_workers();
   const char* const state = works ? "ok" : failure_.empty() ? "no-workers" : "failed";
   const std::string message = works               ? ""
@@ -273,7 +273,7 @@ void Display::TellState() {
       -1, ' ', false, ordered_json::error_handler_t::replace);
   if (json == state_) return;
   state_ = std::move(json);
-  for (const auto& [id, viewer] : viewers_) viewer->TellState(state_);
+  for (const auto& [id, viewer] : viewers_) viewer->SendState(state_);
 }
 
 DisplayCounters Display::Counters() const {
@@ -290,13 +290,13 @@ void Display::Tick() {
   departed_.clear();
   saved_.Tick();
   stats_.Sample(now_s, workers_, Counters());
-  TellState();
+  SendState();
   AssignSoon();  // late tiles
   if (now_s - told_s_ < kTellEveryS) return;
   told_s_ = now_s;
   for (const auto& [id, viewer] : std::map(viewers_)) {  // a viewer may end
     viewer->Sample(now_s);
-    viewer->Tell(stats_.Json(viewer->frames_per_s()));
+    viewer->Send(stats_.Json(viewer->frames_per_s()));
   }
 }
 

@@ -70,7 +70,7 @@ class Display : private LiveDispatcher::Sink {
   void OnSocket(std::shared_ptr<WebSocket> socket);
   void OnScene(const Result<std::string>& description);
   void Welcome(const std::shared_ptr<Viewer>& viewer);
-  void TellState();
+  void SendState();
   void AssignSoon();
   double Now() const;
   DisplayCounters Counters() const;

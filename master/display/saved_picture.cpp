@@ -15,7 +15,8 @@ namespace quarry {
 /// The job's client: jobs see it as a connection, whose messages come here.
 class SavedPicture final : public Connection {
  public:
-  SavedPicture(SavedPictures& site, SavedPictures::Tell tell) : site_(site), tell_(std::move(tell)) {}
+  SavedPicture(SavedPictures& site, SavedPictures::OnNews on_news)
+      : site_(site), on_news_(std::move(on_news)) {}
 
   void Start(OnMessage, OnClose) override {}
   void Expect(Speaker, uint32_t) override {}
@@ -38,13 +39,13 @@ class SavedPicture final : public Connection {
  private:
   void Take(Message message) {
     queued_ -= message.raw.size();
-    if (!tell_) return;
+    if (!on_news_) return;
     SavedPictures::News news;
     if (message.type == MessageType::kFrameProgress) {
       const auto progress = DecodeFrameProgress(message.table);
       if (!progress || progress->tiles == 0) return;
       news.done = static_cast<double>(progress->tiles_done) / progress->tiles;
-      return tell_(news);
+      return on_news_(news);
     }
     if (message.type == MessageType::kFrameDone) {
       news.done = 1;
@@ -54,11 +55,11 @@ class SavedPicture final : public Connection {
       const auto failure = DecodeFailure(message.table);
       news.failure = failure ? failure->message : "the master ends";
     }
-    std::exchange(tell_, nullptr)(news);
+    std::exchange(on_news_, nullptr)(news);
   }
 
   SavedPictures& site_;
-  SavedPictures::Tell tell_;  ///< empty once all is told
+  SavedPictures::OnNews on_news_;  ///< empty once all is told
   uint64_t queued_ = 0;
   const std::string peer_ = "a viewer";
 };
@@ -68,8 +69,8 @@ SavedPictures::SavedPictures(boost::asio::io_context& io, JobService jobs, std::
 
 SavedPictures::~SavedPictures() = default;
 
-Result<std::shared_ptr<SavedPicture>> SavedPictures::Ask(RenderJob job, Tell tell) {
-  const auto picture = std::make_shared<SavedPicture>(*this, std::move(tell));
+Result<std::shared_ptr<SavedPicture>> SavedPictures::Ask(RenderJob job, OnNews on_news) {
+  const auto picture = std::make_shared<SavedPicture>(*this, std::move(on_news));
   QUARRY_TRY(jobs_.ask(picture, JobRequest{std::move(job), 0}));
   // The jobs hold their clients. The viewer holds this object, whose end tells the jobs.
   return std::shared_ptr<SavedPicture>(picture.get(),

@@ -39,7 +39,7 @@ class SavedPictures {
     uint64_t bytes = 0;   ///< of the file
     std::string failure;  ///< a sentence, when it cannot be had
   };
-  using Tell = std::function<void(const News&)>;
+  using OnNews = std::function<void(const News&)>;
 
   /// `io` must outlive this. `now`: seconds of a steady clock.
   SavedPictures(boost::asio::io_context& io, JobService jobs, std::function<double()> now);
@@ -47,7 +47,7 @@ class SavedPictures {
 
   /// Asks for a picture. `tell` is called from later events, until it has told a file or a failure. The job
   /// ends with the last copy of the result. Errors: the job is refused.
-  Result<std::shared_ptr<SavedPicture>> Ask(RenderJob job, Tell tell);
+  Result<std::shared_ptr<SavedPicture>> Ask(RenderJob job, OnNews on_news);
   /// The file of this name, for a browser that has the session; 404 when it is not there (any more).
   HttpResponse Fetch(const std::string& name) const;
   /// Whether a name is of the form that News::file has.

@@ -143,11 +143,11 @@ uint64_t Viewer::text_bytes() const {
   return queued > frames ? queued - frames : 0;
 }
 
-void Viewer::Tell(std::string json) {
+void Viewer::Send(std::string json) {
   if (started_ && !gone_ && text_bytes() <= welcome_bytes_ + kBehindBytes) socket_->SendText(std::move(json));
 }
 
-void Viewer::TellState(std::string json) {
+void Viewer::SendState(std::string json) {
   if (!started_ || gone_) return;
   untold_.reset();
   if (text_bytes() <= welcome_bytes_ + kBehindBytes) return socket_->SendText(std::move(json));
@@ -157,7 +157,7 @@ void Viewer::TellState(std::string json) {
 /// Sends an answer to a message of the browser.
 void Viewer::SendAnswer(std::string json) {
   if (text_bytes() > welcome_bytes_ + kFarBehindBytes)
-    return End("this page takes nothing of what it asks for");
+    return End("this page reads none of the answers to its messages");
   socket_->SendText(std::move(json));
 }
 
@@ -180,7 +180,7 @@ void Viewer::OnText(const std::string& text) {
   if (gone_) return;
   if (TooMany()) return End("this page sends more than a viewer does");
   if (const Status status = OnMessage(text); !status) return End(status.error().message);
-  Go();
+  Advance();
 }
 
 Status Viewer::OnMessage(const std::string& text) {
@@ -267,19 +267,19 @@ void Viewer::OnTaken(uint64_t frame) {
   const auto it = under_way_.find(frame);
   if (gone_ || it == under_way_.end()) return;
   it->second.taken = true;
-  if (untold_) TellState(*std::exchange(untold_, std::nullopt));
+  if (untold_) SendState(*std::exchange(untold_, std::nullopt));
   if (!it->second.acknowledged) return;
   under_way_.erase(it);
   pacer_.Acknowledged();
-  Go();
+  Advance();
 }
 
 void Viewer::Take(const LiveTile& tile, std::span<const std::byte> pixels) {
   if (gone_) return;
-  if (pacer_.Take(tile, pixels, site_.now())) Go();
+  if (pacer_.Take(tile, pixels, site_.now())) Advance();
 }
 
-void Viewer::Go() {
+void Viewer::Advance() {
   if (gone_) return;
   while (auto due = pacer_.Step(site_.now())) due_.push_back(std::move(*due));
   if (newest_) Charge(std::max(uint64_t{newest_->width} * newest_->height, pacer_.held_pixels()));
@@ -289,7 +289,7 @@ void Viewer::Go() {
   const double wait_s = pacer_.due_s() - site_.now();
   if (wait_s < kLongest)
     timer_.Set(std::max(wait_s, 0.0), [self = weak_from_this()] {
-      if (const auto viewer = self.lock()) viewer->Go();
+      if (const auto viewer = self.lock()) viewer->Advance();
     });
   else
     timer_.Stop();
@@ -322,7 +322,7 @@ void Viewer::OnEncoded(DueFrame& due, const Result<EncodedFrame>& encoded) {
     encoding_ = Encoding::kNone;
   if (gone_) return;
   if (!encoded) return End(encoded.error().message);
-  if (overtaken) return pacer_.Acknowledged(), Go();
+  if (overtaken) return pacer_.Acknowledged(), Advance();
   const uint64_t number = next_frame_++;
   ++frames_sent_;
   if (due.exact.empty() && due.samples == 0) site_.took_frame(due.trace_s);
@@ -339,12 +339,12 @@ void Viewer::Sample(double now_s) {
   const double seconds = now_s - std::exchange(sampled_s_, now_s);
   frames_per_s_ = static_cast<double>(frames_sent_ - std::exchange(sampled_frames_, frames_sent_)) /
                   std::max(seconds, 0.1);
-  if (untold_) TellState(*std::exchange(untold_, std::nullopt));
+  if (untold_) SendState(*std::exchange(untold_, std::nullopt));
   double bytes = 0;
   for (const auto& [number, sent] : under_way_) {
     bytes += static_cast<double>(sent.bytes);
     if (!sent.taken && now_s - sent.at_s > kStallS + bytes / kSlowLine)
-      return End("this page takes nothing of what it is sent");
+      return End("this page reads none of the frames that it is sent");
   }
 }
 

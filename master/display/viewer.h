@@ -72,11 +72,11 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   /// Takes a finished tile of one of its frames, and goes on.
   void Take(const LiveTile& tile, std::span<const std::byte> pixels);
   /// Sends frames that are due, and orders tiles.
-  void Go();
+  void Advance();
   /// Sends a text, unless the browser is behind or has not been welcomed.
-  void Tell(std::string json);
+  void Send(std::string json);
   /// Sends the cluster's state, once the browser is not behind.
-  void TellState(std::string json);
+  void SendState(std::string json);
   /// Sends the reason and ends the connection.
   void End(const std::string& sentence);
 

@@ -13,7 +13,7 @@ uint32_t WorkerState::Credit(bool any_proven) const {
   /// Bounds on a peer that may be hostile or broken, for its tiles wait until another worker gets them: tiles
   /// while others can do the work, and threads believed while no other can.
   constexpr uint32_t kUnprovenTiles = 4, kUnprovenThreads = 64;
-  if (conduct.doubtful()) return 1;
+  if (responsiveness.doubtful()) return 1;
   if (tiles > 0) return std::clamp(tiles_wanted, FewestTiles(threads), MostTilesIfScarce(threads));
   return std::min(FewestTiles(std::min(threads, kUnprovenThreads)), any_proven ? kUnprovenTiles : ~0u);
 }
@@ -51,7 +51,7 @@ void Dispatcher::MakePlans(PlanNews news) {
   const auto frames = Frames();
   source_.Probe(frames);
   const auto sound = [](const auto& entry) {
-    return entry.second->ready && !entry.second->conduct.doubtful();
+    return entry.second->ready && !entry.second->responsiveness.doubtful();
   };
   const bool any_sound = std::ranges::any_of(workers_, sound);
   std::map<uint32_t, double> speeds;
@@ -88,7 +88,7 @@ std::vector<AssignedTile> Dispatcher::AssignTiles(double now_s) {
       std::ranges::any_of(workers_, [](const auto& entry) { return entry.second->proven(); });
   std::vector<WorkerCredit> credits;
   for (const auto& [id, worker] : workers_)
-    if (worker->ready) credits.push_back({id, worker->Credit(any_proven), worker->conduct.quiet_s()});
+    if (worker->ready) credits.push_back({id, worker->Credit(any_proven), worker->responsiveness.quiet_s()});
   std::function<double(const ActiveFrame&, uint32_t, uint32_t)> fetch_s;
   if (policy_ == SchedulingPolicy::kFootprint)
     fetch_s = [this](const ActiveFrame& frame, uint32_t tile, uint32_t worker) {
@@ -118,7 +118,7 @@ uint32_t Dispatcher::UpdateConduct(double now_s) {
   uint32_t busy = 0;
   for (const auto& [id, worker] : workers_) {
     const auto it = held.find(id);
-    worker->conduct.Look(now_s, it != held.end());
+    worker->responsiveness.Update(now_s, it != held.end());
     if (it != held.end()) busy += std::min(it->second, worker->threads);
   }
   return busy;
@@ -129,14 +129,15 @@ void Dispatcher::NoteOutdone(const ActiveFrame& frame) {
   std::set<uint32_t> outdone;
   frame.AddOutdone(outdone);
   for (const uint32_t id : outdone)
-    if (const auto worker = workers_.find(id); worker != workers_.end()) worker->second->conduct.Outdone();
+    if (const auto worker = workers_.find(id); worker != workers_.end())
+      worker->second->responsiveness.Outdone();
 }
 
 std::vector<uint32_t> Dispatcher::MuteWorkers() {
   for (const auto& [id, frame] : frames_) NoteOutdone(*frame);
   std::vector<uint32_t> mute;
   for (const auto& [id, worker] : workers_)
-    if (worker->conduct.mute()) mute.push_back(id);
+    if (worker->responsiveness.mute()) mute.push_back(id);
   return mute;
 }
 
@@ -148,7 +149,7 @@ Result<bool> Dispatcher::Finish(WorkerState& worker, const TileDone& done, std::
     QUARRY_ASSIGN(kept, it->second->Finish(done, pixels, now_s));
   }
   worker.tiles += kept;
-  worker.conduct.Answered(kept);
+  worker.responsiveness.Answered(kept);
   if (!kept) return false;
   tile_cost_.Done(it->second->ShownCost(done.tile));
   if (it->second->done()) FinishFrame(done.frame, now_s);

@@ -10,7 +10,7 @@
 
 #include "common/protocol/messages.h"
 #include "master/schedule/active_frame.h"
-#include "master/schedule/conduct.h"
+#include "master/schedule/responsiveness.h"
 #include "master/schedule/tile_assignment.h"
 #include "master/schedule/unattributed_tile_cost.h"
 #include "master/schedule/wait_budget.h"
@@ -26,13 +26,13 @@ struct WorkerState {
   bool ready = false;         ///< has the scene's catalog, so it can be given tiles
   BlockSet holds;
   uint32_t tiles = 0;  ///< finished
-  Conduct conduct;
+  Responsiveness responsiveness;
 
   /// Tiles that the worker may have at once: the number that it wants, within the number that its threads can
   /// use; a bounded number before its first result, and one tile while it is doubtful.
   /// `any_proven`: another worker has finished tiles, so this one is not needed to make a start.
   uint32_t Credit(bool any_proven) const;
-  bool proven() const { return tiles > 0 && !conduct.doubtful(); }
+  bool proven() const { return tiles > 0 && !responsiveness.doubtful(); }
 };
 
 /// The frames that a dispatcher renders: their origin, probes of their tiles, and the place for their
@@ -92,7 +92,7 @@ class Dispatcher {
   /// Forgets a frame under way whose job is over.
   void Cancel(FrameId id) { frames_.erase(id); }
   /// Workers to be dropped: others have finished tiles that they hold, and they have answered none for
-  /// Conduct::kMuteS. Requires: called several times a second.
+  /// Responsiveness::kMuteS. Requires: called several times a second.
   std::vector<uint32_t> MuteWorkers();
 
   /// The frames under way, the oldest first.

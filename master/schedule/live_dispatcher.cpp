@@ -52,14 +52,14 @@ uint32_t LiveDispatcher::threads() const {
 
 FrameId LiveDispatcher::Begin(uint32_t viewer, const View& view) {
   Viewer& of = viewers_[viewer];
-  Enliven(of);
+  SkipUnusedTime(of);
   const FrameId id = next_frame_++;
   frames_.emplace(id, Frame{.viewer = viewer, .view = view});
   return id;
 }
 
 /// A viewer that has been idle does not get the time that it has not used.
-void LiveDispatcher::Enliven(Viewer& viewer) const {
+void LiveDispatcher::SkipUnusedTime(Viewer& viewer) const {
   double least_s = 1e300;
   for (const auto& [id, frame] : frames_)
     if (!frame.tiles.empty()) least_s = std::min(least_s, viewers_.at(frame.viewer).used_s);

@@ -115,7 +115,7 @@ class LiveDispatcher {
   void Give(uint32_t id, FrameId frame_id, uint32_t number, double now_s);
   template <class GiveOne>
   void GiveInTurns(LiveUrgency urgency, GiveOne give);
-  void Enliven(Viewer& viewer) const;
+  void SkipUnusedTime(Viewer& viewer) const;
 
   Sink& sink_;
   FrameId next_frame_;

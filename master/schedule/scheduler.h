@@ -86,7 +86,7 @@ struct TileView {
 struct WorkerView {
   uint32_t id = kNoWorker;
   uint32_t free_slots = 0;  ///< tiles it may still be given
-  double quiet_s = 0;       ///< see Conduct
+  double quiet_s = 0;       ///< see Responsiveness
 };
 
 struct Snapshot {

@@ -31,7 +31,7 @@ void PlanFrames(std::span<ActiveFrame* const> frames, const ActiveFrame* previou
 struct WorkerCredit {
   uint32_t worker = kNoWorker;
   uint32_t tiles = 0;  ///< at once, over all frames
-  double quiet_s = 0;  ///< see Conduct
+  double quiet_s = 0;  ///< see Responsiveness
 };
 struct AssignedTile {
   ActiveFrame* frame;

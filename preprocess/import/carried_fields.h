@@ -36,7 +36,7 @@ class CarriedFields {
   void Names(FieldKind kind, std::string_view field);
   /// The warning of `path`. Empty: all is carried.
   std::string Sentence(const std::string& path) const;
-  void Tell(const std::string& path, ModelSink& sink) const {
+  void Warn(const std::string& path, ModelSink& sink) const {
     if (std::string sentence = Sentence(path); !sentence.empty()) sink.Warn(std::move(sentence));
   }
 

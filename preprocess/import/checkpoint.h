@@ -30,7 +30,7 @@ Result<bool> GoOnFromCheckpoint(const ModelSink& sink, const std::string& path, 
   ByteReader state(sink.LastCheckpoint());
   QUARRY_TRY(importer.Restore(state));
   if (!state.done())
-    return CannotResume(fmt::format("{}: what an earlier run noted of it cannot be read", path));
+    return CannotResume(fmt::format("{}: an earlier run's notes on it cannot be read", path));
   return true;
 }
 

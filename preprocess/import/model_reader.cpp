@@ -55,7 +55,7 @@ ModelReader::ModelReader(std::string path, int fd)
 ModelReader::ModelReader(ModelReader&& other) noexcept
     : path_(std::move(other.path_)),
       fd_(std::exchange(other.fd_, -1)),
-      told_(std::move(other.told_)),
+      on_read_(std::move(other.on_read_)),
       size_(other.size_),
       buffer_(std::move(other.buffer_)),
       begin_(other.begin_),
@@ -80,7 +80,7 @@ ModelReader::~ModelReader() {
 size_t ModelReader::Read(std::span<char> out) {
   for (;;) {
     const ssize_t got = read(fd_, out.data(), out.size());
-    if (got > 0 && told_) Tell();
+    if (got > 0 && on_read_) ReportProgress();
     if (got >= 0) return static_cast<size_t>(got);
     if (errno == EINTR) continue;
     read_error_ = ErrnoText(errno);
@@ -88,15 +88,15 @@ size_t ModelReader::Read(std::span<char> out) {
   }
 }
 
-void ModelReader::OnRead(std::function<void(uint64_t done, uint64_t total)> told) {
-  if (can_reopen_) told_ = std::move(told);
+void ModelReader::OnRead(std::function<void(uint64_t done, uint64_t total)> on_read) {
+  if (can_reopen_) on_read_ = std::move(on_read);
 }
 
-void ModelReader::Tell() const {
+void ModelReader::ReportProgress() const {
   struct stat info {};
   const off_t at = lseek(fd_, 0, SEEK_CUR);
   if (at >= 0 && fstat(fd_, &info) == 0)
-    told_(static_cast<uint64_t>(at), static_cast<uint64_t>(info.st_size));
+    on_read_(static_cast<uint64_t>(at), static_cast<uint64_t>(info.st_size));
 }
 
 /// Reads and unpacks; 0 at the end and on errors.

@@ -33,7 +33,7 @@ class ModelReader {
 
   /// Calls `told` about once a MiB with the bytes read of the file as stored, and its size. Never called for
   /// standard input, whose size is unknown.
-  void OnRead(std::function<void(uint64_t done, uint64_t total)> told);
+  void OnRead(std::function<void(uint64_t done, uint64_t total)> on_read);
 
   /// The path for error sentences, or "standard input".
   const std::string& path() const { return path_; }
@@ -77,13 +77,13 @@ class ModelReader {
   ModelReader(std::string path, int fd);
   bool Refill(size_t count);
   size_t Read(std::span<char> out);
-  void Tell() const;
+  void ReportProgress() const;
   size_t ReadPacked(std::span<char> out);
   bool MayUnpack(size_t more);
 
   std::string path_;
   int fd_;
-  std::function<void(uint64_t, uint64_t)> told_;
+  std::function<void(uint64_t, uint64_t)> on_read_;
   uint64_t size_ = kNoSize;
   std::unique_ptr<char[]> buffer_;
   size_t begin_ = 0, end_ = 0;

@@ -61,7 +61,7 @@ Result<Bytes> ImportCheckpoints::Read(std::span<const std::byte> reference) {
   const auto file = InputFile::Open(StatePath());
   Bytes state(file && in.done() && file->size() == size ? size : 0);
   if (state.empty() || !file->ReadAt(0, state) || Checksum(state) != checksum)
-    return CannotResume(fmt::format("{}: is not what was saved of the import", StatePath()));
+    return CannotResume(fmt::format("{}: has changed since the import saved it", StatePath()));
   made_ = true;
   return state;
 }

@@ -154,7 +154,7 @@ Status SpillSink::Restore(std::span<const std::byte> saved, bool routed) {
   const std::span<const std::byte> importer_state = in.GetSpan(in.Get<uint32_t>());
   checkpoints_.importer_state.assign(importer_state.begin(), importer_state.end());
   if (!in.done())
-    return CannotResume(fmt::format("{}: what was saved of the import cannot be read", folder_));
+    return CannotResume(fmt::format("{}: the saved part of the import cannot be read", folder_));
   checkpoints_.RemoveAllBut(std::move(kept));
   return {};
 }

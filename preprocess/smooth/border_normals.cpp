@@ -96,21 +96,21 @@ BorderNormals::Border BorderNormals::Find(uint32_t region, const SpillFile& tria
 }
 
 /// Tells the normals of a pass. A pass that found too many is done again in parts.
-Status BorderNormals::TellAll(uint32_t region, const SpillFile& triangles, const HashShare& share,
+Status BorderNormals::SendAll(uint32_t region, const SpillFile& triangles, const HashShare& share,
                               const Border& border) {
   QUARRY_TRY(border.status);
-  if (!border.too_many) return Tell(border.straddlers);
+  if (!border.too_many) return Send(border.straddlers);
   constexpr uint32_t kMostPasses = 1u << 27;  // then positions have one hash, by intent: they stay flat
   if (share.passes > kMostPasses) return {};
   for (uint32_t part = 0; part < HashShare::kParts; ++part) {
     const HashShare smaller = share.Part(part);
-    QUARRY_TRY(TellAll(region, triangles, smaller, Find(region, triangles, smaller)));
+    QUARRY_TRY(SendAll(region, triangles, smaller, Find(region, triangles, smaller)));
   }
   return {};
 }
 
 /// Tells normals to the regions that have the triangle, but not its corner.
-Status BorderNormals::Tell(const std::vector<Straddler>& straddlers) {
+Status BorderNormals::Send(const std::vector<Straddler>& straddlers) {
   for (const Straddler& straddler : straddlers) {
     TriangleRecord t;
     for (int k = 0; k < 3; ++k) t.vertices[k] = straddler.triangle.vertices[k];
@@ -135,7 +135,7 @@ Status BorderNormals::AddRegions(const RegionFiles& triangles, uint32_t first, u
   std::deque<Work> works;
   const auto finish_first = [&]() -> Status {
     const SpillFile& file = triangles.file(works.front().region);
-    QUARRY_TRY(TellAll(works.front().region, file, {}, works.front().border.get()));
+    QUARRY_TRY(SendAll(works.front().region, file, {}, works.front().border.get()));
     file.ForgetBlocks();
     done(file.count());
     works.pop_front();

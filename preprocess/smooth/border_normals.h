@@ -85,8 +85,8 @@ class BorderNormals {
   static constexpr size_t kMostStraddlers = 128 << 10, kMostCorners = 768 << 10;
   Border Find(uint32_t region, const SpillFile& triangles, const HashShare& share) const;
   uint32_t WantedCorners(uint32_t region, const TriangleRecord& t, const HashShare& share) const;
-  Status TellAll(uint32_t region, const SpillFile& triangles, const HashShare& share, const Border& border);
-  Status Tell(const std::vector<Straddler>& straddlers);
+  Status SendAll(uint32_t region, const SpillFile& triangles, const HashShare& share, const Border& border);
+  Status Send(const std::vector<Straddler>& straddlers);
 
   const RegionTree* tree_;
   float padding_;

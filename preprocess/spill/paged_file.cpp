@@ -39,7 +39,7 @@ Result<PagedFile> PagedFile::Restore(const std::string& path, size_t element_byt
     slot.page = saved.Get<uint32_t>();
     slot.used = saved.Get<uint8_t>() != 0;
     if (!saved.ok() || slot.page >= file.slot_of_page_.size())
-      return CannotResume(fmt::format("{}: what was saved of it cannot be read", path));
+      return CannotResume(fmt::format("{}: its saved part cannot be read", path));
     slot.bytes.resize(kPageElements * element_bytes);
     file.slot_of_page_[slot.page] = i;
     QUARRY_TRY(file.Fill(slot));

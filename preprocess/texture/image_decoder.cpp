@@ -82,7 +82,7 @@ Result<ImageDecoder::Message> ImageDecoder::Receive(const TextureImage& image) {
   const auto size = in.Get<uint32_t>();
   if (size > kMostImageMessage) {
     helper_.Stop();
-    return Refused(image, "the decoder says what cannot be");
+    return Refused(image, "the decoder gives an answer that cannot be");
   }
   message.bytes.resize(size);
   if (!ReadAll(helper_.from(), message.bytes)) return Ended(image);
@@ -106,7 +106,7 @@ Result<ImageFacts> ImageDecoder::ReceiveFacts(const TextureImage& image) {
   if (message.kind != ImageMessage::kFacts || !in.done() || facts.channels - 1 > 3 ||
       facts.width - 1 >= kMaxTextureSide || facts.height - 1 >= kMaxTextureSide) {
     helper_.Stop();
-    return Refused(image, "the decoder says what cannot be");
+    return Refused(image, "the decoder gives an answer that cannot be");
   }
   return facts;
 }

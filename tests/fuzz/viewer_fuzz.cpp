@@ -218,7 +218,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
       }
       default:  // time passes, and encoded frames are sent
         now_s += 0.05;
-        viewer->Go();
+        viewer->Advance();
         Drain(io, moving, exact);
     }
     if (site.memory.taken > site.memory.most) std::abort();

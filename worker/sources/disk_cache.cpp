@@ -132,7 +132,7 @@ struct DiskCachedSource::Impl : std::enable_shared_from_this<DiskCachedSource::I
     std::optional<Bytes> bytes(std::in_place);
     const auto found =
         folder.Read(catalog.id, catalog.NumberOf(read.block), catalog.block(read.block), *bytes);
-    if (!found) Tell(told_read, found.error().message + "; blocks are fetched without the disk cache");
+    if (!found) WarnOnce(warned_read, found.error().message + "; blocks are fetched without the disk cache");
     if (found && *found == CacheFolder::Found::kDamaged) ++damaged;
     if (found && *found == CacheFolder::Found::kYes) {
       ++hits;
@@ -162,11 +162,11 @@ struct DiskCachedSource::Impl : std::enable_shared_from_this<DiskCachedSource::I
 
   void PauseWrites(const Error& error) {
     write_again = Clock::now() + kWritePause;
-    Tell(told_write, error.message + "; the disk cache goes on without writing");
+    WarnOnce(warned_write, error.message + "; the disk cache goes on without writing");
   }
 
-  void Tell(bool& told, std::string sentence) {
-    if (std::exchange(told, true)) return;
+  void WarnOnce(bool& warned, std::string sentence) {
+    if (std::exchange(warned, true)) return;
     boost::asio::post(io, [self = shared_from_this(), sentence = std::move(sentence)] {
       if (!self->stopped && self->log) self->log(sentence);
     });
@@ -182,7 +182,7 @@ struct DiskCachedSource::Impl : std::enable_shared_from_this<DiskCachedSource::I
 
   CacheFolder folder;
   Clock::time_point write_again;
-  bool told_read = false, told_write = false, sweep_next = false;
+  bool warned_read = false, warned_write = false, sweep_next = false;
 
   std::mutex mutex;
   std::condition_variable wake;

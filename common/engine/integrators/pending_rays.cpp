@@ -29,8 +29,8 @@ uint64_t PendingRays::Pop(const PacketWork& work, uint64_t lanes) {
     const size_t place = PlaceOf(work, i);
     const Pending& next = rays_[place];
     if (!cones_.empty()) {
-      work.look->cone_width[i] = cones_[place].width;
-      work.look->cone_spread[i] = cones_[place].spread;
+      work.lookups->cone_width[i] = cones_[place].width;
+      work.lookups->cone_spread[i] = cones_[place].spread;
     }
     s.weight.Set(static_cast<int>(i), next.weight);
     s.path_code[i] = next.path_code;

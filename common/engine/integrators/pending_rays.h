@@ -18,7 +18,7 @@ class PendingRays {
     uint32_t path_code;
     uint32_t depth;
   };
-  /// The cone of a pending ray, see LookPacket.
+  /// The cone of a pending ray, see TextureLookups.
   struct Cone {
     float width, spread;
   };

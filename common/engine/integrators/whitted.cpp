@@ -25,9 +25,9 @@ void BounceFrom(const SurfaceProperties& material, const PacketWork& work, uint3
     const glm::vec3 origin =
         LeaveSurface(surface.position, surface.geometric_normal, direction, work.view.offset);
     PendingRays::Cone cone{};
-    if (const LookPacket* look = work.look) {
-      const float bending = surface.entering ? look->bending[i] : -look->bending[i];
-      cone = {look->cone_width[i], look->cone_spread[i] + bend * bending * look->cone_width[i]};
+    if (const TextureLookups* lookups = work.lookups) {
+      const float bending = surface.entering ? lookups->bending[i] : -lookups->bending[i];
+      cone = {lookups->cone_width[i], lookups->cone_spread[i] + bend * bending * lookups->cone_width[i]};
     }
     work.pending.Push(work, lane, {origin, direction, weight * share, path_code, s.depth[lane] + 1u}, cone);
   };

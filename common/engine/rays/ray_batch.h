@@ -70,7 +70,7 @@ class RayBatch {
   void ForgetAll();
   /// Calls want(block, const Parked&) once for each block that rays were parked on since the last call.
   template <class Want>
-  void TellParked(Want&& want) {
+  void ReportParked(Want&& want) {
     for (const auto& [block, parked] : newly_parked_) want(block, parked);
     newly_parked_.clear();
   }

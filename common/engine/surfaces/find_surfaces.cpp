@@ -31,9 +31,9 @@ uint64_t FindSurfaces(PacketWork& work, uint64_t lanes) {
   });
   lanes &= ~waiting;
   MakeSurfaces(triangles, work.rays, lanes, surfaces);
-  if (work.look) {
-    work.look->looked &= ~lanes;
-    StartLooks(triangles, work.rays, lanes, *work.look);
+  if (work.lookups) {
+    work.lookups->looked_up &= ~lanes;
+    BeginTextureFrames(triangles, work.rays, lanes, *work.lookups);
   }
   work.samples.Move(lanes & shaded, SamplePacket::kSurface, SamplePacket::kAttributes);
   work.samples.Move(lanes & ~shaded, SamplePacket::kSurface, SamplePacket::kShade);
@@ -51,7 +51,7 @@ uint64_t FindAttributes(PacketWork& work, uint64_t lanes) {
   });
   lanes &= ~waiting;
   AddAttributes(attributes, work.rays, lanes, work.samples.surface);
-  const uint64_t textured = work.look ? StartLookups(work, lanes) : 0;
+  const uint64_t textured = work.lookups ? StartLookups(work, lanes) : 0;
   work.samples.Move(lanes & textured, SamplePacket::kAttributes, SamplePacket::kTextures);
   work.samples.Move(lanes & ~textured, SamplePacket::kAttributes, SamplePacket::kShade);
   return waiting;

@@ -12,7 +12,7 @@ uint64_t GatherTexels(const PacketWork& work, uint64_t lanes, const TexturePyram
   if (pyramid.layout.format == TexelFormat::kHalf) return 0;
   TexelPacket& texels = work.scratch.texels;
   const FootprintPacket& footprints = work.scratch.footprints;
-  lanes &= LanesAt(0, work.look->texels);
+  lanes &= LanesAt(0, work.lookups->texels);
   PlaceTexels(pyramid, footprints, lanes, texels);
   uint64_t whole = 0;
   uint32_t page = kNoIndex;  // of the last texel; neighbours mostly share it
@@ -36,7 +36,7 @@ uint64_t GatherTexels(const PacketWork& work, uint64_t lanes, const TexturePyram
 /// Goes on with lookups texel by texel. Returns: the lanes that wait for a page, which are parked.
 uint64_t LookUpSingly(const PacketWork& work, uint64_t lanes, const TexturePyramid& pyramid,
                       LookupKind kind) {
-  LookPacket& look = *work.look;
+  TextureLookups& lookups = *work.lookups;
   const auto find = [&](BlockKey page) -> const std::byte* {
     const ResidentBlock* block = work.Find(page);
     return block ? block->bytes.bytes().data() : nullptr;
@@ -44,13 +44,13 @@ uint64_t LookUpSingly(const PacketWork& work, uint64_t lanes, const TexturePyram
   uint64_t waiting = 0;
   ForEachLane(lanes, [&](uint32_t lane) {
     const auto i = static_cast<int>(lane);
-    TextureLookup lookup = look.LookupOf(i);
+    TextureLookup lookup = lookups.LookupOf(i);
     BlockKey missing;
     const FilterFootprint footprint = work.scratch.footprints[i];
     const bool done = kind == LookupKind::kSlope
                           ? GoOnLookup<LookupKind::kSlope>(pyramid, footprint, find, lookup, missing)
                           : GoOnLookup<LookupKind::kValue>(pyramid, footprint, find, lookup, missing);
-    look.SetLookup(i, lookup);
+    lookups.SetLookup(i, lookup);
     if (done) return;
     work.Park(lane, missing);
     waiting |= uint64_t{1} << lane;
@@ -61,23 +61,23 @@ uint64_t LookUpSingly(const PacketWork& work, uint64_t lanes, const TexturePyram
 /// Goes on with the lookups of one texture. Returns: the lanes that wait for a page of it, which are parked.
 uint64_t LookUp(const PacketWork& work, uint64_t lanes, const SurfaceTexture& texture) {
   if (lanes == 0) return 0;
-  LookPacket& look = *work.look;
+  TextureLookups& lookups = *work.lookups;
   SurfacePacket& surfaces = work.samples.surface;
   FootprintPacket& footprints = work.scratch.footprints;
   const TexturePyramid& pyramid = work.view.surfaces->pyramid(texture);
   const TextureUse use = texture.binding.use;
   const LookupKind kind = use == TextureUse::kBump ? LookupKind::kSlope : LookupKind::kValue;
-  MakeFootprints(texture, pyramid, surfaces.u, surfaces.v, look.lod, lanes, footprints);
+  MakeFootprints(texture, pyramid, surfaces.u, surfaces.v, lookups.lod, lanes, footprints);
   const uint64_t whole = GatherTexels(work, lanes, pyramid);
-  SumTexels(pyramid, footprints, work.scratch.texels, kind, whole, look);
+  SumTexels(pyramid, footprints, work.scratch.texels, kind, whole, lookups);
   const uint64_t waiting = LookUpSingly(work, lanes & ~whole, pyramid, kind);
   lanes &= ~waiting;
   const bool relief = use == TextureUse::kBump || use == TextureUse::kNormal;
-  if (relief) MapNormals(texture, pyramid, look, lanes, surfaces);
+  if (relief) MapNormals(texture, pyramid, lookups, lanes, surfaces);
   ForEachLane(lanes, [&](uint32_t lane) {
     const auto i = static_cast<int>(lane);
-    if (!relief) look.Put(i, texture, look.LookupOf(i).sum);
-    look.SetLookup(i, {});
+    if (!relief) lookups.Put(i, texture, lookups.LookupOf(i).sum);
+    lookups.SetLookup(i, {});
   });
   return waiting;
 }
@@ -86,34 +86,34 @@ uint64_t LookUp(const PacketWork& work, uint64_t lanes, const SurfaceTexture& te
 
 uint64_t StartLookups(PacketWork& work, uint64_t lanes) {
   if (lanes == 0) return 0;
-  LookPacket& look = *work.look;
+  TextureLookups& lookups = *work.lookups;
   const SurfacePacket& surfaces = work.samples.surface;
-  FrameLooks(work.scratch.attributes, surfaces, lanes, look);
+  MakeTextureFrames(work.scratch.attributes, surfaces, lanes, lookups);
   uint64_t textured = 0;
   ForEachMaterial(surfaces, lanes, [&](uint32_t material, uint64_t same) {
     if ((work.view.surfaces->UsesOf(material) & work.view.texture_uses) != 0) textured |= same;
   });
   ForEachLane(textured, [&](uint32_t i) {
-    look.texture[i] = 0;
-    look.SetLookup(static_cast<int>(i), {});
+    lookups.texture[i] = 0;
+    lookups.SetLookup(static_cast<int>(i), {});
   });
   return textured;
 }
 
 uint64_t LookUpTextures(PacketWork& work, uint64_t lanes) {
-  LookPacket& look = *work.look;
+  TextureLookups& lookups = *work.lookups;
   uint64_t waiting = 0;
   ForEachMaterial(work.samples.surface, lanes, [&](uint32_t material, uint64_t same) {
     const std::span<const SurfaceTexture> textures = work.view.surfaces->TexturesOf(material);
     for (uint32_t t = 0; t < textures.size(); ++t) {
-      const uint64_t here = same & ~waiting & LanesAt(t, look.texture);
+      const uint64_t here = same & ~waiting & LanesAt(t, lookups.texture);
       if ((work.view.texture_uses & UseBit(textures[t].binding.use)) != 0)
         waiting |= LookUp(work, here, textures[t]);
-      ForEachLane(here & ~waiting, [&](uint32_t i) { ++look.texture[i]; });
+      ForEachLane(here & ~waiting, [&](uint32_t i) { ++lookups.texture[i]; });
     }
   });
   lanes &= ~waiting;
-  look.looked |= lanes;
+  lookups.looked_up |= lanes;
   work.samples.Move(lanes, SamplePacket::kTextures, SamplePacket::kShade);
   return waiting;
 }

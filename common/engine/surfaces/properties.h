@@ -14,14 +14,14 @@ template <class Body>
 void ForEachProperties(const PacketWork& work, uint64_t lanes, Body&& body) {
   const SceneSurfaces& scene = *work.view.surfaces;
   const auto& materials = work.view.catalog.materials;
-  const uint64_t looked = lanes & work.looked();
-  ForEachMaterial(work.samples.surface, lanes & ~looked, [&](uint32_t material, uint64_t same) {
+  const uint64_t looked_up = lanes & work.looked_up();
+  ForEachMaterial(work.samples.surface, lanes & ~looked_up, [&](uint32_t material, uint64_t same) {
     body(SurfaceProperties(materials[material]), same);
   });
-  ForEachLane(looked, [&](uint32_t i) {
+  ForEachLane(looked_up, [&](uint32_t i) {
     const uint32_t material = work.samples.surface.material[i];
     const TextureUses uses = scene.UsesOf(material) & work.view.texture_uses;
-    body(scene.PropertiesAt(materials[material], material, uses, work.look->LookOf(static_cast<int>(i))),
+    body(scene.PropertiesAt(materials[material], material, uses, work.lookups->ValuesOf(static_cast<int>(i))),
          uint64_t{1} << i);
   });
 }

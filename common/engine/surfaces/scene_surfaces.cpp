@@ -33,24 +33,24 @@ SceneSurfaces::SceneSurfaces(const Catalog& catalog) {
 }
 
 SurfaceProperties SceneSurfaces::PropertiesAt(const Material& material, uint32_t number, TextureUses uses,
-                                              const Look& look) const {
+                                              const TextureValues& values) const {
   SurfaceProperties p(material);
   const auto has = [&](TextureUse use) { return (uses & UseBit(use)) != 0; };
-  if (has(TextureUse::kEmission)) p.emission = look.emission;
+  if (has(TextureUse::kEmission)) p.emission = values.emission;
   if (materials_[number].open_pbr) {
-    if (has(TextureUse::kDiffuse)) p.base_color = look.base;
+    if (has(TextureUse::kDiffuse)) p.base_color = values.base;
     if (has(TextureUse::kMetalRoughness)) {
-      p.base_metalness = look.metalness;
-      p.specular_roughness = look.roughness;
+      p.base_metalness = values.metalness;
+      p.specular_roughness = values.roughness;
     }
     DeriveWhitted(p, material.ior > 1);
-    if (has(TextureUse::kSpecular) && !p.unlit) p.specular = look.specular;
+    if (has(TextureUse::kSpecular) && !p.unlit) p.specular = values.specular;
     return p;
   }
-  if (has(TextureUse::kSpecular)) p.specular = look.specular;
+  if (has(TextureUse::kSpecular)) p.specular = values.specular;
   if (!has(TextureUse::kDiffuse)) return p;
-  p.diffuse = look.base * material.geometry_opacity;
-  p.base_color = glm::min(look.base + materials_[number].sent_on, glm::vec3(1));
+  p.diffuse = values.base * material.geometry_opacity;
+  p.base_color = glm::min(values.base + materials_[number].sent_on, glm::vec3(1));
   return p;
 }
 

@@ -29,7 +29,7 @@ struct SurfaceTexture {
 };
 
 /// The values of textures at a point of a surface.
-struct Look {
+struct TextureValues {
   glm::vec3 base{0}, specular{0}, emission{0};
   float roughness = 0, metalness = 0;
 };
@@ -58,11 +58,11 @@ class SceneSurfaces {
   const TexturePyramid& pyramid(const SurfaceTexture& texture) const {
     return pyramids_[texture.binding.texture];
   }
-  /// The material's properties where its textures `uses` have the values `look`. These replace values of the
-  /// form that the other form was derived from. Of OpenPBR's parameters, which modes with weights do not use,
-  /// only the base colour follows the weights.
+  /// The material's properties where its textures `uses` have the values `values`. These replace values of
+  /// the form that the other form was derived from. Of OpenPBR's parameters, which modes with weights do not
+  /// use, only the base colour follows the weights.
   SurfaceProperties PropertiesAt(const Material& material, uint32_t number, TextureUses uses,
-                                 const Look& look) const;
+                                 const TextureValues& values) const;
 
  private:
   struct Entry {

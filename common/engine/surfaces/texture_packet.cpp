@@ -145,51 +145,53 @@ void PlaceTexels(const TexturePyramid& pyramid, const FootprintPacket& footprint
 }
 
 void SumTexels(const TexturePyramid& pyramid, const FootprintPacket& footprints, const TexelPacket& texels,
-               LookupKind kind, uint64_t lanes, LookPacket& looks) {
+               LookupKind kind, uint64_t lanes, TextureLookups& lookups) {
   const TexelLayout layout = pyramid.layout;
   const float* const colors = layout.format == TexelFormat::kSrgb8 ? kTexelCodes.srgb : kTexelCodes.linear;
   switch (kind == LookupKind::kSlope ? 0 : layout.channels) {
     case 0:
-      return SumTexels<0>(colors, footprints, texels, lanes, looks.sum);
+      return SumTexels<0>(colors, footprints, texels, lanes, lookups.sum);
     case 1:
-      return SumTexels<1>(colors, footprints, texels, lanes, looks.sum);
+      return SumTexels<1>(colors, footprints, texels, lanes, lookups.sum);
     case 2:
-      return SumTexels<2>(colors, footprints, texels, lanes, looks.sum);
+      return SumTexels<2>(colors, footprints, texels, lanes, lookups.sum);
     case 3:
-      return SumTexels<3>(colors, footprints, texels, lanes, looks.sum);
+      return SumTexels<3>(colors, footprints, texels, lanes, lookups.sum);
     default:
-      return SumTexels<4>(colors, footprints, texels, lanes, looks.sum);
+      return SumTexels<4>(colors, footprints, texels, lanes, lookups.sum);
   }
 }
 
-void StartLooks(const TrianglePacket& triangles, const RayPacket& rays, uint64_t lanes, LookPacket& looks) {
+void BeginTextureFrames(const TrianglePacket& triangles, const RayPacket& rays, uint64_t lanes,
+                        TextureLookups& lookups) {
   ForLanes(lanes, [&](int i, bool meant) {
     const glm::vec3 first = triangles.at[0][i];
-    Put(meant, i, triangles.at[1][i] - first, looks.by_u);
-    Put(meant, i, triangles.at[2][i] - first, looks.by_v);
-    Put(meant, i, std::fabs(looks.cone_width[i] + looks.cone_spread[i] * rays.hit_t[i]), looks.cone_width);
-    Put(meant, i, 0.0f, looks.bending);
+    Put(meant, i, triangles.at[1][i] - first, lookups.by_u);
+    Put(meant, i, triangles.at[2][i] - first, lookups.by_v);
+    Put(meant, i, std::fabs(lookups.cone_width[i] + lookups.cone_spread[i] * rays.hit_t[i]),
+        lookups.cone_width);
+    Put(meant, i, 0.0f, lookups.bending);
   });
 }
 
-void FrameLooks(const AttributePacket& attributes, const SurfacePacket& surfaces, uint64_t lanes,
-                LookPacket& looks) {
+void MakeTextureFrames(const AttributePacket& attributes, const SurfacePacket& surfaces, uint64_t lanes,
+                       TextureLookups& lookups) {
   ForLanes(lanes, [&](int i, bool meant) {
-    const glm::vec3 e1 = looks.by_u[i], e2 = looks.by_v[i];
+    const glm::vec3 e1 = lookups.by_u[i], e2 = lookups.by_v[i];
     const glm::vec2 uv0{attributes.u[0][i], attributes.v[0][i]};
     const TextureFrame frame = FrameOf(e1, e2, glm::vec2{attributes.u[1][i], attributes.v[1][i]} - uv0,
                                        glm::vec2{attributes.u[2][i], attributes.v[2][i]} - uv0);
     const float bending =
         BendingOf(e1, e2, attributes.normal[0][i], attributes.normal[1][i], attributes.normal[2][i]);
     const float cosine = std::fabs(glm::dot(surfaces.geometric_normal[i], surfaces.view[i]));
-    Put(meant, i, LodOf(frame.uv_area, looks.cone_width[i], cosine), looks.lod);
-    Put(meant, i, bending, looks.bending);
-    Put(meant, i, frame.by_u, looks.by_u);
-    Put(meant, i, frame.by_v, looks.by_v);
+    Put(meant, i, LodOf(frame.uv_area, lookups.cone_width[i], cosine), lookups.lod);
+    Put(meant, i, bending, lookups.bending);
+    Put(meant, i, frame.by_u, lookups.by_u);
+    Put(meant, i, frame.by_v, lookups.by_v);
   });
 }
 
-void MapNormals(const SurfaceTexture& texture, const TexturePyramid& pyramid, const LookPacket& looks,
+void MapNormals(const SurfaceTexture& texture, const TexturePyramid& pyramid, const TextureLookups& lookups,
                 uint64_t lanes, SurfacePacket& surfaces) {
   const TextureBinding binding = texture.binding;
   const auto width = static_cast<float>(pyramid.layout.width),
@@ -197,8 +199,8 @@ void MapNormals(const SurfaceTexture& texture, const TexturePyramid& pyramid, co
   const auto map = [&](auto relief_of) {
     ForLanes(lanes, [&](int i, bool meant) {
       glm::vec3 right, up;
-      ImageAxes(binding, looks.by_u[i], looks.by_v[i], right, up);
-      const glm::vec4 sum{looks.sum[0][i], looks.sum[1][i], looks.sum[2][i], 0};
+      ImageAxes(binding, lookups.by_u[i], lookups.by_v[i], right, up);
+      const glm::vec4 sum{lookups.sum[0][i], lookups.sum[1][i], lookups.sum[2][i], 0};
       Put(meant, i, MappedNormal(relief_of(sum), right, up, surfaces[i]), surfaces.normal);
     });
   };

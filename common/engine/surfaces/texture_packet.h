@@ -2,10 +2,10 @@
 
 #include <cstdint>
 
-#include "common/engine/surfaces/look_packet.h"
 #include "common/engine/surfaces/scene_surfaces.h"
 #include "common/engine/surfaces/surface_packet.h"
 #include "common/engine/surfaces/texture_filter.h"
+#include "common/engine/surfaces/texture_lookups.h"
 
 // The functions of texture_frame.h and texture_filter.h for all samples of a packet, in loops over lanes that
 // become vector instructions, with the same bits. Bit i of `lanes` selects lane i; other lanes are not
@@ -40,9 +40,8 @@ struct FootprintPacket {
 };
 
 /// The texels of lookups, by trilinear interpolation between two levels.
-/// Units: `u`, `v` as the model has them; `lod`: see LookPacket. A point of the image that is not finite, or
-/// beyond 2^20 images, counts as (0, 0).
-/// Source: Williams 1983, "Pyramidal Parametrics".
+/// Units: `u`, `v` as the model has them; `lod`: see TextureLookups. A point of the image that is not finite,
+/// or beyond 2^20 images, counts as (0, 0). Source: Williams 1983, "Pyramidal Parametrics".
 void MakeFootprints(const SurfaceTexture& texture, const TexturePyramid& pyramid,
                     const float (&u)[RayPacket::kRays], const float (&v)[RayPacket::kRays],
                     const float (&lod)[RayPacket::kRays], uint64_t lanes, FootprintPacket& footprints);
@@ -70,18 +69,19 @@ inline uint32_t CodesAt(const std::byte* page, size_t page_bytes, uint32_t index
 /// Sums whole lookups up, with the bits of GoOnLookup(). Requires: texels of 8 bits a channel; `codes` are
 /// set.
 void SumTexels(const TexturePyramid& pyramid, const FootprintPacket& footprints, const TexelPacket& texels,
-               LookupKind kind, uint64_t lanes, LookPacket& looks);
+               LookupKind kind, uint64_t lanes, TextureLookups& lookups);
 
-/// Begins the looks of the triangles that `rays` have hit: their edges, and the cones' widths at the hits.
-void StartLooks(const TrianglePacket& triangles, const RayPacket& rays, uint64_t lanes, LookPacket& looks);
+/// Begins the lookups of the triangles that `rays` have hit: their edges, and the cones' widths at the hits.
+void BeginTextureFrames(const TrianglePacket& triangles, const RayPacket& rays, uint64_t lanes,
+                        TextureLookups& lookups);
 
 /// Makes frame, level of detail and curvature of the triangles that were hit, from their edges and
 /// attributes.
-void FrameLooks(const AttributePacket& attributes, const SurfacePacket& surfaces, uint64_t lanes,
-                LookPacket& looks);
+void MakeTextureFrames(const AttributePacket& attributes, const SurfacePacket& surfaces, uint64_t lanes,
+                       TextureLookups& lookups);
 
 /// Sets the normals that complete lookups of a normal or bump map give.
-void MapNormals(const SurfaceTexture& texture, const TexturePyramid& pyramid, const LookPacket& looks,
+void MapNormals(const SurfaceTexture& texture, const TexturePyramid& pyramid, const TextureLookups& lookups,
                 uint64_t lanes, SurfacePacket& surfaces);
 
 }  // namespace quarry

@@ -84,13 +84,12 @@ Result<ForeignModel> ForeignModel::Convert(const std::string& model, const Forei
   if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return converted;
   if (WIFEXITED(status) && WEXITSTATUS(status) == kNoLibrary)
     return Fail(
-        fmt::format("{}: {}, which reads what is neither PLY, OBJ, STL, OFF, NFF, AFF, glTF nor 3MF, lacks "
-                    "shared libraries: "
-                    "install Assimp (Debian's package libassimp5)",
+        fmt::format("{}: {}, which reads all formats but PLY, OBJ, STL, OFF, NFF, AFF, glTF and 3MF, lacks "
+                    "shared libraries: install Assimp (Debian's package libassimp5)",
                     model, formats.program));
   if (WIFEXITED(status) && !complaint.empty()) return Fail(complaint);
   return Fail(fmt::format(
-      "{}: Assimp, which reads what is neither PLY, OBJ, STL, OFF, NFF, AFF, glTF nor 3MF, has crashed on it",
+      "{}: Assimp, which reads all formats but PLY, OBJ, STL, OFF, NFF, AFF, glTF and 3MF, has crashed on it",
       model));
 }
 

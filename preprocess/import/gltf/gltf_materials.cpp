@@ -97,7 +97,7 @@ void GltfMaterials::TellLeftOut() const {
         if (name != own) fields.Names(FieldKind::kGltfAttribute, name);
     });
   });
-  fields.Tell(document_.path(), sink_);
+  fields.Warn(document_.path(), sink_);
 }
 
 void GltfMaterials::Save(ByteWriter& out) const {

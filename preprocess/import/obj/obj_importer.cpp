@@ -126,7 +126,7 @@ Result<uint64_t> ObjFile::Import() {
     sink_.Warn(fmt::format("{}: {} free-form curves or surfaces left out", bytes_.path(), free_forms_));
   if (short_faces_ != 0)
     sink_.Warn(fmt::format("{}: {} faces of fewer than 3 corners left out", bytes_.path(), short_faces_));
-  fields_.Tell(bytes_.path(), sink_);
+  fields_.Warn(bytes_.path(), sink_);
   return triangles_;
 }
 

@@ -133,7 +133,7 @@ class PlyBody {
         if (element.name == "face") fields.Names(FieldKind::kPlyFace, property.name);
       }
     }
-    fields.Tell(path_, sink_);
+    fields.Warn(path_, sink_);
   }
 
   /// The materials' file; for "model.ply.gz" that of "model.ply".
@@ -158,7 +158,7 @@ class PlyBody {
     QUARRY_ASSIGN(const MaterialLibrary library, ReadMaterialJson(path));
     CarriedFields left_out;
     for (const std::string& field : library.left_out) left_out.Names(FieldKind::kForeign, field);
-    left_out.Tell(model_.empty() ? path_ : model_, sink_);
+    left_out.Warn(model_.empty() ? path_ : model_, sink_);
     materials_.wanted = materials;
     for (size_t i = 0; materials && i < library.materials.size(); ++i) {
       Material material = library.materials[i];

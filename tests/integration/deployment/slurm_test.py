@@ -174,7 +174,7 @@ class Slurm(Case):
         foreign = self.shared / f"quarry-{job}_mine"
         foreign.mkdir()
         try:
-            self.assertIn("what it had left here is removed", self.quarry("cluster", "--stop", job).stdout)
+            self.assertIn("its files here are removed", self.quarry("cluster", "--stop", job).stdout)
             self.assertTrue(foreign.is_dir())
         finally:
             foreign.rmdir()
@@ -330,7 +330,7 @@ class WithoutSlurm(Case):
         store = self.store("plant", 2000)
         self.must_fail(2, "say where: --slurm", "quarry", "cluster", store)
         self.must_fail(2, "name a scene store", "quarry", "cluster", "--slurm")
-        self.must_fail(2, "--array needs what to render", "quarry", "cluster", "--slurm", "--array", 2, store)
+        self.must_fail(2, "--array needs the arguments of quarry render", "quarry", "cluster", "--slurm", "--array", 2, store)
         self.must_fail(2, "--array divides the frames of a --camera-path", "quarry", "cluster", "--slurm", "--array", 2, store, "--", "-o",
                        self.path("x.png"))
         self.must_fail(2, "--http has no effect", "quarry", "cluster", "--slurm", "--http", "127.0.0.1:1", store, "--", "-o", self.path("x.png"))

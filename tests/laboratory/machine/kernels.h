@@ -222,13 +222,13 @@ class Kernels {
   }
 
  private:
-  static Stencil After(Stencil stencil, Came came) {
-    switch (came) {
-      case Came::kOn:
+  static Stencil After(Stencil stencil, StepOutcome outcome) {
+    switch (outcome) {
+      case StepOutcome::kOn:
         return stencil.At(Stage::kTraverse);
-      case Came::kUp:
+      case StepOutcome::kUp:
         return stencil.At(Stage::kUp);
-      case Came::kList:
+      case StepOutcome::kList:
         return stencil.At(Stage::kIntersect);
       default:
         return stencil.At(Stage::kShade);

@@ -25,25 +25,25 @@ struct OneList {
     texture = addresses.TextureOf(numbers, DataKind::kLists);
   }
   template <class M>
-  Came Setup(M&, const RayStart&, float t, float t_end, Constant& constant, State& state) const {
+  StepOutcome Setup(M&, const RayStart&, float t, float t_end, Constant& constant, State& state) const {
     constant.t_end = t_end;
     state.next = 0;
-    return t < t_end ? Came::kOn : Came::kOut;
+    return t < t_end ? StepOutcome::kOn : StepOutcome::kOut;
   }
   /// Lists of seven, so that rays come and go.
   template <class M>
-  Came Step(M&, const Constant&, State& state, TriangleRange& range) const {
+  StepOutcome Step(M&, const Constant&, State& state, TriangleRange& range) const {
     range.next = state.next;
     range.end = state.next = std::min<uint32_t>(state.next + 7, static_cast<uint32_t>(numbers.size()));
-    return Came::kList;
+    return StepOutcome::kList;
   }
   template <class M>
-  Came Up(M&, const Constant&, State&) const {
-    return Came::kOut;
+  StepOutcome Up(M&, const Constant&, State&) const {
+    return StepOutcome::kOut;
   }
   template <class M>
-  Came Leave(M&, const Constant&, State& state, float) const {
-    return state.next < numbers.size() ? Came::kOn : Came::kOut;
+  StepOutcome Leave(M&, const Constant&, State& state, float) const {
+    return state.next < numbers.size() ? StepOutcome::kOn : StepOutcome::kOut;
   }
   const Texture<uint32_t>& list() const { return texture; }
 

@@ -12,7 +12,7 @@
 namespace quarry::laboratory {
 
 /// Where a kernel has taken a ray.
-enum class Came : uint32_t {
+enum class StepOutcome : uint32_t {
   kOn,    ///< Step comes next
   kUp,    ///< Up comes next
   kList,  ///< to triangles, or to none: they are to be tested, then comes Leave
@@ -42,10 +42,10 @@ concept Accelerator = requires(const A& a, M& memory, const RayStart& ray, typen
   requires std::is_trivially_copyable_v<typename A::Constant>;
   requires std::is_trivially_copyable_v<typename A::State>;
   { A::kGoesUp } -> std::convertible_to<bool>;
-  { a.Setup(memory, ray, t, t, constant, state) } -> std::same_as<Came>;
-  { a.Step(memory, constant, state, range) } -> std::same_as<Came>;
-  { a.Up(memory, constant, state) } -> std::same_as<Came>;
-  { a.Leave(memory, constant, state, t) } -> std::same_as<Came>;
+  { a.Setup(memory, ray, t, t, constant, state) } -> std::same_as<StepOutcome>;
+  { a.Step(memory, constant, state, range) } -> std::same_as<StepOutcome>;
+  { a.Up(memory, constant, state) } -> std::same_as<StepOutcome>;
+  { a.Leave(memory, constant, state, t) } -> std::same_as<StepOutcome>;
   { a.list() } -> std::same_as<const Texture<uint32_t>&>;
 };
 

@@ -65,9 +65,9 @@ void CheckCells(const UniformGrid& grid, const TestRay& ray) {
   UniformGrid::Constant line;
   UniformGrid::State state{}, before;
   TriangleRange range;
-  Came came = grid.Setup(memory, ray.start, 0, ray.t_end, line, state);
+  StepOutcome outcome = grid.Setup(memory, ray.start, 0, ray.t_end, line, state);
   float t = 0;
-  for (bool first = true; came != Came::kOut; first = false) {
+  for (bool first = true; outcome != StepOutcome::kOut; first = false) {
     if (!first) {
       int moved = 0;
       for (uint32_t a = 0; a < 3; ++a) {
@@ -91,10 +91,10 @@ void CheckCells(const UniformGrid& grid, const TestRay& ray) {
       CHECK((exit > t || (!first && exit == t) || (first && state.cell[a] == last)));
     }
     before = state;
-    came = grid.Step(memory, line, state, range);
-    if (came == Came::kList) {
+    outcome = grid.Step(memory, line, state, range);
+    if (outcome == StepOutcome::kList) {
       CHECK(range.next < range.end);
-      came = grid.Leave(memory, line, state, ray.t_end);
+      outcome = grid.Leave(memory, line, state, ray.t_end);
     }
   }
 }

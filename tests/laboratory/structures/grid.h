@@ -58,35 +58,36 @@ class GridView {
   }
 
   template <class M>
-  QUARRY_HOST_DEVICE Came Setup(M&, const RayStart& ray, float t, float t_end, Constant& line,
-                                State& state) const {
+  QUARRY_HOST_DEVICE StepOutcome Setup(M&, const RayStart& ray, float t, float t_end, Constant& line,
+                                       State& state) const {
     t = ClipToScene(ray, box_, t, t_end, line);
-    if (!(t < line.t_end)) return Came::kOut;
+    if (!(t < line.t_end)) return StepOutcome::kOut;
     for (uint32_t a = 0; a < 3; ++a) state.cell[a] = CellAt(ray, line, t, a);
     state.t_exit = t;
-    return Came::kOn;
+    return StepOutcome::kOn;
   }
 
   /// Looks into one cell, and leaves it if it is empty.
   template <class M>
-  QUARRY_HOST_DEVICE Came Step(M& memory, const Constant& line, State& state, TriangleRange& range) const {
+  QUARRY_HOST_DEVICE StepOutcome Step(M& memory, const Constant& line, State& state,
+                                      TriangleRange& range) const {
     const uint32_t place = memory.Fetch(cells_, Index(state));
     if (place == 0) return Advance(line, state);
     uint32_t axis = 0;
     state.t_exit = Exit(line, state, axis);
     range.next = place + 1;
     range.end = range.next + memory.Fetch(list_, place);
-    return Came::kList;
+    return StepOutcome::kList;
   }
 
   template <class M>
-  QUARRY_HOST_DEVICE Came Up(M&, const Constant&, State&) const {
-    return Came::kOut;
+  QUARRY_HOST_DEVICE StepOutcome Up(M&, const Constant&, State&) const {
+    return StepOutcome::kOut;
   }
 
   template <class M>
-  QUARRY_HOST_DEVICE Came Leave(M&, const Constant& line, State& state, float best_t) const {
-    if (best_t < state.t_exit) return Came::kOut;
+  QUARRY_HOST_DEVICE StepOutcome Leave(M&, const Constant& line, State& state, float best_t) const {
+    if (best_t < state.t_exit) return StepOutcome::kOut;
     return Advance(line, state);
   }
 
@@ -108,14 +109,14 @@ class GridView {
     return exit;
   }
 
-  QUARRY_HOST_DEVICE Came Advance(const Constant& line, State& state) const {
+  QUARRY_HOST_DEVICE StepOutcome Advance(const Constant& line, State& state) const {
     uint32_t axis = 0;
     state.t_exit = Exit(line, state, axis);
-    if (!(state.t_exit < line.t_end)) return Came::kOut;
+    if (!(state.t_exit < line.t_end)) return StepOutcome::kOut;
     const uint32_t last = line.Rises(axis) ? resolution_[axis] - 1 : 0;
-    if (state.cell[axis] == last) return Came::kOut;
+    if (state.cell[axis] == last) return StepOutcome::kOut;
     state.cell[axis] += line.Rises(axis) ? 1u : ~0u;
-    return Came::kOn;
+    return StepOutcome::kOn;
   }
 
   /// The cell along `axis` that holds the ray at `t`: a guess, set right by the t of planes.

@@ -21,11 +21,11 @@ struct KdState {
 
 /// Reads the leaf at `node`.
 template <class M>
-QUARRY_HOST_DEVICE inline Came ReadLeaf(const TreeView& tree, M& memory, NodePointer node,
-                                        TriangleRange& range) {
+QUARRY_HOST_DEVICE inline StepOutcome ReadLeaf(const TreeView& tree, M& memory, NodePointer node,
+                                               TriangleRange& range) {
   const TextureNode leaf = memory.Fetch(tree.nodes(), node & kPlaceBits);
   range = {leaf.first(), leaf.first() + leaf.count()};
-  return Came::kList;
+  return StepOutcome::kList;
 }
 
 /// The routine search-split of figure 2, without its push. Returns: whether the split's plane divides the
@@ -61,27 +61,28 @@ class KdRestart {
   QUARRY_HOST_DEVICE const Texture<uint32_t>& list() const { return tree_.list(); }
 
   template <class M>
-  QUARRY_HOST_DEVICE Came Setup(M&, const RayStart& ray, float t, float t_end, Constant& line,
-                                State& state) const {
+  QUARRY_HOST_DEVICE StepOutcome Setup(M&, const RayStart& ray, float t, float t_end, Constant& line,
+                                       State& state) const {
     t = ClipToScene(ray, tree_.box(), t, t_end, line);
     state = {tree_.root(), t, line.t_end};
-    return t < line.t_end ? Came::kOn : Came::kOut;
+    return t < line.t_end ? StepOutcome::kOn : StepOutcome::kOut;
   }
   template <class M>
-  QUARRY_HOST_DEVICE Came Step(M& memory, const Constant& line, State& state, TriangleRange& range) const {
+  QUARRY_HOST_DEVICE StepOutcome Step(M& memory, const Constant& line, State& state,
+                                      TriangleRange& range) const {
     NodePointer far = 0;
     if (!(state.node & kLeafBit)) GoDown(tree_, memory, line, state, far);
-    return state.node & kLeafBit ? ReadLeaf(tree_, memory, state.node, range) : Came::kOn;
+    return state.node & kLeafBit ? ReadLeaf(tree_, memory, state.node, range) : StepOutcome::kOn;
   }
   template <class M>
-  QUARRY_HOST_DEVICE Came Up(M&, const Constant&, State&) const {
-    return Came::kOut;
+  QUARRY_HOST_DEVICE StepOutcome Up(M&, const Constant&, State&) const {
+    return StepOutcome::kOut;
   }
   template <class M>
-  QUARRY_HOST_DEVICE Came Leave(M&, const Constant& line, State& state, float best_t) const {
-    if (best_t < state.t_exit || !(state.t_exit < line.t_end)) return Came::kOut;
+  QUARRY_HOST_DEVICE StepOutcome Leave(M&, const Constant& line, State& state, float best_t) const {
+    if (best_t < state.t_exit || !(state.t_exit < line.t_end)) return StepOutcome::kOut;
     state = {tree_.root(), state.t_exit, line.t_end};
-    return Came::kOn;
+    return StepOutcome::kOn;
   }
 
  private:
@@ -101,33 +102,34 @@ class KdBacktrack {
   QUARRY_HOST_DEVICE const Texture<uint32_t>& list() const { return down_.tree().list(); }
 
   template <class M>
-  QUARRY_HOST_DEVICE Came Setup(M& memory, const RayStart& ray, float t, float t_end, Constant& line,
-                                State& state) const {
+  QUARRY_HOST_DEVICE StepOutcome Setup(M& memory, const RayStart& ray, float t, float t_end, Constant& line,
+                                       State& state) const {
     return down_.Setup(memory, ray, t, t_end, line, state);
   }
   template <class M>
-  QUARRY_HOST_DEVICE Came Step(M& memory, const Constant& line, State& state, TriangleRange& range) const {
+  QUARRY_HOST_DEVICE StepOutcome Step(M& memory, const Constant& line, State& state,
+                                      TriangleRange& range) const {
     return down_.Step(memory, line, state, range);
   }
   template <class M>
-  QUARRY_HOST_DEVICE Came Up(M& memory, const Constant& line, State& state) const {
+  QUARRY_HOST_DEVICE StepOutcome Up(M& memory, const Constant& line, State& state) const {
     const ExtendedSplit split = memory.Fetch(down_.tree().extended(), state.node);
     float enter = 0, exit = line.t_end;
     const auto t_of = [&](float plane, int axis) { return line.PlaneAt(plane, static_cast<uint32_t>(axis)); };
     ClipToSlabs<ScalarLane>(split.lower, split.upper, t_of, enter, exit);
     if (split.parent != kNoNode && !(state.t < exit && enter <= state.t)) {
       state.node = split.parent;
-      return Came::kUp;
+      return StepOutcome::kUp;
     }
     state.t_exit = exit;
-    return Came::kOn;
+    return StepOutcome::kOn;
   }
   template <class M>
-  QUARRY_HOST_DEVICE Came Leave(M& memory, const Constant& line, State& state, float best_t) const {
-    if (best_t < state.t_exit || !(state.t_exit < line.t_end)) return Came::kOut;
+  QUARRY_HOST_DEVICE StepOutcome Leave(M& memory, const Constant& line, State& state, float best_t) const {
+    if (best_t < state.t_exit || !(state.t_exit < line.t_end)) return StepOutcome::kOut;
     state.t = state.t_exit;
     state.node = memory.Fetch(down_.tree().nodes(), state.node & kPlaceBits).parent();
-    return Came::kUp;
+    return StepOutcome::kUp;
   }
 
  private:
@@ -150,27 +152,28 @@ class KdPushDown {
   QUARRY_HOST_DEVICE const Texture<uint32_t>& list() const { return down_.tree().list(); }
 
   template <class M>
-  QUARRY_HOST_DEVICE Came Setup(M& memory, const RayStart& ray, float t, float t_end, Constant& line,
-                                State& state) const {
+  QUARRY_HOST_DEVICE StepOutcome Setup(M& memory, const RayStart& ray, float t, float t_end, Constant& line,
+                                       State& state) const {
     state.resume = down_.tree().root();
     return down_.Setup(memory, ray, t, t_end, line, state.at);
   }
   template <class M>
-  QUARRY_HOST_DEVICE Came Step(M& memory, const Constant& line, State& state, TriangleRange& range) const {
-    const Came came = down_.Step(memory, line, state.at, range);
+  QUARRY_HOST_DEVICE StepOutcome Step(M& memory, const Constant& line, State& state,
+                                      TriangleRange& range) const {
+    const StepOutcome outcome = down_.Step(memory, line, state.at, range);
     // While no plane has divided the rest of the ray, the node holds all of it.
     if (!(state.at.t_exit < line.t_end)) state.resume = state.at.node;
-    return came;
+    return outcome;
   }
   template <class M>
-  QUARRY_HOST_DEVICE Came Up(M&, const Constant&, State&) const {
-    return Came::kOut;
+  QUARRY_HOST_DEVICE StepOutcome Up(M&, const Constant&, State&) const {
+    return StepOutcome::kOut;
   }
   template <class M>
-  QUARRY_HOST_DEVICE Came Leave(M&, const Constant& line, State& state, float best_t) const {
-    if (best_t < state.at.t_exit || !(state.at.t_exit < line.t_end)) return Came::kOut;
+  QUARRY_HOST_DEVICE StepOutcome Leave(M&, const Constant& line, State& state, float best_t) const {
+    if (best_t < state.at.t_exit || !(state.at.t_exit < line.t_end)) return StepOutcome::kOut;
     state.at = {state.resume, state.at.t_exit, line.t_end};
-    return Came::kOn;
+    return StepOutcome::kOn;
   }
 
  private:
@@ -204,22 +207,23 @@ class RopesView {
   }
 
   template <class M>
-  QUARRY_HOST_DEVICE Came Setup(M&, const RayStart& ray, float t, float t_end, Constant& line,
-                                State& state) const {
+  QUARRY_HOST_DEVICE StepOutcome Setup(M&, const RayStart& ray, float t, float t_end, Constant& line,
+                                       State& state) const {
     t = ClipToScene(ray, box_, t, t_end, line);
     state = {0, t, line.t_end};
-    return t < line.t_end ? Came::kOn : Came::kOut;
+    return t < line.t_end ? StepOutcome::kOn : StepOutcome::kOut;
   }
   /// Down by one node, to the child that holds the ray at state.t.
   template <class M>
-  QUARRY_HOST_DEVICE Came Step(M& memory, const Constant& line, State& state, TriangleRange& range) const {
+  QUARRY_HOST_DEVICE StepOutcome Step(M& memory, const Constant& line, State& state,
+                                      TriangleRange& range) const {
     KdNode node = memory.Fetch(nodes_, state.node);
     if (!node.is_leaf()) {
       const auto axis = static_cast<uint32_t>(node.axis());
       const uint32_t in_near = state.t < line.PlaneAt(node.split(), axis) ? 1 : 0;
       state.node = node.left() + ((line.Rises(axis) ? 1 : 0) ^ in_near);
       node = memory.Fetch(nodes_, state.node);
-      if (!node.is_leaf()) return Came::kOn;
+      if (!node.is_leaf()) return StepOutcome::kOn;
     }
     const Leaf& leaf = memory.Fetch(leaves_, node.first());
     uint32_t face = 0;
@@ -232,17 +236,18 @@ class RopesView {
     }
     state.node = leaf.ropes[face];
     range = {leaf.first, leaf.first + leaf.count};
-    return Came::kList;
+    return StepOutcome::kList;
   }
   template <class M>
-  QUARRY_HOST_DEVICE Came Up(M&, const Constant&, State&) const {
-    return Came::kOut;
+  QUARRY_HOST_DEVICE StepOutcome Up(M&, const Constant&, State&) const {
+    return StepOutcome::kOut;
   }
   template <class M>
-  QUARRY_HOST_DEVICE Came Leave(M&, const Constant& line, State& state, float best_t) const {
-    if (best_t < state.t_exit || !(state.t_exit < line.t_end) || state.node == kNoNode) return Came::kOut;
+  QUARRY_HOST_DEVICE StepOutcome Leave(M&, const Constant& line, State& state, float best_t) const {
+    if (best_t < state.t_exit || !(state.t_exit < line.t_end) || state.node == kNoNode)
+      return StepOutcome::kOut;
     state.t = state.t_exit;
-    return Came::kOn;
+    return StepOutcome::kOn;
   }
 
  private:

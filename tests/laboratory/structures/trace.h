@@ -100,21 +100,21 @@ requires Accelerator<A, M> QUARRY_HOST_DEVICE inline Hit TraceOne(const A& struc
   typename A::State state;
   TriangleRange range;
   counts.Setup();
-  Came came = structure.Setup(memory, ray, 0, t_end, constant, state);
-  while (came != Came::kOut) {
-    switch (came) {
-      case Came::kOn:
+  StepOutcome outcome = structure.Setup(memory, ray, 0, t_end, constant, state);
+  while (outcome != StepOutcome::kOut) {
+    switch (outcome) {
+      case StepOutcome::kOn:
         counts.Step();
-        came = structure.Step(memory, constant, state, range);
+        outcome = structure.Step(memory, constant, state, range);
         break;
-      case Came::kUp:
+      case StepOutcome::kUp:
         counts.Up();
-        came = structure.Up(memory, constant, state);
+        outcome = structure.Up(memory, constant, state);
         break;
       default:
         TestRange(corners, structure.list(), memory, frame, range, hit, counts);
-        came = structure.Leave(memory, constant, state, hit.t);
-        if (came != Came::kOut) counts.Resume();
+        outcome = structure.Leave(memory, constant, state, hit.t);
+        if (outcome != StepOutcome::kOut) counts.Resume();
     }
   }
   return hit;

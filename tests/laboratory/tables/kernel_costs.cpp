@@ -35,7 +35,7 @@ template <class A>
 struct Written {
   typename A::State state;
   TriangleRange range;
-  Came came;
+  StepOutcome outcome;
 };
 
 /// Requires: whole words.
@@ -81,21 +81,21 @@ struct Recorder {
     typename A::Constant constant;
     typename A::State state;
     TriangleRange range;
-    Came came = structure.Setup(memory, ray, 0, hit.t, constant, state);
-    while (came != Came::kOut) {
-      if (came == Came::kOn) {
+    StepOutcome outcome = structure.Setup(memory, ray, 0, hit.t, constant, state);
+    while (outcome != StepOutcome::kOut) {
+      if (outcome == StepOutcome::kOn) {
         steps.push_back({constant, state, hit.t});
-        came = structure.Step(memory, constant, state, range);
-      } else if (came == Came::kUp) {
+        outcome = structure.Step(memory, constant, state, range);
+      } else if (outcome == StepOutcome::kUp) {
         ups.push_back({constant, state, hit.t});
-        came = structure.Up(memory, constant, state);
+        outcome = structure.Up(memory, constant, state);
       } else {
         for (uint32_t i = range.next; i < range.end; ++i) {
           tests.push_back({ray, i, {hit.t, hit.triangle, hit.b1, hit.b2}});
           TestPlace(scene.corners(), memory, frame, structure.list().data[i], hit);
         }
         leaves.push_back({constant, state, hit.t});
-        came = structure.Leave(memory, constant, state, hit.t);
+        outcome = structure.Leave(memory, constant, state, hit.t);
       }
     }
   }
@@ -148,20 +148,22 @@ std::vector<KernelCost> KernelsOf(const std::string& prefix, const A& structure,
                           kRayWords + kStateWords, kStateWords + 2, repetitions, [&](auto& memory, size_t i) {
                             const Call<A>& call = recorded.steps[i];
                             out[i].state = call.state;
-                            out[i].came = structure.Step(memory, call.constant, out[i].state, out[i].range);
+                            out[i].outcome =
+                                structure.Step(memory, call.constant, out[i].state, out[i].range);
                           }));
   if (A::kGoesUp)
     costs.push_back(Measure(prefix + " Up", recorded.ups.size(), kRayWords + kStateWords, kStateWords,
                             repetitions, [&](auto& memory, size_t i) {
                               const Call<A>& call = recorded.ups[i];
                               out[i].state = call.state;
-                              out[i].came = structure.Up(memory, call.constant, out[i].state);
+                              out[i].outcome = structure.Up(memory, call.constant, out[i].state);
                             }));
   costs.push_back(Measure(prefix + " Continue", recorded.leaves.size(), kRayWords + kStateWords + 1,
                           kStateWords, repetitions, [&](auto& memory, size_t i) {
                             const Call<A>& call = recorded.leaves[i];
                             out[i].state = call.state;
-                            out[i].came = structure.Leave(memory, call.constant, out[i].state, call.best_t);
+                            out[i].outcome =
+                                structure.Leave(memory, call.constant, out[i].state, call.best_t);
                           }));
   std::vector<HitWords> hits(recorded.tests.size());
   costs.push_back(Measure(prefix + " Intersect", recorded.tests.size(), Words(sizeof(Test)),

@@ -256,7 +256,7 @@ TEST_CASE("The slope of a lookup is the derivative of the interpolation", "[text
 TEST_CASE("Texels that are summed for a packet have the bits of single lookups", "[texture]") {
   std::mt19937 random(8);
   std::uniform_real_distribution<float> place(-2, 3), level(-2, 9);
-  const auto looks = std::make_unique<LookPacket>();
+  const auto lookups = std::make_unique<TextureLookups>();
   const auto texels = std::make_unique<TexelPacket>();
   const auto footprints = std::make_unique<FootprintPacket>();
   for (const TexelFormat format : {TexelFormat::kSrgb8, TexelFormat::kLinear8})
@@ -273,7 +273,7 @@ TEST_CASE("Texels that are summed for a packet have the bits of single lookups",
           u[i] = place(random);
           v[i] = place(random);
           lod[i] = i % 4 == 0 ? std::floor(level(random)) + 0.5f : level(random);  // some of one level
-          looks->SetLookup(static_cast<int>(i), {});
+          lookups->SetLookup(static_cast<int>(i), {});
         }
         const uint64_t lanes = n % 3 == 0 ? ~uint64_t{0} : uint64_t{random()} << 32 | random();
         MakeFootprints(use, texture.pyramid(), u, v, lod, lanes, *footprints);
@@ -286,7 +286,7 @@ TEST_CASE("Texels that are summed for a packet have the bits of single lookups",
                 CodesAt(texture.Page(key), texture.page_bytes(key), texels->index[k][i], channels);
           }
         }
-        SumTexels(texture.pyramid(), *footprints, *texels, kind, lanes, *looks);
+        SumTexels(texture.pyramid(), *footprints, *texels, kind, lanes, *lookups);
         for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
           TextureLookup right;
           BlockKey missing;
@@ -296,7 +296,7 @@ TEST_CASE("Texels that are summed for a packet have the bits of single lookups",
             REQUIRE(GoOnLookup<LookupKind::kValue>(texture.pyramid(), footprint, find, right, missing));
           if ((lanes >> i & 1) != 0 && kind == LookupKind::kSlope)
             REQUIRE(GoOnLookup<LookupKind::kSlope>(texture.pyramid(), footprint, find, right, missing));
-          const glm::vec4 sum = looks->LookupOf(static_cast<int>(i)).sum;
+          const glm::vec4 sum = lookups->LookupOf(static_cast<int>(i)).sum;
           if (sum != right.sum) FAIL(channels << " channels, lane " << i);
         }
       }
@@ -307,7 +307,7 @@ TEST_CASE("Frames of a packet have the bits of single ones", "[texture]") {
   std::mt19937 random(9);
   std::normal_distribution<float> normal;
   const auto vector = [&] { return glm::vec3(normal(random), normal(random), normal(random)); };
-  const auto looks = std::make_unique<LookPacket>();
+  const auto lookups = std::make_unique<TextureLookups>();
   const auto triangles = std::make_unique<TrianglePacket>();
   const auto attributes = std::make_unique<AttributePacket>();
   const auto surfaces = std::make_unique<SurfacePacket>();
@@ -323,15 +323,15 @@ TEST_CASE("Frames of a packet have the bits of single ones", "[texture]") {
     surfaces->geometric_normal.Set(i, Unit(vector()));
     surfaces->view.Set(i, Unit(vector()));
     rays->hit_t[i] = std::fabs(normal(random));
-    looks->cone_width[i] = std::fabs(normal(random));
-    looks->cone_spread[i] = normal(random);
+    lookups->cone_width[i] = std::fabs(normal(random));
+    lookups->cone_spread[i] = normal(random);
   }
-  const LookPacket before = *looks;
-  StartLooks(*triangles, *rays, lanes, *looks);
-  FrameLooks(*attributes, *surfaces, lanes, *looks);
+  const TextureLookups before = *lookups;
+  BeginTextureFrames(*triangles, *rays, lanes, *lookups);
+  MakeTextureFrames(*attributes, *surfaces, lanes, *lookups);
   for (int i = 0; i < static_cast<int>(RayPacket::kRays); ++i) {
     if ((lanes >> i & 1) == 0) {
-      CHECK(looks->cone_width[i] == before.cone_width[i]);
+      CHECK(lookups->cone_width[i] == before.cone_width[i]);
       continue;
     }
     const glm::vec3 e1 = triangles->at[1][i] - triangles->at[0][i],
@@ -340,11 +340,11 @@ TEST_CASE("Frames of a packet have the bits of single ones", "[texture]") {
     const auto uv = [&](int c) { return glm::vec2(attributes->u[c][i], attributes->v[c][i]); };
     const TextureFrame frame = FrameOf(e1, e2, uv(1) - uv(0), uv(2) - uv(0));
     const float cosine = std::fabs(glm::dot(surfaces->geometric_normal[i], surfaces->view[i]));
-    CHECK(looks->cone_width[i] == width);
-    CHECK(looks->by_u[i] == frame.by_u);
-    CHECK(looks->by_v[i] == frame.by_v);
-    CHECK(looks->lod[i] == LodOf(frame.uv_area, width, cosine));
-    CHECK(looks->bending[i] ==
+    CHECK(lookups->cone_width[i] == width);
+    CHECK(lookups->by_u[i] == frame.by_u);
+    CHECK(lookups->by_v[i] == frame.by_v);
+    CHECK(lookups->lod[i] == LodOf(frame.uv_area, width, cosine));
+    CHECK(lookups->bending[i] ==
           BendingOf(e1, e2, attributes->normal[0][i], attributes->normal[1][i], attributes->normal[2][i]));
   }
 }

@@ -62,15 +62,15 @@ bool Near(const glm::vec3& a, const glm::vec3& b, float most = 1e-5f) { return g
 glm::vec3 MapNormal(const SurfaceTexture& texture, const TexturePyramid& pyramid, const glm::vec4& sum,
                     const glm::vec3& by_u, const glm::vec3& by_v, const Surface& s) {
   constexpr int kLane = RayPacket::kRays - 1;
-  const auto looks = std::make_unique<LookPacket>();
+  const auto lookups = std::make_unique<TextureLookups>();
   const auto surfaces = std::make_unique<SurfacePacket>();
-  looks->by_u.Set(kLane, by_u);
-  looks->by_v.Set(kLane, by_v);
-  looks->SetLookup(kLane, {4, sum});
+  lookups->by_u.Set(kLane, by_u);
+  lookups->by_v.Set(kLane, by_v);
+  lookups->SetLookup(kLane, {4, sum});
   surfaces->normal.Set(kLane, s.normal);
   surfaces->view.Set(kLane, s.view);
   surfaces->entering[kLane] = s.entering;
-  MapNormals(texture, pyramid, *looks, uint64_t{1} << kLane, *surfaces);
+  MapNormals(texture, pyramid, *lookups, uint64_t{1} << kLane, *surfaces);
   return surfaces->normal[kLane];
 }
 
@@ -90,13 +90,13 @@ TEST_CASE("A texture of the material's own values changes nothing", "[texture]")
                   Binding(TextureUse::kEmission)};
     if (n % 2 == 0) m.textures.push_back(Binding(TextureUse::kMetalRoughness));
     const SceneSurfaces scene(WithTexture({m}));
-    Look look;
-    look.base = n % 2 == 0 ? m.base_color : m.diffuse / m.geometry_opacity;
-    look.specular = m.specular;
-    look.emission = m.emission;
-    look.roughness = m.specular_roughness;
-    look.metalness = m.base_metalness;
-    const SurfaceProperties p = scene.PropertiesAt(m, 0, scene.UsesOf(0), look);
+    TextureValues values;
+    values.base = n % 2 == 0 ? m.base_color : m.diffuse / m.geometry_opacity;
+    values.specular = m.specular;
+    values.emission = m.emission;
+    values.roughness = m.specular_roughness;
+    values.metalness = m.base_metalness;
+    const SurfaceProperties p = scene.PropertiesAt(m, 0, scene.UsesOf(0), values);
     CHECK(Near(p.diffuse, m.diffuse));
     CHECK(Near(p.specular, m.specular));
     CHECK(Near(p.emission, m.emission));

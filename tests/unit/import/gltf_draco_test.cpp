@@ -263,7 +263,7 @@ TEST_CASE("glTF by Draco: the decoder keeps to its memory, and its absence is to
   CHECK_THAT(error_of(script("library", "exit 127\n")),
              Catch::Contains("install Draco (Debian's package libdraco7)"));
   CHECK_THAT(error_of(script("lies", "printf '\\1\\0\\0\\0\\4\\0\\0\\0abcd'\ncat > /dev/null\n")),
-             Catch::Contains("the decoder says what cannot be"));
+             Catch::Contains("the decoder gives an answer that cannot be"));
 }
 
 TEST_CASE("glTF by Draco: a mesh larger than the decoder's memory is refused", "[import][gltf][draco]") {

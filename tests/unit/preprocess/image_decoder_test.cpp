@@ -312,8 +312,8 @@ TEST_CASE("A helper that says what cannot be, and lives on, is not waited for", 
   std::ofstream(program) << "#!/bin/sh\nprintf '\\004\\000\\000\\000\\377\\377\\377\\377'\nexec sleep 1000\n";
   std::filesystem::permissions(program, std::filesystem::perms::owner_all);
   ImageDecoder decoder({program, 1 << 20});
-  CHECK(Decode(decoder, ImageIn(folder.file("a.png"))).error.find("the decoder says what cannot be") !=
-        std::string::npos);
+  CHECK(Decode(decoder, ImageIn(folder.file("a.png")))
+            .error.find("the decoder gives an answer that cannot be") != std::string::npos);
   CHECK_FALSE(decoder.is_fatal());
 }
 

@@ -85,7 +85,7 @@ struct Watching {
       cluster.dispatcher.Assign(now_s);
       if (!cluster.orders.empty())
         if (const auto done = cluster.RunOne()) viewer->Take(done->tile, done->pixels);
-      viewer->Go();
+      viewer->Advance();
       int behind = 2;  // threads with frames before these, which nobody sees
       for (EncodingThread* thread : {&moving, &exact})
         thread->Encode({std::make_shared<DueFrame>(), {}, 80, std::make_shared<std::optional<ToneTable>>()},
@@ -150,7 +150,7 @@ TEST_CASE("A viewer that acknowledges frames which its socket has not taken gets
   watching.now_s += 60;
   watching.viewer->Sample(watching.now_s);
   CHECK(socket.closed);
-  CHECK(watching.why == "this page takes nothing of what it is sent");
+  CHECK(watching.why == "this page reads none of the frames that it is sent");
 }
 
 TEST_CASE(
@@ -160,10 +160,10 @@ TEST_CASE(
   Socket& socket = *watching.socket;
   watching.Want(0);
   for (int i = 0; i < 1000; ++i)
-    watching.viewer->Tell(json{{"type", "stats"}, {"text", std::string(1000, 'x')}}.dump());
+    watching.viewer->Send(json{{"type", "stats"}, {"text", std::string(1000, 'x')}}.dump());
   CHECK(socket.queued < 64 << 10);
   const size_t told = socket.texts.size();
-  watching.viewer->TellState(R"({"type":"state"})");
+  watching.viewer->SendState(R"({"type":"state"})");
   CHECK(socket.texts.size() == told);
   socket.queued = 0;
   watching.viewer->Sample(watching.now_s);  // now it is told

@@ -154,16 +154,16 @@ TEST_CASE("Tiles that a worker gives back go to others, and no other's lease end
 }
 
 TEST_CASE("A worker counts as quiet once it has held tiles for the time of grace and answered none") {
-  Conduct conduct;
-  conduct.Look(0, true);
-  conduct.Look(Conduct::kGraceS, true);
-  CHECK(conduct.quiet_s() == 0);
-  conduct.Look(Conduct::kGraceS + 3, true);
-  CHECK(conduct.quiet_s() == 3);
-  conduct.Answered(true);
-  CHECK(conduct.quiet_s() == 0);
-  conduct.Look(Conduct::kGraceS + 6, true);
-  CHECK(conduct.quiet_s() == 0);
+  Responsiveness responsiveness;
+  responsiveness.Update(0, true);
+  responsiveness.Update(Responsiveness::kGraceS, true);
+  CHECK(responsiveness.quiet_s() == 0);
+  responsiveness.Update(Responsiveness::kGraceS + 3, true);
+  CHECK(responsiveness.quiet_s() == 3);
+  responsiveness.Answered(true);
+  CHECK(responsiveness.quiet_s() == 0);
+  responsiveness.Update(Responsiveness::kGraceS + 6, true);
+  CHECK(responsiveness.quiet_s() == 0);
 }
 
 TEST_CASE("A tile that two silent workers hold goes to a third") {
@@ -185,41 +185,41 @@ TEST_CASE("Who holds tiles that others finish, and answers none, is doubtful, th
   Cluster cluster({{1, 1}, {2, 1, kNever}, {3, 1, 3}}, 640, 512);
   double doubtful_s = 0, mute_s = 0;
   while (mute_s == 0 && cluster.now_s < 100 && !cluster.Step()) {
-    if (doubtful_s == 0 && cluster.Find(2).conduct.doubtful()) doubtful_s = cluster.now_s;
-    if (cluster.Find(2).conduct.mute()) mute_s = cluster.now_s;
-    CHECK_FALSE(cluster.Find(1).conduct.mute());
-    CHECK_FALSE(cluster.Find(3).conduct.mute());
+    if (doubtful_s == 0 && cluster.Find(2).responsiveness.doubtful()) doubtful_s = cluster.now_s;
+    if (cluster.Find(2).responsiveness.mute()) mute_s = cluster.now_s;
+    CHECK_FALSE(cluster.Find(1).responsiveness.mute());
+    CHECK_FALSE(cluster.Find(3).responsiveness.mute());
   }
-  CHECK(doubtful_s >= Conduct::kDoubtfulS);
-  CHECK((mute_s == 0 || mute_s >= Conduct::kMuteS));
+  CHECK(doubtful_s >= Responsiveness::kDoubtfulS);
+  CHECK((mute_s == 0 || mute_s >= Responsiveness::kMuteS));
   CHECK(cluster.Find(2).tiles == 0);
 }
 
 TEST_CASE("Mute is who answers nothing for twenty seconds of holding tiles, over any number of frames") {
-  Conduct conduct;
+  Responsiveness responsiveness;
   double now_s = 0;
   const auto hold = [&](double s) {
-    conduct.Look(now_s, true);
+    responsiveness.Update(now_s, true);
     now_s += s;
-    conduct.Look(now_s, false);
+    responsiveness.Update(now_s, false);
     now_s += 100;  // in which it has nothing to do
   };
   for (int frame = 0; frame < 12; ++frame) {
-    CHECK_FALSE(conduct.mute());
+    CHECK_FALSE(responsiveness.mute());
     hold(1.7);
-    conduct.Outdone();
+    responsiveness.Outdone();
   }
-  CHECK(conduct.mute());
-  conduct.Answered(false);
-  CHECK_FALSE(conduct.mute());
-  CHECK_FALSE(conduct.doubtful());
+  CHECK(responsiveness.mute());
+  responsiveness.Answered(false);
+  CHECK_FALSE(responsiveness.mute());
+  CHECK_FALSE(responsiveness.doubtful());
 }
 
 TEST_CASE("A tile that takes everybody long makes nobody mute") {
   Cluster cluster({{1, 1, 200}, {2, 1, 300}}, 64, 32);
   while (!cluster.Step()) {
     REQUIRE(cluster.now_s < 1000);
-    REQUIRE_FALSE(cluster.Find(1).conduct.mute());
+    REQUIRE_FALSE(cluster.Find(1).responsiveness.mute());
   }
   CHECK(cluster.Find(1).tiles == 2);
 }

@@ -10,9 +10,9 @@ namespace quarry {
 
 /// The samples of a packet as far as textures concern them, one array per field. Tiles of scenes without
 /// textures have none. Memory: 6,592 bytes.
-struct LookPacket {
+struct TextureLookups {
   static constexpr int kLanes = RayPacket::kRays;
-  uint64_t looked;  ///< lanes whose surface has all that its textures say
+  uint64_t looked_up;  ///< lanes whose surface has all that its textures say
   // The cone of a ray that is under way, or that has hit. Source: Akenine-Moeller et al. 2021, ray cones.
   float cone_width[kLanes];   ///< at the ray's origin, then at its hit; scene units
   float cone_spread[kLanes];  ///< growth of the width with the distance
@@ -27,7 +27,9 @@ struct LookPacket {
   uint8_t texture[kLanes];  ///< number among the material's textures
   uint8_t texels[kLanes];
 
-  Look LookOf(int i) const { return {base[i], specular[i], emission[i], roughness[i], metalness[i]}; }
+  TextureValues ValuesOf(int i) const {
+    return {base[i], specular[i], emission[i], roughness[i], metalness[i]};
+  }
   /// Puts the value of a complete lookup: colours at least 0, and at most 1 but for emission.
   void Put(int i, const SurfaceTexture& of, const glm::vec4& texels_sum) {
     const auto within = [](float value, float most) { return value > 0 ? std::min(value, most) : 0.0f; };

@@ -7,7 +7,7 @@ namespace quarry {
 
 /// Whether a worker answers with tiles. (That its connection carries pings does not show it.)
 /// Units: seconds of the caller's clock. Not thread-safe.
-class Conduct {
+class Responsiveness {
  public:
   /// Seconds of holding tiles without an answer, once another worker has finished one of them, after which a
   /// worker is doubtful (it gets one tile at a time) and mute (it is dropped). A tile that takes every worker
@@ -21,12 +21,12 @@ class Conduct {
   static constexpr double kGraceS = 4;
 
   /// Whether the worker holds tiles from now on. Requires: called several times a second.
-  void Look(double now_s, bool holds) {
+  void Update(double now_s, bool holds) {
     if (holds_) {
-      quiet_s_ += std::max(0.0, now_s - looked_s_);
-      owing_s_ += std::max(0.0, now_s - looked_s_);
+      quiet_s_ += std::max(0.0, now_s - updated_s_);
+      owing_s_ += std::max(0.0, now_s - updated_s_);
     }
-    looked_s_ = now_s;
+    updated_s_ = now_s;
     holds_ = holds;
   }
   /// The worker has sent a result. `held`: of a tile that it holds; else the result shows that it works but
@@ -45,7 +45,7 @@ class Conduct {
   bool mute() const { return outdone_ && owing_s_ > kMuteS; }
 
  private:
-  double looked_s_ = 0, quiet_s_ = 0, owing_s_ = 0;
+  double updated_s_ = 0, quiet_s_ = 0, owing_s_ = 0;
   bool holds_ = false, outdone_ = false;
 };
 
