@@ -377,7 +377,7 @@ TEST_CASE("Bodies that are cut, too long, stalled or garbage are errors, not blo
     });
   };
   CHECK_THAT(chunked("10\r\n0123456789abcdef\r\n0\r\n\r\n", Then::kKeep).message, Contains("breaks off"));
-  CHECK_THAT(chunked("zzz\r\n", Then::kKeep).message, Contains("not HTTP"));
+  CHECK_THAT(chunked("zzz\r\n", Then::kKeep).message, Contains("not speak HTTP"));
   std::string large = "20000\r\n" + std::string(0x20000, 'x') + "\r\n0\r\n\r\n";
   CHECK_THAT(chunked(large, Then::kKeep).message, Contains("more than was asked for"));
 
@@ -389,8 +389,8 @@ TEST_CASE("Bodies that are cut, too long, stalled or garbage are errors, not blo
   });
   CHECK(!longer.permanent());
 
-  CHECK_THAT(FaultOfBlock("\x16\x03\x01 garbage\r\n\r\n").message, Contains("not HTTP"));
-  CHECK_THAT(FaultOfBlock("SSH-2.0-OpenSSH\r\n", Then::kStall, 0.3).message, Contains("not HTTP"));
+  CHECK_THAT(FaultOfBlock("\x16\x03\x01 garbage\r\n\r\n").message, Contains("not speak HTTP"));
+  CHECK_THAT(FaultOfBlock("SSH-2.0-OpenSSH\r\n", Then::kStall, 0.3).message, Contains("not speak HTTP"));
   CHECK_THAT(FaultOfBlock("HTTP/1.1 206 Part", Then::kStall, 0.3).message, Contains("does not answer"));
   CHECK_THAT(FaultOfBlock("", Then::kStall, 0.3).message, Contains("does not answer"));
   CHECK_THAT(FaultOfBlock("HTTP/1.1 206 Part", Then::kClose).message, Contains("breaks off"));
