@@ -68,6 +68,7 @@ class Renderer {
   static Result<std::unique_ptr<Renderer>> Create(const Catalog& catalog, VoxelSource& source,
                                                   Executor executor, const Options& options, Hooks hooks);
   ~Renderer();
+  /// The scene's, which outlives the renderer.
   const Catalog& catalog() const { return catalog_; }
 
   /// Tiles of a call to Render().

@@ -2,6 +2,7 @@
 
 #include <boost/asio/executor_work_guard.hpp>
 #include <boost/asio/io_context.hpp>
+#include <boost/asio/post.hpp>
 #include <catch2/catch.hpp>
 #include <nlohmann/json.hpp>
 
@@ -98,14 +99,15 @@ struct Watching {
 
   test::Row row;
   test::LiveCluster cluster{*row.scene};
-  RayDispatcher rays{[](uint32_t, const RayOrder&) {}};
+  std::vector<RayOrder> ray_orders;
+  RayDispatcher rays{[this](uint32_t, const RayOrder& order) { ray_orders.push_back(order); }};
   boost::asio::io_context io;
   EncodingThread moving{io}, exact{io};
   double now_s = 100;
   uint64_t input = 0;
   std::string why;  ///< it is gone
   const std::unique_ptr<VoxelSource> source =
-      row.scene->MakeSource([](const std::function<void()>& task) { task(); });
+      row.scene->MakeSource([this](std::function<void()> task) { boost::asio::post(io, std::move(task)); });
   SavedPictures saved{io,
                       {[](const auto&, const JobRequest&) { return Status{}; }, [](const auto&) {},
                        [](uint64_t) { return FrameMemory::Reservation(); }},
@@ -190,6 +192,42 @@ TEST_CASE("Messages that cannot be read are answered, and a flood of them ends i
   socket.text("{");
   CHECK(socket.closed);
   CHECK(socket.texts.back().at("type") == "error");
+}
+
+TEST_CASE("A pick is answered whatever a worker says of its ray; of a viewer that is gone nothing is asked",
+          "[live]") {
+  Watching watching;
+  watching.rays.AddWorker(1);
+  watching.Want(0);
+  // Answers that cannot be: another triangle, an index beyond the voxel's, a voxel beyond the scene's, no
+  // hit.
+  const auto answer = [&](uint32_t triangle, uint32_t voxel, uint32_t local) {
+    watching.Say({{"type", "pick"}, {"pick", 7}, {"x", 32}, {"y", 24}});
+    watching.rays.Assign(watching.now_s);
+    const RayOrder order = watching.ray_orders.back();
+    const size_t before = watching.socket->texts.size();
+    watching.rays.Finish(1, {order.ray, order.lease, 1, triangle, voxel, local});
+    const auto work = boost::asio::make_work_guard(watching.io);
+    watching.io.restart();
+    while (watching.socket->texts.size() == before) watching.io.run_one();
+    return watching.socket->texts.back();
+  };
+  const json none{{"type", "picked"}, {"pick", 7}, {"hit", nullptr}};
+  json damaged = none;
+  damaged["error"] = "the triangle is not in its voxel";
+  CHECK(answer(4000, 2, 0) == damaged);
+  CHECK(answer(4, 2, 4000) == damaged);
+  CHECK(answer(4, 4000, 0) == none);
+  CHECK(answer(kNoIndex, 0, 0) == none);
+  CHECK_FALSE(answer(4, 2, 0).at("hit").is_null());
+  watching.Say({{"type", "pick"}, {"pick", 8}, {"x", 32}, {"y", 24}});
+  watching.rays.Assign(watching.now_s);
+  const RayOrder last = watching.ray_orders.back();
+  const size_t told = watching.socket->texts.size();
+  watching.socket->text = {};
+  watching.viewer.reset();
+  watching.rays.Finish(1, {last.ray, last.lease, 1, 4, 2, 0});
+  CHECK(watching.socket->texts.size() == told);
 }
 
 }  // namespace quarry
