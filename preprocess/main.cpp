@@ -20,7 +20,7 @@
 #include "common/voxel/store_header.h"
 #include "preprocess/estimate/plan.h"
 #include "preprocess/import/decompressor.h"
-#include "preprocess/import/files/file_identity.h"
+#include "preprocess/import/files/model_files.h"
 #include "preprocess/import/text/text_number.h"
 #include "preprocess/preprocess.h"
 
@@ -164,29 +164,39 @@ Status ParseDeflection(std::string text, PreprocessOptions& options) {
   return {};
 }
 
+/// Refuses a run for which the disk has no room, and warns where the room may not suffice.
+Status CheckRoomFor(const PreprocessOptions& options, const PreprocessPlan& plan) {
+  QUARRY_ASSIGN(const std::string warning, CheckRoom(options, plan));
+  if (!warning.empty()) Log("warning: " + warning);
+  return {};
+}
+
 Status PrintPlan(const PreprocessOptions& options, const std::string& stats) {
   QUARRY_ASSIGN(const PreprocessPlan plan, MakePlan(options));
   if (!options.quiet)
     Print(fmt::format(
-        "{} triangles, {} vertices{}\n  spill     {} at most, in {}\n  store     {} ({:.1f} bytes a "
-        "triangle)\n"
-        "{}  memory    {} at most\n  time      about {:.0f} s with {} threads\n",
+        "{} triangles, {} vertices{}\n  spill     about {}, {} at most, in {}\n"
+        "  store     about {}, {} at most\n{}  memory    {} at most\n  time      about {:.0f} s on two "
+        "cores\n",
         plan.triangles, plan.vertices, plan.has_shading ? ", with normals, uv or colours" : "",
-        FormatSize(plan.spill_bytes), SpillFolder(options), FormatSize(plan.store_bytes),
-        static_cast<double>(plan.store_bytes - plan.texture_bytes) / static_cast<double>(plan.triangles),
-        plan.texture_bytes ? fmt::format("  textures  {} of it\n", FormatSize(plan.texture_bytes)) : "",
-        FormatSize(plan.memory_bytes), plan.seconds, options.threads));
+        FormatSize(plan.spill.usual), FormatSize(plan.spill.most), SpillFolder(options),
+        FormatSize(plan.store.usual), FormatSize(plan.store.most),
+        plan.texture_bytes ? fmt::format("  textures  {} of it at most\n", FormatSize(plan.texture_bytes))
+                           : "",
+        FormatSize(plan.memory_bytes), plan.seconds));
   if (!stats.empty()) {
     const nlohmann::ordered_json j = {{"input_triangles", plan.triangles},
                                       {"input_vertices", plan.vertices},
-                                      {"spill_bytes", plan.spill_bytes},
-                                      {"store_bytes", plan.store_bytes},
-                                      {"texture_stored_bytes", plan.texture_bytes},
+                                      {"spill_bytes", plan.spill.usual},
+                                      {"spill_bytes_most", plan.spill.most},
+                                      {"store_bytes", plan.store.usual},
+                                      {"store_bytes_most", plan.store.most},
+                                      {"texture_decoded_bytes", plan.texture_bytes},
                                       {"peak_rss_bytes", plan.memory_bytes},
                                       {"preprocess_wall_s", plan.seconds}};
     QUARRY_TRY(WriteFileAtomically(stats, AsBytes(j.dump(2) + "\n")));
   }
-  return CheckRoom(options, plan);
+  return CheckRoomFor(options, plan);
 }
 
 bool IsStore(std::string_view start) { return start.starts_with(kStoreMagic); }
@@ -234,7 +244,7 @@ Status Run(PreprocessOptions options, const Texts& texts, bool plan) {
   if (options.resume == PreprocessOptions::Resume::kNo && RoomIsTight(options)) {
     if (!options.quiet) Log("reading the model beforehand, to see whether the disk has room (see --plan)");
     QUARRY_ASSIGN(const PreprocessPlan needed, MakePlan(options));
-    QUARRY_TRY(CheckRoom(options, needed));
+    QUARRY_TRY(CheckRoomFor(options, needed));
   }
   QUARRY_ASSIGN(const PreprocessStatistics statistics, Preprocess(options));
   if (!options.quiet) PrintSummary(options, statistics);
@@ -267,7 +277,7 @@ int Main(int argc, char** argv) {
   app.add_option("models", options.models,
                  "Model files, packed by gzip or zstd or not; several make one scene; - is standard input")
       ->required();
-  app.add_option("-o,--output", options.output, "The store to write; --plan does without");
+  app.add_option("-o,--output", options.output, "The store to write; not needed with --plan");
   app.add_flag("--force", texts.force,
                "Replace the output though it holds something else; never a model that is read");
   app.add_option("--memory", texts.memory,
@@ -302,14 +312,16 @@ int Main(int argc, char** argv) {
   app.add_option("--stats", texts.stats, "Write statistics as JSON to this file");
   app.add_flag("!--no-textures", options.textures, "Leave out the images that materials name");
   app.add_option("--checkpoint", options.checkpoint_seconds,
-                 "Seconds of work, about, that are done again by --resume after a kill")
+                 "Seconds of building, about, that are done again by --resume after a kill")
       ->check(RealNumber(0, 86400))
       ->capture_default_str();
   app.add_option("--unpack-limit", texts.unpack_limit,
                  "Most bytes that a packed model unpacks to (default: 100 times its own, at least 256M)");
   app.add_flag("--resume", resume, "Continue an earlier run of the same command from its kept files");
   app.add_flag("--resume-if-fit", resume_if_fit)->group("");  // quarry render's
-  app.add_flag("--plan", plan, "Only tell triangles, disk, memory and time, and whether the disk has room");
+  app.add_flag(
+      "--plan", plan,
+      "Print the counts of triangles and vertices, a range of disk space, memory and time; make nothing");
   app.add_flag("--quiet", options.quiet, "Print errors only");
   constexpr NoEffect kNoEffect[] = {{"--resume", "--plan"}};
   RefuseWithoutEffect(app, kNoEffect);

@@ -6,58 +6,49 @@
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
-#include <optional>
 #include <system_error>
-#include <type_traits>
-#include <vector>
 
 #include "common/base/resource.h"
 #include "common/base/size.h"
-#include "preprocess/estimate/plan_regions.h"
-#include "preprocess/estimate/plan_sample.h"
-#include "preprocess/estimate/plan_textures.h"
+#include "common/voxel/texture_shape.h"
+#include "preprocess/import/ignoring_sink.h"
 #include "preprocess/import/importer.h"
+#include "preprocess/ingest/image_list.h"
 #include "preprocess/partition/regions.h"
 #include "preprocess/smooth/border_normals.h"
 #include "preprocess/spill/temporary_file.h"
+#include "preprocess/texture/row_converter.h"
 
 namespace quarry {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
 constexpr uint64_t kOverheadBytes = 44ull << 20;  // of a run beyond --memory: README.md, "Limits"
-// Seconds a byte of a triangle's record: to resolve and spill it at import; to route it to regions and read
-// it back. Fitted to models that the page cache holds (tests/bench/stores/plans).
-constexpr double kImportSeconds = 3e-9, kRoutingSeconds = 6.5e-9;
 
-/// Bytes for vertices; the rest of --memory is for building.
-uint64_t MemoryForVertices(const PreprocessOptions& options) { return options.memory / 4 * 3; }
-
-/// Counts of elements, one file after the other.
-struct Counts {
-  uint64_t positions = 0, normals = 0, uvs = 0, triangles = 0;
-  VertexSample vertices;
+/// Costs of a triangle in measured scenes: tests/bench/history/preprocess.md.
+struct Cost {
+  double stored;      ///< bytes in the store, textures apart
+  double share;       ///< of spilled bytes that stay after packing
+  double references;  ///< regions that it lies in
 };
+constexpr Cost kLeast{0.1, 0.2, 1}, kUsual{14, 0.5, 1.05}, kMost{60, 1, 2};
+constexpr double kSeconds = 3e-6;  // to build a triangle of usual scenes, on two threads
 
-class CountingSink final : public ResolvingSink {
+/// Counts the elements of models.
+class CountingSink final : public IgnoringSink {
  public:
   /// `images_path`: the file for images that models hold as text.
-  CountingSink(const PreprocessOptions& options, std::string images_path)
-      : ResolvingSink(options, MemoryForVertices(options), false),
-        images(std::move(images_path)),
-        textures_(options.textures) {}
-  Status BeginFile(std::string_view name) override {
+  CountingSink(bool textures, std::string images_path)
+      : images(std::move(images_path)), textures_(textures) {}
+  Status BeginFile(std::string_view) override {
     files.emplace_back();
-    return ResolvingSink::BeginFile(name);
+    return {};
   }
   bool takes_textures() const override { return textures_; }
   Result<uint32_t> AddTexture(TextureImage image) override { return images.Add(std::move(image)); }
-  Status AddPosition(const glm::dvec3& position, const Rgba8& color) override {
+  Status AddPosition(const glm::dvec3&, const Rgba8& color) override {
     ++files.back().positions;
-    files.back().vertices.Add(position);
-    has_color |= (color.r & color.g & color.b & color.a) != 255;
-    return ResolvingSink::AddPosition(position, color);
+    NoteColor(color);
+    return {};
   }
   Status AddNormal(const glm::vec3&) override {
     ++files.back().normals;
@@ -68,35 +59,26 @@ class CountingSink final : public ResolvingSink {
     return {};
   }
   Status SetFaceColor(const Rgba8& color) override {
-    has_color |= (color.r & color.g & color.b & color.a) != 255;
-    return ResolvingSink::SetFaceColor(color);
+    NoteColor(color);
+    return {};
   }
-  Status AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t part) override {
+  Status AddPolygon(std::span<const Corner> corners, uint32_t, uint32_t) override {
     if (corners.size() >= 3) files.back().triangles += corners.size() - 2;
-    return ResolvingSink::AddPolygon(corners, material, part);
+    return {};
   }
 
-  TriangleSurvey survey;
+  struct Counts {
+    uint64_t positions = 0, normals = 0, uvs = 0, triangles = 0;
+  };
   std::vector<Counts> files;
   bool has_color = false;
   ImageList images;
 
  private:
-  Status Take(const TriangleRecord& record) override {
-    const Box box = record.PaddedBox(0);
-    survey.bounds.Include(box.lower);
-    survey.bounds.Include(box.upper);
-    survey.sample.Add(record);
-    ++survey.triangles;
-    return {};
-  }
+  void NoteColor(const Rgba8& color) { has_color |= (color.r & color.g & color.b & color.a) != 255; }
 
   const bool textures_;
 };
-
-std::string ForeignPrefix(const PreprocessOptions& options) {
-  return fmt::format("{}/quarry-foreign-{}", SpillFolder(options), ::getpid());
-}
 
 /// Removes, at its end, the images that came out of foreign models.
 struct ForeignImages {
@@ -106,31 +88,31 @@ struct ForeignImages {
   std::string prefix;
 };
 
-template <class Sink>
-Status ReadModels(const PreprocessOptions& options, Sink& sink) {
-  for (const std::string& model : options.models) {
-    if (model == "-")
-      return BadUsage("--plan reads models more than once, which standard input does not allow");
-    if constexpr (std::is_base_of_v<ResolvingSink, Sink>) sink.Place(model);
-    QUARRY_TRY(ImportModel(model, sink, ForeignFormatsOf(options, ForeignPrefix(options)),
-                           options.unpack_limit, GltfDecodingOf(options, SpillFolder(options)),
-                           CadReadingOf(options, SpillFolder(options))));
-  }
-  return {};
+/// Bytes of an image's texels in all levels; 0 if it cannot be read. Errors: the program that decodes images
+/// is not there, or was killed.
+Result<uint64_t> DecodedBytes(ImageDecoder& decoder, const TextureImage& image) {
+  const Result<ImageFacts> facts = decoder.LookAt(image);
+  if (!facts && decoder.is_fatal()) return tl::unexpected<Error>(facts.error());
+  if (!facts) return 0;
+  const TexelLayout layout = RowConverter(*facts, image.color, image.pick).layout();
+  uint64_t bytes = 0;
+  const TextureShape shape(layout.width, layout.height);
+  for (const TextureShape::Level& level : shape.levels())
+    bytes += uint64_t{level.width} * level.height * layout.texel_bytes();
+  return bytes;
 }
 
 /// Most bytes of spill at any time: while a file is imported, or when all triangles have been routed. In the
 /// second case a slice of triangles lies in both places, and a triangle in several regions lies in each.
-/// Units: `record` in bytes of a triangle; `share` is the part of them that stays after packing; `references`
-/// is regions per triangle.
-uint64_t SpillPeak(const std::vector<Counts>& files, double record, double share, double references) {
+/// Units: `record` in bytes of a triangle.
+uint64_t SpillPeak(const std::vector<CountingSink::Counts>& files, double record, const Cost& cost) {
   constexpr auto kLarge = static_cast<double>(SpillFile::kPackLarge);
   // The triangle file is packed beyond its first bytes; regions' files are packed entirely or not at all.
   const auto in_file = [&](double n) {
-    return std::min(n * record, kLarge) + std::max(n * record - kLarge, 0.0) * share;
+    return std::min(n * record, kLarge) + std::max(n * record - kLarge, 0.0) * cost.share;
   };
   double peak = 0, triangles = 0;
-  for (const Counts& f : files) {
+  for (const auto& f : files) {
     triangles += static_cast<double>(f.triangles);
     peak = std::max(peak,
                     in_file(triangles) + static_cast<double>(f.positions * 16 + f.normals * 12 + f.uvs * 8));
@@ -139,93 +121,54 @@ uint64_t SpillPeak(const std::vector<Counts>& files, double record, double share
   double sample = triangles;  // the sample that checkpoints save
   while (sample > TriangleSample::kMost) sample /= 2;
   const double slice = std::min(triangles, static_cast<double>(kRoutedPerCheckpoint));
-  const double routed = references * triangles * record;
+  const double routed = cost.references * triangles * record;
   // A copy's three corners lie outside one of the regions that have the triangle.
-  const double borders = std::max(references - 1, 0.0) * triangles * 3 * sizeof(BorderNormal);
-  const double regions = routed * (routed > kLarge ? share : 1) + borders;
+  const double borders = std::max(cost.references - 1, 0.0) * triangles * 3 * sizeof(BorderNormal);
+  const double regions = routed * (routed > kLarge ? cost.share : 1) + borders;
   return static_cast<uint64_t>(std::max(peak, in_file(triangles) - in_file(triangles - slice) + regions) +
                                sample * (sizeof(KdTriangle) + 4));
 }
 
 }  // namespace
 
-namespace {
-
-/// The cost by some of the regions that a run would make. Nothing: memory does not hold the vertices, or the
-/// disk does not hold some regions, which a plan may be asked to find out.
-Result<std::optional<SampleCost>> CostByRegions(const PreprocessOptions& options, CountingSink& counted,
-                                                Attributes attributes) {
-  if (!counted.held_all()) return std::optional<SampleCost>();
-  if (counted.survey.triangles < kFewestTriangles) return std::optional(kUsualCost);
-  PlannedRegions regions = PlanRegions(counted.survey);
-  std::error_code unknown;
-  const auto space = std::filesystem::space(SpillFolder(options), unknown);
-  if (!unknown && space.available < 2 * KeptBytes(regions, attributes)) return std::optional<SampleCost>();
-  QUARRY_ASSIGN(const TemporaryFolder folder,
-                TemporaryFolder::Make(fmt::format("{}/quarry-plan-{}", SpillFolder(options), ::getpid())));
-  RegionSink sink(options, MemoryForVertices(options), regions, attributes, folder.path());
-  QUARRY_TRY(ReadModels(options, sink));
-  sink.Release();
-  if (!sink.held_all()) return std::optional<SampleCost>();
-  QUARRY_ASSIGN(const SampleCost cost, sink.Measure());
-  return std::optional(cost);
-}
-
-/// The cost by cubes around some vertices of the largest file.
-Result<SampleCost> CostByWindows(const PreprocessOptions& options, const CountingSink& counted,
-                                 size_t largest, Attributes attributes) {
-  const Counts& of = counted.files[largest];
-  const std::vector<SampleWindow> windows = ChooseWindows(of.vertices, of.triangles);
-  WindowSink content(largest, windows, of.positions);
-  QUARRY_TRY(ReadModels(options, content));
-  CornerSink corners(largest, content);
-  if (corners.wants_any()) QUARRY_TRY(ReadModels(options, corners));
-  return MeasureWindows(options, windows, of.vertices, content, corners, attributes);
-}
-
-}  // namespace
-
 Result<PreprocessPlan> MakePlan(const PreprocessOptions& options) {
   const TemporaryFile images(fmt::format("{}/quarry-images-{}", SpillFolder(options), ::getpid()));
-  const ForeignImages foreign_images(ForeignPrefix(options));
-  CountingSink counted(options, images.path());
-  const auto start = Clock::now();
-  QUARRY_TRY(ReadModels(options, counted));
-  counted.Release();
-  const double reading_s = SecondsSince(start);
+  const ForeignImages foreign(fmt::format("{}/quarry-foreign-{}", SpillFolder(options), ::getpid()));
+  CountingSink counted(options.textures, images.path());
+  const auto start = std::chrono::steady_clock::now();
+  for (const std::string& model : options.models)
+    QUARRY_TRY(ImportModel(model, counted, ForeignFormatsOf(options, foreign.prefix), options.unpack_limit,
+                           GltfDecodingOf(options, SpillFolder(options)),
+                           CadReadingOf(options, SpillFolder(options))));
   PreprocessPlan plan;
-  size_t largest = 0;
+  plan.seconds = SecondsSince(start);
   uint64_t normals = 0, uvs = 0;
-  for (size_t i = 0; i < counted.files.size(); ++i) {
-    const Counts& f = counted.files[i];
-    plan.triangles += f.triangles;
-    plan.vertices += f.positions;
-    normals += f.normals;
-    uvs += f.uvs;
-    if (f.triangles > counted.files[largest].triangles) largest = i;
+  for (const auto& file : counted.files) {
+    plan.triangles += file.triangles;
+    plan.vertices += file.positions;
+    normals += file.normals;
+    uvs += file.uvs;
   }
   const Attributes attributes = uvs                 ? Attributes::kUvs
                                 : normals           ? Attributes::kNormals
                                 : counted.has_color ? Attributes::kColors
                                                     : Attributes::kNone;
   plan.has_shading = attributes != Attributes::kNone;
-  QUARRY_ASSIGN(const std::optional<SampleCost> by_regions, CostByRegions(options, counted, attributes));
-  SampleCost cost = by_regions.value_or(kUsualCost);
-  if (!by_regions) {
-    QUARRY_ASSIGN(cost, CostByWindows(options, counted, largest, attributes));
+  QUARRY_ASSIGN(const std::vector<TextureImage> list, counted.images.Finish());
+  ImageDecoder decoder(ImageDecodingOf(options));
+  for (const TextureImage& image : list) {
+    QUARRY_ASSIGN(const uint64_t bytes, DecodedBytes(decoder, image));
+    plan.texture_bytes += bytes;
   }
   const auto triangles = static_cast<double>(plan.triangles);
-  plan.store_bytes = static_cast<uint64_t>(triangles * cost.bytes);
-  const auto record_bytes = static_cast<double>(RecordBytes(attributes));
-  plan.spill_bytes = SpillPeak(counted.files, record_bytes, cost.spilled, cost.references);
-  QUARRY_ASSIGN(const PlannedTextures textures, PlanTextures(options, counted.images));
-  plan.texture_bytes = textures.stored_bytes;
-  plan.store_bytes += plan.texture_bytes;
+  const auto record = static_cast<double>(RecordBytes(attributes));
+  const auto spill = [&](const Cost& cost) { return SpillPeak(counted.files, record, cost); };
+  const auto store = [&](const Cost& cost) { return static_cast<uint64_t>(triangles * cost.stored); };
+  plan.spill = {spill(kLeast), spill(kUsual), spill(kMost)};
+  // How well an image packs is not known: from not at all to nearly to nothing.
+  plan.store = {store(kLeast), store(kUsual) + plan.texture_bytes / 2, store(kMost) + plan.texture_bytes};
   plan.memory_bytes = options.memory + kOverheadBytes;
-  // Each reference is routed and read once more.
-  const double record_s =
-      kImportSeconds + (plan.triangles > kMostInMemory ? kRoutingSeconds * cost.references : 0);
-  plan.seconds = reading_s + triangles * (record_bytes * record_s + cost.seconds) + textures.seconds;
+  plan.seconds += triangles * kSeconds;
   return plan;
 }
 
@@ -244,25 +187,34 @@ bool RoomIsTight(const PreprocessOptions& options) {
   return !error && space.available < models * kMostGrowth;
 }
 
-Status CheckRoom(const PreprocessOptions& options, const PreprocessPlan& plan) {
+Result<std::string> CheckRoom(const PreprocessOptions& options, const PreprocessPlan& plan) {
   namespace fs = std::filesystem;
   std::error_code error;
   const fs::path store = fs::path(options.output).parent_path(), spill = SpillFolder(options);
   const auto store_space = fs::space(store.empty() ? "." : store, error),
              spill_space = fs::space(spill, error);
-  if (error) return {};  // the run reports the folders' faults
+  if (error) return "";  // the run reports the folders' faults
   const bool same = store_space.capacity == spill_space.capacity && store_space.free == spill_space.free;
   // The store grows while spill shrinks.
-  const uint64_t wanted =
-      same ? std::max(plan.spill_bytes + plan.store_bytes / 4, plan.store_bytes) : plan.spill_bytes;
-  if (wanted > spill_space.available)
-    return Fail(fmt::format("{}: about {} of spill{} are needed, but {} are free; --tmp names another folder",
-                            spill.string(), FormatSize(wanted), same ? " and store" : "",
-                            FormatSize(spill_space.available)));
-  if (!same && plan.store_bytes > store_space.available)
-    return Fail(fmt::format("{}: about {} are needed for the store, but {} are free", options.output,
-                            FormatSize(plan.store_bytes), FormatSize(store_space.available)));
-  return {};
+  const auto both = [](uint64_t spilled, uint64_t stored) { return std::max(spilled + stored / 4, stored); };
+  const ByteEstimate wanted =
+      same ? ByteEstimate{both(plan.spill.least, plan.store.least), both(plan.spill.usual, plan.store.usual),
+                          both(plan.spill.most, plan.store.most)}
+           : plan.spill;
+  const auto text = [&](const std::string& place, const ByteEstimate& need, const char* use, uint64_t free) {
+    return fmt::format("{}: about {} are needed for {}, between {} and {}, and {} are free", place,
+                       FormatSize(need.usual), use, FormatSize(need.least), FormatSize(need.most),
+                       FormatSize(free));
+  };
+  const std::string short_spill =
+      text(spill.string(), wanted, same ? "spill and the store" : "spill", spill_space.available) +
+      "; --tmp names another folder";
+  const std::string short_store = text(options.output, plan.store, "the store", store_space.available);
+  if (wanted.least > spill_space.available) return Fail(short_spill);
+  if (!same && plan.store.least > store_space.available) return Fail(short_store);
+  if (wanted.most > spill_space.available) return short_spill;
+  if (!same && plan.store.most > store_space.available) return short_store;
+  return "";
 }
 
 }  // namespace quarry

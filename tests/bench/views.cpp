@@ -7,7 +7,7 @@
 
 #include "common/math/elementary.h"
 #include "common/scene/framing.h"
-#include "deploy/scene_files.h"
+#include "deploy/command/scene_files.h"
 
 namespace quarry::bench {
 namespace {

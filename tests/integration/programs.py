@@ -34,8 +34,8 @@ class Case(unittest.TestCase):
         return subprocess.run([str(BIN / program), *map(str, arguments)], capture_output=True, text=True,
                               timeout=TIMEOUT_S, errors="replace", **options)
 
-    def must(self, program, *arguments):
-        done = self.run_program(program, *arguments)
+    def must(self, program, *arguments, **options):
+        done = self.run_program(program, *arguments, **options)
         self.assertEqual(done.returncode, 0, f"{program} {arguments}: {done.stderr}")
         return done
 

@@ -18,7 +18,7 @@
 #include "common/base/log.h"
 #include "common/engine/scene.h"
 #include "common/program/run_program.h"
-#include "deploy/cluster.h"
+#include "deploy/command/cluster.h"
 #include "tests/bench/arguments.h"
 #include "tests/bench/figures.h"
 #include "tests/bench/median.h"

@@ -15,7 +15,7 @@
 #include "common/program/run_program.h"
 #include "common/scene/framing.h"
 #include "common/voxel/store_reader.h"
-#include "deploy/cluster.h"
+#include "deploy/command/cluster.h"
 #include "tests/bench/arguments.h"
 #include "tests/bench/figures.h"
 #include "tests/bench/median.h"
