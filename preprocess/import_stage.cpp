@@ -3,10 +3,12 @@
 #include <fmt/format.h>
 
 #include <utility>
+#include <vector>
 
 #include "common/base/resource.h"
-#include "preprocess/import/files/file_identity.h"
+#include "preprocess/import/files/model_files.h"
 #include "preprocess/import/importer.h"
+#include "preprocess/spill/saved_tables.h"
 
 namespace quarry {
 
@@ -16,9 +18,7 @@ ImportStage::ImportStage(const PreprocessOptions& options, WorkFolder& work, Pro
       progress_(progress),
       sink_(
           work.spill_folder(), options.memory, options.scale,
-          [&](const std::string& text) { progress_.Say("warning: " + text); }, options.textures) {
-  sink_.CheckpointEvery(options.checkpoint_seconds, [this] { return AddCheckpoint(); });
-}
+          [&](const std::string& text) { progress_.Say("warning: " + text); }, options.textures) {}
 
 Status ImportStage::Restore() {
   const SavedCheckpoint* last = nullptr;
@@ -33,55 +33,59 @@ Status ImportStage::Restore() {
     return {};
   }
   ByteReader in(last->bytes);
-  models_ = in.Get<uint32_t>();
-  const auto begun = in.Get<uint32_t>();
-  identities_ = AsText(in.GetSpan(in.Get<uint32_t>()));
-  std::string now;
-  for (size_t i = 0; i < begun && i < options_.models.size(); ++i)
-    now += FileIdentity(options_.models[i]) + '\n';
-  if (!in.ok() || now != identities_ || begun < models_ || (routed && models_ != options_.models.size()))
-    return CannotResume(
-        fmt::format("{}: was begun with other models, or they have changed since", work_.path()));
+  const std::vector<std::string> models = GetTexts(in);
+  if (models != options_.models)
+    return CannotResume(fmt::format("{}: was begun with other models", work_.path()));
+  for (auto n = in.Get<uint32_t>(); n > 0 && in.ok(); --n) {
+    ModelFile file;
+    file.path = GetText(in);
+    file.there = in.Get<uint8_t>() != 0;
+    file.bytes = in.Get<uint64_t>();
+    file.changed_ns = in.Get<int64_t>();
+    file.status_changed_ns = in.Get<int64_t>();
+    if (in.ok() && !RestoreModelFile(file))
+      return CannotResume(fmt::format("{}: has changed since the run was begun", file.path));
+  }
   progress_.Say(fmt::format("going on with {}", work_.path()));
+  restored_ = true;
   return sink_.Restore(in.GetSpan(in.remaining()), routed);
 }
 
 Result<ImportedScene> ImportStage::Run() {
-  for (size_t i = models_; i < options_.models.size(); ++i) {
-    const std::string reading = fmt::format("reading {}", options_.models[i]);
+  for (const std::string& model : options_.models) {
+    if (restored_) break;
+    const std::string reading = fmt::format("reading {}", model);
     progress_.Say(reading);
-    // A resumed import skips the bytes that an earlier run has read: progress starts behind them.
     sink_.OnRead([&, begun = false](uint64_t done, uint64_t total) mutable {
-      if (!std::exchange(begun, true)) progress_.Begin(reading, "bytes", done);
+      if (!std::exchange(begun, true)) progress_.Begin(reading, "bytes");
       progress_.Update(done, total);
     });
-    if (!sink_.in_file()) identities_ += FileIdentity(options_.models[i]) + '\n';
-    sink_.Place(PlacementOf(options_, options_.models[i]), static_cast<int>(PlacedAbout(options_)));
-    QUARRY_TRY(ImportModel(options_.models[i], sink_,
-                           ForeignFormatsOf(options_, work_.spill_folder() + "/foreign"),
+    NoteModelFile(model);
+    sink_.Place(PlacementOf(options_, model), static_cast<int>(PlacedAbout(options_)));
+    QUARRY_TRY(ImportModel(model, sink_, ForeignFormatsOf(options_, work_.spill_folder() + "/foreign"),
                            options_.unpack_limit, GltfDecodingOf(options_, work_.spill_folder()),
                            CadReadingOf(options_, work_.spill_folder())));
     progress_.End();
-    ++models_;
-    const bool last = models_ == options_.models.size();
-    if ((last ? sink_.spills() : SecondsSince(saved_at_) >= options_.checkpoint_seconds) || sink_.must_save())
-      QUARRY_TRY(AddCheckpoint());
   }
+  if (!restored_ && sink_.spills()) QUARRY_TRY(AddCheckpoint());
   return sink_.Finish();
 }
 
 Status ImportStage::AddCheckpoint() {
   ByteWriter checkpoint;
-  checkpoint.Put(models_);
-  checkpoint.Put(models_ + uint32_t{sink_.in_file()});
-  checkpoint.Put(static_cast<uint32_t>(identities_.size()));
-  checkpoint.PutArray(identities_);
+  PutTexts(options_.models, checkpoint);
+  const std::vector<ModelFile> files = ModelFiles();
+  checkpoint.Put(static_cast<uint32_t>(files.size()));
+  for (const ModelFile& file : files) {
+    PutText(file.path, checkpoint);
+    checkpoint.Put<uint8_t>(file.there);
+    checkpoint.Put(file.bytes);
+    checkpoint.Put(file.changed_ns);
+    checkpoint.Put(file.status_changed_ns);
+  }
   QUARRY_ASSIGN(const Bytes state, sink_.Save());
   checkpoint.PutArray(state);
-  QUARRY_TRY(work_.Add(CheckpointKind::kImported, checkpoint.Take()));
-  sink_.Committed();
-  saved_at_ = Clock::now();
-  return {};
+  return work_.Add(CheckpointKind::kImported, checkpoint.Take());
 }
 
 }  // namespace quarry

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <chrono>
 #include <string>
 
 #include "common/base/progress.h"
@@ -11,29 +10,26 @@
 
 namespace quarry {
 
-/// The first stage of a run: reads the models into an ImportedScene and records checkpoints in the work
-/// folder's journal. The arguments must outlive the stage. Thread safety: none.
+/// The first stage of a run: reads the models into an ImportedScene, and records in the work folder's journal
+/// when all of a model that spills has been read. The arguments must outlive the stage. Thread safety: none.
 class ImportStage {
  public:
   ImportStage(const PreprocessOptions& options, WorkFolder& work, Progress& progress);
 
-  /// Continues from the journal's last checkpoint, if there is one. Errors: it belongs to other models, or
-  /// they have changed.
+  /// Takes over the import of an earlier run, if it was finished. Errors: it was of other models; a file that
+  /// they consist of has changed.
   Status Restore();
-  /// Imports the models that the journal does not have. Errors: the importers' and the sink's.
+  /// Imports the models, or returns the import that was taken over. Errors: the importers' and the sink's.
   Result<ImportedScene> Run();
 
  private:
-  using Clock = std::chrono::steady_clock;
   Status AddCheckpoint();
 
   const PreprocessOptions& options_;
   WorkFolder& work_;
   Progress& progress_;
   SpillSink sink_;
-  uint32_t models_ = 0;     ///< read to the end
-  std::string identities_;  ///< of these models and the current one, a line each
-  Clock::time_point saved_at_ = Clock::now();
+  bool restored_ = false;  ///< an earlier run has read all models
 };
 
 }  // namespace quarry

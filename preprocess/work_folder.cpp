@@ -187,10 +187,9 @@ Status WorkFolder::Add(CheckpointKind kind, const Bytes& bytes) {
 
 void WorkFolder::HoldOnSignal() {
   for (const char* file : {"/journal", "/store"}) cleanups_.push_back(RemoveOnSignal(path_ + file));
-  for (const char* file :
-       {"/triangles-0", "/triangles-1", "/triangles-2", "/triangles-3", "/import-positions",
-        "/import-normals", "/import-uvs", "/import-waiting", "/import-partial-0", "/import-partial-1",
-        "/import-state-0", "/import-state-1", "/images"})
+  for (const char* file : {"/triangles-0", "/triangles-1", "/triangles-2", "/triangles-3",
+                           "/import-positions", "/import-normals", "/import-uvs", "/import-waiting",
+                           "/import-partial-0", "/import-partial-1", "/import-state", "/images"})
     cleanups_.push_back(RemoveOnSignal(spill_ + file));
   cleanups_.push_back(RemoveFolderOnSignal(spill_));  // with images of foreign models
   if (spill_ != path_) cleanups_.push_back(RemoveOnSignal(path_));

@@ -11,7 +11,7 @@ namespace quarry {
 
 /// Kinds of checkpoints in a run's journal.
 enum class CheckpointKind : uint32_t {
-  kImported = 1,  ///< models read, and a part of the next: the sink's state
+  kImported = 1,  ///< all models read: the sink's state
   kRegions,       ///< the tree of regions
   kRouted,        ///< triangles in the files of their regions
   kSmoothed,      ///< regions whose borders are smoothed, and the normals in the files of all

@@ -6,7 +6,6 @@
 #include <span>
 #include <vector>
 
-#include "preprocess/import/checkpoint.h"
 #include "preprocess/import/text/text_number.h"
 
 namespace quarry {
@@ -109,25 +108,6 @@ std::string CarriedFields::Sentence(const std::string& path) const {
   }
   if (kinds.empty()) return {};
   return fmt::format("{}: left out, since they are not read: {}", path, fmt::join(kinds, "; "));
-}
-
-void CarriedFields::Save(ByteWriter& out) const {
-  uint32_t count = 0;
-  for (const auto& [kind, names] : left_out_) count += static_cast<uint32_t>(names.size());
-  out.Put(count);
-  for (const auto& [kind, names] : left_out_)
-    for (const std::string& name : names) {
-      out.Put(static_cast<uint8_t>(kind));
-      PutText(name, out);
-    }
-}
-
-void CarriedFields::Restore(ByteReader& in) {
-  left_out_.clear();
-  for (auto n = in.Get<uint32_t>(); n > 0 && in.ok(); --n) {
-    const auto kind = static_cast<FieldKind>(std::min<uint32_t>(in.Get<uint8_t>(), kFieldKinds - 1));
-    left_out_[kind].insert(GetText(in));
-  }
 }
 
 }  // namespace quarry

@@ -40,9 +40,6 @@ class CarriedFields {
     if (std::string sentence = Sentence(path); !sentence.empty()) sink.Warn(std::move(sentence));
   }
 
-  void Save(ByteWriter& out) const;
-  void Restore(ByteReader& in);
-
  private:
   std::map<FieldKind, std::set<std::string>> left_out_;
 };

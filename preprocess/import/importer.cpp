@@ -158,8 +158,6 @@ Status ImportModel(const std::string& path, ModelSink& sink, const ForeignFormat
                     bytes.path()));
   QUARRY_TRY(sink.BeginFile(name));
   if (format == Format::kGltf || format == Format::kNff) sink.SetSmoothing(kFlat);  // as these formats state
-  if (sink.HasAll()) return sink.EndFile();
-  if (import == nullptr || is_cad || !bytes.can_reopen()) sink.ReadsOnce();
   if (!is_cad) bytes.OnRead([&sink](uint64_t done, uint64_t total) { sink.HasRead(done, total); });
   if (import == nullptr) {
     WarnOfMemory(path, foreign.memory, sink);

@@ -167,14 +167,6 @@ bool ModelReader::Skip(uint64_t count) {
   return true;
 }
 
-Status ModelReader::SkipTo(uint64_t target) {
-  if (target < offset())
-    return CannotResume(FailHere("an earlier run was not as far as this").value().message);
-  if (Skip(target - offset())) return {};
-  const auto truncated = Truncated("before the place up to which an earlier run has read it");
-  return failed() ? truncated : CannotResume(truncated.value().message);
-}
-
 tl::unexpected<Error> ModelReader::Truncated(const std::string& where) const {
   if (failed()) return FailHere(fmt::format("cannot be read: {}", read_error_));
   return Fail(fmt::format("{}, byte {}: the file ends {}", path_, file_offset_, where));

@@ -61,8 +61,6 @@ class ModelReader {
   void Consume(size_t count) { begin_ += count; }
   /// Skips `count` bytes; false if the file has fewer.
   bool Skip(uint64_t count);
-  /// Continues at byte `offset`. Errors: it lies before the next unread byte or beyond the file's end.
-  Status SkipTo(uint64_t offset);
 
   /// The error for a model that ends too early, "PATH, byte N: the file ends " + `where`, or the read error.
   tl::unexpected<Error> Truncated(const std::string& where) const;

@@ -84,7 +84,7 @@ class ModelSink {
   /// The colour of the polygons that follow in this file; it replaces their vertices' colours. White: none.
   virtual Status SetFaceColor(const Rgba8& /*color*/) { return {}; }
   /// How the polygons that follow in this file are smoothed where they have no normals: a number of
-  /// import/smoothing.h. At first by angle; after a checkpoint, importers state it again.
+  /// import/smoothing.h. At first by angle.
   virtual void SetSmoothing(uint16_t /*smoothing*/) {}
   /// Adds a polygon, concave or not, which the sink splits into corners.size() - 2 triangles with consecutive
   /// ids (import/polygon/triangulation.h). Fewer than 3 corners add nothing. kNoIndex as material is the
@@ -99,20 +99,6 @@ class ModelSink {
 
   /// Reports progress. Units: bytes of the file.
   virtual void HasRead(uint64_t /*done*/, uint64_t /*total*/) {}
-  /// States that the file cannot be read a second time to the same effect, so checkpoints are useless.
-  /// Requires: BeginFile().
-  virtual void ReadsOnce() {}
-  /// Whether Checkpoint() is due. Importers of large files ask between elements; it is cheap.
-  virtual bool CheckpointDue() { return false; }
-  /// Makes all data given so far outlast the process, with `state`, from which the importer can continue.
-  /// Errors: disk full.
-  virtual Status Checkpoint(const Bytes& /*state*/) { return {}; }
-  /// The importer's state at the last checkpoint that an earlier process made in this file; empty: none. Data
-  /// given before it must not be given again. Requires: BeginFile().
-  virtual std::span<const std::byte> LastCheckpoint() const { return {}; }
-  /// Whether an earlier process has received all of the file, but EndFile() did not finish. Requires:
-  /// BeginFile().
-  virtual bool HasAll() const { return false; }
 };
 
 }  // namespace quarry

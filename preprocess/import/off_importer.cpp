@@ -7,7 +7,6 @@
 #include <string>
 #include <vector>
 
-#include "preprocess/import/checkpoint.h"
 #include "preprocess/import/file_color.h"
 #include "preprocess/import/formats.h"
 #include "preprocess/import/text/line_reader.h"
@@ -58,27 +57,9 @@ class OffFile {
   Result<uint64_t> Import() {
     QUARRY_TRY(Header());
     if (vertices_ != 0 && faces_ == 0) return NoFaces(bytes_.path(), vertices_);
-    QUARRY_TRY(GoOnFromCheckpoint(sink_, bytes_.path(), *this));
-    for (; read_ < vertices_ + faces_; ++read_) {
-      QUARRY_TRY(CheckpointIfDue(sink_, *this));
-      QUARRY_TRY(read_ < vertices_ ? Vertex(read_) : Face(read_ - vertices_));
-    }
+    for (uint64_t i = 0; i < vertices_; ++i) QUARRY_TRY(Vertex(i));
+    for (uint64_t i = 0; i < faces_; ++i) QUARRY_TRY(Face(i));
     return triangles_;
-  }
-
-  void Save(ByteWriter& out) const {
-    for (const uint64_t n : {bytes_.offset(), lines_.line_number(), read_, triangles_}) out.Put(n);
-    out.Put<uint8_t>(vertex_colors_);
-    out.Put<uint8_t>(face_colors_);
-  }
-  Status Restore(ByteReader& in) {
-    QUARRY_TRY(bytes_.SkipTo(in.Get<uint64_t>()));
-    lines_.GoOnAfterLine(in.Get<uint64_t>());
-    read_ = in.Get<uint64_t>();
-    triangles_ = in.Get<uint64_t>();
-    vertex_colors_ = in.Get<uint8_t>() != 0;
-    face_colors_ = in.Get<uint8_t>() != 0;
-    return {};
   }
 
  private:
@@ -200,7 +181,6 @@ class OffFile {
   ModelSink& sink_;
   Layout layout_;
   uint64_t vertices_ = 0, faces_ = 0, triangles_ = 0;
-  uint64_t read_ = 0;                                 ///< vertices, then faces
   bool vertex_colors_ = false, face_colors_ = false;  ///< whether any was met
   std::vector<Corner> corners_;
 };

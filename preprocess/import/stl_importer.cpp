@@ -8,7 +8,6 @@
 #include <string>
 #include <vector>
 
-#include "preprocess/import/checkpoint.h"
 #include "preprocess/import/file_color.h"
 #include "preprocess/import/formats.h"
 #include "preprocess/import/text/line_reader.h"
@@ -17,9 +16,8 @@
 namespace quarry {
 namespace {
 
-constexpr uint64_t kHeaderBytes = 84;     ///< 80 of text, 4 of count
-constexpr uint64_t kFacetsPerLook = 256;  ///< between two looks at whether a checkpoint is due
-constexpr uint64_t kFacetBytes = 50;      ///< a normal and three corners of 12 bytes, 2 bytes of attributes
+constexpr uint64_t kHeaderBytes = 84;  ///< 80 of text, 4 of count
+constexpr uint64_t kFacetBytes = 50;   ///< a normal and three corners of 12 bytes, 2 bytes of attributes
 
 uint64_t PromisedBytes(ModelReader& bytes) {
   uint32_t count;
@@ -119,17 +117,6 @@ class BinaryStl {
   BinaryStl(ModelReader& bytes, ModelSink& sink) : bytes_(bytes), sink_(sink) {}
 
   Result<uint64_t> Import();
-  void Save(ByteWriter& out) const {
-    out.Put(bytes_.offset());
-    out.Put(read_);
-    out.Put<uint8_t>(has_others_);
-  }
-  Status Restore(ByteReader& in) {
-    QUARRY_TRY(bytes_.SkipTo(in.Get<uint64_t>()));
-    read_ = in.Get<uint64_t>();
-    has_others_ = in.Get<uint8_t>() != 0;
-    return {};
-  }
 
  private:
   Status Header();
@@ -186,9 +173,7 @@ Result<uint64_t> BinaryStl::Import() {
   QUARRY_TRY(Header());
   const FacetColors colors(bytes_.view().substr(0, kHeaderBytes - 4));
   bytes_.Consume(kHeaderBytes);
-  QUARRY_TRY(GoOnFromCheckpoint(sink_, bytes_.path(), *this));
   for (; !counted_ || read_ < count_; ++read_) {
-    if (read_ % kFacetsPerLook == 0) QUARRY_TRY(CheckpointIfDue(sink_, *this));
     if (!counted_ && !bytes_.Ensure(1) && !bytes_.failed()) break;
     if (!bytes_.Ensure(kFacetBytes))
       return bytes_.Truncated(counted_ ? fmt::format("in facet {} of {}", read_, count_)
@@ -227,19 +212,6 @@ class AsciiStl {
   AsciiStl(ModelReader& bytes, ModelSink& sink) : bytes_(bytes), lines_(bytes), sink_(sink) {}
 
   Result<uint64_t> Import();
-  /// State between facets.
-  void Save(ByteWriter& out) const {
-    for (const uint64_t n : {bytes_.offset(), lines_.line_number(), positions_, triangles_}) out.Put(n);
-    out.Put(part_);
-  }
-  Status Restore(ByteReader& in) {
-    QUARRY_TRY(bytes_.SkipTo(in.Get<uint64_t>()));
-    lines_.GoOnAfterLine(in.Get<uint64_t>());
-    positions_ = in.Get<uint64_t>();
-    triangles_ = in.Get<uint64_t>();
-    part_ = in.Get<uint32_t>();
-    return {};
-  }
 
  private:
   Status Line(std::string_view line);
@@ -258,10 +230,8 @@ class AsciiStl {
 };
 
 Result<uint64_t> AsciiStl::Import() {
-  QUARRY_TRY(GoOnFromCheckpoint(sink_, bytes_.path(), *this));
   std::string_view line;
   while (true) {
-    if (!in_facet_) QUARRY_TRY(CheckpointIfDue(sink_, *this));
     QUARRY_ASSIGN(const bool more, lines_.Next(line));
     if (!more) break;
     QUARRY_TRY(Line(line));

@@ -5,23 +5,11 @@
 
 namespace quarry {
 
-Result<std::unique_ptr<FaceResolver>> FaceResolver::Open(const std::string& folder, TriangleSpill& triangles,
-                                                         ByteReader* saved) {
-  const uint32_t loads_left = saved ? saved->Get<uint32_t>() : kMostLoads;
-  const uint32_t faces_to_next_load = saved ? saved->Get<uint32_t>() : kFacesPerLoad;
-  QUARRY_ASSIGN(VertexStreams vertices, VertexStreams::Open(folder, saved));
-  QUARRY_ASSIGN(WaitingFaces waiting, WaitingFaces::Open(folder, triangles.attributes(), saved));
-  std::unique_ptr<FaceResolver> faces(new FaceResolver(std::move(vertices), std::move(waiting), triangles));
-  faces->loads_left_ = loads_left;
-  faces->faces_to_next_load_ = faces_to_next_load;
-  return faces;
-}
-
-Status FaceResolver::Save(ByteWriter& out) {
-  out.Put(loads_left_);
-  out.Put(faces_to_next_load_);
-  QUARRY_TRY(vertices_.Save(out));
-  return waiting_.Save(out);
+Result<std::unique_ptr<FaceResolver>> FaceResolver::Open(const std::string& folder,
+                                                         TriangleSpill& triangles) {
+  QUARRY_ASSIGN(VertexStreams vertices, VertexStreams::Open(folder));
+  QUARRY_ASSIGN(WaitingFaces waiting, WaitingFaces::Open(folder));
+  return std::unique_ptr<FaceResolver>(new FaceResolver(std::move(vertices), std::move(waiting), triangles));
 }
 
 Status FaceResolver::AddPolygon(Face face, std::span<const Corner> corners) {

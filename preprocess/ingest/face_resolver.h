@@ -7,7 +7,6 @@
 #include <string>
 #include <vector>
 
-#include "common/base/bytes.h"
 #include "common/base/status.h"
 #include "preprocess/ingest/triangle_spill.h"
 #include "preprocess/ingest/vertex_streams.h"
@@ -22,12 +21,8 @@ namespace quarry {
 /// comes before any other use of them. Thread safety: none otherwise.
 class FaceResolver {
  public:
-  /// Creates or empties the file's streams in `folder`; with `saved`, continues where Save() was called.
-  static Result<std::unique_ptr<FaceResolver>> Open(const std::string& folder, TriangleSpill& triangles,
-                                                    ByteReader* saved);
-  /// Makes the file's streams durable and appends the state that Open() needs to `out`.
-  /// Requires: Settle().
-  Status Save(ByteWriter& out);
+  /// Creates or empties the file's streams in `folder`.
+  static Result<std::unique_ptr<FaceResolver>> Open(const std::string& folder, TriangleSpill& triangles);
 
   /// Adds a polygon as a fan of triangles with ids face.id, face.id + 1, ... Material, part and colour are
   /// `face`'s. Requires: 3 corners or more. Errors: disk full, also of an earlier batch.

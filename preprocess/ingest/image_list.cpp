@@ -10,7 +10,7 @@
 
 #include "common/base/output_path.h"
 #include "common/voxel/texture_shape.h"
-#include "preprocess/import/files/file_identity.h"
+#include "preprocess/import/files/model_files.h"
 #include "preprocess/spill/saved_tables.h"
 
 namespace quarry {
@@ -22,11 +22,6 @@ uint64_t SizeOf(const TextureImage& image) {
   std::error_code none;
   const uintmax_t bytes = std::filesystem::file_size(image.file, none);
   return none || bytes < image.offset ? 0 : bytes - image.offset;
-}
-
-Status CheckUnchanged(const std::string& file, const std::string& identity) {
-  if (identity.empty() || FileIdentity(file) == identity) return {};
-  return CannotResume(fmt::format("{}: this image has changed since the run was begun", file));
 }
 
 /// XXH3, 128 bits, as text.
@@ -113,15 +108,14 @@ Result<uint32_t> ImageList::Add(TextureImage image) {
       has_file &&
       std::filesystem::path(image.file).parent_path() == std::filesystem::path(path_).parent_path() &&
       image.file.find(".image-") != std::string::npos;
-  const std::string identity = has_file && !own ? FileIdentity(image.file) : "";
   Content content;
   const uint32_t equal = FindEqual(image, content);
-  if (has_file && !own) NoteRead(image.file);  // later, by the decoder process
+  if (has_file && !own) {
+    NoteModelFile(image.file);
+    NoteRead(image.file);  // later, by the decoder process
+  }
   if (equal != kNoIndex) {
-    if (has_file) {
-      known_.emplace(key, equal);
-      aliases_.push_back({key, image.file, identity, equal});
-    }
+    if (has_file) known_.emplace(key, equal);
     return equal;
   }
   if (images_.size() == kMaxTextures)
@@ -135,7 +129,6 @@ Result<uint32_t> ImageList::Add(TextureImage image) {
     QUARRY_TRY(file_->Write(image.content));
     image.content = {};
   }
-  identities_.push_back(identity);
   Know(std::move(image), std::move(content));
   return static_cast<uint32_t>(images_.size() - 1);
 }
@@ -144,18 +137,12 @@ Status ImageList::Save(ByteWriter& out) {
   if (file_) QUARRY_TRY(file_->Sync());
   out.Put(file_ ? file_->size() : uint64_t{0});
   out.Put(static_cast<uint32_t>(images_.size()));
-  for (size_t i = 0; i < images_.size(); ++i) {
-    const TextureImage& image = images_[i];
-    PutTexts({image.file, image.name, image.model, identities_[i]}, out);
+  for (const TextureImage& image : images_) {
+    PutTexts({image.file, image.name, image.model}, out);
     out.Put(image.offset);
     out.Put(image.size);
     out.Put<uint8_t>(image.color);
     out.Put(static_cast<uint32_t>(image.pick));
-  }
-  out.Put(static_cast<uint32_t>(aliases_.size()));
-  for (const Alias& alias : aliases_) {
-    PutTexts({alias.key, alias.file, alias.identity}, out);
-    out.Put(alias.image);
   }
   return {};
 }
@@ -165,27 +152,15 @@ Status ImageList::Restore(ByteReader& in) {
   for (auto n = in.Get<uint32_t>(); n > 0 && in.ok(); --n) {
     TextureImage image;
     std::vector<std::string> texts = GetTexts(in);
-    texts.resize(4);
+    texts.resize(3);
     image.file = texts[0];
     image.name = texts[1];
     image.model = texts[2];
-    const std::string& identity = texts[3];
     image.offset = in.Get<uint64_t>();
     image.size = in.Get<uint64_t>();
     image.color = in.Get<uint8_t>() != 0;
     image.pick = static_cast<TexturePick>(in.Get<uint32_t>());
-    QUARRY_TRY(CheckUnchanged(image.file, identity));
-    identities_.push_back(identity);
-    const uint64_t size = SizeOf(image);
-    Know(std::move(image), {size, ""});
-  }
-  for (auto n = in.Get<uint32_t>(); n > 0 && in.ok(); --n) {
-    std::vector<std::string> texts = GetTexts(in);
-    texts.resize(3);
-    const auto image = in.Get<uint32_t>();
-    QUARRY_TRY(CheckUnchanged(texts[1], texts[2]));
-    known_.emplace(texts[0], image);
-    aliases_.push_back({texts[0], texts[1], texts[2], image});
+    images_.push_back(std::move(image));
   }
   return bytes > 0 ? OpenFile(bytes) : Status{};
 }

@@ -27,17 +27,13 @@ class ImageList {
 
   /// Makes the file durable and appends the state that Restore() needs to `out`.
   Status Save(ByteWriter& out);
-  /// Errors: the bytes cannot be read; an image's file has changed or is gone.
+  /// Restores the list for Finish(). Bytes that end too early make `in` not ok(). Errors: the file is shorter
+  /// than it was.
   Status Restore(ByteReader& in);
   /// The images, after the last. Their files can be read. Errors: disk full.
   Result<std::vector<TextureImage>> Finish();
 
  private:
-  /// Another path to the bytes of an image.
-  struct Alias {
-    std::string key, file, identity;
-    uint32_t image;
-  };
   /// Size and digest, equal for images with equal bytes; digests are compared only where the sizes are equal.
   struct Content {
     uint64_t size;
@@ -51,9 +47,7 @@ class ImageList {
   std::string path_;
   std::optional<OutputFile> file_;
   std::vector<TextureImage> images_;
-  std::vector<std::string> identities_;  ///< FileIdentity() of each image's file
-  std::vector<Content> contents_;        ///< of each image
-  std::vector<Alias> aliases_;
+  std::vector<Content> contents_;                      ///< of each image
   std::unordered_map<std::string, uint32_t> known_;    ///< image of each key, keys of aliases too
   std::unordered_multimap<uint64_t, uint32_t> sized_;  ///< images by the size of their bytes
 };

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <glm/geometric.hpp>
 #include <limits>
-#include <span>
 
 #include "preprocess/spill/saved_tables.h"
 
@@ -17,13 +16,9 @@ bool IsUsable(const NamedLight& light) { return IsSane(light); }
 
 }  // namespace
 
-void SceneTables::BeginFile(std::string_view name, bool restored) {
+void SceneTables::BeginFile(std::string_view name) {
   file_name_ = name;
-  restored_ = restored;
-  if (restored) return;
   file_part_ = kNoIndex;
-  first_part_ = static_cast<uint32_t>(tables_.parts.size());
-  first_warning_ = static_cast<uint32_t>(tables_.warnings.size());
   file_parts_.clear();
 }
 
@@ -89,8 +84,6 @@ void SceneTables::AddLight(NamedLight light, const SceneCoordinates& coordinates
 }
 
 void SceneTables::Warn(std::string message) {
-  const auto given = std::span(tables_.warnings).subspan(first_warning_);
-  if (restored_ && std::ranges::find(given, message) != given.end()) return;
   warn_(message);
   tables_.warnings.push_back(std::move(message));
 }
@@ -108,7 +101,6 @@ void SceneTables::Save(ByteWriter& out) const {
   PutTexts(tables_.warnings, out);
   PutTexts(tables_.notes, out);
   PutViews(tables_.views, out);
-  for (const uint32_t n : {default_material_, file_part_, first_part_, first_warning_}) out.Put(n);
 }
 
 void SceneTables::Restore(ByteReader& in) {
@@ -117,11 +109,6 @@ void SceneTables::Restore(ByteReader& in) {
   tables_.warnings = GetTexts(in);
   tables_.notes = GetTexts(in);
   tables_.views = GetViews(in);
-  default_material_ = in.Get<uint32_t>();
-  file_part_ = in.Get<uint32_t>();
-  first_part_ = in.Get<uint32_t>();
-  first_warning_ = std::min(in.Get<uint32_t>(), static_cast<uint32_t>(tables_.warnings.size()));
-  for (uint32_t i = first_part_; i < tables_.parts.size(); ++i) file_parts_.emplace(tables_.parts[i], i);
 }
 
 }  // namespace quarry

@@ -23,10 +23,8 @@ class SceneTables {
   /// `warn` is called with each new warning.
   explicit SceneTables(std::function<void(const std::string&)> warn) : warn_(std::move(warn)) {}
 
-  /// Starts a model file; parts and warnings from here on are the file's. With `restored`, an earlier
-  /// process has begun the file: its parts stay, and warnings that it has given are not given again.
-  void BeginFile(std::string_view name, bool restored);
-  void EndFile() { restored_ = false; }
+  /// Starts a model file; parts from here on are the file's.
+  void BeginFile(std::string_view name);
   const std::string& file_name() const { return file_name_; }
 
   /// Each returns the index in the scene. Equal part names within a file share an index. `unit_length`: scene
@@ -61,9 +59,7 @@ class SceneTables {
   ImportedTables tables_;
   uint32_t default_material_ = kNoIndex;
   std::string file_name_;
-  bool restored_ = false;
   uint32_t file_part_ = kNoIndex;
-  uint32_t first_part_ = 0, first_warning_ = 0;           ///< of the current file
   std::unordered_map<std::string, uint32_t> file_parts_;  ///< indices of the current file's parts
   bool warned_of_views_ = false;
 };

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <utility>
 
+#include "common/base/file.h"
+
 namespace quarry {
 namespace {
 
@@ -50,24 +52,20 @@ void WarnOfLoss(const std::vector<KdTriangle>& sample, const SceneCoordinates& c
 
 SpillSink::SpillSink(std::string folder, uint64_t memory, double scale,
                      std::function<void(const std::string&)> warn, bool textures)
-    : CheckpointedSink(folder),
-      folder_(std::move(folder)),
+    : folder_(std::move(folder)),
       memory_(memory),
       textures_(textures),
       coordinates_(scale),
       tables_(std::move(warn)),
       images_(folder_ + "/images"),
-      triangles_(folder_, checkpoints_) {}
+      triangles_(folder_) {}
 
 Status SpillSink::BeginFile(std::string_view name) {
-  const bool restored = in_file();
-  tables_.BeginFile(name, restored);
-  if (restored) return {};
+  tables_.BeginFile(name);
   face_color_ = kWhite;
   smoothing_ = kSmoothByAngle;
   ++file_number_;
-  checkpoints_.BeginFile(triangles_.input_triangles(), false);
-  QUARRY_ASSIGN(faces_, FaceResolver::Open(folder_, triangles_, nullptr));
+  QUARRY_ASSIGN(faces_, FaceResolver::Open(folder_, triangles_));
   return triangles_.Open();
 }
 
@@ -113,49 +111,40 @@ Status SpillSink::AddPolygon(std::span<const Corner> corners, uint32_t material,
 
 Status SpillSink::EndFile() {
   QUARRY_TRY(faces_->Settle());
-  QUARRY_TRY(
-      faces_->waiting().Resolve(faces_->vertices(), memory_, tables_.file_name(), checkpoints_, triangles_));
-  for (SpillFile* file : faces_->Files()) checkpoints_.RetireModelFile(std::move(*file));
+  QUARRY_TRY(faces_->waiting().Resolve(faces_->vertices(), memory_, tables_.file_name(), triangles_));
+  for (SpillFile* file : faces_->Files()) file->Remove();
   faces_.reset();
-  checkpoints_.EndFile();
-  tables_.EndFile();
   return {};
 }
 
 Result<Bytes> SpillSink::Save() {
-  if (in_file()) QUARRY_TRY(faces_->Settle());
   ByteWriter out;
-  out.Put(file_number_);
   coordinates_.Save(out);
   tables_.Save(out);
   QUARRY_TRY(images_.Save(out));
   QUARRY_TRY(triangles_.Save(out));
-  out.Put<uint8_t>(in_file());
-  if (in_file()) QUARRY_TRY(faces_->Save(out));
-  out.Put(static_cast<uint32_t>(checkpoints_.importer_state.size()));
-  out.PutArray(checkpoints_.importer_state);
-  return checkpoints_.Write(out.Take());
+  const Bytes state = out.Take();
+  QUARRY_TRY(WriteFileAtomically(StatePath(), state));  // which makes all names in the folder durable
+  ByteWriter reference;
+  reference.Put(uint64_t{state.size()});
+  reference.Put(Checksum(state));
+  return reference.Take();
 }
 
 Status SpillSink::Restore(std::span<const std::byte> saved, bool routed) {
-  QUARRY_ASSIGN(const Bytes state, checkpoints_.Read(saved));
+  ByteReader reference(saved);
+  const auto size = reference.Get<uint64_t>(), checksum = reference.Get<uint64_t>();
+  const auto file = InputFile::Open(StatePath());
+  Bytes state(file && reference.done() && file->size() == size ? size : 0);
+  if (state.empty() || !file->ReadAt(0, state) || Checksum(state) != checksum)
+    return CannotResume(fmt::format("{}: has changed since the import saved it", StatePath()));
   ByteReader in(state);
-  file_number_ = in.Get<uint32_t>();
   coordinates_.Restore(in);
   tables_.Restore(in);
   QUARRY_TRY(images_.Restore(in));
   QUARRY_TRY(triangles_.Restore(in, routed));
-  std::vector<std::string> kept = {triangles_.Path()};
-  if (in.Get<uint8_t>() != 0) {
-    QUARRY_ASSIGN(faces_, FaceResolver::Open(folder_, triangles_, &in));
-    checkpoints_.BeginFile(elements(), true);
-    for (const SpillFile* file : faces_->Files()) kept.push_back(file->path());
-  }
-  const std::span<const std::byte> importer_state = in.GetSpan(in.Get<uint32_t>());
-  checkpoints_.importer_state.assign(importer_state.begin(), importer_state.end());
   if (!in.done())
     return CannotResume(fmt::format("{}: the saved part of the import cannot be read", folder_));
-  checkpoints_.RemoveAllBut(std::move(kept));
   return {};
 }
 

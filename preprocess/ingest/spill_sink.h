@@ -9,7 +9,7 @@
 
 #include "common/base/bytes.h"
 #include "common/base/status.h"
-#include "preprocess/ingest/checkpointed_sink.h"
+#include "preprocess/import/model_sink.h"
 #include "preprocess/ingest/face_resolver.h"
 #include "preprocess/ingest/image_list.h"
 #include "preprocess/ingest/imported_scene.h"
@@ -24,12 +24,11 @@ namespace quarry {
 ///   SceneTables        materials, parts, views, warnings
 ///   ImageList          images that materials bind
 ///   FaceResolver       vertices and faces of the current file
-///   TriangleSpill      resolved triangles of all files
-///   ImportCheckpoints  state from which a later process continues.
-/// Large data lies in files "FOLDER/triangles-..." and "FOLDER/import-...", which outlive the process.
+///   TriangleSpill      resolved triangles of all files.
+/// Large data lies in files "FOLDER/triangles-..." and "FOLDER/import-..."; the first outlive the process.
 /// Memory: the streams' pages, batches of faces, windows of `memory` / 4 bytes, and the tables.
 /// Thread safety: none; a second thread of its own resolves faces.
-class SpillSink final : public CheckpointedSink {
+class SpillSink final : public ModelSink {
  public:
   /// Units: memory in bytes; scale multiplies positions, after Place(). `warn` is called with each warning.
   /// Without `textures`, materials get no images.
@@ -65,17 +64,18 @@ class SpillSink final : public CheckpointedSink {
   Status AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t part) override;
   void Warn(std::string message) override { tables_.Warn(std::move(message)); }
   void Note(std::string message) override { tables_.Note(std::move(message)); }
-  bool CheckpointDue() override { return checkpoints_.Due(elements()); }
-  bool HasAll() const override { return faces_->waiting().has_all(); }
+  void HasRead(uint64_t done, uint64_t total) override {
+    if (on_read_) on_read_(done, total);
+  }
+  /// Calls `on_read` with the bytes read of the current file and its size.
+  void OnRead(std::function<void(uint64_t done, uint64_t total)> on_read) { on_read_ = std::move(on_read); }
 
-  /// Makes the import so far durable and returns a reference to it, a few bytes, for Restore(). Names,
-  /// materials and the sample may be many: they are written to a file. Errors: disk full.
+  /// Makes the import durable after the last file and returns a reference to it, a few bytes, for Restore().
+  /// Names, materials and the sample may be many: they are written to a file. Errors: disk full.
   Result<Bytes> Save();
-  /// Continues where Save() was called. With `routed`, Save() came after the last file and the triangles have
-  /// been routed to regions since. Requires: no file has begun. Errors: files are absent or differ.
+  /// Takes over the import that Save() made durable. With `routed`, the triangles have been routed to regions
+  /// since. Requires: no file has begun. Errors: files are absent or differ.
   Status Restore(std::span<const std::byte> saved, bool routed);
-  /// Whether a file has begun and not ended; after Restore(), the first file to begin is that file.
-  bool in_file() const { return faces_ != nullptr; }
   /// Whether the triangles exceed the number that is split in memory.
   bool spills() const { return triangles_.spills(); }
 
@@ -84,7 +84,7 @@ class SpillSink final : public CheckpointedSink {
   Result<ImportedScene> Finish();
 
  private:
-  uint64_t elements() const { return faces_->vertices().positions() + triangles_.input_triangles(); }
+  std::string StatePath() const { return folder_ + "/import-state"; }
 
   std::string folder_;
   uint64_t memory_;
@@ -97,6 +97,7 @@ class SpillSink final : public CheckpointedSink {
   ImageList images_;
   TriangleSpill triangles_;
   std::unique_ptr<FaceResolver> faces_;  ///< the current file's; absent between files
+  std::function<void(uint64_t, uint64_t)> on_read_;
 };
 
 }  // namespace quarry

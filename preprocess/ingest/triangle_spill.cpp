@@ -49,7 +49,7 @@ Status TriangleSpill::WidenNow(Attributes attributes) {
     QUARRY_TRY(out_.triangles->Append(&record));
   }
   QUARRY_TRY(records.status());
-  checkpoints_.RetireTriangles(std::move(before));
+  before.Remove();
   return {};
 }
 
@@ -105,11 +105,6 @@ Status TriangleSpill::Save(ByteWriter& out) {
   for (const uint64_t n :
        {out_.triangles->count(), out_.input_triangles, out_.dropped_degenerate, out_.dropped_not_finite})
     out.Put(n);
-  out.Put(static_cast<uint32_t>(alpha_levels_.size()));
-  for (const auto& [material, first] : alpha_levels_) {
-    out.Put(material);
-    out.Put(first);
-  }
   out_.sample.Save(out);
   return {};
 }
@@ -122,10 +117,6 @@ Status TriangleSpill::Restore(ByteReader& in, bool routed) {
   out_.input_triangles = in.Get<uint64_t>();
   out_.dropped_degenerate = in.Get<uint64_t>();
   out_.dropped_not_finite = in.Get<uint64_t>();
-  for (auto n = in.Get<uint32_t>(); n > 0 && in.ok(); --n) {
-    const auto material = in.Get<uint32_t>();
-    alpha_levels_[material] = in.Get<uint32_t>();
-  }
   out_.sample.Restore(in);
   if (routed) {
     out_.triangles = SpillFile::Left(Path(), RecordBytes(out_.attributes), count);

@@ -8,7 +8,6 @@
 #include "common/base/bytes.h"
 #include "common/base/check.h"
 #include "common/base/status.h"
-#include "preprocess/ingest/checkpoint.h"
 #include "preprocess/ingest/imported_scene.h"
 #include "preprocess/ingest/polygon_fan.h"
 #include "preprocess/spill/spill_writer.h"
@@ -21,8 +20,7 @@ namespace quarry {
 /// Thread safety: AddPolygon() may run beside NewIds() and input_triangles(), nothing else.
 class TriangleSpill {
  public:
-  TriangleSpill(std::string folder, ImportCheckpoints& checkpoints)
-      : folder_(std::move(folder)), checkpoints_(checkpoints) {}
+  explicit TriangleSpill(std::string folder) : folder_(std::move(folder)) {}
 
   /// Creates the file unless it is open. Required before the first triangle.
   Status Open();
@@ -74,7 +72,6 @@ class TriangleSpill {
   void TakeAlpha(TriangleRecord& record) const;
 
   std::string folder_;
-  ImportCheckpoints& checkpoints_;
   ImportedTriangles out_;
   PolygonFan polygon_;
   std::map<uint32_t, uint32_t> alpha_levels_;  ///< by material: the first of its levels

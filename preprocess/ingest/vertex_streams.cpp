@@ -7,20 +7,14 @@
 
 namespace quarry {
 
-Result<VertexStreams> VertexStreams::Open(const std::string& folder, ByteReader* saved) {
+Result<VertexStreams> VertexStreams::Open(const std::string& folder) {
   const auto open = [&](const char* stream, size_t element_bytes) {
-    const std::string path = folder + "/import-" + stream;
-    return saved ? PagedFile::Restore(path, element_bytes, *saved) : PagedFile::Create(path, element_bytes);
+    return PagedFile::Create(folder + "/import-" + stream, element_bytes);
   };
   QUARRY_ASSIGN(PagedFile positions, open("positions", sizeof(StoredPosition)));
   QUARRY_ASSIGN(PagedFile normals, open("normals", sizeof(glm::vec3)));
   QUARRY_ASSIGN(PagedFile uvs, open("uvs", sizeof(glm::vec2)));
   return VertexStreams(std::move(positions), std::move(normals), std::move(uvs));
-}
-
-Status VertexStreams::Save(ByteWriter& out) {
-  for (PagedFile* stream : {&positions_, &normals_, &uvs_}) QUARRY_TRY(stream->Save(out));
-  return {};
 }
 
 bool VertexStreams::Has(const Face& face) const {

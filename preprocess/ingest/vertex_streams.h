@@ -6,7 +6,6 @@
 #include <string>
 #include <vector>
 
-#include "common/base/bytes.h"
 #include "common/base/status.h"
 #include "preprocess/import/model_sink.h"
 #include "preprocess/spill/paged_file.h"
@@ -31,11 +30,8 @@ struct Face {
 /// used last in memory. Memory: three times PagedFile's. Thread safety: none.
 class VertexStreams {
  public:
-  /// Creates or empties the files "FOLDER/import-STREAM"; with `saved`, continues where Save() was called,
-  /// with the same pages in memory. Errors: as PagedFile's.
-  static Result<VertexStreams> Open(const std::string& folder, ByteReader* saved);
-  /// Makes the streams durable and appends the state that Open() needs to `out`.
-  Status Save(ByteWriter& out);
+  /// Creates or empties the files "FOLDER/import-STREAM". Errors: as PagedFile's.
+  static Result<VertexStreams> Open(const std::string& folder);
 
   /// Each appends an element with the stream's next index. Errors: disk full.
   Status AddPosition(const glm::vec3& position, uint32_t color) {

@@ -10,30 +10,9 @@
 
 namespace quarry {
 
-Result<WaitingFaces> WaitingFaces::Open(const std::string& folder, Attributes attributes, ByteReader* saved) {
-  const uint64_t count = saved ? saved->Get<uint64_t>() : 0;
-  QUARRY_ASSIGN(SpillFile faces, SpillFile::Open(folder + "/import-waiting", sizeof(Face), count));
-  WaitingFaces waiting(folder, std::move(faces));
-  if (!saved) return waiting;
-  waiting.has_all_ = saved->Get<uint8_t>() != 0;
-  waiting.resolved_ = saved->Get<uint64_t>();
-  const bool partial = saved->Get<uint8_t>() != 0;
-  waiting.partial_number_ = saved->Get<uint8_t>() & 1;
-  if (partial) {
-    QUARRY_ASSIGN(waiting.partial_, SpillFile::Open(waiting.PartialPath(waiting.partial_number_),
-                                                    RecordBytes(attributes), count));
-  }
-  return waiting;
-}
-
-Status WaitingFaces::Save(ByteWriter& out) {
-  QUARRY_TRY(faces_.Sync());
-  out.Put(faces_.count());
-  out.Put<uint8_t>(has_all_);
-  out.Put(resolved_);
-  out.Put<uint8_t>(partial_.has_value());
-  out.Put(partial_number_);
-  return partial_ ? partial_->Sync() : Status{};
+Result<WaitingFaces> WaitingFaces::Open(const std::string& folder) {
+  QUARRY_ASSIGN(SpillFile faces, SpillFile::Open(folder + "/import-waiting", sizeof(Face), 0));
+  return WaitingFaces(folder, std::move(faces));
 }
 
 std::string WaitingFaces::PartialPath(int number) const {
@@ -46,22 +25,16 @@ std::vector<SpillFile*> WaitingFaces::Files() {
 }
 
 Status WaitingFaces::Resolve(VertexStreams& vertices, uint64_t memory, const std::string& file_name,
-                             ImportCheckpoints& checkpoints, TriangleSpill& triangles) {
-  constexpr uint64_t kFacesWorthCheckpoints = 1 << 20;
+                             TriangleSpill& triangles) {
   QUARRY_TRY(faces_.FinishWriting());
   if (faces_.count() == 0) return {};
-  const bool saved = checkpoints.enabled() && faces_.count() >= kFacesWorthCheckpoints;
-  if (!std::exchange(has_all_, true)) {
-    QUARRY_TRY(vertices.FinishWriting());
-    if (saved) QUARRY_TRY(checkpoints.Make());
-  }
+  QUARRY_TRY(vertices.FinishWriting());
   const uint64_t window = VertexWindow::CountFor(std::max<uint64_t>(memory / 4, 1 << 20));
   const uint64_t longest = std::max({vertices.positions(), vertices.normals(), vertices.uvs()});
   for (;;) {
     QUARRY_TRY(ResolveWindow(vertices, window, resolved_ + window >= longest, file_name, triangles));
     resolved_ += window;
     if (resolved_ >= longest) return {};
-    if (saved) QUARRY_TRY(checkpoints.Make());
     std::error_code none;
     std::filesystem::remove(PartialPath(partial_number_ ^ 1), none);  // the pass before it
   }

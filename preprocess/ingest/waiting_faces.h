@@ -5,9 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "common/base/bytes.h"
 #include "common/base/status.h"
-#include "preprocess/ingest/checkpoint.h"
 #include "preprocess/ingest/triangle_spill.h"
 #include "preprocess/ingest/vertex_streams.h"
 #include "preprocess/spill/spill_file.h"
@@ -20,22 +18,15 @@ namespace quarry {
 /// "FOLDER/import-partial-N". Thread safety: none.
 class WaitingFaces {
  public:
-  /// Creates or empties the files; with `saved`, continues where Save() was called. `attributes`: of the
-  /// triangles so far.
-  static Result<WaitingFaces> Open(const std::string& folder, Attributes attributes, ByteReader* saved);
-  /// Makes the files durable and appends the state that Open() needs to `out`.
-  Status Save(ByteWriter& out);
+  /// Creates or empties the files.
+  static Result<WaitingFaces> Open(const std::string& folder);
 
   /// Errors: disk full.
   Status Add(const Face& face) { return faces_.Append(&face); }
-  /// Whether Resolve() has begun: all elements of the file have been added.
-  bool has_all() const { return has_all_; }
-
-  /// Resolves all faces into `triangles`; large files make a checkpoint after each pass.
-  /// Units: memory in bytes; a window takes a quarter.
-  /// Errors: a face names a vertex that the file does not have; disk full; a checkpoint's.
+  /// Resolves all faces into `triangles`. Units: memory in bytes; a window takes a quarter.
+  /// Errors: a face names a vertex that the file does not have; disk full.
   Status Resolve(VertexStreams& vertices, uint64_t memory, const std::string& file_name,
-                 ImportCheckpoints& checkpoints, TriangleSpill& triangles);
+                 TriangleSpill& triangles);
 
   std::vector<SpillFile*> Files();
 
@@ -47,7 +38,6 @@ class WaitingFaces {
 
   std::string folder_;
   SpillFile faces_;
-  bool has_all_ = false;
   uint64_t resolved_ = 0;             ///< elements of each stream in the windows so far
   std::optional<SpillFile> partial_;  ///< the last pass's records
   uint8_t partial_number_ = 0;

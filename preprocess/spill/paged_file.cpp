@@ -1,7 +1,5 @@
 #include "preprocess/spill/paged_file.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cstring>
 #include <utility>
@@ -11,40 +9,6 @@ namespace quarry {
 Result<PagedFile> PagedFile::Create(const std::string& path, size_t element_bytes) {
   QUARRY_ASSIGN(SpillFile file, SpillFile::Open(path, element_bytes, 0, {.pack_from = SpillFile::kPackNone}));
   return PagedFile(std::move(file));
-}
-
-Status PagedFile::Save(ByteWriter& out) {
-  QUARRY_TRY(file_.Sync());
-  out.Put(count_);
-  out.Put(hand_);
-  out.Put(static_cast<uint32_t>(slots_.size()));
-  for (const Slot& slot : slots_) {
-    out.Put(slot.page);
-    out.Put<uint8_t>(slot.used);
-  }
-  return {};
-}
-
-Result<PagedFile> PagedFile::Restore(const std::string& path, size_t element_bytes, ByteReader& saved) {
-  const auto count = saved.Get<uint64_t>();
-  QUARRY_ASSIGN(SpillFile spill,
-                SpillFile::Open(path, element_bytes, count, {.pack_from = SpillFile::kPackNone}));
-  PagedFile file(std::move(spill));
-  file.count_ = count;
-  file.slot_of_page_.assign((count + kPageElements - 1) / kPageElements, kNone);
-  file.hand_ = saved.Get<uint32_t>() % kSlots;
-  file.slots_.resize(std::min(saved.Get<uint32_t>(), kSlots));
-  for (uint32_t i = 0; i < file.slots_.size(); ++i) {
-    Slot& slot = file.slots_[i];
-    slot.page = saved.Get<uint32_t>();
-    slot.used = saved.Get<uint8_t>() != 0;
-    if (!saved.ok() || slot.page >= file.slot_of_page_.size())
-      return CannotResume(fmt::format("{}: its saved part cannot be read", path));
-    slot.bytes.resize(kPageElements * element_bytes);
-    file.slot_of_page_[slot.page] = i;
-    QUARRY_TRY(file.Fill(slot));
-  }
-  return file;
 }
 
 /// The clock algorithm: the first page not used since the hand last passed. The page that is being appended

@@ -4,7 +4,6 @@
 #include <span>
 #include <vector>
 
-#include "common/base/bytes.h"
 #include "preprocess/spill/spill_file.h"
 
 namespace quarry {
@@ -20,12 +19,6 @@ class PagedFile {
 
   /// Creates or empties the file `path`. Errors: cannot create.
   static Result<PagedFile> Create(const std::string& path, size_t element_bytes);
-  /// Continues where Save() was called, with the same pages in memory. Errors: the file is shorter than it
-  /// was; `saved` cannot be read.
-  static Result<PagedFile> Restore(const std::string& path, size_t element_bytes, ByteReader& saved);
-  /// Makes the elements durable and appends the state that Restore() needs to `out`. Errors: disk full.
-  Status Save(ByteWriter& out);
-
   uint64_t count() const { return count_; }
   /// Appends element_bytes bytes. Errors: disk full.
   Status Append(const void* element);

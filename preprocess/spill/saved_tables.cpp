@@ -5,9 +5,16 @@
 #include "common/voxel/catalog.h"
 #include "common/voxel/texture_sections.h"
 #include "common/voxel/view_sections.h"
-#include "preprocess/import/checkpoint.h"
 
 namespace quarry {
+
+void PutText(std::string_view text, ByteWriter& out) {
+  out.Put(static_cast<uint32_t>(text.size()));
+  out.PutArray(text);
+}
+
+std::string GetText(ByteReader& in) { return std::string(AsText(in.GetSpan(in.Get<uint32_t>()))); }
+
 void PutMaterials(const std::vector<Material>& materials, ByteWriter& out) {
   out.Put(static_cast<uint32_t>(materials.size()));
   for (const Material& m : materials) {

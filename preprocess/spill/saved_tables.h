@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/base/bytes.h"
@@ -10,6 +11,9 @@
 // The scene's tables in a checkpoint: never stored, and read only by the version that wrote them.
 
 namespace quarry {
+
+void PutText(std::string_view text, ByteWriter& out);
+std::string GetText(ByteReader& in);
 
 void PutMaterials(const std::vector<Material>& materials, ByteWriter& out);
 /// Each appends a table to `out`.

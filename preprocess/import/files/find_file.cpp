@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <system_error>
 
-#include "preprocess/import/files/file_identity.h"
+#include "preprocess/import/files/model_files.h"
 #include "preprocess/import/text/text_number.h"
 
 namespace quarry {

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "common/base/cleanup.h"
+#include "preprocess/import/files/model_files.h"
 #include "preprocess/import/foreign/child_environment.h"
 
 namespace quarry {
@@ -60,6 +61,7 @@ ForeignModel::~ForeignModel() {
 }
 
 Result<ForeignModel> ForeignModel::Convert(const std::string& model, const ForeignFormats& formats) {
+  DisownModelFiles(formats.prefix);
   ForeignModel converted(formats.prefix);
   int ends[2];
   if (::pipe2(ends, O_CLOEXEC) != 0) return Fail(fmt::format("{}: {}", model, ErrnoText(errno)));

@@ -8,8 +8,8 @@
 #include <nlohmann/json.hpp>
 
 #include "common/base/json_file.h"
-#include "preprocess/import/files/file_identity.h"
 #include "preprocess/import/files/find_file.h"
+#include "preprocess/import/files/model_files.h"
 #include "preprocess/import/foreign/foreign_content.h"
 #include "preprocess/import/text/text_number.h"
 
@@ -224,18 +224,6 @@ Result<GltfDocument::Buffer> GltfDocument::OpenBuffer(uint64_t index) {
 bool GltfDocument::HasBytes(uint64_t index) const {
   const auto json = Find("buffers", index);
   return json && ((*json)->contains("uri") || (index == 0 && glb_size_ != 0));
-}
-
-std::string GltfDocument::BufferFiles() const {
-  std::string files;
-  const auto buffers = json_->find("buffers");
-  if (buffers == json_->end() || !buffers->is_array()) return files;
-  for (const Json& buffer : *buffers) {
-    const std::string uri = buffer.is_object() ? buffer.value("uri", "") : "";
-    if (uri.empty() || uri.starts_with("data:")) continue;
-    files += FileIdentity(PathOf(FileNameOf(uri)).string()) + '\n';
-  }
-  return files;
 }
 
 std::string GltfDocument::FileNameOf(const std::string& uri) const {

@@ -80,9 +80,6 @@ class GltfDocument {
   };
   Result<Range> RangeOf(uint64_t buffer, uint64_t offset, uint64_t size);
 
-  /// The buffers' files with size and time, as text: it differs if a file has changed.
-  std::string BufferFiles() const;
-
   /// The file that `uri` names, relative to the model's folder: decoded, or as written if only that file
   /// exists.
   std::string FileNameOf(const std::string& uri) const;

@@ -10,7 +10,6 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "preprocess/import/checkpoint.h"
 #include "preprocess/import/formats.h"
 #include "preprocess/import/gltf/draco/gltf_draco.h"
 #include "preprocess/import/gltf/gltf_accessor.h"
@@ -46,13 +45,10 @@ class GltfImport {
 
   Result<uint64_t> Run() {
     QUARRY_ASSIGN(const std::vector<std::string> warnings, CheckGltfExtensions(document_));
-    QUARRY_ASSIGN(const bool goes_on, GoOnFromCheckpoint(sink_, document_.path(), *this));
-    if (!goes_on) {
-      for (const std::string& warning : warnings) sink_.Warn(warning);
-      QUARRY_TRY(materials_.Read());
-      materials_.TellLeftOut();
-      QUARRY_TRY(ReadGltfViews(document_, sink_));
-    }
+    for (const std::string& warning : warnings) sink_.Warn(warning);
+    QUARRY_TRY(materials_.Read());
+    materials_.TellLeftOut();
+    QUARRY_TRY(ReadGltfViews(document_, sink_));
     QUARRY_ASSIGN(GltfNodes nodes, GltfNodes::Open(document_));
     for (;;) {
       QUARRY_ASSIGN(const std::optional<GltfNodes::Node> node, nodes.Next());
@@ -69,22 +65,6 @@ class GltfImport {
                      .value()
                      .message);
     return triangles_;
-  }
-
-  /// State between primitives.
-  void Save(ByteWriter& out) const {
-    for (const uint64_t n : {primitives_, positions_, normals_, uvs_, triangles_, left_out_}) out.Put(n);
-    materials_.Save(out);
-    PutText(document_.BufferFiles(), out);
-  }
-  Status Restore(ByteReader& in) {
-    for (uint64_t* n : {&given_, &positions_, &normals_, &uvs_, &triangles_, &left_out_})
-      *n = in.Get<uint64_t>();
-    materials_.Restore(in);
-    if (GetText(in) != document_.BufferFiles())
-      return CannotResume(
-          fmt::format("{}: a file of its buffers has changed since the run was begun", document_.path()));
-    return {};
   }
 
  private:
@@ -115,9 +95,7 @@ class GltfImport {
       size_t number = 0;
       for (const Json& primitive : mesh->at("primitives")) {
         HeldPrimitive* const again = held.empty() ? nullptr : &held[number++];
-        if (primitives_++ < given_) continue;
         QUARRY_TRY(Primitive(primitive, mesh_name, node.world * instance, part, again));
-        QUARRY_TRY(CheckpointIfDue(sink_, *this));
       }
     }
     return {};
@@ -320,7 +298,6 @@ class GltfImport {
   std::vector<glm::dmat4> joints_;                  ///< of the current node's skin; empty: no skin
   uint64_t held_vertices_ = 0, held_indices_ = 0;   ///< in the node's held primitives
   std::vector<double> weights_;                     ///< of the node's morph targets
-  uint64_t primitives_ = 0, given_ = 0;             ///< primitives met; met before the last checkpoint
   uint64_t positions_ = 0, normals_ = 0, uvs_ = 0;  ///< elements given by the primitives before
   bool has_normals_ = false, has_uvs_ = false;      ///< of the current primitive
   uint64_t triangles_ = 0, left_out_ = 0;

@@ -100,24 +100,4 @@ void GltfMaterials::TellLeftOut() const {
   fields.Warn(document_.path(), sink_);
 }
 
-void GltfMaterials::Save(ByteWriter& out) const {
-  out.Put(static_cast<uint32_t>(known_.size()));
-  for (const Known& known : known_) {
-    out.Put(known.material);
-    out.Put(known.uv_set);
-    out.Put<uint8_t>(known.has_levels);
-  }
-}
-
-void GltfMaterials::Restore(ByteReader& in) {
-  known_.clear();
-  for (auto n = in.Get<uint32_t>(); n > 0 && in.ok(); --n) {
-    Known known;
-    known.material = in.Get<uint32_t>();
-    known.uv_set = in.Get<uint32_t>();
-    known.has_levels = in.Get<uint8_t>() != 0;
-    known_.push_back(known);
-  }
-}
-
 }  // namespace quarry

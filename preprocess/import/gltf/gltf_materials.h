@@ -35,9 +35,6 @@ class GltfMaterials {
   /// Tells the sink of the fields that the document names and that are not carried. Requires: Read().
   void TellLeftOut() const;
 
-  void Save(ByteWriter& out) const;
-  void Restore(ByteReader& in);
-
  private:
   struct Known {
     uint32_t material = kNoIndex;

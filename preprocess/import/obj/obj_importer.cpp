@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "preprocess/import/carried_fields.h"
-#include "preprocess/import/checkpoint.h"
 #include "preprocess/import/file_color.h"
 #include "preprocess/import/formats.h"
 #include "preprocess/import/obj/obj_materials.h"
@@ -27,16 +26,6 @@ struct IndexRange {
   uint64_t largest_line = 0;
   std::optional<uint64_t> total;  ///< in the whole file, once CountAhead() was needed
   uint64_t dangling = 0;          ///< corners that name an element which the file lacks
-
-  void Save(ByteWriter& out) const {
-    for (const uint64_t n : {count, largest, largest_line, total.value_or(kNotCounted), dangling}) out.Put(n);
-  }
-  void Restore(ByteReader& in) {
-    for (uint64_t* n : {&count, &largest, &largest_line}) *n = in.Get<uint64_t>();
-    if (const auto counted = in.Get<uint64_t>(); counted != kNotCounted) total = counted;
-    dangling = in.Get<uint64_t>();
-  }
-  static constexpr uint64_t kNotCounted = ~uint64_t{0};
 };
 
 /// A colour channel beyond this means that channels run to 255 from there on, instead of 1.
@@ -56,8 +45,6 @@ class ObjFile {
       : bytes_(bytes), lines_(bytes), sink_(sink), materials_(bytes.path(), sink) {}
 
   Result<uint64_t> Import();
-  void Save(ByteWriter& out) const;
-  Status Restore(ByteReader& in);
 
  private:
   Status Line(std::string_view keyword, TextCursor& rest);
@@ -97,10 +84,8 @@ class ObjFile {
 };
 
 Result<uint64_t> ObjFile::Import() {
-  QUARRY_TRY(GoOnFromCheckpoint(sink_, bytes_.path(), *this));
   std::string_view line;
   while (true) {
-    QUARRY_TRY(CheckpointIfDue(sink_, *this));
     QUARRY_ASSIGN(const bool more, lines_.NextJoined(line));
     if (!more) break;
     TextCursor rest(line);
@@ -128,42 +113,6 @@ Result<uint64_t> ObjFile::Import() {
     sink_.Warn(fmt::format("{}: {} faces of fewer than 3 corners left out", bytes_.path(), short_faces_));
   fields_.Warn(bytes_.path(), sink_);
   return triangles_;
-}
-
-void ObjFile::Save(ByteWriter& out) const {
-  for (const uint64_t n : {bytes_.offset(), lines_.line_number(), triangles_, short_faces_, free_forms_})
-    out.Put(n);
-  for (const IndexRange* range : {&positions_, &normals_, &uvs_}) range->Save(out);
-  for (const std::string* name : {&object_, &group_, &material_name_}) PutText(*name, out);
-  out.Put<uint8_t>(part_changed_);
-  out.Put<uint8_t>(material_changed_);
-  out.Put(part_);
-  out.Put(material_);
-  out.Put(color_scale_);
-  out.Put<uint8_t>(has_painted_);
-  out.Put(smoothing_);
-  fields_.Save(out);
-  materials_.Save(out);
-}
-
-Status ObjFile::Restore(ByteReader& in) {
-  QUARRY_TRY(bytes_.SkipTo(in.Get<uint64_t>()));
-  lines_.GoOnAfterLine(in.Get<uint64_t>());
-  triangles_ = in.Get<uint64_t>();
-  short_faces_ = in.Get<uint64_t>();
-  free_forms_ = in.Get<uint64_t>();
-  for (IndexRange* range : {&positions_, &normals_, &uvs_}) range->Restore(in);
-  for (std::string* name : {&object_, &group_, &material_name_}) *name = GetText(in);
-  part_changed_ = in.Get<uint8_t>() != 0;
-  material_changed_ = in.Get<uint8_t>() != 0;
-  part_ = in.Get<uint32_t>();
-  material_ = in.Get<uint32_t>();
-  color_scale_ = in.Get<double>();
-  has_painted_ = in.Get<uint8_t>() != 0;
-  smoothing_ = in.Get<uint16_t>();
-  sink_.SetSmoothing(smoothing_);
-  fields_.Restore(in);
-  return materials_.Restore(in);
 }
 
 Status ObjFile::Line(std::string_view keyword, TextCursor& rest) {

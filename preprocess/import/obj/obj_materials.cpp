@@ -2,10 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-
-#include "preprocess/import/checkpoint.h"
-#include "preprocess/import/files/file_identity.h"
 #include "preprocess/import/files/find_file.h"
 #include "preprocess/import/text/text_number.h"
 
@@ -77,7 +73,6 @@ void ObjMaterials::WarnIfOutside(const std::string& by, const fs::path& file) {
 
 void ObjMaterials::ReadLibrary(const std::string& path) {
   if (!known_.insert(path).second) return;
-  read_.push_back(path);
   auto materials = ReadMtl(path, [this](const std::string& message) { warn_(message); });
   if (!materials) return warn_(materials.error().message);
   for (MtlMaterial& material : *materials) {
@@ -99,38 +94,6 @@ Result<uint32_t> ObjMaterials::Use(std::string_view name) {
   Entry& entry = found->second;
   if (entry.scene_index == kNoIndex) QUARRY_TRY(GiveToSink(entry));
   return entry.scene_index;
-}
-
-void ObjMaterials::Save(ByteWriter& out) const {
-  out.Put<uint8_t>(missing_library_);
-  out.Put(static_cast<uint32_t>(read_.size()));
-  for (const std::string& path : read_) {
-    PutText(path, out);
-    PutText(FileIdentity(path), out);
-  }
-  out.Put(static_cast<uint32_t>(
-      std::ranges::count_if(entries_, [](const auto& e) { return e.second.scene_index != kNoIndex; })));
-  for (const auto& [name, entry] : entries_) {
-    if (entry.scene_index == kNoIndex) continue;
-    PutText(name, out);
-    out.Put(entry.scene_index);
-  }
-}
-
-Status ObjMaterials::Restore(ByteReader& in) {
-  missing_library_ = in.Get<uint8_t>() != 0;
-  for (auto n = in.Get<uint32_t>(); n > 0 && in.ok(); --n) {
-    const std::string path = GetText(in), identity = GetText(in);
-    if (FileIdentity(path) != identity)
-      return CannotResume(fmt::format("{}: has changed since the run was begun", path));
-    ReadLibrary(path);
-  }
-  for (auto n = in.Get<uint32_t>(); n > 0 && in.ok(); --n) {
-    const std::string name = GetText(in);
-    const auto index = in.Get<uint32_t>();
-    if (const auto found = entries_.find(name); found != entries_.end()) found->second.scene_index = index;
-  }
-  return {};
 }
 
 Status ObjMaterials::GiveToSink(Entry& entry) {

@@ -31,11 +31,6 @@ class ObjMaterials {
   /// Errors: the sink's.
   Result<uint32_t> Use(std::string_view name);
 
-  /// Saves the libraries read and the materials that the sink has, for a checkpoint.
-  void Save(ByteWriter& out) const;
-  /// Restores them by reading the libraries again. Errors: a library has changed.
-  Status Restore(ByteReader& in);
-
  private:
   struct Entry {
     MtlMaterial material;
@@ -55,9 +50,9 @@ class ObjMaterials {
   ModelSink& sink_;
   WarnOnce warn_;
   std::map<std::string, Entry, std::less<>> entries_;
-  std::vector<std::string> read_;  ///< paths of libraries, in the order of reading
-  std::set<std::string> known_;    ///< the same paths; some exporters repeat the line before every object
-  bool missing_library_ = false;   ///< a missing material may be defined in it
+  std::set<std::string>
+      known_;  ///< paths of the libraries read; some exporters repeat the line before every object
+  bool missing_library_ = false;  ///< a missing material may be defined in it
 };
 
 /// The file names on an mtllib line, with blanks escaped by backslashes or not: a name ends at ".mtl" before

@@ -12,7 +12,6 @@
 
 #include "common/scene/material_json.h"
 #include "preprocess/import/carried_fields.h"
-#include "preprocess/import/checkpoint.h"
 #include "preprocess/import/file_color.h"
 #include "preprocess/import/files/find_file.h"
 #include "preprocess/import/formats.h"
@@ -37,16 +36,6 @@ bool HasNoFaces(const PlyHeader& header) {
 struct IndexTable {
   bool wanted = false;
   std::vector<uint32_t> scene_index;
-
-  void Save(ByteWriter& out) const {
-    out.Put<uint8_t>(wanted);
-    out.Put(static_cast<uint32_t>(scene_index.size()));
-    out.PutArray(scene_index);
-  }
-  void Restore(ByteReader& in) {
-    wanted = in.Get<uint8_t>() != 0;
-    scene_index = in.GetArray<uint32_t>(in.Get<uint32_t>());
-  }
 };
 
 template <typename Source>
@@ -74,15 +63,14 @@ class PlyBody {
         face != nullptr && PlanFace(*face).has_uv_list;  // uvs of corners are finer than uvs of vertices
     has_uvs_ = plan.Has(kU, kV) && !has_uv_lists_;
     has_colors_ = plan.Has(kRed, kBlue);
-    QUARRY_ASSIGN(const bool goes_on, GoOnFromCheckpoint(sink_, path_, *this));
-    if (!goes_on) CompareFields();
-    if (face && !goes_on) QUARRY_TRY(LoadTables(*face));
-    if (!goes_on) QUARRY_TRY(LoadTextures());
+    CompareFields();
+    if (face) QUARRY_TRY(LoadTables(*face));
+    QUARRY_TRY(LoadTextures());
     uint64_t rows = 0;
     for (const PlyElement& element : header_.elements) rows += element.properties.empty() ? 0 : element.count;
-    if (!goes_on) rows_.source.LookForRows(rows);
-    for (; element_ < header_.elements.size(); ++element_) {
-      QUARRY_TRY(Element(header_.elements[element_]));
+    rows_.source.LookForRows(rows);
+    for (const PlyElement& element : header_.elements) {
+      QUARRY_TRY(Element(element));
       rows_.row_number = 0;
     }
     if (rows_.long_rows != 0)
@@ -91,35 +79,6 @@ class PlyBody {
     if (short_faces_ != 0)
       sink_.Warn(fmt::format("{}: {} faces of fewer than 3 corners left out", path_, short_faces_));
     return triangles_;
-  }
-
-  void Save(ByteWriter& out) const {
-    for (const uint64_t n : {rows_.source.bytes().offset(), rows_.source.line(), uint64_t{element_},
-                             rows_.row_number, triangles_, short_faces_, rows_.long_rows})
-      out.Put(n);
-    out.Put<uint8_t>(rows_.source.by_line());
-    out.Put<uint8_t>(real_to_255_);
-    out.Put(uv_count_);
-    textures_.Save(out);
-    materials_.Save(out);
-    parts_.Save(out);
-  }
-
-  Status Restore(ByteReader& in) {
-    QUARRY_TRY(rows_.source.bytes().SkipTo(in.Get<uint64_t>()));
-    rows_.source.GoOnAtLine(in.Get<uint64_t>());
-    element_ = in.Get<uint64_t>();
-    rows_.row_number = in.Get<uint64_t>();
-    triangles_ = in.Get<uint64_t>();
-    short_faces_ = in.Get<uint64_t>();
-    rows_.long_rows = in.Get<uint64_t>();
-    rows_.source.SetByLine(in.Get<uint8_t>() != 0);
-    real_to_255_ = in.Get<uint8_t>() != 0;
-    uv_count_ = in.Get<uint32_t>();
-    textures_.Restore(in);
-    materials_.Restore(in);
-    parts_.Restore(in);
-    return {};
   }
 
  private:
@@ -212,23 +171,16 @@ class PlyBody {
     if (element.properties.empty()) return {};  // rows without values, whatever the count
     if (element.name == "vertex") {
       const PlyPlan plan = PlanVertex(element);
-      return Rows(element, plan, [&] { return Vertex(plan); });
+      return rows_.Read(element, plan, [&] { return Vertex(plan); });
     }
     if (element.name == "face") {
       const PlyPlan plan = PlanFace(element);
       if (!plan.has_index_list)
         return rows_.source.FailHere("the element \"face\" has no list vertex_indices of an integer type");
-      return Rows(element, plan, [&] { return Face(plan); });
+      return rows_.Read(element, plan, [&] { return Face(plan); });
     }
     if (element.name == "tristrips") return Strips(element);
-    return Rows(element, PlanToSkip(element), [] { return Status(); });
-  }
-
-  /// Reads all rows of `element`, with checkpoints between them.
-  template <typename Use>
-  Status Rows(const PlyElement& element, const PlyPlan& plan, Use&& use) {
-    return rows_.Read(
-        element, plan, [&] { return CheckpointIfDue(sink_, *this); }, use);
+    return rows_.Read(element, PlanToSkip(element), [] { return Status(); });
   }
 
   Rgba8 RowColor(const PlyPlan& plan) {
@@ -307,7 +259,6 @@ class PlyBody {
   Status Strips(const PlyElement& element) {
     const PlyPlan plan = PlanFace(element);
     for (; rows_.row_number < element.count; ++rows_.row_number) {
-      QUARRY_TRY(CheckpointIfDue(sink_, *this));
       strip_length_ = 0;
       for (const PlyStep& step : plan.steps) {
         if (step.target == PlyStep::kIndexList)
@@ -359,7 +310,6 @@ class PlyBody {
   ModelSink& sink_;
   const std::string& path_;
   const std::string& model_;  ///< that was converted to this PLY; empty: none
-  size_t element_ = 0;        ///< index of the element that is being read
   uint64_t vertex_count_ = 0, triangles_ = 0, short_faces_ = 0;
   bool real_to_255_ = false;  ///< channels of real numbers run to 255
   bool has_normals_ = false, has_uvs_ = false, has_colors_ = false;

@@ -21,13 +21,13 @@ class PlyRowReader {
  public:
   explicit PlyRowReader(Source values) : source(std::move(values)) {}
 
-  /// Reads the rows of `element` from row_number on. `pause` is called between rows, now and then, `use`
-  /// after each row; both return a Status. Errors: theirs; the source's; a row that does not fit the plan.
-  template <typename Pause, typename Use>
-  Status Read(const PlyElement& element, const PlyPlan& plan, Pause&& pause, Use&& use) {
+  /// Reads the rows of `element` and calls `use` after each, which returns a Status. Requires: row_number is
+  /// 0. Errors: those of `use`; the source's; a row that does not fit the plan.
+  template <typename Use>
+  Status Read(const PlyElement& element, const PlyPlan& plan, Use&& use) {
     if constexpr (Source::kBinary)
-      if (!plan.has_lists) return FixedRows(element, plan, pause, use);
-    return RowsOneByOne(element, plan, pause, use);
+      if (!plan.has_lists) return FixedRows(element, plan, use);
+    return RowsOneByOne(element, plan, use);
   }
 
   /// Reads one value, or one list of a row. False: see RowFailure().
@@ -56,11 +56,9 @@ class PlyRowReader {
   uint64_t long_rows = 0;   ///< lines with more values than the header names
 
  private:
-  static constexpr uint64_t kRowsPerPause = 256;
-
   /// Binary rows without lists: values lie at fixed offsets, so a buffer full of rows goes through one loop.
-  template <typename Pause, typename Use>
-  Status FixedRows(const PlyElement& element, const PlyPlan& plan, Pause&& pause, Use&& use) {
+  template <typename Use>
+  Status FixedRows(const PlyElement& element, const PlyPlan& plan, Use&& use) {
     struct Wanted {
       uint32_t offset;
       PlyType type;
@@ -73,13 +71,12 @@ class PlyRowReader {
       stride += SizeOf(step.type);
     }
     ModelReader& bytes = source.bytes();
-    if (element.count - row_number > bytes.remaining() / stride)
+    if (element.count > bytes.remaining() / stride)
       return source.FailHere(fmt::format(
           "the header promises {} rows of {} bytes for the element {}, but the file has {} bytes left",
-          element.count - row_number, stride, element.name, bytes.remaining()));
+          element.count, stride, element.name, bytes.remaining()));
     if (wanted.empty() && bytes.Skip(element.count * stride)) return {};
     for (; row_number < element.count; ++row_number) {
-      if (row_number % kRowsPerPause == 0) QUARRY_TRY(pause());
       if (!bytes.Ensure(stride)) return RowFailure(element);
       const char* at = bytes.data();
       for (const Wanted& want : wanted) row.values[want.slot] = Source::Load(at + want.offset, want.type);
@@ -89,10 +86,9 @@ class PlyRowReader {
     return {};
   }
 
-  template <typename Pause, typename Use>
-  Status RowsOneByOne(const PlyElement& element, const PlyPlan& plan, Pause&& pause, Use&& use) {
+  template <typename Use>
+  Status RowsOneByOne(const PlyElement& element, const PlyPlan& plan, Use&& use) {
     for (; row_number < element.count; ++row_number) {
-      if (row_number % kRowsPerPause == 0) QUARRY_TRY(pause());
       if (!ReadTriangle(plan))
         for (const PlyStep& step : plan.steps) {
           if (ReadStep(step)) [[likely]]

@@ -117,12 +117,7 @@ class BinaryPlySource {
   ModelReader& bytes() const { return bytes_; }
   /// Concerns text alone.
   void LookForRows(uint64_t) {}
-  bool by_line() const { return false; }
-  void SetByLine(bool) {}
   bool EndRow() { return false; }
-  /// Concerns text alone.
-  uint64_t line() const { return 0; }
-  void GoOnAtLine(uint64_t) {}
   tl::unexpected<Error> Failure(const std::string& where) const { return bytes_.Truncated("in " + where); }
   tl::unexpected<Error> FailHere(const std::string& what) const { return bytes_.FailHere(what); }
 
@@ -144,14 +139,10 @@ class AsciiPlySource {
   bool SkipValues(PlyType type, uint64_t count);
   /// Decides from the buffered lines whether each of the body's `rows` rows has its own line.
   void LookForRows(uint64_t rows);
-  bool by_line() const { return by_line_; }
-  void SetByLine(bool by_line) { by_line_ = by_line; }
   /// Skips the rest of the line after the row's last value. Returns whether there was any.
   bool EndRow();
 
   ModelReader& bytes() const { return bytes_; }
-  uint64_t line() const { return line_; }
-  void GoOnAtLine(uint64_t line) { line_ = line; }
   tl::unexpected<Error> Failure(const std::string& where) const;
   tl::unexpected<Error> FailHere(const std::string& what) const;
 

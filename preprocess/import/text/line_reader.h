@@ -28,8 +28,6 @@ class LineReader {
 
   /// The number, from 1, of the last line read (the last of joined lines).
   uint64_t line_number() const { return line_number_; }
-  /// Sets the number of the last line read.
-  void GoOnAfterLine(uint64_t number) { line_number_ = number; }
 
   /// "PATH, line N: " + `what`.
   tl::unexpected<Error> FailHere(const std::string& what) const;

@@ -43,11 +43,8 @@ class ThreeMfProperties {
   Status AddMaterial(std::string name, const Rgba8& color);
   Status AddColor(const Rgba8& color);
 
-  /// Gives the materials to the sink; or takes the numbers that the sink gave them in an earlier run.
+  /// Gives the materials to the sink.
   void GiveTo(ModelSink& sink);
-  void Restore(std::vector<uint32_t> materials) { materials_ = std::move(materials); }
-  const std::vector<uint32_t>& materials() const { return materials_; }
-  size_t material_count() const { return bases_.size(); }
   bool has_groups() const { return !groups_.empty(); }
 
   /// The look by number `index` of a group. False: there is no such group, or none that is read, or nothing

@@ -5,7 +5,6 @@
 #include <glm/mat3x3.hpp>
 #include <glm/matrix.hpp>
 
-#include "preprocess/import/checkpoint.h"
 #include "preprocess/import/threemf/attribute_numbers.h"
 
 namespace quarry {
@@ -60,7 +59,7 @@ Status ShapeReader::BeginObject(const XmlAttributes& a) {
   if (Object().id != id) return Changed();
   in_object_ = true;
   const double count = s_.graph.count(object_);
-  shown_ = count > 0 && Object().triangles > 0 && ++objects_ > given_;
+  shown_ = count > 0 && Object().triangles > 0;
   if (!shown_) return {};
   vertex_ = 0;
   held_ = (count > 1 || Object().blended != 0) && Object().vertices <= kMostHeldVertices &&
@@ -88,7 +87,7 @@ Status ShapeReader::EndObject() {
   faces_.clear();
   instances_.clear();
   shown_ = false;
-  return Sent(CheckpointIfDue(sink_, *this));
+  return {};
 }
 
 Status ShapeReader::Vertex(const XmlAttributes& a) {
@@ -196,19 +195,6 @@ void ShapeReader::Finish() {
     sink_.Warn(
         fmt::format("{}: {} triangles of large objects have a colour for each corner; they get the mean",
                     path_, averaged_));
-}
-
-void ShapeReader::Save(ByteWriter& out) const {
-  for (const uint64_t n : {objects_, positions_, triangles_, plain_, averaged_}) out.Put(n);
-  out.Put(face_color_);
-  out.Put(static_cast<uint32_t>(s_.properties.materials().size()));
-  out.PutArray(s_.properties.materials());
-}
-
-Status ShapeReader::Restore(ByteReader& in) {
-  for (uint64_t* const n : {&given_, &positions_, &triangles_, &plain_, &averaged_}) *n = in.Get<uint64_t>();
-  face_color_ = in.Get<uint32_t>();
-  return {};
 }
 
 }  // namespace quarry

@@ -34,10 +34,6 @@ class ShapeReader final : public XmlHandler {
   /// Of all instances.
   uint64_t triangles() const { return triangles_; }
 
-  /// State between objects. Restore() skips the objects that Save() had counted.
-  void Save(ByteWriter& out) const;
-  Status Restore(ByteReader& in);
-
  private:
   struct Face {
     uint32_t vertex[3];
@@ -79,7 +75,6 @@ class ShapeReader final : public XmlHandler {
   std::vector<glm::dvec3> vertices_;
   std::vector<Face> faces_;
   std::vector<Instance> instances_;
-  uint64_t given_ = 0, objects_ = 0;  ///< objects with triangles: given by an earlier run, met
   uint64_t positions_ = 0, triangles_ = 0;
   bool looks_missing_ = false;         ///< of the current triangle
   uint64_t plain_ = 0, averaged_ = 0;  ///< triangles with missing looks, and with mean colours

@@ -7,7 +7,6 @@
 #include <functional>
 #include <utility>
 
-#include "preprocess/import/checkpoint.h"
 #include "preprocess/import/formats.h"
 #include "preprocess/import/origin_survey.h"
 #include "preprocess/import/threemf/package.h"
@@ -27,9 +26,7 @@ class ThreeMfImport {
     QUARRY_TRY(ReadStructure(model));
     if (sink_.WantsOrigin()) FindOrigin();
     ShapeReader shapes(archive_.path(), structure_, sink_);
-    shapes_ = &shapes;
-    QUARRY_ASSIGN(const bool goes_on, GoOnFromCheckpoint(sink_, archive_.path(), *this));
-    if (!goes_on) structure_.properties.GiveTo(sink_);
+    structure_.properties.GiveTo(sink_);
     QUARRY_TRY(ReadShapes(shapes, [this](uint64_t done, uint64_t all) {
       sink_.HasRead(archive_.size() * done / std::max<uint64_t>(all, 1), archive_.size());
     }));
@@ -37,18 +34,9 @@ class ThreeMfImport {
     return shapes.triangles();
   }
 
-  Status Restore(ByteReader& in) {
-    QUARRY_TRY(shapes_->Restore(in));
-    structure_.properties.Restore(in.GetArray<uint32_t>(in.Get<uint32_t>()));
-    if (structure_.properties.materials().size() == structure_.properties.material_count()) return {};
-    return CannotResume(fmt::format("{}: it has other materials than an earlier run met", archive_.path()));
-  }
-
  private:
-  /// Warnings are given once, though a resumed run meets them again.
   Status ReadStructure(uint64_t model) {
-    IgnoringSink nowhere;
-    WarnOnce warn(sink_.LastCheckpoint().empty() ? sink_ : static_cast<ModelSink&>(nowhere));
+    WarnOnce warn(sink_);
     QUARRY_ASSIGN(structure_, ReadThreeMfStructure(archive_, model, warn));
     return {};
   }
@@ -83,7 +71,6 @@ class ThreeMfImport {
   ZipArchive archive_;
   ModelSink& sink_;
   ThreeMfStructure structure_;
-  ShapeReader* shapes_ = nullptr;
 };
 
 }  // namespace
