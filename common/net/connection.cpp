@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "common/base/resource.h"
+#include "common/net/acceptor.h"
 #include "common/net/stream_connection.h"
 
 namespace quarry {
@@ -27,10 +28,6 @@ constexpr size_t kMaxNewcomers = 64;
 /// Pause between accepts while each new connection makes another drop. With 32 places a new connection then
 /// has 160 ms to send its greeting.
 constexpr auto kCrowded = std::chrono::milliseconds(5);
-/// Pause before the next accept when the process can open no more files. Trades a core spent on failing
-/// accepts against the delay of a new connection. A judgement: ten accepts a second cost nothing, and a peer
-/// waits 10 s for its connection.
-constexpr auto kNoFiles = std::chrono::milliseconds(100);
 // Period of the checks for silent and slow connections.
 constexpr auto kWatchEvery = std::chrono::seconds(1);
 /// A connection silent for less than this is in use: masters, workers and clients send every second, and one
@@ -39,57 +36,42 @@ constexpr auto kSilent = std::chrono::seconds(3);
 
 class TcpListener final : public Listener {
  public:
-  TcpListener(asio::io_context& io, tcp::acceptor acceptor, Security security, OnConnection on_connection,
-              ListenerOptions options)
+  TcpListener(asio::io_context& io, std::unique_ptr<Acceptor> acceptor, Security security,
+              OnConnection on_connection, ListenerOptions options)
       : io_(io),
         acceptor_(std::move(acceptor)),
-        pause_(acceptor_.get_executor()),
-        watch_(acceptor_.get_executor()),
+        watch_(io),
         security_(std::move(security)),
         on_connection_(std::move(on_connection)),
         options_(std::move(options)),
         budget_(std::make_shared<IncomingBudget>(options_.incoming_bytes)) {
-    Accept();
+    acceptor_->Start({[this](int socket) { return Take(socket); },
+                      [this](const std::string& reason) { OnNoFiles(reason); }});
     Watch();
   }
   ~TcpListener() override { *alive_ = false; }
-  uint16_t port() const override { return acceptor_.local_endpoint().port(); }
+  uint16_t port() const override { return acceptor_->port(); }
 
  private:
   using ConnectionPtr = std::shared_ptr<AcceptedConnection>;
 
-  void Accept() {
-    // A connection that came before the acceptor was destroyed is reported after it, without an error.
-    acceptor_.async_accept([this, alive = alive_](const ErrorCode& error, tcp::socket socket) {
-      if (!*alive || error == asio::error::operation_aborted) return;
-      if (error) return AcceptLater(error);
-      const bool crowded = MakeRoom();
-      auto connection = MakeConnection(io_, socket.release(), security_, {}, budget_);
-      connections_.push_back(connection);
-      const OnConnection on_connection = on_connection_;  // which may destroy this listener
-      on_connection(connection);
-      if (!*alive) return;
-      if (!crowded) return Accept();
-      // The new connection needs a moment to greet before further ones take its place.
-      AcceptAfter(kCrowded);
-    });
+  std::chrono::milliseconds Take(int socket) {
+    const bool crowded = MakeRoom();
+    auto connection = MakeConnection(io_, socket, security_, {}, budget_);
+    connections_.push_back(connection);
+    const OnConnection on_connection = on_connection_;  // which may destroy this listener
+    on_connection(connection);
+    // The new connection needs a moment to greet before further ones take its place.
+    return crowded ? kCrowded : std::chrono::milliseconds(0);
   }
 
-  /// Handles a failed accept, such as too many open files: drops an idle connection and tries again later.
-  void AcceptLater(const ErrorCode& error) {
+  /// Drops an idle connection when the process can open no more files.
+  void OnNoFiles(const std::string& reason) {
     SayOnce(fmt::format("cannot accept a connection: {}; drops idle ones (`ulimit -n` raises the limit)",
-                        error.message()));
+                        reason));
     Forget();
     if (const ConnectionPtr idle = MostIdle())
       idle->Drop("is dropped: this process can open no more files", false);
-    AcceptAfter(kNoFiles);
-  }
-
-  void AcceptAfter(std::chrono::milliseconds pause) {
-    pause_.expires_after(pause);
-    pause_.async_wait([this, alive = alive_](const ErrorCode& e) {
-      if (!e && *alive) Accept();
-    });
   }
 
   void Watch() {
@@ -152,8 +134,8 @@ class TcpListener final : public Listener {
   }
 
   asio::io_context& io_;
-  tcp::acceptor acceptor_;
-  asio::steady_timer pause_, watch_;
+  const std::unique_ptr<Acceptor> acceptor_;
+  asio::steady_timer watch_;
   Security security_;
   OnConnection on_connection_;
   const ListenerOptions options_;
@@ -177,7 +159,7 @@ struct Attempt {
 void Connect(asio::io_context& io, const Endpoint& endpoint, const Security& security,
              std::function<void(Result<std::shared_ptr<Connection>>)> done) {
   auto attempt = std::make_shared<Attempt>(io);
-  const std::string name = fmt::format("{}:{}", endpoint.host, endpoint.port);
+  const std::string name = TextOf(endpoint);
   // Without it the system's own limit applies, which is minutes.
   attempt->timer.expires_after(std::chrono::seconds(10));
   attempt->timer.async_wait([attempt](const ErrorCode& error) {
@@ -208,28 +190,11 @@ void Connect(asio::io_context& io, const Endpoint& endpoint, const Security& sec
 Result<std::unique_ptr<Listener>> Listener::Open(asio::io_context& io, const Endpoint& endpoint,
                                                  const Security& security, OnConnection on_connection,
                                                  ListenerOptions options) {
-  const std::string name = fmt::format("{}:{}", endpoint.host, endpoint.port);
-  ErrorCode error;
-  const auto found = tcp::resolver(io).resolve(endpoint.host, std::to_string(endpoint.port), error);
-  if (error || found.empty()) return Fail(fmt::format("cannot listen at {}: {}", name, error.message()));
-  const tcp::endpoint address = found.begin()->endpoint();
-  if (!security.tls() && !address.address().is_loopback())
-    return BadUsage(
-        fmt::format("will not listen at {}, which is not a loopback address, without encryption; give "
-                    "--secret-file F, the same on every machine ('openssl rand -hex 32' makes a secret), or "
-                    "--tls-cert, --tls-key and --tls-ca",
-                    name));
-  tcp::acceptor acceptor(io);
-  acceptor.open(address.protocol(), error);
-  if (!error) acceptor.set_option(tcp::acceptor::reuse_address(true), error);
-  if (!error) acceptor.bind(address, error);
-  if (!error) acceptor.listen(asio::socket_base::max_listen_connections, error);
-  if (error == asio::error::address_in_use)
-    return Fail(
-        fmt::format("cannot listen at {}: the address is in use by another program; give another port, or 0 "
-                    "for a free one",
-                    name));
-  if (error) return Fail(fmt::format("cannot listen at {}: {}", name, error.message()));
+  constexpr std::string_view kAdvice =
+      "give --secret-file F, the same on every machine ('openssl rand -hex 32' makes a secret), or "
+      "--tls-cert, "
+      "--tls-key and --tls-ca";
+  QUARRY_ASSIGN(std::unique_ptr<Acceptor> acceptor, Acceptor::Open(io, endpoint, security.tls(), kAdvice));
   const size_t most = std::max<uint64_t>(8, DescriptorLimit() / 2);
   options.most_connections = options.most_connections == 0 ? most : std::min(most, options.most_connections);
   return std::make_unique<TcpListener>(io, std::move(acceptor), security, std::move(on_connection),

@@ -22,6 +22,8 @@ struct Endpoint {
 };
 /// Parses "HOST:PORT", or "[::1]:9000" for IPv6. Errors (usage): other text; the message names `what`.
 Result<Endpoint> ParseEndpoint(const std::string& text, const std::string& what);
+/// The text that ParseEndpoint() reads.
+std::string TextOf(const Endpoint& endpoint);
 
 /// A connection that carries Messages, plain or over TLS. The TLS handshake comes first, then both sides
 /// exchange and check preambles, then messages follow.

@@ -22,4 +22,9 @@ Result<Endpoint> ParseEndpoint(const std::string& text, const std::string& what)
   return BadUsage(fmt::format("{} is not HOST:PORT: '{}'", what, text));
 }
 
+std::string TextOf(const Endpoint& endpoint) {
+  const bool v6 = endpoint.host.find(':') != std::string::npos;
+  return fmt::format(fmt::runtime(v6 ? "[{}]:{}" : "{}:{}"), endpoint.host, endpoint.port);
+}
+
 }  // namespace quarry
