@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "deploy/client.h"
+#include "deploy/command/client.h"
 #include "tests/fuzz/memory_net.h"
 #include "tests/fuzz/session_script.h"
 

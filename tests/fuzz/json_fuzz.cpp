@@ -14,7 +14,7 @@
 #include "common/scene/material_json.h"
 #include "common/scene/scene_summary.h"
 #include "common/scene/view_json.h"
-#include "deploy/scene_files.h"
+#include "deploy/command/scene_files.h"
 
 namespace {
 

@@ -19,7 +19,7 @@
 #include "common/program/run_program.h"
 #include "common/scene/framing.h"
 #include "common/voxel/store_reader.h"
-#include "deploy/scene_files.h"
+#include "deploy/command/scene_files.h"
 #include "tests/bench/arguments.h"
 #include "tests/bench/figures.h"
 #include "tests/bench/stopwatch.h"

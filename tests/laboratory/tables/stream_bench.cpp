@@ -12,7 +12,7 @@
 #include "common/base/log.h"
 #include "common/engine/renderer.h"
 #include "common/program/run_program.h"
-#include "deploy/model_cache.h"
+#include "deploy/command/model_cache.h"
 #include "tests/bench/arguments.h"
 #include "tests/bench/figures.h"
 #include "tests/bench/views.h"

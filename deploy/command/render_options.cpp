@@ -1,4 +1,4 @@
-#include "deploy/render_options.h"
+#include "deploy/command/render_options.h"
 
 #include <fmt/format.h>
 
@@ -17,8 +17,8 @@
 #include "common/command_line/security_options.h"
 #include "common/scene/default_view.h"
 #include "common/scene/view_json.h"
-#include "deploy/cluster.h"
-#include "deploy/scene_files.h"
+#include "deploy/command/cluster.h"
+#include "deploy/command/scene_files.h"
 
 namespace quarry {
 namespace {

@@ -1,4 +1,4 @@
-#include "deploy/import_options.h"
+#include "deploy/command/import_options.h"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include "deploy/view_token.h"
+#include "deploy/command/view_token.h"
 
 #include <fcntl.h>
 #include <fmt/format.h>

@@ -1,4 +1,4 @@
-#include "deploy/slurm/slurm_command.h"
+#include "deploy/command/slurm/slurm_command.h"
 
 #include <fmt/format.h>
 
@@ -14,10 +14,10 @@
 #include "common/net/connection.h"
 #include "common/net/security.h"
 #include "common/remote/open_store.h"
-#include "deploy/cluster.h"
-#include "deploy/render_command.h"
-#include "deploy/slurm/slurm_job.h"
-#include "deploy/slurm/slurm_script.h"
+#include "deploy/command/cluster.h"
+#include "deploy/command/render_command.h"
+#include "deploy/command/slurm/slurm_job.h"
+#include "deploy/command/slurm/slurm_script.h"
 
 namespace quarry {
 namespace {

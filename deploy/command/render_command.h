@@ -1,7 +1,7 @@
 #pragma once
 
 #include "common/base/status.h"
-#include "deploy/render_options.h"
+#include "deploy/command/render_options.h"
 
 namespace quarry {
 

@@ -1,4 +1,4 @@
-#include "deploy/scene_files.h"
+#include "deploy/command/scene_files.h"
 
 #include <fmt/format.h>
 

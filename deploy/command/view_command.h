@@ -5,7 +5,7 @@
 
 #include "common/base/status.h"
 #include "common/command_line/remote_options.h"
-#include "deploy/import_options.h"
+#include "deploy/command/import_options.h"
 
 namespace CLI {
 class App;

@@ -1,4 +1,4 @@
-#include "deploy/cluster.h"
+#include "deploy/command/cluster.h"
 
 #include <fmt/format.h>
 #include <sys/wait.h>

@@ -1,4 +1,4 @@
-#include "deploy/query.h"
+#include "deploy/command/query.h"
 
 #include <fmt/format.h>
 

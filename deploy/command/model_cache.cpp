@@ -1,4 +1,4 @@
-#include "deploy/model_cache.h"
+#include "deploy/command/model_cache.h"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -24,7 +24,7 @@
 #include "common/base/version.h"
 #include "common/voxel/store_header.h"
 #include "common/voxel/store_reader.h"
-#include "deploy/cluster.h"
+#include "deploy/command/cluster.h"
 
 namespace quarry {
 namespace {

@@ -1,4 +1,4 @@
-#include "deploy/command_output.h"
+#include "deploy/command/command_output.h"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include "deploy/info_command.h"
+#include "deploy/command/info_command.h"
 
 #include <fmt/format.h>
 

@@ -19,14 +19,14 @@
 #include "common/program/installed_program.h"
 #include "common/program/run_program.h"
 #include "common/program/version_text.h"
-#include "deploy/cache_command.h"
-#include "deploy/cluster.h"
-#include "deploy/info_command.h"
-#include "deploy/model_cache.h"
-#include "deploy/query.h"
-#include "deploy/render_command.h"
-#include "deploy/slurm/slurm_command.h"
-#include "deploy/view_command.h"
+#include "deploy/command/cache_command.h"
+#include "deploy/command/cluster.h"
+#include "deploy/command/info_command.h"
+#include "deploy/command/model_cache.h"
+#include "deploy/command/query.h"
+#include "deploy/command/render_command.h"
+#include "deploy/command/slurm/slurm_command.h"
+#include "deploy/command/view_command.h"
 
 namespace quarry {
 namespace {

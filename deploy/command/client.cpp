@@ -1,4 +1,4 @@
-#include "deploy/client.h"
+#include "deploy/command/client.h"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include "deploy/render_command.h"
+#include "deploy/command/render_command.h"
 
 #include <fmt/format.h>
 
@@ -18,10 +18,10 @@
 #include "common/engine/framing_probe.h"
 #include "common/remote/open_store.h"
 #include "common/scene/view_json.h"
-#include "deploy/client.h"
-#include "deploy/cluster.h"
-#include "deploy/model_cache.h"
-#include "deploy/query.h"
+#include "deploy/command/client.h"
+#include "deploy/command/cluster.h"
+#include "deploy/command/model_cache.h"
+#include "deploy/command/query.h"
 
 namespace quarry {
 namespace {

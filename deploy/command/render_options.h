@@ -8,7 +8,7 @@
 #include "common/net/security.h"
 #include "common/scene/render_job.h"
 #include "common/scene/scene_summary.h"
-#include "deploy/import_options.h"
+#include "deploy/command/import_options.h"
 
 namespace CLI {
 class App;

@@ -1,4 +1,4 @@
-#include "deploy/cache_command.h"
+#include "deploy/command/cache_command.h"
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>
@@ -8,7 +8,7 @@
 
 #include "common/base/log.h"
 #include "common/base/size.h"
-#include "deploy/model_cache.h"
+#include "deploy/command/model_cache.h"
 
 namespace quarry {
 namespace {

@@ -1,5 +1,6 @@
-#include "deploy/view_command.h"
+#include "deploy/command/view_command.h"
 
+#include <arpa/inet.h>
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <netinet/in.h>
@@ -12,6 +13,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <thread>
 
 #include "common/base/bytes.h"
@@ -20,10 +22,11 @@
 #include "common/base/log.h"
 #include "common/base/number.h"
 #include "common/command_line/command_line.h"
+#include "common/net/connection.h"
 #include "common/remote/open_store.h"
-#include "deploy/cluster.h"
-#include "deploy/model_cache.h"
-#include "deploy/view_token.h"
+#include "deploy/command/cluster.h"
+#include "deploy/command/model_cache.h"
+#include "deploy/command/view_token.h"
 
 namespace quarry {
 namespace {
@@ -33,26 +36,36 @@ namespace fs = std::filesystem;
 /// Ports that are tried without --http.
 constexpr uint16_t kFirstPort = 8080, kPorts = 20;
 
-/// Whether nobody listens at the port of loopback.
-bool IsFree(uint16_t port) {
-  const int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-  if (fd < 0) return false;
-  const int on = 1;
-  ::setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
+/// A free port of an IPv4 address: `port` itself if it is free, for 0 any. Nothing: none, or it is not IPv4.
+std::optional<uint16_t> FreePort(const std::string& host, uint16_t port) {
   sockaddr_in address{};
   address.sin_family = AF_INET;
   address.sin_port = htons(port);
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  const bool free = ::bind(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
+  if (::inet_pton(AF_INET, host.c_str(), &address.sin_addr) != 1) return std::nullopt;
+  const int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  if (fd < 0) return std::nullopt;
+  const int on = 1;
+  ::setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
+  socklen_t size = sizeof address;
+  auto* const any = reinterpret_cast<sockaddr*>(&address);
+  const bool free = ::bind(fd, any, size) == 0 && ::getsockname(fd, any, &size) == 0;
   ::close(fd);
-  return free;
+  return free ? std::optional(ntohs(address.sin_port)) : std::nullopt;
 }
 
-std::string ChooseAddress(const ViewArguments& a) {
-  if (!a.http.empty()) return a.http;
-  for (uint16_t port = kFirstPort; port < kFirstPort + kPorts; ++port)
-    if (IsFree(port)) return fmt::format("127.0.0.1:{}", port);
-  return "127.0.0.1:0";
+/// The address of the page. Its port is chosen here, since two programs serve there one after the other: the
+/// page that shows the preprocessing, and the live view.
+Result<Endpoint> ChooseAddress(const ViewArguments& a) {
+  Endpoint chosen{"127.0.0.1", 0};
+  if (!a.http.empty()) {
+    QUARRY_ASSIGN(chosen, ParseEndpoint(a.http, "--http"));
+    if (chosen.port == 0) chosen.port = FreePort(chosen.host, 0).value_or(0);
+    return chosen;
+  }
+  for (uint16_t port = kFirstPort; chosen.port == 0 && port < kFirstPort + kPorts; ++port)
+    chosen.port = FreePort(chosen.host, port).value_or(0);
+  if (chosen.port == 0) chosen.port = FreePort(chosen.host, 0).value_or(0);
+  return chosen;
 }
 
 /// A folder of this run's own, for its token and its progress. Removed with this, or by a signal.
@@ -131,13 +144,6 @@ void Announce(const ViewArguments& a, const PrivateFolder& folder, const std::st
   if (a.open) OpenBrowser(folder, url);
 }
 
-/// The address with the port that a page got where any would do. `own`: the page's address is its server's.
-std::string WithPortOf(const std::string& address, const std::string& url, bool own) {
-  if (!own || !address.ends_with(":0")) return address;
-  const size_t end = url.find("/?"), colon = url.rfind(':', end);
-  return address.substr(0, address.size() - 1) + url.substr(colon + 1, end - colon - 1);
-}
-
 /// Lets the page say that the model could not be made into a scene, before its server ends.
 void TellFailure(const std::string& progress_file) {
   (void)WriteFileAtomically(
@@ -183,9 +189,11 @@ void AddViewCommandOptions(CLI::App& c, ViewArguments& a) {
 Status ShowLive(const ViewArguments& a) {
   PrintOnSignal(GoesOn(a));
   QUARRY_ASSIGN(const auto folder, PrivateFolder::Make());
-  const std::string address = ChooseAddress(a);
-  QUARRY_ASSIGN(const std::string token_file, TokenFile(a, address, *folder));
-  LiveViewOptions live{address, a.viewer_urls, token_file, a.view_memory, a.tls_cert, a.tls_key, a.up_axis};
+  QUARRY_ASSIGN(const Endpoint chosen, ChooseAddress(a));
+  const std::string address = TextOf(chosen);
+  QUARRY_ASSIGN(const std::string token_file, TokenFile(a, a.http.empty() ? address : a.http, *folder));
+  const LiveViewOptions live{address,    a.viewer_urls, token_file, a.view_memory,
+                             a.tls_cert, a.tls_key,     a.up_axis};
   std::string store, url;
   {
     // A store needs no page; a model may take long.
@@ -195,7 +203,6 @@ Status ShowLive(const ViewArguments& a) {
       QUARRY_ASSIGN(page, PreparingPage::Start(a.scene, live, progress));
       url = page->url();
       Announce(a, *folder, url);
-      live.address = WithPortOf(live.address, url, a.viewer_urls.empty());
       ::setenv("QUARRY_PROGRESS_FILE", progress.c_str(), 1);
     }
     if (IsRemote(a.scene)) QUARRY_TRY(RefuseImportOptions(a.import, a.scene + " is a store"));

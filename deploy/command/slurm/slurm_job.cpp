@@ -1,4 +1,4 @@
-#include "deploy/slurm/slurm_job.h"
+#include "deploy/command/slurm/slurm_job.h"
 
 #include <fmt/format.h>
 #include <sys/stat.h>
@@ -15,8 +15,8 @@
 
 #include "common/base/cleanup.h"
 #include "common/base/log.h"
-#include "deploy/command_output.h"
-#include "deploy/slurm/slurm_script.h"
+#include "deploy/command/command_output.h"
+#include "deploy/command/slurm/slurm_script.h"
 
 namespace quarry {
 namespace {

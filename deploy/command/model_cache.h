@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "common/base/status.h"
-#include "deploy/import_options.h"
+#include "deploy/command/import_options.h"
 
 namespace quarry {
 
