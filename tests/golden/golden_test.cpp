@@ -57,7 +57,7 @@ const TemporaryFolder& Made() {
 
 }  // namespace
 
-TEST_CASE("Pictures are those kept as golden") {
+TEST_CASE("Pictures equal the golden pictures") {
   size_t compared = 0;
   for (const auto& entry : std::filesystem::directory_iterator(QUARRY_GOLDEN_DIR)) {
     if (const auto kind = entry.path().extension(); kind != ".exr" && kind != ".png") continue;

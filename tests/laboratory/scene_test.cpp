@@ -22,7 +22,7 @@ std::string Refusal(const Status& status) {
   return status.error().message;
 }
 
-TEST_CASE("What fits to the last byte is taken, and one byte less is refused") {
+TEST_CASE("A store that fits to the last byte is loaded, and one byte less is refused") {
   const Catalog catalog = CatalogOf(kTriangles);
   const uint64_t scene = SceneBytes(), picture = kTriangles * 1000;
   REQUIRE(picture > scene);
@@ -41,7 +41,7 @@ TEST_CASE("What fits to the last byte is taken, and one byte less is refused") {
   }
 }
 
-TEST_CASE("A refusal names the store, what it takes, what there is, and the remedy") {
+TEST_CASE("A refusal names the store, the memory needed, the memory there is, and the remedy") {
   const std::string scene = Refusal(
       CheckMemory("x.quarry", CatalogOf(10 * kTriangles), {.structure_bytes = kTreeBytes, .limit = kGiB}));
   CHECK(scene == "x.quarry: 10000000 triangles take about " + FormatSize(10 * SceneBytes()) +

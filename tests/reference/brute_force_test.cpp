@@ -192,7 +192,7 @@ TEST_CASE("Traversal agrees with brute force on slivers, voxel chains and split 
   compare("single", {{0, 0, 0}, {1, 0, 0}, {0, 1, 0.5f}}, 16000);
 }
 
-TEST_CASE("Streams that most rays leave are passed over, and no hit changes", "[reference]") {
+TEST_CASE("Streams that most rays have left are skipped, and no hit changes", "[reference]") {
   const TemporaryFolder folder;
   const LoadedScene scene(GenerateScene(folder, "terrain", 400000), 4096);
   const SceneView& view = scene.resident().view(Algorithm::kTreelets);

@@ -346,7 +346,7 @@ TEST_CASE("Rays that go on after each hit find all hits in order", "[reference][
     PeelAll(LoadedScene(GenerateScene(folder, kind, 2000), 4096), 24, kind);
 }
 
-TEST_CASE("Any-hit rays pass see-through triangles and note that they have", "[reference][going_on]") {
+TEST_CASE("Any-hit rays pass see-through triangles and note it", "[reference][going_on]") {
   const TemporaryFolder folder;
   std::mt19937 random(10);
   const auto compare = [&](const std::string& name, const std::vector<glm::vec3>& corners, size_t clear,
@@ -362,7 +362,7 @@ TEST_CASE("Any-hit rays pass see-through triangles and note that they have", "[r
   compare("halves", Squares(random, 250, 1), 150, 350);
 }
 
-TEST_CASE("Rays pass holes that opacity masks know, and end at opaque parts", "[reference][going_on]") {
+TEST_CASE("Rays pass the holes of opacity masks, and end at opaque parts", "[reference][going_on]") {
   const TemporaryFolder folder;
   std::mt19937 random(12);
   // Every third triangle has no mask of its own; some are all mixed, some all holes.
@@ -387,7 +387,7 @@ TEST_CASE("Rays pass holes that opacity masks know, and end at opaque parts", "[
   compare("fan", Fan(random, 200), 1, 10);
 }
 
-TEST_CASE("Packets lose no cell that one of their rays only just passes", "[reference][going_on]") {
+TEST_CASE("Packets skip no cell that only one of their rays grazes", "[reference][going_on]") {
   const TemporaryFolder folder;
   std::mt19937 random(11);
   const std::string path = folder.file("lattice.obj");

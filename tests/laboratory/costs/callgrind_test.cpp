@@ -48,7 +48,7 @@ TEST_CASE("Calls and instructions of a program are counted", "[laboratory]") {
   CHECK(few["probe::Never"].instructions == 0);
 }
 
-TEST_CASE("A program that fails under valgrind is told with its status", "[laboratory]") {
+TEST_CASE("A program that fails under valgrind is reported with its status", "[laboratory]") {
   if (SkippedWithoutValgrind()) return;
   const auto failed = CountInstructions({kProbe, "1", "3"}, kFunctions);
   REQUIRE(!failed);
@@ -61,7 +61,7 @@ TEST_CASE("A program that fails under valgrind is told with its status", "[labor
   CHECK_THAT(missing.error().message, Catch::Contains("failed with status"));
 }
 
-TEST_CASE("A machine without valgrind is told so", "[laboratory]") {
+TEST_CASE("A machine without valgrind gets an error", "[laboratory]") {
   const char* path = ::getenv("PATH");
   const std::string kept = path ? path : "";
   ::setenv("PATH", "/nonexistent", 1);
@@ -122,7 +122,7 @@ TEST_CASE("A profile's names and costs are read", "[laboratory]") {
   CHECK(c["other"].instructions == 0);
 }
 
-TEST_CASE("Broken profiles are told with their line", "[laboratory]") {
+TEST_CASE("Broken profiles are refused with the line", "[laboratory]") {
   const auto message = [](const std::string& profile) {
     const auto costs = ReadCallgrindProfile(profile, "p", {});
     return costs ? std::string() : costs.error().message;

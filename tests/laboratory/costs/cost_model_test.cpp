@@ -30,7 +30,7 @@ std::vector<std::string> CommandFor(const std::string& store, const char* render
 
 double Error(double predicted, double counted) { return std::abs(predicted / counted - 1); }
 
-TEST_CASE("The cost model foretells words and instructions within 5 %") {
+TEST_CASE("The cost model predicts words and instructions within 5 %") {
   test::TemporaryFolder folder;
   MadeScene scene(GlassModel(folder));
   AddressSpace addresses = scene->addresses();

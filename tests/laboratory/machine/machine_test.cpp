@@ -132,7 +132,7 @@ TEST_CASE("Multipass and branching give the pixels of a render") {
   }
 }
 
-TEST_CASE("Streams that a picture does not need have no memory, and the others the same addresses") {
+TEST_CASE("Streams that a picture does not need take no memory, and the others keep their addresses") {
   constexpr uint32_t kRays = 12288;  // all streams are whole multiples of the alignment
   AddressSpace first, second;
   const RayStreams<OneList> all(kRays, {}, first);
@@ -169,7 +169,7 @@ TEST_CASE("A picture needs the parts of its renderer") {
   CHECK(!parts(glass, Renderer::kPath).lists);
 }
 
-TEST_CASE("Oracles choose by the counts of rays") {
+TEST_CASE("Oracles choose by the number of rays") {
   StageCounts counts;
   counts[Stage::kTraverse] = 70;
   counts[Stage::kUp] = 11;

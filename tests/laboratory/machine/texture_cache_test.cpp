@@ -13,7 +13,7 @@ TextureCache Make(uint64_t bytes, uint32_t line, uint32_t ways) {
   return std::move(*cache);
 }
 
-TEST_CASE("A cache has the sets that fit", "[laboratory]") {
+TEST_CASE("A cache has as many sets as fit its size", "[laboratory]") {
   // Purcell's: 65536 / 48 = 1365.3.
   const auto standard = TextureCache::Create();
   REQUIRE(standard);
@@ -26,7 +26,7 @@ TEST_CASE("A cache has the sets that fit", "[laboratory]") {
   CHECK(Make(65536, 7, 3).sets() == 3120);  // 65536 / 21 = 3120.8
 }
 
-TEST_CASE("Bad shapes of a cache are told in a sentence", "[laboratory]") {
+TEST_CASE("A bad shape of a cache is refused with a sentence", "[laboratory]") {
   const auto message = [](const TextureCacheOptions& options) {
     const auto cache = TextureCache::Create(options);
     return cache ? std::string() : cache.error().message;
@@ -78,7 +78,7 @@ TEST_CASE("An access fetches each line that it spans", "[laboratory]") {
   CHECK(one.Access(48, 48) == 0);  // line 1 was the last
 }
 
-TEST_CASE("The least recently used line of a set leaves", "[laboratory]") {
+TEST_CASE("The least recently used line of a set is evicted", "[laboratory]") {
   TextureCache cache = Make(384, 48, 2);  // 384 / 96 = 4 sets; lines 0, 4, 8, 12 are in set 0
   const auto line = [](uint64_t number) { return number * 48; };
   CHECK(cache.Access(line(0), 4) == 1);  // {0}
@@ -175,7 +175,7 @@ TEST_CASE("An element counts as the words that hold it", "[laboratory]") {
   CHECK(memory.OfKernel(0) == MemoryWords{1, 1, 0});
 }
 
-TEST_CASE("Streams pass the cache when read and leave it when written", "[laboratory]") {
+TEST_CASE("Reads of streams pass through the cache, writes invalidate its lines", "[laboratory]") {
   TextureCache cache = Make(65536, 64, 1);
   AddressSpace space;
   std::vector<Vector4> data(8);  // 16 bytes each: four in a line

@@ -249,7 +249,7 @@ TEST_CASE("a store's tree has the voxels' leaves, and of a chain one tree") {
   CheckScene(*made, 500);
 }
 
-TEST_CASE("trees of the laboratory keep what the textures say") {
+TEST_CASE("the laboratory's trees keep their nodes, leaves and parents as textures") {
   MadeScene loaded = Generated("plant", 3000);
   const LaboratoryScene& scene = *loaded;
   AddressSpace addresses;

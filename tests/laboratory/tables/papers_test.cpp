@@ -136,7 +136,7 @@ TEST_CASE("the kernels of table 3 have the calls and the words of the frame") {
   for (const KernelCost& cost : all) CHECK((cost.nanoseconds > 0 && cost.gigabytes_per_s > 0));
 }
 
-TEST_CASE("times are of every structure, and rays with other hits are counted") {
+TEST_CASE("every structure is timed, and rays with other hits are counted") {
   const MadeScene made = Generated("terrain", 2000);
   const auto papers = Must(PapersScene::Load(made.store(), 32));
   const auto names = [](const std::vector<Timing>& timings) {

@@ -23,7 +23,7 @@ std::string ErrorOf(const std::string& text, const JsonLimits& limits = {}) {
 
 }  // namespace
 
-TEST_CASE("Json is read as it is", "[json]") {
+TEST_CASE("Json values are read unchanged", "[json]") {
   const std::string text =
       R"({"a": [1, -2, 2.5, true, null, "x\u00e9", {"b": []}], "c": {"d": 18446744073709551615}})";
   const auto parsed = ParseJson<json>(text, "f.json");
@@ -33,7 +33,7 @@ TEST_CASE("Json is read as it is", "[json]") {
   CHECK(ParseJson<nlohmann::ordered_json>(R"({"z": 1, "a": 2})", "f")->dump() == R"({"z":1,"a":2})");
 }
 
-TEST_CASE("Json that is none names its byte", "[json]") {
+TEST_CASE("Invalid Json is refused with the byte", "[json]") {
   CHECK_THAT(ErrorOf(""), Contains("byte 1"));
   CHECK_THAT(ErrorOf("{\"a\": [1, 2"), Contains("byte 12") && Contains("in a[2]"));
   CHECK_THAT(ErrorOf("{\"a\": 1} x"), Contains("byte 10"));
@@ -83,7 +83,7 @@ TEST_CASE("Values of the wrong type are named by file and key", "[json]") {
   CHECK_THAT(whole.Member("n")->Member("x").error().message, Contains("n: is no object"));
 }
 
-TEST_CASE("Json comes from regular files alone", "[json]") {
+TEST_CASE("Json is read from regular files only", "[json]") {
   const test::TemporaryFolder folder;
   std::ofstream(folder.file("a.json")) << "[1]";
   CHECK(ReadJsonFile<json>(folder.file("a.json"))->size() == 1);

@@ -21,7 +21,7 @@ TEST_CASE("Text of strangers is shown without control codes", "[log]") {
   CHECK(Printable("") == "");
 }
 
-TEST_CASE("Bytes that are no UTF-8 are shown as bytes", "[log]") {
+TEST_CASE("Bytes that are not UTF-8 are shown as bytes", "[log]") {
   CHECK(Printable("\xff\xfe") == "\\xff\\xfe");
   CHECK(Printable("latin \xfc") == "latin \\xfc");
   CHECK(Printable("cut \xe3\x83") == "cut \\xe3\\x83");
@@ -36,7 +36,7 @@ TEST_CASE("Printable text stays as it is when it is printed again", "[log]") {
     CHECK(Printable(Printable(text)) == Printable(text));
 }
 
-TEST_CASE("Names beside an output are no longer than a name may be", "[output_path]") {
+TEST_CASE("Temporary names beside an output are no longer than the file system allows", "[output_path]") {
   CHECK(BesidePath("a/b.png", ".tmp-1") == "a/b.png.tmp-1");
   const std::string longest(251, 'a');
   const std::string beside = BesidePath("/tmp/" + longest + ".png", ".tmp-123");

@@ -41,7 +41,7 @@ std::string Refusal(OutputGuard& guard, const std::string& path, const OutputKin
 
 }  // namespace
 
-TEST_CASE("Outputs follow links and leave them", "[outputs]") {
+TEST_CASE("Outputs follow links and keep them", "[outputs]") {
   const test::TemporaryFolder folder;
   fs::create_directory(folder.file("there"));
   fs::create_symlink("there/real", folder.file("b"));
@@ -60,7 +60,7 @@ TEST_CASE("Outputs follow links and leave them", "[outputs]") {
   CHECK_FALSE(WriteFileAtomically(folder.file("there"), {}).has_value());
 }
 
-TEST_CASE("A fifo is written to and stays", "[outputs]") {
+TEST_CASE("A fifo is written to and kept", "[outputs]") {
   const test::TemporaryFolder folder;
   const std::string fifo = folder.file("fifo");
   REQUIRE(::mkfifo(fifo.c_str(), 0600) == 0);
@@ -84,7 +84,7 @@ TEST_CASE("A fifo is written to and stays", "[outputs]") {
   CHECK(std::distance(fs::directory_iterator(folder.path()), fs::directory_iterator()) == 1);
 }
 
-TEST_CASE("An output is no input however it is spelt", "[outputs]") {
+TEST_CASE("An output that is also an input is refused, however it is spelt", "[outputs]") {
   const test::TemporaryFolder folder;
   const std::string model = Put(folder, "model.png", "\x89PNG\r\n\x1A\n");
   fs::create_hard_link(model, folder.file("hard.png"));

@@ -78,7 +78,7 @@ struct Server {
 
 }  // namespace
 
-TEST_CASE("What tables share is refused before it is unpacked", "[strangers]") {
+TEST_CASE("Tables that share their parts are refused before they are unpacked", "[strangers]") {
   const uint64_t before = PeakResidentBytes();
   // 0.2 MB that unpacked would be 1.2 GB; then cameras that are right, but one.
   for (const size_t doubles : {size_t{15000}, size_t{3}}) {
@@ -138,7 +138,8 @@ TEST_CASE("Each kind of speaker may send its own messages only, and no larger on
   CHECK(DecodeJobRequest(m.table)->job.cameras.size() == kMaxFrames);
 }
 
-TEST_CASE("A claimed size costs nothing, and what has come of messages is bounded over all", "[strangers]") {
+TEST_CASE("A claimed size costs nothing, and all bytes received of unfinished messages are bounded",
+          "[strangers]") {
   ListenerOptions options;
   options.incoming_bytes = 4 << 20;
   Server server(options);
@@ -169,7 +170,7 @@ TEST_CASE("A claimed size costs nothing, and what has come of messages is bounde
   CHECK(PeakResidentBytes() - before < (24 << 20));
 }
 
-TEST_CASE("Half a message, silence, and reading nothing have their time", "[strangers]") {
+TEST_CASE("Half a message, silence, and a peer that does not read have time limits", "[strangers]") {
   Server server;
   server.speaker = Speaker::kClient;
   using std::chrono::seconds;
@@ -199,7 +200,7 @@ TEST_CASE("Half a message, silence, and reading nothing have their time", "[stra
   CHECK_THAT(server.closed[1], Catch::Contains("idle for 60 seconds"));
 }
 
-TEST_CASE("Where a listener has as many connections as it takes, idle ones go for new ones", "[strangers]") {
+TEST_CASE("A listener at its limit of connections drops idle ones for new ones", "[strangers]") {
   std::vector<std::string> log;
   ListenerOptions options;
   options.most_connections = 8;
@@ -217,7 +218,7 @@ TEST_CASE("Where a listener has as many connections as it takes, idle ones go fo
   CHECK_THAT(log[0], Catch::Contains("8 connections"));
 }
 
-TEST_CASE("A server that sends more than a block is lost", "[strangers]") {
+TEST_CASE("A server that sends more than a block is disconnected", "[strangers]") {
   Server server;
   server.speaker = Speaker::kVoxels;
   asio::io_context io;
@@ -253,7 +254,8 @@ struct CountingSource final : VoxelSource {
 
 }  // namespace
 
-TEST_CASE("Blocks are read only as others take them, and who takes none holds up nobody", "[strangers]") {
+TEST_CASE("Blocks are read only as peers take them, and a peer that takes none delays nobody",
+          "[strangers]") {
   Server server;
   server.speaker = Speaker::kVoxels;
   CountingSource source;

@@ -6,7 +6,7 @@
 
 namespace quarry {
 
-TEST_CASE("More tiles are wanted while threads starve, and fewer as soon as they do not", "[window]") {
+TEST_CASE("More tiles are requested while threads starve, and fewer as soon as they do not", "[window]") {
   AdaptiveQueueDepth window(2);
   CHECK(window.wanted() == FewestTiles(2));
   window.Finished();
@@ -26,7 +26,7 @@ TEST_CASE("More tiles are wanted while threads starve, and fewer as soon as they
   CHECK(window.wanted() == MostTiles(2));
 }
 
-TEST_CASE("Where blocks push each other out of the cache, most tiles are wanted at once", "[window]") {
+TEST_CASE("Most tiles are requested at once where blocks push each other out of the cache", "[window]") {
   AdaptiveQueueDepth window(2);
   window.Starved(true);
   CHECK(window.wanted() == MostTilesIfScarce(2));

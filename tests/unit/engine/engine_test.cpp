@@ -143,7 +143,7 @@ std::vector<Bytes> RenderedAlone(const Row& row, const View& view, const std::ve
 
 }  // namespace
 
-TEST_CASE("A tile of a view that is not there is let go of at once, and never done", "[engine]") {
+TEST_CASE("A tile of an unknown view is released at once, and never done", "[engine]") {
   const Row row;
   Results results;
   Works works(row);
@@ -160,7 +160,7 @@ TEST_CASE("A tile of a view that is not there is let go of at once, and never do
   for (const uint64_t view : {4, 5, 6}) CHECK(results.count(view) == 0);
 }
 
-TEST_CASE("Tiles of several views at once are each its own view's", "[engine]") {
+TEST_CASE("Tiles of several views at once each show their own view", "[engine]") {
   const Row row;
   View voxels = Seen({0, 40, 0}, {0, 10, 0});
   voxels.mode = RenderMode::kVoxels;
@@ -270,7 +270,7 @@ TEST_CASE("Rays are counted tile by tile, and waiting is no computing", "[engine
   CHECK(works.renderer->counters().rays_suspended == 4 * 1024);
 }
 
-TEST_CASE("A block that cannot be had is an error of every call, whichever it is", "[engine]") {
+TEST_CASE("A block that cannot be loaded is an error of every call", "[engine]") {
   const Row row;
   const View view = Mirrored();
   const std::vector<Tile> tiles = TilesOf(view.crop);

@@ -112,7 +112,7 @@ TEST_CASE("Far strays and base plates are not framed", "[framing]") {
   }
 }
 
-TEST_CASE("Without strays all of a model is framed", "[framing]") {
+TEST_CASE("All of a model without strays is framed", "[framing]") {
   Model model;
   model.AddSphere({0, 0, 0}, 1, 32);
   model.AddQuad({1, 0, 0}, {1.5, 0, 0}, {1.5, 0.1, 0}, {1, 0.1, 0});  // a spout
@@ -121,8 +121,9 @@ TEST_CASE("Without strays all of a model is framed", "[framing]") {
   CHECK(framing.lower.z == Approx(-1));
 }
 
-TEST_CASE("A thing on a plate is framed, whatever voxels the plate crosses, and so is one before a backdrop",
-          "[framing]") {
+TEST_CASE(
+    "An object on a plate is framed, whatever voxels the plate crosses, and so is one before a backdrop",
+    "[framing]") {
   for (const bool backdrop : {false, true}) {
     Model model;
     model.AddSphere({0, 0, 1}, 1, 250);
@@ -135,7 +136,7 @@ TEST_CASE("A thing on a plate is framed, whatever voxels the plate crosses, and 
   }
 }
 
-TEST_CASE("What is solid, or a tower of storeys, is no interior, whichever way its faces turn", "[framing]") {
+TEST_CASE("A solid, or a tower of storeys, is no interior, whichever way its faces turn", "[framing]") {
   for (const bool reversed : {false, true}) {
     Model solid, tower, room, things;
     things.AddSphere({0, 0, 0}, 1, 32);

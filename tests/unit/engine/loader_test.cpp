@@ -97,7 +97,7 @@ std::string WithLittleMemory(uint64_t more_bytes, Say say) {
 
 }  // namespace
 
-TEST_CASE("Blocks at hand are loaded in a loop and not in a recursion") {
+TEST_CASE("Blocks that a source gives at once are loaded in a loop and not in a recursion") {
   Fixture f(2000);
   const Catalog& catalog = f.store->catalog();
   VoxelCache cache(
@@ -113,7 +113,7 @@ TEST_CASE("Blocks at hand are loaded in a loop and not in a recursion") {
   CHECK(source.highest - source.lowest < 4096);  // the same frame each time
 }
 
-TEST_CASE("A block at hand waits for room and comes when there is some") {
+TEST_CASE("A block waits for room and is delivered when there is room") {
   Fixture f(3);
   const Catalog& catalog = f.store->catalog();
   VoxelCache cache(
@@ -136,7 +136,7 @@ TEST_CASE("A block at hand waits for room and comes when there is some") {
   cache.Unpin(second);
 }
 
-TEST_CASE("Requests under way are bounded") {
+TEST_CASE("The number of pending requests is bounded") {
   Fixture f(60);
   const Catalog& catalog = f.store->catalog();
   VoxelCache cache(
@@ -157,7 +157,7 @@ TEST_CASE("Requests under way are bounded") {
   CHECK(mailbox.Take(false).size() == blocks.size());
 }
 
-TEST_CASE("A block that cannot be had ends the loader once") {
+TEST_CASE("A block that cannot be loaded ends the loader once") {
   Fixture f(4);
   const Catalog& catalog = f.store->catalog();
   VoxelCache cache(

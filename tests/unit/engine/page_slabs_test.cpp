@@ -56,7 +56,7 @@ TEST_CASE("Small buffers of mixed sizes come from few mappings, and none overlap
   CHECK(Mappings() <= before + 50);
 }
 
-TEST_CASE("Slabs take memory that is there already, and units change their size within their pages",
+TEST_CASE("Slabs use memory that is mapped already, and units change their size within their pages",
           "[slabs]") {
   PageSlabs slabs;
   PageBuffer first = *PageBuffer::TryGet(2 * PageSlabs::kSlabBytes + 4096);

@@ -88,7 +88,7 @@ TEST_CASE("A list of rays has its hits in order, at distances from the rays' ori
   CHECK(Trace(*renderer, {}, RayGoal::kNearest).empty());
 }
 
-TEST_CASE("A ray of a list begins and ends where it says", "[rays]") {
+TEST_CASE("A ray of a list begins and ends at its own limits", "[rays]") {
   const Row row;
   const auto renderer = MakeRenderer(*row.scene);
   constexpr double kFar = 1e6;  // beyond the reach of kernels
@@ -108,7 +108,7 @@ TEST_CASE("A ray of a list begins and ends where it says", "[rays]") {
   }
 }
 
-TEST_CASE("A camera's rays that are asked for hit as the picture's do", "[rays]") {
+TEST_CASE("Queried rays of a camera have the hits of the picture", "[rays]") {
   const Row row;
   const auto renderer = MakeRenderer(*row.scene);
   const SceneMeta& meta = row.scene->catalog().meta;
@@ -148,7 +148,7 @@ TEST_CASE("A camera's rays that are asked for hit as the picture's do", "[rays]"
   }
 }
 
-TEST_CASE("A ray from as far as it may begin ends", "[rays]") {
+TEST_CASE("A ray from the farthest allowed origin ends", "[rays]") {
   const Row row;
   const auto renderer = MakeRenderer(*row.scene);
   std::vector<RayQuery> rays;
@@ -174,7 +174,7 @@ TEST_CASE("A list of rays has the same hits with any cache and threads", "[rays]
     CHECK((any[i].triangle == kNoTriangle) == (whole[i].triangle == kNoTriangle));
 }
 
-TEST_CASE("A ray that cannot be is told, and a list that is not wanted is left", "[rays]") {
+TEST_CASE("An impossible ray is refused, and a cancelled list is abandoned", "[rays]") {
   const Row row;
   const auto renderer = MakeRenderer(*row.scene);
   const double nan = std::numeric_limits<double>::quiet_NaN();

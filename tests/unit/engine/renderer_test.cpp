@@ -47,7 +47,7 @@ Blocks BlocksSeen(const View& view) {
 
 }  // namespace
 
-TEST_CASE("A tile names the voxels before what it hits, and its attributes", "[renderer]") {
+TEST_CASE("A tile names the voxels in front of its hits, and the attributes of the hits", "[renderer]") {
   const Row row;
   const auto renderer = MakeRenderer(row);
   const RenderedTile tile = RenderOne(*renderer, Seen({0, -20, 0}, {0, 10, 0}), {kMiddle, 2});
@@ -63,7 +63,7 @@ TEST_CASE("A tile names the voxels before what it hits, and its attributes", "[r
         Blocks{BlockKey::Hot(2), BlockKey::Shading(2), BlockKey::Hot(3)});
 }
 
-TEST_CASE("Rays that a mode sends on come to more voxels", "[renderer]") {
+TEST_CASE("Rays that a mode sends on visit more voxels", "[renderer]") {
   const Blocks wall{BlockKey::Hot(2), BlockKey::Shading(2)};
   const Blocks all{BlockKey::Hot(0), BlockKey::Hot(1), BlockKey::Hot(2), BlockKey::Shading(2)};
   // Close before the wall, past the voxels that lie before it.
@@ -142,7 +142,7 @@ TEST_CASE("A lattice renders the pixels in the middle of its squares", "[rendere
                         12) == 0);
 }
 
-TEST_CASE("An integrator of one's own is given to the renderer from outside", "[renderer]") {
+TEST_CASE("A custom integrator is given to the renderer from outside", "[renderer]") {
   /// Its radiance is the distance of the visible surface.
   class Distances final : public Integrator {
    public:
@@ -177,7 +177,7 @@ TEST_CASE("An integrator of one's own is given to the renderer from outside", "[
   }
 }
 
-TEST_CASE("A store that is damaged meanwhile ends every call with its sentence", "[renderer]") {
+TEST_CASE("A store that is damaged during a render ends every call with its sentence", "[renderer]") {
   const Row row;
   const auto renderer = MakeRenderer(row);
   const std::string path = row.scene->store().path();
@@ -205,7 +205,7 @@ TEST_CASE("A compute thread without memory ends every call with a sentence, not 
   CHECK_FALSE(renderer->Render(view, tiles, [](size_t, RenderedTile, Renderer::Progress) {}).has_value());
 }
 
-TEST_CASE("A voxel that names a material that the scene lacks is not believed", "[renderer]") {
+TEST_CASE("A voxel that names a material that the scene lacks is refused", "[renderer]") {
   const Row row(1);
   CHECK_THAT(row.scene->store().Verify([](size_t, size_t) {}).error().message,
              Catch::Contains("it names a material that the scene lacks"));

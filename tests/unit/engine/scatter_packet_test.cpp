@@ -88,7 +88,7 @@ Material Shiny() {
 
 }  // namespace
 
-TEST_CASE("Samples shaded together are shaded to the same bits as one by one, and no others are changed") {
+TEST_CASE("Samples shaded together have the same bits as samples shaded one by one, and no others change") {
   Random random;
   for (const uint64_t lanes : kSome) {
     Hits hits(random);
@@ -106,7 +106,7 @@ TEST_CASE("Samples shaded together are shaded to the same bits as one by one, an
   }
 }
 
-TEST_CASE("Light is scattered together to the same bits as one by one") {
+TEST_CASE("Light scattered together has the same bits as light scattered one by one") {
   Random random;
   Hits hits(random);
   MakeSurfaces(hits.triangles, hits.rays, ~uint64_t{0}, hits.surfaces);
@@ -167,7 +167,7 @@ TEST_CASE("Light is scattered together to the same bits as one by one") {
     }
 }
 
-TEST_CASE("Each material's samples are met once") {
+TEST_CASE("Each material's samples are visited once") {
   SurfacePacket surfaces{};
   for (int i = 0; i < static_cast<int>(RayPacket::kRays); ++i)
     surfaces.material[i] = static_cast<uint32_t>(i * i % 5);
@@ -184,7 +184,7 @@ TEST_CASE("Each material's samples are met once") {
   CHECK(materials == std::vector<uint32_t>{0, 1, 4});
 }
 
-TEST_CASE("Primary rays shot together are those shot one by one") {
+TEST_CASE("Primary rays shot together equal rays shot one by one") {
   CameraSpec spec;
   spec.eye = {0, 0, 5};
   spec.at = {0.1, 0.2, 0};

@@ -38,7 +38,7 @@ TEST_CASE("A point light falls off with the square of the distance") {
   CHECK(s.direction.z == Approx(1));
 }
 
-TEST_CASE("A point light may shine in a cone") {
+TEST_CASE("A point light can shine in a cone") {
   Light light{LightKind::kPoint, {0, 0, 3}, {18, 18, 18}};
   light.axis = {0, 0, -1};
   light.cone_scale = 4;
@@ -75,7 +75,8 @@ TEST_CASE("Glass bends by Snell's law and reflects all beyond the critical angle
   CHECK(out.reflect_weight == glm::vec3(1));
 }
 
-TEST_CASE("A path that ends at the first surface shows what mirrors, and an unlit surface in no light") {
+TEST_CASE(
+    "A path that ends at the first surface shows a mirror's base colour, and unlit surfaces without light") {
   Material m;
   m.diffuse = glm::vec3(0);
   m.base_color = {1, 0.5f, 0.25f};
@@ -103,7 +104,7 @@ TEST_CASE("Interpolated normals turn toward the viewer") {
   CHECK(s.color.y == 0.5f);
 }
 
-TEST_CASE("Rays start at an eye within reach of the scene; of one farther off, at the scene's box") {
+TEST_CASE("Rays start at the eye, or at the scene's box where the eye is far away") {
   CameraSpec spec;
   spec.eye = {0.25, -0.5, 0.125};
   spec.at = {3, 2, 1};

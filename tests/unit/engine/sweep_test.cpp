@@ -33,8 +33,7 @@ BlockKey Hot(uint32_t voxel) { return BlockKey::Hot(voxel); }
 
 }  // namespace
 
-TEST_CASE("Voxels stand in the order in which rays of an octant pass them, chains by their numbers",
-          "[sweep]") {
+TEST_CASE("Voxels are sorted as rays of an octant pass them, voxels of a chain by their numbers", "[sweep]") {
   const VoxelOrder order(FourVoxels());
   CHECK(InOrder(order, 0) == std::vector<uint32_t>{1, 2, 3, 0});
   CHECK(InOrder(order, 1) == std::vector<uint32_t>{0, 1, 2, 3});  // down in x
@@ -43,8 +42,7 @@ TEST_CASE("Voxels stand in the order in which rays of an octant pass them, chain
   CHECK(InOrder(order, 7) == std::vector<uint32_t>{0, 2, 3, 1});
 }
 
-TEST_CASE("A sweep passes through an octant, then through the next, and comes to what it has passed last",
-          "[sweep]") {
+TEST_CASE("A sweep visits one octant, then the next, and returns to passed voxels last", "[sweep]") {
   const VoxelOrder order(FourVoxels());
   Sweep sweep(order);
   const OctantMask up = OctantBit(1, 1, 1), down_x = OctantBit(-1, 1, 1);
@@ -61,7 +59,8 @@ TEST_CASE("A sweep passes through an octant, then through the next, and comes to
   CHECK(sweep.Distance({Hot(1), up}) < sweep.Distance({Hot(0), down_x}));
 }
 
-TEST_CASE("Blocks without room beside each other come one by one, in the sweep's order", "[sweep]") {
+TEST_CASE("Blocks that do not fit the cache together are loaded one by one, in the sweep's order",
+          "[sweep]") {
   const Catalog catalog = FourVoxels();
   int wants = 0;
   VoxelCache cache(
@@ -99,7 +98,7 @@ TEST_CASE("Blocks without room beside each other come one by one, in the sweep's
   CHECK_FALSE(cache.TurnToLoad().has_value());
 }
 
-TEST_CASE("Where all wanted blocks have room, the one that most rays wait for comes first", "[sweep]") {
+TEST_CASE("Where all wanted blocks fit, the block with most waiting rays is loaded first", "[sweep]") {
   const Catalog catalog = FourVoxels();
   VoxelCache cache(
       catalog, 10 * kBlock, [] {}, [] {});

@@ -178,7 +178,7 @@ TEST_CASE("Lookups agree with bilinear interpolation of the levels, for every wr
   }
 }
 
-TEST_CASE("A lookup that has one page at a time ends with the same bits", "[texture]") {
+TEST_CASE("A lookup with one page in memory at a time ends with the same bits", "[texture]") {
   const RandomTexture texture(300, 133, 4, TexelFormat::kSrgb8);
   std::mt19937 random(5);
   std::uniform_real_distribution<float> place(0, 1), level(-1, 5);
@@ -207,7 +207,7 @@ TEST_CASE("A lookup that has one page at a time ends with the same bits", "[text
   CHECK(most >= 5);
 }
 
-TEST_CASE("Positions that are no numbers, or far away, are positions all the same", "[texture]") {
+TEST_CASE("Positions that are not numbers, or far away, still give a texel", "[texture]") {
   const RandomTexture texture(300, 133, 1, TexelFormat::kLinear8);
   const float odd[] = {NAN, INFINITY, -INFINITY, 3e38f, -1e20f, 1e6f, -0.0f, 1, -1e-9f, 0.99999994f};
   for (const float s : odd)
@@ -253,7 +253,7 @@ TEST_CASE("The slope of a lookup is the derivative of the interpolation", "[text
   }
 }
 
-TEST_CASE("Texels that are summed for a packet have the bits of single lookups", "[texture]") {
+TEST_CASE("Texels summed for a packet have the bits of single lookups", "[texture]") {
   std::mt19937 random(8);
   std::uniform_real_distribution<float> place(-2, 3), level(-2, 9);
   const auto lookups = std::make_unique<TextureLookups>();

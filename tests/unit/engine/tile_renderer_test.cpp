@@ -202,7 +202,7 @@ TEST_CASE("A tile has the hits and colours that geometry gives, from near and fr
   CheckWall(-500, 4);
 }
 
-TEST_CASE("Where rays hit nothing a tile has the background, and the layers say so", "[tile_renderer]") {
+TEST_CASE("A tile shows the background where rays hit nothing, and its layers state it", "[tile_renderer]") {
   const Row row;
   View view = Looking({0, kEyeY, 0}, {0, -30, 0});
   view.aov_mask = 127;
@@ -230,7 +230,7 @@ TEST_CASE("Where rays hit nothing a tile has the background, and the layers say 
   CHECK(tile.blocks.empty());
 }
 
-TEST_CASE("A block is wanted once for all rays that wait for it, one after the other along the rays",
+TEST_CASE("A block is requested once for all waiting rays, and blocks one by one along the rays",
           "[tile_renderer]") {
   const Row row;
   Bench bench(row);
@@ -259,7 +259,7 @@ TEST_CASE("A block is wanted once for all rays that wait for it, one after the o
   CHECK(tile.rays_suspended == 4 * kPixels);
 }
 
-TEST_CASE("With its blocks at hand a tile waits for nothing, and is the same bytes", "[tile_renderer]") {
+TEST_CASE("A tile whose blocks are resident does not wait, and has the same bytes", "[tile_renderer]") {
   const Row row;
   Bench bench(row);
   const RenderedTile first = bench.Render(Mirrored(), {kMiddle});
@@ -272,8 +272,7 @@ TEST_CASE("With its blocks at hand a tile waits for nothing, and is the same byt
   CheckSame(first, second);
 }
 
-TEST_CASE("A cache of one block changes no byte of a tile, nor do blocks in another order",
-          "[tile_renderer]") {
+TEST_CASE("A cache of one block, or another order of blocks, changes no byte of a tile", "[tile_renderer]") {
   const Row row;
   for (View view : {BeforeWall(), Mirrored()}) {
     view.aov_mask = 127;
@@ -285,7 +284,7 @@ TEST_CASE("A cache of one block changes no byte of a tile, nor do blocks in anot
   }
 }
 
-TEST_CASE("A lattice at the picture's edge stays in it, and its points are the whole tile's",
+TEST_CASE("A lattice at the picture's edge stays inside, and its points are pixels of the whole tile",
           "[tile_renderer]") {
   const Row row;
   View view = Mirrored();
@@ -310,7 +309,7 @@ TEST_CASE("A lattice at the picture's edge stays in it, and its points are the w
   }
 }
 
-TEST_CASE("Rays of a list hit what eye rays hit, without shading", "[tile_renderer]") {
+TEST_CASE("Rays of a list have the hits of eye rays, without shading", "[tile_renderer]") {
   const Row row;
   const View view = Mirrored();
   View layers = view;
@@ -346,7 +345,7 @@ TEST_CASE("A tile counts the rays of all its samples and the rays that surfaces 
   }
 }
 
-TEST_CASE("An abandoned tile is done where it stands, and leaves nothing to the next", "[tile_renderer]") {
+TEST_CASE("An abandoned tile ends at once, and leaves nothing to the next", "[tile_renderer]") {
   const Row row;
   const RenderedTile expected = Bench(row).Render(BeforeWall(), {kMiddle});
   for (int steps = 0; steps < 4; ++steps) {
@@ -367,7 +366,7 @@ TEST_CASE("An abandoned tile is done where it stands, and leaves nothing to the 
   }
 }
 
-TEST_CASE("A tile's memory is fixed when it is opened, and within what engines count with",
+TEST_CASE("A tile's memory is fixed when it is opened, and within the engine's allowance",
           "[tile_renderer]") {
   const Row row;
   for (const View& view : {BeforeWall(), Mirrored()}) {
@@ -416,7 +415,7 @@ TEST_CASE("Nested lattices trace each pixel once, as the first sample of the who
   CHECK(std::ranges::all_of(traced, [](int times) { return times == 1; }));
 }
 
-TEST_CASE("Sums of ranges of samples are the sum of all", "[renderer][live]") {
+TEST_CASE("Sums of ranges of samples add up to the sum of all", "[renderer][live]") {
   const Row row;
   View view = Mirrored();
   view.aov_mask = 1;  // depth, with the first range
@@ -445,7 +444,7 @@ TEST_CASE("Sums of ranges of samples are the sum of all", "[renderer][live]") {
   }
 }
 
-TEST_CASE("What is shown in motion is near the mean, and rays that wait leave holes", "[renderer][live]") {
+TEST_CASE("A picture in motion is near the mean, and waiting rays leave holes", "[renderer][live]") {
   const Row row;
   View view = Mirrored();
   view.spp = 1;
@@ -508,7 +507,7 @@ TEST_CASE("A tile of many packets leaves holes packet by packet", "[renderer][li
   CHECK(again.pixels == all.pixels);
 }
 
-TEST_CASE("Colours with a shared exponent come back", "[renderer][live]") {
+TEST_CASE("Colours with a shared exponent are decoded to the same colours", "[renderer][live]") {
   for (const float v : {0.0f, 1e-9f, 1e-5f, 0.18f, 0.999f, 1.0f, 511.9f, 512.0f, 65280.0f, 1e9f}) {
     const glm::vec3 back = UnpackShared(PackShared({v, v / 2, 0}));
     const float wanted = std::min(v, kMostShared);

@@ -102,7 +102,7 @@ glm::vec3 SharePassed(float x, const Light& light, bool& clear) {
 
 }  // namespace
 
-TEST_CASE("Light on a floor is multiplied once for each pane of glass before the light", "[going_on]") {
+TEST_CASE("Light on a floor is multiplied once for each pane of glass in front of the light", "[going_on]") {
   const TemporaryFolder folder;
   const StoreReader with = MakeStore(folder, true), without = MakeStore(folder, false);
   const Light lights[] = {{LightKind::kSun, {0, 0, 1}, glm::vec3(1)},

@@ -56,7 +56,7 @@ TEST_CASE("Absent blocks cannot be pinned") {
   f.cache.Unpin(4_b);
 }
 
-TEST_CASE("The least recently used goes first") {
+TEST_CASE("The least recently used block is evicted first") {
   Fixture f(2 * kBlock);
   REQUIRE((f.Load(1_b) && f.Load(2_b)));
   REQUIRE(f.cache.TryPin(1_b));
@@ -69,7 +69,7 @@ TEST_CASE("The least recently used goes first") {
   CHECK(f.cache.counters().bytes == 2 * kBlock);
 }
 
-TEST_CASE("A block that goes leaves its pages to the next") {
+TEST_CASE("An evicted block leaves its pages to the next") {
   Fixture f(kBlock);
   REQUIRE(f.Load(1_b));
   const std::byte* pages = f.cache.TryPin(1_b)->bytes.bytes().data();
@@ -91,7 +91,7 @@ TEST_CASE("Pages take any size") {
   for (const std::byte b : neighbour.bytes()) REQUIRE(b == std::byte{0});
 }
 
-TEST_CASE("Memory got beforehand is used first") {
+TEST_CASE("Memory allocated beforehand is used first") {
   constexpr size_t kPage = 4096;
   Fixture f(3 * kPage + kBlock);
   PageBuffer memory = *PageBuffer::TryGet(5 * kPage);  // more than the budget
@@ -134,7 +134,7 @@ TEST_CASE("Pinned blocks stay") {
   CHECK(f.Load(2_b));
 }
 
-TEST_CASE("A block is pinned for all who wait for it before it can go") {
+TEST_CASE("A block is pinned for all waiting threads before it can be evicted") {
   Fixture f(kBlock);
   Mailbox a, b;
   f.cache.Want(1_b, &a, 5);
@@ -152,7 +152,7 @@ TEST_CASE("A block is pinned for all who wait for it before it can go") {
   CHECK(f.Load(2_b));
 }
 
-TEST_CASE("Wanting a resident block delivers at once") {
+TEST_CASE("A request for a resident block is answered at once") {
   Fixture f(kBlock);
   Mailbox a;
   REQUIRE(f.Load(1_b));
@@ -207,7 +207,7 @@ TEST_CASE("A thread finds each of its blocks by kind and index") {
   CHECK(touched == blocks);
 }
 
-TEST_CASE("A list whose number another had before has its blocks all the same") {
+TEST_CASE("A list that reuses another list's number logs all its blocks") {
   Fixture f(kBlock);
   REQUIRE(f.Load(1_b));
   std::vector<BlockKey> touched, other;
@@ -223,14 +223,14 @@ TEST_CASE("A list whose number another had before has its blocks all the same") 
   CHECK(other == std::vector<BlockKey>{1_b});
 }
 
-TEST_CASE("Memory that the system lacks is a value") {
+TEST_CASE("A lack of memory is an error value") {
   CHECK_FALSE(PageBuffer::TryGet(size_t{1} << 50).has_value());
   PageBuffer buffer = *PageBuffer::TryGet(5000);
   CHECK_FALSE(buffer.Resize(size_t{1} << 50));
   CHECK(buffer.bytes().size() == 5000);
 }
 
-TEST_CASE("Changes are told without the caches lock") {
+TEST_CASE("Changes are reported without the cache's lock") {
   const Catalog catalog = TenVoxels();
   std::vector<std::pair<BlockKey, bool>> told;
   VoxelCache* self = nullptr;
@@ -275,7 +275,7 @@ TEST_CASE("Many threads share a cache of one block") {
   CHECK(f.cache.counters().bytes <= kBlock);
 }
 
-TEST_CASE("Pages count as memory's pages, and the oldest that is not pinned goes first") {
+TEST_CASE("Texture pages count in whole pages of memory, and the oldest unpinned one is evicted first") {
   const Catalog catalog = TexturedVoxels();
   REQUIRE(catalog.block_numbers() == 20 + 21);
   const auto page = [&](uint32_t number) { return catalog.PageKey(0, number); };

@@ -90,7 +90,7 @@ int Import(const std::string& text) {
 
 }  // namespace
 
-TEST_CASE("Importers outlive broken files", "[import][fuzz]") {
+TEST_CASE("Importers survive broken files", "[import][fuzz]") {
   const std::vector<std::string> seeds = Seeds();
   std::mt19937 random(20011);  // the same files on every run
   size_t runs = 0;

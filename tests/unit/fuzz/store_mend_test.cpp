@@ -7,7 +7,7 @@
 
 namespace quarry {
 
-TEST_CASE("A store whose checksums are mended is looked at for what it says") {
+TEST_CASE("A changed store with repaired checksums is read past them, to its content") {
   const test::TemporaryFolder folder;
   const std::string path = folder.file("s.quarry"), changed = folder.file("c.quarry");
   test::WriteSmallStore(path, 3);

@@ -202,7 +202,7 @@ TEST_CASE("glTF by Draco: a copy without compression is read, unless the extensi
   CHECK(optional.polygons.size() == 4);
 }
 
-TEST_CASE("glTF by Draco: members that cannot be are refused by one sentence", "[import][gltf][draco]") {
+TEST_CASE("glTF by Draco: invalid members are refused with one sentence", "[import][gltf][draco]") {
   const Builder sound = Document(Encode(draco::MESH_EDGEBREAKER_ENCODING, 14));
   const auto refused = [&](auto&& change, const char* sentence) {
     Builder b = sound;
@@ -233,7 +233,7 @@ TEST_CASE("glTF by Draco: members that cannot be are refused by one sentence", "
   refused([](Builder& b) { b.buffer[0] = 'X'; }, "bufferViews[0]: cannot be decoded (");
 }
 
-TEST_CASE("glTF by Draco: the decoder keeps to its memory, and its absence is told",
+TEST_CASE("glTF by Draco: the decoder stays within its memory, and a missing decoder is an error",
           "[import][gltf][draco]") {
   const Builder b = Document(Encode(draco::MESH_EDGEBREAKER_ENCODING, 14));
   const TemporaryFolder folder;

@@ -85,7 +85,7 @@ TEST_CASE("glTF: nodes, instances, attributes, materials", "[import][gltf]") {
   CheckTwoSquares(sink);
 }
 
-TEST_CASE("GLB is the same in one file, known by its content", "[import][gltf]") {
+TEST_CASE("GLB is the same in one file, recognised by its content", "[import][gltf]") {
   RecordingSink sink;
   REQUIRE(ImportText("m", TwoSquares().Glb(), sink).empty());
   CheckTwoSquares(sink);
@@ -143,7 +143,7 @@ TEST_CASE("glTF: strips, fans, no indices, strides, sparse elements", "[import][
   CHECK(sparse.positions[2] == glm::dvec3(4, 0, 0));
 }
 
-TEST_CASE("glTF: elements that stand in no buffer have a limit", "[import][gltf]") {
+TEST_CASE("glTF: elements that no buffer holds have a limit", "[import][gltf]") {
   const auto error_of = [](uint64_t count, bool sparse) {
     Builder b;
     const size_t index = b.Accessor(std::vector<uint8_t>{1}, "SCALAR", 5121);
@@ -165,7 +165,7 @@ TEST_CASE("glTF: elements that stand in no buffer have a limit", "[import][gltf]
     CHECK_THAT(error_of(4000000000, sparse), Catch::Contains("elements without a buffer view"));
 }
 
-TEST_CASE("glTF: what cannot be is refused by one sentence", "[import][gltf]") {
+TEST_CASE("glTF: impossible values are refused with one sentence", "[import][gltf]") {
   CHECK_THAT(ErrorAfter([](Json& j) { j["asset"]["version"] = "1.0"; }), Catch::Contains("is not glTF 2"));
   CHECK_THAT(ErrorAfter([](Json& j) { j["accessors"][0]["count"] = 5; }),
              Catch::Contains("its 5 elements go beyond bufferViews[0]"));

@@ -281,8 +281,7 @@ TEST_CASE("glTF by meshopt: sparse elements are compressed too", "[import][gltf]
   CHECK(sink.positions[2] == glm::dvec3(5, 1, 0));
 }
 
-TEST_CASE("glTF by meshopt: parameters that cannot be are refused by one sentence",
-          "[import][gltf][meshopt]") {
+TEST_CASE("glTF by meshopt: impossible parameters are refused with one sentence", "[import][gltf][meshopt]") {
   struct Row {
     size_t view;
     const char* key;
@@ -336,7 +335,7 @@ TEST_CASE("glTF by meshopt: a newer version of the codec is named", "[import][gl
       Catch::Contains("bufferViews[0].extensions.EXT_meshopt_compression: is of version 14 of the codec"));
 }
 
-TEST_CASE("glTF by meshopt: decoding keeps to half of the memory", "[import][gltf][meshopt]") {
+TEST_CASE("glTF by meshopt: decoding takes at most half of the memory", "[import][gltf][meshopt]") {
   const TemporaryFolder folder;
   const std::string path = folder.Write("m.glb", CompressedGrid<uint32_t>("TRIANGLES").Glb());
   GltfDecoding decoding;
@@ -354,7 +353,7 @@ TEST_CASE("glTF by meshopt: decoding keeps to half of the memory", "[import][glt
              Catch::Contains("a file for decoded bytes cannot be made"));
 }
 
-TEST_CASE("glTF by meshopt: cut streams are refused, each by one sentence", "[import][gltf][meshopt]") {
+TEST_CASE("glTF by meshopt: cut streams are refused, each with one sentence", "[import][gltf][meshopt]") {
   for (const char* mode : {"TRIANGLES", "INDICES"})
     for (const size_t view : {size_t{0}, size_t{2}}) {
       Builder whole = Square([&](Builder& b) {

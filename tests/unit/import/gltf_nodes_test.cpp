@@ -53,7 +53,7 @@ TEST_CASE("glTF: instances of a node are placed before it", "[import][gltf]") {
   CHECK(sink.warnings.empty());
 }
 
-TEST_CASE("glTF: instances that cannot be are refused", "[import][gltf]") {
+TEST_CASE("glTF: impossible instances are refused", "[import][gltf]") {
   CHECK_THAT(ErrorOfSquare([](Builder& b) {
                const size_t at = b.Accessor(std::vector<float>(6), "VEC3", 5126);
                const size_t scale = b.Accessor(std::vector<float>(9), "VEC3", 5126);
@@ -71,7 +71,8 @@ TEST_CASE("glTF: instances that cannot be are refused", "[import][gltf]") {
       Catch::Contains("shows meshes[0], of 4 vertices, 2147483648 times"));
 }
 
-TEST_CASE("glTF: what compresses or changes geometry and is not read ends the import", "[import][gltf]") {
+TEST_CASE("glTF: an unknown extension that compresses or changes geometry ends the import",
+          "[import][gltf]") {
   CHECK_THAT(
       ErrorOfSquare([](Builder& b) {
         b.json["extensionsUsed"] = {"KHR_coming_compression"};
@@ -104,7 +105,7 @@ TEST_CASE("glTF: what compresses or changes geometry and is not read ends the im
   CHECK_THAT(sink.warnings[1], Catch::Contains("\"KHR_materials_sheen\" is not read"));
 }
 
-TEST_CASE("glTF: joints move a skinned mesh, its node does not", "[import][gltf]") {
+TEST_CASE("glTF: joints move a skinned mesh, and its node does not", "[import][gltf]") {
   const auto skinned = [](Builder& b, double joint) {
     const size_t joints = b.Accessor(
         std::vector<uint8_t>{0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, static_cast<uint8_t>(joint), 1, 0, 0},
@@ -132,7 +133,7 @@ TEST_CASE("glTF: joints move a skinned mesh, its node does not", "[import][gltf]
              Catch::Contains("a vertex is moved by joint 9, but there are only 2"));
 }
 
-TEST_CASE("glTF: morph targets by their weights; hidden nodes are not there", "[import][gltf]") {
+TEST_CASE("glTF: morph targets are applied by their weights; hidden nodes are left out", "[import][gltf]") {
   RecordingSink sink;
   REQUIRE(Import(Square([](Builder& b) {
                    const size_t up =

@@ -72,7 +72,7 @@ TEST_CASE("MTL: names, comments, clamping, defaults", "[import][mtl]") {
              Catch::Contains("left out, since they are not read: MTL statements \"crazy_unknown\""));
 }
 
-TEST_CASE("MTL: what cannot be understood is left out with a warning", "[import][mtl]") {
+TEST_CASE("MTL: unknown statements are left out with a warning", "[import][mtl]") {
   const Read read = ReadText("newmtl a\nKd spectral file.rfl\nNs high\nKs 1 1\nKd 0 0 0\n");
   REQUIRE(read.warnings.size() == 3);
   CHECK(read.warnings[1].ends_with("a.mtl, line 3: \"Ns high\" is not understood and left out"));
@@ -117,7 +117,7 @@ TEST_CASE("MTL: dissolve passes straight through", "[import][mtl]") {
   CHECK(One("d -halo 0.5").transmittance == glm::vec3(0.5f));
 }
 
-TEST_CASE("MTL: a file that is not there is an error", "[import][mtl]") {
+TEST_CASE("MTL: a missing file is an error", "[import][mtl]") {
   const auto result = ReadMtl("/nowhere/a.mtl", [](const std::string&) {});
   REQUIRE_FALSE(result);
   CHECK(result.error().message == "/nowhere/a.mtl: cannot be opened: No such file or directory");

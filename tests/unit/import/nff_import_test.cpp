@@ -19,7 +19,7 @@ RecordingSink Import(const std::string& name, const std::string& text) {
 
 }  // namespace
 
-TEST_CASE("NFF: the view is a camera, lights are as bright as they say where it looks at") {
+TEST_CASE("NFF: the view is a camera, and lights have their brightness at the point it looks at") {
   const RecordingSink s =
       Import("a.nff", std::string(kHead) + "l lamp 0 0 2 1 0.5 0.25\np 3\n0 0 0\n1 0 0\n1 1 0\n");
   REQUIRE(s.cameras.size() == 1);
@@ -107,7 +107,7 @@ TEST_CASE("AFF: included files, transforms, animations at their first moment") {
   CHECK(s.warnings.size() == 1);
 }
 
-TEST_CASE("NFF: spheres and cones beyond what is made are refused with figures") {
+TEST_CASE("NFF: too many spheres and cones are refused with figures") {
   std::string text = kHead;
   for (int i = 0; i < 94697; ++i) text += "s 0 0 0 1\n";
   CHECK(ErrorOf("a.nff", text) ==
@@ -115,7 +115,7 @@ TEST_CASE("NFF: spheres and cones beyond what is made are refused with figures")
         "cone), and at most 50000000 are made; give fewer a model, or meshes of your own");
 }
 
-TEST_CASE("NFF and AFF that are broken are refused with the place") {
+TEST_CASE("Broken NFF and AFF files are refused with the place") {
   const std::string head = "b 0 0 1\n";
   CHECK(ErrorOf("a.nff", head + "p 3\n0 0 0\n1 0 x\n") ==
         "a.nff, line 4: a corner should be here, a number, not \"x\"");

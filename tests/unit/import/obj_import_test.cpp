@@ -76,11 +76,11 @@ TEST_CASE("OBJ: numbers, colours, weights, white space, byte order mark, continu
   CHECK(sink.triangles == 2);
 }
 
-TEST_CASE("OBJ: a face may refer to what comes later", "[import][obj]") {
+TEST_CASE("OBJ: a face may refer to vertices that come later", "[import][obj]") {
   CHECK(ErrorOf("a.obj", "f 1 2 3\n" + kVertices) == "");
 }
 
-TEST_CASE("OBJ: normals and texture coordinates that are not in the file are left out", "[import][obj]") {
+TEST_CASE("OBJ: indices of missing normals and texture coordinates are left out", "[import][obj]") {
   RecordingSink sink;
   REQUIRE(ImportText("a.obj", kVertices + "f 1/1/1 2/2/2 3/3/3\nvn 0 0 1\nvn 0 1 0\nvt 0 0\n", sink) == "");
   REQUIRE(sink.polygons.size() == 1);

@@ -150,7 +150,7 @@ TEST_CASE("Odd glTF and OFF files are read, or refused with the reason", "[impor
   }
 }
 
-TEST_CASE("Real models have the triangles they are known to have", "[import][real]") {
+TEST_CASE("Real models have their known number of triangles", "[import][real]") {
   const auto scenes = ScenesFolder();
   if (!scenes) return;
   CheckModel(*scenes, "bunny/bun_zipper.ply", 69451);

@@ -59,7 +59,7 @@ std::string BinaryStl(uint32_t facets) {
 
 }  // namespace
 
-TEST_CASE("Packed models are read as what they unpack to", "[import][packed]") {
+TEST_CASE("Packed models are read like the unpacked files", "[import][packed]") {
   const std::pair<std::string, std::string> models[] = {{"m.obj", LargeObj()}, {"m.stl", BinaryStl(1000)}};
   for (const auto& [name, content] : models) {
     RecordingSink plain;

@@ -90,7 +90,7 @@ TEST_CASE("STL: words apart, glued, and more of them", "[import][reported]") {
              Contains("line 4: ") && Contains("\"0,5\""));
 }
 
-TEST_CASE("STL: counts that were never written, and lengths behind facets", "[import][reported]") {
+TEST_CASE("STL: counts that were never filled in, and lengths behind facets", "[import][reported]") {
   for (const uint32_t count : {0u, 0xFFFFFFFFu}) {
     RecordingSink sink;
     REQUIRE(ImportText("a.stl", Stl("x", count, 0, 0), sink) == "");
@@ -142,7 +142,7 @@ TEST_CASE("PLY: lines with more values than the header names", "[import][reporte
   CHECK_THAT(sink.warnings[0], Contains("2 lines hold more values"));
 }
 
-TEST_CASE("Files that are no models are named", "[import][reported]") {
+TEST_CASE("Files that are not models are named", "[import][reported]") {
   const std::pair<std::string, std::string> files[] = {
       {"version https://git-lfs.github.com/spec/v1\noid sha256:00\n", "Git LFS"},
       {std::string("\xFD\x37zXZ\0", 6), "xz"},
@@ -175,7 +175,7 @@ TEST_CASE("Files that are no models are named", "[import][reported]") {
   CHECK_THAT(ErrorOf("a.obj", kObj), Contains("point cloud"));
 }
 
-TEST_CASE("The origin is chosen in the midst of what is used", "[import][reported]") {
+TEST_CASE("The origin is chosen in the middle of the used vertices", "[import][reported]") {
   OriginSurvey survey;
   CHECK(!survey.Place());
   REQUIRE(survey.AddPosition({1e9, 0, 0}, {}));

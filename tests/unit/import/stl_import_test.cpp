@@ -27,7 +27,7 @@ const std::string kFacet =
 
 }  // namespace
 
-TEST_CASE("STL: binary, even where it calls itself solid", "[import][stl]") {
+TEST_CASE("STL: binary, even if its header begins with solid", "[import][stl]") {
   RecordingSink sink;
   REQUIRE(ImportText("a.stl", BinaryStl("solid but binary", 2, 2), sink) == "");
   CHECK(sink.triangles == 2);

@@ -100,8 +100,7 @@ TEST_CASE("OBJ: images by their MTL, with the material's own colours", "[import]
   CHECK(BindingOf(m, TextureUse::kBump).factor.x == 0.25f);
 }
 
-TEST_CASE("OBJ: an image that is not there is one warning, and the material does without",
-          "[import][texture][obj]") {
+TEST_CASE("OBJ: a missing image is one warning, and the material has no texture", "[import][texture][obj]") {
   const TemporaryFolder folder;
   folder.Write("a.mtl", "newmtl m\nKd 1 0 0\n\nmap_Kd gone.png\nnewmtl unused\nmap_Kd gone too.png\n");
   RecordingSink sink;
@@ -274,7 +273,7 @@ TEST_CASE("glTF: a triangle carries the coordinates of its base colour", "[impor
                                     Catch::Contains("carries TEXCOORD_1"));
 }
 
-TEST_CASE("glTF: what cannot be carried is one warning each", "[import][texture][gltf]") {
+TEST_CASE("glTF: each unsupported feature of textures is one warning", "[import][texture][gltf]") {
   const auto warning = [](auto&& change) {
     const TemporaryFolder folder;
     folder.Write("a.png", "x");
@@ -322,7 +321,7 @@ TEST_CASE("glTF: what cannot be carried is one warning each", "[import][texture]
              Contains("\"/etc/hostname\" is named by an absolute path"));
 }
 
-TEST_CASE("glTF, MTL: numbers beyond all bounds are ones that a store takes", "[import][texture]") {
+TEST_CASE("glTF, MTL: numbers out of bounds are clamped to the range of a store", "[import][texture]") {
   const TemporaryFolder folder;
   folder.Write("a.png", "x");
   Document d;

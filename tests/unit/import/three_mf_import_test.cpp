@@ -65,7 +65,7 @@ TEST_CASE("3MF: components lie in components, each with its transform", "[import
   CHECK(read.sink.polygons[4].part == 1);
 }
 
-TEST_CASE("3MF: an object beyond the limits of memory is given for all instances at once", "[import][3mf]") {
+TEST_CASE("3MF: an object too large for memory is passed on for all instances at once", "[import][3mf]") {
   std::string mesh = "<mesh><vertices>";
   const int vertices = 70'000;
   for (int i = 0; i < vertices; ++i) {
@@ -97,7 +97,7 @@ TEST_CASE("3MF: base materials are an object's, a triangle's first", "[import][3
   CHECK(read.sink.polygons[1].material == 1);
 }
 
-TEST_CASE("3MF: colours of groups are sRGB, of a triangle or of its corners", "[import][3mf]") {
+TEST_CASE("3MF: colours of groups are sRGB, for a triangle or for its corners", "[import][3mf]") {
   const std::string colors =
       "<m:colorgroup id=\"9\"><m:color color=\"#808080\"/><m:color color=\"#ff0000FF\"/>"
       "<m:color color=\"#0000FF\"/></m:colorgroup>";
@@ -112,7 +112,7 @@ TEST_CASE("3MF: colours of groups are sRGB, of a triangle or of its corners", "[
   CHECK(read.At(0, 2) == glm::dvec3(1, 1, 0));
 }
 
-TEST_CASE("3MF: looks that are not there give a warning and the default", "[import][3mf]") {
+TEST_CASE("3MF: missing properties give a warning and the default", "[import][3mf]") {
   const std::string colors = "<m:colorgroup id=\"9\"><m:color color=\"#808080\"/></m:colorgroup>";
   const Read read(ThreeMfModel(
       colors + ThreeMfObject(1, SquareMesh("pid=\"9\" p1=\"1\"", "pid=\"8\" p1=\"0\"")), Item(1)));
@@ -169,7 +169,7 @@ TEST_CASE("3MF: a build without items shows all objects that no other holds", "[
   CHECK_THAT(read.sink.warnings[0], Catch::Contains("its build shows no object"));
 }
 
-TEST_CASE("3MF: bombs of components are refused before the first triangle", "[import][3mf]") {
+TEST_CASE("3MF: component bombs are refused before the first triangle", "[import][3mf]") {
   std::string objects = ThreeMfObject(1, SquareMesh());
   for (int id = 2; id < 12; ++id) {
     std::string ten;

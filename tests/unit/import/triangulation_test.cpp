@@ -248,7 +248,7 @@ TEST_CASE("Holes by keyholes stay holes", "[triangulation]") {
   }
 }
 
-TEST_CASE("Polygons that cross themselves, or are none, become as many triangles", "[triangulation]") {
+TEST_CASE("Polygons that cross themselves, or are degenerate, become as many triangles", "[triangulation]") {
   std::mt19937 chance(3);
   Triangulator triangulator;
   const auto check = [&](const std::vector<glm::vec3>& corners) {

@@ -79,7 +79,7 @@ bool SameBits(const WideNode& a, const WideNode& b) {
 
 }  // namespace
 
-TEST_CASE("A block's tree comes back in treelets and wide nodes, bit by bit") {
+TEST_CASE("A block's tree is restored in treelets and wide nodes, bit by bit") {
   std::mt19937 random(21);
   BlockDecoder decoder;
   for (uint32_t inner : {0u, 1u, 2u, 3u, 14u, 15u, 16u, 400u, 33u, 1500u}) {

@@ -83,7 +83,7 @@ TEST_CASE("Rays in another order are the same rays, in full packets") {
     }
 }
 
-TEST_CASE("Rays by place are near the next one, and by octant have its signs") {
+TEST_CASE("Rays sorted by place are near their neighbours, and rays sorted by octant share signs") {
   RaySet place = RandomRays(200, 1), octant = place;
   const double at_random = MeanStep(place);
   Reorder(place, RayOrder::kPlace, Box(1));

@@ -79,7 +79,7 @@ TEST_CASE("A tree keeps its leaves in any layout, and each climb ends at the top
   }
 }
 
-TEST_CASE("A layout takes just the slots it says") {
+TEST_CASE("A layout takes exactly the slots that it states") {
   std::mt19937 random(6);
   TreeletLayout layout(kTreeletLevels);
   for (size_t inner : {0, 1, 2, 3, 60}) {

@@ -118,7 +118,7 @@ TEST_CASE("Wide nodes have the tree's leaves, each in one place") {
   }
 }
 
-TEST_CASE("Wide nodes know in which order rays of each octant pass their cells") {
+TEST_CASE("Wide nodes give the order in which rays of each octant pass their cells") {
   std::mt19937 random(9);
   for (uint32_t inner : {1, 7, 8, 300})
     for (const WideNode& node : MakeWideTree(RandomTree(random, inner), kCell, 0, CellItself))
@@ -145,7 +145,7 @@ TEST_CASE("Wide nodes know in which order rays of each octant pass their cells")
 }
 
 TEST_CASE(
-    "Every kernel follows rays through as many levels as there may be, and through hundreds if it can") {
+    "Every kernel follows rays through the largest number of levels, and through hundreds where it can") {
   // A chain: each plane cuts off one leaf. Only the leaf at one end is hit; rays come from the other. Streams
   // have room for no more levels than are read.
   const bool hundreds = GENERATE(false, true);

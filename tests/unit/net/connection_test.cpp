@@ -133,7 +133,7 @@ Message Request(uint32_t block) {
 
 }  // namespace
 
-TEST_CASE("Messages come as they were sent, plain and by TLS") {
+TEST_CASE("Messages arrive as they were sent, plain and by TLS") {
   const bool tls = GENERATE(false, true);
   Network network(tls ? WithSecret('a', true) : Security());
   End& client = network.ConnectTo(tls ? WithSecret('a', false) : Security());
@@ -170,7 +170,7 @@ TEST_CASE("Close sends what is queued first") {
   CHECK_FALSE(client.closed);
 }
 
-TEST_CASE("A last word is heard, though its sender has closed before all that was sent to it had come") {
+TEST_CASE("A last message arrives, though its sender closed before it had read everything") {
   const bool tls = GENERATE(false, true);
   Network network(tls ? WithSecret('a', true) : Security());
   End& client = network.ConnectTo(tls ? WithSecret('a', false) : Security());
@@ -191,7 +191,7 @@ TEST_CASE("A last word is heard, though its sender has closed before all that wa
   CHECK(server.messages[1].raw == Block(1000, 3).raw);
 }
 
-TEST_CASE("After Close nothing comes, not even what is here already") {
+TEST_CASE("After Close nothing is delivered, not even bytes that have arrived") {
   Network network{Security()};
   for (int i = 0; i < 2; ++i) network.ConnectTo({});
   int turns = 0;  // until all that comes before a greeting has been read
@@ -208,7 +208,7 @@ TEST_CASE("After Close nothing comes, not even what is here already") {
   CHECK(first.messages.size() + second.messages.size() == 1);
 }
 
-TEST_CASE("A connection that is closed goes, though nobody runs its io_context any more") {
+TEST_CASE("A closed connection is destroyed, though nobody runs its io_context any more") {
   Network network{Security()};
   std::weak_ptr<Connection> watched;
   {
@@ -248,7 +248,7 @@ TEST_CASE("Close does not wait for a peer that no longer answers or reads", "[lo
   CHECK(watched.expired());
 }
 
-TEST_CASE("Sides that do not fit together part for good, and others go on") {
+TEST_CASE("Incompatible peers disconnect for good, and others continue") {
   const Security secret = WithSecret('a', true);
   struct Case {
     Security server, client;
@@ -281,7 +281,7 @@ TEST_CASE("Sides that do not fit together part for good, and others go on") {
   }
 }
 
-TEST_CASE("Of more than 64 that have not greeted the oldest is dropped") {
+TEST_CASE("Beyond 64 connections without a greeting the oldest is dropped") {
   Network network{Security()};
   std::vector<tcp::socket> idle;
   End& greeted = network.ConnectTo({});
@@ -301,7 +301,7 @@ TEST_CASE("Of more than 64 that have not greeted the oldest is dropped") {
   }
 }
 
-TEST_CASE("A first message that is no greeting is not read") {
+TEST_CASE("A first message that is not a greeting is not read") {
   Network network{Security()};
   tcp::socket peer(network.client_io);
   peer.connect({asio::ip::make_address("127.0.0.1"), network.listener->port()});
@@ -334,7 +334,7 @@ TEST_CASE("A message with a changed bit drops the connection and is not delivere
   }
 }
 
-TEST_CASE("Nothing on the way to a voxel server is final for a block") {
+TEST_CASE("A failed handshake with a voxel server is not final for a block") {
   // Flipped bits in a handshake look like another secret.
   Network network(WithSecret('a', true));
   const Catalog catalog = test::CatalogOf(2, 1000);
@@ -350,7 +350,7 @@ TEST_CASE("Nothing on the way to a voxel server is final for a block") {
   }
 }
 
-TEST_CASE("However many blocks are wanted, a server is asked for no more at once than it takes", "[long]") {
+TEST_CASE("However many blocks are wanted, a server gets no more requests at once than its limit", "[long]") {
   constexpr size_t kWanted = 3 * kMostBlockRequests + 7;
   Network network{Security()};
   const Catalog catalog = test::CatalogOf(kWanted / 2 + 1, 10);
@@ -387,7 +387,7 @@ TEST_CASE("However many blocks are wanted, a server is asked for no more at once
         }) == kWanted);
 }
 
-TEST_CASE("Who asks for more blocks at once than it may is told so") {
+TEST_CASE("A client that requests too many blocks at once gets an error") {
   Network network{Security()};
   for (int i = 0; i < 2; ++i) {
     End& client = network.ConnectTo({});
@@ -408,7 +408,7 @@ TEST_CASE("Who asks for more blocks at once than it may is told so") {
   CHECK_FALSE(service.Answer(greedy, Request(7)).has_value());
 }
 
-TEST_CASE("A listener that is destroyed is not used by what has happened before") {
+TEST_CASE("A destroyed listener is not used by earlier events") {
   asio::io_context io;
   std::unique_ptr<Listener> listener;
   int connections = 0;
@@ -440,7 +440,7 @@ TEST_CASE("A listener that is destroyed is not used by what has happened before"
   CHECK_FALSE(listener);
 }
 
-TEST_CASE("A timer that is destroyed, stopped or set anew does not call, though it has expired") {
+TEST_CASE("An expired timer that is destroyed, stopped or restarted does not call") {
   asio::io_context io;
   Timer first(io), stopped(io), anew(io);
   std::optional<Timer> destroyed(std::in_place, io);

@@ -30,7 +30,7 @@ HttpLocation Location(const std::string& url) {
 
 }  // namespace
 
-TEST_CASE("Addresses of HTTP servers are taken apart") {
+TEST_CASE("Addresses of HTTP servers are parsed") {
   const HttpLocation plain = Location("http://store.example/a/b.quarry?x=1");
   CHECK(
       (!plain.tls && plain.host == "store.example" && plain.port == 80 && plain.target == "/a/b.quarry?x=1"));
@@ -52,7 +52,7 @@ TEST_CASE("Addresses of HTTP servers are taken apart") {
   }
 }
 
-TEST_CASE("Headers and signatures go to servers that are named") {
+TEST_CASE("Headers and signatures are sent to named servers only") {
   HttpOptions all;
   all.headers = {{"Authorization", "secret"}};
   all.aws.emplace();
@@ -77,7 +77,7 @@ TEST_CASE("Headers and signatures go to servers that are named") {
     CHECK_FALSE(ParseHttpAuthority(bad, "--http-header-host").has_value());
 }
 
-TEST_CASE("Headers come from a file that only its owner reads") {
+TEST_CASE("Headers are read from a file that only its owner can read") {
   const test::TemporaryFolder folder;
   const std::string path = folder.file("headers");
   WriteText(path, "# token of the test\n\nAuthorization: Bearer abc.def \r\nX-Team:a b\n");
@@ -108,7 +108,7 @@ TEST_CASE("Headers come from a file that only its owner reads") {
   CHECK(!ReadHttpHeaders(folder.file("none")).has_value());
 }
 
-TEST_CASE("AWS credentials come from a file or the environment") {
+TEST_CASE("AWS credentials are read from a file or the environment") {
   const test::TemporaryFolder folder;
   const std::string path = folder.file("aws.json");
   WriteText(
@@ -145,7 +145,7 @@ TEST_CASE("AWS credentials come from a file or the environment") {
     ::unsetenv(name);
 }
 
-TEST_CASE("AWS credentials come from profiles, as the tools of AWS write them") {
+TEST_CASE("AWS credentials are read from profiles, as the tools of AWS write them") {
   const test::TemporaryFolder folder;
   const std::string credentials = folder.file("credentials"), config = folder.file("config");
   WriteText(credentials,
@@ -181,7 +181,7 @@ TEST_CASE("AWS credentials come from profiles, as the tools of AWS write them") 
   for (const char* name : names) ::unsetenv(name);
 }
 
-TEST_CASE("Proxies are those of the environment, but for hosts that need none") {
+TEST_CASE("Proxies are taken from the environment, except for hosts that need none") {
   const char* const names[] = {"http_proxy", "https_proxy", "HTTPS_PROXY", "all_proxy",
                                "ALL_PROXY",  "no_proxy",    "NO_PROXY",    "HTTP_PROXY"};
   for (const char* name : names) ::unsetenv(name);
@@ -235,7 +235,7 @@ TEST_CASE("A redirection leads to an absolute address or a relative one, and nev
 }
 
 // Examples of "Signature Calculations for the Authorization Header" in the S3 API reference: 24 May 2013.
-TEST_CASE("Signatures are those that Amazon publishes") {
+TEST_CASE("Signatures equal Amazon's published examples") {
   const AwsCredentials credentials{"us-east-1", "AKIAIOSFODNN7EXAMPLE",
                                    "wJalrXUtnFEMI/K7MDENG/bPxRfiCYEXAMPLEKEY", ""};
   constexpr std::time_t kThen = 1369353600;
@@ -273,7 +273,7 @@ TEST_CASE("Signatures are those that Amazon publishes") {
   }
 }
 
-TEST_CASE("A path means the same to a signature however it is encoded, and a token is signed") {
+TEST_CASE("A path has the same signature however it is encoded, and a token is signed") {
   const AwsCredentials credentials{"r", "A", "S", "token"};
   const auto sign = [&](const std::string& target) {
     return SignAwsRequest({"h", target, {}}, credentials, 0);

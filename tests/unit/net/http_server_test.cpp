@@ -353,7 +353,8 @@ TEST_CASE("Methods other than GET and HEAD are refused, with a body or without",
   CHECK(served.requests == 0);
 }
 
-TEST_CASE("What is no request, or has a body, is answered with 400 and closed", "[http_server]") {
+TEST_CASE("Bytes that are not a request, or a request with a body, are answered with 400 and closed",
+          "[http_server]") {
   Served served;
   for (const std::string& text :
        {std::string("hello\r\n\r\n"), std::string("\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03", 11),
@@ -438,7 +439,8 @@ TEST_CASE("A client that does not read its answer is closed", "[http_server]") {
   CHECK(client.Rest().size() < 64u << 20);
 }
 
-TEST_CASE("With all places taken the longest idle connection goes, and never a WebSocket", "[http_server]") {
+TEST_CASE("With all places taken the longest idle connection is closed, and never a WebSocket",
+          "[http_server]") {
   HttpServerOptions options;
   options.most_connections = 3;
   std::atomic<int> lines{0};
@@ -495,7 +497,7 @@ TEST_CASE("A WebSocket carries text both ways and bytes to the browser", "[http_
         fmt::format("127.0.0.1:{}", client.socket.next_layer().socket().local_endpoint().port()));
 }
 
-TEST_CASE("A WebSocket that may not be is refused as the handler says, and the connection kept",
+TEST_CASE("A WebSocket that the handler refuses gets its answer, and the connection is kept",
           "[http_server]") {
   Served served;
   SocketClient client(served.port(), "/other");
@@ -612,7 +614,7 @@ TEST_CASE("Bytes count as queued until a client that does not read takes them", 
   CHECK(message.use_count() == 1);
 }
 
-TEST_CASE("Close sends what is queued, shakes hands and calls nobody", "[http_server]") {
+TEST_CASE("Close sends queued bytes, finishes the closing handshake and calls nobody", "[http_server]") {
   Served served;
   SocketClient client(served.port());
   const auto socket = served.socket();
@@ -665,7 +667,7 @@ TEST_CASE("Close waits for a client that does not read, and not for long", "[htt
   CHECK(Eventually([&] { return socket.use_count() == 2; }));
 }
 
-TEST_CASE("A WebSocket's end is told once, whether the browser says goodbye or vanishes", "[http_server]") {
+TEST_CASE("A WebSocket's end is reported once, whether the browser closes it or vanishes", "[http_server]") {
   Served served;
   const bool politely = GENERATE(true, false);
   {
@@ -780,7 +782,7 @@ TEST_CASE("HTTPS carries requests and WebSockets, and plain requests end", "[htt
   CHECK(served.requests == 1);
 }
 
-TEST_CASE("A TLS handshake that does not go on is closed", "[http_server]") {
+TEST_CASE("A TLS handshake that stalls is closed", "[http_server]") {
   const test::TemporaryFolder folder;
   HttpTimes times;
   times.handshake_s = 0.3;

@@ -55,7 +55,7 @@ TEST_CASE("An s3:// address is Amazon's, in the environment's region, or the end
   CHECK(RemoteLocation("s3://models/x", "it").error().exit_status() == 2);
 }
 
-TEST_CASE("What is no file of S3 is refused, and what is no address is no server's") {
+TEST_CASE("An S3 address without bucket or key is refused, and other names are not addresses of servers") {
   for (const std::string place : {"s3://", "s3://models", "s3:///x", "s3://models/"}) {
     INFO(place);
     CHECK(IsRemote(place));

@@ -72,13 +72,13 @@ void CheckSame(const RenderJob& a, const RenderJob& b) {
 
 }  // namespace
 
-TEST_CASE("A worker greets with a thread at least; others have none") {
+TEST_CASE("A worker greets with at least one thread; others have none") {
   CHECK_FALSE(DecodeHello(Encode(Hello{Role::kWorker, "w", 0})).has_value());
   CHECK(DecodeHello(Encode(Hello{Role::kWorker, "w", 1}))->threads == 1);
   CHECK(DecodeHello(Encode(Hello{Role::kClient, "c", 0})).has_value());
 }
 
-TEST_CASE("Messages come back field by field") {
+TEST_CASE("Messages are decoded to the same fields") {
   CheckSame(MakeJob(), DecodeJobRequest(Encode(JobRequest{MakeJob(), 0}))->job);
   const View view = FrameView(MakeJob(), 1);
   const auto setup = DecodeFrameSetup(Encode(FrameSetup{99, view, 98}));
@@ -148,7 +148,7 @@ TEST_CASE("Messages come back field by field") {
   CHECK(DecodeBlockRequest(Encode(BlockRequest{123}))->block == 123);
 }
 
-TEST_CASE("Values that cannot be are refused") {
+TEST_CASE("Invalid values are refused") {
   TileOrder order{1, 2, 3, {{4, 5, 6, 7}}};
   order.area.form = static_cast<PixelForm>(3);
   CHECK_FALSE(DecodeTileOrder(Encode(order)).has_value());
@@ -240,7 +240,7 @@ TEST_CASE("Frame headers are checked before anything is allocated") {
   CHECK_FALSE(DecodeFrameHeader(Sealed(reserved)).has_value());
 }
 
-TEST_CASE("A byte of a message that changes on its way is noticed, wherever it is") {
+TEST_CASE("A changed byte of a message is noticed, wherever it is") {
   Message m{MessageType::kTileDone, 7, Encode(TileDone{1, 2, 3}), Bytes(300)};
   const Bytes good = EncodeFrameHeader(m);
   const auto header = DecodeFrameHeader(good);

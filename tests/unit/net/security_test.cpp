@@ -81,7 +81,7 @@ TEST_CASE("Security without options is plain") {
   CHECK_FALSE(Security().tls());
 }
 
-TEST_CASE("Security options that do not go together are refused with what is missing") {
+TEST_CASE("Security options that do not fit together are refused with the missing option") {
   const Folder folder;
   const std::string secret = folder.Write("secret", std::string(32, 's'));
   CHECK(Security::ForServer({secret, {}, {}, {}})->tls());
@@ -95,7 +95,7 @@ TEST_CASE("Security options that do not go together are refused with what is mis
   CHECK_THAT(UsageError(Security::ForServer({{}, {}, {}, "a"})), Catch::Contains("needs --tls-cert"));
 }
 
-TEST_CASE("Certificate files that are not what they should be are named") {
+TEST_CASE("Wrong certificate files are named") {
   const Folder folder;
   const std::string text = folder.Write("text", "no certificate"), open = folder.Write("open", "key", 0604);
   CHECK_THAT(UsageError(Security::ForClient({{}, {}, {}, "/no/such/ca"})),

@@ -115,7 +115,7 @@ TEST_CASE("A point lies in one of 16 sub-triangles of equal area", "[texture]") 
   }
 }
 
-TEST_CASE("Masks state no more than every texel that lookups touch, and little less", "[texture]") {
+TEST_CASE("Masks claim only what all touched texels confirm, and little less", "[texture]") {
   const test::TemporaryFolder folder;
   const Grey image(150, 90, 4);
   image.Write(folder.file("g.pgm"));
@@ -170,7 +170,7 @@ TEST_CASE("Masks state no more than every texel that lookups touch, and little l
   CHECK(needless * 20 < mixed);  // texels between the sampled points, or within the slack
 }
 
-TEST_CASE("Texels at borders of tiles and far coordinates are judged right", "[texture]") {
+TEST_CASE("Texels at borders of tiles and at far coordinates are classified correctly", "[texture]") {
   const test::TemporaryFolder folder;
   Grey image(200, 130, 1);
   std::ranges::fill(image.values, uint8_t{255});

@@ -82,7 +82,7 @@ std::string ReadText(const std::string& path) {
 
 }  // namespace
 
-TEST_CASE("Images of the formats that are read", "[texture][decoder]") {
+TEST_CASE("Images of all supported formats are read", "[texture][decoder]") {
   const TemporaryFolder folder;
   ImageDecoder decoder(Helper());
   struct Kind {
@@ -188,7 +188,7 @@ TEST_CASE("Colours come without alpha, also where a format or its reader has mul
   for (size_t i = 0; i < 8; ++i) CHECK(real[i] == divided[i]);
 }
 
-TEST_CASE("What is no image, or half of one, is a sentence that names it and its model",
+TEST_CASE("A file that is no image, or half of one, is refused with its name and its model's",
           "[texture][decoder]") {
   const TemporaryFolder folder;
   ImageDecoder decoder(Helper());
@@ -221,7 +221,7 @@ TEST_CASE("What is no image, or half of one, is a sentence that names it and its
   CHECK_FALSE(decoder.LookAt(ImageIn(folder.file("text.png"))));
 }
 
-TEST_CASE("Damaged images never harm who wants them decoded", "[texture][decoder]") {
+TEST_CASE("Damaged images never harm the program that has them decoded", "[texture][decoder]") {
   const TemporaryFolder folder;
   ImageDecoder decoder(Helper());
   std::mt19937 random(3);
@@ -247,7 +247,7 @@ TEST_CASE("Damaged images never harm who wants them decoded", "[texture][decoder
   CHECK(refused + read == 160);
 }
 
-TEST_CASE("A decoder that crashes costs one image, one that is short of memory ends the run",
+TEST_CASE("A decoder that crashes costs one image, and one that is short of memory ends the run",
           "[texture][decoder][long]") {
   const TemporaryFolder folder;
   WriteImage(folder.file("a.png"), 20, 20, 3, OIIO::TypeDesc::UINT8);
@@ -272,7 +272,7 @@ TEST_CASE("A decoder that crashes costs one image, one that is short of memory e
   CHECK(Decode(large, ImageIn(folder.file("large.tga"))).error == "");
 }
 
-TEST_CASE("A decoder that finds no end is ended, and the run with it", "[texture][decoder]") {
+TEST_CASE("A decoder that never ends is killed, and the run ends", "[texture][decoder]") {
   const TemporaryFolder folder;
   WriteImage(folder.file("a.png"), 20, 20, 3, OIIO::TypeDesc::UINT8);
   ImageDecoder decoder(Helper());
@@ -291,7 +291,7 @@ TEST_CASE("A decoder that finds no end is ended, and the run with it", "[texture
   CHECK(circling.is_fatal());
 }
 
-TEST_CASE("An error of who takes the rows ends the image, and the next one is as ever",
+TEST_CASE("An error of the receiver of rows ends the image, and the next image is read as usual",
           "[texture][decoder]") {
   const TemporaryFolder folder;
   WriteImage(folder.file("a.png"), 2000, 2000, 3, OIIO::TypeDesc::UINT8);
@@ -304,7 +304,7 @@ TEST_CASE("An error of who takes the rows ends the image, and the next one is as
   CHECK(Decode(decoder, ImageIn(folder.file("a.png"))).rows.size() == 2000 * 2000 * 3);
 }
 
-TEST_CASE("A helper that says what cannot be, and lives on, is not waited for", "[texture][decoder]") {
+TEST_CASE("A helper that answers nonsense and lives on is not waited for", "[texture][decoder]") {
   const TemporaryFolder folder;
   Helper();
   const std::string program = folder.file("astray");
@@ -317,7 +317,7 @@ TEST_CASE("A helper that says what cannot be, and lives on, is not waited for", 
   CHECK_FALSE(decoder.is_fatal());
 }
 
-TEST_CASE("An image below a folder whose name is of memory is refused as any other", "[texture][decoder]") {
+TEST_CASE("An image in a folder named like a memory error is refused like any other", "[texture][decoder]") {
   const TemporaryFolder folder;
   std::filesystem::create_directory(folder.file("memory alloc"));
   ImageDecoder decoder(Helper());
@@ -336,7 +336,7 @@ TEST_CASE("An image below a folder whose name is of memory is refused as any oth
   }
 }
 
-TEST_CASE("An EXR that shows another window than it has data for is refused", "[texture][decoder]") {
+TEST_CASE("An EXR whose display window differs from its data window is refused", "[texture][decoder]") {
   const TemporaryFolder folder;
   OIIO::ImageSpec spec(4, 4, 3, OIIO::TypeDesc::HALF);
   spec.x = 2;
@@ -351,7 +351,7 @@ TEST_CASE("An EXR that shows another window than it has data for is refused", "[
   CHECK_FALSE(decoder.is_fatal());
 }
 
-TEST_CASE("A damaged EXR is refused as an image, whatever memory it asks for", "[texture][decoder]") {
+TEST_CASE("A damaged EXR is refused as an image, whatever memory it claims", "[texture][decoder]") {
   const TemporaryFolder folder;
   const std::string sound = folder.file("sound.exr"), damaged = folder.file("damaged.exr");
   WriteImage(sound, 8, 8, 3, OIIO::TypeDesc::HALF);

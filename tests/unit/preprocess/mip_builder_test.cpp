@@ -82,7 +82,7 @@ TEST_CASE("Mip levels: one colour stays what it is", "[texture]") {
   }
 }
 
-TEST_CASE("Mip levels: light is what is averaged", "[texture]") {
+TEST_CASE("Mip levels: linear light is averaged", "[texture]") {
   const auto checkers = [](uint32_t x, uint32_t y, std::byte* out) { *out = B((x + y) % 2 ? 255 : 0); };
   const Levels color = Build({256, 128, 1, TexelFormat::kSrgb8}, checkers);
   const Levels number = Build({256, 128, 1, TexelFormat::kLinear8}, checkers);
@@ -92,7 +92,7 @@ TEST_CASE("Mip levels: light is what is averaged", "[texture]") {
   }
 }
 
-TEST_CASE("Mip levels: with odd sides every texel counts for as much as any", "[texture]") {
+TEST_CASE("Mip levels: with odd sides every texel has the same weight", "[texture]") {
   for (const auto& [width, height] : {std::pair{5u, 7u}, {3u, 1u}, {1u, 9u}, {131u, 67u}, {255u, 127u}}) {
     CAPTURE(width, height);
     std::mt19937 random(width);
@@ -117,7 +117,7 @@ TEST_CASE("Mip levels: with odd sides every texel counts for as much as any", "[
   CHECK(five.Byte(1, 0, 1) == (100 + 150 * 2 + 200 * 2) / 5);
 }
 
-TEST_CASE("Mip levels: what cannot be seen lends no colour", "[texture]") {
+TEST_CASE("Mip levels: invisible texels contribute no colour", "[texture]") {
   const Levels all = Build({2, 2, 4, TexelFormat::kLinear8}, [](uint32_t x, uint32_t, std::byte* out) {
     out[0] = B(x == 0 ? 200 : 0);  // red, and nothing beside it that is green
     out[1] = B(x == 0 ? 0 : 255);
@@ -140,7 +140,7 @@ TEST_CASE("Texels: every code of 8 bits is its own nearest", "[texture]") {
   CHECK(ToByte(std::nanf("")) == B(0));
 }
 
-TEST_CASE("Rows: the channels that are wanted, as they are stored", "[texture]") {
+TEST_CASE("Rows: the requested channels, as they are stored", "[texture]") {
   const ImageFacts rgba{2, 1, 4, 0, 0};
   const Bytes row = {B(10), B(20), B(30), B(40), B(50), B(60), B(70), B(80)};
   const auto picked = [&](const ImageFacts& facts, bool color, TexturePick pick, TexelLayout& layout) {

@@ -138,7 +138,7 @@ TEST_CASE("Empty space around regions and groups of them is cut off, and nothing
   CHECK(empty > 4900);  // most of the right half
 }
 
-TEST_CASE("Planes chosen from a sample lie at borders of bins, and part it into regions") {
+TEST_CASE("Planes chosen from a sample lie at borders of bins, and divide it into regions") {
   constexpr uint64_t kWeight = 1024;
   std::vector<TriangleRecord> spread = Triangles(8000, 0.02f), clusters = spread, outlier = spread,
                               flat = spread;
@@ -184,7 +184,7 @@ TEST_CASE("Planes chosen from a sample lie at borders of bins, and part it into 
   }
 }
 
-TEST_CASE("Regions hold every triangle that touches their cells, in order, and go on where they were left") {
+TEST_CASE("Regions hold every triangle that touches their cells, in order, and continue where they stopped") {
   const test::TemporaryFolder folder;
   const auto records = Triangles(400000, 0.02f);
   auto spill = SpillFile::Open(folder.file("all"), RecordBytes(Attributes::kNone), 0);
@@ -252,7 +252,7 @@ TEST_CASE("The partition gives voxels of the size allowed, none twice, every tri
   CHECK(lost == 0);
 }
 
-TEST_CASE("Paged files give back what was appended, from memory or disk") {
+TEST_CASE("Paged files return the appended bytes, from memory or disk") {
   const test::TemporaryFolder folder;
   auto file = PagedFile::Create(folder.file("paged"), sizeof(uint64_t));
   REQUIRE(file.has_value());

@@ -185,7 +185,7 @@ TEST_CASE("A ball's corners have the ball's normals, a cube's have none", "[smoo
     REQUIRE(Degrees(normal, Cube()[place.first].vertices[place.second] - glm::vec3(0.5f)) < 0.1f);
 }
 
-TEST_CASE("Smoothing groups go before angles, and sides do not matter without them", "[smooth]") {
+TEST_CASE("Smoothing groups override angles, and sides do not matter without them", "[smooth]") {
   std::vector<TriangleRecord> cube = Cube();
   for (TriangleRecord& t : cube) t.smoothing = SmoothingGroup(1);
   CHECK(SolveAll(cube, 1).size() == 36);
@@ -298,7 +298,7 @@ TEST_CASE("Groups of equal number in two files are two", "[smooth]") {
   for (const uint16_t other : {kSmoothByAngle, kFlat, kOwnNormals}) CHECK(SmoothingOfFile(other, 7) == other);
 }
 
-TEST_CASE("What a model states of its facets reaches the store", "[smooth]") {
+TEST_CASE("Smoothing groups, normals and flat facets of a model reach the store", "[smooth]") {
   const TemporaryFolder folder;
   PreprocessOptions options = OptionsFor(folder, folder.file("m.obj"));
   const std::string cube =

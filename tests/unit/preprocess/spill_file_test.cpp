@@ -60,7 +60,7 @@ constexpr uint64_t kCount = 100000;
 
 }  // namespace
 
-TEST_CASE("Spill files give back what was appended, packed or not, written here or by a writer") {
+TEST_CASE("Spill files return the appended bytes, packed or not, written here or by a writer") {
   const test::TemporaryFolder folder;
   SpillWriter writer;
   uint64_t bytes[2] = {};
@@ -108,7 +108,7 @@ TEST_CASE("Spill files give back what was appended, packed or not, written here 
   CHECK(bytes[1] * 2 < bytes[0]);
 }
 
-TEST_CASE("Spill files are packed from a length on") {
+TEST_CASE("Spill files are packed above a length") {
   const test::TemporaryFolder folder;
   SpillFile::Options options;
   options.pack_from = 1 << 20;
@@ -123,7 +123,7 @@ TEST_CASE("Spill files are packed from a length on") {
   CHECK(bytes < kCount * sizeof(Element) / 2);
 }
 
-TEST_CASE("A spill file goes on where it was synchronised, and only there") {
+TEST_CASE("A spill file continues where it was synchronised, and only there") {
   const test::TemporaryFolder folder;
   const std::string path = folder.file("spill");
   {
@@ -147,7 +147,7 @@ TEST_CASE("A spill file goes on where it was synchronised, and only there") {
   CHECK(refused(kCount / 2 + 50));  // within a block
 }
 
-TEST_CASE("A damaged spill file is told from a whole one where it is packed") {
+TEST_CASE("Damage of a packed spill file is noticed") {
   const test::TemporaryFolder folder;
   const std::string path = folder.file("spill");
   auto file = SpillFile::Open(path, sizeof(Element), 0, {.pack_from = SpillFile::kPackAll});
@@ -161,7 +161,7 @@ TEST_CASE("A damaged spill file is told from a whole one where it is packed") {
   CHECK_FALSE(file->Read(0, std::as_writable_bytes(std::span(read))).has_value());
 }
 
-TEST_CASE("Headers of a spill file's blocks are not believed", "[resume]") {
+TEST_CASE("Headers of a spill file's blocks are checked", "[resume]") {
   const test::TemporaryFolder folder;
   const std::string path = folder.file("spill");
   {
@@ -192,7 +192,7 @@ TEST_CASE("Headers of a spill file's blocks are not believed", "[resume]") {
   }
 }
 
-TEST_CASE("A writer that fails says so to all who wait for it") {
+TEST_CASE("A writer that fails returns its error to all waiting threads") {
   SpillWriter writer;
   std::vector<std::byte> block(10);
   int written = 0;

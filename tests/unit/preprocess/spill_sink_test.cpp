@@ -49,7 +49,7 @@ SpillSink MakeSink(const TemporaryFolder& folder, uint64_t memory) {
 
 }  // namespace
 
-TEST_CASE("A concave polygon is split alike whether its vertices have come or not") {
+TEST_CASE("A concave polygon is split alike whether its vertices come before or after it") {
   const glm::dvec3 corners[] = {{2, 0, 0}, {2, 1, 0}, {1, 1, 0}, {1, 2, 0}, {0, 2, 0}, {0, 0, 0}};
   std::vector<TriangleRecord> records[2];
   for (const bool faces_first : {false, true}) {
@@ -119,7 +119,7 @@ TEST_CASE("Triangles are spilled without shading until a file has some") {
   CHECK(Records(*scene).size() == 40005);
 }
 
-TEST_CASE("A model far from the origin is brought near it, by whole steps") {
+TEST_CASE("A model far from the origin is moved near it, by whole steps") {
   const TemporaryFolder folder;
   SpillSink sink = MakeSink(folder, 1 << 20);
   AddFile(sink, 3, 500736.25, false, false);
@@ -132,7 +132,8 @@ TEST_CASE("A model far from the origin is brought near it, by whole steps") {
   CHECK(near.Finish()->offset == glm::dvec3(0));
 }
 
-TEST_CASE("Triangles whose vertices lie far apart, or come later, are the same in the end", "[long]") {
+TEST_CASE("Triangles whose vertices lie far apart in the file, or come later, are the same in the end",
+          "[long]") {
   // More vertices than pages hold; every triangle's corners come from three places, in no order.
   constexpr uint32_t kVertices = 3 << 20, kFaces = 200000;
   const auto position = [](uint32_t i) { return glm::dvec3(i % 1024, i / 1024 % 1024, i / (1024 * 1024)); };

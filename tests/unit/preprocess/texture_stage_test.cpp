@@ -18,7 +18,7 @@ void Write(const std::string& path, const std::string& content) {
 
 }  // namespace
 
-TEST_CASE("From a model to texels: what is in the image is in the store, the upper row first", "[texture]") {
+TEST_CASE("From a model to texels: the image's texels are in the store, the upper row first", "[texture]") {
   ::signal(SIGPIPE, SIG_IGN);
   const test::TemporaryFolder folder;
   std::string texels;
@@ -116,7 +116,7 @@ TEST_CASE("A bump map that holds normals is a normal map", "[texture]") {
   CHECK(store->material_textures()[0].binding.factor.x == 0.5f);
 }
 
-TEST_CASE("Images that a checkpoint has are not carried again", "[texture]") {
+TEST_CASE("Images in a checkpoint are not imported again", "[texture]") {
   ::signal(SIGPIPE, SIG_IGN);
   const test::TemporaryFolder folder;
   Write(folder.file("a.ppm"), "P6 2 1 255\nabcdef");

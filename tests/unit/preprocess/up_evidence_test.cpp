@@ -92,14 +92,14 @@ Mesh Stairs() {
 
 }  // namespace
 
-TEST_CASE("Floors, open ground and low scenes speak for the axis that is up", "[up]") {
+TEST_CASE("Floors, open ground and low scenes are evidence for the up axis", "[up]") {
   for (const Mesh& mesh : {House(), Room()}) {
     CHECK(mesh.evidence() < -0.2);
     CHECK(mesh.Tipped().evidence() == Approx(-mesh.evidence()));
   }
 }
 
-TEST_CASE("Neither doubled faces, windings, order, scale nor a stray change what speaks", "[up]") {
+TEST_CASE("Doubled faces, windings, order, scale and strays do not change the evidence", "[up]") {
   for (const Mesh& mesh : {House(), Room(), Tower(), Stairs()}) {
     const double evidence = mesh.evidence();
     CHECK(evidence < -0.12);
@@ -120,7 +120,7 @@ TEST_CASE("Neither doubled faces, windings, order, scale nor a stray change what
   }
 }
 
-TEST_CASE("Comments tell of the up axis: in words, or by the habit of the program", "[up]") {
+TEST_CASE("Comments are evidence for the up axis: by words, or by the program that wrote them", "[up]") {
   const auto hint = [](const char* extension, const char* head) {
     const UpHint h = UpHintOf(extension, head);
     return h.axis == 0 ? std::string("none") : std::string(h.axis == 1 ? "y" : "z") + (h.stated ? "!" : "");
@@ -140,7 +140,7 @@ TEST_CASE("Comments tell of the up axis: in words, or by the habit of the progra
   CHECK(hint(".obj", "") == "none");
 }
 
-TEST_CASE("Nothing speaks where there is nothing", "[up]") {
+TEST_CASE("An empty model gives no evidence", "[up]") {
   CHECK(Mesh().evidence() == 0);
   Mesh line;
   line.Add({0, 0, 0}, {1, 1, 1}, {2, 2, 2});

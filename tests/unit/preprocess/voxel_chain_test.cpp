@@ -61,7 +61,7 @@ TEST_CASE("A leaf of crossing bars is split into strips along them") {
   CHECK(AreasOfGroups(bars) < 4);
 }
 
-TEST_CASE("A leaf in one place, or of a few, is split by numbers alone") {
+TEST_CASE("A leaf in one place, or of a few triangles, is split by numbers alone") {
   for (const auto& [count, groups] : {std::pair(1050u, 11), std::pair(kMost, 1), std::pair(kMost + 1, 2)}) {
     std::vector<KdReference> heap;
     for (uint32_t i = 0; i < count; ++i) heap.push_back(Reference(i, {1, 2, 3}, {4, 5, 6}));

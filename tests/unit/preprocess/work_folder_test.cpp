@@ -44,7 +44,7 @@ void Make(const WorkFolder& work, std::initializer_list<const char*> names) {
   for (const char* name : names) std::ofstream(work.path() + "/" + name) << "something";
 }
 
-TEST_CASE("WorkFolder removes its journal before what the journal speaks of") {
+TEST_CASE("WorkFolder removes its journal before the files that the journal names") {
   const TemporaryFolder folder;
   std::vector<std::string> deleted;
   WorkFolder work = OpenFor(folder, false);
@@ -60,7 +60,7 @@ TEST_CASE("WorkFolder removes its journal before what the journal speaks of") {
   CHECK(deleted[0] == "journal");
 }
 
-TEST_CASE("WorkFolder continues from the journal unless the store has got its name already") {
+TEST_CASE("WorkFolder continues from the journal unless the store already has its final name") {
   const TemporaryFolder folder;
   {
     WorkFolder work = OpenFor(folder, false);

@@ -57,7 +57,7 @@ TEST_CASE("Material json round trips every member") {
   CHECK(read->parts == library.parts);
 }
 
-TEST_CASE("Material json is deterministic short and in fixed order") {
+TEST_CASE("Material json is deterministic, short and in a fixed order") {
   MaterialLibrary library;
   library.materials.resize(1);
   library.materials[0].name = "steel";
@@ -72,7 +72,7 @@ TEST_CASE("Material json is deterministic short and in fixed order") {
         "\n\"parts\": []}\n");
 }
 
-TEST_CASE("Material json members may be left out") {
+TEST_CASE("Members of material json may be left out") {
   const auto read = Read(R"({"materials": [{"name": "plain"}, {"ior": 2}]})");
   REQUIRE(read);
   Material plain;
@@ -97,7 +97,7 @@ TEST_CASE("Material json clamps to ranges") {
   CHECK(read->materials[1].shininess == 0.0f);
 }
 
-TEST_CASE("Material json names what is wrong") {
+TEST_CASE("Errors of material json name the place") {
   const auto message = [](const std::string& text) {
     const auto read = Read(text);
     REQUIRE_FALSE(read);
@@ -120,7 +120,7 @@ TEST_CASE("Material json names what is wrong") {
   CHECK_THAT(message(R"({"parts": {}})"), Contains("parts"));
 }
 
-TEST_CASE("Material json of a missing file says so") {
+TEST_CASE("A missing file of material json is an error") {
   const auto read = ReadMaterialJson("/nonexistent/model.materials.json");
   REQUIRE_FALSE(read);
   CHECK_THAT(read.error().message, Catch::Contains("No such file"));
@@ -134,7 +134,7 @@ TEST_CASE("Material json path replaces the extension") {
 }
 
 }  // namespace
-TEST_CASE("Textures of a material file that cannot be are named") {
+TEST_CASE("Impossible textures of a material file are named") {
   const auto fault = [](const std::string& textures) {
     const auto read = Read("{\"materials\": [{\"name\": \"m\", \"textures\": " + textures + "}]}");
     return read ? "" : read.error().message;

@@ -99,7 +99,7 @@ struct Ply {
   size_t vertices = 0, faces = 0, body = 0;
 };
 
-TEST_CASE("Scenes have the triangles asked for", "[scenes]") {
+TEST_CASE("Scenes have the requested number of triangles", "[scenes]") {
   for (const std::string& kind : SceneKinds())
     for (uint64_t count : {1000, 1337, 20000, 300000}) {
       CAPTURE(kind, count);
@@ -139,7 +139,7 @@ TEST_CASE("More triangles mean more parts", "[scenes]") {
   }
 }
 
-TEST_CASE("The same seed gives the same bytes and another seed others", "[scenes]") {
+TEST_CASE("The same seed gives the same bytes, and another seed gives others", "[scenes]") {
   const Folder folder;
   for (const std::string& kind : SceneKinds()) {
     CAPTURE(kind);
@@ -280,7 +280,7 @@ TEST_CASE("Cameras stand outside of solids", "[scenes]") {
   }
 }
 
-TEST_CASE("The camera path is json", "[scenes]") {
+TEST_CASE("The camera path is Json", "[scenes]") {
   const Folder folder;
   REQUIRE(Write("plant", 1000, 1, folder.path / "s.ply"));
   const auto json = nlohmann::json::parse(Contents(folder.path / "s.path.json"));
@@ -289,7 +289,7 @@ TEST_CASE("The camera path is json", "[scenes]") {
   CHECK(json["frames"][0]["fov"].is_number());
 }
 
-TEST_CASE("An error on the way leaves no file", "[scenes]") {
+TEST_CASE("An error during writing leaves no file", "[scenes]") {
   for (const char* name : {"s.ply", "s.obj"}) {
     const Folder folder;
     const SceneOptions options{50000, 1};

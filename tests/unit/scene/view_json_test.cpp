@@ -47,7 +47,7 @@ View AnyView() {
 
 }  // namespace
 
-TEST_CASE("A view comes back from JSON bit by bit, whatever the offset", "[view]") {
+TEST_CASE("A view is restored from JSON bit by bit, whatever the offset", "[view]") {
   const glm::dvec3 offset(500000, 4e6, -8);
   for (const double ortho : {0.0, 12.5}) {
     View view = AnyView();
@@ -66,7 +66,7 @@ TEST_CASE("A view comes back from JSON bit by bit, whatever the offset", "[view]
   }
 }
 
-TEST_CASE("Members that a view lacks stay as they were", "[view]") {
+TEST_CASE("Members that a view leaves out keep their values", "[view]") {
   ViewDescription description;
   description.view = AnyView();
   REQUIRE(Read(R"({"spp": 3})", description).has_value());
@@ -75,7 +75,7 @@ TEST_CASE("Members that a view lacks stay as they were", "[view]") {
   CHECK_FALSE(description.format.exposure.has_value());
 }
 
-TEST_CASE("A background that is given is light; without one the view keeps its backdrop", "[view]") {
+TEST_CASE("A given background is light; without one the view keeps its backdrop", "[view]") {
   ViewDescription given, none;
   REQUIRE(Read(R"({"background": [0.1, 0.2, 0.3]})", given).has_value());
   CHECK_FALSE(given.view.backdrop);
@@ -85,7 +85,7 @@ TEST_CASE("A background that is given is light; without one the view keeps its b
   CHECK(ViewToJson(given.view, std::nullopt, {}).contains("background"));
 }
 
-TEST_CASE("A view that cannot be is refused with its place", "[view]") {
+TEST_CASE("An invalid view is refused with the place", "[view]") {
   CHECK_THAT(ErrorOf(R"({"sp": 3})"), Contains("v.json: 'sp' is not known"));
   CHECK_THAT(ErrorOf(R"({"camera": {"eye": [0, 0], "at": [0, 0, 0]}})"), Contains("v.json: camera.eye: "));
   CHECK_THAT(ErrorOf(R"({"camera": {"at": [0, 0, 0]}})"), Contains("camera: 'eye' is missing"));
@@ -105,7 +105,7 @@ TEST_CASE("A view that cannot be is refused with its place", "[view]") {
   CHECK_THAT(ErrorOf("[]"), Contains("v.json: is no object"));
 }
 
-TEST_CASE("A scene's summary comes back from the master's answer", "[view]") {
+TEST_CASE("A scene's summary is restored from the master's answer", "[view]") {
   SceneViews views;
   views.cameras = {{"door", {{1, 2, 3}, {4, 5, 7}, {0, 1, 0}, 33.5, 0}}};
   views.lights = {{"lamp", LightKind::kPoint, {1, 2, 3}, {0, 0, -1}, {4, 5, 6}, 0.9f, 0.7f},

@@ -17,7 +17,7 @@ void AddTexture(Catalog& catalog, uint32_t width, uint32_t height) {
 
 }  // namespace
 
-TEST_CASE("A block's number is that of messages and files, and names the block again", "[store]") {
+TEST_CASE("A block's number is the same in messages and files, and gives the block back", "[store]") {
   Catalog catalog = test::CatalogOf(3, 100);
   catalog.voxels[1].blocks[1] = {};  // has no attributes
   AddTexture(catalog, 256, 256);     // 16, 4 and 1 pages

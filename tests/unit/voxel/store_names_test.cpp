@@ -167,7 +167,7 @@ TEST_CASE("Entries that all name one long string take no memory for each", "[sto
   CHECK_THAT(refused.error().message, Catch::Contains("names of its cameras and lights take more than"));
 }
 
-TEST_CASE("The size of a section is not believed", "[store]") {
+TEST_CASE("The size of a section is checked before use", "[store]") {
   const TemporaryFolder folder;
   WriteNamed(folder.file("s"), {"part"});
   SECTION("larger than its type may be") {
@@ -231,7 +231,7 @@ TEST_CASE("A store names its models' files, which are no part of the scene", "[s
   CHECK(store->models().names[255] == "tile255.obj");
 }
 
-TEST_CASE("A section of models that says another number of names than it has is refused", "[store]") {
+TEST_CASE("A section of models that states a wrong number of names is refused", "[store]") {
   const TemporaryFolder folder;
   WriteNamed(folder.file("s"), {"a"}, {Material{"paint"}}, {}, {"plant.obj", "pipes.ply"});
   for (const uint32_t count : {0u, 1u, 3u, 257u, ~0u}) {

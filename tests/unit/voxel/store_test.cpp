@@ -83,7 +83,7 @@ SceneId WriteStore(const std::string& path) {
 
 }  // namespace
 
-TEST_CASE("A store gives back all that was put in") {
+TEST_CASE("A store returns everything written to it") {
   const TemporaryFolder folder;
   const SceneId id = WriteStore(folder.file("s"));
   const auto store = StoreReader::Open(folder.file("s"));
@@ -152,7 +152,7 @@ TEST_CASE("A store gives back all that was put in") {
   }
 }
 
-TEST_CASE("Whoever reads a damaged block is told that another try is no use") {
+TEST_CASE("The error of a damaged block states that another try is useless") {
   const TemporaryFolder folder;
   WriteStore(folder.file("s"));
   const auto store = StoreReader::Open(folder.file("s"));
@@ -170,7 +170,7 @@ TEST_CASE("Whoever reads a damaged block is told that another try is no use") {
   CHECK(bad->ReadBlock(BlockKey::Shading(0)).has_value());
 }
 
-TEST_CASE("A store whose directory lies of where voxels are is found out") {
+TEST_CASE("A store whose directory states wrong positions of voxels is refused") {
   const TemporaryFolder folder;
   // The fault found in a store of two voxels, of which the first was changed before it was written.
   const auto fault = [&](auto change, std::vector<KdNode> top) {
@@ -222,7 +222,7 @@ TEST_CASE("A store whose directory lies of where voxels are is found out") {
   CHECK_THAT(fault([](EncodedVoxel&) {}, deep), Catch::Contains("has more than 128 levels"));
 }
 
-TEST_CASE("A hot block of nothing is refused") {
+TEST_CASE("An empty hot block is refused") {
   HotVoxel nothing;
   nothing.cell = {glm::vec3(0), glm::vec3(1)};
   nothing.nodes = {KdNode::Leaf(0, 0)};
@@ -259,7 +259,7 @@ TEST_CASE("Truncated stores are refused at every length") {
   }
 }
 
-TEST_CASE("Another format version is named beside this one") {
+TEST_CASE("An error of the format version names both versions") {
   const TemporaryFolder folder;
   WriteStore(folder.file("s"));
   for (uint32_t version : {0u, kStoreVersion + 1}) {
@@ -298,7 +298,7 @@ std::string Refusal(const HotVoxel& voxel) {
 
 }  // namespace
 
-TEST_CASE("Damaged blocks that pass no checksum never lead out of their bytes") {
+TEST_CASE("Damaged blocks, read without a checksum, are never read beyond their bytes") {
   const ShadingVoxel plain = MakeShading();
   const Bytes hot = Stored(EncodeHot(MakeHot())), shading = Stored(EncodeShading(plain));
   const EncodedVoxel packed = EncodeVoxel(MakeHot(), &plain);
@@ -355,7 +355,7 @@ TEST_CASE("A hot block's counts must be those of its tree") {
   }
 }
 
-TEST_CASE("Trees whose symbols are no tree are refused") {
+TEST_CASE("Symbols that form no tree are refused") {
   const Bytes good = EncodeHot(MakeHot());
   // The header's 52 bytes; then the symbols' low bytes: inner by x, leaf of 1, leaf of 2.
   constexpr size_t kSymbols = 52;
@@ -396,7 +396,7 @@ TEST_CASE("Decoding marks see-through triangles by their material, and parts sta
         "voxel block: it names a part beyond the limit");
 }
 
-TEST_CASE("Blocks of random numbers come back as they were") {
+TEST_CASE("Blocks of random numbers are restored unchanged") {
   std::mt19937 random(12);
   for (uint32_t triangles : {1u, 2u, 63u, 3000u}) {
     HotVoxel v = MakeHot();
@@ -480,7 +480,7 @@ TEST_CASE("A store states whether voxels have opacity masks, in its version too"
   CHECK(version_of({{kOpaqueMask, 0}, {}}, false) == kStoreVersion);
 }
 
-TEST_CASE("Nothing is at the final name before a store is finished") {
+TEST_CASE("No file has the final name before a store is finished") {
   const TemporaryFolder folder;
   {
     auto writer = StoreWriter::Create(folder.file("s"));

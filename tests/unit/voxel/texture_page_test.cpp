@@ -56,7 +56,7 @@ TEST_CASE("Levels halve down to one texel, and pages cover each level once", "[t
   }
 }
 
-TEST_CASE("Pages give back every texel, of every format, number of channels and size", "[texture]") {
+TEST_CASE("Pages return every texel, of every format, number of channels and size", "[texture]") {
   for (const TexelFormat format : {TexelFormat::kSrgb8, TexelFormat::kLinear8, TexelFormat::kHalf}) {
     for (uint32_t channels = 1; channels <= 4; ++channels) {
       const TexelLayout layout{131, 70, channels, format};
@@ -73,7 +73,7 @@ TEST_CASE("Pages give back every texel, of every format, number of channels and 
   }
 }
 
-TEST_CASE("A page of one colour is next to nothing, noise no larger than it is", "[texture]") {
+TEST_CASE("A page of one colour is tiny, and a page of noise is no larger than its texels", "[texture]") {
   const TexelLayout layout{64, 64, 3, TexelFormat::kSrgb8};
   const TextureShape shape(64, 64);
   const size_t bytes = shape.TexelsOf(0) * 3;
@@ -86,7 +86,7 @@ TEST_CASE("A page of one colour is next to nothing, noise no larger than it is",
   CHECK(DecodePage(shape, layout, 0, stored).value() == noise);
 }
 
-TEST_CASE("Damaged pages are refused or give as many texels, never more", "[texture]") {
+TEST_CASE("Damaged pages are refused or give the right number of texels, never more", "[texture]") {
   const TexelLayout layout{100, 90, 4, TexelFormat::kHalf};
   const TextureShape shape(layout.width, layout.height);
   const Bytes whole = CompressBlock(EncodePage(shape, layout, 0, MakeTexels(shape.TexelsOf(0) * 8, 1)));
@@ -105,7 +105,7 @@ TEST_CASE("Damaged pages are refused or give as many texels, never more", "[text
   CHECK_FALSE(DecodePage(shape, layout, 0, {}));
 }
 
-TEST_CASE("Halves: all of them survive, and floats become the nearest", "[texture]") {
+TEST_CASE("Halves: all of them are restored, and floats become the nearest", "[texture]") {
   for (uint32_t bits = 0; bits < 65536; ++bits) {
     const float value = HalfToFloat(static_cast<uint16_t>(bits));
     if (!std::isfinite(value)) continue;

@@ -77,7 +77,7 @@ SceneId WriteStore(const std::string& path, uint32_t seed = 1,
 
 }  // namespace
 
-TEST_CASE("A store gives back its textures, page by page", "[texture][store]") {
+TEST_CASE("A store returns its textures, page by page", "[texture][store]") {
   const TemporaryFolder folder;
   WriteStore(folder.file("s"));
   const auto store = StoreReader::Open(folder.file("s"));
@@ -132,7 +132,7 @@ TEST_CASE("A damaged page is named with its texture and byte", "[texture][store]
   CHECK(bad->ReadPage(0, 2));
 }
 
-TEST_CASE("Directories of textures that cannot be are refused", "[texture][store]") {
+TEST_CASE("Impossible directories of textures are refused", "[texture][store]") {
   Texture texture{"t", kWood, {}};
   const TextureShape shape(kWood.width, kWood.height);
   uint64_t at = 1000;
@@ -169,7 +169,7 @@ TEST_CASE("Directories of textures that cannot be are refused", "[texture][store
   CHECK_FALSE(DecodeTextures(many.bytes(), 0, 0));
 }
 
-TEST_CASE("Uses of textures that cannot be are refused", "[texture][store]") {
+TEST_CASE("Impossible uses of textures are refused", "[texture][store]") {
   const auto refused = [](auto&& change) {
     std::vector<Material> materials = Painted();
     change(materials);

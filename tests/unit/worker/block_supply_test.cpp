@@ -103,7 +103,7 @@ constexpr const char* kNobody = "127.0.0.1:1";  ///< nothing listens there
 
 }  // namespace
 
-TEST_CASE("Blocks come from the source named, once: then from the stored cache", "[supply]") {
+TEST_CASE("Blocks are fetched from the named source once, and then read from the stored cache", "[supply]") {
   Site site;
   Supplied worker;
   REQUIRE(site.Open(worker, site.Options({site.File()})).has_value());
@@ -134,7 +134,7 @@ TEST_CASE("A source that cannot be used is refused by its name", "[supply]") {
   }
 }
 
-TEST_CASE("Without sources named, blocks come from the master", "[supply]") {
+TEST_CASE("Without named sources, blocks are fetched from the master", "[supply]") {
   Site site;
   const auto master = site.Serving(site.scene.blocks);
   for (const std::vector<std::string>& sources : {std::vector<std::string>{}, {"master"}}) {
@@ -147,7 +147,7 @@ TEST_CASE("Without sources named, blocks come from the master", "[supply]") {
   }
 }
 
-TEST_CASE("Servers come first; where they fail, workers that are said to hold a block", "[supply]") {
+TEST_CASE("Servers are tried first, and then workers that are said to hold a block", "[supply]") {
   Site site;
   const auto peer = site.Serving(site.scene.blocks);
   const Peers peers{{7}, {At(*peer)}};
@@ -173,7 +173,7 @@ TEST_CASE("Servers come first; where they fail, workers that are said to hold a 
   CHECK(worker.from(SourceKind::kTcp) == 0);
 }
 
-TEST_CASE("A block that nobody gives is an error with the source's sentence", "[supply]") {
+TEST_CASE("A block that no source gives is an error with the source's sentence", "[supply]") {
   Site site;
   const BlockKey block = site.scene.blocks[3];
   const auto peer = site.Serving({site.scene.blocks[0]});
@@ -192,7 +192,7 @@ TEST_CASE("A block that nobody gives is an error with the source's sentence", "[
   }
 }
 
-TEST_CASE("Workers that have gone are asked no more", "[supply]") {
+TEST_CASE("Workers that are gone get no more requests", "[supply]") {
   Site site;
   const auto peer = site.Serving(site.scene.blocks);
   Supplied worker;
@@ -219,7 +219,7 @@ TEST_CASE("A worker serves the blocks that it holds, and refuses others at once"
   CHECK_THAT(worker.log[0], Catch::Contains("refuses"));
 }
 
-TEST_CASE("A disk cache gives the next worker what this one has fetched", "[supply]") {
+TEST_CASE("A disk cache keeps fetched blocks for the next worker", "[supply]") {
   Site site;
   SupplyOptions options = site.Options({site.File()});
   options.disk_cache = DiskCacheLocation{site.scene.folder.file("cache"), kPlenty};
@@ -237,7 +237,7 @@ TEST_CASE("A disk cache gives the next worker what this one has fetched", "[supp
   CHECK(worker.from(SourceKind::kTcp) == 0);
 }
 
-TEST_CASE("Expected blocks are fetched while nothing else is, a few at once", "[supply]") {
+TEST_CASE("Expected blocks are fetched while no others are, a few at once", "[supply]") {
   Site site(60);
   Supplied worker;
   bool idle = false;
@@ -286,7 +286,7 @@ TEST_CASE("Expected blocks that are forgotten, or held decoded, are not fetched"
   CHECK(worker.from(SourceKind::kFile) == 0);
 }
 
-TEST_CASE("HTTP headers stay with servers that this worker's owner names", "[supply]") {
+TEST_CASE("HTTP headers are sent only to servers that this worker's owner names", "[supply]") {
   Site site;
   const std::string url = "http://127.0.0.1:1/s";
   for (const bool own : {false, true})

@@ -95,7 +95,7 @@ TEST_CASE("Two processes share a folder, writing and evicting at once") {
   CHECK(HeldBy(folder.path()).other == 0);
 }
 
-TEST_CASE("A writer killed at any time leaves nothing half and nothing behind") {
+TEST_CASE("A writer killed at any time leaves no partial file and nothing behind") {
   const Scene scene(40);
   const test::TemporaryFolder folder;
   std::vector<Bytes> bytes;
@@ -152,7 +152,7 @@ TEST_CASE("A writer killed at any time leaves nothing half and nothing behind") 
   CHECK(HeldBy(folder.path()).writers == 0);
 }
 
-TEST_CASE("A folder removed under a cache's feet is made again") {
+TEST_CASE("A folder that is removed while a cache uses it is made again") {
   const Scene scene;
   const test::TemporaryFolder folder;
   const std::string at = folder.file("cache");
@@ -171,7 +171,7 @@ TEST_CASE("A folder removed under a cache's feet is made again") {
   CHECK(HeldBy(at).files > 0);
 }
 
-TEST_CASE("A folder that cannot be made is told once, and blocks come without it") {
+TEST_CASE("A folder that cannot be made is reported once, and blocks are fetched without it") {
   const Scene scene;
   const test::TemporaryFolder folder;
   std::ofstream(folder.file("file")) << "in the way";
@@ -185,7 +185,7 @@ TEST_CASE("A folder that cannot be made is told once, and blocks come without it
   CHECK_THAT(cached.log[0], Contains("goes on without writing"));
 }
 
-TEST_CASE("A full disk and a read-only one are told once, and blocks come all the same") {
+TEST_CASE("A full disk and a read-only one are reported once, and blocks are still fetched") {
   const Scene scene(60);
   const test::TemporaryFolder folder;
   const SmallDisk disk(folder.file("disk"));

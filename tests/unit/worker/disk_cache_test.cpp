@@ -65,7 +65,7 @@ TEST_CASE("A disk cache is named by its folder and size") {
   }
 }
 
-TEST_CASE("Blocks are fetched once and then come from the folder, for later processes too") {
+TEST_CASE("Blocks are fetched once and then read from the folder, by later processes too") {
   const Scene scene;
   const test::TemporaryFolder folder;
   const std::string at = folder.file("made/by/the/cache");
@@ -95,7 +95,7 @@ TEST_CASE("Blocks are fetched once and then come from the folder, for later proc
   CHECK(cached.inner.fetched == other.blocks.size());
 }
 
-TEST_CASE("Fetches that are asked for at once are all answered") {
+TEST_CASE("Concurrent fetches of a block are all answered") {
   const Scene scene(200);
   const test::TemporaryFolder folder;
   for (int round = 0; round < 2; ++round) {
@@ -111,7 +111,7 @@ TEST_CASE("Fetches that are asked for at once are all answered") {
   }
 }
 
-TEST_CASE("What is damaged in the folder is told, removed and fetched again") {
+TEST_CASE("Damaged blocks in the folder are reported, removed and fetched again") {
   const Scene scene;
   const test::TemporaryFolder folder;
   Cached(scene, folder.path()).FetchAll();
@@ -139,7 +139,7 @@ TEST_CASE("What is damaged in the folder is told, removed and fetched again") {
   CHECK(cached.inner.fetched == 0);
 }
 
-TEST_CASE("Things in the folder that are no blocks of its own are left alone, and stop nothing") {
+TEST_CASE("Foreign files in the folder are left alone, and stop nothing") {
   const Scene scene;
   const test::TemporaryFolder folder;
   const std::string scenes = folder.path() + "/" + FormatSceneId(scene.id());
@@ -162,7 +162,7 @@ TEST_CASE("Things in the folder that are no blocks of its own are left alone, an
   CHECK(fs::exists("/etc/passwd"));
 }
 
-TEST_CASE("Errors and wrong bytes of the source behind are passed on and not kept") {
+TEST_CASE("Errors and wrong bytes of the source behind it are passed on and not kept") {
   const Scene scene;
   const test::TemporaryFolder folder;
   Cached cached(scene, folder.path());
@@ -193,7 +193,7 @@ TEST_CASE("A cache that is closed calls nobody") {
   cached.io.run();
 }
 
-TEST_CASE("Ages fall into bands in their order, and what has to go is the oldest") {
+TEST_CASE("Ages fall into bands in their order, and the oldest is removed") {
   uint32_t last = 0;
   for (int64_t age = 1; age < int64_t{1} << 50; age += 1 + age / 8) {
     CHECK(AgeHistogram::BandOf(age) >= last);
@@ -215,7 +215,7 @@ TEST_CASE("Ages fall into bands in their order, and what has to go is the oldest
   CHECK(cut(600) == std::pair(AgeHistogram::BandOf(10), uint64_t{100}));
 }
 
-TEST_CASE("Over its budget a folder loses what was used longest ago, over all scenes") {
+TEST_CASE("A folder over its budget loses the blocks used longest ago, over all scenes") {
   const Scene scene(12), old(12, 2);
   const test::TemporaryFolder folder;
   {
@@ -252,7 +252,7 @@ TEST_CASE("Over its budget a folder loses what was used longest ago, over all sc
   CHECK(!fs::exists(PathOf(scene, folder.path(), scene.blocks[scene.blocks.size() - 2])));
 }
 
-TEST_CASE("A use within the minute is not written down again") {
+TEST_CASE("A use within a minute is not recorded again") {
   const Scene scene;
   const test::TemporaryFolder folder;
   Cached(scene, folder.path()).FetchAll();
@@ -263,7 +263,7 @@ TEST_CASE("A use within the minute is not written down again") {
   CHECK(fs::last_write_time(path) == before);
 }
 
-TEST_CASE("A cache keeps to its budget while it works, whatever it is asked for") {
+TEST_CASE("A cache stays within its budget while it works, whatever is requested") {
   const Scene scene(300);
   const test::TemporaryFolder folder;
   constexpr uint64_t kBudget = 400'000;

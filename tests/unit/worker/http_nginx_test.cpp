@@ -31,7 +31,7 @@ bool SkippedWithoutNginx() {
 
 }  // namespace
 
-TEST_CASE("Every block comes through nginx as it is in the store") {
+TEST_CASE("Every block is read through nginx as it is in the store") {
   if (SkippedWithoutNginx()) return;
   const Scene scene(60);
   const auto nginx =
@@ -74,7 +74,7 @@ TEST_CASE("Every block comes through nginx as it is in the store") {
   CheckAllBlocks(io, source, *scene.store);
 }
 
-TEST_CASE("Blocks come by https from a server whose certificate is believed, and from no other") {
+TEST_CASE("Blocks are fetched by https from a server with a trusted certificate, and from no other") {
   if (SkippedWithoutNginx()) return;
   if (std::system("openssl version >/dev/null 2>&1") != 0) {
     test::Skip("the openssl program is not installed");

@@ -117,7 +117,7 @@ TEST_CASE("Connections are few, kept and used again") {
   CHECK(counters.bytes_received == 2 * stored);
 }
 
-TEST_CASE("A kept connection that the server closed is made again without a word") {
+TEST_CASE("A kept connection that the server closed is silently made again") {
   const Scene scene(20);
   // It promises to keep them, and closes each after three answers.
   FaultServer server([&](const FaultServer::Request& r) -> FaultServer::Answer {
@@ -135,7 +135,7 @@ TEST_CASE("A kept connection that the server closed is made again without a word
   CHECK(source.counters().http.connections > 2);
 }
 
-TEST_CASE("A server that closes every connection without an answer is asked twice, not for ever") {
+TEST_CASE("A server that closes every connection without an answer gets two tries, no more") {
   const Scene scene;
   std::atomic<int> requests = 0;
   FaultServer server([&](const FaultServer::Request& r) -> FaultServer::Answer {
@@ -152,7 +152,7 @@ TEST_CASE("A server that closes every connection without an answer is asked twic
   CHECK(requests == 4);
 }
 
-TEST_CASE("A server that says it will close is not asked again on that connection") {
+TEST_CASE("A connection that the server announces to close is not used again") {
   const Scene scene;
   FaultServer server([&](const FaultServer::Request& r) -> FaultServer::Answer {
     std::string answer = FaultServer::Part(r, scene.bytes);
@@ -165,7 +165,7 @@ TEST_CASE("A server that says it will close is not asked again on that connectio
   CHECK(source.counters().http.stale == 0);
 }
 
-TEST_CASE("Statuses become sentences, permanent where asking again cannot help") {
+TEST_CASE("Statuses become sentences, and are permanent where a retry cannot help") {
   struct Case {
     std::string status, sentence;
     bool permanent;
@@ -189,7 +189,7 @@ TEST_CASE("Statuses become sentences, permanent where asking again cannot help")
   }
 }
 
-TEST_CASE("The server's code is in a refusal, and nothing else of its text") {
+TEST_CASE("A refusal names the server's code, and nothing else of its text") {
   const auto refusal = [](const std::string& head, const std::string& body) {
     return FaultOfBlock(fmt::format("HTTP/1.1 {}\r\nContent-Length: {}\r\n\r\n{}", head, body.size(), body))
         .message;
@@ -215,7 +215,7 @@ TEST_CASE("The server's code is in a refusal, and nothing else of its text") {
              Contains("403 Forbidden (Slow)"));
 }
 
-TEST_CASE("A body that trickles is given up") {
+TEST_CASE("A body that arrives too slowly is given up") {
   const std::string file(512 << 10, 'x');
   FaultServer server([&](const FaultServer::Request& r) -> FaultServer::Answer {
     return {FaultServer::Part(r, file), Then::kTrickle};
@@ -226,7 +226,7 @@ TEST_CASE("A body that trickles is given up") {
              Contains("too slow: less than 1024 KiB a second"));
 }
 
-TEST_CASE("Redirections are followed, without secrets to other servers") {
+TEST_CASE("Redirections are followed, and other servers get no secrets") {
   const std::string file = "the file's bytes";
   std::vector<std::string> heads;
   FaultServer other([&](const FaultServer::Request& r) -> FaultServer::Answer {
@@ -258,7 +258,7 @@ TEST_CASE("Redirections are followed, without secrets to other servers") {
   }
 }
 
-TEST_CASE("Redirections end after five, and a refused address is asked for anew") {
+TEST_CASE("Redirections end after five, and a refused address is redirected anew") {
   const std::string file = "the file's bytes";
   int asked = 0;
   FaultServer circle([&](const FaultServer::Request&) -> FaultServer::Answer {
@@ -398,7 +398,7 @@ TEST_CASE("Bodies that are cut, too long, stalled or garbage are errors, not blo
   CHECK_THAT(FaultOfBlock(huge).message, Contains("head of more than 8 KiB"));
 }
 
-TEST_CASE("Bytes sent after an answer are not taken for the next") {
+TEST_CASE("Bytes sent after an answer are not taken for the next answer") {
   const Scene scene;
   FaultServer server([&](const FaultServer::Request& r) -> FaultServer::Answer {
     return {FaultServer::Part(r, scene.bytes) + "HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\n\r\n"};
@@ -413,7 +413,7 @@ TEST_CASE("Bytes sent after an answer are not taken for the next") {
   }
 }
 
-TEST_CASE("A server that is not there is an error that may pass") {
+TEST_CASE("An unreachable server is a temporary error") {
   const Scene scene;
   uint16_t port;
   {
@@ -430,7 +430,7 @@ TEST_CASE("A server that is not there is an error that may pass") {
   }
 }
 
-TEST_CASE("A file that is not the scene's store is refused before a block is asked for") {
+TEST_CASE("A file that is not the scene's store is refused before a block is requested") {
   const Scene scene, other(8, 2), longer(9);
   std::mutex mutex;
   std::string served;
@@ -472,7 +472,7 @@ TEST_CASE("A file that is not the scene's store is refused before a block is ask
   CheckAllBlocks(io, source, *scene.store);
 }
 
-TEST_CASE("The same scene in another layout is told from the catalog's") {
+TEST_CASE("The same scene in another layout than the catalog's is refused") {
   const Scene scene;
   Catalog moved = scene.catalog();
   for (VoxelEntry& v : moved.voxels)

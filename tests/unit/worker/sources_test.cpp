@@ -89,7 +89,7 @@ using Mood = FakeSource::Mood;
 
 }  // namespace
 
-TEST_CASE("Homes are shared out evenly, and a source that goes moves only its own blocks") {
+TEST_CASE("Homes are spread evenly, and a lost source moves only its own blocks") {
   const std::vector<uint64_t> four{11, 22, 33, 44}, three{11, 22, 44};
   std::map<uint64_t, int> homes;
   for (uint32_t block = 0; block < 4000; ++block) {
@@ -104,7 +104,7 @@ TEST_CASE("Homes are shared out evenly, and a source that goes moves only its ow
   for (const auto& [key, count] : homes) CHECK(std::abs(count - 1000) < 150);
 }
 
-TEST_CASE("Back-off doubles up to its most and ends with an answer") {
+TEST_CASE("Back-off doubles up to its limit and ends with an answer") {
   BackOff back_off(7);
   CHECK(back_off.Open(0));
   double now_s = 0, waited_s = 0;
@@ -123,7 +123,7 @@ TEST_CASE("Back-off doubles up to its most and ends with an answer") {
   CHECK(back_off.Open(0));
 }
 
-TEST_CASE("Retries are bounded by what is asked, and by time") {
+TEST_CASE("Retries are bounded by the number of requests, and by time") {
   RetryBudget budget;
   int spent = 0;
   while (budget.Spend(0)) ++spent;
@@ -138,7 +138,7 @@ TEST_CASE("Retries are bounded by what is asked, and by time") {
   CHECK(spent <= 6);
 }
 
-TEST_CASE("The home is asked unless another is much faster") {
+TEST_CASE("A block is requested from its home unless another source is much faster") {
   const std::vector<uint32_t> order{2, 0, 1};
   std::vector<SourceView> views{{1.0, true}, {0.9, true}, {1.5, true}};
   CHECK(ChooseSource(order, views) == 2);
@@ -150,7 +150,7 @@ TEST_CASE("The home is asked unless another is much faster") {
   CHECK(ChooseSource(order, views) == -1);
 }
 
-TEST_CASE("Blocks come from their homes, and from the other source when one fails") {
+TEST_CASE("Blocks are fetched from their homes, and from the other source when one fails") {
   SetFixture f({Mood::kAnswers, Mood::kAnswers});
   for (uint32_t b = 0; b < 100; ++b) CHECK(*f.Get(b) == Content(b));
   CHECK(f.asked[0].size() + f.asked[1].size() == 100);
@@ -162,7 +162,7 @@ TEST_CASE("Blocks come from their homes, and from the other source when one fail
   CHECK(f.set->counters().retries < 20);  // a failing source is left alone
 }
 
-TEST_CASE("A damaged block is fetched elsewhere; damaged everywhere it is given up with a sentence") {
+TEST_CASE("A damaged block is fetched elsewhere; one damaged everywhere is given up with a sentence") {
   SetFixture f({Mood::kDamages, Mood::kAnswers});
   for (uint32_t b = 0; b < 20; ++b) CHECK(*f.Get(b) == Content(b));
   CHECK(f.set->counters().damaged > 0);
@@ -180,7 +180,7 @@ TEST_CASE("A block that every source refuses is given up at once") {
   CHECK(f.asked[0].size() + f.asked[1].size() == 2);
 }
 
-TEST_CASE("While nobody answers blocks wait, and come when one is back") {
+TEST_CASE("Blocks wait while no source answers, and are fetched when one is back") {
   SetFixture f({Mood::kFails});
   std::optional<Result<Bytes>> got;
   f.set->Fetch(5_b, [&](Result<Bytes> r) { got = std::move(r); });
@@ -197,13 +197,13 @@ TEST_CASE("While nobody answers blocks wait, and come when one is back") {
   CHECK_FALSE(never.Get(5).has_value());
 }
 
-TEST_CASE("A late answer is asked for elsewhere as well") {
+TEST_CASE("A late block is requested elsewhere as well") {
   SetFixture f({Mood::kSilent, Mood::kSilent, Mood::kAnswers});
   for (uint32_t b = 0; b < 8; ++b) CHECK(*f.Get(b) == Content(b));
   CHECK(f.set->counters().hedges > 0);
 }
 
-TEST_CASE("A source that has gone mute holds up nobody for longer than it takes to notice") {
+TEST_CASE("A source that falls silent delays requests only until it is noticed") {
   SetFixture f({Mood::kAnswers, Mood::kAnswers});
   for (uint32_t b = 0; b < 40; ++b) CHECK(*f.Get(b) == Content(b));
   f.moods[0] = Mood::kSilent;
@@ -224,7 +224,8 @@ TEST_CASE("A source that has gone mute holds up nobody for longer than it takes 
 }
 
 TEST_CASE(
-    "A worker that is said to hold a block is asked when its home is slow, and its refusal costs no retry") {
+    "A worker that is said to hold a block gets the request when its home is slow, and its refusal costs no "
+    "retry") {
   SetFixture f({Mood::kAnswers});
   Mood peer_mood = Mood::kAnswers;
   std::vector<uint32_t> peer_asked;
@@ -253,7 +254,7 @@ TEST_CASE(
   CHECK(peer_asked.size() == 2);
 }
 
-TEST_CASE("Sources are written in four ways") {
+TEST_CASE("Sources are named in four ways") {
   CHECK(ParseSource("master")->master);
   CHECK(ParseSource("10.0.0.1:99")->server.port == 99);
   CHECK(ParseSource("file:/a b/c.quarry")->place == "/a b/c.quarry");
@@ -262,7 +263,7 @@ TEST_CASE("Sources are written in four ways") {
     CHECK(ParseSource(bad).error().exit_status() == 2);
 }
 
-TEST_CASE("Stored blocks go least recently used first, unused prefetched ones before all") {
+TEST_CASE("Stored blocks are evicted least recently used first, unused prefetched ones before all") {
   boost::asio::io_context io;
   Mood mood = Mood::kAnswers;
   std::vector<uint32_t> asked;
@@ -309,7 +310,7 @@ TEST_CASE("Stored blocks go least recently used first, unused prefetched ones be
   CHECK(asked.size() == before + 1);
 }
 
-TEST_CASE("What a worker holds is told as changes, in either tier once") {
+TEST_CASE("A worker reports its blocks as changes, once for both tiers") {
   CacheInventory h;
   h.Set(1_b, CacheInventory::kStored, true);
   h.Set(1_b, CacheInventory::kDecoded, true);

@@ -58,7 +58,7 @@ TEST_CASE("A made token has 32 random bytes", "[access]") {
   CHECK(one.cookie_name() != other.cookie_name());
 }
 
-TEST_CASE("A given token is taken when it cannot be guessed and needs no escapes", "[access]") {
+TEST_CASE("A given token is accepted when it cannot be guessed and needs no escapes", "[access]") {
   CHECK(Access::Make({kToken, {}, {}, false})->token() == kToken);
   CHECK(Access::Make({"AZaz09-_AZaz09-_", {}, {}, false}).has_value());
   for (const char* token : {"short", "fifteen-letters", "0123456789abcdef 0123456789", "0123456789abcdef%2D",
@@ -71,7 +71,7 @@ TEST_CASE("A given token is taken when it cannot be guessed and needs no escapes
   }
 }
 
-TEST_CASE("The cookie's name tells two tokens apart, stays the same for one and holds no token", "[access]") {
+TEST_CASE("The cookie's name differs between tokens, is constant for each, and holds no token", "[access]") {
   const Access access = Make();
   CHECK(access.cookie_name() == Make().cookie_name());
   CHECK(access.cookie_name() != Access::Make({kToken + "0", {}, {}, false})->cookie_name());
@@ -189,7 +189,7 @@ TEST_CASE("A WebSocket's Origin is the page's host or a viewer URL", "[access]")
   CHECK_FALSE(permitted("node7:443", "http://node7"));
 }
 
-TEST_CASE("A page without encryption opens no WebSocket of a view that is shown with it", "[access]") {
+TEST_CASE("A page without encryption cannot open the WebSocket of an encrypted view", "[access]") {
   const auto permitted = [](const Access& access, const std::string& host, const std::string& origin) {
     return access.OriginPermitted(Request({{"host", host}, {"origin", origin}}));
   };
@@ -211,7 +211,7 @@ TEST_CASE("A page without encryption opens no WebSocket of a view that is shown 
   CHECK(permitted(tls, "node7:8443", "https://node7:8443"));
 }
 
-TEST_CASE("Behind a proxy the page's origin fits its outer name, whichever Host the proxy sends",
+TEST_CASE("Behind a proxy the page's origin must fit the outer name, whichever Host the proxy sends",
           "[access]") {
   const Access access = Make({"https://hpc.example.org/rnode/n7/8080/"}, {"127.0.0.1"});
   for (const char* host : {"127.0.0.1:8080", "hpc.example.org"}) {
@@ -228,7 +228,7 @@ TEST_CASE("A tunnel's other port is of the same origin as its Host", "[access]")
   CHECK(access.OriginPermitted(request));
 }
 
-TEST_CASE("The session's cookie does not tell the token, and stays the same for one", "[access]") {
+TEST_CASE("The session's cookie does not reveal the token, and is constant for each token", "[access]") {
   const std::string session = SessionOf(Make());
   CHECK(session.size() == 64);
   CHECK(session == SessionOf(Make()));
@@ -304,7 +304,8 @@ TEST_CASE("The token of the printed address opens the page and nothing else", "[
   CHECK_FALSE(access.HasToken(head));
 }
 
-TEST_CASE("Statistics are for the session, for the bearer of the token and for this machine", "[access]") {
+TEST_CASE("Statistics are served to the session, to the bearer of the token and to this machine",
+          "[access]") {
   const Access access = Make();
   const auto may = [](const Access& rules, Headers headers, bool loopback) {
     HttpRequest request = Request(std::move(headers), "/stats");
@@ -336,7 +337,8 @@ TEST_CASE("Statistics are for the session, for the bearer of the token and for t
   CHECK(may(Make({"http://localhost:9000/"}), {}, true));
 }
 
-TEST_CASE("The cookie is for this site's requests only, and for HTTPS where the viewer has it", "[access]") {
+TEST_CASE("The cookie is sent with this site's requests only, and only over HTTPS where the viewer uses it",
+          "[access]") {
   const auto cookie = [](const Access& access, const std::string& host) {
     return access.SetCookie(Request({{"host", host}}));
   };
@@ -354,7 +356,7 @@ TEST_CASE("The cookie is for this site's requests only, and for HTTPS where the 
   CHECK(cookie(Make(both, {}, true), "plain.example.org:8000") == secure);
 }
 
-TEST_CASE("A viewer URL is a scheme, a host and perhaps a port and a path", "[access]") {
+TEST_CASE("A viewer URL has a scheme, a host and optionally a port and a path", "[access]") {
   const auto text = [](const std::string& url) { return Url(url).text(); };
   CHECK(text("https://example.org") == "https://example.org/");
   CHECK(text("HTTPS://Example.ORG/A/b") == "https://example.org/A/b/");
@@ -369,7 +371,7 @@ TEST_CASE("A viewer URL is a scheme, a host and perhaps a port and a path", "[ac
   CHECK(url.path == "/a/");
 }
 
-TEST_CASE("A viewer URL that is none is refused with what is wrong", "[access]") {
+TEST_CASE("An invalid viewer URL is refused with the reason", "[access]") {
   for (const auto& [text, why] : std::vector<std::pair<std::string, std::string>>{
            {"", "http:// or https://"},
            {"example.org", "http:// or https://"},

@@ -10,7 +10,7 @@
 namespace quarry {
 
 TEST_CASE(
-    "A lattice becomes a picture with one pixel a square, and squares without a colour get their neighbours'",
+    "A lattice becomes a picture with one pixel a square, and empty squares get their neighbours' colour",
     "[live]") {
   const uint32_t red = PackShared({1, 0, 0}), blue = PackShared({0, 0, 1}),
                  grey = PackShared({0.5f, 0.5f, 0.5f});
@@ -40,8 +40,7 @@ TEST_CASE(
   for (size_t i = 0; i < 8; ++i) CHECK(pixel(i) == tone(grey));
 }
 
-TEST_CASE("Behind what is not covered lies the same colour at every exposure, by coverage at edges",
-          "[live]") {
+TEST_CASE("The backdrop has the same colour at every exposure, mixed by coverage at edges", "[live]") {
   const uint32_t red = PackShared({0.5f, 0, 0});
   PictureRows rows{0, 3, {kUncovered, red, PackShared({0.25f, 0, 0})}, {0, 255, 128}};
   const std::array<uint8_t, 3> behind{232, 236, 241};

@@ -100,7 +100,7 @@ TEST_CASE("Each pixel of a lattice is the picture's sample 0", "[live]") {
   CHECK(compared > 200 * 150 / 2);
 }
 
-TEST_CASE("The newest view wins, and each view that begins is shown", "[live]") {
+TEST_CASE("The newest view wins, and each view that was begun is shown", "[live]") {
   Viewer viewer;
   for (int i = 0; i < 300; ++i) {
     viewer.Want(0.01 * i, true);
@@ -128,7 +128,7 @@ TEST_CASE("Rest begins 150 ms after the last input while inputs follow each othe
   CHECK(viewer.now_s >= asked_s + 0.15);
 }
 
-TEST_CASE("A viewer that acknowledges nothing gets two frames, and costs nothing then", "[live]") {
+TEST_CASE("A viewer that acknowledges nothing gets two frames, and costs nothing after that", "[live]") {
   Viewer viewer;
   viewer.acknowledges = false;
   for (int i = 0; i < 200; ++i) {
@@ -146,7 +146,7 @@ TEST_CASE("A viewer that acknowledges nothing gets two frames, and costs nothing
   CHECK(viewer.frames.back().wanted.input == viewer.inputs);
 }
 
-TEST_CASE("Another exposure needs no ray", "[live]") {
+TEST_CASE("A change of exposure traces no ray", "[live]") {
   Viewer viewer;
   viewer.Want(0);
   viewer.UntilExact();
@@ -162,7 +162,7 @@ TEST_CASE("Another exposure needs no ray", "[live]") {
   CHECK(viewer.cluster.orders.empty());
 }
 
-TEST_CASE("Who asks again at rest is answered by the number of the new input", "[live]") {
+TEST_CASE("A repeated view at rest is answered with the number of the new input", "[live]") {
   Viewer viewer;
   viewer.Want(0);
   viewer.UntilExact();
@@ -174,7 +174,7 @@ TEST_CASE("Who asks again at rest is answered by the number of the new input", "
   CHECK(viewer.frames.back().exact == before);
 }
 
-TEST_CASE("A square picture is metered by tiles that messages can carry", "[live]") {
+TEST_CASE("A square picture is metered in tiles that fit in a message", "[live]") {
   // On one thread, and with cheap points, tiles are as large as they get.
   Viewer viewer;
   viewer.cluster.dispatcher.RemoveWorker(2);
@@ -187,7 +187,7 @@ TEST_CASE("A square picture is metered by tiles that messages can carry", "[live
   }
 }
 
-TEST_CASE("Ranges of samples are short where a sample is dear", "[live]") {
+TEST_CASE("Ranges of samples are short where a sample takes long", "[live]") {
   Viewer viewer;
   viewer.tile_us = 50000;
   viewer.Want(0, false, 64);
@@ -201,7 +201,7 @@ TEST_CASE("Ranges of samples are short where a sample is dear", "[live]") {
   CHECK(most < 8);
 }
 
-TEST_CASE("Who asks for owners gets them at rest, too", "[live]") {
+TEST_CASE("A viewer that asks for owners gets them at rest, too", "[live]") {
   Viewer viewer;
   viewer.Want(0);
   viewer.UntilExact();
@@ -249,7 +249,8 @@ TEST_CASE("A first lattice that is late is preceded by the coarsest one, whole",
   viewer.UntilExact();
 }
 
-TEST_CASE("After a jump at rest the exposure is the exact picture's before its samples are done", "[live]") {
+TEST_CASE("After a jump at rest the exposure is that of the exact picture before its samples are done",
+          "[live]") {
   Viewer viewer;
   viewer.Want(0);
   viewer.UntilExact();

@@ -132,8 +132,7 @@ struct Watching {
 
 }  // namespace
 
-TEST_CASE("A viewer that acknowledges frames which its socket has not taken gets two, and is ended",
-          "[live]") {
+TEST_CASE("A viewer that acknowledges frames still unsent gets two frames, and is disconnected", "[live]") {
   Watching watching;
   Socket& socket = *watching.socket;
   for (int i = 0; i < 20; ++i) {
@@ -155,9 +154,8 @@ TEST_CASE("A viewer that acknowledges frames which its socket has not taken gets
   CHECK(watching.why == "this page reads none of the frames that it is sent");
 }
 
-TEST_CASE(
-    "A viewer that takes no texts is told no more than it must know, and is ended when it goes on asking",
-    "[live]") {
+TEST_CASE("A viewer that reads no texts gets only required ones, and is disconnected when it keeps asking",
+          "[live]") {
   Watching watching;
   Socket& socket = *watching.socket;
   watching.Want(0);
@@ -178,7 +176,7 @@ TEST_CASE(
   CHECK(socket.closed);
 }
 
-TEST_CASE("Messages that cannot be read are answered, and a flood of them ends its viewer", "[live]") {
+TEST_CASE("Messages that cannot be read are answered, and a flood of them disconnects the viewer", "[live]") {
   Watching watching;
   Socket& socket = *watching.socket;
   for (int i = 0; i < 20; ++i) {
@@ -194,7 +192,7 @@ TEST_CASE("Messages that cannot be read are answered, and a flood of them ends i
   CHECK(socket.texts.back().at("type") == "error");
 }
 
-TEST_CASE("A pick is answered whatever a worker says of its ray; of a viewer that is gone nothing is asked",
+TEST_CASE("A pick is answered whatever hit a worker reports; no ray is traced for a viewer that is gone",
           "[live]") {
   Watching watching;
   watching.rays.AddWorker(1);

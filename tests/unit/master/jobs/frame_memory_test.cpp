@@ -25,7 +25,7 @@ uint64_t BytesOf(const RenderJob& job) { return FrameBytes(job.view, job.format)
 
 }  // namespace
 
-TEST_CASE("A frame's memory is reckoned before it is made, without overflow") {
+TEST_CASE("A frame's memory is computed before it is allocated, without overflow") {
   const uint64_t pixels = uint64_t{1} << 32;
   CHECK(BytesOf(Job(65536)) > pixels * (16 + 2 * 3));
   CHECK(BytesOf(Job(65536)) < pixels * 24);
@@ -33,7 +33,7 @@ TEST_CASE("A frame's memory is reckoned before it is made, without overflow") {
   CHECK(BytesOf(Job(64)) < 2 << 20);
 }
 
-TEST_CASE("No encoded image is larger than reckoned") {
+TEST_CASE("No encoded image is larger than computed") {
   for (const auto& job : {Job(200), Job(200, "exr"), Job(200, "exr", 127), Job(1), Job(1, "exr", 127)}) {
     std::vector<uint32_t> pixels(size_t{job.view.width} * job.view.height * WordsPerPixel(job.view.aov_mask));
     uint32_t noise = 1;
@@ -44,7 +44,7 @@ TEST_CASE("No encoded image is larger than reckoned") {
   }
 }
 
-TEST_CASE("A job that takes too much is refused with figures") {
+TEST_CASE("A job that needs too much memory is refused with figures") {
   const FrameMemory memory(64 << 20);
   CHECK(memory.CheckJob(Job(1000), 0).has_value());
   const Status large = memory.CheckJob(Job(65536), 0);
@@ -60,7 +60,7 @@ TEST_CASE("A job that takes too much is refused with figures") {
   CHECK_THAT(many.error().message, Catch::Contains("65536 frames") && Catch::Contains("30.0 MiB are in use"));
 }
 
-TEST_CASE("What a frame has taken is given back with the last who holds it") {
+TEST_CASE("A frame's memory is returned with its last reference") {
   FrameMemory memory(1000);
   auto first = memory.Take(600), second = memory.Take(500);
   CHECK(memory.used() == 1100);
@@ -73,7 +73,7 @@ TEST_CASE("What a frame has taken is given back with the last who holds it") {
   CHECK(memory.used() == 0);
 }
 
-TEST_CASE("A job that has ended three masters is set aside, one that has finished a frame is not") {
+TEST_CASE("A job that ended three masters is set aside, unless it has finished a frame") {
   const test::TemporaryFolder folder;
   const std::string path = folder.file("spool");
   const RenderJob job = Job(32, "png", 0, 3);

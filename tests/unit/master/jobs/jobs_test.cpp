@@ -124,7 +124,7 @@ Spool OpenSpool(const std::string& folder) {
 
 }  // namespace
 
-TEST_CASE("A job's exposure is metered once, unless it is given or the file needs none", "[jobs]") {
+TEST_CASE("A job's exposure is metered once, unless it is given or the file format needs none", "[jobs]") {
   for (const std::string format : {"auto", "given", "exr"}) {
     Office office;
     RenderJob walk = Walk(3);
@@ -164,7 +164,7 @@ TEST_CASE("Frames are begun in the order of jobs and cameras, each with its own 
   CHECK(office.jobs.Upcoming(5).empty());
 }
 
-TEST_CASE("Frames go to a client in their order, whichever is rendered first", "[jobs]") {
+TEST_CASE("Frames are sent to a client in their order, whichever is rendered first", "[jobs]") {
   Office office;
   const auto client = std::make_shared<Client>();
   REQUIRE(office.Ask(client, Walk(4)).has_value());
@@ -193,7 +193,7 @@ TEST_CASE("Frames go to a client in their order, whichever is rendered first", "
   }
 }
 
-TEST_CASE("A job that is asked for twice is rendered once, for both", "[jobs]") {
+TEST_CASE("A job requested twice is rendered once, for both clients", "[jobs]") {
   Office office;
   const auto first = std::make_shared<Client>(), second = std::make_shared<Client>("client:2");
   REQUIRE(office.Ask(first, Walk(3)).has_value());
@@ -209,7 +209,7 @@ TEST_CASE("A job that is asked for twice is rendered once, for both", "[jobs]") 
   CHECK(office.over.size() == 1);
 }
 
-TEST_CASE("Frames that a client has are not rendered, until another client asks for them", "[jobs]") {
+TEST_CASE("Frames that a client has are not rendered until another client requests them", "[jobs]") {
   Office office;
   const auto first = std::make_shared<Client>(), second = std::make_shared<Client>("client:2");
   REQUIRE(office.Ask(first, Walk(3), 2).has_value());
@@ -224,8 +224,7 @@ TEST_CASE("Frames that a client has are not rendered, until another client asks 
   CHECK(office.over.size() == 1);
 }
 
-TEST_CASE("A job whose clients have gone is dropped after a while; one that is asked for again is not",
-          "[jobs]") {
+TEST_CASE("A job without clients is dropped after a while, unless it is requested again", "[jobs]") {
   Office office;
   auto client = std::make_shared<Client>();
   REQUIRE(office.Ask(client, Walk(3)).has_value());
@@ -277,7 +276,7 @@ TEST_CASE("A job that fails tells its clients, and late frames of it are dropped
   CHECK(office.jobs.all().empty());
 }
 
-TEST_CASE("A client that reads slowly gets frames as it reads, and misses none", "[jobs]") {
+TEST_CASE("A client that reads slowly gets frames as it reads, and none is lost", "[jobs]") {
   Office office;
   const auto slow = std::make_shared<Client>(), quick = std::make_shared<Client>("client:2");
   REQUIRE(office.Ask(slow, Walk(3)).has_value());
@@ -293,7 +292,7 @@ TEST_CASE("A client that reads slowly gets frames as it reads, and misses none",
   CHECK(office.over.size() == 2);
 }
 
-TEST_CASE("No more frames are begun than can be encoded, and none beyond the memory for them", "[jobs]") {
+TEST_CASE("Frames are begun only as fast as they are encoded, and within their memory", "[jobs]") {
   const RenderJob walk = Walk(12, 1, 400);
   {
     Office office;
@@ -320,7 +319,7 @@ TEST_CASE("No more frames are begun than can be encoded, and none beyond the mem
   CHECK(office.jobs.Begin());  // into the memory that those have given back
 }
 
-TEST_CASE("A job that takes more memory than there is is refused, and nothing of it is kept", "[jobs]") {
+TEST_CASE("A job that needs more memory than there is is refused, and nothing of it is kept", "[jobs]") {
   const test::TemporaryFolder folder;
   Office office(OpenSpool(folder.file("spool")), 4 << 20);
   const auto client = std::make_shared<Client>();
@@ -332,7 +331,7 @@ TEST_CASE("A job that takes more memory than there is is refused, and nothing of
   CHECK(office.Ask(client, Walk(1)).has_value());
 }
 
-TEST_CASE("Another master goes on with a spool's jobs and renders their missing frames", "[jobs]") {
+TEST_CASE("Another master continues a spool's jobs and renders their missing frames", "[jobs]") {
   const test::TemporaryFolder folder;
   const std::string path = folder.file("spool");
   {
@@ -406,7 +405,7 @@ TEST_CASE("A frame that has been damaged in the spool is rendered again", "[jobs
     CHECK_THAT(DecodeFrameDone(message.table)->statistics, Catch::Contains("test"));
 }
 
-TEST_CASE("A frame of a job that may have ended a master is under way alone", "[jobs]") {
+TEST_CASE("A frame of a job that may have ended a master is rendered alone", "[jobs]") {
   const test::TemporaryFolder folder;
   const std::string path = folder.file("spool");
   const auto client = std::make_shared<Client>();
@@ -435,7 +434,7 @@ TEST_CASE("A frame of a job that may have ended a master is under way alone", "[
   CHECK(office.BeginAll().size() == 2);
 }
 
-TEST_CASE("A job that may have ended a master waits until no other frame is under way", "[jobs]") {
+TEST_CASE("A job that may have ended a master waits until no other frame is being rendered", "[jobs]") {
   Office office;
   const auto client = std::make_shared<Client>();
   REQUIRE(office.Ask(client, Walk(1)).has_value());

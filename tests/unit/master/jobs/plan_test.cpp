@@ -33,7 +33,7 @@ struct PlanFixture {
 
 }  // namespace
 
-TEST_CASE("Footprint gives tiles to who holds their blocks, whoever rendered them last") {
+TEST_CASE("Footprint gives tiles to the worker that holds their blocks, whoever rendered them last") {
   PlanFixture f(4, 2);
   for (uint32_t t = 0; t < 4; ++t) {
     f.blocks[t] = {10 * t, 10 * t + 1};
@@ -57,7 +57,7 @@ TEST_CASE("Footprint keeps expected costs near equal, though one worker holds ev
     for (const auto& [other, least] : tiles) CHECK(n * (1 - kPlanSlack) <= least + 1);
 }
 
-TEST_CASE("A tile of which nobody has anything goes with its neighbours, of which somebody has") {
+TEST_CASE("A tile whose blocks are unknown is planned with its neighbours whose blocks a worker holds") {
   PlanFixture f(6, 2);
   for (uint32_t t = 0; t < 6; ++t) f.in.tiles[t].column = t;
   f.blocks = {{1}, {}, {}, {}, {}, {2}};
@@ -67,7 +67,7 @@ TEST_CASE("A tile of which nobody has anything goes with its neighbours, of whic
   CHECK(Plan(f.in, SchedulingPolicy::kFootprint) == std::vector<uint32_t>{2, 2, 2, 1, 1, 1});
 }
 
-TEST_CASE("Unknown tiles of a large picture go to whoever is nearest") {
+TEST_CASE("Unknown tiles of a large picture are given to the nearest worker") {
   constexpr uint32_t kColumns = 100, kRows = 80;
   PlanFixture f(kColumns * kRows, 4);
   for (uint32_t t = 0; t < f.blocks.size(); ++t) {
@@ -88,7 +88,7 @@ TEST_CASE("Unknown tiles of a large picture go to whoever is nearest") {
   CHECK(right == plan.size());
 }
 
-TEST_CASE("A large picture is shared out among many, though one has everything, or all have") {
+TEST_CASE("A large picture is shared among many workers, though one has all blocks, or all have") {
   const bool all = GENERATE(false, true);
   PlanFixture f(4096, 128);
   for (uint32_t t = 0; t < 4096; ++t) {
@@ -104,7 +104,7 @@ TEST_CASE("A large picture is shared out among many, though one has everything, 
   for (const auto& [w, n] : tiles) CHECK(n <= 3 * 4096 / 128);
 }
 
-TEST_CASE("Computing is levelled only where that is worth the bytes") {
+TEST_CASE("Computing is balanced only where that is worth the bytes") {
   PlanFixture f(8, 2);
   for (uint32_t t = 0; t < 8; ++t) {
     f.blocks[t] = {t};
@@ -118,7 +118,7 @@ TEST_CASE("Computing is levelled only where that is worth the bytes") {
   CHECK(std::count(plan.begin(), plan.end(), 2) >= 2);
 }
 
-TEST_CASE("What is fetched weighs more than the time it takes") {
+TEST_CASE("Fetched bytes weigh more than the time they take") {
   PlanFixture f(8, 2);
   for (uint32_t t = 0; t < 8; ++t) {
     f.blocks[t] = {t};
@@ -129,7 +129,7 @@ TEST_CASE("What is fetched weighs more than the time it takes") {
   CHECK(std::count(plan.begin(), plan.end(), 2) == 0);
 }
 
-TEST_CASE("Tiles that share what has to be fetched come together where that saves time") {
+TEST_CASE("Tiles that share missing blocks are planned together where that saves time") {
   // Two of each block, far apart along the curve; nobody has anything but the first two.
   PlanFixture f(8, 2);
   for (uint32_t t = 0; t < 8; ++t) f.blocks[t] = {10 + t % 4};
@@ -142,7 +142,7 @@ TEST_CASE("Tiles that share what has to be fetched come together where that save
   CHECK(std::count(plan.begin(), plan.end(), 1) == 4);
 }
 
-TEST_CASE("Every policy plans every tile for a worker that is there; the same for the same input") {
+TEST_CASE("Every policy plans every tile for a present worker, and plans the same for the same input") {
   for (const auto policy :
        {SchedulingPolicy::kRandom, SchedulingPolicy::kLastOwner, SchedulingPolicy::kFootprint}) {
     PlanFixture f(50, 3);
@@ -164,7 +164,7 @@ TEST_CASE("Random plans differ from frame to frame") {
   CHECK(Plan(f.in, SchedulingPolicy::kRandom) != first);
 }
 
-TEST_CASE("Tiles that somebody has stay there, and count") {
+TEST_CASE("Leased tiles stay with their worker, and count as its load") {
   PlanFixture f(8, 2);
   for (uint32_t t = 0; t < 8; ++t) f.blocks[t] = {t};
   for (uint32_t t = 0; t < 3; ++t) f.in.tiles[t].fixed_owner = 2;
@@ -176,7 +176,7 @@ TEST_CASE("Tiles that somebody has stay there, and count") {
   CHECK(Plan(f.in, SchedulingPolicy::kFootprint) == std::vector<uint32_t>(8, 2));
 }
 
-TEST_CASE("A spool gives back jobs and frames, and leaves other scenes' and damaged ones alone") {
+TEST_CASE("A spool returns its jobs and frames, and ignores damaged ones and other scenes'") {
   const test::TemporaryFolder around;
   const std::string folder = around.file("spool");
   SceneId scene{}, other{};
@@ -227,7 +227,7 @@ TEST_CASE("A spool gives back jobs and frames, and leaves other scenes' and dama
   CHECK_THAT(log[0], Catch::Contains("damaged"));
 }
 
-TEST_CASE("A frame of the spool that is flipped, cut, another's or a link is none") {
+TEST_CASE("A frame of the spool that is damaged, cut, another's or a link is ignored") {
   const test::TemporaryFolder folder;
   RenderJob job = test::JobOf(Looking({0, 0, 0}, {0, 1, 0}), 3);
   const std::string id = JobId(SceneId{}, job), jobs = folder.file("spool") + "/" + id;

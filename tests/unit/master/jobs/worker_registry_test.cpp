@@ -25,14 +25,14 @@ WorkerRecord& Joined(WorkerRegistry& registry, uint64_t instance) {
 
 }  // namespace
 
-TEST_CASE("What is not known of fetching is 100 Mbit/s, of decoding nothing", "[registry]") {
+TEST_CASE("An unknown rate of fetching is taken as 100 Mbit/s, unknown decoding as free", "[registry]") {
   WorkerRegistry registry;
   CHECK(registry.SecondsPerByte(7) == Approx(8e-8));
   WorkerRegistry::Update(Joined(registry, 1), Counted(1000, 900'000, 7000, 900'000));
   CHECK(registry.SecondsPerByte(7) == Approx(8e-8));
 }
 
-TEST_CASE("A stored byte costs what fetching it and decoding it once takes", "[registry]") {
+TEST_CASE("A stored byte costs the time to fetch and decode it once", "[registry]") {
   WorkerRegistry registry;
   WorkerRecord& worker = Joined(registry, 1);
   // 2 MB in 1 s; decoded seven times over, 140 MB, in 0.7 s.

@@ -21,7 +21,7 @@ std::vector<MeteredPoint> Grey(size_t surfaces, float value, size_t background =
 
 }  // namespace
 
-TEST_CASE("Surfaces are exposed to one grey, highlights are held", "[exposure]") {
+TEST_CASE("Surfaces are exposed to one grey, and large highlights are not clipped", "[exposure]") {
   const double dark = ExposureFor(Grey(1000, 0.01f)), light = ExposureFor(Grey(1000, 0.16f));
   CHECK(dark - light == Approx(4).margin(0.05));
   CHECK(0.01 * std::exp2(dark) == Approx(0.3).epsilon(0.02));
@@ -48,7 +48,8 @@ TEST_CASE("Lamps and windows that shine do not decide the exposure of the room t
   CHECK(ExposureFor(dark) == ExposureFor(Grey(50, 4)));
 }
 
-TEST_CASE("Materials emit by their emission, unless it is a texture's or they are unlit", "[exposure]") {
+TEST_CASE("Materials emit by their emission, unless it comes from a texture or they are unlit",
+          "[exposure]") {
   std::vector<Material> materials(4);
   for (size_t m = 1; m < materials.size(); ++m) materials[m].emission = glm::vec3(3);
   materials[2].unlit = true;
@@ -85,7 +86,7 @@ TEST_CASE("An exposure does not depend on the order of points", "[exposure]") {
   }
 }
 
-TEST_CASE("What lies behind the picture is not exposed; a background of light is", "[exposure]") {
+TEST_CASE("A backdrop does not count for the exposure; a background that is light does", "[exposure]") {
   const test::Row row;
   View view = test::Looking({0, -20, 0}, {3, 10, 4});
   view.background = glm::vec3(100);

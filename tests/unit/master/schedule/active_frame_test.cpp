@@ -48,7 +48,7 @@ void Render(ActiveFrame& frame) {
 
 }  // namespace
 
-TEST_CASE("Two frames may always be under way, of small ones sixteen, of a million pixels no third") {
+TEST_CASE("Two frames may always be open, sixteen of small frames, no third of a million pixels") {
   const View small = Looking({0, 0, 0}, {0, 10, 0}, 256, 192),
              large = Looking({0, 0, 0}, {0, 10, 0}, 1280, 720);
   std::vector<ActiveFrame> small_ones(16, ActiveFrame(1, small, nullptr)),
@@ -65,7 +65,7 @@ TEST_CASE("Two frames may always be under way, of small ones sixteen, of a milli
   CHECK_FALSE(MayBegin(frames));
 }
 
-TEST_CASE("A frame under way is planned with what those before it are to bring") {
+TEST_CASE("An open frame is planned with the blocks that earlier frames will fetch") {
   const View view = Looking({0, 0, 0}, {0, 10, 0});
   Cluster cluster;
   cluster.block_bytes.assign(4096, 10000);  // fetching one takes as long as computing a tile
@@ -130,7 +130,7 @@ TEST_CASE("A large frame is planned once, and again when workers come or go") {
   CHECK(now == std::vector<uint32_t>(now.size(), 3));
 }
 
-TEST_CASE("A large frame is foreseen once") {
+TEST_CASE("A large frame is predicted once") {
   const View view = Looking({0, 0, 0}, {0, 10, 0}, 1024, 768);
   Cluster cluster;
   ActiveFrame before(1, view, nullptr), next(2, view, &before);
@@ -144,7 +144,7 @@ TEST_CASE("A large frame is foreseen once") {
   CHECK(after.Expected(0).known);
 }
 
-TEST_CASE("What coarse rays come to is planned with as soon as it is learned, of a large frame too") {
+TEST_CASE("Blocks found by coarse rays are used in the plan as soon as they are known, in large frames too") {
   for (const uint32_t width : {320u, 1024u}) {
     const View view = Looking({0, 0, 0}, {0, 10, 0}, width, 768);
     Cluster cluster;
@@ -168,7 +168,7 @@ TEST_CASE("What coarse rays come to is planned with as soon as it is learned, of
   }
 }
 
-TEST_CASE("A first plan shares out what is to be fetched, though it knows no tile's cost") {
+TEST_CASE("A first plan shares out the missing blocks, though no tile's cost is known") {
   const View view = Looking({0, 0, 0}, {0, 10, 0}, 320, 240);
   Cluster cluster;
   cluster.block_bytes.assign(4096, 5000);  // 5 ms each
@@ -185,7 +185,7 @@ TEST_CASE("A first plan shares out what is to be fetched, though it knows no til
   CHECK(std::max(of_one, tiles / 2 - of_one) <= tiles * 3 / 8);
 }
 
-TEST_CASE("A tile costs what it takes beside tracing as well") {
+TEST_CASE("A tile's cost includes its time beside tracing") {
   const View view = Looking({0, 0, 0}, {0, 10, 0});
   Cluster cluster;
   ActiveFrame shown(1, view, nullptr);
@@ -199,7 +199,7 @@ TEST_CASE("A tile costs what it takes beside tracing as well") {
   CHECK(next.MakeSnapshot({}, 0).tiles[20].cost_s == Approx(without_s + 0.5).epsilon(0.01));
 }
 
-TEST_CASE("A frame has open tiles until all are with somebody") {
+TEST_CASE("A frame has open tiles until all are leased") {
   ActiveFrame frame(1, Looking({0, 0, 0}, {0, 10, 0}), nullptr);
   const auto tiles = static_cast<uint32_t>(frame.image().tiles().size());
   for (uint32_t t = 0; t < tiles; ++t) {

@@ -112,7 +112,7 @@ class Cluster : FrameSource {
 
 }  // namespace
 
-TEST_CASE("A frame is done though a worker answers nothing, whether it holds tiles or is to get them") {
+TEST_CASE("A frame is done though a worker is silent, whether it holds tiles or is to get them") {
   // 80 tiles; the silent worker holds every block, and a block costs the other worker more to fetch than the
   // silent one's open work is worth.
   for (const uint32_t silent_threads : {1u, 30u, 200u}) {
@@ -127,7 +127,7 @@ TEST_CASE("A frame is done though a worker answers nothing, whether it holds til
   }
 }
 
-TEST_CASE("Tiles that a worker gives back go to others, and no other's lease ends") {
+TEST_CASE("Tiles that a worker gives back are given to others, and no other lease ends") {
   Cluster cluster({{1, 1, kNever}, {2, 1, kNever}});
   cluster.Step();
   const ActiveFrame& frame = *cluster.dispatcher.Frames().front();
@@ -153,7 +153,7 @@ TEST_CASE("Tiles that a worker gives back go to others, and no other's lease end
   CHECK(cluster.Run(60) < 20);
 }
 
-TEST_CASE("A worker counts as quiet once it has held tiles for the time of grace and answered none") {
+TEST_CASE("A worker counts as quiet when it has held tiles for the grace period and answered none") {
   Responsiveness responsiveness;
   responsiveness.Update(0, true);
   responsiveness.Update(Responsiveness::kGraceS, true);
@@ -166,7 +166,7 @@ TEST_CASE("A worker counts as quiet once it has held tiles for the time of grace
   CHECK(responsiveness.quiet_s() == 0);
 }
 
-TEST_CASE("A tile that two silent workers hold goes to a third") {
+TEST_CASE("A tile that two silent workers hold is given to a third") {
   Cluster cluster({{1, 1}, {2, 1, kNever}, {3, 1, kNever}}, 64, 64);
   cluster.actors[0].ready = false;  // until both hold all four tiles, or copies of them
   for (double t = 0; t < 4; t += kStepS) REQUIRE_FALSE(cluster.Step());
@@ -174,14 +174,14 @@ TEST_CASE("A tile that two silent workers hold goes to a third") {
   CHECK(cluster.Run(30) < 5);
 }
 
-TEST_CASE("Any number of silent workers holds up nobody else for long") {
+TEST_CASE("Any number of silent workers delays nobody else for long") {
   std::vector<Actor> actors{{1, 2}};
   for (uint32_t id = 2; id < 20; ++id) actors.push_back({id, 8, kNever});
   Cluster cluster(std::move(actors));
   CHECK(cluster.Run(120) < 8);
 }
 
-TEST_CASE("Who holds tiles that others finish, and answers none, is doubtful, then mute; a slow one is not") {
+TEST_CASE("A worker whose tiles only others finish is doubtful, then mute; a slow worker is not") {
   Cluster cluster({{1, 1}, {2, 1, kNever}, {3, 1, 3}}, 640, 512);
   double doubtful_s = 0, mute_s = 0;
   while (mute_s == 0 && cluster.now_s < 100 && !cluster.Step()) {
@@ -195,7 +195,8 @@ TEST_CASE("Who holds tiles that others finish, and answers none, is doubtful, th
   CHECK(cluster.Find(2).tiles == 0);
 }
 
-TEST_CASE("Mute is who answers nothing for twenty seconds of holding tiles, over any number of frames") {
+TEST_CASE(
+    "A worker that holds tiles for twenty seconds without an answer is mute, over any number of frames") {
   Responsiveness responsiveness;
   double now_s = 0;
   const auto hold = [&](double s) {
@@ -215,7 +216,7 @@ TEST_CASE("Mute is who answers nothing for twenty seconds of holding tiles, over
   CHECK_FALSE(responsiveness.doubtful());
 }
 
-TEST_CASE("A tile that takes everybody long makes nobody mute") {
+TEST_CASE("A tile that takes every worker long makes none mute") {
   Cluster cluster({{1, 1, 200}, {2, 1, 300}}, 64, 32);
   while (!cluster.Step()) {
     REQUIRE(cluster.now_s < 1000);
@@ -238,7 +239,7 @@ TEST_CASE("Forged costs count for no more than the time that a worker has had th
   CHECK(planned[2] > 10);
 }
 
-TEST_CASE("Who claims a thousand threads and answers nothing holds up nobody") {
+TEST_CASE("A silent worker that claims a thousand threads delays nobody") {
   Cluster cluster({{1, 2}, {2, 1024, kNever}}, 640, 512);  // 320 tiles
   CHECK(cluster.Run(200) < 30);
 }

@@ -14,8 +14,7 @@ namespace quarry {
 
 using test::Looking;
 
-TEST_CASE("Frames are probed in the order in which they are wanted, and forgotten when they are not",
-          "[probe]") {
+TEST_CASE("Frames are probed in the order of the requests, and dropped when nobody wants them", "[probe]") {
   const test::Row row;
   std::mutex mutex;
   std::condition_variable told;
@@ -58,7 +57,7 @@ TEST_CASE("Frames are probed in the order in which they are wanted, and forgotte
 }
 
 // Without giving up it takes more than the limit of 900 s: four thousand million shadow rays.
-TEST_CASE("A frame that nobody wants any more is given up", "[probe]") {
+TEST_CASE("The probe of a frame that nobody wants any more is abandoned", "[probe]") {
   const test::Row row;
   const auto made = FootprintProbe::Create(*row.scene, 1 << 20, [] {});
   REQUIRE(made.has_value());

@@ -27,7 +27,7 @@ FrameFootprint AllSaw(const View& view, float depth) {
 
 }  // namespace
 
-TEST_CASE("A tile's blocks follow what it saw when the camera turns") {
+TEST_CASE("A tile's blocks move with the view when the camera turns") {
   FrameFootprint before;
   before.view = Looking({0, 0, 0}, {0, 10, 0});
   before.tiles = TilesOf(before.view);
@@ -58,7 +58,7 @@ TEST_CASE("A tile's blocks follow what it saw when the camera turns") {
     CHECK_FALSE(trace.known);
 }
 
-TEST_CASE("What coarse rays come to takes the place of what tiles before touched; what they cost stays") {
+TEST_CASE("Blocks found by coarse rays replace those of earlier tiles; the tiles' costs stay") {
   FrameFootprint before = AllSaw(Looking({0, -20, 0}, {0, 10, 0}), 25);
   for (TileFootprint& trace : before.traces) trace.blocks = {0, 1, 2, 6};
   const View next = Looking({0, -19, 0}, {0, 10, 0});
@@ -75,7 +75,7 @@ TEST_CASE("What coarse rays come to takes the place of what tiles before touched
     CHECK(trace.blocks == std::vector<uint32_t>{0, 1, 2, 6});
 }
 
-TEST_CASE("The first frame of a walk is foreseen by coarse rays alone, without costs") {
+TEST_CASE("The first frame of a walk is predicted by coarse rays alone, without costs") {
   const View view = Looking({0, -20, 0}, {0, 10, 0});
   const auto tiles = TilesOf(view);
   const ProbedFrame coarse(tiles.size(), ProbedTile{{2}, {7}});

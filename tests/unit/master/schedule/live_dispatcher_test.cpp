@@ -68,7 +68,7 @@ TEST_CASE("The tiles of a pass cover its lattice once", "[live]") {
   }
 }
 
-TEST_CASE("Tiles grow where points are cheap, so that a frame is not made of messages", "[live]") {
+TEST_CASE("Tiles grow where points are cheap, so that messages do not dominate a frame", "[live]") {
   Site site;
   size_t first = 0, later = 0;
   for (int i = 0; i < 30; ++i) {
@@ -84,8 +84,7 @@ TEST_CASE("Tiles grow where points are cheap, so that a frame is not made of mes
   CHECK(later >= 4);  // two for each thread
 }
 
-TEST_CASE("A large picture, with more open tiles than a worker's own is looked for among, is given out whole",
-          "[live]") {
+TEST_CASE("A large picture, with more open tiles than the scheduler searches, is given out whole", "[live]") {
   Site site;
   site.view = Looking({0, -20, 0}, {0, 10, 0}, 1024, 768);
   for (int pass = 0; pass < 2; ++pass) {
@@ -103,7 +102,7 @@ TEST_CASE("A large picture, with more open tiles than a worker's own is looked f
   }
 }
 
-TEST_CASE("What is watched more urgently goes first, and viewers share", "[live]") {
+TEST_CASE("The more urgent view is rendered first, and viewers share the workers", "[live]") {
   Site site;
   const FrameId rest = site.Begin(1), motion = site.Begin(2), other = site.Begin(3), answer = site.Begin(2);
   site.dispatcher().Trace(rest, Site::Shown(site.view), LiveUrgency::kRest);
@@ -129,7 +128,7 @@ TEST_CASE("What is watched more urgently goes first, and viewers share", "[live]
   CHECK(std::max(of_motion, of_other) - std::min(of_motion, of_other) <= 4);
 }
 
-TEST_CASE("A part of the screen goes to the worker that traced it last", "[live]") {
+TEST_CASE("A part of the screen is given to the worker that traced it last", "[live]") {
   Site site;
   std::map<std::pair<uint32_t, uint32_t>, uint32_t> owners;
   size_t same = 0, all = 0;
@@ -151,7 +150,7 @@ TEST_CASE("A part of the screen goes to the worker that traced it last", "[live]
   CHECK(same * 10 >= all * 9);
 }
 
-TEST_CASE("A frame that ends is taken from the workers, and its results are dropped", "[live]") {
+TEST_CASE("A frame that ends is cancelled at the workers, and its results are dropped", "[live]") {
   Site site;
   const FrameId frame = site.Begin(1);
   site.dispatcher().Trace(frame, Site::Shown(site.view), LiveUrgency::kMotion);
@@ -166,7 +165,7 @@ TEST_CASE("A frame that ends is taken from the workers, and its results are drop
   CHECK_FALSE(site.cluster.Run(late));
 }
 
-TEST_CASE("Tiles of a worker that is lost or late go to another one", "[live]") {
+TEST_CASE("Tiles of a worker that is lost or late are given to another one", "[live]") {
   Site site;
   const FrameId frame = site.Begin(1);
   site.dispatcher().Trace(frame, Site::Shown(site.view, 4), LiveUrgency::kMotion);

@@ -29,7 +29,7 @@ struct Rays {
 
 }  // namespace
 
-TEST_CASE("Rays go to the workers that have fewest, and each is answered once", "[live]") {
+TEST_CASE("Rays are sent to the workers that have fewest, and each is answered once", "[live]") {
   Rays rays;
   for (int i = 0; i < 4; ++i) rays.Ask();
   rays.dispatcher.Assign(0);
@@ -50,8 +50,9 @@ TEST_CASE("Rays go to the workers that have fewest, and each is answered once", 
   CHECK(rays.sent.back().first == worker);
 }
 
-TEST_CASE("A ray waits for a worker, leaves one that is gone, and is given to one more when it is late",
-          "[live]") {
+TEST_CASE(
+    "A ray waits for a worker, moves on from one that is gone, and is given to one more when it is late",
+    "[live]") {
   Rays rays;
   rays.dispatcher.RemoveWorker(1);
   rays.dispatcher.RemoveWorker(2);

@@ -64,7 +64,7 @@ TEST_CASE("A worker with nothing left takes from the other's end") {
   CHECK(Schedule(s, Stealing::kNo).empty());
 }
 
-TEST_CASE("Of many others it takes from who has most left") {
+TEST_CASE("It takes from the worker that has most left") {
   Snapshot s = MakeSnapshot(230, {});
   for (uint32_t w = 1; w <= 100; ++w) s.workers.push_back({w, w == 1 ? 2u : 0u});
   for (uint32_t t = 0; t < 230; ++t) {
@@ -74,7 +74,7 @@ TEST_CASE("Of many others it takes from who has most left") {
   CHECK(Schedule(s, Stealing::kYes) == std::vector<Assignment>{{229, 1}, {228, 1}});
 }
 
-TEST_CASE("Stragglers go to an idle worker once, never to their holder") {
+TEST_CASE("Stragglers are given to an idle worker once, never to their holder") {
   Snapshot s = MakeSnapshot(3, {{1, 5}, {2, 5}});
   s.now_s = 10;
   s.tiles[0].done = true;
@@ -89,7 +89,7 @@ TEST_CASE("Stragglers go to an idle worker once, never to their holder") {
   CHECK(Schedule(MakeSnapshot(3, {}), Stealing::kYes).empty());
 }
 
-TEST_CASE("What a worker holds of one frame it is not given of the next") {
+TEST_CASE("Tiles held of one frame leave less credit for the next") {
   View view;
   view.width = view.height = 64;
   REQUIRE(NormalizeView(view).has_value());
@@ -112,7 +112,8 @@ TEST_CASE("What a worker holds of one frame it is not given of the next") {
   CHECK(count(more, second) == 1);
 }
 
-TEST_CASE("Who idles fetches for another's tile at the end of all frames, but not while others follow") {
+TEST_CASE(
+    "An idle worker fetches blocks for another's tile at the end of all frames, not while others follow") {
   View view;
   view.width = view.height = 64;  // four tiles
   REQUIRE(NormalizeView(view).has_value());
@@ -129,7 +130,7 @@ TEST_CASE("Who idles fetches for another's tile at the end of all frames, but no
   }
 }
 
-TEST_CASE("Results count once, under a lease that is known; a dead worker's tiles are open again") {
+TEST_CASE("Results count once, under a known lease; a dead worker's tiles are open again") {
   View view;
   view.width = view.height = 64;
   REQUIRE(NormalizeView(view).has_value());

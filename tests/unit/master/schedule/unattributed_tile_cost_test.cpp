@@ -4,7 +4,7 @@
 
 namespace quarry {
 
-TEST_CASE("What tiles take beside tracing and decoding is the rest of the time in which threads have some",
+TEST_CASE("The unattributed cost of tiles is the busy time of threads less tracing and decoding",
           "[overhead]") {
   UnattributedTileCost overhead;
   CHECK(overhead.seconds() == 0);
@@ -26,7 +26,7 @@ TEST_CASE("What tiles take beside tracing and decoding is the rest of the time i
   CHECK(overhead.seconds() == 0);
 }
 
-TEST_CASE("What was long ago counts for less", "[overhead]") {
+TEST_CASE("Old measurements count for less", "[overhead]") {
   UnattributedTileCost overhead;
   for (int i = 0; i < 100; ++i) {
     overhead.Busy(i, 1);

@@ -4,7 +4,7 @@
 
 namespace quarry {
 
-TEST_CASE("A frame waits for half a second, and again when as much has passed tenfold") {
+TEST_CASE("A frame waits for half a second, and again after ten times as long") {
   WaitBudget patience;
   CHECK_FALSE(patience.Waits(100, false));
   CHECK(patience.Waits(100, true));
@@ -15,7 +15,7 @@ TEST_CASE("A frame waits for half a second, and again when as much has passed te
   CHECK_FALSE(patience.Waits(103.3, true));
 }
 
-TEST_CASE("A frame that has been foreseen waits no longer, and what is not waited costs no patience") {
+TEST_CASE("A predicted frame waits no longer, and unused waiting time is kept") {
   WaitBudget patience;
   CHECK(patience.Waits(1, true));
   CHECK_FALSE(patience.Waits(1.1, false));
