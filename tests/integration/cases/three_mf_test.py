@@ -122,7 +122,7 @@ class ThreeMf(ModelCase):
         done = self.preprocess(self.write("x.3mf", model(document(f'{group}<object id="1">{one}</object>', '<item objectid="1"/>'))))
         self.check_one_of([Model(pixels={(0.75, 0.25): RED, (0.25, 0.75): (0, 255, 0)}, silent=True, **SQUARE)], done, "x.3mf")
 
-    def test_what_is_refused(self):
+    def test_refused_files(self):
         self.refused("3MF.*Not a zip archive|Not a zip", b"no archive")
         self.refused("DOCTYPE", model(PLAIN.replace("<model", '<!DOCTYPE m [<!ENTITY a "a">]><model')))
         self.refused("unpacks to more than .*--unpack-limit", model(), "--unpack-limit", 500)
@@ -167,7 +167,7 @@ class ThreeMf(ModelCase):
         self.assertTrue(whole == small, "another store with less memory")
         self.assertLess(json.loads((self.folder / "s.json").read_text())["peak_rss_bytes"], (64 << 20) + OVER_MEMORY)
 
-    def test_a_killed_run_goes_on(self):
+    def test_a_killed_run_continues(self):
         path, second = self.large(), self.write("second.3mf", model())
         whole = self.made(path, "a.quarry", second)
         chance = random.Random(5)

@@ -62,7 +62,7 @@ class Live(Case):
                   "--quiet")
         return pathlib.Path(self.path("batch.png")).read_bytes()
 
-    def test_what_is_exact_is_the_file_that_a_job_writes(self):
+    def test_the_exact_picture_is_the_file_of_a_job(self):
         client = self.client(self.start(self.store("plant", 100000), cache="1M"))
         whole = client.welcome["view"]
         for mode in ("ao", "raycast", "shadow", "whitted", "voxels"):
@@ -78,7 +78,7 @@ class Live(Case):
         client.want(view)
         self.assertEqual(client.until_exact(60)[1][0], self.batch(view))
 
-    def test_bad_messages_are_answered_by_a_sentence_and_keep_their_viewer(self):
+    def test_bad_messages_are_answered_with_a_sentence_and_keep_their_viewer(self):
         url = self.start(self.store("plant", 20000), "--view-memory", "20M")
         good = self.client(url)
         view = self.view(good)
@@ -112,7 +112,7 @@ class Live(Case):
         good.want(view)
         good.until_exact()
 
-    def test_starved_workers_give_coarse_frames_that_are_whole(self):
+    def test_starved_workers_give_whole_coarse_frames(self):
         """On a twentieth of a core, with all blocks in the cache: no frame of a moving view is a few sharp tiles beside nothing."""
         if why_not_starved():
             self.skipTest(why_not_starved())
@@ -135,7 +135,7 @@ class Live(Case):
         self.assertGreater(max(frame["step"] for frame in frames), 1)
         self.assertEqual([frame for frame in frames if not is_whole(frame)], [])
 
-    def test_viewers_that_acknowledge_what_they_do_not_read_take_no_more_memory_than_they_may(self):
+    def test_viewers_that_acknowledge_unread_frames_stay_within_view_memory(self):
         url = self.start(self.store("plant", 20000), "--view-memory", "88M", workers=1)
         before = resident(self.master.pid)
         deaf = [LiveClient(url, acknowledges=False, receive_buffer=4096) for _ in range(8)]
@@ -198,7 +198,7 @@ class Live(Case):
             self.assertTrue(said["hit"] is None or not said.get("replaced"))
         self.assertIsNotNone(answered[139]["hit"])
 
-    def test_a_picture_of_any_size_is_saved_as_a_job_writes_it(self):
+    def test_a_saved_picture_of_any_size_is_the_file_of_a_job(self):
         client = self.client(self.start(self.store("plant", 50000), "--frame-memory", "300M"))
         view = {**client.welcome["view"], "size": [500, 300]}
         client.want(self.view(client))
@@ -226,7 +226,7 @@ class Live(Case):
         self.assertEqual(client.get("access"), (200, urllib.parse.parse_qs(client.at.query)["token"][0].encode()))
         self.assertEqual(client.get("access", cookie=False)[0], 403)
 
-    def test_a_view_that_is_started_again_has_its_token_again(self):
+    def test_a_restarted_view_keeps_its_token(self):
         store, state = self.store("plant", 20000), self.path("state")
         port = self.free_port()
 
@@ -255,7 +255,7 @@ class Live(Case):
         self.assertRegex(opened[2], "the token is new.*tokens: is not a folder that this user alone may open")
         self.assertNotEqual(view_once(store, XDG_STATE_HOME="", HOME="")[0], first[0])
 
-    def test_who_comes_by_another_name_or_without_upgrade_gets_a_reason(self):
+    def test_a_foreign_name_and_a_proxy_without_upgrade_get_a_reason(self):
         port = self.free_port()
         self.start(self.store("plant", 20000), "--viewer-url", f"http://127.0.0.1:{port}/", "--viewer-url", "https://viewer.example.org/", port=port)
         client = self.client(self.url)
@@ -281,7 +281,7 @@ class Live(Case):
         self.assertEqual(ask("/live?try=def", Cookie=client.cookie, Origin="http://viewer.example.org", Host="viewer.example.org", **upgrade)[0], 403)
         self.assertRegex(ask("/refusal?try=def")[2], "does not know the address of this page")
 
-    def test_views_take_no_more_memory_than_they_may(self):
+    def test_views_stay_within_view_memory(self):
         url = self.start(self.store("plant", 20000), "--view-memory", "40M")
         first, second = self.client(url), self.client(url)
         limit = first.welcome["limits"]["most_pixels"]
@@ -299,7 +299,7 @@ class Live(Case):
         third.want(self.view(third, size=[400, 300]))
         third.until_exact()
 
-    def test_views_that_are_overtaken_are_abandoned_at_the_workers(self):
+    def test_overtaken_views_are_cancelled_at_the_workers(self):
         url = self.start(self.store("plant", 100000), workers=1)
         client = self.client(url)
         endless = self.view(client, mode="whitted", spp=4096)
@@ -341,7 +341,7 @@ class Live(Case):
         client.want(view)
         self.assertEqual(client.until_exact(60 * PATIENCE)[1][0], self.batch(view))
 
-    def test_models_that_cannot_be_are_refused_at_once(self):
+    def test_files_that_are_not_models_are_refused_at_once(self):
         pathlib.Path(self.path("empty.obj")).touch()
         for name, sentence in (("empty.obj", "is empty"), ("none.ply", "No such file")):
             done = self.run_program("quarry", "view", self.path(name), "--quiet")
@@ -372,7 +372,7 @@ class Live(Case):
             stop.set()
             thread.join()
 
-    def test_a_crowd_that_stalls_and_vanishes_leaves_nothing_behind(self):
+    def test_stalled_and_vanished_viewers_leave_nothing_behind(self):
         """50 viewers connect, look, stall and vanish at random for a minute while one flies."""
         seconds = float(os.environ.get("QUARRY_CROWD_S", "60"))
         url = self.start(self.store("plant", 100000), "--view-memory", "96M")
@@ -441,7 +441,7 @@ class Live(Case):
         one.want(self.view(one))
         one.until_exact()
 
-    def test_the_up_axis_turns_the_view_and_nothing_is_made_again(self):
+    def test_a_new_up_axis_turns_the_view_and_keeps_the_store(self):
         model = self.path("plant.ply")
         self.must("quarry-scene", "plant", "--triangles", 20000, "-o", model, "--quiet")
         seen, lights = {}, {}
@@ -467,7 +467,7 @@ class Live(Case):
         self.assertEqual(lights["y"], lights["z"][::-1])
         self.assertNotEqual(*lights["y"])
 
-    def test_a_model_has_a_page_that_says_how_far_it_is(self):
+    def test_a_page_shows_the_progress_of_a_model(self):
         self.must("quarry-scene", "plant", "--triangles", 1500000, "-o", self.path("plant.ply"), "--quiet")
         viewing = subprocess.Popen([str(BIN / "quarry"), "view", self.path("plant.ply"), "--quiet"], stdout=subprocess.PIPE,
                                    stderr=subprocess.DEVNULL, text=True)

@@ -45,7 +45,7 @@ class Remote(Case):
         return unittest.mock.patch.dict(os.environ, {"AWS_ENDPOINT_URL": server.url, "AWS_ACCESS_KEY_ID": KEYS[0], "AWS_SECRET_ACCESS_KEY": KEYS[1],
                                                      "AWS_REGION": REGION, **more})
 
-    def test_info_verify_and_render_as_of_the_file(self):
+    def test_info_verify_and_render_are_those_of_the_file(self):
         server = self.serve()
         url = f"{server.url}/models/plant.quarry"
         facts, same = (json.loads(self.must("quarry", "info", s, "--json").stdout) for s in (self.local, url))
@@ -99,7 +99,7 @@ class Remote(Case):
                 self.must("quarry", "info", f"s3://models/{key}.quarry")
         self.assertEqual(server.faults, [])
 
-    def test_the_region_and_the_endpoint_are_found_as_by_other_clients(self):
+    def test_region_and_endpoint_are_found_like_other_clients_do(self):
         server = self.serve(keys=KEYS, region="eu-central-1", prefix="/storage")
         with self.s3(server, AWS_DEFAULT_REGION="eu-central-1"):
             os.environ.pop("AWS_REGION")
@@ -125,7 +125,7 @@ class Remote(Case):
             os.environ["AWS_PROFILE"] = "absent"
             self.must_fail(2, "no profile absent", "quarry", "info", "s3://models/plant.quarry")
 
-    def test_an_address_that_is_signed_for_get_alone(self):
+    def test_an_address_signed_for_get_only(self):
         query = "X-Amz-Algorithm=AWS4-HMAC-SHA256&X-Amz-Signature=0123abcd%2F"
         server = self.serve(before=lambda r: r.path.partition("?")[2] != query and (ObjectStore.refuse(r, 403, "AccessDenied"), True)[1])
         url = f"{server.url}/models/plant.quarry?{query}"
@@ -202,7 +202,7 @@ class Remote(Case):
                        "--retry", 5, *VIEW, "--workers", 1)
         self.assertFalse(os.path.exists(output))
 
-    def test_a_server_that_packs_what_it_sends(self):
+    def test_a_server_that_compresses_its_answers(self):
         """Unless it is asked for the file as it is, which it is."""
         def gzip(request):
             if request.headers.get("Accept-Encoding") != "identity":
@@ -211,7 +211,7 @@ class Remote(Case):
         server = self.serve(before=gzip)
         self.must("quarry", "info", f"{server.url}/models/plant.quarry")
 
-    def test_a_server_that_trickles_is_given_up(self):
+    def test_a_server_that_is_too_slow_is_given_up(self):
         """4 KiB a second: never silent, and too slow."""
         def trickle(request):
             size = self.remote.stat().st_size
@@ -256,7 +256,7 @@ class Remote(Case):
         self.must("quarry", "verify", f"{server.url}/models/plant.quarry", "--quiet")
         self.assertEqual(server.fail_next, 0)
 
-    def test_what_cannot_be(self):
+    def test_refused_addresses(self):
         server = self.serve()
         url = f"{server.url}/models/plant.quarry"
         self.must_fail(1, r"absent\.quarry: .*404", "quarry", "info", f"{server.url}/absent.quarry")

@@ -31,7 +31,7 @@ class Scalability(Case):
         with open(table, newline="") as file:
             return list(csv.DictReader(file))
 
-    def test_affinity_loads_all_that_is_touched_under_every_policy(self):
+    def test_affinity_loads_all_touched_blocks_under_every_policy(self):
         rows = self.experiment("affinity", "--workers", 2, "--frames", FRAMES)
         self.assertEqual([(r["path"], r["policy"]) for r in rows],
                          [(path, policy) for path in ("slow", "fast") for policy in ("random", "last-owner", "footprint")])
@@ -45,7 +45,7 @@ class Scalability(Case):
         self.assertGreater(float(rows[1]["megabytes_decoded"]), float(rows[0]["megabytes_decoded"]))
 
     @unittest.skipIf(why_not(), f"{why_not()}")
-    def test_speedup_in_a_place_of_its_own(self):
+    def test_speedup_in_separate_namespaces(self):
         plot, frames_plot, frames_csv = self.path("speedup.png"), self.path("frames.png"), self.path("frames.csv")
         rows = self.experiment("speedup", "--workers", "1,2", "--modes", "raycast", "--setups", "1,2p", "--frames", FRAMES,
                                "--plot", plot, "--frames-plot", frames_plot, "--frames-csv", frames_csv)

@@ -97,7 +97,7 @@ class BySecret(Security):
             for word in (b"QUARRY\0\0", b"QRY1", b"IHDR"):
                 self.assertEqual(word in wire.bytes, clear, word)
 
-    def test_who_does_not_fit_is_told_and_harms_nobody(self):
+    def test_incompatible_peers_get_a_reason_and_harm_nobody(self):
         secret, other = self.secret(), self.secret("other")
         master, address = self.master("--secret-file", secret)
         self.both_fail(r"127\.0\.0\.1:\d+ does not take this side's secret", address, "--secret-file", other)
@@ -122,7 +122,7 @@ class BySecret(Security):
         self.start_worker(address, "--secret-file", secret, "--quiet")
         self.picture("everywhere", "--master", address, "--secret-file", secret)
 
-    def test_secrets_that_keep_nobody_out_are_refused(self):
+    def test_weak_secrets_are_refused(self):
         for arguments in (("quarry-master", self.scene, "--listen", "127.0.0.1:0"), ("quarry-worker", "--master", "127.0.0.1:1"),
                           ("quarry", "render", self.scene, "-o", self.path("x.png"))):
             self.must_fail(2, r"a secret of 8 bytes can be guessed", *arguments, "--secret-file", self.secret("short", "12345678"))
@@ -185,13 +185,13 @@ class ByCertificates(Security):
         self.both_fail(r"has no certificate to show; give --secret-file", address, *self.options("client", "ca"))
         self.await_lines(master, r"127\.0\.0\.1:\d+ speaks TLS without the secret", 2)
 
-    def test_a_server_that_would_let_anybody_in_is_refused(self):
+    def test_a_server_that_lets_everybody_in_is_refused(self):
         own = ["--tls-cert", self.path("server.pem"), "--tls-key", self.path("server.key")]
         self.must_fail(2, r"--tls-cert needs --tls-ca too: .*anybody could join", "quarry-master", self.scene, *own)
         self.must_fail(2, r"client\.key: not a private key .* or not .*server\.pem's", "quarry-master", self.scene, "--tls-cert",
                        self.path("server.pem"), "--tls-key", self.path("client.key"), "--tls-ca", self.path("ca.pem"))
 
-    def test_who_never_greets_is_dropped(self):
+    def test_a_peer_that_never_greets_is_dropped(self):
         master, address = self.master(*self.options("server", "ca"))
         context = ssl.create_default_context(cafile=self.path("ca.pem"))
         context.load_cert_chain(self.path("client.pem"), self.path("client.key"))
@@ -332,7 +332,7 @@ class Tokens(Case):
         self.assertTrue(self.heard)
         return set(self.heard)
 
-    def test_tokens_stay_with_hosts_that_the_worker_names(self):
+    def test_tokens_are_sent_only_to_hosts_that_the_worker_names(self):
         named, both = ["--source", self.url, "--source", "master"], ["--http-header-host", "127.0.0.1"]
         self.assertEqual(self.tokens(named, []), {None})
         self.assertEqual(self.tokens(named, ["--http-header-host", "elsewhere.example"]), {None})

@@ -122,7 +122,7 @@ class Sources(Case):
         pathlib.Path(path).write_bytes(store)
         return path
 
-    def test_a_damaged_file_gives_way_to_another_source(self):
+    def test_a_damaged_file_is_replaced_by_another_source(self):
         sums = self.render("g", [["--source", "file:" + self.damaged(), "--source", "master"]])
         self.assertGreater(sums["voxel_bytes_from_tcp"], 0)
 
@@ -134,7 +134,7 @@ class Sources(Case):
         self.assertEqual(worker.wait(timeout=TIMEOUT_S), 1)
         self.assertRegex(worker.stderr.read(), r"^quarry-worker: .*is damaged \(checksum\); make the store again\n$")
 
-    def test_a_worker_that_gives_up_unheard_ends_all_the_same(self):
+    def test_a_worker_that_cannot_report_its_failure_still_ends(self):
         _, address = self.start_master(self.scene)
         wire = Wire(address, unheard=b"is damaged")
         worker = self.start_worker(wire.address, "--source", "file:" + self.damaged(), "--quiet")
@@ -262,7 +262,7 @@ class Membership(Case):
         self.assertTrue(master.stdout.readline().startswith("listening"), "the master does not listen")
         return master
 
-    def test_a_master_that_dies_goes_on_from_its_spool(self):
+    def test_a_killed_master_continues_from_its_spool(self):
         address, start = self.listen("--spool", self.path("spool"))
         master = start()
         workers = [self.start_worker(address, "--threads", 1, "--cache", "8M", "--quiet") for _ in range(2)]
@@ -282,7 +282,7 @@ class Membership(Case):
             time.sleep(0.1)
         self.assertEqual([p.name for p in pathlib.Path(self.path("spool")).iterdir() if p.is_dir()], [])
 
-    def test_a_master_without_a_spool_is_asked_again_for_what_is_missing(self):
+    def test_a_client_requests_missing_frames_of_a_master_without_a_spool(self):
         address, start = self.listen()
         master = start()
         self.start_worker(address, "--threads", 2, "--quiet")
@@ -294,7 +294,7 @@ class Membership(Case):
         start()
         self.finish(client, "n")
 
-    def test_a_stopped_worker_is_missed_and_comes_back(self):
+    def test_a_stopped_worker_is_dropped_and_joins_again(self):
         _, address = self.start_master(self.scene)
         stopped = self.start_worker(address, "--threads", 1, "--cache", "4M", "--quiet")
         self.start_worker(address, "--threads", 1, "--cache", "4M", "--quiet")

@@ -101,7 +101,7 @@ class Strangers(Case):
             stranger.stdin.close()
         self.assertEqual(self.picture("after", "--master", address), plain)
 
-    def test_descriptors_that_run_out_lock_nobody_out(self):
+    def test_a_process_without_descriptors_still_accepts_connections(self):
         plain = self.picture("plain", "--workers", 1)
         master, address = self.master(files=64)
         for kinds in ("idle,silent", "idle"):
@@ -124,7 +124,7 @@ class Strangers(Case):
             limits = pathlib.Path(f"/proc/{process.pid}/limits").read_text()
             self.assertRegex(limits, rf"Max open files\s+{hard}\s+{hard}")
 
-    def test_a_picture_that_takes_too_much_is_refused_and_not_kept(self):
+    def test_a_picture_that_needs_too_much_memory_is_refused_and_not_kept(self):
         spool = self.path("spool")
         master, address = self.master("--frame-memory", "64M", "--spool", spool)
         self.start_worker(address, "--threads", 1, "--quiet")

@@ -47,7 +47,7 @@ class BadJson(Case):
                 ('{"lights": [], "background": "blue"}', "background: three numbers")):
             self.refuse("--lights", text, sentence)
 
-    def test_files_that_keep_one_waiting(self):
+    def test_files_that_block_a_reader(self):
         os.mkfifo(self.path("fifo"))
         for option in ("--camera-path", "--lights"):
             self.must_fail(1, "fifo: is not a regular file", "quarry", "render", self.scene, "-o", self.path("x.png"), option,
@@ -58,7 +58,7 @@ class BadJson(Case):
 
 
 class BadBenchArguments(Case):
-    def test_every_benchmark_tells_of_options_that_it_lacks(self):
+    def test_every_benchmark_refuses_unknown_options(self):
         benches = sorted(path.name.removeprefix("quarry-bench-") for path in BIN.glob("quarry-bench-*"))
         self.assertGreater(len(benches), 8, benches)
         for bench in benches:
@@ -70,7 +70,7 @@ class BadBenchArguments(Case):
 
 
 class BadNumbers(Case):
-    def test_numbers_that_wrap_or_are_none(self):
+    def test_invalid_numbers(self):
         model = self.folder / "cube.ply"
         model.write_text(CUBE)
         store = self.path("cube.quarry")

@@ -47,7 +47,7 @@ class BadModels(Case):
         self.must_fail(1, sentence, "quarry-preprocess", path, "-o", out / "x.quarry", "--quiet")
         self.assertEqual(list(out.iterdir()), [], "something was left behind")
 
-    def test_models_that_are_not(self):
+    def test_files_that_are_not_models(self):
         garbage = bytes(range(256)) * 20
         self.refuse("truncated.ply", CUBE[:-30], r"truncated\.ply")
         self.refuse("garbage.ply", garbage, r"garbage\.ply")
@@ -136,7 +136,7 @@ class BadPlaces(Case):
         self.assertEqual(sorted(p.name for p in self.folder.iterdir() if "lock" in p.name), [])
         self.must("quarry", "verify", store, "--quiet")
 
-    def test_a_reader_that_goes_away(self):
+    def test_a_reader_that_closes_its_pipe(self):
         self.must("quarry-scene", "plant", "--triangles", 300000, "-o", self.path("m.ply"), "--quiet")
         self.must("quarry-preprocess", self.path("m.ply"), "-o", self.path("m.quarry"), "--quiet")
         told = subprocess.Popen([str(BIN / "quarry"), "info", self.path("m.quarry"), "--json"], stdout=subprocess.PIPE,

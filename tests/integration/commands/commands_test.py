@@ -85,7 +85,7 @@ class KeptStores(Case):
         self.assertFalse(kept)
         self.assertNotEqual(after, before)
 
-    def test_an_empty_variable_is_as_good_as_none(self):
+    def test_an_empty_variable_counts_as_unset(self):
         home = self.folder / "home"
         environment = {k: v for k, v in os.environ.items() if k not in ("QUARRY_CACHE_DIR", "XDG_CACHE_HOME")}
         for variables, folder in (({"XDG_CACHE_HOME": "", "QUARRY_CACHE_DIR": ""}, home / ".cache/quarry"),
@@ -116,7 +116,7 @@ class KeptStores(Case):
         self.must("quarry", "cache", "limit", "1G")
         self.must("quarry", "cache", "list")
 
-    def test_an_interrupted_one_is_gone_on_with(self):
+    def test_an_interrupted_store_is_continued(self):
         model = self.path("plant.ply")
         self.must("quarry-scene", "plant", "--triangles", 1000000, "-o", model, "--quiet")
         reference = self.path("reference.png")
@@ -149,7 +149,7 @@ class KeptStores(Case):
         if not went_on:
             self.skipTest("on this machine the model is done before anything of it is noted")
 
-    def test_two_at_once_make_it_once(self):
+    def test_two_commands_at_once_make_one_store(self):
         self.must("quarry-scene", "plant", "--triangles", 300000, "-o", self.path("plant.ply"), "--quiet")
         done = [None, None]
 
@@ -221,7 +221,7 @@ class KeptStores(Case):
         store = self.kept()["stores"][0]["store"]
         self.assertEqual(os.stat(store).st_mode & 0o777, 0o640)
 
-    def test_only_what_was_kept_is_removed(self):
+    def test_only_kept_stores_are_removed(self):
         self.render("a.png")
         own = self.folder / "cache/my.quarry"
         self.must("quarry-preprocess", self.model, "-o", own, "--stats", str(own) + ".json", "--quiet")
@@ -265,7 +265,7 @@ class KeptStores(Case):
             for command in (["render", store, "-o", self.path("d.png")], ["view", store]):
                 self.must_fail(2, f"{option[0]} is for models that are preprocessed, and .* is a store; leave it out", "quarry", *command, *option)
 
-    def test_killed_with_its_group_the_same_command_goes_on_at_once(self):
+    def test_a_command_continues_after_its_group_was_killed(self):
         model = self.path("plant.ply")
         self.must("quarry-scene", "plant", "--triangles", 400000, "-o", model, "--quiet")
         command = [str(BIN / "quarry"), "render", model, "-o", self.path("x.png"), "--size", "16x16", "--quiet"]
@@ -289,7 +289,7 @@ class Options(Case):
         self.render = ["quarry", "render", self.path("m.obj"), "-o", self.path("x.png")]
         self.preprocess = ["quarry-preprocess", self.path("m.obj")]
 
-    def test_what_has_no_effect_is_refused(self):
+    def test_options_without_effect_are_refused(self):
         walk = [*self.render, "--camera-path", self.path("path.json")]
         for command, option in (
                 (walk, ["--eye", "1,2,3"]), (walk, ["--at", "1,2,3"]), (walk, ["--up", "0,0,1"]), (walk, ["--fov", 30]),
@@ -389,13 +389,13 @@ class Sentences(Case):
                        "--camera-path", "nosuch.json")
         self.must_fail(2, "write 1000000", "quarry-scene", "plant", "--triangles", "1M", "-o", self.path("x.ply"))
 
-    def test_a_model_that_is_none_is_named_once(self):
+    def test_a_file_that_is_no_model_is_named_once(self):
         (self.folder / "x.zip").write_bytes(b"PK\3\4" + bytes(40))
         done = self.must_fail(1, r"^quarry-preprocess: \S*x\.zip: is a zip archive; unpack it", "quarry", "render", self.path("x.zip"), "-o",
                               self.path("x.png"), "--quiet")
         self.assertEqual(len(done.stderr.splitlines()), 1)
 
-    def test_which_frame(self):
+    def test_the_frame_of_an_error_is_named(self):
         (self.folder / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
         camera = {"eye": [3, 3, 3], "at": [0, 0, 0]}
         for bad, sentence in (({"eye": [0, 0, 0], "at": [0, 0, 0]}, "frame 2: .*the same"), ({"eye": [0, 0, 9], "at": [0, 0, 0]}, "frame 2: .*up"),
@@ -446,7 +446,7 @@ class Progress(Case):
             for line in rewritten:
                 self.assertLess(len(line.replace("\033[K", "")), columns, line)
 
-    def test_reading_is_told_in_bytes(self):
+    def test_reading_is_shown_in_bytes(self):
         model = self.path("plant.ply")
         self.must("quarry-scene", "plant", "--triangles", 2000000, "-o", model, "--quiet")
         done = self.must("quarry-preprocess", model, "-o", self.path("x.quarry"))
@@ -456,7 +456,7 @@ class Progress(Case):
 
 
 class Logs(Case):
-    def test_statistics_say_what_was_rendered(self):
+    def test_statistics_state_the_job(self):
         store = self.store("cornell", 2000)
         self.must("quarry", "render", store, "-o", self.path("x.png"), "--size", "40x30", "--spp", 4, "--mode", "whitted", "--stats",
                   self.path("s.json"), "--quiet")
@@ -468,7 +468,7 @@ class Logs(Case):
         self.assertGreater(stats["rays"], 40 * 30 * 4)
         self.assertAlmostEqual(stats["rays_per_s"], stats["rays"] / stats["render_wall_s"], delta=1)
 
-    def test_who_did_what(self):
+    def test_log_lines_name_each_worker(self):
         store = self.store("cornell", 2000)
         master = subprocess.Popen([str(BIN / "quarry-master"), store, "--listen", "127.0.0.1:0"], stdout=subprocess.PIPE,
                                   stderr=subprocess.PIPE, text=True)

@@ -60,7 +60,7 @@ class Doors(Case):
         self.assertIn("\\x1b[31mred", shown[2])
         self.assertTrue(any("Assembly" in part for part in self.info(self.path("s.quarry"))["parts"]))
 
-    def test_warnings_show_none_either(self):
+    def test_warnings_have_no_control_codes(self):
         model = self.case_file("obj_names_with_control_codes_in_warnings", "q.obj")
         done = self.must("quarry-preprocess", model, "-o", self.path("s.quarry"))
         self.assertIn("warning", done.stderr)
@@ -165,7 +165,7 @@ class Doors(Case):
         self.assertIn("worker local-1 was killed by signal 9, out of memory?; it is started again", told)
         self.assertEqual((self.folder / "x.png").read_bytes(), (self.folder / "right.png").read_bytes())
 
-    def test_a_worker_that_always_dies_ends_a_render_with_its_reason(self):
+    def test_a_worker_that_always_dies_ends_a_render_with_the_reason(self):
         render = subprocess.Popen([str(BIN / "quarry"), "render", self.store(), "-o", self.path("x.png"), "--spp", "4096", "--quiet"],
                                   stderr=subprocess.PIPE, text=True)
         self.addCleanup(end, render)
@@ -186,7 +186,7 @@ class Doors(Case):
         self.assertEqual(render.wait(TIMEOUT_S), 1)
         self.assertEqual(render.stderr.read(), "quarry: the master was killed by signal 9, out of memory?\n")
 
-    def test_a_view_outlives_all_its_workers(self):
+    def test_a_view_survives_all_its_workers(self):
         view = subprocess.Popen([str(BIN / "quarry"), "view", self.store(), "--workers", "2", "--http", "127.0.0.1:0"], stdout=subprocess.PIPE,
                                 stderr=subprocess.PIPE, text=True)
         self.addCleanup(end, view)
@@ -247,7 +247,7 @@ class Doors(Case):
         self.assertEqual(len([w for w in warnings if "is not there" in w]), 2, done.stderr)
         self.assertRegex(warnings[-1] if "more" in warnings[-1] else "\n".join(warnings), r"6 more warnings are like .*gone1\.png.*gone6\.png")
 
-    def test_render_ends_with_its_facts(self):
+    def test_render_prints_its_facts_at_the_end(self):
         done = self.must("quarry", "render", self.store("cornell", 1000), "-o", self.path("x.png"), "--size", "64x48", "--spp", "2", "--mode", "raycast")
         self.assertRegex(done.stderr, r"x\.png: 64x48, raycast, 2 samples a pixel, exposure [+-]\d+\.\d\d EV\n\d+\.\d million rays, \d+\.\d million a second; "
                                       r"first pixel after \d+\.\d\d s; \d+\.\d\d s in all: start \d+\.\d\d, loading \d+\.\d\d, tracing \d+\.\d\d, writing \d+\.\d\d\n")

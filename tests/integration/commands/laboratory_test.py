@@ -121,7 +121,7 @@ class Laboratory(Case):
             row = next(line for line in table if line.startswith(begin))
             self.assertEqual(row.count("|"), 15, row)
 
-    def test_what_cannot_be_is_one_sentence(self):
+    def test_errors_are_one_sentence(self):
         store = self.store("cornell", 3000)
         for options, words in ((["--line", 3], "line"), (["--structure", "octree"], "octree"), (["--oracle", "delphi"], "delphi"),
                                (["--json", self.folder / "none" / "x.json"], "none")):

@@ -98,7 +98,7 @@ class Outputs(Case):
         self.must_fail(2, "is read in this run", "quarry", "render", model, "-o", self.path("t.png"), "--force", *SMALL)
         self.assertEqual(seen(self.path("t.png")), before)
 
-    def test_what_a_model_names_is_not_replaced_by_force_either(self):
+    def test_force_does_not_replace_files_of_the_model(self):
         (self.folder / "t.ppm").write_bytes(b"P6 1 1 255\n123")
         self.put("m.mtl", "newmtl m\nmap_Kd t.ppm\n")
         model = self.put("m.obj", "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n")
@@ -144,7 +144,7 @@ class Outputs(Case):
         one = self.path("one.png")
         self.refused([], "is written twice", "quarry", "render", self.scene, "-o", one, "--stats", self.path("./one.png"))
 
-    def test_a_generated_scene_spares_what_stands_beside_it(self):
+    def test_a_generated_scene_replaces_no_other_file(self):
         for name, sentence in (("c.path.json", "is not a camera path"), ("c.materials.json", "is not a library"),
                                ("c.ply", "is not a PLY model")):
             mine = self.put(name, "mine")
@@ -238,11 +238,11 @@ class Outputs(Case):
         done = self.must("quarry-preprocess", self.model, "-o", self.path("n.quarry"), "--stats", "/dev/stdout", "--quiet")
         self.assertIn('"scene_id"', done.stdout)
 
-    def test_a_lock_of_somebody_else_is_no_lock(self):
+    def test_a_foreign_lock_file_is_left_alone(self):
         lock = self.put("package.lock", "{}")
         self.refused([lock], "no lock of Quarry's", "quarry-preprocess", self.model, "-o", self.path("package"), "--quiet")
 
-    def test_a_spool_spares_what_is_not_its_own(self):
+    def test_a_spool_leaves_foreign_files_alone(self):
         mine = self.folder / "spool" / "0123456789abcdef"
         mine.mkdir(parents=True)
         (mine / "thesis.txt").write_text("mine")
@@ -252,7 +252,7 @@ class Outputs(Case):
 
 
 class Signals(Case):
-    def test_a_signal_at_any_moment_leaves_nothing_unsaid(self):
+    def test_a_signal_at_any_moment_is_reported(self):
         model, out = self.path("plant.ply"), self.folder / "out"
         self.must("quarry-scene", "plant", "--triangles", 400000, "-o", model, "--quiet")
         out.mkdir()
@@ -288,7 +288,7 @@ class Signals(Case):
         self.assertGreater(interrupted, 20)
         self.assertGreater(kept, 0)
 
-    def test_signals_upon_signals_end_it_once(self):
+    def test_repeated_signals_end_a_program_once(self):
         """As when a terminal's Ctrl-C and the end of the program that started it come together."""
         model = self.path("plant.ply")
         self.must("quarry-scene", "plant", "--triangles", 2000000, "-o", model, "--quiet")

@@ -45,7 +45,7 @@ class Streams(Case):
         yield "full", lambda fds: {"full": [fd for fd in fds if fd]}
         yield "without a reader", lambda fds: {"gone": [fd for fd in fds if fd]}
 
-    def test_pictures_are_made_whatever_becomes_of_the_streams(self):
+    def test_pictures_are_made_with_broken_or_closed_streams(self):
         self.must("quarry", "render", self.scene, "-o", self.path("right.png"), "--size", "64x48")
         right = (self.folder / "right.png").read_bytes()
         for way, options in self.ways():
@@ -71,7 +71,7 @@ class Streams(Case):
                 self.assertEqual(self.run_with(["quarry-scene", "plant", "--triangles", 3000, "-o", copy], **options([0, 1, 2])).returncode, 0)
                 self.assertEqual(copy.read_bytes(), model)
 
-    def test_a_master_and_a_worker_go_on_without_their_logs(self):
+    def test_a_master_and_a_worker_continue_without_their_logs(self):
         port = 9000 + os.getpid() % 20000
         for way, options in self.ways():
             with self.subTest(way=way):
@@ -163,7 +163,7 @@ class Streams(Case):
         with self.assertRaises(subprocess.TimeoutExpired):
             master.wait(0.3)
 
-    def test_what_is_started_inherits_no_ignored_signal(self):
+    def test_started_programs_inherit_no_ignored_signal(self):
         picture = self.path("z.png")
         render = subprocess.Popen([str(BIN / "quarry"), "render", self.scene, "-o", picture, "--spp", "4096", "--quiet"], stderr=subprocess.DEVNULL)
         self.addCleanup(end, render)

@@ -59,7 +59,7 @@ class Programs(Installation):
                 "numvert 3\n0 0 0\n1 0 0\n0 1 0\nnumsurf 1\nSURF 0x20\nmat 0\nrefs 3\n0 0 0\n1 0 0\n2 0 0\nkids 0\n")
             self.must("quarry-preprocess", self.folder / "m.ac", "-o", self.folder / "ac.quarry", "--quiet")
 
-    def test_benchmarks_are_found_and_else_the_package_is_named(self):
+    def test_benchmarks_are_found_or_their_package_is_named(self):
         self.assertIn("kernels", run(self.prefix / "bin/quarry", "bench", "--help").stdout)
         self.assertRegex(self.must("quarry", "bench", "connection", "--help"), "Usage")
         alone = self.folder / "alone"
@@ -70,7 +70,7 @@ class Programs(Installation):
             self.assertEqual(done.returncode, 1)
             self.assertRegex(done.stderr, r"^quarry bench: no benchmark is installed: the package quarry-bench has them.*\n$")
 
-    def test_the_version_tells_of_the_build(self):
+    def test_the_version_describes_the_build(self):
         release = re.search(r'kVersion = "([^"]+)"', (ROOT / "common/base/version.h").read_text()).group(1)
         for program in PROGRAMS:
             with self.subTest(program=program):
@@ -162,7 +162,7 @@ class Services(Installation):
         self.assertGreaterEqual(limit, ceiling)
         self.assertLess(limit, 1.1 * ceiling)
 
-    def test_settings_of_a_person_stay(self):
+    def test_a_person_s_settings_are_kept(self):
         settings = self.prefix / "etc/quarry/master.conf"
         settings.write_text("QUARRY_SCENE=mine\n")
         done = run("cmake", "--install", BIN.parent, "--prefix", self.prefix, "--component", "services")
@@ -189,7 +189,7 @@ class Readiness(Case):
                 self.start_worker(master)
                 self.assertEqual(manager.recv(4096).decode(), f"READY=1\nSTATUS=has joined the master at {master}")
 
-    def test_a_manager_that_is_not_there_is_no_matter(self):
+    def test_a_missing_service_manager_is_no_error(self):
         store = self.store("cornell", 1000)
         for address in ("/nosuch/socket", "", "@", "/" + "x" * 200, "vsock:2:1"):
             os.environ["NOTIFY_SOCKET"] = address

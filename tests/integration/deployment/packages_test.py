@@ -148,7 +148,7 @@ class Packages(unittest.TestCase):
         planned = bare.must(f"apt-get install -s -q --reinstall /root/{bare.deb['quarry']} && apt-get install -s -q libopenimageio2.4 libassimp5")
         self.assertRegex(planned, r"Inst libopenimageio2.4 ")
 
-    def test_what_is_not_installed_is_named(self):
+    def test_missing_packages_are_named(self):
         bare.must("""printf 'newmtl m\\nmap_Kd m.png\\n' > t.mtl; cp inside.png m.png
             printf 'mtllib t.mtl\\nv 0 0 0\\nv 1 0 0\\nv 0 1 0\\nvt 0 0\\nvt 1 0\\nvt 0 1\\nusemtl m\\nf 1/1 2/2 3/3\\n' > t.obj; printf 'AC3Db\\n' > x.ac""")
         for command, sentence in (("quarry-preprocess t.obj -o t.quarry", r"m\.png.*lacks shared libraries: install OpenImageIO .*libopenimageio2\.4.*--no-textures"),
@@ -281,7 +281,7 @@ class Services(unittest.TestCase):
         states = self.must("systemctl show -p ActiveState --value quarry-worker@1 quarry-worker@2 quarry-master")
         self.assertEqual(states.split(), ["inactive"] * 3)
 
-    def test_what_is_wrong_stands_in_the_journal(self):
+    def test_errors_are_in_the_journal(self):
         self.must(f"umask 077; printf '{SECRET}' > /etc/quarry/secret; echo QUARRY_SCENE=/srv/nosuch.quarry > /etc/quarry/master.conf")
         self.assertNotEqual(self.booted.run("systemctl start quarry-master").returncode, 0)
         self.assertIn("/srv/nosuch.quarry: cannot open", self.must("journalctl -u quarry-master --no-pager"))

@@ -57,7 +57,7 @@ class Readme(Case):
         view.send_signal(signal.SIGINT)
         self.assertIn("shows it again", view.communicate(timeout=TIMEOUT_S)[1])
 
-    def test_its_commands_do_what_they_say(self):
+    def test_its_commands_work_as_described(self):
         copy, path, lasting = self.project(), os.environ["PATH"], []
         lines = shell_lines()
         self.assertGreaterEqual(len(lines), 12)

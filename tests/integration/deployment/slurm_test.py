@@ -120,7 +120,7 @@ class Slurm(Case):
         for i in range(FRAMES):
             self.assertEqual((self.shared / f"{name}.{i:04}.exr").read_bytes(), (self.shared / f"local.{i:04}.exr").read_bytes(), f"frame {i}")
 
-    def test_four_nodes_of_which_one_dies(self):
+    def test_one_of_four_nodes_dies(self):
         job, _ = self.submit("-N", 4, "--cache", "64M", "plant.quarry", "--", "-o", "killed.exr", *self.picture())
         self.wait_for(lambda: self.written("killed"), "first frame", job)
         self.slurm.kill_node("n3")
@@ -134,7 +134,7 @@ class Slurm(Case):
         self.nothing_is_left()
         self.wait_for(self.all_idle, "fourth node", job)
 
-    def test_a_job_that_is_queued_again_goes_on(self):
+    def test_a_requeued_job_continues(self):
         job, _ = self.submit("-N", 2, "plant.quarry", "--", "-o", "again.exr", *self.picture())
         self.wait_for(lambda: self.written("again"), "first frame", job)
         self.slurm.call("scontrol", "requeue", job)
@@ -152,7 +152,7 @@ class Slurm(Case):
         self.must_be_the_local_pictures("again")
         self.nothing_is_left()
 
-    def test_a_job_that_makes_room_often_is_not_set_aside(self):
+    def test_a_job_that_is_preempted_often_is_not_set_aside(self):
         """A master that is told to end is no victim of its job, however often that happens before a frame is done."""
         job, _ = self.submit("-N", 1, "plant.quarry", "--", "-o", "often.exr", *self.picture(2000))
         for run in range(4):
@@ -165,7 +165,7 @@ class Slurm(Case):
         self.quarry("cluster", "--stop", job)
         self.nothing_is_left()
 
-    def test_a_job_that_is_cancelled_while_it_waits_again(self):
+    def test_a_requeued_job_is_cancelled_while_it_waits(self):
         job, _ = self.submit("-N", 1, "plant.quarry", "--", "-o", "waits.exr", *self.picture(200))
         self.slurm.call("scontrol", "requeue", job)
         self.wait_for(lambda: self.slurm.states(job) == ["PENDING"], "wait", job)
@@ -180,7 +180,7 @@ class Slurm(Case):
             foreign.rmdir()
         self.nothing_is_left()
 
-    def test_a_job_that_is_cancelled_leaves_nothing(self):
+    def test_a_cancelled_job_leaves_nothing(self):
         job, _ = self.submit("-N", 4, "plant.quarry", "--", "-o", "cancelled.exr", *self.picture(200))
         self.slurm.call("scancel", job)
         self.await_end(job)
@@ -219,7 +219,7 @@ class Slurm(Case):
         self.nothing_is_left()
         self.assertRegex(self.quarry("cluster", "--stop", job, status=1).stderr, f"Slurm has no job {job}")
 
-    def test_what_cannot_be(self):
+    def test_refused_jobs(self):
         picture = ("--", "-o", "no.exr", *self.picture())
         self.refused("invalid partition specified: nowhere", 1, "-N", 1, "--partition", "nowhere", "plant.quarry", *picture)
         self.refused("Slurm would never start the job \\(Partition(TimeLimit|Config)\\); it is cancelled|Slurm refuses the job: .*time limit", 1, "-N", 1, "--partition",
@@ -253,7 +253,7 @@ class Slurm(Case):
             shutil.rmtree(folder)
         self.nothing_is_left()
 
-    def test_a_folder_that_another_has_made(self):
+    def test_a_folder_of_another_owner(self):
         """It would have the secret of the cluster, and frames of another's."""
         done = self.quarry("cluster", "--slurm", "-N", 1, "--no-wait", "--sbatch=--hold", "plant.quarry", "--", "-o", "no.exr", *self.picture())
         job = re.search(r"^job (\d+) ", done.stdout, re.M).group(1)
@@ -310,7 +310,7 @@ class Slurm(Case):
         self.await_end()
         self.nothing_is_left()
 
-    def test_the_script_that_is_printed_is_the_one_that_stands(self):
+    def test_the_printed_script_is_the_shipped_one(self):
         printed = self.quarry("cluster", "--slurm", "-N", 3, "--print", "plant.quarry", "--", "-o", "it's.exr", *self.picture()).stdout
         first, _, script = printed.partition("\n")
         self.assertRegex(first, r"^# QUARRY_BIN=\S+ sbatch --nodes=3 --export=ALL --exclusive --output=quarry-%j.log quarry.sbatch plant.quarry -o 'it'\\''s.exr' ")
@@ -326,7 +326,7 @@ class WithoutSlurm(Case):
         self.must_fail(1, "there is no sbatch on this machine's PATH: is Slurm installed here", "quarry", "cluster", "--slurm", store, env=environment)
         self.must_fail(1, "there is no squeue on this machine's PATH", "quarry", "cluster", "--stop", 7, env=environment)
 
-    def test_arguments_that_cannot_be(self):
+    def test_refused_arguments(self):
         store = self.store("plant", 2000)
         self.must_fail(2, "say where: --slurm", "quarry", "cluster", store)
         self.must_fail(2, "name a scene store", "quarry", "cluster", "--slurm")

@@ -121,7 +121,7 @@ class Content(Cad):
                 self.assertEqual(got["warnings"], [])
                 self.assertGreater(sum(part["triangles"] for part in got["parts"]), least)
 
-    def test_packed_and_by_a_pipe(self):
+    def test_packed_files_and_pipes(self):
         model, _ = self.written("a.step", 10, 10)
         plain = self.made(model)
         text = pathlib.Path(model).read_bytes()
@@ -158,7 +158,7 @@ class Sameness(Cad):
             with self.subTest(options=options):
                 self.assertTrue(self.made(model, *options) == whole, "other bytes")
 
-    def test_a_killed_run_goes_on_between_files(self):
+    def test_a_killed_run_continues_between_files(self):
         models = [self.written(f"{name}.step", 30, 10)[0] for name in "ab"] + [self.sample("step/screw.step")]
         self.must("quarry-preprocess", *models, "-o", self.path("s.quarry"), "--quiet", "--memory", "64M")
         killed = self.made_in_spite_of_kills((0.3, 0.6, 0.9), *models, "--memory", "64M", "--checkpoint", "0")
@@ -192,7 +192,7 @@ class Failures(Cad):
                 if done.returncode == 1:
                     self.assertEqual(len([line for line in done.stderr.splitlines() if not line.startswith("warning")]), 1, done.stderr)
 
-    def test_nothing_in_it(self):
+    def test_empty_files(self):
         pathlib.Path(self.path("e.step")).write_text(HEADER + "ENDSEC;\nEND-ISO-10303-21;\n")
         self.refused(r"e\.step: .*Open CASCADE.*; export triangles", self.path("e.step"))
 

@@ -51,7 +51,7 @@ class Guesses(Case):
         eye, at = ([float(v) / scale for v in text.split(",")] for text in re.match(r"eye (\S+) at (\S+) ", png(picture)[0]["Camera"]).groups())
         return self.info(store)["up_axis"], eye, at
 
-    def test_the_same_thing_said_otherwise_is_seen_as_before(self):
+    def test_the_same_object_written_differently_has_the_same_view(self):
         for number, (name, make) in enumerate(MODELS.items()):
             mesh, (ending, up) = make(), ((".obj", "y"), (".stl", "z"), (".ply", "z"), (".ply", "y"))[number % 4]
             axis, eye, at = self.guess(mesh, (), 1, ending, up)
@@ -72,7 +72,7 @@ class Guesses(Case):
                 self.must("quarry-preprocess", self.path("far.stl"), "-o", self.path("far.quarry"), "--quiet", "--force")
                 self.assertEqual(self.info(self.path("far.quarry"))["offset"][:2], [488 * 1024, 3906 * 1024])
 
-    def test_comments_decide_what_triangles_do_not_say(self):
+    def test_comments_decide_where_triangles_give_no_evidence(self):
         ball = first_models.Mesh()
         ball.sphere((0, 0, 0), 1, 24)
         for ending, comment, up in ((".obj", "Blender 4.0", "y"), (".ply", "Created by Blender 4.0", "z"), (".obj", "Z-up, millimetres", "z"),

@@ -59,7 +59,7 @@ class Plan(Case):
             told = self.must("quarry-preprocess", "-", "--plan", stdin=model).stdout
         self.assertIn(f"{self.plan(self.path('terrain.ply'))['input_triangles']} triangles", told)
 
-    def test_models_of_nothing_and_of_one_place(self):
+    def test_empty_models_and_models_of_one_point(self):
         empty = self.path("empty.ply")
         header = "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\nelement face {}\n" \
                  "property list uchar int vertex_indices\nend_header\n"
@@ -254,7 +254,7 @@ class Named(Case):
     def preprocess(self, model, *more):
         return self.run_program("quarry-preprocess", model, "-o", self.path("x.quarry"), *more)
 
-    def test_what_is_no_regular_file_is_not_waited_for(self):
+    def test_files_that_are_not_regular_are_not_waited_for(self):
         out = self.path("x.quarry")
         os.symlink("../fifo", self.path("m/fifo"))
         for uri in ("fifo", "/dev/zero", "."):
@@ -278,7 +278,7 @@ class Named(Case):
         told = self.preprocess(self.put("m/a.ply", ply))
         self.assertIn("regular file", told.stderr)
 
-    def test_paths_out_of_the_folder_are_refused_in_gltf_and_told_of_elsewhere(self):
+    def test_paths_out_of_the_folder_are_refused_in_gltf_and_give_a_warning_elsewhere(self):
         for uri in ("../secret.bin", "%2e%2e/secret.bin", "x/../../secret.bin", "..\\secret.bin", self.path("secret.bin")):
             with self.subTest(uri=uri):
                 self.must_fail(1, r"buffers\[0\]: the uri .* leads out of the model's folder", "quarry-preprocess",

@@ -99,7 +99,7 @@ class Resume(Case):
                 self.assertIn("beginning anew" if phase == "import" else "going on with", told)
                 self.must_be(whole)
 
-    def test_a_kill_before_tidying_up(self):
+    def test_a_kill_before_cleanup(self):
         """The store has its name, and the journal still names the file that has become the store."""
         self.make(1000000)
         whole = self.whole()
@@ -115,7 +115,7 @@ class Resume(Case):
         self.assertIn("beginning anew", told)
         self.must_be(whole)
 
-    def test_an_interrupt_says_what_is_kept(self):
+    def test_an_interrupt_names_the_kept_files(self):
         self.make(600000)
         run = self.start("--quiet")
         self.wait_for(lambda: (self.work / "region-0").exists(), run)
@@ -189,7 +189,7 @@ class Resume(Case):
             else:
                 self.assertRegex(done.stderr, "begin anew without --resume\n$")
 
-    def test_a_disk_that_is_full_and_then_is_not(self):
+    def test_a_full_disk_that_gets_space_again(self):
         if os.geteuid() != 0:
             self.skipTest("needs root, to mount a small disk")
         self.make(600000)

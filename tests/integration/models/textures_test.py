@@ -98,7 +98,7 @@ class Textures(Stores):
                                  ("glow.png", 70, 10, 3, "srgb8", 3)])
         self.assertEqual(info["texture_pages"], self.statistics["texture_pages"])
 
-    def test_info_tells_of_textures(self):
+    def test_info_lists_textures(self):
         self.preprocess(self.write_obj(), "s.quarry")
         told = json.loads(self.must("quarry", "info", self.path("s.quarry"), "--textures", "--json").stdout)
         self.assertEqual(told, self.info(self.path("s.quarry"))["textures"])
@@ -400,7 +400,7 @@ class CutOuts(Stores):
         return [c for c in range(columns) if any(visible((x + side) % side) for x in range(-1, side + 1)
                                                  if c / 4 < x + 1.5 + 0.01 and (c + 1) / 4 > x - 0.5 - 0.01)]
 
-    def test_triangles_that_are_cut_out_all_over_are_dropped_and_counted_once(self):
+    def test_triangles_cut_out_completely_are_dropped_and_counted_once(self):
         """Enough triangles for regions, whose borders some triangles cross."""
         columns = 380
         for mode in ("MASK", "BLEND"):
@@ -426,7 +426,7 @@ class CutOuts(Stores):
         self.assertFalse(self.statistics["opacity_masks"])
         self.assertLess(struct.unpack_from("<I", plain, 8)[0], 11)
 
-    def test_a_model_that_is_cut_out_altogether_is_refused(self):
+    def test_a_model_cut_out_completely_is_refused(self):
         model = self.leaf(40, lambda x: False)
         self.must_fail(1, r"no triangle is left: the textures of their opacity cut all 3200 out", "quarry-preprocess", model, "-o",
                        self.path("s.quarry"))
@@ -480,7 +480,7 @@ class Resumed(Case):
                 self.assertEqual([p.name for p in self.folder.iterdir() if "work" in p.name or "lock" in p.name], [])
                 pathlib.Path(self.store).unlink()
 
-    def test_images_that_are_noted_are_not_carried_again(self):
+    def test_recorded_images_are_not_imported_again(self):
         # So large that notes, one a second, come long before the end: at 3500 a side all was done within a second.
         for i in range(6):
             (self.folder / f"{i}.png").write_bytes(self.large(i))
@@ -519,7 +519,7 @@ class Resumed(Case):
         base = random.Random(seed).randbytes(8 * side)
         return png(side, side, lambda y: base[y % side:y % side + 3 * side])
 
-    def test_a_changed_image_is_not_gone_on_with(self):
+    def test_a_changed_image_is_not_continued(self):
         self.killed("carrying 8 images: 10 %")
         os.utime(self.path("5.png"), (1, 1))
         self.must_fail(1, r"5\.png: has changed since the run was begun", "quarry-preprocess", self.model, "-o", self.store,

@@ -46,7 +46,7 @@ class Pictures(Case):
             with self.subTest(isa=isa), unittest.mock.patch.dict(os.environ, QUARRY_ISA=isa):
                 self.assertEqual(self.render("i.png", scene), reference)
 
-    def test_a_crop_is_exposed_as_the_whole_and_samples_are_a_prefix(self):
+    def test_a_crop_has_the_exposure_of_the_whole_and_samples_are_a_prefix(self):
         scene = self.store("city", 20000)
         self.render("whole.png", scene)
         self.render("crop.png", scene, "--crop", "120,90,16,8")
@@ -92,7 +92,7 @@ class Pictures(Case):
         self.assertEqual(len(pictures), 4)
         self.assertFalse((self.folder / "t.0004.png").exists())
 
-    def test_the_up_axis_is_guessed_and_said(self):
+    def test_the_up_axis_is_guessed_and_printed(self):
         self.must("quarry-scene", "city", "--triangles", 5000, "-o", self.path("c.obj"), "--quiet")
         told = self.must("quarry-preprocess", self.path("c.obj"), "-o", self.path("c.quarry"))
         self.assertIn("up axis: z, a sure guess (--up-axis y for the other)", told.stderr)
@@ -114,7 +114,7 @@ class Pictures(Case):
         self.assertEqual(self.render("there.png", "--master", address, "--view", "inside"), inside)
         self.must_fail(2, "name a scene store or a model, or the --master of a scene", "quarry", "render", "-o", self.path("x.png"))
 
-    def test_status_tells_of_workers_and_jobs(self):
+    def test_status_lists_workers_and_jobs(self):
         scene = self.store("city", 5000)
         _, address = self.start_master(scene)
         empty = json.loads(self.must("quarry", "status", "--master", address, "--json").stdout)

@@ -151,7 +151,7 @@ class SameStore(Case):
         self.must("quarry-scene", "plant", "--triangles", 300000, "-o", model, "--quiet")
         self.expect_one_store(model)
 
-    def test_a_pile_that_no_plane_parts_is_the_same_from_disk_and_from_memory(self):
+    def test_an_inseparable_pile_is_the_same_from_disk_and_from_memory(self):
         """200,000 times one triangle, more than a quarter of the least memory holds; others beside it, with space."""
         vertices = [(0, 0, 0), (3, 2, 1), (1, 3, 2), (90, 90, 90), (91, 90, 90), (90, 91, 91)]
         faces = [(0, 1, 2)] * 200000 + [(3, 4, 5)] * 5

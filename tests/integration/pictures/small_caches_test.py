@@ -54,7 +54,7 @@ class SmallCaches(Case):
                 # Each is loaded once for the rays of some 16 of the 80 tiles.
                 self.assertLess(max(small), 16 * all_resident)
 
-    def test_models_that_no_plane_parts(self):
+    def test_inseparable_models(self):
         for kind in ("fan", "slivers"):
             with self.subTest(kind=kind):
                 hard_models.write(self.path(f"{kind}.ply"), kind, 60000)

@@ -130,7 +130,7 @@ class TexturedPictures(Case):
         glb.write(self.path(f"{name}.glb"))
         return self.preprocess([self.path(f"{name}.glb")], f"{name}.quarry", "--up-axis", "z")
 
-    def test_opacity_without_a_cut_off_is_a_share_of_paths(self):
+    def test_opacity_without_a_cutoff_is_a_share_of_paths(self):
         """Opacity 0.25 gives a quarter of the brightness, by many samples, however the texel and the factor share it."""
         stores = {name: self.veil(name, *of) for name, of in (("texel", (64, 1)), ("factor", (128, 0.5)))}
         for mode in ("raycast", "shadow", "whitted"):
@@ -159,7 +159,7 @@ class TexturedPictures(Case):
             pictures.add(str(pixels_of(self.path("m.png"))))
         self.assertEqual(len(pictures), 1)
 
-    def test_the_same_bytes_whatever_happens(self):
+    def test_the_bytes_are_the_same_for_any_memory_and_workers(self):
         store = self.preprocess(write_scene(self.folder), "s.quarry", "--voxel-size", "32K")
         largest = self.info(store)["largest_decoded_bytes"]
         for mode in ("raycast", "whitted", "ao"):
