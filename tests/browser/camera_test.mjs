@@ -56,7 +56,7 @@ test('a command is one line for a shell, whatever the names', () => {
   assert.match(command({ store: 'a.quarry' }, view, { ...view, seed: 3 }, 'x.png'), /^printf %s '.*"seed":3.*' > x.view.json && quarry render a.quarry -o x.png --view x.view.json$/);
 });
 
-test('a projected point comes back by its ray', () => {
+test('a projected point is found again by its ray', () => {
   for (const { spec, pixel, point } of samples()) {
     const seen = camera.project(spec, SIZE, point);
     near(seen.x, pixel[0], 1e-7);
@@ -65,7 +65,7 @@ test('a projected point comes back by its ray', () => {
   }
 });
 
-test('the ray of a pixel is that of the renderer', () => {
+test('a pixel has the same ray as in the renderer', () => {
   // Worked by hand from view_basis.h: looking along +y, z up, 90 degrees: a pixel is 2 / 480 wide at distance 1.
   const spec = { eye: [0, 0, 0], at: [0, 5, 0], up: [0, 0, 1], fov: 90 };
   const { direction } = camera.rayOf(spec, SIZE, 560, 0);
@@ -76,7 +76,7 @@ test('a point behind a perspective camera is not seen', () => {
   assert.equal(camera.project({ eye: [0, 0, 0], at: [0, 1, 0], up: [0, 0, 1], fov: 45 }, SIZE, [0, -1, 0]), null);
 });
 
-test('pan takes the point under the cursor along', () => {
+test('pan moves the point under the cursor with it', () => {
   for (const { spec, point, next } of samples()) {
     const x = next() * SIZE[0], y = next() * SIZE[1];
     const seen = camera.project(camera.pan(spec, SIZE, point, x, y), SIZE, point);
@@ -110,7 +110,7 @@ test('orbit keeps the distance to the pivot, its place in the picture, and the c
   }
 });
 
-test('a whole turn comes back', () => {
+test('a whole turn ends where it began', () => {
   for (const { spec, upAxis, point } of samples(20)) {
     let turned = spec;
     for (let step = 0; step < 100; ++step) turned = camera.orbit(turned, point, 2 * Math.PI / 100, 0, upAxis);
@@ -182,7 +182,7 @@ test('the toggle of projections keeps the size and place of what lies at the piv
   }
 });
 
-test('a framed box is wholly seen and fills the picture', () => {
+test('a framed box is completely visible and fills the picture', () => {
   for (const { spec, next } of samples()) {
     const lower = [-next() * 5, -next() * 5, -next() * 5], upper = [1 + next(), 1 + next(), 1 + next()];
     const framed = camera.frameBox(spec, SIZE, lower, upper);
@@ -204,7 +204,7 @@ test('a camera for 4:3 shows as much in a narrow picture, and stays in a wide on
   near(camera.project(camera.fitAspect(spec, [360, 720]), [360, 720], [3, 0, 0]).x / 360, wide);
 });
 
-test('an orthographic camera outside the box has all of it ahead', () => {
+test('an orthographic camera outside the box has the whole box in front', () => {
   const spec = { eye: [2, -1.5, 0], at: [0, 0, 0], up: [0, 0, 1], fov: 45, ortho: 3 };
   const back = camera.aheadOfBox(spec, [-1, -1, -1], [1, 1, 1]);
   assert.ok(camera.depthOf(back, [1, -1, 1]) > 0);
@@ -232,7 +232,7 @@ test('a glide has exact ends and passes between them', () => {
   isUpright(half, 'z');
 });
 
-test('rounding moves nothing that could be seen, and is stable', () => {
+test('rounding moves nothing visibly, and is stable', () => {
   for (const { spec } of samples(40)) {
     const once = camera.rounded(spec, 20);
     nearPoint(once.eye, spec.eye, 1e-8);

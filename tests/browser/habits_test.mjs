@@ -29,7 +29,7 @@ after(async () => {
   await cluster.end();
 });
 
-test('a hint stands at the controls until the first drag, and the state is told to screen readers in words', async () => {
+test('a hint is shown at the controls until the first drag, and screen readers get the state in words', async () => {
   assert.ok(await page.locator('#hint').isVisible());
   await shoot(page, 'hint');
   await page.waitForFunction(() => document.getElementById('spoken').textContent === 'The picture is exact.');
@@ -98,7 +98,7 @@ test('the browser keeps its keys', async () => {
   await untilExact(page);
 });
 
-test('keys that are held are let go when the window loses the focus', async () => {
+test('held keys are released when the window loses the focus', async () => {
   await page.keyboard.press('g');
   await page.keyboard.down('w');
   await pause(300);
@@ -151,7 +151,7 @@ test('wheel, context menu and history', async () => {
   assert.ok(apart(direction(before), direction(panned)) < 1e-6 && apart(before.eye, panned.eye) > 0);
 });
 
-test('two fingers come nearer, and the page itself is not zoomed', async () => {
+test('two fingers zoom the view, and not the page itself', async () => {
   const phone = await open(cluster.url, { viewport: { width: 390, height: 700 }, deviceScaleFactor: 2, hasTouch: true, isMobile: true });
   const before = await rest(phone);
   assert.match(await phone.locator('#hint').innerText(), /finger/);
@@ -169,7 +169,7 @@ test('two fingers come nearer, and the page itself is not zoomed', async () => {
   await phone.context().close();
 });
 
-test('tabs have views of their own, and a screen of two pixels a pixel gets them', async () => {
+test('tabs have views of their own, and a high-density screen gets all its pixels', async () => {
   const other = await visit(page.context(), cluster.url);
   const theirs = await rest(other), before = await rest();
   await page.mouse.move(300, 240);
@@ -186,7 +186,7 @@ test('tabs have views of their own, and a screen of two pixels a pixel gets them
   await sharp.context().close();
 });
 
-test('a background of one\'s own, and the plain one again', async () => {
+test('a chosen background, and the plain one again', async () => {
   const seen = await open(cluster.url);
   await untilExact(seen);
   await seen.getByRole('button', { name: 'Settings' }).click();
@@ -218,7 +218,7 @@ test('a page of another site cannot frame the view', async () => {
   portal.close();
 });
 
-test('a connection that goes silent without a word is opened again, and shows what was moved meanwhile', async () => {
+test('a silent connection is opened again, and shows the newest view', async () => {
   cluster.master.kill('SIGSTOP');
   const before = await viewOf(page);
   await page.evaluate(view => window.quarry.setView(view), { ...before, camera: { ...before.camera, eye: before.camera.eye.map(x => 1.1 * x) } });
@@ -229,7 +229,7 @@ test('a connection that goes silent without a word is opened again, and shows wh
   assert.deepEqual(await eyeOf(page), before.camera.eye.map(x => 1.1 * x));
 });
 
-test('a starved cluster shows a coarse picture of all, and goes on', async () => {
+test('a starved cluster shows a coarse whole picture, and continues', async () => {
   await page.evaluate(() => window.quarry.setView({}));
   await untilExact(page);
   const [worker] = cluster.workers;

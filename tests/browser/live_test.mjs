@@ -80,7 +80,7 @@ test('a drag orbits, and frames follow it', async () => {
   assert.ok(await drawnBy(page) > drawn + 5);
 });
 
-test('a click says which part is there', async () => {
+test('a click names the part under it', async () => {
   await page.mouse.click(320, 300);
   const card = page.locator('#pick, .pick, [data-pick]').first();
   await card.waitFor({ state: 'visible', timeout: 10000 });
@@ -101,7 +101,7 @@ test('another mode is rendered as a batch job renders it', async () => {
   }
 });
 
-test('a worker dies and another joins while it flies', async () => {
+test('a worker dies and another joins during a flight', async () => {
   const [before, drawn] = [await eyeOf(page), await drawnBy(page)];
   await page.keyboard.press('g');
   await page.keyboard.down('w');
@@ -118,7 +118,7 @@ test('a worker dies and another joins while it flies', async () => {
   await checkExact(page);
 });
 
-test('a second browser looks elsewhere, and a third that stalls stops nobody', async () => {
+test('a second browser has another view, and a third one that stalls delays nobody', async () => {
   const stalled = await open(`${cluster.url.split('?')[0]}style.css`);
   await stalled.context().addCookies(await page.context().cookies());
   const second = await open(cluster.url);
@@ -154,7 +154,7 @@ test('a second browser looks elsewhere, and a third that stalls stops nobody', a
   await stalled.context().close();
 });
 
-test('the page finds a master that was started again', async () => {
+test('the page finds a restarted master', async () => {
   const gone = new Promise(resolve => cluster.master.once('exit', resolve));
   cluster.master.kill('SIGKILL');
   await gone;

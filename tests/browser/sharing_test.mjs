@@ -47,7 +47,7 @@ after(async () => {
   await cluster.end();
 });
 
-test('a link with access lets a colleague in, one without says what is needed', async () => {
+test('a link with access lets a colleague in, and a link without access explains the need', async () => {
   await page.click('#copy-link');
   await page.waitForFunction(() => /with access/.test(document.getElementById('toast').innerText));
   assert.match(await toast(page), /ssh -L/);
@@ -66,7 +66,7 @@ test('a link with access lets a colleague in, one without says what is needed', 
   await colleague.context().close();
 });
 
-test('without a clipboard, as on pages without encryption, the link is copied all the same', async () => {
+test('without a clipboard, as on pages without encryption, the link is still copied', async () => {
   const context = await browser.newContext({ permissions: ['clipboard-read', 'clipboard-write'] });
   await context.addInitScript(() => Object.defineProperty(navigator, 'clipboard', { value: undefined }));
   const plain = await visit(context, cluster.url);
@@ -98,7 +98,7 @@ test('view, command and picture of any size are the same picture', async () => {
   await shoot(page, 'sharing');
 });
 
-test('a command tells all that differs from the default', async () => {
+test('a command contains every setting that differs from the default', async () => {
   const view = await viewOf(page);
   for (const change of [{ mode: 'whitted', spp: 2, exposure: -0.5 }, { background: [0.25, 0, 0.5] }, { camera: { ...view.camera, fov: undefined, ortho: 80 } }]) {
     await page.evaluate(next => window.quarry.setView(next), JSON.parse(JSON.stringify({ ...view, ...change })));
@@ -113,7 +113,7 @@ test('a command tells all that differs from the default', async () => {
   }
 });
 
-test('what cannot be saved has a sentence, and what takes long can be given up', async () => {
+test('a picture that cannot be saved gets a sentence, and a long one can be cancelled', async () => {
   await setSize(page, 65536, 65536);
   await page.click('#save-picture');
   await page.waitForFunction(() => /65536x65536 takes/.test(document.getElementById('toast').innerText), null, { timeout: 20000 });
@@ -169,7 +169,7 @@ test('the saved view of a model with its other axis up has the sun turned, and i
   await page.selectOption('#up-axis', 'z');
 });
 
-test('a view that is started again lets its page in again', async () => {
+test('a restarted view accepts its page again', async () => {
   const port = await freePort();
   const env = { ...process.env, XDG_STATE_HOME: cluster.file('state') };
   const start = () => {
@@ -189,7 +189,7 @@ test('a view that is started again lets its page in again', async () => {
   await end(second);
 });
 
-test('proxies: a prefix that stays, one that goes, and one that passes no WebSockets', async () => {
+test('proxies: one keeps its prefix, one removes it, and one passes no WebSockets', async () => {
   await cluster.startNginx();
   for (const place of ['a/b', 'whole']) {
     const proxied = await open(`https://localhost:${cluster.nginxPort}/${place}/?token=${cluster.token}`, { ignoreHTTPSErrors: true });
